@@ -333,7 +333,33 @@ BoardDetection without_odd_ones(const FoundCorners& found, int columns) {
     detection.ids.push_back(id);
     detection.px.push_back(p);
   }
+  std::vector<double> blurs;
+  for (const RefinedCorner& c : found.corners) blurs.push_back(c.blur_px);
+  detection.blur_px = calib::median(std::move(blurs));
   return detection;
+}
+
+// How large the markers are beside the squares between them, by the corners that were found. 0: too few of them.
+double marker_side(const Board& board, const BoardDetection& found, const std::map<int, MarkerCorners>& markers) {
+  constexpr std::size_t enough = 8;  // for a homography that small lens distortion does not tilt
+  if (found.ids.size() < enough) return 0;
+  std::vector<cv::Point2d> from, to;
+  for (std::size_t k = 0; k < found.ids.size(); ++k) {
+    const Eigen::Vector3d p = board.point(found.ids[k]);
+    from.emplace_back(found.px[k].x(), found.px[k].y());
+    to.emplace_back(p.x(), p.y());
+  }
+  const cv::Mat h = cv::findHomography(from, to);
+  if (h.empty()) return 0;
+  const cv::Matx33d onto_board = h;
+  std::vector<double> sides;
+  for (const auto& [id, corners] : markers) {
+    for (std::size_t k = 0; k < 4; ++k) {
+      const auto on_board = [&](const cv::Point2f& p) { return apply(onto_board, double{p.x}, double{p.y}); };
+      sides.push_back((on_board(corners[k]) - on_board(corners[(k + 1) % 4])).norm());
+    }
+  }
+  return calib::median(std::move(sides));
 }
 
 }  // namespace
@@ -400,8 +426,15 @@ BoardDetection BoardDetector::detect_markers(const GreyView& view) const {
   std::erase_if(markers, [&](const auto& marker) {
     return marker.first < board_.first_marker || marker.first >= board_.first_marker + board_.marker_count();
   });
+  const std::size_t of_board = markers.size();
   drop_strays(markers, board_);
   BoardDetection found;
+  // A few markers are somewhere near each other on any board.
+  constexpr std::size_t enough_to_tell = 5;
+  if (of_board >= enough_to_tell && 2 * markers.size() < of_board) {
+    found.why_not = "its markers do not lie as the board file says";
+    return found;
+  }
   if (markers.empty()) {
     found.why_not = seen == 0 ? "no marker of " + board_.dictionary + " in it"
                               : "it shows markers of " + board_.dictionary + ", but not those of the board";
@@ -462,8 +495,28 @@ BoardDetection BoardDetector::detect_markers(const GreyView& view) const {
       lines([&](int id) { return id / columns; }) < 2) {
     found = {{}, {}, "only " + std::to_string(found.ids.size()) + " of its corners were found"};
   }
+  found.marker_m = marker_side(board_, found, markers);
   return found;
 }
+
+namespace {
+
+// Columns given for rows: the same markers, in other places.
+bool shows_transposed(const Board& board, const cv::Mat& image) {
+  if (board.columns == board.rows) return false;
+  Board other = board;
+  std::swap(other.columns, other.rows);
+  if (!other.problems().empty()) return false;
+  const auto points_in = [&](const Board& some) {
+    return BoardDetector(some)
+        .detect({image.data, image.cols, image.rows, static_cast<std::ptrdiff_t>(image.step)})
+        .ids.size();
+  };
+  // A few markers of a row are where either says.
+  return points_in(other) > 2 * points_in(board);
+}
+
+}  // namespace
 
 std::string explain_missing_board(const Board& board, const std::vector<GreyView>& images) {
   std::map<std::string, int> guesses;
@@ -499,6 +552,13 @@ std::string explain_missing_board(const Board& board, const std::vector<GreyView
                   "squares)"];
         break;
       }
+      continue;
+    }
+    if (shows_transposed(board, image)) {
+      ++guesses["the board in them has " + std::to_string(board.rows) + "x" + std::to_string(board.columns) +
+                (board.type == BoardType::charuco ? " squares" : " markers") + " rather than " +
+                std::to_string(board.columns) + "x" + std::to_string(board.rows) +
+                ": exchange the two numbers in the board file"];
       continue;
     }
     for (const bool inverted : {board.inverted, !board.inverted}) {

@@ -24,6 +24,8 @@ struct BoardDetection {
   std::vector<int> ids;             // ascending; of Board::point()
   std::vector<Eigen::Vector2d> px;  // beside ids; raw pixels, (0,0) is the centre of the top left one
   std::string why_not;              // when ids is empty: what stood in the way, one clause; empty otherwise
+  double blur_px = 0;               // standard deviation of its edges' blur, median over the corners; 0: not known
+  double marker_m = 0;              // charuco: side of its markers if its squares are as the board says; 0: not known
 
   bool found() const { return !ids.empty(); }
 };

@@ -6,6 +6,7 @@
 #include <array>
 
 #include "calib/exchange/exchanged_camera.h"
+#include "calib/model/nearest_lens.h"
 #include "calib/yaml/yaml_reader.h"
 
 namespace huetrack::exchange {
@@ -127,6 +128,14 @@ Imported import_rig(std::span<const std::filesystem::path> files, const ImportOp
     out.rig.made_by.emplace_back("imported_from", file.filename().string());
     out.rig.made_by.emplace_back("format", std::string(name(format)));
   }
+  if (!options.cameras.empty()) {
+    for (const std::string& name : options.cameras) {
+      if (!out.rig.index_of(name)) throw yaml::ConfigError(file, 0, "there is no camera " + name + " in it");
+    }
+    std::erase_if(out.rig.cameras, [&](const calib::Camera& camera) {
+      return std::ranges::find(options.cameras, camera.name) == options.cameras.end();
+    });
+  }
   require_valid(out.rig, file);
   return out;
 }
@@ -151,8 +160,38 @@ Exported exported_as(const calib::CameraRig& rig, const ExportOptions& options) 
 
 }  // namespace
 
-Exported export_rig(const calib::CameraRig& rig, const ExportOptions& options) {
+namespace {
+
+// Other tools' lens models are pinholes and the fisheye: what else a rig has is written as the nearest of them.
+calib::CameraRig with_their_lenses(calib::CameraRig rig, ExchangeFormat format, std::vector<std::string>& notes) {
+  // Five coefficients is what kalibr (four) and the TOML formats read.
+  const bool reads_rational = format == ExchangeFormat::ros || format == ExchangeFormat::opencv;
+  const int radtan = format == ExchangeFormat::kalibr ? 8 : reads_rational ? 12 : 9;
+  for (calib::Camera& camera : rig.cameras) {
+    if (!std::holds_alternative<calib::Stereographic>(camera.model.lens())) continue;
+    const calib::NearestLens pinhole =
+        calib::nearest_lens(camera.model, camera.image_size, calib::CameraModel(calib::PinholeRadtan{}), radtan);
+    const calib::NearestLens fisheye =
+        calib::nearest_lens(camera.model, camera.image_size, calib::CameraModel(calib::FisheyeKannalaBrandt{}), 8);
+    const bool use_fisheye = !pinhole.covers_image || (fisheye.covers_image && fisheye.p95_px < pinhole.p95_px);
+    const calib::NearestLens& nearest = use_fisheye ? fisheye : pinhole;
+    notes.push_back(
+        fmt::format("{}: {} has no stereographic lens: written as the nearest {}, which is off by {:.2g} px (95 % of "
+                    "the image), at "
+                    "most {:.2g} px",
+                    camera.name, name(format), use_fisheye ? "fisheye" : "pinhole", nearest.p95_px, nearest.worst_px));
+    camera.model = nearest.model;
+  }
+  return rig;
+}
+
+}  // namespace
+
+Exported export_rig(const calib::CameraRig& given, const ExportOptions& options) {
+  std::vector<std::string> notes;
+  const calib::CameraRig rig = with_their_lenses(given, options.format, notes);
   Exported out = exported_as(rig, options);
+  out.notes.insert(out.notes.begin(), notes.begin(), notes.end());
   const bool is_timed = std::ranges::any_of(rig.cameras, [](const calib::Camera& c) { return c.timing.is_known(); });
   if (is_timed && options.format != ExchangeFormat::kalibr)
     out.notes.push_back(

@@ -37,6 +37,7 @@ class ExchangeError : public std::runtime_error {
 struct ImportOptions {
   std::optional<ExchangeFormat> format{};        // nullopt: by what the file looks like
   std::optional<calib::ImageSize> image_size{};  // for files that do not say it; of every camera
+  std::vector<std::string> cameras{};            // only these; empty: all
   double metres_per_unit = 1;  // > 0; of the file's lengths, which no format but Kalibr's and ours fixes
 };
 

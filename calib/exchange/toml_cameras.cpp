@@ -262,8 +262,8 @@ Imported import_caliscope(const std::filesystem::path& file, const ImportOptions
       const auto turns = reader.numbers("rotation_count");
       if (turns.size() != 1) reader.fail("rotation_count", "must be a number");
       if (turns[0] != 0)
-        out.notes.push_back(name + ": was calibrated on images turned by " + exact(90 * turns[0]) +
-                            " degrees: turn this camera's images alike");
+        out.notes.push_back(name + ": Caliscope shows its images turned by " + exact(90 * turns[0]) +
+                            " degrees, but calibrates them as they were recorded: do not turn them");
     }
     for (const std::string_view key : {"cam_id", "port"}) {
       if (reader.has(key)) reader.numbers(key);

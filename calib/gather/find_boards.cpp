@@ -94,7 +94,8 @@ std::string reasons(const PictureTally& camera) {
   const auto most = std::ranges::max_element(camera.why_not, {}, [](const auto& entry) { return entry.second; });
   if (most == camera.why_not.end()) return {};
   std::string text = most->first;
-  if (camera.why_not.size() > 1) text += " (" + std::to_string(most->second) + " times)";
+  if (camera.why_not.size() > 1)
+    text += most->second == 1 ? std::string(" (once)") : " (" + std::to_string(most->second) + " times)";
   return text;
 }
 
@@ -117,12 +118,16 @@ class Misses {
   std::map<std::size_t, std::vector<cv::Mat>> by_camera_;
 };
 
-void require_boards(const FoundBoards& found, const board::Board& board, const Misses& misses) {
+// One line per camera that gave nothing to calibrate with.
+std::vector<std::pair<std::string, std::string>> without_boards(const FoundBoards& found, const board::Board& board,
+                                                                const Misses& misses) {
+  std::vector<std::pair<std::string, std::string>> without;
   for (std::size_t c = 0; c < found.cameras.size(); ++c) {
     const PictureTally& camera = found.cameras[c];
     if (camera.pictures == 0) {
-      throw InputError("camera " + camera.name + " has no picture that can be used" +
-                       (found.warnings.empty() ? "" : ": " + found.warnings.front()));
+      without.emplace_back(camera.name, "camera " + camera.name + " has no picture that can be used" +
+                                            (found.warnings.empty() ? "" : ": " + found.warnings.front()));
+      continue;
     }
     if (camera.boards > 0) continue;
     std::string text = "camera " + camera.name + ": the board (" + board.description() + ") is in none of its " +
@@ -130,8 +135,9 @@ void require_boards(const FoundBoards& found, const board::Board& board, const M
     if (const std::string why = reasons(camera); !why.empty()) text += ": " + why;
     if (const std::string guess = board::explain_missing_board(board, misses.of(c)); !guess.empty())
       text += "; " + guess;
-    throw InputError(text);
+    without.emplace_back(camera.name, text);
   }
+  return without;
 }
 
 // One picture that is looked at.
@@ -169,7 +175,7 @@ void count_picture(PictureTally& camera, const Picture& picture) {
 
 // The views that a batch's pictures give, per set; the pictures are counted.
 std::vector<BoardSet> views_of(const std::vector<PictureSet>& batch, const std::vector<Task>& tasks, FoundBoards& found,
-                               Misses& misses) {
+                               Misses& misses, std::vector<double>& markers_m) {
   std::vector<BoardSet> seen(batch.size());
   for (std::size_t s = 0; s < batch.size(); ++s) seen[s].at_s = batch[s].at_s;
   for (const Task& task : tasks) {
@@ -182,12 +188,28 @@ std::vector<BoardSet> views_of(const std::vector<PictureSet>& batch, const std::
       continue;
     }
     ++camera.boards;
-    seen[task.set].views.push_back(
-        {static_cast<int>(task.camera), 0, picture.label, task.detection.ids, task.detection.px, picture.stamp_s});
+    if (task.detection.marker_m > 0) markers_m.push_back(task.detection.marker_m);
+    seen[task.set].views.push_back({static_cast<int>(task.camera), 0, picture.label, task.detection.ids,
+                                    task.detection.px, picture.stamp_s, task.detection.blur_px});
     seen[task.set].thumbnails.push_back(task.thumbnail);
   }
   found.sets_looked_at += static_cast<int>(batch.size());
   return seen;
+}
+
+// Markers that are not as large beside the squares as the board file says: one of its two lengths was measured wrong,
+// and if it is the squares' everything has a wrong scale. markers_m: of each view, by its squares.
+std::string doubt_of_markers(const board::Board& board, std::vector<double> markers_m) {
+  if (markers_m.empty()) return {};
+  constexpr double clearly = 0.03;  // a millimetre of a marker of 33; views say it to some hundredths
+  const double marker_m = calib::median(std::move(markers_m));
+  if (std::abs(marker_m / board.marker - 1) < clearly) return {};
+  return fmt::format(
+      "the board file says that squares are {:.1f} mm and markers {:.1f} mm, but in the pictures markers are {:.3f} of "
+      "a "
+      "square rather than {:.3f}: one of the two lengths is wrong (with squares of {:.1f} mm markers have {:.1f} mm)",
+      1000 * board.pitch.mean(), 1000 * board.marker, marker_m / board.pitch.mean(), board.marker / board.pitch.mean(),
+      1000 * board.pitch.mean(), 1000 * marker_m);
 }
 
 // What the page shows now; nothing before all cameras have given a picture.
@@ -271,6 +293,7 @@ FoundBoards find_boards(PictureSource& source, const board::BoardDetector& detec
   const int at_a_time = source.has_stamps() && options.every == 0 && every > 1 ? 2 : 1;
   ProgressLine line(options.progress);
   Misses misses;
+  std::vector<double> markers_m;
   std::vector<BoardSet> sets;
   DetectionPage page(options.page);
   std::vector<ShownPicture> shown(found.cameras.size());
@@ -284,7 +307,7 @@ FoundBoards find_boards(PictureSource& source, const board::BoardDetector& detec
       if (set && found.sets_seen++ % (every * at_a_time) < at_a_time) batch.push_back(std::move(*set));
     }
     const std::vector<Task> tasks = detected(batch, detector);
-    for (BoardSet& set : views_of(batch, tasks, found, misses)) {
+    for (BoardSet& set : views_of(batch, tasks, found, misses, markers_m)) {
       if (set.views.empty()) continue;
       if (!sets.empty() && is_same(sets.back(), set)) {
         ++found.duplicates;
@@ -298,7 +321,10 @@ FoundBoards find_boards(PictureSource& source, const board::BoardDetector& detec
   line.clear();
   page.close("looked at all " + std::to_string(found.sets_looked_at) + " moments");
   found.warnings = source.take_warnings();
-  require_boards(found, detector.board(), misses);
+  found.board_doubt = doubt_of_markers(detector.board(), std::move(markers_m));
+  found.without_boards = without_boards(found, detector.board(), misses);
+  if (!found.without_boards.empty() && found.without_boards.size() + options.least_cameras > found.cameras.size())
+    throw InputError(found.without_boards.front().second);
   const std::size_t before = sets.size();
   sets = thinned(std::move(sets), static_cast<std::size_t>(options.max_sets), source.has_stamps());
   found.thinned = static_cast<int>(before - sets.size());

@@ -4,10 +4,12 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <limits>
 #include <map>
 #include <optional>
 #include <stop_token>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "calib/board/board_detector.h"
@@ -25,6 +27,8 @@ struct FindBoardsOptions {
   int max_sets = 150;
   bool progress = true;
   std::filesystem::path page{};  // see DetectionPage; empty: none
+  // With the board in fewer cameras than these a camera without it is an error. All: the default.
+  std::size_t least_cameras = std::numeric_limits<std::size_t>::max() / 2;
 };
 
 // One camera's pictures, counted.
@@ -45,6 +49,8 @@ struct FoundBoards {
   int duplicates = 0;                 // sets left out because the board had not moved
   int thinned = 0;                    // sets left out because there were more than max_sets
   std::vector<std::string> warnings;  // about the pictures: files that were damaged
+  std::string board_doubt;            // what the pictures say against the board file; empty: nothing
+  std::vector<std::pair<std::string, std::string>> without_boards;  // cameras, and why the board is in none of theirs
   // A small JPEG of every picture in `views`, beside it.
   std::vector<report::EmbeddedPicture> thumbnails;
 };

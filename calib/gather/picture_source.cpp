@@ -277,6 +277,7 @@ std::unique_ptr<PictureSource> open_pictures(std::span<const std::string> inputs
     if (inputs.size() > 1)
       throw InputError(input + ": which camera is this of? Give NAME=" + input + ", or a recording alone");
     if (is_recording(input)) return open_recording(input, options);
+    if (fs::is_directory(input, error) && fs::is_empty(input, error)) throw InputError(input + ": the folder is empty");
     all = fs::is_directory(input, error) ? inside(input) : NamedInputs{};
     if (all.empty()) {
       throw InputError(input +

@@ -16,7 +16,7 @@ namespace huetrack::calib {
 namespace {
 
 using Coefficients = BatchProjector::Coefficients;
-enum class Lens { radtan_k1_k2, radtan_k3, radtan_rational, fisheye };
+enum class Lens { radtan_k1_k2, radtan_k3, radtan_rational, fisheye, stereographic };
 
 // atan2(y, x) for y >= 0 without a branch, to 2e-7 rad: S. L. Moshier, Cephes, atanf.c.
 [[gnu::always_inline]] inline float atan2_upper_half(float y, float x) {
@@ -56,6 +56,16 @@ template <Lens lens>
       dx = g * px;
       dy = g * py;
       seen = (theta <= c.limit) & ((rho > 0) | (pz > 0));
+    } else if constexpr (lens == Lens::stereographic) {
+      const float rho2 = px * px + py * py, length = std::sqrt(rho2 + pz * pz);
+      // |P| + Z loses its digits behind the camera, where it is rho^2 / (|P| - Z).
+      const bool ahead = pz >= 0;
+      const float over = ahead ? 2.0f : 2 * (length - pz), under = ahead ? length + pz : rho2, q = over / under;
+      const float a = q * px, b = q * py, s = a * a + b * b;
+      const float f = 1 + s * (c.k1 + s * (c.k2 + s * (c.k3 + s * c.k4))), p1_p2 = 2 * (c.p1 * b + c.p2 * a);
+      dx = a * (f + p1_p2) + (c.p2 + c.k5) * s;
+      dy = b * (f + p1_p2) + (c.p1 + c.k6) * s;
+      seen = s <= c.limit;
     } else {
       const float inverse_z = 1 / pz;
       const float a = px * inverse_z, b = py * inverse_z, s = a * a + b * b;
@@ -91,6 +101,11 @@ HUETRACK_CLONES void project_fisheye(const Coefficients& c, const float* x, cons
   project_all<Lens::fisheye>(c, x, y, z, n, u, v);
 }
 
+HUETRACK_CLONES void project_stereographic(const Coefficients& c, const float* x, const float* y, const float* z,
+                                           std::size_t n, float* u, float* v) {
+  project_all<Lens::stereographic>(c, x, y, z, n, u, v);
+}
+
 }  // namespace
 
 BatchProjector::BatchProjector(const Camera& camera) : coefficients_{}, kernel_(project_fisheye) {
@@ -109,9 +124,15 @@ BatchProjector::BatchProjector(const Camera& camera) : coefficients_{}, kernel_(
     c.limit = single(camera.model.limit());
     return;
   }
-  const auto& k = std::get<PinholeRadtan>(camera.model.lens()).distortion;
+  const auto* stereographic = std::get_if<Stereographic>(&camera.model.lens());
+  const auto& k = stereographic ? stereographic->distortion : std::get<PinholeRadtan>(camera.model.lens()).distortion;
   c.k1 = single(k[0]), c.k2 = single(k[1]), c.p1 = single(k[2]), c.p2 = single(k[3]);
   c.k3 = single(k[4]), c.k4 = single(k[5]), c.k5 = single(k[6]), c.k6 = single(k[7]);
+  if (stereographic) {
+    c.limit = single(camera.model.limit());
+    kernel_ = project_stereographic;
+    return;
+  }
   c.limit = single(std::min(camera.model.limit(), 1e6));  // 89.9 degrees: beyond, single precision overflows
   kernel_ = k[5] != 0 || k[6] != 0 || k[7] != 0 ? project_rational : k[4] != 0 ? project_k3 : project_k1_k2;
 }

@@ -31,7 +31,7 @@ class BatchProjector {
     float rotation[9];   // cam_from_world, row by row
     float translation[3];
     float fx, fy, cx, cy;
-    float k1, k2, p1, p2, k3, k4, k5, k6;  // the fisheye's k1..k4 are in k1, k2, k3, k4
+    float k1, k2, p1, p2, k3, k4, k5, k6;  // the fisheye's k1..k4 are in k1, k2, k3, k4; k5, k6: also a prism's s1, s2
     float limit;
   };
 

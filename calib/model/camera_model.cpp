@@ -90,6 +90,14 @@ double find_limit(const FisheyeKannalaBrandt& lens) {
   return std::sqrt(first_sign_change({1, 3 * k[0], 5 * k[1], 7 * k[2], 9 * k[3]}, pi * pi, pi * pi));
 }
 
+// 4 tan^2(80 degrees): no lens sees further back.
+constexpr double widest_s = 128.65;
+
+double find_limit(const Stereographic& lens) {
+  const auto& k = lens.distortion;
+  return first_sign_change({1, 3 * k[0], 5 * k[1], 7 * k[4], 9 * k[5]}, widest_s, widest_s);
+}
+
 template <std::size_t size>
 bool all_finite(double fx, double fy, double cx, double cy, const std::array<double, size>& distortion) {
   return std::isfinite(fx) && std::isfinite(fy) && std::isfinite(cx) && std::isfinite(cy) &&
@@ -116,6 +124,11 @@ Radial radial(const PinholeRadtan& lens, double s) {
   return {n * inverse_d, (dn - n * inverse_d * dd) * inverse_d};
 }
 
+Radial radial(const Stereographic& lens, double s) {
+  const auto& k = lens.distortion;
+  return {1 + s * (k[0] + s * (k[1] + s * (k[4] + s * k[5]))), k[0] + s * (2 * k[1] + s * (3 * k[4] + s * 4 * k[5]))};
+}
+
 // The distorted image of p = (x, y) on the plane z = 1, and its derivative by p.
 Eigen::Vector2d distorted(const PinholeRadtan& lens, const Eigen::Vector2d& p, Eigen::Matrix2d& jacobian) {
   const double x = p.x(), y = p.y(), xy = x * y, r2 = p.squaredNorm();
@@ -124,6 +137,17 @@ Eigen::Vector2d distorted(const PinholeRadtan& lens, const Eigen::Vector2d& p, E
   const double cross = 2 * xy * df + 2 * p1 * x + 2 * p2 * y;
   jacobian << f + 2 * x * x * df + 2 * p1 * y + 6 * p2 * x, cross, cross, f + 2 * y * y * df + 6 * p1 * y + 2 * p2 * x;
   return {x * f + 2 * p1 * xy + p2 * (r2 + 2 * x * x), y * f + p1 * (r2 + 2 * y * y) + 2 * p2 * xy};
+}
+
+// The same on the stereographic projection.
+Eigen::Vector2d distorted(const Stereographic& lens, const Eigen::Vector2d& p, Eigen::Matrix2d& jacobian) {
+  const double x = p.x(), y = p.y(), xy = x * y, s = p.squaredNorm();
+  const double p1 = lens.distortion[2], p2 = lens.distortion[3], s1 = lens.distortion[6], s2 = lens.distortion[7];
+  const auto [f, df] = radial(lens, s);
+  const double cross = 2 * xy * df + 2 * p1 * x + 2 * p2 * y;
+  jacobian << f + 2 * x * x * df + 2 * p1 * y + (6 * p2 + 2 * s1) * x, cross + 2 * s1 * y, cross + 2 * s2 * x,
+      f + 2 * y * y * df + (6 * p1 + 2 * s2) * y + 2 * p2 * x;
+  return {x * f + 2 * p1 * xy + p2 * (s + 2 * x * x) + s1 * s, y * f + p1 * (s + 2 * y * y) + 2 * p2 * xy + s2 * s};
 }
 
 struct ThetaD {
@@ -202,8 +226,26 @@ OptionalPixel project_with(const FisheyeKannalaBrandt& lens, double limit, const
   return checked({lens.fx * g * p.x() + lens.cx, lens.fy * g * p.y() + lens.cy});
 }
 
-// (x, y) on the plane z = 1 whose distorted image is `target`.
-std::optional<Eigen::Vector2d> undistorted(const PinholeRadtan& lens, double limit, const Eigen::Vector2d& target) {
+OptionalPixel project_with(const Stereographic& lens, double limit, const Eigen::Vector3d& p, Jacobian* jacobian) {
+  const double n = p.norm(), rho2 = p.head<2>().squaredNorm();
+  // |P| + Z loses its digits behind the camera, where it is rho^2 / (|P| - Z).
+  const double q = p.z() >= 0 ? 2 / (n + p.z()) : 2 * (n - p.z()) / rho2;
+  const Eigen::Vector2d xy = q * p.head<2>();
+  if (!(xy.squaredNorm() <= limit)) return std::nullopt;
+  Eigen::Matrix2d by_xy;
+  const Eigen::Vector2d d = distorted(lens, xy, by_xy);
+  if (jacobian != nullptr) {
+    const Eigen::RowVector3d q_by_p = -q * q / 2 * (p / n + Eigen::Vector3d::UnitZ()).transpose();
+    Jacobian xy_by_p = p.head<2>() * q_by_p;
+    xy_by_p.leftCols<2>() += q * Eigen::Matrix2d::Identity();
+    *jacobian = Eigen::Vector2d(lens.fx, lens.fy).asDiagonal() * by_xy * xy_by_p;
+  }
+  return checked({lens.fx * d.x() + lens.cx, lens.fy * d.y() + lens.cy});
+}
+
+// (x, y) on the plane z = 1, or the stereographic projection, whose distorted image is `target`.
+template <typename Lens>
+std::optional<Eigen::Vector2d> undistorted(const Lens& lens, double limit, const Eigen::Vector2d& target) {
   // The radial part alone has one answer, which a bracket finds for any lens; the tangential part is small and moves it
   // a little. Newton from a start that near stays on the right branch.
   const double r_d = target.norm(), r_end = std::sqrt(limit);
@@ -255,10 +297,17 @@ std::optional<Eigen::Vector3d> ray_with(const FisheyeKannalaBrandt& lens, double
   return Eigen::Vector3d(side.x(), side.y(), std::cos(*theta)).normalized();
 }
 
+std::optional<Eigen::Vector3d> ray_with(const Stereographic& lens, double limit, const Eigen::Vector2d& m) {
+  const auto p = undistorted(lens, limit, m);
+  if (!p) return std::nullopt;
+  return Eigen::Vector3d(p->x(), p->y(), 1 - p->squaredNorm() / 4).normalized();
+}
+
 }  // namespace
 
 CameraModel::CameraModel(const PinholeRadtan& lens) : lens_(lens), limit_(limit_of(lens)) {}
 CameraModel::CameraModel(const FisheyeKannalaBrandt& lens) : lens_(lens), limit_(limit_of(lens)) {}
+CameraModel::CameraModel(const Stereographic& lens) : lens_(lens), limit_(limit_of(lens)) {}
 
 std::optional<RawPixel> CameraModel::project(const Eigen::Vector3d& p_cam) const {
   return std::visit([&](const auto& lens) { return project_with(lens, limit_, p_cam, nullptr); }, lens_);
@@ -294,7 +343,8 @@ double CameraModel::cy() const {
 }
 
 std::string_view CameraModel::name() const {
-  return std::holds_alternative<PinholeRadtan>(lens_) ? "pinhole_radtan" : "fisheye_kb";
+  constexpr std::array<std::string_view, 3> names{"pinhole_radtan", "fisheye_kb", "stereographic"};
+  return names[lens_.index()];
 }
 
 }  // namespace huetrack::calib

@@ -1,6 +1,7 @@
-// What a calibrated lens is: pinhole with Brown-Conrady distortion, and the Kannala-Brandt fisheye, both as OpenCV
-// defines them. Camera frame: x right, y down, z forward. Pixel (0,0) is the CENTRE of the top-left pixel.
-// Pure values; every function is safe from any thread and none throws.
+// What a calibrated lens is: pinhole with Brown-Conrady distortion and the Kannala-Brandt fisheye, both as OpenCV
+// defines them, and a stereographic one for lenses that neither follows to the image's edge. Camera frame: x right, y
+// down, z forward. Pixel (0,0) is the CENTRE of the top-left pixel. Pure values; every function is safe from any thread
+// and none throws.
 #pragma once
 
 #include <Eigen/Core>
@@ -31,11 +32,23 @@ struct FisheyeKannalaBrandt {
   std::array<double, 4> distortion{};  // k1 k2 k3 k4
 };
 
+// "stereographic": a polynomial on the stereographic projection (x, y) = 2 (X, Y) / (|P| + Z), whose radius is
+// 2 tan(theta / 2), half way between a pinhole's tan(theta) and a fisheye's theta: both are short polynomials in it, so
+// that four coefficients follow lenses from tele to 160 degrees. With s = x2 + y2,
+//   x'' = x (1 + k1 s + k2 s2 + k3 s3 + k4 s4) + 2 p1 x y + p2 (s + 2 x2) + s1 s, y'' likewise with p1, p2 and s2:
+// decentring as Brown (1966) has it, and a thin prism, which together are what a tilted sensor does. mrcal's splined
+// stereographic model has the same base, and a surface where this has the polynomial.
+struct Stereographic {
+  double fx = 1, fy = 1, cx = 0, cy = 0;
+  std::array<double, 8> distortion{};  // k1 k2 p1 p2 k3 k4 s1 s2
+};
+
 class CameraModel {
  public:
   CameraModel() : CameraModel(PinholeRadtan{}) {}
   explicit CameraModel(const PinholeRadtan& lens);
   explicit CameraModel(const FisheyeKannalaBrandt& lens);
+  explicit CameraModel(const Stereographic& lens);
 
   // nullopt: behind the camera, or so far off the axis that the distortion polynomial has turned back on itself (such a
   // point would land on a pixel that really shows another direction). The pixel may lie outside the image.
@@ -53,15 +66,17 @@ class CameraModel {
   double fy() const;
   double cx() const;
   double cy() const;
-  std::string_view name() const;  // "pinhole_radtan" or "fisheye_kb"
-  const std::variant<PinholeRadtan, FisheyeKannalaBrandt>& lens() const { return lens_; }
+  std::string_view name() const;  // "pinhole_radtan", "fisheye_kb" or "stereographic"
+  using Lens = std::variant<PinholeRadtan, FisheyeKannalaBrandt, Stereographic>;
+  const Lens& lens() const { return lens_; }
 
-  // Pinhole: the largest x^2 + y^2 (x = X/Z) that the model covers. Fisheye: the largest theta, radians.
+  // Pinhole: the largest x^2 + y^2 (x = X/Z) that the model covers. Fisheye: the largest theta, radians. Stereographic:
+  // the largest 4 tan^2(theta / 2), which is never beyond 160 degrees off the axis.
   // Beyond it the distorted radius no longer grows; infinity (or pi) where it always does.
   double limit() const { return limit_; }
 
  private:
-  std::variant<PinholeRadtan, FisheyeKannalaBrandt> lens_;
+  Lens lens_;
   double limit_;
 };
 

@@ -79,4 +79,43 @@ bool project_fisheye(const LensParameters& l, const Eigen::Vector3d& p, Eigen::V
   return true;
 }
 
+bool project_stereographic(const LensParameters& l, const Eigen::Vector3d& p, Eigen::Vector2d& px,
+                           PixelByPoint* by_point, PixelByLens* by_lens) {
+  const double rho2 = p.head<2>().squaredNorm(), length = p.norm();
+  if (!(length > 1e-9) || (rho2 == 0 && p.z() <= 0)) return false;
+  const double q = p.z() >= 0 ? 2 / (length + p.z()) : 2 * (length - p.z()) / rho2;
+  const double x = q * p.x(), y = q * p.y(), xx = x * x, yy = y * y, xy = x * y, s = xx + yy;
+  const double p1 = l(6), p2 = l(7), s1 = l(10), s2 = l(11);
+  const double f = 1 + s * (l(4) + s * (l(5) + s * (l(8) + s * l(9))));
+  const double dx = x * f + 2 * p1 * xy + p2 * (s + 2 * xx) + s1 * s;
+  const double dy = y * f + p1 * (s + 2 * yy) + 2 * p2 * xy + s2 * s;
+  px = {l(0) * dx + l(2), l(1) * dy + l(3)};
+  if (!px.allFinite()) return false;
+  if (by_point) {
+    const double df = l(4) + s * (2 * l(5) + s * (3 * l(8) + s * 4 * l(9)));
+    const double cross = 2 * xy * df + 2 * p1 * x + 2 * p2 * y;
+    Eigen::Matrix2d by_xy;
+    by_xy << f + 2 * xx * df + 2 * p1 * y + (6 * p2 + 2 * s1) * x, cross + 2 * s1 * y, cross + 2 * s2 * x,
+        f + 2 * yy * df + (6 * p1 + 2 * s2) * y + 2 * p2 * x;
+    const Eigen::RowVector3d q_by_p = -q * q / 2 * (p / length + Eigen::Vector3d::UnitZ()).transpose();
+    Eigen::Matrix<double, 2, 3> xy_by_p = p.head<2>() * q_by_p;
+    xy_by_p.leftCols<2>() += q * Eigen::Matrix2d::Identity();
+    *by_point = Eigen::Vector2d(l(0), l(1)).asDiagonal() * by_xy * xy_by_p;
+  }
+  if (by_lens) {
+    const double a = l(0) * x, b = l(1) * y, ss = s * s;
+    by_lens->row(0) << dx, 0, 1, 0, a * s, a * ss, l(0) * 2 * xy, l(0) * (s + 2 * xx), a * s * ss, a * ss * ss,
+        l(0) * s, 0;
+    by_lens->row(1) << 0, dy, 0, 1, b * s, b * ss, l(1) * (s + 2 * yy), l(1) * 2 * xy, b * s * ss, b * ss * ss, 0,
+        l(1) * s;
+  }
+  return true;
+}
+
+bool project_like(const CameraModel& model, const LensParameters& lens, const Eigen::Vector3d& p_cam,
+                  Eigen::Vector2d& px, PixelByPoint* by_point, PixelByLens* by_lens) {
+  constexpr std::array projects{project_radtan, project_fisheye, project_stereographic};
+  return projects[model.lens().index()](lens, p_cam, px, by_point, by_lens);
+}
+
 }  // namespace huetrack::calib

@@ -9,7 +9,8 @@
 
 namespace huetrack::calib {
 
-// fx fy cx cy, then k1 k2 p1 p2 k3 k4 k5 k6 (pinhole_radtan) or k1 k2 k3 k4 (fisheye_kb; the rest is 0).
+// fx fy cx cy, then k1 k2 p1 p2 k3 k4 k5 k6 (pinhole_radtan), k1 k2 k3 k4 (fisheye_kb; the rest is 0) or
+// k1 k2 p1 p2 k3 k4 s1 s2 (stereographic).
 using LensParameters = Eigen::Matrix<double, 12, 1>;
 LensParameters parameters_of(const CameraModel& model);
 CameraModel model_like(const CameraModel& model, const LensParameters& parameters);  // of the same kind
@@ -23,5 +24,10 @@ bool project_radtan(const LensParameters& lens, const Eigen::Vector3d& p_cam, Ei
                     PixelByPoint* by_point, PixelByLens* by_lens);
 bool project_fisheye(const LensParameters& lens, const Eigen::Vector3d& p_cam, Eigen::Vector2d& px,
                      PixelByPoint* by_point, PixelByLens* by_lens);
+bool project_stereographic(const LensParameters& lens, const Eigen::Vector3d& p_cam, Eigen::Vector2d& px,
+                           PixelByPoint* by_point, PixelByLens* by_lens);
+// By the kind of lens that the model is, with these parameters instead of its own.
+bool project_like(const CameraModel& model, const LensParameters& lens, const Eigen::Vector3d& p_cam,
+                  Eigen::Vector2d& px, PixelByPoint* by_point, PixelByLens* by_lens);
 
 }  // namespace huetrack::calib

@@ -57,11 +57,8 @@ std::optional<ViewTerm> view_term(const Camera& camera, const RigUncertainty::Of
   PixelByPoint by_point;
   PixelByLens by_lens;
   const LensParameters lens = parameters_of(camera.model);
-  const bool is_fisheye = std::holds_alternative<FisheyeKannalaBrandt>(camera.model.lens());
   PixelByLens* wanted = of.lens_count > 0 ? &by_lens : nullptr;
-  if (!(is_fisheye ? project_fisheye(lens, p_cam, px, &by_point, wanted)
-                   : project_radtan(lens, p_cam, px, &by_point, wanted)))
-    return std::nullopt;
+  if (!project_like(camera.model, lens, p_cam, px, &by_point, wanted)) return std::nullopt;
   ViewTerm term;
   term.by_place = by_point * camera.cam_from_world.rotation.toRotationMatrix();
   if (of.lens_count > 0) term.by_camera.leftCols(of.lens_count) = by_lens.leftCols(of.lens_count);
@@ -72,10 +69,17 @@ std::optional<ViewTerm> view_term(const Camera& camera, const RigUncertainty::Of
   return term;
 }
 
+// For a message.
+std::string lens_counts(const CameraModel& model) {
+  constexpr std::array counts{"8, 9 or 12", "8", "12"};  // beside CameraModel::Lens
+  return counts[model.lens().index()];
+}
+
 }  // namespace
 
 bool is_lens_count(const CameraModel& model, int count) {
-  return count == 8 || (model.name() == "pinhole_radtan" && (count == 9 || count == 12));
+  if (std::holds_alternative<Stereographic>(model.lens())) return count == 12;
+  return count == 8 || (std::holds_alternative<PinholeRadtan>(model.lens()) && (count == 9 || count == 12));
 }
 
 RigUncertainty RigUncertainty::of(std::vector<OfCamera> cameras, const Eigen::MatrixXd& covariance) {
@@ -109,8 +113,7 @@ std::vector<std::string> RigUncertainty::problems(const CameraRig& rig) const {
     if (cameras[c].at != at) out.emplace_back("the parameters are not in the cameras' order");
     at += cameras[c].size();
     if (cameras[c].lens_count != 0 && !is_lens_count(rig.cameras[c].model, cameras[c].lens_count))
-      out.push_back("camera " + rig.cameras[c].name + ": lens has " +
-                    (rig.cameras[c].model.name() == "fisheye_kb" ? "8" : "8, 9 or 12") + " numbers");
+      out.push_back("camera " + rig.cameras[c].name + ": lens has " + lens_counts(rig.cameras[c].model) + " numbers");
   }
   if (sigma.size() != at || root.rows() != at || root.cols() != at) {
     out.emplace_back("sigma and root do not have as many rows as there are parameters");

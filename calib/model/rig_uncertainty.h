@@ -31,8 +31,9 @@ struct RigUncertainty {
   // Which of the parameters are a camera's: first those of its lens (fx fy cx cy and its distortion, in the order of
   // CameraModel's lenses), then the six of its pose.
   struct OfCamera {
-    int at = 0;          // the first of them
-    int lens_count = 0;  // 0: the lens is exactly known; otherwise 8, 9 or 12 (pinhole_radtan), 8 (fisheye_kb)
+    int at = 0;  // the first of them
+    int lens_count =
+        0;  // 0: the lens is exactly known; otherwise 8, 9 or 12 (pinhole_radtan), 8 (fisheye_kb), 12 (the rest)
     bool has_pose = false;
     int size() const { return lens_count + (has_pose ? 6 : 0); }
     int pose_at() const { return at + lens_count; }

@@ -18,7 +18,7 @@
 namespace huetrack::calib {
 namespace {
 
-constexpr std::array<std::string_view, 2> model_names{"pinhole_radtan", "fisheye_kb"};
+constexpr std::array<std::string_view, 3> model_names{"pinhole_radtan", "fisheye_kb", "stereographic"};
 constexpr double rotation_tolerance = 1e-4;  // of a rotation that was printed with few digits
 
 template <typename Lens>
@@ -34,15 +34,20 @@ Lens lens_of(const yaml::YamlReader& intrinsics, const std::vector<double>& dist
 }
 
 CameraModel read_model(const yaml::YamlReader& camera) {
-  const bool fisheye = camera.choice("model", model_names) == "fisheye_kb";
+  const std::string model = camera.choice("model", model_names);
+  const bool fisheye = model == "fisheye_kb", stereographic = model == "stereographic";
   const yaml::YamlReader intrinsics = camera.map("intrinsics");
   if (!camera.has("distortion")) {
     camera.fail("distortion", std::string("is missing; a lens without distortion has ") +
-                                  (fisheye ? "[0, 0, 0, 0]" : "[0, 0, 0, 0, 0]"));
+                                  (fisheye         ? "[0, 0, 0, 0]"
+                                   : stereographic ? "[0, 0, 0, 0, 0, 0, 0, 0]"
+                                                   : "[0, 0, 0, 0, 0]"));
   }
   if (fisheye) {
     return CameraModel(lens_of<FisheyeKannalaBrandt>(intrinsics, camera.numbers("distortion", 4, 4, yaml::any_number)));
   }
+  if (stereographic)
+    return CameraModel(lens_of<Stereographic>(intrinsics, camera.numbers("distortion", 8, 8, yaml::any_number)));
   const auto distortion = camera.numbers("distortion", 4, 8, yaml::any_number);
   if (distortion.size() == 6 || distortion.size() == 7) {
     camera.fail("distortion", "pinhole_radtan has 4 (k1 k2 p1 p2), 5 (k3) or 8 (k4 k5 k6) coefficients, got " +
@@ -218,6 +223,10 @@ std::string distortion_text(const PinholeRadtan& lens) {
 
 std::string distortion_text(const FisheyeKannalaBrandt& lens) {
   return list(lens.distortion) + "   # k1 k2 k3 k4";
+}
+
+std::string distortion_text(const Stereographic& lens) {
+  return list(lens.distortion) + "   # k1 k2 p1 p2 k3 k4 s1 s2";
 }
 
 std::string timing_text(const CameraTiming& timing) {

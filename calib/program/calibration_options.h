@@ -56,13 +56,14 @@ inline void add_calibration_options(CLI::App& command, CalibrationOptions& optio
   const std::map<std::string, solver::LensModel> lenses{{"radtan4", solver::LensModel::radtan4},
                                                         {"radtan5", solver::LensModel::radtan5},
                                                         {"radtan8", solver::LensModel::radtan8},
-                                                        {"fisheye", solver::LensModel::fisheye}};
+                                                        {"fisheye", solver::LensModel::fisheye},
+                                                        {"stereographic", solver::LensModel::stereographic}};
   command
       .add_option_function<solver::LensModel>(
           "--lens", [&options](const solver::LensModel& lens) { options.lens = lens; },
-          "the lens model; by default the simplest that the views support")
+          "the lens model; by default the one that predicts views best which it was not fitted to")
       ->transform(CLI::CheckedTransformer(lenses).description(""))
-      ->type_name("radtan4|radtan5|radtan8|fisheye");
+      ->type_name("radtan4|radtan5|radtan8|fisheye|stereographic");
   command.add_option("--every", options.find.every, "look at every so many-th picture; default: at about 800")
       ->check(CLI::PositiveNumber);
   command
@@ -84,6 +85,7 @@ inline OutputFiles output_files(const CalibrationOptions& options) {
   files.rig = options.rig;
   files.report = options.report.empty() ? std::filesystem::path(options.rig).replace_extension(".report.html")
                                         : std::filesystem::path(options.report);
+  files.report_was_named = !options.report.empty();
   files.overwrite = options.overwrite;
   files.quiet = options.quiet;
   files.temperature_c = options.temperature_c;

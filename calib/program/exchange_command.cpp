@@ -17,6 +17,7 @@ const std::vector<std::string> formats{"ros", "opencv", "kalibr", "aniposelib", 
 
 struct ImportCommand {
   std::vector<std::filesystem::path> files;
+  std::vector<std::string> cameras;
   std::string from, size, unit = "m";
   std::filesystem::path rig;
 };
@@ -41,6 +42,7 @@ ExitStatus import(const ImportCommand& command) {
       throw gather::InputError("--size is WIDTHxHEIGHT in pixels, as 640x480, not " + command.size);
     options.image_size = size;
   }
+  options.cameras = command.cameras;
   const exchange::Imported imported = exchange::import_rig(command.files, options);
   calib::write_rig(imported.rig, command.rig);
   for (const auto& note : imported.notes) std::printf("note: %s\n", note.c_str());
@@ -88,6 +90,9 @@ void add_exchange_commands(CLI::App& app, Command& chosen) {
       ->check(CLI::IsMember(formats));
   import_command->add_option("--rig", in->rig, "the rig file to write")->required();
   import_command->add_option("--size", in->size, "WIDTHxHEIGHT of the images, for files that do not say it");
+  import_command->add_option("--cameras", in->cameras, "only these, with commas between them")
+      ->delimiter(',')
+      ->allow_extra_args(false);
   import_command->add_option("--unit", in->unit,
                              "of the file's lengths: m (default), cm, mm, in, or its length in metres");
   import_command->callback([in, &chosen] { chosen = [in](const std::stop_token&) { return import(*in); }; });

@@ -1,4 +1,9 @@
+#include <fmt/format.h>
+
 #include <algorithm>
+#include <cstdio>
+#include <filesystem>
+#include <utility>
 
 #include "calib/board/board_yaml.h"
 #include "calib/gather/progress_line.h"
@@ -15,7 +20,83 @@ struct ExtrinsicsOptions : CalibrationOptions {
   solver::RefineLens refine = solver::RefineLens::automatic;
   std::optional<double> tolerance_s;
   std::vector<double> volume;
+  bool new_world = false;
 };
+
+// The rig that is to be replaced, whose world is kept. nullopt: there is none, or a new world was asked for.
+std::optional<calib::CameraRig> rig_before(const ExtrinsicsOptions& options) {
+  std::error_code error;
+  if (options.new_world || !std::filesystem::exists(options.rig, error)) return std::nullopt;
+  try {
+    return calib::read_rig(options.rig);
+  } catch (const std::runtime_error& wrong) {
+    throw gather::InputError(std::string(wrong.what()) + "; it is there already, and its world would be kept: give " +
+                             "another --rig, or --new-world to replace it");
+  }
+}
+
+// The world of the rig that is replaced, for those of its cameras that stand as they did; otherwise a guess.
+void choose_world(solver::Extrinsics& result, const ExtrinsicsOptions& options,
+                  const std::optional<calib::CameraRig>& before, report::ReportInput& input) {
+  const calib::Rigid3d guess = solver::upright_guess(result.adjustment);
+  if (before) {
+    const auto kept = solver::world_of(*before, result.adjustment);
+    // The same pictures once more give the same file: the guess again, to the last bit.
+    constexpr double same = 1e-7;
+    const bool is_guess = kept && calib::log(kept->new_from_old * calib::inverse(guess)).norm() < same;
+    if (kept && !is_guess) {
+      result.adjustment = solver::in_world(std::move(result.adjustment), kept->new_from_old);
+      const auto was = std::ranges::find(before->made_by, "world", &std::pair<std::string, std::string>::first);
+      input.made_of.emplace_back("world",
+                                 was == before->made_by.end() ? "that of the rig that was there before" : was->second);
+      std::string by = "that of the rig that was there, by " + fmt::to_string(fmt::join(kept->by, ", "));
+      if (!kept->moved.empty()) by += "; moved since: " + fmt::to_string(fmt::join(kept->moved, ", "));
+      input.made_of.emplace_back("world_kept", by);
+      if (!options.quiet) std::printf("The world: %s (--new-world begins another one).\n", by.c_str());
+      return;
+    }
+    if (!kept) {
+      std::fprintf(stderr,
+                   "huetrack-calibrate: no two cameras stand to one another as in %s, so its world is not kept: set it "
+                   "anew (huetrack-calibrate world)\n",
+                   options.rig.c_str());
+    }
+  }
+  result.adjustment = solver::in_world(std::move(result.adjustment), guess);
+  input.made_of.emplace_back("world", "a guess: z up as the cameras are held, origin amid the board's places");
+}
+
+// Only the cameras that were kept, in the pictures too.
+gather::FoundBoards kept_of(gather::FoundBoards found, const solver::Extrinsics& result) {
+  std::vector<gather::PictureTally> cameras;
+  std::vector<int> place(found.cameras.size(), -1);
+  for (const int camera : result.kept) {
+    place[static_cast<std::size_t>(camera)] = static_cast<int>(cameras.size());
+    cameras.push_back(found.cameras[static_cast<std::size_t>(camera)]);
+  }
+  gather::FoundBoards kept = found;
+  kept.cameras = std::move(cameras);
+  kept.views.clear();
+  kept.thumbnails.clear();
+  for (std::size_t v = 0; v < found.views.size(); ++v) {
+    const int to = place[static_cast<std::size_t>(found.views[v].camera)];
+    if (to < 0) continue;
+    kept.views.push_back(std::move(found.views[v]));
+    kept.views.back().camera = to;
+    if (v < found.thumbnails.size()) kept.thumbnails.push_back(std::move(found.thumbnails[v]));
+  }
+  return kept;
+}
+
+std::vector<report::CameraLeftOut> left_out_of(const gather::FoundBoards& found, const solver::Extrinsics& result) {
+  std::vector<report::CameraLeftOut> out;
+  for (const solver::LeftOutCamera& camera : result.left_out) {
+    const std::string& name = found.cameras[static_cast<std::size_t>(camera.camera)].name;
+    const auto unseen = std::ranges::find(found.without_boards, name, &std::pair<std::string, std::string>::first);
+    out.push_back({name, unseen == found.without_boards.end() ? camera.why : unseen->second});
+  }
+  return out;
+}
 
 // The lenses and times that were given, for the cameras that were seen.
 std::vector<solver::CameraToCalibrate> cameras_of(const gather::FoundBoards& found,
@@ -47,30 +128,35 @@ std::vector<solver::CameraToCalibrate> cameras_of(const gather::FoundBoards& fou
 }
 
 ExitStatus calibrate(const ExtrinsicsOptions& options, const std::stop_token& stop) {
+  require_folders(output_files(options));
+  const std::optional<calib::CameraRig> before = rig_before(options);
   const board::Board board = board::read_board(options.board);
   gather::GatherOptions gather;
   gather.pictures = {.only = options.cameras, .tolerance_s = options.tolerance_s};
   gather.find = options.find;
   gather.find.progress = !options.quiet;
+  gather.find.least_cameras = 2;
   gather.live = options.live;
-  const gather::FoundBoards found = gather::gather_boards(options.inputs, board, gather, stop);
-  if (found.cameras.size() < 2) {
-    throw gather::InputError("there is one camera only, " + found.cameras.front().name +
+  gather::FoundBoards all = gather::gather_boards(options.inputs, board, gather, stop);
+  if (all.cameras.size() < 2) {
+    throw gather::InputError("there is one camera only, " + all.cameras.front().name +
                              ": extrinsics are of two or more; its lens alone: huetrack-calibrate intrinsics");
   }
-  const auto cameras = cameras_of(found, options.intrinsics);
-  if (std::ranges::any_of(cameras, [](const solver::CameraToCalibrate& camera) { return !camera.model; }))
-    gather::require_views(found, solver::IntrinsicsOptions{}.min_views);
+  const auto cameras = cameras_of(all, options.intrinsics);
   gather::ProgressLine line(!options.quiet);
   solver::ExtrinsicsOptions solve;
   solve.refine_lens = options.refine;
   solve.intrinsics.lens = options.lens;
+  solve.leave_out = true;
   solve.progress = line.progress();
-  solver::Extrinsics result = solver::calibrate_extrinsics(board, cameras, found.views, solve);
+  solver::Extrinsics result = solver::calibrate_extrinsics(board, cameras, all.views, solve);
   line.draw("writing the report");
-  result.adjustment = solver::in_world(std::move(result.adjustment), solver::upright_guess(result.adjustment));
+  const std::vector<report::CameraLeftOut> left_out = left_out_of(all, result);
+  const gather::FoundBoards found = kept_of(std::move(all), result);
   report::ReportInput input = report_input(found, options.inputs);
-  input.made_of.emplace_back("world", "a guess: z up as the cameras are held, origin amid the board's places");
+  input.left_out = left_out;
+  line.clear();
+  choose_world(result, options, before, input);
   if (!options.volume.empty()) {
     const auto& v = options.volume;
     input.volume = solver::WorldBox{{v[0], v[2], v[4]}, {v[1], v[3], v[5]}};
@@ -114,6 +200,8 @@ void add_extrinsics_command(CLI::App& app, Command& chosen) {
           "--tolerance", [options](const double& s) { options->tolerance_s = s; },
           "seconds; frames of different cameras this far apart are of one moment")
       ->check(CLI::PositiveNumber);
+  command->add_flag("--new-world", options->new_world,
+                    "begin a new world; default: that of the rig which is replaced, if its cameras stand as they did");
   command->add_option("--volume", options->volume, "x0 x1 y0 y1 z0 z1, metres: for the expected accuracy")->expected(6);
   command->callback(
       [options, &chosen] { chosen = [options](const std::stop_token& stop) { return calibrate(*options, stop); }; });

@@ -14,6 +14,7 @@ struct IntrinsicsOptions : CalibrationOptions {
 
 ExitStatus calibrate(IntrinsicsOptions options, const std::stop_token& stop) {
   if (options.rig.empty()) options.rig = options.camera + ".yaml";
+  require_folders(output_files(options));
   const board::Board board = board::read_board(options.board);
   gather::GatherOptions gather;
   gather.pictures.only = {options.camera};

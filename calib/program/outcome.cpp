@@ -9,6 +9,7 @@
 #include <map>
 #include <system_error>
 
+#include "calib/gather/picture_source.h"
 #include "calib/gather/write_file.h"
 #include "calib/model/rig_yaml.h"
 
@@ -17,7 +18,25 @@ namespace {
 
 namespace fs = std::filesystem;
 
+// A report belongs to its rig: that of a rig which is not replaced is not replaced either.
+fs::path report_place(report::Verdict verdict, const OutputFiles& files) {
+  std::error_code error;
+  const bool replaces = verdict == report::Verdict::usable || (verdict == report::Verdict::doubtful && files.overwrite);
+  if (files.report_was_named || replaces || !fs::exists(files.rig, error)) return files.report;
+  return fs::path(files.rig).replace_extension("." + std::string(report::name(verdict)) + ".report.html");
+}
+
 }  // namespace
+
+void require_folders(const OutputFiles& files) {
+  for (const fs::path& file : {files.rig, files.report}) {
+    std::error_code error;
+    const fs::path folder = file.has_parent_path() ? file.parent_path() : fs::path(".");
+    if (!fs::is_directory(folder, error))
+      throw gather::InputError(folder.string() + ": there is no such folder to write " + file.filename().string() +
+                               " into");
+  }
+}
 
 calib::UtcTime utc_now() {
   return std::chrono::floor<std::chrono::seconds>(std::chrono::system_clock::now());
@@ -39,6 +58,7 @@ report::ReportInput report_input(const gather::FoundBoards& found, const std::ve
   report::ReportInput input;
   for (const gather::PictureTally& camera : found.cameras) input.cameras.push_back({camera.pictures, camera.boards});
   input.warnings = found.warnings;
+  input.board_doubt = found.board_doubt;
   input.made_of.emplace_back("tool", "huetrack-calibrate " HUETRACK_VERSION);
   if (!inputs.empty()) input.made_of.emplace_back("inputs", fmt::to_string(fmt::join(inputs, " ")));
   std::string sets = std::to_string(found.set_at_s.size()) + " moments used, " + std::to_string(found.sets_looked_at) +
@@ -75,8 +95,9 @@ ExitStatus put_out(const report::CalibrationReport& report, calib::CameraRig rig
     return known == pictures.end() ? nullptr : known->second;
   };
   const std::string text = report::to_text(report);
-  gather::write_file(files.report, report::to_html(report, picture_of));
-  gather::write_file(fs::path(files.report).replace_extension(".txt"), text);
+  const fs::path report_file = report_place(report.verdict, files);
+  gather::write_file(report_file, report::to_html(report, picture_of));
+  gather::write_file(fs::path(report_file).replace_extension(".txt"), text);
   if (!files.quiet) std::fputs(text.c_str(), stdout);
 
   rig.made = {.at = utc_now(), .temperature_c = files.temperature_c, .checks = {}};
@@ -92,12 +113,12 @@ ExitStatus put_out(const report::CalibrationReport& report, calib::CameraRig rig
   const bool is_there = fs::exists(files.rig, error);
   if (report.verdict == report::Verdict::failed) {
     std::fprintf(stderr, "huetrack-calibrate: failed, so %s %s; see %s\n", files.rig.c_str(),
-                 is_there ? "is left as it was" : "is not written", files.report.c_str());
+                 is_there ? "is left as it was" : "is not written", report_file.c_str());
     return ExitStatus::failed;
   }
   const fs::path written = place_for(report.verdict, files.rig, files.overwrite);
   calib::write_rig(rig, written);
-  if (!files.quiet) std::printf("\nwritten: %s; the report with pictures: %s\n", written.c_str(), files.report.c_str());
+  if (!files.quiet) std::printf("\nwritten: %s; the report with pictures: %s\n", written.c_str(), report_file.c_str());
   return status_of(report.verdict);
 }
 

@@ -23,13 +23,18 @@ struct OutputFiles {
   std::filesystem::path report;  // .html; a .txt of the same name is written beside it
   bool overwrite = false;        // a doubtful result may replace a rig that is there
   bool quiet = false;
+  bool report_was_named = false;          // otherwise it stands beside the rig that it is of, and has its name
   std::optional<double> temperature_c{};  // while the pictures were taken, if somebody told
 };
+
+// throws InputError: the rig or the report has no folder to be written into: better now than after all the work.
+void require_folders(const OutputFiles& files);
 
 calib::UtcTime utc_now();
 
 // Prints the report, writes it, and the rig when the verdict allows: a failed result is not written; a doubtful one
-// does not replace a rig that is there but goes beside it, as NAME.doubtful.yaml. made_by of the rig is filled.
+// does not replace a rig that is there but goes beside it, as NAME.doubtful.yaml; nor does its report replace that of
+// the rig that is there. made_by of the rig is filled.
 // throws std::system_error, std::runtime_error: a file cannot be written
 ExitStatus put_out(const report::CalibrationReport& report, calib::CameraRig rig, const gather::FoundBoards& found,
                    const OutputFiles& files);

@@ -32,7 +32,17 @@ constexpr Limits behind_share{0.02, 0.5};      // views that show the board's ba
 constexpr Limits out_of_step{1.6, never};      // noise of all together / of each alone
 constexpr Limits fast_share{2, never};         // rms of views that move fast / of slow ones
 constexpr double latest_s = 0.1;               // that a camera stamps later than another: beyond, it is frames behind
-constexpr double least_coverage = 0.4;         // of the image's cells
+// Of a pixel's ray, where boards were, of the image's width: 0.3 px of 640.
+constexpr Limits ray_share{0.0005, 0.005};
+constexpr double unknown_share = 0.01;  // beyond it a part of the image where no board was shows somewhere, roughly
+constexpr Limits edge_left_out{0.1, never};  // of the corners in the image's outermost parts: left out
+constexpr double blurred_px = 1.8,
+                 blurred_of_others = 1.6;          // edges' blur: from here on, if others' are that much sharper
+constexpr double blurred_alone_px = 2.5;           // or from here on whatever the others' are
+constexpr double blurred_views_share = 0.2;        // views that are blurred by motion, of all
+constexpr Limits noisier{2, never};                // than most cameras' corners
+constexpr Limits halves_ratio{3, never};           // what halves of the recording differ by / should
+constexpr double least_coverage = 0.4;             // of the image's cells
 constexpr int enough_views = 10, least_views = 4;  // distinct ones
 constexpr double least_tilt_range_deg = 20, least_depth_ratio = 1.15;
 constexpr int enough_shared = 8;  // sets, on the way to every camera
@@ -55,12 +65,21 @@ class Judge {
   void run() {
     for (std::size_t c = 0; c < report_.cameras.size(); ++c) {
       fit(report_.cameras[c]);
+      corners(report_.cameras[c]);
+      sharpness(report_.cameras[c]);
       lens(report_.cameras[c], evidence_.covers_image[c]);
       views(report_.cameras[c]);
       side(report_.cameras[c], evidence_.behind[c]);
       pose(report_.cameras[c]);
     }
     together();
+    if (evidence_.extrinsics != nullptr) itself(*evidence_.extrinsics);
+    for (const CameraLeftOut& camera : report_.left_out) {
+      add(Verdict::doubtful, "camera " + camera.name, camera.name + " is left out: " + camera.why,
+          "mend that, and calibrate again; the rig holds for the other cameras");
+    }
+    if (!evidence_.board_doubt.empty())
+      add(Verdict::doubtful, "board file", evidence_.board_doubt, "measure both on the board, and correct its file");
     for (const std::string& warning : evidence_.warnings) {
       add(Verdict::doubtful, "input", warning, "use an undamaged copy, or record it again");
     }
@@ -98,10 +117,128 @@ class Judge {
         "see the list of dropped views: if they are all of one time, something moved then; leave that part out");
   }
 
+  // Corners that were left out, and where: those of the image's edge are the ones that tell a lens.
+  void corners(const CameraReport& camera) {
+    int at_edge = camera.left_out_at_edge;
+    for (int row = 0; row < ImageGrid::rows; ++row) {
+      for (int column = 0; column < ImageGrid::columns; ++column) {
+        const bool edge = row == 0 || column == 0 || row + 1 == ImageGrid::rows || column + 1 == ImageGrid::columns;
+        if (edge) at_edge += camera.grid.corners[static_cast<std::size_t>(row * ImageGrid::columns + column)];
+      }
+    }
+    const int all = camera.corners_used + camera.corners_left_out;
+    constexpr int few = 10;
+    const double share = at_edge > few ? static_cast<double>(camera.left_out_at_edge) / at_edge : 0;
+    add(edge_left_out.judge(share), "corners left out of " + camera.name,
+        fmt::format("{}: {} of {} corners do not fit and were left out, {} of them among the {} at the image's edge",
+                    camera.name, camera.corners_left_out, all, camera.left_out_at_edge, at_edge),
+        "the lens model does not reach the image's edge: leave --lens out, so that one is chosen that does; or the "
+        "board is not flat");
+  }
+
+  void sharpness(const CameraReport& camera) {
+    if (camera.blur_px <= 0) return;
+    double sharpest = camera.blur_px;
+    for (const CameraReport& other : report_.cameras) {
+      if (other.blur_px > 0) sharpest = std::min(sharpest, other.blur_px);
+    }
+    const bool blurred = camera.blur_px > blurred_alone_px ||
+                         (camera.blur_px > blurred_px && camera.blur_px > blurred_of_others * sharpest);
+    add(blurred ? Verdict::doubtful : Verdict::usable, "sharpness of " + camera.name,
+        fmt::format("{}: its pictures are blurred by {:.1f} px (standard deviation of an edge){}", camera.name,
+                    camera.blur_px,
+                    report_.cameras.size() > 1 ? fmt::format(", the sharpest camera's by {:.1f} px", sharpest) : ""),
+        "focus it, and clean its lens; then calibrate again, because the focus is part of the lens");
+    const double share = static_cast<double>(camera.blurred_views) / std::max(1, camera.views_used);
+    add(share > blurred_views_share ? Verdict::doubtful : Verdict::usable, "motion blur of " + camera.name,
+        fmt::format("{}: {} of its {} views are far more blurred than the others", camera.name, camera.blurred_views,
+                    camera.views_used),
+        "move the board more slowly or expose more briefly, and switch autofocus off");
+  }
+
+  // What the adjustment says against itself.
+  void itself(const solver::Extrinsics& result) {
+    if (result.board_is_warped) {
+      const solver::BoardWarp &warp = result.adjustment.warp, &sigma = result.adjustment.warp_sigma;
+      const double bend = warp.head<2>().norm(), stretch = std::abs(warp(2));
+      // Which of them it is told by: what it moves corners by, roughly.
+      const bool is_stretched = stretch > 4 * sigma(2) && stretch > 0.0005;
+      const bool is_bent =
+          warp.head<2>().cwiseAbs().cwiseQuotient(sigma.head<2>()).maxCoeff() > 4 && (bend > 0.0005 || !is_stretched);
+      if (is_bent) {
+        add(Verdict::doubtful, "flatness of the board",
+            fmt::format(
+                "the board is bent: its middle stands out by {:.1f} mm along x and {:.1f} mm along y (+- {:.1f} "
+                "mm), which is accounted for",
+                1000 * warp(0), 1000 * warp(1), 1000 * sigma.head<2>().maxCoeff()),
+            "glue the print onto something flat (glass, aluminium, a table's top), and calibrate again");
+      }
+      if (is_stretched) {
+        add(Verdict::doubtful, "squares of the board",
+            fmt::format("the print is stretched: its squares are {:.2f} % (+- {:.2f}) longer along {} than along {}, "
+                        "which is accounted for; how large they are in the mean no picture tells",
+                        100 * stretch, 100 * sigma(2), warp(2) > 0 ? "x" : "y", warp(2) > 0 ? "y" : "x"),
+            "measure ten squares along both, and give pitch: [x, y] in the board file");
+      }
+    }
+    if (result.moved_within) {
+      const solver::MovedWithin& moved = *result.moved_within;
+      const std::string& name = report_.cameras[static_cast<std::size_t>(moved.camera)].name;
+      add(Verdict::doubtful, "stand of " + name,
+          fmt::format("{} moved while it was recorded: by {:.1f} mm and {:.2f} degrees, before {}{}", name,
+                      1000 * moved.moved_m, moved.turned_rad * 180 / std::numbers::pi, moved.image,
+                      moved.or_another ? " (or the other camera did: two cannot tell)" : ""),
+          "fasten it, and record anew; or leave out what was recorded before that moment");
+    }
+    for (const solver::HalvesCheck& half : result.halves) {
+      using Split = solver::HalvesCheck::Split;
+      const char* what = half.split == Split::in_time    ? "the two halves of the recording"
+                         : half.split == Split::in_place ? "boards at the two ends of the volume"
+                                                         : "every second piece of the recording and the rest";
+      add(halves_ratio.judge(half.ratio()), std::string("agreement of ") + what,
+          fmt::format("{} put points {:.2f} mm apart from what all do, where {:.2f} mm are to be expected{}", what,
+                      1000 * half.seen_m, 1000 * half.expected_m,
+                      half.ratio() > solver::most_halves_ratio ? ": all uncertainties are widened by that" : ""),
+          "something is not as the calibration believes: a camera or the focus moved, the board bends or is not as its "
+          "file says, or the pictures are not of one moment");
+    }
+    for (std::size_t c = 0; c < result.contradictions.size(); ++c) {
+      const std::string& name = report_.cameras[c].name;
+      if (result.contradictions[c]) {
+        const double covered = result.contradictions[c]->covered;
+        add(covered < least_coverage ? Verdict::doubtful : Verdict::usable, "given lens of " + name,
+            fmt::format("{}: the lens that was given was replaced by one from these views, which cover {:.0f} % of its "
+                        "image",
+                        name, 100 * covered),
+            "find the lens by itself (intrinsics), with the board all over its image; --refine-lens no keeps the one "
+            "that is given");
+      }
+      if (result.kept_against[c]) {
+        add(Verdict::usable, "given lens of " + name,
+            fmt::format(
+                "{}: the lens that was given stays, though another fits these views better: they cover {:.0f} % "
+                "of its image, too little to tell",
+                name, 100 * result.kept_against[c]->covered),
+            "");
+      }
+    }
+  }
+
   void lens(const CameraReport& camera, bool covers) {
     const solver::LensParameters& l = camera.parameters;
     const double focal = std::max(camera.sigma(0) / l(0), camera.sigma(1) / l(1));
+    const double rays_px = camera.rays.covered_px;
     if (focal > 0) {
+      const bool far = camera.rays.image_px > unknown_share * camera.image_size.width;
+      add(ray_share.judge(rays_px / camera.image_size.width), "rays of " + camera.name,
+          fmt::format(
+              "{}: where boards were, pixels look where they should to {:.2f} px (95 %); over the whole image to "
+              "{:.2g} px{}",
+              camera.name, rays_px, camera.rays.image_px, far ? ": where no board was it is a guess" : ""),
+          "show the board in all parts of the image, tilted, near and far");
+    }
+    // Of the stereographic lens its rays tell: its parameters make up for one another.
+    if (focal > 0 && camera.lens != solver::LensModel::stereographic) {
       add(focal_share.judge(focal), "focal length of " + camera.name,
           fmt::format("{}: fx {:.1f} +- {:.1f}, fy {:.1f} +- {:.1f} px", camera.name, l(0), camera.sigma(0), l(1),
                       camera.sigma(1)),
@@ -169,6 +306,12 @@ class Judge {
 
   void pose(const CameraReport& camera) {
     if (!camera.cam_from_world) return;
+    if (camera.relative_noise > 1) {
+      add(noisier.judge(camera.relative_noise), "noise of " + camera.name,
+          fmt::format("{}: its corners scatter {:.1f} times as much as those of most cameras, and count less",
+                      camera.name, camera.relative_noise),
+          "see whether its pictures are sharp, and whether it is in step with the others: its stamps, its exposure");
+    }
     const Range distance(camera.distance_m);
     const double middle = std::max(1e-9, (distance.low + distance.high) / 2);
     const double turn_deg = camera.rotation_sigma_rad * 180 / std::numbers::pi;
@@ -199,9 +342,13 @@ class Judge {
     }
     if (evidence_.alone_px > 0) {
       const double ratio = report_.noise_px / evidence_.alone_px;
-      add(out_of_step.judge(ratio), "agreement between the cameras",
-          fmt::format("corners scatter by {:.2f} px for all cameras together, by {:.2f} px for each camera alone",
-                      report_.noise_px, evidence_.alone_px),
+      const CameraReport& worst = *std::ranges::max_element(report_.cameras, {}, &CameraReport::rms_px);
+      // A camera that moved explains it.
+      const bool explained = evidence_.extrinsics != nullptr && evidence_.extrinsics->moved_within.has_value();
+      add(explained ? Verdict::usable : out_of_step.judge(ratio), "agreement between the cameras",
+          fmt::format("corners scatter by {:.2f} px for all cameras together, by {:.2f} px for each camera alone, most "
+                      "in {}",
+                      report_.noise_px, evidence_.alone_px, worst.name),
           "the cameras do not expose at the same moment, or one was moved while recording: hold the board still for a "
           "second at each place (only still moments are then used), or give the cameras' clock offsets in "
           "recording.yaml (offset_s)");

@@ -15,6 +15,8 @@ struct Evidence {
   double stamps_s = 0;                // by how much the time stamps of a board that moves scatter; 0: it does not move
   std::vector<bool> covers_image;     // per camera: its lens model reaches the image's corners
   std::vector<std::string> warnings;  // damaged files
+  std::string board_doubt;            // empty: none
+  const solver::Extrinsics* extrinsics = nullptr;  // nullptr: a lens alone
 };
 
 // Sets checks and verdict.

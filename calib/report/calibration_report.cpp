@@ -24,11 +24,23 @@ Vector3d middle_of(const board::Board& board) {
   return middle;
 }
 
-int cell_of(const Vector2d& px, calib::ImageSize size) {
-  const int column =
-      std::clamp(static_cast<int>((px.x() + 0.5) / size.width * ImageGrid::columns), 0, ImageGrid::columns - 1);
-  const int row = std::clamp(static_cast<int>((px.y() + 0.5) / size.height * ImageGrid::rows), 0, ImageGrid::rows - 1);
-  return row * ImageGrid::columns + column;
+bool is_at_edge(std::size_t cell) {
+  const auto column = cell % ImageGrid::columns, row = cell / ImageGrid::columns;
+  return column == 0 || row == 0 || column + 1 == ImageGrid::columns || row + 1 == ImageGrid::rows;
+}
+
+// How blurred a camera's views are, and how many far more than its others: those in which the board moved, or the
+// camera focused.
+void add_blur(CameraReport& report, const std::vector<const solver::BoardView*>& views) {
+  constexpr double far_more = 1.8;
+  std::vector<double> blurs;
+  for (const solver::BoardView* view : views) {
+    if (view->blur_px > 0) blurs.push_back(view->blur_px);
+  }
+  if (blurs.empty()) return;
+  report.blur_px = calib::median(blurs);
+  report.blurred_views =
+      static_cast<int>(std::ranges::count_if(blurs, [&](double blur) { return blur > far_more * report.blur_px; }));
 }
 
 // Views that no other one before them resembles: the corners' median distance is over a hundredth of the image's width.
@@ -72,8 +84,13 @@ CameraReport camera_report(const solver::Adjustment& a, int c, Evidence& evidenc
     double view_sum = 0;
     int view_corners = 0;
     for (std::size_t k = 0; k < view.ids.size(); ++k) {
-      if (!a.fits[v].used[k]) continue;
-      const auto cell = index(cell_of(view.px[k], camera.image_size));
+      const auto cell = index(solver::ImageStations::cell_of(view.px[k], camera.image_size));
+      if (!a.fits[v].used[k]) {
+        ++report.grid.left_out[cell];
+        ++report.corners_left_out;
+        report.left_out_at_edge += is_at_edge(cell) ? 1 : 0;
+        continue;
+      }
       ++report.grid.corners[cell];
       sums[cell] += a.fits[v].residuals[k];
       view_sum += a.fits[v].residuals[k].squaredNorm();
@@ -108,6 +125,9 @@ CameraReport camera_report(const solver::Adjustment& a, int c, Evidence& evidenc
   }
   report.coverage = static_cast<double>(filled) / static_cast<double>(sums.size());
   report.pattern_px = cells > 0 ? std::sqrt(pattern / cells) : 0;
+  add_blur(report, used_views);
+  report.rays = solver::ray_uncertainty(a, c);
+  report.relative_noise = camera.relative_noise;
   evidence.behind.push_back(used_views.empty() ? 0 : static_cast<double>(behind) / report.views_used);
   evidence.covers_image.push_back(solver::covers_image(camera.model(), camera.image_size));
   return report;
@@ -192,6 +212,8 @@ CalibrationReport base_report(const solver::Adjustment& a, const ReportInput& in
   for (const solver::BoardView& view : a.views) sets.insert(view.set);
   report.sets = static_cast<int>(sets.size());
   evidence.warnings = input.warnings;
+  evidence.board_doubt = input.board_doubt;
+  report.left_out = input.left_out;
   add_views(report, a);
   return report;
 }
@@ -221,6 +243,7 @@ CalibrationReport report_on(const solver::Extrinsics& result, const ReportInput&
   const solver::Adjustment& a = result.adjustment;
   Evidence evidence;
   evidence.alone_px = result.alone_px;
+  evidence.extrinsics = &result;
   compare_speeds(a, evidence);
   CalibrationReport report = base_report(a, input, evidence);
   report.title = "Cameras";

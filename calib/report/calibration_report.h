@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "calib/solver/extrinsics.h"
+#include "calib/solver/ray_uncertainty.h"
 #include "calib/solver/volume_accuracy.h"
 
 namespace huetrack::report {
@@ -28,10 +29,11 @@ struct Check {
   std::string advice;   // what to do; empty when usable
 };
 
-// Cells of an image: columns x rows, row by row.
+// Cells of an image: columns x rows, row by row; those of solver::ImageStations.
 struct ImageGrid {
-  static constexpr int columns = 8, rows = 6;
+  static constexpr int columns = solver::ImageStations::columns, rows = solver::ImageStations::rows;
   std::array<int, 48> corners{};                    // used ones in the cell
+  std::array<int, 48> left_out{};                   // those that do not fit, of views that are used
   std::array<Eigen::Vector2d, 48> mean_residual{};  // measured minus projected, pixels; zero where there is no corner
 };
 
@@ -47,14 +49,21 @@ struct CameraReport {
   std::vector<solver::LensTrial> trials;
   int pictures = 0, boards = 0;  // looked at, and with the board in it; 0 pictures: not known
   int views_used = 0, corners_used = 0;
+  int corners_left_out = 0, left_out_at_edge = 0;  // of used views; at_edge: in the image's outermost cells
   int distinct_views = 0;  // of views_used, without those that show the board at the place of another
   double rms_px = 0;
   double worst_view_rms_px = 0;
   std::string worst_view;
   ImageGrid grid;
-  double coverage = 0;                               // share of the image's cells with corners in them
-  std::vector<double> tilt_deg;                      // per used view: of the board, against the line of sight
-  std::vector<double> distance_m;                    // per used view: of the board's centre
+  double coverage = 0;             // share of the image's cells with corners in them
+  std::vector<double> tilt_deg;    // per used view: of the board, against the line of sight
+  std::vector<double> distance_m;  // per used view: of the board's centre
+  solver::RayUncertainty rays;     // where its pixels look
+  // Standard deviation of its edges' blur, median over its views, 0: not known; how many views are far more blurred
+  // than its others; and how much noisier its corners are than those of most cameras.
+  double blur_px = 0;
+  int blurred_views = 0;
+  double relative_noise = 1;
   double pattern_px = 0;                             // rms of what the lens model leaves systematically, over the cells
   std::optional<calib::Rigid3d> cam_from_world;      // nullopt: a lens alone
   Eigen::Vector3d centre = Eigen::Vector3d::Zero();  // in the world, metres
@@ -67,6 +76,11 @@ struct PairReport {
   int shared_sets = 0;
   double rms_px = 0;
   double distance_m = 0, distance_sigma_m = 0;  // of the cameras' centres: what a tape measure can check
+};
+
+// A camera that has no place in the result, and why.
+struct CameraLeftOut {
+  std::string name, why;
 };
 
 struct DroppedView {
@@ -82,6 +96,7 @@ struct CalibrationReport {
   std::vector<CameraReport> cameras;
   std::vector<PairReport> pairs;
   std::vector<DroppedView> dropped;
+  std::vector<CameraLeftOut> left_out;
   std::vector<Check> checks;  // all of them, the good ones too; the worst first
   Verdict verdict = Verdict::usable;
   double rms_px = 0, noise_px = 0;
@@ -100,6 +115,8 @@ struct ReportInput {
   };
   std::vector<OfCamera> cameras;           // beside the result's; may be empty
   std::vector<std::string> warnings;       // damaged files: each a doubt
+  std::string board_doubt{};               // what the pictures say against the board file; empty: nothing
+  std::vector<CameraLeftOut> left_out{};   // cameras that should have been in it
   std::optional<solver::WorldBox> volume;  // nullopt: where the board was
   std::vector<std::pair<std::string, std::string>> made_of;
 };

@@ -69,9 +69,16 @@ std::string image_map(const CameraReport& camera) {
           n == 0 ? "#ffffff" : shade(0.08 + 0.5 * std::log1p(n) / std::log1p(static_cast<double>(most)));
       svg += fmt::format(
           "<rect x='{:.1f}' y='{:.1f}' width='{:.1f}' height='{:.1f}' fill='{}' stroke='#c6ced8'><title>{} corners, "
-          "mean residual ({:.3f}, {:.3f}) px</title></rect>",
+          "mean residual ({:.3f}, {:.3f}) px; {} left out; its pixels look where they should to {:.2f} "
+          "px</title></rect>",
           1 + column * w, 1 + row * h, w, h, fill, n, camera.grid.mean_residual[cell].x(),
-          camera.grid.mean_residual[cell].y());
+          camera.grid.mean_residual[cell].y(), camera.grid.left_out[cell], camera.rays.sigma_px[cell]);
+      if (camera.rays.image_px > 0)
+        svg += fmt::format("<text x='{:.1f}' y='{:.1f}' fill='#5b6673' font-size='8'>{:.2g}</text>", 3 + column * w,
+                           9 + row * h, camera.rays.sigma_px[cell]);
+      if (camera.grid.left_out[cell] > 0)
+        svg += fmt::format("<text x='{:.1f}' y='{:.1f}' fill='#b91c1c' font-size='8' text-anchor='end'>-{}</text>",
+                           (column + 1) * w - 1, (row + 1) * h - 2, camera.grid.left_out[cell]);
     }
   }
   for (int row = 0; row < ImageGrid::rows; ++row) {
@@ -86,7 +93,8 @@ std::string image_map(const CameraReport& camera) {
   svg += fmt::format("<text x='{:.1f}' y='{:.1f}'>{:g} px</text></svg>", 10 + zoom * unit_px, height + 18, unit_px);
   return "<figure>" + svg +
          "<figcaption>Blue: where the board's corners were (white: never). Arrows: the residuals' mean " +
-         "in each part; noise alone leaves them short and in all directions.</figcaption></figure>";
+         "in each part; noise alone leaves them short and in all directions. Grey: by how many px a pixel there may "
+         "look elsewhere (standard deviation). Red: corners that do not fit and were left out.</figcaption></figure>";
 }
 
 // Every view as a point: how far away, how tilted.
@@ -131,9 +139,12 @@ std::string lens_table(const CameraReport& camera) {
 std::string trials_table(const CameraReport& camera) {
   if (camera.trials.size() < 2) return {};
   std::string out =
-      "<table><tr><th>lens model</th><th class=n>rms of its views</th><th class=n>of others</th><th></th></tr>";
+      "<table><tr><th>lens model</th><th class=n>rms of its views</th><th class=n>corners left out</th><th class=n>rms "
+      "of others, "
+      "edge and all</th><th></th></tr>";
   for (const solver::LensTrial& trial : camera.trials) {
-    out += fmt::format("<tr><td>{}</td><td class=n>{:.3f}</td><td class=n>", solver::name(trial.lens), trial.rms_px);
+    out += fmt::format("<tr><td>{}</td><td class=n>{:.3f}</td><td class=n>{}</td><td class=n>",
+                       solver::name(trial.lens), trial.rms_px, trial.left_out);
     out += trial.held_out_px > 0 ? fmt::format("{:.3f}", trial.held_out_px) : std::string("-");
     out += "</td><td>" + escaped(trial.possible ? std::string() : solver::fault_text(trial)) +
            (trial.lens == camera.lens ? "<b>chosen</b>" : "") + "</td></tr>";
@@ -378,15 +389,18 @@ std::string to_html(const CalibrationReport& report, const PictureOf& picture_of
         "Measure between two lenses:</p>" +
         pair_table(report);
     out += fmt::format(
-        "\n<h2>Expected accuracy</h2><p>In the {:.2f} x {:.2f} x {:.2f} m where the board was, the calibration itself "
+        "\n<h2>Expected accuracy</h2><p>In {:.2f} x {:.2f} x {:.2f} m of the world (x {:.2f} to {:.2f}, y {:.2f} to "
+        "{:.2f}, z "
+        "{:.2f} to {:.2f}), the calibration itself "
         "misplaces "
         "points by {:.2f} mm (median; 95 %: {:.2f} mm), after the best rigid alignment. With an object whose centre is "
         "seen to "
         "{:.1f} px it is {:.2f} mm ({:.2f} mm). Two or more cameras see {:.0f} % of the volume. The slices show the "
         "latter; "
         "standard deviation of the position.</p>",
-        size.x(), size.y(), size.z(), 1000 * v.median_by_calibration_m, 1000 * v.p95_by_calibration_m,
-        v.object_noise_px, 1000 * v.median_total_m, 1000 * v.p95_total_m, 100 * v.covered);
+        size.x(), size.y(), size.z(), v.box.low.x(), v.box.high.x(), v.box.low.y(), v.box.high.y(), v.box.low.z(),
+        v.box.high.z(), 1000 * v.median_by_calibration_m, 1000 * v.p95_by_calibration_m, v.object_noise_px,
+        1000 * v.median_total_m, 1000 * v.p95_total_m, 100 * v.covered);
     out += slices(v) + "<h3>The rig</h3>" + plan(report);
   }
   for (std::size_t c = 0; c < report.cameras.size(); ++c) {

@@ -50,6 +50,16 @@ std::string to_text(const CalibrationReport& report) {
     if (!camera.lens_reason.empty()) out += camera.name + ": " + camera.lens_reason + "\n";
   }
   for (const CameraReport& camera : report.cameras) {
+    out += fmt::format("{}: {} corners left out, {} of them at the image's edge", camera.name, camera.corners_left_out,
+                       camera.left_out_at_edge);
+    if (camera.rays.image_px > 0)
+      out += fmt::format(
+          "; where boards were, pixels look where they should to {:.2f} px, over the whole image to {:.2g} px",
+          camera.rays.covered_px, camera.rays.image_px);
+    if (camera.blur_px > 0) out += fmt::format("; edges blurred by {:.1f} px", camera.blur_px);
+    out += "\n";
+  }
+  for (const CameraReport& camera : report.cameras) {
     if (!camera.timing.empty()) out += camera.name + ": " + camera.timing + "\n";
   }
   if (!report.lens_reason.empty()) out += report.lens_reason + "\n";
@@ -67,12 +77,15 @@ std::string to_text(const CalibrationReport& report) {
     const solver::VolumeAccuracy& v = *report.volume;
     const auto size = v.box.high - v.box.low;
     out += fmt::format(
-        "\nExpected accuracy in {:.2f} x {:.2f} x {:.2f} m: {:.2f} mm by the calibration (95 % of the volume: {:.2f} "
+        "\nExpected accuracy in {:.2f} x {:.2f} x {:.2f} m, which is x {:.2f} to {:.2f}, y {:.2f} to {:.2f}, z {:.2f} "
+        "to {:.2f} of "
+        "the world: {:.2f} mm by the calibration (95 % of the volume: {:.2f} "
         "mm);\n"
         "{:.2f} mm ({:.2f} mm) for an object whose centre is seen to {:.1f} px. Two or more cameras see {:.0f} % of "
         "it.\n",
-        size.x(), size.y(), size.z(), 1000 * v.median_by_calibration_m, 1000 * v.p95_by_calibration_m,
-        1000 * v.median_total_m, 1000 * v.p95_total_m, v.object_noise_px, 100 * v.covered);
+        size.x(), size.y(), size.z(), v.box.low.x(), v.box.high.x(), v.box.low.y(), v.box.high.y(), v.box.low.z(),
+        v.box.high.z(), 1000 * v.median_by_calibration_m, 1000 * v.p95_by_calibration_m, 1000 * v.median_total_m,
+        1000 * v.p95_total_m, v.object_noise_px, 100 * v.covered);
   }
   for (const DroppedView& view : report.dropped) {
     out += "dropped: " + view.image + " (" + report.cameras[static_cast<std::size_t>(view.camera)].name +

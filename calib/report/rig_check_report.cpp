@@ -29,6 +29,13 @@ Check names_check(const solver::RigCheck& check, const calib::CameraRig& rig) {
           "give the pictures of each under its own name (which device is which, after a reboot?)"};
 }
 
+Check mirrored_check(const solver::RigCheck& check, const calib::CameraRig& rig) {
+  return {Verdict::failed, "images of " + name_in(rig, *check.mirrored),
+          fmt::format("the images of {} are mirrored (left and right swapped): mirrored back they fit the rig",
+                      name_in(rig, *check.mirrored)),
+          "record them as the sensor sees them, and check again"};
+}
+
 // Who it was that moved, as far as the views tell.
 std::string who(const solver::RigCheck& check, const calib::CameraRig& rig, const solver::MovedCamera& moved) {
   const std::string& name = name_in(rig, moved.camera);
@@ -84,6 +91,8 @@ RigCheckReport report_on(const solver::RigCheck& check, const calib::CameraRig& 
     report.checks.push_back(scale_check(check));
   } else if (check.swapped) {
     report.checks.push_back(names_check(check, rig));
+  } else if (check.mirrored) {
+    report.checks.push_back(mirrored_check(check, rig));
   } else {
     for (std::size_t c = 0; c < rig.cameras.size(); ++c) add_camera(report.checks, check, rig, c);
   }
@@ -101,6 +110,7 @@ std::string to_text(const RigCheckReport& report, const solver::RigCheck& check)
     out += one.finding + ".\n";
     if (one.verdict != Verdict::usable) out += "    -> " + one.advice + ".\n";
   }
+  if (check.mirrored) return out;  // nothing was measured
   return out + fmt::format("{} cameras; corners fit to {:.3f} px rms with the rig as it is, to {:.3f} px at best.\n",
                            check.rms_px.size(), check.as_is_px, check.best_px);
 }

@@ -31,6 +31,11 @@ std::string choice_text(const solver::Intrinsics& lens) {
     case solver::LensChoice::best:
       return fmt::format("{} predicts views that it was not fitted to best ({:.3f} px)", solver::name(chosen.lens),
                          chosen.held_out_px);
+    case solver::LensChoice::closer:
+      return fmt::format(
+          "{} predicts views that it was not fitted to as well ({:.3f} px) as {} ({:.3f} px), and fits all corners "
+          "better",
+          solver::name(chosen.lens), chosen.held_out_px, solver::name(best.lens), best.held_out_px);
     case solver::LensChoice::simpler:
       return fmt::format(
           "{} predicts views that it was not fitted to as well ({:.3f} px) as {} ({:.3f} px), and is simpler",

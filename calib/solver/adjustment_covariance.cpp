@@ -34,7 +34,7 @@ void widen_where_pixels_are_not_square(const Adjustment& a, const std::vector<in
 struct ParameterLayout {
   int size = 0;         // of all
   int camera_size = 0;  // of the cameras', which come first
-  int bend_offset = -1;
+  int warp_offset = -1;
   std::vector<int> free, held;  // parameters that were adjusted; and those that were not, though they are not exact
 };
 
@@ -68,9 +68,9 @@ ParameterLayout lay_out(Adjustment& a) {
     }
   }
   layout.camera_size = layout.size;
-  if (a.bend_is_free) {
-    layout.bend_offset = layout.size;
-    for (int i = 0; i < 2; ++i) layout.free.push_back(layout.size++);
+  if (a.warp_is_free) {
+    layout.warp_offset = layout.size;
+    for (int i = 0; i < 3; ++i) layout.free.push_back(layout.size++);
   }
   return layout;
 }
@@ -85,13 +85,13 @@ void add_view(const Adjustment& a, std::size_t v, int view_in_set, const BoardSh
   const int lens_size = is_laid_out && a.lens_offset[c] >= 0 ? parameter_count(camera.lens) : 0;  // held ones too
   const int pose_size = is_laid_out && a.pose_offset[c] >= 0 ? 6 : 0;
   const int time_size = is_laid_out && moves && a.time_offset[c] >= 0 ? 2 : 0;
-  const int bend_size = layout.bend_offset >= 0 ? 2 : 0;
-  const int local = lens_size + pose_size + time_size + bend_size, own = static_cast<int>(set.by_own.rows());
+  const int warp_size = layout.warp_offset >= 0 ? 3 : 0;
+  const int local = lens_size + pose_size + time_size + warp_size, own = static_cast<int>(set.by_own.rows());
   std::vector<int> at;  // where the local parameters are in the global ones
   for (int i = 0; i < lens_size; ++i) at.push_back(a.lens_offset[c] + i);
   for (int i = 0; i < pose_size; ++i) at.push_back(a.pose_offset[c] + i);
   for (int i = 0; i < time_size; ++i) at.push_back(a.time_offset[c] + i);
-  for (int i = 0; i < bend_size; ++i) at.push_back(layout.bend_offset + i);
+  for (int i = 0; i < warp_size; ++i) at.push_back(layout.warp_offset + i);
   MatrixXd jtj = MatrixXd::Zero(local, local), jtb = MatrixXd::Zero(local, own), j(2, local),
            j_own = MatrixXd::Zero(2, own);
   VectorXd jtr = VectorXd::Zero(local);
@@ -101,18 +101,22 @@ void add_view(const Adjustment& a, std::size_t v, int view_in_set, const BoardSh
     CornerDerivatives d;
     if (!corner_residual(a, shape, v, k, r, &d)) continue;
     set.residuals += 2;
+    const double weight = 1 / camera.relative_noise;  // of a residual: all noises are one then
     if (lens_size > 0) j.leftCols(lens_size) = d.by_lens.leftCols(lens_size);
     if (pose_size > 0) j.middleCols(lens_size, 6) = d.by_camera;
     if (time_size > 0) {
       j.col(lens_size + pose_size) = -d.by_time;
       j.col(lens_size + pose_size + 1) = corner_of(a, shape, v, k).below_middle * d.by_time;
     }
-    if (bend_size > 0) j.rightCols(2) = d.by_bend;
+    if (warp_size > 0) j.rightCols(3) = d.by_warp;
     j_own.leftCols<6>() = d.by_board;
     if (moves) {
       j_own.middleCols<12>(own_course_at) = d.by_course;
       j_own.col(own_stamps_at + view_in_set) = d.by_time;
     }
+    j *= weight;
+    j_own *= weight;
+    r *= weight;
     jtj.noalias() += j.transpose() * j;
     jtb.noalias() += j.transpose() * j_own;
     jtr.noalias() += j.transpose() * r;
@@ -159,6 +163,7 @@ SetEquations set_equations(const Adjustment& a, const BoardShape& shape, const P
 // The normal equations of all views, with what is the sets' own eliminated.
 struct NormalEquations {
   struct OfSet {
+    int set = 0;
     MatrixXd information;
     VectorXd gradient;
   };
@@ -180,9 +185,20 @@ NormalEquations normal_equations(const Adjustment& a, const BoardShape& shape, c
     equations.residuals += set.residuals;
     equations.own += static_cast<int>(set.by_own.rows());
     const Eigen::LDLT<MatrixXd> solver(set.by_own);
-    equations.of_sets.push_back({set.by_parameters - set.mixed * solver.solve(set.mixed.transpose()),
+    equations.of_sets.push_back({a.views[first].set,
+                                 set.by_parameters - set.mixed * solver.solve(set.mixed.transpose()),
                                  set.gradient - set.mixed * solver.solve(set.own_gradient)});
     equations.information += equations.of_sets.back().information;
+  }
+  for (std::size_t c = 0; c < a.cameras.size(); ++c) {
+    if (a.lens_offset[c] < 0 || !a.cameras[c].lens_is_free) continue;
+    for (const LensBelief& belief : lens_beliefs(a.cameras[c])) {
+      const int at = a.lens_offset[c] + belief.parameter;
+      const double weight = belief_px / belief.sigma, off = weight * a.cameras[c].parameters(belief.parameter);
+      equations.information(at, at) += weight * weight;
+      equations.cost += off * off;
+      ++equations.residuals;
+    }
   }
   for (std::size_t c = 0; c < a.cameras.size(); ++c) {
     if (a.time_offset[c] < 0) continue;
@@ -208,23 +224,51 @@ MatrixXd inverse_of(const MatrixXd& information, const VectorXd& scale) {
          scale.asDiagonal();
 }
 
-// The parameters' variances by leaving out one set after another and looking how far that moves them (jackknife):
-// larger than by the noise where the corners of one moment err together, as with blur, a bent board or cameras out of
-// step.
-VectorXd jackknife_variances(const NormalEquations& equations, const MatrixXd& information, const VectorXd& scale,
-                             const std::vector<int>& free) {
-  const int sets = static_cast<int>(equations.of_sets.size());
-  VectorXd spread = VectorXd::Zero(information.rows());
-  for (const NormalEquations::OfSet& set : equations.of_sets) {
-    const MatrixXd others =
-        scale.asDiagonal() * (information - MatrixXd(set.information(free, free))) * scale.asDiagonal();
-    const VectorXd gradient = scale.asDiagonal() * VectorXd(set.gradient(free));
-    const VectorXd move =
-        scale.asDiagonal() *
-        (others + 1e-12 * MatrixXd::Identity(information.rows(), information.cols())).ldlt().solve(gradient);
-    spread += move.cwiseAbs2() * (sets - 1) / sets;
+// Of a board that moves sets close upon one another say how each other's boards move, so that they err together: such
+// pieces count as one.
+std::vector<NormalEquations::OfSet> pieces_of(const Adjustment& a, const NormalEquations& equations) {
+  constexpr int most_sets = 4;  // so that a long course without a gap is still many pieces
+  std::vector<NormalEquations::OfSet> pieces;
+  const BoardMotion* before = nullptr;
+  int sets = 0;  // of the last piece
+  for (const NormalEquations::OfSet& of_set : equations.of_sets) {
+    const BoardMotion* motion = a.moves(of_set.set) ? &a.motions[index(of_set.set)] : nullptr;
+    const bool goes_on = before && motion && std::abs(motion->at_s - before->at_s) < longest_gap_s;
+    before = motion;
+    if (!goes_on || sets == most_sets) {
+      pieces.push_back(of_set);
+      sets = 1;
+      continue;
+    }
+    pieces.back().information += of_set.information;
+    pieces.back().gradient += of_set.gradient;
+    ++sets;
   }
-  return spread;
+  return pieces;
+}
+
+// How leaving out one piece after another moves the parameters (jackknife), a column each, so that the sum of a row's
+// squares is the parameter's variance.
+MatrixXd jackknife_moves(const std::vector<NormalEquations::OfSet>& pieces, const MatrixXd& information,
+                         const VectorXd& scale, const std::vector<int>& free) {
+  const auto count = static_cast<double>(pieces.size());
+  MatrixXd moves(information.rows(), static_cast<Eigen::Index>(pieces.size()));
+  for (std::size_t k = 0; k < pieces.size(); ++k) {
+    const MatrixXd others =
+        scale.asDiagonal() * (information - MatrixXd(pieces[k].information(free, free))) * scale.asDiagonal();
+    const VectorXd gradient = scale.asDiagonal() * VectorXd(pieces[k].gradient(free));
+    moves.col(static_cast<Eigen::Index>(k)) =
+        std::sqrt((count - 1) / count) * scale.asDiagonal() *
+        (others + 1e-12 * MatrixXd::Identity(information.rows(), information.cols())).ldlt().solve(gradient);
+  }
+  return moves;
+}
+
+// The scatter between pieces is larger than by the noise where the corners of one moment err together, as with blur, a
+// bent board, stamps, or cameras out of step. It widens the bounds but never narrows them: few sets tell little.
+MatrixXd widened(const MatrixXd& covariance, const MatrixXd& moves) {
+  const VectorXd widen = (moves.rowwise().squaredNorm().array() / covariance.diagonal().array()).cwiseMax(1).sqrt();
+  return widen.asDiagonal() * covariance * widen.asDiagonal();
 }
 
 // An error of what was held moves what was adjusted. covariance: of the free ones, to which that is added.
@@ -255,7 +299,6 @@ void find_covariance(Adjustment& a, const BoardShape& shape) {
   const ParameterLayout layout = lay_out(a);
   const auto& free = layout.free;
   const NormalEquations equations = normal_equations(a, shape, layout);
-  const int sets = static_cast<int>(equations.of_sets.size());
   const int freedom = equations.residuals - static_cast<int>(free.size()) - equations.own;
   a.noise_px = std::sqrt(equations.cost / std::max(1, freedom));
   MatrixXd covariance = MatrixXd::Zero(layout.size, layout.size);
@@ -265,16 +308,14 @@ void find_covariance(Adjustment& a, const BoardShape& shape) {
     const VectorXd scale = information.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
     const MatrixXd inverse = inverse_of(information, scale);
     MatrixXd of_free = a.noise_px * a.noise_px * inverse;
-    // The jackknife widens the bounds but never narrows them: few sets tell little.
-    if (sets > 2) {
-      const VectorXd spread = jackknife_variances(equations, information, scale, free);
-      const VectorXd widen = (spread.array() / of_free.diagonal().array()).cwiseMax(1).sqrt();
-      of_free = widen.asDiagonal() * of_free * widen.asDiagonal();
-    }
+    if (const auto pieces = pieces_of(a, equations); pieces.size() > 2)
+      of_free = widened(of_free, jackknife_moves(pieces, information, scale, free));
     widen_where_pixels_are_not_square(a, free, of_free);
     covariance(free, free) = of_free;
     if (!layout.held.empty()) add_held(a, layout, equations.information, inverse, covariance);
   }
+  a.warp_sigma.setZero();
+  if (layout.warp_offset >= 0) a.warp_sigma = covariance.diagonal().segment<3>(layout.warp_offset).cwiseSqrt();
   a.covariance = covariance.topLeftCorner(layout.camera_size, layout.camera_size);
   for (std::size_t c = 0; c < a.cameras.size(); ++c) {
     if (a.time_offset[c] < 0) continue;

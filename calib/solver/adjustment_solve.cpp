@@ -16,25 +16,6 @@ namespace {
 
 using calib::index;
 
-// How far a lens has to reach for its image's corners; a bit further than it does, when it folds before.
-double reach_of(const AdjustedCamera& camera) {
-  const calib::CameraModel model = camera.model();
-  double reach = 0;
-  const double right = camera.image_size.width - 1, bottom = camera.image_size.height - 1;
-  for (const calib::RawPixel& corner : {calib::RawPixel{{0, 0}}, calib::RawPixel{{right, 0}},
-                                        calib::RawPixel{{0, bottom}}, calib::RawPixel{{right, bottom}}}) {
-    const auto ray = model.ray(corner);
-    const bool pinhole = camera.lens != LensModel::fisheye;
-    if (ray && (!pinhole || ray->z() > 0.05)) {
-      const double rho = ray->head<2>().norm();
-      reach = std::max(reach, pinhole ? rho / ray->z() : std::atan2(rho, ray->z()));
-    } else {
-      reach = std::max(reach, 1.15 * (pinhole ? std::sqrt(std::min(model.limit(), 400.0)) : model.limit()));
-    }
-  }
-  return reach;
-}
-
 // Ceres tells of every step that it has to take back; the outcome is looked at here anyway. Once for all: adjustments
 // may run on several threads.
 void silence_ceres() {
@@ -51,7 +32,7 @@ class ParameterBlocks {
  public:
   explicit ParameterBlocks(const Adjustment& a)
       : cameras_(a.cameras.size() + 1), view_in_set_(a.views.size()), views_of_(a.world_from_board.size()) {
-    std::copy_n(a.bend.data(), 2, bend());
+    std::copy_n(a.warp.data(), 3, warp());
     for (std::size_t c = 0; c < a.cameras.size(); ++c) {
       std::copy_n(a.cameras[c].parameters.data(), 12, lens(c));
       write_pose(a.cameras[c].cam_from_world, pose(c));
@@ -75,7 +56,7 @@ class ParameterBlocks {
   double* pose(std::size_t camera) { return cameras_[camera].pose.data(); }
   double* times(std::size_t camera) { return cameras_[camera].times.data(); }  // latency, readout
   double* board(std::size_t set) { return boards_.data() + board_at_[set]; }
-  double* bend() { return cameras_.back().lens.data(); }
+  double* warp() { return cameras_.back().lens.data(); }
   int view_in_set(std::size_t view) const { return view_in_set_[view]; }
   int views_of(std::size_t set) const { return views_of_[set]; }
 
@@ -98,7 +79,7 @@ class ParameterBlocks {
     for (std::size_t v = 0; v < a.views.size(); ++v) {
       if (a.moves(a.views[v].set)) a.stamp_error_s[v] = *stamp_error(a, v);
     }
-    a.bend = {bend()[0], bend()[1]};
+    std::copy_n(warp(), 3, a.warp.data());
   }
 
  private:
@@ -111,7 +92,7 @@ class ParameterBlocks {
     std::array<double, pose_block_size> pose;
     std::array<double, 2> times;
   };
-  std::vector<CameraBlocks> cameras_;  // the last one's lens block holds the bend
+  std::vector<CameraBlocks> cameras_;  // the last one's lens block holds the warp
   std::vector<double> boards_;
   std::vector<std::size_t> board_at_;  // in boards_, per set
   std::vector<int> view_in_set_;       // per view: which one of its set's
@@ -124,13 +105,21 @@ struct UsedBlocks {
   std::vector<bool> timed;  // cameras that see a board that moves
 };
 
+// nullptr: plain squares. The problem takes it over.
+ceres::LossFunction* loss_of(const AdjustedCamera& camera, double robust_px) {
+  ceres::LossFunction* loss = robust_px > 0 ? new ceres::CauchyLoss(robust_px * camera.relative_noise) : nullptr;
+  const double weight = 1 / (camera.relative_noise * camera.relative_noise);
+  return weight == 1 ? loss : new ceres::ScaledLoss(loss, weight, ceres::TAKE_OWNERSHIP);
+}
+
 // One residual per used corner. robust_px: see solve().
 UsedBlocks add_corners(ceres::Problem& problem, const Adjustment& a, const BoardShape& shape, ParameterBlocks& blocks,
                        double robust_px) {
   UsedBlocks used{std::vector<bool>(a.cameras.size()), std::vector<bool>(a.world_from_board.size()),
                   std::vector<bool>(a.cameras.size())};
-  // One loss for all: it has no state.
-  ceres::LossFunction* loss = robust_px > 0 ? new ceres::CauchyLoss(robust_px) : nullptr;
+  // One loss for all corners of a camera: it has no state.
+  std::vector<ceres::LossFunction*> losses;
+  for (const AdjustedCamera& camera : a.cameras) losses.push_back(loss_of(camera, robust_px));
   for (std::size_t v = 0; v < a.views.size(); ++v) {
     const BoardView& view = a.views[v];
     const std::size_t c = index(view.camera), s = index(view.set);
@@ -141,14 +130,19 @@ UsedBlocks add_corners(ceres::Problem& problem, const Adjustment& a, const Board
         problem.AddResidualBlock(moving_corner_cost(a.cameras[c].lens, corner, *view.stamp_s - a.motions[s].at_s,
                                                     blocks.view_in_set(v), blocks.views_of(s))
                                      .release(),
-                                 loss, blocks.lens(c), blocks.pose(c), blocks.board(s), blocks.bend(), blocks.times(c));
+                                 losses[c], blocks.lens(c), blocks.pose(c), blocks.board(s), blocks.warp(),
+                                 blocks.times(c));
         used.timed[c] = true;
       } else {
-        problem.AddResidualBlock(corner_cost(a.cameras[c].lens, corner).release(), loss, blocks.lens(c), blocks.pose(c),
-                                 blocks.board(s), blocks.bend());
+        problem.AddResidualBlock(corner_cost(a.cameras[c].lens, corner).release(), losses[c], blocks.lens(c),
+                                 blocks.pose(c), blocks.board(s), blocks.warp());
       }
       used.cameras[c] = used.boards[s] = true;
     }
+  }
+  // The problem owns the losses of its residuals only.
+  for (std::size_t c = 0; c < losses.size(); ++c) {
+    if (!used.cameras[c]) delete losses[c];
   }
   return used;
 }
@@ -162,6 +156,9 @@ void free_lens(ceres::Problem& problem, const AdjustedCamera& camera, double* le
   std::vector<int> fixed;
   for (int i = parameter_count(camera.lens); i < 12; ++i) fixed.push_back(i);
   if (!fixed.empty()) problem.SetManifold(lens, new ceres::SubsetManifold(12, fixed));
+  for (const LensBelief& belief : lens_beliefs(camera))
+    problem.AddResidualBlock(prior_cost(12, belief.parameter, {0.0}, {belief_px / belief.sigma}).release(), nullptr,
+                             lens);
   if (camera.unfold > 0)
     problem.AddResidualBlock(lens_shape_cost(camera.lens, reach_of(camera), camera.unfold).release(), nullptr, lens);
 }
@@ -222,8 +219,8 @@ void solve(Adjustment& a, const BoardShape& shape, double robust_px, int max_ite
     free_times(problem, a.cameras[c], a.noise_px, blocks.times(c));
     ordering->AddElementToGroup(blocks.times(c), 1);
   }
-  if (!a.bend_is_free) problem.SetParameterBlockConstant(blocks.bend());
-  ordering->AddElementToGroup(blocks.bend(), 1);
+  if (!a.warp_is_free) problem.SetParameterBlockConstant(blocks.warp());
+  ordering->AddElementToGroup(blocks.warp(), 1);
 
   ceres::Solver::Options options;
   options.num_threads = 1;  // the order of a sum decides its last digits
@@ -237,7 +234,11 @@ void solve(Adjustment& a, const BoardShape& shape, double robust_px, int max_ite
   silence_ceres();
   ceres::Solver::Summary summary;
   ceres::Solve(options, &problem, &summary);
-  if (!summary.IsSolutionUsable()) throw CalibrationError("the adjustment does not converge: " + summary.message);
+  // Ceres' own words would tell nobody what to do.
+  if (!summary.IsSolutionUsable())
+    throw CalibrationError(
+        "the views do not determine what is asked of them (the adjustment does not converge): show the board at more "
+        "places, tilted, and out to the image's edges; or ask for a simpler lens (--lens)");
   blocks.put_into(a);
 }
 

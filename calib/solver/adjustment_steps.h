@@ -8,6 +8,23 @@
 
 namespace huetrack::solver {
 
+// How far a lens has to reach for its image's corners; a bit further than it does, when it folds before. Pinhole:
+// radius on the plane z = 1; fisheye: angle; stereographic: radius on that projection.
+double reach_of(const AdjustedCamera& camera);
+
+// What every lens is believed to be, before any view: coefficients that views do not determine would otherwise cancel
+// one another, here or where no board was. Small enough to be outweighed by a few dozen corners.
+struct LensBelief {
+  int parameter = 0;
+  double sigma = 1;  // about 0
+};
+std::vector<LensBelief> lens_beliefs(const AdjustedCamera& camera);
+// A standard deviation of a belief weighs as much as that error of one corner, per axis.
+inline constexpr double belief_px = 0.1;
+
+// Where a rational lens's denominator is smaller it hides a pole behind a zero of the numerator.
+inline constexpr double least_denominator = 0.2;
+
 // One least-squares solution for the used corners, from where `a` is. robust_px: of Cauchy's loss; 0: plain squares.
 // What is known beforehand of a board's motion and of times counts by a.noise_px. throws CalibrationError
 void solve(Adjustment& a, const BoardShape& shape, double robust_px, int max_iterations);
@@ -35,6 +52,9 @@ inline constexpr int own_course_at = 6, own_stamps_at = 18;
 
 // first, last: views of one set, as [first, last) of a.views. What is known beforehand is in it.
 SetEquations own_equations(const Adjustment& a, const BoardShape& shape, std::size_t first, std::size_t last);
+
+// Sets further apart than this tell nothing of how the board moves in between: a hand turns back within half a second.
+inline constexpr double longest_gap_s = 0.25;
 
 // Whether views tell how the board moves: all have stamps, and some sets follow closely upon one another.
 bool tell_motion(const std::vector<BoardView>& views);

@@ -16,10 +16,10 @@ using Eigen::MatrixXd;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 
-// Sets further apart than this tell nothing of how the board moves in between: a hand turns back within half a second.
-constexpr double longest_gap_s = 0.25;
 // The nearest sets before and after, so many each: what they say is a cubic, which holds for a short time only.
 constexpr int sets_each_way = 2;
+// Where two sets were says how the board moved in both of them: counted whole in each, it would count twice.
+constexpr double share_of_each = 0.5;
 
 // How a hand carries a board: rms of the second and third derivative of turning (rad) and place (m). At some 1.5 Hz,
 // where hands are slower still, a derivative is ten times the one before it.
@@ -141,7 +141,7 @@ void find_motion(Adjustment& a, const std::vector<PlacedSet>& sets, std::size_t 
                                     scale.asDiagonal();
     motion.expected.row(i) = (inverse * g).head<2>().transpose();
     motion.by_place.row(i) = (inverse * g_of_place).head<2>().transpose();
-    motion.information[index(i)] = Eigen::Matrix2d(inverse.topLeftCorner<2, 2>()).inverse();
+    motion.information[index(i)] = share_of_each * Eigen::Matrix2d(inverse.topLeftCorner<2, 2>()).inverse();
   }
   if (!was_known) motion.course = motion.expected;
 }

@@ -3,6 +3,7 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <opencv2/calib3d.hpp>
 #include <tuple>
 
@@ -56,17 +57,41 @@ constexpr double sigma_of_median_component = 1.4826, median_length_of_sigma = 1.
 // Of a view with fewer good corners than these nothing is used: it shows something else, or at another moment.
 constexpr std::size_t least_good_tenths = 6, least_good_corners = 4;
 
-// Of a corner, per axis: the outliers hardly count.
-double robust_sigma(const Adjustment& a) {
+// Of a corner, per axis, of one camera (-1: of all, each in its own noise): the outliers hardly count.
+double robust_sigma(const Adjustment& a, int camera = -1) {
   std::vector<double> components;
-  for (const ViewFit& fit : a.fits) {
-    if (fit.dropped) continue;
-    for (const Vector2d& r : fit.residuals) {
-      components.push_back(std::abs(r.x()));
-      components.push_back(std::abs(r.y()));
+  for (std::size_t v = 0; v < a.fits.size(); ++v) {
+    if (a.fits[v].dropped || (camera >= 0 && a.views[v].camera != camera)) continue;
+    const double share = camera >= 0 ? 1 : a.cameras[index(a.views[v].camera)].relative_noise;
+    for (const Vector2d& r : a.fits[v].residuals) {
+      components.push_back(std::abs(r.x()) / share);
+      components.push_back(std::abs(r.y()) / share);
     }
   }
-  return sigma_of_median_component * calib::median(components);
+  return sigma_of_median_component * calib::median(std::move(components));
+}
+
+// Cameras that are clearly noisier than most (out of focus, say) are to count less: otherwise theirs would be taken for
+// the noise of all, and they would pull the others. True: something changed.
+bool weigh_cameras(Adjustment& a) {
+  constexpr double clearly = 1.5, most = 30, changed_share = 0.1;
+  std::vector<double> sigmas;
+  for (int c = 0; c < static_cast<int>(a.cameras.size()); ++c) sigmas.push_back(robust_sigma(a, c));
+  std::vector<double> seen;
+  std::ranges::copy_if(sigmas, std::back_inserter(seen), [](double sigma) { return sigma > 0; });
+  if (seen.size() < 2) return false;
+  // The lower median, so that of two cameras one can be the noisier one.
+  std::ranges::sort(seen);
+  const double usual = seen[(seen.size() - 1) / 2];
+  bool changed = false;
+  for (std::size_t c = 0; c < sigmas.size(); ++c) {
+    const double noise = sigmas[c] > clearly * usual ? std::min(most, sigmas[c] / usual) : 1;
+    double& known = a.cameras[c].relative_noise;
+    if (std::abs(noise - known) <= changed_share * known) continue;
+    known = noise;
+    changed = true;
+  }
+  return changed;
 }
 
 // Of all corners' residuals, kept between 0.3 and 10 px.
@@ -95,12 +120,13 @@ bool renew(Adjustment& a, const BoardShape& shape, bool with_stamps) {
 
 // Decides anew which corners are used; views that hardly fit are dropped for good. True: something changed.
 bool classify(Adjustment& a, const AdjustmentOptions& options) {
-  const double sigma = robust_sigma(a);
-  const double limit = std::max(options.outlier_sigmas * sigma, options.least_outlier_px);
+  const double usual_sigma = robust_sigma(a);
   bool changed = false;
   for (std::size_t v = 0; v < a.views.size(); ++v) {
     ViewFit& fit = a.fits[v];
     if (fit.dropped) continue;
+    const double sigma = usual_sigma * a.cameras[index(a.views[v].camera)].relative_noise;
+    const double limit = std::max(options.outlier_sigmas * sigma, options.least_outlier_px);
     std::vector<bool> used;
     for (const Vector2d& r : fit.residuals) used.push_back(r.norm() < limit);
     const auto good = static_cast<std::size_t>(std::ranges::count(used, true));
@@ -120,7 +146,7 @@ bool classify(Adjustment& a, const AdjustmentOptions& options) {
 
 Vector3d Adjustment::board_point(int id) const {
   const BoardShape shape(board);
-  return shape.points[index(id)] + Vector3d(0, 0, shape.profile[index(id)].dot(bend));
+  return shape.points[index(id)] + shape.by_warp[index(id)] * warp;
 }
 
 Vector3d Adjustment::centre_sigma(int camera) const {
@@ -174,10 +200,12 @@ Adjustment adjust(Adjustment a, const AdjustmentOptions& options) {
   }
   const bool with_motion = !a.motions.empty();
   if (options.find_outliers) {
-    // First with a loss that outliers hardly pull, then plainly, on what is left.
+    // First with a loss that outliers hardly pull, then plainly, on what is left. The first need not go to the end.
+    constexpr int enough_robust = 30;
+    const int robust_iterations = std::min(enough_robust, options.max_iterations);
     measure(a, shape);
     if (!with_motion || std::ranges::none_of(a.motions, &BoardMotion::is_known))
-      solve(a, shape, median_length(a), options.max_iterations);
+      solve(a, shape, median_length(a), robust_iterations);
     // What moved between the cameras' exposures looks like an outlier until the times are known.
     constexpr int rounds_with_motion = 3;
     for (int round = 0; with_motion && round < rounds_with_motion; ++round) {
@@ -186,8 +214,9 @@ Adjustment adjust(Adjustment a, const AdjustmentOptions& options) {
       solve(a, shape, median_length(a), std::min(20, options.max_iterations));
     }
     measure(a, shape);
-    solve(a, shape, 0.5, options.max_iterations);
+    solve(a, shape, 0.5, robust_iterations);
     measure(a, shape);
+    weigh_cameras(a);
     classify(a, options);
   } else if (with_motion) {
     measure(a, shape);
@@ -199,7 +228,8 @@ Adjustment adjust(Adjustment a, const AdjustmentOptions& options) {
     const bool is_settled = !with_motion || renew(a, shape, true) || round + 1 == max_rounds;
     solve(a, shape, 0, is_settled ? options.max_iterations : first_iterations);
     measure(a, shape);
-    if ((!options.find_outliers || !classify(a, options)) && is_settled) break;
+    const bool weights_changed = options.find_outliers && weigh_cameras(a);
+    if ((!options.find_outliers || !classify(a, options)) && !weights_changed && is_settled) break;
   }
   double sum = 0;
   a.corners_used = 0;
@@ -281,8 +311,8 @@ std::vector<BoardPose> board_poses(const board::Board& board, const BoardView& v
       for (const std::size_t k : used) {
         Vector2d r;
         CornerDerivatives d;
-        const Corner corner{board.point(view.ids[k]), Eigen::RowVector2d::Zero(), view.px[k]};
-        if (!corner_residual(lens, parameters, {}, {pose.cam_from_board, Vector2d::Zero()}, corner, r, &d)) {
+        const Corner corner{board.point(view.ids[k]), PointByWarp::Zero(), view.px[k]};
+        if (!corner_residual(lens, parameters, {}, {pose.cam_from_board, BoardWarp::Zero()}, corner, r, &d)) {
           sum += 1e12;
           continue;
         }

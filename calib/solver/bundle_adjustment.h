@@ -30,6 +30,7 @@ struct BoardView {
   std::vector<Eigen::Vector2d> px;  // raw pixels, beside ids
   // The camera's time stamp, freed of jitter, on a clock that all cameras share. nullopt: it has none, as a still.
   std::optional<double> stamp_s{};
+  double blur_px{};  // standard deviation of its edges' blur, median over the corners; 0: not known
 };
 
 // A time that is adjusted, and what is known of it beforehand.
@@ -49,6 +50,9 @@ struct AdjustedCamera {
   // Of an intrinsics that stays: how well it is known, parameter_count() square; empty: exactly. What follows from it
   // is part of the result's covariance.
   Eigen::MatrixXd lens_covariance;
+  // How much noisier its corners are than Adjustment::noise_px: they count that much less. Set by adjust(); 1 unless
+  // they are clearly noisier than most cameras', as those of a camera that is out of focus.
+  double relative_noise = 1;
   // > 0: keeps the distorted radius growing out to the image's corners, where no board may have been; without it,
   // coefficients that the views hardly determine can fold the image there. The weight of a slope that is too small by
   // 1, in pixels.
@@ -92,15 +96,18 @@ struct ViewFit {
   std::optional<ViewMisfit> dropped;       // so far off that no corner of it is used; nullopt: some are
 };
 
+// How a board is not what its file says: first how far its middle stands out of the plane of its edges, along x and
+// along y (a parabola each way), metres; then by what share its x is longer than its y, the mean of both being right.
+using BoardWarp = Eigen::Vector3d;
+
 // Before: where to start. After adjust(): what was found.
 struct Adjustment {
   board::Board board;
   std::vector<AdjustedCamera> cameras;
   std::vector<BoardView> views;                  // sorted by set, camera, image
   std::vector<calib::Rigid3d> world_from_board;  // per set; only of sets with views
-  // How far the board's middle stands out of the plane of its edges, along x and along y (a parabola each way), metres.
-  Eigen::Vector2d bend = Eigen::Vector2d::Zero();
-  bool bend_is_free = false;
+  BoardWarp warp = BoardWarp::Zero();
+  bool warp_is_free = false;
   // Per set. Before: empty, and boards rest while they are seen; or as many as there are sets, and where views have
   // stamps and sets follow closely upon one another each view counts at the time of its rows.
   std::vector<BoardMotion> motions;
@@ -122,10 +129,11 @@ struct Adjustment {
   Eigen::MatrixXd covariance;
   std::vector<int> lens_offset;  // into covariance, per camera; -1: not in it
   std::vector<int> pose_offset;
-  std::vector<int> time_offset;  // of its latency and readout
+  std::vector<int> time_offset;              // of its latency and readout
+  BoardWarp warp_sigma = BoardWarp::Zero();  // of a warp that was free
 
   bool moves(int set) const { return !motions.empty() && motions[static_cast<std::size_t>(set)].is_known; }
-  Eigen::Vector3d board_point(int id) const;         // with the bend, board frame
+  Eigen::Vector3d board_point(int id) const;         // with the warp, board frame
   Eigen::Vector3d centre_sigma(int camera) const;    // std. dev. of the camera's position, its own axes, metres
   Eigen::Vector3d rotation_sigma(int camera) const;  // about its own axes, radians
   LensParameters lens_sigma(int camera) const;       // 0 where exactly known

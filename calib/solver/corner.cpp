@@ -15,14 +15,16 @@ using Eigen::Matrix3d;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-Eigen::RowVector2d bend_profile(const Vector3d& point, const Vector3d& low, const Vector3d& high) {
-  Eigen::RowVector2d profile;
+PointByWarp point_by_warp(const Vector3d& point, const Vector3d& low, const Vector3d& high) {
+  PointByWarp by_warp = PointByWarp::Zero();
   for (int axis = 0; axis < 2; ++axis) {
     const double size = high[axis] - low[axis];
     const double t = size > 0 ? 2 * (point[axis] - low[axis]) / size - 1 : 0;
-    profile[axis] = 1 - t * t;
+    by_warp(2, axis) = 1 - t * t;  // of a bend: 1 in the middle, 0 at the edges
   }
-  return profile;
+  const Vector3d from_middle = point - (low + high) / 2;
+  by_warp.col(2) << from_middle.x() / 2, -from_middle.y() / 2, 0;
+  return by_warp;
 }
 
 // How a point of the board has moved since the moment of its set, with derivatives.
@@ -71,19 +73,19 @@ BoardShape::BoardShape(const board::Board& board) {
     low = low.cwiseMin(p);
     high = high.cwiseMax(p);
   }
-  for (const Vector3d& p : points) profile.push_back(bend_profile(p, low, high));
+  for (const Vector3d& p : points) by_warp.push_back(point_by_warp(p, low, high));
 }
 
 Corner corner_of(const Adjustment& a, const BoardShape& shape, std::size_t v, std::size_t k) {
   const BoardView& view = a.views[v];
   const std::size_t id = index(view.ids[k]);
   const int height = a.cameras[index(view.camera)].image_size.height;
-  return {shape.points[id], shape.profile[id], view.px[k], height > 1 ? view.px[k].y() / (height - 1) - 0.5 : 0.0};
+  return {shape.points[id], shape.by_warp[id], view.px[k], height > 1 ? view.px[k].y() / (height - 1) - 0.5 : 0.0};
 }
 
 bool corner_residual(LensModel lens, const LensParameters& parameters, const calib::Rigid3d& cam_from_world,
                      const BoardState& board, const Corner& corner, Vector2d& residual, CornerDerivatives* d) {
-  const Vector3d own_point = corner.point + Vector3d(0, 0, corner.profile.dot(board.bend));
+  const Vector3d own_point = corner.point + corner.by_warp * board.warp;
   MovedPoint way;
   if (board.motion != nullptr) way = moved(*board.motion, board.after_s, own_point);
   const Vector3d point = board.motion != nullptr ? way.point : own_point;
@@ -100,11 +102,11 @@ bool corner_residual(LensModel lens, const LensParameters& parameters, const cal
     d->by_board.leftCols<3>() = -by_board_point * cross_matrix(point);
     d->by_board.rightCols<3>() = by_board_point;
     if (board.motion != nullptr) {
-      d->by_bend = by_board_point * way.rotation.col(2) * corner.profile;
+      d->by_warp = by_board_point * way.rotation * corner.by_warp;
       d->by_course = by_board_point * way.by_course;
       d->by_time = by_board_point * way.by_time;
     } else {
-      d->by_bend = by_board_point.col(2) * corner.profile;
+      d->by_warp = by_board_point * corner.by_warp;
     }
   }
   return true;
@@ -115,7 +117,7 @@ bool corner_residual(const Adjustment& a, const BoardShape& shape, std::size_t v
   const BoardView& view = a.views[v];
   const AdjustedCamera& camera = a.cameras[index(view.camera)];
   const Corner corner = corner_of(a, shape, v, k);
-  BoardState board{a.world_from_board[index(view.set)], a.bend};
+  BoardState board{a.world_from_board[index(view.set)], a.warp};
   if (a.moves(view.set)) {
     board.motion = &a.motions[index(view.set)];
     board.after_s = *view.stamp_s + a.stamp_error_s[v] - camera.latency.value_s +

@@ -10,10 +10,13 @@
 
 namespace huetrack::solver {
 
-// The board's corners, and how far each is moved along z per metre of bend.
+// How a corner moves by BoardWarp.
+using PointByWarp = Eigen::Matrix3d;
+
+// The board's corners, and how each moves by the warp.
 struct BoardShape {
   std::vector<Eigen::Vector3d> points;
-  std::vector<Eigen::RowVector2d> profile;  // of the bend along x and along y: 1 in the middle, 0 at the edges
+  std::vector<PointByWarp> by_warp;
   explicit BoardShape(const board::Board& board);
 };
 
@@ -23,7 +26,7 @@ struct CornerDerivatives {
   PixelByLens by_lens;
   PoseJacobian by_camera;  // left tangent of cam_from_world
   PoseJacobian by_board;   // right tangent of world_from_board
-  Eigen::Matrix<double, 2, 2, Eigen::RowMajor> by_bend;
+  Eigen::Matrix<double, 2, 3, Eigen::RowMajor> by_warp;
   // Of a board that moves:
   Eigen::Matrix<double, 2, 12> by_course;  // of BoardMotion, column by column
   Eigen::Vector2d by_time;                 // of the moment of the exposure, px/s
@@ -31,8 +34,8 @@ struct CornerDerivatives {
 
 // One corner in one view.
 struct Corner {
-  Eigen::Vector3d point;       // of the flat board
-  Eigen::RowVector2d profile;  // see BoardShape
+  Eigen::Vector3d point;  // of the board as its file says
+  PointByWarp by_warp;    // see BoardShape
   Eigen::Vector2d measured;
   double below_middle = 0;  // of its row, in image heights: -1/2 the first row, 1/2 the last
 };
@@ -41,7 +44,7 @@ Corner corner_of(const Adjustment& a, const BoardShape& shape, std::size_t view,
 // A board's pose at the moment of its set; and of one that moves, how: motion may be null.
 struct BoardState {
   const calib::Rigid3d& world_from_board;
-  const Eigen::Vector2d& bend;
+  const BoardWarp& warp;
   const BoardMotion* motion = nullptr;
   double after_s = 0;  // of the corner's exposure, after BoardMotion::at_s
 };

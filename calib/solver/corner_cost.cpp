@@ -6,6 +6,8 @@
 #include <algorithm>
 #include <array>
 
+#include "calib/solver/adjustment_steps.h"
+
 namespace huetrack::solver {
 namespace {
 
@@ -64,20 +66,20 @@ void put_out(const CornerDerivatives& d, int board_size, double** jacobians) {
     j.setZero();
     j.leftCols<6>() = b == 1 ? d.by_camera : d.by_board;
   }
-  if (jacobians[3]) TwoRows(jacobians[3], 2, 2) = d.by_bend;
+  if (jacobians[3]) TwoRows(jacobians[3], 2, 3) = d.by_warp;
 }
 
-class CornerCost final : public ceres::SizedCostFunction<2, 12, pose_block_size, pose_block_size, 2> {
+class CornerCost final : public ceres::SizedCostFunction<2, 12, pose_block_size, pose_block_size, 3> {
  public:
   CornerCost(LensModel lens, const Corner& corner) : lens_(lens), corner_(corner) {}
 
   bool Evaluate(const double* const* blocks, double* residuals, double** jacobians) const override {
     const LensParameters parameters = Eigen::Map<const LensParameters>(blocks[0]);
     const calib::Rigid3d board = read_pose(blocks[2]);
-    const Vector2d bend(blocks[3][0], blocks[3][1]);
+    const BoardWarp warp(blocks[3][0], blocks[3][1], blocks[3][2]);
     Vector2d residual;
     CornerDerivatives d;
-    if (!corner_residual(lens_, parameters, read_pose(blocks[1]), {board, bend}, corner_, residual,
+    if (!corner_residual(lens_, parameters, read_pose(blocks[1]), {board, warp}, corner_, residual,
                          jacobians ? &d : nullptr)) {
       return false;
     }
@@ -96,20 +98,20 @@ class MovingCornerCost final : public ceres::CostFunction {
   MovingCornerCost(LensModel lens, const Corner& corner, double after_s, int view, int views)
       : lens_(lens), corner_(corner), after_s_(after_s), stamp_at_(stamps_at + view) {
     set_num_residuals(2);
-    *mutable_parameter_block_sizes() = {12, pose_block_size, stamps_at + views, 2, 2};
+    *mutable_parameter_block_sizes() = {12, pose_block_size, stamps_at + views, 3, 2};
   }
 
   bool Evaluate(const double* const* blocks, double* residuals, double** jacobians) const override {
     const LensParameters parameters = Eigen::Map<const LensParameters>(blocks[0]);
     const calib::Rigid3d pose = read_pose(blocks[2]);
-    const Vector2d bend(blocks[3][0], blocks[3][1]);
+    const BoardWarp warp(blocks[3][0], blocks[3][1], blocks[3][2]);
     BoardMotion motion;
     motion.course = Eigen::Map<const BoardMotion::Course>(blocks[2] + course_at);
     const double latency_s = blocks[4][0], readout_s = blocks[4][1];
     const double after_s = after_s_ + blocks[2][stamp_at_] - latency_s + corner_.below_middle * readout_s;
     Vector2d residual;
     CornerDerivatives d;
-    if (!corner_residual(lens_, parameters, read_pose(blocks[1]), {pose, bend, &motion, after_s}, corner_, residual,
+    if (!corner_residual(lens_, parameters, read_pose(blocks[1]), {pose, warp, &motion, after_s}, corner_, residual,
                          jacobians ? &d : nullptr)) {
       return false;
     }
@@ -193,30 +195,46 @@ class PriorCost final : public ceres::CostFunction {
   std::vector<double> means_, weights_;
 };
 
-class LensShapeCost final : public ceres::SizedCostFunction<8, 12> {
+// How a lens grows at stations out to its reach; and, of a rational one, that its denominator stays clear of zero,
+// where it would hide a pole behind a zero of the numerator and fit noise with the ripple that the two leave.
+class LensShapeCost final : public ceres::SizedCostFunction<16, 12> {
  public:
   LensShapeCost(LensModel lens, double reach, double weight) : lens_(lens), reach_(reach), weight_(weight) {}
 
   bool Evaluate(const double* const* blocks, double* residuals, double** jacobians) const override {
     const double* l = blocks[0];
-    if (jacobians && jacobians[0]) std::fill_n(jacobians[0], 12 * num_residuals(), 0.0);
-    for (int i = 0; i < num_residuals(); ++i) {
-      const double r = reach_ * (i + 1) / num_residuals(), s = r * r;
+    double* jacobian = jacobians ? jacobians[0] : nullptr;
+    if (jacobian) std::fill_n(jacobian, 12 * num_residuals(), 0.0);
+    const auto keep_above = [&](int row, double value, double least, const LensParameters& by_lens) {
+      residuals[row] = value < least ? weight_ * (least - value) : 0;
+      if (value < least && jacobian) Eigen::Map<LensParameters>{jacobian + 12 * row} = -weight_ * by_lens;
+    };
+    constexpr int stations = 8;
+    constexpr double kept_slope = 0.08, kept_denominator = 1.5 * least_denominator;
+    for (int i = 0; i < stations; ++i) {
+      const double r = reach_ * (i + 1) / stations, s = r * r;
       LensParameters by_lens = LensParameters::Zero();
-      const double slope = lens_ == LensModel::fisheye ? fisheye_slope(l, s, by_lens) : pinhole_slope(l, s, by_lens);
-      constexpr double least = 0.08;
-      residuals[i] = slope < least ? weight_ * (least - slope) : 0;
-      if (slope < least && jacobians && jacobians[0])
-        Eigen::Map<LensParameters>{jacobians[0] + 12 * i} = -weight_ * by_lens;
+      const double slope = is_pinhole(lens_) ? pinhole_slope(l, s, by_lens) : polynomial_slope(l, s, by_lens);
+      keep_above(i, slope, kept_slope, by_lens);
+      LensParameters denominator_by_lens = LensParameters::Zero();
+      denominator_by_lens.tail<3>() << s, s * s, s * s * s;
+      const double denominator = 1 + s * (l[9] + s * (l[10] + s * l[11]));
+      keep_above(stations + i, is_pinhole(lens_) ? denominator : 1, kept_denominator, denominator_by_lens);
     }
     return true;
   }
 
  private:
-  // By how much the distorted radius grows, at the square s of the undistorted one (of the angle).
-  static double fisheye_slope(const double* l, double s, LensParameters& by_lens) {
-    by_lens.segment<4>(4) << 3 * s, 5 * s * s, 7 * s * s * s, 9 * s * s * s * s;
-    return 1.0 + s * (3.0 * l[4] + s * (5.0 * l[5] + s * (7.0 * l[6] + s * 9.0 * l[7])));
+  // By how much the distorted radius grows, at the square s of the undistorted one (of the fisheye's angle).
+  double polynomial_slope(const double* l, double s, LensParameters& by_lens) const {
+    const std::array<int, 4> at = lens_ == LensModel::fisheye ? std::array{4, 5, 6, 7} : std::array{4, 5, 8, 9};
+    double slope = 1, power = 1;
+    for (std::size_t k = 0; k < at.size(); ++k) {
+      power *= s;
+      by_lens(at[k]) = (2.0 * static_cast<double>(k) + 3.0) * power;
+      slope += by_lens(at[k]) * l[at[k]];
+    }
+    return slope;
   }
 
   static double pinhole_slope(const double* l, double s, LensParameters& by_lens) {

@@ -23,7 +23,7 @@ inline constexpr int course_at = pose_block_size, stamps_at = pose_block_size + 
 // left: exp(delta) * pose; otherwise pose * exp(delta). more: what follows the pose in the block is moved by adding.
 std::unique_ptr<ceres::Manifold> pose_manifold(bool left, int more = 0);
 
-// Blocks: lens (12), cam_from_world (7), board (7), bend (2).
+// Blocks: lens (12), cam_from_world (7), board (7), warp (3).
 std::unique_ptr<ceres::CostFunction> corner_cost(LensModel lens, const Corner& corner);
 
 // Blocks: the same, the board's with `views` errors of stamps, and latency and readout of the camera (2). view: which
@@ -38,8 +38,7 @@ std::unique_ptr<ceres::CostFunction> course_cost(int block_size, const BoardMoti
 std::unique_ptr<ceres::CostFunction> prior_cost(int block_size, int from, std::vector<double> means,
                                                 std::vector<double> weights);
 
-// See AdjustedCamera::unfold. reach: how far the lens has to grow; pinhole: radius on the plane z = 1; fisheye: angle.
-// Costs nothing where the slope is healthy.
+// See AdjustedCamera::unfold. reach: see reach_of(). Costs nothing where the lens is healthy.
 std::unique_ptr<ceres::CostFunction> lens_shape_cost(LensModel lens, double reach, double weight);
 
 }  // namespace huetrack::solver

@@ -224,6 +224,17 @@ class Start {
   std::map<int, std::map<int, PosedView>> sets_;  // set -> camera -> what it saw
 };
 
+// What stands in the way is these cameras' alone: the others could be calibrated.
+class CameraTrouble : public CalibrationError {
+ public:
+  CameraTrouble(std::vector<int> cameras, const std::string& what)
+      : CalibrationError(what), cameras_(std::move(cameras)) {}
+  const std::vector<int>& cameras() const { return cameras_; }
+
+ private:
+  std::vector<int> cameras_;
+};
+
 // Why two cameras' views contradict one another, from where each says that the board's centre was.
 std::string explain_contradiction(const Start& start, const std::string& a, const std::string& b, int ia, int ib) {
   const auto [in_a, in_b] = start.centres(ia, ib);
@@ -292,6 +303,7 @@ void connect(std::vector<AdjustedCamera>& cameras, const std::vector<Start::Link
     }
     std::vector<int> inside, outside;
     for (std::size_t c = 0; c < cameras.size(); ++c) (reached[c] ? inside : outside).push_back(static_cast<int>(c));
+    const std::vector<int>& fewer = outside.size() <= inside.size() ? outside : inside;
     // Some pair that should connect the two parts: does it contradict itself, or is there none?
     const Start::Link* bad = nullptr;
     int few = 0;
@@ -302,17 +314,17 @@ void connect(std::vector<AdjustedCamera>& cameras, const std::vector<Start::Link
     }
     if (bad) {
       const std::string &a = named[index(bad->pair.a)].name, &b = named[index(bad->pair.b)].name;
-      throw CalibrationError("cameras " + a + " and " + b + " saw the board together " +
-                             std::to_string(bad->pair.shared_sets) +
-                             " times, but contradict each other on how they stand: " +
-                             explain_contradiction(start, a, b, bad->pair.a, bad->pair.b));
+      throw CameraTrouble(fewer, "cameras " + a + " and " + b + " saw the board together " +
+                                     std::to_string(bad->pair.shared_sets) +
+                                     " times, but contradict each other on how they stand: " +
+                                     explain_contradiction(start, a, b, bad->pair.a, bad->pair.b));
     }
-    throw CalibrationError("camera" + std::string(outside.size() > 1 ? "s " : " ") + names(named, outside) +
-                           (few == 0 ? " never saw the board at the same time as "
-                                     : " saw the board at the same time only " + std::to_string(few) + " times as ") +
-                           names(named, inside) + ": show it to " + named[index(outside.front())].name + " and " +
-                           named[index(inside.front())].name +
-                           " (or to others of the two groups) together, 10 times or more");
+    throw CameraTrouble(
+        fewer, "camera" + std::string(outside.size() > 1 ? "s " : " ") + names(named, outside) +
+                   (few == 0 ? " never saw the board at the same time as "
+                             : " saw the board at the same time only " + std::to_string(few) + " times as ") +
+                   names(named, inside) + ": show it to " + named[index(outside.front())].name + " and " +
+                   named[index(inside.front())].name + " (or to others of the two groups) together, 10 times or more");
   }
 }
 
@@ -322,8 +334,69 @@ int placed_corners(const Adjustment& a) {
   return count;
 }
 
+// Whether a board's warp that was found is one: clearly not nothing, and more than a board that was glued with care
+// has.
+bool is_warped(const Adjustment& a) {
+  constexpr double sigmas = 4;
+  Eigen::Vector3d low = a.board.point(0), high = low;
+  for (int id = 0; id < a.board.point_count(); ++id) {
+    low = low.cwiseMin(a.board.point(id));
+    high = high.cwiseMax(a.board.point(id));
+  }
+  constexpr double least_bend = 0.001, least_stretch = 0.0005;  // of the board's size; of its squares
+  const double bend_m = least_bend * (high - low).norm();
+  const BoardWarp least(bend_m, bend_m, least_stretch);
+  for (int i = 0; i < 3; ++i) {
+    if (std::abs(a.warp(i)) > std::max(least(i), sigmas * a.warp_sigma(i)) && a.warp_sigma(i) > 0) return true;
+  }
+  return false;
+}
+
+// A lens that did not fold for its own camera's views may do so for those of all, beyond where boards were.
+Adjustment adjust_unfolded(Adjustment a, const AdjustmentOptions& options) {
+  Adjustment fit = adjust(std::move(a), options);
+  for (const double weight : {1.0, 10.0, 100.0}) {
+    bool folds = false;
+    for (AdjustedCamera& camera : fit.cameras) {
+      if (!camera.lens_is_free || covers_image(camera.model(), camera.image_size)) continue;
+      camera.unfold = std::max(camera.unfold, weight);
+      folds = true;
+    }
+    if (!folds) break;
+    fit = adjust(std::move(fit), options);
+  }
+  return fit;
+}
+
+// The same with a board that need not be what its file says; nullopt: it is.
+std::optional<Adjustment> with_warp(Adjustment a, const AdjustmentOptions& options) {
+  constexpr double least_gain = 0.98;  // of the noise: what explains nothing is no warp
+  const double before_px = a.noise_px;
+  const int used = a.corners_used;
+  a.warp_is_free = true;
+  const auto explains = [&](const Adjustment& warped) {
+    return warped.noise_px < least_gain * before_px || warped.corners_used > used / least_gain;
+  };
+  try {
+    // At a glance, on the corners that are used; and where many were not, they may fit now.
+    constexpr double many = 0.95;
+    int corners = 0;
+    for (const BoardView& view : a.views) corners += static_cast<int>(view.ids.size());
+    Adjustment glance = a;
+    glance.views = inliers(a);
+    glance.stamp_error_s.clear();
+    glance = adjust(std::move(glance), {.find_outliers = false, .max_iterations = 20});
+    if (used > many * corners && !(explains(glance) && is_warped(glance))) return std::nullopt;
+    a.warp = glance.warp;
+    Adjustment warped = adjust_unfolded(std::move(a), options);
+    if (explains(warped) && is_warped(warped)) return warped;
+  } catch (const CalibrationError&) {  // the views do not tell
+  }
+  return std::nullopt;
+}
+
 // The joint adjustment, with the lenses as options.refine_lens says. found: per camera: its lens is from these views,
-// rather than given and borne out. Sets adjustment and refinement.
+// rather than given and borne out. Sets adjustment, refinement and board_is_warped.
 void refine(Extrinsics& result, const Adjustment& placed, const ExtrinsicsOptions& options,
             const std::vector<bool>& found) {
   const auto freed = [&](Adjustment a) {
@@ -332,28 +405,27 @@ void refine(Extrinsics& result, const Adjustment& placed, const ExtrinsicsOption
     }
     return a;
   };
+  const auto take = [&](Adjustment adjusted, LensRefinement refinement) {
+    result.refinement = refinement;
+    auto warped = with_warp(adjusted, options.adjustment);
+    result.board_is_warped = warped.has_value();
+    result.adjustment = warped ? std::move(*warped) : std::move(adjusted);
+  };
   const bool any_found = std::ranges::count(found, true) > 0;
-  if (options.refine_lens == RefineLens::yes) {
-    result.adjustment = adjust(freed(placed), options.adjustment);
-    result.refinement = LensRefinement::asked_for;
-    return;
-  }
-  result.adjustment = adjust(placed, options.adjustment);
-  if (options.refine_lens == RefineLens::no || !any_found) {
-    result.refinement = any_found ? LensRefinement::kept_as_found : LensRefinement::kept_as_given;
-    return;
-  }
+  if (options.refine_lens == RefineLens::yes)
+    return take(adjust_unfolded(freed(placed), options.adjustment), LensRefinement::asked_for);
+  Adjustment held = adjust(placed, options.adjustment);
+  if (options.refine_lens == RefineLens::no || !any_found)
+    return take(std::move(held), any_found ? LensRefinement::kept_as_found : LensRefinement::kept_as_given);
   if (options.progress) options.progress("the joint adjustment, with the lenses", 1, 3);
-  Adjustment refined = adjust(freed(result.adjustment), options.adjustment);
-  // Cameras that agree with themselves far better than with one another did not see the board at the same moment, or it
-  // bent. Lenses that are refined jointly would be bent to make up for that.
+  take(adjust_unfolded(freed(held), options.adjustment), LensRefinement::refined);
+  // Cameras that agree with themselves far better than with one another did not see the board at the same moment.
+  // Lenses that are refined jointly would be bent to make up for that.
   constexpr double out_of_step = 1.6, least_left = 0.8;
-  if (refined.noise_px < out_of_step * result.alone_px && refined.corners_used > least_left * placed_corners(placed)) {
-    result.adjustment = std::move(refined);
-    result.refinement = LensRefinement::refined;
+  if (result.adjustment.noise_px < out_of_step * result.alone_px &&
+      result.adjustment.corners_used > least_left * placed_corners(placed))
     return;
-  }
-  result.refinement = LensRefinement::out_of_step;
+  take(std::move(held), LensRefinement::out_of_step);
 }
 
 // What is known of the cameras' times beforehand. One latency is held: the first that is given, or the reference's.
@@ -401,6 +473,7 @@ struct LensOfCamera {
   std::optional<Intrinsics> found;
   std::optional<LensCheck> check;
   double alone_px = 0;
+  std::string trouble;  // why there is none; empty: there is one
 };
 
 LensOfCamera lens_of(const board::Board& board, const CameraToCalibrate& given, const std::vector<BoardView>& views,
@@ -420,7 +493,12 @@ LensOfCamera lens_of(const board::Board& board, const CameraToCalibrate& given, 
       lens.camera.lens_covariance = given.lens_covariance;
     return lens;
   }
-  lens.found = calibrate_intrinsics(board, given.name, given.image_size, views, options.intrinsics);
+  try {
+    lens.found = calibrate_intrinsics(board, given.name, given.image_size, views, options.intrinsics);
+  } catch (const CalibrationError& error) {
+    lens.trouble = error.what();
+    return lens;
+  }
   const AdjustedCamera& camera = lens.found->adjustment.cameras.front();
   lens.camera.lens = camera.lens;
   lens.camera.parameters = camera.parameters;
@@ -525,8 +603,10 @@ calib::CameraRig rig_of(const Adjustment& adjustment) {
   return rig;
 }
 
-Extrinsics calibrate_extrinsics(const board::Board& board, const std::vector<CameraToCalibrate>& cameras,
-                                const std::vector<BoardView>& given, const ExtrinsicsOptions& options) {
+namespace {
+
+Extrinsics calibrate_all(const board::Board& board, const std::vector<CameraToCalibrate>& cameras,
+                         const std::vector<BoardView>& given, const ExtrinsicsOptions& options) {
   const auto tell = [&](const std::string& step, int done, int total) {
     if (options.progress) options.progress(step, done, total);
   };
@@ -535,13 +615,15 @@ Extrinsics calibrate_extrinsics(const board::Board& board, const std::vector<Cam
   std::vector<std::vector<BoardView>> own(cameras.size());
   for (const BoardView& view : views) own[index(view.camera)].push_back(view);
   for (std::size_t c = 0; c < cameras.size(); ++c) {
-    if (own[c].empty()) throw CalibrationError("camera " + cameras[c].name + " never saw the board");
+    if (own[c].empty())
+      throw CameraTrouble({static_cast<int>(c)}, "camera " + cameras[c].name + " never saw the board");
   }
   Extrinsics result;
   std::vector<AdjustedCamera> adjusted;
   std::vector<bool> found;  // see refine()
   std::vector<std::optional<LensCheck>> checks;
   for (LensOfCamera& lens : lenses_of(board, cameras, own, options)) {
+    if (!lens.trouble.empty()) throw CameraTrouble({static_cast<int>(adjusted.size())}, lens.trouble);
     found.push_back(lens.found.has_value());
     result.alone_px = std::max(result.alone_px, lens.alone_px);
     adjusted.push_back(std::move(lens.camera));
@@ -550,7 +632,9 @@ Extrinsics calibrate_extrinsics(const board::Board& board, const std::vector<Cam
   }
   refuse_swapped(board, adjusted, own, checks);
   result.contradictions.resize(cameras.size());
+  result.kept_against.resize(cameras.size());
   for (std::size_t c = 0; c < cameras.size(); ++c) {
+    if (checks[c]) result.kept_against[c] = checks[c]->too_little;
     if (!checks[c] || !checks[c]->contradiction) continue;
     result.contradictions[c] = checks[c]->contradiction;
     found[c] = true;
@@ -575,12 +659,55 @@ Extrinsics calibrate_extrinsics(const board::Board& board, const std::vector<Cam
   Adjustment placed = start.placed(adjusted);
   if (tell_motion(placed.views)) placed.motions.resize(placed.world_from_board.size());
   refine(result, placed, options, found);
-  tell("the cameras' pairs", 2, 3);
+  tell("what its halves say", 2, 3);
+  result.moved_within = find_moved_within(result.adjustment);
+  result.halves = compare_halves(result.adjustment);
+  widen_by(result.adjustment, result.halves);
   for (const Start::Link& link : links) {
     result.pairs.push_back(link.pair);
     result.pairs.back().rms_px = rms_of_pair(result.adjustment, link.pair);
   }
   return result;
+}
+
+}  // namespace
+
+Extrinsics calibrate_extrinsics(const board::Board& board, const std::vector<CameraToCalibrate>& cameras,
+                                const std::vector<BoardView>& views, const ExtrinsicsOptions& options) {
+  std::vector<int> kept(cameras.size());
+  std::iota(kept.begin(), kept.end(), 0);
+  std::vector<LeftOutCamera> left_out;
+  for (;;) {
+    std::vector<CameraToCalibrate> some;
+    std::vector<int> place(cameras.size(), -1);  // among the kept ones
+    for (const int camera : kept) {
+      place[index(camera)] = static_cast<int>(some.size());
+      some.push_back(cameras[index(camera)]);
+    }
+    std::vector<BoardView> seen;
+    for (const BoardView& view : views) {
+      if (place[index(view.camera)] < 0) continue;
+      seen.push_back(view);
+      seen.back().camera = place[index(view.camera)];
+    }
+    ExtrinsicsOptions own = options;
+    own.reference = std::max(0, place[index(options.reference)]);
+    try {
+      Extrinsics result = calibrate_all(board, some, seen, own);
+      result.kept = std::move(kept);
+      result.left_out = std::move(left_out);
+      return result;
+    } catch (const CameraTrouble& trouble) {
+      if (!options.leave_out || kept.size() < trouble.cameras().size() + 2) throw;
+      std::vector<int> without;
+      for (std::size_t k = 0; k < kept.size(); ++k) {
+        const bool out = std::ranges::find(trouble.cameras(), static_cast<int>(k)) != trouble.cameras().end();
+        if (out) left_out.push_back({kept[k], trouble.what()});
+        if (!out) without.push_back(kept[k]);
+      }
+      kept = std::move(without);
+    }
+  }
 }
 
 }  // namespace huetrack::solver

@@ -8,6 +8,7 @@
 #include "calib/solver/bundle_adjustment.h"
 #include "calib/solver/intrinsics.h"
 #include "calib/solver/progress.h"
+#include "calib/solver/self_check.h"
 
 namespace huetrack::solver {
 
@@ -31,6 +32,8 @@ struct ExtrinsicsOptions {
   RefineLens refine_lens = RefineLens::automatic;
   IntrinsicsOptions intrinsics{};  // for cameras whose model is not known
   AdjustmentOptions adjustment{};
+  // Cameras that cannot be calibrated are left out, as long as two are left; otherwise the first of them is an error.
+  bool leave_out = false;
   Progress progress{};
 };
 
@@ -52,11 +55,26 @@ enum class LensRefinement {
   out_of_step,  // kept: the cameras agree far better with themselves (alone_px) than with one another (noise_px)
 };
 
+// A camera that has no place in the result, and why.
+struct LeftOutCamera {
+  int camera = 0;  // of those that were given
+  std::string why;
+};
+
+// Everything is by the cameras that were kept.
 struct Extrinsics {
+  std::vector<int> kept;  // of the cameras that were given, ascending
+  std::vector<LeftOutCamera> left_out;
   Adjustment adjustment;                                         // the world is the reference camera's frame
   std::vector<std::optional<Intrinsics>> lenses;                 // per camera; nullopt: the model was given
   std::vector<std::optional<LensContradiction>> contradictions;  // per camera: of the lens that was given
-  std::vector<CameraPair> pairs;                                 // with shared_sets > 0
+  // Per camera: its views fit another lens better than the given one, but know it less well: the given one stays.
+  std::vector<std::optional<LensContradiction>> kept_against;
+  // The board is not what its file says: Adjustment::warp was found and is accounted for.
+  bool board_is_warped = false;
+  std::vector<HalvesCheck> halves;  // the covariance is widened by them
+  std::optional<MovedWithin> moved_within;
+  std::vector<CameraPair> pairs;  // with shared_sets > 0
   LensRefinement refinement = LensRefinement::kept_as_given;
   double alone_px = 0;  // noise of the corners, as each camera by itself shows it; 0: not known
 

@@ -7,6 +7,9 @@
 #include <tuple>
 
 #include "calib/model/median.h"
+#include "calib/model/nearest_lens.h"
+#include "calib/solver/adjustment_steps.h"
+#include "calib/solver/ray_uncertainty.h"
 
 namespace huetrack::solver {
 namespace {
@@ -91,10 +94,61 @@ AdjustedCamera find_start(const board::Board& board, const AdjustedCamera& camer
   return best;
 }
 
-// Mean squared reprojection error of every view, each under a lens that was fitted to other views.
+// A length, squared, robustly: beyond three standard deviations it counts linearly, and beyond what no lens leaves not
+// at all any more, so that a corner that was taken for another one does not decide.
+double robust_square(double length, double sigma) {
+  constexpr double sigmas = 3, gross_sigmas = 100;
+  const double from = sigmas * sigma, l = std::min(length, gross_sigmas * sigma);
+  return l < from ? l * l : from * (2 * l - from);
+}
+
+// What each corner counts, beside the views: every part of the image the same, however many corners were there, because
+// the few at its edge are what tells lenses apart. All of them together: 1.
+std::vector<std::vector<double>> weights_by_place(const std::vector<BoardView>& views, calib::ImageSize size) {
+  constexpr int least_corners = 8;  // a part with fewer counts less
+  std::array<int, ImageStations::count> corners{};
+  for (const BoardView& view : views) {
+    for (const auto& px : view.px) ++corners[static_cast<std::size_t>(ImageStations::cell_of(px, size))];
+  }
+  std::vector<std::vector<double>> weights;
+  double sum = 0;
+  for (const BoardView& view : views) {
+    weights.emplace_back();
+    for (const auto& px : view.px) {
+      const int others = corners[static_cast<std::size_t>(ImageStations::cell_of(px, size))];
+      weights.back().push_back(1.0 / std::max(least_corners, others));
+      sum += weights.back().back();
+    }
+  }
+  for (auto& of_view : weights) {
+    for (double& weight : of_view) weight /= sum;
+  }
+  return weights;
+}
+
+// Robust weighted sum of squares over the corners of a view, for the pose of its board that suits this lens best. All
+// corners count: one that this lens does not reach is far off.
+double view_error(const board::Board& board, const AdjustedCamera& camera, const BoardView& view,
+                  const std::vector<double>& weights, double sigma) {
+  const auto poses = board_poses(board, view, camera.lens, camera.parameters);
+  constexpr double nowhere_px = 1e3;
+  double sum = 0;
+  for (std::size_t k = 0; k < view.ids.size(); ++k) {
+    Eigen::Vector2d px;
+    const bool seen =
+        !poses.empty() && project(camera.lens, camera.parameters,
+                                  poses.front().cam_from_board * board.point(view.ids[k]), px, nullptr, nullptr);
+    sum += weights[k] * robust_square(seen ? (px - view.px[k]).norm() : nowhere_px, sigma);
+  }
+  return sum;
+}
+
+// What every view adds to the mean squared error, each under a lens that was fitted to other views: robust, and weighed
+// by place.
 std::vector<double> held_out_errors(const board::Board& board, const AdjustedCamera& camera,
-                                    const std::vector<BoardView>& views) {
+                                    const std::vector<BoardView>& views, double sigma) {
   constexpr std::size_t folds = 5;
+  const auto weights = weights_by_place(views, camera.image_size);
   std::vector<double> errors(views.size());
   for (std::size_t fold = 0; fold < folds; ++fold) {
     std::vector<BoardView> training;
@@ -102,28 +156,33 @@ std::vector<double> held_out_errors(const board::Board& board, const AdjustedCam
       if (v % folds != fold) training.push_back(views[v]);
     }
     const Adjustment fit = adjust(posed(board, camera, training),
-                                  {.find_outliers = false, .max_iterations = 50, .with_covariance = false});
-    for (std::size_t v = fold; v < views.size(); v += folds) {
-      const auto poses = board_poses(board, views[v], camera.lens, fit.cameras.front().parameters);
-      errors[v] = poses.empty() ? 1e6 : poses.front().rms_px * poses.front().rms_px;
-    }
+                                  {.find_outliers = false, .max_iterations = 25, .with_covariance = false});
+    for (std::size_t v = fold; v < views.size(); v += folds)
+      errors[v] = view_error(board, fit.cameras.front(), views[v], weights[v], sigma);
   }
   return errors;
 }
 
-// The rational model can hide a pole behind a zero, and fit noise with the ripple that they leave.
-bool is_smooth(const AdjustedCamera& camera) {
-  if (camera.lens != LensModel::radtan8) return true;
-  const LensParameters& l = camera.parameters;
-  const auto corner = camera.model().ray({{0, 0}});
-  if (!corner || corner->z() <= 0) return false;
-  const double end = corner->head<2>().squaredNorm() / (corner->z() * corner->z());
-  for (int i = 1; i <= 32; ++i) {
-    const double s = end * i / 32;
-    const double n = 1 + s * (l(4) + s * (l(5) + s * l(8))), d = 1 + s * (l(9) + s * (l(10) + s * l(11)));
-    if (n < 0.2 || d < 0.2 || n > 20 || d > 20) return false;
+// Of a corner's length, by the fit that leaves least in the middle of all.
+double sigma_of(const std::vector<LensTrial>& trials, const std::vector<Adjustment>& fits) {
+  constexpr double median_length_of_sigma = 1.18, least_px = 0.02;
+  double least = std::numeric_limits<double>::infinity();
+  for (std::size_t i = 0; i < fits.size(); ++i) {
+    if (trials[i].possible) least = std::min(least, median_residual(fits[i]) / median_length_of_sigma);
   }
-  return true;
+  return std::max(least, least_px);
+}
+
+// The rational model can hide a pole behind a zero, and fit noise with the ripple that they leave.
+bool has_pole(const AdjustedCamera& camera) {
+  if (camera.lens != LensModel::radtan8) return false;
+  const LensParameters& l = camera.parameters;
+  const double reach = reach_of(camera);
+  for (int i = 1; i <= 32; ++i) {
+    const double r = reach * i / 32, s = r * r;
+    if (1 + s * (l(9) + s * (l(10) + s * l(11))) < least_denominator) return true;
+  }
+  return false;
 }
 
 // What a trial is judged by, beside the lens that was fitted.
@@ -132,14 +191,33 @@ struct TrialFit {
   Adjustment fit;
 };
 
-// Fits one lens model, kept from folding inside the image. throws CalibrationError
-TrialFit try_lens(const board::Board& board, AdjustedCamera start, const std::vector<BoardView>& views,
-                  const AdjustmentOptions& options) {
+// A first look on some of the views, without keeping it from folding; nullopt: it leads nowhere.
+std::optional<Adjustment> glance_at(const board::Board& board, AdjustedCamera start,
+                                    const std::vector<BoardView>& views) {
+  constexpr AdjustmentOptions quick{.max_iterations = 20, .with_covariance = false};
   start.unfold = 0;
-  Adjustment fit = adjust(posed(board, start, views), options);
+  try {
+    const Adjustment fit = adjust(posed(board, start, views), quick);
+    return adjust(posed(board, fit.cameras.front(), views), quick);
+  } catch (const CalibrationError&) {
+    return std::nullopt;
+  }
+}
+
+// Fits one lens model, kept from folding inside the image. is_near: the start fits some of the views already.
+// throws CalibrationError
+TrialFit try_lens(const board::Board& board, AdjustedCamera start, const std::vector<BoardView>& views,
+                  const AdjustmentOptions& options, bool is_near) {
+  start.unfold = 0;
+  AdjustmentOptions first = options;
+  first.with_covariance = false;
+  if (!is_near) start = adjust(posed(board, start, views), first).cameras.front();
   // Again with the board poses that suit this lens.
-  fit = adjust(posed(board, fit.cameras.front(), views), options);
-  const auto folds = [&] { return !covers_image(fit.cameras.front().model(), fit.cameras.front().image_size); };
+  Adjustment fit = adjust(posed(board, start, views), options);
+  const auto folds = [&] {
+    const AdjustedCamera& camera = fit.cameras.front();
+    return !covers_image(camera.model(), camera.image_size) || has_pole(camera);
+  };
   const double free_rms = fit.rms_px;
   for (const double weight : {1.0, 10.0, 100.0, 100.0, 1000.0}) {
     if (!folds()) break;
@@ -147,53 +225,147 @@ TrialFit try_lens(const board::Board& board, AdjustedCamera start, const std::ve
     fit = adjust(std::move(fit), options);
   }
   constexpr double as_well = 1.01;  // as without the constraint, but for what the last iterations leave
-  LensTrial trial{start.lens, true, LensFault::none, fit.rms_px, 0, {}};
-  trial.fault = folds()                           ? LensFault::folds
-                : fit.rms_px > as_well * free_rms ? LensFault::fits_folded
-                : !is_smooth(fit.cameras.front()) ? LensFault::cancels
-                                                  : LensFault::none;
+  LensTrial trial{start.lens, true, LensFault::none, fit.rms_px, 0, 0, {}};
+  for (const BoardView& view : fit.views) trial.left_out += static_cast<int>(view.ids.size());
+  trial.left_out -= fit.corners_used;
+  trial.fault = folds() ? LensFault::folds : fit.rms_px > as_well * free_rms ? LensFault::fits_folded : LensFault::none;
   return {trial, std::move(fit)};
 }
 
-// The fit that leaves the least, of the trials that are possible; their count: none is.
-std::size_t closest_fit(const std::vector<LensTrial>& trials, const std::vector<Adjustment>& fits) {
+// Robust sum of squares over all corners, used or not.
+double all_corners(const Adjustment& fitted, double sigma) {
+  double sum = 0;
+  for (const ViewFit& fit : fitted.fits) {
+    for (const auto& r : fit.residuals) sum += robust_square(r.norm(), sigma);
+  }
+  return sum;
+}
+
+// The fit that leaves the least over all corners, of the trials that are possible; their count: none is.
+std::size_t closest_fit(const std::vector<LensTrial>& trials, const std::vector<Adjustment>& fits, double sigma) {
   std::size_t best = fits.size();
+  double least = std::numeric_limits<double>::infinity();
   for (std::size_t i = 0; i < fits.size(); ++i) {
     if (!trials[i].possible) continue;
-    if (best == fits.size() || median_residual(fits[i]) < median_residual(fits[best])) best = i;
+    const double sum = all_corners(fits[i], sigma);
+    if (sum < least) {
+      least = sum;
+      best = i;
+    }
   }
   return best;
 }
 
-double mean(const std::vector<double>& values) {
-  return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
+struct TrialInput {
+  const board::Board& board;
+  const AdjustedCamera& camera;  // its name and image
+  const std::vector<BoardView>& views;
+  const AdjustmentOptions& options;
+};
+
+// The lens nearest to one that was fitted, of another model.
+AdjustedCamera start_like(const AdjustedCamera& fitted, LensModel lens) {
+  AdjustedCamera start = fitted;
+  start.lens = lens;
+  start.unfold = 0;
+  if (is_pinhole(fitted.lens) && is_pinhole(lens)) return start;  // one holds the other's coefficients
+  LensParameters plain = LensParameters::Zero();
+  plain.head<2>().setOnes();
+  start.parameters = parameters_of(
+      calib::nearest_lens(fitted.model(), fitted.image_size, camera_model(lens, plain), parameter_count(lens)).model);
+  return start;
 }
 
-// By more than a standard error of the views' differences. errors: squared, beside one another.
+// From what fits the views best so far; from nothing; and, where the lens was asked for and neither leads anywhere,
+// from another model. LensFault::unsolved: nothing did.
+TrialFit try_from_all_starts(const TrialInput& in, LensModel lens, const std::vector<Adjustment>& fits,
+                             const std::vector<LensTrial>& trials, const AdjustedCamera* glanced) {
+  TrialFit tried;
+  tried.trial.lens = lens;
+  tried.trial.fault = LensFault::unsolved;
+  const auto try_start = [&](const auto& make_start, bool is_near = false) {
+    if (tried.trial.fault == LensFault::none) return;
+    try {
+      AdjustedCamera start = make_start();
+      start.lens = lens;
+      TrialFit fitted = try_lens(in.board, std::move(start), in.views, in.options, is_near);
+      if (tried.trial.fault == LensFault::unsolved || fitted.trial.fault == LensFault::none) tried = std::move(fitted);
+    } catch (const CalibrationError& error) {
+      if (tried.trial.error.empty()) tried.trial.error = error.what();
+    }
+  };
+  if (glanced != nullptr) try_start([&] { return *glanced; }, true);
+  AdjustedCamera empty = in.camera;
+  empty.lens = lens;
+  const bool from_nothing = lens != LensModel::stereographic;
+  if (lens == LensModel::fisheye && glanced == nullptr)
+    try_start([&] { return find_start(in.board, empty, in.views); });
+  if (!fits.empty()) {
+    // Another pinhole's coefficients, or the lens that is nearest to the closest of those before.
+    const std::size_t closest = closest_fit(trials, fits, sigma_of(trials, fits));
+    if (closest < fits.size()) try_start([&] { return start_like(fits[closest].cameras.front(), lens); });
+  }
+  if (from_nothing && lens != LensModel::fisheye) try_start([&] { return find_start(in.board, empty, in.views); });
+  if (tried.trial.fault == LensFault::none || !fits.empty()) return tried;
+  for (const LensModel other : {LensModel::radtan4, LensModel::fisheye}) {
+    if (other == lens) continue;
+    try_start([&] {
+      AdjustedCamera first = in.camera;
+      first.lens = other;
+      first = find_start(in.board, first, in.views);
+      const Adjustment fit = adjust(posed(in.board, first, in.views), in.options);
+      return start_like(fit.cameras.front(), lens);
+    });
+  }
+  return tried;
+}
+
+// From the closest of the models before, or from nothing. trials: as many as fits, or more. nullopt: it leads nowhere.
+std::optional<Adjustment> first_glance(const board::Board& board, const AdjustedCamera& camera, LensModel lens,
+                                       const std::vector<BoardView>& views, const std::vector<LensTrial>& trials,
+                                       const std::vector<Adjustment>& fits) {
+  AdjustedCamera start = camera;
+  start.lens = lens;
+  const std::size_t closest = fits.empty() ? 0 : closest_fit(trials, fits, sigma_of(trials, fits));
+  const bool has_start = closest < fits.size();
+  if (has_start && lens != LensModel::fisheye) {
+    start = start_like(fits[closest].cameras.front(), lens);
+  } else {
+    try {
+      start = find_start(board, start, views);
+    } catch (const CalibrationError&) {
+      return std::nullopt;
+    }
+  }
+  start.lens = lens;
+  return glance_at(board, start, views);
+}
+
+double sum(const std::vector<double>& values) {
+  return std::accumulate(values.begin(), values.end(), 0.0);
+}
+
+// By more than a standard error of the sum of the views' differences. errors: beside one another.
 bool is_clearly_worse(const std::vector<double>& errors, const std::vector<double>& than) {
   const auto n = static_cast<double>(errors.size());
-  double sum = 0, squares = 0;
-  for (std::size_t v = 0; v < errors.size(); ++v) {
-    const double worse = errors[v] - than[v];
-    sum += worse;
-    squares += worse * worse;
-  }
-  const double difference = sum / n;
-  const double standard_error = std::sqrt(std::max(0.0, squares / n - difference * difference) / (n - 1));
-  return !(difference < standard_error);
+  const double mean = (sum(errors) - sum(than)) / n;
+  double squares = 0;
+  for (std::size_t v = 0; v < errors.size(); ++v) squares += std::pow(errors[v] - than[v] - mean, 2);
+  return !(n * mean < std::sqrt(squares * n / (n - 1)));
 }
 
 using TellLens = std::function<void(const char* step, LensModel lens)>;
 
-// Chooses among the trials by cross-validation, on the corners that the best fitting model calls good: a model that is
-// too simple must not hide behind calling the image's corners outliers. Sets choice, chosen, best, compared_views.
+// Chooses among the trials by cross-validation, on the corners that the closest model calls good: a model that is too
+// simple must not hide behind calling the image's corners outliers. Sets choice, chosen, best, compared_views.
 void choose_lens(Intrinsics& result, const board::Board& board, const std::string& camera,
                  const std::vector<Adjustment>& fits, const TellLens& tell) {
   std::vector<LensTrial>& trials = result.trials;
-  const std::size_t closest = closest_fit(trials, fits);
+  const double sigma = sigma_of(trials, fits);
+  const std::size_t closest = closest_fit(trials, fits, sigma);
   if (closest == fits.size())
     throw CalibrationError("camera " + camera + ": no lens model fits the views: " + fault_text(trials.front()));
-  constexpr std::size_t most_views = 60, least_views = 8;
+  constexpr std::size_t most_views = 40, least_views = 8;
   const auto good = spread_over(inliers(fits[closest]), most_views);
   result.compared_views = good.size();
   if (good.size() < least_views) {
@@ -205,25 +377,40 @@ void choose_lens(Intrinsics& result, const board::Board& board, const std::strin
   std::size_t best = fits.size();
   for (std::size_t i = 0; i < fits.size(); ++i) {
     tell("trying views that it was not fitted to: ", trials[i].lens);
-    if (!trials[i].possible) continue;
+    // A model that leaves twice as much where it was fitted predicts nothing better.
+    constexpr double hopeless = 2;
+    if (!trials[i].possible || all_corners(fits[i], sigma) > hopeless * all_corners(fits[closest], sigma)) continue;
     try {
-      errors[i] = held_out_errors(board, fits[i].cameras.front(), good);
+      errors[i] = held_out_errors(board, fits[i].cameras.front(), good, sigma);
     } catch (const CalibrationError& error) {
       trials[i].possible = false;
       trials[i].fault = LensFault::unsolved;
       trials[i].error = error.what();
       continue;
     }
-    trials[i].held_out_px = std::sqrt(mean(errors[i]));
-    if (best == fits.size() || mean(errors[i]) < mean(errors[best])) best = i;
+    trials[i].held_out_px = std::sqrt(sum(errors[i]));
+    if (best == fits.size() || sum(errors[i]) < sum(errors[best])) best = i;
   }
   if (best == fits.size())
     throw CalibrationError("camera " + camera + ": no lens model can be fitted to four fifths of the views");
-  // The simplest model that is not clearly worse, or worse by less than one in a hundred.
+  // The simplest model that predicts as well, and fits as well: few views reach the image's edge, and what they say is
+  // soon within the chance of a prediction, while in the fit of all corners it shows (by Schwarz's criterion, BIC). The
+  // richest model is held by what is believed of it, and does no harm.
+  const auto fits_as_well = [&](std::size_t i, std::size_t as) {
+    const double excess = (all_corners(fits[i], sigma) - all_corners(fits[as], sigma)) / (sigma * sigma);
+    const int more = parameter_count(trials[as].lens) - parameter_count(trials[i].lens);
+    return excess < std::max(1, more) * std::log(2.0 * fits[as].corners_used);
+  };
   result.chosen = result.best = best;
+  if (!errors[closest].empty() && !is_clearly_worse(errors[closest], errors[best]) && !fits_as_well(best, closest)) {
+    result.chosen = closest;
+    result.choice = LensChoice::closer;
+    return;
+  }
   for (std::size_t i = 0; i < best; ++i) {
-    if (!trials[i].possible) continue;
-    if (!is_clearly_worse(errors[i], errors[best]) || trials[i].held_out_px < 1.01 * trials[best].held_out_px) {
+    const bool is_simpler = parameter_count(trials[i].lens) < parameter_count(trials[best].lens);
+    if (!trials[i].possible || errors[i].empty() || !is_simpler) continue;
+    if (!is_clearly_worse(errors[i], errors[best]) && fits_as_well(i, closest) && fits_as_well(i, best)) {
       result.chosen = i;
       break;
     }
@@ -249,11 +436,11 @@ std::string fault_text(const LensTrial& trial) {
     case LensFault::none:
       return {};
     case LensFault::folds:
-      return "its distortion turns back on itself inside the image";
+      return "its distortion turns back on itself, or has a pole, inside the image";
     case LensFault::fits_folded:
       return "kept from turning back on itself inside the image it does not fit the views";
-    case LensFault::cancels:
-      return "its coefficients cancel one another: the views do not determine them";
+    case LensFault::far_off:
+      return "it leaves far more than another model does";
     case LensFault::unsolved:
       break;
   }
@@ -277,7 +464,7 @@ Intrinsics calibrate_intrinsics(const board::Board& board, const std::string& na
   int done = 0;
   const TellLens tell = [&](const char* step, LensModel lens) {
     if (options.progress) {
-      options.progress(step + std::string(solver::name(lens)), done, static_cast<int>(2 * candidates.size()));
+      options.progress(step + std::string(solver::name(lens)), done, static_cast<int>(3 * candidates.size()));
     }
     ++done;
   };
@@ -287,23 +474,43 @@ Intrinsics calibrate_intrinsics(const board::Board& board, const std::string& na
   AdjustedCamera camera;
   camera.name = name;
   camera.image_size = image_size;
+  // Most lenses of a kind are hopeless at a glance: only the others are worth the whole of the views.
+  std::vector<LensTrial> glances;
+  std::vector<Adjustment> glanced;
+  constexpr std::size_t some_views = 24;
+  const std::vector<BoardView> some = spread_over(views, some_views);
   for (const LensModel lens : candidates) {
+    tell("looking at ", lens);
+    glances.emplace_back();
+    glances.back().lens = lens;
+    const auto fit = is_only ? std::nullopt : first_glance(board, camera, lens, some, glances, glanced);
+    glances.back().possible = fit.has_value();
+    glanced.push_back(fit.value_or(Adjustment{}));
+  }
+  const double sigma = is_only ? 0 : sigma_of(glances, glanced);
+  const std::size_t closest = is_only ? 0 : closest_fit(glances, glanced, sigma);
+  const TrialInput input{board, camera, views, options.adjustment};
+  for (std::size_t i = 0; i < candidates.size(); ++i) {
+    const LensModel lens = candidates[i];
     tell("fitting ", lens);
-    camera.lens = lens;
     TrialFit tried;
-    tried.trial.lens = lens;
-    try {
-      // The pinhole models start from one another.
-      const bool has_start = lens != LensModel::fisheye && !fits.empty() && !fits.back().cameras.empty();
-      AdjustedCamera start = has_start ? fits.back().cameras.front() : find_start(board, camera, views);
-      start.lens = lens;
-      tried = try_lens(board, std::move(start), views, options.adjustment);
-      tried.trial.possible = tried.trial.fault == LensFault::none || is_only;
-    } catch (const CalibrationError& error) {
-      if (is_only) throw;
-      tried.trial.possible = false;
-      tried.trial.fault = LensFault::unsolved;
-      tried.trial.error = error.what();
+    constexpr double far = 3;
+    if (!is_only && glances[i].possible &&
+        all_corners(glanced[i], sigma) > far * all_corners(glanced[closest], sigma)) {
+      tried.trial = glances[i];
+      tried.trial.fault = LensFault::far_off;
+      tried.trial.rms_px = glanced[i].rms_px;
+      tried.fit = glanced[i];
+    } else {
+      tried = try_from_all_starts(input, lens, fits, result.trials,
+                                  glances[i].possible ? &glanced[i].cameras.front() : nullptr);
+    }
+    tried.trial.possible =
+        tried.trial.fault == LensFault::none || (is_only && tried.trial.fault != LensFault::unsolved);
+    if (is_only && !tried.trial.possible) {
+      throw CalibrationError("camera " + name + ": " + std::string(solver::name(lens)) +
+                             " cannot be fitted to its views (" + tried.trial.error +
+                             "): without --lens the model that predicts the views best is taken");
     }
     result.trials.push_back(tried.trial);
     fits.push_back(std::move(tried.fit));
@@ -312,6 +519,19 @@ Intrinsics calibrate_intrinsics(const board::Board& board, const std::string& na
   result.adjustment = std::move(fits[result.chosen]);
   return result;
 }
+
+namespace {
+
+// By how many of its own uncertainties a lens has to differ from a given one, over the image, to take its place; and
+// where boards move before rows that are read one after the other, which bends a lens by what no scatter shows.
+constexpr double clearly_other = 3, clearly_other_moving = 10;
+
+// A lens that leaves so much more than another one is no lens of this camera, wherever the views are.
+bool is_hopeless(double given_px, double refined_px) {
+  return given_px > 2 && given_px > 5 * refined_px;
+}
+
+}  // namespace
 
 LensCheck check_lens(const board::Board& board, const AdjustedCamera& camera, const std::vector<BoardView>& views) {
   AdjustedCamera trial = camera;
@@ -332,15 +552,22 @@ LensCheck check_lens(const board::Board& board, const AdjustedCamera& camera, co
   // A tenth of a pixel is no reason to throw away a lens that was calibrated with more views than these.
   constexpr double little_px = 0.1;
   const double given_px = given.rms_px, refined_px = check.refined.rms_px;
+  std::optional<LensContradiction> found;
   if ((given_px > 1.3 * refined_px && given_px > refined_px + little_px) || corners_lost) {
-    check.contradiction =
-        LensContradiction{.given_px = corners_lost ? median_residual(given) : given_px, .refined_px = refined_px};
+    found = LensContradiction{.given_px = corners_lost ? median_residual(given) : given_px, .refined_px = refined_px};
   } else if (zoom > 0.01) {
-    check.contradiction = LensContradiction{.is_by_focal_length = true,
-                                            .focal_px = l(0),
-                                            .focal_sigma_px = sigma(0),
-                                            .given_focal_px = camera.parameters(0)};
+    found = LensContradiction{.is_by_focal_length = true,
+                              .focal_px = l(0),
+                              .focal_sigma_px = sigma(0),
+                              .given_focal_px = camera.parameters(0)};
   }
+  if (!found) return check;
+  const RayUncertainty rays = ray_uncertainty(check.refined, 0);
+  found->covered = static_cast<double>(std::ranges::count(rays.covered, true)) / ImageStations::count;
+  const double bar = tell_motion(views) ? clearly_other_moving : clearly_other;
+  const double differs_px = difference(camera, check.refined.cameras.front(), rays.covered).image_px;
+  const bool is_better_known = differs_px > bar * rays.image_px;
+  (is_better_known || is_hopeless(found->given_px, refined_px) ? check.contradiction : check.too_little) = found;
   return check;
 }
 

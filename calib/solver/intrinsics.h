@@ -22,9 +22,9 @@ struct IntrinsicsOptions {
 // What is wrong with a lens as it was fitted.
 enum class LensFault {
   none,
-  folds,        // its distortion turns back on itself inside the image
+  folds,        // its distortion turns back on itself, or has a pole, inside the image
   fits_folded,  // only so does it fit the views: kept from folding it does not
-  cancels,      // its coefficients cancel one another: the views do not determine them
+  far_off,      // on some of the views it leaves far more than another model: it was not tried any further
   unsolved,     // the adjustment failed
 };
 
@@ -33,9 +33,13 @@ struct LensTrial {
   LensModel lens = LensModel::radtan4;
   bool possible = true;  // false: for its fault it cannot be chosen
   LensFault fault = LensFault::none;
-  double rms_px = 0;       // of the views that it was fitted to
-  double held_out_px = 0;  // of views that it was not fitted to (cross-validation over the views); 0: not tried
-  std::string error;       // LensFault::unsolved: what the adjustment said
+  double rms_px = 0;  // of the corners that it was fitted to
+  int left_out = 0;   // corners that do not fit it, and were not used
+  // Of views that it was not fitted to (cross-validation over the views), wherever in the image their corners are: only
+  // those that no model fits are left out, and every part of the image counts the same. Robustly: a corner that is off
+  // by more than three standard deviations counts linearly. 0: not tried
+  double held_out_px = 0;
+  std::string error;  // LensFault::unsolved: what the adjustment said
 };
 
 // One clause; empty: LensFault::none.
@@ -47,6 +51,7 @@ enum class LensChoice {
   too_few_views,  // to tell models apart: the simplest one that is possible
   best,           // it predicts views that it was not fitted to best
   simpler,        // it predicts them as well as the best one, and is simpler
+  closer,         // it predicts them as well as the best one, and fits all corners better
 };
 
 struct Intrinsics {
@@ -68,13 +73,18 @@ struct LensContradiction {
   double given_px = 0, refined_px = 0;      // by the fit: what the given lens leaves, and one fitted to the views
   double focal_px = 0, focal_sigma_px = 0;  // by the focal length (fx): as these views say, and
   double given_focal_px = 0;                // as it was given
+  double covered = 0;                       // share of the image that the views cover
 };
 
 // Whether a camera's own views bear out a lens that was known before. It takes no other camera, so it holds for cameras
-// that are not in step.
+// that are not in step. A lens that was given was found from more views than these, and all over its image: one that is
+// fitted here takes its place only if it is better known, over the whole image, than the two differ; and where the
+// board moves before a camera that reads its rows one after the other, by much: those views bend any lens.
 struct LensCheck {
-  std::optional<LensContradiction> contradiction;  // nullopt: they bear it out
-  Adjustment refined;                              // with a lens that is fitted to the views, of the same model
+  std::optional<LensContradiction> contradiction;  // nullopt: they bear it out, or cannot tell a better one
+  // They fit another lens better, but leave more open of it than it differs from the given one: which stays.
+  std::optional<LensContradiction> too_little;
+  Adjustment refined;  // with a lens that is fitted to the views, of the same model
 };
 LensCheck check_lens(const board::Board& board, const AdjustedCamera& camera, const std::vector<BoardView>& views);
 

@@ -11,14 +11,18 @@
 
 namespace huetrack::solver {
 
-// From the simplest: pinhole with 4 (k1 k2 p1 p2), 5 (k3) or 8 (k4 k5 k6) distortion coefficients, and the fisheye.
-enum class LensModel { radtan4, radtan5, radtan8, fisheye };
-inline constexpr std::array<LensModel, 4> all_lens_models{LensModel::radtan4, LensModel::radtan5, LensModel::radtan8,
-                                                          LensModel::fisheye};
+// Pinhole with 4 (k1 k2 p1 p2), 5 (k3) or 8 (k4 k5 k6) distortion coefficients, the fisheye, and the stereographic one,
+// which follows any lens. all_lens_models: from the simplest.
+enum class LensModel { radtan4, radtan5, radtan8, fisheye, stereographic };
+inline constexpr std::array<LensModel, 5> all_lens_models{LensModel::radtan4, LensModel::radtan5, LensModel::fisheye,
+                                                          LensModel::radtan8, LensModel::stereographic};
+inline bool is_pinhole(LensModel lens) {
+  return lens <= LensModel::radtan8;
+}
 
 using calib::LensParameters;
 
-std::string_view name(LensModel lens);                       // "radtan4", ..., "fisheye"
+std::string_view name(LensModel lens);                       // "radtan4", ..., "stereographic"
 int parameter_count(LensModel lens);                         // the leading ones of LensParameters that are free
 std::string_view parameter_name(LensModel lens, int index);  // "fx", ..., "k6"
 

@@ -7,6 +7,7 @@
 #include <iterator>
 #include <map>
 #include <set>
+#include <tuple>
 
 #include "calib/model/index.h"
 #include "calib/solver/extrinsics.h"
@@ -104,6 +105,38 @@ std::optional<std::pair<int, int>> swapped_names(const board::Board& board, cons
   return std::nullopt;
 }
 
+// A camera whose pictures, mirrored, fit those of the others: then so does the rig. Only a chessboard is found in
+// mirrored pictures at all, counted from its other side.
+std::optional<int> mirrored_pictures(const board::Board& board, const calib::CameraRig& rig,
+                                     const std::vector<BoardView>& views, const std::set<int>& seen,
+                                     const Adjustment& best) {
+  if (board.type != board::BoardType::chessboard) return std::nullopt;
+  for (const int c : seen) {
+    std::vector<BoardView> turned = views;
+    for (BoardView& view : turned) {
+      if (view.camera != c) continue;
+      std::vector<std::pair<int, Eigen::Vector2d>> corners;
+      for (std::size_t k = 0; k < view.ids.size(); ++k) {
+        const int column = view.ids[k] % board.columns, row = view.ids[k] / board.columns;
+        corners.emplace_back(
+            row * board.columns + board.columns - 1 - column,
+            Eigen::Vector2d(rig.cameras[index(c)].image_size.width - 1 - view.px[k].x(), view.px[k].y()));
+      }
+      std::ranges::sort(corners, {}, [](const auto& corner) { return corner.first; });
+      for (std::size_t k = 0; k < corners.size(); ++k) std::tie(view.ids[k], view.px[k]) = corners[k];
+    }
+    try {
+      const Adjustment fit = adjust(with_free(place_boards(board, rig, turned), {}), {.with_covariance = false});
+      // Where nothing fits no corner is an outlier: it has to fit, too.
+      constexpr double most_corners = 0.7, well_px = 2;
+      const bool fits_most = fit.corners_used > most_corners * corner_count(views) && fit.rms_px < well_px;
+      if (fits_most && fit.corners_used > best.corners_used) return c;
+    } catch (const CalibrationError&) {  // then they are not mirrored
+    }
+  }
+  return std::nullopt;
+}
+
 // Who moved: camera by camera the one that explains most, until the rest fits. cost: the rms with these free.
 // start: with the boards placed for the rig as it is. Sets moved, or_else and with_moved_px.
 void find_moved(RigCheck& check, const calib::CameraRig& rig, const Adjustment& start, const std::set<int>& seen,
@@ -167,6 +200,12 @@ RigCheck check_rig(const board::Board& board, const calib::CameraRig& rig, const
   // What the cameras could do at best; and which corners are no good whatever the cameras' poses.
   tell("what the cameras could do at best");
   const Adjustment best = adjust(with_free(place_boards(board, rig, views), all_free));
+  constexpr double usual_share = 0.8;
+  if (best.corners_used < usual_share * corner_count(views)) {
+    tell("whose pictures are mirrored");
+    check.mirrored = mirrored_pictures(board, rig, views, seen, best);
+    if (check.mirrored) return check;
+  }
   views = shared(inliers(best));
   for (const BoardView& view : views) ++check.shared_views[index(view.camera)];
   if (views.empty())

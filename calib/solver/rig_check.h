@@ -36,6 +36,7 @@ struct RigCheck {
   // All distances between the cameras are so many times what the rig says.
   std::optional<double> scale;
   std::optional<std::pair<int, int>> swapped;  // two cameras whose names are exchanged in the pictures
+  std::optional<int> mirrored;                 // a camera whose pictures are mirrored, left and right
 
   std::vector<MovedCamera> moved;  // that explain it; empty: the rig fits, or it is one of the above
   // Cameras that would explain it (nearly) as well, instead of the first of `moved`: two cameras cannot tell which of

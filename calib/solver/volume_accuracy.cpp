@@ -9,6 +9,7 @@
 
 #include "calib/model/cross_matrix.h"
 #include "calib/model/index.h"
+#include "calib/solver/ray_uncertainty.h"
 
 namespace huetrack::solver {
 namespace {
@@ -98,20 +99,17 @@ void summarise(VolumeAccuracy& result) {
   result.p95_total_m = quantile(total, 0.95);
 }
 
-}  // namespace
-
-VolumeAccuracy predict_accuracy(const Adjustment& a, const WorldBox& box, const std::array<int, 3>& steps,
-                                double object_noise_px) {
-  VolumeAccuracy result = grid_of(box, steps, object_noise_px);
+// Of all points that two or more cameras see, without what a rigid motion of everything would explain: that is no error
+// of shape. Sets the points' views, and the alignment.
+std::vector<Sensitivity> aligned_sensitivities(const Adjustment& a, VolumeAccuracy& result) {
   const Eigen::Index parameters = a.covariance.rows();
   std::vector<Sensitivity> seen;
   for (std::size_t k = 0; k < result.points.size(); ++k) {
     if (auto sensitivity = sensitivity_at(a, result.points[k], k)) seen.push_back(std::move(*sensitivity));
   }
-  // What a rigid motion of everything would explain is no error of shape.
   Eigen::Matrix<double, 6, 6> normal = Eigen::Matrix<double, 6, 6>::Zero();
   MatrixXd moment = MatrixXd::Zero(6, parameters);
-  const Vector3d middle = (box.low + box.high) / 2;
+  const Vector3d middle = (result.box.low + result.box.high) / 2;
   const auto rigid = [&](const Sensitivity& s) {
     Eigen::Matrix<double, 3, 6> motion;
     motion << -cross_matrix(result.points[s.point].p_world - middle), Matrix3d::Identity();
@@ -124,15 +122,37 @@ VolumeAccuracy predict_accuracy(const Adjustment& a, const WorldBox& box, const 
   }
   const bool alignable = seen.size() >= 3;
   result.alignment = alignable ? MatrixXd(normal.ldlt().solve(moment)) : MatrixXd::Zero(6, parameters);
-  for (const Sensitivity& s : seen) {
-    const MatrixXd left = s.by_parameters - rigid(s) * result.alignment;
-    const double calibration = std::max(0.0, (left * a.covariance * left.transpose()).trace());
+  for (Sensitivity& s : seen) s.by_parameters -= rigid(s) * result.alignment;
+  return seen;
+}
+
+}  // namespace
+
+VolumeAccuracy predict_accuracy(const Adjustment& a, const WorldBox& box, const std::array<int, 3>& steps,
+                                double object_noise_px) {
+  VolumeAccuracy result = grid_of(box, steps, object_noise_px);
+  for (const Sensitivity& s : aligned_sensitivities(a, result)) {
+    const double calibration = std::max(0.0, (s.by_parameters * a.covariance * s.by_parameters.transpose()).trace());
     PointAccuracy& point = result.points[s.point];
     point.by_calibration_m = std::sqrt(calibration);
     point.total_m = std::sqrt(calibration + object_noise_px * object_noise_px * s.by_noise.trace());
   }
   summarise(result);
   return result;
+}
+
+ShapeError shape_error(const Adjustment& a, const WorldBox& box, const Eigen::VectorXd& error,
+                       const MatrixXd& covariance) {
+  constexpr std::array<int, 3> coarse{6, 6, 4};
+  VolumeAccuracy grid = grid_of(box, coarse, 0);
+  const std::vector<Sensitivity> seen = aligned_sensitivities(a, grid);
+  double squares = 0, variance = 0;
+  for (const Sensitivity& s : seen) {
+    squares += (s.by_parameters * error).squaredNorm();
+    variance += std::max(0.0, (s.by_parameters * covariance * s.by_parameters.transpose()).trace());
+  }
+  const auto count = static_cast<double>(std::max<std::size_t>(1, seen.size()));
+  return {std::sqrt(squares / count), std::sqrt(variance / count)};
 }
 
 VolumeAccuracy predict_accuracy(const calib::CameraRig& rig, const WorldBox& box, const std::array<int, 3>& steps,
@@ -220,6 +240,12 @@ PoseSigma pose_sigma(const Adjustment& a, const VolumeAccuracy& volume, int came
   if (const int at = a.pose_offset.empty() ? -1 : a.pose_offset[index(camera)]; at >= 0) {
     by_parameters.block<3, 3>(0, at) = -world_from_cam;
     by_parameters.block<3, 3>(3, at + 3) = -world_from_cam;
+  }
+  // What a turn of the camera and its lens make up for between them is no error of where its pixels look.
+  if (const int at = a.lens_offset.empty() ? -1 : a.lens_offset[index(camera)]; at >= 0) {
+    const AdjustedCamera& of = a.cameras[index(camera)];
+    by_parameters.block(0, at, 3, parameter_count(of.lens)) -=
+        world_from_cam * turn_by_lens(of, covered_stations(a, camera));
   }
   const Vector3d arm = centre - (volume.box.low + volume.box.high) / 2;
   by_parameters.topRows<3>() -= volume.alignment.topRows<3>();

@@ -47,6 +47,14 @@ struct VolumeAccuracy {
 VolumeAccuracy predict_accuracy(const Adjustment& calibrated, const WorldBox& box, const std::array<int, 3>& steps,
                                 double object_noise_px = 0.5);
 
+// rms over the places of the volume, after the best alignment: of what an error of the parameters moves them by, and of
+// what a covariance of theirs says that it would be.
+struct ShapeError {
+  double seen_m = 0, expected_m = 0;
+};
+ShapeError shape_error(const Adjustment& calibrated, const WorldBox& box, const Eigen::VectorXd& error,
+                       const Eigen::MatrixXd& covariance);
+
 // The same for a rig as its file has it, with its uncertainty if it has one; its world is aligned already, so that
 // `alignment` stays empty.
 VolumeAccuracy predict_accuracy(const calib::CameraRig& rig, const WorldBox& box, const std::array<int, 3>& steps,

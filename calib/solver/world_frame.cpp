@@ -92,6 +92,56 @@ calib::Rigid3d upright_guess(const Adjustment& a) {
   return with_axes(forward - up * up.dot(forward), up, middle);
 }
 
+std::optional<KeptWorld> world_of(const calib::CameraRig& before, const Adjustment& adjusted) {
+  struct Both {
+    std::string name;
+    calib::Rigid3d old_world, new_world;  // from the camera
+  };
+  std::vector<Both> both;
+  for (const AdjustedCamera& camera : adjusted.cameras) {
+    const auto old = before.index_of(camera.name);
+    if (!old) continue;
+    both.push_back({camera.name, calib::inverse(before.cameras[static_cast<std::size_t>(*old)].cam_from_world),
+                    calib::inverse(camera.cam_from_world)});
+  }
+  if (both.size() < 2) return std::nullopt;
+  // As two cameras stand to one another now and then: a bumped camera is out by more, a calibration hardly.
+  constexpr double as_before_share = 0.03, as_before_rad = 0.04;  // of their distance
+  const auto agrees = [&](const Both& a, const Both& b) {
+    const calib::Rigid3d then = calib::inverse(a.old_world) * b.old_world,
+                         now = calib::inverse(a.new_world) * b.new_world;
+    return (then.translation - now.translation).norm() < as_before_share * now.translation.norm() &&
+           then.rotation.angularDistance(now.rotation) < as_before_rad;
+  };
+  std::vector<std::size_t> best;
+  for (const Both& anchor : both) {
+    std::vector<std::size_t> same;
+    for (std::size_t c = 0; c < both.size(); ++c) {
+      if (&both[c] == &anchor || agrees(anchor, both[c])) same.push_back(c);
+    }
+    if (same.size() > best.size()) best = std::move(same);
+  }
+  if (best.size() < 2) return std::nullopt;
+  KeptWorld kept;
+  double size = 0;
+  for (const std::size_t c : best)
+    size = std::max(size, (both[c].new_world.translation - both[best.front()].new_world.translation).norm());
+  std::vector<Eigen::Vector3d> from, to;
+  for (std::size_t c = 0; c < both.size(); ++c) {
+    const bool stands = std::ranges::find(best, c) != best.end();
+    (stands ? kept.by : kept.moved).push_back(both[c].name);
+    if (!stands) continue;
+    // Its centre, and points along its axes: how it is turned counts as much as where it is.
+    for (const Eigen::Vector3d& p : {Eigen::Vector3d(0, 0, 0), Eigen::Vector3d(size, 0, 0), Eigen::Vector3d(0, size, 0),
+                                     Eigen::Vector3d(0, 0, size)}) {
+      from.push_back(both[c].new_world * p);
+      to.push_back(both[c].old_world * p);
+    }
+  }
+  kept.new_from_old = align_points(from, to, false).new_from_old;
+  return kept;
+}
+
 calib::Rigid3d floor_from_board(const calib::Rigid3d& world_from_board, double height) {
   const Vector3d x = world_from_board.rotation * Vector3d::UnitX(), up = world_from_board.rotation * -Vector3d::UnitZ();
   return with_axes(x, up, world_from_board.translation - height * up);

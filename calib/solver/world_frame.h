@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -28,6 +29,15 @@ Adjustment in_world(Adjustment adjustment,
 // A world to begin with, while nobody has said where the floor is: z up as the cameras are held (their image rows
 // level, as far as they agree), the origin in the middle of where the board was, x away from the first camera.
 calib::Rigid3d upright_guess(const Adjustment& adjustment);
+
+// The world of a rig that was there before, for cameras that are calibrated anew: by those that stand to one another as
+// they did. nullopt: fewer than two cameras are in both.
+struct KeptWorld {
+  calib::Rigid3d new_from_old;  // for in_world(): new: the world that was there before
+  std::vector<std::string> by;  // the cameras that stand as they did, to some centimetres and degrees; at least two
+  std::vector<std::string> moved;
+};
+std::optional<KeptWorld> world_of(const calib::CameraRig& before, const Adjustment& adjusted);
 
 // The world in which a board lies on the floor, its front up: the origin is its point 0, x along its rows, z up.
 // height: of the board's surface above the floor, metres.

@@ -80,7 +80,7 @@ class OutlineCost final : public ceres::SizedCostFunction<2, 6, 3, 3, 3, 3, 1, 1
     const Matrix3d rotation = base_ * rotation_of(omega);
     const Vector3d p_cam = rotation * p + t;
     double z_by_z = 1;
-    const Vector3d outline = outline_point(lens_ != solver::LensModel::fisheye, p_cam, radius_, &z_by_z);
+    const Vector3d outline = outline_point(solver::is_pinhole(lens_), p_cam, radius_, &z_by_z);
     Vector2d px;
     solver::PixelByPoint by_point;
     const bool seen = solver::project(lens_, parameters_, outline, px, &by_point, nullptr) && px.allFinite();

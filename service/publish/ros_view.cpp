@@ -203,6 +203,10 @@ sensor_msgs::msg::dds_::CameraInfo_ to_camera_info(const msg::Preview& preview, 
   std::vector<double> d = camera.distortion();
   if (camera.model() == "fisheye_kb") {
     info.distortion_model("equidistant");
+  } else if (camera.model() == "stereographic") {
+    // ROS has no name for it: one that it does not know is better than numbers of another formula under one that it
+    // does.
+    info.distortion_model("stereographic");
   } else {
     const bool is_rational = d.size() > 5 && std::any_of(d.begin() + 5, d.end(), [](double k) { return k != 0; });
     info.distortion_model(is_rational ? "rational_polynomial" : "plumb_bob");

@@ -194,6 +194,25 @@ TEST(BoardDetectorTrouble, AWrongBoardFileIsExplained) {
   Board other = charuco.board;
   other.dictionary = "DICT_6X6_250";
   EXPECT_THAT(explanation(charuco.board, other), HasSubstr("DICT_5X5"));
+  Board transposed = charuco.board;
+  std::swap(transposed.columns, transposed.rows);
+  EXPECT_THAT(explanation(charuco.board, transposed),
+              HasSubstr(std::to_string(charuco.board.columns) + "x" + std::to_string(charuco.board.rows) +
+                        " squares rather than " + std::to_string(charuco.board.rows) + "x" +
+                        std::to_string(charuco.board.columns)));
+}
+
+TEST(BoardDetectorMarkers, TheirSizeIsMeasuredByTheSquares) {
+  const DrawnBoard drawn = draw_board(charuco.board);
+  const cv::Matx33d h = tilted(drawn.image, {{{120, 60}, {540, 90}, {510, 400}, {140, 370}}});
+  const cv::Mat image = seen_through(drawn.image, h, {640, 480}, 2, 1);
+  Board wrong = charuco.board;
+  wrong.marker *= 0.9;
+  for (const Board& in_file : {charuco.board, wrong}) {
+    const BoardDetection found = BoardDetector(in_file).detect(view_of(image));
+    ASSERT_TRUE(found.found());
+    EXPECT_NEAR(found.marker_m / charuco.board.marker, 1, 0.02);
+  }
 }
 
 // --- real and rendered captures ---

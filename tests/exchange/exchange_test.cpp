@@ -9,6 +9,7 @@
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core.hpp>
 
+#include "calib/model/nearest_lens.h"
 #include "calib/yaml/yaml_reader.h"
 
 namespace huetrack::exchange {
@@ -343,6 +344,28 @@ TEST_F(Exchange, KalibrErrors) {
   }
 }
 
+TEST_F(Exchange, AStereographicLensIsWrittenAsTheNearestThatTheyHave) {
+  calib::CameraRig rig = some_rig();
+  const calib::CameraModel lens(
+      calib::Stereographic{500, 500, 320, 240, {0.1, -0.05, 1e-3, -5e-4, 0.01, 0, 1e-3, 5e-4}});
+  rig.cameras[1].model = lens;
+  for (const ExchangeFormat format : {ExchangeFormat::ros, ExchangeFormat::opencv, ExchangeFormat::kalibr,
+                                      ExchangeFormat::aniposelib, ExchangeFormat::caliscope}) {
+    EXPECT_THAT(
+        export_rig(rig, {.format = format}).notes,
+        Contains(AllOf(HasSubstr("cam1"), HasSubstr("no stereographic lens"), HasSubstr("px (95 % of the image)"))))
+        << name(format);
+  }
+  const calib::NearestLens nearest =
+      calib::nearest_lens(lens, {640, 480}, calib::CameraModel(calib::PinholeRadtan{}), 12);
+  EXPECT_TRUE(nearest.covers_image);
+  EXPECT_LT(nearest.p95_px, 0.3);
+  // As far off as it says.
+  const auto ray = lens.ray({{5, 5}});
+  ASSERT_TRUE(ray);
+  EXPECT_LE((nearest.model.project(*ray).value().px - Eigen::Vector2d(5, 5)).norm(), nearest.worst_px);
+}
+
 // What aniposelib's CameraGroup.dump() writes.
 const char* const anipose = R"([cam_0]
 name = "A"
@@ -438,7 +461,7 @@ TEST_F(Exchange, CaliscopeKnowsWhatIsMissing) {
                                                 "[cameras.10]\ncam_id = 10\n" + camera + other);
   ASSERT_EQ(in.rig.cameras.size(), 2u);
   EXPECT_EQ(in.rig.cameras[1].name, "cam_10");
-  EXPECT_THAT(in.notes, Contains(AllOf(HasSubstr("cam_1"), HasSubstr("turned by 90"))));
+  EXPECT_THAT(in.notes, Contains(AllOf(HasSubstr("cam_1"), HasSubstr("turned by 90"), HasSubstr("do not turn them"))));
   EXPECT_THAT(in.notes, Contains(AllOf(HasSubstr("cam_2"), HasSubstr("ignore"))));
 }
 

@@ -1,10 +1,12 @@
 // Which moments of a recording are looked at and kept, for a board that moves.
 #include "calib/gather/find_boards.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <array>
 
+#include "board/drawn_board.h"
 #include "gather/pictured_rig.h"
 
 namespace huetrack::gather {
@@ -64,6 +66,45 @@ TEST(FindBoards, OfALongRecordingPairsOfMomentsAreLookedAt) {
   EXPECT_EQ(stills.sets_looked_at, 4);
   EXPECT_NEAR(stills.set_at_s.at(1), 0.3, 1e-9);
   EXPECT_NEAR(found(12, true, {.every = 3}).set_at_s.at(1), 0.3, 1e-9);  // as was asked for
+}
+
+// One picture of a ChArUco board.
+class CharucoPicture final : public PictureSource {
+ public:
+  explicit CharucoPicture(const board::Board& board) {
+    const board::DrawnBoard drawn = board::draw_board(board);
+    const double w = drawn.image.cols, h = drawn.image.rows;
+    picture_ = board::seen_through(drawn.image, {400 / w, 20 / h, 110, 15 / w, 300 / h, 80, 0, 0, 1}, {640, 480}, 2, 1);
+  }
+  const std::vector<std::string>& cameras() const override { return names_; }
+  std::optional<int> expected_sets() const override { return 1; }
+  bool has_stamps() const override { return false; }
+  std::vector<std::string> take_warnings() override { return {}; }
+  std::optional<PictureSet> next(std::stop_token) override {
+    if (std::exchange(done_, true)) return std::nullopt;
+    PictureSet set{.number = 0, .at_s = 0, .pictures = {}};
+    set.pictures.emplace_back(Picture{picture_, "only", {}});
+    return set;
+  }
+
+ private:
+  cv::Mat picture_;
+  bool done_ = false;
+  std::vector<std::string> names_{"cam1"};
+};
+
+TEST(FindBoards, AMarkerOfAnotherSizeIsDoubted) {
+  const board::Board real{.type = board::BoardType::charuco, .columns = 7, .rows = 5, .marker = 0.0225};
+  board::Board wrong = real;
+  wrong.marker = 0.02;
+  const auto doubt = [&](const board::Board& in_file) {
+    CharucoPicture source(real);
+    return find_boards(source, board::BoardDetector(in_file), {.progress = false, .page = {}}, {}).board_doubt;
+  };
+  EXPECT_EQ(doubt(real), "");
+  EXPECT_THAT(doubt(wrong),
+              testing::AllOf(testing::HasSubstr("one of the two lengths is wrong"),
+                             testing::HasSubstr("markers are 0.74"), testing::HasSubstr("rather than 0.667")));
 }
 
 }  // namespace

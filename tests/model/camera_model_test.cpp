@@ -36,7 +36,14 @@ std::vector<TestLens> lenses() {
   const auto fisheye = [](double f, double cx, double cy, std::array<double, 4> k) {
     return CameraModel(FisheyeKannalaBrandt{f, 0.99 * f, cx, cy, k});
   };
+  const auto stereographic = [](double f, double cx, double cy, std::array<double, 8> k) {
+    return CameraModel(Stereographic{f, 1.01 * f, cx, cy, k});
+  };
   return {
+      {"stereographic_plain", stereographic(300, 320, 240, {}), 640, 480},
+      {"stereographic_tilted", stereographic(600, 645, 352, {-0.3, 0.79, 2e-3, -3e-3, -0.57, 0.18, 3e-3, -2e-3}), 1280,
+       720},
+      {"stereographic_folding", stereographic(300, 500, 480, {-0.03, -0.005, 1e-4, 0}), 1000, 960, true},
       {"pinhole_without_distortion", pinhole(525, 320, 240, {}), 640, 480},
       {"pinhole_like_the_rendered_rigs", pinhole(241.7, 157.3, 122.4, {-0.145, 0.033, -4e-4, 5e-4}), 320, 240},
       {"pinhole_five_coefficients", pinhole(900, 961, 530, {-0.35, 0.15, 1e-3, -2e-3, -0.03}), 1920, 1080, true},
@@ -79,7 +86,9 @@ class CameraModelContract : public testing::TestWithParam<TestLens> {
 
   // In the units of CameraModel::limit().
   double reach(const Eigen::Vector3d& p) const {
-    return is_pinhole() ? (p.head<2>() / p.z()).squaredNorm() : std::atan2(p.head<2>().norm(), p.z());
+    if (is_pinhole()) return (p.head<2>() / p.z()).squaredNorm();
+    const double theta = std::atan2(p.head<2>().norm(), p.z());
+    return model().name() == "stereographic" ? 4 * std::tan(theta / 2) * std::tan(theta / 2) : theta;
   }
 };
 
@@ -176,6 +185,7 @@ TEST_P(CameraModelContract, AgreesWithOpenCv) {
   }
   ASSERT_GT(points.size(), 500u);
   std::vector<cv::Point2d> theirs;
+  if (std::holds_alternative<Stereographic>(model().lens())) return;  // OpenCV has none
   if (const auto* lens = std::get_if<PinholeRadtan>(&model().lens())) {
     const std::vector<double> k(lens->distortion.begin(), lens->distortion.end());
     cv::projectPoints(points, cv::Vec3d(), cv::Vec3d(), matrix, k, theirs);
@@ -211,13 +221,23 @@ TEST_P(CameraModelContract, TheRadiusGrowsUpToTheLimitAndNoFurther) {
       const double s = r * r;
       return r * (1 + k[0] * s + k[1] * s * s + k[4] * s * s * s) / (1 + k[5] * s + k[6] * s * s + k[7] * s * s * s);
     }
-    const auto& k = std::get<FisheyeKannalaBrandt>(model().lens()).distortion;
     const double s = r * r;
+    if (const auto* lens = std::get_if<Stereographic>(&model().lens())) {
+      const auto& k = lens->distortion;
+      return r * (1 + k[0] * s + k[1] * s * s + k[4] * s * s * s + k[5] * s * s * s * s);
+    }
+    const auto& k = std::get<FisheyeKannalaBrandt>(model().lens()).distortion;
     return r * (1 + k[0] * s + k[1] * s * s + k[2] * s * s * s + k[3] * s * s * s * s);
   };
-  const double end = is_pinhole() ? std::sqrt(std::min(limit, 25.0)) : limit;
+  constexpr double widest = 128.65;  // of a stereographic lens, and as far as its limit goes
+  const bool is_stereographic = model().name() == "stereographic";
+  const double end = is_pinhole() ? std::sqrt(std::min(limit, 25.0)) : is_stereographic ? std::sqrt(limit) : limit;
   for (int i = 0; i < 1000; ++i) EXPECT_LT(radius(end * i / 1001), radius(end * (i + 1) / 1001)) << i;
-  EXPECT_EQ(is_pinhole() ? std::isfinite(limit) : limit < pi, GetParam().folds) << limit;
+  EXPECT_EQ(is_pinhole()       ? std::isfinite(limit)
+            : is_stereographic ? limit < widest
+                               : limit < pi,
+            GetParam().folds)
+      << limit;
   if (GetParam().folds) {
     EXPECT_GT(radius(end), radius(end * 1.001));
   }

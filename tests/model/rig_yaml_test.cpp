@@ -154,7 +154,8 @@ TEST_F(RigYaml, EveryMistakeHasItsOwnMessage) {
       {"image_size", "image_siz",
        "rig.yaml:3: cameras.left.image_size is missing (is image_siz in line 4 a misspelling of it?)"},
       {"pinhole_radtan", "pinhole_radtn",
-       "rig.yaml:5: cameras.left.model must be one of pinhole_radtan, fisheye_kb, got \"pinhole_radtn\" (did you mean "
+       "rig.yaml:5: cameras.left.model must be one of pinhole_radtan, fisheye_kb, stereographic, got \"pinhole_radtn\" "
+       "(did you mean "
        "pinhole_radtan?)"},
       {"fx: 241.734", "fx: -3", "rig.yaml:6: cameras.left.intrinsics.fx must be > 0 (is -3)"},
       {"fx: 241.734", "fx: .nan", "rig.yaml:6: cameras.left.intrinsics.fx must be a number, got \".nan\""},

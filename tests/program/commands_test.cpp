@@ -51,6 +51,19 @@ class Calibrate : public testing::Test {
     return run(arguments);
   }
 
+  // The rig is of the other cameras, doubtful, and the report says of this one why it is not in it.
+  void expect_left_out(const Ended& result, const std::string& camera, const testing::Matcher<std::string>& why) const {
+    EXPECT_EQ(result.status, 2) << result.out << result.err;
+    EXPECT_THAT(result.out, AllOf(HasSubstr("DOUBTFUL"), HasSubstr(camera + " is left out"), why));
+    EXPECT_THAT(end_to_end::contents(path("rig.report.txt")), why);
+    std::vector<std::string> rest;
+    for (const calib::Camera& kept : calib::read_rig(path("rig.yaml")).cameras) rest.push_back(kept.name);
+    std::vector<std::string> others{"cam0", "cam1", "cam2"};
+    std::erase(others, camera);
+    EXPECT_EQ(rest, others);
+    fs::remove(path("rig.yaml"));
+  }
+
   fs::path folder_;
 };
 
@@ -117,6 +130,55 @@ TEST_F(Calibrate, PicturesOfAGoodCaptureGiveTheRig) {
             0.003);
 }
 
+TEST_F(Calibrate, AWorldThatWasSetIsKept) {
+  const calib::CameraRig truth = gather::pictured_rig();
+  gather::write_pictures(folder_ / "pictures", truth, gather::pictured_poses(16));
+  // The true rig is the one that is there, its world the one that was set; one camera was moved since.
+  calib::CameraRig before = truth;
+  before.made_by = {{"world", "the board on the floor"}};
+  before.cameras[2].cam_from_world.translation += Eigen::Vector3d(0.3, 0, 0);
+  calib::write_rig(before, path("rig.yaml"));
+  const Ended again = extrinsics("pictures");
+  EXPECT_EQ(again.status, 0) << again.out << again.err;
+  EXPECT_THAT(again.out, AllOf(HasSubstr("by cam0, cam1"), HasSubstr("moved since: cam2")));
+  const calib::CameraRig found = calib::read_rig(path("rig.yaml"));
+  for (std::size_t c = 0; c < 3; ++c)
+    EXPECT_LT((found.cameras[c].centre() - truth.cameras[c].centre()).norm(), 0.01) << c;
+  EXPECT_THAT(end_to_end::contents(path("rig.yaml")), HasSubstr("the board on the floor"));
+  const Ended other = extrinsics("pictures", "rig.yaml", {"--new-world"});
+  EXPECT_EQ(other.status, 0) << other.out << other.err;
+  EXPECT_THAT(end_to_end::contents(path("rig.yaml")), HasSubstr("a guess"));
+}
+
+TEST_F(Calibrate, ACameraThatCannotBeCalibratedIsLeftOutAndNamed) {
+  const calib::CameraRig truth = gather::pictured_rig();
+  gather::write_pictures(folder_ / "pictures", truth, gather::pictured_poses(16),
+                         [](int camera, int, cv::Mat& picture) {
+                           if (camera == 1) picture.setTo(90);
+                         });
+  calib::write_rig(truth, path("rig.yaml"));
+  const std::string good = end_to_end::contents(path("rig.yaml"));
+  std::ofstream(path("rig.report.txt")) << "of the good rig";
+  const Ended result = extrinsics("pictures");
+  EXPECT_EQ(result.status, 2) << result.out << result.err;
+  EXPECT_THAT(result.out, AllOf(HasSubstr("cam1 is left out"), HasSubstr("is in none of its")));
+  // Doubtful: neither the rig that is there is replaced, nor its report.
+  EXPECT_EQ(end_to_end::contents(path("rig.yaml")), good);
+  EXPECT_EQ(end_to_end::contents(path("rig.report.txt")), "of the good rig");
+  EXPECT_THAT(end_to_end::contents(path("rig.doubtful.report.txt")), HasSubstr("cam1 is left out"));
+  const calib::CameraRig rest = calib::read_rig(path("rig.doubtful.yaml"));
+  ASSERT_EQ(rest.cameras.size(), 2u);
+  EXPECT_EQ(rest.cameras[1].name, "cam2");
+}
+
+TEST_F(Calibrate, AFolderThatIsNotThereIsSaidBeforeTheWork) {
+  const Ended result = extrinsics("pictures", "nowhere/rig.yaml");  // there are no pictures either
+  EXPECT_EQ(result.status, 1);
+  EXPECT_THAT(result.err, HasSubstr("there is no such folder to write rig.yaml into"));
+  fs::create_directories(folder_ / "empty");
+  EXPECT_THAT(extrinsics("empty").err, HasSubstr("the folder is empty"));
+}
+
 TEST_F(Calibrate, TheOrderOfImagesDoesNotMatter) {
   const calib::CameraRig truth = gather::pictured_rig();
   gather::write_pictures(folder_ / "pictures", truth, gather::pictured_poses(12));
@@ -139,27 +201,37 @@ TEST_F(Calibrate, TheOrderOfImagesDoesNotMatter) {
 }
 
 TEST_F(Calibrate, AFailedCalibrationLeavesAGoodRigAlone) {
-  std::ofstream(path("rig.yaml")) << "a good rig";
-  gather::write_pictures(folder_ / "pictures", gather::pictured_rig(), gather::pictured_poses(8),
+  calib::write_rig(gather::pictured_rig(), path("rig.yaml"));
+  const std::string good = end_to_end::contents(path("rig.yaml"));
+  gather::write_pictures(folder_ / "pictures", gather::pictured_rig(), gather::pictured_poses(12),
                          [](int c, int p, cv::Mat& picture) {
-                           if (c == 2 && p > 1) picture = cv::Mat();
-                           if (c != 2 && p < 2) picture = cv::Mat();  // cam2 sees what nobody else does
+                           if ((c == 2) == (p < 6)) picture = cv::Mat();  // cam2 sees what nobody else does
                          });
-  const Ended result = extrinsics("pictures");
+  // Without cam2 there is one camera left.
+  const Ended result = extrinsics("pictures", "rig.yaml", {"--cameras", "cam1,cam2"});
   EXPECT_EQ(result.status, 1);
   EXPECT_THAT(result.err, HasSubstr("cam2"));
-  EXPECT_EQ(end_to_end::contents(path("rig.yaml")), "a good rig");
+  EXPECT_EQ(end_to_end::contents(path("rig.yaml")), good);
 }
 
 TEST_F(Calibrate, ADoubtfulOneIsWrittenBesideAGoodRig) {
-  std::ofstream(path("rig.yaml")) << "a good rig";
+  calib::write_rig(gather::pictured_rig(), path("rig.yaml"));
+  const std::string good = end_to_end::contents(path("rig.yaml"));
   gather::write_pictures(folder_ / "pictures", gather::pictured_rig(), gather::pictured_poses(7));
   const Ended result = extrinsics("pictures");
   EXPECT_EQ(result.status, 2) << result.out << result.err;
-  EXPECT_EQ(end_to_end::contents(path("rig.yaml")), "a good rig");
+  EXPECT_EQ(end_to_end::contents(path("rig.yaml")), good);
   EXPECT_TRUE(fs::exists(path("rig.doubtful.yaml")));
   EXPECT_THAT(result.out, AllOf(HasSubstr("DOUBTFUL"), HasSubstr("show the board at some 15 different places")));
   EXPECT_THAT(result.err, HasSubstr("is left as it was"));
+}
+
+TEST_F(Calibrate, AFileThatIsNoRigIsNotReplacedAndSaidBeforeTheWork) {
+  std::ofstream(path("rig.yaml")) << "my notes";
+  const Ended result = extrinsics("pictures");  // there are no pictures either
+  EXPECT_EQ(result.status, 1);
+  EXPECT_THAT(result.err, AllOf(HasSubstr("rig.yaml"), HasSubstr("its world would be kept: give another --rig")));
+  EXPECT_EQ(end_to_end::contents(path("rig.yaml")), "my notes");
 }
 
 // --- inputs that are wrong: each its own message and status ---
@@ -178,9 +250,7 @@ TEST_F(Calibrate, ABoardOfAnotherSizeBeforeOneCamera) {
     picture = gather::picture_of(rig.cameras[1], small, pose, static_cast<std::uint64_t>(p));
   });
   const Ended result = extrinsics("pictures");
-  EXPECT_EQ(result.status, 1) << result.out;
-  EXPECT_THAT(result.err,
-              AllOf(HasSubstr("cam1"), HasSubstr("times as large"), HasSubstr("did they see different boards")));
+  expect_left_out(result, "cam1", AllOf(HasSubstr("times as large"), HasSubstr("did they see different boards")));
 }
 
 TEST_F(Calibrate, MirroredImagesOfOneCamera) {
@@ -189,8 +259,11 @@ TEST_F(Calibrate, MirroredImagesOfOneCamera) {
                            if (c == 0) cv::flip(picture, picture, 1);
                          });
   const Ended result = extrinsics("pictures");
-  EXPECT_EQ(result.status, 1) << result.out;
-  EXPECT_THAT(result.err, AllOf(HasSubstr("cam0"), HasSubstr("mirrored")));
+  expect_left_out(result, "cam0", HasSubstr("mirrored"));
+  // Of two it cannot be told which one it is.
+  const Ended two = extrinsics("pictures", "rig.yaml", {"--cameras", "cam0,cam1"});
+  EXPECT_EQ(two.status, 1) << two.out;
+  EXPECT_THAT(two.err, AllOf(HasSubstr("cam0"), HasSubstr("mirrored")));
 }
 
 TEST_F(Calibrate, SwappedCameras) {
@@ -211,30 +284,28 @@ TEST_F(Calibrate, ACameraWithoutOverlap) {
                            if ((c == 2) == (p < 6)) cv::circle(picture, {160, 120}, 60, cv::Scalar(200), -1);
                          });
   const Ended result = extrinsics("pictures");
-  EXPECT_EQ(result.status, 1) << result.out;
-  EXPECT_THAT(result.err,
-              HasSubstr("camera cam2 never saw the board at the same time as cam0 and cam1: show it to cam2"));
+  expect_left_out(result, "cam2",
+                  HasSubstr("camera cam2 never saw the board at the same time as cam0 and cam1: show it to cam2"));
 }
 
 TEST_F(Calibrate, BlurredAndEmptyImages) {
-  const auto poses = gather::pictured_poses(5);
+  const auto poses = gather::pictured_poses(12);
   gather::write_pictures(folder_ / "blurred", gather::pictured_rig(), poses, [](int c, int, cv::Mat& picture) {
     if (c == 1) cv::GaussianBlur(picture, picture, {}, 15);
   });
-  Ended result = extrinsics("blurred");
-  EXPECT_EQ(result.status, 1) << result.out;
-  EXPECT_THAT(result.err,
-              AllOf(HasSubstr("camera cam1: the board (chessboard 7x5"), HasSubstr("the image is blurred")));
+  expect_left_out(extrinsics("blurred"), "cam1",
+                  AllOf(HasSubstr("camera cam1: the board (chessboard 7x5"), HasSubstr("the image is blurred")));
   gather::write_pictures(folder_ / "empty", gather::pictured_rig(), poses, [](int c, int, cv::Mat& picture) {
     if (c == 2) picture.setTo(0);
   });
-  result = extrinsics("empty");
-  EXPECT_EQ(result.status, 1) << result.out;
-  EXPECT_THAT(result.err, AllOf(HasSubstr("camera cam2"), HasSubstr("the image is black")));
-  for (int p = 0; p < 5; ++p) std::ofstream(folder_ / "empty/cam2" / gather::picture_name(p), std::ios::trunc);
-  result = extrinsics("empty");
-  EXPECT_EQ(result.status, 1) << result.out;
-  EXPECT_THAT(result.err, AllOf(HasSubstr("cam2"), HasSubstr("no picture that can be used")));
+  expect_left_out(extrinsics("empty"), "cam2", AllOf(HasSubstr("camera cam2"), HasSubstr("the image is black")));
+  for (std::size_t p = 0; p < poses.size(); ++p)
+    std::ofstream(folder_ / "empty/cam2" / gather::picture_name(static_cast<int>(p)), std::ios::trunc);
+  expect_left_out(extrinsics("empty"), "cam2", HasSubstr("no picture that can be used"));
+  // With one camera left there is nothing to calibrate.
+  const Ended alone = extrinsics("empty", "rig.yaml", {"--cameras", "cam0,cam2"});
+  EXPECT_EQ(alone.status, 1) << alone.out;
+  EXPECT_THAT(alone.err, AllOf(HasSubstr("cam2"), HasSubstr("no picture that can be used")));
 }
 
 TEST_F(Calibrate, ATruncatedVideo) {

@@ -4,6 +4,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <map>
+
 #include "calib/report/rig_check_report.h"
 #include "calib/report/sentences.h"
 #include "calib/solver/world_frame.h"
@@ -214,6 +216,25 @@ TEST(RigCheck, TellsAnotherBoardAndSwappedNamesFromABump) {
   EXPECT_EQ(report_on(names, capture.rig).verdict, Verdict::failed);
   EXPECT_TRUE(names.moved.empty());
   EXPECT_THAT(to_text(report_on(names, capture.rig), names), HasSubstr("cameras cam0 and cam2 look swapped"));
+  // As a camera that mirrors its pictures has the board: counted from its other side.
+  std::vector<solver::BoardView> mirrored = capture.views;
+  for (solver::BoardView& view : mirrored) {
+    if (view.camera != 1) continue;
+    std::map<int, Eigen::Vector2d> corners;
+    for (std::size_t k = 0; k < view.ids.size(); ++k) {
+      const int columns = capture.board.columns, column = view.ids[k] % columns;
+      corners[view.ids[k] + columns - 1 - 2 * column] = {639 - view.px[k].x(), view.px[k].y()};
+    }
+    view.ids.clear();
+    view.px.clear();
+    for (const auto& [id, px] : corners) {
+      view.ids.push_back(id);
+      view.px.push_back(px);
+    }
+  }
+  const solver::RigCheck flipped = solver::check_rig(capture.board, capture.rig, mirrored);
+  EXPECT_EQ(report_on(flipped, capture.rig).verdict, Verdict::failed);
+  EXPECT_THAT(to_text(report_on(flipped, capture.rig), flipped), HasSubstr("the images of cam1 are mirrored"));
 }
 
 TEST(WorldFrame, IsSetByBoardsPointsAndFloors) {

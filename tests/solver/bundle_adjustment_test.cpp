@@ -122,8 +122,8 @@ TEST(BundleAdjustment, OutliersAreLeftOutAndViewsNamed) {
 TEST(BundleAdjustment, ABentBoardIsFoundWhenAsked) {
   SyntheticCapture capture = synthetic_capture({.noise_px = 0.05});
   Adjustment bent = near_truth(capture);
-  const Eigen::Vector2d bend(0.003, -0.001);
-  bent.bend = bend;
+  const BoardWarp warp(0.003, -0.001, 0.004);
+  bent.warp = warp;
   std::mt19937_64 rng(2);
   for (BoardView& view : bent.views) {
     const calib::Camera& camera = capture.rig.cameras[static_cast<std::size_t>(view.camera)];
@@ -133,11 +133,12 @@ TEST(BundleAdjustment, ABentBoardIsFoundWhenAsked) {
       view.px[k] = px.value().px + 0.05 * Eigen::Vector2d(normal(rng), normal(rng));
     }
   }
-  bent.bend.setZero();
+  bent.warp.setZero();
   const Adjustment flat = adjust(bent);
-  bent.bend_is_free = true;
+  bent.warp_is_free = true;
   const Adjustment found = adjust(bent);
-  EXPECT_LT((found.bend - bend).norm(), 2e-4);
+  EXPECT_LT((found.warp - warp).norm(), 2e-4);
+  EXPECT_LT((found.warp - warp).cwiseAbs().cwiseQuotient(found.warp_sigma).maxCoeff(), 4);
   EXPECT_LT(found.rms_px, 0.8 * flat.rms_px);
 }
 

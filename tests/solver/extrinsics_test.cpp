@@ -107,6 +107,82 @@ TEST(Extrinsics, KnownLensesStayUnlessTheViewsContradictThem) {
   EXPECT_LT(synthetic_volume_rms_m(capture, refined), 0.001);
 }
 
+// From a fifth of the image a lens is known worse, all over it, than a given one can be wrong.
+TEST(Extrinsics, AGivenLensStaysWhereTheViewsCoverTooLittle) {
+  SyntheticCapture capture = synthetic_capture({.cameras = 2, .sets = 40, .distance_m = 1.4});
+  auto given = known(capture.rig);
+  calib::PinholeRadtan zoomed = std::get<calib::PinholeRadtan>(given[1].model->lens());
+  zoomed.fx *= 1.015;
+  zoomed.fy *= 1.015;
+  given[1].model = calib::CameraModel(zoomed);
+  const Extrinsics everywhere = calibrate_extrinsics(capture.board, given, capture.views);
+  ASSERT_TRUE(everywhere.contradictions[1]);
+  EXPECT_GT(everywhere.contradictions[1]->covered, 0.5);
+  std::vector<BoardView> middle;
+  for (BoardView view : capture.views) {
+    BoardView inner = view;
+    inner.ids.clear();
+    inner.px.clear();
+    for (std::size_t k = 0; k < view.ids.size(); ++k) {
+      if (std::abs(view.px[k].x() - 320) > 130 || std::abs(view.px[k].y() - 240) > 90) continue;
+      inner.ids.push_back(view.ids[k]);
+      inner.px.push_back(view.px[k]);
+    }
+    if (inner.ids.size() >= 12) middle.push_back(std::move(inner));
+  }
+  const Extrinsics little = calibrate_extrinsics(capture.board, given, middle);
+  EXPECT_FALSE(little.contradictions[1]);
+  ASSERT_TRUE(little.kept_against[1]);
+  EXPECT_LT(little.kept_against[1]->covered, 0.4);
+  EXPECT_EQ(little.adjustment.cameras[1].parameters, parameters_of(*given[1].model));
+}
+
+TEST(Extrinsics, ACameraThatMovedHalfWayIsNamedWithWhen) {
+  SyntheticCapture capture = synthetic_capture({.cameras = 3, .sets = 40});
+  const calib::Rigid3d moved = calib::exp((calib::Tangent6d() << 0, 0.004, 0, 0.004, 0, 0).finished());
+  EXPECT_FALSE(calibrate_extrinsics(capture.board, known(capture.rig), capture.views).moved_within);
+  for (BoardView& view : capture.views) {
+    if (view.camera != 2 || view.set < 24) continue;
+    const calib::Camera& camera = capture.rig.cameras[2];
+    for (std::size_t k = 0; k < view.ids.size(); ++k) {
+      const Eigen::Vector3d p = camera.cam_from_world * (capture.world_from_board[static_cast<std::size_t>(view.set)] *
+                                                         capture.board.point(view.ids[k]));
+      view.px[k] += camera.model.project(moved * p).value().px - camera.model.project(p).value().px;
+    }
+  }
+  const Extrinsics found = calibrate_extrinsics(capture.board, known(capture.rig), capture.views);
+  ASSERT_TRUE(found.moved_within);
+  EXPECT_EQ(found.moved_within->camera, 2);
+  EXPECT_NEAR(found.moved_within->set, 24, 1);
+  EXPECT_NEAR(found.moved_within->turned_rad, 0.004, 0.001);
+}
+
+TEST(Extrinsics, ANoisyCameraCountsLess) {
+  SyntheticCapture capture = synthetic_capture({.cameras = 3, .sets = 40});
+  std::mt19937_64 rng(7);
+  for (BoardView& view : capture.views) {
+    if (view.camera != 1) continue;
+    for (auto& px : view.px) px += Eigen::Vector2d(normal(rng), normal(rng));
+  }
+  const Extrinsics found = calibrate_extrinsics(capture.board, known(capture.rig), capture.views);
+  EXPECT_NEAR(found.adjustment.cameras[1].relative_noise, 10, 2);
+  EXPECT_EQ(found.adjustment.cameras[0].relative_noise, 1);
+  EXPECT_NEAR(found.adjustment.noise_px, 0.1, 0.02);
+  EXPECT_LT(synthetic_volume_rms_m(capture, found), 0.002);
+}
+
+TEST(Extrinsics, ACameraThatCannotBeCalibratedIsLeftOut) {
+  const SyntheticCapture capture = synthetic_capture();
+  std::vector<BoardView> views = capture.views;
+  std::erase_if(views, [](const BoardView& view) { return view.camera == 1; });
+  const Extrinsics found = calibrate_extrinsics(capture.board, known(capture.rig), views, {.leave_out = true});
+  EXPECT_EQ(found.kept, (std::vector<int>{0, 2, 3}));
+  ASSERT_EQ(found.left_out.size(), 1U);
+  EXPECT_EQ(found.left_out[0].camera, 1);
+  EXPECT_EQ(found.left_out[0].why, "camera cam1 never saw the board");
+  EXPECT_EQ(found.adjustment.cameras[1].name, "cam2");
+}
+
 // --- inputs that are wrong, each with its own message ---
 
 TEST(ExtrinsicsTrouble, ACameraWithoutOverlapIsNamed) {

@@ -28,7 +28,9 @@ INSTANTIATE_TEST_SUITE_P(
                     NamedLens{LensModel::radtan5, values({600, 610, 320, 240, -0.3, 0.1, 0.001, -0.002, 0.03})},
                     NamedLens{LensModel::radtan8,
                               values({600, 610, 320, 240, 0.3, 0.1, 0.001, -0.002, 0.03, 0.4, 0.15, 0.02})},
-                    NamedLens{LensModel::fisheye, values({300, 310, 320, 240, 0.05, -0.01, 0.003, -0.001})}),
+                    NamedLens{LensModel::fisheye, values({300, 310, 320, 240, 0.05, -0.01, 0.003, -0.001})},
+                    NamedLens{LensModel::stereographic,
+                              values({300, 310, 320, 240, 0.1, -0.05, 0.001, -0.002, 0.02, -0.004, 0.003, -0.001})}),
     [](const auto& param_info) { return std::string(name(param_info.param.lens)); });
 
 TEST_P(EveryLens, ProjectsAsTheFinishedModelDoes) {

@@ -195,7 +195,7 @@ TEST(MovingBoard, StampsThatTellWhenAPictureWasFetchedAreLearntToBeWrong) {
 }
 
 TEST(MovingBoard, CamerasInStepStayInStep) {
-  const MovingOptions options{.latency_s = {}, .readout_s = {}, .stamp_jitter_s = 0, .in_step = true};
+  const MovingOptions options{.latency_s = {}, .readout_s = {}, .stamp_jitter_s = 0, .in_step = true, .bursts = 20};
   const MovingCapture capture = moving_capture(options);
   const Adjustment a = found(capture);
   print("in step", capture, options, a);
