@@ -10,8 +10,8 @@ packages_demo="g++ cmake ninja-build pkg-config
 # everything: huetrack-calibrate, too, and the page, which is built with node and npm: whichever are there, else Debian's
 packages_build="$packages_demo libceres-dev libtomlplusplus-dev"
 command -v npm >/dev/null || packages_build="$packages_build nodejs npm"
-packages_test="chromium libgtest-dev libgmock-dev cyclonedds-dev cyclonedds-tools poppler-utils clang-format-14 python3"
-packages_long="clang-tidy-14"   # HUETRACK_LONG=1 of tests/run.sh
+packages_test="chromium libgtest-dev libgmock-dev cyclonedds-dev cyclonedds-tools poppler-utils clang-format-14 python3 openssl"
+packages_long="clang-tidy-16"   # HUETRACK_LONG=1 of tests/run.sh
 packages_benchmark="libbenchmark-dev"   # for -DHUETRACK_BENCHMARKS=ON
 
 # For the VM with real V4L2 drivers (tests/v4l2/run.sh): where its scripts are, and only then. Its tests are skipped without.

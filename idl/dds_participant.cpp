@@ -188,6 +188,7 @@ std::vector<NetworkInterface> network_interfaces() {
 std::string describe(const std::vector<NetworkInterface>& list) {
   if (list.empty()) return "no network interface";
   std::vector<std::string> texts;
+  texts.reserve(list.size());
   for (const NetworkInterface& i : list) texts.push_back(i.name + " " + i.address);
   return fmt::format("{}", fmt::join(texts, ", "));
 }
@@ -214,6 +215,8 @@ DdsParticipant::DdsParticipant(const ParticipantOptions& options, dds::DomainPar
   dds::DomainParticipantQos qos;
   if (load_participant_profile(options, qos)) {
     transport_ = "transports as the participant profile says";
+    is_access_controlled_ = std::ranges::any_of(
+        qos.properties().properties(), [](const auto& property) { return property.name() == "dds.sec.access.plugin"; });
   } else {
     std::vector<std::string> lacking;
     const std::vector<NetworkInterface> selected = select(options.interfaces, lacking);
@@ -264,6 +267,12 @@ dds::Topic* DdsParticipant::topic(const std::string& name, dds::TypeSupport type
   return participant_->create_topic(name, type.get_type_name(), dds::TOPIC_QOS_DEFAULT);
 }
 
+std::string DdsParticipant::reason(const std::string& said) const {
+  if (is_access_controlled_ && said.find("not found in allow rule") != std::string::npos)
+    return "the permissions of this participant (DDS Security, dds.sec.access in its profile) do not have it";
+  return said;
+}
+
 dds::DataWriter& DdsParticipant::create_writer(const std::string& name, dds::TypeSupport type, dds::DataWriterQos qos,
                                                const std::string& user_data) {
   dds::DataWriter* writer = nullptr;
@@ -279,7 +288,7 @@ dds::DataWriter& DdsParticipant::create_writer(const std::string& name, dds::Typ
   const std::string said = messages.during([&] {
     if (dds::Topic* t = topic(name, type)) writer = publisher_->create_datawriter(t, qos);
   });
-  if (writer == nullptr) throw std::runtime_error("cannot publish on DDS topic " + name + ": " + said);
+  if (writer == nullptr) throw std::runtime_error("cannot publish on DDS topic " + name + ": " + reason(said));
   return *writer;
 }
 
@@ -302,7 +311,7 @@ dds::DataReader& DdsParticipant::create_reader(const std::string& name, dds::Typ
   const std::string said = messages.during([&] {
     if (dds::Topic* t = topic(name, type, largest)) reader = subscriber_->create_datareader(t, qos);
   });
-  if (reader == nullptr) throw std::runtime_error("cannot subscribe to DDS topic " + name + ": " + said);
+  if (reader == nullptr) throw std::runtime_error("cannot subscribe to DDS topic " + name + ": " + reason(said));
   return *reader;
 }
 

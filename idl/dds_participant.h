@@ -68,10 +68,14 @@ class DdsParticipant {
   bool network_changed();
 
   int domain() const { return domain_; }
+  // The profile has DDS Security's access control (configs/dds/secure.sh): what this participant has no permission for
+  // is refused, with a std::runtime_error that says so.
+  bool is_access_controlled() const { return is_access_controlled_; }
   std::string description() const;  // one line for the log: "DDS domain 0, UDP on lo 127.0.0.1, eth0 192.168.0.5"
 
  private:
   void leave();
+  std::string reason(const std::string& said) const;  // for which Fast DDS refused
   eprosima::fastdds::dds::Topic* topic(const std::string& name, eprosima::fastdds::dds::TypeSupport type,
                                        std::optional<std::uint32_t> largest = {});
 
@@ -80,6 +84,7 @@ class DdsParticipant {
   std::vector<NetworkInterface> last_seen_;   // by network_changed()
   std::string transport_;                     // for description(); empty: ours on every interface
   std::vector<std::string> profiled_topics_;  // whose QoS came from XML
+  bool is_access_controlled_ = false;
   eprosima::fastdds::dds::DomainParticipant* participant_ = nullptr;
   eprosima::fastdds::dds::Publisher* publisher_ = nullptr;
   eprosima::fastdds::dds::Subscriber* subscriber_ = nullptr;

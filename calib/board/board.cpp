@@ -52,7 +52,8 @@ bool Board::is_marker_square(int column, int row) const {
 
 Eigen::Vector3d Board::point(int id) const {
   if (type == BoardType::aruco_grid) return marker_corners(id / 4)[static_cast<std::size_t>(id % 4)];
-  return {pitch.x() * (id % corner_columns()), pitch.y() * (id / corner_columns()), 0};
+  const int column = id % corner_columns(), row = id / corner_columns();
+  return {pitch.x() * column, pitch.y() * row, 0};
 }
 
 std::vector<Eigen::Vector3d> Board::marker_corners(int index) const {

@@ -64,8 +64,10 @@ Shapes shapes_of(const Board& board) {
   if (board.type == BoardType::aruco_grid) {
     shapes.size = {px * (board.columns - 1) + marker, py * (board.rows - 1) + marker};
     shapes.origin.setZero();
-    for (int i = 0; i < board.columns * board.rows; ++i)
-      add_marker(board, i, px * (i % board.columns), py * (i / board.columns), marker, shapes);
+    for (int i = 0; i < board.columns * board.rows; ++i) {
+      const int column = i % board.columns, row = i / board.columns;
+      add_marker(board, i, px * column, py * row, marker, shapes);
+    }
     return shapes;
   }
   const bool charuco = board.type == BoardType::charuco;

@@ -1,6 +1,7 @@
 #include "calib/model/covariance_ellipse.h"
 
 #include <Eigen/Eigenvalues>
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 
@@ -12,6 +13,7 @@ Eigen::Vector2d CovarianceEllipse::at(double angle) const {
 
 std::vector<Eigen::Vector2d> CovarianceEllipse::ring(int points) const {
   std::vector<Eigen::Vector2d> border;
+  border.reserve(static_cast<std::size_t>(std::max(0, points)));
   for (int i = 0; i < points; ++i) border.push_back(at(2 * std::numbers::pi * i / points));
   return border;
 }

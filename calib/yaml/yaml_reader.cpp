@@ -154,15 +154,15 @@ ConfigError::ConfigError(const std::filesystem::path& file, int line, const std:
 struct YamlReader::Node {
   // A key, and what stands behind it in which file.
   struct Entry {
-    std::string key;
+    // const: to assign a YAML::Node changes the document that it is a part of, so that no entry is assigned to another.
+    const std::string key;
     YAML::Node value;
     std::filesystem::path file;
     int line;                    // of the key
     bool is_taken_away = false;  // by a patch: known to be there, and not to be read
     std::vector<Entry> patches;  // of a mapping: mappings to be read over it, the last one on top
 
-    // To assign a YAML::Node changes the document that it is a part of; this lets go of that one.
-    Entry& operator=(const Entry&) = delete;
+    // Lets go of the document.
     void become(const Entry& other) {
       value.reset(other.value);
       file = other.file;

@@ -84,11 +84,23 @@ struct BusReader::Connection {
                                         idl::status_reader_qos())),
         reply(participant.create_reader(idl::teach_reply_topic, dds::TypeSupport(new msg::TeachReplyPubSubType),
                                         idl::teach_reader_qos())),
-        request(participant.create_writer(idl::teach_request_topic, dds::TypeSupport(new msg::TeachRequestPubSubType),
-                                          idl::teach_writer_qos(), "")) {}
+        request(request_writer()) {}
   idl::DdsParticipant participant;
   dds::DataReader &position, &camera_pose, &camera_map, &status, &scene, &times, &reply;
-  dds::DataWriter& request;
+  std::string refused;       // why there is no request; before it, which sets this
+  dds::DataWriter* request;  // null: who may watch need not be one who may teach
+
+ private:
+  dds::DataWriter* request_writer() {
+    try {
+      return &participant.create_writer(idl::teach_request_topic, dds::TypeSupport(new msg::TeachRequestPubSubType),
+                                        idl::teach_writer_qos(), "");
+    } catch (const std::runtime_error& error) {
+      if (!participant.is_access_controlled()) throw;
+      refused = error.what();
+      return nullptr;
+    }
+  }
 };
 
 // A participant of its own: it comes and goes with the pages.
@@ -102,7 +114,10 @@ struct BusReader::Previews {
 };
 
 BusReader::BusReader(const idl::ParticipantOptions& options, EventHub& hub)
-    : options_(options), hub_(hub), connection_(std::make_unique<Connection>(options)) {}
+    : options_(options),
+      hub_(hub),
+      connection_(std::make_unique<Connection>(options)),
+      refused_(connection_->refused) {}
 
 BusReader::~BusReader() = default;
 
@@ -110,11 +125,12 @@ std::string BusReader::description() const {
   return connection_->participant.description();
 }
 
-bool BusReader::request(msg::TeachRequest request) {
+std::string BusReader::request(msg::TeachRequest request) {
+  if (!refused_.empty()) return "This page may only watch: " + refused_ + ".";
   const std::scoped_lock lock(mutex_);
-  if (requests_.size() >= most_requests) return false;
+  if (requests_.size() >= most_requests) return "Too many requests wait for the service.";
   requests_.push_back(std::move(request));
-  return true;
+  return "";
 }
 
 void BusReader::poll(int pages) {
@@ -306,7 +322,7 @@ void BusReader::send_requests() {
       request = std::move(requests_.front());
       requests_.pop_front();
     }
-    connection_->request.write(&request);
+    if (connection_->request != nullptr) connection_->request->write(&request);
   }
 }
 

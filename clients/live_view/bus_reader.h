@@ -28,8 +28,8 @@ class BusReader {
   // Call it every few milliseconds; it does not wait.
   void poll(int pages);
 
-  // Any thread. False: too many wait already.
-  bool request(msg::TeachRequest request);
+  // Any thread. Empty, or why it is not sent: too many wait already, or DDS Security does not let this program ask.
+  std::string request(msg::TeachRequest request);
 
   std::string description() const;
 
@@ -52,6 +52,7 @@ class BusReader {
   const idl::ParticipantOptions options_;
   EventHub& hub_;
   std::unique_ptr<Connection> connection_;
+  const std::string refused_;           // why nothing may be asked; empty: it may
   std::unique_ptr<Previews> previews_;  // null while there is no page
   std::chrono::steady_clock::time_point next_pulse_{}, no_page_since_{};
   // Several may publish on one bus, by mistake: shown is the one that was heard first last, the others are named.

@@ -386,7 +386,7 @@ struct PageServer::Impl {
     MHD_add_response_header(response, "Sec-WebSocket-Accept", web_socket_accept(key).c_str());
     const MHD_Result result = MHD_queue_response(connection, MHD_HTTP_SWITCHING_PROTOCOLS, response);
     if (result == MHD_YES) {
-      upgrade.release();
+      static_cast<void>(upgrade.release());  // the connection's from now on
       ++listeners;
     }
     MHD_destroy_response(response);

@@ -18,8 +18,7 @@ int view(ViewOptions options, const std::function<bool()>& ended) {
   BusReader bus(options.participant, hub);
   const PageServer server(options.server, hub, [&](const std::string& body) -> std::string {
     try {
-      if (!bus.request(teach_request_of(body))) return "Too many requests wait for the service.";
-      return "";
+      return bus.request(teach_request_of(body));
     } catch (const std::invalid_argument& error) {  // what a page, or somebody else, sent
       return error.what();
     }

@@ -29,19 +29,22 @@ std::optional<T> parse(std::string_view text) {
   return value;
 }
 
-// Fills the camera with the rows of a file with a header line and the columns frame and t_s; sequence and arrival where
+// The rows of a file with a header line and the columns frame and t_s; sequence and arrival where
 // they are there; others are ignored. A last row that is cut off (a full disk, a crash) is left out with a warning.
 class TimestampFile {
  public:
-  TimestampFile(const std::filesystem::path& csv, RecordedCamera& camera, std::vector<std::string>& warnings)
-      : table_(csv, columns), camera_(camera) {
+  TimestampFile(const std::filesystem::path& csv, RecordedCamera& camera)
+      : csv_(csv), table_(csv, columns), camera_(camera) {}
+
+  // Fills the camera.
+  void read(std::vector<std::string>& warnings) {
     if (is_ours()) table_.leave_out_cut_off_row();  // our rows end with a line end, or were not written to their end
     while (table_.next())
       if (const auto problem = problem_of_row()) table_.fail(*problem);
     if (const auto line = table_.cut_off_line())
-      warnings.push_back(csv.string() + ":" + std::to_string(*line) + ": the last row is cut off: it is left out");
+      warnings.push_back(csv_.string() + ":" + std::to_string(*line) + ": the last row is cut off: it is left out");
     // A camera of ours may have delivered nothing; others' files without rows are a mistake.
-    if (!is_ours() && camera_.timestamps.empty()) throw yaml::ConfigError(csv, 0, "lists no frames");
+    if (!is_ours() && camera_.timestamps.empty()) throw yaml::ConfigError(csv_, 0, "lists no frames");
   }
 
  private:
@@ -94,6 +97,7 @@ class TimestampFile {
     return "t_s " + t_s + " is not later than that of the row before: capture times must ascend";
   }
 
+  std::filesystem::path csv_;
   yaml::CsvTable table_;
   RecordedCamera& camera_;
   std::optional<Timestamp> last_at_;
@@ -151,7 +155,7 @@ Recording read_recording(const std::filesystem::path& path) {
     if (entry.has("timestamps")) {
       if (camera.fps > 0) entry.fail("timestamps", "is given together with fps: keep the one that is true");
       const auto csv = (folder / entry.string("timestamps")).lexically_normal();
-      TimestampFile(csv, camera, recording.warnings);
+      TimestampFile(csv, camera).read(recording.warnings);
       camera.is_listed = true;
       if (camera.timestamps.empty() && camera.corrupted.empty())
         recording.warnings.push_back(csv.string() + ": lists no frames: camera " + name + " delivered none");

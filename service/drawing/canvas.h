@@ -11,8 +11,9 @@
 #include <span>
 #include <string>
 
-struct _cairo;  // cairo's own names for its types; its headers are behind canvas.cpp
-struct _cairo_surface;
+// cairo's own names for its types; its headers are behind canvas.cpp.
+struct _cairo;          // NOLINT(bugprone-reserved-identifier)
+struct _cairo_surface;  // NOLINT(bugprone-reserved-identifier)
 
 namespace huetrack::drawing {
 

@@ -18,7 +18,6 @@ constexpr double take_up_gate = 14.2;
 // Two centres nearer than this share of a diameter are of one object; a touch measured with an error is not.
 constexpr double one_object_share = 0.6;
 
-constexpr double surely_moved_px = 1;  // by as much a region of some hundred pixels moves and changes visibly
 constexpr double elsewhere_radii = 6;  // so far off a view of a camera that was turned is looked for
 constexpr double apart_radii = 2;      // of both discs: from so far apart on, no region is of two
 

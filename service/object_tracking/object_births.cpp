@@ -8,18 +8,15 @@
 namespace huetrack::object_tracking {
 namespace {
 
-constexpr std::size_t max_candidates = 4 * TargetOptions::most_count;
+constexpr std::size_t most_crossings_of_many = 4 * TargetOptions::most_count;
 constexpr int usual_sets = 2;
-constexpr double cut_reach = 1.5;  // radii: what is left out so near may hide it
 
 // Evidence, as logarithms of how much likelier what is seen is with an object there than by chance.
-// A view sees what should be seen in nine of ten cases; else something hides it that nobody knows of.
-constexpr double detection = 0.9;
 // By chance a region lies within a radius of where it should be: some regions in a picture of a thousand discs.
-const double by_chance_at_place = std::log(detection / 0.004);
+const double by_chance_at_place = std::log(detection_probability / 0.004);
 // Two rays meet by chance: one of some regions lies within a few pixels of an epipolar line.
-const double by_chance_on_line = std::log(detection / 0.03);
-const double not_seen = std::log(1 - detection);
+const double by_chance_on_line = std::log(detection_probability / 0.03);
+const double not_seen = std::log(1 - detection_probability);
 constexpr double size_sigma = 0.2;    // of the radius of a region's disc, as a share
 constexpr double worst_size = 3;      // something hides a part: that says no more against it
 constexpr double share_around = 0.5;  // of the volume's largest extent, looked_through()
@@ -88,7 +85,7 @@ ObjectBirths::Candidate ObjectBirths::weighed(PositionCandidate at, const std::v
              in_view->px.y() > r.box.v_min && in_view->px.y() < r.box.v_max;
     });
     if (is_covered || is_in_region ||
-        still.touches(static_cast<std::size_t>(views[v].index), in_view->px, cut_reach * in_view->radius_px))
+        still.may_cut(static_cast<std::size_t>(views[v].index), in_view->px, in_view->radius_px))
       continue;
     out.evidence += not_seen;
     ++out.missing;
@@ -103,7 +100,7 @@ std::vector<ObjectBirths::Candidate> ObjectBirths::candidates(const std::vector<
                                                               const StillColor& still,
                                                               const MotionBelief& times) const {
   std::vector<Candidate> all;
-  for (PositionCandidate& c : cross_rays(views, regions, target_, options_, times, max_candidates))
+  for (PositionCandidate& c : cross_rays(views, regions, target_, options_, times, most_crossings_of_many))
     all.push_back(weighed(std::move(c), views, regions, covered, still));
   std::ranges::stable_sort(all, [](const Candidate& a, const Candidate& b) { return a.evidence > b.evidence; });
   std::vector<Candidate> out;

@@ -15,6 +15,9 @@
 
 namespace huetrack::object_tracking {
 
+// A view sees what should be seen in nine of ten cases; else something hides it that nobody knows of.
+inline constexpr double detection_probability = 0.9;
+
 struct Birth {
   PositionCandidate earlier, now;
   double dt;  // from one to the other, seconds

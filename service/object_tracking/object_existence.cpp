@@ -8,16 +8,13 @@
 namespace huetrack::object_tracking {
 namespace {
 
-// A view that should show an object does in nine of ten cases (object_births.cpp).
-constexpr double detection = 0.9;
 // At most one that is none in an hour: some fifty pairs of regions in each of 10^5 sets meet by chance.
 constexpr double sure = 16;
 // What an object has been seen for is not held against what it shows now for longer than some sets.
 constexpr double most = 2 * sure;
 // What a room shows that shares the colour, before anything is known of it: as of half a second.
-constexpr double usual_regions = 8, usual_sets = 15;
+constexpr double usual_regions = 8, sets_of_usual = 15;
 constexpr double remembered_sets = 100;
-constexpr double cut_reach = 1.5;  // radii: where something is left out, a view need not show it
 
 double log_density(const Eigen::Vector2d& d, const Eigen::Matrix2d& covariance) {
   return -std::log(2 * std::numbers::pi) - 0.5 * std::log(covariance.determinant()) -
@@ -36,8 +33,8 @@ double evidence_of(ExpectedPlace at, std::span<const Sighting> sightings, const 
     const Eigen::Matrix<double, 2, 3>& by = in_view->jacobian;
     const Eigen::Matrix2d expected = by * at.covariance * by.transpose() + of_sighting;
     const Eigen::Vector2d d = s.px - in_view->px;
-    evidence +=
-        std::log(detection / clutter.density(static_cast<std::size_t>(s.row.camera), s.px)) + log_density(d, expected);
+    evidence += std::log(detection_probability / clutter.density(static_cast<std::size_t>(s.row.camera), s.px)) +
+                log_density(d, expected);
     const Eigen::Matrix<double, 3, 2> gain = at.covariance * by.transpose() * expected.inverse();
     at.position += gain * d;
     at.covariance = ((Eigen::Matrix3d::Identity() - gain * by) * at.covariance).eval();
@@ -47,8 +44,8 @@ double evidence_of(ExpectedPlace at, std::span<const Sighting> sightings, const 
     if (is_seen) continue;
     const auto in_view = appearance_of(*view.camera, at.position, radius_m);
     if (!in_view || !view.camera->contains({in_view->px})) continue;
-    if (still.touches(static_cast<std::size_t>(view.index), in_view->px, cut_reach * in_view->radius_px)) continue;
-    evidence += std::log(1 - detection);
+    if (still.may_cut(static_cast<std::size_t>(view.index), in_view->px, in_view->radius_px)) continue;
+    evidence += std::log(1 - detection_probability);
   }
   return evidence;
 }
@@ -62,7 +59,7 @@ std::ptrdiff_t whole_of(std::span<const Sighting> sightings, const StillColor& s
     const double radius_px = s.support > 0 ? s.radius_px / std::sqrt(s.support) : s.radius_px;
     const double sigma_px = std::sqrt(s.covariance.trace() / 2);
     return s.is_outline || (s.support >= whole_support && sigma_px <= whole_sigma * radius_px) ||
-           !still.touches(static_cast<std::size_t>(s.row.camera), s.px, cut_reach * radius_px);
+           !still.may_cut(static_cast<std::size_t>(s.row.camera), s.px, radius_px);
   });
 }
 
@@ -74,7 +71,7 @@ ClutterMap::ClutterMap(const calib::CameraRig& rig) {
     of.columns = camera.image_size.width / cell_px + 1, of.rows = camera.image_size.height / cell_px + 1;
     of.pixels = static_cast<double>(camera.image_size.width) * camera.image_size.height;
     of.around.resize(static_cast<std::size_t>(of.columns * of.rows));
-    of.sets = usual_sets, of.regions = usual_regions;
+    of.sets = sets_of_usual, of.regions = usual_regions;
   }
 }
 

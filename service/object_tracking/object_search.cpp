@@ -8,11 +8,6 @@
 #include "object_tracking/view_agreement.h"
 
 namespace huetrack::object_tracking {
-namespace {
-
-constexpr std::size_t max_candidates = 4;
-
-}  // namespace
 
 // How small and how large the target appears in a view anywhere in the volume: on a grid, of which only what is in the
 // image counts (a corner of the volume may be beside or behind the camera).
@@ -92,7 +87,7 @@ std::vector<double> ObjectSearch::usual_radii_px(const std::vector<TargetView>& 
 std::optional<ObjectSearch::Find> ObjectSearch::find(const std::vector<TargetView>& views, capture::Timestamp set_at,
                                                      const MotionBelief& times, const StillColor& still) {
   if (is_shared_) return find_among_others(views, set_at, times, still);
-  std::vector<PositionCandidate> now = cross_rays(views, regions(), target_, options_, times, max_candidates);
+  std::vector<PositionCandidate> now = cross_rays(views, regions(), target_, options_, times, most_crossings);
   if (now.empty()) {  // nor does one in which too few of these views see it
     log_.add(views, regions(), options_.volume);
     return std::nullopt;

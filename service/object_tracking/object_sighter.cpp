@@ -9,9 +9,7 @@
 namespace huetrack::object_tracking {
 namespace {
 
-constexpr std::size_t max_candidates = 4;
 constexpr double contradicting_px2 = 1;  // doubt of a view, far above what light and a good calibration leave open
-constexpr double surely_moved_px = 1;    // by as much a region of some hundred pixels moves and changes visibly
 
 }  // namespace
 
@@ -127,7 +125,7 @@ bool ObjectSighter::sight_after_bounce(const std::vector<TargetView>& views, con
   const double reach_m =
       3 * std::sqrt(power_density * dt * dt * dt / 3 + largest_variance(belief.position_covariance()));
   for (const PositionCandidate& c :
-       cross_rays(views, std::span(regions_).first(views.size()), target, options_, belief, max_candidates)) {
+       cross_rays(views, std::span(regions_).first(views.size()), target, options_, belief, most_crossings)) {
     if ((c.position - expected).norm() > reach_m || c.sightings.size() <= least) continue;
     out = c.sightings;
     sort_by_time(out);

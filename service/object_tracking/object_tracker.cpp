@@ -72,14 +72,16 @@ std::vector<std::string> ObjectTrackerOptions::problems() const {
 namespace {
 
 // The same target, if its hues were written in OpenCV's units, of two degrees each; nullopt: they cannot be, for there
-// are only 180 of them.
+// are only 180 of them. Without what the hues as written have, too: what is seen there says nothing of the units, and
+// the middle of the right hues is always beyond.
 std::optional<TargetOptions> at_twice_the_hue(TargetOptions target) {
   std::vector<HsiRange*> ranges{&target.color};
   for (auto& [_, range] : target.camera_colors) ranges.push_back(&range);
   for (HsiRange* range : ranges) {
     if (range->hue_max_deg > 180 || range->hue_min_deg > range->hue_max_deg) return std::nullopt;
-    range->hue_min_deg *= 2;
+    range->hue_min_deg = std::max(2 * range->hue_min_deg, range->hue_max_deg);
     range->hue_max_deg = std::min(2 * range->hue_max_deg, 359.9);
+    if (range->hue_min_deg >= range->hue_max_deg) return std::nullopt;
   }
   return target;
 }
@@ -159,7 +161,10 @@ struct ObjectTracker::Impl {
     const auto tracked = std::ranges::find(estimates, TrackState::tracking, &ObjectEstimate::state);
     const ObjectEstimate& estimate = tracked != estimates.end() ? *tracked : estimates.front();
     watch.look(set, estimate, follower.in_force());
+    const bool was_found = twice_the_hue.is_found();
     twice_the_hue.look(set, estimate.state);
+    if (auto* one = std::get_if<RegionTracker>(&tracker); one != nullptr && twice_the_hue.is_found() && !was_found)
+      one->distrust_color(set.at);
     if (adapts) std::visit([&](auto& t) { follower.follow(set, estimate, watch, t.views()); }, tracker);
   }
 

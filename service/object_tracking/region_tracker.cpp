@@ -66,6 +66,12 @@ void RegionTracker::trust(std::span<const CameraTrust> cameras) {
   rig_error_.leave_out_poses(cameras);
 }
 
+void RegionTracker::distrust_color(capture::Timestamp set_at) {
+  if (state_ == TrackState::tracking || state_ == TrackState::coasting) forget();
+  sightings_.clear();
+  still_color_.doubt(set_at);
+}
+
 // Returns the power density to use for this set: a bounce needs one that is not learnt, as what comes after it is as
 // calm as what went before.
 double RegionTracker::learn_acceleration(const capture::FrameSet& set, const std::vector<TargetView>& views) {

@@ -51,6 +51,9 @@ class RegionTracker {
 
   ObjectEstimate update(const capture::FrameSet& set);
   void trust(std::span<const CameraTrust> cameras);
+  // The colour is not the object's (SearchFindings::is_found_at_twice_the_hue): what was found is something else, and
+  // from now on only what moves is.
+  void distrust_color(capture::Timestamp set_at);
   TargetViews& views() { return views_; }
   const PositionParticles& particles() const { return filter_.particles(); }
   std::span<const SeenRegion> regions() const { return seen_regions_.all(); }

@@ -59,6 +59,10 @@ inline constexpr double longest_confirmation_s = 0.5;
 // In so many sets a candidate must be seen that a view contradicts, which should show it: by chance rays meet once and
 // again, but not for as long.
 inline constexpr int contested_sets = 8;
+// So many crossings of rays are weighed where one object is looked for.
+inline constexpr std::size_t most_crossings = 4;
+// By as much a region of some hundred pixels moves and changes visibly: a frame that shows none of it was shown before.
+inline constexpr double surely_moved_px = 1;
 
 // How far a place in a view is off by what is not seen in a region's shape, px^2, as sighting_of() has it: new in every
 // frame, and what lasts.

@@ -10,7 +10,7 @@ namespace huetrack::object_tracking {
 namespace {
 
 constexpr double every_s = 0.5;  // each view
-constexpr int step_px = TileAt::size;
+constexpr int grid_px = TileAt::size;
 // Of the share that objects could cover: more is the room's, as a radius may be wrong by half. Below the lower one it
 // is not any more.
 constexpr double shared_above = 2.5, shared_below = 1.5;
@@ -20,10 +20,10 @@ constexpr int least_matched = 3;
 // An object that is tracked covers so much more than its disc: blur, and it moves on before the next set.
 constexpr double covered_radii = 1.4, covered_more_px = 3;
 
-// What is left out so near to a region's middle may have cut it.
 // A disc, by its area against the smallest and the largest that an object may have, by its half widths, and by how much
 // of the ellipse of these it fills.
 constexpr double least_disc = 0.6, roundest = 0.75, least_filled = 0.85;
+// What is left out so near to a region's middle may have cut it.
 constexpr double cut_reach = 1.5;  // radii
 // The middle of what a straight edge leaves of a disc, by the share that is left: 0.42 radii of a half, 0.65 of a
 // quarter.
@@ -60,7 +60,8 @@ void StillColor::forget(std::size_t camera) {
   shares_[camera].still = 0, shares_[camera].still_box = {};
 }
 
-bool StillColor::touches(std::size_t camera, const Eigen::Vector2d& px, double reach_px) const {
+bool StillColor::may_cut(std::size_t camera, const Eigen::Vector2d& px, double radius_px) const {
+  const double reach_px = cut_reach * radius_px;
   const PerCamera& in = cameras_[camera];
   if (in.listed.empty() || !px.allFinite()) return false;
   const int rows = static_cast<int>(in.tiles.size()) / in.stride;
@@ -84,7 +85,7 @@ void StillColor::mark_cut(std::vector<Sighting>& sightings) const {
   if (!is_room_shared_) return;
   for (Sighting& s : sightings) {
     const double radius_px = s.support > 0 ? s.radius_px / std::sqrt(s.support) : s.radius_px;  // of its whole disc
-    if (!touches(static_cast<std::size_t>(s.row.camera), s.px, cut_reach * radius_px)) continue;
+    if (!may_cut(static_cast<std::size_t>(s.row.camera), s.px, radius_px)) continue;
     s.is_cut = true;
     if (s.is_outline) continue;
     const double off_px = off_by_cut * (1 - s.support) * radius_px;
@@ -113,6 +114,17 @@ void StillColor::look(const std::vector<TargetView>& views, std::span<const Sigh
   if (std::abs(capture::seconds(set_at - *last_at_)) < every_s / static_cast<double>(views.size())) return;
   last_at_ = set_at;
   sample(views[next_++ % views.size()], tracked);
+}
+
+void StillColor::doubt(capture::Timestamp set_at) {
+  is_doubted_ = is_room_shared_ = true;
+  first_at_ = set_at;
+  for (PerCamera& camera : cameras_) {
+    camera.tiles.clear();
+    camera.listed.clear();
+    camera.sampled = 0;
+    camera.is_learning = true;
+  }
 }
 
 bool StillColor::is_starting(capture::Timestamp set_at) const {
@@ -149,9 +161,9 @@ void StillColor::find_what_may_be_objects(const TargetView& view, PerCamera& cam
 void StillColor::measure(const TargetView& view) {
   PerCamera& camera = cameras_[static_cast<std::size_t>(view.index)];
   ColorShare& share = shares_[static_cast<std::size_t>(view.index)];
-  view.matches->grid_with_left_out(step_px, hits_);
-  const double probed = std::max(1.0, std::floor((view.image->width + step_px / 2.0) / step_px) *
-                                          std::floor((view.image->height + step_px / 2.0) / step_px));
+  view.matches->grid_with_left_out(grid_px, hits_);
+  const double probed = std::max(1.0, std::floor((view.image->width + grid_px / 2.0) / grid_px) *
+                                          std::floor((view.image->height + grid_px / 2.0) / grid_px));
   share.of_picture = std::min(1.0, static_cast<double>(hits_.size()) / probed);
   const double bound = (camera.is_above ? shared_below : shared_above) * share.of_target;
   camera.is_above = share.of_picture > std::max(least_shared, bound);
@@ -162,7 +174,7 @@ void StillColor::sample(const TargetView& view, std::span<const Sighting> tracke
   PerCamera& camera = cameras_[static_cast<std::size_t>(view.index)];
   // Of several objects, what stands still and is none of those that are tracked is none; one alone may be lost, and
   // rest.
-  is_room_shared_ = std::ranges::any_of(cameras_, &PerCamera::is_above);
+  is_room_shared_ = is_doubted_ || std::ranges::any_of(cameras_, &PerCamera::is_above);
   const bool is_learning = is_room_shared_ || (count_ > 1 && camera.sampled > 0);
   if (!is_learning && camera.is_learning) {
     view.matches->leave_out_nothing();
@@ -215,7 +227,8 @@ void StillColor::learn(const TargetView& view, PerCamera& camera, std::span<cons
       const double du = where.pixel_u() + 3.5 - s.px.x(), dv = where.pixel_v() + 3.5 - s.px.y();
       if (std::hypot(du, dv) > reach + 6) continue;
       for (int bit = 0; bit < 64; ++bit) {
-        const double u = where.pixel_u() + bit % 8 - s.px.x(), v = where.pixel_v() + bit / 8 - s.px.y();
+        const int column = bit % 8, row = bit / 8;
+        const double u = where.pixel_u() + column - s.px.x(), v = where.pixel_v() + row - s.px.y();
         if (u * u + v * v < reach * reach) covered |= std::uint64_t{1} << bit;
       }
     }

@@ -38,6 +38,9 @@ class StillColor {
   // after the other, each about once in half a second; all of them at first.
   void look(const std::vector<TargetView>& views, std::span<const Sighting> tracked, capture::Timestamp set_at);
   void forget(std::size_t camera);  // it stands elsewhere
+  // What was found was of the room, though it shows little of the colour: from now on as in a room that shares it, as
+  // at its first set.
+  void doubt(capture::Timestamp set_at);
 
   // The room may show the colour in this camera: what moves in it may be noise at the edges of what is left out.
   bool is_shared(std::size_t camera) const { return cameras_[camera].is_learning; }
@@ -45,8 +48,8 @@ class StillColor {
   // what looks like an object counts as one that may be. It must move to be told.
   bool is_starting(capture::Timestamp set_at) const;
   bool is_room_shared() const { return is_room_shared_; }  // some view shows more of it than objects could cover
-  // Something that is left out lies within so far of this pixel: a region there may be cut by it.
-  bool touches(std::size_t camera, const Eigen::Vector2d& px, double reach_px) const;
+  // Something that is left out lies so near to this pixel that a region of this radius there may be cut by it.
+  bool may_cut(std::size_t camera, const Eigen::Vector2d& px, double radius_px) const;
   // Which of them may be cut so, and by how much their middles may be off because of it.
   void mark_cut(std::vector<Sighting>& sightings) const;
   const std::vector<ColorShare>& shares() const { return shares_; }  // per camera of the rig
@@ -83,7 +86,7 @@ class StillColor {
   std::vector<PixelAt> hits_;
   std::vector<std::uint32_t> open_;  // work space: tiles of a patch
   std::vector<char> is_told_;        // likewise: per tile
-  bool is_room_shared_ = false;
+  bool is_room_shared_ = false, is_doubted_ = false;
   std::size_t next_ = 0;
   std::optional<capture::Timestamp> last_at_ = {}, first_at_ = {};
 };

@@ -225,8 +225,8 @@ void Background::look(const Picture& picture, int index, const Disc* hidden, std
 template <typename Take>
 void Background::in_tiles(int u, int v, int n, int across, int down, Take&& take) const {
   for (int i = 0; i < n;) {
-    const int first = (u + i) % across, count = std::min(n - i, across - first);
-    take(tile_at(v / down * across_ + (u + i) / across), static_cast<std::size_t>(v % down * across + first), count, i);
+    const int first = (u + i) % across, count = std::min(n - i, across - first), at = v % down * across + first;
+    take(tile_at(v / down * across_ + (u + i) / across), static_cast<std::size_t>(at), count, i);
     i += count;
   }
 }

@@ -1,9 +1,9 @@
 // HUETRACK_CLONES before a function: one copy per instruction set, chosen when the program is loaded. The results are
 // the same bits in all of them (-ffp-contract=off). The sanitizers' run-time is not up yet when that choice is made, so
-// their builds have the plain copy only.
+// their builds have the plain copy only, as have clang's (fuzzing, clang-tidy).
 #pragma once
 
-#if defined(__x86_64__) && !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+#if defined(__x86_64__) && !defined(__clang__) && !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
 #define HUETRACK_CLONES __attribute__((target_clones("avx512f", "avx2", "default")))
 // Before functions of the same name: what is written by hand for AVX-512 or AVX2, and what is for every other machine.
 #define HUETRACK_AVX512_VERSION __attribute__((target("avx512f")))

@@ -1,7 +1,7 @@
 #!/bin/bash
 # clang-tidy with the checks of .clang-tidy over our files. clang_tidy.sh SOURCE-TREE BUILD-FOLDER
 set -uo pipefail
-tidy=$(command -v clang-tidy-14 || command -v clang-tidy) || { echo "SKIPPED: no clang-tidy"; exit 77; }
+tidy=$(command -v clang-tidy-16 || command -v clang-tidy) || { echo "SKIPPED: no clang-tidy"; exit 77; }
 cd "$1" || exit 1
 git ls-files 'calib/*.cpp' 'service/*.cpp' 'clients/*.cpp' 'idl/*.cpp' |
   xargs -P2 -n1 "$tidy" -p "$2" --quiet --warnings-as-errors='*' 2>&1 | grep -v ' warnings\? generated\.$'

@@ -8,6 +8,7 @@
 #include <functional>
 #include <stdexcept>
 
+#include "object_tracking/region_tracker.h"
 #include "scene/scene.h"
 
 namespace huetrack::object_tracking {
@@ -617,6 +618,54 @@ TEST(SearchFindings, areForgottenWhenTheTargetIsFound) {
   const SearchFindings found = findings_of(ring(2).ball({}).build(), lime(), 12);
   EXPECT_EQ(found.sets, 0u);
   EXPECT_EQ(found.advice(lime(), {"a", "b"}), "");
+}
+
+// In OpenCV's units of two degrees; and a range in degrees whose double the ball's own hues are in, in a room that
+// shares it, where what stands is found late.
+TEST(ObjectTracker, HuesInOpenCvsUnitsAreFoundOutAndOthersAreNot) {
+  const auto found_at_twice = [](double min_deg, double max_deg, bool has_furniture) {
+    scene::SceneBuilder builder;
+    builder.cameras_on_ring({.count = 3, .image_size = {320, 240}, .focal_px = 240});
+    builder.ball({.path = [](double t) { return Vector3d(-0.3 + 0.6 * std::max(0.0, t - 0.6), 0.1, 1.0); }});
+    if (has_furniture)
+      for (const double x : {-0.5, 0.5})
+        builder.ball({.name = "yellow", .radius_m = 0.14, .rgb = {0.8, 0.75, 0.1}, .path = [x](double) {
+                        return Vector3d(x, 0.9, 0.4);
+                      }});
+    const scene::Scene scene = builder.build();
+    TargetOptions target = lime();
+    target.color.hue_min_deg = min_deg, target.color.hue_max_deg = max_deg;
+    ObjectTracker tracker(scene.rig, target, options_with());
+    for (const capture::FrameSet& set : render(scene, {.set_count = 60})) tracker.update(set);
+    return tracker.search_findings().is_found_at_twice_the_hue;
+  };
+  EXPECT_TRUE(found_at_twice(33, 57, false));
+  EXPECT_FALSE(found_at_twice(65, 115, false));
+  EXPECT_FALSE(found_at_twice(45, 105, true));
+}
+
+// What is tracked of a colour that turned out to be another's is let go of: what stands is no object from then on, and
+// what moves is found again.
+TEST(RegionTracker, WhoseColorIsDistrustedFindsOnlyWhatMoves) {
+  const auto positions_after = [](double speed_m_s) {
+    scene::SceneBuilder builder;
+    builder.cameras_on_ring({.count = 3, .image_size = {320, 240}, .focal_px = 240});
+    builder.ball({.path = [speed_m_s](double t) { return Vector3d(-0.5 + speed_m_s * t, 0.1, 1.0); }});
+    const scene::Scene scene = builder.build();
+    RegionTracker tracker(scene.rig, lime(), options_with(), particle_filter::Rng(1, 0));
+    constexpr int before = 15;
+    int sets = 0, positions = 0;
+    for (const capture::FrameSet& set : render(scene, {.set_count = 50})) {
+      const ObjectEstimate estimate = tracker.update(set);
+      if (++sets > before) positions += estimate.has_position() ? 1 : 0;
+      if (sets != before) continue;
+      EXPECT_EQ(estimate.state, TrackState::tracking);
+      tracker.distrust_color(set.at);
+    }
+    return positions;
+  };
+  EXPECT_EQ(positions_after(0), 0);
+  EXPECT_GE(positions_after(0.7), 25);  // of 35: it must first have moved
 }
 
 }  // namespace

@@ -20,7 +20,7 @@ constexpr int columns = 10, rows = 8;  // cells of the image, of each of which o
 // each frame that proved nothing. Positions are in parts of the scene's distance.
 constexpr double still_rad = 0.012, still_of_depth = 0.010, share_of_step = 0.4;
 constexpr double wider_per_frame = 0.35, widest = 4;
-constexpr float reach_px = 24;  // of a correlation field to either side of the cloud's middle
+constexpr float field_reach_px = 24;  // of a correlation field to either side of the cloud's middle
 constexpr float least_ncc = 0.65f;
 // Annealing: how near a particle must come to a place that correlates, px, and the walk halves with every step.
 constexpr std::array narrowing_px{2.5f, 1.8f, 1.2f, 1.2f};
@@ -119,10 +119,10 @@ void KeyframeTracking::correlate(std::vector<Visible>& chosen, const Pyramid& py
     const CloudMoments cloud = cloud_moments(u_, v_, particles_.weight);
     if (!(cloud.weight_sum > 0.5)) continue;
     const auto cu = static_cast<float>(cloud.mean.x()), cv = static_cast<float>(cloud.mean.y());
-    const PixelRegion region{static_cast<int>(std::max(cloud.u_min - 1, cu - reach_px)),
-                             static_cast<int>(std::max(cloud.v_min - 1, cv - reach_px)),
-                             static_cast<int>(std::min(cloud.u_max + 1, cu + reach_px)),
-                             static_cast<int>(std::min(cloud.v_max + 1, cv + reach_px))};
+    const PixelRegion region{static_cast<int>(std::max(cloud.u_min - 1, cu - field_reach_px)),
+                             static_cast<int>(std::max(cloud.v_min - 1, cv - field_reach_px)),
+                             static_cast<int>(std::min(cloud.u_max + 1, cu + field_reach_px)),
+                             static_cast<int>(std::min(cloud.v_max + 1, cv + field_reach_px))};
     fields_[used].correlate(image, patch_.inner, region);
     if (fields_[used].region().empty()) continue;
     chosen[used++] = s;

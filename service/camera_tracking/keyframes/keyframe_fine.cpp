@@ -15,12 +15,10 @@ using namespace camera_tracking;
 
 namespace {
 
-constexpr std::size_t first_points = 60, most_points = 220;
-constexpr float good_ncc = 0.8f;
+constexpr std::size_t first_points = 60, most_fine_points = 220;
 // Between the pixels a template matches better than on the best of them: so much less is enough to look there, and less
 // is asked of a patch that is sought one level above its own.
 constexpr float refined_gains = 0.1f, blurred_loses = 0.05f;
-constexpr double most_shift_px = 1.5;  // of refine()
 // What a template's match is worth, at its own level, in pixels of that level: on the best pixel, and refined.
 constexpr double pixel_sigma_px = 0.4, match_sigma_px = 0.25, corner_sigma_px = 0.12;
 constexpr int first_reach_px = 4, least_reach_px = 3, most_reach_px = 8;  // of the search, pixels of the level
@@ -70,7 +68,7 @@ ProvenPose KeyframeTracking::fine(const SweptPose& start, const Pyramid& pyramid
   ProvenPose out;
   out.pose = is_near ? start : first_fit(start, pyramid, map);
   std::vector<Visible> seen = visible(out.pose, map, pyramid.count());
-  thin_out(seen, most_points);
+  thin_out(seen, most_fine_points);
   Matches matches = match(seen, pyramid, map);
   if (rectangle_ && map.points.size() >= 4) out.pose = add_corners(out.pose, pyramid, map, matches);
   out.evidence.sought = matches.sought;

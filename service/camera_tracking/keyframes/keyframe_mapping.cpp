@@ -37,10 +37,6 @@ constexpr std::size_t fewest_to_refit = 4;  // observations
 constexpr std::size_t most_kept_up = 14;    // in one frame, the oldest first
 constexpr double seed_sigma_px = 0.4;       // of a seed's corner, pixels of its level
 
-double angle_between(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
-  return std::atan2(a.cross(b).norm(), a.dot(b));
-}
-
 }  // namespace
 
 KeyframeMapping::KeyframeMapping(const calib::Camera& camera) : camera_(camera) {}

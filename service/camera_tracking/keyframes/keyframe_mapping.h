@@ -2,6 +2,7 @@
 // tracking half is done with it, and knows nothing of the tracking's state beyond what is handed over.
 #pragma once
 
+#include <cmath>
 #include <cstdint>
 #include <map>
 #include <memory>
@@ -19,7 +20,13 @@
 
 namespace huetrack::keyframes {
 
-inline constexpr int patch_side = 8;  // pixels of a point's patch
+inline constexpr int patch_side = 8;          // pixels of a point's patch
+inline constexpr float good_ncc = 0.8f;       // from here on a patch is said to be found
+inline constexpr double most_shift_px = 1.5;  // of refine()
+
+inline double angle_between(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {  // rad
+  return std::atan2(a.cross(b).norm(), a.dot(b));
+}
 
 // What tracking hands over of a frame.
 struct TrackedFrame {

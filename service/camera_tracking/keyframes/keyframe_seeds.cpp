@@ -21,15 +21,13 @@ constexpr double least_inverse_depth = 1e-3;  // 1/m: as good as infinity
 // A seed becomes a point once its depth is as sure as that (sigma over inverse depth), and not by chance: found so
 // often, and seen from as far aside.
 constexpr double converged = 0.035, enough_parallax_rad = 0.025;
-constexpr int enough_found = 4;
+constexpr int often_found = 4;
 
 constexpr double longest_line_px = 80;  // of a search: longer, and anything may be found on it
 constexpr double reach_px = 1.5;        // from the epipolar line: noise of the poses
-constexpr float good_ncc = 0.8f;
 // A second place that matches nearly as well, and is not the first one's neighbour, leaves open which one it is.
 constexpr float rival_loses = 0.08f;
 constexpr double rival_px = 2.9;
-constexpr double most_shift_px = 1.5;  // of refine()
 
 // At which failure a seed is given up: what is out of view may return, and what has a rival may lose it.
 constexpr int failures_hidden = 41, failures_distorted = 10, failures_missed = 8;
@@ -39,10 +37,6 @@ constexpr double contradicted_sigmas = 3;
 // Errors of neighbouring frames' poses are alike, so that no number of frames makes a depth surer than this share of
 // what one of them says.
 constexpr double least_share_of_sigma = 0.25;
-
-double angle_between(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
-  return std::atan2(a.cross(b).norm(), a.dot(b));
-}
 
 // The image of a part of a seed's ray, pixels of a level.
 struct EpipolarLine {
@@ -167,7 +161,7 @@ void KeyframeMapping::update_seeds(const TrackedFrame& frame) {
       ++counters_.seeds_abandoned;
       continue;
     }
-    if (seed.sigma < converged * seed.inverse_depth && seed.found >= enough_found &&
+    if (seed.sigma < converged * seed.inverse_depth && seed.found >= often_found &&
         seed.widest_rad > enough_parallax_rad)
       promote(seed);
     else

@@ -27,10 +27,6 @@ bool is_inside(const Eigen::Vector2d& px, const calib::ImageSize& size, double m
          px.y() <= size.height - 1 - margin;
 }
 
-double angle_between(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
-  return std::atan2(a.cross(b).norm(), a.dot(b));
-}
-
 }  // namespace
 
 KeyframeTracking::KeyframeTracking(const calib::Camera& camera, std::size_t particle_count, std::uint64_t seed)
