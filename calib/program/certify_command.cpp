@@ -177,6 +177,7 @@ ExitStatus certify_lengths(const CertifyOptions& o, const std::stop_token& stop)
   if ((o.length_mm > 0) == !o.places.empty())
     throw gather::InputError("give --length-mm of the bar, or --places with the file of the marked places");
   const config::ServiceConfig config = config::load_service_config(o.config);
+  config::require_rig(config);
   const bool is_bar = o.length_mm > 0;
   const std::vector<std::string> names = targets_of(o, config, is_bar ? 2 : 1);
   Tracked all;

@@ -46,6 +46,7 @@ ExitStatus map(const MapOptions& o) {
   report::MapInput input{.rig_name = std::filesystem::path(o.file).filename().string(), .volume_is_from = {}};
   if (yaml::YamlReader::file(o.file).has("rig")) {
     const config::ServiceConfig config = config::load_service_config(o.file);
+    config::require_rig(config);
     rig = config.rig;
     box = {config.object_tracking.volume.min, config.object_tracking.volume.max};
     input.volume_is_from = "the volume of the configuration";

@@ -198,6 +198,7 @@ std::string names_of(const std::vector<object_tracking::TargetOptions>& targets)
 WavedInput configured_input(const WavedOptions& o) {
   WavedInput in;
   in.config = config::load_service_config(o.config);
+  config::require_rig(*in.config);
   in.rig = in.config->rig;
   const auto& known = in.config->targets;
   const std::string names = names_of(known);

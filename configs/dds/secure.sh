@@ -1,5 +1,5 @@
 #!/bin/bash
-# DDS Security for huetrack: who is who (certificates), who may do what (permissions), and nothing in clear on the network.
+# DDS Security for huetrack: who is who (certificates), who may do what (permissions), and no data in clear on the network.
 #
 #   configs/dds/secure.sh FOLDER                     makes an authority of your own, and the members service, watcher, operator
 #   configs/dds/secure.sh FOLDER NAME:ROLE ...       members of the same authority: a name each, and what they may do:
@@ -13,7 +13,7 @@
 # members. Whoever has no certificate of this authority sees nothing and is not heard; who lets one in lets all in that the
 # certificates name, until they end in ten years. Needs openssl.
 set -euo pipefail
-[ $# -gt 0 ] && [ "${1#-}" = "$1" ] || { sed -n 2,15p "$0"; exit 2; }
+[ $# -gt 0 ] && [ "${1#-}" = "$1" ] || { sed -n 2,14p "$0"; exit 2; }
 command -v openssl >/dev/null || { echo "openssl is missing: apt-get install openssl" >&2; exit 1; }
 
 days=3650
@@ -25,6 +25,7 @@ authority=$folder/authority
 [ $# -gt 0 ] || set -- service:service watcher:watcher operator:operator
 
 # What was asked for is read before anything is made.
+names=' '
 for member in "$@"; do
   name="${member%%:*}" role="${member#*:}"
   case $member in *:*) ;; *) echo "$member: give NAME:ROLE, for example $member:watcher" >&2; exit 2 ;; esac
@@ -32,6 +33,8 @@ for member in "$@"; do
     echo "$member: $role is no role: service, host, watcher or operator" >&2; exit 2 ;; esac
   [[ $name =~ ^[A-Za-z0-9._-]+$ ]] && [ "$name" != authority ] ||
     { echo "$member: a name has letters, digits, '.', '_' and '-', and is not authority" >&2; exit 2; }
+  [[ $names != *" $name "* ]] || { echo "$name is given twice" >&2; exit 2; }
+  names+="$name "
   [ ! -e "$folder/$name" ] || { echo "$folder/$name is there already: take another name, or remove it" >&2; exit 1; }
 done
 
@@ -93,8 +96,11 @@ for member in "$@"; do
   mkdir "$of"
   openssl ecparam -name prime256v1 -genkey -noout -out "$of/member.key"
   openssl req -new -key "$of/member.key" -subj "/O=huetrack/CN=$name" -out "$of/request.pem"
+  # For authentication and nothing else: Fast DDS 2.9 takes permissions that any certificate of the authority has signed,
+  # if that one may sign.
   openssl x509 -req -in "$of/request.pem" -CA "$authority/authority.pem" -CAkey "$authority/authority.key" \
-    -set_serial "0x$(openssl rand -hex 8)" -sha256 -days $days -out "$of/member.pem" 2>/dev/null
+    -set_serial "0x$(openssl rand -hex 8)" -sha256 -days $days -out "$of/member.pem" \
+    -extfile <(printf 'basicConstraints = critical, CA:FALSE\nextendedKeyUsage = clientAuth, serverAuth\n') 2>/dev/null
   rm "$of/request.pem"
   cp "$authority/authority.pem" "$authority/governance.xml.p7s" "$of"
   {

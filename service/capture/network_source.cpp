@@ -35,10 +35,12 @@ std::string_view scheme_of(std::string_view address) {
 
 // Passwords stay out of logs and off the bus.
 std::string without_password(const std::string& address) {
+  if (!is_network_address(address)) return address;
   const auto begin = address.find("://") + 3;
-  const auto at = address.find('@', begin);
-  if (at == std::string::npos || at > address.find('/', begin)) return address;
-  return address.substr(0, begin) + "***" + address.substr(at);
+  const auto end = std::min(address.find_first_of("/?#", begin), address.size());
+  const auto at = address.rfind('@', end);
+  const auto host = at == std::string::npos || at < begin ? begin : at + 1;
+  return address.substr(0, begin) + address.substr(host, end - host);  // many have it in the path or the query, too
 }
 
 }  // namespace
@@ -67,6 +69,9 @@ struct NetworkSource::Impl {
     take_over_log();
     state.last_progress = Clock::now();
   }
+  ~Impl() { close(); }  // while all that is_over() looks at is there
+  Impl(const Impl&) = delete;
+  Impl& operator=(const Impl&) = delete;
 
   // ---- What FFmpeg asks while it waits: is that to end? It asks some ten times a second.
   static int is_over(void* closure) {
@@ -150,7 +155,10 @@ struct NetworkSource::Impl {
 
   // nullopt: none yet, or the stream is lost (then it is closed).
   std::optional<Arrived> read() {
-    wait_from_now();
+    if (Clock::now() > deadline) {  // what is no picture, as sound, may go on coming
+      lose("no picture comes");
+      return std::nullopt;
+    }
     if (const int error = av_read_frame(format.get(), packet.get()); error < 0) {
       if (stop.stop_requested() || error == AVERROR(EAGAIN)) return std::nullopt;
       lose(error == AVERROR_EOF    ? "the stream has ended"
@@ -160,7 +168,10 @@ struct NetworkSource::Impl {
     }
     const Timestamp at = unix_now();
     std::optional<Arrived> arrived;
-    if (packet->stream_index == stream->index && packet->size > 0) arrived = decode(at);
+    if (packet->stream_index == stream->index && packet->size > 0) {
+      wait_from_now();
+      arrived = decode(at);
+    }
     av_packet_unref(packet.get());
     return arrived;
   }
@@ -187,6 +198,7 @@ struct NetworkSource::Impl {
   }
 
   std::optional<Frame> next() {
+    wait_from_now();  // whoever calls may have taken his time
     while (!stop.stop_requested()) {
       if (!format) {
         if (const std::string problem = open(); !problem.empty()) {
@@ -195,13 +207,14 @@ struct NetworkSource::Impl {
           pause();
           continue;
         }
+        wait_from_now();
       }
       std::optional<Arrived> arrived = read();
       if (arrived && arrived->image &&
           (arrived->image->width != options.width || arrived->image->height != options.height)) {
         lose("its pictures are " + std::to_string(arrived->image->width) + "x" +
-             std::to_string(arrived->image->height) + ", where the rig was calibrated at " +
-             std::to_string(options.width) + "x" + std::to_string(options.height));
+             std::to_string(arrived->image->height) + ", and the rig's are " + std::to_string(options.width) + "x" +
+             std::to_string(options.height) + "; before there is a rig give size in the configuration");
         arrived.reset();
       }
       if (arrived) return frame_of(std::move(*arrived));

@@ -853,6 +853,12 @@ CaptureConfig load_capture_config(const fs::path& file) {
     if (!camera.host.empty()) yaml.fail("host", "is not for a camera host, whose cameras are its own");
     if (!camera.size) yaml.fail("size", "is missing: a camera host knows no rig; give [width, height] as calibrated");
     if (camera.latency_offset_s) yaml.fail("latency_offset_s", "is the tracker's: give it there, or in the rig");
+    if (!capture::is_network_address(camera.device.native())) continue;
+    const capture::NetworkSourceOptions network{
+        .address = camera.device, .width = camera.size->width, .height = camera.size->height};
+    if (const auto problems = network.problems(); !problems.empty()) yaml.fail("device", problems.front());
+    if (camera.format || !camera.controls.empty() || camera.restore_controls)
+      yaml.fail("device", "is a camera of the network, which has its own settings: format and controls are not for it");
   }
   return config;
 }
@@ -889,6 +895,8 @@ std::string to_portable_yaml(const ServiceConfig& config) {
   ServiceConfig portable = config;
   if (config.is_calibrated()) portable.rig_file = "rig.yaml";
   portable.dds.publisher.profiles.clear();
+  for (LiveCameraConfig& camera : portable.cameras)  // recordings are given away, and an address may hold a password
+    if (capture::is_network_address(camera.device.native())) camera.device = "rtsp://" + camera.name;
   CameraTrackingConfig& tracking = portable.camera_tracking;
   if (!tracking.board.empty()) tracking.board = board_beside;
   if (!tracking.load_map.empty()) tracking.load_map = map_beside;

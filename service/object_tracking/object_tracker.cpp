@@ -163,7 +163,10 @@ struct ObjectTracker::Impl {
     watch.look(set, estimate, follower.in_force());
     const bool was_found = twice_the_hue.is_found();
     twice_the_hue.look(set, estimate.state);
-    if (auto* one = std::get_if<RegionTracker>(&tracker); one != nullptr && twice_the_hue.is_found() && !was_found)
+    // A target that has not come yet is not doubted because something else moves.
+    const bool has_track = estimate.state == TrackState::tracking || estimate.state == TrackState::coasting;
+    if (auto* one = std::get_if<RegionTracker>(&tracker);
+        one != nullptr && has_track && twice_the_hue.is_found() && !was_found)
       one->distrust_color(set.at);
     if (adapts) std::visit([&](auto& t) { follower.follow(set, estimate, watch, t.views()); }, tracker);
   }

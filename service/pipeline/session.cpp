@@ -128,6 +128,7 @@ void Session::save_camera_map() const {
 Pipeline::Replacement Session::replacement(const std::vector<std::size_t>& targets,
                                            const config::ServiceConfig& after) const {
   Pipeline::Replacement replacement;
+  if (!is_tracking_) return replacement;  // there are no trackers whose place they could take
   for (const auto t : targets) replacement.trackers.emplace_back(t, tracker_of(after, t));
   return replacement;
 }

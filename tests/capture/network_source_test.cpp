@@ -164,7 +164,7 @@ TEST(NetworkSource, AnotherSizeThanTheRigsIsRefused) {
   std::stop_source stop;
   std::jthread reading([&] { EXPECT_FALSE(source.next(stop.get_token())); });
   for (int k = 0; k < 400 && source.health().state != CaptureState::absent; ++k) std::this_thread::sleep_for(10ms);
-  EXPECT_THAT(source.health().message, HasSubstr("its pictures are 32x48, where the rig was calibrated at 64x48"));
+  EXPECT_THAT(source.health().message, HasSubstr("its pictures are 32x48, and the rig's are 64x48"));
   stop.request_stop();
 }
 

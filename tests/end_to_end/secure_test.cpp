@@ -16,8 +16,8 @@ namespace fs = std::filesystem;
 using namespace std::chrono_literals;
 using namespace testing;
 
-const fs::path demo = HUETRACK_SOURCE_DIR "/configs/demo";
-const std::string script = HUETRACK_SOURCE_DIR "/configs/dds/secure.sh";
+const fs::path demo_folder = HUETRACK_SOURCE_DIR "/configs/demo";
+const std::string secure_script = HUETRACK_SOURCE_DIR "/configs/dds/secure.sh";
 
 class Secure : public Test {
  protected:
@@ -45,7 +45,7 @@ class Secure : public Test {
   }
   // A folder of members.
   fs::path members(const std::string& name, std::vector<std::string> of = {}) {
-    std::vector<std::string> command{"/bin/bash", script, folder_ / name};
+    std::vector<std::string> command{"/bin/bash", secure_script, folder_ / name};
     command.insert(command.end(), of.begin(), of.end());
     const Result made = run(command);
     if (made.status != 0) throw std::runtime_error(made.err);
@@ -58,13 +58,13 @@ class Secure : public Test {
   std::string configuration(const std::string& name, const std::string& with_profile) {
     const fs::path file = folder_ / name;
     std::ofstream text(file);
-    text << "version: 1\nrig: " << (demo / "recording/rig.yaml").string()
+    text << "version: 1\nrig: " << (demo_folder / "recording/rig.yaml").string()
          << "\ntargets: {lime: {color: {hue_deg: [65, 115]}}}\n";
     if (!with_profile.empty()) text << "dds: {profile: " << with_profile << "}\n";
     return file;
   }
   std::vector<std::string> replay(const std::string& config) {
-    return {HUETRACKD, "replay", config, demo / "recording", "--speed", "real"};
+    return {HUETRACKD, "replay", config, demo_folder / "recording", "--speed", "real"};
   }
   std::unique_ptr<Process> watch(const std::string& with_profile) {
     std::vector<std::string> command{HUETRACK, "watch"};
@@ -92,6 +92,7 @@ TEST_F(Secure, MembersOfOneAuthoritySeeOneAnotherAndNobodyElseDoes) {
   std::this_thread::sleep_for(500ms);
   const std::string seen = heard(*member);
   EXPECT_GT(std::ranges::count(seen, '\n'), 140) << member->err();
+  ASSERT_FALSE(foreigner->has_ended() || stranger->has_ended()) << foreigner->err() << stranger->err();
   EXPECT_EQ(heard(*foreigner), "");
   EXPECT_EQ(heard(*stranger), "");
 }
@@ -101,6 +102,7 @@ TEST_F(Secure, AStrangersPositionsAreNotHeard) {
   std::this_thread::sleep_for(1s);
   const Result stranger = run(replay(configuration("stranger.yaml", "")));
   ASSERT_EQ(stranger.status, 0) << stranger.err;
+  ASSERT_FALSE(member->has_ended()) << member->err();
   EXPECT_EQ(heard(*member), "");
 }
 
@@ -109,6 +111,20 @@ TEST_F(Secure, AMemberSendsWhatItsRoleSays) {
   const Result refused = run(replay(configuration("watcher.yaml", profile(ours, "watcher"))));
   EXPECT_NE(refused.status, 0);
   EXPECT_THAT(refused.err, HasSubstr("the permissions of this participant"));
+  // Nor may it sign itself another role's permissions.
+  const std::string text = folder_ / "permissions.xml", forged = folder_ / "forged.p7s",
+                    key = ours / "watcher/member.key", certificate = ours / "watcher/member.pem",
+                    authority = ours / "watcher/authority.pem";
+  std::ofstream(text) << "<dds/>\n";
+  ASSERT_EQ(run({"/usr/bin/openssl", "smime", "-sign", "-in", text, "-text", "-out", forged, "-signer", certificate,
+                 "-inkey", key})
+                .status,
+            0);
+  EXPECT_NE(run({"/usr/bin/openssl", "smime", "-verify", "-in", forged, "-CAfile", authority}).status, 0);
+  EXPECT_EQ(
+      run({"/usr/bin/openssl", "smime", "-verify", "-in", ours / "watcher/permissions.xml.p7s", "-CAfile", authority})
+          .status,
+      0);
   // Who may not teach may watch the page.
   const auto page = start({HUETRACK, "view", "--port", "0", "--profiles", profile(ours, "watcher")});
   for (int tries = 0; tries < 200 && page->out().empty() && !page->has_ended(); ++tries)
@@ -117,14 +133,14 @@ TEST_F(Secure, AMemberSendsWhatItsRoleSays) {
 }
 
 TEST_F(Secure, WhatIsAskedForWronglyMakesNothing) {
-  const Result no_role = run({"/bin/bash", script, folder_ / "keys", "anna:watcher", "tom:boss"});
+  const Result no_role = run({"/bin/bash", secure_script, folder_ / "keys", "anna:watcher", "tom:boss"});
   EXPECT_EQ(no_role.status, 2);
   EXPECT_THAT(no_role.err, HasSubstr("tom:boss: boss is no role: service, host, watcher or operator"));
   EXPECT_FALSE(fs::exists(folder_ / "keys/anna"));
   const fs::path ours = members("ours");
   const std::string key = contents(ours / "watcher/member.key");
   EXPECT_THAT(key, HasSubstr("PRIVATE KEY"));
-  const Result again = run({"/bin/bash", script, ours, "watcher:operator"});
+  const Result again = run({"/bin/bash", secure_script, ours, "watcher:operator"});
   EXPECT_EQ(again.status, 1);
   EXPECT_THAT(again.err, HasSubstr("is there already"));
   EXPECT_EQ(contents(ours / "watcher/member.key"), key);
