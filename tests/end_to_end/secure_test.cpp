@@ -16,7 +16,7 @@ namespace fs = std::filesystem;
 using namespace std::chrono_literals;
 using namespace testing;
 
-const fs::path demo_folder = HUETRACK_SOURCE_DIR "/configs/demo";
+const fs::path bundled_demo = HUETRACK_SOURCE_DIR "/configs/demo";
 const std::string secure_script = HUETRACK_SOURCE_DIR "/configs/dds/secure.sh";
 
 class Secure : public Test {
@@ -58,13 +58,13 @@ class Secure : public Test {
   std::string configuration(const std::string& name, const std::string& with_profile) {
     const fs::path file = folder_ / name;
     std::ofstream text(file);
-    text << "version: 1\nrig: " << (demo_folder / "recording/rig.yaml").string()
+    text << "version: 1\nrig: " << (bundled_demo / "recording/rig.yaml").string()
          << "\ntargets: {lime: {color: {hue_deg: [65, 115]}}}\n";
     if (!with_profile.empty()) text << "dds: {profile: " << with_profile << "}\n";
     return file;
   }
   std::vector<std::string> replay(const std::string& config) {
-    return {HUETRACKD, "replay", config, demo_folder / "recording", "--speed", "real"};
+    return {HUETRACKD, "replay", config, bundled_demo / "recording", "--speed", "real"};
   }
   std::unique_ptr<Process> watch(const std::string& with_profile) {
     std::vector<std::string> command{HUETRACK, "watch"};
