@@ -3,12 +3,11 @@
 // What only a terminal can do (to write that file, to start a service, to calibrate) is done here, when the page asks for it.
 //   exit 0: passed, 77: skipped (no Chromium), anything else: failed. Screenshots are left in --out.
 import assert from "node:assert/strict";
-import { spawn } from "node:child_process";
-import { existsSync, mkdirSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
+import { existsSync, mkdirSync, mkdtempSync, readFileSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 
-import { chromium, chromiumPath, options, sleep, waiting } from "./harness.mjs";
+import { launch, options, run, sleep, start, waiting } from "./harness.mjs";
 
 const domain = "76";
 const folder = mkdtempSync(join(tmpdir(), "huetrack-first-run-"));
@@ -17,16 +16,6 @@ const config = join(folder, "my.yaml"), taught = join(folder, "my.taught.yaml");
 mkdirSync(options.out, { recursive: true });
 const until = waiting(20000);
 const say = (text) => console.log(text);
-const children = [];
-function start(program, ...args) {
-  const child = spawn(program, args, { stdio: ["ignore", "pipe", "pipe"] });
-  const process = { child, out: "", err: "" };
-  child.stdout.on("data", (data) => (process.out += data));
-  child.stderr.on("data", (data) => (process.err += data));
-  process.ended = new Promise((resolve) => child.on("close", resolve));
-  children.push(process);
-  return process;
-}
 
 // Where the ball of the films is, a time after they began (tests/soak/films.h), and how far positions are from there: rms, m.
 // When they began nobody tells: the time is found that fits best.
@@ -40,15 +29,10 @@ function rmsOf(positions) {
   return rms(begin);
 }
 
-let browser;
 async function test() {
   const view = start(options.huetrack, "view", "--port", "0", "--domain", domain, "--interface", "lo");
   const address = await until("the bridge says its address", () => view.out.match(/http:\S+/)?.[0]);
-  browser = await chromium.launch({
-    executablePath: chromiumPath,
-    args: ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
-      "--disable-component-update", "--disable-sync", "--enable-unsafe-swiftshader"],
-  });
+  const browser = await launch();
   const page = await browser.newPage({ viewport: { width: 1440, height: 1000 } });
   const problems = [];
   page.on("pageerror", (error) => problems.push(error.message));
@@ -65,8 +49,8 @@ async function test() {
         : line.startsWith("rig:") ? `rig: ${rig}`
         : line), `dds: {domain: ${domain}, interfaces: [lo]}`, ""].join("\n"));
   with_("none");
-  const run = (...more) => start(options.service, config, films, "--phases", "together", ...more);
-  let service = run("--make", "2");
+  const serve = (...more) => start(options.service, config, films, "--phases", "together", ...more);
+  let service = serve("--make", "2");
   await picture("1_cameras");
 
   // ---- Exposure: the pictures come, and are neither too dark nor too bright. Then nothing is calibrated.
@@ -86,7 +70,7 @@ async function test() {
 
   // ---- Calibrated: the rig of these films stands for what huetrack-calibrate writes, which films are no cameras for.
   with_(join(films, "rig.yaml"));
-  service = run();
+  service = serve();
   await until("a colour is missed", async () => /Colour.*Which colour has ball\?/.test(await current()));
   await picture("3_colour");
   await page.click("#steps-list button");
@@ -152,17 +136,4 @@ async function test() {
   assert.deepEqual(problems, []);
 }
 
-let code = 1;
-try {
-  await test();
-  code = 0;
-  say("passed");
-} catch (error) {
-  console.error(error);
-  for (const { child, out, err } of children) console.error(`--- ${child.spawnargs.slice(0, 3).join(" ")}\n${out.slice(-600)}\n${err.slice(-1200)}`);
-} finally {
-  await browser?.close();
-  for (const { child } of children) child.kill("SIGKILL");
-  if (code === 0) rmSync(folder, { recursive: true, force: true });
-}
-process.exit(code);
+await run(test, { folder });

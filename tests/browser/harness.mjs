@@ -1,6 +1,7 @@
-// What the tests of the page share: --name value options, Chromium (or exit status 77: skipped), and waiting.
+// What the tests of the page share: --name value options, Chromium (or exit status 77: skipped), waiting, programs beside it.
 import assert from "node:assert/strict";
-import { existsSync } from "node:fs";
+import { spawn } from "node:child_process";
+import { existsSync, rmSync } from "node:fs";
 import { createRequire } from "node:module";
 import { join } from "node:path";
 
@@ -10,10 +11,10 @@ export const skip = (why) => {
   console.log(`skipped: ${why}`);
   process.exit(77);
 };
-export const chromiumPath = ["/usr/bin/chromium", "/usr/bin/chromium-browser"].find(existsSync);
+const chromiumPath = ["/usr/bin/chromium", "/usr/bin/chromium-browser"].find(existsSync);
 if (!chromiumPath) skip("there is no /usr/bin/chromium");
 if (!existsSync(join(options.modules, "node_modules/playwright-core"))) skip("playwright-core is not installed");
-export const { chromium } = createRequire(join(options.modules, "package.json"))("playwright-core");
+const { chromium } = createRequire(join(options.modules, "package.json"))("playwright-core");
 export const sleep = (ms) => new Promise((resolve) => setTimeout(resolve, ms));
 // until(what, condition): what the condition gives once it is true, within so many milliseconds.
 export const waiting = (usual) => async (what, condition, atMost = usual) => {
@@ -25,3 +26,43 @@ export const waiting = (usual) => async (what, condition, atMost = usual) => {
     await sleep(50);
   }
 };
+
+let browser;
+export async function launch() {
+  browser = await chromium.launch({
+    executablePath: chromiumPath,
+    args: ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
+      "--disable-component-update", "--disable-sync", "--enable-unsafe-swiftshader"],
+  });
+  return browser;
+}
+
+// A program that ends with the test; what it prints is kept, and its exit status once it has ended.
+const children = [];
+export function start(program, ...args) {
+  const child = spawn(program, args, { stdio: ["ignore", "pipe", "pipe"] });
+  const process = { child, out: "", err: "", code: null };
+  child.stdout.on("data", (data) => (process.out += data));
+  child.stderr.on("data", (data) => (process.err += data));
+  process.ended = new Promise((resolve) => child.on("close", (code) => resolve((process.code = code ?? -1))));
+  children.push(process);
+  return process;
+}
+
+// The test's end is the process'. Of one that fails the programs' last words are told, and its scratch folder stays.
+export async function run(test, { say = console.log, folder } = {}) {
+  let code = 1;
+  try {
+    await test();
+    code = 0;
+    say("passed");
+  } catch (error) {
+    console.error(error);
+    for (const { child, out, err } of children) console.error(`--- ${child.spawnargs.slice(0, 3).join(" ")}\n${out.slice(-600)}\n${err.slice(-1200)}`);
+  } finally {
+    await browser?.close();
+    for (const { child } of children) child.kill("SIGKILL");
+    if (code === 0 && folder) rmSync(folder, { recursive: true, force: true });
+  }
+  process.exit(code);
+}

@@ -1,12 +1,11 @@
 // The live page as a user has it: a real browser, a real daemon, the real bridge.
 //   exit 0: passed, 77: skipped (no Chromium, no recordings), anything else: failed. Screenshots are left in --out.
 import assert from "node:assert/strict";
-import { spawn } from "node:child_process";
 import { existsSync, mkdirSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 
-import { chromium, chromiumPath, options, skip, sleep, waiting } from "./harness.mjs";
+import { launch, options, run, skip, sleep, start, waiting } from "./harness.mjs";
 
 const occlusion = join(options.data, "rendered/occlusion");
 if (!existsSync(join(occlusion, "recording.yaml"))) skip(`no recording in ${occlusion}`);
@@ -17,19 +16,8 @@ const domain = "74";
 const folder = mkdtempSync(join(tmpdir(), "huetrack-browser-"));
 rmSync(options.out, { recursive: true, force: true });
 mkdirSync(options.out, { recursive: true });
-const children = [];
 const say = (text) => console.log(`${((Date.now() - begun) / 1000).toFixed(1)} s: ${text}`);
 const begun = Date.now();
-
-function start(program, ...args) {
-  const child = spawn(program, args, { stdio: ["ignore", "pipe", "pipe"] });
-  const process = { child, out: "", err: "", code: null };
-  child.stdout.on("data", (data) => (process.out += data));
-  child.stderr.on("data", (data) => (process.err += data));
-  process.ended = new Promise((resolve) => child.on("close", (code) => resolve((process.code = code ?? -1))));
-  children.push(process);
-  return process;
-}
 const until = waiting(15000);
 function configuration(name, text) {
   const file = join(folder, name);
@@ -121,15 +109,10 @@ async function tabStops(page) {
   return stops.map((s) => s.name);
 }
 
-let browser;
 async function test() {
   const view = start(options.huetrack, "view", "--port", "0", "--domain", domain, "--interface", "lo");
   const address = await until("the bridge says its address", () => view.out.match(/http:\S+/)?.[0]);
-  browser = await chromium.launch({
-    executablePath: chromiumPath,
-    args: ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
-      "--disable-component-update", "--disable-sync", "--enable-unsafe-swiftshader"],
-  });
+  const browser = await launch();
   const page = await browser.newPage({ viewport: { width: 1440, height: 1000 } });
   const problems = [];
   page.on("pageerror", (error) => problems.push(error.message));
@@ -347,17 +330,4 @@ async function test() {
   assert.deepEqual(problems, []);
 }
 
-let code = 1;
-try {
-  await test();
-  code = 0;
-  say("passed");
-} catch (error) {
-  console.error(error);
-  for (const { child, out, err } of children) console.error(`--- ${child.spawnargs.slice(0, 3).join(" ")}\n${out.slice(-600)}\n${err.slice(-1200)}`);
-} finally {
-  await browser?.close();
-  for (const { child } of children) child.kill("SIGKILL");
-  if (code === 0) rmSync(folder, { recursive: true, force: true });
-}
-process.exit(code);
+await run(test, { say, folder });

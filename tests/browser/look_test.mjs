@@ -3,21 +3,18 @@
 // --page DIR: the page's files from there (node build.mjs DIR), so that who works on it needs no compiler.
 //   exit 0: passed, 77: skipped (no Chromium), anything else: failed
 import assert from "node:assert/strict";
-import { spawn } from "node:child_process";
 import { mkdirSync, readFileSync } from "node:fs";
 import { createServer } from "node:http";
 import { join } from "node:path";
 
-import { chromium, chromiumPath, options, sleep, waiting } from "./harness.mjs";
+import { launch, options, run, sleep, start, waiting } from "./harness.mjs";
 
 mkdirSync(options.out, { recursive: true });
 const say = (text) => console.log(text);
 const until = waiting(10000);
 
 // ---- A bridge: the page's files from the real one, the events from here.
-const view = options.page ? null : spawn(options.huetrack, ["view", "--port", "0", "--domain", "75", "--interface", "lo"], { stdio: ["ignore", "pipe", "ignore"] });
-let printed = "";
-view?.stdout.on("data", (data) => (printed += data));
+const view = options.page ? null : start(options.huetrack, "view", "--port", "0", "--domain", "75", "--interface", "lo");
 const pages = new Set();
 const bridge = createServer(async (request, response) => {
   if (request.url.startsWith("/api/events")) {
@@ -35,7 +32,7 @@ const bridge = createServer(async (request, response) => {
     response.end(readFileSync(join(options.page, name)));
     return;
   }
-  const file = await fetch(new URL(request.url, printed.match(/http:\S+/)[0]));
+  const file = await fetch(new URL(request.url, view.out.match(/http:\S+/)[0]));
   response.writeHead(file.status, { "Content-Type": file.headers.get("content-type") });
   response.end(Buffer.from(await file.arrayBuffer()));
 });
@@ -437,17 +434,11 @@ async function costs(browser, address) {
   return { idle, running };
 }
 
-let code = 1;
-let browser;
-try {
-  await until("the bridge says its address", () => options.page || /http:\S+/.test(printed));
+async function test() {
+  await until("the bridge says its address", () => options.page || /http:\S+/.test(view.out));
   await new Promise((resolve) => bridge.listen(0, "127.0.0.1", resolve));
   const address = `http://127.0.0.1:${bridge.address().port}/`;
-  browser = await chromium.launch({
-    executablePath: chromiumPath,
-    args: ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
-      "--disable-component-update", "--disable-sync", "--enable-unsafe-swiftshader"],
-  });
+  const browser = await launch();
   const what = (options.only ?? "shapes,doubts,tools,steps,costs").split(",");
   if (what.includes("shapes")) await shapes(browser, address);
   if (what.includes("doubts")) await doubts(browser, address);
@@ -459,12 +450,6 @@ try {
     assert.ok(idle < 10, `an idle page takes ${idle.toFixed(1)} % of a core`);
     assert.ok(running < 45, `a running page takes ${running.toFixed(1)} % of a core`);
   }
-  code = 0;
-  say("passed");
-} catch (error) {
-  console.error(error);
-} finally {
-  await browser?.close();
-  view?.kill("SIGKILL");
 }
-process.exit(code);
+
+await run(test);
