@@ -206,8 +206,7 @@ std::string doubt_of_markers(const board::Board& board, std::vector<double> mark
   if (std::abs(marker_m / board.marker - 1) < clearly) return {};
   return fmt::format(
       "the board file says that squares are {:.1f} mm and markers {:.1f} mm, but in the pictures markers are {:.3f} of "
-      "a "
-      "square rather than {:.3f}: one of the two lengths is wrong (with squares of {:.1f} mm markers have {:.1f} mm)",
+      "a square rather than {:.3f}: one of the two lengths is wrong (with squares of {:.1f} mm markers have {:.1f} mm)",
       1000 * board.pitch.mean(), 1000 * board.marker, marker_m / board.pitch.mean(), board.marker / board.pitch.mean(),
       1000 * board.pitch.mean(), 1000 * marker_m);
 }

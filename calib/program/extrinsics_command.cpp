@@ -74,18 +74,17 @@ gather::FoundBoards kept_of(gather::FoundBoards found, const solver::Extrinsics&
     place[static_cast<std::size_t>(camera)] = static_cast<int>(cameras.size());
     cameras.push_back(found.cameras[static_cast<std::size_t>(camera)]);
   }
-  gather::FoundBoards kept = found;
-  kept.cameras = std::move(cameras);
-  kept.views.clear();
-  kept.thumbnails.clear();
-  for (std::size_t v = 0; v < found.views.size(); ++v) {
-    const int to = place[static_cast<std::size_t>(found.views[v].camera)];
+  found.cameras = std::move(cameras);
+  auto views = std::exchange(found.views, {});
+  auto thumbnails = std::exchange(found.thumbnails, {});
+  for (std::size_t v = 0; v < views.size(); ++v) {
+    const int to = place[static_cast<std::size_t>(views[v].camera)];
     if (to < 0) continue;
-    kept.views.push_back(std::move(found.views[v]));
-    kept.views.back().camera = to;
-    if (v < found.thumbnails.size()) kept.thumbnails.push_back(std::move(found.thumbnails[v]));
+    found.views.push_back(std::move(views[v]));
+    found.views.back().camera = to;
+    if (v < thumbnails.size()) found.thumbnails.push_back(std::move(thumbnails[v]));
   }
-  return kept;
+  return found;
 }
 
 std::vector<report::CameraLeftOut> left_out_of(const gather::FoundBoards& found, const solver::Extrinsics& result) {

@@ -94,16 +94,7 @@ void check_live_cameras(const ServiceConfig& config, const yaml::YamlReader& roo
       if (!camera.host.empty() && other.name_on_host() == camera.name_on_host())
         live.map(camera.name).fail("camera", "is the camera of " + other.name + " already");
     }
-    if (capture::is_network_address(camera.device.native())) {
-      capture::NetworkSourceOptions network{
-          .address = camera.device, .width = calibrated.width, .height = calibrated.height};
-      if (const auto problems = network.problems(); !problems.empty())
-        live.map(camera.name).fail("device", problems.front());
-      if (camera.format || !camera.controls.empty() || camera.restore_controls)
-        live.map(camera.name)
-            .fail("device",
-                  "is a camera of the network, which has its own settings: format and controls are not for it");
-    }
+    check_network_camera(camera, calibrated, live.map(camera.name));
     if (camera.host.empty()) {
       if (!camera.camera_there.empty())
         live.map(camera.name).fail("camera", "is for a camera of another host: give host, too");
@@ -156,6 +147,14 @@ bool hues_overlap(const object_tracking::HsiRange& a, const object_tracking::Hsi
 }
 
 }  // namespace
+
+void check_network_camera(const LiveCameraConfig& camera, calib::ImageSize size, const yaml::YamlReader& at) {
+  if (!capture::is_network_address(camera.device.native())) return;
+  const capture::NetworkSourceOptions network{.address = camera.device, .width = size.width, .height = size.height};
+  if (const auto problems = network.problems(); !problems.empty()) at.fail("device", problems.front());
+  if (camera.format || !camera.controls.empty() || camera.restore_controls)
+    at.fail("device", "is a camera of the network, which has its own settings: format and controls are not for it");
+}
 
 void check(const ServiceConfig& config, const yaml::YamlReader& root) {
   if (config.targets.size() > most_targets)

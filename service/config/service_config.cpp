@@ -853,12 +853,7 @@ CaptureConfig load_capture_config(const fs::path& file) {
     if (!camera.host.empty()) yaml.fail("host", "is not for a camera host, whose cameras are its own");
     if (!camera.size) yaml.fail("size", "is missing: a camera host knows no rig; give [width, height] as calibrated");
     if (camera.latency_offset_s) yaml.fail("latency_offset_s", "is the tracker's: give it there, or in the rig");
-    if (!capture::is_network_address(camera.device.native())) continue;
-    const capture::NetworkSourceOptions network{
-        .address = camera.device, .width = camera.size->width, .height = camera.size->height};
-    if (const auto problems = network.problems(); !problems.empty()) yaml.fail("device", problems.front());
-    if (camera.format || !camera.controls.empty() || camera.restore_controls)
-      yaml.fail("device", "is a camera of the network, which has its own settings: format and controls are not for it");
+    check_network_camera(camera, *camera.size, yaml);
   }
   return config;
 }

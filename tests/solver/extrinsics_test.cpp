@@ -86,16 +86,22 @@ TEST(Extrinsics, TheOrderOfImagesDoesNotMatterToTheLastBit) {
   EXPECT_EQ(calib::to_yaml(rig_of(a.adjustment)), calib::to_yaml(rig_of(b.adjustment)));
 }
 
+// Its given lens becomes one of another focal length.
+calib::PinholeRadtan zoom(CameraToCalibrate& camera, double factor) {
+  auto lens = std::get<calib::PinholeRadtan>(camera.model->lens());
+  lens.fx *= factor;
+  lens.fy *= factor;
+  camera.model = calib::CameraModel(lens);
+  return lens;
+}
+
 TEST(Extrinsics, KnownLensesStayUnlessTheViewsContradictThem) {
   const SyntheticCapture capture = synthetic_capture();
   const Extrinsics stays = calibrate_extrinsics(capture.board, known(capture.rig), capture.views);
   EXPECT_EQ(stays.refinement, LensRefinement::kept_as_given);
   EXPECT_EQ(stays.adjustment.cameras[1].parameters, parameters_of(capture.rig.cameras[1].model));
   auto wrong = known(capture.rig);
-  calib::PinholeRadtan zoomed = std::get<calib::PinholeRadtan>(wrong[1].model->lens());
-  zoomed.fx *= 1.04;
-  zoomed.fy *= 1.04;
-  wrong[1].model = calib::CameraModel(zoomed);
+  const calib::PinholeRadtan zoomed = zoom(wrong[1], 1.04);
   const Extrinsics refined = calibrate_extrinsics(capture.board, wrong, capture.views);
   EXPECT_EQ(refined.refinement, LensRefinement::refined);
   EXPECT_FALSE(refined.contradictions[0]);
@@ -111,10 +117,7 @@ TEST(Extrinsics, KnownLensesStayUnlessTheViewsContradictThem) {
 TEST(Extrinsics, AGivenLensStaysWhereTheViewsCoverTooLittle) {
   SyntheticCapture capture = synthetic_capture({.cameras = 2, .sets = 40, .distance_m = 1.4});
   auto given = known(capture.rig);
-  calib::PinholeRadtan zoomed = std::get<calib::PinholeRadtan>(given[1].model->lens());
-  zoomed.fx *= 1.015;
-  zoomed.fy *= 1.015;
-  given[1].model = calib::CameraModel(zoomed);
+  zoom(given[1], 1.015);
   const Extrinsics everywhere = calibrate_extrinsics(capture.board, given, capture.views);
   ASSERT_TRUE(everywhere.contradictions[1]);
   EXPECT_GT(everywhere.contradictions[1]->covered, 0.5);
