@@ -80,6 +80,12 @@ std::optional<int> CameraRig::index_of(std::string_view name) const {
   return static_cast<int>(camera - cameras.begin());
 }
 
+std::vector<std::string> CameraRig::camera_names() const {
+  std::vector<std::string> names;
+  for (const Camera& camera : cameras) names.push_back(camera.name);
+  return names;
+}
+
 std::vector<std::string> CameraRig::problems() const {
   std::vector<std::string> problems;
   if (cameras.empty()) problems.emplace_back("a rig has at least one camera");

@@ -61,7 +61,8 @@ struct CameraRig {
   std::optional<RigUncertainty> uncertainty{};  // nullopt: nothing is known of it, the rig is taken as exact
 
   std::optional<int> index_of(std::string_view name) const;
-  std::vector<std::string> problems() const;  // empty when valid; one sentence per violated constraint
+  std::vector<std::string> camera_names() const;  // in their order
+  std::vector<std::string> problems() const;      // empty when valid; one sentence per violated constraint
 };
 
 }  // namespace huetrack::calib

@@ -10,6 +10,7 @@
 #include "calib/report/calibration_report.h"
 #include "calib/report/html.h"
 #include "calib/report/sentences.h"
+#include "calib/report/volume_pictures.h"
 
 namespace huetrack::report {
 namespace {
@@ -17,11 +18,9 @@ namespace {
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-// From white (0) to dark blue (1).
-std::string shade(double share) {
-  const double s = std::clamp(share, 0.0, 1.0);
-  const auto mix = [&](double from, double to) { return static_cast<int>(std::lround(from + (to - from) * s)); };
-  return fmt::format("#{:02x}{:02x}{:02x}", mix(240, 12), mix(245, 52), mix(250, 110));
+std::string html_blue(double share) {
+  const drawing::Color c = blue(share);
+  return fmt::format("#{:02x}{:02x}{:02x}", c.r, c.g, c.b);
 }
 
 // 1, 2 or 5 times a power of ten, at most `value`.
@@ -66,7 +65,7 @@ std::string image_map(const CameraReport& camera) {
       const auto cell = static_cast<std::size_t>(row * ImageGrid::columns + column);
       const int n = camera.grid.corners[cell];
       const std::string fill =
-          n == 0 ? "#ffffff" : shade(0.08 + 0.5 * std::log1p(n) / std::log1p(static_cast<double>(most)));
+          n == 0 ? "#ffffff" : html_blue(0.08 + 0.5 * std::log1p(n) / std::log1p(static_cast<double>(most)));
       svg += fmt::format(
           "<rect x='{:.1f}' y='{:.1f}' width='{:.1f}' height='{:.1f}' fill='{}' stroke='#c6ced8'><title>{} corners, "
           "mean residual ({:.3f}, {:.3f}) px; {} left out; its pixels look where they should to {:.2f} "
@@ -264,7 +263,8 @@ std::string slices(const solver::VolumeAccuracy& volume) {
       for (int ix = 0; ix < volume.steps[0]; ++ix) {
         const solver::PointAccuracy& point = volume.at(ix, iy, iz);
         const std::string fill =
-            point.views < 2 ? "#e5e7eb" : shade((1000 * point.total_m - low) / std::max(1e-9, high - low) * 0.9 + 0.05);
+            point.views < 2 ? "#e5e7eb"
+                            : html_blue((1000 * point.total_m - low) / std::max(1e-9, high - low) * 0.9 + 0.05);
         svg += fmt::format(
             "<rect x='{:.1f}' y='{:.1f}' width='{:.2f}' height='{:.2f}' fill='{}'><title>({:.2f}, {:.2f}, {:.2f}) m: ",
             ix * w, (volume.steps[1] - 1 - iy) * h, w + 0.3, h + 0.3, fill, point.p_world.x(), point.p_world.y(),
@@ -281,7 +281,7 @@ std::string slices(const solver::VolumeAccuracy& volume) {
   std::string legend = "<svg width='84' height='190' role='img'>";
   for (int i = 0; i < 40; ++i) {
     legend += fmt::format("<rect x='0' y='{:.1f}' width='18' height='4.2' fill='{}'/>", 4 + i * 4.0,
-                          shade(0.95 - 0.9 * i / 39));
+                          html_blue(0.95 - 0.9 * i / 39));
   }
   legend += fmt::format(
       "<text x='24' y='14'>{:.1f} mm</text><text x='24' y='164'>{:.1f} mm</text><rect x='0' y='172' width='18' "

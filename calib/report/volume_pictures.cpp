@@ -20,13 +20,6 @@ using Eigen::Vector3d;
 constexpr Color unseen{229, 231, 235}, camera_color{194, 65, 12}, mark_color{37, 99, 168}, volume_color{219, 234, 254};
 constexpr double label = 11;  // size of a font
 
-// From pale (0) to dark blue (1).
-Color shade(double share) {
-  const double s = std::clamp(share, 0.0, 1.0);
-  const auto mix = [&](double from, double to) { return static_cast<int>(std::lround(from + (to - from) * s)); };
-  return {mix(228, 12), mix(238, 52), mix(248, 110)};
-}
-
 std::vector<int> shown_layers(int layers) {
   if (layers <= 3) {
     std::vector<int> all;
@@ -45,6 +38,12 @@ double quantile_95(const std::vector<double>& values) {
 }
 
 }  // namespace
+
+Color blue(double share) {
+  const double s = std::clamp(share, 0.0, 1.0);
+  const auto mix = [&](double from, double to) { return static_cast<int>(std::lround(from + (to - from) * s)); };
+  return {mix(228, 12), mix(238, 52), mix(248, 110)};
+}
 
 VolumeValues values_of(const solver::VolumeAccuracy& map) {
   VolumeValues out{.box = map.box, .steps = map.steps, .values = {}};
@@ -77,7 +76,7 @@ Figure slices_figure(const VolumeValues& values, const std::string& none_means, 
         for (int x = 0; x < values.steps[0]; ++x) {
           const double value = values.at(x, y, z);
           canvas.rectangle({left + x * w, top + (values.steps[1] - 1 - y) * h, w + 0.3, h + 0.3},
-                           std::isfinite(value) ? shade(value / most) : unseen);
+                           std::isfinite(value) ? blue(value / most) : unseen);
         }
       }
       left += w * values.steps[0] + gap;
@@ -85,7 +84,7 @@ Figure slices_figure(const VolumeValues& values, const std::string& none_means, 
     constexpr int bands = 40;
     constexpr double band = 2.0, bar = 14;
     for (int i = 0; i < bands; ++i)
-      canvas.rectangle({left, top + band * i, bar, band + 0.3}, shade(1 - static_cast<double>(i) / (bands - 1)));
+      canvas.rectangle({left, top + band * i, bar, band + 0.3}, blue(1 - static_cast<double>(i) / (bands - 1)));
     canvas.text({left + bar + 5, top + 9}, fmt::format("{:.3g} mm", most), label, drawing::ink);
     canvas.text({left + bar + 5, top + band * bands}, "0 mm", label, drawing::ink);
     canvas.rectangle({left, top + band * bands + 12, bar, 10}, unseen);

@@ -13,6 +13,8 @@
 
 namespace huetrack::report {
 
+drawing::Color blue(double share);  // from pale (0, and below) to dark (1, and above)
+
 // A figure of every place of a grid; NaN: there is none.
 struct VolumeValues {
   static constexpr double none = std::numeric_limits<double>::quiet_NaN();

@@ -20,8 +20,7 @@ constexpr std::size_t most_targets = 100;
 constexpr std::size_t most_pairs = 3;  // of targets with one colour that are warned of one by one
 
 std::string not_in_the_rig(const std::string& camera, const calib::CameraRig& rig) {
-  std::vector<std::string> names;
-  for (const auto& known : rig.cameras) names.push_back(known.name);
+  const std::vector<std::string> names = rig.camera_names();
   const auto nearest = yaml::nearest_word(camera, names);
   return fmt::format("is not a camera of the rig, which has {}{}", fmt::join(names, ", "),
                      nearest ? " (did you mean " + *nearest + "?)" : "");

@@ -767,7 +767,7 @@ ServiceConfig read_config(const fs::path& file, const yaml::YamlReader& written,
     config.dds.publisher.targets.push_back(target.name);
     config.dds.publisher.counts.push_back(target.count);
   }
-  for (const auto& camera : config.rig.cameras) config.dds.publisher.cameras.push_back(camera.name);
+  config.dds.publisher.cameras = config.rig.camera_names();
   config.dds.publisher.tracked_camera = config.camera_tracking.camera;
   check(config, root);
   for (auto& target : config.targets) target.ignored = config.ignored;

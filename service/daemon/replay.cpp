@@ -67,8 +67,7 @@ struct Playback {
 
 Playback open_playback(const config::ServiceConfig& config, const ReplayCommand& command) {
   Playback playback{.recording = capture::read_recording(command.recording), .sources = {}};
-  std::vector<std::string> names;
-  for (const auto& camera : config.rig.cameras) names.push_back(camera.name);
+  const std::vector<std::string> names = config.rig.camera_names();
   auto source = std::make_unique<capture::ReplaySource>(
       playback.recording, names,
       capture::ReplayOptions{.decoder_threads = std::max(1, int(std::thread::hardware_concurrency())),
@@ -295,8 +294,7 @@ ReplaySummary summary_of(const config::ServiceConfig& config, const pipeline::Pi
   if (tally.last_at())
     summary.recorded_s = capture::seconds(*tally.last_at() - source.first_at().value_or(capture::Timestamp{}) + period);
   summary.targets = tally.targets();
-  std::vector<std::string> cameras;
-  for (const auto& camera : config.rig.cameras) cameras.push_back(camera.name);
+  const std::vector<std::string> cameras = config.rig.camera_names();
   for (std::size_t t = 0; t < summary.targets.size(); ++t) {
     TargetSummary& target = summary.targets[t];
     if (!target.first_tracking_set) target.advice = figures.searches[t].advice(config.targets[t], cameras);

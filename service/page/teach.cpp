@@ -54,8 +54,7 @@ double number_of(const std::string& text, const std::string& whole, const char* 
 
 int camera_of(const calib::CameraRig& rig, const std::string& name) {
   if (const auto index = rig.index_of(name)) return *index;
-  std::vector<std::string> names;
-  for (const auto& camera : rig.cameras) names.push_back(camera.name);
+  const std::vector<std::string> names = rig.camera_names();
   const auto nearest = yaml::nearest_word(name, names);
   throw std::runtime_error(fmt::format("there is no camera {} in the rig, which has {}{}", name, fmt::join(names, ", "),
                                        nearest ? " (did you mean " + *nearest + "?)" : ""));
@@ -166,8 +165,7 @@ class Spread {
 Pictures recorded_pictures(const config::ServiceConfig& config, std::span<const std::string> words,
                            const std::map<int, std::int64_t>& wanted, const std::stop_token& stop) {
   const calib::CameraRig& rig = config.rig;
-  std::vector<std::string> names;
-  for (const auto& camera : rig.cameras) names.push_back(camera.name);
+  const std::vector<std::string> names = rig.camera_names();
   const capture::Recording recording = capture::read_recording(words);
   capture::ReplaySource source(recording, names, {.timing = config::frame_timing(rig)});
   capture::FrameSet set;

@@ -27,11 +27,7 @@ bool is_trouble(RoomState state) {
 }
 
 CalibrationReport::CalibrationReport(const config::ServiceConfig& config)
-    : cameras_([&] {
-        std::vector<std::string> names;
-        for (const auto& camera : config.rig.cameras) names.push_back(camera.name);
-        return names;
-      }()),
+    : cameras_(config.rig.camera_names()),
       mode_(config.calibration.watch),
       told_(cameras_.size()),
       warnings_(cameras_.size()),

@@ -14,16 +14,10 @@ namespace {
 
 constexpr std::uint64_t sets_until_told_again = 30;  // figures of what is in force are as new as that
 
-std::vector<std::string> camera_names(const calib::CameraRig& rig) {
-  std::vector<std::string> names;
-  for (const auto& camera : rig.cameras) names.push_back(camera.name);
-  return names;
-}
-
 }  // namespace
 
 LightReport::LightReport(const config::ServiceConfig& config)
-    : cameras_(camera_names(config.rig)),
+    : cameras_(config.rig.camera_names()),
       watches_(cameras_.size()),
       of_cameras_(cameras_.size()),
       told_(config.targets.size()),

@@ -26,9 +26,8 @@ bool is_told_by_the_room(const view_watch::Mistake& mistake, std::span<const Cam
 
 }  // namespace
 
-MistakeReport::MistakeReport(const config::ServiceConfig& config) : rig_(config.rig), targets_(config.targets) {
-  for (const auto& camera : rig_.cameras) cameras_.push_back(camera.name);
-}
+MistakeReport::MistakeReport(const config::ServiceConfig& config)
+    : rig_(config.rig), cameras_(config.rig.camera_names()), targets_(config.targets) {}
 
 void MistakeReport::make_watches() {
   watches_.clear();

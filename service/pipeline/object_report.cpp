@@ -12,16 +12,10 @@ namespace {
 
 constexpr std::uint64_t looked_at_every = 15;  // sets; views are sampled twice a second
 // Of a picture: a ball of ten pixels covers as much of 640x480. Less is told no more, but not at once.
-constexpr double worth_a_word = 0.001, not_worth_it_any_more = 0.0005;
+constexpr double told_share = 0.001, not_told_share = 0.0005;
 // Where objects come and go all the time, the log does not.
 constexpr int most_in_a_row = 40;
 constexpr double in_a_row_s = 10;
-
-std::vector<std::string> camera_names(const calib::CameraRig& rig) {
-  std::vector<std::string> names;
-  for (const auto& camera : rig.cameras) names.push_back(camera.name);
-  return names;
-}
 
 std::string text_of(const Eigen::Vector3d& p) {
   return fmt::format("{:.2f}, {:.2f}, {:.2f} m", p.x(), p.y(), p.z());
@@ -31,7 +25,7 @@ std::string text_of(const Eigen::Vector3d& p) {
 
 std::string left_out_text(const std::string& camera, const std::string& target,
                           const object_tracking::ColorShare& share) {
-  if (share.still < worth_a_word) return {};
+  if (share.still < told_share) return {};
   const auto& box = share.still_box;
   return fmt::format(
       "{}: {:.1f} % of the picture has the colour of {} and never moves, most of it around {:.0f}, {:.0f} "
@@ -40,7 +34,7 @@ std::string left_out_text(const std::string& camera, const std::string& target,
 }
 
 ObjectReport::ObjectReport(const config::ServiceConfig& config)
-    : cameras_(camera_names(config.rig)), targets_(config.targets.size()), options_(config.targets) {
+    : cameras_(config.rig.camera_names()), targets_(config.targets.size()), options_(config.targets) {
   for (Target& target : targets_) target.left_out.resize(cameras_.size()), target.ever.resize(cameras_.size());
 }
 
@@ -92,7 +86,7 @@ void ObjectReport::tell_left_out(const TrackedSet& set) {
     for (std::size_t c = 0; c < shares.size() && c < cameras_.size(); ++c) {
       std::string& told = target.left_out[c];
       std::string now = left_out_text(cameras_[c], options_[t].name, shares[c]);
-      if (now.empty() && !told.empty() && shares[c].still > not_worth_it_any_more) continue;
+      if (now.empty() && !told.empty() && shares[c].still > not_told_share) continue;
       if (told.empty() && !now.empty()) spdlog::warn("{}", now);
       if (!told.empty() && now.empty())
         spdlog::info("{}: what had the colour of {} and never moved is gone, or has moved", cameras_[c],

@@ -10,19 +10,9 @@
 
 namespace huetrack::pipeline {
 
-namespace {
-
-std::vector<std::string> names_of(const calib::CameraRig& rig) {
-  std::vector<std::string> names;
-  for (const auto& camera : rig.cameras) names.push_back(camera.name);
-  return names;
-}
-
-}  // namespace
-
 RecordingKeeper::RecordingKeeper(const config::ServiceConfig& config, const RecordingKeeperOptions& options)
     : record_(config.record),
-      cameras_(names_of(config.rig)),
+      cameras_(config.rig.camera_names()),
       states_(config.targets.size(), object_tracking::TrackState::searching) {
   const bool has_pre_roll = record_.pre_roll_s > 0 && !record_.always && options.record_to.empty();
   if (!record_.always && !has_pre_roll && options.record_to.empty()) return;

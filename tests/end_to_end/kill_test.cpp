@@ -32,11 +32,7 @@ TEST(Kill, TheRestartWorksTheRecordingOpensAndSubscribersNotice) {
       folder, 100,
       "dds: {domain: " + domain + "}\nmetrics: {port: " + std::to_string(port) +
           "}\nrecord: {folder: " + (folder / "recordings").string() + ", always: true}\n");
-  const std::vector<std::string> cameras = [&] {
-    std::vector<std::string> names;
-    for (const auto& camera : calib::read_rig(folder / "rig.yaml").cameras) names.push_back(camera.name);
-    return names;
-  }();
+  const std::vector<std::string> cameras = calib::read_rig(folder / "rig.yaml").camera_names();
   Process watch({HUETRACK, "watch", "--domain", domain}, folder / "watch.out", folder / "watch.err");
   const auto count = [](const std::string& text, const std::string& what) {
     int n = 0;
