@@ -51,11 +51,12 @@ std::vector<std::vector<OutlineView>> fit_outlines(const Sequence& sequence,
         one.camera = view.index;
         one.visible = visible;
         one.jacobian = appearance->jacobian;
+        const double row_s = view.camera->timing.readout_s.value_or(0) / (view.camera->image_size.height - 1);
         outline::Ellipse start = ball->ellipse;
         const auto turn = static_cast<double>(out.size());
         start.centre += off_radii * radius_px * Eigen::Vector2d(std::cos(turn), std::sin(turn));
         const auto before = std::chrono::steady_clock::now();
-        one.fit = fit.fit(picture, backgrounds[c], start, {velocity, 0}, looks[c], {});
+        one.fit = fit.fit(picture, backgrounds[c], start, {velocity, row_s}, looks[c], {});
         one.took_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - before).count();
         one.off_px = one.fit.centre - ball->ellipse.centre;
         if (one.fit.outcome == outline::FitOutcome::fits) fit.learn(looks[c]);

@@ -23,7 +23,8 @@ struct OutlineView {
 
 // One entry per set, with a view for each that shows at least 30 % of the ball; those of the first second are empty:
 // what is behind is learnt then, as the tracker learns it. Each fit begins off_radii of the outline's radius beside the
-// truth, in a direction that goes around from set to set.
+// truth, in a direction that goes around from set to set. Rows are exposed as the rig's timing says; the stamps are
+// taken for the times of the row on which the ball's centre lies.
 std::vector<std::vector<OutlineView>> fit_outlines(const Sequence& sequence,
                                                    const object_tracking::TargetOptions& target,
                                                    double off_radii = 0.3);
