@@ -139,10 +139,11 @@ int main(int argc, char** argv) {
       check(dds_create_topic(participant, &huetrack_msg_TeachRequest_desc, "huetrack/teach_request", NULL, NULL),
             "teach_request");
   const dds_entity_t writer = check(dds_create_writer(participant, topic, qos, NULL), "teach_request");
-  const dds_entity_t control_topic = check(
-      dds_create_topic(participant, &huetrack_msg_ControlRequest_desc, "huetrack/control_request", NULL, NULL),
-      "control_request");
-  const dds_entity_t control_writer = check(dds_create_writer(participant, control_topic, qos, NULL), "control_request");
+  const dds_entity_t control_topic =
+      check(dds_create_topic(participant, &huetrack_msg_ControlRequest_desc, "huetrack/control_request", NULL, NULL),
+            "control_request");
+  const dds_entity_t control_writer =
+      check(dds_create_writer(participant, control_topic, qos, NULL), "control_request");
   dds_delete_qos(qos);
   const size_t count = sizeof topics / sizeof *topics;
   size_t complete = 0;
