@@ -25,11 +25,13 @@ inline constexpr const char* camera_times_topic = "huetrack/camera_times";  // h
 inline constexpr const char* object_set_topic = "huetrack/object_set";  // huetrack::msg::ObjectSet, keyed
 
 // Native, types of huetrack_view.idl: what a page shows and asks for.
-inline constexpr const char* scene_topic = "huetrack/scene";                  // huetrack::msg::Scene, keyed
-inline constexpr const char* preview_topic = "huetrack/preview";              // huetrack::msg::Preview, keyed
-inline constexpr const char* camera_map_topic = "huetrack/camera_map";        // huetrack::msg::CameraMap, keyed
-inline constexpr const char* teach_request_topic = "huetrack/teach_request";  // huetrack::msg::TeachRequest
-inline constexpr const char* teach_reply_topic = "huetrack/teach_reply";      // huetrack::msg::TeachReply
+inline constexpr const char* scene_topic = "huetrack/scene";                      // huetrack::msg::Scene, keyed
+inline constexpr const char* preview_topic = "huetrack/preview";                  // huetrack::msg::Preview, keyed
+inline constexpr const char* camera_map_topic = "huetrack/camera_map";            // huetrack::msg::CameraMap, keyed
+inline constexpr const char* teach_request_topic = "huetrack/teach_request";      // huetrack::msg::TeachRequest
+inline constexpr const char* teach_reply_topic = "huetrack/teach_reply";          // huetrack::msg::TeachReply
+inline constexpr const char* control_request_topic = "huetrack/control_request";  // huetrack::msg::ControlRequest
+inline constexpr const char* control_reply_topic = "huetrack/control_reply";      // huetrack::msg::ControlReply
 
 // Native, types of camera_host.idl: between a camera host and the trackers that use its cameras.
 inline constexpr const char* camera_host_topic = "huetrack/camera_host";          // huetrack::msg::CameraHost, keyed
@@ -99,6 +101,7 @@ std::optional<std::uint32_t> largest_sample(std::string_view topic);
 //   preview          best effort, volatile, keep-last 1: a lost picture is not sent again. Large socket buffers are the
 //                    host's affair; our pictures fit into a few datagrams.
 //   teach_*          reliable, volatile, keep-last 10.
+//   control_*        as teach_*.
 //   camera_host      as status.
 //   frames/...       reliable, volatile, keep-last 4, sent by a thread of Fast DDS' own (a frame is many datagrams);
 //   what

@@ -42,22 +42,9 @@ constexpr auto nobody_after = 1500ms;
 constexpr std::size_t most_statuses = 50;
 constexpr auto poll = 50ms;  // how late a signal or a farewell may be noticed
 
-void say(const std::string& sentence) {
-  std::fprintf(stderr, "huetrack: %s\n", yaml::printable(sentence, yaml::longest_message).c_str());
-}
-
 std::int64_t unix_now() {
   return std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::system_clock::now().time_since_epoch())
       .count();
-}
-
-std::string what_to_check(const idl::DdsParticipant& participant) {
-  return "on domain " + std::to_string(participant.domain()) +
-         ". Check that huetrackd runs; that it uses the same domain (its config, ROS_DOMAIN_ID; here --domain or "
-         "ROS_DOMAIN_ID); that it is on a network of ours (" +
-         participant.description() + "); that multicast and UDP ports " +
-         std::to_string(7400 + 250 * participant.domain()) + "-" + std::to_string(7649 + 250 * participant.domain()) +
-         " are open between the hosts";
 }
 
 // What a log may take the place of.
@@ -133,6 +120,19 @@ int watch_topic(const WatchOptions& options, const std::string& wanted, const st
                 const Wording& words);
 
 }  // namespace
+
+void say(const std::string& sentence) {
+  std::fprintf(stderr, "huetrack: %s\n", yaml::printable(sentence, yaml::longest_message).c_str());
+}
+
+std::string what_to_check(const idl::DdsParticipant& participant) {
+  return "on domain " + std::to_string(participant.domain()) +
+         ". Check that huetrackd runs; that it uses the same domain (its config, ROS_DOMAIN_ID; here --domain or "
+         "ROS_DOMAIN_ID); that it is on a network of ours (" +
+         participant.description() + "); that multicast and UDP ports " +
+         std::to_string(7400 + 250 * participant.domain()) + "-" + std::to_string(7649 + 250 * participant.domain()) +
+         " are open between the hosts";
+}
 
 int watch(const WatchOptions& options) {
   if (options.camera)

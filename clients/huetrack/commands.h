@@ -34,4 +34,8 @@ enum class StatusFormat : std::uint8_t { text, json };  // json: a line per serv
 inline constexpr int unhealthy_status = 3;              // of a service that is there; 1: none is
 int status(const idl::ParticipantOptions& options, StatusFormat format);
 
+// What they share: a sentence to stderr, and where to look when nobody is heard.
+void say(const std::string& sentence);
+std::string what_to_check(const idl::DdsParticipant& participant);
+
 }  // namespace huetrack::client

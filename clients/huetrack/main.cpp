@@ -11,6 +11,7 @@
 #include "clients/live_view/view.h"
 #include "clients/plot/plot.h"
 #include "commands.h"
+#include "control.h"
 
 int main(int argc, char** argv) {
   using namespace huetrack::client;
@@ -24,8 +25,10 @@ int main(int argc, char** argv) {
 
   const auto add_bus = [&](CLI::App* command) {
     command->add_option("--domain", options.participant.domain, "DDS domain, 0..232 (default: ROS_DOMAIN_ID, else 0)");
-    command->add_option("--interface", options.participant.interfaces,
-                        "use only this network interface, and loopback: name or IPv4 address; may be repeated");
+    command
+        ->add_option("--interface", options.participant.interfaces,
+                     "use only this network interface, and loopback: name or IPv4 address; may be repeated")
+        ->allow_extra_args(false);
     command->add_option("--profiles", options.participant.profiles, "Fast DDS XML profiles file");
   };
   double timeout_s = 0;
@@ -84,6 +87,15 @@ int main(int argc, char** argv) {
       ->allow_extra_args(false);
   add_bus(view_command);
 
+  ControlOptions control_options;
+  CLI::App* control_command =
+      app.add_subcommand("control", "ask a running service: record state|start|stop|save|list, record download NAME");
+  control_command->add_option("words", control_options.words, "what is asked; idl/README.md lists it")->required();
+  control_command->add_option("--service", control_options.service, "HOST/PID, where there are several");
+  control_command->add_option("--out", control_options.out,
+                              "of a download: the tar file; -: stdout; default: NAME.tar");
+  add_bus(control_command);
+
   huetrack::plot::PlotOptions plot;
   CLI::App* plot_command = app.add_subcommand("plot", "draw a track CSV: the track, its states, its uncertainty");
   plot_command->add_option("tracks", plot.tracks, "CSV of `huetrackd replay --tracks` or `huetrack log`")->required();
@@ -108,6 +120,10 @@ int main(int argc, char** argv) {
   try {
     if (status_command->parsed())
       return status(options.participant, status_format == "json" ? StatusFormat::json : StatusFormat::text);
+    if (control_command->parsed()) {
+      control_options.participant = options.participant;
+      return control(control_options);
+    }
     if (plot_command->parsed()) {
       huetrack::plot::plot(plot);
       return 0;

@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "clients/live_view/events.h"
+#include "clients/live_view/page_server.h"
 #include "idl/camera_timesPubSubTypes.h"
 #include "idl/huetrackPubSubTypes.h"
 #include "idl/huetrack_viewPubSubTypes.h"
@@ -29,6 +30,7 @@ constexpr auto gone_after = 4s;         // a service that was not heard for so l
 constexpr auto keep_previews_for = 3s;  // after the last page: a reload is no reason to stop
 constexpr auto keep_replies_for = 60s;
 constexpr std::size_t most_requests = 16;
+constexpr std::size_t most_downloads = 4;  // at once; each holds two pieces of a quarter of a megabyte
 constexpr std::size_t most_early = 200;
 // What anybody on the bus may make us keep, besides the limits of idl/topics.h on a sample and the hub's on all.
 constexpr std::size_t most_services = 8, most_maps = 4, most_replies = 32, most_strangers = 16;
@@ -84,17 +86,20 @@ struct BusReader::Connection {
                                         idl::status_reader_qos())),
         reply(participant.create_reader(idl::teach_reply_topic, dds::TypeSupport(new msg::TeachReplyPubSubType),
                                         idl::teach_reader_qos())),
-        request(request_writer()) {}
+        control_reply(participant.create_reader(
+            idl::control_reply_topic, dds::TypeSupport(new msg::ControlReplyPubSubType), idl::teach_reader_qos())),
+        request(request_writer<msg::TeachRequestPubSubType>(idl::teach_request_topic)),
+        control_request(request_writer<msg::ControlRequestPubSubType>(idl::control_request_topic)) {}
   idl::DdsParticipant participant;
-  dds::DataReader &position, &camera_pose, &camera_map, &status, &scene, &times, &reply;
-  std::string refused;       // why there is no request; before it, which sets this
-  dds::DataWriter* request;  // null: who may watch need not be one who may teach
+  dds::DataReader &position, &camera_pose, &camera_map, &status, &scene, &times, &reply, &control_reply;
+  std::string refused;                         // why there is no request; before them, which set this
+  dds::DataWriter *request, *control_request;  // null: who may watch need not be one who may ask
 
  private:
-  dds::DataWriter* request_writer() {
+  template <typename Type>
+  dds::DataWriter* request_writer(const char* topic) {
     try {
-      return &participant.create_writer(idl::teach_request_topic, dds::TypeSupport(new msg::TeachRequestPubSubType),
-                                        idl::teach_writer_qos(), "");
+      return &participant.create_writer(topic, dds::TypeSupport(new Type), idl::teach_writer_qos(), "");
     } catch (const std::runtime_error& error) {
       if (!participant.is_access_controlled()) throw;
       refused = error.what();
@@ -133,6 +138,28 @@ std::string BusReader::request(msg::TeachRequest request) {
   return "";
 }
 
+std::string BusReader::request(msg::ControlRequest request) {
+  if (!refused_.empty()) return "This page may only watch: " + refused_ + ".";
+  const std::scoped_lock lock(mutex_);
+  if (control_requests_.size() >= most_requests) return "Too many requests wait for the service.";
+  control_requests_.push_back(std::move(request));
+  return "";
+}
+
+std::shared_ptr<RecordingDownload> BusReader::download(const std::string& recording, std::string& why_not) {
+  const std::scoped_lock lock(mutex_);
+  std::erase_if(downloads_, [](const auto& download) { return download.expired(); });
+  why_not = !refused_.empty()                     ? "This page may only watch: " + refused_ + "."
+            : shown_host_.empty()                 ? "There is no service to ask."
+            : downloads_.size() >= most_downloads ? "Too many recordings are being downloaded at once."
+                                                  : "";
+  if (!why_not.empty()) return nullptr;
+  // Nobody else's requests carry this name, nor can a page guess it.
+  auto download = std::make_shared<RecordingDownload>(recording, random_token(), shown_host_, shown_pid_);
+  downloads_.push_back(download);
+  return download;
+}
+
 void BusReader::poll(int pages) {
   const auto now = Clock::now();
   if (pages > 0) no_page_since_ = now;
@@ -148,8 +175,11 @@ void BusReader::poll(int pages) {
   take_scenes();
   take_times();
   take_replies();
+  take_control_replies();
   if (previews_) take_previews();
   send_requests();
+  send_control_requests();
+  go_on_with_downloads();
   if (now >= next_pulse_) {
     next_pulse_ = now + pulse_period;
     tell_pulse();
@@ -188,6 +218,11 @@ void BusReader::show(const std::string& who) {
   }
   hub_.forget_appended();
   shown_ = who;
+  {
+    const std::scoped_lock lock(mutex_);
+    shown_host_ = who.empty() ? "" : services_.at(who).host;
+    shown_pid_ = who.empty() ? 0 : services_.at(who).pid;
+  }
   if (who.empty()) return;
   const Service& now = services_.at(who);
   hub_.set("status", now.status);
@@ -250,6 +285,8 @@ void BusReader::take_statuses() {
     if (it == nullptr) return;
     it->heard = now;
     it->process = process;
+    it->host = sample.host();
+    it->pid = sample.pid();
     it->config_file = sample.config_file();
     it->cameras.clear();
     for (const auto& camera : sample.cameras()) it->cameras.insert(camera.name());
@@ -307,6 +344,39 @@ void BusReader::take_replies() {
   });
 }
 
+void BusReader::take_control_replies() {
+  const auto now = Clock::now();
+  std::vector<std::shared_ptr<RecordingDownload>> downloads;
+  {
+    const std::scoped_lock lock(mutex_);
+    for (const auto& download : downloads_)
+      if (auto held = download.lock()) downloads.push_back(std::move(held));
+  }
+  take_all<msg::ControlReply>(connection_->control_reply, [&](const auto& sample, const Process& process) {
+    if (is_of_another(process)) return;
+    for (const auto& download : downloads)
+      if (download->client() == sample.client()) return download->take(sample);
+    const std::string key = "control/" + sample.client();
+    if (!sample.bytes().empty() || (replies_.size() >= most_replies && !replies_.contains(key))) return;
+    hub_.set(key, to_event("control", to_json(sample)), sample.client());
+    replies_[key] = now;
+  });
+}
+
+void BusReader::go_on_with_downloads() {
+  std::vector<std::shared_ptr<RecordingDownload>> downloads;
+  {
+    const std::scoped_lock lock(mutex_);
+    std::erase_if(downloads_, [](const auto& download) { return download.expired(); });
+    for (const auto& download : downloads_)
+      if (auto held = download.lock()) downloads.push_back(std::move(held));
+  }
+  for (const auto& download : downloads)
+    if (auto request = download->next_request(Clock::now()); request && connection_->control_request != nullptr)
+      connection_->control_request->write(&*request);
+  downloading_ = int(downloads.size());
+}
+
 void BusReader::take_previews() {
   take_all<msg::Preview>(previews_->preview, [&](const auto& sample, const Process& process) {
     if (!is_of_another(process)) hub_.set("preview/" + sample.camera(), to_event("preview", to_json(sample)));
@@ -323,6 +393,19 @@ void BusReader::send_requests() {
       requests_.pop_front();
     }
     if (connection_->request != nullptr) connection_->request->write(&request);
+  }
+}
+
+void BusReader::send_control_requests() {
+  for (;;) {
+    msg::ControlRequest request;
+    {
+      const std::scoped_lock lock(mutex_);
+      if (control_requests_.empty()) return;
+      request = std::move(control_requests_.front());
+      control_requests_.pop_front();
+    }
+    if (connection_->control_request != nullptr) connection_->control_request->write(&request);
   }
 }
 

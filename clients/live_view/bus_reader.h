@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <atomic>
 #include <chrono>
 #include <deque>
 #include <map>
@@ -10,8 +11,10 @@
 #include <set>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "clients/live_view/event_hub.h"
+#include "clients/live_view/recording_download.h"
 #include "idl/dds_participant.h"
 #include "idl/huetrack_view.h"
 
@@ -30,6 +33,11 @@ class BusReader {
 
   // Any thread. Empty, or why it is not sent: too many wait already, or DDS Security does not let this program ask.
   std::string request(msg::TeachRequest request);
+  std::string request(msg::ControlRequest request);
+
+  // Any thread: a recording of the service that is shown. It goes on while somebody holds it. nullptr: why_not says so.
+  std::shared_ptr<RecordingDownload> download(const std::string& recording, std::string& why_not);
+  int downloads() const { return downloading_; }  // that go on
 
   std::string description() const;
 
@@ -45,8 +53,11 @@ class BusReader {
   void take_scenes();
   void take_times();
   void take_replies();
+  void take_control_replies();
+  void go_on_with_downloads();
   void take_previews();
   void send_requests();
+  void send_control_requests();
   void tell_pulse();
 
   const idl::ParticipantOptions options_;
@@ -62,6 +73,8 @@ class BusReader {
     std::string status, scene, times;                // the last events
     std::map<std::string, std::string> camera_maps;  // a few
     std::string config_file;
+    std::string host;
+    std::uint32_t pid = 0;
     std::set<std::string> cameras;
   };
   Service* service(const std::string& who);  // nullptr: there are too many
@@ -84,8 +97,14 @@ class BusReader {
   std::map<Process, std::uint64_t>
       strangers_;  // samples since the last pulse that are not of the service that is shown
 
+  std::atomic<int> downloading_ = 0;
+
   std::mutex mutex_;
-  std::deque<msg::TeachRequest> requests_;  // guarded by mutex_
+  std::deque<msg::TeachRequest> requests_;                   // guarded by mutex_
+  std::deque<msg::ControlRequest> control_requests_;         // guarded by mutex_
+  std::vector<std::weak_ptr<RecordingDownload>> downloads_;  // guarded by mutex_
+  std::string shown_host_;                                   // guarded by mutex_; of the service that is shown
+  std::uint32_t shown_pid_ = 0;                              // guarded by mutex_
 };
 
 }  // namespace huetrack::live_view

@@ -1,5 +1,6 @@
 #include "clients/live_view/events.h"
 
+#include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
 
@@ -242,20 +243,45 @@ std::string to_json(const msg::TeachReply& r) {
                {"cameras", std::move(cameras)}});
 }
 
+std::string to_json(const msg::ControlReply& r) {
+  Json rows = Json::array();
+  for (const auto& row : r.rows()) rows.push_back(row.columns());
+  return text({{"client", r.client()},
+               {"number", r.number()},
+               {"granted", r.granted()},
+               {"reason", r.reason()},
+               {"rows", std::move(rows)}});
+}
+
 std::string to_json(const Pulse& p) {
   return text(
       {{"now", p.now}, {"domain", p.domain}, {"bus", p.bus}, {"publishers", p.publishers}, {"trouble", p.trouble}});
 }
 
+namespace {
+
+constexpr std::size_t longest_client = 64, longest_name = 256;
+
+// Who asks whom. throws Json::exception, std::invalid_argument
+template <typename Request>
+Request addressed(const Json& j) {
+  Request request;
+  request.client(j.at("client").get<std::string>());
+  request.number(j.at("number").get<std::uint32_t>());
+  request.host(j.at("host").get<std::string>());
+  request.pid(j.at("pid").get<std::uint32_t>());
+  if (request.client().size() > longest_client || request.host().size() > longest_name)
+    throw std::invalid_argument("a name is too long");
+  return request;
+}
+
+}  // namespace
+
 msg::TeachRequest teach_request_of(const std::string& json) {
   constexpr std::size_t most = 64;  // points, rectangles
   try {
     const Json j = Json::parse(json);
-    msg::TeachRequest request;
-    request.client(j.at("client").get<std::string>());
-    request.number(j.at("number").get<std::uint32_t>());
-    request.host(j.at("host").get<std::string>());
-    request.pid(j.at("pid").get<std::uint32_t>());
+    auto request = addressed<msg::TeachRequest>(j);
     const auto action = j.at("action").get<std::string>();
     constexpr const char* actions[] = {"freeze", "look", "apply", "ignore", "resume", "undo"};
     std::size_t a = 0;
@@ -278,8 +304,23 @@ msg::TeachRequest teach_request_of(const std::string& json) {
       ignore.camera(i.at("camera").get<std::string>());
       ignore.box(i.at("box").get<std::array<double, 4>>());
     }
-    if (request.client().size() > 64 || request.host().size() > 256 || request.target().size() > 256)
-      throw std::invalid_argument("a name is too long");
+    if (request.target().size() > longest_name) throw std::invalid_argument("a name is too long");
+    return request;
+  } catch (const Json::exception& error) {
+    throw std::invalid_argument(error.what());
+  }
+}
+
+msg::ControlRequest control_request_of(const std::string& json) {
+  constexpr std::size_t most = 32, longest = 200;  // words, and of a word
+  try {
+    const Json j = Json::parse(json);
+    auto request = addressed<msg::ControlRequest>(j);
+    request.words(j.at("words").get<std::vector<std::string>>());
+    if (request.words().size() > most || std::ranges::any_of(request.words(), [](const std::string& word) {
+          return word.size() > longest || word.find('\0') != std::string::npos;
+        }))
+      throw std::invalid_argument("more than " + std::to_string(most) + " words, or a word is too long");
     return request;
   } catch (const Json::exception& error) {
     throw std::invalid_argument(error.what());

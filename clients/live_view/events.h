@@ -21,6 +21,7 @@ std::string to_json(const msg::CameraTimes& times);
 std::string to_json(const msg::Scene& scene);
 std::string to_json(const msg::Preview& preview);
 std::string to_json(const msg::TeachReply& reply);
+std::string to_json(const msg::ControlReply& reply);  // but its bytes, which no page asks for
 
 // What the bridge says about itself, once a second: the pages' pulse.
 struct Pulse {
@@ -34,5 +35,7 @@ std::string to_json(const Pulse& pulse);
 
 // throws std::invalid_argument with a sentence for who wrote the request: not JSON, a wrong type, too many points.
 msg::TeachRequest teach_request_of(const std::string& json);
+// Likewise: too many words, or too long ones.
+msg::ControlRequest control_request_of(const std::string& json);
 
 }  // namespace huetrack::live_view

@@ -26,6 +26,7 @@
 #include <stdexcept>
 #include <string_view>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "clients/live_view/page_files.h"
@@ -42,10 +43,42 @@ constexpr rlim_t most_files = 8192;
 constexpr std::size_t most_bodies = 2 << 20;  // bytes, of all requests that come in at once
 constexpr auto look_round_period = std::chrono::milliseconds(250);
 
-// What is kept of a request while its body comes in.
+constexpr std::string_view download_path = "/api/recordings/", download_kind = ".tar";
+constexpr std::size_t download_block = 64 * 1024;
+
+// A recording that is sent while it comes. Owned by its request until it is answered, and by the answer from then on.
+struct Transfer {
+  Transfer(std::shared_ptr<RecordingDownload> what, MHD_Connection* where)
+      : download(std::move(what)), connection(where) {
+    download->on_news([this] { resume(); });
+  }
+  ~Transfer() { download->on_news(nullptr); }
+  Transfer(const Transfer&) = delete;
+  Transfer& operator=(const Transfer&) = delete;
+
+  // The server's thread. Nothing happens on the connection until there is news; none is missed.
+  void wait() {
+    download->if_nothing([this] {
+      is_waiting = true;
+      MHD_suspend_connection(connection);
+    });
+  }
+
+  const std::shared_ptr<RecordingDownload> download;
+  MHD_Connection* const connection;
+
+ private:
+  void resume() {  // under the download's lock
+    if (std::exchange(is_waiting, false)) MHD_resume_connection(connection);
+  }
+  bool is_waiting = false;  // guarded by the download's lock
+};
+
+// What is kept of a request while its body comes in, or its answer.
 struct Request {
   std::string body;
   bool is_too_long = false;
+  std::shared_ptr<Transfer> transfer = nullptr;
 };
 
 bool equal_in_constant_time(std::string_view a, std::string_view b) {
@@ -169,10 +202,10 @@ struct PageServer::Impl {
     bool is_waiting = false;  // suspended; guarded by the hub's lock
   };
 
-  Impl(const PageServerOptions& o, EventHub& h, OnRequest t)
+  Impl(const PageServerOptions& o, EventHub& h, PageRequests r)
       : options(o),
         hub(h),
-        on_teach(std::move(t)),
+        requests(std::move(r)),
         silent(std::chrono::seconds(o.request_s), std::size_t(std::max(1, o.most_silent))),
         sockets(h, o.timeout_s) {
     if (options.address == "localhost") options.address = "127.0.0.1";
@@ -217,6 +250,11 @@ struct PageServer::Impl {
     hub.on_news(nullptr);
     ends = true;
     hub.if_nothing_after(~std::uint64_t{0}, [this] { wake(); });
+    {
+      const std::scoped_lock lock(transfers_mutex);
+      for (const auto& transfer : transfers)
+        if (const auto going_on = transfer.lock()) going_on->download->fail("The page's server ends.");
+    }
     sockets.end();  // the daemon stops when all that it has handed over is closed
     MHD_stop_daemon(daemon);
   }
@@ -401,11 +439,75 @@ struct PageServer::Impl {
     return is_socket ? web_socket(connection, only) : stream(connection, only);
   }
 
-  MHD_Result get(MHD_Connection* connection, std::string_view path) {
+  // Libmicrohttpd asks for the next part of a recording.
+  static ssize_t read_transfer(void* closure, std::uint64_t, char* buffer, std::size_t size) {
+    const Transfer& transfer = **static_cast<std::shared_ptr<Transfer>*>(closure);
+    if (const std::size_t part = transfer.download->read(buffer, size); part > 0) return static_cast<ssize_t>(part);
+    switch (transfer.download->state()) {
+      case RecordingDownload::State::failed:
+        return MHD_CONTENT_READER_END_WITH_ERROR;  // the browser sees that it is not whole
+      case RecordingDownload::State::ended:
+        return MHD_CONTENT_READER_END_OF_STREAM;
+      default:
+        (*static_cast<std::shared_ptr<Transfer>*>(closure))->wait();
+        return 0;
+    }
+  }
+  static void end_transfer(void* closure) {
+    delete static_cast<std::shared_ptr<Transfer>*>(closure);  // made in download(), owned by MHD's response since
+  }
+
+  // Called again when the first piece has come, or the service has refused: then it is known what to answer.
+  MHD_Result download(MHD_Connection* connection, std::string_view path, Request& request) {
+    path.remove_prefix(download_path.size());
+    path.remove_suffix(download_kind.size());
+    const std::string name(path);
+    if (!is_recording_name(name)) return refuse(connection, MHD_HTTP_NOT_FOUND, "That is no recording's name.");
+    // A page of another origin could not read it, but make the service read its disk.
+    const std::string_view site = header(connection, "Sec-Fetch-Site");
+    if (!is_of_our_page(connection) || (!site.empty() && site != "same-origin" && site != "none"))
+      return refuse(connection, MHD_HTTP_FORBIDDEN, "This request comes from another server's page.");
+    if (!request.transfer) {
+      std::string why_not = "There is nothing to download here.";
+      auto coming = requests.download ? requests.download(name, why_not) : nullptr;
+      if (!coming) return refuse(connection, MHD_HTTP_SERVICE_UNAVAILABLE, why_not);
+      request.transfer = std::make_shared<Transfer>(std::move(coming), connection);
+      const std::scoped_lock lock(transfers_mutex);
+      std::erase_if(transfers, [](const auto& transfer) { return transfer.expired(); });
+      transfers.push_back(request.transfer);
+    }
+    const RecordingDownload& coming = *request.transfer->download;
+    switch (coming.state()) {
+      case RecordingDownload::State::awaited:
+        request.transfer->wait();
+        return MHD_YES;
+      case RecordingDownload::State::failed:
+        return refuse(connection, MHD_HTTP_NOT_FOUND, coming.failure());
+      default:
+        break;
+    }
+    auto closure = std::make_unique<std::shared_ptr<Transfer>>(request.transfer);
+    MHD_Response* const response = MHD_create_response_from_callback(
+        coming.bytes(), download_block, &Impl::read_transfer, closure.get(), &Impl::end_transfer);
+    if (response == nullptr) return MHD_NO;
+    static_cast<void>(closure.release());  // the response's from now on
+    MHD_add_response_header(response, "Content-Type", "application/x-tar");
+    MHD_add_response_header(response, "Content-Disposition",
+                            ("attachment; filename=\"" + name + std::string(download_kind) + "\"").c_str());
+    add_safety(response);
+    const MHD_Result result = MHD_queue_response(connection, MHD_HTTP_OK, response);
+    MHD_destroy_response(response);
+    return result;
+  }
+
+  MHD_Result get(MHD_Connection* connection, std::string_view path, Request& request) {
     if (!has_token(connection))
       return refuse(connection, MHD_HTTP_FORBIDDEN,
                     "A token is needed: open the address that `huetrack view` printed.");
     if (path == "/api/events") return stream(connection);
+    if (path.starts_with(download_path) && path.ends_with(download_kind) &&
+        path.size() > download_path.size() + download_kind.size())
+      return download(connection, path, request);
     if (path == "/api/v1/positions") return stream_or_socket(connection, "position");
     if (path == "/api/v1/camera_poses") return stream_or_socket(connection, "camera_pose");
     // The token moves from the address into a cookie, so that it stays out of histories and links.
@@ -420,14 +522,17 @@ struct PageServer::Impl {
 
   MHD_Result post(MHD_Connection* connection, std::string_view path, const Request& request) {
     if (!has_token(connection)) return refuse(connection, MHD_HTTP_FORBIDDEN, "A token is needed.");
-    if (path != "/api/teach") return refuse(connection, MHD_HTTP_NOT_FOUND, "There is no such page.");
+    const PageRequests::OnRequest* const on_request = path == "/api/teach"     ? &requests.teach
+                                                      : path == "/api/control" ? &requests.control
+                                                                               : nullptr;
+    if (on_request == nullptr || !*on_request) return refuse(connection, MHD_HTTP_NOT_FOUND, "There is no such page.");
     if (!is_of_our_page(connection))
       return refuse(connection, MHD_HTTP_FORBIDDEN, "This request comes from another server's page.");
     // Pages of other origins cannot send JSON without asking first (CORS), and we do not answer that question.
     if (!is_json(header(connection, "Content-Type")))
       return refuse(connection, MHD_HTTP_UNSUPPORTED_MEDIA_TYPE, "The body must be application/json.");
     if (request.is_too_long) return refuse(connection, MHD_HTTP_CONTENT_TOO_LARGE, "The request is too long.");
-    const std::string why_not = on_teach(request.body);
+    const std::string why_not = (*on_request)(request.body);
     if (!why_not.empty()) return refuse(connection, MHD_HTTP_BAD_REQUEST, why_not);
     return reply(connection, MHD_HTTP_ACCEPTED, "{}\n", "application/json");
   }
@@ -455,7 +560,7 @@ struct PageServer::Impl {
     if (!self.is_for_us(connection))
       return self.refuse(connection, MHD_HTTP_MISDIRECTED_REQUEST, "This server answers to localhost only.");
     const std::string_view verb = method;
-    if (verb == "GET" || verb == "HEAD") return self.get(connection, url);
+    if (verb == "GET" || verb == "HEAD") return self.get(connection, url, *request);
     if (verb == "POST") return self.post(connection, url, *request);
     return self.refuse(connection, MHD_HTTP_METHOD_NOT_ALLOWED, "Only GET, HEAD and POST.");
   }
@@ -481,7 +586,7 @@ struct PageServer::Impl {
 
   PageServerOptions options;
   EventHub& hub;
-  const OnRequest on_teach;
+  const PageRequests requests;
   SilentConnections silent;
   std::size_t body_bytes = 0;  // the server's thread's: of the requests that come in
   std::mutex door;             // guards nothing: the doorman waits with it
@@ -491,14 +596,16 @@ struct PageServer::Impl {
   std::atomic<int> pages = 0;
   std::atomic<int> listeners = 0;  // programs that read positions or poses
   std::set<Stream*> waiting;       // guarded by the hub's lock
+  std::mutex transfers_mutex;
+  std::vector<std::weak_ptr<Transfer>> transfers;  // guarded by transfers_mutex; recordings that are being sent
   WebSockets sockets;
   MHD_Daemon* daemon = nullptr;
   int port = 0;
   std::string cookie_name;
 };
 
-PageServer::PageServer(const PageServerOptions& options, EventHub& hub, OnRequest on_teach)
-    : impl_(std::make_unique<Impl>(options, hub, std::move(on_teach))) {}
+PageServer::PageServer(const PageServerOptions& options, EventHub& hub, PageRequests requests)
+    : impl_(std::make_unique<Impl>(options, hub, std::move(requests))) {}
 PageServer::~PageServer() = default;
 
 int PageServer::port() const {

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "clients/live_view/event_hub.h"
+#include "clients/live_view/recording_download.h"
 
 namespace huetrack::live_view {
 
@@ -30,15 +31,20 @@ struct PageServerOptions {
   int most_pages = 400;  // streams, those of programs too; the next is refused
 };
 
+// What pages ask for. Called from the server's thread: quick.
+struct PageRequests {
+  // body is JSON. Returns an empty string, or why it is refused.
+  using OnRequest = std::function<std::string(const std::string& body)>;
+  OnRequest teach = nullptr, control = nullptr;
+  // The recording of this name (is_recording_name()) is to come; nullptr: why_not says so.
+  std::function<std::shared_ptr<RecordingDownload>(const std::string& name, std::string& why_not)> download = nullptr;
+};
+
 // thread-safe.
 class PageServer {
  public:
-  // A page's request: body is JSON. Returns an empty string, or why it is refused. Called from the server's thread:
-  // quick.
-  using OnRequest = std::function<std::string(const std::string& body)>;
-
   // Listens when it returns. throws std::runtime_error: the address is none of this host's, the port is taken, ...
-  PageServer(const PageServerOptions& options, EventHub& hub, OnRequest on_teach);
+  PageServer(const PageServerOptions& options, EventHub& hub, PageRequests requests);
   ~PageServer();
   PageServer(const PageServer&) = delete;
   PageServer& operator=(const PageServer&) = delete;

@@ -16,13 +16,20 @@ int view(ViewOptions options, const std::function<bool()>& ended) {
   if (!is_loopback(options.server.address) && options.server.token.empty()) options.server.token = random_token();
   EventHub hub;
   BusReader bus(options.participant, hub);
-  const PageServer server(options.server, hub, [&](const std::string& body) -> std::string {
-    try {
-      return bus.request(teach_request_of(body));
-    } catch (const std::invalid_argument& error) {  // what a page, or somebody else, sent
-      return error.what();
-    }
-  });
+  const auto asked = [&bus](auto request_of) {
+    return [&bus, request_of](const std::string& body) -> std::string {
+      try {
+        return bus.request(request_of(body));
+      } catch (const std::invalid_argument& error) {  // what a page, or somebody else, sent
+        return error.what();
+      }
+    };
+  };
+  const PageServer server(
+      options.server, hub,
+      {.teach = asked(teach_request_of),
+       .control = asked(control_request_of),
+       .download = [&bus](const std::string& name, std::string& why_not) { return bus.download(name, why_not); }});
   std::vector<std::string> hosts{options.server.address};
   if (options.server.address == "0.0.0.0") {
     hosts = host_addresses();
@@ -39,7 +46,7 @@ int view(ViewOptions options, const std::function<bool()>& ended) {
   while (!ended()) {
     const int pages = server.pages();
     bus.poll(pages);
-    std::this_thread::sleep_for(server.listeners() > 0 ? 2ms : pages > 0 ? 10ms : 50ms);
+    std::this_thread::sleep_for(server.listeners() + bus.downloads() > 0 ? 2ms : pages > 0 ? 10ms : 50ms);
   }
   return 0;
 }

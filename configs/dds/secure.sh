@@ -6,7 +6,7 @@
 #       service    huetrackd run, replay: everything
 #       host       huetrackd capture: gives its cameras and its clock, and no positions
 #       watcher    huetrack watch, log, status, view: sees everything, and sends nothing
-#       operator   huetrack view: sees everything, and may ask for what control: {allow_teach: true} allows
+#       operator   huetrack view: sees everything, and may ask for what control: {allow_...: true} allows
 #
 # A member is FOLDER/NAME with a profile, FOLDER/NAME/huetrack.xml: copy it to its machine, to the same path, and say
 # dds: {profile: FOLDER/NAME/huetrack.xml} to huetrackd, --profiles to huetrack. FOLDER/authority stays where it is: its key makes

@@ -16,6 +16,7 @@ struct LiveCamera {
   std::unique_ptr<FrameSource> source;
   std::function<CameraHealth()> health;                   // thread-safe while source lives
   std::function<std::vector<CameraEvent>()> take_events;  // likewise
+  std::shared_ptr<CameraControls> controls = nullptr;     // nullptr: they cannot be reached from here
 };
 
 }  // namespace huetrack::capture

@@ -228,8 +228,69 @@ std::vector<std::string> V4l2SourceOptions::warnings() const {
           "port) or /dev/v4l/by-id/ (the camera); huetrackd doctor lists them"};
 }
 
+namespace {
+
+// By a handle of its own, beside the one that streams: a driver takes controls from any.
+class V4l2Controls final : public CameraControls {
+ public:
+  explicit V4l2Controls(std::vector<ControlSetting> kept) : kept_(std::move(kept)) {}
+
+  std::vector<Control> read() const override { return opened_beside().controls(); }
+  std::vector<ControlResult> set(std::span<const ControlSetting> settings) override {
+    V4l2Device device = opened_beside();
+    auto results = device.set_controls(settings);
+    const std::scoped_lock lock(mutex_);
+    for (const ControlSetting& was : device.previous_controls())
+      if (!has(changed_, was.name)) changed_.push_back(was);
+    return results;
+  }
+  void keep(std::vector<ControlSetting> settings) override {
+    const std::scoped_lock lock(mutex_);
+    kept_ = std::move(settings);
+  }
+
+  // ---- The source's side
+  void is_at(std::optional<fs::path> node) {
+    const std::scoped_lock lock(mutex_);
+    node_ = std::move(node);
+  }
+  std::vector<ControlSetting> kept() const {
+    const std::scoped_lock lock(mutex_);
+    return kept_;
+  }
+  // As the camera was before anything was changed; before: what the source changed when it opened it.
+  std::vector<ControlSetting> with_changed(std::vector<ControlSetting> before) const {
+    const std::scoped_lock lock(mutex_);
+    for (const ControlSetting& was : changed_)
+      if (!has(before, was.name)) before.push_back(was);
+    return before;
+  }
+
+ private:
+  static bool has(const std::vector<ControlSetting>& settings, const std::string& name) {
+    return std::ranges::find(settings, name, &ControlSetting::name) != settings.end();
+  }
+  V4l2Device opened_beside() const {
+    std::optional<fs::path> node;
+    {
+      const std::scoped_lock lock(mutex_);
+      node = node_;
+    }
+    if (!node) throw CaptureError(std::make_error_code(std::errc::no_such_device), "the camera is not there");
+    return V4l2Device(*node);
+  }
+
+  mutable std::mutex mutex_;
+  std::optional<fs::path> node_;         // guarded by mutex_; nullopt: it is not open
+  std::vector<ControlSetting> kept_;     // guarded by mutex_
+  std::vector<ControlSetting> changed_;  // guarded by mutex_; what set() changed, as it was before
+};
+
+}  // namespace
+
 struct V4l2Source::Impl {
-  explicit Impl(V4l2SourceOptions o) : options(std::move(o)) {
+  explicit Impl(V4l2SourceOptions o)
+      : options(std::move(o)), controls(std::make_shared<V4l2Controls>(options.controls)) {
     health.last_progress = Clock::now();
     for (const auto& warning : options.warnings()) tell(CaptureState::waiting, true, warning);
   }
@@ -307,13 +368,16 @@ struct V4l2Source::Impl {
   // ---- Opening and closing
 
   void begin_opening() {
-    begin(Doing::opening, [options = options, known = known] { return opened(options, known); });
+    V4l2SourceOptions now = options;
+    now.controls = controls->kept();
+    begin(Doing::opening, [now = std::move(now), known = known] { return opened(now, known); });
   }
   void begin_closing(bool restores) {
     auto closing = taken_device();
     if (!closing) return;
+    controls->is_at(std::nullopt);
     begin(Doing::closing, [closing = std::move(closing), restores = restores && options.restore_controls && before,
-                           values = before.value_or(std::vector<ControlSetting>{})]() mutable {
+                           values = controls->with_changed(before.value_or(std::vector<ControlSetting>{}))]() mutable {
       if (restores) closing->set_controls_plainly(values);
       closing.reset();
       return Work{};
@@ -325,6 +389,7 @@ struct V4l2Source::Impl {
     if (done.error) throw CaptureError(*done.error);
     if (!before) before = done.device->previous_controls();
     known = done.device->identity();
+    controls->is_at(known->node);
     stream = done.stream;
     last_of_driver.reset();
     silent_since = sound_since = Clock::now();
@@ -638,6 +703,7 @@ struct V4l2Source::Impl {
   }
 
   const V4l2SourceOptions options;
+  const std::shared_ptr<V4l2Controls> controls;
   const std::shared_ptr<Alarm> alarm = std::make_shared<Alarm>();  // shared with a thread that may outlive this
   mutable std::mutex mutex;
   std::unique_ptr<V4l2Device> device;  // changed under mutex; read by the capturing thread without
@@ -691,6 +757,11 @@ V4l2Source::V4l2Source(V4l2SourceOptions options, const std::stop_token& stop) {
 
 V4l2Source::~V4l2Source() {
   impl_->end();
+  impl_->controls->is_at(std::nullopt);
+}
+
+std::shared_ptr<CameraControls> V4l2Source::controls() const {
+  return impl_->controls;
 }
 
 std::optional<Frame> V4l2Source::next(std::stop_token stop) {

@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -74,6 +75,19 @@ struct CameraHealth {
   std::chrono::steady_clock::time_point last_progress;
 };
 
+// The controls of a camera while it delivers, for who sets it up. thread-safe, and valid when its source is gone: then
+// it says so. May take seconds where a camera does not answer.
+class CameraControls {
+ public:
+  virtual ~CameraControls() = default;
+  // throw CaptureError of one readable line: the camera is not there, or does not let itself be asked.
+  virtual std::vector<Control> read() const = 0;
+  // At once, as V4l2Device::set_controls().
+  virtual std::vector<ControlResult> set(std::span<const ControlSetting> settings) = 0;
+  // What is applied from now on whenever the camera comes back, instead of what it was until now.
+  virtual void keep(std::vector<ControlSetting> settings) = 0;
+};
+
 // What share of a camera's frames is damaged, over about the last hundred.
 class DamageWatch {
  public:
@@ -113,6 +127,7 @@ class V4l2Source final : public FrameSource {
   const V4l2SourceOptions& options() const;
   CameraHealth health() const;
   std::vector<CameraEvent> take_events();  // since the last call
+  std::shared_ptr<CameraControls> controls() const;
 
  private:
   struct Impl;

@@ -246,8 +246,10 @@ std::vector<std::string> warnings_of(const ServiceConfig& config) {
   }
   if (std::string warning = rig_warning(config.rig); !warning.empty()) warnings.push_back(std::move(warning));
   const RecordConfig& record = config.record;
-  if (!record.folder.empty() && !record.always && !(record.pre_roll_s > 0))
-    warnings.push_back("record.folder is given, but nothing will be recorded: set record.always or record.pre_roll_s");
+  if (!record.folder.empty() && !record.always && !(record.pre_roll_s > 0) && !config.control.allow_record)
+    warnings.push_back(
+        "record.folder is given, but nothing will be recorded: set record.always, record.pre_roll_s, or "
+        "control.allow_record");
   if (config.targets.empty()) return warnings;
   const auto coverage = volume_coverage(config.rig, config.object_tracking.volume);
   for (std::size_t c = 0; c < config.rig.cameras.size(); ++c) {

@@ -245,6 +245,8 @@ void describe(Io& io, Config& config) {
   });
   io.group("control", "what may be asked of the running service over DDS", [&](auto& in) {
     in.boolean("allow_teach", config.control.allow_teach, "teach colours: writes a file beside this one");
+    in.boolean("allow_record", config.control.allow_record,
+               "record, and download what was: needs record: {folder: ...}");
   });
   io.choice("log_level", config.log_level, Words<LogLevel>(log_level_words), "debug, info, warning or error");
 }
@@ -705,6 +707,9 @@ void check_taught_targets(const yaml::YamlReader& written, const yaml::YamlReade
   const yaml::YamlReader targets = taught.map_or_empty("targets");
   for (const std::string& name : targets.keys()) {
     if (std::ranges::find(known, name) != known.end()) continue;
+    const yaml::YamlReader target = targets.map(name);
+    if (target.has("radius_m") && target.has("shape") && target.has("count"))
+      continue;  // added by hand (taught_file.h)
     const auto nearest = yaml::nearest_word(name, known);
     targets.fail(name, fmt::format("{} has no such target{}: rename it here too, or take it out of this file",
                                    written.path().string(), nearest ? " (did you mean " + *nearest + "?)" : ""));

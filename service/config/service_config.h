@@ -71,7 +71,8 @@ struct PreviewConfig {
 
 // What may be asked of the running service over the bus.
 struct ControlConfig {
-  bool allow_teach = false;  // teach colours and ignore regions: changes what the taught file says
+  bool allow_teach = false;   // teach colours and ignore regions: changes what the taught file says
+  bool allow_record = false;  // start and stop recordings in record.folder, list and read them
 };
 
 enum class CalibrationMode : std::uint8_t {
@@ -143,7 +144,8 @@ std::filesystem::path taught_file(const std::filesystem::path& config);
 
 // The configuration, with the taught file read over it where there is one. throws ConfigError, for both files:
 // unreadable, unknown key, wrong type, out of range, keys that contradict each other or the rig; or the taught file
-// speaks of a target that the configuration does not have. Relative paths start at the configuration's folder.
+// speaks of a target that the configuration does not have, and does not add it whole (taught_file.h). Relative paths
+// start at the configuration's folder.
 ServiceConfig load_service_config(const std::filesystem::path& file);
 // The same, as if the taught file held this text.
 ServiceConfig load_service_config(const std::filesystem::path& file, const std::string& taught);

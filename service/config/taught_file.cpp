@@ -11,6 +11,7 @@
 #include <functional>
 #include <stdexcept>
 #include <string>
+#include <tuple>
 #include <vector>
 
 #include "capture/file_descriptor.h"
@@ -124,19 +125,51 @@ void write_all(const fs::path& fresh, const std::string& text, const fs::path& l
   if (::fsync(to.get()) != 0) throw cannot_write(file);  // before the rename: a power cut must not leave an empty file
 }
 
-fs::path before(const fs::path& file) {
-  return file.string() + ".before";
+// Files that were there before, the newest first: <file>.before, .before.2, ...
+class FileStack {
+ public:
+  FileStack(const fs::path& file, const char* suffix) : name_(file.string() + suffix) {}
+
+  int size() const {
+    int n = 0;
+    while (n < most && fs::exists(at(n))) ++n;
+    return n;
+  }
+  // Makes room for the newest, and gives its name. The oldest is forgotten when there are too many.
+  fs::path push() const {
+    for (int n = std::min(size(), most - 1); n > 0; --n) fs::rename(at(n - 1), at(n));
+    return at(0);
+  }
+  void pop_into(const fs::path& file) const {
+    const int before = size();
+    fs::rename(at(0), file);
+    for (int n = 1; n < before; ++n) fs::rename(at(n), at(n - 1));
+  }
+  void clear() const {
+    std::error_code none;
+    for (int n = size(); n-- > 0;) fs::remove(at(n), none);
+  }
+
+ private:
+  static constexpr int most = 20;
+  fs::path at(int n) const { return n == 0 ? name_ : name_ + "." + std::to_string(n + 1); }
+  std::string name_;
+};
+FileStack before(const fs::path& file) {
+  return {file, ".before"};
+}
+FileStack undone(const fs::path& file) {
+  return {file, ".undone"};
 }
 
 void keep(const fs::path& file) {
-  std::error_code error;
+  undone(file).clear();
   // What was there before is nothing, then, and no older file: the save is undone to nothing.
-  if (!fs::exists(file)) {
-    fs::remove(before(file), error);
-    return;
-  }
-  fs::copy_file(file, before(file), fs::copy_options::overwrite_existing, error);
-  if (error) throw std::runtime_error(fmt::format("cannot write {}: {}", before(file).string(), error.message()));
+  if (!fs::exists(file)) return before(file).clear();
+  const fs::path kept = before(file).push();
+  std::error_code error;
+  fs::copy_file(file, kept, fs::copy_options::overwrite_existing, error);
+  if (error) throw std::runtime_error(fmt::format("cannot write {}: {}", kept.string(), error.message()));
 }
 
 void replace(const fs::path& file, const std::string& text, const fs::path& config) {
@@ -188,14 +221,175 @@ fs::path save_taught(const fs::path& config, const object_tracking::TargetOption
 }
 
 fs::path undo_taught(const fs::path& config) {
-  const fs::path file = taught_file(config), old = before(file);
-  if (!fs::exists(file) && !fs::exists(old))
+  const fs::path file = taught_file(config);
+  const bool has_older = before(file).size() > 0;
+  if (!fs::exists(file) && !has_older)
     throw std::runtime_error(fmt::format("{}: nothing was taught, so there is nothing to undo", config.string()));
-  const fs::path aside = file.string() + ".undone";
-  if (fs::exists(file)) fs::rename(file, aside);
-  if (fs::exists(old)) fs::rename(old, file);
-  if (fs::exists(aside)) fs::rename(aside, old);
+  if (fs::exists(file)) fs::rename(file, undone(file).push());
+  if (has_older) before(file).pop_into(file);
   return file;
+}
+
+fs::path redo_taught(const fs::path& config) {
+  const fs::path file = taught_file(config);
+  if (undone(file).size() == 0)
+    throw std::runtime_error(fmt::format("{}: nothing was undone, so there is nothing to redo", config.string()));
+  if (fs::exists(file)) fs::rename(file, before(file).push());
+  undone(file).pop_into(file);
+  return file;
+}
+
+TaughtHistory taught_history(const fs::path& config) {
+  const fs::path file = taught_file(config);
+  return {before(file).size() + (fs::exists(file) ? 1 : 0), undone(file).size()};
+}
+
+namespace {
+
+using Targets = std::vector<object_tracking::TargetOptions>;
+
+Targets::iterator find_target(Targets& targets, const std::string& name) {
+  return std::ranges::find(targets, name, &object_tracking::TargetOptions::name);
+}
+
+// throws std::runtime_error
+Targets::iterator target_in(Draft& draft, const std::string& name) {
+  const auto target = find_target(draft.config.targets, name);
+  if (target == draft.config.targets.end())
+    throw std::runtime_error(fmt::format("there is no target {} in {}", name, draft.config.file.string()));
+  return target;
+}
+
+// A name is part of topics' names on the bus, and one of a hundred at most.
+void refuse_name(Draft& draft, const std::string& name) {
+  if (find_target(draft.config.targets, name) != draft.config.targets.end())
+    throw std::runtime_error(fmt::format("there is a target {} already", name));
+  publish::EstimatePublisherOptions published = draft.config.dds.publisher;
+  published.targets.push_back(name);
+  published.counts.push_back(1);
+  if (const auto problems = published.problems(); !problems.empty()) throw std::runtime_error(problems.front());
+}
+
+HsiRange edited(HsiRange range, const TargetEdit& edit) {
+  if (range == untaught_color) range = {};
+  if (edit.hue_deg) std::tie(range.hue_min_deg, range.hue_max_deg) = *edit.hue_deg;
+  if (edit.saturation) std::tie(range.saturation_min, range.saturation_max) = *edit.saturation;
+  if (edit.intensity) std::tie(range.intensity_min, range.intensity_max) = *edit.intensity;
+  return range;
+}
+
+void set_target(Draft& draft, const TargetEdit& edit) {
+  const auto target = target_in(draft, edit.target);
+  if (edit.radius_m) {
+    target->radius_m = *edit.radius_m;
+    draft.give({"targets", edit.target, "radius_m"});
+  }
+  if (!edit.hue_deg && !edit.saturation && !edit.intensity) return;
+  object_tracking::TargetOptions taught = *target;
+  if (edit.camera.empty()) {
+    taught.color = edited(target->color, edit);
+    taught.camera_colors.clear();
+  } else {
+    if (!draft.config.rig.index_of(edit.camera))
+      throw std::runtime_error(fmt::format("there is no camera {}", edit.camera));
+    const HsiRange own = edited(target->color_in(edit.camera), edit);
+    const auto old = std::ranges::find_if(taught.camera_colors, [&](const auto& c) { return c.first == edit.camera; });
+    if (old == taught.camera_colors.end()) {
+      taught.camera_colors.emplace_back(edit.camera, own);
+    } else {
+      old->second = own;
+    }
+  }
+  set_color(draft, taught);
+}
+
+// All that is said of it is said by the taught file from now on. Where the configuration has a target of that name,
+// which was taken away before, nothing of it is to come back, and it stands in that one's place.
+void give_whole(Draft& draft, const object_tracking::TargetOptions& target) {
+  const yaml::KeyPath path = {"targets", target.name};
+  const auto place = [&](const object_tracking::TargetOptions& one) {
+    return std::ranges::find_if(draft.written,
+                                [&](const auto& leaf) {
+                                  return is_below(leaf.path, {"targets", one.name});
+                                }) -
+           draft.written.begin();
+  };
+  std::ranges::stable_sort(draft.config.targets, {}, place);
+  const auto give = [&](std::initializer_list<const char*> keys) {
+    yaml::KeyPath key = path;
+    for (const char* part : keys) key.emplace_back(part);
+    draft.give(key);
+  };
+  for (const char* key : {"radius_m", "shape", "count"}) give({key});
+  if (target.color != untaught_color)
+    for (const char* key : {"hue_deg", "saturation", "intensity", "adapt"}) give({"color", key});
+  for (const auto& [camera, range] : target.camera_colors)
+    for (const char* key : {"hue_deg", "saturation", "intensity"}) give({"camera_colors", camera.c_str(), key});
+  for (const auto& leaf : draft.written) {
+    if (!is_below(leaf.path, path) || draft.config.taught.given.contains(leaf.path)) continue;
+    yaml::KeyPath gone = leaf.path;
+    if (gone.size() > 4 && gone[2] == "camera_colors") {  // a camera with no colour of its own, as a whole
+      const auto is_its = [&](const auto& own) { return own.first == gone[3]; };
+      if (std::ranges::none_of(target.camera_colors, is_its)) gone.resize(4);
+    }
+    draft.config.taught.removed.insert(gone);
+  }
+}
+
+}  // namespace
+
+fs::path save_target(const fs::path& config, const TargetEdit& edit) {
+  return save(config, [&](Draft& draft) { set_target(draft, edit); });
+}
+
+fs::path add_target(const fs::path& config, const TargetEdit& edit) {
+  return save(config, [&](Draft& draft) {
+    refuse_name(draft, edit.target);
+    object_tracking::TargetOptions fresh;
+    fresh.name = edit.target;
+    fresh.color = untaught_color;
+    fresh.ignored = draft.config.ignored;
+    draft.config.targets.push_back(fresh);
+    give_whole(draft, fresh);
+    set_target(draft, edit);
+  });
+}
+
+fs::path rename_target(const fs::path& config, const std::string& from, const std::string& to) {
+  return save(config, [&](Draft& draft) {
+    object_tracking::TargetOptions target = *target_in(draft, from);
+    refuse_name(draft, to);
+    draft.config.targets.erase(find_target(draft.config.targets, from));
+    draft.take_away({"targets", from});
+    target.name = to;
+    draft.config.targets.push_back(target);
+    give_whole(draft, target);
+  });
+}
+
+fs::path remove_target(const fs::path& config, const std::string& target) {
+  return save(config, [&](Draft& draft) {
+    draft.config.targets.erase(target_in(draft, target));
+    draft.take_away({"targets", target});
+  });
+}
+
+fs::path save_controls(const fs::path& config, const std::string& camera,
+                       std::span<const capture::ControlSetting> settings) {
+  return save(config, [&](Draft& draft) {
+    const auto live = std::ranges::find(draft.config.cameras, camera, &LiveCameraConfig::name);
+    if (live == draft.config.cameras.end())
+      throw std::runtime_error(fmt::format("{} has no live camera {}", draft.config.file.string(), camera));
+    for (const capture::ControlSetting& setting : settings) {
+      const auto old = std::ranges::find(live->controls, setting.name, &capture::ControlSetting::name);
+      if (old == live->controls.end()) {
+        live->controls.push_back(setting);
+      } else {
+        old->value = setting.value;
+      }
+      draft.give({"cameras", camera, "controls", setting.name});
+    }
+  });
 }
 
 fs::path save_ignored(const fs::path& config, const object_tracking::IgnoredRegions& ignored) {

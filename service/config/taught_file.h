@@ -7,7 +7,11 @@
 
 #include <filesystem>
 #include <optional>
+#include <span>
+#include <string>
+#include <utility>
 
+#include "capture/v4l2_device.h"
 #include "object_tracking/object_tracker.h"
 
 namespace huetrack::config {
@@ -18,9 +22,35 @@ std::filesystem::path save_taught(const std::filesystem::path& config, const obj
                                   const std::optional<object_tracking::IgnoredRegions>& ignored);
 std::filesystem::path save_ignored(const std::filesystem::path& config, const object_tracking::IgnoredRegions& ignored);
 
-// What was there before the last save takes its place again, and the other way round: undone twice is as it was. Every
-// save keeps the file before it, as <taught file>.before; before the first one there was none. Returns the taught
-// file's path. throws std::runtime_error: nothing was saved.
+// ---- Targets by hand. A target that the configuration does not have stands in the taught file with its radius_m,
+// shape and count, which nothing else writes there: by them it is told from what is left of one that somebody renamed.
+
+struct TargetEdit {
+  std::string target;
+  std::optional<double> radius_m = {};
+  // What is not given stays; of a target that nobody has taught yet, what a configuration without these keys says.
+  std::optional<std::pair<double, double>> hue_deg = {}, saturation = {}, intensity = {};
+  std::string camera = {};  // the colour is this camera's own from now on; empty: it is that of all cameras
+};
+std::filesystem::path save_target(const std::filesystem::path& config, const TargetEdit& edit);
+// throw std::runtime_error as well: there is one of that name already, or none; that can be no name.
+std::filesystem::path add_target(const std::filesystem::path& config, const TargetEdit& edit);
+std::filesystem::path rename_target(const std::filesystem::path& config, const std::string& from,
+                                    const std::string& to);
+std::filesystem::path remove_target(const std::filesystem::path& config, const std::string& target);
+
+// Controls of a live camera of the configuration: what is given, beside what it says of the others.
+std::filesystem::path save_controls(const std::filesystem::path& config, const std::string& camera,
+                                    std::span<const capture::ControlSetting> settings);
+
+// ---- What is left of earlier saves: the last twenty, as <taught file>.before, .before.2, ...; before the first one
+// there was none. Those that were undone are <taught file>.undone, ..., until the next save.
+// Each returns the taught file's path. throws std::runtime_error: there is nothing to undo, or to redo.
 std::filesystem::path undo_taught(const std::filesystem::path& config);
+std::filesystem::path redo_taught(const std::filesystem::path& config);
+struct TaughtHistory {
+  int undoable = 0, redoable = 0;
+};
+TaughtHistory taught_history(const std::filesystem::path& config);
 
 }  // namespace huetrack::config

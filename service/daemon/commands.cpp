@@ -239,7 +239,9 @@ void add_teach_command(CLI::App& app, Command& chosen) {
       ->allow_extra_args(false);
   command->add_option("--pictures", teaching->pictures, "draw what matches, one picture per camera, into this folder");
   command->add_flag("--dry-run", teaching->dry_run, "only say what would be learnt");
-  command->add_flag("--undo", teaching->undo, "what was there before the last save takes its place again");
+  CLI::Option* const undo = command->add_flag(
+      "--undo", teaching->undo, "what was there before the last save takes its place again; the last twenty are kept");
+  command->add_flag("--redo", teaching->redo, "what was undone last is done again")->excludes(undo);
 
   command->callback([teaching, &chosen] {
     chosen.run = [teaching](const std::stop_token& stop) { return page::teach(*teaching, stop); };

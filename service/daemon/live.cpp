@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "calib/model/rig_yaml.h"
+#include "daemon/replay.h"
 #include "daemon/service_manager.h"
 #include "page/page_service.h"
 
@@ -33,7 +34,7 @@ void log_where(const config::MetricsConfig& metrics) {
 
 // The road has threads of its own; this one looks after it, until it ends or is to end. Gives back what ended it.
 std::exception_ptr run_supervised(pipeline::Session& session, Supervisor& supervisor, std::optional<double> seconds,
-                                  const std::stop_token& stop) {
+                                  const std::atomic<bool>& begin_anew, const std::stop_token& stop) {
   std::stop_source ending;
   const std::stop_callback forward(stop, [&] { ending.request_stop(); });
   std::exception_ptr error;
@@ -54,9 +55,14 @@ std::exception_ptr run_supervised(pipeline::Session& session, Supervisor& superv
     supervisor.look_after();
     if (seconds && !end && supervisor.is_receiving()) end = Clock::now() + capture::duration_of(*seconds);
     if (end && Clock::now() >= *end) break;
+    if (begin_anew) break;
     std::this_thread::sleep_for(supervision_period);
   }
-  notify_service_manager("STOPPING=1\nSTATUS=Stopping");
+  if (begin_anew && !stop.stop_requested()) {
+    tell_reloading();
+  } else {
+    notify_service_manager("STOPPING=1\nSTATUS=Stopping");
+  }
   ending.request_stop();
   running.join();
   return error;
@@ -89,10 +95,10 @@ void keep_what_was_learnt(const config::ServiceConfig& config, const pipeline::S
       attempt([&] { config::write_room(file, room, calib::rig_identity(config.rig)); });
 }
 
-LiveSummary run_cameras(const config::ServiceConfig& config, const LiveCommand& options, LiveRequests& requests,
-                        const std::stop_token& stop) {
-  set_log_level(config.log_level);
-  return run_live(config, pipeline::open_cameras(config, stop), options, requests, stop);
+// Files would be begun anew, and what they hold be lost; a time that is given would begin again.
+bool may_begin_anew(const LiveCommand& options) {
+  return options.tracks.empty() && options.poses.empty() && options.write_rig.empty() && options.record_to.empty() &&
+         !options.seconds;
 }
 
 }  // namespace
@@ -129,23 +135,38 @@ LiveSummary run_live(const config::ServiceConfig& config, std::vector<pipeline::
     session.add(poses.emplace(options.poses, config, pipeline::WhenFileFails::go_on));
     files.push_back(&*poses);
   }
-  const auto ask_to_reload = [&requests] {
-    requests.reload = true;
-    return std::string();
+  // Before the page, which asks it; it records after all that may yet end the program: no empty recording stays behind.
+  pipeline::RecordingKeeper recording(
+      session.config(), {.record_to = options.record_to, .cameras_in_use = cameras.size(), .is_tracking = is_tracking});
+  const auto ask_for = [](std::atomic<bool>& what) {
+    return [&what] {
+      what = true;
+      return std::string();
+    };
   };
+  const auto ask_to_reload = ask_for(requests.reload);
+  page::ControlDesk::Actions control{.recording = &recording, .reload = ask_to_reload};
+  for (const auto& camera : cameras)
+    if (camera.controls) control.cameras[config.rig.cameras[std::size_t(camera.camera)].name] = camera.controls;
+  if (may_begin_anew(options)) {
+    control.begin_anew = ask_for(requests.begin_anew);
+    control.open_recording = [&requests](const std::filesystem::path& folder) {
+      requests.open_recording(folder);
+      requests.begin_anew = true;
+    };
+  }
   std::optional<page::PageService> view;
   if (bus)
     session.add(view.emplace(
         session.config(),
-        page::PageServiceOptions{.time = nullptr, .actions = {.reload = ask_to_reload, .resume = nullptr}}));
+        page::PageServiceOptions{
+            .time = nullptr, .actions = {.reload = ask_to_reload, .resume = nullptr}, .control = control}));
   std::optional<metrics::MetricsServer> metrics;
   if (config.metrics.port) {
     metrics.emplace(config.metrics.address, *config.metrics.port);
     log_where(config.metrics);
   }
-  // After all that may yet end the program: no empty recording stays behind.
-  pipeline::RecordingKeeper recording(
-      session.config(), {.record_to = options.record_to, .cameras_in_use = cameras.size(), .is_tracking = is_tracking});
+  recording.begin();
   session.add(recording);
   Supervisor supervisor({.session = session,
                          .cameras = cameras,
@@ -158,7 +179,7 @@ LiveSummary run_live(const config::ServiceConfig& config, std::vector<pipeline::
                          .metrics_server = metrics ? &*metrics : nullptr});
   session.add(supervisor);
 
-  const std::exception_ptr error = run_supervised(session, supervisor, options.seconds, stop);
+  const std::exception_ptr error = run_supervised(session, supervisor, options.seconds, requests.begin_anew, stop);
   recording.finish(stop.stop_requested() ? recorder_patience : longest_recorder_patience);
   supervisor.look_a_last_time();
   keep_what_was_learnt(config, session, reports.rig, recording.folder());
@@ -173,9 +194,65 @@ LiveSummary run_live(const config::ServiceConfig& config, std::vector<pipeline::
           .published = bus ? bus->publisher().counters().published : 0};
 }
 
+namespace {
+
+// Instead of the cameras, as the page asked for it; whoever watches over the service is told that it lives.
+void replay_instead(const config::ServiceConfig& config, const std::filesystem::path& recording, LiveRequests& requests,
+                    const std::stop_token& stop) {
+  std::stop_source closing;
+  const std::stop_callback forward(stop, [&] { closing.request_stop(); });
+  const auto watchdog = watchdog_period();
+  const std::jthread alive([&](const std::stop_token& ended) {
+    while (watchdog && !ended.stop_requested()) {
+      notify_service_manager("WATCHDOG=1");
+      for (auto left = *watchdog / 4; left > 0us && !ended.stop_requested(); left -= supervision_period)
+        std::this_thread::sleep_for(supervision_period);
+    }
+  });
+  notify_service_manager("READY=1\nSTATUS=Replaying " + recording.filename().string());
+  spdlog::info("replaying {} instead of the cameras", recording.string());
+  ReplayCommand command;
+  command.config = config.file;
+  command.recording = {recording.string()};
+  command.speed = ReplaySpeed::real;
+  command.reload = &requests.reload;
+  command.close = [&closing] { closing.request_stop(); };
+  command.progress = false;
+  try {
+    replay(command, closing.get_token());
+  } catch (const std::exception& error) {  // then with the cameras again
+    spdlog::error("the replay ended: {}", error.what());
+  }
+  if (!stop.stop_requested()) tell_reloading();
+}
+
+}  // namespace
+
+LiveSummary run_live_while_asked(config::ServiceConfig config, const CameraOpener& open, const LiveCommand& options,
+                                 LiveRequests& requests, const std::stop_token& stop) {
+  for (;;) {
+    set_log_level(config.log_level);
+    requests.begin_anew = false;
+    LiveSummary summary = run_live(config, open(config, stop), options, requests, stop);
+    if (!requests.begin_anew || stop.stop_requested()) return summary;
+    if (const auto recording = requests.take_recording(); !recording.empty())
+      replay_instead(config, recording, requests, stop);
+    if (stop.stop_requested()) return summary;
+    try {
+      config = config::load_service_config(config.file);
+      spdlog::info("beginning anew with {}", config.file.string());
+    } catch (const std::exception& error) {  // somebody has changed it since it was asked for
+      spdlog::error("beginning anew with the old configuration: {}", error.what());
+    }
+  }
+}
+
 void run(const std::filesystem::path& file, const LiveCommand& options, LiveRequests& requests,
          const std::stop_token& stop) {
-  const LiveSummary summary = run_cameras(config::load_service_config(file), options, requests, stop);
+  const LiveSummary summary = run_live_while_asked(
+      config::load_service_config(file),
+      [](const auto& config, const auto& until) { return pipeline::open_cameras(config, until); }, options, requests,
+      stop);
   spdlog::info("stopped after {} frame sets, {} samples published", summary.figures.sets_tracked, summary.published);
 }
 
@@ -184,7 +261,8 @@ void record(const std::filesystem::path& file, LiveCommand options, LiveRequests
   const config::ServiceConfig config = config::load_service_config(file);
   config::require_rig(config);
   options.track = false;
-  const LiveSummary summary = run_cameras(config, options, requests, stop);
+  set_log_level(config.log_level);
+  const LiveSummary summary = run_live(config, pipeline::open_cameras(config, stop), options, requests, stop);
   std::printf("%s\n", options.record_to.c_str());
   for (const auto& camera : config.cameras) {
     const auto c = std::size_t(config.rig.index_of(camera.name).value());

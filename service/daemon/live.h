@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <optional>
 #include <stop_token>
 #include <string>
@@ -30,10 +31,19 @@ struct LiveSummary {
   std::uint64_t published = 0;
 };
 
-// Runs until the stop, or until every source has ended.
+// Runs until the stop, or until every source has ended, or requests.begin_anew (which stays set; nobody can ask for it
+// where a file is written that it would begin anew, or for a time that is given).
 // throws what the pipeline throws, and std::exceptions with one readable line when an output cannot be opened.
 LiveSummary run_live(const config::ServiceConfig& config, std::vector<pipeline::LiveCamera> cameras,
                      const LiveCommand& options, LiveRequests& requests, const std::stop_token& stop);
+
+// The same, and once more with the configuration as it stands then, with its cameras opened again, whenever that is
+// asked for; between two of them a recording, where that is asked for, until it is over or closed. What is not right
+// then is left alone, with a line in the log.
+using CameraOpener =
+    std::function<std::vector<pipeline::LiveCamera>(const config::ServiceConfig& config, const std::stop_token& stop)>;
+LiveSummary run_live_while_asked(config::ServiceConfig config, const CameraOpener& open, const LiveCommand& options,
+                                 LiveRequests& requests, const std::stop_token& stop);
 
 // `huetrackd run CONFIG` and `huetrackd record CONFIG OUT`: with the cameras of the configuration. What came of it goes
 // to the log, and of a recording to stdout, too. throw as run_live(), and when nothing has been recorded.

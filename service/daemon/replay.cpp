@@ -16,7 +16,7 @@
 #include "capture/recording.h"
 #include "capture/replay_source.h"
 #include "config/service_config.h"
-#include "daemon/held_source.h"
+#include "daemon/played_source.h"
 #include "daemon/progress_bar.h"
 #include "daemon/reloader.h"
 #include "daemon/service_manager.h"
@@ -61,12 +61,12 @@ void refuse_outputs_over_inputs(const ReplayCommand& command, const config::Serv
   pipeline::refuse_outputs({.files = {command.tracks, command.poses}}, {config.rig_file});
 }
 
-// A recording, opened. The sources are the session's; source and held stay valid as long as it lives.
+// A recording, opened. The sources are the session's; source and played stay valid as long as it lives.
 struct Playback {
   capture::Recording recording;
   pipeline::SessionSources sources;
   capture::ReplaySource* source = nullptr;
-  HeldSource* held = nullptr;  // null: nothing is held
+  PlayedSource* played = nullptr;  // null: nobody can hold it, or step through it
 };
 
 Playback open_playback(const config::ServiceConfig& config, const ReplayCommand& command) {
@@ -88,10 +88,13 @@ Playback open_playback(const config::ServiceConfig& config, const ReplayCommand&
   playback.sources.is_ascending = std::ranges::all_of(playback.recording.cameras, [](const auto& camera) {
     return camera.received.empty() && camera.corrupted.empty();
   });
-  if (command.hold) {
-    auto held = std::make_unique<HeldSource>(std::move(source), names.size());
-    playback.held = held.get();
-    playback.sources.sources.push_back(std::move(held));
+  if (config.dds.enabled && !command.no_dds && config.control.allow_teach) {
+    auto played = std::make_unique<PlayedSource>(
+        std::move(source),
+        PlayedSourceOptions{
+            .cameras = names.size(), .is_held = command.hold, .speed = command.speed == ReplaySpeed::real ? 1.0 : 0.0});
+    playback.played = played.get();
+    playback.sources.sources.push_back(std::move(played));
   } else {
     playback.sources.sources.push_back(std::move(source));
   }
@@ -124,8 +127,8 @@ std::optional<tracks::Truth> truth_of(const config::ServiceConfig& config, const
 class ReplayStatus final : public pipeline::Output {
  public:
   ReplayStatus(const config::ServiceConfig& config, pipeline::Bus& bus, const pipeline::PublishedTime& time,
-               const HeldSource* held, const pipeline::Reports& reports)
-      : bus_(bus), time_(time), held_(held), reports_(reports), reporter_(config, "replay", {}) {}
+               const PlayedSource* played, const pipeline::Reports& reports)
+      : bus_(bus), time_(time), played_(played), reports_(reports), reporter_(config, "replay", {}) {}
 
   void on_status(const pipeline::PipelineFigures& figures) override {
     publish::ServiceStatus status;
@@ -136,7 +139,7 @@ class ReplayStatus final : public pipeline::Output {
     status.clock_offset_s = capture::seconds(time_.offset());
     std::ranges::copy(bus_.publisher().warnings(), std::back_inserter(status.warnings));
     std::ranges::copy(reports_.warnings(), std::back_inserter(status.warnings));
-    if (held_ != nullptr && !held_->is_released()) status.mode = "held";
+    if (played_ != nullptr && played_->state().is_paused) status.mode = "held";
     bus_.publisher().publish_status(status);
     bus_.publisher().publish_times(status.at, reports_.times.told());
   }
@@ -148,7 +151,7 @@ class ReplayStatus final : public pipeline::Output {
  private:
   pipeline::Bus& bus_;
   const pipeline::PublishedTime& time_;
-  const HeldSource* const held_;
+  const PlayedSource* const played_;
   const pipeline::Reports& reports_;
   std::mutex mutex_;
   StatusReporter reporter_;  // guarded by mutex_: the page's thread reloads
@@ -198,14 +201,17 @@ class ReloadRefusal final : public pipeline::Output {
   std::atomic<bool>& asked_;
 };
 
-page::PageServiceOptions viewing(pipeline::Session& session, const ReplayCommand& command, HeldSource* held,
+page::PageServiceOptions viewing(pipeline::Session& session, const ReplayCommand& command, PlayedSource* played,
                                  const std::atomic<bool>& has_begun) {
   page::PageServiceOptions options{.keeps_frames = true, .time = &session.time(), .reload_asked = command.reload};
   options.actions.reload = [&session, &has_begun]() -> std::string {
     if (!has_begun) return "the replay has not begun yet";
     return reload(session);
   };
-  if (held != nullptr) options.actions.resume = [held] { held->release(); };
+  options.control.reload = options.actions.reload;
+  options.control.playback = played;
+  options.control.close = command.close;
+  if (played != nullptr) options.actions.resume = [played] { played->go_on(); };
   return options;
 }
 
@@ -228,10 +234,10 @@ void begin_time(pipeline::Session& session, const Playback& playback, const Repl
   const bool is_paced = command.speed == ReplaySpeed::real;
   const capture::Timestamp first_at = playback.source->first_at().value_or(capture::Timestamp{});
   // While nothing is let through, time stands still for the recording too.
-  const auto* held_ns = playback.held != nullptr ? &playback.held->held_ns() : nullptr;
-  if (is_paced) session.hold_to({now, first_at, held_ns});
+  const auto* lag_ns = playback.played != nullptr ? &playback.played->lag_ns() : nullptr;
+  if (is_paced && playback.played == nullptr) session.hold_to({now, first_at});
   if (command.stamps.value_or(is_paced ? ReplayStamps::now : ReplayStamps::recording) == ReplayStamps::now) {
-    session.time().begin(capture::Timestamp(std::chrono::system_clock::now()) - first_at, held_ns);
+    session.time().begin(capture::Timestamp(std::chrono::system_clock::now()) - first_at, lag_ns);
   } else if (playback.recording.started_at) {
     session.time().begin(playback.recording.started_at->time_since_epoch());
   }
@@ -308,7 +314,7 @@ ReplaySummary replay(const ReplayCommand& command, const std::stop_token& stop) 
   if (config.dds.enabled && !command.no_dds) session.add(bus.emplace(config.dds.publisher, session.time()));
   pipeline::Reports reports(session, {.write_rig = command.write_rig});
   std::optional<ReplayStatus> status;
-  if (bus) session.add(status.emplace(session.config(), *bus, session.time(), playback.held, reports));
+  if (bus) session.add(status.emplace(session.config(), *bus, session.time(), playback.played, reports));
   std::optional<pipeline::TrackFile> tracks;
   if (!command.tracks.empty()) session.add(tracks.emplace(command.tracks, config, pipeline::WhenFileFails::stop));
   std::optional<pipeline::PoseFile> poses;
@@ -323,7 +329,7 @@ ReplaySummary replay(const ReplayCommand& command, const std::stop_token& stop) 
   if (!bus && command.reload != nullptr) session.add(refusal.emplace(*command.reload));
   std::atomic<bool> has_begun = false;  // the page's thread runs before, and may not reload yet
   std::optional<page::PageService> view;
-  if (bus) session.add(view.emplace(session.config(), viewing(session, command, playback.held, has_begun)));
+  if (bus) session.add(view.emplace(session.config(), viewing(session, command, playback.played, has_begun)));
 
   if (bus && command.wait_for_subscriber_s > 0)
     wait_for_subscriber(bus->publisher(), command.wait_for_subscriber_s, stop);

@@ -4,6 +4,7 @@
 #include <atomic>
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <optional>
 #include <stop_token>
 #include <string>
@@ -41,6 +42,7 @@ struct ReplayCommand {
   std::filesystem::path write_rig;      // the rig as learnt: the cameras' times, and where they stand; empty: none
   bool hold = false;                    // after the first frame of every camera, until the page says go on; needs DDS
   std::atomic<bool>* reload = nullptr;  // set by somebody: the configuration is to be read again; needs DDS
+  std::function<void()> close = {};     // of the page, which asks for its end; empty: it cannot
   bool progress = true;                 // a bar on stderr, if that is a terminal
 };
 

@@ -66,6 +66,12 @@ void notify_service_manager(const std::string& assignments) {
   sd_notify(0, assignments.c_str());  // its failure is the service manager's: there is nobody else to tell
 }
 
+void tell_reloading() {
+  const auto since_boot =
+      std::chrono::duration_cast<std::chrono::microseconds>(std::chrono::steady_clock::now().time_since_epoch());
+  notify_service_manager("RELOADING=1\nMONOTONIC_USEC=" + std::to_string(since_boot.count()));
+}
+
 std::optional<std::chrono::microseconds> watchdog_period() {
   std::uint64_t microseconds = 0;
   if (sd_watchdog_enabled(0, &microseconds) <= 0) return std::nullopt;

@@ -12,6 +12,9 @@ namespace huetrack::daemon {
 // Assignments as in sd_notify(3), "READY=1\nSTATUS=...", to $NOTIFY_SOCKET. thread-safe.
 void notify_service_manager(const std::string& assignments);
 
+// What is not ready for a while, and says READY=1 then.
+void tell_reloading();
+
 // How often WATCHDOG=1 is wanted at the latest (WatchdogSec= of the unit); nullopt: not at all.
 std::optional<std::chrono::microseconds> watchdog_period();
 

@@ -4,6 +4,7 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
+#include <functional>
 #include <iterator>
 #include <numbers>
 #include <utility>
@@ -59,11 +60,34 @@ void Supervisor::look(bool is_last) {
 
 void Supervisor::reload_configuration() {
   if (watchdog_) notify_service_manager("WATCHDOG=1");  // the new colour tables may take a slow machine seconds
-  const auto since_boot = std::chrono::duration_cast<std::chrono::microseconds>(Clock::now().time_since_epoch());
-  if (is_ready_) notify_service_manager("RELOADING=1\nMONOTONIC_USEC=" + std::to_string(since_boot.count()));
-  reload(the_.session);
+  if (is_ready_) tell_reloading();
+  const std::vector<config::LiveCameraConfig> before = the_.session.config().cameras;
+  if (reload(the_.session).empty()) apply_controls(before);
   if (is_ready_) notify_service_manager("READY=1");
   next_status_ = {};
+}
+
+// Of cameras whose controls the configuration says otherwise now. What the page has set already is set once more, which
+// changes nothing.
+void Supervisor::apply_controls(const std::vector<config::LiveCameraConfig>& before) {
+  const auto differ = [](const capture::ControlSetting& a, const capture::ControlSetting& b) {
+    return a.name != b.name || a.value != b.value;
+  };
+  for (const auto& camera : the_.cameras) {
+    const std::string& name = the_.session.rig().cameras[std::size_t(camera.camera)].name;
+    const auto& all = the_.session.config().cameras;
+    const auto now = std::ranges::find(all, name, &config::LiveCameraConfig::name);
+    const auto was = std::ranges::find(before, name, &config::LiveCameraConfig::name);
+    if (!camera.controls || now == all.end() || was == before.end()) continue;
+    if (std::ranges::equal(now->controls, was->controls, std::not_fn(differ))) continue;
+    camera.controls->keep(now->controls);
+    try {
+      for (const auto& result : camera.controls->set(now->controls))
+        if (!result.problem.empty()) spdlog::warn("camera {}: {}", name, to_string(result));
+    } catch (const capture::CaptureError& error) {  // absent: they are applied when it comes back
+      spdlog::info("camera {}: its controls wait for it: {}", name, error.what());
+    }
+  }
 }
 
 bool Supervisor::log_events() {

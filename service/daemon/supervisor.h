@@ -3,10 +3,13 @@
 
 #include <atomic>
 #include <chrono>
+#include <filesystem>
+#include <mutex>
 #include <optional>
 #include <set>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "daemon/status_reporter.h"
@@ -25,6 +28,22 @@ namespace huetrack::daemon {
 struct LiveRequests {
   std::atomic<bool> reload = false;  // SIGHUP
   std::atomic<bool> save = false;    // SIGUSR1: the pre-roll
+  // The page, or a command: a session of its own for what the configuration says now (other targets), or for a
+  // recording.
+  std::atomic<bool> begin_anew = false;
+  // Instead of the cameras, once: the folder of a recording; empty: none. Before begin_anew is set.
+  void open_recording(const std::filesystem::path& folder) {
+    const std::scoped_lock lock(mutex_);
+    recording_ = folder;
+  }
+  std::filesystem::path take_recording() {
+    const std::scoped_lock lock(mutex_);
+    return std::exchange(recording_, {});
+  }
+
+ private:
+  std::mutex mutex_;
+  std::filesystem::path recording_;  // guarded by mutex_
 };
 
 // All of it outlives the supervisor.
@@ -63,6 +82,7 @@ class Supervisor final : public pipeline::Output {
 
   void look(bool is_last);
   void reload_configuration();
+  void apply_controls(const std::vector<config::LiveCameraConfig>& before);
   bool log_events();  // whether there were any
   Healths healths() const;
   void tell_status(const pipeline::PipelineFigures& figures, const Healths& cameras,

@@ -17,6 +17,9 @@ using namespace std::chrono_literals;
 constexpr int niceness = 10;               // of 19
 constexpr auto look_round_period = 100ms;  // for subscribers
 constexpr auto fetch_period = 10ms;        // for the set that was asked for
+// Who downloads a recording asks for its next piece when it has one: not every one of thousands waits for long.
+constexpr auto reading_period = 2ms;
+constexpr auto reads_on_for = 500ms;
 constexpr auto network_period = 1s;
 constexpr auto map_period = 1s;
 constexpr auto freeze_patience = 3s;          // for a set to freeze
@@ -30,6 +33,7 @@ PageService::PageService(const config::ServiceConfig& config, PageServiceOptions
       particles_(std::size_t(std::max(1, config.preview.particles))),
       publisher_(config.dds.publisher),
       desk_(options_.actions),
+      control_desk_(options_.control),
       wanted_(options_.keeps_frames),
       config_(config),
       thread_([this](const std::stop_token& stop) { serve(stop); }) {}
@@ -92,6 +96,7 @@ void PageService::serve(const std::stop_token& stop) {
       auto until = Clock::now() + look_round_period;
       if (is_watched && next_preview > Clock::now()) until = std::min(until, next_preview);
       if (wants()) until = Clock::now() + fetch_period;
+      if (Clock::now() < read_at_ + reads_on_for) until = std::min(until, Clock::now() + reading_period);
       news_.wait_until(lock, stop, until, [&] { return offered_ || fresh_; });
       job.swap(offered_);
       map.swap(map_);
@@ -104,6 +109,7 @@ void PageService::serve(const std::stop_token& stop) {
     const auto now = Clock::now();
     if (options_.reload_asked != nullptr && options_.reload_asked->exchange(false)) options_.actions.reload();
     take_requests();
+    take_control_requests();
     if (to_freeze_ && job) {
       freeze(job->set);
     } else if (to_freeze_ && last && now > asked_to_freeze_ + kept_freeze_patience) {
@@ -161,6 +167,21 @@ void PageService::take_requests() {
       to_freeze_ = *request;
       asked_to_freeze_ = Clock::now();
     }
+  }
+}
+
+void PageService::take_control_requests() {
+  while (const auto request = publisher_.next_control_request()) {
+    if (ControlDesk::is_read(*request)) {
+      read_at_ = Clock::now();
+      publisher_.publish(control_desk_.answer(*request, config_));
+      continue;
+    }
+    // Who asks again has not had the reply; what was done is not done twice.
+    if (!last_control_reply_ || last_control_reply_->client() != request->client() ||
+        last_control_reply_->number() != request->number())
+      last_control_reply_ = control_desk_.answer(*request, config_);
+    publisher_.publish(*last_control_reply_);
   }
 }
 

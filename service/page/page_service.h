@@ -11,6 +11,7 @@
 #include <thread>
 
 #include "config/service_config.h"
+#include "page/control_desk.h"
 #include "page/teach_desk.h"
 #include "pipeline/output.h"
 #include "pipeline/published_time.h"
@@ -28,6 +29,7 @@ struct PageServiceOptions {
   std::atomic<bool>* reload_asked = nullptr;
   // Called from the server's thread. Without reload, nothing can be taught.
   TeachDesk::Actions actions = {};
+  ControlDesk::Actions control = {};
 };
 
 // thread-safe as said per function. Has a thread of its own, ended by the destructor.
@@ -65,6 +67,7 @@ class PageService final : public pipeline::Output {
   void publish_previews(const pictures::PictureJob& job);
   void publish_scene();
   void take_requests();
+  void take_control_requests();
   void freeze(const capture::FrameSet& set);
   void reply(msg::TeachReply reply);
 
@@ -74,9 +77,12 @@ class PageService final : public pipeline::Output {
   const std::size_t particles_;       // of each target in a picture, about
   publish::ViewPublisher publisher_;  // this and all that follows to wanted_: the server's thread's
   TeachDesk desk_;
+  const ControlDesk control_desk_;
   std::optional<msg::TeachRequest> to_freeze_;  // waits for a set
   std::chrono::steady_clock::time_point asked_to_freeze_{};
   std::optional<msg::TeachReply> last_reply_;
+  std::optional<msg::ControlReply> last_control_reply_;
+  std::chrono::steady_clock::time_point read_at_{};  // when a piece of a recording was asked for
   std::atomic<bool> wanted_ = false, map_wanted_ = true;
   std::atomic<std::uint64_t> previews_ = 0;
   std::atomic<std::int64_t> busy_ns_ = 0;

@@ -325,8 +325,13 @@ bool is_worth_writing(const color_teaching::Lesson& lesson, const TeachCommand& 
 
 int teach(const TeachCommand& command, std::stop_token stop) {
   const config::ServiceConfig config = config::load_service_config(command.config);
+  if (command.redo) {
+    fmt::print("{} is as it was before --undo\n", config::redo_taught(config.file).string());
+    tell_services(config);
+    return 0;
+  }
   if (command.undo) {
-    fmt::print("{} is as it was before the last save; --undo again takes this back\n",
+    fmt::print("{} is as it was before the last save; --redo takes this back\n",
                config::undo_taught(config.file).string());
     tell_services(config);
     return 0;

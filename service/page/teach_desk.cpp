@@ -242,8 +242,7 @@ msg::TeachReply TeachDesk::undo(const msg::TeachRequest& request, const config::
   const std::string why_not = why_not_saved([&] { file = config::undo_taught(config.file); });
   if (!why_not.empty()) return refusal(request, why_not);
   msg::TeachReply reply = reply_to(request);
-  reply.reason(fmt::format("Undone: {} is as it was before the last save. Undo again takes this back.",
-                           file.filename().string()));
+  reply.reason(fmt::format("Undone: {} is as it was before the last save.", file.filename().string()));
   return reply;
 }
 

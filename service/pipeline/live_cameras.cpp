@@ -108,7 +108,8 @@ std::vector<LiveCamera> open_here(std::vector<capture::V4l2SourceOptions> asked,
     cameras.push_back({.camera = index,
                        .source = std::move(source),
                        .health = [said_by] { return said_by->health(); },
-                       .take_events = [told_by] { return told_by->take_events(); }});
+                       .take_events = [told_by] { return told_by->take_events(); },
+                       .controls = said_by->controls()});
   }
   return cameras;
 }

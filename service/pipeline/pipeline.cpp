@@ -224,8 +224,7 @@ void Pipeline::capture(capture::FrameSource& source, std::stop_token stop) {
     if (!frame) break;
     mine.at(std::size_t(frame->camera)) = true;
     if (pace_) {
-      const capture::Duration delay{pace_->delay_ns != nullptr ? pace_->delay_ns->load() : 0};
-      if (!sleep_until(pace_->start + delay + (frame->captured_at - pace_->first), stop)) break;
+      if (!sleep_until(pace_->start + (frame->captured_at - pace_->first), stop)) break;
     }
     receive(std::move(*frame));
   }

@@ -36,7 +36,6 @@ namespace huetrack::pipeline {
 struct Pace {
   std::chrono::steady_clock::time_point start;
   capture::Timestamp first;
-  const std::atomic<std::int64_t>* delay_ns = nullptr;  // is added to start; may change while nothing is let through
 };
 
 struct PipelineOptions {

@@ -57,7 +57,12 @@ bool Recorder::is_recording() const {
   return writer() != nullptr;
 }
 
+void Recorder::stop() {
+  if (is_recording()) close();
+}
+
 void Recorder::offer(const capture::Frame& frame) {
+  if (!has_writer_.load(std::memory_order_relaxed) && !options_.pre_roll) return;  // nobody wants it
   cameras_[std::size_t(frame.camera)]->waiting.push(frame);
 }
 
@@ -119,14 +124,21 @@ void Recorder::open(const std::filesystem::path& folder) {
   std::error_code ignored;
   const bool is_ours = !std::filesystem::exists(folder, ignored);
   std::shared_ptr<capture::RecordingWriter> fresh;
+  const auto finish = [this](capture::RecordingWriter* writer) {
+    delete writer;  // closes its files
+    --unfinished_;
+  };
   try {
-    fresh = std::make_shared<capture::RecordingWriter>(std::move(recording));
+    auto writer = std::make_unique<capture::RecordingWriter>(std::move(recording));
+    ++unfinished_;
+    fresh = std::shared_ptr<capture::RecordingWriter>(writer.release(), finish);
   } catch (const capture::CaptureError&) {  // a full disk: no folder of empty files stays behind
     if (is_ours) std::filesystem::remove_all(folder, ignored);
     throw;
   }
   const std::scoped_lock lock(mutex_);
   writer_ = std::move(fresh);
+  has_writer_ = true;
 }
 
 void Recorder::close() {
@@ -135,6 +147,8 @@ void Recorder::close() {
   last_.cameras = writer_->figures();
   last_.failure = writer_->failure();
   closing = std::move(writer_);
+  has_writer_ = false;
+  until_.reset();
 }
 
 }  // namespace huetrack::pipeline

@@ -36,14 +36,21 @@ class Recorder {
   explicit Recorder(RecorderOptions options);  // throws std::invalid_argument
   ~Recorder();                                 // finish()
 
-  // Every frame from now on goes into this folder. throws CaptureError
+  // Every frame from now on goes into this folder, after the pre-roll where there is one. throws CaptureError
   void start(const std::filesystem::path& folder);
+  // What save_pre_roll() began goes on until stop().
+  void go_on() { until_.reset(); }
+  // What is recorded ends here. What the queues hold is not in it any more. Does not block.
+  void stop();
 
   // The pre-roll and what comes in the time `after` from now go into this folder. While that is going on, another call
   // only makes it longer, and gives false. throws CaptureError
   bool save_pre_roll(const std::filesystem::path& folder, capture::Duration after);
   void end_when_due();  // call it now and then: ends what save_pre_roll() began. Does not block.
   bool is_recording() const;
+  bool is_ending_by_itself() const { return is_recording() && until_; }  // as save_pre_roll() began it
+  // A recording is written, or was ended a moment ago and its files are not closed yet.
+  bool is_unfinished() const { return unfinished_ > 0; }
 
   void offer(const capture::Frame& frame);  // quick: a reference into a queue
   RecorderFigures figures() const;
@@ -67,9 +74,11 @@ class Recorder {
   void open(const std::filesystem::path& folder);
   void close();
 
-  RecorderOptions options_;  // the supervising thread's
+  RecorderOptions options_;          // the supervising thread's
+  std::atomic<int> unfinished_ = 0;  // writers that there are; before writer_, whose end counts it down
   mutable std::mutex mutex_;
   std::shared_ptr<capture::RecordingWriter> writer_;            // guarded by mutex_; who lets go of it last finishes it
+  std::atomic<bool> has_writer_ = false;                        // as writer_, for offer()
   RecorderFigures last_;                                        // guarded by mutex_; of the recording before
   std::optional<std::chrono::steady_clock::time_point> until_;  // the supervising thread's; nullopt: for ever
   std::vector<std::unique_ptr<Camera>> cameras_;                // last: their threads use the rest

@@ -10,27 +10,29 @@
 
 namespace huetrack::pipeline {
 
-RecordingKeeper::RecordingKeeper(const config::ServiceConfig& config, const RecordingKeeperOptions& options)
+RecordingKeeper::RecordingKeeper(const config::ServiceConfig& config, RecordingKeeperOptions options)
     : record_(config.record),
+      options_(std::move(options)),
       cameras_(config.rig.camera_names()),
       states_(config.targets.size(), object_tracking::TrackState::searching) {
-  const bool has_pre_roll = record_.pre_roll_s > 0 && !record_.always && options.record_to.empty();
-  if (!record_.always && !has_pre_roll && options.record_to.empty()) return;
-  make_recorder(config, options, has_pre_roll);
-  if (has_pre_roll) return;
-  if (!options.record_to.empty()) {
-    start(options.record_to, options.is_tracking);
+  // With a folder, somebody may ask for a recording at any time.
+  if (is_always() || has_pre_roll() || !record_.folder.empty()) make_recorder(config);
+}
+
+void RecordingKeeper::begin() {
+  if (!is_always()) return;
+  if (!options_.record_to.empty()) {
+    start(options_.record_to);
     return;
   }
   try {
-    start(new_folder(""), options.is_tracking);
+    start(new_folder(""));
   } catch (const std::exception& error) {  // of the disk, whatever it is: that ends no tracking, nor keeps it from it
     problem_ = std::string("nothing is recorded: ") + error.what();
   }
 }
 
-void RecordingKeeper::make_recorder(const config::ServiceConfig& config, const RecordingKeeperOptions& options,
-                                    bool has_pre_roll) {
+void RecordingKeeper::make_recorder(const config::ServiceConfig& config) {
   RecorderOptions recorder;
   recorder.recording.cameras = cameras_;
   recorder.recording.rig_yaml = calib::to_yaml(config.rig);
@@ -38,19 +40,19 @@ void RecordingKeeper::make_recorder(const config::ServiceConfig& config, const R
   recorder.recording.files = config::files_beside(config);
   recorder.recording.raw_storage = record_.raw_storage;
   recorder.queue_frames = std::size_t(record_.queue_frames);
-  if (has_pre_roll) {
+  if (has_pre_roll()) {
     // The recorder shares it out over all cameras of the rig, of which some may not be used.
-    const double share = double(cameras_.size()) / double(options.cameras_in_use);
+    const double share = double(cameras_.size()) / double(options_.cameras_in_use);
     recorder.pre_roll = capture::PreRollOptions{.length = capture::duration_of(record_.pre_roll_s),
                                                 .most_bytes = std::size_t(share * double(record_.pre_roll_mb) * 1e6)};
   }
   recorder_.emplace(std::move(recorder));
 }
 
-void RecordingKeeper::start(const std::filesystem::path& folder, bool is_tracking) {
+void RecordingKeeper::start(const std::filesystem::path& folder) {
   recorder_->start(folder);
   folder_ = folder;
-  if (is_tracking) changes_.emplace(folder);
+  if (options_.is_tracking) changes_.emplace(folder);
   spdlog::info("recording to {}", folder.string());
 }
 
@@ -90,13 +92,15 @@ void RecordingKeeper::on_set(const TrackedSet& set) {
 }
 
 void RecordingKeeper::on_config(const config::ServiceConfig& config) noexcept {
+  const std::scoped_lock lock(supervised_);
   if (recorder_) recorder_->take_over(config::to_portable_yaml(config));
 }
 
 void RecordingKeeper::look_after() {
+  const std::scoped_lock lock(supervised_);
   if (!recorder_) return;
   if (!is_finished_) recorder_->end_when_due();
-  if (has_lost_.exchange(false) && record_.on_lost) save_pre_roll("lost");
+  if (has_lost_.exchange(false) && record_.on_lost && (has_pre_roll() || is_always())) save("lost");
   write_changes();
 }
 
@@ -115,10 +119,15 @@ void RecordingKeeper::write_changes() {
 }
 
 void RecordingKeeper::save_pre_roll(const std::string& why) {
-  if (!recorder_) {
+  const std::scoped_lock lock(supervised_);
+  if (!has_pre_roll() && !is_always()) {
     spdlog::warn("there is no pre-roll to save: give record.folder and record.pre_roll_s");
     return;
   }
+  if (recorder_) save(why);
+}
+
+void RecordingKeeper::save(const std::string& why) {
   if (is_finished_) return;
   try {
     const auto folder = new_folder("-" + why);
@@ -134,7 +143,56 @@ void RecordingKeeper::save_pre_roll(const std::string& why) {
   }
 }
 
+Recorder& RecordingKeeper::recorder_for_who_asks() {
+  if (record_.folder.empty())
+    throw std::runtime_error("there is no folder for recordings: set record: {folder: ...}, and restart");
+  if (is_finished_ || !recorder_) throw std::runtime_error("the service ends");
+  return *recorder_;
+}
+
+std::filesystem::path RecordingKeeper::start_by_hand() {
+  const std::scoped_lock lock(supervised_);
+  Recorder& recorder = recorder_for_who_asks();
+  if (recorder.is_ending_by_itself()) {
+    recorder.go_on();
+    spdlog::info("recording on to {}, as asked", folder_.string());
+  } else if (recorder.is_recording()) {
+    throw std::runtime_error("it is being recorded already, to " + folder_.string());
+  } else {
+    const auto folder = new_folder("");
+    recorder.start(folder);
+    folder_ = folder;
+    problem_.clear();
+    spdlog::info("recording to {}, as asked", folder.string());
+  }
+  return folder_;
+}
+
+std::filesystem::path RecordingKeeper::stop_by_hand() {
+  const std::scoped_lock lock(supervised_);
+  Recorder& recorder = recorder_for_who_asks();
+  if (is_always())
+    throw std::runtime_error("it is recorded from the start to the end: the configuration says record: {always: true}");
+  if (!recorder.is_recording()) throw std::runtime_error("nothing is being recorded");
+  recorder.stop();
+  spdlog::info("recorded to {}", folder_.string());
+  return folder_;
+}
+
+std::filesystem::path RecordingKeeper::save_by_hand() {
+  const std::scoped_lock lock(supervised_);
+  Recorder& recorder = recorder_for_who_asks();
+  if (recorder.is_recording())
+    throw std::runtime_error("it is all in the recording that is being made: " + folder_.string());
+  if (!has_pre_roll())
+    throw std::runtime_error("nothing is kept to be saved: set record: {pre_roll_s: ...}, and restart");
+  save("asked");
+  if (!problem_.empty()) throw std::runtime_error(problem_);
+  return folder_;
+}
+
 void RecordingKeeper::finish(capture::Duration patience) {
+  const std::scoped_lock lock(supervised_);
   if (!recorder_) return;
   recorder_->finish(patience);
   is_finished_ = true;
@@ -142,6 +200,7 @@ void RecordingKeeper::finish(capture::Duration patience) {
 }
 
 std::vector<std::string> RecordingKeeper::warnings() const {
+  const std::scoped_lock lock(supervised_);
   std::vector<std::string> warnings;
   if (!recorder_) return warnings;
   if (!problem_.empty()) warnings.push_back(problem_);
@@ -163,11 +222,23 @@ std::vector<std::string> RecordingKeeper::warnings() const {
   return warnings;
 }
 
+std::filesystem::path RecordingKeeper::folder() const {
+  const std::scoped_lock lock(supervised_);
+  return folder_;
+}
+
 bool RecordingKeeper::is_recording() const {
+  const std::scoped_lock lock(supervised_);
   return recorder_ && recorder_->is_recording() && !recorder_->figures().failure;
 }
 
+bool RecordingKeeper::is_unfinished() const {
+  const std::scoped_lock lock(supervised_);
+  return recorder_ && recorder_->is_unfinished();
+}
+
 RecorderFigures RecordingKeeper::figures() const {
+  const std::scoped_lock lock(supervised_);
   return recorder_ ? recorder_->figures() : RecorderFigures{};
 }
 

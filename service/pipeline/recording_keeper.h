@@ -22,13 +22,15 @@ struct RecordingKeeperOptions {
   bool is_tracking = true;          // false: nothing happens that a replay must repeat
 };
 
-// on_...() as the road calls them, the rest: one supervising thread.
+// on_...() as the road calls them, begin() before it runs; the rest is thread-safe.
 class RecordingKeeper final : public Output {
  public:
-  // Starts to record where everything is to be. config: as it is in force.
+  // config: as it is in force.
+  RecordingKeeper(const config::ServiceConfig& config, RecordingKeeperOptions options);
+  // Starts to record where everything is to be.
   // throws CaptureError: options.record_to cannot be recorded into. (A disk that does not take what config.record asks
   // for is a warning.)
-  RecordingKeeper(const config::ServiceConfig& config, const RecordingKeeperOptions& options);
+  void begin();
 
   void on_frame(const capture::Frame& frame, capture::Timestamp received_at) override;
   void on_left_out(const LeftOut& left_out) override;
@@ -37,29 +39,46 @@ class RecordingKeeper final : public Output {
 
   // Now and then: ends what is over, saves the pre-roll of a target that was lost, writes down what happened.
   void look_after();
-  // Into a folder named by the time and `why`; "signal": somebody asked for it.
+  // Into a folder named by the time and `why`; "signal": somebody asked for it. What goes wrong is logged, or a
+  // warning.
   void save_pre_roll(const std::string& why);
+
+  // What somebody asks for while it runs; each gives the recording's folder. throws std::runtime_error of one readable
+  // line: there is nothing to do that with, it is done already, the configuration wants it otherwise, the disk refuses.
+  std::filesystem::path start_by_hand();  // from the pre-roll's first frame on, where there is one; a pre-roll goes on
+  std::filesystem::path stop_by_hand();
+  std::filesystem::path save_by_hand();  // the pre-roll, and what follows it
+
   // When the road is empty: what is written is on disk, and what is still waiting after `patience` is left out. Nothing
   // is recorded from then on, whatever is asked.
   void finish(capture::Duration patience);
 
-  std::vector<std::string> warnings() const;                       // one sentence each
-  const std::filesystem::path& folder() const { return folder_; }  // of the current or last recording; empty: none
-  bool is_recording() const;                                       // and the disk takes it
-  RecorderFigures figures() const;                                 // empty: nothing is ever recorded
+  std::vector<std::string> warnings() const;  // one sentence each
+  std::filesystem::path folder() const;       // of the current or last recording; empty: none
+  bool is_recording() const;                  // and the disk takes it
+  bool is_unfinished() const;                 // likewise, or its files are not closed yet: folder() is not whole
+  RecorderFigures figures() const;            // empty: nothing is ever recorded
 
  private:
-  void make_recorder(const config::ServiceConfig& config, const RecordingKeeperOptions& options, bool has_pre_roll);
-  void start(const std::filesystem::path& folder, bool is_tracking);
+  // All but begin() and is_always(): under supervised_.
+  void make_recorder(const config::ServiceConfig& config);
+  void start(const std::filesystem::path& folder);
   std::filesystem::path new_folder(const std::string& why) const;
   void write_changes();
+  void save(const std::string& why);
+  Recorder& recorder_for_who_asks();  // throws std::runtime_error
+
+  bool is_always() const { return record_.always || !options_.record_to.empty(); }  // from the start to the end
+  bool has_pre_roll() const { return record_.pre_roll_s > 0 && !is_always(); }
 
   const config::RecordConfig record_;
+  const RecordingKeeperOptions options_;
   const std::vector<std::string> cameras_;  // names, of the rig
-  std::optional<Recorder> recorder_;
-  std::optional<ChangesWriter> changes_;  // made by the constructor, or never
-  std::filesystem::path folder_;          // of the current or last recording
-  std::string problem_;                   // empty: none
+  mutable std::mutex supervised_;           // guards what is done to the recorder, and all of this block
+  std::optional<Recorder> recorder_;        // made by the constructor, or never
+  std::optional<ChangesWriter> changes_;    // made by begin(), or never
+  std::filesystem::path folder_;            // of the current or last recording
+  std::string problem_;                     // empty: none
   bool is_finished_ = false;
 
   std::vector<object_tracking::TrackState> states_;  // the tracking thread's; per target

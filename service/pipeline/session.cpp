@@ -28,6 +28,14 @@ bool has_same_counts(const config::ServiceConfig& a, const config::ServiceConfig
                             &object_tracking::TargetOptions::count);
 }
 
+// Of a configuration with the same cameras otherwise.
+void take_controls(config::ServiceConfig& config, const config::ServiceConfig& from) {
+  for (config::LiveCameraConfig& camera : config.cameras) {
+    const auto same = std::ranges::find(from.cameras, camera.name, &config::LiveCameraConfig::name);
+    if (same != from.cameras.end()) camera.controls = same->controls;
+  }
+}
+
 // What a reload may change, from `fresh`; the rest stays.
 config::ServiceConfig merged(config::ServiceConfig config, const config::ServiceConfig& fresh) {
   config.targets = fresh.targets;
@@ -35,6 +43,7 @@ config::ServiceConfig merged(config::ServiceConfig config, const config::Service
   config.log_level = fresh.log_level;
   config.ignored = fresh.ignored;
   config.control = fresh.control;
+  take_controls(config, fresh);
   return config;
 }
 
@@ -153,6 +162,7 @@ Session::TakenOver Session::take_over(const config::ServiceConfig& fresh) {
   if (!has_same_counts(fresh, config_)) throw std::runtime_error("a target's count was changed: that needs a restart");
   TakenOver result;
   config::ServiceConfig compared = fresh;
+  take_controls(compared, config_);
   if (!compared.set_tolerance_s && !tolerance_is_given_) compared.set_tolerance_s = config_.set_tolerance_s;
   for (const auto& key : config::differing_keys(config_, compared))
     if (std::ranges::find(reloadable, key) == reloadable.end()) result.waiting.push_back(key);

@@ -75,7 +75,8 @@ class Session {
     std::vector<std::string> waiting;        // keys that changed, too: that takes effect at the next start
   };
   // Puts into force what may change while running: the targets' colours and radii, how they are tracked, what of the
-  // images is ignored, the log's level, and what may be asked over the bus. Then tells the outputs. While it runs: one
+  // images is ignored, the cameras' controls (whoever has the cameras applies them), the log's level, and what may be
+  // asked over the bus. Then tells the outputs. While it runs: one
   // thread at a time, which is also the only one that may use config().
   // throws std::runtime_error: the targets are not the same; then nothing has changed.
   TakenOver take_over(const config::ServiceConfig& fresh);

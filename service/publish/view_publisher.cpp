@@ -67,7 +67,11 @@ struct ViewConnection {
         reply(participant.create_writer(idl::teach_reply_topic, dds::TypeSupport(new msg::TeachReplyPubSubType),
                                         idl::teach_writer_qos(), who)),
         request(participant.create_reader(idl::teach_request_topic, dds::TypeSupport(new msg::TeachRequestPubSubType),
-                                          idl::teach_reader_qos())) {
+                                          idl::teach_reader_qos())),
+        control_reply(participant.create_writer(
+            idl::control_reply_topic, dds::TypeSupport(new msg::ControlReplyPubSubType), idl::teach_writer_qos(), who)),
+        control_request(participant.create_reader(
+            idl::control_request_topic, dds::TypeSupport(new msg::ControlRequestPubSubType), idl::teach_reader_qos())) {
     if (!options.tracked_camera.empty())
       map = &participant.create_writer(idl::camera_map_topic, dds::TypeSupport(new msg::CameraMapPubSubType),
                                        idl::status_writer_qos(), who);
@@ -94,6 +98,8 @@ struct ViewConnection {
   idl::DdsParticipant participant;
   dds::DataWriter &scene, &preview, &reply;
   dds::DataReader& request;
+  dds::DataWriter& control_reply;
+  dds::DataReader& control_request;
   dds::DataWriter* map = nullptr;               // null without a tracked camera
   std::vector<dds::DataWriter*> images, infos;  // by camera; empty without ROS 2
   dds::DataWriter* markers = nullptr;           // null without ROS 2
@@ -170,14 +176,29 @@ bool ViewPublisher::publish(const msg::TeachReply& reply) noexcept {
   return impl_->connection->reply.write(const_cast<msg::TeachReply*>(&reply));
 }
 
-std::optional<msg::TeachRequest> ViewPublisher::next_request() {
-  msg::TeachRequest request;
+bool ViewPublisher::publish(const msg::ControlReply& reply) noexcept {
+  return impl_->connection->control_reply.write(const_cast<msg::ControlReply*>(&reply));
+}
+
+namespace {
+
+template <typename Request>
+std::optional<Request> next_of(dds::DataReader& reader, const idl::PublisherIdentity& us) {
+  Request request;
   dds::SampleInfo info;
-  while (impl_->connection->request.take_next_sample(&request, &info) == ReturnCode_t::RETCODE_OK) {
-    if (info.valid_data && request.host() == impl_->identity.host && request.pid() == impl_->identity.pid)
-      return request;
-  }
+  while (reader.take_next_sample(&request, &info) == ReturnCode_t::RETCODE_OK)
+    if (info.valid_data && request.host() == us.host && request.pid() == us.pid) return request;
   return std::nullopt;
+}
+
+}  // namespace
+
+std::optional<msg::TeachRequest> ViewPublisher::next_request() {
+  return next_of<msg::TeachRequest>(impl_->connection->request, impl_->identity);
+}
+
+std::optional<msg::ControlRequest> ViewPublisher::next_control_request() {
+  return next_of<msg::ControlRequest>(impl_->connection->control_request, impl_->identity);
 }
 
 int ViewPublisher::picture_subscribers() const {

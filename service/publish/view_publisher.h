@@ -28,10 +28,12 @@ class ViewPublisher {
   bool publish(const camera_tracking::CameraMap& map,
                capture::Timestamp captured) noexcept;  // of options.tracked_camera, which must be given
   bool publish(const msg::TeachReply& reply) noexcept;
+  bool publish(const msg::ControlReply& reply) noexcept;
   // For RViz: the markers of these targets (those of the last scene, in its order). Nothing without ROS 2.
   bool publish(std::span<const object_tracking::ObjectEstimate> estimates, capture::Timestamp captured) noexcept;
 
-  std::optional<msg::TeachRequest> next_request();  // those to this process; does not wait
+  std::optional<msg::TeachRequest> next_request();            // those to this process; does not wait
+  std::optional<msg::ControlRequest> next_control_request();  // likewise
 
   int picture_subscribers() const;  // of previews, and of ROS 2's images and camera_info
   int marker_subscribers() const;   // of ROS 2's markers

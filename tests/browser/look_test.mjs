@@ -355,7 +355,7 @@ async function steps(browser, address) {
   }, level);
   preview("cam0", size, await even(page, [0, 30]), []);
   preview("cam1", size, await even(page, [60, 200]), []);
-  await until("too dark", async () => /cam0 is too dark: [78]\d % of its picture shows no colour.*controls:/s.test(await current()));
+  await until("too dark", async () => /cam0 is too dark: [78]\d % of its picture shows no colour.*Set up cam0/s.test(await current()));
   assert.equal(await page.locator("#steps .light").count(), 2);
   preview("cam0", size, await even(page, [200, 255]), []);
   await until("too bright", async () => /cam0 is too bright: 2\d % of its picture is white/.test(await current()));

@@ -101,8 +101,118 @@ TEST_F(TaughtFile, ASaveCanBeUndoneAndThatAgain) {
   ASSERT_NE(first, second);
   EXPECT_EQ(undo_taught(file), taught);
   EXPECT_EQ(text(taught), first);
-  undo_taught(file);
+  redo_taught(file);
   EXPECT_EQ(text(taught), second);
+}
+
+TEST_F(TaughtFile, ManySavesAreUndoneStepByStepAndDoneAgain) {
+  const ServiceConfig config = with(by_hand);
+  TargetOptions target = config.targets[0];
+  const auto save = [&](double hue) {
+    target.color = {.hue_min_deg = hue, .hue_max_deg = hue + 10};
+    save_taught(file, target, {});
+  };
+  const auto hue = [&] { return load_service_config(file).targets[0].color.hue_min_deg; };
+  const auto history = [&] { return std::pair(taught_history(file).undoable, taught_history(file).redoable); };
+  EXPECT_EQ(history(), std::pair(0, 0));
+  EXPECT_THROW(redo_taught(file), std::runtime_error);
+  for (const double h : {10, 20, 30, 40}) save(h);
+  EXPECT_EQ(history(), std::pair(4, 0));
+  for (const double h : {30, 20, 10}) {
+    undo_taught(file);
+    EXPECT_EQ(hue(), h);
+  }
+  EXPECT_EQ(history(), std::pair(1, 3));
+  undo_taught(file);
+  EXPECT_FALSE(fs::exists(taught));
+  EXPECT_THROW(undo_taught(file), std::runtime_error);
+  for (const double h : {10, 20, 30}) {
+    redo_taught(file);
+    EXPECT_EQ(hue(), h);
+  }
+  // What was undone is gone with the next save; what is before it is not.
+  save(50);
+  EXPECT_EQ(history(), std::pair(4, 0));
+  undo_taught(file);
+  EXPECT_EQ(hue(), 30);
+  redo_taught(file);
+  EXPECT_EQ(hue(), 50);
+  for (int i = 0; i < 40; ++i) save(100 + i);  // no more than twenty are kept
+  EXPECT_EQ(history(), std::pair(21, 0));
+  for (int i = 0; i < 20; ++i) undo_taught(file);
+  EXPECT_EQ(hue(), 119);
+}
+
+TEST_F(TaughtFile, TargetsAreChangedByHand) {
+  with(by_hand);
+  save_target(file, {.target = "ball", .radius_m = 0.05, .hue_deg = std::pair(340.0, 20.0)});
+  ServiceConfig after = load_service_config(file);
+  EXPECT_EQ(after.targets[0].radius_m, 0.05);
+  EXPECT_EQ(after.targets[0].color, (HsiRange{.hue_min_deg = 340, .hue_max_deg = 20, .saturation_min = 0.3}));
+  EXPECT_THAT(after.targets[0].camera_colors, IsEmpty());  // of all cameras
+  save_target(file, {.target = "ball", .intensity = std::pair(0.2, 0.8), .camera = "cam1"});
+  after = load_service_config(file);
+  EXPECT_EQ(after.targets[0].color.intensity_min, 0.1);
+  EXPECT_EQ(after.targets[0].color_in("cam1"),
+            (HsiRange{.hue_min_deg = 340, .hue_max_deg = 20, .intensity_min = 0.2, .intensity_max = 0.8}));
+  EXPECT_EQ(after.targets[0].color_in("cam0"), after.targets[0].color);
+  // Each value says where it comes from.
+  EXPECT_THAT(to_yaml_with_origins(after), ContainsRegex("radius_m: 0.05 +# from lab.taught.yaml"));
+  const std::string before = text(taught);
+  const auto refused = [&](const TargetEdit& edit) {
+    try {
+      save_target(file, edit);
+    } catch (const std::runtime_error& error) {
+      return std::string(error.what());
+    }
+    return std::string("saved");
+  };
+  EXPECT_THAT(refused({.target = "none", .radius_m = 0.1}), HasSubstr("there is no target none"));
+  EXPECT_THAT(refused({.target = "ball", .hue_deg = std::pair(1.0, 2.0), .camera = "none"}),
+              HasSubstr("no camera none"));
+  EXPECT_THAT(refused({.target = "ball", .radius_m = -1}), HasSubstr("radius_m"));
+  EXPECT_THAT(refused({.target = "ball", .hue_deg = std::pair(1.0, 400.0)}), HasSubstr("from 0 to 360"));
+  EXPECT_THAT(refused({.target = "ball", .saturation = std::pair(0.9, 0.1)}), HasSubstr("saturation must be"));
+  EXPECT_EQ(text(taught), before);
+}
+
+TEST_F(TaughtFile, TargetsAreAddedRenamedAndRemoved) {
+  with(by_hand);
+  add_target(file, {.target = "wand", .radius_m = 0.02});
+  const auto names = [&] {
+    std::vector<std::string> all;
+    for (const auto& target : load_service_config(file).targets) all.push_back(target.name);
+    return all;
+  };
+  EXPECT_THAT(names(), ElementsAre("ball", "other", "wand"));
+  EXPECT_FALSE(is_taught(load_service_config(file).targets[2]));
+  EXPECT_EQ(load_service_config(file).targets[2].radius_m, 0.02);
+  save_target(file, {.target = "wand", .hue_deg = std::pair(200.0, 210.0)});
+  EXPECT_TRUE(is_taught(load_service_config(file).targets[2]));
+
+  // With all that was said of it, whoever said it.
+  const TargetOptions ball = load_service_config(file).targets[0];
+  rename_target(file, "ball", "disc");
+  EXPECT_THAT(names(), ElementsAre("other", "wand", "disc"));
+  const TargetOptions disc = load_service_config(file).targets[2];
+  EXPECT_EQ(disc.color, ball.color);
+  EXPECT_EQ(disc.camera_colors, ball.camera_colors);
+  EXPECT_EQ(disc.radius_m, ball.radius_m);
+  rename_target(file, "wand", "stick");
+  EXPECT_THAT(names(), ElementsAre("other", "disc", "stick"));
+  rename_target(file, "disc", "ball");  // and back again
+  EXPECT_THAT(names(), UnorderedElementsAre("other", "stick", "ball"));
+  remove_target(file, "other");
+  remove_target(file, "stick");
+  EXPECT_THAT(names(), ElementsAre("ball"));
+  const std::string before = text(taught);
+  EXPECT_THROW(remove_target(file, "ball"), std::runtime_error);  // there must be one
+  for (const std::string name : {"", "a b", "ball", "a__b", "1a", "../x", "a\nb", "\xff"})
+    EXPECT_THROW(add_target(file, {.target = name}), std::runtime_error) << name;
+  EXPECT_THROW(rename_target(file, "none", "x"), std::runtime_error);
+  EXPECT_EQ(text(taught), before);
+  for (int i = 0; i < 4; ++i) undo_taught(file);
+  EXPECT_THAT(names(), ElementsAre("other", "wand", "disc"));
 }
 
 TEST_F(TaughtFile, TheFirstSaveIsUndoneToNothing) {
@@ -111,7 +221,7 @@ TEST_F(TaughtFile, TheFirstSaveIsUndoneToNothing) {
   undo_taught(file);
   EXPECT_FALSE(fs::exists(taught));
   EXPECT_EQ(load_service_config(file).targets[0].color, config.targets[0].color);
-  undo_taught(file);
+  redo_taught(file);
   EXPECT_TRUE(fs::exists(taught));
 }
 
@@ -126,7 +236,7 @@ TEST_F(TaughtFile, ASaveAfterNothingIsUndoneToNothing) {
   save_taught(file, target, {});
   undo_taught(file);
   EXPECT_FALSE(fs::exists(taught));
-  undo_taught(file);
+  redo_taught(file);
   EXPECT_EQ(load_service_config(file).targets[0].color.hue_max_deg, 20);
 }
 

@@ -72,13 +72,21 @@ std::vector<std::string> samples() {
   request.client("page");
   request.points().resize(1);
   request.ignored().resize(1);
+  msg::ControlReply answer;
+  answer.rows().resize(2);
+  answer.rows()[1].columns({"recording", "12"});
+  answer.bytes({1, 2, 3});
+  msg::ControlRequest asked;
+  asked.client("page");
+  asked.words({"record", "read", "recording", "0"});
   msg::CameraTimes times;
   times.cameras().resize(1);
   return {serialized<msg::ObjectPositionPubSubType>(0, position), serialized<msg::CameraPosePubSubType>(1, pose),
           serialized<msg::ServiceStatusPubSubType>(2, status),    serialized<msg::ScenePubSubType>(3, scene),
           serialized<msg::PreviewPubSubType>(4, preview),         serialized<msg::CameraMapPubSubType>(5, map),
           serialized<msg::TeachReplyPubSubType>(6, reply),        serialized<msg::TeachRequestPubSubType>(7, request),
-          serialized<msg::CameraTimesPubSubType>(8, times),       "\x09host=lab;pid=12;targets=red,green;"};
+          serialized<msg::CameraTimesPubSubType>(8, times),       serialized<msg::ControlReplyPubSubType>(9, answer),
+          serialized<msg::ControlRequestPubSubType>(10, asked),   "\x0bhost=lab;pid=12;targets=red,green;"};
 }
 
 std::string picture(int width, int height) {

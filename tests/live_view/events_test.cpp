@@ -96,5 +96,34 @@ TEST(Events, ARequestIsReadStrictly) {
   EXPECT_THROW(teach_request_of(many + "]}"), std::invalid_argument);
 }
 
+TEST(Events, WordsAreReadStrictlyAndAnsweredInRows) {
+  const msg::ControlRequest request =
+      control_request_of(R"({"client":"c","number":3,"host":"h","pid":7,"words":["record","start"]})");
+  EXPECT_EQ(request.pid(), 7u);
+  EXPECT_THAT(request.words(), testing::ElementsAre("record", "start"));
+  const auto with = [](const std::string& words) {
+    return R"({"client":"c","number":1,"host":"h","pid":1,"words":)" + words + "}";
+  };
+  for (const std::string& bad : {std::string(), with("1"), with("[1]"), with("[[]]"), with("{}"),
+                                 with(R"(["a\u0000b"])"), with("[\"" + std::string(201, 'x') + "\"]"),
+                                 with("[\"\"" +
+                                      [] {
+                                        std::string more;
+                                        for (int i = 0; i < 32; ++i) more += ",\"x\"";
+                                        return more;
+                                      }() +
+                                      "]"),
+                                 std::string(R"({"client":"c","number":-1,"words":[]})")})
+    EXPECT_THROW(control_request_of(bad), std::invalid_argument) << bad;
+
+  msg::ControlReply reply;
+  reply.client("c");
+  reply.granted(true);
+  reply.rows().emplace_back().columns({"a", "\xff"});
+  const Json json = Json::parse(to_json(reply));
+  EXPECT_EQ(json["granted"], true);
+  EXPECT_EQ(json["rows"][0][0], "a");
+}
+
 }  // namespace
 }  // namespace huetrack::live_view

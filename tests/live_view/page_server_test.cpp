@@ -12,6 +12,7 @@
 
 #include <chrono>
 #include <fstream>
+#include <map>
 #include <thread>
 
 namespace huetrack::live_view {
@@ -75,10 +76,16 @@ class Server : public Test {
     return o;
   }
   void start(const PageServerOptions& o = options()) {
-    server.emplace(o, hub, [this](const std::string& body) -> std::string {
-      bodies.push_back(body);
-      return body == "refuse" ? "No." : "";
-    });
+    server.emplace(o, hub,
+                   PageRequests{.teach = [this](const std::string& body) -> std::string {
+                                  bodies.push_back(body);
+                                  return body == "refuse" ? "No." : "";
+                                },
+                                .download =
+                                    [this](const std::string& name, std::string& why_not) {
+                                      why_not = "Too many.";
+                                      return downloads.contains(name) ? downloads.at(name) : nullptr;
+                                    }});
   }
   std::string ask(const std::string& request) {
     Socket socket(server->port());
@@ -95,6 +102,7 @@ class Server : public Test {
   }
   EventHub hub;
   std::vector<std::string> bodies;  // written by the server's thread before it answers, read after the answer
+  std::map<std::string, std::shared_ptr<RecordingDownload>> downloads;
   std::optional<PageServer> server;
 };
 
@@ -108,6 +116,76 @@ TEST_F(Server, ServesThePageAndNothingElse) {
   EXPECT_THAT(get("/page.js"), HasSubstr("text/javascript"));
   EXPECT_THAT(get("/../../etc/passwd"), StartsWith("HTTP/1.1 404"));
   EXPECT_THAT(ask("DELETE / HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n"), StartsWith("HTTP/1.1 405"));
+}
+
+// What a service answers to the next request for a piece of `whole`.
+bool serve_piece(RecordingDownload& download, const std::string& whole, std::size_t bytes) {
+  const auto request = download.next_request(RecordingDownload::Clock::now());
+  if (!request) return false;
+  msg::ControlReply reply;
+  reply.number(request->number());
+  reply.granted(true);
+  reply.rows().emplace_back().columns({std::to_string(whole.size()), "a"});
+  const std::string part = whole.substr(std::stoul(request->words().at(3)), bytes);
+  reply.bytes({part.begin(), part.end()});
+  download.take(reply);
+  return true;
+}
+
+TEST_F(Server, ARecordingIsSentAsItComes) {
+  start();
+  const auto download = downloads["run"] = std::make_shared<RecordingDownload>("run", "me", "host", 1);
+  std::string whole;
+  for (int i = 0; i < 300'000; ++i) whole += char('a' + i % 26);
+  const std::jthread service([&](const std::stop_token& stop) {
+    while (!stop.stop_requested()) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(5));  // it lets be waited for
+      serve_piece(*download, whole, 100'000);
+    }
+  });
+  const std::string answer = get("/api/recordings/run.tar");
+  EXPECT_THAT(answer, AllOf(StartsWith("HTTP/1.1 200"), HasSubstr("Content-Length: 300000\r\n"),
+                            HasSubstr("Content-Disposition: attachment; filename=\"run.tar\"\r\n"),
+                            HasSubstr("Content-Type: application/x-tar\r\n"), EndsWith(whole)));
+}
+
+TEST_F(Server, WhatIsNoRecordingIsNotSent) {
+  start();
+  const auto refused = downloads["none"] = std::make_shared<RecordingDownload>("none", "me", "host", 1);
+  refused->fail("There is no recording none.");
+  EXPECT_THAT(get("/api/recordings/none.tar"),
+              AllOf(StartsWith("HTTP/1.1 404"), HasSubstr("There is no recording none.")));
+  EXPECT_THAT(get("/api/recordings/many.tar"), AllOf(StartsWith("HTTP/1.1 503"), HasSubstr("Too many.")));
+  for (const std::string hostile : {"..", "a/b", "a%2fb", ".hidden", "a%0d%0aX:b", "%00", "a%22b"})
+    EXPECT_THAT(get("/api/recordings/" + hostile + ".tar"), StartsWith("HTTP/1.1 404")) << hostile;
+  for (const std::string path : {"/api/recordings/", "/api/recordings/.tar", "/api/recordings/run", "/api/recordings"})
+    EXPECT_THAT(get(path), StartsWith("HTTP/1.1 404")) << path;
+  EXPECT_THAT(get("/api/recordings/none.tar", "Sec-Fetch-Site: cross-site\r\n"), StartsWith("HTTP/1.1 403"));
+  EXPECT_THAT(get("/api/recordings/none.tar", "Origin: http://evil.example\r\n"), StartsWith("HTTP/1.1 403"));
+}
+
+TEST_F(Server, ARecordingThatBreaksOffIsNotWhole) {
+  start();
+  const auto download = downloads["run"] = std::make_shared<RecordingDownload>("run", "me", "host", 1);
+  const std::string whole(200'000, 'x');
+  std::jthread service([&] {
+    while (!serve_piece(*download, whole, 100'000)) std::this_thread::yield();
+    std::this_thread::sleep_for(std::chrono::milliseconds(100));
+    download->fail("The service is gone.");
+  });
+  const std::string answer = get("/api/recordings/run.tar");
+  EXPECT_THAT(answer, AllOf(StartsWith("HTTP/1.1 200"), HasSubstr("Content-Length: 200000\r\n")));
+  EXPECT_LT(answer.size(), 150'000u);
+}
+
+TEST_F(Server, ItEndsWhileARecordingIsAwaited) {
+  start();
+  downloads["run"] = std::make_shared<RecordingDownload>("run", "me", "host", 1);
+  Socket socket(server->port());
+  socket.send("GET /api/recordings/run.tar HTTP/1.1\r\nHost: localhost\r\n\r\n");
+  std::this_thread::sleep_for(std::chrono::milliseconds(100));
+  server.reset();
+  EXPECT_THAT(socket.receive(""), AnyOf(IsEmpty(), StartsWith("HTTP/1.1 404")));
 }
 
 TEST_F(Server, APageOfAnAllowedOriginReadsPositionsAndNothingElse) {
@@ -222,14 +300,14 @@ TEST_F(Server, AddressesThatCannotBeListenedOnAreSaid) {
   start();
   PageServerOptions taken = options();
   taken.port = server->port();
-  EXPECT_THAT([&] { PageServer second(taken, hub, nullptr); },
+  EXPECT_THAT([&] { PageServer second(taken, hub, {}); },
               ThrowsMessage<std::runtime_error>(AllOf(HasSubstr("cannot listen on 127.0.0.1"), HasSubstr("--port"))));
   PageServerOptions wrong = options();
   wrong.address = "some.host";
-  EXPECT_THAT([&] { PageServer second(wrong, hub, nullptr); }, ThrowsMessage<std::runtime_error>(HasSubstr("IPv4")));
+  EXPECT_THAT([&] { PageServer second(wrong, hub, {}); }, ThrowsMessage<std::runtime_error>(HasSubstr("IPv4")));
   PageServerOptions named = options();
   named.address = "localhost";
-  EXPECT_GT(PageServer(named, hub, nullptr).port(), 0);
+  EXPECT_GT(PageServer(named, hub, {}).port(), 0);
 }
 
 TEST_F(Server, NonsenseAndHugeHeadersAreRefusedAndForgotten) {

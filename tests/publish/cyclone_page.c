@@ -68,6 +68,12 @@ static void reply(const void* sample) {
          (unsigned)s->number, s->granted, s->reason, (unsigned)s->cameras._buffer[0].mask._length);
 }
 
+static void control(const void* sample) {
+  const huetrack_msg_ControlReply* s = sample;
+  printf("control/number %u\ncontrol/reason %s\ncontrol/column %s\ncontrol/bytes %u %u\n", (unsigned)s->number,
+         s->reason, s->rows._buffer[1].columns._buffer[0], (unsigned)s->bytes._length, (unsigned)s->bytes._buffer[2]);
+}
+
 static void markers(const void* sample) {
   const visualization_msgs_msg_dds__MarkerArray_* s = sample;
   const visualization_msgs_msg_dds__Marker_* m = &s->markers._buffer[0];
@@ -112,6 +118,9 @@ int main(int argc, char** argv) {
       {subscribe(participant, &huetrack_msg_TeachReply_desc, "huetrack/teach_reply", DDS_RELIABILITY_RELIABLE,
                  DDS_DURABILITY_VOLATILE),
        reply, 0},
+      {subscribe(participant, &huetrack_msg_ControlReply_desc, "huetrack/control_reply", DDS_RELIABILITY_RELIABLE,
+                 DDS_DURABILITY_VOLATILE),
+       control, 0},
       {subscribe(participant, &visualization_msgs_msg_dds__MarkerArray__desc, "rt/huetrack/markers",
                  DDS_RELIABILITY_RELIABLE, DDS_DURABILITY_VOLATILE),
        markers, 0},
@@ -130,6 +139,11 @@ int main(int argc, char** argv) {
       check(dds_create_topic(participant, &huetrack_msg_TeachRequest_desc, "huetrack/teach_request", NULL, NULL),
             "teach_request");
   const dds_entity_t writer = check(dds_create_writer(participant, topic, qos, NULL), "teach_request");
+  const dds_entity_t control_topic =
+      check(dds_create_topic(participant, &huetrack_msg_ControlRequest_desc, "huetrack/control_request", NULL, NULL),
+            "control_request");
+  const dds_entity_t control_writer =
+      check(dds_create_writer(participant, control_topic, qos, NULL), "control_request");
   dds_delete_qos(qos);
   const size_t count = sizeof topics / sizeof *topics;
   size_t complete = 0;
@@ -146,6 +160,12 @@ int main(int argc, char** argv) {
       request.points._buffer = &at;
       request.points._length = request.points._maximum = 1;
       dds_write(writer, &request);
+      char* words[] = {"record", "list"};
+      huetrack_msg_ControlRequest asked = {
+          .client = "cyclone", .number = 8, .host = argv[2], .pid = (uint32_t)atoi(argv[3])};
+      asked.words._buffer = words;
+      asked.words._length = asked.words._maximum = 2;
+      dds_write(control_writer, &asked);
     }
     complete = 0;
     for (size_t i = 0; i < count; ++i) {

@@ -181,6 +181,7 @@ TEST(ViewSecondVendor, CycloneSeesTheViewAndAsksForIt) {
       {HUETRACK_CYCLONE_PAGE, "76", idl::PublisherIdentity::of_this_process({}).host, std::to_string(::getpid())});
   const object_tracking::ObjectEstimate e = estimate(object_tracking::TrackState::tracking);
   std::optional<msg::TeachRequest> asked;
+  std::vector<std::string> words;
   std::optional<int> status;
   for (int i = 0; i < 300 && !status; ++i) {
     if (publisher.picture_subscribers() > 0) {
@@ -198,10 +199,23 @@ TEST(ViewSecondVendor, CycloneSeesTheViewAndAsksForIt) {
       reply.cameras()[0].mask(std::vector<std::uint8_t>(9600, 1));
       publisher.publish(reply);
     }
+    while (auto request = publisher.next_control_request()) {
+      words = request->words();
+      msg::ControlReply reply;
+      reply.client(request->client());
+      reply.number(request->number());
+      reply.granted(true);
+      reply.reason("listed");
+      reply.rows().resize(2);
+      reply.rows()[1].columns({"a", "b"});
+      reply.bytes({1, 2, 3});
+      publisher.publish(reply);
+    }
     status = page.exit_status(50ms);
   }
   ASSERT_EQ(status, 0) << page.err();
   ASSERT_TRUE(asked);
+  EXPECT_THAT(words, ElementsAre("record", "list"));
   EXPECT_EQ(asked->action(), msg::TEACH_ACTION_LOOK);
   EXPECT_EQ(asked->points().at(0).camera(), "cam.0");
   EXPECT_EQ(asked->points()[0].pixel()[1], 20.5);
@@ -224,6 +238,10 @@ TEST(ViewSecondVendor, CycloneSeesTheViewAndAsksForIt) {
   EXPECT_EQ(got["reply/number"], "7");
   EXPECT_EQ(got["reply/reason"], "done");
   EXPECT_EQ(got["reply/mask"], "9600");
+  EXPECT_EQ(got["control/number"], "8");
+  EXPECT_EQ(got["control/reason"], "listed");
+  EXPECT_EQ(got["control/column"], "a");
+  EXPECT_EQ(got["control/bytes"], "3 3");
   EXPECT_EQ(got["markers/count"], "8");
   EXPECT_THAT(got["markers/first"], StartsWith("ball 2 0 0.69999999999999996 0.08"));
   EXPECT_EQ(got["image/format"], "jpeg");

@@ -6,6 +6,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <chrono>
@@ -15,6 +16,7 @@
 #include <mutex>
 #include <optional>
 #include <random>
+#include <span>
 #include <stdexcept>
 #include <string>
 #include <thread>
@@ -55,11 +57,70 @@ class FilmCamera {
                 [state = state_] {
                   const std::scoped_lock lock(state->mutex);
                   return std::exchange(state->events, {});
-                }};
+                },
+            .controls = state_->controls};
   }
 
  private:
   using Clock = std::chrono::steady_clock;
+
+  // As a webcam has them: the exposure, which an automatic one rules until a manual value is asked for, and the mains.
+  // Of all that, the exposure is seen in the film.
+  class Controls final : public capture::CameraControls {
+   public:
+    static constexpr int usual_exposure = 200;
+
+    std::vector<capture::Control> read() const override {
+      const std::scoped_lock lock(mutex_);
+      auto all = controls_;
+      all[1].is_inactive = all[0].value != 1;
+      return all;
+    }
+    std::vector<capture::ControlResult> set(std::span<const capture::ControlSetting> settings) override {
+      const std::scoped_lock lock(mutex_);
+      std::vector<capture::ControlResult> results;
+      for (const auto& [name, value] : settings) {
+        capture::ControlResult& result = results.emplace_back();
+        result.name = name;
+        const auto* const number = std::get_if<std::int64_t>(&value);
+        result.asked = number != nullptr ? std::to_string(*number) : std::get<std::string>(value);
+        const auto control = std::ranges::find(controls_, name, &capture::Control::name);
+        if (control == controls_.end() || number == nullptr || *number < control->min || *number > control->max) {
+          result.problem = control == controls_.end() ? "the camera has no such control" : "is out of range";
+          continue;
+        }
+        control->value = result.got = *number;
+        if (name == "exposure_time_absolute") controls_[0].value = 1;  // the automatic one is switched off
+      }
+      exposure_ = controls_[0].value == 1 ? int(*controls_[1].value) : usual_exposure;
+      return results;
+    }
+    void keep(std::vector<capture::ControlSetting>) override {}
+    int exposure() const { return exposure_; }
+
+   private:
+    mutable std::mutex mutex_;
+    std::vector<capture::Control> controls_{
+        {.name = "auto_exposure",
+         .min = 0,
+         .max = 3,
+         .default_value = 3,
+         .value = 3,
+         .menu = {{1, "Manual Mode"}, {3, "Aperture Priority Mode"}}},
+        {.name = "exposure_time_absolute",
+         .min = 1,
+         .max = 1000,
+         .default_value = usual_exposure,
+         .value = usual_exposure,
+         .menu = {}},
+        {.name = "power_line_frequency",
+         .min = 0,
+         .max = 2,
+         .default_value = 2,
+         .value = 2,
+         .menu = {{0, "Disabled"}, {1, "50 Hz"}, {2, "60 Hz"}}}};  // guarded by mutex_
+    std::atomic<int> exposure_ = usual_exposure;
+  };
 
   struct Buffer {
     std::unique_ptr<std::uint8_t[]> bytes;
@@ -111,6 +172,7 @@ class FilmCamera {
     std::int64_t frames = 0;
     std::vector<std::shared_ptr<const std::vector<std::uint8_t>>> jpegs;  // of every frame, or none
     std::array<Buffer, 8> buffers;
+    const std::shared_ptr<Controls> controls = std::make_shared<Controls>();
     std::mutex mutex;
     capture::CameraHealth health;              // guarded by mutex
     std::vector<capture::CameraEvent> events;  // guarded by mutex
@@ -164,6 +226,11 @@ class FilmCamera {
       const auto got = ::pread(state_->file, buffer->bytes.get(), state_->frame_bytes,
                                off_t(std::size_t(k % state_->frames) * state_->frame_bytes));
       if (got != ssize_t(state_->frame_bytes)) throw std::runtime_error(options.film.string() + ": cannot be read");
+      if (const int exposure = state_->controls->exposure(); exposure != Controls::usual_exposure)
+        for (std::size_t i = 0; i < state_->frame_bytes; i += 2) {  // the luma of YUYV
+          const int y = 16 + (buffer->bytes[i] - 16) * exposure / Controls::usual_exposure;
+          buffer->bytes[i] = std::uint8_t(std::clamp(y, 16, 235));
+        }
       capture::Frame frame;
       frame.camera = options.camera;
       frame.sequence = std::uint32_t(k);

@@ -44,24 +44,26 @@ int main(int argc, char** argv) {
   try {
     if (cameras_to_make > 0) soak::make_films(films, cameras_to_make, 320, 240, phases == "spread");
     const config::ServiceConfig config = config::load_service_config(config_file);
-    daemon::set_log_level(config.log_level);
-    const auto start = std::chrono::steady_clock::now();
-    std::vector<pipeline::LiveCamera> cameras;
-    for (const auto& camera : config.cameras) {
-      soak::FilmCameraOptions film;
-      film.camera = config.rig.index_of(camera.name).value();
-      film.film = films / (camera.name + ".yuyv");
-      film.width = config.rig.cameras[std::size_t(film.camera)].image_size.width;
-      film.height = config.rig.cameras[std::size_t(film.camera)].image_size.height;
-      film.fps = camera.fps.value_or(30);
-      film.start = start;
-      if (phases == "spread")
-        film.phase = capture::duration_of(double(cameras.size()) / double(config.cameras.size()) / film.fps);
-      film.faults = faults;
-      cameras.push_back(soak::FilmCamera(std::move(film)).live());
-    }
+    const auto play = [&](const config::ServiceConfig& now, const std::stop_token&) {
+      const auto start = std::chrono::steady_clock::now();
+      std::vector<pipeline::LiveCamera> cameras;
+      for (const auto& camera : now.cameras) {
+        soak::FilmCameraOptions film;
+        film.camera = now.rig.index_of(camera.name).value();
+        film.film = films / (camera.name + ".yuyv");
+        film.width = now.rig.cameras[std::size_t(film.camera)].image_size.width;
+        film.height = now.rig.cameras[std::size_t(film.camera)].image_size.height;
+        film.fps = camera.fps.value_or(30);
+        film.start = start;
+        if (phases == "spread")
+          film.phase = capture::duration_of(double(cameras.size()) / double(now.cameras.size()) / film.fps);
+        film.faults = faults;
+        cameras.push_back(soak::FilmCamera(std::move(film)).live());
+      }
+      return cameras;
+    };
     const daemon::LiveSummary summary = soak::until_ended([&](const std::stop_token& stop) {
-      return daemon::run_live(config, std::move(cameras), options, requests, stop);
+      return daemon::run_live_while_asked(config, play, options, requests, stop);
     });
     std::printf("%llu sets tracked, %llu dropped\n", static_cast<unsigned long long>(summary.figures.sets_tracked),
                 static_cast<unsigned long long>(summary.figures.sets_dropped));

@@ -41,7 +41,7 @@ HUETRACK_FUZZ_TARGET(dds) {
   if (input.empty()) return;
   const std::string_view bytes = input.substr(1);
   const auto to_json = [](const auto& sample) { live_view::to_json(sample); };
-  switch (static_cast<unsigned char>(input.front()) % 10) {
+  switch (static_cast<unsigned char>(input.front()) % 12) {
     case 0:
       return receive<msg::ObjectPositionPubSubType>(bytes, [](auto& sample) { print(sample); });
     case 1:
@@ -67,6 +67,10 @@ HUETRACK_FUZZ_TARGET(dds) {
         live_view::to_json(sample);
         client::make_printable(sample);
       });
+    case 9:
+      return receive<msg::ControlReplyPubSubType>(bytes, to_json);
+    case 10:
+      return receive<msg::ControlRequestPubSubType>(bytes, [](auto&) {});
     default:
       if (const auto identity = idl::PublisherIdentity::from(bytes))
         idl::PublisherIdentity::from(identity->user_data());

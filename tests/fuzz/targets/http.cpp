@@ -15,6 +15,10 @@ namespace {
 
 std::string answered(const std::string& body) {
   try {
+    live_view::control_request_of(body);
+  } catch (const std::invalid_argument&) {  // of the other kind
+  }
+  try {
     live_view::teach_request_of(body);
     return "";
   } catch (const std::invalid_argument& error) {
@@ -33,7 +37,7 @@ live_view::PageServerOptions any_port() {
 HUETRACK_FUZZ_TARGET(http) {
   answered(std::string(input.substr(std::min(input.find("\r\n\r\n") + 4, input.size()))));
   static live_view::EventHub hub;
-  static const live_view::PageServer server(any_port(), hub, answered);
+  static const live_view::PageServer server(any_port(), hub, {.teach = answered, .control = answered});
   const int fd = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
   sockaddr_in to{};
   to.sin_family = AF_INET;

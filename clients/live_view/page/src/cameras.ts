@@ -4,7 +4,7 @@ import { Labels, type Labelled } from "./labels";
 import type { CameraStatus, Color, Preview } from "./messages";
 import { save } from "./save";
 import { isHidden, watchVisibility } from "./visibility";
-import { store } from "./store";
+import { store, targetOf } from "./store";
 
 interface View {
   camera: string;
@@ -209,7 +209,39 @@ addEventListener("keydown", (event) => {
 export async function showPreview(preview: Preview): Promise<void> {
   const view = viewOf(preview.camera);
   view.next = preview;
-  if (!view.decoding && !isHidden(view.canvas)) await decode(view);
+  if (!view.decoding && (!isHidden(view.canvas) || followed.has(preview.camera))) await decode(view);
+}
+
+// Cameras that are shown elsewhere on the page, too: their pictures are decoded wherever they stand.
+let followed = new Set<string>();
+export function follow(cameras: string[]): void {
+  followed = new Set(cameras);
+}
+
+// A camera's picture as it is now, with what matches where that is asked for (showLiveMasks()), and the ring that is changed.
+export function drawLive(canvas: HTMLCanvasElement, camera: string): void {
+  const view = views.get(camera);
+  if (!view?.image || !view.preview) return;
+  const { image, preview } = view;
+  if (canvas.width !== image.width || canvas.height !== image.height) [canvas.width, canvas.height] = [image.width, image.height];
+  const g = canvas.getContext("2d")!;
+  g.drawImage(image, 0, 0);
+  const looked = liveMask?.get(camera);
+  if (!looked) return;
+  g.globalAlpha = 0.75;
+  g.drawImage(maskOf(image, looked, preview.image[0]), 0, 0);
+  g.globalAlpha = 1;
+  const scale = image.width / preview.image[0];
+  for (const { target, px, radius } of preview.targets) {
+    if (targetOf(target, [changedRing.target]) !== changedRing.target || px[0] === null || px[1] === null) continue;
+    for (const [width, style] of [[3, "rgb(0 0 0 / 0.7)"], [1.5, "white"]] as const) {
+      g.lineWidth = width;
+      g.strokeStyle = style;
+      g.beginPath();
+      g.arc((px[0] + 0.5) * scale, (px[1] + 0.5) * scale, Math.max(2, (radius ?? 0) * changedRing.factor * scale), 0, 2 * Math.PI);
+      g.stroke();
+    }
+  }
 }
 
 let tellNew = () => {};
@@ -252,6 +284,18 @@ export function showLiveMasks(masks: Map<string, LiveMask> | null): void {
   redrawCameras();
 }
 
+// While a radius is changed: the ring of this target is as much larger.
+let changedRing = { target: "", factor: 1 };
+export function showRadius(target: string, factor: number): void {
+  if (changedRing.target === target && changedRing.factor === factor) return;
+  changedRing = { target, factor: Number.isFinite(factor) && factor > 0 ? factor : 1 };
+  redrawCameras();
+}
+
+// How much of a camera's last picture matched while masks were shown; null: it was not looked at.
+const shares = new Map<string, number>();
+export const matchingShare = (camera: string): number | null => (liveMask?.has(camera) ? shares.get(camera) ?? null : null);
+
 const sketch = document.createElement("canvas");
 // HSI as the tracker computes it (service/object_tracking/color_model.cpp), of the preview's pixels.
 function maskOf(image: ImageBitmap, { color, ignored }: LiveMask, imageWidth: number): HTMLCanvasElement {
@@ -262,6 +306,7 @@ function maskOf(image: ImageBitmap, { color, ignored }: LiveMask, imageWidth: nu
   const pixels = g.getImageData(0, 0, w, h);
   const d = pixels.data;
   const [from, to] = color.hue_deg;
+  let matching = 0;
   for (let i = 0; i < d.length; i += 4) {
     const [r, g8, b] = [d[i], d[i + 1], d[i + 2]];
     const intensity = (r + g8 + b) / 3;
@@ -273,8 +318,10 @@ function maskOf(image: ImageBitmap, { color, ignored }: LiveMask, imageWidth: nu
       const hue = ((Math.atan2((Math.sqrt(3) / 2) * (g8 - b), r - (g8 + b) / 2) * 180) / Math.PI + 360) % 360;
       on = from <= to ? hue >= from && hue <= to : hue >= from || hue <= to;
     }
+    if (on) matching++;
     [d[i], d[i + 1], d[i + 2], d[i + 3]] = on ? [255, 0, 220, 255] : [0, 0, 0, 120];
   }
+  shares.set(color.camera, matching / (w * h));
   g.putImageData(pixels, 0, 0);
   const s = w / imageWidth;
   for (const [u0, v0, u1, v1] of ignored) {
@@ -343,7 +390,8 @@ function draw(view: View): void {
     }
     if (target.px[0] === null || target.px[1] === null) continue;
     const [x, y] = at(target.px[0], target.px[1]);
-    const radius = Math.max(3, (target.radius ?? 0) * s);
+    const changed = targetOf(target.target, [changedRing.target]) === changedRing.target ? changedRing.factor : 1;
+    const radius = Math.max(3, (target.radius ?? 0) * changed * s);
     const ring = (width: number, style: string, dashed: boolean) => {
       g.lineWidth = width;
       g.strokeStyle = style;
@@ -491,7 +539,9 @@ export function updateCameras(serving: boolean): void {
     const health = serving ? camera.health : "unknown";
     const slow = serving && !isHeld ? slowness(camera) : "";
     view.health.textContent = isHeld
-      ? "held at its first frame"
+      ? camera.frames > 1
+        ? "held"
+        : "held at its first frame"
       : health === "delivering"
         ? `${camera.rate_hz.toFixed(1)} Hz`
         : healthWords[health] ?? health;

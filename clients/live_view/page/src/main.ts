@@ -1,7 +1,7 @@
 // The page: listens to the bridge and shows what it says. Everything that is shown is in the store.
 import { drawNewPictures, forgetPictures, onNewPicture, redrawCameras, showPreview, slowness, updateCameras } from "./cameras";
 import { colorOf } from "./color";
-import type { CameraMap, CameraMapPoint, CameraPose, CameraTimes, Position, Pulse, Scene, State, Status, TeachReply } from "./messages";
+import type { CameraMap, CameraMapPoint, CameraPose, CameraTimes, ControlReply, Position, Pulse, Scene, State, Status, TeachReply } from "./messages";
 import { drawPlots, isPaused, onPlotsChanged, plotPeriod, plotSpan, updatePlotTexts } from "./plots";
 import { Scene3d } from "./scene3d";
 import {
@@ -17,6 +17,11 @@ import {
   takeStatus,
   targetOf,
 } from "./store";
+import { drawAdjust, updateAdjust } from "./adjust";
+import { drawControls, updateControls } from "./controls";
+import { takeControlReply } from "./control";
+import { updatePlayback } from "./playback";
+import { updateRecordings } from "./recordings";
 import { updateSteps } from "./steps";
 import { takeSceneForTeaching, takeTeachReply, updateTeach } from "./teach";
 import { isHidden, watchVisibility } from "./visibility";
@@ -122,6 +127,7 @@ function listen(): void {
   on<CameraPose>("camera_pose", onTracks(takeCameraPose));
   on<CameraMap>("camera_map", onTracks(takeCameraMap));
   on<Parameters<typeof showPreview>[0]>("preview", (preview) => void showPreview(preview));
+  on<ControlReply>("control", takeControlReply);
   on<TeachReply>("teach", (reply) => void takeTeachReply(reply));
 }
 
@@ -338,7 +344,7 @@ function tick(): void {
     ? "The bridge does not answer: is `huetrack view` still running? Trying again."
     : serving
       ? status!.mode === "held"
-        ? `replay on ${status!.host}, held at its first frames: teach colours, then press Go on`
+        ? `replay on ${status!.host}, held: colours may be taught; Go on lets it run`
         : `${status!.mode === "run" ? "live cameras" : "replay"} on ${status!.host}, ${isStuck ? "no frame sets: do all cameras deliver?" : `${status!.set_rate_hz.toFixed(1)} sets/s`}`
       : `Waiting for huetrackd on ${pulse ? pulse.bus : "DDS"}. The page goes on by itself.`;
   const warnings = [...(serving ? status!.warnings : []), ...(pulse?.trouble ? [pulse.trouble] : [])];
@@ -359,6 +365,10 @@ function tick(): void {
   updateHealth(serving);
   updatePlotTexts();
   updateTeach(serving);
+  updateAdjust(serving);
+  updateControls(serving);
+  updatePlayback(serving);
+  updateRecordings();
   updateSteps();
 }
 
@@ -368,7 +378,7 @@ function awaited(serving: boolean): string {
   if (!store.connected) return "Positions come again when the bridge does.";
   if (!serving || !status)
     return `No huetrackd is heard on DDS domain ${pulse?.domain ?? 0}. Start one: huetrackd run my.yaml, or huetrackd replay my.yaml RECORDING --speed real.`;
-  if (status.mode === "held") return "The replay is held at its first frames. Go on, under Teach a colour, lets it run.";
+  if (status.mode === "held") return "The replay is held. Go on, above, lets it run.";
   const there = status.cameras.filter((c) => c.health === "delivering").length;
   if (status.cameras.length && there < status.cameras.length)
     return `No position yet: ${there} of ${status.cameras.length} cameras deliver. Health, below, says what is wrong with the others.`;
@@ -477,7 +487,9 @@ const cards = addPart(document.body, () => (isSlow() ? slowBeat : 100), () => {
 });
 
 const pictures = addPart($("cameras"), () => (isSlow() ? slowBeat : 0), drawNewPictures);
-onNewPicture(() => renew(pictures));
+const setup = addPart($("controls-panel"), () => (isSlow() ? slowBeat : 0), drawControls);
+const mask = addPart($("adjust-panel"), () => (isSlow() ? slowBeat : 0), drawAdjust);
+onNewPicture(() => renew(pictures, setup, mask));
 
 let scenePart: Part | null = null;
 const canvas = $("scene") as HTMLCanvasElement;

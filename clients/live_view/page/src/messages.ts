@@ -159,6 +159,15 @@ export interface TaughtCamera {
   mask: string;
 }
 
+// To words that were asked: idl/README.md.
+export interface ControlReply {
+  client: string;
+  number: number;
+  granted: boolean;
+  reason: string;
+  rows: string[][];
+}
+
 export interface TeachReply {
   client: string;
   number: number;

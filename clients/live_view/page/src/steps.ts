@@ -1,7 +1,8 @@
 // The first steps: cameras, exposure, calibration, colour, track. Of each what is missing, and how it is done. They show
 // themselves until something was tracked for the first time, and to who asks for them.
 import { lightOf, type Light } from "./cameras";
-import { variable } from "./color";
+import { openControls } from "./controls";
+import { drawLight } from "./light";
 import { isServing, store } from "./store";
 import { openTeaching } from "./teach";
 
@@ -58,6 +59,8 @@ function exposure(lights: [string, Light | null][]): Step {
     ...bright.map(([name, l]) => `${name} is too bright: ${percent(l!.bright)} of its picture is white.`),
   ];
   const name = (dark[0] ?? bright[0])[0];
+  if (store.scene?.may_teach)
+    return { title, isDone: false, says: `${says.join(" ")} Set its exposure, gain and white balance, and save them.`, button: [`Set up ${name}…`, () => openControls(name)] };
   return {
     title,
     isDone: false,
@@ -147,7 +150,6 @@ function itemOf(step: Step, isCurrent: boolean): HTMLElement {
 
 // How the intensities of each picture are spread: what lies in the shaded ends shows no colour.
 function drawLights(item: HTMLElement): void {
-  const [w, h] = [128, 40];
   let row = item.querySelector<HTMLElement>(".lights");
   if (!row) row = item.appendChild(Object.assign(document.createElement("div"), { className: "lights" }));
   for (const camera of store.status!.cameras) {
@@ -158,23 +160,12 @@ function drawLights(item: HTMLElement): void {
       figure = document.createElement("figure");
       figure.dataset.camera = camera.name;
       figure.className = "light";
-      const canvas = Object.assign(document.createElement("canvas"), { width: 2 * w, height: 2 * h });
+      const canvas = document.createElement("canvas");
       canvas.setAttribute("role", "img");
       figure.append(canvas, Object.assign(document.createElement("figcaption"), { textContent: camera.name }));
       row.append(figure);
     }
-    const canvas = figure.querySelector("canvas")!;
-    canvas.setAttribute("aria-label", `Intensities of ${camera.name}: ${percent(light.dark)} dark, ${percent(light.bright)} white`);
-    const g = canvas.getContext("2d")!;
-    g.setTransform(2, 0, 0, 2, 0, 0);
-    g.clearRect(0, 0, w, h);
-    g.fillStyle = variable("--line");
-    g.fillRect(0, 0, light.least * w, h);
-    g.fillRect(light.most * w, 0, w, h);
-    g.fillStyle = variable("--accent");
-    const tallest = Math.max(...light.histogram, 1);
-    const bar = w / light.histogram.length;
-    light.histogram.forEach((count, i) => g.fillRect(i * bar, h - (h * count) / tallest, bar - 0.5, (h * count) / tallest));
+    drawLight(figure.querySelector("canvas")!, camera.name, light);
   }
 }
 

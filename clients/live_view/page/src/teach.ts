@@ -2,6 +2,7 @@
 // and sends all of it with every request; replies come back over the stream.
 import { bitmapOf, showLiveMasks } from "./cameras";
 import { Labels } from "./labels";
+import { stepHistory, updateHistory } from "./history";
 import type { Color, Ignore, Scene, TaughtCamera, TeachReply } from "./messages";
 import { client, store } from "./store";
 
@@ -21,8 +22,6 @@ interface Picture {
   corner: [number, number] | null;
   taught: TaughtCamera | null;
 }
-
-const [undo, redo] = ["Undo last save", "Redo it"];
 
 let number = 0;
 let pending = 0; // the request that is waited for
@@ -88,14 +87,12 @@ export async function takeTeachReply(reply: TeachReply): Promise<void> {
   const stepped = lastStep;
   lastStep = 0;
   if (!reply.granted) {
-    isUndoing = false;
     wider -= stepped;
     update();
     return say(reply.reason, true);
   }
   say(reply.reason);
-  if (isUndoing) $("teach-undo").textContent = $("teach-undo").textContent === undo ? redo : undo;
-  else if (/^Saved/.test(reply.reason)) $("teach-undo").textContent = undo;
+  if (/^Saved/.test(reply.reason)) void updateHistory();
   if (reply.cameras.some((c) => c.jpeg)) await showPictures(reply.cameras);
   const ranges = JSON.stringify(reply.cameras.map((c) => c.color));
   if (stepped && ranges === before) {
@@ -360,6 +357,7 @@ function startAgain(): void {
 
 function open(): void {
   panel.hidden = false;
+  void updateHistory();
   $("teach-open").setAttribute("aria-expanded", "true");
   ignored = (store.scene?.ignored ?? []).map((i) => ({ camera: i.camera, box: [...i.box] as Ignore["box"] }));
   startAgain();
@@ -416,7 +414,7 @@ function update(): void {
   updateLiveMasks();
   if (!unconfirmed.length) saysAlone = false;
   panel.setAttribute("aria-busy", String(busy));
-  for (const id of ["teach-freeze", "teach-again", "teach-undo"]) $<HTMLButtonElement>(id).disabled = busy;
+  for (const id of ["teach-freeze", "teach-again"]) $<HTMLButtonElement>(id).disabled = busy;
   $<HTMLButtonElement>("teach-save").disabled = busy || !hasLearnt;
   $("teach-save").textContent = saysAlone ? "Save without them" : "Save colour";
   $<HTMLButtonElement>("teach-wider").disabled = busy || !hasLearnt || wider >= most;
@@ -482,10 +480,13 @@ $("teach-wider").addEventListener("click", () => widen(1));
 $("teach-narrower").addEventListener("click", () => widen(-1));
 $("teach-save").addEventListener("click", save);
 $("teach-save-ignored").addEventListener("click", () => void ask("ignore"));
-$("teach-undo").addEventListener("click", () => {
-  isUndoing = true;
-  void ask("undo");
-});
+for (const word of ["undo", "redo"] as const)
+  $(`teach-${word}`).addEventListener("click", async () => {
+    isUndoing = true;
+    const reply = await stepHistory(word);
+    isUndoing &&= reply.granted;
+    say(reply.reason, !reply.granted);
+  });
 $("teach-clear").addEventListener("click", () => {
   ignored = [];
   pictures.forEach(draw);

@@ -1,0 +1,225 @@
+#include "control.h"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <chrono>
+#include <cstdio>
+#include <cstring>
+#include <fastdds/dds/publisher/DataWriterListener.hpp>
+#include <fastdds/dds/subscriber/DataReaderListener.hpp>
+#include <fastdds/dds/subscriber/SampleInfo.hpp>
+#include <map>
+#include <optional>
+#include <stdexcept>
+
+#include "calib/yaml/text_file.h"
+#include "clients/live_view/page_server.h"
+#include "clients/live_view/recording_download.h"
+#include "commands.h"
+#include "idl/huetrackPubSubTypes.h"
+#include "idl/huetrack_viewPubSubTypes.h"
+#include "idl/topics.h"
+
+namespace huetrack::client {
+namespace {
+
+namespace dds = eprosima::fastdds::dds;
+using eprosima::fastrtps::types::ReturnCode_t;
+using live_view::RecordingDownload;
+using namespace std::chrono_literals;
+using ControlClock = std::chrono::steady_clock;
+
+constexpr auto no_service_after = 2s;  // discovery takes well below a second on a network
+constexpr auto second_service_after = 300ms;
+constexpr auto asked_again_after = 1s;
+constexpr auto no_answer_after = 5s;
+constexpr std::size_t most_services_named = 20;
+
+struct Addressed {
+  std::string host;
+  std::uint32_t pid = 0;
+};
+
+class ControlConnection {
+ public:
+  explicit ControlConnection(const idl::ParticipantOptions& options)
+      : participant_(options),
+        status_(participant_.create_reader(idl::status_topic, dds::TypeSupport(new msg::ServiceStatusPubSubType),
+                                           idl::status_reader_qos())),
+        reply_(participant_.create_reader(idl::control_reply_topic, dds::TypeSupport(new msg::ControlReplyPubSubType),
+                                          idl::teach_reader_qos())),
+        request_(participant_.create_writer(idl::control_request_topic,
+                                            dds::TypeSupport(new msg::ControlRequestPubSubType),
+                                            idl::teach_writer_qos(), "")) {}
+
+  // wanted: HOST/PID, or empty: the only one. throws std::runtime_error
+  Addressed service(const std::string& wanted) {
+    std::map<std::string, Addressed> services;
+    std::string named;
+    auto until = ControlClock::now() + no_service_after;
+    while (!has_ended() && ControlClock::now() < until && !services.contains(wanted)) {
+      msg::ServiceStatus sample;
+      dds::SampleInfo info;
+      while (status_.take_next_sample(&sample, &info) == ReturnCode_t::RETCODE_OK) {
+        const std::string who = sample.host() + "/" + std::to_string(sample.pid());
+        if (!info.valid_data || services.size() == most_services_named || services.contains(who)) continue;
+        if (services.empty() && wanted.empty()) until = ControlClock::now() + second_service_after;
+        services[who] = {sample.host(), sample.pid()};
+        named += fmt::format("{}{} ({})", named.empty() ? "" : ", ", who, sample.config_file());
+      }
+      status_.wait_for_unread_message(eprosima::fastrtps::Duration_t(0, 20'000'000));
+    }
+    if (services.empty()) throw std::runtime_error("no huetrackd publishes its status " + what_to_check(participant_));
+    if (const auto asked = services.find(wanted); asked != services.end()) return asked->second;
+    if (!wanted.empty()) throw std::runtime_error("there is no service " + wanted + "; there are: " + named);
+    if (services.size() > 1) throw std::runtime_error("there are several; say which with --service HOST/PID: " + named);
+    return services.begin()->second;
+  }
+
+  void send(msg::ControlRequest& request) { request_.write(&request); }
+
+  // What comes to this client, waited for a little.
+  std::optional<msg::ControlReply> next(const std::string& client) {
+    msg::ControlReply reply;
+    dds::SampleInfo info;
+    reply_.wait_for_unread_message(eprosima::fastrtps::Duration_t(0, 20'000'000));
+    while (reply_.take_next_sample(&reply, &info) == ReturnCode_t::RETCODE_OK)
+      if (info.valid_data && reply.client() == client) return reply;
+    return std::nullopt;
+  }
+
+ private:
+  idl::DdsParticipant participant_;
+  dds::DataReader &status_, &reply_;
+  dds::DataWriter& request_;
+};
+
+// A file that is there whole or not at all; or stdout.
+class ControlOutput {
+ public:
+  // throws std::runtime_error: it is there already, or cannot be made
+  explicit ControlOutput(const std::filesystem::path& file) : file_(file), part_(file.string() + ".part") {
+    if (file_ == "-") return;
+    std::error_code none;
+    if (std::filesystem::exists(file_, none))
+      throw std::runtime_error(file_.string() + " exists; give another name with --out");
+    fd_ = ::open(part_.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
+    if (fd_ < 0) fail();
+  }
+  ~ControlOutput() {
+    if (fd_ == STDOUT_FILENO) return;
+    ::close(fd_);
+    std::error_code none;
+    if (!is_whole_) std::filesystem::remove(part_, none);
+  }
+  ControlOutput(const ControlOutput&) = delete;
+  ControlOutput& operator=(const ControlOutput&) = delete;
+
+  void write(const char* data, std::size_t size) {
+    while (size > 0) {
+      const ssize_t written = ::write(fd_, data, size);
+      if (written < 0 && errno == EINTR) continue;
+      if (written <= 0) fail();
+      data += written;
+      size -= std::size_t(written);
+    }
+  }
+  void finish() {
+    if (fd_ == STDOUT_FILENO) return;
+    if (::fsync(fd_) != 0 || ::rename(part_.c_str(), file_.c_str()) != 0) fail();
+    is_whole_ = true;
+  }
+
+ private:
+  [[noreturn]] void fail() const {
+    throw std::runtime_error(fmt::format("cannot write {}: {}", file_.string(), std::strerror(errno)));
+  }
+  const std::filesystem::path file_, part_;
+  int fd_ = STDOUT_FILENO;
+  bool is_whole_ = false;
+};
+
+int fetch(ControlConnection& connection, const Addressed& service, const std::string& name,
+          const std::filesystem::path& out) {
+  if (!live_view::is_recording_name(name)) throw std::runtime_error(name + ": that is no recording's name");
+  const std::filesystem::path file = out.empty() ? std::filesystem::path(name + ".tar") : out;
+  RecordingDownload download(name, live_view::random_token(), service.host, service.pid);
+  std::optional<ControlOutput> to;
+  std::vector<char> part(64 * 1024);
+  while (!has_ended()) {
+    if (auto request = download.next_request(ControlClock::now())) connection.send(*request);
+    if (const auto reply = connection.next(download.client())) download.take(*reply);
+    const auto state = download.state();
+    if (state == RecordingDownload::State::failed) throw std::runtime_error(download.failure());
+    if (state == RecordingDownload::State::awaited) continue;
+    if (!to) to.emplace(file);  // a recording that is not there leaves no file
+    while (const std::size_t n = download.read(part.data(), part.size())) to->write(part.data(), n);
+    if (download.state() != RecordingDownload::State::ended) continue;
+    to->finish();
+    say(fmt::format("{} bytes in {}; tar -xf unpacks it", download.bytes(), file.string()));
+    return 0;
+  }
+  return 1;
+}
+
+// What the columns are, of those requests that answer with a list.
+std::string columns_of(const std::vector<std::string>& words) {
+  if (words == std::vector<std::string>{"record", "list"})
+    return "recording\tbegun_at_s\tlength_s\tbytes\tcameras\tstate\n";
+  if (words == std::vector<std::string>{"target", "list"})
+    return "target\tradius_m\tcount\thue_deg\tsaturation\tintensity\n";
+  if (words.size() == 3 && words[0] == "camera" && words[1] == "controls")
+    return "control\tvalue\tmin\tmax\tstep\tdefault\tkind\tmenu\truled\n";
+  if (words.size() > 3 && words[0] == "camera") return "control\tasked\tgot\tproblem\n";
+  return "";
+}
+
+int ask(ControlConnection& connection, const Addressed& service, const std::vector<std::string>& words) {
+  msg::ControlRequest request;
+  request.client(live_view::random_token());
+  request.number(1);
+  request.host(service.host);
+  request.pid(service.pid);
+  request.words(words);
+  std::optional<msg::ControlReply> reply;
+  const auto end = ControlClock::now() + no_answer_after;
+  for (auto again = ControlClock::now(); !reply && !has_ended() && ControlClock::now() < end;) {
+    // Asked again until it is answered: the first time they may not have met yet. It is done once, whatever comes.
+    if (ControlClock::now() >= again) {
+      connection.send(request);
+      again = ControlClock::now() + asked_again_after;
+    }
+    reply = connection.next(request.client());
+  }
+  if (!reply) {
+    if (!has_ended()) say("the service does not answer; an older one knows no such requests");
+    return 1;
+  }
+  std::string text = reply->rows().empty() ? "" : columns_of(words);
+  for (const msg::ControlRow& row : reply->rows()) {
+    std::string line;
+    for (const std::string& column : row.columns())
+      line += (line.empty() ? "" : "\t") + yaml::printable(column, yaml::longest_message);
+    text += line + "\n";
+  }
+  if (std::fwrite(text.data(), 1, text.size(), stdout) != text.size() || std::fflush(stdout) != 0)
+    throw std::runtime_error(std::string("cannot write stdout: ") + std::strerror(errno));
+  if (!reply->reason().empty()) say(reply->reason());
+  return reply->granted() ? 0 : 1;
+}
+
+}  // namespace
+
+int control(const ControlOptions& options) {
+  ControlConnection connection(options.participant);
+  const Addressed service = connection.service(options.service);
+  const auto& words = options.words;
+  if (words.size() == 3 && words[0] == "record" && words[1] == "download")
+    return fetch(connection, service, words[2], options.out);
+  return ask(connection, service, words);
+}
+
+}  // namespace huetrack::client

@@ -1,0 +1,203 @@
+// Targets by hand: their colour by sliders, with what matches in the moving pictures, their radius, their names; new ones.
+import { drawLive, follow, matchingShare, showLiveMasks, showRadius } from "./cameras";
+import { ask } from "./control";
+import { stepHistory, updateHistory } from "./history";
+import type { Color, ControlReply } from "./messages";
+import { isServing, store } from "./store";
+
+const $ = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
+const field = (id: string) => $<HTMLInputElement>(`adjust-${id}`);
+const choice = (id: string) => $<HTMLSelectElement>(`adjust-${id}`);
+
+// What a configuration says that names none of it (service/object_tracking/color_model.h).
+const untaught: Omit<Color, "camera"> = { hue_deg: [0, 300], saturation: [0.3, 1], intensity: [0.1, 0.95] };
+const kinds = ["hue_deg", "saturation", "intensity"] as const;
+type Kind = (typeof kinds)[number];
+const scales: Record<Kind, number> = { hue_deg: 1, saturation: 100, intensity: 100 }; // of a slider's steps
+const units: Record<Kind, string> = { hue_deg: "°", saturation: " %", intensity: " %" };
+const defaultRadius = 40; // mm, of a new target
+
+const panel = $("adjust-panel");
+let shown = ""; // what the sliders were filled from: another configuration fills them anew, unless somebody has moved one
+let isTouched = false;
+let isBusy = false;
+
+const sliders = (kind: Kind) => [0, 1].map((end) => field(`${kind}-${end}`)) as [HTMLInputElement, HTMLInputElement];
+const target = () => store.scene?.targets.find((t) => t.name === choice("target").value);
+const colorIn = (camera: string) => target()?.colors.find((c) => c.camera === camera);
+
+function say(text: string, isBad = false): void {
+  $("adjust-says").textContent = text;
+  $("adjust-says").classList.toggle("bad", isBad);
+}
+
+const valuesOf = (kind: Kind) => sliders(kind).map((s) => Number(s.value) / scales[kind]) as [number, number];
+
+function fill(): void {
+  const now = target();
+  const color = now?.colors.find((c) => !choice("camera").value || c.camera === choice("camera").value) ?? untaught;
+  for (const kind of kinds) sliders(kind).forEach((slider, end) => (slider.value = String(Math.round(color[kind][end] * scales[kind]))));
+  field("radius").value = now ? String(+(1000 * now.radius).toFixed(1)) : String(defaultRadius);
+  isTouched = false;
+  show();
+}
+
+// The sliders' values beside them, and in the pictures.
+function show(): void {
+  for (const kind of kinds) {
+    const [low, high] = valuesOf(kind).map((v) => Math.round(v * scales[kind]));
+    $(`adjust-${kind}-says`).textContent = `${low} to ${high}${units[kind]}${kind === "hue_deg" && low > high ? ", through 0" : ""}`;
+  }
+  if (panel.hidden) return;
+  const edited = Object.fromEntries(kinds.map((kind) => [kind, valuesOf(kind)])) as unknown as Omit<Color, "camera">;
+  const cameras = (store.scene?.cameras ?? []).map((c) => c.name);
+  const alone = choice("camera").value;
+  showLiveMasks(
+    new Map(
+      cameras.map((camera) => {
+        const color = !alone || alone === camera ? { camera, ...edited } : colorIn(camera) ?? { camera, ...untaught };
+        return [camera, { color, ignored: (store.scene?.ignored ?? []).filter((i) => i.camera === camera).map((i) => i.box as number[]) }];
+      }),
+    ),
+  );
+  const now = target();
+  showRadius(now ? now.name : "", now ? Number(field("radius").value) / (1000 * now.radius) : 1);
+  drawAdjust();
+}
+
+// Each camera's picture, with what matches, and how much of it does.
+export function drawAdjust(): void {
+  if (panel.hidden) return;
+  for (const figure of $("adjust-pictures").querySelectorAll<HTMLElement>("figure")) {
+    const camera = figure.dataset.camera!;
+    drawLive(figure.querySelector("canvas")!, camera);
+    const share = matchingShare(camera);
+    figure.querySelector("span")!.textContent = share === null ? "" : `${(100 * share).toFixed(2)} %`;
+  }
+}
+
+function makePictures(cameras: string[]): void {
+  follow(cameras);
+  const grid = $("adjust-pictures");
+  if ([...grid.children].map((figure) => (figure as HTMLElement).dataset.camera).join("\n") === cameras.join("\n")) return;
+  grid.replaceChildren(
+    ...cameras.map((camera) => {
+      const figure = document.createElement("figure");
+      figure.dataset.camera = camera;
+      figure.innerHTML = `<canvas role="img"></canvas><figcaption><b></b> <span></span></figcaption>`;
+      figure.querySelector("b")!.textContent = camera;
+      figure.querySelector("canvas")!.setAttribute("aria-label", `What matches in ${camera}`);
+      return figure;
+    }),
+  );
+}
+
+async function act(...words: string[]): Promise<ControlReply> {
+  isBusy = true;
+  update();
+  const reply = await ask(...words);
+  isBusy = false;
+  say(reply.reason, !reply.granted);
+  if (reply.granted) isTouched = false; // what is in force from now on
+  void updateHistory();
+  update();
+  return reply;
+}
+
+function save(): void {
+  const pairs = kinds.map((kind) => `${kind}=${valuesOf(kind).map((v) => +v.toFixed(3)).join(",")}`);
+  const camera = choice("camera").value ? [`camera=${choice("camera").value}`] : [];
+  void act("target", "set", choice("target").value, ...pairs, `radius_m=${Number(field("radius").value) / 1000}`, ...camera);
+}
+
+function names(select: HTMLSelectElement, options: [string, string][]): void {
+  if ([...select.options].map((o) => o.value).join("\n") === options.map(([value]) => value).join("\n")) return;
+  const chosen = select.value;
+  select.replaceChildren(...options.map(([value, text]) => new Option(text, value)));
+  if (options.some(([value]) => value === chosen)) select.value = chosen;
+}
+
+function update(): void {
+  const isRadius = Number(field("radius").value) > 0;
+  const name = field("name").value.trim();
+  const isName = /^[A-Za-z](_?[A-Za-z0-9])*_?$/.test(name) && !store.scene?.targets.some((t) => t.name === name);
+  $<HTMLButtonElement>("adjust-save").disabled = isBusy || !target() || !isRadius;
+  $<HTMLButtonElement>("adjust-reset").disabled = isBusy || !isTouched;
+  $<HTMLButtonElement>("adjust-add").disabled = isBusy || !isName;
+  $<HTMLButtonElement>("adjust-rename").disabled = isBusy || !isName || !target();
+  $<HTMLButtonElement>("adjust-remove").disabled = isBusy || !target() || (store.scene?.targets.length ?? 0) < 2;
+  const chosen = choice("target").value;
+  $("adjust-rename").textContent = `Rename ${chosen}`;
+  $("adjust-remove").textContent = `Remove ${chosen}`;
+}
+
+function open(): void {
+  panel.hidden = false;
+  $("adjust-open").setAttribute("aria-expanded", "true");
+  say("");
+  fill();
+  update();
+  void updateHistory();
+}
+
+function close(): void {
+  panel.hidden = true;
+  $("adjust-open").setAttribute("aria-expanded", "false");
+  showLiveMasks(null);
+  showRadius("", 1);
+  follow([]);
+}
+
+// Once a second.
+export function updateAdjust(serving: boolean): void {
+  const { scene } = store;
+  const allowed = serving && !!scene?.may_teach;
+  $<HTMLButtonElement>("adjust-open").disabled = !allowed && panel.hidden;
+  $("adjust-why").textContent = !serving || !scene || scene.may_teach ? "" : scene.why_not;
+  if (panel.hidden || !scene || !isServing()) return;
+  makePictures(scene.cameras.map((c) => c.name));
+  names(choice("target"), scene.targets.map((t) => [t.name, t.name]));
+  names(choice("camera"), [["", "all cameras"], ...scene.cameras.map((c): [string, string] => [c.name, `${c.name} alone`])]);
+  const now = JSON.stringify([scene.host, scene.pid, scene.targets]);
+  if (now !== shown && !isTouched) {
+    shown = now;
+    fill();
+  }
+  update();
+}
+
+for (const kind of kinds)
+  for (const slider of sliders(kind))
+    slider.addEventListener("input", () => {
+      isTouched = true;
+      show();
+      update();
+    });
+field("radius").addEventListener("input", () => {
+  isTouched = true;
+  show();
+  update();
+});
+field("name").addEventListener("input", update);
+for (const id of ["target", "camera"]) choice(id).addEventListener("change", () => (fill(), update()));
+$("adjust-open").addEventListener("click", () => {
+  if (!panel.hidden) return close();
+  updateAdjust(true);
+  open();
+  updateAdjust(isServing());
+});
+$("adjust-close").addEventListener("click", () => {
+  close();
+  $("adjust-open").focus();
+});
+$("adjust-save").addEventListener("click", save);
+$("adjust-reset").addEventListener("click", () => (fill(), update()));
+$("adjust-add").addEventListener("click", () => void act("target", "add", field("name").value.trim(), `radius_m=${Number(field("radius").value) / 1000 || defaultRadius / 1000}`));
+$("adjust-rename").addEventListener("click", () => void act("target", "rename", choice("target").value, field("name").value.trim()));
+$("adjust-remove").addEventListener("click", () => void act("target", "remove", choice("target").value));
+for (const word of ["undo", "redo"] as const)
+  $(`adjust-${word}`).addEventListener("click", async () => {
+    const reply = await stepHistory(word);
+    say(reply.reason, !reply.granted);
+    isTouched = false;
+  });

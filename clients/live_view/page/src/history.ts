@@ -1,0 +1,32 @@
+// What was saved into the taught file is undone, step by step, and done again: buttons with data-history="undo" and "redo".
+import { ask } from "./control";
+import type { ControlReply } from "./messages";
+
+const words = { undo: "Undo", redo: "Redo" } as const;
+type Word = keyof typeof words;
+const buttons = () => [...document.querySelectorAll<HTMLButtonElement>("button[data-history]")];
+
+function show(reply: ControlReply): void {
+  if (!reply.granted) return;
+  const left = Object.fromEntries(reply.rows.map(([key, value]) => [key, Number(value)]));
+  for (const button of buttons()) {
+    const word = button.dataset.history as Word;
+    const count = left[`${word}able`] ?? 0;
+    button.disabled = !count;
+    button.textContent = count > 1 ? `${words[word]} (${count})` : words[word];
+    button.setAttribute("aria-label", word === "undo" ? `Undo the last save; ${count} can be undone` : `Do again what was undone; ${count} can be`);
+  }
+}
+
+// After whatever was saved, and when a panel with such buttons opens.
+export async function updateHistory(): Promise<void> {
+  show(await ask("history"));
+}
+
+export async function stepHistory(word: Word): Promise<ControlReply> {
+  for (const button of buttons()) button.disabled = true;
+  const reply = await ask(word);
+  if (reply.granted) show(reply);
+  else void updateHistory();
+  return reply;
+}

@@ -1,0 +1,68 @@
+// A replay that can be held, stepped, slowed down and hurried, so that a colour can be taught on its first pictures,
+// and what happened be looked at. What is tracked does not depend on it.
+#pragma once
+
+#include <atomic>
+#include <chrono>
+#include <condition_variable>
+#include <cstdint>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <vector>
+
+#include "capture/frame_source.h"
+#include "page/playback.h"
+
+namespace huetrack::daemon {
+
+struct PlayedSourceOptions {
+  std::size_t cameras = 0;
+  bool is_held = false;  // paused after the first frame of every camera
+  double speed = 0;      // PlaybackState::speed, to begin with
+};
+
+// next() is one thread's; the rest is thread-safe.
+class PlayedSource final : public capture::FrameSource, public page::Playback {
+ public:
+  PlayedSource(std::unique_ptr<capture::FrameSource> source, const PlayedSourceOptions& options);
+
+  // Waits until the frame is due, or to be stepped to; not after a stop.
+  std::optional<capture::Frame> next(std::stop_token stop) override;
+  bool ended(int camera) const override { return !ahead_ && source_->ended(camera); }
+
+  page::PlaybackState state() const override;
+  void pause() override;
+  void go_on() override;
+  void step(int sets) override;
+  void set_speed(double speed) override;
+
+  // By how much what is played now is later than the first frame, beside the recording's own times; less than 0 where
+  // it was hurried.
+  const std::atomic<std::int64_t>& lag_ns() const { return lag_ns_; }
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  void wait_for_turn(const capture::Frame& frame, const std::stop_token& stop);
+
+  std::unique_ptr<capture::FrameSource> source_;
+  std::optional<capture::Frame> ahead_;  // next()'s
+  std::atomic<std::int64_t> lag_ns_ = 0;
+
+  mutable std::mutex mutex_;  // guards all that follows
+  std::condition_variable_any news_;
+  bool is_paused_;
+  double speed_;
+  int steps_ = 0;            // that are still to be made
+  std::uint64_t asked_ = 0;  // how often something was
+  std::vector<bool> seen_;   // per camera: it had its frame of this step
+  struct Anchor {            // from here on it is played at speed_
+    Clock::time_point wall;
+    capture::Timestamp recorded;
+  };
+  std::optional<Anchor> anchor_;
+  std::optional<capture::Timestamp> first_;
+  capture::Timestamp last_{};  // of those that were let through
+};
+
+}  // namespace huetrack::daemon

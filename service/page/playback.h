@@ -1,0 +1,25 @@
+// What may be asked of a replay while it plays.
+#pragma once
+
+namespace huetrack::page {
+
+struct PlaybackState {
+  bool is_paused = false;
+  double speed = 0;       // times as fast as it was recorded; 0: as fast as possible
+  double position_s = 0;  // of the last frame that was let through, from the first one
+};
+
+// thread-safe.
+class Playback {
+ public:
+  virtual PlaybackState state() const = 0;
+  virtual void pause() = 0;
+  virtual void go_on() = 0;
+  virtual void step(int sets) = 0;           // >= 1; pauses, and lets so many frames of every camera through
+  virtual void set_speed(double speed) = 0;  // >= 0, as PlaybackState::speed
+
+ protected:
+  ~Playback() = default;
+};
+
+}  // namespace huetrack::page

@@ -1,0 +1,233 @@
+// The running service, operated from the page: recordings begun, ended, saved after the fact, listed, downloaded, unpacked and
+// replayed; targets' colours by sliders, their radius, new ones, other names, undone; with the real service on films in the place
+// of cameras, and the real bridge.
+//   exit 0: passed, 77: skipped (no Chromium), anything else: failed. Screenshots are left in --out.
+import assert from "node:assert/strict";
+import { execFileSync } from "node:child_process";
+import { mkdirSync, mkdtempSync, readFileSync, readdirSync, writeFileSync } from "node:fs";
+import { tmpdir } from "node:os";
+import { join } from "node:path";
+
+import { launch, options, run, sleep, start, waiting } from "./harness.mjs";
+
+const domain = "77";
+const folder = mkdtempSync(join(tmpdir(), "huetrack-recordings-"));
+const films = join(folder, "films"), config = join(folder, "my.yaml"), shelf = join(folder, "recordings");
+mkdirSync(options.out, { recursive: true });
+const until = waiting(20000);
+const say = (text) => console.log(text);
+
+const write = (allows) =>
+  writeFileSync(config, `version: 1
+rig: ${join(films, "rig.yaml")}
+targets: {lime: {color: {hue_deg: [65, 115]}}}
+cameras: {cam0: {device: 0, fps: 30}, cam1: {device: 1, fps: 30}}
+record: {folder: ${shelf}, pre_roll_s: 3, after_s: 0.5, on_lost: false}
+control: {allow_record: ${allows}, allow_teach: true}
+dds: {domain: ${domain}, interfaces: [lo]}
+`);
+
+async function test() {
+  const view = start(options.huetrack, "view", "--port", "0", "--domain", domain, "--interface", "lo");
+  const address = await until("the bridge says its address", () => view.out.match(/http:\S+/)?.[0]);
+  const browser = await launch();
+  const page = await browser.newPage({ viewport: { width: 1280, height: 800 } });
+  const problems = [];
+  page.on("pageerror", (error) => problems.push(error.message));
+  await page.goto(address);
+  write(false);
+  // The films are made first, with their rig.
+  const maker = start(options.service, config, films, "--phases", "together", "--make", "2");
+  await until("the films are made", () => maker.code !== null || /ready/.test(maker.err));
+  const service = maker;
+  const panel = page.locator("#recordings");
+  await panel.scrollIntoViewIfNeeded();
+
+  // ---- Not allowed: it says so, and how it is.
+  await until("why nothing is recorded", async () => /Set control: \{allow_record: true\} in .*my\.yaml/.test(await page.textContent("#recordings-why")));
+  for (const id of ["record-start", "record-stop", "record-save"]) assert.equal(await page.isDisabled(`#${id}`), true, id);
+  assert.equal((await page.request.get(new URL("/api/recordings/any.tar", address).href)).status(), 404);
+  write(true);
+  service.child.kill("SIGHUP");
+  await until("it may record", async () => !(await page.isDisabled("#record-start")));
+  assert.equal(await page.isHidden("#recordings-why"), true);
+  assert.equal(await page.textContent("#record-save"), "Save the last 3 s");
+  assert.equal(await page.isDisabled("#record-stop"), true);
+
+  // ---- Begun and ended.
+  await page.click("#record-start");
+  await until("it records", async () => /^recording \d{8}T/.test(await page.textContent("#record-state")));
+  assert.match(await page.textContent("#recordings-says"), /^Recording to /);
+  assert.equal(await page.isDisabled("#record-start"), true);
+  assert.match(await page.textContent("#recordings-list"), /being recorded/);
+  await sleep(1500);
+  await panel.screenshot({ path: join(options.out, "recording.png") });
+  await page.click("#record-stop");
+  await until("it can be downloaded", () => page.isVisible("#recordings-list a"));
+  assert.equal(await page.textContent("#record-state"), "not recording");
+  const name = await page.getAttribute("#recordings-list tr", "data-recording");
+
+  // ---- Downloaded, unpacked, replayed.
+  const [download] = await Promise.all([page.waitForEvent("download"), page.click("#recordings-list a")]);
+  assert.equal(download.suggestedFilename(), `${name}.tar`);
+  const tar = join(folder, "got.tar");
+  await download.saveAs(tar);
+  assert.equal(await download.failure(), null);
+  execFileSync("tar", ["-xf", tar, "-C", folder]);
+  execFileSync("diff", ["-r", join(folder, name), join(shelf, name)]);
+  const replay = start(options.huetrackd, "replay", join(folder, name, "huetrackd.yaml"), join(folder, name), "--no-dds");
+  assert.equal(await replay.ended, 0, replay.err);
+  assert.match(replay.out, /lime/);
+  say(`downloaded and replayed: ${readdirSync(join(folder, name)).join(" ")}`);
+
+  // ---- Saved after the fact.
+  await page.click("#record-save");
+  await until("that it is saved", async () => /^Saving the last 3 s, and 0\.5 more/.test(await page.textContent("#recordings-says")));
+  await until("two can be downloaded", async () => (await page.locator("#recordings-list a").count()) === 2);
+  const length = await page.textContent("#recordings-list tr:first-child td:nth-child(3)");
+  assert.ok(parseFloat(length) > 3 && parseFloat(length) < 5, `saved: ${length}`);
+  await page.screenshot({ path: join(options.out, "page.png"), fullPage: true });
+  await panel.screenshot({ path: join(options.out, "recordings.png") });
+
+  // ---- Hostile names, and who comes from another page.
+  const get = (path, headers = {}) => page.request.get(new URL(path, address).href, { headers }).then((answer) => answer.status());
+  for (const path of ["..%2f..%2fetc%2fpasswd.tar", "%2e%2e.tar", ".hidden.tar", "none.tar", `${name}%00.tar`, `${name}%0d%0aX:%20y.tar`])
+    assert.equal(await get(`/api/recordings/${path}`), 404, path);
+  assert.equal(await get(`/api/recordings/${name}.tar`, { "Sec-Fetch-Site": "cross-site" }), 403);
+  const post = (data, headers = { "Content-Type": "application/json" }) =>
+    page.request.post(new URL("/api/control", address).href, { headers, data }).then((answer) => answer.status());
+  for (const body of ["{", "[]", '{"words": ["record", "start"]}', '{"client":"c","number":1,"host":"h","pid":1,"words":"record"}'])
+    assert.equal(await post(body), 400, body);
+  assert.equal(await post("{}", { "Content-Type": "text/plain" }), 415);
+  assert.equal(await post("{}", { "Content-Type": "application/json", Origin: "http://evil.example" }), 403);
+
+  // ---- Targets by hand: the mask follows the sliders, and what is saved is tracked with.
+  const state = (target) => page.getAttribute(`#targets li[data-target=${target}]`, "data-state").catch(() => "");
+  const slide = (id, value) => page.locator(`#adjust-${id}`).fill(String(value));
+  const shares = async () => [...(await page.textContent("#adjust-pictures")).matchAll(/cam\d ([\d.]+) %/g)].map((m) => Number(m[1]));
+  const says = () => page.textContent("#adjust-says");
+  await until("lime is tracked", async () => (await state("lime")) === "tracking");
+  await page.click("#adjust-open");
+  await until("the sliders stand where the colour is", async () => (await page.textContent("#adjust-hue_deg-says")) === "65 to 115°");
+  await until("the ball matches, and little else", async () => (await shares()).length === 2 && (await shares()).every((s) => s > 0.05 && s < 5)).catch(async (error) => { throw new Error(await page.textContent("#adjust-pictures"), { cause: error }); });
+  await page.locator("section.adjust").screenshot({ path: join(options.out, "adjust.png") });
+  await slide("hue_deg-0", 200);
+  await slide("hue_deg-1", 220);
+  assert.equal(await page.textContent("#adjust-hue_deg-says"), "200 to 220°");
+  await until("nothing matches", async () => (await shares()).length === 2 && (await shares()).every((s) => s < 0.02));
+  await page.click("#adjust-reset");
+  await until("as it is in force", async () => (await page.textContent("#adjust-hue_deg-says")) === "65 to 115°");
+  await slide("hue_deg-0", 200);
+  await slide("hue_deg-1", 220);
+  await slide("radius", 55);
+  await page.click("#adjust-save");
+  await until("it is saved", async () => /^Saved: lime is tracked so/.test(await says()));
+  await until("it is not seen any more", async () => ["searching", "lost"].includes(await state("lime")));
+  assert.match(readFileSync(join(folder, "my.taught.yaml"), "utf8"), /radius_m: 0\.055[\s\S]*hue_deg: \[200, 220\]/);
+  await page.click("#adjust-undo");
+  await until("it is undone", async () => /^Undone: my\.taught\.yaml is as it was before the save/.test(await says()));
+  await until("it is tracked again", async () => (await state("lime")) === "tracking");
+  await until("there is nothing older", () => page.isDisabled("#adjust-undo"));
+
+  // A new one, taught by sliders; another name.
+  assert.equal(await page.isDisabled("#adjust-add"), true);
+  await page.fill("#adjust-name", "a b");
+  assert.equal(await page.isDisabled("#adjust-add"), true);
+  await page.fill("#adjust-name", "second");
+  await page.click("#adjust-add");
+  await until("it is added", async () => /^Added: second; .* The service begins anew/.test(await says()));
+  await until("it is there", async () => (await page.locator("#adjust-target option[value=second]").count()) === 1);
+  await page.selectOption("#adjust-target", "second");
+  await slide("hue_deg-0", 65);
+  await slide("hue_deg-1", 115);
+  await page.click("#adjust-save");
+  await until("second is tracked", async () => (await state("second")) === "tracking");
+  await page.fill("#adjust-name", "wand");
+  await page.click("#adjust-rename");
+  await until("it has another name", async () => /^Renamed: second is wand now/.test(await says()));
+  await until("wand is tracked", async () => (await state("wand")) === "tracking");
+  assert.equal(await page.textContent("#adjust-undo"), "Undo (3)");
+  const checked = start(options.huetrackd, "check", config);
+  assert.equal(await checked.ended, 0, checked.err);
+  assert.match(checked.out, /  wand:\n    radius_m: \S+ +# from my\.taught\.yaml/);
+  await page.screenshot({ path: join(options.out, "page_targets.png"), fullPage: true });
+  await page.click("#adjust-close");
+
+  // ---- The cameras' controls: what is moved is seen at once, and kept when it is saved.
+  const control = (name, kind = "input") => page.locator(`#controls-list label[data-control=${name}] ${kind}`);
+  const dark = async () => Number((await page.textContent("#controls-lit")).match(/^(\d+) % too dark/)?.[1] ?? NaN);
+  const said = () => page.textContent("#controls-says");
+  await page.click("#controls-open");
+  await until("its controls are there", async () => (await control("exposure_time_absolute").count()) === 1);
+  assert.match(await page.textContent("#controls-list label[data-control=exposure_time_absolute]"), /200, ruled by another/);
+  await until("its light is told", async () => (await dark()) < 20);
+  await control("exposure_time_absolute").fill("20");
+  await until("it is darker", async () => (await dark()) > 80);
+  assert.equal(await said(), "Set, and not saved yet.");
+  await page.locator("section.controls").screenshot({ path: join(options.out, "controls.png") });
+  await control("exposure_time_absolute").fill("150");
+  await until("it is bright again", async () => (await dark()) < 20);
+  await control("power_line_frequency", "select").selectOption("1");
+  await until("the mains are set", async () => (await said()) === "Set, and not saved yet.");
+  await page.click("#controls-save");
+  await until("it is kept", async () => /^Saved: camera cam0 keeps that/.test(await said()));
+  assert.match(readFileSync(join(folder, "my.taught.yaml"), "utf8"), /cam0:\n\s+controls:\n\s+exposure_time_absolute: 150\n\s+power_line_frequency: 1\n/);
+  await page.click("#controls-close");
+
+  // ---- On a phone.
+  const phone = await browser.newPage({ viewport: { width: 390, height: 844 }, deviceScaleFactor: 2 });
+  await phone.goto(address);
+  await phone.locator("#recordings").scrollIntoViewIfNeeded();
+  await until("the phone lists them", async () => (await phone.locator("#recordings-list a").count()) === 2);
+  await phone.locator("#recordings").screenshot({ path: join(options.out, "phone.png") });
+  const link = await phone.locator("#recordings-list a").first().boundingBox();
+  assert.ok(link.x >= 0 && link.x + link.width <= 390, "what downloads it is in sight");
+  await phone.click("#adjust-open");
+  await until("the phone has sliders", async () => /\d to \d/.test(await phone.textContent("#adjust-hue_deg-says")));
+  await phone.locator("section.adjust").screenshot({ path: join(options.out, "phone_adjust.png") });
+  await phone.click("#controls-open");
+  await until("the phone has controls", async () => (await phone.locator("#controls-list label").count()) === 3);
+  await phone.locator("section.controls").screenshot({ path: join(options.out, "phone_controls.png") });
+  assert.ok((await phone.evaluate(() => document.documentElement.scrollWidth)) <= 390, "too wide");
+  assert.ok((await phone.evaluate(() => document.documentElement.scrollWidth)) <= 390, "too wide");
+
+  // ---- A recording instead of the cameras, and back.
+  await page.locator(`#recordings-list tr[data-recording="${name}"] button`).click();
+  await until("it is replayed", async () => (await page.isVisible("#replay-close")));
+  await until("wand is tracked in it", async () => (await state("wand")) === "tracking");
+  await page.click("#replay-pause");
+  await until("it is paused", async () => /^paused at/.test(await page.textContent("#replay-at")));
+  await page.click("#replay-close");
+  await until("the cameras are back", async () => (await page.isHidden("#replay")) && (await state("wand")) === "tracking");
+
+  // ---- The recording that was downloaded, replayed: held, stepped through, slowed down, let go on.
+  service.child.kill("SIGTERM");
+  assert.equal(await service.ended, 0, service.err);
+  const again = start(options.huetrackd, "replay", config, join(folder, name), "--speed", "real", "--hold", "--quiet");
+  await until("the replay is shown", () => page.isVisible("#replay"));
+  await until("it is held", async () => (await page.textContent("#replay-pause")) === "Go on");
+  const at = async () => Number((await page.textContent("#replay-at")).match(/at ([\d.]+) s/)?.[1] ?? NaN);
+  const before = await at();
+  assert.ok(before < 0.05, `held at ${before}`);
+  await page.click("#replay-step");
+  await until("a step is made", async () => (await at()) > before);
+  const stepped = await at();
+  await page.click("#replay-step10");
+  await until("ten steps are made", async () => (await at()) > stepped + 0.2);
+  await sleep(1200);
+  assert.ok((await at()) < stepped + 0.5, "it stays there");
+  await page.evaluate(() => scrollTo(0, 0));
+  await page.screenshot({ path: join(options.out, "replay.png") });
+  await page.selectOption("#replay-speed", "0.1");
+  await page.click("#replay-pause");
+  await until("it goes on, slowly", async () => (await page.textContent("#replay-pause")) === "Pause" && (await at()) > stepped + 0.4);
+  await page.click("#replay-pause");
+  await until("it is paused", async () => /^paused at/.test(await page.textContent("#replay-at")));
+  await page.selectOption("#replay-speed", "max");
+  await page.click("#replay-pause");
+  assert.equal(await again.ended, 0, again.err);
+  await until("it is over", () => page.isHidden("#replay"));
+  assert.deepEqual(problems, []);
+}
+
+await run(test, { say, folder });

@@ -1,0 +1,125 @@
+// A replay is held, stepped through, slowed down and hurried; every frame comes, in its order, whatever is asked.
+#include "daemon/played_source.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <thread>
+
+namespace huetrack::daemon {
+namespace {
+
+using namespace testing;
+using namespace std::chrono_literals;
+using PlayClock = std::chrono::steady_clock;
+
+// Two cameras, a frame of each every 20 ms.
+class TwoCameras final : public capture::FrameSource {
+ public:
+  std::optional<capture::Frame> next(std::stop_token) override {
+    if (next_ == 200) return std::nullopt;
+    capture::Frame frame;
+    frame.camera = next_ % 2;
+    frame.captured_at = capture::Timestamp(100s + (next_ / 2) * 20ms + (next_ % 2) * 3ms);
+    ++next_;
+    return frame;
+  }
+  bool ended(int) const override { return next_ == 200; }
+
+ private:
+  int next_ = 0;
+};
+
+class Played : public Test {
+ protected:
+  void play(const PlayedSourceOptions& options) {
+    source.emplace(std::make_unique<TwoCameras>(), options);
+    reader = std::jthread([this](const std::stop_token& stop) {
+      while (const auto frame = source->next(stop)) {
+        if (stop.stop_requested()) return;
+        const std::scoped_lock lock(mutex);
+        times.push_back(frame->captured_at);
+      }
+      has_ended = true;
+    });
+  }
+  ~Played() override {
+    reader.request_stop();
+    if (reader.joinable()) reader.join();
+  }
+  std::size_t count() {
+    const std::scoped_lock lock(mutex);
+    return times.size();
+  }
+  bool comes_to(std::size_t frames) {
+    for (const auto end = PlayClock::now() + 10s; PlayClock::now() < end; std::this_thread::sleep_for(1ms))
+      if (count() >= frames) return true;
+    return false;
+  }
+  bool stays_at(std::size_t frames) {
+    std::this_thread::sleep_for(100ms);
+    return count() == frames;
+  }
+  std::optional<PlayedSource> source;
+  std::mutex mutex;
+  std::vector<capture::Timestamp> times;  // guarded by mutex
+  std::atomic<bool> has_ended = false;
+  std::jthread reader;
+};
+
+TEST_F(Played, IsHeldAndSteppedThrough) {
+  play({.cameras = 2, .is_held = true});
+  ASSERT_TRUE(comes_to(2));
+  EXPECT_TRUE(stays_at(2));  // the first frame of each
+  EXPECT_TRUE(source->state().is_paused);
+  source->step(1);
+  ASSERT_TRUE(comes_to(4));
+  EXPECT_TRUE(stays_at(4));
+  EXPECT_NEAR(source->state().position_s, 0.023, 1e-9);
+  source->step(3);
+  ASSERT_TRUE(comes_to(10));
+  EXPECT_TRUE(stays_at(10));
+  // As long as it was held, what is published is later.
+  EXPECT_GT(source->lag_ns().load(), 100'000'000);
+  source->go_on();
+  ASSERT_TRUE(comes_to(200));
+  EXPECT_TRUE(std::ranges::is_sorted(times));
+  while (!has_ended) std::this_thread::sleep_for(1ms);
+}
+
+TEST_F(Played, IsPacedPausedAndHurried) {
+  const auto began = PlayClock::now();
+  play({.cameras = 2, .is_held = false, .speed = 1});
+  ASSERT_TRUE(comes_to(20));  // 183 ms
+  EXPECT_GT(PlayClock::now() - began, 150ms);
+  EXPECT_EQ(source->lag_ns().load(), 0);
+  source->pause();
+  std::this_thread::sleep_for(50ms);
+  const std::size_t paused_at = count();
+  EXPECT_LT(paused_at, 100u);
+  EXPECT_TRUE(stays_at(paused_at));
+  source->set_speed(0.1);
+  source->go_on();
+  std::this_thread::sleep_for(210ms);
+  EXPECT_LT(count(), paused_at + 10);  // two frames of each, and some
+  EXPECT_GT(source->lag_ns().load(), 100'000'000);
+  const std::int64_t lag = source->lag_ns();
+  source->set_speed(0);
+  const auto hurried = PlayClock::now();
+  ASSERT_TRUE(comes_to(200));
+  EXPECT_LT(PlayClock::now() - hurried, 1s);                         // of two seconds
+  EXPECT_NEAR(double(source->lag_ns().load()), double(lag), 100e6);  // as fast as possible, times are the recording's
+  EXPECT_TRUE(std::ranges::is_sorted(times));
+}
+
+TEST_F(Played, EndsWhileItIsHeld) {
+  play({.cameras = 2, .is_held = true});
+  ASSERT_TRUE(comes_to(2));
+  const auto asked = PlayClock::now();
+  reader.request_stop();
+  reader.join();
+  EXPECT_LT(PlayClock::now() - asked, 1s);
+}
+
+}  // namespace
+}  // namespace huetrack::daemon
