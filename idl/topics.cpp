@@ -28,7 +28,7 @@ constexpr std::pair<std::string_view, std::uint32_t> largest_samples[] = {
     {camera_times_topic, 64 * KiB},    {object_set_topic, 64 * KiB},  {scene_topic, 1024 * KiB},
     {preview_topic, 2048 * KiB},       {camera_map_topic, 128 * KiB}, {teach_request_topic, 64 * KiB},
     {teach_reply_topic, 4096 * KiB},   {camera_host_topic, 64 * KiB}, {clock_probe_topic, 1 * KiB},
-    {clock_echo_topic, 1 * KiB},
+    {clock_echo_topic, 1 * KiB},       {host_clocks_topic, 64 * KiB},
 };
 constexpr std::size_t longest_user_data = 16 * KiB;  // who a publisher is: some hundred targets
 constexpr int most_instances = 4000;                 // of a reader; one costs some hundred bytes

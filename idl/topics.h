@@ -35,6 +35,7 @@ inline constexpr const char* teach_reply_topic = "huetrack/teach_reply";      //
 inline constexpr const char* camera_host_topic = "huetrack/camera_host";          // huetrack::msg::CameraHost, keyed
 inline constexpr const char* clock_probe_topic = "huetrack/clock_probe";          // huetrack::msg::ClockProbe
 inline constexpr const char* clock_echo_topic = "huetrack/clock_echo";            // huetrack::msg::ClockEcho
+inline constexpr const char* host_clocks_topic = "huetrack/host_clocks";          // huetrack::msg::HostClocks, keyed
 std::string camera_frames_topic(std::string_view host, std::string_view camera);  // huetrack::msg::CameraFrame
 
 // ROS 2, types of ros2_messages.idl. A ROS 2 topic /x is the DDS topic rt/x.
@@ -100,6 +101,7 @@ std::optional<std::uint32_t> largest_sample(std::string_view topic);
 //                    host's affair; our pictures fit into a few datagrams.
 //   teach_*          reliable, volatile, keep-last 10.
 //   camera_host      as status.
+//   host_clocks      as status.
 //   frames/...       reliable, volatile, keep-last 4, sent by a thread of Fast DDS' own (a frame is many datagrams);
 //   what
 //                    is lost is asked for again within 5 ms, and a network that is too slow loses whole frames.

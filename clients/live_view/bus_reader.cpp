@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "clients/live_view/events.h"
+#include "idl/camera_hostPubSubTypes.h"
 #include "idl/camera_timesPubSubTypes.h"
 #include "idl/huetrackPubSubTypes.h"
 #include "idl/huetrack_viewPubSubTypes.h"
@@ -82,11 +83,13 @@ struct BusReader::Connection {
                                         idl::status_reader_qos())),
         times(participant.create_reader(idl::camera_times_topic, dds::TypeSupport(new msg::CameraTimesPubSubType),
                                         idl::status_reader_qos())),
+        clocks(participant.create_reader(idl::host_clocks_topic, dds::TypeSupport(new msg::HostClocksPubSubType),
+                                         idl::status_reader_qos())),
         reply(participant.create_reader(idl::teach_reply_topic, dds::TypeSupport(new msg::TeachReplyPubSubType),
                                         idl::teach_reader_qos())),
         request(request_writer()) {}
   idl::DdsParticipant participant;
-  dds::DataReader &position, &camera_pose, &camera_map, &status, &scene, &times, &reply;
+  dds::DataReader &position, &camera_pose, &camera_map, &status, &scene, &times, &clocks, &reply;
   std::string refused;       // why there is no request; before it, which sets this
   dds::DataWriter* request;  // null: who may watch need not be one who may teach
 
@@ -180,6 +183,7 @@ void BusReader::show(const std::string& who) {
     hub_.erase("status");
     hub_.erase("scene");
     hub_.erase("camera_times");
+    hub_.erase("host_clocks");
     const auto old = services_.find(shown_);
     if (old != services_.end()) {
       for (const auto& [camera, event] : old->second.camera_maps) hub_.erase("camera_map/" + camera);
@@ -193,6 +197,7 @@ void BusReader::show(const std::string& who) {
   hub_.set("status", now.status);
   if (!now.scene.empty()) hub_.set("scene", now.scene);
   if (!now.times.empty()) hub_.set("camera_times", now.times);
+  if (!now.clocks.empty()) hub_.set("host_clocks", now.clocks);
   for (const auto& [camera, event] : now.camera_maps) hub_.set("camera_map/" + camera, event);
   for (const Early& early : early_)
     if (early.process == now.process) hub_.append(early.event, early.is_told);
@@ -287,6 +292,13 @@ void BusReader::take_times() {
     if (it == nullptr) return;
     it->times = to_event("camera_times", to_json(sample));
     if (is_shown(who)) hub_.set("camera_times", it->times);
+  });
+  take_all<msg::HostClocks>(connection_->clocks, [&](const auto& sample, const Process&) {
+    const std::string who = who_of(sample);
+    Service* const it = service(who);
+    if (it == nullptr) return;
+    it->clocks = to_event("host_clocks", to_json(sample));
+    if (is_shown(who)) hub_.set("host_clocks", it->clocks);
   });
 }
 

@@ -4,6 +4,7 @@
 #include <atomic>
 #include <chrono>
 #include <fastdds/dds/subscriber/SampleInfo.hpp>
+#include <limits>
 #include <mutex>
 #include <stdexcept>
 #include <thread>
@@ -11,6 +12,7 @@
 
 #include "capture/capture_clock.h"
 #include "hosts/frame_message.h"
+#include "hosts/machine_clock.h"
 #include "idl/camera_hostPubSubTypes.h"
 #include "idl/dds_participant.h"
 #include "idl/topics.h"
@@ -105,6 +107,10 @@ struct CameraHost::Impl {
         answer.number(question.number());
         answer.sent_at(question.sent_at());
         answer.received_at(came.time_since_epoch().count());
+        const MachineClock clock_here = machine_clock();
+        answer.machine(clock_here.machine);
+        answer.zero(clock_here.zero.time_since_epoch().count());
+        answer.kept_s(clock_here.kept_s.value_or(std::numeric_limits<double>::quiet_NaN()));
         answer.answered_at(capture::unix_now().time_since_epoch().count());
         echo.write(&answer);
       }

@@ -1,9 +1,19 @@
 // What `huetrackd capture` does, on films instead of V4L2 cameras: for the tests of cameras of other hosts.
 //   film_host FILMS CONFIG      a folder with CAMERA.yuyv; a camera host's configuration, with the films' sizes
+//     --dequeued FILE           when each frame was there: a CSV of camera, stamp_ns, at_ns
+//     --clock START,PPM         this process is shown a monotonic clock that runs fast since START (wrong_clock.c)
+//   film_host --receive FILE FILMS CONFIG
+//                               takes the cameras of a tracker's configuration, as a tracker does, and does no more:
+//                               when each frame was there, as --dequeued
 //   film_host --make N FILMS    makes such a folder, of N cameras of 640x480 that see one moment, with its rig.yaml
 // All film hosts of one machine play the same moments: a film's frame 0 is when the machine's clock was 0.
 #include <CLI/CLI.hpp>
 #include <cstdio>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <thread>
+#include <vector>
 
 #include "daemon/capture_command.h"
 #include "daemon/service_manager.h"
@@ -11,13 +21,102 @@
 #include "soak/films.h"
 #include "soak/until_ended.h"
 
+namespace {
+
+using namespace huetrack;
+
+// thread-safe. What was written is in the file within a second, also of a process that is killed.
+class Times {
+ public:
+  explicit Times(const std::string& file) : file_(std::fopen(file.c_str(), "w")) {
+    if (file_ == nullptr) throw std::runtime_error(file + ": cannot be written");
+    std::fputs("camera,stamp_ns,at_ns\n", file_);
+  }
+  ~Times() { std::fclose(file_); }
+  Times(const Times&) = delete;
+  Times& operator=(const Times&) = delete;
+  void add(const std::string& camera, const capture::Frame& frame) {
+    const capture::Timestamp now = capture::unix_now();
+    const std::scoped_lock lock(mutex_);
+    std::fprintf(file_, "%s,%lld,%lld\n", camera.c_str(),
+                 static_cast<long long>(frame.stamped_at.time_since_epoch().count()),
+                 static_cast<long long>(now.time_since_epoch().count()));
+    if (now < flushed_at_ + std::chrono::milliseconds(500)) return;
+    flushed_at_ = now;
+    std::fflush(file_);
+  }
+
+ private:
+  std::mutex mutex_;
+  std::FILE* file_;
+  capture::Timestamp flushed_at_{};  // guarded by mutex_
+};
+
+class TimedSource final : public capture::FrameSource {
+ public:
+  TimedSource(std::unique_ptr<capture::FrameSource> source, std::string camera, Times& times)
+      : source_(std::move(source)), camera_(std::move(camera)), times_(times) {}
+  std::optional<capture::Frame> next(std::stop_token stop) override {
+    auto frame = source_->next(std::move(stop));
+    if (frame) times_.add(camera_, *frame);
+    return frame;
+  }
+
+ private:
+  std::unique_ptr<capture::FrameSource> source_;
+  std::string camera_;
+  Times& times_;
+};
+
+struct WrongClock {
+  double start_s = 0, ppm = 0;
+};
+
+std::vector<capture::LiveCamera> films_of(const config::CaptureConfig& config, const std::filesystem::path& films,
+                                          const WrongClock& clock, Times* times) {
+  std::vector<capture::LiveCamera> cameras;
+  for (const auto& camera : config.cameras) {
+    soak::FilmCameraOptions film;
+    film.camera = int(cameras.size());
+    film.film = films / (camera.name + ".yuyv");
+    film.width = camera.size->width;
+    film.height = camera.size->height;
+    // Frames are there when they are by the machine's own clock, whatever clock this process is shown.
+    film.fps = camera.fps.value_or(30) / (1 + 1e-6 * clock.ppm);
+    film.start += std::chrono::duration_cast<std::chrono::steady_clock::duration>(
+        std::chrono::duration<double>(-1e-6 * clock.ppm * clock.start_s));
+    film.is_mjpeg = camera.format == capture::CaptureFormat::mjpeg;
+    film.decodes = false;
+    cameras.push_back(soak::FilmCamera(std::move(film)).live());
+    if (times != nullptr)
+      cameras.back().source = std::make_unique<TimedSource>(std::move(cameras.back().source), camera.name, *times);
+  }
+  return cameras;
+}
+
+void receive(const config::ServiceConfig& config, Times& times, const std::stop_token& stop) {
+  std::vector<capture::LiveCamera> cameras = pipeline::open_cameras(config, stop);
+  std::vector<std::jthread> reading;
+  for (auto& camera : cameras)
+    reading.emplace_back([&, stop] {
+      const std::string& name = config.rig.cameras[std::size_t(camera.camera)].name;
+      while (const auto frame = camera.source->next(stop)) times.add(name, *frame);
+    });
+}
+
+}  // namespace
+
 int main(int argc, char** argv) {
-  using namespace huetrack;
   daemon::set_up_log();
   CLI::App app("huetrackd capture, on films");
   std::filesystem::path config_file, films;
   int made = 0;
+  std::string dequeued, received;
+  std::vector<double> clock{0, 0};
   app.add_option("--make", made);
+  app.add_option("--dequeued", dequeued);
+  app.add_option("--receive", received);
+  app.add_option("--clock", clock)->delimiter(',')->expected(2);
   app.add_option("films", films)->required();
   app.add_option("config", config_file);
   CLI11_PARSE(app, argc, argv);
@@ -26,18 +125,15 @@ int main(int argc, char** argv) {
       soak::make_films(films, made, 640, 480, false);
       return 0;
     }
-    const config::CaptureConfig config = config::load_capture_config(config_file);
-    std::vector<capture::LiveCamera> cameras;
-    for (const auto& camera : config.cameras) {
-      soak::FilmCameraOptions film;
-      film.camera = int(cameras.size());
-      film.film = films / (camera.name + ".yuyv");
-      film.width = camera.size->width;
-      film.height = camera.size->height;
-      film.fps = camera.fps.value_or(30);
-      film.is_mjpeg = camera.format == capture::CaptureFormat::mjpeg;
-      cameras.push_back(soak::FilmCamera(std::move(film)).live());
+    if (!received.empty()) {
+      Times times(received);
+      soak::until_ended(
+          [&](const std::stop_token& stop) { receive(config::load_service_config(config_file), times, stop); });
+      return 0;
     }
+    const config::CaptureConfig config = config::load_capture_config(config_file);
+    const auto times = dequeued.empty() ? nullptr : std::make_unique<Times>(dequeued);
+    auto cameras = films_of(config, films, {.start_s = clock[0], .ppm = clock[1]}, times.get());
     soak::until_ended([&](const std::stop_token& stop) { daemon::capture_cameras(config, std::move(cameras), stop); });
   } catch (const std::exception& error) {
     std::fprintf(stderr, "film_host: %s\n", error.what());
