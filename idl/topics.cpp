@@ -223,7 +223,7 @@ dds::DataWriterQos clock_writer_qos() {
 }
 
 dds::DataReaderQos clock_reader_qos() {
-  dds::DataReaderQos qos = reliable_reader(4);
+  dds::DataReaderQos qos = reliable_reader(64);  // all hosts answer at one moment
   qos.reliability().kind = dds::BEST_EFFORT_RELIABILITY_QOS;
   return qos;
 }

@@ -105,7 +105,7 @@ std::optional<std::uint32_t> largest_sample(std::string_view topic);
 //   frames/...       reliable, volatile, keep-last 4, sent by a thread of Fast DDS' own (a frame is many datagrams);
 //   what
 //                    is lost is asked for again within 5 ms, and a network that is too slow loses whole frames.
-//   clock_*          best effort, volatile, keep-last 4: a question that was lost is asked again.
+//   clock_*          best effort, volatile, keep-last 4, of readers 64: all hosts answer at one moment.
 //   ROS 2            reliable, volatile, keep-last 10: matches echo, RViz and best-effort readers.
 // A reader has room for samples of largest_sample() from its start and never takes more: what is not taken in time is
 // replaced by what comes, and of a keyed topic there are at most 4000 instances.

@@ -17,6 +17,7 @@
 
 #include "capture/camera_clock.h"
 #include "capture/capture_clock.h"
+#include "hosts/arrivals.h"
 #include "hosts/camera_host.h"
 #include "hosts/clock_offset.h"
 #include "hosts/frame_message.h"
@@ -47,6 +48,8 @@ constexpr double longest_kept_s = 1000;     // who says more keeps no time
 constexpr double worst_clock_sigma_s = 1;   // no more is said of it with a frame
 constexpr std::uint32_t longest_loss = 30;  // frames; what is longer is an outage, and told as such
 constexpr std::uint32_t most_of_header = 64 * 1024;
+// The cameras of a hall expose at one moment, and their frames come at one.
+constexpr idl::Datagrams room_for_frames{.buffer = 4 << 20};
 
 // Of what a camera sends: what StreamFormat has a word for.
 std::optional<capture::CaptureFormat> format_of(std::uint8_t word) {
@@ -111,7 +114,8 @@ struct HostedCameras::Impl {
   };
   struct Camera {
     HostedCameraOptions options;
-    dds::DataReader* reader = nullptr;  // thread-safe by itself
+    dds::DataReader* reader = nullptr;   // thread-safe by itself
+    std::unique_ptr<Arrivals> arrivals;  // the source's
     capture::CameraHealth health;
     std::vector<capture::CameraEvent> events;
     std::optional<Clock::time_point> frame_at;
@@ -126,7 +130,7 @@ struct HostedCameras::Impl {
   };
 
   Impl(const idl::ParticipantOptions& transport, std::vector<HostedCameraOptions> given)
-      : participant(transport),
+      : participant(transport, nullptr, room_for_frames),
         probe(participant.create_writer(idl::clock_probe_topic, dds::TypeSupport(new msg::ClockProbePubSubType),
                                         idl::clock_writer_qos(), "")),
         echo(participant.create_reader(idl::clock_echo_topic, dds::TypeSupport(new msg::ClockEchoPubSubType),
@@ -144,6 +148,7 @@ struct HostedCameras::Impl {
       camera.reader = &participant.create_reader(
           idl::camera_frames_topic(camera.options.host, camera.options.camera_there),
           dds::TypeSupport(new msg::CameraFramePubSubType), idl::camera_frames_reader_qos(), largest);
+      camera.arrivals = std::make_unique<Arrivals>(*camera.reader);
       camera.health.last_progress = Clock::now();
       hosts[camera.options.host];
     }
@@ -154,6 +159,7 @@ struct HostedCameras::Impl {
 
   // Asks for the time, hears answers and states.
   void keep(const std::stop_token& stop) {
+    Arrivals answers(echo);
     auto next_question = Clock::now();
     while (!stop.stop_requested()) {
       const auto now = Clock::now();
@@ -163,9 +169,9 @@ struct HostedCameras::Impl {
         judge();
         next_question = now + (is_in_a_hurry() ? asked_at_start_every : asked_every);
       }
-      const auto patience = std::max(next_question - Clock::now(), Clock::duration(1ms));
-      const auto ns = std::chrono::duration_cast<std::chrono::nanoseconds>(patience).count();
-      if (echo.wait_for_unread_message(eprosima::fastrtps::Duration_t(0, static_cast<std::uint32_t>(ns)))) hear_time();
+      hear_time();
+      answers.wait(std::max<Clock::duration>(next_question - Clock::now(), 1ms));
+      hear_time();
     }
   }
 
@@ -403,8 +409,11 @@ struct HostedCameras::Impl {
         const std::scoped_lock lock(mutex);
         camera.health.last_progress = Clock::now();
       }
-      if (!camera.reader->wait_for_unread_message(eprosima::fastrtps::Duration_t(0, 50'000'000))) continue;
-      if (camera.reader->take_next_sample(&message, &info) != ReturnCode_t::RETCODE_OK || !info.valid_data) continue;
+      if (camera.reader->take_next_sample(&message, &info) != ReturnCode_t::RETCODE_OK) {
+        camera.arrivals->wait(50ms);
+        continue;
+      }
+      if (!info.valid_data) continue;
       if (auto frame = frame_of(camera, std::move(message))) return frame;
     }
     return std::nullopt;
@@ -412,8 +421,8 @@ struct HostedCameras::Impl {
 
   mutable std::mutex mutex;
   std::map<std::string, Host> hosts;
-  std::vector<std::unique_ptr<Camera>> cameras;
   idl::DdsParticipant participant;
+  std::vector<std::unique_ptr<Camera>> cameras;  // they wait for its readers
   dds::DataWriter& probe;
   dds::DataReader &echo, &states;
   const std::int64_t tracker;

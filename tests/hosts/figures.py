@@ -113,15 +113,17 @@ class Hall:
     def host_of(self, camera):
         return camera // self.per_host + 1
 
-    def start_host(self, n, name=None, wrong_clock=None):
-        """wrong_clock: (seconds ahead, ppm fast)."""
-        name = name or f"host-{n}"
+    def start_host(self, n, wrong_clock=None, is_spread=False):
+        """wrong_clock: (seconds ahead, ppm fast). is_spread: the cameras of the hall expose one after the other."""
+        name = f"host-{n}"
         file = self.folder / f"{name}.yaml"
         cameras = "".join(f"  cam{c}: {{device: /dev/film/cam{c}, size: [640, 480], format: mjpeg, fps: {FPS}}}\n"
                           for c in range((n - 1) * self.per_host, n * self.per_host))
         file.write_text(f"version: 1\nhost: {name}\ndds: {{domain: {DOMAIN}}}\ncameras:\n{cameras}")
         words = [FILM_HOST, "--dequeued", self.folder / f"{name}.csv", self.films, file]
         env, boot_id = None, None
+        if is_spread:
+            words[1:1] = ["--spread", str(len(self.names))]
         if wrong_clock:
             start_s = time.clock_gettime(time.CLOCK_MONOTONIC)
             env = {"LD_PRELOAD": str(self.folder / "wrong_clock.so"),
@@ -227,7 +229,7 @@ def latency_and_loss(figures, options, folder):
               f"{per_million / 1e4} % of packets lost")
         with Hall(folder, options.hosts, options.cameras, per_million) as hall:
             for n in range(1, options.hosts + 1):
-                hall.start_host(n)
+                hall.start_host(n, is_spread=True)
             receiver = hall.receive()
             settle(hall, receiver)
             began, cpu = unix_now_ns(), {n: cpu_s(p) for n, p in hall.running.items()}

@@ -1,6 +1,7 @@
 // What `huetrackd capture` does, on films instead of V4L2 cameras: for the tests of cameras of other hosts.
 //   film_host FILMS CONFIG      a folder with CAMERA.yuyv; a camera host's configuration, with the films' sizes
 //     --dequeued FILE           when each frame was there: a CSV of camera, stamp_ns, at_ns
+//     --spread N                N cameras free-run: camera K of them exposes K / N of a period after the first
 //     --clock START,PPM         this process is shown a monotonic clock that runs fast since START (wrong_clock.c)
 //   film_host --receive FILE FILMS CONFIG
 //                               takes the cameras of a tracker's configuration, as a tracker does, and does no more:
@@ -73,7 +74,7 @@ struct WrongClock {
 };
 
 std::vector<capture::LiveCamera> films_of(const config::CaptureConfig& config, const std::filesystem::path& films,
-                                          const WrongClock& clock, Times* times) {
+                                          const WrongClock& clock, int spread, Times* times) {
   std::vector<capture::LiveCamera> cameras;
   for (const auto& camera : config.cameras) {
     soak::FilmCameraOptions film;
@@ -85,6 +86,9 @@ std::vector<capture::LiveCamera> films_of(const config::CaptureConfig& config, c
     film.fps = camera.fps.value_or(30) / (1 + 1e-6 * clock.ppm);
     film.start += std::chrono::duration_cast<std::chrono::steady_clock::duration>(
         std::chrono::duration<double>(-1e-6 * clock.ppm * clock.start_s));
+    if (spread > 0)  // cam7 is the eighth
+      film.phase = capture::duration_of(std::stod(camera.name.substr(camera.name.find_first_of("0123456789"))) /
+                                        (spread * film.fps));
     film.is_mjpeg = camera.format == capture::CaptureFormat::mjpeg;
     film.decodes = false;
     cameras.push_back(soak::FilmCamera(std::move(film)).live());
@@ -110,10 +114,11 @@ int main(int argc, char** argv) {
   daemon::set_up_log();
   CLI::App app("huetrackd capture, on films");
   std::filesystem::path config_file, films;
-  int made = 0;
+  int made = 0, spread = 0;
   std::string dequeued, received;
   std::vector<double> clock{0, 0};
   app.add_option("--make", made);
+  app.add_option("--spread", spread);
   app.add_option("--dequeued", dequeued);
   app.add_option("--receive", received);
   app.add_option("--clock", clock)->delimiter(',')->expected(2);
@@ -133,7 +138,7 @@ int main(int argc, char** argv) {
     }
     const config::CaptureConfig config = config::load_capture_config(config_file);
     const auto times = dequeued.empty() ? nullptr : std::make_unique<Times>(dequeued);
-    auto cameras = films_of(config, films, {.start_s = clock[0], .ppm = clock[1]}, times.get());
+    auto cameras = films_of(config, films, {.start_s = clock[0], .ppm = clock[1]}, spread, times.get());
     soak::until_ended([&](const std::stop_token& stop) { daemon::capture_cameras(config, std::move(cameras), stop); });
   } catch (const std::exception& error) {
     std::fprintf(stderr, "film_host: %s\n", error.what());
