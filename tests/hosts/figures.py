@@ -26,6 +26,7 @@ HUETRACKD = ROOT / "build/release/service/daemon/huetrackd"
 HUETRACK = ROOT / "build/release/clients/huetrack/huetrack"
 DOMAIN = 77
 FPS = 30
+PERIOD_NS = round(1e9 / FPS)  # of the films
 DELAY_US = 200
 TICKS = os.sysconf("SC_CLK_TCK")
 
@@ -150,10 +151,10 @@ class Hall:
         return self.network.run(at, [HUETRACKD, "run", config, "--tracks", self.folder / f"{name}.csv"],
                                 self.folder / f"{name}.log")
 
-    def status(self, at=0):
+    def statuses(self, at=0):
         out = subprocess.run(["ip", "netns", "exec", f"ht-{at}", HUETRACK, "status", "--format", "json"],
                              capture_output=True, text=True, env={**os.environ, "ROS_DOMAIN_ID": str(DOMAIN)}, timeout=20)
-        return json.loads(out.stdout)
+        return [json.loads(line) for line in out.stdout.splitlines()]
 
     def end(self, process):
         process.send_signal(signal.SIGINT)
@@ -245,10 +246,13 @@ def latency_and_loss(figures, options, folder):
             latencies, frames, lost, _ = compare(hall, began, ended)
             figures.tell("frames", frames)
             figures.tell("lost", 100 * lost / frames, "% of frames", most_lost)
+            decoding_ms = next(json.loads(line)["decoding_ms"] for line in (folder / "received.log").read_text().splitlines()
+                               if line.startswith("{"))
+            latencies -= decoding_ms  # which follows a dequeue at a camera of the tracker's own, too
             bars = (2, 6) if per_million == 0 else (None, None)
-            figures.tell("from a host's dequeue to the tracker's, decoding included, p50", float(np.median(latencies)), "ms",
-                         bars[0])
+            figures.tell("from a host's dequeue to the tracker's, p50", float(np.median(latencies)), "ms", bars[0])
             figures.tell("the same, p99", float(np.percentile(latencies, 99)), "ms", bars[1])
+            figures.tell("decoding, which follows either", float(decoding_ms), "ms")
             if per_million == 0:
                 figures.tell(f"a capture host with {options.cameras} cameras, on average", 100 * float(np.mean(shares)),
                              "% of a core", 10 if options.cameras == 2 else None)
@@ -340,7 +344,7 @@ def track_of(file):
 
 def truth(t_monotonic):
     """The ball of films.h."""
-    angle = np.pi * t_monotonic
+    angle = np.pi * t_monotonic * (1e9 / FPS / PERIOD_NS)
     return np.stack([0.4 * np.cos(angle), 0.4 * np.sin(angle), 1 + 0.2 * np.sin(2 * angle)], axis=1)
 
 
@@ -359,16 +363,15 @@ def clocks(figures, options, folder):
         wrong = hall.track(hall.tracker_config("wrong", [0, 1]), name="wrong_tracks")
         true = hall.track(hall.tracker_config("true", [2, 3]), name="true_tracks")
         time.sleep(12)
-        told = [s for s in (hall.status(),) if s.get("clocks")]
+        told = [s for s in hall.statuses() if s["clocks"]]
         time.sleep(options.seconds)
         for process in (receiver, wrong, true):
             hall.end(process)
-        period_ns = 1_000_000_000 / FPS
         for camera in ("cam0", "cam1"):
             rows = times_of(folder / "received.csv")[camera]
             rows = rows[rows[:, 1] > began + 10_000_000_000]
-            phase = (rows[:, 0] - zero_ns) % period_ns
-            error = np.minimum(phase, period_ns - phase)
+            phase = (rows[:, 0] - zero_ns) % PERIOD_NS
+            error = np.minimum(phase, PERIOD_NS - phase)
             figures.tell(f"error of {camera}'s stamps, later than 10 s after the start", 1e-6 * float(error.max()), "ms", 0.5)
             figures.tell("stamped before it came by, at most", 1e-6 * float((rows[:, 1] - rows[:, 0]).max()), "ms")
         for status in told:
@@ -401,7 +404,7 @@ def scale(figures, options, folder):
             counts.append(count)
             tracker.append(100 * (cpu_s(process) - cpu) / took)
             hosts.append(100 * float(np.mean([cpu_s(p) - c for p, c in zip(hall.running.values(), host_cpu)])) / took)
-            status = hall.status()["status"]
+            status = hall.statuses()[0]["status"]
             resident = next(int(line.split()[1]) / 1024 for line in
                             pathlib.Path(f"/proc/{process.pid}/status").read_text().splitlines() if line.startswith("VmRSS"))
             figures.tell(f"{count} cameras: the tracker", tracker[-1], "% of a core")

@@ -1,14 +1,20 @@
 // What `huetrackd capture` does, on films instead of V4L2 cameras: for the tests of cameras of other hosts.
-//   film_host FILMS CONFIG      a folder with CAMERA.yuyv; a camera host's configuration, with the films' sizes
-//     --dequeued FILE           when each frame was there: a CSV of camera, stamp_ns, at_ns
-//     --spread N                N cameras free-run: camera K of them exposes K / N of a period after the first
-//     --clock START,PPM         this process is shown a monotonic clock that runs fast since START (wrong_clock.c)
+//   film_host [OPTIONS] FILMS CONFIG
+//     FILMS: a folder with CAMERA.yuyv; CONFIG: a camera host's configuration, with the films' sizes
+//     --dequeued FILE     when each frame was there: a CSV of camera, stamp_ns, at_ns
+//     --spread N          N cameras free-run: camera K of them exposes K / N of a period after the first
+//     --clock START,PPM   this process is shown a monotonic clock that runs fast since START (wrong_clock.c)
 //   film_host --receive FILE FILMS CONFIG
-//                               takes the cameras of a tracker's configuration, as a tracker does, and does no more:
-//                               when each frame was there, as --dequeued
-//   film_host --make N FILMS    makes such a folder, of N cameras of 640x480 that see one moment, with its rig.yaml
+//     takes the cameras of a tracker's configuration, as a tracker does, and does no more: when each frame was there,
+//     as
+//     --dequeued; at the end it prints how long a JPEG takes to decode
+//   film_host --make N FILMS
+//     makes such a folder, of N cameras of 640x480 that see one moment, with its rig.yaml
 // All film hosts of one machine play the same moments: a film's frame 0 is when the machine's clock was 0.
 #include <CLI/CLI.hpp>
+#include <algorithm>
+#include <chrono>
+#include <cmath>
 #include <cstdio>
 #include <memory>
 #include <mutex>
@@ -16,6 +22,7 @@
 #include <thread>
 #include <vector>
 
+#include "capture/jpeg_decoder.h"
 #include "daemon/capture_command.h"
 #include "daemon/service_manager.h"
 #include "soak/film_camera.h"
@@ -25,6 +32,9 @@
 namespace {
 
 using namespace huetrack;
+
+constexpr int films_loop = 60;                     // frames, as films.h makes them
+constexpr std::uint32_t decoded_again_every = 20;  // often enough for a median
 
 // thread-safe. What was written is in the file within a second, also of a process that is killed.
 class Times {
@@ -82,10 +92,17 @@ std::vector<capture::LiveCamera> films_of(const config::CaptureConfig& config, c
     film.film = films / (camera.name + ".yuyv");
     film.width = camera.size->width;
     film.height = camera.size->height;
-    // Frames are there when they are by the machine's own clock, whatever clock this process is shown.
-    film.fps = camera.fps.value_or(30) / (1 + 1e-6 * clock.ppm);
-    film.start += std::chrono::duration_cast<std::chrono::steady_clock::duration>(
-        std::chrono::duration<double>(-1e-6 * clock.ppm * clock.start_s));
+    film.fps = camera.fps.value_or(30);
+    if (clock.ppm != 0) {
+      // Frames are there when they are by the machine's own clock, whatever clock this process is shown: from a moment
+      // on, shortly before START, at which the film begins anew.
+      const double loop_s = films_loop * capture::seconds(capture::duration_of(1 / film.fps));
+      const double began_s = loop_s * std::floor(clock.start_s / loop_s);
+      const double fast = 1e-6 * clock.ppm;
+      film.start += std::chrono::duration_cast<std::chrono::steady_clock::duration>(
+          std::chrono::duration<double>(began_s + fast * (began_s - clock.start_s)));
+      film.fps /= 1 + fast;
+    }
     if (spread > 0)  // cam7 is the eighth
       film.phase = capture::duration_of(std::stod(camera.name.substr(camera.name.find_first_of("0123456789"))) /
                                         (spread * film.fps));
@@ -100,12 +117,27 @@ std::vector<capture::LiveCamera> films_of(const config::CaptureConfig& config, c
 
 void receive(const config::ServiceConfig& config, Times& times, const std::stop_token& stop) {
   std::vector<capture::LiveCamera> cameras = pipeline::open_cameras(config, stop);
-  std::vector<std::jthread> reading;
-  for (auto& camera : cameras)
-    reading.emplace_back([&, stop] {
-      const std::string& name = config.rig.cameras[std::size_t(camera.camera)].name;
-      while (const auto frame = camera.source->next(stop)) times.add(name, *frame);
-    });
+  std::mutex mutex;
+  std::vector<double> decoding_ms;  // guarded by mutex while there are threads
+  {
+    std::vector<std::jthread> reading;
+    for (auto& camera : cameras)
+      reading.emplace_back([&, stop] {
+        const std::string& name = config.rig.cameras[std::size_t(camera.camera)].name;
+        capture::JpegDecoder decoder;
+        while (const auto frame = camera.source->next(stop)) {
+          times.add(name, *frame);
+          if (!frame->encoded || frame->sequence % decoded_again_every != 0) continue;
+          const auto before = std::chrono::steady_clock::now();
+          decoder.decode(*frame->encoded);
+          const std::chrono::duration<double, std::milli> took = std::chrono::steady_clock::now() - before;
+          const std::scoped_lock lock(mutex);
+          decoding_ms.push_back(took.count());
+        }
+      });
+  }
+  std::ranges::sort(decoding_ms);
+  if (!decoding_ms.empty()) std::printf("{\"decoding_ms\": %.3f}\n", decoding_ms[decoding_ms.size() / 2]);
 }
 
 }  // namespace
