@@ -218,8 +218,8 @@ std::map<int, double> bus_speeds(std::span<const CameraExam> exams) {
   return speeds;
 }
 
-std::optional<double> buffer_bytes(const std::string& name) {
-  std::ifstream file("/proc/sys/net/core/" + name);
+std::optional<double> largest_receive_buffer() {
+  std::ifstream file("/proc/sys/net/core/rmem_max");
   if (double bytes = 0; file >> bytes) return bytes;
   return std::nullopt;
 }
@@ -327,7 +327,7 @@ class Doctor {
     }
     if (sent.empty()) return;
     title(host_ ? "this camera host" : "camera hosts of " + joined(elsewhere));
-    say(judge_sending(sent, buffer_bytes(host_ ? "wmem_max" : "rmem_max"), !host_));
+    say(judge_sending(sent, largest_receive_buffer(), !host_));
     say(judge_clock(hosts::machine_clock().kept_s));
   }
 
@@ -575,12 +575,13 @@ std::vector<Finding> judge_network(int domain, const std::string& domain_from,
   return findings;
 }
 
-std::vector<Finding> judge_sending(std::span<const SentCamera> cameras, std::optional<double> largest_buffer,
+std::vector<Finding> judge_sending(std::span<const SentCamera> cameras, std::optional<double> receive_buffer,
                                    bool is_tracker) {
-  constexpr double large_frame = 200e3, roomy_buffer = 4194304, gigabit = 125e6, shared = 0.6;
-  std::vector<Finding> findings;
+  constexpr double gigabit = 125e6, shared = 0.6;
+  constexpr double in_memory = 1.6;  // a packet of 1472 bytes takes 2304 of the kernel's,
+  constexpr double granted = 2;      // which grants twice what it calls the most
   std::vector<std::string> raw;
-  double bytes_per_s = 0, largest = 0;
+  double bytes_per_s = 0, at_one_moment = 0;
   for (const SentCamera& camera : cameras) {
     const double pixels = double(camera.width) * camera.height;
     const bool is_compressed = !camera.format || *camera.format == capture::CaptureFormat::mjpeg;
@@ -590,9 +591,10 @@ std::vector<Finding> judge_sending(std::span<const SentCamera> cameras, std::opt
                          : *camera.format == capture::CaptureFormat::nv12 ? 1.5 * pixels
                                                                           : 2 * pixels;
     if (!is_compressed) raw.push_back(camera.name);
-    largest = std::max(largest, bytes);
+    at_one_moment += bytes;
     bytes_per_s += bytes * camera.fps;
   }
+  std::vector<Finding> findings;
   const bool is_much = bytes_per_s > shared * gigabit;
   findings.push_back({is_much       ? Grade::warning
                       : raw.empty() ? Grade::ok
@@ -602,13 +604,13 @@ std::vector<Finding> judge_sending(std::span<const SentCamera> cameras, std::opt
                       is_much       ? "more than 60 % of a gigabit: format: mjpeg, fewer frames, or another network"
                       : raw.empty() ? ""
                                     : "format: mjpeg takes a tenth of it"});
-  if (largest > large_frame && largest_buffer && *largest_buffer < roomy_buffer)
+  if (is_tracker && receive_buffer && in_memory * at_one_moment > granted * *receive_buffer)
     findings.push_back(
         {Grade::warning,
-         fmt::format("frames of {:.0f} kB, and socket buffers of {:.0f} kB at most: frames will be lost",
-                     1e-3 * largest, 1e-3 * *largest_buffer),
-         "sysctl -w net.core.rmem_max=4194304 net.core.rmem_default=4194304 net.core.wmem_max=4194304, on "
-         "tracker and camera hosts; or format: mjpeg"});
+         fmt::format("{:.0f} kB of frames may come at one moment, more than the {:.0f} kB that a socket may hold here: "
+                     "they are sent again, and late",
+                     1e-3 * at_one_moment, 1e-3 * granted * *receive_buffer / in_memory),
+         "sysctl -w net.core.rmem_max=4194304, and that line in /etc/sysctl.d"});
   return findings;
 }
 

@@ -55,8 +55,9 @@ struct SentCamera {
   double fps = 30;
   std::optional<capture::CaptureFormat> format;  // nullopt: not known here, taken for mjpeg
 };
-// largest_buffer: of a socket, bytes (net.core.wmem_max; of a tracker rmem_max); nullopt: not known.
-std::vector<Finding> judge_sending(std::span<const SentCamera> cameras, std::optional<double> largest_buffer,
+// Between a camera host and its trackers, as seen from one of them. receive_buffer: what a socket of a tracker may ask
+// for, bytes (net.core.rmem_max); nullopt: not known.
+std::vector<Finding> judge_sending(std::span<const SentCamera> cameras, std::optional<double> receive_buffer,
                                    bool is_tracker);
 // kept_s: hosts::MachineClock::kept_s.
 std::vector<Finding> judge_clock(const std::optional<double>& kept_s);

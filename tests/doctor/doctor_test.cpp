@@ -212,17 +212,19 @@ TEST_F(DoctorsConfig, OfACameraHost) {
   EXPECT_THAT(said(folder / "bad.yaml"), AllOf(HasSubstr("FAIL"), HasSubstr("hosst")));
 }
 
-TEST(JudgeSending, LargeFramesWantLargeBuffers) {
+TEST(JudgeSending, WhatComesAtOneMomentWantsRoom) {
   const SentCamera small{.name = "a", .width = 640, .height = 480, .format = capture::CaptureFormat::mjpeg};
   SentCamera large = small;
   large.name = "b", large.format = capture::CaptureFormat::yuyv;
-  EXPECT_THAT(judge_sending(std::vector{small}, 212992.0, false), says(Grade::ok, "sends about 1.7 MB/s"));
-  EXPECT_THAT(judge_sending(std::vector{small}, 212992.0, false), Not(says(Grade::warning, "")));
+  EXPECT_THAT(judge_sending(std::vector{small}, std::nullopt, false), says(Grade::ok, "sends about 1.7 MB/s"));
+  EXPECT_THAT(judge_sending(std::vector(4, small), 212992.0, true), Not(says(Grade::warning, "")));
+  EXPECT_THAT(judge_sending(std::vector(5, small), 212992.0, true),
+              AllOf(says(Grade::warning, "288 kB of frames may come at one moment"), advises("net.core.rmem_max")));
   EXPECT_THAT(judge_sending(std::vector{small, large}, 212992.0, true),
-              AllOf(says(Grade::note, "uncompressed those of b"), says(Grade::warning, "frames of 614 kB"),
-                    advises("net.core.rmem_max=4194304")));
+              AllOf(says(Grade::note, "uncompressed those of b"), says(Grade::warning, "at one moment")));
   EXPECT_THAT(judge_sending(std::vector{small, large}, 4194304.0, true), Not(says(Grade::warning, "")));
-  EXPECT_THAT(judge_sending(std::vector(5, large), std::nullopt, false), says(Grade::warning, "sends about 92"));
+  EXPECT_THAT(judge_sending(std::vector(5, large), 212992.0, false),
+              AllOf(says(Grade::warning, "sends about 92"), Not(says(Grade::warning, "at one moment"))));
 }
 
 TEST(JudgeUsb, AddsUpWhatCamerasOfABusWant) {
