@@ -2,7 +2,8 @@
 # Installs what is missing, builds everything, runs every test. The last line counts them: N passed, N failed, N skipped.
 # Exit status: 0 only when at least one test passed and none failed.
 #   HUETRACK_LONG=1              builds everything once more with -O0, AddressSanitizer and UBSan (preset debug), runs the tests
-#                                of all modules there, and clang-tidy over the tree; about an hour on two cores
+#                                of all modules there, and clang-tidy over the tree; then what has threads with
+#                                ThreadSanitizer; about two hours on two cores
 #   HUETRACK_VM_TESTS=off|short|all   real V4L2 drivers in a VM (tests/v4l2/run.sh; short: 3 minutes, all: 15); skipped
 #                                where there is no VM
 set -uo pipefail
@@ -58,6 +59,12 @@ if [ "$long" != 0 ]; then
   export LSAN_OPTIONS=suppressions=$PWD/tests/lsan.supp
   # Not those that measure time, or need a browser or a VM: they run whole programs, which are the same as above.
   run_tests build/debug -j2 -E '^(end_to_end\.|browser/|v4l2/|floors/|fences/|format$)'
+  cmake --preset tsan -DCMAKE_UNITY_BUILD=ON >/dev/null || fail "the build with ThreadSanitizer could not be configured"
+  threaded="capture hosts pipeline publish client live_view page metrics daemon gather keyframes"
+  # shellcheck disable=SC2086
+  build_huetrack build/tsan "" $(printf '%s_test ' $threaded) || fail "the build with ThreadSanitizer failed"
+  export TSAN_OPTIONS=suppressions=$PWD/tests/tsan.supp:second_deadlock_stack=1
+  for module in $threaded; do run_tests "build/tsan/tests/$module" -j1; done
 fi
 
 passed=$((total - failed - skipped))

@@ -11,6 +11,7 @@
 
 #include "calib/gather/write_file.h"
 #include "calib/report/calibration_report.h"
+#include "calib/report/html.h"
 
 namespace huetrack::gather {
 namespace {
@@ -20,11 +21,7 @@ constexpr std::string_view style =
     ".row{display:flex;flex-wrap:wrap;gap:16px}figure{margin:0}figcaption{color:#a9b4c0;font-size:13px}"
     "li{margin:4px 0;font-size:18px}svg text{fill:#e8ecf0;font:12px system-ui}";
 
-std::string escaped(const std::string& text) {
-  std::string out;
-  for (const char c : text) out += c == '<' ? "&lt;" : c == '&' ? "&amp;" : std::string(1, c);
-  return out;
-}
+using report::escaped;
 
 std::string embedded(const cv::Mat& bgr) {
   std::vector<std::uint8_t> jpeg;
@@ -113,7 +110,7 @@ void DetectionPage::write(const std::string& body, bool reload) {
   std::string page = "<!doctype html><html><head><meta charset=utf-8><title>huetrack-calibrate</title>";
   if (reload) page += "<meta http-equiv=refresh content=1>";
   page.append("<style>").append(style).append("</style></head><body>").append(body).append("</body></html>\n");
-  write_file(file_, page);
+  write_files({{file_, page}});
 }
 
 }  // namespace huetrack::gather

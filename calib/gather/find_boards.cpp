@@ -140,6 +140,15 @@ std::vector<std::pair<std::string, std::string>> without_boards(const FoundBoard
   return without;
 }
 
+// What else was seen may be why: damaged files, for one.
+std::string with_first(const std::vector<std::string>& warnings, std::string text) {
+  constexpr std::size_t told = 3;
+  for (std::size_t i = 0; i < std::min(told, warnings.size()); ++i)
+    if (text.find(warnings[i]) == std::string::npos) text += "; " + warnings[i];
+  if (warnings.size() > told) text += "; and " + std::to_string(warnings.size() - told) + " more";
+  return text;
+}
+
 // One picture that is looked at.
 struct Task {
   std::size_t set, camera;  // of the batch
@@ -323,7 +332,7 @@ FoundBoards find_boards(PictureSource& source, const board::BoardDetector& detec
   found.board_doubt = doubt_of_markers(detector.board(), std::move(markers_m));
   found.without_boards = without_boards(found, detector.board(), misses);
   if (!found.without_boards.empty() && found.without_boards.size() + options.least_cameras > found.cameras.size())
-    throw InputError(found.without_boards.front().second);
+    throw InputError(with_first(found.warnings, found.without_boards.front().second));
   const std::size_t before = sets.size();
   sets = thinned(std::move(sets), static_cast<std::size_t>(options.max_sets), source.has_stamps());
   found.thinned = static_cast<int>(before - sets.size());

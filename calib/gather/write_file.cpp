@@ -1,15 +1,26 @@
 #include "calib/gather/write_file.h"
 
+#include <string_view>
+
+#include "calib/report/calibration_report.h"
 #include "calib/yaml/output_file.h"
 
 namespace huetrack::gather {
+namespace {
 
-void write_file(const std::filesystem::path& file, const std::string& text) {
-  yaml::refuse_other_kind(file, {"page or report of huetrack's", [](std::string_view begin) {
-                                   return begin.starts_with("<!doctype html") || begin.find("USABLE") != begin.npos ||
-                                          begin.find("DOUBTFUL") != begin.npos || begin.find("FAILED") != begin.npos;
-                                 }});
-  yaml::write_whole_file(file, text);
+constexpr yaml::FileKind page{"page", [](std::string_view text) { return text.starts_with("<!doctype html"); }},
+    pdf{"PDF", [](std::string_view text) { return text.starts_with("%PDF"); }},
+    report_text{"report of huetrack's", report::begins_a_report};
+
+const yaml::FileKind& kind_of(std::string_view text) {
+  return page.begins(text) ? page : pdf.begins(text) ? pdf : report_text;
+}
+
+}  // namespace
+
+void write_files(const std::vector<PageFile>& files) {
+  for (const PageFile& one : files) yaml::refuse_other_kind(one.file, kind_of(one.text));
+  for (const PageFile& one : files) yaml::write_whole_file(one.file, one.text);
 }
 
 }  // namespace huetrack::gather

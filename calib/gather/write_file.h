@@ -3,10 +3,17 @@
 
 #include <filesystem>
 #include <string>
+#include <vector>
 
 namespace huetrack::gather {
 
-// Replaces a page or a report, and nothing else. throws std::system_error, std::runtime_error; both name the file
-void write_file(const std::filesystem::path& file, const std::string& text);
+struct PageFile {
+  std::filesystem::path file;
+  std::string text;  // HTML, a PDF, or report::to_text()
+};
+
+// Each replaces what is of its own form (a page, a PDF, a report as text), and nothing else: where one may not be
+// written, none is. throws std::system_error, std::runtime_error; both name the file
+void write_files(const std::vector<PageFile>& files);
 
 }  // namespace huetrack::gather

@@ -13,6 +13,7 @@
 
 #include "calib/model/index.h"
 #include "calib/yaml/output_file.h"
+#include "calib/yaml/text_file.h"
 #include "calib/yaml/yaml_reader.h"
 
 namespace huetrack::calib {
@@ -191,27 +192,12 @@ std::string list(std::span<const double> values) {
   return fmt::format("[{}]", fmt::join(texts, ", "));
 }
 
-std::string in_quotes(std::string_view text) {
-  std::string out = "\"";
-  for (const char c : text) {
-    if (c == '"' || c == '\\') {
-      out += '\\';
-      out += c;
-    } else if (static_cast<unsigned char>(c) < 0x20 || c == 0x7F) {
-      out += fmt::format("\\x{:02x}", static_cast<unsigned char>(c));
-    } else {
-      out += c;
-    }
-  }
-  return out + '"';
-}
-
 // A word that YAML cannot take for anything else goes without quotes.
 std::string key_text(const std::string& key) {
   const auto is_letter = [](char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '_'; };
   const bool is_word = !key.empty() && is_letter(key.front()) &&
                        std::ranges::all_of(key, [&](char c) { return is_letter(c) || (c >= '0' && c <= '9'); });
-  return is_word && key != "null" && key != "Null" && key != "NULL" ? key : in_quotes(key);
+  return is_word && key != "null" && key != "Null" && key != "NULL" ? key : yaml::in_yaml_quotes(key);
 }
 
 std::string distortion_text(const PinholeRadtan& lens) {
@@ -247,8 +233,8 @@ std::string history_text(const RigHistory& made) {
   if (made.temperature_c) out += "  temperature_c: " + number(*made.temperature_c) + "\n";
   if (!made.checks.empty()) out += "  checks:\n";
   for (const RigCheckNote& check : made.checks) {
-    out += "    - {at: " + utc_text(check.at) + ", verdict: " + in_quotes(check.verdict);
-    if (!check.text.empty()) out += ", text: " + in_quotes(check.text);
+    out += "    - {at: " + utc_text(check.at) + ", verdict: " + yaml::in_yaml_quotes(check.verdict);
+    if (!check.text.empty()) out += ", text: " + yaml::in_yaml_quotes(check.text);
     out += "}\n";
   }
   return out;
@@ -322,7 +308,8 @@ std::string to_yaml(const CameraRig& rig) {
   }
   if (!rig.made_by.empty()) {
     out += "made_by:\n";
-    for (const auto& [key, value] : rig.made_by) out += "  " + key_text(key) + ": " + in_quotes(value) + "\n";
+    for (const auto& [key, value] : rig.made_by)
+      out += "  " + key_text(key) + ": " + yaml::in_yaml_quotes(value) + "\n";
   }
   if (!rig.made.is_empty()) out += history_text(rig.made);
   if (rig.uncertainty && rig.uncertainty->size() > 0) out += uncertainty_text(*rig.uncertainty, rig);

@@ -75,6 +75,9 @@ ExitStatus print(const BoardOptions& o) {
   const board::BoardPdf printed = board::board_pdf(board, *paper);
   const std::filesystem::path yaml =
       o.board_file.empty() ? std::filesystem::path(o.out).replace_extension(".yaml") : o.board_file;
+  if (std::filesystem::weakly_canonical(yaml) == std::filesystem::weakly_canonical(o.out))
+    throw gather::InputError(yaml.string() +
+                             " is to be written twice, as the print and as its board file: give another --board");
   yaml::refuse_other_kind(o.out, {"PDF", [](std::string_view text) { return text.starts_with("%PDF"); }});
   refuse_other_than_a_board(yaml);
   yaml::write_whole_file(o.out, printed.pdf);

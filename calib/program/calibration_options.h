@@ -84,7 +84,7 @@ inline OutputFiles output_files(const CalibrationOptions& options) {
   OutputFiles files;
   files.rig = options.rig;
   files.report = options.report.empty() ? std::filesystem::path(options.rig).replace_extension(".report.html")
-                                        : std::filesystem::path(options.report);
+                                        : page_name(options.report);
   files.report_was_named = !options.report.empty();
   files.overwrite = options.overwrite;
   files.quiet = options.quiet;

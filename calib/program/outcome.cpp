@@ -69,9 +69,15 @@ report::ReportInput report_input(const gather::FoundBoards& found, const std::ve
   return input;
 }
 
-void write_document(const report::Document& document, const fs::path& html) {
-  gather::write_file(html, report::to_html(document));
-  gather::write_file(fs::path(html).replace_extension(".pdf"), report::to_pdf(document));
+void write_document(const report::Document& document, const fs::path& name) {
+  const fs::path html = page_name(name);
+  gather::write_files(
+      {{html, report::to_html(document)}, {fs::path(html).replace_extension(".pdf"), report::to_pdf(document)}});
+}
+
+fs::path page_name(fs::path name) {
+  if (name.extension() != ".html" && name.extension() != ".htm") name += ".html";
+  return name;
 }
 
 fs::path place_for(report::Verdict verdict, const fs::path& rig, bool overwrite) {
@@ -96,8 +102,8 @@ ExitStatus put_out(const report::CalibrationReport& report, calib::CameraRig rig
   };
   const std::string text = report::to_text(report);
   const fs::path report_file = report_place(report.verdict, files);
-  gather::write_file(report_file, report::to_html(report, picture_of));
-  gather::write_file(fs::path(report_file).replace_extension(".txt"), text);
+  gather::write_files(
+      {{report_file, report::to_html(report, picture_of)}, {fs::path(report_file).replace_extension(".txt"), text}});
   if (!files.quiet) std::fputs(text.c_str(), stdout);
 
   rig.made = {.at = utc_now(), .temperature_c = files.temperature_c, .checks = {}};

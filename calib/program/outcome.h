@@ -40,7 +40,9 @@ ExitStatus put_out(const report::CalibrationReport& report, calib::CameraRig rig
                    const OutputFiles& files);
 
 // Writes it as HTML there, and as PDF beside it. throws std::system_error, std::runtime_error
-void write_document(const report::Document& document, const std::filesystem::path& html);
+void write_document(const report::Document& document, const std::filesystem::path& name);
+// With .html at its end where it has neither that nor .htm.
+std::filesystem::path page_name(std::filesystem::path name);
 
 // Where a rig of this verdict (usable, doubtful) goes: NAME.doubtful.yaml where it must not replace what is there.
 std::filesystem::path place_for(report::Verdict verdict, const std::filesystem::path& rig, bool overwrite);

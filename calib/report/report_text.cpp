@@ -9,20 +9,32 @@
 namespace huetrack::report {
 namespace {
 
+// By the first of these, after its title, a report is known again.
+constexpr std::string_view usable_words = "USABLE: nothing speaks against it",
+                           doubtful_words = "DOUBTFUL: ", failed_words = "FAILED: do not use it";
+
 std::string verdict_line(const CalibrationReport& report) {
   const auto bad = std::ranges::count_if(report.checks, [](const Check& c) { return c.verdict != Verdict::usable; });
   switch (report.verdict) {
     case Verdict::usable:
-      return "USABLE: nothing speaks against it";
+      return std::string(usable_words);
     case Verdict::doubtful:
-      return "DOUBTFUL: " + std::to_string(bad) + (bad == 1 ? " thing speaks" : " things speak") + " against it";
+      return std::string(doubtful_words) + std::to_string(bad) + (bad == 1 ? " thing speaks" : " things speak") +
+             " against it";
     case Verdict::failed:
       break;
   }
-  return "FAILED: do not use it";
+  return std::string(failed_words);
 }
 
 }  // namespace
+
+bool begins_a_report(std::string_view text) {
+  const auto title_end = text.find("\n\n");
+  if (title_end == std::string_view::npos) return false;
+  const std::string_view verdict = text.substr(title_end + 2);
+  return verdict.starts_with(usable_words) || verdict.starts_with(doubtful_words) || verdict.starts_with(failed_words);
+}
 
 std::string to_text(const CalibrationReport& report) {
   std::string out = report.title + ", " + report.board + "\n\n" + verdict_line(report) + ".\n";

@@ -33,6 +33,16 @@ std::size_t write_all(int fd, std::string_view text) {
   return done;
 }
 
+// What is no file that could be replaced: a device, a pipe.
+void write_into(const std::filesystem::path& file, std::string_view text) {
+  const int fd = ::open(file.c_str(), O_WRONLY | O_CLOEXEC);
+  if (fd < 0) throw cannot_write(file, errno);
+  const bool is_written = write_all(fd, text) == text.size();
+  const int error = errno;
+  if (::close(fd) != 0 && is_written) throw cannot_write(file, errno);
+  if (!is_written) throw cannot_write(file, error);
+}
+
 }  // namespace
 
 void refuse_other_kind(const std::filesystem::path& file, const FileKind& kind) {
@@ -47,18 +57,32 @@ void refuse_other_kind(const std::filesystem::path& file, const FileKind& kind) 
                              ": it is not replaced. Give another name, or remove it");
 }
 
+std::filesystem::path followed(const std::filesystem::path& file) {
+  constexpr int most_links = 40;  // as many as the kernel follows
+  std::filesystem::path at = file;
+  std::error_code none;
+  for (int i = 0; i < most_links && std::filesystem::is_symlink(at, none); ++i)
+    at = at.parent_path() / std::filesystem::read_symlink(at, none);  // an absolute one takes the folder's place
+  return at;
+}
+
 void write_whole_file(const std::filesystem::path& file, std::string_view text) {
-  std::string name = file.string() + ".XXXXXX";
+  const std::filesystem::path real = followed(file);
+  struct stat there {};
+  const bool is_there = ::stat(real.c_str(), &there) == 0;
+  if (is_there && !S_ISREG(there.st_mode)) return write_into(file, text);
+  std::string name = real.string() + ".XXXXXX";
   const int fd = ::mkostemp(name.data(), O_CLOEXEC);
   if (fd < 0) throw cannot_write(file, errno);
-  bool is_written = ::fchmod(fd, 0644) == 0 && write_all(fd, text) == text.size() &&
+  constexpr mode_t usual = 0644;
+  bool is_written = ::fchmod(fd, is_there ? there.st_mode & 07777 : usual) == 0 && write_all(fd, text) == text.size() &&
                     ::fsync(fd) == 0;  // before the rename: a power cut must not leave an empty file
   int error = errno;
   if (::close(fd) != 0 && is_written) {
     is_written = false;
     error = errno;
   }
-  if (is_written && ::rename(name.c_str(), file.c_str()) == 0) return;
+  if (is_written && ::rename(name.c_str(), real.c_str()) == 0) return;
   if (is_written) error = errno;
   ::unlink(name.c_str());
   throw cannot_write(file, error);

@@ -21,8 +21,12 @@ struct FileKind {
 // no file at all (a pipe, /dev/null). throws std::runtime_error, naming the file.
 void refuse_other_kind(const std::filesystem::path& file, const FileKind& kind);
 
-// By a temporary file beside it, and on the disk when it returns. throws std::system_error, naming the file; what was
-// there is then still there.
+// Where a link leads that is there or will be; otherwise the file itself.
+std::filesystem::path followed(const std::filesystem::path& file);
+
+// By a temporary file beside it, and on the disk when it returns, with the permissions of the one that it replaces. A
+// link stays one: the file is where it leads. A device or a pipe is written into. throws std::system_error, naming the
+// file; what was there is then still there.
 void write_whole_file(const std::filesystem::path& file, std::string_view text);
 
 // A file that grows by lines. thread-compatible.

@@ -146,6 +146,23 @@ std::string printable(std::string_view text, std::size_t most) {
   return out;
 }
 
+std::string in_yaml_quotes(std::string_view text) {
+  std::string out = "\"";
+  for (const char c : text) {
+    if (c == '"' || c == '\\') {
+      out += '\\';
+      out += c;
+    } else if (static_cast<unsigned char>(c) < 0x20 || c == 0x7F) {
+      constexpr std::string_view digits = "0123456789abcdef";
+      const auto code = static_cast<unsigned char>(c);
+      out += {'\\', 'x', digits[code >> 4U], digits[code & 15U]};
+    } else {
+      out += c;
+    }
+  }
+  return out + '"';
+}
+
 bool has_control_characters(std::string_view text) {
   while (!text.empty()) {
     const auto character = first_character(text);

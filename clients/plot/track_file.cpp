@@ -1,5 +1,7 @@
 #include "clients/plot/track_file.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -20,6 +22,8 @@ double bounded(const yaml::CsvTable& table, std::size_t column, double most) {
   return value;
 }
 
+constexpr std::size_t most_objects = 1000;  // each has five curves
+
 }  // namespace
 
 std::map<std::string, std::vector<TrackRow>> read_tracks(const std::filesystem::path& file) {
@@ -36,6 +40,9 @@ std::map<std::string, std::vector<TrackRow>> read_tracks(const std::filesystem::
   table.leave_out_cut_off_row();
   std::map<std::string, std::vector<TrackRow>> tracks;
   while (table.next()) {
+    if (tracks.size() > most_objects)
+      table.fail(fmt::format("this is the {}th object: no more than {} can be drawn; plot a part of the file",
+                             tracks.size(), most_objects));
     TrackRow row;
     row.at = table.time(1);
     row.state = table.text(2);

@@ -1,11 +1,12 @@
 #include "camera_tracking/camera_starter.h"
 
+#include <fmt/core.h>
+
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdio>
 
 #include "calib/model/median.h"
 #include "camera_tracking/rectangle_finder.h"
@@ -77,13 +78,6 @@ double open_m(const PoseFit& pose) {
   return std::sqrt(world_covariance(pose.cam_from_world, covariance).topLeftCorner<3, 3>().trace());
 }
 
-template <typename... Values>
-std::string text(const char* format, Values... values) {
-  std::array<char, 200> out{};
-  std::snprintf(out.data(), out.size(), format, values...);
-  return out.data();
-}
-
 // Why that is no start; empty: it is one. A wrong one would become the world: it must explain most of what was given,
 // and leave little open.
 std::string objection(const std::optional<Started>& started, std::size_t given) {
@@ -91,11 +85,11 @@ std::string objection(const std::optional<Started>& started, std::size_t given) 
   if (!started) return "no pose of the camera fits them";
   const int agree = started->pose.inliers;
   if (agree < 4 || agree < share * static_cast<double>(given))
-    return text("only %d of %zu points fit one pose of the camera", agree, given);
+    return fmt::format("only {} of {} points fit one pose of the camera", agree, given);
   const double distance = distance_m(*started), left = open_m(started->pose);
   if (!(left < open * distance))
-    return text("the view leaves %.0f mm open from %.2f m away, more than %.0f %% of that", 1e3 * left, distance,
-                100 * open);
+    return fmt::format("the view leaves {:.0f} mm open from {:.2f} m away, more than {:.0f} % of that", 1e3 * left,
+                       distance, 100 * open);
   return {};
 }
 

@@ -128,6 +128,8 @@ void refuse_videos(const std::filesystem::path& file) {
 }  // namespace
 
 bool is_video_or_picture(const std::filesystem::path& file) {
+  std::error_code unreadable;  // and a pipe would be waited for: who reads the file says what is wrong with it
+  if (!std::filesystem::is_regular_file(file, unreadable)) return false;
   std::ifstream stream(file, std::ios::binary);
   std::array<char, 12> bytes{};
   if (!stream.read(bytes.data(), bytes.size())) return false;

@@ -10,6 +10,7 @@
 #include "calib/board/board_yaml.h"
 #include "calib/yaml/csv_table.h"
 #include "calib/yaml/yaml_reader.h"
+#include "camera_tracking/grey_image.h"
 
 namespace huetrack::config {
 namespace {
@@ -18,37 +19,11 @@ Eigen::Vector3d point_of(const std::vector<double>& row) {
   return {row[0], row[1], row[2]};
 }
 
-// Y lies dense in grey and planar images; elsewhere it is copied out.
-struct Grey {
-  std::vector<std::uint8_t> copy;
-  board::GreyView view;
-};
-Grey grey_of(const capture::Image& image) {
-  Grey grey;
-  if (image.format != capture::PixelFormat::yuyv && image.format != capture::PixelFormat::bgr) {
-    grey.view = {image.planes[0].data, image.width, image.height, image.planes[0].stride};
-    return grey;
-  }
-  grey.copy.reserve(std::size_t(image.width) * std::size_t(image.height));
-  for (int v = 0; v < image.height; ++v) {
-    for (int u = 0; u < image.width; ++u) {
-      if (image.format == capture::PixelFormat::yuyv) {
-        grey.copy.push_back(capture::yuv_at(image, u, v).y);
-      } else {
-        const capture::Bgr p = capture::bgr_at(image, u, v);
-        grey.copy.push_back(static_cast<std::uint8_t>((29 * p.b + 150 * p.g + 77 * p.r) >> 8));  // BT.601
-      }
-    }
-  }
-  grey.view = {grey.copy.data(), image.width, image.height, image.width};
-  return grey;
-}
-
 camera_tracking::FoundStart board_start(const std::filesystem::path& file) {
   const auto detector = std::make_shared<const board::BoardDetector>(board::read_board(file));
   return {[detector](const capture::Image& image) -> std::optional<camera_tracking::PointsStart> {
-    const Grey grey = grey_of(image);
-    const board::BoardDetection found = detector->detect(grey.view);
+    const camera_tracking::GreyImage grey = camera_tracking::grey_of(image);
+    const board::BoardDetection found = detector->detect({grey.data, grey.width, grey.height, grey.stride});
     if (!found.found()) return std::nullopt;
     camera_tracking::PointsStart start;
     start.pixels = found.px;

@@ -17,7 +17,8 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::size_t most_targets = 100;
-constexpr std::size_t most_pairs = 3;  // of targets with one colour that are warned of one by one
+constexpr double most_particles = 4e6;  // of all objects while they are searched: about a gigabyte
+constexpr std::size_t most_pairs = 3;   // of targets with one colour that are warned of one by one
 
 std::string not_in_the_rig(const std::string& camera, const calib::CameraRig& rig) {
   const std::vector<std::string> names = rig.camera_names();
@@ -65,6 +66,14 @@ void check_object_tracking(const ServiceConfig& config, const yaml::YamlReader& 
   }
   if (const auto problems = config.object_tracking.problems(); !problems.empty())
     root.fail("object_tracking", problems.front());
+  double particles = 0;
+  for (const auto& target : config.targets)
+    particles += double(target.count) * config.object_tracking.max_particle_count;
+  if (particles > most_particles)
+    tracking.fail("max_particle_count",
+                  fmt::format("makes {:.0f} particles of all objects together, and {:.0f} are the "
+                              "most: give fewer particles, or fewer targets",
+                              particles, most_particles));
   if (!config.targets.empty() && config.is_calibrated() && volume_coverage(config.rig, volume).by_one == 0)
     tracking.fail("volume", "no camera of the rig sees any of it: is the volume in the rig's world frame, in metres?");
 }

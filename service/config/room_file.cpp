@@ -7,6 +7,7 @@
 #include <fstream>
 #include <system_error>
 
+#include "calib/yaml/text_file.h"
 #include "calib/yaml/yaml_reader.h"
 
 namespace huetrack::config {
@@ -25,15 +26,6 @@ room_watch::SeenPatch read_seen(const yaml::YamlReader& patch) {
   }
   if (!is_hex) patch.fail("seen", fmt::format("must be {} hexadecimal digits", 2 * seen.size()));
   return seen;
-}
-
-std::string in_quotes(const std::string& name) {
-  std::string out = "\"";
-  for (const char c : name) {
-    if (c == '"' || c == '\\') out += '\\';
-    out += c;
-  }
-  return out + '"';
 }
 
 }  // namespace
@@ -76,7 +68,7 @@ std::string room_to_yaml(const std::vector<KeptRoom>& room, const std::string& r
       "# deletes it has the room learnt anew.\nversion: 1\n";
   text += fmt::format("rig: \"{}\"  # this one only\ncameras:\n", rig_identity);
   for (const KeptRoom& kept : room) {
-    text += fmt::format("  {}:\n    patches:\n", in_quotes(kept.camera));
+    text += fmt::format("  {}:\n    patches:\n", yaml::in_yaml_quotes(kept.camera));
     for (const room_watch::KeptPatch& patch : kept.patches) {
       text += fmt::format("      - {{px: [{}, {}], cell: {}, seen: \"", patch.px.x(), patch.px.y(), patch.cell);
       for (const std::uint8_t value : patch.seen) text += fmt::format("{:02x}", value);

@@ -65,7 +65,7 @@ std::exception_ptr run_supervised(pipeline::Session& session, Supervisor& superv
 // Beside the rig, which stays as it is: where the cameras stand now, for huetrack-calibrate accept; and the room, for
 // the next start. A disk that is full or read-only is told; it ends nothing.
 void keep_what_was_learnt(const config::ServiceConfig& config, const pipeline::Session& session,
-                          const pipeline::CalibrationReport& calibration, const std::filesystem::path& recording) {
+                          const pipeline::RigReport& rig_report, const std::filesystem::path& recording) {
   const auto attempt = [](auto&& step) {
     try {
       step();
@@ -74,7 +74,7 @@ void keep_what_was_learnt(const config::ServiceConfig& config, const pipeline::S
     }
   };
   calib::CameraRig mended = config.rig;
-  if (config.calibration.watch == config::CalibrationMode::mend && calibration.mend(mended) > 0) {
+  if (config.calibration.watch == config::CalibrationMode::mend && rig_report.mend(mended) > 0) {
     const std::filesystem::path file = config.rig_file.parent_path() / (config.rig_file.stem().string() + ".mended" +
                                                                         config.rig_file.extension().string());
     attempt([&] {
@@ -103,7 +103,8 @@ LiveSummary run_live(const config::ServiceConfig& config, std::vector<pipeline::
     throw std::runtime_error(config.file.string() +
                              ": cameras: none is given: name the live cameras; "
                              "ls -l /dev/v4l/by-path/ lists those that there are");
-  pipeline::refuse_one_file_for_two({options.tracks, options.poses, options.write_rig});
+  pipeline::refuse_outputs({.files = {options.tracks, options.poses, options.write_rig}}, {});
+  pipeline::refuse_outputs({.files = {options.tracks, options.poses}}, pipeline::files_of(config));
   const bool is_tracking = options.track && config.is_calibrated();
   // Whose lenses are nobody's, nothing of them is to be kept.
   if (!options.record_to.empty() || !options.write_rig.empty()) config::require_rig(config);
@@ -116,16 +117,7 @@ LiveSummary run_live(const config::ServiceConfig& config, std::vector<pipeline::
     session.add(bus.emplace(config.dds.publisher, session.time()));
   metrics::RoadMeter meter(config.rig.cameras.size(), is_tracking ? config.targets.size() : 0, bus ? &*bus : nullptr);
   session.add(meter);
-  pipeline::LightReport light(session.config());
-  session.add(light);
-  pipeline::MistakeReport mistakes(session.config());
-  session.add(mistakes);
-  pipeline::ObjectReport objects(session.config());
-  session.add(objects);
-  pipeline::CalibrationReport calibration(session.config());
-  session.add(calibration);
-  pipeline::CameraTimes times(session.config(), options.write_rig, true, &calibration);
-  session.add(times);
+  pipeline::Reports reports(session, {.write_rig = options.write_rig, .is_logging_times = true});
   std::vector<const pipeline::FileOutput*> files;
   std::optional<pipeline::TrackFile> tracks;
   if (!options.tracks.empty()) {
@@ -159,11 +151,7 @@ LiveSummary run_live(const config::ServiceConfig& config, std::vector<pipeline::
                          .cameras = cameras,
                          .requests = requests,
                          .meter = meter,
-                         .light = light,
-                         .mistakes = mistakes,
-                         .objects = objects,
-                         .times = times,
-                         .calibration = calibration,
+                         .reports = reports,
                          .recording = recording,
                          .files = files,
                          .bus = bus ? &*bus : nullptr,
@@ -173,7 +161,7 @@ LiveSummary run_live(const config::ServiceConfig& config, std::vector<pipeline::
   const std::exception_ptr error = run_supervised(session, supervisor, options.seconds, stop);
   recording.finish(stop.stop_requested() ? recorder_patience : longest_recorder_patience);
   supervisor.look_a_last_time();
-  keep_what_was_learnt(config, session, calibration, recording.folder());
+  keep_what_was_learnt(config, session, reports.rig, recording.folder());
   session.close_sources();  // before bus and page, which may take their time: the cameras get their controls back
   if (error) std::rethrow_exception(error);
   session.save_camera_map();

@@ -23,13 +23,9 @@
 #include "daemon/status_reporter.h"
 #include "page/page_service.h"
 #include "pipeline/bus.h"
-#include "pipeline/calibration_report.h"
-#include "pipeline/camera_times.h"
 #include "pipeline/file_outputs.h"
-#include "pipeline/light_report.h"
-#include "pipeline/mistake_report.h"
-#include "pipeline/object_report.h"
 #include "pipeline/picture_folder.h"
+#include "pipeline/reports.h"
 #include "pipeline/session.h"
 
 namespace huetrack::daemon {
@@ -50,11 +46,19 @@ config::ServiceConfig configuration_of(const ReplayCommand& command) {
   if (command.hold && !config.control.allow_teach)
     throw std::runtime_error(config.file.string() +
                              ": --hold needs control: {allow_teach: true}: a page says when to go on, and may not");
-  pipeline::refuse_one_file_for_two({command.tracks, command.poses, command.write_rig});
-  for (const auto& file : {command.tracks, command.poses})
-    if (std::error_code none; std::filesystem::is_regular_file(file, none))
-      spdlog::info("{}: the one of before is replaced", file.string());
   return config;
+}
+
+void refuse_outputs_over_inputs(const ReplayCommand& command, const config::ServiceConfig& config,
+                                const capture::Recording& recording) {
+  std::vector<std::filesystem::path> read = pipeline::files_of(config);
+  std::ranges::copy(pipeline::files_of(recording), std::back_inserter(read));
+  if (!command.truth.empty()) read.push_back(command.truth);
+  // --write-rig may be the configuration's own rig: that is what a mended one is for.
+  std::erase(read, config.rig_file);
+  pipeline::refuse_outputs({.files = {command.tracks, command.poses, command.write_rig}, .pictures = command.pictures},
+                           read);
+  pipeline::refuse_outputs({.files = {command.tracks, command.poses}}, {config.rig_file});
 }
 
 // A recording, opened. The sources are the session's; source and held stay valid as long as it lives.
@@ -120,18 +124,8 @@ std::optional<tracks::Truth> truth_of(const config::ServiceConfig& config, const
 class ReplayStatus final : public pipeline::Output {
  public:
   ReplayStatus(const config::ServiceConfig& config, pipeline::Bus& bus, const pipeline::PublishedTime& time,
-               const HeldSource* held, const pipeline::LightReport& light, const pipeline::MistakeReport& mistakes,
-               const pipeline::ObjectReport& objects, const pipeline::CameraTimes& times,
-               const pipeline::CalibrationReport& calibration)
-      : bus_(bus),
-        time_(time),
-        held_(held),
-        light_(light),
-        mistakes_(mistakes),
-        objects_(objects),
-        times_(times),
-        calibration_(calibration),
-        reporter_(config, "replay", {}) {}
+               const HeldSource* held, const pipeline::Reports& reports)
+      : bus_(bus), time_(time), held_(held), reports_(reports), reporter_(config, "replay", {}) {}
 
   void on_status(const pipeline::PipelineFigures& figures) override {
     publish::ServiceStatus status;
@@ -141,14 +135,10 @@ class ReplayStatus final : public pipeline::Output {
     }
     status.clock_offset_s = capture::seconds(time_.offset());
     std::ranges::copy(bus_.publisher().warnings(), std::back_inserter(status.warnings));
-    std::ranges::copy(mistakes_.warnings(), std::back_inserter(status.warnings));
-    std::ranges::copy(objects_.warnings(), std::back_inserter(status.warnings));
-    std::ranges::copy(light_.warnings(), std::back_inserter(status.warnings));
-    std::ranges::copy(times_.warnings(), std::back_inserter(status.warnings));
-    std::ranges::copy(calibration_.warnings(), std::back_inserter(status.warnings));
+    std::ranges::copy(reports_.warnings(), std::back_inserter(status.warnings));
     if (held_ != nullptr && !held_->is_released()) status.mode = "held";
     bus_.publisher().publish_status(status);
-    bus_.publisher().publish_times(status.at, times_.told());
+    bus_.publisher().publish_times(status.at, reports_.times.told());
   }
   void on_config(const config::ServiceConfig& config) noexcept override {
     const std::scoped_lock lock(mutex_);
@@ -159,11 +149,7 @@ class ReplayStatus final : public pipeline::Output {
   pipeline::Bus& bus_;
   const pipeline::PublishedTime& time_;
   const HeldSource* const held_;
-  const pipeline::LightReport& light_;
-  const pipeline::MistakeReport& mistakes_;
-  const pipeline::ObjectReport& objects_;
-  const pipeline::CameraTimes& times_;
-  const pipeline::CalibrationReport& calibration_;
+  const pipeline::Reports& reports_;
   std::mutex mutex_;
   StatusReporter reporter_;  // guarded by mutex_: the page's thread reloads
 };
@@ -309,6 +295,7 @@ ReplaySummary replay(const ReplayCommand& command, const std::stop_token& stop) 
   // Everything that may be wrong with the user's files is found before anything is written.
   const config::ServiceConfig config = configuration_of(command);
   Playback playback = open_playback(config, command);
+  refuse_outputs_over_inputs(command, config, playback.recording);
   for (const auto& warning : playback.source->take_warnings()) spdlog::warn("{}", warning);
   const std::optional<tracks::Truth> truth = truth_of(config, command);
   pipeline::Session session(config, std::move(playback.sources),
@@ -319,24 +306,13 @@ ReplaySummary replay(const ReplayCommand& command, const std::stop_token& stop) 
   // Where the results go, in this order.
   std::optional<pipeline::Bus> bus;
   if (config.dds.enabled && !command.no_dds) session.add(bus.emplace(config.dds.publisher, session.time()));
-  pipeline::LightReport light(session.config());
-  session.add(light);
-  pipeline::MistakeReport mistakes(session.config());
-  session.add(mistakes);
-  pipeline::ObjectReport objects(session.config());
-  session.add(objects);
-  pipeline::CalibrationReport calibration(session.config());
-  session.add(calibration);
-  pipeline::CameraTimes times(session.config(), command.write_rig, false, &calibration);
-  session.add(times);
+  pipeline::Reports reports(session, {.write_rig = command.write_rig});
   std::optional<ReplayStatus> status;
-  if (bus)
-    session.add(status.emplace(session.config(), *bus, session.time(), playback.held, light, mistakes, objects, times,
-                               calibration));
-  std::optional<pipeline::PoseFile> poses;
-  if (!command.poses.empty()) session.add(poses.emplace(command.poses, config, pipeline::WhenFileFails::stop));
+  if (bus) session.add(status.emplace(session.config(), *bus, session.time(), playback.held, reports));
   std::optional<pipeline::TrackFile> tracks;
   if (!command.tracks.empty()) session.add(tracks.emplace(command.tracks, config, pipeline::WhenFileFails::stop));
+  std::optional<pipeline::PoseFile> poses;
+  if (!command.poses.empty()) session.add(poses.emplace(command.poses, config, pipeline::WhenFileFails::stop));
   std::optional<pipeline::PictureFolder> pictures;
   if (!command.pictures.empty()) session.add(pictures.emplace(config, command.pictures));
   Tally tally(config, truth ? &*truth : nullptr);
@@ -361,11 +337,11 @@ ReplaySummary replay(const ReplayCommand& command, const std::stop_token& stop) 
 
   for (const auto& warning : playback.source->take_warnings()) spdlog::warn("{}", warning);
   ReplaySummary summary = summary_of(config, session.figures(), *playback.source, tally, began, stop.stop_requested());
-  summary.mistakes = mistakes.summary();
-  summary.left_out = objects.summary();
-  summary.light = light.summary();
-  summary.times = times.summary();
-  summary.calibration = calibration.summary();
+  summary.mistakes = reports.mistakes.summary();
+  summary.left_out = reports.objects.summary();
+  summary.light = reports.light.summary();
+  summary.times = reports.times.summary();
+  summary.calibration = reports.rig.summary();
   summary.clock_offset = session.time().offset();
   if (bus) {
     summary.published = bus->publisher().counters().published;

@@ -35,6 +35,7 @@ Signals::Signals(Others others) : others_(std::move(others)) {
   sigaddset(&signals_, SIGTERM);
   for (const auto& [signal, _] : others_) sigaddset(&signals_, signal);
   pthread_sigmask(SIG_BLOCK, &signals_, nullptr);
+  ::signal(SIGUSR1, SIG_IGN);  // "keep what came just now", for whom it is mapped: others have nothing to keep
   sigset_t unwanted;
   sigemptyset(&unwanted);
   for (const int signal : held)

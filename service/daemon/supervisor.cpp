@@ -93,14 +93,11 @@ void Supervisor::tell_status(const pipeline::PipelineFigures& figures, const Hea
   status_ = reporter_.report(figures, now, std::chrono::system_clock::now(), cameras.by_rig);
   add_warnings(status_);
   log_new(status_.warnings, figures.tracked_camera);
-  std::ranges::copy(the_.mistakes.warnings(), std::back_inserter(status_.warnings));  // likewise
-  std::ranges::copy(the_.objects.warnings(), std::back_inserter(status_.warnings));   // likewise
-  std::ranges::copy(the_.light.warnings(), std::back_inserter(status_.warnings));     // it has logged them itself
-  std::ranges::copy(the_.times.warnings(), std::back_inserter(status_.warnings));
-  std::ranges::copy(the_.calibration.warnings(), std::back_inserter(status_.warnings));  // logged as well
+  std::ranges::copy(the_.reports.warnings(),
+                    std::back_inserter(status_.warnings));  // which have logged them themselves
   if (the_.bus != nullptr) {
     the_.bus->publisher().publish_status(status_);
-    the_.bus->publisher().publish_times(status_.at, the_.times.told());
+    the_.bus->publisher().publish_times(status_.at, the_.reports.times.told());
   }
   if (the_.metrics_server != nullptr) show_metrics();
   if (!is_last)
@@ -137,7 +134,7 @@ void Supervisor::show_metrics() const {
   const metrics::RecordingCounts recording{.is_recording = the_.recording.is_recording(),
                                            .dropped = the_.recording.figures().dropped};
   std::vector<metrics::CalibrationFigures> calibration;
-  for (const pipeline::CameraCalibration& camera : the_.calibration.cameras()) {
+  for (const pipeline::CameraCalibration& camera : the_.reports.rig.cameras()) {
     metrics::CalibrationFigures& figures = calibration.emplace_back();
     figures.is_in_place = !pipeline::is_trouble(camera.room.state);
     if (camera.moved) {

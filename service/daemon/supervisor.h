@@ -13,14 +13,10 @@
 #include "metrics/metrics.h"
 #include "metrics/road_meter.h"
 #include "pipeline/bus.h"
-#include "pipeline/calibration_report.h"
-#include "pipeline/camera_times.h"
 #include "pipeline/file_outputs.h"
-#include "pipeline/light_report.h"
 #include "pipeline/live_cameras.h"
-#include "pipeline/mistake_report.h"
-#include "pipeline/object_report.h"
 #include "pipeline/recording_keeper.h"
+#include "pipeline/reports.h"
 #include "pipeline/session.h"
 
 namespace huetrack::daemon {
@@ -37,11 +33,7 @@ struct Supervised {
   std::span<const pipeline::LiveCamera> cameras;
   LiveRequests& requests;
   const metrics::RoadMeter& meter;
-  const pipeline::LightReport& light;
-  const pipeline::MistakeReport& mistakes;
-  const pipeline::ObjectReport& objects;
-  const pipeline::CameraTimes& times;
-  const pipeline::CalibrationReport& calibration;
+  const pipeline::Reports& reports;
   pipeline::RecordingKeeper& recording;
   std::vector<const pipeline::FileOutput*> files;
   pipeline::Bus* bus = nullptr;                      // null: nothing is published

@@ -17,20 +17,9 @@ constexpr int tile_size = TileAt::size;  // its powers are written out where tha
 static_assert(MatchBits::margin == tile_size);
 constexpr std::uint64_t each_row = 0x0101010101010101u;
 
-std::uint64_t load_word(const std::uint8_t* p) {
-  std::uint64_t word;
-  std::memcpy(&word, p, 8);
-  return std::endian::native == std::endian::little ? word : __builtin_bswap64(word);
-}
-
 void store_word(std::uint8_t* p, std::uint64_t word) {
   if (std::endian::native != std::endian::little) word = __builtin_bswap64(word);
   std::memcpy(p, &word, 8);
-}
-
-bool matches(const capture::Image& image, const ColorTable& table, int u, int v) {
-  return image.format == capture::PixelFormat::bgr ? table.contains(capture::bgr_at(image, u, v))
-                                                   : table.contains(capture::yuv_at(image, u, v));
 }
 
 }  // namespace
@@ -155,7 +144,7 @@ std::uint64_t MatchBits::classify_edge(int u0, int v0) const {
   std::uint64_t bits = 0;
   for (int r = 0; r < std::min(tile_size, height_ - v0); ++r) {
     for (int c = 0; c < std::min(tile_size, width_ - u0); ++c) {
-      bits |= static_cast<std::uint64_t>(matches(image_, *table_, u0 + c, v0 + r)) << (tile_size * r + c);
+      bits |= static_cast<std::uint64_t>(has_color(image_, *table_, u0 + c, v0 + r)) << (tile_size * r + c);
     }
   }
   return bits;
@@ -312,7 +301,7 @@ void MatchBits::scan_grid(int step, const std::vector<std::uint64_t>& ignored, s
         return table.contains(capture::Yuv{byte(0, v, u), byte(1, v, u / 2), byte(2, v, u / 2)});
       });
     default:
-      return scan([&](int u, int v) { return matches(image, table, u, v); });
+      return scan([&](int u, int v) { return has_color(image, table, u, v); });
   }
 }
 
@@ -321,7 +310,7 @@ int count_5x5_reference(const capture::Image& image, const ColorTable& table, in
   for (int dv = -2; dv <= 2; ++dv) {
     for (int du = -2; du <= 2; ++du) {
       const int uu = u + du, vv = v + dv;
-      if (uu >= 0 && vv >= 0 && uu < image.width && vv < image.height && matches(image, table, uu, vv)) ++k;
+      if (uu >= 0 && vv >= 0 && uu < image.width && vv < image.height && has_color(image, table, uu, vv)) ++k;
     }
   }
   return k;

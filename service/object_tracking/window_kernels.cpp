@@ -13,20 +13,9 @@
 namespace huetrack::object_tracking {
 namespace {
 
-std::uint64_t load_word(const std::uint8_t* p) {
-  std::uint64_t word;
-  std::memcpy(&word, p, 8);
-  return std::endian::native == std::endian::little ? word : __builtin_bswap64(word);
-}
-
-bool matches(const capture::Image& image, const ColorTable& table, int u, int v) {
-  return image.format == capture::PixelFormat::bgr ? table.contains(capture::bgr_at(image, u, v))
-                                                   : table.contains(capture::yuv_at(image, u, v));
-}
-
 std::uint64_t classify_pixel_by_pixel(const capture::Image& image, const ColorTable& table, int u, int v) {
   std::uint64_t bits = 0;
-  for (int i = 0; i < 64; ++i) bits |= static_cast<std::uint64_t>(matches(image, table, u + i % 8, v + i / 8)) << i;
+  for (int i = 0; i < 64; ++i) bits |= static_cast<std::uint64_t>(has_color(image, table, u + i % 8, v + i / 8)) << i;
   return bits;
 }
 

@@ -2,8 +2,10 @@
 // tests/object_tracking/color_window_test holds to the plain reference.
 #pragma once
 
+#include <bit>
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
 
 #include "capture/pixel_format.h"
 #include "object_tracking/color_model.h"
@@ -21,6 +23,18 @@ struct TileAt {
   int pixel_u() const { return size * (u - 1); }  // of its top left pixel
   int pixel_v() const { return size * (v - 1); }
 };
+
+inline bool has_color(const capture::Image& image, const ColorTable& table, int u, int v) {
+  return image.format == capture::PixelFormat::bgr ? table.contains(capture::bgr_at(image, u, v))
+                                                   : table.contains(capture::yuv_at(image, u, v));
+}
+
+// Eight bytes, the first the lowest, on any machine.
+inline std::uint64_t load_word(const std::uint8_t* p) {
+  std::uint64_t word;
+  std::memcpy(&word, p, 8);
+  return std::endian::native == std::endian::little ? word : __builtin_bswap64(word);
+}
 
 struct WindowKernels {
   // Of the tiles first .. first + count - 1 of row tile_v: appends to `tiles` those that are touched by a marked window

@@ -37,7 +37,7 @@ std::string words(const std::string& camera, const CameraTimingEstimate& t, bool
 }  // namespace
 
 CameraTimes::CameraTimes(const config::ServiceConfig& config, std::filesystem::path rig_file, bool is_logging,
-                         const CalibrationReport* calibration)
+                         const RigReport* calibration)
     : rig_file_(std::move(rig_file)), is_logging_(is_logging), calibration_(calibration), rig_(config.rig) {
   if (std::filesystem::exists(rig_file_))
     throw std::runtime_error(rig_file_.string() + " exists: --write-rig writes no file anew; name another one");

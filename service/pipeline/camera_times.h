@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "pipeline/calibration_report.h"
 #include "pipeline/output.h"
+#include "pipeline/rig_report.h"
 
 namespace huetrack::pipeline {
 
@@ -19,7 +19,7 @@ class CameraTimes final : public Output {
   // calibration: the rig is written with the cameras standing where it has found them; it outlives this. null: as they
   // stood. throws std::runtime_error when the file is there.
   CameraTimes(const config::ServiceConfig& config, std::filesystem::path rig_file, bool is_logging,
-              const CalibrationReport* calibration = nullptr);
+              const RigReport* calibration = nullptr);
 
   void on_set(const TrackedSet& set) override;
   void on_config(const config::ServiceConfig& config) noexcept override;
@@ -40,7 +40,7 @@ class CameraTimes final : public Output {
 
   const std::filesystem::path rig_file_;
   const bool is_logging_;
-  const CalibrationReport* const calibration_;
+  const RigReport* const calibration_;
   calib::CameraRig rig_;
   Estimates times_;   // the tracking thread's, and guarded by mutex_ for who reads it on another
   Estimates logged_;  // likewise; with the sigma of what was not logged yet at infinity

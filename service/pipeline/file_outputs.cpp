@@ -1,11 +1,18 @@
 #include "pipeline/file_outputs.h"
 
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
 #include <set>
 #include <stdexcept>
 #include <system_error>
 
+#include "calib/yaml/output_file.h"
+
 namespace huetrack::pipeline {
 namespace {
+
+namespace fs = std::filesystem;
 
 const std::filesystem::path& with_tracked_camera(const std::filesystem::path& file,
                                                  const config::ServiceConfig& config) {
@@ -15,6 +22,16 @@ const std::filesystem::path& with_tracked_camera(const std::filesystem::path& fi
 }
 
 }  // namespace
+
+FileOutput::FileOutput(std::string content, const fs::path& file, WhenFileFails when)
+    : content_(std::move(content)), when_(when), was_there_([&] {
+        std::error_code none;
+        return fs::is_regular_file(file, none) && fs::file_size(file, none) > 0;
+      }()) {}
+
+void FileOutput::tell_replaced(const fs::path& file) const {
+  if (was_there_) spdlog::info("{}: the {} of before are replaced", file.string(), content_);
+}
 
 std::string FileOutput::problem() const {
   const std::scoped_lock lock(mutex_);
@@ -34,17 +51,55 @@ void FileOutput::attempt(Write&& write) {
   }
 }
 
-void refuse_one_file_for_two(const std::vector<std::filesystem::path>& files) {
-  std::set<std::filesystem::path> known;
-  for (const auto& file : files) {
+std::vector<fs::path> files_of(const config::ServiceConfig& config) {
+  std::vector<fs::path> out{config.file,
+                            config::taught_file(config.file),
+                            config.rig_file,
+                            config.calibration.room_file,
+                            config.camera_tracking.load_map,
+                            config.camera_tracking.board};
+  std::erase(out, fs::path());
+  return out;
+}
+
+std::vector<fs::path> files_of(const capture::Recording& recording) {
+  std::vector<fs::path> out{recording.file};
+  for (const capture::RecordedCamera& camera : recording.cameras) out.push_back(camera.frames);
+  return out;
+}
+
+void refuse_outputs(const WrittenFiles& outputs, const std::vector<fs::path>& read) {
+  const auto real = [](const fs::path& file) {
     std::error_code none;
-    if (!file.empty() && !known.insert(std::filesystem::weakly_canonical(file, none)).second)
+    return fs::weakly_canonical(yaml::followed(file), none);
+  };
+  const fs::path pictures = outputs.pictures.empty() ? fs::path() : real(outputs.pictures);
+  std::set<fs::path> known;
+  for (const fs::path& file : outputs.files) {
+    if (file.empty()) continue;
+    const fs::path at = real(file);
+    if (!known.insert(at).second)
       throw std::runtime_error(file.string() + " is to be written twice: give each output a file of its own");
+    if (!pictures.empty() && at.parent_path() == pictures && at.extension() == ".png")
+      throw std::runtime_error(file.string() + " has the name of a picture, in the folder of the pictures: give " +
+                               "each output a file of its own");
+    std::error_code none;
+    const bool is_read = std::ranges::any_of(
+        read, [&](const fs::path& input) { return real(input) == at || fs::equivalent(input, file, none); });
+    if (is_read)
+      throw std::runtime_error(file.string() + " is read by this run: it is not replaced. Give another name");
+  }
+  for (const fs::path& input : read) {
+    std::error_code none;
+    const bool is_pictures = !fs::is_regular_file(input, none) && input.has_extension();  // cam0/%06d.png
+    if (!pictures.empty() && is_pictures && real(input.parent_path()) == pictures)
+      throw std::runtime_error(outputs.pictures.string() + " has the recording's own pictures: give another folder");
   }
 }
 
 TrackFile::TrackFile(const std::filesystem::path& file, const config::ServiceConfig& config, WhenFileFails when)
-    : FileOutput("tracks", when), writer_(file) {
+    : FileOutput("tracks", file, when), writer_(file) {
+  tell_replaced(file);
   for (const auto& target : config.targets) targets_.push_back(target.name);
 }
 
@@ -60,7 +115,9 @@ void TrackFile::flush() {
 }
 
 PoseFile::PoseFile(const std::filesystem::path& file, const config::ServiceConfig& config, WhenFileFails when)
-    : FileOutput("poses", when), writer_(with_tracked_camera(file, config)) {}
+    : FileOutput("poses", file, when), writer_(with_tracked_camera(file, config)) {
+  tell_replaced(file);
+}
 
 void PoseFile::on_camera_pose(const TrackedFrame& frame) {
   attempt([&] { writer_.write(frame.estimate); });

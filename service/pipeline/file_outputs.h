@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "capture/recording.h"
 #include "pipeline/output.h"
 #include "tracks/pose_file.h"
 #include "tracks/track_csv.h"
@@ -25,20 +26,30 @@ class FileOutput : public Output {
   std::string problem() const;
 
  protected:
-  FileOutput(std::string content, WhenFileFails when) : content_(std::move(content)), when_(when) {}
+  FileOutput(std::string content, const std::filesystem::path& file, WhenFileFails when);
+  void tell_replaced(const std::filesystem::path& file) const;  // once it is open; nothing if there was none before
   template <typename Write>
   void attempt(Write&& write);  // the road's thread, and flush()
 
  private:
   const std::string content_;  // "tracks"
   const WhenFileFails when_;
+  const bool was_there_;
   bool has_failed_ = false;
   mutable std::mutex mutex_;
   std::string problem_;  // guarded by mutex_
 };
 
-// Of the files that a run writes, where they are given (not empty). throws std::runtime_error, naming the file.
-void refuse_one_file_for_two(const std::vector<std::filesystem::path>& files);
+// The files that a run writes, where they are given (not empty), and a folder of pictures (empty: none).
+struct WrittenFiles {
+  std::vector<std::filesystem::path> files;
+  std::filesystem::path pictures = {};
+};
+// What a configuration and a recording are made of.
+std::vector<std::filesystem::path> files_of(const config::ServiceConfig& config);
+std::vector<std::filesystem::path> files_of(const capture::Recording& recording);
+// throws std::runtime_error, naming the file: two outputs are one file, or one is what the run reads.
+void refuse_outputs(const WrittenFiles& outputs, const std::vector<std::filesystem::path>& read);
 
 class TrackFile final : public FileOutput {
  public:

@@ -10,9 +10,13 @@
 namespace huetrack::tracks {
 namespace {
 
-// Eight numbers to a line; comments begin with #.
+// Eight numbers to a line, after comments, which begin with #. Comments alone are of anybody's file.
 bool begins_with_a_pose(std::string_view text) {
-  if (text.starts_with('#')) return true;
+  while (text.starts_with('#')) {
+    const auto end = text.find('\n');
+    if (end == std::string_view::npos) return false;
+    text.remove_prefix(end + 1);
+  }
   int numbers = 0;
   for (std::string_view line = text.substr(0, text.find('\n')); !line.empty(); ++numbers) {
     double value = 0;

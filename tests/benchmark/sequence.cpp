@@ -68,12 +68,12 @@ Sequence load_sequence(const std::filesystem::path& folder, int every, unsigned 
 
   if (const auto file = folder / "groundtruth.csv"; std::filesystem::exists(file)) {
     std::vector<std::string> columns{"t", "ball", "x", "y", "z"};
-    for (const std::string& name : names) columns.push_back("vis_" + name);
+    for (const std::string& name : names) columns.push_back("vis_" + name + "?");
     const std::vector<std::string_view> views(columns.begin(), columns.end());
     yaml::CsvTable table(file, views);
     while (table.next()) {
       TruthRow row{table.time(0), {table.number(2), table.number(3), table.number(4)}, {}};
-      for (std::size_t c = 0; c < names.size(); ++c) row.visible.push_back(table.number(5 + c));
+      for (std::size_t c = 0; c < names.size() && table.has(5 + c); ++c) row.visible.push_back(table.number(5 + c));
       out.truth[std::string(table.text(1))].push_back(std::move(row));
     }
   }

@@ -37,14 +37,14 @@ std::vector<object_tracking::ObjectEstimate> track_blob(const Sequence& sequence
 }
 
 TrackingFigures figures_of(const Sequence& sequence, const std::string& target,
-                           const std::vector<object_tracking::ObjectEstimate>& track) {
+                           const std::vector<object_tracking::ObjectEstimate>& track, double from_s) {
   TrackingFigures f;
   double sum2 = 0, sum2_two = 0, sum_nees = 0;
   std::size_t inside = 0, waiting = 0;
   std::optional<Eigen::Vector3d> last_error;
   for (const object_tracking::ObjectEstimate& e : track) {
     const std::optional<TruthRow> row = sequence.row(target, e.at);
-    if (!row) continue;
+    if (!row || capture::seconds(e.at - sequence.sets.front().at) < from_s) continue;
     ++f.sets;
     const bool two = row->views_that_see() >= 2;
     TrackingFigures::Seen& seen = f.by_views[static_cast<std::size_t>(std::min(2, row->views_that_see()))];

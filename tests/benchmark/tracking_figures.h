@@ -36,8 +36,9 @@ struct TrackingFigures {
 std::vector<object_tracking::ObjectEstimate> track(const Sequence& sequence,
                                                    const object_tracking::TargetOptions& target,
                                                    const object_tracking::ObjectTrackerOptions& options);
+// from_s: what comes earlier after the first set is left out.
 TrackingFigures figures_of(const Sequence& sequence, const std::string& target,
-                           const std::vector<object_tracking::ObjectEstimate>& track);
+                           const std::vector<object_tracking::ObjectEstimate>& track, double from_s = 0);
 
 // The blob's positions as if they were estimates in `tracking`, so that one function judges both; no covariance.
 std::vector<object_tracking::ObjectEstimate> track_blob(const Sequence& sequence,

@@ -1,6 +1,7 @@
 #include "capture/recording.h"
 
 #include <gmock/gmock.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <fstream>
@@ -48,6 +49,13 @@ class ReadRecording : public testing::Test {
 
 Timestamp at(Duration since_zero) {
   return Timestamp{since_zero};
+}
+
+TEST_F(ReadRecording, APipeIsNotWaitedFor) {
+  const auto pipe = folder / "pipe";
+  ASSERT_EQ(::mkfifo(pipe.c_str(), 0600), 0);
+  EXPECT_FALSE(is_video_or_picture(pipe));
+  EXPECT_THAT([&] { read_recording(pipe); }, testing::ThrowsMessage<yaml::ConfigError>(HasSubstr("is not a file")));
 }
 
 TEST_F(ReadRecording, GivesEveryKey) {

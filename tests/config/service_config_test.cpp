@@ -406,6 +406,9 @@ TEST_F(ServiceConfigFile, EmptyRangesAreRefused) {
 }
 
 TEST_F(ServiceConfigFile, MoreParticlesThanTheMostAreRefused) {
+  EXPECT_THAT(error(head + "targets: {ball: {count: 8, color: {hue_deg: [65, 115]}}}\n" +
+                    "object_tracking: {max_particle_count: 1000000}\n"),
+              HasSubstr("makes 8000000 particles of all objects together"));
   EXPECT_THAT(error(ball + "object_tracking: {particle_count: 500, max_particle_count: 400}\n"),
               HasSubstr("c.yaml:4: object_tracking: "));
 }

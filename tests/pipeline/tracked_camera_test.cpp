@@ -105,6 +105,20 @@ TEST(PoseFile, HoldsTrackingPosesOnly) {
   fs::remove(file);
 }
 
+TEST(PoseFile, ReplacesPosesAndNothingElse) {
+  const fs::path file = fs::path(testing::TempDir()) / ("poses_kind_" + std::to_string(getpid()));
+  for (const char* other : {"# made by a calibration\nversion: 1\ncameras: {}\n", "# my notes\n", "# no end"}) {
+    std::ofstream(file) << other;
+    EXPECT_THROW(tracks::PoseFileWriter{file}, std::runtime_error) << other;
+    EXPECT_EQ(contents(file), other);
+  }
+  for (const char* poses : {"2.0 1 2 3 0 0 0 1\n", "# t x y z qx qy qz qw\n2.0 1 2 3 0 0 0 1\n"}) {
+    std::ofstream(file) << poses;
+    EXPECT_NO_THROW(tracks::PoseFileWriter{file}) << poses;
+  }
+  fs::remove(file);
+}
+
 // In its frames from `first` to `last` it has a pose.
 class FakeTracker final : public camera_tracking::CameraTracker {
  public:

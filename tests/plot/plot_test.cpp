@@ -162,6 +162,11 @@ TEST_F(Plot, MistakesNameFileAndLine) {
               HasSubstr("bad.csv:2: a part of the position is missing"));
   EXPECT_THAT([&] { plot({.tracks = tracks(), .truth = {}, .out = "a.gif"}); },
               ThrowsMessage<std::runtime_error>(HasSubstr(".png, .svg or .html")));
+  std::string many = header;
+  for (int i = 0; i < 1100; ++i)
+    many += "ball_" + std::to_string(i) + ",0,nan,nan,nan,nan,nan,nan,nan,nan,nan,nan,nan,nan,searching,0,0\n";
+  EXPECT_THAT([&] { read_tracks(write("many.csv", many)); },
+              ThrowsMessage<std::runtime_error>(HasSubstr("no more than 1000 can be drawn")));
   EXPECT_THAT([&] { plot({.tracks = tracks(), .truth = {}, .out = "/no/such/a.png"}); },
               ThrowsMessage<std::runtime_error>(HasSubstr("cannot write /no/such/a.png")));
   EXPECT_THAT([&] { plot({.tracks = "/no/such.csv", .truth = {}, .out = folder / "a.png"}); },

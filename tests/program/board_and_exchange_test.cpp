@@ -77,6 +77,10 @@ TEST_F(Commands, BoardWritesItsPdfAndTheBoardFile) {
   EXPECT_EQ(run({"board", "--type", "chessboard", "--square", "60", "--out", path("large.pdf")}), ExitStatus::failed);
   EXPECT_THAT(said_, AllOf(HasSubstr("does not fit on A4"), HasSubstr("can be")));
   EXPECT_FALSE(std::filesystem::exists(path("large.pdf")));
+  EXPECT_EQ(run({"board", "--type", "chessboard", "--out", path("two.pdf"), "--board", path("two.pdf")}),
+            ExitStatus::failed);
+  EXPECT_THAT(said_, HasSubstr("written twice"));
+  EXPECT_FALSE(std::filesystem::exists(path("two.pdf")));
   EXPECT_EQ(run({"board", "--type", "chessboard", "--paper", "B5", "--out", path("b.pdf")}), ExitStatus::failed);
   EXPECT_EQ(run({"board", "--type", "chessboard", "--marker", "20", "--out", path("b.pdf")}), ExitStatus::failed);
 }

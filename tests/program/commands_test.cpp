@@ -116,6 +116,15 @@ TEST_F(Calibrate, PicturesOfAGoodCaptureGiveTheRig) {
   EXPECT_THAT(map.out, AllOf(HasSubstr("The calibration's own part"), HasSubstr("Where to put the next camera")));
   EXPECT_THAT(end_to_end::contents(path("map.html")), HasSubstr("<svg"));
   EXPECT_THAT(end_to_end::contents(path("map.pdf")), testing::StartsWith("%PDF-"));
+  const Ended again = run({"map", path("rig.yaml"), "--report", path("map")});  // .html is added
+  EXPECT_EQ(again.status, 0) << again.err;
+  EXPECT_FALSE(std::filesystem::exists(path("map")));
+  std::ofstream(path("notes.pdf")) << "experiment 7 FAILED";
+  const Ended refused = run({"map", path("rig.yaml"), "--report", path("notes.html")});
+  EXPECT_NE(refused.status, 0);
+  EXPECT_THAT(refused.err, HasSubstr("notes.pdf is there, and holds no PDF"));
+  EXPECT_EQ(end_to_end::contents(path("notes.pdf")), "experiment 7 FAILED");
+  EXPECT_FALSE(std::filesystem::exists(path("notes.html"))) << "half of a report";
   calib::CameraRig bumped = found;
   const calib::Rigid3d bump = calib::exp((calib::Tangent6d() << 0.01, 0.02, -0.01, 0.03, 0, 0.01).finished());
   bumped.cameras[1].cam_from_world = bump * bumped.cameras[1].cam_from_world;

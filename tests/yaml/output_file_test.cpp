@@ -1,9 +1,11 @@
 #include "calib/yaml/output_file.h"
 
+#include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <signal.h>
 #include <sys/resource.h>
+#include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -68,6 +70,34 @@ TEST_F(OutputFile, AWholeFileIsThereOrTheOneBefore) {
   });
   EXPECT_EQ(contents(file_), "first");
   EXPECT_EQ(std::distance(fs::directory_iterator(folder_), {}), 1) << "nothing is left behind";
+}
+
+TEST_F(OutputFile, AWholeFileIsWhereALinkLeadsWithThePermissionsOfBefore) {
+  const fs::path real = folder_ / "real.csv";
+  std::ofstream(real) << "first";
+  fs::permissions(real, fs::perms::owner_read | fs::perms::owner_write);
+  fs::create_symlink("real.csv", file_);
+  write_whole_file(file_, "second");
+  EXPECT_TRUE(fs::is_symlink(file_));
+  EXPECT_EQ(contents(real), "second");
+  EXPECT_EQ(fs::status(real).permissions(), fs::perms::owner_read | fs::perms::owner_write);
+  const fs::path dangling = folder_ / "dangling.csv";
+  fs::create_symlink(folder_ / "not_yet.csv", dangling);
+  EXPECT_EQ(followed(dangling), folder_ / "not_yet.csv");
+  write_whole_file(dangling, "third");
+  EXPECT_EQ(contents(folder_ / "not_yet.csv"), "third");
+}
+
+TEST_F(OutputFile, AWholeFileGoesIntoAPipeAndDoesNotReplaceIt) {
+  ASSERT_EQ(::mkfifo(file_.c_str(), 0600), 0);
+  const int reader = ::open(file_.c_str(), O_RDONLY | O_NONBLOCK);
+  ASSERT_GE(reader, 0);
+  write_whole_file(file_, "all of it");
+  char got[32] = {};
+  EXPECT_EQ(::read(reader, got, sizeof got), 9);
+  EXPECT_STREQ(got, "all of it");
+  ::close(reader);
+  EXPECT_TRUE(fs::is_fifo(file_));
 }
 
 TEST_F(OutputFile, AFullDiskLeavesWholeLinesOrNoFile) {

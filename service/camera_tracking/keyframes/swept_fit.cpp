@@ -5,8 +5,11 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <span>
 #include <utility>
 #include <vector>
+
+#include "calib/model/median.h"
 
 namespace huetrack::keyframes {
 
@@ -21,12 +24,6 @@ using Vector12d = Eigen::Matrix<double, 12, 1>;
 constexpr double tukey = 4.685, median_of_length = 1.1774, least_scale = 0.5, inlier_weight = 0.1;  // as refine_pose()
 constexpr double most_step_rad = 1, most_step_m = 10;  // further, and the step leads nowhere
 constexpr double done_rad = 1e-7, done_m = 1e-7;
-
-double median(std::vector<double>& x) {
-  const auto middle = x.begin() + static_cast<std::ptrdiff_t>(x.size() / 2);
-  std::nth_element(x.begin(), middle, x.end());
-  return *middle;
-}
 
 // The normal equations of the pose and the motion: of the observations at unit scale, and of the prior.
 struct Normal {
@@ -94,7 +91,7 @@ bool Fit::look() {
     lengths_.push_back(fit.error[i]);
   }
   if (lengths_.size() < 3) return false;
-  fit.scale = median(lengths_) / median_of_length;
+  fit.scale = calib::median_in_place(std::span(lengths_)) / median_of_length;
   return true;
 }
 

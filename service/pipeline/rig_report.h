@@ -15,9 +15,9 @@ namespace huetrack::pipeline {
 // Whether that is told people: the camera gives wrong positions, or none.
 bool is_trouble(room_watch::RoomState state);
 
-class CalibrationReport final : public Output {
+class RigReport final : public Output {
  public:
-  explicit CalibrationReport(const config::ServiceConfig& config);
+  explicit RigReport(const config::ServiceConfig& config);
 
   void on_set(const TrackedSet& set) override;
 

@@ -1,4 +1,4 @@
-#include "pipeline/calibration_report.h"
+#include "pipeline/rig_report.h"
 
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
@@ -26,7 +26,7 @@ bool is_trouble(RoomState state) {
          state == RoomState::blinded || state == RoomState::hidden;
 }
 
-CalibrationReport::CalibrationReport(const config::ServiceConfig& config)
+RigReport::RigReport(const config::ServiceConfig& config)
     : cameras_(config.rig.camera_names()),
       mode_(config.calibration.watch),
       told_(cameras_.size()),
@@ -34,7 +34,7 @@ CalibrationReport::CalibrationReport(const config::ServiceConfig& config)
       facts_(cameras_.size()) {}
 
 // Whether there is something new of that camera, and enough is known of it.
-bool CalibrationReport::is_told(std::size_t camera, const CameraCalibration& facts, capture::Timestamp at) {
+bool RigReport::is_told(std::size_t camera, const CameraCalibration& facts, capture::Timestamp at) {
   Told& told = told_[camera];
   const RoomState state = facts.room.state;
   if (state == RoomState::moving) return false;  // what comes of it is told
@@ -55,7 +55,7 @@ bool CalibrationReport::is_told(std::size_t camera, const CameraCalibration& fac
   return true;
 }
 
-void CalibrationReport::on_set(const TrackedSet& set) {
+void RigReport::on_set(const TrackedSet& set) {
   if (set.calibration.empty()) return;
   const capture::Timestamp at = set.frames.at;
   bool is_news = !next_at_ || at >= *next_at_;
@@ -86,19 +86,19 @@ void CalibrationReport::on_set(const TrackedSet& set) {
   }
 }
 
-std::vector<std::string> CalibrationReport::warnings() const {
+std::vector<std::string> RigReport::warnings() const {
   const std::scoped_lock lock(mutex_);
   std::vector<std::string> all;
   std::ranges::copy_if(warnings_, std::back_inserter(all), [](const auto& warning) { return !warning.empty(); });
   return all;
 }
 
-std::vector<CameraCalibration> CalibrationReport::cameras() const {
+std::vector<CameraCalibration> RigReport::cameras() const {
   const std::scoped_lock lock(mutex_);
   return facts_;
 }
 
-std::vector<std::string> CalibrationReport::summary() const {
+std::vector<std::string> RigReport::summary() const {
   std::vector<std::string> all;
   for (const Happening& h : happenings_)
     all.push_back(
@@ -109,7 +109,7 @@ std::vector<std::string> CalibrationReport::summary() const {
   return all;
 }
 
-int CalibrationReport::mend(calib::CameraRig& rig) const {
+int RigReport::mend(calib::CameraRig& rig) const {
   int moved = 0;
   for (std::size_t c = 0; c < cameras_.size(); ++c) {
     if (!facts_[c].moved) continue;
