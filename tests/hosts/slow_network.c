@@ -1,8 +1,9 @@
 // A switch between the ends of veth pairs that takes its time and loses packets: the network between camera hosts and
 // trackers, where the kernel has no netem. It learns who is where from the source addresses, as switches do.
-//   slow_network DELAY_US LOST_PER_MILLION SEED INTERFACE...      until a signal; then how many packets it took and lost
-// Each packet waits DELAY_US on its way (a queue in order of arrival), then goes to the interface of its destination, or
-// to all others. What is lost is drawn from SEED. As root.
+//   slow_network DELAY_US LOST_PER_MILLION SEED INTERFACE...
+// until a signal; then it prints how many packets it took and lost. Each packet waits DELAY_US on its way (a queue in
+// order of arrival), then goes to the interface of its destination, or to all others. What is lost is drawn from SEED.
+// As root.
 #define _GNU_SOURCE
 #include <arpa/inet.h>
 #include <errno.h>
@@ -74,7 +75,8 @@ static void learn(const uint8_t* address, int port) {
 static int open_port(const char* name) {
   const int fd = socket(AF_PACKET, SOCK_RAW | SOCK_NONBLOCK, htons(ETH_P_ALL));
   const int one = 1, bytes = 64 << 20;
-  struct sockaddr_ll at = {.sll_family = AF_PACKET, .sll_protocol = htons(ETH_P_ALL), .sll_ifindex = (int)if_nametoindex(name)};
+  struct sockaddr_ll at = {
+      .sll_family = AF_PACKET, .sll_protocol = htons(ETH_P_ALL), .sll_ifindex = (int)if_nametoindex(name)};
   struct packet_mreq all = {.mr_ifindex = at.sll_ifindex, .mr_type = PACKET_MR_PROMISC};
   if (fd < 0 || at.sll_ifindex == 0 || setsockopt(fd, SOL_PACKET, PACKET_VNET_HDR, &one, sizeof one) != 0 ||
       setsockopt(fd, SOL_PACKET, PACKET_IGNORE_OUTGOING, &one, sizeof one) != 0 ||
@@ -111,7 +113,8 @@ int main(int argc, char** argv) {
       const uint8_t* const to = w->packet + header_bytes;
       const int port = (to[0] & 1) ? -1 : port_of(to);
       for (int p = 0; p < ports; ++p)
-        if (p != w->from && (port < 0 || p == port) && send(polled[p].fd, w->packet, (size_t)w->bytes, 0) < 0) ++refused;
+        if (p != w->from && (port < 0 || p == port) && send(polled[p].fd, w->packet, (size_t)w->bytes, 0) < 0)
+          ++refused;
       free(w->packet);
     }
     const int64_t wait_ns = first == next ? 100000000 : queue[first % most_waiting].due_ns - now;
@@ -134,7 +137,8 @@ int main(int argc, char** argv) {
           continue;
         }
         struct waiting* const w = &queue[next++ % most_waiting];
-        *w = (struct waiting){.due_ns = came_ns + delay_ns, .from = p, .bytes = (int)bytes, .packet = malloc((size_t)bytes)};
+        *w = (struct waiting){
+            .due_ns = came_ns + delay_ns, .from = p, .bytes = (int)bytes, .packet = malloc((size_t)bytes)};
         if (w->packet == NULL) return 1;
         memcpy(w->packet, buffer, (size_t)bytes);
       }

@@ -1,6 +1,7 @@
 // Shows a program a clock that is off and runs fast, as that of another machine: for LD_PRELOAD.
-//   WRONG_CLOCK="START_S OFF_S PPM"   by the machine's CLOCK_MONOTONIC: from START on it drifts; the wall clock is OFF ahead
-// Both clocks drift alike, as a quartz makes them. Waiting takes as long as it takes.
+//   WRONG_CLOCK="START_S OFF_S PPM"
+// By the machine's CLOCK_MONOTONIC, it drifts from START on; the wall clock is OFF ahead. Both clocks drift alike, as a
+// quartz makes them. Waiting takes as long as it takes.
 #define _GNU_SOURCE
 #include <dlfcn.h>
 #include <pthread.h>
@@ -48,7 +49,8 @@ int pthread_cond_timedwait(pthread_cond_t* condition, pthread_mutex_t* mutex, co
   return real(condition, mutex, &true_until);
 }
 
-int pthread_cond_clockwait(pthread_cond_t* condition, pthread_mutex_t* mutex, clockid_t id, const struct timespec* until) {
+int pthread_cond_clockwait(pthread_cond_t* condition, pthread_mutex_t* mutex, clockid_t id,
+                           const struct timespec* until) {
   static int (*real)(pthread_cond_t*, pthread_mutex_t*, clockid_t, const struct timespec*);
   if (real == NULL) real = dlsym(RTLD_NEXT, "pthread_cond_clockwait");
   const struct timespec true_until = later(until, -added_ns(id));
