@@ -2,12 +2,12 @@
 // on silently where they are wrong. Service and clients share it.
 #pragma once
 
+#include <cstdint>
 #include <fastdds/dds/domain/DomainParticipant.hpp>
 #include <fastdds/dds/domain/DomainParticipantListener.hpp>
 #include <fastdds/dds/publisher/DataWriter.hpp>
 #include <fastdds/dds/subscriber/DataReader.hpp>
 #include <fastdds/dds/topic/TypeSupport.hpp>
-#include <cstdint>
 #include <optional>
 #include <string>
 #include <vector>
