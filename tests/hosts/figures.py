@@ -135,11 +135,11 @@ class Hall:
         self.running[n] = self.network.run(n, words, self.folder / f"{name}.log", env, boot_id)
         return self.running[n]
 
-    def tracker_config(self, name="tracker", cameras=None):
+    def tracker_config(self, name="tracker", cameras=None, more=""):
         file = self.folder / f"{name}.yaml"
         cameras = range(len(self.names)) if cameras is None else cameras
         file.write_text(f"version: 1\nrig: {self.films / 'rig.yaml'}\ntargets: {{lime: {{color: {{hue_deg: [65, 115]}}}}}}\n"
-                        f"dds: {{domain: {DOMAIN}}}\ncameras:\n" +
+                        f"dds: {{domain: {DOMAIN}}}\n{more}cameras:\n" +
                         "".join(f"  cam{c}: {{host: host-{self.host_of(c)}, camera: cam{c}}}\n" for c in cameras))
         return file
 
@@ -360,7 +360,9 @@ def clocks(figures, options, folder):
         zero_ns = time.time_ns() - time.clock_gettime_ns(time.CLOCK_MONOTONIC)
         began = unix_now_ns()
         receiver = hall.receive()
-        wrong = hall.track(hall.tracker_config("wrong", [0, 1]), name="wrong_tracks")
+        recordings = pathlib.Path(tempfile.mkdtemp(dir=folder))
+        wrong = hall.track(hall.tracker_config("wrong", [0, 1], f"record: {{folder: {recordings}, always: true}}\n"),
+                           name="wrong_tracks")
         true = hall.track(hall.tracker_config("true", [2, 3]), name="true_tracks")
         time.sleep(12)
         told = [s for s in hall.statuses() if s["clocks"]]
@@ -378,6 +380,15 @@ def clocks(figures, options, folder):
             for clock in status["clocks"]["clocks"]:
                 figures.tell(f"status says of {clock['host']}", f"{1000 * clock['offset_s']:.3f} ms +- "
                              f"{1000 * clock['sigma_s']:.3f}, {clock['drift_ppm']:.0f} ppm")
+        recording = next(recordings.iterdir())
+        subprocess.run([HUETRACKD, "replay", folder / "wrong.yaml", recording, "--no-dds", "--tracks", folder / "again.csv"],
+                       check=True, capture_output=True)
+        live, again = ((folder / name).read_text().splitlines() for name in ("wrong_tracks.csv", "again.csv"))
+        figures.tell("rows of the track that its replay has, too", f"{len(set(live) & set(again))} of {len(live)}, {len(again)}")
+        figures.tell("rows that differ", len(set(live) ^ set(again)), "", 0)
+        with open(next(recording.glob("cam0*.csv"))) as rows:
+            sigmas = [int(row["clock_sigma_ns"]) for row in csv.DictReader(rows)]
+        figures.tell("uncertainties of the clock that it recorded", f"{min(sigmas) / 1e6:.3f} to {max(sigmas) / 1e6:.3f} ms")
         tracks = {}
         for name in ("wrong", "true"):
             track = track_of(folder / f"{name}_tracks.csv")
