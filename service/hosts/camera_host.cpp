@@ -11,9 +11,9 @@
 #include <utility>
 
 #include "capture/capture_clock.h"
-#include "hosts/arrivals.h"
 #include "hosts/frame_message.h"
 #include "hosts/machine_clock.h"
+#include "idl/arrivals.h"
 #include "idl/camera_hostPubSubTypes.h"
 #include "idl/dds_participant.h"
 #include "idl/topics.h"
@@ -99,7 +99,7 @@ struct CameraHost::Impl {
 
   // A question's answer is worth what it takes: this thread does nothing else.
   void tell_the_time(const std::stop_token& stop) {
-    Arrivals questions(probe);
+    idl::Arrivals questions(probe);
     msg::ClockProbe question;
     dds::SampleInfo info;
     while (!stop.stop_requested()) {

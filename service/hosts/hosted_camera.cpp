@@ -17,11 +17,11 @@
 
 #include "capture/camera_clock.h"
 #include "capture/capture_clock.h"
-#include "hosts/arrivals.h"
 #include "hosts/camera_host.h"
 #include "hosts/clock_offset.h"
 #include "hosts/frame_message.h"
 #include "hosts/machine_clock.h"
+#include "idl/arrivals.h"
 #include "idl/camera_hostPubSubTypes.h"
 #include "idl/dds_participant.h"
 #include "idl/topics.h"
@@ -114,8 +114,8 @@ struct HostedCameras::Impl {
   };
   struct Camera {
     HostedCameraOptions options;
-    dds::DataReader* reader = nullptr;   // thread-safe by itself
-    std::unique_ptr<Arrivals> arrivals;  // the source's
+    dds::DataReader* reader = nullptr;        // thread-safe by itself
+    std::unique_ptr<idl::Arrivals> arrivals;  // the source's
     capture::CameraHealth health;
     std::vector<capture::CameraEvent> events;
     std::optional<Clock::time_point> frame_at;
@@ -148,7 +148,7 @@ struct HostedCameras::Impl {
       camera.reader = &participant.create_reader(
           idl::camera_frames_topic(camera.options.host, camera.options.camera_there),
           dds::TypeSupport(new msg::CameraFramePubSubType), idl::camera_frames_reader_qos(), largest);
-      camera.arrivals = std::make_unique<Arrivals>(*camera.reader);
+      camera.arrivals = std::make_unique<idl::Arrivals>(*camera.reader);
       camera.health.last_progress = Clock::now();
       hosts[camera.options.host];
     }
@@ -159,7 +159,7 @@ struct HostedCameras::Impl {
 
   // Asks for the time, hears answers and states.
   void keep(const std::stop_token& stop) {
-    Arrivals answers(echo);
+    idl::Arrivals answers(echo);
     auto next_question = Clock::now();
     while (!stop.stop_requested()) {
       const auto now = Clock::now();

@@ -6,7 +6,7 @@
 #include <fastdds/dds/core/condition/WaitSet.hpp>
 #include <fastdds/dds/subscriber/DataReader.hpp>
 
-namespace huetrack::hosts {
+namespace huetrack::idl {
 
 // Take first, then wait: what came before wait() and was not taken does not wake it. Not DataReader's own
 // wait_for_unread_message(): it counts samples that a newer one has replaced, unread, as unread ones for good (Fast DDS
@@ -33,4 +33,4 @@ class Arrivals {
   eprosima::fastdds::dds::WaitSet set_;
 };
 
-}  // namespace huetrack::hosts
+}  // namespace huetrack::idl
