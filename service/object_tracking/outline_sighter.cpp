@@ -3,19 +3,25 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "object_tracking/ball_outline.h"
 
 namespace huetrack::object_tracking {
 namespace {
 
-// What the model leaves out of an outline's error, beside the pixels' noise, which the fit tells. Seen in single views
-// of rendered balls of 4 to 12 px (benchmark outline_figures): what lasts is light, what does not last lies in how the
-// edge meets the pixels and what is behind it.
+// What the model leaves out of an outline's error, beside the pixels' noise and one-sided light, which the fit tells.
+// Seen in single views of rendered balls of 4 to 12 px (benchmark outline_figures): what lasts is light, what does not
+// last lies in how the edge meets the pixels and what is behind it.
 constexpr double usual_noise = 1.5;  // of the fit's covariance: neighbouring pixels' noise is not independent
 constexpr double new_px = 0.05, new_share = 0.004, lasting_px = 0.03, lasting_share = 0.005;
-// The less the pixels say, the more of an outline is what is usual of a ball's light.
-constexpr double lasting_of_noise = 1;
+// An outline that is smaller or larger than the target's, by more than blur makes it all around, has an edge at the
+// wrong place on one side: the middle is off by as much as the radius. (A target's radius that is wrong makes all views
+// as unsure.)
+constexpr double off_all_around_px = 0.25;
+// A region is left for an outline that is surely better, and an outline for a region: each is off by its own, and who
+// goes from one to the other and back sees what rests move.
+constexpr double better_to_begin = 1.5, better_to_stay = 3;
 constexpr double same_place_px = 1;  // an outline that has moved less meets the same pixels again
 
 // What a region is worth is in pixel_noise_px; what that has over its default is the rig's.
@@ -48,7 +54,7 @@ OutlineSighter::OutlineSighter(const calib::CameraRig& rig, const TargetOptions&
 bool OutlineSighter::sharpen(const TargetView& view, const MotionBelief& belief, const ExpectedView& expected,
                              const Eigen::Matrix2d& spread, Sighting& sighting) {
   PerView& of = views_[static_cast<std::size_t>(view.index)];
-  of.is_sharp = false;
+  const bool was_sharp = std::exchange(of.is_sharp, false);
   if (shape_ == TargetShape::blob || is_blob_ || !of.behind) return false;
   const Eigen::Vector3d there = belief.position_at(expected.row.at);
   const auto ball = outline_of(*view.camera, there, radius_m_);
@@ -92,8 +98,10 @@ bool OutlineSighter::sharpen(const TargetView& view, const MotionBelief& belief,
   const double new_px2 = new_px * new_px + new_share * new_share * radius_px * radius_px;
   sharp.covariance = usual_noise * fit.covariance;
   sharp.covariance.diagonal().array() += (1 - of.still) * new_px2 + by_size * by_size + rig_px2;
+  const double wrong_px = radius_px * std::abs(is_size_known ? of.log_size : fit.log_size.value);
+  const double one_sided_px = std::max(0.0, wrong_px - off_all_around_px);
   sharp.lasting_px = std::sqrt(lasting_px * lasting_px + lasting_share * lasting_share * radius_px * radius_px +
-                               of.still * new_px2 + lasting_of_noise * lasting_of_noise * fit.covariance.trace() / 2);
+                               of.still * new_px2 + fit.light_px * fit.light_px + one_sided_px * one_sided_px);
 
   // What neither the motion nor the region would explain is something else's edge.
   Eigen::Matrix2d total = spread + sharp.covariance;
@@ -101,7 +109,8 @@ bool OutlineSighter::sharpen(const TargetView& view, const MotionBelief& belief,
   const Eigen::Vector2d off = sharp.px - expected.at.px, beside = sharp.px - sighting.px;
   if (off.dot(total.inverse() * off) > region_gate ||
       beside.dot((of_region + sharp.covariance).inverse() * beside) > region_gate ||
-      sharp.covariance.trace() >= sighting.covariance.trace())
+      (sharp.covariance.trace() + 2 * sharp.lasting_px * sharp.lasting_px) >
+          (was_sharp ? better_to_stay : better_to_begin) * of_region.trace())
     return false;
 
   fit_.learn(of.look);

@@ -110,7 +110,7 @@ std::optional<Sighting> RegionSharing::by_outline(const TargetView& view, const 
                                                   const std::optional<FittedDisc>& fitted) const {
   if (!fitted || fitted->seen < least_outline) return std::nullopt;
   const double radius_px = expected.at.radius_px;
-  const UsualError usual = usual_error(radius_px, pixel_noise_px_);
+  const UsualError usual = usual_error(radius_px, pixel_noise_px_, sample_px(*view.image));
   Sighting s;
   s.row.camera = view.index;
   s.camera = view.camera;
@@ -139,9 +139,9 @@ Sighting RegionSharing::by_region(const TargetView& view, std::span<const ColorR
 }
 
 // A region of the size and the shape of the object's disc.
-bool RegionSharing::is_whole(const Sighting& by_region, const ExpectedObject& expected) const {
+bool RegionSharing::is_whole(const TargetView& view, const Sighting& by_region, const ExpectedObject& expected) const {
   const double radius_px = expected.at.radius_px;
-  return by_region.covariance.trace() < 3 * usual_error(radius_px, pixel_noise_px_).fresh_px2 &&
+  return by_region.covariance.trace() < 3 * usual_error(radius_px, pixel_noise_px_, sample_px(*view.image)).fresh_px2 &&
          by_region.radius_px * by_region.radius_px < largest_share * radius_px * radius_px;
 }
 
@@ -166,7 +166,7 @@ SharedSightings RegionSharing::share(const TargetView& view, std::span<const Col
           return o != i && (expected[o].at.px - expected[i].at.px).norm() <
                                std::max(expected[o].at.radius_px, expected[i].at.radius_px);
         });
-        is_by_region = is_alone && is_whole(*out.of_objects[i], expected[i]);
+        is_by_region = is_alone && is_whole(view, *out.of_objects[i], expected[i]);
       }
       if (!is_by_region) in_part.push_back(i);
     }
@@ -182,7 +182,7 @@ SharedSightings RegionSharing::share(const TargetView& view, std::span<const Col
       std::optional<Sighting>& sighting = out.of_objects[i];
       if (auto outline = by_outline(view, expected[i], fitted[place])) {
         sighting = std::move(outline);
-      } else if (group.size() > 1 && !(sighting && is_whole(*sighting, expected[i]))) {
+      } else if (group.size() > 1 && !(sighting && is_whole(view, *sighting, expected[i]))) {
         sighting.reset();  // the region is not, or not only, of this object
       }
     }

@@ -50,7 +50,7 @@ class RegionSharing {
                                      const std::optional<FittedDisc>& fitted) const;
   Sighting by_region(const TargetView& view, std::span<const ColorRegion> regions, std::size_t which,
                      const ExpectedObject& expected, SharedSightings& out) const;
-  bool is_whole(const Sighting& by_region, const ExpectedObject& expected) const;
+  bool is_whole(const TargetView& view, const Sighting& by_region, const ExpectedObject& expected) const;
 
   double pixel_noise_px_;
 };

@@ -186,8 +186,26 @@ Eigen::Matrix2d px_covariance_of_pose(const calib::Camera& camera, const Eigen::
   return by_pose * pose_covariance * by_pose.transpose();
 }
 
-UsualError usual_error(double radius_px, double pixel_noise_px) {
-  const double error2 = pixel_noise_px * pixel_noise_px + 0.0016 * radius_px * radius_px;
+double sample_px(const capture::Image& image) {
+  switch (image.format) {
+    case capture::PixelFormat::nv12:
+    case capture::PixelFormat::i420:
+      return 2;
+    case capture::PixelFormat::yuyv:
+    case capture::PixelFormat::i422:
+      return std::numbers::sqrt2;
+    case capture::PixelFormat::i444:
+    case capture::PixelFormat::bgr:
+    case capture::PixelFormat::grey:
+      break;
+  }
+  return 1;
+}
+
+UsualError usual_error(double radius_px, double pixel_noise_px, double sample_px) {
+  // Around the edge each sample of color is in or out, wherever in it the edge is: as many errors as there are samples.
+  const double rounding = std::pow(sample_px, 3) / (12 * std::numbers::pi * std::max(1.0, radius_px));
+  const double error2 = pixel_noise_px * pixel_noise_px + 0.0016 * radius_px * radius_px + rounding;
   return {.fresh_px2 = (1 - lasting_share) * error2, .lasting_px2 = lasting_share * error2};
 }
 
@@ -199,7 +217,7 @@ Sighting sighting_of(const TargetView& view, const ColorRegion& region, double r
   s.projector = view.projector;
   s.px = region.centre;
   s.radius_px = std::sqrt(region.area / std::numbers::pi);
-  const UsualError usual = usual_error(radius_px, pixel_noise_px);
+  const UsualError usual = usual_error(radius_px, pixel_noise_px, sample_px(*view.image));
   s.lasting_px = std::sqrt(usual.lasting_px2);
   // A row that is dv below the centre's shows the ball where it is dv row_s later: the outline is the disc's image
   // under the inverse of d -> d - velocity row_s d.v. Never faster than the rows themselves, as far as the shape goes.

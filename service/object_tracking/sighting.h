@@ -69,7 +69,9 @@ inline constexpr double surely_moved_px = 1;
 struct UsualError {
   double fresh_px2, lasting_px2;
 };
-UsualError usual_error(double radius_px, double pixel_noise_px);
+UsualError usual_error(double radius_px, double pixel_noise_px, double sample_px);
+// The side of a square that is as large as the pixels that share a sample of color.
+double sample_px(const capture::Image& image);
 
 // How a ball's outline moves over the rows and during the exposure.
 struct ImageMotion {
@@ -80,17 +82,18 @@ struct ImageMotion {
 
 // The region's centre measures the ball's centre, in the row where it lies. Along each axis of the region its variance
 // is
-//   s^2 + (0.04 r)^2 + (1.3 max(0, |e - w| - 0.2 r - b))^2,   w = 2 sqrt(the region's second central moment along it)
-// w is the half width of the disc that would be as wide and e the one that is expected: the radius r, but of a moving
-// ball that is read row by row the disc is sheared and stretched. b: exposure smears it by velocity times time, which
-// makes a region longer (half of the smear matches) or shorter (a third of that is granted, as what hides a part of the
-// ball makes it shorter, too), and leaves its centre where it is.
+//   s^2 + (0.04 r)^2 + c^3 / (12 pi r) + (1.3 max(0, |e - w| - 0.2 r - b))^2
+// w = 2 sqrt(the region's second central moment along it) is the half width of the disc that would be as wide and e the
+// one that is expected: the radius r, but of a moving ball that is read row by row the disc is sheared and stretched.
+// b: exposure smears it by velocity times time, which makes a region longer (half of the smear matches) or shorter (a
+// third of that is granted, as what hides a part of the ball makes it shorter, too), and leaves its centre where it is.
 // Where something hides a part of the ball, the visible rest is narrower than expected in the direction in which it is
 // cut, and its centre is off by about as much; a region that is too wide (background of the same colour) is distrusted
 // the same way. Misfits below a fifth of the radius are the noise of a small disc's outline and say nothing.
 // s is options.pixel_noise_px; 0.04 r is the shading of a ball, whose bright side matches further out than its dark
-// side. Of these two, 0.2 last while the object rests (lasting_px), the remainder is new in every frame and stands in
-// `covariance` with the misfit. The figures were fitted on data/rendered (README.md).
+// side; c, sample_px(), is how coarse the region's edge is. Of these, 0.2 last while the object rests (lasting_px), the
+// remainder is new in every frame and stands in `covariance` with the misfit. The figures were fitted on data/rendered
+// (README.md).
 Sighting sighting_of(const TargetView& view, const ColorRegion& region, double radius_px, double pixel_noise_px,
                      const ImageMotion& motion);
 

@@ -28,6 +28,9 @@ constexpr double least_guessed = 4;    // one that is guessed from what is aroun
 constexpr float loss2 = 4;             // Cauchy's, beyond two standard deviations
 constexpr double usual_loss = 0.66;    // what it makes of a normal residual's square
 constexpr double worst_misfit = 9;
+// Of the light: the quadratic part of what is usual about it is small (begin()). That of a lamp from one side, which
+// gives most of a ball's light, is so much of it.
+constexpr double one_sided = 0.4;
 constexpr double least_visible = 0.25;  // of the edge
 constexpr double furthest_radii = 0.8, largest_growth = 0.35;
 
@@ -686,6 +689,12 @@ Fit OutlineFit::fit(const Picture& picture, const Behind& behind, const Ellipse&
   const Eigen::Matrix<double, unknowns, 6> columns_told = solver.solve(of_told);
   for (std::size_t i = 0; i < told.size(); ++i)
     covariance_.col(told[i]) = columns_told.col(static_cast<Eigen::Index>(i));
+  double light_px2 = 0;
+  for (int i = shading_ + 3; i < paleness_; ++i) {
+    const double shift = one_sided * information_[i];
+    light_px2 += 0.5 * shift * shift * covariance_.block<1, 2>(i, cu_).squaredNorm();
+  }
+  out.light_px = std::sqrt(light_px2);
   const double worse = std::max(1.0, misfit_);
   out.centre = start.centre + x_.head<2>();
   out.covariance = worse * covariance_.topLeftCorner<2, 2>();

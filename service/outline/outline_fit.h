@@ -64,6 +64,7 @@ struct Fit {
   Eigen::Vector2d centre = Eigen::Vector2d::Zero();          // of the ellipse, in the row where it lies
   Eigen::Matrix2d covariance = Eigen::Matrix2d::Identity();  // px^2, by the pixels' noise and what is fitted beside it
   Eigen::Matrix2d bound = Eigen::Matrix2d::Identity();       // px^2, were all but the centre known
+  double light_px = 0;  // per axis: by how much light may shift it that is stronger from one side than is expected
   Known log_size;                                            // as found, without what was expected of it
   double misfit = 0;   // mean square of the residuals in their standard deviations
   double visible = 0;  // share of the edge that counted

@@ -164,10 +164,22 @@ PairComparison::Verdict PairComparison::verdict_of(const std::vector<Track>& tra
   return out;
 }
 
-// Gauss and Newton's method with Levenberg's damping and Huber's weights, by differences: three numbers.
-std::optional<Eigen::Vector3d> best_turn(const PairComparison& comparison, const std::vector<Track>& tracks,
-                                         std::size_t camera, const TimeSigmas& times) {
+// In how many places a camera saw something: light from one side shifts what it sees by the same in all samples of one,
+// and other places are half a metre away, a dozen radii of a ball.
+double places_of(const Track& track) {
+  constexpr double radii_apart = 12;
+  double places = 1;
+  for (std::size_t k = 1; k < track.size(); ++k)
+    places += (track[k].px - track[k - 1].px).norm() / (radii_apart * std::max(1.0, track[k].radius_px));
+  return places;
+}
+
+// Gauss and Newton's method with Levenberg's damping and Huber's weights, by differences: three numbers, of which those
+// that the samples hardly tell (a turn about the ray to something that does not move far) stay what is usual: small.
+std::optional<BestTurn> best_turn(const PairComparison& comparison, const std::vector<Track>& tracks,
+                                  std::size_t camera, const TimeSigmas& times) {
   constexpr double furthest_rad = 0.26, step_rad = 1e-4, settled_rad = 2e-5, huber = 2;
+  constexpr double usual_rad = 0.05;  // of a tripod that somebody knocked
   constexpr int iterations = 12;
   const auto off_at = [&](const Eigen::Vector3d& turn) {
     const Supposition with{.camera = camera, .turn_rad = turn};
@@ -188,7 +200,12 @@ std::optional<Eigen::Vector3d> best_turn(const PairComparison& comparison, const
   Eigen::Vector3d turn = Eigen::Vector3d::Zero();
   std::vector<double> off = off_at(turn);
   if (off.empty()) return std::nullopt;
-  double cost = cost_of(off), damping = 1e-4;
+  const double share = std::min(1.0, places_of(tracks[camera]) / double(off.size()));
+  const auto total = [&](const std::vector<double>& of, const Eigen::Vector3d& at) {
+    return share * cost_of(of) + at.squaredNorm() / (usual_rad * usual_rad);
+  };
+  const double without = total(off, turn);
+  double cost = without, damping = 1e-4;
   for (int iteration = 0; iteration < iterations; ++iteration) {
     std::array<std::vector<double>, 3> moved;
     for (int k = 0; k < 3; ++k) moved[std::size_t(k)] = off_at(turn + step_rad * Eigen::Vector3d::Unit(k));
@@ -201,6 +218,8 @@ std::optional<Eigen::Vector3d> best_turn(const PairComparison& comparison, const
       normal += weight * slope * slope.transpose();
       right -= weight * off[n] * slope;
     }
+    normal = share * normal + Eigen::Matrix3d::Identity() / (usual_rad * usual_rad);
+    right = share * right - turn / (usual_rad * usual_rad);
     bool is_better = false;
     Eigen::Vector3d step = Eigen::Vector3d::Zero();
     for (int attempt = 0; attempt < 4 && !is_better; ++attempt) {
@@ -209,13 +228,13 @@ std::optional<Eigen::Vector3d> best_turn(const PairComparison& comparison, const
       step = damped.ldlt().solve(right);
       if (!step.allFinite() || (turn + step).norm() > furthest_rad) return std::nullopt;
       std::vector<double> there = off_at(turn + step);
-      is_better = there.size() == off.size() && cost_of(there) < cost;
+      is_better = there.size() == off.size() && total(there, turn + step) < cost;
       damping = is_better ? damping / 10 : damping * 30;
-      if (is_better) turn += step, cost = cost_of(there), off = std::move(there);
+      if (is_better) turn += step, cost = total(there, turn), off = std::move(there);
     }
     if (!is_better || step.norm() < settled_rad) break;
   }
-  return turn;
+  return BestTurn{turn, without - cost};
 }
 
 double best_lateness(const PairComparison& comparison, const std::vector<Track>& tracks, std::size_t camera,

@@ -79,9 +79,14 @@ class PairComparison {
   const calib::CameraRig& rig_;
 };
 
-// The turn of this camera that makes it agree best with the others; nullopt: none does within 15 degrees.
-std::optional<Eigen::Vector3d> best_turn(const PairComparison& comparison, const std::vector<Track>& tracks,
-                                         std::size_t camera, const TimeSigmas& times);
+// The turn of this camera that makes it agree best with the others.
+struct BestTurn {
+  Eigen::Vector3d turn_rad;
+  double gain;  // chi-square, 3 degrees of freedom, by which it explains more than no turn; one sample per place
+};
+// nullopt: none does within 15 degrees.
+std::optional<BestTurn> best_turn(const PairComparison& comparison, const std::vector<Track>& tracks,
+                                  std::size_t camera, const TimeSigmas& times);
 
 // By how much this camera's frames are later than the rig says, so that it agrees best; -0.6..0.6 s.
 double best_lateness(const PairComparison& comparison, const std::vector<Track>& tracks, std::size_t camera,

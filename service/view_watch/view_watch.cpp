@@ -31,6 +31,8 @@ constexpr double nothing_explains = 6;
 // What time learning can do by itself is no mistake (motion_belief.cpp: standard deviation 20 ms).
 constexpr double least_late_s = 0.07;
 constexpr double least_turn_rad = 0.0052;
+// Chi-square, 3 degrees of freedom: light and shade do as much in one camera and place of a thousand.
+constexpr double surely_turned = 16.3;
 // Of a picture.
 constexpr double least_shared = 0.03, times_the_target = 4;
 constexpr int least_shared_looks = 3;
@@ -231,9 +233,10 @@ std::optional<Mistake> ViewWatch::explained(const PairComparison::Verdict& as_is
         answer({.kind = MistakeKind::late, .cameras = {int(c)}, .size = in_all_s},
                comparison.verdict(tracks_, {.camera = c, .late_s = late_s}, time_sigmas_));
     }
-    if (const auto turn = best_turn(comparison, tracks_, c, time_sigmas_); turn && turn->norm() >= least_turn_rad)
-      answer({.kind = MistakeKind::turned, .cameras = {int(c)}, .size = turn->norm()},
-             comparison.verdict(tracks_, {.camera = c, .turn_rad = *turn}, time_sigmas_));
+    const auto turn = best_turn(comparison, tracks_, c, time_sigmas_);
+    if (turn && turn->turn_rad.norm() >= least_turn_rad && turn->gain >= surely_turned)
+      answer({.kind = MistakeKind::turned, .cameras = {int(c)}, .size = turn->turn_rad.norm()},
+             comparison.verdict(tracks_, {.camera = c, .turn_rad = turn->turn_rad}, time_sigmas_));
   }
   if (answers.empty()) {
     if (as_is.pairs < n * (n - 1) / 2) return std::nullopt;

@@ -1,12 +1,13 @@
 // How far outlines and regions are off the truth in single views, in pixels, beside what the pixels allow:
-//   build/release/tests/benchmark/outline_figures SCENE [OFF_RADII]
+//   build/release/tests/benchmark/outline_figures SCENE [OFF_RADII [VIEWS.csv]]
 // SCENE: a folder with huetrackd.yaml and groundtruth.csv (../shared/data/rendered, ../shared/tools/scenes); its first
-// target. OFF_RADII: by how much of its radius each fit begins beside the truth, 0.3.
+// target. OFF_RADII: by how much of its radius each fit begins beside the truth, 0.3. VIEWS.csv: where every view goes.
 #include <Eigen/LU>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <exception>
+#include <fstream>
 #include <map>
 #include <string>
 
@@ -59,11 +60,25 @@ const char* name(outline::FitOutcome outcome) {
   return "?";
 }
 
+void write_views(const char* file, const std::vector<std::vector<figures::OutlineView>>& sets) {
+  std::ofstream out(file);
+  out << "set,camera,outcome,off_u,off_v,region_u,region_v,radius,speed,visible,log_size,sigma,light,misfit,steps\n";
+  for (std::size_t s = 0; s < sets.size(); ++s) {
+    for (const figures::OutlineView& view : sets[s]) {
+      const Eigen::Vector2d region = view.region_off_px.value_or(Eigen::Vector2d::Constant(std::nan("")));
+      out << s << ',' << view.camera << ',' << name(view.fit.outcome) << ',' << view.off_px.x() << ','
+          << view.off_px.y() << ',' << region.x() << ',' << region.y() << ',' << view.radius_px << ','
+          << view.px_per_s.norm() << ',' << view.fit.visible << ',' << view.fit.log_size.value << ','
+          << std::sqrt(view.fit.covariance.trace() / 2) << ',' << view.fit.light_px << ',' << view.fit.misfit << ',' << view.fit.steps << '\n';
+    }
+  }
+}
+
 }  // namespace
 
 int main(int argc, char** argv) try {
-  if (argc < 2 || argc > 3) {
-    std::fprintf(stderr, "usage: outline_figures SCENE [OFF_RADII]\n");
+  if (argc < 2 || argc > 4) {
+    std::fprintf(stderr, "usage: outline_figures SCENE [OFF_RADII [VIEWS.csv]]\n");
     return 2;
   }
   const std::filesystem::path folder = argv[1];
@@ -73,6 +88,7 @@ int main(int argc, char** argv) try {
   std::vector<Sums> sums(sequence.rig.cameras.size());
   for (const auto& views : sets)
     for (const figures::OutlineView& view : views) sums[static_cast<std::size_t>(view.camera)].add(view);
+  if (argc > 3) write_views(argv[3], sets);
   std::puts("per axis, px: rms of the outline's error, of the region's, what the fit states, what the pixels allow");
   for (std::size_t c = 0; c < sums.size(); ++c) {
     const Sums& s = sums[c];

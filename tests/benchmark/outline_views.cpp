@@ -51,6 +51,7 @@ std::vector<std::vector<OutlineView>> fit_outlines(const Sequence& sequence,
         one.camera = view.index;
         one.visible = visible;
         one.jacobian = appearance->jacobian;
+        one.radius_px = radius_px, one.px_per_s = velocity;
         const double row_s = view.camera->timing.readout_s.value_or(0) / (view.camera->image_size.height - 1);
         outline::Ellipse start = ball->ellipse;
         const auto turn = static_cast<double>(out.size());

@@ -16,6 +16,8 @@ struct OutlineView {
   outline::Fit fit;
   Eigen::Vector2d off_px;                        // of the fit's centre, from where the truth has the outline's
   std::optional<Eigen::Vector2d> region_off_px;  // of the colour's region there
+  double radius_px = 0;                          // of the outline
+  Eigen::Vector2d px_per_s;                      // of its centre
   Eigen::Matrix<double, 2, 3> jacobian;          // d px / d p_world at the truth
   double visible = 1;                            // share of the ball that can be seen
   double took_s = 0;                             // of one fit
