@@ -280,7 +280,7 @@ TEST(ObjectTracker, whatIsNotKnownOfAnotherHostsClockIsInTheCovariance) {
                        }})
             .build();
     for (calib::Camera& camera : scene.rig.cameras)
-      camera.timing = {.latency_s = 0, .readout_s = 0, .latency_sigma_s = 2e-4, .readout_sigma_s = 2e-4};
+      camera.timing = {.latency_s = 0, .latency_sigma_s = 2e-4, .readout_s = 0, .readout_sigma_s = 2e-4};
     std::mt19937 random(seed);
     const double off_s = std::normal_distribution<double>(0, sigma_s)(random);
     std::vector<capture::FrameSet> sets = scene::render(scene, {.set_count = 45, .offset_s = {0, 0.011, 0.022}});
