@@ -206,7 +206,7 @@ TEST_F(DoctorsConfig, OfACameraHost) {
   EXPECT_THAT(text, HasSubstr("sends about"));
   EXPECT_THAT(text, HasSubstr("uncompressed those of left"));
   EXPECT_THAT(text, HasSubstr("this host's clock"));
-  EXPECT_THAT(text, Not(HasSubstr("rig")));
+  EXPECT_THAT(text, Not(HasSubstr("targets")));
   capture::write_text(folder / "bad.yaml",
                       "version: 1\ncameras: {left: {device: /dev/null, size: [640, 480], hosst: 1}}\n");
   EXPECT_THAT(said(folder / "bad.yaml"), AllOf(HasSubstr("FAIL"), HasSubstr("hosst")));
