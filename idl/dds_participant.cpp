@@ -210,7 +210,8 @@ int resolve_domain(std::optional<int> configured) {
   return domain;
 }
 
-DdsParticipant::DdsParticipant(const ParticipantOptions& options, dds::DomainParticipantListener* listener)
+DdsParticipant::DdsParticipant(const ParticipantOptions& options, dds::DomainParticipantListener* listener,
+                               const Datagrams& datagrams)
     : domain_(resolve_domain(options.domain)), interfaces_(network_interfaces()) {
   dds::DomainParticipantQos qos;
   if (load_participant_profile(options, qos)) {
@@ -224,6 +225,8 @@ DdsParticipant::DdsParticipant(const ParticipantOptions& options, dds::DomainPar
     if (!selected.empty()) transport_ = "UDP on " + describe(selected) + " only";
     auto udp = std::make_shared<eprosima::fastdds::rtps::UDPv4TransportDescriptor>();
     for (const NetworkInterface& i : selected) udp->interfaceWhiteList.push_back(i.address);
+    if (datagrams.largest > 0) udp->maxMessageSize = datagrams.largest;
+    udp->sendBufferSize = udp->receiveBufferSize = datagrams.buffer;
     qos.transport().use_builtin_transports = false;
     qos.transport().user_transports.push_back(udp);
     auto& discovery = qos.wire_protocol().builtin.discovery_config;

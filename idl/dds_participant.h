@@ -2,6 +2,7 @@
 // on silently where they are wrong. Service and clients share it.
 #pragma once
 
+#include <cstdint>
 #include <fastdds/dds/domain/DomainParticipant.hpp>
 #include <fastdds/dds/domain/DomainParticipantListener.hpp>
 #include <fastdds/dds/publisher/DataWriter.hpp>
@@ -32,6 +33,13 @@ int resolve_domain(std::optional<int> configured);
 // sentence each. It loads the profiles: once in a process.
 std::vector<std::string> check(const ParticipantOptions& options);
 
+// How samples go over the network, where no participant profile says it. 0: as Fast DDS and the kernel have it,
+// datagrams of 64 kB and the host's usual buffers.
+struct Datagrams {
+  std::uint32_t largest = 0;  // bytes
+  std::uint32_t buffer = 0;   // bytes of each socket, as far as the host allows (net.core.rmem_max, wmem_max)
+};
+
 // Our default is UDPv4 only (no shared memory: a full /dev/shm, two users or two containers break it silently) and a
 // participant lease of 3 s. In the XML, a participant profile named "huetrack", or else one with is_default_profile,
 // replaces that; a data_writer or data_reader profile whose name is a topic's replaces the QoS of that topic.
@@ -45,7 +53,8 @@ class DdsParticipant {
   // this. throws std::invalid_argument on wrong options or a wrong XML file, naming it; std::runtime_error when Fast
   // DDS refuses, with what it said.
   explicit DdsParticipant(const ParticipantOptions& options,
-                          eprosima::fastdds::dds::DomainParticipantListener* listener = nullptr);
+                          eprosima::fastdds::dds::DomainParticipantListener* listener = nullptr,
+                          const Datagrams& datagrams = {});
   ~DdsParticipant();  // leaves cleanly: the others see it within 50 ms
   DdsParticipant(const DdsParticipant&) = delete;
   DdsParticipant& operator=(const DdsParticipant&) = delete;

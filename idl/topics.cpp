@@ -29,6 +29,7 @@ constexpr std::pair<std::string_view, std::uint32_t> largest_samples[] = {
     {preview_topic, 2048 * KiB},       {camera_map_topic, 128 * KiB},     {teach_request_topic, 64 * KiB},
     {teach_reply_topic, 4096 * KiB},   {camera_host_topic, 64 * KiB},     {clock_probe_topic, 1 * KiB},
     {clock_echo_topic, 1 * KiB},       {control_request_topic, 16 * KiB}, {control_reply_topic, 512 * KiB},
+    {host_clocks_topic, 64 * KiB},
 };
 constexpr std::size_t longest_user_data = 16 * KiB;  // who a publisher is: some hundred targets
 constexpr int most_instances = 4000;                 // of a reader; one costs some hundred bytes
@@ -223,7 +224,7 @@ dds::DataWriterQos clock_writer_qos() {
 }
 
 dds::DataReaderQos clock_reader_qos() {
-  dds::DataReaderQos qos = reliable_reader(4);
+  dds::DataReaderQos qos = reliable_reader(64);  // all hosts answer at one moment
   qos.reliability().kind = dds::BEST_EFFORT_RELIABILITY_QOS;
   return qos;
 }

@@ -37,6 +37,7 @@ inline constexpr const char* control_reply_topic = "huetrack/control_reply";    
 inline constexpr const char* camera_host_topic = "huetrack/camera_host";          // huetrack::msg::CameraHost, keyed
 inline constexpr const char* clock_probe_topic = "huetrack/clock_probe";          // huetrack::msg::ClockProbe
 inline constexpr const char* clock_echo_topic = "huetrack/clock_echo";            // huetrack::msg::ClockEcho
+inline constexpr const char* host_clocks_topic = "huetrack/host_clocks";          // huetrack::msg::HostClocks, keyed
 std::string camera_frames_topic(std::string_view host, std::string_view camera);  // huetrack::msg::CameraFrame
 
 // ROS 2, types of ros2_messages.idl. A ROS 2 topic /x is the DDS topic rt/x.
@@ -103,10 +104,11 @@ std::optional<std::uint32_t> largest_sample(std::string_view topic);
 //   teach_*          reliable, volatile, keep-last 10.
 //   control_*        as teach_*.
 //   camera_host      as status.
+//   host_clocks      as status.
 //   frames/...       reliable, volatile, keep-last 4, sent by a thread of Fast DDS' own (a frame is many datagrams);
 //   what
 //                    is lost is asked for again within 5 ms, and a network that is too slow loses whole frames.
-//   clock_*          best effort, volatile, keep-last 4: a question that was lost is asked again.
+//   clock_*          best effort, volatile, keep-last 4, of readers 64: all hosts answer at one moment.
 //   ROS 2            reliable, volatile, keep-last 10: matches echo, RViz and best-effort readers.
 // A reader has room for samples of largest_sample() from its start and never takes more: what is not taken in time is
 // replaced by what comes, and of a keyed topic there are at most 4000 instances.

@@ -17,6 +17,7 @@
 
 #include "calib/yaml/output_file.h"
 #include "calib/yaml/text_file.h"
+#include "idl/camera_hostPubSubTypes.h"
 #include "idl/camera_timesPubSubTypes.h"
 #include "idl/huetrackPubSubTypes.h"
 #include "idl/object_setPubSubTypes.h"
@@ -252,6 +253,8 @@ int status(const idl::ParticipantOptions& options, StatusFormat format) {
       idl::status_topic, dds::TypeSupport(new msg::ServiceStatusPubSubType), idl::status_reader_qos());
   dds::DataReader& times_reader = participant.create_reader(
       idl::camera_times_topic, dds::TypeSupport(new msg::CameraTimesPubSubType), idl::status_reader_qos());
+  dds::DataReader& clocks_reader = participant.create_reader(
+      idl::host_clocks_topic, dds::TypeSupport(new msg::HostClocksPubSubType), idl::status_reader_qos());
   dds::DataReader& pose_reader = participant.create_reader(
       idl::camera_pose_topic, dds::TypeSupport(new msg::CameraPosePubSubType), idl::object_position_reader_qos());
   dds::DataReader& set_reader = participant.create_reader(
@@ -263,6 +266,7 @@ int status(const idl::ParticipantOptions& options, StatusFormat format) {
   bool waited_for_pose = false;
   std::vector<msg::ServiceStatus> statuses;
   std::map<std::pair<std::string, std::uint32_t>, msg::CameraTimes> times;  // by the service's host and process
+  std::map<std::pair<std::string, std::uint32_t>, msg::HostClocks> clocks;  // likewise
   std::map<std::string, msg::CameraPose> poses;
   std::map<std::string, msg::ObjectSet> sets;  // by the target; the last of each
   while (!ended && Clock::now() < until) {
@@ -285,6 +289,12 @@ int status(const idl::ParticipantOptions& options, StatusFormat format) {
       if (info.valid_data && times.size() < most_statuses) {
         make_printable(of_service);
         times[{of_service.host(), of_service.pid()}] = of_service;
+      }
+    msg::HostClocks of_hosts;
+    while (clocks_reader.take_next_sample(&of_hosts, &info) == ReturnCode_t::RETCODE_OK)
+      if (info.valid_data && clocks.size() < most_statuses) {
+        make_printable(of_hosts);
+        clocks[{of_hosts.host(), of_hosts.pid()}] = of_hosts;
       }
     msg::CameraPose pose;
     while (pose_reader.take_next_sample(&pose, &info) == ReturnCode_t::RETCODE_OK)
@@ -315,10 +325,12 @@ int status(const idl::ParticipantOptions& options, StatusFormat format) {
   for (const auto& sample : statuses) {
     const auto found = times.find({sample.host(), sample.pid()});
     const msg::CameraTimes* const of_service = found == times.end() ? nullptr : &found->second;
+    const auto found_clocks = clocks.find({sample.host(), sample.pid()});
+    const msg::HostClocks* const of_hosts = found_clocks == clocks.end() ? nullptr : &found_clocks->second;
     const std::int64_t now = unix_now();
     is_healthy &= problems_of(sample, now).empty();
-    if (!out.write(format == StatusFormat::json ? status_json(sample, now, of_service, last_poses)
-                                                : text(sample, now, of_service, last_poses, last_sets)))
+    if (!out.write(format == StatusFormat::json ? status_json(sample, now, of_service, last_poses, of_hosts)
+                                                : text(sample, now, of_service, last_poses, last_sets, of_hosts)))
       break;
   }
   if (statuses.empty()) {

@@ -115,7 +115,8 @@ template <typename Sample>
 SampleSubscription<Sample>::SampleSubscription(const idl::ParticipantOptions& options)
     : participant_(options, &announcements_),
       reader_(participant_.create_reader(Of<Sample>::topic, dds::TypeSupport(new typename Of<Sample>::Type),
-                                         idl::object_position_reader_qos())) {}
+                                         idl::object_position_reader_qos())),
+      arrivals_(reader_) {}
 
 template <typename Sample>
 std::optional<Heard<Sample>> SampleSubscription<Sample>::next(std::chrono::milliseconds at_most) {
@@ -128,9 +129,9 @@ std::optional<Heard<Sample>> SampleSubscription<Sample>::next(std::chrono::milli
       make_printable(sample);
       return Heard<Sample>{sample, stranger(name_of(sample), info.sample_identity.writer_guid())};
     }
-    const auto left = std::chrono::duration<long double>(until - std::chrono::steady_clock::now());
-    if (left.count() <= 0 || !reader_.wait_for_unread_message(eprosima::fastrtps::Duration_t(left.count())))
-      return std::nullopt;
+    const auto left = until - std::chrono::steady_clock::now();
+    if (left <= std::chrono::steady_clock::duration::zero()) return std::nullopt;
+    arrivals_.wait(left);
   }
 }
 

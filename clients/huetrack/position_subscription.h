@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "idl/arrivals.h"
 #include "idl/dds_participant.h"
 #include "idl/huetrack.h"
 #include "idl/topics.h"
@@ -75,6 +76,7 @@ class SampleSubscription {
   Announcements announcements_;  // before participant_: it outlives it
   idl::DdsParticipant participant_;
   eprosima::fastdds::dds::DataReader& reader_;
+  idl::Arrivals arrivals_;
   int publishers_ = 0;
   std::map<std::string, Believed> believed_;  // by the target's or the camera's name
 };

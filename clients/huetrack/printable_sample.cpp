@@ -52,6 +52,15 @@ void make_printable(msg::CameraTimes& sample) {
   for (msg::CameraTime& camera : sample.cameras()) camera.camera(word(camera.camera()));
 }
 
+void make_printable(msg::HostClocks& sample) {
+  sample.host(word(sample.host()));
+  for (msg::HostClock& clock : sample.clocks()) {
+    clock.host(word(clock.host()));
+    for (std::string& camera : clock.cameras()) camera = word(camera);
+    clock.advice(sentence(clock.advice()));
+  }
+}
+
 void make_printable(msg::ObjectSet& sample) {
   sample.target(word(sample.target()));
   for (msg::ObjectInSet& object : sample.objects()) object.name(word(object.name()));

@@ -4,6 +4,7 @@
 
 #include <string>
 
+#include "idl/camera_host.h"
 #include "idl/camera_times.h"
 #include "idl/huetrack.h"
 #include "idl/object_set.h"
@@ -15,6 +16,7 @@ void make_printable(msg::ObjectPosition& sample);
 void make_printable(msg::CameraPose& sample);
 void make_printable(msg::ServiceStatus& sample);
 void make_printable(msg::CameraTimes& sample);
+void make_printable(msg::HostClocks& sample);
 void make_printable(msg::ObjectSet& sample);
 
 const std::string& name_of(const msg::ObjectPosition& sample);  // the target's

@@ -201,8 +201,27 @@ std::string line(Format format, const msg::ObjectPosition& sample, std::int64_t 
   return any_line(format, sample, received_at, target_width);
 }
 
+namespace {
+
+// "pi-3: 40.013 ms ahead of ours +- 0.052, drifts by 50.1 ppm, answers within 0.21 ms; NTP says: kept to 0.30 ms".
+std::string clock_words(const msg::HostClock& clock) {
+  if (!clock.is_known()) return clock.host() + ": not compared with ours yet";
+  if (clock.is_same_machine()) return clock.host() + ": ours, it is this machine";
+  const auto ms = [](double seconds, int digits) { return number(1e3 * seconds, digits); };
+  std::string out =
+      fmt::format("{}: {} ms {} ours +- {}, drifts by {} ppm, answers within {} ms", clock.host(),
+                  ms(std::abs(clock.offset_s()), 3), clock.offset_s() < 0 ? "behind" : "ahead of",
+                  ms(clock.offset_sigma_s(), 3), number(1e6 * clock.drift(), 1), ms(clock.round_trip_s(), 2));
+  if (std::isnan(clock.kept_s())) return out + "; no NTP or PTP on both";
+  return out + fmt::format("; NTP or PTP: kept to {} ms{}", ms(clock.kept_s(), 2),
+                           clock.is_contradicted() ? ", which is not so" : "");
+}
+
+}  // namespace
+
 std::string text(const msg::ServiceStatus& s, std::int64_t now, const msg::CameraTimes* times,
-                 std::span<const msg::CameraPose> poses, std::span<const msg::ObjectSet> sets) {
+                 std::span<const msg::CameraPose> poses, std::span<const msg::ObjectSet> sets,
+                 const msg::HostClocks* clocks) {
   std::string out = fmt::format("huetrackd {} on {}, process {}, mode {}, {} s ago\n", s.program_version(), s.host(),
                                 s.pid(), s.mode(), number(static_cast<double>(now - s.at()) / ns_per_s, 1));
   const auto add = [&](std::string_view label, const std::string& what) {
@@ -225,6 +244,8 @@ std::string text(const msg::ServiceStatus& s, std::int64_t now, const msg::Camer
                     name(camera.health()), number(camera.rate_hz(), 1, 5), camera.frames(), camera.dropped(),
                     camera.corrupted(), camera.frames() > 0 ? ", the last " + number(camera.age_s(), 2) + " s ago" : "",
                     camera.message().empty() ? "" : ": ", camera.message()));
+  for (std::size_t c = 0; clocks != nullptr && c < clocks->clocks().size(); ++c)
+    add("clock", clock_words(clocks->clocks()[c]));
   const auto ms = [](double seconds) { return number(1e3 * seconds, 1); };
   for (std::size_t c = 0; times != nullptr && c < times->cameras().size(); ++c) {
     const msg::CameraTime& time = times->cameras()[c];

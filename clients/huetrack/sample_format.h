@@ -8,6 +8,7 @@
 #include <string>
 #include <string_view>
 
+#include "idl/camera_host.h"
 #include "idl/camera_times.h"
 #include "idl/huetrack.h"
 #include "idl/object_set.h"
@@ -42,8 +43,10 @@ std::string line(Format format, const msg::CameraPose& sample, std::int64_t rece
 //   times   the last of this service, if there are any
 //   poses   the last of each tracked camera; those of the status' cameras are shown
 //   sets    the last of each target that is several objects; those of the status' targets are shown
+//   clocks  the last of this service, if it has cameras of other hosts
 std::string text(const msg::ServiceStatus& status, std::int64_t now, const msg::CameraTimes* times = nullptr,
-                 std::span<const msg::CameraPose> poses = {}, std::span<const msg::ObjectSet> sets = {});
+                 std::span<const msg::CameraPose> poses = {}, std::span<const msg::ObjectSet> sets = {},
+                 const msg::HostClocks* clocks = nullptr);
 
 std::string json_string(std::string_view text);  // in quotation marks, with what JSON wants escaped
 

@@ -46,7 +46,7 @@ std::vector<std::string> problems_of(const msg::ServiceStatus& status, std::int6
 }
 
 std::string status_json(const msg::ServiceStatus& status, std::int64_t now, const msg::CameraTimes* times,
-                        std::span<const msg::CameraPose> poses) {
+                        std::span<const msg::CameraPose> poses, const msg::HostClocks* clocks) {
   const std::vector<std::string> problems = problems_of(status, now);
   std::string out = head(problems.empty(), problems);
   out += R"(,"status":)" + live_view::to_json(status, static_cast<double>(now) * 1e-9);
@@ -59,11 +59,12 @@ std::string status_json(const msg::ServiceStatus& status, std::int64_t now, cons
     out += (is_first ? "" : ",") + live_view::to_json(pose);
     is_first = false;
   }
-  return out + "]}\n";
+  out += R"(],"clocks":)" + (clocks == nullptr ? "null" : live_view::to_json(*clocks));
+  return out + "}\n";
 }
 
 std::string no_status_json(const std::string& why) {
-  return head(false, {why}) + R"(,"status":null,"times":null,"poses":[]})" + "\n";
+  return head(false, {why}) + R"(,"status":null,"times":null,"poses":[],"clocks":null})" + "\n";
 }
 
 }  // namespace huetrack::client

@@ -11,6 +11,7 @@
 
 #include "clients/live_view/events.h"
 #include "clients/live_view/page_server.h"
+#include "idl/camera_hostPubSubTypes.h"
 #include "idl/camera_timesPubSubTypes.h"
 #include "idl/huetrackPubSubTypes.h"
 #include "idl/huetrack_viewPubSubTypes.h"
@@ -84,6 +85,8 @@ struct BusReader::Connection {
                                         idl::status_reader_qos())),
         times(participant.create_reader(idl::camera_times_topic, dds::TypeSupport(new msg::CameraTimesPubSubType),
                                         idl::status_reader_qos())),
+        clocks(participant.create_reader(idl::host_clocks_topic, dds::TypeSupport(new msg::HostClocksPubSubType),
+                                         idl::status_reader_qos())),
         reply(participant.create_reader(idl::teach_reply_topic, dds::TypeSupport(new msg::TeachReplyPubSubType),
                                         idl::teach_reader_qos())),
         control_reply(participant.create_reader(
@@ -91,7 +94,7 @@ struct BusReader::Connection {
         request(request_writer<msg::TeachRequestPubSubType>(idl::teach_request_topic)),
         control_request(request_writer<msg::ControlRequestPubSubType>(idl::control_request_topic)) {}
   idl::DdsParticipant participant;
-  dds::DataReader &position, &camera_pose, &camera_map, &status, &scene, &times, &reply, &control_reply;
+  dds::DataReader &position, &camera_pose, &camera_map, &status, &scene, &times, &clocks, &reply, &control_reply;
   std::string refused;                         // why there is no request; before them, which set this
   dds::DataWriter *request, *control_request;  // null: who may watch need not be one who may ask
 
@@ -210,6 +213,7 @@ void BusReader::show(const std::string& who) {
     hub_.erase("status");
     hub_.erase("scene");
     hub_.erase("camera_times");
+    hub_.erase("host_clocks");
     const auto old = services_.find(shown_);
     if (old != services_.end()) {
       for (const auto& [camera, event] : old->second.camera_maps) hub_.erase("camera_map/" + camera);
@@ -228,6 +232,7 @@ void BusReader::show(const std::string& who) {
   hub_.set("status", now.status);
   if (!now.scene.empty()) hub_.set("scene", now.scene);
   if (!now.times.empty()) hub_.set("camera_times", now.times);
+  if (!now.clocks.empty()) hub_.set("host_clocks", now.clocks);
   for (const auto& [camera, event] : now.camera_maps) hub_.set("camera_map/" + camera, event);
   for (const Early& early : early_)
     if (early.process == now.process) hub_.append(early.event, early.is_told);
@@ -324,6 +329,13 @@ void BusReader::take_times() {
     if (it == nullptr) return;
     it->times = to_event("camera_times", to_json(sample));
     if (is_shown(who)) hub_.set("camera_times", it->times);
+  });
+  take_all<msg::HostClocks>(connection_->clocks, [&](const auto& sample, const Process&) {
+    const std::string who = who_of(sample);
+    Service* const it = service(who);
+    if (it == nullptr) return;
+    it->clocks = to_event("host_clocks", to_json(sample));
+    if (is_shown(who)) hub_.set("host_clocks", it->clocks);
   });
 }
 

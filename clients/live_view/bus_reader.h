@@ -70,7 +70,7 @@ class BusReader {
   struct Service {
     std::chrono::steady_clock::time_point began, heard;
     Process process{};
-    std::string status, scene, times;                // the last events
+    std::string status, scene, times, clocks;        // the last events
     std::map<std::string, std::string> camera_maps;  // a few
     std::string config_file;
     std::string host;

@@ -169,6 +169,23 @@ std::string to_json(const msg::CameraTimes& s) {
   return text({{"host", s.host()}, {"pid", s.pid()}, {"cameras", std::move(cameras)}});
 }
 
+std::string to_json(const msg::HostClocks& s) {
+  Json clocks = Json::array();
+  for (const auto& c : s.clocks())
+    clocks.push_back({{"host", c.host()},
+                      {"cameras", c.cameras()},
+                      {"known", c.is_known()},
+                      {"offset_s", c.offset_s()},
+                      {"sigma_s", c.offset_sigma_s()},
+                      {"drift_ppm", 1e6 * c.drift()},
+                      {"round_trip_s", c.round_trip_s()},
+                      {"same_machine", c.is_same_machine()},
+                      {"kept_s", c.kept_s()},
+                      {"contradicted", c.is_contradicted()},
+                      {"advice", c.advice()}});
+  return text({{"host", s.host()}, {"pid", s.pid()}, {"clocks", std::move(clocks)}});
+}
+
 std::string to_json(const msg::Scene& s) {
   Json cameras = Json::array(), targets = Json::array(), ignored = Json::array();
   for (const auto& c : s.cameras())

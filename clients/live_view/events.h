@@ -6,6 +6,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "idl/camera_host.h"
 #include "idl/camera_times.h"
 #include "idl/huetrack.h"
 #include "idl/huetrack_view.h"
@@ -18,6 +19,7 @@ std::string to_json(const msg::CameraMap& map);
 // heard: when the bridge had it, UNIX seconds
 std::string to_json(const msg::ServiceStatus& status, double heard);
 std::string to_json(const msg::CameraTimes& times);
+std::string to_json(const msg::HostClocks& clocks);
 std::string to_json(const msg::Scene& scene);
 std::string to_json(const msg::Preview& preview);
 std::string to_json(const msg::TeachReply& reply);

@@ -37,6 +37,14 @@ struct FrameTiming {
   bool operator==(const FrameTiming&) const = default;
 };
 
+// Whose clock stamped a frame, and how well that clock is known next to ours. The error is one for all cameras that it
+// stamps, and wanders slowly.
+struct StampClock {
+  std::uint16_t of = 0;  // 0: this host's own; other hosts' are numbered from 1
+  Duration sigma{0};     // standard deviation of the clock's offset to ours as it was taken off
+  bool operator==(const StampClock&) const = default;
+};
+
 struct Frame {
   int camera = 0;              // index into CameraRig::cameras
   std::uint32_t sequence = 0;  // 0 at stream start; a gap is a drop
@@ -44,6 +52,7 @@ struct Frame {
   Timestamp stamped_at{};  // the driver's own time stamp; captured_at is that smoothed (camera_clock.h), less latency
   Duration latency{0};     // of the camera, as far as known; captured_at + latency is the smoothed stamp
   Duration readout{0};     // from its first row's mid-exposure to its last row's, as far as known
+  StampClock clock = {};   // of stamped_at
   FrameStatus status = FrameStatus::ok;
   Image pixels;
   // The camera's own bytes of this image, when it came compressed (MJPEG): for a recorder, which must not encode anew.

@@ -14,6 +14,7 @@
 namespace huetrack::capture {
 namespace {
 
+constexpr std::int64_t longest_sigma_ns = 1'000'000'000;  // nobody tracks with clocks that are known worse
 constexpr double longest_s = 4e9;  // |time|; far beyond any recording, and within 64 bits of nanoseconds
 
 // Nanoseconds survive even when the times are UNIX seconds.
@@ -48,8 +49,9 @@ class TimestampFile {
   }
 
  private:
-  enum Column : std::size_t { frame, t_s, sequence, arrival, stamp_s };
-  static constexpr std::string_view columns[] = {"frame", "t_s", "sequence?", "arrival?", "stamp_s?"};
+  enum Column : std::size_t { frame, t_s, sequence, arrival, stamp_s, clock, clock_sigma_ns };
+  static constexpr std::string_view columns[] = {"frame",    "t_s",    "sequence?",      "arrival?",
+                                                 "stamp_s?", "clock?", "clock_sigma_ns?"};
 
   bool is_ours() const { return table_.has(sequence) && table_.has(arrival); }
   std::string quoted(Column column) const { return table_.quoted(column); }
@@ -72,6 +74,14 @@ class TimestampFile {
         if (!stamp || !(std::fabs(*stamp) < static_cast<long double>(longest_s)))
           return "stamp_s is " + quoted(stamp_s) + ", not a time in seconds";
         received.stamped_at = Timestamp{exact_duration_of(*stamp)};
+      }
+      if (table_.has(clock) && table_.has(clock_sigma_ns)) {
+        const auto of = parse<std::uint16_t>(table_.text(clock));
+        const auto sigma = parse<std::int64_t>(table_.text(clock_sigma_ns));
+        if (!of) return "clock is " + quoted(clock) + ", not an integer from 0 to 65535";
+        if (!sigma || *sigma < 0 || *sigma > longest_sigma_ns)
+          return "clock_sigma_ns is " + quoted(clock_sigma_ns) + ", not a time in nanoseconds from 0 to 10^9";
+        received.clock = {.of = *of, .sigma = Duration(*sigma)};
       }
     }
     if (table_.text(frame).empty() && is_ours()) {

@@ -4,7 +4,8 @@
 //   cameras:
 //     left:  {frames: left.mkv, fps: 30, offset_s: 0.0}
 //     right: {frames: right/%06d.png, timestamps: right.csv}        # csv: frame,t_s   (header line; frame from 0)
-//                                                                   # our own: frame,t_s,sequence,arrival,stamp_s
+//                                                                   # our own:
+//                                                                   frame,t_s,sequence,arrival,stamp_s,clock,clock_sigma_ns
 //     fast:  {frames: fast.mkv, fps: 60, first_frame: 1, every: 2}  # frames 1, 3, 5, ... at 1/60, 3/60, 5/60 s
 // frames: anything that FFmpeg reads, or a printf pattern / glob of images. Relative paths start at the yaml file.
 #pragma once
@@ -36,6 +37,7 @@ struct RecordedCamera {
     // The driver's own time stamp: then the times in `timestamps` are such stamps that the live camera's clock has
     // smoothed (camera_clock.h), and are not smoothed again. Recordings of before 0.3 lack it.
     std::optional<Timestamp> stamped_at;
+    StampClock clock = {};  // Frame::clock; this host's own where the recording does not tell
   };
   std::vector<Received> received;
   // Frames that came corrupted (rows without a frame number): a time, but no picture. Ascending in time.

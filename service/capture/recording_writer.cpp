@@ -74,8 +74,9 @@ std::string decimal_seconds(Timestamp at) {
 
 // The latency is the rig's, which may be known better when the recording is played: it is not written into the times.
 std::string row_text(const std::string& picture, const Frame& frame) {
-  return fmt::format("{},{},{},{},{}\n", picture, decimal_seconds(frame.captured_at + frame.latency), frame.sequence,
-                     frame.arrival, decimal_seconds(frame.stamped_at));
+  return fmt::format("{},{},{},{},{},{},{}\n", picture, decimal_seconds(frame.captured_at + frame.latency),
+                     frame.sequence, frame.arrival, decimal_seconds(frame.stamped_at), frame.clock.of,
+                     frame.clock.sigma.count());
 }
 
 void write_text(const fs::path& file, const std::string& text) {
@@ -425,7 +426,7 @@ struct RecordingWriter::Impl {
       camera->video_path = options.folder / (name + ".mkv");
       camera->fps = options.fps.empty() ? 0 : options.fps[i];
       camera->times = std::make_unique<CsvFile>(options.folder / (name + ".csv"));
-      camera->times->add("frame,t_s,sequence,arrival,stamp_s\n");
+      camera->times->add("frame,t_s,sequence,arrival,stamp_s,clock,clock_sigma_ns\n");
       yaml.append("  ").append(quoted(options.cameras[i])).append(": {frames: ").append(quoted(name + ".mkv"));
       yaml.append(", timestamps: ").append(quoted(name + ".csv")).append("}\n");
       files.push_back(std::move(camera));

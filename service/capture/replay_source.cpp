@@ -152,6 +152,7 @@ class Stream {
                    .stamped_at = received.stamped_at.value_or(at) + camera_.offset,
                    .latency = timing_.latency,
                    .readout = timing_.readout,
+                   .clock = received.clock,
                    .status = FrameStatus::corrupted,
                    .pixels = {},
                    .arrival = received.arrival};
@@ -192,6 +193,7 @@ class Stream {
         const auto& received = camera_.received[row_of(picture->index)];
         frame.sequence = received.sequence;
         frame.arrival = received.arrival;
+        frame.clock = received.clock;
         if (received.stamped_at) frame.stamped_at = *received.stamped_at + camera_.offset;
       } else {
         frame.stream_index = picture->index;

@@ -13,6 +13,7 @@
 #include <future>
 #include <mutex>
 #include <set>
+#include <span>
 #include <stdexcept>
 #include <thread>
 #include <utility>
@@ -619,10 +620,21 @@ struct V4l2Source::Impl {
     return copies;
   }
 
+  // By its first marker, SOI (ITU-T T.81, B.1.1.3).
+  static bool looks_like_jpeg(std::span<const std::uint8_t> bytes) {
+    return bytes.size() > 4 && bytes[0] == 0xFF && bytes[1] == 0xD8;
+  }
+
   // Empty, or what is wrong with it.
   std::string decode(Dequeued&& raw, Frame& frame) {
     auto bytes = std::make_shared<const std::vector<std::uint8_t>>(raw.bytes.begin(), raw.bytes.end());
     raw.owner.reset();  // the driver may have its buffer back while we decode
+    if (!options.decodes) {
+      if (!looks_like_jpeg(*bytes)) return "it is no JPEG";
+      frame.pixels.width = stream.width, frame.pixels.height = stream.height;
+      frame.encoded = std::move(bytes);
+      return {};
+    }
     auto result = jpeg.decode(*bytes);
     if (!result.image) return result.problem;
     if (result.image->width != stream.width || result.image->height != stream.height)

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "capture/frame_source.h"
+#include "capture/host_clock.h"
 #include "capture/v4l2_device.h"
 
 namespace huetrack::capture {
@@ -33,6 +34,9 @@ struct V4l2SourceOptions {
   // A camera that is there but cannot do what is asked is one that is absent, instead of an error of the constructor:
   // the right one may be plugged in later.
   bool may_be_wrong = false;
+  // JPEGs are decoded. False, for frames that only travel on: they carry their bytes (Frame::encoded), and an image
+  // that has a size but no pixels; whether they decode is for who receives them to see.
+  bool decodes = true;
   std::vector<std::string> problems() const;  // empty when valid; one sentence per violated constraint
   // Allowed but perhaps not meant: a /dev/videoN, which is not stable.
   std::vector<std::string> warnings() const;
@@ -70,6 +74,7 @@ struct CameraHealth {
   StampKind stamp = StampKind::dequeued;  // of the last frame
   std::vector<ControlResult> controls;    // of the last time that they were applied
   std::optional<Timestamp> last_frame;    // its capture time
+  std::optional<HostClock> clock;         // of a camera of another host
   // When next() last came round, with a frame or deliberately waiting: for a watchdog. At least every 0.5 s while
   // next() is being called.
   std::chrono::steady_clock::time_point last_progress;

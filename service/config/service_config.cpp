@@ -778,6 +778,8 @@ ServiceConfig read_config(const fs::path& file, const yaml::YamlReader& written,
     config.dds.publisher.counts.push_back(target.count);
   }
   config.dds.publisher.cameras = config.rig.camera_names();
+  config.dds.publisher.has_other_hosts =
+      std::ranges::any_of(config.cameras, [](const LiveCameraConfig& camera) { return !camera.host.empty(); });
   config.dds.publisher.tracked_camera = config.camera_tracking.camera;
   check(config, root);
   for (auto& target : config.targets) target.ignored = config.ignored;
@@ -842,6 +844,17 @@ void refuse_other_files(const yaml::YamlReader& written) {
 }
 
 }  // namespace
+
+bool is_capture_config(const fs::path& file) {
+  try {
+    const yaml::YamlReader root = yaml::YamlReader::file(file);
+    if (root.has("rig") || root.has("targets") || !root.has("cameras")) return false;
+    return std::ranges::any_of(root.named_maps("cameras"),
+                               [](const auto& camera) { return camera.second.has("device"); });
+  } catch (const yaml::ConfigError&) {
+    return false;
+  }
+}
 
 CaptureConfig load_capture_config(const fs::path& file) {
   const yaml::YamlReader root = yaml::YamlReader::file(file);

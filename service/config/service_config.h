@@ -150,6 +150,8 @@ ServiceConfig load_service_config(const std::filesystem::path& file);
 // The same, as if the taught file held this text.
 ServiceConfig load_service_config(const std::filesystem::path& file, const std::string& taught);
 
+// By what it names: cameras with devices, and neither rig nor targets. No for what cannot be read.
+bool is_capture_config(const std::filesystem::path& file);
 // throws ConfigError as load_service_config() does.
 CaptureConfig load_capture_config(const std::filesystem::path& file);
 

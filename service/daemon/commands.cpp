@@ -191,7 +191,7 @@ void add_doctor_command(CLI::App& app, Command& chosen) {
   const auto options = std::make_shared<doctor::DoctorOptions>();
   CLI::App* command = app.add_subcommand(
       "doctor", "examine this host's cameras, USB, permissions and network, and say what to do about what is wrong");
-  command->add_option("config", options->config, "huetrackd.yaml: examine what it says, too");
+  command->add_option("config", options->config, "huetrackd.yaml, or a camera host's: examine what it says, too");
   command->add_option("--seconds", options->seconds, "how long all cameras stream at once (3)")
       ->check(CLI::Range(0.5, 3600.0));
   command->add_flag("!--no-stream", options->streams, "look at the cameras without starting them");

@@ -32,6 +32,15 @@ double rate(std::uint64_t now, std::uint64_t then, capture::Duration window) {
   return window.count() > 0 ? static_cast<double>(now - then) / capture::seconds(window) : 0;
 }
 
+// Once for all cameras of the host.
+void add_clock(const capture::HostClock& clock, const std::string& camera, publish::ServiceStatus& status) {
+  const auto known =
+      std::ranges::find(status.clocks, clock.host, [](const publish::HostClockStatus& c) { return c.clock.host; });
+  if (known != status.clocks.end()) return known->cameras.push_back(camera);
+  status.clocks.push_back({.clock = clock, .cameras = {camera}});
+  if (!clock.advice.empty()) status.warnings.push_back(clock.advice);
+}
+
 std::vector<std::string> camera_names(const publish::ServiceStatus& status) {
   std::vector<std::string> names;
   for (const auto& camera : status.cameras) names.push_back(camera.name);
@@ -94,6 +103,7 @@ publish::ServiceStatus StatusReporter::report(const pipeline::PipelineFigures& f
       } else if (said->state != capture::CaptureState::delivering) {
         out.message = said->message.empty() ? "no frame yet" : said->message;
       }
+      if (said && said->clock) add_clock(*said->clock, out.name, status);
       if (said && !said->warning.empty()) status.warnings.push_back("camera " + out.name + ": " + said->warning);
     } else if (camera.ended) {
       out.health = publish::CameraStatus::Health::ended;

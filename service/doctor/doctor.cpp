@@ -15,6 +15,8 @@
 #include "capture/network_source.h"
 #include "config/service_config.h"
 #include "doctor/light_exam.h"
+#include "hosts/camera_host.h"
+#include "hosts/machine_clock.h"
 #include "metrics/metrics.h"
 #include "pipeline/live_cameras.h"
 #include "publish/estimate_publisher.h"
@@ -216,6 +218,12 @@ std::map<int, double> bus_speeds(std::span<const CameraExam> exams) {
   return speeds;
 }
 
+std::optional<double> largest_receive_buffer() {
+  std::ifstream file("/proc/sys/net/core/rmem_max");
+  if (double bytes = 0; file >> bytes) return bytes;
+  return std::nullopt;
+}
+
 bool is_busy(const CameraExam& exam) {
   return exam.problem.find("another program uses it") != std::string::npos ||
          exam.node.problem.find("another program uses it") != std::string::npos;
@@ -229,6 +237,7 @@ class Doctor {
     if (options_.config) look_at_config();
     look_at_cameras();
     look_at_network();
+    look_at_hosts();
     if (config_) {
       look_at_recording();
       look_at_metrics();
@@ -253,6 +262,7 @@ class Doctor {
   void look_at_config() {
     title("configuration " + options_.config->string());
     try {
+      if (config::is_capture_config(*options_.config)) return look_at_host(*options_.config);
       config_ = config::load_service_config(*options_.config);
     } catch (const yaml::ConfigError& error) {
       std::error_code ignored;
@@ -275,11 +285,57 @@ class Doctor {
       say({Grade::warning, "cameras: names none: it is for replay only", "name the devices that are listed below"});
   }
 
+  // Of a camera host, for huetrackd capture.
+  void look_at_host(const fs::path& file) {
+    host_ = config::load_capture_config(file);
+    const std::string name = host_->host.empty() ? hosts::name_of_this_machine() : host_->host;
+    if (!hosts::is_host_name(name))
+      say({Grade::problem, "host: \"" + name + "\" is no name of a camera host: letters, digits, '_', '-', '.'",
+           "correct host: in the configuration"});
+    else
+      say({Grade::ok,
+           fmt::format("it is valid; camera host {} with {} camera{}: trackers name them by host: {}", name,
+                       host_->cameras.size(), host_->cameras.size() == 1 ? "" : "s", name),
+           ""});
+    for (const auto& camera : host_->cameras)
+      if (!hosts::is_host_name(camera.name))
+        say({Grade::problem, "cameras: \"" + camera.name + "\": letters, digits, '_', '-' and '.' only", "rename it"});
+    if (const auto both = pipeline::one_under_two_names(host_->cameras))
+      say({Grade::problem, "cameras: " + *both, "give each its own device: capture refuses to start so"});
+  }
+
+  std::span<const config::LiveCameraConfig> cameras() const {
+    if (host_) return host_->cameras;
+    return config_ ? std::span<const config::LiveCameraConfig>(config_->cameras)
+                   : std::span<const config::LiveCameraConfig>();
+  }
+  calib::ImageSize size_of(const config::LiveCameraConfig& camera) const {
+    if (host_) return *camera.size;
+    return config_->rig.cameras[std::size_t(config_->rig.index_of(camera.name).value())].image_size;
+  }
+
+  // What the frames ask of the network between camera hosts and trackers, and who keeps the clocks of both.
+  void look_at_hosts() {
+    std::vector<std::string> elsewhere;
+    std::vector<SentCamera> sent;
+    for (const auto& camera : cameras()) {
+      if (!host_ && camera.host.empty()) continue;
+      if (!host_) elsewhere.push_back(camera.name);
+      const calib::ImageSize size = size_of(camera);
+      sent.push_back(
+          {camera.name, size.width, size.height, camera.fps.value_or(30), host_ ? camera.format : std::nullopt});
+    }
+    if (sent.empty()) return;
+    title(host_ ? "this camera host" : "camera hosts of " + joined(elsewhere));
+    say(judge_sending(sent, largest_receive_buffer(), !host_));
+    say(judge_clock(hosts::machine_clock().kept_s));
+  }
+
   // Of the configuration, with the node that its device is; those whose device is not there are said to be so.
   std::vector<ExamRequest> requests(const std::vector<capture::V4l2Node>& nodes) {
     std::vector<ExamRequest> requests;
     std::set<fs::path> taken;
-    for (const auto& camera : config_ ? config_->cameras : std::vector<config::LiveCameraConfig>{}) {
+    for (const auto& camera : cameras()) {
       if (!camera.host.empty()) {
         title("camera " + camera.name);
         say({Grade::ok, "it is a camera of the host " + camera.host, "run huetrackd doctor there"});
@@ -308,8 +364,7 @@ class Doctor {
                "name one of those below: run refuses to start so"});
         continue;
       }
-      const calib::ImageSize size =
-          config_->rig.cameras[std::size_t(config_->rig.index_of(camera.name).value())].image_size;
+      const calib::ImageSize size = size_of(camera);
       requests.push_back(
           {.node = *found,
            .name = camera.name,
@@ -320,7 +375,7 @@ class Doctor {
            .streams = options_.streams});
       taken.insert(node);
     }
-    const bool has_cameras = config_ && !config_->cameras.empty();
+    const bool has_cameras = !cameras().empty();
     for (const auto& node : nodes)  // the others; they stream only when nothing was configured
       if ((node.is_capture || !node.problem.empty()) && !taken.contains(node.identity.node))
         requests.push_back({.node = node,
@@ -335,7 +390,7 @@ class Doctor {
     const auto nodes = capture::list_v4l2_nodes();
     const auto asked = requests(nodes);
     const auto exams = examine_cameras(asked, std::chrono::duration<double>(options_.seconds), stop_);
-    const bool has_cameras = config_ && !config_->cameras.empty();
+    const bool has_cameras = !cameras().empty();
     for (const auto& exam : exams) {
       title("camera " + name_of(exam) + ": " + exam.node.identity.to_string());
       if (const auto warning = unstable_.find(exam.name); warning != unstable_.end())
@@ -358,6 +413,10 @@ class Doctor {
     publish::EstimatePublisherOptions options;
     options.targets = {"target"};
     if (config_) options = config_->dds.publisher;
+    if (host_) {
+      options = host_->dds.publisher;
+      options.targets = {"target"};
+    }
     if (config_ && !config_->dds.enabled) {
       say({Grade::note, "dds.enabled is false: nothing is published", ""});
       return;
@@ -415,7 +474,8 @@ class Doctor {
 
   const DoctorOptions& options_;
   const std::stop_token& stop_;
-  std::optional<config::ServiceConfig> config_;
+  std::optional<config::ServiceConfig> config_;  // of a tracker,
+  std::optional<config::CaptureConfig> host_;    // or of a camera host; neither: the host and its cameras only
   std::map<std::string, std::string> unstable_;  // by camera
   int problems_ = 0, warnings_ = 0;
   int examined_ = 0, busy_ = 0;  // cameras
@@ -513,6 +573,51 @@ std::vector<Finding> judge_network(int domain, const std::string& domain_from,
   else
     findings.push_back({Grade::ok, "networks: " + joined(interfaces), ""});
   return findings;
+}
+
+std::vector<Finding> judge_sending(std::span<const SentCamera> cameras, std::optional<double> receive_buffer,
+                                   bool is_tracker) {
+  constexpr double gigabit = 125e6, shared = 0.6;
+  constexpr double in_memory = 1.6;  // a packet of 1472 bytes takes 2304 of the kernel's,
+  constexpr double granted = 2;      // which grants twice what it calls the most
+  std::vector<std::string> raw;
+  double bytes_per_s = 0, at_one_moment = 0;
+  for (const SentCamera& camera : cameras) {
+    const double pixels = double(camera.width) * camera.height;
+    const bool is_compressed = !camera.format || *camera.format == capture::CaptureFormat::mjpeg;
+    // JPEGs of webcams take some 1.5 bit a pixel.
+    const double bytes = is_compressed                                    ? 1.5 / 8 * pixels
+                         : *camera.format == capture::CaptureFormat::grey ? pixels
+                         : *camera.format == capture::CaptureFormat::nv12 ? 1.5 * pixels
+                                                                          : 2 * pixels;
+    if (!is_compressed) raw.push_back(camera.name);
+    at_one_moment += bytes;
+    bytes_per_s += bytes * camera.fps;
+  }
+  std::vector<Finding> findings;
+  const bool is_much = bytes_per_s > shared * gigabit;
+  findings.push_back({is_much       ? Grade::warning
+                      : raw.empty() ? Grade::ok
+                                    : Grade::note,
+                      fmt::format("{} about {:.1f} MB/s of frames{}", is_tracker ? "receives" : "sends",
+                                  1e-6 * bytes_per_s, raw.empty() ? "" : ", uncompressed those of " + joined(raw)),
+                      is_much       ? "more than 60 % of a gigabit: format: mjpeg, fewer frames, or another network"
+                      : raw.empty() ? ""
+                                    : "format: mjpeg takes a tenth of it"});
+  if (is_tracker && receive_buffer && in_memory * at_one_moment > granted * *receive_buffer)
+    findings.push_back(
+        {Grade::warning,
+         fmt::format("{:.0f} kB of frames may come at one moment, more than the {:.0f} kB that a socket may hold here: "
+                     "they are sent again, and late",
+                     1e-3 * at_one_moment, 1e-3 * granted * *receive_buffer / in_memory),
+         "sysctl -w net.core.rmem_max=4194304, and that line in /etc/sysctl.d"});
+  return findings;
+}
+
+std::vector<Finding> judge_clock(const std::optional<double>& kept_s) {
+  if (kept_s) return {{Grade::ok, fmt::format("NTP or PTP keeps this host's clock to {:.2f} ms", 1e3 * *kept_s), ""}};
+  return {{Grade::note, "nobody keeps this host's clock: trackers measure how far the hosts' clocks are apart",
+           "over a cable that is enough (huetrack status says how well); otherwise apt install chrony on all of them"}};
 }
 
 std::string to_text(const Finding& finding) {

@@ -48,6 +48,20 @@ std::vector<Finding> judge_usb(std::span<const CameraExam> exams, const std::map
 std::vector<Finding> judge_network(int domain, const std::string& domain_from,
                                    const std::vector<std::string>& interfaces);
 
+// A camera whose frames travel between hosts.
+struct SentCamera {
+  std::string name;
+  int width = 0, height = 0;
+  double fps = 30;
+  std::optional<capture::CaptureFormat> format;  // nullopt: not known here, taken for mjpeg
+};
+// Between a camera host and its trackers, as seen from one of them. receive_buffer: what a socket of a tracker may ask
+// for, bytes (net.core.rmem_max); nullopt: not known.
+std::vector<Finding> judge_sending(std::span<const SentCamera> cameras, std::optional<double> receive_buffer,
+                                   bool is_tracker);
+// kept_s: hosts::MachineClock::kept_s.
+std::vector<Finding> judge_clock(const std::optional<double>& kept_s);
+
 // For the last line: "; 2 of 3 cameras could not be examined: busy", or empty.
 std::string not_examined(int busy, int cameras);
 

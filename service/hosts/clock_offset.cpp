@@ -12,7 +12,11 @@ constexpr double stamp_s = 20e-6;      // what waking up and reading clocks cost
 constexpr double of_one_way = 0.25;    // of the fastest exchange: how uneven its two ways may be
 constexpr double step_sigmas = 6, least_step_s = 1e-3;
 constexpr std::size_t steps_in_a_row = 4;
-constexpr double told_from_none_sigmas = 4;
+// Two measurements that differ by more than this of their standard deviations do not measure one thing.
+constexpr double contradiction_sigmas = 4;
+// One machine's clock is one, whatever a few slow exchanges on it make of it; unless the two programs are shown another
+// time (a namespace of its own for the clock).
+constexpr double contradiction_of_one_machine_s = 1e-3;
 
 }  // namespace
 
@@ -31,11 +35,14 @@ void ClockOffset::add(const Exchange& exchange) {
   // A clock that was set: several in a row that say something else than their own duration explains.
   if (is_known()) {
     const double off = std::abs(seen.offset_s - (offset_s_ + drift_ * (seen.at_s - middle_s_)));
-    const bool is_off = off > 0.5 * took_s + std::max(least_step_s, step_sigmas * sigma_s_);
+    const double sigma_s = std::sqrt(measured_variance_s2(seen.at_s));
+    const bool is_off = off > 0.5 * took_s + std::max(least_step_s, step_sigmas * sigma_s);
     off_in_a_row_ = is_off ? off_in_a_row_ + 1 : 0;
     if (is_off && off_in_a_row_ < steps_in_a_row) return;
     if (is_off) {
+      const KeptTogether together = together_;
       forget();
+      together_ = together;
       add(exchange);
       return;
     }
@@ -44,6 +51,12 @@ void ClockOffset::add(const Exchange& exchange) {
   next_ = (next_ + 1) % kept;
   count_ = std::min(kept, count_ + 1);
   fit();
+  weigh();
+}
+
+void ClockOffset::set_kept(const KeptTogether& kept_together) {
+  together_ = kept_together;
+  weigh();
 }
 
 void ClockOffset::fit() {
@@ -70,16 +83,39 @@ void ClockOffset::fit() {
   }
   offset_s_ = mean_s;
   drift_ = to / tt;
-  const double ahead_s = now_s - middle_s_, one_way_s = of_one_way * fastest_s;
-  sigma_s_ = std::sqrt(1 / w + ahead_s * ahead_s / tt + one_way_s * one_way_s);
-  const double all_s = base_s_ + offset_s_ + drift_ * ahead_s;
-  is_corrected_ = is_corrected_ || std::abs(all_s) > told_from_none_sigmas * sigma_s_;
+  now_s_ = now_s;
+  fastest_s_ = fastest_s;
+  level_variance_s2_ = 1 / w;
+  drift_variance_ = 1 / tt;
+}
+
+double ClockOffset::measured_variance_s2(double at_s) const {
+  const double ahead_s = at_s - middle_s_, one_way_s = of_one_way * fastest_s_;
+  return level_variance_s2_ + ahead_s * ahead_s * drift_variance_ + one_way_s * one_way_s;
+}
+
+void ClockOffset::weigh() {
+  if (count_ == 0) return;
+  const double measured_s2 = measured_variance_s2(now_s_), together_s2 = together_.sigma_s * together_.sigma_s;
+  const double off_s = base_s_ - capture::seconds(together_.offset) + offset_s_ + drift_ * (now_s_ - middle_s_);
+  const double least_s = together_.sigma_s == 0 ? contradiction_of_one_machine_s : 0;
+  is_contradicted_ = std::abs(off_s) > contradiction_sigmas * std::sqrt(measured_s2 + together_s2) + least_s;
+  share_ = is_contradicted_ || std::isinf(together_s2) ? 1 : together_s2 / (measured_s2 + together_s2);
+}
+
+double ClockOffset::sigma_s(capture::Timestamp ours) const {
+  if (!origin_) return 1;
+  // Of two measurements, weighed by their variances: that of either, times its share.
+  return std::sqrt(share_ * measured_variance_s2(capture::seconds(ours - *origin_)));
 }
 
 capture::Duration ClockOffset::at(capture::Timestamp ours) const {
-  if (!origin_ || !is_corrected_) return capture::Duration{0};
+  if (!origin_) return capture::Duration{0};
   const double at_s = capture::seconds(ours - *origin_);
-  return capture::duration_of(base_s_) + capture::duration_of(offset_s_ + drift_ * (at_s - middle_s_));
+  const capture::Duration measured =
+      capture::duration_of(base_s_) + capture::duration_of(offset_s_ + drift_ * (at_s - middle_s_));
+  if (share_ == 1) return measured;
+  return together_.offset + capture::duration_of(share_ * capture::seconds(measured - together_.offset));
 }
 
 capture::Timestamp ClockOffset::ours(capture::Timestamp theirs) const {

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <atomic>
+#include <cmath>
 #include <fastdds/dds/subscriber/SampleInfo.hpp>
 #include <map>
 #include <mutex>
@@ -19,6 +20,8 @@
 #include "hosts/camera_host.h"
 #include "hosts/clock_offset.h"
 #include "hosts/frame_message.h"
+#include "hosts/machine_clock.h"
+#include "idl/arrivals.h"
 #include "idl/camera_hostPubSubTypes.h"
 #include "idl/dds_participant.h"
 #include "idl/topics.h"
@@ -35,10 +38,18 @@ namespace {
 constexpr auto asked_every = 250ms, asked_at_start_every = 30ms;
 constexpr std::uint32_t asked_at_start = 20;
 constexpr auto silent_after = 2500ms;  // of a host that tells its state every second
+constexpr auto awaited_for = 60s;      // a host that went: it may be back any moment
 constexpr auto stalled_after = 1s;
-constexpr double told_clock_sigma_s = 1e-3;
+constexpr auto clocks_compared_in = 5s;  // what is said of them before will be better soon
+// A ball at 1 m/s is then a millimetre off, as much as all else that is not known of it. Told until it is well below,
+// so that it does not come and go.
+constexpr double told_clock_sigma_s = 1e-3, untold_clock_sigma_s = 0.7e-3;
+constexpr double longest_kept_s = 1000;     // who says more keeps no time
+constexpr double worst_clock_sigma_s = 1;   // no more is said of it with a frame
 constexpr std::uint32_t longest_loss = 30;  // frames; what is longer is an outage, and told as such
 constexpr std::uint32_t most_of_header = 64 * 1024;
+// The cameras of a hall expose at one moment, and their frames come at one.
+constexpr idl::Datagrams room_for_frames{.buffer = 4 << 20};
 
 // Of what a camera sends: what StreamFormat has a word for.
 std::optional<capture::CaptureFormat> format_of(std::uint8_t word) {
@@ -56,6 +67,32 @@ std::optional<capture::CaptureFormat> format_of(std::uint8_t word) {
   }
 }
 
+// What would make it better. is_open: it is known worse than positions need.
+std::string clock_advice(const capture::HostClock& clock, bool is_open) {
+  if (clock.is_contradicted && !clock.is_ours && clock.kept_s)
+    return fmt::format(
+        "the clock of {} is {:.1f} ms off ours, where NTP or PTP say that both are kept to {:.1f} ms: give both one "
+        "source "
+        "of time; the measured offset is taken off",
+        clock.host, 1e3 * clock.offset_s, 1e3 * *clock.kept_s);
+  if (!is_open) return {};
+  const std::string known = fmt::format("the clock of {} is known to {:.1f} ms only", clock.host, 1e3 * clock.sigma_s);
+  if (clock.kept_s)
+    return fmt::format(
+        "{}, and NTP keeps it to {:.1f} ms: a cable instead of a wireless network, chrony there with this host as its "
+        "server, or, where the network cards stamp (ethtool -T), linuxptp on both",
+        known, 1e3 * *clock.kept_s);
+  return known +
+         ": install chrony on both (apt install chrony), there with this host as its server; where the network cards "
+         "stamp (ethtool -T) linuxptp is better; a cable instead of a wireless network helps, too";
+}
+
+// Anybody may have sent it. Two of them can be subtracted: until the year 2096; and from a few days before 1970, as a
+// host whose clock has never been set may have been started then.
+bool is_a_time(std::int64_t unix_ns) {
+  return unix_ns > -1'000'000'000'000'000 && unix_ns < 4'000'000'000'000'000'000;
+}
+
 capture::Timestamp timestamp(std::int64_t unix_ns) {
   return capture::Timestamp(capture::Duration(unix_ns));
 }
@@ -68,12 +105,17 @@ struct HostedCameras::Impl {
     std::int64_t run = 0;
     ClockOffset clock;
     std::optional<Clock::time_point> heard_at;
+    Clock::time_point answered_at{};  // when it last said what time it is
     std::vector<msg::HostedCamera> cameras;
-    bool is_clock_told = false;
+    std::uint16_t number = 0;      // Frame::clock
+    std::optional<double> kept_s;  // MachineClock::kept_s of it and of ours together; nullopt: not on both
+    bool is_this_machine = false;
+    std::string advice;  // on its clock
   };
   struct Camera {
     HostedCameraOptions options;
-    dds::DataReader* reader = nullptr;  // thread-safe by itself
+    dds::DataReader* reader = nullptr;        // thread-safe by itself
+    std::unique_ptr<idl::Arrivals> arrivals;  // the source's
     capture::CameraHealth health;
     std::vector<capture::CameraEvent> events;
     std::optional<Clock::time_point> frame_at;
@@ -88,7 +130,7 @@ struct HostedCameras::Impl {
   };
 
   Impl(const idl::ParticipantOptions& transport, std::vector<HostedCameraOptions> given)
-      : participant(transport),
+      : participant(transport, nullptr, room_for_frames),
         probe(participant.create_writer(idl::clock_probe_topic, dds::TypeSupport(new msg::ClockProbePubSubType),
                                         idl::clock_writer_qos(), "")),
         echo(participant.create_reader(idl::clock_echo_topic, dds::TypeSupport(new msg::ClockEchoPubSubType),
@@ -106,28 +148,43 @@ struct HostedCameras::Impl {
       camera.reader = &participant.create_reader(
           idl::camera_frames_topic(camera.options.host, camera.options.camera_there),
           dds::TypeSupport(new msg::CameraFramePubSubType), idl::camera_frames_reader_qos(), largest);
+      camera.arrivals = std::make_unique<idl::Arrivals>(*camera.reader);
       camera.health.last_progress = Clock::now();
       hosts[camera.options.host];
     }
+    for (std::uint16_t number = 1; auto& [name, host] : hosts) host.number = number++;
     started = Clock::now();
     keeper = std::jthread([this](const std::stop_token& stop) { keep(stop); });
   }
 
   // Asks for the time, hears answers and states.
   void keep(const std::stop_token& stop) {
+    idl::Arrivals answers(echo);
     auto next_question = Clock::now();
     while (!stop.stop_requested()) {
       const auto now = Clock::now();
       if (now >= next_question) {
         ask();
-        next_question = now + (asked < asked_at_start ? asked_at_start_every : asked_every);
         hear_states();
         judge();
+        next_question = now + (is_in_a_hurry() ? asked_at_start_every : asked_every);
       }
-      const auto patience = std::max(next_question - Clock::now(), Clock::duration(1ms));
-      const auto ns = std::chrono::duration_cast<std::chrono::nanoseconds>(patience).count();
-      if (echo.wait_for_unread_message(eprosima::fastrtps::Duration_t(0, static_cast<std::uint32_t>(ns)))) hear_time();
+      hear_time();
+      answers.wait(std::max<Clock::duration>(next_question - Clock::now(), 1ms));
+      hear_time();
     }
+  }
+
+  // At the start, and while a host is there, or was until a moment ago, whose frames wait for its clock.
+  bool is_in_a_hurry() const {
+    if (asked < asked_at_start) return true;
+    const auto now = Clock::now();
+    const std::scoped_lock lock(mutex);
+    return std::ranges::any_of(hosts, [&](const auto& entry) {
+      const Host& host = entry.second;
+      return host.heard_at && now - *host.heard_at < awaited_for &&
+             !(host.clock.is_known() && now - host.answered_at < 2 * asked_every);
+    });
   }
 
   void ask() {
@@ -146,6 +203,8 @@ struct HostedCameras::Impl {
     dds::SampleInfo info;
     while (echo.take_next_sample(&answer, &info) == ReturnCode_t::RETCODE_OK) {
       if (!info.valid_data || answer.tracker() != tracker) continue;
+      if (!std::ranges::all_of(std::array{answer.received_at(), answer.answered_at(), answer.zero()}, is_a_time))
+        continue;
       const auto& [number, sent] = questions[answer.number() % questions.size()];
       const std::scoped_lock lock(mutex);
       const auto known = hosts.find(answer.host());
@@ -155,6 +214,18 @@ struct HostedCameras::Impl {
         host.run = answer.run();
         host.clock.forget();
       }
+      host.answered_at = Clock::now();
+      const MachineClock here = machine_clock();
+      const MachineClock there{.machine = answer.machine(),
+                               .zero = timestamp(answer.zero()),
+                               .kept_s = answer.kept_s() >= 0 && answer.kept_s() < longest_kept_s
+                                             ? std::optional(answer.kept_s())
+                                             : std::nullopt};
+      const KeptTogether together = kept_together(here, there);
+      host.is_this_machine = together.sigma_s == 0;
+      host.kept_s =
+          std::isinf(together.sigma_s) || host.is_this_machine ? std::nullopt : std::optional(together.sigma_s);
+      host.clock.set_kept(together);
       host.clock.add({.asked = sent,
                       .question_came = timestamp(answer.received_at()),
                       .answered = timestamp(answer.answered_at()),
@@ -214,6 +285,25 @@ struct HostedCameras::Impl {
             name + ": " + (there->message().empty() ? "no frame yet" : there->message())};
   }
 
+  // Under `mutex`.
+  capture::HostClock clock_of(const std::string& name) const {
+    const Host& host = hosts.at(name);
+    capture::HostClock out;
+    out.host = name;
+    out.is_known = host.clock.is_known();
+    if (!out.is_known) return out;
+    const capture::Timestamp now = capture::unix_now();
+    out.offset_s = capture::seconds(host.clock.at(now));
+    out.sigma_s = host.clock.sigma_s(now);
+    out.drift = host.clock.drift();
+    out.round_trip_s = host.clock.round_trip_s();
+    out.is_ours = host.is_this_machine && !host.clock.is_contradicted();
+    out.kept_s = host.kept_s;
+    out.is_contradicted = host.clock.is_contradicted();
+    out.advice = clock_advice(out, out.sigma_s > (host.advice.empty() ? told_clock_sigma_s : untold_clock_sigma_s));
+    return out;
+  }
+
   void judge() {
     const auto now = Clock::now();
     const std::scoped_lock lock(mutex);
@@ -222,19 +312,9 @@ struct HostedCameras::Impl {
       // Hosts take some time to be found: that is no event.
       if (state != capture::CaptureState::delivering && !camera->frame_at && now - started < silent_after) continue;
       tell(*camera, state, std::move(message));
-      Host& host = hosts.at(camera->options.host);
-      if (host.clock.is_known() && !host.is_clock_told && now - started > 5s &&
-          host.clock.sigma_s() > told_clock_sigma_s) {
-        host.is_clock_told = true;
-        camera->events.push_back(
-            {.at = capture::unix_now(),
-             .state = state,
-             .is_problem = true,
-             .message = fmt::format(
-                 "the clock of {} is known to {:.1f} ms only: use a cable, or install chrony (better: PTP) on both",
-                 camera->options.host, 1e3 * host.clock.sigma_s())});
-      }
     }
+    if (now - started < clocks_compared_in) return;
+    for (auto& [name, host] : hosts) host.advice = clock_of(name).advice;
   }
 
   static void tell(Camera& camera, capture::CaptureState state, std::string message) {
@@ -253,12 +333,16 @@ struct HostedCameras::Impl {
 
   // nullopt: not for us yet.
   std::optional<capture::Frame> frame_of(Camera& camera, msg::CameraFrame&& message) {
+    if (!is_a_time(message.stamped_at())) return std::nullopt;
     capture::Timestamp stamped_at;
+    capture::StampClock clock;
     {
       const std::scoped_lock lock(mutex);
       const Host& host = hosts.at(camera.options.host);
       if (!host.clock.is_known() || host.run != message.run()) return std::nullopt;
       stamped_at = host.clock.ours(timestamp(message.stamped_at()));
+      clock = {.of = host.number,
+               .sigma = capture::duration_of(std::min(host.clock.sigma_s(stamped_at), worst_clock_sigma_s))};
     }
     const std::uint8_t format = message.format();
     const std::uint32_t there = message.number();
@@ -277,6 +361,7 @@ struct HostedCameras::Impl {
     frame.stamped_at = stamped_at;
     frame.latency = camera.options.timing.latency;
     frame.readout = camera.options.timing.readout;
+    frame.clock = clock;
     frame.captured_at = (is_sound ? camera.clock.smoothed(stamped_at) : stamped_at) - frame.latency;
 
     const std::scoped_lock lock(mutex);
@@ -324,8 +409,11 @@ struct HostedCameras::Impl {
         const std::scoped_lock lock(mutex);
         camera.health.last_progress = Clock::now();
       }
-      if (!camera.reader->wait_for_unread_message(eprosima::fastrtps::Duration_t(0, 50'000'000))) continue;
-      if (camera.reader->take_next_sample(&message, &info) != ReturnCode_t::RETCODE_OK || !info.valid_data) continue;
+      if (camera.reader->take_next_sample(&message, &info) != ReturnCode_t::RETCODE_OK) {
+        camera.arrivals->wait(50ms);
+        continue;
+      }
+      if (!info.valid_data) continue;
       if (auto frame = frame_of(camera, std::move(message))) return frame;
     }
     return std::nullopt;
@@ -333,8 +421,8 @@ struct HostedCameras::Impl {
 
   mutable std::mutex mutex;
   std::map<std::string, Host> hosts;
-  std::vector<std::unique_ptr<Camera>> cameras;
   idl::DdsParticipant participant;
+  std::vector<std::unique_ptr<Camera>> cameras;  // they wait for its readers
   dds::DataWriter& probe;
   dds::DataReader &echo, &states;
   const std::int64_t tracker;
@@ -371,7 +459,10 @@ std::vector<capture::LiveCamera> HostedCameras::live() const {
                    .health =
                        [all = impl_, of] {
                          const std::scoped_lock lock(all->mutex);
-                         return of->health;
+                         capture::CameraHealth health = of->health;
+                         capture::HostClock& clock = health.clock.emplace(all->clock_of(of->options.host));
+                         clock.advice = all->hosts.at(of->options.host).advice;
+                         return health;
                        },
                    .take_events =
                        [all = impl_, of] {

@@ -113,6 +113,16 @@ std::string to_prometheus(const publish::ServiceStatus& status, std::span<const 
     text.family(family, type, help);
     text.sample("", value);
   };
+  const auto clocks = [&](const char* name, const char* help, auto value) {
+    if (status.clocks.empty()) return;
+    text.family(name, "gauge", help);
+    for (const auto& clock : status.clocks)
+      if (clock.clock.is_known) text.sample("host=" + label(clock.clock.host), value(clock.clock));
+  };
+  clocks("huetrack_host_clock_offset_seconds", "by which the clock of a camera host is ahead, which is taken off",
+         [](const auto& clock) { return clock.offset_s; });
+  clocks("huetrack_host_clock_uncertainty_seconds", "of what is left then, standard deviation",
+         [](const auto& clock) { return clock.sigma_s; });
   one("huetrack_sets_total", "counter", "frame sets tracked", double(status.sets));
   one("huetrack_incomplete_sets_total", "counter", "frame sets without every camera", double(status.incomplete_sets));
   one("huetrack_dropped_sets_total", "counter", "frame sets not tracked, because tracking was too slow",

@@ -59,7 +59,8 @@ ObjectEstimate report(const ToReport& what, RigError& rig_error, capture::Timest
   e.position = belief.position_at(e.at);
   e.velocity = belief.velocity();
   rig_error.add(what.sightings);
-  e.covariance = belief.position_covariance() + rig_error.left_open(e.position, e.at);
+  e.covariance = belief.position_covariance() + rig_error.left_open(e.position, e.at) +
+                 belief.clock_variance_s2() * e.velocity * e.velocity.transpose();
   e.map_position = what.filter.map_position();
   for (const auto* some : {&what.views.used(), &what.views.unused()}) {
     for (const TargetView& view : *some) e.views += add_support(view, what, e) ? 1 : 0;

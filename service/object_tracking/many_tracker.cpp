@@ -62,6 +62,8 @@ void ManyTracker::update(const capture::FrameSet& set, std::vector<ObjectEstimat
   still_color_.look(views, tracked, set.at);
   sets_apart_ += is_apart(views) ? 1 : 0;
   if (set.at < last_at_) forget_all();  // the clock was put back: what was known is of another time
+  times_.belief().open_clocks(set);
+  for (const auto& object : objects_) object->filter.belief().open_clocks(set);
   if (!views_.unused().empty()) {
     expect(views_.unused());
     find_regions(views_.unused());

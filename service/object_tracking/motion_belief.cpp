@@ -6,6 +6,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <stdexcept>
 
 namespace huetrack::object_tracking {
@@ -77,6 +78,43 @@ MotionBelief::MotionBelief(const calib::CameraRig& rig, bool times_are_learnt) :
     given_.push_back(given);
   }
   lasting_.resize(given_.size());
+  clocks_.resize(given_.size());
+}
+
+double MotionBelief::relative_clock_variance_s2(int camera) const {
+  const Clock &clock = clocks_[static_cast<std::size_t>(camera)], &reference = clocks_[reference_camera];
+  return clock.of == reference.of ? 0 : clock.variance_s2 + reference.variance_s2;
+}
+
+void MotionBelief::open_clocks(const capture::FrameSet& set) {
+  bool is_ours = true;
+  for (std::size_t c = 0; c < clocks_.size() && c < set.frames.size(); ++c) {
+    if (set.frames[c]) {
+      const capture::StampClock& clock = set.frames[c]->clock;
+      clocks_[c] = {.of = clock.of, .variance_s2 = std::pow(capture::seconds(clock.sigma), 2)};
+    }
+    is_ours = is_ours && clocks_[c].of == clocks_[reference_camera].of;
+  }
+  if (is_ours || !times_are_learnt_) return;
+  const int cameras = static_cast<int>(clocks_.size());
+  for (int first = 0; first < cameras; ++first) {
+    const auto is_of = [&](int c) {
+      return clocks_[static_cast<std::size_t>(c)].of == clocks_[static_cast<std::size_t>(first)].of;
+    };
+    bool is_counted = is_of(reference_camera);
+    for (int c = 0; c < first; ++c) is_counted = is_counted || is_of(c);
+    if (is_counted) continue;
+    double least = std::numeric_limits<double>::infinity(), wanted = 0;
+    for (int c = first; c < cameras; ++c) {
+      if (!is_of(c)) continue;
+      least = std::min(least, covariance_(latency_of(c), latency_of(c)));
+      wanted = std::max(wanted, relative_clock_variance_s2(c));
+    }
+    if (wanted <= least) continue;
+    for (int a = first; a < cameras; ++a)
+      for (int b = first; b < cameras; ++b)
+        if (is_of(a) && is_of(b)) covariance_(latency_of(a), latency_of(b)) += wanted - least;
+  }
 }
 
 void MotionBelief::expect_in_step() {
@@ -109,6 +147,7 @@ double MotionBelief::row_shift_s(int camera, double below_middle) const {
 double MotionBelief::row_sigma_s(int camera, double below_middle) const {
   const Given& given = given_[static_cast<std::size_t>(camera)];
   double variance = given.latency_variance_s2 + below_middle * below_middle * given.readout_variance_s2;
+  if (!times_are_learnt_) variance += relative_clock_variance_s2(camera);
   if (times_are_learnt_) {
     const Eigen::Index l = latency_of(camera), r = l + 1;
     variance +=
@@ -193,8 +232,9 @@ Eigen::Matrix<double, rows, 3> MotionBelief::onto(const SeenBy& by, const WithSt
 
 Eigen::Matrix3d MotionBelief::unmodelled(const SeenBy& by, double power_density) const {
   const Given& given = given_[static_cast<std::size_t>(by.row.camera)];
-  const double given_variance_s2 =
-      given.latency_variance_s2 + by.row.below_middle * by.row.below_middle * given.readout_variance_s2;
+  const double given_variance_s2 = given.latency_variance_s2 +
+                                   by.row.below_middle * by.row.below_middle * given.readout_variance_s2 +
+                                   (times_are_learnt_ ? 0.0 : relative_clock_variance_s2(by.row.camera));
   const double time_sigma_s = row_sigma_s(by.row.camera, by.row.below_middle);
   // Velocity times time is a product of two unknowns. Its second order: were it left out, the noise of the velocity of
   // an object at rest would pass for motion, from which times can be learnt.

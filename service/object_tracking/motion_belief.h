@@ -75,6 +75,15 @@ class MotionBelief {
   // been moved since.
   void open_views_as(const MotionBelief& other);
 
+  // The frames of this set, before anything is observed in them: those whose stamps are of another host's clock are
+  // known in time no better than that clock is, next to the one that stamps the reference camera's. It is one error of
+  // all cameras of a host; it wanders, so that nothing that was learnt of it in earlier sets makes it smaller again.
+  void open_clocks(const capture::FrameSet& set);
+  void adopt_clocks(const MotionBelief& known) { clocks_ = known.clocks_; }
+  // What that leaves open of the time itself to which positions refer, s^2: of the clock that stamps the reference
+  // camera's frames next to ours. No view can tell it.
+  double clock_variance_s2() const { return clocks_[reference_camera].variance_s2; }
+
   // The cameras are triggered together: their frames' times have been the same. Before anything is learnt only. Then
   // latencies hardly differ, and such cameras mostly have global shutters.
   void expect_in_step();
@@ -140,6 +149,8 @@ class MotionBelief {
   Eigen::Matrix3d unmodelled(const SeenBy& by, double power_density) const;
 
   void renew_lasting(int camera, double lasting_px, const Eigen::Matrix2d& doubt);
+  // Of the clock that stamps a camera's frames next to that of the reference camera; 0 where it is the same one.
+  double relative_clock_variance_s2(int camera) const;
 
   bool times_are_learnt_;
   Eigen::VectorXd times_linearised_;  // their means when they were last linearised at
@@ -150,6 +161,11 @@ class MotionBelief {
     double latency_variance_s2 = 0, readout_variance_s2 = 0;  // where times are not learnt
   };
   std::vector<Given> given_;  // per camera
+  struct Clock {
+    std::uint16_t of = 0;  // capture::StampClock
+    double variance_s2 = 0;
+  };
+  std::vector<Clock> clocks_;  // per camera, of its last frame
   struct Lasting {
     double px = 0;     // the standard deviation that what lasts had at the last sighting; 0: there was none,
     double way_m = 0;  // the way since then,

@@ -38,6 +38,7 @@ ObjectEstimate RegionTracker::update(const capture::FrameSet& set) {
   seen_regions_.clear();
   sets_apart_ += is_apart(views) ? 1 : 0;
   if (set.at < last_at_) forget();  // the clock was put back: what was known is of another time
+  filter_.belief().open_clocks(set);
   if (state_ == TrackState::tracking || state_ == TrackState::coasting) {
     sighter_.sight(views, filter_, agreement_, sightings_);  // colour regions near the prediction, one per view at most
     sighter_.sight(views_.unused(), filter_, agreement_, watched_);

@@ -86,6 +86,7 @@ void TimesLearner::linearise_again(MotionBelief& belief, double power_density) {
     const MotionBelief known = belief;
     MotionBelief again = *begun_;
     again.linearise_times_at(known);
+    again.adopt_clocks(known);
     const std::vector<Eigen::Vector3d> velocities = smooth_velocities();
     for (std::size_t i = 0; i < seen_sets_.size(); ++i) {
       SeenSet& seen = seen_sets_[i];

@@ -178,7 +178,7 @@ std::vector<LiveCamera> open_cameras(const config::CaptureConfig& config, const 
     if (capture::is_network_address(camera.device.native()))
       on_the_network.push_back(open_network_camera(camera, int(c), *camera.size, {}));
     else
-      here.push_back(options_of(camera, int(c), *camera.size, {}));
+      here.emplace_back(options_of(camera, int(c), *camera.size, {})).decodes = false;  // trackers do, who need it
   }
   std::vector<LiveCamera> cameras = open_here(std::move(here), stop);
   std::ranges::move(on_the_network, std::back_inserter(cameras));

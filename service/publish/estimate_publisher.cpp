@@ -14,6 +14,7 @@
 #include <stdexcept>
 
 #include "capture/capture_clock.h"
+#include "idl/camera_hostPubSubTypes.h"
 #include "idl/camera_timesPubSubTypes.h"
 #include "idl/dds_participant.h"
 #include "idl/huetrackPubSubTypes.h"
@@ -155,6 +156,26 @@ void fill(msg::ServiceStatus& sample, const ServiceStatus& status) {
   sample.warnings(status.warnings);
 }
 
+void fill(msg::HostClocks& sample, const ServiceStatus& status) {
+  sample.at(unix_ns(status.at));
+  sample.clocks().resize(status.clocks.size());
+  for (std::size_t i = 0; i < status.clocks.size(); ++i) {
+    const capture::HostClock& clock = status.clocks[i].clock;
+    msg::HostClock& out = sample.clocks()[i];
+    out.host(clock.host);
+    out.cameras(status.clocks[i].cameras);
+    out.is_known(clock.is_known);
+    out.offset_s(clock.offset_s);
+    out.offset_sigma_s(clock.sigma_s);
+    out.drift(clock.drift);
+    out.round_trip_s(clock.round_trip_s);
+    out.is_same_machine(clock.is_ours);
+    out.kept_s(clock.kept_s.value_or(std::numeric_limits<double>::quiet_NaN()));
+    out.is_contradicted(clock.is_contradicted);
+    out.advice(clock.advice);
+  }
+}
+
 // Hears through discovery of other writers of our topics. Two services with the same target on one domain are two
 // answers to one question; readers get both, interleaved. thread-safe: called from Fast DDS' threads.
 class Rivals : public dds::DomainParticipantListener {
@@ -218,6 +239,9 @@ struct Connection {
       camera = &participant.create_writer(
           idl::camera_pose_topic, dds::TypeSupport(new msg::CameraPosePubSubType), idl::object_position_writer_qos(),
           idl::PublisherIdentity::of_this_process({options.tracked_camera}).user_data());
+    if (options.has_other_hosts)
+      clocks = &participant.create_writer(idl::host_clocks_topic, dds::TypeSupport(new msg::HostClocksPubSubType),
+                                          idl::status_writer_qos(), rivals.self().user_data());
     if (has_several(options))
       sets = &participant.create_writer(idl::object_set_topic, dds::TypeSupport(new msg::ObjectSetPubSubType),
                                         idl::object_position_writer_qos(), rivals.self().user_data());
@@ -278,6 +302,7 @@ struct Connection {
   std::mutex objects_mutex;
   std::map<std::string, dds::DataWriter*> object_poses;  // guarded by objects_mutex; by the object's name
   dds::DataWriter* sets = nullptr;                       // null where every target is one object
+  dds::DataWriter* clocks = nullptr;                     // null where all cameras are of this host
   dds::DataWriter* tf = nullptr;                         // null without ROS 2
   dds::DataWriter* camera = nullptr;                     // null without a tracked camera
   dds::DataWriter* ros_camera = nullptr;
@@ -332,6 +357,8 @@ struct EstimatePublisher::Impl {
     status.frame_id(options.frame_id);
     times.host(rivals.self().host);
     times.pid(rivals.self().pid);
+    clocks.host(rivals.self().host);
+    clocks.pid(rivals.self().pid);
   }
 
   // The status thread only. The new connection is there before the old one goes, so that publish() hardly waits.
@@ -367,6 +394,7 @@ struct EstimatePublisher::Impl {
   tf2_msgs::msg::dds_::TFMessage_ camera_tf;
   msg::ServiceStatus status;  // the names in it are set once
   msg::CameraTimes times;     // likewise
+  msg::HostClocks clocks;     // likewise
   std::atomic<std::uint64_t> published = 0;
   std::atomic<std::uint64_t> failures = 0;
   mutable std::mutex problem_mutex;
@@ -483,6 +511,10 @@ bool EstimatePublisher::publish_status(const ServiceStatus& status) noexcept {
   const Counters now = counters();
   impl_->status.published(now.published);
   impl_->status.publish_failures(now.failures);
+  if (impl_->connection->clocks != nullptr) {
+    fill(impl_->clocks, status);
+    impl_->count(impl_->connection->clocks->write(&impl_->clocks));
+  }
   return impl_->count(impl_->connection->status.write(&impl_->status));
 }
 

@@ -28,6 +28,7 @@ struct EstimatePublisherOptions {
   std::vector<std::string> cameras;           // names in rig order: per_view[i] is what cameras[i] says
   std::vector<std::string> interfaces;        // use only these, and loopback: names or IPv4 addresses; empty: all
   std::filesystem::path profiles;             // Fast DDS XML profiles; empty: none
+  bool has_other_hosts = false;               // cameras may be of other hosts: their clocks are published
   bool ros2 = true;                           // publish the ROS 2 topics too
   std::vector<std::string> problems() const;  // empty when valid; one sentence per violated constraint
   // As whom and how to join the bus: name, domain, interfaces, profiles.

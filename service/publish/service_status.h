@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "capture/frame.h"
+#include "capture/host_clock.h"
 
 namespace huetrack::publish {
 
@@ -23,6 +24,12 @@ struct CameraStatus {
   bool is_used = true;  // false: a camera of the rig that the configuration leaves out
 };
 
+// The clock of another host whose cameras are used.
+struct HostClockStatus {
+  capture::HostClock clock;
+  std::vector<std::string> cameras;  // of the rig, that are its
+};
+
 struct ServiceStatus {
   capture::Timestamp at;  // UNIX time
   std::string program_version;
@@ -37,8 +44,9 @@ struct ServiceStatus {
   std::uint64_t late_frames = 0;
   std::uint64_t dropped_sets = 0;  // by the queue, because tracking was too slow
   std::vector<CameraStatus> cameras;
-  std::vector<std::string> targets;   // names
-  std::vector<std::string> warnings;  // one sentence each
+  std::vector<HostClockStatus> clocks;  // by the host's name; empty: all cameras are of this host
+  std::vector<std::string> targets;     // names
+  std::vector<std::string> warnings;    // one sentence each
 };
 
 }  // namespace huetrack::publish

@@ -40,6 +40,7 @@ Frame raw_frame(int k, PixelFormat format = PixelFormat::yuyv, int width = 64, i
   frame.sequence = static_cast<std::uint32_t>(k);
   frame.captured_at = start + k * 33'333'333ns;
   frame.arrival = static_cast<std::uint64_t>(k) + 1;
+  frame.clock = {.of = static_cast<std::uint16_t>(k % 3), .sigma = Duration(k % 3 * 100'003)};
   Image& image = frame.pixels;
   image.format = format;
   image.range = range;
@@ -107,6 +108,7 @@ void expect_same(const Frame& got, const Frame& written) {
   EXPECT_EQ(got.sequence, written.sequence);
   EXPECT_EQ(got.captured_at, written.captured_at);
   EXPECT_EQ(got.arrival, written.arrival);
+  EXPECT_EQ(got.clock, written.clock);
   ASSERT_EQ(got.status, written.status);
   if (written.status != FrameStatus::ok) return;
   EXPECT_EQ(got.pixels.range, written.pixels.range);

@@ -229,6 +229,35 @@ TEST_F(V4l2Faults, AHealthyOneDelivers) {
   EXPECT_EQ(source.health().dropped, 0u);
 }
 
+// Of a camera host: what travels on is the camera's own bytes, and nothing of them is looked at but that they begin as
+// a JPEG does.
+TEST_F(V4l2Faults, JpegsThatTravelOnAreNotDecoded) {
+  options.format = CaptureFormat::mjpeg;
+  options.fps = 30;
+  options.decodes = false;
+  V4l2Source source(options);
+  const auto first = source.next({});
+  ASSERT_TRUE(first);
+  EXPECT_EQ(first->status, FrameStatus::corrupted);
+  {
+    std::fstream file(folder / "camera", std::ios::binary | std::ios::in | std::ios::out);
+    for (int buffer = 0; buffer < 32; ++buffer) file.seekp(buffer * std::streamoff(page)).write("\xff\xd8", 2);
+  }
+  for (int i = 0; i < 20; ++i) {
+    const auto frame = source.next({});
+    ASSERT_TRUE(frame);
+    if (frame->status != FrameStatus::ok) continue;  // dequeued before
+    ASSERT_TRUE(frame->encoded);
+    EXPECT_EQ(frame->encoded->size(), std::size_t(width * height * 2));
+    EXPECT_EQ(frame->encoded->front(), 0xff);
+    EXPECT_EQ(frame->pixels.width, int(width));
+    EXPECT_EQ(frame->pixels.height, int(height));
+    EXPECT_EQ(frame->pixels.planes[0].data, nullptr);
+    return;
+  }
+  ADD_FAILURE() << "no frame that begins as a JPEG";
+}
+
 TEST_F(V4l2Faults, ALockedUpCameraHoldsNobodyUp) {
   options.controls = {{"brightness", 100}, {"contrast", 100}, {"hue", 100}};
   options.restore_controls = true;

@@ -179,6 +179,29 @@ TEST(SampleFormat, StatusSaysWhenRowsAreExposed) {
   EXPECT_NE(out.find("  times     r     latency -11.7 ms +- 0.3, readout 0.0 ms +- 0.0\n"), std::string::npos) << out;
 }
 
+TEST(SampleFormat, StatusSaysHowWellHostsClocksAreKnown) {
+  msg::HostClocks clocks;
+  clocks.clocks().resize(4);
+  for (msg::HostClock& clock : clocks.clocks()) clock.is_known(true), clock.kept_s(std::nan(""));
+  msg::HostClock& ahead = clocks.clocks()[0];
+  ahead.host("pi-3"), ahead.offset_s(0.0400132), ahead.offset_sigma_s(52e-6), ahead.drift(50.1e-6);
+  ahead.round_trip_s(0.00021);
+  msg::HostClock& kept = clocks.clocks()[1];
+  kept.host("pi-4"), kept.offset_s(-0.0001), kept.kept_s(0.0003), kept.is_contradicted(true);
+  clocks.clocks()[2].host("here"), clocks.clocks()[2].is_same_machine(true);
+  clocks.clocks()[3].host("new"), clocks.clocks()[3].is_known(false);
+  const std::string out = text(msg::ServiceStatus{}, 0, nullptr, {}, {}, &clocks);
+  EXPECT_NE(
+      out.find("  clock     pi-3: 40.013 ms ahead of ours +- 0.052, drifts by 50.1 ppm, answers within 0.21 ms; no "
+               "NTP or PTP on both\n"),
+      std::string::npos)
+      << out;
+  EXPECT_NE(out.find("pi-4: 0.100 ms behind ours"), std::string::npos) << out;
+  EXPECT_NE(out.find("NTP or PTP: kept to 0.30 ms, which is not so\n"), std::string::npos) << out;
+  EXPECT_NE(out.find("  clock     here: ours, it is this machine\n"), std::string::npos) << out;
+  EXPECT_NE(out.find("  clock     new: not compared with ours yet\n"), std::string::npos) << out;
+}
+
 TEST(SampleFormat, StatusNamesWhatIsWrong) {
   msg::ServiceStatus s;
   s.host("lab");

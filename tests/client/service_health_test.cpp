@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <nlohmann/json.hpp>
 
 namespace huetrack::client {
@@ -44,6 +45,23 @@ TEST(ServiceHealth, WarningsAndAnOldStatusAreProblems) {
   s.warnings({"the light is \"low\""});
   s.at(now - 11'000'000'000);
   EXPECT_THAT(problems_of(s, now), ElementsAre("the light is \"low\"", HasSubstr("11 s old")));
+}
+
+TEST(ServiceHealth, ClocksOfHostsAsJson) {
+  msg::HostClocks clocks;
+  clocks.clocks().resize(1);
+  clocks.clocks()[0].host("pi-3"), clocks.clocks()[0].cameras({"left", "right"});
+  clocks.clocks()[0].is_known(true), clocks.clocks()[0].offset_sigma_s(52e-6), clocks.clocks()[0].drift(5e-5);
+  clocks.clocks()[0].kept_s(std::nan(""));
+  const auto json = nlohmann::json::parse(status_json(status("run", {}), now, nullptr, {}, &clocks));
+  const auto& clock = json.at("clocks").at("clocks").at(0);
+  EXPECT_EQ(clock.at("host"), "pi-3");
+  EXPECT_EQ(clock.at("cameras").at(1), "right");
+  EXPECT_EQ(clock.at("sigma_s"), 52e-6);
+  EXPECT_NEAR(clock.at("drift_ppm"), 50, 1e-9);
+  EXPECT_TRUE(clock.at("kept_s").is_null());
+  EXPECT_TRUE(nlohmann::json::parse(status_json(status("run", {}), now, nullptr, {})).at("clocks").is_null());
+  EXPECT_TRUE(nlohmann::json::parse(no_status_json("nobody")).at("clocks").is_null());
 }
 
 TEST(ServiceHealth, AsJson) {

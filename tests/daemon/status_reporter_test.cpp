@@ -116,5 +116,19 @@ TEST_F(Reporter, WarnsOfATrackedCameraWithoutAPose) {
   EXPECT_THAT(fine.warnings, testing::Not(testing::Contains(testing::HasSubstr("no pose"))));
 }
 
+TEST_F(Reporter, ClocksOfOtherHostsAreToldOncePerHost) {
+  capture::CameraHealth health;
+  health.state = capture::CaptureState::delivering;
+  health.clock = capture::HostClock{
+      .host = "pi-3", .is_known = true, .offset_s = 0.04, .sigma_s = 2e-3, .kept_s = std::nullopt, .advice = "a cable"};
+  const std::vector<std::optional<capture::CameraHealth>> live{health, health};
+  const auto status = reporter_.report(figures_, start_, {}, live);
+  ASSERT_EQ(status.clocks.size(), 1u);
+  EXPECT_EQ(status.clocks[0].clock.host, "pi-3");
+  EXPECT_DOUBLE_EQ(status.clocks[0].clock.sigma_s, 2e-3);
+  EXPECT_THAT(status.clocks[0].cameras, testing::ElementsAre("cam0", "cam1"));
+  EXPECT_EQ(std::ranges::count(status.warnings, "a cable"), 1);
+}
+
 }  // namespace
 }  // namespace huetrack::daemon

@@ -194,6 +194,39 @@ TEST_F(DoctorsConfig, AMissingFileIsNoLineToCorrect) {
               testing::AllOf(HasSubstr("FAIL"), HasSubstr("give the configuration"), Not(HasSubstr("correct that"))));
 }
 
+TEST_F(DoctorsConfig, OfACameraHost) {
+  capture::write_text(
+      folder / "host.yaml",
+      "version: 1\nhost: pi-3\ndds: {interfaces: [lo]}\ncameras: {left: {device: /dev/null, size: [640, "
+      "480], format: yuyv}, right: {device: /dev/video97, size: [640, 480], format: mjpeg}}\n");
+  const std::string text = said(folder / "host.yaml");
+  EXPECT_THAT(text, HasSubstr("ok    it is valid; camera host pi-3 with 2 cameras: trackers name them by host: pi-3"));
+  EXPECT_THAT(text, HasSubstr("FAIL  /dev/null is not a video device"));
+  EXPECT_THAT(text, HasSubstr("FAIL  /dev/video97 is not there"));
+  EXPECT_THAT(text, HasSubstr("sends about"));
+  EXPECT_THAT(text, HasSubstr("uncompressed those of left"));
+  EXPECT_THAT(text, HasSubstr("this host's clock"));
+  EXPECT_THAT(text, Not(HasSubstr("targets")));
+  capture::write_text(folder / "bad.yaml",
+                      "version: 1\ncameras: {left: {device: /dev/null, size: [640, 480], hosst: 1}}\n");
+  EXPECT_THAT(said(folder / "bad.yaml"), AllOf(HasSubstr("FAIL"), HasSubstr("hosst")));
+}
+
+TEST(JudgeSending, WhatComesAtOneMomentWantsRoom) {
+  const SentCamera small{.name = "a", .width = 640, .height = 480, .format = capture::CaptureFormat::mjpeg};
+  SentCamera large = small;
+  large.name = "b", large.format = capture::CaptureFormat::yuyv;
+  EXPECT_THAT(judge_sending(std::vector{small}, std::nullopt, false), says(Grade::ok, "sends about 1.7 MB/s"));
+  EXPECT_THAT(judge_sending(std::vector(4, small), 212992.0, true), Not(says(Grade::warning, "")));
+  EXPECT_THAT(judge_sending(std::vector(5, small), 212992.0, true),
+              AllOf(says(Grade::warning, "288 kB of frames may come at one moment"), advises("net.core.rmem_max")));
+  EXPECT_THAT(judge_sending(std::vector{small, large}, 212992.0, true),
+              AllOf(says(Grade::note, "uncompressed those of b"), says(Grade::warning, "at one moment")));
+  EXPECT_THAT(judge_sending(std::vector{small, large}, 4194304.0, true), Not(says(Grade::warning, "")));
+  EXPECT_THAT(judge_sending(std::vector(5, large), 212992.0, false),
+              AllOf(says(Grade::warning, "sends about 92"), Not(says(Grade::warning, "at one moment"))));
+}
+
 TEST(JudgeUsb, AddsUpWhatCamerasOfABusWant) {
   // 640 x 480 x 2 bytes x 8 bits x 30.0 = 147 Mbit/s each
   std::vector<CameraExam> exams{healthy("left"), healthy("right")};

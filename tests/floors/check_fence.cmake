@@ -31,7 +31,7 @@ elseif(FENCE STREQUAL "frames_for_trackers")   # what a frame is, not where it c
 elseif(FENCE STREQUAL "results_for_publish")   # what was found, not how; and the clock that latencies are measured by
   set(folders service/publish)
   set(pattern "${include}(capture|object_tracking|camera_tracking)/")
-  set(except "${include}(capture/(frame|capture_clock)|object_tracking/object_estimate|camera_tracking/camera_estimate)\\.h")
+  set(except "${include}(capture/(frame|capture_clock|host_clock)|object_tracking/object_estimate|camera_tracking/camera_estimate)\\.h")
 elseif(FENCE STREQUAL "cli11")   # heavy headers from here on: each costs every file that sees it seconds
   set(pattern "${include}CLI/")
   set(inside "^(service/daemon/(main|commands)\\.cpp|clients/huetrack/main\\.cpp|calib/program/|tests/(soak|benchmark|program)/)")

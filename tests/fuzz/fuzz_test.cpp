@@ -15,6 +15,7 @@
 #include "capture/jpeg_encoder.h"
 #include "config/service_config.h"
 #include "fuzz/fuzz_target.h"
+#include "idl/camera_hostPubSubTypes.h"
 #include "idl/camera_timesPubSubTypes.h"
 #include "idl/huetrackPubSubTypes.h"
 #include "idl/huetrack_viewPubSubTypes.h"
@@ -81,12 +82,22 @@ std::vector<std::string> samples() {
   asked.words({"record", "read", "recording", "0"});
   msg::CameraTimes times;
   times.cameras().resize(1);
-  return {serialized<msg::ObjectPositionPubSubType>(0, position), serialized<msg::CameraPosePubSubType>(1, pose),
-          serialized<msg::ServiceStatusPubSubType>(2, status),    serialized<msg::ScenePubSubType>(3, scene),
-          serialized<msg::PreviewPubSubType>(4, preview),         serialized<msg::CameraMapPubSubType>(5, map),
-          serialized<msg::TeachReplyPubSubType>(6, reply),        serialized<msg::TeachRequestPubSubType>(7, request),
-          serialized<msg::CameraTimesPubSubType>(8, times),       serialized<msg::ControlReplyPubSubType>(9, answer),
-          serialized<msg::ControlRequestPubSubType>(10, asked),   "\x0bhost=lab;pid=12;targets=red,green;"};
+  msg::HostClocks clocks;
+  clocks.clocks().resize(1);
+  clocks.clocks()[0].cameras({"left"});
+  return {serialized<msg::ObjectPositionPubSubType>(0, position),
+          serialized<msg::CameraPosePubSubType>(1, pose),
+          serialized<msg::ServiceStatusPubSubType>(2, status),
+          serialized<msg::ScenePubSubType>(3, scene),
+          serialized<msg::PreviewPubSubType>(4, preview),
+          serialized<msg::CameraMapPubSubType>(5, map),
+          serialized<msg::TeachReplyPubSubType>(6, reply),
+          serialized<msg::TeachRequestPubSubType>(7, request),
+          serialized<msg::CameraTimesPubSubType>(8, times),
+          serialized<msg::ControlReplyPubSubType>(9, answer),
+          serialized<msg::ControlRequestPubSubType>(10, asked),
+          serialized<msg::HostClocksPubSubType>(11, clocks),
+          "\x0chost=lab;pid=12;targets=red,green;"};
 }
 
 std::string picture(int width, int height) {

@@ -153,6 +153,30 @@ TEST(MotionBelief, WhatTheTimesLeaveOpenLiesAlongThePath) {
   EXPECT_NEAR(std::sqrt(of_a(0, 0)), 0.001, 1e-4);
 }
 
+// Two cameras are of another host: their error is one, and what motion has told of it does not stay known.
+TEST(MotionBelief, AnotherHostsClockIsOpenAsOne) {
+  Scene scene(2);
+  MotionBelief belief(scene.rig, true);
+  belief.begin(at(0), Scene::position(0), 1, Vector3d::Zero(), 9);
+  scene.run(belief, 0, 4);
+  capture::FrameSet set;
+  set.frames.resize(3);
+  for (std::size_t c = 0; c < 3; ++c) set.frames[c].emplace();
+  MotionBelief same = belief;
+  same.open_clocks(set);
+  EXPECT_EQ(same.timing(1).latency_sigma_s, belief.timing(1).latency_sigma_s) << "all clocks are ours";
+  set.frames[1]->clock = set.frames[2]->clock = {.of = 1, .sigma = std::chrono::milliseconds(4)};
+  ASSERT_LT(belief.timing(1).latency_sigma_s, 2e-3);
+  for (int again = 0; again < 3; ++again) belief.open_clocks(set);
+  EXPECT_NEAR(std::min(belief.timing(1).latency_sigma_s, belief.timing(2).latency_sigma_s), 4e-3, 1e-6);
+  EXPECT_LT(std::max(belief.timing(1).latency_sigma_s, belief.timing(2).latency_sigma_s), 4.5e-3);
+  EXPECT_EQ(belief.timing(0).latency_sigma_s, 0);
+  EXPECT_EQ(belief.clock_variance_s2(), 0);
+  set.frames[0]->clock = {.of = 1, .sigma = std::chrono::milliseconds(4)};
+  belief.open_clocks(set);
+  EXPECT_NEAR(belief.clock_variance_s2(), 16e-6, 1e-12);
+}
+
 TEST(MotionBelief, GivenViewsAndBackAgainIsTheSame) {
   Scene scene(1);
   MotionBelief belief(scene.rig, true);

@@ -6,6 +6,7 @@
 #include <bit>
 #include <cmath>
 #include <functional>
+#include <random>
 #include <stdexcept>
 
 #include "object_tracking/region_tracker.h"
@@ -262,6 +263,73 @@ TEST(ObjectTracker, camerasWhoseTimesNobodyKnows) {
   EXPECT_NEAR(e.times[1].latency_s, 0, 0.0015);
   EXPECT_NEAR(e.times[2].latency_s, 0.025, 0.0015);
   EXPECT_EQ(e.times[0].latency_sigma_s, 0);
+}
+
+// Two of three cameras are of another host, whose clock is off by some milliseconds that nobody can tell from the
+// stamps. How well it is known comes with the frames, and is a part of the covariance.
+TEST(ObjectTracker, whatIsNotKnownOfAnotherHostsClockIsInTheCovariance) {
+  constexpr double sigma_s = 3e-3;
+  double nees_told = 0, nees_untold = 0;
+  int runs = 0;
+  for (unsigned seed = 1; seed <= 8; ++seed) {
+    scene::Scene scene =
+        ring(3)
+            .ball({.path =
+                       [](double t) {
+                         return Vector3d(0.5 * std::sin(4 * t), 0.4 * std::cos(4 * t), 1 + 0.3 * std::sin(3 * t));
+                       }})
+            .build();
+    for (calib::Camera& camera : scene.rig.cameras)
+      camera.timing = {.latency_s = 0, .latency_sigma_s = 2e-4, .readout_s = 0, .readout_sigma_s = 2e-4};
+    std::mt19937 random(seed);
+    const double off_s = std::normal_distribution<double>(0, sigma_s)(random);
+    std::vector<capture::FrameSet> sets = scene::render(scene, {.set_count = 45, .offset_s = {0, 0.011, 0.022}});
+    for (const bool is_told : {false, true}) {
+      for (capture::FrameSet& set : sets) {
+        for (auto& frame : set.frames) {
+          if (!frame || frame->camera == 0) continue;
+          if (!is_told)
+            frame->captured_at += capture::duration_of(off_s), set.at = std::max(set.at, frame->captured_at);
+          frame->clock = {.of = 1, .sigma = capture::duration_of(is_told ? sigma_s : 0)};
+        }
+      }
+      ObjectTracker tracker(scene.rig, lime(), options_with(seed));
+      double sum = 0;
+      int n = 0;
+      for (const capture::FrameSet& set : sets) {
+        const ObjectEstimate e = tracker.update(set);
+        if (e.state != TrackState::tracking) continue;
+        const Vector3d error = e.position - scene.ball_at(0, e.at);
+        sum += error.dot(e.covariance.llt().solve(error)), ++n;
+      }
+      ASSERT_GT(n, 35) << seed;
+      (is_told ? nees_told : nees_untold) += sum / n;
+    }
+    ++runs;
+  }
+  EXPECT_LT(nees_told / runs, 5) << "3 is honest";
+  EXPECT_GT(nees_untold / runs, 2 * nees_told / runs);
+}
+
+// All cameras are of one other host: what its clock is off moves nothing that views could show, and the position as a
+// whole along its way.
+TEST(ObjectTracker, aClockThatAllCamerasShareLeavesTheTimeOfThePositionOpen) {
+  const scene::Scene scene = ring(3).ball({}).build();
+  std::vector<capture::FrameSet> sets = scene::render(scene, {.set_count = 30});
+  ObjectTracker exact(scene.rig, lime(), options_with()), unsure(scene.rig, lime(), options_with());
+  int compared = 0;
+  for (capture::FrameSet& set : sets) {
+    const ObjectEstimate a = exact.update(set);
+    for (auto& frame : set.frames) frame->clock = {.of = 1, .sigma = capture::duration_of(2e-3)};
+    const ObjectEstimate b = unsure.update(set);
+    ASSERT_EQ(a.state, b.state);
+    if (a.state != TrackState::tracking) continue;
+    EXPECT_TRUE(a.position == b.position);
+    const Eigen::Matrix3d expected = a.covariance + 4e-6 * a.velocity * a.velocity.transpose();
+    EXPECT_LT((b.covariance - expected).norm(), 1e-12);
+    ++compared;
+  }
+  EXPECT_GT(compared, 20);
 }
 
 // It falls at 5 m/s and comes back as fast: between two frames at 60 fps its velocity changes by 10 m/s.

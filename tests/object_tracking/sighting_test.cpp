@@ -32,7 +32,8 @@ Sighting sighting_of_disc(double r, double angle, double cut, double pixel_noise
   bits.look_at(image, mask_table());
   RegionFinder finder;
   const auto& regions = finder.find(bits, {0, 0, 99, 99}, 1, 0);
-  const TargetView view{};
+  TargetView view{};
+  view.image = &image;
   Sighting s = sighting_of(view, regions.at(0), r, pixel_noise_px, {});
   s.px -= centre;  // from here on the error
   return s;

@@ -115,7 +115,7 @@ TEST(WitnessOfThree, showsWhichCameraIsTurned) {
       if (e.per_view[c].witness) sum[c] += squared_contradiction(*e.per_view[c].witness, rig.cameras[c]), ++n[c];
   });
   for (std::size_t c : {0, 1}) {
-    EXPECT_GT(sum[c] / n[c], 10) << c;  // each stands on the wrong one, or is it
+    EXPECT_GT(sum[c] / n[c], 5.99) << c;  // in 1 of 20 by chance: each stands on the wrong one, or is it
     EXPECT_GT(last.per_view[2].doubt_px, last.per_view[c].doubt_px) << c;
   }
   EXPECT_GT(last.per_view[2].doubt_px, 1);  // 0.5 degrees are 2.1 px

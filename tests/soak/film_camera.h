@@ -39,6 +39,7 @@ struct FilmCameraOptions {
   capture::Duration transfer = std::chrono::milliseconds(5);  // from a frame's capture until it can be dequeued
   std::optional<std::uint64_t> faults;                        // seed; nullopt: none
   bool is_mjpeg = false;                                      // frames carry JPEG bytes, too, as from an MJPEG camera
+  bool decodes = true;                                        // of is_mjpeg; capture::V4l2SourceOptions
 };
 
 class FilmCamera {
@@ -223,8 +224,10 @@ class FilmCamera {
       const auto buffer = std::ranges::find_if(
           state_->buffers, [](const Buffer& b) { return !b.is_out.load(std::memory_order_acquire); });
       if (buffer == state_->buffers.end()) return std::nullopt;  // the readers hold all of them: this frame is lost
-      const auto got = ::pread(state_->file, buffer->bytes.get(), state_->frame_bytes,
-                               off_t(std::size_t(k % state_->frames) * state_->frame_bytes));
+      const bool has_pixels = options.decodes || !options.is_mjpeg;
+      const auto got = has_pixels ? ::pread(state_->file, buffer->bytes.get(), state_->frame_bytes,
+                                            off_t(std::size_t(k % state_->frames) * state_->frame_bytes))
+                                  : ssize_t(state_->frame_bytes);
       if (got != ssize_t(state_->frame_bytes)) throw std::runtime_error(options.film.string() + ": cannot be read");
       if (const int exposure = state_->controls->exposure(); exposure != Controls::usual_exposure)
         for (std::size_t i = 0; i < state_->frame_bytes; i += 2) {  // the luma of YUYV
@@ -250,6 +253,7 @@ class FilmCamera {
                                   }}};
         frame.pixels.planes[0] = {buffer->bytes.get(), 2 * options.width};
         buffer->is_out.store(true, std::memory_order_relaxed);
+        if (!has_pixels) frame.pixels = {.width = options.width, .height = options.height, .planes = {}, .owner = {}};
         if (options.is_mjpeg) frame.encoded = state_->jpegs[std::size_t(k % state_->frames)];
       }
       const std::scoped_lock lock(state_->mutex);

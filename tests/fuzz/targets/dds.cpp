@@ -8,6 +8,7 @@
 #include "clients/huetrack/sample_format.h"
 #include "clients/live_view/events.h"
 #include "fuzz/fuzz_target.h"
+#include "idl/camera_hostPubSubTypes.h"
 #include "idl/camera_timesPubSubTypes.h"
 #include "idl/huetrackPubSubTypes.h"
 #include "idl/huetrack_viewPubSubTypes.h"
@@ -41,7 +42,7 @@ HUETRACK_FUZZ_TARGET(dds) {
   if (input.empty()) return;
   const std::string_view bytes = input.substr(1);
   const auto to_json = [](const auto& sample) { live_view::to_json(sample); };
-  switch (static_cast<unsigned char>(input.front()) % 12) {
+  switch (static_cast<unsigned char>(input.front()) % 13) {
     case 0:
       return receive<msg::ObjectPositionPubSubType>(bytes, [](auto& sample) { print(sample); });
     case 1:
@@ -71,6 +72,12 @@ HUETRACK_FUZZ_TARGET(dds) {
       return receive<msg::ControlReplyPubSubType>(bytes, to_json);
     case 10:
       return receive<msg::ControlRequestPubSubType>(bytes, [](auto&) {});
+    case 11:
+      return receive<msg::HostClocksPubSubType>(bytes, [](auto& sample) {
+        live_view::to_json(sample);
+        client::make_printable(sample);
+        client::text({}, 0, nullptr, {}, {}, &sample);
+      });
     default:
       if (const auto identity = idl::PublisherIdentity::from(bytes))
         idl::PublisherIdentity::from(identity->user_data());

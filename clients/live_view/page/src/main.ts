@@ -1,7 +1,7 @@
 // The page: listens to the bridge and shows what it says. Everything that is shown is in the store.
 import { drawNewPictures, forgetPictures, onNewPicture, redrawCameras, showPreview, slowness, updateCameras } from "./cameras";
 import { colorOf } from "./color";
-import type { CameraMap, CameraMapPoint, CameraPose, CameraTimes, ControlReply, Position, Pulse, Scene, State, Status, TeachReply } from "./messages";
+import type { CameraMap, CameraMapPoint, CameraPose, CameraTimes, ControlReply, HostClocks, Position, Pulse, Scene, State, Status, TeachReply } from "./messages";
 import { drawPlots, isPaused, onPlotsChanged, plotPeriod, plotSpan, updatePlotTexts } from "./plots";
 import { Scene3d } from "./scene3d";
 import {
@@ -119,6 +119,7 @@ function listen(): void {
     renew(...parts);
   });
   on<CameraTimes>("camera_times", (times) => (store.times = times));
+  on<HostClocks>("host_clocks", (clocks) => (store.clocks = clocks));
   const onTracks = <T>(take: (message: T) => void) => (message: T) => {
     take(message);
     renew(cards, scenePart, isPaused() ? null : plotsPart);
@@ -398,6 +399,18 @@ function timesOf(camera: string): string {
   return `late by ${ms(time.latency_s)} ms ${sure}, rows over ${ms(time.readout_s)} ms ± ${ms(time.readout_sigma_s)}`;
 }
 
+// Of the clock of the camera's host, where that is another one.
+function clockOf(camera: string): string {
+  const { status, clocks } = store;
+  if (!status || !clocks || clocks.host !== status.host || clocks.pid !== status.pid) return "";
+  const clock = clocks.clocks.find((c) => c.cameras.includes(camera));
+  if (!clock) return "";
+  if (!clock.known) return `clock of ${clock.host} not known yet`;
+  if (clock.same_machine) return "clock is ours";
+  const ahead = `${(1000 * Math.abs(clock.offset_s)).toFixed(2)} ms ${clock.offset_s < 0 ? "behind" : "ahead"}`;
+  return `clock of ${clock.host} ${ahead} ± ${(1000 * clock.sigma_s).toFixed(2)}, drifts by ${clock.drift_ppm.toFixed(0)} ppm`;
+}
+
 function updateHealth(serving: boolean): void {
   const { status } = store;
   const body = $("health");
@@ -426,7 +439,7 @@ function updateHealth(serving: boolean): void {
     cell(String(camera.frames));
     cell(String(camera.dropped));
     cell(String(camera.corrupted));
-    cell(timesOf(camera.name));
+    cell([timesOf(camera.name), clockOf(camera.name)].filter(Boolean).join("; "));
     cell(isHeld ? "" : [camera.message, slow].filter(Boolean).join("; "));
     return row;
   });

@@ -90,6 +90,25 @@ export interface CameraTimes {
   cameras: { name: string; latency_s: number; latency_sigma_s: number; readout_s: number; readout_sigma_s: number }[];
 }
 
+// Of a service with cameras of other hosts: how well their clocks are known.
+export interface HostClocks {
+  host: string;
+  pid: number;
+  clocks: {
+    host: string;
+    cameras: string[];
+    known: boolean;
+    offset_s: number;
+    sigma_s: number;
+    drift_ppm: number;
+    round_trip_s: number;
+    same_machine: boolean;
+    kept_s: N;
+    contradicted: boolean;
+    advice: string;
+  }[];
+}
+
 export interface Color {
   camera: string;
   hue_deg: [number, number];

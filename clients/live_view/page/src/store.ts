@@ -1,5 +1,5 @@
 // What the page knows. The views read it; nothing here touches the document.
-import type { CameraMap, CameraPose, CameraTimes, Position, Pulse, Scene, State, Status } from "./messages";
+import type { CameraMap, CameraPose, CameraTimes, HostClocks, Position, Pulse, Scene, State, Status } from "./messages";
 
 export const historySeconds = 600;
 
@@ -36,6 +36,7 @@ export const store = {
   pulse: null as Pulse | null,
   status: null as Status | null,
   times: null as CameraTimes | null,
+  clocks: null as HostClocks | null,
   statusHeard: 0,
   scene: null as Scene | null,
   targets: new Map<string, Target>(),
