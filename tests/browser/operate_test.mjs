@@ -80,7 +80,8 @@ async function test() {
   assert.match(replay.out, /lime/);
   say(`downloaded and replayed: ${readdirSync(join(folder, name)).join(" ")}`);
 
-  // ---- Saved after the fact.
+  // ---- Saved after the fact. What is kept for that begins anew when a recording ends.
+  await new Promise((resolve) => setTimeout(resolve, 3500));
   await page.click("#record-save");
   await until("that it is saved", async () => /^Saving the last 3 s, and 0\.5 more/.test(await page.textContent("#recordings-says")));
   await until("two can be downloaded", async () => (await page.locator("#recordings-list a").count()) === 2);
