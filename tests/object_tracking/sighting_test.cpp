@@ -39,9 +39,9 @@ Sighting sighting_of_disc(double r, double angle, double cut, double pixel_noise
   return s;
 }
 
-// Of the edge, by samples of colour of this side.
-double rounding(double radius_px, double sample_px = 1) {
-  return std::pow(sample_px, 3) / (12 * std::numbers::pi * radius_px);
+// Of the edge, by samples of one pixel.
+double rounding(double radius_px) {
+  return 1 / (12 * std::numbers::pi * radius_px);
 }
 
 TEST(SightingOf, wholeDiscIsAsSureAsThePixelNoise) {
@@ -103,7 +103,7 @@ TEST(SightingOf, distrustsWhatIsTooWide) {
 
 // A ball that flies down is stretched by rows that are read downwards, and one that flies across is sheared.
 TEST(SightingOf, expectsTheShapeOfAMovingBall) {
-  const double r = 10, row_s = 6e-5, usual = 2 * 0.8 * (0.2 + rounding(r, std::numbers::sqrt2));
+  const double r = 10, row_s = 6e-5, usual = 2 * 0.8 * (0.2 + rounding(r));
   const Vector2d velocity(900, 1500);
   Eigen::Matrix2d outline_from_disc = Eigen::Matrix2d::Identity();
   outline_from_disc.col(1) += row_s * velocity / (1 - row_s * velocity.y());
