@@ -543,7 +543,9 @@ export function updateCameras(serving: boolean): void {
         ? "held"
         : "held at its first frame"
       : health === "delivering"
-        ? `${camera.rate_hz.toFixed(1)} Hz`
+        ? camera.rate_hz > 0 // of the last second, of which there was none yet
+          ? `${camera.rate_hz.toFixed(1)} Hz`
+          : "begins"
         : healthWords[health] ?? health;
     view.health.dataset.health = isHeld ? "held" : slow ? "stalled" : health;
     const troubles = isHeld ? [] : [camera.message, slow];
