@@ -19,6 +19,7 @@
 #include "clients/live_view/page_server.h"
 #include "clients/live_view/recording_download.h"
 #include "commands.h"
+#include "idl/control_words.h"
 #include "idl/huetrackPubSubTypes.h"
 #include "idl/huetrack_viewPubSubTypes.h"
 #include "idl/topics.h"
@@ -144,7 +145,7 @@ class ControlOutput {
 
 int fetch(ControlConnection& connection, const Addressed& service, const std::string& name,
           const std::filesystem::path& out) {
-  if (!live_view::is_recording_name(name)) throw std::runtime_error(name + ": that is no recording's name");
+  if (!idl::is_recording_name(name)) throw std::runtime_error(name + ": that is no recording's name");
   const std::filesystem::path file = out.empty() ? std::filesystem::path(name + ".tar") : out;
   RecordingDownload download(name, live_view::random_token(), service.host, service.pid);
   std::optional<ControlOutput> to;

@@ -133,20 +133,21 @@ std::string BusReader::description() const {
   return connection_->participant.description();
 }
 
-std::string BusReader::request(msg::TeachRequest request) {
+template <typename Request>
+std::string BusReader::enqueue(std::deque<Request>& queue, Request request) {
   if (!refused_.empty()) return "This page may only watch: " + refused_ + ".";
   const std::scoped_lock lock(mutex_);
-  if (requests_.size() >= most_requests) return "Too many requests wait for the service.";
-  requests_.push_back(std::move(request));
+  if (queue.size() >= most_requests) return "Too many requests wait for the service.";
+  queue.push_back(std::move(request));
   return "";
 }
 
+std::string BusReader::request(msg::TeachRequest request) {
+  return enqueue(requests_, std::move(request));
+}
+
 std::string BusReader::request(msg::ControlRequest request) {
-  if (!refused_.empty()) return "This page may only watch: " + refused_ + ".";
-  const std::scoped_lock lock(mutex_);
-  if (control_requests_.size() >= most_requests) return "Too many requests wait for the service.";
-  control_requests_.push_back(std::move(request));
-  return "";
+  return enqueue(control_requests_, std::move(request));
 }
 
 std::shared_ptr<RecordingDownload> BusReader::download(const std::string& recording, std::string& why_not) {
@@ -180,8 +181,8 @@ void BusReader::poll(int pages) {
   take_replies();
   take_control_replies();
   if (previews_) take_previews();
-  send_requests();
-  send_control_requests();
+  send_all(requests_, connection_->request);
+  send_all(control_requests_, connection_->control_request);
   go_on_with_downloads();
   if (now >= next_pulse_) {
     next_pulse_ = now + pulse_period;
@@ -356,14 +357,19 @@ void BusReader::take_replies() {
   });
 }
 
+// Those that somebody still wants.
+std::vector<std::shared_ptr<RecordingDownload>> BusReader::held_downloads() {
+  const std::scoped_lock lock(mutex_);
+  std::erase_if(downloads_, [](const auto& download) { return download.expired(); });
+  std::vector<std::shared_ptr<RecordingDownload>> held;
+  for (const auto& download : downloads_)
+    if (auto one = download.lock()) held.push_back(std::move(one));
+  return held;
+}
+
 void BusReader::take_control_replies() {
   const auto now = Clock::now();
-  std::vector<std::shared_ptr<RecordingDownload>> downloads;
-  {
-    const std::scoped_lock lock(mutex_);
-    for (const auto& download : downloads_)
-      if (auto held = download.lock()) downloads.push_back(std::move(held));
-  }
+  const auto downloads = held_downloads();
   take_all<msg::ControlReply>(connection_->control_reply, [&](const auto& sample, const Process& process) {
     if (is_of_another(process)) return;
     for (const auto& download : downloads)
@@ -376,13 +382,7 @@ void BusReader::take_control_replies() {
 }
 
 void BusReader::go_on_with_downloads() {
-  std::vector<std::shared_ptr<RecordingDownload>> downloads;
-  {
-    const std::scoped_lock lock(mutex_);
-    std::erase_if(downloads_, [](const auto& download) { return download.expired(); });
-    for (const auto& download : downloads_)
-      if (auto held = download.lock()) downloads.push_back(std::move(held));
-  }
+  const auto downloads = held_downloads();
   for (const auto& download : downloads)
     if (auto request = download->next_request(Clock::now()); request && connection_->control_request != nullptr)
       connection_->control_request->write(&*request);
@@ -395,29 +395,17 @@ void BusReader::take_previews() {
   });
 }
 
-void BusReader::send_requests() {
+template <typename Request>
+void BusReader::send_all(std::deque<Request>& queue, dds::DataWriter* writer) {
   for (;;) {
-    msg::TeachRequest request;
+    Request request;
     {
       const std::scoped_lock lock(mutex_);
-      if (requests_.empty()) return;
-      request = std::move(requests_.front());
-      requests_.pop_front();
+      if (queue.empty()) return;
+      request = std::move(queue.front());
+      queue.pop_front();
     }
-    if (connection_->request != nullptr) connection_->request->write(&request);
-  }
-}
-
-void BusReader::send_control_requests() {
-  for (;;) {
-    msg::ControlRequest request;
-    {
-      const std::scoped_lock lock(mutex_);
-      if (control_requests_.empty()) return;
-      request = std::move(control_requests_.front());
-      control_requests_.pop_front();
-    }
-    if (connection_->control_request != nullptr) connection_->control_request->write(&request);
+    if (writer != nullptr) writer->write(&request);
   }
 }
 

@@ -56,8 +56,11 @@ class BusReader {
   void take_control_replies();
   void go_on_with_downloads();
   void take_previews();
-  void send_requests();
-  void send_control_requests();
+  std::vector<std::shared_ptr<RecordingDownload>> held_downloads();
+  template <typename Request>
+  std::string enqueue(std::deque<Request>& queue, Request request);  // as request()
+  template <typename Request>
+  void send_all(std::deque<Request>& queue, eprosima::fastdds::dds::DataWriter* writer);  // nullptr: to nobody
   void tell_pulse();
 
   const idl::ParticipantOptions options_;

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "idl/control_words.h"
+
 namespace huetrack::live_view {
 namespace {
 
@@ -329,15 +331,16 @@ msg::TeachRequest teach_request_of(const std::string& json) {
 }
 
 msg::ControlRequest control_request_of(const std::string& json) {
-  constexpr std::size_t most = 32, longest = 200;  // words, and of a word
   try {
     const Json j = Json::parse(json);
     auto request = addressed<msg::ControlRequest>(j);
     request.words(j.at("words").get<std::vector<std::string>>());
-    if (request.words().size() > most || std::ranges::any_of(request.words(), [](const std::string& word) {
-          return word.size() > longest || word.find('\0') != std::string::npos;
+    if (request.words().size() > idl::most_control_words ||
+        std::ranges::any_of(request.words(), [](const std::string& word) {
+          return word.size() > idl::longest_control_word || word.find('\0') != std::string::npos;
         }))
-      throw std::invalid_argument("more than " + std::to_string(most) + " words, or a word is too long");
+      throw std::invalid_argument("more than " + std::to_string(idl::most_control_words) +
+                                  " words, or a word is too long");
     return request;
   } catch (const Json::exception& error) {
     throw std::invalid_argument(error.what());

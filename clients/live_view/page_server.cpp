@@ -31,6 +31,7 @@
 
 #include "clients/live_view/page_files.h"
 #include "clients/live_view/web_sockets.h"
+#include "idl/control_words.h"
 
 namespace huetrack::live_view {
 namespace {
@@ -462,7 +463,7 @@ struct PageServer::Impl {
     path.remove_prefix(download_path.size());
     path.remove_suffix(download_kind.size());
     const std::string name(path);
-    if (!is_recording_name(name)) return refuse(connection, MHD_HTTP_NOT_FOUND, "That is no recording's name.");
+    if (!idl::is_recording_name(name)) return refuse(connection, MHD_HTTP_NOT_FOUND, "That is no recording's name.");
     // A page of another origin could not read it, but make the service read its disk.
     const std::string_view site = header(connection, "Sec-Fetch-Site");
     if (!is_of_our_page(connection) || (!site.empty() && site != "same-origin" && site != "none"))

@@ -36,7 +36,7 @@ struct PageRequests {
   // body is JSON. Returns an empty string, or why it is refused.
   using OnRequest = std::function<std::string(const std::string& body)>;
   OnRequest teach = nullptr, control = nullptr;
-  // The recording of this name (is_recording_name()) is to come; nullptr: why_not says so.
+  // The recording of this name (idl::is_recording_name()) is to come; nullptr: why_not says so.
   std::function<std::shared_ptr<RecordingDownload>(const std::string& name, std::string& why_not)> download = nullptr;
 };
 

@@ -12,7 +12,6 @@ using namespace std::chrono_literals;
 
 constexpr auto ask_again_after = 1s;  // a reliable reader and writer that have met lose nothing: they had not met
 constexpr auto give_up_after = 8s;    // below the ten seconds in which a page's server gives up its reader
-constexpr std::size_t longest_recording_name = 100;
 
 std::optional<std::uint64_t> number_in(const std::string& text) {
   std::uint64_t number = 0;
@@ -21,15 +20,6 @@ std::optional<std::uint64_t> number_in(const std::string& text) {
 }
 
 }  // namespace
-
-bool is_recording_name(const std::string& name) {
-  const auto is_allowed = [](char c) {
-    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '.' || c == '_' ||
-           c == '-';
-  };
-  return !name.empty() && name.size() <= longest_recording_name && name.front() != '.' &&
-         std::ranges::all_of(name, is_allowed);
-}
 
 RecordingDownload::RecordingDownload(std::string name, std::string client, std::string host, std::uint32_t pid)
     : name_(std::move(name)), client_(std::move(client)), host_(std::move(host)), pid_(pid) {}

@@ -15,14 +15,11 @@
 
 namespace huetrack::live_view {
 
-// Letters, digits, '.', '_' and '-', not beginning with '.': what a service names recordings by.
-bool is_recording_name(const std::string& name);
-
 // thread-safe: one thread asks and takes what comes (the bus'), another one reads.
 class RecordingDownload {
  public:
   using Clock = std::chrono::steady_clock;
-  // name: is_recording_name(). client: who asks, as of other requests; nobody else has it.
+  // name: idl::is_recording_name(). client: who asks, as of other requests; nobody else has it.
   RecordingDownload(std::string name, std::string client, std::string host, std::uint32_t pid);
 
   const std::string& client() const { return client_; }

@@ -109,8 +109,7 @@ LiveSummary run_live(const config::ServiceConfig& config, std::vector<pipeline::
     throw std::runtime_error(config.file.string() +
                              ": cameras: none is given: name the live cameras; "
                              "ls -l /dev/v4l/by-path/ lists those that there are");
-  pipeline::refuse_outputs({.files = {options.tracks, options.poses, options.write_rig}}, {});
-  pipeline::refuse_outputs({.files = {options.tracks, options.poses}}, pipeline::files_of(config));
+  pipeline::refuse_outputs({.files = {options.tracks, options.poses, options.write_rig}}, pipeline::files_of(config));
   const bool is_tracking = options.track && config.is_calibrated();
   // Whose lenses are nobody's, nothing of them is to be kept.
   if (!options.record_to.empty() || !options.write_rig.empty()) config::require_rig(config);

@@ -54,11 +54,8 @@ void refuse_outputs_over_inputs(const ReplayCommand& command, const config::Serv
   std::vector<std::filesystem::path> read = pipeline::files_of(config);
   std::ranges::copy(pipeline::files_of(recording), std::back_inserter(read));
   if (!command.truth.empty()) read.push_back(command.truth);
-  // --write-rig may be the configuration's own rig: that is what a mended one is for.
-  std::erase(read, config.rig_file);
   pipeline::refuse_outputs({.files = {command.tracks, command.poses, command.write_rig}, .pictures = command.pictures},
                            read);
-  pipeline::refuse_outputs({.files = {command.tracks, command.poses}}, {config.rig_file});
 }
 
 // A recording, opened. The sources are the session's; source and played stay valid as long as it lives.

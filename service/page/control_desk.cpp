@@ -12,13 +12,12 @@
 
 #include "capture/recording.h"
 #include "config/taught_file.h"
+#include "idl/control_words.h"
 #include "page/recording_shelf.h"
 
 namespace huetrack::page {
 namespace {
 
-// More than any request has; the sample's own limit (idl/topics.h) is above what these make.
-constexpr std::size_t most_words = 32, longest_word = 200;
 constexpr std::size_t most_listed = 200;         // recordings
 constexpr std::size_t piece_bytes = 256 * 1024;  // of a recording: half of what a reply may hold
 
@@ -150,8 +149,8 @@ msg::ControlReply ControlDesk::answer(const msg::ControlRequest& request, const 
   reply.number(request.number());
   const Words words = request.words();
   try {
-    if (words.empty() || words.size() > most_words ||
-        std::ranges::any_of(words, [](const std::string& word) { return word.size() > longest_word; }))
+    if (words.empty() || words.size() > idl::most_control_words ||
+        std::ranges::any_of(words, [](const std::string& word) { return word.size() > idl::longest_control_word; }))
       throw unknown_request();
     if (words[0] == "record") {
       record(words.subspan(1), config, reply);
@@ -275,7 +274,7 @@ void ControlDesk::open(const std::string& name, const config::ServiceConfig& con
   if (!actions_.open_recording)
     throw std::runtime_error("only huetrackd run on live cameras, which writes no files, opens a recording");
   if (!config.is_calibrated()) throw std::runtime_error("the cameras are not calibrated yet");
-  if (is_recording_name(name) && name == unfinished())
+  if (idl::is_recording_name(name) && name == unfinished())
     throw std::runtime_error(name + " is still being recorded: stop it first");
   RecordingShelf(config.record.folder).read(name, 0, 0);  // that there is one of that name, and nothing else
   capture::read_recording(config.record.folder / name);   // and that it can be read
@@ -386,7 +385,7 @@ void ControlDesk::list(const config::RecordConfig& record, msg::ControlReply& re
 
 void ControlDesk::read(Words words, const config::RecordConfig& record, msg::ControlReply& reply) const {
   const std::string& name = words[1];
-  if (is_recording_name(name) && name == unfinished())
+  if (idl::is_recording_name(name) && name == unfinished())
     throw std::runtime_error(name + " is still being recorded: stop it first");
   RecordingPiece piece = RecordingShelf(record.folder).read(name, whole_number_of(words[2]), piece_bytes);
   add_row(reply, {std::to_string(piece.tar_bytes), piece.identity});

@@ -13,16 +13,18 @@
 #include <memory>
 #include <span>
 #include <stdexcept>
+#include <string_view>
 
 #include "capture/file_descriptor.h"
+#include "idl/control_words.h"
 
 namespace huetrack::page {
 namespace {
 
 namespace fs = std::filesystem;
 using capture::FileDescriptor;
+using idl::is_recording_name;
 
-constexpr std::size_t longest_name = 100;               // what a tar's header has room for
 constexpr std::size_t most_files = 200;                 // of a recording: two per camera, and five
 constexpr std::uint64_t block = 512;                    // of a tar
 constexpr std::uint64_t end_of_tar = 2 * block;         // zeros
@@ -208,14 +210,6 @@ void fill(std::span<std::uint8_t> bytes, std::uint64_t from, const std::string& 
 }
 
 }  // namespace
-
-bool is_recording_name(std::string_view name) {
-  const auto is_allowed = [](char c) {
-    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '.' || c == '_' ||
-           c == '-';
-  };
-  return !name.empty() && name.size() <= longest_name && name.front() != '.' && std::ranges::all_of(name, is_allowed);
-}
 
 std::vector<ShelvedRecording> RecordingShelf::list(std::size_t most) const {
   std::vector<ShelvedRecording> recordings;

@@ -8,7 +8,6 @@
 #include <filesystem>
 #include <optional>
 #include <string>
-#include <string_view>
 #include <vector>
 
 namespace huetrack::page {
@@ -27,9 +26,6 @@ struct RecordingPiece {
   std::string identity;         // changes when any file of the recording does: then earlier pieces are of another whole
   std::vector<std::uint8_t> bytes = {};
 };
-
-// Letters, digits, '.', '_' and '-', not beginning with '.', at most 100: what can be a folder's name and nothing else.
-bool is_recording_name(std::string_view name);
 
 // Reads the disk with each call. thread-compatible.
 class RecordingShelf {
