@@ -29,6 +29,10 @@ constexpr float loss2 = 4;             // Cauchy's, beyond two standard deviatio
 constexpr double usual_loss = 0.66;    // what it makes of a normal residual's square
 constexpr double worst_misfit = 9;
 constexpr double least_visible = 0.25;  // of the edge
+constexpr float glint_sigmas2 = 16;     // of a pixel within the outline over what light on a dull ball makes of it
+// Natural logarithms: by how much pictures of one camera differ in blur, and what light that the model does not know
+// makes of a single one's; pictures that follow one another show much the same, so that ten count as one.
+constexpr double blur_of_one = 0.1, blur_of_light = 0.6, least_blur_sigma = 0.05;
 constexpr double furthest_radii = 0.8, largest_growth = 0.35;
 
 // The camera's curve, sRGB, from grey values 0..1 to light and back: a cubic, and its inverse by one step of Newton's.
@@ -325,18 +329,20 @@ void OutlineFit::begin(const Look& look, const FitOptions& options) {
     information_[i] = 1 / (sigma * sigma);
   };
   know(size_, options.log_size.value, options.log_size.sigma);
-  know(blur_light_, look.log_blur_light.value, look.log_blur_light.sigma);
-  know(blur_chroma_, look.log_blur_chroma.value, look.log_blur_chroma.sigma);
+  know(blur_light_, look.log_blur_light.value, std::hypot(look.log_blur_light.sigma, blur_of_one));
+  know(blur_chroma_, look.log_blur_chroma.value, std::hypot(look.log_blur_chroma.sigma, blur_of_one));
   know(exposure_, look.exposure_s.value, look.exposure_s.sigma);
   know(lit_, 0, 0.1), know(lit_ + 1, 0, 0.05);
   know(shading_, 1, 0.5);
   for (int i = 1; i < 3; ++i) know(shading_ + i, 0, 0.7);
   // Light from anywhere on a dull ball is a quadratic polynomial of its surface's direction (Ramamoorthi and Hanrahan
-  // 2001). What darkens towards the whole edge, and more on one side, is hard to tell from an edge that is elsewhere.
-  for (int i = 3; i < 6; ++i) know(shading_ + i, 0, 0.1);
+  // 2001). What darkens towards the edge, and more on one side, is hard to tell from an edge that is elsewhere: of a
+  // small ball it is taken for the edge's place unless it must be light; a large one has pixels enough to tell.
+  for (int i = 3; i < 6; ++i) know(shading_ + i, 0, 0.05);
   know(shading_ + 6, 0, 0.2);
   for (int i = 7; i < 9; ++i) know(shading_ + i, 0, 0.03);
-  for (int i = 0; i < 3; ++i) know(paleness_ + i, 0, 0.2);
+  know(paleness_, 0, 0.2);
+  for (int i = 1; i < 3; ++i) know(paleness_ + i, 0, 0.05);
   expected_ = x_;
   for (int i = 0; i < 9; ++i) x_[shading_ + i] = look.shading[i];
   for (int i = 0; i < 3; ++i) x_[paleness_ + i] = look.paleness[i];
@@ -503,7 +509,7 @@ HUETRACK_CLONES void OutlineFit::assemble_rows(const Kind& k, Rows& rows, Assemb
       wp[i] = w[i] * by_pale[i] * k.level;
       wl[i] = w[i] * by_lit[i];
       w[i] *= residual;
-      off[i] = r2;
+      off[i] = std::copysign(r2, residual);
       r2s[i] = trust[i] * r2 * robust, ws[i] = trust[i];
       es[i] = light.by_size[i], ss[i] = light.by_size[i] * trust[i] / (1 + 0.1f * unsure[i]);
     }
@@ -565,27 +571,39 @@ void OutlineFit::assemble() {
   visible_ = edge > 0 ? seen_edge / edge : 0;
 }
 
-// What hides the object, and what else is there, does not count, nor do pixels that its edge may have softened.
+// What hides the object, and what else is there, does not count, nor do pixels that its edge may have softened; nor do
+// glints: what shines on the object is no light on a dull ball.
 void OutlineFit::judge_pixels() {
   constexpr float inside = 0.8f, outside = 0.02f, telling_sigmas2 = 64, nearer2 = 0.5f, strange_sigmas2 = 49,
-                  darker = 0.25f, brighter = 1.6f;
+                  darker = 0.25f, brighter = 1.6f, within = 0.9f,
+                  largest_glint = 0.25f;  // of the disc; of more the light is not known yet
   constexpr int soft_px = 2;
   // Where the object was expected, what hides it is found before the fit has given way to it.
-  constexpr std::uint8_t is_else = 1, hides = 2;
+  constexpr std::uint8_t is_else = 1, hides = 2, glints = 4;
   const bool is_first = !is_judged_;
   is_judged_ = true;
   bool any = false;
   for (int i = 0; i < width_ * height_; ++i) {
     std::uint8_t& cell = strange_[static_cast<std::size_t>(i)];
-    cell = is_first ? 0 : cell & hides;
+    cell = is_first ? 0 : cell & (hides | glints);
     any = any || cell != 0;
+  }
+  // The first step does not know the object's light yet.
+  if (!is_first && !had_glints_) {
+    int inner = 0, shining = 0;
+    const auto shines = [&](int k) { return light_.covered[k] > within && light_.off[k] > glint_sigmas2; };
+    for (int k = 0; k < light_.n; ++k) inner += light_.covered[k] > within, shining += shines(k);
+    had_glints_ = shining > 0 && shining < largest_glint * static_cast<float>(inner);
+    for (int k = 0; had_glints_ && k < light_.n; ++k)
+      if (shines(k)) strange_[static_cast<std::size_t>(light_.cell[k])] |= glints;
+    any = any || had_glints_;
   }
   for (int k = 0; k < light_.n; ++k) {
     const int cell = light_.cell[k];
     const auto i = static_cast<std::size_t>(cell);
     if (light_looks_[i] < 2 || (light_.covered[k] > outside && light_.covered[k] < inside)) continue;
     if (light_.covered[k] <= outside) {
-      if (light_.off[k] < strange_sigmas2) continue;
+      if (std::abs(light_.off[k]) < strange_sigmas2) continue;
     } else {
       // Is what is seen rather what is behind, or the object as bright as it may be?
       const auto c = static_cast<std::size_t>(cell / width_ / rows_ * across_ + cell % width_ / columns_);
@@ -605,7 +623,7 @@ void OutlineFit::judge_pixels() {
   }
   for (int k = 0; k < chroma_.n; ++k) {
     const auto c = static_cast<std::size_t>(chroma_.cell[k]);
-    if (chroma_looks_[c] < 2 || chroma_.covered[k] > outside || chroma_.off[k] < strange_sigmas2) continue;
+    if (chroma_looks_[c] < 2 || chroma_.covered[k] > outside || std::abs(chroma_.off[k]) < strange_sigmas2) continue;
     const int u = chroma_.cell[k] % across_ * columns_, v = chroma_.cell[k] / across_ * rows_;
     for (int b = 0; b < rows_; ++b)
       for (int a = 0; a < columns_; ++a) strange_[static_cast<std::size_t>((v + b) * width_ + u + a)] |= is_else;
@@ -616,7 +634,9 @@ void OutlineFit::judge_pixels() {
   const auto near = [&](int u, int v) {
     for (int b = std::max(0, v - soft_px); b <= std::min(height_ - 1, v + soft_px); ++b)
       for (int a = std::max(0, u - soft_px); a <= std::min(width_ - 1, u + soft_px); ++a)
-        if (strange_[static_cast<std::size_t>(b * width_ + a)] != 0) return true;
+        if (const int cell = strange_[static_cast<std::size_t>(b * width_ + a)];
+            (cell & ~glints) != 0 || (cell != 0 && std::abs(a - u) < soft_px && std::abs(b - v) < soft_px))
+          return true;
     return false;
   };
   for (int k = 0; k < light_.n; ++k)
@@ -644,7 +664,7 @@ Fit OutlineFit::fit(const Picture& picture, const Behind& behind, const Ellipse&
   if (!gather(picture, behind)) return out;
   select(light_, 1, 1);
   chroma_.n = 0;
-  had_strange_ = is_judged_ = false;
+  had_strange_ = is_judged_ = had_glints_ = false;
   if (has_chroma_) select(chroma_, columns_, rows_);
   out.pixels = light_.n;
   if (light_.n < least_pixels || !know_object(look)) return out;
@@ -656,7 +676,9 @@ Fit OutlineFit::fit(const Picture& picture, const Behind& behind, const Ellipse&
   double moved = 0;
   for (out.steps = 1; out.steps <= options.most_steps; ++out.steps) {
     assemble();
-    if (out.steps == 1 || (out.steps == 2 && had_strange_)) judge_pixels();  // counts from the next step on
+    const bool had_glints = had_glints_;
+    if (out.steps <= 3) judge_pixels();  // counts from the next step on
+    const bool are_pixels_judged = had_glints == had_glints_;
     covariance_ = normal_;
     covariance_.diagonal() += information_;
     solver.compute(covariance_);
@@ -677,7 +699,7 @@ Fit OutlineFit::fit(const Picture& picture, const Behind& behind, const Ellipse&
     }
     // Further steps would move it by less than its noise.
     const double noise = std::sqrt(1 / std::max(1e-9, std::min(covariance_(cu_, cu_), covariance_(cv_, cv_))));
-    if (out.steps >= 2 && moved < std::max(0.01, 0.3 * noise)) break;
+    if (out.steps >= 2 && are_pixels_judged && moved < std::max(0.01, 0.3 * noise)) break;
   }
   // Of those that are told or learnt.
   constexpr std::array<int, 6> told{cu_, cv_, size_, blur_light_, blur_chroma_, exposure_};
@@ -712,9 +734,19 @@ void OutlineFit::learn(Look& look) const {
     known.value = x_[i];
     known.sigma = std::max(least_sigma, std::sqrt(std::max(0.0, covariance_(i, i))));
   };
-  keep(look.log_blur_light, blur_light_, 0.05);
-  keep(look.log_blur_chroma, blur_chroma_, 0.08);
   keep(look.exposure_s, exposure_, 0.0005);
+  // Blur is the camera's: many pictures' mean, of what each says by itself, without what was expected of it.
+  const auto average = [&](Known& known, int i) {
+    const double told = 1 / std::max(1e-9, covariance_(i, i)) - information_[i];
+    if (!(told > 0)) return;
+    const double by_itself = expected_[i] + (x_[i] - expected_[i]) / (covariance_(i, i) * told);
+    const double sigma2 = known.sigma * known.sigma;
+    const double gain = sigma2 / (sigma2 + 1 / told + blur_of_light * blur_of_light);
+    known.value += gain * (by_itself - known.value);
+    known.sigma = std::max(least_blur_sigma, std::sqrt((1 - gain) * sigma2));
+  };
+  average(look.log_blur_light, blur_light_);
+  average(look.log_blur_chroma, blur_chroma_);
   look.object = object_;
   for (int i = 0; i < 9; ++i) look.shading[i] = x_[shading_ + i];
   for (int i = 0; i < 3; ++i) look.paleness[i] = x_[paleness_ + i];
