@@ -129,7 +129,7 @@ void CameraWatch::set_state(RoomState state, Timestamp at) {
   condition_.since = at;
 }
 
-void CameraWatch::look(const capture::Frame& frame, std::span<const Disc> objects) {
+void CameraWatch::look(const capture::Frame& frame, std::span<const Occluder> objects) {
   if (frame.status != capture::FrameStatus::ok || frame.pixels.width != camera_.image_size.width ||
       frame.pixels.height != camera_.image_size.height)
     return;
@@ -160,14 +160,14 @@ void CameraWatch::choose(const Luma& luma) {
 
 namespace {
 
-bool is_before(const Eigen::Vector2d& px, double half_px, std::span<const Disc> objects) {
+bool is_before(const Eigen::Vector2d& px, double half_px, std::span<const Occluder> objects) {
   return std::ranges::any_of(
-      objects, [&](const Disc& disc) { return (disc.px - px).norm() < object_margin * disc.radius_px + half_px; });
+      objects, [&](const Occluder& disc) { return (disc.px - px).norm() < object_margin * disc.radius_px + half_px; });
 }
 
 }  // namespace
 
-void CameraWatch::learn(const Luma& luma, Timestamp at, std::span<const Disc> objects) {
+void CameraWatch::learn(const Luma& luma, Timestamp at, std::span<const Occluder> objects) {
   if (last_lesson_at_ && at - *last_lesson_at_ < lesson_pause) return;
   last_lesson_at_ = at;
   const double half_px = double(seen_side * scale_) / std::sqrt(2.0);
@@ -216,7 +216,7 @@ void CameraWatch::end_lessons(Timestamp at) {
 
 // ---- Watching
 
-void CameraWatch::watch(const Luma& luma, Timestamp at, std::span<const Disc> objects) {
+void CameraWatch::watch(const Luma& luma, Timestamp at, std::span<const Occluder> objects) {
   condition_.patches = int(watched_.size());
   if (is_kept_ && condition_.state == RoomState::learning) {
     if (at >= next_survey_) survey(luma, at, objects);
@@ -245,7 +245,7 @@ void CameraWatch::watch(const Luma& luma, Timestamp at, std::span<const Disc> ob
 
 // Where a patch is now, looked for where that rotation has it. False: it cannot say anything.
 bool CameraWatch::measure(Watched& watched, const Luma& luma, Timestamp at, const Eigen::Vector3d& rotation,
-                          std::span<const Disc> objects) {
+                          std::span<const Occluder> objects) {
   const auto expected = camera_.model.project(turned(rotation, watched.ray));
   const double half_px = double(patch_side * scale_) / std::sqrt(2.0);
   watched.is_hidden = !expected || is_before(expected->px, half_px, objects);
@@ -308,7 +308,7 @@ bool CameraWatch::is_suspicious() const {
 }
 
 std::optional<RotationFit> CameraWatch::fit_all(const Luma& luma, Timestamp at, const Eigen::Vector3d& from,
-                                                std::span<const Disc> objects, int& could_say) {
+                                                std::span<const Occluder> objects, int& could_say) {
   could_say = 0;
   std::vector<SeenRay> seen;
   for (Watched& watched : watched_) {
@@ -322,7 +322,7 @@ std::optional<RotationFit> CameraWatch::fit_all(const Luma& luma, Timestamp at, 
 }
 
 // All patches at once.
-void CameraWatch::survey(const Luma& luma, Timestamp at, std::span<const Disc> objects) {
+void CameraWatch::survey(const Luma& luma, Timestamp at, std::span<const Occluder> objects) {
   verdict_count_ = 0;
   int could_say = 0;
   auto fit = fit_all(luma, at, condition_.rotation, objects, could_say);
@@ -352,7 +352,7 @@ void CameraWatch::survey(const Luma& luma, Timestamp at, std::span<const Disc> o
   if (pending_) next_survey_ = at + settling;
 }
 
-std::optional<Eigen::Vector3d> CameraWatch::relocate(const Luma& luma, std::span<const Disc> objects) const {
+std::optional<Eigen::Vector3d> CameraWatch::relocate(const Luma& luma, std::span<const Occluder> objects) const {
   // The best of them that are apart: every so many-th cell's.
   std::vector<const Watched*> order;
   for (const Watched& w : watched_) order.push_back(&w);

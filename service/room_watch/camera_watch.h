@@ -35,7 +35,7 @@ enum class RoomState : std::uint8_t {
 std::string_view name(RoomState state);  // "learning", ...
 
 // Where something was seen that is no part of the room.
-struct Disc {
+struct Occluder {
   Eigen::Vector2d px = Eigen::Vector2d::Zero();
   double radius_px = 0;
 };
@@ -78,7 +78,7 @@ class CameraWatch {
                        std::span<const KeptPatch> known = {});
 
   // The camera's frames in time order; those of another size are ignored. objects: what is before the room and moves.
-  void look(const capture::Frame& frame, std::span<const Disc> objects);
+  void look(const capture::Frame& frame, std::span<const Occluder> objects);
 
   const RoomCondition& condition() const { return condition_; }
   // What is known of the room, where the camera stood when it was learnt; empty while it is being learnt.
@@ -116,18 +116,18 @@ class CameraWatch {
   };
 
   void choose(const Luma& luma);
-  void learn(const Luma& luma, capture::Timestamp at, std::span<const Disc> objects);
+  void learn(const Luma& luma, capture::Timestamp at, std::span<const Occluder> objects);
   void end_lessons(capture::Timestamp at);
-  void watch(const Luma& luma, capture::Timestamp at, std::span<const Disc> objects);
+  void watch(const Luma& luma, capture::Timestamp at, std::span<const Occluder> objects);
   bool measure(Watched& watched, const Luma& luma, capture::Timestamp at, const Eigen::Vector3d& rotation,
-               std::span<const Disc> objects);
+               std::span<const Occluder> objects);
   void note(const Watched& watched, capture::Timestamp at);
   void hurry(capture::Timestamp at);
   bool is_suspicious() const;
-  void survey(const Luma& luma, capture::Timestamp at, std::span<const Disc> objects);
+  void survey(const Luma& luma, capture::Timestamp at, std::span<const Occluder> objects);
   std::optional<RotationFit> fit_all(const Luma& luma, capture::Timestamp at, const Eigen::Vector3d& from,
-                                     std::span<const Disc> objects, int& could_say);
-  std::optional<Eigen::Vector3d> relocate(const Luma& luma, std::span<const Disc> objects) const;
+                                     std::span<const Occluder> objects, int& could_say);
+  std::optional<Eigen::Vector3d> relocate(const Luma& luma, std::span<const Occluder> objects) const;
   void fit_recent(capture::Timestamp at);
   void take(const RotationFit& fit, capture::Timestamp at, bool is_fresh);
   void judge_turn(const RotationFit& fit, capture::Timestamp at, bool is_fresh);
