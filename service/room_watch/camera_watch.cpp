@@ -276,14 +276,14 @@ void CameraWatch::hurry(Timestamp at) {
 }
 
 void CameraWatch::note(const Watched& watched, Timestamp at) {
-  Verdict& verdict = verdicts_[verdict_count_++ % verdicts_.size()];
-  verdict = {};
+  Innovation& innovation = innovations_[innovation_count_++ % innovations_.size()];
+  innovation = {};
   if (!watched.seen_at) {
     hurry(at);
     return;
   }
-  verdict = {true, watched.px - watched.expected_px};
-  const double off_blocks = verdict.innovation_px.norm() / scale_;
+  innovation = {true, watched.px - watched.expected_px};
+  const double off_blocks = innovation.off_px.norm() / scale_;
   if (off_blocks < near_blocks) last_agreed_at_ = at;
   if (off_blocks >= far_blocks) {
     hurry(at);
@@ -293,15 +293,15 @@ void CameraWatch::note(const Watched& watched, Timestamp at) {
 }
 
 bool CameraWatch::is_suspicious() const {
-  if (verdict_count_ < verdicts_.size()) return false;
+  if (innovation_count_ < innovations_.size()) return false;
   int off = 0, found = 0;
   Eigen::Vector2d sum = Eigen::Vector2d::Zero();
-  for (const Verdict& v : verdicts_) {
-    const bool is_near = v.is_found && v.innovation_px.norm() < far_blocks * scale_;
+  for (const Innovation& of_patch : innovations_) {
+    const bool is_near = of_patch.is_found && of_patch.off_px.norm() < far_blocks * scale_;
     off += is_near ? 0 : 1;
     if (!is_near) continue;
     ++found;
-    sum += v.innovation_px;
+    sum += of_patch.off_px;
   }
   if (off >= many_of_six) return true;
   return found >= many_of_six && (sum / found).norm() > mean_off_blocks * scale_;
@@ -323,7 +323,7 @@ std::optional<RotationFit> CameraWatch::fit_all(const Luma& luma, Timestamp at, 
 
 // All patches at once.
 void CameraWatch::survey(const Luma& luma, Timestamp at, std::span<const Occluder> objects) {
-  verdict_count_ = 0;
+  innovation_count_ = 0;
   int could_say = 0;
   auto fit = fit_all(luma, at, condition_.rotation, objects, could_say);
   if (!fit && at >= next_relocation_) {

@@ -106,9 +106,9 @@ class CameraWatch {
     float contrast = 0;                                     // when it was looked at last, as a share of its own
     bool is_hidden = false;                                 // by an object, or outside the image: it says nothing
   };
-  struct Verdict {
+  struct Innovation {  // of a patch that was looked for
     bool is_found = false;
-    Eigen::Vector2d innovation_px = Eigen::Vector2d::Zero();
+    Eigen::Vector2d off_px = Eigen::Vector2d::Zero();
   };
   struct Snapshot {
     capture::Timestamp at;
@@ -150,8 +150,8 @@ class CameraWatch {
   bool has_begun_ = false, is_kept_ = false, has_forgotten_ = false;
   std::size_t next_ = 0;  // of watched_
   double due_ = 0;        // patches to look for
-  std::array<Verdict, 6> verdicts_{};
-  std::size_t verdict_count_ = 0;
+  std::array<Innovation, 6> innovations_{};
+  std::size_t innovation_count_ = 0;
   int off_in_a_row_ = 0;
   capture::Timestamp next_survey_{}, next_fit_{}, alert_until_{}, next_hurry_{}, hurry_until_{};
   capture::Duration survey_pause_{0};

@@ -64,7 +64,7 @@ class Suppositions {
  public:
   // All outlive it.
   Suppositions(const calib::CameraRig& rig, const std::vector<Track>& tracks, const TimeSigmas& time_sigmas,
-               const PairComparison::Verdict& as_is)
+               const PairComparison::Agreement& as_is)
       : rig_(rig), tracks_(tracks), time_sigmas_(time_sigmas), as_is_(as_is), comparison_(rig) {}
 
   // Whose frames are whose: every exchange of two, and of three or four all orders.
@@ -84,8 +84,8 @@ class Suppositions {
   // It disagrees with two that agree with each other: fewer could be explained by anything.
   bool could_be_fault_of(std::size_t camera) const {
     if (rig_.cameras.size() <= 2) return true;
-    const auto with_it = comparison_.verdict_of(tracks_, camera, true, {}, time_sigmas_);
-    const auto without = comparison_.verdict_of(tracks_, camera, false, {}, time_sigmas_);
+    const auto with_it = comparison_.agreement_of(tracks_, camera, true, {}, time_sigmas_);
+    const auto without = comparison_.agreement_of(tracks_, camera, false, {}, time_sigmas_);
     return with_it.pairs >= 2 && without.pairs > 0 && without.worst <= disagrees;
   }
 
@@ -134,12 +134,12 @@ class Suppositions {
   }
 
   void judge(Mistake mistake, const Supposition& supposition) {
-    const auto verdict = comparison_.verdict(tracks_, supposition, time_sigmas_);
-    if (verdict.pairs < as_is_.pairs || verdict.worst > agrees || verdict.score > much_better * as_is_.score ||
-        as_is_.score - verdict.score < least_gain)
+    const auto agreement = comparison_.agreement(tracks_, supposition, time_sigmas_);
+    if (agreement.pairs < as_is_.pairs || agreement.worst > agrees || agreement.score > much_better * as_is_.score ||
+        as_is_.score - agreement.score < least_gain)
       return;
     mistake.off_px = as_is_.worst_px;
-    answers_.push_back({std::move(mistake), verdict.score});
+    answers_.push_back({std::move(mistake), agreement.score});
   }
 
   void try_order(const std::vector<std::size_t>& really) {
@@ -166,7 +166,7 @@ class Suppositions {
   const calib::CameraRig& rig_;
   const std::vector<Track>& tracks_;
   const TimeSigmas& time_sigmas_;
-  const PairComparison::Verdict& as_is_;
+  const PairComparison::Agreement& as_is_;
   const PairComparison comparison_;
   std::vector<Answer> answers_;
 };
@@ -282,7 +282,7 @@ std::optional<Mistake> ViewWatch::of_rig(double now_s) {
   is_wrong_ = false;
   if (!has_moved()) return std::nullopt;
   const PairComparison comparison(rig_);
-  const PairComparison::Verdict as_is = comparison.verdict(tracks_, {}, time_sigmas_);
+  const PairComparison::Agreement as_is = comparison.agreement(tracks_, {}, time_sigmas_);
   is_wrong_ = as_is.pairs > 0 && (as_is.worst >= disagrees || as_is.score >= suspicious_score);
   const bool is_clear = as_is.worst >= disagrees;
   if (!is_clear) tries_ = 0;
@@ -295,7 +295,7 @@ std::optional<Mistake> ViewWatch::of_rig(double now_s) {
   return explained(as_is, is_clear);
 }
 
-std::optional<Mistake> ViewWatch::explained(const PairComparison::Verdict& as_is, bool is_clear) const {
+std::optional<Mistake> ViewWatch::explained(const PairComparison::Agreement& as_is, bool is_clear) const {
   Suppositions suppositions(rig_, tracks_, time_sigmas_, as_is);
   if (is_clear) suppositions.try_orders();  // exchanged or late cameras are not that near
   for (std::size_t c = 0; c < rig_.cameras.size(); ++c) {
