@@ -144,7 +144,7 @@ void plot(const PlotOptions& options) {
                                                : html_of(targets, style);
   yaml::write_whole_file(options.out, content);
   for (const ChartTarget& target : targets) {
-    const TargetFigures figures = figures_of(target);
+    const ChartFigures figures = figures_of(target);
     fmt::print("{}\n", to_text(figures));
     if (figures.compared > 0 && !figures.is_ever_near)
       fmt::print(stderr,
