@@ -12,8 +12,8 @@ using capture::Duration;
 using capture::Timestamp;
 
 // Learning: the mean of so many frames, so far apart: noise and flicker are averaged, and it is over within a second.
-constexpr int lesson_frames = 8;
-constexpr Duration lesson_pause = 80ms;
+constexpr int learning_frames = 8;
+constexpr Duration learning_pause = 80ms;
 constexpr float least_texture = 1.5f;  // of the mean; with noise of 3 grey levels a patch is then found to 0.2 blocks
 constexpr int image_margin = 6;        // blocks
 
@@ -146,7 +146,7 @@ void CameraWatch::look(const capture::Frame& frame, std::span<const Occluder> ob
       choose(luma);
     }
   }
-  if (!lessons_.empty()) learn(luma, at, objects);
+  if (!learning_.empty()) learn(luma, at, objects);
   if (!watched_.empty()) watch(luma, at, objects);
   last_at_ = at;
 }
@@ -155,7 +155,7 @@ void CameraWatch::look(const capture::Frame& frame, std::span<const Occluder> ob
 
 void CameraWatch::choose(const Luma& luma) {
   for (const ChosenPatch& chosen : choose_patches(luma, image_margin))
-    lessons_.push_back({.where = chosen, .sum = {}, .frames = 0, .is_spoilt = false});
+    learning_.push_back({.where = chosen, .sum = {}, .frames = 0, .is_spoilt = false});
 }
 
 namespace {
@@ -168,41 +168,41 @@ bool is_before(const Eigen::Vector2d& px, double half_px, std::span<const Occlud
 }  // namespace
 
 void CameraWatch::learn(const Luma& luma, Timestamp at, std::span<const Occluder> objects) {
-  if (last_lesson_at_ && at - *last_lesson_at_ < lesson_pause) return;
-  last_lesson_at_ = at;
+  if (last_learnt_at_ && at - *last_learnt_at_ < learning_pause) return;
+  last_learnt_at_ = at;
   const double half_px = double(seen_side * scale_) / std::sqrt(2.0);
   bool is_over = false;
-  for (Lesson& lesson : lessons_) {
+  for (PatchMean& mean : learning_) {
     std::array<float, std::size_t(seen_side) * seen_side> now;
-    if (!luma.read(lesson.where.corner.x(), lesson.where.corner.y(), seen_side, seen_side, now.data())) {
-      lesson.is_spoilt = true;
+    if (!luma.read(mean.where.corner.x(), mean.where.corner.y(), seen_side, seen_side, now.data())) {
+      mean.is_spoilt = true;
     } else {
-      for (std::size_t k = 0; k < now.size(); ++k) lesson.sum[k] += now[k];
+      for (std::size_t k = 0; k < now.size(); ++k) mean.sum[k] += now[k];
     }
-    const Eigen::Vector2d centre = lesson.where.corner.cast<double>().array() + double(seen_side - 1) / 2;
-    lesson.is_spoilt = lesson.is_spoilt || is_before(pixel_of(centre), half_px, objects);
-    is_over = ++lesson.frames >= lesson_frames || is_over;
+    const Eigen::Vector2d centre = mean.where.corner.cast<double>().array() + double(seen_side - 1) / 2;
+    mean.is_spoilt = mean.is_spoilt || is_before(pixel_of(centre), half_px, objects);
+    is_over = ++mean.frames >= learning_frames || is_over;
   }
-  if (is_over) end_lessons(at);
+  if (is_over) end_learning(at);
 }
 
-void CameraWatch::end_lessons(Timestamp at) {
-  for (const Lesson& lesson : lessons_) {
-    if (lesson.is_spoilt) continue;
+void CameraWatch::end_learning(Timestamp at) {
+  for (const PatchMean& mean : learning_) {
+    if (mean.is_spoilt) continue;
     SeenPatch seen;
     for (std::size_t k = 0; k < seen.size(); ++k)
-      seen[k] = static_cast<std::uint8_t>(std::lround(lesson.sum[k] / float(lesson.frames)));
-    const Eigen::Vector2d centre = lesson.where.corner.cast<double>().array() + double(seen_side - 1) / 2;
+      seen[k] = static_cast<std::uint8_t>(std::lround(mean.sum[k] / float(mean.frames)));
+    const Eigen::Vector2d centre = mean.where.corner.cast<double>().array() + double(seen_side - 1) / 2;
     const auto patch = make_patch(centre, seen);
     const auto ray = camera_.model.ray({pixel_of(centre)});
     if (!patch || !ray || patch->least_texture < least_texture) continue;
     watched_.push_back({.patch = *patch,
-                        .cell = lesson.where.cell,
+                        .cell = mean.where.cell,
                         .ray = turned_back(condition_.rotation, *ray),
                         .seen_at = {},
                         .differs_since = {}});
   }
-  lessons_.clear();
+  learning_.clear();
   condition_.patches = int(watched_.size());
   if (int(watched_.size()) < least_patches) {
     watched_.clear();
@@ -517,7 +517,7 @@ void CameraWatch::judge_nothing(Timestamp at) {
     has_forgotten_ = true;
     has_begun_ = false;
     watched_.clear();
-    last_lesson_at_.reset();
+    last_learnt_at_.reset();
     return;
   }
   if (!nothing_since_) nothing_since_ = at;
@@ -531,14 +531,14 @@ void CameraWatch::judge_nothing(Timestamp at) {
 
 // What has long shown something else is learnt anew, as it is now.
 void CameraWatch::replace_changed(const Luma& luma, Timestamp at) {
-  if (!lessons_.empty() || at < alert_until_ || nothing_since_) return;
+  if (!learning_.empty() || at < alert_until_ || nothing_since_) return;
   const auto is_old = [&](const Watched& w) { return w.differs_since && at - *w.differs_since > replaced_after; };
   if (std::ranges::none_of(watched_, is_old)) return;
   const auto chosen = choose_patches(luma, image_margin);
   for (const Watched& w : watched_) {
     if (!is_old(w)) continue;
     const auto there = std::ranges::find(chosen, w.cell, &ChosenPatch::cell);
-    if (there != chosen.end()) lessons_.push_back({.where = *there, .sum = {}, .frames = 0, .is_spoilt = false});
+    if (there != chosen.end()) learning_.push_back({.where = *there, .sum = {}, .frames = 0, .is_spoilt = false});
   }
   std::erase_if(watched_, is_old);
   next_ = 0;

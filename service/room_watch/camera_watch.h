@@ -88,7 +88,7 @@ class CameraWatch {
 
  private:
   // A patch that is being learnt: the mean of several frames.
-  struct Lesson {
+  struct PatchMean {
     ChosenPatch where;
     std::array<float, std::size_t(seen_side) * seen_side> sum{};
     int frames = 0;
@@ -117,7 +117,7 @@ class CameraWatch {
 
   void choose(const Luma& luma);
   void learn(const Luma& luma, capture::Timestamp at, std::span<const Occluder> objects);
-  void end_lessons(capture::Timestamp at);
+  void end_learning(capture::Timestamp at);
   void watch(const Luma& luma, capture::Timestamp at, std::span<const Occluder> objects);
   bool measure(Watched& watched, const Luma& luma, capture::Timestamp at, const Eigen::Vector3d& rotation,
                std::span<const Occluder> objects);
@@ -144,9 +144,9 @@ class CameraWatch {
   const CameraWatchOptions options_;
   const int scale_;
   RoomCondition condition_;
-  std::vector<Lesson> lessons_;
+  std::vector<PatchMean> learning_;
   std::vector<Watched> watched_;
-  std::optional<capture::Timestamp> last_at_, last_lesson_at_, last_agreed_at_;
+  std::optional<capture::Timestamp> last_at_, last_learnt_at_, last_agreed_at_;
   bool has_begun_ = false, is_kept_ = false, has_forgotten_ = false;
   std::size_t next_ = 0;  // of watched_
   double due_ = 0;        // patches to look for
