@@ -16,25 +16,9 @@ namespace huetrack::plot {
 namespace {
 
 using drawing::Canvas;
+using drawing::escaped;
 
 constexpr truth::Timestamp year_1973{std::chrono::seconds(100'000'000)};
-
-std::string escaped(const std::string& text) {
-  std::string out;
-  for (const char c : text) {
-    if (c == '&')
-      out += "&amp;";
-    else if (c == '<')
-      out += "&lt;";
-    else if (c == '>')
-      out += "&gt;";
-    else if (c == '"')
-      out += "&quot;";
-    else
-      out += c;
-  }
-  return out;
-}
 
 // Two drawings, of which the window's width chooses one: on a phone the wide one could not be read.
 std::string html_of(const std::vector<ChartTarget>& targets, const ChartStyle& style) {
