@@ -11,6 +11,7 @@
 
 #include "calib/yaml/output_file.h"
 #include "clients/plot/track_chart.h"
+#include "drawing/markup.h"
 
 namespace huetrack::plot {
 namespace {
