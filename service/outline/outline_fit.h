@@ -113,10 +113,13 @@ class OutlineFit {
     int cell[most_rows];  // in the box
   };
   struct Kind;
+  struct Chunk;
   struct Assembly;
+  struct Solver;
   using Unknowns = Eigen::Matrix<double, unknowns, 1>;
   using Normal = Eigen::Matrix<double, unknowns, unknowns>;
 
+  void lay_out(const Ellipse& start, const Movement& movement, const Look& look);
   bool gather(const Picture& picture, const Behind& behind);
   void fill_unknown();
   void select(Rows& rows, int shared, int lines);
@@ -128,6 +131,11 @@ class OutlineFit {
   static void assemble_rows(const Kind& kind, Rows& rows, Assembly& out);
   Kind kind_of_light() const;
   Kind kind_of_chroma() const;
+  Unknowns next_step(Solver& solver);
+  bool is_lost() const;
+  bool is_settled(const Unknowns& step) const;
+  void find_covariance(const Solver& solver);
+  void tell(Fit& out) const;
 
   Ellipse start_;
   Movement movement_;
