@@ -130,7 +130,11 @@ TEST_F(OutputFile, KilledAtAnyMomentItEndsWithAWholeLine) {
         ::usleep(20);  // between writes, that is: the kernel itself may end one at a page's end
       }
     }
-    ::usleep(static_cast<useconds_t>(150'000 + 3'000 * round));
+    // However busy the machine is, it is killed while it writes.
+    std::error_code not_there;
+    for (int i = 0; i < 30'000 && !(fs::exists(file_, not_there) && fs::file_size(file_, not_there) > 1000); ++i)
+      ::usleep(1000);
+    ::usleep(static_cast<useconds_t>(3'000 * round));
     ::kill(child, SIGKILL);
     ::waitpid(child, nullptr, 0);
     const std::string text = contents(file_);
