@@ -132,8 +132,10 @@ class Gathering {
       return true;
     }
     const auto needs = coverage_->needs();
-    if (line_.due()) line_.draw(status + (needs.empty() ? "" : "; then: " + needs.front()) + "\n" + coverage_->lines());
+    if (!ProgressLine::tells_programs() && line_.due())
+      line_.draw(status + (needs.empty() ? "" : "; then: " + needs.front()) + "\n" + coverage_->lines());
     if (page_.due()) page_.show(shown_, *coverage_, status);
+    if (ProgressLine::tells_programs() && line_.due()) tell(status, needs);
     return !options_.until_enough || !needs.empty();
   }
 
@@ -162,6 +164,20 @@ class Gathering {
   }
 
  private:
+  // The program that shows it: what each camera has, all that is missing, and then the status, which ends it.
+  void tell(const std::string& status, const std::vector<std::string>& needs) {
+    const auto list = [](const auto& numbers) { return fmt::to_string(fmt::join(numbers, ",")); };
+    for (std::size_t c = 0; c < names_.size(); ++c) {
+      const ViewCoverage::OfCamera& of = coverage_->cameras()[c];
+      tell_program("coverage", {names_[c], std::to_string(of.views), std::to_string(ViewCoverage::enough_views),
+                                fmt::format("{:.0f}", 100 * of.image_share()),
+                                fmt::format("{:.0f}", 100 * ViewCoverage::enough_image), list(of.corners),
+                                list(of.tilts), shown_[c].caption});
+    }
+    for (const std::string& need : needs) tell_program("need", {need});
+    line_.show(status, static_cast<int>(found_.set_at_s.size()), std::nullopt, "");
+  }
+
   // Detects on all cores, and counts.
   Look look_at(const capture::FrameSet& set) {
     ++found_.sets_seen;

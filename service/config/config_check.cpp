@@ -171,10 +171,9 @@ void check(const ServiceConfig& config, const yaml::YamlReader& root) {
                                      config.targets.size(), most_targets));
   if (!config.is_calibrated() && !config.camera_tracking.camera.empty())
     root.map("camera_tracking").fail("camera", "cannot be tracked yet: rig is none");
-  if (!config.is_calibrated() && !config.record.folder.empty())
-    root.map("record").fail("folder", "is for later: rig is none, and a recording holds the rig");
   check_camera_tracking(config, root.map_or_empty("camera_tracking"));
-  if (config.targets.empty() && config.camera_tracking.camera.empty())
+  // Who may teach may add the first one, too.
+  if (config.targets.empty() && config.camera_tracking.camera.empty() && !config.control.allow_teach)
     root.fail("targets",
               "at least one target is needed: targets: {ball: {color: {hue_deg: [65, 115]}}}; or a camera to "
               "track, under camera_tracking");

@@ -374,6 +374,13 @@ fs::path remove_target(const fs::path& config, const std::string& target) {
   });
 }
 
+fs::path save_rig(const fs::path& config, const fs::path& rig) {
+  return save(config, [&](Draft& draft) {
+    draft.config.rig_file = rig;
+    draft.give({"rig"});
+  });
+}
+
 fs::path save_controls(const fs::path& config, const std::string& camera,
                        std::span<const capture::ControlSetting> settings) {
   return save(config, [&](Draft& draft) {

@@ -39,6 +39,9 @@ std::filesystem::path rename_target(const std::filesystem::path& config, const s
                                     const std::string& to);
 std::filesystem::path remove_target(const std::filesystem::path& config, const std::string& target);
 
+// The rig that was found takes the place of the one that the configuration names, or of none.
+std::filesystem::path save_rig(const std::filesystem::path& config, const std::filesystem::path& rig);
+
 // Controls of a live camera of the configuration: what is given, beside what it says of the others.
 std::filesystem::path save_controls(const std::filesystem::path& config, const std::string& camera,
                                     std::span<const capture::ControlSetting> settings);

@@ -33,7 +33,8 @@ Recorder::~Recorder() {
   finish();
 }
 
-void Recorder::start(const std::filesystem::path& folder) {
+void Recorder::start(const std::filesystem::path& folder, bool with_pre_roll) {
+  leaves_pre_roll_out_ = !with_pre_roll;
   open(folder);
   until_.reset();
 }
@@ -44,6 +45,7 @@ bool Recorder::save_pre_roll(const std::filesystem::path& folder, capture::Durat
     if (until_) until_ = std::max(*until_, end);
     return false;
   }
+  leaves_pre_roll_out_ = false;
   open(folder);
   until_ = end;
   return true;
@@ -103,7 +105,8 @@ void Recorder::write(Camera& camera) {
     const auto frame = camera.waiting.pop_for(pre_roll_of_a_silent_camera_waits);
     if (const auto to = writer()) {
       if (camera.pre_roll && camera.pre_roll->size() > 0)
-        for (const capture::Frame& earlier : camera.pre_roll->take()) to->write(earlier);
+        for (const capture::Frame& earlier : camera.pre_roll->take())
+          if (!leaves_pre_roll_out_) to->write(earlier);
       if (frame) to->write(*frame);
     } else if (camera.pre_roll && frame) {
       camera.pre_roll->push(*frame);

@@ -422,6 +422,23 @@ TEST_F(TaughtFile, MistakesInItAreNamedWithFileAndLine) {
             "lab.yaml:5: threads must be a whole number, got \"many\"");
 }
 
+TEST_F(TaughtFile, AnotherRigTakesThePlaceOfThatOneOrOfNone) {
+  fs::copy(folder / "rig.yaml", folder / "new.yaml");
+  with("version: 1\nrig: rig.yaml\ntargets: {ball: {color: {hue_deg: [65, 115]}}}\n");
+  save_rig(file, folder / "new.yaml");
+  EXPECT_EQ(load_service_config(file).rig_file, folder / "new.yaml");
+  undo_taught(file);
+  EXPECT_EQ(load_service_config(file).rig_file, folder / "rig.yaml");
+  with("version: 1\nrig: none\ncameras: {cam0: {device: 0}, cam1: {device: 1}}\ntargets: {ball: {}}\n");
+  save_rig(file, folder / "new.yaml");
+  EXPECT_TRUE(load_service_config(file).is_calibrated());
+  // One that does not hold with the cameras is refused, and nothing has changed.
+  with("version: 1\nrig: none\ncameras: {cam0: {device: 0}, other: {device: 1}}\ntargets: {ball: {}}\n");
+  fs::remove(taught);
+  EXPECT_THROW(save_rig(file, folder / "new.yaml"), std::runtime_error);
+  EXPECT_FALSE(fs::exists(taught));
+}
+
 TEST_F(TaughtFile, FollowsALinkToTheConfiguration) {
   const ServiceConfig config = with(taught_head + "targets:\n  ball:\n    color: {hue_deg: [1, 2]}\n");
   fs::create_directory(folder / "links");
