@@ -24,8 +24,11 @@ ExitStatus cover(const CoverageOptions& o, std::stop_token stop) {
   for (const capture::RecordedCamera& camera : capture::read_recording(o.recording).cameras)
     cameras.push_back({camera.name, std::make_unique<capture::GrowingCamera>(camera, int(cameras.size())), {}});
   if (cameras.size() < 2) throw gather::InputError(o.recording + ": two cameras or more are needed");
-  const auto found = gather::gather_live(std::move(cameras), detector,
-                                         {.until_enough = false, .progress = !o.quiet, .page = o.page}, stop);
+  gather::LiveBoardsOptions options;
+  options.until_enough = false;
+  options.progress = !o.quiet;
+  options.page = o.page;
+  const gather::FoundBoards found = gather::gather_live(std::move(cameras), detector, options, stop);
   std::printf("%zu moments, of %d that were looked at\n", found.set_at_s.size(), found.sets_looked_at);
   return ExitStatus::usable;
 }

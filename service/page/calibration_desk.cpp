@@ -227,6 +227,7 @@ void CalibrationDesk::look_after(pipeline::RecordingKeeper* recording) {
   if (!is_busy()) return;
   try {
     hear();
+    const bool was_solving = stage_ == Stage::solving;  // what has ended may be what came before
     const auto ended = child_ ? child_->ended() : std::nullopt;
     if (ended) hear();  // its last words
     if (stage_ == Stage::recording && ended && !has_board_) {
@@ -244,7 +245,7 @@ void CalibrationDesk::look_after(pipeline::RecordingKeeper* recording) {
     }
     if (stage_ == Stage::recording) look_at_recording(recording);
     if (stage_ == Stage::closing) solve_when_closed(recording);
-    if (stage_ == Stage::solving && ended) take_result(*ended);
+    if (was_solving && ended) take_result(*ended);
   } catch (const std::exception& error) {  // it cannot be started, the disk refuses
     end(Stage::failed, error.what());
   }

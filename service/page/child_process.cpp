@@ -24,7 +24,7 @@ namespace {
 namespace fs = std::filesystem;
 using namespace std::chrono_literals;
 
-constexpr int child_niceness = 15;             // of 19: below whatever tracks, captures or shows
+constexpr int child_niceness = 10;             // of 19: below whatever tracks or captures
 constexpr auto child_patience = 500ms;         // at the end
 constexpr std::size_t longest_line = 4000;     // what is beyond is cut off
 constexpr std::size_t most_read = 256 * 1024;  // at once: whoever prints without end does not hold us

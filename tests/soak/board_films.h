@@ -23,8 +23,12 @@ inline std::vector<char> yuyv_of(const cv::Mat& grey) {
   return bytes;
 }
 
-// The board rests at each of the places for `rest` frames.
-inline void make_board_films(const std::filesystem::path& folder, int places, int rest) {
+// Few: every one of them is looked at.
+inline constexpr int board_fps = 20;
+
+// The board rests at each of the places for 0.65 s.
+inline void make_board_films(const std::filesystem::path& folder, int places) {
+  constexpr int rest = 13, round_s = 2;
   calib::CameraRig rig = gather::pictured_rig();
   rig.cameras.erase(rig.cameras.begin() + 1);  // those that stand farthest apart
   rig.cameras[1].name = "cam1";
@@ -32,7 +36,7 @@ inline void make_board_films(const std::filesystem::path& folder, int places, in
   for (const calib::Camera& camera : rig.cameras) builder.camera(camera);
   scene::BallOptions ball;
   ball.path = round_path;
-  write_films(folder, builder.ball(ball).build(), {.set_count = 60, .fps = 30});
+  write_films(folder, builder.ball(ball).build(), {.set_count = round_s * board_fps, .fps = board_fps});
   const auto poses = gather::pictured_poses(places);
   for (std::size_t c = 0; c < rig.cameras.size(); ++c) {
     std::ofstream film(folder / (rig.cameras[c].name + ".board.yuyv"), std::ios::binary);

@@ -25,7 +25,10 @@ huetrack::daemon::LiveRequests requests;
 // Nothing but which cameras there are, and what the page may do.
 void write_first_config(const std::filesystem::path& file, int domain) {
   std::ofstream(file) << "version: 1\nrig: none\n"
-                         "cameras: {cam0: {device: 0, size: [320, 240]}, cam1: {device: 1, size: [320, 240]}}\n"
+                         "cameras: {cam0: {device: 0, size: [320, 240], fps: "
+                      << huetrack::soak::board_fps
+                      << "}, cam1: {device: 1, size: [320, 240], fps: " << huetrack::soak::board_fps
+                      << "}}\n"
                          "record: {folder: recordings, pre_roll_s: 20}\n"
                          "control: {allow_teach: true, allow_record: true}\n"
                          "dds: {domain: "
@@ -62,8 +65,7 @@ int main(int argc, char** argv) {
   for (const int signal : {SIGHUP, SIGUSR1}) std::signal(signal, on_signal);
   try {
     if (cameras_to_make > 0) soak::make_films(films, cameras_to_make, 320, 240, phases == "spread");
-    constexpr int rest_frames = 20;
-    if (board_places > 0) soak::make_board_films(films, board_places, rest_frames);
+    if (board_places > 0) soak::make_board_films(films, board_places);
     if (board_places > 0 && !std::filesystem::exists(config_file)) write_first_config(config_file, domain);
     const config::ServiceConfig config = config::load_service_config(config_file);
     const auto play = [&](const config::ServiceConfig& now, const std::stop_token&) {

@@ -69,7 +69,8 @@ async function look(): Promise<void> {
 
 function take(reply: ControlReply): void {
   why = reply.granted ? "" : reply.reason;
-  const before = word("state");
+  const which = () => `${word("name")}/${word("state")}`; // two that end alike are two
+  const before = state ? which() : "";
   state = reply.granted ? {} : null;
   coverage = new Map();
   needs = [];
@@ -89,7 +90,7 @@ function take(reply: ControlReply): void {
       });
     }
   }
-  if (state && before !== word("state")) changed(before);
+  if (state && before !== which()) changed(before);
   show();
 }
 
@@ -196,7 +197,7 @@ export function drawCalibration(): void {
     const [w, h] = [canvas.width / columns, canvas.height / rows];
     for (let i = 0; i < parts.length; i++) {
       const [x, y] = [(i % columns) * w, Math.floor(i / columns) * h];
-      g.fillStyle = parts[i] > 0 ? "rgb(40 200 90 / 0.32)" : "rgb(0 0 0 / 0.38)";
+      g.fillStyle = parts[i] > 0 ? "rgb(40 200 90 / 0.3)" : "rgb(0 0 0 / 0.25)";
       g.fillRect(x, y, w, h);
       g.strokeStyle = "rgb(255 255 255 / 0.45)";
       g.lineWidth = 1;
