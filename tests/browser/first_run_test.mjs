@@ -112,7 +112,7 @@ async function test() {
   say(`views: ${await seen()}; missing: ${await page.locator("#calibrate-needs li").allTextContents()}`);
   await page.locator("#calibrate").screenshot({ path: join(options.out, "4_covered.png") });
   await page.click("#calibrate-stop");
-  await until("it is solved", async () => /^(Usable|Doubtful|It failed)/.test(await says()), 90000);
+  await until("it is solved", async () => /^(Usable|Doubtful|It failed)/.test(await says()), 150000);
   say(await says());
   assert.match(await says(), /^(Usable|Doubtful): corners fit to 0\.\d+ px rms/);
   await page.locator("#calibrate").screenshot({ path: join(options.out, "5_verdict.png") });
@@ -200,7 +200,7 @@ async function test() {
   await sleep(4000); // which it was waved in
   await page.check("input[name=calibrate-kind][value=wave]");
   await page.click("#calibrate-last");
-  await until("it is solved", async () => /^(Usable|Doubtful|It failed)/.test(await says()), 60000);
+  await until("it is solved", async () => /^(Usable|Doubtful|It failed)/.test(await says()), 150000);
   say(await says());
   assert.match(await says(), /^(Usable|Doubtful): the ball is 0\.\d+ px rms off/);
   await page.locator("#calibrate").screenshot({ path: join(options.out, "8_wave.png") });

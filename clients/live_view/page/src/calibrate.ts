@@ -114,6 +114,11 @@ function changed(before: string): void {
 const share = (done: string, total: string) => (Number(total) > 0 ? Math.min(1, Number(done) / Number(total)) : null);
 
 function show(): void {
+  // Without a lens no object can tell where it is.
+  const hasRig = (store.scene?.cameras ?? []).every((c) => c.model);
+  const choices = [...document.querySelectorAll<HTMLInputElement>("input[name=calibrate-kind]")];
+  for (const choice of choices) choice.disabled = choice.value === "wave" && !hasRig;
+  if (!hasRig) choices.find((choice) => choice.value === "board")!.checked = true;
   const now = word("state");
   const lamp = $("calibrate-lamp");
   const names: Record<string, string> = { recording: "recording", closing: "recorded", solving: "calibrating", usable: "waits to be accepted", doubtful: "waits to be looked at" };
@@ -268,10 +273,6 @@ export function updateCalibration(serving: boolean): void {
 function open(): void {
   panel.hidden = false;
   $("calibrate-open").setAttribute("aria-expanded", "true");
-  // Without a lens no object can tell where it is.
-  const hasRig = (store.scene?.cameras ?? []).every((c) => c.model);
-  if (!isBusy()) document.querySelector<HTMLInputElement>(`input[name=calibrate-kind][value=${hasRig ? kind() : "board"}]`)!.checked = true;
-  for (const input of document.querySelectorAll<HTMLInputElement>("input[name=calibrate-kind]")) input.disabled = input.value === "wave" && !hasRig;
   void updateHistory();
   void look();
 }
