@@ -39,7 +39,7 @@ bool begins_a_report(std::string_view text) {
 std::string summary(const CalibrationReport& report) {
   std::string text = fmt::format("corners fit to {:.2f} px rms", report.rms_px);
   if (report.volume && report.volume->covered > 0)
-    text += fmt::format(", points are expected to be off by {:.1f} mm", 1000 * report.volume->median_by_calibration_m);
+    text += fmt::format(", points are expected to be off by {:.2g} mm", 1000 * report.volume->median_by_calibration_m);
   const auto worst =
       std::ranges::find_if(report.checks, [](const Check& check) { return check.verdict != Verdict::usable; });
   if (worst != report.checks.end()) text += "; " + worst->finding + ": " + worst->advice;

@@ -232,7 +232,9 @@ std::string size_warning(const ServiceConfig& config) {
 std::vector<std::string> warnings_of(const ServiceConfig& config) {
   std::vector<std::string> warnings;
   if (!config.is_calibrated())
-    return {"the cameras are not calibrated (rig: none), so nothing is tracked: huetrack-calibrate writes the rig"};
+    return {
+        "the cameras are not calibrated (rig: none), so nothing is tracked: calibrate them on the page of huetrack "
+        "view, or with huetrack-calibrate"};
   for (const auto& target : config.targets)
     if (!is_taught(target))
       warnings.push_back(

@@ -121,9 +121,9 @@ TEST_F(Child, WhoPrintsWithoutEndHoldsNobody) {
 
 // ---- The desk
 
-class Desk : public Scratch {
+class Calibrating : public Scratch {
  protected:
-  Desk() {
+  Calibrating() {
     const fs::path demo = fs::path(HUETRACK_SOURCE_DIR) / "configs/demo/recording/rig.yaml";
     fs::copy_file(demo, folder / "rig.yaml");
     write("rig: rig.yaml");
@@ -158,8 +158,7 @@ class Desk : public Scratch {
   std::map<std::string, std::vector<std::string>> state() {
     std::map<std::string, std::vector<std::string>> rows;
     const msg::ControlReply told = ask({"state"});
-    for (const auto& row : told.rows())
-      rows[row.columns()[0]] = {row.columns().begin() + 1, row.columns().end()};
+    for (const auto& row : told.rows()) rows[row.columns()[0]] = {row.columns().begin() + 1, row.columns().end()};
     return rows;
   }
   std::string stage() { return state()["state"].at(0); }
@@ -229,7 +228,7 @@ std::string fake(const fs::path& folder, const std::string& verdict = "usable", 
   return with(with(with(honest, "FOLDER", folder.string()), "VERDICT", verdict), "STATUS", std::to_string(status));
 }
 
-TEST_F(Desk, ABoardIsRecordedCoveredSolvedAndAccepted) {
+TEST_F(Calibrating, ABoardIsRecordedCoveredSolvedAndAccepted) {
   calib::CameraRig found = config.rig;
   found.cameras[0].cam_from_world.translation.x() += 0.01;
   calib::write_rig(found, folder / "found.yaml");
@@ -277,7 +276,7 @@ TEST_F(Desk, ABoardIsRecordedCoveredSolvedAndAccepted) {
   EXPECT_EQ(calib::rig_identity(config::load_service_config(folder / "c.yaml").rig), calib::rig_identity(config.rig));
 }
 
-TEST_F(Desk, NothingIsCalibratedBefore) {
+TEST_F(Calibrating, NothingIsCalibratedBefore) {
   calib::write_rig(config.rig, folder / "found.yaml");
   write("rig: none");
   begin(fake(folder));
@@ -296,7 +295,7 @@ TEST_F(Desk, NothingIsCalibratedBefore) {
   EXPECT_TRUE(config::load_service_config(folder / "c.yaml").is_calibrated());
 }
 
-TEST_F(Desk, ADoubtfulOneNeedsAWordMore) {
+TEST_F(Calibrating, ADoubtfulOneNeedsAWordMore) {
   calib::write_rig(config.rig, folder / "found.yaml");
   begin(fake(folder, "doubtful", 2));
   for (int i = 0; i < 30; ++i, std::this_thread::sleep_for(2ms)) frame();
@@ -312,7 +311,7 @@ TEST_F(Desk, ADoubtfulOneNeedsAWordMore) {
   EXPECT_TRUE(ask({"accept", "doubtful"}).granted());
 }
 
-TEST_F(Desk, ARigThatLacksACameraChangesNothing) {
+TEST_F(Calibrating, ARigThatLacksACameraChangesNothing) {
   calib::CameraRig found = config.rig;
   found.cameras.pop_back();
   found.uncertainty.reset();
@@ -327,7 +326,7 @@ TEST_F(Desk, ARigThatLacksACameraChangesNothing) {
     EXPECT_THAT(entry.path().filename().string(), Not(StartsWith("c.rig-")));
 }
 
-TEST_F(Desk, WhatGoesWrongIsToldWithItsLastLine) {
+TEST_F(Calibrating, WhatGoesWrongIsToldWithItsLastLine) {
   begin("case $2 in board) echo 'huetrack-calibrate: --type: hexagons not in {...}' >&2; exit 1 ;; esac");
   ASSERT_TRUE(ask({"board", "type=hexagons"}).granted());
   ASSERT_TRUE(becomes("failed"));
@@ -349,7 +348,7 @@ TEST_F(Desk, WhatGoesWrongIsToldWithItsLastLine) {
   EXPECT_EQ(state()["says"].at(0), "no two cameras saw the ball together");
 }
 
-TEST_F(Desk, IsCancelledWhileItRecordsAndWhileItSolves) {
+TEST_F(Calibrating, IsCancelledWhileItRecordsAndWhileItSolves) {
   begin("case $2 in wave) exec sleep 100 ;; esac");
   ASSERT_TRUE(ask({"wave", "ball", "5"}).granted());
   ASSERT_TRUE(ask({"cancel"}).granted());
@@ -364,7 +363,7 @@ TEST_F(Desk, IsCancelledWhileItRecordsAndWhileItSolves) {
   EXPECT_TRUE(fs::exists(recording() / "recording.yaml")) << "what was recorded stays";
 }
 
-TEST_F(Desk, GoesOnWhenTheSessionBeginsAnew) {
+TEST_F(Calibrating, GoesOnWhenTheSessionBeginsAnew) {
   calib::write_rig(config.rig, folder / "found.yaml");
   begin(fake(folder));
   ASSERT_TRUE(ask({"wave", "ball", "60"}).granted());
@@ -374,7 +373,7 @@ TEST_F(Desk, GoesOnWhenTheSessionBeginsAnew) {
   EXPECT_TRUE(becomes("usable")) << stage() << log;
 }
 
-TEST_F(Desk, WhatMakesNoSenseOrMayNotBeIsRefused) {
+TEST_F(Calibrating, WhatMakesNoSenseOrMayNotBeIsRefused) {
   begin("exit 0");
   for (const std::vector<std::string>& words : {std::vector<std::string>{},
                                                 {"dance"},

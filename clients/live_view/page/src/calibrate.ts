@@ -98,13 +98,12 @@ function take(reply: ControlReply): void {
 function changed(before: string): void {
   isSure = false;
   const says = word("says");
-  const sentence = says ? says[0].toUpperCase() + says.slice(1) + (/[.?!]$/.test(says) ? "" : ".") : "";
   const texts: Record<string, [string, boolean]> = {
     usable: [`Usable: ${says}.`, false],
     doubtful: [`Doubtful: ${says}.`, true],
     failed: [`It failed: ${says}.`, true],
     cancelled: ["Cancelled. What was recorded is among the recordings.", false],
-    accepted: [sentence, false],
+    accepted: [`Accepted: ${says}.`, false],
   };
   const text = texts[word("state")];
   if (text && (before || word("state") !== "idle")) say(...text);
