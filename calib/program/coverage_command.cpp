@@ -1,12 +1,15 @@
 // huetrack-calibrate coverage: what a recording of a board that is still being made lacks.
 #include <CLI/CLI.hpp>
+#include <chrono>
 #include <cstdio>
 #include <memory>
+#include <thread>
 
 #include "calib/board/board_yaml.h"
 #include "calib/gather/live_boards.h"
 #include "calib/gather/picture_source.h"
 #include "calib/program/commands.h"
+#include "calib/yaml/yaml_reader.h"
 #include "capture/growing_recording.h"
 
 namespace huetrack::program {
@@ -18,10 +21,24 @@ struct CoverageOptions {
   bool quiet = false;
 };
 
+// As soon as it says which frames it has: it may have been begun a moment ago. throws ConfigError: it does not, for
+// long.
+std::vector<capture::RecordedCamera> growing_cameras(const std::string& recording, const std::stop_token& stop) {
+  constexpr auto patience = std::chrono::seconds(20), look_again = std::chrono::milliseconds(100);
+  for (const auto end = std::chrono::steady_clock::now() + patience;;) {
+    try {
+      return capture::read_recording(recording).cameras;
+    } catch (const yaml::ConfigError&) {
+      if (stop.stop_requested() || std::chrono::steady_clock::now() > end) throw;
+    }
+    std::this_thread::sleep_for(look_again);
+  }
+}
+
 ExitStatus cover(const CoverageOptions& o, std::stop_token stop) {
   const board::BoardDetector detector(board::read_board(o.board));
   std::vector<gather::LiveCameraSource> cameras;
-  for (const capture::RecordedCamera& camera : capture::read_recording(o.recording).cameras)
+  for (const capture::RecordedCamera& camera : growing_cameras(o.recording, stop))
     cameras.push_back({camera.name, std::make_unique<capture::GrowingCamera>(camera, int(cameras.size())), {}});
   if (cameras.size() < 2) throw gather::InputError(o.recording + ": two cameras or more are needed");
   gather::LiveBoardsOptions options;

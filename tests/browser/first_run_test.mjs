@@ -105,7 +105,7 @@ async function test() {
   for (const [id, value] of [["columns", 7], ["rows", 5], ["square_mm", 80]]) await page.fill(`#calibrate-${id}`, String(value));
   await page.click("#calibrate-start");
   const seen = async () => [...(await page.textContent("#calibrate-pictures")).matchAll(/(\d+) of 15 views/g)].map((m) => Number(m[1]));
-  await until("corners are seen in both", async () => (await seen()).length === 2 && (await seen()).every((n) => n >= 2), 30000);
+  await until("corners are seen in both", async () => (await seen()).length === 2 && (await seen()).every((n) => n >= 2), 90000);
   assert.ok((await page.locator("#calibrate-needs li").count()) > 0, "something is missing yet");
   await page.locator("#calibrate").screenshot({ path: join(options.out, "3_coverage.png") });
   await until("it was in most places", async () => (await seen()).every((n) => n >= 9), 60000);

@@ -124,7 +124,7 @@ TEST(GrowingRecording, IsReadWhileItIsWritten) {
   options.flush_every = 10ms;
   RecordingWriter writer(options);
   // Begun before there is a frame, and even the file.
-  GrowingCamera camera(read_recording(folder / "run").cameras.at(0), 3);
+  GrowingCamera camera({.name = "left", .frames = folder / "run/left.mkv"}, 3);
   std::jthread writing([&](const std::stop_token& stop) {
     for (int k = 0; k < 400 && !stop.stop_requested(); ++k, std::this_thread::sleep_for(5ms))
       writer.write(raw_frame(k));
@@ -155,7 +155,7 @@ TEST(GrowingRecording, IsReadWhileItIsWritten) {
 TEST(GrowingRecording, ThatNeverBeginsIsWaitedForUntilTheStop) {
   const TemporaryFolder folder;
   const RecordingWriter writer(options_for(folder / "run"));
-  GrowingCamera camera(read_recording(folder / "run").cameras.at(0), 0);
+  GrowingCamera camera({.name = "left", .frames = folder / "run/left.mkv"}, 0);
   std::stop_source stop;
   std::jthread stopping([&] {
     std::this_thread::sleep_for(100ms);

@@ -289,7 +289,7 @@ TEST_F(Targets, NonsenseChangesNothing) {
                                                 {"target", "set", "none", "radius_m=1"},
                                                 {"target", "add", "ball"},
                                                 {"target", "add", "a b"},
-                                                {"target", "remove", "ball"},
+                                                {"target", "remove", "none"},
                                                 {"undo", "now"},
                                                 {"undo"},
                                                 {"redo"}}) {
