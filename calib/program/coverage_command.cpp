@@ -24,7 +24,7 @@ struct CoverageOptions {
 // As soon as it says which frames it has: it may have been begun a moment ago. throws ConfigError: it does not, for
 // long.
 std::vector<capture::RecordedCamera> growing_cameras(const std::string& recording, const std::stop_token& stop) {
-  constexpr auto patience = std::chrono::seconds(20), look_again = std::chrono::milliseconds(100);
+  constexpr std::chrono::milliseconds patience(20'000), look_again(100);
   for (const auto end = std::chrono::steady_clock::now() + patience;;) {
     try {
       return capture::read_recording(recording).cameras;

@@ -33,11 +33,11 @@ class CalibrateLive : public Test {
     constexpr double fps = 20;
     soak::write_films(folder, scene, {.set_count = int(period_s * fps), .fps = fps});
     truth = spoiled = scene.rig;
-    for (std::size_t c = 0; c < spoiled.cameras.size(); ++c) {  // as after a knock: a degree, and 2 cm
+    for (std::size_t c = 0; c < spoiled.cameras.size(); ++c) {  // as after a knock: turned by a degree, moved by 3 mm
       const Eigen::Vector3d axis = Eigen::Vector3d(1, double(c) - 1, 0.3).normalized();
+      const Eigen::Quaterniond turned(Eigen::AngleAxisd(std::numbers::pi / 180, axis));
       calib::Rigid3d& pose = spoiled.cameras[c].cam_from_world;
-      pose = {Eigen::Quaterniond(Eigen::AngleAxisd(std::numbers::pi / 180, axis)) * pose.rotation,
-              pose.translation + 0.02 * Eigen::Vector3d(0.6, -0.8, 0)};
+      pose = {turned * pose.rotation, turned * pose.translation + 0.003 * Eigen::Vector3d(0.6, -0.8, 0)};
     }
     calib::write_rig(spoiled, folder / "rig.yaml");
     std::string config = soak::film_config(folder, 300,
@@ -85,26 +85,30 @@ TEST_F(CalibrateLive, FromWhatWasWavedJustNow) {
   std::string state;
   ASSERT_TRUE(comes_true(
       [&] {
+        std::this_thread::sleep_for(std::chrono::milliseconds(500));
         state = control({"calibrate", "state"}).out;
         return std::ranges::any_of(std::array{"usable", "doubtful", "failed"},
                                    [&](const std::string& end) { return state.starts_with("state\t" + end + "\n"); });
       },
       std::chrono::seconds(120)))
       << state << service->err();
-  EXPECT_THAT(state, HasSubstr("state\tusable\n"));
+  // The distances between the cameras are known from the rig alone, which was knocked: that is said.
+  EXPECT_THAT(state, AllOf(HasSubstr("state\tdoubtful\n"), HasSubstr("the scale is from the rig's own poses")));
   EXPECT_THAT(state, AllOf(HasSubstr("kind\twave\n"), HasSubstr("report\ttrue\n"), HasSubstr("px rms off")));
   ASSERT_EQ(control({"calibrate", "report", "--out", (folder / "report.html").string()}).status, 0);
   EXPECT_THAT(contents(folder / "report.html"), AllOf(StartsWith("<!doctype html>"), HasSubstr("waved object")));
 
-  const Result accepted = control({"calibrate", "accept"});
+  EXPECT_THAT(control({"calibrate", "accept"}).err, HasSubstr("say accept doubtful"));
+  EXPECT_FALSE(fs::exists(folder / "c.taught.yaml"));
+  const Result accepted = control({"calibrate", "accept", "doubtful"});
   ASSERT_EQ(accepted.status, 0) << accepted.err;
   EXPECT_THAT(accepted.err, AllOf(HasSubstr("Accepted: c.rig-"), HasSubstr("begins anew")));
   fs::path found;
   for (const auto& entry : fs::directory_iterator(folder))
     if (entry.path().filename().string().starts_with("c.rig-")) found = entry.path();
   ASSERT_FALSE(found.empty());
-  EXPECT_GT(off_m(spoiled), 0.015);
-  EXPECT_LT(off_m(calib::read_rig(found)), 0.005);
+  EXPECT_GT(off_m(spoiled), 0.02);
+  EXPECT_LT(off_m(calib::read_rig(found)), 0.006);
   EXPECT_THAT(contents(folder / "c.taught.yaml"), HasSubstr(found.string()));
   EXPECT_EQ(contents(folder / "rig.yaml"), calib::to_yaml(spoiled)) << "the old one is kept";
   ASSERT_TRUE(comes_true([&] { return contents(folder / "service.err").find("beginning anew") != std::string::npos; }));
