@@ -362,6 +362,60 @@ double marker_side(const Board& board, const BoardDetection& found, const std::m
   return calib::median(std::move(sides));
 }
 
+BoardDetection corners_of_markers(const std::map<int, MarkerCorners>& markers, const Board& board) {
+  BoardDetection found;
+  for (const auto& [id, corners] : markers) {
+    for (int k = 0; k < 4; ++k) {
+      const cv::Point2f& p = corners[static_cast<std::size_t>(k)];
+      found.ids.push_back(4 * (id - board.first_marker) + k);
+      found.px.emplace_back(p.x, p.y);
+    }
+  }
+  return found;
+}
+
+// From the board to pixels, by the four markers that are nearest to one of its points.
+std::optional<cv::Matx33d> pixels_around(const Eigen::Vector3d& point, const std::map<int, MarkerCorners>& markers,
+                                         const Board& board) {
+  std::vector<std::pair<double, int>> nearest;
+  for (const auto& [marker, px] : markers) {
+    const auto on_board = board.marker_corners(marker - board.first_marker);
+    nearest.emplace_back(((on_board[0] + on_board[2]) / 2 - point).norm(), marker);
+  }
+  std::ranges::sort(nearest);
+  if (nearest.front().first > 1.6 * board.pitch.norm()) return std::nullopt;  // too far from any marker that was found
+  std::vector<cv::Point2f> from, to;
+  for (std::size_t k = 0; k < std::min<std::size_t>(4, nearest.size()); ++k) {
+    const auto on_board = board.marker_corners(nearest[k].second - board.first_marker);
+    for (std::size_t c = 0; c < 4; ++c) {
+      from.emplace_back(on_board[c].x(), on_board[c].y());
+      to.emplace_back(markers.at(nearest[k].second)[c]);
+    }
+  }
+  const cv::Mat h = cv::findHomography(from, to);
+  return h.empty() ? std::nullopt : std::optional(cv::Matx33d(h));
+}
+
+// Corners of the squares between markers: first where the markers say, then to the corner itself. There are some.
+BoardDetection squares_corners(const cv::Mat& image, const std::map<int, MarkerCorners>& markers, const Board& board) {
+  FoundCorners corners;
+  const double white_margin = 0.5 * (1 - board.marker / board.pitch.maxCoeff());
+  for (int id = 0; id < board.point_count(); ++id) {
+    const Eigen::Vector3d corner = board.point(id);
+    const std::optional<cv::Matx33d> pixels = pixels_around(corner, markers, board);
+    if (!pixels) continue;
+    const auto px = [&](double dx, double dy) {
+      return apply(*pixels, corner.x() + dx * board.pitch.x(), corner.y() + dy * board.pitch.y());
+    };
+    const Vector2d step_i = (px(0.5, 0) - px(-0.5, 0)), step_j = px(0, 0.5) - px(0, -0.5);
+    const int column = id % board.corner_columns(), row = id / board.corner_columns();
+    const bool dark = !board.is_marker_square(column, row);  // the square up and left of the corner
+    if (const auto refined = refine_corner(image, px(0, 0), step_i, step_j, dark, white_margin))
+      corners.add(id, *refined);
+  }
+  return without_odd_ones(corners, board.corner_columns());
+}
+
 }  // namespace
 
 BoardDetector::BoardDetector(Board board) : board_(std::move(board)) {
@@ -440,50 +494,8 @@ BoardDetection BoardDetector::detect_markers(const GreyView& view) const {
                               : "it shows markers of " + board_.dictionary + ", but not those of the board";
     return found;
   }
-  if (board_.type == BoardType::aruco_grid) {
-    for (const auto& [id, corners] : markers) {
-      for (int k = 0; k < 4; ++k) {
-        const cv::Point2f& p = corners[static_cast<std::size_t>(k)];
-        found.ids.push_back(4 * (id - board_.first_marker) + k);
-        found.px.emplace_back(p.x, p.y);
-      }
-    }
-    return found;
-  }
-  // Where the markers around a corner say that it is; then to the corner itself.
-  FoundCorners corners;
-  const double white_margin = 0.5 * (1 - board_.marker / board_.pitch.maxCoeff());
-  for (int id = 0; id < board_.point_count(); ++id) {
-    const Eigen::Vector3d corner = board_.point(id);
-    std::vector<std::pair<double, int>> nearest;
-    for (const auto& [marker, px] : markers) {
-      const auto on_board = board_.marker_corners(marker - board_.first_marker);
-      nearest.emplace_back(((on_board[0] + on_board[2]) / 2 - corner).norm(), marker);
-    }
-    std::ranges::sort(nearest);
-    if (nearest.front().first > 1.6 * board_.pitch.norm()) continue;  // too far from any marker that was found
-    std::vector<cv::Point2d> from, to;
-    for (std::size_t k = 0; k < std::min<std::size_t>(4, nearest.size()); ++k) {
-      const auto on_board = board_.marker_corners(nearest[k].second - board_.first_marker);
-      for (std::size_t c = 0; c < 4; ++c) {
-        from.emplace_back(on_board[c].x(), on_board[c].y());
-        to.emplace_back(markers[nearest[k].second][c]);
-      }
-    }
-    const cv::Mat h = cv::findHomography(from, to);
-    if (h.empty()) continue;
-    const cv::Matx33d pixels = h;
-    const auto px = [&](double dx, double dy) {
-      return apply(pixels, corner.x() + dx * board_.pitch.x(), corner.y() + dy * board_.pitch.y());
-    };
-    const Vector2d step_i = (px(0.5, 0) - px(-0.5, 0)), step_j = px(0, 0.5) - px(0, -0.5);
-    const int column = id % board_.corner_columns(), row = id / board_.corner_columns();
-    const bool dark = !board_.is_marker_square(column, row);  // the square up and left of the corner
-    if (const auto refined = refine_corner(image, px(0, 0), step_i, step_j, dark, white_margin)) {
-      corners.add(id, *refined);
-    }
-  }
-  found = without_odd_ones(corners, board_.corner_columns());
+  if (board_.type == BoardType::aruco_grid) return corners_of_markers(markers, board_);
+  found = squares_corners(image, markers, board_);
   const auto lines = [&](auto line_of) {
     std::vector<int> all;
     for (const int id : found.ids) all.push_back(line_of(id));

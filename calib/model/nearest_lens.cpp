@@ -10,29 +10,29 @@
 namespace huetrack::calib {
 namespace {
 
-struct Seen {
+struct PixelRay {
   Eigen::Vector3d ray;
   Eigen::Vector2d px;
 };
 
-std::vector<Seen> rays_of(const CameraModel& lens, ImageSize size) {
+std::vector<PixelRay> rays_of(const CameraModel& lens, ImageSize size) {
   constexpr int columns = 32, rows = 24;
-  std::vector<Seen> seen;
+  std::vector<PixelRay> rays;
   for (int row = 0; row <= rows; ++row) {
     for (int column = 0; column <= columns; ++column) {
       const Eigen::Vector2d px(column * (size.width - 1.0) / columns, row * (size.height - 1.0) / rows);
-      if (const auto ray = lens.ray({px})) seen.push_back({*ray, px});
+      if (const auto ray = lens.ray({px})) rays.push_back({*ray, px});
     }
   }
-  return seen;
+  return rays;
 }
 
 // Squares, with the normal equations where they are asked for. What has no pixel counts as far off.
-double cost_of(const CameraModel& kind, const LensParameters& l, const std::vector<Seen>& seen, int free,
+double cost_of(const CameraModel& kind, const LensParameters& l, const std::vector<PixelRay>& rays, int free,
                Eigen::MatrixXd* normal, Eigen::VectorXd* gradient) {
   constexpr double far_px = 1e3;
   double cost = 0;
-  for (const Seen& s : seen) {
+  for (const PixelRay& s : rays) {
     Eigen::Vector2d px;
     PixelByLens by_lens;
     if (!project_like(kind, l, s.ray, px, nullptr, normal ? &by_lens : nullptr)) {
@@ -51,20 +51,20 @@ double cost_of(const CameraModel& kind, const LensParameters& l, const std::vect
 }  // namespace
 
 NearestLens nearest_lens(const CameraModel& lens, ImageSize size, const CameraModel& kind, int free) {
-  const std::vector<Seen> seen = rays_of(lens, size);
+  const std::vector<PixelRay> rays = rays_of(lens, size);
   LensParameters l = parameters_of(kind);
   l.head<4>() << lens.fx(), lens.fy(), lens.cx(), lens.cy();
-  double damping = 1e-3, cost = cost_of(kind, l, seen, free, nullptr, nullptr);
+  double damping = 1e-3, cost = cost_of(kind, l, rays, free, nullptr, nullptr);
   constexpr int most_steps = 200;
   for (int step = 0; step < most_steps && damping < 1e12; ++step) {
     Eigen::MatrixXd normal = Eigen::MatrixXd::Zero(free, free);
     Eigen::VectorXd gradient = Eigen::VectorXd::Zero(free);
-    cost_of(kind, l, seen, free, &normal, &gradient);
+    cost_of(kind, l, rays, free, &normal, &gradient);
     normal.diagonal() *= 1 + damping;
     normal.diagonal().array() += 1e-12;
     LensParameters trial = l;
     trial.head(free) -= normal.ldlt().solve(gradient);
-    const double trial_cost = trial.allFinite() ? cost_of(kind, trial, seen, free, nullptr, nullptr) : cost;
+    const double trial_cost = trial.allFinite() ? cost_of(kind, trial, rays, free, nullptr, nullptr) : cost;
     if (trial_cost < cost) {
       const bool settled = cost - trial_cost < 1e-9 * cost;
       l = trial;
@@ -77,7 +77,7 @@ NearestLens nearest_lens(const CameraModel& lens, ImageSize size, const CameraMo
   }
   NearestLens result{model_like(kind, l)};
   std::vector<double> off;
-  for (const Seen& s : seen) {
+  for (const PixelRay& s : rays) {
     const auto px = result.model.project(s.ray);
     result.covers_image = result.covers_image && px.has_value();
     if (px) off.push_back((px->px - s.px).norm());

@@ -8,11 +8,11 @@
 namespace huetrack::program {
 namespace {
 
-struct IntrinsicsOptions : CalibrationOptions {
+struct IntrinsicsArguments : CalibrationOptions {
   std::string camera;
 };
 
-ExitStatus calibrate(IntrinsicsOptions options, const std::stop_token& stop) {
+ExitStatus calibrate(IntrinsicsArguments options, const std::stop_token& stop) {
   if (options.rig.empty()) options.rig = options.camera + ".yaml";
   require_folders(output_files(options));
   const board::Board board = board::read_board(options.board);
@@ -39,7 +39,7 @@ ExitStatus calibrate(IntrinsicsOptions options, const std::stop_token& stop) {
 }  // namespace
 
 void add_intrinsics_command(CLI::App& app, Command& chosen) {
-  const auto options = std::make_shared<IntrinsicsOptions>();
+  const auto options = std::make_shared<IntrinsicsArguments>();
   CLI::App* command = app.add_subcommand("intrinsics", "find the lens of one camera from pictures of a board");
   add_calibration_options(*command, *options);
   command->get_option("inputs")->description(

@@ -22,29 +22,6 @@ ul.todo { padding-left:20px; margin:8px 0; } ul.todo li { margin:8px 0; } detail
 
 }  // namespace
 
-std::string escaped(std::string_view text) {
-  std::string out;
-  for (const char c : text) {
-    switch (c) {
-      case '&':
-        out += "&amp;";
-        break;
-      case '<':
-        out += "&lt;";
-        break;
-      case '>':
-        out += "&gt;";
-        break;
-      case '"':
-        out += "&quot;";
-        break;
-      default:
-        out += c;
-    }
-  }
-  return out;
-}
-
 std::string html_head(std::string_view title) {
   std::string out =
       "<!doctype html>\n<html lang=en><head><meta charset=utf-8><meta name=viewport "

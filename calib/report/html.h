@@ -4,9 +4,11 @@
 #include <string>
 #include <string_view>
 
+#include "drawing/markup.h"
+
 namespace huetrack::report {
 
-std::string escaped(std::string_view text);     // for HTML's text and for attributes in either quotes
+using drawing::escaped;
 std::string html_head(std::string_view title);  // up to where the body's contents begin
 
 }  // namespace huetrack::report

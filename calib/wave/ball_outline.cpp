@@ -271,9 +271,17 @@ class EllipseFit {
     double changed;          // from the background, in standard deviations
   };
   struct System {
-    Eigen::Matrix<double, unknowns, unknowns> normal;  // the lower half
-    Unknowns gradient;
+    Eigen::Matrix<double, unknowns, unknowns> normal = Eigen::Matrix<double, unknowns, unknowns>::Zero();  // lower half
+    Unknowns gradient = Unknowns::Zero();
     double cost = 0;
+
+    void add(double residual, const Row& slope, double weight) {
+      constexpr double loss2 = 4;  // Cauchy's, beyond two standard deviations
+      const double r2 = residual * residual, w = weight / (1 + r2 / loss2);
+      cost += weight * loss2 * std::log1p(r2 / loss2) / 2;
+      normal.selfadjointView<Eigen::Lower>().rankUpdate(slope.transpose(), w);
+      gradient.noalias() += w * residual * slope.transpose();
+    }
   };
   static constexpr double reach_px = 3.5, usual_blur_px = 0.6;
 
@@ -285,89 +293,104 @@ class EllipseFit {
     return (in_radii - 1) / in_radii * d.norm();
   }
 
+  // Where the edge passes by a pixel, and by how much more its blur is there.
+  struct Edge {
+    double off;
+    Vector3d by_place;  // what off changes by
+    Vector2d along;     // its direction, by twice the angle
+    double smeared;
+  };
+  Edge edge_at(const Unknowns& x, const Vector2d& at) const {
+    const Place place = x.head<3>();
+    Edge edge;
+    edge.off = off(place, at);
+    constexpr double h = 1e-3;
+    for (int c = 0; c < 3; ++c) {
+      Place moved = place;
+      moved[c] += h;
+      edge.by_place[c] = (off(moved, at) - edge.off) / h;
+    }
+    // d off / d centre is along the normal of the ellipse.
+    const Vector2d normal = -edge.by_place.head<2>().normalized();
+    edge.along = {normal.x() * normal.x() - normal.y() * normal.y(), 2 * normal.x() * normal.y()};
+    edge.smeared = std::exp(x.segment<2>(smear).dot(edge.along));
+    return edge;
+  }
+
+  // What a pixel looks like, and by what that changes.
+  struct Prediction {
+    Vector3d light;
+    Eigen::Matrix<double, 3, unknowns> slopes;
+    double cover = 0;
+  };
+  Prediction predict(const Unknowns& x, const std::array<double, 2>& blurs_px, const Pixel& p) const {
+    const Edge edge = edge_at(x, p.at);
+    Prediction out;
+    out.cover = 0.5 * std::erfc(edge.off / (edge.smeared * blurs_px[0] * std::numbers::sqrt2));
+    const Vector2d d = (p.at - origin_) / size_;
+    Eigen::Matrix<double, 6, 1> terms;
+    terms << 1, d.x(), d.y(), d.x() * d.x(), d.x() * d.y(), d.y() * d.y();
+    const Vector3d shade_terms(1, d.x(), d.y());
+    const double shade = 1 + x.segment<3>(21).dot(shade_terms);
+    for (const int kind : {0, 1}) {
+      const double blur_px = edge.smeared * blurs_px[static_cast<std::size_t>(kind)];
+      const double a = 0.5 * std::erfc(edge.off / (blur_px * std::numbers::sqrt2));
+      const double a_by_off =
+          -std::exp(-edge.off * edge.off / (2 * blur_px * blur_px)) / (blur_px * std::sqrt(2 * std::numbers::pi));
+      Vector3d rgb;
+      Eigen::Matrix<double, 3, unknowns> j = Eigen::Matrix<double, 3, unknowns>::Zero();
+      for (int c = 0; c < 3; ++c) {
+        const double object = x.segment<6>(3 + 6 * c).dot(terms);
+        const double mixed = a * object + (1 - a) * shade * p.behind[c];
+        const double lit = std::max(mixed, darkest);
+        rgb[c] = 255 * std::pow(lit, 1 / gamma_of_cameras);
+        const double slope = mixed > darkest ? rgb[c] / (gamma_of_cameras * lit) : 0;
+        j.row(c).head<3>() = slope * (object - shade * p.behind[c]) * a_by_off * edge.by_place.transpose();
+        const double by_blur = -slope * (object - shade * p.behind[c]) * a_by_off * edge.off;
+        j(c, blur + kind) = by_blur;
+        j.row(c).segment<2>(smear) = by_blur * edge.along.transpose();
+        j.row(c).segment<6>(3 + 6 * c) = slope * a * terms.transpose();
+        j.row(c).segment<3>(21) = slope * (1 - a) * p.behind[c] * shade_terms.transpose();
+      }
+      const Eigen::Matrix3d& ycc = light_from_rgb();
+      const int from = kind == 0 ? 0 : 1, rows = kind == 0 ? 1 : 2;
+      out.light.segment(from, rows) = ycc.middleRows(from, rows) * rgb;
+      out.slopes.middleRows(from, rows) = ycc.middleRows(from, rows) * j;
+    }
+    return out;
+  }
+
   System system_at(const Unknowns& x, const Unknowns& start) const {
-    constexpr double loss2 = 4;  // Cauchy's, beyond two standard deviations
     // Cameras and JPEG blur chroma more than light.
     const std::array<double, 2> blurs_px{usual_blur_px * std::exp(x[blur]), usual_blur_px * std::exp(x[blur + 1])};
     System out;
-    out.normal.setZero();
-    out.gradient.setZero();
-    const Place place = x.head<3>();
     const auto columns = static_cast<std::size_t>(columns_);
-    std::array<Eigen::Matrix<double, 3, unknowns>, 2> slopes;
-    std::array<Vector3d, 2> predicted;
-    std::array<double, 2> cover{};
+    std::array<Prediction, 2> predicted;
     for (std::size_t i = 0; i + columns <= pixels_.size(); i += columns) {
-      for (std::size_t k = 0; k < columns; ++k) {
-        const Pixel& p = pixels_[i + k];
-        // d off / d centre: along the normal of the ellipse.
-        const double here = off(place, p.at);
-        constexpr double h = 1e-3;
-        Vector3d by_place;
-        for (int c = 0; c < 3; ++c) {
-          Place moved = place;
-          moved[c] += h;
-          by_place[c] = (off(moved, p.at) - here) / h;
-        }
-        const Vector2d normal = -by_place.head<2>().normalized();
-        const Vector2d along(normal.x() * normal.x() - normal.y() * normal.y(), 2 * normal.x() * normal.y());
-        const double smeared = std::exp(x.segment<2>(smear).dot(along));
-        cover[k] = 0.5 * std::erfc(here / (smeared * blurs_px[0] * std::numbers::sqrt2));
-        const Vector2d d = (p.at - origin_) / size_;
-        Eigen::Matrix<double, 6, 1> terms;
-        terms << 1, d.x(), d.y(), d.x() * d.x(), d.x() * d.y(), d.y() * d.y();
-        const Vector3d shade_terms(1, d.x(), d.y());
-        const double shade = 1 + x.segment<3>(21).dot(shade_terms);
-        for (const int kind : {0, 1}) {
-          const double blur_px = smeared * blurs_px[static_cast<std::size_t>(kind)];
-          const double a = 0.5 * std::erfc(here / (blur_px * std::numbers::sqrt2));
-          const double a_by_off =
-              -std::exp(-here * here / (2 * blur_px * blur_px)) / (blur_px * std::sqrt(2 * std::numbers::pi));
-          Vector3d rgb;
-          Eigen::Matrix<double, 3, unknowns> j = Eigen::Matrix<double, 3, unknowns>::Zero();
-          for (int c = 0; c < 3; ++c) {
-            const double object = x.segment<6>(3 + 6 * c).dot(terms);
-            const double mixed = a * object + (1 - a) * shade * p.behind[c];
-            const double lit = std::max(mixed, darkest);
-            rgb[c] = 255 * std::pow(lit, 1 / gamma_of_cameras);
-            const double slope = mixed > darkest ? rgb[c] / (gamma_of_cameras * lit) : 0;
-            j.row(c).head<3>() = slope * (object - shade * p.behind[c]) * a_by_off * by_place.transpose();
-            const double by_blur = -slope * (object - shade * p.behind[c]) * a_by_off * here;
-            j(c, blur + kind) = by_blur;
-            j.row(c).segment<2>(smear) = by_blur * along.transpose();
-            j.row(c).segment<6>(3 + 6 * c) = slope * a * terms.transpose();
-            j.row(c).segment<3>(21) = slope * (1 - a) * p.behind[c] * shade_terms.transpose();
-          }
-          const Eigen::Matrix3d& ycc = light_from_rgb();
-          const int from = kind == 0 ? 0 : 1, rows = kind == 0 ? 1 : 2;
-          predicted[k].segment(from, rows) = ycc.middleRows(from, rows) * rgb;
-          slopes[k].middleRows(from, rows) = ycc.middleRows(from, rows) * j;
-        }
-      }
-      const auto add = [&](double residual, const Row& slope, double weight) {
-        const double r2 = residual * residual, w = weight / (1 + r2 / loss2);
-        out.cost += weight * loss2 * std::log1p(r2 / loss2) / 2;
-        out.normal.selfadjointView<Eigen::Lower>().rankUpdate(slope.transpose(), w);
-        out.gradient.noalias() += w * residual * slope.transpose();
-      };
       double shared = 0;
       for (std::size_t k = 0; k < columns; ++k) {
         const Pixel& p = pixels_[i + k];
-        const double weight = 1 - cover[k] / (1 + std::pow(p.changed / 3, 4));
+        predicted[k] = predict(x, blurs_px, p);
+        const double weight = 1 - predicted[k].cover / (1 + std::pow(p.changed / 3, 4));
         shared += weight / static_cast<double>(columns);
-        add((predicted[k][0] - p.light[0]) / sigma_[0], slopes[k].row(0) / sigma_[0], weight);
+        out.add((predicted[k].light[0] - p.light[0]) / sigma_[0], predicted[k].slopes.row(0) / sigma_[0], weight);
       }
       for (int c = 1; c < 3; ++c) {
         double residual = 0;
         Row slope = Row::Zero();
         for (std::size_t k = 0; k < columns; ++k) {
-          residual += (predicted[k][c] - pixels_[i + k].light[c]) / static_cast<double>(columns);
-          slope += slopes[k].row(c) / static_cast<double>(columns);
+          residual += (predicted[k].light[c] - pixels_[i + k].light[c]) / static_cast<double>(columns);
+          slope += predicted[k].slopes.row(c) / static_cast<double>(columns);
         }
-        add(residual / sigma_[c], slope / sigma_[c], shared);
+        out.add(residual / sigma_[c], slope / sigma_[c], shared);
       }
     }
-    // What is usual.
+    add_usual(x, start, out);
+    return out;
+  }
+
+  // What is expected of the unknowns themselves.
+  void add_usual(const Unknowns& x, const Unknowns& start, System& out) const {
     const auto usual = [&](int i, double sigma) {
       const double r = (x[i] - (i < 3 ? start[i] : 0)) / sigma;
       out.cost += r * r / 2;
@@ -384,7 +407,6 @@ class EllipseFit {
     usual(blur + 1, 0.7);
     // Little, as long as the picture does not say otherwise: a ball that is hidden in part looks smeared, too.
     for (int i = smear; i < unknowns; ++i) usual(i, 0.05);
-    return out;
   }
 
   static const Eigen::Matrix3d& light_from_rgb() {

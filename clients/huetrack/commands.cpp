@@ -115,11 +115,6 @@ bool is_object_of(std::string_view name, std::string_view target) {
   return std::ranges::all_of(name.substr(target.size() + 1), [](char c) { return c >= '0' && c <= '9'; });
 }
 
-// wanted: the name of the target or camera; empty: every one.
-template <typename Sample>
-int watch_topic(const WatchOptions& options, const std::string& wanted, const std::string& header_line,
-                const Wording& words);
-
 }  // namespace
 
 void say(const std::string& sentence) {
@@ -133,15 +128,6 @@ std::string what_to_check(const idl::DdsParticipant& participant) {
          participant.description() + "); that multicast and UDP ports " +
          std::to_string(7400 + 250 * participant.domain()) + "-" + std::to_string(7649 + 250 * participant.domain()) +
          " are open between the hosts";
-}
-
-int watch(const WatchOptions& options) {
-  if (options.camera)
-    return watch_topic<msg::CameraPose>(options, *options.camera == "all" ? "" : *options.camera,
-                                        camera_header(options.format),
-                                        {"camera poses", "camera", "targets", "huetrack watch, without --camera"});
-  return watch_topic<msg::ObjectPosition>(options, options.target, header(options.format),
-                                          {"huetrack positions", "target", "cameras", "huetrack watch --camera NAME"});
 }
 
 void end_on_signals() {
@@ -158,188 +144,258 @@ bool has_ended() {
 
 namespace {
 
+// Every sample of a topic as a line, and beside it, on stderr, what there is to say while nothing comes, or something
+// else.
 template <typename Sample>
-int watch_topic(const WatchOptions& options, const std::string& wanted, const std::string& header_line,
-                const Wording& words) {
-  LineWriter out(options.file, options.overwrite, options.udp);
-  std::optional<SampleSubscription<Sample>> subscription(options.participant);  // made anew when the network changes
-  if (options.udp.empty() && !out.write(header_line)) return 0;
+class TopicWatch {
+ public:
+  TopicWatch(const WatchOptions& options, const std::string& wanted, const Wording& words)
+      : options_(options),
+        wanted_(wanted),
+        words_(words),
+        out_(options.file, options.overwrite, options.udp),
+        subscription_(std::in_place, options.participant) {}
 
-  std::uint64_t lines = 0;
-  std::size_t target_width = 0;
-  std::set<std::string> seen_targets, strangers;
-  bool said_nobody = false, said_others = false;
-  std::set<std::string> said_targets;  // those named when ours was not among them
-  const Clock::time_point start = Clock::now();
-  Clock::time_point last_line = start;
-  Clock::time_point last_look_at_network = start;
-  const auto finish = [&](int exit_status) {
-    if (!options.file.empty()) say(std::to_string(lines) + " samples in " + options.file.string());
-    if (!options.udp.empty()) say(std::to_string(lines) + " samples sent to " + options.udp);
-    return exit_status;
-  };
+  int run(const std::string& header_line) {
+    if (options_.udp.empty() && !out_.write(header_line)) return 0;
+    while (!ended && (!options_.count || lines_ < *options_.count)) {
+      const std::optional<Heard<Sample>> heard = subscription_->next(poll);
+      const Clock::time_point now = Clock::now();
+      if (heard && !take(*heard, now)) return finish(0);
+      look_at_network(now);
+      if (subscription_->publishers() > 0) {
+        said_nobody_ = true;  // its farewell will be said, and that is enough
+        say_what_there_is();
+      } else if (!said_nobody_ && now - start_ > nobody_after) {
+        say("no publisher of " + std::string(words_.samples) + " " + what_to_check(subscription_->participant()) +
+            ". Waiting for one");
+        said_nobody_ = true;
+      }
+      say_others(now);
+      if (options_.timeout && now - last_line_ > *options_.timeout) {
+        say("no sample for " +
+            std::to_string(std::chrono::duration_cast<std::chrono::milliseconds>(now - last_line_).count()) +
+            " ms (--timeout); " + std::to_string(lines_) + " came before");
+        return finish(1);
+      }
+    }
+    return finish(0);
+  }
 
-  while (!ended && (!options.count || lines < *options.count)) {
-    const std::optional<Heard<Sample>> heard = subscription->next(poll);
-    const Clock::time_point now = Clock::now();
-    if (heard) {
-      const std::string& name = name_of(heard->sample);
-      if (seen_targets.size() < most_names) seen_targets.insert(name);
-      if (wanted.empty() || name == wanted || is_object_of(name, wanted)) {
-        target_width = std::max(target_width, name.size());
-        std::string text = line(options.format, heard->sample, unix_now(), target_width);
-        if (!heard->stranger.empty()) {
-          if (strangers.size() < most_strangers && strangers.insert(name + heard->stranger).second)
-            say(fmt::format("{} {} comes from a second publisher, too, which is {} here: {}", words.one, name,
-                            options.format == Format::text ? "marked" : "left out", heard->stranger));
-          if (options.format == Format::text && !out.write(mark_of(std::move(text), heard->stranger))) return finish(0);
-        } else if (!text.empty()) {
-          if (!out.write(text)) return finish(0);
-          ++lines;
-          last_line = now;
-        }
-      }
-    }
-    for (const std::string& sentence : subscription->news()) say(sentence);
-    if (now - last_look_at_network > 1s) {
-      last_look_at_network = now;
-      if (subscription->network_changed()) {
-        subscription.emplace(options.participant);
-        say("the network has changed: now on " + subscription->participant().description());
-      }
-    }
+ private:
+  // false: nobody reads any more.
+  bool take(const Heard<Sample>& heard, Clock::time_point now) {
+    const std::string& name = name_of(heard.sample);
+    if (seen_targets_.size() < most_names) seen_targets_.insert(name);
+    if (!wanted_.empty() && name != wanted_ && !is_object_of(name, wanted_)) return true;
+    target_width_ = std::max(target_width_, name.size());
+    std::string text = line(options_.format, heard.sample, unix_now(), target_width_);
+    if (!heard.stranger.empty()) return take_of_stranger(heard, std::move(text));
+    if (text.empty()) return true;
+    if (!out_.write(text)) return false;
+    ++lines_;
+    last_line_ = now;
+    return true;
+  }
 
-    if (subscription->publishers() > 0) {
-      said_nobody = true;  // its farewell will be said, and that is enough
-      std::set<std::string> targets = subscription->targets();
-      targets.insert(seen_targets.begin(), seen_targets.end());
-      const bool may_come = std::ranges::any_of(targets, [&](const auto& target) {
-        return target == wanted || is_object_of(wanted, target);  // an object of a target that is published
-      });
-      if (!wanted.empty() && !targets.empty() && !may_come && targets != said_targets) {
-        say("nobody publishes " + std::string(words.one) + " " + wanted + " on domain " +
-            std::to_string(subscription->participant().domain()) + "; there are: " + joined(targets));
-        said_targets = std::move(targets);
-      }
-    } else if (!said_nobody && now - start > nobody_after) {
-      say("no publisher of " + std::string(words.samples) + " " + what_to_check(subscription->participant()) +
-          ". Waiting for one");
-      said_nobody = true;
-    }
-    // Nothing will come of what is asked for, but there is something to watch.
-    if (!said_others && now - start > nobody_after && seen_targets.empty() && subscription->targets().empty()) {
-      if (const auto others = subscription->others(); !others.empty()) {
-        say("no " + std::string(words.one) + " is tracked on domain " +
-            std::to_string(subscription->participant().domain()) + ", but these " + words.others + ": " +
-            joined(others) + ". Watch them with " + words.how);
-        said_others = true;
-      }
-    }
-    if (options.timeout && now - last_line > *options.timeout) {
-      say("no sample for " +
-          std::to_string(std::chrono::duration_cast<std::chrono::milliseconds>(now - last_line).count()) +
-          " ms (--timeout); " + std::to_string(lines) + " came before");
-      return finish(1);
+  bool take_of_stranger(const Heard<Sample>& heard, std::string text) {
+    const std::string& name = name_of(heard.sample);
+    if (strangers_.size() < most_strangers && strangers_.insert(name + heard.stranger).second)
+      say(fmt::format("{} {} comes from a second publisher, too, which is {} here: {}", words_.one, name,
+                      options_.format == Format::text ? "marked" : "left out", heard.stranger));
+    return options_.format != Format::text || out_.write(mark_of(std::move(text), heard.stranger));
+  }
+
+  void look_at_network(Clock::time_point now) {
+    for (const std::string& sentence : subscription_->news()) say(sentence);
+    if (now - last_look_at_network_ <= 1s) return;
+    last_look_at_network_ = now;
+    if (subscription_->network_changed()) {
+      subscription_.emplace(options_.participant);
+      say("the network has changed: now on " + subscription_->participant().description());
     }
   }
-  return finish(0);
+
+  // Where ours is not among it.
+  void say_what_there_is() {
+    std::set<std::string> targets = subscription_->targets();
+    targets.insert(seen_targets_.begin(), seen_targets_.end());
+    const bool may_come = std::ranges::any_of(targets, [&](const auto& target) {
+      return target == wanted_ || is_object_of(wanted_, target);  // an object of a target that is published
+    });
+    if (wanted_.empty() || targets.empty() || may_come || targets == said_targets_) return;
+    say("nobody publishes " + std::string(words_.one) + " " + wanted_ + " on domain " +
+        std::to_string(subscription_->participant().domain()) + "; there are: " + joined(targets));
+    said_targets_ = std::move(targets);
+  }
+
+  // Nothing will come of what is asked for, but there is something to watch.
+  void say_others(Clock::time_point now) {
+    if (said_others_ || now - start_ <= nobody_after || !seen_targets_.empty() || !subscription_->targets().empty())
+      return;
+    const auto others = subscription_->others();
+    if (others.empty()) return;
+    say("no " + std::string(words_.one) + " is tracked on domain " +
+        std::to_string(subscription_->participant().domain()) + ", but these " + words_.others + ": " + joined(others) +
+        ". Watch them with " + words_.how);
+    said_others_ = true;
+  }
+
+  int finish(int exit_status) const {
+    if (!options_.file.empty()) say(std::to_string(lines_) + " samples in " + options_.file.string());
+    if (!options_.udp.empty()) say(std::to_string(lines_) + " samples sent to " + options_.udp);
+    return exit_status;
+  }
+
+  const WatchOptions& options_;
+  const std::string wanted_;  // the name of the target or camera; empty: every one
+  const Wording words_;
+  LineWriter out_;
+  std::optional<SampleSubscription<Sample>> subscription_;  // made anew when the network changes
+  std::uint64_t lines_ = 0;
+  std::size_t target_width_ = 0;
+  std::set<std::string> seen_targets_, strangers_;
+  bool said_nobody_ = false, said_others_ = false;
+  std::set<std::string> said_targets_;  // those named when ours was not among them
+  const Clock::time_point start_ = Clock::now();
+  Clock::time_point last_line_ = start_, last_look_at_network_ = start_;
+};
+
+}  // namespace
+
+int watch(const WatchOptions& options) {
+  if (options.camera)
+    return TopicWatch<msg::CameraPose>(options, *options.camera == "all" ? "" : *options.camera,
+                                       {"camera poses", "camera", "targets", "huetrack watch, without --camera"})
+        .run(camera_header(options.format));
+  return TopicWatch<msg::ObjectPosition>(options, options.target,
+                                         {"huetrack positions", "target", "cameras", "huetrack watch --camera NAME"})
+      .run(header(options.format));
 }
+
+namespace {
+
+// What services say of themselves, and what `status` shows beside it: the newest of each.
+class StatusListener {
+ public:
+  explicit StatusListener(idl::DdsParticipant& participant)
+      : statuses_in_(participant.create_reader(idl::status_topic, dds::TypeSupport(new msg::ServiceStatusPubSubType),
+                                               idl::status_reader_qos())),
+        times_in_(participant.create_reader(idl::camera_times_topic, dds::TypeSupport(new msg::CameraTimesPubSubType),
+                                            idl::status_reader_qos())),
+        clocks_in_(participant.create_reader(idl::host_clocks_topic, dds::TypeSupport(new msg::HostClocksPubSubType),
+                                             idl::status_reader_qos())),
+        poses_in_(participant.create_reader(idl::camera_pose_topic, dds::TypeSupport(new msg::CameraPosePubSubType),
+                                            idl::object_position_reader_qos())),
+        sets_in_(participant.create_reader(idl::object_set_topic, dds::TypeSupport(new msg::ObjectSetPubSubType),
+                                           idl::object_position_reader_qos())) {}
+
+  // Until there is nothing more to wait for: after the first status a moment more, as a second service may be there,
+  // and the poses of a camera that is tracked.
+  void listen() {
+    constexpr auto a_moment = 300ms;
+    Clock::time_point until = Clock::now() + nobody_after;
+    bool waited_for_pose = false;
+    while (!ended && Clock::now() < until) {
+      const bool was_empty = statuses_.empty();
+      take_all();
+      if (was_empty && !statuses_.empty()) until = Clock::now() + a_moment;
+      dds::SubscriptionMatchedStatus matched;  // a slow camera's frame takes a while
+      if (!statuses_.empty() && poses_.empty() && !waited_for_pose &&
+          poses_in_.get_subscription_matched_status(matched) == ReturnCode_t::RETCODE_OK && matched.current_count > 0) {
+        until += 3 * a_moment;
+        waited_for_pose = true;
+      }
+      if (waited_for_pose && !poses_.empty()) until = Clock::now();
+      statuses_in_.wait_for_unread_message(eprosima::fastrtps::Duration_t(0, 50'000'000));
+    }
+  }
+
+  bool has_heard() const { return !statuses_.empty(); }
+
+  // True: they are all well.
+  bool write(LineWriter& out, StatusFormat format) const {
+    const auto poses = values_of(poses_);
+    const auto sets = values_of(sets_);
+    bool is_healthy = true;
+    for (const auto& sample : statuses_) {
+      const Process process{sample.host(), sample.pid()};
+      const auto times = times_.find(process);
+      const auto clocks = clocks_.find(process);
+      const msg::CameraTimes* const of_service = times == times_.end() ? nullptr : &times->second;
+      const msg::HostClocks* const of_hosts = clocks == clocks_.end() ? nullptr : &clocks->second;
+      const std::int64_t now = unix_now();
+      is_healthy &= problems_of(sample, now).empty();
+      if (!out.write(format == StatusFormat::json ? status_json(sample, now, of_service, poses, of_hosts)
+                                                  : text(sample, now, of_service, poses, sets, of_hosts)))
+        break;
+    }
+    return is_healthy;
+  }
+
+ private:
+  using Process = std::pair<std::string, std::uint32_t>;  // the service's host and process
+
+  template <typename Sample>
+  static void take_each(dds::DataReader& reader, auto&& keep) {
+    Sample sample;
+    dds::SampleInfo info;
+    while (reader.take_next_sample(&sample, &info) == ReturnCode_t::RETCODE_OK) {
+      if (!info.valid_data) continue;
+      make_printable(sample);
+      keep(sample);
+    }
+  }
+  template <typename Sample, typename Key>
+  static void take_each(dds::DataReader& reader, std::map<Key, Sample>& newest, std::size_t most, auto&& key_of) {
+    take_each<Sample>(reader, [&](const Sample& sample) {
+      if (newest.size() < most) newest[key_of(sample)] = sample;
+    });
+  }
+  template <typename Key, typename Sample>
+  static std::vector<Sample> values_of(const std::map<Key, Sample>& newest) {
+    std::vector<Sample> values;
+    for (const auto& [_, sample] : newest) values.push_back(sample);
+    return values;
+  }
+
+  void take_all() {
+    take_each<msg::ServiceStatus>(statuses_in_, [&](const msg::ServiceStatus& sample) {
+      const auto same = std::ranges::find_if(statuses_, [&](const msg::ServiceStatus& other) {
+        return other.host() == sample.host() && other.pid() == sample.pid();
+      });
+      if (same != statuses_.end())
+        *same = sample;
+      else if (statuses_.size() < most_statuses)
+        statuses_.push_back(sample);
+    });
+    const auto process_of = [](const auto& sample) { return Process{sample.host(), sample.pid()}; };
+    take_each(times_in_, times_, most_statuses, process_of);
+    take_each(clocks_in_, clocks_, most_statuses, process_of);
+    take_each(poses_in_, poses_, most_names, [](const msg::CameraPose& pose) { return pose.camera(); });
+    take_each(sets_in_, sets_, most_names, [](const msg::ObjectSet& set) { return set.target(); });
+  }
+
+  dds::DataReader &statuses_in_, &times_in_, &clocks_in_, &poses_in_, &sets_in_;
+  std::vector<msg::ServiceStatus> statuses_;  // in the order in which the services were first heard
+  std::map<Process, msg::CameraTimes> times_;
+  std::map<Process, msg::HostClocks> clocks_;
+  std::map<std::string, msg::CameraPose> poses_;
+  std::map<std::string, msg::ObjectSet> sets_;  // by the target
+};
 
 }  // namespace
 
 int status(const idl::ParticipantOptions& options, StatusFormat format) {
   idl::DdsParticipant participant(options);
-  dds::DataReader& reader = participant.create_reader(
-      idl::status_topic, dds::TypeSupport(new msg::ServiceStatusPubSubType), idl::status_reader_qos());
-  dds::DataReader& times_reader = participant.create_reader(
-      idl::camera_times_topic, dds::TypeSupport(new msg::CameraTimesPubSubType), idl::status_reader_qos());
-  dds::DataReader& clocks_reader = participant.create_reader(
-      idl::host_clocks_topic, dds::TypeSupport(new msg::HostClocksPubSubType), idl::status_reader_qos());
-  dds::DataReader& pose_reader = participant.create_reader(
-      idl::camera_pose_topic, dds::TypeSupport(new msg::CameraPosePubSubType), idl::object_position_reader_qos());
-  dds::DataReader& set_reader = participant.create_reader(
-      idl::object_set_topic, dds::TypeSupport(new msg::ObjectSetPubSubType), idl::object_position_reader_qos());
+  StatusListener heard(participant);
   LineWriter out({}, false);
-  // After the first one a moment more: a second service may be there, and the poses of a camera that is tracked.
-  Clock::time_point until = Clock::now() + nobody_after;
-  constexpr auto a_moment = 300ms;
-  bool waited_for_pose = false;
-  std::vector<msg::ServiceStatus> statuses;
-  std::map<std::pair<std::string, std::uint32_t>, msg::CameraTimes> times;  // by the service's host and process
-  std::map<std::pair<std::string, std::uint32_t>, msg::HostClocks> clocks;  // likewise
-  std::map<std::string, msg::CameraPose> poses;
-  std::map<std::string, msg::ObjectSet> sets;  // by the target; the last of each
-  while (!ended && Clock::now() < until) {
-    msg::ServiceStatus sample;
-    dds::SampleInfo info;
-    while (reader.take_next_sample(&sample, &info) == ReturnCode_t::RETCODE_OK) {
-      if (!info.valid_data) continue;
-      if (statuses.empty()) until = Clock::now() + a_moment;
-      make_printable(sample);
-      const auto same = std::ranges::find_if(statuses, [&](const msg::ServiceStatus& other) {
-        return other.host() == sample.host() && other.pid() == sample.pid();
-      });
-      if (same != statuses.end())
-        *same = sample;  // the newest of each service
-      else if (statuses.size() < most_statuses)
-        statuses.push_back(sample);
-    }
-    msg::CameraTimes of_service;
-    while (times_reader.take_next_sample(&of_service, &info) == ReturnCode_t::RETCODE_OK)
-      if (info.valid_data && times.size() < most_statuses) {
-        make_printable(of_service);
-        times[{of_service.host(), of_service.pid()}] = of_service;
-      }
-    msg::HostClocks of_hosts;
-    while (clocks_reader.take_next_sample(&of_hosts, &info) == ReturnCode_t::RETCODE_OK)
-      if (info.valid_data && clocks.size() < most_statuses) {
-        make_printable(of_hosts);
-        clocks[{of_hosts.host(), of_hosts.pid()}] = of_hosts;
-      }
-    msg::CameraPose pose;
-    while (pose_reader.take_next_sample(&pose, &info) == ReturnCode_t::RETCODE_OK)
-      if (info.valid_data && poses.size() < most_names) {
-        make_printable(pose);
-        poses[pose.camera()] = pose;
-      }
-    msg::ObjectSet set;
-    while (set_reader.take_next_sample(&set, &info) == ReturnCode_t::RETCODE_OK)
-      if (info.valid_data && sets.size() < most_names) {
-        make_printable(set);
-        sets[set.target()] = set;
-      }
-    dds::SubscriptionMatchedStatus matched;  // a slow camera's frame takes a while
-    if (!statuses.empty() && poses.empty() && !waited_for_pose &&
-        pose_reader.get_subscription_matched_status(matched) == ReturnCode_t::RETCODE_OK && matched.current_count > 0) {
-      until += 3 * a_moment;
-      waited_for_pose = true;
-    }
-    if (waited_for_pose && !poses.empty()) until = Clock::now();
-    reader.wait_for_unread_message(eprosima::fastrtps::Duration_t(0, 50'000'000));
-  }
-  std::vector<msg::CameraPose> last_poses;
-  for (const auto& [_, pose] : poses) last_poses.push_back(pose);
-  std::vector<msg::ObjectSet> last_sets;
-  for (const auto& [_, set] : sets) last_sets.push_back(set);
-  bool is_healthy = true;
-  for (const auto& sample : statuses) {
-    const auto found = times.find({sample.host(), sample.pid()});
-    const msg::CameraTimes* const of_service = found == times.end() ? nullptr : &found->second;
-    const auto found_clocks = clocks.find({sample.host(), sample.pid()});
-    const msg::HostClocks* const of_hosts = found_clocks == clocks.end() ? nullptr : &found_clocks->second;
-    const std::int64_t now = unix_now();
-    is_healthy &= problems_of(sample, now).empty();
-    if (!out.write(format == StatusFormat::json ? status_json(sample, now, of_service, last_poses, of_hosts)
-                                                : text(sample, now, of_service, last_poses, last_sets, of_hosts)))
-      break;
-  }
-  if (statuses.empty()) {
-    const std::string why = "no huetrackd publishes its status " + what_to_check(participant);
-    if (!ended) say(why);
-    if (format == StatusFormat::json) out.write(no_status_json(why));
-    return 1;
-  }
-  return is_healthy ? 0 : unhealthy_status;
+  heard.listen();
+  if (heard.has_heard()) return heard.write(out, format) ? 0 : unhealthy_status;
+  const std::string why = "no huetrackd publishes its status " + what_to_check(participant);
+  if (!ended) say(why);
+  if (format == StatusFormat::json) out.write(no_status_json(why));
+  return 1;
 }
 
 }  // namespace huetrack::client

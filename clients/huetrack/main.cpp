@@ -2,8 +2,11 @@
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <exception>
+#include <functional>
 #include <map>
+#include <stdexcept>
 #include <string>
+#include <utility>
 
 #include "calib/yaml/text_file.h"
 #include "calib/yaml/unknown_command.h"
@@ -13,137 +16,188 @@
 #include "commands.h"
 #include "control.h"
 
-int main(int argc, char** argv) {
-  using namespace huetrack::client;
-  end_on_signals();  // first of all: whoever ends it early is answered, too
-  CLI::App app("huetrack: what a running huetrackd says over DDS, as text, files and a live page");
+namespace {
+
+using namespace huetrack;
+using namespace huetrack::client;
+
+// Every command with its options; the one that was named says what to run.
+struct CommandLine {
+  CommandLine();
+
+  CLI::App app{"huetrack: what a running huetrackd says over DDS, as text, files and a live page"};
+  std::function<int()> run;  // throws std::exception of one readable line
+
+ private:
+  CLI::App& add(const char* name, const char* what_it_does, std::function<int()> runs);
+  void add_bus(CLI::App& command);
+  void add_samples(CLI::App& command);
+  void add_watch();
+  void add_log();
+  void add_status();
+  void add_view();
+  void add_control();
+  void add_plot();
+  void add_export();
+  int watch_or_log(std::string_view usual_format);
+
+  idl::ParticipantOptions participant_{.name = "huetrack"};
+  WatchOptions watch_;
+  double timeout_s_ = 0;
+  std::string format_, status_format_ = "text";
+  live_view::ViewOptions view_;
+  ControlOptions control_;
+  plot::PlotOptions plot_;
+  bag::ExportOptions export_;
+};
+
+CommandLine::CommandLine() {
   app.set_version_flag("--version", "huetrack " HUETRACK_VERSION);
   app.require_subcommand(1);
-  huetrack::yaml::name_unknown_commands(app, "huetrack", CLI::FailureMessage::simple);
-  WatchOptions options;
-  options.participant.name = "huetrack";
+  yaml::name_unknown_commands(app, "huetrack", CLI::FailureMessage::simple);
+  add_watch();
+  add_log();
+  add_status();
+  add_view();
+  add_control();
+  add_plot();
+  add_export();
+}
 
-  const auto add_bus = [&](CLI::App* command) {
-    command->add_option("--domain", options.participant.domain, "DDS domain, 0..232 (default: ROS_DOMAIN_ID, else 0)");
-    command
-        ->add_option("--interface", options.participant.interfaces,
-                     "use only this network interface, and loopback: name or IPv4 address; may be repeated")
-        ->allow_extra_args(false);
-    command->add_option("--profiles", options.participant.profiles, "Fast DDS XML profiles file");
-  };
-  double timeout_s = 0;
-  const auto add_samples = [&](CLI::App* command) {
-    command->add_option("--target", options.target,
-                        "only this target, with all its objects; or one of these, as in ball_3");
-    command->add_option("--camera", options.camera,
-                        "the pose of this tracked camera instead of positions; all: of every one");
-    command->add_option("--count", options.count, "end after so many lines")->check(CLI::Range(1, 1'000'000'000));
-    command->add_option("--timeout", timeout_s, "end with exit status 1 when no line came for so many seconds")
-        ->check(CLI::Range(0.001, 1e9));
-    add_bus(command);
-  };
+CLI::App& CommandLine::add(const char* name, const char* what_it_does, std::function<int()> runs) {
+  CLI::App* command = app.add_subcommand(name, what_it_does);
+  command->callback([this, runs = std::move(runs)] { run = runs; });
+  return *command;
+}
 
-  CLI::App* watch_command = app.add_subcommand("watch", "print every position (or camera pose), one line each");
-  const std::map<std::string, Format> formats{
+void CommandLine::add_bus(CLI::App& command) {
+  command.add_option("--domain", participant_.domain, "DDS domain, 0..232 (default: ROS_DOMAIN_ID, else 0)");
+  command
+      .add_option("--interface", participant_.interfaces,
+                  "use only this network interface, and loopback: name or IPv4 address; may be repeated")
+      ->allow_extra_args(false);
+  command.add_option("--profiles", participant_.profiles, "Fast DDS XML profiles file");
+}
+
+void CommandLine::add_samples(CLI::App& command) {
+  command.add_option("--target", watch_.target,
+                     "only this target, with all its objects; or one of these, as in ball_3");
+  command.add_option("--camera", watch_.camera,
+                     "the pose of this tracked camera instead of positions; all: of every one");
+  command.add_option("--count", watch_.count, "end after so many lines")->check(CLI::Range(1, 1'000'000'000));
+  command.add_option("--timeout", timeout_s_, "end with exit status 1 when no line came for so many seconds")
+      ->check(CLI::Range(0.001, 1e9));
+  add_bus(command);
+}
+
+int CommandLine::watch_or_log(std::string_view usual_format) {
+  static const std::map<std::string, Format, std::less<>> formats{
       {"text", Format::text}, {"csv", Format::csv}, {"json", Format::json}, {"tum", Format::tum}, {"osc", Format::osc}};
-  std::string format;
-  watch_command
-      ->add_option(
-          "--format", format,
-          "text (default), csv, json, tum (timestamp tx ty tz qx qy qz qw; of a camera only while its state is "
-          "tracking) or, with --udp, osc (Open Sound Control)")
+  watch_.participant = participant_;
+  if (timeout_s_ > 0) watch_.timeout = std::chrono::duration<double>(timeout_s_);
+  watch_.format = formats.find(format_.empty() ? usual_format : format_)->second;
+  if (watch_.format == Format::osc && watch_.udp.empty())
+    throw std::runtime_error("--format osc is for programs, by UDP: say where to with --udp HOST:PORT");
+  return watch(watch_);
+}
+
+void CommandLine::add_watch() {
+  CLI::App& command = add("watch", "print every position (or camera pose), one line each",
+                          [this] { return watch_or_log(watch_.udp.empty() ? "text" : "json"); });
+  command
+      .add_option("--format", format_,
+                  "text (default), csv, json, tum (timestamp tx ty tz qx qy qz qw; of a camera only while its state is "
+                  "tracking) or, with --udp, osc (Open Sound Control)")
       ->check(CLI::IsMember({"text", "csv", "json", "tum", "osc"}));
-  watch_command->add_option(
-      "--udp", options.udp,
+  command.add_option(
+      "--udp", watch_.udp,
       "HOST:PORT: send each sample there as a datagram, as json (default) or osc, instead of printing it");
-  add_samples(watch_command);
+  add_samples(command);
+}
 
-  CLI::App* log_command = app.add_subcommand("log", "write every position (or camera pose) to a CSV file");
-  log_command->add_option("file", options.file, "the CSV file")->required();
-  log_command->add_flag("--overwrite", options.overwrite, "replace the file if it exists");
-  add_samples(log_command);
+void CommandLine::add_log() {
+  CLI::App& command =
+      add("log", "write every position (or camera pose) to a CSV file", [this] { return watch_or_log("csv"); });
+  command.add_option("file", watch_.file, "the CSV file")->required();
+  command.add_flag("--overwrite", watch_.overwrite, "replace the file if it exists");
+  add_samples(command);
+}
 
-  CLI::App* status_command = app.add_subcommand(
-      "status", "print what the service says about itself; exit status 0: well, 3: not well, 1: there is none");
-  std::string status_format = "text";
-  status_command->add_option("--format", status_format, "text or json: one object per service")
+void CommandLine::add_status() {
+  CLI::App& command =
+      add("status", "print what the service says about itself; exit status 0: well, 3: not well, 1: there is none",
+          [this] { return status(participant_, status_format_ == "json" ? StatusFormat::json : StatusFormat::text); });
+  command.add_option("--format", status_format_, "text or json: one object per service")
       ->check(CLI::IsMember({"text", "json"}))
       ->capture_default_str();
-  add_bus(status_command);
+  add_bus(command);
+}
 
-  huetrack::live_view::ViewOptions view;
-  CLI::App* view_command = app.add_subcommand("view", "serve a live page for browsers on this host");
-  view_command->add_option("--port", view.server.port, "to listen on; 0: any free one")
+void CommandLine::add_view() {
+  CLI::App& command = add("view", "serve a live page for browsers on this host", [this] {
+    view_.participant = participant_;
+    return live_view::view(view_, has_ended);
+  });
+  command.add_option("--port", view_.server.port, "to listen on; 0: any free one")
       ->check(CLI::Range(0, 65535))
       ->capture_default_str();
-  view_command
-      ->add_option("--address", view.server.address,
-                   "IPv4 address to listen on, 0.0.0.0: every one of this host. Any but 127.0.0.1 is open to the "
-                   "network: then a token is part of the page's address")
+  command
+      .add_option("--address", view_.server.address,
+                  "IPv4 address to listen on, 0.0.0.0: every one of this host. Any but 127.0.0.1 is open to the "
+                  "network: then a token is part of the page's address")
       ->capture_default_str();
-  view_command
-      ->add_option("--allow-origin", view.server.allowed_origins,
-                   "http://HOST:PORT of a web page of yours that may read positions here; may be repeated")
+  command
+      .add_option("--allow-origin", view_.server.allowed_origins,
+                  "http://HOST:PORT of a web page of yours that may read positions here; may be repeated")
       ->allow_extra_args(false);
-  add_bus(view_command);
+  add_bus(command);
+}
 
-  ControlOptions control_options;
-  CLI::App* control_command =
-      app.add_subcommand("control", "ask a running service: record state|start|stop|save|list, record download NAME");
-  control_command->add_option("words", control_options.words, "what is asked; idl/README.md lists it")->required();
-  control_command->add_option("--service", control_options.service, "HOST/PID, where there are several");
-  control_command->add_option("--out", control_options.out,
-                              "of a download: the tar file; -: stdout; default: NAME.tar");
-  add_bus(control_command);
+void CommandLine::add_control() {
+  CLI::App& command =
+      add("control", "ask a running service: record state|start|stop|save|list, record download NAME", [this] {
+        control_.participant = participant_;
+        return control(control_);
+      });
+  command.add_option("words", control_.words, "what is asked; idl/README.md lists it")->required();
+  command.add_option("--service", control_.service, "HOST/PID, where there are several");
+  command.add_option("--out", control_.out, "of a download: the tar file; -: stdout; default: NAME.tar");
+  add_bus(command);
+}
 
-  huetrack::plot::PlotOptions plot;
-  CLI::App* plot_command = app.add_subcommand("plot", "draw a track CSV: the track, its states, its uncertainty");
-  plot_command->add_option("tracks", plot.tracks, "CSV of `huetrackd replay --tracks` or `huetrack log`")->required();
-  plot_command->add_option("--truth", plot.truth, "CSV with columns ball or target, t, x, y, z");
-  plot_command->add_option("--clock-offset", plot.clock_offset_s,
-                           "seconds that the tracks' clock is ahead of the truth's");
-  plot_command->add_option("--out", plot.out, "FILE.png, FILE.svg or FILE.html (one file that needs no other)")
-      ->required();
+void CommandLine::add_plot() {
+  CLI::App& command = add("plot", "draw a track CSV: the track, its states, its uncertainty", [this] {
+    plot::plot(plot_);
+    return 0;
+  });
+  command.add_option("tracks", plot_.tracks, "CSV of `huetrackd replay --tracks` or `huetrack log`")->required();
+  command.add_option("--truth", plot_.truth, "CSV with columns ball or target, t, x, y, z");
+  command.add_option("--clock-offset", plot_.clock_offset_s, "seconds that the tracks' clock is ahead of the truth's");
+  command.add_option("--out", plot_.out, "FILE.png, FILE.svg or FILE.html (one file that needs no other)")->required();
+}
 
-  huetrack::bag::ExportOptions bag;
-  CLI::App* export_command =
-      app.add_subcommand("export", "turn a track CSV into a rosbag2 or an MCAP file, for ROS 2 and its tools");
-  export_command->add_option("tracks", bag.tracks, "CSV of `huetrackd replay --tracks` or `huetrack log`")->required();
-  export_command->add_option("--out", bag.out, "FILE.mcap, or a new folder for a rosbag2 (sqlite3)")->required();
-  export_command->add_option("--frame", bag.frame_id, "the world's name in the messages")->capture_default_str();
-  export_command->add_option("--clock-offset", bag.clock_offset_s,
-                             "seconds to add to every time: a replay's are its recording's own");
+void CommandLine::add_export() {
+  CLI::App& command = add("export", "turn a track CSV into a rosbag2 or an MCAP file, for ROS 2 and its tools", [this] {
+    bag::export_track(export_);
+    return 0;
+  });
+  command.add_option("tracks", export_.tracks, "CSV of `huetrackd replay --tracks` or `huetrack log`")->required();
+  command.add_option("--out", export_.out, "FILE.mcap, or a new folder for a rosbag2 (sqlite3)")->required();
+  command.add_option("--frame", export_.frame_id, "the world's name in the messages")->capture_default_str();
+  command.add_option("--clock-offset", export_.clock_offset_s,
+                     "seconds to add to every time: a replay's are its recording's own");
+}
 
-  CLI11_PARSE(app, argc, argv);
+}  // namespace
 
-  if (timeout_s > 0) options.timeout = std::chrono::duration<double>(timeout_s);
+int main(int argc, char** argv) {
+  end_on_signals();  // first of all: whoever ends it early is answered, too
+  CommandLine line;
+  CLI11_PARSE(line.app, argc, argv);
   try {
-    if (status_command->parsed())
-      return status(options.participant, status_format == "json" ? StatusFormat::json : StatusFormat::text);
-    if (control_command->parsed()) {
-      control_options.participant = options.participant;
-      return control(control_options);
-    }
-    if (plot_command->parsed()) {
-      huetrack::plot::plot(plot);
-      return 0;
-    }
-    if (export_command->parsed()) {
-      huetrack::bag::export_track(bag);
-      return 0;
-    }
-    if (view_command->parsed()) {
-      view.participant = options.participant;
-      return huetrack::live_view::view(view, has_ended);
-    }
-    if (format.empty()) format = log_command->parsed() ? "csv" : options.udp.empty() ? "text" : "json";
-    options.format = formats.at(format);
-    if (options.format == Format::osc && options.udp.empty())
-      throw std::runtime_error("--format osc is for programs, by UDP: say where to with --udp HOST:PORT");
-    return watch(options);
+    return line.run();
   } catch (const std::exception& error) {  // a wrong option or file, a full disk: said once, here
-    std::fprintf(stderr, "huetrack: %s\n",
-                 huetrack::yaml::printable(error.what(), huetrack::yaml::longest_message).c_str());
+    std::fprintf(stderr, "huetrack: %s\n", yaml::printable(error.what(), yaml::longest_message).c_str());
     return 1;
   }
 }

@@ -11,30 +11,15 @@
 
 #include "calib/yaml/output_file.h"
 #include "clients/plot/track_chart.h"
+#include "drawing/markup.h"
 
 namespace huetrack::plot {
 namespace {
 
 using drawing::Canvas;
+using drawing::escaped;
 
 constexpr truth::Timestamp year_1973{std::chrono::seconds(100'000'000)};
-
-std::string escaped(const std::string& text) {
-  std::string out;
-  for (const char c : text) {
-    if (c == '&')
-      out += "&amp;";
-    else if (c == '<')
-      out += "&lt;";
-    else if (c == '>')
-      out += "&gt;";
-    else if (c == '"')
-      out += "&quot;";
-    else
-      out += c;
-  }
-  return out;
-}
 
 // Two drawings, of which the window's width chooses one: on a phone the wide one could not be read.
 std::string html_of(const std::vector<ChartTarget>& targets, const ChartStyle& style) {
@@ -144,7 +129,7 @@ void plot(const PlotOptions& options) {
                                                : html_of(targets, style);
   yaml::write_whole_file(options.out, content);
   for (const ChartTarget& target : targets) {
-    const TargetFigures figures = figures_of(target);
+    const ChartFigures figures = figures_of(target);
     fmt::print("{}\n", to_text(figures));
     if (figures.compared > 0 && !figures.is_ever_near)
       fmt::print(stderr,

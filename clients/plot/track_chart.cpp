@@ -405,8 +405,8 @@ class Chart {
 
 }  // namespace
 
-TargetFigures figures_of(const ChartTarget& target) {
-  TargetFigures f{.name = target.name, .rows = target.rows.size()};
+ChartFigures figures_of(const ChartTarget& target) {
+  ChartFigures f{.name = target.name, .rows = target.rows.size()};
   double sum = 0;
   std::size_t inside = 0;
   for (const TrackRow& row : target.rows) {
@@ -432,7 +432,7 @@ TargetFigures figures_of(const ChartTarget& target) {
   return f;
 }
 
-std::string to_text(const TargetFigures& f) {
+std::string to_text(const ChartFigures& f) {
   const auto share = [&](std::size_t n) {
     return 100.0 * static_cast<double>(n) / static_cast<double>(std::max<std::size_t>(1, f.rows));
   };

@@ -15,7 +15,7 @@ struct ChartTarget {
   const truth::Truth* truth = nullptr;  // on the rows' clock, with this target; nullptr: none
 };
 
-struct TargetFigures {
+struct ChartFigures {
   std::string name;
   std::size_t rows = 0, tracking = 0, coasting = 0, lost = 0, searching = 0;
   std::size_t positions = 0;    // rows that have one
@@ -25,8 +25,8 @@ struct TargetFigures {
   bool is_ever_near = false;    // within 50 mm of the truth while tracking, as `huetrackd compare` calls it locked
   double inside_95 = 0;         // share of those whose truth lies in the 95 % ellipsoid
 };
-TargetFigures figures_of(const ChartTarget& target);
-std::string to_text(const TargetFigures& figures);
+ChartFigures figures_of(const ChartTarget& target);
+std::string to_text(const ChartFigures& figures);
 
 struct ChartStyle {
   int width = 1500;         // pixels, or SVG units; below 900 the planes stand above each other

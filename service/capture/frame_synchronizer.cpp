@@ -79,7 +79,7 @@ std::optional<FrameSet> FrameSynchronizer::flush() {
 // Cameras may be slower than a frame per second (time lapse).
 Duration FrameSynchronizer::clock_jump() const {
   Duration shortest_period{0};
-  for (const CameraState& camera : cameras_)
+  for (const CameraQueue& camera : cameras_)
     if (camera.period > Duration::zero() && (shortest_period == Duration::zero() || camera.period < shortest_period))
       shortest_period = camera.period;
   return std::max(least_clock_jump, stopped_after_periods * shortest_period);
@@ -105,7 +105,7 @@ void FrameSynchronizer::drop_off_time_frames() {
 }
 
 void FrameSynchronizer::admit(Frame frame) {
-  CameraState& camera = cameras_[static_cast<std::size_t>(frame.camera)];
+  CameraQueue& camera = cameras_[static_cast<std::size_t>(frame.camera)];
   const Timestamp at = frame.captured_at;
 
   if (!first_) first_ = at;
@@ -132,32 +132,32 @@ void FrameSynchronizer::admit(Frame frame) {
   }
 }
 
-bool FrameSynchronizer::has_stopped(const CameraState& camera) const {
+bool FrameSynchronizer::has_stopped(const CameraQueue& camera) const {
   const Duration patience = camera.period > Duration::zero()
                                 ? stopped_after_periods * camera.period + camera.lag + options_.tolerance
                                 : unknown_camera_stopped_after;
   return *newest_ - camera.newest.value_or(*first_) > patience;
 }
 
-bool FrameSynchronizer::is_waited_for(const CameraState& camera, Timestamp end_of_set) const {
+bool FrameSynchronizer::is_waited_for(const CameraQueue& camera, Timestamp end_of_set) const {
   if (!camera.waiting.empty() || has_stopped(camera)) return false;  // its next frame is in the set, or beyond it
-  return std::ranges::any_of(cameras_, [&](const CameraState& other) {
+  return std::ranges::any_of(cameras_, [&](const CameraQueue& other) {
     return &other != &camera && other.newest && !has_stopped(other) && *other.newest <= end_of_set + camera.lag;
   });
 }
 
 bool FrameSynchronizer::may_still_change(Timestamp end_of_set) const {
   if (!options_.ascending_input)
-    return std::ranges::any_of(cameras_, [&](const CameraState& camera) { return is_waited_for(camera, end_of_set); });
+    return std::ranges::any_of(cameras_, [&](const CameraQueue& camera) { return is_waited_for(camera, end_of_set); });
   if (*newest_ > end_of_set) return false;
   // A set that has every camera is not final yet: a camera's next frame may be of the newest time too, in the set's
   // span, and closing the set now would make that one late.
-  return std::ranges::any_of(cameras_, [&](const CameraState& camera) { return camera.newest != newest_; });
+  return std::ranges::any_of(cameras_, [&](const CameraQueue& camera) { return camera.newest != newest_; });
 }
 
 std::optional<Timestamp> FrameSynchronizer::oldest_waiting() const {
   std::optional<Timestamp> oldest;
-  for (const CameraState& camera : cameras_)
+  for (const CameraQueue& camera : cameras_)
     if (!camera.waiting.empty())
       oldest = std::min(oldest.value_or(Timestamp::max()), camera.waiting.front().captured_at);
   return oldest;
@@ -168,7 +168,7 @@ std::optional<FrameSet> FrameSynchronizer::take_set(Timestamp oldest) {
   // Of a camera that has two frames in that time the second may be the better partner of the others' frames, and time
   // must not turn back from this set to the next: so the set ends before it.
   Timestamp end = oldest + options_.tolerance;
-  for (const CameraState& camera : cameras_)
+  for (const CameraQueue& camera : cameras_)
     if (camera.waiting.size() >= 2) end = std::min(end, camera.waiting[1].captured_at - Duration(1));
 
   FrameSet set;

@@ -66,7 +66,7 @@ class FrameSynchronizer {
   const FrameSynchronizerCounters& counters() const { return counters_; }
 
  private:
-  struct CameraState {
+  struct CameraQueue {
     std::deque<Frame> waiting;        // not in a set yet, ascending capture times, corrupted ones included
     std::optional<Timestamp> newest;  // of the frames admitted
     Duration last_interval{0};        // between its last two frames; 0: not known yet
@@ -79,8 +79,8 @@ class FrameSynchronizer {
   bool is_confirmed() const;
   void drop_off_time_frames();
   void admit(Frame frame);
-  bool has_stopped(const CameraState& camera) const;
-  bool is_waited_for(const CameraState& camera, Timestamp end_of_set) const;
+  bool has_stopped(const CameraQueue& camera) const;
+  bool is_waited_for(const CameraQueue& camera, Timestamp end_of_set) const;
   bool may_still_change(Timestamp end_of_set) const;
   std::optional<Timestamp> oldest_waiting() const;
   std::optional<FrameSet> take_set(Timestamp oldest);
@@ -88,7 +88,7 @@ class FrameSynchronizer {
 
   FrameSynchronizerOptions options_;
   FrameSynchronizerCounters counters_;
-  std::vector<CameraState> cameras_;
+  std::vector<CameraQueue> cameras_;
   std::optional<Timestamp> first_;         // admitted; of all cameras
   std::optional<Timestamp> newest_;        // admitted; of all cameras
   std::optional<Timestamp> closed_until_;  // the newest capture time in the sets handed out

@@ -30,6 +30,7 @@ constexpr std::size_t most_unsteady = LightWatch::samples / 5;
 
 // Flicker. Bands over the image's height: of readouts from 7 to 45 ms.
 constexpr double fewest_bands = 0.75, most_bands = 5, step_of_bands = 0.25;
+constexpr auto band_count = std::size_t((most_bands - fewest_bands) / step_of_bands + 1.5);
 constexpr double lowest_hz = 96, highest_hz = 124, step_hz = 0.2;  // 1 / window is 0.24 Hz
 constexpr double of_mains_hz = 0.4;                                // mains are right to 0.2 %, and so are clocks
 constexpr double standing_hz = 0.4;         // bands that move more slowly are not told from a lamp that was moved
@@ -237,35 +238,43 @@ std::optional<double> LightWatch::find_drift(const Change& change, std::size_t c
   return std::exp(drift) - 1;
 }
 
-std::optional<Flicker> LightWatch::find_flicker() {
-  using Complex = std::complex<double>;
-  // What is left of the rows without the window's mean of each row and the frame's mean of all rows.
+// What is left of the rows without the window's mean of each row and the frame's mean of all rows.
+std::optional<LightWatch::Ripple> LightWatch::find_ripple() {
   std::array<double, rows> mean{};
   for (std::size_t i = 0; i < rows; ++i) {
     for (std::size_t t = 0; t < count_; ++t) mean[i] += row_change_[t][i] / double(count_);
   }
-  double power = 0;
-  std::size_t used_rows = 0;
-  for (std::size_t i = 0; i < rows; ++i) used_rows += std::isnan(mean[i]) ? 0 : 1;
-  if (used_rows < rows / 2) return std::nullopt;
+  Ripple ripple;
+  for (std::size_t i = 0; i < rows; ++i) ripple.used_rows += std::isnan(mean[i]) ? 0 : 1;
+  if (ripple.used_rows < rows / 2) return std::nullopt;
   for (std::size_t t = 0; t < count_; ++t) {
     double of_frame = 0;
     for (std::size_t i = 0; i < rows; ++i) {
       double& value = row_change_[t][i];
       value = std::isnan(mean[i]) ? 0 : value - mean[i];
-      of_frame += value / double(used_rows);
+      of_frame += value / double(ripple.used_rows);
     }
     for (std::size_t i = 0; i < rows; ++i) {
       if (!std::isnan(mean[i])) row_change_[t][i] -= of_frame;
-      power += row_change_[t][i] * row_change_[t][i];
+      ripple.power += row_change_[t][i] * row_change_[t][i];
     }
   }
-  power /= double(count_ * used_rows);
-  if (power <= 0 || period_count_ == 0) return std::nullopt;
-  const double frames_hz = 1 / median(std::span(periods_).first(period_count_));
+  ripple.power /= double(count_ * ripple.used_rows);
+  if (ripple.power <= 0 || period_count_ == 0) return std::nullopt;
+  ripple.frames_hz = 1 / median(std::span(periods_).first(period_count_));
+  return ripple;
+}
 
-  constexpr auto band_count = std::size_t((most_bands - fewest_bands) / step_of_bands + 1.5);
-  std::array<std::array<Complex, samples>, band_count> amplitude{};  // per k and sample
+using Complex = std::complex<double>;
+// Of bands over the image's height, per k and sample.
+struct LightWatch::Amplitudes : std::array<std::array<Complex, samples>, band_count> {};
+
+struct LightWatch::Peak {
+  double hz = 0, seen_hz = 0, bands = 0, modulation = 0;
+};
+
+LightWatch::Amplitudes LightWatch::band_amplitudes(std::size_t used_rows) const {
+  Amplitudes amplitude{};
   for (std::size_t k = 0; k < band_count; ++k) {
     const double bands = fewest_bands + step_of_bands * double(k);
     for (std::size_t i = 0; i < rows; ++i) {
@@ -273,47 +282,56 @@ std::optional<Flicker> LightWatch::find_flicker() {
       for (std::size_t t = 0; t < count_; ++t) amplitude[k][t] += wave * row_change_[t][i];
     }
   }
+  return amplitude;
+}
 
+// At one frequency: the best k, of rows that are exposed downwards, and upwards.
+std::array<LightWatch::Peak, 2> LightWatch::peaks_at(double hz, double frames_hz, const Amplitudes& amplitude) const {
+  std::array<Peak, 2> peaks{};
   // How many hertz from standing still the bands move, as far as frames tell: 0 .. frames_hz.
-  const auto seen_hz = [&](double hz, bool is_upward) {
+  const auto seen_hz = [&](bool is_upward) {
     const double turned = std::fmod(is_upward ? -hz : hz, frames_hz);
     return turned < 0 ? turned + frames_hz : turned;
   };
-  const auto apart = [&](double a, double b) { return std::abs(std::remainder(a - b, frames_hz)); };
-  struct Peak {
-    double hz = 0, seen_hz = 0, bands = 0, modulation = 0;
-  };
+  for (const bool is_upward : {false, true}) {
+    peaks[is_upward ? 1 : 0].hz = hz;
+    peaks[is_upward ? 1 : 0].seen_hz = seen_hz(is_upward);
+  }
+  std::array<Complex, samples> turn{};
+  for (std::size_t t = 0; t < count_; ++t) turn[t] = std::polar(2.0 / double(count_), -two_pi * hz * time_s_[t]);
+  for (std::size_t k = 0; k < band_count; ++k) {
+    // turn * amplitude, and turn * its conjugate, which is that of rows that are exposed upwards.
+    double rr = 0, ii = 0, ri = 0, ir = 0;
+    for (std::size_t t = 0; t < count_; ++t) {
+      const Complex &w = turn[t], &a = amplitude[k][t];
+      rr += w.real() * a.real(), ii += w.imag() * a.imag(), ri += w.real() * a.imag(), ir += w.imag() * a.real();
+    }
+    const std::array<double, 2> modulation{std::hypot(rr - ii, ri + ir), std::hypot(rr + ii, ir - ri)};
+    for (const std::size_t way : {0u, 1u}) {
+      if (modulation[way] <= peaks[way].modulation) continue;
+      peaks[way].modulation = modulation[way];
+      peaks[way].bands = fewest_bands + step_of_bands * double(k);
+    }
+  }
+  return peaks;
+}
+
+std::optional<Flicker> LightWatch::find_flicker() {
+  const std::optional<Ripple> ripple = find_ripple();
+  if (!ripple) return std::nullopt;
+  const Amplitudes amplitude = band_amplitudes(ripple->used_rows);
+  const auto apart = [&](double a, double b) { return std::abs(std::remainder(a - b, ripple->frames_hz)); };
   constexpr auto hz_count = std::size_t((highest_hz - lowest_hz) / step_hz + 1.5);
-  std::array<std::array<Peak, 2>, hz_count> peaks{};  // the best k, of rows that go down and up
+  std::array<std::array<Peak, 2>, hz_count> peaks{};
   Peak best;
   for (std::size_t f = 0; f < hz_count; ++f) {
     const double hz = lowest_hz + step_hz * double(f);
-    std::array<Complex, samples> turn{};
-    for (std::size_t t = 0; t < count_; ++t) turn[t] = std::polar(2.0 / double(count_), -two_pi * hz * time_s_[t]);
-    for (const bool is_upward : {false, true}) {
-      peaks[f][is_upward ? 1 : 0].hz = hz;
-      peaks[f][is_upward ? 1 : 0].seen_hz = seen_hz(hz, is_upward);
-    }
-    for (std::size_t k = 0; k < band_count; ++k) {
-      // turn * amplitude, and turn * its conjugate, which is that of rows that are exposed upwards.
-      double rr = 0, ii = 0, ri = 0, ir = 0;
-      for (std::size_t t = 0; t < count_; ++t) {
-        const Complex &w = turn[t], &a = amplitude[k][t];
-        rr += w.real() * a.real(), ii += w.imag() * a.imag(), ri += w.real() * a.imag(), ir += w.imag() * a.real();
-      }
-      const std::array<double, 2> modulation{std::hypot(rr - ii, ri + ir), std::hypot(rr + ii, ir - ri)};
-      for (const std::size_t way : {0u, 1u}) {
-        if (modulation[way] <= peaks[f][way].modulation) continue;
-        peaks[f][way].modulation = modulation[way];
-        peaks[f][way].bands = fewest_bands + step_of_bands * double(k);
-      }
-    }
-    for (const Peak& peak : peaks[f]) {
-      const bool is_of_mains = std::min(std::abs(hz - 100), std::abs(hz - 120)) <= of_mains_hz + 1e-9;
+    peaks[f] = peaks_at(hz, ripple->frames_hz, amplitude);
+    const bool is_of_mains = std::min(std::abs(hz - 100), std::abs(hz - 120)) <= of_mains_hz + 1e-9;
+    for (const Peak& peak : peaks[f])
       if (is_of_mains && apart(peak.seen_hz, 0) > standing_hz && peak.modulation > best.modulation) best = peak;
-    }
   }
-  if (best.modulation < least_modulation || best.modulation * best.modulation / 2 < least_explained * power)
+  if (best.modulation < least_modulation || best.modulation * best.modulation / 2 < least_explained * ripple->power)
     return std::nullopt;
   for (const auto& both : peaks) {
     for (const Peak& other : both) {

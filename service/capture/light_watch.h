@@ -70,6 +70,16 @@ class LightWatch {
   bool add(const Image& image);  // a sample; false: the window says nothing
   void begin(const Image& image, Timestamp at);
   LightFindings judge_window();
+  // What rows do against one another.
+  struct Ripple {
+    std::size_t used_rows = 0;
+    double power = 0, frames_hz = 0;
+  };
+  struct Amplitudes;
+  struct Peak;
+  std::optional<Ripple> find_ripple();
+  Amplitudes band_amplitudes(std::size_t used_rows) const;
+  std::array<Peak, 2> peaks_at(double hz, double frames_hz, const Amplitudes& amplitude) const;
   std::optional<Flicker> find_flicker();
   static std::optional<double> find_drift(const Change& change, std::size_t count);
 

@@ -166,10 +166,10 @@ Taught ColorTeacher::teach(const TeachRequestOptions& request, const object_trac
 
 void ColorTeacher::suggest(std::vector<TaughtView>& views, const object_tracking::Box& volume) const {
   const auto picture = [this](std::size_t c) {
-    return Picture{&rig_.cameras[c], &*images_[c], moving_[c] ? &*moving_[c] : nullptr};
+    return TaughtPicture{&rig_.cameras[c], &*images_[c], moving_[c] ? &*moving_[c] : nullptr};
   };
   std::vector<PointedObject> pointed;
-  std::vector<Picture> others;
+  std::vector<TaughtPicture> others;
   std::vector<std::size_t> cameras;
   for (std::size_t c = 0; c < views.size(); ++c) {
     if (views[c].pointed) {

@@ -198,7 +198,7 @@ double share_inside(const PixelMask& mask, const Eigen::Vector2d& centre, double
 }
 
 // nullopt: it is nothing like the object.
-std::optional<Candidate> judged(const Picture& picture, const LikePixels& pixels, const Expected& expected,
+std::optional<Candidate> judged(const TaughtPicture& picture, const LikePixels& pixels, const Expected& expected,
                                 const Eigen::Vector2d& color, const std::optional<bool>& is_moving) {
   const double radius = expected.radius_px;
   const MaskRegion region = settled(pixels.mask, expected.px, 1.25 * radius);
@@ -221,8 +221,9 @@ std::optional<Candidate> judged(const Picture& picture, const LikePixels& pixels
 }
 
 // Local bests along the ray; of each region in the picture one.
-std::vector<Candidate> candidates_in(const Picture& picture, const LikePixels& pixels, const std::vector<Expected>& ray,
-                                     const Eigen::Vector2d& color, const std::optional<bool>& is_moving) {
+std::vector<Candidate> candidates_in(const TaughtPicture& picture, const LikePixels& pixels,
+                                     const std::vector<Expected>& ray, const Eigen::Vector2d& color,
+                                     const std::optional<bool>& is_moving) {
   std::vector<Candidate> out;
   for (const Expected& expected : ray) {
     // A cheap look first: with the frames of another moment, the object is somewhere in this square.
@@ -260,7 +261,7 @@ std::vector<Candidate> candidates_in(const Picture& picture, const LikePixels& p
 }  // namespace
 
 std::vector<std::optional<MaskRegion>> suggested_regions(const std::vector<PointedObject>& pointed,
-                                                         const std::vector<Picture>& others,
+                                                         const std::vector<TaughtPicture>& others,
                                                          const object_tracking::Box& volume, double moved_m) {
   std::vector<std::optional<MaskRegion>> out(others.size());
   if (pointed.empty()) return out;
@@ -275,7 +276,7 @@ std::vector<std::optional<MaskRegion>> suggested_regions(const std::vector<Point
     if (moved < still_share) is_moving = false;
   }
   std::vector<std::vector<Candidate>> candidates;
-  for (const Picture& other : others)
+  for (const TaughtPicture& other : others)
     candidates.push_back(candidates_in(other, like(*other.image, color),
                                        along_ray(pointed, *other.camera, volume, moved_m), color, is_moving));
   // What the other pictures show where a candidate would be in them.

@@ -15,7 +15,7 @@
 namespace huetrack::color_teaching {
 
 // A camera's picture.
-struct Picture {
+struct TaughtPicture {
   const calib::Camera* camera = nullptr;
   const HsiImage* image = nullptr;
   const PixelMask* moving = nullptr;  // which pixels differ from what is usually there; null: nobody knows
@@ -23,7 +23,7 @@ struct Picture {
 
 // The object in a picture into which somebody pointed.
 struct PointedObject {
-  Picture picture;
+  TaughtPicture picture;
   MaskRegion region;
   PixelMask pixels;  // the region's
 };
@@ -32,7 +32,7 @@ struct PointedObject {
 // object may have moved between them, metres, where they are of one moment only roughly. Returns one entry per picture
 // of `others`; nullopt: it is not there, or it cannot be told which of several regions it is.
 std::vector<std::optional<MaskRegion>> suggested_regions(const std::vector<PointedObject>& pointed,
-                                                         const std::vector<Picture>& others,
+                                                         const std::vector<TaughtPicture>& others,
                                                          const object_tracking::Box& volume, double moved_m);
 
 // Which pixels of the picture differ from what the same camera shows at other moments; nullopt: of too few of them.

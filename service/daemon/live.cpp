@@ -71,7 +71,7 @@ std::exception_ptr run_supervised(pipeline::Session& session, Supervisor& superv
 // Beside the rig, which stays as it is: where the cameras stand now, for huetrack-calibrate accept; and the room, for
 // the next start. A disk that is full or read-only is told; it ends nothing.
 void keep_what_was_learnt(const config::ServiceConfig& config, const pipeline::Session& session,
-                          const pipeline::RigReport& rig_report, const std::filesystem::path& recording) {
+                          const reports::RigReport& rig_report, const std::filesystem::path& recording) {
   const auto attempt = [](auto&& step) {
     try {
       step();
@@ -123,7 +123,7 @@ LiveSummary run_live(const config::ServiceConfig& config, std::vector<pipeline::
     session.add(bus.emplace(config.dds.publisher, session.time()));
   metrics::RoadMeter meter(config.rig.cameras.size(), is_tracking ? config.targets.size() : 0, bus ? &*bus : nullptr);
   session.add(meter);
-  pipeline::Reports reports(session, {.write_rig = options.write_rig, .is_logging_times = true});
+  reports::Reports reports(session, {.write_rig = options.write_rig, .is_logging_times = true});
   std::vector<const pipeline::FileOutput*> files;
   std::optional<pipeline::TrackFile> tracks;
   if (!options.tracks.empty()) {

@@ -25,8 +25,8 @@
 #include "pipeline/bus.h"
 #include "pipeline/file_outputs.h"
 #include "pipeline/picture_folder.h"
-#include "pipeline/reports.h"
 #include "pipeline/session.h"
+#include "reports/reports.h"
 
 namespace huetrack::daemon {
 namespace {
@@ -124,7 +124,7 @@ std::optional<tracks::Truth> truth_of(const config::ServiceConfig& config, const
 class ReplayStatus final : public pipeline::Output {
  public:
   ReplayStatus(const config::ServiceConfig& config, pipeline::Bus& bus, const pipeline::PublishedTime& time,
-               const PlayedSource* played, const pipeline::Reports& reports)
+               const PlayedSource* played, const reports::Reports& reports)
       : bus_(bus), time_(time), played_(played), reports_(reports), reporter_(config, "replay", {}) {}
 
   void on_status(const pipeline::PipelineFigures& figures) override {
@@ -149,7 +149,7 @@ class ReplayStatus final : public pipeline::Output {
   pipeline::Bus& bus_;
   const pipeline::PublishedTime& time_;
   const PlayedSource* const played_;
-  const pipeline::Reports& reports_;
+  const reports::Reports& reports_;
   std::mutex mutex_;
   StatusReporter reporter_;  // guarded by mutex_: the page's thread reloads
 };
@@ -309,7 +309,7 @@ ReplaySummary replay(const ReplayCommand& command, const std::stop_token& stop) 
   // Where the results go, in this order.
   std::optional<pipeline::Bus> bus;
   if (config.dds.enabled && !command.no_dds) session.add(bus.emplace(config.dds.publisher, session.time()));
-  pipeline::Reports reports(session, {.write_rig = command.write_rig});
+  reports::Reports reports(session, {.write_rig = command.write_rig});
   std::optional<ReplayStatus> status;
   if (bus) session.add(status.emplace(session.config(), *bus, session.time(), playback.played, reports));
   std::optional<pipeline::TrackFile> tracks;

@@ -160,7 +160,7 @@ void Supervisor::show_metrics() const {
   std::vector<metrics::CalibrationFigures> calibration;
   for (const pipeline::CameraCalibration& camera : the_.reports.rig.cameras()) {
     metrics::CalibrationFigures& figures = calibration.emplace_back();
-    figures.is_in_place = !pipeline::is_trouble(camera.room.state);
+    figures.is_in_place = !reports::is_trouble(camera.room.state);
     if (camera.moved) {
       figures.turned_deg = camera.moved->rotation.norm() * 180 / std::numbers::pi;
       figures.moved_m = camera.moved->shift.norm();

@@ -19,8 +19,8 @@
 #include "pipeline/file_outputs.h"
 #include "pipeline/live_cameras.h"
 #include "pipeline/recording_keeper.h"
-#include "pipeline/reports.h"
 #include "pipeline/session.h"
+#include "reports/reports.h"
 
 namespace huetrack::daemon {
 
@@ -52,7 +52,7 @@ struct Supervised {
   std::span<const pipeline::LiveCamera> cameras;
   LiveRequests& requests;
   const metrics::RoadMeter& meter;
-  const pipeline::Reports& reports;
+  const reports::Reports& reports;
   pipeline::RecordingKeeper& recording;
   std::vector<const pipeline::FileOutput*> files;
   pipeline::Bus* bus = nullptr;                      // null: nothing is published

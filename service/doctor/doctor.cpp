@@ -423,13 +423,13 @@ class Doctor {
     }
     try {
       for (const auto& warning : publish::EstimatePublisher::check(options)) say({Grade::warning, warning, ""});
-      const auto bus = publish::EstimatePublisher::bus(options);
+      const auto network = publish::EstimatePublisher::network(options);
       const char* variable = std::getenv("ROS_DOMAIN_ID");
-      say(judge_network(bus.domain,
+      say(judge_network(network.domain,
                         options.domain        ? "the configuration"
                         : variable != nullptr ? "ROS_DOMAIN_ID"
                                               : "the default; ROS_DOMAIN_ID is not set",
-                        bus.interfaces));
+                        network.interfaces));
     } catch (const std::invalid_argument& error) {
       say({Grade::problem, error.what(), "correct dds: in the configuration, or the environment"});
     }

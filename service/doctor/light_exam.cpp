@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "pipeline/light_words.h"
+#include "reports/light_words.h"
 
 namespace huetrack::doctor {
 namespace {
@@ -96,7 +96,7 @@ std::vector<Finding> judge_light(const CameraExam& exam) {
   judge_exposure_time(exam, findings);
   if (!exam.trial || !exam.trial->light) return findings;
   const capture::LightFindings& light = *exam.trial->light;
-  for (const auto& remark : pipeline::light_remarks(light))
+  for (const auto& remark : reports::light_remarks(light))
     findings.push_back({Grade::warning, "pictures: " + remark.what, remark.advice});
   if (light.exposure_change && value_of(exam, "auto_exposure") == 1)
     findings.push_back({Grade::warning, "auto_exposure says that it is manual, and still the brightness changes",

@@ -30,12 +30,13 @@ void ClockOffset::add(const Exchange& exchange) {
     base_s_ = capture::seconds(there);
   }
   const double half = 0.5 * (capture::seconds(there) - base_s_) + 0.5 * (capture::seconds(back) - base_s_);
-  const Seen seen{.at_s = capture::seconds(exchange.answer_came - *origin_), .offset_s = half, .took_s = took_s};
+  const Measured measured{
+      .at_s = capture::seconds(exchange.answer_came - *origin_), .offset_s = half, .took_s = took_s};
 
   // A clock that was set: several in a row that say something else than their own duration explains.
   if (is_known()) {
-    const double off = std::abs(seen.offset_s - (offset_s_ + drift_ * (seen.at_s - middle_s_)));
-    const double sigma_s = std::sqrt(measured_variance_s2(seen.at_s));
+    const double off = std::abs(measured.offset_s - (offset_s_ + drift_ * (measured.at_s - middle_s_)));
+    const double sigma_s = std::sqrt(measured_variance_s2(measured.at_s));
     const bool is_off = off > 0.5 * took_s + std::max(least_step_s, step_sigmas * sigma_s);
     off_in_a_row_ = is_off ? off_in_a_row_ + 1 : 0;
     if (is_off && off_in_a_row_ < steps_in_a_row) return;
@@ -47,7 +48,7 @@ void ClockOffset::add(const Exchange& exchange) {
       return;
     }
   }
-  seen_[next_] = seen;
+  measured_[next_] = measured;
   next_ = (next_ + 1) % kept;
   count_ = std::min(kept, count_ + 1);
   fit();
@@ -60,26 +61,26 @@ void ClockOffset::set_kept(const KeptTogether& kept_together) {
 }
 
 void ClockOffset::fit() {
-  const double now_s = seen_[(next_ + kept - 1) % kept].at_s;
+  const double now_s = measured_[(next_ + kept - 1) % kept].at_s;
   double fastest_s = 1e9;
   for (std::size_t i = 0; i < count_; ++i)
-    if (now_s - seen_[i].at_s <= window_s) fastest_s = std::min(fastest_s, seen_[i].took_s);
+    if (now_s - measured_[i].at_s <= window_s) fastest_s = std::min(fastest_s, measured_[i].took_s);
   // What an exchange took longer than the fastest lies on one of its two ways: half of it is its error, at most.
-  const auto weight = [&](const Seen& seen) {
-    const double sigma_s = stamp_s + 0.5 * (seen.took_s - fastest_s);
-    return now_s - seen.at_s <= window_s ? 1 / (sigma_s * sigma_s) : 0.0;
+  const auto weight = [&](const Measured& measured) {
+    const double sigma_s = stamp_s + 0.5 * (measured.took_s - fastest_s);
+    return now_s - measured.at_s <= window_s ? 1 / (sigma_s * sigma_s) : 0.0;
   };
   double w = 0, wt = 0, wo = 0;
   for (std::size_t i = 0; i < count_; ++i) {
-    const double of = weight(seen_[i]);
-    w += of, wt += of * seen_[i].at_s, wo += of * seen_[i].offset_s;
+    const double of = weight(measured_[i]);
+    w += of, wt += of * measured_[i].at_s, wo += of * measured_[i].offset_s;
   }
   middle_s_ = wt / w;
   const double mean_s = wo / w;
   double tt = 1 / (usual_drift * usual_drift), to = 0;
   for (std::size_t i = 0; i < count_; ++i) {
-    const double of = weight(seen_[i]), t = seen_[i].at_s - middle_s_;
-    tt += of * t * t, to += of * t * (seen_[i].offset_s - mean_s);
+    const double of = weight(measured_[i]), t = measured_[i].at_s - middle_s_;
+    tt += of * t * t, to += of * t * (measured_[i].offset_s - mean_s);
   }
   offset_s_ = mean_s;
   drift_ = to / tt;

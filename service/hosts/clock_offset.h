@@ -51,7 +51,7 @@ class ClockOffset {
 
  private:
   static constexpr std::size_t kept = 128, enough = 4;
-  struct Seen {
+  struct Measured {
     double at_s = 0, offset_s = 0, took_s = 0;  // since origin_
   };
   void fit();
@@ -60,7 +60,7 @@ class ClockOffset {
 
   std::optional<capture::Timestamp> origin_;
   double base_s_ = 0;  // what offsets are counted from: those of hosts without NTP may be years
-  Seen seen_[kept];
+  Measured measured_[kept];
   std::size_t count_ = 0, next_ = 0;
   std::size_t off_in_a_row_ = 0;
   double middle_s_ = 0, offset_s_ = 0, drift_ = 0, fastest_s_ = 0;

@@ -74,10 +74,9 @@ std::uint64_t LatencyHistogram::Snapshot::count() const {
   return sum;
 }
 
-std::string to_prometheus(const publish::ServiceStatus& status, std::span<const TargetFigures> targets,
-                          const LatencyFigures& latencies, const RecordingCounts& recording, std::uint64_t published,
-                          std::span<const CalibrationFigures> calibration) {
-  Text text;
+namespace {
+
+void add_cameras(Text& text, const publish::ServiceStatus& status) {
   const auto cameras = [&](std::string_view family, std::string_view type, std::string_view help, auto value) {
     text.family(family, type, help);
     for (const auto& camera : status.cameras)
@@ -94,7 +93,11 @@ std::string to_prometheus(const publish::ServiceStatus& status, std::span<const 
           [](const auto& c) { return c.rate_hz; });
   cameras("huetrack_camera_age_seconds", "gauge", "since the last frame was received",
           [](const auto& c) { return c.frames > 0 ? c.age_s : std::numeric_limits<double>::quiet_NaN(); });
+}
 
+// calibration: per camera of the status, or empty.
+void add_calibration(Text& text, const publish::ServiceStatus& status,
+                     std::span<const CalibrationFigures> calibration) {
   const auto calibrations = [&](std::string_view family, std::string_view help, auto value) {
     if (!calibration.empty()) text.family(family, "gauge", help);
     for (std::size_t c = 0; c < calibration.size(); ++c)
@@ -108,11 +111,9 @@ std::string to_prometheus(const publish::ServiceStatus& status, std::span<const 
                [](const auto& c) { return c.moved_m; });
   calibrations("huetrack_camera_effect_meters", "by which positions are off by that, if nothing is done about it",
                [](const auto& c) { return c.effect_m; });
+}
 
-  const auto one = [&](std::string_view family, std::string_view type, std::string_view help, double value) {
-    text.family(family, type, help);
-    text.sample("", value);
-  };
+void add_clocks(Text& text, const publish::ServiceStatus& status) {
   const auto clocks = [&](const char* name, const char* help, auto value) {
     if (status.clocks.empty()) return;
     text.family(name, "gauge", help);
@@ -123,6 +124,14 @@ std::string to_prometheus(const publish::ServiceStatus& status, std::span<const 
          [](const auto& clock) { return clock.offset_s; });
   clocks("huetrack_host_clock_uncertainty_seconds", "of what is left then, standard deviation",
          [](const auto& clock) { return clock.sigma_s; });
+}
+
+void add_service(Text& text, const publish::ServiceStatus& status, const RecordingCounts& recording,
+                 std::uint64_t published) {
+  const auto one = [&](std::string_view family, std::string_view type, std::string_view help, double value) {
+    text.family(family, type, help);
+    text.sample("", value);
+  };
   one("huetrack_sets_total", "counter", "frame sets tracked", double(status.sets));
   one("huetrack_incomplete_sets_total", "counter", "frame sets without every camera", double(status.incomplete_sets));
   one("huetrack_dropped_sets_total", "counter", "frame sets not tracked, because tracking was too slow",
@@ -136,7 +145,9 @@ std::string to_prometheus(const publish::ServiceStatus& status, std::span<const 
               "frames not recorded, because the disk was too slow");
   for (std::size_t c = 0; c < recording.dropped.size(); ++c)
     text.sample("camera=" + label(status.cameras[c].name), double(recording.dropped[c]));
+}
 
+void add_targets(Text& text, const publish::ServiceStatus& status, std::span<const TargetFigures> targets) {
   text.family("huetrack_target_state", "gauge", "1 for the state that the target is in");
   for (std::size_t t = 0; t < targets.size(); ++t) {
     for (const auto state : {object_tracking::TrackState::searching, object_tracking::TrackState::tracking,
@@ -159,7 +170,9 @@ std::string to_prometheus(const publish::ServiceStatus& status, std::span<const 
   text.family("huetrack_target_objects_found_total", "counter", "times that an object of the target was found");
   for (std::size_t t = 0; t < targets.size(); ++t)
     text.sample("target=" + label(status.targets[t]), double(targets[t].found));
+}
 
+void add_latencies(Text& text, const publish::ServiceStatus& status, const LatencyFigures& latencies) {
   text.family("huetrack_capture_to_dequeue_seconds", "histogram", "from a frame's capture to its dequeue");
   for (std::size_t c = 0; c < latencies.capture_to_dequeue.size(); ++c)
     text.histogram("camera=" + label(status.cameras[c].name), latencies.capture_to_dequeue[c]);
@@ -172,6 +185,20 @@ std::string to_prometheus(const publish::ServiceStatus& status, std::span<const 
   text.family("huetrack_capture_to_publish_seconds", "histogram",
               "from the newest capture in a set until its position is sent");
   text.histogram("", latencies.capture_to_publish);
+}
+
+}  // namespace
+
+std::string to_prometheus(const publish::ServiceStatus& status, std::span<const TargetFigures> targets,
+                          const LatencyFigures& latencies, const RecordingCounts& recording, std::uint64_t published,
+                          std::span<const CalibrationFigures> calibration) {
+  Text text;
+  add_cameras(text, status);
+  add_calibration(text, status, calibration);
+  add_clocks(text, status);
+  add_service(text, status, recording, published);
+  add_targets(text, status, targets);
+  add_latencies(text, status, latencies);
   return text.take();
 }
 

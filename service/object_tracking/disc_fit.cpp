@@ -31,7 +31,8 @@ std::optional<bool> is_matching(MatchBits& bits, const Eigen::Vector2d& px) {
 
 // Where the colour ends along a normal of the disc, counted from its outline; nullopt: not near it. Two misses in a row
 // are an end, one is noise.
-std::optional<double> colour_ends(MatchBits& bits, const Disc& disc, const Eigen::Vector2d& normal, double window_px) {
+std::optional<double> colour_ends(MatchBits& bits, const ExpectedDisc& disc, const Eigen::Vector2d& normal,
+                                  double window_px) {
   const int steps = static_cast<int>(std::ceil(2 * window_px / step_px));
   int hits = 0, misses = 0;
   for (int i = 0; i < steps; ++i) {
@@ -49,10 +50,10 @@ std::optional<double> colour_ends(MatchBits& bits, const Disc& disc, const Eigen
   return -window_px + hits * step_px;
 }
 
-void outline_of(MatchBits& bits, std::span<const Disc> discs, std::size_t which, double window_px,
+void outline_of(MatchBits& bits, std::span<const ExpectedDisc> discs, std::size_t which, double window_px,
                 std::vector<Normal>& out) {
   out.clear();
-  const Disc& disc = discs[which];
+  const ExpectedDisc& disc = discs[which];
   for (int k = 0; k < directions; ++k) {
     const double angle = 2 * std::numbers::pi * (k + 0.5) / directions;
     const Eigen::Vector2d normal(std::cos(angle), std::sin(angle));
@@ -73,7 +74,7 @@ struct Solution {
   Eigen::Vector2d shift;
   Eigen::Matrix2d covariance;
 };
-Solution solve(std::span<const Normal> outline, const Disc& disc) {
+Solution solve(std::span<const Normal> outline, const ExpectedDisc& disc) {
   const double radius_sigma = radius_sigma_px + radius_sigma_share * disc.radius_px;
   Eigen::Vector3d x = Eigen::Vector3d::Zero();
   Eigen::Matrix3d information;
@@ -99,8 +100,8 @@ Solution solve(std::span<const Normal> outline, const Disc& disc) {
 
 }  // namespace
 
-std::vector<std::optional<FittedDisc>> fit_discs(MatchBits& bits, std::span<const Disc> expected) {
-  std::vector<Disc> discs(expected.begin(), expected.end());
+std::vector<std::optional<FittedDisc>> fit_discs(MatchBits& bits, std::span<const ExpectedDisc> expected) {
+  std::vector<ExpectedDisc> discs(expected.begin(), expected.end());
   std::vector<std::optional<FittedDisc>> out(discs.size());
   std::vector<Normal> outline;
   for (int pass = 0; pass < passes; ++pass) {

@@ -11,7 +11,7 @@
 
 namespace huetrack::object_tracking {
 
-struct Disc {
+struct ExpectedDisc {
   Eigen::Vector2d px;  // raw pixels
   double radius_px = 0;
   double reach_px = 0;  // how far from there its centre may be, as a standard deviation
@@ -28,6 +28,6 @@ struct FittedDisc {
 // the disc (Gauss-Newton, three times) and says how well it is known, when it shows a seventh of the outline or more.
 // The radius may differ by a fraction of a pixel, as thresholds and shading have it: without that, an arc would be
 // pulled outwards. nullopt: too little is seen of this one.
-std::vector<std::optional<FittedDisc>> fit_discs(MatchBits& bits, std::span<const Disc> discs);
+std::vector<std::optional<FittedDisc>> fit_discs(MatchBits& bits, std::span<const ExpectedDisc> discs);
 
 }  // namespace huetrack::object_tracking

@@ -141,7 +141,7 @@ void OutlineSighter::learn(const std::vector<TargetView>& views, const MotionBel
     const ImageMotion motion = image_motion(view, at, belief);
     const double sigma_px = std::sqrt((at.jacobian * belief.position_covariance() * at.jacobian.transpose()).trace());
     const double smear_px = 0.5 * motion.velocity.norm() * motion.longest_exposure_s;
-    const outline::Disc hidden{at.px, hidden_radii * at.radius_px + hidden_px + 3 * sigma_px + smear_px};
+    const outline::ObjectDisc hidden{at.px, hidden_radii * at.radius_px + hidden_px + 3 * sigma_px + smear_px};
     of.behind->learn(picture_of(*view.image), {at.px, at.radius_px}, ahead_s * motion.velocity, &hidden, 1);
   }
 }

@@ -154,7 +154,7 @@ SharedSightings RegionSharing::share(const TargetView& view, std::span<const Col
   std::vector<int> region_of;
   assign(view, regions, expected, out, region_of);
   std::vector<std::size_t> in_part;
-  std::vector<Disc> discs;
+  std::vector<ExpectedDisc> discs;
   for (const std::vector<std::size_t>& group : groups_of(expected)) {
     in_part.clear();
     for (const std::size_t i : group) {

@@ -16,14 +16,14 @@ RigError::RigError(const calib::CameraRig& rig, double position_sigma_m)
     : rig_(rig),
       as_found_(rig.uncertainty),
       elsewhere_(Eigen::Matrix3d::Identity() / (position_sigma_m * position_sigma_m)),
-      seen_(rig.cameras.size()) {}
+      last_views_(rig.cameras.size()) {}
 
 void RigError::add(std::span<const Sighting> sightings) {
   if (!rig_.uncertainty) return;
   for (const Sighting& s : sightings) {
     Eigen::Matrix2d covariance = s.covariance + s.doubt();
     covariance.diagonal().array() += s.lasting_px * s.lasting_px;
-    seen_[static_cast<std::size_t>(s.row.camera)] = {true, s.row.at, covariance.inverse()};
+    last_views_[static_cast<std::size_t>(s.row.camera)] = {true, s.row.at, covariance.inverse()};
   }
 }
 
@@ -38,10 +38,10 @@ void RigError::leave_out_poses(std::span<const CameraTrust> cameras) {
 Eigen::Matrix3d RigError::left_open(const Eigen::Vector3d& position, capture::Timestamp at) const {
   if (!rig_.uncertainty) return Eigen::Matrix3d::Zero();
   std::vector<calib::PlaceView> views;
-  for (std::size_t c = 0; c < seen_.size(); ++c) {
-    if (!seen_[c].any) continue;
-    const double share = std::exp(-std::abs(capture::seconds(at - seen_[c].at)) / memory_s);
-    if (share > least_share) views.push_back({static_cast<int>(c), share * seen_[c].information});
+  for (std::size_t c = 0; c < last_views_.size(); ++c) {
+    if (!last_views_[c].any) continue;
+    const double share = std::exp(-std::abs(capture::seconds(at - last_views_[c].at)) / memory_s);
+    if (share > least_share) views.push_back({static_cast<int>(c), share * last_views_[c].information});
   }
   return calib::left_open_by_rig(rig_, position, views, elsewhere_);
 }

@@ -32,7 +32,7 @@ class RigError {
   Eigen::Matrix3d left_open(const Eigen::Vector3d& position, capture::Timestamp at) const;
 
  private:
-  struct Seen {
+  struct LastView {
     bool any = false;
     capture::Timestamp at{};
     Eigen::Matrix2d information = Eigen::Matrix2d::Zero();  // 1/px^2
@@ -40,7 +40,7 @@ class RigError {
   calib::CameraRig rig_;                           // with the uncertainty that counts
   std::optional<calib::RigUncertainty> as_found_;  // that of the rig's file
   Eigen::Matrix3d elsewhere_;
-  std::vector<Seen> seen_;  // per camera, when it last saw the object
+  std::vector<LastView> last_views_;  // per camera, when it last saw the object
 };
 
 }  // namespace huetrack::object_tracking

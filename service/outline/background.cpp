@@ -63,7 +63,7 @@ HUETRACK_CLONES Off step(const float* __restrict seen, const float* __restrict h
 }
 
 // Samples whose centres lie within the discs; one sample is columns x rows pixels.
-void hide(const Disc* discs, std::size_t count, int u0, int v0, int columns, int rows, int across, int down,
+void hide(const ObjectDisc* discs, std::size_t count, int u0, int v0, int columns, int rows, int across, int down,
           float* hidden) {
   std::fill(hidden, hidden + across * down, 0.f);
   for (std::size_t k = 0; k < count; ++k) {
@@ -128,8 +128,8 @@ Background::Tile& Background::tile_for(int index) {
   return tile;
 }
 
-void Background::learn(const Picture& picture, const Disc& object, const Eigen::Vector2d& ahead_px, const Disc* hidden,
-                       std::size_t hidden_count) {
+void Background::learn(const Picture& picture, const ObjectDisc& object, const Eigen::Vector2d& ahead_px,
+                       const ObjectDisc* hidden, std::size_t hidden_count) {
   if (picture.width != width_ || picture.height != height_) return;
   if (picture.columns != columns_ || picture.rows != rows_) {
     forget();
@@ -184,7 +184,7 @@ void Background::learn(const Picture& picture, const Disc& object, const Eigen::
   }
 }
 
-void Background::look(const Picture& picture, int index, const Disc* hidden, std::size_t hidden_count) {
+void Background::look(const Picture& picture, int index, const ObjectDisc* hidden, std::size_t hidden_count) {
   Tile& tile = tile_for(index);
   if (tile.looked_at == pictures_) return;
   tile.looked_at = pictures_;

@@ -26,7 +26,7 @@ class Behind {
 };
 
 // Where pixels are the object's, or may be.
-struct Disc {
+struct ObjectDisc {
   Eigen::Vector2d px;
   double radius_px = 0;
 };
@@ -42,8 +42,8 @@ class Background final : public Behind {
 
   // A few tiles of this picture: of those between `object` and where it will be after `ahead_px`, the ones that are
   // known least, and some of all others in turn. hidden: what is not background.
-  void learn(const Picture& picture, const Disc& object, const Eigen::Vector2d& ahead_px, const Disc* hidden,
-             std::size_t hidden_count);
+  void learn(const Picture& picture, const ObjectDisc& object, const Eigen::Vector2d& ahead_px,
+             const ObjectDisc* hidden, std::size_t hidden_count);
   void forget();
 
   void light(int u, int v, int n, float* light, float* looks) const override;
@@ -77,7 +77,7 @@ class Background final : public Behind {
     return slot < 0 ? nullptr : &tiles_[static_cast<std::size_t>(slot)];
   }
   Tile& tile_for(int index);
-  void look(const Picture& picture, int index, const Disc* hidden, std::size_t hidden_count);
+  void look(const Picture& picture, int index, const ObjectDisc* hidden, std::size_t hidden_count);
   template <typename Take>
   void in_tiles(int u, int v, int n, int across, int down, Take&& take) const;
 

@@ -29,7 +29,12 @@ constexpr float loss2 = 4;             // Cauchy's, beyond two standard deviatio
 constexpr double usual_loss = 0.66;    // what it makes of a normal residual's square
 constexpr double worst_misfit = 9;
 constexpr double least_visible = 0.25;  // of the edge
+constexpr float glint_sigmas2 = 16;     // of a pixel within the outline over what light on a dull ball makes of it
+// Natural logarithms: by how much pictures of one camera differ in blur, and what light that the model does not know
+// makes of a single one's; pictures that follow one another show much the same, so that ten count as one.
+constexpr double blur_of_one = 0.1, blur_of_light = 0.6, least_blur_sigma = 0.05;
 constexpr double furthest_radii = 0.8, largest_growth = 0.35;
+constexpr double longest_exposure_s = 0.04;
 
 // The camera's curve, sRGB, from grey values 0..1 to light and back: a cubic, and its inverse by one step of Newton's.
 constexpr float curve1 = 0.012522878f, curve2 = 0.682171111f, curve3 = 0.305306011f;
@@ -325,18 +330,20 @@ void OutlineFit::begin(const Look& look, const FitOptions& options) {
     information_[i] = 1 / (sigma * sigma);
   };
   know(size_, options.log_size.value, options.log_size.sigma);
-  know(blur_light_, look.log_blur_light.value, look.log_blur_light.sigma);
-  know(blur_chroma_, look.log_blur_chroma.value, look.log_blur_chroma.sigma);
+  know(blur_light_, look.log_blur_light.value, std::hypot(look.log_blur_light.sigma, blur_of_one));
+  know(blur_chroma_, look.log_blur_chroma.value, std::hypot(look.log_blur_chroma.sigma, blur_of_one));
   know(exposure_, look.exposure_s.value, look.exposure_s.sigma);
   know(lit_, 0, 0.1), know(lit_ + 1, 0, 0.05);
   know(shading_, 1, 0.5);
   for (int i = 1; i < 3; ++i) know(shading_ + i, 0, 0.7);
   // Light from anywhere on a dull ball is a quadratic polynomial of its surface's direction (Ramamoorthi and Hanrahan
-  // 2001). What darkens towards the whole edge, and more on one side, is hard to tell from an edge that is elsewhere.
-  for (int i = 3; i < 6; ++i) know(shading_ + i, 0, 0.1);
+  // 2001). What darkens towards the edge, and more on one side, is hard to tell from an edge that is elsewhere: of a
+  // small ball it is taken for the edge's place unless it must be light; a large one has pixels enough to tell.
+  for (int i = 3; i < 6; ++i) know(shading_ + i, 0, 0.05);
   know(shading_ + 6, 0, 0.2);
   for (int i = 7; i < 9; ++i) know(shading_ + i, 0, 0.03);
-  for (int i = 0; i < 3; ++i) know(paleness_ + i, 0, 0.2);
+  know(paleness_, 0, 0.2);
+  for (int i = 1; i < 3; ++i) know(paleness_ + i, 0, 0.05);
   expected_ = x_;
   for (int i = 0; i < 9; ++i) x_[shading_ + i] = look.shading[i];
   for (int i = 0; i < 3; ++i) x_[paleness_ + i] = look.paleness[i];
@@ -353,7 +360,7 @@ OutlineFit::Kind OutlineFit::kind_of_light() const {
   k.cu = static_cast<float>(x_[cu_]), k.cv = static_cast<float>(x_[cv_]);
   k.m00 = m(0, 0), k.m01 = m(0, 1), k.m10 = m(1, 0), k.m11 = m(1, 1);
   k.vx = static_cast<float>(movement_.velocity.x()), k.vy = static_cast<float>(movement_.velocity.y());
-  const double exposure = std::clamp(x_[exposure_], 0.0, 0.04);
+  const double exposure = std::clamp(x_[exposure_], 0.0, longest_exposure_s);
   k.exposure = static_cast<float>(exposure);
   // A moment for each blur's width of the way.
   const double way = movement_.velocity.norm() * exposure;
@@ -380,70 +387,93 @@ OutlineFit::Kind OutlineFit::kind_of_chroma() const {
   return k;
 }
 
-// Residuals and slopes of some rows, weighted, and the sums of all their products.
-HUETRACK_CLONES void OutlineFit::assemble_rows(const Kind& k, Rows& rows, Assembly& out) {
-  alignas(64) float j[columns][chunk];
-  // How much of each is covered, of light and of color, and by what that changes.
+// Some rows on their way into the sums, one step after the other. Each step is a few loops over all of them, which a
+// compiler makes vectors of; forced into assemble_rows(), as it must be compiled for the same instructions.
+struct OutlineFit::Chunk {
+  const Kind& k;
+  const Rows& rows;
+  const int from, n;
+  Chunk(const Kind& kind, const Rows& all, int first)  // nothing else is set: each step sets what it hands on
+      : k(kind), rows(all), from(first), n(std::min(chunk, all.n - first)) {}
+
+  // How much of each is covered, and by what that changes.
   struct Covered {
     alignas(64) float a[chunk], by_u[chunk], by_v[chunk], by_size[chunk], by_blur[chunk], by_exposure[chunk];
   };
   Covered light, color;
   alignas(64) float by_more[chunk];
-  const float share = 1 / static_cast<float>(k.moments), e2 = k.exposure * k.exposure * k.smear2;
-  for (int from = 0; from < rows.n; from += chunk) {
-    const int n = std::min(chunk, rows.n - from);
+  // Where it is on the ball's surface, where its light is looked up: across, down, towards the camera.
+  alignas(64) float x[chunk], y[chunk], z[chunk];
+  alignas(64) float object[chunk], pale[chunk], lit[chunk], grey_behind[chunk];
+  // What the camera shows of all that, and by what that changes.
+  alignas(64) float shown[chunk], of_light[chunk], of_color[chunk], by_shade[chunk], by_pale[chunk], by_lit[chunk];
+  // The weight times the residual, and times what `shown` changes by: light and color covered, shading, paleness,
+  // light.
+  alignas(64) float w[chunk], wo[chunk], wc[chunk], wa[chunk], wp[chunk], wl[chunk];
+  alignas(64) float j[columns][chunk];
+
+  // The nearest piece of the outline at one moment of the exposure: its distance and normal, by how much it moves as
+  // the outline grows, and the variance by which light is soft there.
+  struct Edge {
+    alignas(64) float off[chunk], nu[chunk], nv[chunk], grow[chunk], width[chunk];
+  };
+
+  [[gnu::always_inline]] void find_edge(float when, Edge& edge) const {
     const float* __restrict u = rows.u + from;
     const float* __restrict v = rows.v + from;
+    const float e2 = k.exposure * k.exposure * k.smear2;
+    const float cu = k.cu + k.vx * k.exposure * when, cv = k.cv + k.vy * k.exposure * when;
+    for (int i = 0; i < n; ++i) {
+      const float du = u[i] - cu, dv = v[i] - cv;
+      const float at_x = k.m00 * du + k.m01 * dv, at_y = k.m10 * du + k.m11 * dv;
+      const float rho = std::sqrt(at_x * at_x + at_y * at_y + 1e-6f), in = 1 / rho;
+      const float gu = (k.m00 * at_x + k.m10 * at_y) * in, gv = (k.m01 * at_x + k.m11 * at_y) * in;
+      const float per = 1 / std::sqrt(gu * gu + gv * gv + 1e-12f);
+      const float nu = gu * per, nv = gv * per;
+      const float across = k.vx * nu + k.vy * nv;
+      edge.nu[i] = nu, edge.nv[i] = nv, edge.off[i] = (rho - 1) * per, edge.grow[i] = rho * per;
+      edge.width[i] = k.blur2 + k.extra_u * nu * nu + k.extra_v * nv * nv + e2 * across * across;
+    }
+  }
+
+  // What is covered at that moment; more2: by which the edge is softer than that of light.
+  [[gnu::always_inline]] void add_covered(const Edge& edge, float more2, float when, Covered& out) const {
+    const float share = 1 / static_cast<float>(k.moments);
+    for (int i = 0; i < n; ++i) {
+      const float nu = edge.nu[i], nv = edge.nv[i], off = edge.off[i];
+      const float across = k.vx * nu + k.vy * nv;
+      const float inv2 = 1 / (edge.width[i] + more2);
+      const float inv = std::sqrt(inv2), t = off * inv;
+      float s = t * (1.f / 3);
+      s = s < -1 ? -1 : s > 1 ? 1 : s;
+      const float s2 = s * s, left = 1 - s2;
+      // (1 - s^2)^3 has the normal distribution's shape and ends at three standard deviations.
+      const float share_of_it = 0.5f - 1.09375f * s * (1 - s2 * (1 - s2 * (0.6f - s2 * (1.f / 7))));
+      const float density = share * (1.09375f / 3) * left * left * left, by_off = density * inv;
+      const float wider = density * t * inv2;
+      out.a[i] += share * share_of_it;
+      out.by_u[i] += by_off * nu, out.by_v[i] += by_off * nv, out.by_size[i] += by_off * edge.grow[i];
+      out.by_blur[i] += wider;
+      out.by_exposure[i] += by_off * across * when + wider * k.exposure * k.smear2 * across * across;
+    }
+  }
+
+  [[gnu::always_inline]] void cover() {
     light = {}, color = {};
-    for (float& value : by_more) value = 0;
-    alignas(64) float offs[chunk], nus[chunk], nvs[chunk], grows[chunk], widths[chunk];
-    const auto cover = [&](Covered & out_of, float more2, float when) __attribute__((always_inline)) {
-      for (int i = 0; i < n; ++i) {
-        const float nu = nus[i], nv = nvs[i], off = offs[i];
-        const float across = k.vx * nu + k.vy * nv;
-        const float inv2 = 1 / (widths[i] + more2);
-        const float inv = std::sqrt(inv2), t = off * inv;
-        float s = t * (1.f / 3);
-        s = s < -1 ? -1 : s > 1 ? 1 : s;
-        const float s2 = s * s, left = 1 - s2;
-        // (1 - s^2)^3 has the normal distribution's shape and ends at three standard deviations.
-        const float share_of_it = 0.5f - 1.09375f * s * (1 - s2 * (1 - s2 * (0.6f - s2 * (1.f / 7))));
-        const float density = share * (1.09375f / 3) * left * left * left, edge = density * inv;
-        const float wider = density * t * inv2;
-        out_of.a[i] += share * share_of_it;
-        out_of.by_u[i] += edge * nu, out_of.by_v[i] += edge * nv, out_of.by_size[i] += edge * grows[i];
-        out_of.by_blur[i] += wider;
-        out_of.by_exposure[i] += edge * across * when + wider * k.exposure * k.smear2 * across * across;
-      }
-    };
+    Edge edge;
     for (int m = 0; m < k.moments; ++m) {
       const float when = k.moment[static_cast<std::size_t>(m)];
-      const float cu = k.cu + k.vx * k.exposure * when, cv = k.cv + k.vy * k.exposure * when;
-      for (int i = 0; i < n; ++i) {
-        const float du = u[i] - cu, dv = v[i] - cv;
-        const float x = k.m00 * du + k.m01 * dv, y = k.m10 * du + k.m11 * dv;
-        const float rho = std::sqrt(x * x + y * y + 1e-6f), in = 1 / rho;
-        const float gu = (k.m00 * x + k.m10 * y) * in, gv = (k.m01 * x + k.m11 * y) * in;
-        const float per = 1 / std::sqrt(gu * gu + gv * gv + 1e-12f);
-        const float nu = gu * per, nv = gv * per;
-        const float across = k.vx * nu + k.vy * nv;
-        nus[i] = nu, nvs[i] = nv, offs[i] = (rho - 1) * per, grows[i] = rho * per;
-        widths[i] = k.blur2 + k.extra_u * nu * nu + k.extra_v * nv * nv + e2 * across * across;
-      }
-      cover(light, 0, when);
-      cover(color, k.more2, when);
+      find_edge(when, edge);
+      add_covered(edge, 0, when, light);
+      add_covered(edge, k.more2, when, color);
     }
     for (int i = 0; i < n; ++i)
       by_more[i] = color.by_blur[i] * k.more2, light.by_blur[i] *= k.blur2, color.by_blur[i] *= k.blur2;
-    float residual2 = 0, trusted = 0, edge = 0, seen_edge = 0;
-    for (auto& column : j)
-      for (float& value : column) value = 0;
-    alignas(64) float r2s[chunk], ws[chunk], es[chunk], ss[chunk], off[chunk];
-    alignas(64) float object[chunk], pale[chunk], lit[chunk], shown[chunk], of_light[chunk], of_color[chunk],
-        by_shade[chunk], by_pale[chunk], by_lit[chunk];
-    alignas(64) float grey_behind[chunk];
-    // Of the ball's surface, where its light is looked up: across, down, towards the camera.
-    alignas(64) float x[chunk], y[chunk], z[chunk];
+  }
+
+  [[gnu::always_inline]] void light_up() {
+    const float* __restrict u = rows.u + from;
+    const float* __restrict v = rows.v + from;
     for (int i = 0; i < n; ++i) {
       const float du = u[i] - k.cu, dv = v[i] - k.cv;
       x[i] = k.m00 * du + k.m01 * dv, y[i] = k.m10 * du + k.m11 * dv;
@@ -460,36 +490,45 @@ HUETRACK_CLONES void OutlineFit::assemble_rows(const Kind& k, Rows& rows, Assemb
       pale[i] = k.level * (k.paleness[0] + k.paleness[1] * x[i] + k.paleness[2] * y[i]);
       lit[i] = k.lit + k.lit_v * v[i];
       grey_behind[i] = grey_red * red[i] + grey_green * green[i] + grey_blue * blue[i];
-      shown[i] = of_light[i] = of_color[i] = by_shade[i] = by_pale[i] = by_lit[i] = 0;
     }
-    const auto mix = [&](float own, const float* __restrict behind, float part) __attribute__((always_inline)) {
-      for (int i = 0; i < n; ++i) {
-        const float front = k.grey * object[i] + pale[i], back = lit[i] * grey_behind[i];
-        const float colored = behind[i] - grey_behind[i];
-        const float front_color = own * object[i], back_color = lit[i] * colored;
-        const float al = light.a[i], ac = color.a[i];
-        const float mixed = back + back_color + al * (front - back) + ac * (front_color - back_color);
-        const float lights = mixed < darkest ? darkest : mixed;
-        const float root = std::sqrt(lights);
-        const float first = root * (1.17f - 0.17f * root);
-        const float slope = 1 / (curve1 + first * (2 * curve2 + first * 3 * curve3));
-        shown[i] += part * (first - (light_of(first) - lights) * slope);
-        const float by = mixed < darkest ? 0 : part * slope;
-        of_light[i] += by * (front - back);
-        of_color[i] += by * (front_color - back_color);
-        by_shade[i] += by * (al * k.grey + ac * own);
-        by_pale[i] += by * al;
-        by_lit[i] += by * ((1 - al) * grey_behind[i] + (1 - ac) * colored);
-      }
-    };
-    mix(k.red, red, k.by_red);
-    mix(k.green, green, k.by_green);
-    mix(k.blue, blue, k.by_blue);
+  }
+
+  // One of red, green and blue through the camera's curve; own: by how much the object's exceeds its grey, part: of
+  // what is shown.
+  [[gnu::always_inline]] void show(float own, const float* __restrict behind, float part) {
+    for (int i = 0; i < n; ++i) {
+      const float front = k.grey * object[i] + pale[i], back = lit[i] * grey_behind[i];
+      const float colored = behind[i] - grey_behind[i];
+      const float front_color = own * object[i], back_color = lit[i] * colored;
+      const float al = light.a[i], ac = color.a[i];
+      const float mixed = back + back_color + al * (front - back) + ac * (front_color - back_color);
+      const float lights = mixed < darkest ? darkest : mixed;
+      const float root = std::sqrt(lights);
+      const float first = root * (1.17f - 0.17f * root);
+      const float slope = 1 / (curve1 + first * (2 * curve2 + first * 3 * curve3));
+      shown[i] += part * (first - (light_of(first) - lights) * slope);
+      const float by = mixed < darkest ? 0 : part * slope;
+      of_light[i] += by * (front - back);
+      of_color[i] += by * (front_color - back_color);
+      by_shade[i] += by * (al * k.grey + ac * own);
+      by_pale[i] += by * al;
+      by_lit[i] += by * ((1 - al) * grey_behind[i] + (1 - ac) * colored);
+    }
+  }
+
+  [[gnu::always_inline]] void show() {
+    for (int i = 0; i < n; ++i) shown[i] = of_light[i] = of_color[i] = by_shade[i] = by_pale[i] = by_lit[i] = 0;
+    show(k.red, rows.red + from, k.by_red);
+    show(k.green, rows.green + from, k.by_green);
+    show(k.blue, rows.blue + from, k.by_blue);
+  }
+
+  [[gnu::always_inline]] void weigh(Rows& judged, Assembly& out) {
     const float* __restrict seen = rows.seen + from;
     const float* __restrict offset = rows.offset + from;
     const float* __restrict unsure = rows.unsure + from;
     const float* __restrict trust = rows.trust + from;
-    alignas(64) float w[chunk], wo[chunk], wc[chunk], wa[chunk], wp[chunk], wl[chunk];
+    alignas(64) float r2s[chunk], ws[chunk], es[chunk], ss[chunk], off[chunk];
     for (int i = 0; i < n; ++i) {
       const float open = 1 - light.a[i];
       const float residual = seen[i] - shown[i] - open * offset[i];
@@ -503,44 +542,64 @@ HUETRACK_CLONES void OutlineFit::assemble_rows(const Kind& k, Rows& rows, Assemb
       wp[i] = w[i] * by_pale[i] * k.level;
       wl[i] = w[i] * by_lit[i];
       w[i] *= residual;
-      off[i] = r2;
+      off[i] = std::copysign(r2, residual);
       r2s[i] = trust[i] * r2 * robust, ws[i] = trust[i];
       es[i] = light.by_size[i], ss[i] = light.by_size[i] * trust[i] / (1 + 0.1f * unsure[i]);
     }
-    const auto column = [&](int c, const float* __restrict weight, const float* __restrict by)
-        __attribute__((always_inline)) {
-      float* __restrict to = j[c];
-      for (int i = 0; i < n; ++i) to[i] = weight[i] * by[i];
-    };
-    const auto copy = [&](int c, const float* __restrict from_there) __attribute__((always_inline)) {
-      float* __restrict to = j[c];
-      for (int i = 0; i < n; ++i) to[i] = from_there[i];
-    };
-    const auto both = [&](int c, const float* __restrict of, const float* __restrict with)
-        __attribute__((always_inline)) {
-      float* __restrict to = j[c];
-      for (int i = 0; i < n; ++i) to[i] = wo[i] * of[i] + wc[i] * with[i];
-    };
-    both(cu_, light.by_u, color.by_u), both(cv_, light.by_v, color.by_v), both(size_, light.by_size, color.by_size);
-    both(blur_light_, light.by_blur, color.by_blur), both(exposure_, light.by_exposure, color.by_exposure);
-    column(blur_chroma_, wc, by_more);
-    copy(shading_, wa), column(shading_ + 1, wa, x), column(shading_ + 2, wa, y);
-    column(shading_ + 3, j[shading_ + 1], x), column(shading_ + 4, j[shading_ + 1], y);
-    column(shading_ + 5, j[shading_ + 2], y);
-    column(shading_ + 6, wa, z), column(shading_ + 7, j[shading_ + 1], z), column(shading_ + 8, j[shading_ + 2], z);
-    copy(paleness_, wp), column(paleness_ + 1, wp, x), column(paleness_ + 2, wp, y);
-    copy(lit_, wl), column(lit_ + 1, wl, v);
-    copy(right_, w);
-    for (int i = 0; i < n; ++i) rows.covered[from + i] = color.a[i], rows.off[from + i] = off[i];
+    for (int i = 0; i < n; ++i) judged.covered[from + i] = color.a[i], judged.off[from + i] = off[i];
+    float residual2 = 0, trusted = 0, edge = 0, seen_edge = 0;
     for (int i = 0; i < n; ++i) residual2 += r2s[i], trusted += ws[i], edge += es[i], seen_edge += ss[i];
     out.residual2 += static_cast<double>(residual2), out.trusted += static_cast<double>(trusted);
     out.edge += static_cast<double>(edge), out.seen_edge += static_cast<double>(seen_edge);
+  }
+
+  [[gnu::always_inline]] void copy(int c, const float* __restrict value) {
+    float* __restrict to = j[c];
+    for (int i = 0; i < n; ++i) to[i] = value[i];
+  }
+  [[gnu::always_inline]] void product(int c, const float* __restrict weight, const float* __restrict by) {
+    float* __restrict to = j[c];
+    for (int i = 0; i < n; ++i) to[i] = weight[i] * by[i];
+  }
+  // What moves the edge of light and that of color.
+  [[gnu::always_inline]] void both(int c, const float* __restrict of, const float* __restrict with) {
+    float* __restrict to = j[c];
+    for (int i = 0; i < n; ++i) to[i] = wo[i] * of[i] + wc[i] * with[i];
+  }
+
+  [[gnu::always_inline]] void fill_columns() {
+    for (auto& column : j)
+      for (float& value : column) value = 0;
+    both(cu_, light.by_u, color.by_u), both(cv_, light.by_v, color.by_v), both(size_, light.by_size, color.by_size);
+    both(blur_light_, light.by_blur, color.by_blur), both(exposure_, light.by_exposure, color.by_exposure);
+    product(blur_chroma_, wc, by_more);
+    copy(shading_, wa), product(shading_ + 1, wa, x), product(shading_ + 2, wa, y);
+    product(shading_ + 3, j[shading_ + 1], x), product(shading_ + 4, j[shading_ + 1], y);
+    product(shading_ + 5, j[shading_ + 2], y);
+    product(shading_ + 6, wa, z), product(shading_ + 7, j[shading_ + 1], z), product(shading_ + 8, j[shading_ + 2], z);
+    copy(paleness_, wp), product(paleness_ + 1, wp, x), product(paleness_ + 2, wp, y);
+    copy(lit_, wl), product(lit_ + 1, wl, rows.v + from);
+    copy(right_, w);
+  }
+
+  [[gnu::always_inline]] void add_to(Assembly& out) const {
     const int padded = (n + 7) / 8 * 8;
-    for (int r = 0; r < columns; r += 4) {
-      for (int c = r; c < columns; c += 4) {
+    for (int r = 0; r < columns; r += 4)
+      for (int c = r; c < columns; c += 4)
         add_products<chunk, columns * 8>(&j[r][0], &j[c][0], padded, &out.sums[r][c][0]);
-      }
-    }
+  }
+};
+
+// Residuals and slopes of some rows, weighted, and the sums of all their products.
+HUETRACK_CLONES void OutlineFit::assemble_rows(const Kind& kind, Rows& rows, Assembly& out) {
+  for (int from = 0; from < rows.n; from += chunk) {
+    Chunk some(kind, rows, from);
+    some.cover();
+    some.light_up();
+    some.show();
+    some.weigh(rows, out);
+    some.fill_columns();
+    some.add_to(out);
   }
 }
 
@@ -565,27 +624,39 @@ void OutlineFit::assemble() {
   visible_ = edge > 0 ? seen_edge / edge : 0;
 }
 
-// What hides the object, and what else is there, does not count, nor do pixels that its edge may have softened.
+// What hides the object, and what else is there, does not count, nor do pixels that its edge may have softened; nor do
+// glints: what shines on the object is no light on a dull ball.
 void OutlineFit::judge_pixels() {
   constexpr float inside = 0.8f, outside = 0.02f, telling_sigmas2 = 64, nearer2 = 0.5f, strange_sigmas2 = 49,
-                  darker = 0.25f, brighter = 1.6f;
+                  darker = 0.25f, brighter = 1.6f, within = 0.9f,
+                  largest_glint = 0.25f;  // of the disc; of more the light is not known yet
   constexpr int soft_px = 2;
   // Where the object was expected, what hides it is found before the fit has given way to it.
-  constexpr std::uint8_t is_else = 1, hides = 2;
+  constexpr std::uint8_t is_else = 1, hides = 2, glints = 4;
   const bool is_first = !is_judged_;
   is_judged_ = true;
   bool any = false;
   for (int i = 0; i < width_ * height_; ++i) {
     std::uint8_t& cell = strange_[static_cast<std::size_t>(i)];
-    cell = is_first ? 0 : cell & hides;
+    cell = is_first ? 0 : cell & (hides | glints);
     any = any || cell != 0;
+  }
+  // The first step does not know the object's light yet.
+  if (!is_first && !had_glints_) {
+    int inner = 0, shining = 0;
+    const auto shines = [&](int k) { return light_.covered[k] > within && light_.off[k] > glint_sigmas2; };
+    for (int k = 0; k < light_.n; ++k) inner += light_.covered[k] > within, shining += shines(k);
+    had_glints_ = shining > 0 && shining < largest_glint * static_cast<float>(inner);
+    for (int k = 0; had_glints_ && k < light_.n; ++k)
+      if (shines(k)) strange_[static_cast<std::size_t>(light_.cell[k])] |= glints;
+    any = any || had_glints_;
   }
   for (int k = 0; k < light_.n; ++k) {
     const int cell = light_.cell[k];
     const auto i = static_cast<std::size_t>(cell);
     if (light_looks_[i] < 2 || (light_.covered[k] > outside && light_.covered[k] < inside)) continue;
     if (light_.covered[k] <= outside) {
-      if (light_.off[k] < strange_sigmas2) continue;
+      if (std::abs(light_.off[k]) < strange_sigmas2) continue;
     } else {
       // Is what is seen rather what is behind, or the object as bright as it may be?
       const auto c = static_cast<std::size_t>(cell / width_ / rows_ * across_ + cell % width_ / columns_);
@@ -605,7 +676,7 @@ void OutlineFit::judge_pixels() {
   }
   for (int k = 0; k < chroma_.n; ++k) {
     const auto c = static_cast<std::size_t>(chroma_.cell[k]);
-    if (chroma_looks_[c] < 2 || chroma_.covered[k] > outside || chroma_.off[k] < strange_sigmas2) continue;
+    if (chroma_looks_[c] < 2 || chroma_.covered[k] > outside || std::abs(chroma_.off[k]) < strange_sigmas2) continue;
     const int u = chroma_.cell[k] % across_ * columns_, v = chroma_.cell[k] / across_ * rows_;
     for (int b = 0; b < rows_; ++b)
       for (int a = 0; a < columns_; ++a) strange_[static_cast<std::size_t>((v + b) * width_ + u + a)] |= is_else;
@@ -616,7 +687,9 @@ void OutlineFit::judge_pixels() {
   const auto near = [&](int u, int v) {
     for (int b = std::max(0, v - soft_px); b <= std::min(height_ - 1, v + soft_px); ++b)
       for (int a = std::max(0, u - soft_px); a <= std::min(width_ - 1, u + soft_px); ++a)
-        if (strange_[static_cast<std::size_t>(b * width_ + a)] != 0) return true;
+        if (const int cell = strange_[static_cast<std::size_t>(b * width_ + a)];
+            (cell & ~glints) != 0 || (cell != 0 && std::abs(a - u) < soft_px && std::abs(b - v) < soft_px))
+          return true;
     return false;
   };
   for (int k = 0; k < light_.n; ++k)
@@ -625,10 +698,9 @@ void OutlineFit::judge_pixels() {
     chroma_.trust[k] = near(chroma_.cell[k] % across_ * columns_, chroma_.cell[k] / across_ * rows_) ? 0.f : 1.f;
 }
 
-Fit OutlineFit::fit(const Picture& picture, const Behind& behind, const Ellipse& start, const Movement& movement,
-                    const Look& look, const FitOptions& options) {
-  Fit out;
-  out.centre = start.centre;
+struct OutlineFit::Solver : Eigen::LDLT<Normal> {};
+
+void OutlineFit::lay_out(const Ellipse& start, const Movement& movement, const Look& look) {
   start_ = start;
   movement_ = movement;
   // A row that is dv below the centre's shows the object where it is dv row_s later.
@@ -637,57 +709,48 @@ Fit OutlineFit::fit(const Picture& picture, const Behind& behind, const Ellipse&
   disc_from_px_ = start.axes.inverse() * still_from_seen;
   radius_px_ = std::sqrt(1 / std::abs(disc_from_px_.determinant()));
   reach_px_ = reach_px + 0.5 * movement.velocity.norm() * std::max(0.0, look.exposure_s.value + look.exposure_s.sigma);
-  out.outcome = FitOutcome::too_small;
-  if (!(radius_px_ >= least_radius_px) || !start.centre.allFinite() || !disc_from_px_.allFinite()) return out;
-  sigma_light_ = std::hypot(behind.light_noise(), model_light);
-  sigma_chroma_ = std::hypot(behind.chroma_noise(), model_chroma);
-  if (!gather(picture, behind)) return out;
-  select(light_, 1, 1);
-  chroma_.n = 0;
-  had_strange_ = is_judged_ = false;
-  if (has_chroma_) select(chroma_, columns_, rows_);
-  out.pixels = light_.n;
-  if (light_.n < least_pixels || !know_object(look)) return out;
-  make_rows();
-  out.outcome = FitOutcome::no_contrast;
-  if (contrast_ < least_contrast) return out;
-  begin(look, options);
-  Eigen::LDLT<Normal> solver;
-  double moved = 0;
-  for (out.steps = 1; out.steps <= options.most_steps; ++out.steps) {
-    assemble();
-    if (out.steps == 1 || (out.steps == 2 && had_strange_)) judge_pixels();  // counts from the next step on
-    covariance_ = normal_;
-    covariance_.diagonal() += information_;
-    solver.compute(covariance_);
-    Unknowns step = solver.solve(gradient_ + information_.cwiseProduct(expected_ - x_));
-    if (!step.allFinite()) return out;
-    const auto limit = [&](double length, double most) {
-      if (length > most) step *= most / length;
-    };
-    limit(step.head<2>().norm(), 0.4 * radius_px_);
-    limit(std::abs(step[size_]), 0.2);
-    limit(step.segment<2>(blur_light_).cwiseAbs().maxCoeff(), 0.4);
-    x_ += step;
-    x_[exposure_] = std::clamp(x_[exposure_], 0.0, 0.04);
-    moved = step.head<2>().norm() + radius_px_ * std::abs(step[size_]);
-    if (x_.head<2>().norm() > furthest_radii * radius_px_ || std::abs(x_[size_] - expected_[size_]) > largest_growth) {
-      out.outcome = FitOutcome::lost;
-      return out;
-    }
-    // Further steps would move it by less than its noise.
-    const double noise = std::sqrt(1 / std::max(1e-9, std::min(covariance_(cu_, cu_), covariance_(cv_, cv_))));
-    if (out.steps >= 2 && moved < std::max(0.01, 0.3 * noise)) break;
-  }
-  // Of those that are told or learnt.
+}
+
+// No further than the sums are right for where they were made. Not finite: they do not tell.
+OutlineFit::Unknowns OutlineFit::next_step(Solver& solver) {
+  covariance_ = normal_;
+  covariance_.diagonal() += information_;
+  solver.compute(covariance_);
+  Unknowns step = solver.solve(gradient_ + information_.cwiseProduct(expected_ - x_));
+  if (!step.allFinite()) return step;
+  const auto limit = [&](double length, double most) {
+    if (length > most) step *= most / length;
+  };
+  limit(step.head<2>().norm(), 0.4 * radius_px_);
+  limit(std::abs(step[size_]), 0.2);
+  limit(step.segment<2>(blur_light_).cwiseAbs().maxCoeff(), 0.4);
+  return step;
+}
+
+bool OutlineFit::is_lost() const {
+  return x_.head<2>().norm() > furthest_radii * radius_px_ || std::abs(x_[size_] - expected_[size_]) > largest_growth;
+}
+
+// Further steps would move it by less than its noise.
+bool OutlineFit::is_settled(const Unknowns& step) const {
+  const double moved = step.head<2>().norm() + radius_px_ * std::abs(step[size_]);
+  const double noise = std::sqrt(1 / std::max(1e-9, std::min(covariance_(cu_, cu_), covariance_(cv_, cv_))));
+  return moved < std::max(0.01, 0.3 * noise);
+}
+
+// Of those unknowns that are told or learnt; until then it is the normal matrix.
+void OutlineFit::find_covariance(const Solver& solver) {
   constexpr std::array<int, 6> told{cu_, cv_, size_, blur_light_, blur_chroma_, exposure_};
   Eigen::Matrix<double, unknowns, 6> of_told = Eigen::Matrix<double, unknowns, 6>::Zero();
   for (std::size_t i = 0; i < told.size(); ++i) of_told(told[i], static_cast<Eigen::Index>(i)) = 1;
   const Eigen::Matrix<double, unknowns, 6> columns_told = solver.solve(of_told);
   for (std::size_t i = 0; i < told.size(); ++i)
     covariance_.col(told[i]) = columns_told.col(static_cast<Eigen::Index>(i));
+}
+
+void OutlineFit::tell(Fit& out) const {
   const double worse = std::max(1.0, misfit_);
-  out.centre = start.centre + x_.head<2>();
+  out.centre = start_.centre + x_.head<2>();
   out.covariance = worse * covariance_.topLeftCorner<2, 2>();
   out.bound = normal_.topLeftCorner<2, 2>().inverse();
   const double of_size = 1 / covariance_(size_, size_) - information_[size_];
@@ -703,6 +766,46 @@ Fit OutlineFit::fit(const Picture& picture, const Behind& behind, const Ellipse&
                 : misfit_ > worst_misfit      ? FitOutcome::misfit
                 : !out.covariance.allFinite() ? FitOutcome::no_contrast
                                               : FitOutcome::fits;
+}
+
+Fit OutlineFit::fit(const Picture& picture, const Behind& behind, const Ellipse& start, const Movement& movement,
+                    const Look& look, const FitOptions& options) {
+  Fit out;
+  out.centre = start.centre;
+  lay_out(start, movement, look);
+  out.outcome = FitOutcome::too_small;
+  if (!(radius_px_ >= least_radius_px) || !start.centre.allFinite() || !disc_from_px_.allFinite()) return out;
+  sigma_light_ = std::hypot(behind.light_noise(), model_light);
+  sigma_chroma_ = std::hypot(behind.chroma_noise(), model_chroma);
+  if (!gather(picture, behind)) return out;
+  select(light_, 1, 1);
+  chroma_.n = 0;
+  had_strange_ = is_judged_ = had_glints_ = false;
+  if (has_chroma_) select(chroma_, columns_, rows_);
+  out.pixels = light_.n;
+  if (light_.n < least_pixels || !know_object(look)) return out;
+  make_rows();
+  out.outcome = FitOutcome::no_contrast;
+  if (contrast_ < least_contrast) return out;
+  begin(look, options);
+  Solver solver;
+  for (out.steps = 1; out.steps <= options.most_steps; ++out.steps) {
+    assemble();
+    const bool had_glints = had_glints_;
+    if (out.steps <= 3) judge_pixels();  // counts from the next step on
+    const bool are_pixels_judged = had_glints == had_glints_;
+    const Unknowns step = next_step(solver);
+    if (!step.allFinite()) return out;
+    x_ += step;
+    x_[exposure_] = std::clamp(x_[exposure_], 0.0, longest_exposure_s);
+    if (is_lost()) {
+      out.outcome = FitOutcome::lost;
+      return out;
+    }
+    if (out.steps >= 2 && are_pixels_judged && is_settled(step)) break;
+  }
+  find_covariance(solver);
+  tell(out);
   return out;
 }
 
@@ -712,9 +815,19 @@ void OutlineFit::learn(Look& look) const {
     known.value = x_[i];
     known.sigma = std::max(least_sigma, std::sqrt(std::max(0.0, covariance_(i, i))));
   };
-  keep(look.log_blur_light, blur_light_, 0.05);
-  keep(look.log_blur_chroma, blur_chroma_, 0.08);
   keep(look.exposure_s, exposure_, 0.0005);
+  // Blur is the camera's: many pictures' mean, of what each says by itself, without what was expected of it.
+  const auto average = [&](Known& known, int i) {
+    const double told = 1 / std::max(1e-9, covariance_(i, i)) - information_[i];
+    if (!(told > 0)) return;
+    const double by_itself = expected_[i] + (x_[i] - expected_[i]) / (covariance_(i, i) * told);
+    const double sigma2 = known.sigma * known.sigma;
+    const double gain = sigma2 / (sigma2 + 1 / told + blur_of_light * blur_of_light);
+    known.value += gain * (by_itself - known.value);
+    known.sigma = std::max(least_blur_sigma, std::sqrt((1 - gain) * sigma2));
+  };
+  average(look.log_blur_light, blur_light_);
+  average(look.log_blur_chroma, blur_chroma_);
   look.object = object_;
   for (int i = 0; i < 9; ++i) look.shading[i] = x_[shading_ + i];
   for (int i = 0; i < 3; ++i) look.paleness[i] = x_[paleness_ + i];

@@ -7,7 +7,7 @@
 // its paleness (highlights) a linear one; the background may be lit a little otherwise than when it was learnt. All of
 // it is one least-squares fit (Gauss-Newton) with robust weights, to light and to the chroma that separates the two
 // best. Where the background shows in the object's place, something that stands still hides the object; what is neither
-// the object nor the background is another thing. Neither counts.
+// the object nor the background is another thing; what is brighter than a dull ball is a glint. None of them counts.
 #pragma once
 
 #include <Eigen/Core>
@@ -38,7 +38,7 @@ struct Known {
 
 // What hardly changes from picture to picture of one camera: what the next fit begins with. Learnt by each.
 struct Look {
-  Known log_blur_light{-0.25, 0.35};                 // of the edge's standard deviation in pixels
+  Known log_blur_light{-0.25, 0.35};                 // of the edge's standard deviation in pixels: the camera's mean
   Known log_blur_chroma{-0.3, 0.6};                  // of what color has on top of it: demosaicing
   Known exposure_s{0.006, 0.004};                    // only told by what moves
   Eigen::Vector3f object = Eigen::Vector3f::Zero();  // its light, linear R G B; 0: not known yet
@@ -109,14 +109,17 @@ class OutlineFit {
     alignas(64) float unsure[most_rows];  // its variance, in variances of a picture
     alignas(64) float trust[most_rows];   // 0..1
     alignas(64) float covered[most_rows],
-        off[most_rows];   // when assembled last: the share, the residual's square in variances
+        off[most_rows];   // when assembled last: the share; the residual's square in variances, with its sign
     int cell[most_rows];  // in the box
   };
   struct Kind;
+  struct Chunk;
   struct Assembly;
+  struct Solver;
   using Unknowns = Eigen::Matrix<double, unknowns, 1>;
   using Normal = Eigen::Matrix<double, unknowns, unknowns>;
 
+  void lay_out(const Ellipse& start, const Movement& movement, const Look& look);
   bool gather(const Picture& picture, const Behind& behind);
   void fill_unknown();
   void select(Rows& rows, int shared, int lines);
@@ -128,6 +131,11 @@ class OutlineFit {
   static void assemble_rows(const Kind& kind, Rows& rows, Assembly& out);
   Kind kind_of_light() const;
   Kind kind_of_chroma() const;
+  Unknowns next_step(Solver& solver);
+  bool is_lost() const;
+  bool is_settled(const Unknowns& step) const;
+  void find_covariance(const Solver& solver);
+  void tell(Fit& out) const;
 
   Ellipse start_;
   Movement movement_;
@@ -135,7 +143,7 @@ class OutlineFit {
   double radius_px_ = 0, reach_px_ = 0;
   int u0_ = 0, v0_ = 0, width_ = 0, height_ = 0;        // the box, in pixels
   int columns_ = 1, rows_ = 1, across_ = 0, down_ = 0;  // chroma in it
-  bool has_chroma_ = true, had_strange_ = false, is_judged_ = false;
+  bool has_chroma_ = true, had_strange_ = false, had_glints_ = false, is_judged_ = false;
   float sigma_light_ = 2, sigma_chroma_ = 2;
   float guessed_light_ = 0, guessed_chroma_ = 0;           // the variance of what is behind where it is guessed
   Eigen::Vector3f object_ = Eigen::Vector3f::Zero();       // linear R G B

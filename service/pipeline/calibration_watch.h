@@ -52,7 +52,7 @@ class CalibrationWatch {
     Eigen::Vector3d rotation = Eigen::Vector3d::Zero();  // of the room, that `pose` knows
     std::optional<capture::Timestamp> trusted_at = {};   // when trust() was last said of it
     std::optional<capture::Timestamp> effect_at = {};
-    std::vector<room_watch::Disc> objects = {};
+    std::vector<room_watch::Occluder> objects = {};
   };
   void follow(std::size_t camera);
   void note(std::size_t camera, capture::Timestamp at);

@@ -409,17 +409,17 @@ std::vector<std::string> EstimatePublisher::check(const EstimatePublisherOptions
   return huetrack::idl::check(options.transport("huetrackd"));
 }
 
-EstimatePublisher::Bus EstimatePublisher::bus(const EstimatePublisherOptions& options) {
-  Bus bus{.domain = idl::resolve_domain(options.domain), .interfaces = {}};
+EstimatePublisher::Network EstimatePublisher::network(const EstimatePublisherOptions& options) {
+  Network network{.domain = idl::resolve_domain(options.domain), .interfaces = {}};
   for (const auto& interface : idl::network_interfaces()) {
     const bool is_loopback = interface.address.starts_with("127.");
     const bool is_named = std::ranges::any_of(options.interfaces, [&](const std::string& wanted) {
       return wanted == interface.name || wanted == interface.address;
     });
     if (options.interfaces.empty() || is_loopback || is_named)
-      bus.interfaces.push_back(interface.name + " " + interface.address);
+      network.interfaces.push_back(interface.name + " " + interface.address);
   }
-  return bus;
+  return network;
 }
 
 EstimatePublisher::~EstimatePublisher() = default;

@@ -46,11 +46,11 @@ class EstimatePublisher {
   static std::vector<std::string> check(const EstimatePublisherOptions& options);
   // The domain, and the network interfaces of this host that would be used: "eth0 192.168.0.5". Those that the options
   // name, or all. throws std::invalid_argument: a domain that is wrong.
-  struct Bus {
+  struct Network {
     int domain = 0;
     std::vector<std::string> interfaces;
   };
-  static Bus bus(const EstimatePublisherOptions& options);
+  static Network network(const EstimatePublisherOptions& options);
   ~EstimatePublisher();  // leaves the bus: subscribers see it within 50 ms
 
   // A DDS write, by unix_now(): when it began, and when the sample had been sent.

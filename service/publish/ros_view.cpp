@@ -82,6 +82,92 @@ void set_ellipsoid(Marker& m, const Eigen::Matrix3d& covariance) {
   set_scale(m, diameter[0], diameter[1], diameter[2]);
 }
 
+// Of one time; in the world's frame, but for a camera that moves.
+class MarkersOfScene {
+ public:
+  MarkersOfScene(std::int64_t unix_ns, const std::string& frame_id) : at_(unix_ns), frame_id_(frame_id) {}
+
+  void add_object(const msg::SceneTarget& target, const object_tracking::ObjectEstimate& estimate) {
+    const std::string object = object_tracking::object_name(target.name(), estimate.object);
+    Marker ball = marker(at_, frame_id_, object, 0, sphere);
+    Marker ellipsoid = marker(at_, frame_id_, object, 1, sphere);
+    Marker name = marker(at_, frame_id_, object, 2, text_view_facing);
+    if (estimate.has_position()) {
+      set_position(ball, estimate.position);
+      set_scale(ball, 2 * target.radius_m(), 2 * target.radius_m(), 2 * target.radius_m());
+      // Translucent: the ellipsoid mostly is inside.
+      set_color(ball, target.rgb(), estimate.state == object_tracking::TrackState::tracking ? 0.45F : 0.2F);
+      set_position(ellipsoid, estimate.position);
+      set_ellipsoid(ellipsoid, estimate.covariance);
+      set_color(ellipsoid, target.rgb(), 0.8F);
+      set_position(name, estimate.position + Eigen::Vector3d(0, 0, 2 * target.radius_m()));
+      set_scale(name, 0, 0, 1.5 * target.radius_m());
+      set_color(name, {1, 1, 1}, 1);
+      name.text(object);
+    } else {
+      for (Marker* m : {&ball, &ellipsoid, &name}) m->action(remove);
+    }
+    // RViz forgets them when nothing comes any more.
+    for (Marker* m : {&ball, &ellipsoid, &name}) {
+      m->lifetime().sec(target_lifetime_s);
+      array_.markers().push_back(std::move(*m));
+    }
+  }
+
+  // Its view to that depth, and its name. number: of the camera in the scene.
+  void add_camera(const msg::SceneCamera& camera, std::int32_t number, double depth, bool moves) {
+    const Eigen::Vector3d eye = moves ? Eigen::Vector3d::Zero() : Eigen::Vector3d(camera.position().data());
+    const Eigen::Quaterniond to_frame =  // of the border's rays, which are in the world by the rig file
+        moves ? Eigen::Quaterniond(camera.orientation_xyzw().data()).conjugate() : Eigen::Quaterniond::Identity();
+    const std::string& frame = moves ? camera.name() : frame_id_;
+    Marker view = marker(at_, frame, "cameras", 2 * number, line_list);
+    view.frame_locked(moves);
+    set_scale(view, 0.005, 0, 0);
+    set_color(view, {camera_grey, camera_grey, camera_grey}, 1);
+    std::vector<Eigen::Vector3d> rim;
+    for (std::size_t i = 0; i + 2 < camera.border().size(); i += 3) {
+      const Eigen::Vector3d ray(camera.border()[i], camera.border()[i + 1], camera.border()[i + 2]);
+      if (ray.allFinite()) rim.emplace_back(eye + depth * (to_frame * ray));
+    }
+    for (std::size_t i = 0; i < rim.size(); ++i) {
+      add_line(view, rim[i], rim[(i + 1) % rim.size()]);
+      if (i % std::max<std::size_t>(1, rim.size() / 4) == 0) add_line(view, eye, rim[i]);
+    }
+    Marker name = marker(at_, frame, "cameras", 2 * number + 1, text_view_facing);
+    name.frame_locked(moves);
+    set_position(name, eye + (moves ? Eigen::Vector3d(0, -depth / 4, 0) : Eigen::Vector3d(0, 0, depth / 4)));
+    set_scale(name, 0, 0, depth / 5);
+    set_color(name, {1, 1, 1}, 1);
+    name.text(camera.name());
+    array_.markers().push_back(std::move(view));
+    array_.markers().push_back(std::move(name));
+  }
+
+  void add_box(const Eigen::Vector3d& low, const Eigen::Vector3d& high) {
+    Marker box = marker(at_, frame_id_, "volume", 0, line_list);
+    set_scale(box, 0.004, 0, 0);
+    set_color(box, {camera_grey, camera_grey, camera_grey}, 0.6F);
+    for (int corner = 0; corner < 8; ++corner) {
+      for (int axis = 0; axis < 3; ++axis) {
+        if ((corner >> axis & 1) != 0) continue;
+        const auto at_corner = [&](int k) {
+          return Eigen::Vector3d((k & 1) != 0 ? high.x() : low.x(), (k & 2) != 0 ? high.y() : low.y(),
+                                 (k & 4) != 0 ? high.z() : low.z());
+        };
+        add_line(box, at_corner(corner), at_corner(corner | 1 << axis));
+      }
+    }
+    array_.markers().push_back(std::move(box));
+  }
+
+  visualization_msgs::msg::dds_::MarkerArray_ take() { return std::move(array_); }
+
+ private:
+  const std::int64_t at_;
+  const std::string& frame_id_;
+  visualization_msgs::msg::dds_::MarkerArray_ array_;
+};
+
 }  // namespace
 
 std::string ros_name(const std::string& camera) {
@@ -102,83 +188,18 @@ visualization_msgs::msg::dds_::MarkerArray_ to_markers(const msg::Scene& scene,
                                                        std::span<const object_tracking::ObjectEstimate> estimates,
                                                        capture::Timestamp captured, const std::string& frame_id,
                                                        const std::string& tracked_camera) {
-  const std::int64_t at = captured.time_since_epoch().count();
-  visualization_msgs::msg::dds_::MarkerArray_ array;
+  MarkersOfScene markers(captured.time_since_epoch().count(), frame_id);
   for (const object_tracking::ObjectEstimate& estimate : estimates) {
     assert(estimate.target < scene.targets().size());
-    const msg::SceneTarget& target = scene.targets()[estimate.target];
-    const std::string object = object_tracking::object_name(target.name(), estimate.object);
-    Marker ball = marker(at, frame_id, object, 0, sphere);
-    Marker ellipsoid = marker(at, frame_id, object, 1, sphere);
-    Marker name = marker(at, frame_id, object, 2, text_view_facing);
-    if (estimate.has_position()) {
-      set_position(ball, estimate.position);
-      set_scale(ball, 2 * target.radius_m(), 2 * target.radius_m(), 2 * target.radius_m());
-      // Translucent: the ellipsoid mostly is inside.
-      set_color(ball, target.rgb(), estimate.state == object_tracking::TrackState::tracking ? 0.45F : 0.2F);
-      set_position(ellipsoid, estimate.position);
-      set_ellipsoid(ellipsoid, estimate.covariance);
-      set_color(ellipsoid, target.rgb(), 0.8F);
-      set_position(name, estimate.position + Eigen::Vector3d(0, 0, 2 * target.radius_m()));
-      set_scale(name, 0, 0, 1.5 * target.radius_m());
-      set_color(name, {1, 1, 1}, 1);
-      name.text(object);
-    } else {
-      for (Marker* m : {&ball, &ellipsoid, &name}) m->action(remove);
-    }
-    // RViz forgets them when nothing comes any more.
-    for (Marker* m : {&ball, &ellipsoid, &name}) {
-      m->lifetime().sec(target_lifetime_s);
-      array.markers().push_back(std::move(*m));
-    }
+    markers.add_object(scene.targets()[estimate.target], estimate);
   }
   const Eigen::Vector3d low(scene.volume_min().data()), high(scene.volume_max().data());
   const double depth = 0.12 * (high - low).norm();
-  for (std::size_t c = 0; c < scene.cameras().size(); ++c) {
-    const msg::SceneCamera& camera = scene.cameras()[c];
-    if (camera.model().empty()) continue;  // nobody knows where it stands
-    const bool moves = camera.name() == tracked_camera;
-    const Eigen::Vector3d eye = moves ? Eigen::Vector3d::Zero() : Eigen::Vector3d(camera.position().data());
-    const Eigen::Quaterniond to_frame =  // of the border's rays, which are in the world by the rig file
-        moves ? Eigen::Quaterniond(camera.orientation_xyzw().data()).conjugate() : Eigen::Quaterniond::Identity();
-    const std::string& frame = moves ? camera.name() : frame_id;
-    Marker view = marker(at, frame, "cameras", static_cast<std::int32_t>(2 * c), line_list);
-    view.frame_locked(moves);
-    set_scale(view, 0.005, 0, 0);
-    set_color(view, {camera_grey, camera_grey, camera_grey}, 1);
-    std::vector<Eigen::Vector3d> rim;
-    for (std::size_t i = 0; i + 2 < camera.border().size(); i += 3) {
-      const Eigen::Vector3d ray(camera.border()[i], camera.border()[i + 1], camera.border()[i + 2]);
-      if (ray.allFinite()) rim.emplace_back(eye + depth * (to_frame * ray));
-    }
-    for (std::size_t i = 0; i < rim.size(); ++i) {
-      add_line(view, rim[i], rim[(i + 1) % rim.size()]);
-      if (i % std::max<std::size_t>(1, rim.size() / 4) == 0) add_line(view, eye, rim[i]);
-    }
-    Marker name = marker(at, frame, "cameras", static_cast<std::int32_t>(2 * c + 1), text_view_facing);
-    name.frame_locked(moves);
-    set_position(name, eye + (moves ? Eigen::Vector3d(0, -depth / 4, 0) : Eigen::Vector3d(0, 0, depth / 4)));
-    set_scale(name, 0, 0, depth / 5);
-    set_color(name, {1, 1, 1}, 1);
-    name.text(camera.name());
-    array.markers().push_back(std::move(view));
-    array.markers().push_back(std::move(name));
-  }
-  Marker box = marker(at, frame_id, "volume", 0, line_list);
-  set_scale(box, 0.004, 0, 0);
-  set_color(box, {camera_grey, camera_grey, camera_grey}, 0.6F);
-  for (int corner = 0; corner < 8; ++corner) {
-    for (int axis = 0; axis < 3; ++axis) {
-      if ((corner >> axis & 1) != 0) continue;
-      const auto at_corner = [&](int k) {
-        return Eigen::Vector3d((k & 1) != 0 ? high.x() : low.x(), (k & 2) != 0 ? high.y() : low.y(),
-                               (k & 4) != 0 ? high.z() : low.z());
-      };
-      add_line(box, at_corner(corner), at_corner(corner | 1 << axis));
-    }
-  }
-  array.markers().push_back(std::move(box));
-  return array;
+  for (std::size_t c = 0; c < scene.cameras().size(); ++c)
+    if (const msg::SceneCamera& camera = scene.cameras()[c]; !camera.model().empty())  // it is known where it stands
+      markers.add_camera(camera, static_cast<std::int32_t>(c), depth, camera.name() == tracked_camera);
+  markers.add_box(low, high);
+  return markers.take();
 }
 
 sensor_msgs::msg::dds_::CompressedImage_ to_ros_image(const msg::Preview& preview) {

@@ -12,8 +12,8 @@ using capture::Duration;
 using capture::Timestamp;
 
 // Learning: the mean of so many frames, so far apart: noise and flicker are averaged, and it is over within a second.
-constexpr int lesson_frames = 8;
-constexpr Duration lesson_pause = 80ms;
+constexpr int learning_frames = 8;
+constexpr Duration learning_pause = 80ms;
 constexpr float least_texture = 1.5f;  // of the mean; with noise of 3 grey levels a patch is then found to 0.2 blocks
 constexpr int image_margin = 6;        // blocks
 
@@ -129,7 +129,7 @@ void CameraWatch::set_state(RoomState state, Timestamp at) {
   condition_.since = at;
 }
 
-void CameraWatch::look(const capture::Frame& frame, std::span<const Disc> objects) {
+void CameraWatch::look(const capture::Frame& frame, std::span<const Occluder> objects) {
   if (frame.status != capture::FrameStatus::ok || frame.pixels.width != camera_.image_size.width ||
       frame.pixels.height != camera_.image_size.height)
     return;
@@ -146,7 +146,7 @@ void CameraWatch::look(const capture::Frame& frame, std::span<const Disc> object
       choose(luma);
     }
   }
-  if (!lessons_.empty()) learn(luma, at, objects);
+  if (!learning_.empty()) learn(luma, at, objects);
   if (!watched_.empty()) watch(luma, at, objects);
   last_at_ = at;
 }
@@ -155,54 +155,54 @@ void CameraWatch::look(const capture::Frame& frame, std::span<const Disc> object
 
 void CameraWatch::choose(const Luma& luma) {
   for (const ChosenPatch& chosen : choose_patches(luma, image_margin))
-    lessons_.push_back({.where = chosen, .sum = {}, .frames = 0, .is_spoilt = false});
+    learning_.push_back({.where = chosen, .sum = {}, .frames = 0, .is_spoilt = false});
 }
 
 namespace {
 
-bool is_before(const Eigen::Vector2d& px, double half_px, std::span<const Disc> objects) {
+bool is_before(const Eigen::Vector2d& px, double half_px, std::span<const Occluder> objects) {
   return std::ranges::any_of(
-      objects, [&](const Disc& disc) { return (disc.px - px).norm() < object_margin * disc.radius_px + half_px; });
+      objects, [&](const Occluder& disc) { return (disc.px - px).norm() < object_margin * disc.radius_px + half_px; });
 }
 
 }  // namespace
 
-void CameraWatch::learn(const Luma& luma, Timestamp at, std::span<const Disc> objects) {
-  if (last_lesson_at_ && at - *last_lesson_at_ < lesson_pause) return;
-  last_lesson_at_ = at;
+void CameraWatch::learn(const Luma& luma, Timestamp at, std::span<const Occluder> objects) {
+  if (last_learnt_at_ && at - *last_learnt_at_ < learning_pause) return;
+  last_learnt_at_ = at;
   const double half_px = double(seen_side * scale_) / std::sqrt(2.0);
   bool is_over = false;
-  for (Lesson& lesson : lessons_) {
+  for (PatchMean& mean : learning_) {
     std::array<float, std::size_t(seen_side) * seen_side> now;
-    if (!luma.read(lesson.where.corner.x(), lesson.where.corner.y(), seen_side, seen_side, now.data())) {
-      lesson.is_spoilt = true;
+    if (!luma.read(mean.where.corner.x(), mean.where.corner.y(), seen_side, seen_side, now.data())) {
+      mean.is_spoilt = true;
     } else {
-      for (std::size_t k = 0; k < now.size(); ++k) lesson.sum[k] += now[k];
+      for (std::size_t k = 0; k < now.size(); ++k) mean.sum[k] += now[k];
     }
-    const Eigen::Vector2d centre = lesson.where.corner.cast<double>().array() + double(seen_side - 1) / 2;
-    lesson.is_spoilt = lesson.is_spoilt || is_before(pixel_of(centre), half_px, objects);
-    is_over = ++lesson.frames >= lesson_frames || is_over;
+    const Eigen::Vector2d centre = mean.where.corner.cast<double>().array() + double(seen_side - 1) / 2;
+    mean.is_spoilt = mean.is_spoilt || is_before(pixel_of(centre), half_px, objects);
+    is_over = ++mean.frames >= learning_frames || is_over;
   }
-  if (is_over) end_lessons(at);
+  if (is_over) end_learning(at);
 }
 
-void CameraWatch::end_lessons(Timestamp at) {
-  for (const Lesson& lesson : lessons_) {
-    if (lesson.is_spoilt) continue;
+void CameraWatch::end_learning(Timestamp at) {
+  for (const PatchMean& mean : learning_) {
+    if (mean.is_spoilt) continue;
     SeenPatch seen;
     for (std::size_t k = 0; k < seen.size(); ++k)
-      seen[k] = static_cast<std::uint8_t>(std::lround(lesson.sum[k] / float(lesson.frames)));
-    const Eigen::Vector2d centre = lesson.where.corner.cast<double>().array() + double(seen_side - 1) / 2;
+      seen[k] = static_cast<std::uint8_t>(std::lround(mean.sum[k] / float(mean.frames)));
+    const Eigen::Vector2d centre = mean.where.corner.cast<double>().array() + double(seen_side - 1) / 2;
     const auto patch = make_patch(centre, seen);
     const auto ray = camera_.model.ray({pixel_of(centre)});
     if (!patch || !ray || patch->least_texture < least_texture) continue;
     watched_.push_back({.patch = *patch,
-                        .cell = lesson.where.cell,
+                        .cell = mean.where.cell,
                         .ray = turned_back(condition_.rotation, *ray),
                         .seen_at = {},
                         .differs_since = {}});
   }
-  lessons_.clear();
+  learning_.clear();
   condition_.patches = int(watched_.size());
   if (int(watched_.size()) < least_patches) {
     watched_.clear();
@@ -216,7 +216,7 @@ void CameraWatch::end_lessons(Timestamp at) {
 
 // ---- Watching
 
-void CameraWatch::watch(const Luma& luma, Timestamp at, std::span<const Disc> objects) {
+void CameraWatch::watch(const Luma& luma, Timestamp at, std::span<const Occluder> objects) {
   condition_.patches = int(watched_.size());
   if (is_kept_ && condition_.state == RoomState::learning) {
     if (at >= next_survey_) survey(luma, at, objects);
@@ -245,7 +245,7 @@ void CameraWatch::watch(const Luma& luma, Timestamp at, std::span<const Disc> ob
 
 // Where a patch is now, looked for where that rotation has it. False: it cannot say anything.
 bool CameraWatch::measure(Watched& watched, const Luma& luma, Timestamp at, const Eigen::Vector3d& rotation,
-                          std::span<const Disc> objects) {
+                          std::span<const Occluder> objects) {
   const auto expected = camera_.model.project(turned(rotation, watched.ray));
   const double half_px = double(patch_side * scale_) / std::sqrt(2.0);
   watched.is_hidden = !expected || is_before(expected->px, half_px, objects);
@@ -276,14 +276,14 @@ void CameraWatch::hurry(Timestamp at) {
 }
 
 void CameraWatch::note(const Watched& watched, Timestamp at) {
-  Verdict& verdict = verdicts_[verdict_count_++ % verdicts_.size()];
-  verdict = {};
+  Innovation& innovation = innovations_[innovation_count_++ % innovations_.size()];
+  innovation = {};
   if (!watched.seen_at) {
     hurry(at);
     return;
   }
-  verdict = {true, watched.px - watched.expected_px};
-  const double off_blocks = verdict.innovation_px.norm() / scale_;
+  innovation = {true, watched.px - watched.expected_px};
+  const double off_blocks = innovation.off_px.norm() / scale_;
   if (off_blocks < near_blocks) last_agreed_at_ = at;
   if (off_blocks >= far_blocks) {
     hurry(at);
@@ -293,22 +293,22 @@ void CameraWatch::note(const Watched& watched, Timestamp at) {
 }
 
 bool CameraWatch::is_suspicious() const {
-  if (verdict_count_ < verdicts_.size()) return false;
+  if (innovation_count_ < innovations_.size()) return false;
   int off = 0, found = 0;
   Eigen::Vector2d sum = Eigen::Vector2d::Zero();
-  for (const Verdict& v : verdicts_) {
-    const bool is_near = v.is_found && v.innovation_px.norm() < far_blocks * scale_;
+  for (const Innovation& of_patch : innovations_) {
+    const bool is_near = of_patch.is_found && of_patch.off_px.norm() < far_blocks * scale_;
     off += is_near ? 0 : 1;
     if (!is_near) continue;
     ++found;
-    sum += v.innovation_px;
+    sum += of_patch.off_px;
   }
   if (off >= many_of_six) return true;
   return found >= many_of_six && (sum / found).norm() > mean_off_blocks * scale_;
 }
 
 std::optional<RotationFit> CameraWatch::fit_all(const Luma& luma, Timestamp at, const Eigen::Vector3d& from,
-                                                std::span<const Disc> objects, int& could_say) {
+                                                std::span<const Occluder> objects, int& could_say) {
   could_say = 0;
   std::vector<SeenRay> seen;
   for (Watched& watched : watched_) {
@@ -322,8 +322,8 @@ std::optional<RotationFit> CameraWatch::fit_all(const Luma& luma, Timestamp at, 
 }
 
 // All patches at once.
-void CameraWatch::survey(const Luma& luma, Timestamp at, std::span<const Disc> objects) {
-  verdict_count_ = 0;
+void CameraWatch::survey(const Luma& luma, Timestamp at, std::span<const Occluder> objects) {
+  innovation_count_ = 0;
   int could_say = 0;
   auto fit = fit_all(luma, at, condition_.rotation, objects, could_say);
   if (!fit && at >= next_relocation_) {
@@ -352,7 +352,7 @@ void CameraWatch::survey(const Luma& luma, Timestamp at, std::span<const Disc> o
   if (pending_) next_survey_ = at + settling;
 }
 
-std::optional<Eigen::Vector3d> CameraWatch::relocate(const Luma& luma, std::span<const Disc> objects) const {
+std::optional<Eigen::Vector3d> CameraWatch::relocate(const Luma& luma, std::span<const Occluder> objects) const {
   // The best of them that are apart: every so many-th cell's.
   std::vector<const Watched*> order;
   for (const Watched& w : watched_) order.push_back(&w);
@@ -517,7 +517,7 @@ void CameraWatch::judge_nothing(Timestamp at) {
     has_forgotten_ = true;
     has_begun_ = false;
     watched_.clear();
-    last_lesson_at_.reset();
+    last_learnt_at_.reset();
     return;
   }
   if (!nothing_since_) nothing_since_ = at;
@@ -531,14 +531,14 @@ void CameraWatch::judge_nothing(Timestamp at) {
 
 // What has long shown something else is learnt anew, as it is now.
 void CameraWatch::replace_changed(const Luma& luma, Timestamp at) {
-  if (!lessons_.empty() || at < alert_until_ || nothing_since_) return;
+  if (!learning_.empty() || at < alert_until_ || nothing_since_) return;
   const auto is_old = [&](const Watched& w) { return w.differs_since && at - *w.differs_since > replaced_after; };
   if (std::ranges::none_of(watched_, is_old)) return;
   const auto chosen = choose_patches(luma, image_margin);
   for (const Watched& w : watched_) {
     if (!is_old(w)) continue;
     const auto there = std::ranges::find(chosen, w.cell, &ChosenPatch::cell);
-    if (there != chosen.end()) lessons_.push_back({.where = *there, .sum = {}, .frames = 0, .is_spoilt = false});
+    if (there != chosen.end()) learning_.push_back({.where = *there, .sum = {}, .frames = 0, .is_spoilt = false});
   }
   std::erase_if(watched_, is_old);
   next_ = 0;

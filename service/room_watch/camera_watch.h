@@ -35,7 +35,7 @@ enum class RoomState : std::uint8_t {
 std::string_view name(RoomState state);  // "learning", ...
 
 // Where something was seen that is no part of the room.
-struct Disc {
+struct Occluder {
   Eigen::Vector2d px = Eigen::Vector2d::Zero();
   double radius_px = 0;
 };
@@ -78,7 +78,7 @@ class CameraWatch {
                        std::span<const KeptPatch> known = {});
 
   // The camera's frames in time order; those of another size are ignored. objects: what is before the room and moves.
-  void look(const capture::Frame& frame, std::span<const Disc> objects);
+  void look(const capture::Frame& frame, std::span<const Occluder> objects);
 
   const RoomCondition& condition() const { return condition_; }
   // What is known of the room, where the camera stood when it was learnt; empty while it is being learnt.
@@ -88,7 +88,7 @@ class CameraWatch {
 
  private:
   // A patch that is being learnt: the mean of several frames.
-  struct Lesson {
+  struct PatchMean {
     ChosenPatch where;
     std::array<float, std::size_t(seen_side) * seen_side> sum{};
     int frames = 0;
@@ -106,9 +106,9 @@ class CameraWatch {
     float contrast = 0;                                     // when it was looked at last, as a share of its own
     bool is_hidden = false;                                 // by an object, or outside the image: it says nothing
   };
-  struct Verdict {
+  struct Innovation {  // of a patch that was looked for
     bool is_found = false;
-    Eigen::Vector2d innovation_px = Eigen::Vector2d::Zero();
+    Eigen::Vector2d off_px = Eigen::Vector2d::Zero();
   };
   struct Snapshot {
     capture::Timestamp at;
@@ -116,18 +116,18 @@ class CameraWatch {
   };
 
   void choose(const Luma& luma);
-  void learn(const Luma& luma, capture::Timestamp at, std::span<const Disc> objects);
-  void end_lessons(capture::Timestamp at);
-  void watch(const Luma& luma, capture::Timestamp at, std::span<const Disc> objects);
+  void learn(const Luma& luma, capture::Timestamp at, std::span<const Occluder> objects);
+  void end_learning(capture::Timestamp at);
+  void watch(const Luma& luma, capture::Timestamp at, std::span<const Occluder> objects);
   bool measure(Watched& watched, const Luma& luma, capture::Timestamp at, const Eigen::Vector3d& rotation,
-               std::span<const Disc> objects);
+               std::span<const Occluder> objects);
   void note(const Watched& watched, capture::Timestamp at);
   void hurry(capture::Timestamp at);
   bool is_suspicious() const;
-  void survey(const Luma& luma, capture::Timestamp at, std::span<const Disc> objects);
+  void survey(const Luma& luma, capture::Timestamp at, std::span<const Occluder> objects);
   std::optional<RotationFit> fit_all(const Luma& luma, capture::Timestamp at, const Eigen::Vector3d& from,
-                                     std::span<const Disc> objects, int& could_say);
-  std::optional<Eigen::Vector3d> relocate(const Luma& luma, std::span<const Disc> objects) const;
+                                     std::span<const Occluder> objects, int& could_say);
+  std::optional<Eigen::Vector3d> relocate(const Luma& luma, std::span<const Occluder> objects) const;
   void fit_recent(capture::Timestamp at);
   void take(const RotationFit& fit, capture::Timestamp at, bool is_fresh);
   void judge_turn(const RotationFit& fit, capture::Timestamp at, bool is_fresh);
@@ -144,14 +144,14 @@ class CameraWatch {
   const CameraWatchOptions options_;
   const int scale_;
   RoomCondition condition_;
-  std::vector<Lesson> lessons_;
+  std::vector<PatchMean> learning_;
   std::vector<Watched> watched_;
-  std::optional<capture::Timestamp> last_at_, last_lesson_at_, last_agreed_at_;
+  std::optional<capture::Timestamp> last_at_, last_learnt_at_, last_agreed_at_;
   bool has_begun_ = false, is_kept_ = false, has_forgotten_ = false;
   std::size_t next_ = 0;  // of watched_
   double due_ = 0;        // patches to look for
-  std::array<Verdict, 6> verdicts_{};
-  std::size_t verdict_count_ = 0;
+  std::array<Innovation, 6> innovations_{};
+  std::size_t innovation_count_ = 0;
   int off_in_a_row_ = 0;
   capture::Timestamp next_survey_{}, next_fit_{}, alert_until_{}, next_hurry_{}, hurry_until_{};
   capture::Duration survey_pause_{0};

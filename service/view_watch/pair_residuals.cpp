@@ -133,31 +133,32 @@ PairResiduals PairComparison::residuals(const std::vector<Track>& tracks, std::s
   return out;
 }
 
-void PairComparison::add(Verdict& verdict, const PairResiduals& pair) {
+void PairComparison::add(Agreement& agreement, const PairResiduals& pair) {
   if (pair.off_px.size() < least_samples) return;
   const double usual = pair.usual();
-  if (usual > verdict.worst) verdict.worst_px = pair.usual_px();
-  verdict.worst = std::max(verdict.worst, usual);
+  if (usual > agreement.worst) agreement.worst_px = pair.usual_px();
+  agreement.worst = std::max(agreement.worst, usual);
   double sum = 0;
   for (std::size_t k = 0; k < pair.off_px.size(); ++k) {
     const double in_sigmas = std::min(largest_off, std::abs(pair.off_px[k]) / pair.expected[k]);
     sum += in_sigmas * in_sigmas;
   }
   const double mean = sum / double(pair.off_px.size());
-  verdict.score += (mean - verdict.score) / double(++verdict.pairs);
+  agreement.score += (mean - agreement.score) / double(++agreement.pairs);
 }
 
-PairComparison::Verdict PairComparison::verdict(const std::vector<Track>& tracks, const Supposition& with,
-                                                const TimeSigmas& times) const {
-  Verdict out;
+PairComparison::Agreement PairComparison::agreement(const std::vector<Track>& tracks, const Supposition& with,
+                                                    const TimeSigmas& times) const {
+  Agreement out;
   for (std::size_t j = 1; j < tracks.size(); ++j)
     for (std::size_t i = 0; i < j; ++i) add(out, residuals(tracks, i, j, with, times));
   return out;
 }
 
-PairComparison::Verdict PairComparison::verdict_of(const std::vector<Track>& tracks, std::size_t camera, bool with_it,
-                                                   const Supposition& with, const TimeSigmas& times) const {
-  Verdict out;
+PairComparison::Agreement PairComparison::agreement_of(const std::vector<Track>& tracks, std::size_t camera,
+                                                       bool with_it, const Supposition& with,
+                                                       const TimeSigmas& times) const {
+  Agreement out;
   for (std::size_t j = 1; j < tracks.size(); ++j)
     for (std::size_t i = 0; i < j; ++i)
       if ((i == camera || j == camera) == with_it) add(out, residuals(tracks, i, j, with, times));
@@ -244,8 +245,8 @@ double best_lateness(const PairComparison& comparison, const std::vector<Track>&
   double best_s = 0, best = std::numeric_limits<double>::infinity();
   const auto consider = [&](double late_s) {
     with.late_s = late_s;
-    const auto verdict = comparison.verdict_of(tracks, camera, true, with, times);
-    if (verdict.pairs > 0 && verdict.score < best) best = verdict.score, best_s = late_s;
+    const auto agreement = comparison.agreement_of(tracks, camera, true, with, times);
+    if (agreement.pairs > 0 && agreement.score < best) best = agreement.score, best_s = late_s;
   };
   for (int k = 0; k <= int(furthest_s / coarse_s); ++k) consider(k * coarse_s), consider(-k * coarse_s);
   const double about_s = best_s;

@@ -53,16 +53,16 @@ class PairComparison {
   PairResiduals residuals(const std::vector<Track>& tracks, std::size_t i, std::size_t j, const Supposition& with,
                           const TimeSigmas& times) const;
   // Over all pairs that have enough samples.
-  struct Verdict {
+  struct Agreement {
     std::size_t pairs = 0;
     double worst = 0;  // the largest usual()
     double score = 0;  // mean of (off / expected)^2, with at most 25 for each: a robust cost
     double worst_px = 0;
   };
-  Verdict verdict(const std::vector<Track>& tracks, const Supposition& with, const TimeSigmas& times) const;
+  Agreement agreement(const std::vector<Track>& tracks, const Supposition& with, const TimeSigmas& times) const;
   // Of the pairs with this camera, or without it.
-  Verdict verdict_of(const std::vector<Track>& tracks, std::size_t camera, bool with_it, const Supposition& with,
-                     const TimeSigmas& times) const;
+  Agreement agreement_of(const std::vector<Track>& tracks, std::size_t camera, bool with_it, const Supposition& with,
+                         const TimeSigmas& times) const;
 
   const calib::CameraRig& rig() const { return rig_; }
 
@@ -74,7 +74,7 @@ class PairComparison {
     double px_per_s;
   };
   Placed placed(const std::vector<Track>& tracks, std::size_t slot, std::size_t k, const Supposition& with) const;
-  static void add(Verdict& verdict, const PairResiduals& pair);
+  static void add(Agreement& agreement, const PairResiduals& pair);
 
   const calib::CameraRig& rig_;
 };

@@ -59,6 +59,118 @@ bool is_of_rig(MistakeKind kind) {
          kind == MistakeKind::other_rig;
 }
 
+// What would make the views agree, supposed one after the other; an answer is what does.
+class Suppositions {
+ public:
+  // All outlive it.
+  Suppositions(const calib::CameraRig& rig, const std::vector<Track>& tracks, const TimeSigmas& time_sigmas,
+               const PairComparison::Agreement& as_is)
+      : rig_(rig), tracks_(tracks), time_sigmas_(time_sigmas), as_is_(as_is), comparison_(rig) {}
+
+  // Whose frames are whose: every exchange of two, and of three or four all orders.
+  void try_orders() {
+    const std::size_t n = rig_.cameras.size();
+    std::vector<std::size_t> really(n);
+    std::iota(really.begin(), really.end(), 0u);
+    if (n <= 4) {
+      while (std::next_permutation(really.begin(), really.end())) try_order(really);
+    } else {
+      for (std::size_t j = 1; j < n; ++j)
+        for (std::size_t i = 0; i < j; ++i)
+          std::swap(really[i], really[j]), try_order(really), std::swap(really[i], really[j]);
+    }
+  }
+
+  // It disagrees with two that agree with each other: fewer could be explained by anything.
+  bool could_be_fault_of(std::size_t camera) const {
+    if (rig_.cameras.size() <= 2) return true;
+    const auto with_it = comparison_.agreement_of(tracks_, camera, true, {}, time_sigmas_);
+    const auto without = comparison_.agreement_of(tracks_, camera, false, {}, time_sigmas_);
+    return with_it.pairs >= 2 && without.pairs > 0 && without.worst <= disagrees;
+  }
+
+  // learnt_s: how late it was learnt to be, which the tracks' times hold.
+  void try_lateness(std::size_t camera, double learnt_s) {
+    const double late_s = best_lateness(comparison_, tracks_, camera, time_sigmas_);
+    const double in_all_s = late_s - learnt_s;  // beside what the rig says
+    if (std::abs(in_all_s) >= least_late_s)
+      judge({.kind = MistakeKind::late, .cameras = {int(camera)}, .size = in_all_s},
+            {.camera = camera, .late_s = late_s});
+  }
+
+  void try_turn(std::size_t camera) {
+    const auto turn = best_turn(comparison_, tracks_, camera, time_sigmas_);
+    if (turn && turn->turn_rad.norm() >= least_turn_rad && turn->gain >= surely_turned)
+      judge({.kind = MistakeKind::turned, .cameras = {int(camera)}, .size = turn->turn_rad.norm()},
+            {.camera = camera, .turn_rad = turn->turn_rad});
+  }
+
+  // The one that explains more than the others do; or another room's rig, where nothing does.
+  std::optional<Mistake> best() {
+    if (answers_.empty()) return of_other_rig();
+    std::ranges::stable_sort(answers_, {}, cost);
+    Answer& best = answers_.front();
+    if (answers_.size() > 1 && cost(best) > clearly_better * cost(answers_[1])) {
+      // Two cameras of one rig, alike in all else: that one of them is so is known.
+      const Mistake& other = answers_[1].mistake;
+      if (rig_.cameras.size() > 2 || other.kind != best.mistake.kind || best.mistake.kind == MistakeKind::swapped)
+        return std::nullopt;
+      best.mistake.cameras = {0, 1};
+      best.mistake.size = std::min(std::abs(best.mistake.size), std::abs(other.size));
+    }
+    return best.mistake;
+  }
+
+ private:
+  struct Answer {
+    Mistake mistake;
+    double score;
+  };
+
+  // A supposition without numbers to fit is the better one where both explain.
+  static double cost(const Answer& a) {
+    const double fitted = a.mistake.kind == MistakeKind::turned ? 1.3 : a.mistake.kind == MistakeKind::late ? 1.1 : 1.0;
+    return fitted * (a.score + 0.2);
+  }
+
+  void judge(Mistake mistake, const Supposition& supposition) {
+    const auto agreement = comparison_.agreement(tracks_, supposition, time_sigmas_);
+    if (agreement.pairs < as_is_.pairs || agreement.worst > agrees || agreement.score > much_better * as_is_.score ||
+        as_is_.score - agreement.score < least_gain)
+      return;
+    mistake.off_px = as_is_.worst_px;
+    answers_.push_back({std::move(mistake), agreement.score});
+  }
+
+  void try_order(const std::vector<std::size_t>& really) {
+    Mistake mistake{.kind = MistakeKind::swapped};
+    for (std::size_t c = 0; c < really.size(); ++c) {
+      if (really[c] == c) continue;
+      if (rig_.cameras[c].image_size != rig_.cameras[really[c]].image_size) return;
+      mistake.cameras.push_back(int(c));
+    }
+    judge(std::move(mistake), {.really = really});
+  }
+
+  std::optional<Mistake> of_other_rig() const {
+    const std::size_t n = rig_.cameras.size();
+    if (as_is_.pairs < n * (n - 1) / 2) return std::nullopt;
+    double best = std::numeric_limits<double>::infinity();
+    for (std::size_t j = 1; j < n; ++j)
+      for (std::size_t i = 0; i < j; ++i)
+        best = std::min(best, comparison_.residuals(tracks_, i, j, {}, time_sigmas_).usual());
+    if (best < nothing_explains || best == std::numeric_limits<double>::infinity()) return std::nullopt;
+    return Mistake{.kind = MistakeKind::other_rig, .off_px = as_is_.worst_px};
+  }
+
+  const calib::CameraRig& rig_;
+  const std::vector<Track>& tracks_;
+  const TimeSigmas& time_sigmas_;
+  const PairComparison::Agreement& as_is_;
+  const PairComparison comparison_;
+  std::vector<Answer> answers_;
+};
+
 }  // namespace
 
 ViewWatch::ViewWatch(const calib::CameraRig& rig, const object_tracking::TargetOptions& target)
@@ -170,7 +282,7 @@ std::optional<Mistake> ViewWatch::of_rig(double now_s) {
   is_wrong_ = false;
   if (!has_moved()) return std::nullopt;
   const PairComparison comparison(rig_);
-  const PairComparison::Verdict as_is = comparison.verdict(tracks_, {}, time_sigmas_);
+  const PairComparison::Agreement as_is = comparison.agreement(tracks_, {}, time_sigmas_);
   is_wrong_ = as_is.pairs > 0 && (as_is.worst >= disagrees || as_is.score >= suspicious_score);
   const bool is_clear = as_is.worst >= disagrees;
   if (!is_clear) tries_ = 0;
@@ -183,85 +295,15 @@ std::optional<Mistake> ViewWatch::of_rig(double now_s) {
   return explained(as_is, is_clear);
 }
 
-std::optional<Mistake> ViewWatch::explained(const PairComparison::Verdict& as_is, bool is_clear) const {
-  const PairComparison comparison(rig_);
-  const std::size_t n = rig_.cameras.size();
-  struct Answer {
-    Mistake mistake;
-    double score, worst;
-  };
-  std::vector<Answer> answers;
-  const auto answer = [&](Mistake mistake, const PairComparison::Verdict& verdict) {
-    if (verdict.pairs < as_is.pairs || verdict.worst > agrees || verdict.score > much_better * as_is.score ||
-        as_is.score - verdict.score < least_gain)
-      return;
-    mistake.off_px = as_is.worst_px;
-    answers.push_back({std::move(mistake), verdict.score, verdict.worst});
-  };
-  // Whose frames are whose: every exchange of two, and of three or four all orders.
-  std::vector<std::size_t> really(n);
-  std::iota(really.begin(), really.end(), 0u);
-  const auto suppose_order = [&] {
-    Mistake mistake{.kind = MistakeKind::swapped};
-    for (std::size_t c = 0; c < n; ++c) {
-      if (really[c] == c) continue;
-      if (rig_.cameras[c].image_size != rig_.cameras[really[c]].image_size) return;
-      mistake.cameras.push_back(int(c));
-    }
-    answer(std::move(mistake), comparison.verdict(tracks_, {.really = really}, time_sigmas_));
-  };
-  if (!is_clear) {
-    // Exchanged or late cameras are not that near.
-  } else if (n <= 4) {
-    while (std::next_permutation(really.begin(), really.end())) suppose_order();
-  } else {
-    for (std::size_t j = 1; j < n; ++j)
-      for (std::size_t i = 0; i < j; ++i)
-        std::swap(really[i], really[j]), suppose_order(), std::swap(really[i], really[j]);
+std::optional<Mistake> ViewWatch::explained(const PairComparison::Agreement& as_is, bool is_clear) const {
+  Suppositions suppositions(rig_, tracks_, time_sigmas_, as_is);
+  if (is_clear) suppositions.try_orders();  // exchanged or late cameras are not that near
+  for (std::size_t c = 0; c < rig_.cameras.size(); ++c) {
+    if (!suppositions.could_be_fault_of(c)) continue;
+    if (is_clear) suppositions.try_lateness(c, time_shifts_[c]);
+    suppositions.try_turn(c);
   }
-  for (std::size_t c = 0; c < n; ++c) {
-    if (n > 2) {  // it disagrees with two that agree with each other: fewer could be explained by anything
-      const auto with_it = comparison.verdict_of(tracks_, c, true, {}, time_sigmas_);
-      const auto without = comparison.verdict_of(tracks_, c, false, {}, time_sigmas_);
-      if (with_it.pairs < 2 || without.pairs == 0 || without.worst > disagrees) continue;
-    }
-    if (is_clear) {
-      const double late_s = best_lateness(comparison, tracks_, c, time_sigmas_);
-      // How late it is beside what the rig says; that of its learnt times is part of it.
-      const double in_all_s = late_s - time_shifts_[c];
-      if (std::abs(in_all_s) >= least_late_s)
-        answer({.kind = MistakeKind::late, .cameras = {int(c)}, .size = in_all_s},
-               comparison.verdict(tracks_, {.camera = c, .late_s = late_s}, time_sigmas_));
-    }
-    const auto turn = best_turn(comparison, tracks_, c, time_sigmas_);
-    if (turn && turn->turn_rad.norm() >= least_turn_rad && turn->gain >= surely_turned)
-      answer({.kind = MistakeKind::turned, .cameras = {int(c)}, .size = turn->turn_rad.norm()},
-             comparison.verdict(tracks_, {.camera = c, .turn_rad = turn->turn_rad}, time_sigmas_));
-  }
-  if (answers.empty()) {
-    if (as_is.pairs < n * (n - 1) / 2) return std::nullopt;
-    double best = std::numeric_limits<double>::infinity();
-    for (std::size_t j = 1; j < n; ++j)
-      for (std::size_t i = 0; i < j; ++i)
-        best = std::min(best, comparison.residuals(tracks_, i, j, {}, time_sigmas_).usual());
-    if (best < nothing_explains || best == std::numeric_limits<double>::infinity()) return std::nullopt;
-    return Mistake{.kind = MistakeKind::other_rig, .off_px = as_is.worst_px};
-  }
-  // A supposition without numbers to fit is the better one where both explain.
-  const auto cost = [](const Answer& a) {
-    const double fitted = a.mistake.kind == MistakeKind::turned ? 1.3 : a.mistake.kind == MistakeKind::late ? 1.1 : 1.0;
-    return fitted * (a.score + 0.2);
-  };
-  std::ranges::stable_sort(answers, {}, cost);
-  Answer& best = answers.front();
-  if (answers.size() > 1 && cost(best) > clearly_better * cost(answers[1])) {
-    // Two cameras of one rig, alike in all else: that one of them is so is known.
-    const Mistake& other = answers[1].mistake;
-    if (n > 2 || other.kind != best.mistake.kind || best.mistake.kind == MistakeKind::swapped) return std::nullopt;
-    best.mistake.cameras = {0, 1};
-    best.mistake.size = std::min(std::abs(best.mistake.size), std::abs(other.size));
-  }
-  return best.mistake;
+  return suppositions.best();
 }
 
 // Of cameras that agree about where it is.

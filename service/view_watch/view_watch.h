@@ -66,7 +66,7 @@ class ViewWatch {
             double now_s);
   bool is_still(PerCamera& camera, const Eigen::Vector2d& px, double now_s) const;
   std::optional<Mistake> of_rig(double now_s);
-  std::optional<Mistake> explained(const PairComparison::Verdict& as_is, bool is_clear) const;
+  std::optional<Mistake> explained(const PairComparison::Agreement& as_is, bool is_clear) const;
   std::optional<Mistake> of_radius() const;
   bool has_moved() const;
   void confirm(const std::vector<Mistake>& found, double now_s);

@@ -67,7 +67,7 @@ std::vector<std::vector<OutlineView>> fit_outlines(const Sequence& sequence,
             *view.matches, {px.x() - reach, px.y() - reach, px.x() + reach, px.y() + reach}, 4, 1.3 * radius_px);
         if (!regions.empty()) one.region_off_px = regions.front().centre - ball->ellipse.centre;
       }
-      const outline::Disc disc{ball->centre_px, radius_px},
+      const outline::ObjectDisc disc{ball->centre_px, radius_px},
           hidden{ball->centre_px, 1.1 * radius_px + 4 + 0.01 * velocity.norm()};
       backgrounds[c].learn(picture, disc, ahead_s * velocity, &hidden, 1);
     }

@@ -44,8 +44,7 @@ Sequence load_sequence(const std::filesystem::path& folder, int every, unsigned 
   out.name = folder.filename().string();
   out.rig = calib::read_rig(folder / "rig.yaml");
   capture::Recording recording = capture::read_recording(folder);
-  std::vector<std::string> names;
-  for (const calib::Camera& camera : out.rig.cameras) names.push_back(camera.name);
+  const std::vector<std::string> names = out.rig.camera_names();
   if (every > 1) {
     out.name += ", free-running, first frames";
     for (std::size_t i = 0; i < recording.cameras.size(); ++i)

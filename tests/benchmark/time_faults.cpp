@@ -46,8 +46,7 @@ Recording recorded(const std::filesystem::path& folder) {
               config.targets.front(),
               {config.object_tracking.volume.min, config.object_tracking.volume.max},
               {}};
-  std::vector<std::string> names;
-  for (const calib::Camera& camera : r.truth.cameras) names.push_back(camera.name);
+  const std::vector<std::string> names = r.truth.camera_names();
   capture::ReplaySource source(capture::read_recording(folder), names);
   wave::BallFinder finder(r.start, r.target);
   wave::Background background(names.size());

@@ -10,6 +10,7 @@
 #include <exception>
 #include <numbers>
 #include <random>
+#include <string_view>
 
 #include "benchmark/rig_figures.h"
 #include "benchmark/sequence.h"
@@ -169,6 +170,156 @@ void print_column(const char* what, std::vector<double> values, double factor, c
   std::printf("\n");
 }
 
+struct Case {
+  const char* folder;
+  std::vector<object_tracking::TargetOptions> targets;
+  int every;
+
+  // Where the figures have to be reached.
+  bool must() const { return std::string_view(folder) != "rendered/fast_60fps"; }
+};
+
+// What cameras saw of the balls, waved one after the other.
+struct Waved {
+  std::string names;
+  std::vector<wave::BallFrame> frames;
+  double noise_px = 0;
+  std::vector<Eigen::Vector3d> path;  // the truth
+};
+
+Waved look_at(const figures::Sequence& sequence, const Case& c) {
+  Waved out;
+  wave::Background background(sequence.rig.cameras.size());
+  for (const capture::FrameSet& set : sequence.sets) {
+    for (const auto& frame : set.frames) {
+      if (frame) background.add(*frame);
+    }
+  }
+  std::vector<std::vector<wave::BallFrame>> of_balls;
+  double noise2 = 0;
+  for (const object_tracking::TargetOptions& target : c.targets) {
+    wave::BallFinder finder(sequence.rig, target);
+    out.names += (out.names.empty() ? "" : " and ") + target.name;
+    of_balls.emplace_back();
+    for (const capture::FrameSet& set : sequence.sets) {
+      for (const auto& frame : set.frames) {
+        if (!frame) continue;
+        if (auto found = finder.look(*frame)) of_balls.back().push_back(std::move(*found));
+      }
+    }
+    wave::sharpen(of_balls.back(), background, sequence.rig);
+    const double noise = outline_noise(sequence, target, of_balls.back());
+    noise2 += noise * noise / static_cast<double>(c.targets.size());
+    for (const figures::TruthRow& row : sequence.truth.at(target.name)) out.path.push_back(row.position);
+  }
+  out.noise_px = std::sqrt(noise2);
+  out.frames = wave::one_after_the_other(std::move(of_balls), sequence.rig.cameras.size());
+  return out;
+}
+
+// By which the scale becomes known.
+struct Scales {
+  wave::WaveOptions tape, marks, rig_only;
+
+  Scales(const figures::Sequence& sequence, const object_tracking::TargetOptions& ball) {
+    for (wave::WaveOptions* options : {&tape, &marks, &rig_only}) {
+      options->radius_m = ball.radius_m;
+      options->volume = solver::WorldBox{{-1, -1, 0.1}, {1, 1, 2.1}};
+    }
+    const double baseline = (sequence.rig.cameras[0].centre() - sequence.rig.cameras[1].centre()).norm();
+    tape.camera_distance = wave::CameraDistance{0, 1, baseline};
+    // Five moments at which every camera (of two or more) sees all of the ball, spread over the recording.
+    std::vector<const figures::TruthRow*> clear;
+    for (const figures::TruthRow& row : sequence.truth.at(ball.name)) {
+      if (std::ranges::all_of(row.visible, [](double share) { return share > 0.99; })) clear.push_back(&row);
+    }
+    for (std::size_t i = 0; i < 5; ++i) {
+      const figures::TruthRow& row = *clear[(2 * i + 1) * clear.size() / 10];
+      marks.marks.push_back({capture::seconds(row.at), row.position});
+    }
+  }
+};
+
+struct Mode {
+  const char* name;
+  wave::WaveOptions options;
+  bool scale_known;
+};
+
+// Of many wrong rigs, by one mode.
+struct Columns {
+  std::vector<double> volume, on_path, centre, turned, scale, stated_volume, stated_path, stated_centre, halves,
+      halves_sigma;
+
+  void add(const wave::WaveResult& r, const figures::RigFigures& f) {
+    volume.push_back(f.volume_m), centre.push_back(f.centre_m), turned.push_back(f.turned_deg);
+    scale.push_back(std::abs(f.scale - 1)), on_path.push_back(f.path_m);
+    halves.push_back(r.halves_m), halves_sigma.push_back(r.halves_sigma_m);
+    stated_path.push_back(r.expected_m), stated_volume.push_back(r.expected_in_volume_m.value_or(0));
+    double worst = 0;
+    for (const wave::WaveCamera& camera : r.cameras) worst = std::max(worst, camera.centre_sigma_m.norm());
+    stated_centre.push_back(worst);
+  }
+
+  void print(bool judged) const {
+    print_column("camera centres, worst camera", centre, 1e3, "mm", judged ? 10 : 0);
+    print_column("camera rotations, worst camera", turned, 1, "deg", judged ? 0.3 : 0);
+    print_column("2x2x2 m volume, rms", volume, 1e3, "mm", judged ? 3 : 0);
+    print_column("scale off by", scale, 100, "%", 0);
+    print_column("positions where the ball was, rms", on_path, 1e3, "mm", 0);
+    print_column("stated: camera centres, worst camera", stated_centre, 1e3, "mm", 0);
+    print_column("stated: 2x2x2 m volume", stated_volume, 1e3, "mm", 0);
+    print_column("stated: positions where the ball was", stated_path, 1e3, "mm", 0);
+    print_column("the halves differ by", halves, 1e3, "mm", 0);
+    print_column("stated: what they should differ by", halves_sigma, 1e3, "mm", 0);
+  }
+};
+
+void from_wrong_rigs(const figures::Sequence& sequence, const Waved& waved, const Mode& mode, int seeds, bool must) {
+  Columns columns;
+  int failed = 0, doubtful = 0;
+  double slowest = 0;
+  for (int seed = 1; seed <= seeds; ++seed) {
+    try {
+      const auto start = std::chrono::steady_clock::now();
+      const wave::WaveResult r = wave::calibrate_wave(spoilt(sequence.rig, 0.1, 3, static_cast<std::uint64_t>(seed)),
+                                                      waved.frames, mode.options);
+      slowest = std::max(slowest, std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count());
+      columns.add(r, figures::compare(sequence.rig, r.rig, waved.path));
+      const report::WaveReport told = report::report_on(r);
+      doubtful += told.verdict == report::Verdict::usable ? 0 : 1;
+      if (seed == 1 && mode.scale_known && std::getenv("WAVE_FIGURES_VERBOSE") != nullptr)
+        std::printf("%s", report::to_text(told, r).c_str());
+    } catch (const std::exception& e) {
+      ++failed;
+      std::printf("    seed %d: %s\n", seed, e.what());
+    }
+  }
+  std::printf("  %s: %d seeds, %d failed, %d doubtful, slowest %.2f s\n", mode.name, seeds, failed, doubtful, slowest);
+  if (must && failed > 0) all_reached = false;
+  if (!columns.volume.empty()) columns.print(must && mode.scale_known);
+}
+
+// Lenses only.
+void from_nothing(const figures::Sequence& sequence, const Waved& waved, wave::WaveOptions options, bool must) {
+  options.has_poses = false;
+  std::printf("  no poses to start from, scale from %s\n",
+              options.camera_distance ? "the distance of two cameras" : "the radius");
+  try {
+    const wave::WaveResult r = wave::calibrate_wave(sequence.rig, waved.frames, options);
+    const figures::RigFigures f = figures::compare(sequence.rig, r.rig, waved.path);
+    std::printf("    centres %.1f mm, rotations %.3f deg, volume %.2f mm rms, scale off by %.2f %%\n", 1e3 * f.centre_m,
+                f.turned_deg, 1e3 * f.volume_m, 100 * std::abs(f.scale - 1));
+    if (must && options.camera_distance && (f.centre_m > 0.01 || f.turned_deg > 0.3 || f.volume_m > 0.003)) {
+      all_reached = false;
+      std::printf("    MISSED\n");
+    }
+  } catch (const std::exception& e) {
+    std::printf("    failed: %s\n", e.what());
+    if (must) all_reached = false;
+  }
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -177,11 +328,6 @@ int main(int argc, char** argv) {
     std::fprintf(stderr, "usage: wave_figures [number of seeds >= 1]\n");
     return 2;
   }
-  struct Case {
-    const char* folder;
-    std::vector<object_tracking::TargetOptions> targets;
-    int every;
-  };
   for (const Case& c :
        {Case{"rendered/two_cams", {figures::lime_ball()}, 1},
         Case{"rendered/occlusion", {figures::pink_ball(), figures::lime_ball()}, 1},
@@ -192,127 +338,18 @@ int main(int argc, char** argv) {
       std::fprintf(stderr, "wave_figures: no recordings in %s\n", figures::shared_data().c_str());
       return 2;
     }
-    const bool must = std::string(c.folder) != "rendered/fast_60fps";
     std::printf("\n");
     const figures::Sequence sequence = figures::load_sequence(figures::shared_data() / c.folder, c.every);
-    std::vector<std::vector<wave::BallFrame>> of_balls;
-    std::string names;
-    double noise2 = 0;
-    wave::Background background(sequence.rig.cameras.size());
-    for (const capture::FrameSet& set : sequence.sets) {
-      for (const auto& frame : set.frames) {
-        if (frame) background.add(*frame);
-      }
-    }
-    for (const object_tracking::TargetOptions& target : c.targets) {
-      wave::BallFinder finder(sequence.rig, target);
-      names += (names.empty() ? "" : " and ") + target.name;
-      of_balls.emplace_back();
-      for (const capture::FrameSet& set : sequence.sets) {
-        for (const auto& frame : set.frames) {
-          if (!frame) continue;
-          if (auto found = finder.look(*frame)) of_balls.back().push_back(std::move(*found));
-        }
-      }
-      wave::sharpen(of_balls.back(), background, sequence.rig);
-      const double noise = outline_noise(sequence, target, of_balls.back());
-      noise2 += noise * noise / static_cast<double>(c.targets.size());
-    }
-    const auto frames = wave::one_after_the_other(std::move(of_balls), sequence.rig.cameras.size());
-    const auto& rows = sequence.truth.at(c.targets.front().name);
-    const double baseline = (sequence.rig.cameras[0].centre() - sequence.rig.cameras[1].centre()).norm();
-    wave::WaveOptions tape{.radius_m = c.targets.front().radius_m};
-    tape.camera_distance = wave::CameraDistance{0, 1, baseline};
-    wave::WaveOptions marks{.radius_m = c.targets.front().radius_m};
-    // Five moments at which every camera (of two or more) sees all of the ball, spread over the recording.
-    std::vector<const figures::TruthRow*> clear;
-    for (const figures::TruthRow& row : rows) {
-      if (std::ranges::all_of(row.visible, [](double share) { return share > 0.99; })) clear.push_back(&row);
-    }
-    for (std::size_t i = 0; i < 5; ++i) {
-      const figures::TruthRow& row = *clear[(2 * i + 1) * clear.size() / 10];
-      marks.marks.push_back({capture::seconds(row.at), row.position});
-    }
-    wave::WaveOptions rig_only{.radius_m = c.targets.front().radius_m};
-    for (wave::WaveOptions* options : {&tape, &marks, &rig_only})
-      options->volume = solver::WorldBox{{-1, -1, 0.1}, {1, 1, 2.1}};
-    std::vector<Eigen::Vector3d> path;
-    for (const object_tracking::TargetOptions& target : c.targets) {
-      for (const figures::TruthRow& row : sequence.truth.at(target.name)) path.push_back(row.position);
-    }
-    struct Mode {
-      const char* name;
-      wave::WaveOptions options;
-      bool scale_known;
-    };
-    std::printf("%s, %s: %zu frames\n", sequence.name.c_str(), names.c_str(), frames.size());
-    print_bound(sequence, c.targets, std::sqrt(noise2));
-    for (const Mode& mode : {Mode{"scale from the distance of two cameras", tape, true},
-                             Mode{"scale and world from five marked points", marks, true},
-                             Mode{"scale from the spoilt rig alone", rig_only, false}}) {
-      std::vector<double> volume, on_path, centre, turned, scale, stated_volume, stated_path, stated_centre, halves,
-          halves_sigma;
-      int failed = 0, doubtful = 0;
-      double slowest = 0;
-      for (int seed = 1; seed <= seeds; ++seed) {
-        try {
-          const auto start = std::chrono::steady_clock::now();
-          const wave::WaveResult r = wave::calibrate_wave(
-              spoilt(sequence.rig, 0.1, 3, static_cast<std::uint64_t>(seed)), frames, mode.options);
-          slowest = std::max(slowest, std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count());
-          const figures::RigFigures f = figures::compare(sequence.rig, r.rig, path);
-          volume.push_back(f.volume_m), centre.push_back(f.centre_m), turned.push_back(f.turned_deg);
-          scale.push_back(std::abs(f.scale - 1)), on_path.push_back(f.path_m), halves.push_back(r.halves_m),
-              halves_sigma.push_back(r.halves_sigma_m);
-          stated_path.push_back(r.expected_m), stated_volume.push_back(r.expected_in_volume_m.value_or(0));
-          double worst = 0;
-          for (const wave::WaveCamera& camera : r.cameras) worst = std::max(worst, camera.centre_sigma_m.norm());
-          stated_centre.push_back(worst);
-          const report::WaveReport told = report::report_on(r);
-          doubtful += told.verdict == report::Verdict::usable ? 0 : 1;
-          if (seed == 1 && mode.scale_known && std::getenv("WAVE_FIGURES_VERBOSE") != nullptr)
-            std::printf("%s", report::to_text(told, r).c_str());
-        } catch (const std::exception& e) {
-          ++failed;
-          std::printf("    seed %d: %s\n", seed, e.what());
-        }
-      }
-      std::printf("  %s: %d seeds, %d failed, %d doubtful, slowest %.2f s\n", mode.name, seeds, failed, doubtful,
-                  slowest);
-      if (must && failed > 0) all_reached = false;
-      if (volume.empty()) continue;
-      const bool judged = must && mode.scale_known;
-      print_column("camera centres, worst camera", centre, 1e3, "mm", judged ? 10 : 0);
-      print_column("camera rotations, worst camera", turned, 1, "deg", judged ? 0.3 : 0);
-      print_column("2x2x2 m volume, rms", volume, 1e3, "mm", judged ? 3 : 0);
-      print_column("scale off by", scale, 100, "%", 0);
-      print_column("positions where the ball was, rms", on_path, 1e3, "mm", 0);
-      print_column("stated: camera centres, worst camera", stated_centre, 1e3, "mm", 0);
-      print_column("stated: 2x2x2 m volume", stated_volume, 1e3, "mm", 0);
-      print_column("stated: positions where the ball was", stated_path, 1e3, "mm", 0);
-      print_column("the halves differ by", halves, 1e3, "mm", 0);
-      print_column("stated: what they should differ by", halves_sigma, 1e3, "mm", 0);
-    }
-    // From nothing: lenses only.
-    for (const bool with_distance : {true, false}) {
-      wave::WaveOptions nothing = with_distance ? tape : rig_only;
-      nothing.has_poses = false;
-      std::printf("  no poses to start from, scale from %s\n",
-                  with_distance ? "the distance of two cameras" : "the radius");
-      try {
-        const wave::WaveResult r = wave::calibrate_wave(sequence.rig, frames, nothing);
-        const figures::RigFigures f = figures::compare(sequence.rig, r.rig, path);
-        std::printf("    centres %.1f mm, rotations %.3f deg, volume %.2f mm rms, scale off by %.2f %%\n",
-                    1e3 * f.centre_m, f.turned_deg, 1e3 * f.volume_m, 100 * std::abs(f.scale - 1));
-        if (must && with_distance && (f.centre_m > 0.01 || f.turned_deg > 0.3 || f.volume_m > 0.003)) {
-          all_reached = false;
-          std::printf("    MISSED\n");
-        }
-      } catch (const std::exception& e) {
-        std::printf("    failed: %s\n", e.what());
-        if (must) all_reached = false;
-      }
-    }
+    const Waved waved = look_at(sequence, c);
+    const Scales scales(sequence, c.targets.front());
+    std::printf("%s, %s: %zu frames\n", sequence.name.c_str(), waved.names.c_str(), waved.frames.size());
+    print_bound(sequence, c.targets, waved.noise_px);
+    for (const Mode& mode : {Mode{"scale from the distance of two cameras", scales.tape, true},
+                             Mode{"scale and world from five marked points", scales.marks, true},
+                             Mode{"scale from the spoilt rig alone", scales.rig_only, false}})
+      from_wrong_rigs(sequence, waved, mode, seeds, c.must());
+    for (const wave::WaveOptions& options : {scales.tape, scales.rig_only})
+      from_nothing(sequence, waved, options, c.must());
   }
   std::printf("\n%s\n", all_reached ? "every figure is reached" : "NOT every figure is reached");
   return all_reached ? 0 : 1;

@@ -8,6 +8,7 @@
 #include <random>
 
 #include "capture/replay_source.h"
+#include "capture/temporary_folder.h"
 
 namespace huetrack::capture {
 namespace {
@@ -170,10 +171,8 @@ class SharedLight : public testing::TestWithParam<const char*> {
   // Per camera.
   static std::vector<LightFindings> found() {
     const Recording recording = read_recording(std::filesystem::path(HUETRACK_SHARED_DATA) / "rendered" / GetParam());
-    std::vector<std::string> names;
-    for (const auto& camera : recording.cameras) names.push_back(camera.name);
-    std::vector<LightWatch> watches(names.size());
-    ReplaySource source(recording, names, {.decoder_threads = 2});
+    std::vector<LightWatch> watches(recording.cameras.size());
+    ReplaySource source(recording, names_in(recording), {.decoder_threads = 2});
     while (const auto frame = source.next({})) {
       LightWatch& watch = watches[std::size_t(frame->camera)];
       if (watch.is_wanted(frame->captured_at)) watch.look(frame->pixels, frame->captured_at);

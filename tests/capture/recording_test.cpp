@@ -2,11 +2,11 @@
 
 #include <gmock/gmock.h>
 #include <sys/stat.h>
-#include <unistd.h>
 
 #include <fstream>
 
 #include "calib/yaml/yaml_reader.h"
+#include "capture/temporary_folder.h"
 
 namespace huetrack::capture {
 namespace {
@@ -19,13 +19,6 @@ using namespace std::chrono_literals;
 
 class ReadRecording : public testing::Test {
  protected:
-  void SetUp() override {
-    std::string name = (std::filesystem::temp_directory_path() / "huetrack_XXXXXX").string();
-    ASSERT_NE(::mkdtemp(name.data()), nullptr);
-    folder = name;
-  }
-  void TearDown() override { std::filesystem::remove_all(folder); }
-
   void write(const std::string& name, const std::string& text) const { std::ofstream(folder / name) << text; }
   Recording read(const std::string& yaml) const {
     write("recording.yaml", yaml);
@@ -44,7 +37,8 @@ class ReadRecording : public testing::Test {
     return error_of("version: 1\ncameras:\n  left: {frames: left.mkv, timestamps: times.csv}\n");
   }
 
-  std::filesystem::path folder;
+  const TemporaryFolder temporary;
+  const std::filesystem::path folder = temporary.path();
 };
 
 Timestamp at(Duration since_zero) {

@@ -1,11 +1,9 @@
 // The captures that lie beside the project, read as they are.
 #include <gmock/gmock.h>
-#include <unistd.h>
-
-#include <fstream>
 
 #include "capture/frame_synchronizer.h"
 #include "capture/replay_source.h"
+#include "capture/temporary_folder.h"
 
 namespace huetrack::capture {
 namespace {
@@ -25,12 +23,6 @@ struct Expected {
 };
 void PrintTo(const Expected& e, std::ostream* out) {
   *out << e.recording;
-}
-
-std::vector<std::string> names_in(const Recording& recording) {
-  std::vector<std::string> names;
-  for (const auto& camera : recording.cameras) names.push_back(camera.name);
-  return names;
 }
 
 class SharedRecording : public testing::TestWithParam<Expected> {};
@@ -86,18 +78,11 @@ INSTANTIATE_TEST_SUITE_P(
 
 class WrittenRecording : public testing::Test {
  protected:
-  void SetUp() override {
-    std::string name = (std::filesystem::temp_directory_path() / "huetrack_XXXXXX").string();
-    ASSERT_NE(::mkdtemp(name.data()), nullptr);
-    folder = name;
-  }
-  void TearDown() override { std::filesystem::remove_all(folder); }
-
   Recording write(const std::string& cameras) const {
-    std::ofstream(folder / "recording.yaml") << "version: 1\ncameras:\n" << cameras;
-    return read_recording(folder);
+    write_text(folder / "recording.yaml", "version: 1\ncameras:\n" + cameras);
+    return read_recording(folder.path());
   }
-  std::filesystem::path folder;
+  const TemporaryFolder folder;
 };
 
 TEST_F(WrittenRecording, RedSquareStereoHasOneTimePerPair) {

@@ -6,9 +6,7 @@
 #include <algorithm>
 #include <cstdlib>
 
-#include "end_to_end/process.h"
-#include "publish/test_domain.h"
-#include "soak/films.h"
+#include "end_to_end/film_service.h"
 
 namespace huetrack::end_to_end {
 namespace {
@@ -16,35 +14,20 @@ namespace {
 namespace fs = std::filesystem;
 using namespace testing;
 
-class RecordLive : public Test {
+class RecordLive : public FilmService {
  protected:
-  void SetUp() override {
+  RecordLive() : FilmService("record_live") {
     soak::make_films(folder, 2, 320, 240, false);
     write(true);
-    service.emplace(std::vector<std::string>{FILM_SERVICE, config.string(), folder.string(), "--phases", "together"},
-                    folder / "service.out", folder / "service.err");
-  }
-  ~RecordLive() override {
-    service.reset();
-    fs::remove_all(folder);
+    start();
   }
   void write(bool may_record) const {
-    std::ofstream(config) << soak::film_config(
-        folder, 300,
-        "record: {folder: " + recordings.string() + ", pre_roll_s: 2, after_s: 0.5, on_lost: false}\n" +
-            "control: {allow_record: " + (may_record ? "true" : "false") + "}\n" +
-            "dds: {domain: " + std::to_string(publish::test_domain()) + ", interfaces: [lo]}\n");
+    configure("record: {folder: " + recordings.string() + ", pre_roll_s: 2, after_s: 0.5, on_lost: false}\n" +
+              "control: {allow_record: " + (may_record ? "true" : "false") + "}\n");
   }
-  struct Result {
-    int status;
-    std::string out, err;
-  };
   Result control(std::vector<std::string> words) const {
-    words.insert(words.begin(), {HUETRACK, "control"});
-    words.insert(words.end(), {"--domain", std::to_string(publish::test_domain()), "--interface", "lo"});
-    Process process(words, folder / "out", folder / "err");
-    const int status = process.wait();
-    return {status, process.out(), process.err()};
+    words.insert(words.begin(), "control");
+    return huetrack(words);
   }
   // The columns of the recordings' list.
   std::map<std::string, std::vector<std::string>> listed() const {
@@ -59,9 +42,7 @@ class RecordLive : public Test {
     }
     return rows;
   }
-  const fs::path folder = fs::path(TempDir()) / ("record_live_" + std::to_string(::getpid()));
-  const fs::path config = folder / "c.yaml", recordings = folder / "recordings";
-  std::optional<Process> service;
+  const fs::path recordings = folder / "recordings";
 };
 
 TEST_F(RecordLive, ARecordingIsMadeByCommandFetchedAndReplayed) {

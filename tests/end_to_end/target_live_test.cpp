@@ -3,40 +3,19 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "end_to_end/process.h"
-#include "publish/test_domain.h"
-#include "soak/films.h"
+#include "end_to_end/film_service.h"
 
 namespace huetrack::end_to_end {
 namespace {
 
-namespace fs = std::filesystem;
 using namespace testing;
 
-class TargetLive : public Test {
+class TargetLive : public FilmService {
  protected:
-  void SetUp() override {
+  TargetLive() : FilmService("target_live") {
     soak::make_films(folder, 2, 320, 240, false);
-    std::ofstream(config) << soak::film_config(folder, 300,
-                                               "control: {allow_teach: true}\ndds: {domain: " +
-                                                   std::to_string(publish::test_domain()) + ", interfaces: [lo]}\n");
-    service.emplace(std::vector<std::string>{FILM_SERVICE, config.string(), folder.string(), "--phases", "together"},
-                    folder / "service.out", folder / "service.err");
-  }
-  ~TargetLive() override {
-    service.reset();
-    fs::remove_all(folder);
-  }
-  struct Result {
-    int status;
-    std::string out, err;
-  };
-  Result huetrack(std::vector<std::string> words) const {
-    words.insert(words.begin(), HUETRACK);
-    words.insert(words.end(), {"--domain", std::to_string(publish::test_domain()), "--interface", "lo"});
-    Process process(words, folder / "out", folder / "err");
-    const int status = process.wait();
-    return {status, process.out(), process.err()};
+    configure("control: {allow_teach: true}\n");
+    start();
   }
   bool is_tracked(const std::string& target) const {
     return comes_true([&] {
@@ -44,9 +23,6 @@ class TargetLive : public Test {
                  .out.find(",tracking,") != std::string::npos;
     });
   }
-  const fs::path folder = fs::path(TempDir()) / ("target_live_" + std::to_string(::getpid()));
-  const fs::path config = folder / "c.yaml";
-  std::optional<Process> service;
 };
 
 TEST_F(TargetLive, TheServiceGoesOnWithOtherTargets) {

@@ -23,7 +23,7 @@ std::vector<std::optional<FittedDisc>> fitted(const std::vector<Vector2d>& about
   const capture::Image image = mask_image(120, 90, chosen);
   MatchBits bits(120, 90);
   bits.look_at(image, mask_table());
-  std::vector<Disc> discs;
+  std::vector<ExpectedDisc> discs;
   for (const Vector2d& px : about) discs.push_back({px, radius_px, 2});
   return fit_discs(bits, discs);
 }

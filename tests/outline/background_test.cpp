@@ -9,7 +9,7 @@
 namespace huetrack::outline {
 namespace {
 
-const Disc middle{{60, 45}, 7};
+const ObjectDisc middle{{60, 45}, 7};
 
 std::vector<float> row_of(const Background& background, int v, std::vector<float>& looks) {
   std::vector<float> light(DiscPicture::width);
@@ -45,7 +45,7 @@ TEST(Background, IsTheMeanOfWhatWasSeen) {
 TEST(Background, DoesNotLearnWhatIsHidden) {
   Background background(DiscPicture::width, DiscPicture::height);
   DiscPicture picture;
-  const Disc hidden{{60, 45}, 12};
+  const ObjectDisc hidden{{60, 45}, 12};
   for (unsigned i = 0; i < 20; ++i) background.learn(picture.draw({}, i), middle, {0, 0}, &hidden, 1);
   std::vector<float> looks;
   row_of(background, 45, looks);

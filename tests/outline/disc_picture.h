@@ -21,6 +21,7 @@ struct DiscScene {
   int pillar_from = -1;  // columns from here on hide the disc
   double noise = 1;      // grey values
   double light = 1;      // of the room
+  double glint = 0;      // linear, white: where a lamp shines on it, near the upper right of its edge
 };
 
 class DiscPicture {
@@ -39,9 +40,10 @@ class DiscPicture {
         const double x = (u - scene.centre.x()) / scene.radius_px, y = (v - scene.centre.y()) / scene.radius_px;
         const double lit = 1 + 0.3 * x - 0.2 * y;  // from one side
         double rgb[3];
+        const double glint = scene.glint * std::exp(-18 * ((x - 0.6) * (x - 0.6) + (y + 0.5) * (y + 0.5)));
         const double object[3] = {0.10, 0.45, 0.03}, behind[3] = {1.04 * room, room, 0.92 * room};
         for (int c = 0; c < 3; ++c)
-          rgb[c] = 255 * grey(std::clamp(cover * lit * object[c] + (1 - cover) * behind[c], 0.0, 1.0));
+          rgb[c] = 255 * grey(std::clamp(cover * (lit * object[c] + glint) + (1 - cover) * behind[c], 0.0, 1.0));
         const double luma = 0.299 * rgb[0] + 0.587 * rgb[1] + 0.114 * rgb[2];
         const auto at = static_cast<std::size_t>(v * width + u);
         const auto byte = [](double value) {

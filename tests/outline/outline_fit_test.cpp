@@ -81,6 +81,40 @@ TEST_F(OutlineFitTest, ASmearedOutlineLiesInTheMiddleOfItsWay) {
   EXPECT_LT((f.centre - scene.centre).norm(), 0.12);
 }
 
+TEST_F(OutlineFitTest, AGlintDoesNotMoveTheOutline) {
+  learn({});
+  Eigen::Vector2d mean = Eigen::Vector2d::Zero();
+  for (unsigned i = 0; i < 10; ++i) {
+    DiscScene scene{.glint = 0.3};
+    scene.centre += Eigen::Vector2d(0.11 * i, 0.07 * i);
+    const Fit f = fit(scene, i);
+    ASSERT_EQ(f.outcome, FitOutcome::fits);
+    mean += (f.centre - scene.centre) / 10;
+  }
+  EXPECT_LT(mean.norm(), 0.05) << mean.transpose();
+}
+
+// One picture that looks softer than the camera is does not change what is believed of the camera; many do.
+TEST_F(OutlineFitTest, LearnsTheCamerasBlurFromManyPictures) {
+  learn({});
+  Look look;
+  const double before = look.log_blur_light.value;
+  for (unsigned i = 0; i < 200; ++i) {
+    DiscScene scene{.blur_px = 1.3};
+    scene.centre += Eigen::Vector2d(0.02 * i, 0.01 * i);
+    DiscPicture picture;
+    const Ellipse start{scene.centre, scene.radius_px * Eigen::Matrix2d::Identity()};
+    const Fit f = fit_->fit(picture.draw(scene, i), background_, start, {}, look, {.log_size = {0, 0.02}});
+    ASSERT_EQ(f.outcome, FitOutcome::fits);
+    fit_->learn(look);
+    if (i == 0) {
+      EXPECT_LT(look.log_blur_light.value, before + 0.5 * (std::log(1.3) - before));
+    }
+  }
+  EXPECT_NEAR(look.log_blur_light.value, std::log(1.3), 0.08);
+  EXPECT_LT(look.log_blur_light.sigma, 0.1);
+}
+
 TEST_F(OutlineFitTest, WhereNothingIsThereNothingFits) {
   learn({});
   EXPECT_NE(fit({.has_disc = false}, 1).outcome, FitOutcome::fits);

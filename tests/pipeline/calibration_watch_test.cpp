@@ -4,13 +4,14 @@
 
 #include <cmath>
 
-#include "pipeline/calibration_words.h"
+#include "reports/calibration_words.h"
 #include "room_watch/filmed_room.h"
 
 namespace huetrack::pipeline {
 namespace {
 
 using config::CalibrationMode;
+using reports::calibration_warning;
 using room_watch::degree;
 using room_watch::Film;
 using room_watch::FilmedRoom;

@@ -197,7 +197,7 @@ TEST(CameraWatch, AKeptRoomTellsWhatHappenedInBetween) {
 TEST(CameraWatch, ObjectsAreNoPartOfTheRoom) {
   FilmedRoom room;
   CameraWatch watch(room.camera());
-  const Disc object{.px = {120, 90}, .radius_px = 60};
+  const Occluder object{.px = {120, 90}, .radius_px = 60};
   for (int k = 0; k < 30; ++k) watch.look(room.frame(k / 15.0), std::span(&object, 1));
   EXPECT_EQ(watch.condition().state, RoomState::still);
   for (const KeptPatch& patch : watch.room()) EXPECT_GT((patch.px - object.px).norm(), object.radius_px);

@@ -158,7 +158,7 @@ TEST(PairComparison, OnePlaceIsNotEnoughForATurn) {
   }
   const PairComparison comparison(scene.rig);
   const TimeSigmas times(3, 0.0);
-  EXPECT_GT(comparison.verdict(tracks, {}, times).worst, 1.4) << "they do disagree";
+  EXPECT_GT(comparison.agreement(tracks, {}, times).worst, 1.4) << "they do disagree";
   const auto found = best_turn(comparison, tracks, 0, times);
   ASSERT_TRUE(found);
   EXPECT_LT(found->turn_rad.norm() / rad, 1);
@@ -179,20 +179,20 @@ TEST(PairComparison, aTurnIsFoundExactly) {
   }
   const PairComparison right(scene.rig);
   const TimeSigmas times(3, 0.0);
-  EXPECT_LT(right.verdict(tracks, {}, times).worst, 1e-3);
+  EXPECT_LT(right.agreement(tracks, {}, times).worst, 1e-3);
   calib::CameraRig rig = scene.rig;
   const Vector3d turn(0.02, -0.01, 0.03);
   calib::Tangent6d tangent = calib::Tangent6d::Zero();
   tangent.head<3>() = -turn;
   rig.cameras[2].cam_from_world = calib::exp(tangent) * rig.cameras[2].cam_from_world;
   const PairComparison wrong(rig);
-  EXPECT_GT(wrong.verdict(tracks, {}, times).worst, 3);
+  EXPECT_GT(wrong.agreement(tracks, {}, times).worst, 3);
   const auto found = best_turn(wrong, tracks, 2, times);
   ASSERT_TRUE(found);
   EXPECT_LT((found->turn_rad - turn).norm(), 1e-3);
   EXPECT_GT(found->gain, 50);
-  EXPECT_EQ(wrong.verdict_of(tracks, 2, false, {}, times).pairs, 1u);
-  EXPECT_LT(wrong.verdict_of(tracks, 2, false, {}, times).worst, 1e-3);
+  EXPECT_EQ(wrong.agreement_of(tracks, 2, false, {}, times).pairs, 1u);
+  EXPECT_LT(wrong.agreement_of(tracks, 2, false, {}, times).worst, 1e-3);
 }
 
 }  // namespace

@@ -59,7 +59,7 @@ void KeyframeMapping::add_look(MapPoint& point, int keyframe, int level, const E
   }
 }
 
-void KeyframeMapping::start(const TrackedFrame& frame, std::span<const Eigen::Vector3d> points,
+void KeyframeMapping::start(const PosedFrame& frame, std::span<const Eigen::Vector3d> points,
                             const Eigen::Vector3d& normal, double given_sigma_m,
                             const Eigen::Matrix<double, 6, 6>& start_covariance) {
   map_ = {};
@@ -113,7 +113,7 @@ double KeyframeMapping::median_depth(const calib::Rigid3d& cam_from_world) const
   return calib::median(std::move(depth), 1.0);
 }
 
-void KeyframeMapping::map(const TrackedFrame& frame) {
+void KeyframeMapping::map(const PosedFrame& frame) {
   if (!frame.tracked) return;
   count_finds(frame);
   keep_up_with(frame.readout);
@@ -123,7 +123,7 @@ void KeyframeMapping::map(const TrackedFrame& frame) {
 }
 
 // Which points are found where they are sought; those that hardly ever are were mapped wrongly, and go.
-void KeyframeMapping::count_finds(const TrackedFrame& frame) {
+void KeyframeMapping::count_finds(const PosedFrame& frame) {
   for (const PointSighting& s : frame.sightings) {
     auto& counts = map_.points[static_cast<std::size_t>(s.point)].found_of_sought;
     ++counts[0], ++counts[1];
@@ -139,7 +139,7 @@ void KeyframeMapping::count_finds(const TrackedFrame& frame) {
   }
 }
 
-bool KeyframeMapping::is_new_keyframe(const TrackedFrame& frame) const {
+bool KeyframeMapping::is_new_keyframe(const PosedFrame& frame) const {
   if (frame.number < last_keyframe_frame_ + frames_between_keyframes || !(frame.share_found > enough_found) ||
       !(frame.flow_px < sharp_for_keyframe * camera_.image_size.width) || !(frame.readout_open_px < keyframes_bear_px))
     return false;
@@ -152,7 +152,7 @@ bool KeyframeMapping::is_new_keyframe(const TrackedFrame& frame) const {
   });
 }
 
-void KeyframeMapping::add_keyframe(const TrackedFrame& frame) {
+void KeyframeMapping::add_keyframe(const PosedFrame& frame) {
   const auto index = static_cast<int>(map_.keyframes.size());
   map_.keyframes.push_back({frame.pyramid, frame.pose.cam_from_world, frame.pose.sweep});
   priors_.push_back(frame.prior);

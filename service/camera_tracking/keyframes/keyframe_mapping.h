@@ -29,7 +29,7 @@ inline double angle_between(const Eigen::Vector3d& a, const Eigen::Vector3d& b) 
 }
 
 // What tracking hands over of a frame.
-struct TrackedFrame {
+struct PosedFrame {
   std::uint64_t number = 0;
   std::shared_ptr<const camera_tracking::Pyramid> pyramid;
   camera_tracking::SweptPose pose;
@@ -54,10 +54,10 @@ class KeyframeMapping {
   explicit KeyframeMapping(const calib::Camera& camera);
 
   // The first frame, with the points that are known: their true positions are within given_sigma_m of the given ones.
-  void start(const TrackedFrame& frame, std::span<const Eigen::Vector3d> points, const Eigen::Vector3d& normal,
+  void start(const PosedFrame& frame, std::span<const Eigen::Vector3d> points, const Eigen::Vector3d& normal,
              double given_sigma_m, const Eigen::Matrix<double, 6, 6>& start_covariance);
   void start(camera_tracking::StoredMap stored);  // a loaded one
-  void map(const TrackedFrame& frame);
+  void map(const PosedFrame& frame);
   const camera_tracking::SceneMap& scene() const { return map_; }
   camera_tracking::StoredMap stored() const;
   const MappingCounters& counters() const { return counters_; }
@@ -82,9 +82,9 @@ class KeyframeMapping {
     int level = 0;                                 // of the pyramid, at which it is
   };
 
-  void count_finds(const TrackedFrame& frame);
-  bool is_new_keyframe(const TrackedFrame& frame) const;
-  void add_keyframe(const TrackedFrame& frame);
+  void count_finds(const PosedFrame& frame);
+  bool is_new_keyframe(const PosedFrame& frame) const;
+  void add_keyframe(const PosedFrame& frame);
   void add_look(camera_tracking::MapPoint& point, int keyframe, int level, const Eigen::Vector2d& px);
   void promote(const Seed& seed);
   void remove(int point);
@@ -106,10 +106,10 @@ class KeyframeMapping {
 
   // ---- keyframe_seeds.cpp
   void add_seeds(int keyframe);
-  void update_seeds(const TrackedFrame& frame);
-  bool update(Seed& seed, const TrackedFrame& frame);  // false: given up
-  SeedSeen seek(const Seed& seed, const TrackedFrame& frame);
-  bool narrow(Seed& seed, const SeedSeen& seen, const TrackedFrame& frame) const;  // false: contradicted
+  void update_seeds(const PosedFrame& frame);
+  bool update(Seed& seed, const PosedFrame& frame);  // false: given up
+  SeedSeen seek(const Seed& seed, const PosedFrame& frame);
+  bool narrow(Seed& seed, const SeedSeen& seen, const PosedFrame& frame) const;  // false: contradicted
 
   calib::Camera camera_;
   camera_tracking::SceneMap map_;

@@ -153,7 +153,7 @@ void KeyframeMapping::add_seeds(int keyframe) {
   }
 }
 
-void KeyframeMapping::update_seeds(const TrackedFrame& frame) {
+void KeyframeMapping::update_seeds(const PosedFrame& frame) {
   std::vector<Seed> kept;
   kept.reserve(seeds_.size());
   for (Seed& seed : seeds_) {
@@ -170,7 +170,7 @@ void KeyframeMapping::update_seeds(const TrackedFrame& frame) {
   seeds_.swap(kept);
 }
 
-bool KeyframeMapping::update(Seed& seed, const TrackedFrame& frame) {
+bool KeyframeMapping::update(Seed& seed, const PosedFrame& frame) {
   const SeedSeen seen = seek(seed, frame);
   bool is_explained = seen.how == SeedSeen::How::found;
   if (is_explained) {
@@ -192,7 +192,7 @@ bool KeyframeMapping::update(Seed& seed, const TrackedFrame& frame) {
 }
 
 // Along the epipolar line, as far as its depth is open.
-KeyframeMapping::SeedSeen KeyframeMapping::seek(const Seed& seed, const TrackedFrame& frame) {
+KeyframeMapping::SeedSeen KeyframeMapping::seek(const Seed& seed, const PosedFrame& frame) {
   using How = SeedSeen::How;
   const Keyframe& k = map_.keyframes[static_cast<std::size_t>(seed.keyframe)];
   const calib::Rigid3d world_from_then = calib::inverse(k.pose().at(seed.px.y()));
@@ -228,7 +228,7 @@ KeyframeMapping::SeedSeen KeyframeMapping::seek(const Seed& seed, const TrackedF
 }
 
 // One more measurement of its depth.
-bool KeyframeMapping::narrow(Seed& seed, const SeedSeen& seen, const TrackedFrame& frame) const {
+bool KeyframeMapping::narrow(Seed& seed, const SeedSeen& seen, const PosedFrame& frame) const {
   const calib::Rigid3d now = frame.pose.at(seen.px.y());
   const Keyframe& k = map_.keyframes[static_cast<std::size_t>(seed.keyframe)];
   const calib::Rigid3d now_from_then = now * calib::inverse(k.pose().at(seed.px.y()));

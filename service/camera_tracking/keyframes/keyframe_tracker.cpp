@@ -92,17 +92,17 @@ class KeyframeTracker final : public CameraTracker {
       // With so few points sought nothing is mapped yet, and it is the rectangle that was seen.
       const double share_found = e.sought < 8 ? 1.0 : static_cast<double>(e.found) / e.sought;
       const double frame_s = std::max(1e-3, capture::seconds(frame.captured_at - before));
-      handed_over_ = TrackedFrame{.number = estimate.frame_number,
-                                  .pyramid = pyramid,
-                                  .pose = last_.pose,
-                                  .tracked = true,
-                                  .share_found = share_found,
-                                  .flow_px = flow,
-                                  .sightings = last_.sightings,
-                                  .missed = last_.missed,
-                                  .prior = tracking_.prior(),
-                                  .readout = tracking_.readout(),
-                                  .readout_open_px = tracking_.readout().sigma_s * flow / frame_s};
+      handed_over_ = PosedFrame{.number = estimate.frame_number,
+                                .pyramid = pyramid,
+                                .pose = last_.pose,
+                                .tracked = true,
+                                .share_found = share_found,
+                                .flow_px = flow,
+                                .sightings = last_.sightings,
+                                .missed = last_.missed,
+                                .prior = tracking_.prior(),
+                                .readout = tracking_.readout(),
+                                .readout_open_px = tracking_.readout().sigma_s * flow / frame_s};
     } else {
       coast(frame.captured_at);
     }
@@ -257,7 +257,7 @@ class KeyframeTracker final : public CameraTracker {
   }
 
   struct StartedFrom {
-    TrackedFrame frame;
+    PosedFrame frame;
     Started start;
   };
 
@@ -267,7 +267,7 @@ class KeyframeTracker final : public CameraTracker {
   KeyframeTracking tracking_;
   KeyframeMapping mapping_;  // while mapper_ works: its alone
   SceneMap map_;             // what tracking sees
-  std::optional<TrackedFrame> handed_over_;
+  std::optional<PosedFrame> handed_over_;
   int particle_count_;
   std::uint64_t frames_ = 0;
   bool started_ = false;

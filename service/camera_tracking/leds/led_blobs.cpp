@@ -58,17 +58,8 @@ int brightest(const Brightness& y, int u0, int u1, int v) {
   return most;
 }
 
-struct Region {
-  int left, top, right, bottom;  // inclusive
-};
-
-}  // namespace
-
-std::vector<LedBlob> find_led_blobs(const capture::Image& image, const LedBlobOptions& options) {
-  const Brightness y(image);
-  const int columns = (image.width + tile - 1) / tile;
-
-  // The dark of the room: the median of a sparse sample.
+// The dark of the room: the median of a sparse sample.
+int dark_of(const Brightness& y, const capture::Image& image) {
   std::array<int, 256> histogram{};
   int samples = 0;
   for (int v = 3; v < image.height; v += 8)
@@ -76,74 +67,109 @@ std::vector<LedBlob> find_led_blobs(const capture::Image& image, const LedBlobOp
   int dark = 0;
   for (int below = 0; dark < 255; ++dark)
     if ((below += histogram[static_cast<std::size_t>(dark)]) * 2 >= samples) break;
+  return dark;
+}
 
-  struct Seed {
-    int peak, u, v;
-  };
-  std::vector<Seed> seeds;
-  for (int v = 0; v < image.height; ++v) {
+struct Peak {
+  int brightness, u, v;
+};
+
+// The brightest first: none of the eight pixels around one is brighter; of equals the last in reading order counts.
+std::vector<Peak> find_peaks(const Brightness& y, const capture::Image& image, int least) {
+  constexpr std::size_t most = 4096;  // more is a lit room, no dark one: there is nothing to find
+  const int columns = (image.width + tile - 1) / tile;
+  std::vector<Peak> peaks;
+  for (int v = 0; v < image.height && peaks.size() <= most; ++v) {
     for (int c = 0; c < columns; ++c) {
       const int u0 = c * tile, u1 = std::min(image.width, u0 + tile);
-      if (brightest(y, u0, u1, v) < dark + options.min_contrast) continue;
+      if (brightest(y, u0, u1, v) < least) continue;
       for (int u = u0; u < u1; ++u) {
         const int here = y(u, v);
-        if (here < dark + options.min_contrast) continue;
+        if (here < least) continue;
         const auto at = [&](int du, int dv) {
           return u + du < 0 || v + dv < 0 || u + du >= image.width || v + dv >= image.height ? 0 : y(u + du, v + dv);
         };
-        // A peak: none of the eight around it is brighter; of equals the last in reading order counts.
         if (at(-1, -1) > here || at(0, -1) > here || at(1, -1) > here || at(-1, 0) > here || at(1, 0) >= here ||
             at(-1, 1) >= here || at(0, 1) >= here || at(1, 1) >= here)
           continue;
-        seeds.push_back({here, u, v});
+        peaks.push_back({here, u, v});
       }
     }
-    if (seeds.size() > 4096) break;  // a lit room, no dark one: there is nothing to find
   }
-  std::ranges::stable_sort(seeds, std::ranges::greater{}, &Seed::peak);
+  std::ranges::stable_sort(peaks, std::ranges::greater{}, &Peak::brightness);
+  return peaks;
+}
 
-  std::vector<LedBlob> blobs;
-  std::vector<Region> taken;
-  std::vector<std::array<int, 2>> queue;
-  std::vector<std::uint8_t> seen;
-  for (const Seed& seed : seeds) {
-    if (blobs.size() >= 4 * static_cast<std::size_t>(options.max_count)) break;
-    if (std::ranges::any_of(taken, [&](const Region& r) {
-          return seed.u >= r.left && seed.u <= r.right && seed.v >= r.top && seed.v <= r.bottom;
-        }))
-      continue;
-    // The connected pixels above the threshold, in a square around the peak that is too small for what is no LED.
-    const int reach = options.max_diameter_px, side = 2 * reach + 1;
-    const double threshold = dark + options.threshold * (seed.peak - dark);
-    seen.assign(static_cast<std::size_t>(side * side), 0);
-    queue.assign(1, {seed.u, seed.v});
-    seen[static_cast<std::size_t>(reach * side + reach)] = 1;
-    Region box{seed.u, seed.v, seed.u, seed.v};
+// Grows what is bright around a peak, with memory of its own for all of them. thread-compatible.
+class Growth {
+ public:
+  Growth(const Brightness& y, const capture::Image& image, int reach) : y_(y), image_(image), reach_(reach) {}
+
+  struct Spot {
+    int left, top, right, bottom;  // inclusive
+    int area = 0;
     double weight = 0;
-    Eigen::Vector2d sum(0, 0);
-    for (std::size_t i = 0; i < queue.size(); ++i) {
-      const auto [u, v] = queue[i];
-      const double w = y(u, v) - threshold;
-      weight += w;
-      sum += w * Eigen::Vector2d(u, v);
-      box = {std::min(box.left, u), std::min(box.top, v), std::max(box.right, u), std::max(box.bottom, v)};
+    Eigen::Vector2d weighted{0, 0};
+
+    bool holds(const Peak& peak) const {
+      return peak.u >= left && peak.u <= right && peak.v >= top && peak.v <= bottom;
+    }
+  };
+  // The connected pixels above the threshold, in a square around the peak that is too small for what is no LED.
+  Spot around(const Peak& peak, double threshold) {
+    const int side = 2 * reach_ + 1;
+    seen_.assign(static_cast<std::size_t>(side * side), 0);
+    queue_.assign(1, {peak.u, peak.v});
+    seen_[static_cast<std::size_t>(reach_ * side + reach_)] = 1;
+    Spot spot{peak.u, peak.v, peak.u, peak.v};
+    for (std::size_t i = 0; i < queue_.size(); ++i) {
+      const auto [u, v] = queue_[i];
+      const double w = y_(u, v) - threshold;
+      spot.weight += w;
+      spot.weighted += w * Eigen::Vector2d(u, v);
+      spot.left = std::min(spot.left, u), spot.right = std::max(spot.right, u);
+      spot.top = std::min(spot.top, v), spot.bottom = std::max(spot.bottom, v);
       for (const auto& [du, dv] : {std::array{1, 0}, {-1, 0}, {0, 1}, {0, -1}}) {
         const int nu = u + du, nv = v + dv;
-        if (nu < 0 || nv < 0 || nu >= image.width || nv >= image.height) continue;
-        if (std::abs(nu - seed.u) > reach || std::abs(nv - seed.v) > reach) continue;
-        std::uint8_t& mark = seen[static_cast<std::size_t>((nv - seed.v + reach) * side + nu - seed.u + reach)];
-        if (mark != 0 || y(nu, nv) <= threshold) continue;
+        if (nu < 0 || nv < 0 || nu >= image_.width || nv >= image_.height) continue;
+        if (std::abs(nu - peak.u) > reach_ || std::abs(nv - peak.v) > reach_) continue;
+        std::uint8_t& mark = seen_[static_cast<std::size_t>((nv - peak.v + reach_) * side + nu - peak.u + reach_)];
+        if (mark != 0 || y_(nu, nv) <= threshold) continue;
         mark = 1;
-        queue.push_back({nu, nv});
+        queue_.push_back({nu, nv});
       }
     }
-    taken.push_back(box);
+    spot.area = static_cast<int>(queue_.size());
+    return spot;
+  }
+
+ private:
+  const Brightness& y_;
+  const capture::Image& image_;
+  const int reach_;
+  std::vector<std::array<int, 2>> queue_;
+  std::vector<std::uint8_t> seen_;
+};
+
+}  // namespace
+
+std::vector<LedBlob> find_led_blobs(const capture::Image& image, const LedBlobOptions& options) {
+  const Brightness y(image);
+  const int dark = dark_of(y, image);
+  Growth growth(y, image, options.max_diameter_px);
+  std::vector<LedBlob> blobs;
+  std::vector<Growth::Spot> taken;
+  for (const Peak& peak : find_peaks(y, image, dark + options.min_contrast)) {
+    if (blobs.size() >= 4 * static_cast<std::size_t>(options.max_count)) break;
+    if (std::ranges::any_of(taken, [&](const Growth::Spot& spot) { return spot.holds(peak); })) continue;
+    const auto& spot = taken.emplace_back(growth.around(peak, dark + options.threshold * (peak.brightness - dark)));
     const bool too_large =
-        box.right - box.left >= options.max_diameter_px || box.bottom - box.top >= options.max_diameter_px;
+        spot.right - spot.left >= options.max_diameter_px || spot.bottom - spot.top >= options.max_diameter_px;
     // Cut off by the image's edge: its centre would be wrong.
-    const bool cut = box.left == 0 || box.top == 0 || box.right == image.width - 1 || box.bottom == image.height - 1;
-    if (too_large || cut || !(weight > 0)) continue;
-    blobs.push_back({sum / weight, seed.peak, static_cast<int>(queue.size())});
+    const bool cut =
+        spot.left == 0 || spot.top == 0 || spot.right == image.width - 1 || spot.bottom == image.height - 1;
+    if (too_large || cut || !(spot.weight > 0)) continue;
+    blobs.push_back({spot.weighted / spot.weight, peak.brightness, spot.area});
   }
   std::ranges::stable_sort(blobs, std::ranges::greater{}, [](const LedBlob& b) { return b.peak * b.area_px; });
   if (blobs.size() > static_cast<std::size_t>(options.max_count))

@@ -249,7 +249,7 @@ class HuetrackLedFilter final : public LedFilter {
     return e;
   }
 
-  struct Seen {
+  struct LedDot {
     capture::Timestamp at;
     int led;
     Vector2d px;
@@ -259,7 +259,7 @@ class HuetrackLedFilter final : public LedFilter {
   LedFilterOptions options_;
   LedSearch search_;
   LedParticles particles_;
-  std::deque<Seen> window_;
+  std::deque<LedDot> window_;
   std::optional<LedModels> models_;  // while there is a pose
   std::optional<LedGaussian> pose_;  // at last_at_
   LedCovariance prior_covariance_ = LedCovariance::Zero();
@@ -279,38 +279,38 @@ std::unique_ptr<LedFilter> LedFilter::huetrack(const calib::Camera& camera, cons
 }
 
 void LedEvidence::add(capture::Timestamp at, int led, bool matched) {
-  seen_.push_back({at, led, matched});
+  flashes_.push_back({at, led, matched});
 }
 
 void LedEvidence::forget(capture::Timestamp before) {
-  while (!seen_.empty() && seen_.front().at < before) seen_.pop_front();
+  while (!flashes_.empty() && flashes_.front().at < before) flashes_.pop_front();
 }
 
 int LedEvidence::matched() const {
-  return static_cast<int>(std::ranges::count(seen_, true, &Seen::matched));
+  return static_cast<int>(std::ranges::count(flashes_, true, &Flash::matched));
 }
 
 int LedEvidence::distinct() const {
   std::set<int> leds;
-  for (const Seen& s : seen_)
+  for (const Flash& s : flashes_)
     if (s.matched) leds.insert(s.led);
   return static_cast<int>(leds.size());
 }
 
 int LedEvidence::missed_in_a_row() const {
-  return static_cast<int>(std::find_if(seen_.rbegin(), seen_.rend(), [](const Seen& s) { return s.matched; }) -
-                          seen_.rbegin());
+  return static_cast<int>(std::find_if(flashes_.rbegin(), flashes_.rend(), [](const Flash& s) { return s.matched; }) -
+                          flashes_.rbegin());
 }
 
 LedEvidence::Leds LedEvidence::leds() const {
   std::map<int, bool> last;
-  for (const Seen& s : seen_) last[s.led] = s.matched;
+  for (const Flash& s : flashes_) last[s.led] = s.matched;
   return {static_cast<int>(last.size()),
           static_cast<int>(std::ranges::count_if(last, [](const auto& l) { return l.second; }))};
 }
 
 std::optional<capture::Timestamp> LedEvidence::last_match() const {
-  for (auto s = seen_.rbegin(); s != seen_.rend(); ++s)
+  for (auto s = flashes_.rbegin(); s != flashes_.rend(); ++s)
     if (s->matched) return s->at;
   return std::nullopt;
 }

@@ -59,11 +59,11 @@ class LedEvidence {
  public:
   void add(capture::Timestamp at, int led, bool matched);  // of a LED that was lit and projects into the image
   void forget(capture::Timestamp before);
-  void clear() { seen_.clear(); }
-  int in_view() const { return static_cast<int>(seen_.size()); }  // sightings due
-  int matched() const;                                            // sightings had
-  int distinct() const;                                           // different LEDs that were matched
-  int missed_in_a_row() const;                                    // of the last sightings due
+  void clear() { flashes_.clear(); }
+  int in_view() const { return static_cast<int>(flashes_.size()); }  // sightings due
+  int matched() const;                                               // sightings had
+  int distinct() const;                                              // different LEDs that were matched
+  int missed_in_a_row() const;                                       // of the last sightings due
   // Different LEDs; matched: of which the last sighting that was due was had.
   struct Leds {
     int in_view = 0, matched = 0;
@@ -72,12 +72,12 @@ class LedEvidence {
   std::optional<capture::Timestamp> last_match() const;
 
  private:
-  struct Seen {
+  struct Flash {  // that was due
     capture::Timestamp at;
     int led;
     bool matched;
   };
-  std::deque<Seen> seen_;
+  std::deque<Flash> flashes_;
 };
 
 // Square roots of the largest eigenvalues of the covariance's position and rotation part: metres, radians.

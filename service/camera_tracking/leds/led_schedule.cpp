@@ -58,7 +58,7 @@ std::vector<LedOffsetSearch::OffsetTrial> LedOffsetSearch::trials() const {
   const int step = start_.slot_s > 0 ? 1 : 2;
   for (int offset = 0; offset < 2 * static_cast<int>(start_.schedule.size()); offset += step) {
     OffsetTrial c{.offset = offset, .margin = 1, .lit = {}};
-    for (const Seen& s : tried_on_) {
+    for (const TimedDot& s : tried_on_) {
       const double slots = slots_of(start_, s.moment, offset), part = slots - std::floor(slots);
       c.margin = std::min({c.margin, part, 1 - part});
       c.lit.push_back(*lit_led(start_, s.moment, offset));

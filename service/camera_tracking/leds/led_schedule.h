@@ -37,7 +37,7 @@ class LedOffsetSearch {
   void forget();  // there is a pose: what was gathered is not needed
 
  private:
-  struct Seen {
+  struct TimedDot {
     LedMoment moment;
     Eigen::Vector2d px;
   };
@@ -50,8 +50,8 @@ class LedOffsetSearch {
 
   camera_tracking::LedStart start_;
   LedSearch search_;
-  std::deque<Seen> window_;
-  std::vector<Seen> tried_on_;                        // empty: the window is not full yet
+  std::deque<TimedDot> window_;
+  std::vector<TimedDot> tried_on_;                    // empty: the window is not full yet
   std::vector<OffsetTrial> untried_;                  // on tried_on_
   std::vector<std::pair<double, int>> explained_by_;  // LedSearch::noise_scale(), offset
 };

@@ -87,63 +87,14 @@ CameraEstimate PaperTrackerBase::update(const capture::Frame& frame) {
   if (usable) {
     const GreyImage grey = grey_of(frame.pixels);
     const auto pyramid = std::make_shared<const Pyramid>(make_pyramid(grey));
-    if (!started_ && has_map_) {
-      if (const auto found = proposal(*pyramid, estimate.frame_number)) {
-        restart(found->cam_from_world);
-        started_ = true;
-        probation_ = probation;
-      }
-    }
-    if (!started_) {
-      if (const auto found = starter_.find(frame.pixels, grey)) {
-        started_ = true;
-        const Eigen::Matrix<double, 6, 6> inverse_information = found->pose.information.inverse();
-        start_covariance_ = world_covariance(found->pose.cam_from_world, inverse_information);
-        if (has_map_) {  // is it the map's world? That is to be proven
-          restart(found->pose.cam_from_world);
-          probation_ = probation;
-          pose.cam_from_world = found->pose.cam_from_world;
-        } else {
-          start(pyramid, *found, estimate.frame_number);
-          const int n = static_cast<int>(found->points.size());
-          pose = {true, found->pose.cam_from_world, n, n, n, 0, 1, {}, {}};
-        }
-      }
-    } else {
-      // Not in the papers, whose particles only disperse until they happen upon the features again: after some frames
-      // without support the stored looks of the features propose a pose, and now and then what was started from is
-      // looked for. The filter has to agree in the frames that follow.
-      if (unsupported_ >= patience && !as_printed_) {
-        if (const auto found = proposal(*pyramid, estimate.frame_number)) {
-          restart(found->cam_from_world);
-        } else if (unsupported_ % 5 == 0) {
-          if (const auto again = starter_.find_again(frame.pixels, grey, particles().mean())) {
-            restart(*again);
-            probation_ = has_map_ ? probation : 0;  // a proof in itself, where it is what the map began with
-          }
-        }
-      }
-      pose = track(pyramid, estimate.frame_number);
-      unsupported_ = pose.tracked ? 0 : unsupported_ + 1;
-      // A filter that lost the features may happen upon something else: from then on it has to be proven.
-      if (unsupported_ >= patience) probation_ = probation;
-      if (probation_ > 0 && pose.tracked) {
-        probation_ = proven(pose) ? probation_ - 1 : probation;
-        pose.tracked = false;
-      }
-    }
+    if (!started_ && has_map_) find_way_in(*pyramid, estimate.frame_number);
+    pose = started_ ? follow(frame, grey, pyramid, estimate.frame_number)
+                    : begin(frame, grey, pyramid, estimate.frame_number);
   }
   if (!started_) return estimate;
   const calib::Rigid3d cam_from_world = usable ? pose.cam_from_world : particles().mean();
   const Covariance6d covariance = covariance_of(pose, cam_from_world);
-  if (pose.tracked && covariance.topLeftCorner<3, 3>().trace() < told_sigma_m * told_sigma_m) {
-    state_ = PoseState::tracking;
-    tracked_at_ = frame.captured_at;
-  } else if (state_ == PoseState::tracking || state_ == PoseState::coasting) {
-    state_ = capture::seconds(frame.captured_at - tracked_at_) > coast_s ? PoseState::lost : PoseState::coasting;
-  } else if (state_ == PoseState::searching) {
-    state_ = PoseState::lost;  // a map was loaded, and the way in was not right
-  }
+  settle_state(pose, covariance, frame.captured_at);
   estimate.state = state_;
   estimate.particle_count = static_cast<int>(particles().size());
   estimate.effective_sample_size = std::clamp(particle_filter::effective_sample_size(particles().weight), 1.0,
@@ -156,6 +107,71 @@ CameraEstimate PaperTrackerBase::update(const capture::Frame& frame) {
   estimate.features_matched = state_ == PoseState::tracking ? pose.matched : 0;
   if (pose.in_view > 0) estimate.confidence = static_cast<double>(estimate.features_matched) / pose.in_view;
   return estimate;
+}
+
+// Into a loaded map, by the looks of its features.
+void PaperTrackerBase::find_way_in(const Pyramid& pyramid, std::uint64_t number) {
+  const auto found = proposal(pyramid, number);
+  if (!found) return;
+  restart(found->cam_from_world);
+  started_ = true;
+  probation_ = probation;
+}
+
+FilteredPose PaperTrackerBase::begin(const capture::Frame& frame, const GreyImage& grey,
+                                     const std::shared_ptr<const Pyramid>& pyramid, std::uint64_t number) {
+  const auto found = starter_.find(frame.pixels, grey);
+  if (!found) return {};
+  started_ = true;
+  const Eigen::Matrix<double, 6, 6> inverse_information = found->pose.information.inverse();
+  start_covariance_ = world_covariance(found->pose.cam_from_world, inverse_information);
+  if (has_map_) {  // is it the map's world? That is to be proven
+    restart(found->pose.cam_from_world);
+    probation_ = probation;
+    FilteredPose pose;
+    pose.cam_from_world = found->pose.cam_from_world;
+    return pose;
+  }
+  start(pyramid, *found, number);
+  const int n = static_cast<int>(found->points.size());
+  return {true, found->pose.cam_from_world, n, n, n, 0, 1, {}, {}};
+}
+
+FilteredPose PaperTrackerBase::follow(const capture::Frame& frame, const GreyImage& grey,
+                                      const std::shared_ptr<const Pyramid>& pyramid, std::uint64_t number) {
+  // Not in the papers, whose particles only disperse until they happen upon the features again: after some frames
+  // without support the stored looks of the features propose a pose, and now and then what was started from is
+  // looked for. The filter has to agree in the frames that follow.
+  if (unsupported_ >= patience && !as_printed_) {
+    if (const auto found = proposal(*pyramid, number)) {
+      restart(found->cam_from_world);
+    } else if (unsupported_ % 5 == 0) {
+      if (const auto again = starter_.find_again(frame.pixels, grey, particles().mean())) {
+        restart(*again);
+        probation_ = has_map_ ? probation : 0;  // a proof in itself, where it is what the map began with
+      }
+    }
+  }
+  FilteredPose pose = track(pyramid, number);
+  unsupported_ = pose.tracked ? 0 : unsupported_ + 1;
+  // A filter that lost the features may happen upon something else: from then on it has to be proven.
+  if (unsupported_ >= patience) probation_ = probation;
+  if (probation_ > 0 && pose.tracked) {
+    probation_ = proven(pose) ? probation_ - 1 : probation;
+    pose.tracked = false;
+  }
+  return pose;
+}
+
+void PaperTrackerBase::settle_state(const FilteredPose& pose, const Covariance6d& covariance, capture::Timestamp at) {
+  if (pose.tracked && covariance.topLeftCorner<3, 3>().trace() < told_sigma_m * told_sigma_m) {
+    state_ = PoseState::tracking;
+    tracked_at_ = at;
+  } else if (state_ == PoseState::tracking || state_ == PoseState::coasting) {
+    state_ = capture::seconds(at - tracked_at_) > coast_s ? PoseState::lost : PoseState::coasting;
+  } else if (state_ == PoseState::searching) {
+    state_ = PoseState::lost;  // a map was loaded, and the way in was not right
+  }
 }
 
 }  // namespace huetrack::papers

@@ -49,6 +49,12 @@ class PaperTrackerBase : public camera_tracking::CameraTracker {
   calib::Camera camera_;
 
  private:
+  void find_way_in(const camera_tracking::Pyramid& pyramid, std::uint64_t number);
+  FilteredPose begin(const capture::Frame& frame, const camera_tracking::GreyImage& grey,
+                     const std::shared_ptr<const camera_tracking::Pyramid>& pyramid, std::uint64_t number);
+  FilteredPose follow(const capture::Frame& frame, const camera_tracking::GreyImage& grey,
+                      const std::shared_ptr<const camera_tracking::Pyramid>& pyramid, std::uint64_t number);
+  void settle_state(const FilteredPose& pose, const camera_tracking::Covariance6d& covariance, capture::Timestamp at);
   std::optional<camera_tracking::PoseFit> proposal(const camera_tracking::Pyramid& pyramid,
                                                    std::uint64_t number) const;  // from the features' looks
   camera_tracking::Covariance6d covariance_of(const FilteredPose& pose, const calib::Rigid3d& cam_from_world) const;

@@ -1,4 +1,4 @@
-#include "pipeline/camera_times.h"
+#include "reports/camera_times.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -8,7 +8,7 @@
 #include "calib/model/rig_yaml.h"
 #include "scene/scene.h"
 
-namespace huetrack::pipeline {
+namespace huetrack::reports {
 namespace {
 
 namespace fs = std::filesystem;
@@ -85,4 +85,4 @@ TEST(CameraTimes, WritesWhatIsKnownIntoARigOfItsOwn) {
 }
 
 }  // namespace
-}  // namespace huetrack::pipeline
+}  // namespace huetrack::reports

@@ -1,4 +1,4 @@
-#include "pipeline/light_words.h"
+#include "reports/light_words.h"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -7,7 +7,7 @@
 
 #include "object_tracking/color_follower.h"
 
-namespace huetrack::pipeline {
+namespace huetrack::reports {
 namespace {
 
 using object_tracking::ColorAxis;
@@ -88,4 +88,4 @@ std::string followed_text(const std::string& camera, const ColorHealth& health) 
   return fmt::format("its colour in {} was followed, at the end by {}", camera, fmt::join(parts, ", "));
 }
 
-}  // namespace huetrack::pipeline
+}  // namespace huetrack::reports

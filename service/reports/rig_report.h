@@ -10,21 +10,21 @@
 #include "calib/model/camera_rig.h"
 #include "pipeline/output.h"
 
-namespace huetrack::pipeline {
+namespace huetrack::reports {
 
 // Whether that is told people: the camera gives wrong positions, or none.
 bool is_trouble(room_watch::RoomState state);
 
-class RigReport final : public Output {
+class RigReport final : public pipeline::Output {
  public:
   explicit RigReport(const config::ServiceConfig& config);
 
-  void on_set(const TrackedSet& set) override;
+  void on_set(const pipeline::TrackedSet& set) override;
 
   // In force now, one sentence each. thread-safe
   std::vector<std::string> warnings() const;
   // Per camera of the rig, as it is now. thread-safe
-  std::vector<CameraCalibration> cameras() const;
+  std::vector<pipeline::CameraCalibration> cameras() const;
 
   // What there was since the start, one sentence each. When the road is empty.
   std::vector<std::string> summary() const;
@@ -38,14 +38,14 @@ class RigReport final : public Output {
     room_watch::RoomState state;
     int turns;  // RoomCondition::turns
     capture::Timestamp told_at;
-    CameraCalibration facts;  // as known last, while it lasted
+    pipeline::CameraCalibration facts;  // as known last, while it lasted
   };
   struct Told {
     room_watch::RoomState state = room_watch::RoomState::learning;
     int turns = 0;
     std::optional<capture::Timestamp> seen_at = {};  // what is to be told; nullopt: it is told
   };
-  bool is_told(std::size_t camera, const CameraCalibration& facts, capture::Timestamp at);
+  bool is_told(std::size_t camera, const pipeline::CameraCalibration& facts, capture::Timestamp at);
 
   const std::vector<std::string> cameras_;
   const config::CalibrationMode mode_;
@@ -53,8 +53,8 @@ class RigReport final : public Output {
   std::vector<Happening> happenings_;          // likewise
   std::optional<capture::Timestamp> next_at_;  // likewise; when figures are told anew
   mutable std::mutex mutex_;
-  std::vector<std::string> warnings_;     // guarded by mutex_; per camera, empty: none
-  std::vector<CameraCalibration> facts_;  // guarded by mutex_
+  std::vector<std::string> warnings_;               // guarded by mutex_; per camera, empty: none
+  std::vector<pipeline::CameraCalibration> facts_;  // guarded by mutex_
 };
 
-}  // namespace huetrack::pipeline
+}  // namespace huetrack::reports

@@ -1,8 +1,8 @@
-#include "pipeline/mistake_words.h"
+#include "reports/mistake_words.h"
 
 #include <gmock/gmock.h>
 
-namespace huetrack::pipeline {
+namespace huetrack::reports {
 namespace {
 
 using testing::AllOf;
@@ -37,4 +37,4 @@ TEST(MistakeWords, sayWhoAndHowMuchAndWhatToDo) {
 }
 
 }  // namespace
-}  // namespace huetrack::pipeline
+}  // namespace huetrack::reports

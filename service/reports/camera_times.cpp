@@ -1,4 +1,4 @@
-#include "pipeline/camera_times.h"
+#include "reports/camera_times.h"
 
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
@@ -10,7 +10,7 @@
 
 #include "calib/model/rig_yaml.h"
 
-namespace huetrack::pipeline {
+namespace huetrack::reports {
 namespace {
 
 using object_tracking::CameraTimingEstimate;
@@ -51,7 +51,7 @@ void CameraTimes::on_config(const config::ServiceConfig& config) noexcept {
 }
 
 // Of several targets, what the surest one says of a camera: they see the same frames.
-void CameraTimes::on_set(const TrackedSet& set) {
+void CameraTimes::on_set(const pipeline::TrackedSet& set) {
   Estimates told;
   bool is_moving = false;
   for (const auto& estimate : set.estimates) {
@@ -138,4 +138,4 @@ void CameraTimes::flush() {
                rig_file_.string(), known, rig_.cameras.size(), moved);
 }
 
-}  // namespace huetrack::pipeline
+}  // namespace huetrack::reports

@@ -11,14 +11,14 @@
 
 #include "pipeline/output.h"
 
-namespace huetrack::pipeline {
+namespace huetrack::reports {
 
-class ObjectReport final : public Output {
+class ObjectReport final : public pipeline::Output {
  public:
   // What is new goes into the log, too.
   explicit ObjectReport(const config::ServiceConfig& config);
 
-  void on_set(const TrackedSet& set) override;
+  void on_set(const pipeline::TrackedSet& set) override;
   void on_config(const config::ServiceConfig& config) noexcept override;
 
   // What is left out now, one sentence each. thread-safe
@@ -36,8 +36,8 @@ class ObjectReport final : public Output {
     std::vector<std::string> left_out = {};        // per camera of the rig; empty: nothing
     std::vector<std::string> ever = {};            // likewise, the last one that there was
   };
-  void tell_objects(const TrackedSet& set);
-  void tell_left_out(const TrackedSet& set);
+  void tell_objects(const pipeline::TrackedSet& set);
+  void tell_left_out(const pipeline::TrackedSet& set);
   bool may_tell(capture::Timestamp at);
 
   const std::vector<std::string> cameras_;
@@ -54,4 +54,4 @@ class ObjectReport final : public Output {
 std::string left_out_text(const std::string& camera, const std::string& target,
                           const object_tracking::ColorShare& share);
 
-}  // namespace huetrack::pipeline
+}  // namespace huetrack::reports

@@ -5,14 +5,14 @@
 #include <string>
 #include <vector>
 
-#include "pipeline/camera_times.h"
-#include "pipeline/light_report.h"
-#include "pipeline/mistake_report.h"
-#include "pipeline/object_report.h"
-#include "pipeline/rig_report.h"
 #include "pipeline/session.h"
+#include "reports/camera_times.h"
+#include "reports/light_report.h"
+#include "reports/mistake_report.h"
+#include "reports/object_report.h"
+#include "reports/rig_report.h"
 
-namespace huetrack::pipeline {
+namespace huetrack::reports {
 
 struct ReportsOptions {
   std::filesystem::path write_rig = {};  // CameraTimes: the rig as learnt; empty: no file
@@ -21,7 +21,7 @@ struct ReportsOptions {
 
 // Each logs by itself what it finds. Outlives the session's run, into which it is put when it is made.
 struct Reports {
-  Reports(Session& session, const ReportsOptions& options);  // throws as CameraTimes
+  Reports(pipeline::Session& session, const ReportsOptions& options);  // throws as CameraTimes
 
   std::vector<std::string> warnings() const;  // of all of them, in force now. thread-safe
 
@@ -32,4 +32,4 @@ struct Reports {
   CameraTimes times;
 };
 
-}  // namespace huetrack::pipeline
+}  // namespace huetrack::reports

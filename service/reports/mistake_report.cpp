@@ -1,4 +1,4 @@
-#include "pipeline/mistake_report.h"
+#include "reports/mistake_report.h"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -6,18 +6,19 @@
 
 #include <algorithm>
 
-#include "pipeline/mistake_words.h"
+#include "reports/mistake_words.h"
 
-namespace huetrack::pipeline {
+namespace huetrack::reports {
 namespace {
 
-bool any_has_moved(std::span<const CameraCalibration> calibration) {
-  return std::ranges::any_of(calibration, [](const CameraCalibration& camera) { return camera.moved.has_value(); });
+bool any_has_moved(std::span<const pipeline::CameraCalibration> calibration) {
+  return std::ranges::any_of(calibration,
+                             [](const pipeline::CameraCalibration& camera) { return camera.moved.has_value(); });
 }
 
 // That a camera was moved while it ran is told by the calibration's report, with its size; here it would look like a
 // rig that was wrong from the start.
-bool is_told_by_the_room(const view_watch::Mistake& mistake, std::span<const CameraCalibration> calibration) {
+bool is_told_by_the_room(const view_watch::Mistake& mistake, std::span<const pipeline::CameraCalibration> calibration) {
   using view_watch::MistakeKind;
   const bool is_of_the_rig = mistake.kind == MistakeKind::turned || mistake.kind == MistakeKind::late ||
                              mistake.kind == MistakeKind::other_rig;
@@ -36,7 +37,7 @@ void MistakeReport::make_watches() {
   are_targets_new_ = false;
 }
 
-void MistakeReport::on_set(const TrackedSet& set) {
+void MistakeReport::on_set(const pipeline::TrackedSet& set) {
   if (!first_at_) first_at_ = set.frames.at;
   const std::scoped_lock lock(mutex_);
   if (are_targets_new_) make_watches();
@@ -85,4 +86,4 @@ std::vector<std::string> MistakeReport::summary() const {
   return all;
 }
 
-}  // namespace huetrack::pipeline
+}  // namespace huetrack::reports

@@ -1,4 +1,4 @@
-#include "pipeline/rig_report.h"
+#include "reports/rig_report.h"
 
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
@@ -6,9 +6,9 @@
 #include <algorithm>
 #include <numbers>
 
-#include "pipeline/calibration_words.h"
+#include "reports/calibration_words.h"
 
-namespace huetrack::pipeline {
+namespace huetrack::reports {
 namespace {
 
 using namespace std::chrono_literals;
@@ -34,7 +34,7 @@ RigReport::RigReport(const config::ServiceConfig& config)
       facts_(cameras_.size()) {}
 
 // Whether there is something new of that camera, and enough is known of it.
-bool RigReport::is_told(std::size_t camera, const CameraCalibration& facts, capture::Timestamp at) {
+bool RigReport::is_told(std::size_t camera, const pipeline::CameraCalibration& facts, capture::Timestamp at) {
   Told& told = told_[camera];
   const RoomState state = facts.room.state;
   if (state == RoomState::moving) return false;  // what comes of it is told
@@ -55,12 +55,12 @@ bool RigReport::is_told(std::size_t camera, const CameraCalibration& facts, capt
   return true;
 }
 
-void RigReport::on_set(const TrackedSet& set) {
+void RigReport::on_set(const pipeline::TrackedSet& set) {
   if (set.calibration.empty()) return;
   const capture::Timestamp at = set.frames.at;
   bool is_news = !next_at_ || at >= *next_at_;
   for (std::size_t c = 0; c < cameras_.size(); ++c) {
-    const CameraCalibration& facts = set.calibration[c];
+    const pipeline::CameraCalibration& facts = set.calibration[c];
     if (is_told(c, facts, at)) {
       is_news = true;
       if (is_trouble(facts.room.state)) {
@@ -75,7 +75,7 @@ void RigReport::on_set(const TrackedSet& set) {
   if (!is_news) return;
   next_at_ = at + figures_pause;
   for (Happening& h : happenings_) {
-    const CameraCalibration& facts = set.calibration[h.camera];
+    const pipeline::CameraCalibration& facts = set.calibration[h.camera];
     if (facts.room.state == h.state && facts.room.turns == h.turns) h.facts = facts;
   }
   const std::scoped_lock lock(mutex_);
@@ -93,7 +93,7 @@ std::vector<std::string> RigReport::warnings() const {
   return all;
 }
 
-std::vector<CameraCalibration> RigReport::cameras() const {
+std::vector<pipeline::CameraCalibration> RigReport::cameras() const {
   const std::scoped_lock lock(mutex_);
   return facts_;
 }
@@ -128,4 +128,4 @@ int RigReport::mend(calib::CameraRig& rig) const {
   return moved;
 }
 
-}  // namespace huetrack::pipeline
+}  // namespace huetrack::reports

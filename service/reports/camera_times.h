@@ -8,11 +8,11 @@
 #include <vector>
 
 #include "pipeline/output.h"
-#include "pipeline/rig_report.h"
+#include "reports/rig_report.h"
 
-namespace huetrack::pipeline {
+namespace huetrack::reports {
 
-class CameraTimes final : public Output {
+class CameraTimes final : public pipeline::Output {
  public:
   // is_logging: what has become known, and what has changed since it was said, goes into the log. rig_file: written
   // when the road is empty, as the configuration's rig with the times of the cameras that became known; empty: no file.
@@ -21,7 +21,7 @@ class CameraTimes final : public Output {
   CameraTimes(const config::ServiceConfig& config, std::filesystem::path rig_file, bool is_logging,
               const RigReport* calibration = nullptr);
 
-  void on_set(const TrackedSet& set) override;
+  void on_set(const pipeline::TrackedSet& set) override;
   void on_config(const config::ServiceConfig& config) noexcept override;
   void flush() override;  // throws std::system_error
 
@@ -49,4 +49,4 @@ class CameraTimes final : public Output {
   bool is_learning_ = false;         // guarded by mutex_
 };
 
-}  // namespace huetrack::pipeline
+}  // namespace huetrack::reports

@@ -12,15 +12,15 @@
 #include "capture/light_watch.h"
 #include "pipeline/output.h"
 
-namespace huetrack::pipeline {
+namespace huetrack::reports {
 
-class LightReport final : public Output {
+class LightReport final : public pipeline::Output {
  public:
   // What is new goes into the log, too.
   explicit LightReport(const config::ServiceConfig& config);
 
   void on_frame(const capture::Frame& frame, capture::Timestamp received_at) override;
-  void on_set(const TrackedSet& set) override;
+  void on_set(const pipeline::TrackedSet& set) override;
   void on_config(const config::ServiceConfig& config) noexcept override;
 
   // In force now, one sentence each. thread-safe
@@ -37,7 +37,7 @@ class LightReport final : public Output {
     std::vector<std::pair<std::string, std::string>> ever = {};  // warning without its numbers, sentence
     std::vector<std::string> followed = {};
   };
-  void tell_colors(std::size_t target, const TrackedSet& set);
+  void tell_colors(std::size_t target, const pipeline::TrackedSet& set);
 
   const std::vector<std::string> cameras_;
   std::vector<capture::LightWatch> watches_;          // the capture threads', one at a time
@@ -50,4 +50,4 @@ class LightReport final : public Output {
   std::vector<std::vector<std::string>> camera_warnings_;  // guarded by mutex_; per camera
 };
 
-}  // namespace huetrack::pipeline
+}  // namespace huetrack::reports

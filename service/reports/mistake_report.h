@@ -11,13 +11,13 @@
 #include "pipeline/output.h"
 #include "view_watch/view_watch.h"
 
-namespace huetrack::pipeline {
+namespace huetrack::reports {
 
-class MistakeReport final : public Output {
+class MistakeReport final : public pipeline::Output {
  public:
   explicit MistakeReport(const config::ServiceConfig& config);
 
-  void on_set(const TrackedSet& set) override;
+  void on_set(const pipeline::TrackedSet& set) override;
   void on_config(const config::ServiceConfig& config) noexcept override;
 
   // In force now, one sentence each. thread-safe
@@ -44,4 +44,4 @@ class MistakeReport final : public Output {
   std::vector<std::string> warnings_;                    // guarded by mutex_
 };
 
-}  // namespace huetrack::pipeline
+}  // namespace huetrack::reports

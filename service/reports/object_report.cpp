@@ -1,4 +1,4 @@
-#include "pipeline/object_report.h"
+#include "reports/object_report.h"
 
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
@@ -7,7 +7,7 @@
 #include <iterator>
 #include <utility>
 
-namespace huetrack::pipeline {
+namespace huetrack::reports {
 namespace {
 
 constexpr std::uint64_t looked_at_every = 15;  // sets; views are sampled twice a second
@@ -38,7 +38,7 @@ ObjectReport::ObjectReport(const config::ServiceConfig& config)
   for (Target& target : targets_) target.left_out.resize(cameras_.size()), target.ever.resize(cameras_.size());
 }
 
-void ObjectReport::on_set(const TrackedSet& set) {
+void ObjectReport::on_set(const pipeline::TrackedSet& set) {
   tell_objects(set);
   if (sets_++ % looked_at_every == 0) tell_left_out(set);
 }
@@ -53,7 +53,7 @@ bool ObjectReport::may_tell(capture::Timestamp at) {
   return false;
 }
 
-void ObjectReport::tell_objects(const TrackedSet& set) {
+void ObjectReport::tell_objects(const pipeline::TrackedSet& set) {
   for (const auto& estimate : set.estimates) {
     if (estimate.object == 0) continue;
     Target& target = targets_[estimate.target];
@@ -78,7 +78,7 @@ void ObjectReport::tell_objects(const TrackedSet& set) {
   }
 }
 
-void ObjectReport::tell_left_out(const TrackedSet& set) {
+void ObjectReport::tell_left_out(const pipeline::TrackedSet& set) {
   for (std::size_t t = 0; t < set.trackers.size() && t < targets_.size(); ++t) {
     const auto shares = set.trackers[t].color_shares();
     Target& target = targets_[t];
@@ -117,4 +117,4 @@ std::vector<std::string> ObjectReport::summary() const {
   return all;
 }
 
-}  // namespace huetrack::pipeline
+}  // namespace huetrack::reports

@@ -1,4 +1,4 @@
-#include "pipeline/light_report.h"
+#include "reports/light_report.h"
 
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
@@ -6,10 +6,10 @@
 #include <algorithm>
 #include <iterator>
 
-#include "pipeline/light_words.h"
 #include "pipeline/without_numbers.h"
+#include "reports/light_words.h"
 
-namespace huetrack::pipeline {
+namespace huetrack::reports {
 namespace {
 
 constexpr std::uint64_t sets_until_told_again = 30;  // figures of what is in force are as new as that
@@ -34,7 +34,9 @@ void LightReport::on_frame(const capture::Frame& frame, capture::Timestamp /*rec
   for (const Remark& remark : light_remarks(watches_[c].findings()))
     warnings.push_back(fmt::format("camera {}: {}: {}", cameras_[c], remark.what, remark.advice));
   for (const std::string& warning : warnings) {
-    const auto is_it = [&](const std::string& other) { return without_numbers(other) == without_numbers(warning); };
+    const auto is_it = [&](const std::string& other) {
+      return pipeline::without_numbers(other) == pipeline::without_numbers(warning);
+    };
     if (std::ranges::any_of(of_cameras_[c], is_it)) continue;
     of_cameras_[c].push_back(warning);
     spdlog::warn("{}", warning);
@@ -43,14 +45,14 @@ void LightReport::on_frame(const capture::Frame& frame, capture::Timestamp /*rec
   camera_warnings_[c] = std::move(warnings);
 }
 
-void LightReport::on_set(const TrackedSet& set) {
+void LightReport::on_set(const pipeline::TrackedSet& set) {
   if (!first_at_) first_at_ = set.frames.at;
   const bool is_due = ++sets_ % sets_until_told_again == 0;
   for (std::size_t t = 0; t < set.trackers.size() && t < told_.size(); ++t)
     if (is_due || set.trackers[t].color_news() != told_[t].news) tell_colors(t, set);
 }
 
-void LightReport::tell_colors(std::size_t target, const TrackedSet& set) {
+void LightReport::tell_colors(std::size_t target, const pipeline::TrackedSet& set) {
   Told& told = told_[target];
   told.news = set.trackers[target].color_news();
   const auto healths = set.trackers[target].color_health();
@@ -59,8 +61,8 @@ void LightReport::tell_colors(std::size_t target, const TrackedSet& set) {
     told.followed[c] = followed_text(cameras_[c], healths[c]);
     std::string warning = color_warning(targets_[target], cameras_[c], healths[c]);
     if (!warning.empty()) {
-      const std::string kind = cameras_[c] + without_numbers(warning);
-      if (told.warnings[c].empty() || kind != cameras_[c] + without_numbers(told.warnings[c]))
+      const std::string kind = cameras_[c] + pipeline::without_numbers(warning);
+      if (told.warnings[c].empty() || kind != cameras_[c] + pipeline::without_numbers(told.warnings[c]))
         spdlog::warn("{}", warning);
       if (std::ranges::find(told.ever, kind, &std::pair<std::string, std::string>::first) == told.ever.end())
         told.ever.emplace_back(
@@ -95,4 +97,4 @@ std::vector<std::string> LightReport::summary() const {
   return all;
 }
 
-}  // namespace huetrack::pipeline
+}  // namespace huetrack::reports

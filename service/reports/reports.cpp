@@ -1,11 +1,11 @@
-#include "pipeline/reports.h"
+#include "reports/reports.h"
 
 #include <algorithm>
 #include <iterator>
 
-namespace huetrack::pipeline {
+namespace huetrack::reports {
 
-Reports::Reports(Session& session, const ReportsOptions& options)
+Reports::Reports(pipeline::Session& session, const ReportsOptions& options)
     : light(session.config()),
       mistakes(session.config()),
       objects(session.config()),
@@ -25,4 +25,4 @@ std::vector<std::string> Reports::warnings() const {
   return out;
 }
 
-}  // namespace huetrack::pipeline
+}  // namespace huetrack::reports

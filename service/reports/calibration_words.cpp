@@ -1,4 +1,4 @@
-#include "pipeline/calibration_words.h"
+#include "reports/calibration_words.h"
 
 #include <fmt/chrono.h>
 #include <fmt/format.h>
@@ -8,7 +8,7 @@
 #include <cmath>
 #include <numbers>
 
-namespace huetrack::pipeline {
+namespace huetrack::reports {
 namespace {
 
 using config::CalibrationMode;
@@ -17,7 +17,7 @@ using room_watch::RoomState;
 constexpr double degrees = 180 / std::numbers::pi;
 constexpr double unix_times_from_s = 1e9;  // of 2001; a recording's own clock begins near 0
 
-std::string consequence(const CameraCalibration& facts, CalibrationMode mode) {
+std::string consequence(const pipeline::CameraCalibration& facts, CalibrationMode mode) {
   const double off_mm = 1e3 * facts.effect_m;
   switch (mode) {
     case CalibrationMode::tell:
@@ -36,7 +36,7 @@ std::string consequence(const CameraCalibration& facts, CalibrationMode mode) {
   return fmt::format("positions are off by about {:.0f} mm until it is mended", off_mm);
 }
 
-std::string by_how_much(const CameraCalibration& facts) {
+std::string by_how_much(const pipeline::CameraCalibration& facts) {
   const room_watch::MovedPoseEstimate& moved = *facts.moved;
   return fmt::format("{:.2f} degrees and moved by {:.0f} mm (+- {:.0f})", degrees * moved.rotation.norm(),
                      1e3 * moved.shift.norm(), std::max(1.0, 1e3 * moved.shift_sigma));
@@ -51,7 +51,8 @@ std::string moment_text(capture::Timestamp at) {
                                         std::chrono::time_point_cast<std::chrono::system_clock::duration>(at))));
 }
 
-std::string calibration_warning(const std::string& camera, const CameraCalibration& facts, CalibrationMode mode) {
+std::string calibration_warning(const std::string& camera, const pipeline::CameraCalibration& facts,
+                                CalibrationMode mode) {
   const std::string since = moment_text(facts.room.since);
   switch (facts.room.state) {
     case RoomState::learning:
@@ -85,4 +86,4 @@ std::string calibration_warning(const std::string& camera, const CameraCalibrati
   return {};
 }
 
-}  // namespace huetrack::pipeline
+}  // namespace huetrack::reports

@@ -1,4 +1,4 @@
-#include "pipeline/mistake_words.h"
+#include "reports/mistake_words.h"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -6,7 +6,7 @@
 #include <cmath>
 #include <numbers>
 
-namespace huetrack::pipeline {
+namespace huetrack::reports {
 
 std::string mistake_text(const view_watch::Mistake& mistake, const object_tracking::TargetOptions& target,
                          const std::vector<std::string>& cameras) {
@@ -60,4 +60,4 @@ std::string mistake_text(const view_watch::Mistake& mistake, const object_tracki
   return {};
 }
 
-}  // namespace huetrack::pipeline
+}  // namespace huetrack::reports

@@ -7,7 +7,7 @@
 #include "capture/light_watch.h"
 #include "object_tracking/object_tracker.h"
 
-namespace huetrack::pipeline {
+namespace huetrack::reports {
 
 struct Remark {
   std::string what;    // "the light flickers at 100 Hz: ..."
@@ -23,4 +23,4 @@ std::string color_warning(const object_tracking::TargetOptions& target, const st
 // "its colour in cam1 was followed by 12 degrees of hue"; empty when it is looked for as it was taught.
 std::string followed_text(const std::string& camera, const object_tracking::ColorHealth& health);
 
-}  // namespace huetrack::pipeline
+}  // namespace huetrack::reports

@@ -7,11 +7,11 @@
 #include "object_tracking/object_tracker.h"
 #include "view_watch/view_watch.h"
 
-namespace huetrack::pipeline {
+namespace huetrack::reports {
 
 // "cam1 disagrees with the others by 8 px and by more the faster ball moves: it is some 0.20 s late: ...". cameras:
 // their names, in the order of the rig.
 std::string mistake_text(const view_watch::Mistake& mistake, const object_tracking::TargetOptions& target,
                          const std::vector<std::string>& cameras);
 
-}  // namespace huetrack::pipeline
+}  // namespace huetrack::reports
