@@ -118,13 +118,20 @@ void expect_same(const Frame& got, const Frame& written) {
 
 // ---- Seen while it is made
 
+RecordedCamera left_in(const fs::path& recording) {
+  RecordedCamera camera;
+  camera.name = "left";
+  camera.frames = recording / "left.mkv";
+  return camera;
+}
+
 TEST(GrowingRecording, IsReadWhileItIsWritten) {
   const TemporaryFolder folder;
   RecordingOptions options = options_for(folder / "run");
   options.flush_every = 10ms;
   RecordingWriter writer(options);
   // Begun before there is a frame, and even the file.
-  GrowingCamera camera({.name = "left", .frames = folder / "run/left.mkv"}, 3);
+  GrowingCamera camera(left_in(folder / "run"), 3);
   std::jthread writing([&](const std::stop_token& stop) {
     for (int k = 0; k < 400 && !stop.stop_requested(); ++k, std::this_thread::sleep_for(5ms))
       writer.write(raw_frame(k));
@@ -155,7 +162,7 @@ TEST(GrowingRecording, IsReadWhileItIsWritten) {
 TEST(GrowingRecording, ThatNeverBeginsIsWaitedForUntilTheStop) {
   const TemporaryFolder folder;
   const RecordingWriter writer(options_for(folder / "run"));
-  GrowingCamera camera({.name = "left", .frames = folder / "run/left.mkv"}, 0);
+  GrowingCamera camera(left_in(folder / "run"), 0);
   std::stop_source stop;
   std::jthread stopping([&] {
     std::this_thread::sleep_for(100ms);
