@@ -324,7 +324,7 @@ FoundBoards find_boards(PictureSource& source, const board::BoardDetector& detec
       sets.push_back(std::move(set));
     }
     if (page.due()) show(page, shown, batch, tasks, sets, found, detector.board());
-    if (line.due()) line.draw(progress_text("looking for the board", found.sets_seen, expected, boards_text(found)));
+    if (line.due()) line.show("looking for the board", found.sets_seen, expected, boards_text(found));
   }
   line.clear();
   page.close("looked at all " + std::to_string(found.sets_looked_at) + " moments");

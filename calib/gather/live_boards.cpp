@@ -17,9 +17,14 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-// The newest frame set of live cameras; older ones that nobody took are dropped. thread-safe.
+// The newest frame set of live cameras, and one of shortly before it; others that nobody took are dropped. thread-safe.
 class NewestSet {
  public:
+  static constexpr auto shortly = std::chrono::milliseconds(200);
+  struct Taken {
+    capture::FrameSet set;
+    std::optional<capture::FrameSet> before;  // not taken yet either; nullopt: there was none
+  };
   NewestSet(std::vector<LiveCameraSource>& cameras, capture::Duration tolerance)
       : synchronizer_({.camera_count = static_cast<int>(cameras.size()), .tolerance = tolerance}),
         open_(cameras.size()) {
@@ -31,7 +36,7 @@ class NewestSet {
         }
         const std::scoped_lock lock(mutex_);
         if (--open_ == 0) {
-          while (auto set = synchronizer_.flush()) newest_ = std::move(*set);
+          while (auto set = synchronizer_.flush()) take_in(std::move(*set));
         }
         arrived_.notify_all();
       });
@@ -39,10 +44,11 @@ class NewestSet {
   }
 
   // nullopt: nothing new within `patience`, or ended.
-  std::optional<capture::FrameSet> take(std::chrono::milliseconds patience) {
+  std::optional<Taken> take(std::chrono::milliseconds patience) {
     std::unique_lock lock(mutex_);
     arrived_.wait_for(lock, patience, [&] { return newest_.has_value() || open_ == 0; });
-    return std::exchange(newest_, std::nullopt);
+    if (!newest_) return std::nullopt;
+    return Taken{*std::exchange(newest_, std::nullopt), std::exchange(before_, std::nullopt)};
   }
   bool ended() {
     const std::scoped_lock lock(mutex_);
@@ -52,14 +58,18 @@ class NewestSet {
  private:
   void push(capture::Frame frame) {
     const std::scoped_lock lock(mutex_);
-    for (capture::FrameSet& set : synchronizer_.push(std::move(frame))) newest_ = std::move(set);
+    for (capture::FrameSet& set : synchronizer_.push(std::move(frame))) take_in(std::move(set));
     if (newest_) arrived_.notify_all();
+  }
+  void take_in(capture::FrameSet set) {  // under mutex_
+    if (newest_ && (!before_ || set.at - before_->at > shortly)) before_ = std::move(newest_);
+    newest_ = std::move(set);
   }
 
   std::mutex mutex_;
   std::condition_variable arrived_;
-  capture::FrameSynchronizer synchronizer_;  // these three guarded by mutex_
-  std::optional<capture::FrameSet> newest_;
+  capture::FrameSynchronizer synchronizer_;  // these four guarded by mutex_
+  std::optional<capture::FrameSet> newest_, before_;
   std::size_t open_;
   std::vector<std::jthread> threads_;  // last: they end first
 };
@@ -118,8 +128,15 @@ class Gathering {
   }
 
   // False: nothing is missing any more, and that is what it ends for.
-  bool take(const capture::FrameSet& set) {
-    Look look = look_at(set);
+  bool take(const NewestSet::Taken& taken) {
+    // A computer that is slow looks seldom, and the board rests for a second: then what was shortly before tells.
+    constexpr double seldom_s = 0.4;
+    if (taken.before && capture::seconds(taken.set.at) - first_s_.value_or(0) - before_s_ > seldom_s) {
+      Look before = look_at(*taken.before);
+      before_ = std::move(before.views);
+      before_s_ = before.at_s;
+    }
+    Look look = look_at(taken.set);
     ++found_.sets_looked_at;
     if (!coverage_ && std::ranges::none_of(sizes_, [](calib::ImageSize s) { return s.width == 0; }))
       coverage_.emplace(detector_.board(), names_, sizes_);
@@ -132,8 +149,10 @@ class Gathering {
       return true;
     }
     const auto needs = coverage_->needs();
-    if (line_.due()) line_.draw(status + (needs.empty() ? "" : "; then: " + needs.front()) + "\n" + coverage_->lines());
+    if (!ProgressLine::tells_programs() && line_.due())
+      line_.draw(status + (needs.empty() ? "" : "; then: " + needs.front()) + "\n" + coverage_->lines());
     if (page_.due()) page_.show(shown_, *coverage_, status);
+    if (ProgressLine::tells_programs() && line_.due()) tell(status, needs);
     return !options_.until_enough || !needs.empty();
   }
 
@@ -162,6 +181,20 @@ class Gathering {
   }
 
  private:
+  // The program that shows it: what each camera has, all that is missing, and then the status, which ends it.
+  void tell(const std::string& status, const std::vector<std::string>& needs) {
+    const auto list = [](const auto& numbers) { return fmt::to_string(fmt::join(numbers, ",")); };
+    for (std::size_t c = 0; c < names_.size(); ++c) {
+      const ViewCoverage::OfCamera& of = coverage_->cameras()[c];
+      tell_program("coverage", {names_[c], std::to_string(of.views), std::to_string(ViewCoverage::enough_views),
+                                fmt::format("{:.0f}", 100 * of.image_share()),
+                                fmt::format("{:.0f}", 100 * ViewCoverage::enough_image), list(of.corners),
+                                list(of.tilts), shown_[c].caption});
+    }
+    for (const std::string& need : needs) tell_program("need", {need});
+    line_.show(status, static_cast<int>(found_.set_at_s.size()), std::nullopt, "");
+  }
+
   // Detects on all cores, and counts.
   Look look_at(const capture::FrameSet& set) {
     ++found_.sets_seen;

@@ -7,6 +7,25 @@
 #include <cstdio>
 
 namespace huetrack::gather {
+namespace {
+
+bool programs_are_told = false;  // set before there is a second thread
+
+constexpr auto drawn_every = std::chrono::milliseconds(100), told_every = std::chrono::milliseconds(400);
+
+}  // namespace
+
+void tell_program(const std::string& kind, const std::vector<std::string>& fields) {
+  std::string line = "@" + kind;
+  for (std::string field : fields) {
+    std::ranges::replace_if(
+        field, [](char c) { return c == '\t' || c == '\n' || c == '\r'; }, ' ');
+    line += '\t' + field;
+  }
+  line += '\n';
+  std::fwrite(line.data(), 1, line.size(), stdout);
+  std::fflush(stdout);
+}
 
 std::string progress_text(const std::string& what, int done, std::optional<int> total, const std::string& details) {
   std::string text = what + " ";
@@ -24,13 +43,34 @@ std::string progress_text(const std::string& what, int done, std::optional<int> 
   return text;
 }
 
-ProgressLine::ProgressLine(bool wanted) : on_terminal_(wanted && isatty(STDERR_FILENO) == 1) {}
+ProgressLine::ProgressLine(bool wanted) : on_terminal_(wanted && !programs_are_told && isatty(STDERR_FILENO) == 1) {}
+
+void ProgressLine::tell_programs() {
+  programs_are_told = true;
+}
+
+bool ProgressLine::tells_programs() {
+  return programs_are_told;
+}
 
 bool ProgressLine::due() const {
-  return on_terminal_ && std::chrono::steady_clock::now() - last_ >= std::chrono::milliseconds(100);
+  if (programs_are_told) return std::chrono::steady_clock::now() - last_ >= told_every;
+  return on_terminal_ && std::chrono::steady_clock::now() - last_ >= drawn_every;
+}
+
+void ProgressLine::show(const std::string& what, int done, std::optional<int> total, const std::string& details) {
+  if (!programs_are_told) return draw(progress_text(what, done, total, details));
+  if (what == told_ && !due()) return;
+  told_ = what;
+  last_ = std::chrono::steady_clock::now();
+  tell_program("progress", {what, std::to_string(done), total ? std::to_string(*total) : "", details});
 }
 
 void ProgressLine::draw(const std::string& lines) {
+  if (programs_are_told && lines != told_) {  // some work that tells no parts
+    told_ = lines;
+    tell_program("progress", {lines, "", "", ""});
+  }
   if (!on_terminal_) return;
   last_ = std::chrono::steady_clock::now();
   // With line wrap off: a line that wraps could not be drawn over.
@@ -51,7 +91,7 @@ void ProgressLine::clear() {
 
 solver::Progress ProgressLine::progress() {
   return [this](const std::string& step, int done, int total) {
-    draw(progress_text(step, done, total > 0 ? std::optional(total) : std::nullopt, {}));
+    show(step, done, total > 0 ? std::optional(total) : std::nullopt, {});
   };
 }
 

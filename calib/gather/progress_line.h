@@ -1,23 +1,35 @@
-// A line (or a few) on a terminal that says how far a long piece of work is. thread-compatible.
+// A line (or a few) on a terminal that says how far a long piece of work is; or lines for the program that has started
+// this one. thread-compatible.
 #pragma once
 
 #include <chrono>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "calib/solver/progress.h"
 
 namespace huetrack::gather {
 
+// For another program that reads standard output: '@', a kind, and fields, with tabs between them; on a line of its own
+// and at once. The kinds are in calib/reference.md. A tab or line end within a field becomes a blank.
+void tell_program(const std::string& kind, const std::vector<std::string>& fields);
+
 class ProgressLine {
  public:
-  explicit ProgressLine(bool wanted);  // draws only when stderr is a terminal and `wanted`
+  // Draws only when stderr is a terminal and `wanted`; or where programs are told, tells them in any case.
+  explicit ProgressLine(bool wanted);
+  // From now on nothing is drawn, and tell_program() is told instead. Before there is a second thread.
+  static void tell_programs();
+  static bool tells_programs();
   ~ProgressLine() { clear(); }
   ProgressLine(const ProgressLine&) = delete;
   ProgressLine& operator=(const ProgressLine&) = delete;
 
   bool due() const;                     // it is drawn at most ten times a second: ask before gathering what it shows
   void draw(const std::string& lines);  // over what was drawn before; lines end with \n, but for the last
+  // Likewise, as progress_text() says it; a program is told as "progress".
+  void show(const std::string& what, int done, std::optional<int> total, const std::string& details);
   void clear();
   // Draws what it is told; to be used while this lives.
   solver::Progress progress();
@@ -26,7 +38,8 @@ class ProgressLine {
   std::string to_start() const;  // the cursor's way to where the drawing begins
 
   const bool on_terminal_;
-  int drawn_ = 0;  // lines
+  int drawn_ = 0;     // lines
+  std::string told_;  // what the program was told last that is done
   std::chrono::steady_clock::time_point last_{};
 };
 

@@ -35,5 +35,6 @@ void add_map_command(CLI::App& app, Command& chosen);
 void add_exchange_commands(CLI::App& app, Command& chosen);  // import and export
 void add_accept_command(CLI::App& app, Command& chosen);
 void add_board_command(CLI::App& app, Command& chosen);
+void add_coverage_command(CLI::App& app, Command& chosen);
 
 }  // namespace huetrack::program

@@ -20,12 +20,15 @@ struct ExtrinsicsOptions : CalibrationOptions {
   solver::RefineLens refine = solver::RefineLens::automatic;
   std::optional<double> tolerance_s;
   std::vector<double> volume;
+  std::string world_of;  // the rig whose world is kept; empty: the one that is replaced
   bool new_world = false;
 };
 
-// The rig that is to be replaced, whose world is kept. nullopt: there is none, or a new world was asked for.
+// The rig that is to be replaced, or another one that was named, whose world is kept. nullopt: there is none, or a new
+// world was asked for.
 std::optional<calib::CameraRig> rig_before(const ExtrinsicsOptions& options) {
   std::error_code error;
+  if (!options.new_world && !options.world_of.empty()) return calib::read_rig(options.world_of);
   if (options.new_world || !std::filesystem::exists(options.rig, error)) return std::nullopt;
   try {
     return calib::read_rig(options.rig);
@@ -59,7 +62,7 @@ void choose_world(solver::Extrinsics& result, const ExtrinsicsOptions& options,
       std::fprintf(stderr,
                    "huetrack-calibrate: no two cameras stand to one another as in %s, so its world is not kept: set it "
                    "anew (huetrack-calibrate world)\n",
-                   options.rig.c_str());
+                   (options.world_of.empty() ? options.rig : options.world_of).c_str());
     }
   }
   result.adjustment = solver::in_world(std::move(result.adjustment), guess);
@@ -199,6 +202,7 @@ void add_extrinsics_command(CLI::App& app, Command& chosen) {
           "--tolerance", [options](const double& s) { options->tolerance_s = s; },
           "seconds; frames of different cameras this far apart are of one moment")
       ->check(CLI::PositiveNumber);
+  command->add_option("--world-of", options->world_of, "keep the world of this rig, instead of that of --rig");
   command->add_flag("--new-world", options->new_world,
                     "begin a new world; default: that of the rig which is replaced, if its cameras stand as they did");
   command->add_option("--volume", options->volume, "x0 x1 y0 y1 z0 z1, metres: for the expected accuracy")->expected(6);

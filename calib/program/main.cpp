@@ -9,6 +9,7 @@
 #include <stop_token>
 #include <thread>
 
+#include "calib/gather/progress_line.h"
 #include "calib/program/commands.h"
 #include "calib/yaml/text_file.h"
 #include "calib/yaml/unknown_command.h"
@@ -64,6 +65,9 @@ int main(int argc, char** argv) {
   program::add_exchange_commands(app, chosen);
   program::add_accept_command(app, chosen);
   program::add_board_command(app, chosen);
+  program::add_coverage_command(app, chosen);
+  app.add_flag_callback("--tell-program", &gather::ProgressLine::tell_programs,
+                        "progress and verdict as lines on standard output, for a program (calib/reference.md)");
 
   try {
     app.parse(argc, argv);

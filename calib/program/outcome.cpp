@@ -10,6 +10,7 @@
 #include <system_error>
 
 #include "calib/gather/picture_source.h"
+#include "calib/gather/progress_line.h"
 #include "calib/gather/write_file.h"
 #include "calib/model/rig_yaml.h"
 
@@ -69,6 +70,11 @@ report::ReportInput report_input(const gather::FoundBoards& found, const std::ve
   return input;
 }
 
+void tell_verdict(report::Verdict verdict, const std::string& summary) {
+  if (gather::ProgressLine::tells_programs())
+    gather::tell_program("verdict", {std::string(report::name(verdict)), summary});
+}
+
 void write_document(const report::Document& document, const fs::path& name) {
   const fs::path html = page_name(name);
   gather::write_files(
@@ -105,6 +111,7 @@ ExitStatus put_out(const report::CalibrationReport& report, calib::CameraRig rig
   gather::write_files(
       {{report_file, report::to_html(report, picture_of)}, {fs::path(report_file).replace_extension(".txt"), text}});
   if (!files.quiet) std::fputs(text.c_str(), stdout);
+  tell_verdict(report.verdict, report::summary(report));
 
   rig.made = {.at = utc_now(), .temperature_c = files.temperature_c, .checks = {}};
   rig.made_by.clear();

@@ -39,6 +39,9 @@ calib::UtcTime utc_now();
 ExitStatus put_out(const report::CalibrationReport& report, calib::CameraRig rig, const gather::FoundBoards& found,
                    const OutputFiles& files);
 
+// Where programs are told: "verdict", its name and a sentence.
+void tell_verdict(report::Verdict verdict, const std::string& summary);
+
 // Writes it as HTML there, and as PDF beside it. throws std::system_error, std::runtime_error
 void write_document(const report::Document& document, const std::filesystem::path& name);
 // With .html at its end where it has neither that nor .htm.

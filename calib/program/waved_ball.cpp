@@ -109,9 +109,8 @@ BallsFrames frames_of_recording(const WavedOptions& o, const WavedInput& in, con
       frames[ball].push_back(std::move(*found));
     }
     if (progress.due())
-      progress.draw(gather::progress_text("looking for the ball", done,
-                                          expected ? std::optional<int>(static_cast<int>(*expected)) : std::nullopt,
-                                          needs.text()));
+      progress.show("looking for the ball", done,
+                    expected ? std::optional<int>(static_cast<int>(*expected)) : std::nullopt, needs.text());
   }
   for (auto& of_ball : frames) wave::sharpen(of_ball, background, in.rig, progress.progress());
   progress.clear();
@@ -163,8 +162,7 @@ BallsFrames frames_of_cameras(const WavedOptions& o, const WavedInput& in, const
            (s = std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count()) < o.live_s) {
       std::this_thread::sleep_for(std::chrono::milliseconds(100));
       const std::lock_guard lock(mutex);
-      progress.draw(
-          gather::progress_text("wave the ball", static_cast<int>(s), static_cast<int>(o.live_s), needs.text()));
+      if (progress.due()) progress.show("wave the ball", static_cast<int>(s), static_cast<int>(o.live_s), needs.text());
     }
     progress.clear();
     end.request_stop();
@@ -179,6 +177,7 @@ void add_waved_options(CLI::App& command, WavedOptions& o) {
   command.add_option("--config", o.config, "huetrackd.yaml: targets, the rig to start from, live cameras");
   command.add_option("--target", o.targets, "which of its targets is waved; again for another ball of the same size");
   command.add_option("--rig", o.rig, "the rig file to write")->required();
+  command.add_option("--report", o.report, "the same as a page (HTML), and PDF beside it");
   command.add_option("--live", o.live_s, "look at the live cameras for so many seconds")->check(CLI::PositiveNumber);
   command
       .add_option_function<double>(
@@ -234,6 +233,8 @@ ExitStatus calibrate_and_write(const WavedOptions& o, const WavedInput& in, wave
   progress.clear();
   const report::WaveReport report = report::report_on(result);
   std::fputs(report::to_text(report, result).c_str(), stdout);
+  tell_verdict(report.verdict, report::summary(report, result));
+  if (!o.report.empty()) write_document(report::document_of(report, result), o.report);
   note(result, report);
   for (const auto& problem : result.rig.problems())
     throw solver::CalibrationError("what came out is no rig: " + problem);

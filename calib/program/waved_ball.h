@@ -21,7 +21,7 @@ class App;
 namespace huetrack::program {
 
 struct WavedOptions {
-  std::string recording, config, rig;
+  std::string recording, config, rig, report;  // report: empty: none is written
   std::vector<std::string> targets;
   double live_s = 0;  // > 0: live, for so long; 0: the recording
   std::optional<double> temperature_c;

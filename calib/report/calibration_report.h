@@ -125,6 +125,8 @@ CalibrationReport report_on(const solver::Intrinsics& result, const ReportInput&
 CalibrationReport report_on(const solver::Extrinsics& result, const ReportInput& input);
 
 std::string to_text(const CalibrationReport& report);
+// In part of a sentence: how good it is, and the worst of what speaks against it with what to do.
+std::string summary(const CalibrationReport& report);
 bool begins_a_report(std::string_view text);  // whether that is how such a text begins
 
 // A picture as the report shows it: JPEG, `scale` times the size that the corners are in. nullptr: there is none.

@@ -36,6 +36,16 @@ bool begins_a_report(std::string_view text) {
   return verdict.starts_with(usable_words) || verdict.starts_with(doubtful_words) || verdict.starts_with(failed_words);
 }
 
+std::string summary(const CalibrationReport& report) {
+  std::string text = fmt::format("corners fit to {:.2f} px rms", report.rms_px);
+  if (report.volume && report.volume->covered > 0)
+    text += fmt::format(", points are expected to be off by {:.2g} mm", 1000 * report.volume->median_by_calibration_m);
+  const auto worst =
+      std::ranges::find_if(report.checks, [](const Check& check) { return check.verdict != Verdict::usable; });
+  if (worst != report.checks.end()) text += "; " + worst->finding + ": " + worst->advice;
+  return text;
+}
+
 std::string to_text(const CalibrationReport& report) {
   std::string out = report.title + ", " + report.board + "\n\n" + verdict_line(report) + ".\n";
   for (const Check& check : report.checks) {

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <numbers>
+#include <sstream>
 
 namespace huetrack::report {
 namespace {
@@ -209,6 +210,77 @@ WaveReport report_on(const WaveResult& result) {
     report.doubts.emplace_back("the rig's poses were no use as a start: check that its cameras' names are not swapped");
   report.verdict = report.doubts.empty() ? Verdict::usable : Verdict::doubtful;
   return report;
+}
+
+namespace {
+
+// A text's lines, each a paragraph of its own.
+void paragraphs(Document& document, const std::string& text) {
+  std::istringstream lines(text);
+  for (std::string line; std::getline(lines, line);) document.paragraph(line);
+}
+
+Table cameras_table(const WaveResult& result) {
+  Table table{.head = {"camera", "frames", "seen", "used", "rms px", "of the image", "position +- mm", "axes +- deg",
+                       "moved mm", "turned deg"},
+              .rows = {}};
+  for (std::size_t c = 0; c < result.cameras.size(); ++c) {
+    const WaveCamera& camera = result.cameras[c];
+    table.rows.push_back({result.rig.cameras[c].name, fmt::to_string(camera.frames), fmt::to_string(camera.seen),
+                          fmt::to_string(camera.used), fmt::format("{:.2f}", camera.rms_px),
+                          fmt::format("{:.0f} %", 1e2 * camera.coverage),
+                          fmt::format("{:.1f}", 1e3 * camera.centre_sigma_m.norm()),
+                          fmt::format("{:.3f}", deg * camera.rotation_sigma_rad.norm()),
+                          fmt::format("{:.1f}", 1e3 * camera.moved_m), fmt::format("{:.2f}", deg * camera.turned_rad)});
+  }
+  return table;
+}
+
+Table times_table(const WaveResult& result) {
+  Table table{.head = {"camera", "latency ms", "+- ms", "readout ms", "+- ms"}, .rows = {}};
+  for (const calib::Camera& camera : result.rig.cameras) {
+    const calib::CameraTiming& t = camera.timing;
+    table.rows.push_back({camera.name, fmt::format("{:.2f}", 1e3 * t.latency_s.value_or(0)),
+                          fmt::format("{:.2f}", 1e3 * t.latency_sigma_s.value_or(0)),
+                          fmt::format("{:.2f}", 1e3 * t.readout_s.value_or(0)),
+                          fmt::format("{:.2f}", 1e3 * t.readout_sigma_s.value_or(0))});
+  }
+  return table;
+}
+
+}  // namespace
+
+std::string summary(const WaveReport& report, const WaveResult& result) {
+  std::string text = fmt::format("the ball is {:.2f} px rms off", result.rms_px);
+  if (!result.held_poses)
+    text += fmt::format(", positions are expected to be off by {:.1f} mm",
+                        1e3 * result.expected_in_volume_m.value_or(result.expected_m));
+  if (!report.doubts.empty()) text += "; " + report.doubts.front();
+  return text;
+}
+
+Document document_of(const WaveReport& report, const WaveResult& result) {
+  Document document;
+  document.title = "Calibration from the waved object";
+  document.subtitle = fmt::format("{:.1f} s of waving through {:.2f} x {:.2f} x {:.2f} m", result.duration_s,
+                                  result.extent_m.x(), result.extent_m.y(), result.extent_m.z());
+  document.banner(report.verdict, report.verdict == Verdict::usable ? "USABLE" : "DOUBTFUL", summary(report, result));
+  for (const auto& doubt : report.doubts) document.paragraph("? " + doubt + ".");
+  document.heading("Cameras");
+  document.table(cameras_table(result));
+  for (const wave::WavePair& pair : result.pairs)
+    document.paragraph(fmt::format("{} and {} saw it together in {} frames.",
+                                   result.rig.cameras[static_cast<std::size_t>(pair.a)].name,
+                                   result.rig.cameras[static_cast<std::size_t>(pair.b)].name, pair.shared));
+  if (!result.held_poses) {
+    document.heading("Positions");
+    paragraphs(document, positions_text(report, result));
+  }
+  document.heading("Times");
+  document.table(times_table(result));
+  if (!report.notes.empty()) document.heading("Notes");
+  for (const auto& note : report.notes) document.paragraph(note + ".");
+  return document;
 }
 
 std::string to_text(const WaveReport& report, const WaveResult& result) {

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "calib/report/calibration_report.h"
+#include "calib/report/document.h"
 #include "calib/wave/wave.h"
 
 namespace huetrack::report {
@@ -19,5 +20,8 @@ struct WaveReport {
 WaveReport report_on(const wave::WaveResult& result);
 
 std::string to_text(const WaveReport& report, const wave::WaveResult& result);
+// In part of a sentence: how good it is, and the first of what speaks against it.
+std::string summary(const WaveReport& report, const wave::WaveResult& result);
+Document document_of(const WaveReport& report, const wave::WaveResult& result);  // the same
 
 }  // namespace huetrack::report

@@ -143,11 +143,9 @@ class ControlOutput {
   bool is_whole_ = false;
 };
 
-int fetch(ControlConnection& connection, const Addressed& service, const std::string& name,
-          const std::filesystem::path& out) {
-  if (!idl::is_recording_name(name)) throw std::runtime_error(name + ": that is no recording's name");
-  const std::filesystem::path file = out.empty() ? std::filesystem::path(name + ".tar") : out;
-  RecordingDownload download(name, live_view::random_token(), service.host, service.pid);
+int fetch(ControlConnection& connection, const Addressed& service, const std::vector<std::string>& what,
+          const std::filesystem::path& file) {
+  RecordingDownload download(what, live_view::random_token(), service.host, service.pid);
   std::optional<ControlOutput> to;
   std::vector<char> part(64 * 1024);
   while (!has_ended()) {
@@ -160,7 +158,8 @@ int fetch(ControlConnection& connection, const Addressed& service, const std::st
     while (const std::size_t n = download.read(part.data(), part.size())) to->write(part.data(), n);
     if (download.state() != RecordingDownload::State::ended) continue;
     to->finish();
-    say(fmt::format("{} bytes in {}; tar -xf unpacks it", download.bytes(), file.string()));
+    say(fmt::format("{} bytes in {}{}", download.bytes(), file.string(),
+                    what == RecordingDownload::report_words() ? "" : "; tar -xf unpacks it"));
     return 0;
   }
   return 1;
@@ -218,8 +217,13 @@ int control(const ControlOptions& options) {
   ControlConnection connection(options.participant);
   const Addressed service = connection.service(options.service);
   const auto& words = options.words;
-  if (words.size() == 3 && words[0] == "record" && words[1] == "download")
-    return fetch(connection, service, words[2], options.out);
+  if (words.size() == 3 && words[0] == "record" && words[1] == "download") {
+    if (!idl::is_recording_name(words[2])) throw std::runtime_error(words[2] + ": that is no recording's name");
+    return fetch(connection, service, RecordingDownload::recording_words(words[2]),
+                 options.out.empty() ? std::filesystem::path(words[2] + ".tar") : options.out);
+  }
+  if (words == RecordingDownload::report_words())
+    return fetch(connection, service, words, options.out.empty() ? "calibration.html" : options.out);
   return ask(connection, service, words);
 }
 

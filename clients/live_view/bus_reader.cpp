@@ -150,7 +150,7 @@ std::string BusReader::request(msg::ControlRequest request) {
   return enqueue(control_requests_, std::move(request));
 }
 
-std::shared_ptr<RecordingDownload> BusReader::download(const std::string& recording, std::string& why_not) {
+std::shared_ptr<RecordingDownload> BusReader::download(const std::vector<std::string>& words, std::string& why_not) {
   const std::scoped_lock lock(mutex_);
   std::erase_if(downloads_, [](const auto& download) { return download.expired(); });
   why_not = !refused_.empty()                     ? "This page may only watch: " + refused_ + "."
@@ -159,7 +159,7 @@ std::shared_ptr<RecordingDownload> BusReader::download(const std::string& record
                                                   : "";
   if (!why_not.empty()) return nullptr;
   // Nobody else's requests carry this name, nor can a page guess it.
-  auto download = std::make_shared<RecordingDownload>(recording, random_token(), shown_host_, shown_pid_);
+  auto download = std::make_shared<RecordingDownload>(words, random_token(), shown_host_, shown_pid_);
   downloads_.push_back(download);
   return download;
 }

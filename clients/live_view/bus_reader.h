@@ -35,8 +35,9 @@ class BusReader {
   std::string request(msg::TeachRequest request);
   std::string request(msg::ControlRequest request);
 
-  // Any thread: a recording of the service that is shown. It goes on while somebody holds it. nullptr: why_not says so.
-  std::shared_ptr<RecordingDownload> download(const std::string& recording, std::string& why_not);
+  // Any thread: a recording of the service that is shown, or a report (RecordingDownload's words). It goes on while
+  // somebody holds it. nullptr: why_not says so.
+  std::shared_ptr<RecordingDownload> download(const std::vector<std::string>& words, std::string& why_not);
   int downloads() const { return downloading_; }  // that go on
 
   std::string description() const;

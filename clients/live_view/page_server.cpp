@@ -45,6 +45,7 @@ constexpr std::size_t most_bodies = 2 << 20;  // bytes, of all requests that com
 constexpr auto look_round_period = std::chrono::milliseconds(250);
 
 constexpr std::string_view download_path = "/api/recordings/", download_kind = ".tar";
+constexpr std::string_view report_path = "/api/calibration.html";
 constexpr std::size_t download_block = 64 * 1024;
 
 // A recording that is sent while it comes. Owned by its request until it is answered, and by the answer from then on.
@@ -328,14 +329,15 @@ struct PageServer::Impl {
     return reply(connection, status, std::string(why) + "\n", "text/plain; charset=utf-8");
   }
 
-  static void add_safety(MHD_Response* response) {
+  static constexpr const char* own_policy =
+      "default-src 'self'; img-src 'self' data: blob:; style-src 'self' 'unsafe-inline'; frame-ancestors 'none'; "
+      "base-uri 'none'; form-action 'none'";
+  static void add_safety(MHD_Response* response, const char* policy = own_policy) {
     MHD_add_response_header(response, "Cache-Control", "no-store");
     MHD_add_response_header(response, "X-Content-Type-Options", "nosniff");
     MHD_add_response_header(response, "X-Frame-Options", "DENY");
     MHD_add_response_header(response, "Referrer-Policy", "no-referrer");
-    MHD_add_response_header(response, "Content-Security-Policy",
-                            "default-src 'self'; img-src 'self' data: blob:; style-src 'self' 'unsafe-inline'; "
-                            "frame-ancestors 'none'; base-uri 'none'; form-action 'none'");
+    MHD_add_response_header(response, "Content-Security-Policy", policy);
   }
 
   // A page of another origin whose name was made to point to us (DNS rebinding) says that name as the host.
@@ -458,19 +460,38 @@ struct PageServer::Impl {
     delete static_cast<std::shared_ptr<Transfer>*>(closure);  // made in download(), owned by MHD's response since
   }
 
-  // Called again when the first piece has come, or the service has refused: then it is known what to answer.
-  MHD_Result download(MHD_Connection* connection, std::string_view path, Request& request) {
+  MHD_Result download_recording(MHD_Connection* connection, std::string_view path, Request& request) {
     path.remove_prefix(download_path.size());
     path.remove_suffix(download_kind.size());
     const std::string name(path);
     if (!idl::is_recording_name(name)) return refuse(connection, MHD_HTTP_NOT_FOUND, "That is no recording's name.");
+    return download(connection, request, RecordingDownload::recording_words(name), [&](MHD_Response* response) {
+      add_safety(response);
+      MHD_add_response_header(response, "Content-Type", "application/x-tar");
+      MHD_add_response_header(response, "Content-Disposition",
+                              ("attachment; filename=\"" + name + std::string(download_kind) + "\"").c_str());
+    });
+  }
+
+  // The report comes from the bus, where anybody may be: it is shown as a page that can do nothing, not even as ours.
+  MHD_Result show_report(MHD_Connection* connection, Request& request) {
+    return download(connection, request, RecordingDownload::report_words(), [](MHD_Response* response) {
+      add_safety(response, "sandbox; default-src 'none'; img-src data:; style-src 'unsafe-inline'");
+      MHD_add_response_header(response, "Content-Type", "text/html; charset=utf-8");
+    });
+  }
+
+  // Called again when the first piece has come, or the service has refused: then it is known what to answer.
+  template <typename AddHeaders>
+  MHD_Result download(MHD_Connection* connection, Request& request, const std::vector<std::string>& words,
+                      const AddHeaders& add_headers) {
     // A page of another origin could not read it, but make the service read its disk.
     const std::string_view site = header(connection, "Sec-Fetch-Site");
     if (!is_of_our_page(connection) || (!site.empty() && site != "same-origin" && site != "none"))
       return refuse(connection, MHD_HTTP_FORBIDDEN, "This request comes from another server's page.");
     if (!request.transfer) {
       std::string why_not = "There is nothing to download here.";
-      auto coming = requests.download ? requests.download(name, why_not) : nullptr;
+      auto coming = requests.download ? requests.download(words, why_not) : nullptr;
       if (!coming) return refuse(connection, MHD_HTTP_SERVICE_UNAVAILABLE, why_not);
       request.transfer = std::make_shared<Transfer>(std::move(coming), connection);
       const std::scoped_lock lock(transfers_mutex);
@@ -492,10 +513,7 @@ struct PageServer::Impl {
         coming.bytes(), download_block, &Impl::read_transfer, closure.get(), &Impl::end_transfer);
     if (response == nullptr) return MHD_NO;
     static_cast<void>(closure.release());  // the response's from now on
-    MHD_add_response_header(response, "Content-Type", "application/x-tar");
-    MHD_add_response_header(response, "Content-Disposition",
-                            ("attachment; filename=\"" + name + std::string(download_kind) + "\"").c_str());
-    add_safety(response);
+    add_headers(response);
     const MHD_Result result = MHD_queue_response(connection, MHD_HTTP_OK, response);
     MHD_destroy_response(response);
     return result;
@@ -508,7 +526,8 @@ struct PageServer::Impl {
     if (path == "/api/events") return stream(connection);
     if (path.starts_with(download_path) && path.ends_with(download_kind) &&
         path.size() > download_path.size() + download_kind.size())
-      return download(connection, path, request);
+      return download_recording(connection, path, request);
+    if (path == report_path) return show_report(connection, request);
     if (path == "/api/v1/positions") return stream_or_socket(connection, "position");
     if (path == "/api/v1/camera_poses") return stream_or_socket(connection, "camera_pose");
     // The token moves from the address into a cookie, so that it stays out of histories and links.

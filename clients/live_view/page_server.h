@@ -36,8 +36,9 @@ struct PageRequests {
   // body is JSON. Returns an empty string, or why it is refused.
   using OnRequest = std::function<std::string(const std::string& body)>;
   OnRequest teach = nullptr, control = nullptr;
-  // The recording of this name (idl::is_recording_name()) is to come; nullptr: why_not says so.
-  std::function<std::shared_ptr<RecordingDownload>(const std::string& name, std::string& why_not)> download = nullptr;
+  // A recording, or the last calibration's report, is to come (RecordingDownload's words); nullptr: why_not says so.
+  std::function<std::shared_ptr<RecordingDownload>(const std::vector<std::string>& words, std::string& why_not)>
+      download = nullptr;
 };
 
 // thread-safe.

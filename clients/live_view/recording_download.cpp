@@ -21,8 +21,9 @@ std::optional<std::uint64_t> number_in(const std::string& text) {
 
 }  // namespace
 
-RecordingDownload::RecordingDownload(std::string name, std::string client, std::string host, std::uint32_t pid)
-    : name_(std::move(name)), client_(std::move(client)), host_(std::move(host)), pid_(pid) {}
+RecordingDownload::RecordingDownload(std::vector<std::string> words, std::string client, std::string host,
+                                     std::uint32_t pid)
+    : words_(std::move(words)), client_(std::move(client)), host_(std::move(host)), pid_(pid) {}
 
 std::optional<msg::ControlRequest> RecordingDownload::next_request(Clock::time_point now) {
   const std::scoped_lock lock(mutex_);
@@ -44,7 +45,8 @@ std::optional<msg::ControlRequest> RecordingDownload::next_request(Clock::time_p
   request.number(number_);
   request.host(host_);
   request.pid(pid_);
-  request.words({"record", "read", name_, std::to_string(got_)});
+  request.words(words_);
+  request.words().push_back(std::to_string(got_));
   return request;
 }
 
@@ -57,7 +59,7 @@ void RecordingDownload::take(const msg::ControlReply& reply) {
   const auto total = columns != nullptr && columns->size() >= 2 ? number_in((*columns)[0]) : std::nullopt;
   if (!total || *total == 0) return end("The service's answer cannot be understood.");
   if (total_ && (*total_ != *total || identity_ != (*columns)[1]))
-    return end("The recording has changed while it was read: read it again.");
+    return end("It has changed while it was read: read it again.");
   total_ = total;
   identity_ = (*columns)[1];
   if (reply.bytes().empty() || got_ + reply.bytes().size() > *total_) return end("A piece of it does not fit.");

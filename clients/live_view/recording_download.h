@@ -1,5 +1,5 @@
-// A recording on its way from a service to somebody on this side: asked for piece by piece, as fast as it is taken, so
-// that however large it is, two pieces of it are in memory.
+// A recording, or a calibration's report, on its way from a service to somebody on this side: asked for piece by piece,
+// as fast as it is taken, so that however large it is, two pieces of it are in memory.
 #pragma once
 
 #include <chrono>
@@ -19,8 +19,12 @@ namespace huetrack::live_view {
 class RecordingDownload {
  public:
   using Clock = std::chrono::steady_clock;
-  // name: idl::is_recording_name(). client: who asks, as of other requests; nobody else has it.
-  RecordingDownload(std::string name, std::string client, std::string host, std::uint32_t pid);
+  // words: that ask for a piece of it, but for the last one, where the piece begins: recording_words() or
+  // report_words(). client: who asks, as of other requests; nobody else has it.
+  RecordingDownload(std::vector<std::string> words, std::string client, std::string host, std::uint32_t pid);
+
+  static std::vector<std::string> recording_words(const std::string& name) { return {"record", "read", name}; }
+  static std::vector<std::string> report_words() { return {"calibrate", "report"}; }
 
   const std::string& client() const { return client_; }
 
@@ -47,11 +51,12 @@ class RecordingDownload {
  private:
   void end(std::string why);  // under mutex_
 
-  const std::string name_, client_, host_;
+  const std::vector<std::string> words_;
+  const std::string client_, host_;
   const std::uint32_t pid_;
   mutable std::mutex mutex_;            // guards all that follows
   std::optional<std::uint64_t> total_;  // bytes of the whole
-  std::string identity_;                // of the recording's files: pieces of another one do not fit
+  std::string identity_;                // of what is read: pieces of another one do not fit
   std::uint64_t got_ = 0;               // bytes that have come
   std::vector<std::uint8_t> ready_;     // the last piece; the next one is asked for when this one is begun to be read
   std::size_t read_ = 0;                // of it

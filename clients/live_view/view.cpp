@@ -25,11 +25,12 @@ int view(ViewOptions options, const std::function<bool()>& ended) {
       }
     };
   };
-  const PageServer server(
-      options.server, hub,
-      {.teach = asked(teach_request_of),
-       .control = asked(control_request_of),
-       .download = [&bus](const std::string& name, std::string& why_not) { return bus.download(name, why_not); }});
+  const PageServer server(options.server, hub,
+                          {.teach = asked(teach_request_of),
+                           .control = asked(control_request_of),
+                           .download = [&bus](const std::vector<std::string>& words, std::string& why_not) {
+                             return bus.download(words, why_not);
+                           }});
   std::vector<std::string> hosts{options.server.address};
   if (options.server.address == "0.0.0.0") {
     hosts = host_addresses();

@@ -178,8 +178,8 @@ std::vector<ImageFile> image_files_of(const RecordedCamera& camera) {
 }  // namespace
 
 struct VideoReader::Impl {
-  Impl(const RecordedCamera& c, int threads, std::vector<std::string>& w)
-      : camera(c), selection(c), warnings(w), images(image_files_of(c)) {
+  Impl(const RecordedCamera& c, int threads, std::vector<std::string>& w, std::optional<std::stop_token> g)
+      : camera(c), selection(c), warnings(w), growing(std::move(g)), images(image_files_of(c)) {
     take_over_log();
     open(images.empty() ? camera.frames : images.front().path, threads);
   }
@@ -199,7 +199,12 @@ struct VideoReader::Impl {
     // Local files only: a play list or the like in a recording must not reach out into the network.
     AVDictionary* options = nullptr;
     av_dict_set(&options, "protocol_whitelist", "file", 0);
-    AVFormatContext* opened = nullptr;
+    AVFormatContext* opened = not_null(avformat_alloc_context());  // freed where it cannot be opened
+    if (growing) {
+      av_dict_set(&options, "follow", "1", 0);
+      opened->interrupt_callback = {
+          [](void* stop) { return static_cast<const std::stop_token*>(stop)->stop_requested() ? 1 : 0; }, &*growing};
+    }
     const int open_error = avformat_open_input(&opened, ("file:" + file.string()).c_str(), nullptr, &options);
     av_dict_free(&options);
     if (open_error < 0) fail(file, "is not a video or image that FFmpeg can read: " + error_text(open_error));
@@ -571,6 +576,7 @@ struct VideoReader::Impl {
   const RecordedCamera& camera;
   FrameSelection selection;
   std::vector<std::string>& warnings;
+  std::optional<std::stop_token> growing;
   ErrorLog log;
   std::vector<ImageFile> images;  // empty: a video
   std::size_t next_image = 0;
@@ -606,8 +612,9 @@ struct VideoReader::Impl {
   int damage_warnings = 0;
 };
 
-VideoReader::VideoReader(const RecordedCamera& camera, int threads, std::vector<std::string>& warnings)
-    : impl_(std::make_unique<Impl>(camera, threads, warnings)) {}
+VideoReader::VideoReader(const RecordedCamera& camera, int threads, std::vector<std::string>& warnings,
+                         std::optional<std::stop_token> growing)
+    : impl_(std::make_unique<Impl>(camera, threads, warnings, std::move(growing))) {}
 VideoReader::~VideoReader() = default;
 
 std::optional<VideoReader::Picture> VideoReader::next() {

@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <memory>
 #include <optional>
+#include <stop_token>
 #include <string>
 #include <vector>
 
@@ -36,7 +37,9 @@ class VideoReader {
   };
 
   // camera and warnings must outlive the reader. Warnings are one line each. throws ConfigError that names the file
-  VideoReader(const RecordedCamera& camera, int threads, std::vector<std::string>& warnings);
+  // growing: the file is still being written: at its end more is waited for, until the stop. nullopt: it is whole.
+  VideoReader(const RecordedCamera& camera, int threads, std::vector<std::string>& warnings,
+              std::optional<std::stop_token> growing = std::nullopt);
   ~VideoReader();
   VideoReader(const VideoReader&) = delete;
   VideoReader& operator=(const VideoReader&) = delete;

@@ -171,10 +171,9 @@ void check(const ServiceConfig& config, const yaml::YamlReader& root) {
                                      config.targets.size(), most_targets));
   if (!config.is_calibrated() && !config.camera_tracking.camera.empty())
     root.map("camera_tracking").fail("camera", "cannot be tracked yet: rig is none");
-  if (!config.is_calibrated() && !config.record.folder.empty())
-    root.map("record").fail("folder", "is for later: rig is none, and a recording holds the rig");
   check_camera_tracking(config, root.map_or_empty("camera_tracking"));
-  if (config.targets.empty() && config.camera_tracking.camera.empty())
+  // Who may teach may add the first one, too.
+  if (config.targets.empty() && config.camera_tracking.camera.empty() && !config.control.allow_teach)
     root.fail("targets",
               "at least one target is needed: targets: {ball: {color: {hue_deg: [65, 115]}}}; or a camera to "
               "track, under camera_tracking");
@@ -233,7 +232,9 @@ std::string size_warning(const ServiceConfig& config) {
 std::vector<std::string> warnings_of(const ServiceConfig& config) {
   std::vector<std::string> warnings;
   if (!config.is_calibrated())
-    return {"the cameras are not calibrated (rig: none), so nothing is tracked: huetrack-calibrate writes the rig"};
+    return {
+        "the cameras are not calibrated (rig: none), so nothing is tracked: calibrate them on the page of huetrack "
+        "view, or with huetrack-calibrate"};
   for (const auto& target : config.targets)
     if (!is_taught(target))
       warnings.push_back(

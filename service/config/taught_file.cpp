@@ -9,11 +9,13 @@
 #include <cerrno>
 #include <cstring>
 #include <functional>
+#include <limits>
 #include <stdexcept>
 #include <string>
 #include <tuple>
 #include <vector>
 
+#include "calib/model/rig_yaml.h"
 #include "capture/file_descriptor.h"
 #include "config/service_config.h"
 
@@ -372,6 +374,47 @@ fs::path remove_target(const fs::path& config, const std::string& target) {
     draft.config.targets.erase(target_in(draft, target));
     draft.take_away({"targets", target});
   });
+}
+
+fs::path save_rig(const fs::path& config, const fs::path& rig) {
+  return save(config, [&](Draft& draft) {
+    const bool was_calibrated = draft.config.is_calibrated();
+    draft.config.rig_file = rig;
+    draft.give({"rig"});
+    const yaml::KeyPath min = {"object_tracking", "volume", "min"}, max = {"object_tracking", "volume", "max"};
+    if (was_calibrated || draft.is_said(min) || draft.is_said(max)) return;
+    const auto box = box_seen_by_two(calib::read_rig(rig));
+    if (!box) return;
+    draft.config.object_tracking.volume = *box;
+    draft.give(min);
+    draft.give(max);
+  });
+}
+
+std::optional<object_tracking::Box> box_seen_by_two(const calib::CameraRig& rig) {
+  constexpr double reach = 1.5;  // of the cameras' mean distance from the origin, which a board's places lie around
+  constexpr int steps = 32;      // along each axis of a cube
+  double distance_m = 0;
+  for (const calib::Camera& camera : rig.cameras) distance_m += camera.centre().norm() / double(rig.cameras.size());
+  const double half_m = reach * distance_m, step_m = 2 * half_m / steps;
+  constexpr double none = std::numeric_limits<double>::infinity();
+  object_tracking::Box box{Eigen::Vector3d::Constant(none), Eigen::Vector3d::Constant(-none)};
+  for (int i = 0; i < steps * steps * steps; ++i) {
+    const Eigen::Array3d cell(i % steps, i / steps % steps, i / (steps * steps));
+    const Eigen::Vector3d p = (cell + 0.5) * step_m - half_m;
+    const auto views = std::ranges::count_if(rig.cameras, [&](const calib::Camera& camera) {
+      const auto pixel = camera.project_world(p);
+      return pixel && camera.contains(*pixel) && (p - camera.centre()).norm() < half_m;
+    });
+    if (views < 2) continue;
+    box.min = box.min.cwiseMin(p);
+    box.max = box.max.cwiseMax(p);
+  }
+  if (!(box.min.array() < box.max.array()).all()) return std::nullopt;
+  constexpr double per_m = 100;  // centimetres
+  box.min = ((box.min.array() - step_m / 2) * per_m).floor() / per_m;
+  box.max = ((box.max.array() + step_m / 2) * per_m).ceil() / per_m;
+  return box;
 }
 
 fs::path save_controls(const fs::path& config, const std::string& camera,

@@ -11,6 +11,7 @@
 #include <string>
 #include <utility>
 
+#include "calib/model/camera_rig.h"
 #include "capture/v4l2_device.h"
 #include "object_tracking/object_tracker.h"
 
@@ -38,6 +39,14 @@ std::filesystem::path add_target(const std::filesystem::path& config, const Targ
 std::filesystem::path rename_target(const std::filesystem::path& config, const std::string& from,
                                     const std::string& to);
 std::filesystem::path remove_target(const std::filesystem::path& config, const std::string& target);
+
+// The rig that was found takes the place of the one that the configuration names, or of none. Where there was none, and
+// neither file says where targets may be, that is where two of its cameras see from then on: its world is one that
+// nobody has thought of.
+std::filesystem::path save_rig(const std::filesystem::path& config, const std::filesystem::path& rig);
+// The box around what two cameras or more see, to half as far again as they are from the world's origin, in whole
+// centimetres. nullopt: nothing that way.
+std::optional<object_tracking::Box> box_seen_by_two(const calib::CameraRig& rig);
 
 // Controls of a live camera of the configuration: what is given, beside what it says of the others.
 std::filesystem::path save_controls(const std::filesystem::path& config, const std::string& camera,

@@ -104,7 +104,8 @@ bool may_begin_anew(const LiveCommand& options) {
 }  // namespace
 
 LiveSummary run_live(const config::ServiceConfig& config, std::vector<pipeline::LiveCamera> cameras,
-                     const LiveCommand& options, LiveRequests& requests, const std::stop_token& stop) {
+                     const LiveCommand& options, LiveRequests& requests, const std::stop_token& stop,
+                     page::CalibrationDesk* calibration) {
   if (cameras.empty())
     throw std::runtime_error(config.file.string() +
                              ": cameras: none is given: name the live cameras; "
@@ -148,6 +149,7 @@ LiveSummary run_live(const config::ServiceConfig& config, std::vector<pipeline::
   for (const auto& camera : cameras)
     if (camera.controls) control.cameras[config.rig.cameras[std::size_t(camera.camera)].name] = camera.controls;
   if (may_begin_anew(options)) {
+    control.calibration = calibration;
     control.begin_anew = ask_for(requests.begin_anew);
     control.open_recording = [&requests](const std::filesystem::path& folder) {
       requests.open_recording(folder);
@@ -229,10 +231,13 @@ void replay_instead(const config::ServiceConfig& config, const std::filesystem::
 
 LiveSummary run_live_while_asked(config::ServiceConfig config, const CameraOpener& open, const LiveCommand& options,
                                  LiveRequests& requests, const std::stop_token& stop) {
+  page::CalibrationDesk calibration({.program = {}, .log = [](bool is_problem, const std::string& what) {
+                                       spdlog::log(is_problem ? spdlog::level::warn : spdlog::level::info, "{}", what);
+                                     }});
   for (;;) {
     set_log_level(config.log_level);
     requests.begin_anew = false;
-    LiveSummary summary = run_live(config, open(config, stop), options, requests, stop);
+    LiveSummary summary = run_live(config, open(config, stop), options, requests, stop, &calibration);
     if (!requests.begin_anew || stop.stop_requested()) return summary;
     if (const auto recording = requests.take_recording(); !recording.empty())
       replay_instead(config, recording, requests, stop);

@@ -10,6 +10,7 @@
 
 #include "config/service_config.h"
 #include "daemon/supervisor.h"
+#include "page/calibration_desk.h"
 #include "pipeline/live_cameras.h"
 
 namespace huetrack::daemon {
@@ -32,10 +33,12 @@ struct LiveSummary {
 };
 
 // Runs until the stop, or until every source has ended, or requests.begin_anew (which stays set; nobody can ask for it
-// where a file is written that it would begin anew, or for a time that is given).
+// where a file is written that it would begin anew, or for a time that is given). calibration: asked from the page's
+// thread, and outlives the run; nullptr: nothing can be calibrated.
 // throws what the pipeline throws, and std::exceptions with one readable line when an output cannot be opened.
 LiveSummary run_live(const config::ServiceConfig& config, std::vector<pipeline::LiveCamera> cameras,
-                     const LiveCommand& options, LiveRequests& requests, const std::stop_token& stop);
+                     const LiveCommand& options, LiveRequests& requests, const std::stop_token& stop,
+                     page::CalibrationDesk* calibration = nullptr);
 
 // The same, and once more with the configuration as it stands then, with its cameras opened again, whenever that is
 // asked for; between two of them a recording, where that is asked for, until it is over or closed. What is not right

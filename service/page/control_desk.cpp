@@ -10,6 +10,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "calib/model/rig_yaml.h"
 #include "capture/recording.h"
 #include "config/taught_file.h"
 #include "idl/control_words.h"
@@ -140,7 +141,8 @@ std::string sentence(std::string text) {
 
 bool ControlDesk::is_read(const msg::ControlRequest& request) {
   const auto& words = request.words();
-  return words.size() > 1 && words[0] == "record" && words[1] == "read";
+  return words.size() > 1 &&
+         ((words[0] == "record" && words[1] == "read") || (words[0] == "calibrate" && words[1] == "report"));
 }
 
 msg::ControlReply ControlDesk::answer(const msg::ControlRequest& request, const config::ServiceConfig& config) const {
@@ -154,6 +156,8 @@ msg::ControlReply ControlDesk::answer(const msg::ControlRequest& request, const 
       throw unknown_request();
     if (words[0] == "record") {
       record(words.subspan(1), config, reply);
+    } else if (words[0] == "calibrate") {
+      calibrate(words.subspan(1), config, reply);
     } else if (words[0] == "target") {
       target(words.subspan(1), config, reply);
     } else if (words[0] == "replay") {
@@ -188,7 +192,9 @@ std::string ControlDesk::unfinished() const {
 std::string ControlDesk::take_over(const config::ServiceConfig& config) const {
   const config::ServiceConfig fresh = config::load_service_config(config.file);
   const auto kind = [](const object_tracking::TargetOptions& target) { return std::pair(target.name, target.count); };
-  const bool is_same_set = std::ranges::equal(fresh.targets, config.targets, {}, kind, kind);
+  const bool is_same_set = std::ranges::equal(fresh.targets, config.targets, {}, kind, kind) &&
+                           fresh.is_calibrated() == config.is_calibrated() &&
+                           calib::rig_identity(fresh.rig) == calib::rig_identity(config.rig);
   const auto& act = is_same_set ? actions_.reload : actions_.begin_anew;
   if (!act) return " It takes effect at the next start.";
   if (const std::string why_not = act(); !why_not.empty())
@@ -355,11 +361,42 @@ void ControlDesk::record(Words words, const config::ServiceConfig& config, msg::
                              config.record.after_s, folder));
   } else if (are(words, {"list"})) {
     list(config.record, reply);
+  } else if (words.size() == 2 && words[0] == "delete") {
+    remove(words[1], config.record, reply);
   } else if (words.size() == 3 && words[0] == "read") {
     read(words, config.record, reply);
   } else {
     throw unknown_request();
   }
+}
+
+// What it makes is written beside the configuration, as what is taught; and what it makes it from into record.folder.
+void ControlDesk::calibrate(Words words, const config::ServiceConfig& config, msg::ControlReply& reply) const {
+  require_teaching(config);
+  if (!config.control.allow_record) throw forbidden("allow_record", config);
+  if (actions_.calibration == nullptr)
+    throw std::runtime_error("only huetrackd run on live cameras, which writes no files, calibrates them");
+  if (!words.empty() && words[0] == "accept") {
+    const auto rig = actions_.calibration->accept(words.subspan(1), config);
+    reply.reason(fmt::format("Accepted: {} is the rig from now on.{}", rig.filename().string(), take_over(config)));
+  } else {
+    actions_.calibration->answer(words, config, actions_.recording, reply);
+  }
+}
+
+void ControlDesk::look_after() const {
+  if (actions_.calibration != nullptr) actions_.calibration->look_after(actions_.recording);
+}
+
+void ControlDesk::remove(const std::string& name, const config::RecordConfig& record, msg::ControlReply& reply) const {
+  recording();  // that this is no replay, perhaps of this one
+  if (idl::is_recording_name(name)) {
+    if (name == unfinished()) throw std::runtime_error(name + " is still being recorded: stop it first");
+    if (actions_.calibration != nullptr && name == actions_.calibration->busy_with())
+      throw std::runtime_error(name + " is being calibrated from: cancel that first");
+  }
+  RecordingShelf(record.folder).remove(name);
+  reply.reason(fmt::format("Deleted: {}.", name));
 }
 
 void ControlDesk::tell_state(const config::RecordConfig& record, msg::ControlReply& reply) const {

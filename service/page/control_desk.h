@@ -12,6 +12,7 @@
 #include "capture/v4l2_source.h"
 #include "config/service_config.h"
 #include "idl/huetrack_view.h"
+#include "page/calibration_desk.h"
 #include "page/playback.h"
 #include "pipeline/recording_keeper.h"
 
@@ -22,9 +23,10 @@ class ControlDesk {
  public:
   struct Actions {
     pipeline::RecordingKeeper* recording =
-        nullptr;                            // outlives the desk; nullptr: nothing can be recorded, as of a replay
-    Playback* playback = nullptr;           // of a replay that can be held and stepped through; outlives the desk
-    std::function<void()> close = nullptr;  // of such a replay: the cameras again; nullptr: there are none
+        nullptr;                             // outlives the desk; nullptr: nothing can be recorded, as of a replay
+    CalibrationDesk* calibration = nullptr;  // outlives the desk; nullptr: nothing can be calibrated
+    Playback* playback = nullptr;            // of a replay that can be held and stepped through; outlives the desk
+    std::function<void()> close = nullptr;   // of such a replay: the cameras again; nullptr: there are none
     // Of live cameras: the recording in this folder is replayed instead, after the answer is out. nullptr: it cannot
     // be.
     std::function<void(const std::filesystem::path& folder)> open_recording = nullptr;
@@ -39,12 +41,17 @@ class ControlDesk {
 
   msg::ControlReply answer(const msg::ControlRequest& request, const config::ServiceConfig& config) const;
 
-  // "record read": pieces follow each other quickly, and each can be asked for again.
+  // Now and then, some times a second: what was asked for and takes its time goes on.
+  void look_after() const;
+
+  // "record read", "calibrate report": pieces follow each other quickly, and each can be asked for again.
   static bool is_read(const msg::ControlRequest& request);
 
  private:
   using Words = std::span<const std::string>;
   void record(Words words, const config::ServiceConfig& config, msg::ControlReply& reply) const;
+  void calibrate(Words words, const config::ServiceConfig& config, msg::ControlReply& reply) const;
+  void remove(const std::string& name, const config::RecordConfig& record, msg::ControlReply& reply) const;
   void target(Words words, const config::ServiceConfig& config, msg::ControlReply& reply) const;
   void camera(Words words, const config::ServiceConfig& config, msg::ControlReply& reply) const;
   void open(const std::string& name, const config::ServiceConfig& config, msg::ControlReply& reply) const;

@@ -110,6 +110,7 @@ void PageService::serve(const std::stop_token& stop) {
     if (options_.reload_asked != nullptr && options_.reload_asked->exchange(false)) options_.actions.reload();
     take_requests();
     take_control_requests();
+    control_desk_.look_after();
     if (to_freeze_ && job) {
       freeze(job->set);
     } else if (to_freeze_ && last && now > asked_to_freeze_ + kept_freeze_patience) {

@@ -45,7 +45,8 @@ FileDescriptor open_inside(const FileDescriptor& folder, const std::string& name
   return FileDescriptor(::openat(folder.get(), name.c_str(), O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC | flags));
 }
 
-std::vector<std::string> names_in(const FileDescriptor& folder) {
+// All that is in a folder, by name.
+std::vector<std::string> all_names_in(const FileDescriptor& folder) {
   const auto close = [](DIR* open) { ::closedir(open); };
   const int own = ::openat(folder.get(), ".", O_RDONLY | O_DIRECTORY | O_CLOEXEC);  // closedir() closes it
   const std::unique_ptr<DIR, decltype(close)> entries(own < 0 ? nullptr : ::fdopendir(own), close);
@@ -53,9 +54,17 @@ std::vector<std::string> names_in(const FileDescriptor& folder) {
   while (entries) {
     const dirent* const entry = ::readdir(entries.get());
     if (entry == nullptr) break;
-    if (is_recording_name(entry->d_name)) names.emplace_back(entry->d_name);
+    const std::string_view name = entry->d_name;
+    if (name != "." && name != "..") names.emplace_back(name);
   }
   std::ranges::sort(names);
+  return names;
+}
+
+// Those that can be a recording's, or a file's of one.
+std::vector<std::string> names_in(const FileDescriptor& folder) {
+  std::vector<std::string> names = all_names_in(folder);
+  std::erase_if(names, [](const std::string& name) { return !is_recording_name(name); });
   return names;
 }
 
@@ -227,15 +236,43 @@ std::vector<ShelvedRecording> RecordingShelf::list(std::size_t most) const {
   return recordings;
 }
 
-RecordingPiece RecordingShelf::read(const std::string& name, std::uint64_t from, std::size_t most_bytes) const {
-  const auto none = [&] { return std::runtime_error(fmt::format("there is no recording {}", name)); };
+namespace {
+
+// throws std::runtime_error: there is none of that name.
+FileDescriptor open_recording(const FileDescriptor& shelf, const std::string& name) {
   if (!is_recording_name(name)) throw std::runtime_error("that is no recording's name");
+  FileDescriptor folder = shelf.get() < 0 ? FileDescriptor() : open_inside(shelf, name, O_DIRECTORY);
+  if (folder.get() < 0 || !has_recording(files_in(folder)))
+    throw std::runtime_error(fmt::format("there is no recording {}", name));
+  return folder;
+}
+
+}  // namespace
+
+void RecordingShelf::remove(const std::string& name) const {
   const FileDescriptor shelf = open_folder(folder_);
-  if (shelf.get() < 0) throw none();
-  const FileDescriptor folder = open_inside(shelf, name, O_DIRECTORY);
-  if (folder.get() < 0) throw none();
+  const FileDescriptor folder = open_recording(shelf, name);
+  const auto refused = [&] {
+    return std::runtime_error(fmt::format("{} cannot be deleted: {}", name, std::strerror(errno)));
+  };
+  std::vector<std::string> files = all_names_in(folder);
+  for (const std::string& file : files) {
+    struct stat about {};
+    if (::fstatat(folder.get(), file.c_str(), &about, AT_SYMLINK_NOFOLLOW) == 0 && S_ISDIR(about.st_mode))
+      throw std::runtime_error(
+          fmt::format("{} holds a folder, {}, which no recording of ours has: delete it by hand", name, file));
+  }
+  // What makes it a recording goes last: a deletion that was interrupted can be asked for again.
+  std::ranges::stable_partition(files, [](const std::string& file) { return file != "recording.yaml"; });
+  for (const std::string& file : files)
+    if (::unlinkat(folder.get(), file.c_str(), 0) != 0) throw refused();
+  if (::unlinkat(shelf.get(), name.c_str(), AT_REMOVEDIR) != 0) throw refused();
+}
+
+RecordingPiece RecordingShelf::read(const std::string& name, std::uint64_t from, std::size_t most_bytes) const {
+  const FileDescriptor shelf = open_folder(folder_);
+  const FileDescriptor folder = open_recording(shelf, name);
   const std::vector<File> files = files_in(folder);
-  if (!has_recording(files)) throw none();
   RecordingPiece piece{.tar_bytes = tar_size(files), .identity = identity_of(files)};
   if (from >= piece.tar_bytes) return piece;
   piece.bytes.resize(std::size_t(std::min<std::uint64_t>(most_bytes, piece.tar_bytes - from)));

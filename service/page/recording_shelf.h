@@ -35,6 +35,10 @@ class RecordingShelf {
   // Newest first, by name, which begins with the time; at most so many. What is no recording is not there.
   std::vector<ShelvedRecording> list(std::size_t most) const;
 
+  // Takes it and all its files away. throws std::runtime_error of one readable line: there is no such recording; it
+  // holds something that is no file of a recording, and then nothing has happened; or the disk refuses.
+  void remove(const std::string& name) const;
+
   // At most so many bytes from there on; none at the end and beyond. throws std::runtime_error of one readable line:
   // there is no such recording, or it cannot be read.
   RecordingPiece read(const std::string& name, std::uint64_t from, std::size_t most_bytes) const;

@@ -11,6 +11,7 @@ using Clock = std::chrono::steady_clock;
 using namespace std::chrono_literals;
 
 constexpr auto pre_roll_of_a_silent_camera_waits = 200ms;
+constexpr auto pre_roll_is_awaited = 5s;  // beyond its end, by a thread that has no time to write it
 
 }  // namespace
 
@@ -33,7 +34,8 @@ Recorder::~Recorder() {
   finish();
 }
 
-void Recorder::start(const std::filesystem::path& folder) {
+void Recorder::start(const std::filesystem::path& folder, bool with_pre_roll) {
+  leaves_pre_roll_out_ = !with_pre_roll;
   open(folder);
   until_.reset();
 }
@@ -44,13 +46,18 @@ bool Recorder::save_pre_roll(const std::filesystem::path& folder, capture::Durat
     if (until_) until_ = std::max(*until_, end);
     return false;
   }
+  leaves_pre_roll_out_ = false;
   open(folder);
   until_ = end;
   return true;
 }
 
 void Recorder::end_when_due() {
-  if (until_ && Clock::now() >= *until_ && is_recording()) close();
+  if (!until_ || Clock::now() < *until_ || !is_recording()) return;
+  // However short `after` is, what was kept is written.
+  const bool is_written =
+      std::ranges::all_of(cameras_, [&](const auto& camera) { return camera->has_begun == opened_; });
+  if (is_written || Clock::now() >= *until_ + pre_roll_is_awaited) close();
 }
 
 bool Recorder::is_recording() const {
@@ -101,9 +108,12 @@ void Recorder::finish(capture::Duration patience) {
 void Recorder::write(Camera& camera) {
   while (!camera.waiting.ended()) {
     const auto frame = camera.waiting.pop_for(pre_roll_of_a_silent_camera_waits);
+    const int opened = opened_;  // before the writer is looked at: of that one, or an older one
     if (const auto to = writer()) {
       if (camera.pre_roll && camera.pre_roll->size() > 0)
-        for (const capture::Frame& earlier : camera.pre_roll->take()) to->write(earlier);
+        for (const capture::Frame& earlier : camera.pre_roll->take())
+          if (!leaves_pre_roll_out_) to->write(earlier);
+      camera.has_begun = opened;
       if (frame) to->write(*frame);
     } else if (camera.pre_roll && frame) {
       camera.pre_roll->push(*frame);
@@ -139,6 +149,7 @@ void Recorder::open(const std::filesystem::path& folder) {
   const std::scoped_lock lock(mutex_);
   writer_ = std::move(fresh);
   has_writer_ = true;
+  ++opened_;
 }
 
 void Recorder::close() {

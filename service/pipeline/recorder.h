@@ -36,8 +36,9 @@ class Recorder {
   explicit Recorder(RecorderOptions options);  // throws std::invalid_argument
   ~Recorder();                                 // finish()
 
-  // Every frame from now on goes into this folder, after the pre-roll where there is one. throws CaptureError
-  void start(const std::filesystem::path& folder);
+  // Every frame from now on goes into this folder, after the pre-roll where there is one and it is wanted. throws
+  // CaptureError
+  void start(const std::filesystem::path& folder, bool with_pre_roll = true);
   // What save_pre_roll() began goes on until stop().
   void go_on() { until_.reset(); }
   // What is recorded ends here. What the queues hold is not in it any more. Does not block.
@@ -67,6 +68,7 @@ class Recorder {
     std::atomic<std::int64_t> fits_ns = -1;    // of the pre-roll; -1: all
     std::atomic<std::uint64_t> given_up = 0;   // frames, at the end
     std::atomic<bool> is_done = false;         // the thread has written all
+    std::atomic<int> has_begun = 0;            // the recording, as opened_ counts them, whose pre-roll it has written
     std::jthread thread;
   };
   void write(Camera& camera);
@@ -79,6 +81,8 @@ class Recorder {
   mutable std::mutex mutex_;
   std::shared_ptr<capture::RecordingWriter> writer_;            // guarded by mutex_; who lets go of it last finishes it
   std::atomic<bool> has_writer_ = false;                        // as writer_, for offer()
+  std::atomic<int> opened_ = 0;                                 // recordings so far
+  std::atomic<bool> leaves_pre_roll_out_ = false;               // of what is recorded now
   RecorderFigures last_;                                        // guarded by mutex_; of the recording before
   std::optional<std::chrono::steady_clock::time_point> until_;  // the supervising thread's; nullopt: for ever
   std::vector<std::unique_ptr<Camera>> cameras_;                // last: their threads use the rest

@@ -35,7 +35,7 @@ void RecordingKeeper::begin() {
 void RecordingKeeper::make_recorder(const config::ServiceConfig& config) {
   RecorderOptions recorder;
   recorder.recording.cameras = cameras_;
-  recorder.recording.rig_yaml = calib::to_yaml(config.rig);
+  if (config.is_calibrated()) recorder.recording.rig_yaml = calib::to_yaml(config.rig);
   recorder.recording.config_yaml = config::to_portable_yaml(config);
   recorder.recording.files = config::files_beside(config);
   recorder.recording.raw_storage = record_.raw_storage;
@@ -179,14 +179,26 @@ std::filesystem::path RecordingKeeper::stop_by_hand() {
   return folder_;
 }
 
-std::filesystem::path RecordingKeeper::save_by_hand() {
+std::filesystem::path RecordingKeeper::start_anew(const std::string& why) {
+  const std::scoped_lock lock(supervised_);
+  Recorder& recorder = recorder_for_who_asks();
+  if (recorder.is_recording()) throw std::runtime_error("it is being recorded already, to " + folder_.string());
+  const auto folder = new_folder("-" + why);
+  recorder.start(folder, false);
+  folder_ = folder;
+  problem_.clear();
+  spdlog::info("recording to {}, as asked", folder.string());
+  return folder_;
+}
+
+std::filesystem::path RecordingKeeper::save_by_hand(const std::string& why) {
   const std::scoped_lock lock(supervised_);
   Recorder& recorder = recorder_for_who_asks();
   if (recorder.is_recording())
     throw std::runtime_error("it is all in the recording that is being made: " + folder_.string());
   if (!has_pre_roll())
     throw std::runtime_error("nothing is kept to be saved: set record: {pre_roll_s: ...}, and restart");
-  save("asked");
+  save(why);
   if (!problem_.empty()) throw std::runtime_error(problem_);
   return folder_;
 }

@@ -47,7 +47,9 @@ class RecordingKeeper final : public Output {
   // line: there is nothing to do that with, it is done already, the configuration wants it otherwise, the disk refuses.
   std::filesystem::path start_by_hand();  // from the pre-roll's first frame on, where there is one; a pre-roll goes on
   std::filesystem::path stop_by_hand();
-  std::filesystem::path save_by_hand();  // the pre-roll, and what follows it
+  std::filesystem::path save_by_hand(const std::string& why = "asked");  // the pre-roll, and what follows it
+  // From now on, without a pre-roll, into a folder of its own named by the time and `why`.
+  std::filesystem::path start_anew(const std::string& why);
 
   // When the road is empty: what is written is on disk, and what is still waiting after `patience` is left out. Nothing
   // is recorded from then on, whatever is asked.

@@ -314,8 +314,6 @@ std::vector<std::string> EstimatePublisherOptions::problems() const {
   std::vector<std::string> sentences;
   if (frame_id.empty() || frame_id.front() == '/')
     sentences.push_back("frame_id \"" + frame_id + "\" must not be empty nor begin with '/'");
-  if (targets.empty() && tracked_camera.empty())
-    sentences.push_back("there must be at least one target or a tracked camera");
   const auto check_name = [&](const char* whose, const std::string& name) {
     if (!idl::is_target_name(name))
       sentences.push_back(

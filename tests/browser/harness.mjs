@@ -39,8 +39,10 @@ export async function launch() {
 
 // A program that ends with the test; what it prints is kept, and its exit status once it has ended.
 const children = [];
-export function start(program, ...args) {
-  const child = spawn(program, args, { stdio: ["ignore", "pipe", "pipe"] });
+export const start = (program, ...args) => startWith({}, program, ...args);
+// environment: added to ours
+export function startWith(environment, program, ...args) {
+  const child = spawn(program, args, { stdio: ["ignore", "pipe", "pipe"], env: { ...globalThis.process.env, ...environment } });
   const process = { child, out: "", err: "", code: null };
   child.stdout.on("data", (data) => (process.out += data));
   child.stderr.on("data", (data) => (process.err += data));

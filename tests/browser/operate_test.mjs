@@ -90,6 +90,17 @@ async function test() {
   await page.screenshot({ path: join(options.out, "page.png"), fullPage: true });
   await panel.screenshot({ path: join(options.out, "recordings.png") });
 
+  // ---- Deleted, by who means it.
+  const doomed = await page.getAttribute("#recordings-list tr", "data-recording");
+  page.once("dialog", (dialog) => dialog.dismiss());
+  await page.click(`button[aria-label="Delete ${doomed}"]`);
+  assert.equal((await page.locator("#recordings-list a").count()), 2);
+  page.once("dialog", (dialog) => dialog.accept());
+  await page.click(`button[aria-label="Delete ${doomed}"]`);
+  await until("it is gone", async () => (await page.locator("#recordings-list a").count()) === 1);
+  assert.equal(await page.textContent("#recordings-says"), `Deleted: ${doomed}.`);
+  assert.deepEqual(readdirSync(shelf), [name]);
+
   // ---- Hostile names, and who comes from another page.
   const get = (path, headers = {}) => page.request.get(new URL(path, address).href, { headers }).then((answer) => answer.status());
   for (const path of ["..%2f..%2fetc%2fpasswd.tar", "%2e%2e.tar", ".hidden.tar", "none.tar", `${name}%00.tar`, `${name}%0d%0aX:%20y.tar`])
@@ -179,7 +190,7 @@ async function test() {
   const phone = await browser.newPage({ viewport: { width: 390, height: 844 }, deviceScaleFactor: 2 });
   await phone.goto(address);
   await phone.locator("#recordings").scrollIntoViewIfNeeded();
-  await until("the phone lists them", async () => (await phone.locator("#recordings-list a").count()) === 2);
+  await until("the phone lists them", async () => (await phone.locator("#recordings-list a").count()) === 1);
   await phone.locator("#recordings").screenshot({ path: join(options.out, "phone.png") });
   const link = await phone.locator("#recordings-list a").first().boundingBox();
   assert.ok(link.x >= 0 && link.x + link.width <= 390, "what downloads it is in sight");
@@ -193,7 +204,7 @@ async function test() {
   assert.ok((await phone.evaluate(() => document.documentElement.scrollWidth)) <= 390, "too wide");
 
   // ---- A recording instead of the cameras, and back.
-  await page.locator(`#recordings-list tr[data-recording="${name}"] button`).click();
+  await page.click(`button[aria-label="Replay ${name} instead of the cameras"]`);
   await until("it is replayed", async () => (await page.isVisible("#replay-close")));
   await until("wand is tracked in it", async () => (await state("wand")) === "tracking");
   await page.click("#replay-pause");

@@ -16,6 +16,7 @@
 
 #include "calib/yaml/yaml_reader.h"
 #include "capture/clips.h"
+#include "capture/growing_recording.h"
 #include "capture/jpeg_decoder.h"
 #include "capture/replay_source.h"
 
@@ -113,6 +114,61 @@ void expect_same(const Frame& got, const Frame& written) {
   if (written.status != FrameStatus::ok) return;
   EXPECT_EQ(got.pixels.range, written.pixels.range);
   EXPECT_EQ(hash_of(got.pixels), hash_of(written.pixels));
+}
+
+// ---- Seen while it is made
+
+RecordedCamera left_in(const fs::path& recording) {
+  RecordedCamera camera;
+  camera.name = "left";
+  camera.frames = recording / "left.mkv";
+  return camera;
+}
+
+TEST(GrowingRecording, IsReadWhileItIsWritten) {
+  const TemporaryFolder folder;
+  RecordingOptions options = options_for(folder / "run");
+  options.flush_every = 10ms;
+  RecordingWriter writer(options);
+  // Begun before there is a frame, and even the file.
+  GrowingCamera camera(left_in(folder / "run"), 3);
+  std::jthread writing([&](const std::stop_token& stop) {
+    for (int k = 0; k < 400 && !stop.stop_requested(); ++k, std::this_thread::sleep_for(5ms))
+      writer.write(raw_frame(k));
+  });
+  std::stop_source stop;
+  for (std::uint32_t k = 0; k < 60; ++k) {
+    const auto frame = camera.next(stop.get_token());
+    ASSERT_TRUE(frame) << k;
+    EXPECT_EQ(frame->camera, 3);
+    EXPECT_EQ(frame->sequence, k);
+    EXPECT_NEAR(seconds(frame->captured_at), k / 30.0, 0.0011);  // Matroska counts milliseconds
+    EXPECT_EQ(hash_of(frame->pixels), hash_of(raw_frame(static_cast<int>(k)).pixels));
+  }
+  // At its end more is waited for, until the stop.
+  writing = {};
+  writer.finish();
+  std::jthread stopping([&] {
+    std::this_thread::sleep_for(300ms);
+    stop.request_stop();
+  });
+  const auto began = std::chrono::steady_clock::now();
+  while (camera.next(stop.get_token())) {
+  }
+  EXPECT_GT(std::chrono::steady_clock::now() - began, 200ms);
+  EXPECT_LT(std::chrono::steady_clock::now() - began, 2s);
+}
+
+TEST(GrowingRecording, ThatNeverBeginsIsWaitedForUntilTheStop) {
+  const TemporaryFolder folder;
+  const RecordingWriter writer(options_for(folder / "run"));
+  GrowingCamera camera(left_in(folder / "run"), 0);
+  std::stop_source stop;
+  std::jthread stopping([&] {
+    std::this_thread::sleep_for(100ms);
+    stop.request_stop();
+  });
+  EXPECT_FALSE(camera.next(stop.get_token()));
 }
 
 // ---- The same frames

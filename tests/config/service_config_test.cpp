@@ -304,9 +304,6 @@ INSTANTIATE_TEST_SUITE_P(
                 "c.yaml:2: rig: there is no file no.yaml; rig: none shows cameras that are not calibrated yet"},
         Mistake{"NoRigAndNoCameras", "version: 1\nrig: none\ntargets: {ball: {}}\n",
                 "c.yaml:2: rig: is none: then the configuration names the cameras, under cameras"},
-        Mistake{"RecordsWithoutARig",
-                "version: 1\nrig: none\ncameras: {cam0: {device: 0}}\ntargets: {ball: {}}\nrecord: {folder: r}\n",
-                "c.yaml:5: record.folder: is for later: rig is none, and a recording holds the rig"},
         Mistake{
             "NetworkCameraOfNoScheme", ball + "cameras: {cam0: {device: \"file:///a.mp4\"}}\n",
             "c.yaml:4: cameras.cam0.device: the address must begin with rtsp://, rtsps://, http://, https://, tcp://, "
@@ -664,6 +661,15 @@ TEST_F(ServiceConfigFile, CamerasMayNotBeCalibratedYet) {
   EXPECT_THAT(warnings_of(config), testing::ElementsAre(HasSubstr("not calibrated")));
   EXPECT_THROW(require_rig(config), yaml::ConfigError);
   EXPECT_NO_THROW(require_rig(load(ball)));
+  EXPECT_EQ(to_yaml(load(to_yaml(config))), to_yaml(config));
+  // What they see is recorded all the same, to be calibrated from.
+  EXPECT_EQ(load(begun + "record: {folder: r, pre_roll_s: 60}\n").record.pre_roll_s, 60);
+}
+
+// Who may teach may add the first one.
+TEST_F(ServiceConfigFile, TargetsMayBeAddedLater) {
+  const ServiceConfig config = load(head + "control: {allow_teach: true}\n");
+  EXPECT_TRUE(config.targets.empty());
   EXPECT_EQ(to_yaml(load(to_yaml(config))), to_yaml(config));
 }
 

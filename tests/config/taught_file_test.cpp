@@ -422,6 +422,36 @@ TEST_F(TaughtFile, MistakesInItAreNamedWithFileAndLine) {
             "lab.yaml:5: threads must be a whole number, got \"many\"");
 }
 
+TEST_F(TaughtFile, AnotherRigTakesThePlaceOfThatOneOrOfNone) {
+  fs::copy(folder / "rig.yaml", folder / "new.yaml");
+  with("version: 1\nrig: rig.yaml\ntargets: {ball: {color: {hue_deg: [65, 115]}}}\n");
+  save_rig(file, folder / "new.yaml");
+  EXPECT_EQ(load_service_config(file).rig_file, folder / "new.yaml");
+  undo_taught(file);
+  EXPECT_EQ(load_service_config(file).rig_file, folder / "rig.yaml");
+  with("version: 1\nrig: none\ncameras: {cam0: {device: 0}, cam1: {device: 1}}\ntargets: {ball: {}}\n");
+  save_rig(file, folder / "new.yaml");
+  const ServiceConfig begun = load_service_config(file);
+  EXPECT_TRUE(begun.is_calibrated());
+  // Targets are looked for where two cameras see: the demo's look at (0, 0, 1).
+  EXPECT_GT(volume_coverage(begun.rig, begun.object_tracking.volume).by_two, 0.15);
+  EXPECT_LT(begun.object_tracking.volume.min.z(), 0.7);
+  EXPECT_GT(begun.object_tracking.volume.max.z(), 1.3);
+  EXPECT_GT(begun.object_tracking.volume.max.x(), 0.3);
+  fs::remove(taught);
+  with(
+      "version: 1\nrig: none\ncameras: {cam0: {device: 0}, cam1: {device: 1}}\ntargets: {ball: {}}\n"
+      "object_tracking: {volume: {min: [-2, -2, 0], max: [1, 1, 2]}}\n");
+  save_rig(file, folder / "new.yaml");
+  EXPECT_EQ(load_service_config(file).object_tracking.volume.min.x(), -2) << "somebody has thought of it";
+  fs::remove(taught);
+  // One that does not hold with the cameras is refused, and nothing has changed.
+  with("version: 1\nrig: none\ncameras: {cam0: {device: 0}, other: {device: 1}}\ntargets: {ball: {}}\n");
+  fs::remove(taught);
+  EXPECT_THROW(save_rig(file, folder / "new.yaml"), std::runtime_error);
+  EXPECT_FALSE(fs::exists(taught));
+}
+
 TEST_F(TaughtFile, FollowsALinkToTheConfiguration) {
   const ServiceConfig config = with(taught_head + "targets:\n  ball:\n    color: {hue_deg: [1, 2]}\n");
   fs::create_directory(folder / "links");

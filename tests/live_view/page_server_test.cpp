@@ -82,7 +82,8 @@ class Server : public Test {
                                   return body == "refuse" ? "No." : "";
                                 },
                                 .download =
-                                    [this](const std::string& name, std::string& why_not) {
+                                    [this](const std::vector<std::string>& words, std::string& why_not) {
+                                      const std::string& name = words.back();
                                       why_not = "Too many.";
                                       return downloads.contains(name) ? downloads.at(name) : nullptr;
                                     }});
@@ -134,7 +135,8 @@ bool serve_piece(RecordingDownload& download, const std::string& whole, std::siz
 
 TEST_F(Server, ARecordingIsSentAsItComes) {
   start();
-  const auto download = downloads["run"] = std::make_shared<RecordingDownload>("run", "me", "host", 1);
+  const auto download = downloads["run"] =
+      std::make_shared<RecordingDownload>(RecordingDownload::recording_words("run"), "me", "host", 1);
   std::string whole;
   for (int i = 0; i < 300'000; ++i) whole += char('a' + i % 26);
   const std::jthread service([&](const std::stop_token& stop) {
@@ -149,9 +151,34 @@ TEST_F(Server, ARecordingIsSentAsItComes) {
                             HasSubstr("Content-Type: application/x-tar\r\n"), EndsWith(whole)));
 }
 
+// It comes from the bus: as a page of ours it could ask the service for anything.
+TEST_F(Server, AReportIsShownAndCanDoNothing) {
+  start();
+  const auto download = downloads["report"] =
+      std::make_shared<RecordingDownload>(RecordingDownload::report_words(), "me", "host", 1);
+  const std::string whole = "<html><script>alert(1)</script></html>";
+  const auto request = download->next_request(RecordingDownload::Clock::now());
+  ASSERT_TRUE(request);
+  EXPECT_THAT(request->words(), ElementsAre("calibrate", "report", "0"));
+  msg::ControlReply reply;
+  reply.number(request->number());
+  reply.granted(true);
+  reply.rows().emplace_back().columns({std::to_string(whole.size()), "same"});
+  reply.bytes({whole.begin(), whole.end()});
+  download->take(reply);
+  EXPECT_THAT(get("/api/calibration.html"),
+              AllOf(StartsWith("HTTP/1.1 200"), HasSubstr("Content-Type: text/html; charset=utf-8\r\n"),
+                    HasSubstr("Content-Security-Policy: sandbox; default-src 'none';"),
+                    HasSubstr("X-Content-Type-Options: nosniff"), EndsWith(whole)));
+  EXPECT_THAT(get("/api/calibration.html", "Sec-Fetch-Site: cross-site\r\n"), StartsWith("HTTP/1.1 403"));
+  downloads.clear();
+  EXPECT_THAT(get("/api/calibration.html"), AllOf(StartsWith("HTTP/1.1 503"), HasSubstr("Too many.")));
+}
+
 TEST_F(Server, WhatIsNoRecordingIsNotSent) {
   start();
-  const auto refused = downloads["none"] = std::make_shared<RecordingDownload>("none", "me", "host", 1);
+  const auto refused = downloads["none"] =
+      std::make_shared<RecordingDownload>(RecordingDownload::recording_words("none"), "me", "host", 1);
   refused->fail("There is no recording none.");
   EXPECT_THAT(get("/api/recordings/none.tar"),
               AllOf(StartsWith("HTTP/1.1 404"), HasSubstr("There is no recording none.")));
@@ -166,7 +193,8 @@ TEST_F(Server, WhatIsNoRecordingIsNotSent) {
 
 TEST_F(Server, ARecordingThatBreaksOffIsNotWhole) {
   start();
-  const auto download = downloads["run"] = std::make_shared<RecordingDownload>("run", "me", "host", 1);
+  const auto download = downloads["run"] =
+      std::make_shared<RecordingDownload>(RecordingDownload::recording_words("run"), "me", "host", 1);
   const std::string whole(200'000, 'x');
   std::jthread service([&] {
     while (!serve_piece(*download, whole, 100'000)) std::this_thread::yield();
@@ -180,7 +208,7 @@ TEST_F(Server, ARecordingThatBreaksOffIsNotWhole) {
 
 TEST_F(Server, ItEndsWhileARecordingIsAwaited) {
   start();
-  downloads["run"] = std::make_shared<RecordingDownload>("run", "me", "host", 1);
+  downloads["run"] = std::make_shared<RecordingDownload>(RecordingDownload::recording_words("run"), "me", "host", 1);
   Socket socket(server->port());
   socket.send("GET /api/recordings/run.tar HTTP/1.1\r\nHost: localhost\r\n\r\n");
   std::this_thread::sleep_for(std::chrono::milliseconds(100));

@@ -36,7 +36,7 @@ std::string read_all(RecordingDownload& download) {
 
 TEST(RecordingDownload, ComesPieceByPiece) {
   const std::string whole = "abcdefghijklmnopqrstuvwxyz";
-  RecordingDownload download("run", "me", "host", 12);
+  RecordingDownload download({"record", "read", "run"}, "me", "host", 12);
   EXPECT_EQ(download.state(), State::awaited);
   std::string got;
   int asked = 0;
@@ -58,7 +58,7 @@ TEST(RecordingDownload, ComesPieceByPiece) {
 
 TEST(RecordingDownload, WhoDoesNotReadIsNotSentMore) {
   const std::string whole(100, 'x');
-  RecordingDownload download("run", "me", "host", 12);
+  RecordingDownload download({"record", "read", "run"}, "me", "host", 12);
   int asked = 0;
   for (; const auto request = download.next_request(begun_at); ++asked) download.take(piece_of(*request, whole, 10));
   EXPECT_EQ(asked, 2);  // one to be read, and the next
@@ -70,7 +70,7 @@ TEST(RecordingDownload, WhoDoesNotReadIsNotSentMore) {
 }
 
 TEST(RecordingDownload, IsAskedForAgainAndGivenUp) {
-  RecordingDownload download("run", "me", "host", 12);
+  RecordingDownload download({"record", "read", "run"}, "me", "host", 12);
   const auto first = download.next_request(begun_at);
   EXPECT_FALSE(download.next_request(begun_at + 900ms));
   const auto again = download.next_request(begun_at + 1s);
@@ -90,7 +90,7 @@ TEST(RecordingDownload, IsAskedForAgainAndGivenUp) {
 
 TEST(RecordingDownload, WhatDoesNotFitEndsIt) {
   const auto ended_by = [](const std::function<void(msg::ControlReply&)>& change) {
-    RecordingDownload download("run", "me", "host", 12);
+    RecordingDownload download({"record", "read", "run"}, "me", "host", 12);
     download.take(piece_of(*download.next_request(begun_at), "abcdef", 3));
     const auto request = download.next_request(begun_at);
     msg::ControlReply reply = piece_of(*request, "abcdef", 3);
@@ -113,7 +113,7 @@ TEST(RecordingDownload, WhatDoesNotFitEndsIt) {
 }
 
 TEST(RecordingDownload, NoNewsIsMissed) {
-  RecordingDownload download("run", "me", "host", 12);
+  RecordingDownload download({"record", "read", "run"}, "me", "host", 12);
   int waits = 0, news = 0;
   download.on_news([&] { ++news; });
   const auto wait = [&] { download.if_nothing([&] { ++waits; }); };

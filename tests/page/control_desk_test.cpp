@@ -75,9 +75,9 @@ class Control : public Test {
   int number = 0;
 };
 
-const std::vector<std::vector<std::string>> requests{{"record", "state"}, {"record", "start"},
-                                                     {"record", "stop"},  {"record", "save"},
-                                                     {"record", "list"},  {"record", "read", "a", "0"}};
+const std::vector<std::vector<std::string>> requests{
+    {"record", "state"}, {"record", "start"},          {"record", "stop"},       {"record", "save"},
+    {"record", "list"},  {"record", "read", "a", "0"}, {"record", "delete", "a"}};
 
 TEST_F(Control, NothingIsDoneForWhoMayNot) {
   config.control.allow_record = false;
@@ -121,6 +121,8 @@ TEST_F(Control, NonsenseIsAnsweredWithASentence) {
   EXPECT_EQ(ask({"record", "read", "none", "0"}).reason(), "There is no recording none.");
   for (const char* text : {"", "-1", "1e3", "0x10", "99999999999999999999999"})
     EXPECT_THAT(ask({"record", "read", "none", text}).reason(), StartsWith("A whole number is wanted")) << text;
+  EXPECT_EQ(ask({"record", "delete", "../secret"}).reason(), "That is no recording's name.");
+  EXPECT_EQ(ask({"record", "delete", "none"}).reason(), "There is no recording none.");
   EXPECT_EQ(ask({"record", "stop"}).reason(), "Nothing is being recorded.");
   EXPECT_THAT(ask({"record", "save"}).reason(), StartsWith("Nothing is kept to be saved: set record: {pre_roll_s"));
 }
@@ -137,6 +139,7 @@ TEST_F(Control, ARecordingIsBegunEndedListedAndRead) {
   frames(11);
   EXPECT_THAT(ask({"record", "start"}).reason(), HasSubstr("is being recorded already"));
   EXPECT_EQ(ask({"record", "read", name, "0"}).reason(), name + " is still being recorded: stop it first.");
+  EXPECT_EQ(ask({"record", "delete", name}).reason(), name + " is still being recorded: stop it first.");
   ASSERT_EQ(ask({"record", "list"}).rows().at(0).columns().at(5), "recording");
   std::this_thread::sleep_for(100ms);  // the queues are empty
   ASSERT_TRUE(ask({"record", "stop"}).granted());
@@ -206,6 +209,7 @@ TEST_F(Control, AReplayListsAndRecordsNothing) {
   EXPECT_EQ(state()["state"], "replay");
   EXPECT_EQ(ask({"record", "start"}).reason(), "This is a replay: it records nothing.");
   EXPECT_TRUE(ask({"record", "list"}).granted());
+  EXPECT_EQ(ask({"record", "delete", "any"}).reason(), "This is a replay: it records nothing.");
 }
 
 // ---- Targets
@@ -285,7 +289,7 @@ TEST_F(Targets, NonsenseChangesNothing) {
                                                 {"target", "set", "none", "radius_m=1"},
                                                 {"target", "add", "ball"},
                                                 {"target", "add", "a b"},
-                                                {"target", "remove", "ball"},
+                                                {"target", "remove", "none"},
                                                 {"undo", "now"},
                                                 {"undo"},
                                                 {"redo"}}) {

@@ -54,6 +54,23 @@ class Shelf : public Test {
   const RecordingShelf shelf{folder};
 };
 
+TEST_F(Shelf, ARecordingIsDeletedAndNothingElse) {
+  recording("20261123T080000Z-lost");
+  write("20261123T080000Z-lost", ".hidden", "x");
+  fs::create_symlink(folder / "20261123T070000Z" / "left.mkv", folder / "20261123T080000Z-lost" / "link");
+  fs::create_directories(folder / "no_recording");
+  fs::create_directory_symlink(folder / "20261123T070000Z", folder / "linked");
+  for (const std::string hostile : {"no_recording", "linked", "..", ".", "", "a/b", "/etc", "none"})
+    EXPECT_THROW(shelf.remove(hostile), std::runtime_error) << hostile;
+  shelf.remove("20261123T080000Z-lost");
+  EXPECT_FALSE(fs::exists(folder / "20261123T080000Z-lost"));
+  EXPECT_EQ(fs::file_size(folder / "20261123T070000Z" / "left.mkv"), 5000u);  // the link went, not what it led to
+  fs::create_directories(folder / "20261123T070000Z" / "mine");
+  EXPECT_THROW(shelf.remove("20261123T070000Z"), std::runtime_error);
+  EXPECT_EQ(shelf.list(10).size(), 1u);
+  EXPECT_EQ(fs::file_size(folder / "20261123T070000Z" / "left.mkv"), 5000u);
+}
+
 TEST_F(Shelf, ListsTheNewestFirst) {
   recording("20261123T080000Z-lost");
   fs::create_directories(folder / "no_recording");

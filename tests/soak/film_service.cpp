@@ -1,14 +1,19 @@
 // What `huetrackd run` does, on films instead of V4L2 cameras: for figures, for the soak, and for tests that kill it.
-//   film_service CONFIG FILMS [--faults SEED] [--phases spread|together] [--tracks FILE] [--make CAMERAS]
+//   film_service CONFIG FILMS [--faults SEED] [--phases spread|together] [--tracks FILE] [--make CAMERAS |
+//   --make-boards PLACES]
 // FILMS: a folder with CAMERA.yuyv for every camera of the configuration, in the rig's size; each plays at the camera's
 // fps (default 30). --make: they are made first, of so many cameras, with their rig.yaml (films.h). Signals as
 // huetrackd.
+// --make-boards: made are films of two new cameras (board_films.h), which see a board as long as they are not
+// calibrated; and where CONFIG is not there, it is made: these cameras, and that everything may be asked, on --domain.
 #include <CLI/CLI.hpp>
 #include <csignal>
 #include <cstdio>
+#include <fstream>
 
 #include "daemon/live.h"
 #include "daemon/service_manager.h"
+#include "soak/board_films.h"
 #include "soak/film_camera.h"
 #include "soak/films.h"
 #include "soak/until_ended.h"
@@ -16,6 +21,19 @@
 namespace {
 
 huetrack::daemon::LiveRequests requests;
+
+// Nothing but which cameras there are, and what the page may do.
+void write_first_config(const std::filesystem::path& file, int domain) {
+  std::ofstream(file) << "version: 1\nrig: none\n"
+                         "cameras: {cam0: {device: 0, size: [320, 240], fps: "
+                      << huetrack::soak::board_fps
+                      << "}, cam1: {device: 1, size: [320, 240], fps: " << huetrack::soak::board_fps
+                      << "}}\n"
+                         "record: {folder: recordings, pre_roll_s: 20}\n"
+                         "control: {allow_teach: true, allow_record: true}\n"
+                         "dds: {domain: "
+                      << domain << ", interfaces: [lo]}\n";
+}
 
 void on_signal(int signal) {
   if (signal == SIGHUP) requests.reload = true;
@@ -39,10 +57,16 @@ int main(int argc, char** argv) {
   app.add_option("--tracks", options.tracks);
   int cameras_to_make = 0;
   app.add_option("--make", cameras_to_make);
+  int board_places = 0;
+  app.add_option("--make-boards", board_places);
+  int domain = 0;
+  app.add_option("--domain", domain);
   CLI11_PARSE(app, argc, argv);
   for (const int signal : {SIGHUP, SIGUSR1}) std::signal(signal, on_signal);
   try {
     if (cameras_to_make > 0) soak::make_films(films, cameras_to_make, 320, 240, phases == "spread");
+    if (board_places > 0) soak::make_board_films(films, board_places);
+    if (board_places > 0 && !std::filesystem::exists(config_file)) write_first_config(config_file, domain);
     const config::ServiceConfig config = config::load_service_config(config_file);
     const auto play = [&](const config::ServiceConfig& now, const std::stop_token&) {
       const auto start = std::chrono::steady_clock::now();
@@ -50,7 +74,7 @@ int main(int argc, char** argv) {
       for (const auto& camera : now.cameras) {
         soak::FilmCameraOptions film;
         film.camera = now.rig.index_of(camera.name).value();
-        film.film = films / (camera.name + ".yuyv");
+        film.film = films / (camera.name + (board_places > 0 && !now.is_calibrated() ? ".board.yuyv" : ".yuyv"));
         film.width = now.rig.cameras[std::size_t(film.camera)].image_size.width;
         film.height = now.rig.cameras[std::size_t(film.camera)].image_size.height;
         film.fps = camera.fps.value_or(30);

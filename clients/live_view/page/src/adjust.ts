@@ -3,7 +3,7 @@ import { drawLive, follow, matchingShare, showLiveMasks, showRadius } from "./ca
 import { ask } from "./control";
 import { stepHistory, updateHistory } from "./history";
 import type { Color, ControlReply } from "./messages";
-import { isServing, store } from "./store";
+import { isServing, mayChange, store } from "./store";
 
 const $ = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
 const field = (id: string) => $<HTMLInputElement>(`adjust-${id}`);
@@ -148,12 +148,21 @@ function close(): void {
   follow([]);
 }
 
+// From the first steps: there is no target yet.
+export function openTargets(): void {
+  updateAdjust(isServing());
+  if (panel.hidden) open();
+  updateAdjust(isServing());
+  panel.scrollIntoView({ behavior: "smooth", block: "start" });
+  field("name").focus({ preventScroll: true });
+}
+
 // Once a second.
 export function updateAdjust(serving: boolean): void {
   const { scene } = store;
-  const allowed = serving && !!scene?.may_teach;
+  const allowed = serving && mayChange();
   $<HTMLButtonElement>("adjust-open").disabled = !allowed && panel.hidden;
-  $("adjust-why").textContent = !serving || !scene || scene.may_teach ? "" : scene.why_not;
+  $("adjust-why").textContent = !serving || !scene || mayChange() ? "" : scene.why_not;
   if (panel.hidden || !scene || !isServing()) return;
   makePictures(scene.cameras.map((c) => c.name));
   names(choice("target"), scene.targets.map((t) => [t.name, t.name]));

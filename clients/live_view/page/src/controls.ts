@@ -4,7 +4,7 @@ import { drawLive, follow, lightOf } from "./cameras";
 import { ask } from "./control";
 import { stepHistory, updateHistory } from "./history";
 import { drawLight } from "./light";
-import { store } from "./store";
+import { mayChange, store } from "./store";
 
 const $ = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
 
@@ -148,9 +148,9 @@ function close(): void {
 // Once a second.
 export function updateControls(serving: boolean): void {
   const { scene, status } = store;
-  const allowed = serving && !!scene?.may_teach && status?.mode === "run";
+  const allowed = serving && mayChange() && status?.mode === "run";
   $<HTMLButtonElement>("controls-open").disabled = !allowed && panel.hidden;
-  $("controls-why").textContent = !serving || !scene ? "" : !scene.may_teach ? scene.why_not : status?.mode !== "run" ? "A recording's cameras have no controls." : "";
+  $("controls-why").textContent = !serving || !scene ? "" : !mayChange() ? scene.why_not : status?.mode !== "run" ? "A recording's cameras have no controls." : "";
   const select = $<HTMLSelectElement>("controls-camera");
   const names = scene?.cameras.map((c) => c.name) ?? [];
   if ([...select.options].map((o) => o.value).join("\n") !== names.join("\n")) {

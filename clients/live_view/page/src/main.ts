@@ -18,6 +18,7 @@ import {
   targetOf,
 } from "./store";
 import { drawAdjust, updateAdjust } from "./adjust";
+import { drawCalibration, updateCalibration } from "./calibrate";
 import { drawControls, updateControls } from "./controls";
 import { takeControlReply } from "./control";
 import { updatePlayback } from "./playback";
@@ -368,6 +369,7 @@ function tick(): void {
   updateTeach(serving);
   updateAdjust(serving);
   updateControls(serving);
+  updateCalibration(serving);
   updatePlayback(serving);
   updateRecordings();
   updateSteps();
@@ -502,7 +504,8 @@ const cards = addPart(document.body, () => (isSlow() ? slowBeat : 100), () => {
 const pictures = addPart($("cameras"), () => (isSlow() ? slowBeat : 0), drawNewPictures);
 const setup = addPart($("controls-panel"), () => (isSlow() ? slowBeat : 0), drawControls);
 const mask = addPart($("adjust-panel"), () => (isSlow() ? slowBeat : 0), drawAdjust);
-onNewPicture(() => renew(pictures, setup, mask));
+const covered = addPart($("calibrate-panel"), () => (isSlow() ? slowBeat : 0), drawCalibration);
+onNewPicture(() => renew(pictures, setup, mask, covered));
 
 let scenePart: Part | null = null;
 const canvas = $("scene") as HTMLCanvasElement;

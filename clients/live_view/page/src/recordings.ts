@@ -106,12 +106,19 @@ function show(rows: string[][]): void {
         link.textContent = "Download";
         link.setAttribute("aria-label", `Download ${name}`);
         last.append(link);
+        const remove = Object.assign(document.createElement("button"), { type: "button", textContent: "Delete…" });
+        remove.setAttribute("aria-label", `Delete ${name}`);
+        remove.addEventListener("click", async () => {
+          if (!confirm(`Delete the recording ${name}, ${size(Number(bytes))}? It cannot be had back.`)) return;
+          say(await ask("record", "delete", name));
+          await look();
+        });
         if (state?.state !== "replay") {
           const replay = Object.assign(document.createElement("button"), { type: "button", textContent: "Replay" });
           replay.setAttribute("aria-label", `Replay ${name} instead of the cameras`);
           replay.title = "Instead of the cameras, until it is over, or closed";
           replay.addEventListener("click", async () => say(await ask("replay", "open", name)));
-          last.append(" ", replay);
+          last.append(" ", replay, " ", remove);
         }
       }
       return row;

@@ -1,9 +1,11 @@
 // The first steps: cameras, exposure, calibration, colour, track. Of each what is missing, and how it is done. They show
 // themselves until something was tracked for the first time, and to who asks for them.
+import { openTargets } from "./adjust";
+import { calibrationRefused, openCalibration } from "./calibrate";
 import { lightOf, type Light } from "./cameras";
 import { openControls } from "./controls";
 import { drawLight } from "./light";
-import { isServing, store } from "./store";
+import { isServing, mayChange, store } from "./store";
 import { openTeaching } from "./teach";
 
 const $ = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
@@ -29,7 +31,7 @@ function service(): Step {
     title: "Cameras",
     isDone: false,
     says: `No huetrackd is heard on DDS domain ${store.pulse?.domain ?? 0}. huetrackd doctor lists the cameras that there are. Name them in a file, and start:`,
-    how: "# my.yaml; start with huetrackd run my.yaml\nversion: 1\nrig: none                  # not calibrated yet\ncameras: {left: {device: 0}, right: {device: 2}}\ntargets: {ball: {radius_m: 0.04}}\ncontrol: {allow_teach: true}",
+    how: "# my.yaml; start with huetrackd run my.yaml\nversion: 1\nrig: none                  # not calibrated yet\ncameras: {left: {device: 0}, right: {device: 2}}\ntargets: {ball: {radius_m: 0.04}}\nrecord: {folder: recordings, pre_roll_s: 60}\ncontrol: {allow_teach: true, allow_record: true}",
   };
 }
 
@@ -59,7 +61,7 @@ function exposure(lights: [string, Light | null][]): Step {
     ...bright.map(([name, l]) => `${name} is too bright: ${percent(l!.bright)} of its picture is white.`),
   ];
   const name = (dark[0] ?? bright[0])[0];
-  if (store.scene?.may_teach)
+  if (mayChange())
     return { title, isDone: false, says: `${says.join(" ")} Set its exposure, gain and white balance, and save them.`, button: [`Set up ${name}…`, () => openControls(name)] };
   return {
     title,
@@ -73,10 +75,14 @@ function calibration(): Step {
   const title = "Calibration";
   const missing = store.scene!.cameras.filter((c) => !c.model).map((c) => c.name);
   if (!missing.length) return { title, isDone: true, says: `The rig has ${store.scene!.cameras.length} cameras.` };
+  const nothing = `Nothing says yet how ${join(missing)} see, and where they stand.`;
+  const why = calibrationRefused();
+  if (store.status!.mode === "run" && !why)
+    return { title, isDone: false, says: `${nothing} Carry a printed board before them: the page shows what each picture still lacks.`, button: ["Calibrate…", openCalibration] };
   return {
     title,
     isDone: false,
-    says: `Nothing says yet how ${join(missing)} see, and where they stand. Stop huetrackd, carry a board before the cameras while the command below runs (its page shows what is still wanted), then write rig: rig.yaml into ${store.status!.config_file} and start again.`,
+    says: `${nothing} ${why ? `From this page it cannot be done: ${why} Or stop` : "Stop"} huetrackd, carry a board before the cameras while the command below runs (its page shows what is still wanted), then write rig: rig.yaml into ${store.status!.config_file} and start again.`,
     how: `huetrack-calibrate extrinsics --board board.yaml ${missing.map((name) => `${name}=/dev/video…`).join(" ")} --rig rig.yaml --view view.html`,
   };
 }
@@ -85,6 +91,7 @@ function color(): Step {
   const title = "Colour";
   const scene = store.scene!;
   const missing = scene.targets.filter((t) => !t.colors.length).map((t) => t.name);
+  if (!scene.targets.length) return { title, isDone: false, says: "Nothing is looked for yet. What is it called, and what is its radius?", button: ["Add a target…", openTargets] };
   if (!missing.length) return { title, isDone: true, says: `${join(scene.targets.map((t) => t.name))}: known.` };
   if (!scene.may_teach) return { title, isDone: false, says: `${join(missing)}: nobody has said which colour. ${scene.why_not}` };
   return { title, isDone: false, says: `Which colour has ${missing[0]}? Click on it in one picture, and confirm it in the others.`, button: [`Teach ${missing[0]}…`, () => openTeaching(missing[0])] };
