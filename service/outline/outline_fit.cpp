@@ -32,7 +32,7 @@ constexpr double least_visible = 0.25;  // of the edge
 constexpr float glint_sigmas2 = 16;     // of a pixel within the outline over what light on a dull ball makes of it
 // Natural logarithms: by how much pictures of one camera differ in blur, and what light that the model does not know
 // makes of a single one's; pictures that follow one another show much the same, so that ten count as one.
-constexpr double blur_of_one = 0.1, blur_of_light = 0.6, least_blur_sigma = 0.05;
+constexpr double blur_of_one = 0.05, blur_of_light = 0.6, least_blur_sigma = 0.05;
 constexpr double furthest_radii = 0.8, largest_growth = 0.35;
 constexpr double longest_exposure_s = 0.04;
 

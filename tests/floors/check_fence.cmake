@@ -37,7 +37,7 @@ elseif(FENCE STREQUAL "cli11")   # heavy headers from here on: each costs every 
   set(inside "^(service/daemon/(main|commands)\\.cpp|clients/huetrack/main\\.cpp|calib/program/|tests/(soak|benchmark|program)/)")
 elseif(FENCE STREQUAL "spdlog")
   set(pattern "${include}spdlog/")
-  set(inside "^(service/(pipeline|daemon)/[a-z0-9_]*\\.cpp|tests/pipeline/)")
+  set(inside "^(service/(pipeline|reports|daemon)/[a-z0-9_]*\\.cpp|tests/(pipeline|reports)/)")
 elseif(FENCE STREQUAL "ceres")
   set(pattern "${include}ceres/")
   set(inside "^calib/(solver|wave)/([a-z0-9_]*adjustment[a-z0-9_]*\\.cpp|corner_cost\\.(h|cpp))$")

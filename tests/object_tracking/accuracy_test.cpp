@@ -27,9 +27,6 @@ class Accuracy : public testing::Test {
     EXPECT_LE(f.mean_nees, 6);
     EXPECT_GE(f.share_inside_95, 0.85);
   }
-  // The NEES has a lower bound, which is what tells modesty; the share of some 150 sets, whose errors last from set to
-  // set, goes in steps of nearly a percent: one set outside is enough.
-  static void expect_not_too_modest(const figures::TrackingFigures& f) { EXPECT_LE(f.share_inside_95, 0.995); }
   figures::Sequence sequence;
 };
 
@@ -45,7 +42,6 @@ TEST_F(Accuracy, twoCameras) {
   EXPECT_LE(f.rms_m, blob(figures::lime_ball()).rms_m);
   EXPECT_LE(f.max_m, 0.012);
   expect_honest(f);
-  expect_not_too_modest(f);
 }
 
 TEST_F(Accuracy, occlusion) {
@@ -58,7 +54,6 @@ TEST_F(Accuracy, occlusion) {
     EXPECT_LE(f.longest_return, 3u);
     EXPECT_LE(f.largest_jump_m, 0.1);
     expect_honest(f);
-    expect_not_too_modest(f);
   }
 }
 
@@ -68,7 +63,27 @@ TEST_F(Accuracy, fastBall) {
   const figures::TrackingFigures f = ours(figures::pink_ball());
   EXPECT_LE(f.rms_m, 1.2 * blob(figures::pink_ball()).rms_m);
   expect_honest(f);
-  expect_not_too_modest(f);
+}
+
+// Of one recording of some 150 sets, whose errors last from set to set, none need be outside; of all together some
+// must.
+TEST_F(Accuracy, covariancesAreNotTooModest) {
+  SKIP_WITHOUT("rendered/two_cams");
+  SKIP_WITHOUT("rendered/occlusion");
+  SKIP_WITHOUT("rendered/fast_60fps");
+  double inside = 0, compared = 0;
+  const auto add = [&](const figures::TrackingFigures& f) {
+    inside += f.share_inside_95 * static_cast<double>(f.compared), compared += static_cast<double>(f.compared);
+  };
+  load("rendered/two_cams");
+  add(ours(figures::lime_ball()));
+  load("rendered/occlusion");
+  add(ours(figures::pink_ball()));
+  add(ours(figures::lime_ball()));
+  load("rendered/fast_60fps");
+  add(ours(figures::pink_ball()));
+  EXPECT_GT(compared, 300);
+  EXPECT_LE(inside, 0.99 * compared);
 }
 
 TEST_F(Accuracy, fastBallBeforeFreeRunningCameras) {
