@@ -16,9 +16,44 @@ namespace {
 
 using Words = std::vector<std::string>;
 
+// OpenCV's XML parser reads through a null pointer where an attribute's value has no quotes or a tag has no end.
+// throws ConfigError: there is such a tag
+void check_tags(const std::filesystem::path& path, std::string_view text) {
+  const std::size_t first = text.find_first_not_of(" \t\r\n");
+  if (first == std::string_view::npos || text[first] != '<') return;
+  const auto fail = [&](std::size_t at, const char* what) {
+    const auto line = 1 + std::count(text.begin(), text.begin() + static_cast<std::ptrdiff_t>(at), '\n');
+    throw yaml::ConfigError(path, static_cast<int>(line), what);
+  };
+  for (std::size_t i = text.find('<'); i != std::string_view::npos; i = text.find('<', i)) {
+    const std::size_t from = i;
+    if (text.substr(i).starts_with("<!--")) {
+      i = text.find("-->", i);
+      if (i == std::string_view::npos) fail(from, "this comment has no end");
+      continue;
+    }
+    char quote = '\0';
+    for (++i; i < text.size() && (quote != '\0' || text[i] != '>'); ++i) {
+      if (quote != '\0') {
+        if (text[i] == quote) quote = '\0';
+      } else if (text[i] == '"' || text[i] == '\'') {
+        quote = text[i];
+      } else if (text[i] == '<') {
+        fail(from, "this tag has no end");
+      } else if (text[i] == '=') {
+        const std::size_t value = text.find_first_not_of(" \t\r\n", i + 1);
+        if (value == std::string_view::npos || (text[value] != '"' && text[value] != '\''))
+          fail(i, "an attribute's value has no quotes");
+      }
+    }
+    if (i >= text.size()) fail(from, "this tag has no end");
+  }
+}
+
 class Storage {
  public:
   explicit Storage(std::filesystem::path path) : path_(std::move(path)), text_(text_of(path_)) {
+    check_tags(path_, text_);
     try {
       storage_.open(text_, cv::FileStorage::READ | cv::FileStorage::MEMORY);
     } catch (const cv::Exception& error) {

@@ -28,6 +28,12 @@ namespace {
 
 namespace fs = std::filesystem;
 
+// false, too, of a name that is too long to be asked about.
+bool is_file(const fs::path& file) {
+  std::error_code unknown;
+  return fs::is_regular_file(file, unknown);
+}
+
 std::string no_file(const fs::path& file) {
   std::error_code unknown;
   return fs::exists(file, unknown) ? file.string() + " is no file, but a folder, a device or a pipe"
@@ -301,7 +307,7 @@ class Reader {
     }
     const std::string given = yaml_.string(key);
     if (given == "none") return;
-    if (!fs::is_regular_file(resolved(given))) yaml_.fail(key, no_file(resolved(given)));
+    if (!is_file(resolved(given))) yaml_.fail(key, no_file(resolved(given)));
     rows = read_number_rows(resolved(given), columns, min_columns);
   }
   void strings(std::string_view key, std::vector<std::string>& value, std::string_view) {
@@ -374,7 +380,7 @@ class Reader {
   void path_or(std::string_view key, const std::string& none, fs::path& value, std::string_view) {
     const std::string given = yaml_.string(key, none);
     value = given == none ? fs::path() : resolved(given);
-    if (!value.empty() && !fs::is_regular_file(value)) yaml_.fail(key, no_file(value));
+    if (!value.empty() && !is_file(value)) yaml_.fail(key, no_file(value));
   }
   void folder_or(std::string_view key, const std::string& none, fs::path& value, std::string_view) {
     const std::string given = yaml_.string(key, none);
@@ -763,7 +769,7 @@ ServiceConfig read_config(const fs::path& file, const yaml::YamlReader& written,
       if (path != yaml::KeyPath{"version"}) (is_null ? config.taught.removed : config.taught.given).insert(path);
   }
   if (config.is_calibrated()) {
-    if (!fs::is_regular_file(config.rig_file))
+    if (!is_file(config.rig_file))
       root.fail("rig", no_file(config.rig_file) + "; rig: none shows cameras that are not calibrated yet");
     config.rig = calib::read_rig(config.rig_file);
     take_latencies(config, root);

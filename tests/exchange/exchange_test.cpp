@@ -538,6 +538,13 @@ TEST_F(Exchange, OpenCvErrors) {
                        "type_id=\"opencv-matrix\"><rows>2</rows><cols>2</cols><dt>d</dt><data>1. 2. 3. 4.</data></K>\n"
                        "<D>0. 0. 0. 0.</D>\n</opencv_storage>\n"),
               AllOf(HasSubstr("b.xml:3"), HasSubstr("3x3")));
+  // OpenCV's own parser ends the program at the first two.
+  EXPECT_THAT(error_of("c.xml", "<?xml n="), AllOf(HasSubstr("c.xml:1"), HasSubstr("has no quotes")));
+  EXPECT_THAT(error_of("d.xml", "<?xml version=  image\xff?>\n<opencv_storage></opencv_storage>\n"),
+              HasSubstr("has no quotes"));
+  EXPECT_THAT(error_of("e.xml", "<?xml version=\"1.0\"?>\n<opencv_storage\n<K>"),
+              AllOf(HasSubstr("e.xml:2"), HasSubstr("has no end")));
+  EXPECT_THAT(error_of("f.xml", "<?xml version=\"1.0\"?>\n<!-- a > b = c"), HasSubstr("comment has no end"));
 }
 
 TEST_F(Exchange, CaliscopeAndAnipose) {
