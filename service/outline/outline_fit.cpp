@@ -625,8 +625,8 @@ void OutlineFit::assemble() {
 }
 
 // What hides the object, and what else is there, does not count, nor do pixels that its edge may have softened; nor do
-// glints: what shines on the object is no light on a dull ball.
-void OutlineFit::judge_pixels() {
+// glints: what shines on the object is no light on a dull ball. True: glints were found now.
+bool OutlineFit::judge_pixels() {
   constexpr float inside = 0.8f, outside = 0.02f, telling_sigmas2 = 64, nearer2 = 0.5f, strange_sigmas2 = 49,
                   darker = 0.25f, brighter = 1.6f, within = 0.9f,
                   largest_glint = 0.25f;  // of the disc; of more the light is not known yet
@@ -635,8 +635,8 @@ void OutlineFit::judge_pixels() {
   constexpr std::uint8_t is_else = 1, hides = 2, glints = 4;
   const bool is_first = !is_judged_;
   is_judged_ = true;
-  bool any = false;
-  for (int i = 0; i < width_ * height_; ++i) {
+  bool any = false, found_glints = false;
+  for (int i = 0; (is_first || had_strange_) && i < width_ * height_; ++i) {  // where nothing was strange all are 0
     std::uint8_t& cell = strange_[static_cast<std::size_t>(i)];
     cell = is_first ? 0 : cell & (hides | glints);
     any = any || cell != 0;
@@ -646,10 +646,11 @@ void OutlineFit::judge_pixels() {
     int inner = 0, shining = 0;
     const auto shines = [&](int k) { return light_.covered[k] > within && light_.off[k] > glint_sigmas2; };
     for (int k = 0; k < light_.n; ++k) inner += light_.covered[k] > within, shining += shines(k);
-    had_glints_ = shining > 0 && shining < largest_glint * static_cast<float>(inner);
-    for (int k = 0; had_glints_ && k < light_.n; ++k)
+    found_glints = shining > 0 && shining < largest_glint * static_cast<float>(inner);
+    for (int k = 0; found_glints && k < light_.n; ++k)
       if (shines(k)) strange_[static_cast<std::size_t>(light_.cell[k])] |= glints;
-    any = any || had_glints_;
+    had_glints_ = found_glints;
+    any = any || found_glints;
   }
   for (int k = 0; k < light_.n; ++k) {
     const int cell = light_.cell[k];
@@ -682,7 +683,7 @@ void OutlineFit::judge_pixels() {
       for (int a = 0; a < columns_; ++a) strange_[static_cast<std::size_t>((v + b) * width_ + u + a)] |= is_else;
     any = true;
   }
-  if (!any && !had_strange_) return;
+  if (!any && !had_strange_) return false;
   had_strange_ = any;
   const auto near = [&](int u, int v) {
     for (int b = std::max(0, v - soft_px); b <= std::min(height_ - 1, v + soft_px); ++b)
@@ -696,6 +697,7 @@ void OutlineFit::judge_pixels() {
     light_.trust[k] = near(light_.cell[k] % width_, light_.cell[k] / width_) ? 0.f : 1.f;
   for (int k = 0; k < chroma_.n; ++k)
     chroma_.trust[k] = near(chroma_.cell[k] % across_ * columns_, chroma_.cell[k] / across_ * rows_) ? 0.f : 1.f;
+  return found_glints;
 }
 
 struct OutlineFit::Solver : Eigen::LDLT<Normal> {};
@@ -748,15 +750,20 @@ void OutlineFit::find_covariance(const Solver& solver) {
     covariance_.col(told[i]) = columns_told.col(static_cast<Eigen::Index>(i));
 }
 
+// What the pixels say of one unknown by themselves, without what was expected of it. nullopt: nothing.
+std::optional<Known> OutlineFit::told_by_itself(int i) const {
+  const double told = 1 / covariance_(i, i) - information_[i];
+  if (!(told > 0)) return std::nullopt;
+  return Known{(x_[i] / covariance_(i, i) - information_[i] * expected_[i]) / told, std::sqrt(1 / told)};
+}
+
 void OutlineFit::tell(Fit& out) const {
   const double worse = std::max(1.0, misfit_);
   out.centre = start_.centre + x_.head<2>();
   out.covariance = worse * covariance_.topLeftCorner<2, 2>();
   out.bound = normal_.topLeftCorner<2, 2>().inverse();
-  const double of_size = 1 / covariance_(size_, size_) - information_[size_];
-  if (of_size > 0) {
-    out.log_size.sigma = std::sqrt(worse / of_size);
-    out.log_size.value = (x_[size_] / covariance_(size_, size_) - information_[size_] * expected_[size_]) / of_size;
+  if (const auto size = told_by_itself(size_)) {
+    out.log_size = {size->value, std::sqrt(worse) * size->sigma};
   } else {
     out.log_size = {x_[size_], 1};
   }
@@ -791,9 +798,7 @@ Fit OutlineFit::fit(const Picture& picture, const Behind& behind, const Ellipse&
   Solver solver;
   for (out.steps = 1; out.steps <= options.most_steps; ++out.steps) {
     assemble();
-    const bool had_glints = had_glints_;
-    if (out.steps <= 3) judge_pixels();  // counts from the next step on
-    const bool are_pixels_judged = had_glints == had_glints_;
+    const bool found_glints = out.steps <= 3 && judge_pixels();  // counts from the next step on
     const Unknowns step = next_step(solver);
     if (!step.allFinite()) return out;
     x_ += step;
@@ -802,7 +807,7 @@ Fit OutlineFit::fit(const Picture& picture, const Behind& behind, const Ellipse&
       out.outcome = FitOutcome::lost;
       return out;
     }
-    if (out.steps >= 2 && are_pixels_judged && is_settled(step)) break;
+    if (out.steps >= 2 && !found_glints && is_settled(step)) break;
   }
   find_covariance(solver);
   tell(out);
@@ -816,14 +821,13 @@ void OutlineFit::learn(Look& look) const {
     known.sigma = std::max(least_sigma, std::sqrt(std::max(0.0, covariance_(i, i))));
   };
   keep(look.exposure_s, exposure_, 0.0005);
-  // Blur is the camera's: many pictures' mean, of what each says by itself, without what was expected of it.
+  // Blur is the camera's: many pictures' mean, of what each says by itself.
   const auto average = [&](Known& known, int i) {
-    const double told = 1 / std::max(1e-9, covariance_(i, i)) - information_[i];
-    if (!(told > 0)) return;
-    const double by_itself = expected_[i] + (x_[i] - expected_[i]) / (covariance_(i, i) * told);
+    const auto told = told_by_itself(i);
+    if (!told) return;
     const double sigma2 = known.sigma * known.sigma;
-    const double gain = sigma2 / (sigma2 + 1 / told + blur_of_light * blur_of_light);
-    known.value += gain * (by_itself - known.value);
+    const double gain = sigma2 / (sigma2 + told->sigma * told->sigma + blur_of_light * blur_of_light);
+    known.value += gain * (told->value - known.value);
     known.sigma = std::max(least_blur_sigma, std::sqrt((1 - gain) * sigma2));
   };
   average(look.log_blur_light, blur_light_);

@@ -12,6 +12,7 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "outline/background.h"
@@ -126,7 +127,7 @@ class OutlineFit {
   bool know_object(const Look& look);
   void make_rows();
   void begin(const Look& look, const FitOptions& options);
-  void judge_pixels();
+  bool judge_pixels();
   void assemble();
   static void assemble_rows(const Kind& kind, Rows& rows, Assembly& out);
   Kind kind_of_light() const;
@@ -135,6 +136,7 @@ class OutlineFit {
   bool is_lost() const;
   bool is_settled(const Unknowns& step) const;
   void find_covariance(const Solver& solver);
+  std::optional<Known> told_by_itself(int unknown) const;
   void tell(Fit& out) const;
 
   Ellipse start_;
