@@ -1,8 +1,9 @@
 // Targets by hand: their colour by sliders, with what matches in the moving pictures, their radius, their names; new ones.
-import { drawLive, follow, matchingShare, showLiveMasks, showRadius } from "./cameras";
+import { drawLive, follow, liveFigures, matchingShare, showLiveMasks, showRadius } from "./cameras";
 import { ask } from "./control";
-import { stepHistory, updateHistory } from "./history";
+import { updateHistory, whenStepped } from "./history";
 import type { Color, ControlReply } from "./messages";
+import { setOptions } from "./options";
 import { isServing, mayChange, store } from "./store";
 
 const $ = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
@@ -79,17 +80,9 @@ export function drawAdjust(): void {
 function makePictures(cameras: string[]): void {
   follow(cameras);
   const grid = $("adjust-pictures");
-  if ([...grid.children].map((figure) => (figure as HTMLElement).dataset.camera).join("\n") === cameras.join("\n")) return;
-  grid.replaceChildren(
-    ...cameras.map((camera) => {
-      const figure = document.createElement("figure");
-      figure.dataset.camera = camera;
-      figure.innerHTML = `<canvas role="img"></canvas><figcaption><b></b> <span></span></figcaption>`;
-      figure.querySelector("b")!.textContent = camera;
-      figure.querySelector("canvas")!.setAttribute("aria-label", `What matches in ${camera}`);
-      return figure;
-    }),
-  );
+  if (!liveFigures(grid, cameras)) return;
+  for (const figure of grid.children as unknown as HTMLElement[])
+    figure.querySelector("canvas")!.setAttribute("aria-label", `What matches in ${figure.dataset.camera}`);
 }
 
 async function act(...words: string[]): Promise<ControlReply> {
@@ -108,13 +101,6 @@ function save(): void {
   const pairs = kinds.map((kind) => `${kind}=${valuesOf(kind).map((v) => +v.toFixed(3)).join(",")}`);
   const camera = choice("camera").value ? [`camera=${choice("camera").value}`] : [];
   void act("target", "set", choice("target").value, ...pairs, `radius_m=${Number(field("radius").value) / 1000}`, ...camera);
-}
-
-function names(select: HTMLSelectElement, options: [string, string][]): void {
-  if ([...select.options].map((o) => o.value).join("\n") === options.map(([value]) => value).join("\n")) return;
-  const chosen = select.value;
-  select.replaceChildren(...options.map(([value, text]) => new Option(text, value)));
-  if (options.some(([value]) => value === chosen)) select.value = chosen;
 }
 
 function update(): void {
@@ -165,8 +151,8 @@ export function updateAdjust(serving: boolean): void {
   $("adjust-why").textContent = !serving || !scene || mayChange() ? "" : scene.why_not;
   if (panel.hidden || !scene || !isServing()) return;
   makePictures(scene.cameras.map((c) => c.name));
-  names(choice("target"), scene.targets.map((t) => [t.name, t.name]));
-  names(choice("camera"), [["", "all cameras"], ...scene.cameras.map((c): [string, string] => [c.name, `${c.name} alone`])]);
+  setOptions(choice("target"), scene.targets.map((t) => [t.name, t.name]));
+  setOptions(choice("camera"), [["", "all cameras"], ...scene.cameras.map((c): [string, string] => [c.name, `${c.name} alone`])]);
   const now = JSON.stringify([scene.host, scene.pid, scene.targets]);
   if (now !== shown && !isTouched) {
     shown = now;
@@ -204,9 +190,7 @@ $("adjust-reset").addEventListener("click", () => (fill(), update()));
 $("adjust-add").addEventListener("click", () => void act("target", "add", field("name").value.trim(), `radius_m=${Number(field("radius").value) / 1000 || defaultRadius / 1000}`));
 $("adjust-rename").addEventListener("click", () => void act("target", "rename", choice("target").value, field("name").value.trim()));
 $("adjust-remove").addEventListener("click", () => void act("target", "remove", choice("target").value));
-for (const word of ["undo", "redo"] as const)
-  $(`adjust-${word}`).addEventListener("click", async () => {
-    const reply = await stepHistory(word);
-    say(reply.reason, !reply.granted);
-    isTouched = false;
-  });
+whenStepped("adjust", (reply) => {
+  say(reply.reason, !reply.granted);
+  isTouched = false;
+});

@@ -1,10 +1,11 @@
 // The cameras calibrated while the service runs: from a board that is carried before them, with what each picture still lacks, or
 // from the object that is waved. The service records, huetrack-calibrate solves; what comes of it is used when somebody accepts it.
-import { drawLive, follow } from "./cameras";
+import { drawLive, follow, liveFigures } from "./cameras";
 import { ask } from "./control";
-import { stepHistory, updateHistory } from "./history";
+import { updateHistory, whenStepped } from "./history";
 import type { ControlReply } from "./messages";
-import { isServing, store } from "./store";
+import { setOptions } from "./options";
+import { isServing, serviceOf, store } from "./store";
 import { isHidden, watchVisibility } from "./visibility";
 
 const $ = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
@@ -154,9 +155,7 @@ function show(): void {
   const preRoll = Number(word("pre_roll_s"));
   $("calibrate-last").textContent = preRoll > 0 ? `Use the last ${preRoll} s` : "Use the last seconds";
   $<HTMLButtonElement>("calibrate-last").disabled = !(preRoll > 0);
-  const targets = (store.scene?.targets ?? []).map((t) => t.name);
-  const select = $<HTMLSelectElement>("calibrate-target");
-  if ([...select.options].map((o) => o.value).join("\n") !== targets.join("\n")) select.replaceChildren(...targets.map((name) => new Option(name, name)));
+  setOptions($<HTMLSelectElement>("calibrate-target"), (store.scene?.targets ?? []).map((t) => [t.name, t.name]));
   makePictures();
 }
 
@@ -168,18 +167,7 @@ function showSizes(): void {
 function makePictures(): void {
   const names = isBusy() && word("state") === "recording" && !panel.hidden ? (store.scene?.cameras ?? []).map((c) => c.name) : [];
   const grid = $("calibrate-pictures");
-  if ([...grid.children].map((figure) => (figure as HTMLElement).dataset.camera).join("\n") !== names.join("\n")) {
-    follow(names);
-    grid.replaceChildren(
-      ...names.map((camera) => {
-        const figure = document.createElement("figure");
-        figure.dataset.camera = camera;
-        figure.innerHTML = `<canvas role="img"></canvas><figcaption><b></b> <span></span></figcaption>`;
-        figure.querySelector("b")!.textContent = camera;
-        return figure;
-      }),
-    );
-  }
+  if (liveFigures(grid, names)) follow(names);
   for (const figure of grid.children as unknown as HTMLElement[]) {
     const of = coverage.get(figure.dataset.camera!);
     const text = of ? `${of.views} of ${of.enoughViews} views, ${of.image} % of the picture (${of.enoughImage} wanted), ${of.tilts} of 5 tilts; ${of.now}` : "";
@@ -253,7 +241,7 @@ async function accept(): Promise<void> {
 
 // Once a second.
 export function updateCalibration(serving: boolean): void {
-  const now = serving && store.scene ? `${store.scene.host}/${store.scene.pid}` : "";
+  const now = serving && store.scene ? serviceOf(store.scene) : "";
   if (now !== service) {
     service = now;
     state = null;
@@ -303,9 +291,5 @@ $("calibrate-from-now").addEventListener("click", () => void act("wave", field("
 $("calibrate-stop").addEventListener("click", () => void act("stop"));
 $("calibrate-cancel").addEventListener("click", () => void act("cancel"));
 $("calibrate-accept").addEventListener("click", () => void accept());
-for (const direction of ["undo", "redo"] as const)
-  $(`calibrate-${direction}`).addEventListener("click", async () => {
-    const reply = await stepHistory(direction);
-    say(reply.reason, !reply.granted);
-  });
+whenStepped("calibrate", (reply) => say(reply.reason, !reply.granted));
 watchVisibility(section, () => updateCalibration(isServing()));

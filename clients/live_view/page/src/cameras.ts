@@ -218,6 +218,21 @@ export function follow(cameras: string[]): void {
   followed = new Set(cameras);
 }
 
+// A figure for each of these cameras: a canvas, its name in bold, and a span for what a panel tells. False: they are there already.
+export function liveFigures(grid: HTMLElement, cameras: string[]): boolean {
+  if ([...grid.children].map((figure) => (figure as HTMLElement).dataset.camera).join("\n") === cameras.join("\n")) return false;
+  grid.replaceChildren(
+    ...cameras.map((camera) => {
+      const figure = document.createElement("figure");
+      figure.dataset.camera = camera;
+      figure.innerHTML = `<canvas role="img"></canvas><figcaption><b></b> <span></span></figcaption>`;
+      figure.querySelector("b")!.textContent = camera;
+      return figure;
+    }),
+  );
+  return true;
+}
+
 // A camera's picture as it is now, with what matches where that is asked for (showLiveMasks()), and the ring that is changed.
 export function drawLive(canvas: HTMLCanvasElement, camera: string): void {
   const view = views.get(camera);

@@ -2,7 +2,7 @@
 // moved is set at once, so that it is seen; Save keeps it beside the configuration.
 import { drawLive, follow, lightOf } from "./cameras";
 import { ask } from "./control";
-import { stepHistory, updateHistory } from "./history";
+import { updateHistory, whenStepped } from "./history";
 import { drawLight } from "./light";
 import { mayChange, store } from "./store";
 
@@ -179,12 +179,10 @@ $("controls-close").addEventListener("click", () => {
   close();
   $("controls-open").focus();
 });
-for (const word of ["undo", "redo"] as const)
-  $(`controls-${word}`).addEventListener("click", async () => {
-    const reply = await stepHistory(word);
-    changed = new Map();
-    say(reply.reason, !reply.granted);
-    setTimeout(() => void read(), 300); // the service has them set again
-  });
+whenStepped("controls", (reply) => {
+  changed = new Map();
+  say(reply.reason, !reply.granted);
+  setTimeout(() => void read(), 300); // the service has them set again
+});
 $("controls-camera").addEventListener("change", fill);
 $("controls-save").addEventListener("click", () => void save());

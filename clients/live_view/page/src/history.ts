@@ -30,3 +30,9 @@ export async function stepHistory(word: Word): Promise<ControlReply> {
   else void updateHistory();
   return reply;
 }
+
+// The buttons PANEL-undo and PANEL-redo; then: what a panel does with the answer.
+export function whenStepped(panel: string, then: (reply: ControlReply) => void): void {
+  for (const word of Object.keys(words) as Word[])
+    document.getElementById(`${panel}-${word}`)!.addEventListener("click", async () => then(await stepHistory(word)));
+}

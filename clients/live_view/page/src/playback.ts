@@ -1,6 +1,6 @@
 // A replay: paused, stepped through, slowed down and hurried.
 import { ask } from "./control";
-import { isServing, store } from "./store";
+import { isServing, serviceOf, store } from "./store";
 
 const $ = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
 
@@ -36,7 +36,7 @@ function show(): void {
 
 // Once a second: it moves on by itself, and others may have asked for something.
 export function updatePlayback(serving: boolean): void {
-  const now = serving && store.scene && isReplay() ? `${store.scene.host}/${store.scene.pid}` : "";
+  const now = serving && store.scene && isReplay() ? serviceOf(store.scene) : "";
   if (now !== service) isAllowed = isKnown = false;
   service = now;
   if (now && store.scene!.may_teach && (isAllowed || !isKnown) && !asking) void send("state");

@@ -1,7 +1,7 @@
 // Recordings of the service: begun, ended, saved after the fact, listed, downloaded.
 import { ask } from "./control";
 import type { ControlReply } from "./messages";
-import { isServing, store } from "./store";
+import { isServing, serviceOf, store } from "./store";
 import { isHidden, watchVisibility } from "./visibility";
 
 const $ = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
@@ -15,7 +15,7 @@ let state: Record<string, string> | null = null; // null: not known, or not allo
 
 const panel = $("recordings");
 const says = $("recordings-says");
-const serviceNow = () => (isServing() && store.scene ? `${store.scene.host}/${store.scene.pid}` : "");
+const serviceNow = () => (isServing() && store.scene ? serviceOf(store.scene) : "");
 
 function say(reply: ControlReply): void {
   says.textContent = reply.reason;

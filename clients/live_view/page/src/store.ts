@@ -196,6 +196,9 @@ export function targetOf(name: string, targets: string[]): string {
   return targets.includes(target) ? target : name;
 }
 
+// One run of a service: another one has another.
+export const serviceOf = (scene: Scene): string => `${scene.host}/${scene.pid}`;
+
 // Whether the service may be asked to change something. Before it is calibrated it does not tell, and says so when it is asked.
 export const mayChange = (): boolean => !!store.scene && (store.scene.may_teach || store.scene.cameras.some((c) => !c.model));
 

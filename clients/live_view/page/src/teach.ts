@@ -4,7 +4,7 @@ import { bitmapOf, showLiveMasks } from "./cameras";
 import { Labels } from "./labels";
 import { stepHistory, updateHistory } from "./history";
 import type { Color, Ignore, Scene, TaughtCamera, TeachReply } from "./messages";
-import { client, store } from "./store";
+import { client, serviceOf, store } from "./store";
 
 const $ = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
 
@@ -341,8 +341,6 @@ function draw(picture: Picture): void {
     }
   }
 }
-
-const serviceOf = (scene: Scene) => `${scene.host}/${scene.pid}`;
 
 function startAgain(): void {
   service = store.scene ? serviceOf(store.scene) : "";

@@ -1,0 +1,7 @@
+// The choices of a list, as [value, text]: changed only where they are others, and what was chosen stays chosen if it still can be.
+export function setOptions(select: HTMLSelectElement, options: [string, string][]): void {
+  if ([...select.options].map((o) => o.value).join("\n") === options.map(([value]) => value).join("\n")) return;
+  const chosen = select.value;
+  select.replaceChildren(...options.map(([value, text]) => new Option(text, value)));
+  if (options.some(([value]) => value === chosen)) select.value = chosen;
+}
