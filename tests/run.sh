@@ -52,13 +52,13 @@ run_tests() {
   done
 }
 
-run_tests "$build" -j2
+run_tests "$build" -j4   # half cores: tests/CMakeLists.txt
 if [ "$long" != 0 ]; then
   cmake --preset debug >/dev/null || fail "the debug build could not be configured"
   build_huetrack build/debug "" all || fail "the debug build failed"
   export LSAN_OPTIONS=suppressions=$PWD/tests/lsan.supp
   # Not those that measure time, or need a browser or a VM: they run whole programs, which are the same as above.
-  run_tests build/debug -j2 -E '^(end_to_end\.|browser/|v4l2/|floors/|fences/|format$)'
+  run_tests build/debug -j4 -E '^(end_to_end\.|browser/|v4l2/|floors/|fences/|format$)'
   cmake --preset tsan -DCMAKE_UNITY_BUILD=ON >/dev/null || fail "the build with ThreadSanitizer could not be configured"
   threaded="capture hosts pipeline publish client live_view page metrics daemon gather keyframes"
   # shellcheck disable=SC2086

@@ -173,7 +173,7 @@ std::vector<Task> detected(const std::vector<PictureSet>& batch, const board::Bo
 }
 
 // throws InputError: it has another size than those before it.
-void count_picture(PictureTally& camera, const Picture& picture) {
+void count_picture(PictureTally& camera, const LabelledPicture& picture) {
   const calib::ImageSize size{picture.grey.cols, picture.grey.rows};
   if (camera.pictures++ == 0) camera.image_size = size;
   if (size == camera.image_size) return;
@@ -188,7 +188,7 @@ std::vector<BoardSet> views_of(const std::vector<PictureSet>& batch, const std::
   std::vector<BoardSet> seen(batch.size());
   for (std::size_t s = 0; s < batch.size(); ++s) seen[s].at_s = batch[s].at_s;
   for (const Task& task : tasks) {
-    const Picture& picture = *batch[task.set].pictures[task.camera];
+    const LabelledPicture& picture = *batch[task.set].pictures[task.camera];
     PictureTally& camera = found.cameras[task.camera];
     count_picture(camera, picture);
     if (!task.detection.found()) {

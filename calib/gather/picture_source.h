@@ -20,7 +20,7 @@ class InputError : public std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-struct Picture {
+struct LabelledPicture {
   cv::Mat grey;                     // 8 bit
   std::string label;                // for people: "left07.jpg", "left at 3.20 s"
   std::optional<double> stamp_s{};  // the camera's time stamp, freed of jitter; nullopt: it has none, as a still
@@ -30,7 +30,7 @@ struct Picture {
 struct PictureSet {
   int number = 0;  // ascending; a moment's number in the recording
   double at_s = 0;
-  std::vector<std::optional<Picture>> pictures;  // per camera
+  std::vector<std::optional<LabelledPicture>> pictures;  // per camera
 };
 
 // thread-compatible.

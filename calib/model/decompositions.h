@@ -1,11 +1,16 @@
-// Eigen's decompositions of the matrices that are met all over the house, instantiated once, in decompositions.cpp: a
-// file that instantiates one by itself compiles for up to three seconds longer. It is part of the precompiled headers,
-// so nobody includes it; without them (preset debug) every file has its own, and the values are the same.
+// Eigen's decompositions of the matrices that are met all over the house, and its kernels of products of matrices whose
+// size is known only when the program runs, instantiated once, in decompositions.cpp: a file that instantiates one by
+// itself compiles for up to three seconds longer. It is part of the precompiled headers, so nobody includes it; without
+// them (preset debug) every file has its own, and the values are the same.
 #pragma once
 
 #include <Eigen/Cholesky>
 #include <Eigen/Core>
 #include <Eigen/Eigenvalues>
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <Eigen/QR>
+#include <Eigen/SVD>
 
 #define HUETRACK_EIGENVALUES(EXTERN, M)                                                           \
   EXTERN template Eigen::SelfAdjointEigenSolver<M>& Eigen::SelfAdjointEigenSolver<M>::compute<M>( \
@@ -13,19 +18,117 @@
 #define HUETRACK_LDLT(EXTERN, M, V)                                                       \
   EXTERN template Eigen::LDLT<M>& Eigen::LDLT<M>::compute<M>(const Eigen::EigenBase<M>&); \
   EXTERN template void Eigen::LDLT<M>::_solve_impl<V, V>(const V&, V&) const
-#define HUETRACK_LLT(EXTERN, M) EXTERN template Eigen::LLT<M>& Eigen::LLT<M>::compute<M>(const Eigen::EigenBase<M>&)
+#define HUETRACK_LLT(EXTERN, M, V)                                                      \
+  EXTERN template Eigen::LLT<M>& Eigen::LLT<M>::compute<M>(const Eigen::EigenBase<M>&); \
+  EXTERN template void Eigen::LLT<M>::_solve_impl<V, V>(const V&, V&) const
+#define HUETRACK_SVD(EXTERN, M) \
+  EXTERN template Eigen::JacobiSVD<M>& Eigen::JacobiSVD<M>::compute(const M&, unsigned int)
 
 namespace huetrack::calib {
 using DecomposedMatrix6 = Eigen::Matrix<double, 6, 6>;
 using DecomposedVector6 = Eigen::Matrix<double, 6, 1>;
+// How Eigen's products read an operand by its storage order, and write the result.
+template <int storage>
+using ProductOperand = Eigen::internal::const_blas_data_mapper<double, Eigen::Index, storage>;
+using ProductResult = Eigen::internal::blas_data_mapper<double, Eigen::Index, Eigen::ColMajor, Eigen::Unaligned, 1>;
+using ProductPacket = Eigen::internal::packet_traits<double>::type;
 }  // namespace huetrack::calib
 
+namespace Eigen::internal {
+// A symmetric matrix of two rows is tridiagonal as it stands; Eigen would instantiate its blocked Householder sequences
+// for it, five seconds of compiling, to find that. The values are the same.
+template <>
+struct tridiagonalization_inplace_selector<Eigen::Matrix2d, 2, false> {
+  template <typename Diagonal, typename Subdiagonal, typename Coefficients>
+  static void run(Eigen::Matrix2d& m, Diagonal& diagonal, Subdiagonal& subdiagonal, Coefficients&, bool extract_q) {
+    diagonal = m.diagonal();
+    subdiagonal[0] = m(1, 0);
+    if (extract_q) m.setIdentity();
+  }
+};
+// LLT of fewer than 32 rows never works in blocks, but Eigen compiles it, with products and triangular solvers. So
+// these are declared here, and decompositions.cpp has what is left of them.
+#define HUETRACK_SMALL_LLT(N)                                                                                        \
+  template <>                                                                                                        \
+  template <>                                                                                                        \
+  Eigen::Index llt_inplace<double, Eigen::Lower>::blocked<Eigen::Matrix<double, N, N>>(Eigen::Matrix<double, N, N> & \
+                                                                                       m)
+#define HUETRACK_SMALL_LLT_DEFINITION(N) \
+  HUETRACK_SMALL_LLT(N) {                \
+    static_assert(N < 32);               \
+    return unblocked(m);                 \
+  }
+HUETRACK_SMALL_LLT(2);
+HUETRACK_SMALL_LLT(3);
+HUETRACK_SMALL_LLT(4);  // room_watch
+HUETRACK_SMALL_LLT(6);
+HUETRACK_SMALL_LLT(9);   // room_watch
+HUETRACK_SMALL_LLT(10);  // papers
+HUETRACK_SMALL_LLT(18);  // leds
+
+// What Eigen has for every matrix of more than four rows.
+template <>
+struct compute_inverse<huetrack::calib::DecomposedMatrix6, huetrack::calib::DecomposedMatrix6, 6> {
+  static void run(const huetrack::calib::DecomposedMatrix6& matrix, huetrack::calib::DecomposedMatrix6& result);
+};
+}  // namespace Eigen::internal
+
+#define HUETRACK_MATRIX_PRODUCT(EXTERN, LHS, RHS)                                                                      \
+  EXTERN template struct Eigen::internal::general_matrix_matrix_product<Eigen::Index, double, LHS, false, double, RHS, \
+                                                                        false, Eigen::ColMajor, 1>
+#define HUETRACK_VECTOR_PRODUCT(EXTERN, LHS, RHS)                                     \
+  EXTERN template struct Eigen::internal::general_matrix_vector_product<              \
+      Eigen::Index, double, huetrack::calib::ProductOperand<LHS>, LHS, false, double, \
+      huetrack::calib::ProductOperand<RHS>, false, 0>
+#define HUETRACK_TRIANGULAR_SOLVE(EXTERN, MODE, STORAGE)                                                               \
+  EXTERN template struct Eigen::internal::triangular_solve_matrix<double, Eigen::Index, Eigen::OnTheLeft, MODE, false, \
+                                                                  STORAGE, Eigen::ColMajor, 1>
+#define HUETRACK_PACK_LEFT(EXTERN, STORAGE)                                                             \
+  EXTERN template struct Eigen::internal::gemm_pack_lhs<double, Eigen::Index,                           \
+                                                        huetrack::calib::ProductOperand<STORAGE>, 4, 2, \
+                                                        huetrack::calib::ProductPacket, STORAGE, false, false>
+#define HUETRACK_PRODUCTS(EXTERN)                                                                                      \
+  EXTERN template struct Eigen::internal::gebp_kernel<double, double, Eigen::Index, huetrack::calib::ProductResult, 4, \
+                                                      4, false, false>;                                                \
+  HUETRACK_PACK_LEFT(EXTERN, Eigen::ColMajor);                                                                         \
+  HUETRACK_PACK_LEFT(EXTERN, Eigen::RowMajor);                                                                         \
+  EXTERN template struct Eigen::internal::gemm_pack_rhs<                                                               \
+      double, Eigen::Index, huetrack::calib::ProductOperand<Eigen::ColMajor>, 4, Eigen::ColMajor, false, false>;       \
+  EXTERN template struct Eigen::internal::gemm_pack_rhs<double, Eigen::Index, huetrack::calib::ProductResult, 4,       \
+                                                        Eigen::ColMajor, false, true>;                                 \
+  HUETRACK_MATRIX_PRODUCT(EXTERN, Eigen::ColMajor, Eigen::ColMajor);                                                   \
+  HUETRACK_MATRIX_PRODUCT(EXTERN, Eigen::ColMajor, Eigen::RowMajor);                                                   \
+  HUETRACK_MATRIX_PRODUCT(EXTERN, Eigen::RowMajor, Eigen::ColMajor);                                                   \
+  HUETRACK_VECTOR_PRODUCT(EXTERN, Eigen::ColMajor, Eigen::ColMajor);                                                   \
+  HUETRACK_VECTOR_PRODUCT(EXTERN, Eigen::ColMajor, Eigen::RowMajor);                                                   \
+  HUETRACK_VECTOR_PRODUCT(EXTERN, Eigen::RowMajor, Eigen::ColMajor);                                                   \
+  HUETRACK_TRIANGULAR_SOLVE(EXTERN, Eigen::Lower, Eigen::ColMajor);                                                    \
+  HUETRACK_TRIANGULAR_SOLVE(EXTERN, Eigen::UnitLower, Eigen::ColMajor);                                                \
+  HUETRACK_TRIANGULAR_SOLVE(EXTERN, Eigen::Upper, Eigen::ColMajor);                                                    \
+  HUETRACK_TRIANGULAR_SOLVE(EXTERN, Eigen::UnitUpper, Eigen::RowMajor);                                                \
+  EXTERN template void Eigen::internal::evaluateProductBlockingSizesHeuristic<double, double, 1, Eigen::Index>(        \
+      Eigen::Index&, Eigen::Index&, Eigen::Index&, Eigen::Index);                                                      \
+  EXTERN template void Eigen::internal::evaluateProductBlockingSizesHeuristic<double, double, 4, Eigen::Index>(        \
+      Eigen::Index&, Eigen::Index&, Eigen::Index&, Eigen::Index)
+
+// What tracking takes.
 #define HUETRACK_DECOMPOSITIONS(EXTERN)                                                          \
+  HUETRACK_PRODUCTS(EXTERN);                                                                     \
   HUETRACK_EIGENVALUES(EXTERN, Eigen::Matrix2d);                                                 \
   HUETRACK_EIGENVALUES(EXTERN, Eigen::Matrix3d);                                                 \
+  HUETRACK_EIGENVALUES(EXTERN, Eigen::MatrixXd);                                                 \
   HUETRACK_LDLT(EXTERN, Eigen::Matrix3d, Eigen::Vector3d);                                       \
   HUETRACK_LDLT(EXTERN, huetrack::calib::DecomposedMatrix6, huetrack::calib::DecomposedVector6); \
   HUETRACK_LDLT(EXTERN, Eigen::MatrixXd, Eigen::VectorXd);                                       \
-  HUETRACK_LLT(EXTERN, Eigen::Matrix3d)
+  HUETRACK_LLT(EXTERN, Eigen::Matrix3d, Eigen::Vector3d);                                        \
+  EXTERN template void Eigen::HouseholderQR<Eigen::MatrixXd>::computeInPlace();                  \
+  EXTERN template Eigen::AngleAxisd& Eigen::AngleAxisd::operator=                                \
+      <Eigen::Quaterniond>(const Eigen::QuaternionBase<Eigen::Quaterniond>&)
+// What calibrating and tracking cameras take besides: more_decompositions.cpp.
+#define HUETRACK_MORE_DECOMPOSITIONS(EXTERN)                                                        \
+  HUETRACK_SVD(EXTERN, Eigen::Matrix3d);                                                            \
+  EXTERN template void Eigen::LDLT<Eigen::MatrixXd>::_solve_impl<Eigen::MatrixXd, Eigen::MatrixXd>( \
+      const Eigen::MatrixXd&, Eigen::MatrixXd&) const
 
 HUETRACK_DECOMPOSITIONS(extern);
+HUETRACK_MORE_DECOMPOSITIONS(extern);

@@ -1,6 +1,6 @@
 // The subcommands of huetrack-calibrate. Each adds itself to the program; the one that was asked for sets `chosen`.
 //
-// To add one: declare it here, define it in NAME_command.cpp, and list it in main.cpp.
+// To add one: declare it here, define it in NAME_command.cpp, and list it in command_line.cpp.
 #pragma once
 
 #include <cstdint>

@@ -15,7 +15,7 @@
 namespace huetrack::program {
 namespace {
 
-struct ExtrinsicsOptions : CalibrationOptions {
+struct ExtrinsicsArguments : CalibrationOptions {
   std::vector<std::string> cameras, intrinsics;
   solver::RefineLens refine = solver::RefineLens::automatic;
   std::optional<double> tolerance_s;
@@ -26,7 +26,7 @@ struct ExtrinsicsOptions : CalibrationOptions {
 
 // The rig that is to be replaced, or another one that was named, whose world is kept. nullopt: there is none, or a new
 // world was asked for.
-std::optional<calib::CameraRig> rig_before(const ExtrinsicsOptions& options) {
+std::optional<calib::CameraRig> rig_before(const ExtrinsicsArguments& options) {
   std::error_code error;
   if (!options.new_world && !options.world_of.empty()) return calib::read_rig(options.world_of);
   if (options.new_world || !std::filesystem::exists(options.rig, error)) return std::nullopt;
@@ -39,7 +39,7 @@ std::optional<calib::CameraRig> rig_before(const ExtrinsicsOptions& options) {
 }
 
 // The world of the rig that is replaced, for those of its cameras that stand as they did; otherwise a guess.
-void choose_world(solver::Extrinsics& result, const ExtrinsicsOptions& options,
+void choose_world(solver::Extrinsics& result, const ExtrinsicsArguments& options,
                   const std::optional<calib::CameraRig>& before, report::ReportInput& input) {
   const calib::Rigid3d guess = solver::upright_guess(result.adjustment);
   if (before) {
@@ -129,7 +129,7 @@ std::vector<solver::CameraToCalibrate> cameras_of(const gather::FoundBoards& fou
   return cameras;
 }
 
-ExitStatus calibrate(const ExtrinsicsOptions& options, const std::stop_token& stop) {
+ExitStatus calibrate(const ExtrinsicsArguments& options, const std::stop_token& stop) {
   require_folders(output_files(options));
   const std::optional<calib::CameraRig> before = rig_before(options);
   const board::Board board = board::read_board(options.board);
@@ -173,7 +173,7 @@ ExitStatus calibrate(const ExtrinsicsOptions& options, const std::stop_token& st
 }  // namespace
 
 void add_extrinsics_command(CLI::App& app, Command& chosen) {
-  const auto options = std::make_shared<ExtrinsicsOptions>();
+  const auto options = std::make_shared<ExtrinsicsArguments>();
   CLI::App* command =
       app.add_subcommand("extrinsics", "find all cameras in one world, from a board carried through the volume");
   add_calibration_options(*command, *options);

@@ -2,17 +2,15 @@
 #include <pthread.h>
 #include <signal.h>
 
-#include <CLI/CLI.hpp>
 #include <cstdio>
 #include <cstdlib>
 #include <exception>
 #include <stop_token>
 #include <thread>
+#include <variant>
 
-#include "calib/gather/progress_line.h"
-#include "calib/program/commands.h"
+#include "calib/program/command_line.h"
 #include "calib/yaml/text_file.h"
-#include "calib/yaml/unknown_command.h"
 
 namespace {
 
@@ -47,36 +45,11 @@ class Signals {
 
 int main(int argc, char** argv) {
   const Signals signals;  // first of all: whoever ends it early is answered, too
-  CLI::App app("huetrack-calibrate: calibrates cameras, and says whether to trust the result");
-  app.set_version_flag("--version", "huetrack-calibrate " HUETRACK_VERSION);
-  app.require_subcommand(1);
-  yaml::name_unknown_commands(app, "huetrack-calibrate", CLI::FailureMessage::simple);
-  app.footer("Ends with 0 when the result is usable, 2 when it is doubtful (the report says why), 1 when it failed.");
-
-  program::Command chosen;
-  program::add_intrinsics_command(app, chosen);
-  program::add_extrinsics_command(app, chosen);
-  program::add_world_command(app, chosen);
-  program::add_check_command(app, chosen);
-  program::add_wave_command(app, chosen);
-  program::add_time_command(app, chosen);
-  program::add_certify_command(app, chosen);
-  program::add_map_command(app, chosen);
-  program::add_exchange_commands(app, chosen);
-  program::add_accept_command(app, chosen);
-  program::add_board_command(app, chosen);
-  program::add_coverage_command(app, chosen);
-  app.add_flag_callback("--tell-program", &gather::ProgressLine::tell_programs,
-                        "progress and verdict as lines on standard output, for a program (calib/reference.md)");
-
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : 1;
-  }
+  const auto asked = program::read_command_line(argc, argv);
+  if (const auto* ended = std::get_if<program::ExitStatus>(&asked)) return static_cast<int>(*ended);
   program::ExitStatus status = program::ExitStatus::failed;
   try {
-    status = chosen(signals.token());
+    status = std::get<program::Command>(asked)(signals.token());
   } catch (const std::exception& error) {  // the user's input or the outside world: said once, in one line, here
     std::fprintf(stderr, "huetrack-calibrate: %s\n", yaml::printable(error.what(), yaml::longest_message).c_str());
     return 1;

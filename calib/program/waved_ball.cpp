@@ -98,7 +98,7 @@ BallsFrames frames_of_recording(const WavedOptions& o, const WavedInput& in, con
   Needs needs(in.rig);
   gather::ProgressLine progress(!o.quiet);
   BallsFrames frames(in.targets.size());
-  wave::Background background(names.size());
+  wave::BackgroundSamples background(names.size());
   const auto expected = source.expected_frames();
   for (int done = 0; auto frame = source.next(stop); ++done) {
     background.add(*frame);
@@ -134,7 +134,7 @@ BallsFrames frames_of_cameras(const WavedOptions& o, const WavedInput& in, const
     for (pipeline::LiveCamera& camera : cameras) {
       threads.emplace_back([&, source = camera.source.get()] {
         Finder finder(in);
-        wave::Background background(in.rig.cameras.size());
+        wave::BackgroundSamples background(in.rig.cameras.size());
         BallsFrames seen(in.targets.size());
         while (const auto frame = source->next(end.get_token())) {
           background.add(*frame);

@@ -141,9 +141,9 @@ SetEquations set_equations(const Adjustment& a, const BoardShape& shape, const P
   const BoardMotion& motion = a.motions[index(number)];
   const auto add_prior = [&](const std::vector<int>& at, const MatrixXd& j, const VectorXd& off,
                              const MatrixXd& information) {
-    const MatrixXd weight = a.noise_px * a.noise_px * information;
-    set.by_own(at, at) += j.transpose() * weight * j;
-    set.own_gradient(at) += j.transpose() * weight * off;
+    const MatrixXd weight = a.noise_px * a.noise_px * information, weighted = j.transpose() * weight;
+    set.by_own(at, at) += MatrixXd(weighted * j);
+    set.own_gradient(at) += VectorXd(weighted * off);
     set.cost += off.dot(weight * off);
     set.residuals += static_cast<int>(off.size());
   };
@@ -185,9 +185,10 @@ NormalEquations normal_equations(const Adjustment& a, const BoardShape& shape, c
     equations.residuals += set.residuals;
     equations.own += static_cast<int>(set.by_own.rows());
     const Eigen::LDLT<MatrixXd> solver(set.by_own);
-    equations.of_sets.push_back({a.views[first].set,
-                                 set.by_parameters - set.mixed * solver.solve(set.mixed.transpose()),
-                                 set.gradient - set.mixed * solver.solve(set.own_gradient)});
+    const MatrixXd own_by_parameters = solver.solve(MatrixXd(set.mixed.transpose()));
+    const VectorXd own = solver.solve(set.own_gradient);
+    equations.of_sets.push_back(
+        {a.views[first].set, set.by_parameters - set.mixed * own_by_parameters, set.gradient - set.mixed * own});
     equations.information += equations.of_sets.back().information;
   }
   for (std::size_t c = 0; c < a.cameras.size(); ++c) {
@@ -218,7 +219,8 @@ NormalEquations normal_equations(const Adjustment& a, const BoardShape& shape, c
 
 // Directions without information get a huge variance rather than a wrong one. scale: see find_covariance().
 MatrixXd inverse_of(const MatrixXd& information, const VectorXd& scale) {
-  const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(scale.asDiagonal() * information * scale.asDiagonal());
+  const MatrixXd scaled = scale.asDiagonal() * information * scale.asDiagonal();
+  const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(scaled);
   const VectorXd inverse_values = eigen.eigenvalues().cwiseMax(1e-13).cwiseInverse();
   return scale.asDiagonal() * eigen.eigenvectors() * inverse_values.asDiagonal() * eigen.eigenvectors().transpose() *
          scale.asDiagonal();
@@ -254,12 +256,12 @@ MatrixXd jackknife_moves(const std::vector<NormalEquations::OfSet>& pieces, cons
   const auto count = static_cast<double>(pieces.size());
   MatrixXd moves(information.rows(), static_cast<Eigen::Index>(pieces.size()));
   for (std::size_t k = 0; k < pieces.size(); ++k) {
-    const MatrixXd others =
+    MatrixXd others =
         scale.asDiagonal() * (information - MatrixXd(pieces[k].information(free, free))) * scale.asDiagonal();
+    others.diagonal().array() += 1e-12;
     const VectorXd gradient = scale.asDiagonal() * VectorXd(pieces[k].gradient(free));
     moves.col(static_cast<Eigen::Index>(k)) =
-        std::sqrt((count - 1) / count) * scale.asDiagonal() *
-        (others + 1e-12 * MatrixXd::Identity(information.rows(), information.cols())).ldlt().solve(gradient);
+        std::sqrt((count - 1) / count) * scale.asDiagonal() * VectorXd(others.ldlt().solve(gradient));
   }
   return moves;
 }

@@ -125,7 +125,7 @@ UsedBlocks add_corners(ceres::Problem& problem, const Adjustment& a, const Board
     const std::size_t c = index(view.camera), s = index(view.set);
     for (std::size_t k = 0; k < view.ids.size(); ++k) {
       if (!a.fits[v].used[k]) continue;
-      const Corner corner = corner_of(a, shape, v, k);
+      const BoardCorner corner = corner_of(a, shape, v, k);
       if (a.moves(view.set)) {
         problem.AddResidualBlock(moving_corner_cost(a.cameras[c].lens, corner, *view.stamp_s - a.motions[s].at_s,
                                                     blocks.view_in_set(v), blocks.views_of(s))

@@ -177,7 +177,8 @@ void renew_motions(Adjustment& a, const BoardShape& shape, bool with_stamps) {
     const SetEquations equations = own_equations(a, shape, views.first, views.last);
     if (equations.residuals == 0) continue;
     const auto size = equations.by_own.rows();
-    const MatrixXd covariance = a.noise_px * a.noise_px * equations.by_own.ldlt().solve(MatrixXd::Identity(size, size));
+    const MatrixXd covariance =
+        a.noise_px * a.noise_px * equations.by_own.ldlt().solve(MatrixXd(MatrixXd::Identity(size, size)));
     if (!covariance.allFinite() || covariance.diagonal().minCoeff() <= 0) continue;
     // A pose is never better than the flatness of a board.
     constexpr double least_sigma = 2e-5;

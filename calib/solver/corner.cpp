@@ -76,7 +76,7 @@ BoardShape::BoardShape(const board::Board& board) {
   for (const Vector3d& p : points) by_warp.push_back(point_by_warp(p, low, high));
 }
 
-Corner corner_of(const Adjustment& a, const BoardShape& shape, std::size_t v, std::size_t k) {
+BoardCorner corner_of(const Adjustment& a, const BoardShape& shape, std::size_t v, std::size_t k) {
   const BoardView& view = a.views[v];
   const std::size_t id = index(view.ids[k]);
   const int height = a.cameras[index(view.camera)].image_size.height;
@@ -84,7 +84,7 @@ Corner corner_of(const Adjustment& a, const BoardShape& shape, std::size_t v, st
 }
 
 bool corner_residual(LensModel lens, const LensParameters& parameters, const calib::Rigid3d& cam_from_world,
-                     const BoardState& board, const Corner& corner, Vector2d& residual, CornerDerivatives* d) {
+                     const BoardState& board, const BoardCorner& corner, Vector2d& residual, CornerDerivatives* d) {
   const Vector3d own_point = corner.point + corner.by_warp * board.warp;
   MovedPoint way;
   if (board.motion != nullptr) way = moved(*board.motion, board.after_s, own_point);
@@ -116,7 +116,7 @@ bool corner_residual(const Adjustment& a, const BoardShape& shape, std::size_t v
                      CornerDerivatives* d) {
   const BoardView& view = a.views[v];
   const AdjustedCamera& camera = a.cameras[index(view.camera)];
-  const Corner corner = corner_of(a, shape, v, k);
+  const BoardCorner corner = corner_of(a, shape, v, k);
   BoardState board{a.world_from_board[index(view.set)], a.warp};
   if (a.moves(view.set)) {
     board.motion = &a.motions[index(view.set)];

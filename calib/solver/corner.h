@@ -33,13 +33,13 @@ struct CornerDerivatives {
 };
 
 // One corner in one view.
-struct Corner {
+struct BoardCorner {
   Eigen::Vector3d point;  // of the board as its file says
   PointByWarp by_warp;    // see BoardShape
   Eigen::Vector2d measured;
   double below_middle = 0;  // of its row, in image heights: -1/2 the first row, 1/2 the last
 };
-Corner corner_of(const Adjustment& a, const BoardShape& shape, std::size_t view, std::size_t corner);
+BoardCorner corner_of(const Adjustment& a, const BoardShape& shape, std::size_t view, std::size_t corner);
 
 // A board's pose at the moment of its set; and of one that moves, how: motion may be null.
 struct BoardState {
@@ -51,7 +51,8 @@ struct BoardState {
 
 // Projected minus measured; d may be null. false: behind the camera.
 bool corner_residual(LensModel lens, const LensParameters& parameters, const calib::Rigid3d& cam_from_world,
-                     const BoardState& board, const Corner& corner, Eigen::Vector2d& residual, CornerDerivatives* d);
+                     const BoardState& board, const BoardCorner& corner, Eigen::Vector2d& residual,
+                     CornerDerivatives* d);
 
 // The same for the state as it is.
 bool corner_residual(const Adjustment& a, const BoardShape& shape, std::size_t view, std::size_t corner,

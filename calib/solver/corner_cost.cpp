@@ -71,7 +71,7 @@ void put_out(const CornerDerivatives& d, int board_size, double** jacobians) {
 
 class CornerCost final : public ceres::SizedCostFunction<2, 12, pose_block_size, pose_block_size, 3> {
  public:
-  CornerCost(LensModel lens, const Corner& corner) : lens_(lens), corner_(corner) {}
+  CornerCost(LensModel lens, const BoardCorner& corner) : lens_(lens), corner_(corner) {}
 
   bool Evaluate(const double* const* blocks, double* residuals, double** jacobians) const override {
     const LensParameters parameters = Eigen::Map<const LensParameters>(blocks[0]);
@@ -90,12 +90,12 @@ class CornerCost final : public ceres::SizedCostFunction<2, 12, pose_block_size,
 
  private:
   LensModel lens_;
-  Corner corner_;
+  BoardCorner corner_;
 };
 
 class MovingCornerCost final : public ceres::CostFunction {
  public:
-  MovingCornerCost(LensModel lens, const Corner& corner, double after_s, int view, int views)
+  MovingCornerCost(LensModel lens, const BoardCorner& corner, double after_s, int view, int views)
       : lens_(lens), corner_(corner), after_s_(after_s), stamp_at_(stamps_at + view) {
     set_num_residuals(2);
     *mutable_parameter_block_sizes() = {12, pose_block_size, stamps_at + views, 3, 2};
@@ -134,7 +134,7 @@ class MovingCornerCost final : public ceres::CostFunction {
 
  private:
   LensModel lens_;
-  Corner corner_;
+  BoardCorner corner_;
   double after_s_;
   int stamp_at_;
 };
@@ -272,12 +272,12 @@ std::unique_ptr<ceres::Manifold> pose_manifold(bool left, int more) {
   return std::make_unique<PoseManifold>(left, more);
 }
 
-std::unique_ptr<ceres::CostFunction> corner_cost(LensModel lens, const Corner& corner) {
+std::unique_ptr<ceres::CostFunction> corner_cost(LensModel lens, const BoardCorner& corner) {
   return std::make_unique<CornerCost>(lens, corner);
 }
 
-std::unique_ptr<ceres::CostFunction> moving_corner_cost(LensModel lens, const Corner& corner, double after_s, int view,
-                                                        int views) {
+std::unique_ptr<ceres::CostFunction> moving_corner_cost(LensModel lens, const BoardCorner& corner, double after_s,
+                                                        int view, int views) {
   return std::make_unique<MovingCornerCost>(lens, corner, after_s, view, views);
 }
 

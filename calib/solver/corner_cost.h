@@ -24,12 +24,12 @@ inline constexpr int course_at = pose_block_size, stamps_at = pose_block_size + 
 std::unique_ptr<ceres::Manifold> pose_manifold(bool left, int more = 0);
 
 // Blocks: lens (12), cam_from_world (7), board (7), warp (3).
-std::unique_ptr<ceres::CostFunction> corner_cost(LensModel lens, const Corner& corner);
+std::unique_ptr<ceres::CostFunction> corner_cost(LensModel lens, const BoardCorner& corner);
 
 // Blocks: the same, the board's with `views` errors of stamps, and latency and readout of the camera (2). view: which
 // of the stamps is this view's. after_s: of the stamp, after BoardMotion::at_s.
-std::unique_ptr<ceres::CostFunction> moving_corner_cost(LensModel lens, const Corner& corner, double after_s, int view,
-                                                        int views);
+std::unique_ptr<ceres::CostFunction> moving_corner_cost(LensModel lens, const BoardCorner& corner, double after_s,
+                                                        int view, int views);
 
 // What is known beforehand of a board's course, in its block. noise_px: what one standard deviation costs.
 std::unique_ptr<ceres::CostFunction> course_cost(int block_size, const BoardMotion& motion, double noise_px);

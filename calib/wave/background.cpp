@@ -39,7 +39,7 @@ Eigen::Vector3f light_at(const capture::Image& image, int u, int v) {
   return {(p.y - 16.f) * (255.f / 219), (p.u - 128.f) * (255.f / 224), (p.v - 128.f) * (255.f / 224)};
 }
 
-void Background::add(const capture::Frame& frame) {
+void BackgroundSamples::add(const capture::Frame& frame) {
   const auto camera = static_cast<std::size_t>(frame.camera);
   if (frame.status != capture::FrameStatus::ok || camera >= of_camera_.size()) return;
   PerCamera& of = of_camera_[camera];
@@ -53,7 +53,7 @@ void Background::add(const capture::Frame& frame) {
   of.every *= 2;
 }
 
-std::optional<BackgroundImage> Background::of(std::size_t camera) const {
+std::optional<BackgroundImage> BackgroundSamples::of(std::size_t camera) const {
   const std::vector<capture::Image>& samples = of_camera_.at(camera).samples;
   if (samples.size() < least_samples) return std::nullopt;
   BackgroundImage out;

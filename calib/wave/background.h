@@ -24,9 +24,9 @@ struct BackgroundImage {
 };
 
 // Keeps copies of a few frames of each camera, spread over all that it was given. thread-compatible.
-class Background {
+class BackgroundSamples {
  public:
-  explicit Background(std::size_t camera_count) : of_camera_(camera_count) {}
+  explicit BackgroundSamples(std::size_t camera_count) : of_camera_(camera_count) {}
 
   // Damaged frames, and such as differ in size from those before, are left out.
   void add(const capture::Frame& frame);

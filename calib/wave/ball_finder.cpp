@@ -56,7 +56,7 @@ Eigen::Matrix2d shape_at(const calib::CameraModel& model, const Eigen::Vector2d&
 
 }  // namespace
 
-void sharpen(std::vector<BallFrame>& frames, const Background& background, const calib::CameraRig& rig,
+void sharpen(std::vector<BallFrame>& frames, const BackgroundSamples& background, const calib::CameraRig& rig,
              const solver::Progress& progress) {
   int done = 0;
   for (std::size_t camera = 0; camera < rig.cameras.size(); ++camera) {

@@ -19,8 +19,8 @@ struct BallFrame {
   int camera = 0;  // in the rig
   double t_s = 0;  // the camera's stamp, smoothed: its latency and its readout are not taken out yet
   std::vector<object_tracking::ColorRegion>
-      regions;                      // of the target's colour, largest first; not those that the image's border cuts
-  std::vector<Patch> patches = {};  // beside the regions, or none
+      regions;                          // of the target's colour, largest first; not those that the image's border cuts
+  std::vector<BallPatch> patches = {};  // beside the regions, or none
 };
 
 struct BallFinderOptions {
@@ -49,7 +49,7 @@ class BallFinder {
 
 // The regions once more, against what each camera sees behind them: ten times as right where the background has things
 // of the object's hue. Lets the patches go. Of a camera with too few samples they stay as they are.
-void sharpen(std::vector<BallFrame>& frames, const Background& background, const calib::CameraRig& rig,
+void sharpen(std::vector<BallFrame>& frames, const BackgroundSamples& background, const calib::CameraRig& rig,
              const solver::Progress& progress = {});
 
 // Takes out what stays where it is: regions that are seen at the same place (to 1.5 px) in at least `share` of their

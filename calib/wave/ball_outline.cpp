@@ -20,9 +20,9 @@ constexpr double margin_px = 7;         // of a patch, beyond the region
 constexpr double most_extent_px = 150;  // of a patch; larger regions are as sharp as they need to be
 
 // The ellipse that is as wide as the region.
-class Ellipse {
+class RegionEllipse {
  public:
-  explicit Ellipse(const object_tracking::ColorRegion& region)
+  explicit RegionEllipse(const object_tracking::ColorRegion& region)
       : centre(region.centre),
         radius(2 * std::pow(region.spread.determinant(), 0.25)),
         reach(2 * region.spread.diagonal().cwiseSqrt()),
@@ -42,11 +42,11 @@ class Ellipse {
   Eigen::Matrix2d shape_;
 };
 
-struct Box {
+struct PixelRange {
   int u_min, v_min, u_max, v_max;
 };
 
-Box box_around(const Ellipse& ellipse, double margin, const Box& within) {
+PixelRange box_around(const RegionEllipse& ellipse, double margin, const PixelRange& within) {
   const Vector2d low = ellipse.centre - ellipse.reach, high = ellipse.centre + ellipse.reach;
   return {std::max(within.u_min, static_cast<int>(std::floor(low.x() - margin))),
           std::max(within.v_min, static_cast<int>(std::floor(low.y() - margin))),
@@ -54,13 +54,13 @@ Box box_around(const Ellipse& ellipse, double margin, const Box& within) {
           std::min(within.v_max, static_cast<int>(std::ceil(high.y() + margin)))};
 }
 
-Vector3d light_of(const Patch::Pixel& pixel) {
+Vector3d light_of(const BallPatch::Pixel& pixel) {
   return {static_cast<double>(pixel.light), static_cast<double>(pixel.blue), static_cast<double>(pixel.red)};
 }
 
-void for_each_pixel(const Patch& patch, const Ellipse& ellipse, double margin, auto&& visit) {
-  const Box box = box_around(ellipse, margin,
-                             {patch.u_min, patch.v_min, patch.u_min + patch.width - 1, patch.v_min + patch.height - 1});
+void for_each_pixel(const BallPatch& patch, const RegionEllipse& ellipse, double margin, auto&& visit) {
+  const PixelRange box = box_around(
+      ellipse, margin, {patch.u_min, patch.v_min, patch.u_min + patch.width - 1, patch.v_min + patch.height - 1});
   for (int v = box.v_min; v <= box.v_max; ++v) {
     for (int u = box.u_min; u <= box.u_max; ++u) visit(u, v, patch.at(u, v), ellipse.beyond_edge(u, v));
   }
@@ -69,7 +69,7 @@ void for_each_pixel(const Patch& patch, const Ellipse& ellipse, double margin, a
 // How bright the object is over the region: a plane, as a ball is lit from one side.
 class Shading {
  public:
-  Shading(const Ellipse& ellipse) : centre_(ellipse.centre), radius_(ellipse.radius) {}
+  Shading(const RegionEllipse& ellipse) : centre_(ellipse.centre), radius_(ellipse.radius) {}
   void add(int u, int v, double light) {
     const Vector3d at(1, u - centre_.x(), v - centre_.y());
     normal_ += at * at.transpose();
@@ -124,12 +124,12 @@ class Coverage {
 
 }  // namespace
 
-Patch patch_around(const capture::Image& image, object_tracking::MatchBits& matches,
-                   const object_tracking::ColorRegion& region) {
-  Patch patch;
-  const Ellipse ellipse(region);
+BallPatch patch_around(const capture::Image& image, object_tracking::MatchBits& matches,
+                       const object_tracking::ColorRegion& region) {
+  BallPatch patch;
+  const RegionEllipse ellipse(region);
   if (2 * ellipse.reach.maxCoeff() + 2 * margin_px > most_extent_px) return patch;
-  const Box box = box_around(ellipse, margin_px, {0, 0, image.width - 1, image.height - 1});
+  const PixelRange box = box_around(ellipse, margin_px, {0, 0, image.width - 1, image.height - 1});
   patch.chroma_columns =
       image.format == capture::PixelFormat::bgr || image.format == capture::PixelFormat::i444 ? 1 : 2;
   patch.u_min = box.u_min, patch.v_min = box.v_min;
@@ -145,14 +145,14 @@ Patch patch_around(const capture::Image& image, object_tracking::MatchBits& matc
   return patch;
 }
 
-object_tracking::ColorRegion outline_over_ring(const Patch& patch, const object_tracking::ColorRegion& region) {
+object_tracking::ColorRegion outline_over_ring(const BallPatch& patch, const object_tracking::ColorRegion& region) {
   constexpr double rim_px = 1, ring_from_px = 2.5, ring_to_px = 4.5, noise = 4;
   if (patch.empty()) return region;
-  const Ellipse ellipse(region);
+  const RegionEllipse ellipse(region);
   Vector3d object = Vector3d::Zero(), background = Vector3d::Zero();
   std::vector<double> light;
   double inside = 0;
-  for_each_pixel(patch, ellipse, ring_to_px, [&](int, int, const Patch::Pixel& pixel, double off) {
+  for_each_pixel(patch, ellipse, ring_to_px, [&](int, int, const BallPatch::Pixel& pixel, double off) {
     if (pixel.match && off < 0) {
       object += light_of(pixel);
       ++inside;
@@ -169,12 +169,12 @@ object_tracking::ColorRegion outline_over_ring(const Patch& patch, const object_
   mix << of_object, of_background;
   const Eigen::Matrix<double, 2, 3> unmix = (mix.transpose() * mix).inverse() * mix.transpose();
   Shading shading(ellipse);
-  for_each_pixel(patch, ellipse, 0, [&](int u, int v, const Patch::Pixel& pixel, double off) {
+  for_each_pixel(patch, ellipse, 0, [&](int u, int v, const BallPatch::Pixel& pixel, double off) {
     if (off <= -1 && pixel.match) shading.add(u, v, (unmix * light_of(pixel)).x());
   });
   if (!shading.solve(object.x() / inside)) return region;
   Coverage coverage(region.centre);
-  for_each_pixel(patch, ellipse, rim_px, [&](int u, int v, const Patch::Pixel& pixel, double off) {
+  for_each_pixel(patch, ellipse, rim_px, [&](int u, int v, const BallPatch::Pixel& pixel, double off) {
     if (off > rim_px) return;
     const Vector2d parts = (unmix * light_of(pixel)).cwiseMax(0);  // light of the object, of the background
     coverage.add(u, v, parts.x() / (parts.x() + parts.y() * shading.at(u, v) / std::max(behind, 10.0) + noise));
@@ -201,7 +201,8 @@ class EllipseFit {
  public:
   using Place = Vector3d;  // centre, px; log of the size
 
-  EllipseFit(const Patch& patch, const BackgroundImage& background, const Eigen::Matrix2d& shape, const Place& start)
+  EllipseFit(const BallPatch& patch, const BackgroundImage& background, const Eigen::Matrix2d& shape,
+             const Place& start)
       : shape_inverse_(shape.inverse()), origin_(start.head<2>()), columns_(patch.chroma_columns) {
     size_ = std::exp(start.z()) * std::sqrt(shape.determinant());
     const Vector3d noise = background.noise.cast<double>();
@@ -237,9 +238,9 @@ class EllipseFit {
     double damping = 1e-3;
     System now = system_at(x, start);
     for (int round = 0; round < 25; ++round) {
-      Eigen::Matrix<double, unknowns, unknowns> damped = now.normal;
+      Eigen::MatrixXd damped = now.normal;  // of any size: for those the house has one LDLT already
       damped.diagonal() *= 1 + damping;
-      const Unknowns next = x - damped.ldlt().solve(now.gradient);
+      const Unknowns next = x - Unknowns(damped.ldlt().solve(Eigen::VectorXd(now.gradient)));
       if (!next.allFinite() || (next - start).head<2>().norm() > 0.7 * size_ || std::abs(next[2] - start[2]) > 0.5) {
         if ((damping *= 10) > 1e6) break;
         continue;
@@ -431,7 +432,7 @@ class EllipseFit {
 
 }  // namespace
 
-object_tracking::ColorRegion outline_over_background(const Patch& patch, const object_tracking::ColorRegion& region,
+object_tracking::ColorRegion outline_over_background(const BallPatch& patch, const object_tracking::ColorRegion& region,
                                                      const BackgroundImage& background, const Eigen::Matrix2d& shape) {
   // Beyond what blur and a compressed picture's shared chroma carry out of the object.
   constexpr double ring_from_px = 4, ring_to_px = 7, changed_sigmas = 6, most_changed = 0.5;
@@ -441,15 +442,15 @@ object_tracking::ColorRegion outline_over_background(const Patch& patch, const o
     return (light_of(patch.at(u, v)) - background.at(u, v).cast<double>()).cwiseQuotient(steady.cast<double>()).norm();
   };
   // What has the colour and is not the background's own.
-  const Ellipse rough(region);
+  const RegionEllipse rough(region);
   Coverage moving(region.centre);
-  for_each_pixel(patch, rough, 2, [&](int u, int v, const Patch::Pixel& pixel, double off) {
+  for_each_pixel(patch, rough, 2, [&](int u, int v, const BallPatch::Pixel& pixel, double off) {
     if (off < 2 && pixel.match && change(u, v) > 4) moving.add(u, v, 1);
   });
   const object_tracking::ColorRegion start = moving.region_or(region, rough.radius);
-  const Ellipse ellipse(start);
+  const RegionEllipse ellipse(start);
   int ring = 0, changed = 0;
-  for_each_pixel(patch, ellipse, ring_to_px, [&](int u, int v, const Patch::Pixel&, double off) {
+  for_each_pixel(patch, ellipse, ring_to_px, [&](int u, int v, const BallPatch::Pixel&, double off) {
     if (off < ring_from_px || off > ring_to_px) return;
     ++ring;
     changed += change(u, v) > changed_sigmas ? 1 : 0;

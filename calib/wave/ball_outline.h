@@ -11,7 +11,7 @@
 namespace huetrack::wave {
 
 // The pixels around a region, so that it can be looked at again when the frame is gone.
-struct Patch {
+struct BallPatch {
   struct Pixel {
     std::uint8_t light = 0;
     std::int8_t blue = 0, red = 0;  // chroma; see light_at
@@ -28,19 +28,19 @@ struct Patch {
   }
 };
 
-Patch patch_around(const capture::Image& image, object_tracking::MatchBits& matches,
-                   const object_tracking::ColorRegion& region);
+BallPatch patch_around(const capture::Image& image, object_tracking::MatchBits& matches,
+                       const object_tracking::ColorRegion& region);
 
 // A pixel is light of the object's chroma, as bright as the object's shading makes it, over the background's light.
 // What of the background is missing is covered. The region itself where that cannot be told.
 
 // The background is taken to be of one colour, that of a ring around the region: a first guess.
-object_tracking::ColorRegion outline_over_ring(const Patch& patch, const object_tracking::ColorRegion& region);
+object_tracking::ColorRegion outline_over_ring(const BallPatch& patch, const object_tracking::ColorRegion& region);
 
 // Behind every pixel is what the camera sees there otherwise: the background's own things of the object's hue do no
 // harm. Where something else that moves is around the region (the arm that holds it), it is left to
 // outline_over_ring().
-object_tracking::ColorRegion outline_over_background(const Patch& patch, const object_tracking::ColorRegion& region,
+object_tracking::ColorRegion outline_over_background(const BallPatch& patch, const object_tracking::ColorRegion& region,
                                                      const BackgroundImage& background, const Eigen::Matrix2d& shape);
 
 }  // namespace huetrack::wave

@@ -91,7 +91,8 @@ ShapeErrors shape_errors(const calib::CameraRig& rig, const WaveState& state, co
   }
   if (!places.empty()) shape.middle = mean / shape.places;
   shape.reach_m = std::sqrt(shape.reach_m);
-  shape.alignment = (world.transpose() * world).ldlt().solve(world.transpose() * all);
+  const Eigen::MatrixXd normal = world.transpose() * world, right = world.transpose() * all;
+  shape.alignment = normal.ldlt().solve(right);
   shape.by_poses = all - world * shape.alignment;
   return shape;
 }

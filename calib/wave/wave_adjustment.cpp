@@ -1,6 +1,11 @@
 #include "calib/wave/wave_adjustment.h"
 
-#include <ceres/ceres.h>
+#include <ceres/autodiff_cost_function.h>
+#include <ceres/crs_matrix.h>
+#include <ceres/loss_function.h>
+#include <ceres/problem.h>
+#include <ceres/sized_cost_function.h>
+#include <ceres/solver.h>
 #include <glog/logging.h>
 
 #include <Eigen/Cholesky>
@@ -237,7 +242,7 @@ Eigen::MatrixXd gain_of(ceres::Problem& problem, const std::vector<double*>& wan
   const Eigen::MatrixXd information =
       Eigen::MatrixXd(by_wanted.transpose() * by_wanted) - cross.transpose() * path_by_wanted;
   const Eigen::LDLT<Eigen::MatrixXd> ldlt(information);
-  const Eigen::MatrixXd covariance = ldlt.solve(Eigen::MatrixXd::Identity(size, size));
+  const Eigen::MatrixXd covariance = ldlt.solve(Eigen::MatrixXd(Eigen::MatrixXd::Identity(size, size)));
   if (!covariance.allFinite() || (covariance.diagonal().array() <= 0).any()) {
     throw solver::CalibrationError(
         "the camera poses are not determined by how the ball was moved: carry it through the whole volume, "

@@ -221,7 +221,7 @@ class Stream {
     return static_cast<std::size_t>(row - camera_.timestamps.begin());
   }
 
-  std::optional<Timestamp> capture_time(const VideoReader::Picture& picture) {
+  std::optional<Timestamp> capture_time(const VideoReader::Shown& picture) {
     if (!camera_.timestamps.empty()) return camera_.timestamps[row_of(picture.index)].second + camera_.offset;
     if (camera_.fps > 0) {
       warn_of_gap(picture);
@@ -236,7 +236,7 @@ class Stream {
   }
 
   // A file of the stated rate that lacks a frame: every time from there on is wrong by a frame.
-  void warn_of_gap(const VideoReader::Picture& picture) {
+  void warn_of_gap(const VideoReader::Shown& picture) {
     const Duration period = duration_of(1 / camera_.fps);
     if (warned_of_gap_ || !picture.stamp) return;
     if (!first_stamp_) first_stamp_ = {picture.index, *picture.stamp};
@@ -250,7 +250,7 @@ class Stream {
          ": from there on, fps gives times that are too early. Leave fps out to use the file's time stamps");
   }
 
-  bool has_the_size(const VideoReader::Picture& picture) {
+  bool has_the_size(const VideoReader::Shown& picture) {
     const Image& image = picture.image;
     if (info_.width == 0) {
       info_.width = image.width;

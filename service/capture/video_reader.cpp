@@ -258,7 +258,7 @@ struct VideoReader::Impl {
 
   // ---- One picture after the other
 
-  std::optional<Picture> next() {
+  std::optional<Shown> next() {
     const LogScope scope(log);
     while (ready.empty() && !ended) {
       const auto last = selection.last();
@@ -269,7 +269,7 @@ struct VideoReader::Impl {
         read_image();
     }
     if (ready.empty()) return std::nullopt;
-    Picture picture = std::move(ready.front());
+    Shown picture = std::move(ready.front());
     ready.pop_front();
     return picture;
   }
@@ -541,7 +541,7 @@ struct VideoReader::Impl {
     if (!selection.contains(number)) return;
     if (!image && images.empty())
       warn(lost_warnings, "frame " + std::to_string(number) + " does not decode" + log.take());
-    Picture picture{.index = number, .stamp = {}, .image = image ? std::move(*image) : Image{}};
+    Shown picture{.index = number, .stamp = {}, .image = image ? std::move(*image) : Image{}};
     if (pts) picture.stamp = Timestamp{Duration(av_rescale_q(*pts, stream->time_base, {1, 1'000'000'000}))};
     ready.push_back(std::move(picture));
   }
@@ -590,7 +590,7 @@ struct VideoReader::Impl {
   bool is_intra_only = false;
   bool is_delayed = false;
 
-  std::deque<Picture> ready;
+  std::deque<Shown> ready;
   bool ended = false;
   std::int64_t index = 0;  // of the next picture
 
@@ -617,7 +617,7 @@ VideoReader::VideoReader(const RecordedCamera& camera, int threads, std::vector<
     : impl_(std::make_unique<Impl>(camera, threads, warnings, std::move(growing))) {}
 VideoReader::~VideoReader() = default;
 
-std::optional<VideoReader::Picture> VideoReader::next() {
+std::optional<VideoReader::Shown> VideoReader::next() {
   return impl_->next();
 }
 

@@ -30,7 +30,7 @@ class FrameSelection {
 // thread-compatible.
 class VideoReader {
  public:
-  struct Picture {
+  struct Shown {
     std::int64_t index = 0;          // in the stream; a picture that is lost still takes its number
     std::optional<Timestamp> stamp;  // the container's own presentation time, if it has one
     Image image;                     // of width 0: it does not decode
@@ -44,7 +44,7 @@ class VideoReader {
   VideoReader(const VideoReader&) = delete;
   VideoReader& operator=(const VideoReader&) = delete;
 
-  std::optional<Picture> next();  // the next selected one; nullopt at the end. Never throws.
+  std::optional<Shown> next();  // the next selected one; nullopt at the end. Never throws.
 
   std::optional<std::int64_t> frame_count() const;  // of the whole stream, as the file declares it: may be wrong
   Duration frame_period() const;                    // average, as the file declares it; 0 when unknown

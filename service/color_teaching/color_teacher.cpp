@@ -109,7 +109,7 @@ const std::vector<object_tracking::PixelBox>& ColorTeacher::ignored_in(const Tea
   return own == request.ignored.end() ? none : own->second;
 }
 
-Taught ColorTeacher::teach(const TeachRequestOptions& request, const object_tracking::Box& volume) const {
+Taught ColorTeacher::teach(const TeachRequestOptions& request, const object_tracking::Volume& volume) const {
   Taught taught;
   taught.views.resize(images_.size());
   for (const TeachPoint& point : request.points) {
@@ -164,7 +164,7 @@ Taught ColorTeacher::teach(const TeachRequestOptions& request, const object_trac
   return taught;
 }
 
-void ColorTeacher::suggest(std::vector<TaughtView>& views, const object_tracking::Box& volume) const {
+void ColorTeacher::suggest(std::vector<TaughtView>& views, const object_tracking::Volume& volume) const {
   const auto picture = [this](std::size_t c) {
     return TaughtPicture{&rig_.cameras[c], &*images_[c], moving_[c] ? &*moving_[c] : nullptr};
   };

@@ -68,7 +68,7 @@ class ColorTeacher {
   const calib::CameraRig& rig() const { return rig_; }
 
   // volume: where a suggested object may be
-  Taught teach(const TeachRequestOptions& request, const object_tracking::Box& volume) const;
+  Taught teach(const TeachRequestOptions& request, const object_tracking::Volume& volume) const;
 
   // Of the other targets, those whose colour at least half of the object has in some view: by colour they are the same.
   std::vector<std::string> namesakes(const Taught& taught, const std::vector<object_tracking::TargetOptions>& targets,
@@ -82,7 +82,7 @@ class ColorTeacher {
   // Of the ranges of a view whose background has a patch of the colour; the least narrow that leaves none of it.
   std::optional<TaughtView::Narrower> narrower(const TaughtView& view, std::size_t camera, int wider,
                                                const std::vector<object_tracking::PixelBox>& ignored) const;
-  void suggest(std::vector<TaughtView>& views, const object_tracking::Box& volume) const;
+  void suggest(std::vector<TaughtView>& views, const object_tracking::Volume& volume) const;
 
   calib::CameraRig rig_;
   std::vector<std::optional<HsiImage>> images_;

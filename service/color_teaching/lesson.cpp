@@ -41,7 +41,7 @@ std::string why_not_accepted(const Taught& taught, const calib::CameraRig& rig, 
 
 Lesson learn(const ColorTeacher& teacher, const TeachRequestOptions& request,
              const std::vector<object_tracking::TargetOptions>& targets, const object_tracking::TargetOptions& target,
-             const object_tracking::Box& volume) {
+             const object_tracking::Volume& volume) {
   Lesson lesson;
   lesson.taught = teacher.teach(request, volume);
   lesson.target = target;

@@ -27,7 +27,7 @@ struct Lesson {
 // targets: all of the configuration. volume: where a suggested object may be. Pure.
 Lesson learn(const ColorTeacher& teacher, const TeachRequestOptions& request,
              const std::vector<object_tracking::TargetOptions>& targets, const object_tracking::TargetOptions& target,
-             const object_tracking::Box& volume);
+             const object_tracking::Volume& volume);
 
 // Adds a rectangle to those of a camera.
 void add_ignored(object_tracking::IgnoredRegions& regions, const std::string& camera,

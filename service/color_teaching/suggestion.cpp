@@ -113,7 +113,7 @@ double slack_px_of(const calib::Camera& camera, const Eigen::Vector3d& position,
 
 // All depths inside the volume, in steps of a pixel or so in the other picture.
 std::vector<Expected> along_ray(const std::vector<PointedObject>& pointed, const calib::Camera& camera,
-                                const object_tracking::Box& volume, double moved_m) {
+                                const object_tracking::Volume& volume, double moved_m) {
   const PointedObject& first = pointed.front();
   const auto ray = first.picture.camera->model.ray({first.region.centre});
   std::vector<Expected> out;
@@ -262,7 +262,7 @@ std::vector<Candidate> candidates_in(const TaughtPicture& picture, const LikePix
 
 std::vector<std::optional<MaskRegion>> suggested_regions(const std::vector<PointedObject>& pointed,
                                                          const std::vector<TaughtPicture>& others,
-                                                         const object_tracking::Box& volume, double moved_m) {
+                                                         const object_tracking::Volume& volume, double moved_m) {
   std::vector<std::optional<MaskRegion>> out(others.size());
   if (pointed.empty()) return out;
   const PointedObject& first = pointed.front();

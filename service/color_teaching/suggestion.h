@@ -33,7 +33,7 @@ struct PointedObject {
 // of `others`; nullopt: it is not there, or it cannot be told which of several regions it is.
 std::vector<std::optional<MaskRegion>> suggested_regions(const std::vector<PointedObject>& pointed,
                                                          const std::vector<TaughtPicture>& others,
-                                                         const object_tracking::Box& volume, double moved_m);
+                                                         const object_tracking::Volume& volume, double moved_m);
 
 // Which pixels of the picture differ from what the same camera shows at other moments; nullopt: of too few of them.
 std::optional<PixelMask> moving_pixels(const capture::Image& picture, const std::vector<capture::Image>& others);

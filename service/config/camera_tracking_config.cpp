@@ -4,37 +4,16 @@
 
 #include <algorithm>
 #include <cmath>
-#include <memory>
 
-#include "calib/board/board_detector.h"
-#include "calib/board/board_yaml.h"
 #include "calib/yaml/csv_table.h"
 #include "calib/yaml/yaml_reader.h"
-#include "camera_tracking/grey_image.h"
+#include "config/board_start.h"
 
 namespace huetrack::config {
 namespace {
 
 Eigen::Vector3d point_of(const std::vector<double>& row) {
   return {row[0], row[1], row[2]};
-}
-
-camera_tracking::FoundStart board_start(const std::filesystem::path& file) {
-  const auto detector = std::make_shared<const board::BoardDetector>(board::read_board(file));
-  return {[detector](const capture::Image& image) -> std::optional<camera_tracking::PointsStart> {
-    const camera_tracking::GreyImage grey = camera_tracking::grey_of(image);
-    const board::BoardDetection found = detector->detect({grey.data, grey.width, grey.height, grey.stride});
-    if (!found.found()) return std::nullopt;
-    camera_tracking::PointsStart start;
-    start.pixels = found.px;
-    // The board's z points away from the viewer, the world's z up: turned by half about x, the board lies on the
-    // ground.
-    for (const int id : found.ids) {
-      const Eigen::Vector3d p = detector->board().point(id);
-      start.points.emplace_back(p.x(), -p.y(), -p.z());
-    }
-    return start;
-  }};
 }
 
 }  // namespace

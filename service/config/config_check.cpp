@@ -58,7 +58,7 @@ void check_camera_tracking(const ServiceConfig& config, const yaml::YamlReader& 
 }
 
 void check_object_tracking(const ServiceConfig& config, const yaml::YamlReader& root) {
-  const object_tracking::Box& volume = config.object_tracking.volume;
+  const object_tracking::Volume& volume = config.object_tracking.volume;
   const yaml::YamlReader tracking = root.map_or_empty("object_tracking");
   for (std::size_t axis = 0; axis < 3; ++axis) {
     if (!(volume.min[Eigen::Index(axis)] < volume.max[Eigen::Index(axis)]))
@@ -118,7 +118,7 @@ void check_live_cameras(const ServiceConfig& config, const yaml::YamlReader& roo
 }
 
 void check_targets(const ServiceConfig& config, const yaml::YamlReader& root) {
-  const object_tracking::Box& volume = config.object_tracking.volume;
+  const object_tracking::Volume& volume = config.object_tracking.volume;
   const double smallest_side_m = (volume.max - volume.min).minCoeff();
   const yaml::YamlReader targets = root.map_or_empty("targets");
   for (const auto& target : config.targets) {
@@ -258,7 +258,7 @@ std::vector<std::string> warnings_of(const ServiceConfig& config) {
       warnings.push_back("camera " + config.rig.cameras[c].name + " sees nothing of the volume");
   }
   constexpr double hall_m = 200;  // longer than any that cameras are put up in
-  const object_tracking::Box& volume = config.object_tracking.volume;
+  const object_tracking::Volume& volume = config.object_tracking.volume;
   const double longest_m = (volume.max - volume.min).maxCoeff();
   if (coverage.by_two < 0.5) {
     warnings.push_back(fmt::format(
@@ -301,7 +301,7 @@ std::vector<std::string> warnings_of(const ServiceConfig& config) {
   return warnings;
 }
 
-VolumeCoverage volume_coverage(const calib::CameraRig& rig, const object_tracking::Box& volume) {
+VolumeCoverage volume_coverage(const calib::CameraRig& rig, const object_tracking::Volume& volume) {
   constexpr int steps = 12;  // per axis: 1728 points, fine enough for a share in per cent
   VolumeCoverage coverage{.per_camera = std::vector<double>(rig.cameras.size(), 0.0)};
   constexpr double weight = 1.0 / (steps * steps * steps);

@@ -192,6 +192,6 @@ struct VolumeCoverage {
   double by_one = 0;               // share that one or more cameras see
   double by_two = 0;               // share that two or more see: where a position is fixed
 };
-VolumeCoverage volume_coverage(const calib::CameraRig& rig, const object_tracking::Box& volume);
+VolumeCoverage volume_coverage(const calib::CameraRig& rig, const object_tracking::Volume& volume);
 
 }  // namespace huetrack::config

@@ -391,14 +391,14 @@ fs::path save_rig(const fs::path& config, const fs::path& rig) {
   });
 }
 
-std::optional<object_tracking::Box> box_seen_by_two(const calib::CameraRig& rig) {
+std::optional<object_tracking::Volume> box_seen_by_two(const calib::CameraRig& rig) {
   constexpr double reach = 1.5;  // of the cameras' mean distance from the origin, which a board's places lie around
   constexpr int steps = 32;      // along each axis of a cube
   double distance_m = 0;
   for (const calib::Camera& camera : rig.cameras) distance_m += camera.centre().norm() / double(rig.cameras.size());
   const double half_m = reach * distance_m, step_m = 2 * half_m / steps;
   constexpr double none = std::numeric_limits<double>::infinity();
-  object_tracking::Box box{Eigen::Vector3d::Constant(none), Eigen::Vector3d::Constant(-none)};
+  object_tracking::Volume box{Eigen::Vector3d::Constant(none), Eigen::Vector3d::Constant(-none)};
   for (int i = 0; i < steps * steps * steps; ++i) {
     const Eigen::Array3d cell(i % steps, i / steps % steps, i / (steps * steps));
     const Eigen::Vector3d p = (cell + 0.5) * step_m - half_m;

@@ -46,7 +46,7 @@ std::filesystem::path remove_target(const std::filesystem::path& config, const s
 std::filesystem::path save_rig(const std::filesystem::path& config, const std::filesystem::path& rig);
 // The box around what two cameras or more see, to half as far again as they are from the world's origin, in whole
 // centimetres. nullopt: nothing that way.
-std::optional<object_tracking::Box> box_seen_by_two(const calib::CameraRig& rig);
+std::optional<object_tracking::Volume> box_seen_by_two(const calib::CameraRig& rig);
 
 // Controls of a live camera of the configuration: what is given, beside what it says of the others.
 std::filesystem::path save_controls(const std::filesystem::path& config, const std::string& camera,

@@ -45,19 +45,19 @@ bool moves(const Eigen::Vector3d& from, const PositionCandidate& now, const Eige
          step.dot(way) > least_step * way.squaredNorm() / sets;
 }
 
-ObjectTrackerOptions looking_within(ObjectTrackerOptions options, const Box& within) {
+ObjectTrackerOptions looking_within(ObjectTrackerOptions options, const Volume& within) {
   options.volume = within;
   return options;
 }
 
 }  // namespace
 
-Box looked_through(const Box& volume) {
+Volume looked_through(const Volume& volume) {
   const double margin = share_around * (volume.max - volume.min).maxCoeff();
   return {volume.min.array() - margin, volume.max.array() + margin};
 }
 
-ObjectBirths::ObjectBirths(const TargetOptions& target, const ObjectTrackerOptions& options, const Box& within)
+ObjectBirths::ObjectBirths(const TargetOptions& target, const ObjectTrackerOptions& options, const Volume& within)
     : target_(target), options_(looking_within(options, within)) {}
 
 ObjectBirths::Candidate ObjectBirths::weighed(PositionCandidate at, const std::vector<TargetView>& views,

@@ -24,7 +24,7 @@ struct Birth {
 };
 
 // Around a volume, half its largest extent: who comes in is known by then, and so is what he shows.
-Box looked_through(const Box& volume);
+Volume looked_through(const Volume& volume);
 
 // Where a known object covers a view: what is not seen there may be behind it.
 struct CoveredDisc {
@@ -37,7 +37,7 @@ struct CoveredDisc {
 class ObjectBirths {
  public:
   // within: where objects are looked for.
-  ObjectBirths(const TargetOptions& target, const ObjectTrackerOptions& options, const Box& within);
+  ObjectBirths(const TargetOptions& target, const ObjectTrackerOptions& options, const Volume& within);
 
   // regions[i], unexplained, belong to views[i]. Of the belief only the cameras' times are used. still: where something
   // is left out, a view need not show an object.

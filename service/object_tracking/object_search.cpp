@@ -11,7 +11,7 @@ namespace huetrack::object_tracking {
 
 // How small and how large the target appears in a view anywhere in the volume: on a grid, of which only what is in the
 // image counts (a corner of the volume may be beside or behind the camera).
-SizeInView size_in(const calib::Camera& camera, const Box& volume, double radius_m) {
+SizeInView size_in(const calib::Camera& camera, const Volume& volume, double radius_m) {
   constexpr int steps = 12;
   SizeInView out;
   for (int i = 0; i <= steps; ++i) {

@@ -22,7 +22,7 @@ namespace huetrack::object_tracking {
 struct SizeInView {
   double smallest_px = 0, largest_px = 0;  // radius
 };
-SizeInView size_in(const calib::Camera& camera, const Box& volume, double radius_m);
+SizeInView size_in(const calib::Camera& camera, const Volume& volume, double radius_m);
 
 // All regions of a view that may be of objects, each whole and by itself, through a grid, and where `also` says.
 // `count`: of objects, which may be a row.

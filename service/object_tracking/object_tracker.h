@@ -20,7 +20,7 @@
 
 namespace huetrack::object_tracking {
 
-struct Box {  // axis-aligned, world frame, metres
+struct Volume {  // axis-aligned, world frame, metres
   Eigen::Vector3d min{-1, -1, 0};
   Eigen::Vector3d max{1, 1, 2};
 };
@@ -64,7 +64,7 @@ enum class TimingMode : std::uint8_t {
 struct ObjectTrackerOptions {
   Observation observation = Observation::huetrack;
   TimingMode timing = TimingMode::learn;  // observation: huetrack
-  Box volume;                             // where targets may be; the particles start uniformly in it
+  Volume volume;                          // where targets may be; the particles start uniformly in it
   int particle_count = 200;               // >= 1; time per frame is linear in it
   int max_particle_count = 2000;          // >= particle_count; while searching
   std::uint64_t seed = 1;                 // same seed, same recording, same options => same track, byte for byte

@@ -23,7 +23,7 @@ double radius_of(const calib::Camera& camera, const ColorRegion& region, const E
 }  // namespace
 
 void SearchLog::add(const std::vector<TargetView>& views, std::span<const std::vector<ColorRegion>> regions,
-                    const Box& volume) {
+                    const Volume& volume) {
   constexpr std::size_t largest = 3;  // regions per view; what is asked for is an object, not specks
   ++findings_.sets;
   for (std::size_t i = 0; i < views.size(); ++i) {

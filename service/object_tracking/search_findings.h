@@ -19,7 +19,8 @@ class SearchLog {
   explicit SearchLog(std::size_t cameras) { findings_.sets_with_color.resize(cameras); }
 
   // One set in which no object of the given radius was found. regions[i] belongs to views[i].
-  void add(const std::vector<TargetView>& views, std::span<const std::vector<ColorRegion>> regions, const Box& volume);
+  void add(const std::vector<TargetView>& views, std::span<const std::vector<ColorRegion>> regions,
+           const Volume& volume);
   void clear();  // it was found
   SearchFindings findings() const;
 

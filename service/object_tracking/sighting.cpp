@@ -158,7 +158,7 @@ class RayCrosser {
 
 }  // namespace
 
-bool inside(const Box& volume, const Eigen::Vector3d& p, double margin_m) {
+bool inside(const Volume& volume, const Eigen::Vector3d& p, double margin_m) {
   return ((p - volume.min).array() >= -margin_m).all() && ((volume.max - p).array() >= -margin_m).all();
 }
 

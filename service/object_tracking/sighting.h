@@ -15,7 +15,7 @@
 namespace huetrack::object_tracking {
 
 // margin_m: how far outside of it still counts.
-bool inside(const Box& volume, const Eigen::Vector3d& p, double margin_m);
+bool inside(const Volume& volume, const Eigen::Vector3d& p, double margin_m);
 
 // Where a ball would appear in a view.
 struct Appearance {

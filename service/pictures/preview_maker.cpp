@@ -110,7 +110,7 @@ msg::Scene make_scene(const config::ServiceConfig& config, bool may_teach, const
   scene.at(std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::system_clock::now().time_since_epoch())
                .count());
   scene.rig_identity(calib::rig_identity(config.rig));
-  const object_tracking::Box& volume = config.object_tracking.volume;
+  const object_tracking::Volume& volume = config.object_tracking.volume;
   for (std::size_t i = 0; i < 3; ++i) {
     scene.volume_min()[i] = volume.min[Eigen::Index(i)];
     scene.volume_max()[i] = volume.max[Eigen::Index(i)];

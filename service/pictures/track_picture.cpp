@@ -246,7 +246,7 @@ class World {
 
   Canvas& canvas_;
   const calib::CameraRig& rig_;
-  const object_tracking::Box& box_;
+  const object_tracking::Volume& box_;
   Oblique oblique_;
 };
 
@@ -305,7 +305,8 @@ void draw_errors(Canvas& canvas, const Box& box, const drawing::Span& time, std:
                 label_size, bad_color, Align::right);
 }
 
-void draw_over_time(Canvas& canvas, const object_tracking::Box& volume, std::span<const Target> targets, double top) {
+void draw_over_time(Canvas& canvas, const object_tracking::Volume& volume, std::span<const Target> targets,
+                    double top) {
   drawing::Span time;
   for (const Target& target : targets)
     for (const ObjectEstimate& e : target.track) time.add(capture::seconds(e.at));

@@ -49,7 +49,7 @@ bool is_of_no_use(RoomState state) {
 
 }  // namespace
 
-CalibrationWatch::CalibrationWatch(const calib::CameraRig& rig, const object_tracking::Box& volume,
+CalibrationWatch::CalibrationWatch(const calib::CameraRig& rig, const object_tracking::Volume& volume,
                                    config::CalibrationConfig config, std::vector<bool> still)
     : rig_(rig), volume_(volume), config_(std::move(config)), facts_(rig.cameras.size()), trust_(rig.cameras.size()) {
   for (std::size_t c = 0; c < rig_.cameras.size(); ++c) {

@@ -30,7 +30,7 @@ struct CameraCalibration {
 class CalibrationWatch {
  public:
   // volume: where targets may be. still: per camera of the rig, false of one that moves and is not watched.
-  CalibrationWatch(const calib::CameraRig& rig, const object_tracking::Box& volume, config::CalibrationConfig config,
+  CalibrationWatch(const calib::CameraRig& rig, const object_tracking::Volume& volume, config::CalibrationConfig config,
                    std::vector<bool> still);
 
   // Before the trackers' update with that set. True: trust() has changed.
@@ -61,7 +61,7 @@ class CalibrationWatch {
   double effect_of(std::size_t camera, const calib::Rigid3d& now) const;
 
   const calib::CameraRig rig_;
-  const object_tracking::Box volume_;
+  const object_tracking::Volume volume_;
   const config::CalibrationConfig config_;
   std::vector<Watched> watched_;
   std::vector<CameraCalibration> facts_;

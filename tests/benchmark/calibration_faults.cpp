@@ -250,7 +250,7 @@ class Renderer {
     for (int y = 0; y < small.rows; ++y) {
       for (int x = 0; x < small.cols; ++x)
         out.at<unsigned char>(y, x) =
-            cv::saturate_cast<unsigned char>(255 * small.at<float>(y, x) + 2 * solver::normal(rng));
+            cv::saturate_cast<unsigned char>(double(255 * small.at<float>(y, x)) + 2 * solver::normal(rng));
     }
     return out;
   }

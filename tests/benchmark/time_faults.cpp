@@ -49,7 +49,7 @@ Recording recorded(const std::filesystem::path& folder) {
   const std::vector<std::string> names = r.truth.camera_names();
   capture::ReplaySource source(capture::read_recording(folder), names);
   wave::BallFinder finder(r.start, r.target);
-  wave::Background background(names.size());
+  wave::BackgroundSamples background(names.size());
   std::vector<wave::BallFrame> frames;
   std::vector<double> stamps;
   while (const auto frame = source.next({})) {

@@ -189,7 +189,7 @@ struct Waved {
 
 Waved look_at(const figures::Sequence& sequence, const Case& c) {
   Waved out;
-  wave::Background background(sequence.rig.cameras.size());
+  wave::BackgroundSamples background(sequence.rig.cameras.size());
   for (const capture::FrameSet& set : sequence.sets) {
     for (const auto& frame : set.frames) {
       if (frame) background.add(*frame);

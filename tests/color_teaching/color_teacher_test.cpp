@@ -134,7 +134,7 @@ TEST(ColorTeacher, CamerasThatNobodyPointedIntoKeepTheirColour) {
 TEST(ColorTeacher, SaysWhatIsInTheWay) {
   SKIP_WITHOUT("rendered/two_cams");
   const figures::Sequence s = figures::load_sequence(figures::shared_data() / "rendered/two_cams");
-  const object_tracking::Box volume = figures::rendered_options(object_tracking::Observation::huetrack, 1).volume;
+  const object_tracking::Volume volume = figures::rendered_options(object_tracking::Observation::huetrack, 1).volume;
   const ColorTeacher teacher(s.rig, s.sets[0]);
   const auto points = at_truth(s, "lime", 0, {0, 1});
   const Taught wide = teacher.teach({.points = points, .wider = 12}, volume);

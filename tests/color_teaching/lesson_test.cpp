@@ -12,7 +12,7 @@ using namespace testing;
 TEST(Lesson, FromOneClickToTheTargetsColour) {
   if (!figures::have("rendered/two_cams")) GTEST_SKIP() << "no recording in " << figures::shared_data();
   const figures::Sequence s = figures::load_sequence(figures::shared_data() / "rendered/two_cams");
-  const object_tracking::Box volume = figures::rendered_options(object_tracking::Observation::huetrack, 1).volume;
+  const object_tracking::Volume volume = figures::rendered_options(object_tracking::Observation::huetrack, 1).volume;
   const ColorTeacher teacher(s.rig, s.sets[0]);
   const auto row = s.row("lime", s.sets[0].at);
   TeachRequestOptions request;

@@ -10,7 +10,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-const object_tracking::Box volume{.min = {-1, -1, 0}, .max = {1, 1, 2}};
+const object_tracking::Volume volume{.min = {-1, -1, 0}, .max = {1, 1, 2}};
 
 Vector3d circling(double t) {
   return {0.5 * std::cos(3 * t), 0.5 * std::sin(3 * t), 1.2};

@@ -465,7 +465,7 @@ TEST(VolumeCoverage, IsWholeWhereTheWholeVolumeIsSeen) {
     if (sign < 0) camera.cam_from_world.rotation = Eigen::Quaterniond(0, 1, 0, 0);
     rig.cameras.push_back(camera);
   }
-  const auto coverage = volume_coverage(rig, object_tracking::Box{.min = {-0.1, -0.1, 1.9}, .max = {0.1, 0.1, 2.1}});
+  const auto coverage = volume_coverage(rig, object_tracking::Volume{.min = {-0.1, -0.1, 1.9}, .max = {0.1, 0.1, 2.1}});
   ASSERT_EQ(coverage.per_camera.size(), 2u);
   EXPECT_NEAR(coverage.per_camera[0], 1, 1e-9);
   EXPECT_EQ(coverage.per_camera[1], 0);

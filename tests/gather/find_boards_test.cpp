@@ -25,7 +25,7 @@ class Passing final : public PictureSource {
     calib::Rigid3d pose = pictured_poses(1)[0];
     pose.translation.y() += 0.3 * at_ / sets_;
     PictureSet set{.number = at_, .at_s = 0.1 * at_, .pictures = {}};
-    Picture picture{picture_of(rig_.cameras[1], pictured_board(), pose, 7), std::to_string(at_), {}};
+    LabelledPicture picture{picture_of(rig_.cameras[1], pictured_board(), pose, 7), std::to_string(at_), {}};
     if (has_stamps_) picture.stamp_s = 0.1 * at_ + 0.004;
     set.pictures.emplace_back(std::move(picture));
     ++at_;
@@ -83,7 +83,7 @@ class CharucoPicture final : public PictureSource {
   std::optional<PictureSet> next(std::stop_token) override {
     if (std::exchange(done_, true)) return std::nullopt;
     PictureSet set{.number = 0, .at_s = 0, .pictures = {}};
-    set.pictures.emplace_back(Picture{picture_, "only", {}});
+    set.pictures.emplace_back(LabelledPicture{picture_, "only", {}});
     return set;
   }
 

@@ -18,7 +18,7 @@ using room_watch::FilmedRoom;
 using testing::HasSubstr;
 
 const Eigen::Vector3d axis = Eigen::Vector3d(-0.5, 0.75, -0.4).normalized();
-const object_tracking::Box volume{.min = {-1, -1, 0.1}, .max = {1, 1, 2.1}};
+const object_tracking::Volume volume{.min = {-1, -1, 0.1}, .max = {1, 1, 2.1}};
 
 // The camera that films, and others in other corners of the room, which deliver nothing.
 calib::CameraRig watched_rig(int cameras) {

@@ -1,14 +1,14 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <CLI/CLI.hpp>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <variant>
 
 #include "calib/board/board_yaml.h"
 #include "calib/model/rig_yaml.h"
-#include "calib/program/commands.h"
+#include "calib/program/command_line.h"
 
 namespace huetrack::program {
 namespace {
@@ -33,28 +33,25 @@ class Commands : public testing::Test {
   }
 
   // What huetrack-calibrate would end with; what it would say on stderr is in said_.
-  ExitStatus run(std::vector<std::string> arguments) {
-    CLI::App app;
-    app.require_subcommand(1);
-    Command chosen;
-    add_board_command(app, chosen);
-    add_exchange_commands(app, chosen);
-    add_wave_command(app, chosen);
-    std::ranges::reverse(arguments);
-    said_.clear();
+  ExitStatus run(const std::vector<std::string>& arguments) {
+    std::vector<const char*> argv{"huetrack-calibrate"};
+    for (const std::string& argument : arguments) argv.push_back(argument.c_str());
+    testing::internal::CaptureStdout();
+    testing::internal::CaptureStderr();
+    std::variant<Command, ExitStatus> asked = ExitStatus::failed;
+    ExitStatus status = ExitStatus::failed;
+    std::string fault;
     try {
-      app.parse(arguments);
-      testing::internal::CaptureStdout();
-      const ExitStatus status = chosen({});
-      out_ = testing::internal::GetCapturedStdout();
-      return status;
-    } catch (const CLI::ParseError& error) {
-      said_ = error.what();
+      asked = read_command_line(static_cast<int>(argv.size()), argv.data());
+      if (const auto* command = std::get_if<Command>(&asked)) status = (*command)({});
     } catch (const std::exception& error) {
-      out_ = testing::internal::GetCapturedStdout();
-      said_ = error.what();
+      fault = error.what();
     }
-    return ExitStatus::failed;
+    out_ = testing::internal::GetCapturedStdout();
+    const std::string errors = testing::internal::GetCapturedStderr();
+    // What a command tells on its way is not what it fails with.
+    said_ = std::holds_alternative<Command>(asked) ? fault : errors;
+    return status;
   }
 
   std::filesystem::path folder_;

@@ -11,7 +11,6 @@
 //   film_host --make N FILMS
 //     makes such a folder, of N cameras of 640x480 that see one moment, with its rig.yaml
 // All film hosts of one machine play the same moments: a film's frame 0 is when the machine's clock was 0.
-#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -25,6 +24,7 @@
 #include "capture/jpeg_decoder.h"
 #include "daemon/capture_command.h"
 #include "daemon/service_manager.h"
+#include "soak/arguments.h"
 #include "soak/film_camera.h"
 #include "soak/films.h"
 #include "soak/until_ended.h"
@@ -144,19 +144,14 @@ void receive(const config::ServiceConfig& config, Times& times, const std::stop_
 
 int main(int argc, char** argv) {
   daemon::set_up_log();
-  CLI::App app("huetrackd capture, on films");
-  std::filesystem::path config_file, films;
-  int made = 0, spread = 0;
-  std::string dequeued, received;
-  std::vector<double> clock{0, 0};
-  app.add_option("--make", made);
-  app.add_option("--spread", spread);
-  app.add_option("--dequeued", dequeued);
-  app.add_option("--receive", received);
-  app.add_option("--clock", clock)->delimiter(',')->expected(2);
-  app.add_option("films", films)->required();
-  app.add_option("config", config_file);
-  CLI11_PARSE(app, argc, argv);
+  const soak::Arguments line(argc, argv, {"--make", "--spread", "--dequeued", "--receive", "--clock"}, 1,
+                             "film_host [OPTIONS] FILMS CONFIG");
+  const int made = static_cast<int>(line.count("--make", 0)), spread = static_cast<int>(line.count("--spread", 0));
+  const std::string dequeued = line.text("--dequeued"), received = line.text("--receive");
+  const std::filesystem::path films = line.word(0), config_file = line.word(1);
+  double start_s = 0, ppm = 0;
+  if (line.has("--clock") && std::sscanf(line.text("--clock").c_str(), "%lf,%lf", &start_s, &ppm) != 2)
+    line.end("--clock");
   try {
     if (made > 0) {
       soak::make_films(films, made, 640, 480, false);
@@ -170,7 +165,7 @@ int main(int argc, char** argv) {
     }
     const config::CaptureConfig config = config::load_capture_config(config_file);
     const auto times = dequeued.empty() ? nullptr : std::make_unique<Times>(dequeued);
-    auto cameras = films_of(config, films, {.start_s = clock[0], .ppm = clock[1]}, spread, times.get());
+    auto cameras = films_of(config, films, {.start_s = start_s, .ppm = ppm}, spread, times.get());
     soak::until_ended([&](const std::stop_token& stop) { daemon::capture_cameras(config, std::move(cameras), stop); });
   } catch (const std::exception& error) {
     std::fprintf(stderr, "film_host: %s\n", error.what());

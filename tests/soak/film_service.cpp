@@ -6,13 +6,13 @@
 // huetrackd.
 // --make-boards: made are films of two new cameras (board_films.h), which see a board as long as they are not
 // calibrated; and where CONFIG is not there, it is made: these cameras, and that everything may be asked, on --domain.
-#include <CLI/CLI.hpp>
 #include <csignal>
 #include <cstdio>
 #include <fstream>
 
 #include "daemon/live.h"
 #include "daemon/service_manager.h"
+#include "soak/arguments.h"
 #include "soak/board_films.h"
 #include "soak/film_camera.h"
 #include "soak/films.h"
@@ -45,23 +45,18 @@ void on_signal(int signal) {
 int main(int argc, char** argv) {
   using namespace huetrack;
   daemon::set_up_log();
-  CLI::App app("huetrackd run, on films");
-  std::filesystem::path config_file, films;
-  std::optional<std::uint64_t> faults;
-  std::string phases = "spread";
+  const soak::Arguments line(argc, argv, {"--faults", "--phases", "--tracks", "--make", "--make-boards", "--domain"}, 2,
+                             "film_service CONFIG FILMS [OPTIONS]");
+  const std::filesystem::path config_file = line.word(0), films = line.word(1);
+  const std::optional<std::uint64_t> faults =
+      line.has("--faults") ? std::optional(line.count("--faults", 0)) : std::nullopt;
+  const std::string phases = line.text("--phases", "spread");
+  if (phases != "spread" && phases != "together") line.end("--phases");
   daemon::LiveCommand options;
-  app.add_option("config", config_file)->required();
-  app.add_option("films", films)->required();
-  app.add_option("--faults", faults);
-  app.add_option("--phases", phases)->check(CLI::IsMember({"spread", "together"}));
-  app.add_option("--tracks", options.tracks);
-  int cameras_to_make = 0;
-  app.add_option("--make", cameras_to_make);
-  int board_places = 0;
-  app.add_option("--make-boards", board_places);
-  int domain = 0;
-  app.add_option("--domain", domain);
-  CLI11_PARSE(app, argc, argv);
+  options.tracks = line.text("--tracks");
+  const int cameras_to_make = static_cast<int>(line.count("--make", 0));
+  const int board_places = static_cast<int>(line.count("--make-boards", 0));
+  const int domain = static_cast<int>(line.count("--domain", 0));
   for (const int signal : {SIGHUP, SIGUSR1}) std::signal(signal, on_signal);
   try {
     if (cameras_to_make > 0) soak::make_films(films, cameras_to_make, 320, 240, phases == "spread");

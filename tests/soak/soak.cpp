@@ -4,13 +4,13 @@
 #include <sys/un.h>
 #include <unistd.h>
 
-#include <CLI/CLI.hpp>
 #include <cstdio>
 #include <memory>
 #include <random>
 
 #include "end_to_end/http.h"
 #include "end_to_end/process.h"
+#include "soak/arguments.h"
 #include "soak/films.h"
 
 namespace {
@@ -229,14 +229,13 @@ class Soak {
 }  // namespace
 
 int main(int argc, char** argv) {
-  CLI::App app("soak: the service on failing films");
+  const soak::Arguments line(argc, argv, {"--minutes", "--seed", "--service", "--slowness"}, 0, "soak [OPTIONS]");
   SoakOptions options;
-  app.add_option("--minutes", options.minutes)->check(CLI::PositiveNumber);
-  app.add_option("--seed", options.seed);
-  app.add_option("--service", options.program, "film_service of another build")->check(CLI::ExistingFile);
-  app.add_option("--slowness", options.slowness, "of a sanitized build: patience is multiplied by it")
-      ->check(CLI::PositiveNumber);
-  CLI11_PARSE(app, argc, argv);
+  options.minutes = line.number("--minutes", options.minutes);
+  options.seed = line.count("--seed", options.seed);
+  options.program = line.text("--service", options.program.string());  // film_service of another build
+  options.slowness = line.number("--slowness", options.slowness);      // of a sanitized build: patience times it
+  if (!(options.minutes > 0) || !(options.slowness > 0) || !fs::exists(options.program)) line.end("a value");
   std::string folder = (fs::temp_directory_path() / "soak_XXXXXX").string();
   if (!::mkdtemp(folder.data())) return 1;
   std::size_t complaints = 0;

@@ -38,7 +38,7 @@ TEST(BallFinder, FindsTheBallToAFractionOfAPixel) {
 TEST(BallFinder, SharpensOutlinesByWhatIsBehindThem) {
   const scene::Scene scene = scene::SceneBuilder{}.cameras_on_ring({.count = 2}).ball({}).build();
   BallFinder finder(scene.rig, lime());
-  Background background(2);
+  BackgroundSamples background(2);
   std::vector<BallFrame> frames;
   std::vector<Eigen::Vector2d> truth;
   for (const capture::FrameSet& set : scene::render(scene, {.set_count = 40})) {
@@ -61,9 +61,9 @@ TEST(BallFinder, SharpensOutlinesByWhatIsBehindThem) {
   EXPECT_TRUE(frames.front().patches.empty());
 }
 
-TEST(Background, IsNotKnownFromAFewFrames) {
+TEST(BackgroundSamples, IsNotKnownFromAFewFrames) {
   const scene::Scene scene = scene::SceneBuilder{}.cameras_on_ring({.count = 1}).ball({}).build();
-  Background background(1);
+  BackgroundSamples background(1);
   for (const capture::FrameSet& set : scene::render(scene, {.set_count = 7})) background.add(*set.frames.front());
   EXPECT_FALSE(background.of(0));
 }

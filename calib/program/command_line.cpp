@@ -1,0 +1,41 @@
+#include "calib/program/command_line.h"
+
+#include <CLI/CLI.hpp>
+
+#include "calib/gather/progress_line.h"
+#include "calib/yaml/unknown_command.h"
+
+namespace huetrack::program {
+
+std::variant<Command, ExitStatus> read_command_line(int argc, const char* const* argv) {
+  CLI::App app("huetrack-calibrate: calibrates cameras, and says whether to trust the result");
+  app.set_version_flag("--version", "huetrack-calibrate " HUETRACK_VERSION);
+  app.require_subcommand(1);
+  yaml::name_unknown_commands(app, "huetrack-calibrate", CLI::FailureMessage::simple);
+  app.footer("Ends with 0 when the result is usable, 2 when it is doubtful (the report says why), 1 when it failed.");
+
+  Command chosen;
+  add_intrinsics_command(app, chosen);
+  add_extrinsics_command(app, chosen);
+  add_world_command(app, chosen);
+  add_check_command(app, chosen);
+  add_wave_command(app, chosen);
+  add_time_command(app, chosen);
+  add_certify_command(app, chosen);
+  add_map_command(app, chosen);
+  add_exchange_commands(app, chosen);
+  add_accept_command(app, chosen);
+  add_board_command(app, chosen);
+  add_coverage_command(app, chosen);
+  app.add_flag_callback("--tell-program", &gather::ProgressLine::tell_programs,
+                        "progress and verdict as lines on standard output, for a program (calib/reference.md)");
+
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? ExitStatus::usable : ExitStatus::failed;
+  }
+  return chosen;
+}
+
+}  // namespace huetrack::program

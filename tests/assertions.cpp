@@ -1,0 +1,3 @@
+#include "assertions.h"
+
+HUETRACK_ASSERTIONS();
