@@ -162,9 +162,7 @@ void RegionTracker::search(const capture::FrameSet& set, const std::vector<Targe
                      options_, clutter_, still_color_);
   else
     existence_.assume();
-  start_at(*find, set.at);
-  still_color_.mark_cut(sightings_);
-  agreement_.compare_found(filter_.belief(), sightings_);  // now that it is known when they saw it
+  start_compared(*find, set.at);
   const double doubted_m = agreement_.doubted_sigma(filter_.belief(), sightings_);
   if (doubted_m <= options_.max_coast_sigma_m) {
     const double sigma_m = std::max(judged_sigma(filter_.belief(), sightings_), doubted_m);
@@ -183,11 +181,23 @@ void RegionTracker::search(const capture::FrameSet& set, const std::vector<Targe
   }
 }
 
+// The belief as it is while nothing is known of how far the views agree tells when they saw it, and so how far they do.
+// Where they do not, it begins once more with that: who was believed in the first sets would hold for long.
+void RegionTracker::start_compared(const ObjectSearch::Find& find, capture::Timestamp set_at) {
+  const ObjectFilter before = filter_;
+  start_at(find, set_at);
+  agreement_.compare_found(filter_.belief(), sightings_);
+  if (std::ranges::none_of(sightings_, [](const Sighting& s) { return s.doubt_px2 > 0; })) return;
+  filter_ = before;
+  start_at(find, set_at);
+}
+
 // The belief that the sightings of two sets give, from nothing but what is usual.
 void RegionTracker::start_at(const ObjectSearch::Find& find, capture::Timestamp set_at) {
   last_reported_ = capture::Timestamp::min();
   sightings_ = filter_.start(find.earlier, find.now, agreement_, set_at, find.dt, sets_apart_ == 0, last_reported_);
   seen_ = sightings_;
+  still_color_.mark_cut(sightings_);
 }
 
 ObjectEstimate RegionTracker::report(const capture::FrameSet& set) {

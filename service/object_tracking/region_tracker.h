@@ -67,6 +67,7 @@ class RegionTracker {
   void judge(const capture::FrameSet& set);
   void forget();
   void search(const capture::FrameSet& set, const std::vector<TargetView>& views);
+  void start_compared(const ObjectSearch::Find& find, capture::Timestamp set_at);
   void start_at(const ObjectSearch::Find& find, capture::Timestamp set_at);
   ObjectEstimate report(const capture::FrameSet& set);
 

@@ -18,11 +18,12 @@ constexpr float forgotten_per_look = 2;
 constexpr float least_light_noise = 0.7f, least_chroma_noise = 0.5f;
 constexpr double noise_kept = 0.98;  // of what was seen of the noise, from look to look
 constexpr int settled_looks = 8;
-constexpr int margin_px = 8;  // around the object, of what is learnt first
-// Beside these, of the whole picture: until every tile was looked at so often.
-constexpr int tiles_at_start = 4;
-constexpr std::uint32_t looks_at_start = 4;
-constexpr int least_tiles = 2, largest_tiles = 8;  // per picture
+constexpr int margin_px = 8;                 // around the object, of what is learnt first
+constexpr std::uint32_t looks_at_start = 4;  // a tile with fewer is hardly known
+// Per picture: of those that the object is about to reach, and more while some of them are hardly known; beside these
+// of the whole picture, so that in a second it was seen once, until none is hardly known.
+constexpr int least_tiles = 2, largest_tiles = 8, tiles_hardly_known = 16;
+constexpr int pictures_to_see_all = 30;
 
 constexpr int size = Background::tile_px;
 constexpr int most_samples = size * size;
@@ -34,29 +35,32 @@ struct Off {
 };
 HUETRACK_CLONES Off step(const float* __restrict seen, const float* __restrict hidden, float usual, int n,
                          std::int16_t* __restrict mean, std::uint8_t* __restrict looks) {
+  alignas(64) float before[most_samples], of[most_samples], kept[most_samples], now[most_samples];
+  alignas(64) float off[most_samples], counted[most_samples];
+  for (int i = 0; i < n; ++i) before[i] = static_cast<float>(mean[i]) * (1 / unit);
+  for (int i = 0; i < n; ++i) of[i] = static_cast<float>(looks[i]);
+  // As numbers, as compilers make vectors of these: 1 is true.
+  for (int i = 0; i < n; ++i) {
+    const float by = seen[i] - before[i];
+    const float far = by < 0 ? -by : by;
+    const float is_same = far < usual && of[i] > 0 ? 1.f : 0.f;
+    const float fewer = of[i] - forgotten_per_look;
+    const float is_new = is_same == 0 && fewer <= 0 ? 1.f : 0.f;
+    const float more = of[i] + 1 < most_looks ? of[i] + 1 : most_looks;
+    const float looks_now = is_same > 0 ? more : is_new > 0 ? 1.f : fewer;
+    const float value = is_same > 0 ? before[i] + by / more : is_new > 0 ? seen[i] : before[i];
+    const float steps = (hidden[i] == 0 ? value : before[i]) * unit;
+    kept[i] = steps + (steps < 0 ? -0.5f : 0.5f);
+    now[i] = hidden[i] == 0 ? looks_now : of[i];
+    counted[i] = hidden[i] == 0 && of[i] >= settled_looks ? is_same : 0.f;
+    off[i] = counted[i] * far;
+  }
+  for (int i = 0; i < n; ++i) mean[i] = static_cast<std::int16_t>(kept[i]);
+  for (int i = 0; i < n; ++i) looks[i] = static_cast<std::uint8_t>(now[i]);
   constexpr int lanes = 16;
   float sum[lanes] = {}, count[lanes] = {};
-  for (int i = 0; i < n; i += lanes) {
-    for (int j = 0; j < lanes; ++j) {
-      const float before = static_cast<float>(mean[i + j]) * (1 / unit);
-      const float of = static_cast<float>(looks[i + j]);
-      const float off = seen[i + j] - before;
-      const float far = off < 0 ? -off : off;
-      const bool is_same = far < usual && of > 0;
-      const float fewer = of - forgotten_per_look;
-      const bool is_new = !is_same && fewer <= 0;
-      const float more = of + 1 < most_looks ? of + 1 : most_looks;
-      const float now = is_same ? more : is_new ? 1.f : fewer;
-      const float value = is_same ? before + off / more : is_new ? seen[i + j] : before;
-      const bool is_seen = hidden[i + j] == 0;
-      const float kept = (is_seen ? value : before) * unit;
-      mean[i + j] = static_cast<std::int16_t>(kept + (kept < 0 ? -0.5f : 0.5f));
-      looks[i + j] = static_cast<std::uint8_t>(is_seen ? now : of);
-      const bool counts = is_seen && is_same && of >= settled_looks;
-      sum[j] += counts ? far : 0.f;
-      count[j] += counts ? 1.f : 0.f;
-    }
-  }
+  for (int i = 0; i < n; i += lanes)
+    for (int j = 0; j < lanes; ++j) sum[j] += off[i + j], count[j] += counted[i + j];
   Off out{0, 0};
   for (int j = 0; j < lanes; ++j) out.sum += sum[j], out.count += count[j];
   return out;
@@ -162,23 +166,23 @@ void Background::learn(const Picture& picture, const ObjectDisc& object, const E
       chosen_.push_back({index, is_known ? (std::uint64_t{1} << 60) + since : (looks / 2 << 8) + when});
     }
   }
-  const auto count = std::min(
-      chosen_.size(), static_cast<std::size_t>(std::clamp(static_cast<int>(object.radius_px * object.radius_px / 32),
-                                                          least_tiles, largest_tiles)));
+  const auto is_hardly_known = [&](int index) {
+    const Tile* tile = tile_at(index);
+    return tile == nullptr || tile->looks < looks_at_start;
+  };
+  const auto hardly_known = std::ranges::count_if(chosen_, is_hardly_known, &Chosen::index);
+  const int usual = std::clamp(static_cast<int>(object.radius_px * object.radius_px / 32), least_tiles, largest_tiles);
+  const auto count = std::min(chosen_.size(), static_cast<std::size_t>(std::max<std::ptrdiff_t>(
+                                                  usual, std::min<std::ptrdiff_t>(hardly_known, tiles_hardly_known))));
   std::ranges::partial_sort(chosen_, chosen_.begin() + static_cast<std::ptrdiff_t>(count), {},
                             [](const Chosen& c) { return std::pair(c.rank, c.index); });
   for (std::size_t i = 0; i < count; ++i) look(picture, chosen_[i].index, hidden, hidden_count);
   if (slots_.size() > most_tiles) return;
-  // The others in turn: while there are some that are hardly known, several of these.
-  int left = tiles_at_start;
+  // The others in turn: while some are hardly known only these.
+  int left = unknown_tiles_ > 0 ? 1 + static_cast<int>(slots_.size()) / pictures_to_see_all : 1;
   for (std::size_t i = 0; i < slots_.size() && left > 0; ++i) {
     next_ = (next_ + 1) % static_cast<int>(slots_.size());
-    if (unknown_tiles_ > 0) {
-      const Tile* tile = tile_at(next_);
-      if (tile != nullptr && tile->looks >= looks_at_start) continue;
-    } else {
-      left = 1;
-    }
+    if (unknown_tiles_ > 0 && !is_hardly_known(next_)) continue;
     --left;
     look(picture, next_, hidden, hidden_count);
   }
@@ -220,47 +224,31 @@ void Background::look(const Picture& picture, int index, const ObjectDisc* hidde
   for (std::size_t i = 0; i < samples; ++i) tile.chroma_looks[i] = std::min(tile.chroma_looks[i], looks_of_red[i]);
 }
 
-// n samples of a row, tile by tile; of each has across x down. take: the tile or nullptr, the first sample in it, how
-// many, and from which of the n on.
+// Each has so many columns and rows of pixels. take: which it is, its tile or nullptr, and where it is in that.
 template <typename Take>
-void Background::in_tiles(int u, int v, int n, int across, int down, Take&& take) const {
-  for (int i = 0; i < n;) {
-    const int first = (u + i) % across, count = std::min(n - i, across - first), at = v % down * across + first;
-    take(tile_at(v / down * across_ + (u + i) / across), static_cast<std::size_t>(at), count, i);
-    i += count;
+void Background::in_tiles(const Places& at, int columns, int rows, Take&& take) const {
+  static_assert(tile_px == 16);
+  const auto across = static_cast<unsigned>(columns == 2 ? 3 : 4), down = static_cast<unsigned>(rows == 2 ? 3 : 4);
+  for (int i = 0; i < at.n; ++i) {
+    const auto u = static_cast<unsigned>(at.u[i]), v = static_cast<unsigned>(at.v[i]);
+    const unsigned in_u = u & ((1u << across) - 1), in_v = v & ((1u << down) - 1);
+    const Tile* tile = tile_at(static_cast<int>(v >> down) * across_ + static_cast<int>(u >> across));
+    take(i, tile, static_cast<std::size_t>((in_v << across) + in_u));
   }
 }
 
-namespace {
-
-template <typename Kept>
-void copy(const Kept& kept, std::size_t first, int count, float scale, float* out) {
-  for (int k = 0; k < count; ++k) out[k] = static_cast<float>(kept[first + static_cast<std::size_t>(k)]) * scale;
-}
-
-}  // namespace
-
-void Background::light(int u, int v, int n, float* light, float* looks) const {
-  in_tiles(u, v, n, tile_px, tile_px, [&](const Tile* tile, std::size_t first, int count, int i) {
-    if (tile == nullptr) {
-      for (float* out : {light, looks}) std::fill_n(out + i, count, 0.f);
-      return;
-    }
-    copy(tile->light, first, count, 1 / unit, light + i);
-    copy(tile->light_looks, first, count, 1, looks + i);
+void Background::light(const Places& at, float* light, float* looks) const {
+  in_tiles(at, 1, 1, [&](int i, const Tile* tile, std::size_t k) {
+    light[i] = tile == nullptr ? 0.f : static_cast<float>(tile->light[k]) * (1 / unit);
+    looks[i] = tile == nullptr ? 0.f : static_cast<float>(tile->light_looks[k]);
   });
 }
 
-void Background::chroma(int u, int v, int n, float* blue, float* red, float* looks) const {
-  const int across = columns_ > 0 ? tile_px / columns_ : tile_px, down = rows_ > 0 ? tile_px / rows_ : tile_px;
-  in_tiles(u, v, n, across, down, [&](const Tile* tile, std::size_t first, int count, int i) {
-    if (tile == nullptr) {
-      for (float* out : {blue, red, looks}) std::fill_n(out + i, count, 0.f);
-      return;
-    }
-    copy(tile->blue, first, count, 1 / unit, blue + i);
-    copy(tile->red, first, count, 1 / unit, red + i);
-    copy(tile->chroma_looks, first, count, 1, looks + i);
+void Background::chroma(const Places& at, float* blue, float* red, float* looks) const {
+  in_tiles(at, columns_, rows_, [&](int i, const Tile* tile, std::size_t k) {
+    blue[i] = tile == nullptr ? 0.f : static_cast<float>(tile->blue[k]) * (1 / unit);
+    red[i] = tile == nullptr ? 0.f : static_cast<float>(tile->red[k]) * (1 / unit);
+    looks[i] = tile == nullptr ? 0.f : static_cast<float>(tile->chroma_looks[k]);
   });
 }
 

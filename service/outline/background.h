@@ -13,18 +13,6 @@
 
 namespace huetrack::outline {
 
-// A row of what is behind, as read_light() and read_chroma() give what is seen. looks: how many pictures it is the mean
-// of; 0: not known.
-class Behind {
- public:
-  virtual ~Behind() = default;
-  virtual void light(int u, int v, int n, float* light, float* looks) const = 0;
-  virtual void chroma(int u, int v, int n, float* blue, float* red, float* looks) const = 0;
-  // Of a single picture, standard deviation in grey values.
-  virtual float light_noise() const = 0;
-  virtual float chroma_noise() const = 0;
-};
-
 // Where pixels are the object's, or may be.
 struct ObjectDisc {
   Eigen::Vector2d px;
@@ -33,7 +21,7 @@ struct ObjectDisc {
 
 // thread-compatible; one per view. Its memory is bounded: 2 KB for a tile of 16x16 pixels, and no more than most_tiles
 // of them, of which the one that was not looked at for longest gives way.
-class Background final : public Behind {
+class Background {
  public:
   static constexpr int tile_px = 16;
   static constexpr std::size_t most_tiles = 1200;
@@ -46,10 +34,13 @@ class Background final : public Behind {
              const ObjectDisc* hidden, std::size_t hidden_count);
   void forget();
 
-  void light(int u, int v, int n, float* light, float* looks) const override;
-  void chroma(int u, int v, int n, float* blue, float* red, float* looks) const override;
-  float light_noise() const override { return light_.noise; }
-  float chroma_noise() const override { return chroma_.noise; }
+  // What is behind these pixels, or samples of chroma, as read_light() and read_chroma() give what is seen. looks: how
+  // many pictures it is the mean of; 0: not known.
+  void light(const Places& at, float* light, float* looks) const;
+  void chroma(const Places& at, float* blue, float* red, float* looks) const;
+  // Of a single picture, standard deviation in grey values.
+  float light_noise() const { return light_.noise; }
+  float chroma_noise() const { return chroma_.noise; }
 
   std::uint64_t tiles_learnt() const { return pictures_; }
 
@@ -79,7 +70,7 @@ class Background final : public Behind {
   Tile& tile_for(int index);
   void look(const Picture& picture, int index, const ObjectDisc* hidden, std::size_t hidden_count);
   template <typename Take>
-  void in_tiles(int u, int v, int n, int across, int down, Take&& take) const;
+  void in_tiles(const Places& at, int columns, int rows, Take&& take) const;
 
   int width_, height_, across_, down_;
   int columns_ = 0, rows_ = 0;       // that share chroma

@@ -6,6 +6,8 @@
 #include <array>
 #include <cmath>
 #include <numbers>
+#include <span>
+#include <utility>
 
 #include "particle_filter/vector_clones.h"
 
@@ -21,7 +23,9 @@ constexpr double reach_px = 4;           // beyond the edge, and within it: as f
 constexpr double least_radius_px = 1.5;  // smaller discs are all edge
 constexpr int least_pixels = 24;
 constexpr float least_contrast = 4;  // of the object's colour to what is behind it, in standard deviations of a pixel
-constexpr int most_of_edge = 320;  // samples: of a large ball's, evenly chosen, they tell as much as its model is right
+// Samples around the edge, evenly chosen. A ball's model is off by a share of its radius, samples by what they are: the
+// larger it is, the fewer are enough, down to what tells what hides it.
+constexpr double most_of_edge = 320, least_of_edge = 128, small_radius_px = 16;
 constexpr float model_light = 1.5f, model_chroma = 1.f;  // grey values by which the model itself is off
 constexpr float unknown_behind = 400;  // the variance of a background that is not known, in those of a pixel
 constexpr double least_guessed = 4;    // one that is guessed from what is around
@@ -82,27 +86,85 @@ HUETRACK_CLONES void shown_behind(int n, const float* __restrict r, const float*
   }
 }
 
-// Sums of the products of four columns with four others, n of each, in eight lanes.
+// In eight lanes.
 using Lanes = float __attribute__((vector_size(32), may_alias));
-template <int stride, int out_stride>
-inline __attribute__((always_inline)) void add_products(const float* a, const float* b, int n, float* sums) {
+
+// Adds up the products of three columns with three others, n of each: as many sums as registers hold.
+template <int stride>
+inline __attribute__((always_inline)) void add_products(const float* a, const float* b, int n, Lanes* sums) {
+  const auto *a0 = reinterpret_cast<const Lanes*>(a), *a1 = reinterpret_cast<const Lanes*>(a + stride),
+             *a2 = reinterpret_cast<const Lanes*>(a + 2 * stride);
   const auto *b0 = reinterpret_cast<const Lanes*>(b), *b1 = reinterpret_cast<const Lanes*>(b + stride),
-             *b2 = reinterpret_cast<const Lanes*>(b + 2 * stride), *b3 = reinterpret_cast<const Lanes*>(b + 3 * stride);
-  // Two of the first by four: as many sums as registers hold.
-  for (int p = 0; p < 4; p += 2) {
-    Lanes s00{}, s01{}, s02{}, s03{}, s10{}, s11{}, s12{}, s13{};
-    const auto *a0 = reinterpret_cast<const Lanes*>(a + p * stride),
-               *a1 = reinterpret_cast<const Lanes*>(a + (p + 1) * stride);
-    for (int i = 0; i < n / 8; ++i) {
-      s00 += a0[i] * b0[i], s01 += a0[i] * b1[i], s02 += a0[i] * b2[i], s03 += a0[i] * b3[i];
-      s10 += a1[i] * b0[i], s11 += a1[i] * b1[i], s12 += a1[i] * b2[i], s13 += a1[i] * b3[i];
-    }
-    auto* out = reinterpret_cast<Lanes*>(sums + p * out_stride);
-    out[0] += s00, out[1] += s01, out[2] += s02, out[3] += s03;
-    out = reinterpret_cast<Lanes*>(sums + (p + 1) * out_stride);
-    out[0] += s10, out[1] += s11, out[2] += s12, out[3] += s13;
+             *b2 = reinterpret_cast<const Lanes*>(b + 2 * stride);
+  Lanes s00{}, s01{}, s02{}, s10{}, s11{}, s12{}, s20{}, s21{}, s22{};
+  for (int i = 0; i < n / 8; ++i) {
+    s00 += a0[i] * b0[i], s01 += a0[i] * b1[i], s02 += a0[i] * b2[i];
+    s10 += a1[i] * b0[i], s11 += a1[i] * b1[i], s12 += a1[i] * b2[i];
+    s20 += a2[i] * b0[i], s21 += a2[i] * b1[i], s22 += a2[i] * b2[i];
+  }
+  sums[0] += s00, sums[1] += s01, sums[2] += s02;
+  sums[3] += s10, sums[4] += s11, sums[5] += s12;
+  sums[6] += s20, sums[7] += s21, sums[8] += s22;
+}
+
+double sum_of(const Lanes& lanes) {
+  double sum = 0;
+  for (int l = 0; l < 8; ++l) sum += static_cast<double>(lanes[l]);
+  return sum;
+}
+
+// Of samples that lie within the outline: is what is seen there rather what is behind, which no light on the object
+// could be mistaken for? per_sigma: of light and chroma.
+HUETRACK_CLONES void find_hidden(int n, const float* __restrict seen_light, const float* __restrict seen_blue,
+                                 const float* __restrict seen_red, const float* __restrict light,
+                                 const float* __restrict blue, const float* __restrict red, const float* object,
+                                 float per_light, float per_chroma, float* __restrict hidden) {
+  constexpr float telling_sigmas2 = 64, nearer2 = 0.5f, darker = 0.25f, brighter = 1.6f;
+  const float o0 = object[0] * per_light, o1 = object[1] * per_chroma, o2 = object[2] * per_chroma;
+  const float per_object2 = 1 / (o0 * o0 + o1 * o1 + o2 * o2);
+  const auto from_object2 = [&](float c0, float c1, float c2) {
+    float as = (c0 * o0 + c1 * o1 + c2 * o2) * per_object2;
+    as = as < darker ? darker : as > brighter ? brighter : as;
+    const float d0 = c0 - as * o0, d1 = c1 - as * o1, d2 = c2 - as * o2;
+    return d0 * d0 + d1 * d1 + d2 * d2;
+  };
+  for (int i = 0; i < n; ++i) {
+    const float b0 = light[i] * per_light, b1 = blue[i] * per_chroma, b2 = red[i] * per_chroma;
+    const float s0 = seen_light[i] * per_light, s1 = seen_blue[i] * per_chroma, s2 = seen_red[i] * per_chroma;
+    const float d0 = s0 - b0, d1 = s1 - b1, d2 = s2 - b2;
+    const bool is_telling = from_object2(b0, b1, b2) >= telling_sigmas2;
+    const bool is_nearer = d0 * d0 + d1 * d1 + d2 * d2 <= nearer2 * from_object2(s0, s1, s2);
+    hidden[i] = is_telling && is_nearer ? 1.f : 0.f;
   }
 }
+
+// How samples of light, or of chroma, lie in the box around the object.
+struct Grid {
+  int u0, v0, across, down;
+  double u_centre, v_centre;
+  Eigen::Vector2i on_rim(int u, int v) const {
+    const double right = across - 1, bottom = down - 1, du = u - u0 - u_centre, dv = v - v0 - v_centre;
+    const double to_side = du > 0 ? (right - u_centre) / du : du < 0 ? -u_centre / du : 1e9;
+    const double to_end = dv > 0 ? (bottom - v_centre) / dv : dv < 0 ? -v_centre / dv : 1e9;
+    const double far = std::max(1.0, std::min(to_side, to_end));
+    const auto on = [](double x, double most) { return static_cast<int>(std::lround(std::clamp(x, 0.0, most))); };
+    return {u0 + on(u_centre + far * du, right), v0 + on(v_centre + far * dv, bottom)};
+  }
+  // Variance along the rim, in those of a single picture; half of it is what a neighbour does not tell.
+  template <typename Value>
+  float variance(float sigma, Value&& value) const {
+    double sum = 0, squares = 0, n = 0;
+    for (int v = 0; v < down; ++v) {
+      for (int u = 0; u < across; u += v == 0 || v == down - 1 ? 1 : std::max(1, across - 1)) {
+        const double x = static_cast<double>(value(u0 + u, v0 + v));
+        sum += x, squares += x * x, ++n;
+      }
+    }
+    const double all = squares / n - sum * sum / (n * n);
+    return static_cast<float>(
+        std::clamp(0.5 * all / static_cast<double>(sigma * sigma), least_guessed, static_cast<double>(unknown_behind)));
+  }
+};
 
 }  // namespace
 
@@ -123,19 +185,17 @@ struct OutlineFit::Kind {
 };
 
 struct OutlineFit::Assembly {
-  alignas(64) float sums[columns][columns][8] = {};  // the upper half, by blocks of 4x4
+  static constexpr int threes = columns / 3;
+  Lanes products[threes][threes][9] = {};  // of columns by threes, the upper half
   double residual2 = 0, trusted = 0, edge = 0, seen_edge = 0;
 };
 
-OutlineFit::OutlineFit() {
-  constexpr std::size_t box = largest_box * largest_box;
-  for (auto* grid : {&seen_light_, &light_behind_, &light_looks_, &seen_blue_, &seen_red_, &blue_behind_, &red_behind_,
-                     &chroma_looks_})
-    grid->resize(box);
-  strange_.resize(box);
+OutlineFit::OutlineFit() : near_marks_(largest_box * largest_box) {
+  marks_.reserve(4 * most_rows);
 }
 
-bool OutlineFit::gather(const Picture& picture, const Behind& behind) {
+// The pixels within reach. false: none, or too many.
+bool OutlineFit::find_box(const Picture& picture) {
   columns_ = picture.columns, rows_ = picture.rows;
   has_chroma_ = !picture.is_grey;
   const Eigen::Matrix2d px_from_disc = disc_from_px_.inverse();
@@ -150,71 +210,7 @@ bool OutlineFit::gather(const Picture& picture, const Behind& behind) {
   };
   if (!bounds(0, picture.width, columns_, u0_, width_) || !bounds(1, picture.height, rows_, v0_, height_)) return false;
   across_ = width_ / columns_, down_ = height_ / rows_;
-  for (int v = 0; v < height_; ++v) {
-    const auto at = static_cast<std::size_t>(v * width_);
-    read_light(picture, u0_, v0_ + v, width_, &seen_light_[at]);
-    behind.light(u0_, v0_ + v, width_, &light_behind_[at], &light_looks_[at]);
-  }
-  for (int v = 0; v < down_; ++v) {
-    const auto at = static_cast<std::size_t>(v * across_);
-    read_chroma(picture, u0_ / columns_, v0_ / rows_ + v, across_, &seen_blue_[at], &seen_red_[at]);
-    behind.chroma(u0_ / columns_, v0_ / rows_ + v, across_, &blue_behind_[at], &red_behind_[at], &chroma_looks_[at]);
-  }
-  fill_unknown();
   return true;
-}
-
-// Where it is not known what is behind, it is taken for what is seen beyond it at the rim of the box, as unsure as that
-// differs all around.
-void OutlineFit::fill_unknown() {
-  const auto is_unknown = [](const std::vector<float>& looks, int n) {
-    return std::any_of(looks.begin(), looks.begin() + n, [](float of) { return of == 0; });
-  };
-  guessed_light_ = guessed_chroma_ = unknown_behind;
-  const double cu = start_.centre.x() - u0_, cv = start_.centre.y() - v0_;
-  const auto fill = [&](int across, int down, double u_centre, double v_centre, const std::vector<float>& looks,
-                        auto&& guess) {
-    const double right = across - 1, bottom = down - 1;
-    for (int v = 0; v < down; ++v) {
-      for (int u = 0; u < across; ++u) {
-        const int at = v * across + u;
-        if (looks[static_cast<std::size_t>(at)] > 0) continue;
-        const double du = u - u_centre, dv = v - v_centre;
-        const double to_side = du > 0 ? (right - u_centre) / du : du < 0 ? -u_centre / du : 1e9;
-        const double to_end = dv > 0 ? (bottom - v_centre) / dv : dv < 0 ? -v_centre / dv : 1e9;
-        const double far = std::max(1.0, std::min(to_side, to_end));
-        const auto on = [](double x, double most) { return static_cast<int>(std::lround(std::clamp(x, 0.0, most))); };
-        guess(at, on(v_centre + far * dv, bottom) * across + on(u_centre + far * du, right));
-      }
-    }
-  };
-  // Variance along the rim, in those of a single picture; half of it is what a neighbour does not tell.
-  const auto variance = [](int across, int down, float sigma, auto&& value) {
-    double sum = 0, squares = 0, n = 0;
-    for (int v = 0; v < down; ++v) {
-      for (int u = 0; u < across; u += v == 0 || v == down - 1 ? 1 : std::max(1, across - 1)) {
-        const double x = static_cast<double>(value(v * across + u));
-        sum += x, squares += x * x, ++n;
-      }
-    }
-    const double all = squares / n - sum * sum / (n * n);
-    return static_cast<float>(
-        std::clamp(0.5 * all / static_cast<double>(sigma * sigma), least_guessed, static_cast<double>(unknown_behind)));
-  };
-  const auto at = [](const std::vector<float>& of, int i) { return of[static_cast<std::size_t>(i)]; };
-  if (is_unknown(light_looks_, width_ * height_)) {
-    guessed_light_ = variance(width_, height_, sigma_light_, [&](int i) { return at(seen_light_, i); });
-    fill(width_, height_, cu, cv, light_looks_,
-         [&](int i, int rim) { light_behind_[static_cast<std::size_t>(i)] = at(seen_light_, rim); });
-  }
-  if (is_unknown(chroma_looks_, across_ * down_)) {
-    guessed_chroma_ = std::max(variance(across_, down_, sigma_chroma_, [&](int i) { return at(seen_blue_, i); }),
-                               variance(across_, down_, sigma_chroma_, [&](int i) { return at(seen_red_, i); }));
-    fill(across_, down_, cu / columns_, cv / rows_, chroma_looks_, [&](int i, int rim) {
-      blue_behind_[static_cast<std::size_t>(i)] = at(seen_blue_, rim);
-      red_behind_[static_cast<std::size_t>(i)] = at(seen_red_, rim);
-    });
-  }
 }
 
 // The samples whose centres lie within reach of the edge, and some of those further inside.
@@ -227,23 +223,121 @@ void OutlineFit::select(Rows& rows, int shared, int lines) {
   const auto m00 = static_cast<float>(disc_from_px_(0, 0)), m01 = static_cast<float>(disc_from_px_(0, 1)),
              m10 = static_cast<float>(disc_from_px_(1, 0)), m11 = static_cast<float>(disc_from_px_(1, 1));
   const float all = std::numbers::pi_v<float> * radius * radius * (outer - inner) / static_cast<float>(shared * lines);
-  const int some = std::max(1, static_cast<int>(std::ceil(all / static_cast<float>(most_of_edge))));
+  const double enough = std::clamp(most_of_edge * small_radius_px / radius_px_, least_of_edge, most_of_edge);
+  const int some = std::max(1, static_cast<int>(std::ceil(static_cast<double>(all) / enough)));
   int met = 0;
   const int across = width_ / shared, down = height_ / lines;
+  const auto u_of = [&](int i) {
+    return static_cast<float>(u0_ + i * shared + 0.5 * (shared - 1) - start_.centre.x());
+  };
   for (int j = 0; j < down; ++j) {
     const auto v = static_cast<float>(v0_ + j * lines + 0.5 * (lines - 1) - start_.centre.y());
-    for (int i = 0; i < across; ++i) {
-      const auto u = static_cast<float>(u0_ + i * shared + 0.5 * (shared - 1) - start_.centre.x());
-      const float x = m00 * u + m01 * v, y = m10 * u + m11 * v, rho2 = x * x + y * y;
-      if (rho2 > outer || (rho2 < inner && every > 1 && (i + 3 * j) % every != 0) || rows.n == most_rows ||
-          met++ % some != 0)
-        continue;
+    const auto take = [&](int i) {
+      if (rows.n == most_rows || met++ % some != 0) return;
       const int k = rows.n++;
-      rows.u[k] = u, rows.v[k] = v, rows.x[k] = x, rows.y[k] = y;
-      rows.cell[k] = j * across + i;
+      rows.u[k] = u_of(i), rows.v[k] = v;
+      rows.x[k] = m00 * rows.u[k] + m01 * v, rows.y[k] = m10 * rows.u[k] + m11 * v;
+      rows.at_u[k] = u0_ / shared + i, rows.at_v[k] = v0_ / lines + j;
       rows.trust[k] = 1;
-    }
+    };
+    // Where this row of samples is within so many squared radii, from the first to beyond the last.
+    const auto within = [&](float rho2) {
+      const float a = m00 * m00 + m10 * m10, b = (m00 * m01 + m10 * m11) * v, c = (m01 * m01 + m11 * m11) * v * v;
+      const float left = b * b - a * (c - rho2);
+      if (!(left > 0)) return std::array{0, 0};
+      const float half = std::sqrt(left) / a, middle = -b / a, first_u = u_of(0), per = 1 / static_cast<float>(shared);
+      const auto at = [&](float u) {
+        return static_cast<int>(std::clamp(std::ceil((u - first_u) * per), 0.f, static_cast<float>(across)));
+      };
+      return std::array{at(middle - half), at(middle + half)};
+    };
+    const auto [from, to] = within(outer);
+    auto [inner_from, inner_to] = every > 1 ? within(inner) : std::array{to, to};
+    if (inner_from == inner_to) inner_from = inner_to = to;
+    for (int i = from; i < inner_from; ++i) take(i);
+    for (int i = inner_from + (every - (inner_from + 3 * j) % every) % every; i < inner_to; i += every) take(i);
+    for (int i = inner_to; i < to; ++i) take(i);
   }
+}
+
+// What is seen there, and what is behind it. Where that is not known, it is taken for what is seen beyond it at the rim
+// of the box, as unsure as that differs all around.
+void OutlineFit::read(const Picture& picture, const Background& behind) {
+  const double cu = start_.centre.x() - u0_, cv = start_.centre.y() - v0_;
+  const Grid pixels{u0_, v0_, width_, height_, cu, cv};
+  const Grid samples{u0_ / columns_, v0_ / rows_, across_, down_, cu / columns_, cv / rows_};
+  struct Chroma {
+    float blue, red;
+  };
+  const auto light_at = [&](int u, int v) {
+    float light = 0;
+    read_light(picture, u, v, 1, &light);
+    return light;
+  };
+  const auto chroma_at = [&](int u, int v) {
+    Chroma chroma{};
+    read_chroma(picture, u, v, 1, &chroma.blue, &chroma.red);
+    return chroma;
+  };
+  // Of what is guessed, when the first guess is made.
+  float guessed_light = 0, guessed_chroma = 0;
+  const auto know_light = [&](const Places& at, float* light, float* looks) {
+    behind.light(at, light, looks);
+    for (int k = 0; k < at.n; ++k) {
+      if (looks[k] > 0) continue;
+      const Eigen::Vector2i rim = pixels.on_rim(at.u[k], at.v[k]);
+      light[k] = light_at(rim.x(), rim.y());
+      if (guessed_light == 0) guessed_light = pixels.variance(sigma_light_, light_at);
+    }
+  };
+  const auto know_chroma = [&](const Places& at, float* blue, float* red, float* looks) {
+    behind.chroma(at, blue, red, looks);
+    for (int k = 0; k < at.n; ++k) {
+      if (looks[k] > 0) continue;
+      const Eigen::Vector2i rim = samples.on_rim(at.u[k], at.v[k]);
+      const Chroma there = chroma_at(rim.x(), rim.y());
+      blue[k] = there.blue, red[k] = there.red;
+      if (guessed_chroma == 0)
+        guessed_chroma = std::max(samples.variance(sigma_chroma_, [&](int u, int v) { return chroma_at(u, v).blue; }),
+                                  samples.variance(sigma_chroma_, [&](int u, int v) { return chroma_at(u, v).red; }));
+    }
+  };
+  static thread_local std::array<int, most_rows> us, vs;
+  static thread_local std::array<float, most_rows> looks, light;
+  const auto be_unsure = [&](Rows& rows, float guessed) {
+    for (int k = 0; k < rows.n; ++k) {
+      const float of = looks[static_cast<std::size_t>(k)];
+      rows.unsure[k] = of > 0 ? 1 / of : guessed;
+    }
+  };
+
+  // Of a pixel the chroma is that of the sample in which it lies.
+  const Places of_light{light_.at_u, light_.at_v, light_.n}, around{us.data(), vs.data(), light_.n};
+  for (int k = 0; k < light_.n; ++k) {
+    const auto i = static_cast<std::size_t>(k);
+    us[i] = light_.at_u[k] / columns_, vs[i] = light_.at_v[k] / rows_;
+  }
+  read_light(picture, of_light, light_.seen.light);
+  read_chroma(picture, around, light_.seen.blue, light_.seen.red);
+  know_chroma(around, light_.behind.blue, light_.behind.red, looks.data());
+  know_light(of_light, light_.behind.light, looks.data());
+  be_unsure(light_, guessed_light);
+
+  // Of a sample of chroma the light is the mean of its pixels'.
+  const Places of_chroma{chroma_.at_u, chroma_.at_v, chroma_.n}, within{us.data(), vs.data(), chroma_.n};
+  std::fill_n(chroma_.behind.light, chroma_.n, 0.f);
+  for (int part = 0; part < columns_ * rows_; ++part) {
+    for (int k = 0; k < chroma_.n; ++k) {
+      const auto i = static_cast<std::size_t>(k);
+      us[i] = chroma_.at_u[k] * columns_ + part % columns_, vs[i] = chroma_.at_v[k] * rows_ + part / columns_;
+    }
+    know_light(within, light.data(), looks.data());
+    for (int k = 0; k < chroma_.n; ++k)
+      chroma_.behind.light[k] += light[static_cast<std::size_t>(k)] / static_cast<float>(columns_ * rows_);
+  }
+  read_chroma(picture, of_chroma, chroma_.seen.blue, chroma_.seen.red);
+  know_chroma(of_chroma, chroma_.behind.blue, chroma_.behind.red, looks.data());
+  be_unsure(chroma_, guessed_chroma);
 }
 
 // Its colour: as it was, or the median inside.
@@ -255,10 +349,8 @@ bool OutlineFit::know_object(const Look& look) {
   } else {
     for (int k = 0; k < light_.n; ++k) {
       if (light_.x[k] * light_.x[k] + light_.y[k] * light_.y[k] > shrunk * shrunk) continue;
-      const int cell = light_.cell[k];
-      const auto c = static_cast<std::size_t>(cell / width_ / rows_ * across_ + cell % width_ / columns_);
-      values[0].push_back(seen_light_[static_cast<std::size_t>(cell)]);
-      values[1].push_back(seen_blue_[c]), values[2].push_back(seen_red_[c]);
+      values[0].push_back(light_.seen.light[k]);
+      values[1].push_back(light_.seen.blue[k]), values[2].push_back(light_.seen.red[k]);
     }
     if (values[0].size() < 3) return false;
     std::array<float, 3> middle{};
@@ -275,51 +367,36 @@ bool OutlineFit::know_object(const Look& look) {
   return true;
 }
 
+// What is measured, and what is behind it as linear light.
 void OutlineFit::make_rows() {
-  alignas(64) static thread_local std::array<float, most_rows> light, blue, red, shown_light, shown_blue, shown_red;
-  const auto fill = [&](Rows& rows, auto&& read, auto&& kind) {
-    for (int k = 0; k < rows.n; ++k) read(k, rows.cell[k]);
-    lights_behind(rows.n, light.data(), blue.data(), red.data(), rows.red, rows.green, rows.blue);
-    shown_behind(rows.n, rows.red, rows.green, rows.blue, shown_light.data(), shown_blue.data(), shown_red.data());
-    for (int k = 0; k < rows.n; ++k) {
-      const auto i = static_cast<std::size_t>(k);
-      rows.offset[k] = kind(light[i] - shown_light[i], blue[i] - shown_blue[i], red[i] - shown_red[i]);
-    }
-  };
-  const auto unsure = [](float looks, float guessed) { return looks > 0 ? 1 / looks : guessed; };
   // Of chroma the direction in which the object differs most from what is around it.
   float sum_light = 0, sum_blue = 0, sum_red = 0;
-  fill(
-      light_,
-      [&](int k, int cell) {
-        const auto i = static_cast<std::size_t>(cell), at = static_cast<std::size_t>(k);
-        const auto c = static_cast<std::size_t>(cell / width_ / rows_ * across_ + cell % width_ / columns_);
-        light[at] = light_behind_[i], blue[at] = blue_behind_[c], red[at] = red_behind_[c];
-        sum_light += light[at], sum_blue += blue[at], sum_red += red[at];
-        light_.seen[k] = seen_light_[i];
-        light_.unsure[k] = unsure(light_looks_[i], guessed_light_);
-      },
-      [](float y, float, float) { return y; });
+  for (int k = 0; k < light_.n; ++k)
+    sum_light += light_.behind.light[k], sum_blue += light_.behind.blue[k], sum_red += light_.behind.red[k];
   const auto n = static_cast<float>(std::max(1, light_.n));
   const float off_blue = object_seen_[1] - sum_blue / n, off_red = object_seen_[2] - sum_red / n;
   const float length = std::hypot(off_blue, off_red);
   chroma_blue_ = length > 1 ? off_blue / length : 0.f, chroma_red_ = length > 1 ? off_red / length : 1.f;
   contrast_ = std::hypot(length / sigma_chroma_, (object_seen_[0] - sum_light / n) / sigma_light_);
-  if (!has_chroma_) return;
-  fill(
-      chroma_,
-      [&](int k, int cell) {
-        const auto i = static_cast<std::size_t>(cell), at = static_cast<std::size_t>(k);
-        const int u = cell % across_ * columns_, v = cell / across_ * rows_;
-        float sum = 0;
-        for (int b = 0; b < rows_; ++b)
-          for (int a = 0; a < columns_; ++a) sum += light_behind_[static_cast<std::size_t>((v + b) * width_ + u + a)];
-        light[at] = sum / static_cast<float>(columns_ * rows_);
-        blue[at] = blue_behind_[i], red[at] = red_behind_[i];
-        chroma_.seen[k] = chroma_blue_ * seen_blue_[i] + chroma_red_ * seen_red_[i];
-        chroma_.unsure[k] = unsure(chroma_looks_[i], guessed_chroma_);
-      },
-      [&](float, float b, float r) { return chroma_blue_ * b + chroma_red_ * r; });
+
+  static thread_local GreyValues shown;
+  const auto show = [](Rows& rows) {
+    lights_behind(rows.n, rows.behind.light, rows.behind.blue, rows.behind.red, rows.red, rows.green, rows.blue);
+    shown_behind(rows.n, rows.red, rows.green, rows.blue, shown.light, shown.blue, shown.red);
+  };
+  show(light_);
+  for (int k = 0; k < light_.n; ++k) {
+    light_.measured[k] = light_.seen.light[k];
+    light_.offset[k] = light_.behind.light[k] - shown.light[k];
+  }
+  show(chroma_);
+  for (int k = 0; k < chroma_.n; ++k) {
+    chroma_.measured[k] = chroma_blue_ * chroma_.seen.blue[k] + chroma_red_ * chroma_.seen.red[k];
+    chroma_.offset[k] =
+        chroma_blue_ * (chroma_.behind.blue[k] - shown.blue[k]) + chroma_red_ * (chroma_.behind.red[k] - shown.red[k]);
+  }
+  find_hidden(light_.n, light_.seen.light, light_.seen.blue, light_.seen.red, light_.behind.light, light_.behind.blue,
+              light_.behind.red, object_seen_.data(), 1 / sigma_light_, 1 / sigma_chroma_, light_.hidden);
 }
 
 void OutlineFit::begin(const Look& look, const FitOptions& options) {
@@ -524,14 +601,14 @@ struct OutlineFit::Chunk {
   }
 
   [[gnu::always_inline]] void weigh(Rows& judged, Assembly& out) {
-    const float* __restrict seen = rows.seen + from;
+    const float* __restrict measured = rows.measured + from;
     const float* __restrict offset = rows.offset + from;
     const float* __restrict unsure = rows.unsure + from;
     const float* __restrict trust = rows.trust + from;
     alignas(64) float r2s[chunk], ws[chunk], es[chunk], ss[chunk], off[chunk];
     for (int i = 0; i < n; ++i) {
       const float open = 1 - light.a[i];
-      const float residual = seen[i] - shown[i] - open * offset[i];
+      const float residual = measured[i] - shown[i] - open * offset[i];
       const float variance = k.sigma * k.sigma * (1 + open * open * unsure[i]);
       const float r2 = residual * residual / variance;
       const float robust = 1 / (1 + r2 / loss2);
@@ -567,9 +644,8 @@ struct OutlineFit::Chunk {
     for (int i = 0; i < n; ++i) to[i] = wo[i] * of[i] + wc[i] * with[i];
   }
 
+  // The last of them may not fill the lanes.
   [[gnu::always_inline]] void fill_columns() {
-    for (auto& column : j)
-      for (float& value : column) value = 0;
     both(cu_, light.by_u, color.by_u), both(cv_, light.by_v, color.by_v), both(size_, light.by_size, color.by_size);
     both(blur_light_, light.by_blur, color.by_blur), both(exposure_, light.by_exposure, color.by_exposure);
     product(blur_chroma_, wc, by_more);
@@ -580,13 +656,14 @@ struct OutlineFit::Chunk {
     copy(paleness_, wp), product(paleness_ + 1, wp, x), product(paleness_ + 2, wp, y);
     copy(lit_, wl), product(lit_ + 1, wl, rows.v + from);
     copy(right_, w);
+    for (int i = n; i < padded(); ++i)
+      for (auto& column : j) column[i] = 0;
   }
 
+  int padded() const { return (n + 7) / 8 * 8; }
   [[gnu::always_inline]] void add_to(Assembly& out) const {
-    const int padded = (n + 7) / 8 * 8;
-    for (int r = 0; r < columns; r += 4)
-      for (int c = r; c < columns; c += 4)
-        add_products<chunk, columns * 8>(&j[r][0], &j[c][0], padded, &out.sums[r][c][0]);
+    for (int r = 0; r < Assembly::threes; ++r)
+      for (int c = r; c < Assembly::threes; ++c) add_products<chunk>(j[3 * r], j[3 * c], padded(), out.products[r][c]);
   }
 };
 
@@ -609,11 +686,7 @@ void OutlineFit::assemble() {
   assemble_rows(kind_of_light(), light_, sums);
   const double edge = sums.edge, seen_edge = sums.seen_edge;
   if (has_chroma_) assemble_rows(kind_of_chroma(), chroma_, sums);
-  const auto total = [&](int r, int c) {
-    double sum = 0;
-    for (int l = 0; l < 8; ++l) sum += static_cast<double>(sums.sums[std::min(r, c)][std::max(r, c)][l]);
-    return sum;
-  };
+  const auto total = [&](int r, int c) { return sum_of(sums.products[r / 3][c / 3][r % 3 * 3 + c % 3]); };
   for (int r = 0; r < unknowns; ++r) {
     for (int c = r; c < unknowns; ++c) normal_(r, c) = normal_(c, r) = total(r, c);
     gradient_[r] = total(r, right_);
@@ -624,80 +697,77 @@ void OutlineFit::assemble() {
   visible_ = edge > 0 ? seen_edge / edge : 0;
 }
 
+void OutlineFit::mark(int u, int v, Strange as) {
+  marks_.push_back({u - u0_, v - v0_, as});
+}
+
 // What hides the object, and what else is there, does not count, nor do pixels that its edge may have softened; nor do
-// glints: what shines on the object is no light on a dull ball. True: glints were found now.
+// glints: what shines on the object is no light on a dull ball. True: other pixels count from now on.
 bool OutlineFit::judge_pixels() {
-  constexpr float inside = 0.8f, outside = 0.02f, telling_sigmas2 = 64, nearer2 = 0.5f, strange_sigmas2 = 49,
-                  darker = 0.25f, brighter = 1.6f, within = 0.9f,
-                  largest_glint = 0.25f;  // of the disc; of more the light is not known yet
-  constexpr int soft_px = 2;
   // Where the object was expected, what hides it is found before the fit has given way to it.
-  constexpr std::uint8_t is_else = 1, hides = 2, glints = 4;
-  const bool is_first = !is_judged_;
-  is_judged_ = true;
-  bool any = false, found_glints = false;
-  for (int i = 0; (is_first || had_strange_) && i < width_ * height_; ++i) {  // where nothing was strange all are 0
-    std::uint8_t& cell = strange_[static_cast<std::size_t>(i)];
-    cell = is_first ? 0 : cell & (hides | glints);
-    any = any || cell != 0;
-  }
+  const bool had_marks = !marks_.empty();
+  std::erase_if(marks_, [](const Mark& mark) { return mark.as == Strange::is_else; });
   // The first step does not know the object's light yet.
-  if (!is_first && !had_glints_) {
-    int inner = 0, shining = 0;
-    const auto shines = [&](int k) { return light_.covered[k] > within && light_.off[k] > glint_sigmas2; };
-    for (int k = 0; k < light_.n; ++k) inner += light_.covered[k] > within, shining += shines(k);
-    found_glints = shining > 0 && shining < largest_glint * static_cast<float>(inner);
-    for (int k = 0; found_glints && k < light_.n; ++k)
-      if (shines(k)) strange_[static_cast<std::size_t>(light_.cell[k])] |= glints;
-    had_glints_ = found_glints;
-    any = any || found_glints;
-  }
+  const bool is_first = !std::exchange(is_judged_, true);
+  if (!is_first && !had_glints_) had_glints_ = find_glints();
+  find_strange();
+  return (had_marks || !marks_.empty()) && distrust_marked();
+}
+
+bool OutlineFit::find_glints() {
+  constexpr float within = 0.9f, largest_glint = 0.25f;  // of the disc; of more the light is not known yet
+  const auto is_glint = [&](int k) { return light_.covered[k] > within && light_.off[k] > glint_sigmas2; };
+  int inner = 0, shining = 0;
+  for (int k = 0; k < light_.n; ++k) inner += light_.covered[k] > within, shining += is_glint(k);
+  if (shining == 0 || shining >= largest_glint * static_cast<float>(inner)) return false;
+  for (int k = 0; k < light_.n; ++k)
+    if (is_glint(k)) mark(light_.at_u[k], light_.at_v[k], Strange::shines);
+  return true;
+}
+
+void OutlineFit::find_strange() {
+  constexpr float inside = 0.8f, outside = 0.02f, strange_sigmas2 = 49, one_look = 0.75f;  // of the mean's variance
   for (int k = 0; k < light_.n; ++k) {
-    const int cell = light_.cell[k];
-    const auto i = static_cast<std::size_t>(cell);
-    if (light_looks_[i] < 2 || (light_.covered[k] > outside && light_.covered[k] < inside)) continue;
+    if (light_.unsure[k] > one_look) continue;
     if (light_.covered[k] <= outside) {
-      if (std::abs(light_.off[k]) < strange_sigmas2) continue;
-    } else {
-      // Is what is seen rather what is behind, or the object as bright as it may be?
-      const auto c = static_cast<std::size_t>(cell / width_ / rows_ * across_ + cell % width_ / columns_);
-      const Eigen::Vector3f per_sigma(1 / sigma_light_, 1 / sigma_chroma_, 1 / sigma_chroma_);
-      const Eigen::Vector3f object = object_seen_.cwiseProduct(per_sigma);
-      const Eigen::Vector3f behind =
-          Eigen::Vector3f(light_behind_[i], blue_behind_[c], red_behind_[c]).cwiseProduct(per_sigma);
-      const Eigen::Vector3f seen = Eigen::Vector3f(seen_light_[i], seen_blue_[c], seen_red_[c]).cwiseProduct(per_sigma);
-      const auto from_object2 = [&](const Eigen::Vector3f& of) {
-        return (of - std::clamp(of.dot(object) / object.squaredNorm(), darker, brighter) * object).squaredNorm();
-      };
-      if (from_object2(behind) < telling_sigmas2 || (seen - behind).squaredNorm() > nearer2 * from_object2(seen))
-        continue;
+      if (std::abs(light_.off[k]) >= strange_sigmas2) mark(light_.at_u[k], light_.at_v[k], Strange::is_else);
+    } else if (light_.covered[k] >= inside && light_.hidden[k] > 0) {
+      mark(light_.at_u[k], light_.at_v[k], Strange::hides);
     }
-    strange_[i] |= light_.covered[k] <= outside ? is_else : hides;
-    any = true;
   }
   for (int k = 0; k < chroma_.n; ++k) {
-    const auto c = static_cast<std::size_t>(chroma_.cell[k]);
-    if (chroma_looks_[c] < 2 || chroma_.covered[k] > outside || std::abs(chroma_.off[k]) < strange_sigmas2) continue;
-    const int u = chroma_.cell[k] % across_ * columns_, v = chroma_.cell[k] / across_ * rows_;
-    for (int b = 0; b < rows_; ++b)
-      for (int a = 0; a < columns_; ++a) strange_[static_cast<std::size_t>((v + b) * width_ + u + a)] |= is_else;
-    any = true;
+    if (chroma_.unsure[k] > one_look || chroma_.covered[k] > outside || std::abs(chroma_.off[k]) < strange_sigmas2)
+      continue;
+    for (int part = 0; part < columns_ * rows_; ++part)
+      mark(chroma_.at_u[k] * columns_ + part % columns_, chroma_.at_v[k] * rows_ + part / columns_, Strange::is_else);
   }
-  if (!any && !had_strange_) return false;
-  had_strange_ = any;
-  const auto near = [&](int u, int v) {
-    for (int b = std::max(0, v - soft_px); b <= std::min(height_ - 1, v + soft_px); ++b)
-      for (int a = std::max(0, u - soft_px); a <= std::min(width_ - 1, u + soft_px); ++a)
-        if (const int cell = strange_[static_cast<std::size_t>(b * width_ + a)];
-            (cell & ~glints) != 0 || (cell != 0 && std::abs(a - u) < soft_px && std::abs(b - v) < soft_px))
-          return true;
-    return false;
+}
+
+// True: other pixels count from now on.
+bool OutlineFit::distrust_marked() {
+  constexpr int soft_px = 2, soft_glint_px = 1;
+  const auto map = std::span(near_marks_).first(static_cast<std::size_t>(width_ * height_));
+  std::ranges::fill(map, std::uint8_t{0});
+  for (const Mark& mark : marks_) {
+    const int reach = mark.as == Strange::shines ? soft_glint_px : soft_px;
+    const int first = std::max(0, mark.u - reach), last = std::min(width_ - 1, mark.u + reach);
+    for (int v = std::max(0, mark.v - reach); v <= std::min(height_ - 1, mark.v + reach); ++v)
+      std::ranges::fill(
+          map.subspan(static_cast<std::size_t>(v * width_ + first), static_cast<std::size_t>(last - first + 1)),
+          std::uint8_t{1});
+  }
+  bool has_changed = false;
+  const auto judge = [&](Rows& rows, int shared, int lines) {
+    for (int k = 0; k < rows.n; ++k) {
+      const int u = rows.at_u[k] * shared - u0_, v = rows.at_v[k] * lines - v0_;
+      const float trust = map[static_cast<std::size_t>(v * width_ + u)] != 0 ? 0.f : 1.f;
+      has_changed = has_changed || trust != rows.trust[k];
+      rows.trust[k] = trust;
+    }
   };
-  for (int k = 0; k < light_.n; ++k)
-    light_.trust[k] = near(light_.cell[k] % width_, light_.cell[k] / width_) ? 0.f : 1.f;
-  for (int k = 0; k < chroma_.n; ++k)
-    chroma_.trust[k] = near(chroma_.cell[k] % across_ * columns_, chroma_.cell[k] / across_ * rows_) ? 0.f : 1.f;
-  return found_glints;
+  judge(light_, 1, 1);
+  judge(chroma_, columns_, rows_);
+  return has_changed;
 }
 
 struct OutlineFit::Solver : Eigen::LDLT<Normal> {};
@@ -775,7 +845,7 @@ void OutlineFit::tell(Fit& out) const {
                                               : FitOutcome::fits;
 }
 
-Fit OutlineFit::fit(const Picture& picture, const Behind& behind, const Ellipse& start, const Movement& movement,
+Fit OutlineFit::fit(const Picture& picture, const Background& behind, const Ellipse& start, const Movement& movement,
                     const Look& look, const FitOptions& options) {
   Fit out;
   out.centre = start.centre;
@@ -784,13 +854,16 @@ Fit OutlineFit::fit(const Picture& picture, const Behind& behind, const Ellipse&
   if (!(radius_px_ >= least_radius_px) || !start.centre.allFinite() || !disc_from_px_.allFinite()) return out;
   sigma_light_ = std::hypot(behind.light_noise(), model_light);
   sigma_chroma_ = std::hypot(behind.chroma_noise(), model_chroma);
-  if (!gather(picture, behind)) return out;
+  if (!find_box(picture)) return out;
   select(light_, 1, 1);
   chroma_.n = 0;
-  had_strange_ = is_judged_ = had_glints_ = false;
+  is_judged_ = had_glints_ = false;
+  marks_.clear();
   if (has_chroma_) select(chroma_, columns_, rows_);
   out.pixels = light_.n;
-  if (light_.n < least_pixels || !know_object(look)) return out;
+  if (light_.n < least_pixels) return out;
+  read(picture, behind);
+  if (!know_object(look)) return out;
   make_rows();
   out.outcome = FitOutcome::no_contrast;
   if (contrast_ < least_contrast) return out;
@@ -798,7 +871,7 @@ Fit OutlineFit::fit(const Picture& picture, const Behind& behind, const Ellipse&
   Solver solver;
   for (out.steps = 1; out.steps <= options.most_steps; ++out.steps) {
     assemble();
-    const bool found_glints = out.steps <= 3 && judge_pixels();  // counts from the next step on
+    const bool are_others = out.steps <= 3 && judge_pixels();  // those that count from the next step on
     const Unknowns step = next_step(solver);
     if (!step.allFinite()) return out;
     x_ += step;
@@ -807,7 +880,7 @@ Fit OutlineFit::fit(const Picture& picture, const Behind& behind, const Ellipse&
       out.outcome = FitOutcome::lost;
       return out;
     }
-    if (out.steps >= 2 && !found_glints && is_settled(step)) break;
+    if (out.steps >= 2 && !are_others && is_settled(step)) break;
   }
   find_covariance(solver);
   tell(out);

@@ -78,7 +78,7 @@ class OutlineFit {
 
   // start: where the outline is expected, to about half its radius. The look is read; learn_look() gives what it is
   // after the fit.
-  Fit fit(const Picture& picture, const Behind& behind, const Ellipse& start, const Movement& movement,
+  Fit fit(const Picture& picture, const Background& behind, const Ellipse& start, const Movement& movement,
           const Look& look, const FitOptions& options);
   void learn(Look& look) const;  // after a fit that fits
 
@@ -95,23 +95,35 @@ class OutlineFit {
     exposure_ = lit_ + 2,
     unknowns,
     right_ = unknowns,
-    columns = (unknowns + 1 + 3) / 4 * 4
+    columns
   };
+  static_assert(columns % 3 == 0);  // assemble() takes them by threes
   static constexpr int largest_box = 128;
   static constexpr int most_rows = 2048;  // of pixels, or of samples of chroma
   static constexpr int chunk = 64;
+  struct GreyValues {
+    alignas(64) float light[most_rows], blue[most_rows], red[most_rows];
+  };
   // Pixels, or samples of chroma: in columns, so that many of them are done at once.
   struct Rows {
     int n = 0;
     alignas(64) float u[most_rows], v[most_rows];  // from the start's centre, pixels
     alignas(64) float x[most_rows], y[most_rows];  // the same in the disc of the start
-    alignas(64) float seen[most_rows], red[most_rows], green[most_rows], blue[most_rows];  // linear light, behind
+    int at_u[most_rows], at_v[most_rows];          // in the picture, or in its chroma
+    GreyValues seen, behind;                       // what is behind it, or what that is guessed to be
+    alignas(64) float measured[most_rows];         // of what is seen
+    alignas(64) float red[most_rows], green[most_rows], blue[most_rows];  // linear light, behind
     alignas(64) float offset[most_rows];  // of what is behind from what the camera's curve makes of that
     alignas(64) float unsure[most_rows];  // its variance, in variances of a picture
     alignas(64) float trust[most_rows];   // 0..1
+    alignas(64) float hidden[most_rows];  // 1: were it within the outline, it would show what is behind
     alignas(64) float covered[most_rows],
-        off[most_rows];   // when assembled last: the share; the residual's square in variances, with its sign
-    int cell[most_rows];  // in the box
+        off[most_rows];  // when assembled last: the share; the residual's square in variances, with its sign
+  };
+  enum class Strange : std::uint8_t { is_else, hides, shines };
+  struct Mark {
+    int u, v;  // in the box
+    Strange as;
   };
   struct Kind;
   struct Chunk;
@@ -121,13 +133,17 @@ class OutlineFit {
   using Normal = Eigen::Matrix<double, unknowns, unknowns>;
 
   void lay_out(const Ellipse& start, const Movement& movement, const Look& look);
-  bool gather(const Picture& picture, const Behind& behind);
-  void fill_unknown();
+  bool find_box(const Picture& picture);
   void select(Rows& rows, int shared, int lines);
+  void read(const Picture& picture, const Background& behind);
   bool know_object(const Look& look);
   void make_rows();
   void begin(const Look& look, const FitOptions& options);
   bool judge_pixels();
+  bool find_glints();
+  void find_strange();
+  bool distrust_marked();
+  void mark(int u, int v, Strange as);
   void assemble();
   static void assemble_rows(const Kind& kind, Rows& rows, Assembly& out);
   Kind kind_of_light() const;
@@ -145,9 +161,8 @@ class OutlineFit {
   double radius_px_ = 0, reach_px_ = 0;
   int u0_ = 0, v0_ = 0, width_ = 0, height_ = 0;        // the box, in pixels
   int columns_ = 1, rows_ = 1, across_ = 0, down_ = 0;  // chroma in it
-  bool has_chroma_ = true, had_strange_ = false, had_glints_ = false, is_judged_ = false;
+  bool has_chroma_ = true, had_glints_ = false, is_judged_ = false;
   float sigma_light_ = 2, sigma_chroma_ = 2;
-  float guessed_light_ = 0, guessed_chroma_ = 0;           // the variance of what is behind where it is guessed
   Eigen::Vector3f object_ = Eigen::Vector3f::Zero();       // linear R G B
   Eigen::Vector3f object_seen_ = Eigen::Vector3f::Zero();  // light, blue, red
   float chroma_blue_ = 1, chroma_red_ = 0;                 // the direction in which chroma tells most
@@ -156,10 +171,8 @@ class OutlineFit {
   float contrast_ = 0;
   double misfit_ = 0, visible_ = 0;
   Rows light_, chroma_;
-  // Of the box, row by row.
-  std::vector<float> seen_light_, light_behind_, light_looks_;
-  std::vector<float> seen_blue_, seen_red_, blue_behind_, red_behind_, chroma_looks_;
-  std::vector<std::uint8_t> strange_;
+  std::vector<Mark> marks_;
+  std::vector<std::uint8_t> near_marks_;  // of the box, row by row
 };
 
 }  // namespace huetrack::outline

@@ -5,14 +5,33 @@ namespace {
 
 constexpr float limited_light = 255.f / 219, limited_chroma = 255.f / 224;
 
-void read(const Samples& samples, int u, int v, int n, float zero, float scale, float* out) {
+// Black and grey, and what a step of the samples is of a grey value.
+struct Scale {
+  float zero, by;
+};
+Scale scale_of_light(const Picture& picture) {
+  return picture.is_limited ? Scale{16.f, limited_light} : Scale{0.f, 1.f};
+}
+Scale scale_of_chroma(const Picture& picture) {
+  return {128.f, picture.is_limited ? limited_chroma : 1.f};
+}
+
+float luma(const std::uint8_t* bgr) {
+  return y_blue * bgr[0] + y_green * bgr[1] + y_red * bgr[2];
+}
+
+void read(const Samples& samples, int u, int v, int n, Scale scale, float* out) {
   const std::uint8_t* from = samples.at(u, v);
   const std::ptrdiff_t step = samples.step;
   if (step == 1) {
-    for (int i = 0; i < n; ++i) out[i] = (static_cast<float>(from[i]) - zero) * scale;
+    for (int i = 0; i < n; ++i) out[i] = (static_cast<float>(from[i]) - scale.zero) * scale.by;
   } else {
-    for (int i = 0; i < n; ++i) out[i] = (static_cast<float>(from[i * step]) - zero) * scale;
+    for (int i = 0; i < n; ++i) out[i] = (static_cast<float>(from[i * step]) - scale.zero) * scale.by;
   }
+}
+
+void read(const Samples& samples, const Places& at, Scale scale, float* out) {
+  for (int i = 0; i < at.n; ++i) out[i] = (static_cast<float>(*samples.at(at.u[i], at.v[i])) - scale.zero) * scale.by;
 }
 
 }  // namespace
@@ -20,17 +39,17 @@ void read(const Samples& samples, int u, int v, int n, float zero, float scale, 
 void read_light(const Picture& picture, int u, int v, int n, float* light) {
   if (picture.is_bgr) {
     const std::uint8_t* p = picture.light.at(u, v);
-    for (int i = 0; i < n; ++i, p += picture.light.step) light[i] = y_blue * p[0] + y_green * p[1] + y_red * p[2];
+    for (int i = 0; i < n; ++i, p += picture.light.step) light[i] = luma(p);
     return;
   }
-  read(picture.light, u, v, n, picture.is_limited ? 16.f : 0.f, picture.is_limited ? limited_light : 1.f, light);
+  read(picture.light, u, v, n, scale_of_light(picture), light);
 }
 
 void read_chroma(const Picture& picture, int u, int v, int n, float* blue, float* red) {
   if (picture.is_bgr) {
     const std::uint8_t* p = picture.light.at(u, v);
     for (int i = 0; i < n; ++i, p += picture.light.step) {
-      const float y = y_blue * p[0] + y_green * p[1] + y_red * p[2];
+      const float y = luma(p);
       blue[i] = by_blue * (p[0] - y), red[i] = by_red * (p[2] - y);
     }
     return;
@@ -39,9 +58,25 @@ void read_chroma(const Picture& picture, int u, int v, int n, float* blue, float
     for (int i = 0; i < n; ++i) blue[i] = red[i] = 0;
     return;
   }
-  const float scale = picture.is_limited ? limited_chroma : 1.f;
-  read(picture.blue, u, v, n, 128.f, scale, blue);
-  read(picture.red, u, v, n, 128.f, scale, red);
+  read(picture.blue, u, v, n, scale_of_chroma(picture), blue);
+  read(picture.red, u, v, n, scale_of_chroma(picture), red);
+}
+
+void read_light(const Picture& picture, const Places& at, float* light) {
+  if (picture.is_bgr) {
+    for (int i = 0; i < at.n; ++i) light[i] = luma(picture.light.at(at.u[i], at.v[i]));
+    return;
+  }
+  read(picture.light, at, scale_of_light(picture), light);
+}
+
+void read_chroma(const Picture& picture, const Places& at, float* blue, float* red) {
+  if (picture.is_bgr || picture.is_grey) {
+    for (int i = 0; i < at.n; ++i) read_chroma(picture, at.u[i], at.v[i], 1, blue + i, red + i);
+    return;
+  }
+  read(picture.blue, at, scale_of_chroma(picture), blue);
+  read(picture.red, at, scale_of_chroma(picture), red);
 }
 
 }  // namespace huetrack::outline

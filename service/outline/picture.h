@@ -36,4 +36,12 @@ void read_light(const Picture& picture, int u, int v, int n, float* light);
 // n samples of chroma row v from the u-th on.
 void read_chroma(const Picture& picture, int u, int v, int n, float* blue, float* red);
 
+// Pixels, or samples of chroma, here and there in a picture.
+struct Places {
+  const int *u, *v;
+  int n;
+};
+void read_light(const Picture& picture, const Places& at, float* light);
+void read_chroma(const Picture& picture, const Places& at, float* blue, float* red);
+
 }  // namespace huetrack::outline

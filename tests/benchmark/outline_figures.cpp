@@ -62,14 +62,15 @@ const char* name(outline::FitOutcome outcome) {
 
 void write_views(const char* file, const std::vector<std::vector<figures::OutlineView>>& sets) {
   std::ofstream out(file);
-  out << "set,camera,outcome,off_u,off_v,region_u,region_v,radius,speed,visible,log_size,sigma,misfit,steps\n";
+  out << "set,camera,outcome,off_u,off_v,region_u,region_v,radius,u_px_s,v_px_s,visible,log_size,sigma,misfit,steps\n";
   for (std::size_t s = 0; s < sets.size(); ++s) {
     for (const figures::OutlineView& view : sets[s]) {
       const Eigen::Vector2d region = view.region_off_px.value_or(Eigen::Vector2d::Constant(std::nan("")));
       out << s << ',' << view.camera << ',' << name(view.fit.outcome) << ',' << view.off_px.x() << ','
           << view.off_px.y() << ',' << region.x() << ',' << region.y() << ',' << view.radius_px << ','
-          << view.px_per_s.norm() << ',' << view.fit.visible << ',' << view.fit.log_size.value << ','
-          << std::sqrt(view.fit.covariance.trace() / 2) << ',' << view.fit.misfit << ',' << view.fit.steps << '\n';
+          << view.px_per_s.x() << ',' << view.px_per_s.y() << ',' << view.fit.visible << ',' << view.fit.log_size.value
+          << ',' << std::sqrt(view.fit.covariance.trace() / 2) << ',' << view.fit.misfit << ',' << view.fit.steps
+          << '\n';
     }
   }
 }

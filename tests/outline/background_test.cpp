@@ -2,6 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cstdint>
+#include <numeric>
 #include <vector>
 
 #include "outline/disc_picture.h"
@@ -14,7 +17,9 @@ const ObjectDisc middle{{60, 45}, 7};
 std::vector<float> row_of(const Background& background, int v, std::vector<float>& looks) {
   std::vector<float> light(DiscPicture::width);
   looks.resize(DiscPicture::width);
-  background.light(0, v, DiscPicture::width, light.data(), looks.data());
+  std::vector<int> us(DiscPicture::width), vs(DiscPicture::width, v);
+  std::iota(us.begin(), us.end(), 0);
+  background.light({us.data(), vs.data(), DiscPicture::width}, light.data(), looks.data());
   return light;
 }
 
@@ -67,6 +72,25 @@ TEST(Background, FollowsARoomThatChanges) {
   const std::vector<float> light = row_of(background, 45, looks);
   for (int u = 50; u < 70; ++u)
     EXPECT_NEAR(static_cast<double>(light[static_cast<std::size_t>(u)]), *truth.light.at(u, 45), 3) << u;
+}
+
+// A webcam's picture, in which an object rests: nothing may be left to guess where it comes later.
+TEST(Background, HasSeenAWholePictureWithinASecond) {
+  constexpr int width = 640, height = 480;
+  const std::vector<std::uint8_t> grey(width * height, 100);
+  Picture picture;
+  picture.width = width, picture.height = height, picture.is_grey = true;
+  picture.light = {grey.data(), width, 1};
+  Background background(width, height);
+  for (int i = 0; i < 31; ++i) background.learn(picture, {{100, 100}, 8}, {0, 0}, nullptr, 0);
+  std::vector<int> us(width), vs(width);
+  std::iota(us.begin(), us.end(), 0);
+  std::vector<float> light(width), looks(width);
+  for (int v = 0; v < height; ++v) {
+    std::ranges::fill(vs, v);
+    background.light({us.data(), vs.data(), width}, light.data(), looks.data());
+    ASSERT_GT(*std::ranges::min_element(looks), 0) << "row " << v;
+  }
 }
 
 }  // namespace
