@@ -24,6 +24,10 @@ constexpr double forgetting = 1.0 / 16;  // of the means, per comparison
 constexpr double believed_per_comparison = 1.0 / 30, kept_of_excess = 1 - 1.0 / 600;
 constexpr double negligible_of_expected = 0.25;
 constexpr double most_raised = 3;
+// Of a camera that is much further away than the other one, or sees hardly across: what it sees is hardly compared.
+constexpr double least_compared_share = 0.1;
+// What pairs say together is of now: the error of a camera that is late turns with the motion.
+constexpr double kept_of_alone = 0.75;
 
 }  // namespace
 
@@ -43,12 +47,14 @@ bool disagreement(const SeenBeside& i, const SeenBeside& j, double way_variance_
   out.expected_px2 =
       u.dot(i.covariance * u) + w.dot(j.covariance * w) + (i.jacobian.transpose() * u).squaredNorm() * way_variance_m2;
   out.share_i = u.squaredNorm(), out.share_j = w.squaredNorm();
+  out.across_i = u, out.across_j = w;
   return true;
 }
 
 ViewDoubts::ViewDoubts(std::size_t cameras)
     : cameras_(cameras),
       pairs_(cameras * (cameras - std::min<std::size_t>(cameras, 1)) / 2),
+      alone_(cameras),
       variance_px2_(cameras),
       up_(cameras),
       down_(cameras) {}
@@ -59,6 +65,10 @@ const ViewDoubts::Pair& ViewDoubts::pair(std::size_t i, std::size_t j) const {
 }
 
 void ViewDoubts::compare(std::span<const SeenBeside> views, double velocity_sigma_m_s, double acceleration_m_s2) {
+  for (const SeenBeside& view : views) {
+    Alone& alone = alone_[std::size_t(view.camera)];
+    alone.information *= kept_of_alone, alone.vector *= kept_of_alone;
+  }
   for (std::size_t a = 0; a < views.size(); ++a) {
     for (std::size_t b = a + 1; b < views.size(); ++b) {
       const SeenBeside& i = views[a].camera < views[b].camera ? views[a] : views[b];
@@ -66,7 +76,13 @@ void ViewDoubts::compare(std::span<const SeenBeside> views, double velocity_sigm
       const double apart_s = i.at_s - j.at_s;
       const double way_m = std::hypot(apart_s * velocity_sigma_m_s, 0.5 * apart_s * apart_s * acceleration_m_s2);
       Disagreement seen;
-      if (disagreement(i, j, way_m * way_m, seen)) note(pair(std::size_t(i.camera), std::size_t(j.camera)), seen);
+      if (!disagreement(i, j, way_m * way_m, seen)) continue;
+      note(pair(std::size_t(i.camera), std::size_t(j.camera)), seen);
+      for (const auto& [camera, across] : {std::pair(i.camera, seen.across_i), std::pair(j.camera, seen.across_j)}) {
+        Alone& alone = alone_[std::size_t(camera)];
+        alone.information += across * across.transpose() / seen.expected_px2;
+        alone.vector += across * seen.off_px / seen.expected_px2;
+      }
     }
   }
   share_out();
@@ -113,6 +129,44 @@ double ViewDoubts::scale2_of(const Pair& p) {
   return double(*at) / chi_square_there;
 }
 
+// One camera that is wrong is likelier than two at a time. Where one alone could explain what disagrees, as all pairs
+// without it agree, it is off by what that takes; where any of several could, as pairs agree along their epipolar
+// lines by chance, each is with equal odds. A doubt of the past that has faded to what is usual hinders no explanation,
+// and is anybody's. false: none could.
+bool ViewDoubts::lay_on_one() {
+  std::ranges::fill(up_, 0.0);    // per camera: what disagrees without it
+  std::ranges::fill(down_, 0.0);  // and what it must be off by to explain the rest
+  double faded_px2 = 0;
+  for_each_pair([&](const Pair& p, std::size_t i, std::size_t j) {
+    const bool is_usual = p.excess_px2 <= (usual_scale2 - 1) * p.expected_px2;
+    if (is_usual) faded_px2 = std::max(faded_px2, p.excess_px2);
+    for (std::size_t c = 0; c < cameras_; ++c) up_[c] += c != i && c != j && !is_usual ? p.excess_px2 : 0;
+    down_[i] = std::max(down_[i], p.excess_px2 / std::max(least_compared_share, p.share_i));
+    down_[j] = std::max(down_[j], p.excess_px2 / std::max(least_compared_share, p.share_j));
+  });
+  const auto suspects = std::ranges::count(up_, 0.0);
+  if (suspects == 0) return false;
+  for (std::size_t c = 0; c < cameras_; ++c) {
+    const double alone_px2 = up_[c] > 0 ? 0 : std::max(down_[c], error_px2(c, down_[c])) / double(suspects);
+    variance_px2_[c] = std::max(alone_px2, faded_px2);
+  }
+  return true;
+}
+
+// The square of the error that a camera alone must have for its pairs to be as far apart as they are now. Where its
+// epipolar lines are nearly parallel a large error along them shows in how the pairs differ, and in nothing else; where
+// they do not differ, what is across the lines is all that is seen.
+double ViewDoubts::error_px2(std::size_t camera, double usual_px2) const {
+  if (!(usual_px2 > 0)) return 0;
+  // An error rarely is more than three times what is seen of it across: it would lie within 20 degrees of the lines.
+  constexpr double widest = 10;  // as a variance
+  // What good rigs and light leave in a pair lasts over comparisons: they count as one, of a pair that is usual.
+  constexpr double as_one = (1 - kept_of_alone) / usual_scale2;
+  const Alone& alone = alone_[camera];
+  const Eigen::Matrix2d information = as_one * alone.information + Eigen::Matrix2d::Identity() / (widest * usual_px2);
+  return (as_one * information.inverse() * alone.vector).squaredNorm();
+}
+
 // Least squares with S >= 0, by multiplicative steps (Lee and Seung 2001) from equal shares: cameras that the pairs
 // treat alike stay alike. Least squares, and not the likelihood of the pairs' scales: a pair that agrees says nothing
 // of an error along its epipolar lines, and must not lay all of another pair's on the third camera. Then all S are
@@ -123,6 +177,7 @@ void ViewDoubts::share_out() {
   any_ = largest_px2 > 0;
   std::ranges::fill(variance_px2_, largest_px2);
   if (!any_) return;
+  if (lay_on_one()) return;
   constexpr int steps = 40;
   for (int step = 0; step < steps; ++step) {
     std::ranges::fill(up_, 0.0);
@@ -162,6 +217,7 @@ void ViewDoubts::for_each_pair(F&& each) const {
 void ViewDoubts::forget(std::size_t camera) {
   for (std::size_t other = 0; other < cameras_; ++other)
     if (other != camera) pair(camera, other) = {};
+  std::ranges::fill(alone_, Alone{});
   share_out();
 }
 

@@ -3,12 +3,13 @@
 //
 // Two views that see an object at one moment have four coordinates for three unknowns: across their epipolar lines they
 // must agree, wherever it is and however it moves. How far they do not, beside what is expected of both, is kept per
-// pair of cameras over the recent past, and its robust scale (a quantile, so that a frame that is shown once more or
-// something else of the colour moves nothing) is shared out between the two:
+// pair of cameras over the recent past, as a robust scale (a quantile, so that a frame that is shown once more or
+// something else of the colour moves nothing). What a pair has in excess is laid on cameras:
 //   scale^2 of a pair = expected + a_i S_i + a_j S_j,   S >= 0: variance that a camera's error has in excess, px^2
-// over all pairs. One camera of three that is wrong has two pairs that disagree and leaves one that agrees, and gets
-// nearly all of it; two cameras share alike, and so do three where it cannot be told. What has been seen fades slowly:
-// an error of a camera may show in one place, and in another lie along the epipolar lines.
+// One camera that is wrong is likelier than two at a time: where one alone explains all that disagrees (all pairs
+// without it agree), it has all of it; two that could each, as two cameras by themselves, share alike. Where none
+// explains it alone, least squares over all pairs. What has been seen fades slowly: an error of a camera may show in
+// one place, and in another lie along the epipolar lines.
 #pragma once
 
 #include <Eigen/Core>
@@ -35,6 +36,8 @@ struct Disagreement {
   double off_px = 0;
   double expected_px2 = 0;          // variance of off_px
   double share_i = 0, share_j = 0;  // of a unit of variance in each coordinate of a view, in that of off_px
+  // across_i, across_j: an error of a view moves off_px by its product with these. Zero: nobody knows.
+  Eigen::Vector2d across_i = Eigen::Vector2d::Zero(), across_j = Eigen::Vector2d::Zero();
 };
 // way_variance_m2: how far the object may have left the path between the two moments, on each axis.
 // false: their rays are nearly parallel, and say nothing of each other.
@@ -76,9 +79,17 @@ class ViewDoubts {
   static void note(Pair& pair, const Disagreement& seen);
   static double scale2_of(const Pair& pair);
   void share_out();
+  bool lay_on_one();
+  double error_px2(std::size_t camera, double usual_px2) const;
 
   std::size_t cameras_;
   std::vector<Pair> pairs_;  // i < j
+  // Were this camera the only one that is off: by how much, as its pairs say together (normal equations, 1/px^2, 1/px).
+  struct Alone {
+    Eigen::Matrix2d information = Eigen::Matrix2d::Zero();
+    Eigen::Vector2d vector = Eigen::Vector2d::Zero();
+  };
+  std::vector<Alone> alone_;  // per camera
   std::vector<double> variance_px2_, up_, down_;
   bool any_ = false;
 };

@@ -28,8 +28,9 @@ constexpr double longest_pause_s = 16;
 // Of two suppositions one is named only where it explains more than the other one: a turn has three numbers to fit.
 constexpr double clearly_better = 0.8;
 constexpr double nothing_explains = 6;
-// What time learning can do by itself is no mistake (motion_belief.cpp: standard deviation 20 ms).
-constexpr double least_late_s = 0.07;
+// What time learning can do by itself is no mistake (motion_belief.cpp: standard deviation 20 ms). What it has not done
+// is one, from a frame of 30 Hz on: by as much drivers and people are off, and less is what exposures leave open.
+constexpr double least_late_s = 0.07, least_unlearnt_s = 0.03, surely_unlearnt = 4;
 constexpr double least_turn_rad = 0.0052;
 // Chi-square, 3 degrees of freedom: light and shade do as much in one camera and place of a thousand.
 constexpr double surely_turned = 16.3;
@@ -93,23 +94,26 @@ class Suppositions {
   void try_lateness(std::size_t camera, double learnt_s) {
     const double late_s = best_lateness(comparison_, tracks_, camera, time_sigmas_);
     const double in_all_s = late_s - learnt_s;  // beside what the rig says
-    if (std::abs(in_all_s) >= least_late_s)
-      judge({.kind = MistakeKind::late, .cameras = {int(camera)}, .size = in_all_s},
-            {.camera = camera, .late_s = late_s});
+    const bool is_unlearnt = std::abs(late_s) >= std::max(least_unlearnt_s, surely_unlearnt * time_sigmas_[camera]);
+    judge({.kind = MistakeKind::late, .cameras = {int(camera)}, .size = in_all_s}, {.camera = camera, .late_s = late_s},
+          is_unlearnt || std::abs(in_all_s) >= least_late_s);
   }
 
   void try_turn(std::size_t camera) {
     const auto turn = best_turn(comparison_, tracks_, camera, time_sigmas_);
-    if (turn && turn->turn_rad.norm() >= least_turn_rad && turn->gain >= surely_turned)
-      judge({.kind = MistakeKind::turned, .cameras = {int(camera)}, .size = turn->turn_rad.norm()},
-            {.camera = camera, .turn_rad = turn->turn_rad});
+    if (!turn) return;
+    judge({.kind = MistakeKind::turned, .cameras = {int(camera)}, .size = turn->turn_rad.norm()},
+          {.camera = camera, .turn_rad = turn->turn_rad},
+          turn->turn_rad.norm() >= least_turn_rad && turn->gain >= surely_turned);
   }
 
-  // The one that explains more than the others do; or another room's rig, where nothing does.
+  // The one that explains more than the others do, if it is surely so; or another room's rig, where nothing does. What
+  // explains best and is not sure yet leaves the others unsaid: they would be named for what it did.
   std::optional<Mistake> best() {
     if (answers_.empty()) return of_other_rig();
     std::ranges::stable_sort(answers_, {}, cost);
     Answer& best = answers_.front();
+    if (!best.is_sure) return std::nullopt;
     if (answers_.size() > 1 && cost(best) > clearly_better * cost(answers_[1])) {
       // Two cameras of one rig, alike in all else: that one of them is so is known.
       const Mistake& other = answers_[1].mistake;
@@ -125,6 +129,7 @@ class Suppositions {
   struct Answer {
     Mistake mistake;
     double score;
+    bool is_sure;
   };
 
   // A supposition without numbers to fit is the better one where both explain.
@@ -133,13 +138,13 @@ class Suppositions {
     return fitted * (a.score + 0.2);
   }
 
-  void judge(Mistake mistake, const Supposition& supposition) {
+  void judge(Mistake mistake, const Supposition& supposition, bool is_sure) {
     const auto agreement = comparison_.agreement(tracks_, supposition, time_sigmas_);
     if (agreement.pairs < as_is_.pairs || agreement.worst > agrees || agreement.score > much_better * as_is_.score ||
         as_is_.score - agreement.score < least_gain)
       return;
     mistake.off_px = as_is_.worst_px;
-    answers_.push_back({std::move(mistake), agreement.score});
+    answers_.push_back({std::move(mistake), agreement.score, is_sure});
   }
 
   void try_order(const std::vector<std::size_t>& really) {
@@ -149,7 +154,7 @@ class Suppositions {
       if (rig_.cameras[c].image_size != rig_.cameras[really[c]].image_size) return;
       mistake.cameras.push_back(int(c));
     }
-    judge(std::move(mistake), {.really = really});
+    judge(std::move(mistake), {.really = really}, true);
   }
 
   std::optional<Mistake> of_other_rig() const {
