@@ -20,7 +20,7 @@ namespace fs = std::filesystem;
 using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
 
-constexpr int domain = 34, metrics_port = 19468;
+constexpr int domain = 70, metrics_port = 19468;
 
 double status_mb(pid_t pid, const std::string& key) {
   const std::string status = end_to_end::contents("/proc/" + std::to_string(pid) + "/status");
