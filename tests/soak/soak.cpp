@@ -6,6 +6,7 @@
 #include <sys/un.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cstdio>
 #include <cstring>
 #include <memory>
@@ -264,8 +265,9 @@ class Soak {
     page_->positions.clear();
     if (!page_->scene) return;
     const huetrack::msg::TeachReply frozen = page_->ask(huetrack::msg::TEACH_ACTION_FREEZE);
-    if (!frozen.granted() || frozen.cameras().empty()) return;
-    const std::vector<huetrack::msg::TeachPoint> clicked{end_to_end::lime_in(frozen.cameras().front())};
+    const auto seen = std::ranges::find_if(frozen.cameras(), [](const auto& camera) { return !camera.jpeg().empty(); });
+    if (!frozen.granted() || seen == frozen.cameras().end()) return;
+    const std::vector<huetrack::msg::TeachPoint> clicked{end_to_end::lime_in(*seen)};
     if (!page_->ask(huetrack::msg::TEACH_ACTION_LOOK, clicked).granted()) return;
     lessons_ += page_->ask(huetrack::msg::TEACH_ACTION_APPLY, clicked).granted() ? 1 : 0;
   }
