@@ -22,7 +22,7 @@ using namespace huetrack;
 namespace fs = std::filesystem;
 using namespace std::chrono_literals;
 
-constexpr int domain = 33, metrics_port = 19466;
+constexpr int domain = 71, metrics_port = 19466;
 
 struct Case {
   const char* name;

@@ -36,7 +36,7 @@ namespace fs = std::filesystem;
 using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
 
-constexpr int domain = 38;
+constexpr int domain = 72;
 enum Watchers { no_bridge, no_page, pages_open };
 constexpr const char* names[] = {"no bridge", "bridge, no page", "pages open"};
 

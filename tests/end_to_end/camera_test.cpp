@@ -7,6 +7,7 @@
 #include <functional>
 
 #include "end_to_end/process.h"
+#include "publish/test_domain.h"
 #include "scene/led_scene.h"
 
 namespace huetrack::end_to_end {
@@ -65,7 +66,7 @@ class CameraEndToEnd : public testing::Test {
   }
 
   fs::path folder_;
-  std::map<std::string, std::string> environment_{{"ROS_DOMAIN_ID", std::to_string(50 + getpid() % 20)}};
+  std::map<std::string, std::string> environment_{{"ROS_DOMAIN_ID", std::to_string(publish::test_domain())}};
   int started_ = 0;
 };
 

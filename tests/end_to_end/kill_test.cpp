@@ -12,6 +12,7 @@
 #include "capture/replay_source.h"
 #include "end_to_end/http.h"
 #include "end_to_end/process.h"
+#include "publish/test_domain.h"
 #include "soak/films.h"
 
 namespace huetrack::end_to_end {
@@ -26,7 +27,7 @@ TEST(Kill, TheRestartWorksTheRecordingOpensAndSubscribersNotice) {
   const int kills = wanted ? std::stoi(wanted) : 3;
   const fs::path folder = fs::path(testing::TempDir()) / ("kill_" + std::to_string(::getpid()));
   soak::make_films(folder, 2, 160, 120);
-  const std::string domain = std::to_string(35 + ::getpid() % 5);
+  const std::string domain = std::to_string(publish::test_domain());
   const int port = 20000 + ::getpid() % 10000;
   std::ofstream(folder / "c.yaml") << soak::film_config(
       folder, 100,

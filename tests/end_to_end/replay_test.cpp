@@ -10,6 +10,7 @@
 #include "calib/yaml/yaml_reader.h"
 #include "config/service_config.h"
 #include "end_to_end/process.h"
+#include "publish/test_domain.h"
 #include "tracks/track_csv.h"
 
 namespace huetrack::end_to_end {
@@ -74,8 +75,7 @@ class EndToEnd : public testing::Test {
   }
 
   fs::path folder_;
-  // A domain of its own, so that tests that run at once do not hear each other.
-  std::map<std::string, std::string> environment_{{"ROS_DOMAIN_ID", std::to_string(100 + getpid() % 100)}};
+  std::map<std::string, std::string> environment_{{"ROS_DOMAIN_ID", std::to_string(publish::test_domain())}};
   int started_ = 0;
 };
 

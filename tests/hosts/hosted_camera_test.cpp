@@ -11,6 +11,7 @@
 #include "daemon/fake_camera.h"
 #include "daemon/live.h"
 #include "hosts/camera_host.h"
+#include "publish/test_domain.h"
 
 namespace huetrack::hosts {
 namespace {
@@ -21,11 +22,6 @@ using testing::HasSubstr;
 
 const fs::path demo = fs::path(HUETRACK_SOURCE_DIR) / "configs/demo";
 
-// A domain of its own, so that tests that run at the same time do not hear one another.
-int domain() {
-  return 100 + int(::getpid() % 100);
-}
-
 // A camera host in a thread, with one camera of the demo's recording, from `start` on.
 class Host {
  public:
@@ -33,7 +29,7 @@ class Host {
       : host_({.host = name,
                .cameras = {"there"},
                .program_version = "test",
-               .transport = {.name = "host", .domain = domain(), .interfaces = {"lo"}}},
+               .transport = {.name = "host", .domain = publish::test_domain(), .interfaces = {"lo"}}},
               cameras(camera, std::move(frames), start)),
         running_([this](const std::stop_token& stop) { host_.run(stop); }),
         telling_([this](const std::stop_token& stop) {
@@ -60,7 +56,7 @@ config::ServiceConfig tracker_config(const fs::path& folder) {
       << "version: 1\nrig: " << (demo / "recording/rig.yaml").string()
       << "\ntargets: {lime: {color: {hue_deg: [65, 115]}}}\n"
       << "cameras: {cam0: {host: left-pi, camera: there}, cam1: {host: right-pi, camera: there}}\n"
-      << "dds: {domain: " << domain() << ", interfaces: [lo]}\n";
+      << "dds: {domain: " << publish::test_domain() << ", interfaces: [lo]}\n";
   return config::load_service_config(folder / "c.yaml");
 }
 

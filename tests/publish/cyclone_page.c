@@ -1,6 +1,6 @@
 // cyclone_page DOMAIN HOST PID: what a page needs, in a client of another DDS vendor, from the same IDL. Reads scene,
 // preview and the ROS 2 topics of the view, asks for a frozen picture, and prints what came, one "path value" per line,
-// until it has all of it, or for 10 s (then it fails). It judges nothing: ros_view_test.cpp does.
+// until it has all of it, or for 60 s (then it fails). It judges nothing: ros_view_test.cpp does.
 #include <dds/dds.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -147,7 +147,7 @@ int main(int argc, char** argv) {
   dds_delete_qos(qos);
   const size_t count = sizeof topics / sizeof *topics;
   size_t complete = 0;
-  for (int round = 0; round < 1000 && complete < count; ++round) {
+  for (int round = 0; round < 6000 && complete < count; ++round) {
     if (round % 20 == 0) {
       huetrack_msg_TeachPoint at = {"cam.0", {10, 20.5}};
       huetrack_msg_TeachRequest request = {.client = "cyclone",

@@ -14,6 +14,7 @@
 #include "idl/huetrack.h"
 #include "idl/topics.h"
 #include "publish/child_process.h"
+#include "publish/test_domain.h"
 #include "publish/view_publisher.h"
 
 namespace huetrack::publish {
@@ -167,7 +168,7 @@ TEST(ViewSecondVendor, CycloneSeesTheViewAndAsksForIt) {
   GTEST_SKIP() << "Cyclone DDS is not installed (Debian: cyclonedds-dev cyclonedds-tools)";
 #else
   EstimatePublisherOptions options;
-  options.domain = 76;
+  options.domain = test_domain();
   options.targets = {"ball"};
   options.cameras = {"cam.0", "left"};
   options.tracked_camera = "left";
@@ -177,13 +178,13 @@ TEST(ViewSecondVendor, CycloneSeesTheViewAndAsksForIt) {
   map.points[1].covariance(2, 2) = 0.25;
   map.points[1].state = camera_tracking::CameraMapPoint::State::found;
   EXPECT_TRUE(publisher.publish(map, map.at + 1s));
-  ChildProcess page(
-      {HUETRACK_CYCLONE_PAGE, "76", idl::PublisherIdentity::of_this_process({}).host, std::to_string(::getpid())});
+  ChildProcess page({HUETRACK_CYCLONE_PAGE, std::to_string(test_domain()),
+                     idl::PublisherIdentity::of_this_process({}).host, std::to_string(::getpid())});
   const object_tracking::ObjectEstimate e = estimate(object_tracking::TrackState::tracking);
   std::optional<msg::TeachRequest> asked;
   std::vector<std::string> words;
   std::optional<int> status;
-  for (int i = 0; i < 300 && !status; ++i) {
+  for (int i = 0; i < 1500 && !status; ++i) {
     if (publisher.picture_subscribers() > 0) {
       publisher.publish(preview());
       publisher.publish(std::span(&e, 1), capture::Timestamp(3s));

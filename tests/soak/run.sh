@@ -1,6 +1,6 @@
 #!/bin/bash
 # The soak: the service on three failing cameras (stalled, absent, damaged, missing frames, jumping clocks) for a long time,
-# with reloads, pre-rolls, subscribers and readers of its metrics. Outside the CI.
+# with reloads, pre-rolls, a full disk, teaching, subscribers and readers of its metrics. Outside the CI.
 #   tests/soak/run.sh [--minutes N] [--sanitizer none|address|thread] [--seed N]
 # Prints its memory as it goes. Exit status 0: it never stopped, its watchdog was always fed, its memory is flat (none), and
 # the sanitizer found nothing.
@@ -33,5 +33,8 @@ nice cmake --build build/release --target soak huetrack
 nice cmake --build "build/$preset" --target film_service   # only the service is sanitized
 export ASAN_OPTIONS=detect_leaks=1:halt_on_error=1 UBSAN_OPTIONS=print_stacktrace=1:halt_on_error=1
 export TSAN_OPTIONS=halt_on_error=1:second_deadlock_stack=1:suppressions=$PWD/tests/tsan.supp
-exec build/release/tests/soak/soak --minutes "$minutes" --seed "$seed" --slowness "$slowness" \
+# The disk that is full now and then is a tmpfs in a mount namespace of its own.
+own_namespace=(unshare --mount)
+[ "$(id -u)" = 0 ] || own_namespace=(unshare --user --map-root-user --mount)
+exec "${own_namespace[@]}" build/release/tests/soak/soak --minutes "$minutes" --seed "$seed" --slowness "$slowness" \
   --service "build/$preset/tests/soak/film_service"

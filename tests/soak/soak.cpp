@@ -1,15 +1,20 @@
-// Runs the service on failing films for a long time and bothers it: reloads, good and bad; saved pre-rolls; subscribers
-// that come and go; readers of the metrics, silent ones too; kill -9. Prints its memory as it goes. See run.sh.
+// Runs the service on failing films for a long time and bothers it: reloads, good and bad; saved pre-rolls, also to a
+// disk that is full for a while; colours that are taught; subscribers that come and go; readers of the metrics, silent
+// ones too. Prints its memory as it goes. See run.sh, which gives it a mount namespace for that disk.
+#include <sys/mount.h>
 #include <sys/socket.h>
 #include <sys/un.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cstdio>
+#include <cstring>
 #include <memory>
 #include <random>
 
 #include "end_to_end/http.h"
 #include "end_to_end/process.h"
+#include "end_to_end/teaching_page.h"
 #include "soak/arguments.h"
 #include "soak/films.h"
 
@@ -20,7 +25,7 @@ namespace fs = std::filesystem;
 using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
 
-constexpr int domain = 34, metrics_port = 19468;
+constexpr int domain = 70, metrics_port = 19468;
 
 double status_mb(pid_t pid, const std::string& key) {
   const std::string status = end_to_end::contents("/proc/" + std::to_string(pid) + "/status");
@@ -60,22 +65,77 @@ Clock::duration duration_of(double seconds) {
   return std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(seconds));
 }
 
+// Where recordings go: a disk of its own, that can be full.
+class SmallDisk {
+ public:
+  static constexpr int size_mb = 400;
+
+  // throws std::runtime_error: it may not be mounted
+  explicit SmallDisk(fs::path folder) : folder_(std::move(folder)) {
+    fs::create_directories(folder_);
+    const std::string options = "size=" + std::to_string(size_mb) + "m";
+    if (::mount("huetrack_soak", folder_.c_str(), "tmpfs", 0, options.c_str()) != 0)
+      throw std::runtime_error(std::string("no disk of its own can be mounted (") + std::strerror(errno) +
+                               "): run it by tests/soak/run.sh");
+  }
+  ~SmallDisk() { ::umount2(folder_.c_str(), MNT_DETACH); }
+  SmallDisk(const SmallDisk&) = delete;
+  SmallDisk& operator=(const SmallDisk&) = delete;
+
+  bool is_full() const { return fs::exists(filler()); }
+  void fill() const {
+    std::ofstream file(filler(), std::ios::binary);
+    const std::string block(1 << 16, 'x');
+    while (file.write(block.data(), std::streamsize(block.size())).flush()) {
+    }
+  }
+  void free() const { fs::remove(filler()); }
+  // Finished recordings, but those that are older than this.
+  std::ptrdiff_t recordings(std::chrono::seconds age) const {
+    std::ptrdiff_t count = 0;
+    std::error_code gone;
+    for (const auto& recording : fs::directory_iterator(folder_, gone))
+      count += fs::exists(recording.path() / "recording.yaml", gone) &&
+                       fs::file_time_type::clock::now() - fs::last_write_time(recording, gone) < age
+                   ? 1
+                   : 0;
+    return count;
+  }
+  // As somebody does who moves them elsewhere.
+  void take_away_older_than(std::chrono::seconds age) const {
+    std::error_code gone;
+    for (const auto& recording : fs::directory_iterator(folder_, gone))
+      if (recording.is_directory(gone) && fs::file_time_type::clock::now() - fs::last_write_time(recording, gone) > age)
+        fs::remove_all(recording, gone);
+  }
+
+ private:
+  fs::path filler() const { return folder_ / "filler"; }
+  fs::path folder_;
+};
+
 // The service, and all that happens to it.
 class Soak {
  public:
   Soak(const SoakOptions& options, const fs::path& folder)
-      : options_(options), folder_(folder), watchdog_(duration_of(4 * options.slowness)), random_(options.seed) {}
+      : options_(options),
+        folder_(folder),
+        watchdog_(duration_of(4 * options.slowness)),
+        random_(options.seed),
+        disk_(folder / "recordings") {}
 
   // throws std::exception: what ended it early
   void run() {
     start();
     started_ = next_row_ = last_barked_ = Clock::now();
-    std::printf("   min   RSS MB  anonymous  threads  files  sets  reloads saves scrapes subscribers\n");
+    std::printf(
+        "   min   RSS MB  anonymous  threads  files  sets  reloads saves scrapes subscribers taught full disks\n");
     for (const auto end = started_ + duration_of(60 * options_.minutes); Clock::now() < end;) {
       if (service_->has_ended()) throw std::runtime_error("the service ended:\n" + service_->err());
       listen_to_watchdog();
       disturb();
-      free_disk();
+      disk_.take_away_older_than(20s);
+      watch_disk();
       if (Clock::now() >= next_row_) print_row();
       std::this_thread::sleep_for(250ms);
     }
@@ -91,11 +151,12 @@ class Soak {
 
  private:
   void write_config(const std::string& hue, const std::string& more) const {
-    const std::string text = soak::film_config(folder_, 200,
-                                               "quorum: 1\ndds: {domain: " + std::to_string(domain) +
-                                                   "}\nmetrics: {port: " + std::to_string(metrics_port) +
-                                                   "}\nrecord: {folder: " + (folder_ / "recordings").string() +
-                                                   ", pre_roll_s: 2, pre_roll_mb: 64, after_s: 1}\n" + more);
+    const std::string text =
+        soak::film_config(folder_, 200,
+                          "quorum: 1\ndds: {domain: " + std::to_string(domain) +
+                              ", interfaces: [lo]}\nmetrics: {port: " + std::to_string(metrics_port) +
+                              "}\nrecord: {folder: " + (folder_ / "recordings").string() +
+                              ", pre_roll_s: 2, pre_roll_mb: 64, after_s: 1}\ncontrol: {allow_teach: true}\n" + more);
     std::ofstream(folder_ / "c.yaml") << std::string(text).replace(text.find("[65, 115]"), 9, hue);
   }
 
@@ -164,16 +225,51 @@ class Soak {
             folder_ / "watch.err");
         ++watchers_;
         break;
+      case 6:
+        if (any(10) == 0) teach();
+        break;
+      case 7:
+        if (any(20) != 0 || disk_.is_full() || is_save_awaited_ || disk_checked_) break;
+        disk_.fill();
+        ++full_disks_;
+        disk_changes_ = Clock::now() + 15s;
+        service_->kill(SIGUSR1);
+        ++saves_;
+        break;
       default:
         break;
     }
   }
 
-  void free_disk() const {
-    std::error_code gone;
-    for (const auto& recording : fs::directory_iterator(folder_ / "recordings", gone))
-      if (fs::file_time_type::clock::now() - fs::last_write_time(recording, gone) > 20s)
-        fs::remove_all(recording, gone);
+  // Full for a quarter of a minute; what is asked for after it must be on it.
+  void watch_disk() {
+    if (disk_.is_full() && Clock::now() > disk_changes_) {
+      disk_.free();
+      disk_changes_ = Clock::now() + duration_of(2);
+      is_save_awaited_ = true;
+    } else if (is_save_awaited_ && Clock::now() > disk_changes_) {
+      service_->kill(SIGUSR1);
+      ++saves_;
+      is_save_awaited_ = false;
+      disk_checked_ = Clock::now() + duration_of(12 * options_.slowness);
+    } else if (disk_checked_ && Clock::now() > *disk_checked_) {
+      if (disk_.recordings(15s) == 0) complain("nothing is recorded since the disk is free again");
+      disk_checked_.reset();
+    }
+  }
+
+  // What is greenest in one view, as a user clicks at it. Cameras fail and balls hide: not all of it is granted.
+  void teach() {
+    if (!page_) page_.emplace(domain);
+    page_->listen();
+    page_->positions.clear();
+    if (!page_->scene) return;
+    const huetrack::msg::TeachReply frozen = page_->ask(huetrack::msg::TEACH_ACTION_FREEZE);
+    const auto seen = std::ranges::find_if(frozen.cameras(), [](const auto& camera) { return !camera.jpeg().empty(); });
+    if (!frozen.granted() || seen == frozen.cameras().end()) return;
+    const std::vector<huetrack::msg::TeachPoint> clicked{end_to_end::lime_in(*seen)};
+    if (!page_->ask(huetrack::msg::TEACH_ACTION_LOOK, clicked).granted()) return;
+    lessons_ += page_->ask(huetrack::msg::TEACH_ACTION_APPLY, clicked).granted() ? 1 : 0;
   }
 
   void print_row() {
@@ -188,9 +284,9 @@ class Soak {
     const double minute = std::chrono::duration<double>(Clock::now() - started_).count() / 60;
     if (first_mb_ == 0 && minute > std::min(1.0, options_.minutes / 5)) first_mb_ = now_mb;
     if (minute <= options_.minutes / 5) warm_mb_ = std::max(warm_mb_, now_mb);
-    std::printf("%6.1f %8.1f %10.1f %8.0f %6td %6.0f %7d %5d %7d %6d\n", minute, now_mb,
+    std::printf("%6.1f %8.1f %10.1f %8.0f %6td %6.0f %7d %5d %7d %6d %6d %6d\n", minute, now_mb,
                 status_mb(service_->pid(), "RssAnon"), status_mb(service_->pid(), "Threads") / 1024 * 1e6, files,
-                sets == metrics.end() ? 0 : sets->second, reloads_, saves_, scrapes_, watchers_);
+                sets == metrics.end() ? 0 : sets->second, reloads_, saves_, scrapes_, watchers_, lessons_, full_disks_);
     std::fflush(stdout);
   }
 
@@ -222,7 +318,12 @@ class Soak {
   std::unique_ptr<end_to_end::Process> watcher_;
   Clock::time_point started_, next_row_, last_barked_;
   double first_mb_ = 0, warm_mb_ = 0;  // warm: the most of the first fifth, when every queue has been full
-  int reloads_ = 0, saves_ = 0, scrapes_ = 0, watchers_ = 0;
+  int reloads_ = 0, saves_ = 0, scrapes_ = 0, watchers_ = 0, lessons_ = 0, full_disks_ = 0;
+  const SmallDisk disk_;
+  Clock::time_point disk_changes_;  // when it is freed, or asked for a recording again
+  std::optional<Clock::time_point> disk_checked_;
+  bool is_save_awaited_ = false;
+  std::optional<end_to_end::TeachingPage> page_;
   std::size_t complaints_ = 0;
 };
 
