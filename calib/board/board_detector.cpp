@@ -22,7 +22,7 @@ namespace {
 using Eigen::Vector2d;
 using Cell = std::pair<int, int>;
 
-cv::Mat mat_of(const GreyView& image) {
+cv::Mat mat_of(const GreyPixels& image) {
   // OpenCV has no read-only Mat; nothing here writes to it.
   return cv::Mat(image.height, image.width, CV_8UC1, const_cast<std::uint8_t*>(image.data),
                  static_cast<std::size_t>(image.stride));
@@ -422,7 +422,7 @@ BoardDetector::BoardDetector(Board board) : board_(std::move(board)) {
   if (const auto problems = board_.problems(); !problems.empty()) throw std::invalid_argument(problems.front());
 }
 
-BoardDetection BoardDetector::detect(const GreyView& image) const {
+BoardDetection BoardDetector::detect(const GreyPixels& image) const {
   if (image.width < 32 || image.height < 32) return {{}, {}, "the image is too small"};
   BoardDetection detection = board_.type == BoardType::chessboard ? detect_chessboard(image) : detect_markers(image);
   if (detection.found()) return detection;
@@ -430,7 +430,7 @@ BoardDetection BoardDetector::detect(const GreyView& image) const {
   return detection;
 }
 
-BoardDetection BoardDetector::detect_chessboard(const GreyView& view) const {
+BoardDetection BoardDetector::detect_chessboard(const GreyPixels& view) const {
   const cv::Mat image = mat_of(view);
   const double pixels = static_cast<double>(view.width) * view.height;
   BoardDetection best;
@@ -472,7 +472,7 @@ BoardDetection BoardDetector::detect_chessboard(const GreyView& view) const {
   return best;
 }
 
-BoardDetection BoardDetector::detect_markers(const GreyView& view) const {
+BoardDetection BoardDetector::detect_markers(const GreyPixels& view) const {
   const cv::Mat image = upright_colours(mat_of(view), board_.inverted);
   const auto dictionary = std::ranges::find(marker_dictionaries(), board_.dictionary, &MarkerDictionary::name);
   std::map<int, MarkerCorners> markers = find_markers(image, dictionary->opencv_id);
@@ -530,10 +530,10 @@ bool shows_transposed(const Board& board, const cv::Mat& image) {
 
 }  // namespace
 
-std::string explain_missing_board(const Board& board, const std::vector<GreyView>& images) {
+std::string explain_missing_board(const Board& board, const std::vector<GreyPixels>& images) {
   std::map<std::string, int> guesses;
   const BoardDetector detector(board);
-  for (const GreyView& view : images) {
+  for (const GreyPixels& view : images) {
     const cv::Mat image = mat_of(view);
     cv::Mat mirrored;
     cv::flip(image, mirrored, 1);

@@ -13,7 +13,7 @@
 namespace huetrack::board {
 
 // An 8-bit grey image, lent for a call.
-struct GreyView {
+struct GreyPixels {
   const std::uint8_t* data = nullptr;
   int width = 0;  // pixels
   int height = 0;
@@ -38,19 +38,19 @@ class BoardDetector {
   // A whole board or a part of it. For symmetric boards the way round is the one most upright in the image; see
   // Board::symmetries(). A part of a chessboard is used only where its place on the board is certain: the missing rows
   // and columns lie outside the image.
-  BoardDetection detect(const GreyView& image) const;
+  BoardDetection detect(const GreyPixels& image) const;
 
   const Board& board() const { return board_; }
 
  private:
-  BoardDetection detect_chessboard(const GreyView& image) const;
-  BoardDetection detect_markers(const GreyView& image) const;
+  BoardDetection detect_chessboard(const GreyPixels& image) const;
+  BoardDetection detect_markers(const GreyPixels& image) const;
 
   Board board_;
 };
 
 // Why a board file may not fit its images, when (nearly) no image shows the board: tries what people get wrong (inner
 // corners counted as squares, another dictionary, inverted, the old charuco layout). One sentence, or empty.
-std::string explain_missing_board(const Board& board, const std::vector<GreyView>& images);
+std::string explain_missing_board(const Board& board, const std::vector<GreyPixels>& images);
 
 }  // namespace huetrack::board

@@ -4,6 +4,9 @@
 #include <cmath>
 #include <map>
 #include <set>
+#include <utility>
+
+#include "calib/model/median.h"
 
 namespace huetrack::certify {
 namespace {
@@ -53,13 +56,6 @@ class PartSum {
   std::set<int> measurements_;
   double weight_ = 0;
 };
-
-double median_of(std::vector<double> values) {
-  if (values.empty()) return 0;
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::ranges::nth_element(values, middle);
-  return *middle;
-}
 
 // See Certificate::expanded_m. weights: their sum is the number of measurements.
 double conformal_95(const std::vector<MeasuredLength>& lengths, const std::vector<double>& weights,
@@ -145,7 +141,7 @@ Certificate certificate_of(const std::vector<MeasuredLength>& lengths, double tr
   const Certificate::Part whole = all.part();
   c.mean_m = whole.mean_m, c.rms_m = whole.rms_m;
   c.expanded_m = std::hypot(conformal_95(lengths, weights, c.independent), normal_95 * true_length_sigma_m);
-  c.stated_expanded_m = median_of(stated);
+  c.stated_expanded_m = calib::median(std::move(stated));
   c.inside_stated = judged > 0 ? inside / judged : 0;
   c.surprise = judged > 0 ? surprise / judged : 0;
   for (std::size_t k = 0; k < direction_count; ++k) c.by_direction[k] = directions[k].part();

@@ -17,7 +17,7 @@
 namespace huetrack::gather {
 namespace {
 
-board::GreyView view_of(const cv::Mat& image) {
+board::GreyPixels view_of(const cv::Mat& image) {
   return {image.data, image.cols, image.rows, static_cast<std::ptrdiff_t>(image.step)};
 }
 
@@ -106,8 +106,8 @@ class Misses {
     auto& own = by_camera_[camera];
     if (own.size() < 4) own.push_back(grey.clone());
   }
-  std::vector<board::GreyView> of(std::size_t camera) const {
-    std::vector<board::GreyView> views;
+  std::vector<board::GreyPixels> of(std::size_t camera) const {
+    std::vector<board::GreyPixels> views;
     if (const auto own = by_camera_.find(camera); own != by_camera_.end()) {
       for (const cv::Mat& image : own->second) views.push_back(view_of(image));
     }

@@ -2,6 +2,11 @@
 // size is known only when the program runs, instantiated once, in decompositions.cpp: a file that instantiates one by
 // itself compiles for up to three seconds longer. It is part of the precompiled headers, so nobody includes it; without
 // them (preset debug) every file has its own, and the values are the same.
+//
+// All of these are explicit instantiations, and none is a specialisation: they change nothing of what Eigen does, files
+// that see them and files that do not may be linked together, and a name that another Eigen has not ends the build. The
+// names of kernels are internal, because the public ones (A * B, A.solve(b)) have one type per expression; they are
+// Eigen 3.4's.
 #pragma once
 
 #include <Eigen/Cholesky>
@@ -21,6 +26,10 @@
 #define HUETRACK_LLT(EXTERN, M, V)                                                      \
   EXTERN template Eigen::LLT<M>& Eigen::LLT<M>::compute<M>(const Eigen::EigenBase<M>&); \
   EXTERN template void Eigen::LLT<M>::_solve_impl<V, V>(const V&, V&) const
+#define HUETRACK_INVERSE(EXTERN, M)                                                                                    \
+  EXTERN template class Eigen::PartialPivLU<M>;                                                                        \
+  EXTERN template void Eigen::PartialPivLU<M>::_solve_impl<M::IdentityReturnType, M>(const M::IdentityReturnType&, M&) \
+      const
 #define HUETRACK_SVD(EXTERN, M) \
   EXTERN template Eigen::JacobiSVD<M>& Eigen::JacobiSVD<M>::compute(const M&, unsigned int)
 
@@ -33,45 +42,6 @@ using ProductOperand = Eigen::internal::const_blas_data_mapper<double, Eigen::In
 using ProductResult = Eigen::internal::blas_data_mapper<double, Eigen::Index, Eigen::ColMajor, Eigen::Unaligned, 1>;
 using ProductPacket = Eigen::internal::packet_traits<double>::type;
 }  // namespace huetrack::calib
-
-namespace Eigen::internal {
-// A symmetric matrix of two rows is tridiagonal as it stands; Eigen would instantiate its blocked Householder sequences
-// for it, five seconds of compiling, to find that. The values are the same.
-template <>
-struct tridiagonalization_inplace_selector<Eigen::Matrix2d, 2, false> {
-  template <typename Diagonal, typename Subdiagonal, typename Coefficients>
-  static void run(Eigen::Matrix2d& m, Diagonal& diagonal, Subdiagonal& subdiagonal, Coefficients&, bool extract_q) {
-    diagonal = m.diagonal();
-    subdiagonal[0] = m(1, 0);
-    if (extract_q) m.setIdentity();
-  }
-};
-// LLT of fewer than 32 rows never works in blocks, but Eigen compiles it, with products and triangular solvers. So
-// these are declared here, and decompositions.cpp has what is left of them.
-#define HUETRACK_SMALL_LLT(N)                                                                                        \
-  template <>                                                                                                        \
-  template <>                                                                                                        \
-  Eigen::Index llt_inplace<double, Eigen::Lower>::blocked<Eigen::Matrix<double, N, N>>(Eigen::Matrix<double, N, N> & \
-                                                                                       m)
-#define HUETRACK_SMALL_LLT_DEFINITION(N) \
-  HUETRACK_SMALL_LLT(N) {                \
-    static_assert(N < 32);               \
-    return unblocked(m);                 \
-  }
-HUETRACK_SMALL_LLT(2);
-HUETRACK_SMALL_LLT(3);
-HUETRACK_SMALL_LLT(4);  // room_watch
-HUETRACK_SMALL_LLT(6);
-HUETRACK_SMALL_LLT(9);   // room_watch
-HUETRACK_SMALL_LLT(10);  // papers
-HUETRACK_SMALL_LLT(18);  // leds
-
-// What Eigen has for every matrix of more than four rows.
-template <>
-struct compute_inverse<huetrack::calib::DecomposedMatrix6, huetrack::calib::DecomposedMatrix6, 6> {
-  static void run(const huetrack::calib::DecomposedMatrix6& matrix, huetrack::calib::DecomposedMatrix6& result);
-};
-}  // namespace Eigen::internal
 
 #define HUETRACK_MATRIX_PRODUCT(EXTERN, LHS, RHS)                                                                      \
   EXTERN template struct Eigen::internal::general_matrix_matrix_product<Eigen::Index, double, LHS, false, double, RHS, \
@@ -120,12 +90,15 @@ struct compute_inverse<huetrack::calib::DecomposedMatrix6, huetrack::calib::Deco
   HUETRACK_LDLT(EXTERN, Eigen::Matrix3d, Eigen::Vector3d);                                       \
   HUETRACK_LDLT(EXTERN, huetrack::calib::DecomposedMatrix6, huetrack::calib::DecomposedVector6); \
   HUETRACK_LDLT(EXTERN, Eigen::MatrixXd, Eigen::VectorXd);                                       \
+  HUETRACK_LLT(EXTERN, Eigen::Matrix2d, Eigen::Vector2d);                                        \
   HUETRACK_LLT(EXTERN, Eigen::Matrix3d, Eigen::Vector3d);                                        \
+  HUETRACK_LLT(EXTERN, huetrack::calib::DecomposedMatrix6, huetrack::calib::DecomposedVector6);  \
   EXTERN template void Eigen::HouseholderQR<Eigen::MatrixXd>::computeInPlace();                  \
   EXTERN template Eigen::AngleAxisd& Eigen::AngleAxisd::operator=                                \
       <Eigen::Quaterniond>(const Eigen::QuaternionBase<Eigen::Quaterniond>&)
 // What calibrating and tracking cameras take besides: more_decompositions.cpp.
 #define HUETRACK_MORE_DECOMPOSITIONS(EXTERN)                                                        \
+  HUETRACK_INVERSE(EXTERN, huetrack::calib::DecomposedMatrix6);                                     \
   HUETRACK_SVD(EXTERN, Eigen::Matrix3d);                                                            \
   EXTERN template void Eigen::LDLT<Eigen::MatrixXd>::_solve_impl<Eigen::MatrixXd, Eigen::MatrixXd>( \
       const Eigen::MatrixXd&, Eigen::MatrixXd&) const

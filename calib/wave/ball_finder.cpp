@@ -20,10 +20,10 @@ std::optional<BallFrame> BallFinder::look(const capture::Frame& frame) {
     ++unusable_;
     return std::nullopt;
   }
-  object_tracking::MatchBits& matches = *views.front().matches;
+  color::MatchBits& matches = *views.front().matches;
   const int width = matches.width(), height = matches.height();
   BallFrame out{frame.camera, capture::seconds(frame.captured_at + frame.latency), {}, {}};
-  for (const object_tracking::ColorRegion& region :
+  for (const color::ColorRegion& region :
        finder_.find(matches, {0, 0, width - 1, height - 1}, options_.min_area_px, 0)) {
     // Of a region that is as wide as it appears, 2 standard deviations reach to its edge.
     const double reach_u = 2 * std::sqrt(region.spread(0, 0)), reach_v = 2 * std::sqrt(region.spread(1, 1));
@@ -104,7 +104,7 @@ std::vector<int> remove_still_regions(std::vector<BallFrame>& frames, std::size_
     for (const BallFrame& frame : frames) {
       if (static_cast<std::size_t>(frame.camera) != camera) continue;
       ++frame_count;
-      for (const object_tracking::ColorRegion& region : frame.regions) {
+      for (const color::ColorRegion& region : frame.regions) {
         Place* place = place_at(region.centre);
         if (place == nullptr) place = &by_cell[cell_of(region.centre)].emplace_back(Place{region.centre, 0});
         ++place->seen;
@@ -118,7 +118,7 @@ std::vector<int> remove_still_regions(std::vector<BallFrame>& frames, std::size_
     if (places[camera] == 0) continue;
     for (BallFrame& frame : frames) {
       if (static_cast<std::size_t>(frame.camera) != camera) continue;
-      std::erase_if(frame.regions, [&](const object_tracking::ColorRegion& region) {
+      std::erase_if(frame.regions, [&](const color::ColorRegion& region) {
         const Place* place = place_at(region.centre);
         return place != nullptr && place->seen >= limit;
       });

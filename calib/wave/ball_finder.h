@@ -8,7 +8,7 @@
 #include "calib/solver/progress.h"
 #include "calib/wave/ball_outline.h"
 #include "capture/frame.h"
-#include "object_tracking/color_region.h"
+#include "color/color_region.h"
 #include "object_tracking/object_tracker.h"
 #include "object_tracking/target_views.h"
 
@@ -18,7 +18,7 @@ namespace huetrack::wave {
 struct BallFrame {
   int camera = 0;  // in the rig
   double t_s = 0;  // the camera's stamp, smoothed: its latency and its readout are not taken out yet
-  std::vector<object_tracking::ColorRegion>
+  std::vector<color::ColorRegion>
       regions;                          // of the target's colour, largest first; not those that the image's border cuts
   std::vector<BallPatch> patches = {};  // beside the regions, or none
 };
@@ -43,7 +43,7 @@ class BallFinder {
  private:
   BallFinderOptions options_;
   object_tracking::TargetViews views_;
-  object_tracking::RegionFinder finder_;
+  color::RegionFinder finder_;
   std::size_t unusable_ = 0;
 };
 

@@ -22,7 +22,7 @@ constexpr double most_extent_px = 150;  // of a patch; larger regions are as sha
 // The ellipse that is as wide as the region.
 class RegionEllipse {
  public:
-  explicit RegionEllipse(const object_tracking::ColorRegion& region)
+  explicit RegionEllipse(const color::ColorRegion& region)
       : centre(region.centre),
         radius(2 * std::pow(region.spread.determinant(), 0.25)),
         reach(2 * region.spread.diagonal().cwiseSqrt()),
@@ -104,10 +104,10 @@ class Coverage {
     sum_ += covered * d;
     squares_ += covered * d * d.transpose();
   }
-  object_tracking::ColorRegion region_or(const object_tracking::ColorRegion& otherwise, double radius) const {
+  color::ColorRegion region_or(const color::ColorRegion& otherwise, double radius) const {
     if (n_ < 0.4 * otherwise.area || n_ > 2.5 * otherwise.area) return otherwise;
     const Vector2d mean = sum_ / n_;
-    object_tracking::ColorRegion out;
+    color::ColorRegion out;
     out.area = static_cast<int>(std::lround(n_));
     out.centre = around_ + mean;
     out.spread = squares_ / n_ - mean * mean.transpose();
@@ -124,8 +124,7 @@ class Coverage {
 
 }  // namespace
 
-BallPatch patch_around(const capture::Image& image, object_tracking::MatchBits& matches,
-                       const object_tracking::ColorRegion& region) {
+BallPatch patch_around(const capture::Image& image, color::MatchBits& matches, const color::ColorRegion& region) {
   BallPatch patch;
   const RegionEllipse ellipse(region);
   if (2 * ellipse.reach.maxCoeff() + 2 * margin_px > most_extent_px) return patch;
@@ -145,7 +144,7 @@ BallPatch patch_around(const capture::Image& image, object_tracking::MatchBits& 
   return patch;
 }
 
-object_tracking::ColorRegion outline_over_ring(const BallPatch& patch, const object_tracking::ColorRegion& region) {
+color::ColorRegion outline_over_ring(const BallPatch& patch, const color::ColorRegion& region) {
   constexpr double rim_px = 1, ring_from_px = 2.5, ring_to_px = 4.5, noise = 4;
   if (patch.empty()) return region;
   const RegionEllipse ellipse(region);
@@ -432,8 +431,8 @@ class EllipseFit {
 
 }  // namespace
 
-object_tracking::ColorRegion outline_over_background(const BallPatch& patch, const object_tracking::ColorRegion& region,
-                                                     const BackgroundImage& background, const Eigen::Matrix2d& shape) {
+color::ColorRegion outline_over_background(const BallPatch& patch, const color::ColorRegion& region,
+                                           const BackgroundImage& background, const Eigen::Matrix2d& shape) {
   // Beyond what blur and a compressed picture's shared chroma carry out of the object.
   constexpr double ring_from_px = 4, ring_to_px = 7, changed_sigmas = 6, most_changed = 0.5;
   const Eigen::Vector3f steady = background.noise.cwiseMax(Eigen::Vector3f(1, 2.5f, 2.5f));
@@ -447,7 +446,7 @@ object_tracking::ColorRegion outline_over_background(const BallPatch& patch, con
   for_each_pixel(patch, rough, 2, [&](int u, int v, const BallPatch::Pixel& pixel, double off) {
     if (off < 2 && pixel.match && change(u, v) > 4) moving.add(u, v, 1);
   });
-  const object_tracking::ColorRegion start = moving.region_or(region, rough.radius);
+  const color::ColorRegion start = moving.region_or(region, rough.radius);
   const RegionEllipse ellipse(start);
   int ring = 0, changed = 0;
   for_each_pixel(patch, ellipse, ring_to_px, [&](int u, int v, const BallPatch::Pixel&, double off) {
@@ -460,7 +459,7 @@ object_tracking::ColorRegion outline_over_background(const BallPatch& patch, con
   EllipseFit::Place place(start.centre.x(), start.centre.y(), std::log(ellipse.radius / unit));
   EllipseFit fit(patch, background, shape, place);
   if (!fit.solve(place)) return region;
-  object_tracking::ColorRegion out;
+  color::ColorRegion out;
   out.centre = place.head<2>();
   const double size = std::exp(place.z());
   out.spread = size * size / 4 * shape * shape.transpose();

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "calib/wave/background.h"
-#include "object_tracking/color_region.h"
+#include "color/color_region.h"
 
 namespace huetrack::wave {
 
@@ -28,19 +28,18 @@ struct BallPatch {
   }
 };
 
-BallPatch patch_around(const capture::Image& image, object_tracking::MatchBits& matches,
-                       const object_tracking::ColorRegion& region);
+BallPatch patch_around(const capture::Image& image, color::MatchBits& matches, const color::ColorRegion& region);
 
 // A pixel is light of the object's chroma, as bright as the object's shading makes it, over the background's light.
 // What of the background is missing is covered. The region itself where that cannot be told.
 
 // The background is taken to be of one colour, that of a ring around the region: a first guess.
-object_tracking::ColorRegion outline_over_ring(const BallPatch& patch, const object_tracking::ColorRegion& region);
+color::ColorRegion outline_over_ring(const BallPatch& patch, const color::ColorRegion& region);
 
 // Behind every pixel is what the camera sees there otherwise: the background's own things of the object's hue do no
 // harm. Where something else that moves is around the region (the arm that holds it), it is left to
 // outline_over_ring().
-object_tracking::ColorRegion outline_over_background(const BallPatch& patch, const object_tracking::ColorRegion& region,
-                                                     const BackgroundImage& background, const Eigen::Matrix2d& shape);
+color::ColorRegion outline_over_background(const BallPatch& patch, const color::ColorRegion& region,
+                                           const BackgroundImage& background, const Eigen::Matrix2d& shape);
 
 }  // namespace huetrack::wave

@@ -39,7 +39,7 @@ struct Shape {
   Vector2d width_px;
 };
 
-Shape shape_of(const object_tracking::ColorRegion& region) {
+Shape shape_of(const color::ColorRegion& region) {
   const auto solver = Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>().computeDirect(region.spread);
   return {solver.eigenvectors(), 2 * solver.eigenvalues().cwiseMax(0).cwiseSqrt()};
 }
@@ -215,7 +215,7 @@ std::vector<TimeSigns> WaveSolution::signs() const {
     };
     // What was not used is taken for the ball if it is where the ball was, or will be, a few frames off.
     std::optional<LagSample> best;
-    for (const object_tracking::ColorRegion& region : f.regions) {
+    for (const color::ColorRegion& region : f.regions) {
       constexpr double soon_s = 1e-3, most_frames = 5, near_px = 10;
       const double t_s = exposed_s(f, region);
       const auto at = predicted(t_s), soon = predicted(t_s + soon_s);
@@ -250,7 +250,7 @@ void WaveSolution::tell(const char* step, int done) const {
   if (options_.progress) options_.progress(step, done, WaveSteps::all);
 }
 
-const object_tracking::ColorRegion& WaveSolution::region(std::size_t f) const {
+const color::ColorRegion& WaveSolution::region(std::size_t f) const {
   return frames_[f].regions[index(chosen_[f])];
 }
 
@@ -290,7 +290,7 @@ WaveAdjustmentOptions WaveSolution::adjustment_options() const {
 }
 
 std::optional<object_tracking::Appearance> WaveSolution::appearance(const BallFrame& frame,
-                                                                    const object_tracking::ColorRegion& region) const {
+                                                                    const color::ColorRegion& region) const {
   calib::Camera camera = rig_.cameras[index(frame.camera)];
   camera.cam_from_world = state_.cam_from_world[index(frame.camera)];
   const Vector3d p = state_.path.at(exposed_s(frame, region));
@@ -356,7 +356,7 @@ void WaveSolution::learn_shapes() {
 
 // A region that is narrower than a whole ball is partly hidden, one that is wider has something else in it, and its
 // centre is off by as much: of little use here, where there are many others. nullopt: of none.
-std::optional<Eigen::Matrix2d> WaveSolution::covariance_of(std::size_t f, const object_tracking::ColorRegion& region,
+std::optional<Eigen::Matrix2d> WaveSolution::covariance_of(std::size_t f, const color::ColorRegion& region,
                                                            const object_tracking::Appearance& at) const {
   if (rough_) return Eigen::Matrix2d(Eigen::Matrix2d::Identity());
   const Shape shape = shape_of(region);
@@ -373,7 +373,7 @@ std::optional<Eigen::Matrix2d> WaveSolution::covariance_of(std::size_t f, const 
 }
 
 // How badly a region suits the path; nullopt: not at all.
-std::optional<double> WaveSolution::cost_of(std::size_t f, const object_tracking::ColorRegion& region) const {
+std::optional<double> WaveSolution::cost_of(std::size_t f, const color::ColorRegion& region) const {
   const auto at = appearance(frames_[f], region);
   if (!at) return std::nullopt;
   const Vector2d d = region.centre - at->px;

@@ -45,7 +45,7 @@ class WaveSolution {
   double misfit() const;
   double used_share() const;  // of the frames with a region in them
   // When a region of a frame was exposed, by what is known of its camera's times.
-  double exposed_s(const BallFrame& frame, const object_tracking::ColorRegion& region) const {
+  double exposed_s(const BallFrame& frame, const color::ColorRegion& region) const {
     return state_.exposed_s(rig_, frame.camera, frame.t_s, region.centre);
   }
   // How large the ball looks over how large it should, at the scale as it is.
@@ -72,15 +72,14 @@ class WaveSolution {
  private:
   void tell(const char* step, int done) const;
   void find_span();
-  const object_tracking::ColorRegion& region(std::size_t f) const;
+  const color::ColorRegion& region(std::size_t f) const;
   WaveAdjustmentOptions adjustment_options() const;
-  std::optional<object_tracking::Appearance> appearance(const BallFrame& frame,
-                                                        const object_tracking::ColorRegion& region) const;
+  std::optional<object_tracking::Appearance> appearance(const BallFrame& frame, const color::ColorRegion& region) const;
   void learn_jerk();
   void learn_shapes();
-  std::optional<Eigen::Matrix2d> covariance_of(std::size_t f, const object_tracking::ColorRegion& region,
+  std::optional<Eigen::Matrix2d> covariance_of(std::size_t f, const color::ColorRegion& region,
                                                const object_tracking::Appearance& at) const;
-  std::optional<double> cost_of(std::size_t f, const object_tracking::ColorRegion& region) const;
+  std::optional<double> cost_of(std::size_t f, const color::ColorRegion& region) const;
   void choose(double sigmas);
 
   const calib::CameraRig& rig_;

@@ -67,7 +67,7 @@ struct CameraTrackerOptions {
 };
 
 // What can be drawn of a tracker's inside; raw pixels, world frame, metres.
-struct CameraTrackerView {
+struct CameraTrackerInside {
   struct Feature {
     Eigen::Vector2f px;                                // where the pose projects it
     Eigen::Vector2f found_px;                          // where the image shows it; NaN: not found
@@ -91,7 +91,7 @@ class CameraTracker {
   // After the last update: why it has no pose, for the user ("the 4 known points do not fit: 37 px rms"). Empty: it has
   // one, or there is nothing to say.
   virtual std::string why_no_pose() const { return {}; }
-  virtual CameraTrackerView view() const = 0;                          // after the last update
+  virtual CameraTrackerInside inside() const = 0;                      // after the last update
   virtual std::vector<CameraMapPoint> map() const = 0;                 // after the last update
   virtual void save_map(const std::filesystem::path& file) const = 0;  // throws std::runtime_error naming the file
 };

@@ -24,10 +24,10 @@ double quantile(std::vector<double>& values, double share) {
   return values[at];
 }
 
-PixelMask flood(const HsiImage& image, object_tracking::PixelAt seed, const Eigen::Vector2d& like, double tolerance,
+PixelMask flood(const HsiImage& image, color::PixelAt seed, const Eigen::Vector2d& like, double tolerance,
                 std::size_t most) {
   PixelMask mask(image.width, image.height);
-  std::vector<object_tracking::PixelAt> open{seed};
+  std::vector<color::PixelAt> open{seed};
   mask.at(seed.u, seed.v) = 1;
   std::size_t count = 1;
   while (!open.empty() && count <= most) {
@@ -36,7 +36,7 @@ PixelMask flood(const HsiImage& image, object_tracking::PixelAt seed, const Eige
     for (int y = std::max(0, v - 1); y <= std::min(v + 1, image.height - 1); ++y) {
       for (int x = std::max(0, u - 1); x <= std::min(u + 1, image.width - 1); ++x) {
         if (mask.at(x, y) != 0) continue;
-        const object_tracking::Hsi& p = image.at(x, y);
+        const color::Hsi& p = image.at(x, y);
         if (p.intensity < least_intensity || (chroma(p) - like).squaredNorm() > tolerance * tolerance) continue;
         mask.at(x, y) = 1;
         ++count;
@@ -51,7 +51,7 @@ PixelMask flood(const HsiImage& image, object_tracking::PixelAt seed, const Eige
 struct Fit {
   double hue_deg;               // of the region
   std::array<double, 6> bound;  // hue -, hue +, saturation -, +, intensity -, +
-  object_tracking::HsiRange range() const {
+  color::HsiRange range() const {
     const auto wrapped = [](double hue) { return std::fmod(hue + 720, 360); };
     return {.hue_min_deg = wrapped(hue_deg + bound[0]),
             .hue_max_deg = wrapped(hue_deg + bound[1]),
@@ -60,7 +60,7 @@ struct Fit {
             .intensity_min = bound[4],
             .intensity_max = bound[5]};
   }
-  bool contains(const object_tracking::Hsi& p) const {
+  bool contains(const color::Hsi& p) const {
     const double hue = hue_difference(p.hue_deg, hue_deg);
     return p.has_hue && hue >= bound[0] && hue <= bound[1] && p.saturation >= bound[2] && p.saturation <= bound[3] &&
            p.intensity >= bound[4] && p.intensity <= bound[5];
@@ -74,7 +74,7 @@ double rounded(double value, double per_unit, bool up) {
 
 }  // namespace
 
-std::optional<PixelMask> grow_region(const HsiImage& image, object_tracking::PixelAt seed) {
+std::optional<PixelMask> grow_region(const HsiImage& image, color::PixelAt seed) {
   if (seed.u < 0 || seed.v < 0 || seed.u >= image.width || seed.v >= image.height) return std::nullopt;
   // The median of the nearest pixels stands for the colour: one noisy pixel decides nothing.
   std::vector<double> x, y;
@@ -116,12 +116,11 @@ std::optional<PixelMask> grow_region(const HsiImage& image, object_tracking::Pix
   return std::move(masks[*best]);
 }
 
-object_tracking::HsiRange fit_range(const HsiImage& image, const PixelMask& region, const PixelMask& background,
-                                    int steps) {
+color::HsiRange fit_range(const HsiImage& image, const PixelMask& region, const PixelMask& background, int steps) {
   std::vector<double> hue, saturation, intensity;
   double sine = 0, cosine = 0;
   for (std::size_t i = 0; i < region.pixels.size(); ++i) {
-    const object_tracking::Hsi& p = image.pixels[i];
+    const color::Hsi& p = image.pixels[i];
     if (region.pixels[i] == 0 || !p.has_hue) continue;
     sine += p.saturation * std::sin(p.hue_deg * (std::numbers::pi / 180));
     cosine += p.saturation * std::cos(p.hue_deg * (std::numbers::pi / 180));
@@ -145,7 +144,7 @@ object_tracking::HsiRange fit_range(const HsiImage& image, const PixelMask& regi
                                           std::max(fit.bound[5], 0.97)};
 
   // Only background that the furthest ranges would take in can be in the way.
-  std::vector<object_tracking::Hsi> rivals;
+  std::vector<color::Hsi> rivals;
   Fit wide = fit;
   wide.bound = furthest;
   std::size_t background_count = 0;
@@ -155,8 +154,7 @@ object_tracking::HsiRange fit_range(const HsiImage& image, const PixelMask& regi
     if (wide.contains(image.pixels[i])) rivals.push_back(image.pixels[i]);
   }
   const auto in_the_way = [&](const Fit& f) {
-    return static_cast<double>(
-        std::ranges::count_if(rivals, [&](const object_tracking::Hsi& p) { return f.contains(p); }));
+    return static_cast<double>(std::ranges::count_if(rivals, [&](const color::Hsi& p) { return f.contains(p); }));
   };
   // In tenths of the way, every bound in turn, as long as it costs almost no background: 1 in 5000 pixels in all.
   double free = in_the_way(fit) + static_cast<double>(background_count) / 5000;
@@ -184,7 +182,7 @@ object_tracking::HsiRange fit_range(const HsiImage& image, const PixelMask& regi
   spread(fit.bound[2], fit.bound[3], 0.04 * more, middle_saturation);
   spread(fit.bound[4], fit.bound[5], 0.04 * more, middle_intensity);
 
-  object_tracking::HsiRange range = fit.range();  // in digits that people like to read
+  color::HsiRange range = fit.range();  // in digits that people like to read
   range.hue_min_deg = std::fmod(rounded(range.hue_min_deg, 1, false), 360);
   range.hue_max_deg = std::fmod(rounded(range.hue_max_deg, 1, true), 360);
   range.saturation_min = rounded(range.saturation_min, 100, false);

@@ -13,12 +13,11 @@ namespace huetrack::color_teaching {
 // ever larger tolerances, and the one is taken around which its area changes least (the idea of maximally stable
 // regions, Matas et al. 2002, here over distance in chroma). nullopt: the pixel is grey, too dark, or the region never
 // settles.
-std::optional<PixelMask> grow_region(const HsiImage& image, object_tracking::PixelAt seed);
+std::optional<PixelMask> grow_region(const HsiImage& image, color::PixelAt seed);
 
 // Ranges that hold the region with a margin, and then as much more as the rest of the image leaves free: what is taught
 // on one frame has to hold under other light. background: pixels that must not match (1); steps > 0 widens them
 // further, < 0 narrows them.
-object_tracking::HsiRange fit_range(const HsiImage& image, const PixelMask& region, const PixelMask& background,
-                                    int steps);
+color::HsiRange fit_range(const HsiImage& image, const PixelMask& region, const PixelMask& background, int steps);
 
 }  // namespace huetrack::color_teaching

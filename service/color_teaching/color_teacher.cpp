@@ -56,7 +56,7 @@ double radius_m_of(const calib::Camera& camera, const MaskRegion& region, const 
 }
 
 // Of the region's pixels, how many have the colour.
-double share_of(const HsiImage& image, const PixelMask& region, const object_tracking::HsiRange& range) {
+double share_of(const HsiImage& image, const PixelMask& region, const color::HsiRange& range) {
   const PixelMask mask = matching(image, range, {});
   std::size_t both = 0;
   for (std::size_t i = 0; i < mask.pixels.size(); ++i) both += region.pixels[i] != 0 && mask.pixels[i] != 0 ? 1 : 0;
@@ -64,11 +64,10 @@ double share_of(const HsiImage& image, const PixelMask& region, const object_tra
 }
 
 // Around the region everything counts as the object: its soft edge, its shadow, its glint.
-PixelMask background_of(const PixelMask& region, const MaskRegion& shape,
-                        const std::vector<object_tracking::PixelBox>& ignored) {
+PixelMask background_of(const PixelMask& region, const MaskRegion& shape, const std::vector<color::PixelBox>& ignored) {
   PixelMask background = grown(region, soft_edge_px + static_cast<int>(shape.radius_px() / 3));
   for (auto& pixel : background.pixels) pixel = pixel == 0 ? 1 : 0;
-  for (const object_tracking::PixelBox& box : ignored) {
+  for (const color::PixelBox& box : ignored) {
     for (int v = std::max(0, box.v_min); v <= std::min(box.v_max, background.height - 1); ++v)
       for (int u = std::max(0, box.u_min); u <= std::min(box.u_max, background.width - 1); ++u) background.at(u, v) = 0;
   }
@@ -101,9 +100,9 @@ ColorTeacher::ColorTeacher(const calib::CameraRig& rig, const capture::FrameSet&
   }
 }
 
-const std::vector<object_tracking::PixelBox>& ColorTeacher::ignored_in(const TeachRequestOptions& request,
-                                                                       std::size_t camera) const {
-  static const std::vector<object_tracking::PixelBox> none;
+const std::vector<color::PixelBox>& ColorTeacher::ignored_in(const TeachRequestOptions& request,
+                                                             std::size_t camera) const {
+  static const std::vector<color::PixelBox> none;
   const auto own = std::ranges::find(request.ignored, rig_.cameras[camera].name,
                                      &object_tracking::IgnoredRegions::value_type::first);
   return own == request.ignored.end() ? none : own->second;
@@ -183,9 +182,8 @@ void ColorTeacher::suggest(std::vector<TaughtView>& views, const object_tracking
   for (std::size_t i = 0; i < cameras.size(); ++i) views[cameras[i]].region = regions[i];
 }
 
-std::optional<TaughtView::Narrower> ColorTeacher::narrower(
-    const TaughtView& view, std::size_t camera, int wider,
-    const std::vector<object_tracking::PixelBox>& ignored) const {
+std::optional<TaughtView::Narrower> ColorTeacher::narrower(const TaughtView& view, std::size_t camera, int wider,
+                                                           const std::vector<color::PixelBox>& ignored) const {
   const HsiImage& image = *images_[camera];
   const PixelMask background = background_of(view.object, *view.region, ignored);
   std::optional<TaughtView::Narrower> best;
@@ -203,13 +201,13 @@ std::optional<TaughtView::Narrower> ColorTeacher::narrower(
 }
 
 void ColorTeacher::judge(TaughtView& view, std::size_t camera, const std::string& color_of, int wider,
-                         const std::vector<object_tracking::PixelBox>& ignored) const {
+                         const std::vector<color::PixelBox>& ignored) const {
   const HsiImage& image = *images_[camera];
   view.mask = matching(image, view.color, ignored);
   PixelMask object(image.width, image.height);
   if (view.region) {
     // Of what matches, the part that is the object itself: connected to its region, or in its immediate neighbourhood.
-    const object_tracking::PixelBox& box = view.region->box;
+    const color::PixelBox& box = view.region->box;
     const int reach = soft_edge_px + static_cast<int>(view.region->radius_px() / 2);
     for (int v = std::max(0, box.v_min - reach); v <= std::min(box.v_max + reach, image.height - 1); ++v)
       for (int u = std::max(0, box.u_min - reach); u <= std::min(box.u_max + reach, image.width - 1); ++u)
@@ -283,7 +281,7 @@ std::vector<std::string> ColorTeacher::namesakes(const Taught& taught,
     if (target.name == own_name) continue;
     for (std::size_t c = 0; c < taught.views.size(); ++c) {
       if (!taught.views[c].pointed) continue;
-      const object_tracking::HsiRange& range = target.color_in(rig_.cameras[c].name);
+      const color::HsiRange& range = target.color_in(rig_.cameras[c].name);
       if (share_of(*images_[c], taught.views[c].object, range) < 0.5) continue;
       names.push_back(target.name);
       break;

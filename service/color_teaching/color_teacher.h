@@ -32,7 +32,7 @@ struct TaughtView {
   bool pointed = false;              // somebody pointed into it, and there is a region
   std::string problem;               // why nothing could be learnt where somebody pointed; what to do
   std::optional<MaskRegion> region;  // the object's; where nobody pointed: the suggested one
-  object_tracking::HsiRange color;   // where nobody pointed: as in the first view that was
+  color::HsiRange color;             // where nobody pointed: as in the first view that was
   double object_share = 0;          // 0..1, of the region's pixels: how many have the colour; only where it was pointed
   double background_share = 0;      // 0..1, of the pixels away from the object: how many have the colour
   std::optional<MaskRegion> patch;  // the largest connected part of them, when it could be taken for the object
@@ -40,7 +40,7 @@ struct TaughtView {
   // Where a patch could be taken for the object: ranges that are narrower by these steps would leave so much of both.
   struct Narrower {
     int wider = 0;  // TeachRequestOptions::wider
-    object_tracking::HsiRange color;
+    color::HsiRange color;
     double object_share = 0, background_share = 0;
   };
   std::optional<Narrower> narrower;
@@ -75,13 +75,12 @@ class ColorTeacher {
                                      const std::string& own_name) const;
 
  private:
-  const std::vector<object_tracking::PixelBox>& ignored_in(const TeachRequestOptions& request,
-                                                           std::size_t camera) const;
+  const std::vector<color::PixelBox>& ignored_in(const TeachRequestOptions& request, std::size_t camera) const;
   void judge(TaughtView& view, std::size_t camera, const std::string& color_of, int wider,
-             const std::vector<object_tracking::PixelBox>& ignored) const;
+             const std::vector<color::PixelBox>& ignored) const;
   // Of the ranges of a view whose background has a patch of the colour; the least narrow that leaves none of it.
   std::optional<TaughtView::Narrower> narrower(const TaughtView& view, std::size_t camera, int wider,
-                                               const std::vector<object_tracking::PixelBox>& ignored) const;
+                                               const std::vector<color::PixelBox>& ignored) const;
   void suggest(std::vector<TaughtView>& views, const object_tracking::Volume& volume) const;
 
   calib::CameraRig rig_;

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "object_tracking/image_color.h"
+#include "color/image_color.h"
 
 namespace huetrack::color_teaching {
 
@@ -20,23 +20,21 @@ HsiImage hsi_image(const capture::Image& image) {
   HsiImage out{image.width, image.height, {}};
   out.pixels.reserve(static_cast<std::size_t>(image.width) * static_cast<std::size_t>(image.height));
   for (int v = 0; v < image.height; ++v)
-    for (int u = 0; u < image.width; ++u)
-      out.pixels.push_back(object_tracking::hsi_of(object_tracking::rgb_at(image, u, v)));
+    for (int u = 0; u < image.width; ++u) out.pixels.push_back(color::hsi_of(color::rgb_at(image, u, v)));
   return out;
 }
 
-Eigen::Vector2d chroma(const object_tracking::Hsi& pixel) {
+Eigen::Vector2d chroma(const color::Hsi& pixel) {
   if (!pixel.has_hue) return Eigen::Vector2d::Zero();
   const double angle = pixel.hue_deg * (std::numbers::pi / 180);
   return pixel.saturation * Eigen::Vector2d(std::cos(angle), std::sin(angle));
 }
 
-PixelMask matching(const HsiImage& image, const object_tracking::HsiRange& range,
-                   const std::vector<object_tracking::PixelBox>& ignored) {
+PixelMask matching(const HsiImage& image, const color::HsiRange& range, const std::vector<color::PixelBox>& ignored) {
   PixelMask mask(image.width, image.height);
   for (std::size_t i = 0; i < image.pixels.size(); ++i)
-    mask.pixels[i] = object_tracking::contains(range, image.pixels[i]) ? 1 : 0;
-  for (const object_tracking::PixelBox& box : ignored) {
+    mask.pixels[i] = color::contains(range, image.pixels[i]) ? 1 : 0;
+  for (const color::PixelBox& box : ignored) {
     for (int v = std::max(0, box.v_min); v <= std::min(box.v_max, image.height - 1); ++v) {
       for (int u = std::max(0, box.u_min); u <= std::min(box.u_max, image.width - 1); ++u) mask.at(u, v) = 0;
     }
@@ -47,7 +45,7 @@ PixelMask matching(const HsiImage& image, const object_tracking::HsiRange& range
 std::vector<MaskRegion> regions_of(const PixelMask& mask, int min_area) {
   std::vector<MaskRegion> regions;
   PixelMask left = mask;
-  std::vector<object_tracking::PixelAt> open;
+  std::vector<color::PixelAt> open;
   for (int v0 = 0; v0 < mask.height; ++v0) {
     for (int u0 = 0; u0 < mask.width; ++u0) {
       if (left.at(u0, v0) == 0) continue;

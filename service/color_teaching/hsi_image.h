@@ -5,8 +5,8 @@
 #include <cstdint>
 #include <vector>
 
-#include "object_tracking/color_model.h"
-#include "object_tracking/color_window.h"
+#include "color/color_model.h"
+#include "color/color_window.h"
 
 namespace huetrack::color_teaching {
 
@@ -27,24 +27,23 @@ struct PixelMask {
 
 struct HsiImage {
   int width = 0, height = 0;
-  std::vector<object_tracking::Hsi> pixels;
-  const object_tracking::Hsi& at(int u, int v) const {
+  std::vector<color::Hsi> pixels;
+  const color::Hsi& at(int u, int v) const {
     return pixels[static_cast<std::size_t>(v) * static_cast<std::size_t>(width) + static_cast<std::size_t>(u)];
   }
 };
 HsiImage hsi_image(const capture::Image& image);
 
 // S and hue as a point: distances in it mean the same for every hue, and do not depend on intensity.
-Eigen::Vector2d chroma(const object_tracking::Hsi& pixel);
+Eigen::Vector2d chroma(const color::Hsi& pixel);
 
 // The pixels that have the colour, but those in the boxes.
-PixelMask matching(const HsiImage& image, const object_tracking::HsiRange& range,
-                   const std::vector<object_tracking::PixelBox>& ignored);
+PixelMask matching(const HsiImage& image, const color::HsiRange& range, const std::vector<color::PixelBox>& ignored);
 
 struct MaskRegion {
   int area = 0;  // pixels
   Eigen::Vector2d centre{0, 0};
-  object_tracking::PixelBox box{0, 0, -1, -1};
+  color::PixelBox box{0, 0, -1, -1};
   double radius_px() const;  // of a disc of this area
 };
 // 8-connected, at least min_area pixels, largest first.

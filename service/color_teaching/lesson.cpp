@@ -12,7 +12,7 @@ namespace {
 constexpr double most_elsewhere = 0.01;  // of a picture: of so much a search finds the object in nearly every set
 constexpr double furthest_hue_deg = 35;  // from one camera to the next: more than white balance does
 
-double middle_hue(const object_tracking::HsiRange& range) {
+double middle_hue(const color::HsiRange& range) {
   return range.hue_min_deg + std::fmod(range.hue_max_deg - range.hue_min_deg + 720, 360) / 2;
 }
 
@@ -75,8 +75,7 @@ Lesson learn(const ColorTeacher& teacher, const TeachRequestOptions& request,
   return lesson;
 }
 
-void add_ignored(object_tracking::IgnoredRegions& regions, const std::string& camera,
-                 const object_tracking::PixelBox& box) {
+void add_ignored(object_tracking::IgnoredRegions& regions, const std::string& camera, const color::PixelBox& box) {
   auto it = std::ranges::find(regions, camera, &object_tracking::IgnoredRegions::value_type::first);
   if (it == regions.end()) it = regions.insert(regions.end(), {camera, {}});
   it->second.push_back(box);

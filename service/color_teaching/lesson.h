@@ -30,7 +30,6 @@ Lesson learn(const ColorTeacher& teacher, const TeachRequestOptions& request,
              const object_tracking::Volume& volume);
 
 // Adds a rectangle to those of a camera.
-void add_ignored(object_tracking::IgnoredRegions& regions, const std::string& camera,
-                 const object_tracking::PixelBox& box);
+void add_ignored(object_tracking::IgnoredRegions& regions, const std::string& camera, const color::PixelBox& box);
 
 }  // namespace huetrack::color_teaching

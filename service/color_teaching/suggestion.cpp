@@ -7,7 +7,7 @@
 #include <numbers>
 
 #include "calib/model/median.h"
-#include "object_tracking/image_color.h"
+#include "color/image_color.h"
 
 namespace huetrack::color_teaching {
 namespace {
@@ -60,7 +60,7 @@ struct LikePixels {
 };
 
 // Of the pixels in the box that are set and within the disc.
-Eigen::Vector2d median_chroma(const HsiImage& image, const PixelMask& pixels, const object_tracking::PixelBox& box,
+Eigen::Vector2d median_chroma(const HsiImage& image, const PixelMask& pixels, const color::PixelBox& box,
                               const Eigen::Vector2d& centre, double radius) {
   std::vector<double> x, y;
   for (int v = box.v_min; v <= box.v_max; ++v) {
@@ -307,7 +307,7 @@ std::optional<PixelMask> moving_pixels(const capture::Image& picture, const std:
   constexpr std::size_t least_others = 4;
   if (others.size() < least_others) return std::nullopt;
   const auto channels = [](const capture::Image& image, int u, int v) {
-    const object_tracking::Rgb rgb = object_tracking::rgb_at(image, u, v);
+    const color::Rgb rgb = color::rgb_at(image, u, v);
     return std::array<double, 3>{rgb.r, rgb.g, rgb.b};
   };
   const std::size_t count = std::size_t(picture.width) * std::size_t(picture.height);

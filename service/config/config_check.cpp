@@ -144,8 +144,8 @@ void check_targets(const ServiceConfig& config, const yaml::YamlReader& root) {
 }
 
 // The share of the first hue range that lies in the second, both on the circle.
-bool hues_overlap(const object_tracking::HsiRange& a, const object_tracking::HsiRange& b) {
-  const auto inside = [](double hue, const object_tracking::HsiRange& r) {
+bool hues_overlap(const color::HsiRange& a, const color::HsiRange& b) {
+  const auto inside = [](double hue, const color::HsiRange& r) {
     return r.hue_min_deg <= r.hue_max_deg ? hue >= r.hue_min_deg && hue <= r.hue_max_deg
                                           : hue >= r.hue_min_deg || hue <= r.hue_max_deg;
   };
@@ -269,7 +269,7 @@ std::vector<std::string> warnings_of(const ServiceConfig& config) {
   if (std::string warning = size_warning(config); longest_m <= hall_m && !warning.empty())
     warnings.push_back(std::move(warning));
   for (const auto& target : config.targets) {
-    const object_tracking::HsiRange& c = target.color;
+    const color::HsiRange& c = target.color;
     // No paint is so many colours; a range that was written the wrong way round is.
     constexpr double widest_paint_deg = 180;
     if (c.hue_min_deg > c.hue_max_deg && hue_width_deg(c) > widest_paint_deg)

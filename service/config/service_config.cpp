@@ -208,7 +208,7 @@ void describe(Io& io, Config& config) {
     });
     in.named("camera_colors", target.camera_colors, "per-camera overrides of color", [&](auto& color, auto& range) {
       if constexpr (!std::is_const_v<std::remove_reference_t<decltype(range)>>)
-        range = target.color == untaught_color ? object_tracking::HsiRange{} : target.color;  // for what is not given
+        range = target.color == untaught_color ? color::HsiRange{} : target.color;  // for what is not given
       describe_color(color, range, Need::optional);
     });
   });
@@ -424,7 +424,7 @@ class Reader {
     if (!cameras) return;
     for (const std::string& camera : cameras->keys()) {
       const auto numbers = cameras->numbers(camera, 4, 400, yaml::Range{.min = -1e6, .max = 1e6});
-      auto& boxes = regions.emplace_back(camera, std::vector<object_tracking::PixelBox>()).second;
+      auto& boxes = regions.emplace_back(camera, std::vector<color::PixelBox>()).second;
       if (numbers.size() % 4 != 0)
         cameras->fail(camera, "must be four numbers per rectangle: u_min, v_min, u_max, v_max");
       for (std::size_t i = 0; i < numbers.size(); i += 4) {
@@ -442,7 +442,7 @@ class Reader {
   }
   // Of a target: absent, it is the one that matches nothing.
   template <typename F>
-  void color(std::string_view key, object_tracking::HsiRange& range, std::string_view doc, F&& describe_range) {
+  void color(std::string_view key, color::HsiRange& range, std::string_view doc, F&& describe_range) {
     if (yaml_.has(key)) {
       group(key, doc, describe_range);
     } else {
@@ -578,7 +578,7 @@ class Printer {
     mapping(key, doc, [&](Printer& inner) {
       for (const auto& [camera, boxes] : regions) {
         std::vector<std::string> numbers;
-        for (const object_tracking::PixelBox& box : boxes)
+        for (const color::PixelBox& box : boxes)
           for (const int value : {box.u_min, box.v_min, box.u_max, box.v_max}) numbers.push_back(std::to_string(value));
         inner.line(camera, list_of(numbers), "");
       }
@@ -590,7 +590,7 @@ class Printer {
     mapping(key, doc, describe_group);
   }
   template <typename F>
-  void color(std::string_view key, const object_tracking::HsiRange&, std::string_view doc, F&& describe_range) {
+  void color(std::string_view key, const color::HsiRange&, std::string_view doc, F&& describe_range) {
     mapping(key, doc, describe_range);
   }
   template <typename T, typename F>

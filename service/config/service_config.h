@@ -129,7 +129,7 @@ struct ServiceConfig {
 
 // The colour of a target to which nobody has given one: it matches nothing, as no pixel is at once as bright and as
 // colourful as can be.
-inline constexpr object_tracking::HsiRange untaught_color{.saturation_min = 1, .intensity_min = 1, .intensity_max = 1};
+inline constexpr color::HsiRange untaught_color{.saturation_min = 1, .intensity_min = 1, .intensity_max = 1};
 bool is_taught(const object_tracking::TargetOptions& target);
 
 // throws ConfigError for a configuration whose cameras are not calibrated yet.

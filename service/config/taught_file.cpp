@@ -23,7 +23,7 @@ namespace huetrack::config {
 namespace {
 
 namespace fs = std::filesystem;
-using object_tracking::HsiRange;
+using color::HsiRange;
 
 bool is_below(const yaml::KeyPath& path, const yaml::KeyPath& above) {
   return path.size() >= above.size() && std::equal(above.begin(), above.end(), path.begin());

@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <exception>
 #include <memory>
+#include <span>
 #include <stdexcept>
 #include <thread>
 #include <utility>
@@ -101,19 +102,82 @@ bool may_begin_anew(const LiveCommand& options) {
          !options.seconds;
 }
 
-}  // namespace
-
-LiveSummary run_live(const config::ServiceConfig& config, std::vector<pipeline::LiveCamera> cameras,
-                     const LiveCommand& options, LiveRequests& requests, const std::stop_token& stop,
-                     page::CalibrationDesk* calibration) {
+// Before anything is opened or written.
+void refuse_what_cannot_be(const config::ServiceConfig& config, std::span<const pipeline::LiveCamera> cameras,
+                           const LiveCommand& options) {
   if (cameras.empty())
     throw std::runtime_error(config.file.string() +
                              ": cameras: none is given: name the live cameras; "
                              "ls -l /dev/v4l/by-path/ lists those that there are");
   pipeline::refuse_outputs({.files = {options.tracks, options.poses, options.write_rig}}, pipeline::files_of(config));
-  const bool is_tracking = options.track && config.is_calibrated();
   // Whose lenses are nobody's, nothing of them is to be kept.
   if (!options.record_to.empty() || !options.write_rig.empty()) config::require_rig(config);
+}
+
+// The files that were asked for. A disk that is full does not end the service: what there is to say comes at its end.
+struct TrackedFiles {
+  TrackedFiles(pipeline::Session& session, const config::ServiceConfig& config, const LiveCommand& options) {
+    constexpr auto when = pipeline::WhenFileFails::go_on;
+    if (!options.tracks.empty()) add(session, tracks.emplace(options.tracks, config, when));
+    if (!options.poses.empty()) add(session, poses.emplace(options.poses, config, when));
+  }
+  void refuse_failed() const {
+    for (const auto* file : all)
+      if (const std::string problem = file->problem(); !problem.empty()) throw std::runtime_error(problem);
+  }
+
+  std::optional<pipeline::TrackFile> tracks;
+  std::optional<pipeline::PoseFile> poses;
+  std::vector<const pipeline::FileOutput*> all;
+
+ private:
+  void add(pipeline::Session& session, pipeline::FileOutput& file) {
+    session.add(file);
+    all.push_back(&file);
+  }
+};
+
+// What the page may ask of live cameras. Its thread sets requests; who supervises takes them.
+page::PageServiceOptions viewing(const config::ServiceConfig& config, std::span<const pipeline::LiveCamera> cameras,
+                                 const LiveCommand& options, LiveRequests& requests,
+                                 pipeline::RecordingKeeper& recording, page::CalibrationDesk* calibration) {
+  const auto ask_for = [](std::atomic<bool>& what) {
+    return [&what] {
+      what = true;
+      return std::string();
+    };
+  };
+  page::PageServiceOptions page;
+  page.actions.reload = ask_for(requests.reload);
+  page.control.recording = &recording;
+  page.control.reload = ask_for(requests.reload);
+  for (const auto& camera : cameras)
+    if (camera.controls) page.control.cameras[config.rig.cameras[std::size_t(camera.camera)].name] = camera.controls;
+  if (may_begin_anew(options)) {
+    page.control.calibration = calibration;
+    page.control.begin_anew = ask_for(requests.begin_anew);
+    page.control.open_recording = [&requests](const std::filesystem::path& folder) {
+      requests.open_recording(folder);
+      requests.begin_anew = true;
+    };
+  }
+  return page;
+}
+
+std::unique_ptr<metrics::MetricsServer> served(const config::MetricsConfig& metrics) {
+  if (!metrics.port) return nullptr;
+  auto server = std::make_unique<metrics::MetricsServer>(metrics.address, *metrics.port);
+  log_where(metrics);
+  return server;
+}
+
+}  // namespace
+
+LiveSummary run_live(const config::ServiceConfig& config, std::vector<pipeline::LiveCamera> cameras,
+                     const LiveCommand& options, LiveRequests& requests, const std::stop_token& stop,
+                     page::CalibrationDesk* calibration) {
+  refuse_what_cannot_be(config, cameras, options);
+  const bool is_tracking = options.track && config.is_calibrated();
   pipeline::Session session(config, pipeline::sources_of(config, cameras),
                             {.when_full = pipeline::WhenFull::drop_oldest, .is_tracking = is_tracking});
 
@@ -124,49 +188,14 @@ LiveSummary run_live(const config::ServiceConfig& config, std::vector<pipeline::
   metrics::RoadMeter meter(config.rig.cameras.size(), is_tracking ? config.targets.size() : 0, bus ? &*bus : nullptr);
   session.add(meter);
   reports::Reports reports(session, {.write_rig = options.write_rig, .is_logging_times = true});
-  std::vector<const pipeline::FileOutput*> files;
-  std::optional<pipeline::TrackFile> tracks;
-  if (!options.tracks.empty()) {
-    session.add(tracks.emplace(options.tracks, config, pipeline::WhenFileFails::go_on));
-    files.push_back(&*tracks);
-  }
-  std::optional<pipeline::PoseFile> poses;
-  if (!options.poses.empty()) {
-    session.add(poses.emplace(options.poses, config, pipeline::WhenFileFails::go_on));
-    files.push_back(&*poses);
-  }
+  TrackedFiles files(session, config, options);
   // Before the page, which asks it; it records after all that may yet end the program: no empty recording stays behind.
   pipeline::RecordingKeeper recording(
       session.config(), {.record_to = options.record_to, .cameras_in_use = cameras.size(), .is_tracking = is_tracking});
-  const auto ask_for = [](std::atomic<bool>& what) {
-    return [&what] {
-      what = true;
-      return std::string();
-    };
-  };
-  const auto ask_to_reload = ask_for(requests.reload);
-  page::ControlDesk::Actions control{.recording = &recording, .reload = ask_to_reload};
-  for (const auto& camera : cameras)
-    if (camera.controls) control.cameras[config.rig.cameras[std::size_t(camera.camera)].name] = camera.controls;
-  if (may_begin_anew(options)) {
-    control.calibration = calibration;
-    control.begin_anew = ask_for(requests.begin_anew);
-    control.open_recording = [&requests](const std::filesystem::path& folder) {
-      requests.open_recording(folder);
-      requests.begin_anew = true;
-    };
-  }
   std::optional<page::PageService> view;
   if (bus)
-    session.add(view.emplace(
-        session.config(),
-        page::PageServiceOptions{
-            .time = nullptr, .actions = {.reload = ask_to_reload, .resume = nullptr}, .control = control}));
-  std::optional<metrics::MetricsServer> metrics;
-  if (config.metrics.port) {
-    metrics.emplace(config.metrics.address, *config.metrics.port);
-    log_where(config.metrics);
-  }
+    session.add(view.emplace(session.config(), viewing(config, cameras, options, requests, recording, calibration)));
+  const auto metrics_server = served(config.metrics);
   recording.begin();
   session.add(recording);
   Supervisor supervisor({.session = session,
@@ -175,9 +204,9 @@ LiveSummary run_live(const config::ServiceConfig& config, std::vector<pipeline::
                          .meter = meter,
                          .reports = reports,
                          .recording = recording,
-                         .files = files,
+                         .files = files.all,
                          .bus = bus ? &*bus : nullptr,
-                         .metrics_server = metrics ? &*metrics : nullptr});
+                         .metrics_server = metrics_server.get()});
   session.add(supervisor);
 
   const std::exception_ptr error = run_supervised(session, supervisor, options.seconds, requests.begin_anew, stop);
@@ -187,8 +216,7 @@ LiveSummary run_live(const config::ServiceConfig& config, std::vector<pipeline::
   session.close_sources();  // before bus and page, which may take their time: the cameras get their controls back
   if (error) std::rethrow_exception(error);
   session.save_camera_map();
-  for (const auto* file : files)  // after all that is to be kept
-    if (const std::string problem = file->problem(); !problem.empty()) throw std::runtime_error(problem);
+  files.refuse_failed();  // after all that is to be kept
   return {.figures = session.figures(),
           .status = supervisor.last_status(),
           .recorded = recording.figures(),

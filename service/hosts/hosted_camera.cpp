@@ -262,10 +262,11 @@ struct HostedCameras::Impl {
     const auto there =
         std::ranges::find(host.cameras, camera.options.camera_there, [](const auto& c) { return c.name(); });
     if (there == host.cameras.end()) {
-      std::string list;
-      for (const auto& c : host.cameras) list += (list.empty() ? "" : ", ") + c.name();
+      std::vector<std::string> names;
+      for (const auto& c : host.cameras) names.push_back(c.name());
       return {capture::CaptureState::absent, "its host " + name + " has no camera " + camera.options.camera_there +
-                                                 "; it has " + (list.empty() ? "none" : list)};
+                                                 "; it has " +
+                                                 (names.empty() ? "none" : fmt::format("{}", fmt::join(names, ", ")))};
     }
     if (there->state() == msg::HOSTED_CAMERA_ABSENT)
       return {capture::CaptureState::absent, name + ": " + there->message()};

@@ -21,7 +21,8 @@ constexpr double well_inside = 2, just_inside = 1.3;
 constexpr double steps_back = 4;  // least steps: a range that is further off than it must be goes back
 
 // The shift nearest to `from` with which the object is so far inside.
-PerColorAxis shift_between(const HsiRange& taught, const SeenColor& seen, double inside, const PerColorAxis& from) {
+PerColorAxis shift_between(const color::HsiRange& taught, const SeenColor& seen, double inside,
+                           const PerColorAxis& from) {
   PerColorAxis shift = from;
   for (const ColorAxis axis : {ColorAxis::hue, ColorAxis::saturation, ColorAxis::intensity}) {
     const auto a = static_cast<std::size_t>(axis);
@@ -41,8 +42,8 @@ PerColorAxis shift_between(const HsiRange& taught, const SeenColor& seen, double
 
 }  // namespace
 
-HsiRange moved(const HsiRange& range, const PerColorAxis& shift) {
-  HsiRange out = range;
+color::HsiRange moved(const color::HsiRange& range, const PerColorAxis& shift) {
+  color::HsiRange out = range;
   const bool is_any_hue = range.hue_min_deg == 0 && range.hue_max_deg == 360;
   if (!is_any_hue && shift[0] != 0) {
     const auto turned = [&](double hue_deg) { return std::fmod(hue_deg + shift[0] + 360, 360.0); };
@@ -58,7 +59,7 @@ HsiRange moved(const HsiRange& range, const PerColorAxis& shift) {
   return out;
 }
 
-PerColorAxis wanted_shift(const HsiRange& taught, const SeenColor& seen) {
+PerColorAxis wanted_shift(const color::HsiRange& taught, const SeenColor& seen) {
   return shift_between(taught, seen, well_inside, {});
 }
 
@@ -114,13 +115,13 @@ void ColorFollower::begin_next(const capture::FrameSet& set, const ColorWatch& w
     next_shift = shift;
   }
   if (!next) return;
-  const HsiRange color = moved(cameras_[*next].taught, next_shift);
+  const color::HsiRange color = moved(cameras_[*next].taught, next_shift);
   const capture::Image& image = set.frames[*next]->pixels;
-  building_.emplace(Building{*next, next_shift, color, ColorTableBuilder(color, image.format, image.range)});
+  building_.emplace(Building{*next, next_shift, color, color::ColorTableBuilder(color, image.format, image.range)});
 }
 
-void ColorFollower::put_in_force(std::size_t camera, const PerColorAxis& shift, const HsiRange& color,
-                                 std::shared_ptr<const ColorTable> table, TargetViews& views) {
+void ColorFollower::put_in_force(std::size_t camera, const PerColorAxis& shift, const color::HsiRange& color,
+                                 std::shared_ptr<const color::ColorTable> table, TargetViews& views) {
   auto before = views.recolor(camera, color, std::move(table));
   if (!cameras_[camera].taught_table) cameras_[camera].taught_table = std::move(before);
   cameras_[camera].shift = shift;

@@ -19,7 +19,7 @@
 
 #include "calib/model/camera_rig.h"
 #include "capture/frame.h"
-#include "object_tracking/color_model.h"
+#include "color/color_model.h"
 #include "object_tracking/color_watch.h"
 #include "object_tracking/object_estimate.h"
 #include "object_tracking/target_views.h"
@@ -31,10 +31,10 @@ namespace huetrack::object_tracking {
 constexpr PerColorAxis furthest_followed{20, 0.15, 0.2};
 
 // The range moved by so much: the same width, but where the axis itself ends.
-HsiRange moved(const HsiRange& range, const PerColorAxis& shift);
+color::HsiRange moved(const color::HsiRange& range, const PerColorAxis& shift);
 
 // By how much the taught range is to move for an object that looks like that.
-PerColorAxis wanted_shift(const HsiRange& taught, const SeenColor& seen);
+PerColorAxis wanted_shift(const color::HsiRange& taught, const SeenColor& seen);
 
 // thread-compatible; one per target.
 class ColorFollower {
@@ -45,28 +45,28 @@ class ColorFollower {
   void follow(const capture::FrameSet& set, const ObjectEstimate& estimate, const ColorWatch& watch,
               TargetViews& views);
 
-  std::span<const HsiRange> in_force() const { return in_force_; }  // per camera of the rig
+  std::span<const color::HsiRange> in_force() const { return in_force_; }  // per camera of the rig
   const PerColorAxis& shift(std::size_t camera) const { return cameras_[camera].shift; }
 
  private:
   struct PerCamera {
-    HsiRange taught;
-    PerColorAxis shift{};                                 // of the range in force
-    std::shared_ptr<const ColorTable> taught_table = {};  // once another one is in force
+    color::HsiRange taught;
+    PerColorAxis shift{};                                        // of the range in force
+    std::shared_ptr<const color::ColorTable> taught_table = {};  // once another one is in force
   };
   struct Building {
     std::size_t camera;
     PerColorAxis shift;
-    HsiRange color;
-    ColorTableBuilder builder;
+    color::HsiRange color;
+    color::ColorTableBuilder builder;
   };
   void begin_next(const capture::FrameSet& set, const ColorWatch& watch);
-  void put_in_force(std::size_t camera, const PerColorAxis& shift, const HsiRange& color,
-                    std::shared_ptr<const ColorTable> table, TargetViews& views);
+  void put_in_force(std::size_t camera, const PerColorAxis& shift, const color::HsiRange& color,
+                    std::shared_ptr<const color::ColorTable> table, TargetViews& views);
   void forget(TargetViews& views);
 
   std::vector<PerCamera> cameras_;
-  std::vector<HsiRange> in_force_;
+  std::vector<color::HsiRange> in_force_;
   std::optional<Building> building_;
   std::optional<capture::Timestamp> last_tracking_;
 };

@@ -5,7 +5,7 @@
 #include <limits>
 #include <utility>
 
-#include "object_tracking/image_color.h"
+#include "color/image_color.h"
 #include "object_tracking/object_tracker.h"
 
 namespace huetrack::object_tracking {
@@ -64,12 +64,12 @@ double degrees_between(double from_deg, double to_deg) {
   return std::remainder(to_deg - from_deg, 360.0);
 }
 
-double middle_hue_deg(const HsiRange& range) {
+double middle_hue_deg(const color::HsiRange& range) {
   const double width = range.hue_max_deg - range.hue_min_deg + (range.hue_max_deg < range.hue_min_deg ? 360.0 : 0.0);
   return std::fmod(range.hue_min_deg + width / 2, 360.0);
 }
 
-AxisRange axis_range(const HsiRange& range, ColorAxis axis, double hue_origin_deg) {
+AxisRange axis_range(const color::HsiRange& range, ColorAxis axis, double hue_origin_deg) {
   switch (axis) {
     case ColorAxis::hue:
       if (range.hue_min_deg == 0 && range.hue_max_deg == 360) return {-180, 180, false, false};
@@ -95,7 +95,7 @@ std::optional<SeenColor> color_inside(const capture::Image& image, const Eigen::
   for (int dv = -reach * step; dv <= reach * step; dv += step) {
     for (int du = -reach * step; du <= reach * step; du += step) {
       if (static_cast<float>(du * du + dv * dv) > inner * inner || n == most_pixels) continue;
-      const Hsi pixel = hsi_of(rgb_at(image, middle_u + du, middle_v + dv));
+      const color::Hsi pixel = color::hsi_of(color::rgb_at(image, middle_u + du, middle_v + dv));
       saturations[n] = pixel.saturation;
       intensities[n++] = pixel.intensity;
       if (pixel.has_hue && pixel.saturation >= least_saturation_of_hue)
@@ -118,7 +118,7 @@ ColorWatch::ColorWatch(const calib::CameraRig& rig, const TargetOptions& target)
 }
 
 void ColorWatch::look(const capture::FrameSet& set, const ObjectEstimate& estimate,
-                      std::span<const HsiRange> in_force) {
+                      std::span<const color::HsiRange> in_force) {
   if (sets_++ % sets_per_look != 0) return;
   if (estimate.state != TrackState::tracking || estimate.views < 2 || estimate.velocity.norm() > fastest_m_s_) return;
   for (std::size_t i = 0; i < cameras_.size(); ++i) {
@@ -148,7 +148,7 @@ void ColorWatch::look(const capture::FrameSet& set, const ObjectEstimate& estima
   }
 }
 
-void ColorWatch::judge(PerCamera& camera, const HsiRange& in_force) {
+void ColorWatch::judge(PerCamera& camera, const color::HsiRange& in_force) {
   const SeenColor& seen = *camera.health.seen;
   std::optional<NearEnd>& told = camera.health.near_end;
   double least = std::numeric_limits<double>::infinity();

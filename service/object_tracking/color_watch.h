@@ -16,7 +16,7 @@
 
 #include "calib/model/camera_rig.h"
 #include "capture/frame.h"
-#include "object_tracking/color_model.h"
+#include "color/color_model.h"
 #include "object_tracking/object_estimate.h"
 
 namespace huetrack::object_tracking {
@@ -52,8 +52,8 @@ struct AxisRange {
   double min = 0, max = 0;
   bool has_min = true, has_max = true;
 };
-AxisRange axis_range(const HsiRange& range, ColorAxis axis, double hue_origin_deg);
-double middle_hue_deg(const HsiRange& range);            // [0, 360)
+AxisRange axis_range(const color::HsiRange& range, ColorAxis axis, double hue_origin_deg);
+double middle_hue_deg(const color::HsiRange& range);     // [0, 360)
 double degrees_between(double from_deg, double to_deg);  // counterclockwise, -180..180
 
 // What moves by itself from frame to frame (noise, JPEG), and what light moves in a second or two.
@@ -69,7 +69,7 @@ class ColorWatch {
   ColorWatch(const calib::CameraRig& rig, const TargetOptions& target);
 
   // After the target was looked for in this set. in_force: the ranges that were used, per camera of the rig.
-  void look(const capture::FrameSet& set, const ObjectEstimate& estimate, std::span<const HsiRange> in_force);
+  void look(const capture::FrameSet& set, const ObjectEstimate& estimate, std::span<const color::HsiRange> in_force);
 
   const ColorHealth& in(std::size_t camera) const { return cameras_[camera].health; }
   std::size_t camera_count() const { return cameras_.size(); }
@@ -81,7 +81,7 @@ class ColorWatch {
     ColorHealth health = {};
     int looks = 0;  // one after the other
   };
-  void judge(PerCamera& camera, const HsiRange& in_force);
+  void judge(PerCamera& camera, const color::HsiRange& in_force);
 
   std::vector<PerCamera> cameras_;
   double fastest_m_s_;

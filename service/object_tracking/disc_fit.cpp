@@ -23,7 +23,7 @@ struct Normal {
 };
 
 // nullopt: beyond the image, where nobody knows.
-std::optional<bool> is_matching(MatchBits& bits, const Eigen::Vector2d& px) {
+std::optional<bool> is_matching(color::MatchBits& bits, const Eigen::Vector2d& px) {
   const double u = std::floor(px.x() + 0.5), v = std::floor(px.y() + 0.5);
   if (!(u >= 0 && v >= 0 && u < bits.width() && v < bits.height())) return std::nullopt;
   return bits.at(static_cast<int>(u), static_cast<int>(v));
@@ -31,7 +31,7 @@ std::optional<bool> is_matching(MatchBits& bits, const Eigen::Vector2d& px) {
 
 // Where the colour ends along a normal of the disc, counted from its outline; nullopt: not near it. Two misses in a row
 // are an end, one is noise.
-std::optional<double> colour_ends(MatchBits& bits, const ExpectedDisc& disc, const Eigen::Vector2d& normal,
+std::optional<double> colour_ends(color::MatchBits& bits, const ExpectedDisc& disc, const Eigen::Vector2d& normal,
                                   double window_px) {
   const int steps = static_cast<int>(std::ceil(2 * window_px / step_px));
   int hits = 0, misses = 0;
@@ -50,7 +50,7 @@ std::optional<double> colour_ends(MatchBits& bits, const ExpectedDisc& disc, con
   return -window_px + hits * step_px;
 }
 
-void outline_of(MatchBits& bits, std::span<const ExpectedDisc> discs, std::size_t which, double window_px,
+void outline_of(color::MatchBits& bits, std::span<const ExpectedDisc> discs, std::size_t which, double window_px,
                 std::vector<Normal>& out) {
   out.clear();
   const ExpectedDisc& disc = discs[which];
@@ -100,7 +100,7 @@ Solution solve(std::span<const Normal> outline, const ExpectedDisc& disc) {
 
 }  // namespace
 
-std::vector<std::optional<FittedDisc>> fit_discs(MatchBits& bits, std::span<const ExpectedDisc> expected) {
+std::vector<std::optional<FittedDisc>> fit_discs(color::MatchBits& bits, std::span<const ExpectedDisc> expected) {
   std::vector<ExpectedDisc> discs(expected.begin(), expected.end());
   std::vector<std::optional<FittedDisc>> out(discs.size());
   std::vector<Normal> outline;

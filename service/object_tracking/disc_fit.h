@@ -7,7 +7,7 @@
 #include <span>
 #include <vector>
 
-#include "object_tracking/color_window.h"
+#include "color/color_window.h"
 
 namespace huetrack::object_tracking {
 
@@ -28,6 +28,6 @@ struct FittedDisc {
 // the disc (Gauss-Newton, three times) and says how well it is known, when it shows a seventh of the outline or more.
 // The radius may differ by a fraction of a pixel, as thresholds and shading have it: without that, an arc would be
 // pulled outwards. nullopt: too little is seen of this one.
-std::vector<std::optional<FittedDisc>> fit_discs(MatchBits& bits, std::span<const ExpectedDisc> discs);
+std::vector<std::optional<FittedDisc>> fit_discs(color::MatchBits& bits, std::span<const ExpectedDisc> discs);
 
 }  // namespace huetrack::object_tracking

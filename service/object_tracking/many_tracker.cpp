@@ -102,7 +102,7 @@ void ManyTracker::expect(const std::vector<TargetView>& views) {
 }
 
 void ManyTracker::find_regions(const std::vector<TargetView>& views) {
-  std::vector<PixelAt> also;
+  std::vector<color::PixelAt> also;
   for (std::size_t i = 0; i < views.size(); ++i) {
     const auto camera = static_cast<std::size_t>(views[i].index);
     const SizeInView& size = size_in_view_[camera];
@@ -123,16 +123,17 @@ void ManyTracker::find_regions(const std::vector<TargetView>& views) {
 // As of one object (object_sighter.cpp): no two frames have the same noise, and where all regions of a view are those
 // of its frame before to the last pixel, though an object must have moved, it is that frame. Twice in a row they stand
 // still, in pictures without noise.
-bool ManyTracker::is_repeated(const TargetView& view, std::span<const ColorRegion> regions,
+bool ManyTracker::is_repeated(const TargetView& view, std::span<const color::ColorRegion> regions,
                               std::span<const ExpectedObject> expected) {
   LastRegions& last = last_regions_[static_cast<std::size_t>(view.index)];
   const double since_s = capture::seconds(view.frame->captured_at - last.captured_at);
   const bool has_moved = std::ranges::any_of(
       expected, [&](const ExpectedObject& e) { return e.motion.velocity.norm() * since_s > surely_moved_px; });
-  last.is_repeated = !last.is_repeated && has_moved && !regions.empty() &&
-                     std::ranges::equal(regions, last.regions, [](const ColorRegion& a, const ColorRegion& b) {
-                       return a.area == b.area && a.centre == b.centre;
-                     });
+  last.is_repeated =
+      !last.is_repeated && has_moved && !regions.empty() &&
+      std::ranges::equal(regions, last.regions, [](const color::ColorRegion& a, const color::ColorRegion& b) {
+        return a.area == b.area && a.centre == b.centre;
+      });
   last.regions.assign(regions.begin(), regions.end());
   last.captured_at = view.frame->captured_at;
   return last.is_repeated;
@@ -173,9 +174,9 @@ std::optional<Sighting> ManyTracker::seen_elsewhere(const TargetView& view, std:
   if (is_seen || own == expected_[i].end() || last_regions_[static_cast<std::size_t>(view.index)].is_repeated)
     return std::nullopt;
   const double disc = std::numbers::pi * own->at.radius_px * own->at.radius_px;
-  const ColorRegion* nearest = nullptr;
+  const color::ColorRegion* nearest = nullptr;
   double distance_px = elsewhere_radii * own->at.radius_px;
-  for (const ColorRegion& region : unexplained_[i]) {
+  for (const color::ColorRegion& region : unexplained_[i]) {
     const double off_px = (region.centre - own->at.px).norm();
     if (region.area < least_far_share * disc || region.area > largest_far_share * disc || off_px > distance_px)
       continue;

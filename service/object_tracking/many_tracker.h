@@ -16,7 +16,7 @@
 #include <span>
 #include <vector>
 
-#include "object_tracking/color_region.h"
+#include "color/color_region.h"
 #include "object_tracking/expected_view.h"
 #include "object_tracking/object_births.h"
 #include "object_tracking/object_estimate.h"
@@ -69,7 +69,7 @@ class ManyTracker {
   void find_regions(const std::vector<TargetView>& views);
   // Of each object, by these views.
   void sight(const std::vector<TargetView>& views, std::vector<Sighting> Object::*sightings);
-  bool is_repeated(const TargetView& view, std::span<const ColorRegion> regions,
+  bool is_repeated(const TargetView& view, std::span<const color::ColorRegion> regions,
                    std::span<const ExpectedObject> expected);
   std::optional<Sighting> seen_elsewhere(const TargetView& view, std::size_t i, std::size_t which) const;
   void compare_views(const std::vector<TargetView>& views);
@@ -98,14 +98,14 @@ class ManyTracker {
   SearchLog search_log_;
   ObjectFilter times_;  // of no object: what is known of the cameras' times when there is none
 
-  std::vector<SizeInView> size_in_view_;                         // per camera
-  std::vector<RegionFinder> finders_;                            // per camera
-  std::vector<std::vector<ExpectedObject>> expected_;            // in the views of this set
-  std::vector<std::vector<ColorRegion>> regions_, unexplained_;  // of the views of this set
-  std::vector<std::unique_ptr<Object>> objects_;                 // by age
+  std::vector<SizeInView> size_in_view_;                                // per camera
+  std::vector<color::RegionFinder> finders_;                            // per camera
+  std::vector<std::vector<ExpectedObject>> expected_;                   // in the views of this set
+  std::vector<std::vector<color::ColorRegion>> regions_, unexplained_;  // of the views of this set
+  std::vector<std::unique_ptr<Object>> objects_;                        // by age
   // Of each camera's frame before, and whether that one was shown once more.
   struct LastRegions {
-    std::vector<ColorRegion> regions = {};
+    std::vector<color::ColorRegion> regions = {};
     capture::Timestamp captured_at{};
     bool is_repeated = false;
   };

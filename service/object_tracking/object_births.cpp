@@ -61,7 +61,7 @@ ObjectBirths::ObjectBirths(const TargetOptions& target, const ObjectTrackerOptio
     : target_(target), options_(looking_within(options, within)) {}
 
 ObjectBirths::Candidate ObjectBirths::weighed(PositionCandidate at, const std::vector<TargetView>& views,
-                                              std::span<const std::vector<ColorRegion>> regions,
+                                              std::span<const std::vector<color::ColorRegion>> regions,
                                               std::span<const CoveredDisc> covered, const StillColor& still) const {
   Candidate out{.at = std::move(at)};
   out.evidence = by_chance_on_line - by_chance_at_place;  // the first two views make the place
@@ -80,7 +80,7 @@ ObjectBirths::Candidate ObjectBirths::weighed(PositionCandidate at, const std::v
       return disc.view == v && (disc.px - in_view->px).norm() < disc.radius_px + 0.5 * in_view->radius_px;
     });
     // A part of something larger, of several objects that nobody has told apart yet.
-    const bool is_in_region = std::ranges::any_of(regions[v], [&](const ColorRegion& r) {
+    const bool is_in_region = std::ranges::any_of(regions[v], [&](const color::ColorRegion& r) {
       return r.area > disc_area(in_view->radius_px) && in_view->px.x() > r.box.u_min && in_view->px.x() < r.box.u_max &&
              in_view->px.y() > r.box.v_min && in_view->px.y() < r.box.v_max;
     });
@@ -95,7 +95,7 @@ ObjectBirths::Candidate ObjectBirths::weighed(PositionCandidate at, const std::v
 
 // Best first; those whose regions are of better ones are left out.
 std::vector<ObjectBirths::Candidate> ObjectBirths::candidates(const std::vector<TargetView>& views,
-                                                              std::span<const std::vector<ColorRegion>> regions,
+                                                              std::span<const std::vector<color::ColorRegion>> regions,
                                                               std::span<const CoveredDisc> covered,
                                                               const StillColor& still,
                                                               const MotionBelief& times) const {
@@ -120,7 +120,7 @@ std::vector<ObjectBirths::Candidate> ObjectBirths::candidates(const std::vector<
 }
 
 std::vector<Birth> ObjectBirths::look(const std::vector<TargetView>& views,
-                                      std::span<const std::vector<ColorRegion>> regions,
+                                      std::span<const std::vector<color::ColorRegion>> regions,
                                       std::span<const CoveredDisc> covered, const StillColor& still,
                                       capture::Timestamp set_at, const MotionBelief& times) {
   std::vector<Birth> out;

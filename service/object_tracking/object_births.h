@@ -6,7 +6,7 @@
 #include <span>
 #include <vector>
 
-#include "object_tracking/color_region.h"
+#include "color/color_region.h"
 #include "object_tracking/motion_belief.h"
 #include "object_tracking/object_tracker.h"
 #include "object_tracking/sighting.h"
@@ -41,7 +41,8 @@ class ObjectBirths {
 
   // regions[i], unexplained, belong to views[i]. Of the belief only the cameras' times are used. still: where something
   // is left out, a view need not show an object.
-  std::vector<Birth> look(const std::vector<TargetView>& views, std::span<const std::vector<ColorRegion>> regions,
+  std::vector<Birth> look(const std::vector<TargetView>& views,
+                          std::span<const std::vector<color::ColorRegion>> regions,
                           std::span<const CoveredDisc> covered, const StillColor& still, capture::Timestamp set_at,
                           const MotionBelief& times);
   void forget() { before_.clear(); }
@@ -58,11 +59,11 @@ class ObjectBirths {
     bool is_ambiguous = false;  // its regions may as well be of others
   };
   std::vector<Candidate> candidates(const std::vector<TargetView>& views,
-                                    std::span<const std::vector<ColorRegion>> regions,
+                                    std::span<const std::vector<color::ColorRegion>> regions,
                                     std::span<const CoveredDisc> covered, const StillColor& still,
                                     const MotionBelief& times) const;
   Candidate weighed(PositionCandidate at, const std::vector<TargetView>& views,
-                    std::span<const std::vector<ColorRegion>> regions, std::span<const CoveredDisc> covered,
+                    std::span<const std::vector<color::ColorRegion>> regions, std::span<const CoveredDisc> covered,
                     const StillColor& still) const;
 
   TargetOptions target_;

@@ -75,14 +75,14 @@ ClutterMap::ClutterMap(const calib::CameraRig& rig) {
   }
 }
 
-void ClutterMap::add(const std::vector<TargetView>& views, std::span<const std::vector<ColorRegion>> regions) {
+void ClutterMap::add(const std::vector<TargetView>& views, std::span<const std::vector<color::ColorRegion>> regions) {
   for (std::size_t i = 0; i < views.size(); ++i) {
     PerCamera& of = cameras_[static_cast<std::size_t>(views[i].index)];
     of.sets = std::min(of.sets + 1, remembered_sets);
     of.regions += (static_cast<double>(regions[i].size()) - of.regions) / of.sets;
     const auto fresh = static_cast<float>(1 / of.sets);
     for (float& cell : of.around) cell -= fresh * cell;
-    for (const ColorRegion& region : regions[i]) {
+    for (const color::ColorRegion& region : regions[i]) {
       const int u = std::clamp(static_cast<int>(region.centre.x()) / cell_px, 0, of.columns - 1);
       const int v = std::clamp(static_cast<int>(region.centre.y()) / cell_px, 0, of.rows - 1);
       of.around[static_cast<std::size_t>(v * of.columns + u)] += fresh;

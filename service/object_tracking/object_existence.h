@@ -9,7 +9,7 @@
 #include <span>
 #include <vector>
 
-#include "object_tracking/color_region.h"
+#include "color/color_region.h"
 #include "object_tracking/motion_belief.h"
 #include "object_tracking/object_births.h"
 #include "object_tracking/sighting.h"
@@ -23,7 +23,7 @@ class ClutterMap {
  public:
   explicit ClutterMap(const calib::CameraRig& rig);
   // regions[i], which no object explains, belong to views[i], and are all that there are in its picture.
-  void add(const std::vector<TargetView>& views, std::span<const std::vector<ColorRegion>> regions);
+  void add(const std::vector<TargetView>& views, std::span<const std::vector<color::ColorRegion>> regions);
   double density(std::size_t camera, const Eigen::Vector2d& px) const;  // per px^2 and set, > 0
 
  private:

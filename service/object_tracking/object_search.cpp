@@ -29,8 +29,9 @@ SizeInView size_in(const calib::Camera& camera, const Volume& volume, double rad
   return out;
 }
 
-const std::vector<ColorRegion>& whole_regions(RegionFinder& finder, MatchBits& matches, const SizeInView& size,
-                                              int count, std::span<const PixelAt> also) {
+const std::vector<color::ColorRegion>& whole_regions(color::RegionFinder& finder, color::MatchBits& matches,
+                                                     const SizeInView& size, int count,
+                                                     std::span<const color::PixelAt> also) {
   const double usual = std::sqrt(size.smallest_px * size.largest_px);
   const int step = std::max(1, static_cast<int>(std::numbers::sqrt2 * size.smallest_px));  // no disc is between points
   const int min_area =
@@ -150,7 +151,7 @@ bool ObjectSearch::is_contested(const PositionCandidate& candidate, const std::v
     const double apart_s = std::hypot(capture::seconds(candidate.sightings.front().row.at - row.at),
                                       times.row_sigma_s(row.camera, row.below_middle));
     const double slack_px = at->radius_px * (2 + options_.start_speed_m_s * apart_s / target_.radius_m);
-    if (std::ranges::any_of(regions_[i], [&](const ColorRegion& region) {
+    if (std::ranges::any_of(regions_[i], [&](const color::ColorRegion& region) {
           return region.area > least_far_share * disc && region.area < largest_far_share * disc &&
                  (region.centre - at->px).norm() > slack_px;
         }))

@@ -8,7 +8,7 @@
 #include <span>
 #include <vector>
 
-#include "object_tracking/color_region.h"
+#include "color/color_region.h"
 #include "object_tracking/motion_belief.h"
 #include "object_tracking/object_births.h"
 #include "object_tracking/object_tracker.h"
@@ -26,8 +26,9 @@ SizeInView size_in(const calib::Camera& camera, const Volume& volume, double rad
 
 // All regions of a view that may be of objects, each whole and by itself, through a grid, and where `also` says.
 // `count`: of objects, which may be a row.
-const std::vector<ColorRegion>& whole_regions(RegionFinder& finder, MatchBits& matches, const SizeInView& size,
-                                              int count, std::span<const PixelAt> also);
+const std::vector<color::ColorRegion>& whole_regions(color::RegionFinder& finder, color::MatchBits& matches,
+                                                     const SizeInView& size, int count,
+                                                     std::span<const color::PixelAt> also);
 
 // thread-compatible.
 class ObjectSearch {
@@ -37,7 +38,7 @@ class ObjectSearch {
   // Looks through the views' whole images.
   void look(const std::vector<TargetView>& views);
   // Of the last look(), one for each of its views.
-  std::span<const std::vector<ColorRegion>> regions() const { return std::span(regions_).first(view_count_); }
+  std::span<const std::vector<color::ColorRegion>> regions() const { return std::span(regions_).first(view_count_); }
   // Radius of the target somewhere in the volume, the geometric mean; one for each of these views.
   std::vector<double> usual_radii_px(const std::vector<TargetView>& views) const;
   const SizeInView& size_in_view(std::size_t camera) const { return size_in_view_[camera]; }
@@ -64,9 +65,9 @@ class ObjectSearch {
 
   TargetOptions target_;
   ObjectTrackerOptions options_;
-  std::vector<SizeInView> size_in_view_;           // per camera
-  std::vector<RegionFinder> finders_;              // per camera
-  std::vector<std::vector<ColorRegion>> regions_;  // of the views of this set
+  std::vector<SizeInView> size_in_view_;                  // per camera
+  std::vector<color::RegionFinder> finders_;              // per camera
+  std::vector<std::vector<color::ColorRegion>> regions_;  // of the views of this set
   std::size_t view_count_ = 0;
   SearchLog log_;
   std::vector<PositionCandidate> candidates_;  // of the last set in which there were any

@@ -28,14 +28,14 @@ Eigen::Matrix2d spread_in(const TargetView& view, const ExpectedView& expected, 
 
 // The regions large enough to be the object within three standard deviations of where it is expected, and its disc.
 // None where that is nowhere near the image. Valid until the view's next call.
-std::span<const ColorRegion> ObjectSighter::regions_near(const TargetView& view, const Appearance& at,
-                                                         const Eigen::Matrix2d& spread) {
+std::span<const color::ColorRegion> ObjectSighter::regions_near(const TargetView& view, const Appearance& at,
+                                                                const Eigen::Matrix2d& spread) {
   // Not beyond the image's own size around it: a box is clipped to the image anyway, and an int must hold it.
   const double limit = view.matches->width() + view.matches->height();
   if (!(std::abs(at.px.x()) < 2 * limit && std::abs(at.px.y()) < 2 * limit)) return {};
   const double reach_u = std::min(limit, 3 * std::sqrt(spread(0, 0)) + 2 * at.radius_px + 2);
   const double reach_v = std::min(limit, 3 * std::sqrt(spread(1, 1)) + 2 * at.radius_px + 2);
-  const PixelBox box{
+  const color::PixelBox box{
       static_cast<int>(std::floor(at.px.x() - reach_u)), static_cast<int>(std::floor(at.px.y() - reach_v)),
       static_cast<int>(std::ceil(at.px.x() + reach_u)), static_cast<int>(std::ceil(at.px.y() + reach_v))};
   const double disc = std::numbers::pi * at.radius_px * at.radius_px;
@@ -46,15 +46,15 @@ std::span<const ColorRegion> ObjectSighter::regions_near(const TargetView& view,
 // Cameras, drivers and cables show a frame once more now and then, with a new stamp. No two frames have the same noise:
 // one in which the region of a moving object is the same to its last pixel is the frame before, and says nothing of
 // now. Twice in a row the object stands still, in pictures without noise.
-bool ObjectSighter::is_repeated(const TargetView& view, std::span<const ColorRegion> regions, const Appearance& at,
-                                const MotionBelief& belief) {
+bool ObjectSighter::is_repeated(const TargetView& view, std::span<const color::ColorRegion> regions,
+                                const Appearance& at, const MotionBelief& belief) {
   LastRegion& last = last_[static_cast<std::size_t>(view.index)];
   const double moved_px =
       (at.jacobian * belief.velocity()).norm() * capture::seconds(view.frame->captured_at - last.captured_at);
-  last.is_repeated =
-      !last.is_repeated && moved_px > surely_moved_px && std::ranges::any_of(regions, [&](const ColorRegion& region) {
-        return region.area == last.region.area && region.centre == last.region.centre;
-      });
+  last.is_repeated = !last.is_repeated && moved_px > surely_moved_px &&
+                     std::ranges::any_of(regions, [&](const color::ColorRegion& region) {
+                       return region.area == last.region.area && region.centre == last.region.centre;
+                     });
   return last.is_repeated;
 }
 
@@ -70,10 +70,10 @@ void ObjectSighter::sight(const std::vector<TargetView>& views, const ObjectFilt
     const Eigen::Matrix2d s = spread_in(view, *expected, filter, agreement, options_.acceleration_m_s2);
     double best = -std::numeric_limits<double>::infinity();
     std::optional<Sighting> chosen;
-    ColorRegion chosen_region;
-    const std::span<const ColorRegion> regions = regions_near(view, at, s);
+    color::ColorRegion chosen_region;
+    const std::span<const color::ColorRegion> regions = regions_near(view, at, s);
     if (is_repeated(view, regions, at, belief)) continue;
-    for (const ColorRegion& region : regions) {
+    for (const color::ColorRegion& region : regions) {
       const Sighting sighting =
           sighting_of(view, region, at.radius_px, options_.pixel_noise_px, image_motion(view, at, belief));
       const Eigen::Matrix2d total =

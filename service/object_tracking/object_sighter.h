@@ -6,7 +6,7 @@
 #include <span>
 #include <vector>
 
-#include "object_tracking/color_region.h"
+#include "color/color_region.h"
 #include "object_tracking/expected_view.h"
 #include "object_tracking/object_filter.h"
 #include "object_tracking/object_tracker.h"
@@ -54,21 +54,21 @@ class ObjectSighter {
 
  private:
   struct LastRegion {
-    ColorRegion region = {};
+    color::ColorRegion region = {};
     capture::Timestamp captured_at{};
     bool is_repeated = false;
   };
-  std::span<const ColorRegion> regions_near(const TargetView& view, const Appearance& at,
-                                            const Eigen::Matrix2d& spread);
-  bool is_repeated(const TargetView& view, std::span<const ColorRegion> regions, const Appearance& at,
+  std::span<const color::ColorRegion> regions_near(const TargetView& view, const Appearance& at,
+                                                   const Eigen::Matrix2d& spread);
+  bool is_repeated(const TargetView& view, std::span<const color::ColorRegion> regions, const Appearance& at,
                    const MotionBelief& belief);
 
   double radius_m_;
   ObjectTrackerOptions options_;
   OutlineSighter outlines_;
-  std::vector<LastRegion> last_;                   // per camera: what was sighted last
-  std::vector<RegionFinder> finders_;              // per camera
-  std::vector<std::vector<ColorRegion>> regions_;  // of the views of this set, after a bounce
+  std::vector<LastRegion> last_;                          // per camera: what was sighted last
+  std::vector<color::RegionFinder> finders_;              // per camera
+  std::vector<std::vector<color::ColorRegion>> regions_;  // of the views of this set, after a bounce
 };
 
 }  // namespace huetrack::object_tracking

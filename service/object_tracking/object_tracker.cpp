@@ -28,8 +28,8 @@ std::string_view name(TrackState state) {
   return "";
 }
 
-const HsiRange& TargetOptions::color_in(std::string_view camera) const {
-  const auto own = std::ranges::find(camera_colors, camera, &std::pair<std::string, HsiRange>::first);
+const color::HsiRange& TargetOptions::color_in(std::string_view camera) const {
+  const auto own = std::ranges::find(camera_colors, camera, &std::pair<std::string, color::HsiRange>::first);
   return own == camera_colors.end() ? color : own->second;
 }
 
@@ -75,9 +75,9 @@ namespace {
 // are only 180 of them. Without what the hues as written have, too: what is seen there says nothing of the units, and
 // the middle of the right hues is always beyond.
 std::optional<TargetOptions> at_twice_the_hue(TargetOptions target) {
-  std::vector<HsiRange*> ranges{&target.color};
+  std::vector<color::HsiRange*> ranges{&target.color};
   for (auto& [_, range] : target.camera_colors) ranges.push_back(&range);
-  for (HsiRange* range : ranges) {
+  for (color::HsiRange* range : ranges) {
     if (range->hue_max_deg > 180 || range->hue_min_deg > range->hue_max_deg) return std::nullopt;
     range->hue_min_deg = std::max(2 * range->hue_min_deg, range->hue_max_deg);
     range->hue_max_deg = std::min(2 * range->hue_max_deg, 359.9);

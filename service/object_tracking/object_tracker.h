@@ -13,9 +13,9 @@
 #include "calib/model/camera_rig.h"
 #include "calib/model/rigid3.h"
 #include "capture/frame.h"
-#include "object_tracking/color_model.h"
+#include "color/color_model.h"
+#include "color/color_window.h"
 #include "object_tracking/color_watch.h"
-#include "object_tracking/color_window.h"
 #include "object_tracking/object_estimate.h"
 
 namespace huetrack::object_tracking {
@@ -26,7 +26,7 @@ struct Volume {  // axis-aligned, world frame, metres
 };
 
 // Rectangles of a camera's image in which nothing matches: (camera name, rectangles).
-using IgnoredRegions = std::vector<std::pair<std::string, std::vector<PixelBox>>>;
+using IgnoredRegions = std::vector<std::pair<std::string, std::vector<color::PixelBox>>>;
 
 enum class TargetShape : std::uint8_t {
   ball,       // its outline is fitted wherever what is behind it is known
@@ -43,11 +43,11 @@ struct TargetOptions {
   int count = 1;
   static constexpr int most_count = 16;  // pairs of regions in pairs of views are gone through: as measured up to here
   bool is_up_to = false;                 // of a count: there may be fewer of them for long, and that is as it should be
-  HsiRange color;
-  std::vector<std::pair<std::string, HsiRange>> camera_colors;  // per-camera overrides: (camera name, range)
+  color::HsiRange color;
+  std::vector<std::pair<std::string, color::HsiRange>> camera_colors;  // per-camera overrides: (camera name, range)
   bool adapts_color = false;  // the ranges follow the object's colour (color_follower.h; observation: huetrack only)
   IgnoredRegions ignored;
-  const HsiRange& color_in(std::string_view camera) const;  // its own there, else `color`
+  const color::HsiRange& color_in(std::string_view camera) const;  // its own there, else `color`
   std::vector<std::string> problems() const;
 };
 

@@ -15,7 +15,7 @@ namespace {
 HUETRACK_CLONES void multiply(const std::uint8_t* __restrict k, std::size_t n, float* __restrict weight) {
   for (std::size_t i = 0; i < n; ++i) {
     const int inside = k[i] < 1 ? 1 : k[i];
-    weight[i] *= static_cast<float>(k[i] == MatchBits::outside ? 1 : inside);
+    weight[i] *= static_cast<float>(k[i] == color::MatchBits::outside ? 1 : inside);
   }
 }
 
@@ -125,7 +125,7 @@ ObjectEstimate PaperTracker::estimate(const capture::FrameSet& set, const std::v
     ViewSupport& support = e.per_view[static_cast<std::size_t>(views[m].index)];
     const PaperObservation::Window window = observation_.window(m, best);
     support.delivered = true;
-    support.in_view = window.k != MatchBits::outside;
+    support.in_view = window.k != color::MatchBits::outside;
     if (!support.in_view) continue;
     support.px = window.px;
     support.support = static_cast<float>(window.k) / 25;

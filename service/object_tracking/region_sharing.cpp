@@ -21,11 +21,11 @@ double sigma_px(const Eigen::Matrix2d& covariance) {
   return std::sqrt(std::max(0.0, 0.5 * covariance.trace()));
 }
 
-ColorRegion joined(const ColorRegion& a, const ColorRegion& b) {
+color::ColorRegion joined(const color::ColorRegion& a, const color::ColorRegion& b) {
   const double n = a.area + b.area;
   const double wa = a.area / n, wb = b.area / n;
   const Eigen::Vector2d d = a.centre - b.centre;
-  ColorRegion out;
+  color::ColorRegion out;
   out.area = a.area + b.area;
   out.centre = wa * a.centre + wb * b.centre;
   out.spread = wa * a.spread + wb * b.spread + wa * wb * d * d.transpose();
@@ -71,7 +71,7 @@ double d2_of(const Sighting& s, const ExpectedObject& expected) {
 }  // namespace
 
 // Each object the region that explains it best, no region twice.
-void RegionSharing::assign(const TargetView& view, std::span<const ColorRegion> regions,
+void RegionSharing::assign(const TargetView& view, std::span<const color::ColorRegion> regions,
                            std::span<const ExpectedObject> expected, SharedSightings& out,
                            std::vector<int>& region_of) const {
   const auto n = static_cast<Eigen::Index>(expected.size()), m = static_cast<Eigen::Index>(regions.size());
@@ -125,9 +125,9 @@ std::optional<Sighting> RegionSharing::by_outline(const TargetView& view, const 
 }
 
 // The region with what else lies so near to it: a thin pole in front of a ball cuts it in two.
-Sighting RegionSharing::by_region(const TargetView& view, std::span<const ColorRegion> regions, std::size_t which,
-                                  const ExpectedObject& expected, SharedSightings& out) const {
-  ColorRegion region = regions[which];
+Sighting RegionSharing::by_region(const TargetView& view, std::span<const color::ColorRegion> regions,
+                                  std::size_t which, const ExpectedObject& expected, SharedSightings& out) const {
+  color::ColorRegion region = regions[which];
   for (std::size_t r = 0; r < regions.size(); ++r) {
     if (out.is_explained[r] != 0 || (regions[r].centre - region.centre).norm() > part_reach * expected.at.radius_px ||
         region.area + regions[r].area > largest_share * disc_area(expected.at))
@@ -145,7 +145,7 @@ bool RegionSharing::is_whole(const TargetView& view, const Sighting& by_region, 
          by_region.radius_px * by_region.radius_px < largest_share * radius_px * radius_px;
 }
 
-SharedSightings RegionSharing::share(const TargetView& view, std::span<const ColorRegion> regions,
+SharedSightings RegionSharing::share(const TargetView& view, std::span<const color::ColorRegion> regions,
                                      std::span<const ExpectedObject> expected) const {
   SharedSightings out;
   out.of_objects.resize(expected.size());

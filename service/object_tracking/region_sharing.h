@@ -14,7 +14,7 @@
 #include <span>
 #include <vector>
 
-#include "object_tracking/color_region.h"
+#include "color/color_region.h"
 #include "object_tracking/disc_fit.h"
 #include "object_tracking/expected_view.h"
 #include "object_tracking/sighting.h"
@@ -40,15 +40,15 @@ class RegionSharing {
  public:
   explicit RegionSharing(double pixel_noise_px) : pixel_noise_px_(pixel_noise_px) {}
   // The sightings' rows have no time yet.
-  SharedSightings share(const TargetView& view, std::span<const ColorRegion> regions,
+  SharedSightings share(const TargetView& view, std::span<const color::ColorRegion> regions,
                         std::span<const ExpectedObject> expected) const;
 
  private:
-  void assign(const TargetView& view, std::span<const ColorRegion> regions, std::span<const ExpectedObject> expected,
-              SharedSightings& out, std::vector<int>& region_of) const;
+  void assign(const TargetView& view, std::span<const color::ColorRegion> regions,
+              std::span<const ExpectedObject> expected, SharedSightings& out, std::vector<int>& region_of) const;
   std::optional<Sighting> by_outline(const TargetView& view, const ExpectedObject& expected,
                                      const std::optional<FittedDisc>& fitted) const;
-  Sighting by_region(const TargetView& view, std::span<const ColorRegion> regions, std::size_t which,
+  Sighting by_region(const TargetView& view, std::span<const color::ColorRegion> regions, std::size_t which,
                      const ExpectedObject& expected, SharedSightings& out) const;
   bool is_whole(const TargetView& view, const Sighting& by_region, const ExpectedObject& expected) const;
 

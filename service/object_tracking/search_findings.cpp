@@ -12,7 +12,7 @@ namespace huetrack::object_tracking {
 namespace {
 
 // The radius of the ball that shows this region at p; 0: none.
-double radius_of(const calib::Camera& camera, const ColorRegion& region, const Eigen::Vector3d& p) {
+double radius_of(const calib::Camera& camera, const color::ColorRegion& region, const Eigen::Vector3d& p) {
   const auto at = appearance_of(camera, p, 1.0);
   if (!at || at->radius_px <= 0) return 0;
   const double radius_px = std::sqrt(region.area / std::numbers::pi);
@@ -22,7 +22,7 @@ double radius_of(const calib::Camera& camera, const ColorRegion& region, const E
 
 }  // namespace
 
-void SearchLog::add(const std::vector<TargetView>& views, std::span<const std::vector<ColorRegion>> regions,
+void SearchLog::add(const std::vector<TargetView>& views, std::span<const std::vector<color::ColorRegion>> regions,
                     const Volume& volume) {
   constexpr std::size_t largest = 3;  // regions per view; what is asked for is an object, not specks
   ++findings_.sets;
@@ -30,8 +30,8 @@ void SearchLog::add(const std::vector<TargetView>& views, std::span<const std::v
     if (!regions[i].empty()) ++findings_.sets_with_color[static_cast<std::size_t>(views[i].index)];
     for (std::size_t j = i + 1; j < views.size(); ++j) {
       const calib::Camera &first = *views[i].camera, &second = *views[j].camera;
-      for (const ColorRegion& a : std::span(regions[i]).first(std::min(largest, regions[i].size()))) {
-        for (const ColorRegion& b : std::span(regions[j]).first(std::min(largest, regions[j].size()))) {
+      for (const color::ColorRegion& a : std::span(regions[i]).first(std::min(largest, regions[i].size()))) {
+        for (const color::ColorRegion& b : std::span(regions[j]).first(std::min(largest, regions[j].size()))) {
           const auto p = crossing(first, {a.centre}, second, {b.centre});
           if (!p || !inside(volume, *p, 0)) continue;
           const double r = radius_of(first, a, *p), s = radius_of(second, b, *p);

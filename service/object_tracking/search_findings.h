@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "object_tracking/color_region.h"
+#include "color/color_region.h"
 #include "object_tracking/object_tracker.h"
 #include "object_tracking/target_views.h"
 
@@ -19,7 +19,7 @@ class SearchLog {
   explicit SearchLog(std::size_t cameras) { findings_.sets_with_color.resize(cameras); }
 
   // One set in which no object of the given radius was found. regions[i] belongs to views[i].
-  void add(const std::vector<TargetView>& views, std::span<const std::vector<ColorRegion>> regions,
+  void add(const std::vector<TargetView>& views, std::span<const std::vector<color::ColorRegion>> regions,
            const Volume& volume);
   void clear();  // it was found
   SearchFindings findings() const;

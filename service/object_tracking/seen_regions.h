@@ -7,7 +7,7 @@
 #include <span>
 #include <vector>
 
-#include "object_tracking/color_region.h"
+#include "color/color_region.h"
 #include "object_tracking/object_estimate.h"
 #include "object_tracking/target_views.h"
 
@@ -25,9 +25,9 @@ class SeenRegions {
   void add_target(const TargetView& view, const Eigen::Vector2d& px, double radius_px) {
     all_.push_back(seen(view, px, radius_px, true));
   }
-  void add_others(const TargetView& view, std::span<const ColorRegion> regions) {
+  void add_others(const TargetView& view, std::span<const color::ColorRegion> regions) {
     constexpr std::size_t most = 4;  // of a view, the largest
-    for (const ColorRegion& region : regions.first(std::min(most, regions.size())))
+    for (const color::ColorRegion& region : regions.first(std::min(most, regions.size())))
       all_.push_back(seen(view, region.centre, std::sqrt(region.area / std::numbers::pi), false));
   }
 

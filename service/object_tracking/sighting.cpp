@@ -41,14 +41,14 @@ double mahalanobis2(const Eigen::Vector2d& d, const Eigen::Matrix2d& covariance)
 
 // A region with the ray on which its centre lies, in the world.
 struct RegionRay {
-  const ColorRegion* region;
+  const color::ColorRegion* region;
   Eigen::Vector3d direction;
 };
 
 // What the views say to one target. Nothing is known of its velocity yet.
 class RayCrosser {
  public:
-  RayCrosser(const std::vector<TargetView>& views, std::span<const std::vector<ColorRegion>> regions,
+  RayCrosser(const std::vector<TargetView>& views, std::span<const std::vector<color::ColorRegion>> regions,
              const TargetOptions& target, const ObjectTrackerOptions& options, const MotionBelief& times)
       : views_(views), regions_(regions), target_(target), options_(options), times_(times) {
     for (const TargetView& view : views) newest_ = std::max(newest_, view.frame->captured_at);
@@ -96,7 +96,7 @@ class RayCrosser {
   }
 
  private:
-  Sighting sighting_at(std::size_t view, const ColorRegion& region, const Appearance& at) const {
+  Sighting sighting_at(std::size_t view, const color::ColorRegion& region, const Appearance& at) const {
     Sighting s = sighting_of(views_[view], region, at.radius_px, options_.pixel_noise_px, {});
     s.row = row_of(views_[view], region.centre.y(), times_);
     return s;
@@ -112,16 +112,16 @@ class RayCrosser {
     return s;
   }
 
-  bool fits(std::size_t view, const ColorRegion& region, const Appearance& at, double least_support) const {
+  bool fits(std::size_t view, const color::ColorRegion& region, const Appearance& at, double least_support) const {
     const double share = region.area / (std::numbers::pi * at.radius_px * at.radius_px);
     if (share < least_support || share > max_support) return false;
     const Sighting s = set_apart(sighting_at(view, region, at), at);
     return mahalanobis2(s.px - at.px, s.covariance) <= gate;
   }
 
-  const ColorRegion* nearest_fitting(std::size_t view, const Appearance& at) const {
-    const ColorRegion* nearest = nullptr;
-    for (const ColorRegion& region : regions_[view]) {
+  const color::ColorRegion* nearest_fitting(std::size_t view, const Appearance& at) const {
+    const color::ColorRegion* nearest = nullptr;
+    for (const color::ColorRegion& region : regions_[view]) {
       if (!fits(view, region, at, min_support)) continue;
       if (nearest == nullptr || (region.centre - at.px).norm() < (nearest->centre - at.px).norm()) nearest = &region;
     }
@@ -136,7 +136,7 @@ class RayCrosser {
     for (std::size_t v = 0; v < views_.size(); ++v) {
       const std::optional<Appearance> at = appearance_of(*views_[v].camera, c.position, target_.radius_m);
       if (!at || !views_[v].camera->contains({at->px})) continue;
-      const ColorRegion* region = nearest_fitting(v, *at);
+      const color::ColorRegion* region = nearest_fitting(v, *at);
       if (region == nullptr) {
         c.score -= not_seen_penalty;
         continue;
@@ -149,7 +149,7 @@ class RayCrosser {
   }
 
   const std::vector<TargetView>& views_;
-  std::span<const std::vector<ColorRegion>> regions_;
+  std::span<const std::vector<color::ColorRegion>> regions_;
   const TargetOptions& target_;
   const ObjectTrackerOptions& options_;
   const MotionBelief& times_;
@@ -209,7 +209,7 @@ UsualError usual_error(double radius_px, double pixel_noise_px, double sample_px
   return {.fresh_px2 = (1 - lasting_share) * error2, .lasting_px2 = lasting_share * error2};
 }
 
-Sighting sighting_of(const TargetView& view, const ColorRegion& region, double radius_px, double pixel_noise_px,
+Sighting sighting_of(const TargetView& view, const color::ColorRegion& region, double radius_px, double pixel_noise_px,
                      const ImageMotion& motion) {
   Sighting s;
   s.row.camera = view.index;
@@ -275,7 +275,7 @@ std::optional<Eigen::Vector3d> crossing(const calib::Camera& camera0, const cali
 }
 
 std::vector<PositionCandidate> cross_rays(const std::vector<TargetView>& views,
-                                          std::span<const std::vector<ColorRegion>> regions,
+                                          std::span<const std::vector<color::ColorRegion>> regions,
                                           const TargetOptions& target, const ObjectTrackerOptions& options,
                                           const MotionBelief& times, std::size_t max_count) {
   const RayCrosser crosser(views, regions, target, options, times);

@@ -7,7 +7,7 @@
 #include <span>
 #include <vector>
 
-#include "object_tracking/color_region.h"
+#include "color/color_region.h"
 #include "object_tracking/motion_belief.h"
 #include "object_tracking/object_tracker.h"
 #include "object_tracking/target_views.h"
@@ -94,7 +94,7 @@ struct ImageMotion {
 // side; c, sample_px(), is how coarse the region's edge is. Of these, 0.2 last while the object rests (lasting_px), the
 // remainder is new in every frame and stands in `covariance` with the misfit. The figures were fitted on data/rendered
 // (README.md).
-Sighting sighting_of(const TargetView& view, const ColorRegion& region, double radius_px, double pixel_noise_px,
+Sighting sighting_of(const TargetView& view, const color::ColorRegion& region, double radius_px, double pixel_noise_px,
                      const ImageMotion& motion);
 
 // Gaussian in the world, in information form: what linearised sightings say. Positive semidefinite; rank 2 for one
@@ -125,7 +125,7 @@ struct PositionCandidate {
 // which the target would have about the size that they have; refined over, and scored by, all views that agree. Best
 // first, at most max_count. regions[i] belongs to views[i]. Of the belief only the cameras' times are used.
 std::vector<PositionCandidate> cross_rays(const std::vector<TargetView>& views,
-                                          std::span<const std::vector<ColorRegion>> regions,
+                                          std::span<const std::vector<color::ColorRegion>> regions,
                                           const TargetOptions& target, const ObjectTrackerOptions& options,
                                           const MotionBelief& times, std::size_t max_count);
 

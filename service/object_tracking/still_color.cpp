@@ -10,7 +10,7 @@ namespace huetrack::object_tracking {
 namespace {
 
 constexpr double every_s = 0.5;  // each view
-constexpr int grid_px = TileAt::size;
+constexpr int grid_px = color::TileAt::size;
 // Of the share that objects could cover: more is the room's, as a radius may be wrong by half. Below the lower one it
 // is not any more.
 constexpr double shared_above = 2.5, shared_below = 1.5;
@@ -66,14 +66,14 @@ bool StillColor::may_cut(std::size_t camera, const Eigen::Vector2d& px, double r
   if (in.listed.empty() || !px.allFinite()) return false;
   const int rows = static_cast<int>(in.tiles.size()) / in.stride;
   const auto tile_of = [](double at, int count) {
-    return static_cast<int>(std::clamp(std::floor(at / TileAt::size) + 1, 0.0, count - 1.0));
+    return static_cast<int>(std::clamp(std::floor(at / color::TileAt::size) + 1, 0.0, count - 1.0));
   };
   for (int v = tile_of(px.y() - reach_px, rows); v <= tile_of(px.y() + reach_px, rows); ++v) {
     for (int u = tile_of(px.x() - reach_px, in.stride); u <= tile_of(px.x() + reach_px, in.stride); ++u) {
       std::uint64_t still = in.tiles[static_cast<std::size_t>(v * in.stride + u)].still;
       for (; still != 0; still &= still - 1) {
         const int bit = std::countr_zero(still);
-        const Eigen::Vector2d at(TileAt::size * (u - 1) + bit % 8, TileAt::size * (v - 1) + bit / 8);
+        const Eigen::Vector2d at(color::TileAt::size * (u - 1) + bit % 8, color::TileAt::size * (v - 1) + bit / 8);
         if ((at - px).norm() <= reach_px) return true;
       }
     }
@@ -139,8 +139,8 @@ void StillColor::find_what_may_be_objects(const TargetView& view, PerCamera& cam
   const int step = std::max(1, static_cast<int>(std::numbers::sqrt2 * camera.smallest_px));
   const int usual = static_cast<int>(2 * std::sqrt(camera.smallest_px * camera.largest_px)) + 2;
   const int largest = static_cast<int>(4 * camera.largest_px) + 2;
-  for (const ColorRegion& region : camera.finder.components(*view.matches, step, {}, usual, largest,
-                                                            static_cast<int>(least_disc * smallest_disc))) {
+  for (const color::ColorRegion& region : camera.finder.components(*view.matches, step, {}, usual, largest,
+                                                                   static_cast<int>(least_disc * smallest_disc))) {
     const Eigen::Vector2d half = 2 * Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>()
                                          .computeDirect(region.spread)
                                          .eigenvalues()
@@ -207,9 +207,9 @@ void StillColor::learn(const TargetView& view, PerCamera& camera, std::span<cons
     camera.tiles[at].is_listed = true;
     camera.listed.push_back(at);
   };
-  for (const PixelAt& hit : hits_) {
+  for (const color::PixelAt& hit : hits_) {
     for (int dv = -1; dv <= 1; ++dv)
-      for (int du = -1; du <= 1; ++du) list(hit.u / TileAt::size + 1 + du, hit.v / TileAt::size + 1 + dv);
+      for (int du = -1; du <= 1; ++du) list(hit.u / color::TileAt::size + 1 + du, hit.v / color::TileAt::size + 1 + dv);
   }
   const auto place = static_cast<std::size_t>(camera.sampled % kept_samples);
   const auto before = [&](int sets) {  // in the ring; 0: now
@@ -217,8 +217,8 @@ void StillColor::learn(const TargetView& view, PerCamera& camera, std::span<cons
   };
   for (const std::uint32_t at : camera.listed) {
     Tile& tile = camera.tiles[at];
-    const TileAt where{static_cast<std::uint16_t>(static_cast<int>(at) % stride),
-                       static_cast<std::uint16_t>(static_cast<int>(at) / stride)};
+    const color::TileAt where{static_cast<std::uint16_t>(static_cast<int>(at) % stride),
+                              static_cast<std::uint16_t>(static_cast<int>(at) / stride)};
     std::uint64_t covered = 0;
     for (std::size_t i = 0; i < tracked.size() + camera.may_be_objects.size(); ++i) {
       const Sighting& s = i < tracked.size() ? tracked[i] : camera.may_be_objects[i - tracked.size()];
@@ -298,12 +298,12 @@ void StillColor::describe(const TargetView& view, const PerCamera& camera) {
     while (!open_.empty()) {
       const int at = static_cast<int>(open_.back());
       open_.pop_back();
-      const int u = TileAt::size * (at % camera.stride - 1), v = TileAt::size * (at / camera.stride - 1);
+      const int u = color::TileAt::size * (at % camera.stride - 1), v = color::TileAt::size * (at / camera.stride - 1);
       const int here = std::popcount(camera.tiles[static_cast<std::size_t>(at)].still);
       pixels += here;
       sum += here * Eigen::Vector2d(u + 3.5, v + 3.5);
-      box = {std::min(box[0], u), std::min(box[1], v), std::max(box[2], u + TileAt::size - 1),
-             std::max(box[3], v + TileAt::size - 1)};
+      box = {std::min(box[0], u), std::min(box[1], v), std::max(box[2], u + color::TileAt::size - 1),
+             std::max(box[3], v + color::TileAt::size - 1)};
       for (int dv = -1; dv <= 1; ++dv) {
         for (int du = -1; du <= 1; ++du) {  // there is a margin tile on each side
           const auto next = static_cast<std::size_t>(at + dv * camera.stride + du);

@@ -17,8 +17,8 @@
 #include <span>
 #include <vector>
 
-#include "object_tracking/color_region.h"
-#include "object_tracking/color_window.h"
+#include "color/color_region.h"
+#include "color/color_window.h"
 #include "object_tracking/object_estimate.h"
 #include "object_tracking/sighting.h"
 #include "object_tracking/target_views.h"
@@ -69,7 +69,7 @@ class StillColor {
     int stride = 0;                             // tiles in a row
     double smallest_px = 0, largest_px = 0;     // radius of an object
     std::vector<Sighting> may_be_objects = {};  // at the first set
-    RegionFinder finder = {};
+    color::RegionFinder finder = {};
     bool is_above = false;  // more of the colour than all objects could cover
     bool is_learning = false;
   };
@@ -83,7 +83,7 @@ class StillColor {
   int count_;
   std::vector<PerCamera> cameras_;
   std::vector<ColorShare> shares_{cameras_.size()};
-  std::vector<PixelAt> hits_;
+  std::vector<color::PixelAt> hits_;
   std::vector<std::uint32_t> open_;  // work space: tiles of a patch
   std::vector<char> is_told_;        // likewise: per tile
   bool is_room_shared_ = false, is_doubted_ = false;

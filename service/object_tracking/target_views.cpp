@@ -28,7 +28,8 @@ std::vector<std::size_t> TargetViews::trust(std::span<const CameraTrust> cameras
   return moved;
 }
 
-const ColorTable& TargetViews::table_for(PerCamera& camera, capture::PixelFormat format, capture::ColorRange range) {
+const color::ColorTable& TargetViews::table_for(PerCamera& camera, capture::PixelFormat format,
+                                                capture::ColorRange range) {
   if (camera.table && camera.table->is_for(format, range)) return *camera.table;
   for (const auto& other : cameras_) {  // cameras of one kind share a table
     if (other->table && other->table->is_for(format, range) && other->color == camera.color) {
@@ -36,7 +37,7 @@ const ColorTable& TargetViews::table_for(PerCamera& camera, capture::PixelFormat
       return *camera.table;
     }
   }
-  camera.table = std::make_shared<const ColorTable>(camera.color, format, range);
+  camera.table = std::make_shared<const color::ColorTable>(camera.color, format, range);
   return *camera.table;
 }
 
@@ -55,7 +56,7 @@ const std::vector<TargetView>& TargetViews::look_at(const capture::FrameSet& set
     const capture::Frame& frame = *set.frames[i];
     PerCamera& c = *cameras_[i];
     if (frame.pixels.width != c.camera.image_size.width || frame.pixels.height != c.camera.image_size.height) continue;
-    const ColorTable& table = table_for(c, frame.pixels.format, frame.pixels.range);
+    const color::ColorTable& table = table_for(c, frame.pixels.format, frame.pixels.range);
     c.matches.look_at(frame.pixels, table);
     (c.is_used ? views_ : unused_)
         .push_back({static_cast<int>(i), &c.camera, &c.projector, &c.matches, &frame.pixels, &table, &frame,

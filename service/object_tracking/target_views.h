@@ -11,8 +11,8 @@
 #include "calib/model/batch_projector.h"
 #include "calib/model/camera_rig.h"
 #include "capture/frame.h"
-#include "object_tracking/color_model.h"
-#include "object_tracking/color_window.h"
+#include "color/color_model.h"
+#include "color/color_window.h"
 #include "object_tracking/object_tracker.h"
 
 namespace huetrack::object_tracking {
@@ -22,9 +22,9 @@ struct TargetView {
   int index;  // into CameraRig::cameras
   const calib::Camera* camera;
   const calib::BatchProjector* projector;
-  MatchBits* matches;  // the pixels of the target's colour in this frame
+  color::MatchBits* matches;  // the pixels of the target's colour in this frame
   const capture::Image* image;
-  const ColorTable* table;
+  const color::ColorTable* table;
   const capture::Frame* frame;
   double age_s;  // the set's time minus this frame's own capture time (its middle row's), >= 0
 
@@ -51,8 +51,8 @@ class TargetViews {
   }
 
   // From the next set on the camera looks for this colour, with its table. Returns the table that was in force.
-  std::shared_ptr<const ColorTable> recolor(std::size_t camera, const HsiRange& color,
-                                            std::shared_ptr<const ColorTable> table) {
+  std::shared_ptr<const color::ColorTable> recolor(std::size_t camera, const color::HsiRange& color,
+                                                   std::shared_ptr<const color::ColorTable> table) {
     PerCamera& c = *cameras_.at(camera);
     c.color = color;
     c.table_before = c.table;  // the views of this set point to it
@@ -68,7 +68,7 @@ class TargetViews {
 
  private:
   struct PerCamera {
-    PerCamera(const calib::Camera& c, const HsiRange& color_of_target)
+    PerCamera(const calib::Camera& c, const color::HsiRange& color_of_target)
         : in_rig(c.cam_from_world),
           camera(c),
           projector(c),
@@ -77,13 +77,13 @@ class TargetViews {
     calib::Rigid3d in_rig;
     calib::Camera camera;
     calib::BatchProjector projector;
-    MatchBits matches;
+    color::MatchBits matches;
     bool is_used = true;
-    HsiRange color;
-    std::shared_ptr<const ColorTable> table;  // of the format seen last; made when a format is first seen
-    std::shared_ptr<const ColorTable> table_before = {};
+    color::HsiRange color;
+    std::shared_ptr<const color::ColorTable> table;  // of the format seen last; made when a format is first seen
+    std::shared_ptr<const color::ColorTable> table_before = {};
   };
-  const ColorTable& table_for(PerCamera& camera, capture::PixelFormat format, capture::ColorRange range);
+  const color::ColorTable& table_for(PerCamera& camera, capture::PixelFormat format, capture::ColorRange range);
 
   std::vector<std::unique_ptr<PerCamera>> cameras_;
   std::vector<TargetView> views_, unused_;

@@ -56,8 +56,8 @@ std::optional<SeenBeside> ViewAgreement::beside(const Sighting& sighting, const 
 
 // Of what a whole image shows, the only region that may be the object and is not where one was a tenth of a second ago.
 // What stands still is furniture. Several that move are several objects, and tell nothing.
-const ColorRegion* ViewAgreement::only_moving(int camera, std::span<const ColorRegion> regions, double disc_px2,
-                                              double still_px, capture::Timestamp at) {
+const color::ColorRegion* ViewAgreement::only_moving(int camera, std::span<const color::ColorRegion> regions,
+                                                     double disc_px2, double still_px, capture::Timestamp at) {
   constexpr double least_age_s = 0.08, largest_age_s = 0.5;
   Unseen& unseen = unseen_[static_cast<std::size_t>(camera)];
   if (capture::seconds(at - unseen.newer_at) >= least_age_s) {
@@ -68,12 +68,13 @@ const ColorRegion* ViewAgreement::only_moving(int camera, std::span<const ColorR
   }
   const double age_s = capture::seconds(at - unseen.older_at);
   if (age_s < least_age_s || age_s > largest_age_s) return nullptr;
-  const ColorRegion* moved = nullptr;
-  for (const ColorRegion& region : regions) {
+  const color::ColorRegion* moved = nullptr;
+  for (const color::ColorRegion& region : regions) {
     if (region.area < least_far_share * disc_px2) continue;
     if (region.area > largest_far_share * disc_px2) return nullptr;
-    const bool was_there = std::ranges::any_of(
-        unseen.older, [&](const ColorRegion& before) { return (before.centre - region.centre).norm() < still_px; });
+    const bool was_there = std::ranges::any_of(unseen.older, [&](const color::ColorRegion& before) {
+      return (before.centre - region.centre).norm() < still_px;
+    });
     if (was_there) continue;
     if (moved != nullptr) return nullptr;
     moved = &region;
@@ -96,7 +97,7 @@ std::optional<SeenBeside> ViewAgreement::far_off(const TargetView& view, capture
       *view.matches, std::max(1, static_cast<int>(at.radius_px)), static_cast<int>(std::ceil(3 * at.radius_px)) + 2,
       std::max(2, static_cast<int>(least_far_share * disc)), at.radius_px);
   seen.add_others(view, regions);
-  const ColorRegion* moved = only_moving(view.index, regions, disc, std::max(2.0, 0.2 * at.radius_px), set_at);
+  const color::ColorRegion* moved = only_moving(view.index, regions, disc, std::max(2.0, 0.2 * at.radius_px), set_at);
   unseen.is_suspicious = moved != nullptr;
   if (moved == nullptr) return std::nullopt;
   Sighting sighting = sighting_of(view, *moved, at.radius_px, options_.pixel_noise_px, image_motion(view, at, belief));
@@ -105,15 +106,15 @@ std::optional<SeenBeside> ViewAgreement::far_off(const TargetView& view, capture
 }
 
 void ViewAgreement::compare_searched(const std::vector<TargetView>& views,
-                                     std::span<const std::vector<ColorRegion>> regions,
+                                     std::span<const std::vector<color::ColorRegion>> regions,
                                      std::span<const double> expected_px, capture::Timestamp set_at,
                                      const MotionBelief& belief) {
   std::vector<Sighting> moving;
   for (std::size_t i = 0; i < views.size(); ++i) {
     if (is_shared_[static_cast<std::size_t>(views[i].index)]) continue;
     const double radius_px = expected_px[i];
-    const ColorRegion* moved = only_moving(views[i].index, regions[i], std::numbers::pi * radius_px * radius_px,
-                                           std::max(2.0, 0.2 * radius_px), set_at);
+    const color::ColorRegion* moved = only_moving(views[i].index, regions[i], std::numbers::pi * radius_px * radius_px,
+                                                  std::max(2.0, 0.2 * radius_px), set_at);
     if (moved == nullptr) continue;
     moving.push_back(
         sighting_of(views[i], *moved, std::sqrt(moved->area / std::numbers::pi), options_.pixel_noise_px, {}));

@@ -7,7 +7,7 @@
 #include <span>
 #include <vector>
 
-#include "object_tracking/color_region.h"
+#include "color/color_region.h"
 #include "object_tracking/motion_belief.h"
 #include "object_tracking/object_tracker.h"
 #include "object_tracking/seen_regions.h"
@@ -40,7 +40,7 @@ class ViewAgreement {
   // What the views show of an object that is not found: where each has one thing that moves, they must agree about it.
   // So the views of a rig that is another one are doubted before something is found that is not there. regions[i]
   // belongs to views[i], expected_px[i] is about the object's radius in it.
-  void compare_searched(const std::vector<TargetView>& views, std::span<const std::vector<ColorRegion>> regions,
+  void compare_searched(const std::vector<TargetView>& views, std::span<const std::vector<color::ColorRegion>> regions,
                         std::span<const double> expected_px, capture::Timestamp set_at, const MotionBelief& belief);
 
   // In this camera the room shares the colour: what moves in it as a whole says nothing of whether views agree.
@@ -58,14 +58,14 @@ class ViewAgreement {
  private:
   // A view that should show the object and does not, or that is searched.
   struct Unseen {
-    unsigned sets = 0;                                // one after the other
-    std::vector<ColorRegion> older = {}, newer = {};  // in the whole image, when it was looked at before
+    unsigned sets = 0;                                       // one after the other
+    std::vector<color::ColorRegion> older = {}, newer = {};  // in the whole image, when it was looked at before
     capture::Timestamp older_at{}, newer_at{};
     bool is_suspicious = false;  // something moved in it when it was last looked at
   };
   std::optional<SeenBeside> beside(const Sighting& sighting, const MotionBelief& belief) const;
-  const ColorRegion* only_moving(int camera, std::span<const ColorRegion> regions, double disc_px2, double still_px,
-                                 capture::Timestamp at);
+  const color::ColorRegion* only_moving(int camera, std::span<const color::ColorRegion> regions, double disc_px2,
+                                        double still_px, capture::Timestamp at);
   std::optional<SeenBeside> far_off(const TargetView& view, capture::Timestamp set_at, const MotionBelief& belief,
                                     SeenRegions& seen);
   std::optional<Disagreement> disagreement_of(const Sighting& i, const Sighting& j, const MotionBelief& belief) const;
@@ -78,9 +78,9 @@ class ViewAgreement {
   unsigned compared_sets_ = 0;                                // since the object was found
   std::vector<Eigen::Matrix<double, 6, 6>> pose_covariance_;  // per camera, CameraTrust
   bool has_pose_covariance_ = false;
-  std::vector<Unseen> unseen_;         // per camera
-  std::vector<bool> is_shared_;        // per camera
-  std::vector<RegionFinder> finders_;  // per camera
+  std::vector<Unseen> unseen_;                // per camera
+  std::vector<bool> is_shared_;               // per camera
+  std::vector<color::RegionFinder> finders_;  // per camera
 };
 
 // Each view of `seen` that shows the object beside what those of `used` say without it, on the path that is believed

@@ -96,7 +96,7 @@ At at_of(const calib::CameraRig& rig, const std::string& text) {
   return at;
 }
 
-std::pair<std::string, object_tracking::PixelBox> ignored_of(const calib::CameraRig& rig, const std::string& text) {
+std::pair<std::string, color::PixelBox> ignored_of(const calib::CameraRig& rig, const std::string& text) {
   constexpr const char* form = "CAMERA,U_MIN,V_MIN,U_MAX,V_MAX";
   const auto parts = split(text);
   if (parts.size() != 5) throw std::runtime_error(fmt::format("--ignore \"{}\" is not of the form {}", text, form));
@@ -104,7 +104,7 @@ std::pair<std::string, object_tracking::PixelBox> ignored_of(const calib::Camera
   const auto pixel = [&](std::size_t part) {
     return int(std::lround(std::clamp(number_of(parts[part], text, form), -1e6, 1e6)));
   };
-  const object_tracking::PixelBox box{pixel(1), pixel(2), pixel(3), pixel(4)};
+  const color::PixelBox box{pixel(1), pixel(2), pixel(3), pixel(4)};
   if (box.empty()) throw std::runtime_error(fmt::format("--ignore \"{}\" ends before it begins", text));
   return {parts[0], box};
 }

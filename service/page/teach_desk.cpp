@@ -53,8 +53,8 @@ std::optional<object_tracking::IgnoredRegions> ignored_of(const msg::TeachReques
     const auto in = [](double value, int most) {
       return std::isfinite(value) ? int(std::clamp(value, 0.0, double(most))) : 0;
     };
-    const object_tracking::PixelBox box{in(ignore.box()[0], size.width - 1), in(ignore.box()[1], size.height - 1),
-                                        in(ignore.box()[2], size.width - 1), in(ignore.box()[3], size.height - 1)};
+    const color::PixelBox box{in(ignore.box()[0], size.width - 1), in(ignore.box()[1], size.height - 1),
+                              in(ignore.box()[2], size.width - 1), in(ignore.box()[3], size.height - 1)};
     if (box.empty()) return std::nullopt;
     color_teaching::add_ignored(regions, ignore.camera(), box);
   }
@@ -102,7 +102,7 @@ msg::TeachCamera camera_of(const color_teaching::TaughtView& view, const std::st
   camera.color().intensity({view.color.intensity_min, view.color.intensity_max});
   camera.background_share(view.background_share);
   if (view.patch) {
-    const object_tracking::PixelBox& b = view.patch->box;
+    const color::PixelBox& b = view.patch->box;
     camera.background_box({double(b.u_min), double(b.v_min), double(b.u_max), double(b.v_max)});
   }
   camera.verdict(view.verdict);

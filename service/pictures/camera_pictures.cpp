@@ -137,10 +137,10 @@ void draw_features(Panel& panel, const calib::Camera& camera, const CameraPictur
   Canvas& canvas = panel.canvas();
   // Where the particles have some of the features.
   constexpr std::size_t shown = 12;
-  const auto& features = job.view.features;
+  const auto& features = job.inside.features;
   std::vector<Point> dots;
   for (std::size_t f = 0; f < features.size(); f += std::max<std::size_t>(1, features.size() / shown)) {
-    for (const calib::Rigid3d& particle : job.view.particles) {
+    for (const calib::Rigid3d& particle : job.inside.particles) {
       const auto px = camera.model.project(calib::inverse(particle) * features[f].position);
       if (px && camera.contains(*px)) dots.push_back(panel(px->px));
     }

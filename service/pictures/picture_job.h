@@ -31,7 +31,7 @@ struct PictureJob {
 struct CameraPictureJob {
   capture::Frame frame;
   camera_tracking::CameraEstimate estimate;
-  camera_tracking::CameraTrackerView view;
+  camera_tracking::CameraTrackerInside inside;
   std::vector<camera_tracking::CameraMapPoint> start_map;  // in the frame of the start, where no feature is sought yet
 };
 

@@ -136,7 +136,7 @@ void draw_magnifiers(Canvas& canvas, const config::ServiceConfig& config, const 
 
 }  // namespace
 
-Color color_of(const object_tracking::HsiRange& range, double saturation, double value) {
+Color color_of(const color::HsiRange& range, double saturation, double value) {
   const double width = range.hue_max_deg - range.hue_min_deg;
   const double middle_deg = std::fmod(range.hue_min_deg + (width < 0 ? width + 360 : width) / 2, 360);
   return drawing::color_of_hue(middle_deg, saturation, value);

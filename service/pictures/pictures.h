@@ -16,7 +16,7 @@
 namespace huetrack::pictures {
 
 // A colour to draw a target with: the middle of its hues.
-drawing::Color color_of(const object_tracking::HsiRange& range, double saturation, double value);
+drawing::Color color_of(const color::HsiRange& range, double saturation, double value);
 
 // The whole image in 8-bit BGR (BT.601).
 cv::Mat bgr_of(const capture::Image& image);

@@ -15,7 +15,7 @@ constexpr std::uint32_t left_out_state = 100;  // PreviewTarget::state
 constexpr float none = std::numeric_limits<float>::quiet_NaN();
 
 // A colour to draw a target with: the middle of its hues, bright and strong enough to be seen on any picture.
-std::array<float, 3> drawing_rgb(const object_tracking::HsiRange& range) {
+std::array<float, 3> drawing_rgb(const color::HsiRange& range) {
   const double to = range.hue_max_deg < range.hue_min_deg ? range.hue_max_deg + 360 : range.hue_max_deg;
   const double hue = std::fmod((range.hue_min_deg + to) / 2, 360) / 60;
   constexpr double value = 0.95, saturation = 0.8;
@@ -148,7 +148,7 @@ msg::Scene make_scene(const config::ServiceConfig& config, bool may_teach, const
     out.rgb(config::is_taught(target) ? drawing_rgb(target.color) : grey);
     if (!config::is_taught(target)) continue;
     for (const calib::Camera& camera : config.rig.cameras) {
-      const object_tracking::HsiRange& range = target.color_in(camera.name);
+      const color::HsiRange& range = target.color_in(camera.name);
       msg::SceneColor& color = out.colors().emplace_back();
       color.camera(camera.name);
       color.hue_deg({range.hue_min_deg, range.hue_max_deg});
@@ -157,7 +157,7 @@ msg::Scene make_scene(const config::ServiceConfig& config, bool may_teach, const
     }
   }
   for (const auto& [camera, boxes] : config.ignored) {
-    for (const object_tracking::PixelBox& box : boxes) {
+    for (const color::PixelBox& box : boxes) {
       msg::SceneIgnore& out = scene.ignored().emplace_back();
       out.camera(camera);
       out.box({double(box.u_min), double(box.v_min), double(box.u_max), double(box.v_max)});

@@ -437,8 +437,8 @@ void Pipeline::track_camera_frames() {
       index = figures_.camera_frames_tracked++;
     }
     if (is_picture(index)) {
-      pictures::CameraPictureJob job{std::move(ready->frame), estimate, camera_tracker_->view(), {}};
-      if (estimate.has_pose() && job.view.features.empty()) job.start_map = camera_tracker_->map();
+      pictures::CameraPictureJob job{std::move(ready->frame), estimate, camera_tracker_->inside(), {}};
+      if (estimate.has_pose() && job.inside.features.empty()) job.start_map = camera_tracker_->map();
       camera_pictures_.push(std::move(job));
     }
   }

@@ -67,17 +67,17 @@ void CameraTimes::on_set(const pipeline::TrackedSet& set) {
   {
     const std::scoped_lock lock(mutex_);
     times_ = told;
-    std::string cameras;
+    std::vector<std::string> cameras;
     for (std::size_t c = 0; c < told.size(); ++c) {
       if (told[c].latency_sigma_s > known_latency_s)
-        cameras += (cameras.empty() ? "" : ", ") +
-                   fmt::format("{} (+- {:.0f} ms)", rig_.cameras[c].name, 1e3 * told[c].latency_sigma_s);
+        cameras.push_back(fmt::format("{} (+- {:.0f} ms)", rig_.cameras[c].name, 1e3 * told[c].latency_sigma_s));
     }
     open_.reset();
     if (is_learning_ && is_moving && !cameras.empty())
-      open_ =
-          "how late the time stamps are is not known yet of " + cameras +
-          ": moving objects are less sure until their motion has told it; huetrack-calibrate time finds it beforehand";
+      open_ = fmt::format(
+          "how late the time stamps are is not known yet of {}: moving objects are less sure until their motion has "
+          "told it; huetrack-calibrate time finds it beforehand",
+          fmt::join(cameras, ", "));
     if (!is_learning_) return;
   }
   if (is_logging_) tell(told);

@@ -3,6 +3,9 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <span>
+
+#include "calib/model/median.h"
 
 namespace huetrack::room_watch {
 namespace {
@@ -55,12 +58,6 @@ constexpr Duration until_nothing_is_told = 1s;
 constexpr float no_contrast = 0.3f;
 constexpr Duration changed_after = 10s, replaced_after = 40s;
 constexpr Duration kept_patience = 2s;  // a kept room that is not found so long after the start is another one
-
-double median_of(std::vector<double>& values) {
-  const auto middle = values.begin() + std::ptrdiff_t(values.size() / 2);
-  std::ranges::nth_element(values, middle);
-  return *middle;
-}
 
 }  // namespace
 
@@ -525,7 +522,7 @@ void CameraWatch::judge_nothing(Timestamp at) {
   std::vector<double> contrasts;
   for (const Watched& w : watched_)
     if (!w.is_hidden) contrasts.push_back(double(w.contrast));
-  const bool is_blind = !contrasts.empty() && median_of(contrasts) < double(no_contrast);
+  const bool is_blind = !contrasts.empty() && calib::median_in_place(std::span(contrasts)) < double(no_contrast);
   set_state(is_blind ? RoomState::blinded : RoomState::hidden, at);
 }
 

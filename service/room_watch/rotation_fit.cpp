@@ -3,8 +3,10 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <span>
 
 #include "calib/model/cross_matrix.h"
+#include "calib/model/median.h"
 #include "calib/model/rigid3.h"
 
 namespace huetrack::room_watch {
@@ -106,9 +108,8 @@ std::optional<RotationFit> fit_rotation(const calib::CameraModel& lens, std::spa
     if (solver.info() != Eigen::Success) return std::nullopt;
     x = solver.solve(right);
     // Rayleigh: the median distance is 1.177 sigma of each axis.
-    const auto middle = distances.begin() + std::ptrdiff_t(distances.size() / 2);
-    std::ranges::nth_element(distances, middle);
-    const double narrower = std::clamp(tukey_sigmas * *middle / 1.177, least_gate_px, gate);
+    const double middle = calib::median_in_place(std::span(distances));
+    const double narrower = std::clamp(tukey_sigmas * middle / 1.177, least_gate_px, gate);
     const bool is_settled = round > 0 && narrower > same_gate * gate;
     gate = narrower;
     if (is_settled) break;

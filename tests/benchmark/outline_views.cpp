@@ -4,8 +4,8 @@
 #include <chrono>
 #include <cmath>
 
+#include "color/color_region.h"
 #include "object_tracking/ball_outline.h"
-#include "object_tracking/color_region.h"
 #include "object_tracking/sighting.h"
 #include "object_tracking/target_views.h"
 
@@ -21,7 +21,7 @@ constexpr auto step = std::chrono::milliseconds(5);  // over which the truth's v
 std::vector<std::vector<OutlineView>> fit_outlines(const Sequence& sequence,
                                                    const object_tracking::TargetOptions& target, double off_radii) {
   object_tracking::TargetViews views(sequence.rig, target);
-  object_tracking::RegionFinder finder;
+  color::RegionFinder finder;
   outline::OutlineFit fit;
   std::vector<outline::Background> backgrounds;
   std::vector<outline::Look> looks(sequence.rig.cameras.size());

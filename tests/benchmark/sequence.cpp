@@ -97,8 +97,8 @@ object_tracking::TargetOptions red_square() {
   object_tracking::TargetOptions t;
   t.name = "red";
   t.radius_m = 0.0085;
-  const object_tracking::HsiRange warm_and_dark{340, 358, 0.60, 1.0, 0.08, 0.40};
-  const object_tracking::HsiRange cool{335, 356, 0.22, 0.60, 0.25, 0.60};
+  const color::HsiRange warm_and_dark{340, 358, 0.60, 1.0, 0.08, 0.40};
+  const color::HsiRange cool{335, 356, 0.22, 0.60, 0.25, 0.60};
   t.color = warm_and_dark;
   t.camera_colors = {{"cam1", warm_and_dark}, {"cam2", cool}};
   return t;

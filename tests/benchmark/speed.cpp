@@ -19,7 +19,7 @@
 #include "benchmark/speed_run.h"
 #include "calib/model/batch_projector.h"
 #include "calib/model/median.h"
-#include "object_tracking/color_window.h"
+#include "color/color_window.h"
 #include "particle_filter/random.h"
 #include "scene/scene.h"
 
@@ -178,8 +178,8 @@ int main(int argc, char** argv) {
   kernel("project, lens included, per point", n,
          [&] { projector.project(x.data(), y.data(), z.data(), n, u.data(), v.data()); });
   const capture::Image& image = small.sets[0].frames[0]->pixels;
-  const object_tracking::ColorTable table(figures::lime_ball().color, image.format, image.range);
-  object_tracking::MatchBits matches(image.width, image.height);
+  const color::ColorTable table(figures::lime_ball().color, image.format, image.range);
+  color::MatchBits matches(image.width, image.height);
   matches.look_at(image, table);
   kernel("count_5x5, tiles known, per window", n, [&] { matches.count_5x5(u.data(), v.data(), n, k.data()); });
   kernel("count_5x5, with first look at its tiles", n, [&] {

@@ -138,7 +138,7 @@ Fault breathes(const char* name, double share, double period_s) {
             Seen& of = scene[faulty];
             for (std::size_t i = 0; i < of.frames.size(); ++i) {
               const double by = 1 + share * std::sin(2 * std::numbers::pi * of.stamp_s[i] / period_s);
-              for (object_tracking::ColorRegion& region : of.frames[i].regions) {
+              for (color::ColorRegion& region : of.frames[i].regions) {
                 const Eigen::Vector2d middle(model.cx(), model.cy());
                 region.centre = middle + by * (region.centre - middle);
                 region.spread *= by * by;

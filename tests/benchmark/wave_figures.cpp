@@ -56,7 +56,7 @@ double outline_noise(const figures::Sequence& sequence, const object_tracking::T
     const calib::Camera& camera = sequence.rig.cameras[c];
     const auto px = wave::outline_centre(camera.model, camera.cam_from_world * row->position, target.radius_m);
     if (!px) continue;
-    for (const object_tracking::ColorRegion& region : frame.regions) {
+    for (const color::ColorRegion& region : frame.regions) {
       const Eigen::Vector2d off = region.centre - *px;
       if (off.norm() > 3) continue;
       off2.push_back(off.squaredNorm() / 2);

@@ -18,7 +18,7 @@ inline std::filesystem::path shared_data(const std::string& folder) {
   return std::filesystem::path(HUETRACK_SHARED_DATA) / folder;
 }
 
-inline GreyView view_of(const cv::Mat& image) {
+inline GreyPixels view_of(const cv::Mat& image) {
   return {image.data, image.cols, image.rows, static_cast<std::ptrdiff_t>(image.step)};
 }
 

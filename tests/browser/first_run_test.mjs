@@ -4,19 +4,17 @@
 // huetrack-calibrate. The service is given which cameras there are, and that it may be asked; this test writes no file.
 //   exit 0: passed, 77: skipped (no Chromium), anything else: failed. Screenshots are left in --out.
 import assert from "node:assert/strict";
-import { existsSync, mkdirSync, mkdtempSync, readFileSync, readdirSync } from "node:fs";
+import { existsSync, mkdtempSync, readFileSync, readdirSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { dirname, join } from "node:path";
 
-import { launch, options, run, sleep, start, startWith, waiting } from "./harness.mjs";
+import { openPage, options, run, say, sleep, startWith, waiting } from "./harness.mjs";
 
 const domain = "76";
 const folder = mkdtempSync(join(tmpdir(), "huetrack-first-run-"));
 const films = join(folder, "films");
 const config = join(folder, "my.yaml"), taught = join(folder, "my.taught.yaml");
-mkdirSync(options.out, { recursive: true });
 const until = waiting(20000);
-const say = (text) => console.log(text);
 
 // Where the ball of the films is, a time after they began (tests/soak/films.h), and how far positions are from there: rms, m.
 // When they began nobody tells, nor where the board has put the world: the time and the place are found that fit best.
@@ -63,13 +61,7 @@ function rmsOf(positions) {
 }
 
 async function test() {
-  const view = start(options.huetrack, "view", "--port", "0", "--domain", domain, "--interface", "lo");
-  const address = await until("the bridge says its address", () => view.out.match(/http:\S+/)?.[0]);
-  const browser = await launch();
-  const page = await browser.newPage({ viewport: { width: 1440, height: 1000 } });
-  const problems = [];
-  page.on("pageerror", (error) => problems.push(error.message));
-  await page.goto(address);
+  const { address, page, problems } = await openPage(domain, until);
   const current = () => page.textContent("#steps-list [data-step=current]").catch(() => "");
   const picture = (name) => page.screenshot({ path: join(options.out, `${name}.png`), fullPage: true });
 

@@ -1,12 +1,16 @@
-// What the tests of the page share: --name value options, Chromium (or exit status 77: skipped), waiting, programs beside it.
+// What the tests of the page share: --name value options, the folder --out for screenshots, Chromium (or exit status 77: skipped),
+// waiting, programs beside it, and the page as a user first has it.
 import assert from "node:assert/strict";
 import { spawn } from "node:child_process";
-import { existsSync, rmSync } from "node:fs";
+import { existsSync, mkdirSync, rmSync } from "node:fs";
 import { createRequire } from "node:module";
 import { join } from "node:path";
 
 export const options = {};
 for (let i = 2; i + 1 < process.argv.length; i += 2) options[process.argv[i].slice(2)] = process.argv[i + 1];
+mkdirSync(options.out, { recursive: true });
+const begun = Date.now();
+export const say = (text) => console.log(`${((Date.now() - begun) / 1000).toFixed(1)} s: ${text}`);
 export const skip = (why) => {
   console.log(`skipped: ${why}`);
   process.exit(77);
@@ -37,6 +41,28 @@ export async function launch() {
   return browser;
 }
 
+// A page of that browser at the address, and what is wrong with it so far: what it has thrown, and whom it asks besides its bridge.
+export async function visit(address, viewport = { width: 1440, height: 1000 }) {
+  const page = await browser.newPage({ viewport });
+  const problems = [];
+  page.on("pageerror", (error) => problems.push(error.message));
+  page.on("request", (request) => [address, "data:", "blob:"].some((own) => request.url().startsWith(own)) ||
+    problems.push(`it asks ${request.url()}`));
+  await page.goto(address);
+  return { page, problems };
+}
+
+// The bridge of `huetrack view`, on a domain of the test's own.
+export const startBridge = (domain) => start(options.huetrack, "view", "--port", "0", "--domain", domain, "--interface", "lo");
+export const addressOf = (bridge) => bridge.out.match(/http:\S+/)?.[0];
+// How a test begins: a bridge, the browser, and its page.
+export async function openPage(domain, until, viewport) {
+  const view = startBridge(domain);
+  const address = await until("the bridge says its address", () => addressOf(view));
+  const browser = await launch();
+  return { view, address, browser, ...(await visit(address, viewport)) };
+}
+
 // A program that ends with the test; what it prints is kept, and its exit status once it has ended.
 const children = [];
 export const start = (program, ...args) => startWith({}, program, ...args);
@@ -52,7 +78,7 @@ export function startWith(environment, program, ...args) {
 }
 
 // The test's end is the process'. Of one that fails the programs' last words are told, and its scratch folder stays.
-export async function run(test, { say = console.log, folder } = {}) {
+export async function run(test, { folder } = {}) {
   let code = 1;
   try {
     await test();

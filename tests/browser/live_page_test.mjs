@@ -1,11 +1,11 @@
 // The live page as a user has it: a real browser, a real daemon, the real bridge.
 //   exit 0: passed, 77: skipped (no Chromium, no recordings), anything else: failed. Screenshots are left in --out.
 import assert from "node:assert/strict";
-import { existsSync, mkdirSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
+import { existsSync, mkdtempSync, readFileSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 
-import { launch, options, run, skip, sleep, start, waiting } from "./harness.mjs";
+import { openPage, options, run, say, skip, sleep, start, waiting } from "./harness.mjs";
 
 const occlusion = join(options.data, "rendered/occlusion");
 if (!existsSync(join(occlusion, "recording.yaml"))) skip(`no recording in ${occlusion}`);
@@ -14,10 +14,6 @@ if (!existsSync(join(twoCams, "recording.yaml"))) skip(`no recording in ${twoCam
 
 const domain = "74";
 const folder = mkdtempSync(join(tmpdir(), "huetrack-browser-"));
-rmSync(options.out, { recursive: true, force: true });
-mkdirSync(options.out, { recursive: true });
-const say = (text) => console.log(`${((Date.now() - begun) / 1000).toFixed(1)} s: ${text}`);
-const begun = Date.now();
 const until = waiting(15000);
 function configuration(name, text) {
   const file = join(folder, name);
@@ -110,15 +106,7 @@ async function tabStops(page) {
 }
 
 async function test() {
-  const view = start(options.huetrack, "view", "--port", "0", "--domain", domain, "--interface", "lo");
-  const address = await until("the bridge says its address", () => view.out.match(/http:\S+/)?.[0]);
-  const browser = await launch();
-  const page = await browser.newPage({ viewport: { width: 1440, height: 1000 } });
-  const problems = [];
-  page.on("pageerror", (error) => problems.push(error.message));
-  page.on("request", (request) => request.url().startsWith(address) || request.url().startsWith("data:") ||
-    request.url().startsWith("blob:") || problems.push(`it asks ${request.url()}`));
-  await page.goto(address);
+  const { address, browser, page, problems } = await openPage(domain, until);
   const link = () => page.textContent("#link");
   await until("the page waits for a service", async () => (await link()) === "No service");
   say("the page is there before the daemon");
@@ -330,4 +318,4 @@ async function test() {
   assert.deepEqual(problems, []);
 }
 
-await run(test, { say, folder });
+await run(test, { folder });

@@ -3,18 +3,16 @@
 // --page DIR: the page's files from there (node build.mjs DIR), so that who works on it needs no compiler.
 //   exit 0: passed, 77: skipped (no Chromium), anything else: failed
 import assert from "node:assert/strict";
-import { mkdirSync, readFileSync } from "node:fs";
+import { readFileSync } from "node:fs";
 import { createServer } from "node:http";
 import { join } from "node:path";
 
-import { launch, options, run, sleep, start, waiting } from "./harness.mjs";
+import { addressOf, launch, options, run, say, sleep, startBridge, visit, waiting } from "./harness.mjs";
 
-mkdirSync(options.out, { recursive: true });
-const say = (text) => console.log(text);
 const until = waiting(10000);
 
 // ---- A bridge: the page's files from the real one, the events from here.
-const view = options.page ? null : start(options.huetrack, "view", "--port", "0", "--domain", "75", "--interface", "lo");
+const view = options.page ? null : startBridge("75");
 const pages = new Set();
 const bridge = createServer(async (request, response) => {
   if (request.url.startsWith("/api/events")) {
@@ -32,7 +30,7 @@ const bridge = createServer(async (request, response) => {
     response.end(readFileSync(join(options.page, name)));
     return;
   }
-  const file = await fetch(new URL(request.url, view.out.match(/http:\S+/)[0]));
+  const file = await fetch(new URL(request.url, addressOf(view)));
   response.writeHead(file.status, { "Content-Type": file.headers.get("content-type") });
   response.end(Buffer.from(await file.arrayBuffer()));
 });
@@ -114,13 +112,12 @@ const circle = (page, camera) =>
     return { wide: (wide * box.width) / w, tall: (tall * box.height) / h, width: box.width, height: box.height };
   }, camera);
 
-async function shapes(browser, address) {
+async function shapes(address) {
   for (const [name, size, count] of [["4x3", [640, 480], 2], ["16x9", [640, 360], 2], ["portrait", [360, 640], 2], ["mixed", null, 3]]) {
     const sizes = size ? Array(count).fill(size) : [[640, 480], [640, 360], [360, 640]];
     room(sizes);
     status(sizes);
-    const page = await browser.newPage({ viewport: { width: 1440, height: 1000 } });
-    await page.goto(address);
+    const { page } = await visit(address);
     await until("the page listens", () => pages.size > 0);
     for (const [i, [w, h]] of sizes.entries()) {
       // Three balls that nearly touch, away from the middle row and column, which circle() reads.
@@ -178,12 +175,11 @@ async function shapes(browser, address) {
 }
 
 // What is not well has a colour and a sentence; what is missing is said.
-async function doubts(browser, address) {
+async function doubts(address) {
   const sizes = [[640, 480], [640, 480]];
   standing.clear();
   tell("pulse", { now: now(), domain: 75, bus: "lo", publishers: 0, trouble: "" }, "pulse");
-  const page = await browser.newPage({ viewport: { width: 1440, height: 1000 } });
-  await page.goto(address);
+  const { page } = await visit(address);
   await until("what is awaited", async () => /No huetrackd is heard on DDS domain 75\. Start one: huetrackd run/.test(await page.textContent("#no-targets")));
   await page.screenshot({ path: join(options.out, "look_empty.png") });
   room(sizes);
@@ -221,15 +217,12 @@ async function doubts(browser, address) {
 }
 
 // What is there to look closer: the magnifier, plots of any time, files to take away.
-async function tools(browser, address) {
+async function tools(address) {
   const size = [640, 480];
   const sizes = [size, size];
   room(sizes);
   status(sizes);
-  const page = await browser.newPage({ viewport: { width: 1440, height: 1000 } });
-  const problems = [];
-  page.on("pageerror", (error) => problems.push(error.message));
-  await page.goto(address);
+  const { page, problems } = await visit(address);
   await until("the page listens", () => pages.size > 0);
   const places = [["lime", [100, 100], 14], ["pink", [500, 300], 14]];
   const jpeg = await drawn(page, size, places);
@@ -318,13 +311,12 @@ async function tools(browser, address) {
 }
 
 // The first steps say at each what is missing, and go when something is tracked.
-async function steps(browser, address) {
+async function steps(address) {
   const size = [640, 480];
   const sizes = [size, size];
   standing.clear();
   tell("pulse", { now: now(), domain: 75, bus: "lo", publishers: 0, trouble: "" }, "pulse");
-  const page = await browser.newPage({ viewport: { width: 1440, height: 1000 } });
-  await page.goto(address);
+  const { page } = await visit(address);
   const current = () => page.textContent("#steps-list [data-step=current]");
   const keep = (name) => page.screenshot({ path: join(options.out, `look_steps_${name}.png`) });
   await until("no service", async () => /Cameras.*No huetrackd is heard.*rig: none/s.test(await current()));
@@ -404,8 +396,7 @@ async function costs(browser, address) {
   const sizes = [[480, 360], [480, 360], [480, 360]]; // previews as wide, and as many, as the service makes by default
   room(sizes);
   status(sizes);
-  const page = await browser.newPage({ viewport: { width: 1440, height: 1000 } });
-  await page.goto(address);
+  const { page } = await visit(address);
   await until("the page listens", () => pages.size > 0);
   const over = async (seconds, each) => {
     const [from, at] = [await cpu(browser), Date.now()];
@@ -434,15 +425,15 @@ async function costs(browser, address) {
 }
 
 async function test() {
-  await until("the bridge says its address", () => options.page || /http:\S+/.test(view.out));
+  await until("the bridge says its address", () => options.page || addressOf(view));
   await new Promise((resolve) => bridge.listen(0, "127.0.0.1", resolve));
   const address = `http://127.0.0.1:${bridge.address().port}/`;
   const browser = await launch();
   const what = (options.only ?? "shapes,doubts,tools,steps,costs").split(",");
-  if (what.includes("shapes")) await shapes(browser, address);
-  if (what.includes("doubts")) await doubts(browser, address);
-  if (what.includes("tools")) await tools(browser, address);
-  if (what.includes("steps")) await steps(browser, address);
+  if (what.includes("shapes")) await shapes(address);
+  if (what.includes("doubts")) await doubts(address);
+  if (what.includes("tools")) await tools(address);
+  if (what.includes("steps")) await steps(address);
   if (what.includes("costs")) {
     const { idle, running } = await costs(browser, address);
     // Wanted are 5 and 30; a busy machine makes caches cold and times longer.

@@ -4,18 +4,16 @@
 //   exit 0: passed, 77: skipped (no Chromium), anything else: failed. Screenshots are left in --out.
 import assert from "node:assert/strict";
 import { execFileSync } from "node:child_process";
-import { mkdirSync, mkdtempSync, readFileSync, readdirSync, writeFileSync } from "node:fs";
+import { mkdtempSync, readFileSync, readdirSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 
-import { launch, options, run, sleep, start, waiting } from "./harness.mjs";
+import { openPage, options, run, sleep, start, waiting } from "./harness.mjs";
 
 const domain = "77";
 const folder = mkdtempSync(join(tmpdir(), "huetrack-recordings-"));
 const films = join(folder, "films"), config = join(folder, "my.yaml"), shelf = join(folder, "recordings");
-mkdirSync(options.out, { recursive: true });
 const until = waiting(20000);
-const say = (text) => console.log(text);
 
 const write = (allows) =>
   writeFileSync(config, `version: 1
@@ -28,13 +26,7 @@ dds: {domain: ${domain}, interfaces: [lo]}
 `);
 
 async function test() {
-  const view = start(options.huetrack, "view", "--port", "0", "--domain", domain, "--interface", "lo");
-  const address = await until("the bridge says its address", () => view.out.match(/http:\S+/)?.[0]);
-  const browser = await launch();
-  const page = await browser.newPage({ viewport: { width: 1280, height: 800 } });
-  const problems = [];
-  page.on("pageerror", (error) => problems.push(error.message));
-  await page.goto(address);
+  const { address, browser, page, problems } = await openPage(domain, until, { width: 1280, height: 800 });
   write(false);
   // The films are made first, with their rig.
   const maker = start(options.service, config, films, "--phases", "together", "--make", "2");
@@ -242,4 +234,4 @@ async function test() {
   assert.deepEqual(problems, []);
 }
 
-await run(test, { say, folder });
+await run(test, { folder });

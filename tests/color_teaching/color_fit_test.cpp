@@ -10,18 +10,18 @@ namespace {
 
 using namespace testing;
 
-object_tracking::Hsi hsi(double hue, double saturation, double intensity) {
+color::Hsi hsi(double hue, double saturation, double intensity) {
   return {hue, saturation, intensity, saturation > 0};
 }
 
 // A disc of one colour with shading and noise, before another colour.
-HsiImage disc(double hue, double saturation, object_tracking::Hsi ground, int seed = 1) {
-  HsiImage image{100, 80, std::vector<object_tracking::Hsi>(8000, ground)};
+HsiImage disc(double hue, double saturation, color::Hsi ground, int seed = 1) {
+  HsiImage image{100, 80, std::vector<color::Hsi>(8000, ground)};
   std::mt19937 rng(static_cast<unsigned>(seed));
   std::normal_distribution<double> noise;
   for (int v = 0; v < 80; ++v) {
     for (int u = 0; u < 100; ++u) {
-      object_tracking::Hsi& p = image.pixels[std::size_t(v * 100 + u)];
+      color::Hsi& p = image.pixels[std::size_t(v * 100 + u)];
       const double r = std::hypot(u - 50, v - 40);
       if (r <= 12) p = hsi(std::fmod(hue + 2 * noise(rng) + 360, 360), saturation, 0.25 + 0.3 * (60 - v) / 40);
       p.saturation = std::clamp(p.saturation + 0.01 * noise(rng), 0.0, 1.0);
@@ -64,7 +64,7 @@ TEST(FitRange, HoldsTheObjectAndLeavesTheBackgroundOut) {
     const HsiImage image = disc(hue, 0.8, hsi(std::fmod(hue + 8, 360), 0.45, 0.4));
     const auto region = grow_region(image, {50, 40});
     ASSERT_TRUE(region);
-    const object_tracking::HsiRange range = fit_range(image, *region, outside(*region), 0);
+    const color::HsiRange range = fit_range(image, *region, outside(*region), 0);
     EXPECT_THAT(range.problems(), IsEmpty());
     const PixelMask mask = matching(image, range, {});
     std::size_t inside = 0, beside = 0;
@@ -79,12 +79,12 @@ TEST(FitRange, TakesTheRoomThatThereIs) {
   const HsiImage image = disc(90, 0.8, hsi(250, 0.3, 0.4));  // nothing in the way
   const auto region = grow_region(image, {50, 40});
   ASSERT_TRUE(region);
-  const object_tracking::HsiRange range = fit_range(image, *region, outside(*region), 0);
-  EXPECT_TRUE(object_tracking::contains(range, hsi(110, 0.8, 0.4)));  // other light
-  EXPECT_TRUE(object_tracking::contains(range, hsi(90, 0.5, 0.9)));
-  EXPECT_TRUE(object_tracking::contains(range, hsi(75, 0.9, 0.17)));
-  EXPECT_FALSE(object_tracking::contains(range, hsi(150, 0.8, 0.4)));  // but not any
-  EXPECT_FALSE(object_tracking::contains(range, hsi(90, 0.2, 0.4)));
+  const color::HsiRange range = fit_range(image, *region, outside(*region), 0);
+  EXPECT_TRUE(color::contains(range, hsi(110, 0.8, 0.4)));  // other light
+  EXPECT_TRUE(color::contains(range, hsi(90, 0.5, 0.9)));
+  EXPECT_TRUE(color::contains(range, hsi(75, 0.9, 0.17)));
+  EXPECT_FALSE(color::contains(range, hsi(150, 0.8, 0.4)));  // but not any
+  EXPECT_FALSE(color::contains(range, hsi(90, 0.2, 0.4)));
 }
 
 TEST(FitRange, StepsWidenAndNarrow) {
@@ -93,7 +93,7 @@ TEST(FitRange, StepsWidenAndNarrow) {
   ASSERT_TRUE(region);
   std::size_t last = 0;
   for (const int steps : {-20, -3, -1, 0, 2, 5, 100}) {
-    const object_tracking::HsiRange range = fit_range(image, *region, outside(*region), steps);
+    const color::HsiRange range = fit_range(image, *region, outside(*region), steps);
     EXPECT_THAT(range.problems(), IsEmpty()) << steps;
     const std::size_t count = matching(image, range, {}).count();
     EXPECT_GE(count, last) << steps;
@@ -104,7 +104,7 @@ TEST(FitRange, StepsWidenAndNarrow) {
 
 TEST(Matching, IgnoresTheBoxes) {
   const HsiImage image = disc(90, 0.8, hsi(250, 0.3, 0.4));
-  const object_tracking::HsiRange any{.hue_min_deg = 60, .hue_max_deg = 120};
+  const color::HsiRange any{.hue_min_deg = 60, .hue_max_deg = 120};
   EXPECT_GT(matching(image, any, {}).count(), 400u);
   EXPECT_EQ(matching(image, any, {{30, 20, 70, 60}}).count(), 0u);
   EXPECT_EQ(matching(image, any, {{-30, -20, 700, 600}}).count(), 0u);  // larger than the image

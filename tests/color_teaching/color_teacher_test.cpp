@@ -105,8 +105,7 @@ TEST(ColorTeacher, TheRedSquareFromTheFirstPair) {
 TEST(ColorTeacher, CamerasThatNobodyPointedIntoKeepTheirColour) {
   calib::CameraRig rig;
   for (const char* name : {"a", "b", "c"}) rig.cameras.emplace_back().name = name;
-  const object_tracking::HsiRange old{.hue_min_deg = 10, .hue_max_deg = 20},
-      fresh{.hue_min_deg = 100, .hue_max_deg = 120};
+  const color::HsiRange old{.hue_min_deg = 10, .hue_max_deg = 20}, fresh{.hue_min_deg = 100, .hue_max_deg = 120};
   object_tracking::TargetOptions target;
   target.camera_colors = {{"a", old}, {"c", old}};
   Taught taught;

@@ -103,7 +103,7 @@ TEST_F(ServiceConfigFile, WhatIsNotGivenHasItsDefault) {
   ASSERT_EQ(config.targets.size(), 1u);
   EXPECT_EQ(config.targets[0].name, "ball");
   EXPECT_EQ(config.targets[0].radius_m, object_tracking::TargetOptions{}.radius_m);
-  EXPECT_EQ(config.targets[0].color, (object_tracking::HsiRange{.hue_min_deg = 65, .hue_max_deg = 115}));
+  EXPECT_EQ(config.targets[0].color, (color::HsiRange{.hue_min_deg = 65, .hue_max_deg = 115}));
   EXPECT_EQ(config.object_tracking.particle_count, object_tracking::ObjectTrackerOptions{}.particle_count);
   EXPECT_EQ(config.set_tolerance_s, std::nullopt);
   EXPECT_EQ(config.threads, 1);
@@ -168,11 +168,11 @@ TEST_F(ServiceConfigFile, EveryKeyIsRead) {
   ASSERT_EQ(c.targets.size(), 2u);
   EXPECT_EQ(c.targets[0].name, "red_cap");
   EXPECT_EQ(c.targets[0].radius_m, 0.12);
-  EXPECT_EQ(c.targets[0].color, (object_tracking::HsiRange{340, 20, 0.8, 0.95, 0.2, 0.7}));
+  EXPECT_EQ(c.targets[0].color, (color::HsiRange{340, 20, 0.8, 0.95, 0.2, 0.7}));
   // What a camera's colour leaves out is the target's.
   ASSERT_EQ(c.targets[0].camera_colors.size(), 1u);
   EXPECT_EQ(c.targets[0].camera_colors[0].first, "cam1");
-  EXPECT_EQ(c.targets[0].camera_colors[0].second, (object_tracking::HsiRange{340, 20, 0.5, 0.7, 0.2, 0.7}));
+  EXPECT_EQ(c.targets[0].camera_colors[0].second, (color::HsiRange{340, 20, 0.5, 0.7, 0.2, 0.7}));
   EXPECT_EQ(c.targets[1].name, "lime");
   ASSERT_EQ(c.cameras.size(), 2u);
   EXPECT_EQ(c.cameras[0].name, "cam1");
@@ -693,8 +693,7 @@ TEST(UntaughtColor, MatchesNoPixel) {
   for (int r = 0; r < 256; r += 3)
     for (int g = 0; g < 256; g += 3)
       for (int b = 0; b < 256; b += 3)
-        ASSERT_FALSE(
-            object_tracking::contains(untaught_color, object_tracking::hsi_of({r / 255.0, g / 255.0, b / 255.0})))
+        ASSERT_FALSE(color::contains(untaught_color, color::hsi_of({r / 255.0, g / 255.0, b / 255.0})))
             << r << " " << g << " " << b;
 }
 

@@ -19,7 +19,7 @@ namespace {
 
 using namespace testing;
 namespace fs = std::filesystem;
-using object_tracking::HsiRange;
+using color::HsiRange;
 using object_tracking::IgnoredRegions;
 using object_tracking::TargetOptions;
 
@@ -471,7 +471,7 @@ TEST_F(TaughtFile, WhatCannotBeSaidIsNotWritten) {
   const ServiceConfig config = with(taught_head + "targets:\n  ball:\n    color: {hue_deg: [1, 2]}\n");
   save_ignored(file, {{"cam0", {{1, 2, 3, 4}}}});
   const std::string before = text(taught);
-  const std::vector<object_tracking::PixelBox> too_many(101, {1, 2, 3, 4});
+  const std::vector<color::PixelBox> too_many(101, {1, 2, 3, 4});
   EXPECT_THAT(
       [&] {
         save_ignored(file, {{"cam0", too_many}});

@@ -83,7 +83,7 @@ TEST_F(TeachLive, TheRunningServiceTakesTheColourOverWithoutARestart) {
   EXPECT_EQ(contents(config), before);  // the user's own
   EXPECT_THAT(contents(taught), AllOf(StartsWith("# What huetrackd was taught"), HasSubstr("\n  lime:\n    color:\n"),
                                       Not(HasSubstr("radius_m"))));
-  const object_tracking::HsiRange learnt = config::load_service_config(config).targets[0].color;
+  const color::HsiRange learnt = config::load_service_config(config).targets[0].color;
   EXPECT_GT(learnt.hue_min_deg, 40);
   EXPECT_LT(learnt.hue_max_deg, 140);
 

@@ -25,7 +25,7 @@ elseif(FENCE STREQUAL "cairo")   # one drawing surface
   set(pattern "${include}cairo/")
   set(inside "^service/drawing/")
 elseif(FENCE STREQUAL "frames_for_trackers")   # what a frame is, not where it came from
-  set(folders service/object_tracking service/camera_tracking)
+  set(folders service/color service/object_tracking service/camera_tracking)
   set(pattern "${include}capture/")
   set(except "${include}capture/(frame|pixel_format)\\.h")
 elseif(FENCE STREQUAL "results_for_publish")   # what was found, not how; and the clock that latencies are measured by

@@ -290,8 +290,8 @@ TEST(LedTracker, ImagesAndAScheduleBySequenceOrTime) {
     EXPECT_LT((e.world_from_camera.translation - truth.translation).norm(), 0.02) << i;
   }
   EXPECT_GT(poses, 15);
-  EXPECT_FALSE(tracker->view().features.empty());
-  EXPECT_FALSE(tracker->view().particles.empty());
+  EXPECT_FALSE(tracker->inside().features.empty());
+  EXPECT_FALSE(tracker->inside().particles.empty());
   EXPECT_THROW(tracker->save_map("map"), std::runtime_error);
 
   start.slot_s = 0.5;

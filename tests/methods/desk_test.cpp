@@ -52,9 +52,9 @@ TEST_F(Desk, huetrackFollowsFromTheFirstFrameAndThroughTheCover) {
   for (std::size_t i = 50; i < 61; ++i)
     EXPECT_EQ(estimates[i].has_pose(), estimates[i].world_from_camera.translation.allFinite());
   EXPECT_LE(figures::frames_until_tracked(estimates, 65).value_or(99), 5);
-  const CameraTrackerView view = tracker->view();
-  EXPECT_GT(view.features.size(), 50u);
-  EXPECT_FALSE(view.particles.empty());
+  const CameraTrackerInside inside = tracker->inside();
+  EXPECT_GT(inside.features.size(), 50u);
+  EXPECT_FALSE(inside.particles.empty());
   const auto map = tracker->map();
   EXPECT_EQ(map.size(), static_cast<std::size_t>(estimates.back().map_points));
   EXPECT_GT(std::ranges::count(map, CameraMapPoint::State::found, &CameraMapPoint::state), 40);

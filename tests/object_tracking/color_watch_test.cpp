@@ -20,7 +20,7 @@ using testing::ElementsAre;
 constexpr double fps = 30;
 
 // A grey image with a disc of one colour.
-capture::WritableImage disc(Rgb color, double u0, double v0, double radius) {
+capture::WritableImage disc(color::Rgb color, double u0, double v0, double radius) {
   capture::WritableImage image = capture::make_image(capture::PixelFormat::bgr, capture::ColorRange::full, 64, 64);
   for (int v = 0; v < 64; ++v) {
     for (int u = 0; u < 64; ++u) {
@@ -36,7 +36,7 @@ capture::WritableImage disc(Rgb color, double u0, double v0, double radius) {
 
 TEST(ColorInside, IsTheDiscsWhateverItsColour) {
   const auto image = disc({0.2, 0.6, 0.1}, 30, 30, 8);
-  const Hsi expected = hsi_of({51 / 255.0, 153 / 255.0, 25 / 255.0});
+  const color::Hsi expected = color::hsi_of({51 / 255.0, 153 / 255.0, 25 / 255.0});
   const auto seen = color_inside(image.image, {30, 30}, 5, 90);
   ASSERT_TRUE(seen);
   EXPECT_NEAR(seen->median[0], expected.hue_deg - 90, 1e-9);
@@ -54,7 +54,7 @@ TEST(ColorInside, WhatHidesLessThanHalfMovesNothing) {
     for (int u = 32; u < 64; ++u) image.data[0][v * image.image.planes[0].stride + 3 * u] = 200;  // blue
   const auto seen = color_inside(image.image, {30, 30}, 5, 90);
   ASSERT_TRUE(seen);
-  EXPECT_NEAR(seen->median[0], hsi_of({51 / 255.0, 153 / 255.0, 25 / 255.0}).hue_deg - 90, 1e-9);
+  EXPECT_NEAR(seen->median[0], color::hsi_of({51 / 255.0, 153 / 255.0, 25 / 255.0}).hue_deg - 90, 1e-9);
   EXPECT_NEAR(seen->above[0], 0, 1e-9);
 }
 
@@ -70,7 +70,7 @@ TEST(ColorInside, NothingIsSaidAtTheBorderNorOfGreys) {
 }
 
 TEST(AxisRange, CountsHuesFromTheMiddleAndKnowsWhereAxesEnd) {
-  const HsiRange red{340, 20, 0.3, 1, 0, 0.9};
+  const color::HsiRange red{340, 20, 0.3, 1, 0, 0.9};
   EXPECT_EQ(middle_hue_deg(red), 0);
   EXPECT_EQ(middle_hue_deg({65, 115, 0, 1, 0, 1}), 90);
   const AxisRange hue = axis_range(red, ColorAxis::hue, 0);
@@ -86,14 +86,14 @@ TEST(AxisRange, CountsHuesFromTheMiddleAndKnowsWhereAxesEnd) {
 }
 
 TEST(ColorFollower, ARangeMovesAndKeepsItsWidth) {
-  EXPECT_EQ(moved({350, 20, 0.3, 0.8, 0.1, 0.9}, {15, 0.1, -0.05}), (HsiRange{5, 35, 0.4, 0.9, 0.05, 0.85}));
+  EXPECT_EQ(moved({350, 20, 0.3, 0.8, 0.1, 0.9}, {15, 0.1, -0.05}), (color::HsiRange{5, 35, 0.4, 0.9, 0.05, 0.85}));
   EXPECT_EQ(moved({5, 35, 0.3, 1, 0, 0.9}, {-15, -0.1, 0.05}).hue_min_deg, 350);
   EXPECT_EQ(moved({5, 35, 0.3, 1, 0, 0.9}, {-15, -0.1, 0.05}).saturation_max, 1);  // nothing is beyond it
   EXPECT_EQ(moved({5, 35, 0.3, 1, 0, 0.9}, {-15, -0.1, 0.05}).intensity_min, 0);
   EXPECT_EQ(moved({0, 360, 0.3, 1, 0, 1}, {10, 0, 0}).hue_max_deg, 360);
   for (const double degrees : {-20.0, -7.5, 0.0, 13.0, 20.0})
-    for (const HsiRange& range :
-         {HsiRange{340, 20, 0.3, 1, 0.1, 0.9}, HsiRange{300, 360, 0, 1, 0, 1}, HsiRange{0, 60, 0, 1, 0, 1}})
+    for (const color::HsiRange& range : {color::HsiRange{340, 20, 0.3, 1, 0.1, 0.9},
+                                         color::HsiRange{300, 360, 0, 1, 0, 1}, color::HsiRange{0, 60, 0, 1, 0, 1}})
       EXPECT_TRUE(moved(range, {degrees, 0.15, -0.2}).problems().empty()) << range.hue_min_deg << " by " << degrees;
 }
 
@@ -102,7 +102,7 @@ SeenColor seen_at(double hue, double saturation, double intensity) {
 }
 
 TEST(ColorFollower, MovesAsLittleAsItMust) {
-  const HsiRange taught{65, 115, 0.3, 1, 0.1, 0.95};
+  const color::HsiRange taught{65, 115, 0.3, 1, 0.1, 0.95};
   EXPECT_THAT(wanted_shift(taught, seen_at(0, 0.7, 0.5)), Each(0));
   EXPECT_THAT(wanted_shift(taught, seen_at(11, 0.7, 0.5)), Each(0));  // 14 from the end: twice 3 and the noise
   EXPECT_NEAR(wanted_shift(taught, seen_at(22, 0.7, 0.5))[0], 10, 1e-9);

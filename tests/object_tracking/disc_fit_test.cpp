@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-#include "object_tracking/mask_image.h"
+#include "color/mask_image.h"
 
 namespace huetrack::object_tracking {
 namespace {
@@ -20,9 +20,9 @@ bool is_in(const Vector2d& centre, int u, int v) {
 // The same from every start near it.
 template <typename Chosen>
 std::vector<std::optional<FittedDisc>> fitted(const std::vector<Vector2d>& about, Chosen chosen) {
-  const capture::Image image = mask_image(120, 90, chosen);
-  MatchBits bits(120, 90);
-  bits.look_at(image, mask_table());
+  const capture::Image image = color::mask_image(120, 90, chosen);
+  color::MatchBits bits(120, 90);
+  bits.look_at(image, color::mask_table());
   std::vector<ExpectedDisc> discs;
   for (const Vector2d& px : about) discs.push_back({px, radius_px, 2});
   return fit_discs(bits, discs);

@@ -46,9 +46,9 @@ TEST(ClutterMap, KnowsWhereRegionsAreNobodys) {
   Room room;
   std::vector<TargetView> views(1);
   views[0].index = 1;
-  std::vector<std::vector<ColorRegion>> regions(1);
+  std::vector<std::vector<color::ColorRegion>> regions(1);
   const double before = room.clutter.density(1, {100, 60});
-  ColorRegion flickering;
+  color::ColorRegion flickering;
   flickering.centre = {100, 60};
   for (int set = 0; set < 60; ++set) {
     regions[0].clear();

@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-#include "object_tracking/random_image.h"
+#include "color/random_image.h"
 #include "particle_filter/resample.h"
 #include "scene/scene.h"
 
@@ -52,8 +52,8 @@ double weight_by_hand(const std::vector<TargetView>& views, const Vector3d& part
     const auto at = view.camera->project_world(particle);
     double p = 1.0 / 25;  // (5): outside of the image
     if (at && view.camera->contains(*at)) {
-      const int k = count_5x5_reference(*view.image, *view.table, static_cast<int>(std::floor(at->px.x() + 0.5)),
-                                        static_cast<int>(std::floor(at->px.y() + 0.5)));
+      const int k = color::count_5x5_reference(*view.image, *view.table, static_cast<int>(std::floor(at->px.x() + 0.5)),
+                                               static_cast<int>(std::floor(at->px.y() + 0.5)));
       p = std::max(k, 1) / 25.0;  // (6)
     }
     product *= p;  // (4)

@@ -7,7 +7,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "object_tracking/mask_image.h"
+#include "color/mask_image.h"
 #include "scene/scene.h"
 
 namespace huetrack::object_tracking {
@@ -24,13 +24,13 @@ double mahalanobis2(const Vector2d& d, const Eigen::Matrix2d& covariance) {
 // hidden.
 Sighting sighting_of_disc(double r, double angle, double cut, double pixel_noise_px = 0.2) {
   const Vector2d centre(50.3, 49.6), axis(std::cos(angle), std::sin(angle));
-  const capture::Image image = mask_image(100, 100, [&](int u, int v) {
+  const capture::Image image = color::mask_image(100, 100, [&](int u, int v) {
     const Vector2d d = Vector2d(u, v) - centre;
     return d.norm() <= r && d.dot(axis) >= cut;
   });
-  MatchBits bits(100, 100);
-  bits.look_at(image, mask_table());
-  RegionFinder finder;
+  color::MatchBits bits(100, 100);
+  bits.look_at(image, color::mask_table());
+  color::RegionFinder finder;
   const auto& regions = finder.find(bits, {0, 0, 99, 99}, 1, 0);
   TargetView view{};
   view.image = &image;
@@ -88,7 +88,7 @@ TEST(SightingOf, covarianceHoldsTheTruth) {
 }
 
 TEST(SightingOf, distrustsWhatIsTooWide) {
-  ColorRegion region;
+  color::ColorRegion region;
   region.area = 400;
   region.centre = {10, 10};
   region.spread << 100, 0, 0, 16;  // as wide as discs of radius 20 and 8
@@ -107,7 +107,7 @@ TEST(SightingOf, expectsTheShapeOfAMovingBall) {
   const Vector2d velocity(900, 1500);
   Eigen::Matrix2d outline_from_disc = Eigen::Matrix2d::Identity();
   outline_from_disc.col(1) += row_s * velocity / (1 - row_s * velocity.y());
-  ColorRegion region;
+  color::ColorRegion region;
   region.area = 314;
   region.centre = {50, 50};
   region.spread = r * r / 4 * outline_from_disc * outline_from_disc.transpose();
@@ -173,15 +173,15 @@ class Rig : public testing::Test {
     return s;
   }
   // The region that a ball would give.
-  ColorRegion region(std::size_t view, const Vector3d& centre, double radius_m = 0.04) const {
+  color::ColorRegion region(std::size_t view, const Vector3d& centre, double radius_m = 0.04) const {
     const auto at = appearance_of(scene.rig.cameras[view], centre, radius_m);
-    ColorRegion r;
+    color::ColorRegion r;
     r.area = static_cast<int>(std::numbers::pi * at->radius_px * at->radius_px);
     r.centre = at->px;
     r.spread = at->radius_px * at->radius_px / 4 * Eigen::Matrix2d::Identity();
     return r;
   }
-  std::vector<PositionCandidate> cross(const std::vector<std::vector<ColorRegion>>& regions,
+  std::vector<PositionCandidate> cross(const std::vector<std::vector<color::ColorRegion>>& regions,
                                        std::size_t most = 10) const {
     return cross_rays(views, regions, target, options, MotionBelief(scene.rig, false), most);
   }

@@ -82,7 +82,7 @@ TEST_F(CameraPictures, TheAxesStandAtTheWorldsOrigin) {
 }
 
 TEST_F(CameraPictures, RegionsAreDrawnOnlyWithAPose) {
-  camera_tracking::CameraTrackerView::Feature& feature = job_.view.features.emplace_back();
+  camera_tracking::CameraTrackerInside::Feature& feature = job_.inside.features.emplace_back();
   feature.px = {100, 100};
   feature.found_px.setConstant(std::nanf(""));
   feature.search = 20 * Eigen::Matrix2f::Identity();

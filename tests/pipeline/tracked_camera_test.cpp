@@ -132,7 +132,7 @@ class FakeTracker final : public camera_tracking::CameraTracker {
     return e;
   }
   std::string why_no_pose() const override { return "frame " + std::to_string(frames_ - 1) + " is grey"; }
-  camera_tracking::CameraTrackerView view() const override { return {}; }
+  camera_tracking::CameraTrackerInside inside() const override { return {}; }
   std::vector<camera_tracking::CameraMapPoint> map() const override {
     return std::vector<camera_tracking::CameraMapPoint>(3);
   }

@@ -2,8 +2,8 @@
 
 #include <gmock/gmock.h>
 
-#include "object_tracking/color_model.h"
-#include "object_tracking/image_color.h"
+#include "color/color_model.h"
+#include "color/image_color.h"
 
 namespace huetrack::scene {
 namespace {
@@ -14,15 +14,15 @@ TEST(Scene, ballIsWhereTheCamerasProjectIt) {
        {capture::PixelFormat::yuyv, capture::PixelFormat::nv12, capture::PixelFormat::i420, capture::PixelFormat::i422,
         capture::PixelFormat::i444, capture::PixelFormat::bgr}) {
     const Scene scene = SceneBuilder{}.cameras_on_ring({.count = 3}).ball({}).build();
-    const object_tracking::HsiRange lime{65, 115, 0.3, 1, 0.1, 0.95};
+    const color::HsiRange lime{65, 115, 0.3, 1, 0.1, 0.95};
     for (const capture::FrameSet& set : render(scene, {.set_count = 3, .format = format, .pixel_noise_stddev = 0})) {
       for (const auto& frame : set.frames) {
         const capture::Image& image = frame->pixels;
         double n = 0, sum_u = 0, sum_v = 0;
         for (int v = 0; v < image.height; ++v) {
           for (int u = 0; u < image.width; ++u) {
-            const object_tracking::Rgb rgb = object_tracking::rgb_at(image, u, v);
-            if (!object_tracking::contains(lime, object_tracking::hsi_of(rgb))) continue;
+            const color::Rgb rgb = color::rgb_at(image, u, v);
+            if (!color::contains(lime, color::hsi_of(rgb))) continue;
             n += 1, sum_u += u, sum_v += v;
           }
         }

@@ -144,14 +144,13 @@ void receive(const config::ServiceConfig& config, Times& times, const std::stop_
 
 int main(int argc, char** argv) {
   daemon::set_up_log();
-  const soak::Arguments line(argc, argv, {"--make", "--spread", "--dequeued", "--receive", "--clock"}, 1,
+  const soak::Arguments line(argc, argv, {"make", "spread", "dequeued", "receive", "clock"}, 1,
                              "film_host [OPTIONS] FILMS CONFIG");
-  const int made = static_cast<int>(line.count("--make", 0)), spread = static_cast<int>(line.count("--spread", 0));
-  const std::string dequeued = line.text("--dequeued"), received = line.text("--receive");
+  const int made = static_cast<int>(line.count("make", 0)), spread = static_cast<int>(line.count("spread", 0));
+  const std::string dequeued = line.text("dequeued"), received = line.text("receive");
   const std::filesystem::path films = line.word(0), config_file = line.word(1);
   double start_s = 0, ppm = 0;
-  if (line.has("--clock") && std::sscanf(line.text("--clock").c_str(), "%lf,%lf", &start_s, &ppm) != 2)
-    line.end("--clock");
+  if (line.has("clock") && std::sscanf(line.text("clock").c_str(), "%lf,%lf", &start_s, &ppm) != 2) line.end("--clock");
   try {
     if (made > 0) {
       soak::make_films(films, made, 640, 480, false);

@@ -45,18 +45,18 @@ void on_signal(int signal) {
 int main(int argc, char** argv) {
   using namespace huetrack;
   daemon::set_up_log();
-  const soak::Arguments line(argc, argv, {"--faults", "--phases", "--tracks", "--make", "--make-boards", "--domain"}, 2,
+  const soak::Arguments line(argc, argv, {"faults", "phases", "tracks", "make", "make-boards", "domain"}, 2,
                              "film_service CONFIG FILMS [OPTIONS]");
   const std::filesystem::path config_file = line.word(0), films = line.word(1);
   const std::optional<std::uint64_t> faults =
-      line.has("--faults") ? std::optional(line.count("--faults", 0)) : std::nullopt;
-  const std::string phases = line.text("--phases", "spread");
+      line.has("faults") ? std::optional(line.count("faults", 0)) : std::nullopt;
+  const std::string phases = line.text("phases", "spread");
   if (phases != "spread" && phases != "together") line.end("--phases");
   daemon::LiveCommand options;
-  options.tracks = line.text("--tracks");
-  const int cameras_to_make = static_cast<int>(line.count("--make", 0));
-  const int board_places = static_cast<int>(line.count("--make-boards", 0));
-  const int domain = static_cast<int>(line.count("--domain", 0));
+  options.tracks = line.text("tracks");
+  const int cameras_to_make = static_cast<int>(line.count("make", 0));
+  const int board_places = static_cast<int>(line.count("make-boards", 0));
+  const int domain = static_cast<int>(line.count("domain", 0));
   for (const int signal : {SIGHUP, SIGUSR1}) std::signal(signal, on_signal);
   try {
     if (cameras_to_make > 0) soak::make_films(films, cameras_to_make, 320, 240, phases == "spread");

@@ -330,12 +330,12 @@ class Soak {
 }  // namespace
 
 int main(int argc, char** argv) {
-  const soak::Arguments line(argc, argv, {"--minutes", "--seed", "--service", "--slowness"}, 0, "soak [OPTIONS]");
+  const soak::Arguments line(argc, argv, {"minutes", "seed", "service", "slowness"}, 0, "soak [OPTIONS]");
   SoakOptions options;
-  options.minutes = line.number("--minutes", options.minutes);
-  options.seed = line.count("--seed", options.seed);
-  options.program = line.text("--service", options.program.string());  // film_service of another build
-  options.slowness = line.number("--slowness", options.slowness);      // of a sanitized build: patience times it
+  options.minutes = line.number("minutes", options.minutes);
+  options.seed = line.count("seed", options.seed);
+  options.program = line.text("service", options.program.string());  // film_service of another build
+  options.slowness = line.number("slowness", options.slowness);      // of a sanitized build: patience times it
   if (!(options.minutes > 0) || !(options.slowness > 0) || !fs::exists(options.program)) line.end("a value");
   std::string folder = (fs::temp_directory_path() / "soak_XXXXXX").string();
   if (!::mkdtemp(folder.data())) return 1;

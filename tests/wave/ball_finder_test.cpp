@@ -77,8 +77,8 @@ TEST(BallFinder, LeavesOutFramesThatAreOfNoUse) {
   EXPECT_EQ(finder.unusable_frames(), 1u);
 }
 
-object_tracking::ColorRegion region_at(double u, double v) {
-  object_tracking::ColorRegion region;
+color::ColorRegion region_at(double u, double v) {
+  color::ColorRegion region;
   region.area = 30;
   region.centre = {u, v};
   region.spread.setIdentity();

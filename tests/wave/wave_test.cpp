@@ -80,7 +80,7 @@ std::vector<BallFrame> waved(const calib::CameraRig& rig, const Waving& w) {
       }
       const double r = radius_m * camera.model.fx() / p.z();
       const auto add = [&](const Eigen::Vector2d& at, double radius) {
-        object_tracking::ColorRegion region;
+        color::ColorRegion region;
         region.area = static_cast<int>(std::lround(std::numbers::pi * radius * radius));
         region.centre = at;
         region.spread = radius * radius / 4 * Eigen::Matrix2d::Identity();

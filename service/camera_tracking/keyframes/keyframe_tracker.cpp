@@ -117,8 +117,8 @@ class KeyframeTracker final : public CameraTracker {
                             : "nothing of what was mapped is recognised in the view";
   }
 
-  CameraTrackerView view() const override {
-    CameraTrackerView out;
+  CameraTrackerInside inside() const override {
+    CameraTrackerInside out;
     for (const KeyframeTracking::Sought& s : tracking_.sought()) {
       const MapPoint& p = map_.points[static_cast<std::size_t>(s.point)];
       out.features.push_back(

@@ -58,15 +58,15 @@ class HuetrackLedFilter final : public LedFilter {
   void forget() override { forget_pose(); }
   bool is_ambiguous() const override { return !pose_ && search_.is_ambiguous(); }
 
-  CameraTrackerView view() const override {
-    CameraTrackerView view;
+  CameraTrackerInside inside() const override {
+    CameraTrackerInside out;
     constexpr std::size_t most = 300;
     if (pose_) {
       for (std::size_t l = 0; l < leds().size(); ++l) {
         LedJacobian j;
         const auto px = led_pixel(camera_.model, pose_->mean, leds()[l], 0, &j);
         if (!px || !camera_.contains(calib::RawPixel{*px})) continue;
-        CameraTrackerView::Feature f;
+        CameraTrackerInside::Feature f;
         f.px = px->cast<float>();
         f.found_px = Eigen::Vector2f::Constant(std::numeric_limits<float>::quiet_NaN());
         for (const auto& [led, at] : found_)
@@ -75,15 +75,15 @@ class HuetrackLedFilter final : public LedFilter {
         f.position = leds()[l];
         f.covariance.setZero();
         f.given = true;
-        view.features.push_back(f);
+        out.features.push_back(f);
       }
       const auto states = particles_.states();
       for (std::size_t i = 0; i < states.size(); i += std::max<std::size_t>(1, states.size() / most))
-        view.particles.push_back(states[i].world_from_camera);
+        out.particles.push_back(states[i].world_from_camera);
     } else {
-      view.particles.assign(search_.candidates().begin(), search_.candidates().end());
+      out.particles.assign(search_.candidates().begin(), search_.candidates().end());
     }
-    return view;
+    return out;
   }
 
  private:

@@ -40,7 +40,7 @@ class LedFilter {
  public:
   virtual ~LedFilter() = default;
   virtual camera_tracking::CameraEstimate update(const LedFrame& frame) = 0;  // in time order
-  virtual camera_tracking::CameraTrackerView view() const = 0;
+  virtual camera_tracking::CameraTrackerInside inside() const = 0;
   virtual double start_noise_px() const { return 0; }  // how noisy the pixels are if the pose that was found is right
   virtual void forget() {}  // which LED was lit in the frames so far was told wrongly: the pose, too
   virtual bool is_ambiguous() const { return false; }  // in the last frame more than one pose fitted

@@ -75,13 +75,13 @@ class PaperLedFilter final : public LedFilter {
     return estimate(frame, ess);
   }
 
-  CameraTrackerView view() const override {
-    CameraTrackerView view;
+  CameraTrackerInside inside() const override {
+    CameraTrackerInside out;
     for (const Vector3d& led : options_.start.leds) {
       LedJacobian j;
       const auto px = led_pixel(camera_.model, pose_.mean, led, 0, &j);
       if (!px || !camera_.contains(calib::RawPixel{*px})) continue;
-      CameraTrackerView::Feature f;
+      CameraTrackerInside::Feature f;
       f.px = px->cast<float>();
       f.found_px = Eigen::Vector2f::Constant(std::numeric_limits<float>::quiet_NaN());
       for (const auto& [at, px_seen] : found_)
@@ -90,12 +90,12 @@ class PaperLedFilter final : public LedFilter {
       f.position = led;
       f.covariance.setZero();
       f.given = true;
-      view.features.push_back(f);
+      out.features.push_back(f);
     }
     const auto states = particles_.states();
     for (std::size_t i = 0; i < states.size(); i += std::max<std::size_t>(1, states.size() / 300))
-      view.particles.push_back(states[i].world_from_camera);
-    return view;
+      out.particles.push_back(states[i].world_from_camera);
+    return out;
   }
 
  private:

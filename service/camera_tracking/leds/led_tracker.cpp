@@ -76,12 +76,12 @@ class LedTracker final : public CameraTracker {
     return "LEDs are seen, but no pose explains them: are led_schedule, the LEDs' positions, the room (led_room_min, "
            "led_room_max) and the rig right?";
   }
-  CameraTrackerView view() const override { return filter_->view(); }
+  CameraTrackerInside inside() const override { return filter_->inside(); }
   std::vector<CameraMapPoint> map() const override {
     std::vector<CameraMapPoint> out;
     for (const Eigen::Vector3d& led : start_.leds)
       out.push_back({.id = static_cast<std::uint32_t>(out.size()), .position = led, .given = true});
-    for (const CameraTrackerView::Feature& f : filter_->view().features) {
+    for (const CameraTrackerInside::Feature& f : filter_->inside().features) {
       if (!f.found_px.allFinite()) continue;  // not lit, perhaps: nobody can say that it was missed
       const auto led = std::ranges::find(out, f.position, &CameraMapPoint::position);
       if (led != out.end()) led->state = CameraMapPoint::State::found;

@@ -27,10 +27,10 @@ class LeeTracker final : public PaperTrackerBase {
     }
   }
 
-  CameraTrackerView view() const override {
-    CameraTrackerView out;
+  CameraTrackerInside inside() const override {
+    CameraTrackerInside out;
     for (const LeeFeature& f : features_) {
-      CameraTrackerView::Feature x;
+      CameraTrackerInside::Feature x;
       x.position = f.position, x.covariance = f.covariance, x.given = f.given;
       x.found_px.setConstant(std::numeric_limits<float>::quiet_NaN());
       bool in_view = false;

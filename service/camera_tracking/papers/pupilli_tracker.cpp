@@ -289,8 +289,8 @@ class PupilliTracker final : public PaperTrackerBase {
     }
   }
 
-  CameraTrackerView view() const override {
-    CameraTrackerView out;
+  CameraTrackerInside inside() const override {
+    CameraTrackerInside out;
     for (const PupilliFilter::Measured& m : filter_.measured()) {
       const PupilliPoint& p = filter_.points()[m.point];
       out.features.push_back({m.cloud.mean.cast<float>(), m.found.cast<float>(), m.cloud.covariance.cast<float>(),

@@ -10,7 +10,7 @@ const $ = <T extends HTMLElement>(id: string) => document.getElementById(id) as 
 const field = (id: string) => $<HTMLInputElement>(`adjust-${id}`);
 const choice = (id: string) => $<HTMLSelectElement>(`adjust-${id}`);
 
-// What a configuration says that names none of it (service/object_tracking/color_model.h).
+// What a configuration says that names none of it (service/color/color_model.h).
 const untaught: Omit<Color, "camera"> = { hue_deg: [0, 300], saturation: [0.3, 1], intensity: [0.1, 0.95] };
 const kinds = ["hue_deg", "saturation", "intensity"] as const;
 type Kind = (typeof kinds)[number];

@@ -312,7 +312,7 @@ const shares = new Map<string, number>();
 export const matchingShare = (camera: string): number | null => (liveMask?.has(camera) ? shares.get(camera) ?? null : null);
 
 const sketch = document.createElement("canvas");
-// HSI as the tracker computes it (service/object_tracking/color_model.cpp), of the preview's pixels.
+// HSI as the tracker computes it (service/color/color_model.cpp), of the preview's pixels.
 function maskOf(image: ImageBitmap, { color, ignored }: LiveMask, imageWidth: number): HTMLCanvasElement {
   const [w, h] = [image.width, image.height];
   if (sketch.width !== w || sketch.height !== h) [sketch.width, sketch.height] = [w, h];

@@ -6,9 +6,9 @@
 #include <vector>
 
 #include "capture/pixel_format.h"
-#include "object_tracking/color_model.h"
+#include "color/color_model.h"
 
-namespace huetrack::object_tracking {
+namespace huetrack::color {
 
 inline const std::vector<capture::PixelFormat> all_formats{
     capture::PixelFormat::yuyv, capture::PixelFormat::nv12, capture::PixelFormat::i420, capture::PixelFormat::i422,
@@ -61,4 +61,4 @@ inline bool matches_at(const capture::Image& image, const ColorTable& table, int
                                                    : table.contains(capture::yuv_at(image, u, v));
 }
 
-}  // namespace huetrack::object_tracking
+}  // namespace huetrack::color

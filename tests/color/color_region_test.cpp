@@ -1,4 +1,4 @@
-#include "object_tracking/color_region.h"
+#include "color/color_region.h"
 
 #include <gmock/gmock.h>
 
@@ -7,9 +7,9 @@
 #include <functional>
 #include <random>
 
-#include "object_tracking/mask_image.h"
+#include "color/mask_image.h"
 
-namespace huetrack::object_tracking {
+namespace huetrack::color {
 namespace {
 
 struct Mask {
@@ -215,4 +215,4 @@ TEST(RegionFinder, searchInFieldsOfColorEnds) {
 }
 
 }  // namespace
-}  // namespace huetrack::object_tracking
+}  // namespace huetrack::color

@@ -15,10 +15,10 @@
 #include <vector>
 
 #include "capture/pixel_format.h"
-#include "object_tracking/color_model.h"
-#include "object_tracking/window_kernels.h"
+#include "color/color_model.h"
+#include "color/window_kernels.h"
 
-namespace huetrack::object_tracking {
+namespace huetrack::color {
 
 // Inclusive pixel bounds.
 struct PixelBox {
@@ -125,4 +125,4 @@ class MatchBits {
 // The obvious way, one look-up per pixel of the window: the truth that the test holds count_5x5 to.
 int count_5x5_reference(const capture::Image& image, const ColorTable& table, int u, int v);
 
-}  // namespace huetrack::object_tracking
+}  // namespace huetrack::color

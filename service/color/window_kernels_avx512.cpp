@@ -1,4 +1,4 @@
-#include "object_tracking/window_kernels.h"
+#include "color/window_kernels.h"
 
 #ifdef __x86_64__
 
@@ -8,7 +8,7 @@
 
 #define HUETRACK_AVX512 __attribute__((target("avx512f,avx512bw,avx512dq,avx512vl,avx512vbmi,avx512vpopcntdq,bmi2")))
 
-namespace huetrack::object_tracking {
+namespace huetrack::color {
 namespace {
 
 template <typename Word>
@@ -163,14 +163,14 @@ const WindowKernels* avx512_window_kernels() {
   return has_it ? &kernels : nullptr;
 }
 
-}  // namespace huetrack::object_tracking
+}  // namespace huetrack::color
 
 #else
 
-namespace huetrack::object_tracking {
+namespace huetrack::color {
 const WindowKernels* avx512_window_kernels() {
   return nullptr;
 }
-}  // namespace huetrack::object_tracking
+}  // namespace huetrack::color
 
 #endif

@@ -1,4 +1,4 @@
-#include "object_tracking/color_model.h"
+#include "color/color_model.h"
 
 #include <fmt/format.h>
 
@@ -10,7 +10,7 @@
 #include <stdexcept>
 #include <utility>
 
-namespace huetrack::object_tracking {
+namespace huetrack::color {
 
 double hue_width_deg(const HsiRange& r) {
   return r.hue_max_deg >= r.hue_min_deg ? r.hue_max_deg - r.hue_min_deg : 360 - r.hue_min_deg + r.hue_max_deg;
@@ -265,4 +265,4 @@ bool ColorTable::is_for(capture::PixelFormat format, capture::ColorRange range) 
   return is_bgr_ ? format == capture::PixelFormat::bgr : format != capture::PixelFormat::bgr && range == range_;
 }
 
-}  // namespace huetrack::object_tracking
+}  // namespace huetrack::color

@@ -1,4 +1,4 @@
-#include "object_tracking/color_window.h"
+#include "color/color_window.h"
 
 #include <gmock/gmock.h>
 
@@ -6,9 +6,9 @@
 #include <cmath>
 #include <limits>
 
-#include "object_tracking/random_image.h"
+#include "color/random_image.h"
 
-namespace huetrack::object_tracking {
+namespace huetrack::color {
 namespace {
 
 struct Size {
@@ -292,4 +292,4 @@ TEST(MatchBits, rowsThatNobodyLookedAtAreEmpty) {
 }
 
 }  // namespace
-}  // namespace huetrack::object_tracking
+}  // namespace huetrack::color

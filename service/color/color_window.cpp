@@ -1,4 +1,4 @@
-#include "object_tracking/color_window.h"
+#include "color/color_window.h"
 
 #include <algorithm>
 #include <array>
@@ -10,7 +10,7 @@
 
 #include "particle_filter/vector_clones.h"
 
-namespace huetrack::object_tracking {
+namespace huetrack::color {
 namespace {
 
 constexpr int tile_size = TileAt::size;  // its powers are written out where that vectorises
@@ -316,4 +316,4 @@ int count_5x5_reference(const capture::Image& image, const ColorTable& table, in
   return k;
 }
 
-}  // namespace huetrack::object_tracking
+}  // namespace huetrack::color

@@ -8,9 +8,9 @@
 #include <span>
 #include <vector>
 
-#include "object_tracking/color_window.h"
+#include "color/color_window.h"
 
-namespace huetrack::object_tracking {
+namespace huetrack::color {
 
 struct ColorRegion {
   int area = 0;                // pixels
@@ -66,4 +66,4 @@ class RegionFinder {
   std::vector<ColorRegion> regions_;
 };
 
-}  // namespace huetrack::object_tracking
+}  // namespace huetrack::color

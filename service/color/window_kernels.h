@@ -1,5 +1,5 @@
 // The inner loops of MatchBits, once for every machine and once for those with AVX-512: the same bits from both, which
-// tests/object_tracking/color_window_test holds to the plain reference.
+// tests/color/color_window_test holds to the plain reference.
 #pragma once
 
 #include <bit>
@@ -8,9 +8,9 @@
 #include <cstring>
 
 #include "capture/pixel_format.h"
-#include "object_tracking/color_model.h"
+#include "color/color_model.h"
 
-namespace huetrack::object_tracking {
+namespace huetrack::color {
 
 struct PixelAt {
   int u, v;
@@ -62,4 +62,4 @@ const WindowKernels& portable_window_kernels();
 const WindowKernels* avx512_window_kernels();  // nullptr: this machine has none
 const WindowKernels& best_window_kernels();
 
-}  // namespace huetrack::object_tracking
+}  // namespace huetrack::color

@@ -3,9 +3,9 @@
 #pragma once
 
 #include "capture/frame.h"
-#include "object_tracking/color_model.h"
+#include "color/color_model.h"
 
-namespace huetrack::object_tracking {
+namespace huetrack::color {
 
 // u, v: inside the image.
 inline Rgb rgb_at(const capture::Image& image, int u, int v) {
@@ -13,4 +13,4 @@ inline Rgb rgb_at(const capture::Image& image, int u, int v) {
                                                    : rgb_of(capture::yuv_at(image, u, v), image.range);
 }
 
-}  // namespace huetrack::object_tracking
+}  // namespace huetrack::color

@@ -3,9 +3,9 @@
 #pragma once
 
 #include "capture/pixel_format.h"
-#include "object_tracking/color_model.h"
+#include "color/color_model.h"
 
-namespace huetrack::object_tracking {
+namespace huetrack::color {
 
 template <typename Chosen>
 capture::Image mask_image(int width, int height, Chosen chosen) {
@@ -22,4 +22,4 @@ inline const ColorTable& mask_table() {
   return table;
 }
 
-}  // namespace huetrack::object_tracking
+}  // namespace huetrack::color

@@ -1,9 +1,9 @@
-#include "object_tracking/color_region.h"
+#include "color/color_region.h"
 
 #include <algorithm>
 #include <bit>
 
-namespace huetrack::object_tracking {
+namespace huetrack::color {
 
 void RegionFinder::Moments::add(const Moments& o) {
   n += o.n, u += o.u, v += o.v, uu += o.uu, uv += o.uv, vv += o.vv;
@@ -225,4 +225,4 @@ const std::vector<ColorRegion>& RegionFinder::search(MatchBits& view, int step_p
   return regions_;
 }
 
-}  // namespace huetrack::object_tracking
+}  // namespace huetrack::color

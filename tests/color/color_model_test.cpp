@@ -1,4 +1,4 @@
-#include "object_tracking/color_model.h"
+#include "color/color_model.h"
 
 #include <gmock/gmock.h>
 
@@ -6,7 +6,7 @@
 #include <cmath>
 #include <numbers>
 
-namespace huetrack::object_tracking {
+namespace huetrack::color {
 namespace {
 
 using testing::ElementsAre;
@@ -194,4 +194,4 @@ TEST(HsiRange, problemsNameTheConstraint) {
 }
 
 }  // namespace
-}  // namespace huetrack::object_tracking
+}  // namespace huetrack::color

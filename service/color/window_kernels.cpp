@@ -1,4 +1,4 @@
-#include "object_tracking/window_kernels.h"
+#include "color/window_kernels.h"
 
 #include <bit>
 #include <cstring>
@@ -10,7 +10,7 @@
 #include <emmintrin.h>
 #endif
 
-namespace huetrack::object_tracking {
+namespace huetrack::color {
 namespace {
 
 std::uint64_t classify_pixel_by_pixel(const capture::Image& image, const ColorTable& table, int u, int v) {
@@ -151,4 +151,4 @@ const WindowKernels& best_window_kernels() {
   return best;
 }
 
-}  // namespace huetrack::object_tracking
+}  // namespace huetrack::color

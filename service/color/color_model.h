@@ -1,6 +1,6 @@
 // The target's colour in HSI, as in the paper (section 2.2): a range of hue and of saturation; pixels that are very
 // dark or very bright match nothing. Beside the plain formula stands a table that makes a raw pixel one look-up; the
-// exhaustive test tests/object_tracking/color_model_test.cpp holds every entry of the table to the formula.
+// exhaustive test tests/color/color_model_test.cpp holds every entry of the table to the formula.
 #pragma once
 
 #include <array>
@@ -11,7 +11,7 @@
 
 #include "capture/pixel_format.h"
 
-namespace huetrack::object_tracking {
+namespace huetrack::color {
 
 // Degrees and shares, inclusive on both ends.
 struct HsiRange {
@@ -108,4 +108,4 @@ class ColorTableBuilder {
   unsigned next_ = 0;
 };
 
-}  // namespace huetrack::object_tracking
+}  // namespace huetrack::color
