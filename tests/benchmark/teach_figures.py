@@ -125,7 +125,8 @@ def radii(huetrackd, folders, every):
                     clicked += 1
                     said = re.search(r"a radius of ([\d.]+) mm, give or take ([\d.]+)", run.stdout)
                     if said:
-                        told.append((100 * (float(said[1]) / radius - 1), 100 * float(said[2]) / radius))
+                        rounded = 0.0 if "." in said[1] else 0.5  # mm: as they are said to people
+                        told.append((100 * (float(said[1]) / radius - 1), 100 * (float(said[2]) + rounded) / radius))
                         if abs(told[-1][0]) > 8:
                             print(f"    {folder.name} {ball} {at}: {said[0]}")
                     else:
