@@ -32,4 +32,4 @@ fi
 sudo=""
 [ "$(id -u)" = 0 ] || sudo=sudo
 $sudo apt-get install -y -q --reinstall --no-install-recommends "$package"
-echo "== installed: huetrackd, huetrack and huetrack-calibrate; the configuration is /etc/huetrack/huetrackd.yaml"
+echo "== installed: huetrackd, huetrack and huetrack-calibrate; the configuration is /etc/huetrack/huetrackd.yaml; begin with: huetrackd setup"

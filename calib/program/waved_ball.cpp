@@ -4,7 +4,6 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
-#include <bit>
 #include <chrono>
 #include <cstdio>
 #include <iterator>
@@ -17,49 +16,12 @@
 #include "calib/model/rig_yaml.h"
 #include "calib/program/outcome.h"
 #include "calib/solver/bundle_adjustment.h"
+#include "calib/wave/wave_coverage.h"
 #include "capture/replay_source.h"
 #include "pipeline/live_cameras.h"
 
 namespace huetrack::program {
 namespace {
-
-// What is still needed: how much of each image the ball has been in, and which pairs saw it together how often.
-class Needs {
- public:
-  explicit Needs(const calib::CameraRig& rig) : rig_(rig), cells_(rig.cameras.size()), last_(rig.cameras.size(), -1e9) {
-    shared_.assign(rig.cameras.size() * rig.cameras.size(), 0);
-  }
-  void add(const wave::BallFrame& frame) {
-    if (frame.regions.empty()) return;
-    const auto c = static_cast<std::size_t>(frame.camera);
-    const calib::ImageSize size = rig_.cameras[c].image_size;
-    const Eigen::Vector2d& px = frame.regions.front().centre;
-    cells_[c] |= std::uint64_t{1} << (static_cast<int>(8 * (px.x() + 0.5) / size.width) +
-                                      8 * static_cast<int>(6 * (px.y() + 0.5) / size.height));
-    last_[c] = frame.t_s;
-    for (std::size_t o = 0; o < last_.size(); ++o) {
-      if (o != c && frame.t_s - last_[o] < 0.05) ++shared_[std::min(o, c) * last_.size() + std::max(o, c)];
-    }
-  }
-  std::string text() const {
-    std::string out;
-    for (std::size_t c = 0; c < cells_.size(); ++c)
-      out += " " + rig_.cameras[c].name + " " + std::to_string(100 * std::popcount(cells_[c]) / 48) + "%";
-    std::string lacking;
-    for (std::size_t a = 0; a < cells_.size(); ++a) {
-      for (std::size_t b = a + 1; b < cells_.size(); ++b) {
-        if (shared_[a * cells_.size() + b] < 40) lacking += " " + rig_.cameras[a].name + "+" + rig_.cameras[b].name;
-      }
-    }
-    return "in view:" + out + (lacking.empty() ? "" : "; hardly together yet:" + lacking);
-  }
-
- private:
-  const calib::CameraRig& rig_;
-  std::vector<std::uint64_t> cells_;
-  std::vector<double> last_;
-  std::vector<int> shared_;
-};
 
 using BallsFrames = std::vector<std::vector<wave::BallFrame>>;  // per target
 
@@ -95,7 +57,7 @@ BallsFrames frames_of_recording(const WavedOptions& o, const WavedInput& in, con
     }
   }
   Finder finder(in);
-  Needs needs(in.rig);
+  wave::WaveCoverage coverage(in.rig);
   gather::ProgressLine progress(!o.quiet);
   BallsFrames frames(in.targets.size());
   wave::BackgroundSamples background(names.size());
@@ -105,12 +67,12 @@ BallsFrames frames_of_recording(const WavedOptions& o, const WavedInput& in, con
     for (std::size_t ball = 0; ball < frames.size(); ++ball) {
       auto found = finder.look(ball, *frame);
       if (!found) continue;
-      needs.add(*found);
+      coverage.add(*found, ball);
       frames[ball].push_back(std::move(*found));
     }
     if (progress.due())
       progress.show("looking for the ball", done,
-                    expected ? std::optional<int>(static_cast<int>(*expected)) : std::nullopt, needs.text());
+                    expected ? std::optional<int>(static_cast<int>(*expected)) : std::nullopt, coverage.text());
   }
   for (auto& of_ball : frames) wave::sharpen(of_ball, background, in.rig, progress.progress());
   progress.clear();
@@ -126,7 +88,7 @@ BallsFrames frames_of_cameras(const WavedOptions& o, const WavedInput& in, const
   if (cameras.size() < 2) throw gather::InputError(o.config + ": cameras: two live cameras or more are needed");
   std::mutex mutex;
   BallsFrames frames(in.targets.size());  // guarded by mutex
-  Needs needs(in.rig);                    // guarded by mutex
+  wave::WaveCoverage coverage(in.rig);    // guarded by mutex
   std::optional<double> start;            // guarded by mutex
   std::stop_source end;
   {
@@ -144,7 +106,7 @@ BallsFrames frames_of_cameras(const WavedOptions& o, const WavedInput& in, const
             const std::lock_guard lock(mutex);
             if (!start) start = found->t_s;
             found->t_s -= *start;
-            needs.add(*found);
+            coverage.add(*found, ball);
             seen[ball].push_back(std::move(*found));
           }
         }
@@ -162,7 +124,8 @@ BallsFrames frames_of_cameras(const WavedOptions& o, const WavedInput& in, const
            (s = std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count()) < o.live_s) {
       std::this_thread::sleep_for(std::chrono::milliseconds(100));
       const std::lock_guard lock(mutex);
-      if (progress.due()) progress.show("wave the ball", static_cast<int>(s), static_cast<int>(o.live_s), needs.text());
+      if (progress.due())
+        progress.show("wave the ball", static_cast<int>(s), static_cast<int>(o.live_s), coverage.text());
     }
     progress.clear();
     end.request_stop();

@@ -71,21 +71,41 @@ void write_whole_file(const std::filesystem::path& file, std::string_view text) 
   struct stat there {};
   const bool is_there = ::stat(real.c_str(), &there) == 0;
   if (is_there && !S_ISREG(there.st_mode)) return write_into(file, text);
-  std::string name = real.string() + ".XXXXXX";
-  const int fd = ::mkostemp(name.data(), O_CLOEXEC);
-  if (fd < 0) throw cannot_write(file, errno);
+  WholeFile whole(file);
+  whole.write(text);
+  whole.finish();
+}
+
+WholeFile::WholeFile(std::filesystem::path file)
+    : file_(std::move(file)), real_(followed(file_)), name_(real_.string() + ".XXXXXX") {
+  struct stat there {};
+  const bool is_there = ::stat(real_.c_str(), &there) == 0;
+  if (is_there && !S_ISREG(there.st_mode)) throw cannot_write(file_, ESPIPE);
+  fd_ = ::mkostemp(name_.data(), O_CLOEXEC);
+  if (fd_ < 0) throw cannot_write(file_, errno);
   constexpr mode_t usual = 0644;
-  bool is_written = ::fchmod(fd, is_there ? there.st_mode & 07777 : usual) == 0 && write_all(fd, text) == text.size() &&
-                    ::fsync(fd) == 0;  // before the rename: a power cut must not leave an empty file
-  int error = errno;
-  if (::close(fd) != 0 && is_written) {
-    is_written = false;
-    error = errno;
-  }
-  if (is_written && ::rename(name.c_str(), real.c_str()) == 0) return;
-  if (is_written) error = errno;
-  ::unlink(name.c_str());
-  throw cannot_write(file, error);
+  if (::fchmod(fd_, is_there ? there.st_mode & 07777 : usual) == 0) return;
+  const int error = errno;
+  ::close(fd_);
+  ::unlink(name_.c_str());
+  throw cannot_write(file_, error);
+}
+
+WholeFile::~WholeFile() {
+  if (fd_ >= 0) ::close(fd_);
+  if (!name_.empty()) ::unlink(name_.c_str());
+}
+
+void WholeFile::write(std::string_view bytes) {
+  if (write_all(fd_, bytes) != bytes.size()) throw cannot_write(file_, errno);
+}
+
+void WholeFile::finish() {
+  // To the disk before the rename: a power cut must not leave an empty file.
+  if (::fsync(fd_) != 0) throw cannot_write(file_, errno);
+  if (::close(std::exchange(fd_, -1)) != 0) throw cannot_write(file_, errno);
+  if (::rename(name_.c_str(), real_.c_str()) != 0) throw cannot_write(file_, errno);
+  name_.clear();
 }
 
 LineFile::LineFile(std::filesystem::path file, const FileKind& kind, std::string_view header) : file_(std::move(file)) {

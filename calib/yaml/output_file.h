@@ -29,6 +29,24 @@ std::filesystem::path followed(const std::filesystem::path& file);
 // file; what was there is then still there.
 void write_whole_file(const std::filesystem::path& file, std::string_view text);
 
+// The same in parts, of what is too large for memory: at `file` nothing changes before finish(). Whoever does not get
+// that far leaves nothing behind. Not into a device or a pipe. thread-compatible.
+class WholeFile {
+ public:
+  explicit WholeFile(std::filesystem::path file);  // throws std::system_error, as the others do
+  ~WholeFile();
+  WholeFile(const WholeFile&) = delete;
+  WholeFile& operator=(const WholeFile&) = delete;
+
+  void write(std::string_view bytes);
+  void finish();
+
+ private:
+  std::filesystem::path file_, real_;
+  std::string name_;  // of the temporary file; empty: it has taken its place
+  int fd_ = -1;
+};
+
 // A file that grows by lines. thread-compatible.
 class LineFile {
  public:

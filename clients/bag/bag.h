@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -25,12 +26,22 @@ struct Bag {
   std::vector<Message> messages;  // ascending in time
 };
 
+// Pictures of minutes are more than memory holds: messages go to the disk as they come. thread-compatible.
+class BagWriter {
+ public:
+  virtual ~BagWriter() = default;
+  // In ascending time. throws std::exception of one readable line: it cannot be written.
+  virtual void add(const Message& message) = 0;
+  // After one message or more. Before, there is no bag yet, and where this is never called none is left behind.
+  virtual void finish() = 0;
+};
+
 // A rosbag2 of storage sqlite3: a new folder with metadata.yaml and a .db3, which `ros2 bag` reads from Foxy on.
 // throws std::runtime_error, one readable line: the folder is there and not empty, or cannot be written.
-void write_rosbag2(const Bag& bag, const std::filesystem::path& folder);
+std::unique_ptr<BagWriter> rosbag2_writer(std::vector<Topic> topics, const std::filesystem::path& folder);
 
 // One file, indexed, as https://mcap.dev/spec says; not compressed. By hand: Debian has no package of a writer. throws
 // std::runtime_error: what is there is no MCAP, or it cannot be written.
-void write_mcap(const Bag& bag, const std::filesystem::path& file);
+std::unique_ptr<BagWriter> mcap_writer(std::vector<Topic> topics, const std::filesystem::path& file);
 
 }  // namespace huetrack::bag

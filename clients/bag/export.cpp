@@ -1,31 +1,66 @@
 #include "clients/bag/export.h"
 
-#include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <memory>
+#include <optional>
 #include <stdexcept>
+#include <utility>
 
 #include "clients/bag/bag.h"
+#include "clients/bag/picture_bag.h"
 #include "clients/bag/track_bag.h"
 #include "clients/plot/track_file.h"
 
 namespace huetrack::bag {
+namespace {
 
-void export_track(const ExportOptions& options) {
-  const std::string extension = options.out.extension();
+void refuse_other_forms(const std::filesystem::path& out) {
+  const std::string extension = out.extension();
   if (extension == ".db3" || extension == ".bag" || extension == ".csv")
-    throw std::runtime_error(options.out.string() +
+    throw std::runtime_error(out.string() +
                              ": a rosbag2 is a folder, which gets its .db3 by itself (--out my_bag); "
                              "the other form is one file, --out FILE.mcap");
-  const Bag bag = bag_of(plot::read_tracks(options.tracks), options.frame_id,
-                         std::chrono::nanoseconds(std::llround(options.clock_offset_s * 1e9)));
-  const bool is_mcap = extension == ".mcap";
-  if (is_mcap)
-    write_mcap(bag, options.out);
-  else
-    write_rosbag2(bag, options.out);
-  std::printf("%s: %zu messages on %zu topics:", options.out.c_str(), bag.messages.size(), bag.topics.size());
-  for (const Topic& topic : bag.topics) std::printf(" %s", topic.name.c_str());
+}
+
+}  // namespace
+
+void export_track(const ExportOptions& options) {
+  refuse_other_forms(options.out);
+  if (options.tracks.empty() && options.pictures.empty())
+    throw std::runtime_error("give a track CSV, or --pictures RECORDING, or both");
+  const std::chrono::nanoseconds offset(std::llround(options.clock_offset_s * 1e9));
+  const Bag bag = options.tracks.empty() ? Bag() : bag_of(plot::read_tracks(options.tracks), options.frame_id, offset);
+  std::vector<Topic> topics = bag.topics;
+  std::optional<RecordedPictures> pictures;
+  std::optional<Message> picture;
+  if (!options.pictures.empty()) {
+    pictures.emplace(options.pictures, options.rig, topics.size(), offset);
+    topics.insert(topics.end(), pictures->topics().begin(), pictures->topics().end());
+    picture = pictures->next();
+    if (!picture && bag.messages.empty())
+      throw std::runtime_error(options.pictures.string() + " has no picture: there is nothing to export");
+  }
+
+  const auto writer =
+      options.out.extension() == ".mcap" ? mcap_writer(topics, options.out) : rosbag2_writer(topics, options.out);
+  std::size_t messages = 0;
+  for (auto track = bag.messages.begin(); track != bag.messages.end() || picture; ++messages) {
+    const bool is_tracks_turn = !picture || (track != bag.messages.end() && track->at_ns <= picture->at_ns);
+    writer->add(is_tracks_turn ? *track : *picture);
+    if (is_tracks_turn)
+      ++track;
+    else
+      picture = pictures->next();
+  }
+  writer->finish();
+  if (pictures)
+    for (const std::string& warning : pictures->take_warnings()) std::fprintf(stderr, "note: %s\n", warning.c_str());
+  if (pictures && options.clock_offset_s == 0 && pictures->started_at_s())
+    std::fprintf(stderr, "note: times are of the recording's clock; --clock-offset %.9f makes them UNIX time\n",
+                 *pictures->started_at_s());
+  std::printf("%s: %zu messages on %zu topics:", options.out.c_str(), messages, topics.size());
+  for (const Topic& topic : topics) std::printf(" %s", topic.name.c_str());
   std::printf("\n");
 }
 

@@ -1,4 +1,4 @@
-// `huetrack export`: a track as a rosbag2 or as MCAP.
+// `huetrack export`: a track, a recording's pictures, or both, as a rosbag2 or as MCAP.
 #pragma once
 
 #include <filesystem>
@@ -7,7 +7,9 @@
 namespace huetrack::bag {
 
 struct ExportOptions {
-  std::filesystem::path tracks;    // CSV, of targets or of a tracked camera
+  std::filesystem::path tracks;    // CSV, of targets or of a tracked camera; empty: pictures alone
+  std::filesystem::path pictures;  // a recording; empty: none
+  std::filesystem::path rig;       // of its cameras; empty: the recording's own, if it has one
   std::filesystem::path out;       // FILE.mcap, or the folder of a rosbag2
   std::string frame_id = "world";  // the world's name
   double clock_offset_s = 0;       // added to every time

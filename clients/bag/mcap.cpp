@@ -4,8 +4,8 @@
 
 #include <algorithm>
 #include <bit>
-#include <limits>
 #include <map>
+#include <utility>
 
 #include "calib/yaml/output_file.h"
 #include "clients/bag/bag.h"
@@ -63,162 +63,184 @@ std::string times_and_offsets(const std::vector<std::pair<std::uint64_t, std::ui
   return out;
 }
 
-class Writer {
+class McapWriter final : public BagWriter {
  public:
-  explicit Writer(const Bag& bag) : bag_(bag) {
-    out_ = magic;
-    std::string about;
+  McapWriter(std::vector<Topic> topics, const std::filesystem::path& file) : topics_(std::move(topics)), file_(file) {
+    std::string begin = magic, about;
     add_sized(about, "ros2");
     add_sized(about, "huetrack");
-    add_record(out_, header, about);
-    add_definitions(out_);
-    for (std::size_t i = 0; i < bag.messages.size();) i = add_chunk(i);
-    std::string end;
-    add(end, checksum(out_));
-    add_record(out_, data_end, end);
-    add_summary();
-    out_ += magic;
+    add_record(begin, header, about);
+    add_definitions(begin);
+    put(begin);
   }
-  const std::string& bytes() const { return out_; }
+
+  void add(const Message& m) override {
+    const auto id = static_cast<std::uint16_t>(m.topic + 1);
+    const auto at = static_cast<std::uint64_t>(m.at_ns);
+    if (counts_.empty()) first_ = at;
+    if (records_.empty()) chunk_from_ = at;
+    last_ = at;
+    index_[id].emplace_back(at, records_.size());
+    ++counts_[id];
+    std::string content;
+    bag::add(content, id);
+    bag::add(content, static_cast<std::uint32_t>(counts_[id] - 1));
+    bag::add(content, at);  // logged
+    bag::add(content, at);  // published
+    content += m.data;
+    add_record(records_, message, content);
+    if (records_.size() >= chunk_bytes) end_chunk();
+  }
+
+  void finish() override {
+    if (!records_.empty()) end_chunk();
+    std::string end, record;
+    bag::add(end, checksum_);
+    add_record(record, data_end, end);
+    put(record);
+    put_summary();
+    put(magic);
+    file_.finish();
+  }
 
  private:
+  void put(const std::string& bytes) {
+    file_.write(bytes);
+    at_ += bytes.size();
+    checksum_ =
+        static_cast<std::uint32_t>(::crc32_z(checksum_, reinterpret_cast<const Bytef*>(bytes.data()), bytes.size()));
+  }
+
   // Schemas, one for each type, and channels, one for each topic; both are numbered from 1.
   void add_definitions(std::string& to) const {
     std::vector<std::string> types;
     std::string channels;
-    for (std::size_t t = 0; t < bag_.topics.size(); ++t) {
-      const Topic& topic = bag_.topics[t];
+    for (std::size_t t = 0; t < topics_.size(); ++t) {
+      const Topic& topic = topics_[t];
       auto type = std::ranges::find(types, topic.type);
       if (type == types.end()) {
         types.push_back(topic.type);
         type = types.end() - 1;
         std::string content;
-        add(content, static_cast<std::uint16_t>(types.size()));
+        bag::add(content, static_cast<std::uint16_t>(types.size()));
         add_sized(content, topic.type);
         add_sized(content, "ros2msg");
         add_sized(content, topic.definition);
         add_record(to, schema, content);
       }
       std::string content;
-      add(content, static_cast<std::uint16_t>(t + 1));
-      add(content, static_cast<std::uint16_t>(type - types.begin() + 1));
+      bag::add(content, static_cast<std::uint16_t>(t + 1));
+      bag::add(content, static_cast<std::uint16_t>(type - types.begin() + 1));
       add_sized(content, topic.name);
       add_sized(content, "cdr");
-      add(content, std::uint32_t{0});  // no metadata
+      bag::add(content, std::uint32_t{0});  // no metadata
       add_record(channels, channel, content);
     }
     to += channels;
   }
 
-  // From this message on; returns the first that is not in it.
-  std::size_t add_chunk(std::size_t first) {
-    std::string records;
-    Index index;
-    std::size_t i = first;
-    for (; i < bag_.messages.size() && records.size() < chunk_bytes; ++i) {
-      const Message& m = bag_.messages[i];
-      const auto id = static_cast<std::uint16_t>(m.topic + 1);
-      const auto at = static_cast<std::uint64_t>(m.at_ns);
-      index[id].emplace_back(at, records.size());
-      ++counts_[id];
-      std::string content;
-      add(content, id);
-      add(content, static_cast<std::uint32_t>(counts_[id] - 1));
-      add(content, at);  // logged
-      add(content, at);  // published
-      content += m.data;
-      add_record(records, message, content);
-    }
-    const auto from = static_cast<std::uint64_t>(bag_.messages[first].at_ns);
-    const auto to = static_cast<std::uint64_t>(bag_.messages[i - 1].at_ns);
+  void end_chunk() {
     std::string content;
-    add(content, from);
-    add(content, to);
-    add(content, static_cast<std::uint64_t>(records.size()));
-    add(content, checksum(records));
+    bag::add(content, chunk_from_);
+    bag::add(content, last_);
+    bag::add(content, static_cast<std::uint64_t>(records_.size()));
+    bag::add(content, checksum(records_));
     add_sized(content, "");  // not compressed
-    add(content, static_cast<std::uint64_t>(records.size()));
-    content += records;
-    const std::uint64_t start = out_.size();
-    add_record(out_, chunk, content);
-    const std::uint64_t length = out_.size() - start;
+    bag::add(content, static_cast<std::uint64_t>(records_.size()));
+    content += records_;
+    const std::uint64_t start = at_;
+    std::string out;
+    add_record(out, chunk, content);
+    const std::uint64_t length = out.size();
 
     std::string offsets;  // of the message indexes
-    const std::uint64_t indexes_from = out_.size();
-    for (const auto& [id, entries] : index) {
-      add(offsets, id);
-      add(offsets, static_cast<std::uint64_t>(out_.size()));
+    const std::uint64_t indexes_from = out.size();
+    for (const auto& [id, entries] : index_) {
+      bag::add(offsets, id);
+      bag::add(offsets, static_cast<std::uint64_t>(start + out.size()));
       std::string entry;
-      add(entry, id);
+      bag::add(entry, id);
       add_sized(entry, times_and_offsets(entries));
-      add_record(out_, message_index, entry);
+      add_record(out, message_index, entry);
     }
     std::string summary;
-    add(summary, from);
-    add(summary, to);
-    add(summary, start);
-    add(summary, length);
+    bag::add(summary, chunk_from_);
+    bag::add(summary, last_);
+    bag::add(summary, start);
+    bag::add(summary, length);
     add_sized(summary, offsets);
-    add(summary, static_cast<std::uint64_t>(out_.size()) - indexes_from);
+    bag::add(summary, static_cast<std::uint64_t>(out.size()) - indexes_from);
     add_sized(summary, "");
-    add(summary, static_cast<std::uint64_t>(records.size()));
-    add(summary, static_cast<std::uint64_t>(records.size()));
+    bag::add(summary, static_cast<std::uint64_t>(records_.size()));
+    bag::add(summary, static_cast<std::uint64_t>(records_.size()));
     add_record(chunk_indexes_, chunk_index, summary);
+    put(out);
     ++chunks_;
-    return i;
+    records_.clear();
+    index_.clear();
   }
 
   std::string statistics_of() const {
     std::string content, counts;
-    add(content, static_cast<std::uint64_t>(bag_.messages.size()));
+    std::uint64_t messages = 0;
+    for (const auto& [id, count] : counts_) messages += count;
+    bag::add(content, messages);
     std::vector<std::string> types;
-    for (const Topic& topic : bag_.topics)
+    for (const Topic& topic : topics_)
       if (std::ranges::find(types, topic.type) == types.end()) types.push_back(topic.type);
-    add(content, static_cast<std::uint16_t>(types.size()));
-    add(content, static_cast<std::uint32_t>(bag_.topics.size()));
-    add(content, std::uint32_t{0});  // attachments
-    add(content, std::uint32_t{0});  // metadata
-    add(content, chunks_);
-    add(content, static_cast<std::uint64_t>(bag_.messages.front().at_ns));
-    add(content, static_cast<std::uint64_t>(bag_.messages.back().at_ns));
+    bag::add(content, static_cast<std::uint16_t>(types.size()));
+    bag::add(content, static_cast<std::uint32_t>(topics_.size()));
+    bag::add(content, std::uint32_t{0});  // attachments
+    bag::add(content, std::uint32_t{0});  // metadata
+    bag::add(content, chunks_);
+    bag::add(content, first_);
+    bag::add(content, last_);
     for (const auto& [id, count] : counts_) {
-      add(counts, id);
-      add(counts, count);
+      bag::add(counts, id);
+      bag::add(counts, count);
     }
     add_sized(content, counts);
     return content;
   }
 
-  void add_summary() {
-    const std::uint64_t start = out_.size();
-    add_definitions(out_);
-    const std::uint64_t statistics_at = out_.size();
-    add_record(out_, statistics, statistics_of());
-    const std::uint64_t indexes_at = out_.size();
-    out_ += chunk_indexes_;
-    const std::uint64_t offsets_at = out_.size();
+  void put_summary() {
+    const std::uint64_t start = at_;
+    std::string out;
+    add_definitions(out);
+    const std::uint64_t statistics_at = start + out.size();
+    add_record(out, statistics, statistics_of());
+    const std::uint64_t indexes_at = start + out.size();
+    out += chunk_indexes_;
+    const std::uint64_t offsets_at = start + out.size();
     for (const auto& [opcode, from, to] :
          {std::tuple{statistics, statistics_at, indexes_at}, {chunk_index, indexes_at, offsets_at}}) {
       std::string content(1, static_cast<char>(opcode));
-      add(content, from);
-      add(content, to - from);
-      add_record(out_, summary_offset, content);
+      bag::add(content, from);
+      bag::add(content, to - from);
+      add_record(out, summary_offset, content);
     }
     std::string content;
-    add(content, start);
-    add(content, offsets_at);
+    bag::add(content, start);
+    bag::add(content, offsets_at);
     // Of the summary, and of this record up to here.
     constexpr std::uint64_t footer_length = 8 + 8 + 4;
-    std::string checked = out_.substr(start);
+    std::string checked = out;
     checked += static_cast<char>(footer);
-    add(checked, footer_length);
+    bag::add(checked, footer_length);
     checked += content;
-    add(content, checksum(checked));
-    add_record(out_, footer, content);
+    bag::add(content, checksum(checked));
+    add_record(out, footer, content);
+    put(out);
   }
 
-  const Bag& bag_;
-  std::string out_, chunk_indexes_;
+  const std::vector<Topic> topics_;
+  yaml::WholeFile file_;
+  std::uint64_t at_ = 0;        // bytes that are written
+  std::uint32_t checksum_ = 0;  // of them
+  std::string records_;         // of the chunk that is not written yet, from the beginning of which:
+  Index index_;
+  std::uint64_t chunk_from_ = 0, first_ = 0, last_ = 0;
+  std::string chunk_indexes_;
   std::map<std::uint16_t, std::uint64_t> counts_;  // messages, by channel
   std::uint32_t chunks_ = 0;
 };
@@ -227,9 +249,9 @@ constexpr yaml::FileKind mcap_kind{"MCAP", [](std::string_view text) { return te
 
 }  // namespace
 
-void write_mcap(const Bag& bag, const std::filesystem::path& file) {
+std::unique_ptr<BagWriter> mcap_writer(std::vector<Topic> topics, const std::filesystem::path& file) {
   yaml::refuse_other_kind(file, mcap_kind);
-  yaml::write_whole_file(file, Writer(bag).bytes());
+  return std::make_unique<McapWriter>(std::move(topics), file);
 }
 
 }  // namespace huetrack::bag

@@ -4,7 +4,9 @@
 #include <sqlite3.h>
 
 #include <memory>
+#include <optional>
 #include <stdexcept>
+#include <utility>
 
 #include "calib/yaml/output_file.h"
 #include "clients/bag/bag.h"
@@ -68,48 +70,78 @@ class Insertion {
   std::unique_ptr<sqlite3_stmt, Finalize> statement_;
 };
 
-void write_database(const Bag& bag, const std::filesystem::path& file) {
-  Database db(file);
-  db.run(
-      "PRAGMA journal_mode=OFF; PRAGMA synchronous=OFF;"
-      "CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT NOT NULL, type TEXT NOT NULL, serialization_format TEXT "
-      "NOT "
-      "NULL, offered_qos_profiles TEXT NOT NULL);"
-      "CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER NOT NULL, timestamp INTEGER NOT NULL, data BLOB "
-      "NOT NULL);"
-      "BEGIN;");
-  Insertion topics(db, "INSERT INTO topics VALUES(?, ?, ?, 'cdr', '')");
-  for (std::size_t t = 0; t < bag.topics.size(); ++t)
-    topics.bind(1, std::int64_t(t) + 1).bind(2, bag.topics[t].name).bind(3, bag.topics[t].type).run();
-  Insertion messages(db, "INSERT INTO messages(topic_id, timestamp, data) VALUES(?, ?, ?)");
-  for (const Message& message : bag.messages)
-    messages.bind(1, std::int64_t(message.topic) + 1).bind(2, message.at_ns).bind_bytes(3, message.data).run();
-  db.run("CREATE INDEX timestamp_idx ON messages (timestamp ASC); COMMIT;");
-}
+class Rosbag2Writer final : public BagWriter {
+ public:
+  Rosbag2Writer(std::vector<Topic> topics, const std::filesystem::path& folder)
+      : topics_(std::move(topics)), counts_(topics_.size(), 0), folder_(folder), db_(folder / database) {
+    db_.run(
+        "PRAGMA journal_mode=OFF; PRAGMA synchronous=OFF;"
+        "CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT NOT NULL, type TEXT NOT NULL, serialization_format TEXT "
+        "NOT "
+        "NULL, offered_qos_profiles TEXT NOT NULL);"
+        "CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER NOT NULL, timestamp INTEGER NOT NULL, data "
+        "BLOB NOT NULL);"
+        "BEGIN;");
+    Insertion insertion(db_, "INSERT INTO topics VALUES(?, ?, ?, 'cdr', '')");
+    for (std::size_t t = 0; t < topics_.size(); ++t)
+      insertion.bind(1, std::int64_t(t) + 1).bind(2, topics_[t].name).bind(3, topics_[t].type).run();
+    messages_.emplace(db_, "INSERT INTO messages(topic_id, timestamp, data) VALUES(?, ?, ?)");
+  }
+  ~Rosbag2Writer() override {
+    if (is_finished_) return;
+    std::error_code none;  // the folder was ours to make, or empty
+    std::filesystem::remove(folder_ / database, none);
+    std::filesystem::remove(folder_, none);
+  }
 
-std::string metadata_of(const Bag& bag, const std::string& database) {
-  const std::int64_t from = bag.messages.front().at_ns, duration = bag.messages.back().at_ns - from;
-  std::vector<std::size_t> counts(bag.topics.size(), 0);
-  for (const Message& message : bag.messages) ++counts[message.topic];
-  std::string topics;
-  for (std::size_t t = 0; t < bag.topics.size(); ++t)
-    topics += fmt::format(
-        "    - topic_metadata:\n        name: {}\n        type: {}\n        serialization_format: cdr\n"
-        "        offered_qos_profiles: \"\"\n      message_count: {}\n",
-        bag.topics[t].name, bag.topics[t].type, counts[t]);
-  return fmt::format(
-      "rosbag2_bagfile_information:\n  version: 5\n  storage_identifier: sqlite3\n  duration:\n    nanoseconds: {1}\n"
-      "  starting_time:\n    nanoseconds_since_epoch: {0}\n  message_count: {2}\n  topics_with_message_count:\n{3}"
-      "  compression_format: \"\"\n  compression_mode: \"\"\n  relative_file_paths:\n    - {4}\n  files:\n    - path: "
-      "{4}\n"
-      "      starting_time:\n        nanoseconds_since_epoch: {0}\n      duration:\n        nanoseconds: {1}\n"
-      "      message_count: {2}\n",
-      from, duration, bag.messages.size(), topics, database);
-}
+  void add(const Message& message) override {
+    messages_->bind(1, std::int64_t(message.topic) + 1).bind(2, message.at_ns).bind_bytes(3, message.data).run();
+    if (count_++ == 0) from_ns_ = message.at_ns;
+    to_ns_ = message.at_ns;
+    ++counts_[message.topic];
+  }
+
+  void finish() override {
+    messages_.reset();
+    db_.run("CREATE INDEX timestamp_idx ON messages (timestamp ASC); COMMIT;");
+    yaml::write_whole_file(folder_ / "metadata.yaml", metadata());  // last: without it, it is no bag yet
+    is_finished_ = true;
+  }
+
+ private:
+  static constexpr const char* database = "track_0.db3";
+
+  std::string metadata() const {
+    std::string topics;
+    for (std::size_t t = 0; t < topics_.size(); ++t)
+      topics += fmt::format(
+          "    - topic_metadata:\n        name: {}\n        type: {}\n        serialization_format: cdr\n"
+          "        offered_qos_profiles: \"\"\n      message_count: {}\n",
+          topics_[t].name, topics_[t].type, counts_[t]);
+    return fmt::format(
+        "rosbag2_bagfile_information:\n  version: 5\n  storage_identifier: sqlite3\n  duration:\n    nanoseconds: {1}\n"
+        "  starting_time:\n    nanoseconds_since_epoch: {0}\n  message_count: {2}\n  topics_with_message_count:\n{3}"
+        "  compression_format: \"\"\n  compression_mode: \"\"\n  relative_file_paths:\n    - {4}\n  files:\n    - "
+        "path: "
+        "{4}\n"
+        "      starting_time:\n        nanoseconds_since_epoch: {0}\n      duration:\n        nanoseconds: {1}\n"
+        "      message_count: {2}\n",
+        from_ns_, to_ns_ - from_ns_, count_, topics, database);
+  }
+
+  const std::vector<Topic> topics_;
+  std::vector<std::size_t> counts_;  // messages, by topic
+  const std::filesystem::path folder_;
+  Database db_;
+  std::optional<Insertion> messages_;
+  std::size_t count_ = 0;
+  std::int64_t from_ns_ = 0, to_ns_ = 0;
+  bool is_finished_ = false;
+};
 
 }  // namespace
 
-void write_rosbag2(const Bag& bag, const std::filesystem::path& folder) {
+std::unique_ptr<BagWriter> rosbag2_writer(std::vector<Topic> topics, const std::filesystem::path& folder) {
   namespace fs = std::filesystem;
   std::error_code none;
   if (fs::exists(folder, none) && !(fs::is_directory(folder, none) && fs::is_empty(folder, none)))
@@ -117,9 +149,7 @@ void write_rosbag2(const Bag& bag, const std::filesystem::path& folder) {
   std::error_code error;
   fs::create_directories(folder, error);
   if (error) throw std::runtime_error(folder.string() + ": cannot be made: " + error.message());
-  const std::string database = "track_0.db3";
-  write_database(bag, folder / database);
-  yaml::write_whole_file(folder / "metadata.yaml", metadata_of(bag, database));  // last: without it, it is no bag yet
+  return std::make_unique<Rosbag2Writer>(std::move(topics), folder);
 }
 
 }  // namespace huetrack::bag

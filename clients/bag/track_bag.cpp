@@ -1,13 +1,9 @@
 #include "clients/bag/track_bag.h"
 
-#include <fastcdr/Cdr.h>
-#include <fastcdr/FastBuffer.h>
-
 #include <algorithm>
-#include <cctype>
-#include <limits>
 #include <stdexcept>
 
+#include "clients/bag/ros_messages.h"
 #include "idl/ros2_messages.h"
 #include "idl/topics.h"
 
@@ -16,27 +12,22 @@ namespace {
 
 namespace geometry = geometry_msgs::msg::dds_;
 constexpr double unknown_orientation_variance = 1e6;  // rad^2; as service/publish has it
-constexpr std::int64_t ns_per_s = 1'000'000'000;
-constexpr std::size_t rtps_prefix = 2;  // a ROS 2 topic /x is the DDS topic rt/x
 
-const std::string separator = std::string(80, '=') + "\n";
-const std::string header_definition = separator +
-                                      "MSG: std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id\n" +
-                                      separator + "MSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n";
 const std::string quaternion_definition =
-    separator + "MSG: geometry_msgs/Quaternion\nfloat64 x\nfloat64 y\nfloat64 z\nfloat64 w\n";
+    separator() + "MSG: geometry_msgs/Quaternion\nfloat64 x\nfloat64 y\nfloat64 z\nfloat64 w\n";
 const std::string pose_definition =
-    "std_msgs/Header header\ngeometry_msgs/PoseWithCovariance pose\n" + separator +
-    "MSG: geometry_msgs/PoseWithCovariance\ngeometry_msgs/Pose pose\nfloat64[36] covariance\n" + separator +
-    "MSG: geometry_msgs/Pose\ngeometry_msgs/Point position\ngeometry_msgs/Quaternion orientation\n" + separator +
-    "MSG: geometry_msgs/Point\nfloat64 x\nfloat64 y\nfloat64 z\n" + quaternion_definition + header_definition;
+    "std_msgs/Header header\ngeometry_msgs/PoseWithCovariance pose\n" + separator() +
+    "MSG: geometry_msgs/PoseWithCovariance\ngeometry_msgs/Pose pose\nfloat64[36] covariance\n" + separator() +
+    "MSG: geometry_msgs/Pose\ngeometry_msgs/Point position\ngeometry_msgs/Quaternion orientation\n" + separator() +
+    "MSG: geometry_msgs/Point\nfloat64 x\nfloat64 y\nfloat64 z\n" + quaternion_definition + header_definition();
 const std::string tf_definition =
-    "geometry_msgs/TransformStamped[] transforms\n" + separator +
+    "geometry_msgs/TransformStamped[] transforms\n" + separator() +
     "MSG: geometry_msgs/TransformStamped\nstd_msgs/Header header\nstring child_frame_id\n"
     "geometry_msgs/Transform transform\n" +
-    separator + "MSG: geometry_msgs/Transform\ngeometry_msgs/Vector3 translation\ngeometry_msgs/Quaternion rotation\n" +
-    separator + "MSG: geometry_msgs/Vector3\nfloat64 x\nfloat64 y\nfloat64 z\n" + quaternion_definition +
-    header_definition;
+    separator() +
+    "MSG: geometry_msgs/Transform\ngeometry_msgs/Vector3 translation\ngeometry_msgs/Quaternion rotation\n" +
+    separator() + "MSG: geometry_msgs/Vector3\nfloat64 x\nfloat64 y\nfloat64 z\n" + quaternion_definition +
+    header_definition();
 
 // What a row says, in the messages' own terms.
 struct Pose {
@@ -48,9 +39,7 @@ struct Pose {
 
 Pose pose_of(const plot::TrackRow& row, std::int64_t at_ns, const std::string& frame_id) {
   Pose pose;
-  pose.header.stamp().sec(static_cast<std::int32_t>(at_ns / ns_per_s));
-  pose.header.stamp().nanosec(static_cast<std::uint32_t>(at_ns % ns_per_s));
-  pose.header.frame_id(frame_id);
+  pose.header = ros_header(at_ns, frame_id);
   pose.position = row.position;
   const bool has_orientation = !row.orientation.hasNaN();
   pose.orientation.x(has_orientation ? row.orientation[0] : 0);
@@ -69,18 +58,6 @@ Pose pose_of(const plot::TrackRow& row, std::int64_t at_ns, const std::string& f
     at(i + 3, i + 3) = unknown_orientation_variance;
   }
   return pose;
-}
-
-template <typename Ros>
-std::string cdr_of(const Ros& message) {
-  constexpr std::size_t encapsulation = 4;
-  std::string bytes(encapsulation + Ros::getCdrSerializedSize(message), '\0');
-  eprosima::fastcdr::FastBuffer buffer(bytes.data(), bytes.size());
-  eprosima::fastcdr::Cdr cdr(buffer, eprosima::fastcdr::Cdr::LITTLE_ENDIANNESS, eprosima::fastcdr::Cdr::DDS_CDR);
-  cdr.serialize_encapsulation();
-  message.serialize(cdr);
-  bytes.resize(cdr.getSerializedDataLength());
-  return bytes;
 }
 
 std::string pose_message(const Pose& pose) {
@@ -107,21 +84,6 @@ std::string tf_message(const Pose& pose, const std::string& child) {
   return cdr_of(message);
 }
 
-// As a part of a topic's name, whoever wrote the file.
-std::string word_of(std::string name) {
-  std::ranges::replace_if(
-      name, [](unsigned char c) { return std::isalnum(c) == 0 && c != '_'; }, '_');
-  return name;
-}
-
-std::int64_t ros_time(const plot::TrackRow& row, std::chrono::nanoseconds offset) {
-  const std::int64_t ns = (row.at.time_since_epoch() + offset).count();
-  if (ns < 0 || ns / ns_per_s > std::numeric_limits<std::int32_t>::max())
-    throw std::runtime_error("the time " + std::to_string(ns / ns_per_s) +
-                             " s is none that ROS 2 can say (1970 to 2038); --clock-offset is added to all");
-  return ns;
-}
-
 }  // namespace
 
 Bag bag_of(const std::map<std::string, std::vector<plot::TrackRow>>& tracks, const std::string& frame_id,
@@ -137,7 +99,7 @@ Bag bag_of(const std::map<std::string, std::vector<plot::TrackRow>>& tracks, con
          "geometry_msgs/msg/PoseWithCovarianceStamped", pose_definition});
     for (const plot::TrackRow& row : rows) {
       if (!row.has_position()) continue;
-      const std::int64_t at_ns = ros_time(row, offset);
+      const std::int64_t at_ns = ros_time(row.at.time_since_epoch(), offset);
       const Pose pose = pose_of(row, at_ns, frame_id);
       bag.messages.push_back({topic, at_ns, pose_message(pose)});
       bag.messages.push_back({0, at_ns, tf_message(pose, word)});

@@ -159,7 +159,7 @@ int fetch(ControlConnection& connection, const Addressed& service, const std::ve
     if (download.state() != RecordingDownload::State::ended) continue;
     to->finish();
     say(fmt::format("{} bytes in {}{}", download.bytes(), file.string(),
-                    what == RecordingDownload::report_words() ? "" : "; tar -xf unpacks it"));
+                    what[0] == "record" ? "; tar -xf unpacks it" : ""));
     return 0;
   }
   return 1;
@@ -224,6 +224,8 @@ int control(const ControlOptions& options) {
   }
   if (words == RecordingDownload::report_words())
     return fetch(connection, service, words, options.out.empty() ? "calibration.html" : options.out);
+  if (words.size() > 1 && words[0] == "calibrate" && words[1] == "print")
+    return fetch(connection, service, words, options.out.empty() ? "board.pdf" : options.out);
   return ask(connection, service, words);
 }
 

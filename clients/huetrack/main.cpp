@@ -177,12 +177,16 @@ void CommandLine::add_plot() {
 }
 
 void CommandLine::add_export() {
-  CLI::App& command = add("export", "turn a track CSV into a rosbag2 or an MCAP file, for ROS 2 and its tools", [this] {
-    bag::export_track(export_);
-    return 0;
-  });
-  command.add_option("tracks", export_.tracks, "CSV of `huetrackd replay --tracks` or `huetrack log`")->required();
+  CLI::App& command =
+      add("export", "turn a track CSV, or a recording's pictures, into a rosbag2 or an MCAP file", [this] {
+        bag::export_track(export_);
+        return 0;
+      });
+  command.add_option("tracks", export_.tracks, "CSV of `huetrackd replay --tracks` or `huetrack log`");
   command.add_option("--out", export_.out, "FILE.mcap, or a new folder for a rosbag2 (sqlite3)")->required();
+  command.add_option("--pictures", export_.pictures,
+                     "a recording: with every frame as a CompressedImage, and its CameraInfo");
+  command.add_option("--rig", export_.rig, "of its cameras; default: rig.yaml beside the recording");
   command.add_option("--frame", export_.frame_id, "the world's name in the messages")->capture_default_str();
   command.add_option("--clock-offset", export_.clock_offset_s,
                      "seconds to add to every time: a replay's are its recording's own");

@@ -45,7 +45,7 @@ constexpr std::size_t most_bodies = 2 << 20;  // bytes, of all requests that com
 constexpr auto look_round_period = std::chrono::milliseconds(250);
 
 constexpr std::string_view download_path = "/api/recordings/", download_kind = ".tar";
-constexpr std::string_view report_path = "/api/calibration.html";
+constexpr std::string_view report_path = "/api/calibration.html", board_path = "/api/board.pdf";
 constexpr std::size_t download_block = 64 * 1024;
 
 // A recording that is sent while it comes. Owned by its request until it is answered, and by the answer from then on.
@@ -481,6 +481,22 @@ struct PageServer::Impl {
     });
   }
 
+  // What the address says after its question mark are the service's words, which it checks one by one.
+  MHD_Result show_board(MHD_Connection* connection, Request& request) {
+    std::vector<std::string> board;
+    const auto add = [](void* words, MHD_ValueKind, const char* key, const char* value) -> MHD_Result {
+      auto& of = *static_cast<std::vector<std::string>*>(words);
+      of.push_back(std::string(key) + "=" + (value != nullptr ? value : ""));
+      return of.size() < idl::most_control_words ? MHD_YES : MHD_NO;
+    };
+    MHD_get_connection_values(connection, MHD_GET_ARGUMENT_KIND, add, &board);
+    return download(connection, request, RecordingDownload::print_words(board), [](MHD_Response* response) {
+      add_safety(response, "sandbox; default-src 'none'");
+      MHD_add_response_header(response, "Content-Type", "application/pdf");
+      MHD_add_response_header(response, "Content-Disposition", "attachment; filename=\"board.pdf\"");
+    });
+  }
+
   // Called again when the first piece has come, or the service has refused: then it is known what to answer.
   template <typename AddHeaders>
   MHD_Result download(MHD_Connection* connection, Request& request, const std::vector<std::string>& words,
@@ -528,6 +544,7 @@ struct PageServer::Impl {
         path.size() > download_path.size() + download_kind.size())
       return download_recording(connection, path, request);
     if (path == report_path) return show_report(connection, request);
+    if (path == board_path) return show_board(connection, request);
     if (path == "/api/v1/positions") return stream_or_socket(connection, "position");
     if (path == "/api/v1/camera_poses") return stream_or_socket(connection, "camera_pose");
     // The token moves from the address into a cookie, so that it stays out of histories and links.

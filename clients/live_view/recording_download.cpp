@@ -25,6 +25,12 @@ RecordingDownload::RecordingDownload(std::vector<std::string> words, std::string
                                      std::uint32_t pid)
     : words_(std::move(words)), client_(std::move(client)), host_(std::move(host)), pid_(pid) {}
 
+std::vector<std::string> RecordingDownload::print_words(const std::vector<std::string>& board) {
+  std::vector<std::string> words{"calibrate", "print"};
+  words.insert(words.end(), board.begin(), board.end());
+  return words;
+}
+
 std::optional<msg::ControlRequest> RecordingDownload::next_request(Clock::time_point now) {
   const std::scoped_lock lock(mutex_);
   if (!failure_.empty()) return std::nullopt;

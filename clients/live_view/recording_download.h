@@ -1,5 +1,5 @@
-// A recording, or a calibration's report, on its way from a service to somebody on this side: asked for piece by piece,
-// as fast as it is taken, so that however large it is, two pieces of it are in memory.
+// A recording, a calibration's report, or a board to print, on its way from a service to somebody on this side: asked
+// for piece by piece, as fast as it is taken, so that however large it is, two pieces of it are in memory.
 #pragma once
 
 #include <chrono>
@@ -19,12 +19,14 @@ namespace huetrack::live_view {
 class RecordingDownload {
  public:
   using Clock = std::chrono::steady_clock;
-  // words: that ask for a piece of it, but for the last one, where the piece begins: recording_words() or
-  // report_words(). client: who asks, as of other requests; nobody else has it.
+  // words: that ask for a piece of it, but for the last one, where the piece begins: recording_words(),
+  // report_words() or print_words(). client: who asks, as of other requests; nobody else has it.
   RecordingDownload(std::vector<std::string> words, std::string client, std::string host, std::uint32_t pid);
 
   static std::vector<std::string> recording_words(const std::string& name) { return {"record", "read", name}; }
   static std::vector<std::string> report_words() { return {"calibrate", "report"}; }
+  // board: as `calibrate print` takes them (idl/README.md), "type=charuco".
+  static std::vector<std::string> print_words(const std::vector<std::string>& board);
 
   const std::string& client() const { return client_; }
 

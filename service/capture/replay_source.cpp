@@ -40,7 +40,7 @@ Duration usual_period(const RecordedCamera& camera, const FrameSelection& select
 class Stream {
  public:
   Stream(int camera_index, const RecordedCamera& camera, const std::filesystem::path& recording_file, int threads,
-         const FrameTiming& timing, std::vector<std::string>& warnings)
+         const FrameTiming& timing, bool keeps_encoded, std::vector<std::string>& warnings)
       : camera_index_(camera_index), camera_(camera), timing_(timing), selection_(camera_), warnings_(warnings) {
     info_.name = camera_.name;
     info_.file = camera_.frames;
@@ -51,7 +51,7 @@ class Stream {
     // One of ours, killed when its first frames were listed and not yet in the file: it delivered nothing.
     const bool is_cut_off = !camera_.received.empty() && std::filesystem::exists(camera_.frames);
     try {
-      reader_.emplace(camera_, threads, warnings);
+      reader_.emplace(camera_, threads, warnings, std::nullopt, keeps_encoded);
     } catch (const yaml::ConfigError&) {
       if (!is_cut_off) throw;
       forget();
@@ -201,6 +201,7 @@ class Stream {
       if (picture->image.width > 0 && has_the_size(*picture)) {
         frame.status = FrameStatus::ok;
         frame.pixels = std::move(picture->image);
+        frame.encoded = std::move(picture->jpeg);
       }
       return frame;
     }
@@ -367,7 +368,8 @@ ReplaySource::ReplaySource(const Recording& recording, std::span<const std::stri
     const auto& camera = *std::ranges::find(recording.cameras, camera_names[c], &RecordedCamera::name);
     const FrameTiming timing = options.timing.empty() ? FrameTiming{} : options.timing[c];
     impl_->streams.push_back(std::make_unique<Stream>(static_cast<int>(c), camera, recording.file,
-                                                      options.decoder_threads, timing, impl_->warnings));
+                                                      options.decoder_threads, timing, options.keeps_encoded,
+                                                      impl_->warnings));
     impl_->cameras.push_back(impl_->streams.back()->info());
   }
   warn_of_times_apart(recording, impl_->streams, impl_->warnings);

@@ -17,6 +17,7 @@ struct ReplayOptions {
   int decoder_threads = 1;  // >= 1; slices of one frame that are decoded at once. Changes the speed, never the frames.
   // Beside camera_names: what is known of when each camera's rows are exposed. Empty: nothing of any camera.
   std::vector<FrameTiming> timing = {};
+  bool keeps_encoded = false;  // JPEGs carry their own bytes, too (Frame::encoded), as a live camera's do
   std::vector<std::string> problems() const;
 };
 

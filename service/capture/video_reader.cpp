@@ -178,8 +178,8 @@ std::vector<ImageFile> image_files_of(const RecordedCamera& camera) {
 }  // namespace
 
 struct VideoReader::Impl {
-  Impl(const RecordedCamera& c, int threads, std::vector<std::string>& w, std::optional<std::stop_token> g)
-      : camera(c), selection(c), warnings(w), growing(std::move(g)), images(image_files_of(c)) {
+  Impl(const RecordedCamera& c, int threads, std::vector<std::string>& w, std::optional<std::stop_token> g, bool keeps)
+      : camera(c), selection(c), warnings(w), growing(std::move(g)), images(image_files_of(c)), keeps_jpeg(keeps) {
     take_over_log();
     open(images.empty() ? camera.frames : images.front().path, threads);
   }
@@ -404,6 +404,8 @@ struct VideoReader::Impl {
       return false;
     if (decoded.image && codec->color_range == AVCOL_RANGE_MPEG) decoded.image->range = ColorRange::limited;
     result.image = std::move(decoded.image);
+    if (keeps_jpeg && result.image)
+      jpeg_bytes = std::make_shared<std::vector<std::uint8_t>>(packet->data, packet->data + packet->size);
     return true;
   }
 
@@ -542,6 +544,7 @@ struct VideoReader::Impl {
     if (!image && images.empty())
       warn(lost_warnings, "frame " + std::to_string(number) + " does not decode" + log.take());
     Shown picture{.index = number, .stamp = {}, .image = image ? std::move(*image) : Image{}};
+    if (picture.image.width > 0) picture.jpeg = std::exchange(jpeg_bytes, nullptr);
     if (pts) picture.stamp = Timestamp{Duration(av_rescale_q(*pts, stream->time_base, {1, 1'000'000'000}))};
     ready.push_back(std::move(picture));
   }
@@ -579,6 +582,8 @@ struct VideoReader::Impl {
   std::optional<std::stop_token> growing;
   ErrorLog log;
   std::vector<ImageFile> images;  // empty: a video
+  const bool keeps_jpeg;
+  std::shared_ptr<const std::vector<std::uint8_t>> jpeg_bytes = {};  // of the picture that is shown next
   std::size_t next_image = 0;
   InputPtr format;             // null for images
   AVStream* stream = nullptr;  // of format
@@ -613,8 +618,8 @@ struct VideoReader::Impl {
 };
 
 VideoReader::VideoReader(const RecordedCamera& camera, int threads, std::vector<std::string>& warnings,
-                         std::optional<std::stop_token> growing)
-    : impl_(std::make_unique<Impl>(camera, threads, warnings, std::move(growing))) {}
+                         std::optional<std::stop_token> growing, bool keeps_jpeg)
+    : impl_(std::make_unique<Impl>(camera, threads, warnings, std::move(growing), keeps_jpeg)) {}
 VideoReader::~VideoReader() = default;
 
 std::optional<VideoReader::Shown> VideoReader::next() {

@@ -34,12 +34,13 @@ class VideoReader {
     std::int64_t index = 0;          // in the stream; a picture that is lost still takes its number
     std::optional<Timestamp> stamp;  // the container's own presentation time, if it has one
     Image image;                     // of width 0: it does not decode
+    std::shared_ptr<const std::vector<std::uint8_t>> jpeg = {};  // as it lies in the file, if that is one and is wanted
   };
 
   // camera and warnings must outlive the reader. Warnings are one line each. throws ConfigError that names the file
   // growing: the file is still being written: at its end more is waited for, until the stop. nullopt: it is whole.
   VideoReader(const RecordedCamera& camera, int threads, std::vector<std::string>& warnings,
-              std::optional<std::stop_token> growing = std::nullopt);
+              std::optional<std::stop_token> growing = std::nullopt, bool keeps_jpeg = false);
   ~VideoReader();
   VideoReader(const VideoReader&) = delete;
   VideoReader& operator=(const VideoReader&) = delete;

@@ -2,14 +2,14 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
 #include <utility>
 
-#include "calib/model/median.h"
+#include "color/color_region.h"
 #include "color_teaching/color_fit.h"
 #include "color_teaching/suggestion.h"
+#include "object_tracking/target_views.h"
 
 namespace huetrack::color_teaching {
 namespace {
@@ -23,7 +23,11 @@ constexpr double moved_between_frames_m = 0.1;
 constexpr int most_narrowing = 5;            // steps; further ones leave nothing of a shaded ball
 constexpr double worth_narrowing = 0.5;      // of the background that matched
 constexpr double negligible_share = 0.0005;  // of the background
-constexpr double notable_patch = 0.25;       // of the object's own area: a patch that could be taken for it
+// Moments by which the object's size is told, and what they may take of memory.
+constexpr std::size_t most_moments = 32, most_bytes = 128u << 20;
+constexpr int grid_px = 3, usual_extent_px = 48, least_seen_area = 16;  // of regions of its colour
+constexpr std::size_t most_candidates = 8;                              // of one picture: the largest
+constexpr double notable_patch = 0.25;  // of the object's own area: a patch that could be taken for it
 
 std::string part_of_picture(const Eigen::Vector2d& at, int width, int height) {
   const int column = std::clamp(static_cast<int>(3 * at.x() / width), 0, 2);
@@ -34,25 +38,28 @@ std::string part_of_picture(const Eigen::Vector2d& at, int width, int height) {
   return words[row][column];
 }
 
-// The point nearest to all rays; nullopt when they are nearly parallel.
-std::optional<Eigen::Vector3d> triangulate(const std::vector<std::pair<const calib::Camera*, Eigen::Vector2d>>& views) {
-  Eigen::Matrix3d a = Eigen::Matrix3d::Zero();
-  Eigen::Vector3d b = Eigen::Vector3d::Zero();
-  for (const auto& [camera, px] : views) {
-    const auto ray = camera->model.ray({px});
-    if (!ray) return std::nullopt;
-    const Eigen::Vector3d direction = camera->cam_from_world.rotation.conjugate() * *ray;
-    const Eigen::Matrix3d across = Eigen::Matrix3d::Identity() - direction * direction.transpose();
-    a += across;
-    b += across * camera->centre();
+// The frames may be a driver's buffers, which go back to it.
+capture::Image copy_of(const capture::Image& image) {
+  capture::WritableImage copy = capture::make_image(image.format, image.range, image.width, image.height);
+  for (int plane = 0; plane < 3; ++plane) {
+    const auto i = static_cast<std::size_t>(plane);
+    const std::size_t bytes = capture::plane_row_bytes(image.format, plane, image.width);
+    for (int row = 0; row < capture::plane_rows(image.format, plane, image.height); ++row)
+      std::copy_n(image.planes[i].data + row * image.planes[i].stride, bytes,
+                  copy.data[i] + row * copy.image.planes[i].stride);
   }
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(a);
-  if (solver.eigenvalues()[0] < 1e-4) return std::nullopt;
-  return a.ldlt().solve(b);
+  return std::move(copy.image);
 }
 
-double radius_m_of(const calib::Camera& camera, const MaskRegion& region, const Eigen::Vector3d& at) {
-  return region.radius_px() * (camera.cam_from_world * at).norm() / camera.model.fx();
+std::size_t bytes_of(const capture::FrameSet& set) {
+  std::size_t bytes = 0;
+  for (const auto& frame : set.frames) {
+    if (!frame) continue;
+    for (int plane = 0; plane < 3; ++plane)
+      bytes += capture::plane_row_bytes(frame->pixels.format, plane, frame->pixels.width) *
+               static_cast<std::size_t>(capture::plane_rows(frame->pixels.format, plane, frame->pixels.height));
+  }
+  return bytes;
 }
 
 // Of the region's pixels, how many have the colour.
@@ -98,6 +105,67 @@ ColorTeacher::ColorTeacher(const calib::CameraRig& rig, const capture::FrameSet&
       if (c < elsewhen.size()) moving_[c] = moving_pixels(frame->pixels, elsewhen[c]);
     }
   }
+  add_moment(set);
+}
+
+bool ColorTeacher::add_moment(const capture::FrameSet& set) {
+  const auto is_of_use = [&] {
+    std::size_t bytes = 0;
+    for (const capture::FrameSet& moment : moments_) bytes += bytes_of(moment);
+    return moments_.empty() || (moments_.size() < most_moments && bytes + bytes_of(moments_.front()) <= most_bytes);
+  };
+  if (!is_of_use()) return false;
+  capture::FrameSet copy{.number = set.number, .at = set.at, .frames = {}};
+  for (std::size_t c = 0; c < images_.size(); ++c) {
+    auto& frame = copy.frames.emplace_back();
+    if (c >= set.frames.size() || !set.frames[c] || set.frames[c]->status != capture::FrameStatus::ok) continue;
+    const capture::Image& pixels = set.frames[c]->pixels;
+    const calib::ImageSize& size = rig_.cameras[c].image_size;
+    if (pixels.width != size.width || pixels.height != size.height) continue;
+    frame.emplace();
+    frame->camera = int(c);
+    frame->captured_at = set.frames[c]->captured_at;
+    frame->pixels = copy_of(pixels);
+  }
+  moments_.push_back(std::move(copy));
+  return is_of_use();
+}
+
+RadiusProposal ColorTeacher::radius(const Taught& taught, const object_tracking::IgnoredRegions& ignored,
+                                    const object_tracking::Volume& volume) const {
+  std::vector<BallMoment> moments(1);
+  const auto pictures_of = [](const capture::FrameSet& set) {
+    std::vector<const capture::Image*> pictures;
+    for (const auto& frame : set.frames) pictures.push_back(frame ? &frame->pixels : nullptr);
+    return pictures;
+  };
+  moments[0].pictures = pictures_of(moments_.front());
+  for (std::size_t c = 0; c < taught.views.size(); ++c)
+    if (taught.views[c].region && images_[c]) moments[0].views.push_back({c, *taught.views[c].region});
+  const auto about = radius_of_regions(rig_, moments[0].views);
+  if (!about) return voted_radius(rig_, moments);
+  object_tracking::TargetOptions target;
+  target.name = "object";
+  target.ignored = ignored;
+  target = with_taught_color(std::move(target), rig_, taught);
+  object_tracking::TargetViews views(rig_, target);
+  color::RegionFinder finder;
+  for (std::size_t m = 1; m < moments_.size(); ++m) {
+    std::vector<ColoredRegion> candidates;
+    for (const object_tracking::TargetView& view : views.look_at(moments_[m])) {
+      const auto& found =
+          finder.components(*view.matches, grid_px, {}, usual_extent_px, view.image->width / 2, least_seen_area);
+      for (std::size_t i = 0; i < std::min(found.size(), most_candidates); ++i) {
+        const MaskRegion region{.area = found[i].area, .centre = found[i].centre, .box = found[i].box};
+        const bool is_whole = region.box.u_min > 0 && region.box.v_min > 0 &&
+                              region.box.u_max < view.image->width - 1 && region.box.v_max < view.image->height - 1;
+        if (is_whole && is_round(region)) candidates.push_back({std::size_t(view.index), region});
+      }
+    }
+    auto ball = one_ball_of(rig_, candidates, volume, *about);
+    if (!ball.empty()) moments.push_back({pictures_of(moments_[m]), std::move(ball)});
+  }
+  return voted_radius(rig_, moments);
 }
 
 const std::vector<color::PixelBox>& ColorTeacher::ignored_in(const TeachRequestOptions& request,
@@ -148,18 +216,6 @@ Taught ColorTeacher::teach(const TeachRequestOptions& request, const object_trac
     if (images_[c])
       judge(taught.views[c], c, rig_.cameras[std::size_t(first - taught.views.begin())].name, request.wider,
             ignored_in(request, c));
-
-  std::vector<std::pair<const calib::Camera*, Eigen::Vector2d>> seen;
-  for (std::size_t c = 0; c < images_.size(); ++c)
-    if (taught.views[c].pointed) seen.emplace_back(&rig_.cameras[c], taught.views[c].region->centre);
-  if (seen.size() >= 2) {
-    if (const auto at = triangulate(seen)) {
-      std::vector<double> radii;
-      for (std::size_t c = 0; c < images_.size(); ++c)
-        if (taught.views[c].pointed) radii.push_back(radius_m_of(rig_.cameras[c], *taught.views[c].region, *at));
-      taught.radius_m = calib::median(std::move(radii));
-    }
-  }
   return taught;
 }
 
@@ -303,16 +359,6 @@ std::string why_useless(const Taught& taught, const calib::CameraRig& rig) {
     if (taught.views[c].pointed && taught.views[c].object_share == 0)
       return "in camera " + rig.cameras[c].name + " nothing of the object matches: widen the ranges";
   return "";
-}
-
-std::string radius_hint(const Taught& taught, const object_tracking::TargetOptions& target) {
-  if (!taught.radius_m) return "";
-  const double ratio = *taught.radius_m / target.radius_m;
-  if (ratio <= 1.5 && ratio >= 0.65) return "";
-  return fmt::format(
-      "It looks like a radius of about {:.0f} mm, but radius_m says {:.0f} mm: correct that in the configuration, "
-      "or the search will not take it.",
-      1e3 * *taught.radius_m, 1e3 * target.radius_m);
 }
 
 object_tracking::TargetOptions with_taught_color(object_tracking::TargetOptions target, const calib::CameraRig& rig,

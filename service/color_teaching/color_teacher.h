@@ -10,6 +10,7 @@
 
 #include "calib/model/camera_rig.h"
 #include "capture/frame.h"
+#include "color_teaching/ball_size.h"
 #include "color_teaching/hsi_image.h"
 #include "object_tracking/object_tracker.h"
 
@@ -52,9 +53,8 @@ struct TaughtView {
 inline constexpr double least_object_share = 0.5;
 
 struct Taught {
-  std::vector<TaughtView> views;   // per camera of the rig
-  std::optional<double> radius_m;  // of a ball as large as the regions are, when two views or more were pointed into
-  bool any() const;                // something was learnt
+  std::vector<TaughtView> views;  // per camera of the rig
+  bool any() const;               // something was learnt
 };
 
 // thread-compatible. Holds converted copies of the pictures; the frames may go.
@@ -67,8 +67,17 @@ class ColorTeacher {
 
   const calib::CameraRig& rig() const { return rig_; }
 
+  // What the same cameras show at another moment: the object's size is told by many of them. Those beyond what memory
+  // is for are not taken. Returns whether more are of use.
+  bool add_moment(const capture::FrameSet& set);
+
   // volume: where a suggested object may be
   Taught teach(const TeachRequestOptions& request, const object_tracking::Volume& volume) const;
+
+  // How large the object is, by where somebody pointed, what is suggested, and every moment at which one ball of about
+  // that size and of the learnt colour is seen.
+  RadiusProposal radius(const Taught& taught, const object_tracking::IgnoredRegions& ignored,
+                        const object_tracking::Volume& volume) const;
 
   // Of the other targets, those whose colour at least half of the object has in some view: by colour they are the same.
   std::vector<std::string> namesakes(const Taught& taught, const std::vector<object_tracking::TargetOptions>& targets,
@@ -87,6 +96,7 @@ class ColorTeacher {
   std::vector<std::optional<HsiImage>> images_;
   std::vector<std::optional<PixelMask>> moving_;  // per camera
   double moved_m_ = 0;                            // how far an object may move between the pictures
+  std::vector<capture::FrameSet> moments_;        // copies; the first is that of images_
 };
 
 // Cameras into which nobody pointed, though the object probably is there.
@@ -94,9 +104,6 @@ std::vector<std::string> unconfirmed(const Taught& taught, const calib::CameraRi
 
 // Why it must not be saved: nothing was learnt, or what was learnt matches nothing of the object. Empty: it may be.
 std::string why_useless(const Taught& taught, const calib::CameraRig& rig);
-
-// What the regions say about the object's size, when that is far off radius_m; else empty.
-std::string radius_hint(const Taught& taught, const object_tracking::TargetOptions& target);
 
 // The target with what was learnt: `color` is that of the first view that was pointed into, `camera_colors` those of
 // all of them where they differ. Cameras into which nobody pointed keep their overrides.

@@ -68,11 +68,31 @@ Lesson learn(const ColorTeacher& teacher, const TeachRequestOptions& request,
   if (taught.any()) lesson.target = with_taught_color(target, teacher.rig(), taught);
   lesson.unconfirmed = unconfirmed(taught, teacher.rig());
   lesson.namesakes = teacher.namesakes(taught, targets, target.name);
-  lesson.radius_hint = radius_hint(taught, target);
+  if (taught.any()) lesson.radius = teacher.radius(taught, request.ignored, volume);
   if (lesson.why_useless.empty()) lesson.why_useless = why_useless(taught, teacher.rig());
   lesson.is_faint = std::ranges::any_of(
       taught.views, [](const TaughtView& view) { return view.pointed && view.object_share < least_object_share; });
   return lesson;
+}
+
+std::string radius_words(const RadiusProposal& proposal, std::optional<double> said_m) {
+  constexpr double mm = 1e3;
+  if (!proposal.radius_m) {
+    const std::string why = "How large it is cannot be told: " + proposal.why_not + ".";
+    return said_m ? why : why + " Until radius_m is given, it is taken for the default.";
+  }
+  // Two sigmas, and no more digits than they allow.
+  const double off_mm = 2 * mm * proposal.sigma_m;
+  std::string text = fmt::format("It has a radius of {:.{}f} mm, give or take {:.{}f} (by {} {} of {} cameras",
+                                 mm * *proposal.radius_m, off_mm < 2 ? 1 : 0, off_mm, off_mm < 2 ? 1 : 0,
+                                 proposal.moments, proposal.moments == 1 ? "moment" : "moments", proposal.cameras);
+  if (!said_m) return text + "), as far as the rig's scale is right.";
+  if (!differs_clearly(proposal, *said_m))
+    return text + fmt::format("); radius_m says {:g} mm, which agrees.", mm * *said_m);
+  return text + fmt::format(
+                    "), but radius_m says {:g} mm: take the one that is right; where a ruler says {:g} mm, the rig's "
+                    "distances are wrong.",
+                    mm * *said_m, mm * *said_m);
 }
 
 void add_ignored(object_tracking::IgnoredRegions& regions, const std::string& camera, const color::PixelBox& box) {

@@ -7,6 +7,7 @@
 //   save                 -> the caller writes Lesson::target, unless why_useless speaks against it
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -19,7 +20,7 @@ struct Lesson {
   object_tracking::TargetOptions target;  // with the colours that were learnt
   std::vector<std::string> unconfirmed;   // cameras into which nobody pointed, though the object probably is there
   std::vector<std::string> namesakes;     // other targets whose colour the object has, too
-  std::string radius_hint;                // what to correct about the target's size; empty: nothing
+  RadiusProposal radius;                  // how large the object is, where that can be told
   std::string why_useless;                // why it must not be saved; empty: it may be
   bool is_faint = false;                  // in some camera the ranges hold less than half of the object
 };
@@ -28,6 +29,9 @@ struct Lesson {
 Lesson learn(const ColorTeacher& teacher, const TeachRequestOptions& request,
              const std::vector<object_tracking::TargetOptions>& targets, const object_tracking::TargetOptions& target,
              const object_tracking::Volume& volume);
+
+// What people should know of the object's size, a sentence or two. said_m: what the configuration says, if it does.
+std::string radius_words(const RadiusProposal& proposal, std::optional<double> said_m);
 
 // Adds a rectangle to those of a camera.
 void add_ignored(object_tracking::IgnoredRegions& regions, const std::string& camera, const color::PixelBox& box);

@@ -714,8 +714,7 @@ void check_taught_targets(const yaml::YamlReader& written, const yaml::YamlReade
   for (const std::string& name : targets.keys()) {
     if (std::ranges::find(known, name) != known.end()) continue;
     const yaml::YamlReader target = targets.map(name);
-    if (target.has("radius_m") && target.has("shape") && target.has("count"))
-      continue;  // added by hand (taught_file.h)
+    if (target.has("shape") && target.has("count")) continue;  // added by hand (taught_file.h)
     const auto nearest = yaml::nearest_word(name, known);
     targets.fail(name, fmt::format("{} has no such target{}: rename it here too, or take it out of this file",
                                    written.path().string(), nearest ? " (did you mean " + *nearest + "?)" : ""));
@@ -788,7 +787,10 @@ ServiceConfig read_config(const fs::path& file, const yaml::YamlReader& written,
       std::ranges::any_of(config.cameras, [](const LiveCameraConfig& camera) { return !camera.host.empty(); });
   config.dds.publisher.tracked_camera = config.camera_tracking.camera;
   check(config, root);
-  for (auto& target : config.targets) target.ignored = config.ignored;
+  for (auto& target : config.targets) {
+    target.ignored = config.ignored;
+    if (!root.map("targets").map(target.name).has("radius_m")) config.unsized_targets.insert(target.name);
+  }
   return config;
 }
 

@@ -122,6 +122,7 @@ struct ServiceConfig {
   object_tracking::IgnoredRegions ignored;  // also in every target
   LogLevel log_level = LogLevel::info;
   TaughtKeys taught;  // where values come from; no value, and nothing that compares configurations looks at it
+  std::set<std::string> unsized_targets;  // likewise: whose radius_m nobody has said, so that it is the default
 
   // Nothing can be tracked before: `run` shows the cameras, so that they can be set up, and the rest refuses.
   bool is_calibrated() const { return !rig_file.empty(); }

@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <cmath>
 #include <cstring>
 #include <functional>
 #include <limits>
@@ -81,6 +82,13 @@ void set_color(Draft& draft, const object_tracking::TargetOptions& taught) {
   }
   target->color = taught.color;
   target->camera_colors = taught.camera_colors;
+}
+
+// In tenths of a millimetre: nobody can tell more.
+void set_radius(Draft& draft, const std::string& name, double radius_m) {
+  std::ranges::find(draft.config.targets, name, &object_tracking::TargetOptions::name)->radius_m =
+      std::max(1.0, std::round(radius_m * 1e4)) / 1e4;
+  draft.give({"targets", name, "radius_m"});
 }
 
 void set_ignored(Draft& draft, object_tracking::IgnoredRegions ignored) {
@@ -215,9 +223,10 @@ fs::path save(const fs::path& config_file, const std::function<void(Draft&)>& ch
 }  // namespace
 
 fs::path save_taught(const fs::path& config, const object_tracking::TargetOptions& target,
-                     const std::optional<object_tracking::IgnoredRegions>& ignored) {
+                     const std::optional<object_tracking::IgnoredRegions>& ignored, std::optional<double> radius_m) {
   return save(config, [&](Draft& draft) {
     set_color(draft, target);
+    if (radius_m) set_radius(draft, target.name, *radius_m);
     if (ignored) set_ignored(draft, *ignored);
   });
 }
@@ -322,7 +331,8 @@ void give_whole(Draft& draft, const object_tracking::TargetOptions& target) {
     for (const char* part : keys) key.emplace_back(part);
     draft.give(key);
   };
-  for (const char* key : {"radius_m", "shape", "count"}) give({key});
+  if (!draft.config.unsized_targets.contains(target.name)) give({"radius_m"});
+  for (const char* key : {"shape", "count"}) give({key});
   if (target.color != untaught_color)
     for (const char* key : {"hue_deg", "saturation", "intensity", "adapt"}) give({"color", key});
   for (const auto& [camera, range] : target.camera_colors)
@@ -352,6 +362,7 @@ fs::path add_target(const fs::path& config, const TargetEdit& edit) {
     fresh.color = untaught_color;
     fresh.ignored = draft.config.ignored;
     draft.config.targets.push_back(fresh);
+    draft.config.unsized_targets.insert(edit.target);
     give_whole(draft, fresh);
     set_target(draft, edit);
   });
@@ -365,6 +376,7 @@ fs::path rename_target(const fs::path& config, const std::string& from, const st
     draft.take_away({"targets", from});
     target.name = to;
     draft.config.targets.push_back(target);
+    if (draft.config.unsized_targets.erase(from) > 0) draft.config.unsized_targets.insert(to);
     give_whole(draft, target);
   });
 }

@@ -17,18 +17,19 @@
 
 namespace huetrack::config {
 
-// A target's colours, and the ignored rectangles of all cameras when they are given. What the configuration says of
-// them is no longer in force; what it says of the target's other keys is.
+// A target's colours, its radius and the ignored rectangles of all cameras when they are given. What the configuration
+// says of them is no longer in force; what it says of the target's other keys is.
 std::filesystem::path save_taught(const std::filesystem::path& config, const object_tracking::TargetOptions& target,
-                                  const std::optional<object_tracking::IgnoredRegions>& ignored);
+                                  const std::optional<object_tracking::IgnoredRegions>& ignored,
+                                  std::optional<double> radius_m = {});
 std::filesystem::path save_ignored(const std::filesystem::path& config, const object_tracking::IgnoredRegions& ignored);
 
-// ---- Targets by hand. A target that the configuration does not have stands in the taught file with its radius_m,
-// shape and count, which nothing else writes there: by them it is told from what is left of one that somebody renamed.
+// ---- Targets by hand. A target that the configuration does not have stands in the taught file with its shape and
+// count, which nothing else writes there: by them it is told from what is left of one that somebody renamed.
 
 struct TargetEdit {
   std::string target;
-  std::optional<double> radius_m = {};
+  std::optional<double> radius_m = {};  // of a target that is added, and not given: teaching it proposes one
   // What is not given stays; of a target that nobody has taught yet, what a configuration without these keys says.
   std::optional<std::pair<double, double>> hue_deg = {}, saturation = {}, intensity = {};
   std::string camera = {};  // the colour is this camera's own from now on; empty: it is that of all cameras

@@ -12,6 +12,7 @@
 #include "daemon/check.h"
 #include "daemon/live.h"
 #include "daemon/replay.h"
+#include "daemon/setup_command.h"
 #include "doctor/doctor.h"
 #include "page/teach.h"
 
@@ -157,6 +158,27 @@ void add_run_command(CLI::App& app, Command& chosen) {
   });
 }
 
+void add_setup_command(CLI::App& app, Command& chosen) {
+  struct Options {
+    SetUpCommand setup{.config = "huetrackd.yaml"};
+    LiveRequests requests;
+  };
+  const auto options = std::make_shared<Options>();
+  CLI::App* command = app.add_subcommand(
+      "setup", "begin: write a configuration of this host's cameras, run it, and show the page that leads from there");
+  command->add_option("config", options->setup.config, "the file to write; one that is there is run as it stands")
+      ->capture_default_str();
+  command->add_flag("!--only-write", options->setup.with_page, "write the file, and run nothing");
+  command->callback([options, &chosen] {
+    chosen.on_signal[SIGHUP] = ask(options->requests.reload);
+    chosen.on_signal[SIGUSR1] = ask(options->requests.save);
+    chosen.run = [options](const std::stop_token& stop) {
+      set_up(options->setup, options->requests, stop);
+      return 0;
+    };
+  });
+}
+
 void add_capture_command(CLI::App& app, Command& chosen) {
   const auto config = std::make_shared<std::filesystem::path>();
   CLI::App* command =
@@ -229,6 +251,8 @@ void add_teach_command(CLI::App& app, Command& chosen) {
       ->allow_extra_args(false);
   command->add_option("--target", teaching->target, "which one, where there are several");
   command->add_flag("--accept", teaching->accept, "where you did not point, take the place that is suggested");
+  command->add_flag("--radius", teaching->radius,
+                    "take the radius that the pictures tell, though the configuration says another one");
   command->add_flag("--only", teaching->only,
                     "write it though a suggestion in another camera is neither confirmed nor taken");
   command->add_option("--wider", teaching->wider, "widen the ranges by so many steps; negative: narrow them")

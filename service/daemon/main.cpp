@@ -40,6 +40,7 @@ int main(int argc, char** argv) {
   app.require_subcommand(1);
   yaml::name_unknown_commands(app, "huetrackd", CLI::FailureMessage::simple);
   daemon::Command chosen;
+  daemon::add_setup_command(app, chosen);
   daemon::add_check_command(app, chosen);
   daemon::add_replay_command(app, chosen);
   daemon::add_run_command(app, chosen);

@@ -1,6 +1,8 @@
 #include "page/calibration_desk.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <stdlib.h>
 
 #include <algorithm>
 #include <array>
@@ -9,6 +11,7 @@
 #include <fstream>
 #include <stdexcept>
 #include <string_view>
+#include <thread>
 #include <utility>
 
 #include "calib/model/rig_yaml.h"
@@ -25,30 +28,35 @@ constexpr const char* calibrator = "huetrack-calibrate";
 constexpr const char *rig_name = "calibrated.yaml", *report_name = "calibrated.report.html",
                      *log_name = "calibrated.log", *board_name = "board.yaml";
 constexpr double least_wave_s = 5, most_wave_s = 600;
-constexpr auto coverage_patience = 2s;                  // for the one that looks on to end
+constexpr double least_distance_m = 0.05, most_distance_m = 200;  // between two cameras
+constexpr auto coverage_patience = 2s;                            // for the one that looks on to end
+// Who asks for a board to print waits for it, and the page's pictures with him: some tenths of a second.
+constexpr auto print_patience = 5s;
 constexpr std::size_t report_piece_bytes = 256 * 1024;  // half of what a reply may hold
 
-// As people say it: what `huetrack-calibrate board` calls it. Lengths there are in millimetres, too.
-constexpr std::array<std::pair<std::string_view, std::string_view>, 8> board_keys{{{"type", "type"},
+// As people say it: what `huetrack-calibrate board` calls it. Lengths there are in millimetres, too. The last one is
+// only of a board that is to be printed.
+constexpr std::array<std::pair<std::string_view, std::string_view>, 9> board_keys{{{"type", "type"},
                                                                                    {"columns", "columns"},
                                                                                    {"rows", "rows"},
                                                                                    {"square_mm", "square"},
                                                                                    {"marker_mm", "marker"},
                                                                                    {"gap_mm", "gap"},
                                                                                    {"dictionary", "dictionary"},
-                                                                                   {"first_marker", "first-marker"}}};
+                                                                                   {"first_marker", "first-marker"},
+                                                                                   {"paper", "paper"}}};
 
-std::vector<std::string> board_options(std::span<const std::string> words) {
+std::vector<std::string> board_options(std::span<const std::string> words, bool is_printed) {
   std::vector<std::string> options;
   bool has_type = false;
   for (const std::string& word : words) {
     const std::size_t equals = word.find('=');
     const auto known = std::ranges::find(board_keys, std::string_view(word).substr(0, equals),
                                          &std::pair<std::string_view, std::string_view>::first);
-    if (equals == std::string::npos || known == board_keys.end())
+    if (equals == std::string::npos || known == board_keys.end() || (known->first == "paper" && !is_printed))
       throw std::runtime_error(fmt::format(
-          "{} is not known: type=, columns=, rows=, square_mm=, marker_mm=, gap_mm=, dictionary=, first_marker= are",
-          word));
+          "{} is not known: type=, columns=, rows=, square_mm=, marker_mm=, gap_mm=, dictionary=, first_marker={} are",
+          word, is_printed ? ", paper=" : ""));
     has_type |= known->first == "type";
     options.push_back(fmt::format("--{}={}", known->second, word.substr(equals + 1)));
   }
@@ -84,6 +92,59 @@ std::runtime_error unknown_words() {
   return std::runtime_error("this service does not know that request");
 }
 
+// throws std::runtime_error
+double number_in(const std::string& text, double least, double most, const char* wanted) {
+  double value = 0;
+  const auto [last, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (error != std::errc{} || last != text.data() + text.size() || !(value >= least && value <= most))
+    throw std::runtime_error(fmt::format("{} to {} {} are wanted, not {}", least, most, wanted, text));
+  return value;
+}
+
+constexpr std::string_view distance_key = "camera_distance=";
+
+// "camera_distance=left,right,3.42", as it is said to the other program: "left", "right", "3.42".
+// throws std::runtime_error
+std::vector<std::string> camera_distance_of(std::string_view word, const calib::CameraRig& rig) {
+  std::vector<std::string> parts(1);
+  for (const char c : word.substr(distance_key.size())) {
+    if (c == ',') {
+      parts.emplace_back();
+    } else {
+      parts.back() += c;
+    }
+  }
+  if (parts.size() != 3) throw std::runtime_error("camera_distance=CAMERA,CAMERA,METRES is wanted");
+  for (const std::string& camera : {parts[0], parts[1]})
+    if (!rig.index_of(camera)) throw std::runtime_error(fmt::format("there is no camera {}", camera));
+  if (parts[0] == parts[1]) throw std::runtime_error("the distance is one between two cameras");
+  number_in(parts[2], least_distance_m, most_distance_m, "metres");
+  return parts;
+}
+
+// The bytes of a whole from there on, as much as a reply holds. identity: of which whole.
+void add_piece(const std::string& from, std::span<const std::uint8_t> whole, const std::string& identity,
+               msg::ControlReply& reply) {
+  std::uint64_t offset = 0;
+  const auto [last, error] = std::from_chars(from.data(), from.data() + from.size(), offset);
+  if (error != std::errc{} || last != from.data() + from.size())
+    throw std::runtime_error("a whole number is wanted, not " + from);
+  const auto rest = whole.subspan(std::size_t(std::min<std::uint64_t>(offset, whole.size())));
+  const auto piece = rest.first(std::min(rest.size(), report_piece_bytes));
+  reply.rows().emplace_back().columns({std::to_string(whole.size()), identity});
+  reply.bytes().assign(piece.begin(), piece.end());
+}
+
+std::vector<std::uint8_t> bytes_of(const fs::path& path) {
+  std::ifstream file(path, std::ios::binary | std::ios::ate);
+  if (!file) return {};
+  std::vector<std::uint8_t> bytes(std::size_t(file.tellg()));
+  file.seekg(0);
+  if (!bytes.empty() && !file.read(reinterpret_cast<char*>(bytes.data()), std::streamsize(bytes.size())))
+    throw std::runtime_error(path.filename().string() + " cannot be read");
+  return bytes;
+}
+
 }  // namespace
 
 void CalibrationDesk::answer(Words words, const config::ServiceConfig& config, pipeline::RecordingKeeper* recording,
@@ -92,8 +153,12 @@ void CalibrationDesk::answer(Words words, const config::ServiceConfig& config, p
   const std::string& verb = words[0];
   if (verb == "board") {
     begin_board(words.subspan(1), config, recording, reply);
-  } else if (verb == "wave" && (words.size() == 2 || words.size() == 3)) {
+  } else if (verb == "wave" && words.size() >= 2 && words.size() <= 4) {
     begin_wave(words.subspan(1), config, recording, reply);
+  } else if (verb == "again" && words.size() == 2) {
+    solve_again(words.subspan(1), config, reply);
+  } else if (verb == "print" && words.size() >= 2) {
+    read_print(words.subspan(1), reply);
   } else if (verb == "state" && words.size() == 1) {
     tell_state(config, reply);
   } else if (verb == "stop" && words.size() == 1) {
@@ -107,18 +172,23 @@ void CalibrationDesk::answer(Words words, const config::ServiceConfig& config, p
   }
 }
 
-void CalibrationDesk::begin(Kind kind, const config::ServiceConfig& config) {
-  if (is_busy()) throw std::runtime_error("a calibration goes on already: stop or cancel it first");
+fs::path CalibrationDesk::program() const {
   const auto program = options_.program.empty() ? find_program(calibrator) : std::optional(options_.program);
   if (!program)
     throw std::runtime_error(fmt::format(
         "there is no {}, neither beside huetrackd nor on its PATH: install it (configs/install.sh)", calibrator));
-  program_ = *program;
+  return *program;
+}
+
+void CalibrationDesk::begin(Kind kind, const config::ServiceConfig& config) {
+  if (is_busy()) throw std::runtime_error("a calibration goes on already: stop or cancel it first");
+  program_ = program();
   kind_ = kind;
   config_file_ = config.file;
   rig_before_ = config.rig_file;
   child_.reset();
   has_board_ = ends_by_itself_ = false;
+  camera_distance_.clear();
   end_at_.reset();
   for (std::string* text : {&says_, &last_line_, &step_, &done_, &total_, &details_, &verdict_}) text->clear();
   coverage_.clear(), coming_coverage_.clear(), needs_.clear(), coming_needs_.clear();
@@ -128,7 +198,7 @@ void CalibrationDesk::begin(Kind kind, const config::ServiceConfig& config) {
 void CalibrationDesk::begin_board(Words words, const config::ServiceConfig& config,
                                   pipeline::RecordingKeeper* recording, msg::ControlReply& reply) {
   pipeline::RecordingKeeper& keeper = needed(recording);
-  const std::vector<std::string> options = board_options(words);
+  const std::vector<std::string> options = board_options(words, false);
   if (config.cameras.size() < 2) throw std::runtime_error("two live cameras or more are needed");
   begin(Kind::board, config);
   folder_ = keeper.start_anew("board");
@@ -159,25 +229,31 @@ void CalibrationDesk::begin_wave(Words words, const config::ServiceConfig& confi
     throw std::runtime_error("nothing is known of the lenses yet: calibrate with a board first");
   if (!config::is_taught(*target))
     throw std::runtime_error(fmt::format("nobody has said yet which colour {} has", words[0]));
-  std::optional<double> seconds;
-  if (words.size() > 1) {
-    double value = 0;
-    const auto [last, error] = std::from_chars(words[1].data(), words[1].data() + words[1].size(), value);
-    if (error != std::errc{} || last != words[1].data() + words[1].size() ||
-        !(value >= least_wave_s && value <= most_wave_s))
-      throw std::runtime_error(fmt::format("{} to {} seconds are wanted", least_wave_s, most_wave_s));
-    seconds = value;
+  std::string distance;
+  if (words.back().starts_with(distance_key)) {
+    camera_distance_of(words.back(), config.rig);
+    distance = words.back();
+    words = words.first(words.size() - 1);
   }
+  if (words.size() > 2) throw unknown_words();
+  std::optional<double> seconds;
+  if (words.size() > 1) seconds = number_in(words[1], least_wave_s, most_wave_s, "seconds");
   if (!seconds && !(config.record.pre_roll_s > 0))
     throw std::runtime_error(
         "nothing is kept of what just happened: set record: {pre_roll_s: 60}, and restart; or say how many seconds "
         "from now on are to be recorded");
   begin(Kind::wave, config);
   target_ = words[0];
+  camera_distance_ = distance;
   if (seconds) {
     folder_ = keeper.start_anew("wave");
     end_at_ = began_at_ + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(*seconds));
     says_ = fmt::format("wave {} through the whole volume for {:g} s", target_, *seconds);
+    try {
+      start({"coverage", folder_.string(), "--config=" + config_file_.string(), "--target=" + target_});
+    } catch (const std::runtime_error& error) {  // nothing that the calibration itself needs
+      needs_ = {std::string("what is missing cannot be told: ") + error.what()};
+    }
   } else {
     folder_ = keeper.save_by_hand("wave");
     ends_by_itself_ = true;
@@ -188,6 +264,56 @@ void CalibrationDesk::begin_wave(Words words, const config::ServiceConfig& confi
       seconds ? fmt::format("Recording {:g} s to {}: wave {} through the whole volume.", *seconds, folder_.string(),
                             target_)
               : fmt::format("Calibrating from the last {:g} s, in {}.", config.record.pre_roll_s, folder_.string()));
+}
+
+// From the same recording once more, with what was measured since: nobody has to wave again.
+void CalibrationDesk::solve_again(Words words, const config::ServiceConfig& config, msg::ControlReply& reply) {
+  if (!words[0].starts_with(distance_key)) throw unknown_words();
+  camera_distance_of(words[0], config.rig);
+  if (is_busy()) throw std::runtime_error("a calibration goes on already: stop or cancel it first");
+  const bool is_there = stage_ == Stage::usable || stage_ == Stage::doubtful || stage_ == Stage::failed;
+  if (kind_ != Kind::wave || !is_there)
+    throw std::runtime_error("there is no wave that could be calibrated from again");
+  const fs::path folder = folder_;
+  const std::string target = target_;
+  begin(Kind::wave, config);
+  folder_ = folder;
+  target_ = target;
+  camera_distance_ = words[0];
+  stage_ = Stage::closing;
+  says_ = "it is calibrated from the same recording";
+  reply.reason(fmt::format("Calibrating from {} again, with the distance that was measured.", folder_.string()));
+}
+
+// The words of a board, and where in its PDF the piece begins. It is made once for all pieces.
+void CalibrationDesk::read_print(Words words, msg::ControlReply& reply) {
+  const Words board = words.first(words.size() - 1);
+  if (!std::ranges::equal(board, printed_for_) || print_.empty()) {
+    std::vector<std::string> arguments = board_options(board, true);
+    std::string folder = (fs::temp_directory_path() / "huetrack-board-XXXXXX").string();
+    if (::mkdtemp(folder.data()) == nullptr) throw std::runtime_error("there is no place for the board's PDF");
+    const fs::path pdf = fs::path(folder) / "board.pdf";
+    arguments.insert(arguments.begin(), {"board", "--out=" + pdf.string()});
+    std::string last_line;
+    std::optional<ChildProcess::Ended> ended;
+    {
+      ChildProcess child(program(), arguments);
+      for (const auto until = Clock::now() + print_patience; !ended && Clock::now() < until;) {
+        std::this_thread::sleep_for(5ms);
+        ended = child.ended();
+        for (const std::string& line : child.take_lines())
+          if (!line.empty()) last_line = without_name(line);
+      }
+    }
+    const bool is_made = ended && ended->status == 0 && ended->signal == 0;
+    print_ = is_made ? bytes_of(pdf) : std::vector<std::uint8_t>();
+    printed_for_.assign(board.begin(), board.end());
+    std::error_code none;
+    fs::remove_all(folder, none);
+    if (print_.empty()) throw std::runtime_error(last_line.empty() ? "the board cannot be printed" : last_line);
+  }
+  add_piece(words.back(), print_, fmt::to_string(fmt::join(board, " ")), reply);
+  reply.reason("The board, to be printed at 100 %.");
 }
 
 bool CalibrationDesk::is_recorded_by(const pipeline::RecordingKeeper* recording) const {
@@ -230,7 +356,7 @@ void CalibrationDesk::look_after(pipeline::RecordingKeeper* recording) {
     const bool was_solving = stage_ == Stage::solving;  // what has ended may be what came before
     const auto ended = child_ ? child_->ended() : std::nullopt;
     if (ended) hear();  // its last words
-    if (stage_ == Stage::recording && ended && !has_board_) {
+    if (stage_ == Stage::recording && ended && kind_ == Kind::board && !has_board_) {
       if (ended->status != 0 || ended->signal != 0) {
         const std::string why = last_line_;
         if (is_recorded_by(recording)) recording->stop_by_hand();
@@ -281,7 +407,13 @@ void CalibrationDesk::solve_when_closed(const pipeline::RecordingKeeper* recordi
       arguments.push_back("--world-of=" + rig_before_.string());
     }
   } else {
-    arguments = {"wave", folder_.string(), "--config=" + config_file_.string(), "--target=" + target_};
+    arguments = {"wave", folder_.string(), "--config=" + config_file_.string(), "--target=" + target_, "--overwrite"};
+    if (!camera_distance_.empty()) {
+      arguments.emplace_back("--camera-distance");
+      // The rig may have become another one since, which has other cameras: the other program says so.
+      for (std::string& part : camera_distance_of(camera_distance_, calib::read_rig(rig_before_)))
+        arguments.push_back(std::move(part));
+    }
   }
   arguments.push_back("--rig=" + in_folder(rig_name).string());
   arguments.push_back("--report=" + in_folder(report_name).string());
@@ -347,6 +479,7 @@ void CalibrationDesk::tell_state(const config::ServiceConfig& config, msg::Contr
   }
   std::error_code none;
   add({"kind", kind_ == Kind::board ? "board" : "wave"});
+  if (!camera_distance_.empty()) add({"camera_distance", camera_distance_.substr(distance_key.size())});
   add({"name", folder_.filename().string()});
   add({"says", says_});
   add({"report", fs::exists(in_folder(report_name), none) ? "true" : "false"});
@@ -364,19 +497,10 @@ void CalibrationDesk::tell_state(const config::ServiceConfig& config, msg::Contr
 }
 
 void CalibrationDesk::read_report(Words words, msg::ControlReply& reply) const {
-  std::uint64_t from = 0;
-  const auto [last, error] = std::from_chars(words[0].data(), words[0].data() + words[0].size(), from);
-  if (error != std::errc{} || last != words[0].data() + words[0].size())
-    throw std::runtime_error("a whole number is wanted, not " + words[0]);
-  std::ifstream file(stage_ == Stage::idle ? fs::path() : in_folder(report_name), std::ios::binary | std::ios::ate);
-  if (!file) throw std::runtime_error("there is no report");
-  const auto size = std::uint64_t(file.tellg());
-  std::vector<std::uint8_t> bytes(from < size ? std::min<std::uint64_t>(report_piece_bytes, size - from) : 0);
-  file.seekg(std::streamoff(std::min(from, size)));
-  if (!bytes.empty() && !file.read(reinterpret_cast<char*>(bytes.data()), std::streamsize(bytes.size())))
-    throw std::runtime_error("the report cannot be read");
-  reply.rows().emplace_back().columns({std::to_string(size), folder_.filename().string()});
-  reply.bytes(std::move(bytes));
+  const std::vector<std::uint8_t> report =
+      stage_ == Stage::idle ? std::vector<std::uint8_t>() : bytes_of(in_folder(report_name));
+  if (report.empty()) throw std::runtime_error("there is no report");
+  add_piece(words[0], report, folder_.filename().string(), reply);
 }
 
 fs::path CalibrationDesk::accept(Words words, const config::ServiceConfig& config) {

@@ -65,6 +65,8 @@ class CalibrationDesk {
                    msg::ControlReply& reply);
   void begin_wave(Words words, const config::ServiceConfig& config, pipeline::RecordingKeeper* recording,
                   msg::ControlReply& reply);
+  void solve_again(Words words, const config::ServiceConfig& config, msg::ControlReply& reply);
+  void read_print(Words words, msg::ControlReply& reply);
   void tell_state(const config::ServiceConfig& config, msg::ControlReply& reply) const;
   void read_report(Words words, msg::ControlReply& reply) const;
   void stop(pipeline::RecordingKeeper* recording, msg::ControlReply& reply);
@@ -78,12 +80,17 @@ class CalibrationDesk {
   void end(Stage stage, const std::string& says);
   bool is_recorded_by(const pipeline::RecordingKeeper* recording) const;
   std::filesystem::path in_folder(const char* name) const { return folder_ / name; }
+  std::filesystem::path program() const;  // throws std::runtime_error: there is none
 
   const Options options_;
   Stage stage_ = Stage::idle;
   Kind kind_ = Kind::board;
   std::filesystem::path program_, folder_, config_file_, rig_before_;  // rig_before_: empty: there was none
   std::string target_;                                                 // of a wave
+  std::string camera_distance_;  // likewise: what was measured, as it was said; empty: nothing
+  // A board to be printed: what was asked for, and its PDF.
+  std::vector<std::string> printed_for_;
+  std::vector<std::uint8_t> print_;
   bool has_board_ = false;       // its file is written, and what the recording lacks is being looked at
   bool ends_by_itself_ = false;  // the recording, as a saved pre-roll does
   std::optional<std::chrono::steady_clock::time_point> end_at_;  // of the recording

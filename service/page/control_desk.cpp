@@ -141,8 +141,8 @@ std::string sentence(std::string text) {
 
 bool ControlDesk::is_read(const msg::ControlRequest& request) {
   const auto& words = request.words();
-  return words.size() > 1 &&
-         ((words[0] == "record" && words[1] == "read") || (words[0] == "calibrate" && words[1] == "report"));
+  return words.size() > 1 && ((words[0] == "record" && words[1] == "read") ||
+                              (words[0] == "calibrate" && (words[1] == "report" || words[1] == "print")));
 }
 
 msg::ControlReply ControlDesk::answer(const msg::ControlRequest& request, const config::ServiceConfig& config) const {

@@ -119,6 +119,8 @@ void PageService::serve(const std::stop_token& stop) {
       reply(TeachDesk::refusal(*to_freeze_, "No pictures come from the cameras."));
       to_freeze_.reset();
     }
+    const bool wants_moment = desk_.wants_moment(now);
+    if (job && wants_moment) desk_.add_moment(job->set);
     is_watched = config_.preview.enabled && publisher_.picture_subscribers() + publisher_.marker_subscribers() > 0;
     if (job && is_watched) {
       publish_previews(*job);
@@ -129,7 +131,8 @@ void PageService::serve(const std::stop_token& stop) {
       shown_at = now;
     }
     if (job && options_.keeps_frames) last = std::move(job);
-    if ((is_watched && now >= next_preview) || to_freeze_) wanted_.store(true, std::memory_order_relaxed);
+    if ((is_watched && now >= next_preview) || to_freeze_ || wants_moment)
+      wanted_.store(true, std::memory_order_relaxed);
     if (map) {
       publisher_.publish(*map, map->at + clock_offset());
       next_map = now + map_period;

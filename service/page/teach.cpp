@@ -135,29 +135,45 @@ Pointing pointing_of(const TeachCommand& command, const config::ServiceConfig& c
   return pointing;
 }
 
-// A moment's pictures, one slot per camera, and per camera some of other moments.
+// A moment's pictures, one slot per camera, per camera some of other moments, and some other moments of all cameras.
 struct Pictures {
   capture::FrameSet set;
-  std::vector<std::vector<capture::Image>> elsewhen;
+  std::vector<std::vector<capture::Image>> elsewhen = {};
+  std::vector<capture::FrameSet> moments = {};
 };
 
-// Some pictures, spread over all that come, however many that are.
+// Some of what comes, spread over all of it, however much that is.
+template <typename T, std::size_t most>
 class Spread {
  public:
-  void add(const capture::Image& image) {
+  void add(const T& one) {
     if (count_++ % every_ != 0) return;
-    images_.push_back(image);
-    if (images_.size() < most) return;
-    for (std::size_t i = 0; i < images_.size() / 2; ++i) images_[i] = images_[2 * i];
-    images_.resize(images_.size() / 2);
+    kept_.push_back(one);
+    if (kept_.size() < most) return;
+    for (std::size_t i = 0; i < kept_.size() / 2; ++i) kept_[i] = kept_[2 * i];
+    kept_.resize(kept_.size() / 2);
     every_ *= 2;
   }
-  std::vector<capture::Image> take() { return std::move(images_); }
+  std::vector<T> take() { return std::move(kept_); }
 
  private:
-  static constexpr std::size_t most = 16;
-  std::vector<capture::Image> images_;
+  std::vector<T> kept_;
   std::uint64_t count_ = 0, every_ = 8;  // neighbours show nearly the same
+};
+
+// Frames of one moment, as far as a recording has them: a frame of the first camera with the newest of the others'.
+class Moments {
+ public:
+  explicit Moments(std::size_t cameras) { newest_.frames.resize(cameras); }
+  void add(const capture::Frame& frame) {
+    if (frame.camera == 0 && newest_.frames[0]) sets_.add(newest_);
+    newest_.frames[std::size_t(frame.camera)] = frame;
+  }
+  std::vector<capture::FrameSet> take() { return sets_.take(); }
+
+ private:
+  capture::FrameSet newest_;
+  Spread<capture::FrameSet, 48> sets_;
 };
 
 // One picture of every camera: where somebody pointed, the frame of that number; of the others, the one captured
@@ -170,7 +186,8 @@ Pictures recorded_pictures(const config::ServiceConfig& config, std::span<const 
   capture::ReplaySource source(recording, names, {.timing = config::frame_timing(rig)});
   capture::FrameSet set;
   set.frames.resize(rig.cameras.size());
-  std::vector<Spread> spread(rig.cameras.size());
+  std::vector<Spread<capture::Image, 16>> spread(rig.cameras.size());
+  Moments moments(rig.cameras.size());
   std::vector<std::int64_t> count(rig.cameras.size(), 0);
   std::vector<bool> is_settled(rig.cameras.size(), false);
   const int leader = wanted.begin()->first;
@@ -178,7 +195,10 @@ Pictures recorded_pictures(const config::ServiceConfig& config, std::span<const 
   while (auto frame = source.next(stop)) {
     const auto c = std::size_t(frame->camera);
     const std::int64_t number = count[c]++;
-    if (frame->status == capture::FrameStatus::ok) spread[c].add(frame->pixels);
+    if (frame->status == capture::FrameStatus::ok) {
+      spread[c].add(frame->pixels);
+      moments.add(*frame);
+    }
     if (frame->status != capture::FrameStatus::ok || is_settled[c]) continue;
     if (const auto it = wanted.find(frame->camera); it != wanted.end()) {
       if (number != it->second) continue;
@@ -201,8 +221,8 @@ Pictures recorded_pictures(const config::ServiceConfig& config, std::span<const 
       throw std::runtime_error(fmt::format("{}: camera {} has no sound frame {} (it has {})", recording.file.string(),
                                            rig.cameras[std::size_t(camera)].name, number, count[std::size_t(camera)]));
   }
-  Pictures pictures{.set = std::move(set), .elsewhen = {}};
-  for (Spread& of_camera : spread) pictures.elsewhen.push_back(of_camera.take());
+  Pictures pictures{.set = std::move(set), .moments = moments.take()};
+  for (auto& of_camera : spread) pictures.elsewhen.push_back(of_camera.take());
   return pictures;
 }
 
@@ -282,7 +302,8 @@ void tell_services(const config::ServiceConfig& config) {
   if (!told) fmt::print("no huetrackd runs with this file on this host: it takes effect at the next start\n");
 }
 
-void print_lesson(const color_teaching::Lesson& lesson, const calib::CameraRig& rig, std::int64_t first_frame) {
+void print_lesson(const color_teaching::Lesson& lesson, const calib::CameraRig& rig, std::int64_t first_frame,
+                  std::optional<double> said_radius_m) {
   for (std::size_t c = 0; c < lesson.taught.views.size(); ++c) {
     const color_teaching::TaughtView& view = lesson.taught.views[c];
     if (!view.verdict.empty()) fmt::print("{}\n", view.verdict);
@@ -296,7 +317,7 @@ void print_lesson(const color_teaching::Lesson& lesson, const calib::CameraRig& 
                  std::lround(view.region->centre.y()));
     }
   }
-  if (!lesson.radius_hint.empty()) fmt::print("{}\n", lesson.radius_hint);
+  if (lesson.taught.any()) fmt::print("{}\n", color_teaching::radius_words(lesson.radius, said_radius_m));
   for (const std::string& name : lesson.namesakes)
     fmt::print("Warning: the object has the colour of the target {}, too: nothing tells the two apart\n", name);
 }
@@ -321,6 +342,16 @@ bool is_worth_writing(const color_teaching::Lesson& lesson, const TeachCommand& 
   return true;
 }
 
+// A radius that nobody has said is a default, and anything that was measured is better: but not by places that nobody
+// has looked at. Over one that was said, only when that is asked for.
+std::optional<double> radius_to_write(const color_teaching::Lesson& lesson, const TeachCommand& command,
+                                      bool is_sized) {
+  if (command.radius && !lesson.radius.radius_m)
+    throw std::runtime_error("nothing is written: --radius: " + color_teaching::radius_words(lesson.radius, {}));
+  const bool is_taken = command.radius || (!is_sized && lesson.unconfirmed.empty());
+  return is_taken ? lesson.radius.radius_m : std::nullopt;
+}
+
 }  // namespace
 
 int teach(const TeachCommand& command, std::stop_token stop) {
@@ -341,12 +372,16 @@ int teach(const TeachCommand& command, std::stop_token stop) {
   const object_tracking::TargetOptions& target = target_of(config, command.target);
   const Pointing pointing = pointing_of(command, config);
   const Pictures pictures = command.recording == std::vector<std::string>{"live"}
-                                ? Pictures{live_pictures(config, pointing.frames, stop), {}}
+                                ? Pictures{.set = live_pictures(config, pointing.frames, stop)}
                                 : recorded_pictures(config, command.recording, pointing.frames, stop);
+  color_teaching::ColorTeacher teacher(config.rig, pictures.set, pictures.elsewhen);
+  for (const capture::FrameSet& moment : pictures.moments)
+    if (!teacher.add_moment(moment)) break;
   const color_teaching::Lesson lesson =
-      color_teaching::learn(color_teaching::ColorTeacher(config.rig, pictures.set, pictures.elsewhen), pointing.request,
-                            config.targets, target, config.object_tracking.volume);
-  print_lesson(lesson, config.rig, pointing.frames.begin()->second);
+      color_teaching::learn(teacher, pointing.request, config.targets, target, config.object_tracking.volume);
+  const bool is_sized = !config.unsized_targets.contains(target.name);
+  print_lesson(lesson, config.rig, pointing.frames.begin()->second,
+               is_sized ? std::optional(target.radius_m) : std::nullopt);
   if (!command.pictures.empty()) {
     draw(command.pictures, config.rig, pictures.set, lesson.taught);
     fmt::print("pictures with what matches in pink: {}\n", command.pictures.string());
@@ -354,9 +389,13 @@ int teach(const TeachCommand& command, std::stop_token stop) {
   if (!is_worth_writing(lesson, command)) return 1;
   if (command.dry_run) return 0;
   const bool adds_ignored = !command.ignore.empty();
+  const std::optional<double> radius_m = radius_to_write(lesson, command, is_sized);
   const std::filesystem::path written = config::save_taught(
-      config.file, lesson.target, adds_ignored ? std::optional(pointing.request.ignored) : std::nullopt);
-  fmt::print("written into {}: the colour of {}\n", written.string(), target.name);
+      config.file, lesson.target, adds_ignored ? std::optional(pointing.request.ignored) : std::nullopt, radius_m);
+  fmt::print("written into {}: the colour of {}{}\n", written.string(), target.name,
+             radius_m ? ", and its radius" : "");
+  if (!radius_m && lesson.radius.radius_m && color_teaching::differs_clearly(lesson.radius, target.radius_m))
+    fmt::print("radius_m is left as it is; --radius takes the one above\n");
   tell_services(config);
   return 0;
 }

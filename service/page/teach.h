@@ -15,6 +15,7 @@ struct TeachCommand {
   std::vector<std::string> at;         // CAMERA,FRAME,U,V; frames count from 0
   std::vector<std::string> ignore;     // CAMERA,U_MIN,V_MIN,U_MAX,V_MAX: added to those of the configuration
   bool accept = false;                 // where nobody pointed, take what is suggested
+  bool radius = false;                 // take the radius that is told, though the configuration says another one
   bool only = false;                   // write it though a suggestion is neither confirmed nor taken
   bool dry_run = false;                // write nothing
   bool undo = false;                   // nothing is taught: what was saved last is undone

@@ -18,6 +18,8 @@ namespace {
 constexpr int picture_width = 960;  // larger than a preview's: people point into it
 constexpr int picture_quality = 85;
 constexpr std::size_t most_marks = 64;  // points, or rectangles, of a request; each costs a look at all pictures
+// For the object's size: it is carried on, and nobody waits for more.
+constexpr std::chrono::milliseconds moments_apart(300), moments_until(15'000);
 constexpr double none = std::numeric_limits<double>::quiet_NaN();
 
 msg::TeachReply reply_to(const msg::TeachRequest& request) {
@@ -127,9 +129,9 @@ std::string learnt(const color_teaching::Lesson& lesson) {
   return text;
 }
 
-std::string saved(const color_teaching::Lesson& lesson, const std::filesystem::path& file) {
-  std::string text = fmt::format("Saved: {} is tracked by this colour now, and it is written into {}.",
-                                 lesson.target.name, file.string());
+std::string saved(const color_teaching::Lesson& lesson, const std::filesystem::path& file, bool with_radius) {
+  std::string text = fmt::format("Saved: {} is tracked by this colour{} now, and it is written into {}.",
+                                 lesson.target.name, with_radius ? " and with this radius" : "", file.string());
   if (!lesson.unconfirmed.empty())
     text += fmt::format(" Nobody has confirmed where it is in {}: it may not be seen there.",
                         fmt::join(lesson.unconfirmed, ", "));
@@ -137,13 +139,12 @@ std::string saved(const color_teaching::Lesson& lesson, const std::filesystem::p
   return text;
 }
 
-std::string warnings(const color_teaching::Lesson& lesson) {
+std::string warnings(const color_teaching::Lesson& lesson, std::optional<double> said_radius_m) {
   std::string text;
   if (!lesson.namesakes.empty())
     text += fmt::format(" The object has the colour of {}, too: nothing tells them apart.",
                         fmt::join(lesson.namesakes, ", "));
-  if (!lesson.radius_hint.empty()) text += " " + lesson.radius_hint;
-  return text;
+  return text + " " + color_teaching::radius_words(lesson.radius, said_radius_m);
 }
 
 }  // namespace
@@ -171,7 +172,10 @@ msg::TeachReply TeachDesk::freeze(const msg::TeachRequest& request, const config
   msg::TeachReply reply = reply_to(request);
   teacher_.emplace(config.rig, set);
   client_ = request.client();
-  set_number_ = set.number;
+  set_number_ = moment_number_ = set.number;
+  takes_moments_ = true;
+  next_moment_ = std::chrono::steady_clock::now() + moments_apart;
+  last_moment_ = std::chrono::steady_clock::now() + moments_until;
   picture_sizes_.assign(config.rig.cameras.size(), {0, 0});
   reply.set_number(set.number);
   for (std::size_t c = 0; c < config.rig.cameras.size(); ++c) {
@@ -191,6 +195,13 @@ msg::TeachReply TeachDesk::freeze(const msg::TeachRequest& request, const config
   return reply;
 }
 
+void TeachDesk::add_moment(const capture::FrameSet& set) {
+  next_moment_ = std::chrono::steady_clock::now() + moments_apart;
+  if (set.number == moment_number_) return;  // of a replay that is held
+  moment_number_ = set.number;
+  takes_moments_ = teacher_->add_moment(set);
+}
+
 msg::TeachReply TeachDesk::look(const msg::TeachRequest& request, const config::ServiceConfig& config, bool applies) {
   if (!teacher_ || client_ != request.client())
     return refusal(request, "Somebody else took new pictures meanwhile. Take new ones, and point again.");
@@ -203,7 +214,7 @@ msg::TeachReply TeachDesk::look(const msg::TeachRequest& request, const config::
       color_teaching::learn(*teacher_, pointing.request, config.targets, *target, config.object_tracking.volume);
   msg::TeachReply reply = reply_to(request);
   reply.set_number(set_number_);
-  reply.radius_m(lesson.taught.radius_m.value_or(none));
+  reply.radius_m(lesson.radius.radius_m.value_or(none));
   for (std::size_t c = 0; c < lesson.taught.views.size(); ++c)
     reply.cameras().push_back(camera_of(lesson.taught.views[c], config.rig.cameras[c].name, picture_sizes_[c]));
   if (!lesson.taught.any()) {
@@ -211,19 +222,23 @@ msg::TeachReply TeachDesk::look(const msg::TeachRequest& request, const config::
     reply.reason(why_nothing(lesson.taught));
     return reply;
   }
+  // A radius that nobody has said is a default: what was measured is better. One that was said is changed by hand.
+  const bool is_sized = !config.unsized_targets.contains(target->name);
+  const auto said_radius_m = is_sized ? std::optional(target->radius_m) : std::nullopt;
   if (!applies) {
-    reply.reason(learnt(lesson) + warnings(lesson));
+    reply.reason(learnt(lesson) + warnings(lesson, said_radius_m));
     return reply;
   }
   if (!lesson.why_useless.empty()) return refusal(request, "Not saved: " + lesson.why_useless + ".");
   const bool changes_ignored = pointing.request.ignored != config.ignored;
   std::filesystem::path file;
+  const auto radius_m = is_sized || !lesson.unconfirmed.empty() ? std::nullopt : lesson.radius.radius_m;
   const std::string why_not = why_not_saved([&] {
     file = config::save_taught(config.file, lesson.target,
-                               changes_ignored ? std::optional(pointing.request.ignored) : std::nullopt);
+                               changes_ignored ? std::optional(pointing.request.ignored) : std::nullopt, radius_m);
   });
   if (!why_not.empty()) return refusal(request, why_not);
-  reply.reason(saved(lesson, file) + warnings(lesson));
+  reply.reason(saved(lesson, file, radius_m.has_value()) + warnings(lesson, said_radius_m));
   return reply;
 }
 

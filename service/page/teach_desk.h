@@ -1,6 +1,7 @@
 // Answers what pages ask when a colour is taught: holds the frozen pictures, and writes what was learnt.
 #pragma once
 
+#include <chrono>
 #include <filesystem>
 #include <functional>
 #include <optional>
@@ -31,6 +32,12 @@ class TeachDesk {
   msg::TeachReply freeze(const msg::TeachRequest& request, const config::ServiceConfig& config,
                          const capture::FrameSet& set);
 
+  // Another moment for the object's size, while that is of use: after freeze(), some times a second.
+  bool wants_moment(std::chrono::steady_clock::time_point now) const {
+    return takes_moments_ && now >= next_moment_ && now < last_moment_;
+  }
+  void add_moment(const capture::FrameSet& set);
+
   static msg::TeachReply refusal(const msg::TeachRequest& request, const std::string& reason);
 
  private:
@@ -42,7 +49,9 @@ class TeachDesk {
   const Actions actions_;
   std::optional<color_teaching::ColorTeacher> teacher_;
   std::string client_;  // whose pictures they are
-  std::uint64_t set_number_ = 0;
+  std::uint64_t set_number_ = 0, moment_number_ = 0;
+  bool takes_moments_ = false;
+  std::chrono::steady_clock::time_point next_moment_{}, last_moment_{};
   std::vector<std::pair<std::uint32_t, std::uint32_t>> picture_sizes_;  // per camera of the rig
 };
 

@@ -187,6 +187,55 @@ try {
   for (let i = 0; i < 6; i++) for (let j = i; j < 6; j++) whole[6 * i + j] = whole[6 * j + i] = upper[k++];
   checkPose(camera[2], { ns: base + 500000000n, p: [1, 2, 3] }, "studio", { x: 0.5, y: -0.5, z: 0.5, w: -0.5 }, whole);
 
+  // A recording's pictures: the bytes that lie in its films, by ffmpeg, and its rig's lenses; beside a track of the same clock, in
+  // the order of time.
+  const cameras = ["cam0", "cam1"];
+  const recorded = yaml.load(readFileSync(join(options.recording, "rig.yaml"), "utf8")).cameras;
+  const filmed = Object.fromEntries(cameras.map((name) => {
+    const { status, stdout } = spawnSync("ffmpeg", ["-v", "error", "-i", join(options.recording, `${name}.mkv`), "-c", "copy", "-f", "image2pipe", "-"], { maxBuffer: 1 << 28 });
+    return [name, status === 0 ? stdout : null];
+  }));
+  writeFileSync(file("demo.csv"), ["target,t,x,y,z,vx,vy,vz,cxx,cxy,cxz,cyy,cyz,czz,state,views,confidence",
+    ...[0.05, 1.05, 2.05].map((t) => `lime,${t},1,2,3,0,0,0,1e-6,0,0,1e-6,0,1e-6,tracking,2,0.9`), ""].join("\n"));
+  function checkPictures(messages, offset, others) {
+    assert.ok(messages.every(([, ns], i) => i === 0 || ns >= messages[i - 1][1]), "in the order of time");
+    let count = 0;
+    for (const name of cameras) {
+      const images = messages.filter(([topic]) => topic === `/huetrack/${name}/image/compressed`);
+      const infos = messages.filter(([topic]) => topic === `/huetrack/${name}/camera_info`);
+      assert.equal(images.length, 150);
+      assert.equal(infos.length, 150);
+      images.forEach(([, ns, image], i) => {
+        const expected = offset + BigInt(Math.round((i / 30) * 1e9));
+        assert.ok(ns - expected <= 1n && expected - ns <= 1n, `${ns}, not ${expected}`);
+        assert.deepEqual({ sec: image.header.stamp.sec, nsec: image.header.stamp.nsec ?? image.header.stamp.nanosec }, stampOf(ns));
+        assert.equal(image.header.frame_id, name);
+        assert.equal(image.format, "jpeg");
+        assert.deepEqual([...image.data.subarray(0, 2)], [0xff, 0xd8]);
+        assert.equal(infos[i][1], ns);
+      });
+      if (filmed[name]) assert.ok(Buffer.concat(images.map(([, , image]) => image.data)).equals(filmed[name]), `${name}: the film's own bytes`);
+      const { fx, fy, cx, cy } = recorded[name].intrinsics;
+      const [, , info] = infos[75];
+      assert.equal(info.header.frame_id, name);
+      assert.deepEqual([info.width, info.height], recorded[name].image_size);
+      assert.equal(info.distortion_model, "plumb_bob");
+      assert.deepEqual([...info.d], recorded[name].distortion);
+      assert.deepEqual([...info.k], [fx, 0, cx, 0, fy, cy, 0, 0, 1]);
+      assert.deepEqual([...info.p], [fx, 0, cx, 0, 0, fy, cy, 0, 0, 0, 1, 0]);
+      assert.equal(info.roi.do_rectify, false);
+      count += images.length + infos.length;
+    }
+    assert.equal(messages.length, count + others);
+    return count;
+  }
+  assert.match(exported(file("demo.csv"), "--pictures", options.recording, "--out", file("demo.mcap")), /606 messages on 6 topics/);
+  const demo = await readMcap(file("demo.mcap"));
+  assert.ok(demo.chunks > 3, `${demo.chunks} chunks`);
+  console.log(`MCAP: ${checkPictures(demo.decoded, 0n, 6)} pictures and camera infos are the recording's`);
+  exported("--pictures", options.recording, "--out", file("demo_bag"), "--clock-offset", "1700000000");
+  console.log(`rosbag2: ${checkPictures(await readRosbag2(file("demo_bag")), base, 0)} pictures and camera infos are the recording's`);
+
   // What may not be: one sentence each, and nothing lost.
   const refused = (message, ...args) => {
     const { status, stderr } = huetrack("export", ...args);
@@ -197,6 +246,11 @@ try {
   refused(/bag exists; a rosbag2 is a new folder/, file("tracks.csv"), "--out", file("bag"));
   refused(/a rosbag2 is a folder/, file("tracks.csv"), "--out", file("x.db3"));
   refused(/camera\.csv exists, and is no MCAP|camera\.csv.*MCAP|a rosbag2 is a folder/, file("tracks.csv"), "--out", file("camera.csv"));
+  refused(/give a track CSV, or --pictures/, "--out", file("y.mcap"));
+  refused(/./, "--pictures", file("nowhere"), "--out", file("y.mcap"));
+  refused(/none that ROS 2 can say/, "--pictures", options.recording, "--out", file("y.mcap"), "--clock-offset", "-10");
+  refused(/none that ROS 2 can say/, "--pictures", options.recording, "--out", file("y_bag"), "--clock-offset", "-2.5");
+  for (const name of ["y.mcap", "y_bag"]) assert.equal(existsSync(file(name)), false);
   refused(/none that ROS 2 can say/, file("camera.csv"), "--out", file("y.mcap"), "--clock-offset", "-10");
   writeFileSync(file("z.mcap"), "notes");
   refused(/z\.mcap/, file("tracks.csv"), "--out", file("z.mcap"));

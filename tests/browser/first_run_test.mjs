@@ -124,7 +124,7 @@ async function test() {
   // ---- Colour: a target, and which colour it has.
   await page.click("#steps-list button");
   await page.fill("#adjust-name", "ball");
-  await page.fill("#adjust-radius", "40");
+  assert.equal(await page.inputValue("#adjust-radius"), "", "its radius is left open");
   await page.click("#adjust-add");
   await until("a colour is missed", async () => /Colour.*Which colour has ball\?/s.test(await current()), 30000);
   await page.click("#adjust-close");
@@ -152,16 +152,21 @@ async function test() {
     await page.click(`#teach-pictures canvas[data-camera=${camera}]`, { position: places[camera] });
     await until(`${camera} is learnt`, async () => (await page.getAttribute("#teach-panel", "aria-busy")) === "false" && /Learnt from/.test(await page.textContent("#teach-says")));
   }
-  assert.match(await page.textContent("#teach-says"), /Learnt from 2 of 2/);
+  assert.match(await page.textContent("#teach-says"), /Learnt from 2 of 2.*It has a radius of \d+(\.\d)? mm, give or take/);
+  await sleep(3000); // in which it moves on: more moments tell how large it is
+  await page.locator("section.teach").screenshot({ path: join(options.out, "7_taught.png") });
   await page.click("#teach-save");
-  await until("it is saved", async () => /^Saved: ball/.test(await page.textContent("#teach-says")));
+  await until("it is saved", async () => /^Saved: ball is tracked by this colour and with this radius/.test(await page.textContent("#teach-says")));
+  const size = Number(readFileSync(taught, "utf8").match(/radius_m: (0\.\d+)/)[1]);
+  say(`${await page.textContent("#teach-says")} (40 mm is right)`);
+  assert.ok(Math.abs(size - 0.04) < 0.0025, `a radius of ${size} m`);
 
   // ---- Track.
   const state = () => page.getAttribute("#targets li[data-target=ball]", "data-state").catch(() => "");
   await until("it is tracked", async () => (await state()) === "tracking");
   await until("the steps go", () => page.isHidden("#steps"));
   await sleep(2000); // what is behind the ball is learnt
-  await picture("7_track");
+  await picture("8_track");
   const positions = await page.evaluate(() => new Promise((resolve) => {
     const got = [];
     const events = new EventSource("/api/v1/positions");
@@ -188,17 +193,47 @@ async function test() {
   await until("it is tracked again", async () => (await state()) === "tracking");
   assert.equal(readFileSync(taught, "utf8"), saved);
 
+  // ---- The board, as it is printed.
+  await page.selectOption("#calibrate-paper", "A3");
+  const [download] = await Promise.all([page.waitForEvent("download"), page.click("#calibrate-print")]);
+  assert.equal(download.suggestedFilename(), "board.pdf");
+  const pdf = readFileSync(await download.path(), "latin1");
+  assert.match(pdf, /^%PDF/);
+  say(`board.pdf: ${pdf.length} bytes`);
+  await page.fill("#calibrate-square_mm", "900");
+  await page.click("#calibrate-print");
+  await until("it is said that it does not fit", async () => /^The board cannot be printed: .*(fit|paper|mm)/i.test(await says()));
+  await page.fill("#calibrate-square_mm", "80");
+
+  // ---- Waved for some seconds from now on: what each camera has seen of it.
+  await page.check("input[name=calibrate-kind][value=wave]");
+  await page.fill("#calibrate-seconds", "12");
+  await page.click("#calibrate-from-now");
+  await until("the wave is seen in both", async () => [...(await page.textContent("#calibrate-pictures")).matchAll(/([1-9]\d*) of 150 pictures of it moving/g)].length === 2, 20000);
+  assert.ok((await page.locator("#calibrate-needs li").count()) > 0, "something is missing yet");
+  await page.locator("#calibrate").screenshot({ path: join(options.out, "9_wave_coverage.png") });
+  await page.click("#calibrate-cancel");
+  await until("it is cancelled", async () => /^Cancelled/.test(await says()));
+
   // ---- Once more, by the object: the last seconds are calibrated from.
   await sleep(4000); // which it was waved in
-  await page.check("input[name=calibrate-kind][value=wave]");
   await page.click("#calibrate-last");
   await until("it is solved", async () => /^(Usable|Doubtful|It failed)/.test(await says()), 150000);
   say(await says());
   assert.match(await says(), /^(Usable|Doubtful): the ball is 0\.\d+ px rms off/);
-  await page.locator("#calibrate").screenshot({ path: join(options.out, "8_wave.png") });
+  await page.locator("#calibrate").screenshot({ path: join(options.out, "10_wave.png") });
   assert.equal((await page.request.get(new URL("/api/calibration.html", address).href)).status(), 200);
+  // And with a distance that was measured, from the same recording.
+  assert.equal(await page.isDisabled("#calibrate-again"), true, "no distance is said");
+  await page.fill("#calibrate-metres", "3.5");
+  await page.click("#calibrate-again");
+  await until("it is solved again", async () => /^(Usable|Doubtful|It failed).*/.test(await says()) && !(await page.isVisible("#calibrate-run")), 150000);
+  say(await says());
+  await page.locator("#calibrate").screenshot({ path: join(options.out, "11_distance.png") });
+  const solved = join(folder, "recordings", readdirSync(join(folder, "recordings")).filter((name) => name.endsWith("-wave")).sort().at(-1));
+  assert.match(readFileSync(join(solved, "calibrated.yaml"), "utf8"), /distance between cam0 and cam1, 3\.500 m/);
   assert.equal(readFileSync(taught, "utf8"), saved, "what nobody accepts changes nothing");
-  assert.deepEqual(readdirSync(join(folder, "recordings")).map((name) => name.replace(/.*-/, "")).sort(), ["board", "board", "wave"]);
+  assert.deepEqual(readdirSync(join(folder, "recordings")).map((name) => name.replace(/.*-/, "")).sort(), ["board", "board", "wave", "wave"]);
   assert.ok(existsSync(join(folder, "my.yaml")));
   assert.deepEqual(problems, []);
 }

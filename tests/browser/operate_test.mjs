@@ -153,7 +153,7 @@ async function test() {
   assert.equal(await page.textContent("#adjust-undo"), "Undo (3)");
   const checked = start(options.huetrackd, "check", config);
   assert.equal(await checked.ended, 0, checked.err);
-  assert.match(checked.out, /  wand:\n    radius_m: \S+ +# from my\.taught\.yaml/);
+  assert.match(checked.out, /  wand:\n    radius_m: 0\.04[^\n]*(?<!taught\.yaml)\n    shape: \S+ +# from my\.taught\.yaml/);
   await page.screenshot({ path: join(options.out, "page_targets.png"), fullPage: true });
   await page.click("#adjust-close");
 

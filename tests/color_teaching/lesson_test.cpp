@@ -39,22 +39,40 @@ TEST(Lesson, FromOneClickToTheTargetsColour) {
   const Lesson pointed = learn(teacher, both, {lime}, lime, volume);
   EXPECT_THAT(accepted.unconfirmed, IsEmpty());
   EXPECT_THAT(accepted.namesakes, IsEmpty());
-  EXPECT_EQ(accepted.taught.radius_m, pointed.taught.radius_m);
+  EXPECT_EQ(accepted.radius.radius_m, pointed.radius.radius_m);
   EXPECT_EQ(accepted.target.color, pointed.target.color);
   EXPECT_EQ(accepted.target.camera_colors, pointed.target.camera_colors);
   EXPECT_EQ(accepted.target.camera_colors.size(), 2u);
 
   // The size is held to the target's, and narrow ranges to the object.
-  lime.radius_m = 0.02;
+  lime.radius_m = 0.01;
   both.wider = -20;
   const Lesson narrow = learn(teacher, both, {lime}, lime, volume);
-  EXPECT_THAT(narrow.radius_hint, HasSubstr("but radius_m says 20 mm"));
+  EXPECT_THAT(radius_words(narrow.radius, lime.radius_m), HasSubstr("but radius_m says 10 mm"));
+  EXPECT_THAT(radius_words(narrow.radius, 0.04), HasSubstr("radius_m says 40 mm, which agrees"));
   EXPECT_TRUE(narrow.is_faint);
 
   // Where there is nothing coloured nothing is learnt, and the target stays what it is.
   const Lesson nothing = learn(teacher, {.points = {{0, {0, 0}}}}, {lime, same}, lime, volume);
   EXPECT_EQ(nothing.why_useless, "nothing was learnt");
   EXPECT_EQ(nothing.target.color, lime.color);
+}
+
+TEST(Lesson, WhatIsSaidOfTheSize) {
+  const RadiusProposal told{.radius_m = 0.03724, .sigma_m = 0.0004, .moments = 12, .cameras = 3};
+  EXPECT_EQ(
+      radius_words(told, {}),
+      "It has a radius of 37.2 mm, give or take 0.8 (by 12 moments of 3 cameras), as far as the rig's scale is right.");
+  EXPECT_FALSE(differs_clearly(told, 0.039));
+  EXPECT_TRUE(differs_clearly(told, 0.042));
+  EXPECT_TRUE(differs_clearly(told, 0.033));
+  EXPECT_THAT(radius_words(told, 0.042), HasSubstr("but radius_m says 42 mm"));
+  // As unsure as that, nothing contradicts it.
+  EXPECT_FALSE(differs_clearly({.radius_m = 0.03724, .sigma_m = 0.004}, 0.042));
+  const RadiusProposal unknown{.why_not = "only one camera shows the object"};
+  EXPECT_FALSE(differs_clearly(unknown, 1));
+  EXPECT_EQ(radius_words(unknown, 0.04), "How large it is cannot be told: only one camera shows the object.");
+  EXPECT_THAT(radius_words(unknown, {}), HasSubstr("it is taken for the default"));
 }
 
 TEST(Lesson, RectanglesAreAddedPerCamera) {

@@ -175,6 +175,31 @@ TEST_F(Server, AReportIsShownAndCanDoNothing) {
   EXPECT_THAT(get("/api/calibration.html"), AllOf(StartsWith("HTTP/1.1 503"), HasSubstr("Too many.")));
 }
 
+// The address' words are the service's, in their order.
+TEST_F(Server, ABoardIsPrinted) {
+  start();
+  const auto download = downloads["columns=9"] = std::make_shared<RecordingDownload>(
+      RecordingDownload::print_words({"type=charuco", "columns=9"}), "me", "host", 1);
+  const std::string whole = "%PDF-1.4 board";
+  const auto request = download->next_request(RecordingDownload::Clock::now());
+  ASSERT_TRUE(request);
+  EXPECT_THAT(request->words(), ElementsAre("calibrate", "print", "type=charuco", "columns=9", "0"));
+  msg::ControlReply reply;
+  reply.number(request->number());
+  reply.granted(true);
+  reply.rows().emplace_back().columns({std::to_string(whole.size()), "same"});
+  reply.bytes({whole.begin(), whole.end()});
+  download->take(reply);
+  EXPECT_THAT(get("/api/board.pdf?type=charuco&columns=9"),
+              AllOf(StartsWith("HTTP/1.1 200"), HasSubstr("Content-Type: application/pdf\r\n"),
+                    HasSubstr("filename=\"board.pdf\""), EndsWith(whole)));
+  EXPECT_THAT(get("/api/board.pdf?columns=9", "Sec-Fetch-Site: cross-site\r\n"), StartsWith("HTTP/1.1 403"));
+  const auto refused = downloads["square_mm=90"] =
+      std::make_shared<RecordingDownload>(RecordingDownload::print_words({"square_mm=90"}), "me", "host", 1);
+  refused->fail("It does not fit on A4.");
+  EXPECT_THAT(get("/api/board.pdf?square_mm=90"), AllOf(StartsWith("HTTP/1.1 404"), HasSubstr("does not fit on A4")));
+}
+
 TEST_F(Server, WhatIsNoRecordingIsNotSent) {
   start();
   const auto refused = downloads["none"] =

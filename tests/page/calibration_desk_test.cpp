@@ -311,6 +311,85 @@ TEST_F(Calibrating, ADoubtfulOneNeedsAWordMore) {
   EXPECT_TRUE(ask({"accept", "doubtful"}).granted());
 }
 
+TEST_F(Calibrating, AWaveIsCoveredAndCalibratedAgainWithADistance) {
+  calib::write_rig(config.rig, folder / "found.yaml");
+  begin(fake(folder, "doubtful", 2));
+  EXPECT_THAT(ask({"again", "camera_distance=cam0,cam1,3"}).reason(), HasSubstr("no wave"));
+  for (const char* distance :
+       {"camera_distance=cam0,cam1", "camera_distance=cam0,cam1,3,4", "camera_distance=cam0,none,3",
+        "camera_distance=cam0,cam0,3", "camera_distance=cam0,cam1,-3", "camera_distance=cam0,cam1,nan",
+        "camera_distance=cam0,cam1,3m", "camera_distance="})
+    EXPECT_FALSE(ask({"wave", "ball", "5", distance}).granted()) << distance;
+  EXPECT_EQ(stage(), "idle");
+  ASSERT_TRUE(ask({"wave", "ball", "5"}).granted());
+  // What it lacks is told while it is made.
+  ASSERT_TRUE(comes([&] {
+    frame();
+    desk->look_after(&*keeper);
+    return state().contains("need");
+  }));
+  EXPECT_THAT(state()["coverage"], Contains("cam0"));
+  EXPECT_THAT(
+      text_of(folder / "asked"),
+      AllOf(HasSubstr("--tell-program coverage " + recording().string() + " --config="), HasSubstr("--target=ball")));
+  EXPECT_FALSE(ask({"again", "camera_distance=cam0,cam1,3"}).granted());
+  ASSERT_TRUE(ask({"stop"}).granted());
+  ASSERT_TRUE(becomes("doubtful")) << stage() << log;
+  EXPECT_THAT(text_of(folder / "asked"), Not(HasSubstr("--camera-distance")));
+  EXPECT_FALSE(state().contains("camera_distance"));
+
+  // The same recording, with what was measured.
+  const fs::path waved = recording();
+  EXPECT_EQ(ask({"again", "now"}).reason(), "This service does not know that request.");
+  const msg::ControlReply again = ask({"again", "camera_distance=cam1,cam0,3.42"});
+  ASSERT_TRUE(again.granted()) << again.reason();
+  ASSERT_TRUE(becomes("doubtful")) << stage() << log;
+  EXPECT_EQ(recording(), waved);
+  EXPECT_THAT(text_of(folder / "asked"), HasSubstr("--camera-distance cam1 cam0 3.42 --rig=" + waved.string()));
+  EXPECT_THAT(state()["camera_distance"], ElementsAre("cam1,cam0,3.42"));
+  ASSERT_TRUE(ask({"accept", "doubtful"}).granted());
+  EXPECT_THAT(ask({"again", "camera_distance=cam0,cam1,3"}).reason(), HasSubstr("no wave"));
+
+  // Or at once, of what just happened. The next one knows nothing of it.
+  ASSERT_TRUE(ask({"wave", "ball", "camera_distance=cam0,cam1,2.5"}).granted());
+  ASSERT_TRUE(becomes("doubtful")) << stage() << log;
+  EXPECT_THAT(text_of(folder / "asked"), HasSubstr("--camera-distance cam0 cam1 2.5"));
+  ASSERT_TRUE(ask({"wave", "ball"}).granted());
+  EXPECT_FALSE(state().contains("camera_distance"));
+}
+
+TEST_F(Calibrating, ABoardIsPrinted) {
+  const std::string whole(300'000, 'p');
+  std::ofstream(folder / "whole.pdf") << "%PDF" << whole;
+  begin("for word; do case $word in --out=*) cp " + (folder / "whole.pdf").string() + " ${word#--out=} ;; esac; done");
+  std::string got;
+  while (true) {
+    const msg::ControlReply piece = ask({"print", "type=charuco", "columns=9", "paper=A3", std::to_string(got.size())});
+    ASSERT_TRUE(piece.granted()) << piece.reason();
+    ASSERT_FALSE(piece.bytes().empty());
+    EXPECT_EQ(piece.rows().at(0).columns().at(0), std::to_string(whole.size() + 4));
+    got.append(piece.bytes().begin(), piece.bytes().end());
+    if (got.size() >= whole.size() + 4) break;
+  }
+  EXPECT_EQ(got, "%PDF" + whole);
+  const std::string asked = text_of(folder / "asked");
+  EXPECT_THAT(asked, AllOf(StartsWith("board --out="), HasSubstr("--type=charuco --columns=9 --paper=A3")));
+  EXPECT_EQ(std::ranges::count(asked, '\n'), 1) << "made once for all its pieces";
+  const std::string out = asked.substr(12, asked.find("board.pdf") - 12);
+  EXPECT_FALSE(fs::exists(out)) << "nothing is left of " << out;
+
+  for (const std::vector<std::string>& words : {std::vector<std::string>{"print"},
+                                                {"print", "x"},
+                                                {"print", "type=charuco", "x"},
+                                                {"print", "out=/etc/x", "0"}})
+    EXPECT_FALSE(ask(words).granted()) << words.back();
+  EXPECT_THAT(ask({"board", "paper=A4"}).reason(), HasSubstr("is not known"));
+  begin("echo 'huetrack-calibrate: it does not fit on A4' >&2; exit 1");
+  EXPECT_EQ(ask({"print", "square_mm=90", "0"}).reason(), "It does not fit on A4.");
+  begin("exec sleep 100");
+  EXPECT_THAT(ask({"print", "0"}).reason(), HasSubstr("cannot be printed"));
+}
+
 TEST_F(Calibrating, ARigThatLacksACameraChangesNothing) {
   calib::CameraRig found = config.rig;
   found.cameras.pop_back();

@@ -16,11 +16,11 @@ const kinds = ["hue_deg", "saturation", "intensity"] as const;
 type Kind = (typeof kinds)[number];
 const scales: Record<Kind, number> = { hue_deg: 1, saturation: 100, intensity: 100 }; // of a slider's steps
 const units: Record<Kind, string> = { hue_deg: "°", saturation: " %", intensity: " %" };
-const defaultRadius = 40; // mm, of a new target
 
 const panel = $("adjust-panel");
 let shown = ""; // what the sliders were filled from: another configuration fills them anew, unless somebody has moved one
 let isTouched = false;
+let isSized = false; // somebody has written a radius
 let isBusy = false;
 
 const sliders = (kind: Kind) => [0, 1].map((end) => field(`${kind}-${end}`)) as [HTMLInputElement, HTMLInputElement];
@@ -38,8 +38,8 @@ function fill(): void {
   const now = target();
   const color = now?.colors.find((c) => !choice("camera").value || c.camera === choice("camera").value) ?? untaught;
   for (const kind of kinds) sliders(kind).forEach((slider, end) => (slider.value = String(Math.round(color[kind][end] * scales[kind]))));
-  field("radius").value = now ? String(+(1000 * now.radius).toFixed(1)) : String(defaultRadius);
-  isTouched = false;
+  field("radius").value = now ? String(+(1000 * now.radius).toFixed(1)) : "";
+  isTouched = isSized = false;
   show();
 }
 
@@ -91,7 +91,7 @@ async function act(...words: string[]): Promise<ControlReply> {
   const reply = await ask(...words);
   isBusy = false;
   say(reply.reason, !reply.granted);
-  if (reply.granted) isTouched = false; // what is in force from now on
+  if (reply.granted) isTouched = isSized = false; // what is in force from now on
   void updateHistory();
   update();
   return reply;
@@ -100,7 +100,9 @@ async function act(...words: string[]): Promise<ControlReply> {
 function save(): void {
   const pairs = kinds.map((kind) => `${kind}=${valuesOf(kind).map((v) => +v.toFixed(3)).join(",")}`);
   const camera = choice("camera").value ? [`camera=${choice("camera").value}`] : [];
-  void act("target", "set", choice("target").value, ...pairs, `radius_m=${Number(field("radius").value) / 1000}`, ...camera);
+  // One that nobody has written is not said: the cameras may still tell it.
+  const radius = isSized ? [`radius_m=${Number(field("radius").value) / 1000}`] : [];
+  void act("target", "set", choice("target").value, ...pairs, ...radius, ...camera);
 }
 
 function update(): void {
@@ -169,7 +171,7 @@ for (const kind of kinds)
       update();
     });
 field("radius").addEventListener("input", () => {
-  isTouched = true;
+  isTouched = isSized = true;
   show();
   update();
 });
@@ -187,7 +189,11 @@ $("adjust-close").addEventListener("click", () => {
 });
 $("adjust-save").addEventListener("click", save);
 $("adjust-reset").addEventListener("click", () => (fill(), update()));
-$("adjust-add").addEventListener("click", () => void act("target", "add", field("name").value.trim(), `radius_m=${Number(field("radius").value) / 1000 || defaultRadius / 1000}`));
+// What was written there is the new one's; what stands there of another target is not.
+$("adjust-add").addEventListener("click", () => {
+  const mm = isSized ? Number(field("radius").value) : 0;
+  void act("target", "add", field("name").value.trim(), ...(mm > 0 ? [`radius_m=${mm / 1000}`] : []));
+});
 $("adjust-rename").addEventListener("click", () => void act("target", "rename", choice("target").value, field("name").value.trim()));
 $("adjust-remove").addEventListener("click", () => void act("target", "remove", choice("target").value));
 whenStepped("adjust", (reply) => {

@@ -5,6 +5,7 @@ import { ask } from "./control";
 import { updateHistory, whenStepped } from "./history";
 import type { ControlReply } from "./messages";
 import { setOptions } from "./options";
+import { save } from "./save";
 import { isServing, serviceOf, store } from "./store";
 import { isHidden, watchVisibility } from "./visibility";
 
@@ -45,6 +46,7 @@ let isAsking = false;
 let service = "";
 let why = ""; // why nothing can be calibrated
 let isSure = false; // that a doubtful one is to be used
+let isPrinting = false;
 
 export const calibrationRefused = (): string => why;
 const word = (key: string, column = 0) => state?.[key]?.[column] ?? "";
@@ -131,7 +133,7 @@ function show(): void {
   const isRecording = now === "recording";
   const ofBoard = word("kind") === "board";
   $<HTMLButtonElement>("calibrate-stop").disabled = !isRecording;
-  $("calibrate-stop").textContent = ofBoard && needs.length === 0 && coverage.size ? "That is enough: calibrate" : "Stop, and calibrate";
+  $("calibrate-stop").textContent = needs.length === 0 && coverage.size ? "That is enough: calibrate" : "Stop, and calibrate";
   $("calibrate-stop").classList.toggle("primary", needs.length === 0 && coverage.size > 0);
   const [step, done, total, details] = state?.progress ?? [];
   const seconds = Number(word("seconds") || NaN);
@@ -146,17 +148,61 @@ function show(): void {
       ? `${step}${Number(total) > 0 ? `, ${Math.round(100 * part!)} %` : ""}${details ? ` (${details})` : ""}`
       : word("says");
   $("calibrate-needs").replaceChildren(...(isRecording ? needs.slice(0, mostNeeds) : []).map((text) => Object.assign(document.createElement("li"), { textContent: text })));
-  $("calibrate-enough").hidden = !(isRecording && ofBoard && coverage.size > 0 && needs.length === 0);
+  $("calibrate-enough").hidden = !(isRecording && coverage.size > 0 && needs.length === 0);
   const isResult = now === "usable" || now === "doubtful";
   $("calibrate-accept").hidden = !isResult;
   $("calibrate-accept").textContent = now === "doubtful" ? (isSure ? "Yes, use it all the same" : "Use it although it is doubtful…") : "Use it: the cameras stand so";
   $("calibrate-accept").classList.toggle("primary", now === "usable");
+  showDistance(now);
+  $<HTMLButtonElement>("calibrate-print").disabled = isPrinting;
   $("calibrate-report").hidden = word("report") !== "true" || isBusy();
   const preRoll = Number(word("pre_roll_s"));
   $("calibrate-last").textContent = preRoll > 0 ? `Use the last ${preRoll} s` : "Use the last seconds";
   $<HTMLButtonElement>("calibrate-last").disabled = !(preRoll > 0);
   setOptions($<HTMLSelectElement>("calibrate-target"), (store.scene?.targets ?? []).map((t) => [t.name, t.name]));
   makePictures();
+}
+
+// A wave knows how large the room is by the ball's size, roughly: a distance between two cameras tells it. It can be said before,
+// and when the wave is doubtful, without waving again.
+function showDistance(now: string): void {
+  const cameras = (store.scene?.cameras ?? []).map((c): [string, string] => [c.name, c.name]);
+  const [a, b] = ["a", "b"].map((end) => $<HTMLSelectElement>(`calibrate-${end}`));
+  const wasEmpty = !b.options.length;
+  setOptions(a, cameras);
+  setOptions(b, cameras);
+  if (wasEmpty && cameras.length > 1) b.value = cameras[1][0];
+  const ofWave = word("kind") === "wave";
+  const isOver = ["usable", "doubtful", "failed"].includes(now);
+  $("calibrate-distance").hidden = isBusy() || !(kind() === "wave" || (ofWave && isOver));
+  const again = $<HTMLButtonElement>("calibrate-again");
+  again.hidden = !(ofWave && isOver);
+  again.disabled = distanceWords().length === 0;
+}
+
+// Nothing where nothing was measured, or what makes no sense.
+function distanceWords(): string[] {
+  const [a, b, metres] = [field("a").value, field("b").value, Number(field("metres").value)];
+  return a && b && a !== b && metres > 0 ? [`camera_distance=${a},${b},${metres}`] : [];
+}
+
+// The board that is described, as a PDF of true size.
+async function print(): Promise<void> {
+  isPrinting = true;
+  show();
+  const words = [...boardWords(), `paper=${field("paper").value}`];
+  try {
+    const query = words.map((text) => text.split("=").map(encodeURIComponent).join("="));
+    const answer = await fetch(`/api/board.pdf?${query.join("&")}`);
+    if (!answer.ok) return say(`The board cannot be printed: ${(await answer.text()).trim()}`, true);
+    save(await answer.blob(), "board.pdf");
+    say("board.pdf: print it at 100 %, without fitting it to the page, measure its ruler, and glue it onto something flat.");
+  } catch (error) {
+    say(`The request did not go through: ${error instanceof Error ? error.message : error}`, true);
+  } finally {
+    isPrinting = false;
+    show();
+  }
 }
 
 function showSizes(): void {
@@ -170,14 +216,18 @@ function makePictures(): void {
   if (liveFigures(grid, names)) follow(names);
   for (const figure of grid.children as unknown as HTMLElement[]) {
     const of = coverage.get(figure.dataset.camera!);
-    const text = of ? `${of.views} of ${of.enoughViews} views, ${of.image} % of the picture (${of.enoughImage} wanted), ${of.tilts} of 5 tilts; ${of.now}` : "";
+    const text = !of
+      ? ""
+      : word("kind") === "wave"
+        ? `${of.views} of ${of.enoughViews} pictures of it moving, in ${of.image} % of the picture (${of.enoughImage} wanted); ${of.now}`
+        : `${of.views} of ${of.enoughViews} views, ${of.image} % of the picture (${of.enoughImage} wanted), ${of.tilts} of 5 tilts; ${of.now}`;
     figure.querySelector("span")!.textContent = text;
     figure.querySelector("canvas")!.setAttribute("aria-label", `${figure.dataset.camera}: ${text}`);
   }
   drawCalibration();
 }
 
-// With the page's cards: each camera's picture, and where in it corners of the board were seen.
+// With the page's cards: each camera's picture, and where in it corners of the board, or the ball, were seen.
 export function drawCalibration(): void {
   if (panel.hidden) return;
   for (const figure of $("calibrate-pictures").children as unknown as HTMLElement[]) {
@@ -286,8 +336,11 @@ $("calibrate-close").addEventListener("click", () => {
 for (const input of document.querySelectorAll("input[name=calibrate-kind]")) input.addEventListener("change", show);
 field("type").addEventListener("change", showSizes);
 $("calibrate-start").addEventListener("click", () => void act("board", ...boardWords()));
-$("calibrate-last").addEventListener("click", () => void act("wave", field("target").value));
-$("calibrate-from-now").addEventListener("click", () => void act("wave", field("target").value, field("seconds").value));
+$("calibrate-last").addEventListener("click", () => void act("wave", field("target").value, ...distanceWords()));
+$("calibrate-from-now").addEventListener("click", () => void act("wave", field("target").value, field("seconds").value, ...distanceWords()));
+$("calibrate-again").addEventListener("click", () => void act("again", ...distanceWords()));
+$("calibrate-print").addEventListener("click", () => void print());
+for (const id of ["a", "b", "metres"]) field(id).addEventListener("input", show);
 $("calibrate-stop").addEventListener("click", () => void act("stop"));
 $("calibrate-cancel").addEventListener("click", () => void act("cancel"));
 $("calibrate-accept").addEventListener("click", () => void accept());

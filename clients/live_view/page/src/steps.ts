@@ -30,8 +30,8 @@ function service(): Step {
   return {
     title: "Cameras",
     isDone: false,
-    says: `No huetrackd is heard on DDS domain ${store.pulse?.domain ?? 0}. huetrackd doctor lists the cameras that there are. Name them in a file, and start:`,
-    how: "# my.yaml; start with huetrackd run my.yaml\nversion: 1\nrig: none                  # not calibrated yet\ncameras: {left: {device: 0}, right: {device: 2}}\ntargets: {ball: {radius_m: 0.04}}\nrecord: {folder: recordings, pre_roll_s: 60}\ncontrol: {allow_teach: true, allow_record: true}",
+    says: `No huetrackd is heard on DDS domain ${store.pulse?.domain ?? 0}. On the computer with the cameras, huetrackd setup finds them and starts; huetrackd doctor says what is wrong with one that it leaves out. By hand it is a file:`,
+    how: "huetrackd setup\n\n# or my.yaml, started with huetrackd run my.yaml\nversion: 1\nrig: none                  # not calibrated yet\ncameras: {left: {device: 0}, right: {device: 2}}\nrecord: {folder: recordings, pre_roll_s: 60}\ncontrol: {allow_teach: true, allow_record: true}",
   };
 }
 

@@ -1,6 +1,7 @@
 // Teaching a colour: freeze the pictures, point at the object, look at what matches, save. The page keeps what the user did
 // and sends all of it with every request; replies come back over the stream.
 import { bitmapOf, showLiveMasks } from "./cameras";
+import { ask as askService } from "./control";
 import { Labels } from "./labels";
 import { stepHistory, updateHistory } from "./history";
 import type { Color, Ignore, Scene, TaughtCamera, TeachReply } from "./messages";
@@ -37,6 +38,7 @@ let least = -Infinity; // of `wider`: beyond, nothing changes any more
 let most = Infinity;
 let before = ""; // the ranges before the last step
 let service = ""; // whose pictures these are
+let radius: number | null = null; // that the pictures tell, m
 let isUndoing = false; // the rectangles that come then are those of before
 
 const panel = $("teach-panel");
@@ -116,6 +118,7 @@ export async function takeTeachReply(reply: TeachReply): Promise<void> {
   if (reply.cameras.length) {
     hasLearnt = points.length > 0 && reply.cameras.some((c) => c.pointed);
     unconfirmed = reply.cameras.filter((c) => !c.pointed && c.region[0] !== null).map((c) => c.camera);
+    radius = reply.radius;
   }
   update();
 }
@@ -348,6 +351,7 @@ function startAgain(): void {
   wider = 0;
   hasLearnt = false;
   unconfirmed = [];
+  radius = null;
   least = -Infinity;
   most = Infinity;
   void ask("freeze");
@@ -419,7 +423,28 @@ function update(): void {
   $<HTMLButtonElement>("teach-narrower").disabled = busy || !hasLearnt || wider <= least;
   $<HTMLButtonElement>("teach-save-ignored").disabled = busy || !pictures.length;
   $<HTMLButtonElement>("teach-clear").disabled = !ignored.length;
+  updateRadius();
   $("teach-width").textContent = wider === 0 ? "as fitted" : wider > 0 ? `${wider} wider` : `${-wider} narrower`;
+}
+
+// What the pictures tell of the size is offered where it is another one than that in force; saving a colour takes it by itself
+// where nobody has said one yet.
+function updateRadius(): void {
+  const button = $<HTMLButtonElement>("teach-radius");
+  const inForce = store.scene?.targets.find((t) => t.name === $<HTMLSelectElement>("teach-target").value)?.radius;
+  const isOther = radius !== null && inForce !== undefined && Math.abs(radius - inForce) >= 0.0005;
+  button.hidden = !hasLearnt || !isOther;
+  button.disabled = pending !== 0;
+  if (isOther) button.textContent = `Take a radius of ${(1000 * radius!).toFixed(1)} mm instead of ${+(1000 * inForce).toFixed(1)} mm`;
+}
+
+async function takeRadius(): Promise<void> {
+  if (radius === null) return;
+  $<HTMLButtonElement>("teach-radius").disabled = true;
+  const reply = await askService("target", "set", $<HTMLSelectElement>("teach-target").value, `radius_m=${radius.toFixed(4)}`);
+  say(reply.reason, !reply.granted);
+  void updateHistory();
+  updateRadius();
 }
 
 // The target that somebody chose: a service that starts again has the same one to teach, not its first.
@@ -454,6 +479,7 @@ export function updateTeach(serving: boolean): void {
   const button = $<HTMLButtonElement>("teach-open");
   const allowed = serving && !!scene?.may_teach && scene.targets.length > 0;
   updateTargets();
+  updateRadius();
   // Another service knows nothing of these pictures.
   if (!panel.hidden && serving && scene && service !== serviceOf(scene)) {
     pictures = [];
@@ -477,6 +503,7 @@ $("teach-again").addEventListener("click", startAgain);
 $("teach-wider").addEventListener("click", () => widen(1));
 $("teach-narrower").addEventListener("click", () => widen(-1));
 $("teach-save").addEventListener("click", save);
+$("teach-radius").addEventListener("click", () => void takeRadius());
 $("teach-save-ignored").addEventListener("click", () => void ask("ignore"));
 for (const word of ["undo", "redo"] as const)
   $(`teach-${word}`).addEventListener("click", async () => {

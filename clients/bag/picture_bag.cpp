@@ -1,0 +1,173 @@
+#include "clients/bag/picture_bag.h"
+
+#include <algorithm>
+#include <array>
+#include <map>
+#include <span>
+#include <stop_token>
+#include <string_view>
+#include <utility>
+
+#include "calib/model/rig_yaml.h"
+#include "capture/jpeg_encoder.h"
+#include "capture/recording.h"
+#include "capture/replay_source.h"
+#include "clients/bag/ros_messages.h"
+#include "idl/topics.h"
+
+namespace huetrack::bag {
+namespace {
+
+namespace sensor = sensor_msgs::msg::dds_;
+constexpr int quality = 95;  // of pictures that are no JPEGs in the recording
+// A replay may give frames in the order in which they came, which is not quite that of their times.
+constexpr std::chrono::seconds at_most_late{2};
+
+std::string image_definition() {
+  return "std_msgs/Header header\nstring format\nuint8[] data\n" + header_definition();
+}
+
+std::string info_definition() {
+  return "std_msgs/Header header\nuint32 height\nuint32 width\nstring distortion_model\nfloat64[] d\nfloat64[9] k\n"
+         "float64[9] r\nfloat64[12] p\nuint32 binning_x\nuint32 binning_y\nRegionOfInterest roi\n" +
+         separator() +
+         "MSG: sensor_msgs/RegionOfInterest\nuint32 x_offset\nuint32 y_offset\nuint32 height\nuint32 width\n"
+         "bool do_rectify\n" +
+         header_definition();
+}
+
+// As service/publish says it of its previews, at the image's own size.
+sensor::CameraInfo_ info_of(const calib::Camera& camera) {
+  sensor::CameraInfo_ info;
+  info.width(std::uint32_t(camera.image_size.width));
+  info.height(std::uint32_t(camera.image_size.height));
+  const calib::CameraModel& model = camera.model;
+  std::vector<double> d;
+  std::visit([&](const auto& lens) { d.assign(lens.distortion.begin(), lens.distortion.end()); }, model.lens());
+  if (model.name() == "fisheye_kb") {
+    info.distortion_model("equidistant");
+  } else if (model.name() == "stereographic") {
+    info.distortion_model("stereographic");  // which ROS has no name for: better than another formula's
+  } else {
+    const bool is_rational = d.size() > 5 && std::any_of(d.begin() + 5, d.end(), [](double k) { return k != 0; });
+    info.distortion_model(is_rational ? "rational_polynomial" : "plumb_bob");
+    if (!is_rational) d.resize(5, 0.0);
+  }
+  info.d(std::move(d));
+  const double fx = model.fx(), fy = model.fy(), cx = model.cx(), cy = model.cy();
+  info.k({fx, 0, cx, 0, fy, cy, 0, 0, 1});
+  info.r({1, 0, 0, 0, 1, 0, 0, 0, 1});
+  info.p({fx, 0, cx, 0, 0, fy, cy, 0, 0, 0, 1, 0});
+  return info;
+}
+
+// Some webcams leave the Huffman tables out, which video files may and pictures may not (ITU-T T.81, B.2.4.2).
+bool has_huffman_tables(std::span<const std::uint8_t> jpeg) {
+  constexpr std::uint8_t marker = 0xff, table = 0xc4, scan = 0xda;
+  for (std::size_t i = 2; i + 4 <= jpeg.size() && jpeg[i] == marker;) {
+    if (jpeg[i + 1] == table) return true;
+    if (jpeg[i + 1] == scan) return false;
+    i += 2 + std::size_t(jpeg[i + 2] << 8 | jpeg[i + 3]);
+  }
+  return false;
+}
+
+std::vector<std::uint8_t> jpeg_of(const capture::Frame& frame) {
+  if (frame.encoded && has_huffman_tables(*frame.encoded)) return *frame.encoded;
+  return capture::encode_picture(frame.pixels, {frame.pixels.width, frame.pixels.height}, quality);
+}
+
+}  // namespace
+
+struct RecordedPictures::Impl {
+  calib::CameraRig rig;
+  capture::Recording recording;
+  std::vector<std::string> names;
+  std::optional<capture::ReplaySource> source;
+  std::vector<Topic> topics;
+  std::vector<std::optional<sensor::CameraInfo_>> infos;  // per camera
+  std::vector<std::size_t> topic_of;                      // per camera: of its images; that of its info follows
+  std::chrono::nanoseconds offset{0};
+  std::multimap<std::int64_t, Message> waiting;
+  std::vector<std::string> warnings;
+  bool has_ended = false;
+
+  void read_on() {
+    auto frame = source->next(std::stop_token());
+    if (!frame) {
+      has_ended = true;
+      return;
+    }
+    if (frame->status != capture::FrameStatus::ok) return;
+    const auto c = std::size_t(frame->camera);
+    const std::int64_t at_ns = ros_time(frame->captured_at.time_since_epoch(), offset);
+    sensor::CompressedImage_ image;
+    image.header(ros_header(at_ns, names[c]));
+    image.format("jpeg");
+    image.data(jpeg_of(*frame));
+    waiting.emplace(at_ns, Message{topic_of[c], at_ns, cdr_of(image)});
+    if (!infos[c]) return;
+    infos[c]->header(ros_header(at_ns, names[c]));
+    waiting.emplace(at_ns, Message{topic_of[c] + 1, at_ns, cdr_of(*infos[c])});
+  }
+};
+
+RecordedPictures::RecordedPictures(const std::filesystem::path& recording, std::filesystem::path rig,
+                                   std::size_t first_topic, std::chrono::nanoseconds offset)
+    : impl_(std::make_unique<Impl>()) {
+  impl_->offset = offset;
+  impl_->recording = capture::read_recording(recording);
+  const std::filesystem::path beside = impl_->recording.file.parent_path() / "rig.yaml";
+  if (rig.empty() && std::filesystem::exists(beside)) rig = beside;
+  if (!rig.empty()) impl_->rig = calib::read_rig(rig);
+  capture::ReplayOptions options{.keeps_encoded = true};
+  for (const capture::RecordedCamera& camera : impl_->recording.cameras) {
+    impl_->names.push_back(camera.name);
+    const auto in_rig = impl_->rig.index_of(camera.name);
+    const calib::Camera* known = in_rig ? &impl_->rig.cameras[std::size_t(*in_rig)] : nullptr;
+    // At mid-exposure, as the track's positions are.
+    options.timing.push_back({.latency = capture::duration_of(known ? known->timing.latency_s.value_or(0) : 0),
+                              .readout = capture::duration_of(known ? known->timing.readout_s.value_or(0) : 0)});
+    const std::string word = word_of(camera.name);
+    impl_->topic_of.push_back(first_topic + impl_->topics.size());
+    impl_->topics.push_back(
+        {idl::ros2_image_topic(word).substr(rtps_prefix), "sensor_msgs/msg/CompressedImage", image_definition()});
+    impl_->infos.push_back(known ? std::optional(info_of(*known)) : std::nullopt);
+    if (known)
+      impl_->topics.push_back(
+          {idl::ros2_camera_info_topic(word).substr(rtps_prefix), "sensor_msgs/msg/CameraInfo", info_definition()});
+    else
+      impl_->warnings.push_back(rig.empty() ? "no rig is known (--rig): camera " + camera.name + " has no CameraInfo"
+                                            : rig.string() + " has no camera " + camera.name + ": no CameraInfo");
+  }
+  impl_->source.emplace(impl_->recording, impl_->names, options);
+}
+
+RecordedPictures::~RecordedPictures() = default;
+
+const std::vector<Topic>& RecordedPictures::topics() const {
+  return impl_->topics;
+}
+
+std::optional<Message> RecordedPictures::next() {
+  auto& waiting = impl_->waiting;
+  const std::int64_t late_ns = std::chrono::nanoseconds(at_most_late).count();
+  while (!impl_->has_ended && (waiting.empty() || waiting.rbegin()->first - waiting.begin()->first < late_ns))
+    impl_->read_on();
+  if (waiting.empty()) return std::nullopt;
+  Message message = std::move(waiting.begin()->second);
+  waiting.erase(waiting.begin());
+  return message;
+}
+
+std::vector<std::string> RecordedPictures::take_warnings() {
+  for (std::string& warning : impl_->source->take_warnings()) impl_->warnings.push_back(std::move(warning));
+  return std::exchange(impl_->warnings, {});
+}
+
+std::optional<double> RecordedPictures::started_at_s() const {
+  const auto& at = impl_->recording.started_at;
+  return at ? std::optional(capture::seconds(*at)) : std::nullopt;
+}
+
+}  // namespace huetrack::bag

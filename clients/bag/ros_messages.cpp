@@ -1,0 +1,46 @@
+#include "clients/bag/ros_messages.h"
+
+#include <algorithm>
+#include <cctype>
+#include <limits>
+#include <stdexcept>
+
+namespace huetrack::bag {
+namespace {
+
+constexpr std::int64_t ns_per_s = 1'000'000'000;
+
+}  // namespace
+
+std::string separator() {
+  return std::string(80, '=') + "\n";
+}
+
+std::string header_definition() {
+  return separator() + "MSG: std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id\n" + separator() +
+         "MSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n";
+}
+
+std_msgs::msg::dds_::Header_ ros_header(std::int64_t at_ns, const std::string& frame_id) {
+  std_msgs::msg::dds_::Header_ header;
+  header.stamp().sec(static_cast<std::int32_t>(at_ns / ns_per_s));
+  header.stamp().nanosec(static_cast<std::uint32_t>(at_ns % ns_per_s));
+  header.frame_id(frame_id);
+  return header;
+}
+
+std::string word_of(std::string name) {
+  std::ranges::replace_if(
+      name, [](unsigned char c) { return std::isalnum(c) == 0 && c != '_'; }, '_');
+  return name;
+}
+
+std::int64_t ros_time(std::chrono::nanoseconds since_epoch, std::chrono::nanoseconds offset) {
+  const std::int64_t ns = (since_epoch + offset).count();
+  if (ns < 0 || ns / ns_per_s > std::numeric_limits<std::int32_t>::max())
+    throw std::runtime_error("the time " + std::to_string(ns / ns_per_s) +
+                             " s is none that ROS 2 can say (1970 to 2038); --clock-offset is added to all");
+  return ns;
+}
+
+}  // namespace huetrack::bag

@@ -1,0 +1,332 @@
+#include "color_teaching/ball_size.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+
+#include "calib/model/median.h"
+#include "object_tracking/ball_outline.h"
+#include "outline/background.h"
+#include "outline/outline_fit.h"
+
+namespace huetrack::color_teaching {
+namespace {
+
+using object_tracking::outline_of;
+
+// Two regions are of one ball when their rays meet to so many pixels, or so much of their radius: frames of nearly one
+// moment, thresholds that cut off the dark side.
+constexpr double meets_px = 3, meets_radii = 0.5;
+constexpr double same_size = 0.3;    // of logarithms: two views of one ball, by regions
+constexpr double about_size = 0.45;  // likewise, of one moment's against another's
+constexpr double beside_volume_m = 0.1;
+
+// A disc's box is as wide as it is high, and pi/4 of it is filled. Motion and a rolling shutter stretch it by a third.
+constexpr double most_stretched = 1.45, least_filled = 0.75, most_filled = 1.2;
+
+// An outline that counts: enough of its edge is seen, and its size is known.
+constexpr double least_visible = 0.75, least_sure = 0.08;
+constexpr int rounds = 3;              // of fit and distance, each beginning with the radius of the one before
+constexpr double settled_log = 0.003;  // of the logarithm
+constexpr double ahead_px = 0;         // where the object goes is nobody's business here
+constexpr double hidden_radii = 1.15, hidden_px = 4;  // around the ball, which is not what is behind it there
+constexpr double least_fitted = 0.3;                  // of a ball's outlines, that fit
+constexpr std::size_t enough_tried = 4;               // to say that it is no ball
+
+// What is left in every outline of a camera and hangs on its light and its lens' blur: seen as the spread of proposals
+// about the truth (tests/benchmark/teach_figures.py --radius).
+constexpr double lasting = 0.012, lasting_px = 0.12;
+// Of regions: their thresholds, which take some of the edge or leave it.
+constexpr double of_regions = 0.1, of_regions_px = 0.6;
+constexpr double most_apart = 0.2;  // of logarithms: views that contradict one another
+
+// A proposal is compared by three of its sigmas, and a ruler laid on a ball is right to some percent.
+constexpr double clear_sigmas = 3, ruler = 0.05;
+
+double log_ratio(double a, double b) {
+  return std::log(a / b);
+}
+
+struct Seen {
+  const calib::Camera* camera;
+  const MaskRegion* region;
+};
+
+std::optional<Eigen::Vector3d> meeting_point(std::span<const Seen> views) {
+  Eigen::Matrix3d a = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d b = Eigen::Vector3d::Zero();
+  for (const auto& [camera, region] : views) {
+    const auto ray = camera->model.ray({region->centre});
+    if (!ray) return std::nullopt;
+    const Eigen::Vector3d direction = camera->cam_from_world.rotation.conjugate() * ray->normalized();
+    const Eigen::Matrix3d across = Eigen::Matrix3d::Identity() - direction * direction.transpose();
+    a += across;
+    b += across * camera->centre();
+  }
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(a);
+  if (solver.eigenvalues()[0] < 1e-3) return std::nullopt;  // nearly parallel
+  const Eigen::Vector3d at = a.ldlt().solve(b);
+  for (const auto& [camera, region] : views) {
+    const auto px = camera->project_world(at);
+    if (!px || (px->px - region->centre).norm() > std::max(meets_px, meets_radii * region->radius_px()))
+      return std::nullopt;
+  }
+  return at;
+}
+
+// Of a ball there, with an outline of this area.
+std::optional<double> radius_there(const Seen& view, const Eigen::Vector3d& at, double radius_px, double about_m) {
+  const auto ball = outline_of(*view.camera, at, about_m);
+  if (!ball) return std::nullopt;
+  return about_m * radius_px / std::sqrt(std::abs(ball->ellipse.axes.determinant()));
+}
+
+std::vector<Seen> seen_of(const calib::CameraRig& rig, std::span<const ColoredRegion> views) {
+  std::vector<Seen> seen;
+  for (const ColoredRegion& view : views) seen.push_back({&rig.cameras[view.camera], &view.region});
+  return seen;
+}
+
+// What is behind the ball in one view of one moment, by the same camera's pictures of all others.
+outline::Background behind_in(std::span<const BallMoment> moments, std::size_t moment, const ColoredRegion& view) {
+  const capture::Image& image = *moments[moment].pictures[view.camera];
+  outline::Background behind(image.width, image.height);
+  const outline::ObjectDisc there{view.region.centre, view.region.radius_px()};
+  for (std::size_t m = 0; m < moments.size(); ++m) {
+    const capture::Image* other = moments[m].pictures[view.camera];
+    if (other == nullptr || m == moment) continue;
+    const auto own = std::ranges::find(moments[m].views, view.camera, &ColoredRegion::camera);
+    if (own == moments[m].views.end()) continue;  // nobody knows where the ball is in it
+    const outline::ObjectDisc hidden{own->region.centre, hidden_radii * own->region.radius_px() + hidden_px};
+    behind.learn(object_tracking::picture_of(*other), there, Eigen::Vector2d::Constant(ahead_px), &hidden, 1);
+  }
+  return behind;
+}
+
+struct Vote {
+  std::size_t moment, camera;
+  double log_radius, sigma;
+};
+
+// Outlines of one camera after the other: how soft its edges are is learnt from each for the next.
+struct Outlines {
+  std::vector<Vote> votes;
+  std::size_t tried = 0, misfits = 0;
+};
+
+Outlines outlines_of(const calib::CameraRig& rig, std::span<const BallMoment> moments) {
+  Outlines out;
+  const auto fit = std::make_unique<outline::OutlineFit>();
+  std::vector<outline::Look> looks(rig.cameras.size());
+  for (std::size_t m = 0; m < moments.size(); ++m) {
+    const auto seen = seen_of(rig, moments[m].views);
+    const auto at = meeting_point(seen);
+    const auto begun = radius_of_regions(rig, moments[m].views);
+    if (!at || !begun) continue;
+    for (std::size_t v = 0; v < seen.size(); ++v) {
+      const ColoredRegion& view = moments[m].views[v];
+      const outline::Background behind = behind_in(moments, m, view);
+      const outline::Picture picture = object_tracking::picture_of(*moments[m].pictures[view.camera]);
+      double radius_m = *begun;
+      for (int round = 0; round < rounds; ++round) {
+        auto ball = outline_of(*seen[v].camera, *at, radius_m);
+        if (!ball) break;
+        ball->ellipse.centre += view.region.centre - ball->centre_px;
+        const outline::Fit found = fit->fit(picture, behind, ball->ellipse, {}, looks[view.camera], {});
+        if (found.outcome != outline::FitOutcome::fits) {
+          const bool is_misfit =
+              found.outcome == outline::FitOutcome::misfit || found.outcome == outline::FitOutcome::lost;
+          out.tried += is_misfit ? 1 : 0;
+          out.misfits += is_misfit ? 1 : 0;
+          break;
+        }
+        fit->learn(looks[view.camera]);
+        const bool counts = found.visible > least_visible && found.log_size.sigma < least_sure;
+        if (!counts) break;
+        radius_m *= std::exp(found.log_size.value);
+        if (round + 1 < rounds && std::abs(found.log_size.value) > settled_log) continue;
+        ++out.tried;
+        const double radius_px = std::sqrt(std::abs(ball->ellipse.axes.determinant()));
+        out.votes.push_back({m, view.camera, std::log(radius_m),
+                             std::hypot(found.log_size.sigma, lasting_px / std::max(1.0, radius_px))});
+        break;
+      }
+    }
+  }
+  return out;
+}
+
+struct Median {
+  double middle = 0, spread = 0;
+  std::size_t count = 0;
+};
+
+Median median_of(std::vector<double> values) {
+  Median out{.count = values.size()};
+  out.middle = calib::median(values);
+  for (double& value : values) value = std::abs(value - out.middle);
+  out.spread = 1.4826 * calib::median(std::move(values));
+  return out;
+}
+
+// Cameras first, as what is wrong in one is wrong in all of its pictures; then they vote.
+RadiusProposal told(const calib::CameraRig& rig, std::span<const Vote> votes, double usual) {
+  RadiusProposal out;
+  std::vector<std::size_t> moments;
+  std::vector<Median> of_cameras;
+  std::vector<std::size_t> cameras;
+  double of_pixels = 0;
+  for (std::size_t c = 0; c < rig.cameras.size(); ++c) {
+    std::vector<double> values;
+    double sigma = 0;
+    for (const Vote& vote : votes) {
+      if (vote.camera != c) continue;
+      values.push_back(vote.log_radius);
+      sigma += vote.sigma;
+      if (std::ranges::find(moments, vote.moment) == moments.end()) moments.push_back(vote.moment);
+    }
+    if (values.empty()) continue;
+    of_pixels += std::pow(sigma / double(values.size()), 2);
+    of_cameras.push_back(median_of(std::move(values)));
+    cameras.push_back(c);
+  }
+  out.moments = moments.size();
+  out.cameras = cameras.size();
+  const auto [least, most] = std::ranges::minmax_element(of_cameras, {}, &Median::middle);
+  if (most->middle - least->middle > most_apart) {
+    const auto name = [&](auto at) { return rig.cameras[cameras[std::size_t(at - of_cameras.begin())]].name; };
+    out.why_not = fmt::format(
+        "by {} the ball has a radius of {:.0f} mm, by {} of {:.0f} mm: a part of it is hidden, or the calibration is "
+        "not right",
+        name(least), 1e3 * std::exp(least->middle), name(most), 1e3 * std::exp(most->middle));
+    return out;
+  }
+  const double n = double(of_cameras.size());
+  double mean = 0, between = 0, within = 0;
+  for (const Median& camera : of_cameras) mean += camera.middle / n;
+  for (const Median& camera : of_cameras) {
+    between += std::pow(camera.middle - mean, 2);
+    within += std::pow(camera.spread, 2) / double(camera.count) / (n * n);
+  }
+  between /= std::max(1.0, n - 1) * n;
+  const double sigma = std::sqrt(usual * usual + of_pixels / (n * n) + between + within);
+  out.radius_m = std::exp(mean);
+  out.sigma_m = *out.radius_m * sigma;
+  return out;
+}
+
+}  // namespace
+
+bool differs_clearly(const RadiusProposal& proposal, double radius_m) {
+  if (!proposal.radius_m) return false;
+  return std::abs(*proposal.radius_m - radius_m) > clear_sigmas * proposal.sigma_m + ruler * radius_m;
+}
+
+bool is_round(const MaskRegion& region) {
+  const double width = region.box.u_max - region.box.u_min + 1, height = region.box.v_max - region.box.v_min + 1;
+  const double filled = region.area / (0.785 * width * height);
+  const double coarse = 1 / std::min(width, height);  // of a few pixels every shape is a square
+  return std::max(width, height) <= most_stretched * std::min(width, height) + 1 && filled >= least_filled - coarse &&
+         filled <= most_filled + coarse;
+}
+
+std::optional<double> radius_of_regions(const calib::CameraRig& rig, std::span<const ColoredRegion> views) {
+  if (views.size() < 2) return std::nullopt;
+  const auto seen = seen_of(rig, views);
+  const auto at = meeting_point(seen);
+  if (!at) return std::nullopt;
+  std::vector<double> radii;
+  for (const Seen& view : seen) {
+    constexpr double any_m = 0.01;  // only the outline's shape is of interest
+    if (const auto radius = radius_there(view, *at, view.region->radius_px(), any_m)) radii.push_back(*radius);
+  }
+  if (radii.size() < 2) return std::nullopt;
+  return calib::median(std::move(radii));
+}
+
+std::vector<ColoredRegion> one_ball_of(const calib::CameraRig& rig, std::span<const ColoredRegion> candidates,
+                                       const object_tracking::Volume& volume, double about_m) {
+  struct Ball {
+    Eigen::Vector3d at;
+    std::vector<ColoredRegion> views;
+  };
+  std::vector<Ball> balls;
+  const auto explains = [&](std::span<const ColoredRegion> views) -> std::optional<Eigen::Vector3d> {
+    const auto seen = seen_of(rig, views);
+    const auto at = meeting_point(seen);
+    if (!at || (at->array() < volume.min.array() - beside_volume_m).any() ||
+        (at->array() > volume.max.array() + beside_volume_m).any())
+      return std::nullopt;
+    double least = 0, most = 0;
+    for (const Seen& view : seen) {
+      const auto radius = radius_there(view, *at, view.region->radius_px(), about_m);
+      if (!radius || std::abs(log_ratio(*radius, about_m)) > about_size) return std::nullopt;
+      if (&view == &seen.front()) least = most = *radius;
+      least = std::min(least, *radius), most = std::max(most, *radius);
+    }
+    return log_ratio(most, least) < same_size ? at : std::nullopt;
+  };
+  for (std::size_t i = 0; i < candidates.size(); ++i) {
+    for (std::size_t j = 0; j < candidates.size(); ++j) {
+      if (candidates[i].camera >= candidates[j].camera) continue;
+      Ball ball{.at = {}, .views = {candidates[i], candidates[j]}};
+      if (!explains(ball.views)) continue;
+      for (const ColoredRegion& third : candidates) {
+        if (std::ranges::find(ball.views, third.camera, &ColoredRegion::camera) != ball.views.end()) continue;
+        ball.views.push_back(third);
+        if (!explains(ball.views)) ball.views.pop_back();
+      }
+      ball.at = *explains(ball.views);
+      balls.push_back(std::move(ball));
+    }
+  }
+  const auto best = std::ranges::max_element(balls, {}, [](const Ball& ball) { return ball.views.size(); });
+  if (best == balls.end()) return {};
+  const bool is_clear = std::ranges::all_of(balls, [&](const Ball& other) {
+    return other.views.size() < best->views.size() || (other.at - best->at).norm() < about_m;
+  });
+  return is_clear ? best->views : std::vector<ColoredRegion>{};
+}
+
+RadiusProposal voted_radius(const calib::CameraRig& rig, std::span<const BallMoment> moments) {
+  RadiusProposal out;
+  if (moments.empty() || moments.front().views.size() < 2) {
+    out.why_not = "only one camera shows the object: how far it is, and so how large, takes a second view";
+    return out;
+  }
+  // One view may show it cut off, or beside something of its colour.
+  const auto edged = std::ranges::find_if_not(moments.front().views, is_round, &ColoredRegion::region);
+  if (std::ranges::count_if(moments.front().views, is_round, &ColoredRegion::region) < 2) {
+    out.why_not = fmt::format("what {} shows is not round", rig.cameras[edged->camera].name);
+    return out;
+  }
+  if (!radius_of_regions(rig, moments.front().views)) {
+    out.why_not = "the views do not meet in one place: another thing was pointed at, or the calibration is not right";
+    return out;
+  }
+  const Outlines outlines = outlines_of(rig, moments);
+  if (outlines.tried >= enough_tried && double(outlines.misfits) > (1 - least_fitted) * double(outlines.tried)) {
+    out.why_not = "its outline is not a ball's";
+    return out;
+  }
+  std::vector<std::size_t> cameras;
+  for (const Vote& vote : outlines.votes)
+    if (std::ranges::find(cameras, vote.camera) == cameras.end()) cameras.push_back(vote.camera);
+  if (cameras.size() >= 2) return told(rig, outlines.votes, lasting);
+  // Outlines are too small, or have too little contrast: regions, then.
+  std::vector<Vote> votes;
+  for (std::size_t m = 0; m < moments.size(); ++m) {
+    const auto seen = seen_of(rig, moments[m].views);
+    const auto at = meeting_point(seen);
+    if (!at) continue;
+    for (std::size_t v = 0; v < seen.size(); ++v)
+      if (const auto radius = radius_there(seen[v], *at, seen[v].region->radius_px(), 0.01))
+        votes.push_back({m, moments[m].views[v].camera, std::log(*radius),
+                         of_regions_px / std::max(1.0, seen[v].region->radius_px())});
+  }
+  return told(rig, votes, of_regions);
+}
+
+}  // namespace huetrack::color_teaching

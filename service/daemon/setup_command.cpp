@@ -1,0 +1,126 @@
+#include "daemon/setup_command.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <optional>
+#include <stdexcept>
+#include <thread>
+
+#include "calib/yaml/output_file.h"
+#include "capture/v4l2_device.h"
+#include "doctor/camera_exam.h"
+#include "page/child_process.h"
+
+namespace huetrack::daemon {
+namespace {
+
+namespace fs = std::filesystem;
+using namespace std::chrono_literals;
+
+constexpr std::size_t least_cameras = 2, most_cameras = 8;
+
+// The page, as long as this lives. What it says is printed here: its address first.
+class PageBeside {
+ public:
+  explicit PageBeside(const fs::path& program)
+      : child_(program, {"view"}), thread_([this](const std::stop_token& stop) {
+          while (!stop.stop_requested()) {
+            const auto ended = child_.ended();
+            for (const std::string& line : child_.take_lines()) fmt::print("{}\n", line);
+            std::fflush(stdout);
+            if (ended) return;
+            std::this_thread::sleep_for(50ms);
+          }
+        }) {}
+
+ private:
+  page::ChildProcess child_;
+  std::jthread thread_;  // last: ends before the rest goes
+};
+
+void write_first_configuration(const fs::path& file, const std::stop_token& stop) {
+  std::vector<std::string> left_out;
+  const std::vector<SetUpCamera> cameras = cameras_of_this_host(left_out, stop);
+  for (const std::string& camera : left_out) fmt::print("left out: {}\n", camera);
+  if (cameras.size() < least_cameras)
+    throw std::runtime_error(fmt::format(
+        "{} is not written: positions take two cameras or more, and {} can be used here. huetrackd doctor says what is "
+        "wrong with the others; a camera of the network is written by hand (service/daemon/live.md)",
+        file.string(), cameras.empty() ? "none" : "one"));
+  yaml::write_whole_file(file, first_configuration(cameras));
+  fmt::print("written: {}, with {} cameras\n", file.string(), cameras.size());
+  for (const SetUpCamera& camera : cameras)
+    fmt::print("  {} ({}x{}, {})\n", camera.device.string(), camera.width, camera.height, camera.model);
+}
+
+}  // namespace
+
+std::vector<SetUpCamera> cameras_of_this_host(std::vector<std::string>& left_out, const std::stop_token& stop) {
+  std::vector<doctor::ExamRequest> requests;
+  for (const capture::V4l2Node& node : capture::list_v4l2_nodes()) {
+    if (!node.problem.empty()) left_out.push_back(node.identity.node.string() + ": " + node.problem);
+    if (node.is_capture) requests.push_back({.node = node, .name = "", .stream = {}, .controls = {}, .streams = false});
+  }
+  std::vector<SetUpCamera> cameras;
+  for (const doctor::CameraExam& exam : doctor::examine_cameras(requests, 0s, stop)) {
+    const capture::V4l2Identity& of = exam.node.identity;
+    const auto stream = doctor::suitable_stream(exam.formats);
+    if (!stream) {
+      left_out.push_back(of.node.string() + ": " +
+                         (exam.problem.empty() ? "no format that can be used" : exam.problem));
+    } else if (cameras.size() == most_cameras) {
+      left_out.push_back(fmt::format("{}: {} are enough", of.node.string(), most_cameras));
+    } else {
+      const auto& stable = !of.by_path.empty() ? of.by_path : of.by_id;
+      cameras.push_back({stable.empty() ? of.node : stable.front(), stream->width, stream->height, of.card});
+    }
+  }
+  return cameras;
+}
+
+std::string first_configuration(std::span<const SetUpCamera> cameras) {
+  std::string text =
+      "# Written by huetrackd setup: the cameras of this host. The page of `huetrack view` leads from here: exposure,\n"
+      "# calibration, what to track. What it changes goes into a file beside this one, which is yours to edit: every "
+      "key\n"
+      "# is in configs/huetrackd.yaml (/etc/huetrack/huetrackd.yaml of the package).\n"
+      "version: 1\n"
+      "rig: none                  # the cameras are not calibrated yet\n"
+      "cameras:\n";
+  int number = 0;
+  for (const SetUpCamera& camera : cameras) {
+    std::string model = camera.model;
+    std::ranges::replace_if(
+        model, [](unsigned char c) { return c < ' ' || c == 0x7f; }, ' ');
+    text += fmt::format("  cam{}: {{device: '{}', size: [{}, {}]}}{}\n", number++, camera.device.string(), camera.width,
+                        camera.height, model.empty() ? "" : "   # " + model);
+  }
+  return text +
+         "record: {folder: recordings, pre_roll_s: 60}\n"
+         "control: {allow_teach: true, allow_record: true}\n";
+}
+
+void set_up(const SetUpCommand& command, LiveRequests& requests, const std::stop_token& stop) {
+  std::error_code none;
+  if (fs::exists(command.config, none))
+    fmt::print("{} is there already, and is used as it stands\n", command.config.string());
+  else
+    write_first_configuration(command.config, stop);
+  if (!command.with_page) {
+    fmt::print("next: huetrackd run {}, and beside it: huetrack view\n", command.config.string());
+    return;
+  }
+  constexpr const char* pages = "huetrack";
+  std::optional<PageBeside> page;
+  if (const auto program = page::find_program(pages))
+    page.emplace(*program);
+  else
+    fmt::print("there is no {}, neither beside huetrackd nor on the PATH: the page is not shown\n", pages);
+  std::fflush(stdout);
+  run(command.config, {}, requests, stop);
+}
+
+}  // namespace huetrack::daemon

@@ -1,0 +1,151 @@
+// How large a ball is, and when nobody can tell.
+#include "color_teaching/ball_size.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "color_teaching/color_teacher.h"
+#include "object_tracking/ball_outline.h"
+#include "scene/scene.h"
+
+namespace huetrack::color_teaching {
+namespace {
+
+using namespace testing;
+
+const object_tracking::Volume the_room{Eigen::Vector3d(-1, -1, 0), Eigen::Vector3d(1, 1, 2)};
+
+calib::CameraRig ring(int count = 3) {
+  return scene::SceneBuilder{}.cameras_on_ring({.count = count}).build().rig;
+}
+
+// As a camera sees a ball there.
+ColoredRegion seen(const calib::CameraRig& rig, std::size_t camera, const Eigen::Vector3d& at, double radius_m) {
+  const auto ball = object_tracking::outline_of(rig.cameras[camera], at, radius_m);
+  const double r = std::sqrt(std::abs(ball->ellipse.axes.determinant()));
+  const Eigen::Vector2d c = ball->centre_px;
+  ColoredRegion out{.camera = camera, .region = {}};
+  out.region.area = int(std::lround(3.14159265 * r * r));
+  out.region.centre = c;
+  out.region.box = {int(c.x() - r), int(c.y() - r), int(c.x() + r), int(c.y() + r)};
+  return out;
+}
+
+TEST(BallSize, OneBallIsFoundAmongOtherThings) {
+  const calib::CameraRig rig = ring();
+  const Eigen::Vector3d at(0.2, -0.1, 1.1), elsewhere(-0.5, 0.4, 0.7);
+  std::vector<ColoredRegion> candidates;
+  for (std::size_t c = 0; c < 3; ++c) candidates.push_back(seen(rig, c, at, 0.05));
+  EXPECT_EQ(one_ball_of(rig, candidates, the_room, 0.05).size(), 3u);
+  EXPECT_NEAR(*radius_of_regions(rig, candidates), 0.05, 0.002);
+  // Things of another size, or outside, or in one view alone, are not it.
+  candidates.push_back(seen(rig, 0, elsewhere, 0.05));
+  for (std::size_t c = 0; c < 3; ++c) candidates.push_back(seen(rig, c, {-0.4, 0.3, 1.3}, 0.12));
+  for (std::size_t c = 0; c < 3; ++c) candidates.push_back(seen(rig, c, {0.1, 0.1, -0.5}, 0.05));
+  const auto found = one_ball_of(rig, candidates, the_room, 0.05);
+  ASSERT_EQ(found.size(), 3u);
+  for (const ColoredRegion& view : found)
+    EXPECT_LT((view.region.centre - rig.cameras[view.camera].project_world(at)->px).norm(), 1);
+  // Nor are two views that a larger ball and a smaller one make.
+  const std::vector<ColoredRegion> unlike{seen(rig, 0, at, 0.04), seen(rig, 1, at, 0.06)};
+  EXPECT_THAT(one_ball_of(rig, unlike, the_room, 0.05), IsEmpty());
+  // Of two such balls nobody can tell which one it is.
+  for (std::size_t c = 1; c < 3; ++c) candidates.push_back(seen(rig, c, elsewhere, 0.05));
+  EXPECT_THAT(one_ball_of(rig, candidates, the_room, 0.05), IsEmpty());
+  EXPECT_THAT(one_ball_of(rig, {}, the_room, 0.05), IsEmpty());
+}
+
+TEST(BallSize, RoundIsToldFromSquareAndLong) {
+  const auto region = [](int width, int height, double filled) {
+    return MaskRegion{.area = int(filled * width * height), .centre = {50, 50}, .box = {0, 0, width - 1, height - 1}};
+  };
+  EXPECT_TRUE(is_round(region(20, 20, 0.785)));
+  EXPECT_TRUE(is_round(region(24, 20, 0.785)));  // stretched by motion
+  EXPECT_FALSE(is_round(region(20, 20, 1)));
+  EXPECT_FALSE(is_round(region(40, 20, 0.785)));
+  EXPECT_FALSE(is_round(region(20, 20, 0.5)));
+}
+
+// Pictures in which nothing is seen of an edge: what is told is told by regions.
+struct Grey {
+  capture::Image image = capture::make_image(capture::PixelFormat::grey, capture::ColorRange::full, 320, 240).image;
+  BallMoment moment(std::vector<ColoredRegion> views) const {
+    return {.pictures = std::vector<const capture::Image*>(3, &image), .views = std::move(views)};
+  }
+};
+
+TEST(BallSize, RegionsAloneTellItRoughly) {
+  const calib::CameraRig rig = ring();
+  const Grey grey;
+  const Eigen::Vector3d at(0.2, -0.1, 1.1);
+  const RadiusProposal told =
+      voted_radius(rig, std::vector{grey.moment({seen(rig, 0, at, 0.05), seen(rig, 1, at, 0.05)})});
+  ASSERT_TRUE(told.radius_m) << told.why_not;
+  EXPECT_NEAR(*told.radius_m, 0.05, 0.003);
+  EXPECT_GT(told.sigma_m, 0.004);
+  EXPECT_EQ(told.cameras, 2u);
+}
+
+TEST(BallSize, WhatContradictsItselfIsNotTold) {
+  const calib::CameraRig rig = ring();
+  const Grey grey;
+  const Eigen::Vector3d at(0.2, -0.1, 1.1);
+  const auto why_not = [&](std::vector<ColoredRegion> views) {
+    const RadiusProposal told = voted_radius(rig, std::vector{grey.moment(std::move(views))});
+    EXPECT_FALSE(told.radius_m);
+    return told.why_not;
+  };
+  EXPECT_THAT(why_not({seen(rig, 0, at, 0.05)}), HasSubstr("only one camera"));
+  EXPECT_THAT(why_not({seen(rig, 0, at, 0.05), seen(rig, 1, at, 0.065)}), HasSubstr("a part of it is hidden"));
+  EXPECT_THAT(why_not({seen(rig, 0, at, 0.05), seen(rig, 1, {-0.5, 0.5, 0.5}, 0.05)}), HasSubstr("do not meet"));
+  ColoredRegion square = seen(rig, 1, at, 0.12);
+  const auto& box = square.region.box;
+  square.region.area = (box.u_max - box.u_min + 1) * (box.v_max - box.v_min + 1);
+  EXPECT_THAT(why_not({seen(rig, 0, at, 0.12), square}), HasSubstr("is not round"));
+  EXPECT_THAT(voted_radius(rig, {}).why_not, HasSubstr("only one camera"));
+}
+
+// From two clicks in a rendered room, over moments in which the ball goes about.
+TEST(BallSize, ManyMomentsTellItWell) {
+  for (const double radius_m : {0.025, 0.04, 0.07}) {
+    const scene::Scene scene = scene::SceneBuilder{}
+                                   .cameras_on_ring({.count = 3, .image_size = {640, 480}, .focal_px = 480})
+                                   .ball({.radius_m = radius_m})
+                                   .build();
+    const auto sets = scene::render(scene, {.set_count = 40});
+    ColorTeacher teacher(scene.rig, sets[0]);
+    for (std::size_t i = 2; i < sets.size(); i += 2) teacher.add_moment(sets[i]);
+    const Eigen::Vector3d at = scene.ball_at(0, sets[0].at);
+    const Taught taught = teacher.teach(
+        {.points = {{0, scene.rig.cameras[0].project_world(at)->px}, {1, scene.rig.cameras[1].project_world(at)->px}}},
+        the_room);
+    const RadiusProposal told = teacher.radius(taught, {}, the_room);
+    ASSERT_TRUE(told.radius_m) << told.why_not;
+    std::printf("%.0f mm: %.2f mm, sigma %.2f, by %zu moments of %zu cameras\n", 1e3 * radius_m, 1e3 * *told.radius_m,
+                1e3 * told.sigma_m, told.moments, told.cameras);
+    EXPECT_NEAR(*told.radius_m, radius_m, 0.04 * radius_m);
+    EXPECT_NEAR(*told.radius_m, radius_m, 2.5 * told.sigma_m);
+    EXPECT_LT(told.sigma_m, 0.05 * radius_m);
+    EXPECT_GE(told.moments, 10u);
+  }
+}
+
+// A driver's buffers go back.
+TEST(BallSize, MomentsAreCopiesAndBounded) {
+  const scene::Scene scene = scene::SceneBuilder{}.cameras_on_ring({.count = 2}).ball({}).build();
+  auto sets = scene::render(scene, {.set_count = 3});
+  const std::weak_ptr<const void> buffer = sets[1].frames[0]->pixels.owner;
+  ColorTeacher teacher(scene.rig, sets[0]);
+  EXPECT_TRUE(teacher.add_moment(sets[1]));
+  sets[1] = {};
+  EXPECT_TRUE(buffer.expired());
+  int taken = 0;
+  while (teacher.add_moment(sets[2])) ASSERT_LT(++taken, 100);
+  EXPECT_GE(taken, 16);
+  EXPECT_FALSE(teacher.add_moment(sets[2]));
+}
+
+}  // namespace
+}  // namespace huetrack::color_teaching
