@@ -194,7 +194,7 @@ async function test() {
   assert.equal(readFileSync(taught, "utf8"), saved);
 
   // ---- The board, as it is printed.
-  await page.selectOption("#calibrate-paper", "A3");
+  await page.selectOption("#calibrate-paper", "A1");
   const [download] = await Promise.all([page.waitForEvent("download"), page.click("#calibrate-print")]);
   assert.equal(download.suggestedFilename(), "board.pdf");
   const pdf = readFileSync(await download.path(), "latin1");

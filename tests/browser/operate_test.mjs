@@ -8,7 +8,7 @@ import { mkdtempSync, readFileSync, readdirSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 
-import { openPage, options, run, sleep, start, waiting } from "./harness.mjs";
+import { openPage, options, run, say, sleep, start, waiting } from "./harness.mjs";
 
 const domain = "77";
 const folder = mkdtempSync(join(tmpdir(), "huetrack-recordings-"));

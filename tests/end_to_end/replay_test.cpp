@@ -290,8 +290,8 @@ TEST_F(EndToEnd, MistakesAreOneReadableLineAndExitStatusOne) {
   std::string rig = contents(recording + "/rig.yaml");
   rig.replace(rig.find("[320, 240]"), 10, "[640, 480]");
   write(rig, "rig640.yaml");
-  const std::string other_size =
-      write("version: 1\nrig: rig640.yaml\ntargets: {lime: {color: {hue_deg: [65, 115]}}}\n", "size.yaml");
+  const std::string other_size = write(
+      "version: 1\nrig: rig640.yaml\ntargets: {lime: {radius_m: 0.04, color: {hue_deg: [65, 115]}}}\n", "size.yaml");
   const std::string misspelt = write("version: 1\nrgi: rig.yaml\n", "misspelt.yaml");
   struct Mistake {
     std::vector<std::string> arguments;
