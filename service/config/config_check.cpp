@@ -240,11 +240,6 @@ std::vector<std::string> warnings_of(const ServiceConfig& config) {
       warnings.push_back(
           fmt::format("target {} has no colour yet: click on it on the page of huetrack view, or use huetrackd teach",
                       target.name));
-    else if (config.unsized_targets.contains(target.name))
-      warnings.push_back(
-          fmt::format("nobody has said how large {} is, and {:g} m is taken: give its radius_m, or teach it with two "
-                      "views, which tells it",
-                      target.name, target.radius_m));
   for (const auto& camera : config.rig.cameras) {
     if (!config.cameras.empty() &&
         std::ranges::find(config.cameras, camera.name, &LiveCameraConfig::name) == config.cameras.end())
