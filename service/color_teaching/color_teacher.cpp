@@ -6,6 +6,7 @@
 #include <cmath>
 #include <utility>
 
+#include "capture/image_copy.h"
 #include "color/color_region.h"
 #include "color_teaching/color_fit.h"
 #include "color_teaching/suggestion.h"
@@ -36,19 +37,6 @@ std::string part_of_picture(const Eigen::Vector2d& at, int width, int height) {
                                    {"at the left", "in the middle", "at the right"},
                                    {"at the lower left", "at the bottom", "at the lower right"}};
   return words[row][column];
-}
-
-// The frames may be a driver's buffers, which go back to it.
-capture::Image copy_of(const capture::Image& image) {
-  capture::WritableImage copy = capture::make_image(image.format, image.range, image.width, image.height);
-  for (int plane = 0; plane < 3; ++plane) {
-    const auto i = static_cast<std::size_t>(plane);
-    const std::size_t bytes = capture::plane_row_bytes(image.format, plane, image.width);
-    for (int row = 0; row < capture::plane_rows(image.format, plane, image.height); ++row)
-      std::copy_n(image.planes[i].data + row * image.planes[i].stride, bytes,
-                  copy.data[i] + row * copy.image.planes[i].stride);
-  }
-  return std::move(copy.image);
 }
 
 std::size_t bytes_of(const capture::FrameSet& set) {
@@ -125,7 +113,7 @@ bool ColorTeacher::add_moment(const capture::FrameSet& set) {
     frame.emplace();
     frame->camera = int(c);
     frame->captured_at = set.frames[c]->captured_at;
-    frame->pixels = copy_of(pixels);
+    frame->pixels = capture::copy_of(pixels);
   }
   moments_.push_back(std::move(copy));
   return is_of_use();
