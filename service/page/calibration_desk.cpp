@@ -6,8 +6,6 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
-#include <cmath>
 #include <fstream>
 #include <stdexcept>
 #include <string_view>
@@ -16,6 +14,7 @@
 
 #include "calib/model/rig_yaml.h"
 #include "config/taught_file.h"
+#include "page/request_words.h"
 
 namespace huetrack::page {
 namespace {
@@ -64,16 +63,6 @@ std::vector<std::string> board_options(std::span<const std::string> words, bool 
   return options;
 }
 
-std::vector<std::string> fields_of(std::string_view line) {
-  std::vector<std::string> fields;
-  for (;;) {
-    const std::size_t tab = line.find('\t');
-    fields.emplace_back(line.substr(0, tab));
-    if (tab == std::string_view::npos) return fields;
-    line.remove_prefix(tab + 1);
-  }
-}
-
 // What a program says of itself last: without its name.
 std::string without_name(std::string line) {
   constexpr std::string_view after_name = ": ";
@@ -88,17 +77,12 @@ pipeline::RecordingKeeper& needed(pipeline::RecordingKeeper* recording) {
   return *recording;
 }
 
-std::runtime_error unknown_words() {
-  return std::runtime_error("this service does not know that request");
-}
-
 // throws std::runtime_error
-double number_in(const std::string& text, double least, double most, const char* wanted) {
-  double value = 0;
-  const auto [last, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc{} || last != text.data() + text.size() || !(value >= least && value <= most))
+double number_between(const std::string& text, double least, double most, const char* wanted) {
+  const auto value = finite_number(text);
+  if (!value || *value < least || *value > most)
     throw std::runtime_error(fmt::format("{} to {} {} are wanted, not {}", least, most, wanted, text));
-  return value;
+  return *value;
 }
 
 constexpr std::string_view distance_key = "camera_distance=";
@@ -106,29 +90,19 @@ constexpr std::string_view distance_key = "camera_distance=";
 // "camera_distance=left,right,3.42", as it is said to the other program: "left", "right", "3.42".
 // throws std::runtime_error
 std::vector<std::string> camera_distance_of(std::string_view word, const calib::CameraRig& rig) {
-  std::vector<std::string> parts(1);
-  for (const char c : word.substr(distance_key.size())) {
-    if (c == ',') {
-      parts.emplace_back();
-    } else {
-      parts.back() += c;
-    }
-  }
+  std::vector<std::string> parts = split(word.substr(distance_key.size()), ',');
   if (parts.size() != 3) throw std::runtime_error("camera_distance=CAMERA,CAMERA,METRES is wanted");
   for (const std::string& camera : {parts[0], parts[1]})
     if (!rig.index_of(camera)) throw std::runtime_error(fmt::format("there is no camera {}", camera));
   if (parts[0] == parts[1]) throw std::runtime_error("the distance is one between two cameras");
-  number_in(parts[2], least_distance_m, most_distance_m, "metres");
+  number_between(parts[2], least_distance_m, most_distance_m, "metres");
   return parts;
 }
 
 // The bytes of a whole from there on, as much as a reply holds. identity: of which whole.
 void add_piece(const std::string& from, std::span<const std::uint8_t> whole, const std::string& identity,
                msg::ControlReply& reply) {
-  std::uint64_t offset = 0;
-  const auto [last, error] = std::from_chars(from.data(), from.data() + from.size(), offset);
-  if (error != std::errc{} || last != from.data() + from.size())
-    throw std::runtime_error("a whole number is wanted, not " + from);
+  const std::uint64_t offset = whole_number_of(from);
   const auto rest = whole.subspan(std::size_t(std::min<std::uint64_t>(offset, whole.size())));
   const auto piece = rest.first(std::min(rest.size(), report_piece_bytes));
   reply.rows().emplace_back().columns({std::to_string(whole.size()), identity});
@@ -149,7 +123,7 @@ std::vector<std::uint8_t> bytes_of(const fs::path& path) {
 
 void CalibrationDesk::answer(Words words, const config::ServiceConfig& config, pipeline::RecordingKeeper* recording,
                              msg::ControlReply& reply) {
-  if (words.empty()) throw unknown_words();
+  if (words.empty()) throw unknown_request();
   const std::string& verb = words[0];
   if (verb == "board") {
     begin_board(words.subspan(1), config, recording, reply);
@@ -168,7 +142,7 @@ void CalibrationDesk::answer(Words words, const config::ServiceConfig& config, p
   } else if (verb == "report" && words.size() == 2) {
     read_report(words.subspan(1), reply);
   } else {
-    throw unknown_words();
+    throw unknown_request();
   }
 }
 
@@ -235,9 +209,9 @@ void CalibrationDesk::begin_wave(Words words, const config::ServiceConfig& confi
     distance = words.back();
     words = words.first(words.size() - 1);
   }
-  if (words.size() > 2) throw unknown_words();
+  if (words.size() > 2) throw unknown_request();
   std::optional<double> seconds;
-  if (words.size() > 1) seconds = number_in(words[1], least_wave_s, most_wave_s, "seconds");
+  if (words.size() > 1) seconds = number_between(words[1], least_wave_s, most_wave_s, "seconds");
   if (!seconds && !(config.record.pre_roll_s > 0))
     throw std::runtime_error(
         "nothing is kept of what just happened: set record: {pre_roll_s: 60}, and restart; or say how many seconds "
@@ -268,7 +242,7 @@ void CalibrationDesk::begin_wave(Words words, const config::ServiceConfig& confi
 
 // From the same recording once more, with what was measured since: nobody has to wave again.
 void CalibrationDesk::solve_again(Words words, const config::ServiceConfig& config, msg::ControlReply& reply) {
-  if (!words[0].starts_with(distance_key)) throw unknown_words();
+  if (!words[0].starts_with(distance_key)) throw unknown_request();
   camera_distance_of(words[0], config.rig);
   if (is_busy()) throw std::runtime_error("a calibration goes on already: stop or cancel it first");
   const bool is_there = stage_ == Stage::usable || stage_ == Stage::doubtful || stage_ == Stage::failed;
@@ -448,7 +422,7 @@ void CalibrationDesk::hear(const std::string& line) {
     std::ofstream(in_folder(log_name), std::ios::app) << line << '\n';
     return;
   }
-  std::vector<std::string> fields = fields_of(std::string_view(line).substr(1));
+  std::vector<std::string> fields = split(std::string_view(line).substr(1), '\t');
   if (fields[0] == "progress" && fields.size() >= 5) {
     step_ = fields[1], done_ = fields[2], total_ = fields[3], details_ = fields[4];
     if (stage_ == Stage::recording) {  // which ends a round of what is told of the coverage
@@ -505,7 +479,7 @@ void CalibrationDesk::read_report(Words words, msg::ControlReply& reply) const {
 
 fs::path CalibrationDesk::accept(Words words, const config::ServiceConfig& config) {
   const bool takes_doubtful = words.size() == 1 && words[0] == "doubtful";
-  if (!words.empty() && !takes_doubtful) throw unknown_words();
+  if (!words.empty() && !takes_doubtful) throw unknown_request();
   if (is_busy()) throw std::runtime_error("the calibration is not finished yet");
   if (stage_ == Stage::accepted) throw std::runtime_error("it is accepted already");
   if (stage_ != Stage::usable && stage_ != Stage::doubtful)

@@ -4,7 +4,6 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
-#include <charconv>
 #include <chrono>
 #include <cmath>
 #include <csignal>
@@ -23,6 +22,7 @@
 #include "color_teaching/lesson.h"
 #include "config/service_config.h"
 #include "config/taught_file.h"
+#include "page/request_words.h"
 #include "pictures/pictures.h"
 #include "pipeline/live_cameras.h"
 #include "publish/service_finder.h"
@@ -32,24 +32,9 @@ namespace {
 
 using namespace std::chrono_literals;
 
-std::vector<std::string> split(const std::string& text) {
-  std::vector<std::string> parts(1);
-  for (const char c : text) {
-    if (c == ',') {
-      parts.emplace_back();
-    } else {
-      parts.back() += c;
-    }
-  }
-  return parts;
-}
-
 double number_of(const std::string& text, const std::string& whole, const char* form) {
-  double value = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc{} || end != text.data() + text.size() || !std::isfinite(value))
-    throw std::runtime_error("\"" + whole + "\" is not of the form " + form);
-  return value;
+  if (const auto value = finite_number(text)) return *value;
+  throw std::runtime_error("\"" + whole + "\" is not of the form " + form);
 }
 
 int camera_of(const calib::CameraRig& rig, const std::string& name) {
@@ -80,7 +65,7 @@ struct At {
 
 At at_of(const calib::CameraRig& rig, const std::string& text) {
   constexpr const char* form = "CAMERA,FRAME,U,V, as in left,0,310,222";
-  const auto parts = split(text);
+  const auto parts = split(text, ',');
   if (parts.size() != 4) throw std::runtime_error(fmt::format("--at \"{}\" is not of the form {}", text, form));
   At at;
   at.point.camera = camera_of(rig, parts[0]);
@@ -98,7 +83,7 @@ At at_of(const calib::CameraRig& rig, const std::string& text) {
 
 std::pair<std::string, color::PixelBox> ignored_of(const calib::CameraRig& rig, const std::string& text) {
   constexpr const char* form = "CAMERA,U_MIN,V_MIN,U_MAX,V_MAX";
-  const auto parts = split(text);
+  const auto parts = split(text, ',');
   if (parts.size() != 5) throw std::runtime_error(fmt::format("--ignore \"{}\" is not of the form {}", text, form));
   camera_of(rig, parts[0]);
   const auto pixel = [&](std::size_t part) {
