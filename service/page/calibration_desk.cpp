@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <array>
 #include <fstream>
+#include <limits>
 #include <stdexcept>
 #include <string_view>
 #include <thread>
@@ -99,24 +100,36 @@ std::vector<std::string> camera_distance_of(std::string_view word, const calib::
   return parts;
 }
 
-// The bytes of a whole from there on, as much as a reply holds. identity: of which whole.
-void add_piece(const std::string& from, std::span<const std::uint8_t> whole, const std::string& identity,
-               msg::ControlReply& reply) {
-  const std::uint64_t offset = whole_number_of(from);
-  const auto rest = whole.subspan(std::size_t(std::min<std::uint64_t>(offset, whole.size())));
-  const auto piece = rest.first(std::min(rest.size(), report_piece_bytes));
-  reply.rows().emplace_back().columns({std::to_string(whole.size()), identity});
-  reply.bytes().assign(piece.begin(), piece.end());
-}
+// Of something that has so many bytes, some.
+struct Piece {
+  std::uint64_t of_bytes = 0;
+  std::vector<std::uint8_t> bytes = {};
+};
 
-std::vector<std::uint8_t> bytes_of(const fs::path& path) {
+// Of a file that is not there, as of an empty one. throws std::runtime_error
+Piece piece_of(const fs::path& path, std::uint64_t from, std::uint64_t most_bytes) {
   std::ifstream file(path, std::ios::binary | std::ios::ate);
   if (!file) return {};
-  std::vector<std::uint8_t> bytes(std::size_t(file.tellg()));
-  file.seekg(0);
-  if (!bytes.empty() && !file.read(reinterpret_cast<char*>(bytes.data()), std::streamsize(bytes.size())))
+  Piece piece{.of_bytes = std::uint64_t(file.tellg())};
+  from = std::min(from, piece.of_bytes);
+  piece.bytes.resize(std::size_t(std::min(most_bytes, piece.of_bytes - from)));
+  file.seekg(std::streamoff(from));
+  if (!piece.bytes.empty() &&
+      !file.read(reinterpret_cast<char*>(piece.bytes.data()), std::streamsize(piece.bytes.size())))
     throw std::runtime_error(path.filename().string() + " cannot be read");
-  return bytes;
+  return piece;
+}
+
+Piece piece_of(std::span<const std::uint8_t> whole, std::uint64_t from, std::size_t most_bytes) {
+  const auto rest = whole.subspan(std::size_t(std::min<std::uint64_t>(from, whole.size())));
+  const auto piece = rest.first(std::min(rest.size(), most_bytes));
+  return {.of_bytes = whole.size(), .bytes = {piece.begin(), piece.end()}};
+}
+
+// identity: of which whole.
+void add_piece(Piece piece, const std::string& identity, msg::ControlReply& reply) {
+  reply.rows().emplace_back().columns({std::to_string(piece.of_bytes), identity});
+  reply.bytes(std::move(piece.bytes));
 }
 
 }  // namespace
@@ -280,13 +293,14 @@ void CalibrationDesk::read_print(Words words, msg::ControlReply& reply) {
       }
     }
     const bool is_made = ended && ended->status == 0 && ended->signal == 0;
-    print_ = is_made ? bytes_of(pdf) : std::vector<std::uint8_t>();
+    print_ = is_made ? piece_of(pdf, 0, std::numeric_limits<std::uint64_t>::max()).bytes : std::vector<std::uint8_t>();
     printed_for_.assign(board.begin(), board.end());
     std::error_code none;
     fs::remove_all(folder, none);
     if (print_.empty()) throw std::runtime_error(last_line.empty() ? "the board cannot be printed" : last_line);
   }
-  add_piece(words.back(), print_, fmt::to_string(fmt::join(board, " ")), reply);
+  add_piece(piece_of(print_, whole_number_of(words.back()), report_piece_bytes), fmt::to_string(fmt::join(board, " ")),
+            reply);
   reply.reason("The board, to be printed at 100 %.");
 }
 
@@ -471,10 +485,10 @@ void CalibrationDesk::tell_state(const config::ServiceConfig& config, msg::Contr
 }
 
 void CalibrationDesk::read_report(Words words, msg::ControlReply& reply) const {
-  const std::vector<std::uint8_t> report =
-      stage_ == Stage::idle ? std::vector<std::uint8_t>() : bytes_of(in_folder(report_name));
-  if (report.empty()) throw std::runtime_error("there is no report");
-  add_piece(words[0], report, folder_.filename().string(), reply);
+  Piece piece;
+  if (stage_ != Stage::idle) piece = piece_of(in_folder(report_name), whole_number_of(words[0]), report_piece_bytes);
+  if (piece.of_bytes == 0) throw std::runtime_error("there is no report");
+  add_piece(std::move(piece), folder_.filename().string(), reply);
 }
 
 fs::path CalibrationDesk::accept(Words words, const config::ServiceConfig& config) {
