@@ -216,10 +216,9 @@ void CalibrationDesk::begin_wave(Words words, const config::ServiceConfig& confi
     throw std::runtime_error("nothing is known of the lenses yet: calibrate with a board first");
   if (!config::is_taught(*target))
     throw std::runtime_error(fmt::format("nobody has said yet which colour {} has", words[0]));
-  std::string distance;
+  std::vector<std::string> distance;
   if (words.back().starts_with(distance_key)) {
-    camera_distance_of(words.back(), config.rig);
-    distance = words.back();
+    distance = camera_distance_of(words.back(), config.rig);
     words = words.first(words.size() - 1);
   }
   if (words.size() > 2) throw unknown_request();
@@ -231,7 +230,7 @@ void CalibrationDesk::begin_wave(Words words, const config::ServiceConfig& confi
         "from now on are to be recorded");
   begin(Kind::wave, config);
   target_ = words[0];
-  camera_distance_ = distance;
+  camera_distance_ = std::move(distance);
   if (seconds) {
     folder_ = keeper.start_anew("wave");
     end_at_ = began_at_ + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(*seconds));
@@ -256,7 +255,7 @@ void CalibrationDesk::begin_wave(Words words, const config::ServiceConfig& confi
 // From the same recording once more, with what was measured since: nobody has to wave again.
 void CalibrationDesk::solve_again(Words words, const config::ServiceConfig& config, msg::ControlReply& reply) {
   if (!words[0].starts_with(distance_key)) throw unknown_request();
-  camera_distance_of(words[0], config.rig);
+  std::vector<std::string> distance = camera_distance_of(words[0], config.rig);
   if (is_busy()) throw std::runtime_error("a calibration goes on already: stop or cancel it first");
   const bool is_there = stage_ == Stage::usable || stage_ == Stage::doubtful || stage_ == Stage::failed;
   if (kind_ != Kind::wave || !is_there)
@@ -266,7 +265,7 @@ void CalibrationDesk::solve_again(Words words, const config::ServiceConfig& conf
   begin(Kind::wave, config);
   folder_ = folder;
   target_ = target;
-  camera_distance_ = words[0];
+  camera_distance_ = std::move(distance);
   stage_ = Stage::closing;
   says_ = "it is calibrated from the same recording";
   reply.reason(fmt::format("Calibrating from {} again, with the distance that was measured.", folder_.string()));
@@ -398,9 +397,7 @@ void CalibrationDesk::solve_when_closed(const pipeline::RecordingKeeper* recordi
     arguments = {"wave", folder_.string(), "--config=" + config_file_.string(), "--target=" + target_, "--overwrite"};
     if (!camera_distance_.empty()) {
       arguments.emplace_back("--camera-distance");
-      // The rig may have become another one since, which has other cameras: the other program says so.
-      for (std::string& part : camera_distance_of(camera_distance_, calib::read_rig(rig_before_)))
-        arguments.push_back(std::move(part));
+      arguments.insert(arguments.end(), camera_distance_.begin(), camera_distance_.end());
     }
   }
   arguments.push_back("--rig=" + in_folder(rig_name).string());
@@ -467,7 +464,7 @@ void CalibrationDesk::tell_state(const config::ServiceConfig& config, msg::Contr
   }
   std::error_code none;
   add({"kind", kind_ == Kind::board ? "board" : "wave"});
-  if (!camera_distance_.empty()) add({"camera_distance", camera_distance_.substr(distance_key.size())});
+  if (!camera_distance_.empty()) add({"camera_distance", fmt::to_string(fmt::join(camera_distance_, ","))});
   add({"name", folder_.filename().string()});
   add({"says", says_});
   add({"report", fs::exists(in_folder(report_name), none) ? "true" : "false"});
