@@ -320,7 +320,10 @@ RadiusProposal voted_radius(const calib::CameraRig& rig, std::span<const BallMom
   std::vector<std::optional<RegionRadii>> radii;
   for (const BallMoment& moment : moments) radii.push_back(radii_of_regions(rig, moment.views));
   if (!radii.front() || !radii.front()->median()) {
-    out.why_not = "the views do not meet in one place: another thing was pointed at, or the calibration is not right";
+    out.why_not =
+        "the views do not meet in one place: another thing was pointed at, the calibration is not right, or the object "
+        "moved between the pictures of cameras that are not in step, as webcams are not: let it rest, or choose a "
+        "moment at which it rests";
     return out;
   }
   const Outlines outlines = outlines_of(rig, moments, radii);
