@@ -17,4 +17,12 @@ Image copy_of(const Image& image) {
   return std::move(copy.image);
 }
 
+std::size_t copied_bytes(const Image& image) {
+  std::size_t bytes = 0;
+  for (int plane = 0; plane < 3; ++plane)
+    bytes += plane_row_bytes(image.format, plane, image.width) *
+             static_cast<std::size_t>(plane_rows(image.format, plane, image.height));
+  return bytes;
+}
+
 }  // namespace huetrack::capture

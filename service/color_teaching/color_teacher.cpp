@@ -24,8 +24,6 @@ constexpr double moved_between_frames_m = 0.1;
 constexpr int most_narrowing = 5;            // steps; further ones leave nothing of a shaded ball
 constexpr double worth_narrowing = 0.5;      // of the background that matched
 constexpr double negligible_share = 0.0005;  // of the background
-// Moments by which the object's size is told, and what they may take of memory.
-constexpr std::size_t most_moments = 32, most_bytes = 128u << 20;
 constexpr int grid_px = 3, usual_extent_px = 48, least_seen_area = 16;  // of regions of its colour
 constexpr std::size_t most_candidates = 8;                              // of one picture: the largest
 constexpr double notable_patch = 0.25;  // of the object's own area: a patch that could be taken for it
@@ -41,12 +39,8 @@ std::string part_of_picture(const Eigen::Vector2d& at, int width, int height) {
 
 std::size_t bytes_of(const capture::FrameSet& set) {
   std::size_t bytes = 0;
-  for (const auto& frame : set.frames) {
-    if (!frame) continue;
-    for (int plane = 0; plane < 3; ++plane)
-      bytes += capture::plane_row_bytes(frame->pixels.format, plane, frame->pixels.width) *
-               static_cast<std::size_t>(capture::plane_rows(frame->pixels.format, plane, frame->pixels.height));
-  }
+  for (const auto& frame : set.frames)
+    if (frame) bytes += capture::copied_bytes(frame->pixels);
   return bytes;
 }
 
@@ -100,7 +94,8 @@ bool ColorTeacher::add_moment(const capture::FrameSet& set) {
   const auto is_of_use = [&] {
     std::size_t bytes = 0;
     for (const capture::FrameSet& moment : moments_) bytes += bytes_of(moment);
-    return moments_.empty() || (moments_.size() < most_moments && bytes + bytes_of(moments_.front()) <= most_bytes);
+    return moments_.empty() ||
+           (moments_.size() < most_moments && bytes + bytes_of(moments_.front()) <= most_moment_bytes);
   };
   if (!is_of_use()) return false;
   capture::FrameSet copy{.number = set.number, .at = set.at, .frames = {}};

@@ -20,6 +20,7 @@
 #include "capture/recording.h"
 #include "capture/replay_source.h"
 #include "color_teaching/lesson.h"
+#include "color_teaching/spread_moments.h"
 #include "config/service_config.h"
 #include "config/taught_file.h"
 #include "page/request_words.h"
@@ -127,40 +128,6 @@ struct Pictures {
   std::vector<capture::FrameSet> moments = {};
 };
 
-// Some of what comes, spread over all of it, however much that is.
-template <typename T, std::size_t most>
-class Spread {
- public:
-  void add(const T& one) {
-    if (count_++ % every_ != 0) return;
-    kept_.push_back(one);
-    if (kept_.size() < most) return;
-    for (std::size_t i = 0; i < kept_.size() / 2; ++i) kept_[i] = kept_[2 * i];
-    kept_.resize(kept_.size() / 2);
-    every_ *= 2;
-  }
-  std::vector<T> take() { return std::move(kept_); }
-
- private:
-  std::vector<T> kept_;
-  std::uint64_t count_ = 0, every_ = 8;  // neighbours show nearly the same
-};
-
-// Frames of one moment, as far as a recording has them: a frame of the first camera with the newest of the others'.
-class Moments {
- public:
-  explicit Moments(std::size_t cameras) { newest_.frames.resize(cameras); }
-  void add(const capture::Frame& frame) {
-    if (frame.camera == 0 && newest_.frames[0]) sets_.add(newest_);
-    newest_.frames[std::size_t(frame.camera)] = frame;
-  }
-  std::vector<capture::FrameSet> take() { return sets_.take(); }
-
- private:
-  capture::FrameSet newest_;
-  Spread<capture::FrameSet, 48> sets_;
-};
-
 // One picture of every camera: where somebody pointed, the frame of that number; of the others, the one captured
 // nearest to the first of those.
 Pictures recorded_pictures(const config::ServiceConfig& config, std::span<const std::string> words,
@@ -171,8 +138,10 @@ Pictures recorded_pictures(const config::ServiceConfig& config, std::span<const 
   capture::ReplaySource source(recording, names, {.timing = config::frame_timing(rig)});
   capture::FrameSet set;
   set.frames.resize(rig.cameras.size());
-  std::vector<Spread<capture::Image, 16>> spread(rig.cameras.size());
-  Moments moments(rig.cameras.size());
+  constexpr std::size_t most_elsewhen = 15;
+  std::vector<color_teaching::Spread<capture::Image>> spread(rig.cameras.size(),
+                                                             color_teaching::Spread<capture::Image>(most_elsewhen));
+  color_teaching::SpreadMoments moments(rig.cameras.size());
   std::vector<std::int64_t> count(rig.cameras.size(), 0);
   std::vector<bool> is_settled(rig.cameras.size(), false);
   const int leader = wanted.begin()->first;

@@ -34,6 +34,7 @@ TEST(ImageCopy, HasThePixelsAndNotTheBuffer) {
     EXPECT_EQ(copy.range, ColorRange::full);
     ASSERT_EQ(copy.width, width);
     ASSERT_EQ(copy.height, height);
+    std::size_t copied = 0;
     for (std::size_t i = 0; i < 3; ++i) {
       const auto row_bytes = std::ptrdiff_t(plane_row_bytes(format, int(i), width));
       EXPECT_EQ(copy.planes[i].data == nullptr, row_bytes == 0);
@@ -41,7 +42,9 @@ TEST(ImageCopy, HasThePixelsAndNotTheBuffer) {
         for (std::ptrdiff_t b = 0; b < row_bytes; ++b)
           EXPECT_EQ(copy.planes[i].data[row * copy.planes[i].stride + b], shown[i][std::size_t(row * stride + b)])
               << "plane " << i << ", row " << row << ", byte " << b;
+      copied += std::size_t(row_bytes * plane_rows(format, int(i), height));
     }
+    EXPECT_EQ(copied_bytes(image), copied);
   }
 }
 
