@@ -9,6 +9,7 @@
 
 #include "calib/gather/find_boards.h"
 #include "calib/model/index.h"
+#include "calib/model/missing_links.h"
 
 namespace huetrack::gather {
 namespace {
@@ -89,33 +90,12 @@ std::vector<std::string> ViewCoverage::needs() const {
   for (std::size_t c = 0; c < cameras_.size(); ++c) {
     if (cameras_[c].views == 0) needs.push_back(names_[c] + " has not seen the board yet");
   }
-  // Groups of cameras that enough shared views hold together.
-  std::vector<std::size_t> group(cameras_.size());
-  for (std::size_t c = 0; c < group.size(); ++c) group[c] = c;
-  for (const auto& [pair, count] : shared_) {
-    if (count < enough_shared) continue;
-    const std::size_t a = group[index(pair.first)], b = group[index(pair.second)];
-    for (std::size_t& g : group) g = g == b ? a : g;
-  }
-  for (std::size_t c = 1; c < group.size(); ++c) {
-    if (std::ranges::find(group.begin(), group.begin() + static_cast<std::ptrdiff_t>(c), group[c]) !=
-        group.begin() + static_cast<std::ptrdiff_t>(c))
-      continue;  // its group was told of, or is the first
-    // The pair that links the first group to this one best.
-    int best_a = 0, best_b = static_cast<int>(c), most = -1;
-    for (std::size_t a = 0; a < group.size(); ++a) {
-      for (std::size_t b = 0; b < group.size(); ++b) {
-        if (group[a] == group[c] || group[b] != group[c]) continue;
-        if (const int n = shared(static_cast<int>(a), static_cast<int>(b)); n > most) {
-          most = n;
-          best_a = static_cast<int>(a);
-          best_b = static_cast<int>(b);
-        }
-      }
-    }
-    needs.push_back(fmt::format("show it to {} and {} together: {} of {} shared views", names_[index(best_a)],
-                                names_[index(best_b)], most, enough_shared));
-  }
+  const auto shared_of = [this](std::size_t a, std::size_t b) {
+    return shared(static_cast<int>(a), static_cast<int>(b));
+  };
+  for (const calib::CameraLink& link : calib::missing_links(cameras_.size(), shared_of, enough_shared))
+    needs.push_back(fmt::format("show it to {} and {} together: {} of {} shared views", names_[link.a], names_[link.b],
+                                link.shared, enough_shared));
   for (std::size_t c = 0; c < cameras_.size(); ++c) {
     const OfCamera& camera = cameras_[c];
     if (camera.views == 0) continue;

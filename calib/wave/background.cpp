@@ -3,28 +3,14 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstring>
 
 #include "calib/model/median.h"
+#include "capture/image_copy.h"
 
 namespace huetrack::wave {
 namespace {
 
 constexpr std::size_t most_samples = 24, least_samples = 8;
-
-// A driver's own buffer must go back to it.
-capture::Image copy_of(const capture::Image& image) {
-  capture::WritableImage copy = capture::make_image(image.format, image.range, image.width, image.height);
-  for (int plane = 0; plane < 3; ++plane) {
-    const auto i = static_cast<std::size_t>(plane);
-    const std::size_t bytes = capture::plane_row_bytes(image.format, plane, image.width);
-    for (int row = 0; bytes > 0 && row < capture::plane_rows(image.format, plane, image.height); ++row) {
-      std::memcpy(copy.data[i] + row * copy.image.planes[i].stride, image.planes[i].data + row * image.planes[i].stride,
-                  bytes);
-    }
-  }
-  return copy.image;
-}
 
 }  // namespace
 
@@ -46,7 +32,7 @@ void BackgroundSamples::add(const capture::Frame& frame) {
   if (!of.samples.empty() && (frame.pixels.width != of.samples[0].width || frame.pixels.height != of.samples[0].height))
     return;
   if (of.seen++ % of.every != 0) return;
-  of.samples.push_back(copy_of(frame.pixels));
+  of.samples.push_back(capture::copy_of(frame.pixels));
   if (of.samples.size() < most_samples) return;
   for (std::size_t i = 1; 2 * i < of.samples.size(); ++i) of.samples[i] = of.samples[2 * i];
   of.samples.resize((of.samples.size() + 1) / 2);

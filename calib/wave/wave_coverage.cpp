@@ -6,6 +6,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "calib/model/missing_links.h"
+
 namespace huetrack::wave {
 namespace {
 
@@ -80,19 +82,11 @@ std::vector<std::string> WaveCoverage::needs() const {
   const std::vector<OfCamera> of = cameras();
   for (std::size_t c = 0; c < of.size(); ++c)
     if (of[c].sightings == 0) needs.push_back(names_[c] + " has not seen it move yet");
-  std::vector<std::size_t> best_of(of.size(), of.size());
-  for (std::size_t a = 0; a < of.size(); ++a) {
-    if (of[a].sightings == 0) continue;
-    // Each camera with the one that sees most together with it.
-    std::size_t best = a;
-    int most = -1;
-    for (std::size_t b = 0; b < of.size(); ++b)
-      if (b != a && shared(a, b) > most) best = b, most = shared(a, b);
-    const bool is_said = best < a && best_of[best] == a;  // as that one's best
-    best_of[a] = best;
-    if (most >= 0 && most < enough_shared && !is_said)
-      needs.push_back(fmt::format("wave it where {} and {} see it together: {} of {} moments", names_[a], names_[best],
-                                  most, enough_shared));
+  const auto shared_of = [this](std::size_t a, std::size_t b) { return shared(a, b); };
+  for (const auto& [a, b, together] : calib::missing_links(of.size(), shared_of, enough_shared)) {
+    if (of[a].sightings == 0 && of[b].sightings == 0) continue;  // both are told to have seen nothing
+    needs.push_back(fmt::format("wave it where {} and {} see it together: {} of {} moments", names_[a], names_[b],
+                                together, enough_shared));
   }
   for (std::size_t c = 0; c < of.size(); ++c) {
     if (of[c].sightings == 0) continue;

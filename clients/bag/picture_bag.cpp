@@ -1,7 +1,5 @@
 #include "clients/bag/picture_bag.h"
 
-#include <algorithm>
-#include <array>
 #include <map>
 #include <span>
 #include <stop_token>
@@ -13,6 +11,7 @@
 #include "capture/recording.h"
 #include "capture/replay_source.h"
 #include "clients/bag/ros_messages.h"
+#include "idl/camera_info.h"
 #include "idl/topics.h"
 
 namespace huetrack::bag {
@@ -36,29 +35,13 @@ std::string info_definition() {
          header_definition();
 }
 
-// As service/publish says it of its previews, at the image's own size.
 sensor::CameraInfo_ info_of(const calib::Camera& camera) {
-  sensor::CameraInfo_ info;
-  info.width(std::uint32_t(camera.image_size.width));
-  info.height(std::uint32_t(camera.image_size.height));
   const calib::CameraModel& model = camera.model;
-  std::vector<double> d;
-  std::visit([&](const auto& lens) { d.assign(lens.distortion.begin(), lens.distortion.end()); }, model.lens());
-  if (model.name() == "fisheye_kb") {
-    info.distortion_model("equidistant");
-  } else if (model.name() == "stereographic") {
-    info.distortion_model("stereographic");  // which ROS has no name for: better than another formula's
-  } else {
-    const bool is_rational = d.size() > 5 && std::any_of(d.begin() + 5, d.end(), [](double k) { return k != 0; });
-    info.distortion_model(is_rational ? "rational_polynomial" : "plumb_bob");
-    if (!is_rational) d.resize(5, 0.0);
-  }
-  info.d(std::move(d));
-  const double fx = model.fx(), fy = model.fy(), cx = model.cx(), cy = model.cy();
-  info.k({fx, 0, cx, 0, fy, cy, 0, 0, 1});
-  info.r({1, 0, 0, 0, 1, 0, 0, 0, 1});
-  info.p({fx, 0, cx, 0, 0, fy, cy, 0, 0, 0, 1, 0});
-  return info;
+  std::vector<double> distortion;
+  std::visit([&](const auto& lens) { distortion.assign(lens.distortion.begin(), lens.distortion.end()); },
+             model.lens());
+  return idl::camera_info(std::uint32_t(camera.image_size.width), std::uint32_t(camera.image_size.height), model.name(),
+                          {model.fx(), model.fy(), model.cx(), model.cy()}, std::move(distortion));
 }
 
 // Some webcams leave the Huffman tables out, which video files may and pictures may not (ITU-T T.81, B.2.4.2).

@@ -76,17 +76,42 @@ std::optional<Eigen::Vector3d> meeting_point(std::span<const Seen> views) {
   return at;
 }
 
-// Of a ball there, with an outline of this area.
-std::optional<double> radius_there(const Seen& view, const Eigen::Vector3d& at, double radius_px, double about_m) {
+// Of a ball there, with an outline of the region's area.
+std::optional<double> radius_there(const Seen& view, const Eigen::Vector3d& at, double about_m) {
   const auto ball = outline_of(*view.camera, at, about_m);
   if (!ball) return std::nullopt;
-  return about_m * radius_px / std::sqrt(std::abs(ball->ellipse.axes.determinant()));
+  return about_m * view.region->radius_px() / std::sqrt(std::abs(ball->ellipse.axes.determinant()));
 }
 
 std::vector<Seen> seen_of(const calib::CameraRig& rig, std::span<const ColoredRegion> views) {
   std::vector<Seen> seen;
   for (const ColoredRegion& view : views) seen.push_back({&rig.cameras[view.camera], &view.region});
   return seen;
+}
+
+// One moment's views of a ball, by their regions.
+struct RegionRadii {
+  Eigen::Vector3d at;                           // where the views meet
+  std::vector<std::optional<double>> of_views;  // nullopt: a ball there has no outline in it
+
+  // nullopt: fewer than two views tell it
+  std::optional<double> median() const {
+    std::vector<double> known;
+    for (const auto& radius : of_views)
+      if (radius) known.push_back(*radius);
+    return known.size() < 2 ? std::nullopt : std::optional(calib::median(std::move(known)));
+  }
+};
+
+// nullopt: they do not meet.
+std::optional<RegionRadii> radii_of_regions(const calib::CameraRig& rig, std::span<const ColoredRegion> views) {
+  const auto seen = seen_of(rig, views);
+  const auto at = meeting_point(seen);
+  if (!at) return std::nullopt;
+  constexpr double any_m = 0.01;  // only the outline's shape is of interest
+  RegionRadii radii{.at = *at, .of_views = {}};
+  for (const Seen& view : seen) radii.of_views.push_back(radius_there(view, *at, any_m));
+  return radii;
 }
 
 // What is behind the ball in one view of one moment, by the same camera's pictures of all others.
@@ -110,28 +135,27 @@ struct Vote {
   double log_radius, sigma;
 };
 
-// Outlines of one camera after the other: how soft its edges are is learnt from each for the next.
 struct Outlines {
   std::vector<Vote> votes;
   std::size_t tried = 0, misfits = 0;
 };
 
-Outlines outlines_of(const calib::CameraRig& rig, std::span<const BallMoment> moments) {
+// Of one camera after the other: how soft its edges are is learnt from each for the next.
+//   radii  per moment, by its regions
+Outlines outlines_of(const calib::CameraRig& rig, std::span<const BallMoment> moments,
+                     std::span<const std::optional<RegionRadii>> radii) {
   Outlines out;
   const auto fit = std::make_unique<outline::OutlineFit>();
   std::vector<outline::Look> looks(rig.cameras.size());
   for (std::size_t m = 0; m < moments.size(); ++m) {
-    const auto seen = seen_of(rig, moments[m].views);
-    const auto at = meeting_point(seen);
-    const auto begun = radius_of_regions(rig, moments[m].views);
-    if (!at || !begun) continue;
-    for (std::size_t v = 0; v < seen.size(); ++v) {
-      const ColoredRegion& view = moments[m].views[v];
+    const auto begun = radii[m] ? radii[m]->median() : std::nullopt;
+    if (!begun) continue;
+    for (const ColoredRegion& view : moments[m].views) {
       const outline::Background behind = behind_in(moments, m, view);
       const outline::Picture picture = object_tracking::picture_of(*moments[m].pictures[view.camera]);
       double radius_m = *begun;
       for (int round = 0; round < rounds; ++round) {
-        auto ball = outline_of(*seen[v].camera, *at, radius_m);
+        auto ball = outline_of(rig.cameras[view.camera], radii[m]->at, radius_m);
         if (!ball) break;
         ball->ellipse.centre += view.region.centre - ball->centre_px;
         const outline::Fit found = fit->fit(picture, behind, ball->ellipse, {}, looks[view.camera], {});
@@ -233,17 +257,8 @@ bool is_round(const MaskRegion& region) {
 }
 
 std::optional<double> radius_of_regions(const calib::CameraRig& rig, std::span<const ColoredRegion> views) {
-  if (views.size() < 2) return std::nullopt;
-  const auto seen = seen_of(rig, views);
-  const auto at = meeting_point(seen);
-  if (!at) return std::nullopt;
-  std::vector<double> radii;
-  for (const Seen& view : seen) {
-    constexpr double any_m = 0.01;  // only the outline's shape is of interest
-    if (const auto radius = radius_there(view, *at, view.region->radius_px(), any_m)) radii.push_back(*radius);
-  }
-  if (radii.size() < 2) return std::nullopt;
-  return calib::median(std::move(radii));
+  const auto radii = radii_of_regions(rig, views);
+  return radii ? radii->median() : std::nullopt;
 }
 
 std::vector<ColoredRegion> one_ball_of(const calib::CameraRig& rig, std::span<const ColoredRegion> candidates,
@@ -261,7 +276,7 @@ std::vector<ColoredRegion> one_ball_of(const calib::CameraRig& rig, std::span<co
       return std::nullopt;
     double least = 0, most = 0;
     for (const Seen& view : seen) {
-      const auto radius = radius_there(view, *at, view.region->radius_px(), about_m);
+      const auto radius = radius_there(view, *at, about_m);
       if (!radius || std::abs(log_ratio(*radius, about_m)) > about_size) return std::nullopt;
       if (&view == &seen.front()) least = most = *radius;
       least = std::min(least, *radius), most = std::max(most, *radius);
@@ -302,11 +317,16 @@ RadiusProposal voted_radius(const calib::CameraRig& rig, std::span<const BallMom
     out.why_not = fmt::format("what {} shows is not round", rig.cameras[edged->camera].name);
     return out;
   }
-  if (!radius_of_regions(rig, moments.front().views)) {
-    out.why_not = "the views do not meet in one place: another thing was pointed at, or the calibration is not right";
+  std::vector<std::optional<RegionRadii>> radii;
+  for (const BallMoment& moment : moments) radii.push_back(radii_of_regions(rig, moment.views));
+  if (!radii.front() || !radii.front()->median()) {
+    out.why_not =
+        "the views do not meet in one place: another thing was pointed at, the calibration is not right, or the object "
+        "moved between the pictures of cameras that are not in step, as webcams are not: let it rest, or choose a "
+        "moment at which it rests";
     return out;
   }
-  const Outlines outlines = outlines_of(rig, moments);
+  const Outlines outlines = outlines_of(rig, moments, radii);
   if (outlines.tried >= enough_tried && double(outlines.misfits) > (1 - least_fitted) * double(outlines.tried)) {
     out.why_not = "its outline is not a ball's";
     return out;
@@ -318,13 +338,11 @@ RadiusProposal voted_radius(const calib::CameraRig& rig, std::span<const BallMom
   // Outlines are too small, or have too little contrast: regions, then.
   std::vector<Vote> votes;
   for (std::size_t m = 0; m < moments.size(); ++m) {
-    const auto seen = seen_of(rig, moments[m].views);
-    const auto at = meeting_point(seen);
-    if (!at) continue;
-    for (std::size_t v = 0; v < seen.size(); ++v)
-      if (const auto radius = radius_there(seen[v], *at, seen[v].region->radius_px(), 0.01))
-        votes.push_back({m, moments[m].views[v].camera, std::log(*radius),
-                         of_regions_px / std::max(1.0, seen[v].region->radius_px())});
+    for (std::size_t v = 0; radii[m] && v < moments[m].views.size(); ++v) {
+      const ColoredRegion& view = moments[m].views[v];
+      if (const auto& radius = radii[m]->of_views[v])
+        votes.push_back({m, view.camera, std::log(*radius), of_regions_px / std::max(1.0, view.region.radius_px())});
+    }
   }
   return told(rig, votes, of_regions);
 }

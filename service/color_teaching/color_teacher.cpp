@@ -6,6 +6,7 @@
 #include <cmath>
 #include <utility>
 
+#include "capture/image_copy.h"
 #include "color/color_region.h"
 #include "color_teaching/color_fit.h"
 #include "color_teaching/suggestion.h"
@@ -23,8 +24,6 @@ constexpr double moved_between_frames_m = 0.1;
 constexpr int most_narrowing = 5;            // steps; further ones leave nothing of a shaded ball
 constexpr double worth_narrowing = 0.5;      // of the background that matched
 constexpr double negligible_share = 0.0005;  // of the background
-// Moments by which the object's size is told, and what they may take of memory.
-constexpr std::size_t most_moments = 32, most_bytes = 128u << 20;
 constexpr int grid_px = 3, usual_extent_px = 48, least_seen_area = 16;  // of regions of its colour
 constexpr std::size_t most_candidates = 8;                              // of one picture: the largest
 constexpr double notable_patch = 0.25;  // of the object's own area: a patch that could be taken for it
@@ -38,27 +37,10 @@ std::string part_of_picture(const Eigen::Vector2d& at, int width, int height) {
   return words[row][column];
 }
 
-// The frames may be a driver's buffers, which go back to it.
-capture::Image copy_of(const capture::Image& image) {
-  capture::WritableImage copy = capture::make_image(image.format, image.range, image.width, image.height);
-  for (int plane = 0; plane < 3; ++plane) {
-    const auto i = static_cast<std::size_t>(plane);
-    const std::size_t bytes = capture::plane_row_bytes(image.format, plane, image.width);
-    for (int row = 0; row < capture::plane_rows(image.format, plane, image.height); ++row)
-      std::copy_n(image.planes[i].data + row * image.planes[i].stride, bytes,
-                  copy.data[i] + row * copy.image.planes[i].stride);
-  }
-  return std::move(copy.image);
-}
-
 std::size_t bytes_of(const capture::FrameSet& set) {
   std::size_t bytes = 0;
-  for (const auto& frame : set.frames) {
-    if (!frame) continue;
-    for (int plane = 0; plane < 3; ++plane)
-      bytes += capture::plane_row_bytes(frame->pixels.format, plane, frame->pixels.width) *
-               static_cast<std::size_t>(capture::plane_rows(frame->pixels.format, plane, frame->pixels.height));
-  }
+  for (const auto& frame : set.frames)
+    if (frame) bytes += capture::copied_bytes(frame->pixels);
   return bytes;
 }
 
@@ -112,7 +94,8 @@ bool ColorTeacher::add_moment(const capture::FrameSet& set) {
   const auto is_of_use = [&] {
     std::size_t bytes = 0;
     for (const capture::FrameSet& moment : moments_) bytes += bytes_of(moment);
-    return moments_.empty() || (moments_.size() < most_moments && bytes + bytes_of(moments_.front()) <= most_bytes);
+    return moments_.empty() ||
+           (moments_.size() < most_moments && bytes + bytes_of(moments_.front()) <= most_moment_bytes);
   };
   if (!is_of_use()) return false;
   capture::FrameSet copy{.number = set.number, .at = set.at, .frames = {}};
@@ -125,7 +108,7 @@ bool ColorTeacher::add_moment(const capture::FrameSet& set) {
     frame.emplace();
     frame->camera = int(c);
     frame->captured_at = set.frames[c]->captured_at;
-    frame->pixels = copy_of(pixels);
+    frame->pixels = capture::copy_of(pixels);
   }
   moments_.push_back(std::move(copy));
   return is_of_use();

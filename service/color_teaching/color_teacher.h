@@ -3,6 +3,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstddef>
 #include <optional>
 #include <string>
 #include <utility>
@@ -60,6 +61,9 @@ struct Taught {
 // thread-compatible. Holds converted copies of the pictures; the frames may go.
 class ColorTeacher {
  public:
+  // Moments by which the object's size is told, the first included, and what they may take of memory.
+  static constexpr std::size_t most_moments = 32, most_moment_bytes = 128u << 20;
+
   // set: one slot per camera of the rig; cameras without a frame cannot be pointed into.
   // elsewhen: per camera, what it shows at other moments; with some of them it is known what moves. May be empty.
   ColorTeacher(const calib::CameraRig& rig, const capture::FrameSet& set,
@@ -67,8 +71,8 @@ class ColorTeacher {
 
   const calib::CameraRig& rig() const { return rig_; }
 
-  // What the same cameras show at another moment: the object's size is told by many of them. Those beyond what memory
-  // is for are not taken. Returns whether more are of use.
+  // What the same cameras show at another moment: the object's size is told by many of them. Those beyond the limits
+  // above are not taken. Returns whether more are of use.
   bool add_moment(const capture::FrameSet& set);
 
   // volume: where a suggested object may be

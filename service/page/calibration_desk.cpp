@@ -6,9 +6,8 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
-#include <cmath>
 #include <fstream>
+#include <limits>
 #include <stdexcept>
 #include <string_view>
 #include <thread>
@@ -16,6 +15,7 @@
 
 #include "calib/model/rig_yaml.h"
 #include "config/taught_file.h"
+#include "page/request_words.h"
 
 namespace huetrack::page {
 namespace {
@@ -64,16 +64,6 @@ std::vector<std::string> board_options(std::span<const std::string> words, bool 
   return options;
 }
 
-std::vector<std::string> fields_of(std::string_view line) {
-  std::vector<std::string> fields;
-  for (;;) {
-    const std::size_t tab = line.find('\t');
-    fields.emplace_back(line.substr(0, tab));
-    if (tab == std::string_view::npos) return fields;
-    line.remove_prefix(tab + 1);
-  }
-}
-
 // What a program says of itself last: without its name.
 std::string without_name(std::string line) {
   constexpr std::string_view after_name = ": ";
@@ -88,17 +78,12 @@ pipeline::RecordingKeeper& needed(pipeline::RecordingKeeper* recording) {
   return *recording;
 }
 
-std::runtime_error unknown_words() {
-  return std::runtime_error("this service does not know that request");
-}
-
 // throws std::runtime_error
-double number_in(const std::string& text, double least, double most, const char* wanted) {
-  double value = 0;
-  const auto [last, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc{} || last != text.data() + text.size() || !(value >= least && value <= most))
+double number_between(const std::string& text, double least, double most, const char* wanted) {
+  const auto value = finite_number(text);
+  if (!value || *value < least || *value > most)
     throw std::runtime_error(fmt::format("{} to {} {} are wanted, not {}", least, most, wanted, text));
-  return value;
+  return *value;
 }
 
 constexpr std::string_view distance_key = "camera_distance=";
@@ -106,50 +91,52 @@ constexpr std::string_view distance_key = "camera_distance=";
 // "camera_distance=left,right,3.42", as it is said to the other program: "left", "right", "3.42".
 // throws std::runtime_error
 std::vector<std::string> camera_distance_of(std::string_view word, const calib::CameraRig& rig) {
-  std::vector<std::string> parts(1);
-  for (const char c : word.substr(distance_key.size())) {
-    if (c == ',') {
-      parts.emplace_back();
-    } else {
-      parts.back() += c;
-    }
-  }
+  std::vector<std::string> parts = split(word.substr(distance_key.size()), ',');
   if (parts.size() != 3) throw std::runtime_error("camera_distance=CAMERA,CAMERA,METRES is wanted");
   for (const std::string& camera : {parts[0], parts[1]})
     if (!rig.index_of(camera)) throw std::runtime_error(fmt::format("there is no camera {}", camera));
   if (parts[0] == parts[1]) throw std::runtime_error("the distance is one between two cameras");
-  number_in(parts[2], least_distance_m, most_distance_m, "metres");
+  number_between(parts[2], least_distance_m, most_distance_m, "metres");
   return parts;
 }
 
-// The bytes of a whole from there on, as much as a reply holds. identity: of which whole.
-void add_piece(const std::string& from, std::span<const std::uint8_t> whole, const std::string& identity,
-               msg::ControlReply& reply) {
-  std::uint64_t offset = 0;
-  const auto [last, error] = std::from_chars(from.data(), from.data() + from.size(), offset);
-  if (error != std::errc{} || last != from.data() + from.size())
-    throw std::runtime_error("a whole number is wanted, not " + from);
-  const auto rest = whole.subspan(std::size_t(std::min<std::uint64_t>(offset, whole.size())));
-  const auto piece = rest.first(std::min(rest.size(), report_piece_bytes));
-  reply.rows().emplace_back().columns({std::to_string(whole.size()), identity});
-  reply.bytes().assign(piece.begin(), piece.end());
-}
+// Of something that has so many bytes, some.
+struct Piece {
+  std::uint64_t of_bytes = 0;
+  std::vector<std::uint8_t> bytes = {};
+};
 
-std::vector<std::uint8_t> bytes_of(const fs::path& path) {
+// Of a file that is not there, as of an empty one. throws std::runtime_error
+Piece piece_of(const fs::path& path, std::uint64_t from, std::uint64_t most_bytes) {
   std::ifstream file(path, std::ios::binary | std::ios::ate);
   if (!file) return {};
-  std::vector<std::uint8_t> bytes(std::size_t(file.tellg()));
-  file.seekg(0);
-  if (!bytes.empty() && !file.read(reinterpret_cast<char*>(bytes.data()), std::streamsize(bytes.size())))
+  Piece piece{.of_bytes = std::uint64_t(file.tellg())};
+  from = std::min(from, piece.of_bytes);
+  piece.bytes.resize(std::size_t(std::min(most_bytes, piece.of_bytes - from)));
+  file.seekg(std::streamoff(from));
+  if (!piece.bytes.empty() &&
+      !file.read(reinterpret_cast<char*>(piece.bytes.data()), std::streamsize(piece.bytes.size())))
     throw std::runtime_error(path.filename().string() + " cannot be read");
-  return bytes;
+  return piece;
+}
+
+Piece piece_of(std::span<const std::uint8_t> whole, std::uint64_t from, std::size_t most_bytes) {
+  const auto rest = whole.subspan(std::size_t(std::min<std::uint64_t>(from, whole.size())));
+  const auto piece = rest.first(std::min(rest.size(), most_bytes));
+  return {.of_bytes = whole.size(), .bytes = {piece.begin(), piece.end()}};
+}
+
+// identity: of which whole.
+void add_piece(Piece piece, const std::string& identity, msg::ControlReply& reply) {
+  reply.rows().emplace_back().columns({std::to_string(piece.of_bytes), identity});
+  reply.bytes(std::move(piece.bytes));
 }
 
 }  // namespace
 
 void CalibrationDesk::answer(Words words, const config::ServiceConfig& config, pipeline::RecordingKeeper* recording,
                              msg::ControlReply& reply) {
-  if (words.empty()) throw unknown_words();
+  if (words.empty()) throw unknown_request();
   const std::string& verb = words[0];
   if (verb == "board") {
     begin_board(words.subspan(1), config, recording, reply);
@@ -168,7 +155,7 @@ void CalibrationDesk::answer(Words words, const config::ServiceConfig& config, p
   } else if (verb == "report" && words.size() == 2) {
     read_report(words.subspan(1), reply);
   } else {
-    throw unknown_words();
+    throw unknown_request();
   }
 }
 
@@ -229,22 +216,21 @@ void CalibrationDesk::begin_wave(Words words, const config::ServiceConfig& confi
     throw std::runtime_error("nothing is known of the lenses yet: calibrate with a board first");
   if (!config::is_taught(*target))
     throw std::runtime_error(fmt::format("nobody has said yet which colour {} has", words[0]));
-  std::string distance;
+  std::vector<std::string> distance;
   if (words.back().starts_with(distance_key)) {
-    camera_distance_of(words.back(), config.rig);
-    distance = words.back();
+    distance = camera_distance_of(words.back(), config.rig);
     words = words.first(words.size() - 1);
   }
-  if (words.size() > 2) throw unknown_words();
+  if (words.size() > 2) throw unknown_request();
   std::optional<double> seconds;
-  if (words.size() > 1) seconds = number_in(words[1], least_wave_s, most_wave_s, "seconds");
+  if (words.size() > 1) seconds = number_between(words[1], least_wave_s, most_wave_s, "seconds");
   if (!seconds && !(config.record.pre_roll_s > 0))
     throw std::runtime_error(
         "nothing is kept of what just happened: set record: {pre_roll_s: 60}, and restart; or say how many seconds "
         "from now on are to be recorded");
   begin(Kind::wave, config);
   target_ = words[0];
-  camera_distance_ = distance;
+  camera_distance_ = std::move(distance);
   if (seconds) {
     folder_ = keeper.start_anew("wave");
     end_at_ = began_at_ + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(*seconds));
@@ -268,8 +254,8 @@ void CalibrationDesk::begin_wave(Words words, const config::ServiceConfig& confi
 
 // From the same recording once more, with what was measured since: nobody has to wave again.
 void CalibrationDesk::solve_again(Words words, const config::ServiceConfig& config, msg::ControlReply& reply) {
-  if (!words[0].starts_with(distance_key)) throw unknown_words();
-  camera_distance_of(words[0], config.rig);
+  if (!words[0].starts_with(distance_key)) throw unknown_request();
+  std::vector<std::string> distance = camera_distance_of(words[0], config.rig);
   if (is_busy()) throw std::runtime_error("a calibration goes on already: stop or cancel it first");
   const bool is_there = stage_ == Stage::usable || stage_ == Stage::doubtful || stage_ == Stage::failed;
   if (kind_ != Kind::wave || !is_there)
@@ -279,7 +265,7 @@ void CalibrationDesk::solve_again(Words words, const config::ServiceConfig& conf
   begin(Kind::wave, config);
   folder_ = folder;
   target_ = target;
-  camera_distance_ = words[0];
+  camera_distance_ = std::move(distance);
   stage_ = Stage::closing;
   says_ = "it is calibrated from the same recording";
   reply.reason(fmt::format("Calibrating from {} again, with the distance that was measured.", folder_.string()));
@@ -306,13 +292,14 @@ void CalibrationDesk::read_print(Words words, msg::ControlReply& reply) {
       }
     }
     const bool is_made = ended && ended->status == 0 && ended->signal == 0;
-    print_ = is_made ? bytes_of(pdf) : std::vector<std::uint8_t>();
+    print_ = is_made ? piece_of(pdf, 0, std::numeric_limits<std::uint64_t>::max()).bytes : std::vector<std::uint8_t>();
     printed_for_.assign(board.begin(), board.end());
     std::error_code none;
     fs::remove_all(folder, none);
     if (print_.empty()) throw std::runtime_error(last_line.empty() ? "the board cannot be printed" : last_line);
   }
-  add_piece(words.back(), print_, fmt::to_string(fmt::join(board, " ")), reply);
+  add_piece(piece_of(print_, whole_number_of(words.back()), report_piece_bytes), fmt::to_string(fmt::join(board, " ")),
+            reply);
   reply.reason("The board, to be printed at 100 %.");
 }
 
@@ -410,9 +397,7 @@ void CalibrationDesk::solve_when_closed(const pipeline::RecordingKeeper* recordi
     arguments = {"wave", folder_.string(), "--config=" + config_file_.string(), "--target=" + target_, "--overwrite"};
     if (!camera_distance_.empty()) {
       arguments.emplace_back("--camera-distance");
-      // The rig may have become another one since, which has other cameras: the other program says so.
-      for (std::string& part : camera_distance_of(camera_distance_, calib::read_rig(rig_before_)))
-        arguments.push_back(std::move(part));
+      arguments.insert(arguments.end(), camera_distance_.begin(), camera_distance_.end());
     }
   }
   arguments.push_back("--rig=" + in_folder(rig_name).string());
@@ -448,7 +433,7 @@ void CalibrationDesk::hear(const std::string& line) {
     std::ofstream(in_folder(log_name), std::ios::app) << line << '\n';
     return;
   }
-  std::vector<std::string> fields = fields_of(std::string_view(line).substr(1));
+  std::vector<std::string> fields = split(std::string_view(line).substr(1), '\t');
   if (fields[0] == "progress" && fields.size() >= 5) {
     step_ = fields[1], done_ = fields[2], total_ = fields[3], details_ = fields[4];
     if (stage_ == Stage::recording) {  // which ends a round of what is told of the coverage
@@ -479,7 +464,7 @@ void CalibrationDesk::tell_state(const config::ServiceConfig& config, msg::Contr
   }
   std::error_code none;
   add({"kind", kind_ == Kind::board ? "board" : "wave"});
-  if (!camera_distance_.empty()) add({"camera_distance", camera_distance_.substr(distance_key.size())});
+  if (!camera_distance_.empty()) add({"camera_distance", fmt::to_string(fmt::join(camera_distance_, ","))});
   add({"name", folder_.filename().string()});
   add({"says", says_});
   add({"report", fs::exists(in_folder(report_name), none) ? "true" : "false"});
@@ -497,15 +482,15 @@ void CalibrationDesk::tell_state(const config::ServiceConfig& config, msg::Contr
 }
 
 void CalibrationDesk::read_report(Words words, msg::ControlReply& reply) const {
-  const std::vector<std::uint8_t> report =
-      stage_ == Stage::idle ? std::vector<std::uint8_t>() : bytes_of(in_folder(report_name));
-  if (report.empty()) throw std::runtime_error("there is no report");
-  add_piece(words[0], report, folder_.filename().string(), reply);
+  Piece piece;
+  if (stage_ != Stage::idle) piece = piece_of(in_folder(report_name), whole_number_of(words[0]), report_piece_bytes);
+  if (piece.of_bytes == 0) throw std::runtime_error("there is no report");
+  add_piece(std::move(piece), folder_.filename().string(), reply);
 }
 
 fs::path CalibrationDesk::accept(Words words, const config::ServiceConfig& config) {
   const bool takes_doubtful = words.size() == 1 && words[0] == "doubtful";
-  if (!words.empty() && !takes_doubtful) throw unknown_words();
+  if (!words.empty() && !takes_doubtful) throw unknown_request();
   if (is_busy()) throw std::runtime_error("the calibration is not finished yet");
   if (stage_ == Stage::accepted) throw std::runtime_error("it is accepted already");
   if (stage_ != Stage::usable && stage_ != Stage::doubtful)

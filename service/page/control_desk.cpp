@@ -4,8 +4,6 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <charconv>
-#include <cmath>
 #include <exception>
 #include <stdexcept>
 #include <utility>
@@ -15,6 +13,7 @@
 #include "config/taught_file.h"
 #include "idl/control_words.h"
 #include "page/recording_shelf.h"
+#include "page/request_words.h"
 
 namespace huetrack::page {
 namespace {
@@ -30,19 +29,6 @@ bool are(std::span<const std::string> words, std::initializer_list<std::string_v
   return std::ranges::equal(words, wanted);
 }
 
-// throws std::runtime_error
-std::uint64_t whole_number_of(const std::string& word) {
-  std::uint64_t number = 0;
-  const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), number);
-  if (error != std::errc{} || end != word.data() + word.size())
-    throw std::runtime_error("a whole number is wanted, not " + word);
-  return number;
-}
-
-std::runtime_error unknown_request() {
-  return std::runtime_error("this service does not know that request");
-}
-
 std::runtime_error forbidden(const char* key, const config::ServiceConfig& config) {
   return std::runtime_error(
       fmt::format("the configuration does not allow it. Set control: {{{}: true}} in {}, then reload it: kill -HUP {} "
@@ -56,15 +42,6 @@ void require_teaching(const config::ServiceConfig& config) {
 
 std::string pair_text(double from, double to) {
   return fmt::format("{},{}", from, to);
-}
-
-// throws std::runtime_error
-double real_of(std::string_view text) {
-  double value = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc{} || end != text.data() + text.size() || !std::isfinite(value))
-    throw std::runtime_error(fmt::format("a number is wanted, not {}", text));
-  return value;
 }
 
 // "340,20". throws std::runtime_error

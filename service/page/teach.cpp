@@ -4,7 +4,6 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
-#include <charconv>
 #include <chrono>
 #include <cmath>
 #include <csignal>
@@ -21,8 +20,10 @@
 #include "capture/recording.h"
 #include "capture/replay_source.h"
 #include "color_teaching/lesson.h"
+#include "color_teaching/spread_moments.h"
 #include "config/service_config.h"
 #include "config/taught_file.h"
+#include "page/request_words.h"
 #include "pictures/pictures.h"
 #include "pipeline/live_cameras.h"
 #include "publish/service_finder.h"
@@ -32,24 +33,9 @@ namespace {
 
 using namespace std::chrono_literals;
 
-std::vector<std::string> split(const std::string& text) {
-  std::vector<std::string> parts(1);
-  for (const char c : text) {
-    if (c == ',') {
-      parts.emplace_back();
-    } else {
-      parts.back() += c;
-    }
-  }
-  return parts;
-}
-
 double number_of(const std::string& text, const std::string& whole, const char* form) {
-  double value = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc{} || end != text.data() + text.size() || !std::isfinite(value))
-    throw std::runtime_error("\"" + whole + "\" is not of the form " + form);
-  return value;
+  if (const auto value = finite_number(text)) return *value;
+  throw std::runtime_error("\"" + whole + "\" is not of the form " + form);
 }
 
 int camera_of(const calib::CameraRig& rig, const std::string& name) {
@@ -80,7 +66,7 @@ struct At {
 
 At at_of(const calib::CameraRig& rig, const std::string& text) {
   constexpr const char* form = "CAMERA,FRAME,U,V, as in left,0,310,222";
-  const auto parts = split(text);
+  const auto parts = split(text, ',');
   if (parts.size() != 4) throw std::runtime_error(fmt::format("--at \"{}\" is not of the form {}", text, form));
   At at;
   at.point.camera = camera_of(rig, parts[0]);
@@ -98,7 +84,7 @@ At at_of(const calib::CameraRig& rig, const std::string& text) {
 
 std::pair<std::string, color::PixelBox> ignored_of(const calib::CameraRig& rig, const std::string& text) {
   constexpr const char* form = "CAMERA,U_MIN,V_MIN,U_MAX,V_MAX";
-  const auto parts = split(text);
+  const auto parts = split(text, ',');
   if (parts.size() != 5) throw std::runtime_error(fmt::format("--ignore \"{}\" is not of the form {}", text, form));
   camera_of(rig, parts[0]);
   const auto pixel = [&](std::size_t part) {
@@ -142,40 +128,6 @@ struct Pictures {
   std::vector<capture::FrameSet> moments = {};
 };
 
-// Some of what comes, spread over all of it, however much that is.
-template <typename T, std::size_t most>
-class Spread {
- public:
-  void add(const T& one) {
-    if (count_++ % every_ != 0) return;
-    kept_.push_back(one);
-    if (kept_.size() < most) return;
-    for (std::size_t i = 0; i < kept_.size() / 2; ++i) kept_[i] = kept_[2 * i];
-    kept_.resize(kept_.size() / 2);
-    every_ *= 2;
-  }
-  std::vector<T> take() { return std::move(kept_); }
-
- private:
-  std::vector<T> kept_;
-  std::uint64_t count_ = 0, every_ = 8;  // neighbours show nearly the same
-};
-
-// Frames of one moment, as far as a recording has them: a frame of the first camera with the newest of the others'.
-class Moments {
- public:
-  explicit Moments(std::size_t cameras) { newest_.frames.resize(cameras); }
-  void add(const capture::Frame& frame) {
-    if (frame.camera == 0 && newest_.frames[0]) sets_.add(newest_);
-    newest_.frames[std::size_t(frame.camera)] = frame;
-  }
-  std::vector<capture::FrameSet> take() { return sets_.take(); }
-
- private:
-  capture::FrameSet newest_;
-  Spread<capture::FrameSet, 48> sets_;
-};
-
 // One picture of every camera: where somebody pointed, the frame of that number; of the others, the one captured
 // nearest to the first of those.
 Pictures recorded_pictures(const config::ServiceConfig& config, std::span<const std::string> words,
@@ -186,8 +138,10 @@ Pictures recorded_pictures(const config::ServiceConfig& config, std::span<const 
   capture::ReplaySource source(recording, names, {.timing = config::frame_timing(rig)});
   capture::FrameSet set;
   set.frames.resize(rig.cameras.size());
-  std::vector<Spread<capture::Image, 16>> spread(rig.cameras.size());
-  Moments moments(rig.cameras.size());
+  constexpr std::size_t most_elsewhen = 15;
+  std::vector<color_teaching::Spread<capture::Image>> spread(rig.cameras.size(),
+                                                             color_teaching::Spread<capture::Image>(most_elsewhen));
+  color_teaching::SpreadMoments moments(rig.cameras.size());
   std::vector<std::int64_t> count(rig.cameras.size(), 0);
   std::vector<bool> is_settled(rig.cameras.size(), false);
   const int leader = wanted.begin()->first;

@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "calib/model/covariance_ellipse.h"
+#include "idl/camera_info.h"
 
 namespace huetrack::publish {
 namespace {
@@ -212,31 +213,18 @@ sensor_msgs::msg::dds_::CompressedImage_ to_ros_image(const msg::Preview& previe
 
 sensor_msgs::msg::dds_::CameraInfo_ to_camera_info(const msg::Preview& preview, const msg::SceneCamera& camera) {
   sensor_msgs::msg::dds_::CameraInfo_ info;
-  fill(info.header(), preview.captured_at(), preview.camera());
-  info.width(preview.width());
-  info.height(preview.height());
-  if (camera.model().empty()) return info;  // zeros, as ROS says it of a camera that is not calibrated
-  const double sx = static_cast<double>(preview.width()) / preview.image_width();
-  const double sy = static_cast<double>(preview.height()) / preview.image_height();
-  const double fx = camera.intrinsics()[0] * sx, fy = camera.intrinsics()[1] * sy;
-  // Pixel centres are whole numbers at both sizes; what scales is the distance from the image's edge at -0.5.
-  const double cx = (camera.intrinsics()[2] + 0.5) * sx - 0.5, cy = (camera.intrinsics()[3] + 0.5) * sy - 0.5;
-  std::vector<double> d = camera.distortion();
-  if (camera.model() == "fisheye_kb") {
-    info.distortion_model("equidistant");
-  } else if (camera.model() == "stereographic") {
-    // ROS has no name for it: one that it does not know is better than numbers of another formula under one that it
-    // does.
-    info.distortion_model("stereographic");
+  if (camera.model().empty()) {  // zeros, as ROS says it of a camera that is not calibrated
+    info.width(preview.width());
+    info.height(preview.height());
   } else {
-    const bool is_rational = d.size() > 5 && std::any_of(d.begin() + 5, d.end(), [](double k) { return k != 0; });
-    info.distortion_model(is_rational ? "rational_polynomial" : "plumb_bob");
-    if (!is_rational) d.resize(5, 0.0);
+    const double sx = static_cast<double>(preview.width()) / preview.image_width();
+    const double sy = static_cast<double>(preview.height()) / preview.image_height();
+    const auto& [fx, fy, cx, cy] = camera.intrinsics();
+    // Pixel centres are whole numbers at both sizes; what scales is the distance from the image's edge at -0.5.
+    info = idl::camera_info(preview.width(), preview.height(), camera.model(),
+                            {fx * sx, fy * sy, (cx + 0.5) * sx - 0.5, (cy + 0.5) * sy - 0.5}, camera.distortion());
   }
-  info.d(std::move(d));
-  info.k({fx, 0, cx, 0, fy, cy, 0, 0, 1});
-  info.r({1, 0, 0, 0, 1, 0, 0, 0, 1});
-  info.p({fx, 0, cx, 0, 0, fy, cy, 0, 0, 0, 1, 0});
+  fill(info.header(), preview.captured_at(), preview.camera());
   return info;
 }
 

@@ -1,5 +1,6 @@
 // kill -9 in the middle: the restart works, the last recording opens, and subscribers notice soon. HUETRACK_KILLS says
-// how often (3; the full test: HUETRACK_KILLS=20 build/release/tests/end_to_end/end_to_end_kill_test).
+// how often (3; the full test: HUETRACK_KILLS=20 build/release/tests/end_to_end/end_to_end_test
+// --gtest_filter='Kill.*').
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <unistd.h>

@@ -101,6 +101,10 @@ class Server : public Test {
     return ask("POST /api/teach HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n" + headers +
                "Content-Type: " + type + "\r\nContent-Length: " + std::to_string(body.size()) + "\r\n\r\n" + body);
   }
+  // What the server finds under that name, the last of the words that its page's address makes.
+  std::shared_ptr<RecordingDownload> offer(const std::string& name, const std::vector<std::string>& words) {
+    return downloads[name] = std::make_shared<RecordingDownload>(words, "me", "host", 1);
+  }
   EventHub hub;
   std::vector<std::string> bodies;  // written by the server's thread before it answers, read after the answer
   std::map<std::string, std::shared_ptr<RecordingDownload>> downloads;
@@ -119,24 +123,24 @@ TEST_F(Server, ServesThePageAndNothingElse) {
   EXPECT_THAT(ask("DELETE / HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n"), StartsWith("HTTP/1.1 405"));
 }
 
-// What a service answers to the next request for a piece of `whole`.
-bool serve_piece(RecordingDownload& download, const std::string& whole, std::size_t bytes) {
+// Answers the next request for a piece of `whole`, as a service does. Returns the request's words; empty: there was
+// none.
+std::vector<std::string> serve_piece(RecordingDownload& download, const std::string& whole, std::size_t bytes) {
   const auto request = download.next_request(RecordingDownload::Clock::now());
-  if (!request) return false;
+  if (!request) return {};
   msg::ControlReply reply;
   reply.number(request->number());
   reply.granted(true);
   reply.rows().emplace_back().columns({std::to_string(whole.size()), "a"});
-  const std::string part = whole.substr(std::stoul(request->words().at(3)), bytes);
+  const std::string part = whole.substr(std::stoul(request->words().back()), bytes);
   reply.bytes({part.begin(), part.end()});
   download.take(reply);
-  return true;
+  return request->words();
 }
 
 TEST_F(Server, ARecordingIsSentAsItComes) {
   start();
-  const auto download = downloads["run"] =
-      std::make_shared<RecordingDownload>(RecordingDownload::recording_words("run"), "me", "host", 1);
+  const auto download = offer("run", RecordingDownload::recording_words("run"));
   std::string whole;
   for (int i = 0; i < 300'000; ++i) whole += char('a' + i % 26);
   const std::jthread service([&](const std::stop_token& stop) {
@@ -154,18 +158,9 @@ TEST_F(Server, ARecordingIsSentAsItComes) {
 // It comes from the bus: as a page of ours it could ask the service for anything.
 TEST_F(Server, AReportIsShownAndCanDoNothing) {
   start();
-  const auto download = downloads["report"] =
-      std::make_shared<RecordingDownload>(RecordingDownload::report_words(), "me", "host", 1);
+  const auto download = offer("report", RecordingDownload::report_words());
   const std::string whole = "<html><script>alert(1)</script></html>";
-  const auto request = download->next_request(RecordingDownload::Clock::now());
-  ASSERT_TRUE(request);
-  EXPECT_THAT(request->words(), ElementsAre("calibrate", "report", "0"));
-  msg::ControlReply reply;
-  reply.number(request->number());
-  reply.granted(true);
-  reply.rows().emplace_back().columns({std::to_string(whole.size()), "same"});
-  reply.bytes({whole.begin(), whole.end()});
-  download->take(reply);
+  EXPECT_THAT(serve_piece(*download, whole, whole.size()), ElementsAre("calibrate", "report", "0"));
   EXPECT_THAT(get("/api/calibration.html"),
               AllOf(StartsWith("HTTP/1.1 200"), HasSubstr("Content-Type: text/html; charset=utf-8\r\n"),
                     HasSubstr("Content-Security-Policy: sandbox; default-src 'none';"),
@@ -178,32 +173,22 @@ TEST_F(Server, AReportIsShownAndCanDoNothing) {
 // The address' words are the service's, in their order.
 TEST_F(Server, ABoardIsPrinted) {
   start();
-  const auto download = downloads["columns=9"] = std::make_shared<RecordingDownload>(
-      RecordingDownload::print_words({"type=charuco", "columns=9"}), "me", "host", 1);
+  const auto download = offer("columns=9", RecordingDownload::print_words({"type=charuco", "columns=9"}));
   const std::string whole = "%PDF-1.4 board";
-  const auto request = download->next_request(RecordingDownload::Clock::now());
-  ASSERT_TRUE(request);
-  EXPECT_THAT(request->words(), ElementsAre("calibrate", "print", "type=charuco", "columns=9", "0"));
-  msg::ControlReply reply;
-  reply.number(request->number());
-  reply.granted(true);
-  reply.rows().emplace_back().columns({std::to_string(whole.size()), "same"});
-  reply.bytes({whole.begin(), whole.end()});
-  download->take(reply);
+  EXPECT_THAT(serve_piece(*download, whole, whole.size()),
+              ElementsAre("calibrate", "print", "type=charuco", "columns=9", "0"));
   EXPECT_THAT(get("/api/board.pdf?type=charuco&columns=9"),
               AllOf(StartsWith("HTTP/1.1 200"), HasSubstr("Content-Type: application/pdf\r\n"),
                     HasSubstr("filename=\"board.pdf\""), EndsWith(whole)));
   EXPECT_THAT(get("/api/board.pdf?columns=9", "Sec-Fetch-Site: cross-site\r\n"), StartsWith("HTTP/1.1 403"));
-  const auto refused = downloads["square_mm=90"] =
-      std::make_shared<RecordingDownload>(RecordingDownload::print_words({"square_mm=90"}), "me", "host", 1);
+  const auto refused = offer("square_mm=90", RecordingDownload::print_words({"square_mm=90"}));
   refused->fail("It does not fit on A4.");
   EXPECT_THAT(get("/api/board.pdf?square_mm=90"), AllOf(StartsWith("HTTP/1.1 404"), HasSubstr("does not fit on A4")));
 }
 
 TEST_F(Server, WhatIsNoRecordingIsNotSent) {
   start();
-  const auto refused = downloads["none"] =
-      std::make_shared<RecordingDownload>(RecordingDownload::recording_words("none"), "me", "host", 1);
+  const auto refused = offer("none", RecordingDownload::recording_words("none"));
   refused->fail("There is no recording none.");
   EXPECT_THAT(get("/api/recordings/none.tar"),
               AllOf(StartsWith("HTTP/1.1 404"), HasSubstr("There is no recording none.")));
@@ -218,11 +203,10 @@ TEST_F(Server, WhatIsNoRecordingIsNotSent) {
 
 TEST_F(Server, ARecordingThatBreaksOffIsNotWhole) {
   start();
-  const auto download = downloads["run"] =
-      std::make_shared<RecordingDownload>(RecordingDownload::recording_words("run"), "me", "host", 1);
+  const auto download = offer("run", RecordingDownload::recording_words("run"));
   const std::string whole(200'000, 'x');
   std::jthread service([&] {
-    while (!serve_piece(*download, whole, 100'000)) std::this_thread::yield();
+    while (serve_piece(*download, whole, 100'000).empty()) std::this_thread::yield();
     std::this_thread::sleep_for(std::chrono::milliseconds(100));
     download->fail("The service is gone.");
   });
@@ -233,7 +217,7 @@ TEST_F(Server, ARecordingThatBreaksOffIsNotWhole) {
 
 TEST_F(Server, ItEndsWhileARecordingIsAwaited) {
   start();
-  downloads["run"] = std::make_shared<RecordingDownload>(RecordingDownload::recording_words("run"), "me", "host", 1);
+  offer("run", RecordingDownload::recording_words("run"));
   Socket socket(server->port());
   socket.send("GET /api/recordings/run.tar HTTP/1.1\r\nHost: localhost\r\n\r\n");
   std::this_thread::sleep_for(std::chrono::milliseconds(100));

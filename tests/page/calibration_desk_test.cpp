@@ -262,6 +262,17 @@ TEST_F(Calibrating, ABoardIsRecordedCoveredSolvedAndAccepted) {
   EXPECT_EQ(text_of(recording() / "calibrated.log"), "some words\n");
   const msg::ControlReply report = ask({"report", "6"});
   EXPECT_EQ(std::string(report.bytes().begin(), report.bytes().end()), "fine</html>\n");
+  EXPECT_EQ(report.rows().at(0).columns().at(0), "18");
+  EXPECT_TRUE(ask({"report", "18"}).bytes().empty());
+  EXPECT_EQ(ask({"report", "-1"}).reason(), "A whole number is wanted, not -1.");
+  // Of one that is larger than any memory a piece is read, and no more.
+  constexpr std::uint64_t huge = 1ULL << 40;
+  fs::resize_file(recording() / "calibrated.report.html", huge);
+  const msg::ControlReply first = ask({"report", "0"});
+  ASSERT_TRUE(first.granted()) << first.reason();
+  EXPECT_EQ(first.bytes().size(), 256u * 1024);
+  EXPECT_EQ(first.rows().at(0).columns().at(0), std::to_string(huge));
+  EXPECT_EQ(ask({"report", std::to_string(huge - 3)}).bytes().size(), 3u);
 
   const msg::ControlReply accepted = ask({"accept"});
   ASSERT_TRUE(accepted.granted()) << accepted.reason();

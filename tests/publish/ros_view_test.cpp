@@ -148,6 +148,8 @@ TEST(RosView, CameraInfoIsOfThePicturesSize) {
   EXPECT_THAT(info.d(), ElementsAre(-0.1, 0.02, 0, 0, 0.003));
   EXPECT_EQ(info.k()[0], 250);
   EXPECT_EQ(info.k()[2], 159.5);  // (319.5 + 0.5) / 2 - 0.5
+  EXPECT_EQ(info.k()[5], 119.5);
+  EXPECT_EQ(info.p()[2], 159.5);
   EXPECT_EQ(info.p()[5], 250.5);
   msg::SceneCamera other = scene().cameras()[0];
   other.distortion()[7] = 0.1;
@@ -155,6 +157,13 @@ TEST(RosView, CameraInfoIsOfThePicturesSize) {
   other.model("fisheye_kb");
   other.distortion({1, 2, 3, 4});
   EXPECT_EQ(to_camera_info(preview(), other).distortion_model(), "equidistant");
+  other.model("stereographic");
+  EXPECT_EQ(to_camera_info(preview(), other).distortion_model(), "stereographic");
+  EXPECT_THAT(to_camera_info(preview(), other).d(), ElementsAre(1, 2, 3, 4));
+  other.model("");
+  EXPECT_EQ(to_camera_info(preview(), other).width(), 320u);
+  EXPECT_EQ(to_camera_info(preview(), other).k()[0], 0);
+  EXPECT_EQ(to_camera_info(preview(), other).header().frame_id(), "cam.0");
 }
 
 TEST(RosView, NamesAreOnesThatRosTakes) {

@@ -67,6 +67,21 @@ TEST(WaveCoverage, SaysWhatIsMissing) {
   EXPECT_FALSE(coverage.cameras()[2].is_seen_now);
 }
 
+// Every camera has a partner with which it sees enough: the rig falls apart all the same.
+TEST(WaveCoverage, PairsThatAreNotLinkedWithOneAnotherAreTold) {
+  calib::CameraRig rig = three_cameras();
+  rig.cameras.push_back(rig.cameras[0]);
+  rig.cameras[3].name = "back";
+  WaveCoverage coverage(rig);
+  wave_in(coverage, {0, 1}, 0);
+  wave_in(coverage, {2, 3}, 10);
+  ASSERT_GE(coverage.shared(0, 1), WaveCoverage::enough_shared);
+  ASSERT_GE(coverage.shared(2, 3), WaveCoverage::enough_shared);
+  EXPECT_THAT(coverage.needs(), ElementsAre("wave it where left and right see it together: 0 of 40 moments"));
+  wave_in(coverage, {1, 2}, 20);
+  EXPECT_THAT(coverage.needs(), IsEmpty());
+}
+
 // A red cushion is the largest region of the colour in every picture, and trembles with the noise.
 TEST(WaveCoverage, WhatRestsCountsNothing) {
   WaveCoverage coverage(three_cameras());
