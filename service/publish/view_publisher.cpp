@@ -95,6 +95,14 @@ struct ViewConnection {
                                            idl::status_writer_qos(), idl::ros2_user_data(idl::ros2_tf_type_hash));
   }
 
+  // Lets the last replies arrive: the service may begin anew with what was just asked for.
+  ~ViewConnection() {
+    for (dds::DataWriter* writer : {&reply, &control_reply})
+      writer->wait_for_acknowledgments(eprosima::fastrtps::Duration_t(0, 500'000'000));
+  }
+  ViewConnection(const ViewConnection&) = delete;
+  ViewConnection& operator=(const ViewConnection&) = delete;
+
   idl::DdsParticipant participant;
   dds::DataWriter &scene, &preview, &reply;
   dds::DataReader& request;

@@ -150,7 +150,7 @@ async function test() {
   await page.click("#adjust-rename");
   await until("it has another name", async () => /^Renamed: second is wand now/.test(await says()));
   await until("wand is tracked", async () => (await state("wand")) === "tracking");
-  assert.equal(await page.textContent("#adjust-undo"), "Undo (3)");
+  await until("three may be undone", async () => (await page.textContent("#adjust-undo")) === "Undo (3)");
   const checked = start(options.huetrackd, "check", config);
   assert.equal(await checked.ended, 0, checked.err);
   assert.match(checked.out, /  wand:\n    radius_m: 0\.04[^\n]*(?<!taught\.yaml)\n    shape: \S+ +# from my\.taught\.yaml/);
