@@ -6,8 +6,10 @@
 
 #include "particle_filter/vector_clones.h"
 
-#ifdef __SSE2__
+#if defined(__SSE2__)
 #include <emmintrin.h>
+#elif defined(__ARM_NEON)
+#include <arm_neon.h>
 #endif
 
 namespace huetrack::color {
@@ -19,10 +21,20 @@ std::uint64_t classify_pixel_by_pixel(const capture::Image& image, const ColorTa
   return bits;
 }
 
-#ifdef __SSE2__
-// Two rows of eight pixels whose neighbours share a chroma sample. y: 16 bytes, row after row; uv: the index u | v << 8
-// of each pair. Eight look-ups give the intervals of y; sixteen comparisons at once give the bits.
-std::uint32_t classify_two_rows(const ColorTable::Interval* intervals, __m128i y, __m128i uv) {
+// Sixteen bytes: luma, or u and v, of two rows of eight pixels whose neighbours share a chroma sample. Of each machine:
+//   halves          eight bytes from here and eight from there
+//   four_pairs      u and v of a row, which lie apart, side by side; of two rows
+//   split           luma from chroma of two rows in which they lie side by side
+//   of_two_rows     which of the pixels match. y: row after row; uv: the index u | v << 8 of each pair. Eight look-ups
+//                   give the intervals of y; sixteen comparisons at once give the bits
+#if defined(__SSE2__)
+using Bytes = __m128i;
+struct TwoRows {
+  Bytes y, uv;
+};
+
+std::uint32_t of_two_rows(const ColorTable::Interval* intervals, const TwoRows& rows) {
+  const auto [y, uv] = rows;
   static_assert(sizeof(ColorTable::Interval) == 2);
   const auto interval = [&](int index) {
     std::uint16_t bytes;  // y_min in the low byte, y_max in the high one
@@ -44,9 +56,9 @@ std::uint32_t classify_two_rows(const ColorTable::Interval* intervals, __m128i y
   return static_cast<std::uint32_t>(_mm_movemask_epi8(match));
 }
 
-__m128i two_halves(const void* low, const void* high) {
-  return _mm_unpacklo_epi64(_mm_loadl_epi64(static_cast<const __m128i*>(low)),
-                            _mm_loadl_epi64(static_cast<const __m128i*>(high)));
+Bytes halves(const std::uint8_t* low, const std::uint8_t* high) {
+  return _mm_unpacklo_epi64(_mm_loadl_epi64(reinterpret_cast<const __m128i*>(low)),
+                            _mm_loadl_epi64(reinterpret_cast<const __m128i*>(high)));
 }
 
 __m128i four_bytes(const std::uint8_t* p) {
@@ -54,41 +66,89 @@ __m128i four_bytes(const std::uint8_t* p) {
   std::memcpy(&bytes, p, 4);
   return _mm_cvtsi32_si128(bytes);
 }
+
+Bytes four_pairs(const std::uint8_t* u_low, const std::uint8_t* v_low, const std::uint8_t* u_high,
+                 const std::uint8_t* v_high) {
+  return _mm_unpacklo_epi64(_mm_unpacklo_epi8(four_bytes(u_low), four_bytes(v_low)),
+                            _mm_unpacklo_epi8(four_bytes(u_high), four_bytes(v_high)));
+}
+
+TwoRows split(const std::uint8_t* low, const std::uint8_t* high) {
+  const __m128i a = _mm_loadu_si128(reinterpret_cast<const __m128i*>(low));
+  const __m128i b = _mm_loadu_si128(reinterpret_cast<const __m128i*>(high));
+  const __m128i even = _mm_set1_epi16(0xff);
+  return {_mm_packus_epi16(_mm_and_si128(a, even), _mm_and_si128(b, even)),
+          _mm_packus_epi16(_mm_srli_epi16(a, 8), _mm_srli_epi16(b, 8))};
+}
+#elif defined(__ARM_NEON) && defined(__aarch64__)
+using Bytes = uint8x16_t;
+struct TwoRows {
+  Bytes y, uv;
+};
+
+std::uint32_t of_two_rows(const ColorTable::Interval* intervals, const TwoRows& rows) {
+  const auto [y, uv] = rows;
+  static_assert(sizeof(ColorTable::Interval) == 2 && std::endian::native == std::endian::little);
+  std::uint16_t index[8], found[8];  // y_min in the low byte, y_max in the high one
+  vst1q_u16(index, vreinterpretq_u16_u8(uv));
+  for (int i = 0; i < 8; ++i) std::memcpy(found + i, intervals + index[i], 2);
+  const uint16x8_t pairs = vld1q_u16(found);
+  const uint8x8_t y_min = vmovn_u16(pairs), y_max = vshrn_n_u16(pairs, 8);
+  const uint8x16_t low = vcombine_u8(vzip1_u8(y_min, y_min), vzip2_u8(y_min, y_min));
+  const uint8x16_t high = vcombine_u8(vzip1_u8(y_max, y_max), vzip2_u8(y_max, y_max));
+  constexpr std::uint8_t places[16] = {1, 2, 4, 8, 16, 32, 64, 128, 1, 2, 4, 8, 16, 32, 64, 128};
+  const uint8x16_t bits = vandq_u8(vandq_u8(vcgeq_u8(y, low), vcleq_u8(y, high)), vld1q_u8(places));
+  return static_cast<std::uint32_t>(vaddv_u8(vget_low_u8(bits)) | vaddv_u8(vget_high_u8(bits)) << 8);
+}
+
+Bytes halves(const std::uint8_t* low, const std::uint8_t* high) {
+  return vcombine_u8(vld1_u8(low), vld1_u8(high));
+}
+
+uint8x8_t four_bytes(const std::uint8_t* p) {
+  std::uint32_t bytes;
+  std::memcpy(&bytes, p, 4);
+  return vcreate_u8(bytes);
+}
+
+Bytes four_pairs(const std::uint8_t* u_low, const std::uint8_t* v_low, const std::uint8_t* u_high,
+                 const std::uint8_t* v_high) {
+  return vcombine_u8(vzip1_u8(four_bytes(u_low), four_bytes(v_low)), vzip1_u8(four_bytes(u_high), four_bytes(v_high)));
+}
+
+TwoRows split(const std::uint8_t* low, const std::uint8_t* high) {
+  const uint8x8x2_t a = vld2_u8(low), b = vld2_u8(high);
+  return {vcombine_u8(a.val[0], b.val[0]), vcombine_u8(a.val[1], b.val[1])};
+}
+#endif
+
+#if defined(__SSE2__) || (defined(__ARM_NEON) && defined(__aarch64__))
 template <capture::PixelFormat format>
 std::uint64_t classify_tile(const capture::Image& image, const ColorTable& table, int u, int v) {
-  const ColorTable::Interval* intervals = table.intervals();
   const auto row = [&image](int plane, int r) {
     const capture::Plane& p = image.planes[static_cast<std::size_t>(plane)];
     return p.data + r * p.stride;
   };
   std::uint64_t bits = 0;
   for (int r = 0; r < 8; r += 2) {
-    __m128i y, uv;
-    if constexpr (format == capture::PixelFormat::yuyv) {  // Y0 U Y1 V: luma in the even bytes, u v in the odd
-      const __m128i a = _mm_loadu_si128(reinterpret_cast<const __m128i*>(row(0, v + r) + 2 * u));
-      const __m128i b = _mm_loadu_si128(reinterpret_cast<const __m128i*>(row(0, v + r + 1) + 2 * u));
-      const __m128i even = _mm_set1_epi16(0xff);
-      y = _mm_packus_epi16(_mm_and_si128(a, even), _mm_and_si128(b, even));
-      uv = _mm_packus_epi16(_mm_srli_epi16(a, 8), _mm_srli_epi16(b, 8));
+    TwoRows rows;
+    if constexpr (format == capture::PixelFormat::yuyv) {  // Y0 U Y1 V
+      rows = split(row(0, v + r) + 2 * u, row(0, v + r + 1) + 2 * u);
     } else {
-      y = two_halves(row(0, v + r) + u, row(0, v + r + 1) + u);
+      rows.y = halves(row(0, v + r) + u, row(0, v + r + 1) + u);
       const int first = format == capture::PixelFormat::i422 ? v + r : (v + r) / 2;
       const int second = format == capture::PixelFormat::i422 ? v + r + 1 : first;
-      if constexpr (format == capture::PixelFormat::nv12) {
-        uv = two_halves(row(1, first) + u, row(1, second) + u);
-      } else {
-        uv = _mm_unpacklo_epi64(
-            _mm_unpacklo_epi8(four_bytes(row(1, first) + u / 2), four_bytes(row(2, first) + u / 2)),
-            _mm_unpacklo_epi8(four_bytes(row(1, second) + u / 2), four_bytes(row(2, second) + u / 2)));
-      }
+      rows.uv = format == capture::PixelFormat::nv12 ? halves(row(1, first) + u, row(1, second) + u)
+                                                     : four_pairs(row(1, first) + u / 2, row(2, first) + u / 2,
+                                                                  row(1, second) + u / 2, row(2, second) + u / 2);
     }
-    bits |= static_cast<std::uint64_t>(classify_two_rows(intervals, y, uv)) << (8 * r);
+    bits |= static_cast<std::uint64_t>(of_two_rows(table.intervals(), rows)) << (8 * r);
   }
   return bits;
 }
 #else
-template <PixelFormat>
-std::uint64_t classify_tile(const Image& image, const ColorTable& table, int u, int v) {
+template <capture::PixelFormat>
+std::uint64_t classify_tile(const capture::Image& image, const ColorTable& table, int u, int v) {
   return classify_pixel_by_pixel(image, table, u, v);
 }
 #endif

@@ -379,8 +379,8 @@ void OutlineFit::make_rows() {
   chroma_blue_ = length > 1 ? off_blue / length : 0.f, chroma_red_ = length > 1 ? off_red / length : 1.f;
   contrast_ = std::hypot(length / sigma_chroma_, (object_seen_[0] - sum_light / n) / sigma_light_);
 
-  static thread_local GreyValues shown;
-  const auto show = [](Rows& rows) {
+  GreyValues& shown = shown_behind_;
+  const auto show = [&shown](Rows& rows) {
     lights_behind(rows.n, rows.behind.light, rows.behind.blue, rows.behind.red, rows.red, rows.green, rows.blue);
     shown_behind(rows.n, rows.red, rows.green, rows.blue, shown.light, shown.blue, shown.red);
   };

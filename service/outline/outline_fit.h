@@ -171,6 +171,7 @@ class OutlineFit {
   float contrast_ = 0;
   double misfit_ = 0, visible_ = 0;
   Rows light_, chroma_;
+  GreyValues shown_behind_;  // what the camera's curve makes of what is behind; by make_rows()
   std::vector<Mark> marks_;
   std::vector<std::uint8_t> near_marks_;  // of the box, row by row
 };
