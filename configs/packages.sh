@@ -12,6 +12,7 @@ packages_build="$packages_demo libceres-dev libtomlplusplus-dev"
 command -v npm >/dev/null || packages_build="$packages_build nodejs npm"
 packages_test="chromium libgtest-dev libgmock-dev cyclonedds-dev cyclonedds-tools poppler-utils clang-format-14 python3 openssl"
 packages_long="clang-tidy-16"   # HUETRACK_LONG=1 of tests/run.sh
+packages_arm64="g++-aarch64-linux-gnu qemu-user-static"   # configs/arm64/build.sh, tests/arm64/run.sh
 packages_benchmark="libbenchmark-dev"   # for -DHUETRACK_BENCHMARKS=ON
 
 # For the VM with real V4L2 drivers (tests/v4l2/run.sh): where its scripts are, and only then. Its tests are skipped without.
@@ -65,4 +66,16 @@ build_huetrack() {
   }
   cmake --build "$folder" --target "$@" || return 1
   echo "== built in $(((SECONDS - start) / 60)) min $(((SECONDS - start) % 60)) s"
+}
+
+# build_for_arm64 FOLDER "CMAKE OPTIONS" TARGETS...: on this machine, for a Raspberry Pi or a Jetson. From the top folder.
+build_for_arm64() {
+  local folder="$1" options="$2"
+  shift 2
+  # shellcheck disable=SC2086
+  install_missing $packages_build $packages_arm64 || return 1
+  export HUETRACK_SYSROOT=$PWD/build/arm64-sysroot
+  bash configs/arm64/sysroot.sh "$HUETRACK_SYSROOT" || return 1
+  HUETRACK_VM_TESTS=off build_huetrack "$folder" \
+    "-DCMAKE_BUILD_TYPE=Release -DCMAKE_TOOLCHAIN_FILE=$PWD/configs/arm64/toolchain.cmake $options" "$@"
 }

@@ -3,7 +3,7 @@
 # Exit status: 0 only when at least one test passed and none failed.
 #   HUETRACK_LONG=1              builds everything once more with -O0, AddressSanitizer and UBSan (preset debug), runs the tests
 #                                of all modules there, and clang-tidy over the tree; then what has threads with
-#                                ThreadSanitizer; about two hours on two cores
+#                                ThreadSanitizer; then for arm64 (tests/arm64/run.sh); about three hours on two cores
 #   HUETRACK_VM_TESTS=off|short|all   real V4L2 drivers in a VM (tests/v4l2/run.sh; short: 3 minutes, all: 15); skipped
 #                                where there is no VM
 set -uo pipefail
@@ -65,6 +65,8 @@ if [ "$long" != 0 ]; then
   build_huetrack build/tsan "" $(printf '%s_test ' $threaded) || fail "the build with ThreadSanitizer failed"
   export TSAN_OPTIONS=suppressions=$PWD/tests/tsan.supp:second_deadlock_stack=1
   for module in $threaded; do run_tests "build/tsan/tests/$module" -j1; done
+  build_for_arm64 build/arm64-tests "" all || fail "the build for arm64 failed"
+  run_tests build/arm64-tests -j4 -E "$(bash tests/arm64/run.sh --left-out)"
 fi
 
 passed=$((total - failed - skipped))
