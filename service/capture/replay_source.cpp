@@ -355,7 +355,11 @@ ReplaySource::ReplaySource(const Recording& recording, std::span<const std::stri
   for (const auto& camera : recording.cameras) recorded.push_back(camera.name);
   for (const auto& name : camera_names) {
     if (std::ranges::find(recorded, name) != recorded.end()) continue;
-    const auto nearest = yaml::nearest_word(name, recorded);
+    std::vector<std::string> others;  // those that the rig has are not meant
+    std::ranges::copy_if(recorded, std::back_inserter(others), [&](const std::string& other) {
+      return std::ranges::find(camera_names, other) == camera_names.end();
+    });
+    const auto nearest = yaml::nearest_word(name, others);
     throw yaml::ConfigError(recording.file, 0,
                             "has no camera " + name + (nearest ? " (did you mean " + *nearest + "?)" : std::string()) +
                                 ": it has " + list_of(recorded) + ", and the rig has " + list_of(camera_names));

@@ -69,8 +69,7 @@ std::string target_text(const TargetSummary& target) {
               : "never tracking;";
   text += shares_text(target.sets) + "\n";
   if (target.objects > 0)
-    text +=
-        fmt::format("          {} objects found, {} of them at once at most\n", target.objects, target.most_objects);
+    text += fmt::format("          objects found: {}, at once at most {}\n", target.objects, target.most_objects);
   if (!target.advice.empty()) text += "          " + target.advice + "\n";
   if (target.truth) text += "          " + tracks::to_text(*target.truth) + "\n";
   return text;

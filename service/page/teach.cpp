@@ -121,9 +121,11 @@ Pointing pointing_of(const TeachCommand& command, const config::ServiceConfig& c
   return pointing;
 }
 
-// A moment's pictures, one slot per camera, per camera some of other moments, and some other moments of all cameras.
+// A moment's pictures, one slot per camera, and which of its camera's frames each is; per camera some of other moments,
+// and some other moments of all cameras.
 struct Pictures {
   capture::FrameSet set;
+  std::vector<std::int64_t> numbers;
   std::vector<std::vector<capture::Image>> elsewhen = {};
   std::vector<capture::FrameSet> moments = {};
 };
@@ -142,7 +144,7 @@ Pictures recorded_pictures(const config::ServiceConfig& config, std::span<const 
   std::vector<color_teaching::Spread<capture::Image>> spread(rig.cameras.size(),
                                                              color_teaching::Spread<capture::Image>(most_elsewhen));
   color_teaching::SpreadMoments moments(rig.cameras.size());
-  std::vector<std::int64_t> count(rig.cameras.size(), 0);
+  std::vector<std::int64_t> count(rig.cameras.size(), 0), numbers(rig.cameras.size(), 0);
   std::vector<bool> is_settled(rig.cameras.size(), false);
   const int leader = wanted.begin()->first;
   std::optional<capture::Timestamp> leader_at;
@@ -158,7 +160,7 @@ Pictures recorded_pictures(const config::ServiceConfig& config, std::span<const 
       if (number != it->second) continue;
       if (frame->camera == leader) leader_at = frame->captured_at;
       is_settled[c] = true;
-      set.frames[c] = std::move(*frame);
+      set.frames[c] = std::move(*frame), numbers[c] = number;
       continue;
     }
     auto& slot = set.frames[c];
@@ -168,14 +170,14 @@ Pictures recorded_pictures(const config::ServiceConfig& config, std::span<const 
         !leader_at || !slot ||
         std::chrono::abs(frame->captured_at - *leader_at) < std::chrono::abs(slot->captured_at - *leader_at);
     is_settled[c] = leader_at && frame->captured_at >= *leader_at;
-    if (is_nearer) slot = std::move(*frame);
+    if (is_nearer) slot = std::move(*frame), numbers[c] = number;
   }
   for (const auto& [camera, number] : wanted) {
     if (!is_settled[std::size_t(camera)])
       throw std::runtime_error(fmt::format("{}: camera {} has no sound frame {} (it has {})", recording.file.string(),
                                            rig.cameras[std::size_t(camera)].name, number, count[std::size_t(camera)]));
   }
-  Pictures pictures{.set = std::move(set), .moments = moments.take()};
+  Pictures pictures{.set = std::move(set), .numbers = std::move(numbers), .moments = moments.take()};
   for (auto& of_camera : spread) pictures.elsewhen.push_back(of_camera.take());
   return pictures;
 }
@@ -256,8 +258,9 @@ void tell_services(const config::ServiceConfig& config) {
   if (!told) fmt::print("no huetrackd runs with this file on this host: it takes effect at the next start\n");
 }
 
-void print_lesson(const color_teaching::Lesson& lesson, const calib::CameraRig& rig, std::int64_t first_frame,
-                  std::optional<double> said_radius_m) {
+// numbers: of the frames, per camera.
+void print_lesson(const color_teaching::Lesson& lesson, const calib::CameraRig& rig,
+                  const std::vector<std::int64_t>& numbers, std::optional<double> said_radius_m) {
   for (std::size_t c = 0; c < lesson.taught.views.size(); ++c) {
     const color_teaching::TaughtView& view = lesson.taught.views[c];
     if (!view.verdict.empty()) fmt::print("{}\n", view.verdict);
@@ -267,7 +270,7 @@ void print_lesson(const color_teaching::Lesson& lesson, const calib::CameraRig& 
                  view.color.intensity_max);
     } else if (view.region) {
       fmt::print("  confirm it with  --at {},{},{},{}  or take all that is suggested with --accept\n",
-                 rig.cameras[c].name, first_frame, std::lround(view.region->centre.x()),
+                 rig.cameras[c].name, numbers[c], std::lround(view.region->centre.x()),
                  std::lround(view.region->centre.y()));
     }
   }
@@ -325,17 +328,18 @@ int teach(const TeachCommand& command, std::stop_token stop) {
   if (command.recording.empty()) throw std::runtime_error("teach from what? Give a recording, or the word live");
   const object_tracking::TargetOptions& target = target_of(config, command.target);
   const Pointing pointing = pointing_of(command, config);
-  const Pictures pictures = command.recording == std::vector<std::string>{"live"}
-                                ? Pictures{.set = live_pictures(config, pointing.frames, stop)}
-                                : recorded_pictures(config, command.recording, pointing.frames, stop);
+  const Pictures pictures =
+      command.recording == std::vector<std::string>{"live"}
+          ? Pictures{.set = live_pictures(config, pointing.frames, stop),
+                     .numbers = std::vector(config.rig.cameras.size(), pointing.frames.begin()->second)}
+          : recorded_pictures(config, command.recording, pointing.frames, stop);
   color_teaching::ColorTeacher teacher(config.rig, pictures.set, pictures.elsewhen);
   for (const capture::FrameSet& moment : pictures.moments)
     if (!teacher.add_moment(moment)) break;
   const color_teaching::Lesson lesson =
       color_teaching::learn(teacher, pointing.request, config.targets, target, config.object_tracking.volume);
   const bool is_sized = !config.unsized_targets.contains(target.name);
-  print_lesson(lesson, config.rig, pointing.frames.begin()->second,
-               is_sized ? std::optional(target.radius_m) : std::nullopt);
+  print_lesson(lesson, config.rig, pictures.numbers, is_sized ? std::optional(target.radius_m) : std::nullopt);
   if (!command.pictures.empty()) {
     draw(command.pictures, config.rig, pictures.set, lesson.taught);
     fmt::print("pictures with what matches in pink: {}\n", command.pictures.string());

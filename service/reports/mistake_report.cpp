@@ -21,7 +21,7 @@ bool any_has_moved(std::span<const pipeline::CameraCalibration> calibration) {
 bool is_told_by_the_room(const view_watch::Mistake& mistake, std::span<const pipeline::CameraCalibration> calibration) {
   using view_watch::MistakeKind;
   const bool is_of_the_rig = mistake.kind == MistakeKind::turned || mistake.kind == MistakeKind::late ||
-                             mistake.kind == MistakeKind::other_rig;
+                             mistake.kind == MistakeKind::other_rig || mistake.kind == MistakeKind::contradiction;
   return is_of_the_rig && any_has_moved(calibration);
 }
 

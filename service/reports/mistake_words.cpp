@@ -29,7 +29,7 @@ std::string mistake_text(const view_watch::Mistake& mistake, const object_tracki
     case MistakeKind::late:
       return fmt::format(
           "{} and by more the faster {} moves: {} is some {:.2f} s {}: correct its time stamps or its "
-          "timing.latency_ms",
+          "timing.latency_s",
           disagrees, target.name, it, std::abs(mistake.size), mistake.size > 0 ? "late" : "early");
     case MistakeKind::turned:
       return fmt::format(
@@ -40,6 +40,12 @@ std::string mistake_text(const view_watch::Mistake& mistake, const object_tracki
           "no two cameras agree about where {} is, they are {:.0f} px apart: the rig looks like that of another room "
           "or "
           "of other cameras",
+          target.name, mistake.off_px);
+    case MistakeKind::contradiction:
+      return fmt::format(
+          "the views of {} are up to {:.0f} px apart, and no single camera that was turned or is late explains it: the "
+          "rig does not fit the cameras, so positions are as unsure as is said, and may be off further where only some "
+          "see it; calibrate anew",
           target.name, mistake.off_px);
     case MistakeKind::radius:
       return fmt::format(

@@ -64,7 +64,7 @@ void ObjectReport::tell_objects(const pipeline::TrackedSet& set) {
     if (estimate.is_end) {
       const auto known = target.objects.extract(estimate.object);
       if (known && may_tell(estimate.at))
-        spdlog::info("{} is gone after {:.1f} s, last at {}; {} are there", name(),
+        spdlog::info("{} is gone after {:.1f} s, last at {}; there now: {}", name(),
                      capture::seconds(estimate.at - known.mapped().since), text_of(known.mapped().last),
                      target.objects.size());
       continue;
@@ -73,7 +73,7 @@ void ObjectReport::tell_objects(const pipeline::TrackedSet& set) {
     if (is_new) it->second.since = estimate.at;
     if (estimate.has_position()) it->second.last = estimate.position;
     if (is_new && may_tell(estimate.at))
-      spdlog::info("{} is found at {}, seen by {} cameras; {} are there", name(), text_of(estimate.position),
+      spdlog::info("{} is found at {}, seen by {} cameras; there now: {}", name(), text_of(estimate.position),
                    estimate.views, target.objects.size());
   }
 }

@@ -28,6 +28,10 @@ constexpr double longest_pause_s = 16;
 // Of two suppositions one is named only where it explains more than the other one: a turn has three numbers to fit.
 constexpr double clearly_better = 0.8;
 constexpr double nothing_explains = 6;
+// What nothing explains is told when the worst pair is off by so much, two to three times the worst of good recordings,
+// and was found so often: times that are being learnt, and a ball that comes from behind something, last less long.
+constexpr double contradicts = 3;
+constexpr int least_contradictions = 4;
 // What time learning can do by itself is no mistake (motion_belief.cpp: standard deviation 20 ms). What it has not done
 // is one, from a frame of 30 Hz on: by as much drivers and people are off, and less is what exposures leave open.
 constexpr double least_late_s = 0.07, least_unlearnt_s = 0.03, surely_unlearnt = 4;
@@ -57,7 +61,7 @@ bool is_smooth(const Sample& before, const Sample& at, const Sample& after) {
 
 bool is_of_rig(MistakeKind kind) {
   return kind == MistakeKind::swapped || kind == MistakeKind::late || kind == MistakeKind::turned ||
-         kind == MistakeKind::other_rig;
+         kind == MistakeKind::other_rig || kind == MistakeKind::contradiction;
 }
 
 // What would make the views agree, supposed one after the other; an answer is what does.
@@ -110,7 +114,12 @@ class Suppositions {
   // The one that explains more than the others do, if it is surely so; or another room's rig, where nothing does. What
   // explains best and is not sure yet leaves the others unsaid: they would be named for what it did.
   std::optional<Mistake> best() {
-    if (answers_.empty()) return of_other_rig();
+    if (answers_.empty()) {
+      const auto other = of_other_rig();
+      return other || as_is_.worst < contradicts
+                 ? other
+                 : Mistake{.kind = MistakeKind::contradiction, .off_px = as_is_.worst_px};
+    }
     std::ranges::stable_sort(answers_, {}, cost);
     Answer& best = answers_.front();
     if (!best.is_sure) return std::nullopt;
@@ -336,6 +345,9 @@ std::optional<Mistake> ViewWatch::of_radius() const {
 // Named when it was found twice, and as long as it is found now and again.
 void ViewWatch::confirm(const std::vector<Mistake>& found, double now_s) {
   constexpr int least_times = 2;
+  const auto explains = [](const Mistake& m) { return is_of_rig(m.kind) && m.kind != MistakeKind::contradiction; };
+  if (std::ranges::any_of(found, explains))
+    std::erase_if(suspected_, [](const Suspected& s) { return s.mistake.kind == MistakeKind::contradiction; });
   if (is_wrong_)  // and has not been looked into again: it is as it was
     for (Suspected& s : suspected_)
       if (is_of_rig(s.mistake.kind)) s.last_s = now_s;
@@ -353,7 +365,8 @@ void ViewWatch::confirm(const std::vector<Mistake>& found, double now_s) {
   std::erase_if(suspected_, [&](const Suspected& s) { return s.last_s < now_s - forgotten_after_s; });
   mistakes_.clear();
   for (const Suspected& s : suspected_)
-    if (s.times >= least_times) mistakes_.push_back(s.mistake);
+    if (s.times >= (s.mistake.kind == MistakeKind::contradiction ? least_contradictions : least_times))
+      mistakes_.push_back(s.mistake);
 }
 
 }  // namespace huetrack::view_watch

@@ -20,13 +20,14 @@
 namespace huetrack::view_watch {
 
 enum class MistakeKind : std::uint8_t {
-  swapped,       // cameras: [c] really is cameras[(k + 1) % n]; size: none
-  late,          // one camera; size: seconds, < 0: the others are late
-  turned,        // one camera, or two of which nobody can tell which; size: radians
-  other_rig,     // no camera agrees with another one
-  radius,        // size: the radius that the views agree about, metres
-  shared_color,  // one camera; size: share of its picture that has the colour, 0..1
-  opencv_hue,    // hue_deg was written in OpenCV's units
+  swapped,        // cameras: [c] really is cameras[(k + 1) % n]; size: none
+  late,           // one camera; size: seconds, < 0: the others are late
+  turned,         // one camera, or two of which nobody can tell which; size: radians
+  other_rig,      // no camera agrees with another one
+  contradiction,  // views do not agree, and nothing above explains it
+  radius,         // size: the radius that the views agree about, metres
+  shared_color,   // one camera; size: share of its picture that has the colour, 0..1
+  opencv_hue,     // hue_deg was written in OpenCV's units
 };
 
 struct Mistake {

@@ -28,6 +28,9 @@ TEST(MistakeWords, sayWhoAndHowMuchAndWhatToDo) {
   EXPECT_THAT(text({MistakeKind::turned, {1}, 0.0209, 8}), HasSubstr("it looks turned by 1.2 degrees"));
   EXPECT_THAT(text({MistakeKind::turned, {0, 1}, 0.0209, 8}),
               AllOf(HasSubstr("left and right disagree by 8 px"), HasSubstr("one of them looks turned")));
+  EXPECT_THAT(text({MistakeKind::late, {1}, 0.2, 8}), HasSubstr("correct its time stamps or its timing.latency_s"));
+  EXPECT_THAT(text({MistakeKind::contradiction, {}, 0, 9}),
+              AllOf(HasSubstr("up to 9 px apart"), HasSubstr("calibrate anew")));
   EXPECT_THAT(text({MistakeKind::other_rig, {}, 0, 80}), HasSubstr("another room"));
   EXPECT_THAT(text({MistakeKind::radius, {}, 0.028, 0}),
               HasSubstr("a radius of about 0.028 m, not of 0.04: correct radius_m"));

@@ -149,6 +149,18 @@ TEST_F(ViewWatchOfScene, anotherRoom) {
   EXPECT_EQ(mistakes[0].kind, MistakeKind::other_rig);
 }
 
+// Two cameras that stand elsewhere than the rig says, each in a way that no turn of one of them undoes.
+TEST_F(ViewWatchOfScene, aRigThatIsOffInSeveralWays) {
+  rig.cameras[1].cam_from_world.translation += Vector3d(0.04, -0.02, 0.02);
+  rig.cameras[2].cam_from_world.translation += Vector3d(-0.02, 0.04, -0.02);
+  turn(1, 0.4, {1, 0.3, 0.5});
+  turn(2, 0.4, {-0.5, 1, 1});
+  const auto mistakes = watch(6);
+  ASSERT_EQ(mistakes.size(), 1u);
+  EXPECT_EQ(mistakes[0].kind, MistakeKind::contradiction);
+  EXPECT_GT(mistakes[0].off_px, 3);
+}
+
 TEST_F(ViewWatchOfScene, aWrongRadius) {
   for (const double factor : {0.7, 1.45}) {
     named_at_s.reset();
