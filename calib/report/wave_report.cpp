@@ -66,6 +66,18 @@ void doubt_scale(WaveReport& report, const WaveResult& result) {
   }
 }
 
+// The rig against what was measured, by far more than its poses are off among one another.
+void doubt_measured(WaveReport& report, const WaveResult& result) {
+  constexpr double least_off = 0.05, sigmas = 3;
+  const WaveScale& scale = result.scale;
+  if (std::abs(scale.of_rigs - 1) <= std::max(least_off, sigmas * std::hypot(scale.rigs_sigma, scale.sigma))) return;
+  report.doubts.push_back(fmt::format(
+      "{} makes all {:.2f} times as large as the rig had it, whose own poses say how large all is to {:.1f} %, and the "
+      "ball {:.2f} times as large as its radius says: was it measured from lens to lens, in metres? If the rig's scale "
+      "was only a guess, this one is right: accept it",
+      report.scale_from, scale.of_rigs, 1e2 * scale.rigs_sigma, result.size_ratio));
+}
+
 void doubt_camera(WaveReport& report, const WaveResult& result, const WaveCamera& camera, const std::string& name) {
   if (camera.used < few_agree * camera.seen) {
     report.doubts.push_back(
@@ -201,6 +213,7 @@ WaveReport report_on(const WaveResult& result) {
   if (!result.held_poses) {
     if (result.is_in_a_plane()) report.doubts.push_back(wave::plane_text(result.extent_m));
     doubt_scale(report, result);
+    doubt_measured(report, result);
   }
   for (std::size_t c = 0; c < result.cameras.size(); ++c)
     doubt_camera(report, result, result.cameras[c], result.rig.cameras[c].name);

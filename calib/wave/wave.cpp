@@ -488,6 +488,20 @@ double scale_sigma(const WaveResult& result, const WaveSolution& wave, const Wav
   return of_ball_size;
 }
 
+// What was measured beside what the rig's own poses say.
+void compare_scale(WaveScale& scale, const WaveSolution& wave, const calib::CameraRig& rig) {
+  const Similarity onto = onto_rig(rig, wave.state(), true);
+  scale.of_rigs = 1 / onto.scale;
+  Vector3d middle = Vector3d::Zero();
+  for (const calib::Camera& camera : rig.cameras) middle += camera.centre() / static_cast<double>(rig.cameras.size());
+  double off2 = 0, spread2 = 0;
+  for (std::size_t c = 0; c < rig.cameras.size(); ++c) {
+    off2 += (onto * wave.centre(static_cast<int>(c)) - rig.cameras[c].centre()).squaredNorm();
+    spread2 += (rig.cameras[c].centre() - middle).squaredNorm();
+  }
+  scale.rigs_sigma = std::sqrt(off2 / spread2);
+}
+
 // throws CalibrationError: a camera hardly ever agrees with the others.
 void require_agreement(const WaveResult& result) {
   for (std::size_t c = 0; c < result.cameras.size(); ++c) {
@@ -503,6 +517,7 @@ void require_agreement(const WaveResult& result) {
 
 std::vector<std::string> WaveOptions::problems(const calib::CameraRig& rig) const {
   std::vector<std::string> out;
+  constexpr int furthest_m = 200;  // who writes more means centimetres
   const auto is_camera = [&](int c) { return c >= 0 && index(c) < rig.cameras.size(); };
   if (!(radius_m > 0)) out.emplace_back("radius_m must be > 0");
   if (!(pixel_noise_px > 0)) out.emplace_back("pixel_noise_px must be > 0");
@@ -510,7 +525,8 @@ std::vector<std::string> WaveOptions::problems(const calib::CameraRig& rig) cons
   if (camera_distance) {
     if (!is_camera(camera_distance->a) || !is_camera(camera_distance->b) || camera_distance->a == camera_distance->b)
       out.emplace_back("camera_distance must name two different cameras of the rig");
-    if (!(camera_distance->metres > 0)) out.emplace_back("camera_distance must be > 0 metres");
+    if (!(camera_distance->metres > 0 && camera_distance->metres <= furthest_m))
+      out.push_back(fmt::format("camera_distance must be > 0 and at most {} metres", furthest_m));
   }
   if (rest_distance_m && !(*rest_distance_m > 0)) out.emplace_back("rest_distance_m must be > 0");
   if (hold_poses && (!has_poses || camera_distance || rest_distance_m || !marks.empty()))
@@ -551,7 +567,10 @@ WaveResult calibrate_wave(const calib::CameraRig& rig, std::vector<BallFrame> fr
   if (!options.hold_poses) result.scale = set_scale(wave, rig, options);
   wave.refine(WaveSteps::refined_again);
   if (!options.hold_poses) {
-    if (result.scale.measured_m > 0) result.scale = set_scale(wave, rig, options);
+    if (result.scale.measured_m > 0) {
+      result.scale = set_scale(wave, rig, options);
+      if (options.has_poses && !result.poses_refused) compare_scale(result.scale, wave, rig);
+    }
     set_world(result, wave, rig, options);
   }
 

@@ -74,6 +74,9 @@ struct WaveScale {
   std::size_t marks = 0;  // marks: how many
   double measured_m = 0;  // the distance that was measured, of marks the longest; 0: none was
   double sigma = 0;       // relative
+  // Of a measured one: how many times as large it makes all as the rig's own poses do, and how well those know, by how
+  // far they are otherwise off; 1 and 0: there are none.
+  double of_rigs = 1, rigs_sigma = 0;
 };
 
 // Figures only: what they are worth is said in calib/report/wave_report.h.

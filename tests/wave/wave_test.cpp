@@ -167,6 +167,21 @@ TEST(Wave, BringsSpoiltPosesBack) {
   EXPECT_GT(r.expected_m, 0.00005);
 }
 
+// The rig's own poses are a few centimetres off, and the tape a tenth.
+TEST(Wave, AMeasuredDistanceThatTheRigContradictsIsDoubted) {
+  const calib::CameraRig truth = rig_of(3);
+  WaveOptions options = taped(truth);
+  for (const double factor : {0.9, 1.1}) {
+    options.camera_distance->metres = factor * taped(truth).camera_distance->metres;
+    const WaveResult r = calibrate_wave(spoilt(truth, 0.03, 1), waved(truth, {}), options);
+    EXPECT_NEAR(r.scale.of_rigs, factor, 0.03);
+    EXPECT_LT(r.scale.rigs_sigma, 0.03);
+    const report::WaveReport report = report::report_on(r);
+    EXPECT_EQ(report.verdict, report::Verdict::doubtful);
+    EXPECT_THAT(report::to_text(report, r), testing::HasSubstr("measured from lens to lens, in metres?"));
+  }
+}
+
 TEST(Wave, TellsHowGoodItIsInTheWholeVolume) {
   const calib::CameraRig truth = rig_of(3);
   WaveOptions options = taped(truth);
@@ -470,6 +485,7 @@ TEST(Wave, RefusesOptionsThatMeanNothing) {
   EXPECT_TRUE(WaveOptions{}.problems(rig).empty());
   EXPECT_FALSE(WaveOptions{.radius_m = 0}.problems(rig).empty());
   EXPECT_FALSE((WaveOptions{.camera_distance = CameraDistance{0, 0, 1}}.problems(rig).empty()));
+  EXPECT_FALSE((WaveOptions{.camera_distance = CameraDistance{0, 1, 369.3}}.problems(rig).empty()));
   EXPECT_FALSE((WaveOptions{.camera_distance = CameraDistance{0, 1, 1}, .rest_distance_m = 1}.problems(rig).empty()));
   EXPECT_FALSE((WaveOptions{.marks = {{1, {0, 0, 0}}}}.problems(rig).empty()));
   EXPECT_FALSE(WaveOptions{}.problems(rig_of(1)).empty());
