@@ -116,6 +116,13 @@ void doubt_times(WaveReport& report, const WaveResult& result) {
           "not counted. Record the driver's own stamps",
           name, 1e3 * camera.wander_s));
     }
+    const double readout_s = std::abs(result.rig.cameras[c].timing.readout_s.value_or(0));
+    if (camera.frame_s > 0 && readout_s > camera.frame_s + much_scatter_s) {
+      report.doubts.push_back(fmt::format(
+          "{}: its rows would take {:.0f} ms from the first to the last, and its frames come every {:.0f} ms, which no "
+          "camera does: the times or the poses are not right. Wave faster, through more of its image",
+          name, 1e3 * readout_s, 1e3 * camera.frame_s));
+    }
     if (camera.scatter_s > much_scatter_s) {
       report.doubts.push_back(
           fmt::format("{}: the ball is off along its way, the more the faster it is, by {:.1f} ms and another way in "

@@ -46,6 +46,7 @@ struct WaveOptions {
 
 struct WaveCamera {
   int frames = 0;                 // that were looked at
+  double frame_s = 0;             // from one of them to the next, usually
   int seen = 0;                   // with a region of the colour that is not still
   int used = 0;                   // whose region agrees with the other cameras
   double rms_px = 0;              // of those, length

@@ -283,6 +283,17 @@ TEST(Wave, FindsLatenciesAndReadoutsWithThePoses) {
   expect_times(r, webcam_times);
 }
 
+TEST(Wave, RowsThatTakeLongerThanAFrameAreDoubted) {
+  const calib::CameraRig truth = rig_of(3);
+  WaveResult r = calibrate_wave(spoilt(truth, 0.1, 3), waved(truth, {.times = webcam_times}), taped(truth));
+  ASSERT_TRUE(is_usable(r));
+  ASSERT_NEAR(r.cameras[1].frame_s, 1.0 / 30, 0.002);
+  r.rig.cameras[1].timing.readout_s = -0.055;
+  const report::WaveReport report = report::report_on(r);
+  EXPECT_EQ(report.verdict, report::Verdict::doubtful);
+  EXPECT_THAT(report::to_text(report, r), HasSubstr("its rows would take 55 ms from the first to the last"));
+}
+
 TEST(Wave, CamerasInStepComeOutAtZero) {
   const calib::CameraRig truth = rig_of(3);
   expect_times(calibrate_wave(spoilt(truth, 0.1, 3), waved(truth, {}), taped(truth)), {{}, {}, {}});
