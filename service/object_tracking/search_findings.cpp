@@ -75,9 +75,9 @@ std::string SearchFindings::advice(const TargetOptions& target, const std::vecto
     (10 * sets_with_color[c] >= sets ? seeing : blind).push_back(cameras[c]);
   if (radius_m && (*radius_m > 1.3 * target.radius_m || *radius_m < target.radius_m / 1.3)) {
     return fmt::format(
-        "what has its colour has the size of a ball of radius {:.3g} m, not {:.3g}: correct radius_m, or narrow its "
+        "what has its colour has the size of a ball of radius {:.3g} m, not {:.3g}: correct radius_m, or {} its "
         "colour",
-        *radius_m, target.radius_m);
+        *radius_m, target.radius_m, *radius_m > target.radius_m ? "narrow" : "widen");
   }
   if (seeing.empty()) return "no camera shows a region of its colour: widen its colour, or check the volume";
   if (!blind.empty())

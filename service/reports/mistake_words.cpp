@@ -49,8 +49,10 @@ std::string mistake_text(const view_watch::Mistake& mistake, const object_tracki
           target.name, mistake.off_px);
     case MistakeKind::radius:
       return fmt::format(
-          "the views of {} agree that it has a radius of about {:.2g} m, not of {:.3g}: correct radius_m", target.name,
-          mistake.size, target.radius_m);
+          "the views of {} agree that it has a radius of about {:.2g} m, a quarter less where it is a few pixels large "
+          "(blur), not of {:.3g}: measure it, and correct radius_m; or, if it is right, the colour is too wide or too "
+          "narrow",
+          target.name, mistake.size, target.radius_m);
     case MistakeKind::shared_color:
       return fmt::format(
           "the colour of {} covers {:.0f} % of {}'s picture, far more than it could itself: narrow its colour, or "
