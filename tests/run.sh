@@ -62,7 +62,7 @@ if [ "$long" != 0 ]; then
   cmake --preset tsan -DCMAKE_UNITY_BUILD=ON >/dev/null || fail "the build with ThreadSanitizer could not be configured"
   threaded="capture hosts pipeline publish client live_view page metrics daemon gather keyframes"
   # shellcheck disable=SC2086
-  build_huetrack build/tsan "" $(printf '%s_test ' $threaded) || fail "the build with ThreadSanitizer failed"
+  build_huetrack build/tsan "" $(printf 'tests/%s/all ' $threaded) || fail "the build with ThreadSanitizer failed"
   export TSAN_OPTIONS=suppressions=$PWD/tests/tsan.supp:second_deadlock_stack=1
   for module in $threaded; do run_tests "build/tsan/tests/$module" -j1; done
   build_for_arm64 build/arm64-tests "" all || fail "the build for arm64 failed"
