@@ -19,6 +19,10 @@ const double usual_saturation = std::log(1.5), most_saturation = std::log(2.5);
 // A ball that is half hidden or smeared still fills so much of its disc; and what has more of its colour around it
 // than this is a larger thing of that colour.
 constexpr double least_fill = 0.6, most_around = 0.4;
+// Where light falls from one side, what has the colour that was pointed at may be a part of the object: in another view
+// it is larger by up to so much.
+constexpr std::array larger_elsewhere{1.0, 1.5};
+constexpr double usual_larger = 0.35;  // its natural logarithm
 // Costs are squares of what is off in units of what is usual, so that these two are standard deviations, squared: as
 // much as a suggestion may cost, and as much as the next best must cost more.
 constexpr double largest_cost = 12, clear_lead = 4;
@@ -225,11 +229,11 @@ std::vector<Candidate> candidates_in(const TaughtPicture& picture, const LikePix
                                      const std::vector<Expected>& ray, const Eigen::Vector2d& color,
                                      const std::optional<bool>& is_moving) {
   std::vector<Candidate> out;
-  for (const Expected& expected : ray) {
+  const auto look = [&](const Expected& expected, double larger_cost) {
     // A cheap look first: with the frames of another moment, the object is somewhere in this square.
     const double slack = expected.slack_px;
     const auto [count, set] = pixels.sums.square(expected.px.x(), expected.px.y(), slack + expected.radius_px);
-    if (count == 0 || set < 0.5 * expected.radius_px * expected.radius_px) continue;
+    if (count == 0 || set < 0.5 * expected.radius_px * expected.radius_px) return;
     // The ray's own steps look along it; beside it, in steps of a radius or so.
     const int steps = std::max(1, int(std::ceil(slack / std::max(4.0, expected.radius_px))));
     for (int i = -steps; i <= steps; ++i)
@@ -244,7 +248,7 @@ std::vector<Candidate> candidates_in(const TaughtPicture& picture, const LikePix
         auto candidate = judged(picture, pixels, at, color, is_moving);
         if (!candidate) continue;
         const double aside = (candidate->region.centre - expected.px).norm() / slack;
-        candidate->cost += aside * aside / 0.25;
+        candidate->cost += aside * aside / 0.25 + larger_cost;
         const auto same = std::ranges::find_if(out, [&](const Candidate& other) {
           return (other.region.centre - candidate->region.centre).norm() < expected.radius_px;
         });
@@ -254,8 +258,24 @@ std::vector<Candidate> candidates_in(const TaughtPicture& picture, const LikePix
           *same = *candidate;
         }
       }
+  };
+  for (const Expected& expected : ray) {
+    for (const double larger : larger_elsewhere) {
+      Expected as = expected;
+      as.radius_px *= larger;
+      const double off = std::log(larger) / usual_larger;
+      look(as, off * off);
+    }
   }
-  return out;
+  // Of the whole and of parts of it the likeliest remains.
+  std::ranges::sort(out, {}, &Candidate::cost);
+  std::vector<Candidate> apart;
+  for (const Candidate& candidate : out)
+    if (std::ranges::none_of(apart, [&](const Candidate& likelier) {
+          return (likelier.region.centre - candidate.region.centre).norm() < likelier.region.radius_px();
+        }))
+      apart.push_back(candidate);
+  return apart;
 }
 
 }  // namespace

@@ -78,6 +78,22 @@ def turned(degrees):
     return make
 
 
+def two_off(cm, degrees):
+    """Two cameras stand elsewhere than the rig says: any sentence that says so of the rig names it."""
+    def make(case, rng, scratch):
+        for name in case.pick(rng, 2):
+            axis, way = rng.normal(size=3), rng.normal(size=3)
+            turn, _ = cv2.Rodrigues(np.deg2rad(degrees) * axis / np.linalg.norm(axis))
+            pose = case.rig["cameras"][name]["cam_from_world"]
+            rotation, translation = np.array(pose["rotation"]), np.array(pose["translation"])
+            centre = -rotation.T @ translation + 0.01 * cm * way / np.linalg.norm(way)
+            rotation = turn @ rotation
+            pose["rotation"], pose["translation"] = rotation.tolist(), (-rotation @ centre).tolist()
+        return [r"px apart|turned by"]
+    make.__name__ = f"two_off_{cm}cm"
+    return make
+
+
 def late(case, rng, scratch):
     name, = case.pick(rng)
     camera = case.recording["cameras"][name]
@@ -163,8 +179,8 @@ def radius(factor):
     return make
 
 
-MISTAKES = [none, swap, turned(0.5), turned(1), turned(2), turned(5), late, opencv_hue, other_room, shared_colour, radius(1.4),
-            radius(0.7)]
+MISTAKES = [none, swap, turned(0.5), turned(1), turned(2), turned(5), two_off(3, 1), two_off(5, 2), two_off(10, 4), late,
+            opencv_hue, other_room, shared_colour, radius(1.4), radius(0.7)]
 
 
 def track_figures(tracks, truth_file, targets):

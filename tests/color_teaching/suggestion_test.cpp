@@ -58,6 +58,35 @@ TEST(Suggestion, IsWhereTheBallIs) {
   }
 }
 
+// Light from one side leaves the colour that was pointed at on a part of the ball: in the other views it is larger than
+// that.
+TEST(Suggestion, IsTheWholeWhereAPartWasPointedAt) {
+  constexpr double part = 0.58;  // of the radius
+  const scene::Scene world = room({});
+  const auto sets = scene::render(world, {.set_count = 40});
+  for (std::size_t of = 0; of < sets.size(); of += 8) {
+    std::vector<HsiImage> images;
+    for (const auto& frame : sets[of].frames) images.push_back(hsi_image(frame->pixels));
+    const Vector3d at = world.ball_at(0, sets[of].at);
+    const auto seen = [&](std::size_t c) { return world.rig.cameras[c].project_world(at)->px; };
+    const calib::Camera& camera = world.rig.cameras[0];
+    const double radius = part * 0.04 * camera.model.fx() / (camera.cam_from_world * at).norm();
+    PixelMask pixels(images[0].width, images[0].height);
+    for (int v = 0; v < pixels.height; ++v)
+      for (int u = 0; u < pixels.width; ++u)
+        pixels.at(u, v) = (Eigen::Vector2d(u, v) - seen(0)).norm() < radius ? 1 : 0;
+    const auto regions = regions_of(pixels, 1);
+    ASSERT_EQ(regions.size(), 1u);
+    const auto found =
+        suggested_regions({{{&camera, &images[0]}, regions[0], pixels}},
+                          {{&world.rig.cameras[1], &images[1]}, {&world.rig.cameras[2], &images[2]}}, volume, 0);
+    for (std::size_t c : {1u, 2u}) {
+      ASSERT_TRUE(found[c - 1]) << of;
+      EXPECT_LT((found[c - 1]->centre - seen(c)).norm(), 3) << of;
+    }
+  }
+}
+
 // The same colour and size, on shelves: by the pictures of one moment some of them could be it.
 TEST(Suggestion, OfBallsThatRestNoneIsTakenForTheOneThatMoves) {
   const scene::Scene world = room({{-0.6, 0.3, 1.2}, {0.2, -0.7, 1.2}, {0.1, 0.1, 1.2}, {0.7, 0.6, 1.25}});
