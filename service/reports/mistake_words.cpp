@@ -43,9 +43,9 @@ std::string mistake_text(const view_watch::Mistake& mistake, const object_tracki
           target.name, mistake.off_px);
     case MistakeKind::contradiction:
       return fmt::format(
-          "the views of {} are up to {:.0f} px apart, and no single camera that was turned or is late explains it: the "
-          "rig does not fit the cameras, so positions are as unsure as is said, and may be off further where only some "
-          "see it; calibrate anew",
+          "the views of {} are up to {:.0f} px apart, and which camera is wrong cannot be told from them: the rig does "
+          "not fit the cameras as they stand. Positions are as unsure as is said, and may be off further where few see "
+          "it: calibrate anew",
           target.name, mistake.off_px);
     case MistakeKind::radius:
       return fmt::format(

@@ -254,7 +254,8 @@ def main():
                     seconds, nees, tracking, errors, sets = track_figures(f"{scratch}/tracks.csv", scene / "groundtruth.csv",
                                                                           case.config["targets"])
                 is_right = bool(patterns) and all(any(re.search(p, s) for s in named) for p in patterns)
-                wrong = [s for s in named if not any(re.search(p, s) for p in patterns)]
+                blames = [s for s in named if not patterns or "cannot be told" not in s]
+                wrong = [s for s in blames if not any(re.search(p, s) for p in patterns)]
                 runs, right, others = runs + 1, right + is_right, others + bool(wrong)
                 longest = max(longest, seconds)
                 all_nees += nees
