@@ -227,7 +227,7 @@ async function test() {
   assert.equal(await page.isDisabled("#calibrate-again"), true, "no distance is said");
   await page.fill("#calibrate-metres", "3.5");
   await page.click("#calibrate-again");
-  await until("it is calibrated again", async () => /^Calibrating from/.test(await says()));
+  await until("it is calibrated again", () => page.isVisible("#calibrate-run"));
   await until("it is solved again", async () => /^(Usable|Doubtful|It failed).*/.test(await says()) && !(await page.isVisible("#calibrate-run")), 150000);
   say(await says());
   await page.locator("#calibrate").screenshot({ path: join(options.out, "11_distance.png") });
