@@ -25,6 +25,7 @@ extern "C" {
 #include "capture/capture_error.h"
 #include "capture/ffmpeg_objects.h"
 #include "capture/file_descriptor.h"
+#include "capture/image_copy.h"
 
 namespace huetrack::capture {
 namespace {
@@ -149,24 +150,6 @@ AVPixelFormat av_format_of(PixelFormat format) {
 // HuffYUV is planar.
 PixelFormat planar(PixelFormat format) {
   return format == PixelFormat::yuyv ? PixelFormat::i422 : format == PixelFormat::nv12 ? PixelFormat::i420 : format;
-}
-
-// Rows back to back, plane after plane. `to` has room for them.
-void pack(const Image& image, std::uint8_t* to) {
-  for (int i = 0; i < 3; ++i) {
-    const auto& plane = image.planes[static_cast<std::size_t>(i)];
-    const std::size_t bytes = plane_row_bytes(image.format, i, image.width);
-    for (int y = 0; y < plane_rows(image.format, i, image.height); ++y, to += bytes)
-      std::memcpy(to, plane.data + y * plane.stride, bytes);
-  }
-}
-
-std::size_t packed_bytes(const Image& image) {
-  std::size_t bytes = 0;
-  for (int i = 0; i < 3; ++i)
-    bytes += plane_row_bytes(image.format, i, image.width) *
-             static_cast<std::size_t>(plane_rows(image.format, i, image.height));
-  return bytes;
 }
 
 bool is_packed(const Image& image) {

@@ -40,7 +40,7 @@ std::string part_of_picture(const Eigen::Vector2d& at, int width, int height) {
 std::size_t bytes_of(const capture::FrameSet& set) {
   std::size_t bytes = 0;
   for (const auto& frame : set.frames)
-    if (frame) bytes += capture::copied_bytes(frame->pixels);
+    if (frame) bytes += capture::packed_bytes(frame->pixels);
   return bytes;
 }
 

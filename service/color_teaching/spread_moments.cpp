@@ -14,7 +14,7 @@ SpreadMoments::SpreadMoments(std::size_t cameras) : bytes_(cameras, 0), sets_(0)
 
 void SpreadMoments::add(const capture::Frame& frame) {
   const auto camera = static_cast<std::size_t>(frame.camera);
-  if (const std::size_t bytes = capture::copied_bytes(frame.pixels); bytes > bytes_[camera]) {
+  if (const std::size_t bytes = capture::packed_bytes(frame.pixels); bytes > bytes_[camera]) {
     bytes_[camera] = bytes;
     const std::size_t of_set = std::reduce(bytes_.begin(), bytes_.end());
     const std::size_t taken = std::min(ColorTeacher::most_moments, ColorTeacher::most_moment_bytes / of_set);

@@ -44,7 +44,7 @@ TEST(ImageCopy, HasThePixelsAndNotTheBuffer) {
               << "plane " << i << ", row " << row << ", byte " << b;
       copied += std::size_t(row_bytes * plane_rows(format, int(i), height));
     }
-    EXPECT_EQ(copied_bytes(image), copied);
+    EXPECT_EQ(packed_bytes(image), copied);
   }
 }
 

@@ -72,7 +72,7 @@ TEST(SpreadMoments, OfSmallPicturesAsManyAsVote) {
 
 TEST(SpreadMoments, OfLargePicturesWhatMemoryIsFor) {
   const Filmed filmed(2, {1920, 1080}, capture::PixelFormat::bgr);
-  const std::size_t of_set = 2 * capture::copied_bytes(filmed.image);
+  const std::size_t of_set = 2 * capture::packed_bytes(filmed.image);
   const std::size_t most = ColorTeacher::most_moment_bytes / of_set;
   ASSERT_LT(most, ColorTeacher::most_moments / 2);
   // The second camera comes later: what was kept until then makes room.
