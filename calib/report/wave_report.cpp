@@ -30,6 +30,7 @@ constexpr double unexpected_difference = 2;                  // times what their
 constexpr double much_wander_s = 0.0015;                     // from second to second; when it is also
 constexpr double sure_wander = 4;                            // times what the noise makes of it
 constexpr double much_scatter_s = 0.003;                     // from frame to frame, of stamps that are smoothed
+constexpr double unsure_readout_s = 0.003;                   // by which a good wave is off
 constexpr double many_repeated = 0.2, some_repeated = 0.03;  // of the fast frames
 
 std::string scale_text(const WaveResult& result) {
@@ -117,7 +118,7 @@ void doubt_times(WaveReport& report, const WaveResult& result) {
           name, 1e3 * camera.wander_s));
     }
     const double readout_s = std::abs(result.rig.cameras[c].timing.readout_s.value_or(0));
-    if (camera.frame_s > 0 && readout_s > camera.frame_s + much_scatter_s) {
+    if (camera.frame_s > 0 && readout_s > camera.frame_s + unsure_readout_s) {
       report.doubts.push_back(fmt::format(
           "{}: its rows would take {:.0f} ms from the first to the last, and its frames come every {:.0f} ms, which no "
           "camera does: the times or the poses are not right. Wave faster, through more of its image",

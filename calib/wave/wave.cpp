@@ -13,7 +13,6 @@
 #include <stdexcept>
 
 #include "calib/model/index.h"
-#include "calib/model/median.h"
 #include "calib/solver/bundle_adjustment.h"
 #include "calib/wave/shape_errors.h"
 #include "calib/wave/similarity.h"
@@ -68,16 +67,10 @@ std::vector<WavePair> pairs_of(const calib::CameraRig& rig, const BallTracks& tr
 void take_sightings(WaveResult& result, std::vector<BallFrame>& frames) {
   const std::size_t n = result.cameras.size();
   std::vector<int> seen_anything(n, 0);
-  std::vector<std::vector<double>> intervals_s(n);
-  std::vector<std::optional<double>> last_s(n);
   for (const BallFrame& f : frames) {
-    const std::size_t c = index(f.camera);
-    ++result.cameras[c].frames;
-    seen_anything[c] += f.regions.empty() ? 0 : 1;
-    if (last_s[c]) intervals_s[c].push_back(f.t_s - *last_s[c]);
-    last_s[c] = f.t_s;
+    ++result.cameras[index(f.camera)].frames;
+    seen_anything[index(f.camera)] += f.regions.empty() ? 0 : 1;
   }
-  for (std::size_t c = 0; c < n; ++c) result.cameras[c].frame_s = calib::median(std::move(intervals_s[c]));
   const std::vector<int> still = remove_still_regions(frames, n);
   for (const BallFrame& f : frames) result.cameras[index(f.camera)].seen += f.regions.empty() ? 0 : 1;
   for (std::size_t c = 0; c < n; ++c) {
@@ -352,6 +345,7 @@ void take_signs(WaveResult& result, WaveSolution& wave) {
   std::vector<double> wander_s;
   for (std::size_t c = 0; c < signs.size(); ++c) {
     WaveCamera& camera = result.cameras[c];
+    camera.frame_s = wave.frame_s(c);
     camera.wander_s = signs[c].wander_s;
     camera.wander_sigmas = signs[c].wander_sigmas;
     camera.scatter_s = signs[c].scatter_s;

@@ -87,8 +87,8 @@ WaveSolution::WaveSolution(const calib::CameraRig& rig, const std::vector<BallFr
   for (const auto& of_camera : times) {
     std::vector<double> gaps;
     for (std::size_t i = 1; i < of_camera.size(); ++i) gaps.push_back(of_camera[i] - of_camera[i - 1]);
-    if (const double gap = calib::median(gaps); gap > 0)
-      step_s_ = std::min(step_s_, gap), longest_s_ = std::max(longest_s_, gap);
+    const double gap = frame_s_.emplace_back(calib::median(std::move(gaps)));
+    if (gap > 0) step_s_ = std::min(step_s_, gap), longest_s_ = std::max(longest_s_, gap);
   }
   // The largest region to begin with.
   for (std::size_t f = 0; f < frames_.size(); ++f) chosen_[f] = frames_[f].regions.empty() ? -1 : 0;
@@ -203,13 +203,9 @@ BallTracks WaveSolution::tracks() const {
 
 std::vector<TimeSigns> WaveSolution::signs() const {
   std::vector<std::vector<LagSample>> samples(rig_.cameras.size());
-  std::vector<std::vector<double>> gaps(rig_.cameras.size());
-  std::vector<double> before_s(rig_.cameras.size(), -1);
   for (std::size_t number = 0; number < frames_.size(); ++number) {
     const BallFrame& f = frames_[number];
     const std::size_t c = index(f.camera);
-    if (before_s[c] >= 0) gaps[c].push_back(f.t_s - before_s[c]);
-    before_s[c] = f.t_s;
     const auto predicted = [&](double t_s) {
       return outline_centre(rig_.cameras[c].model, state_.cam_from_world[c] * state_.path.at(t_s), options_.radius_m);
     };
@@ -231,7 +227,7 @@ std::vector<TimeSigns> WaveSolution::signs() const {
     if (best) samples[c].push_back(*best);
   }
   std::vector<TimeSigns> out;
-  for (std::size_t c = 0; c < samples.size(); ++c) out.push_back(time_signs(samples[c], calib::median(gaps[c])));
+  for (std::size_t c = 0; c < samples.size(); ++c) out.push_back(time_signs(samples[c], frame_s_[c]));
   return out;
 }
 

@@ -66,7 +66,8 @@ class WaveSolution {
   const WaveFit& fit() const { return fit_; }
   double from_s() const { return from_s_; }
   double to_s() const { return to_s_; }
-  double step_s() const { return step_s_; }  // the shortest usual time between two frames of a camera
+  double frame_s(std::size_t camera) const { return frame_s_[camera]; }  // from one of its frames to the next, usually
+  double step_s() const { return step_s_; }                              // the shortest of those
   double jerk_m_s3() const { return jerk_m_s3_; }
 
  private:
@@ -85,7 +86,8 @@ class WaveSolution {
   const calib::CameraRig& rig_;
   const std::vector<BallFrame>& frames_;
   const WaveOptions& options_;
-  std::vector<int> chosen_;  // beside the frames: the region that is taken for the ball; -1: none
+  std::vector<int> chosen_;      // beside the frames: the region that is taken for the ball; -1: none
+  std::vector<double> frame_s_;  // per camera
   double from_s_ = 0, to_s_ = 0, step_s_ = 0, longest_s_ = 0;
   bool in_step_ = false;                // all cameras' frames are stamped alike
   std::vector<double> wander_s_;        // see set_wander()
