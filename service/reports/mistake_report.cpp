@@ -19,10 +19,8 @@ bool any_has_moved(std::span<const pipeline::CameraCalibration> calibration) {
 // That a camera was moved while it ran is told by the calibration's report, with its size; here it would look like a
 // rig that was wrong from the start.
 bool is_told_by_the_room(const view_watch::Mistake& mistake, std::span<const pipeline::CameraCalibration> calibration) {
-  using view_watch::MistakeKind;
-  const bool is_of_the_rig = mistake.kind == MistakeKind::turned || mistake.kind == MistakeKind::late ||
-                             mistake.kind == MistakeKind::other_rig || mistake.kind == MistakeKind::contradiction;
-  return is_of_the_rig && any_has_moved(calibration);
+  return view_watch::is_of_rig(mistake.kind) && mistake.kind != view_watch::MistakeKind::swapped &&
+         any_has_moved(calibration);
 }
 
 }  // namespace

@@ -59,11 +59,6 @@ bool is_smooth(const Sample& before, const Sample& at, const Sample& after) {
   return (out - in).norm() * step_s < noise_px + swerve * (out.norm() + in.norm()) * step_s;
 }
 
-bool is_of_rig(MistakeKind kind) {
-  return kind == MistakeKind::swapped || kind == MistakeKind::late || kind == MistakeKind::turned ||
-         kind == MistakeKind::other_rig || kind == MistakeKind::contradiction;
-}
-
 // What would make the views agree, supposed one after the other; an answer is what does.
 class Suppositions {
  public:
@@ -186,6 +181,11 @@ class Suppositions {
 };
 
 }  // namespace
+
+bool is_of_rig(MistakeKind kind) {
+  return kind == MistakeKind::swapped || kind == MistakeKind::late || kind == MistakeKind::turned ||
+         kind == MistakeKind::other_rig || kind == MistakeKind::contradiction;
+}
 
 ViewWatch::ViewWatch(const calib::CameraRig& rig, const object_tracking::TargetOptions& target)
     : rig_(rig),

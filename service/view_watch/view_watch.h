@@ -30,6 +30,9 @@ enum class MistakeKind : std::uint8_t {
   opencv_hue,     // hue_deg was written in OpenCV's units
 };
 
+// Of how the cameras stand, and of when and whose their frames are.
+bool is_of_rig(MistakeKind kind);
+
 struct Mistake {
   MistakeKind kind = MistakeKind::other_rig;
   std::vector<int> cameras = {};  // of the rig
