@@ -126,9 +126,8 @@ std::string what_to_check(const idl::DdsParticipant& participant) {
          ". Check that huetrackd runs; that it uses the same domain (its config, ROS_DOMAIN_ID; here --domain or "
          "ROS_DOMAIN_ID); that it is on a network of ours (" +
          participant.description() +
-         "), or, if it keeps to its host with dds: {interfaces: [lo]}, that --interface lo is given here; that "
-         "multicast and "
-         "UDP ports " +
+         "), or, if it keeps to its host with dds: {interfaces: [lo]}, that --interface lo is given "
+         "here; that multicast and UDP ports " +
          std::to_string(7400 + 250 * participant.domain()) + "-" + std::to_string(7649 + 250 * participant.domain()) +
          " are open between the hosts";
 }

@@ -52,6 +52,11 @@ class Case:
         return [self.names[i] for i in rng.permutation(len(self.names))[:n]]
 
 
+def turn_about_any_axis(rng, degrees):
+    axis = rng.normal(size=3)
+    return cv2.Rodrigues(np.deg2rad(degrees) * axis / np.linalg.norm(axis))[0]
+
+
 # Each mistake changes a case and returns the patterns of sentences that name it; `scratch` is for files.
 
 def none(case, rng, scratch):
@@ -68,8 +73,7 @@ def swap(case, rng, scratch):
 def turned(degrees):
     def make(case, rng, scratch):
         name, = case.pick(rng)
-        axis = rng.normal(size=3)
-        turn, _ = cv2.Rodrigues(np.deg2rad(degrees) * axis / np.linalg.norm(axis))
+        turn = turn_about_any_axis(rng, degrees)
         pose = case.rig["cameras"][name]["cam_from_world"]
         pose["rotation"] = (turn @ np.array(pose["rotation"])).tolist()
         pose["translation"] = (turn @ np.array(pose["translation"])).tolist()  # about the camera's centre
@@ -82,8 +86,7 @@ def two_off(cm, degrees):
     """Two cameras stand elsewhere than the rig says: any sentence that says so of the rig names it."""
     def make(case, rng, scratch):
         for name in case.pick(rng, 2):
-            axis, way = rng.normal(size=3), rng.normal(size=3)
-            turn, _ = cv2.Rodrigues(np.deg2rad(degrees) * axis / np.linalg.norm(axis))
+            turn, way = turn_about_any_axis(rng, degrees), rng.normal(size=3)
             pose = case.rig["cameras"][name]["cam_from_world"]
             rotation, translation = np.array(pose["rotation"]), np.array(pose["translation"])
             centre = -rotation.T @ translation + 0.01 * cm * way / np.linalg.norm(way)
