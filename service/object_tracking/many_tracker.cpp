@@ -198,6 +198,9 @@ void ManyTracker::compare_views(const std::vector<TargetView>& views) {
   auto lead = std::ranges::find_if(objects_, is_lead);
   if (lead == objects_.end() || (*lead)->state != TrackState::tracking) {
     lead = std::ranges::find_if(objects_, [](const auto& o) { return o->is_told && o->state == TrackState::tracking; });
+    // Where doubts let nobody be tracked, only who is seen all the same can tell that they are of the past.
+    if (lead == objects_.end())
+      lead = std::ranges::find_if(objects_, [](const auto& o) { return o->sightings.size() >= 2; });
     lead_ = lead == objects_.end() ? nullptr : lead->get();
   }
   if (lead_ == nullptr) return;
@@ -292,7 +295,7 @@ void ManyTracker::note_births(const capture::FrameSet& set, const std::vector<Ta
     }
   }
   if (still_color_.is_room_shared()) clutter_.add(views, std::span(unexplained_).first(views.size()));
-  births_.set_needs_motion(still_color_.is_starting(set.at));
+  births_.set_must_move(must_move(still_color_, set.at));
   const std::vector<Birth> births =
       births_.look(views, std::span(unexplained_).first(views.size()), covered, still_color_, set.at, times());
   for (const Birth& birth : births) {
@@ -339,6 +342,7 @@ void ManyTracker::start(Object& object, const Birth& birth, const std::vector<Ta
     object.existence.assume();
   object.sightings = object.filter.start(birth.earlier, birth.now, agreement_, set_at, birth.dt, sets_apart_ == 0,
                                          object.last_reported);
+  if (lead_ == nullptr) agreement_.compare_found(object.filter.belief(), object.sightings);
   const double doubted_m = agreement_.doubted_sigma(object.filter.belief(), object.sightings);
   const double sigma_m = std::max(judged_sigma(object.filter.belief(), object.sightings), doubted_m);
   object.state = doubted_m > options_.max_coast_sigma_m                                   ? TrackState::lost
@@ -386,13 +390,18 @@ MotionBelief ManyTracker::times() const {
 void ManyTracker::report(const capture::FrameSet& set, std::vector<ObjectEstimate>& out) {
   out.clear();
   std::vector<Sighting> seen;  // also by cameras that are not used
+  std::optional<Eigen::Vector3d> further_at;
   auto told = std::ranges::count_if(objects_, [](const auto& o) { return o->is_told; });
   for (const auto& object : objects_) {
     const bool is_inside = inside(options_.volume, object->filter.belief().position(), target_.radius_m);
     if (is_inside) object->last_inside = set.at;
     const bool is_birth = !object->is_told;
     if (is_birth) {  // is it to be told now?
-      if (object->state != TrackState::tracking || !is_inside || told >= target_.count) continue;
+      if (object->state != TrackState::tracking || !is_inside) continue;
+      if (told >= target_.count) {
+        further_at = object->filter.belief().position();
+        continue;
+      }
       ++told;
       object->is_told = true;
       object->number = ++last_number_;
@@ -417,6 +426,7 @@ void ManyTracker::report(const capture::FrameSet& set, std::vector<ObjectEstimat
     out.back().is_end = is_end;
     if (is_end) object->is_told = false;  // if it goes on, outside: who comes in again is new
   }
+  further_.note(set.at, further_at);
   std::ranges::sort(out, {}, &ObjectEstimate::object);
   std::erase_if(objects_, [&](const auto& object) {
     if (object->state == TrackState::lost) times_.adopt_times(object->filter);

@@ -18,6 +18,7 @@
 
 #include "color/color_region.h"
 #include "object_tracking/expected_view.h"
+#include "object_tracking/further_objects.h"
 #include "object_tracking/object_births.h"
 #include "object_tracking/object_estimate.h"
 #include "object_tracking/object_existence.h"
@@ -47,6 +48,7 @@ class ManyTracker {
   PositionParticles particles() const;  // of all objects
   std::span<const SeenRegion> regions() const { return seen_regions_.all(); }
   const std::vector<ColorShare>& color_shares() const { return still_color_.shares(); }
+  const std::optional<Eigen::Vector3d>& further_object() const { return further_.told(); }
   SearchFindings search_findings() const { return search_log_.findings(); }
 
  private:
@@ -96,7 +98,8 @@ class ManyTracker {
   StillColor still_color_;
   ClutterMap clutter_;  // while the room shares the colour
   SearchLog search_log_;
-  ObjectFilter times_;  // of no object: what is known of the cameras' times when there is none
+  FurtherObject further_;  // that is tracked, and would be one too many
+  ObjectFilter times_;     // of no object: what is known of the cameras' times when there is none
 
   std::vector<SizeInView> size_in_view_;                                // per camera
   std::vector<color::RegionFinder> finders_;                            // per camera

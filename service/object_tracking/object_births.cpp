@@ -17,8 +17,13 @@ const double by_chance_at_place = std::log(detection_probability / 0.004);
 // Two rays meet by chance: one of some regions lies within a few pixels of an epipolar line.
 const double by_chance_on_line = std::log(detection_probability / 0.03);
 const double not_seen = std::log(1 - detection_probability);
-constexpr double size_sigma = 0.2;    // of the radius of a region's disc, as a share
-constexpr double worst_size = 3;      // something hides a part: that says no more against it
+constexpr double size_sigma = 0.2;  // of the radius of a region's disc, as a share
+constexpr double worst_size = 3;    // something hides a part: that says no more against it
+// A whole disc that is larger or smaller by as much as the place lets expect, is as large as it should be.
+constexpr double right_size = 1.2;
+// Evidence that is by chance in one room of a thousand, which has so many pieces of furniture: what three views show
+// alike has it.
+constexpr double beyond_chance = 7;
 constexpr double share_around = 0.5;  // of the volume's largest extent, looked_through()
 // Chi-square, 3 degrees of freedom: by chance in one of 10^5; both ends have the covariance of the newest.
 constexpr double surely_moved = 25;
@@ -45,12 +50,27 @@ bool moves(const Eigen::Vector3d& from, const PositionCandidate& now, const Eige
          step.dot(way) > least_step * way.squaredNorm() / sets;
 }
 
+// Two views show a whole disc, and both as large as the object is there. Of furniture, which has any size and any
+// shape, hardly two pieces do, on rays that meet.
+bool shows_whole_discs(const PositionCandidate& c, double radius_m) {
+  return std::ranges::count_if(c.sightings, [&](const Sighting& s) {
+           const auto at = appearance_of(*s.camera, c.position, radius_m);
+           return at && is_whole_disc(s) && s.radius_px < right_size * at->radius_px &&
+                  s.radius_px > at->radius_px / right_size;
+         }) >= 2;
+}
+
 ObjectTrackerOptions looking_within(ObjectTrackerOptions options, const Volume& within) {
   options.volume = within;
   return options;
 }
 
 }  // namespace
+
+MustMove must_move(const StillColor& still, capture::Timestamp set_at) {
+  if (!still.is_starting(set_at)) return MustMove::no;
+  return still.is_doubted() ? MustMove::yes : MustMove::unless_clear;
+}
 
 Volume looked_through(const Volume& volume) {
   const double margin = share_around * (volume.max - volume.min).maxCoeff();
@@ -139,7 +159,10 @@ std::vector<Birth> ObjectBirths::look(const std::vector<TargetView>& views,
         if (earlier == nullptr || apart_m < (c.at.position - earlier->at.position).norm()) earlier = &e;
       }
     }
-    bool stands = needs_motion_;
+    // Two views that others contradict may be of two pieces of furniture, set by set: only what moves is told by them.
+    const bool is_contested = c.missing > 0 && c.at.sightings.size() < 3;
+    const bool is_clear = c.evidence >= beyond_chance || shows_whole_discs(c.at, target_.radius_m);
+    bool stands = is_contested || must_move_ == MustMove::yes || (must_move_ == MustMove::unless_clear && !is_clear);
     if (earlier != nullptr) {
       c.at.sets = earlier->at.sets + 1;
       const bool is_long_ago = earlier->sets_from >= kept_way;
@@ -147,7 +170,7 @@ std::vector<Birth> ObjectBirths::look(const std::vector<TargetView>& views,
       c.sets_from = is_long_ago ? 1 : earlier->sets_from + 1;
       stands = stands && !moves(c.from, c.at, c.at.position - earlier->at.position, c.sets_from);
     }
-    const int needed = c.missing > 0 && c.at.sightings.size() < 3 ? contested_sets : usual_sets;
+    const int needed = is_contested ? contested_sets : usual_sets;
     if (earlier != nullptr && c.at.sets >= needed && !stands && !c.is_ambiguous && !earlier->is_ambiguous) {
       out.push_back({earlier->at, c.at, dt});
     } else {

@@ -3,6 +3,7 @@
 // or does not, regions have the size that an object has there, and one region is not of two objects that are apart.
 #pragma once
 
+#include <cstdint>
 #include <span>
 #include <vector>
 
@@ -33,6 +34,14 @@ struct CoveredDisc {
   double radius_px;
 };
 
+// Whether one that stands where it was first seen may be an object (StillColor::is_starting()).
+enum class MustMove : std::uint8_t {
+  no,
+  unless_clear,  // not what is beyond chance: two views show a whole disc of the right size, or three show it
+  yes,           // what stands is none, however clear it is
+};
+MustMove must_move(const StillColor& still, capture::Timestamp set_at);
+
 // thread-compatible.
 class ObjectBirths {
  public:
@@ -46,8 +55,7 @@ class ObjectBirths {
                           std::span<const CoveredDisc> covered, const StillColor& still, capture::Timestamp set_at,
                           const MotionBelief& times);
   void forget() { before_.clear(); }
-  // From now on: one that stands where it was first seen is none (StillColor::is_starting()).
-  void set_needs_motion(bool needs) { needs_motion_ = needs; }
+  void set_must_move(MustMove must_move) { must_move_ = must_move; }  // from now on
 
  private:
   struct Candidate {
@@ -69,7 +77,7 @@ class ObjectBirths {
   TargetOptions target_;
   ObjectTrackerOptions options_;  // with the volume in which objects are looked for
   std::vector<Candidate> before_;
-  bool needs_motion_ = false;
+  MustMove must_move_ = MustMove::no;
   capture::Timestamp before_at_{};
 };
 

@@ -53,13 +53,9 @@ double evidence_of(ExpectedPlace at, std::span<const Sighting> sightings, const 
 // Sightings of which nothing that is left out has cut a part: there is nothing beside them, or they have the size and
 // the shape of the whole disc; and outlines, which do not ask for the colour.
 std::ptrdiff_t whole_of(std::span<const Sighting> sightings, const StillColor& still) {
-  constexpr double whole_support = 0.9,
-                   whole_sigma = 0.2;  // of the radius: a misfit below it says nothing (sighting.h)
   return std::ranges::count_if(sightings, [&](const Sighting& s) {
     const double radius_px = s.support > 0 ? s.radius_px / std::sqrt(s.support) : s.radius_px;
-    const double sigma_px = std::sqrt(s.covariance.trace() / 2);
-    return s.is_outline || (s.support >= whole_support && sigma_px <= whole_sigma * radius_px) ||
-           !still.may_cut(static_cast<std::size_t>(s.row.camera), s.px, radius_px);
+    return s.is_outline || is_whole_disc(s) || !still.may_cut(static_cast<std::size_t>(s.row.camera), s.px, radius_px);
   });
 }
 

@@ -45,9 +45,9 @@ class ObjectSearch {
 
   using Find = Birth;
   // The room shares the colour (still_color.h).
-  void set_shared(bool is_shared, bool needs_motion) {
+  void set_shared(bool is_shared, MustMove must_move) {
     is_shared_ = is_shared;
-    births_.set_needs_motion(needs_motion);
+    births_.set_must_move(must_move);
   }
   // After look(). nullopt: nothing, or not yet. Of the belief only the cameras' times are used.
   std::optional<Find> find(const std::vector<TargetView>& views, capture::Timestamp set_at, const MotionBelief& times,

@@ -285,6 +285,12 @@ std::span<const SeenRegion> ObjectTracker::regions() const {
   return {};
 }
 
+std::optional<Eigen::Vector3d> ObjectTracker::further_object() const {
+  if (const auto* one = std::get_if<RegionTracker>(&impl_->tracker)) return one->further_object();
+  if (const auto* many = std::get_if<ManyTracker>(&impl_->tracker)) return many->further_object();
+  return std::nullopt;
+}
+
 std::vector<ColorShare> ObjectTracker::color_shares() const {
   if (const auto* one = std::get_if<RegionTracker>(&impl_->tracker)) return one->color_shares();
   if (const auto* many = std::get_if<ManyTracker>(&impl_->tracker)) return many->color_shares();

@@ -156,6 +156,11 @@ class ObjectTracker {
   std::span<const SeenRegion> regions() const;
   std::vector<ColorShare> color_shares() const;  // per camera of the rig; observation: huetrack
 
+  // Where something is that would be one object more than the target's count, seen for more than a second: another one,
+  // or something that looks like one. World frame, metres; nullopt: there is none, or, of a count of 1, the room has
+  // the colour anyway. observation: huetrack.
+  std::optional<Eigen::Vector3d> further_object() const;
+
   // Per camera of the rig: how the object's colour lies in the range that is looked for (color_watch.h). color_news()
   // counts what there is to tell of it.
   std::vector<ColorHealth> color_health() const;

@@ -18,7 +18,8 @@ RegionTracker::RegionTracker(const calib::CameraRig& rig, const TargetOptions& t
       search_(rig, target, options),
       rig_error_(rig, options.max_coast_sigma_m),
       still_color_(rig.cameras.size(), 1),
-      clutter_(rig) {
+      clutter_(rig),
+      further_(rig, target, options) {
   for (std::size_t c = 0; c < rig.cameras.size(); ++c)
     still_color_.set_sizes(c, search_.size_in_view(c).smallest_px, search_.size_in_view(c).largest_px,
                            rig.cameras[c].image_size);
@@ -31,7 +32,7 @@ ObjectEstimate RegionTracker::update(const capture::FrameSet& set) {
     add_expected(views, filter_.belief(), target_.radius_m, seen_);
   still_color_.look(views, seen_, set.at);
   for (std::size_t c = 0; c < views_.camera_count(); ++c) agreement_.set_shared(c, still_color_.is_shared(c));
-  search_.set_shared(still_color_.is_room_shared(), still_color_.is_starting(set.at));
+  search_.set_shared(still_color_.is_room_shared(), must_move(still_color_, set.at));
   sightings_.clear();
   seen_.clear();
   watched_.clear();
@@ -55,7 +56,10 @@ ObjectEstimate RegionTracker::update(const capture::FrameSet& set) {
       sighter_.learn_behind(views_.unused(), filter_.belief());
     }
   }
-  if (state_ != TrackState::tracking) search(set, views);
+  if (state_ != TrackState::tracking)
+    search(set, views);
+  else if (!still_color_.is_room_shared())
+    further_.look(views, sightings_, filter_.belief(), still_color_, set.at);
   last_at_ = set.at;
   return report(set);
 }

@@ -27,6 +27,7 @@
 #include <span>
 #include <vector>
 
+#include "object_tracking/further_objects.h"
 #include "object_tracking/object_estimate.h"
 #include "object_tracking/object_existence.h"
 #include "object_tracking/object_filter.h"
@@ -58,6 +59,7 @@ class RegionTracker {
   const PositionParticles& particles() const { return filter_.particles(); }
   std::span<const SeenRegion> regions() const { return seen_regions_.all(); }
   const std::vector<ColorShare>& color_shares() const { return still_color_.shares(); }
+  const std::optional<Eigen::Vector3d>& further_object() const { return further_.told(); }
   SearchFindings search_findings() const { return search_.findings(); }
   OutlineFindings outline_findings() const { return sighter_.outlines().findings(); }
 
@@ -82,6 +84,7 @@ class RegionTracker {
   StillColor still_color_;
   ClutterMap clutter_;  // this and the next: while the room shares the colour
   ObjectExistence existence_;
+  FurtherObjectWatch further_;
 
   std::vector<Sighting> sightings_;  // of this set, by the times of their rows
   // All that views show of the object in this set: also what contradicts, and what cameras see that are not used.

@@ -247,6 +247,12 @@ void sort_by_time(std::vector<Sighting>& sightings) {
   std::ranges::stable_sort(sightings, {}, [](const Sighting& s) { return s.row.at; });
 }
 
+bool is_whole_disc(const Sighting& s) {
+  constexpr double whole_support = 0.9, whole_sigma = 0.2;  // of the radius: a misfit below it says nothing
+  if (s.support < whole_support) return false;
+  return std::sqrt(s.covariance.trace() / 2) <= whole_sigma * s.radius_px / std::sqrt(s.support);
+}
+
 SeenRow row_of(const TargetView& view, double row, const MotionBelief& times) {
   SeenRow out{.camera = view.index, .below_middle = view.below_middle(row)};
   out.shift_s = times.row_shift_s(view.index, out.below_middle);

@@ -51,6 +51,9 @@ struct Sighting {
 
 void sort_by_time(std::vector<Sighting>& sightings);  // of their rows; stable
 
+// The region has the size and the shape of the whole disc: nothing hides or cuts a part of it.
+bool is_whole_disc(const Sighting& sighting);
+
 // A region counts as an object's within this: chi-square, 2 degrees of freedom, 99.97 %; and from so much of its disc
 // on.
 inline constexpr double region_gate = 16, least_support = 0.15;

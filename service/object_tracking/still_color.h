@@ -45,8 +45,9 @@ class StillColor {
   // The room may show the colour in this camera: what moves in it may be noise at the edges of what is left out.
   bool is_shared(std::size_t camera) const { return cameras_[camera].is_learning; }
   // It was found to do so at the first set, a moment ago: what stands still and what moves is only being learnt, and
-  // what looks like an object counts as one that may be. It must move to be told.
+  // what looks like an object counts as one that may be.
   bool is_starting(capture::Timestamp set_at) const;
+  bool is_doubted() const { return is_doubted_; }
   bool is_room_shared() const { return is_room_shared_; }  // some view shows more of it than objects could cover
   // Something that is left out lies so near to this pixel that a region of this radius there may be cut by it.
   bool may_cut(std::size_t camera, const Eigen::Vector2d& px, double radius_px) const;

@@ -102,14 +102,16 @@ void ViewDoubts::note(Pair& p, const Disagreement& seen) {
   p.share_j += share * (seen.share_j - p.share_j);
   p.scale2 = scale2_of(p);
   double excess_px2 = p.scale2 > usual_scale2 ? (p.scale2 - 1) * p.expected_px2 : 0;
+  // Only what a good part of the ring says has lasted: a furniture's region that was taken for the object in two frames
+  // is off by a hundred pixels, and would be believed for long.
+  const double rise =
+      p.count >= enough && excess_px2 > p.lasting_px2 ? believed_per_comparison * (excess_px2 - p.lasting_px2) : 0;
+  p.lasting_px2 = kept_of_excess * p.lasting_px2 + rise;
   // Before it is usual: what two comparisons say, one after the other, is no frame that was shown once more.
   if (p.count > 1) {
     const double of_both = double(std::min(p.squares[(p.count - 1) % kept], p.squares[(p.count - 2) % kept]));
     if (of_both > usual_of_two) excess_px2 = std::max(excess_px2, of_both * p.expected_px2);
   }
-  const double rise =
-      p.count >= enough && excess_px2 > p.lasting_px2 ? believed_per_comparison * (excess_px2 - p.lasting_px2) : 0;
-  p.lasting_px2 = kept_of_excess * p.lasting_px2 + rise;
   p.excess_px2 = std::max(excess_px2, p.lasting_px2);
   if (p.excess_px2 < negligible_of_expected * p.expected_px2) p.excess_px2 = 0;
 }

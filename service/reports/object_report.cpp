@@ -33,6 +33,18 @@ std::string left_out_text(const std::string& camera, const std::string& target,
       camera, 100 * share.still, target, share.still_px.x(), share.still_px.y(), box[0], box[1], box[2], box[3]);
 }
 
+std::string further_text(const object_tracking::TargetOptions& target, const Eigen::Vector3d& at) {
+  if (target.count > 1)
+    return fmt::format(
+        "{}: there are more than the {} of its count, one at {}, and which of them are told is chance: raise count, or "
+        "narrow the colour",
+        target.name, target.count, text_of(at));
+  return fmt::format(
+      "{}: something else has its colour and its size, at {}, and may be taken for it: if there are several, write "
+      "count: up to 2 (or more); if not, narrow the colour, or ignore the place",
+      target.name, text_of(at));
+}
+
 ObjectReport::ObjectReport(const config::ServiceConfig& config)
     : cameras_(config.rig.camera_names()), targets_(config.targets.size()), options_(config.targets) {
   for (Target& target : targets_) target.left_out.resize(cameras_.size()), target.ever.resize(cameras_.size());
@@ -40,7 +52,9 @@ ObjectReport::ObjectReport(const config::ServiceConfig& config)
 
 void ObjectReport::on_set(const pipeline::TrackedSet& set) {
   tell_objects(set);
-  if (sets_++ % looked_at_every == 0) tell_left_out(set);
+  if (sets_++ % looked_at_every != 0) return;
+  tell_left_out(set);
+  tell_further(set);
 }
 
 bool ObjectReport::may_tell(capture::Timestamp at) {
@@ -97,6 +111,20 @@ void ObjectReport::tell_left_out(const pipeline::TrackedSet& set) {
   }
 }
 
+void ObjectReport::tell_further(const pipeline::TrackedSet& set) {
+  for (std::size_t t = 0; t < set.trackers.size() && t < targets_.size(); ++t) {
+    const auto at = set.trackers[t].further_object();
+    Target& target = targets_[t];
+    const std::scoped_lock lock(mutex_);
+    std::string now = at ? further_text(options_[t], *at) : std::string();
+    if (target.further.empty() && !now.empty()) spdlog::warn("{}", now);
+    if (!target.further.empty() && now.empty())
+      spdlog::info("{}: what was one too many of its colour is gone", options_[t].name);
+    if (!now.empty()) target.ever_further = now;
+    target.further = std::move(now);
+  }
+}
+
 void ObjectReport::on_config(const config::ServiceConfig& config) noexcept {
   const std::scoped_lock lock(mutex_);
   options_ = config.targets;
@@ -105,15 +133,19 @@ void ObjectReport::on_config(const config::ServiceConfig& config) noexcept {
 std::vector<std::string> ObjectReport::warnings() const {
   const std::scoped_lock lock(mutex_);
   std::vector<std::string> all;
-  for (const Target& target : targets_)
+  for (const Target& target : targets_) {
     std::ranges::copy_if(target.left_out, std::back_inserter(all), [](const auto& text) { return !text.empty(); });
+    if (!target.further.empty()) all.push_back(target.further);
+  }
   return all;
 }
 
 std::vector<std::string> ObjectReport::summary() const {
   std::vector<std::string> all;
-  for (const Target& target : targets_)
+  for (const Target& target : targets_) {
     std::ranges::copy_if(target.ever, std::back_inserter(all), [](const auto& text) { return !text.empty(); });
+    if (!target.ever_further.empty()) all.push_back(target.ever_further);
+  }
   return all;
 }
 

@@ -1,5 +1,6 @@
 // The output that says what comes and goes: the objects of targets that are several, each when it is found and when it
-// ends; and what of a room has a target's colour, never moves, and is therefore left out.
+// ends; one more than there should be; and what of a room has a target's colour, never moves, and is therefore left
+// out.
 #pragma once
 
 #include <cstdint>
@@ -21,9 +22,9 @@ class ObjectReport final : public pipeline::Output {
   void on_set(const pipeline::TrackedSet& set) override;
   void on_config(const config::ServiceConfig& config) noexcept override;
 
-  // What is left out now, one sentence each. thread-safe
+  // What is left out, or one too many, now, one sentence each. thread-safe
   std::vector<std::string> warnings() const;
-  // What was left out at any time, one sentence each. When the road is empty.
+  // The same, at any time. When the road is empty.
   std::vector<std::string> summary() const;
 
  private:
@@ -35,13 +36,15 @@ class ObjectReport final : public pipeline::Output {
     std::map<std::uint32_t, Object> objects = {};  // that are there, by number
     std::vector<std::string> left_out = {};        // per camera of the rig; empty: nothing
     std::vector<std::string> ever = {};            // likewise, the last one that there was
+    std::string further = {}, ever_further = {};   // what is one object too many; empty: nothing
   };
   void tell_objects(const pipeline::TrackedSet& set);
   void tell_left_out(const pipeline::TrackedSet& set);
+  void tell_further(const pipeline::TrackedSet& set);
   bool may_tell(capture::Timestamp at);
 
   const std::vector<std::string> cameras_;
-  std::vector<Target> targets_;  // the tracking thread's; left_out is guarded by mutex_
+  std::vector<Target> targets_;  // the tracking thread's; but for `objects` guarded by mutex_
   std::uint64_t sets_ = 0;       // the tracking thread's, and so are the next three
   capture::Timestamp told_since_{};
   int told_ = 0, not_told_ = 0;
@@ -53,5 +56,8 @@ class ObjectReport final : public pipeline::Output {
 // that is not worth a word.
 std::string left_out_text(const std::string& camera, const std::string& target,
                           const object_tracking::ColorShare& share);
+
+// "ball: something else has its colour and its size, at 0.31, 0.12, 1.10 m: ...".
+std::string further_text(const object_tracking::TargetOptions& target, const Eigen::Vector3d& at);
 
 }  // namespace huetrack::reports

@@ -5,6 +5,7 @@
 #include <numbers>
 #include <set>
 
+#include "object_tracking/further_objects.h"
 #include "object_tracking/object_tracker.h"
 #include "scene/scene.h"
 
@@ -212,6 +213,78 @@ TEST(StillColor, isNoObjectAndARestingOneStays) {
     EXPECT_LE(found, 18u) << count;
     for (std::size_t i = 50; i < told.tracked.size(); ++i) EXPECT_EQ(told.tracked[i], 1u) << i << " of " << count;
   }
+}
+
+// In a room that has its colour a ball that rests from the start is found as soon as anywhere: two views see it whole
+// and as large as it must be there.
+TEST(StillColor, aBallThatRestsFromTheStartIsFoundAtOnce) {
+  scene::SceneBuilder builder;
+  builder.cameras_on_ring({.count = 3});
+  builder.ball({.path = [](double) { return Vector3d(0.1, 0.1, 1.2); }});
+  for (const double angle : {0.4, 1.5, 3.0, 4.4})
+    builder.ball({.radius_m = 0.25,
+                  .path = [=](double) { return Vector3d(1.7 * std::cos(angle), 1.7 * std::sin(angle), 0.6); }});
+  const scene::Scene scene = builder.build();
+  const std::vector<capture::FrameSet> sets = render(scene, {.set_count = 75});
+  const Told told = told_of(scene, sets, 1, 1);
+  EXPECT_EQ(told.wrong, 0u);
+  for (std::size_t i = 3; i < told.tracked.size(); ++i) EXPECT_EQ(told.tracked[i], 1u) << i;
+}
+
+// A camera that was turned is doubted, so that nobody is sure enough to be told; when it stands as it should again, the
+// views say so by what they see all the same.
+TEST(ManyTracker, doubtsOfThePastDoNotHideObjectsForEver) {
+  scene::Scene scene = scene_of({[](double t) { return Vector3d(-0.3 + 0.2 * std::sin(2 * t), 0.3, 1.0); },
+                                 [](double t) { return Vector3d(0.3, -0.3 + 0.2 * std::cos(2 * t), 1.2); }},
+                                2);
+  const std::vector<capture::FrameSet> good = render(scene, {.set_count = 300});
+  scene::Scene turned = scene;
+  turned.rig.cameras[1].cam_from_world.rotation =
+      Eigen::AngleAxisd(0.15, Vector3d::UnitX()) * turned.rig.cameras[1].cam_from_world.rotation;
+  const std::vector<capture::FrameSet> bad = render(turned, {.set_count = 300});
+  std::vector<capture::FrameSet> sets = good;
+  for (std::size_t i = 60; i < 90; ++i) sets[i] = bad[i];
+  const Told told = told_of(scene, sets, 2, 2);
+  EXPECT_EQ(told.wrong, 0u);
+  for (std::size_t i = 240; i < told.tracked.size(); ++i) EXPECT_EQ(told.tracked[i], 2u) << i;
+}
+
+TEST(FurtherObject, isToldWhenItStaysAndNotForAMoment) {
+  FurtherObject further;
+  const auto at = [](double s) { return capture::Timestamp{} + capture::duration_of(s); };
+  const Vector3d there(0.3, 0.1, 1);
+  further.note(at(0), there);
+  further.note(at(0.5), std::nullopt);
+  further.note(at(1), there);
+  further.note(at(2), there);
+  EXPECT_FALSE(further.told());
+  further.note(at(2.6), there);
+  ASSERT_TRUE(further.told());
+  EXPECT_EQ(*further.told(), there);
+  further.note(at(3), std::nullopt);
+  EXPECT_TRUE(further.told());
+  further.note(at(4.6), std::nullopt);
+  EXPECT_FALSE(further.told());
+}
+
+TEST(FurtherObject, isSeenBesideWhatIsTrackedAndMovesNothing) {
+  const Path first = [](double t) { return Vector3d(-0.4 + 0.2 * std::sin(t), 0, 1.0); },
+             second = [](double) { return Vector3d(0.4, 0.2, 1.1); };
+  const auto further_beside = [&](const std::vector<Path>& paths, int count) {
+    const scene::Scene scene = scene_of(paths);
+    ObjectTracker tracker(scene.rig, limes(count), ObjectTrackerOptions{});
+    std::vector<ObjectEstimate> estimates;
+    for (const capture::FrameSet& set : render(scene, {.set_count = 90})) tracker.update(set, estimates);
+    return tracker.further_object();
+  };
+  EXPECT_FALSE(further_beside({first}, 1));
+  EXPECT_FALSE(further_beside({first, second}, 2));
+  const auto one_more = further_beside({first, second}, 1);
+  ASSERT_TRUE(one_more);
+  const bool is_one_of_them =
+      (*one_more - second(0)).norm() < 0.02 || (*one_more - first(3)).norm() < 0.12;  // of the last look
+  EXPECT_TRUE(is_one_of_them) << one_more->transpose();
+  EXPECT_TRUE(further_beside({first, second, [](double) { return Vector3d(0, -0.5, 1.3); }}, 2));
 }
 
 }  // namespace

@@ -355,5 +355,14 @@ TEST(ViewDoubts, rareOnesMoveNothing) {
   }
 }
 
+// A region of furniture that was taken for the object in three frames is believed then, and not for long after.
+TEST(ViewDoubts, whatWasBriefIsForgotten) {
+  ViewDoubts doubts(2);
+  for (int i = 0; i < 60; ++i) {
+    doubts.compare(std::vector{beside(0, 0, 0.1 * ((i % 5) - 2)), beside(1, 0, i >= 20 && i < 23 ? 90 : 0)}, 0, 0);
+    EXPECT_EQ(doubts.any(), i == 21 || i == 22) << i;
+  }
+}
+
 }  // namespace
 }  // namespace huetrack::object_tracking

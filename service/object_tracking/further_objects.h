@@ -1,0 +1,58 @@
+// Whether there is more of the target's colour than its count says: one object more, or something else that looks like
+// one. It moves nothing; a user wants to know, as what is tracked may at any time be the other one.
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "color/color_region.h"
+#include "object_tracking/motion_belief.h"
+#include "object_tracking/object_births.h"
+#include "object_tracking/object_search.h"
+#include "object_tracking/object_tracker.h"
+#include "object_tracking/sighting.h"
+#include "object_tracking/still_color.h"
+#include "object_tracking/target_views.h"
+
+namespace huetrack::object_tracking {
+
+// What was seen for a while and stays in force until it was gone for as long. thread-compatible.
+class FurtherObject {
+ public:
+  // Whether it was seen, and where, each time it was looked for. Times ascend.
+  void note(capture::Timestamp set_at, const std::optional<Eigen::Vector3d>& seen_at);
+  const std::optional<Eigen::Vector3d>& told() const { return told_; }  // nullopt: there is none
+
+ private:
+  std::optional<Eigen::Vector3d> told_;
+  std::optional<capture::Timestamp> since_;  // it is seen, or gone, against what is told
+};
+
+// Beside one object that is tracked, in a room that does not share its colour. Twice a second the views are looked
+// through as a whole in two sets, for what would be a birth among several objects (object_births.h). thread-compatible.
+class FurtherObjectWatch {
+ public:
+  FurtherObjectWatch(const calib::CameraRig& rig, const TargetOptions& target, const ObjectTrackerOptions& options);
+
+  // The target was tracked in this set, by these sightings.
+  void look(const std::vector<TargetView>& views, std::span<const Sighting> sightings, const MotionBelief& belief,
+            const StillColor& still, capture::Timestamp set_at);
+  const std::optional<Eigen::Vector3d>& told() const { return further_.told(); }
+
+ private:
+  void find_others(const std::vector<TargetView>& views, const MotionBelief& belief);
+
+  TargetOptions target_;
+  Volume volume_;
+  ObjectBirths births_;
+  std::vector<SizeInView> size_in_view_;                  // per camera
+  std::vector<color::RegionFinder> finders_;              // per camera
+  std::vector<std::vector<color::ColorRegion>> regions_;  // of the views of this set, without the target's
+  std::optional<capture::Timestamp> looked_at_;
+  bool is_second_ = false;  // the first of two sets was looked through
+  FurtherObject further_;
+};
+
+}  // namespace huetrack::object_tracking
