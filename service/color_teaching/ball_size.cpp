@@ -241,32 +241,14 @@ RadiusProposal told(const calib::CameraRig& rig, std::span<const Vote> votes, do
   return out;
 }
 
-}  // namespace
+// What regions of one moment may be of.
+struct Ball {
+  Eigen::Vector3d at;
+  std::vector<ColoredRegion> views;
+};
 
-bool differs_clearly(const RadiusProposal& proposal, double radius_m) {
-  if (!proposal.radius_m) return false;
-  return std::abs(*proposal.radius_m - radius_m) > clear_sigmas * proposal.sigma_m + ruler * radius_m;
-}
-
-bool is_round(const MaskRegion& region) {
-  const double width = region.box.u_max - region.box.u_min + 1, height = region.box.v_max - region.box.v_min + 1;
-  const double filled = region.area / (0.785 * width * height);
-  const double coarse = 1 / std::min(width, height);  // of a few pixels every shape is a square
-  return std::max(width, height) <= most_stretched * std::min(width, height) + 1 && filled >= least_filled - coarse &&
-         filled <= most_filled + coarse;
-}
-
-std::optional<double> radius_of_regions(const calib::CameraRig& rig, std::span<const ColoredRegion> views) {
-  const auto radii = radii_of_regions(rig, views);
-  return radii ? radii->median() : std::nullopt;
-}
-
-std::vector<ColoredRegion> one_ball_of(const calib::CameraRig& rig, std::span<const ColoredRegion> candidates,
-                                       const object_tracking::Volume& volume, double about_m) {
-  struct Ball {
-    Eigen::Vector3d at;
-    std::vector<ColoredRegion> views;
-  };
+std::vector<Ball> all_balls_of(const calib::CameraRig& rig, std::span<const ColoredRegion> candidates,
+                               const object_tracking::Volume& volume, double about_m) {
   std::vector<Ball> balls;
   const auto explains = [&](std::span<const ColoredRegion> views) -> std::optional<Eigen::Vector3d> {
     const auto seen = seen_of(rig, views);
@@ -297,12 +279,56 @@ std::vector<ColoredRegion> one_ball_of(const calib::CameraRig& rig, std::span<co
       balls.push_back(std::move(ball));
     }
   }
+  return balls;
+}
+
+}  // namespace
+
+bool differs_clearly(const RadiusProposal& proposal, double radius_m) {
+  if (!proposal.radius_m) return false;
+  return std::abs(*proposal.radius_m - radius_m) > clear_sigmas * proposal.sigma_m + ruler * radius_m;
+}
+
+bool is_round(const MaskRegion& region) {
+  const double width = region.box.u_max - region.box.u_min + 1, height = region.box.v_max - region.box.v_min + 1;
+  const double filled = region.area / (0.785 * width * height);
+  const double coarse = 1 / std::min(width, height);  // of a few pixels every shape is a square
+  return std::max(width, height) <= most_stretched * std::min(width, height) + 1 && filled >= least_filled - coarse &&
+         filled <= most_filled + coarse;
+}
+
+std::optional<double> radius_of_regions(const calib::CameraRig& rig, std::span<const ColoredRegion> views) {
+  const auto radii = radii_of_regions(rig, views);
+  return radii ? radii->median() : std::nullopt;
+}
+
+std::vector<ColoredRegion> one_ball_of(const calib::CameraRig& rig, std::span<const ColoredRegion> candidates,
+                                       const object_tracking::Volume& volume, double about_m) {
+  const std::vector<Ball> balls = all_balls_of(rig, candidates, volume, about_m);
   const auto best = std::ranges::max_element(balls, {}, [](const Ball& ball) { return ball.views.size(); });
   if (best == balls.end()) return {};
   const bool is_clear = std::ranges::all_of(balls, [&](const Ball& other) {
     return other.views.size() < best->views.size() || (other.at - best->at).norm() < about_m;
   });
   return is_clear ? best->views : std::vector<ColoredRegion>{};
+}
+
+std::vector<std::vector<ColoredRegion>> balls_of(const calib::CameraRig& rig, std::span<const ColoredRegion> candidates,
+                                                 const object_tracking::Volume& volume, double about_m) {
+  std::vector<Ball> balls = all_balls_of(rig, candidates, volume, about_m);
+  std::ranges::stable_sort(balls, [](const Ball& a, const Ball& b) { return a.views.size() > b.views.size(); });
+  const auto share = [](const std::vector<ColoredRegion>& a, const std::vector<ColoredRegion>& b) {
+    return std::ranges::any_of(a, [&](const ColoredRegion& one) {
+      return std::ranges::any_of(b, [&](const ColoredRegion& other) {
+        return one.camera == other.camera && one.region.centre == other.region.centre;
+      });
+    });
+  };
+  std::vector<std::vector<ColoredRegion>> out;
+  for (Ball& ball : balls)
+    if (std::ranges::none_of(out, [&](const auto& better) { return share(better, ball.views); }))
+      out.push_back(std::move(ball.views));
+  return out;
 }
 
 RadiusProposal voted_radius(const calib::CameraRig& rig, std::span<const BallMoment> moments) {

@@ -41,6 +41,11 @@ bool differs_clearly(const RadiusProposal& proposal, double radius_m);
 std::vector<ColoredRegion> one_ball_of(const calib::CameraRig& rig, std::span<const ColoredRegion> candidates,
                                        const object_tracking::Volume& volume, double about_m);
 
+// All of them, none of which shares a region with another one: those that most views show count first. Rays of
+// different balls may meet, too: what is found is of that colour and that size, and need not be one ball.
+std::vector<std::vector<ColoredRegion>> balls_of(const calib::CameraRig& rig, std::span<const ColoredRegion> candidates,
+                                                 const object_tracking::Volume& volume, double about_m);
+
 // By regions alone, which are off by what their thresholds leave of the edge. nullopt: less than two views, or views
 // that are no ball's.
 std::optional<double> radius_of_regions(const calib::CameraRig& rig, std::span<const ColoredRegion> views);

@@ -116,25 +116,55 @@ std::optional<PixelMask> grow_region(const HsiImage& image, color::PixelAt seed)
   return std::move(masks[*best]);
 }
 
+std::vector<color::Hsi> pixels_of(const HsiImage& image, const PixelMask& region) {
+  std::vector<color::Hsi> pixels;
+  for (std::size_t i = 0; i < region.pixels.size(); ++i)
+    if (region.pixels[i] != 0) pixels.push_back(image.pixels[i]);
+  return pixels;
+}
+
 color::HsiRange fit_range(const HsiImage& image, const PixelMask& region, const PixelMask& background, int steps) {
-  std::vector<double> hue, saturation, intensity;
+  const std::vector<color::Hsi> seen = pixels_of(image, region);
+  return fit_range(std::span(&seen, 1), image, background, steps);
+}
+
+color::HsiRange fit_range(std::span<const std::vector<color::Hsi>> seen, const HsiImage& image,
+                          const PixelMask& background, int steps) {
   double sine = 0, cosine = 0;
-  for (std::size_t i = 0; i < region.pixels.size(); ++i) {
-    const color::Hsi& p = image.pixels[i];
-    if (region.pixels[i] == 0 || !p.has_hue) continue;
-    sine += p.saturation * std::sin(p.hue_deg * (std::numbers::pi / 180));
-    cosine += p.saturation * std::cos(p.hue_deg * (std::numbers::pi / 180));
-    saturation.push_back(p.saturation);
-    intensity.push_back(p.intensity);
+  for (const auto& pixels : seen) {
+    for (const color::Hsi& p : pixels) {
+      if (!p.has_hue) continue;
+      sine += p.saturation * std::sin(p.hue_deg * (std::numbers::pi / 180));
+      cosine += p.saturation * std::cos(p.hue_deg * (std::numbers::pi / 180));
+    }
   }
   Fit fit{std::atan2(sine, cosine) * (180 / std::numbers::pi), {}};
-  for (std::size_t i = 0; i < region.pixels.size(); ++i)
-    if (region.pixels[i] != 0 && image.pixels[i].has_hue)
-      hue.push_back(hue_difference(image.pixels[i].hue_deg, fit.hue_deg));
-  if (hue.empty()) return {};
-  const double middle_saturation = quantile(saturation, 0.5), middle_intensity = quantile(intensity, 0.5);
-  fit.bound = {quantile(hue, 0.02) - 4,           quantile(hue, 0.98) + 4,          quantile(saturation, 0.03) - 0.04,
-               quantile(saturation, 0.97) + 0.04, quantile(intensity, 0.03) - 0.04, quantile(intensity, 0.97) + 0.04};
+  std::array<std::vector<double>, 6> bounds;  // of each
+  std::vector<double> saturations, intensities;
+  for (const auto& pixels : seen) {
+    std::vector<double> hue, saturation, intensity;
+    for (const color::Hsi& p : pixels) {
+      if (!p.has_hue) continue;
+      hue.push_back(hue_difference(p.hue_deg, fit.hue_deg));
+      saturation.push_back(p.saturation);
+      intensity.push_back(p.intensity);
+    }
+    if (hue.empty()) continue;
+    saturations.insert(saturations.end(), saturation.begin(), saturation.end());
+    intensities.insert(intensities.end(), intensity.begin(), intensity.end());
+    const std::array<double, 6> own = {quantile(hue, 0.02) - 4,           quantile(hue, 0.98) + 4,
+                                       quantile(saturation, 0.03) - 0.04, quantile(saturation, 0.97) + 0.04,
+                                       quantile(intensity, 0.03) - 0.04,  quantile(intensity, 0.97) + 0.04};
+    for (std::size_t b = 0; b < own.size(); ++b) bounds[b].push_back(own[b]);
+  }
+  if (saturations.empty()) return {};
+  const double middle_saturation = quantile(saturations, 0.5), middle_intensity = quantile(intensities, 0.5);
+  constexpr double something_else = 0.05;  // of what was seen, beyond either bound
+  for (std::size_t b = 0; b < bounds.size(); ++b) {
+    std::ranges::sort(bounds[b]);
+    if (b % 2 == 1) std::ranges::reverse(bounds[b]);
+    fit.bound[b] = bounds[b][static_cast<std::size_t>(something_else * static_cast<double>(bounds[b].size()))];
+  }
   // As far as light may reasonably change the colour. A range never becomes wider than this by itself.
   const std::array<double, 6> furthest = {std::min(fit.bound[0], -25.0),
                                           std::max(fit.bound[1], 25.0),

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "color_teaching/hsi_image.h"
@@ -19,5 +20,12 @@ std::optional<PixelMask> grow_region(const HsiImage& image, color::PixelAt seed)
 // on one frame has to hold under other light. background: pixels that must not match (1); steps > 0 widens them
 // further, < 0 narrows them.
 color::HsiRange fit_range(const HsiImage& image, const PixelMask& region, const PixelMask& background, int steps);
+// The same, of an object as it was seen in several places, or at several moments: each one's pixels. One in twenty may
+// be something else.
+color::HsiRange fit_range(std::span<const std::vector<color::Hsi>> seen, const HsiImage& image,
+                          const PixelMask& background, int steps);
+
+// The pixels of a region.
+std::vector<color::Hsi> pixels_of(const HsiImage& image, const PixelMask& region);
 
 }  // namespace huetrack::color_teaching

@@ -24,8 +24,12 @@ constexpr double moved_between_frames_m = 0.1;
 constexpr int most_narrowing = 5;            // steps; further ones leave nothing of a shaded ball
 constexpr double worth_narrowing = 0.5;      // of the background that matched
 constexpr double negligible_share = 0.0005;  // of the background
-constexpr int grid_px = 3, usual_extent_px = 48, least_seen_area = 16;  // of regions of its colour
-constexpr std::size_t most_candidates = 8;                              // of one picture: the largest
+constexpr int grid_px = 3, usual_extent_px = 48, least_seen_area = 16, least_part_area = 8;  // of regions of its colour
+constexpr std::size_t most_candidates = 8;  // of one picture: the largest
+// Around a region of the colour, of its box's width and height: it may be a part of the object.
+constexpr int looked_around_px = 8;
+constexpr double looked_around = 1.5;
+constexpr double same_place_px = 2;
 constexpr double notable_patch = 0.25;  // of the object's own area: a patch that could be taken for it
 
 std::string part_of_picture(const Eigen::Vector2d& at, int width, int height) {
@@ -52,15 +56,48 @@ double share_of(const HsiImage& image, const PixelMask& region, const color::Hsi
   return static_cast<double>(both) / static_cast<double>(std::max<std::size_t>(1, region.count()));
 }
 
-// Around the region everything counts as the object: its soft edge, its shadow, its glint.
-PixelMask background_of(const PixelMask& region, const MaskRegion& shape, const std::vector<color::PixelBox>& ignored) {
-  PixelMask background = grown(region, soft_edge_px + static_cast<int>(shape.radius_px() / 3));
-  for (auto& pixel : background.pixels) pixel = pixel == 0 ? 1 : 0;
-  for (const color::PixelBox& box : ignored) {
-    for (int v = std::max(0, box.v_min); v <= std::min(box.v_max, background.height - 1); ++v)
-      for (int u = std::max(0, box.u_min); u <= std::min(box.u_max, background.width - 1); ++u) background.at(u, v) = 0;
-  }
-  return background;
+// With its soft edge.
+color::PixelBox around(const MaskRegion& region) {
+  const int reach = soft_edge_px + static_cast<int>(region.radius_px() / 2);
+  return {region.box.u_min - reach, region.box.v_min - reach, region.box.u_max + reach, region.box.v_max + reach};
+}
+
+// A round region that the colour alone, whatever the light on it, gives around a pixel; nullopt: none, or not whole.
+struct GrownRegion {
+  MaskRegion region;
+  std::vector<color::Hsi> pixels;
+};
+std::optional<GrownRegion> grown_around(const capture::Image& image, const color::ColorRegion& found) {
+  const int u = static_cast<int>(std::lround(found.centre.x())), v = static_cast<int>(std::lround(found.centre.y()));
+  const int reach =
+      looked_around_px +
+      static_cast<int>(looked_around * (found.box.u_max - found.box.u_min + found.box.v_max - found.box.v_min + 2));
+  const color::PixelBox box{std::max(0, u - reach), std::max(0, v - reach), std::min(image.width - 1, u + reach),
+                            std::min(image.height - 1, v + reach)};
+  const HsiImage part = hsi_image(image, box);
+  const auto mask = grow_region(part, {u - box.u_min, v - box.v_min});
+  if (!mask) return std::nullopt;
+  GrownRegion out{.region = regions_of(*mask, 1).front(), .pixels = pixels_of(part, *mask)};
+  const color::PixelBox& own = out.region.box;
+  if (own.u_min == 0 || own.v_min == 0 || own.u_max == part.width - 1 || own.v_max == part.height - 1 ||
+      !is_round(out.region))
+    return std::nullopt;
+  const Eigen::Vector2i at(box.u_min, box.v_min);
+  out.region.centre += at.cast<double>();
+  out.region.box = {own.u_min + at.x(), own.v_min + at.y(), own.u_max + at.x(), own.v_max + at.y()};
+  return out;
+}
+
+std::vector<std::vector<color::Hsi>> all_seen_of(const TaughtView& view, const HsiImage& image) {
+  std::vector<std::vector<color::Hsi>> all = view.elsewhere;
+  all.push_back(pixels_of(image, view.object));
+  return all;
+}
+
+std::vector<const capture::Image*> pictures_of(const capture::FrameSet& set) {
+  std::vector<const capture::Image*> pictures;
+  for (const auto& frame : set.frames) pictures.push_back(frame ? &frame->pixels : nullptr);
+  return pictures;
 }
 
 std::string percent(double share) {
@@ -114,17 +151,32 @@ bool ColorTeacher::add_moment(const capture::FrameSet& set) {
   return is_of_use();
 }
 
+std::vector<ColoredRegion> ColorTeacher::ball_of(const Taught& taught) const {
+  std::vector<ColoredRegion> ball;
+  for (std::size_t c = 0; c < taught.views.size(); ++c)
+    if (taught.views[c].region && images_[c]) ball.push_back({c, *taught.views[c].region});
+  return ball;
+}
+
+// Around the region everything counts as the object: its soft edge, its shadow, its glint; and so around others like
+// it.
+PixelMask ColorTeacher::background_of(const TaughtView& view, const std::vector<color::PixelBox>& ignored) const {
+  PixelMask background = grown(view.object, soft_edge_px + static_cast<int>(view.region->radius_px() / 3));
+  for (auto& pixel : background.pixels) pixel = pixel == 0 ? 1 : 0;
+  const auto clear = [&](const color::PixelBox& box) {
+    for (int v = std::max(0, box.v_min); v <= std::min(box.v_max, background.height - 1); ++v)
+      for (int u = std::max(0, box.u_min); u <= std::min(box.u_max, background.width - 1); ++u) background.at(u, v) = 0;
+  };
+  for (const color::PixelBox& box : ignored) clear(box);
+  for (const MaskRegion& other : view.alike) clear(around(other));
+  return background;
+}
+
 RadiusProposal ColorTeacher::radius(const Taught& taught, const object_tracking::IgnoredRegions& ignored,
                                     const object_tracking::Volume& volume) const {
   std::vector<BallMoment> moments(1);
-  const auto pictures_of = [](const capture::FrameSet& set) {
-    std::vector<const capture::Image*> pictures;
-    for (const auto& frame : set.frames) pictures.push_back(frame ? &frame->pixels : nullptr);
-    return pictures;
-  };
   moments[0].pictures = pictures_of(moments_.front());
-  for (std::size_t c = 0; c < taught.views.size(); ++c)
-    if (taught.views[c].region && images_[c]) moments[0].views.push_back({c, *taught.views[c].region});
+  moments[0].views = ball_of(taught);
   const auto about = radius_of_regions(rig_, moments[0].views);
   if (!about) return voted_radius(rig_, moments);
   object_tracking::TargetOptions target;
@@ -181,9 +233,9 @@ Taught ColorTeacher::teach(const TeachRequestOptions& request, const object_trac
     }
     view.pointed = true;
     view.region = regions_of(*region, 1).front();
-    view.color = fit_range(image, *region, background_of(*region, *view.region, ignored_in(request, c)), request.wider);
-    view.object_share = share_of(image, *region, view.color);
     view.object = *region;
+    view.color = fit_range(image, *region, background_of(view, ignored_in(request, c)), request.wider);
+    view.object_share = share_of(image, *region, view.color);
   }
   if (!taught.any()) {
     for (std::size_t c = 0; c < images_.size(); ++c)
@@ -195,10 +247,91 @@ Taught ColorTeacher::teach(const TeachRequestOptions& request, const object_trac
   for (TaughtView& view : taught.views)
     if (!view.pointed) view.color = first->color;
   suggest(taught.views, volume);
+  judge_all(taught, request);
+  return taught;
+}
+
+void ColorTeacher::judge_all(Taught& taught, const TeachRequestOptions& request) const {
+  const auto first = std::ranges::find_if(taught.views, &TaughtView::pointed);
   for (std::size_t c = 0; c < images_.size(); ++c)
     if (images_[c])
       judge(taught.views[c], c, rig_.cameras[std::size_t(first - taught.views.begin())].name, request.wider,
             ignored_in(request, c));
+}
+
+std::vector<ColorTeacher::SeenElsewhere> ColorTeacher::seen_elsewhere(const Taught& taught,
+                                                                      const TeachRequestOptions& request,
+                                                                      const object_tracking::Volume& volume,
+                                                                      bool several) const {
+  std::vector<SeenElsewhere> out;
+  const std::vector<ColoredRegion> pointed = ball_of(taught);
+  const auto about = radius_of_regions(rig_, pointed);
+  if (!about) return out;  // nobody knows how large it should be elsewhere
+  // As far as light may change its colour, whatever else has it: by its size and its place it is told from that.
+  Taught in_any_light = taught;
+  for (std::size_t c = 0; c < in_any_light.views.size(); ++c) {
+    TaughtView& view = in_any_light.views[c];
+    if (view.pointed)
+      view.color = fit_range(*images_[c], view.object, PixelMask(view.object.width, view.object.height), 0);
+  }
+  object_tracking::TargetOptions target;
+  target.name = "object";
+  target.ignored = request.ignored;
+  target = with_taught_color(std::move(target), rig_, in_any_light);
+  object_tracking::TargetViews views(rig_, target);
+  color::RegionFinder finder;
+  for (std::size_t m = several ? 0 : 1; m < moments_.size(); ++m) {
+    std::vector<SeenElsewhere> all;
+    std::vector<ColoredRegion> candidates;
+    for (const object_tracking::TargetView& view : views.look_at(moments_[m])) {
+      const auto camera = std::size_t(view.index);
+      const auto& found =
+          finder.components(*view.matches, grid_px, {}, usual_extent_px, view.image->width / 2, least_part_area);
+      for (std::size_t i = 0; i < std::min(found.size(), most_candidates); ++i) {
+        auto grown = grown_around(*view.image, found[i]);
+        const auto is_here = [&](const ColoredRegion& other) {
+          return other.camera == camera && (other.region.centre - grown->region.centre).norm() < same_place_px;
+        };
+        if (!grown || std::ranges::any_of(candidates, is_here) || (m == 0 && std::ranges::any_of(pointed, is_here)))
+          continue;
+        candidates.push_back({camera, grown->region});
+        all.push_back({m, camera, grown->region, std::move(grown->pixels)});
+      }
+    }
+    std::vector<std::vector<ColoredRegion>> balls;
+    if (several)
+      balls = balls_of(rig_, candidates, volume, *about);
+    else
+      balls.push_back(one_ball_of(rig_, candidates, volume, *about));
+    for (const auto& ball : balls) {
+      for (const ColoredRegion& view : ball)
+        out.push_back(*std::ranges::find_if(all, [&](const SeenElsewhere& seen) {
+          return seen.camera == view.camera && seen.region.centre == view.region.centre;
+        }));
+    }
+  }
+  return out;
+}
+
+Taught ColorTeacher::held_elsewhere(Taught taught, const TeachRequestOptions& request,
+                                    const object_tracking::Volume& volume, bool several) const {
+  if (!taught.any()) return taught;
+  for (SeenElsewhere& seen : seen_elsewhere(taught, request, volume, several)) {
+    TaughtView& view = taught.views[seen.camera];
+    if (seen.moment == 0) view.alike.push_back(seen.region);
+    view.elsewhere.push_back(std::move(seen.pixels));
+  }
+  for (std::size_t c = 0; c < taught.views.size(); ++c) {
+    TaughtView& view = taught.views[c];
+    if (!view.pointed || view.elsewhere.empty()) continue;
+    view.color = fit_range(all_seen_of(view, *images_[c]), *images_[c], background_of(view, ignored_in(request, c)),
+                           request.wider);
+    view.object_share = share_of(*images_[c], view.object, view.color);
+  }
+  const auto first = std::ranges::find_if(taught.views, &TaughtView::pointed);
+  for (TaughtView& view : taught.views)
+    if (!view.pointed) view.color = first->color;
+  judge_all(taught, request);
   return taught;
 }
 
@@ -224,11 +357,12 @@ void ColorTeacher::suggest(std::vector<TaughtView>& views, const object_tracking
 std::optional<TaughtView::Narrower> ColorTeacher::narrower(const TaughtView& view, std::size_t camera, int wider,
                                                            const std::vector<color::PixelBox>& ignored) const {
   const HsiImage& image = *images_[camera];
-  const PixelMask background = background_of(view.object, *view.region, ignored);
+  const PixelMask background = background_of(view, ignored);
+  const auto seen = all_seen_of(view, image);
   std::optional<TaughtView::Narrower> best;
   const int first = std::min(0, wider - 1);
   for (int steps = first; steps > first - most_narrowing; --steps) {
-    TaughtView::Narrower next{.wider = steps, .color = fit_range(image, view.object, background, steps)};
+    TaughtView::Narrower next{.wider = steps, .color = fit_range(seen, image, background, steps)};
     next.object_share = share_of(image, view.object, next.color);
     if (next.object_share < least_object_share) break;  // it would be lost in the next shadow
     next.background_share = share_of(image, background, next.color);
@@ -243,14 +377,17 @@ void ColorTeacher::judge(TaughtView& view, std::size_t camera, const std::string
                          const std::vector<color::PixelBox>& ignored) const {
   const HsiImage& image = *images_[camera];
   view.mask = matching(image, view.color, ignored);
+  view.patch.reset(), view.narrower.reset();
   PixelMask object(image.width, image.height);
   if (view.region) {
     // Of what matches, the part that is the object itself: connected to its region, or in its immediate neighbourhood.
-    const color::PixelBox& box = view.region->box;
-    const int reach = soft_edge_px + static_cast<int>(view.region->radius_px() / 2);
-    for (int v = std::max(0, box.v_min - reach); v <= std::min(box.v_max + reach, image.height - 1); ++v)
-      for (int u = std::max(0, box.u_min - reach); u <= std::min(box.u_max + reach, image.width - 1); ++u)
-        object.at(u, v) = 1;
+    std::vector<MaskRegion> objects = view.alike;
+    objects.push_back(*view.region);
+    for (const MaskRegion& region : objects) {
+      const color::PixelBox box = around(region);
+      for (int v = std::max(0, box.v_min); v <= std::min(box.v_max, image.height - 1); ++v)
+        for (int u = std::max(0, box.u_min); u <= std::min(box.u_max, image.width - 1); ++u) object.at(u, v) = 1;
+    }
   }
   PixelMask beside = view.mask;
   for (std::size_t i = 0; i < beside.pixels.size(); ++i)
@@ -287,7 +424,10 @@ void ColorTeacher::judge(TaughtView& view, std::size_t camera, const std::string
   if (view.object_share < least_object_share)
     text += "only " + percent(view.object_share) + " of the object matches: widen the ranges; ";
   else
-    text += percent(view.object_share) + " of the object matches; ";
+    text += percent(view.object_share) + " of the object matches" +
+            (view.elsewhere.empty()
+                 ? "; "
+                 : fmt::format(", as it does where else it was seen ({} more views); ", view.elsewhere.size()));
   text += percent(view.background_share) + " of the background matches";
   if (is_rival) {
     text += patch_text();

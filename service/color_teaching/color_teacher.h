@@ -39,6 +39,9 @@ struct TaughtView {
   double background_share = 0;      // 0..1, of the pixels away from the object: how many have the colour
   std::optional<MaskRegion> patch;  // the largest connected part of them, when it could be taken for the object
   std::string verdict;              // one sentence for people
+  // Where else it was seen, at other moments, and others like it: the pixels of each. The ranges hold them, too.
+  std::vector<std::vector<color::Hsi>> elsewhere;
+  std::vector<MaskRegion> alike;  // of several objects: others in this picture, which are no background
   // Where a patch could be taken for the object: ranges that are narrower by these steps would leave so much of both.
   struct Narrower {
     int wider = 0;  // TeachRequestOptions::wider
@@ -78,6 +81,12 @@ class ColorTeacher {
   // volume: where a suggested object may be
   Taught teach(const TeachRequestOptions& request, const object_tracking::Volume& volume) const;
 
+  // The same with ranges that hold the object elsewhere, too: in other light at other moments, as far as it is found
+  // there by what was learnt, its own size and two views or more. several: it is one of several of its colour, which
+  // are no background, and are learnt from as well.
+  Taught held_elsewhere(Taught taught, const TeachRequestOptions& request, const object_tracking::Volume& volume,
+                        bool several) const;
+
   // How large the object is, by where somebody pointed, what is suggested, and every moment at which one ball of about
   // that size and of the learnt colour is seen.
   RadiusProposal radius(const Taught& taught, const object_tracking::IgnoredRegions& ignored,
@@ -88,6 +97,17 @@ class ColorTeacher {
                                      const std::string& own_name) const;
 
  private:
+  // One more place where the object was seen, or another one like it.
+  struct SeenElsewhere {
+    std::size_t moment, camera;
+    MaskRegion region;
+    std::vector<color::Hsi> pixels;
+  };
+  std::vector<ColoredRegion> ball_of(const Taught& taught) const;  // at the first moment
+  PixelMask background_of(const TaughtView& view, const std::vector<color::PixelBox>& ignored) const;
+  std::vector<SeenElsewhere> seen_elsewhere(const Taught& taught, const TeachRequestOptions& request,
+                                            const object_tracking::Volume& volume, bool several) const;
+  void judge_all(Taught& taught, const TeachRequestOptions& request) const;
   const std::vector<color::PixelBox>& ignored_in(const TeachRequestOptions& request, std::size_t camera) const;
   void judge(TaughtView& view, std::size_t camera, const std::string& color_of, int wider,
              const std::vector<color::PixelBox>& ignored) const;

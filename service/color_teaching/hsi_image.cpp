@@ -17,10 +17,14 @@ double MaskRegion::radius_px() const {
 }
 
 HsiImage hsi_image(const capture::Image& image) {
-  HsiImage out{image.width, image.height, {}};
-  out.pixels.reserve(static_cast<std::size_t>(image.width) * static_cast<std::size_t>(image.height));
-  for (int v = 0; v < image.height; ++v)
-    for (int u = 0; u < image.width; ++u) out.pixels.push_back(color::hsi_of(color::rgb_at(image, u, v)));
+  return hsi_image(image, {0, 0, image.width - 1, image.height - 1});
+}
+
+HsiImage hsi_image(const capture::Image& image, const color::PixelBox& box) {
+  HsiImage out{box.u_max - box.u_min + 1, box.v_max - box.v_min + 1, {}};
+  out.pixels.reserve(static_cast<std::size_t>(out.width) * static_cast<std::size_t>(out.height));
+  for (int v = box.v_min; v <= box.v_max; ++v)
+    for (int u = box.u_min; u <= box.u_max; ++u) out.pixels.push_back(color::hsi_of(color::rgb_at(image, u, v)));
   return out;
 }
 

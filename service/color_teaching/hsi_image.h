@@ -33,6 +33,8 @@ struct HsiImage {
   }
 };
 HsiImage hsi_image(const capture::Image& image);
+// A part of it; box: within the image, both corners included.
+HsiImage hsi_image(const capture::Image& image, const color::PixelBox& box);
 
 // S and hue as a point: distances in it mean the same for every hue, and do not depend on intensity.
 Eigen::Vector2d chroma(const color::Hsi& pixel);

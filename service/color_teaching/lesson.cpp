@@ -64,6 +64,7 @@ Lesson learn(const ColorTeacher& teacher, const TeachRequestOptions& request,
     }
     lesson.why_useless = why_not_accepted(lesson.taught, teacher.rig(), first, accepted);
   }
+  lesson.taught = teacher.held_elsewhere(std::move(lesson.taught), request, volume, target.count > 1);
   const Taught& taught = lesson.taught;
   if (taught.any()) lesson.target = with_taught_color(target, teacher.rig(), taught);
   lesson.unconfirmed = unconfirmed(taught, teacher.rig());

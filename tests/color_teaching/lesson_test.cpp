@@ -3,6 +3,8 @@
 #include <gmock/gmock.h>
 
 #include "benchmark/tracking_figures.h"
+#include "color/color_model.h"
+#include "scene/scene.h"
 
 namespace huetrack::color_teaching {
 namespace {
@@ -81,6 +83,62 @@ TEST(Lesson, RectanglesAreAddedPerCamera) {
   add_ignored(regions, "b", {5, 6, 7, 8});
   add_ignored(regions, "a", {0, 0, 9, 9});
   EXPECT_EQ(regions, (object_tracking::IgnoredRegions{{"a", {{1, 2, 3, 4}, {0, 0, 9, 9}}}, {"b", {{5, 6, 7, 8}}}}));
+}
+
+// The same paint in a third of the light: at another moment, or on another one of several.
+class OtherLight : public Test {
+ protected:
+  static constexpr double lit = 1, dark = 0.35;
+  static color::Rgb paint(double light) { return {float(0.45 * light), float(0.80 * light), float(0.12 * light)}; }
+  static scene::Scene scene_of(const std::vector<std::pair<double, Eigen::Vector3d>>& balls) {
+    scene::SceneBuilder builder;
+    builder.cameras_on_ring({.count = 3, .image_size = {320, 240}, .focal_px = 300});
+    for (const auto& [light, at] : balls)
+      builder.ball(
+          {.radius_m = 0.06, .rgb = Eigen::Vector3d(0.45, 0.80, 0.12) * light, .path = [at](double) { return at; }});
+    return builder.build();
+  }
+  // By a click on the first ball in every view.
+  static Lesson learnt(const ColorTeacher& teacher, const scene::Scene& scene, int count) {
+    TeachRequestOptions request;
+    for (int c = 0; c < 3; ++c)
+      request.points.push_back({c, scene.rig.cameras[std::size_t(c)].project_world(scene.ball_at(0, {}))->px});
+    object_tracking::TargetOptions target;
+    target.name = "lime", target.radius_m = 0.06, target.count = count;
+    return learn(teacher, request, {target}, target, {});
+  }
+  static bool holds(const Lesson& lesson, double light) {
+    return color::contains(lesson.taught.views[0].color, color::hsi_of(paint(light)));
+  }
+};
+
+TEST_F(OtherLight, OfAnotherMomentIsHeld) {
+  const scene::Scene scene = scene_of({{lit, {0.1, 0.2, 1.1}}}), later = scene_of({{dark, {-0.2, 0.1, 0.9}}});
+  const auto sets = render(scene, {.set_count = 1}), later_sets = render(later, {.set_count = 1});
+  // Darkness of the same hue is in the room: what is only taught in the light keeps away from it.
+  ColorTeacher teacher(scene.rig, sets[0]);
+  const Lesson before = learnt(teacher, scene, 1);
+  EXPECT_TRUE(holds(before, lit));
+  teacher.add_moment(later_sets[0]);
+  const Lesson after = learnt(teacher, scene, 1);
+  EXPECT_EQ(after.taught.views[0].elsewhere.size(), 1u);
+  EXPECT_TRUE(holds(after, lit));
+  EXPECT_TRUE(holds(after, dark));
+  EXPECT_LE(after.target.color.intensity_min, before.target.color.intensity_min);
+}
+
+TEST_F(OtherLight, OfOthersOfSeveralIsHeldAndOfOneAloneItIsARivals) {
+  const scene::Scene scene = scene_of({{lit, {0.1, 0.2, 1.1}}, {dark, {-0.3, 0.1, 0.9}}, {dark, {0.2, -0.4, 1.2}}});
+  const auto sets = render(scene, {.set_count = 1});
+  const ColorTeacher teacher(scene.rig, sets[0]);
+  const Lesson one = learnt(teacher, scene, 1);
+  EXPECT_TRUE(holds(one, lit));
+  EXPECT_FALSE(holds(one, dark));
+  const Lesson several = learnt(teacher, scene, 3);
+  EXPECT_EQ(several.taught.views[0].alike.size(), 2u);
+  EXPECT_TRUE(holds(several, lit));
+  EXPECT_TRUE(holds(several, dark));
+  EXPECT_FALSE(several.taught.views[0].patch);
 }
 
 }  // namespace
