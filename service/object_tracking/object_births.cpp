@@ -19,8 +19,9 @@ const double by_chance_on_line = std::log(detection_probability / 0.03);
 const double not_seen = std::log(1 - detection_probability);
 constexpr double size_sigma = 0.2;  // of the radius of a region's disc, as a share
 constexpr double worst_size = 3;    // something hides a part: that says no more against it
-// A whole disc that is larger or smaller by as much as the place lets expect, is as large as it should be.
-constexpr double right_size = 1.2;
+// Of a disc of the size that the place lets expect: a ball's dark side may be out of the colour's range, and then its
+// region is smaller; and so far its edge is blurred.
+constexpr double least_of_disc = 0.6, right_size = 1.2;
 // Evidence that is by chance in one room of a thousand, which has so many pieces of furniture: what three views show
 // alike has it.
 constexpr double beyond_chance = 7;
@@ -50,14 +51,17 @@ bool moves(const Eigen::Vector3d& from, const PositionCandidate& now, const Eige
          step.dot(way) > least_step * way.squaredNorm() / sets;
 }
 
-// Two views show a whole disc, and both as large as the object is there. Of furniture, which has any size and any
-// shape, hardly two pieces do, on rays that meet.
-bool shows_whole_discs(const PositionCandidate& c, double radius_m) {
-  return std::ranges::count_if(c.sightings, [&](const Sighting& s) {
-           const auto at = appearance_of(*s.camera, c.position, radius_m);
-           return at && is_whole_disc(s) && s.radius_px < right_size * at->radius_px &&
-                  s.radius_px > at->radius_px / right_size;
-         }) >= 2;
+// Two views show a disc that is as large as the object is there, and one of them shows all of it. Of furniture, which
+// has any size and any shape, hardly two pieces do, on rays that meet.
+bool shows_discs(const PositionCandidate& c, double radius_m) {
+  int discs = 0, whole = 0;
+  for (const Sighting& s : c.sightings) {
+    const auto at = appearance_of(*s.camera, c.position, radius_m);
+    if (!at || !is_round(s) || s.support < least_of_disc || s.radius_px > right_size * at->radius_px) continue;
+    ++discs;
+    whole += is_whole_disc(s) ? 1 : 0;
+  }
+  return discs >= 2 && whole >= 1;
 }
 
 ObjectTrackerOptions looking_within(ObjectTrackerOptions options, const Volume& within) {
@@ -161,7 +165,7 @@ std::vector<Birth> ObjectBirths::look(const std::vector<TargetView>& views,
     }
     // Two views that others contradict may be of two pieces of furniture, set by set: only what moves is told by them.
     const bool is_contested = c.missing > 0 && c.at.sightings.size() < 3;
-    const bool is_clear = c.evidence >= beyond_chance || shows_whole_discs(c.at, target_.radius_m);
+    const bool is_clear = c.evidence >= beyond_chance || shows_discs(c.at, target_.radius_m);
     bool stands = is_contested || must_move_ == MustMove::yes || (must_move_ == MustMove::unless_clear && !is_clear);
     if (earlier != nullptr) {
       c.at.sets = earlier->at.sets + 1;

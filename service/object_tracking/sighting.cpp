@@ -247,10 +247,14 @@ void sort_by_time(std::vector<Sighting>& sightings) {
   std::ranges::stable_sort(sightings, {}, [](const Sighting& s) { return s.row.at; });
 }
 
+bool is_round(const Sighting& s) {
+  constexpr double round_sigma = 0.2;  // of the radius: a misfit below it says nothing
+  return std::sqrt(s.covariance.trace() / 2) <= round_sigma * s.radius_px / std::sqrt(s.support);
+}
+
 bool is_whole_disc(const Sighting& s) {
-  constexpr double whole_support = 0.9, whole_sigma = 0.2;  // of the radius: a misfit below it says nothing
-  if (s.support < whole_support) return false;
-  return std::sqrt(s.covariance.trace() / 2) <= whole_sigma * s.radius_px / std::sqrt(s.support);
+  constexpr double whole_support = 0.9;
+  return s.support >= whole_support && is_round(s);
 }
 
 SeenRow row_of(const TargetView& view, double row, const MotionBelief& times) {

@@ -51,7 +51,8 @@ struct Sighting {
 
 void sort_by_time(std::vector<Sighting>& sightings);  // of their rows; stable
 
-// The region has the size and the shape of the whole disc: nothing hides or cuts a part of it.
+// The region has the shape of a disc, if not its size; and its size, too: nothing hides or cuts a part of it.
+bool is_round(const Sighting& sighting);
 bool is_whole_disc(const Sighting& sighting);
 
 // A region counts as an object's within this: chi-square, 2 degrees of freedom, 99.97 %; and from so much of its disc
