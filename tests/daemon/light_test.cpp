@@ -30,6 +30,7 @@ using testing::Field;
 using testing::HasSubstr;
 using testing::IsEmpty;
 using testing::Not;
+using testing::StartsWith;
 
 auto says(doctor::Grade verdict, const std::string& what, const std::string& advice = "") {
   return Contains(AllOf(Field(&Finding::verdict, verdict), Field(&Finding::what, HasSubstr(what)),
@@ -180,9 +181,27 @@ TEST_F(WanderingReplay, WarnsAndHoldsWhereItAdapts) {
   EXPECT_THAT(plain.light, Contains(AllOf(HasSubstr("lime in cam1: the colour has moved by"),
                                           HasSubstr("degrees since it was taught"), HasSubstr("adapt: true"))));
   EXPECT_THAT(to_text(plain, {}), HasSubstr("  light   from "));
+  EXPECT_EQ(plain.light.size(), 1u);  // of one target, whatever happened in three cameras
   EXPECT_EQ(adapted.targets[0].sets.count(TrackState::lost), 0u);
   EXPECT_EQ(adapted.targets[0].sets.count(TrackState::coasting), 0u);
-  EXPECT_THAT(adapted.light, Contains(HasSubstr("lime: its colour in cam1 was followed, at the end by +")));
+  EXPECT_THAT(adapted.light, Contains(AllOf(StartsWith("lime: its colour in "),
+                                            HasSubstr("its colour in cam1 was followed, at the end by +"))));
+}
+
+TEST(ReplayText, WhatIsNotWellStandsLastAndMistakesAtTheEnd) {
+  ReplaySummary summary;
+  summary.times = {"a time"};
+  summary.light = {"a lamp"};
+  summary.calibration = {"a tripod"};
+  summary.mistakes = {"two videos"};
+  TargetSummary target;
+  target.name = "lime";
+  target.advice = "a radius";
+  summary.targets = {target};
+  const std::string problems = "  light   a lamp\n  cameras a tripod\n  search  lime: a radius\n  mistake two videos\n";
+  EXPECT_EQ(problems_text(summary), problems);
+  EXPECT_THAT(to_text(summary, {}), testing::EndsWith("  times   a time\n" + problems));
+  EXPECT_EQ(problems_text({}), "");
 }
 
 }  // namespace
