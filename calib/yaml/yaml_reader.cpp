@@ -621,7 +621,9 @@ void YamlReader::finish(std::span<const KeyPath> elsewhere) const {
 std::int64_t YamlReader::version(std::int64_t only, std::optional<std::int64_t> default_value) const {
   if (!has("version")) {
     if (default_value) return *default_value;
-    fail("", "version is missing: write version: " + std::to_string(only) + ", the form that this file has");
+    const std::string misspelt = node_->misspelt("version");
+    fail("", "version is missing" +
+                 (misspelt.empty() ? fmt::format(": write version: {}, the form that this file has", only) : misspelt));
   }
   const auto& entry = node_->required("version");
   const auto value = is_plain(entry.value) ? parse_integer(entry.value.Scalar()) : std::nullopt;

@@ -412,7 +412,7 @@ class Reader {
     if (given != none) value = std::ranges::find(words, given, [](const auto& w) { return w.first; })->second;
   }
   void rig(std::string_view key, fs::path& value, std::string_view) {
-    if (!yaml_.has(key))
+    if (!yaml_.has(key) && !yaml::nearest_word(key, yaml_.keys()))  // of a misspelt one string() knows more
       yaml_.fail("", "rig is missing: write rig: FILE, which huetrack-calibrate writes; or rig: none before that");
     const std::string given = yaml_.string(key);
     value = given == "none" ? fs::path() : resolved(given);
