@@ -27,9 +27,7 @@ constexpr yaml::Range board_length{.min = 0, .max = 10, .min_is_open = true, .ma
 
 Board read_board(const std::filesystem::path& file) {
   const yaml::YamlReader reader = yaml::YamlReader::file(file);
-  if (const auto version = reader.integer("version", yaml::any_number, 1); version != 1) {
-    reader.fail("version", "is " + std::to_string(version) + ", this program reads board files of version 1");
-  }
+  reader.version(1, 1);
   constexpr std::array<std::string_view, 3> types{"chessboard", "charuco", "aruco_grid"};
   const std::string type = reader.choice("type", types, "chessboard");
   if (reader.has("board_frame")) reader.string("board_frame");  // a remark for people: the frame is always ours

@@ -264,9 +264,7 @@ std::string uncertainty_text(const RigUncertainty& uncertainty, const CameraRig&
 
 CameraRig read_rig(const std::filesystem::path& file) {
   const yaml::YamlReader reader = yaml::YamlReader::file(file);
-  if (const auto version = reader.integer("version", yaml::any_number); version != 1) {
-    reader.fail("version", "is " + std::to_string(version) + ", this program reads rig files of version 1");
-  }
+  reader.version(1);
   CameraRig rig;
   const auto cameras = reader.named_maps("cameras");
   for (const auto& [name, camera] : cameras) rig.cameras.push_back(read_camera(name, camera, cameras.size() > 1));

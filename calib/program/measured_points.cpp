@@ -17,8 +17,7 @@ Eigen::Vector3d vector_of(const yaml::YamlReader& reader, std::string_view key) 
 
 std::vector<PointOfWorld> read_points(const std::filesystem::path& file, const calib::CameraRig& rig) {
   const yaml::YamlReader reader = yaml::YamlReader::file(file);
-  if (const auto version = reader.integer("version", yaml::any_number, 1); version != 1)
-    reader.fail("version", "is " + std::to_string(version) + ", this program reads files of points of version 1");
+  reader.version(1, 1);
   std::vector<PointOfWorld> points;
   for (const auto& [name, entry] : reader.named_maps("points")) {
     PointOfWorld point;

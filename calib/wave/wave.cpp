@@ -1,6 +1,7 @@
 #include "calib/wave/wave.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
@@ -9,10 +10,12 @@
 #include <cmath>
 #include <memory>
 #include <numeric>
+#include <optional>
 #include <set>
 #include <stdexcept>
 
 #include "calib/model/index.h"
+#include "calib/model/median.h"
 #include "calib/solver/bundle_adjustment.h"
 #include "calib/wave/shape_errors.h"
 #include "calib/wave/similarity.h"
@@ -545,11 +548,90 @@ std::string plane_text(const Eigen::Vector3d& extent_m) {
       extent_m[0], extent_m[1], 1e3 * extent_m[2]);
 }
 
-WaveResult calibrate_wave(const calib::CameraRig& rig, std::vector<BallFrame> frames, const WaveOptions& options) {
-  for (const auto& problem : options.problems(rig)) throw std::invalid_argument(problem);
-  std::ranges::sort(frames, [](const BallFrame& a, const BallFrame& b) {
-    return std::pair(a.t_s, a.camera) < std::pair(b.t_s, b.camera);
-  });
+namespace {
+
+// The radius that the ball has where the rays of two cameras meet, by the rig's poses; nullopt: they hardly ever do.
+// Frames by time.
+std::optional<double> radius_by_rays(const calib::CameraRig& rig, const std::vector<BallFrame>& frames) {
+  // Of poses that are some centimetres off, and of stamps that are; the ball is waved at some metre per second.
+  constexpr double furthest_apart_s = 0.05, furthest_apart = 0.1;  // the latter over the distance
+  constexpr std::size_t least_meetings = 20;
+  std::vector<std::optional<std::size_t>> latest(rig.cameras.size());  // frame with a region
+  std::vector<double> radii_m;
+  const auto ray_of = [&](const BallFrame& f) -> std::optional<Vector3d> {
+    const calib::Camera& camera = rig.cameras[index(f.camera)];
+    const auto ray = camera.model.ray({f.regions.front().centre});
+    if (!ray) return std::nullopt;
+    return camera.cam_from_world.rotation.conjugate() * ray->normalized();
+  };
+  const auto radius_px = [](const BallFrame& f) {
+    return 2 * std::pow(f.regions.front().spread.determinant(), 0.25);  // of a disc
+  };
+  for (std::size_t k = 0; k < frames.size(); ++k) {
+    const BallFrame& a = frames[k];
+    if (a.regions.empty()) continue;
+    latest[index(a.camera)] = k;
+    for (const auto& other : latest) {
+      if (!other || *other == k || a.t_s - frames[*other].t_s > furthest_apart_s) continue;
+      const BallFrame& b = frames[*other];
+      const auto da = ray_of(a), db = ray_of(b);
+      if (!da || !db) continue;
+      const calib::Camera &of_a = rig.cameras[index(a.camera)], &of_b = rig.cameras[index(b.camera)];
+      const Vector3d base = of_b.centre() - of_a.centre();
+      const double cosine = da->dot(*db), denominator = 1 - cosine * cosine;
+      if (denominator < 1e-3) continue;  // nearly parallel
+      const double along_a = (base.dot(*da) - cosine * base.dot(*db)) / denominator;
+      const double along_b = (cosine * base.dot(*da) - base.dot(*db)) / denominator;
+      if (along_a <= 0 || along_b <= 0) continue;
+      const double gap_m = std::abs(base.dot(da->cross(*db))) / std::sqrt(denominator);
+      if (gap_m > furthest_apart * std::min(along_a, along_b)) continue;
+      radii_m.push_back(std::sqrt(radius_px(a) * along_a / of_a.model.fx() * radius_px(b) * along_b / of_b.model.fx()));
+    }
+  }
+  if (radii_m.size() < least_meetings) return std::nullopt;
+  return calib::median(std::move(radii_m));
+}
+
+bool is_far_from_one(double ratio) {
+  constexpr double far = 1.3;  // no colour's edge, and no pose that is some centimetres off, makes as much
+  return ratio > far || ratio < 1 / far;
+}
+
+// Why a wave may end in nothing that has to do with how the ball was moved: a size or a distance that contradicts what
+// was seen. looks: how large the ball looks for its radius, once all has the scale that was measured. Empty: they
+// agree.
+std::string contradicting_sizes(const calib::CameraRig& rig, const std::vector<BallFrame>& frames,
+                                const WaveOptions& options, std::optional<double> looks) {
+  std::vector<std::string> found;
+  if (options.has_poses) {
+    if (options.camera_distance) {
+      const auto [a, b, metres] = *options.camera_distance;
+      const std::string &name_a = rig.cameras[index(a)].name, &name_b = rig.cameras[index(b)].name;
+      const double of_rig = (rig.cameras[index(a)].centre() - rig.cameras[index(b)].centre()).norm();
+      if (is_far_from_one(metres / of_rig))
+        found.push_back(
+            fmt::format("the distance between {} and {} was given as {:.3g} m, and is {:.3g} m by the rig: was it "
+                        "measured from lens to lens, in metres? If the rig's scale was only a guess, correct it first",
+                        name_a, name_b, metres, of_rig));
+    }
+    const auto radius_m = radius_by_rays(rig, frames);
+    if (radius_m && is_far_from_one(*radius_m / options.radius_m))
+      found.push_back(
+          fmt::format("by the rig the ball has a radius of about {:.0f} mm, and {:.3g} mm was given: "
+                      "measure it, and correct it",
+                      1e3 * *radius_m, 1e3 * options.radius_m));
+  } else if (looks && is_far_from_one(*looks)) {
+    found.push_back(
+        fmt::format("at the scale that was given the ball looks {:.3g} times as large as its radius of {:.3g} mm says: "
+                    "correct the radius, or the measured distance, which is in metres",
+                    *looks, 1e3 * options.radius_m));
+  }
+  return fmt::format("{}", fmt::join(found, "; and "));
+}
+
+// looks: see contradicting_sizes(). frames: by time.
+WaveResult calibrated(const calib::CameraRig& rig, std::vector<BallFrame>& frames, const WaveOptions& options,
+                      std::optional<double>& looks) {
   WaveResult result;
   result.rig = rig;
   result.cameras.resize(rig.cameras.size());
@@ -566,6 +648,7 @@ WaveResult calibrate_wave(const calib::CameraRig& rig, std::vector<BallFrame> fr
 
   // How large the ball should look, and how smooth its path is, depend on the scale.
   if (!options.hold_poses) result.scale = set_scale(wave, rig, options);
+  looks = wave.size_ratio();
   wave.refine(WaveSteps::refined_again);
   if (!options.hold_poses) {
     if (result.scale.measured_m > 0) {
@@ -597,6 +680,24 @@ WaveResult calibrate_wave(const calib::CameraRig& rig, std::vector<BallFrame> fr
   if (errors.in_volume) result.by_scale_in_volume_m = result.scale.sigma * errors.in_volume->reach_m;
   require_agreement(result);
   return result;
+}
+
+}  // namespace
+
+WaveResult calibrate_wave(const calib::CameraRig& rig, std::vector<BallFrame> frames, const WaveOptions& options) {
+  for (const auto& problem : options.problems(rig)) throw std::invalid_argument(problem);
+  std::ranges::sort(frames, [](const BallFrame& a, const BallFrame& b) {
+    return std::pair(a.t_s, a.camera) < std::pair(b.t_s, b.camera);
+  });
+  std::optional<double> looks;
+  try {
+    return calibrated(rig, frames, options, looks);
+  } catch (const solver::CalibrationError& error) {
+    // The ball's size pulls on path and cameras: a wrong one draws them together until nothing moves.
+    const std::string why = contradicting_sizes(rig, frames, options, looks);
+    if (why.empty()) throw;
+    throw solver::CalibrationError(why + ". As it was given, no rig was found: " + error.what());
+  }
 }
 
 }  // namespace huetrack::wave

@@ -34,25 +34,39 @@ std::size_t edit_distance(std::string_view a, std::string_view b) {
 
 }  // namespace
 
-std::optional<std::string> nearest_word(std::string_view given, std::span<const std::string> words) {
+std::vector<std::string> nearest_words(std::string_view given, std::span<const std::string> words) {
   const std::string word = in_small_letters(given);
-  std::optional<std::string> nearest;
-  std::size_t smallest = word.size() / 3 + 1;  // one slip in three letters is a misspelling, more is another word
+  std::vector<std::string> nearest;
+  const auto add = [&nearest](const std::string& candidate) {
+    if (std::ranges::find(nearest, candidate) == nearest.end()) nearest.push_back(candidate);
+  };
+  std::size_t smallest = word.size() / 3;  // one slip in three letters is a misspelling, more is another word
   for (const std::string& candidate : words) {
     if (candidate.size() > 2 * word.size() + 2 || word.size() > 2 * candidate.size() + 2) continue;
-    if (const std::size_t distance = edit_distance(word, in_small_letters(candidate)); distance < smallest) {
-      smallest = distance;
-      nearest = candidate;
-    }
+    const std::size_t distance = edit_distance(word, in_small_letters(candidate));
+    if (distance > smallest) continue;
+    if (distance < smallest) nearest.clear();
+    smallest = distance;
+    add(candidate);
   }
-  if (nearest) return nearest;
-  // Half of a name that has parts ("hue" of hue_deg) is a slip, too.
-  const auto begins = [](std::string_view whole, std::string_view part) {
-    return part.size() >= 3 && whole.size() > part.size() && whole.starts_with(part) && whole[part.size()] == '_';
+  if (!nearest.empty()) return nearest;
+  // Half of a name that has parts ("hue" of hue_deg, "tracking" of object_tracking) is a slip, too.
+  constexpr std::size_t shortest_part = 3, shortest_beginning = 4;
+  const auto is_half = [](std::string_view whole, std::string_view part) {
+    if (part.size() < shortest_part || whole.size() <= part.size()) return false;
+    if (whole.starts_with(part)) return whole[part.size()] == '_' || part.size() >= shortest_beginning;
+    return whole.ends_with(part) && whole[whole.size() - part.size() - 1] == '_';
   };
-  const auto half = std::ranges::find_if(
-      words, [&](const std::string& candidate) { return begins(candidate, word) || begins(word, candidate); });
-  return half == words.end() ? std::nullopt : std::optional(*half);
+  for (const std::string& candidate : words) {
+    const std::string small = in_small_letters(candidate);
+    if (is_half(small, word) || is_half(word, small)) add(candidate);
+  }
+  return nearest;
+}
+
+std::optional<std::string> nearest_word(std::string_view word, std::span<const std::string> words) {
+  const auto nearest = nearest_words(word, words);
+  return nearest.empty() ? std::nullopt : std::optional(nearest.front());
 }
 
 }  // namespace huetrack::yaml

@@ -11,6 +11,7 @@
 #include <sstream>
 #include <unordered_set>
 
+#include "calib/yaml/hints.h"
 #include "calib/yaml/nearest_word.h"
 #include "calib/yaml/text_file.h"
 
@@ -34,6 +35,16 @@ std::string to_text(double value) {
 
 std::string plural(std::size_t count, const std::string& noun) {
   return std::to_string(count) + " " + noun + (count == 1 ? "" : "s");
+}
+
+// The end of a message; nothing, where nothing is known.
+std::string as_end(const std::string& hint) {
+  return hint.empty() ? hint : ": " + hint;
+}
+
+// "camera_tracking or object_tracking"
+std::string one_of(const std::vector<std::string>& words) {
+  return fmt::format("{}", fmt::join(words, " or "));
 }
 
 std::string list_of(std::size_t min_count, std::size_t max_count) {
@@ -88,12 +99,60 @@ std::optional<std::int64_t> parse_integer(std::string_view text) {
   return static_cast<std::int64_t>(*real);
 }
 
+// The one number that a list has in brackets of its own, if it has.
+std::string in_brackets(const YAML::Node& node) {
+  if (!node.IsSequence() || node.size() != 1 || !is_plain(node[0]) || !parse_number(node[0].Scalar())) return {};
+  return "write " + printable(node[0].Scalar()) + ", without brackets";
+}
+
+std::string hint_of_number(const YAML::Node& node, std::string_view key, Wanted wanted) {
+  if (is_null(node)) return {};
+  return node.IsScalar() ? number_hint(node.Scalar(), key, wanted) : in_brackets(node);
+}
+
+// Of what should be a list of numbers: those that somebody wrote otherwise.
+std::string hint_of_list(const YAML::Node& node, std::size_t min_count, std::size_t max_count) {
+  if (is_null(node)) return {};
+  if (node.IsScalar()) return list_hint(node.Scalar(), min_count, max_count);
+  std::string all;
+  constexpr std::size_t most = 500;  // numbers of a message
+  const auto add = [&all](const YAML::Node& value) {
+    if (value.IsScalar()) all += value.Scalar() + " ; ";
+  };
+  if (node.size() > most) return {};
+  if (node.IsMap())
+    for (const auto& pair : node) add(pair.second);
+  if (node.IsSequence()) {
+    const auto is_whole = [](const YAML::Node& n) { return is_plain(n) && parse_integer(n.Scalar()).has_value(); };
+    if (node.size() == max_count + 1 && std::all_of(node.begin(), node.end(), is_whole))
+      return "decimals have a point, not a comma: 0.5";  // [0,5, 1] are three
+    for (const auto& element : node) {
+      if (element.IsSequence() && node.size() == 1)
+        for (const auto& inner : element) add(inner);
+      add(element);
+    }
+  }
+  return list_hint(all, min_count, max_count);
+}
+
+// Of what should be keys with values.
+std::string hint_of_mapping(const YAML::Node& node) {
+  if (is_null(node)) return "its keys belong on the lines below it, indented further than it";
+  if (!node.IsSequence() || node.size() == 0) return {};
+  const YAML::Node first = node[0];
+  if (first.IsMap() && first.size() > 0 && first.begin()->first.IsScalar())
+    return "write its keys without the dashes or brackets of a list, " + printable(first.begin()->first.Scalar()) +
+           ": ...";
+  return {};
+}
+
 bool contains(const Range& range, double value) {
   return (range.min_is_open ? value > range.min : value >= range.min) &&
          (range.max_is_open ? value < range.max : value <= range.max);
 }
 
 std::string described(const Range& range) {
+  if (range.min == range.max) return to_text(range.min);
   const bool has_min = std::isfinite(range.min), has_max = std::isfinite(range.max);
   if (has_min && has_max && !range.min_is_open && !range.max_is_open) {
     return "from " + to_text(range.min) + " to " + to_text(range.max);
@@ -141,9 +200,32 @@ YAML::Node parse(const std::string& yaml, const std::string& name) {
     }
     return document;
   } catch (const YAML::Exception& error) {
-    throw ConfigError(name, error.mark.line + 1,
+    const int line = error.mark.line + 1;
+    if (const SyntaxHint hint = syntax_hint(yaml, line); !hint.text.empty())
+      throw ConfigError(name, hint.line, "is not valid YAML: " + hint.text);
+    throw ConfigError(name, line,
                       "is not valid YAML: " + error.msg + " (column " + std::to_string(error.mark.column + 1) + ")");
   }
+}
+
+// Where else in the file a key of this name, or one that begins with it, belongs: "object_tracking.volume"; two at
+// most.
+std::vector<std::string> of_other_places(const std::string& key, std::span<const KeyPath> paths) {
+  std::vector<std::string> places;
+  const auto add = [&](const auto& is_it) {
+    constexpr std::size_t most = 2;
+    for (const KeyPath& path : paths)
+      if (places.size() < most && path.size() > 1 && is_it(path.back()))
+        places.push_back(fmt::format("{}", fmt::join(path, ".")));
+  };
+  add([&](const std::string& name) { return name == key; });
+  if (places.empty()) add([&](const std::string& name) { return name.starts_with(key + "_"); });
+  return places;
+}
+
+// "8,5" within braces is 8, and a key 5.
+bool is_behind_a_comma(std::string_view key) {
+  return key.find_first_not_of("0123456789") == std::string_view::npos;
 }
 
 }  // namespace
@@ -186,7 +268,8 @@ struct YamlReader::Node {
       : file(std::move(file_name)), path(std::move(key_path)), line(line_number) {
     if (!yaml.IsMap()) {
       throw ConfigError(file, line,
-                        (path.empty() ? "the file" : path) + " must be a mapping (key: value), got " + described(yaml));
+                        (path.empty() ? "the file" : path) + " must be a mapping (key: value), got " + described(yaml) +
+                            as_end(hint_of_mapping(yaml)));
     }
     std::unordered_set<std::string> seen;
     for (const auto& pair : yaml) {
@@ -196,7 +279,12 @@ struct YamlReader::Node {
                           (path.empty() ? "" : path + ": ") + "a key must be a word, got " + described(pair.first));
       }
       const std::string& key = pair.first.Scalar();
-      if (!seen.insert(key).second) throw ConfigError(file, key_line, child(key) + " is given twice");
+      if (!seen.insert(key).second) {
+        const auto first = std::ranges::find(entries, key, &Entry::key);
+        throw ConfigError(file, key_line,
+                          child(key) + " is given twice, first in line " + std::to_string(first->line) +
+                              ": take one of them out, or write both as one");
+      }
       entries.push_back({.key = key, .value = pair.second, .file = file, .line = key_line, .patches = {}});
     }
   }
@@ -270,7 +358,9 @@ struct YamlReader::Node {
 
   double number(const Entry& entry, const YAML::Node& value, const std::string& index, Range range) const {
     const auto parsed = is_plain(value) ? parse_number(value.Scalar()) : std::nullopt;
-    if (!parsed) fail(entry, value, index, "must be a number, got " + described(value));
+    if (!parsed)
+      fail(entry, value, index,
+           "must be a number, got " + described(value) + as_end(hint_of_number(value, entry.key, Wanted::number)));
     if (!contains(range, *parsed)) {
       fail(entry, value, index, "must be " + described(range) + " (is " + to_text(*parsed) + ")");
     }
@@ -286,7 +376,9 @@ struct YamlReader::Node {
   std::vector<double> numbers(const Entry& entry, const YAML::Node& list, const std::string& index,
                               std::size_t min_count, std::size_t max_count, Range range) const {
     if (!list.IsSequence() || list.size() < min_count || list.size() > max_count) {
-      fail(entry, list, index, list_of(min_count, max_count) + ", got " + described(list));
+      fail(entry, list, index,
+           list_of(min_count, max_count) + ", got " + described(list) +
+               as_end(hint_of_list(list, min_count, max_count)));
     }
     std::vector<double> values;
     values.reserve(list.size());
@@ -357,7 +449,9 @@ double YamlReader::number(std::string_view key, Range range, double default_valu
 std::int64_t YamlReader::integer(std::string_view key, Range range) const {
   const auto& entry = node_->required(key);
   const auto value = is_plain(entry.value) ? parse_integer(entry.value.Scalar()) : std::nullopt;
-  if (!value) node_->fail(entry, "must be a whole number, got " + described(entry.value));
+  if (!value)
+    node_->fail(entry, "must be a whole number, got " + described(entry.value) +
+                           as_end(hint_of_number(entry.value, key, Wanted::whole_number)));
   if (!contains(range, static_cast<double>(*value))) {
     node_->fail(entry, "must be " + described(range) + " (is " + std::to_string(*value) + ")");
   }
@@ -375,7 +469,9 @@ bool YamlReader::boolean(std::string_view key) const {
     if (word == "true" || word == "True" || word == "TRUE") return true;
     if (word == "false" || word == "False" || word == "FALSE") return false;
   }
-  node_->fail(entry, "must be true or false, got " + described(entry.value));
+  const bool is_word = !is_null(entry.value) && entry.value.IsScalar();
+  node_->fail(entry, "must be true or false, got " + described(entry.value) +
+                         as_end(is_word ? boolean_hint(entry.value.Scalar()) : ""));
 }
 
 bool YamlReader::boolean(std::string_view key, bool default_value) const {
@@ -447,7 +543,11 @@ std::vector<std::vector<double>> YamlReader::table(std::string_view key, std::si
 
 std::vector<std::string> YamlReader::strings(std::string_view key) const {
   const auto& entry = node_->required(key);
-  if (!entry.value.IsSequence()) node_->fail(entry, "must be a list of texts, got " + described(entry.value));
+  if (!entry.value.IsSequence()) {
+    const bool is_word = !is_null(entry.value) && entry.value.IsScalar();
+    node_->fail(entry, "must be a list of texts, got " + described(entry.value) +
+                           (is_word ? ": write [" + printable(entry.value.Scalar()) + "]" : ""));
+  }
   std::vector<std::string> strings;
   for (const auto& element : entry.value) {
     strings.push_back(node_->string(entry, element, "[" + std::to_string(strings.size()) + "]"));
@@ -503,12 +603,40 @@ std::vector<std::string> YamlReader::keys() const {
   return keys;
 }
 
-void YamlReader::finish() const {
+void YamlReader::finish(std::span<const KeyPath> elsewhere) const {
   for (const auto& entry : node_->entries) {
     if (std::ranges::find(node_->asked, entry.key) != node_->asked.end()) continue;
-    const auto near = nearest_word(entry.key, node_->asked);
-    node_->fail(entry, "is not a known key" + (near ? " (did you mean " + *near + "?)" : std::string()));
+    if (is_behind_a_comma(entry.key))
+      node_->fail(entry, "is not a known key: decimals have a point, not a comma: 0." + printable(entry.key));
+    if (const auto near = nearest_words(entry.key, node_->asked); !near.empty())
+      node_->fail(entry, "is not a known key (did you mean " + one_of(near) + "?)");
+    if (const auto near = of_other_places(entry.key, elsewhere); !near.empty())
+      node_->fail(entry, "is not a known key here (did you mean " + one_of(near) + "?)");
+    if (node_->asked.empty()) node_->fail(entry, "is not a known key");
+    node_->fail(entry, fmt::format("is not a known key; known {}: {}", node_->path.empty() ? "are" : "here",
+                                   fmt::join(node_->asked, ", ")));
   }
+}
+
+std::int64_t YamlReader::version(std::int64_t only, std::optional<std::int64_t> default_value) const {
+  if (!has("version")) {
+    if (default_value) return *default_value;
+    const std::string misspelt = node_->misspelt("version");
+    fail("", "version is missing" +
+                 (misspelt.empty() ? fmt::format(": write version: {}, the form that this file has", only) : misspelt));
+  }
+  const auto& entry = node_->required("version");
+  const auto value = is_plain(entry.value) ? parse_integer(entry.value.Scalar()) : std::nullopt;
+  if (value == only) return only;
+  if (!is_null(entry.value) && entry.value.IsScalar() && parse_integer(entry.value.Scalar()) == only)
+    node_->fail(entry, fmt::format("must be a whole number: write {}, without quotation marks", only));
+  node_->fail(entry, "must be " + std::to_string(only) + ", got " + described(entry.value) +
+                         ": it says which form this file has, the only one that this program knows, and is neither "
+                         "the program's version nor counts yours");
+}
+
+bool YamlReader::is_mapping(std::string_view key) const {
+  return has(key) && node_->required(key).value.IsMap();
 }
 
 void YamlReader::fail(std::string_view key, const std::string& message) const {

@@ -64,8 +64,12 @@ class YamlReader {
   };
   std::vector<Leaf> leaves() const;
 
-  bool has(std::string_view key) const;      // counts as asked for
-  bool is_list(std::string_view key) const;  // false when absent; counts as asked for
+  // The key of that name: which form the file has. Absent and without a default, or any other: it throws.
+  std::int64_t version(std::int64_t only, std::optional<std::int64_t> default_value = std::nullopt) const;
+
+  bool has(std::string_view key) const;         // counts as asked for
+  bool is_mapping(std::string_view key) const;  // false when absent; counts as asked for
+  bool is_list(std::string_view key) const;     // false when absent; counts as asked for
   double number(std::string_view key, Range range) const;
   double number(std::string_view key, Range range, double default_value) const;
   std::int64_t integer(std::string_view key, Range range) const;
@@ -94,7 +98,8 @@ class YamlReader {
   std::vector<std::pair<std::string, YamlReader>> named_maps(std::string_view key) const;
   std::vector<std::string> keys() const;  // in the order of the file; asks for none
 
-  void finish() const;  // throws on the first unknown key
+  // Throws on the first unknown key. elsewhere: the keys of other mappings of such a file, of which it may be one.
+  void finish(std::span<const KeyPath> elsewhere = {}) const;
 
   // Throws ConfigError at the key (or, when it is absent, at this mapping): "file:line: path.key: message".
   [[noreturn]] void fail(std::string_view key, const std::string& message) const;

@@ -150,8 +150,7 @@ Recording read_recording(const std::filesystem::path& path) {
   const auto folder = recording.file.parent_path();
   refuse_videos(recording.file);
   const auto yaml = yaml::YamlReader::file(recording.file);
-  if (const auto version = yaml.integer("version", yaml::any_number); version != 1)
-    yaml.fail("version", "is " + std::to_string(version) + ", but this program reads version 1");
+  yaml.version(1);
   if (yaml.has("started_at"))
     recording.started_at = Timestamp{exact_duration_of(yaml.number("started_at", {.min = 0, .max = longest_s}))};
   for (const auto& [name, entry] : yaml.named_maps("cameras")) {

@@ -40,6 +40,9 @@ constexpr std::size_t enough_tried = 4;               // to say that it is no ba
 constexpr double lasting = 0.012, lasting_px = 0.12;
 // Of regions: their thresholds, which take some of the edge or leave it.
 constexpr double of_regions = 0.1, of_regions_px = 0.6;
+// Of one moment's alone nothing else shows whether they are whole, and of one place: 20 % off as a rule where hands
+// hide a part (teach_figures.py --radius, juggling).
+constexpr double of_one_moment = 0.15;
 constexpr double most_apart = 0.2;  // of logarithms: views that contradict one another
 
 // A proposal is compared by three of its sigmas, and a ruler laid on a ball is right to some percent.
@@ -370,7 +373,11 @@ RadiusProposal voted_radius(const calib::CameraRig& rig, std::span<const BallMom
         votes.push_back({m, view.camera, std::log(*radius), of_regions_px / std::max(1.0, view.region.radius_px())});
     }
   }
-  return told(rig, votes, of_regions);
+  const auto has_radius = [](const auto& of_moment) { return of_moment && of_moment->median(); };
+  const bool is_rough = std::ranges::count_if(radii, has_radius) == 1;
+  out = told(rig, votes, is_rough ? of_one_moment : of_regions);
+  out.is_rough = is_rough && out.radius_m;
+  return out;
 }
 
 }  // namespace huetrack::color_teaching

@@ -29,6 +29,8 @@ struct RadiusProposal {
   std::optional<double> radius_m = {};  // nullopt: it cannot be told
   // Standard deviation, as far as the rig's own scale is right: a rig that is 3 % too large has every ball so.
   double sigma_m = 0;
+  bool is_rough =
+      false;  // by coloured regions of one moment alone: a hand or a shade may have hidden a part in all views
   std::size_t moments = 0, cameras = 0;  // that voted
   std::string why_not = {};              // it cannot be told, for people; empty: it can
 };

@@ -87,6 +87,7 @@ std::string radius_words(const RadiusProposal& proposal, std::optional<double> s
   std::string text = fmt::format("It has a radius of {:.{}f} mm, give or take {:.{}f} (by {} {} of {} cameras",
                                  mm * *proposal.radius_m, off_mm < 2 ? 1 : 0, off_mm, off_mm < 2 ? 1 : 0,
                                  proposal.moments, proposal.moments == 1 ? "moment" : "moments", proposal.cameras);
+  if (proposal.is_rough) text += "; roughly, by its coloured regions alone: better measure it";
   if (!said_m) return text + "), as far as the rig's scale is right.";
   if (!differs_clearly(proposal, *said_m))
     return text + fmt::format("); radius_m says {:g} mm, which agrees.", mm * *said_m);

@@ -33,7 +33,7 @@ room_watch::SeenPatch read_seen(const yaml::YamlReader& patch) {
 std::vector<KeptRoom> read_room(const std::filesystem::path& file, const std::string& rig_identity) {
   if (!std::filesystem::exists(file)) return {};
   const yaml::YamlReader root = yaml::YamlReader::file(file);
-  root.integer("version", yaml::Range{.min = 1, .max = 1});
+  root.version(1);
   const bool is_of_this_rig = root.string("rig") == rig_identity;
   std::vector<KeptRoom> room;
   for (const auto& [camera, reader] : root.named_maps("cameras")) {

@@ -16,6 +16,7 @@
 #include <utility>
 
 #include "calib/model/rig_yaml.h"
+#include "calib/yaml/hints.h"
 #include "calib/yaml/nearest_word.h"
 #include "calib/yaml/text_file.h"
 #include "calib/yaml/yaml_reader.h"
@@ -36,6 +37,10 @@ bool is_file(const fs::path& file) {
 
 std::string no_file(const fs::path& file) {
   std::error_code unknown;
+  if (file.native().find(": ") != std::string::npos)  // so is a text that goes on to the next quotation mark
+    return file.string() + " is no file: is a quotation mark missing behind the name?";
+  if (yaml::has_control_characters(file.native()))
+    return file.string() + " is no file: in double quotes a backslash begins something else; write / for it";
   return fs::exists(file, unknown) ? file.string() + " is no file, but a folder, a device or a pipe"
                                    : "there is no file " + file.string();
 }
@@ -276,13 +281,89 @@ auto& value_of(Entry& entry) {
 }
 
 // ---------------------------------------------------------------------------------------------------------------------
+// Hears of every key. A name that people choose is NAME here.
+class KeyList {
+ public:
+  explicit KeyList(std::vector<yaml::KeyPath>& keys, yaml::KeyPath above = {})
+      : keys_(keys), above_(std::move(above)) {}
+
+  void version(int) { add("version"); }
+  void number(std::string_view key, const auto&...) { add(key); }
+  void integer(std::string_view key, const auto&...) { add(key); }
+  void boolean(std::string_view key, const auto&...) { add(key); }
+  void text(std::string_view key, const auto&...) { add(key); }
+  void text_or(std::string_view key, const auto&...) { add(key); }
+  void table_or(std::string_view key, const NumberRows&, const std::vector<CsvColumn>&, std::size_t, std::size_t,
+                std::string_view) {
+    add(key);
+  }
+  void strings(std::string_view key, const auto&...) { add(key); }
+  void choice(std::string_view key, const auto&...) { add(key); }
+  void choice_or(std::string_view key, const auto&...) { add(key); }
+  void rig(std::string_view key, const auto&...) { add(key); }
+  void device(std::string_view key, const auto&...) { add(key); }
+  void size_or(std::string_view key, const auto&...) { add(key); }
+  void controls(std::string_view key, const auto&...) { add(key); }
+  void path_or(std::string_view key, const auto&...) { add(key); }
+  void folder_or(std::string_view key, const auto&...) { add(key); }
+  void number_or(std::string_view key, const auto&...) { add(key); }
+  void integer_or(std::string_view key, const auto&...) { add(key); }
+  void object_count(std::string_view key, const auto&...) { add(key); }
+  void point(std::string_view key, const auto&...) { add(key); }
+  void interval(std::string_view key, const auto&...) { add(key); }
+  void boxes(std::string_view key, const auto&...) { add(key); }
+  template <typename F>
+  void group(std::string_view key, std::string_view, F&& describe_group) {
+    KeyList inner(keys_, add(key));
+    describe_group(inner);
+  }
+  template <typename F>
+  void color(std::string_view key, const color::HsiRange&, std::string_view doc, F&& describe_range) {
+    group(key, doc, describe_range);
+  }
+  template <typename T, typename F>
+  void named(std::string_view key, const std::vector<T>&, std::string_view, F&& describe_entry) {
+    yaml::KeyPath below = add(key);
+    below.emplace_back("NAME");
+    KeyList inner(keys_, std::move(below));
+    T entry{};
+    describe_entry(inner, value_of(entry));
+  }
+
+ private:
+  yaml::KeyPath add(std::string_view key) {
+    yaml::KeyPath path = above_;
+    path.emplace_back(key);
+    keys_.push_back(path);
+    return path;
+  }
+
+  std::vector<yaml::KeyPath>& keys_;
+  yaml::KeyPath above_;
+};
+
+// "its keys belong below it, indented: min, max"; of what lists keys.
+template <typename F>
+std::string keys_below(F&& list_keys) {
+  std::vector<yaml::KeyPath> keys;
+  KeyList list(keys);
+  list_keys(list);
+  std::vector<std::string> names;
+  for (const yaml::KeyPath& path : keys)
+    if (path.size() == 1) names.push_back(path.front());
+  return fmt::format("its keys belong below it, indented, with a colon each: {}", fmt::join(names, ", "));
+}
+
+// ---------------------------------------------------------------------------------------------------------------------
 // One mapping of the file; what it lacks keeps its default, or is an error where it is required.
 class Reader {
  public:
   // folder: where relative paths start, whichever file they stand in
-  Reader(yaml::YamlReader yaml, fs::path folder) : yaml_(std::move(yaml)), folder_(std::move(folder)) {}
+  // elsewhere: all keys of such a file, for who writes one in the wrong place; outlives this
+  Reader(yaml::YamlReader yaml, fs::path folder, std::span<const yaml::KeyPath> elsewhere = {})
+      : yaml_(std::move(yaml)), folder_(std::move(folder)), elsewhere_(elsewhere) {}
 
-  void version(int only) { yaml_.integer("version", yaml::Range{.min = double(only), .max = double(only)}); }
+  void version(int only) { yaml_.version(only); }
   void number(std::string_view key, double& value, yaml::Range range, std::string_view) {
     value = yaml_.number(key, range, value);
   }
@@ -331,6 +412,8 @@ class Reader {
     if (given != none) value = std::ranges::find(words, given, [](const auto& w) { return w.first; })->second;
   }
   void rig(std::string_view key, fs::path& value, std::string_view) {
+    if (!yaml_.has(key) && !yaml::nearest_word(key, yaml_.keys()))  // of a misspelt one string() knows more
+      yaml_.fail("", "rig is missing: write rig: FILE, which huetrack-calibrate writes; or rig: none before that");
     const std::string given = yaml_.string(key);
     value = given == "none" ? fs::path() : resolved(given);
   }
@@ -352,11 +435,18 @@ class Reader {
   void size_or(std::string_view key, std::string_view word, std::optional<calib::ImageSize>& value, std::string_view) {
     if (!yaml_.has(key)) return;
     if (!yaml_.is_list(key)) {
-      if (const std::string text = yaml_.string(key); text != word)
-        yaml_.fail(key, fmt::format("must be two numbers, as [640, 480], or the word {}, got \"{}\"", word, text));
+      if (yaml_.is_mapping(key))
+        yaml_.fail(key, fmt::format("must be two numbers, width and height, as [640, 480], or the word {}", word));
+      if (const std::string text = yaml_.string(key); text != word) {
+        const std::string hint = yaml::list_hint(text, 2, 2);
+        yaml_.fail(key, fmt::format("must be two numbers, as [640, 480], or the word {}, got \"{}\"{}{}", word, text,
+                                    hint.empty() ? "" : ": ", hint));
+      }
       return;
     }
     const auto sides = yaml_.numbers(key, 2, 2, yaml::Range{.min = 1, .max = 65535});
+    for (const double side : sides)
+      if (side != std::floor(side)) yaml_.fail(key, "must be whole numbers of pixels, as [640, 480]");
     value = calib::ImageSize{static_cast<int>(sides[0]), static_cast<int>(sides[1])};
   }
   void controls(std::string_view key, std::vector<capture::ControlSetting>& settings, std::string_view) {
@@ -368,13 +458,17 @@ class Reader {
         {"white_balance", "white_balance_temperature"},
         {"brightness", "brightness"},
         {"focus", "focus_absolute"}};
+    const std::vector<std::string> given = yaml_.keys();
     for (const auto& [said, control] : misplaced)
-      if (yaml_.has(said))
+      if (std::ranges::find(given, said) != given.end())
         yaml_.fail(said, fmt::format("is a control of the camera's: write controls: {{{}: ...}} (`huetrackd doctor` "
                                      "lists those that it has)",
                                      control));
     const auto map = yaml_.optional_map(key);
     if (!map) return;
+    for (const auto& name : map->keys())
+      if (map->is_list(name) || map->is_mapping(name))
+        map->fail(name, "must be one number, true, false, or a word of the control's menu");
     for (const auto& name : map->keys()) settings.push_back(capture::control_setting(name, map->string(name)));
   }
   void path_or(std::string_view key, const std::string& none, fs::path& value, std::string_view) {
@@ -397,25 +491,34 @@ class Reader {
   // A number, or "up to" one.
   void object_count(std::string_view key, object_tracking::TargetOptions& target, std::string_view) {
     if (!yaml_.has(key)) return;
+    static constexpr int most = object_tracking::TargetOptions::most_count;
+    const auto must_be = [] {
+      return fmt::format("must be a number from 1 to {}, or \"up to\" such a number, as in count: up to 3", most);
+    };
+    if (yaml_.is_list(key) || yaml_.is_mapping(key)) yaml_.fail(key, must_be() + ", without brackets");
     std::string given = yaml_.string(key);
     constexpr std::string_view up_to = "up to ";
     target.is_up_to = given.starts_with(up_to);
     if (target.is_up_to) given.erase(0, up_to.size());
     const char* const end = given.data() + given.size();
     const auto [parsed, error] = std::from_chars(given.data(), end, target.count);
-    constexpr int most = object_tracking::TargetOptions::most_count;
-    if (error != std::errc{} || parsed != end || target.count < 1 || target.count > most)
-      yaml_.fail(key, fmt::format("must be a number from 1 to {}, or \"up to\" such a number, got \"{}\": regions are "
-                                  "shared out among all objects of a target in every view, and more than {} have not "
-                                  "been measured",
-                                  most, yaml_.string(key), most));
+    const bool is_number = error == std::errc{} && parsed == end;
+    if (!is_number) yaml_.fail(key, fmt::format("{}, got \"{}\"", must_be(), yaml_.string(key)));
+    if (target.count < 1 || target.count > most)
+      yaml_.fail(key, fmt::format("{}, got \"{}\": regions are shared out among all objects of a target in every view, "
+                                  "and more than {} have not been measured",
+                                  must_be(), yaml_.string(key), most));
   }
   void point(std::string_view key, Eigen::Vector3d& value, std::string_view) {
     if (yaml_.has(key)) value = Eigen::Vector3d(yaml_.numbers(key, 3, 3, yaml::any_number).data());
   }
   void interval(std::string_view key, double& min, double& max, yaml::Range range, Need need, std::string_view) {
     if (need == Need::optional && !yaml_.has(key)) return;
-    const auto values = yaml_.numbers(key, 2, 2, range);
+    if (yaml_.has(key) && !yaml_.is_list(key) && !yaml_.is_mapping(key))
+      if (const std::string given = yaml_.string(key); yaml::list_hint(given, 2, 2).empty())
+        yaml_.fail(key, fmt::format("must be two numbers, [from, to], got \"{}\"", yaml::printable(given)));
+    const auto values = yaml_.numbers(key, 2, 2, yaml::any_number);
+    refuse_other_scale(key, values, range);
     min = values[0];
     max = values[1];
   }
@@ -436,7 +539,10 @@ class Reader {
   }
   template <typename F>
   void group(std::string_view key, std::string_view, F&& describe_group) {
-    Reader inner(yaml_.map_or_empty(key), folder_);  // even when it is absent: something in it may be required
+    if (yaml_.has(key) && !yaml_.is_mapping(key))
+      yaml_.fail(key, "is a group of keys: " + keys_below([&](KeyList& list) { describe_group(list); }));
+    Reader inner(yaml_.map_or_empty(key), folder_,
+                 elsewhere_);  // even when it is absent: something in it may be required
     describe_group(inner);
     inner.finish();
   }
@@ -452,18 +558,48 @@ class Reader {
   template <typename T, typename F>
   void named(std::string_view key, std::vector<T>& entries, std::string_view, F&& describe_entry) {
     if (!yaml_.has(key)) return;
+    const auto keys_of_one = [&describe_entry] {
+      T one{};
+      return keys_below([&](KeyList& list) { describe_entry(list, value_of(one)); });
+    };
+    if (!yaml_.is_mapping(key))
+      yaml_.fail(key,
+                 "is a group of names, each on a line of its own below it, indented, with a colon and without a "
+                 "dash: \"NAME:\"; and of each name " +
+                     keys_of_one());
+    const yaml::YamlReader names = yaml_.map(key);
+    for (const std::string& name : names.keys())
+      if (!names.is_mapping(name)) names.fail(name, "is read as a name: " + keys_of_one());
     for (auto& [name, yaml] : yaml_.named_maps(key)) {
-      Reader inner(yaml, folder_);
+      Reader inner(yaml, folder_, elsewhere_);
       T& entry = entries.emplace_back();
       name_of(entry) = name;
       describe_entry(inner, value_of(entry));
       inner.finish();
     }
   }
-  void finish() const { yaml_.finish(); }
+  void finish() const { yaml_.finish(elsewhere_); }
 
  private:
   fs::path resolved(const std::string& path) const { return fs::absolute(folder_ / path).lexically_normal(); }
+  // Of two numbers, from and to: in per cent, in 256 steps, or around the circle the other way.
+  void refuse_other_scale(std::string_view key, const std::vector<double>& values, yaml::Range range) const {
+    const auto [low, high] = std::ranges::minmax(values);
+    if (low >= range.min && high <= range.max) return;
+    constexpr double per_cent = 100, byte = 255;
+    std::string instead;
+    if (range.max == degrees.max && low >= -degrees.max && high <= 2 * degrees.max) {
+      const auto on_circle = [](double angle) { return std::fmod(angle + degrees.max, degrees.max); };
+      instead =
+          fmt::format(": write [{:.6g}, {:.6g}], the same on the circle", on_circle(values[0]), on_circle(values[1]));
+    } else if (range.max == share.max && low >= 0 && high <= byte) {
+      const double scale = high <= per_cent ? per_cent : byte;
+      instead =
+          fmt::format(": write [{:.2g}, {:.2g}] if these are of {:.0f}", values[0] / scale, values[1] / scale, scale);
+    }
+    yaml_.fail(key, fmt::format("must be from {:g} to {:g}, got [{:g}, {:g}]{}", range.min, range.max, values[0],
+                                values[1], instead));
+  }
   // Absent, or the word that stands for "not a number".
   bool is_word(std::string_view key, std::string_view word) const {
     if (!yaml_.has(key)) return true;
@@ -477,6 +613,7 @@ class Reader {
 
   yaml::YamlReader yaml_;
   fs::path folder_;
+  std::span<const yaml::KeyPath> elsewhere_;
 };
 
 // ---------------------------------------------------------------------------------------------------------------------
@@ -701,7 +838,10 @@ class Printer {
 ServiceConfig described(const yaml::YamlReader& root, const fs::path& file) {
   ServiceConfig config;
   config.file = fs::absolute(file).lexically_normal();
-  Reader reader(root, root.path().parent_path());
+  std::vector<yaml::KeyPath> all_keys;
+  KeyList list(all_keys);
+  describe(list, config);
+  Reader reader(root, root.path().parent_path(), all_keys);
   describe(reader, config);
   reader.finish();
   return config;
@@ -760,7 +900,7 @@ ServiceConfig read_config(const fs::path& file, const yaml::YamlReader& written,
   ServiceConfig config = described(written, file);
   yaml::YamlReader root = written;
   if (taught) {
-    taught->integer("version", yaml::Range{.min = 1, .max = 1});
+    taught->version(1);
     check_taught_targets(written, *taught);
     root = written.patched_with(*taught);
     config = described(root, file);

@@ -109,7 +109,8 @@ void add_replay_command(CLI::App& app, Command& chosen) {
   command->add_flag("--hold", replay_options.hold,
                     "hold after the first frame set, until Go on is pressed on the page: colours may be taught");
   command->add_flag("--no-dds", replay_options.no_dds, "do not publish");
-  command->add_flag("--quiet", options->quiet, "no progress bar and no summary");
+  command->add_flag("--quiet", options->quiet,
+                    "no progress bar, and of the summary only warnings and mistakes, to stderr");
   command->add_flag(
       "--strict", options->is_strict,
       "exit status 3 when the tracks show a mistake in rig or configuration (lines `mistake` of the summary)");
@@ -123,7 +124,11 @@ void add_replay_command(CLI::App& app, Command& chosen) {
     };
     chosen.run = [options](const std::stop_token& stop) {
       const ReplaySummary summary = replay(options->replay, stop);
-      if (!options->quiet) std::fputs(to_text(summary, options->replay).c_str(), stdout);
+      if (options->quiet) {
+        std::fputs(problems_text(summary).c_str(), stderr);
+      } else {
+        std::fputs(to_text(summary, options->replay).c_str(), stdout);
+      }
       return options->is_strict && !summary.mistakes.empty() ? mistakes_status : 0;
     };
   });

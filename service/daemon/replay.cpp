@@ -341,6 +341,11 @@ ReplaySummary replay(const ReplayCommand& command, const std::stop_token& stop) 
   for (const auto& warning : playback.source->take_warnings()) spdlog::warn("{}", warning);
   ReplaySummary summary = summary_of(config, session.figures(), *playback.source, tally, began, stop.stop_requested());
   summary.mistakes = reports.mistakes.summary();
+  // What a search suspects is said where nothing is known; beside a mistake that was found it would lead astray.
+  for (TargetSummary& target : summary.targets) {
+    const auto says_it = [&](const std::string& sentence) { return sentence.find(target.advice) != std::string::npos; };
+    if (reports.mistakes.has_explained_rig() || std::ranges::any_of(summary.mistakes, says_it)) target.advice.clear();
+  }
   summary.left_out = reports.objects.summary();
   summary.light = reports.light.summary();
   summary.times = reports.times.summary();

@@ -71,7 +71,9 @@ struct ReplaySummary {
 // throws ConfigError and other std::exceptions whose what() is one readable line. Warnings go to the log.
 ReplaySummary replay(const ReplayCommand& command, const std::stop_token& stop);
 
-// For people, several lines.
+// For people, several lines: what there was, then what is not well (problems_text()), where the eye is at the end.
 std::string to_text(const ReplaySummary& summary, const ReplayCommand& command);
+// Of it the lines that name warnings and mistakes; empty: all is well.
+std::string problems_text(const ReplaySummary& summary);
 
 }  // namespace huetrack::daemon

@@ -70,7 +70,6 @@ std::string target_text(const TargetSummary& target) {
   text += shares_text(target.sets) + "\n";
   if (target.objects > 0)
     text += fmt::format("          objects found: {}, at once at most {}\n", target.objects, target.most_objects);
-  if (!target.advice.empty()) text += "          " + target.advice + "\n";
   if (target.truth) text += "          " + tracks::to_text(*target.truth) + "\n";
   return text;
 }
@@ -113,15 +112,23 @@ std::string to_text(const ReplaySummary& s, const ReplayCommand& command) {
   std::string text = frames_text(s) + times_text(s);
   for (const auto& target : s.targets) text += target_text(target);
   if (s.camera) text += camera_text(*s.camera, s.figures);
-  for (const auto& sentence : s.calibration) text += "  cameras " + sentence + "\n";
-  for (const auto& sentence : s.mistakes) text += "  mistake " + sentence + "\n";
-  for (const auto& sentence : s.left_out) text += "  room    " + sentence + "\n";
   for (const auto& sentence : s.times) text += "  times   " + sentence + "\n";
-  for (const auto& sentence : s.light) text += "  light   " + sentence + "\n";
   if (!command.poses.empty()) text += "  poses   " + command.poses.string() + "\n";
   if (!command.tracks.empty()) text += "  tracks  " + command.tracks.string() + "\n";
   if (s.pictures > 0) text += fmt::format("  pictures {} in {}\n", s.pictures, command.pictures.string());
   if (!s.bus.empty()) text += bus_text(s);
+  return text + problems_text(s);
+}
+
+// What explains most stands last.
+std::string problems_text(const ReplaySummary& s) {
+  std::string text;
+  for (const auto& sentence : s.light) text += "  light   " + sentence + "\n";
+  for (const auto& sentence : s.left_out) text += "  room    " + sentence + "\n";
+  for (const auto& sentence : s.calibration) text += "  cameras " + sentence + "\n";
+  for (const auto& target : s.targets)
+    if (!target.advice.empty()) text += fmt::format("  search  {}: {}\n", target.name, target.advice);
+  for (const auto& sentence : s.mistakes) text += "  mistake " + sentence + "\n";
   return text;
 }
 

@@ -1,6 +1,7 @@
 #include "reports/light_report.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
@@ -20,6 +21,7 @@ LightReport::LightReport(const config::ServiceConfig& config)
     : cameras_(config.rig.camera_names()),
       watches_(cameras_.size()),
       of_cameras_(cameras_.size()),
+      briefs_(cameras_.size()),
       told_(config.targets.size()),
       targets_(config.targets),
       camera_warnings_(cameras_.size()) {
@@ -31,8 +33,10 @@ void LightReport::on_frame(const capture::Frame& frame, capture::Timestamp /*rec
   const auto c = std::size_t(frame.camera);
   if (!watches_[c].is_wanted(frame.captured_at) || !watches_[c].look(frame.pixels, frame.captured_at)) return;
   std::vector<std::string> warnings;
-  for (const Remark& remark : light_remarks(watches_[c].findings()))
+  for (const Remark& remark : light_remarks(watches_[c].findings())) {
     warnings.push_back(fmt::format("camera {}: {}: {}", cameras_[c], remark.what, remark.advice));
+    if (std::ranges::find(briefs_[c], remark.brief) == briefs_[c].end()) briefs_[c].push_back(remark.brief);
+  }
   for (const std::string& warning : warnings) {
     const auto is_it = [&](const std::string& other) {
       return pipeline::without_numbers(other) == pipeline::without_numbers(warning);
@@ -64,9 +68,9 @@ void LightReport::tell_colors(std::size_t target, const pipeline::TrackedSet& se
       const std::string kind = cameras_[c] + pipeline::without_numbers(warning);
       if (told.warnings[c].empty() || kind != cameras_[c] + pipeline::without_numbers(told.warnings[c]))
         spdlog::warn("{}", warning);
-      if (std::ranges::find(told.ever, kind, &std::pair<std::string, std::string>::first) == told.ever.end())
-        told.ever.emplace_back(
-            kind, fmt::format("from {:.3f} s on: {}", capture::seconds(set.frames.at - *first_at_), warning));
+      if (std::ranges::find(told.ever, kind, &Told::Warning::kind) == told.ever.end())
+        told.ever.push_back(
+            {kind, fmt::format("from {:.3f} s on: {}", capture::seconds(set.frames.at - *first_at_), warning), c});
     }
     told.warnings[c] = std::move(warning);
   }
@@ -88,13 +92,38 @@ std::vector<std::string> LightReport::warnings() const {
 
 std::vector<std::string> LightReport::summary() const {
   std::vector<std::string> all;
-  for (const auto& of_camera : of_cameras_) std::ranges::copy(of_camera, std::back_inserter(all));
+  if (const std::string of_pictures = brief_of_pictures(); !of_pictures.empty())
+    all.push_back(of_pictures + ": what to set stands in the log");
   for (std::size_t t = 0; t < told_.size(); ++t) {
-    for (const auto& [_, sentence] : told_[t].ever) all.push_back(sentence);
+    std::vector<std::string> parts;
+    const auto& ever = told_[t].ever;
+    if (!ever.empty()) parts.push_back(ever.front().sentence);
+    std::vector<std::string> others;
+    for (const Told::Warning& warning : ever)
+      if (warning.camera != ever.front().camera && std::ranges::find(others, cameras_[warning.camera]) == others.end())
+        others.push_back(cameras_[warning.camera]);
+    if (!others.empty()) parts.push_back(fmt::format("the log has more, of {}", fmt::join(others, ", ")));
     for (const std::string& sentence : told_[t].followed)
-      if (!sentence.empty()) all.push_back(targets_[t].name + ": " + sentence);
+      if (!sentence.empty())
+        parts.push_back(ever.empty() && parts.empty() ? targets_[t].name + ": " + sentence : sentence);
+    if (!parts.empty()) all.push_back(fmt::format("{}", fmt::join(parts, "; ")));
   }
   return all;
+}
+
+// "flicker at 100 Hz in cam0, cam1; automatic exposure or changing light in cam0"
+std::string LightReport::brief_of_pictures() const {
+  std::vector<std::string> kinds, parts;
+  for (const auto& of_camera : briefs_)
+    for (const std::string& brief : of_camera)
+      if (std::ranges::find(kinds, brief) == kinds.end()) kinds.push_back(brief);
+  for (const std::string& kind : kinds) {
+    std::vector<std::string> names;
+    for (std::size_t c = 0; c < cameras_.size(); ++c)
+      if (std::ranges::find(briefs_[c], kind) != briefs_[c].end()) names.push_back(cameras_[c]);
+    parts.push_back(fmt::format("{} in {}", kind, fmt::join(names, ", ")));
+  }
+  return fmt::format("{}", fmt::join(parts, "; "));
 }
 
 }  // namespace huetrack::reports

@@ -26,22 +26,29 @@ class LightReport final : public pipeline::Output {
   // In force now, one sentence each. thread-safe
   std::vector<std::string> warnings() const;
 
-  // What there was since the start, one sentence each; of colours with the time since the first set. When the road is
-  // empty.
+  // What there was since the start, in one sentence for all cameras' pictures and one for each target, whose colour is
+  // told with the time since the first set; all of it stands in the log. When the road is empty.
   std::vector<std::string> summary() const;
 
  private:
   struct Told {
     std::uint64_t news = 0;
-    std::vector<std::string> warnings = {};                      // per camera of the rig; empty: none
-    std::vector<std::pair<std::string, std::string>> ever = {};  // warning without its numbers, sentence
+    std::vector<std::string> warnings = {};  // per camera of the rig; empty: none
+    struct Warning {
+      std::string kind;  // without its numbers
+      std::string sentence;
+      std::size_t camera;
+    };
+    std::vector<Warning> ever = {};
     std::vector<std::string> followed = {};
   };
+  std::string brief_of_pictures() const;
   void tell_colors(std::size_t target, const pipeline::TrackedSet& set);
 
   const std::vector<std::string> cameras_;
   std::vector<capture::LightWatch> watches_;          // the capture threads', one at a time
   std::vector<std::vector<std::string>> of_cameras_;  // likewise; per camera, all that there were
+  std::vector<std::vector<std::string>> briefs_;      // likewise; per camera, each once
   std::vector<Told> told_;                            // the tracking thread's; warnings are guarded by mutex_
   std::optional<capture::Timestamp> first_at_;        // the tracking thread's
   std::uint64_t sets_ = 0;                            // likewise

@@ -49,19 +49,22 @@ std::vector<Remark> light_remarks(const capture::LightFindings& findings) {
          is_50_hz
              ? "controls: {power_line_frequency: 50 Hz}, or exposure_time_absolute: 100, 200 or 300 (10, 20, 30 ms)"
              : "controls: {power_line_frequency: 60 Hz}, or exposure_time_absolute: 83, 167 or 250 (8.3, 16.7, 25 "
-               "ms)"});
+               "ms)",
+         fmt::format("flicker at {:.0f} Hz", findings.flicker->light_hz)});
   }
   if (findings.exposure_change)
     remarks.push_back({fmt::format("the whole picture becomes {:.0f} % brighter or darker within seconds: automatic "
                                    "exposure is at work, or the light itself changes",
                                    100 * *findings.exposure_change),
                        "controls: {auto_exposure: 1, exposure_time_absolute: 100, gain: ...} (1: manual), and "
-                       "exposure_dynamic_framerate: 0"});
+                       "exposure_dynamic_framerate: 0",
+                       "automatic exposure or changing light"});
   if (findings.balance_change)
     remarks.push_back({fmt::format("all colours of the picture move, by {:.0f} % of red or blue within seconds: "
                                    "automatic white balance is at work, or the light itself changes",
                                    100 * *findings.balance_change),
-                       "controls: {white_balance_automatic: 0, white_balance_temperature: 4600}"});
+                       "controls: {white_balance_automatic: 0, white_balance_temperature: 4600}",
+                       "automatic white balance or changing light"});
   return remarks;
 }
 

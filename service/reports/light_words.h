@@ -12,6 +12,7 @@ namespace huetrack::reports {
 struct Remark {
   std::string what;    // "the light flickers at 100 Hz: ..."
   std::string advice;  // what to set
+  std::string brief;   // "flicker at 100 Hz"; the same for all cameras that have it
 };
 // Of one camera's pictures; none where they are still.
 std::vector<Remark> light_remarks(const capture::LightFindings& findings);

@@ -48,6 +48,8 @@ void MistakeReport::on_set(const pipeline::TrackedSet& set) {
       watches_[t].look(*estimate, set.trackers[t], set.frames.at);
     for (const auto& mistake : watches_[t].mistakes()) {
       if (is_told_by_the_room(mistake, set.calibration)) continue;
+      if (view_watch::is_of_rig(mistake.kind) && mistake.kind != view_watch::MistakeKind::contradiction)
+        has_explained_rig_ = true;
       now.push_back(mistake_text(mistake, targets_[t], cameras_));
       kinds.push_back(fmt::format("{} {} {}", t, int(mistake.kind), fmt::join(mistake.cameras, " ")));
     }

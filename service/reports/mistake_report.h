@@ -24,6 +24,8 @@ class MistakeReport final : public pipeline::Output {
   std::vector<std::string> warnings() const;
   // All that were named since the start, one sentence each, with the time since the first set. When the road is empty.
   std::vector<std::string> summary() const;
+  // Was there one that says which camera is wrong, or that the rig is? Then a search had no chance, whatever it found.
+  bool has_explained_rig() const { return has_explained_rig_; }
 
  private:
   void make_watches();  // mutex_ is held
@@ -37,7 +39,8 @@ class MistakeReport final : public pipeline::Output {
     std::string sentence;  // the latest
   };
   std::map<std::string, Named> ever_;  // likewise; by target, kind and cameras
-  std::vector<std::string> order_;     // likewise; of ever_
+  bool has_explained_rig_ = false;
+  std::vector<std::string> order_;  // likewise; of ever_
   mutable std::mutex mutex_;
   std::vector<object_tracking::TargetOptions> targets_;  // guarded by mutex_
   bool are_targets_new_ = true;                          // guarded by mutex_

@@ -27,14 +27,31 @@ std::string mistake_text(const view_watch::Mistake& mistake, const object_tracki
           "exchange their videos or devices, or calibrate anew",
           who, mistake.off_px);
     case MistakeKind::late:
+      if (mistake.off_px == 0)
+        return fmt::format(
+            "{} {} some {:.2f} s {} by its time stamps, as the motion of {} shows, by which it is allowed for: correct "
+            "the time stamps or timing.latency_s",
+            is_either ? "one of " + who : who, "is", std::abs(mistake.size),
+            is_either || mistake.size > 0 ? "late" : "early", target.name);
       return fmt::format(
           "{} and by more the faster {} moves: {} is some {:.2f} s {}: correct its time stamps or its "
           "timing.latency_s",
           disagrees, target.name, it, std::abs(mistake.size), mistake.size > 0 ? "late" : "early");
     case MistakeKind::turned:
       return fmt::format(
-          "{} wherever {} is: {} looks turned by {:.1f} degrees since it was calibrated: fix it, and calibrate anew",
-          disagrees, target.name, it, mistake.size * 180 / std::numbers::pi);
+          "{} wherever {} is: {} looks turned by {:.1f} degrees since it was calibrated{}: fix it, and calibrate anew",
+          disagrees, target.name, it, mistake.size * 180 / std::numbers::pi,
+          mistake.zoom == 1 ? "" : fmt::format(", or its focal length is {:.2f} times the rig's (zoom)", mistake.zoom));
+    case MistakeKind::zoomed:
+      return fmt::format(
+          "{}, and by more the further from the middle of its picture {} is: its focal length looks {:.2f} times the "
+          "rig's (zoom, focus, another lens or crop): set it as it was calibrated, or calibrate it anew",
+          disagrees, target.name, mistake.size);
+    case MistakeKind::mirrored:
+      return fmt::format(
+          "{}, and agrees with left and right exchanged: its pictures look mirrored: switch that off in the camera or "
+          "the program that recorded it",
+          disagrees);
     case MistakeKind::other_rig:
       return fmt::format(
           "no two cameras agree about where {} is, they are {:.0f} px apart: the rig looks like that of another room "

@@ -59,6 +59,12 @@ PairComparison::Placed PairComparison::placed(const std::vector<Track>& tracks, 
   }
   if (real == with.camera) {
     out.t_s -= with.late_s;
+    if (with.is_mirrored) {
+      const auto ray = camera.model.ray({{camera.image_size.width - 1 - s.px.x(), s.px.y()}});
+      out.direction = ray ? ray->normalized() : Eigen::Vector3d(0, 0, 1);
+    }
+    if (with.zoom != 1)
+      out.direction = Eigen::Vector3d(out.direction.x(), out.direction.y(), with.zoom * out.direction.z()).normalized();
     if (!with.turn_rad.isZero(0)) {
       const double angle = with.turn_rad.norm();
       out.direction = Eigen::AngleAxisd(-angle, with.turn_rad / angle) * out.direction;
@@ -165,6 +171,8 @@ PairComparison::Agreement PairComparison::agreement_of(const std::vector<Track>&
   return out;
 }
 
+namespace {
+
 // In how many places a camera saw something: light from one side shifts what it sees by the same in all samples of one,
 // and other places are half a metre away, a dozen radii of a ball.
 double places_of(const Track& track) {
@@ -175,35 +183,49 @@ double places_of(const Track& track) {
   return places;
 }
 
+// Of all pairs of this camera, in what is expected of each.
+std::vector<double> off_in_sigmas(const PairComparison& comparison, const std::vector<Track>& tracks,
+                                  const Supposition& with, const TimeSigmas& times) {
+  std::vector<double> in_sigmas;
+  for (std::size_t other = 0; other < tracks.size(); ++other) {
+    if (other == with.camera) continue;
+    const PairResiduals pair = comparison.residuals(tracks, with.camera, other, with, times);
+    if (pair.off_px.size() < PairComparison::least_samples) continue;
+    for (std::size_t k = 0; k < pair.off_px.size(); ++k) in_sigmas.push_back(pair.off_px[k] / pair.expected[k]);
+  }
+  return in_sigmas;
+}
+
+constexpr double huber = 2;
+double huber_cost(const std::vector<double>& off) {
+  double sum = 0;
+  for (const double r : off) sum += std::abs(r) < huber ? r * r : huber * (2 * std::abs(r) - huber);
+  return sum;
+}
+
+// One sample of each place counts.
+double share_of_places(const Track& track, std::size_t samples) {
+  return std::min(1.0, places_of(track) / double(samples));
+}
+
+}  // namespace
+
 // Gauss and Newton's method with Levenberg's damping and Huber's weights, by differences: three numbers, of which those
 // that the samples hardly tell (a turn about the ray to something that does not move far) stay what is usual: small.
 std::optional<BestTurn> best_turn(const PairComparison& comparison, const std::vector<Track>& tracks,
                                   std::size_t camera, const TimeSigmas& times) {
-  constexpr double furthest_rad = 0.26, step_rad = 1e-4, settled_rad = 2e-5, huber = 2;
+  constexpr double furthest_rad = 0.26, step_rad = 1e-4, settled_rad = 2e-5;
   constexpr double usual_rad = 0.05;  // of a tripod that somebody knocked
   constexpr int iterations = 12;
   const auto off_at = [&](const Eigen::Vector3d& turn) {
-    const Supposition with{.camera = camera, .turn_rad = turn};
-    std::vector<double> in_sigmas;
-    for (std::size_t other = 0; other < tracks.size(); ++other) {
-      if (other == camera) continue;
-      const PairResiduals pair = comparison.residuals(tracks, camera, other, with, times);
-      if (pair.off_px.size() < PairComparison::least_samples) continue;
-      for (std::size_t k = 0; k < pair.off_px.size(); ++k) in_sigmas.push_back(pair.off_px[k] / pair.expected[k]);
-    }
-    return in_sigmas;
-  };
-  const auto cost_of = [&](const std::vector<double>& off) {
-    double sum = 0;
-    for (const double r : off) sum += std::abs(r) < huber ? r * r : huber * (2 * std::abs(r) - huber);
-    return sum;
+    return off_in_sigmas(comparison, tracks, {.camera = camera, .turn_rad = turn}, times);
   };
   Eigen::Vector3d turn = Eigen::Vector3d::Zero();
   std::vector<double> off = off_at(turn);
   if (off.empty()) return std::nullopt;
-  const double share = std::min(1.0, places_of(tracks[camera]) / double(off.size()));
+  const double share = share_of_places(tracks[camera], off.size());
   const auto total = [&](const std::vector<double>& of, const Eigen::Vector3d& at) {
-    return share * cost_of(of) + at.squaredNorm() / (usual_rad * usual_rad);
+    return share * huber_cost(of) + at.squaredNorm() / (usual_rad * usual_rad);
   };
   const double without = total(off, turn);
   double cost = without, damping = 1e-4;
@@ -236,6 +258,25 @@ std::optional<BestTurn> best_turn(const PairComparison& comparison, const std::v
     if (!is_better || step.norm() < settled_rad) break;
   }
   return BestTurn{turn, without - cost};
+}
+
+BestZoom best_zoom(const PairComparison& comparison, const std::vector<Track>& tracks, std::size_t camera,
+                   const TimeSigmas& times) {
+  constexpr double coarse = 1.04, fine = 1.005;
+  constexpr int coarse_steps = 12, fine_steps = 7;
+  const auto off_at = [&](double zoom) {
+    return off_in_sigmas(comparison, tracks, {.camera = camera, .zoom = zoom}, times);
+  };
+  const std::vector<double> as_is = off_at(1);
+  const double without = huber_cost(as_is);
+  double best_zoom = 1, best = without;
+  const auto consider = [&](double zoom) {
+    if (const double cost = huber_cost(off_at(zoom)); cost < best) best = cost, best_zoom = zoom;
+  };
+  for (int k = 1; k <= coarse_steps; ++k) consider(std::pow(coarse, k)), consider(std::pow(coarse, -k));
+  const double about = best_zoom;
+  for (int k = 1; k <= fine_steps; ++k) consider(about * std::pow(fine, k)), consider(about * std::pow(fine, -k));
+  return {best_zoom, as_is.empty() ? 0 : share_of_places(tracks[camera], as_is.size()) * (without - best)};
 }
 
 double best_lateness(const PairComparison& comparison, const std::vector<Track>& tracks, std::size_t camera,

@@ -29,6 +29,8 @@ struct Supposition {
   std::size_t camera = 0;                              // that the rest is of
   double late_s = 0;                                   // its times are to be made earlier by so much
   Eigen::Vector3d turn_rad = Eigen::Vector3d::Zero();  // cam_from_world = exp(turn) * the rig's
+  double zoom = 1;                                     // its focal length is so many times the rig's
+  bool is_mirrored = false;                            // left and right are exchanged in its pictures
 };
 
 // How the rays of two cameras pass each other.
@@ -87,6 +89,14 @@ struct BestTurn {
 // nullopt: none does within 15 degrees.
 std::optional<BestTurn> best_turn(const PairComparison& comparison, const std::vector<Track>& tracks,
                                   std::size_t camera, const TimeSigmas& times);
+
+// The focal length of this camera, in the rig's, by which it agrees best with the others; 0.6..1.6.
+struct BestZoom {
+  double zoom;
+  double gain;  // as of a turn; 1 degree of freedom
+};
+BestZoom best_zoom(const PairComparison& comparison, const std::vector<Track>& tracks, std::size_t camera,
+                   const TimeSigmas& times);
 
 // By how much this camera's frames are later than the rig says, so that it agrees best; -0.6..0.6 s.
 double best_lateness(const PairComparison& comparison, const std::vector<Track>& tracks, std::size_t camera,

@@ -38,6 +38,8 @@ constexpr double least_late_s = 0.07, least_unlearnt_s = 0.03, surely_unlearnt =
 constexpr double least_turn_rad = 0.0052;
 // Chi-square, 3 degrees of freedom: light and shade do as much in one camera and place of a thousand.
 constexpr double surely_turned = 16.3;
+// The same of 1 degree of freedom; and cheap lenses' focal lengths follow the focus by a per cent or two.
+constexpr double surely_zoomed = 10.8, least_zoom = 0.03;
 // Of a picture.
 constexpr double least_shared = 0.03, times_the_target = 4;
 constexpr int least_shared_looks = 3;
@@ -106,6 +108,16 @@ class Suppositions {
           turn->turn_rad.norm() >= least_turn_rad && turn->gain >= surely_turned);
   }
 
+  void try_zoom(std::size_t camera) {
+    const auto [zoom, gain] = best_zoom(comparison_, tracks_, camera, time_sigmas_);
+    judge({.kind = MistakeKind::zoomed, .cameras = {int(camera)}, .size = zoom}, {.camera = camera, .zoom = zoom},
+          std::abs(zoom - 1) >= least_zoom && gain >= surely_zoomed);
+  }
+
+  void try_mirror(std::size_t camera) {
+    judge({.kind = MistakeKind::mirrored, .cameras = {int(camera)}}, {.camera = camera, .is_mirrored = true}, true);
+  }
+
   // The one that explains more than the others do, if it is surely so; or another room's rig, where nothing does. What
   // explains best and is not sure yet leaves the others unsaid: they would be named for what it did.
   std::optional<Mistake> best() {
@@ -116,6 +128,7 @@ class Suppositions {
                  : Mistake{.kind = MistakeKind::contradiction, .off_px = as_is_.worst_px};
     }
     std::ranges::stable_sort(answers_, {}, cost);
+    join_turn_and_zoom();
     Answer& best = answers_.front();
     if (!best.is_sure) return std::nullopt;
     if (answers_.size() > 1 && cost(best) > clearly_better * cost(answers_[1])) {
@@ -138,8 +151,27 @@ class Suppositions {
 
   // A supposition without numbers to fit is the better one where both explain.
   static double cost(const Answer& a) {
-    const double fitted = a.mistake.kind == MistakeKind::turned ? 1.3 : a.mistake.kind == MistakeKind::late ? 1.1 : 1.0;
+    const MistakeKind kind = a.mistake.kind;
+    const double fitted = kind == MistakeKind::turned                                ? 1.3
+                          : kind == MistakeKind::late || kind == MistakeKind::zoomed ? 1.1
+                                                                                     : 1.0;
     return fitted * (a.score + 0.2);
+  }
+
+  // Of one camera seen in few places, another focal length looks like a turn. That it is one of the two is known, and
+  // is one answer.
+  void join_turn_and_zoom() {
+    if (answers_.size() < 2 || cost(answers_[0]) <= clearly_better * cost(answers_[1])) return;
+    Answer &first = answers_[0], &second = answers_[1];
+    const bool is_turn_first = first.mistake.kind == MistakeKind::turned;
+    const Answer &turn = is_turn_first ? first : second, &zoom = is_turn_first ? second : first;
+    if (turn.mistake.kind != MistakeKind::turned || zoom.mistake.kind != MistakeKind::zoomed ||
+        turn.mistake.cameras != zoom.mistake.cameras)
+      return;
+    Answer joined{turn.mistake, std::min(turn.score, zoom.score), turn.is_sure && zoom.is_sure};
+    joined.mistake.zoom = zoom.mistake.size;
+    answers_.erase(answers_.begin());
+    answers_.front() = std::move(joined);
   }
 
   void judge(Mistake mistake, const Supposition& supposition, bool is_sure) {
@@ -184,7 +216,8 @@ class Suppositions {
 
 bool is_of_rig(MistakeKind kind) {
   return kind == MistakeKind::swapped || kind == MistakeKind::late || kind == MistakeKind::turned ||
-         kind == MistakeKind::other_rig || kind == MistakeKind::contradiction;
+         kind == MistakeKind::zoomed || kind == MistakeKind::mirrored || kind == MistakeKind::other_rig ||
+         kind == MistakeKind::contradiction;
 }
 
 ViewWatch::ViewWatch(const calib::CameraRig& rig, const object_tracking::TargetOptions& target)
@@ -193,7 +226,8 @@ ViewWatch::ViewWatch(const calib::CameraRig& rig, const object_tracking::TargetO
       cameras_(rig.cameras.size()),
       tracks_(rig.cameras.size()),
       time_sigmas_(rig.cameras.size(), 0.001),
-      time_shifts_(rig.cameras.size(), 0) {}
+      time_shifts_(rig.cameras.size(), 0),
+      latency_sigmas_(rig.cameras.size(), 1) {}
 
 void ViewWatch::look(const object_tracking::ObjectEstimate& estimate, const object_tracking::ObjectTracker& tracker,
                      capture::Timestamp set_at) {
@@ -210,6 +244,7 @@ void ViewWatch::look(const object_tracking::ObjectEstimate& estimate, const obje
   if (auto mistake = of_rig(now_s)) {
     now.push_back(std::move(*mistake));
   } else if (!is_wrong_) {
+    if (auto late = of_learnt_times()) now.push_back(std::move(*late));
     if (auto wrong_radius = of_radius()) now.push_back(std::move(*wrong_radius));
   }
   const auto shares = tracker.color_shares();
@@ -230,6 +265,7 @@ void ViewWatch::keep(const object_tracking::ObjectEstimate& estimate, std::span<
   for (std::size_t c = 0; c < cameras_.size() && c < estimate.times.size(); ++c) {
     const calib::CameraTiming& timing = rig_.cameras[c].timing;
     time_sigmas_[c] = std::hypot(estimate.times[c].latency_sigma_s, 0.3 * estimate.times[c].readout_sigma_s);
+    latency_sigmas_[c] = estimate.times[c].latency_sigma_s;
     time_shifts_[c] = timing.latency_s.value_or(0) - estimate.times[c].latency_s;
   }
   for (std::size_t c = 0; c < cameras_.size(); ++c) {
@@ -315,9 +351,30 @@ std::optional<Mistake> ViewWatch::explained(const PairComparison::Agreement& as_
   for (std::size_t c = 0; c < rig_.cameras.size(); ++c) {
     if (!suppositions.could_be_fault_of(c)) continue;
     if (is_clear) suppositions.try_lateness(c, time_shifts_[c]);
+    if (is_clear) suppositions.try_mirror(c);
     suppositions.try_turn(c);
+    suppositions.try_zoom(c);
   }
   return suppositions.best();
+}
+
+// Views agree because it was learnt how late a camera is, and that is more than drivers do: a time stamp that is wrong.
+std::optional<Mistake> ViewWatch::of_learnt_times() const {
+  const std::size_t n = cameras_.size();
+  if (n < 2 || !has_moved()) return std::nullopt;
+  // Only differences are learnt, from one camera that is held: the one that the others have in common is in time.
+  std::vector<double> late_s;
+  for (const double shift_s : time_shifts_) late_s.push_back(-shift_s);
+  const double in_time_s = n == 2 ? late_s[0] : calib::median(late_s);
+  std::optional<Mistake> worst;
+  for (std::size_t c = 0; c < n; ++c) {
+    const double off_s = late_s[c] - in_time_s;
+    if (std::abs(off_s) < least_late_s || std::abs(off_s) < surely_unlearnt * latency_sigmas_[c]) continue;
+    if (worst && std::abs(worst->size) >= std::abs(off_s)) continue;
+    worst = Mistake{.kind = MistakeKind::late, .cameras = {int(c)}, .size = off_s};
+  }
+  if (worst && n == 2) worst->cameras = {0, 1}, worst->size = std::abs(worst->size);
+  return worst;
 }
 
 // Of cameras that agree about where it is.

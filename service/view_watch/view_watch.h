@@ -23,6 +23,8 @@ enum class MistakeKind : std::uint8_t {
   swapped,        // cameras: [c] really is cameras[(k + 1) % n]; size: none
   late,           // one camera; size: seconds, < 0: the others are late
   turned,         // one camera, or two of which nobody can tell which; size: radians
+  zoomed,         // one camera; size: its focal length, in the rig's
+  mirrored,       // one camera; size: none
   other_rig,      // no camera agrees with another one
   contradiction,  // views do not agree, and nothing above explains it
   radius,         // size: the radius that the views agree about, metres
@@ -37,7 +39,8 @@ struct Mistake {
   MistakeKind kind = MistakeKind::other_rig;
   std::vector<int> cameras = {};  // of the rig
   double size = 0;
-  double off_px = 0;  // how far the views are apart because of it, usually
+  double off_px = 0;  // how far the views are apart because of it, usually; 0: late, and learnt: they are not
+  double zoom = 1;    // turned: a focal length of so many times the rig's explains it as well; 1: it does not
 
   bool is_same_as(const Mistake& other) const { return kind == other.kind && cameras == other.cameras; }
 };
@@ -71,6 +74,7 @@ class ViewWatch {
   bool is_still(PerCamera& camera, const Eigen::Vector2d& px, double now_s) const;
   std::optional<Mistake> of_rig(double now_s);
   std::optional<Mistake> explained(const PairComparison::Agreement& as_is, bool is_clear) const;
+  std::optional<Mistake> of_learnt_times() const;
   std::optional<Mistake> of_radius() const;
   bool has_moved() const;
   void confirm(const std::vector<Mistake>& found, double now_s);
@@ -79,7 +83,7 @@ class ViewWatch {
   object_tracking::TargetOptions target_;
   std::vector<PerCamera> cameras_;
   std::vector<Track> tracks_;  // of cameras_, less what contradicts itself: work space
-  TimeSigmas time_sigmas_, time_shifts_;
+  TimeSigmas time_sigmas_, time_shifts_, latency_sigmas_;
   std::optional<capture::Timestamp> first_at_;
   double next_s_ = 0, next_turn_s_ = 0, next_try_s_ = 0;
   int tries_ = 0;

@@ -97,15 +97,22 @@ def two_off(cm, degrees):
     return make
 
 
-def late(case, rng, scratch):
+def late_by(seconds):
+    def make(case, rng, scratch):
+        return make_late(case, rng, scratch, seconds)
+    make.__name__ = "late" if seconds == 0.2 else f"late_{seconds}"
+    return make
+
+
+def make_late(case, rng, scratch, late_s):
     name, = case.pick(rng)
     camera = case.recording["cameras"][name]
     if "timestamps" in camera:
         rows = list(csv.reader(open(camera["timestamps"])))
-        rows = [rows[0]] + [[row[0], f"{float(row[1]) + 0.2:.9f}", *row[2:]] for row in rows[1:]]
+        rows = [rows[0]] + [[row[0], f"{float(row[1]) + late_s:.9f}", *row[2:]] for row in rows[1:]]
     else:
         n = sum(1 for _ in open(case.scene / "groundtruth.csv"))
-        rows = [["frame", "t_s"]] + [[i, f"{i / camera['fps'] + 0.2:.9f}"] for i in range(n)]
+        rows = [["frame", "t_s"]] + [[i, f"{i / camera['fps'] + late_s:.9f}"] for i in range(n)]
         for other in case.recording["cameras"].values():
             if other is not camera:
                 other["timestamps"] = f"{scratch}/in_time.csv"
@@ -116,7 +123,30 @@ def late(case, rng, scratch):
     camera["timestamps"] = f"{scratch}/late.csv"
     with open(camera["timestamps"], "w") as file:
         csv.writer(file).writerows(rows)
-    return [rf"{name} .*0\.(19|2)\d* s late"]
+    about = "|".join(f"{late_s + off:.2f}" for off in (-0.01, 0, 0.01))
+    return [rf"{name} .*({about})\d* s late"]
+
+
+def focal(factor):
+    """One camera's focal length is not what the rig says: another zoom. That the rig is wrong names it."""
+    def make(case, rng, scratch):
+        name, = case.pick(rng)
+        intrinsics = case.rig["cameras"][name]["intrinsics"]
+        for key in ("fx", "fy"):
+            intrinsics[key] *= factor
+        return [rf"px apart|{name} .*focal"]
+    make.__name__ = f"focal_{factor}"
+    return make
+
+
+def mirrored(case, rng, scratch):
+    """One camera's pictures are mirrored, as of programs for meetings."""
+    name, = case.pick(rng)
+    camera = case.recording["cameras"][name]
+    video = f"{scratch}/mirrored.mkv"
+    subprocess.run(["ffmpeg", "-v", "error", "-i", camera["frames"], "-vf", "hflip", "-c:v", "ffv1", video], check=True)
+    camera["frames"] = video
+    return [rf"px apart|{name} .*mirrored|another room"]
 
 
 def opencv_hue(case, rng, scratch):
@@ -182,8 +212,9 @@ def radius(factor):
     return make
 
 
-MISTAKES = [none, swap, turned(0.5), turned(1), turned(2), turned(5), two_off(3, 1), two_off(5, 2), two_off(10, 4), late,
-            opencv_hue, other_room, shared_colour, radius(1.4), radius(0.7)]
+MISTAKES = [none, swap, turned(0.5), turned(1), turned(2), turned(5), two_off(3, 1), two_off(5, 2), two_off(10, 4), late_by(0.2), late_by(0.1),
+            focal(1.1), focal(0.9), mirrored,
+            opencv_hue, other_room, shared_colour, radius(1.3), radius(1.4), radius(0.7)]
 
 
 def track_figures(tracks, truth_file, targets):

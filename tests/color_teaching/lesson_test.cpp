@@ -65,6 +65,9 @@ TEST(Lesson, WhatIsSaidOfTheSize) {
   EXPECT_EQ(
       radius_words(told, {}),
       "It has a radius of 37.2 mm, give or take 0.8 (by 12 moments of 3 cameras), as far as the rig's scale is right.");
+  const RadiusProposal rough{.radius_m = 0.029, .sigma_m = 0.0044, .is_rough = true, .moments = 1, .cameras = 2};
+  EXPECT_THAT(radius_words(rough, {}), HasSubstr("give or take 9 (by 1 moment of 2 cameras; roughly, by its coloured "
+                                                 "regions alone: better measure it), as far as"));
   EXPECT_FALSE(differs_clearly(told, 0.039));
   EXPECT_TRUE(differs_clearly(told, 0.042));
   EXPECT_TRUE(differs_clearly(told, 0.033));

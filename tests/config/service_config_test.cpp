@@ -281,6 +281,26 @@ INSTANTIATE_TEST_SUITE_P(
     testing::Values(
         Mistake{"UnknownKey", ball + "object_tracking:\n  particle_cuont: 300\n",
                 "c.yaml:5: object_tracking.particle_cuont is not a known key (did you mean particle_count?)"},
+        Mistake{"KeyOfAnotherPlace", ball + "volume: {min: [-1, -1, 0], max: [1, 1, 2]}\n",
+                "c.yaml:4: volume is not a known key here (did you mean object_tracking.volume?)"},
+        Mistake{"GroupWithoutKeys", ball + "calibration: mend\n",
+                "c.yaml:4: calibration: is a group of keys: its keys belong below it, indented, with a colon each: "
+                "watch, room"},
+        Mistake{"HueBelowZero", head + "targets:\n  ball: {color: {hue_deg: [-20, 20]}}\n",
+                "c.yaml:4: targets.ball.color.hue_deg: must be from 0 to 360, got [-20, 20]: write [340, 20], the same "
+                "on the circle"},
+        Mistake{"SaturationOfAByte", head + "targets:\n  ball: {color: {hue_deg: [1, 2], saturation: [76, 255]}}\n",
+                "c.yaml:4: targets.ball.color.saturation: must be from 0 to 1, got [76, 255]: write [0.3, 1] if these "
+                "are of 255"},
+        Mistake{"HueThatIsOneNumber", head + "targets:\n  ball: {color: {hue_deg: green}}\n",
+                "c.yaml:4: targets.ball.color.hue_deg: must be two numbers, [from, to], got \"green\""},
+        Mistake{"SizeWithAnX", ball + "cameras: {cam0: {device: 0, size: 640*480}}\n",
+                "c.yaml:4: cameras.cam0.size: must be two numbers, as [640, 480], or the word rig, got \"640*480\": "
+                "write [640, 480]"},
+        Mistake{"TargetsAsAList", head + "targets:\n  - ball\n",
+                "c.yaml:3: targets: is a group of names, each on a line of its own below it, indented, with a colon "
+                "and without a dash: \"NAME:\"; and of each name its keys belong below it, indented, with a colon "
+                "each: radius_m, shape, count, color, camera_colors"},
         Mistake{"UnknownKeyAtTheRoot", ball + "target: 3\n",
                 "c.yaml:4: target is not a known key (did you mean targets?)"},
         Mistake{"UnknownKeyInATarget", head + "targets:\n  ball:\n    radius: 0.04\n    color: {hue_deg: [65, 115]}\n",
@@ -298,8 +318,14 @@ INSTANTIATE_TEST_SUITE_P(
                 "c.yaml:4: ignore.cam0: must be four numbers per rectangle: u_min, v_min, u_max, v_max"},
         Mistake{"IgnoredEmpty", ball + "ignore: {cam0: [1, 2, 3, 4, 9, 9, 8, 9]}\n",
                 "c.yaml:4: ignore.cam0: rectangle 2 ends before it begins"},
-        Mistake{"NoVersion", "rig: rig.yaml\n", "c.yaml:1: version is missing"},
-        Mistake{"NoRig", "version: 1\n", "c.yaml:1: rig is missing"},
+        Mistake{"NoVersion", "rig: rig.yaml\n",
+                "c.yaml:1: version is missing: write version: 1, the form that this file has"},
+        Mistake{"NoRig", "version: 1\n",
+                "c.yaml:1: rig is missing: write rig: FILE, which huetrack-calibrate writes; or rig: none before that"},
+        Mistake{"RigMisspelt", "version: 1\nrgi: rig.yaml\n",
+                "c.yaml:1: rig is missing (is rgi in line 2 a misspelling of it?)"},
+        Mistake{"VersionMisspelt", "verson: 1\nrig: rig.yaml\n",
+                "c.yaml:1: version is missing (is verson in line 1 a misspelling of it?)"},
         Mistake{"RigFileMissing", "version: 1\nrig: no.yaml\n",
                 "c.yaml:2: rig: there is no file no.yaml; rig: none shows cameras that are not calibrated yet"},
         Mistake{"NoRigAndNoCameras", "version: 1\nrig: none\ntargets: {ball: {}}\n",
@@ -327,7 +353,7 @@ INSTANTIATE_TEST_SUITE_P(
                 "c.yaml:4: object_tracking.particle_count must be from 1 to 1000000 (is 2000000)"},
         Mistake{"TargetTwice",
                 head + "targets:\n  ball: {color: {hue_deg: [1, 2]}}\n  ball: {color: {hue_deg: [3, 4]}}\n",
-                "c.yaml:5: targets.ball is given twice"},
+                "c.yaml:5: targets.ball is given twice, first in line 4: take one of them out, or write both as one"},
         Mistake{"UnknownCamera",
                 head + "targets:\n  ball:\n    color: {hue_deg: [65, 115]}\n    camera_colors:\n      cma1: {}\n",
                 "c.yaml:7: targets.ball.camera_colors.cma1: is not a camera of the rig, which has cam0, cam1 (did you "
@@ -369,7 +395,8 @@ INSTANTIATE_TEST_SUITE_P(
                 "c.yaml:4: targets.ball.color: hue must be a range of at most 300 degrees, or 0..360 for any hue; from "
                 "115 on to 65 are 310 (were [65, 115] meant?)"},
         Mistake{"SizeAsTheDriverPrintsIt", ball + "cameras:\n  cam0: {device: 0, size: 320x240}\n",
-                "c.yaml:5: cameras.cam0.size: must be two numbers, as [640, 480], or the word rig, got \"320x240\""},
+                "c.yaml:5: cameras.cam0.size: must be two numbers, as [640, 480], or the word rig, got \"320x240\": "
+                "write [320, 240]"},
         Mistake{"ExposureBesideTheControls", ball + "cameras:\n  cam0: {device: 0, exposure: 100}\n",
                 "c.yaml:5: cameras.cam0.exposure: is a control of the camera's: write controls: "
                 "{exposure_time_absolute: ...} (`huetrackd doctor` lists those that it has)"},

@@ -427,14 +427,15 @@ TEST_F(TaughtFile, MistakesInItAreNamedWithFileAndLine) {
   EXPECT_EQ(error(yaml, v + "targets:\n  ball:\n    colour: {hue_deg: [1, 2]}\n"),
             "lab.taught.yaml:4: targets.ball.colour is not a known key (did you mean color?)");
   EXPECT_EQ(error(yaml, v + "targets:\n  ball:\n    color:\n      hue_deg: [1,\n        370]\n"),
-            "lab.taught.yaml:6: targets.ball.color.hue_deg[1] must be from 0 to 360 (is 370)");
+            "lab.taught.yaml:5: targets.ball.color.hue_deg: must be from 0 to 360, got [1, 370]: write [1, 10], the "
+            "same on the circle");
   EXPECT_EQ(error(yaml, v + "targets: {ball: {color: {saturation: [0.9, 0.3]}}}\n"),
             "lab.yaml:4: targets.ball.color: saturation must be a range min <= max within 0..1 (lab.taught.yaml:2 is "
             "read over it)");
   EXPECT_EQ(error(yaml, v + "ignore: {cma0: [1, 2, 3, 4]}\n"),
             "lab.taught.yaml:2: ignore.cma0: is not a camera of the rig, which has cam0, cam1 (did you mean cam0?)");
-  EXPECT_EQ(error(yaml, "threads: 2\n"), "lab.taught.yaml:1: version is missing");
-  EXPECT_EQ(error(yaml, "version: 2\n"), "lab.taught.yaml:1: version must be from 1 to 1 (is 2)");
+  EXPECT_THAT(error(yaml, "threads: 2\n"), testing::StartsWith("lab.taught.yaml:1: version is missing"));
+  EXPECT_THAT(error(yaml, "version: 2\n"), testing::StartsWith("lab.taught.yaml:1: version must be 1, got \"2\""));
   EXPECT_EQ(error(yaml, ""), "lab.taught.yaml: is empty");
   // A target that is gone or renamed.
   EXPECT_EQ(error(yaml, v + "targets:\n  bal:\n    color: {hue_deg: [3, 4]}\n"),
@@ -507,7 +508,7 @@ TEST_F(TaughtFile, WhatCannotBeSaidIsNotWritten) {
               ThrowsMessage<std::runtime_error>(HasSubstr("lab.yaml has no target gone any more")));
   std::ofstream(file) << "version: 1\nrig: rig.yaml\ntargets: &t\n";  // somebody is writing it just now
   EXPECT_THAT([&] { save_ignored(file, {}); },
-              ThrowsMessage<std::runtime_error>(HasSubstr("lab.yaml:3: targets must")));
+              ThrowsMessage<std::runtime_error>(HasSubstr("lab.yaml:3: targets: is a group of names")));
   EXPECT_EQ(text(taught), before);
 }
 

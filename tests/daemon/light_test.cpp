@@ -180,9 +180,27 @@ TEST_F(WanderingReplay, WarnsAndHoldsWhereItAdapts) {
   EXPECT_THAT(plain.light, Contains(AllOf(HasSubstr("lime in cam1: the colour has moved by"),
                                           HasSubstr("degrees since it was taught"), HasSubstr("adapt: true"))));
   EXPECT_THAT(to_text(plain, {}), HasSubstr("  light   from "));
+  EXPECT_EQ(plain.light.size(), 1u);  // of one target, whatever happened in three cameras
   EXPECT_EQ(adapted.targets[0].sets.count(TrackState::lost), 0u);
   EXPECT_EQ(adapted.targets[0].sets.count(TrackState::coasting), 0u);
-  EXPECT_THAT(adapted.light, Contains(HasSubstr("lime: its colour in cam1 was followed, at the end by +")));
+  EXPECT_THAT(adapted.light,
+              ElementsAre(AllOf(HasSubstr("lime"), HasSubstr("its colour in cam1 was followed, at the end by +"))));
+}
+
+TEST(ReplayText, WhatIsNotWellStandsLastAndMistakesAtTheEnd) {
+  ReplaySummary summary;
+  summary.times = {"a time"};
+  summary.light = {"a lamp"};
+  summary.calibration = {"a tripod"};
+  summary.mistakes = {"two videos"};
+  TargetSummary target;
+  target.name = "lime";
+  target.advice = "a radius";
+  summary.targets = {target};
+  const std::string problems = "  light   a lamp\n  cameras a tripod\n  search  lime: a radius\n  mistake two videos\n";
+  EXPECT_EQ(problems_text(summary), problems);
+  EXPECT_THAT(to_text(summary, {}), testing::EndsWith("  times   a time\n" + problems));
+  EXPECT_EQ(problems_text({}), "");
 }
 
 }  // namespace

@@ -142,8 +142,11 @@ struct Mutation {
 TEST_F(RigYaml, EveryMistakeHasItsOwnMessage) {
   const std::string matrix = "[[0, -1, 0], [0, 0, -1], [1, 0, 0]]";
   const std::vector<Mutation> mutations{
-      {"version: 1", "version: 2", "rig.yaml:1: version: is 2, this program reads rig files of version 1"},
-      {"version: 1\n", "", "rig.yaml:1: version is missing"},
+      {"version: 1", "version: 2",
+       "rig.yaml:1: version must be 1, got \"2\": it says which form this file has, the only one that this program "
+       "knows, "
+       "and is neither the program's version nor counts yours"},
+      {"version: 1\n", "", "rig.yaml:1: version is missing: write version: 1, the form that this file has"},
       {"cameras:", "camera:", "rig.yaml:1: cameras is missing (is camera in line 2 a misspelling of it?)"},
       {"made_by", "mad_by", "rig.yaml:19: mad_by is not a known key (did you mean made_by?)"},
       {"huetrack-calibrate 0.1", "[a]", "rig.yaml:20: made_by.tool must be a text, got a list of 1"},
@@ -160,7 +163,8 @@ TEST_F(RigYaml, EveryMistakeHasItsOwnMessage) {
       {"fx: 241.734", "fx: -3", "rig.yaml:6: cameras.left.intrinsics.fx must be > 0 (is -3)"},
       {"fx: 241.734", "fx: .nan", "rig.yaml:6: cameras.left.intrinsics.fx must be a number, got \".nan\""},
       {"fy: 241.5, ", "", "rig.yaml:6: cameras.left.intrinsics.fy is missing"},
-      {"cy: 122.4", "cy: 122.4, skew: 0", "rig.yaml:6: cameras.left.intrinsics.skew is not a known key"},
+      {"cy: 122.4", "cy: 122.4, skew: 0",
+       "rig.yaml:6: cameras.left.intrinsics.skew is not a known key; known here: fx, fy, cx, cy"},
       {"fx: 241.734", "fx: 0.755",
        "rig.yaml:3: cameras.left: fx and fy do not fit the image size: are they in pixels of this image?"},
       {"cx: 157.3", "cx: 1573",
@@ -192,8 +196,10 @@ TEST_F(RigYaml, EveryMistakeHasItsOwnMessage) {
       {"[0.1, 0.2, 3]", "[0.1, 0.2]",
        "rig.yaml:10: cameras.left.cam_from_world.translation must be a list of 3 numbers, got a list of 2"},
       {"translation: [-1, 0, 2.5]", "translation: [-1, 0, 2.5]\n      scale: 2",
-       "rig.yaml:19: cameras.right.cam_from_world.scale is not a known key"},
-      {"  right:", "  left:", "rig.yaml:11: cameras.left is given twice"},
+       "rig.yaml:19: cameras.right.cam_from_world.scale is not a known key; known here: rotation, quaternion_xyzw, "
+       "translation"},
+      {"  right:", "  left:",
+       "rig.yaml:11: cameras.left is given twice, first in line 3: take one of them out, or write both as one"},
       {"  right:", "  \"ri ght\":",
        "rig.yaml:11: cameras.ri ght: a camera's name has 1 to 64 letters, digits, '_', '-' or '.', and starts with a "
        "letter, a digit or '_'"},

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <opencv2/imgproc.hpp>
+#include <sstream>
 
 #include "calib/board/board_yaml.h"
 #include "calib/model/rig_yaml.h"
@@ -20,6 +21,25 @@ struct Ended {
   int status = -1;
   std::string out, err;
 };
+
+// What a reader copies out of the documents must be there, and a command without a folder is about the reader's own
+// file.
+TEST(Documents, CommandsNameFilesThatAreThere) {
+  for (const char* document : {"calib/tutorial.md", "calib/reference.md", "calib/README.md", "README.md"}) {
+    const fs::path project = HUETRACK_SOURCE_DIR;
+    const std::string text = end_to_end::contents(project / document);
+    ASSERT_FALSE(text.empty()) << document;
+    for (std::size_t at = text.find("huetrack-calibrate "); at != std::string::npos;
+         at = text.find("huetrack-calibrate ", at + 1)) {
+      std::istringstream command(text.substr(at, text.find_first_of("`\n", at) - at));
+      for (std::string word; command >> word;) {
+        EXPECT_NE(word, "huetrackd.yaml") << document << ": no such file is in the project's folder: " << command.str();
+        if (!word.starts_with("configs/")) continue;
+        EXPECT_TRUE(fs::exists(project / word)) << document << ": " << word;
+      }
+    }
+  }
+}
 
 class Calibrate : public testing::Test {
  protected:

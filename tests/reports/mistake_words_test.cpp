@@ -28,6 +28,13 @@ TEST(MistakeWords, sayWhoAndHowMuchAndWhatToDo) {
   EXPECT_THAT(text({MistakeKind::turned, {1}, 0.0209, 8}), HasSubstr("it looks turned by 1.2 degrees"));
   EXPECT_THAT(text({MistakeKind::turned, {0, 1}, 0.0209, 8}),
               AllOf(HasSubstr("left and right disagree by 8 px"), HasSubstr("one of them looks turned")));
+  EXPECT_THAT(text({.kind = MistakeKind::turned, .cameras = {1}, .size = 0.0209, .off_px = 8, .zoom = 0.91}),
+              HasSubstr("it looks turned by 1.2 degrees since it was calibrated, or its focal length is 0.91 times"));
+  EXPECT_THAT(text({MistakeKind::zoomed, {1}, 0.91, 8}),
+              AllOf(HasSubstr("right disagrees with the others by 8 px"), HasSubstr("focal length looks 0.91 times")));
+  EXPECT_THAT(text({MistakeKind::mirrored, {1}, 0, 30}), HasSubstr("its pictures look mirrored"));
+  EXPECT_THAT(text({MistakeKind::late, {1}, 0.1, 0}), HasSubstr("right is some 0.10 s late by its time stamps"));
+  EXPECT_THAT(text({MistakeKind::late, {0, 1}, 0.1, 0}), HasSubstr("one of left and right is some 0.10 s late"));
   EXPECT_THAT(text({MistakeKind::late, {1}, 0.2, 8}), HasSubstr("correct its time stamps or its timing.latency_s"));
   EXPECT_THAT(text({MistakeKind::contradiction, {}, 0, 9}),
               AllOf(HasSubstr("up to 9 px apart"), HasSubstr("calibrate anew")));

@@ -3,6 +3,7 @@
 
 #include <gmock/gmock.h>
 
+#include <algorithm>
 #include <cmath>
 #include <functional>
 #include <numbers>
@@ -40,8 +41,9 @@ class ViewWatchOfScene : public testing::Test {
   }
   // What is named at the end, and that it is by then.
   std::vector<Mistake> watch(double seconds = 4, double pixel_noise_stddev = 3) {
-    auto sets =
-        scene::render(scene, {.set_count = int(30 * seconds), .pixel_noise_stddev = pixel_noise_stddev, .seed = seed});
+    auto sets = scene::render(
+        scene,
+        {.set_count = int(30 * seconds), .format = format, .pixel_noise_stddev = pixel_noise_stddev, .seed = seed});
     if (spoil) spoil(sets);
     object_tracking::ObjectTracker tracker(rig, target, {});
     ViewWatch out(rig, target);
@@ -63,6 +65,7 @@ class ViewWatchOfScene : public testing::Test {
   object_tracking::TargetOptions target = lime();
   std::function<void(std::vector<capture::FrameSet>&)> spoil;
   std::uint64_t seed = 1;
+  capture::PixelFormat format = scene::RenderOptions{}.format;
   std::optional<double> named_at_s;
   std::vector<Mistake> ever;  // after each set
 };
@@ -101,6 +104,56 @@ TEST_F(ViewWatchOfScene, aTurnedCamera) {
     EXPECT_NEAR(mistakes[0].size / rad, degrees, 0.15 + 0.1 * degrees);
     EXPECT_LT(named_at_s.value_or(99), 3.1);
   }
+}
+
+// Neither a turn nor times that are off: the focal length of one camera is not what the rig says.
+TEST_F(ViewWatchOfScene, anotherFocalLength) {
+  for (const double factor : {1.1, 0.88}) {
+    SetUp();
+    const calib::CameraModel& model = rig.cameras[1].model;
+    rig.cameras[1].model =
+        calib::CameraModel(calib::PinholeRadtan{factor * model.fx(), factor * model.fy(), model.cx(), model.cy()});
+    const auto mistakes = watch();
+    ASSERT_EQ(mistakes.size(), 1u) << factor;
+    EXPECT_EQ(mistakes[0].kind, MistakeKind::zoomed);
+    EXPECT_THAT(mistakes[0].cameras, ElementsAre(1));
+    EXPECT_NEAR(mistakes[0].size, 1 / factor, 0.02);
+    for (const Mistake& mistake : ever) EXPECT_TRUE(mistake.kind == MistakeKind::zoomed || mistake.zoom != 1) << factor;
+  }
+}
+
+TEST_F(ViewWatchOfScene, mirroredPictures) {
+  format = capture::PixelFormat::i444;
+  spoil = [](std::vector<capture::FrameSet>& sets) {
+    for (auto& set : sets) {
+      capture::Image& seen = set.frames[2]->pixels;
+      const auto mirrored = capture::make_image(seen.format, seen.range, seen.width, seen.height);
+      for (std::size_t plane = 0; plane < 3; ++plane)
+        for (int v = 0; v < seen.height; ++v)
+          std::reverse_copy(seen.planes[plane].data + v * seen.planes[plane].stride,
+                            seen.planes[plane].data + v * seen.planes[plane].stride + seen.width,
+                            mirrored.data[plane] + v * mirrored.image.planes[plane].stride);
+      seen = mirrored.image;
+    }
+  };
+  const auto mistakes = watch();
+  ASSERT_EQ(mistakes.size(), 1u);
+  EXPECT_EQ(mistakes[0].kind, MistakeKind::mirrored);
+  EXPECT_THAT(mistakes[0].cameras, ElementsAre(2));
+}
+
+// A camera whose lateness was learnt agrees with the others, and is late all the same.
+TEST_F(ViewWatchOfScene, aLatenessThatWasLearntIsSaid) {
+  spoil = [](std::vector<capture::FrameSet>& sets) {
+    constexpr std::size_t frames = 3;
+    for (std::size_t i = sets.size(); i-- > 0;)
+      sets[i].frames[0]->pixels = sets[i < frames ? 0 : i - frames].frames[0]->pixels;
+  };
+  const auto mistakes = watch(12);
+  ASSERT_EQ(mistakes.size(), 1u);
+  EXPECT_EQ(mistakes[0].kind, MistakeKind::late);
+  EXPECT_THAT(mistakes[0].cameras, ElementsAre(0));
+  EXPECT_NEAR(mistakes[0].size, 0.1, 0.025);
 }
 
 // Before the right one is sure, a camera that is none is not named for it: a ball that moves little can be explained by

@@ -22,6 +22,7 @@ namespace {
 using Eigen::Vector3d;
 using testing::AllOf;
 using testing::HasSubstr;
+using testing::StartsWith;
 
 // Cameras on an arc that look at the middle of the volume.
 calib::CameraRig rig_of(int count) {
@@ -180,6 +181,25 @@ TEST(Wave, AMeasuredDistanceThatTheRigContradictsIsDoubted) {
     EXPECT_EQ(report.verdict, report::Verdict::doubtful);
     EXPECT_THAT(report::to_text(report, r), testing::HasSubstr("measured from lens to lens, in metres?"));
   }
+}
+
+// A wrong size draws path and cameras together: what is said is the size, not that nothing moved.
+TEST(Wave, AWrongRadiusOrDistanceIsNamedAndNotTheMotion) {
+  const calib::CameraRig truth = rig_of(3);
+  const calib::CameraRig start = spoilt(truth, 0.03, 1);
+  WaveOptions options = taped(truth);
+  const double right_m = options.radius_m;
+  for (const double factor : {2.0, 10.0}) {
+    options.radius_m = factor * right_m;
+    EXPECT_THAT(failure(start, waved(truth, {}), options),
+                AllOf(StartsWith("by the rig the ball has a radius of about 4"), HasSubstr("was given: measure it")));
+  }
+  options.radius_m = right_m;
+  options.camera_distance->metres /= 1000;
+  EXPECT_THAT(failure(start, waved(truth, {}), options),
+              AllOf(StartsWith("the distance between "), HasSubstr("measured from lens to lens, in metres?")));
+  options.has_poses = false;
+  EXPECT_THAT(failure(truth, waved(truth, {}), options), HasSubstr("the measured distance, which is in metres"));
 }
 
 TEST(Wave, TellsHowGoodItIsInTheWholeVolume) {

@@ -103,7 +103,8 @@ TEST(YamlReader, DefaultsStandForAbsentKeysOnly) {
   EXPECT_EQ(r.number("a", positive, 9.0), 1);
   EXPECT_EQ(error_of([&] { r.number("null_", any_number, 1.0); }), "c.yaml:2: null_ must be a number, got nothing");
   EXPECT_EQ(error_of([&] { r.string("empty", "x"); }), "c.yaml:3: empty must be a text, got nothing");
-  EXPECT_EQ(error_of([&] { r.optional_map("null_"); }), "c.yaml:2: null_ must be a mapping (key: value), got nothing");
+  EXPECT_THAT(error_of([&] { r.optional_map("null_"); }),
+              StartsWith("c.yaml:2: null_ must be a mapping (key: value), got nothing"));
 }
 
 struct Case {
@@ -123,8 +124,8 @@ TEST(YamlReader, SaysWhatIsWrongAndWhere) {
   const auto rows = [](const YamlReader& r) { r.rows("k", 2, 2); };
   const std::vector<Case> cases{
       {"k: abc", number(any_number), "c.yaml:1: k must be a number, got \"abc\""},
-      {"k: '5'", number(any_number), "c.yaml:1: k must be a number, got \"5\""},
-      {"k: 5px", number(any_number), "c.yaml:1: k must be a number, got \"5px\""},
+      {"k: '5'", number(any_number), "c.yaml:1: k must be a number, got \"5\": write 5, without quotation marks"},
+      {"k: 5px", number(any_number), "c.yaml:1: k must be a number, got \"5px\": write 5, the number alone"},
       {"k: 0.5.1", number(any_number), "c.yaml:1: k must be a number, got \"0.5.1\""},
       {"k: .nan", number(any_number), "c.yaml:1: k must be a number, got \".nan\""},
       {"k: nan", number(any_number), "c.yaml:1: k must be a number, got \"nan\""},
@@ -132,7 +133,7 @@ TEST(YamlReader, SaysWhatIsWrongAndWhere) {
       {"k: inf", number(any_number), "c.yaml:1: k must be a number, got \"inf\""},
       {"k: 1e999", number(any_number), "c.yaml:1: k must be a number, got \"1e999\""},
       {"k: +-5", number(any_number), "c.yaml:1: k must be a number, got \"+-5\""},
-      {"k: [1]", number(any_number), "c.yaml:1: k must be a number, got a list of 1"},
+      {"k: [1]", number(any_number), "c.yaml:1: k must be a number, got a list of 1: write 1, without brackets"},
       {"k: {a: 1}", number(any_number), "c.yaml:1: k must be a number, got a mapping"},
       {"k: -3", number(positive), "c.yaml:1: k must be > 0 (is -3)"},
       {"k: 0", number(positive), "c.yaml:1: k must be > 0 (is 0)"},
@@ -148,14 +149,15 @@ TEST(YamlReader, SaysWhatIsWrongAndWhere) {
       {"k: 99999999999999999999", integer(any_number),
        "c.yaml:1: k must be a whole number, got \"99999999999999999999\""},
       {"k: 0", integer({.min = 1, .max = 9}), "c.yaml:1: k must be from 1 to 9 (is 0)"},
-      {"k: yes", boolean, "c.yaml:1: k must be true or false, got \"yes\""},
-      {"k: 'true'", boolean, "c.yaml:1: k must be true or false, got \"true\""},
+      {"k: yes", boolean, "c.yaml:1: k must be true or false, got \"yes\": write true"},
+      {"k: 'true'", boolean, "c.yaml:1: k must be true or false, got \"true\": write true, without quotation marks"},
       {"k: ''", string, "c.yaml:1: k must not be empty"},
       {"k: [a]", string, "c.yaml:1: k must be a text, got a list of 1"},
       {"k: gren", choice, "c.yaml:1: k must be one of red, green, blue, got \"gren\" (did you mean green?)"},
       {"k: magenta", choice, "c.yaml:1: k must be one of red, green, blue, got \"magenta\""},
       {"k: abc", pair, "c.yaml:1: k must be a list of 2 numbers, got \"abc\""},
-      {"k: [1, 2, 3]", pair, "c.yaml:1: k must be a list of 2 numbers, got a list of 3"},
+      {"k: [1, 2, 3]", pair,
+       "c.yaml:1: k must be a list of 2 numbers, got a list of 3: decimals have a point, not a comma: 0.5"},
       {"k: [1]", [](const YamlReader& r) { r.numbers("k", 4, 8, any_number); },
        "c.yaml:1: k must be a list of 4 to 8 numbers, got a list of 1"},
       {"k:\n  - 1\n  - x", pair, "c.yaml:3: k[1] must be a number, got \"x\""},
@@ -163,7 +165,8 @@ TEST(YamlReader, SaysWhatIsWrongAndWhere) {
       {"k: [1, 2]", rows, "c.yaml:1: k[0] must be a list of 2 numbers, got \"1\""},
       {"k: [[1, 2]]", rows, "c.yaml:1: k must be a list of 2 rows of 2 numbers, got a list of 1"},
       {"k: [[1, 2],\n    [3, z]]", rows, "c.yaml:2: k[1][1] must be a number, got \"z\""},
-      {"k: word", [](const YamlReader& r) { r.strings("k"); }, "c.yaml:1: k must be a list of texts, got \"word\""},
+      {"k: word", [](const YamlReader& r) { r.strings("k"); },
+       "c.yaml:1: k must be a list of texts, got \"word\": write [word]"},
       {"k: [a, '']", [](const YamlReader& r) { r.strings("k"); }, "c.yaml:1: k[1] must not be empty"},
       {"k: 3", [](const YamlReader& r) { r.map("k"); }, "c.yaml:1: k must be a mapping (key: value), got \"3\""},
       {"k: {a: 1}", [](const YamlReader& r) { r.maps("k"); }, "c.yaml:1: k must be a list of mappings, got a mapping"},
@@ -202,9 +205,12 @@ TEST(YamlReader, AMissingKeyPointsAtItsMisspelling) {
 }
 
 TEST(YamlReader, KeysGivenTwiceAreAnError) {
-  EXPECT_EQ(error_of([] { read("a: 1\nb: 2\na: 3\n"); }), "c.yaml:3: a is given twice");
-  EXPECT_EQ(error_of([] { read("m:\n  a: 1\n  a: 1\n").map("m"); }), "c.yaml:3: m.a is given twice");
-  EXPECT_EQ(error_of([] { read("cams:\n  l: {}\n  l: {}\n").named_maps("cams"); }), "c.yaml:3: cams.l is given twice");
+  EXPECT_EQ(error_of([] { read("a: 1\nb: 2\na: 3\n"); }),
+            "c.yaml:3: a is given twice, first in line 1: take one of them out, or write both as one");
+  EXPECT_EQ(error_of([] { read("m:\n  a: 1\n  a: 1\n").map("m"); }),
+            "c.yaml:3: m.a is given twice, first in line 2: take one of them out, or write both as one");
+  EXPECT_THAT(error_of([] { read("cams:\n  l: {}\n  l: {}\n").named_maps("cams"); }),
+              StartsWith("c.yaml:3: cams.l is given twice"));
 }
 
 TEST(YamlReader, WhatIsNotOneMappingIsAnError) {
@@ -218,8 +224,66 @@ TEST(YamlReader, WhatIsNotOneMappingIsAnError) {
   EXPECT_EQ(error_of([&] { read(","); }), "c.yaml:1: " + second);  // YAML::LoadAll never returns from this one
   EXPECT_EQ(error_of([] { read("[a]: 1"); }), "c.yaml:1: a key must be a word, got a list of 1");
   EXPECT_EQ(error_of([] { read("x: {'': 1}").map("x"); }), "c.yaml:1: x: a key must be a word, got \"\"");
-  EXPECT_THAT(error_of([] { read("a: 1\nb: [1, 2\nc: 3\n"); }), StartsWith("c.yaml:3: is not valid YAML: "));
-  EXPECT_THAT(error_of([] { read("a: 1\n\tb: 2\n"); }), StartsWith("c.yaml:2: is not valid YAML: "));
+  EXPECT_THAT(error_of([] { read("a: 1\nb: [1, 2\nc: 3\n"); }),
+              StartsWith("c.yaml:2: is not valid YAML: [ is never closed"));
+  EXPECT_THAT(error_of([] { read("a: 1\n\tb: 2\n"); }),
+              "c.yaml:2: is not valid YAML: its indentation has a tab: write spaces, two for each level");
+}
+
+// What people write who know other formats, and what they are to write instead.
+TEST(YamlReader, SaysWhatToWriteInstead) {
+  const auto number = [](const char* key) { return [key](const YamlReader& r) { r.number(key, any_number); }; };
+  const auto whole = [](const YamlReader& r) { r.integer("k", any_number); };
+  const auto pair = [](const YamlReader& r) { r.numbers("k", 2, 2, any_number); };
+  const auto map = [](const YamlReader& r) { r.map("k"); };
+  const auto nothing = [](const YamlReader&) {};
+  const std::vector<Case> cases{
+      {"r_m: 0,04", number("r_m"), "write 0.04: a decimal point, not a comma"},
+      {"r_m: 40 mm", number("r_m"), "write 0.04: metres, without the unit"},
+      {"t_s: 30ms", number("t_s"), "write 0.03: seconds, without the unit"},
+      {"k: 30%", number("k"), "write 0.3: a share, without the unit"},
+      {"k: 1,000", whole, "write 1000, without the comma"},
+      {"k: '3'", whole, "write 3, without quotation marks"},
+      {"k: 10-20", pair, "write [10, 20]"},
+      {"k: 640*480", pair, "write [640, 480]"},
+      {"k: 640x480", pair, "write [640, 480]"},
+      {"k: -5..5", pair, "write [-5, 5]"},
+      {"k: [0.5 1]", pair, "write [0.5, 1]"},
+      {"k: [[3, 4]]", pair, "write [3, 4]"},
+      {"k: {min: 3, max: 4}", pair, "write [3, 4]"},
+      {"k: [0,5, 1]", pair, "decimals have a point, not a comma: 0.5"},
+      {"k:\n- a: 1\n", map, "write its keys without the dashes or brackets of a list, a: ..."},
+      {"k:\na: 1\n", map, "its keys belong on the lines below it, indented further than it"},
+      {"{a: 8,5}", [](const YamlReader& r) { r.number("a", any_number), r.finish(); },
+       "decimals have a point, not a comma: 0.5"},
+      {"b: 1", [](const YamlReader& r) { r.has("one"), r.has("two"), r.finish(); }, "known are: one, two"},
+      {"version: 2", [](const YamlReader& r) { r.version(1); }, "neither the program's version nor counts yours"},
+      {"version: '1'", [](const YamlReader& r) { r.version(1); }, "write 1, without quotation marks"},
+      {"a: 1", [](const YamlReader& r) { r.version(1); }, "write version: 1, the form that this file has"},
+      {"a:1\nb: 2", nothing, "a space is missing behind the colon: write a: 1"},
+      {"a = 1\nb: 2", nothing, "write a: 1, with a colon"},
+      {"a\n  b: 2", nothing, "a colon is missing behind a: write a:"},
+      {"a: b: 2", nothing, "write a: {b: 2}, or b on a line of its own, indented further"},
+      {"a: @b", nothing, "put quotation marks around what begins with @: write a: \"@b\""},
+      {"a: {b: 1\nc: 2", nothing, "{ is never closed: write } where it ends"},
+      {"a: 1\n   b: 2", nothing, "it is indented by 3 spaces, the line above it"},
+      {"a:\n    b: 2\n  c: 3", nothing, "it is indented by 2 spaces, as no line above it"},
+      {"a:\n\u00a0\u00a0b: 2\nc: 3: 4", nothing, "no-break spaces"},
+  };
+  for (const Case& c : cases) EXPECT_THAT(error_of([&] { c.read(read(c.yaml)); }), HasSubstr(c.message)) << c.yaml;
+}
+
+TEST(YamlReader, AKeyOfAnotherPlaceIsNamedWithItsPlace) {
+  const std::vector<KeyPath> all{{"volume"}, {"object_tracking", "volume"}, {"targets", "NAME", "color", "hue_deg"}};
+  const auto of = [&](const std::string& yaml) {
+    const YamlReader r = read(yaml);
+    r.has("camera_tracking"), r.has("object_tracking");
+    return error_of([&] { r.finish(all); });
+  };
+  EXPECT_EQ(of("volume: 1"), "c.yaml:1: volume is not a known key here (did you mean object_tracking.volume?)");
+  EXPECT_EQ(of("hue: 1"), "c.yaml:1: hue is not a known key here (did you mean targets.NAME.color.hue_deg?)");
+  EXPECT_EQ(of("tracking: 1"),
+            "c.yaml:1: tracking is not a known key (did you mean camera_tracking or object_tracking?)");
 }
 
 TEST(YamlReader, AMessageIsOneShortLine) {
@@ -304,14 +368,14 @@ TEST(PatchedWith, MessagesNameTheFileThatTheValueComesFrom) {
   EXPECT_EQ(error_of([&] { r.numbers("a", 0, 9, any_number); }), "p.yaml:4: a[1] must be a number, got \"two\"");
   const YamlReader m = r.map("m");
   EXPECT_EQ(error_of([&] { m.integer("x", any_number); }), "p.yaml:6: m.x must be a whole number, got \"two\"");
-  EXPECT_EQ(error_of([&] { m.boolean("z"); }), "c.yaml:4: m.z must be true or false, got \"1\"");
+  EXPECT_EQ(error_of([&] { m.boolean("z"); }), "c.yaml:4: m.z must be true or false, got \"1\": write true");
   EXPECT_EQ(error_of([&] { m.integer("q", any_number); }), "c.yaml:2: m.q is missing");
   EXPECT_EQ(error_of([&] { m.fail("x", "no"); }), "p.yaml:6: m.x: no");
   EXPECT_EQ(error_of([&] { r.fail("m", "no"); }), "c.yaml:2: m: no (p.yaml:5 is read over it)");
   // What is taken away must be a known key, too.
-  EXPECT_EQ(error_of([&] { m.finish(); }), "p.yaml:7: m.y is not a known key");
+  EXPECT_EQ(error_of([&] { m.finish(); }), "p.yaml:7: m.y is not a known key; known here: x, z, q");
   m.has("y");
-  EXPECT_EQ(error_of([&] { m.finish(); }), "p.yaml:8: m.w is not a known key");
+  EXPECT_EQ(error_of([&] { m.finish(); }), "p.yaml:8: m.w is not a known key; known here: x, z, q, y");
 }
 
 TEST(Leaves, AreAllThatHasNothingBelowIt) {
