@@ -309,7 +309,9 @@ std::string to_yaml(const CameraRig& rig) {
   if (!rig.made_by.empty()) {
     out += "made_by:\n";
     for (const auto& [key, value] : rig.made_by)
-      out += "  " + key_text(key) + ": " + yaml::in_yaml_quotes(value) + "\n";
+      // Some of it is what another tool's file, a folder or a board said, and what is no text is not read again.
+      out += "  " + key_text(yaml::printable(key, yaml::longest_message)) + ": " +
+             yaml::in_yaml_quotes(yaml::printable(value, yaml::longest_message)) + "\n";
   }
   if (!rig.made.is_empty()) out += history_text(rig.made);
   if (rig.uncertainty && rig.uncertainty->size() > 0) out += uncertainty_text(*rig.uncertainty, rig);

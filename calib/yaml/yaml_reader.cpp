@@ -19,6 +19,9 @@ namespace {
 
 constexpr std::size_t longest_path = 200, longest_key = 80;  // characters, in a message
 
+// What a file names is printed sooner or later, by whoever reads it: none of it may be a command to a terminal.
+constexpr const char* not_printable = "has control characters in it";
+
 std::string in_quotes(std::string_view text) {
   return '"' + printable(text) + '"';
 }
@@ -196,6 +199,7 @@ struct YamlReader::Node {
                           (path.empty() ? "" : path + ": ") + "a key must be a word, got " + described(pair.first));
       }
       const std::string& key = pair.first.Scalar();
+      if (has_control_characters(key)) throw ConfigError(file, key_line, child(key) + " " + not_printable);
       if (!seen.insert(key).second) throw ConfigError(file, key_line, child(key) + " is given twice");
       entries.push_back({.key = key, .value = pair.second, .file = file, .line = key_line, .patches = {}});
     }
@@ -280,6 +284,9 @@ struct YamlReader::Node {
   std::string string(const Entry& entry, const YAML::Node& value, const std::string& index) const {
     if (is_null(value) || !value.IsScalar()) fail(entry, value, index, "must be a text, got " + described(value));
     if (value.Scalar().empty()) fail(entry, value, index, "must not be empty");
+    std::string shown = value.Scalar();
+    std::ranges::replace(shown, '\n', ' ');  // lines are no commands
+    if (has_control_characters(shown)) fail(entry, value, index, not_printable);
     return value.Scalar();
   }
 
