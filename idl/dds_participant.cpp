@@ -81,7 +81,10 @@ class FastDdsMessages {
     if (collecting_) {
       collected_ += (collected_.empty() ? "" : "; ") + entry.message;
     } else {
-      std::fprintf(stderr, "Fast DDS: %s\n", entry.message.c_str());
+      std::string message = entry.message;  // it may name what a stranger calls his topics
+      std::ranges::replace_if(
+          message, [](unsigned char c) { return c < ' ' || c == 0x7F; }, ' ');
+      std::fprintf(stderr, "Fast DDS: %s\n", message.c_str());
     }
   }
 
@@ -90,10 +93,15 @@ class FastDdsMessages {
   std::string collected_;    // guarded by mutex_
 };
 
+constexpr std::uintmax_t largest_profiles = 4U << 20U;  // bytes: written by hand
+
 void check_readable(const std::filesystem::path& file, const std::string& role) {
   if (!std::filesystem::is_regular_file(file))
     throw std::invalid_argument(file.string() + ": " + role + " does not exist or is not a file");
   if (!std::ifstream(file)) throw std::invalid_argument(file.string() + ": " + role + " cannot be read");
+  if (std::filesystem::file_size(file) > largest_profiles)  // Fast DDS would read them all
+    throw std::invalid_argument(file.string() + ": " + role + " is larger than " +
+                                std::to_string(largest_profiles >> 20U) + " MiB: not a file of this kind");
 }
 
 // Fast DDS prints that a file is missing or wrong, and goes on without it, or with the half that it understood.

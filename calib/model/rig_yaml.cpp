@@ -192,6 +192,13 @@ std::string list(std::span<const double> values) {
   return fmt::format("[{}]", fmt::join(texts, ", "));
 }
 
+// What another tool's file, a folder or a board said, as our reader takes it: without commands to a terminal.
+std::string readable(const std::string& text) {
+  std::string lines = text;
+  std::ranges::replace(lines, '\n', ' ');
+  return yaml::has_control_characters(lines) ? yaml::printable(text, yaml::longest_message) : text;
+}
+
 // A word that YAML cannot take for anything else goes without quotes.
 std::string key_text(const std::string& key) {
   const auto is_letter = [](char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '_'; };
@@ -307,7 +314,7 @@ std::string to_yaml(const CameraRig& rig) {
   if (!rig.made_by.empty()) {
     out += "made_by:\n";
     for (const auto& [key, value] : rig.made_by)
-      out += "  " + key_text(key) + ": " + yaml::in_yaml_quotes(value) + "\n";
+      out += "  " + key_text(readable(key)) + ": " + yaml::in_yaml_quotes(readable(value)) + "\n";
   }
   if (!rig.made.is_empty()) out += history_text(rig.made);
   if (rig.uncertainty && rig.uncertainty->size() > 0) out += uncertainty_text(*rig.uncertainty, rig);

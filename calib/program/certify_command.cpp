@@ -15,6 +15,7 @@
 #include "calib/program/commands.h"
 #include "calib/program/outcome.h"
 #include "calib/report/certificate_report.h"
+#include "calib/yaml/text_file.h"
 #include "calib/yaml/yaml_reader.h"
 #include "capture/recording.h"
 #include "capture/replay_source.h"
@@ -186,7 +187,8 @@ ExitStatus certify_lengths(const CertifyOptions& o, const std::stop_token& stop)
   } else {
     all.estimates = tracks::read_track_csv(o.tracks);
   }
-  report::CertificateInput input{.rig_name = std::filesystem::path(o.config).filename().string(), .what = {}};
+  report::CertificateInput input{.rig_name = yaml::printable(std::filesystem::path(o.config).filename().string()),
+                                 .what = {}};
   std::vector<certify::BallTrack> tracks;
   std::vector<std::vector<certify::Rest>> rests;
   for (const std::string& name : names) {

@@ -9,6 +9,7 @@
 #include "calib/model/rig_yaml.h"
 #include "calib/program/commands.h"
 #include "calib/yaml/output_file.h"
+#include "calib/yaml/text_file.h"
 
 namespace huetrack::program {
 namespace {
@@ -21,6 +22,11 @@ struct ImportCommand {
   std::string from, size, unit = "m";
   std::filesystem::path rig;
 };
+
+// They name what stands in the other tool's file.
+void print_notes(const std::vector<std::string>& notes) {
+  for (const auto& note : notes) std::printf("note: %s\n", yaml::printable(note, yaml::longest_message).c_str());
+}
 
 ExitStatus import(const ImportCommand& command) {
   exchange::ImportOptions options;
@@ -45,7 +51,7 @@ ExitStatus import(const ImportCommand& command) {
   options.cameras = command.cameras;
   const exchange::Imported imported = exchange::import_rig(command.files, options);
   calib::write_rig(imported.rig, command.rig);
-  for (const auto& note : imported.notes) std::printf("note: %s\n", note.c_str());
+  print_notes(imported.notes);
   std::printf("%s: %zu camera%s\n", command.rig.c_str(), imported.rig.cameras.size(),
               imported.rig.cameras.size() == 1 ? "" : "s");
   return ExitStatus::usable;
@@ -67,8 +73,12 @@ ExitStatus export_files(const ExportCommand& command) {
     throw gather::InputError(command.rig.string() + ": " + error.what());
   }
   for (const auto& [name, text] : exported.files) {
-    if (!command.force && std::filesystem::exists(command.folder / name))
-      throw gather::InputError((command.folder / name).string() + " is there already: give another --out, or --force");
+    const std::filesystem::path file = command.folder / name;
+    std::error_code not_there;
+    if (std::filesystem::equivalent(file, command.rig, not_there))
+      throw gather::InputError(file.string() + " is the rig that is read: give another --out");
+    if (!command.force && std::filesystem::exists(file))
+      throw gather::InputError(file.string() + " is there already: give another --out, or --force");
   }
   std::filesystem::create_directories(command.folder);
   for (const auto& [name, text] : exported.files) {
@@ -76,7 +86,7 @@ ExitStatus export_files(const ExportCommand& command) {
     yaml::write_whole_file(file, text);
     std::printf("%s\n", file.c_str());
   }
-  for (const auto& note : exported.notes) std::printf("note: %s\n", note.c_str());
+  print_notes(exported.notes);
   return ExitStatus::usable;
 }
 

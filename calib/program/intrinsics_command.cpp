@@ -4,6 +4,7 @@
 #include "calib/program/commands.h"
 #include "calib/solver/intrinsics.h"
 #include "calib/solver/volume_accuracy.h"
+#include "calib/yaml/text_file.h"
 
 namespace huetrack::program {
 namespace {
@@ -13,6 +14,8 @@ struct IntrinsicsArguments : CalibrationOptions {
 };
 
 ExitStatus calibrate(IntrinsicsArguments options, const std::stop_token& stop) {
+  if (yaml::has_control_characters(options.camera))
+    throw gather::InputError("--camera \"" + options.camera + "\" has control characters in it");
   if (options.rig.empty()) options.rig = options.camera + ".yaml";
   require_folders(output_files(options));
   const board::Board board = board::read_board(options.board);

@@ -10,6 +10,7 @@
 #include "calib/program/commands.h"
 #include "calib/program/outcome.h"
 #include "calib/report/map_report.h"
+#include "calib/yaml/text_file.h"
 #include "calib/yaml/yaml_reader.h"
 #include "config/service_config.h"
 
@@ -43,7 +44,8 @@ solver::WorldBox volume_before(const calib::CameraRig& rig) {
 ExitStatus map(const MapOptions& o) {
   calib::CameraRig rig;
   solver::WorldBox box;
-  report::MapInput input{.rig_name = std::filesystem::path(o.file).filename().string(), .volume_is_from = {}};
+  report::MapInput input{.rig_name = yaml::printable(std::filesystem::path(o.file).filename().string()),
+                         .volume_is_from = {}};
   if (yaml::YamlReader::file(o.file).has("rig")) {
     const config::ServiceConfig config = config::load_service_config(o.file);
     config::require_rig(config);

@@ -20,6 +20,9 @@ namespace {
 
 constexpr std::size_t longest_path = 200, longest_key = 80;  // characters, in a message
 
+// What a file names is printed sooner or later, by whoever reads it: none of it may be a command to a terminal.
+constexpr const char* not_printable = "has control characters in it";
+
 std::string in_quotes(std::string_view text) {
   return '"' + printable(text) + '"';
 }
@@ -279,6 +282,7 @@ struct YamlReader::Node {
                           (path.empty() ? "" : path + ": ") + "a key must be a word, got " + described(pair.first));
       }
       const std::string& key = pair.first.Scalar();
+      if (has_control_characters(key)) throw ConfigError(file, key_line, child(key) + " " + not_printable);
       if (!seen.insert(key).second) {
         const auto first = std::ranges::find(entries, key, &Entry::key);
         throw ConfigError(file, key_line,
@@ -370,6 +374,9 @@ struct YamlReader::Node {
   std::string string(const Entry& entry, const YAML::Node& value, const std::string& index) const {
     if (is_null(value) || !value.IsScalar()) fail(entry, value, index, "must be a text, got " + described(value));
     if (value.Scalar().empty()) fail(entry, value, index, "must not be empty");
+    std::string shown = value.Scalar();
+    std::ranges::replace(shown, '\n', ' ');  // lines are no commands
+    if (has_control_characters(shown)) fail(entry, value, index, not_printable);
     return value.Scalar();
   }
 

@@ -70,10 +70,28 @@ class Insertion {
   std::unique_ptr<sqlite3_stmt, Finalize> statement_;
 };
 
+constexpr const char* database = "track_0.db3";
+
+// What there is of a bag, until it is one: gone with this, however it ends.
+struct Unfinished {
+  explicit Unfinished(std::filesystem::path of) : folder(std::move(of)) {}
+  ~Unfinished() {
+    if (is_finished) return;
+    std::error_code none;  // the folder was ours to make, or empty
+    std::filesystem::remove(folder / database, none);
+    std::filesystem::remove(folder, none);
+  }
+  Unfinished(const Unfinished&) = delete;
+  Unfinished& operator=(const Unfinished&) = delete;
+
+  const std::filesystem::path folder;
+  bool is_finished = false;
+};
+
 class Rosbag2Writer final : public BagWriter {
  public:
   Rosbag2Writer(std::vector<Topic> topics, const std::filesystem::path& folder)
-      : topics_(std::move(topics)), counts_(topics_.size(), 0), folder_(folder), db_(folder / database) {
+      : topics_(std::move(topics)), counts_(topics_.size(), 0), bag_(folder), db_(folder / database) {
     db_.run(
         "PRAGMA journal_mode=OFF; PRAGMA synchronous=OFF;"
         "CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT NOT NULL, type TEXT NOT NULL, serialization_format TEXT "
@@ -87,12 +105,6 @@ class Rosbag2Writer final : public BagWriter {
       insertion.bind(1, std::int64_t(t) + 1).bind(2, topics_[t].name).bind(3, topics_[t].type).run();
     messages_.emplace(db_, "INSERT INTO messages(topic_id, timestamp, data) VALUES(?, ?, ?)");
   }
-  ~Rosbag2Writer() override {
-    if (is_finished_) return;
-    std::error_code none;  // the folder was ours to make, or empty
-    std::filesystem::remove(folder_ / database, none);
-    std::filesystem::remove(folder_, none);
-  }
 
   void add(const Message& message) override {
     messages_->bind(1, std::int64_t(message.topic) + 1).bind(2, message.at_ns).bind_bytes(3, message.data).run();
@@ -104,13 +116,11 @@ class Rosbag2Writer final : public BagWriter {
   void finish() override {
     messages_.reset();
     db_.run("CREATE INDEX timestamp_idx ON messages (timestamp ASC); COMMIT;");
-    yaml::write_whole_file(folder_ / "metadata.yaml", metadata());  // last: without it, it is no bag yet
-    is_finished_ = true;
+    yaml::write_whole_file(bag_.folder / "metadata.yaml", metadata());  // last: without it, it is no bag yet
+    bag_.is_finished = true;
   }
 
  private:
-  static constexpr const char* database = "track_0.db3";
-
   std::string metadata() const {
     std::string topics;
     for (std::size_t t = 0; t < topics_.size(); ++t)
@@ -131,12 +141,11 @@ class Rosbag2Writer final : public BagWriter {
 
   const std::vector<Topic> topics_;
   std::vector<std::size_t> counts_;  // messages, by topic
-  const std::filesystem::path folder_;
+  Unfinished bag_;                   // before the database, which is closed first
   Database db_;
   std::optional<Insertion> messages_;
   std::size_t count_ = 0;
   std::int64_t from_ns_ = 0, to_ns_ = 0;
-  bool is_finished_ = false;
 };
 
 }  // namespace

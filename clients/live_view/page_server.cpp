@@ -3,6 +3,7 @@
 #include <arpa/inet.h>
 #include <fcntl.h>
 #include <ifaddrs.h>
+#include <malloc.h>
 #include <microhttpd.h>
 #include <net/if.h>
 #include <netinet/in.h>
@@ -38,11 +39,12 @@ namespace {
 
 constexpr std::size_t most_body_bytes = 64 * 1024;
 constexpr std::size_t connection_memory = 16 * 1024;  // request line and headers; larger ones are refused
-constexpr std::size_t stream_block = 16 * 1024;
+constexpr std::size_t stream_block = 8 * 1024;        // of each page's stream: 400 of them are as many times this
 constexpr rlim_t most_files = 8192;
 
 constexpr std::size_t most_bodies = 2 << 20;  // bytes, of all requests that come in at once
 constexpr auto look_round_period = std::chrono::milliseconds(250);
+constexpr int many_connections = 100;
 
 constexpr std::string_view download_path = "/api/recordings/", download_kind = ".tar";
 constexpr std::string_view report_path = "/api/calibration.html", board_path = "/api/board.pdf";
@@ -242,8 +244,10 @@ struct PageServer::Impl {
     hub.on_news([this] { wake(); });
     doorman = std::jthread([this](const std::stop_token& stop) {
       std::unique_lock lock(door);
-      while (!bell.wait_for(lock, stop, look_round_period, [&] { return stop.stop_requested(); }))
+      while (!bell.wait_for(lock, stop, look_round_period, [&] { return stop.stop_requested(); })) {
         silent.close_those_that_are_due();
+        give_back_memory();
+      }
     });
   }
 
@@ -271,6 +275,15 @@ struct PageServer::Impl {
     }
     waiting.clear();
     sockets.wake();
+  }
+
+  // The doorman's. What many connections took is the system's again once most of them are gone: the C library would
+  // keep it.
+  void give_back_memory() {
+    most_at_once = std::max<int>(most_at_once, connections);
+    if (most_at_once < many_connections || connections > most_at_once / 2) return;
+    ::malloc_trim(0);
+    most_at_once = connections;
   }
 
   // ---- All below: the server's thread.
@@ -615,8 +628,10 @@ struct PageServer::Impl {
   static void note(void* closure, MHD_Connection* connection, void**, MHD_ConnectionNotificationCode what) {
     auto& self = *static_cast<Impl*>(closure);
     if (what == MHD_CONNECTION_NOTIFY_STARTED) {
+      ++self.connections;
       self.silent.begin(socket_of(connection));
     } else {
+      --self.connections;
       self.silent.end(socket_of(connection));
     }
   }
@@ -629,6 +644,8 @@ struct PageServer::Impl {
   std::mutex door;             // guards nothing: the doorman waits with it
   std::condition_variable_any bell;
   std::jthread doorman;
+  int most_at_once = 0;  // the doorman's: connections, since memory was given back
+  std::atomic<int> connections = 0;
   std::atomic<bool> ends = false;
   std::atomic<int> pages = 0;
   std::atomic<int> listeners = 0;  // programs that read positions or poses

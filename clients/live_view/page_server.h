@@ -27,7 +27,7 @@ struct PageServerOptions {
   int request_s = 15;
   // So many connections may be without a request at once. Then the one that has waited longest is closed: whoever opens
   // many takes the room from himself, and a request that is on its way takes milliseconds.
-  int most_silent = 512;
+  int most_silent = 256;
   int most_pages = 400;  // streams, those of programs too; the next is refused
 };
 

@@ -91,16 +91,24 @@ struct JpegDecoder::Impl {
     errors.manager.error_exit = on_error;
     errors.manager.emit_message = on_message;
     errors.manager.output_message = print_nothing;
-    jpeg_create_decompress(&info);
-    jpeg_save_markers(&info, JPEG_COM, 32);
+    create();
   }
   ~Impl() { jpeg_destroy_decompress(&info); }
   Impl(const Impl&) = delete;
   Impl& operator=(const Impl&) = delete;
 
+  void create() {
+    jpeg_create_decompress(&info);
+    jpeg_save_markers(&info, JPEG_COM, 32);
+  }
+
   // The two halves between which memory is allocated: no object with a destructor may live where libjpeg jumps out.
   bool read_header(std::span<const std::uint8_t> jpeg) {
     if (setjmp(errors.on_error) != 0) return false;
+    // libjpeg keeps a picture's tables for the next one, which may have none: a damaged one would spoil all that
+    // follow.
+    jpeg_destroy_decompress(&info);
+    create();
     jpeg_mem_src(&info, jpeg.data(), static_cast<unsigned long>(jpeg.size()));
     jpeg_read_header(&info, TRUE);
     info.raw_data_out = TRUE;

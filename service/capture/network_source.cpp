@@ -25,8 +25,13 @@ constexpr std::array<std::string_view, 7> schemes{"rtsp", "rtsps", "http", "http
 // What a stream may lead to: a play list must not reach into this host's files.
 constexpr const char* protocols = "rtsp,rtsps,rtp,rtcp,udp,tcp,tls,http,https,httpproxy";
 constexpr std::int64_t most_network_pixels = 1 << 26;  // of one picture: a damaged header must not cost gigabytes
-constexpr int damaged_in_a_row = 60;                   // pictures, of a stream that is opened anew then
-constexpr std::size_t most_waiting = 64;               // packets whose picture has not come
+// Of anything that FFmpeg keeps in one piece: a plane of such a picture with its edges fits in. An RTSP camera's answer
+// may say two gigabytes.
+constexpr std::size_t most_in_one_piece = 80 << 20;
+constexpr int damaged_in_a_row = 60;      // pictures, of a stream that is opened anew then
+constexpr std::size_t most_waiting = 64;  // packets whose picture has not come
+// Bytes of a stream before its next picture. A header may say two gigabytes, or say nothing and let them come.
+constexpr std::int64_t most_without_picture = 32 << 20;
 
 std::string_view scheme_of(std::string_view address) {
   const auto end = address.find("://");
@@ -67,6 +72,7 @@ struct NetworkSource::Impl {
   explicit Impl(NetworkSourceOptions o) : options(std::move(o)), shown(without_password(options.address)) {
     if (const auto problems = options.problems(); !problems.empty()) throw std::invalid_argument(problems.front());
     take_over_log();
+    av_max_alloc(most_in_one_piece);  // the process's, which has cameras now
     state.last_progress = Clock::now();
   }
   ~Impl() { close(); }  // while all that is_over() looks at is there
@@ -81,9 +87,19 @@ struct NetworkSource::Impl {
       const std::scoped_lock lock(self.mutex);
       self.state.last_progress = now;
     }
-    return self.stop.stop_requested() || now > self.deadline ? 1 : 0;
+    return self.stop.stop_requested() || now > self.deadline || self.sends_too_much() ? 1 : 0;
   }
-  void wait_from_now() { deadline = Clock::now() + options.patience; }
+  void wait_from_now() {
+    deadline = Clock::now() + options.patience;
+    bytes_before = bytes_read();
+  }
+  std::int64_t bytes_read() const { return asking != nullptr && asking->pb != nullptr ? asking->pb->bytes_read : 0; }
+  bool sends_too_much() const { return bytes_read() - bytes_before > most_without_picture; }
+  // Why FFmpeg was told to end.
+  std::string why_over(const char* otherwise) const {
+    return sends_too_much() ? "it sends " + std::to_string(most_without_picture >> 20) + " MiB without a picture"
+                            : otherwise;
+  }
 
   void say(CaptureState now, bool is_problem, const std::string& message) {
     const std::scoped_lock lock(mutex);
@@ -95,6 +111,7 @@ struct NetworkSource::Impl {
 
   // Returns why it cannot be opened; empty: it is.
   std::string open() {
+    close();
     wait_from_now();
     AVDictionary* wishes = nullptr;
     av_dict_set(&wishes, "protocol_whitelist", protocols, 0);
@@ -108,10 +125,12 @@ struct NetworkSource::Impl {
     av_dict_free(&wishes);
     if (error < 0) return error == AVERROR_EXIT ? "it does not answer" : error_text(error);
     format.reset(opened);
+    asking = opened;
     const int found = avformat_find_stream_info(format.get(), nullptr);
     const AVCodec* decoder = nullptr;
     const int best = found < 0 ? found : av_find_best_stream(format.get(), AVMEDIA_TYPE_VIDEO, -1, -1, &decoder, 0);
-    if (best < 0 || decoder == nullptr) return found == AVERROR_EXIT ? "no picture comes" : "it has no video stream";
+    if (best < 0 || decoder == nullptr)
+      return found == AVERROR_EXIT || sends_too_much() ? why_over("no picture comes") : "it has no video stream";
     stream = format->streams[best];
     codec.reset(not_null(avcodec_alloc_context3(decoder)));
     if (const int e = avcodec_parameters_to_context(codec.get(), stream->codecpar); e < 0) return error_text(e);
@@ -127,6 +146,7 @@ struct NetworkSource::Impl {
   }
 
   void close() {
+    asking = nullptr;
     codec.reset();
     format.reset();
     stream = nullptr;
@@ -155,18 +175,23 @@ struct NetworkSource::Impl {
 
   // nullopt: none yet, or the stream is lost (then it is closed).
   std::optional<Arrived> read() {
-    if (Clock::now() > deadline) {  // what is no picture, as sound, may go on coming
-      lose("no picture comes");
+    if (Clock::now() > deadline || sends_too_much()) {  // what is no picture, as sound, may go on coming
+      lose(why_over("no picture comes"));
       return std::nullopt;
     }
     if (const int error = av_read_frame(format.get(), packet.get()); error < 0) {
       if (stop.stop_requested() || error == AVERROR(EAGAIN)) return std::nullopt;
       lose(error == AVERROR_EOF    ? "the stream has ended"
-           : error == AVERROR_EXIT ? "no picture comes"
+           : error == AVERROR_EXIT ? why_over("no picture comes")
                                    : error_text(error));
       return std::nullopt;
     }
     const Timestamp at = unix_now();
+    if (sends_too_much()) {  // and what there is of it counts as a packet
+      av_packet_unref(packet.get());
+      lose(why_over(""));
+      return std::nullopt;
+    }
     std::optional<Arrived> arrived;
     if (packet->stream_index == stream->index && packet->size > 0) {
       wait_from_now();
@@ -260,6 +285,8 @@ struct NetworkSource::Impl {
   std::stop_token stop;  // this and all that follows to state: the thread's that calls next()
   Clock::time_point deadline{};
   InputPtr format;
+  const AVFormatContext* asking = nullptr;  // format, once it is open
+  std::int64_t bytes_before = 0;            // that had been read when the wait for a picture began
   CodecPtr codec;
   AVStream* stream = nullptr;  // of format
   const PacketPtr packet{not_null(av_packet_alloc())};

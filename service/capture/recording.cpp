@@ -193,7 +193,7 @@ Recording read_recording(std::span<const std::string> words) {
   Recording recording{.file = all, .cameras = {}, .warnings = {}, .started_at = {}};
   for (const std::string& word : words) {
     const auto equals = word.find('=');
-    if (equals == std::string::npos || equals == 0 || equals + 1 == word.size())
+    if (equals == std::string::npos || equals == 0 || equals + 1 == word.size() || yaml::has_control_characters(word))
       throw yaml::ConfigError(recording.file, 0,
                               "\"" + yaml::printable(word) +
                                   "\" is no CAMERA=FILE: a recording is a recording.yaml, or the folder that holds it, "

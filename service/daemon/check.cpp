@@ -11,6 +11,7 @@
 #include <iterator>
 #include <vector>
 
+#include "calib/yaml/text_file.h"
 #include "calib/yaml/yaml_reader.h"
 #include "config/service_config.h"
 #include "pipeline/session.h"
@@ -59,8 +60,8 @@ void check(const std::filesystem::path& file) {
     std::ranges::copy(publish::EstimatePublisher::check(config.dds.publisher), std::back_inserter(warnings));
   if (config.is_calibrated()) require_session(config);
   for (const auto& warning : warnings) spdlog::warn("{}: {}", config.file.string(), warning);
-  std::printf("# %s, resolved; identity %s\n%s", config.file.c_str(), config::config_identity(config).c_str(),
-              config::to_yaml_with_origins(config).c_str());
+  std::printf("# %s, resolved; identity %s\n%s", yaml::printable(config.file.string(), yaml::longest_message).c_str(),
+              config::config_identity(config).c_str(), config::to_yaml_with_origins(config).c_str());
   if (config.rig.cameras.empty() || !config.is_calibrated()) return;
   const std::string age =
       config.rig.made.text(std::chrono::floor<std::chrono::seconds>(std::chrono::system_clock::now()));

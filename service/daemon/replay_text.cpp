@@ -2,10 +2,15 @@
 
 #include <cstdlib>
 
+#include "calib/yaml/text_file.h"
 #include "daemon/replay.h"
 
 namespace huetrack::daemon {
 namespace {
+
+std::string shown(const std::filesystem::path& file) {
+  return yaml::printable(file.string(), yaml::longest_message);
+}
 
 std::string times_real_time(double recorded_s, double busy_s) {
   const double faster = busy_s > 0 ? recorded_s / busy_s : 0;
@@ -113,9 +118,9 @@ std::string to_text(const ReplaySummary& s, const ReplayCommand& command) {
   for (const auto& target : s.targets) text += target_text(target);
   if (s.camera) text += camera_text(*s.camera, s.figures);
   for (const auto& sentence : s.times) text += "  times   " + sentence + "\n";
-  if (!command.poses.empty()) text += "  poses   " + command.poses.string() + "\n";
-  if (!command.tracks.empty()) text += "  tracks  " + command.tracks.string() + "\n";
-  if (s.pictures > 0) text += fmt::format("  pictures {} in {}\n", s.pictures, command.pictures.string());
+  if (!command.poses.empty()) text += "  poses   " + shown(command.poses) + "\n";
+  if (!command.tracks.empty()) text += "  tracks  " + shown(command.tracks) + "\n";
+  if (s.pictures > 0) text += fmt::format("  pictures {} in {}\n", s.pictures, shown(command.pictures));
   if (!s.bus.empty()) text += bus_text(s);
   return text + problems_text(s);
 }

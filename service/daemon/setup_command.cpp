@@ -10,6 +10,7 @@
 #include <thread>
 
 #include "calib/yaml/output_file.h"
+#include "calib/yaml/text_file.h"
 #include "capture/v4l2_device.h"
 #include "doctor/camera_exam.h"
 #include "page/child_process.h"
@@ -44,7 +45,8 @@ class PageBeside {
 void write_first_configuration(const fs::path& file, const std::stop_token& stop) {
   std::vector<std::string> left_out;
   const std::vector<SetUpCamera> cameras = cameras_of_this_host(left_out, stop);
-  for (const std::string& camera : left_out) fmt::print("left out: {}\n", camera);
+  for (const std::string& camera : left_out)
+    fmt::print("left out: {}\n", yaml::printable(camera, yaml::longest_message));
   if (cameras.size() < least_cameras)
     throw std::runtime_error(fmt::format(
         "{} is not written: positions take two cameras or more, and {} can be used here. huetrackd doctor says what is "
@@ -53,7 +55,8 @@ void write_first_configuration(const fs::path& file, const std::stop_token& stop
   yaml::write_whole_file(file, first_configuration(cameras));
   fmt::print("written: {}, with {} cameras\n", file.string(), cameras.size());
   for (const SetUpCamera& camera : cameras)
-    fmt::print("  {} ({}x{}, {})\n", camera.device.string(), camera.width, camera.height, camera.model);
+    fmt::print("  {} ({}x{}, {})\n", camera.device.string(), camera.width, camera.height,
+               yaml::printable(camera.model));  // the camera says it itself
   fmt::print(
       "The page may teach colours, calibrate and record; so may whoever is on this DDS domain's network. When all "
       "is set up, take the line `control:` out of the file, or keep the bus on this host: dds: {{interfaces: [lo]}}, "
@@ -97,9 +100,7 @@ std::string first_configuration(std::span<const SetUpCamera> cameras) {
       "cameras:\n";
   int number = 0;
   for (const SetUpCamera& camera : cameras) {
-    std::string model = camera.model;
-    std::ranges::replace_if(
-        model, [](unsigned char c) { return c < ' ' || c == 0x7f; }, ' ');
+    const std::string model = yaml::printable(camera.model);
     text += fmt::format("  cam{}: {{device: '{}', size: [{}, {}]}}{}\n", number++, camera.device.string(), camera.width,
                         camera.height, model.empty() ? "" : "   # " + model);
   }
@@ -110,10 +111,12 @@ std::string first_configuration(std::span<const SetUpCamera> cameras) {
 
 void set_up(const SetUpCommand& command, LiveRequests& requests, const std::stop_token& stop) {
   std::error_code none;
-  if (fs::exists(command.config, none))
+  if (fs::exists(command.config, none)) {
+    yaml::open_text_file(command.config);
     fmt::print("{} is there already, and is used as it stands\n", command.config.string());
-  else
+  } else {
     write_first_configuration(command.config, stop);
+  }
   if (!command.with_page) {
     fmt::print("next: huetrackd run {}, and beside it: huetrack view\n", command.config.string());
     return;

@@ -11,6 +11,7 @@
 #include <iterator>
 #include <set>
 
+#include "calib/yaml/text_file.h"
 #include "calib/yaml/yaml_reader.h"
 #include "capture/network_source.h"
 #include "config/service_config.h"
@@ -248,7 +249,9 @@ class Doctor {
   }
 
  private:
-  static void title(const std::string& title) { std::printf("%s\n", title.c_str()); }
+  static void title(const std::string& title) {
+    std::printf("%s\n", yaml::printable(title, yaml::longest_message).c_str());
+  }
   void say(const Finding& finding) {
     problems_ += finding.verdict == Grade::problem ? 1 : 0;
     warnings_ += finding.verdict == Grade::warning ? 1 : 0;
@@ -622,8 +625,10 @@ std::vector<Finding> judge_clock(const std::optional<double>& kept_s) {
 
 std::string to_text(const Finding& finding) {
   static constexpr std::array<const char*, 4> words{"ok  ", "note", "WARN", "FAIL"};
-  return std::string("  ") + words[std::size_t(finding.verdict)] + "  " + finding.what + "\n" +
-         (finding.advice.empty() ? "" : "        -> " + finding.advice + "\n");
+  // A camera says its name itself, and a file what it is called.
+  const auto line = [](const std::string& text) { return yaml::printable(text, yaml::longest_message) + "\n"; };
+  return std::string("  ") + words[std::size_t(finding.verdict)] + "  " + line(finding.what) +
+         (finding.advice.empty() ? "" : "        -> " + line(finding.advice));
 }
 
 int doctor(const DoctorOptions& options, const std::stop_token& stop) {

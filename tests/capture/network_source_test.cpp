@@ -7,6 +7,7 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include <atomic>
 #include <cstring>
 #include <string>
 #include <thread>
@@ -34,7 +35,9 @@ class MjpegServer {
  public:
   struct Film {
     int width = 64, height = 48, pictures = 10;
-    bool is_silent_then = false;  // the connection stays open, and nothing comes
+    bool is_silent_then = false;    // the connection stays open, and nothing comes
+    std::string endless_then = {};  // the header of a picture, or of an answer, that never ends
+    bool is_rtsp = false;           // no pictures: `endless_then` answers DESCRIBE
   };
   explicit MjpegServer(Film film) : film_(film), listening_(::socket(AF_INET, SOCK_STREAM, 0)) {
     sockaddr_in here{};
@@ -51,7 +54,11 @@ class MjpegServer {
     thread_.request_stop();
     ::shutdown(listening_.get(), SHUT_RDWR);
   }
-  std::string address() const { return "http://user:secret@127.0.0.1:" + std::to_string(port_) + "/video.mjpg"; }
+  std::uint64_t sent() const { return sent_; }  // bytes of endless pictures
+  std::string address() const {
+    return std::string(film_.is_rtsp ? "rtsp" : "http") + "://user:secret@127.0.0.1:" + std::to_string(port_) +
+           "/video.mjpg";
+  }
 
  private:
   void serve(const std::stop_token& stop) {
@@ -60,6 +67,12 @@ class MjpegServer {
       if (client.get() < 0) return;
       char request[2048];
       if (::recv(client.get(), request, sizeof request, 0) <= 0) continue;
+      if (film_.is_rtsp) {
+        send(client, "RTSP/1.0 200 OK\r\nCSeq: 1\r\nPublic: DESCRIBE\r\n\r\n");
+        if (::recv(client.get(), request, sizeof request, 0) <= 0) continue;
+        send_endless(client, stop);
+        continue;
+      }
       send(client, "HTTP/1.0 200 OK\r\nContent-Type: multipart/x-mixed-replace; boundary=frame\r\n\r\n");
       for (int k = 0; k < film_.pictures && !stop.stop_requested(); ++k) {
         const auto jpeg = picture(film_.width, film_.height, 40 + 10 * (k % 16));
@@ -68,16 +81,23 @@ class MjpegServer {
         send(client, std::string(jpeg.begin(), jpeg.end()) + "\r\n");
         std::this_thread::sleep_for(20ms);
       }
+      if (!film_.endless_then.empty()) send_endless(client, stop);
       while (film_.is_silent_then && !stop.stop_requested()) std::this_thread::sleep_for(5ms);
     }
   }
-  static void send(const FileDescriptor& to, const std::string& bytes) {
-    ::send(to.get(), bytes.data(), bytes.size(), MSG_NOSIGNAL);
+  void send_endless(const FileDescriptor& client, const std::stop_token& stop) {
+    send(client, film_.endless_then);
+    const std::string more(1 << 16, 'a');
+    while (!stop.stop_requested() && send(client, more)) sent_ += more.size();
+  }
+  static bool send(const FileDescriptor& to, const std::string& bytes) {
+    return ::send(to.get(), bytes.data(), bytes.size(), MSG_NOSIGNAL) >= 0;
   }
 
   const Film film_;
   FileDescriptor listening_;
   int port_ = 0;
+  std::atomic<std::uint64_t> sent_ = 0;
   std::jthread thread_;
 };
 
@@ -205,6 +225,48 @@ TEST(NetworkSource, SilenceIsALostCamera) {
   EXPECT_EQ(source.health().state, CaptureState::absent);
   EXPECT_THAT(source.health().message, HasSubstr("trying again"));
   stop.request_stop();
+}
+
+// A header may say two gigabytes, or nothing: neither is taken into memory.
+TEST(NetworkSource, APictureWithoutEndIsALostCamera) {
+  for (const std::string length : {"Content-Length: 2147483000\r\n", ""}) {
+    MjpegServer camera(
+        {.pictures = 3, .endless_then = "--frame\r\nContent-Type: image/jpeg\r\n" + length + "\r\n\xff\xd8"});
+    NetworkSourceOptions options = network_options(camera);
+    options.patience = 60s;  // it is not the time that ends it
+    options.retry = 60s;
+    NetworkSource source(options);
+    for (int k = 0; k < 2; ++k) ASSERT_TRUE(source.next({})) << k;  // FFmpeg hands one over when the next begins
+    std::stop_source stop;
+    const std::jthread looking([&] {
+      for (int i = 0; i < 2000 && source.health().state != CaptureState::absent; ++i) std::this_thread::sleep_for(10ms);
+      stop.request_stop();
+    });
+    while (source.next(stop.get_token())) {
+    }
+    EXPECT_EQ(source.health().state, CaptureState::absent);
+    EXPECT_THAT(source.health().message, HasSubstr("32 MiB without a picture"));
+    EXPECT_LT(camera.sent(), 100U << 20U);  // with what lies in the kernel's buffers
+  }
+}
+
+TEST(NetworkSource, AnAnswerOfGigabytesIsRefused) {
+  MjpegServer camera({.endless_then = "RTSP/1.0 200 OK\r\nCSeq: 2\r\nContent-Type: application/sdp\r\n"
+                                      "Content-Length: 2147483000\r\n\r\n",
+                      .is_rtsp = true});
+  NetworkSourceOptions options = network_options(camera);
+  options.patience = 60s;
+  options.retry = 60s;
+  NetworkSource source(options);
+  std::stop_source stop;
+  const std::jthread looking([&] {
+    for (int i = 0; i < 2000 && source.health().state != CaptureState::absent; ++i) std::this_thread::sleep_for(10ms);
+    stop.request_stop();
+  });
+  while (source.next(stop.get_token())) {
+  }
+  EXPECT_EQ(source.health().state, CaptureState::absent);
+  EXPECT_LT(camera.sent(), 100U << 20U);  // with what lies in the kernel's buffers
 }
 
 }  // namespace

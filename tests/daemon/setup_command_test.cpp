@@ -3,6 +3,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <fstream>
@@ -55,6 +56,14 @@ TEST_F(SetUp, WhatIsThereIsLeftAsItIs) {
   LiveRequests requests;
   set_up({.config = file, .with_page = false}, requests, {});
   EXPECT_EQ(text_of(file), "mine");
+}
+
+TEST_F(SetUp, WhatIsThereAndNoFileIsRefused) {
+  LiveRequests requests;
+  EXPECT_THROW(set_up({.config = folder, .with_page = false}, requests, {}), std::runtime_error);
+  const fs::path pipe = folder / "pipe";
+  ASSERT_EQ(::mkfifo(pipe.c_str(), 0600), 0);
+  EXPECT_THROW(set_up({.config = pipe, .with_page = false}, requests, {}), std::runtime_error);
 }
 
 TEST_F(SetUp, WithoutTwoCamerasNothingIsWritten) {

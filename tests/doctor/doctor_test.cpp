@@ -284,5 +284,10 @@ TEST(ToText, PutsTheAdviceBelowTheVerdict) {
   EXPECT_EQ(to_text({Grade::problem, "bad", "mend it"}), "  FAIL  bad\n        -> mend it\n");
 }
 
+TEST(ToText, WhatACameraCallsItselfIsNoCommandToTheTerminal) {
+  EXPECT_EQ(to_text({Grade::problem, "camera \x1b[2Jevil\n", "turn\x07"}),
+            "  FAIL  camera  [2Jevil \n        -> turn \n");
+}
+
 }  // namespace
 }  // namespace huetrack::doctor

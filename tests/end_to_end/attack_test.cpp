@@ -189,5 +189,33 @@ TEST_F(Attack, ThePagesBridgeKeepsItsMemoryAndItsAnswers) {
   EXPECT_LT(slowest, 1s);
 }
 
+// All that a host may open at once, none of it read: the room is limited, and given back.
+TEST_F(Attack, ThePagesBridgeGivesBackWhatConnectionsTook) {
+  const Process view(
+      {HUETRACK, "view", "--port", std::to_string(port_), "--domain", std::to_string(domain_), "--interface", "lo"},
+      folder_ / "out", folder_ / "err");
+  ASSERT_TRUE(comes_true([&] { return http_get(port_, "/").has_value(); })) << view.err();
+  const double before_mb = resident_mb(view.pid());
+  std::vector<std::unique_ptr<Connection>> many;
+  for (int i = 0; i < 1000; ++i) many.push_back(std::make_unique<Connection>(port_));  // silent
+  for (int i = 0; i < 450; ++i) {
+    many.push_back(std::make_unique<Connection>(port_));
+    many.back()->send("GET /api/events HTTP/1.1\r\nHost: localhost\r\n\r\n");
+  }
+  for (int i = 0; i < 450; ++i) {
+    many.push_back(std::make_unique<Connection>(port_));
+    many.back()->send("POST /api/teach HTTP/1.1\r\nHost: localhost\r\nTransfer-Encoding: chunked\r\n\r\n");
+    many.back()->send("4000\r\n" + std::string(0x4000, 'x'));
+  }
+  EXPECT_THAT(http_get(port_, "/").value_or(""), HasSubstr("200 OK"));
+  const double most_mb = resident_mb(view.pid());
+  many.clear();
+  const bool is_back = comes_true([&] { return resident_mb(view.pid()) - before_mb < most_growth_mb / 3; });
+  std::printf("the bridge: %.1f MB before, %.1f with all connections, %.1f without\n", before_mb, most_mb,
+              resident_mb(view.pid()));
+  EXPECT_LT(most_mb - before_mb, most_growth_mb);
+  EXPECT_TRUE(is_back);
+}
+
 }  // namespace
 }  // namespace huetrack::end_to_end

@@ -43,6 +43,23 @@ inline std::filesystem::path file_with(const std::string& name, std::string_view
   return file;
 }
 
+// Whether bytes hold, or may hold, a JPEG whose header says a picture of more than a megapixel that our decoder takes:
+// a few bytes then cost half a second, and the fuzzer has tried a picture of a thousandth of that size a thousand
+// times. What the decoder refuses to begin with is quick.
+inline bool is_long_to_decode(std::string_view bytes) {
+  const auto word = [&](std::size_t at) {
+    return std::size_t(static_cast<unsigned char>(bytes[at])) << 8U | static_cast<unsigned char>(bytes[at + 1]);
+  };
+  for (std::size_t at = bytes.find('\xff'); at != std::string_view::npos && at + 9 <= bytes.size();
+       at = bytes.find('\xff', at + 1)) {
+    const std::size_t marker = word(at);
+    if (marker < 0xFFC0 || marker > 0xFFCF) continue;
+    const std::size_t pixels = word(at + 5) * word(at + 7);
+    if (pixels > (std::size_t{1} << 20U) && pixels <= (std::size_t{1} << 26U)) return true;
+  }
+  return false;
+}
+
 }  // namespace huetrack::fuzz
 
 #ifdef HUETRACK_LIBFUZZER

@@ -19,6 +19,7 @@
 #include "idl/camera_timesPubSubTypes.h"
 #include "idl/huetrackPubSubTypes.h"
 #include "idl/huetrack_viewPubSubTypes.h"
+#include "idl/object_setPubSubTypes.h"
 #include "tracks/track_csv.h"
 
 namespace huetrack::fuzz {
@@ -40,6 +41,8 @@ std::string serialized(char choice, typename PubSubType::type sample) {
   type.serialize(&sample, &payload);
   return choice + std::string(reinterpret_cast<const char*>(payload.data), payload.length);
 }
+
+std::string picture(int width, int height);
 
 std::vector<std::string> samples() {
   msg::ObjectPosition position;
@@ -85,6 +88,25 @@ std::vector<std::string> samples() {
   msg::HostClocks clocks;
   clocks.clocks().resize(1);
   clocks.clocks()[0].cameras({"left"});
+  msg::ObjectSet set;
+  set.target("ball");
+  set.objects().resize(2);
+  set.objects()[0].name("ball_1");
+  msg::CameraHost host;
+  host.host("pi");
+  host.cameras().resize(1);
+  host.cameras()[0].message("no frame yet");
+  msg::CameraFrame grey, jpeg;
+  grey.format(7);
+  grey.width(4);
+  grey.height(2);
+  grey.bytes(std::vector<std::uint8_t>(8, 77));
+  const std::string encoded = picture(16, 8);
+  jpeg.width(16);
+  jpeg.height(8);
+  jpeg.bytes(std::vector<std::uint8_t>(encoded.begin(), encoded.end()));
+  msg::ClockEcho echo;
+  echo.host("pi");
   return {serialized<msg::ObjectPositionPubSubType>(0, position),
           serialized<msg::CameraPosePubSubType>(1, pose),
           serialized<msg::ServiceStatusPubSubType>(2, status),
@@ -97,7 +119,12 @@ std::vector<std::string> samples() {
           serialized<msg::ControlReplyPubSubType>(9, answer),
           serialized<msg::ControlRequestPubSubType>(10, asked),
           serialized<msg::HostClocksPubSubType>(11, clocks),
-          "\x0chost=lab;pid=12;targets=red,green;"};
+          "\x0chost=lab;pid=12;targets=red,green;",
+          serialized<msg::ObjectSetPubSubType>(13, set),
+          serialized<msg::CameraHostPubSubType>(14, host),
+          serialized<msg::CameraFramePubSubType>(15, grey),
+          serialized<msg::CameraFramePubSubType>(15, jpeg),
+          serialized<msg::ClockEchoPubSubType>(16, echo)};
 }
 
 std::string picture(int width, int height) {

@@ -278,7 +278,7 @@ TEST_F(RigYaml, WhatIsWrittenReadsBackToTheSameBits) {
       rig.cameras.push_back(camera);
     }
     rig.made_by = {{"tool", "huetrack-calibrate"},
-                   {"a key: with # everything", "quotes \" and \\ and\nlines\tand \x01 and \xC3\xA9 {[*&!%@`"},
+                   {"a key: with # everything", "quotes \" and \\ and\nlines\tand and \xC3\xA9 {[*&!%@`"},
                    {"null", "null"},
                    {"rms_px", "0.21"},
                    {"~", " spaces around "}};
@@ -286,6 +286,9 @@ TEST_F(RigYaml, WhatIsWrittenReadsBackToTheSameBits) {
     const CameraRig back = read_rig(file());
     expect_same_bits(rig, back);
     EXPECT_EQ(rig_identity(rig), rig_identity(back));
+    rig.made_by = {{"note\x1b[2J", "what\x07"}};
+    write_rig(rig, file());
+    EXPECT_EQ(read_rig(file()).made_by[0], (std::pair<std::string, std::string>("note [2J", "what ")));
   }
 }
 

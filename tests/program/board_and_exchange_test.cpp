@@ -101,6 +101,27 @@ TEST_F(Commands, ImportAndExport) {
             ExitStatus::failed);
 }
 
+TEST_F(Commands, ExportDoesNotReplaceTheRigThatItReads) {
+  std::filesystem::copy_file(HUETRACK_SOURCE_DIR "/configs/demo/recording/rig.yaml", path("cam1.yaml"));
+  const std::string before = text(path("cam1.yaml"));
+  EXPECT_EQ(run({"export", path("cam1.yaml"), "--to", "ros", "--out", folder_, "--force"}), ExitStatus::failed);
+  EXPECT_THAT(said_, HasSubstr("is the rig that is read"));
+  EXPECT_EQ(text(path("cam1.yaml")), before);
+  EXPECT_FALSE(std::filesystem::exists(path("cam0.yaml")));  // all or none
+}
+
+TEST_F(Commands, WhatAnotherToolsFileNamesIsNoCommandToTheTerminal) {
+  const std::string rig = HUETRACK_SOURCE_DIR "/configs/demo/recording/rig.yaml";
+  ASSERT_EQ(run({"export", rig, "--to", "aniposelib", "--out", path("out")}), ExitStatus::usable) << said_;
+  std::ofstream(path("out/calibration.toml"), std::ios::app)
+      << (text(path("out/calibration.toml")).find("[metadata]") == std::string::npos ? "\n[metadata]\n" : "")
+      << "\"a\\u001b[2J\" = [1]\n\"b\\u001b[2J\" = \"c\\u001b[2J\"\n";
+  EXPECT_EQ(run({"import", path("out/calibration.toml"), "--rig", path("back.yaml")}), ExitStatus::usable) << said_;
+  EXPECT_THAT(out_, HasSubstr("not taken over: metadata.a [2J"));
+  const auto& noted = calib::read_rig(path("back.yaml")).made_by;
+  EXPECT_THAT(noted, testing::Contains(testing::Pair("b [2J", "c [2J")));
+}
+
 TEST_F(Commands, WaveOnTheBundledRecording) {
   const std::string recording = HUETRACK_SOURCE_DIR "/configs/demo/recording",
                     config = HUETRACK_SOURCE_DIR "/configs/demo/huetrackd.yaml";

@@ -59,6 +59,10 @@ TEST(ResolveDomain, WrongOnesAreRefused) {
 TEST(DdsParticipant, MissingProfilesFileIsNamed) {
   EXPECT_THAT(refusal({.profiles = "/nowhere/dds.xml"}), HasSubstr("/nowhere/dds.xml"));
   EXPECT_THAT(refusal({.profiles = "/tmp"}), HasSubstr("not a file"));
+  const auto endless = file_with("endless.xml", "<dds>");
+  std::filesystem::resize_file(endless, 6ULL << 30U);  // of holes: no disk has less
+  EXPECT_THAT(refusal({.profiles = endless}), HasSubstr("larger than 4 MiB"));
+  std::filesystem::remove(endless);
 }
 
 TEST(DdsParticipant, MissingProfilesFileOfTheEnvironmentIsNamed) {

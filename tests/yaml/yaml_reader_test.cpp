@@ -213,6 +213,12 @@ TEST(YamlReader, KeysGivenTwiceAreAnError) {
               StartsWith("c.yaml:3: cams.l is given twice"));
 }
 
+TEST(YamlReader, WhatATerminalWouldObeyIsAnError) {
+  EXPECT_EQ(error_of([] { read("a: 1\n\"b\\e[2J\": 2\n"); }), "c.yaml:2: b [2J has control characters in it");
+  EXPECT_EQ(error_of([] { read("a: \"x\\ry\"\n").string("a"); }), "c.yaml:1: a has control characters in it");
+  EXPECT_EQ(read("a: \"x\\ty\\nz\"\n").string("a"), "x\ty\nz");
+}
+
 TEST(YamlReader, WhatIsNotOneMappingIsAnError) {
   EXPECT_EQ(error_of([] { read(""); }), "c.yaml: is empty");
   EXPECT_EQ(error_of([] { read("# only a comment\n"); }), "c.yaml: is empty");

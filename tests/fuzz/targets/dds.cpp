@@ -1,4 +1,5 @@
-// A sample as it comes over the bus. The first byte chooses its type; the rest is the serialized payload.
+// A sample as it comes over the bus. The first byte chooses its type; the rest is the serialized payload, no longer
+// than a reader of ours takes.
 #include <fastcdr/exceptions/Exception.h>
 #include <fastdds/rtps/common/SerializedPayload.h>
 
@@ -8,10 +9,12 @@
 #include "clients/huetrack/sample_format.h"
 #include "clients/live_view/events.h"
 #include "fuzz/fuzz_target.h"
+#include "hosts/frame_message.h"
 #include "idl/camera_hostPubSubTypes.h"
 #include "idl/camera_timesPubSubTypes.h"
 #include "idl/huetrackPubSubTypes.h"
 #include "idl/huetrack_viewPubSubTypes.h"
+#include "idl/object_setPubSubTypes.h"
 #include "idl/topics.h"
 
 using namespace huetrack;
@@ -19,7 +22,8 @@ using namespace huetrack;
 namespace {
 
 template <typename PubSubType, typename Use>
-void receive(std::string_view bytes, Use&& use) {
+void receive(const char* topic, std::string_view bytes, Use&& use) {
+  if (const auto largest = idl::largest_sample(topic); largest && bytes.size() > *largest) return;
   PubSubType type;
   typename PubSubType::type sample;
   eprosima::fastrtps::rtps::SerializedPayload_t payload(static_cast<std::uint32_t>(bytes.size()));
@@ -36,50 +40,78 @@ void print(Sample& sample) {
     client::line(format, sample, 0, 4);
 }
 
+// A frame of another host's camera, as the tracker reads it: all its pixels are in memory.
+void decode(msg::CameraFrame& message) {
+  const auto& bytes = message.bytes();
+  if (fuzz::is_long_to_decode({reinterpret_cast<const char*>(bytes.data()), bytes.size()})) return;
+  capture::JpegDecoder decoder;
+  const capture::Image image = hosts::from_message(std::move(message), decoder).pixels;
+  volatile unsigned sum = 0;  // so that the reading stays
+  for (int p = 0; p < 3; ++p) {
+    const capture::Plane& plane = image.planes[static_cast<std::size_t>(p)];
+    for (int row = 0; plane.data != nullptr && row < capture::plane_rows(image.format, p, image.height); ++row)
+      for (std::size_t i = 0; i < capture::plane_row_bytes(image.format, p, image.width); ++i)
+        sum = sum + plane.data[row * plane.stride + static_cast<std::ptrdiff_t>(i)];
+  }
+}
+
 }  // namespace
 
 HUETRACK_FUZZ_TARGET(dds) {
   if (input.empty()) return;
   const std::string_view bytes = input.substr(1);
   const auto to_json = [](const auto& sample) { live_view::to_json(sample); };
-  switch (static_cast<unsigned char>(input.front()) % 13) {
+  switch (static_cast<unsigned char>(input.front()) % 17) {
     case 0:
-      return receive<msg::ObjectPositionPubSubType>(bytes, [](auto& sample) { print(sample); });
+      return receive<msg::ObjectPositionPubSubType>(idl::object_position_topic, bytes,
+                                                    [](auto& sample) { print(sample); });
     case 1:
-      return receive<msg::CameraPosePubSubType>(bytes, [](auto& sample) { print(sample); });
+      return receive<msg::CameraPosePubSubType>(idl::camera_pose_topic, bytes, [](auto& sample) { print(sample); });
     case 2:
-      return receive<msg::ServiceStatusPubSubType>(bytes, [](auto& sample) {
+      return receive<msg::ServiceStatusPubSubType>(idl::status_topic, bytes, [](auto& sample) {
         live_view::to_json(sample, 0);
         client::make_printable(sample);
         client::text(sample, 0);
       });
     case 3:
-      return receive<msg::ScenePubSubType>(bytes, to_json);
+      return receive<msg::ScenePubSubType>(idl::scene_topic, bytes, to_json);
     case 4:
-      return receive<msg::PreviewPubSubType>(bytes, to_json);
+      return receive<msg::PreviewPubSubType>(idl::preview_topic, bytes, to_json);
     case 5:
-      return receive<msg::CameraMapPubSubType>(bytes, to_json);
+      return receive<msg::CameraMapPubSubType>(idl::camera_map_topic, bytes, to_json);
     case 6:
-      return receive<msg::TeachReplyPubSubType>(bytes, to_json);
+      return receive<msg::TeachReplyPubSubType>(idl::teach_reply_topic, bytes, to_json);
     case 7:
-      return receive<msg::TeachRequestPubSubType>(bytes, [](auto&) {});
+      return receive<msg::TeachRequestPubSubType>(idl::teach_request_topic, bytes, [](auto&) {});
     case 8:
-      return receive<msg::CameraTimesPubSubType>(bytes, [](auto& sample) {
+      return receive<msg::CameraTimesPubSubType>(idl::camera_times_topic, bytes, [](auto& sample) {
         live_view::to_json(sample);
         client::make_printable(sample);
       });
     case 9:
-      return receive<msg::ControlReplyPubSubType>(bytes, to_json);
+      return receive<msg::ControlReplyPubSubType>(idl::control_reply_topic, bytes, to_json);
     case 10:
-      return receive<msg::ControlRequestPubSubType>(bytes, [](auto&) {});
+      return receive<msg::ControlRequestPubSubType>(idl::control_request_topic, bytes, [](auto&) {});
     case 11:
-      return receive<msg::HostClocksPubSubType>(bytes, [](auto& sample) {
+      return receive<msg::HostClocksPubSubType>(idl::host_clocks_topic, bytes, [](auto& sample) {
         live_view::to_json(sample);
         client::make_printable(sample);
         client::text({}, 0, nullptr, {}, {}, &sample);
       });
-    default:
+    case 12:
       if (const auto identity = idl::PublisherIdentity::from(bytes))
         idl::PublisherIdentity::from(identity->user_data());
+      return;
+    case 13:
+      return receive<msg::ObjectSetPubSubType>(idl::object_set_topic, bytes, [](auto& sample) {
+        client::make_printable(sample);
+        client::text({}, 0, nullptr, {}, std::span(&sample, 1));
+      });
+    case 14:
+      return receive<msg::CameraHostPubSubType>(idl::camera_host_topic, bytes, [](auto&) {});
+    case 15:
+      return receive<msg::CameraFramePubSubType>("huetrack/frames", bytes, decode);
+    default:
+      return receive<msg::ClockEchoPubSubType>(idl::clock_echo_topic, bytes, [](auto&) {});
   }
 }
