@@ -264,6 +264,25 @@ TEST(Watch, AFullDiskIsSaid) {
   EXPECT_THAT(client.err(), HasSubstr("No space left on device"));
 }
 
+TEST(Export, AFullDiskLeavesNothingBehind) {
+  const std::filesystem::path folder =
+      std::filesystem::path(testing::TempDir()) / ("full_" + std::to_string(::getpid()));
+  std::filesystem::create_directories(folder);
+  std::ofstream(folder / "tracks.csv") << "target,t,x,y,z,vx,vy,vz,cxx,cxy,cxz,cyy,cyz,czz,state,views,confidence\n"
+                                          "ball,0.1,0,0,1,0,0,0,1e-6,0,0,1e-6,0,1e-6,tracking,2,0.9\n";
+  for (const char* out : {"bag", "track.mcap"}) {
+    // No file may have a byte: as on a disk that is full, for one process.
+    ChildProcess client({"/bin/bash", "-c",
+                         "(trap '' XFSZ; ulimit -f 0; " + std::string(HUETRACK_CLIENT) + " export " +
+                             (folder / "tracks.csv").string() + " --out " + (folder / out).string() +
+                             ") 2>&1 | cat; exit ${PIPESTATUS[0]}"});
+    EXPECT_EQ(client.exit_status(5s), 1) << out;
+    EXPECT_EQ(lines_of(client.out()).size(), 1U) << client.out();
+    EXPECT_FALSE(std::filesystem::exists(folder / out)) << out;
+  }
+  std::filesystem::remove_all(folder);
+}
+
 TEST(Watch, WrongArgumentsAreNamed) {
   ChildProcess format(huetrack({"watch", "--format", "xml"}));
   EXPECT_THAT(format.exit_status(5s), ::testing::Optional(::testing::Ne(0)));
