@@ -848,6 +848,21 @@ ServiceConfig described(const yaml::YamlReader& root, const fs::path& file) {
 }
 
 // Somebody renamed a target, or took it out, and what it was taught is still there: only a person knows which.
+// Objects of a target that is several are told as its name and a number (object_tracking::object_name()).
+void check_object_names(const yaml::YamlReader& root, const std::vector<object_tracking::TargetOptions>& targets) {
+  for (const auto& several : targets) {
+    if (several.count == 1) continue;
+    for (const auto& other : targets) {
+      if (!other.name.starts_with(several.name + "_")) continue;
+      const std::string_view number = std::string_view(other.name).substr(several.name.size() + 1);
+      if (number.empty() || !std::ranges::all_of(number, [](char c) { return c >= '0' && c <= '9'; })) continue;
+      root.map("targets").fail(other.name, fmt::format("is what an object of {0} is called, of which there are several "
+                                                       "(count): give it a name that is not {0} and a number",
+                                                       several.name));
+    }
+  }
+}
+
 void check_taught_targets(const yaml::YamlReader& written, const yaml::YamlReader& taught) {
   const std::vector<std::string> known = written.map_or_empty("targets").keys();
   const yaml::YamlReader targets = taught.map_or_empty("targets");
@@ -918,6 +933,7 @@ ServiceConfig read_config(const fs::path& file, const yaml::YamlReader& written,
   }
   if (config.is_calibrated() && !config.calibration.room_file.empty())
     config.calibration.room = read_room(config.calibration.room_file, calib::rig_identity(config.rig));
+  check_object_names(root, config.targets);
   for (const auto& target : config.targets) {
     config.dds.publisher.targets.push_back(target.name);
     config.dds.publisher.counts.push_back(target.count);

@@ -6,7 +6,7 @@
 namespace huetrack::object_tracking {
 namespace {
 
-constexpr double looked_every_s = 0.5;
+constexpr double looked_every_s = 1;  // it takes a set as long as a search does
 constexpr double told_after_s = 1.5;  // seen, or gone: what crosses a room by chance does not stay
 // So far from the target's middle a region is its own, or touches it and says nothing.
 constexpr double own_radii = 3;
@@ -28,7 +28,6 @@ void FurtherObject::note(capture::Timestamp set_at, const std::optional<Eigen::V
 FurtherObjectWatch::FurtherObjectWatch(const calib::CameraRig& rig, const TargetOptions& target,
                                        const ObjectTrackerOptions& options)
     : target_(target),
-      volume_(options.volume),
       births_(target, options, options.volume),
       finders_(rig.cameras.size()),
       regions_(rig.cameras.size()) {
@@ -47,6 +46,11 @@ void FurtherObjectWatch::find_others(const std::vector<TargetView>& views, const
       if (!own || (region.centre - own->px).norm() > own_radii * own->radius_px) regions_[i].push_back(region);
     }
   }
+}
+
+void FurtherObjectWatch::look_at_nothing(capture::Timestamp set_at) {
+  is_second_ = false;
+  further_.note(set_at, std::nullopt);
 }
 
 void FurtherObjectWatch::look(const std::vector<TargetView>& views, std::span<const Sighting> sightings,

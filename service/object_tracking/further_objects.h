@@ -30,7 +30,7 @@ class FurtherObject {
   std::optional<capture::Timestamp> since_;  // it is seen, or gone, against what is told
 };
 
-// Beside one object that is tracked, in a room that does not share its colour. Twice a second the views are looked
+// Beside one object that is tracked, in a room that does not share its colour. Once a second the views are looked
 // through as a whole in two sets, for what would be a birth among several objects (object_births.h). thread-compatible.
 class FurtherObjectWatch {
  public:
@@ -39,13 +39,14 @@ class FurtherObjectWatch {
   // The target was tracked in this set, by these sightings.
   void look(const std::vector<TargetView>& views, std::span<const Sighting> sightings, const MotionBelief& belief,
             const StillColor& still, capture::Timestamp set_at);
+  // It was not, or the room shares the colour: nothing is known of others.
+  void look_at_nothing(capture::Timestamp set_at);
   const std::optional<Eigen::Vector3d>& told() const { return further_.told(); }
 
  private:
   void find_others(const std::vector<TargetView>& views, const MotionBelief& belief);
 
   TargetOptions target_;
-  Volume volume_;
   ObjectBirths births_;
   std::vector<SizeInView> size_in_view_;                  // per camera
   std::vector<color::RegionFinder> finders_;              // per camera

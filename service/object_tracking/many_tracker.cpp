@@ -200,6 +200,8 @@ void ManyTracker::compare_views(const std::vector<TargetView>& views) {
     lead = std::ranges::find_if(objects_, [](const auto& o) { return o->is_told && o->state == TrackState::tracking; });
     // Where doubts let nobody be tracked, only who is seen all the same can tell that they are of the past.
     if (lead == objects_.end())
+      lead = std::ranges::find_if(objects_, [](const auto& o) { return o->is_told && o->sightings.size() >= 2; });
+    if (lead == objects_.end())
       lead = std::ranges::find_if(objects_, [](const auto& o) { return o->sightings.size() >= 2; });
     lead_ = lead == objects_.end() ? nullptr : lead->get();
   }

@@ -163,10 +163,12 @@ std::vector<Birth> ObjectBirths::look(const std::vector<TargetView>& views,
         if (earlier == nullptr || apart_m < (c.at.position - earlier->at.position).norm()) earlier = &e;
       }
     }
-    // Two views that others contradict may be of two pieces of furniture, set by set: only what moves is told by them.
+    // Two views may be of two pieces of furniture, set by set. Where as many others contradict them only what moves is
+    // told; a single one may have something before it that nobody knows of.
     const bool is_contested = c.missing > 0 && c.at.sightings.size() < 3;
     const bool is_clear = c.evidence >= beyond_chance || shows_discs(c.at, target_.radius_m);
-    bool stands = is_contested || must_move_ == MustMove::yes || (must_move_ == MustMove::unless_clear && !is_clear);
+    bool stands = (is_contested && c.missing >= std::ssize(c.at.sightings)) || must_move_ == MustMove::yes ||
+                  (must_move_ == MustMove::unless_clear && !is_clear);
     if (earlier != nullptr) {
       c.at.sets = earlier->at.sets + 1;
       const bool is_long_ago = earlier->sets_from >= kept_way;

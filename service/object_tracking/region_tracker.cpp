@@ -56,10 +56,11 @@ ObjectEstimate RegionTracker::update(const capture::FrameSet& set) {
       sighter_.learn_behind(views_.unused(), filter_.belief());
     }
   }
-  if (state_ != TrackState::tracking)
-    search(set, views);
-  else if (!still_color_.is_room_shared())
+  if (state_ != TrackState::tracking) search(set, views);
+  if (state_ == TrackState::tracking && !still_color_.is_room_shared())
     further_.look(views, sightings_, filter_.belief(), still_color_, set.at);
+  else
+    further_.look_at_nothing(set.at);
   last_at_ = set.at;
   return report(set);
 }

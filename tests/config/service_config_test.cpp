@@ -71,6 +71,10 @@ TEST_F(ServiceConfigFile, ATargetMayBeSeveralObjects) {
   EXPECT_TRUE(load(to_yaml(config)).targets[0].is_up_to);
   EXPECT_THAT(config.dds.publisher.counts, ElementsAre(8));
   EXPECT_THAT(targets_that_differ(load(ball), config), ElementsAre(0u));
+  // An object of theirs would have another target's name.
+  const std::string two =
+      head + "targets: {ball: {count: 3, color: {hue_deg: [65, 115]}}, ball_1: {color: {hue_deg: [5, 15]}}}\n";
+  EXPECT_THAT(error(two), HasSubstr("targets.ball_1: is what an object of ball is called"));
   for (const std::string wrong : {"0", "-1", "17", "up to 1000", "up to", "many", "2.5", "3 balls"}) {
     const std::string message = error(with(wrong));
     EXPECT_THAT(message, HasSubstr("c.yaml:3: targets.ball.count: must be a number from 1 to 16, or \"up to\""));
