@@ -425,9 +425,7 @@ void ColorTeacher::judge(TaughtView& view, std::size_t camera, const std::string
     text += "only " + percent(view.object_share) + " of the object matches: widen the ranges; ";
   else
     text += percent(view.object_share) + " of the object matches" +
-            (view.elsewhere.empty()
-                 ? "; "
-                 : fmt::format(", as it does where else it was seen ({} more views); ", view.elsewhere.size()));
+            (view.elsewhere.empty() ? "; " : fmt::format(" (learnt from {} views); ", view.elsewhere.size() + 1));
   text += percent(view.background_share) + " of the background matches";
   if (is_rival) {
     text += patch_text();
