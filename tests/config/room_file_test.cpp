@@ -12,7 +12,10 @@ namespace {
 
 class RoomFile : public testing::Test {
  protected:
-  RoomFile() : file_(std::filesystem::path(testing::TempDir()) / "huetrack_room_test.yaml") {
+  // A file for each test: they run beside one another.
+  RoomFile()
+      : file_(std::filesystem::path(testing::TempDir()) /
+              ("room_" + std::string(testing::UnitTest::GetInstance()->current_test_info()->name()) + ".yaml")) {
     std::filesystem::remove(file_);
     KeptRoom kept{.camera = "cam \"0\"", .patches = {}};
     for (int k = 0; k < 3; ++k) {
