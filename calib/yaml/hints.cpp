@@ -7,9 +7,9 @@
 #include <array>
 #include <charconv>
 #include <cmath>
-#include <optional>
 #include <vector>
 
+#include "calib/yaml/nearest_word.h"
 #include "calib/yaml/text_file.h"
 
 namespace huetrack::yaml {
@@ -43,14 +43,6 @@ std::size_t length_of_number(std::string_view text) {
   return at > first ? at : 0;
 }
 
-std::optional<double> value_of(std::string_view number) {
-  if (number.starts_with('+') && !number.starts_with("+-")) number.remove_prefix(1);
-  double value = 0;
-  const auto [end, error] = std::from_chars(number.data(), number.data() + number.size(), value);
-  if (error != std::errc{} || end != number.data() + number.size() || !std::isfinite(value)) return std::nullopt;
-  return value;
-}
-
 struct Unit {
   std::string_view said, key_end, name;
   double factor;
@@ -73,12 +65,10 @@ constexpr std::array<Unit, 16> units{{{"m", "_m", "metres", 1},
                                       {"mb", "_mb", "megabytes", 1}}};
 
 std::string without_unit(std::string_view number, std::string_view unit, std::string_view key) {
-  const auto value = value_of(number);
+  const auto value = parse_number(number);
   if (!value) return {};
   if (unit == "%") return fmt::format("write {:.6g}: a share, without the unit", *value / 100);
-  std::string small(unit);
-  for (char& c : small)
-    if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
+  const std::string small = in_small_letters(unit);
   for (const Unit& known : units)
     if (known.said == small && key.ends_with(known.key_end))
       return fmt::format("write {:.6g}: {}, without the unit", *value * known.factor, known.name);
@@ -200,9 +190,17 @@ SyntaxHint odd_indentation(const std::vector<std::string_view>& lines, int line)
 
 }  // namespace
 
+std::optional<double> parse_number(std::string_view text) {
+  if (text.starts_with('+') && !text.starts_with("+-")) text.remove_prefix(1);
+  double value = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (error != std::errc{} || end != text.data() + text.size() || !std::isfinite(value)) return std::nullopt;
+  return value;
+}
+
 std::string number_hint(std::string_view given, std::string_view key, Wanted wanted) {
   const std::string_view text = trimmed(given);
-  if (const auto value = value_of(text)) {
+  if (const auto value = parse_number(text)) {
     // Beyond 2^53 it is no whole number of ours, in quotation marks or not.
     if (wanted == Wanted::whole_number && (*value != std::trunc(*value) || std::abs(*value) > 0x1p53)) return {};
     return fmt::format("write {}, without quotation marks", text);
@@ -246,9 +244,7 @@ std::string list_hint(std::string_view text, std::size_t min_count, std::size_t 
 }
 
 std::string boolean_hint(std::string_view given) {
-  std::string word(given);
-  for (char& c : word)
-    if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
+  const std::string word = in_small_letters(given);
   constexpr std::array<std::string_view, 5> yes{"true", "yes", "on", "y", "1"}, no{"false", "no", "off", "n", "0"};
   const bool is_yes = std::ranges::find(yes, word) != yes.end();
   if (!is_yes && std::ranges::find(no, word) == no.end()) return {};

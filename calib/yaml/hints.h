@@ -5,10 +5,14 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <string_view>
 
 namespace huetrack::yaml {
+
+// A number as our files have it, the whole of the text; nullopt: it is none, or not finite.
+std::optional<double> parse_number(std::string_view text);
 
 // text: that is no number. key: its name ends with the unit that is wanted (radius_m), or with none.
 enum class Wanted : std::uint8_t { number, whole_number };

@@ -6,13 +6,6 @@
 namespace huetrack::yaml {
 namespace {
 
-std::string in_small_letters(std::string_view word) {
-  std::string out(word);
-  for (char& c : out)
-    if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
-  return out;
-}
-
 // Optimal string alignment: insertions, deletions, replacements and swaps of neighbours, each at cost 1.
 std::size_t edit_distance(std::string_view a, std::string_view b) {
   std::vector<std::size_t> before(b.size() + 1), previous(b.size() + 1), current(b.size() + 1);
@@ -33,6 +26,13 @@ std::size_t edit_distance(std::string_view a, std::string_view b) {
 }
 
 }  // namespace
+
+std::string in_small_letters(std::string_view word) {
+  std::string out(word);
+  for (char& c : out)
+    if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
+  return out;
+}
 
 std::vector<std::string> nearest_words(std::string_view given, std::span<const std::string> words) {
   const std::string word = in_small_letters(given);

@@ -9,6 +9,9 @@
 
 namespace huetrack::yaml {
 
+// ASCII's alone.
+std::string in_small_letters(std::string_view word);
+
 // The one of `words` that is nearest to `word` by edit distance, if it is near enough to be a misspelling.
 // Small and capital letters are the same here, and half of a name with parts is near to it ("hue" to hue_deg,
 // "tracking" to object_tracking), as is the beginning of a longer word ("warn" to warning).

@@ -322,9 +322,7 @@ std::vector<std::vector<ColoredRegion>> balls_of(const calib::CameraRig& rig, st
   std::ranges::stable_sort(balls, [](const Ball& a, const Ball& b) { return a.views.size() > b.views.size(); });
   const auto share = [](const std::vector<ColoredRegion>& a, const std::vector<ColoredRegion>& b) {
     return std::ranges::any_of(a, [&](const ColoredRegion& one) {
-      return std::ranges::any_of(b, [&](const ColoredRegion& other) {
-        return one.camera == other.camera && one.region.centre == other.region.centre;
-      });
+      return std::ranges::any_of(b, [&](const ColoredRegion& other) { return one.is_same_as(other); });
     });
   };
   std::vector<std::vector<ColoredRegion>> out;

@@ -17,6 +17,10 @@ namespace huetrack::color_teaching {
 struct ColoredRegion {
   std::size_t camera = 0;  // in the rig
   MaskRegion region;
+  // Of one picture, whose regions do not overlap.
+  bool is_same_as(const ColoredRegion& other) const {
+    return camera == other.camera && region.centre == other.region.centre;
+  }
 };
 
 // One ball at one moment, in two views or more. The pictures are whole, one slot per camera of the rig.
@@ -29,8 +33,8 @@ struct RadiusProposal {
   std::optional<double> radius_m = {};  // nullopt: it cannot be told
   // Standard deviation, as far as the rig's own scale is right: a rig that is 3 % too large has every ball so.
   double sigma_m = 0;
-  bool is_rough =
-      false;  // by coloured regions of one moment alone: a hand or a shade may have hidden a part in all views
+  // By coloured regions of one moment alone: a hand or a shade may have hidden a part in all views.
+  bool is_rough = false;
   std::size_t moments = 0, cameras = 0;  // that voted
   std::string why_not = {};              // it cannot be told, for people; empty: it can
 };

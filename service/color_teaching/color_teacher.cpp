@@ -295,7 +295,7 @@ std::vector<ColorTeacher::SeenElsewhere> ColorTeacher::seen_elsewhere(const Taug
         if (!grown || std::ranges::any_of(candidates, is_here) || (m == 0 && std::ranges::any_of(pointed, is_here)))
           continue;
         candidates.push_back({camera, grown->region});
-        all.push_back({m, camera, grown->region, std::move(grown->pixels)});
+        all.push_back({m, candidates.back(), std::move(grown->pixels)});
       }
     }
     std::vector<std::vector<ColoredRegion>> balls;
@@ -305,9 +305,8 @@ std::vector<ColorTeacher::SeenElsewhere> ColorTeacher::seen_elsewhere(const Taug
       balls.push_back(one_ball_of(rig_, candidates, volume, *about));
     for (const auto& ball : balls) {
       for (const ColoredRegion& view : ball)
-        out.push_back(*std::ranges::find_if(all, [&](const SeenElsewhere& seen) {
-          return seen.camera == view.camera && seen.region.centre == view.region.centre;
-        }));
+        out.push_back(
+            *std::ranges::find_if(all, [&](const SeenElsewhere& seen) { return seen.view.is_same_as(view); }));
     }
   }
   return out;
@@ -316,9 +315,11 @@ std::vector<ColorTeacher::SeenElsewhere> ColorTeacher::seen_elsewhere(const Taug
 Taught ColorTeacher::held_elsewhere(Taught taught, const TeachRequestOptions& request,
                                     const object_tracking::Volume& volume, bool several) const {
   if (!taught.any()) return taught;
-  for (SeenElsewhere& seen : seen_elsewhere(taught, request, volume, several)) {
-    TaughtView& view = taught.views[seen.camera];
-    if (seen.moment == 0) view.alike.push_back(seen.region);
+  std::vector<SeenElsewhere> all = seen_elsewhere(taught, request, volume, several);
+  if (all.empty()) return taught;  // judged as it is
+  for (SeenElsewhere& seen : all) {
+    TaughtView& view = taught.views[seen.view.camera];
+    if (seen.moment == 0) view.alike.push_back(seen.view.region);
     view.elsewhere.push_back(std::move(seen.pixels));
   }
   for (std::size_t c = 0; c < taught.views.size(); ++c) {

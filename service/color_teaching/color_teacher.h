@@ -99,8 +99,8 @@ class ColorTeacher {
  private:
   // One more place where the object was seen, or another one like it.
   struct SeenElsewhere {
-    std::size_t moment, camera;
-    MaskRegion region;
+    std::size_t moment;
+    ColoredRegion view;
     std::vector<color::Hsi> pixels;
   };
   std::vector<ColoredRegion> ball_of(const Taught& taught) const;  // at the first moment

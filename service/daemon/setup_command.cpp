@@ -60,8 +60,7 @@ void write_first_configuration(const fs::path& file, const std::stop_token& stop
   fmt::print(
       "The page may teach colours, calibrate and record; so may whoever is on this DDS domain's network. When all "
       "is set up, take the line `control:` out of the file, or keep the bus on this host: dds: {{interfaces: [lo]}}, "
-      "and "
-      "huetrack view --interface lo\n");
+      "and huetrack view --interface lo\n");
 }
 
 }  // namespace

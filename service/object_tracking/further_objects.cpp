@@ -25,15 +25,13 @@ void FurtherObject::note(capture::Timestamp set_at, const std::optional<Eigen::V
   since_.reset();
 }
 
-FurtherObjectWatch::FurtherObjectWatch(const calib::CameraRig& rig, const TargetOptions& target,
-                                       const ObjectTrackerOptions& options)
+FurtherObjectWatch::FurtherObjectWatch(const TargetOptions& target, const ObjectTrackerOptions& options,
+                                       std::span<const SizeInView> sizes)
     : target_(target),
       births_(target, options, options.volume),
-      finders_(rig.cameras.size()),
-      regions_(rig.cameras.size()) {
-  for (const calib::Camera& camera : rig.cameras)
-    size_in_view_.push_back(size_in(camera, options.volume, target.radius_m));
-}
+      size_in_view_(sizes.begin(), sizes.end()),
+      finders_(sizes.size()),
+      regions_(sizes.size()) {}
 
 void FurtherObjectWatch::find_others(const std::vector<TargetView>& views, const MotionBelief& belief) {
   for (std::size_t i = 0; i < views.size(); ++i) {

@@ -34,7 +34,9 @@ class FurtherObject {
 // through as a whole in two sets, for what would be a birth among several objects (object_births.h). thread-compatible.
 class FurtherObjectWatch {
  public:
-  FurtherObjectWatch(const calib::CameraRig& rig, const TargetOptions& target, const ObjectTrackerOptions& options);
+  // sizes: of the target, per camera of the rig
+  FurtherObjectWatch(const TargetOptions& target, const ObjectTrackerOptions& options,
+                     std::span<const SizeInView> sizes);
 
   // The target was tracked in this set, by these sightings.
   void look(const std::vector<TargetView>& views, std::span<const Sighting> sightings, const MotionBelief& belief,

@@ -42,6 +42,7 @@ class ObjectSearch {
   // Radius of the target somewhere in the volume, the geometric mean; one for each of these views.
   std::vector<double> usual_radii_px(const std::vector<TargetView>& views) const;
   const SizeInView& size_in_view(std::size_t camera) const { return size_in_view_[camera]; }
+  std::span<const SizeInView> sizes_in_view() const { return size_in_view_; }  // per camera of the rig
 
   using Find = Birth;
   // The room shares the colour (still_color.h).

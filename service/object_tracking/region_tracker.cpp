@@ -19,7 +19,7 @@ RegionTracker::RegionTracker(const calib::CameraRig& rig, const TargetOptions& t
       rig_error_(rig, options.max_coast_sigma_m),
       still_color_(rig.cameras.size(), 1),
       clutter_(rig),
-      further_(rig, target, options) {
+      further_(target, options, search_.sizes_in_view()) {
   for (std::size_t c = 0; c < rig.cameras.size(); ++c)
     still_color_.set_sizes(c, search_.size_in_view(c).smallest_px, search_.size_in_view(c).largest_px,
                            rig.cameras[c].image_size);

@@ -29,10 +29,10 @@ std::string mistake_text(const view_watch::Mistake& mistake, const object_tracki
     case MistakeKind::late:
       if (mistake.off_px == 0)
         return fmt::format(
-            "{} {} some {:.2f} s {} by its time stamps, as the motion of {} shows, by which it is allowed for: correct "
+            "{} is some {:.2f} s {} by its time stamps, as the motion of {} shows, by which it is allowed for: correct "
             "the time stamps or timing.latency_s",
-            is_either ? "one of " + who : who, "is", std::abs(mistake.size),
-            is_either || mistake.size > 0 ? "late" : "early", target.name);
+            is_either ? "one of " + who : who, std::abs(mistake.size), is_either || mistake.size > 0 ? "late" : "early",
+            target.name);
       return fmt::format(
           "{} and by more the faster {} moves: {} is some {:.2f} s {}: correct its time stamps or its "
           "timing.latency_s",

@@ -227,6 +227,17 @@ TEST(NetworkSource, SilenceIsALostCamera) {
   stop.request_stop();
 }
 
+// Takes what comes until the source has lost its camera, or 20 s long.
+void take_until_lost(NetworkSource& source) {
+  std::stop_source stop;
+  const std::jthread looking([&] {
+    for (int i = 0; i < 2000 && source.health().state != CaptureState::absent; ++i) std::this_thread::sleep_for(10ms);
+    stop.request_stop();
+  });
+  while (source.next(stop.get_token())) {
+  }
+}
+
 // A header may say two gigabytes, or nothing: neither is taken into memory.
 TEST(NetworkSource, APictureWithoutEndIsALostCamera) {
   for (const std::string length : {"Content-Length: 2147483000\r\n", ""}) {
@@ -237,13 +248,7 @@ TEST(NetworkSource, APictureWithoutEndIsALostCamera) {
     options.retry = 60s;
     NetworkSource source(options);
     for (int k = 0; k < 2; ++k) ASSERT_TRUE(source.next({})) << k;  // FFmpeg hands one over when the next begins
-    std::stop_source stop;
-    const std::jthread looking([&] {
-      for (int i = 0; i < 2000 && source.health().state != CaptureState::absent; ++i) std::this_thread::sleep_for(10ms);
-      stop.request_stop();
-    });
-    while (source.next(stop.get_token())) {
-    }
+    take_until_lost(source);
     EXPECT_EQ(source.health().state, CaptureState::absent);
     EXPECT_THAT(source.health().message, HasSubstr("32 MiB without a picture"));
     EXPECT_LT(camera.sent(), 100U << 20U);  // with what lies in the kernel's buffers
@@ -258,13 +263,7 @@ TEST(NetworkSource, AnAnswerOfGigabytesIsRefused) {
   options.patience = 60s;
   options.retry = 60s;
   NetworkSource source(options);
-  std::stop_source stop;
-  const std::jthread looking([&] {
-    for (int i = 0; i < 2000 && source.health().state != CaptureState::absent; ++i) std::this_thread::sleep_for(10ms);
-    stop.request_stop();
-  });
-  while (source.next(stop.get_token())) {
-  }
+  take_until_lost(source);
   EXPECT_EQ(source.health().state, CaptureState::absent);
   EXPECT_LT(camera.sent(), 100U << 20U);  // with what lies in the kernel's buffers
 }
