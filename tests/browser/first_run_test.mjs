@@ -14,7 +14,7 @@ const domain = "76";
 const folder = mkdtempSync(join(tmpdir(), "huetrack-first-run-"));
 const films = join(folder, "films");
 const config = join(folder, "my.yaml"), taught = join(folder, "my.taught.yaml");
-const until = waiting(20000);
+const until = waiting(30000);
 
 // Where the ball of the films is, a time after they began (tests/soak/films.h), and how far positions are from there: rms, m.
 // When they began nobody tells, nor where the board has put the world: the time and the place are found that fit best.
