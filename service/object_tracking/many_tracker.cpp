@@ -222,7 +222,7 @@ void ManyTracker::compare_views(const std::vector<TargetView>& views) {
   }
   for (const Sighting& s : seen) {
     const auto view = std::ranges::find(views, s.row.camera, &TargetView::index);
-    if (!s.is_cut && view != views.end()) seen_regions_.add_target(*view, s.px, s.radius_px);
+    if (!s.is_cut && view != views.end()) seen_regions_.add_target(*view, s);
   }
   agreement_.compare_sightings(object.filter.belief(), seen);
 }

@@ -56,7 +56,10 @@ struct SeenRegion {
   Eigen::Vector2d px;       // its centre, raw pixels
   double radius_px = 0;     // of the disc of its area
   double below_middle = 0;  // its row: r / (H - 1) - 1/2
-  bool is_target = false;   // what the tracker takes for the target; otherwise it is found elsewhere, or in a search
+  // Standard deviation of px on each axis, where its outline was fitted: noise, and what lasts; 0: the middle of a
+  // region.
+  double outline_sigma_px = 0;
+  bool is_target = false;  // what the tracker takes for the target; otherwise it is found elsewhere, or in a search
 };
 
 // How much of a camera's picture has the target's colour.

@@ -9,6 +9,7 @@
 
 #include "color/color_region.h"
 #include "object_tracking/object_estimate.h"
+#include "object_tracking/sighting.h"
 #include "object_tracking/target_views.h"
 
 namespace huetrack::object_tracking {
@@ -22,8 +23,11 @@ class SeenRegions {
     return std::ranges::any_of(all_, [&](const SeenRegion& region) { return region.camera == camera; });
   }
 
-  void add_target(const TargetView& view, const Eigen::Vector2d& px, double radius_px) {
-    all_.push_back(seen(view, px, radius_px, true));
+  void add_target(const TargetView& view, const Sighting& sighting) {
+    all_.push_back(seen(view, sighting.px, sighting.radius_px, true));
+    if (sighting.is_outline)
+      all_.back().outline_sigma_px =
+          std::sqrt(sighting.covariance.trace() / 2 + sighting.lasting_px * sighting.lasting_px);
   }
   void add_others(const TargetView& view, std::span<const color::ColorRegion> regions) {
     constexpr std::size_t most = 4;  // of a view, the largest

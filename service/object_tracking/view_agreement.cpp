@@ -169,7 +169,7 @@ void ViewAgreement::compare(const std::vector<TargetView>& views, capture::Times
   for (const TargetView& view : views) {
     const auto by_view = std::ranges::find(sightings, view.index, [](const Sighting& s) { return s.row.camera; });
     if (by_view != sightings.end()) {
-      seen.add_target(view, by_view->px, by_view->radius_px);
+      seen.add_target(view, *by_view);
     } else if (!sightings.empty()) {
       if (const auto far = far_off(view, set_at, belief, seen)) besides_.push_back(*far);
     }

@@ -14,8 +14,8 @@
 namespace huetrack::view_watch {
 namespace {
 
-// A region's centre, and what a good rig and a lens leave: a fraction of a pixel, and light from one side.
-constexpr double least_sigma_px = 0.35, sigma_of_radius = 0.06;
+// What a good rig and a lens leave: a fraction of a pixel.
+constexpr double sigma_of_rig_px = 0.25;
 constexpr double longest_gap_s = 0.15;  // between two samples, to tell what was between them
 constexpr double largest_off = 5;       // in standard deviations: further off is as bad
 constexpr double nowhere_px = 60;       // rays that meet behind a camera
@@ -27,6 +27,11 @@ double focal_px(const calib::Camera& camera) {
 }
 
 }  // namespace
+
+double sigma_of_region_px(double radius_px) {
+  constexpr double of_edge_px = 0.25, of_radius = 0.06;
+  return std::hypot(of_edge_px, of_radius * radius_px);
+}
 
 double PairResiduals::usual() const {
   if (off_px.size() < PairComparison::least_samples) return std::numeric_limits<double>::infinity();
@@ -49,7 +54,7 @@ PairComparison::Placed PairComparison::placed(const std::vector<Track>& tracks, 
   const Sample& s = track[k];
   const std::size_t real = with.really.empty() ? slot : with.really[slot];
   const calib::Camera& camera = rig_.cameras[real];
-  Placed out{.direction = s.ray, .t_s = s.t_s, .radius_px = s.radius_px, .px_per_s = 0};
+  Placed out{.direction = s.ray, .t_s = s.t_s, .radius_px = s.radius_px, .sigma_px = s.sigma_px, .px_per_s = 0};
   if (real != slot) {
     const auto ray = camera.model.ray({s.px});
     out.direction = ray ? ray->normalized() : Eigen::Vector3d(0, 0, 1);
@@ -103,16 +108,18 @@ PairResiduals PairComparison::residuals(const std::vector<Track>& tracks, std::s
     // In-step cameras have the same moments: nothing is to be told between samples, however far apart they are.
     constexpr double same_s = 0.002;
     Eigen::Vector3d direction;
-    double radius_px = 0, interpolated_px = 0, px_per_s = 0;
+    double radius_px = 0, sigma_px = 0, interpolated_px = 0, px_per_s = 0;
     if (std::abs(a.t_s - before.t_s) < same_s) {
-      direction = before.direction, radius_px = before.radius_px, px_per_s = before.px_per_s;
+      direction = before.direction, radius_px = before.radius_px, sigma_px = before.sigma_px,
+      px_per_s = before.px_per_s;
     } else if (std::abs(a.t_s - after.t_s) < same_s) {
-      direction = after.direction, radius_px = after.radius_px, px_per_s = after.px_per_s;
+      direction = after.direction, radius_px = after.radius_px, sigma_px = after.sigma_px, px_per_s = after.px_per_s;
     } else {
       if (!(gap_s > 0 && gap_s < longest_gap_s) || a.t_s < before.t_s || a.t_s > after.t_s) continue;
       const double share = (a.t_s - before.t_s) / gap_s;
       direction = (before.direction + share * (after.direction - before.direction)).normalized();
       radius_px = before.radius_px + share * (after.radius_px - before.radius_px);
+      sigma_px = std::max(before.sigma_px, after.sigma_px);
       px_per_s = before.px_per_s + share * (after.px_per_s - before.px_per_s);
       // A curve between two samples: of some 5 m/s^2 at some 3 m.
       constexpr double acceleration_m_s2 = 5, distance_m = 3;
@@ -123,8 +130,10 @@ PairResiduals PairComparison::residuals(const std::vector<Track>& tracks, std::s
     if (denominator < 1e-3) continue;
     const double along_i = (base.dot(di) - cosine * base.dot(dj)) / denominator;
     const double along_j = (cosine * base.dot(di) - base.dot(dj)) / denominator;
-    const double mean_radius_px = 0.5 * (a.radius_px + radius_px);
-    const double still_px = std::hypot(std::hypot(least_sigma_px, sigma_of_radius * mean_radius_px), interpolated_px);
+    // Metres a pixel where both rays pass each other; a view counts by them.
+    const double scale_i = std::abs(along_i) / fi, scale_j = std::abs(along_j) / fj;
+    const double seen_px = std::hypot(scale_i * a.sigma_px, scale_j * sigma_px) / std::hypot(scale_i, scale_j);
+    const double still_px = std::hypot(sigma_of_rig_px, seen_px, interpolated_px);
     const double moving_px = time_sigma_s * std::max(a.px_per_s, px_per_s) * std::numbers::sqrt2 / 2;
     out.expected.push_back(std::hypot(still_px, moving_px));
     if (along_i <= 0.05 || along_j <= 0.05) {
@@ -132,8 +141,8 @@ PairResiduals PairComparison::residuals(const std::vector<Track>& tracks, std::s
       continue;
     }
     const double gap_m = base.dot(di.cross(dj)) / std::sqrt(denominator);
-    out.off_px.push_back(gap_m / std::hypot(along_i / fi, along_j / fj));
-    const double ri = a.radius_px * along_i / fi, rj = radius_px * along_j / fj;
+    out.off_px.push_back(gap_m / std::hypot(scale_i, scale_j));
+    const double ri = a.radius_px * scale_i, rj = radius_px * scale_j;
     out.radius_m.push_back(std::sqrt(ri * rj));
   }
   return out;

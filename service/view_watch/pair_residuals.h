@@ -17,10 +17,14 @@ struct Sample {
   double t_s = 0;           // of its row, by the times that are believed; on one clock for all cameras
   Eigen::Vector2d px;       // raw pixels
   double radius_px = 0;     // of the disc of the region's area
+  double sigma_px = 0;      // standard deviation of px on each axis
   double below_middle = 0;  // the row: r / (H - 1) - 1/2
   Eigen::Vector3d ray;      // through px, camera frame, unit
 };
 using Track = std::deque<Sample>;  // of one camera, by time
+
+// Of the middle of a region: how coarse its edge is, and light from one side.
+double sigma_of_region_px(double radius_px);
 
 // One thing that is otherwise than the rig says.
 struct Supposition {
@@ -73,6 +77,7 @@ class PairComparison {
     Eigen::Vector3d direction;
     double t_s;
     double radius_px;
+    double sigma_px;
     double px_per_s;
   };
   Placed placed(const std::vector<Track>& tracks, std::size_t slot, std::size_t k, const Supposition& with) const;

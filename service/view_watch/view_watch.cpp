@@ -14,6 +14,7 @@ using object_tracking::SeenRegion;
 
 constexpr double window_s = 3, longest_rate_hz = 16, judged_every_s = 0.5;
 constexpr double forgotten_after_s = 6;  // what was found once and not again
+constexpr double suspected_for_s = 1;
 
 // Good recordings have a robust cost of 0.05 to 1 and a worst pair of 0.2 to 1.2, in which cameras' own errors and
 // light are (README.md). A supposition is the answer when all pairs then agree as well, and cost much less than before.
@@ -285,11 +286,13 @@ void ViewWatch::keep(const object_tracking::ObjectEstimate& estimate, std::span<
     const auto ray = rig_.cameras[c].model.ray({chosen->px});
     if (!ray) continue;
     if (camera.track.size() >= most_samples()) camera.track.pop_front();
-    camera.track.push_back({.t_s = t_s,
-                            .px = chosen->px,
-                            .radius_px = chosen->radius_px,
-                            .below_middle = chosen->below_middle,
-                            .ray = ray->normalized()});
+    camera.track.push_back(
+        {.t_s = t_s,
+         .px = chosen->px,
+         .radius_px = chosen->radius_px,
+         .sigma_px = chosen->outline_sigma_px > 0 ? chosen->outline_sigma_px : sigma_of_region_px(chosen->radius_px),
+         .below_middle = chosen->below_middle,
+         .ray = ray->normalized()});
   }
 }
 
@@ -421,9 +424,12 @@ void ViewWatch::confirm(const std::vector<Mistake>& found, double now_s) {
   }
   std::erase_if(suspected_, [&](const Suspected& s) { return s.last_s < now_s - forgotten_after_s; });
   mistakes_.clear();
-  for (const Suspected& s : suspected_)
-    if (s.times >= (s.mistake.kind == MistakeKind::contradiction ? least_contradictions : least_times))
-      mistakes_.push_back(s.mistake);
+  suspected_mistakes_.clear();
+  for (const Suspected& s : suspected_) {
+    const bool is_sure = s.times >= (s.mistake.kind == MistakeKind::contradiction ? least_contradictions : least_times);
+    if (is_sure) mistakes_.push_back(s.mistake);
+    if (is_sure || s.last_s > now_s - suspected_for_s) suspected_mistakes_.push_back(s.mistake);
+  }
 }
 
 }  // namespace huetrack::view_watch

@@ -57,6 +57,8 @@ class ViewWatch {
 
   // In force now.
   const std::vector<Mistake>& mistakes() const { return mistakes_; }
+  // Those, and what was found in the last second and is not sure enough to be named: reason enough to doubt a camera.
+  const std::vector<Mistake>& suspected_mistakes() const { return suspected_mistakes_; }
 
  private:
   struct PerCamera {
@@ -94,7 +96,7 @@ class ViewWatch {
     double last_s = 0;
   };
   std::vector<Suspected> suspected_;
-  std::vector<Mistake> mistakes_;
+  std::vector<Mistake> mistakes_, suspected_mistakes_;
 };
 
 }  // namespace huetrack::view_watch
