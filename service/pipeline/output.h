@@ -13,6 +13,7 @@
 #include "pictures/picture_job.h"
 #include "pipeline/calibration_watch.h"
 #include "pipeline/figures.h"
+#include "view_watch/view_watch.h"
 
 namespace huetrack::pipeline {
 
@@ -23,6 +24,8 @@ struct TrackedSet {
   capture::Timestamp received_at;                              // UNIX time, when the set's last frame came
   std::span<const object_tracking::ObjectTracker> trackers;    // in target order
   std::span<const CameraCalibration> calibration = {};         // per camera of the rig; empty: it is not watched
+  // That are in force with this set, in target order; empty: they are not looked for.
+  std::span<const std::vector<view_watch::Mistake>> mistakes = {};
   // Configurations (YAML) that took effect with this set, nearly always none.
   std::span<const std::string> reloaded = {};
 

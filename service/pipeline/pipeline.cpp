@@ -341,18 +341,19 @@ void Pipeline::update(ReadySet ready, TrackingTeam& team, std::vector<object_tra
   const capture::FrameSet& still = of_still_cameras ? *of_still_cameras : ready.set;
   StageTime watched = watch(still, has_new_trackers);
   const StageTime tracked = team.update(still, estimates);
-  if (calibration_) {
-    const Stopwatch learning;
-    calibration_->learn(estimates);
-    watched += learning.lap();
-  }
-  const TrackedSet result{.frames = ready.set,
-                          .estimates = estimates,
-                          .received_at = ready.received_at,
-                          .trackers = trackers_,
-                          .calibration = calibration_ ? std::span<const CameraCalibration>(calibration_->cameras())
-                                                      : std::span<const CameraCalibration>(),
-                          .reloaded = reloaded_};
+  const Stopwatch learning;
+  if (calibration_) calibration_->learn(estimates);
+  if (mistakes_) are_doubts_new_ |= mistakes_->look(still, estimates, trackers_, has_moved_camera());
+  watched += learning.lap();
+  const TrackedSet result{
+      .frames = ready.set,
+      .estimates = estimates,
+      .received_at = ready.received_at,
+      .trackers = trackers_,
+      .calibration = calibration_ ? std::span<const CameraCalibration>(calibration_->cameras())
+                                  : std::span<const CameraCalibration>(),
+      .mistakes = mistakes_ ? mistakes_->mistakes() : std::span<const std::vector<view_watch::Mistake>>(),
+      .reloaded = reloaded_};
   const Stopwatch watch;
   for (Output* output : outputs_) output->on_set(result);
   const StageTime published = watch.lap();
@@ -369,11 +370,24 @@ void Pipeline::update(ReadySet ready, TrackingTeam& team, std::vector<object_tra
 }
 
 StageTime Pipeline::watch(const capture::FrameSet& set, bool has_new_trackers) {
-  if (!calibration_) return {};
   const Stopwatch watch;
-  if (calibration_->look(set) || has_new_trackers)
-    for (auto& tracker : trackers_) tracker.trust(calibration_->trust());
+  const bool is_trust_new = calibration_ && calibration_->look(set);
+  if (is_trust_new || has_new_trackers || are_doubts_new_) trust_cameras();
+  are_doubts_new_ = false;
   return watch.lap();
+}
+
+// What the still room says of each camera, and what the views of the targets say of it beside that.
+void Pipeline::trust_cameras() {
+  std::vector<object_tracking::CameraTrust> trust;
+  if (calibration_) trust = calibration_->trust();
+  if (mistakes_) add_doubts(mistakes_->doubts(), trust);
+  for (auto& tracker : trackers_) tracker.trust(trust);
+}
+
+bool Pipeline::has_moved_camera() const {
+  return calibration_ && std::ranges::any_of(calibration_->cameras(),
+                                             [](const CameraCalibration& camera) { return camera.moved.has_value(); });
 }
 
 bool Pipeline::is_picture(std::uint64_t index) const {
@@ -402,7 +416,10 @@ bool Pipeline::take_replacements(capture::Timestamp at) {
   bool is_any = false;
   const std::scoped_lock lock(replacements_mutex_);
   for (; !replacements_.empty() && replacements_.front().from.value_or(at) <= at; replacements_.pop_front()) {
-    for (auto& [target, tracker] : replacements_.front().trackers) trackers_.at(target) = std::move(tracker);
+    for (auto& [target, options, tracker] : replacements_.front().trackers) {
+      trackers_.at(target) = std::move(tracker);
+      if (mistakes_) mistakes_->begin_anew(target, options);
+    }
     if (!replacements_.front().config.empty()) reloaded_.push_back(std::move(replacements_.front().config));
     is_any = true;
   }

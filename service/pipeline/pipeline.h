@@ -28,6 +28,7 @@
 #include "pictures/picture_job.h"
 #include "pipeline/bounded_queue.h"
 #include "pipeline/calibration_watch.h"
+#include "pipeline/mistake_watch.h"
 #include "pipeline/output.h"
 
 namespace huetrack::pipeline {
@@ -74,6 +75,9 @@ class Pipeline {
   // Before run(): the calibration is watched on the tracking thread, before each set's trackers, which hold of the
   // cameras what it says.
   void watch_calibration(CalibrationWatch watch) { calibration_.emplace(std::move(watch)); }
+  // Before run(): mistakes are looked for on the tracking thread, after each set's trackers, which from the next set on
+  // doubt the cameras that it names.
+  void watch_mistakes(MistakeWatch watch) { mistakes_.emplace(std::move(watch)); }
   const CalibrationWatch* calibration() const { return calibration_ ? &*calibration_ : nullptr; }  // when run() is over
 
   // Call it before run(): frames of this camera of the rig go to the tracker, too, whatever frame sets they are in.
@@ -85,7 +89,12 @@ class Pipeline {
 
   // Trackers that take the place of those of their targets.
   struct Replacement {
-    std::vector<std::pair<std::size_t, object_tracking::ObjectTracker>> trackers;  // targets' indices
+    struct OfTarget {
+      std::size_t target;  // its index
+      object_tracking::TargetOptions options;
+      object_tracking::ObjectTracker tracker;
+    };
+    std::vector<OfTarget> trackers;
     std::optional<capture::Timestamp> from;  // the first set (FrameSet::at); nullopt: the next one
     std::string config = {};                 // TrackedSet::reloaded of that set; empty: nothing is said of it
   };
@@ -116,6 +125,8 @@ class Pipeline {
   void note_end(std::size_t camera);              // figures_mutex_ is held
   bool take_replacements(capture::Timestamp at);  // whether there were any
   StageTime watch(const capture::FrameSet& set, bool has_new_trackers);
+  void trust_cameras();
+  bool has_moved_camera() const;
   void draw();
   void track_camera_frames();
   void draw_camera();
@@ -128,6 +139,8 @@ class Pipeline {
   const PipelineOptions options_;
   std::optional<Pace> pace_;
   std::optional<CalibrationWatch> calibration_;  // the tracking thread's while it runs
+  std::optional<MistakeWatch> mistakes_;         // likewise
+  bool are_doubts_new_ = false;                  // likewise: the trackers do not know them yet
   std::vector<Output*> outputs_;
   std::stop_source stop_;
   BoundedQueue<ReadySet> frame_sets_;

@@ -80,6 +80,7 @@ void Session::watch_calibration() {
   for (const auto& camera : rig_.cameras) still.push_back(camera.name != config_.camera_tracking.camera);
   pipeline_.watch_calibration(
       CalibrationWatch(rig_, config_.object_tracking.volume, config_.calibration, std::move(still)));
+  pipeline_.watch_mistakes(MistakeWatch(rig_, config_.targets));
 }
 
 object_tracking::ObjectTracker Session::tracker_of(const config::ServiceConfig& config, std::size_t target) const {
@@ -138,7 +139,7 @@ Pipeline::Replacement Session::replacement(const std::vector<std::size_t>& targe
                                            const config::ServiceConfig& after) const {
   Pipeline::Replacement replacement;
   if (!is_tracking_) return replacement;  // there are no trackers whose place they could take
-  for (const auto t : targets) replacement.trackers.emplace_back(t, tracker_of(after, t));
+  for (const auto t : targets) replacement.trackers.push_back({t, after.targets[t], tracker_of(after, t)});
   return replacement;
 }
 
@@ -174,7 +175,7 @@ Session::TakenOver Session::take_over(const config::ServiceConfig& fresh) {
   std::ranges::sort(differing);
   differing.erase(std::unique(differing.begin(), differing.end()), differing.end());
   Pipeline::Replacement next = replacement(differing, after);
-  for (const auto& [target, _] : next.trackers) result.searched_anew.push_back(after.targets[target].name);
+  for (const auto& next_tracker : next.trackers) result.searched_anew.push_back(next_tracker.options.name);
   if (!next.trackers.empty()) next.config = config::to_portable_yaml(after);
   config_ = std::move(after);  // nothing throws from here on
   for (Output* output : outputs_) output->on_config(config_);

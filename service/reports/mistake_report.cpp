@@ -4,50 +4,19 @@
 #include <fmt/ranges.h>
 #include <spdlog/spdlog.h>
 
-#include <algorithm>
-
 #include "reports/mistake_words.h"
 
 namespace huetrack::reports {
-namespace {
-
-bool any_has_moved(std::span<const pipeline::CameraCalibration> calibration) {
-  return std::ranges::any_of(calibration,
-                             [](const pipeline::CameraCalibration& camera) { return camera.moved.has_value(); });
-}
-
-// That a camera was moved while it ran is told by the calibration's report, with its size; here it would look like a
-// rig that was wrong from the start.
-bool is_told_by_the_room(const view_watch::Mistake& mistake, std::span<const pipeline::CameraCalibration> calibration) {
-  return view_watch::is_of_rig(mistake.kind) && mistake.kind != view_watch::MistakeKind::swapped &&
-         any_has_moved(calibration);
-}
-
-}  // namespace
 
 MistakeReport::MistakeReport(const config::ServiceConfig& config)
-    : rig_(config.rig), cameras_(config.rig.camera_names()), targets_(config.targets) {}
-
-void MistakeReport::make_watches() {
-  watches_.clear();
-  watches_.reserve(targets_.size());  // they do not move
-  for (const auto& target : targets_) watches_.emplace_back(rig_, target);
-  are_targets_new_ = false;
-}
+    : cameras_(config.rig.camera_names()), targets_(config.targets) {}
 
 void MistakeReport::on_set(const pipeline::TrackedSet& set) {
   if (!first_at_) first_at_ = set.frames.at;
   const std::scoped_lock lock(mutex_);
-  if (are_targets_new_) make_watches();
   std::vector<std::string> now, kinds;
-  for (std::size_t t = 0; t < watches_.size() && t < set.trackers.size(); ++t) {
-    // While views contradict one another for a reason that is known, looking for another one only takes time.
-    // Of several objects the tracker shows the views of one (ObjectTracker::regions()); times are those of any.
-    const auto estimate = std::ranges::find(set.estimates, t, &object_tracking::ObjectEstimate::target);
-    if (!any_has_moved(set.calibration) && estimate != set.estimates.end())
-      watches_[t].look(*estimate, set.trackers[t], set.frames.at);
-    for (const auto& mistake : watches_[t].mistakes()) {
-      if (is_told_by_the_room(mistake, set.calibration)) continue;
+  for (std::size_t t = 0; t < set.mistakes.size() && t < targets_.size(); ++t) {
+    for (const auto& mistake : set.mistakes[t]) {
       if (view_watch::is_of_rig(mistake.kind) && mistake.kind != view_watch::MistakeKind::contradiction)
         has_explained_rig_ = true;
       now.push_back(mistake_text(mistake, targets_[t], cameras_));
@@ -71,7 +40,6 @@ void MistakeReport::on_set(const pipeline::TrackedSet& set) {
 void MistakeReport::on_config(const config::ServiceConfig& config) noexcept {
   const std::scoped_lock lock(mutex_);
   targets_ = config.targets;
-  are_targets_new_ = true;
 }
 
 std::vector<std::string> MistakeReport::warnings() const {

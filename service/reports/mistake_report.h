@@ -9,7 +9,6 @@
 #include <vector>
 
 #include "pipeline/output.h"
-#include "view_watch/view_watch.h"
 
 namespace huetrack::reports {
 
@@ -28,12 +27,8 @@ class MistakeReport final : public pipeline::Output {
   bool has_explained_rig() const { return has_explained_rig_; }
 
  private:
-  void make_watches();  // mutex_ is held
-
-  const calib::CameraRig rig_;
   std::vector<std::string> cameras_;
-  std::vector<view_watch::ViewWatch> watches_;  // the tracking thread's; per target
-  std::optional<capture::Timestamp> first_at_;  // likewise
+  std::optional<capture::Timestamp> first_at_;  // the tracking thread's
   struct Named {
     double at_s;
     std::string sentence;  // the latest
@@ -43,7 +38,6 @@ class MistakeReport final : public pipeline::Output {
   std::vector<std::string> order_;  // likewise; of ever_
   mutable std::mutex mutex_;
   std::vector<object_tracking::TargetOptions> targets_;  // guarded by mutex_
-  bool are_targets_new_ = true;                          // guarded by mutex_
   std::vector<std::string> warnings_;                    // guarded by mutex_
 };
 

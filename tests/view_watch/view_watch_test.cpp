@@ -243,7 +243,8 @@ TEST(PairComparison, OnePlaceIsNotEnoughForATurn) {
     const Vector3d p(0.1 + 0.02 * t, 0.2 + 0.01 * t, 1.2);
     for (std::size_t c = 0; c < 3; ++c) {
       const Eigen::Vector2d px = scene.rig.cameras[c].project_world(p)->px - Eigen::Vector2d(0, c == 0 ? 1.5 : 0.0);
-      tracks[c].push_back({t, px, 5.5, sigma_of_region_px(5.5), 0.0, scene.rig.cameras[c].model.ray({px})->normalized()});
+      tracks[c].push_back(
+          {t, px, 5.5, sigma_of_region_px(5.5), 0.0, scene.rig.cameras[c].model.ray({px})->normalized()});
     }
   }
   const PairComparison comparison(scene.rig);
@@ -264,7 +265,8 @@ TEST(PairComparison, aTurnIsFoundExactly) {
     const Vector3d p(0.6 * std::sin(3 * t), 0.5 * std::cos(2.3 * t), 1 + 0.4 * std::sin(4 * t));
     for (std::size_t c = 0; c < 3; ++c) {
       const auto px = scene.rig.cameras[c].project_world(p)->px;
-      tracks[c].push_back({t, px, 4.0, sigma_of_region_px(4.0), 0.0, scene.rig.cameras[c].model.ray({px})->normalized()});
+      tracks[c].push_back(
+          {t, px, 4.0, sigma_of_region_px(4.0), 0.0, scene.rig.cameras[c].model.ray({px})->normalized()});
     }
   }
   const PairComparison right(scene.rig);

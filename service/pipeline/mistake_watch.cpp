@@ -1,0 +1,88 @@
+#include "pipeline/mistake_watch.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace huetrack::pipeline {
+namespace {
+
+// A pixel's angle in the middle of the picture, and how far from there a pixel of the picture usually is, as a tangent.
+double radians_per_px(const calib::Camera& camera) {
+  calib::CameraModel::Jacobian j;
+  return camera.model.project({0, 0, 1}, j) ? 1 / std::sqrt(std::abs(j(0, 0) * j(1, 1))) : 0.0;
+}
+double usual_tangent(const calib::Camera& camera) {
+  return radians_per_px(camera) * std::hypot(camera.image_size.width, camera.image_size.height) / std::sqrt(12.0);
+}
+
+}  // namespace
+
+double doubt_of(const view_watch::Mistake& mistake, const calib::Camera& camera) {
+  using view_watch::MistakeKind;
+  switch (mistake.kind) {
+    case MistakeKind::turned:
+      return std::max(mistake.size, std::abs(mistake.zoom - 1) * usual_tangent(camera));
+    case MistakeKind::zoomed:
+      return std::abs(mistake.size - 1) * usual_tangent(camera);
+    case MistakeKind::swapped:
+    case MistakeKind::late:
+    case MistakeKind::mirrored:
+    case MistakeKind::other_rig:
+    case MistakeKind::contradiction: {
+      // off_px is a median, across the epipolar lines; along them nobody knows, and it is taken to be as much.
+      constexpr double median_of_sigma = 0.6745;
+      return mistake.off_px / median_of_sigma * radians_per_px(camera);
+    }
+    case MistakeKind::radius:
+    case MistakeKind::shared_color:
+    case MistakeKind::opencv_hue:
+      return 0;
+  }
+  return 0;
+}
+
+void add_doubts(std::span<const double> doubts, std::vector<object_tracking::CameraTrust>& trust) {
+  trust.resize(std::max(trust.size(), doubts.size()));
+  for (std::size_t c = 0; c < doubts.size(); ++c)
+    trust[c].pose_covariance.diagonal().head<3>().array() += doubts[c] * doubts[c];
+}
+
+MistakeWatch::MistakeWatch(const calib::CameraRig& rig, std::span<const object_tracking::TargetOptions> targets)
+    : rig_(rig), mistakes_(targets.size()), doubts_(rig.cameras.size(), 0.0), doubts_before_(doubts_) {
+  watches_.reserve(targets.size());
+  for (const auto& target : targets) watches_.emplace_back(rig, target);
+}
+
+void MistakeWatch::begin_anew(std::size_t target, const object_tracking::TargetOptions& options) {
+  watches_.at(target) = view_watch::ViewWatch(rig_, options);
+  mistakes_[target].clear();
+}
+
+bool MistakeWatch::look(const capture::FrameSet& set, std::span<const object_tracking::ObjectEstimate> estimates,
+                        std::span<const object_tracking::ObjectTracker> trackers, bool has_moved) {
+  std::swap(doubts_, doubts_before_);
+  std::ranges::fill(doubts_, 0.0);
+  for (std::size_t t = 0; t < watches_.size() && t < trackers.size(); ++t) {
+    // Of several objects the tracker shows the views of one (ObjectTracker::regions()); times are those of any.
+    const auto estimate = std::ranges::find(estimates, t, &object_tracking::ObjectEstimate::target);
+    if (!has_moved && estimate != estimates.end()) watches_[t].look(*estimate, trackers[t], set.at);
+    // What moved is known with its size, and no mistake of the rig any more: only whose frames are whose is another
+    // one.
+    const auto is_explained = [&](const view_watch::Mistake& mistake) {
+      return has_moved && view_watch::is_of_rig(mistake.kind) && mistake.kind != view_watch::MistakeKind::swapped;
+    };
+    mistakes_[t] = watches_[t].mistakes();
+    std::erase_if(mistakes_[t], is_explained);
+    for (const view_watch::Mistake& mistake : watches_[t].suspected_mistakes())
+      if (!is_explained(mistake)) doubt(mistake);
+  }
+  return doubts_ != doubts_before_;
+}
+
+void MistakeWatch::doubt(const view_watch::Mistake& mistake) {
+  for (std::size_t c = 0; c < doubts_.size(); ++c)
+    if (mistake.cameras.empty() || std::ranges::find(mistake.cameras, int(c)) != mistake.cameras.end())
+      doubts_[c] = std::max(doubts_[c], doubt_of(mistake, rig_.cameras[c]));
+}
+
+}  // namespace huetrack::pipeline

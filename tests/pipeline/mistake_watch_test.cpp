@@ -1,0 +1,150 @@
+// What a mistake that views show makes of the positions that are told.
+#include "pipeline/mistake_watch.h"
+
+#include <gmock/gmock.h>
+
+#include <Eigen/LU>
+#include <cmath>
+#include <numbers>
+#include <utility>
+
+#include "scene/scene.h"
+
+namespace huetrack::pipeline {
+namespace {
+
+using Eigen::Vector3d;
+using testing::DoubleEq;
+using testing::Each;
+using testing::ElementsAre;
+using view_watch::Mistake;
+using view_watch::MistakeKind;
+
+constexpr double rad = std::numbers::pi / 180;
+
+object_tracking::TargetOptions lime() {
+  object_tracking::TargetOptions t;
+  t.name = "lime";
+  t.color.hue_min_deg = 65, t.color.hue_max_deg = 115;
+  return t;
+}
+
+scene::Scene ball_that_flies() {
+  return scene::SceneBuilder{}
+      .cameras_on_ring({.count = 3})
+      .ball({.path =
+                 [](double t) {
+                   return Vector3d(0.6 * std::sin(2.1 * t), 0.6 * std::cos(1.7 * t), 1 + 0.5 * std::sin(2.9 * t + 1));
+                 }})
+      .build();
+}
+
+void turn(calib::Camera& camera, double radians, const Vector3d& axis) {
+  calib::Tangent6d tangent = calib::Tangent6d::Zero();
+  tangent.head<3>() = radians * axis.normalized();
+  camera.cam_from_world = calib::exp(tangent) * camera.cam_from_world;
+}
+
+struct Followed {
+  double nees = 0;  // mean, of the second half of the sets
+  int told = 0;     // positions in it
+  std::size_t changes = 0;
+  std::vector<double> doubts;
+};
+
+// As the road does it; is_heard: the trackers are told of the doubts.
+Followed follow(const scene::Scene& scene, const calib::CameraRig& rig, bool is_heard) {
+  const auto sets = scene::render(scene, {.set_count = 150, .pixel_noise_stddev = 3, .seed = 4});
+  const std::vector targets{lime()};
+  std::vector<object_tracking::ObjectTracker> trackers;
+  trackers.emplace_back(rig, targets[0], object_tracking::ObjectTrackerOptions{});
+  MistakeWatch watch(rig, targets);
+  Followed out;
+  std::vector<object_tracking::ObjectEstimate> estimates;
+  for (std::size_t k = 0; k < sets.size(); ++k) {
+    trackers[0].update(sets[k], estimates);
+    if (watch.look(sets[k], estimates, trackers, false)) {
+      ++out.changes;
+      std::vector<object_tracking::CameraTrust> trust;
+      add_doubts(watch.doubts(), trust);
+      if (is_heard) trackers[0].trust(trust);
+    }
+    if (k < sets.size() / 2 || !estimates[0].has_position()) continue;
+    const Vector3d truth = scene.balls[0].path(capture::seconds(sets[k].at - sets.front().at));
+    const Vector3d off = estimates[0].position - truth;
+    out.nees += off.dot(estimates[0].covariance.inverse() * off);
+    ++out.told;
+  }
+  out.nees /= std::max(1, out.told);
+  out.doubts = watch.doubts();
+  return out;
+}
+
+TEST(MistakeWatch, ATurnedCameraIsDoubtedByItsTurn) {
+  const scene::Scene scene = ball_that_flies();
+  calib::CameraRig rig = scene.rig;
+  turn(rig.cameras[1], 2 * rad, {1, -0.6, 0.3});
+  const Followed heard = follow(scene, rig, true);
+  EXPECT_GT(heard.changes, 0u);
+  EXPECT_NEAR(heard.doubts[1] / rad, 2, 0.4);
+  EXPECT_EQ(heard.doubts[0], 0);
+  EXPECT_EQ(heard.doubts[2], 0);
+  EXPECT_GT(heard.told, 40);
+  EXPECT_LT(heard.nees, 6) << "what is told is as unsure as the rig";
+}
+
+TEST(MistakeWatch, ARigThatFitsNowhereTellsNothingSurely) {
+  const scene::Scene scene = ball_that_flies();
+  calib::CameraRig rig = scene.rig;
+  turn(rig.cameras[0], 3 * rad, {0.2, 1, 0.4});
+  turn(rig.cameras[2], 3 * rad, {1, 0.3, -0.8});
+  const Followed heard = follow(scene, rig, true), unheard = follow(scene, rig, false);
+  EXPECT_GT(heard.doubts[0], 0);
+  EXPECT_LT(heard.nees, 6);
+  EXPECT_LT(heard.nees, 0.5 * unheard.nees) << "by the trackers' own doubts alone";
+}
+
+TEST(MistakeWatch, AGoodRigIsNotDoubted) {
+  const scene::Scene scene = ball_that_flies();
+  const Followed heard = follow(scene, scene.rig, true);
+  EXPECT_EQ(heard.changes, 0u);
+  EXPECT_THAT(heard.doubts, Each(DoubleEq(0)));
+}
+
+// The room has told that a camera moved: nothing else is looked for.
+TEST(MistakeWatch, WhatMovedIsNoMistake) {
+  const scene::Scene scene = ball_that_flies();
+  calib::CameraRig rig = scene.rig;
+  turn(rig.cameras[1], 2 * rad, {1, -0.6, 0.3});
+  const std::vector targets{lime()};
+  std::vector<object_tracking::ObjectTracker> trackers;
+  trackers.emplace_back(rig, targets[0], object_tracking::ObjectTrackerOptions{});
+  MistakeWatch watch(rig, targets);
+  std::vector<object_tracking::ObjectEstimate> estimates;
+  for (const auto& set : scene::render(scene, {.set_count = 90, .seed = 4})) {
+    trackers[0].update(set, estimates);
+    EXPECT_FALSE(watch.look(set, estimates, trackers, true));
+  }
+  EXPECT_THAT(watch.mistakes()[0], testing::IsEmpty());
+}
+
+TEST(MistakeWatch, DoubtIsAsLargeAsTheMistake) {
+  const scene::Scene scene = ball_that_flies();
+  const calib::Camera& camera = scene.rig.cameras[0];
+  const double f = camera.model.fx();
+  EXPECT_NEAR(doubt_of({.kind = MistakeKind::turned, .cameras = {0}, .size = 0.03}, camera), 0.03, 1e-12);
+  EXPECT_NEAR(doubt_of({.kind = MistakeKind::contradiction, .off_px = 6.745}, camera), 10 / f, 1e-3 / f);
+  const double usual_px = std::hypot(camera.image_size.width, camera.image_size.height) / std::sqrt(12.0);
+  EXPECT_NEAR(doubt_of({.kind = MistakeKind::zoomed, .cameras = {0}, .size = 0.9}, camera), 0.1 * usual_px / f, 1e-6);
+  EXPECT_EQ(doubt_of({.kind = MistakeKind::radius, .size = 0.05}, camera), 0);
+  std::vector<object_tracking::CameraTrust> trust(1);
+  trust[0].pose_covariance(0, 0) = 1e-6;
+  add_doubts(std::vector{0.0, 0.01}, trust);
+  ASSERT_EQ(trust.size(), 2u);
+  EXPECT_DOUBLE_EQ(trust[0].pose_covariance(0, 0), 1e-6);
+  EXPECT_DOUBLE_EQ(trust[1].pose_covariance(2, 2), 1e-4);
+  EXPECT_EQ(trust[1].pose_covariance(3, 3), 0);
+}
+
+}  // namespace
+}  // namespace huetrack::pipeline
