@@ -1,8 +1,10 @@
 #include "scene/scene.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
+#include <optional>
 
 #include "particle_filter/random.h"
 
@@ -38,9 +40,34 @@ bool hidden(const Scene& scene, const Vector3d& eye, const Vector3d& point) {
   });
 }
 
+// The rays of a camera's pixels, 4x4 of each, kept: to find one through the lens is nearly all that a picture takes.
+class PixelRays {
+ public:
+  using Rays = std::array<std::optional<Vector3d>, 16>;
+  explicit PixelRays(const calib::Camera& camera)
+      : camera_(camera), where_(static_cast<std::size_t>(camera.image_size.width * camera.image_size.height), -1) {}
+
+  // Valid until the next call.
+  const Rays& of(int u, int v) {
+    int& where = where_[static_cast<std::size_t>(v * camera_.image_size.width + u)];
+    if (where < 0) {
+      where = static_cast<int>(known_.size());
+      Rays& rays = known_.emplace_back();
+      for (int s = 0; s < 16; ++s)
+        rays[static_cast<std::size_t>(s)] = camera_.model.ray({{u + (s % 4 - 1.5) / 4, v + (s / 4 - 1.5) / 4}});
+    }
+    return known_[static_cast<std::size_t>(where)];
+  }
+
+ private:
+  const calib::Camera& camera_;
+  std::vector<int> where_;  // in known_, per pixel
+  std::vector<Rays> known_;
+};
+
 // Share and shade of each ball over the pixels that it may cover: 4x4 rays per pixel against the sphere.
-void draw_ball(const Scene& scene, const calib::Camera& camera, const BallOptions& ball, const Vector3d& centre,
-               std::vector<Vector3d>& yuv) {
+void draw_ball(const Scene& scene, const calib::Camera& camera, PixelRays& rays, const BallOptions& ball,
+               const Vector3d& centre, std::vector<Vector3d>& yuv) {
   const Vector3d p_cam = camera.cam_from_world * centre;
   const auto at = camera.model.project(p_cam);
   if (!at) return;
@@ -55,8 +82,7 @@ void draw_ball(const Scene& scene, const calib::Camera& camera, const BallOption
          u <= clip(at->px.x() + reach, camera.image_size.width); ++u) {
       Vector3d color = Vector3d::Zero();
       int hits = 0;
-      for (int s = 0; s < 16; ++s) {
-        const auto ray = camera.model.ray({{u + (s % 4 - 1.5) / 4, v + (s / 4 - 1.5) / 4}});
+      for (const std::optional<Vector3d>& ray : rays.of(u, v)) {
         if (!ray) continue;
         const double along = ray->dot(p_cam);
         const double miss2 = p_cam.squaredNorm() - along * along;
@@ -190,6 +216,7 @@ std::vector<capture::FrameSet> render(const Scene& scene, const RenderOptions& o
   std::vector<capture::FrameSet> out;
   particle_filter::Rng rng(options.seed);
   std::vector<std::vector<Vector3d>> rooms;
+  std::vector<PixelRays> rays(scene.rig.cameras.begin(), scene.rig.cameras.end());
   for (std::size_t c = 0; c < scene.rig.cameras.size(); ++c) {
     const calib::ImageSize size = scene.rig.cameras[c].image_size;
     std::vector<Vector3d>& room =
@@ -215,7 +242,7 @@ std::vector<capture::FrameSet> render(const Scene& scene, const RenderOptions& o
       }
       std::vector<Vector3d> yuv = rooms[c];
       for (std::size_t b = 0; b < scene.balls.size(); ++b)
-        draw_ball(scene, camera, scene.balls[b], scene.ball_at(b, at), yuv);
+        draw_ball(scene, camera, rays[c], scene.balls[b], scene.ball_at(b, at), yuv);
       set.frames.push_back(capture::Frame{.camera = static_cast<int>(c),
                                           .sequence = static_cast<std::uint32_t>(s),
                                           .captured_at = at,
