@@ -100,13 +100,18 @@ TEST_F(Attack, TheServiceKeepsItsMemoryItsSetsAndItsAnswers) {
   auto& teach = stranger.writer<msg::TeachRequestPubSubType>(idl::teach_request_topic, idl::teach_writer_qos());
   auto& status = stranger.writer<msg::ServiceStatusPubSubType>(idl::status_topic, idl::status_writer_qos());
   idl::DdsParticipant another({.name = "stranger", .domain = domain_, .interfaces = {"lo"}});
+  auto& control = stranger.writer<msg::ControlRequestPubSubType>(idl::control_request_topic, idl::teach_writer_qos());
   auto& garbage =
       another.create_writer(idl::teach_request_topic, dds::TypeSupport(new Garbage("huetrack::msg::TeachRequest")),
+                            idl::teach_writer_qos(), "");
+  auto& control_garbage =
+      another.create_writer(idl::control_request_topic, dds::TypeSupport(new Garbage("huetrack::msg::ControlRequest")),
                             idl::teach_writer_qos(), "");
   std::this_thread::sleep_for(1s);  // they meet
   for (int i = 0; i < 300; ++i) {
     int anything = 0;
     garbage.write(&anything);
+    control_garbage.write(&anything);
   }
   auto slowest = 0ms;
   std::vector<std::unique_ptr<Connection>> silent;
@@ -117,6 +122,12 @@ TEST_F(Attack, TheServiceKeepsItsMemoryItsSetsAndItsAnswers) {
     request.action(msg::TEACH_ACTION_LOOK);
     request.pid(static_cast<std::uint32_t>(service.pid()));
     teach.write(&request);
+    msg::ControlRequest command;  // one huge word, or more words than anybody says
+    command.client(std::string(i % 2 ? 5'000'000 : 8, 'c'));
+    command.pid(static_cast<std::uint32_t>(service.pid()));
+    command.words(i % 2 ? std::vector{std::string("record"), std::string(5'000'000, 'w')}
+                        : std::vector<std::string>(500'000, "record"));
+    control.write(&command);
     msg::ServiceStatus flood;
     flood.pid(static_cast<std::uint32_t>(i));
     flood.config_file(std::string(1'000'000, 'f'));
