@@ -424,8 +424,8 @@ async function costs(browser, address) {
       pictures: (after.pictures - before.pictures) / passed };
   };
   const beat = (k) => k % 30 === 0 && (tell("pulse", { now: now(), domain: 75, bus: "lo", publishers: 1, trouble: "" }, "pulse"), status(sizes));
-  await over(2, beat);
-  const idle = await over(10, beat);
+  await over(1, beat);
+  const idle = await over(5, beat);
   const places = [["lime", [200, 200], 14], ["pink", [400, 240], 14]];
   const jpegs = [await drawn(page, sizes[0], places), await drawn(page, sizes[0], [["lime", [220, 210], 14], ["pink", [390, 250], 14]])];
   const run = (k) => {
@@ -433,8 +433,8 @@ async function costs(browser, address) {
     for (const target of ["lime", "pink"]) position(target, now());
     if (k % 4 === 0) sizes.forEach((size, i) => preview(`cam${i}`, size, jpegs[(k / 4) % 2], places));
   };
-  await over(3, run);
-  const running = await over(10, run);
+  await over(2, run);
+  const running = await over(5, run);
   await page.screenshot({ path: join(options.out, "look_running.png") });
   await page.close();
   for (const [what, seen] of Object.entries({ idle, running }))
