@@ -13,6 +13,7 @@
 #include "calib/yaml/nearest_word.h"
 #include "calib/yaml/yaml_reader.h"
 #include "capture/camera_clock.h"
+#include "capture/matches_reader.h"
 #include "capture/video_reader.h"
 
 namespace huetrack::capture {
@@ -52,7 +53,10 @@ class Stream {
     // One of ours, killed when its first frames were listed and not yet in the file: it delivered nothing.
     const bool is_cut_off = !camera_.received.empty() && std::filesystem::exists(camera_.frames);
     try {
-      reader_.emplace(camera_, threads, warnings, std::nullopt, keeps_encoded);
+      if (is_matches_file(camera_.frames))
+        matches_.emplace(camera_, warnings, keeps_encoded);
+      else
+        reader_.emplace(camera_, threads, warnings, std::nullopt, keeps_encoded);
     } catch (const yaml::ConfigError&) {
       if (!is_cut_off) throw;
       forget();
@@ -60,10 +64,11 @@ class Stream {
     }
     info_.frame_period = !camera_.timestamps.empty() ? usual_period(camera_, selection_)
                          : camera_.fps > 0           ? duration_of(static_cast<double>(camera_.every) / camera_.fps)
-                                                     : camera_.every * reader_->frame_period();
+                         : reader_                   ? camera_.every * reader_->frame_period()
+                                                     : Duration::zero();
     if (!camera_.timestamps.empty())
       info_.expected_frames = selection_.count_below(camera_.timestamps.back().first + 1);
-    else if (const auto count = reader_->frame_count())
+    else if (const auto count = reader_ ? reader_->frame_count() : std::nullopt)
       info_.expected_frames = selection_.count_below(*count);
 
     // The first frame with an image gives the size; those before it wait here for their turn.
@@ -92,6 +97,7 @@ class Stream {
     warnings_.push_back(camera_.frames.string() +
                         ": nothing of it can be played: the recording was cut off at its start");
     reader_.reset();
+    matches_.reset();
     picture_.reset();
     waiting_.clear();
     camera_.timestamps.clear();
@@ -117,7 +123,7 @@ class Stream {
   const ReplayCamera& info() const { return info_; }
 
   bool ended() const {
-    return waiting_.empty() && !picture_ && (!reader_ || ended_) && next_corrupted_ == camera_.corrupted.size();
+    return waiting_.empty() && !picture_ && (!has_reader() || ended_) && next_corrupted_ == camera_.corrupted.size();
   }
 
   // No picture, that is.
@@ -141,7 +147,7 @@ class Stream {
  private:
   // The next picture, or the frame before it that was recorded as corrupted.
   std::optional<Frame> read() {
-    if (!picture_ && reader_) picture_ = read_picture();
+    if (!picture_ && has_reader()) picture_ = read_picture();
     const auto& corrupted = camera_.corrupted;
     if (next_corrupted_ < corrupted.size() &&
         (!picture_ || corrupted[next_corrupted_].first + camera_.offset - timing_.latency < picture_->captured_at)) {
@@ -168,8 +174,10 @@ class Stream {
     last_number_ = number;
   }
 
+  bool has_reader() const { return reader_ || matches_; }
+
   std::optional<Frame> read_picture() {
-    while (auto picture = reader_->next()) {
+    while (auto picture = reader_ ? reader_->next() : matches_->next()) {
       const auto stamp = capture_time(*picture);
       if (!stamp) continue;
       if (last_stamp_ && *stamp <= *last_stamp_) {
@@ -203,6 +211,7 @@ class Stream {
         frame.status = FrameStatus::ok;
         frame.pixels = std::move(picture->image);
         frame.encoded = std::move(picture->jpeg);
+        frame.matches = std::move(picture->matches);
       }
       return frame;
     }
@@ -240,7 +249,7 @@ class Stream {
   // A file of the stated rate that lacks a frame: every time from there on is wrong by a frame.
   void warn_of_gap(const VideoReader::Shown& picture) {
     const Duration period = duration_of(1 / camera_.fps);
-    if (warned_of_gap_ || !picture.stamp) return;
+    if (warned_of_gap_ || !picture.stamp || !reader_) return;
     if (!first_stamp_) first_stamp_ = {picture.index, *picture.stamp};
     const Duration by_stamps = *picture.stamp - first_stamp_->second;
     const Duration gap = by_stamps - (picture.index - first_stamp_->first) * period;
@@ -286,9 +295,10 @@ class Stream {
   CameraClock clock_;
   FrameSelection selection_;  // of camera_
   std::vector<std::string>& warnings_;
-  std::optional<VideoReader> reader_;  // of camera_; none when it delivered nothing
-  std::optional<Frame> picture_;       // read ahead
-  std::size_t next_corrupted_ = 0;     // row of camera_.corrupted
+  std::optional<VideoReader> reader_;     // of camera_; none when it delivered nothing
+  std::optional<MatchesReader> matches_;  // in its place
+  std::optional<Frame> picture_;          // read ahead
+  std::size_t next_corrupted_ = 0;        // row of camera_.corrupted
   ReplayCamera info_;
   std::deque<Frame> waiting_;
   std::optional<Timestamp> last_stamp_;
