@@ -41,8 +41,8 @@ Duration usual_period(const RecordedCamera& camera, const FrameSelection& select
 // One camera's file as frames with a time and a number.
 class Stream {
  public:
-  Stream(int camera_index, const RecordedCamera& camera, const std::filesystem::path& recording_file, int threads,
-         const FrameTiming& timing, bool keeps_encoded, std::vector<std::string>& warnings)
+  Stream(int camera_index, const RecordedCamera& camera, const std::filesystem::path& recording_file,
+         const FrameTiming& timing, const ReplayOptions& options, std::vector<std::string>& warnings)
       : camera_index_(camera_index), camera_(camera), timing_(timing), selection_(camera_), warnings_(warnings) {
     info_.name = camera_.name;
     info_.file = camera_.frames;
@@ -54,14 +54,19 @@ class Stream {
     const bool is_cut_off = !camera_.received.empty() && std::filesystem::exists(camera_.frames);
     try {
       if (is_matches_file(camera_.frames))
-        matches_.emplace(camera_, warnings, keeps_encoded);
+        matches_.emplace(camera_, warnings, options.keeps_encoded);
       else
-        reader_.emplace(camera_, threads, warnings, std::nullopt, keeps_encoded);
+        reader_.emplace(camera_, options.decoder_threads, warnings, std::nullopt, options.keeps_encoded);
     } catch (const yaml::ConfigError&) {
       if (!is_cut_off) throw;
       forget();
       return;
     }
+    if (matches_ && !options.takes_matches)
+      throw yaml::ConfigError(camera_.frames, 0,
+                              "tells which pixels match some colours, and has no pictures, which are needed for this: "
+                              "record with send: frames (frames of camera " +
+                                  camera_.name + ")");
     info_.frame_period = !camera_.timestamps.empty() ? usual_period(camera_, selection_)
                          : camera_.fps > 0           ? duration_of(static_cast<double>(camera_.every) / camera_.fps)
                          : reader_                   ? camera_.every * reader_->frame_period()
@@ -382,9 +387,8 @@ ReplaySource::ReplaySource(const Recording& recording, std::span<const std::stri
   for (std::size_t c = 0; c < camera_names.size(); ++c) {
     const auto& camera = *std::ranges::find(recording.cameras, camera_names[c], &RecordedCamera::name);
     const FrameTiming timing = options.timing.empty() ? FrameTiming{} : options.timing[c];
-    impl_->streams.push_back(std::make_unique<Stream>(static_cast<int>(c), camera, recording.file,
-                                                      options.decoder_threads, timing, options.keeps_encoded,
-                                                      impl_->warnings));
+    impl_->streams.push_back(
+        std::make_unique<Stream>(static_cast<int>(c), camera, recording.file, timing, options, impl_->warnings));
     impl_->cameras.push_back(impl_->streams.back()->info());
   }
   warn_of_times_apart(recording, impl_->streams, impl_->warnings);

@@ -222,7 +222,7 @@ Frame frame_of(Extent size, int number, bool has_picture) {
 
 std::vector<Frame> replayed(const std::filesystem::path& folder, std::vector<std::string>& warnings) {
   const std::vector<std::string> names{"left"};
-  ReplaySource source(read_recording(folder), names, {.timing = {}, .keeps_encoded = true});
+  ReplaySource source(read_recording(folder), names, {.timing = {}, .keeps_encoded = true, .takes_matches = true});
   std::vector<Frame> frames;
   while (auto frame = source.next({})) frames.push_back(std::move(*frame));
   warnings = source.take_warnings();
