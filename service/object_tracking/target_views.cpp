@@ -50,9 +50,10 @@ bool is_apart(const std::vector<TargetView>& views) {
   });
 }
 
-bool TargetViews::look_at(PerCamera& camera, const capture::Frame& frame) {
+bool TargetViews::look_at(PerCamera& camera, const capture::Frame& frame, const color::ColorTable*& table) {
   if (!frame.matches) {
-    camera.matches.look_at(frame.pixels, table_for(camera, frame.pixels.format, frame.pixels.range));
+    table = &table_for(camera, frame.pixels.format, frame.pixels.range);
+    camera.matches.look_at(frame.pixels, *table);
     return true;
   }
   const auto* found = frame.matches->of(color::matched_color(camera.color));
@@ -73,9 +74,10 @@ const std::vector<TargetView>& TargetViews::look_at(const capture::FrameSet& set
     const capture::Frame& frame = *set.frames[i];
     PerCamera& c = *cameras_[i];
     if (frame.pixels.width != c.camera.image_size.width || frame.pixels.height != c.camera.image_size.height) continue;
-    if (!look_at(c, frame)) continue;
+    const color::ColorTable* table = nullptr;
+    if (!look_at(c, frame, table)) continue;
     (c.is_used ? views_ : unused_)
-        .push_back({static_cast<int>(i), &c.camera, &c.projector, &c.matches, &frame.pixels, &frame,
+        .push_back({static_cast<int>(i), &c.camera, &c.projector, &c.matches, &frame.pixels, table, &frame,
                     capture::seconds(set.at - frame.captured_at)});
   }
   return views_;

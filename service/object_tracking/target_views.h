@@ -24,8 +24,9 @@ struct TargetView {
   int index;  // into CameraRig::cameras
   const calib::Camera* camera;
   const calib::BatchProjector* projector;
-  color::MatchBits* matches;    // the pixels of the target's colour in this frame
-  const capture::Image* image;  // of a frame of matches without planes
+  color::MatchBits* matches;       // the pixels of the target's colour in this frame
+  const capture::Image* image;     // of a frame of matches without planes
+  const color::ColorTable* table;  // nullptr: the frame is of matches
   const capture::Frame* frame;
   double age_s;  // the set's time minus this frame's own capture time (its middle row's), >= 0
 
@@ -92,7 +93,8 @@ class TargetViews {
     std::shared_ptr<const color::ColorTable> table;  // of the format seen last; made when a format is first seen
     std::shared_ptr<const color::ColorTable> table_before = {};
   };
-  bool look_at(PerCamera& camera, const capture::Frame& frame);
+  // False: it tells nothing of the target. table: that was looked up in, or nullptr.
+  bool look_at(PerCamera& camera, const capture::Frame& frame, const color::ColorTable*& table);
   const color::ColorTable& table_for(PerCamera& camera, capture::PixelFormat format, capture::ColorRange range);
 
   std::vector<std::unique_ptr<PerCamera>> cameras_;
