@@ -14,7 +14,7 @@
 #include <span>
 #include <vector>
 
-#include "capture/matches.h"
+#include "capture/frame.h"
 #include "capture/pixel_format.h"
 #include "color/color_model.h"
 #include "color/window_kernels.h"
