@@ -29,7 +29,7 @@ constexpr std::pair<std::string_view, std::uint32_t> largest_samples[] = {
     {preview_topic, 2048 * KiB},       {camera_map_topic, 128 * KiB},     {teach_request_topic, 64 * KiB},
     {teach_reply_topic, 4096 * KiB},   {camera_host_topic, 64 * KiB},     {clock_probe_topic, 1 * KiB},
     {clock_echo_topic, 1 * KiB},       {control_request_topic, 16 * KiB}, {control_reply_topic, 512 * KiB},
-    {host_clocks_topic, 64 * KiB},
+    {host_clocks_topic, 64 * KiB},     {looked_for_topic, 8 * KiB},
 };
 constexpr std::size_t longest_user_data = 16 * KiB;  // who a publisher is: some hundred targets
 constexpr int most_instances = 4000;                 // of a reader; one costs some hundred bytes
@@ -100,6 +100,10 @@ std::string ros2_camera_pose_topic(std::string_view camera) {
 
 std::string camera_frames_topic(std::string_view host, std::string_view camera) {
   return "huetrack/frames/" + std::string(host) + "/" + std::string(camera);
+}
+
+std::string camera_matches_topic(std::string_view host, std::string_view camera) {
+  return "huetrack/matches/" + std::string(host) + "/" + std::string(camera);
 }
 
 std::string ros2_user_data(std::string_view type_hash) {

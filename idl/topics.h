@@ -34,11 +34,13 @@ inline constexpr const char* control_request_topic = "huetrack/control_request";
 inline constexpr const char* control_reply_topic = "huetrack/control_reply";      // huetrack::msg::ControlReply
 
 // Native, types of camera_host.idl: between a camera host and the trackers that use its cameras.
-inline constexpr const char* camera_host_topic = "huetrack/camera_host";          // huetrack::msg::CameraHost, keyed
-inline constexpr const char* clock_probe_topic = "huetrack/clock_probe";          // huetrack::msg::ClockProbe
-inline constexpr const char* clock_echo_topic = "huetrack/clock_echo";            // huetrack::msg::ClockEcho
-inline constexpr const char* host_clocks_topic = "huetrack/host_clocks";          // huetrack::msg::HostClocks, keyed
-std::string camera_frames_topic(std::string_view host, std::string_view camera);  // huetrack::msg::CameraFrame
+inline constexpr const char* camera_host_topic = "huetrack/camera_host";  // huetrack::msg::CameraHost, keyed
+inline constexpr const char* clock_probe_topic = "huetrack/clock_probe";  // huetrack::msg::ClockProbe
+inline constexpr const char* clock_echo_topic = "huetrack/clock_echo";    // huetrack::msg::ClockEcho
+inline constexpr const char* host_clocks_topic = "huetrack/host_clocks";  // huetrack::msg::HostClocks, keyed
+inline constexpr const char* looked_for_topic = "huetrack/looked_for";    // huetrack::msg::LookedForColors, keyed
+std::string camera_frames_topic(std::string_view host, std::string_view camera);   // huetrack::msg::CameraFrame
+std::string camera_matches_topic(std::string_view host, std::string_view camera);  // huetrack::msg::CameraMatches
 
 // ROS 2, types of ros2_messages.idl. A ROS 2 topic /x is the DDS topic rt/x.
 inline constexpr const char* ros2_tf_topic = "rt/tf";  // tf2_msgs/msg/TFMessage
@@ -108,6 +110,8 @@ std::optional<std::uint32_t> largest_sample(std::string_view topic);
 //   frames/...       reliable, volatile, keep-last 4, sent by a thread of Fast DDS' own (a frame is many datagrams);
 //   what
 //                    is lost is asked for again within 5 ms, and a network that is too slow loses whole frames.
+//   matches/...      as frames/...
+//   looked_for       as status.
 //   clock_*          best effort, volatile, keep-last 4, of readers 64: all hosts answer at one moment.
 //   ROS 2            reliable, volatile, keep-last 10: matches echo, RViz and best-effort readers.
 // A reader has room for samples of largest_sample() from its start and never takes more: what is not taken in time is

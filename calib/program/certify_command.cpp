@@ -67,7 +67,8 @@ Tracked tracked(const config::ServiceConfig& config, const std::string& file, co
   auto source = std::make_unique<capture::ReplaySource>(
       recording, names,
       capture::ReplayOptions{.decoder_threads = std::max(1, static_cast<int>(std::thread::hardware_concurrency())),
-                             .timing = config::frame_timing(config.rig)});
+                             .timing = config::frame_timing(config.rig),
+                             .takes_matches = true});
   pipeline::SessionSources sources;
   std::vector<pipeline::SessionCamera> known;
   for (const capture::ReplayCamera& camera : source->cameras())

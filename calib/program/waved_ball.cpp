@@ -84,7 +84,7 @@ BallsFrames frames_of_recording(const WavedOptions& o, const WavedInput& in, con
 
 // Every camera has its own thread, which looks for the ball as well: of the pictures only what is around it is kept.
 BallsFrames frames_of_cameras(const WavedOptions& o, const WavedInput& in, const std::stop_token& stop) {
-  std::vector<pipeline::LiveCamera> cameras = pipeline::open_cameras(*in.config);
+  std::vector<pipeline::LiveCamera> cameras = pipeline::open_cameras(config::with_frames(*in.config));
   if (cameras.size() < 2) throw gather::InputError(o.config + ": cameras: two live cameras or more are needed");
   std::mutex mutex;
   BallsFrames frames(in.targets.size());  // guarded by mutex

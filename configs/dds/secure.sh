@@ -89,7 +89,8 @@ for member in "$@"; do
   all='*' publish=() subscribe=("$all")
   case $role in
     service) publish=("$all") ;;
-    host) publish=('huetrack/frames/*' huetrack/camera_host huetrack/clock_echo) subscribe=(huetrack/clock_probe) ;;
+    host) publish=('huetrack/frames/*' 'huetrack/matches/*' huetrack/camera_host huetrack/clock_echo)
+      subscribe=(huetrack/clock_probe huetrack/looked_for) ;;
     operator) publish=('huetrack/*_request') ;;
   esac
   of=$folder/$name

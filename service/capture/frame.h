@@ -7,6 +7,7 @@
 #include <optional>
 #include <vector>
 
+#include "capture/matches.h"
 #include "capture/pixel_format.h"
 
 namespace huetrack::capture {
@@ -55,7 +56,11 @@ struct Frame {
   StampClock clock = {};   // of stamped_at
   FrameStatus status = FrameStatus::ok;
   Image pixels;
-  // The camera's own bytes of this image, when it came compressed (MJPEG): for a recorder, which must not encode anew.
+  // Which of its pixels match, in place of them: `pixels` then has their format, range and size, and no planes.
+  // nullptr: the pixels are there.
+  std::shared_ptr<const Matches> matches = {};
+  // The camera's own bytes of this image, when it came compressed (MJPEG), or of its matches: for a recorder, which
+  // must not encode anew.
   std::shared_ptr<const std::vector<std::uint8_t>> encoded = {};
   // Which number among all cameras' frames it had when it entered the FrameSynchronizer, from 1; 0: not numbered. The
   // frames of a set depend on the order of arrival; a recording keeps it, and a replay repeats it.
@@ -70,6 +75,27 @@ struct Frame {
     return captured_at + Duration(static_cast<Duration::rep>(below_middle * static_cast<double>(readout.count())));
   }
 };
+
+// What people are shown of it: its pixels, or the latest picture that came with its camera's matches. nullptr: there is
+// none. Valid while the frame is.
+inline const Image* picture_of(const Frame& frame) {
+  const Image& image = frame.matches ? frame.matches->picture : frame.pixels;
+  return has_pixels(image) ? &image : nullptr;
+}
+// The same, but only of this very frame: for what watches colours and rooms. With matches now and then.
+inline const Image* own_picture_of(const Frame& frame) {
+  return frame.matches && !frame.matches->has_own_picture ? nullptr : picture_of(frame);
+}
+
+// In its pixels' place the picture of this very frame, for who needs pixels. False: it has none, and stays as it is.
+inline bool take_picture(Frame& frame) {
+  if (!frame.matches) return true;
+  if (own_picture_of(frame) == nullptr) return false;
+  frame.pixels = frame.matches->picture;
+  frame.matches = nullptr;
+  frame.encoded = nullptr;
+  return true;
+}
 
 // What the cameras saw at (nearly) one time. A camera that gave no usable frame is absent, not black.
 struct FrameSet {

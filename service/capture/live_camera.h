@@ -4,6 +4,7 @@
 
 #include <functional>
 #include <memory>
+#include <span>
 #include <vector>
 
 #include "capture/frame_source.h"
@@ -17,6 +18,9 @@ struct LiveCamera {
   std::function<CameraHealth()> health;                   // thread-safe while source lives
   std::function<std::vector<CameraEvent>()> take_events;  // likewise
   std::shared_ptr<CameraControls> controls = nullptr;     // nullptr: they cannot be reached from here
+  // Of one whose frames say which pixels match: tells it the colours, from now on. nullptr: pixels come. thread-safe,
+  // and may outlive source.
+  std::function<void(std::span<const MatchedColor>)> look_for = nullptr;
 };
 
 }  // namespace huetrack::capture

@@ -46,6 +46,11 @@ struct Image {
   std::shared_ptr<const void> owner;
 };
 
+// False: only its format, range and size are told.
+inline bool has_pixels(const Image& image) {
+  return image.planes[0].data != nullptr;
+}
+
 struct Yuv {
   std::uint8_t y, u, v;
 };

@@ -26,6 +26,7 @@ extern "C" {
 #include "capture/ffmpeg_objects.h"
 #include "capture/file_descriptor.h"
 #include "capture/image_copy.h"
+#include "capture/matches_reader.h"
 
 namespace huetrack::capture {
 namespace {
@@ -352,11 +353,57 @@ class VideoFile {
   std::int64_t last_ms_ = -1;
 };
 
+// ---- One camera's matches: whole frames, whatever happens
+
+class MatchesFile {
+ public:
+  explicit MatchesFile(fs::path file)
+      : file_(std::move(file)), fd_(::open(file_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0644)) {
+    if (fd_.get() < 0) throw WriteError{file_, system_text(errno)};
+    add({reinterpret_cast<const std::uint8_t*>(matches_file_begins.data()), matches_file_begins.size()});
+  }
+  void write(const Frame& frame) {
+    const auto length = static_cast<std::uint32_t>(frame.encoded->size());
+    std::array<std::uint8_t, 4> bytes{};
+    for (std::size_t i = 0; i < bytes.size(); ++i) bytes[i] = static_cast<std::uint8_t>(length >> (8 * i));
+    add(bytes);
+    add(*frame.encoded);
+  }
+
+  // throws WriteError; the file then ends where it ended before.
+  void flush() {
+    for (std::size_t done = 0; done < waiting_.size();) {
+      const auto written = ::write(fd_.get(), waiting_.data() + done, waiting_.size() - done);
+      if (written < 0 && errno == EINTR) continue;
+      if (written <= 0) {
+        const int error = written < 0 ? errno : ENOSPC;
+        waiting_.clear();
+        if (::ftruncate(fd_.get(), size_) != 0) throw WriteError{file_, system_text(errno)};
+        throw WriteError{file_, system_text(error)};
+      }
+      done += static_cast<std::size_t>(written);
+    }
+    size_ += static_cast<off_t>(waiting_.size());
+    waiting_.clear();
+  }
+  std::uint64_t bytes() const { return static_cast<std::uint64_t>(size_) + waiting_.size(); }
+
+ private:
+  void add(std::span<const std::uint8_t> bytes) { waiting_.insert(waiting_.end(), bytes.begin(), bytes.end()); }
+
+  fs::path file_;
+  FileDescriptor fd_;
+  off_t size_ = 0;                     // of whole frames on disk
+  std::vector<std::uint8_t> waiting_;  // not yet there
+};
+
 struct CameraFiles {
   fs::path video_path;
+  bool are_matches = false;
   double fps = 0;
   std::unique_ptr<CsvFile> times;
-  std::unique_ptr<VideoFile> video;  // from the first good frame on
+  std::unique_ptr<VideoFile> video;  // from the first good frame on, and so the next
+  std::unique_ptr<MatchesFile> matches;
   std::int64_t next_picture = 0;
   std::optional<Timestamp> last_at;
   Clock::time_point last_flush{};
@@ -369,6 +416,10 @@ struct CameraFiles {
     if (video) {
       video->flush();
       bytes = video->bytes();
+    }
+    if (matches) {
+      matches->flush();
+      bytes = matches->bytes();
     }
     times->flush();
     last_flush = Clock::now();
@@ -387,6 +438,8 @@ std::vector<std::string> RecordingOptions::problems() const {
   if (cameras.empty()) found.push_back("cameras is empty");
   for (const auto& camera : cameras)
     if (camera.empty()) found.push_back("a camera has no name");
+  if (!are_matches.empty() && are_matches.size() != cameras.size())
+    found.push_back("are_matches has not one entry per camera");
   if (!fps.empty() && fps.size() != cameras.size()) found.push_back("fps has not one entry per camera");
   if (flush_every <= Duration::zero()) found.push_back("flush_every must be positive");
   return found;
@@ -406,11 +459,13 @@ struct RecordingWriter::Impl {
       if (std::ranges::find(names, name) != names.end()) name.append("_").append(std::to_string(i));
       names.push_back(name);
       auto camera = std::make_unique<CameraFiles>();
-      camera->video_path = options.folder / (name + ".mkv");
+      camera->are_matches = !options.are_matches.empty() && options.are_matches[i];
+      const std::string video = name + (camera->are_matches ? matches_file_ending : ".mkv");
+      camera->video_path = options.folder / video;
       camera->fps = options.fps.empty() ? 0 : options.fps[i];
       camera->times = std::make_unique<CsvFile>(options.folder / (name + ".csv"));
       camera->times->add("frame,t_s,sequence,arrival,stamp_s,clock,clock_sigma_ns\n");
-      yaml.append("  ").append(quoted(options.cameras[i])).append(": {frames: ").append(quoted(name + ".mkv"));
+      yaml.append("  ").append(quoted(options.cameras[i])).append(": {frames: ").append(quoted(video));
       yaml.append(", timestamps: ").append(quoted(name + ".csv")).append("}\n");
       files.push_back(std::move(camera));
     }
@@ -458,20 +513,35 @@ struct RecordingWriter::Impl {
     // What it would replay as: a corrupted frame has no picture, only its time.
     std::string picture;
     if (frame.status == FrameStatus::ok) {
-      if (!camera.video && can_be_stored(frame))
-        camera.video = std::make_unique<VideoFile>(camera.video_path, frame, camera.fps, options.raw_storage);
-      if (!camera.video || !camera.video->takes(frame)) {
+      if (!(camera.are_matches ? append_matches(camera, frame) : append_picture(camera, frame))) {
         ++camera.left_out;
         return;
       }
-      camera.video->write(frame, frame.captured_at - start_of(frame));
       picture = std::to_string(camera.next_picture++);
     }
     camera.times->add(row_text(picture, frame));
     camera.last_at = frame.captured_at;
     ++camera.frames;
     if (camera.video) camera.bytes = camera.video->bytes();
+    if (camera.matches) camera.bytes = camera.matches->bytes();
     if (Clock::now() - camera.last_flush >= options.flush_every) camera.flush();
+  }
+
+  // False: it is not such a frame.
+  bool append_matches(CameraFiles& camera, const Frame& frame) {
+    if (!frame.matches || !frame.encoded) return false;
+    if (!camera.matches) camera.matches = std::make_unique<MatchesFile>(camera.video_path);
+    start_of(frame);
+    camera.matches->write(frame);
+    return true;
+  }
+  bool append_picture(CameraFiles& camera, const Frame& frame) {
+    if (frame.matches) return false;
+    if (!camera.video && can_be_stored(frame))
+      camera.video = std::make_unique<VideoFile>(camera.video_path, frame, camera.fps, options.raw_storage);
+    if (!camera.video || !camera.video->takes(frame)) return false;
+    camera.video->write(frame, frame.captured_at - start_of(frame));
+    return true;
   }
 
   Timestamp start_of(const Frame& frame) {
@@ -573,6 +643,8 @@ void PreRoll::push(const Frame& frame) {
   if (frame.encoded) {
     image.planes = {};
     image.owner.reset();
+    static const auto told_by_encoded = std::make_shared<const Matches>();
+    if (frame.matches) held.frame.matches = told_by_encoded;
   } else if (frame.status == FrameStatus::ok) {
     const auto memory = std::make_shared_for_overwrite<std::uint8_t[]>(packed_bytes(frame.pixels));
     pack(frame.pixels, memory.get());

@@ -30,8 +30,10 @@ struct RecordingOptions {
   std::filesystem::path folder;      // made; must not exist yet, or be empty
   std::vector<std::string> cameras;  // names; Frame::camera indexes it
   std::vector<double> fps;           // per camera, nominal, a hint for players; 0 or empty: unknown
-  std::string rig_yaml;              // text of the rig file, becomes rig.yaml; empty: none
-  std::string config_yaml;           // the resolved configuration, becomes huetrackd.yaml; empty: none
+  std::vector<bool> are_matches =
+      {};                   // per camera: its frames say which pixels match (Frame::matches); empty: none does
+  std::string rig_yaml;     // text of the rig file, becomes rig.yaml; empty: none
+  std::string config_yaml;  // the resolved configuration, becomes huetrackd.yaml; empty: none
   std::vector<std::pair<std::string, std::string>> files = {};  // what huetrackd.yaml refers to: name and content
   RawStorage raw_storage = RawStorage::uncompressed;
   Duration flush_every = std::chrono::milliseconds(250);  // > 0; what a kill -9 costs at most

@@ -13,6 +13,7 @@
 #include "calib/yaml/nearest_word.h"
 #include "calib/yaml/yaml_reader.h"
 #include "capture/camera_clock.h"
+#include "capture/matches_reader.h"
 #include "capture/video_reader.h"
 
 namespace huetrack::capture {
@@ -40,8 +41,8 @@ Duration usual_period(const RecordedCamera& camera, const FrameSelection& select
 // One camera's file as frames with a time and a number.
 class Stream {
  public:
-  Stream(int camera_index, const RecordedCamera& camera, const std::filesystem::path& recording_file, int threads,
-         const FrameTiming& timing, bool keeps_encoded, std::vector<std::string>& warnings)
+  Stream(int camera_index, const RecordedCamera& camera, const std::filesystem::path& recording_file,
+         const FrameTiming& timing, const ReplayOptions& options, std::vector<std::string>& warnings)
       : camera_index_(camera_index), camera_(camera), timing_(timing), selection_(camera_), warnings_(warnings) {
     info_.name = camera_.name;
     info_.file = camera_.frames;
@@ -52,18 +53,27 @@ class Stream {
     // One of ours, killed when its first frames were listed and not yet in the file: it delivered nothing.
     const bool is_cut_off = !camera_.received.empty() && std::filesystem::exists(camera_.frames);
     try {
-      reader_.emplace(camera_, threads, warnings, std::nullopt, keeps_encoded);
+      if (is_matches_file(camera_.frames))
+        matches_.emplace(camera_, warnings, options.keeps_encoded);
+      else
+        reader_.emplace(camera_, options.decoder_threads, warnings, std::nullopt, options.keeps_encoded);
     } catch (const yaml::ConfigError&) {
       if (!is_cut_off) throw;
       forget();
       return;
     }
+    if (matches_ && !options.takes_matches)
+      throw yaml::ConfigError(camera_.frames, 0,
+                              "tells which pixels match some colours, and has no pictures, which are needed for this: "
+                              "record with send: frames (frames of camera " +
+                                  camera_.name + ")");
     info_.frame_period = !camera_.timestamps.empty() ? usual_period(camera_, selection_)
                          : camera_.fps > 0           ? duration_of(static_cast<double>(camera_.every) / camera_.fps)
-                                                     : camera_.every * reader_->frame_period();
+                         : reader_                   ? camera_.every * reader_->frame_period()
+                                                     : Duration::zero();
     if (!camera_.timestamps.empty())
       info_.expected_frames = selection_.count_below(camera_.timestamps.back().first + 1);
-    else if (const auto count = reader_->frame_count())
+    else if (const auto count = reader_ ? reader_->frame_count() : std::nullopt)
       info_.expected_frames = selection_.count_below(*count);
 
     // The first frame with an image gives the size; those before it wait here for their turn.
@@ -92,6 +102,7 @@ class Stream {
     warnings_.push_back(camera_.frames.string() +
                         ": nothing of it can be played: the recording was cut off at its start");
     reader_.reset();
+    matches_.reset();
     picture_.reset();
     waiting_.clear();
     camera_.timestamps.clear();
@@ -117,7 +128,7 @@ class Stream {
   const ReplayCamera& info() const { return info_; }
 
   bool ended() const {
-    return waiting_.empty() && !picture_ && (!reader_ || ended_) && next_corrupted_ == camera_.corrupted.size();
+    return waiting_.empty() && !picture_ && (!has_reader() || ended_) && next_corrupted_ == camera_.corrupted.size();
   }
 
   // No picture, that is.
@@ -141,7 +152,7 @@ class Stream {
  private:
   // The next picture, or the frame before it that was recorded as corrupted.
   std::optional<Frame> read() {
-    if (!picture_ && reader_) picture_ = read_picture();
+    if (!picture_ && has_reader()) picture_ = read_picture();
     const auto& corrupted = camera_.corrupted;
     if (next_corrupted_ < corrupted.size() &&
         (!picture_ || corrupted[next_corrupted_].first + camera_.offset - timing_.latency < picture_->captured_at)) {
@@ -168,8 +179,10 @@ class Stream {
     last_number_ = number;
   }
 
+  bool has_reader() const { return reader_ || matches_; }
+
   std::optional<Frame> read_picture() {
-    while (auto picture = reader_->next()) {
+    while (auto picture = reader_ ? reader_->next() : matches_->next()) {
       const auto stamp = capture_time(*picture);
       if (!stamp) continue;
       if (last_stamp_ && *stamp <= *last_stamp_) {
@@ -203,6 +216,7 @@ class Stream {
         frame.status = FrameStatus::ok;
         frame.pixels = std::move(picture->image);
         frame.encoded = std::move(picture->jpeg);
+        frame.matches = std::move(picture->matches);
       }
       return frame;
     }
@@ -240,7 +254,7 @@ class Stream {
   // A file of the stated rate that lacks a frame: every time from there on is wrong by a frame.
   void warn_of_gap(const VideoReader::Shown& picture) {
     const Duration period = duration_of(1 / camera_.fps);
-    if (warned_of_gap_ || !picture.stamp) return;
+    if (warned_of_gap_ || !picture.stamp || !reader_) return;
     if (!first_stamp_) first_stamp_ = {picture.index, *picture.stamp};
     const Duration by_stamps = *picture.stamp - first_stamp_->second;
     const Duration gap = by_stamps - (picture.index - first_stamp_->first) * period;
@@ -286,9 +300,10 @@ class Stream {
   CameraClock clock_;
   FrameSelection selection_;  // of camera_
   std::vector<std::string>& warnings_;
-  std::optional<VideoReader> reader_;  // of camera_; none when it delivered nothing
-  std::optional<Frame> picture_;       // read ahead
-  std::size_t next_corrupted_ = 0;     // row of camera_.corrupted
+  std::optional<VideoReader> reader_;     // of camera_; none when it delivered nothing
+  std::optional<MatchesReader> matches_;  // in its place
+  std::optional<Frame> picture_;          // read ahead
+  std::size_t next_corrupted_ = 0;        // row of camera_.corrupted
   ReplayCamera info_;
   std::deque<Frame> waiting_;
   std::optional<Timestamp> last_stamp_;
@@ -372,9 +387,8 @@ ReplaySource::ReplaySource(const Recording& recording, std::span<const std::stri
   for (std::size_t c = 0; c < camera_names.size(); ++c) {
     const auto& camera = *std::ranges::find(recording.cameras, camera_names[c], &RecordedCamera::name);
     const FrameTiming timing = options.timing.empty() ? FrameTiming{} : options.timing[c];
-    impl_->streams.push_back(std::make_unique<Stream>(static_cast<int>(c), camera, recording.file,
-                                                      options.decoder_threads, timing, options.keeps_encoded,
-                                                      impl_->warnings));
+    impl_->streams.push_back(
+        std::make_unique<Stream>(static_cast<int>(c), camera, recording.file, timing, options, impl_->warnings));
     impl_->cameras.push_back(impl_->streams.back()->info());
   }
   warn_of_times_apart(recording, impl_->streams, impl_->warnings);

@@ -18,6 +18,9 @@ struct ReplayOptions {
   // Beside camera_names: what is known of when each camera's rows are exposed. Empty: nothing of any camera.
   std::vector<FrameTiming> timing = {};
   bool keeps_encoded = false;  // JPEGs carry their own bytes, too (Frame::encoded), as a live camera's do
+  // Frames may say which pixels match, and have no pixels (Frame::matches). Without it, a camera that was recorded so
+  // is refused.
+  bool takes_matches = false;
   std::vector<std::string> problems() const;
 };
 

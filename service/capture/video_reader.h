@@ -35,6 +35,7 @@ class VideoReader {
     std::optional<Timestamp> stamp;  // the container's own presentation time, if it has one
     Image image;                     // of width 0: it does not decode
     std::shared_ptr<const std::vector<std::uint8_t>> jpeg = {};  // as it lies in the file, if that is one and is wanted
+    std::shared_ptr<const Matches> matches = {};  // of a file of matches (matches_reader.h); no planes then
   };
 
   // camera and warnings must outlive the reader. Warnings are one line each. throws ConfigError that names the file

@@ -64,7 +64,7 @@ std::uint64_t MatchBits::tile_with_left_out(TileAt tile) const {
   if (u < 0 || v < 0 || u >= width_ || v >= height_) return 0;
   std::uint64_t bits = 0;
   if (is_inside(tile))
-    kernels_.classify(image_, *table_, &tile, 1, &bits);
+    classify({&tile, 1}, &bits);
   else
     bits = classify_edge(u, v);
   return in_boxes_.empty() ? bits : bits & ~in_boxes_[static_cast<std::size_t>(tile.v * tile_stride_ + tile.u)];
@@ -83,6 +83,17 @@ void MatchBits::look_at(const capture::Image& image, const ColorTable& table) {
   image_.owner.reset();  // a camera's buffer is not kept until its next frame comes, if ever
   bytes_per_pixel_ = image.format == capture::PixelFormat::yuyv ? 2 : image.format == capture::PixelFormat::bgr ? 3 : 1;
   table_ = &table;
+  found_ = nullptr;
+  look_anew();
+}
+
+void MatchBits::look_at(const capture::Matches::OfColor& matches) {
+  found_ = matches.tiles.data();
+  found_stride_ = static_cast<std::ptrdiff_t>(capture::tiles_across(width_));
+  look_anew();
+}
+
+void MatchBits::look_anew() {
   if (++frame_ == 0) {  // after 2^32 frames the stamps would come round again
     std::ranges::fill(tile_frame_, 0u);
     frame_ = 1;
@@ -115,10 +126,18 @@ void MatchBits::fill_inside(std::span<const TileAt> tiles) {
   tiles_looked_at_ += tiles.size();
   for (; !tiles.empty(); tiles = tiles.subspan(std::min(group, tiles.size()))) {
     const std::span<const TileAt> some = tiles.first(std::min(group, tiles.size()));
-    fetch(some);
-    kernels_.classify(image_, *table_, some.data(), some.size(), bits.data());
+    classify(some, bits.data());
     store(some, bits.data());
   }
+}
+
+void MatchBits::classify(std::span<const TileAt> tiles, std::uint64_t* bits) const {
+  if (found_ == nullptr) {
+    fetch(tiles);
+    kernels_.classify(image_, *table_, tiles.data(), tiles.size(), bits);
+    return;
+  }
+  for (std::size_t i = 0; i < tiles.size(); ++i) bits[i] = found(tiles[i].pixel_u(), tiles[i].pixel_v());
 }
 
 void MatchBits::store(std::span<const TileAt> tiles, const std::uint64_t* bits) {
@@ -141,6 +160,7 @@ void MatchBits::store(std::span<const TileAt> tiles, const std::uint64_t* bits) 
 
 // Pixel by pixel: the tiles that the image's border cuts.
 std::uint64_t MatchBits::classify_edge(int u0, int v0) const {
+  if (found_ != nullptr) return found(u0, v0);
   std::uint64_t bits = 0;
   for (int r = 0; r < std::min(tile_size, height_ - v0); ++r) {
     for (int c = 0; c < std::min(tile_size, width_ - u0); ++c) {
@@ -289,6 +309,8 @@ void MatchBits::scan_grid(int step, const std::vector<std::uint64_t>& ignored, s
     const capture::Plane& p = image.planes[static_cast<std::size_t>(plane)];
     return p.data[r * p.stride + offset];
   };
+  if (found_ != nullptr)
+    return scan([&](int u, int v) { return (found(u, v) >> (tile_size * (v % tile_size) + u % tile_size) & 1) != 0; });
   const ColorTable& table = *table_;
   switch (image.format) {
     case capture::PixelFormat::yuyv:

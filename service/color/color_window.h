@@ -14,6 +14,7 @@
 #include <span>
 #include <vector>
 
+#include "capture/frame.h"
 #include "capture/pixel_format.h"
 #include "color/color_model.h"
 #include "color/window_kernels.h"
@@ -49,6 +50,11 @@ class MatchBits {
   // The next frame. The image must have the size that the constructor was given, and `table` must be for its format;
   // both must live until the next call. Forgets everything that was known of the frame before.
   void look_at(const capture::Image& image, const ColorTable& table);
+  // The next frame, of which somebody else has found what matches (match_tiles.h), of that size, too; it must live
+  // until the next call. The same bits give the same everywhere.
+  void look_at(const capture::Matches::OfColor& matches);
+  // The same frame once more, as if nothing had been looked at yet.
+  void look_anew();
 
   // k of eq. (6) for n windows: how many of the 5x5 pixels around the pixel that (u, v) rounds to have the target's
   // colour, 0..25; pixels of the window beyond the border count as not matching. `outside` where (u, v) is not in the
@@ -96,7 +102,10 @@ class MatchBits {
     return tile.u > 0 && tile.v > 0 && tile.pixel_u() + TileAt::size <= width_ &&
            tile.pixel_v() + TileAt::size <= height_;
   }
+  void classify(std::span<const TileAt> tiles, std::uint64_t* bits) const;  // inside the image
   std::uint64_t classify_edge(int u, int v) const;
+  // Of the tile whose top left pixel this is, where somebody else has found it.
+  std::uint64_t found(int u, int v) const { return found_[v / TileAt::size * found_stride_ + u / TileAt::size]; }
 
   static constexpr int mark_front = 64;  // bytes that the kernels may read before and behind the cells
 
@@ -110,6 +119,8 @@ class MatchBits {
   capture::Image image_;
   int bytes_per_pixel_ = 1;  // of its first plane
   const ColorTable* table_ = nullptr;
+  const std::uint64_t* found_ = nullptr;  // in place of image and table
+  std::ptrdiff_t found_stride_ = 0;
   std::vector<std::uint32_t> tile_frame_;  // that the tile was classified for
   std::vector<std::uint8_t> bands_;
   void scan_grid(int step, const std::vector<std::uint64_t>& ignored, std::vector<PixelAt>& hits) const;

@@ -106,12 +106,24 @@ void check_live_cameras(const ServiceConfig& config, const yaml::YamlReader& roo
     if (camera.host.empty()) {
       if (!camera.camera_there.empty())
         live.map(camera.name).fail("camera", "is for a camera of another host: give host, too");
+      if (camera.send != Sent::frames)
+        live.map(camera.name).fail("send", "is what the host of a camera sends: give host, too");
     } else if (camera.format || camera.fps || !camera.controls.empty() || camera.restore_controls) {
       live.map(camera.name)
           .fail("host",
                 "has the camera, and its settings (format, fps, controls): give them in the configuration of "
                 "`huetrackd capture` there");
     }
+    if (camera.send == Sent::matches && camera.name == config.camera_tracking.camera)
+      live.map(camera.name).fail("send", "must be frames: camera_tracker needs its pictures");
+    // Each of two colours while it is new: its own, and as it would be in OpenCV's units.
+    constexpr std::size_t most_targets = capture::Matches::most / 2;
+    if (camera.send == Sent::matches && config.targets.size() > most_targets)
+      live.map(camera.name)
+          .fail("send", fmt::format("must be frames: matches tell of {} targets at most, and there are {}",
+                                    most_targets, config.targets.size()));
+    if (camera.send == Sent::matches && !config.is_calibrated())
+      live.map(camera.name).fail("send", "must be frames until the cameras are calibrated (rig: none)");
   }
   if (config.quorum && *config.quorum > int(config.cameras.size()))
     root.fail("quorum", fmt::format("is more than there are in cameras ({})", config.cameras.size()));
@@ -229,6 +241,25 @@ std::string size_warning(const ServiceConfig& config) {
 
 }  // namespace
 
+namespace {
+
+// What cameras that send matches cannot do for a target that says nothing of it.
+std::string matches_warning(const ServiceConfig& config) {
+  std::vector<std::string> cameras;
+  for (const auto& camera : config.cameras)
+    if (camera.send == Sent::matches) cameras.push_back(camera.name);
+  const bool has_balls = std::ranges::any_of(
+      config.targets, [](const auto& target) { return target.shape != object_tracking::TargetShape::blob; });
+  if (cameras.empty() || !has_balls || config.object_tracking.observation == object_tracking::Observation::paper)
+    return "";
+  return fmt::format(
+      "{} {} only which pixels match: no outline is fitted there, and a ball is where the middle of its colour is, "
+      "some times less right; shape: blob says that this is meant",
+      fmt::join(cameras, ", "), cameras.size() == 1 ? "sends" : "send");
+}
+
+}  // namespace
+
 std::vector<std::string> warnings_of(const ServiceConfig& config) {
   std::vector<std::string> warnings;
   if (!config.is_calibrated())
@@ -246,6 +277,7 @@ std::vector<std::string> warnings_of(const ServiceConfig& config) {
       warnings.push_back("camera " + camera.name + " of the rig is not among the live cameras, and not used by run");
   }
   if (std::string warning = rig_warning(config.rig); !warning.empty()) warnings.push_back(std::move(warning));
+  if (std::string warning = matches_warning(config); !warning.empty()) warnings.push_back(std::move(warning));
   const RecordConfig& record = config.record;
   if (!record.folder.empty() && !record.always && !(record.pre_roll_s > 0) && !config.control.allow_record)
     warnings.push_back(

@@ -68,6 +68,7 @@ constexpr std::pair<std::string_view, capture::CaptureFormat> format_words[] = {
     {"nv12", capture::CaptureFormat::nv12},
     {"mjpeg", capture::CaptureFormat::mjpeg},
     {"grey", capture::CaptureFormat::grey}};
+constexpr std::pair<std::string_view, Sent> sent_words[] = {{"frames", Sent::frames}, {"matches", Sent::matches}};
 constexpr std::pair<std::string_view, capture::RawStorage> raw_storage_words[] = {
     {"uncompressed", capture::RawStorage::uncompressed}, {"huffyuv", capture::RawStorage::huffyuv}};
 constexpr std::pair<std::string_view, camera_tracking::CameraMethod> camera_method_words[] = {
@@ -156,6 +157,10 @@ template <typename Io, typename Camera>
 void describe_camera(Io& io, Camera& camera) {
   io.text_or("host", "this one", camera.host, "the camera host that has it, where `huetrackd capture` runs");
   io.text_or("camera", "same", camera.camera_there, "its name on that host; same: as here");
+  io.choice("send", camera.send, Words<Sent>(sent_words),
+            "what that host sends: frames, or matches: only which pixels have a target's colour");
+  io.number("picture_every_s", camera.picture_every_s, yaml::Range{.min = 0, .max = 60},
+            "of matches: seconds between pictures for the page and for who watches the room; 0: none");
   io.device("device", camera.device, camera.host,
             "/dev/v4l/by-path/... (a port), by-id/... (a camera), or an index (not stable); none: its host knows");
   io.choice_or("format", "auto", camera.format, Words<capture::CaptureFormat>(format_words),
@@ -1009,6 +1014,16 @@ void refuse_other_files(const yaml::YamlReader& written) {
 
 }  // namespace
 
+bool sends_matches(const ServiceConfig& config, std::string_view camera) {
+  const auto live = std::ranges::find(config.cameras, camera, &LiveCameraConfig::name);
+  return live != config.cameras.end() && live->send == Sent::matches;
+}
+
+ServiceConfig with_frames(ServiceConfig config) {
+  for (LiveCameraConfig& camera : config.cameras) camera.send = Sent::frames;
+  return config;
+}
+
 bool is_capture_config(const fs::path& file) {
   try {
     const yaml::YamlReader root = yaml::YamlReader::file(file);
@@ -1038,6 +1053,7 @@ CaptureConfig load_capture_config(const fs::path& file) {
   for (const LiveCameraConfig& camera : config.cameras) {
     const yaml::YamlReader yaml = root.map("cameras").map(camera.name);
     if (!camera.host.empty()) yaml.fail("host", "is not for a camera host, whose cameras are its own");
+    if (camera.send != Sent::frames) yaml.fail("send", "is the tracker's: it says what it wants");
     if (!camera.size) yaml.fail("size", "is missing: a camera host knows no rig; give [width, height] as calibrated");
     if (camera.latency_offset_s) yaml.fail("latency_offset_s", "is the tracker's: give it there, or in the rig");
     check_network_camera(camera, *camera.size, yaml);

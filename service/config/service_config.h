@@ -27,12 +27,20 @@ struct DdsConfig {
   publish::EstimatePublisherOptions publisher;  // targets and cameras are those of the configuration and the rig
 };
 
+// What a camera host sends of a camera.
+enum class Sent : std::uint8_t {
+  frames,   // its own bytes
+  matches,  // which pixels have a target's colour, and now and then a picture
+};
+
 // How `run` reaches one camera of the rig.
 struct LiveCameraConfig {
   std::string name;  // in the rig
   std::string host;  // the camera host that has it (`huetrackd capture`), as it calls itself; empty: this machine
   std::string camera_there;  // its name there; empty: the same
   const std::string& name_on_host() const { return camera_there.empty() ? name : camera_there; }
+  Sent send = Sent::frames;      // of a camera that a host has
+  double picture_every_s = 1;    // >= 0; with send: matches; 0: none
   std::filesystem::path device;  // as written, but an index: /dev/videoN; empty: there is a host
   std::optional<capture::CaptureFormat>
       format;                            // nullopt: the first of yuyv, nv12, mjpeg, grey that reaches size and rate
@@ -150,6 +158,11 @@ std::filesystem::path taught_file(const std::filesystem::path& config);
 ServiceConfig load_service_config(const std::filesystem::path& file);
 // The same, as if the taught file held this text.
 ServiceConfig load_service_config(const std::filesystem::path& file, const std::string& taught);
+
+// Whether this camera of the rig is one whose host sends which pixels match.
+bool sends_matches(const ServiceConfig& config, std::string_view camera);
+// The same, but every camera sends its frames: for who needs pictures, to record, teach or calibrate.
+ServiceConfig with_frames(ServiceConfig config);
 
 // By what it names: cameras with devices, and neither rig nor targets. No for what cannot be read.
 bool is_capture_config(const std::filesystem::path& file);

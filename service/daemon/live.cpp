@@ -16,6 +16,7 @@
 #include "daemon/replay.h"
 #include "daemon/service_manager.h"
 #include "page/page_service.h"
+#include "pipeline/colors_looked_for.h"
 
 namespace huetrack::daemon {
 namespace {
@@ -192,6 +193,8 @@ LiveSummary run_live(const config::ServiceConfig& config, std::vector<pipeline::
   // Before the page, which asks it; it records after all that may yet end the program: no empty recording stays behind.
   pipeline::RecordingKeeper recording(
       session.config(), {.record_to = options.record_to, .cameras_in_use = cameras.size(), .is_tracking = is_tracking});
+  std::optional<pipeline::ColorsLookedFor> colors;
+  if (is_tracking) session.add(colors.emplace(session.config(), cameras));
   std::optional<page::PageService> view;
   if (bus)
     session.add(view.emplace(session.config(), viewing(config, cameras, options, requests, recording, calibration)));
@@ -290,7 +293,7 @@ void run(const std::filesystem::path& file, const LiveCommand& options, LiveRequ
 
 void record(const std::filesystem::path& file, LiveCommand options, LiveRequests& requests,
             const std::stop_token& stop) {
-  const config::ServiceConfig config = config::load_service_config(file);
+  const config::ServiceConfig config = config::with_frames(config::load_service_config(file));
   config::require_rig(config);
   options.track = false;
   set_log_level(config.log_level);

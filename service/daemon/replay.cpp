@@ -72,7 +72,8 @@ Playback open_playback(const config::ServiceConfig& config, const ReplayCommand&
   auto source = std::make_unique<capture::ReplaySource>(
       playback.recording, names,
       capture::ReplayOptions{.decoder_threads = std::max(1, int(std::thread::hardware_concurrency())),
-                             .timing = config::frame_timing(config.rig)});
+                             .timing = config::frame_timing(config.rig),
+                             .takes_matches = true});
   playback.source = source.get();
   // Known before the first frame, and for good.
   std::vector<pipeline::SessionCamera> known;

@@ -13,6 +13,8 @@
 #include "capture/capture_clock.h"
 #include "hosts/frame_message.h"
 #include "hosts/machine_clock.h"
+#include "hosts/match_finder.h"
+#include "hosts/wanted_matches.h"
 #include "idl/arrivals.h"
 #include "idl/camera_hostPubSubTypes.h"
 #include "idl/dds_participant.h"
@@ -72,7 +74,10 @@ struct CameraHost::Impl {
   struct Camera {
     std::string name;
     capture::LiveCamera live;
-    dds::DataWriter* writer;
+    dds::DataWriter* writer = nullptr;
+    dds::DataWriter* matches_writer = nullptr;  // nullptr: the keys do not allow it
+    std::mutex mutex;
+    WantedMatches wanted;  // guarded by mutex
     std::atomic<std::uint64_t> frames = 0, refused = 0, bytes = 0;
   };
 
@@ -94,7 +99,21 @@ struct CameraHost::Impl {
                                                   dds::TypeSupport(new msg::CameraFramePubSubType),
                                                   idl::camera_frames_writer_qos(), "");
     }
+    try {
+      looked_for = &participant.create_reader(
+          idl::looked_for_topic, dds::TypeSupport(new msg::LookedForColorsPubSubType), idl::status_reader_qos());
+      for (auto& camera : cameras)
+        camera->matches_writer = &participant.create_writer(idl::camera_matches_topic(options.host, camera->name),
+                                                            dds::TypeSupport(new msg::CameraMatchesPubSubType),
+                                                            idl::camera_frames_writer_qos(), "");
+    } catch (const std::runtime_error& error) {
+      if (!participant.is_access_controlled()) throw;
+      looked_for = nullptr;
+      refusal = error.what();
+    }
     clock = std::jthread([this](const std::stop_token& stop) { tell_the_time(stop); });
+    if (looked_for != nullptr)
+      listening = std::jthread([this](const std::stop_token& stop) { hear_what_is_looked_for(stop); });
   }
 
   // A question's answer is worth what it takes: this thread does nothing else.
@@ -124,18 +143,60 @@ struct CameraHost::Impl {
     }
   }
 
+  void hear_what_is_looked_for(const std::stop_token& stop) {
+    idl::Arrivals arrivals(*looked_for);
+    msg::LookedForColors said;
+    dds::SampleInfo info;
+    while (!stop.stop_requested()) {
+      arrivals.wait(100ms);
+      while (looked_for->take_next_sample(&said, &info) == ReturnCode_t::RETCODE_OK) {
+        if (!info.valid_data || said.host() != options.host) continue;
+        const auto camera = std::ranges::find(cameras, said.camera(), [](const auto& c) { return c->name; });
+        if (camera == cameras.end()) continue;
+        const std::scoped_lock lock((*camera)->mutex);
+        (*camera)->wanted.hear(said, std::chrono::steady_clock::now());
+      }
+    }
+  }
+
+  // False: nobody looks for anything.
+  static bool is_looked_for(Camera& camera, MatchFinderOptions& out) {
+    const std::scoped_lock lock(camera.mutex);
+    camera.wanted.all(std::chrono::steady_clock::now(), out);
+    return !out.colors.empty();
+  }
+
+  template <typename Message>
+  static void send(Camera& camera, dds::DataWriter& writer, Message& message) {
+    if (writer.write(&message)) {
+      ++camera.frames;
+      camera.bytes += message.bytes().size();
+    } else {
+      ++camera.refused;
+    }
+  }
+
   void send_frames(Camera& camera, const std::stop_token& stop) const {
     msg::CameraFrame message;
     message.run(run);
+    msg::CameraMatches matches;
+    matches.run(run);
+    MatchFinder finder;
+    MatchFinderOptions look_for;
     while (const auto frame = camera.live.source->next(stop)) {
+      if (camera.matches_writer != nullptr && is_listened_to(*camera.matches_writer) &&
+          is_looked_for(camera, look_for)) {
+        matches.number(frame->sequence);
+        matches.stamped_at(frame->stamped_at.time_since_epoch().count());
+        const auto bytes = frame->status == capture::FrameStatus::ok ? finder.find(*frame, look_for) : std::nullopt;
+        matches.is_damaged(!bytes);
+        matches.bytes().clear();
+        if (bytes) matches.bytes().assign(bytes->begin(), bytes->end());
+        send(camera, *camera.matches_writer, matches);
+      }
       if (!is_listened_to(*camera.writer)) continue;
       to_message(*frame, message);
-      if (camera.writer->write(&message)) {
-        ++camera.frames;
-        camera.bytes += message.bytes().size();
-      } else {
-        ++camera.refused;
-      }
+      send(camera, *camera.writer, message);
     }
   }
 
@@ -168,9 +229,11 @@ struct CameraHost::Impl {
   idl::DdsParticipant participant;
   dds::DataWriter &host, &echo;
   dds::DataReader& probe;
+  dds::DataReader* looked_for = nullptr;  // nullptr: the keys do not allow it
+  std::string refusal;                    // what was said of that; told once
   std::vector<std::unique_ptr<Camera>> cameras;
   std::chrono::steady_clock::time_point told_at{};
-  std::jthread clock;  // last: it ends first
+  std::jthread clock, listening;  // last: they end first
 };
 
 CameraHost::CameraHost(CameraHostOptions options, std::vector<capture::LiveCamera> cameras) {
@@ -194,6 +257,15 @@ void CameraHost::run(const std::stop_token& stop) {
 
 std::vector<CameraHost::Said> CameraHost::look_after() {
   std::vector<Said> said;
+  if (const std::string refusal = std::exchange(impl_->refusal, ""); !refusal.empty())
+    for (const auto& camera : impl_->cameras)
+      said.push_back({camera->name,
+                      {.at = capture::unix_now(),
+                       .state = camera->live.health().state,
+                       .is_problem = true,
+                       .message = "its matches cannot be sent (send: matches of a tracker), as the keys of this host "
+                                  "are older than that: make them anew, configs/dds/secure.sh, role host; " +
+                                  refusal}});
   for (const auto& camera : impl_->cameras)
     for (auto& event : camera->live.take_events()) said.push_back({camera->name, std::move(event)});
   const auto now = std::chrono::steady_clock::now();

@@ -89,4 +89,17 @@ capture::Frame from_message(msg::CameraFrame&& message, capture::JpegDecoder& de
   return out;
 }
 
+capture::Frame from_message(msg::CameraMatches&& message, capture::JpegDecoder& decoder, capture::Image& latest) {
+  capture::Frame out;
+  out.status = capture::FrameStatus::corrupted;
+  if (message.is_damaged()) return out;
+  auto decoded = capture::decode_matches(message.bytes(), decoder, latest);
+  if (!decoded) return out;
+  out.pixels = std::move(decoded->looked_at);
+  out.matches = std::move(decoded->matches);
+  out.encoded = std::make_shared<std::vector<std::uint8_t>>(std::move(message.bytes()));
+  out.status = capture::FrameStatus::ok;
+  return out;
+}
+
 }  // namespace huetrack::hosts

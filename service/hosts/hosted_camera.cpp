@@ -13,6 +13,8 @@
 #include <random>
 #include <stdexcept>
 #include <thread>
+#include <tuple>
+#include <type_traits>
 #include <utility>
 
 #include "capture/camera_clock.h"
@@ -21,6 +23,7 @@
 #include "hosts/clock_offset.h"
 #include "hosts/frame_message.h"
 #include "hosts/machine_clock.h"
+#include "hosts/match_finder.h"
 #include "idl/arrivals.h"
 #include "idl/camera_hostPubSubTypes.h"
 #include "idl/dds_participant.h"
@@ -47,24 +50,33 @@ constexpr double told_clock_sigma_s = 1e-3, untold_clock_sigma_s = 0.7e-3;
 constexpr double longest_kept_s = 1000;     // who says more keeps no time
 constexpr double worst_clock_sigma_s = 1;   // no more is said of it with a frame
 constexpr std::uint32_t longest_loss = 30;  // frames; what is longer is an outage, and told as such
-constexpr std::uint32_t most_of_header = 64 * 1024;
+constexpr std::uint32_t most_of_header = 64 * 1024, most_of_matches_header = 1024;
 // The cameras of a hall expose at one moment, and their frames come at one.
 constexpr idl::Datagrams room_for_frames{.buffer = 4 << 20};
 
-// Of what a camera sends: what StreamFormat has a word for.
-std::optional<capture::CaptureFormat> format_of(std::uint8_t word) {
-  switch (word) {
-    case 0:
-      return capture::CaptureFormat::mjpeg;
-    case 1:
+constexpr auto looked_for_told_every = 1s;
+constexpr std::size_t most_looked_for = capture::Matches::most;
+constexpr std::uint32_t longest_without_colors = 60;  // frames; a host that was told other colours takes a few
+
+// Of what a camera sends, or was looked at there: what StreamFormat has a word for.
+std::optional<capture::CaptureFormat> format_of(const capture::Frame& frame) {
+  if (frame.encoded && !frame.matches) return capture::CaptureFormat::mjpeg;
+  switch (frame.pixels.format) {
+    case capture::PixelFormat::yuyv:
       return capture::CaptureFormat::yuyv;
-    case 2:
+    case capture::PixelFormat::nv12:
       return capture::CaptureFormat::nv12;
-    case 7:
+    case capture::PixelFormat::grey:
       return capture::CaptureFormat::grey;
-    default:
-      return std::nullopt;
+    case capture::PixelFormat::i420:
+    case capture::PixelFormat::i422:
+    case capture::PixelFormat::i444:
+      if (frame.matches) return capture::CaptureFormat::mjpeg;
+      break;
+    case capture::PixelFormat::bgr:
+      break;
   }
+  return std::nullopt;
 }
 
 // What would make it better. is_open: it is known worse than positions need.
@@ -120,6 +132,8 @@ struct HostedCameras::Impl {
     std::vector<capture::CameraEvent> events;
     std::optional<Clock::time_point> frame_at;
     bool was_absent = false;  // since it delivered
+    std::vector<capture::MatchedColor> looked_for;
+    std::optional<Clock::time_point> looked_for_told_at;  // nullopt: not told yet
     // The source's own.
     capture::JpegDecoder decoder;
     capture::CameraClock clock;
@@ -127,6 +141,8 @@ struct HostedCameras::Impl {
     std::uint32_t base = 0;               // of the run's numbers
     std::optional<std::uint32_t> handed;  // the last one of ours
     capture::DamageWatch losses;          // on the way
+    capture::Image picture;               // the latest beside matches
+    std::uint32_t without_colors = 0;     // frames in a row
   };
 
   Impl(const idl::ParticipantOptions& transport, std::vector<HostedCameraOptions> given)
@@ -135,19 +151,30 @@ struct HostedCameras::Impl {
                                         idl::clock_writer_qos(), "")),
         echo(participant.create_reader(idl::clock_echo_topic, dds::TypeSupport(new msg::ClockEchoPubSubType),
                                        idl::clock_reader_qos())),
+        looked_for(participant.create_writer(
+            idl::looked_for_topic, dds::TypeSupport(new msg::LookedForColorsPubSubType), idl::status_writer_qos(), "")),
         states(participant.create_reader(idl::camera_host_topic, dds::TypeSupport(new msg::CameraHostPubSubType),
                                          idl::status_reader_qos())),
         // Not of the seeded randomness: it must differ between programs, and nothing is computed from it.
         tracker(static_cast<std::int64_t>(std::random_device{}()) << 32 | std::random_device{}()) {
-    std::uint32_t largest = 0;
-    for (const auto& options : given)
+    std::uint32_t largest = 0, largest_matches = 0;
+    for (const auto& options : given) {
       largest = std::max(largest, static_cast<std::uint32_t>(3 * options.width * options.height) + most_of_header);
+      largest_matches =
+          std::max(largest_matches, static_cast<std::uint32_t>(most_bytes_of_matches(options.width, options.height)) +
+                                        most_of_matches_header);
+    }
     for (auto& options : given) {
       auto& camera = *cameras.emplace_back(std::make_unique<Camera>());
       camera.options = std::move(options);
-      camera.reader = &participant.create_reader(
-          idl::camera_frames_topic(camera.options.host, camera.options.camera_there),
-          dds::TypeSupport(new msg::CameraFramePubSubType), idl::camera_frames_reader_qos(), largest);
+      const auto& [host, there] = std::tie(camera.options.host, camera.options.camera_there);
+      camera.reader = camera.options.are_matches
+                          ? &participant.create_reader(idl::camera_matches_topic(host, there),
+                                                       dds::TypeSupport(new msg::CameraMatchesPubSubType),
+                                                       idl::camera_frames_reader_qos(), largest_matches)
+                          : &participant.create_reader(idl::camera_frames_topic(host, there),
+                                                       dds::TypeSupport(new msg::CameraFramePubSubType),
+                                                       idl::camera_frames_reader_qos(), largest);
       camera.arrivals = std::make_unique<idl::Arrivals>(*camera.reader);
       camera.health.last_progress = Clock::now();
       hosts[camera.options.host];
@@ -169,6 +196,7 @@ struct HostedCameras::Impl {
         judge();
         next_question = now + (is_in_a_hurry() ? asked_at_start_every : asked_every);
       }
+      tell_what_is_looked_for();
       hear_time();
       answers.wait(std::max<Clock::duration>(next_question - Clock::now(), 1ms));
       hear_time();
@@ -195,6 +223,40 @@ struct HostedCameras::Impl {
     questions[asked % questions.size()] = {asked, now};
     question.sent_at(now.time_since_epoch().count());
     probe.write(&question);
+  }
+
+  void look_for(Camera& camera, std::span<const capture::MatchedColor> colors) {
+    const std::scoped_lock lock(mutex);
+    camera.looked_for.assign(colors.begin(), colors.begin() + std::ptrdiff_t(std::min(colors.size(), most_looked_for)));
+    camera.looked_for_told_at.reset();
+  }
+
+  // On a change, and again and again: a host may have come up since.
+  void tell_what_is_looked_for() {
+    const auto now = Clock::now();
+    for (const auto& camera : cameras) {
+      if (!camera->options.are_matches) continue;
+      msg::LookedForColors out;
+      {
+        const std::scoped_lock lock(mutex);
+        if (camera->looked_for_told_at && now - *camera->looked_for_told_at < looked_for_told_every) continue;
+        camera->looked_for_told_at = now;
+        for (const capture::MatchedColor& color : camera->looked_for) {
+          msg::LookedFor& to = out.colors().emplace_back();
+          to.hue_min_deg(color.hue_min_deg);
+          to.hue_max_deg(color.hue_max_deg);
+          to.saturation_min(color.saturation_min);
+          to.saturation_max(color.saturation_max);
+          to.intensity_min(color.intensity_min);
+          to.intensity_max(color.intensity_max);
+        }
+      }
+      out.tracker(tracker);
+      out.host(camera->options.host);
+      out.camera(camera->options.camera_there);
+      out.picture_every_s(camera->options.picture_every_s);
+      looked_for.write(&out);
+    }
   }
 
   void hear_time() {
@@ -246,12 +308,17 @@ struct HostedCameras::Impl {
     }
   }
 
+  static std::string delivering(const Camera& camera) {
+    return (camera.options.are_matches ? "delivering which pixels match, from " : "delivering, from ") +
+           camera.options.host;
+  }
+
   // What the state of a camera is by what was heard of its host, and the sentence that goes with it.
   std::pair<capture::CaptureState, std::string> state_of(const Camera& camera, Clock::time_point now) const {
     const Host& host = hosts.at(camera.options.host);
     const std::string& name = camera.options.host;
     const bool has_frames = camera.frame_at && now - *camera.frame_at < stalled_after;
-    if (has_frames) return {capture::CaptureState::delivering, "delivering, from " + name};
+    if (has_frames) return {capture::CaptureState::delivering, delivering(camera)};
     if (!host.heard_at)
       return {capture::CaptureState::absent, "its host " + name +
                                                  " is not heard of: is `huetrackd capture` running "
@@ -280,8 +347,11 @@ struct HostedCameras::Impl {
     if (!host.clock.is_known())
       return {capture::CaptureState::waiting, "the clock of " + name + " is being compared with ours"};
     if (camera.frame_at || there->state() == msg::HOSTED_CAMERA_DELIVERING)
-      return {camera.frame_at ? capture::CaptureState::stalled : capture::CaptureState::waiting,
-              "no frames come from " + name};
+      return {
+          camera.frame_at ? capture::CaptureState::stalled : capture::CaptureState::waiting,
+          "no frames come from " + name +
+              (camera.options.are_matches ? "; for send: matches its program must be as new as ours, and so its keys"
+                                          : "")};
     return {capture::CaptureState::waiting,
             name + ": " + (there->message().empty() ? "no frame yet" : there->message())};
   }
@@ -333,7 +403,8 @@ struct HostedCameras::Impl {
   }
 
   // nullopt: not for us yet.
-  std::optional<capture::Frame> frame_of(Camera& camera, msg::CameraFrame&& message) {
+  template <typename Message>
+  std::optional<capture::Frame> frame_of(Camera& camera, Message&& message) {
     if (!is_a_time(message.stamped_at())) return std::nullopt;
     capture::Timestamp stamped_at;
     capture::StampClock clock;
@@ -345,16 +416,21 @@ struct HostedCameras::Impl {
       clock = {.of = host.number,
                .sigma = capture::duration_of(std::min(host.clock.sigma_s(stamped_at), worst_clock_sigma_s))};
     }
-    const std::uint8_t format = message.format();
     const std::uint32_t there = message.number();
     if (camera.run != message.run()) {
       camera.run = message.run();
       camera.base = there - (camera.handed ? *camera.handed + 1 : 0);
     }
-    capture::Frame frame = from_message(std::move(message), camera.decoder);
+    capture::Frame frame;
+    if constexpr (std::is_same_v<std::remove_reference_t<Message>, msg::CameraMatches>)
+      frame = from_message(std::move(message), camera.decoder, camera.picture);
+    else
+      frame = from_message(std::move(message), camera.decoder);
     if (frame.pixels.width != camera.options.width || frame.pixels.height != camera.options.height) {
       frame.status = capture::FrameStatus::corrupted;
       frame.pixels = {};
+      frame.matches = nullptr;
+      frame.encoded = nullptr;
     }
     const bool is_sound = frame.status == capture::FrameStatus::ok;
     frame.camera = camera.options.camera;
@@ -380,6 +456,7 @@ struct HostedCameras::Impl {
                   100 * camera.losses.share(), camera.options.host)
             : "";
     camera.handed = frame.sequence;
+    if (frame.matches) note_colors(camera, *frame.matches);
     if (!is_sound) {
       ++health.corrupted;
       return frame;
@@ -388,7 +465,7 @@ struct HostedCameras::Impl {
     health.last_frame = frame.captured_at;
     health.stamp = capture::StampKind::end_of_frame;
     camera.frame_at = Clock::now();
-    if (const auto known = format_of(format)) {
+    if (const auto known = format_of(frame)) {
       double fps = 0;
       for (const auto& c : hosts.at(camera.options.host).cameras)
         if (c.name() == camera.options.camera_there) fps = c.fps();
@@ -398,12 +475,28 @@ struct HostedCameras::Impl {
                                             .fps = fps,
                                             .range = frame.pixels.range};
     }
-    tell(camera, capture::CaptureState::delivering, "delivering, from " + camera.options.host);
+    tell(camera, capture::CaptureState::delivering, delivering(camera));
     return frame;
   }
 
+  // Under `mutex`. Whether all that is looked for is in them.
+  static void note_colors(Camera& camera, const capture::Matches& matches) {
+    capture::CameraHealth& health = camera.health;
+    if (std::ranges::all_of(camera.looked_for, [&](const auto& color) { return matches.of(color) != nullptr; })) {
+      camera.without_colors = 0;
+      return;
+    }
+    ++health.of_other_colors;
+    if (++camera.without_colors < longest_without_colors || !health.warning.empty()) return;
+    health.warning = camera.options.host +
+                     " does not say what matches the targets' colours: the trackers that use this camera look for more "
+                     "of them together, or they match more of its pictures, than it can tell; take send: frames for "
+                     "one of them";
+  }
+
+  template <typename Message>
   std::optional<capture::Frame> next(Camera& camera, const std::stop_token& stop) {
-    msg::CameraFrame message;
+    Message message;
     dds::SampleInfo info;
     while (!stop.stop_requested()) {
       {
@@ -425,7 +518,9 @@ struct HostedCameras::Impl {
   idl::DdsParticipant participant;
   std::vector<std::unique_ptr<Camera>> cameras;  // they wait for its readers
   dds::DataWriter& probe;
-  dds::DataReader &echo, &states;
+  dds::DataReader& echo;
+  dds::DataWriter& looked_for;
+  dds::DataReader& states;
   const std::int64_t tracker;
   std::uint32_t asked = 0;  // the keeper's
   std::array<std::pair<std::uint32_t, capture::Timestamp>, 32> questions{};
@@ -446,7 +541,10 @@ std::vector<capture::LiveCamera> HostedCameras::live() const {
   class Source final : public capture::FrameSource {
    public:
     Source(std::shared_ptr<Impl> all, Impl::Camera& camera) : all_(std::move(all)), camera_(camera) {}
-    std::optional<capture::Frame> next(std::stop_token stop) override { return all_->next(camera_, stop); }
+    std::optional<capture::Frame> next(std::stop_token stop) override {
+      return camera_.options.are_matches ? all_->next<msg::CameraMatches>(camera_, stop)
+                                         : all_->next<msg::CameraFrame>(camera_, stop);
+    }
 
    private:
     std::shared_ptr<Impl> all_;
@@ -470,6 +568,10 @@ std::vector<capture::LiveCamera> HostedCameras::live() const {
                          const std::scoped_lock lock(all->mutex);
                          return std::exchange(of->events, {});
                        }});
+    if (of->options.are_matches)
+      out.back().look_for = [all = impl_, of](std::span<const capture::MatchedColor> colors) {
+        all->look_for(*of, colors);
+      };
   }
   return out;
 }

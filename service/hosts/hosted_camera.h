@@ -18,6 +18,10 @@ struct HostedCameraOptions {
   std::string camera_there;     // as the camera host calls it
   int width = 0, height = 0;    // > 0, pixels; the rig's: frames of another size are corrupted
   capture::FrameTiming timing;  // the rig's
+  // Its frames say which pixels match the colours that LiveCamera::look_for() told, and have no pixels but with every
+  // so many seconds' picture (0: none). Until it was told some, none come.
+  bool are_matches = false;
+  double picture_every_s = 1;
 };
 
 // One place on the bus for all cameras of other hosts. Frames of a host whose clock is not known yet are not handed

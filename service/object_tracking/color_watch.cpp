@@ -119,14 +119,17 @@ ColorWatch::ColorWatch(const calib::CameraRig& rig, const TargetOptions& target)
 
 void ColorWatch::look(const capture::FrameSet& set, const ObjectEstimate& estimate,
                       std::span<const color::HsiRange> in_force) {
-  if (sets_++ % sets_per_look != 0) return;
+  const bool is_due = sets_++ % sets_per_look == 0;
   if (estimate.state != TrackState::tracking || estimate.views < 2 || estimate.velocity.norm() > fastest_m_s_) return;
   for (std::size_t i = 0; i < cameras_.size(); ++i) {
     const ViewSupport& view = estimate.per_view[i];
     if (!set.frames[i] || !sees_it_well(view)) continue;
+    // Pictures that come beside matches are few: none is left out.
+    const capture::Image* const picture = own_picture_of(*set.frames[i]);
+    if (picture == nullptr || !(is_due || set.frames[i]->matches)) continue;
     PerCamera& camera = cameras_[i];
     const float inner_px = std::min(inner_disc * view.radius_px, whole_disc * view.radius_px - view.residual_px);
-    const auto seen = color_inside(set.frames[i]->pixels, view.px, inner_px, camera.hue_origin_deg);
+    const auto seen = color_inside(*picture, view.px, inner_px, camera.hue_origin_deg);
     if (!seen) continue;
     const double pause_s = capture::seconds(set.at - std::exchange(camera.health.seen_at, set.at));
     if (!camera.health.seen || pause_s < 0 || pause_s > longest_pause_s) {

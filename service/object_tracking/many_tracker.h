@@ -45,6 +45,7 @@ class ManyTracker {
   void update(const capture::FrameSet& set, std::vector<ObjectEstimate>& out);
   void trust(std::span<const CameraTrust> cameras);
   TargetViews& views() { return views_; }
+  const TargetViews& views() const { return views_; }
   PositionParticles particles() const;  // of all objects
   std::span<const SeenRegion> regions() const { return seen_regions_.all(); }
   const std::vector<ColorShare>& color_shares() const { return still_color_.shares(); }

@@ -6,8 +6,11 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <limits>
 #include <stdexcept>
+
+#include "particle_filter/vector_clones.h"
 
 namespace huetrack::object_tracking {
 namespace {
@@ -87,6 +90,7 @@ double MotionBelief::relative_clock_variance_s2(int camera) const {
 }
 
 void MotionBelief::open_clocks(const capture::FrameSet& set) {
+  is_symmetric_ = false;
   bool is_ours = true;
   for (std::size_t c = 0; c < clocks_.size() && c < set.frames.size(); ++c) {
     if (set.frames[c]) {
@@ -118,6 +122,7 @@ void MotionBelief::open_clocks(const capture::FrameSet& set) {
 }
 
 void MotionBelief::expect_in_step() {
+  is_symmetric_ = false;
   if (!times_are_learnt_) return;
   for (int c = 0; c < static_cast<int>(given_.size()); ++c) {
     const Eigen::Index l = latency_of(c), r = l + 1;
@@ -168,6 +173,7 @@ CameraTimingEstimate MotionBelief::timing(int camera) const {
 
 void MotionBelief::begin(capture::Timestamp when, const Eigen::Vector3d& position, double position_variance,
                          const Eigen::Vector3d& velocity, double velocity_variance) {
+  is_symmetric_ = false;
   at = when;
   mean_.head<3>() = position;
   mean_.segment<3>(3) = velocity;
@@ -184,6 +190,7 @@ void MotionBelief::begin(capture::Timestamp when, const Eigen::Vector3d& positio
 }
 
 void MotionBelief::forget_lasting(int camera) {
+  is_symmetric_ = false;
   const Eigen::Index lasting = lasting_of(camera);
   mean_.segment<2>(lasting).setZero();
   covariance_.middleRows<2>(lasting).setZero();
@@ -278,6 +285,32 @@ void MotionBelief::renew_lasting(int camera, double lasting_px, const Eigen::Mat
   last = {.px = lasting_px, .doubt = doubt};
 }
 
+namespace {
+
+// From an n x n matrix the product of a0, a1 (n x 2) and b0, b1 (2 x n), which is symmetric but for rounding: below the
+// diagonal and on it, and what is there then above. With 64 cameras, to write it there once more is most of what a
+// sighting costs: a matrix that is symmetric to the last bit gets the same ones column by column, as it lies in memory.
+HUETRACK_CLONES void take_off(double* __restrict matrix, std::ptrdiff_t n, const double* __restrict a0,
+                              const double* __restrict a1, const double* __restrict b0, const double* __restrict b1,
+                              bool is_symmetric) {
+  for (std::ptrdiff_t i = 0; i < n; ++i) {
+    double* const column = matrix + i * n;
+    const double a0_there = a0[i], a1_there = a1[i], b0_there = b0[i], b1_there = b1[i];
+    if (is_symmetric)
+      for (std::ptrdiff_t j = 0; j < i; ++j) column[j] -= a0_there * b0[j] + a1_there * b1[j];
+    for (std::ptrdiff_t j = i; j < n; ++j) column[j] -= a0[j] * b0_there + a1[j] * b1_there;
+  }
+  if (is_symmetric) return;
+  constexpr std::ptrdiff_t side = 16;
+  for (std::ptrdiff_t left = 0; left < n; left += side)
+    for (std::ptrdiff_t top = left; top < n; top += side)
+      for (std::ptrdiff_t i = left; i < std::min(left + side, n); ++i)
+        for (std::ptrdiff_t j = std::max(top, i + 1); j < std::min(top + side, n); ++j)
+          matrix[j * n + i] = matrix[i * n + j];
+}
+
+}  // namespace
+
 double MotionBelief::observe(const LinearSighting& sighting, const Eigen::Vector3d& velocity, double power_density) {
   const SeenRow& row = sighting.row;
   renew_lasting(row.camera, sighting.lasting_px, sighting.doubt);
@@ -292,15 +325,20 @@ double MotionBelief::observe(const LinearSighting& sighting, const Eigen::Vector
   const Eigen::Matrix2d s = onto(by, px_with_state) * j.transpose() + px_with_state.middleCols<2>(lasting) +
                             j * unmodelled(by, power_density) * j.transpose() + sighting.covariance;
   const Eigen::Matrix2d information = s.inverse();
-  const WithState<2> gain = information.lazyProduct(px_with_state);  // transposed
+  // Transposed, and each row by itself in memory.
+  using Row = Eigen::Matrix<double, Eigen::Dynamic, 2, Eigen::ColMajor, most_states, 2>;
+  const Row gain = information.lazyProduct(px_with_state).transpose();
+  const Row px_of_state = px_with_state.transpose();
   const Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, most_states, 1> variance_before =
       covariance_.diagonal();
-  mean_.noalias() += gain.transpose().lazyProduct(innovation);
-  for (Eigen::Index i = 0; i < size(); ++i) {  // below the diagonal and on it, then above
-    const Eigen::Index n = size() - i;
-    covariance_.col(i).tail(n) -= gain.rightCols(n).transpose().lazyProduct(px_with_state.col(i));
-    covariance_.row(i).tail(n - 1) = covariance_.col(i).tail(n - 1).transpose();
-  }
+  mean_.noalias() += gain.lazyProduct(innovation);
+  take_off(covariance_.data(), size(), gain.col(0).data(), gain.col(1).data(), px_of_state.col(0).data(),
+           px_of_state.col(1).data(), is_symmetric_);
+  // Where predict_to() and renew_lasting() leave what is above the diagonal another one in its last bits.
+  for (Eigen::Index i = 0; i < 3; ++i)
+    for (Eigen::Index k = i + 1; k < 3; ++k) covariance_(i, k) = covariance_(k, i);
+  covariance_(lasting, lasting + 1) = covariance_(lasting + 1, lasting);
+  is_symmetric_ = true;
   if (times_are_learnt_) {
     const auto keep = [&](Eigen::Index i, double least_sigma) {
       covariance_(i, i) = std::max(covariance_(i, i), std::min(variance_before(i), least_sigma * least_sigma));
@@ -329,6 +367,7 @@ Eigen::Matrix<double, 6, 6> MotionBelief::by_views() const {
 
 MotionBelief MotionBelief::given_views() const {
   MotionBelief out = *this;
+  out.is_symmetric_ = false;
   const Eigen::Index n = size() - 6;
   out.covariance_.topLeftCorner<6, 6>() -= by_views();
   out.covariance_.bottomRows(n).setZero();
@@ -337,6 +376,7 @@ MotionBelief MotionBelief::given_views() const {
 }
 
 void MotionBelief::open_views_as(const MotionBelief& other) {
+  is_symmetric_ = false;
   const Eigen::Index n = size() - 6;
   covariance_.topLeftCorner<6, 6>() += other.by_views();
   covariance_.bottomRows(n) = other.covariance_.bottomRows(n);
@@ -344,6 +384,7 @@ void MotionBelief::open_views_as(const MotionBelief& other) {
 }
 
 void MotionBelief::set_position(const Eigen::Vector3d& mean, const Eigen::Matrix3d& covariance) {
+  is_symmetric_ = false;
   const Eigen::Matrix3d before = position_covariance();
   const Eigen::Index rest = size() - 3;
   const WithState<3> regression = before.inverse().lazyProduct(covariance_.topRightCorner(3, rest));  // transposed

@@ -156,6 +156,9 @@ class MotionBelief {
   Eigen::VectorXd times_linearised_;  // their means when they were last linearised at
   Eigen::VectorXd mean_;
   Eigen::MatrixXd covariance_;
+  // Surely, to the last bit, but for the position's own block and that of what lasts in one camera: nothing but
+  // observe(), which sees to these, and predict_to() has changed it since observe().
+  bool is_symmetric_ = false;
   struct Given {  // by the rig
     double latency_s = 0, readout_s = 0;
     double latency_variance_s2 = 0, readout_variance_s2 = 0;  // where times are not learnt

@@ -115,6 +115,8 @@ class TwiceTheHue {
     if (is_found_) end();
   }
   bool is_found() const { return is_found_; }
+  // nullptr: it looks for nothing (any more).
+  const TargetOptions* target() const { return target_ ? &*target_ : nullptr; }
 
  private:
   static constexpr double patience_s = 0.4, found_after_s = 1, longest_s = 8;
@@ -205,6 +207,29 @@ ObjectTracker::ObjectTracker(const calib::CameraRig& rig, const TargetOptions& t
 ObjectTracker::~ObjectTracker() = default;
 ObjectTracker::ObjectTracker(ObjectTracker&&) noexcept = default;
 ObjectTracker& ObjectTracker::operator=(ObjectTracker&&) noexcept = default;
+
+std::vector<color::HsiRange> first_colors_looked_for(const TargetOptions& target, const ObjectTrackerOptions& options,
+                                                     std::string_view camera) {
+  std::vector<color::HsiRange> out{target.color_in(camera)};
+  if (options.observation == Observation::huetrack)
+    if (const auto twice = at_twice_the_hue(target)) out.push_back(twice->color_in(camera));
+  return out;
+}
+
+void ObjectTracker::colors_looked_for(std::size_t camera, std::vector<color::HsiRange>& out) const {
+  std::visit(
+      [&](const auto& tracker) {
+        out.push_back(tracker.views().color_in(camera));
+        if (const TargetOptions* twice = impl_->twice_the_hue.target(); twice != nullptr)
+          out.push_back(twice->color_in(tracker.views().camera(camera).name));
+      },
+      impl_->tracker);
+}
+
+std::uint64_t ObjectTracker::frames_of_other_colors(std::size_t camera) const {
+  return std::visit([camera](const auto& tracker) { return tracker.views().frames_of_other_colors(camera); },
+                    impl_->tracker);
+}
 
 void ObjectTracker::expect(int camera, capture::PixelFormat format, capture::ColorRange range) {
   std::visit([&](auto& tracker) { tracker.views().expect(static_cast<std::size_t>(camera), format, range); },

@@ -125,6 +125,12 @@ class ObjectTracker {
   ObjectTracker(ObjectTracker&&) noexcept;
   ObjectTracker& operator=(ObjectTracker&&) noexcept;
 
+  // The ranges of colour that are looked for in this camera by now, appended to `out`: of the target, and for as long
+  // as it may turn out that its hues were given in other units, of those. For who has what matches found elsewhere.
+  void colors_looked_for(std::size_t camera, std::vector<color::HsiRange>& out) const;
+  // How many frames of this camera told nothing of the target: they say what matches other colours (Frame::matches).
+  std::uint64_t frames_of_other_colors(std::size_t camera) const;
+
   // What a camera is going to deliver, where that is known beforehand: makes its colour table now, which otherwise
   // holds the first set up for some 5 ms.
   void expect(int camera, capture::PixelFormat format, capture::ColorRange range);
@@ -170,5 +176,9 @@ class ObjectTracker {
   struct Impl;
   std::unique_ptr<Impl> impl_;
 };
+
+// ObjectTracker::colors_looked_for() of one that has just been made.
+std::vector<color::HsiRange> first_colors_looked_for(const TargetOptions& target, const ObjectTrackerOptions& options,
+                                                     std::string_view camera);
 
 }  // namespace huetrack::object_tracking

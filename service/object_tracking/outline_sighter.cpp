@@ -58,7 +58,7 @@ bool OutlineSighter::sharpen(const TargetView& view, const MotionBelief& belief,
                              const Eigen::Matrix2d& spread, Sighting& sighting) {
   PerView& of = views_[static_cast<std::size_t>(view.index)];
   const bool was_sharp = std::exchange(of.is_sharp, false);
-  if (shape_ == TargetShape::blob || is_blob_ || !of.behind) return false;
+  if (shape_ == TargetShape::blob || is_blob_ || !of.behind || !capture::has_pixels(*view.image)) return false;
   const Eigen::Vector3d there = belief.position_at(expected.row.at);
   const auto ball = outline_of(*view.camera, there, radius_m_);
   if (!ball) return false;
@@ -133,6 +133,7 @@ bool OutlineSighter::sharpen(const TargetView& view, const MotionBelief& belief,
 void OutlineSighter::learn(const std::vector<TargetView>& views, const MotionBelief& belief) {
   if (shape_ == TargetShape::blob || is_blob_) return;
   for (const TargetView& view : views) {
+    if (!capture::has_pixels(*view.image)) continue;  // its frames say what matches, and no more
     const auto expected = expected_in(view, belief, radius_m_);
     if (!expected) continue;
     const Appearance& at = expected->at;

@@ -53,6 +53,7 @@ class PaperTracker {
   ObjectEstimate update(const capture::FrameSet& set);
   void trust(std::span<const CameraTrust> cameras) { views_.trust(cameras); }
   TargetViews& views() { return views_; }
+  const TargetViews& views() const { return views_; }
   const PositionParticles& particles() const { return particles_; }
 
  private:

@@ -56,6 +56,7 @@ class RegionTracker {
   // from now on only what moves is.
   void distrust_color(capture::Timestamp set_at);
   TargetViews& views() { return views_; }
+  const TargetViews& views() const { return views_; }
   const PositionParticles& particles() const { return filter_.particles(); }
   std::span<const SeenRegion> regions() const { return seen_regions_.all(); }
   const std::vector<ColorShare>& color_shares() const { return still_color_.shares(); }

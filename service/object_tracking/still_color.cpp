@@ -155,7 +155,7 @@ void StillColor::find_what_may_be_objects(const TargetView& view, PerCamera& cam
     s.px = region.centre;
     s.radius_px = std::sqrt(region.area / std::numbers::pi);
   }
-  view.matches->look_at(*view.image, *view.table);  // classified anew, with what is left out by then
+  view.matches->look_anew();  // classified anew, with what is left out by then
 }
 
 void StillColor::measure(const TargetView& view) {

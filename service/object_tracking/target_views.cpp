@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "color/match_tiles.h"
+
 namespace huetrack::object_tracking {
 
 TargetViews::TargetViews(const calib::CameraRig& rig, const TargetOptions& target) {
@@ -48,6 +50,22 @@ bool is_apart(const std::vector<TargetView>& views) {
   });
 }
 
+bool TargetViews::look_at(PerCamera& camera, const capture::Frame& frame, const color::ColorTable*& table) {
+  if (!frame.matches) {
+    table = &table_for(camera, frame.pixels.format, frame.pixels.range);
+    camera.matches.look_at(frame.pixels, *table);
+    return true;
+  }
+  const auto* found = frame.matches->of(color::matched_color(camera.color));
+  if (found == nullptr && camera.color_before) found = frame.matches->of(color::matched_color(*camera.color_before));
+  if (found == nullptr) {
+    ++camera.frames_of_other_colors;
+    return false;
+  }
+  camera.matches.look_at(*found);
+  return true;
+}
+
 const std::vector<TargetView>& TargetViews::look_at(const capture::FrameSet& set) {
   views_.clear();
   unused_.clear();
@@ -56,10 +74,10 @@ const std::vector<TargetView>& TargetViews::look_at(const capture::FrameSet& set
     const capture::Frame& frame = *set.frames[i];
     PerCamera& c = *cameras_[i];
     if (frame.pixels.width != c.camera.image_size.width || frame.pixels.height != c.camera.image_size.height) continue;
-    const color::ColorTable& table = table_for(c, frame.pixels.format, frame.pixels.range);
-    c.matches.look_at(frame.pixels, table);
+    const color::ColorTable* table = nullptr;
+    if (!look_at(c, frame, table)) continue;
     (c.is_used ? views_ : unused_)
-        .push_back({static_cast<int>(i), &c.camera, &c.projector, &c.matches, &frame.pixels, &table, &frame,
+        .push_back({static_cast<int>(i), &c.camera, &c.projector, &c.matches, &frame.pixels, table, &frame,
                     capture::seconds(set.at - frame.captured_at)});
   }
   return views_;

@@ -2,7 +2,9 @@
 // What both observations stand on.
 #pragma once
 
+#include <cstdint>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <utility>
@@ -22,9 +24,9 @@ struct TargetView {
   int index;  // into CameraRig::cameras
   const calib::Camera* camera;
   const calib::BatchProjector* projector;
-  color::MatchBits* matches;  // the pixels of the target's colour in this frame
-  const capture::Image* image;
-  const color::ColorTable* table;
+  color::MatchBits* matches;       // the pixels of the target's colour in this frame
+  const capture::Image* image;     // of a frame of matches without planes
+  const color::ColorTable* table;  // nullptr: the frame is of matches
   const capture::Frame* frame;
   double age_s;  // the set's time minus this frame's own capture time (its middle row's), >= 0
 
@@ -39,7 +41,7 @@ class TargetViews {
   TargetViews& operator=(const TargetViews&) = delete;
 
   // The views of this set, in camera order; valid until the next call. A frame of another size than the rig's is left
-  // out, and so are cameras that are not used.
+  // out, and so are cameras that are not used, and frames that tell what matches other colours only.
   const std::vector<TargetView>& look_at(const capture::FrameSet& set);
   // Those of this set that are not used.
   const std::vector<TargetView>& unused() const { return unused_; }
@@ -54,13 +56,18 @@ class TargetViews {
   std::shared_ptr<const color::ColorTable> recolor(std::size_t camera, const color::HsiRange& color,
                                                    std::shared_ptr<const color::ColorTable> table) {
     PerCamera& c = *cameras_.at(camera);
-    c.color = color;
+    c.color_before = std::exchange(c.color, color);
     c.table_before = c.table;  // the views of this set point to it
     return std::exchange(c.table, std::move(table));
   }
 
   // From the next set on; ObjectTracker::trust(). Returns the cameras that stand elsewhere than before.
   std::vector<std::size_t> trust(std::span<const CameraTrust> cameras);
+
+  // In force by now.
+  const color::HsiRange& color_in(std::size_t camera) const { return cameras_[camera]->color; }
+  // How many frames of this camera told nothing of the target, as they say what matches other colours.
+  std::uint64_t frames_of_other_colors(std::size_t camera) const { return cameras_[camera]->frames_of_other_colors; }
 
   std::size_t camera_count() const { return cameras_.size(); }
   const calib::Camera& camera(std::size_t i) const { return cameras_[i]->camera; }
@@ -80,9 +87,14 @@ class TargetViews {
     color::MatchBits matches;
     bool is_used = true;
     color::HsiRange color;
+    // Who finds what matches has it until he has heard of the new one.
+    std::optional<color::HsiRange> color_before = {};
+    std::uint64_t frames_of_other_colors = 0;
     std::shared_ptr<const color::ColorTable> table;  // of the format seen last; made when a format is first seen
     std::shared_ptr<const color::ColorTable> table_before = {};
   };
+  // False: it tells nothing of the target. table: that was looked up in, or nullptr.
+  bool look_at(PerCamera& camera, const capture::Frame& frame, const color::ColorTable*& table);
   const color::ColorTable& table_for(PerCamera& camera, capture::PixelFormat format, capture::ColorRange range);
 
   std::vector<std::unique_ptr<PerCamera>> cameras_;

@@ -137,7 +137,7 @@ Pictures recorded_pictures(const config::ServiceConfig& config, std::span<const 
   const calib::CameraRig& rig = config.rig;
   const std::vector<std::string> names = rig.camera_names();
   const capture::Recording recording = capture::read_recording(words);
-  capture::ReplaySource source(recording, names, {.timing = config::frame_timing(rig)});
+  capture::ReplaySource source(recording, names, {.timing = config::frame_timing(rig), .takes_matches = true});
   capture::FrameSet set;
   set.frames.resize(rig.cameras.size());
   constexpr std::size_t most_elsewhen = 15;
@@ -151,6 +151,7 @@ Pictures recorded_pictures(const config::ServiceConfig& config, std::span<const 
   while (auto frame = source.next(stop)) {
     const auto c = std::size_t(frame->camera);
     const std::int64_t number = count[c]++;
+    if (frame->status == capture::FrameStatus::ok && !take_picture(*frame)) continue;
     if (frame->status == capture::FrameStatus::ok) {
       spread[c].add(frame->pixels);
       moments.add(*frame);
@@ -174,8 +175,9 @@ Pictures recorded_pictures(const config::ServiceConfig& config, std::span<const 
   }
   for (const auto& [camera, number] : wanted) {
     if (!is_settled[std::size_t(camera)])
-      throw std::runtime_error(fmt::format("{}: camera {} has no sound frame {} (it has {})", recording.file.string(),
-                                           rig.cameras[std::size_t(camera)].name, number, count[std::size_t(camera)]));
+      throw std::runtime_error(fmt::format("{}: camera {} has no sound frame {} with a picture (it has {})",
+                                           recording.file.string(), rig.cameras[std::size_t(camera)].name, number,
+                                           count[std::size_t(camera)]));
   }
   Pictures pictures{.set = std::move(set), .numbers = std::move(numbers), .moments = moments.take()};
   for (auto& of_camera : spread) pictures.elsewhen.push_back(of_camera.take());
@@ -190,7 +192,7 @@ capture::FrameSet live_pictures(const config::ServiceConfig& config, const std::
   if (config.cameras.empty()) throw std::runtime_error(config.file.string() + ": cameras: none is given to teach from");
   capture::FrameSet set;
   set.frames.resize(config.rig.cameras.size());
-  for (auto& camera : pipeline::open_cameras(config, stop)) {
+  for (auto& camera : pipeline::open_cameras(config::with_frames(config), stop)) {
     std::stop_source enough;
     const std::stop_callback forward(stop, [&] { enough.request_stop(); });
     const auto until = std::chrono::steady_clock::now() + patience;

@@ -120,6 +120,22 @@ std::string why_nothing(const color_teaching::Taught& taught) {
   return failed == taught.views.end() ? "Point at the object first." : failed->verdict;
 }
 
+// As people see it: of a camera that says which pixels match the latest picture that came beside these.
+capture::FrameSet pictures_of(capture::FrameSet set) {
+  for (auto& frame : set.frames) {
+    if (!frame || !frame->matches) continue;
+    const capture::Image* const picture = picture_of(*frame);
+    if (picture == nullptr) {
+      frame.reset();
+      continue;
+    }
+    frame->pixels = capture::Image(*picture);
+    frame->matches = nullptr;
+    frame->encoded = nullptr;
+  }
+  return set;
+}
+
 std::string learnt(const color_teaching::Lesson& lesson) {
   const auto& views = lesson.taught.views;
   std::string text = fmt::format("Learnt from {} of {} cameras.",
@@ -167,9 +183,10 @@ msg::TeachReply TeachDesk::refusal(const msg::TeachRequest& request, const std::
 }
 
 msg::TeachReply TeachDesk::freeze(const msg::TeachRequest& request, const config::ServiceConfig& config,
-                                  const capture::FrameSet& set) {
+                                  const capture::FrameSet& shown) {
   if (const std::string why = why_not(config); !why.empty()) return refusal(request, why);
   msg::TeachReply reply = reply_to(request);
+  const capture::FrameSet set = pictures_of(shown);
   teacher_.emplace(config.rig, set);
   client_ = request.client();
   set_number_ = moment_number_ = set.number;
@@ -199,7 +216,7 @@ void TeachDesk::add_moment(const capture::FrameSet& set) {
   next_moment_ = std::chrono::steady_clock::now() + moments_apart;
   if (set.number == moment_number_) return;  // of a replay that is held
   moment_number_ = set.number;
-  takes_moments_ = teacher_->add_moment(set);
+  takes_moments_ = teacher_->add_moment(pictures_of(set));
 }
 
 msg::TeachReply TeachDesk::look(const msg::TeachRequest& request, const config::ServiceConfig& config, bool applies) {

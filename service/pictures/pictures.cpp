@@ -200,7 +200,8 @@ cv::Mat draw_views(const config::ServiceConfig& config, const PictureJob& job) {
                    title_height + double(int(c) / columns) * (cell_height + margin) + name_height,
                    camera.image_size.width * zoom, camera.image_size.height * zoom};
     const auto& captured = job.set.frames.at(c);
-    const cv::Mat image = captured ? bgr_of(captured->pixels) : cv::Mat();
+    const capture::Image* const picture = captured ? picture_of(*captured) : nullptr;
+    const cv::Mat image = picture != nullptr ? bgr_of(*picture) : cv::Mat();
     Canvas view =
         canvas_over(image, {0, 0}, zoom, {int(std::lround(area.width)), int(std::lround(area.height))}, no_image);
     draw_findings(view, config, job, camera, {{0, 0}, zoom}, 1.4);

@@ -72,16 +72,18 @@ std::vector<msg::Preview> make_previews(const config::ServiceConfig& config, con
     const auto& frame = job.set.frames[c];
     const calib::Camera& camera = config.rig.cameras[c];
     if (!frame || frame->status != capture::FrameStatus::ok || frame->pixels.width != camera.image_size.width) continue;
+    const capture::Image* const picture = picture_of(*frame);
+    if (picture == nullptr) continue;
     msg::Preview& preview = previews.emplace_back();
     preview.camera(camera.name);
     preview.captured_at((frame->captured_at + clock_offset).time_since_epoch().count());
     preview.set_number(job.set.number);
     preview.image_width(std::uint32_t(frame->pixels.width));
     preview.image_height(std::uint32_t(frame->pixels.height));
-    const capture::PictureSize size = capture::picture_size(frame->pixels, config.preview.width);
+    const capture::PictureSize size = capture::picture_size(*picture, config.preview.width);
     preview.width(std::uint32_t(size.width));
     preview.height(std::uint32_t(size.height));
-    preview.jpeg(capture::encode_picture(frame->pixels, size, config.preview.quality));
+    preview.jpeg(capture::encode_picture(*picture, size, config.preview.quality));
     for (const StillPatch& patch : job.still) {
       if (patch.camera != static_cast<int>(c)) continue;
       msg::PreviewTarget& out = preview.targets().emplace_back();

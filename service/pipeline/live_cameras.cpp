@@ -157,7 +157,9 @@ std::vector<LiveCamera> open_cameras(const config::ServiceConfig& config, const 
                            .camera_there = camera.name_on_host(),
                            .width = size.width,
                            .height = size.height,
-                           .timing = timing[std::size_t(index)]});
+                           .timing = timing[std::size_t(index)],
+                           .are_matches = camera.send == config::Sent::matches,
+                           .picture_every_s = camera.picture_every_s});
     }
   }
   std::vector<LiveCamera> cameras = open_here(std::move(here), stop);

@@ -264,6 +264,10 @@ void Pipeline::receive(capture::Frame frame) {
           std::to_string(size.height) + ", but the rig was calibrated at " + std::to_string(expected.image_size.width) +
           "x" + std::to_string(expected.image_size.height) + ": use frames of that size, or calibrate at this one");
     }
+    if (frame.camera == tracked_camera_ && !capture::has_pixels(frame.pixels))
+      throw std::runtime_error("camera " + expected.name +
+                               ": its frames say which pixels match, and tracking the camera needs pictures: "
+                               "send: frames");
     size_checked_[camera] = true;
   }
   frame.arrival = ++arrivals_;

@@ -15,6 +15,8 @@ RecordingKeeper::RecordingKeeper(const config::ServiceConfig& config, RecordingK
       options_(std::move(options)),
       cameras_(config.rig.camera_names()),
       states_(config.targets.size(), object_tracking::TrackState::searching) {
+  for (const auto& camera : config.cameras)
+    if (camera.send == config::Sent::matches) without_pictures_ = camera.name;
   // With a folder, somebody may ask for a recording at any time.
   if (is_always() || has_pre_roll() || !record_.folder.empty()) make_recorder(config);
 }
@@ -38,6 +40,8 @@ void RecordingKeeper::make_recorder(const config::ServiceConfig& config) {
   if (config.is_calibrated()) recorder.recording.rig_yaml = calib::to_yaml(config.rig);
   recorder.recording.config_yaml = config::to_portable_yaml(config);
   recorder.recording.files = config::files_beside(config);
+  for (const std::string& name : cameras_)
+    recorder.recording.are_matches.push_back(config::sends_matches(config, name));
   recorder.recording.raw_storage = record_.raw_storage;
   recorder.queue_frames = std::size_t(record_.queue_frames);
   if (has_pre_roll()) {
@@ -182,6 +186,9 @@ std::filesystem::path RecordingKeeper::stop_by_hand() {
 std::filesystem::path RecordingKeeper::start_anew(const std::string& why) {
   const std::scoped_lock lock(supervised_);
   Recorder& recorder = recorder_for_who_asks();
+  if (!without_pictures_.empty())
+    throw std::runtime_error("of camera " + without_pictures_ +
+                             " there are no pictures to calibrate it by: set send: frames for it, and restart");
   if (recorder.is_recording()) throw std::runtime_error("it is being recorded already, to " + folder_.string());
   const auto folder = new_folder("-" + why);
   recorder.start(folder, false);

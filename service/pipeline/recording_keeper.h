@@ -76,6 +76,7 @@ class RecordingKeeper final : public Output {
   const config::RecordConfig record_;
   const RecordingKeeperOptions options_;
   const std::vector<std::string> cameras_;  // names, of the rig
+  std::string without_pictures_;            // a camera that says which pixels match, if there is one
   mutable std::mutex supervised_;           // guards what is done to the recorder, and all of this block
   std::optional<Recorder> recorder_;        // made by the constructor, or never
   std::optional<ChangesWriter> changes_;    // made by begin(), or never

@@ -29,7 +29,7 @@ LightReport::LightReport(const config::ServiceConfig& config)
 }
 
 void LightReport::on_frame(const capture::Frame& frame, capture::Timestamp /*received_at*/) {
-  if (frame.status != capture::FrameStatus::ok) return;
+  if (frame.status != capture::FrameStatus::ok || !capture::has_pixels(frame.pixels)) return;
   const auto c = std::size_t(frame.camera);
   if (!watches_[c].is_wanted(frame.captured_at) || !watches_[c].look(frame.pixels, frame.captured_at)) return;
   std::vector<std::string> warnings;

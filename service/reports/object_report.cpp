@@ -45,9 +45,22 @@ std::string further_text(const object_tracking::TargetOptions& target, const Eig
       target.name, text_of(at));
 }
 
+std::string other_colors_text(const std::string& camera, const std::string& target) {
+  return fmt::format(
+      "{}: its frames say which pixels match other colours than that of {}, and so nothing of it: a recording of such "
+      "a "
+      "camera (send: matches) can be replayed with the colours only that it was made with, which its huetrackd.yaml "
+      "has",
+      camera, target);
+}
+
 ObjectReport::ObjectReport(const config::ServiceConfig& config)
     : cameras_(config.rig.camera_names()), targets_(config.targets.size()), options_(config.targets) {
   for (Target& target : targets_) target.left_out.resize(cameras_.size()), target.ever.resize(cameras_.size());
+  for (Target& target : targets_) {
+    target.other_colors.resize(cameras_.size()), target.in_a_row.resize(cameras_.size());
+    target.untold.resize(cameras_.size()), target.ever_untold.resize(cameras_.size());
+  }
 }
 
 void ObjectReport::on_set(const pipeline::TrackedSet& set) {
@@ -55,6 +68,7 @@ void ObjectReport::on_set(const pipeline::TrackedSet& set) {
   if (sets_++ % looked_at_every != 0) return;
   tell_left_out(set);
   tell_further(set);
+  tell_other_colors(set);
 }
 
 bool ObjectReport::may_tell(capture::Timestamp at) {
@@ -125,6 +139,28 @@ void ObjectReport::tell_further(const pipeline::TrackedSet& set) {
   }
 }
 
+// A change of colour takes a host some tenths of a second; what lasts for a second is told.
+void ObjectReport::tell_other_colors(const pipeline::TrackedSet& set) {
+  constexpr std::uint64_t most_of_them = looked_at_every / 2 + 1;
+  constexpr int looks_until_told = 3;
+  for (std::size_t t = 0; t < set.trackers.size() && t < targets_.size(); ++t) {
+    Target& target = targets_[t];
+    for (std::size_t c = 0; c < cameras_.size(); ++c) {
+      const std::uint64_t before = std::exchange(target.other_colors[c], set.trackers[t].frames_of_other_colors(c));
+      // A new tracker counts from 0.
+      const bool is_most = target.other_colors[c] >= before && target.other_colors[c] - before >= most_of_them;
+      target.in_a_row[c] = is_most ? target.in_a_row[c] + 1 : 0;
+      const bool is_told = target.in_a_row[c] >= looks_until_told;
+      const std::scoped_lock lock(mutex_);
+      if (is_told == !target.untold[c].empty()) continue;
+      target.untold[c] = is_told ? other_colors_text(cameras_[c], options_[t].name) : std::string();
+      if (!is_told) continue;
+      target.ever_untold[c] = target.untold[c];
+      spdlog::warn("{}", target.untold[c]);
+    }
+  }
+}
+
 void ObjectReport::on_config(const config::ServiceConfig& config) noexcept {
   const std::scoped_lock lock(mutex_);
   options_ = config.targets;
@@ -135,6 +171,7 @@ std::vector<std::string> ObjectReport::warnings() const {
   std::vector<std::string> all;
   for (const Target& target : targets_) {
     std::ranges::copy_if(target.left_out, std::back_inserter(all), [](const auto& text) { return !text.empty(); });
+    std::ranges::copy_if(target.untold, std::back_inserter(all), [](const auto& text) { return !text.empty(); });
     if (!target.further.empty()) all.push_back(target.further);
   }
   return all;
@@ -144,6 +181,7 @@ std::vector<std::string> ObjectReport::summary() const {
   std::vector<std::string> all;
   for (const Target& target : targets_) {
     std::ranges::copy_if(target.ever, std::back_inserter(all), [](const auto& text) { return !text.empty(); });
+    std::ranges::copy_if(target.ever_untold, std::back_inserter(all), [](const auto& text) { return !text.empty(); });
     if (!target.ever_further.empty()) all.push_back(target.ever_further);
   }
   return all;

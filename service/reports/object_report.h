@@ -1,6 +1,6 @@
 // The output that says what comes and goes: the objects of targets that are several, each when it is found and when it
-// ends; one more than there should be; and what of a room has a target's colour, never moves, and is therefore left
-// out.
+// ends; one more than there should be; what of a room has a target's colour, never moves, and is therefore left out;
+// and cameras that say which pixels match other colours than a target's.
 #pragma once
 
 #include <cstdint>
@@ -37,10 +37,14 @@ class ObjectReport final : public pipeline::Output {
     std::vector<std::string> left_out = {};        // per camera of the rig; empty: nothing
     std::vector<std::string> ever = {};            // likewise, the last one that there was
     std::string further = {}, ever_further = {};   // what is one object too many; empty: nothing
+    std::vector<std::uint64_t> other_colors = {};  // per camera: frames that told nothing of it, at the last look
+    std::vector<int> in_a_row = {};                // looks at which they were most
+    std::vector<std::string> untold = {}, ever_untold = {};  // what is said of that
   };
   void tell_objects(const pipeline::TrackedSet& set);
   void tell_left_out(const pipeline::TrackedSet& set);
   void tell_further(const pipeline::TrackedSet& set);
+  void tell_other_colors(const pipeline::TrackedSet& set);
   bool may_tell(capture::Timestamp at);
 
   const std::vector<std::string> cameras_;
@@ -56,6 +60,9 @@ class ObjectReport final : public pipeline::Output {
 // that is not worth a word.
 std::string left_out_text(const std::string& camera, const std::string& target,
                           const object_tracking::ColorShare& share);
+
+// "left: its frames say which pixels match other colours than that of lime, ...".
+std::string other_colors_text(const std::string& camera, const std::string& target);
 
 // "ball: something else has its colour and its size, at 0.31, 0.12, 1.10 m: ...".
 std::string further_text(const object_tracking::TargetOptions& target, const Eigen::Vector3d& at);

@@ -130,7 +130,9 @@ void CameraWatch::look(const capture::Frame& frame, std::span<const Occluder> ob
   if (frame.status != capture::FrameStatus::ok || frame.pixels.width != camera_.image_size.width ||
       frame.pixels.height != camera_.image_size.height)
     return;
-  const Luma luma(frame.pixels, scale_);
+  const capture::Image* const picture = own_picture_of(frame);
+  if (picture == nullptr) return;  // of matches: with one of the next frames
+  const Luma luma(*picture, scale_);
   const Timestamp at = frame.captured_at;
   if (!has_begun_) {
     has_begun_ = true;

@@ -13,6 +13,7 @@
 #include "calib/model/rig_yaml.h"
 #include "camera_tracking/scene_map.h"
 #include "capture/jpeg_encoder.h"
+#include "capture/matches.h"
 #include "config/service_config.h"
 #include "fuzz/fuzz_target.h"
 #include "idl/camera_hostPubSubTypes.h"
@@ -105,6 +106,16 @@ std::vector<std::string> samples() {
   jpeg.width(16);
   jpeg.height(8);
   jpeg.bytes(std::vector<std::uint8_t>(encoded.begin(), encoded.end()));
+  const capture::Image looked_at{
+      .format = capture::PixelFormat::i422, .width = 16, .height = 8, .planes = {}, .owner = {}};
+  const std::vector<capture::Matches::OfColor> found{
+      {.color = {65, 115, 0.3, 1, 0.1, 0.95}, .tiles = {0x00183c7e7e3c1800, 0}}, {.color = {}, .tiles = {~0u, 5}}};
+  msg::CameraMatches matches;
+  capture::encode_matches(looked_at, found, jpeg.bytes(), matches.bytes());
+  msg::LookedForColors looked_for;
+  looked_for.host("pi");
+  looked_for.camera("left");
+  looked_for.colors().emplace_back().hue_max_deg(60);
   msg::ClockEcho echo;
   echo.host("pi");
   return {serialized<msg::ObjectPositionPubSubType>(0, position),
@@ -124,7 +135,9 @@ std::vector<std::string> samples() {
           serialized<msg::CameraHostPubSubType>(14, host),
           serialized<msg::CameraFramePubSubType>(15, grey),
           serialized<msg::CameraFramePubSubType>(15, jpeg),
-          serialized<msg::ClockEchoPubSubType>(16, echo)};
+          serialized<msg::CameraMatchesPubSubType>(16, matches),
+          serialized<msg::LookedForColorsPubSubType>(17, looked_for),
+          serialized<msg::ClockEchoPubSubType>(18, echo)};
 }
 
 std::string picture(int width, int height) {

@@ -11,6 +11,7 @@ import csv
 import json
 import os
 import pathlib
+import re
 import shutil
 import signal
 import subprocess
@@ -114,8 +115,9 @@ class Hall:
     def host_of(self, camera):
         return camera // self.per_host + 1
 
-    def start_host(self, n, wrong_clock=None, is_spread=False):
-        """wrong_clock: (seconds ahead, ppm fast). is_spread: the cameras of the hall expose one after the other."""
+    def start_host(self, n, wrong_clock=None, is_spread=False, is_ready_made=False):
+        """wrong_clock: (seconds ahead, ppm fast). is_spread: the cameras of the hall expose one after the other.
+        is_ready_made: what matches in the film is found out once."""
         name = f"host-{n}"
         file = self.folder / f"{name}.yaml"
         cameras = "".join(f"  cam{c}: {{device: /dev/film/cam{c}, size: [640, 480], format: mjpeg, fps: {FPS}}}\n"
@@ -125,6 +127,8 @@ class Hall:
         env, boot_id = None, None
         if is_spread:
             words[1:1] = ["--spread", str(len(self.names))]
+        if is_ready_made:
+            words[1:1] = ["--ready-made", "65,115"]
         if wrong_clock:
             start_s = time.clock_gettime(time.CLOCK_MONOTONIC)
             env = {"LD_PRELOAD": str(self.folder / "wrong_clock.so"),
@@ -135,12 +139,12 @@ class Hall:
         self.running[n] = self.network.run(n, words, self.folder / f"{name}.log", env, boot_id)
         return self.running[n]
 
-    def tracker_config(self, name="tracker", cameras=None, more=""):
+    def tracker_config(self, name="tracker", cameras=None, more="", of_camera="", of_target=""):
         file = self.folder / f"{name}.yaml"
         cameras = range(len(self.names)) if cameras is None else cameras
-        file.write_text(f"version: 1\nrig: {self.films / 'rig.yaml'}\ntargets: {{lime: {{color: {{hue_deg: [65, 115]}}}}}}\n"
+        file.write_text(f"version: 1\nrig: {self.films / 'rig.yaml'}\ntargets: {{lime: {{{of_target}color: {{hue_deg: [65, 115]}}}}}}\n"
                         f"dds: {{domain: {DOMAIN}}}\n{more}cameras:\n" +
-                        "".join(f"  cam{c}: {{host: host-{self.host_of(c)}, camera: cam{c}}}\n" for c in cameras))
+                        "".join(f"  cam{c}: {{host: host-{self.host_of(c)}, camera: cam{c}{of_camera}}}\n" for c in cameras))
         return file
 
     def receive(self, at=0, name="received"):
@@ -428,7 +432,68 @@ def scale(figures, options, folder):
     figures.tell("beside that", float(rest), "% of a core")
 
 
-ALL = {"latency": latency_and_loss, "outages": outages, "two": two_trackers, "clocks": clocks, "scale": scale}
+def frames_of(status):
+    return sum(camera["frames"] for camera in status["cameras"])
+
+
+def sent_by(log):
+    """Frames and bytes, as a host says at its end."""
+    frames, bytes_ = 0, 0.0
+    for line in log.read_text().splitlines():
+        said = re.search(r"camera \S+: (\d+) frames sent, ([0-9.]+) MB", line)
+        if said:
+            frames, bytes_ = frames + int(said[1]), bytes_ + 1e6 * float(said[2])
+    return frames, bytes_
+
+
+def matches(figures, options, folder):
+    print("== send: matches: one ball, 640x480, two cameras on one host, a picture a second")
+    of_matches = {"of_camera": ", send: matches", "of_target": "shape: blob, "}
+    for name, every_s in (("with a picture a second", 1), ("without pictures", 0)):
+        with Hall(folder, 1, 2) as hall:
+            host = hall.start_host(1)
+            config = hall.tracker_config(of_camera=f", send: matches, picture_every_s: {every_s}", of_target="shape: blob, ")
+            process = hall.track(config)
+            time.sleep(8)
+            cpu, began = cpu_s(host), time.monotonic()
+            time.sleep(options.seconds)
+            share = (cpu_s(host) - cpu) / (time.monotonic() - began)
+            hall.end(process)
+            hall.end(host)
+            frames, bytes_ = sent_by(folder / "host-1.log")
+            rows = track_of(folder / "tracks.csv")
+            figures.tell(f"a frame, {name}", bytes_ / frames / 1000, "kB", 6)
+            figures.tell("  frames sent", frames)
+            figures.tell("  positions", len(rows))
+            figures.tell("  the host, which decodes", 100 * share, "% of a core")
+    print("== send: matches: what each further camera costs the tracker; what matches is ready-made")
+    counts, per_set_ms = [], []
+    for count in (2, 8, 16, 32, 64):
+        hosts = min(8, count // 2)
+        with Hall(folder, hosts, count // hosts) as hall:
+            for n in range(1, hosts + 1):
+                hall.start_host(n, is_ready_made=True)
+            process = hall.track(hall.tracker_config(**of_matches))
+            time.sleep(12 + count / 4)
+            before, cpu, began = hall.statuses()[0]["status"], cpu_s(process), time.monotonic()
+            time.sleep(options.seconds)
+            after = hall.statuses()[0]["status"]
+            spent, took = cpu_s(process) - cpu, time.monotonic() - began
+            frames = frames_of(after) - frames_of(before)
+            resident = next(int(line.split()[1]) / 1024 for line in
+                            pathlib.Path(f"/proc/{process.pid}/status").read_text().splitlines() if line.startswith("VmRSS"))
+            counts.append(count)
+            per_set_ms.append(1000 * spent / (frames / count))
+            figures.tell(f"{count} cameras on {hosts} hosts: the tracker", 1000 * spent / frames, "ms of CPU a frame")
+            figures.tell("  of a core", 100 * spent / took, "%")
+            figures.tell("  frames", 100 * frames / (took * count * FPS), "% of what the cameras give")
+            figures.tell("  its memory", resident, "MB")
+    slope, rest = np.polyfit(counts, per_set_ms, 1)
+    figures.tell("each further camera, of the tracker", float(slope), "ms of CPU a frame", 0.15)
+    figures.tell("  beside that, per set", float(rest), "ms")
+
+
+ALL = {"latency": latency_and_loss, "outages": outages, "two": two_trackers, "clocks": clocks, "scale": scale, "matches": matches}
 
 
 def main():

@@ -10,6 +10,7 @@
 #include "daemon/capture_command.h"
 #include "daemon/fake_camera.h"
 #include "daemon/live.h"
+#include "daemon/replay.h"
 #include "hosts/camera_host.h"
 #include "publish/test_domain.h"
 
@@ -51,12 +52,13 @@ class Host {
   std::jthread running_, telling_;
 };
 
-config::ServiceConfig tracker_config(const fs::path& folder) {
-  std::ofstream(folder / "c.yaml")
-      << "version: 1\nrig: " << (demo / "recording/rig.yaml").string()
-      << "\ntargets: {lime: {color: {hue_deg: [65, 115]}}}\n"
-      << "cameras: {cam0: {host: left-pi, camera: there}, cam1: {host: right-pi, camera: there}}\n"
-      << "dds: {domain: " << publish::test_domain() << ", interfaces: [lo]}\n";
+config::ServiceConfig tracker_config(const fs::path& folder, const std::string& of_camera = "",
+                                     const std::string& of_target = "", const std::string& more = "") {
+  std::ofstream(folder / "c.yaml") << "version: 1\nrig: " << (demo / "recording/rig.yaml").string()
+                                   << "\ntargets: {lime: {" << of_target << "color: {hue_deg: [65, 115]}}}\n"
+                                   << "cameras: {cam0: {host: left-pi, camera: there" << of_camera
+                                   << "}, cam1: {host: right-pi, camera: there" << of_camera << "}}\n"
+                                   << more << "dds: {domain: " << publish::test_domain() << ", interfaces: [lo]}\n";
   return config::load_service_config(folder / "c.yaml");
 }
 
@@ -82,38 +84,83 @@ class HostedCamera : public testing::Test {
   fs::path folder_;
 };
 
-// The same films through two camera hosts and a bus, and from this machine: the same tracks, byte for byte.
+// Films through two camera hosts and a bus, and from this machine, at the same time.
+class Both {
+ public:
+  // nullopt: the machine was too slow for two trackers.
+  static std::optional<Both> tracked(const config::ServiceConfig& there, const config::ServiceConfig& here,
+                                     const fs::path& folder) {
+    const auto pictures = daemon::first_frames(demo / "recording", {"cam0", "cam1"}, 60);
+    const capture::Timestamp start = capture::unix_now() + 1500ms;
+    std::stop_source stop;
+    Both both;
+    const auto run = [&](const config::ServiceConfig& config, std::vector<capture::LiveCamera> cameras,
+                         const fs::path& tracks) {
+      daemon::LiveCommand options;
+      options.no_dds = true;
+      options.tracks = tracks;
+      daemon::LiveRequests requests;
+      const auto summary = daemon::run_live(config, std::move(cameras), options, requests, stop.get_token());
+      std::uint64_t lost = summary.figures.sets_dropped + summary.figures.frame_sets.incomplete_sets;
+      for (const auto& camera : summary.figures.cameras) lost += camera.dropped;
+      return lost;
+    };
+    std::uint64_t lost_there = 0, lost_here = 0;
+    std::vector<capture::LiveCamera> cameras;
+    for (int c = 0; c < 2; ++c) cameras.push_back(daemon::FakeCamera(c, pictures[std::size_t(c)], start, true).live());
+    {
+      const Host left("left-pi", 0, pictures[0], start), right("right-pi", 1, pictures[1], start);
+      const std::jthread elsewhere(
+          [&] { lost_there = run(there, pipeline::open_cameras(there), folder / "there.csv"); });
+      const std::jthread at_the_same_time([&] { lost_here = run(here, std::move(cameras), folder / "here.csv"); });
+      while (capture::unix_now() < start + 2800ms) std::this_thread::sleep_for(20ms);
+      stop.request_stop();
+      both.sent = left.sent();
+    }
+    if (lost_there + lost_here > 0) {
+      std::printf("%llu and %llu sets or frames were lost\n", static_cast<unsigned long long>(lost_there),
+                  static_cast<unsigned long long>(lost_here));
+      return std::nullopt;
+    }
+    both.there = rows_of(folder / "there.csv"), both.here = rows_of(folder / "here.csv");
+    return both;
+  }
+  std::vector<std::vector<std::string>> there, here;
+  SentFigures sent;  // of one of the two hosts
+};
+
 TEST_F(HostedCamera, TracksAreThoseOfCamerasOfThisMachine) {
   const config::ServiceConfig config = tracker_config(folder_);
-  const auto pictures = daemon::first_frames(demo / "recording", {"cam0", "cam1"}, 60);
-  const capture::Timestamp start = capture::unix_now() + 1500ms;
-  std::stop_source stop;
-  const auto run = [&](std::vector<capture::LiveCamera> cameras, const fs::path& tracks, std::uint64_t& lost) {
-    daemon::LiveCommand options;
-    options.no_dds = true;
-    options.tracks = tracks;
-    daemon::LiveRequests requests;
-    const auto summary = daemon::run_live(config, std::move(cameras), options, requests, stop.get_token());
-    lost = summary.figures.sets_dropped + summary.figures.frame_sets.incomplete_sets;
-    for (const auto& camera : summary.figures.cameras) lost += camera.dropped;
-  };
-  std::uint64_t lost_there = 0, lost_here = 0;
-  std::vector<capture::LiveCamera> here;
-  for (int c = 0; c < 2; ++c) here.push_back(daemon::FakeCamera(c, pictures[std::size_t(c)], start, true).live());
-  {
-    const Host left("left-pi", 0, pictures[0], start), right("right-pi", 1, pictures[1], start);
-    const std::jthread there([&] { run(pipeline::open_cameras(config), folder_ / "there.csv", lost_there); });
-    const std::jthread at_the_same_time([&] { run(std::move(here), folder_ / "here.csv", lost_here); });
-    while (capture::unix_now() < start + 2800ms) std::this_thread::sleep_for(20ms);
-    stop.request_stop();
-  }
-  if (lost_there + lost_here > 0)
-    GTEST_SKIP() << "this machine is too slow now for two trackers: " << lost_there << " and " << lost_here
-                 << " sets or frames were lost";
-  const auto a = rows_of(folder_ / "there.csv"), b = rows_of(folder_ / "here.csv");
-  ASSERT_GT(a.size(), 50U);
-  EXPECT_EQ(a.size(), b.size());
-  EXPECT_EQ(a, b);
+  const auto both = Both::tracked(config, config, folder_);
+  if (!both) GTEST_SKIP() << "this machine is too slow now for two trackers";
+  ASSERT_GT(both->there.size(), 50U);
+  EXPECT_EQ(both->there, both->here);
+}
+
+// The same where the hosts say which pixels match, and no more; and again from what was recorded of that.
+TEST_F(HostedCamera, TracksOfMatchesAreThoseOfFrames) {
+  const std::string blob = "shape: blob, ";
+  const auto here = tracker_config(folder_, "", blob);
+  const auto there = tracker_config(folder_, ", send: matches", blob,
+                                    "record: {folder: " + folder_.string() + "/recorded, always: true}\n");
+  const auto both = Both::tracked(there, here, folder_);
+  if (!both) GTEST_SKIP() << "this machine is too slow now for two trackers";
+  ASSERT_GT(both->there.size(), 50U);
+  EXPECT_EQ(both->there, both->here);
+  EXPECT_GE(both->sent.frames, 55U);
+  // With three pictures of some 30 kB among them.
+  EXPECT_LT(both->sent.bytes / both->sent.frames, 6000U);
+
+  const fs::path recording = *fs::directory_iterator(folder_ / "recorded");
+  EXPECT_TRUE(fs::exists(recording / "cam0.matches"));
+  daemon::ReplayCommand again;
+  again.config = folder_ / "c.yaml";
+  again.recording = {recording.string()};
+  again.no_dds = true;
+  again.progress = false;
+  again.tracks = folder_ / "again.csv";
+  daemon::replay(again, {});
+  EXPECT_EQ(rows_of(folder_ / "again.csv"), both->there);
 }
 
 // However slow the machine is: what comes is what was sent, and most comes.
@@ -203,6 +250,10 @@ TEST_F(HostedCamera, ConfigurationsSayWhatIsWrong) {
   EXPECT_THAT(refusal("{cam0: {device: 0, camera: x}}"), HasSubstr("give host, too"));
   EXPECT_THAT(refusal("{cam0: {host: a, camera: x}, cam1: {host: a, camera: x}}"),
               HasSubstr("is the camera of cam0 already"));
+  EXPECT_EQ(refusal("{cam0: {host: a, send: matches, picture_every_s: 0}, cam1: {device: 1}}"), "");
+  EXPECT_THAT(refusal("{cam0: {device: 0, send: matches}}"), HasSubstr("give host, too"));
+  EXPECT_THAT(refusal("{cam0: {host: a, send: match}}"), HasSubstr("matches"));
+  EXPECT_THAT(refusal("{cam0: {host: a, send: matches, picture_every_s: 61}}"), HasSubstr("picture_every_s"));
   const auto refusal_of_host = [&](const std::string& text) -> std::string {
     std::ofstream(folder_ / "host.yaml") << text;
     try {

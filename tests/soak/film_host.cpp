@@ -3,6 +3,9 @@
 //     FILMS: a folder with CAMERA.yuyv; CONFIG: a camera host's configuration, with the films' sizes
 //     --dequeued FILE     when each frame was there: a CSV of camera, stamp_ns, at_ns
 //     --spread N          N cameras free-run: camera K of them exposes K / N of a period after the first
+//     --ready-made A,B    which pixels have a hue from A to B is found out once for each frame of the film, and sent
+//                         again in every round, with a picture once a second: so that many cameras leave a machine to
+//                         the tracker
 //     --clock START,PPM   this process is shown a monotonic clock that runs fast since START (wrong_clock.c)
 //   film_host --receive FILE FILMS CONFIG
 //     takes the cameras of a tracker's configuration, as a tracker does, and does no more: when each frame was there,
@@ -15,15 +18,20 @@
 #include <chrono>
 #include <cmath>
 #include <cstdio>
+#include <map>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "capture/jpeg_decoder.h"
+#include "color/match_tiles.h"
 #include "daemon/capture_command.h"
 #include "daemon/service_manager.h"
+#include "hosts/match_finder.h"
 #include "soak/arguments.h"
 #include "soak/film_camera.h"
 #include "soak/films.h"
@@ -79,12 +87,47 @@ class TimedSource final : public capture::FrameSource {
   Times& times_;
 };
 
+class ReadyMadeSource final : public capture::FrameSource {
+ public:
+  ReadyMadeSource(std::unique_ptr<capture::FrameSource> source, const color::HsiRange& color)
+      : source_(std::move(source)) {
+    look_for_.colors.push_back(color::matched_color(color));
+  }
+  std::optional<capture::Frame> next(std::stop_token stop) override {
+    auto frame = source_->next(std::move(stop));
+    if (!frame || !frame->encoded) return frame;
+    const bool has_picture = frame->sequence % 30 == 0;
+    Bytes& ready = ready_[{frame->encoded.get(), has_picture}];
+    if (!ready) {
+      frame->stamped_at += has_picture ? std::chrono::hours(pictures_++) : std::chrono::hours(0);
+      look_for_.picture_every = has_picture ? std::chrono::seconds(1) : std::chrono::seconds(0);
+      const auto bytes = finder_.find(*frame, look_for_);
+      if (!bytes) throw std::runtime_error("the film does not decode");
+      ready = std::make_shared<const std::vector<std::uint8_t>>(bytes->begin(), bytes->end());
+      frame->stamped_at = frame->captured_at;
+    }
+    frame->encoded = ready;
+    frame->matches = none_;
+    return frame;
+  }
+
+ private:
+  using Bytes = std::shared_ptr<const std::vector<std::uint8_t>>;
+  std::unique_ptr<capture::FrameSource> source_;
+  hosts::MatchFinder finder_;
+  hosts::MatchFinderOptions look_for_;
+  int pictures_ = 0;
+  std::map<std::pair<const void*, bool>, Bytes> ready_;  // by the JPEG, which a film keeps
+  const std::shared_ptr<const capture::Matches> none_ = std::make_shared<const capture::Matches>();
+};
+
 struct WrongClock {
   double start_s = 0, ppm = 0;
 };
 
 std::vector<capture::LiveCamera> films_of(const config::CaptureConfig& config, const std::filesystem::path& films,
-                                          const WrongClock& clock, int spread, Times* times) {
+                                          const WrongClock& clock, int spread,
+                                          const std::optional<color::HsiRange>& ready_made, Times* times) {
   std::vector<capture::LiveCamera> cameras;
   for (const auto& camera : config.cameras) {
     soak::FilmCameraOptions film;
@@ -109,6 +152,8 @@ std::vector<capture::LiveCamera> films_of(const config::CaptureConfig& config, c
     film.is_mjpeg = camera.format == capture::CaptureFormat::mjpeg;
     film.decodes = false;
     cameras.push_back(soak::FilmCamera(std::move(film)).live());
+    if (ready_made)
+      cameras.back().source = std::make_unique<ReadyMadeSource>(std::move(cameras.back().source), *ready_made);
     if (times != nullptr)
       cameras.back().source = std::make_unique<TimedSource>(std::move(cameras.back().source), camera.name, *times);
   }
@@ -144,12 +189,18 @@ void receive(const config::ServiceConfig& config, Times& times, const std::stop_
 
 int main(int argc, char** argv) {
   daemon::set_up_log();
-  const soak::Arguments line(argc, argv, {"make", "spread", "dequeued", "receive", "clock"}, 1,
+  const soak::Arguments line(argc, argv, {"make", "spread", "ready-made", "dequeued", "receive", "clock"}, 1,
                              "film_host [OPTIONS] FILMS CONFIG");
   const int made = static_cast<int>(line.count("make", 0)), spread = static_cast<int>(line.count("spread", 0));
   const std::string dequeued = line.text("dequeued"), received = line.text("receive");
   const std::filesystem::path films = line.word(0), config_file = line.word(1);
   double start_s = 0, ppm = 0;
+  std::optional<color::HsiRange> ready_made;
+  if (line.has("ready-made")) {
+    color::HsiRange& color = ready_made.emplace();
+    if (std::sscanf(line.text("ready-made").c_str(), "%lf,%lf", &color.hue_min_deg, &color.hue_max_deg) != 2)
+      line.end("--ready-made");
+  }
   if (line.has("clock") && std::sscanf(line.text("clock").c_str(), "%lf,%lf", &start_s, &ppm) != 2) line.end("--clock");
   try {
     if (made > 0) {
@@ -164,7 +215,7 @@ int main(int argc, char** argv) {
     }
     const config::CaptureConfig config = config::load_capture_config(config_file);
     const auto times = dequeued.empty() ? nullptr : std::make_unique<Times>(dequeued);
-    auto cameras = films_of(config, films, {.start_s = start_s, .ppm = ppm}, spread, times.get());
+    auto cameras = films_of(config, films, {.start_s = start_s, .ppm = ppm}, spread, ready_made, times.get());
     soak::until_ended([&](const std::stop_token& stop) { daemon::capture_cameras(config, std::move(cameras), stop); });
   } catch (const std::exception& error) {
     std::fprintf(stderr, "film_host: %s\n", error.what());

@@ -8,8 +8,10 @@
 #include "clients/huetrack/printable_sample.h"
 #include "clients/huetrack/sample_format.h"
 #include "clients/live_view/events.h"
+#include "color/color_region.h"
 #include "fuzz/fuzz_target.h"
 #include "hosts/frame_message.h"
+#include "hosts/wanted_matches.h"
 #include "idl/camera_hostPubSubTypes.h"
 #include "idl/camera_timesPubSubTypes.h"
 #include "idl/huetrackPubSubTypes.h"
@@ -55,13 +57,30 @@ void decode(msg::CameraFrame& message) {
   }
 }
 
+// What matches in a frame of another host's camera, as the tracker reads it.
+void read_matches(msg::CameraMatches& message) {
+  const auto& bytes = message.bytes();
+  if (fuzz::is_long_to_decode({reinterpret_cast<const char*>(bytes.data()), bytes.size()})) return;
+  capture::JpegDecoder decoder;
+  capture::Image latest;
+  const capture::Frame frame = hosts::from_message(std::move(message), decoder, latest);
+  constexpr int longest = 4096;  // the tracker takes only what has the size of the rig's camera
+  if (!frame.matches || frame.pixels.width > longest || frame.pixels.height > longest) return;
+  color::MatchBits bits(frame.pixels.width, frame.pixels.height);
+  color::RegionFinder finder;
+  for (const auto& of : frame.matches->colors) {
+    bits.look_at(of);
+    finder.components(bits, 8, {}, 40, 200, 2);
+  }
+}
+
 }  // namespace
 
 HUETRACK_FUZZ_TARGET(dds) {
   if (input.empty()) return;
   const std::string_view bytes = input.substr(1);
   const auto to_json = [](const auto& sample) { live_view::to_json(sample); };
-  switch (static_cast<unsigned char>(input.front()) % 17) {
+  switch (static_cast<unsigned char>(input.front()) % 19) {
     case 0:
       return receive<msg::ObjectPositionPubSubType>(idl::object_position_topic, bytes,
                                                     [](auto& sample) { print(sample); });
@@ -111,6 +130,11 @@ HUETRACK_FUZZ_TARGET(dds) {
       return receive<msg::CameraHostPubSubType>(idl::camera_host_topic, bytes, [](auto&) {});
     case 15:
       return receive<msg::CameraFramePubSubType>("huetrack/frames", bytes, decode);
+    case 16:
+      return receive<msg::CameraMatchesPubSubType>("huetrack/matches", bytes, read_matches);
+    case 17:
+      return receive<msg::LookedForColorsPubSubType>(idl::looked_for_topic, bytes,
+                                                     [](auto& sample) { hosts::wanted_of(sample); });
     default:
       return receive<msg::ClockEchoPubSubType>(idl::clock_echo_topic, bytes, [](auto&) {});
   }

@@ -1,0 +1,68 @@
+#include "color/match_tiles.h"
+
+#include <algorithm>
+#include <array>
+#include <cstddef>
+
+#include "color/window_kernels.h"
+
+namespace huetrack::color {
+namespace {
+
+constexpr int size = TileAt::size;
+static_assert(size == capture::Matches::tile_size);
+
+std::uint64_t of_cut_tile(const capture::Image& image, const ColorTable& table, int u0, int v0) {
+  std::uint64_t bits = 0;
+  for (int r = 0; r < std::min(size, image.height - v0); ++r)
+    for (int c = 0; c < std::min(size, image.width - u0); ++c)
+      bits |= static_cast<std::uint64_t>(has_color(image, table, u0 + c, v0 + r)) << (size * r + c);
+  return bits;
+}
+
+}  // namespace
+
+capture::MatchedColor matched_color(const HsiRange& range) {
+  return {.hue_min_deg = range.hue_min_deg,
+          .hue_max_deg = range.hue_max_deg,
+          .saturation_min = range.saturation_min,
+          .saturation_max = range.saturation_max,
+          .intensity_min = range.intensity_min,
+          .intensity_max = range.intensity_max};
+}
+
+HsiRange range_of(const capture::MatchedColor& color) {
+  return {.hue_min_deg = color.hue_min_deg,
+          .hue_max_deg = color.hue_max_deg,
+          .saturation_min = color.saturation_min,
+          .saturation_max = color.saturation_max,
+          .intensity_min = color.intensity_min,
+          .intensity_max = color.intensity_max};
+}
+
+void match_tiles(const capture::Image& image, const ColorTable& table, std::vector<std::uint64_t>& tiles) {
+  const std::size_t across = capture::tiles_across(image.width);
+  const int whole_across = image.width / size, whole_down = image.height / size;
+  tiles.assign(capture::tiles_of(image.width, image.height), 0);
+  constexpr int group = 64;
+  std::array<TileAt, group> some;
+  for (int v = 0; v < whole_down; ++v) {
+    for (int u = 0; u < whole_across; u += group) {
+      const int n = std::min(group, whole_across - u);
+      for (int i = 0; i < n; ++i)  // counted from the margin's
+        some[static_cast<std::size_t>(i)] = {static_cast<std::uint16_t>(u + i + 1), static_cast<std::uint16_t>(v + 1)};
+      best_window_kernels().classify(image, table, some.data(), static_cast<std::size_t>(n),
+                                     &tiles[static_cast<std::size_t>(v) * across + static_cast<std::size_t>(u)]);
+    }
+  }
+  const auto cut = [&](int u, int v) {
+    tiles[static_cast<std::size_t>(v) * across + static_cast<std::size_t>(u)] =
+        of_cut_tile(image, table, size * u, size * v);
+  };
+  if (image.width % size != 0)
+    for (int v = 0; v < whole_down; ++v) cut(whole_across, v);
+  if (image.height % size != 0)
+    for (int u = 0; u < static_cast<int>(across); ++u) cut(u, whole_down);
+}
+
+}  // namespace huetrack::color

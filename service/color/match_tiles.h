@@ -1,0 +1,20 @@
+// Which pixels of a whole image have a colour: for who sends that in place of the pixels (capture/matches.h).
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "capture/frame.h"
+#include "color/color_model.h"
+
+namespace huetrack::color {
+
+// The range as what it matches is told by, and back; the same numbers.
+capture::MatchedColor matched_color(const HsiRange& range);
+HsiRange range_of(const capture::MatchedColor& color);
+
+// The same bits as MatchBits finds in that image, in the order of capture::Matches::OfColor. `table` must be for the
+// image's format.
+void match_tiles(const capture::Image& image, const ColorTable& table, std::vector<std::uint64_t>& tiles);
+
+}  // namespace huetrack::color

@@ -1,0 +1,72 @@
+#include "hosts/match_finder.h"
+
+#include <algorithm>
+#include <cstdint>
+#include <utility>
+
+#include "capture/jpeg_encoder.h"
+#include "color/match_tiles.h"
+
+namespace huetrack::hosts {
+namespace {
+
+constexpr std::size_t beside_the_colors = std::size_t{64} * 1024;
+constexpr int picture_quality = 85;  // of a camera that sends no JPEG
+
+}  // namespace
+
+std::size_t most_bytes_of_matches(int width, int height) {
+  return static_cast<std::size_t>(width) * static_cast<std::size_t>(height) / 2 + beside_the_colors;
+}
+
+std::optional<std::span<const std::uint8_t>> MatchFinder::find(const capture::Frame& frame,
+                                                               const MatchFinderOptions& options) {
+  if (frame.matches) {
+    if (!frame.encoded) return std::nullopt;
+    return *frame.encoded;
+  }
+  capture::Image image = frame.pixels;
+  if (!capture::has_pixels(image)) {
+    if (!frame.encoded) return std::nullopt;
+    capture::JpegResult decoded = decoder_.decode(*frame.encoded);
+    if (!decoded.image) return std::nullopt;
+    image = std::move(*decoded.image);
+  }
+  std::erase_if(known_, [&](const Known& known) { return std::ranges::count(options.colors, known.color) == 0; });
+  found_.resize(options.colors.size());
+  for (std::size_t i = 0; i < found_.size(); ++i) {
+    found_[i].color = options.colors[i];
+    color::match_tiles(image, table_for(options.colors[i], image), found_[i].tiles);
+  }
+  std::span<const capture::Matches::OfColor> colors = found_;
+  const std::size_t most = most_bytes_of_matches(image.width, image.height);
+  capture::encode_matches(image, colors, picture(frame, image, options.picture_every), bytes_);
+  if (bytes_.size() > most) capture::encode_matches(image, colors, {}, bytes_);
+  while (bytes_.size() > most && !colors.empty()) {
+    colors = colors.first(colors.size() - 1);
+    capture::encode_matches(image, colors, {}, bytes_);
+  }
+  return bytes_;
+}
+
+const color::ColorTable& MatchFinder::table_for(const capture::MatchedColor& color, const capture::Image& image) {
+  auto known = std::ranges::find(known_, color, &Known::color);
+  if (known == known_.end()) known = known_.insert(known_.end(), {.color = color, .table = nullptr});
+  if (!known->table || !known->table->is_for(image.format, image.range))
+    known->table = std::make_unique<const color::ColorTable>(color::range_of(color), image.format, image.range);
+  return *known->table;
+}
+
+std::span<const std::uint8_t> MatchFinder::picture(const capture::Frame& frame, const capture::Image& image,
+                                                   capture::Duration every) {
+  if (every <= capture::Duration::zero()) return {};
+  const std::int64_t now = frame.stamped_at.time_since_epoch() / every;
+  if (last_picture_ == now) return {};
+  last_picture_ = now;
+  if (frame.encoded) return *frame.encoded;
+  if (image.width % 2 != 0 || image.height % 2 != 0) return {};  // it would have another size
+  jpeg_ = capture::encode_picture(image, {.width = image.width, .height = image.height}, picture_quality);
+  return jpeg_;
+}
+
+}  // namespace huetrack::hosts

@@ -1,0 +1,54 @@
+// What a camera host says of a frame in place of its pixels: which of them have the colours that trackers look for.
+#pragma once
+
+#include <chrono>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "capture/frame.h"
+#include "capture/jpeg_decoder.h"
+#include "capture/matches.h"
+#include "color/color_model.h"
+
+namespace huetrack::hosts {
+
+// The most that is sent of one frame, bytes: four colours that match all over a noisy picture, or as many runs, and its
+// JPEG. A sender leaves out what is beyond, first the picture; a reader takes no more.
+std::size_t most_bytes_of_matches(int width, int height);
+
+struct MatchFinderOptions {
+  std::vector<capture::MatchedColor> colors;  // at most capture::Matches::most, none twice; each a valid range
+  capture::Duration picture_every{0};         // >= 0; 0: none
+};
+
+// One per camera. A new colour, or a new format, costs a table: some 5 ms, for BGR 100; nothing else allocates once it
+// has run. thread-compatible.
+class MatchFinder {
+ public:
+  // frame: of pixels, or of a JPEG alone, which is decoded; one of matches goes on as it came. The bytes are those of
+  // capture/matches.h; nullopt: it does not decode. A picture goes with the first frame whose stamp is beyond the next
+  // multiple of picture_every: so the cameras of a hall show nearly one moment. Valid until the next call, and while
+  // the frame is.
+  std::optional<std::span<const std::uint8_t>> find(const capture::Frame& frame, const MatchFinderOptions& options);
+
+ private:
+  struct Known {
+    capture::MatchedColor color;
+    std::unique_ptr<const color::ColorTable> table;
+  };
+  const color::ColorTable& table_for(const capture::MatchedColor& color, const capture::Image& image);
+  std::span<const std::uint8_t> picture(const capture::Frame& frame, const capture::Image& image,
+                                        capture::Duration every);
+
+  capture::JpegDecoder decoder_;
+  std::vector<Known> known_;
+  std::vector<capture::Matches::OfColor> found_;
+  std::vector<std::uint8_t> jpeg_, bytes_;
+  std::optional<std::int64_t> last_picture_;  // the multiple that it was beyond
+};
+
+}  // namespace huetrack::hosts

@@ -1,0 +1,54 @@
+#include "hosts/wanted_matches.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "color/match_tiles.h"
+
+namespace huetrack::hosts {
+namespace {
+
+constexpr double longest_picture_every_s = 1e6;
+
+}  // namespace
+
+std::optional<Wanted> wanted_of(const msg::LookedForColors& said) {
+  Wanted wanted;
+  if (said.colors().size() > capture::Matches::most ||
+      !(said.picture_every_s() >= 0 && said.picture_every_s() < longest_picture_every_s))
+    return std::nullopt;
+  for (const msg::LookedFor& color : said.colors()) {
+    wanted.colors.push_back({.hue_min_deg = color.hue_min_deg(),
+                             .hue_max_deg = color.hue_max_deg(),
+                             .saturation_min = color.saturation_min(),
+                             .saturation_max = color.saturation_max(),
+                             .intensity_min = color.intensity_min(),
+                             .intensity_max = color.intensity_max()});
+    if (!color::range_of(wanted.colors.back()).problems().empty()) return std::nullopt;
+  }
+  wanted.picture_every = capture::duration_of(said.picture_every_s());
+  return wanted;
+}
+
+bool WantedMatches::hear(const msg::LookedForColors& said, Clock::time_point now) {
+  auto wanted = wanted_of(said);
+  if (!wanted || (by_tracker_.size() >= most_trackers && !by_tracker_.contains(said.tracker()))) return false;
+  by_tracker_[said.tracker()] = {.wanted = std::move(*wanted), .at = now};
+  return true;
+}
+
+void WantedMatches::all(Clock::time_point now, MatchFinderOptions& out) {
+  out.colors.clear();
+  out.picture_every = {};
+  std::erase_if(by_tracker_, [&](const auto& entry) { return now - entry.second.at > forgotten_after; });
+  for (const auto& [tracker, heard] : by_tracker_) {
+    for (const capture::MatchedColor& color : heard.wanted.colors)
+      if (out.colors.size() < capture::Matches::most && std::ranges::count(out.colors, color) == 0)
+        out.colors.push_back(color);
+    const capture::Duration every = heard.wanted.picture_every;
+    if (every > capture::Duration::zero())
+      out.picture_every = out.picture_every > capture::Duration::zero() ? std::min(out.picture_every, every) : every;
+  }
+}
+
+}  // namespace huetrack::hosts

@@ -1,0 +1,74 @@
+#include "pipeline/colors_looked_for.h"
+
+#include <algorithm>
+
+#include "color/match_tiles.h"
+
+namespace huetrack::pipeline {
+namespace {
+
+// New trackers are there with one of the next sets, if there are new ones.
+constexpr std::size_t sets_until_taken_over = 100;
+
+void add(std::vector<capture::MatchedColor>& colors, const capture::MatchedColor& color) {
+  if (std::ranges::find(colors, color) == colors.end()) colors.push_back(color);
+}
+
+}  // namespace
+
+ColorsLookedFor::ColorsLookedFor(const config::ServiceConfig& config, std::span<const capture::LiveCamera> cameras) {
+  for (const auto& camera : cameras) {
+    if (!camera.look_for) continue;
+    const auto index = std::size_t(camera.camera);
+    cameras_.push_back({.index = index,
+                        .name = config.rig.cameras[index].name,
+                        .look_for = camera.look_for,
+                        .coming = {},
+                        .told = {}});
+  }
+  expect(config);
+  for (Camera& camera : cameras_) {
+    camera.told = camera.coming;
+    camera.look_for(camera.told);
+  }
+}
+
+void ColorsLookedFor::expect(const config::ServiceConfig& config) {
+  sets_ = 0;
+  for (Camera& camera : cameras_) {
+    camera.coming.clear();
+    for (const auto& target : config.targets)
+      for (const auto& range : object_tracking::first_colors_looked_for(target, config.object_tracking, camera.name))
+        add(camera.coming, color::matched_color(range));
+  }
+}
+
+void ColorsLookedFor::on_config(const config::ServiceConfig& config) noexcept {
+  const std::scoped_lock lock(mutex_);
+  expect(config);
+  for (Camera& camera : cameras_) {
+    for (const auto& color : camera.coming) add(camera.told, color);  // beside what is in force until then
+    camera.look_for(camera.told);
+  }
+}
+
+void ColorsLookedFor::on_set(const TrackedSet& set) {
+  if (cameras_.empty()) return;
+  const std::scoped_lock lock(mutex_);
+  if (!set.reloaded.empty()) sets_ = sets_until_taken_over;
+  const bool is_taken_over = sets_++ >= sets_until_taken_over;
+  for (Camera& camera : cameras_) {
+    wanted_.clear();
+    if (!is_taken_over) wanted_ = camera.coming;
+    for (const auto& tracker : set.trackers) {
+      ranges_.clear();
+      tracker.colors_looked_for(camera.index, ranges_);
+      for (const auto& range : ranges_) add(wanted_, color::matched_color(range));
+    }
+    if (wanted_ == camera.told) continue;
+    camera.told = wanted_;
+    camera.look_for(camera.told);
+  }
+}
+
+}  // namespace huetrack::pipeline

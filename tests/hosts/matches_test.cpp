@@ -1,0 +1,314 @@
+// Tracks from what a camera host says of its frames are those from the frames.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <bit>
+#include <limits>
+#include <numbers>
+
+#include "capture/jpeg_encoder.h"
+#include "capture/matches.h"
+#include "color/match_tiles.h"
+#include "hosts/frame_message.h"
+#include "hosts/match_finder.h"
+#include "hosts/wanted_matches.h"
+#include "object_tracking/object_tracker.h"
+#include "scene/scene.h"
+
+namespace huetrack::hosts {
+namespace {
+
+using capture::Frame;
+using capture::FrameSet;
+using object_tracking::ObjectEstimate;
+using object_tracking::ObjectTracker;
+using object_tracking::TargetOptions;
+
+TargetOptions lime() {
+  TargetOptions t;
+  t.name = "lime";
+  t.color.hue_min_deg = 65, t.color.hue_max_deg = 115;
+  t.shape = object_tracking::TargetShape::blob;
+  return t;
+}
+
+// A camera host and what a tracker reads of it, without the bus.
+class Sender {
+ public:
+  explicit Sender(std::size_t cameras) : finders_(cameras), decoders_(cameras), latest_(cameras) {}
+
+  // The same set, of matches; asked: by camera.
+  FrameSet seen_by(const FrameSet& set, const std::vector<MatchFinderOptions>& asked) {
+    FrameSet out = set;
+    for (std::size_t c = 0; c < out.frames.size(); ++c) {
+      if (!out.frames[c]) continue;
+      Frame& frame = *out.frames[c];
+      const auto bytes = finders_[c].find(frame, asked[c]);
+      if (!bytes) {
+        ADD_FAILURE() << "it does not decode";
+        continue;
+      }
+      most_bytes_ = std::max(most_bytes_, bytes->size());
+      msg::CameraMatches message;
+      message.bytes().assign(bytes->begin(), bytes->end());
+      Frame received = from_message(std::move(message), decoders_[c], latest_[c]);
+      EXPECT_EQ(received.status, capture::FrameStatus::ok);
+      frame.pixels = received.pixels;
+      frame.matches = received.matches;
+      frame.encoded = received.encoded;
+    }
+    return out;
+  }
+  std::size_t most_bytes() const { return most_bytes_; }
+
+ private:
+  std::vector<MatchFinder> finders_;
+  std::vector<capture::JpegDecoder> decoders_;
+  std::vector<capture::Image> latest_;
+  std::size_t most_bytes_ = 0;
+};
+
+std::vector<MatchFinderOptions> looked_for_by(const ObjectTracker& tracker, std::size_t cameras,
+                                              capture::Duration picture_every = {}) {
+  std::vector<MatchFinderOptions> asked(cameras);
+  for (std::size_t c = 0; c < cameras; ++c) {
+    std::vector<color::HsiRange> ranges;
+    tracker.colors_looked_for(c, ranges);
+    for (const auto& range : ranges) asked[c].colors.push_back(color::matched_color(range));
+    asked[c].picture_every = picture_every;
+  }
+  return asked;
+}
+
+template <typename Matrix>
+bool same_bits(const Matrix& a, const Matrix& b) {
+  for (Eigen::Index i = 0; i < a.size(); ++i)
+    if (std::bit_cast<std::uint64_t>(a.data()[i]) != std::bit_cast<std::uint64_t>(b.data()[i])) return false;
+  return true;
+}
+
+void expect_same(const std::vector<ObjectEstimate>& a, const std::vector<ObjectEstimate>& b) {
+  ASSERT_EQ(a.size(), b.size());
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    ASSERT_EQ(a[i].state, b[i].state);
+    ASSERT_EQ(a[i].object, b[i].object);
+    ASSERT_EQ(a[i].at, b[i].at);
+    ASSERT_EQ(a[i].views, b[i].views);
+    ASSERT_TRUE(same_bits(a[i].position, b[i].position));
+    ASSERT_TRUE(same_bits(a[i].velocity, b[i].velocity));
+    ASSERT_TRUE(same_bits(a[i].covariance, b[i].covariance));
+    for (std::size_t v = 0; v < a[i].per_view.size(); ++v) {
+      ASSERT_EQ(a[i].per_view[v].seen, b[i].per_view[v].seen);
+      ASSERT_EQ(a[i].per_view[v].radius_px, b[i].per_view[v].radius_px);
+    }
+  }
+}
+
+// Both trackers, set by set. Returns in how many sets something was tracked.
+std::size_t compare(const scene::Scene& scene, const std::vector<FrameSet>& sets, const TargetOptions& target,
+                    object_tracking::ObjectTrackerOptions options = {}) {
+  ObjectTracker of_frames(scene.rig, target, options), of_matches(scene.rig, target, options);
+  Sender host(scene.rig.cameras.size());
+  std::vector<ObjectEstimate> a, b;
+  std::size_t tracked = 0;
+  for (const FrameSet& set : sets) {
+    of_frames.update(set, a);
+    of_matches.update(host.seen_by(set, looked_for_by(of_matches, set.frames.size(), std::chrono::milliseconds(300))),
+                      b);
+    expect_same(a, b);
+    if (testing::Test::HasFatalFailure()) return 0;
+    tracked += std::ranges::any_of(a, [](const auto& e) { return e.state == object_tracking::TrackState::tracking; });
+  }
+  for (std::size_t c = 0; c < scene.rig.cameras.size(); ++c) EXPECT_EQ(of_matches.frames_of_other_colors(c), 0U);
+  return tracked;
+}
+
+TEST(Matches, GiveTheTracksOfTheFrames) {
+  for (const auto format : {capture::PixelFormat::yuyv, capture::PixelFormat::i420, capture::PixelFormat::bgr}) {
+    const scene::Scene scene = scene::SceneBuilder{}.cameras_on_ring({.count = 3}).ball({}).build();
+    const auto sets = render(scene, {.set_count = 40, .format = format, .dropped_frames = 0.1, .seed = 3});
+    EXPECT_GT(compare(scene, sets, lime()), 30U) << name(format);
+  }
+}
+
+TEST(Matches, GiveTheTracksOfTheFramesByThePapersFilter) {
+  const scene::Scene scene = scene::SceneBuilder{}.cameras_on_ring({.count = 3}).ball({}).build();
+  object_tracking::ObjectTrackerOptions options;
+  options.observation = object_tracking::Observation::paper;
+  EXPECT_GT(compare(scene, render(scene, {.set_count = 25}), lime(), options), 10U);
+}
+
+// Furniture of the colour, which is sampled and left out, and a region that is ignored.
+TEST(Matches, GiveTheTracksOfTheFramesInARoomThatSharesTheColour) {
+  auto builder = scene::SceneBuilder{}.cameras_on_ring({.count = 3}).ball({});
+  for (int i = 0; i < 3; ++i) {
+    const double angle = 2 * std::numbers::pi * i / 3 + 0.5;
+    const Eigen::Vector3d at(0.9 * std::cos(angle), 0.9 * std::sin(angle), 0.5);
+    builder.ball({.name = "lamp", .radius_m = 0.35, .path = [at](double) { return at; }});
+  }
+  const scene::Scene scene = builder.build();
+  TargetOptions target = lime();
+  target.ignored = {{scene.rig.cameras[0].name, {{0, 0, 40, 239}, {200, 100, 260, 130}}}};
+  EXPECT_GT(compare(scene, render(scene, {.set_count = 60}), target), 10U);
+}
+
+TEST(Matches, GiveTheTracksOfTheFramesOfSeveralObjects) {
+  auto builder = scene::SceneBuilder{}.cameras_on_ring({.count = 3});
+  for (int i = 0; i < 3; ++i)
+    builder.ball({.path = [i](double t) {
+      return Eigen::Vector3d(0.5 * std::cos(t + 2.1 * i), 0.5 * std::sin(t + 2.1 * i), 0.8 + 0.2 * i);
+    }});
+  const scene::Scene scene = builder.build();
+  TargetOptions target = lime();
+  target.count = 3;
+  EXPECT_GT(compare(scene, render(scene, {.set_count = 45}), target), 25U);
+}
+
+TEST(Matches, WithoutOutlinesABallIsStillFollowed) {
+  const scene::Scene scene = scene::SceneBuilder{}.cameras_on_ring({.count = 3}).ball({}).build();
+  TargetOptions ball = lime();
+  ball.shape = object_tracking::TargetShape::ball;
+  ObjectTracker of_frames(scene.rig, lime(), {}), of_matches(scene.rig, ball, {});
+  Sender host(3);
+  std::vector<ObjectEstimate> a, b;
+  for (const FrameSet& set : render(scene, {.set_count = 30})) {
+    of_frames.update(set, a);
+    of_matches.update(host.seen_by(set, looked_for_by(of_matches, 3, std::chrono::milliseconds(200))), b);
+    expect_same(a, b);
+  }
+  EXPECT_EQ(of_matches.outline_findings().fitted, 0U);
+}
+
+// No frame is judged by a colour that it was not looked at with.
+TEST(Matches, OfOtherColoursSayNothing) {
+  const scene::Scene scene = scene::SceneBuilder{}.cameras_on_ring({.count = 3}).ball({}).build();
+  const auto sets = render(scene, {.set_count = 20});
+  TargetOptions taught = lime();
+  taught.color.saturation_min = 0.35;
+  ObjectTracker tracker(scene.rig, taught, {}), old(scene.rig, lime(), {});
+  Sender host(3);
+  std::vector<ObjectEstimate> estimates;
+  for (std::size_t i = 0; i < sets.size(); ++i) {
+    tracker.update(host.seen_by(sets[i], looked_for_by(i < 8 ? old : tracker, 3)), estimates);
+    if (i < 8) {
+      EXPECT_EQ(estimates.front().state, object_tracking::TrackState::searching);
+      EXPECT_FALSE(estimates.front().per_view[0].delivered);
+    }
+  }
+  for (std::size_t c = 0; c < 3; ++c) EXPECT_EQ(tracker.frames_of_other_colors(c), 8U);
+  EXPECT_EQ(estimates.front().state, object_tracking::TrackState::tracking);
+}
+
+msg::LookedForColors said(std::int64_t tracker, std::vector<double> hues, double picture_every_s) {
+  msg::LookedForColors out;
+  out.tracker(tracker);
+  out.picture_every_s(picture_every_s);
+  for (const double hue : hues) {
+    msg::LookedFor& color = out.colors().emplace_back();
+    color.hue_min_deg(hue), color.hue_max_deg(hue + 20);
+    color.saturation_min(0.3), color.saturation_max(1);
+    color.intensity_min(0.1), color.intensity_max(0.9);
+  }
+  return out;
+}
+
+TEST(WantedMatches, AreAllTrackersTogetherAsLongAsTheySaySo) {
+  using namespace std::chrono_literals;
+  WantedMatches wanted;
+  MatchFinderOptions all;
+  const WantedMatches::Clock::time_point start{};
+  wanted.all(start, all);
+  EXPECT_TRUE(all.colors.empty());
+  EXPECT_TRUE(wanted.hear(said(1, {60, 100}, 2), start));
+  EXPECT_TRUE(wanted.hear(said(2, {100, 200}, 0), start + 3s));
+  wanted.all(start + 3s, all);
+  EXPECT_EQ(all.colors.size(), 3U);
+  EXPECT_EQ(all.picture_every, 2s);
+  EXPECT_TRUE(wanted.hear(said(2, {200}, 0.5), start + 4s)) << "in place of what it said before";
+  wanted.all(start + 4s, all);
+  EXPECT_EQ(all.picture_every, 500ms);
+  wanted.all(start + 6s, all);
+  ASSERT_EQ(all.colors.size(), 1U) << "the first is not heard of any more";
+  EXPECT_EQ(all.colors[0].hue_min_deg, 200);
+}
+
+TEST(WantedMatches, WhatMakesNoSenseIsLeftOutAndWhatIsTooMuchIsBounded) {
+  using namespace std::chrono_literals;
+  const WantedMatches::Clock::time_point now{};
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  WantedMatches wanted;
+  EXPECT_FALSE(wanted.hear(said(1, {nan}, 1), now));
+  EXPECT_FALSE(wanted.hear(said(1, {400}, 1), now));
+  EXPECT_FALSE(wanted.hear(said(1, {60}, nan), now));
+  EXPECT_FALSE(wanted.hear(said(1, {60}, -1), now));
+  EXPECT_FALSE(wanted.hear(said(1, {60}, 1e300), now));
+  EXPECT_FALSE(wanted.hear(said(1, std::vector<double>(33, 60), 1), now));
+  for (int t = 0; t < 16; ++t) {
+    std::vector<double> hues;
+    for (int i = 0; i < 10; ++i) hues.push_back(10 * t + i);
+    EXPECT_TRUE(wanted.hear(said(t, hues, 1), now));
+  }
+  EXPECT_FALSE(wanted.hear(said(99, {60}, 1), now)) << "one tracker too many";
+  MatchFinderOptions all;
+  wanted.all(now, all);
+  EXPECT_EQ(all.colors.size(), capture::Matches::most);
+}
+
+TEST(MatchFinder, SendsAPictureNowAndThenAndNoMoreThanABudget) {
+  const auto [image, data] = capture::make_image(capture::PixelFormat::yuyv, capture::ColorRange::limited, 640, 480);
+  std::uint32_t noise = 1;
+  for (int i = 0; i < 640 * 480 * 2; ++i)
+    data[0][i] = static_cast<std::uint8_t>((noise = noise * 1664525u + 1013904223u) >> 24);
+  const auto [plain, written] = capture::make_image(capture::PixelFormat::yuyv, capture::ColorRange::limited, 640, 480);
+  std::fill_n(written[0], 640 * 480 * 2, std::uint8_t{90});
+  MatchFinder finder;
+  MatchFinderOptions asked{.colors = {color::matched_color({60, 180, 0.1, 1, 0.05, 0.95})},
+                           .picture_every = std::chrono::seconds(1)};
+  capture::JpegDecoder decoder;
+  capture::Image latest;
+  int pictures = 0;
+  for (int i = 0; i < 45; ++i) {
+    Frame frame;
+    frame.pixels = i < 30 ? plain : image;
+    frame.stamped_at = capture::Timestamp(std::chrono::milliseconds(1'700'000'000'400 + 1000 * i / 30));
+    const auto bytes = finder.find(frame, asked);
+    ASSERT_TRUE(bytes);
+    ASSERT_LE(bytes->size(), most_bytes_of_matches(640, 480));
+    const auto back = capture::decode_matches(*bytes, decoder, latest);
+    ASSERT_TRUE(back);
+    pictures += back->matches->has_own_picture ? 1 : 0;
+    EXPECT_EQ(back->matches->colors.size(), 1U);
+  }
+  EXPECT_EQ(pictures, 2) << "with the first, and with that after the whole second";
+  // Of noise all over, no more colours than fit.
+  asked.colors.clear();
+  for (int i = 0; i < 12; ++i) asked.colors.push_back(color::matched_color({10.0 + i, 200, 0.1, 1, 0.05, 0.95}));
+  Frame frame;
+  frame.pixels = image;
+  frame.stamped_at = capture::Timestamp(std::chrono::seconds(1'700'000'100));
+  const auto bytes = finder.find(frame, asked);
+  ASSERT_TRUE(bytes);
+  EXPECT_LE(bytes->size(), most_bytes_of_matches(640, 480));
+  const auto back = capture::decode_matches(*bytes, decoder, latest);
+  ASSERT_TRUE(back);
+  EXPECT_LT(back->matches->colors.size(), 12U);
+  EXPECT_GE(back->matches->colors.size(), 4U);
+}
+
+TEST(MatchFinder, DecodesAJpegAndSaysWhenThereIsNone) {
+  const auto [image, data] = capture::make_image(capture::PixelFormat::i422, capture::ColorRange::full, 64, 48);
+  std::fill_n(data[1], 32 * 48, std::uint8_t{60});
+  Frame frame;
+  frame.pixels = {.format = capture::PixelFormat::i422, .width = 64, .height = 48, .planes = {}, .owner = {}};
+  const auto jpeg = capture::encode_picture(image, {.width = 64, .height = 48}, 90);
+  frame.encoded = std::make_shared<const std::vector<std::uint8_t>>(jpeg);
+  MatchFinder finder;
+  EXPECT_TRUE(finder.find(frame, {}));
+  frame.encoded = std::make_shared<const std::vector<std::uint8_t>>(jpeg.begin(), jpeg.begin() + 100);
+  EXPECT_FALSE(finder.find(frame, {}));
+  frame.encoded = nullptr;
+  EXPECT_FALSE(finder.find(frame, {}));
+}
+
+}  // namespace
+}  // namespace huetrack::hosts
