@@ -42,8 +42,12 @@ inline __attribute__((always_inline)) void add_products_with(const float* a, con
 }
 
 double sum_of(const Lanes& lanes) {
-  return static_cast<double>(((lanes[0] + lanes[4]) + (lanes[2] + lanes[6])) +
-                             ((lanes[1] + lanes[5]) + (lanes[3] + lanes[7])));
+  using Four = float __attribute__((vector_size(16), may_alias));
+  using Places = int __attribute__((vector_size(16)));
+  const auto* halves = reinterpret_cast<const Four*>(&lanes);
+  const Four four = halves[0] + halves[1];
+  const Four two = four + __builtin_shuffle(four, Places{2, 3, 0, 1});
+  return static_cast<double>(two[0] + two[1]);
 }
 
 using Block = EdgeSamples::Block;
@@ -51,18 +55,20 @@ using Block = EdgeSamples::Block;
 }  // namespace
 
 InverseRoot::InverseRoot(double least, double most) {
-  // Newton's divided differences over Chebyshev's nodes of [-1, 1], to which x is taken.
-  constexpr double nodes[4] = {-0.9238795325112867, -0.3826834323650898, 0.3826834323650898, 0.9238795325112867};
+  // Through the values at Chebyshev's nodes of [-1, 1], to which x is taken: its four polynomials give the
+  // coefficients.
+  constexpr double outer = 0.9238795325112867, inner = 0.3826834323650898;
   const double middle = 0.5 * (most + least), half = std::max(0.5 * (most - least), 1e-6 * middle);
-  double d[4];
-  for (int i = 0; i < 4; ++i) d[i] = 1 / std::sqrt(std::max(middle + half * nodes[i], 1e-12));
-  for (int order = 1; order < 4; ++order)
-    for (int i = 3; i >= order; --i) d[i] = (d[i] - d[i - 1]) / (nodes[i] - nodes[i - order]);
-  const double a = nodes[0], b = nodes[1], c = nodes[2];
-  c0_ = static_cast<float>(d[0] - a * (d[1] - b * (d[2] - c * d[3])));
-  c1_ = static_cast<float>(d[1] - (a + b) * d[2] + (a * b + a * c + b * c) * d[3]);
-  c2_ = static_cast<float>(d[2] - (a + b + c) * d[3]);
-  c3_ = static_cast<float>(d[3]);
+  const auto at = [&](double node) { return 1 / std::sqrt(std::max(middle + half * node, 1e-12)); };
+  const double a = at(-outer), b = at(-inner), c = at(inner), d = at(outer);
+  const double even_outer = 0.5 * (a + d), odd_outer = 0.5 * (d - a), even_inner = 0.5 * (b + c),
+               odd_inner = 0.5 * (c - b);
+  constexpr double outer2 = outer * outer, inner2 = inner * inner, per = 1 / (outer2 - inner2);
+  constexpr double per_outer = per / outer, per_inner = per / inner;
+  c0_ = static_cast<float>((outer2 * even_inner - inner2 * even_outer) * per);
+  c2_ = static_cast<float>((even_outer - even_inner) * per);
+  c1_ = static_cast<float>(outer2 * odd_inner * per_inner - inner2 * odd_outer * per_outer);
+  c3_ = static_cast<float>(odd_outer * per_outer - odd_inner * per_inner);
   per_half_ = static_cast<float>(1 / half), middle_ = static_cast<float>(middle / half);
 }
 
@@ -277,7 +283,7 @@ struct EdgeSums::Chunk {
   [[gnu::always_inline]] void judge(const EdgeModel& m, int i, float ac, float edge, const Weighed& w, Sums& sums) {
     const float trust = of.trust[i], hidden = of.hidden[i], off = std::copysign(w.r2, w.residual);
     of.covered[i] = ac, of.off[i] = off;
-    sums.r2[i] = trust * w.r2, sums.weight[i] = trust * w.weight * w.variance;
+    sums.r2[i] = trust * w.r2, sums.weight[i] = edge * trust * w.weight * w.variance;
     sums.seen[i] = edge * trust / (1 + 0.1f * of.unsure[i]);
     // Judged by itself: StrangePixels.
     const float beside = ac <= outside && w.r2 >= robust(strange_sigmas2) ? 1.f : 0.f;
@@ -294,7 +300,7 @@ struct EdgeSums::Chunk {
     add_up(sums.r2, of_all[0]), add_up(of.trust, of_all[1]), add_up(edge, of_all[2]), add_up(sums.seen, of_all[3]);
     add_up(sums.odd, of_all[4]), add_up(sums.weight, of_all[5]);
     out.residual2 += sum_of(of_all[0]), out.trusted += sum_of(of_all[1]), out.edge += sum_of(of_all[2]);
-    out.seen_edge += sum_of(of_all[3]), out.strange += sum_of(of_all[4]), out.weight += sum_of(of_all[5]);
+    out.seen_edge += sum_of(of_all[3]), out.strange += sum_of(of_all[4]), out.edge_weight += sum_of(of_all[5]);
   }
 
   // The columns: the root of the weight times the residual, and times what the value that is shown changes by.
@@ -418,7 +424,7 @@ HUETRACK_CLONES void EdgeSums::renew_blocks(const EdgeModel& model, EdgeSamples&
 }
 
 void EdgeSums::begin() {
-  residual2 = trusted = weight = edge = seen_edge = strange = 0;
+  residual2 = trusted = edge_weight = edge = seen_edge = strange = 0;
   blocks_ = 0;
 }
 

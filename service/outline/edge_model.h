@@ -88,7 +88,7 @@ class EdgeSums {
   void gradient(Unknowns& out) const;
 
   double residual2 = 0, trusted = 0;  // of residuals in variances, robustly, and of trust
-  double weight = 0;                  // of that which the robust loss leaves
+  double edge_weight = 0;             // of the edge's length, of what trust and the robust loss leave
   double edge = 0, seen_edge = 0;     // of the edge's length, and of what is trusted of it
   double strange = 0;                 // samples that may be of something else, be hidden, or shine
 

@@ -14,6 +14,9 @@ namespace {
 // Samples around the edge, evenly chosen. A ball's model is off by a share of its radius, samples by what they are: the
 // larger it is, the fewer are enough, down to what tells what hides it.
 constexpr double most_of_edge = 320, least_of_edge = 128, small_radius_px = 16;
+// So far beyond as the edge is soft what is behind is seen alone, of which fewer are enough.
+constexpr float beyond_soft_px = 1.2f;
+constexpr int every_beyond = 3;
 constexpr float unknown_behind = 400;  // the variance of a background that is not known, in those of a pixel
 constexpr double least_guessed = 4;    // one that is guessed from what is around
 constexpr int block = EdgeSamples::block;
@@ -95,12 +98,16 @@ HUETRACK_CLONES void find_hidden_block(int n, const float* object, float per_lig
 void select_samples(const EdgeBand& band, const PixelGrid& grid, int columns, int rows, EdgeSamples& out) {
   out.n = 0;
   const auto radius = static_cast<float>(band.radius_px), reach = static_cast<float>(band.reach_px);
-  const float outer = (1 + reach / radius) * (1 + reach / radius);
-  const float inner_at = std::max(0.f, 1 - reach / radius), inner = inner_at * inner_at;
+  const auto squared = [](float x) { return x > 0 ? x * x : 0; };
+  // Squared radii: as far as samples count, as far as the edge is soft, and where only the ball is seen.
+  const float outer = squared(1 + reach / radius), soft = squared(1 + (reach - beyond_soft_px) / radius),
+              inner = squared(1 - reach / radius);
   const int every = band.radius_px > 16 ? 11 : band.radius_px > 8 ? 5 : 1;
   const Eigen::Matrix2f m = band.disc_from_px.cast<float>();
   const float m00 = m(0, 0), m01 = m(0, 1), m10 = m(1, 0), m11 = m(1, 1);
-  const float all = std::numbers::pi_v<float> * radius * radius * (outer - inner) / static_cast<float>(columns * rows);
+  const float all = std::numbers::pi_v<float> * radius * radius *
+                    (soft - inner + (outer - soft) / static_cast<float>(every_beyond)) /
+                    static_cast<float>(columns * rows);
   const double enough = std::clamp(most_of_edge * small_radius_px / band.radius_px, least_of_edge, most_of_edge);
   const int some = std::max(1, static_cast<int>(std::ceil(static_cast<double>(all) / enough)));
   const int across = grid.width / columns, down = grid.height / rows;
@@ -113,16 +120,28 @@ void select_samples(const EdgeBand& band, const PixelGrid& grid, int columns, in
   int wait = 0;  // for the next one that is taken
   for (int j = 0; j < down; ++j) {
     const float v = static_cast<float>(grid.v0 + j * rows) + v_off;
-    const auto take = [&](int from, int to, int step) {
-      int i = from;
-      for (; i < to && out.n < EdgeSamples::most; i += step, ++out.n) {
-        EdgeSamples::Block& block_of = out.blocks[out.n / block];
-        block_of.at_u[out.n % block] = u_first + i, block_of.at_v[out.n % block] = v_first + j;
-      }
-      return i;
+    const auto take = [&](int i) {
+      if (out.n == EdgeSamples::most) return;
+      Block& to = out.blocks[static_cast<unsigned>(out.n) / block];
+      const auto k = static_cast<unsigned>(out.n++) % block;
+      to.at_u[k] = u_first + i, to.at_v[k] = v_first + j;
     };
     const auto take_some = [&](int from, int to) {
-      if (from < to) wait = take(from + wait, to, some) - to;
+      if (from >= to) return;
+      int i = from + wait;
+      for (; i < to; i += some) take(i);
+      wait = i - to;
+    };
+    // Every so many-th, staggered from row to row; and some of these.
+    const auto take_staggered = [&](int from, int to, int step, int stagger) {
+      for (int i = from + (step - (from + stagger * j) % step) % step; i < to; i += step) {
+        if (wait > 0) {
+          --wait;
+        } else {
+          take(i);
+          wait = some - 1;
+        }
+      }
     };
     // Where this row of samples is within so many squared radii, from the first to beyond the last.
     const auto within = [&](float rho2) {
@@ -135,19 +154,15 @@ void select_samples(const EdgeBand& band, const PixelGrid& grid, int columns, in
       return std::array{at(middle - half), at(middle + half)};
     };
     const auto [from, to] = within(outer);
-    auto [inner_from, inner_to] = every > 1 ? within(inner) : std::array{to, to};
-    if (inner_from == inner_to) inner_from = inner_to = to;
-    take_some(from, inner_from);
-    // Of those further inside every so many-th, staggered.
-    for (int i = inner_from + (every - (inner_from + 3 * j) % every) % every; i < inner_to; i += every) {
-      if (wait > 0) {
-        --wait;
-      } else {
-        take(i, i + 1, 1);
-        wait = some - 1;
-      }
-    }
-    take_some(inner_to, to);
+    auto [soft_from, soft_to] = within(soft);
+    if (soft_from == soft_to) soft_from = soft_to = to;
+    auto [inner_from, inner_to] = every > 1 ? within(inner) : std::array{soft_to, soft_to};
+    if (inner_from == inner_to) inner_from = inner_to = soft_to;
+    take_staggered(from, soft_from, every_beyond, 1);
+    take_some(soft_from, inner_from);
+    take_staggered(inner_from, inner_to, every, 3);
+    take_some(inner_to, soft_to);
+    take_staggered(soft_to, to, every_beyond, 1);
   }
   // What fills the last block up lies far outside, where nothing is covered.
   const auto far = static_cast<float>(1e3 * (band.radius_px + band.reach_px));
@@ -213,9 +228,9 @@ class Guess {
 };
 
 bool are_all_known(const float* looks, int n) {
-  float least = 1;
-  for (int k = 0; k < n; ++k) least = looks[k] < least ? looks[k] : least;
-  return least > 0;
+  int unknown = 0;
+  for (int k = 0; k < n; ++k) unknown += looks[k] > 0 ? 0 : 1;
+  return unknown == 0;
 }
 
 void fill_up(EdgeSamples::GreyValues& values, int from, int to) {
@@ -234,10 +249,11 @@ void read_samples(const Picture& picture, const Background& behind, const EdgeBa
   alignas(64) std::int32_t us[block], vs[block];
   alignas(64) float light_looks[block], chroma_looks[block];
   // Of a pixel the chroma is that of the sample in which it lies.
+  const int columns = grid.columns - 1, rows = grid.rows - 1;  // one or two of them: no binary place, or one
   for (int b = 0; b < light.block_count(); ++b) {
     Block& of = light.blocks[b];
     const int n = light.count_in(b), filled = light.filled_in(b);
-    for (int k = 0; k < n; ++k) us[k] = of.at_u[k] / grid.columns, vs[k] = of.at_v[k] / grid.rows;
+    for (int k = 0; k < n; ++k) us[k] = of.at_u[k] >> columns, vs[k] = of.at_v[k] >> rows;
     read_light(picture, {of.at_u, of.at_v, n}, of.seen.light);
     read_chroma(picture, {us, vs, n}, of.seen.blue, of.seen.red);
     behind.at_pixels(picture, {of.at_u, of.at_v, n},

@@ -24,10 +24,12 @@ constexpr double least_visible = 0.25;  // of the edge
 constexpr double blur_of_one = 0.05, blur_of_light = 0.6, least_blur_sigma = 0.05;
 constexpr double furthest_radii = 0.8, largest_growth = 0.35;
 constexpr double longest_exposure_s = 0.04;
-// Further steps would move it by less than such a share of its standard deviation.
-constexpr double settled_sigmas = 0.3;
-// Half an edge's softness on, slopes are others; and residuals that are so much smaller weigh so much more.
-constexpr double far_px = 0.4, other_weight = 1.2;
+// Further steps, each a share of the last one as that is of the one before, would move it by less than such a share of
+// its standard deviation.
+constexpr double settled_sigmas = 0.15;
+// Half an edge's softness on, slopes are others; as they are for an edge so much softer. Residuals that are so much
+// smaller weigh so much more.
+constexpr double far_px = 0.35, other_blur = 0.2, other_weight = 1.1;
 
 }  // namespace
 
@@ -178,7 +180,7 @@ void OutlineFit::assemble() {
   visible_ = sums_.edge > 0 ? sums_.seen_edge / sums_.edge : 0;
   if (has_chroma_) sums_.assemble(model_of_chroma(of_light), chroma_);
   take_sums();
-  assembled_weight_ = sums_.weight;
+  assembled_weight_ = sums_.edge_weight;
   sums_.normal(normal_);
   normal_.row(lit_ + 1) /= band_.radius_px, normal_.col(lit_ + 1) /= band_.radius_px;
   equations_.eliminate(normal_, information_);
@@ -207,7 +209,7 @@ void OutlineFit::lay_out(const Ellipse& start, const Movement& movement, const L
 }
 
 bool OutlineFit::are_weights_others() const {
-  return sums_.weight > other_weight * assembled_weight_;
+  return sums_.edge_weight > other_weight * assembled_weight_;
 }
 
 // No further than the sums are right for where they were made. Not finite: they do not tell.
@@ -229,11 +231,19 @@ bool OutlineFit::is_lost() const {
          std::abs(x_[size_] - expected_[size_]) > largest_growth;
 }
 
-bool OutlineFit::is_settled(const Unknowns& step) const {
+// How far a step takes the place, or the size, in their standard deviations.
+double OutlineFit::sigmas_of(const Unknowns& step) const {
   const Eigen::Vector2d moved = step.head<2>();
   const double moved2 = moved.dot(equations_.covariance().topLeftCorner<2, 2>().inverse() * moved);
   const double grown2 = step[size_] * step[size_] / equations_.covariance()(size_, size_);
-  return std::max(moved2, grown2) < settled_sigmas * settled_sigmas;
+  return std::sqrt(std::max(moved2, grown2));
+}
+
+// So that slopes are others there.
+bool OutlineFit::is_far(const Unknowns& step) const {
+  const double smear_px = 0.5 * movement_.velocity.norm() * std::abs(step[exposure_]);
+  return step.head<2>().norm() + band_.radius_px * std::abs(step[size_]) + smear_px > far_px ||
+         std::abs(step[blur_light_]) > other_blur;
 }
 
 // What the pixels say of one unknown by themselves, without what was expected of it. nullopt: nothing.
@@ -285,10 +295,11 @@ Fit OutlineFit::fit(const Picture& picture, const Background& behind, const Elli
   begin(look, options);
   // Slopes and their products hardly change over a fraction of a pixel, and residuals alone say where they are least:
   // so slopes are made once, and again where they are others.
-  bool is_far = true;
+  bool are_slopes_others = true;
+  double before = 1e-9;  // how far the last step went, in standard deviations
   for (out.steps = 1; out.steps <= options.most_steps; ++out.steps) {
-    if (!is_far) renew();
-    if (is_far || are_weights_others()) assemble();
+    if (!are_slopes_others) renew();
+    if (are_slopes_others || are_weights_others()) assemble();
     if (!equations_.is_sound()) return out;
     const bool are_others =
         out.steps <= 3 && strange_pixels_.judge(sums_.strange, grid_, light_, chroma_);  // from now on
@@ -300,8 +311,10 @@ Fit OutlineFit::fit(const Picture& picture, const Background& behind, const Elli
       out.outcome = FitOutcome::lost;
       return out;
     }
-    if (out.steps >= 2 && !are_others && is_settled(step)) break;
-    is_far = are_others || std::max(step.head<2>().norm(), band_.radius_px * std::abs(step[size_])) > far_px;
+    const double sigmas = sigmas_of(step), share = std::min(1.0, sigmas / before);
+    if (out.steps >= 2 && !are_others && sigmas * share < settled_sigmas) break;
+    before = sigmas;
+    are_slopes_others = are_others || is_far(step);
   }
   tell(out);
   return out;

@@ -97,7 +97,8 @@ class OutlineFit {
   bool are_weights_others() const;
   Unknowns next_step() const;
   bool is_lost() const;
-  bool is_settled(const Unknowns& step) const;
+  double sigmas_of(const Unknowns& step) const;
+  bool is_far(const Unknowns& step) const;
   std::optional<Known> told_by_itself(int unknown) const;
   void tell(Fit& out) const;
 
@@ -115,7 +116,7 @@ class OutlineFit {
   Normal normal_;
   NormalEquations equations_;
   double misfit_ = 0, visible_ = 0;
-  double assembled_weight_ = 0;  // EdgeSums::weight, when it was assembled
+  double assembled_weight_ = 0;  // EdgeSums::edge_weight, when it was assembled
   EdgeSamples light_, chroma_;
   EdgeSums sums_;
   StrangePixels strange_pixels_;

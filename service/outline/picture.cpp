@@ -20,13 +20,22 @@ float luma(const std::uint8_t* bgr) {
   return y_blue * bgr[0] + y_green * bgr[1] + y_red * bgr[2];
 }
 
+template <int step>
+void read(const std::uint8_t* from, int n, Scale scale, float* out) {
+  for (int i = 0; i < n; ++i) out[i] = (static_cast<float>(from[i * step]) - scale.zero) * scale.by;
+}
+
 void read(const Samples& samples, int u, int v, int n, Scale scale, float* out) {
   const std::uint8_t* from = samples.at(u, v);
-  const std::ptrdiff_t step = samples.step;
-  if (step == 1) {
-    for (int i = 0; i < n; ++i) out[i] = (static_cast<float>(from[i]) - scale.zero) * scale.by;
-  } else {
-    for (int i = 0; i < n; ++i) out[i] = (static_cast<float>(from[i * step]) - scale.zero) * scale.by;
+  switch (samples.step) {
+    case 1:
+      return read<1>(from, n, scale, out);
+    case 2:
+      return read<2>(from, n, scale, out);
+    case 4:
+      return read<4>(from, n, scale, out);
+    default:
+      for (int i = 0; i < n; ++i) out[i] = (static_cast<float>(from[i * samples.step]) - scale.zero) * scale.by;
   }
 }
 
