@@ -455,15 +455,14 @@ void EdgeSums::renew_residuals(const EdgeModel& model, EdgeSamples& samples) {
 
 void EdgeSums::normal(Normal& out) const {
   double* const to = out.data();
-  const Lanes* sums = of_threes_[0];
-  for (int r = 0; r < threes; ++r) {
-    for (int c = r; c < threes; ++c) {
-      for (int i = 3 * r; i < 3 * r + 3; ++i) {
-        for (int k = 3 * c; k < 3 * c + 3; ++k) {
-          const double sum = sum_of(*sums++);
-          if (i < unknowns && k < unknowns) to[i * unknowns + k] = to[k * unknowns + i] = sum;
-        }
-      }
+  int pair = 0;
+  for (int r = 0; r < columns; r += 3) {
+    for (int c = r; c < columns; c += 3, ++pair) {
+      const Lanes* sums = of_threes_[pair];
+      const int of_c = std::min(3, unknowns - c);  // the last column is the residual's
+      for (int i = 0; i < std::min(3, unknowns - r); ++i)
+        for (int k = 0; k < of_c; ++k)
+          to[(r + i) * unknowns + c + k] = to[(c + k) * unknowns + r + i] = sum_of(sums[3 * i + k]);
     }
   }
 }

@@ -24,9 +24,9 @@ constexpr double least_visible = 0.25;  // of the edge
 constexpr double blur_of_one = 0.05, blur_of_light = 0.6, least_blur_sigma = 0.05;
 constexpr double furthest_radii = 0.8, largest_growth = 0.35;
 constexpr double longest_exposure_s = 0.04;
-// Further steps, each a share of the last one as that is of the one before, would move it by less than such a share of
-// its standard deviation.
-constexpr double settled_sigmas = 0.15;
+// Steps that are to come would move it by less than such a share of its standard deviation; they are foreseen to a
+// third.
+constexpr double settled_sigmas = 0.4;
 // Half an edge's softness on, slopes are others; as they are for an edge so much softer. Residuals that are so much
 // smaller weigh so much more.
 constexpr double far_px = 0.35, other_blur = 0.2, other_weight = 1.1;
@@ -209,7 +209,7 @@ void OutlineFit::lay_out(const Ellipse& start, const Movement& movement, const L
 }
 
 bool OutlineFit::are_weights_others() const {
-  return sums_.edge_weight > other_weight * assembled_weight_;
+  return sums_.edge_weight > other_weight * assembled_weight_ || other_weight * sums_.edge_weight < assembled_weight_;
 }
 
 // No further than the sums are right for where they were made. Not finite: they do not tell.
@@ -231,12 +231,11 @@ bool OutlineFit::is_lost() const {
          std::abs(x_[size_] - expected_[size_]) > largest_growth;
 }
 
-// How far a step takes the place, or the size, in their standard deviations.
-double OutlineFit::sigmas_of(const Unknowns& step) const {
-  const Eigen::Vector2d moved = step.head<2>();
-  const double moved2 = moved.dot(equations_.covariance().topLeftCorner<2, 2>().inverse() * moved);
-  const double grown2 = step[size_] * step[size_] / equations_.covariance()(size_, size_);
-  return std::sqrt(std::max(moved2, grown2));
+// Of two steps of the place and the size, in their standard deviations.
+double OutlineFit::product_of(const Unknowns& step, const Unknowns& other) const {
+  const auto& covariance = equations_.covariance();
+  return step.head<2>().dot(covariance.topLeftCorner<2, 2>().inverse() * other.head<2>()) +
+         step[size_] * other[size_] / covariance(size_, size_);
 }
 
 // So that slopes are others there.
@@ -296,25 +295,29 @@ Fit OutlineFit::fit(const Picture& picture, const Background& behind, const Elli
   // Slopes and their products hardly change over a fraction of a pixel, and residuals alone say where they are least:
   // so slopes are made once, and again where they are others.
   bool are_slopes_others = true;
-  double before = 1e-9;  // how far the last step went, in standard deviations
+  Unknowns before = Unknowns::Zero();  // the last step, as the sums gave it
   for (out.steps = 1; out.steps <= options.most_steps; ++out.steps) {
     if (!are_slopes_others) renew();
     if (are_slopes_others || are_weights_others()) assemble();
     if (!equations_.is_sound()) return out;
-    const bool are_others =
-        out.steps <= 3 && strange_pixels_.judge(sums_.strange, grid_, light_, chroma_);  // from now on
-    const Unknowns step = next_step();
+    const StrangePixels::Count count =
+        out.steps <= 3 ? strange_pixels_.judge(sums_.strange, grid_, light_, chroma_) : StrangePixels::Count::the_same;
+    Unknowns step = next_step();
     if (!step.allFinite()) return out;
-    x_ += step;
+    are_slopes_others = is_far(step) || count == StrangePixels::Count::others_at_the_edge;
+    // Weights that follow the residuals make each step about the same share of the one before: all that are to come are
+    // taken at once.
+    const double share = std::clamp(product_of(step, before) / std::max(product_of(before, before), 1e-9), 0.0, 0.5);
+    const double to_come = share / (1 - share) * std::sqrt(product_of(step, step));
+    before = step;
+    x_ += step / (1 - share);
     x_[exposure_] = std::clamp(x_[exposure_], 0.0, longest_exposure_s);
     if (is_lost()) {
       out.outcome = FitOutcome::lost;
       return out;
     }
-    const double sigmas = sigmas_of(step), share = std::min(1.0, sigmas / before);
-    if (out.steps >= 2 && !are_others && sigmas * share < settled_sigmas) break;
-    before = sigmas;
-    are_slopes_others = are_others || is_far(step);
+    if (out.steps >= 2 && count == StrangePixels::Count::the_same && !are_slopes_others && to_come < settled_sigmas)
+      break;
   }
   tell(out);
   return out;

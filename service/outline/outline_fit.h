@@ -97,7 +97,7 @@ class OutlineFit {
   bool are_weights_others() const;
   Unknowns next_step() const;
   bool is_lost() const;
-  double sigmas_of(const Unknowns& step) const;
+  double product_of(const Unknowns& step, const Unknowns& other) const;
   bool is_far(const Unknowns& step) const;
   std::optional<Known> told_by_itself(int unknown) const;
   void tell(Fit& out) const;

@@ -13,16 +13,17 @@ StrangePixels::StrangePixels() : near_marks_(largest_grid * largest_grid) {
   marks_.reserve(4 * static_cast<std::size_t>(EdgeSamples::most));
 }
 
-bool StrangePixels::judge(double might_be, const PixelGrid& grid, EdgeSamples& light, EdgeSamples& chroma) {
+StrangePixels::Count StrangePixels::judge(double might_be, const PixelGrid& grid, EdgeSamples& light,
+                                          EdgeSamples& chroma) {
   // Where the object was expected, what hides it is found before the fit has given way to it.
   const bool had_marks = !marks_.empty();
   std::erase_if(marks_, [](const Mark& mark) { return mark.as == Strange::is_else; });
   // The first step does not know the object's light yet.
   const bool is_first = !std::exchange(is_judged_, true);
-  if (might_be == 0 && !had_marks) return false;
+  if (might_be == 0 && !had_marks) return Count::the_same;
   if (!is_first && !had_glints_) had_glints_ = find_glints(light);
   find_strange(grid, light, chroma);
-  return (had_marks || !marks_.empty()) && distrust_marked(grid, light, chroma);
+  return had_marks || !marks_.empty() ? distrust_marked(grid, light, chroma) : Count::the_same;
 }
 
 bool StrangePixels::find_glints(EdgeSamples& light) {
@@ -58,7 +59,7 @@ void StrangePixels::find_strange(const PixelGrid& grid, EdgeSamples& light, Edge
   });
 }
 
-bool StrangePixels::distrust_marked(const PixelGrid& grid, EdgeSamples& light, EdgeSamples& chroma) {
+StrangePixels::Count StrangePixels::distrust_marked(const PixelGrid& grid, EdgeSamples& light, EdgeSamples& chroma) {
   constexpr int soft_px = 2, soft_glint_px = 1;
   const auto map = std::span(near_marks_).first(static_cast<std::size_t>(grid.width * grid.height));
   std::ranges::fill(map, std::uint8_t{0});
@@ -71,18 +72,19 @@ bool StrangePixels::distrust_marked(const PixelGrid& grid, EdgeSamples& light, E
           map.subspan(static_cast<std::size_t>(row * grid.width + first), static_cast<std::size_t>(last - first + 1)),
           std::uint8_t{1});
   }
-  bool has_changed = false;
+  int changed = 0, at_the_edge = 0;
   const auto judge = [&](EdgeSamples& samples, int columns, int rows) {
     samples.for_each([&](EdgeSamples::Block& of, int k) {
       const int u = of.at_u[k] * columns - grid.u0, v = of.at_v[k] * rows - grid.v0;
       const float trust = map[static_cast<std::size_t>(v * grid.width + u)] != 0 ? 0.f : 1.f;
-      has_changed = has_changed || trust != of.trust[k];
+      const bool is_other = trust != of.trust[k];
+      changed += is_other, at_the_edge += is_other && of.covered[k] > outside && of.covered[k] < 1 - outside;
       of.trust[k] = trust;
     });
   };
   judge(light, 1, 1);
   judge(chroma, grid.columns, grid.rows);
-  return has_changed;
+  return at_the_edge > 0 ? Count::others_at_the_edge : changed > 0 ? Count::others : Count::the_same;
 }
 
 }  // namespace huetrack::outline

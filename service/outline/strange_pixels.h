@@ -15,9 +15,11 @@ class StrangePixels {
 
   StrangePixels();
   void begin() { is_judged_ = had_glints_ = false, marks_.clear(); }
+  // Which samples count from now on.
+  enum class Count : std::uint8_t { the_same, others, others_at_the_edge };
   // After samples were compared with what is expected of them. might_be: so many of them ask for it
-  // (EdgeSums::strange). Sets their trust. True: other samples count from now on.
-  bool judge(double might_be, const PixelGrid& grid, EdgeSamples& light, EdgeSamples& chroma);
+  // (EdgeSums::strange). Sets their trust.
+  Count judge(double might_be, const PixelGrid& grid, EdgeSamples& light, EdgeSamples& chroma);
 
  private:
   enum class Strange : std::uint8_t { is_else, hides, shines };
@@ -27,7 +29,7 @@ class StrangePixels {
   };
   bool find_glints(EdgeSamples& light);
   void find_strange(const PixelGrid& grid, EdgeSamples& light, EdgeSamples& chroma);
-  bool distrust_marked(const PixelGrid& grid, EdgeSamples& light, EdgeSamples& chroma);
+  Count distrust_marked(const PixelGrid& grid, EdgeSamples& light, EdgeSamples& chroma);
 
   bool had_glints_ = false, is_judged_ = false;
   std::vector<Mark> marks_;
