@@ -278,6 +278,7 @@ void read_samples(const Picture& picture, const Background& behind, const EdgeBa
     Block& of = chroma.blocks[b];
     const int n = chroma.count_in(b), filled = chroma.filled_in(b);
     read_chroma(picture, {of.at_u, of.at_v, n}, of.seen.blue, of.seen.red);
+    std::fill_n(of.seen.light, n, 0.f);
     behind.at_chroma(picture, {of.at_u, of.at_v, n},
                      {of.behind.light, of.behind.blue, of.behind.red, light_looks, chroma_looks});
     if (!are_all_known(light_looks, n)) {

@@ -26,7 +26,7 @@ constexpr double furthest_radii = 0.8, largest_growth = 0.35;
 constexpr double longest_exposure_s = 0.04;
 // Steps that are to come would move it by less than such a share of its standard deviation; they are foreseen to a
 // third.
-constexpr double settled_sigmas = 0.4;
+constexpr double settled_sigmas = 0.4, least_share = 0.3;
 // Half an edge's softness on, slopes are others; as they are for an edge so much softer. Residuals that are so much
 // smaller weigh so much more.
 constexpr double far_px = 0.35, other_blur = 0.2, other_weight = 1.1;
@@ -306,11 +306,14 @@ Fit OutlineFit::fit(const Picture& picture, const Background& behind, const Elli
     if (!step.allFinite()) return out;
     are_slopes_others = is_far(step) || count == StrangePixels::Count::others_at_the_edge;
     // Weights that follow the residuals make each step about the same share of the one before: all that are to come are
-    // taken at once.
-    const double share = std::clamp(product_of(step, before) / std::max(product_of(before, before), 1e-9), 0.0, 0.5);
-    const double to_come = share / (1 - share) * std::sqrt(product_of(step, step));
-    before = step;
+    // taken at once. Of other samples, or of slopes elsewhere, there was none before.
+    const double length = std::sqrt(product_of(step, step)), length_before = std::sqrt(product_of(before, before));
+    const double share =
+        length_before > 0 ? std::clamp(product_of(step, before) / (length_before * length_before), 0.0, 0.5) : 0.0;
+    const double to_come = std::max(least_share, share / (1 - share)) * length;
     x_ += step / (1 - share);
+    const bool is_steady = count == StrangePixels::Count::the_same && !are_slopes_others;
+    before = is_steady ? step : Unknowns(Unknowns::Zero());
     x_[exposure_] = std::clamp(x_[exposure_], 0.0, longest_exposure_s);
     if (is_lost()) {
       out.outcome = FitOutcome::lost;
