@@ -79,7 +79,7 @@ class EdgeSums {
   // samples have covered, and how far they are off.
   void assemble(const EdgeModel& model, EdgeSamples& samples);
   // Of the same samples in the same order, of which some may count no more: products of the residuals that a model near
-  // that one leaves with the slopes as they were. A fifth of the work.
+  // that one leaves with the slopes as they were. A third of the work.
   void renew_residuals(const EdgeModel& model, EdgeSamples& samples);
   void begin_assembling();
   void begin_renewing();
