@@ -22,45 +22,45 @@ constexpr int margin_px = 8;                 // around the object, of what is le
 constexpr std::uint32_t looks_at_start = 4;  // a tile with fewer is hardly known
 // Per picture: of those that the object is about to reach, and more while some of them are hardly known; beside these
 // of the whole picture, so that in a second it was seen once, until none is hardly known.
-constexpr int least_tiles = 2, largest_tiles = 8, tiles_hardly_known = 16;
+constexpr int least_tiles = 2, largest_tiles = 5, tiles_hardly_known = 16;
 constexpr int pictures_to_see_all = 30;
 
 constexpr int size = Background::tile_px;
 constexpr int most_samples = size * size;
 
-// One step of the mean of each sample. hidden: not looked at. Returns how far settled samples were off, and how many
+// One step of the mean of each sample. hidden: 1: not looked at. Returns how far settled samples were off, and how many
 // there were.
 struct Off {
   float sum, count;
 };
 HUETRACK_CLONES Off step(const float* __restrict seen, const float* __restrict hidden, float usual, int n,
                          std::int16_t* __restrict mean, std::uint8_t* __restrict looks) {
-  alignas(64) float before[most_samples], of[most_samples], kept[most_samples], now[most_samples];
-  alignas(64) float off[most_samples], counted[most_samples];
-  for (int i = 0; i < n; ++i) before[i] = static_cast<float>(mean[i]) * (1 / unit);
-  for (int i = 0; i < n; ++i) of[i] = static_cast<float>(looks[i]);
-  // As numbers, as compilers make vectors of these: 1 is true.
-  for (int i = 0; i < n; ++i) {
-    const float by = seen[i] - before[i];
-    const float far = by < 0 ? -by : by;
-    const float is_same = far < usual && of[i] > 0 ? 1.f : 0.f;
-    const float fewer = of[i] - forgotten_per_look;
-    const float is_new = is_same == 0 && fewer <= 0 ? 1.f : 0.f;
-    const float more = of[i] + 1 < most_looks ? of[i] + 1 : most_looks;
-    const float looks_now = is_same > 0 ? more : is_new > 0 ? 1.f : fewer;
-    const float value = is_same > 0 ? before[i] + by / more : is_new > 0 ? seen[i] : before[i];
-    const float steps = (hidden[i] == 0 ? value : before[i]) * unit;
-    kept[i] = steps + (steps < 0 ? -0.5f : 0.5f);
-    now[i] = hidden[i] == 0 ? looks_now : of[i];
-    counted[i] = hidden[i] == 0 && of[i] >= settled_looks ? is_same : 0.f;
-    off[i] = counted[i] * far;
-  }
-  for (int i = 0; i < n; ++i) mean[i] = static_cast<std::int16_t>(kept[i]);
-  for (int i = 0; i < n; ++i) looks[i] = static_cast<std::uint8_t>(now[i]);
   constexpr int lanes = 16;
   float sum[lanes] = {}, count[lanes] = {};
-  for (int i = 0; i < n; i += lanes)
-    for (int j = 0; j < lanes; ++j) sum[j] += off[i + j], count[j] += counted[i + j];
+  for (int from = 0; from < n; from += lanes) {
+    alignas(64) float mean_before[lanes], looks_before[lanes], kept[lanes], now[lanes];
+    for (int j = 0; j < lanes; ++j) mean_before[j] = static_cast<float>(mean[from + j]) * (1 / unit);
+    for (int j = 0; j < lanes; ++j) looks_before[j] = static_cast<float>(looks[from + j]);
+    // As numbers, as compilers make vectors of these: 1 is true.
+    for (int j = 0; j < lanes; ++j) {
+      const float before = mean_before[j], of = looks_before[j];
+      const float by = seen[from + j] - before, is_seen = 1 - hidden[from + j];
+      const float far = by < 0 ? -by : by;
+      const float is_near = far < usual ? 1.f : 0.f, is_known = of > 0 ? 1.f : 0.f, is_same = is_near * is_known;
+      const float fewer = of - forgotten_per_look;
+      const float is_gone = fewer <= 0 ? 1.f : 0.f, is_new = (1 - is_same) * is_gone;
+      const float more = of + 1 < most_looks ? of + 1 : most_looks;
+      const float same_looks = is_same > 0 ? more : fewer, looks_now = is_new > 0 ? 1.f : same_looks;
+      const float share = is_same / more + is_new;
+      const float steps = (before + is_seen * share * by) * unit;
+      kept[j] = steps + (steps < 0 ? -0.5f : 0.5f);
+      now[j] = is_seen > 0 ? looks_now : of;
+      const float is_settled = of >= settled_looks ? is_same : 0.f, counted = is_settled * is_seen;
+      count[j] += counted, sum[j] += counted * far;
+    }
+    for (int j = 0; j < lanes; ++j) mean[from + j] = static_cast<std::int16_t>(kept[j]);
+    for (int j = 0; j < lanes; ++j) looks[from + j] = static_cast<std::uint8_t>(now[j]);
+  }
   Off out{0, 0};
   for (int j = 0; j < lanes; ++j) out.sum += sum[j], out.count += count[j];
   return out;
@@ -74,6 +74,10 @@ void hide(const ObjectDisc* discs, std::size_t count, int u0, int v0, int column
     const double slack = 0.5 * std::hypot(columns - 1, rows - 1);
     const auto reach = static_cast<float>(discs[k].radius_px + slack);
     const auto cu = static_cast<float>(discs[k].px.x()), cv = static_cast<float>(discs[k].px.y());
+    const auto u_end = static_cast<float>(u0 + columns * across), v_end = static_cast<float>(v0 + rows * down);
+    if (cu + reach < static_cast<float>(u0) || cu - reach > u_end || cv + reach < static_cast<float>(v0) ||
+        cv - reach > v_end)
+      continue;
     for (int j = 0; j < down; ++j) {
       const float dv = static_cast<float>(v0 + j * rows) + 0.5f * static_cast<float>(rows - 1) - cv;
       if (std::abs(dv) > reach) continue;
@@ -224,31 +228,95 @@ void Background::look(const Picture& picture, int index, const ObjectDisc* hidde
   for (std::size_t i = 0; i < samples; ++i) tile.chroma_looks[i] = std::min(tile.chroma_looks[i], looks_of_red[i]);
 }
 
-// Each has so many columns and rows of pixels. take: which it is, its tile or nullptr, and where it is in that.
-template <typename Take>
-void Background::in_tiles(const Places& at, int columns, int rows, Take&& take) const {
-  static_assert(tile_px == 16);
-  const auto across = static_cast<unsigned>(columns == 2 ? 3 : 4), down = static_cast<unsigned>(rows == 2 ? 3 : 4);
-  for (int i = 0; i < at.n; ++i) {
-    const auto u = static_cast<unsigned>(at.u[i]), v = static_cast<unsigned>(at.v[i]);
-    const unsigned in_u = u & ((1u << across) - 1), in_v = v & ((1u << down) - 1);
-    const Tile* tile = tile_at(static_cast<int>(v >> down) * across_ + static_cast<int>(u >> across));
-    take(i, tile, static_cast<std::size_t>((in_v << across) + in_u));
+namespace {
+
+// As they are kept, of some places.
+constexpr int at_once = 64;
+struct Kept {
+  alignas(64) std::int16_t light[at_once], blue[at_once], red[at_once];
+  alignas(64) std::uint8_t light_looks[at_once], chroma_looks[at_once];
+};
+HUETRACK_CLONES void to_values(const Kept& kept, int n, float light_unit, const Background::Values& out) {
+  float* __restrict light = out.light, * __restrict blue = out.blue, * __restrict red = out.red;
+  float* __restrict light_looks = out.light_looks, * __restrict chroma_looks = out.chroma_looks;
+  for (int i = 0; i < n; ++i) {
+    light[i] = static_cast<float>(kept.light[i]) * light_unit;
+    blue[i] = static_cast<float>(kept.blue[i]) * (1 / unit);
+    red[i] = static_cast<float>(kept.red[i]) * (1 / unit);
+    light_looks[i] = static_cast<float>(kept.light_looks[i]);
+    chroma_looks[i] = static_cast<float>(kept.chroma_looks[i]);
   }
 }
 
+// take: of n places from here on.
+template <typename Take>
+void some_at_once(const Places& at, float light_unit, const Background::Values& out, Take&& take) {
+  Kept kept;
+  for (int from = 0; from < at.n; from += at_once) {
+    const int n = std::min(at_once, at.n - from);
+    take(from, n, kept);
+    to_values(kept, n, light_unit,
+              {out.light + from, out.blue + from, out.red + from, out.light_looks + from, out.chroma_looks + from});
+  }
+}
+
+// Of 16 pixels 8 or 16 samples: the power of two.
+unsigned power_of(int shared) {
+  return shared == 2 ? 3 : 4;
+}
+
+}  // namespace
+
 void Background::light(const Places& at, float* light, float* looks) const {
-  in_tiles(at, 1, 1, [&](int i, const Tile* tile, std::size_t k) {
-    light[i] = tile == nullptr ? 0.f : static_cast<float>(tile->light[k]) * (1 / unit);
-    looks[i] = tile == nullptr ? 0.f : static_cast<float>(tile->light_looks[k]);
+  for (int i = 0; i < at.n; ++i) {
+    const auto u = static_cast<unsigned>(at.u[i]), v = static_cast<unsigned>(at.v[i]);
+    const Tile& tile = known_at(u / tile_px, v / tile_px);
+    const std::size_t k = v % tile_px * tile_px + u % tile_px;
+    light[i] = static_cast<float>(tile.light[k]) * (1 / unit);
+    looks[i] = static_cast<float>(tile.light_looks[k]);
+  }
+}
+
+void Background::at_pixels(const Picture& picture, const Places& at, const Values& out) const {
+  const bool has_learnt_such = picture.columns == columns_ && picture.rows == rows_;
+  const unsigned across = power_of(picture.columns), columns = 4 - across, rows = 4 - power_of(picture.rows);
+  some_at_once(at, 1 / unit, out, [&](int from, int n, Kept& kept) {
+    for (int i = 0; i < n; ++i) {
+      const auto u = static_cast<unsigned>(at.u[from + i]), v = static_cast<unsigned>(at.v[from + i]);
+      const Tile& tile = has_learnt_such ? known_at(u / tile_px, v / tile_px) : unknown_;
+      const unsigned in_u = u % tile_px, in_v = v % tile_px, k = in_v * tile_px + in_u;
+      const unsigned sample = ((in_v >> rows) << across) + (in_u >> columns);
+      kept.light[i] = tile.light[k], kept.light_looks[i] = tile.light_looks[k];
+      kept.blue[i] = tile.blue[sample], kept.red[i] = tile.red[sample];
+      kept.chroma_looks[i] = tile.chroma_looks[sample];
+    }
   });
 }
 
-void Background::chroma(const Places& at, float* blue, float* red, float* looks) const {
-  in_tiles(at, columns_, rows_, [&](int i, const Tile* tile, std::size_t k) {
-    blue[i] = tile == nullptr ? 0.f : static_cast<float>(tile->blue[k]) * (1 / unit);
-    red[i] = tile == nullptr ? 0.f : static_cast<float>(tile->red[k]) * (1 / unit);
-    looks[i] = tile == nullptr ? 0.f : static_cast<float>(tile->chroma_looks[k]);
+void Background::at_chroma(const Picture& picture, const Places& at, const Values& out) const {
+  const bool has_learnt_such = picture.columns == columns_ && picture.rows == rows_;
+  const unsigned across = power_of(picture.columns), down = power_of(picture.rows);
+  const unsigned columns = 4 - across, rows = 4 - down;
+  const unsigned parts_u = 1u << columns, parts_v = 1u << rows;
+  some_at_once(at, 1 / unit, out, [&](int from, int n, Kept& kept) {
+    for (int i = 0; i < n; ++i) {
+      const auto u = static_cast<unsigned>(at.u[from + i]), v = static_cast<unsigned>(at.v[from + i]);
+      const Tile& tile = has_learnt_such ? known_at(u >> across, v >> down) : unknown_;
+      const unsigned in_u = u & ((1u << across) - 1), in_v = v & ((1u << down) - 1);
+      const unsigned sample = (in_v << across) + in_u;
+      const unsigned first = ((in_v << rows) * tile_px) + (in_u << columns);
+      int sum = 0;
+      std::uint8_t looks = 255;
+      for (unsigned part_v = 0; part_v < parts_v; ++part_v) {
+        for (unsigned part_u = 0; part_u < parts_u; ++part_u) {
+          const unsigned k = first + part_v * tile_px + part_u;
+          sum += tile.light[k], looks = std::min(looks, tile.light_looks[k]);
+        }
+      }
+      kept.light[i] = static_cast<std::int16_t>(sum >> (columns + rows)), kept.light_looks[i] = looks;
+      kept.blue[i] = tile.blue[sample], kept.red[i] = tile.red[sample];
+      kept.chroma_looks[i] = tile.chroma_looks[sample];
+    }
   });
 }
 

@@ -34,10 +34,16 @@ class Background {
              const ObjectDisc* hidden, std::size_t hidden_count);
   void forget();
 
-  // What is behind these pixels, or samples of chroma, as read_light() and read_chroma() give what is seen. looks: how
-  // many pictures it is the mean of; 0: not known.
+  // What is behind these pixels, as read_light() gives what is seen. looks: how many pictures it is the mean of; 0: not
+  // known.
   void light(const Places& at, float* light, float* looks) const;
-  void chroma(const Places& at, float* blue, float* red, float* looks) const;
+  // All of it. Of pixels the chroma is that of the sample in which each lies; of samples of chroma the light is the
+  // mean of their pixels', and known where all of these are. picture: how chroma is shared.
+  struct Values {
+    float *light, *blue, *red, *light_looks, *chroma_looks;
+  };
+  void at_pixels(const Picture& picture, const Places& at, const Values& out) const;
+  void at_chroma(const Picture& picture, const Places& at, const Values& out) const;
   // Of a single picture, standard deviation in grey values.
   float light_noise() const { return light_.noise; }
   float chroma_noise() const { return chroma_.noise; }
@@ -46,13 +52,13 @@ class Background {
 
  private:
   static constexpr int samples = tile_px * tile_px;
-  using Values = std::array<std::int16_t, samples>;  // grey values in 1/64
+  using Means = std::array<std::int16_t, samples>;  // grey values in 1/64
   struct Tile {
     int index = -1;  // in the picture
     std::uint32_t looks = 0;
     std::uint64_t looked_at = 0;
-    Values light, blue, red;
-    std::array<std::uint8_t, samples> light_looks, chroma_looks;
+    Means light{}, blue{}, red{};
+    std::array<std::uint8_t, samples> light_looks{}, chroma_looks{};
   };
   struct Noise {
     float noise;
@@ -69,13 +75,16 @@ class Background {
   }
   Tile& tile_for(int index);
   void look(const Picture& picture, int index, const ObjectDisc* hidden, std::size_t hidden_count);
-  template <typename Take>
-  void in_tiles(const Places& at, int columns, int rows, Take&& take) const;
+  const Tile& known_at(unsigned tile_u, unsigned tile_v) const {
+    const Tile* tile = tile_at(static_cast<int>(tile_v) * across_ + static_cast<int>(tile_u));
+    return tile == nullptr ? unknown_ : *tile;
+  }
 
   int width_, height_, across_, down_;
   int columns_ = 0, rows_ = 0;       // that share chroma
   std::vector<std::int16_t> slots_;  // per tile of the picture, -1: none
   std::vector<Tile> tiles_;
+  Tile unknown_;  // of no looks
   std::vector<Chosen> chosen_;
   std::uint64_t pictures_ = 0;
   int next_ = 0, unknown_tiles_ = 0;

@@ -13,10 +13,13 @@
 #include <Eigen/Core>
 #include <cstdint>
 #include <optional>
-#include <vector>
 
 #include "outline/background.h"
+#include "outline/edge_model.h"
+#include "outline/edge_samples.h"
+#include "outline/normal_equations.h"
 #include "outline/picture.h"
+#include "outline/strange_pixels.h"
 
 namespace huetrack::outline {
 
@@ -74,8 +77,6 @@ struct Fit {
 // Work space for fits, one after the other. thread-compatible.
 class OutlineFit {
  public:
-  OutlineFit();
-
   // start: where the outline is expected, to about half its radius. The look is read; learn_look() gives what it is
   // after the fit.
   Fit fit(const Picture& picture, const Background& behind, const Ellipse& start, const Movement& movement,
@@ -83,97 +84,42 @@ class OutlineFit {
   void learn(Look& look) const;  // after a fit that fits
 
  private:
-  enum : int {
-    cu_,
-    cv_,
-    size_,
-    blur_light_,
-    blur_chroma_,
-    shading_,
-    paleness_ = shading_ + 9,
-    lit_ = paleness_ + 3,
-    exposure_ = lit_ + 2,
-    unknowns,
-    right_ = unknowns,
-    columns
-  };
-  static_assert(columns % 3 == 0);  // assemble() takes them by threes
-  static constexpr int largest_box = 128;
-  static constexpr int most_rows = 2048;  // of pixels, or of samples of chroma
-  static constexpr int chunk = 64;
-  struct GreyValues {
-    alignas(64) float light[most_rows], blue[most_rows], red[most_rows];
-  };
-  // Pixels, or samples of chroma: in columns, so that many of them are done at once.
-  struct Rows {
-    int n = 0;
-    alignas(64) float u[most_rows], v[most_rows];  // from the start's centre, pixels
-    alignas(64) float x[most_rows], y[most_rows];  // the same in the disc of the start
-    int at_u[most_rows], at_v[most_rows];          // in the picture, or in its chroma
-    GreyValues seen, behind;                       // what is behind it, or what that is guessed to be
-    alignas(64) float measured[most_rows];         // of what is seen
-    alignas(64) float red[most_rows], green[most_rows], blue[most_rows];  // linear light, behind
-    alignas(64) float offset[most_rows];  // of what is behind from what the camera's curve makes of that
-    alignas(64) float unsure[most_rows];  // its variance, in variances of a picture
-    alignas(64) float trust[most_rows];   // 0..1
-    alignas(64) float hidden[most_rows];  // 1: were it within the outline, it would show what is behind
-    alignas(64) float covered[most_rows],
-        off[most_rows];  // when assembled last: the share; the residual's square in variances, with its sign
-  };
-  enum class Strange : std::uint8_t { is_else, hides, shines };
-  struct Mark {
-    int u, v;  // in the box
-    Strange as;
-  };
-  struct Kind;
-  struct Chunk;
-  struct Assembly;
-  struct Solver;
-  using Unknowns = Eigen::Matrix<double, unknowns, 1>;
-  using Normal = Eigen::Matrix<double, unknowns, unknowns>;
-
   void lay_out(const Ellipse& start, const Movement& movement, const Look& look);
-  bool find_box(const Picture& picture);
-  void select(Rows& rows, int shared, int lines);
-  void read(const Picture& picture, const Background& behind);
+  bool find_grid(const Picture& picture);
   bool know_object(const Look& look);
-  void make_rows();
+  void make_samples();
   void begin(const Look& look, const FitOptions& options);
-  bool judge_pixels();
-  bool find_glints();
-  void find_strange();
-  bool distrust_marked();
-  void mark(int u, int v, Strange as);
+  EdgeModel model_of_light() const;
+  EdgeModel model_of_chroma(const EdgeModel& of_light) const;
   void assemble();
-  static void assemble_rows(const Kind& kind, Rows& rows, Assembly& out);
-  Kind kind_of_light() const;
-  Kind kind_of_chroma() const;
-  Unknowns next_step(Solver& solver);
+  void renew();
+  void take_sums();
+  bool are_weights_others() const;
+  Unknowns next_step() const;
   bool is_lost() const;
-  bool is_settled(const Unknowns& step) const;
-  void find_covariance(const Solver& solver);
+  double product_of(const Unknowns& step, const Unknowns& other) const;
+  bool is_far(const Unknowns& step) const;
   std::optional<Known> told_by_itself(int unknown) const;
   void tell(Fit& out) const;
 
   Ellipse start_;
   Movement movement_;
-  Eigen::Matrix2d disc_from_px_ = Eigen::Matrix2d::Identity();  // of size 1, as the rows see it
-  double radius_px_ = 0, reach_px_ = 0;
-  int u0_ = 0, v0_ = 0, width_ = 0, height_ = 0;        // the box, in pixels
-  int columns_ = 1, rows_ = 1, across_ = 0, down_ = 0;  // chroma in it
-  bool has_chroma_ = true, had_glints_ = false, is_judged_ = false;
-  float sigma_light_ = 2, sigma_chroma_ = 2;
+  EdgeBand band_;  // of size 1, as the rows see it
+  PixelGrid grid_;
+  PictureNoise noise_;
+  bool has_chroma_ = true;
   Eigen::Vector3f object_ = Eigen::Vector3f::Zero();       // linear R G B
   Eigen::Vector3f object_seen_ = Eigen::Vector3f::Zero();  // light, blue, red
   float chroma_blue_ = 1, chroma_red_ = 0;                 // the direction in which chroma tells most
-  Unknowns x_, expected_, information_, gradient_;
-  Normal normal_, covariance_;
   float contrast_ = 0;
+  Unknowns x_, expected_, information_, gradient_;
+  Normal normal_;
+  NormalEquations equations_;
   double misfit_ = 0, visible_ = 0;
-  Rows light_, chroma_;
-  GreyValues shown_behind_;  // what the camera's curve makes of what is behind; by make_rows()
-  std::vector<Mark> marks_;
-  std::vector<std::uint8_t> near_marks_;  // of the box, row by row
+  double assembled_weight_ = 0;  // EdgeSums::edge_weight, when it was assembled
+  EdgeSamples light_, chroma_;
+  EdgeSums sums_;
+  StrangePixels strange_pixels_;
 };
 
 }  // namespace huetrack::outline

@@ -20,13 +20,29 @@ float luma(const std::uint8_t* bgr) {
   return y_blue * bgr[0] + y_green * bgr[1] + y_red * bgr[2];
 }
 
+// Eight at once, as far as there are so many.
+template <int step>
+void read(const std::uint8_t* __restrict from, int n, Scale scale, float* __restrict out) {
+  int i = 0;
+  for (; i + 8 <= n; i += 8) {
+    float eight[8];
+    for (int k = 0; k < 8; ++k) eight[k] = static_cast<float>(from[(i + k) * step]);
+    for (int k = 0; k < 8; ++k) out[i + k] = (eight[k] - scale.zero) * scale.by;
+  }
+  for (; i < n; ++i) out[i] = (static_cast<float>(from[i * step]) - scale.zero) * scale.by;
+}
+
 void read(const Samples& samples, int u, int v, int n, Scale scale, float* out) {
   const std::uint8_t* from = samples.at(u, v);
-  const std::ptrdiff_t step = samples.step;
-  if (step == 1) {
-    for (int i = 0; i < n; ++i) out[i] = (static_cast<float>(from[i]) - scale.zero) * scale.by;
-  } else {
-    for (int i = 0; i < n; ++i) out[i] = (static_cast<float>(from[i * step]) - scale.zero) * scale.by;
+  switch (samples.step) {
+    case 1:
+      return read<1>(from, n, scale, out);
+    case 2:
+      return read<2>(from, n, scale, out);
+    case 4:
+      return read<4>(from, n, scale, out);
+    default:
+      for (int i = 0; i < n; ++i) out[i] = (static_cast<float>(from[i * samples.step]) - scale.zero) * scale.by;
   }
 }
 

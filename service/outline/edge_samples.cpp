@@ -1,0 +1,319 @@
+#include "outline/edge_samples.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+
+#include "outline/camera_curve.h"
+#include "particle_filter/vector_clones.h"
+
+namespace huetrack::outline {
+namespace {
+
+// Samples around the edge, evenly chosen. A ball's model is off by a share of its radius, samples by what they are: the
+// larger it is, the fewer are enough, down to what tells what hides it.
+constexpr double most_of_edge = 320, least_of_edge = 128, small_radius_px = 16;
+// So far beyond as the edge is soft what is behind is seen alone, of which fewer are enough.
+constexpr float beyond_soft_px = 1.2f;
+constexpr int every_beyond = 3;
+constexpr float unknown_behind = 400;  // the variance of a background that is not known, in those of a pixel
+constexpr double least_guessed = 4;    // one that is guessed from what is around
+constexpr int block = EdgeSamples::block;
+using Block = EdgeSamples::Block;
+
+// How samples of light, or of chroma, lie in the box around the object.
+struct Rim {
+  int u0, v0, across, down;
+  double u_centre, v_centre;
+  Eigen::Vector2i beyond(int u, int v) const {
+    const double right = across - 1, bottom = down - 1, du = u - u0 - u_centre, dv = v - v0 - v_centre;
+    const double to_side = du > 0 ? (right - u_centre) / du : du < 0 ? -u_centre / du : 1e9;
+    const double to_end = dv > 0 ? (bottom - v_centre) / dv : dv < 0 ? -v_centre / dv : 1e9;
+    const double far = std::max(1.0, std::min(to_side, to_end));
+    const auto on = [](double x, double most) { return static_cast<int>(std::lround(std::clamp(x, 0.0, most))); };
+    return {u0 + on(u_centre + far * du, right), v0 + on(v_centre + far * dv, bottom)};
+  }
+  // Variance along the rim, in those of a single picture; half of it is what a neighbour does not tell.
+  template <typename Value>
+  float variance(float sigma, Value&& value) const {
+    const int some = 1 + (across + down) / 64;
+    double sum = 0, squares = 0, n = 0;
+    for (int v = 0; v < down; v += v + some < down ? some : std::max(1, down - 1 - v)) {
+      for (int u = 0; u < across; u += v == 0 || v == down - 1 ? some : std::max(1, across - 1)) {
+        const double x = static_cast<double>(value(u0 + u, v0 + v));
+        sum += x, squares += x * x, ++n;
+      }
+    }
+    const double all = squares / n - sum * sum / (n * n);
+    return static_cast<float>(
+        std::clamp(0.5 * all / static_cast<double>(sigma * sigma), least_guessed, static_cast<double>(unknown_behind)));
+  }
+};
+
+// Where the samples of a block lie, from the start's centre.
+HUETRACK_CLONES void place(int n, const std::int32_t* __restrict at_u, const std::int32_t* __restrict at_v,
+                           float columns, float rows, float u_off, float v_off, float* __restrict u,
+                           float* __restrict v) {
+  for (int k = 0; k < n; ++k) {
+    u[k] = static_cast<float>(at_u[k]) * columns + u_off;
+    v[k] = static_cast<float>(at_v[k]) * rows + v_off;
+  }
+}
+
+HUETRACK_CLONES void make_linear_block(int n, float blue_part, float red_part, float light_part, Block& of) {
+  const EdgeSamples::GreyValues &behind = of.behind, &seen = of.seen;
+  for (int k = 0; k < n; ++k) {
+    const LinearLight lit = linear_light(behind.light[k], behind.blue[k], behind.red[k]);
+    of.red[k] = lit.red, of.green[k] = lit.green, of.blue[k] = lit.blue;
+    const LightChroma shown = ycc(white * grey_of(lit.red), white * grey_of(lit.green), white * grey_of(lit.blue));
+    of.measured[k] = light_part * seen.light[k] + blue_part * seen.blue[k] + red_part * seen.red[k];
+    of.offset[k] = light_part * (behind.light[k] - shown.light) + blue_part * (behind.blue[k] - shown.blue) +
+                   red_part * (behind.red[k] - shown.red);
+  }
+}
+
+HUETRACK_CLONES void find_hidden_block(int n, const float* object, float per_light, float per_chroma, Block& of) {
+  constexpr float telling_sigmas2 = 64, nearer2 = 0.5f, darker = 0.25f, brighter = 1.6f;
+  const float o0 = object[0] * per_light, o1 = object[1] * per_chroma, o2 = object[2] * per_chroma;
+  const float per_object2 = 1 / (o0 * o0 + o1 * o1 + o2 * o2);
+  const auto from_object2 = [&](float c0, float c1, float c2) __attribute__((always_inline)) {
+    float as = (c0 * o0 + c1 * o1 + c2 * o2) * per_object2;
+    as = as < darker ? darker : as > brighter ? brighter : as;
+    const float d0 = c0 - as * o0, d1 = c1 - as * o1, d2 = c2 - as * o2;
+    return d0 * d0 + d1 * d1 + d2 * d2;
+  };
+  const EdgeSamples::GreyValues &behind = of.behind, &seen = of.seen;
+  for (int k = 0; k < n; ++k) {
+    const float b0 = behind.light[k] * per_light, b1 = behind.blue[k] * per_chroma, b2 = behind.red[k] * per_chroma;
+    const float s0 = seen.light[k] * per_light, s1 = seen.blue[k] * per_chroma, s2 = seen.red[k] * per_chroma;
+    const float d0 = s0 - b0, d1 = s1 - b1, d2 = s2 - b2;
+    const float telling = from_object2(b0, b1, b2) >= telling_sigmas2 ? 1.f : 0.f;
+    const float nearer = d0 * d0 + d1 * d1 + d2 * d2 <= nearer2 * from_object2(s0, s1, s2) ? 1.f : 0.f;
+    of.hidden[k] = telling * nearer;
+  }
+}
+
+}  // namespace
+
+void select_samples(const EdgeBand& band, const PixelGrid& grid, int columns, int rows, EdgeSamples& out) {
+  out.n = 0;
+  const auto radius = static_cast<float>(band.radius_px), reach = static_cast<float>(band.reach_px);
+  const auto squared = [](float x) { return x > 0 ? x * x : 0; };
+  // Squared radii: as far as samples count, as far as the edge is soft, and where only the ball is seen.
+  const float outer = squared(1 + reach / radius), soft = squared(1 + (reach - beyond_soft_px) / radius),
+              inner = squared(1 - reach / radius);
+  const int every = band.radius_px > 16 ? 11 : band.radius_px > 8 ? 5 : 1;
+  const Eigen::Matrix2f m = band.disc_from_px.cast<float>();
+  const float m00 = m(0, 0), m01 = m(0, 1), m10 = m(1, 0), m11 = m(1, 1);
+  const float all = std::numbers::pi_v<float> * radius * radius *
+                    (soft - inner + (outer - soft) / static_cast<float>(every_beyond)) /
+                    static_cast<float>(columns * rows);
+  const double enough = std::clamp(most_of_edge * small_radius_px / band.radius_px, least_of_edge, most_of_edge);
+  const int some = std::max(1, static_cast<int>(std::ceil(static_cast<double>(all) / enough)));
+  const int across = grid.width / columns, down = grid.height / rows;
+  const int u_first = grid.u0 / columns, v_first = grid.v0 / rows;
+  const auto u_off = static_cast<float>(0.5 * (columns - 1) - band.centre.x());
+  const auto v_off = static_cast<float>(0.5 * (rows - 1) - band.centre.y());
+  const float a = m00 * m00 + m10 * m10, b = m00 * m01 + m10 * m11, c = m01 * m01 + m11 * m11;
+  const float per_a = 1 / a, first_u = static_cast<float>(grid.u0) + u_off,
+              per_column = 1 / static_cast<float>(columns);
+  int wait = 0;  // for the next one that is taken
+  for (int j = 0; j < down; ++j) {
+    const float v = static_cast<float>(grid.v0 + j * rows) + v_off;
+    const auto take = [&](int i) {
+      if (out.n == EdgeSamples::most) return;
+      Block& to = out.blocks[static_cast<unsigned>(out.n) / block];
+      const auto k = static_cast<unsigned>(out.n++) % block;
+      to.at_u[k] = u_first + i, to.at_v[k] = v_first + j;
+    };
+    const auto take_some = [&](int from, int to) {
+      if (from >= to) return;
+      int i = from + wait;
+      for (; i < to; i += some) take(i);
+      wait = i - to;
+    };
+    // Every so many-th, staggered from row to row; and some of these.
+    const auto take_staggered = [&](int from, int to, int step, int stagger) {
+      for (int i = from + (step - (from + stagger * j) % step) % step; i < to; i += step) {
+        if (wait > 0) {
+          --wait;
+        } else {
+          take(i);
+          wait = some - 1;
+        }
+      }
+    };
+    // Where this row of samples is within so many squared radii, from the first to beyond the last.
+    const auto within = [&](float rho2) {
+      const float left = b * b * v * v - a * (c * v * v - rho2);
+      if (!(left > 0)) return std::array{0, 0};
+      const float half = std::sqrt(left) * per_a, middle = -b * v * per_a;
+      const auto at = [&](float u) {
+        const float at_column = std::clamp((u - first_u) * per_column, 0.f, static_cast<float>(across));
+        const int below = static_cast<int>(at_column);
+        return below + (static_cast<float>(below) < at_column ? 1 : 0);
+      };
+      return std::array{at(middle - half), at(middle + half)};
+    };
+    const auto [from, to] = within(outer);
+    auto [soft_from, soft_to] = within(soft);
+    if (soft_from == soft_to) soft_from = soft_to = to;
+    auto [inner_from, inner_to] = every > 1 ? within(inner) : std::array{soft_to, soft_to};
+    if (inner_from == inner_to) inner_from = inner_to = soft_to;
+    take_staggered(from, soft_from, every_beyond, 1);
+    take_some(soft_from, inner_from);
+    take_staggered(inner_from, inner_to, every, 3);
+    take_some(inner_to, soft_to);
+    take_staggered(soft_to, to, every_beyond, 1);
+  }
+  // What fills the last block up lies far outside, where nothing is covered.
+  const auto far = static_cast<float>(1e3 * (band.radius_px + band.reach_px));
+  for (int n = 0; n < out.block_count(); ++n) {
+    Block& of = out.blocks[n];
+    const int count = out.count_in(n), filled = out.filled_in(n);
+    for (int k = count; k < filled; ++k) of.at_u[k] = of.at_v[k] = 0;
+    place(filled, of.at_u, of.at_v, static_cast<float>(columns), static_cast<float>(rows), u_off, v_off, of.u, of.v);
+    std::fill_n(of.trust, count, 1.f), std::fill_n(of.hidden, filled, 0.f);
+    for (int k = count; k < filled; ++k) of.u[k] = of.v[k] = far, of.trust[k] = 0;
+  }
+}
+
+namespace {
+
+// What is not known of what is behind a block's samples is guessed from the rim of the grid.
+class Guess {
+ public:
+  Guess(const Picture& picture, const EdgeBand& band, const PixelGrid& grid, const PictureNoise& noise)
+      : picture_(picture),
+        noise_(noise),
+        pixels_{grid.u0, grid.v0, grid.width, grid.height, band.centre.x() - grid.u0, band.centre.y() - grid.v0},
+        samples_{grid.u0 / grid.columns,          grid.v0 / grid.rows,
+                 grid.width / grid.columns,       grid.height / grid.rows,
+                 pixels_.u_centre / grid.columns, pixels_.v_centre / grid.rows} {}
+
+  float light(int u, int v) {
+    const Eigen::Vector2i rim = pixels_.beyond(u, v);
+    return light_at(rim.x(), rim.y());
+  }
+  void chroma(int u, int v, float& blue, float& red) {
+    const Eigen::Vector2i rim = samples_.beyond(u, v);
+    read_chroma(picture_, rim.x(), rim.y(), 1, &blue, &red);
+  }
+  float unsure_light() {
+    if (unsure_light_ == 0)
+      unsure_light_ = pixels_.variance(noise_.light, [&](int u, int v) { return light_at(u, v); });
+    return unsure_light_;
+  }
+  float unsure_chroma() {
+    if (unsure_chroma_ > 0) return unsure_chroma_;
+    for (const int part : {0, 1}) {
+      const float variance = samples_.variance(noise_.chroma, [&](int u, int v) {
+        float of[2];
+        read_chroma(picture_, u, v, 1, &of[0], &of[1]);
+        return of[part];
+      });
+      unsure_chroma_ = std::max(unsure_chroma_, variance);
+    }
+    return unsure_chroma_;
+  }
+
+ private:
+  float light_at(int u, int v) const {
+    float light = 0;
+    read_light(picture_, u, v, 1, &light);
+    return light;
+  }
+  const Picture& picture_;
+  PictureNoise noise_;
+  Rim pixels_, samples_;
+  float unsure_light_ = 0, unsure_chroma_ = 0;  // 0: not asked yet
+};
+
+bool are_all_known(const float* looks, int n) {
+  int unknown = 0;
+  for (int k = 0; k < n; ++k) unknown += looks[k] > 0 ? 0 : 1;
+  return unknown == 0;
+}
+
+void fill_up(EdgeSamples::GreyValues& values, int from, int to) {
+  for (int k = from; k < to; ++k) values.light[k] = values.blue[k] = values.red[k] = 0;
+}
+
+void set_unsure(Block& of, int n, const float* looks, float guessed) {
+  for (int k = 0; k < n; ++k) of.unsure[k] = looks[k] > 0 ? 1 / looks[k] : guessed;
+}
+
+}  // namespace
+
+void read_samples(const Picture& picture, const Background& behind, const EdgeBand& band, const PixelGrid& grid,
+                  const PictureNoise& noise, EdgeSamples& light, EdgeSamples& chroma) {
+  Guess guess(picture, band, grid, noise);
+  alignas(64) std::int32_t us[block], vs[block];
+  alignas(64) float light_looks[block], chroma_looks[block];
+  // Of a pixel the chroma is that of the sample in which it lies.
+  const int columns = grid.columns - 1, rows = grid.rows - 1;  // one or two of them: no binary place, or one
+  for (int b = 0; b < light.block_count(); ++b) {
+    Block& of = light.blocks[b];
+    const int n = light.count_in(b), filled = light.filled_in(b);
+    for (int k = 0; k < n; ++k) us[k] = of.at_u[k] >> columns, vs[k] = of.at_v[k] >> rows;
+    read_light(picture, {of.at_u, of.at_v, n}, of.seen.light);
+    read_chroma(picture, {us, vs, n}, of.seen.blue, of.seen.red);
+    behind.at_pixels(picture, {of.at_u, of.at_v, n},
+                     {of.behind.light, of.behind.blue, of.behind.red, light_looks, chroma_looks});
+    if (!are_all_known(chroma_looks, n)) {
+      for (int k = 0; k < n; ++k)
+        if (chroma_looks[k] == 0) guess.chroma(us[k], vs[k], of.behind.blue[k], of.behind.red[k]);
+    }
+    const bool is_known = are_all_known(light_looks, n);
+    if (!is_known) {
+      for (int k = 0; k < n; ++k)
+        if (light_looks[k] == 0) of.behind.light[k] = guess.light(of.at_u[k], of.at_v[k]);
+    }
+    fill_up(of.seen, n, filled), fill_up(of.behind, n, filled), std::fill(light_looks + n, light_looks + filled, 1.f);
+    set_unsure(of, filled, light_looks, is_known ? 0 : guess.unsure_light());
+  }
+  // Of a sample of chroma the light is the mean of its pixels'.
+  for (int b = 0; b < chroma.block_count(); ++b) {
+    Block& of = chroma.blocks[b];
+    const int n = chroma.count_in(b), filled = chroma.filled_in(b);
+    read_chroma(picture, {of.at_u, of.at_v, n}, of.seen.blue, of.seen.red);
+    std::fill_n(of.seen.light, n, 0.f);
+    behind.at_chroma(picture, {of.at_u, of.at_v, n},
+                     {of.behind.light, of.behind.blue, of.behind.red, light_looks, chroma_looks});
+    if (!are_all_known(light_looks, n)) {
+      for (int k = 0; k < n; ++k) {
+        if (light_looks[k] > 0) continue;
+        float sum = 0;
+        for (int part = 0; part < grid.columns * grid.rows; ++part) {
+          const int u = of.at_u[k] * grid.columns + part % grid.columns,
+                    v = of.at_v[k] * grid.rows + part / grid.columns;
+          float one = 0, looks = 0;
+          behind.light({&u, &v, 1}, &one, &looks);
+          sum += looks > 0 ? one : guess.light(u, v);
+        }
+        of.behind.light[k] = sum / static_cast<float>(grid.columns * grid.rows);
+      }
+    }
+    const bool is_known = are_all_known(chroma_looks, n);
+    if (!is_known) {
+      for (int k = 0; k < n; ++k)
+        if (chroma_looks[k] == 0) guess.chroma(of.at_u[k], of.at_v[k], of.behind.blue[k], of.behind.red[k]);
+    }
+    fill_up(of.seen, n, filled), fill_up(of.behind, n, filled), std::fill(chroma_looks + n, chroma_looks + filled, 1.f);
+    set_unsure(of, filled, chroma_looks, is_known ? 0 : guess.unsure_chroma());
+  }
+}
+
+void make_linear(EdgeSamples& samples, float blue_part, float red_part) {
+  const float light_part = blue_part == 0 && red_part == 0 ? 1.f : 0.f;
+  for (int b = 0; b < samples.block_count(); ++b)
+    make_linear_block(samples.filled_in(b), blue_part, red_part, light_part, samples.blocks[b]);
+}
+
+void find_hidden(EdgeSamples& light, const float* object, const PictureNoise& noise) {
+  for (int b = 0; b < light.block_count(); ++b)
+    find_hidden_block(light.filled_in(b), object, 1 / noise.light, 1 / noise.chroma, light.blocks[b]);
+}
+
+}  // namespace huetrack::outline
