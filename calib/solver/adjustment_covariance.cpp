@@ -153,10 +153,11 @@ SetEquations set_equations(const Adjustment& a, const BoardShape& shape, const P
     j << -motion.by_place.row(i).transpose(), Eigen::Matrix2d::Identity();
     add_prior({i, own_course_at + i, own_course_at + 6 + i}, j, off.row(i).transpose(), motion.information[index(i)]);
   }
-  const MatrixXd of_stamp = MatrixXd::Constant(1, 1, 1 / (a.stamp_sigma_s * a.stamp_sigma_s));
-  for (std::size_t v = first; v < last; ++v)
+  for (std::size_t v = first; v < last; ++v) {
+    const double sigma_s = a.cameras[index(a.views[v].camera)].stamp_sigma_s;
     add_prior({own_stamps_at + static_cast<int>(v - first)}, MatrixXd::Identity(1, 1),
-              VectorXd::Constant(1, a.stamp_error_s[v]), of_stamp);
+              VectorXd::Constant(1, a.stamp_error_s[v]), MatrixXd::Constant(1, 1, 1 / (sigma_s * sigma_s)));
+  }
   return set;
 }
 

@@ -184,10 +184,15 @@ void free_times(ceres::Problem& problem, const AdjustedCamera& camera, double no
 }
 
 // What is known of how a board moves, and of its stamps.
-void add_motion(ceres::Problem& problem, const Adjustment& a, std::size_t set, int views, double* board) {
-  const int size = stamps_at + views;
+void add_motion(ceres::Problem& problem, const Adjustment& a, std::size_t set, const ParameterBlocks& blocks,
+                double* board) {
+  const int views = blocks.views_of(set), size = stamps_at + views;
   problem.AddResidualBlock(course_cost(size, a.motions[set], a.noise_px).release(), nullptr, board);
-  std::vector<double> means(index(views), 0.0), weights(index(views), a.noise_px / a.stamp_sigma_s);
+  std::vector<double> means(index(views), 0.0), weights(index(views));
+  for (std::size_t v = 0; v < a.views.size(); ++v) {
+    if (index(a.views[v].set) == set)
+      weights[index(blocks.view_in_set(v))] = a.noise_px / a.cameras[index(a.views[v].camera)].stamp_sigma_s;
+  }
   problem.AddResidualBlock(prior_cost(size, stamps_at, std::move(means), std::move(weights)).release(), nullptr, board);
 }
 
@@ -205,7 +210,7 @@ void solve(Adjustment& a, const BoardShape& shape, double robust_px, int max_ite
     const bool moves = a.moves(static_cast<int>(s));
     problem.SetManifold(blocks.board(s),
                         pose_manifold(false, moves ? stamps_at + blocks.views_of(s) - pose_block_size : 0).release());
-    if (moves) add_motion(problem, a, s, blocks.views_of(s), blocks.board(s));
+    if (moves) add_motion(problem, a, s, blocks, blocks.board(s));
     ordering->AddElementToGroup(blocks.board(s), 0);
   }
   for (std::size_t c = 0; c < a.cameras.size(); ++c) {

@@ -7,6 +7,7 @@
 
 #include "calib/model/index.h"
 #include "calib/solver/adjustment_steps.h"
+#include "calib/solver/extrinsics.h"
 
 namespace huetrack::solver {
 namespace {
@@ -21,14 +22,19 @@ constexpr int sets_each_way = 2;
 // Where two sets were says how the board moved in both of them: counted whole in each, it would count twice.
 constexpr double share_of_each = 0.5;
 
-// How a hand carries a board: rms of the second and third derivative of turning (rad) and place (m). At some 1.5 Hz,
-// where hands are slower still, a derivative is ten times the one before it.
+// How a hand carries a board, before anything is known of it: rms of the second and third derivative of turning (rad)
+// and place (m). At some 1.5 Hz, where hands are slower still, a derivative is ten times the one before it.
 constexpr std::array<double, 2> usual_change{15, 3}, usual_jerk{150, 30};
+// What is learnt of it, of the usual: slower boards are as good as at rest, and faster ones nobody carries.
+constexpr double least_carrying = 0.01, most_carrying = 2;
 
 // What goes further between two sets was not carried: the pictures are of different places, one after the other.
 constexpr std::array<double, 2> fastest{10, 3};  // rad/s, m/s
 
-constexpr double least_stamp_sigma_s = 5e-5, most_stamp_sigma_s = 0.02, first_stamp_sigma_s = 0.003;
+// A camera that makes five pictures a second, of which a program takes the newest, has stamps that are off by up to a
+// fifth of a second, evenly distributed: 60 ms. Begun with is the border between such stamps and drivers' own: where
+// they are better that is soon learnt, but stamps that are believed at first bend the boards' courses.
+constexpr double least_stamp_sigma_s = 5e-5, most_stamp_sigma_s = 0.06, first_stamp_sigma_s = worst_stamps_of_camera_s;
 
 // The views of one set, as [first, last).
 struct ViewsOfSet {
@@ -75,28 +81,31 @@ void move_moment(Adjustment& a, int set, double at_s) {
   motion.at_s = at_s;
 }
 
-// What the stamps' errors tell of how large they usually are (MacKay's rule: only as far as the views determine them).
-class StampErrors {
+// What some numbers that were found tell of how large they usually are (MacKay's rule: only as far as the views
+// determine them).
+class UsualSize {
  public:
-  void add(const Adjustment& a, const PlacedSet& set, const MatrixXd& covariance) {
-    for (std::size_t v = set.views.first; v < set.views.last; ++v) {
-      const auto at = own_stamps_at + static_cast<Eigen::Index>(v - set.views.first);
-      determined_ += std::max(0.0, 1 - covariance(at, at) / (a.stamp_sigma_s * a.stamp_sigma_s));
-      squares_ += a.stamp_error_s[v] * a.stamp_error_s[v];
-    }
+  void add(double value, double variance, double usual) {
+    determined_ += std::max(0.0, 1 - variance / (usual * usual));
+    squares_ += value * value;
   }
-  double sigma_s(double otherwise_s) const {
-    constexpr double least = 4;  // errors that are as good as measured
-    if (determined_ < least) return otherwise_s;
-    return std::clamp(std::sqrt(squares_ / determined_), least_stamp_sigma_s, most_stamp_sigma_s);
+  double sigma(double otherwise, double least, double most) const {
+    constexpr double enough = 4;  // numbers that are as good as measured
+    if (determined_ < enough) return otherwise;
+    return std::clamp(std::sqrt(squares_ / determined_), least, most);
   }
 
  private:
   double determined_ = 0, squares_ = 0;
 };
 
+// What the sets tell of how the board is carried: of turning, and of place.
+struct CarryingTold {
+  std::array<UsualSize, 2> change, jerk;
+};
+
 // By least squares: the cubics through where the board was, seen from where it is in this set.
-void find_motion(Adjustment& a, const std::vector<PlacedSet>& sets, std::size_t s) {
+void find_motion(Adjustment& a, const std::vector<PlacedSet>& sets, std::size_t s, CarryingTold& told) {
   BoardMotion& motion = a.motions[index(sets[s].set)];
   const calib::Rigid3d board_from_world = calib::inverse(a.world_from_board[index(sets[s].set)]);
   std::vector<std::size_t> around;
@@ -125,7 +134,8 @@ void find_motion(Adjustment& a, const std::vector<PlacedSet>& sets, std::size_t 
     // Unknown: rate, change, jerk; with what is known of the latter two.
     Eigen::Matrix3d h = Eigen::Matrix3d::Zero();
     Eigen::Vector3d g = Eigen::Vector3d::Zero(), g_of_place = Eigen::Vector3d::Zero();
-    const double change = usual_change[i < 3 ? 0 : 1], jerk = usual_jerk[i < 3 ? 0 : 1];
+    const std::size_t kind = i < 3 ? 0 : 1;
+    const double change = a.carrying.change[kind], jerk = a.carrying.jerk[kind];
     h.diagonal() << 0, 1 / (change * change), 1 / (jerk * jerk);
     for (std::size_t k = 0; k < around.size(); ++k) {
       const PlacedSet& other = sets[around[k]];
@@ -139,7 +149,10 @@ void find_motion(Adjustment& a, const std::vector<PlacedSet>& sets, std::size_t 
     const Eigen::Matrix3d inverse = scale.asDiagonal() *
                                     Eigen::Matrix3d(scale.asDiagonal() * h * scale.asDiagonal()).inverse() *
                                     scale.asDiagonal();
-    motion.expected.row(i) = (inverse * g).head<2>().transpose();
+    const Eigen::Vector3d derivatives = inverse * g;
+    told.change[kind].add(derivatives(1), inverse(1, 1), change);
+    told.jerk[kind].add(derivatives(2), inverse(2, 2), jerk);
+    motion.expected.row(i) = derivatives.head<2>().transpose();
     motion.by_place.row(i) = (inverse * g_of_place).head<2>().transpose();
     motion.information[index(i)] = share_of_each * Eigen::Matrix2d(inverse.topLeftCorner<2, 2>()).inverse();
   }
@@ -162,9 +175,12 @@ bool tell_motion(const std::vector<BoardView>& views) {
 
 void renew_motions(Adjustment& a, const BoardShape& shape, bool with_stamps) {
   if (a.stamp_error_s.size() != a.views.size()) a.stamp_error_s.assign(a.views.size(), 0);
-  if (!(a.stamp_sigma_s > 0)) a.stamp_sigma_s = first_stamp_sigma_s;
+  for (AdjustedCamera& camera : a.cameras) {
+    if (!(camera.stamp_sigma_s > 0)) camera.stamp_sigma_s = first_stamp_sigma_s;
+  }
+  if (!(a.carrying.change[0] > 0)) a.carrying = {usual_change, usual_jerk};
   std::vector<PlacedSet> sets;
-  StampErrors errors;
+  std::vector<UsualSize> errors(a.cameras.size());
   for (const ViewsOfSet& views : views_of_sets(a)) {
     PlacedSet set{views, a.views[views.first].set};
     // A view that is not used has no error of its stamp.
@@ -183,16 +199,35 @@ void renew_motions(Adjustment& a, const BoardShape& shape, bool with_stamps) {
     // A pose is never better than the flatness of a board.
     constexpr double least_sigma = 2e-5;
     set.variance = covariance.diagonal().head<6>().cwiseMax(least_sigma * least_sigma);
-    if (a.moves(set.set)) errors.add(a, set, covariance);
+    for (std::size_t v = views.first; v < views.last && a.moves(set.set); ++v) {
+      const auto at = own_stamps_at + static_cast<Eigen::Index>(v - views.first);
+      const std::size_t camera = index(a.views[v].camera);
+      errors[camera].add(a.stamp_error_s[v], covariance(at, at), a.cameras[camera].stamp_sigma_s);
+    }
     double sum = 0;
     for (const double middle : middles) sum += middle;
     set.at_s = sum / static_cast<double>(middles.size());
     move_moment(a, set.set, set.at_s);
     sets.push_back(set);
   }
-  if (with_stamps) a.stamp_sigma_s = errors.sigma_s(a.stamp_sigma_s);
+  double squares = 0;
+  for (std::size_t c = 0; c < a.cameras.size(); ++c) {
+    double& sigma_s = a.cameras[c].stamp_sigma_s;
+    if (with_stamps) sigma_s = errors[c].sigma(sigma_s, least_stamp_sigma_s, most_stamp_sigma_s);
+    squares += sigma_s * sigma_s / static_cast<double>(a.cameras.size());
+  }
+  a.stamp_sigma_s = std::sqrt(squares);
   std::ranges::stable_sort(sets, {}, &PlacedSet::at_s);
-  for (std::size_t s = 0; s < sets.size(); ++s) find_motion(a, sets, s);
+  CarryingTold told;
+  for (std::size_t s = 0; s < sets.size(); ++s) find_motion(a, sets, s, told);
+  if (!with_stamps) return;
+  const auto learn = [](double& usual, const UsualSize& size, double beforehand) {
+    usual = size.sigma(usual, least_carrying * beforehand, most_carrying * beforehand);
+  };
+  for (std::size_t kind = 0; kind < 2; ++kind) {
+    learn(a.carrying.change[kind], told.change[kind], usual_change[kind]);
+    learn(a.carrying.jerk[kind], told.jerk[kind], usual_jerk[kind]);
+  }
 }
 
 }  // namespace huetrack::solver

@@ -61,6 +61,9 @@ struct AdjustedCamera {
   // When its rows are exposed, as in calib::CameraTiming: used, and adjusted, where a board moves. One constant that
   // all latencies have in common cannot be told, so at least one camera's is held.
   AdjustedTime latency, readout;
+  // The usual error of its stamps (standard deviation), as it is learnt where a board moves: what is left of jitter;
+  // or more, where a program noted when it took a picture that had been waiting for it. 0: not yet known.
+  double stamp_sigma_s = 0;
   calib::CameraTiming timing;  // as it was given: rig_of() keeps it where nothing better was found
 
   calib::CameraModel model() const { return camera_model(lens, parameters); }
@@ -79,6 +82,12 @@ struct BoardMotion {
   calib::Rigid3d place;
   Course expected = Course::Zero(), by_place = Course::Zero();
   std::array<Eigen::Matrix2d, 6> information{};
+};
+
+// How a board is carried, as it is learnt from where it is found to be: rms of the second and third derivative of its
+// turning (rad) and of its place (m), each axis.
+struct BoardCarrying {
+  std::array<double, 2> change{}, jerk{};  // per s^2, per s^3; 0: not yet known
 };
 
 // How far a view's corners are off whose greater part contradicts the other views: medians of the residuals' lengths.
@@ -111,9 +120,8 @@ struct Adjustment {
   // Per set. Before: empty, and boards rest while they are seen; or as many as there are sets, and where views have
   // stamps and sets follow closely upon one another each view counts at the time of its rows.
   std::vector<BoardMotion> motions;
-  // The usual error of a stamp (standard deviation), as it is learnt where boards move: what is left of jitter; or
-  // more, where a program noted when it took a picture that had been waiting for it.
-  double stamp_sigma_s = 0;
+  BoardCarrying carrying;
+  double stamp_sigma_s = 0;           // of all cameras (rms of AdjustedCamera::stamp_sigma_s)
   std::vector<double> stamp_error_s;  // beside views, what is added to the stamp; empty without motions
 
   // Results.

@@ -15,7 +15,8 @@ struct MovingOptions {
   double speed_m_s = 0.3, turning_deg_s = 60;  // rms
   std::array<double, 4> latency_s{0.012, 0.045, 0.0, 0.028}, readout_s{0.030, 0.015, 0.022, -0.027};
   double stamp_jitter_s = 1e-4;
-  double age_s = 0;  // the stamps are late by up to that, evenly distributed: a program took pictures that had waited
+  // The stamps of each are late by up to that, evenly distributed: a program took pictures that had waited.
+  std::array<double, 4> age_s{};
   bool in_step = false;
   int bursts = 16, frames_of_burst = 2;
   double between_s = 0.7, frame_s = 1 / 30.0;  // of bursts, and of the frames that are looked at
@@ -87,7 +88,7 @@ MovingCapture moving_capture(const MovingOptions& options = {}) {
         const double middle_s = phase_s[c] + count * period_s[c];
         BoardView view{static_cast<int>(c), set, camera.name + " set " + std::to_string(set), {}, {}};
         view.stamp_s = middle_s + options.latency_s[c] + options.stamp_jitter_s * normal(rng) +
-                       options.age_s * (options.age_s > 0 ? uniform(rng) : 0);
+                       options.age_s[c] * (options.age_s[c] > 0 ? uniform(rng) : 0);
         for (int id = 0; id < capture.of.board.point_count(); ++id) {
           double at_s = middle_s;
           std::optional<calib::RawPixel> px;
@@ -181,8 +182,12 @@ TEST(MovingBoard, TimesAndPosesAreFoundFromAHandCarriedBoard) {
 
 // A program that takes six pictures a second of cameras that make thirty, and notes when it took them.
 TEST(MovingBoard, StampsThatTellWhenAPictureWasFetchedAreLearntToBeWrong) {
-  const MovingOptions options{
-      .speed_m_s = 0.2, .turning_deg_s = 30, .age_s = 0.033, .bursts = 1, .frames_of_burst = 36, .frame_s = 1 / 6.0};
+  const MovingOptions options{.speed_m_s = 0.2,
+                              .turning_deg_s = 30,
+                              .age_s = {0.033, 0.033, 0.033, 0.033},
+                              .bursts = 1,
+                              .frames_of_burst = 36,
+                              .frame_s = 1 / 6.0};
   const MovingCapture capture = moving_capture(options);
   const Adjustment a = found(capture);
   print("fetched", capture, options, a);
@@ -192,6 +197,34 @@ TEST(MovingBoard, StampsThatTellWhenAPictureWasFetchedAreLearntToBeWrong) {
   EXPECT_NEAR(a.stamp_sigma_s, 0.033 / std::sqrt(12.0), 0.004);
   // Their mean is the program's as much as the cameras'.
   for (const calib::Camera& camera : rig_of(a).cameras) EXPECT_EQ(camera.timing, calib::CameraTiming{});
+}
+
+// One of them makes ten pictures a second, so that the one that is taken may be a tenth of a second old.
+TEST(MovingBoard, EachCamerasStampsAreAsGoodAsTheyAre) {
+  double off = 0;
+  for (const std::uint64_t seed : {4, 5}) {
+    const MovingOptions options{.speed_m_s = 0.12,
+                                .turning_deg_s = 25,
+                                .age_s = {0.033, 0.1, 0.033, 0.033},
+                                .bursts = 1,
+                                .frames_of_burst = 48,
+                                .frame_s = 1 / 6.0,
+                                .seed = seed};
+    const MovingCapture capture = moving_capture(options);
+    const Adjustment a = found(capture);
+    print("ten a second", capture, options, a);
+    EXPECT_EQ(dropped(a), 0);
+    EXPECT_NEAR(a.noise_px, 0.1, 0.02);
+    EXPECT_LT(volume_error_m(capture, a), volume_limit_m);
+    for (std::size_t c = 0; c < 4; ++c)
+      EXPECT_NEAR(a.cameras[c].stamp_sigma_s, options.age_s[c] / std::sqrt(12.0),
+                  0.4 * options.age_s[c] / std::sqrt(12.0));
+    // A hand's real changes, not what hands may do: 25 degrees/s at some 0.5 Hz, and 0.12 m/s.
+    EXPECT_LT(a.carrying.change[0], 3);
+    EXPECT_LT(a.carrying.change[1], 0.6);
+    off += mean_square_in_sigmas(capture, a) / 2;
+  }
+  EXPECT_LT(off, 2);
 }
 
 TEST(MovingBoard, CamerasInStepStayInStep) {
