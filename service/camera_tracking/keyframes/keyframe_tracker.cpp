@@ -196,6 +196,9 @@ class KeyframeTracker final : public CameraTracker {
       seen.push_back({started.points[static_cast<std::size_t>(s.point)], s.px, s.sigma_px});
     first.prior = tracking_.motion_of(started_at, at);
     first.pose.sweep.last_row = camera_.image_size.height - 1;
+    first.readout = tracking_.readout();
+    first.readout_open_px =
+        first.readout.sigma_s * flow_px(last_.pose.cam_from_world) / std::max(1e-3, capture::seconds(at - started_at));
     const auto settled = tracking_.with_motion(*first.prior, started_at, first.pose.cam_from_world, seen, at);
     const PoseFit& fit = settled ? settled->fit : started.pose;
     if (settled) first.pose = settled->pose;
