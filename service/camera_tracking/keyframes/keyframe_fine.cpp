@@ -73,8 +73,8 @@ ProvenPose KeyframeTracking::fine(const SweptPose& start, const Pyramid& pyramid
   thin_out(seen, most_fine_points);
   Matches matches = match(seen, pyramid, map);
   if (rectangle_ && map.points.size() >= 4) out.pose = add_corners(out.pose, pyramid, map, matches);
-  if (const std::size_t n = seen.size(); !is_guess && n < most_fine_points)
-    add_seeds(out.pose, pyramid, map, most_fine_points - n, matches);
+  if (!is_guess && static_cast<std::size_t>(map.alive_count()) < most_fine_points)
+    add_seeds(out.pose, pyramid, map, most_fine_points - seen.size(), matches);
   out.evidence.sought = matches.sought;
   out.missed = matches.missed;
   if (matches.observations.size() < fewest_observations) return out;
@@ -194,7 +194,10 @@ void KeyframeTracking::add_seeds(const SweptPose& pose, const Pyramid& pyramid, 
   if (matches.observations.size() < fewest_observations) return;
   const SweptFit about = refine_swept_pose(camera_.model, matches.observations, pose, prior_, rough_iterations);
   if (about.fit.inliers < static_cast<int>(fewest_observations)) return;
-  std::vector<Visible> seen = visible_seeds(about.pose, map, pyramid.count());
+  const auto covariance = tangent_covariance(about.fit);
+  if (!covariance) return;
+  const double moved_m = std::sqrt(covariance->bottomRightCorner<3, 3>().trace() / 3);
+  std::vector<Visible> seen = visible_seeds(about.pose, moved_m, map, pyramid.count());
   thin_out(seen, most);
   for (const Visible& s : seen) {
     if (!warp(s, map, s.level)) continue;

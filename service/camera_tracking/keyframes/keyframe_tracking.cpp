@@ -135,8 +135,8 @@ std::vector<KeyframeTracking::Visible> KeyframeTracking::visible(const SweptPose
 }
 
 // Those whose place in the image is known well enough to be sought there.
-std::vector<KeyframeTracking::Visible> KeyframeTracking::visible_seeds(const SweptPose& pose, const SceneMap& map,
-                                                                       int levels) const {
+std::vector<KeyframeTracking::Visible> KeyframeTracking::visible_seeds(const SweptPose& pose, double shift_sigma_m,
+                                                                       const SceneMap& map, int levels) const {
   std::vector<Visible> out;
   for (const PointSeed& s : map.seeds) {
     const Keyframe& frame_then = map.keyframes[static_cast<std::size_t>(s.look.keyframe)];
@@ -152,9 +152,11 @@ std::vector<KeyframeTracking::Visible> KeyframeTracking::visible_seeds(const Swe
     if (!nearer) continue;
     seen.px = now->px;
     const Eigen::Vector2d per_inverse_depth = (nearer->px - now->px) / step;
-    seen.open_px = std::max(s.sigma, seed_open * s.inverse_depth) * per_inverse_depth;
+    const double open = std::max(s.sigma, seed_open * s.inverse_depth);
+    seen.open_px = open * per_inverse_depth;
     seen.reach_px = s.sigma * per_inverse_depth;
-    seen.map_sigma_px = std::abs(s.row_px_per_s) * readout().sigma_s;
+    // A shift of the camera that nobody knows yet moves it by as much as its depth leaves open.
+    seen.map_sigma_px = std::hypot(s.row_px_per_s * readout().sigma_s, open * camera_.model.fx() * shift_sigma_m);
     if (seen.reach_px.norm() > most_open_px || seen.map_sigma_px > most_open_px) continue;
     const auto patch = patch_of(pose, *now, s.look, seen.position, Eigen::Vector3d::Zero(), map);
     if (!patch) continue;

@@ -87,8 +87,9 @@ class KeyframeTracking {
   };
   std::vector<Visible> visible(const camera_tracking::SweptPose& pose, const camera_tracking::SceneMap& map,
                                int levels) const;
-  std::vector<Visible> visible_seeds(const camera_tracking::SweptPose& pose, const camera_tracking::SceneMap& map,
-                                     int levels) const;
+  // shift_sigma_m: of the pose, per axis.
+  std::vector<Visible> visible_seeds(const camera_tracking::SweptPose& pose, double shift_sigma_m,
+                                     const camera_tracking::SceneMap& map, int levels) const;
   std::optional<camera_tracking::PatchTransfer> patch_of(const camera_tracking::SweptPose& pose,
                                                          const camera_tracking::SweptPixel& now,
                                                          const camera_tracking::PointLook& look,
