@@ -20,8 +20,8 @@ constexpr std::size_t first_points = 60, most_fine_points = 220;
 // is asked of a patch that is sought one level above its own.
 constexpr float refined_gains = 0.1f, blurred_loses = 0.05f;
 // What a template's match is worth, at its own level, in pixels of that level: on the best pixel, and refined.
-// Of a seed, times that: its corner was seen but once.
-constexpr double seed_px = 1.41;
+// Of a seed, times that: its corner was seen but once. And what frames that ask seeds say of the readout.
+constexpr double seed_px = 1.41, seeds_alike = 2;
 constexpr double pixel_sigma_px = 0.4, match_sigma_px = 0.25, corner_sigma_px = 0.12;
 constexpr int first_reach_px = 4, least_reach_px = 3, most_reach_px = 8;  // of the search, pixels of the level
 constexpr double margin_px = 6;                                           // of a point to its level's border
@@ -73,8 +73,24 @@ ProvenPose KeyframeTracking::fine(const SweptPose& start, const Pyramid& pyramid
   thin_out(seen, most_fine_points);
   Matches matches = match(seen, pyramid, map);
   if (rectangle_ && map.points.size() >= 4) out.pose = add_corners(out.pose, pyramid, map, matches);
-  if (!is_guess && static_cast<std::size_t>(map.alive_count()) < most_fine_points)
-    add_seeds(out.pose, pyramid, map, most_fine_points - seen.size(), matches);
+  if (is_guess || static_cast<std::size_t>(map.alive_count()) >= most_fine_points)
+    return proof_by(matches, out.pose, map, is_guess);
+  Matches with_seeds = matches;
+  add_seeds(out.pose, pyramid, map, most_fine_points - seen.size(), with_seeds);
+  if (with_seeds.observations.size() == matches.observations.size()) return proof_by(matches, out.pose, map, is_guess);
+  ProvenPose by_seeds = proof_by(with_seeds, out.pose, map, is_guess);
+  if (by_seeds.proven) {
+    // The next frames ask the same seeds, of whose depth they think the same.
+    if (by_seeds.readout) by_seeds.readout->sigma_s *= seeds_alike;
+    return by_seeds;
+  }
+  return proof_by(matches, out.pose, map, is_guess);
+}
+
+ProvenPose KeyframeTracking::proof_by(const Matches& matches, const SweptPose& start, const SceneMap& map,
+                                      bool is_guess) {
+  ProvenPose out;
+  out.pose = start;
   out.evidence.sought = matches.sought;
   out.missed = matches.missed;
   if (matches.observations.size() < fewest_observations) return out;

@@ -130,6 +130,8 @@ class KeyframeTracking {
   // is_guess: see PoseEvidence. is_near: the start is as good as what a few points, roughly seen, would make of it.
   ProvenPose fine(const camera_tracking::SweptPose& start, const camera_tracking::Pyramid& pyramid,
                   const camera_tracking::SceneMap& map, bool is_guess, bool is_near = false);
+  ProvenPose proof_by(const Matches& matches, const camera_tracking::SweptPose& start,
+                      const camera_tracking::SceneMap& map, bool is_guess);
   camera_tracking::SweptPose first_fit(const camera_tracking::SweptPose& pose, const camera_tracking::Pyramid& pyramid,
                                        const camera_tracking::SceneMap& map);
   Matches match(const std::vector<Visible>& seen, const camera_tracking::Pyramid& pyramid,
