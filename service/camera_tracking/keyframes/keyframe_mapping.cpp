@@ -65,7 +65,7 @@ void KeyframeMapping::start(const PosedFrame& frame, std::span<const Eigen::Vect
   map_ = {};
   map_.start_covariance = start_covariance;
   map_.start_centre = calib::inverse(frame.pose.cam_from_world).translation;
-  priors_.clear(), speed_px_s_.clear();
+  priors_.clear(), speed_px_s_.clear(), is_sharp_.clear();
   by_point_.clear(), seeds_.clear(), given_sigma_m_.clear(), given_position_.clear();
   for (std::size_t i = 0; i < points.size(); ++i) {
     MapPoint p;
@@ -86,6 +86,7 @@ void KeyframeMapping::start(StoredMap stored) {
   map_ = std::move(stored.map);
   priors_.assign(map_.keyframes.size(), std::nullopt);
   speed_px_s_.assign(map_.keyframes.size(), 0);
+  is_sharp_.assign(map_.keyframes.size(), true);
   by_point_.assign(map_.points.size(), {});
   given_sigma_m_.assign(map_.points.size(), 0);
   given_position_.assign(map_.points.size(), Eigen::Vector3d::Zero());
@@ -159,6 +160,7 @@ void KeyframeMapping::add_keyframe(const PosedFrame& frame) {
   const auto index = static_cast<int>(map_.keyframes.size());
   map_.keyframes.push_back({frame.pyramid, frame.pose.cam_from_world, frame.pose.sweep});
   priors_.push_back(frame.prior);
+  is_sharp_.push_back(frame.flow_px < sharp_for_keyframe * camera_.image_size.width);
   speed_px_s_.push_back(frame.readout.sigma_s > 0 ? frame.readout_open_px / frame.readout.sigma_s : 0);
   ++counters_.keyframes;
   last_keyframe_frame_ = frame.number;

@@ -102,7 +102,7 @@ class KeyframeMapping {
 
   // ---- keyframe_seeds.cpp
   void add_seeds(int keyframe);
-  void show_seeds();  // in the map
+  void show_seeds();  // in the map: those of sharp key frames, whose own motion is known best
   void update_seeds(const PosedFrame& frame);
   bool update(Seed& seed, const PosedFrame& frame);  // false: given up
   SeedSeen seek(const Seed& seed, const PosedFrame& frame);
@@ -112,6 +112,7 @@ class KeyframeMapping {
   camera_tracking::SceneMap map_;
   std::vector<std::optional<MotionPrior>>
       priors_;                      // per key frame: with which its pose was fitted; of a stored one none
+  std::vector<bool> is_sharp_;      // per key frame; the first one is taken as it comes
   std::vector<double> speed_px_s_;  // per key frame: of its image, where nothing was known of the readout
   std::vector<std::vector<camera_tracking::PointSighting>> by_point_;  // sightings, per point, by key frame
   std::vector<Seed> seeds_;

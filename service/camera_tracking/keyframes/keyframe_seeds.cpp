@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 
 #include "camera_tracking/keyframes/keyframe_mapping.h"
 
@@ -155,7 +156,9 @@ void KeyframeMapping::add_seeds(int keyframe) {
 }
 
 void KeyframeMapping::show_seeds() {
-  map_.seeds.assign(seeds_.begin(), seeds_.end());
+  map_.seeds.clear();
+  std::ranges::copy_if(seeds_, std::back_inserter(map_.seeds),
+                       [this](const Seed& s) { return is_sharp_[static_cast<std::size_t>(s.look.keyframe)]; });
 }
 
 void KeyframeMapping::update_seeds(const PosedFrame& frame) {
