@@ -16,6 +16,9 @@ struct PoseObservation {
   Eigen::Vector3d p_world;
   Eigen::Vector2d px;   // raw
   double sigma_px = 1;  // of px
+  // Where p_world is uncertain along a line: a standard deviation of that, as it is seen. refine_swept_pose() alone
+  // heeds it.
+  Eigen::Vector2d open_px = Eigen::Vector2d::Zero();
 };
 
 struct PoseFit {

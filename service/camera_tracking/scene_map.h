@@ -53,8 +53,18 @@ struct PointSighting {
   double sigma_px = 1;
 };
 
+// A corner of a key frame whose distance is still being found: where it is seen says nothing of a motion towards or
+// past it, and all of how the camera turned.
+struct PointSeed {
+  PointLook look;                                  // not described
+  Eigen::Vector3d ray = Eigen::Vector3d::UnitZ();  // unit, in the frame of its row of the key frame
+  double inverse_depth = 1, sigma = 1;             // along the ray, 1/m
+  double row_px_per_s = 0;                         // how fast the image moved there and then, times its row's part
+};
+
 struct SceneMap {
   std::vector<MapPoint> points;
+  std::vector<PointSeed> seeds;  // not stored
   std::vector<Keyframe> keyframes;
   // The world's place is only as sure as the first pose was, however many points agree with each other later: that
   // pose's covariance (as CameraEstimate has it), and the camera's centre to which it refers.

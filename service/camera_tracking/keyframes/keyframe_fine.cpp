@@ -20,6 +20,8 @@ constexpr std::size_t first_points = 60, most_fine_points = 220;
 // is asked of a patch that is sought one level above its own.
 constexpr float refined_gains = 0.1f, blurred_loses = 0.05f;
 // What a template's match is worth, at its own level, in pixels of that level: on the best pixel, and refined.
+// Of a seed, times that: its corner was seen but once. And what frames that ask seeds say of the readout.
+constexpr double seed_px = 1.41, seeds_alike = 2;
 constexpr double pixel_sigma_px = 0.4, match_sigma_px = 0.25, corner_sigma_px = 0.12;
 constexpr int first_reach_px = 4, least_reach_px = 3, most_reach_px = 8;  // of the search, pixels of the level
 constexpr double margin_px = 6;                                           // of a point to its level's border
@@ -71,6 +73,24 @@ ProvenPose KeyframeTracking::fine(const SweptPose& start, const Pyramid& pyramid
   thin_out(seen, most_fine_points);
   Matches matches = match(seen, pyramid, map);
   if (rectangle_ && map.points.size() >= 4) out.pose = add_corners(out.pose, pyramid, map, matches);
+  if (is_guess || static_cast<std::size_t>(map.alive_count()) >= most_fine_points)
+    return proof_by(matches, out.pose, map, is_guess);
+  Matches with_seeds = matches;
+  add_seeds(out.pose, pyramid, map, most_fine_points - seen.size(), with_seeds);
+  if (with_seeds.observations.size() == matches.observations.size()) return proof_by(matches, out.pose, map, is_guess);
+  ProvenPose by_seeds = proof_by(with_seeds, out.pose, map, is_guess);
+  if (by_seeds.proven) {
+    // The next frames ask the same seeds, of whose depth they think the same.
+    if (by_seeds.readout) by_seeds.readout->sigma_s *= seeds_alike;
+    return by_seeds;
+  }
+  return proof_by(matches, out.pose, map, is_guess);
+}
+
+ProvenPose KeyframeTracking::proof_by(const Matches& matches, const SweptPose& start, const SceneMap& map,
+                                      bool is_guess) {
+  ProvenPose out;
+  out.pose = start;
   out.evidence.sought = matches.sought;
   out.missed = matches.missed;
   if (matches.observations.size() < fewest_observations) return out;
@@ -106,10 +126,11 @@ void KeyframeTracking::Matches::add(int map_point, const PoseObservation& observ
   pixel_sigma.push_back(sigma_px);
 }
 
-PixelRegion KeyframeTracking::around(const Eigen::Vector2d& at, int reach, const GreyImage& image) const {
+PixelRegion KeyframeTracking::around(const Eigen::Vector2d& at, int reach_u, int reach_v,
+                                     const GreyImage& image) const {
   const double offset = static_cast<double>(patch_.inner.centre_offset());
   const int u = static_cast<int>(std::lround(at.x() - offset)), v = static_cast<int>(std::lround(at.y() - offset));
-  return clip({u - reach, v - reach, u + reach, v + reach}, image, patch_side);
+  return clip({u - reach_u, v - reach_v, u + reach_u, v + reach_v}, image, patch_side);
 }
 
 // With some well-spread points at one level above their own, over a wide region.
@@ -122,7 +143,7 @@ SweptPose KeyframeTracking::first_fit(const SweptPose& pose, const Pyramid& pyra
     const int level = std::min(s.level + 1, std::min(2, pyramid.count() - 1));
     if (!warp(s, map, level)) continue;
     const GreyImage& image = pyramid.levels[static_cast<std::size_t>(level)];
-    const PixelRegion region = around(to_level(s.px, level), first_reach_px, image);
+    const PixelRegion region = around(to_level(s.px, level), first_reach_px, first_reach_px, image);
     if (region.empty()) continue;
     ncc_field(image, patch_.inner, region, field_);
     const NccPeak peak = best_of(field_, region);
@@ -149,31 +170,65 @@ KeyframeTracking::Matches KeyframeTracking::match(const std::vector<Visible>& se
     if (!image.contains(at.x(), at.y(), margin_px)) continue;
     const int reach = std::clamp(static_cast<int>(std::ceil(2 + 2 * s.map_sigma_px / scale_of(s.level))),
                                  least_reach_px, most_reach_px);
-    const PixelRegion region = around(at, reach, image);
+    const PixelRegion region = around(at, reach, reach, image);
     if (region.empty()) continue;
     ++out.sought;
     const double search = (reach * scale_of(s.level)) / 2;
     sought_.push_back({s.point, s.px, Eigen::Vector2d::Constant(std::numeric_limits<double>::quiet_NaN()),
                        search * search * Eigen::Matrix2d::Identity()});
-    ncc_field(image, patch_.inner, region, field_);
-    const NccPeak peak = best_of(field_, region);
-    const double offset = static_cast<double>(patch_.inner.centre_offset());
-    std::optional<Refined> refined;
-    if (peak.rho > good_ncc - refined_gains)
-      refined =
-          camera_tracking::refine(image, patch_, Eigen::Vector2d(peak.u + offset, peak.v + offset), most_shift_px);
-    if (!refined || refined->ncc < good_ncc) {
+    const auto found = find_patch(image, region, s.level);
+    if (!found) {
       out.missed.push_back(s.point);
       continue;
     }
     const double sigma = match_sigma_px * scale_of(s.level);
-    sought_.back().found_px = from_level(refined->px, s.level);
+    sought_.back().found_px = *found;
     out.add(s.point,
             {map.points[static_cast<std::size_t>(s.point)].position, sought_.back().found_px,
              std::hypot(sigma, s.map_sigma_px)},
             sigma);
   }
   return out;
+}
+
+std::optional<Eigen::Vector2d> KeyframeTracking::find_patch(const GreyImage& image, const PixelRegion& region,
+                                                            int level) {
+  ncc_field(image, patch_.inner, region, field_);
+  const NccPeak peak = best_of(field_, region);
+  if (!(peak.rho > good_ncc - refined_gains)) return std::nullopt;
+  const double offset = static_cast<double>(patch_.inner.centre_offset());
+  const auto refined =
+      camera_tracking::refine(image, patch_, Eigen::Vector2d(peak.u + offset, peak.v + offset), most_shift_px);
+  if (!refined || refined->ncc < good_ncc) return std::nullopt;
+  return from_level(refined->px, level);
+}
+
+// While few points are known: what will become some says how the camera turned, and how it moved across them. They are
+// no evidence, for one of them is found wherever its line crosses something like it.
+void KeyframeTracking::add_seeds(const SweptPose& pose, const Pyramid& pyramid, const SceneMap& map, std::size_t most,
+                                 Matches& matches) {
+  if (matches.observations.size() < fewest_observations) return;
+  const SweptFit about = refine_swept_pose(camera_.model, matches.observations, pose, prior_, rough_iterations);
+  if (about.fit.inliers < static_cast<int>(fewest_observations)) return;
+  const auto covariance = tangent_covariance(about.fit);
+  if (!covariance) return;
+  const double moved_m = std::sqrt(covariance->bottomRightCorner<3, 3>().trace() / 3);
+  std::vector<Visible> seen = visible_seeds(about.pose, moved_m, map, pyramid.count());
+  thin_out(seen, most);
+  for (const Visible& s : seen) {
+    if (!warp(s, map, s.level)) continue;
+    const GreyImage& image = pyramid.levels[static_cast<std::size_t>(s.level)];
+    const Eigen::Vector2d at = to_level(s.px, s.level);
+    if (!image.contains(at.x(), at.y(), margin_px)) continue;
+    const Eigen::Vector2d open = 2 / scale_of(s.level) * s.reach_px.cwiseAbs();
+    const PixelRegion region = around(at, least_reach_px + static_cast<int>(std::ceil(open.x())),
+                                      least_reach_px + static_cast<int>(std::ceil(open.y())), image);
+    if (region.empty()) continue;
+    const auto found = find_patch(image, region, s.level);
+    if (!found) continue;
+    const double sigma = match_sigma_px * scale_of(s.level);
+    matches.add(-1, {s.position, *found, std::hypot(seed_px * sigma, s.map_sigma_px), s.open_px}, sigma);
+  }
 }
 
 // Those of the start's rectangle, by its edges, which lie where the pose has them: the pose that the points say, if
@@ -207,6 +262,7 @@ SweptPose KeyframeTracking::add_corners(const SweptPose& start, const Pyramid& p
 void KeyframeTracking::sort_out(const PoseFit& fit, const Matches& matches, ProvenPose& out) const {
   for (std::size_t i = 0; i < matches.observations.size(); ++i) {
     const int point = matches.point[i];
+    if (point < 0) continue;  // a seed
     if (!(fit.weight[i] > inlier_weight)) {
       if (!is_corner(point)) out.missed.push_back(point);
       continue;

@@ -65,7 +65,7 @@ void KeyframeMapping::start(const PosedFrame& frame, std::span<const Eigen::Vect
   map_ = {};
   map_.start_covariance = start_covariance;
   map_.start_centre = calib::inverse(frame.pose.cam_from_world).translation;
-  priors_.clear();
+  priors_.clear(), speed_px_s_.clear(), is_sharp_.clear();
   by_point_.clear(), seeds_.clear(), given_sigma_m_.clear(), given_position_.clear();
   for (std::size_t i = 0; i < points.size(); ++i) {
     MapPoint p;
@@ -79,11 +79,14 @@ void KeyframeMapping::start(const PosedFrame& frame, std::span<const Eigen::Vect
     given_position_.push_back(points[i]);
   }
   add_keyframe(frame);
+  show_seeds();
 }
 
 void KeyframeMapping::start(StoredMap stored) {
   map_ = std::move(stored.map);
   priors_.assign(map_.keyframes.size(), std::nullopt);
+  speed_px_s_.assign(map_.keyframes.size(), 0);
+  is_sharp_.assign(map_.keyframes.size(), true);
   by_point_.assign(map_.points.size(), {});
   given_sigma_m_.assign(map_.points.size(), 0);
   given_position_.assign(map_.points.size(), Eigen::Vector3d::Zero());
@@ -120,6 +123,7 @@ void KeyframeMapping::map(const PosedFrame& frame) {
   if (frame.flow_px < sharp_for_seeds * camera_.image_size.width && frame.readout_open_px < seeds_bear_px)
     update_seeds(frame);
   if (is_new_keyframe(frame)) add_keyframe(frame);
+  show_seeds();
 }
 
 // Which points are found where they are sought; those that hardly ever are were mapped wrongly, and go.
@@ -156,6 +160,8 @@ void KeyframeMapping::add_keyframe(const PosedFrame& frame) {
   const auto index = static_cast<int>(map_.keyframes.size());
   map_.keyframes.push_back({frame.pyramid, frame.pose.cam_from_world, frame.pose.sweep});
   priors_.push_back(frame.prior);
+  is_sharp_.push_back(frame.flow_px < sharp_for_keyframe * camera_.image_size.width);
+  speed_px_s_.push_back(frame.readout.sigma_s > 0 ? frame.readout_open_px / frame.readout.sigma_s : 0);
   ++counters_.keyframes;
   last_keyframe_frame_ = frame.number;
   const Eigen::Vector3d centre = calib::inverse(frame.pose.cam_from_world).translation;
@@ -182,19 +188,19 @@ void KeyframeMapping::add_keyframe(const PosedFrame& frame) {
 
 void KeyframeMapping::promote(const Seed& seed) {
   MapPoint p;
-  const Keyframe& k = map_.keyframes[static_cast<std::size_t>(seed.keyframe)];
-  const calib::Rigid3d world_from_cam = calib::inverse(k.pose().at(seed.px.y()));
+  const Keyframe& k = map_.keyframes[static_cast<std::size_t>(seed.look.keyframe)];
+  const calib::Rigid3d world_from_cam = calib::inverse(k.pose().at(seed.look.px.y()));
   const Eigen::Vector3d ray = world_from_cam.rotation * seed.ray;
   p.position = world_from_cam * (seed.ray / seed.inverse_depth);
   const double along = seed.sigma / (seed.inverse_depth * seed.inverse_depth);
-  const double across = 0.5 * scale_of(seed.level) / camera_.model.fx() / seed.inverse_depth;
+  const double across = 0.5 * scale_of(seed.look.level) / camera_.model.fx() / seed.inverse_depth;
   p.covariance =
       across * across * Eigen::Matrix3d::Identity() + (along * along - across * across) * ray * ray.transpose();
   const auto index = static_cast<int>(map_.points.size());
-  add_look(p, seed.keyframe, seed.level, seed.px);
+  add_look(p, seed.look.keyframe, seed.look.level, seed.look.px);
   map_.points.push_back(p);
-  by_point_.push_back(
-      std::vector<PointSighting>{PointSighting{seed.keyframe, index, seed.px, seed_sigma_px * scale_of(seed.level)}});
+  by_point_.push_back(std::vector<PointSighting>{
+      PointSighting{seed.look.keyframe, index, seed.look.px, seed_sigma_px * scale_of(seed.look.level)}});
   given_sigma_m_.push_back(0);
   given_position_.push_back(Eigen::Vector3d::Zero());
   ++counters_.points_added;

@@ -65,11 +65,7 @@ class KeyframeMapping {
  private:
   // A corner of a key frame whose depth is being found: a Gaussian of the inverse depth along its ray, narrowed frame
   // by frame.
-  struct Seed {
-    int keyframe = 0, level = 0;
-    Eigen::Vector2d px;                   // raw, level 0
-    Eigen::Vector3d ray;                  // unit, camera frame of its key frame
-    double inverse_depth = 0, sigma = 0;  // along the ray, 1/m
+  struct Seed : camera_tracking::PointSeed {
     int found = 0, failed = 0;
     double widest_rad = 0;  // parallax so far
   };
@@ -106,6 +102,7 @@ class KeyframeMapping {
 
   // ---- keyframe_seeds.cpp
   void add_seeds(int keyframe);
+  void show_seeds();  // in the map: those of sharp key frames, whose own motion is known best
   void update_seeds(const PosedFrame& frame);
   bool update(Seed& seed, const PosedFrame& frame);  // false: given up
   SeedSeen seek(const Seed& seed, const PosedFrame& frame);
@@ -114,7 +111,9 @@ class KeyframeMapping {
   calib::Camera camera_;
   camera_tracking::SceneMap map_;
   std::vector<std::optional<MotionPrior>>
-      priors_;  // per key frame: with which its pose was fitted; of a stored one none
+      priors_;                      // per key frame: with which its pose was fitted; of a stored one none
+  std::vector<bool> is_sharp_;      // per key frame; the first one is taken as it comes
+  std::vector<double> speed_px_s_;  // per key frame: of its image, where nothing was known of the readout
   std::vector<std::vector<camera_tracking::PointSighting>> by_point_;  // sightings, per point, by key frame
   std::vector<Seed> seeds_;
   std::vector<double> given_sigma_m_;  // per point; 0: not given

@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 
 #include "camera_tracking/keyframes/keyframe_mapping.h"
 
@@ -112,9 +113,9 @@ void KeyframeMapping::add_seeds(int keyframe) {
     depths.push_back((k.cam_from_world * p.position).norm());
   }
   for (const Seed& s : seeds_) {  // those that are on their way, about where they will be
-    const Keyframe& from = map_.keyframes[static_cast<std::size_t>(s.keyframe)];
-    const auto seen =
-        project_swept(camera_.model, k.pose(), calib::inverse(from.pose().at(s.px.y())) * (s.ray / s.inverse_depth));
+    const Keyframe& from = map_.keyframes[static_cast<std::size_t>(s.look.keyframe)];
+    const auto seen = project_swept(camera_.model, k.pose(),
+                                    calib::inverse(from.pose().at(s.look.px.y())) * (s.ray / s.inverse_depth));
     if (seen && camera_.contains({seen->px})) taken[cell_of(seen->px)] = 1;
   }
 
@@ -145,12 +146,19 @@ void KeyframeMapping::add_seeds(int keyframe) {
     if (!ray) continue;
     // From nearer than all that is known to infinity: 2 sigmas on either side.
     Seed seed;
-    seed.keyframe = keyframe, seed.level = c.level, seed.px = c.px, seed.ray = *ray;
+    seed.look.keyframe = keyframe, seed.look.level = c.level, seed.look.px = c.px, seed.ray = *ray;
+    seed.row_px_per_s = k.sweep.part(c.px.y()) * speed_px_s_[static_cast<std::size_t>(keyframe)];
     seed.inverse_depth = 1 / depth;
     seed.sigma = std::max(1 / nearest - 1 / depth, 1 / depth) / 2;
     seeds_.push_back(seed);
     ++counters_.seeds_started;
   }
+}
+
+void KeyframeMapping::show_seeds() {
+  map_.seeds.clear();
+  std::ranges::copy_if(seeds_, std::back_inserter(map_.seeds),
+                       [this](const Seed& s) { return is_sharp_[static_cast<std::size_t>(s.look.keyframe)]; });
 }
 
 void KeyframeMapping::update_seeds(const PosedFrame& frame) {
@@ -194,8 +202,8 @@ bool KeyframeMapping::update(Seed& seed, const PosedFrame& frame) {
 // Along the epipolar line, as far as its depth is open.
 KeyframeMapping::SeedSeen KeyframeMapping::seek(const Seed& seed, const PosedFrame& frame) {
   using How = SeedSeen::How;
-  const Keyframe& k = map_.keyframes[static_cast<std::size_t>(seed.keyframe)];
-  const calib::Rigid3d world_from_then = calib::inverse(k.pose().at(seed.px.y()));
+  const Keyframe& k = map_.keyframes[static_cast<std::size_t>(seed.look.keyframe)];
+  const calib::Rigid3d world_from_then = calib::inverse(k.pose().at(seed.look.px.y()));
   const auto at = [&](double inverse_depth) {
     return project_swept(camera_.model, frame.pose, world_from_then * (seed.ray / inverse_depth));
   };
@@ -205,10 +213,10 @@ KeyframeMapping::SeedSeen KeyframeMapping::seek(const Seed& seed, const PosedFra
 
   const Eigen::Matrix3d h =
       plane_homography(middle->cam_from_world * world_from_then, seed.ray, 1 / seed.inverse_depth);
-  const auto patch = transfer_patch(camera_.model, seed.px, h);
+  const auto patch = transfer_patch(camera_.model, seed.look.px, h);
   if (!patch) return {How::distorted};
-  const int level = search_level(patch->affine, seed.level, frame.pyramid->count());
-  if (!warp_patch(*k.pyramid, seed.px, patch->affine, level, patch_side, patch_)) return {How::distorted};
+  const int level = search_level(patch->affine, seed.look.level, frame.pyramid->count());
+  if (!warp_patch(*k.pyramid, seed.look.px, patch->affine, level, patch_side, patch_)) return {How::distorted};
   const EpipolarLine line(to_level(far->px, level), to_level(near->px, level));
   if (line.length > longest_line_px) return {How::distorted};
   const GreyImage& image = frame.pyramid->levels[static_cast<std::size_t>(level)];
@@ -230,8 +238,8 @@ KeyframeMapping::SeedSeen KeyframeMapping::seek(const Seed& seed, const PosedFra
 // One more measurement of its depth.
 bool KeyframeMapping::narrow(Seed& seed, const SeedSeen& seen, const PosedFrame& frame) const {
   const calib::Rigid3d now = frame.pose.at(seen.px.y());
-  const Keyframe& k = map_.keyframes[static_cast<std::size_t>(seed.keyframe)];
-  const calib::Rigid3d now_from_then = now * calib::inverse(k.pose().at(seed.px.y()));
+  const Keyframe& k = map_.keyframes[static_cast<std::size_t>(seed.look.keyframe)];
+  const calib::Rigid3d now_from_then = now * calib::inverse(k.pose().at(seed.look.px.y()));
   const auto at = [&](double inverse_depth) {
     return camera_.model.project(now_from_then * (seed.ray / inverse_depth));
   };

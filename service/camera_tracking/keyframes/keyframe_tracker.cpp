@@ -196,6 +196,9 @@ class KeyframeTracker final : public CameraTracker {
       seen.push_back({started.points[static_cast<std::size_t>(s.point)], s.px, s.sigma_px});
     first.prior = tracking_.motion_of(started_at, at);
     first.pose.sweep.last_row = camera_.image_size.height - 1;
+    first.readout = tracking_.readout();
+    first.flow_px = flow_px(last_.pose.cam_from_world);
+    first.readout_open_px = first.readout.sigma_s * first.flow_px / std::max(1e-3, capture::seconds(at - started_at));
     const auto settled = tracking_.with_motion(*first.prior, started_at, first.pose.cam_from_world, seen, at);
     const PoseFit& fit = settled ? settled->fit : started.pose;
     if (settled) first.pose = settled->pose;
@@ -221,14 +224,13 @@ class KeyframeTracker final : public CameraTracker {
     covariance_.diagonal().tail<3>().array() += coast_rad_s * coast_rad_s * t * t;
   }
 
-  // The start's error, as it shows here: all poses have it, turned about the start. Later views of the start make it
-  // smaller than it was; how much was measured on data/rendered/desk.
+  // The start's error, as it shows here: all poses have it, turned about the start, for the first view's points and
+  // seeds hold them to it.
   Covariance6d of_the_world(const calib::Rigid3d& cam_from_world) const {
-    constexpr double left = 0.7;
     const Eigen::Vector3d arm = calib::inverse(cam_from_world).translation - map_.start_centre;
     Covariance6d carry = Covariance6d::Identity();
     carry.topRightCorner<3, 3>() << 0, arm.z(), -arm.y(), -arm.z(), 0, arm.x(), arm.y(), -arm.x(), 0;
-    return left * left * carry * map_.start_covariance * carry.transpose();
+    return carry * map_.start_covariance * carry.transpose();
   }
 
   // How far the image's middle moved since the last pose.

@@ -19,6 +19,11 @@ constexpr double most_unlike = 0.9, later_look_penalty = 0.15;
 constexpr double known_share = 0.3;    // a readout is known that is surer than this share of it
 constexpr double velocity_kept = 0.9;  // from frame to frame
 
+// A seed's depth is made of the poses of the frames before, whose errors it has: it is not to hold the next ones to
+// them, so that it counts as no surer than this share.
+constexpr double seed_open = 0.5, seed_step = 0.05;
+constexpr double most_open_px = 4;  // of a seed: so that twice that is sought, and nothing like it lies there
+
 // So far off the image may a point be for the middle row, and yet be in view in its own.
 constexpr double most_swept_px = 60;
 
@@ -81,6 +86,26 @@ const PointLook* KeyframeTracking::look_most_alike(const MapPoint& p, const Eige
   return best;
 }
 
+// normal: of its surface, world, unit; zero: towards the key frame.
+std::optional<PatchTransfer> KeyframeTracking::patch_of(const SweptPose& pose, const SweptPixel& now,
+                                                        const PointLook& look, const Eigen::Vector3d& position,
+                                                        const Eigen::Vector3d& normal, const SceneMap& map) const {
+  const Keyframe& frame_then = map.keyframes[static_cast<std::size_t>(look.keyframe)];
+  const calib::Rigid3d then = frame_then.pose().at(look.px.y());
+  const Eigen::Vector3d source = then * position;
+  const bool known = normal.squaredNorm() > 0.5;
+  const Eigen::Vector3d n = known ? Eigen::Vector3d(then.rotation * normal) : Eigen::Vector3d(source.normalized());
+  auto patch = transfer_patch(camera_.model, look.px,
+                              plane_homography(now.cam_from_world * calib::inverse(then), n, n.dot(source)));
+  if (!patch) return std::nullopt;
+  calib::CameraModel::Jacobian j;
+  if (const Eigen::Vector3d p = now.cam_from_world * position; !pose.sweep.is_none() && camera_.model.project(p, j))
+    patch->affine = pose.sweep.unskewed(j, p, now.px.y()).inverse() * patch->affine;
+  if (const Sweep& sweep = frame_then.sweep; !sweep.is_none() && camera_.model.project(source, j))
+    patch->affine *= sweep.unskewed(j, source, look.px.y());
+  return patch;
+}
+
 std::vector<KeyframeTracking::Visible> KeyframeTracking::visible(const SweptPose& pose, const SceneMap& map,
                                                                  int levels) const {
   std::vector<Visible> out;
@@ -98,27 +123,45 @@ std::vector<KeyframeTracking::Visible> KeyframeTracking::visible(const SweptPose
     seen.point = static_cast<int>(i), seen.px = now->px, seen.swept_px = (now->px - middle->px).cast<float>();
     seen.look = look_most_alike(p, centre, map);
     if (!seen.look) continue;
-    const Keyframe& frame_then = map.keyframes[static_cast<std::size_t>(seen.look->keyframe)];
-    const calib::Rigid3d then = frame_then.pose().at(seen.look->px.y());
-    const Eigen::Vector3d source = then * p.position;
-    const bool known = p.normal.squaredNorm() > 0.5;
-    const Eigen::Vector3d normal =
-        known ? Eigen::Vector3d(then.rotation * p.normal) : Eigen::Vector3d(source.normalized());
-    const auto patch =
-        transfer_patch(camera_.model, seen.look->px,
-                       plane_homography(now->cam_from_world * calib::inverse(then), normal, normal.dot(source)));
+    const auto patch = patch_of(pose, *now, *seen.look, p.position, p.normal, map);
     if (!patch) continue;
     seen.patch = *patch;
-    if (!pose.sweep.is_none())
-      seen.patch.affine =
-          pose.sweep.unskewed(j, now->cam_from_world * p.position, now->px.y()).inverse() * seen.patch.affine;
-    if (const Sweep& sweep = frame_then.sweep; !sweep.is_none()) {
-      calib::CameraModel::Jacobian j_then;
-      if (camera_.model.project(source, j_then)) seen.patch.affine *= sweep.unskewed(j_then, source, seen.look->px.y());
-    }
     seen.level = search_level(seen.patch.affine, seen.look->level, levels);
     const Eigen::Matrix<double, 2, 3> d = j * now->cam_from_world.rotation.toRotationMatrix();
     seen.map_sigma_px = std::sqrt(0.5 * (d * p.covariance * d.transpose()).trace());
+    out.push_back(seen);
+  }
+  return out;
+}
+
+// Those whose place in the image is known well enough to be sought there.
+std::vector<KeyframeTracking::Visible> KeyframeTracking::visible_seeds(const SweptPose& pose, double shift_sigma_m,
+                                                                       const SceneMap& map, int levels) const {
+  std::vector<Visible> out;
+  for (const PointSeed& s : map.seeds) {
+    const Keyframe& frame_then = map.keyframes[static_cast<std::size_t>(s.look.keyframe)];
+    const calib::Rigid3d world_from_then = calib::inverse(frame_then.pose().at(s.look.px.y()));
+    Visible seen;
+    seen.point = -1, seen.look = &s.look;
+    seen.position = world_from_then * (s.ray / s.inverse_depth);
+    const auto now = project_swept(camera_.model, pose, seen.position);
+    if (!now || !is_inside(now->px, camera_.image_size, border_px)) continue;
+    const double step = seed_step * s.inverse_depth;
+    const auto nearer =
+        camera_.model.project(now->cam_from_world * world_from_then * (s.ray / (s.inverse_depth + step)));
+    if (!nearer) continue;
+    seen.px = now->px;
+    const Eigen::Vector2d per_inverse_depth = (nearer->px - now->px) / step;
+    const double open = std::max(s.sigma, seed_open * s.inverse_depth);
+    seen.open_px = open * per_inverse_depth;
+    seen.reach_px = s.sigma * per_inverse_depth;
+    // A shift of the camera that nobody knows yet moves it by as much as its depth leaves open.
+    seen.map_sigma_px = std::hypot(s.row_px_per_s * readout().sigma_s, open * camera_.model.fx() * shift_sigma_m);
+    if (seen.reach_px.norm() > most_open_px || seen.map_sigma_px > most_open_px) continue;
+    const auto patch = patch_of(pose, *now, s.look, seen.position, Eigen::Vector3d::Zero(), map);
+    if (!patch) continue;
+    seen.patch = *patch;
+    seen.level = search_level(seen.patch.affine, s.look.level, levels);
     out.push_back(seen);
   }
   return out;

@@ -74,16 +74,27 @@ class KeyframeTracking {
  private:
   // ---- keyframe_tracking.cpp: what should be seen from a pose.
   struct Visible {
-    int point = 0;
+    int point = 0;  // -1: a seed
     const camera_tracking::PointLook* look = nullptr;
     Eigen::Vector2d px;        // raw
     Eigen::Vector2f swept_px;  // how far that is from where the middle row's pose has it
     camera_tracking::PatchTransfer patch;
     int level = 0;            // to be searched at
     double map_sigma_px = 0;  // of the point's own uncertainty, projected
+    // Of a seed: where it is thought to be, and what its depth leaves open of px.
+    Eigen::Vector3d position = Eigen::Vector3d::Zero();
+    Eigen::Vector2d open_px = Eigen::Vector2d::Zero(), reach_px = Eigen::Vector2d::Zero();
   };
   std::vector<Visible> visible(const camera_tracking::SweptPose& pose, const camera_tracking::SceneMap& map,
                                int levels) const;
+  // shift_sigma_m: of the pose, per axis.
+  std::vector<Visible> visible_seeds(const camera_tracking::SweptPose& pose, double shift_sigma_m,
+                                     const camera_tracking::SceneMap& map, int levels) const;
+  std::optional<camera_tracking::PatchTransfer> patch_of(const camera_tracking::SweptPose& pose,
+                                                         const camera_tracking::SweptPixel& now,
+                                                         const camera_tracking::PointLook& look,
+                                                         const Eigen::Vector3d& position, const Eigen::Vector3d& normal,
+                                                         const camera_tracking::SceneMap& map) const;
   static const camera_tracking::PointLook* look_most_alike(const camera_tracking::MapPoint& point,
                                                            const Eigen::Vector3d& centre,
                                                            const camera_tracking::SceneMap& map);
@@ -119,10 +130,17 @@ class KeyframeTracking {
   // is_guess: see PoseEvidence. is_near: the start is as good as what a few points, roughly seen, would make of it.
   ProvenPose fine(const camera_tracking::SweptPose& start, const camera_tracking::Pyramid& pyramid,
                   const camera_tracking::SceneMap& map, bool is_guess, bool is_near = false);
+  ProvenPose proof_by(const Matches& matches, const camera_tracking::SweptPose& start,
+                      const camera_tracking::SceneMap& map, bool is_guess);
   camera_tracking::SweptPose first_fit(const camera_tracking::SweptPose& pose, const camera_tracking::Pyramid& pyramid,
                                        const camera_tracking::SceneMap& map);
   Matches match(const std::vector<Visible>& seen, const camera_tracking::Pyramid& pyramid,
                 const camera_tracking::SceneMap& map);
+  void add_seeds(const camera_tracking::SweptPose& pose, const camera_tracking::Pyramid& pyramid,
+                 const camera_tracking::SceneMap& map, std::size_t most, Matches& matches);
+  // In the image, to a fraction of a pixel of level 0; nullopt: nothing like it is there.
+  std::optional<Eigen::Vector2d> find_patch(const camera_tracking::GreyImage& image,
+                                            const camera_tracking::PixelRegion& region, int level);
   camera_tracking::SweptPose add_corners(const camera_tracking::SweptPose& pose,
                                          const camera_tracking::Pyramid& pyramid, const camera_tracking::SceneMap& map,
                                          Matches& matches);
@@ -136,7 +154,7 @@ class KeyframeTracking {
   }
   void sort_out(const camera_tracking::PoseFit& fit, const Matches& matches, ProvenPose& out) const;
   // Where a template may lie whose centre is within reach of `at`, both in pixels of the image.
-  camera_tracking::PixelRegion around(const Eigen::Vector2d& at, int reach,
+  camera_tracking::PixelRegion around(const Eigen::Vector2d& at, int reach_u, int reach_v,
                                       const camera_tracking::GreyImage& image) const;
 
   calib::Camera camera_;

@@ -87,8 +87,13 @@ bool Fit::look() {
     if (!seen) continue;
     residual_[i] = (seen->px - o.px) / o.sigma_px;
     jacobian_[i] = pose_jacobian(j, p) / o.sigma_px;
+    if (const double open2 = o.open_px.squaredNorm(); open2 > 0) {  // in that direction it says less
+      const double left = 1 / std::sqrt(1 + open2 / (o.sigma_px * o.sigma_px));
+      const Eigen::Matrix2d less = Eigen::Matrix2d::Identity() - (1 - left) / open2 * o.open_px * o.open_px.transpose();
+      residual_[i] = less * residual_[i], jacobian_[i] = less * jacobian_[i];
+    }
     fit.error[i] = residual_[i].norm();
-    lengths_.push_back(fit.error[i]);
+    if (o.open_px.isZero(0)) lengths_.push_back(fit.error[i]);
   }
   if (lengths_.size() < 3) return false;
   fit.scale = calib::median_in_place(std::span(lengths_)) / median_of_length;
