@@ -151,7 +151,14 @@ Pictures recorded_pictures(const config::ServiceConfig& config, std::span<const 
   while (auto frame = source.next(stop)) {
     const auto c = std::size_t(frame->camera);
     const std::int64_t number = count[c]++;
-    if (frame->status == capture::FrameStatus::ok && !take_picture(*frame)) continue;
+    if (frame->status == capture::FrameStatus::ok && !take_picture(*frame)) {  // of a camera with send: matches
+      if (const auto it = wanted.find(frame->camera); it != wanted.end() && it->second == number)
+        throw std::runtime_error(
+            fmt::format("{}: frame {} of camera {} has no picture, only which pixels matched: "
+                        "with send: matches one comes every picture_every_s",
+                        recording.file.string(), number, names[c]));
+      continue;
+    }
     if (frame->status == capture::FrameStatus::ok) {
       spread[c].add(frame->pixels);
       moments.add(*frame);
@@ -175,9 +182,8 @@ Pictures recorded_pictures(const config::ServiceConfig& config, std::span<const 
   }
   for (const auto& [camera, number] : wanted) {
     if (!is_settled[std::size_t(camera)])
-      throw std::runtime_error(fmt::format("{}: camera {} has no sound frame {} with a picture (it has {})",
-                                           recording.file.string(), rig.cameras[std::size_t(camera)].name, number,
-                                           count[std::size_t(camera)]));
+      throw std::runtime_error(fmt::format("{}: camera {} has no sound frame {} (it has {})", recording.file.string(),
+                                           rig.cameras[std::size_t(camera)].name, number, count[std::size_t(camera)]));
   }
   Pictures pictures{.set = std::move(set), .numbers = std::move(numbers), .moments = moments.take()};
   for (auto& of_camera : spread) pictures.elsewhen.push_back(of_camera.take());
