@@ -204,7 +204,8 @@ void encode_matches(const Image& looked_at, std::span<const Matches::OfColor> co
   out.insert(out.end(), jpeg.begin(), jpeg.end());
 }
 
-std::optional<DecodedMatches> decode_matches(std::span<const std::uint8_t> bytes, JpegDecoder& decoder, Image& latest) {
+std::optional<DecodedMatches> decode_matches(std::span<const std::uint8_t> bytes, JpegDecoder& decoder, Image& latest,
+                                             int expected_width, int expected_height) {
   Bytes rest(bytes);
   if (rest.take<std::uint8_t>() != version) return std::nullopt;
   const auto format = rest.take<std::uint8_t>(), range = rest.take<std::uint8_t>();
@@ -213,6 +214,7 @@ std::optional<DecodedMatches> decode_matches(std::span<const std::uint8_t> bytes
   if (!rest.is_sound() || format >= formats || range > 1 || width == 0 || height == 0 || count > Matches::most ||
       count * static_cast<std::size_t>(width) * static_cast<std::size_t>(height) > most_bits)
     return std::nullopt;
+  if (expected_width > 0 && (width != expected_width || height != expected_height)) return std::nullopt;
   DecodedMatches out{.looked_at = {.format = static_cast<PixelFormat>(format),
                                    .range = range == 1 ? ColorRange::full : ColorRange::limited,
                                    .width = width,

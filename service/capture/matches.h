@@ -48,8 +48,8 @@ struct Matches {
     std::vector<std::uint64_t> tiles;
   };
   std::vector<OfColor> colors;
-  // The latest full picture that came with one of the camera's frames: for people, and for what watches light and
-  // camera, never for where an object is. Without planes: there was none yet.
+  // The latest full picture that came with one of the camera's frames: for people, and for what watches colour and
+  // room, never for where an object is. Without planes: there was none yet.
   Image picture;
   bool has_own_picture = false;  // it came with this frame
 
@@ -73,7 +73,8 @@ struct DecodedMatches {
 };
 // Anybody may have made the bytes: nullopt where they make no sense, or the JPEG does not decode to that size. Takes no
 // more memory than some 35 MB and the JPEG's. latest: the picture of the camera's frames before, if there was one of
-// that size; and after this.
-std::optional<DecodedMatches> decode_matches(std::span<const std::uint8_t> bytes, JpegDecoder& decoder, Image& latest);
+// that size; and after this. width, height: what the camera's frames must have, or nothing is decoded; 0: any.
+std::optional<DecodedMatches> decode_matches(std::span<const std::uint8_t> bytes, JpegDecoder& decoder, Image& latest,
+                                             int width = 0, int height = 0);
 
 }  // namespace huetrack::capture

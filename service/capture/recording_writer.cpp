@@ -645,7 +645,7 @@ void PreRoll::push(const Frame& frame) {
     image.owner.reset();
     static const auto told_by_encoded = std::make_shared<const Matches>();
     if (frame.matches) held.frame.matches = told_by_encoded;
-  } else if (frame.status == FrameStatus::ok) {
+  } else if (frame.status == FrameStatus::ok && has_pixels(frame.pixels)) {
     const auto memory = std::make_shared_for_overwrite<std::uint8_t[]>(packed_bytes(frame.pixels));
     pack(frame.pixels, memory.get());
     const std::uint8_t* next = memory.get();

@@ -194,7 +194,7 @@ struct CameraHost::Impl {
         if (bytes) matches.bytes().assign(bytes->begin(), bytes->end());
         send(camera, *camera.matches_writer, matches);
       }
-      if (!is_listened_to(*camera.writer)) continue;
+      if (frame->matches || !is_listened_to(*camera.writer)) continue;  // matches are no picture
       to_message(*frame, message);
       send(camera, *camera.writer, message);
     }

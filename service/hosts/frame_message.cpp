@@ -89,11 +89,12 @@ capture::Frame from_message(msg::CameraFrame&& message, capture::JpegDecoder& de
   return out;
 }
 
-capture::Frame from_message(msg::CameraMatches&& message, capture::JpegDecoder& decoder, capture::Image& latest) {
+capture::Frame from_message(msg::CameraMatches&& message, capture::JpegDecoder& decoder, capture::Image& latest,
+                            int width, int height) {
   capture::Frame out;
   out.status = capture::FrameStatus::corrupted;
   if (message.is_damaged()) return out;
-  auto decoded = capture::decode_matches(message.bytes(), decoder, latest);
+  auto decoded = capture::decode_matches(message.bytes(), decoder, latest, width, height);
   if (!decoded) return out;
   out.pixels = std::move(decoded->looked_at);
   out.matches = std::move(decoded->matches);

@@ -423,7 +423,8 @@ struct HostedCameras::Impl {
     }
     capture::Frame frame;
     if constexpr (std::is_same_v<std::remove_reference_t<Message>, msg::CameraMatches>)
-      frame = from_message(std::move(message), camera.decoder, camera.picture);
+      frame =
+          from_message(std::move(message), camera.decoder, camera.picture, camera.options.width, camera.options.height);
     else
       frame = from_message(std::move(message), camera.decoder);
     if (frame.pixels.width != camera.options.width || frame.pixels.height != camera.options.height) {

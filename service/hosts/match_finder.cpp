@@ -11,6 +11,7 @@ namespace huetrack::hosts {
 namespace {
 
 constexpr std::size_t beside_the_colors = std::size_t{64} * 1024;
+constexpr int most_new_tables = 4;   // of one frame: 20 ms, less than from one frame to the next
 constexpr int picture_quality = 85;  // of a camera that sends no JPEG
 
 }  // namespace
@@ -34,11 +35,15 @@ std::optional<std::span<const std::uint8_t>> MatchFinder::find(const capture::Fr
   }
   std::erase_if(known_, [&](const Known& known) { return std::ranges::count(options.colors, known.color) == 0; });
   found_.resize(options.colors.size());
-  for (std::size_t i = 0; i < found_.size(); ++i) {
-    found_[i].color = options.colors[i];
-    color::match_tiles(image, table_for(options.colors[i], image), found_[i].tiles);
+  std::size_t found = 0;
+  int made = 0;
+  for (const capture::MatchedColor& color : options.colors) {
+    if (!has_table(color, image) && ++made > most_new_tables) continue;  // with one of the next frames
+    found_[found].color = color;
+    color::match_tiles(image, table_for(color, image), found_[found].tiles);
+    ++found;
   }
-  std::span<const capture::Matches::OfColor> colors = found_;
+  std::span<const capture::Matches::OfColor> colors(found_.data(), found);
   const std::size_t most = most_bytes_of_matches(image.width, image.height);
   capture::encode_matches(image, colors, picture(frame, image, options.picture_every), bytes_);
   if (bytes_.size() > most) capture::encode_matches(image, colors, {}, bytes_);
@@ -47,6 +52,11 @@ std::optional<std::span<const std::uint8_t>> MatchFinder::find(const capture::Fr
     capture::encode_matches(image, colors, {}, bytes_);
   }
   return bytes_;
+}
+
+bool MatchFinder::has_table(const capture::MatchedColor& color, const capture::Image& image) const {
+  const auto known = std::ranges::find(known_, color, &Known::color);
+  return known != known_.end() && known->table && known->table->is_for(image.format, image.range);
 }
 
 const color::ColorTable& MatchFinder::table_for(const capture::MatchedColor& color, const capture::Image& image) {

@@ -25,8 +25,9 @@ struct MatchFinderOptions {
   capture::Duration picture_every{0};         // >= 0; 0: none
 };
 
-// One per camera. A new colour, or a new format, costs a table: some 5 ms, for BGR 100; nothing else allocates once it
-// has run. thread-compatible.
+// One per camera. A new colour, or a new format, costs a table: some 5 ms, for BGR 100; of a frame no more than four
+// are made, and it goes without the other colours, so that who asks for ever new ones holds no camera up. Nothing else
+// allocates once it has run. thread-compatible.
 class MatchFinder {
  public:
   // frame: of pixels, or of a JPEG alone, which is decoded; one of matches goes on as it came. The bytes are those of
@@ -40,6 +41,7 @@ class MatchFinder {
     capture::MatchedColor color;
     std::unique_ptr<const color::ColorTable> table;
   };
+  bool has_table(const capture::MatchedColor& color, const capture::Image& image) const;
   const color::ColorTable& table_for(const capture::MatchedColor& color, const capture::Image& image);
   std::span<const std::uint8_t> picture(const capture::Frame& frame, const capture::Image& image,
                                         capture::Duration every);

@@ -128,6 +128,10 @@ TEST(Matches, BringALatestPictureAlong) {
   EXPECT_FALSE(later->matches->has_own_picture);
   EXPECT_TRUE(has_pixels(later->matches->picture));
   const Extent other{32, 24};
+  // Of a size that is not the camera's nothing is decoded, and the picture stays.
+  EXPECT_FALSE(decode_matches(coded(other, {none(other)}, jpeg_of(other)), decoder, latest, size.width, size.height));
+  EXPECT_EQ(latest.width, size.width);
+  EXPECT_TRUE(decode_matches(coded(size, {none(size)}), decoder, latest, size.width, size.height));
   const auto smaller = decode_matches(coded(other, {none(other)}), decoder, latest);
   ASSERT_TRUE(smaller);
   EXPECT_FALSE(has_pixels(smaller->matches->picture)) << "a picture of another size is not this camera's";

@@ -286,6 +286,7 @@ TEST(MatchFinder, SendsAPictureNowAndThenAndNoMoreThanABudget) {
   Frame frame;
   frame.pixels = image;
   frame.stamped_at = capture::Timestamp(std::chrono::seconds(1'700'000'100));
+  for (int i = 0; i < 2; ++i) ASSERT_TRUE(finder.find(frame, asked));  // four new colours of each frame
   const auto bytes = finder.find(frame, asked);
   ASSERT_TRUE(bytes);
   EXPECT_LE(bytes->size(), most_bytes_of_matches(640, 480));
@@ -293,6 +294,27 @@ TEST(MatchFinder, SendsAPictureNowAndThenAndNoMoreThanABudget) {
   ASSERT_TRUE(back);
   EXPECT_LT(back->matches->colors.size(), 12U);
   EXPECT_GE(back->matches->colors.size(), 4U);
+}
+
+// Who asks for ever new colours holds no camera up: tables are made a few at a time, in the order asked for.
+TEST(MatchFinder, NewColoursComeFourByFour) {
+  const auto [image, data] = capture::make_image(capture::PixelFormat::yuyv, capture::ColorRange::limited, 64, 48);
+  std::fill_n(data[0], 64 * 48 * 2, std::uint8_t{90});
+  MatchFinder finder;
+  MatchFinderOptions asked;
+  for (int i = 0; i < 6; ++i) asked.colors.push_back(color::matched_color({10.0 + i, 200, 0.1, 1, 0.05, 0.95}));
+  Frame frame;
+  frame.pixels = image;
+  capture::JpegDecoder decoder;
+  capture::Image latest;
+  for (const std::size_t expected : {4U, 6U, 6U}) {
+    const auto bytes = finder.find(frame, asked);
+    ASSERT_TRUE(bytes);
+    const auto back = capture::decode_matches(*bytes, decoder, latest);
+    ASSERT_TRUE(back);
+    ASSERT_EQ(back->matches->colors.size(), expected);
+    for (std::size_t i = 0; i < expected; ++i) EXPECT_EQ(back->matches->colors[i].color, asked.colors[i]);
+  }
 }
 
 TEST(MatchFinder, DecodesAJpegAndSaysWhenThereIsNone) {
