@@ -60,8 +60,8 @@ inline constexpr double longest_gap_s = 0.25;
 bool tell_motion(const std::vector<BoardView>& views);
 
 // Where sets follow closely upon one another: moves each set's moment amid its views, and takes from the sets around
-// how the board moves then (expected, information, is_known). Learns how boards are
-// carried, and the usual errors of stamps, when asked to.
+// how the board moves then (expected, information, is_known). Learns how boards are carried, and the usual errors
+// of stamps, when asked to.
 void renew_motions(Adjustment& a, const BoardShape& shape, bool with_stamps);
 
 }  // namespace huetrack::solver

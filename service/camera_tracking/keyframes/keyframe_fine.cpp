@@ -20,9 +20,9 @@ constexpr std::size_t first_points = 60, most_fine_points = 220;
 // is asked of a patch that is sought one level above its own.
 constexpr float refined_gains = 0.1f, blurred_loses = 0.05f;
 // What a template's match is worth, at its own level, in pixels of that level: on the best pixel, and refined.
+constexpr double pixel_sigma_px = 0.4, match_sigma_px = 0.25, corner_sigma_px = 0.12;
 // Of a seed, times that: its corner was seen but once. And what frames that ask seeds say of the readout.
 constexpr double seed_px = 1.41, seeds_alike = 2;
-constexpr double pixel_sigma_px = 0.4, match_sigma_px = 0.25, corner_sigma_px = 0.12;
 constexpr int first_reach_px = 4, least_reach_px = 3, most_reach_px = 8;  // of the search, pixels of the level
 constexpr double margin_px = 6;                                           // of a point to its level's border
 // Fewer points than this are no fit to go on from; and so many of them must agree.
