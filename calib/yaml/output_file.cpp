@@ -20,7 +20,8 @@ std::system_error cannot_write(const std::filesystem::path& file, int error) {
   return {error != 0 ? error : EIO, std::generic_category(), "cannot write " + file.string()};
 }
 
-// How much of it was written: all, or less with errno.
+}  // namespace
+
 std::size_t write_all(int fd, std::string_view text) {
   std::size_t done = 0;
   while (done < text.size()) {
@@ -32,6 +33,8 @@ std::size_t write_all(int fd, std::string_view text) {
   }
   return done;
 }
+
+namespace {
 
 // What is no file that could be replaced: a device, a pipe.
 void write_into(const std::filesystem::path& file, std::string_view text) {

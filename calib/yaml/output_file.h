@@ -5,6 +5,7 @@
 // leave out a last row without its end.
 #pragma once
 
+#include <cstddef>
 #include <filesystem>
 #include <string>
 #include <string_view>
@@ -20,6 +21,9 @@ struct FileKind {
 // What is at `file` may be replaced by a file of this kind: there is nothing, or one of this kind, or an empty one, or
 // no file at all (a pipe, /dev/null). throws std::runtime_error, naming the file.
 void refuse_other_kind(const std::filesystem::path& file, const FileKind& kind);
+
+// How many of these bytes were written: all, or fewer with errno.
+std::size_t write_all(int fd, std::string_view bytes);
 
 // Where a link leads that is there or will be; otherwise the file itself.
 std::filesystem::path followed(const std::filesystem::path& file);

@@ -87,11 +87,12 @@ inline const Image* own_picture_of(const Frame& frame) {
   return frame.matches && !frame.matches->has_own_picture ? nullptr : picture_of(frame);
 }
 
-// In its pixels' place the picture of this very frame, for who needs pixels. False: it has none, and stays as it is.
-inline bool take_picture(Frame& frame) {
+// In the place of what matches a picture that came with it, as picture_of() or own_picture_of() say it, for who needs
+// pixels. False: there is none (nullptr), and the frame stays as it is.
+inline bool take_picture(Frame& frame, const Image* picture) {
   if (!frame.matches) return true;
-  if (own_picture_of(frame) == nullptr) return false;
-  frame.pixels = frame.matches->picture;
+  if (picture == nullptr) return false;
+  frame.pixels = Image(*picture);
   frame.matches = nullptr;
   frame.encoded = nullptr;
   return true;

@@ -22,6 +22,7 @@ extern "C" {
 #include <system_error>
 #include <utility>
 
+#include "calib/yaml/output_file.h"
 #include "capture/capture_error.h"
 #include "capture/ffmpeg_objects.h"
 #include "capture/file_descriptor.h"
@@ -102,19 +103,14 @@ class CsvFile {
 
   // throws WriteError; the file then ends with the last row that fitted.
   void flush() {
-    std::size_t done = 0;
-    while (done < rows_.size()) {
-      const auto written = ::write(fd_.get(), rows_.data() + done, rows_.size() - done);
-      if (written < 0 && errno == EINTR) continue;
-      if (written <= 0) {
-        const int error = written < 0 ? errno : ENOSPC;
-        const auto last_row_end = rows_.rfind('\n', done > 0 ? done - 1 : 0);
-        const std::size_t whole = done == 0 || last_row_end == std::string::npos ? 0 : last_row_end + 1;
-        if (::ftruncate(fd_.get(), size_ + static_cast<off_t>(whole)) != 0) throw WriteError{file_, system_text(errno)};
-        rows_.clear();
-        throw WriteError{file_, system_text(error)};
-      }
-      done += static_cast<std::size_t>(written);
+    const std::size_t done = yaml::write_all(fd_.get(), rows_);
+    if (done < rows_.size()) {
+      const int error = errno;
+      const auto last_row_end = rows_.rfind('\n', done > 0 ? done - 1 : 0);
+      const std::size_t whole = done == 0 || last_row_end == std::string::npos ? 0 : last_row_end + 1;
+      if (::ftruncate(fd_.get(), size_ + static_cast<off_t>(whole)) != 0) throw WriteError{file_, system_text(errno)};
+      rows_.clear();
+      throw WriteError{file_, system_text(error)};
     }
     size_ += static_cast<off_t>(rows_.size());
     rows_.clear();
@@ -360,28 +356,21 @@ class MatchesFile {
   explicit MatchesFile(fs::path file)
       : file_(std::move(file)), fd_(::open(file_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0644)) {
     if (fd_.get() < 0) throw WriteError{file_, system_text(errno)};
-    add({reinterpret_cast<const std::uint8_t*>(matches_file_begins.data()), matches_file_begins.size()});
+    waiting_ += matches_file_begins;
   }
   void write(const Frame& frame) {
     const auto length = static_cast<std::uint32_t>(frame.encoded->size());
-    std::array<std::uint8_t, 4> bytes{};
-    for (std::size_t i = 0; i < bytes.size(); ++i) bytes[i] = static_cast<std::uint8_t>(length >> (8 * i));
-    add(bytes);
-    add(*frame.encoded);
+    for (unsigned i = 0; i < 4; ++i) waiting_ += static_cast<char>(length >> (8 * i) & 0xff);
+    waiting_.append(frame.encoded->begin(), frame.encoded->end());
   }
 
   // throws WriteError; the file then ends where it ended before.
   void flush() {
-    for (std::size_t done = 0; done < waiting_.size();) {
-      const auto written = ::write(fd_.get(), waiting_.data() + done, waiting_.size() - done);
-      if (written < 0 && errno == EINTR) continue;
-      if (written <= 0) {
-        const int error = written < 0 ? errno : ENOSPC;
-        waiting_.clear();
-        if (::ftruncate(fd_.get(), size_) != 0) throw WriteError{file_, system_text(errno)};
-        throw WriteError{file_, system_text(error)};
-      }
-      done += static_cast<std::size_t>(written);
+    if (yaml::write_all(fd_.get(), waiting_) < waiting_.size()) {
+      const int error = errno;
+      waiting_.clear();
+      if (::ftruncate(fd_.get(), size_) != 0) throw WriteError{file_, system_text(errno)};
+      throw WriteError{file_, system_text(error)};
     }
     size_ += static_cast<off_t>(waiting_.size());
     waiting_.clear();
@@ -389,12 +378,10 @@ class MatchesFile {
   std::uint64_t bytes() const { return static_cast<std::uint64_t>(size_) + waiting_.size(); }
 
  private:
-  void add(std::span<const std::uint8_t> bytes) { waiting_.insert(waiting_.end(), bytes.begin(), bytes.end()); }
-
   fs::path file_;
   FileDescriptor fd_;
-  off_t size_ = 0;                     // of whole frames on disk
-  std::vector<std::uint8_t> waiting_;  // not yet there
+  off_t size_ = 0;       // of whole frames on disk
+  std::string waiting_;  // not yet there
 };
 
 struct CameraFiles {

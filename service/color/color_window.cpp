@@ -8,6 +8,7 @@
 #include <limits>
 #include <utility>
 
+#include "color/match_tiles.h"
 #include "particle_filter/vector_clones.h"
 
 namespace huetrack::color {
@@ -158,16 +159,9 @@ void MatchBits::store(std::span<const TileAt> tiles, const std::uint64_t* bits) 
   }
 }
 
-// Pixel by pixel: the tiles that the image's border cuts.
+// The tiles that the image's border cuts.
 std::uint64_t MatchBits::classify_edge(int u0, int v0) const {
-  if (found_ != nullptr) return found(u0, v0);
-  std::uint64_t bits = 0;
-  for (int r = 0; r < std::min(tile_size, height_ - v0); ++r) {
-    for (int c = 0; c < std::min(tile_size, width_ - u0); ++c) {
-      bits |= static_cast<std::uint64_t>(has_color(image_, *table_, u0 + c, v0 + r)) << (tile_size * r + c);
-    }
-  }
-  return bits;
+  return found_ != nullptr ? found(u0, v0) : classify_cut_tile(image_, *table_, u0, v0);
 }
 
 // Brings the rows of tiles on their way from memory: a frame that was just captured is in no cache. Neighbours mostly

@@ -12,15 +12,16 @@ namespace {
 constexpr int size = TileAt::size;
 static_assert(size == capture::Matches::tile_size);
 
-std::uint64_t of_cut_tile(const capture::Image& image, const ColorTable& table, int u0, int v0) {
+}  // namespace
+
+std::uint64_t classify_cut_tile(const capture::Image& image, const ColorTable& table, int u0, int v0) {
   std::uint64_t bits = 0;
-  for (int r = 0; r < std::min(size, image.height - v0); ++r)
+  for (int r = 0; r < std::min(size, image.height - v0); ++r) {
     for (int c = 0; c < std::min(size, image.width - u0); ++c)
       bits |= static_cast<std::uint64_t>(has_color(image, table, u0 + c, v0 + r)) << (size * r + c);
+  }
   return bits;
 }
-
-}  // namespace
 
 capture::MatchedColor matched_color(const HsiRange& range) {
   return {.hue_min_deg = range.hue_min_deg,
@@ -57,7 +58,7 @@ void match_tiles(const capture::Image& image, const ColorTable& table, std::vect
   }
   const auto cut = [&](int u, int v) {
     tiles[static_cast<std::size_t>(v) * across + static_cast<std::size_t>(u)] =
-        of_cut_tile(image, table, size * u, size * v);
+        classify_cut_tile(image, table, size * u, size * v);
   };
   if (image.width % size != 0)
     for (int v = 0; v < whole_down; ++v) cut(whole_across, v);

@@ -13,6 +13,10 @@ namespace huetrack::color {
 capture::MatchedColor matched_color(const HsiRange& range);
 HsiRange range_of(const capture::MatchedColor& color);
 
+// Of one tile, pixel by pixel: of those that the image's right or lower border cuts. (u0, v0): its first pixel, in the
+// image. Bit 8 r + c is the pixel in its row r and column c; those beyond the image are 0.
+std::uint64_t classify_cut_tile(const capture::Image& image, const ColorTable& table, int u0, int v0);
+
 // The same bits as MatchBits finds in that image, in the order of capture::Matches::OfColor. `table` must be for the
 // image's format.
 void match_tiles(const capture::Image& image, const ColorTable& table, std::vector<std::uint64_t>& tiles);

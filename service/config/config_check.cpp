@@ -239,10 +239,6 @@ std::string size_warning(const ServiceConfig& config) {
   return {};
 }
 
-}  // namespace
-
-namespace {
-
 // What cameras that send matches cannot do for a target that says nothing of it.
 std::string matches_warning(const ServiceConfig& config) {
   std::vector<std::string> cameras;

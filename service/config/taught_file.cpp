@@ -17,6 +17,7 @@
 #include <vector>
 
 #include "calib/model/rig_yaml.h"
+#include "calib/yaml/output_file.h"
 #include "capture/file_descriptor.h"
 #include "config/service_config.h"
 
@@ -123,12 +124,7 @@ void write_all(const fs::path& fresh, const std::string& text, const fs::path& l
   const capture::FileDescriptor to(
       ::open(fresh.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, rights.st_mode & 07777));
   if (to.get() < 0) throw cannot_write(file);
-  for (std::size_t written = 0; written < text.size();) {
-    const auto n = ::write(to.get(), text.data() + written, text.size() - written);
-    if (n < 0 && errno == EINTR) continue;
-    if (n <= 0) throw cannot_write(file);
-    written += std::size_t(n);
-  }
+  if (yaml::write_all(to.get(), text) < text.size()) throw cannot_write(file);
   if (::fchmod(to.get(), rights.st_mode & 07777) != 0) throw cannot_write(file);
   // Only root may give files away; who may not keeps the file as its own.
   if (::geteuid() == 0 && ::fchown(to.get(), rights.st_uid, rights.st_gid) != 0) throw cannot_write(file);

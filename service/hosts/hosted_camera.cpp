@@ -24,6 +24,7 @@
 #include "hosts/frame_message.h"
 #include "hosts/machine_clock.h"
 #include "hosts/match_finder.h"
+#include "hosts/wanted_matches.h"
 #include "idl/arrivals.h"
 #include "idl/camera_hostPubSubTypes.h"
 #include "idl/dds_participant.h"
@@ -241,20 +242,11 @@ struct HostedCameras::Impl {
         const std::scoped_lock lock(mutex);
         if (camera->looked_for_told_at && now - *camera->looked_for_told_at < looked_for_told_every) continue;
         camera->looked_for_told_at = now;
-        for (const capture::MatchedColor& color : camera->looked_for) {
-          msg::LookedFor& to = out.colors().emplace_back();
-          to.hue_min_deg(color.hue_min_deg);
-          to.hue_max_deg(color.hue_max_deg);
-          to.saturation_min(color.saturation_min);
-          to.saturation_max(color.saturation_max);
-          to.intensity_min(color.intensity_min);
-          to.intensity_max(color.intensity_max);
-        }
+        to_message({camera->looked_for, capture::duration_of(camera->options.picture_every_s)}, out);
       }
       out.tracker(tracker);
       out.host(camera->options.host);
       out.camera(camera->options.camera_there);
-      out.picture_every_s(camera->options.picture_every_s);
       looked_for.write(&out);
     }
   }

@@ -36,12 +36,12 @@ std::optional<std::span<const std::uint8_t>> MatchFinder::find(const capture::Fr
   std::erase_if(known_, [&](const Known& known) { return std::ranges::count(options.colors, known.color) == 0; });
   found_.resize(options.colors.size());
   std::size_t found = 0;
-  int made = 0;
+  int may_make = most_new_tables;
   for (const capture::MatchedColor& color : options.colors) {
-    if (!has_table(color, image) && ++made > most_new_tables) continue;  // with one of the next frames
+    const color::ColorTable* table = table_for(color, image, may_make);
+    if (table == nullptr) continue;  // it goes with one of the next frames
     found_[found].color = color;
-    color::match_tiles(image, table_for(color, image), found_[found].tiles);
-    ++found;
+    color::match_tiles(image, *table, found_[found++].tiles);
   }
   std::span<const capture::Matches::OfColor> colors(found_.data(), found);
   const std::size_t most = most_bytes_of_matches(image.width, image.height);
@@ -54,17 +54,15 @@ std::optional<std::span<const std::uint8_t>> MatchFinder::find(const capture::Fr
   return bytes_;
 }
 
-bool MatchFinder::has_table(const capture::MatchedColor& color, const capture::Image& image) const {
-  const auto known = std::ranges::find(known_, color, &Known::color);
-  return known != known_.end() && known->table && known->table->is_for(image.format, image.range);
-}
-
-const color::ColorTable& MatchFinder::table_for(const capture::MatchedColor& color, const capture::Image& image) {
+const color::ColorTable* MatchFinder::table_for(const capture::MatchedColor& color, const capture::Image& image,
+                                                int& may_make) {
   auto known = std::ranges::find(known_, color, &Known::color);
   if (known == known_.end()) known = known_.insert(known_.end(), {.color = color, .table = nullptr});
-  if (!known->table || !known->table->is_for(image.format, image.range))
+  if (!known->table || !known->table->is_for(image.format, image.range)) {
+    if (may_make-- <= 0) return nullptr;
     known->table = std::make_unique<const color::ColorTable>(color::range_of(color), image.format, image.range);
-  return *known->table;
+  }
+  return known->table.get();
 }
 
 std::span<const std::uint8_t> MatchFinder::picture(const capture::Frame& frame, const capture::Image& image,

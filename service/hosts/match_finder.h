@@ -41,8 +41,8 @@ class MatchFinder {
     capture::MatchedColor color;
     std::unique_ptr<const color::ColorTable> table;
   };
-  bool has_table(const capture::MatchedColor& color, const capture::Image& image) const;
-  const color::ColorTable& table_for(const capture::MatchedColor& color, const capture::Image& image);
+  // nullptr: it is a new one, and no more may be made for this frame.
+  const color::ColorTable* table_for(const capture::MatchedColor& color, const capture::Image& image, int& may_make);
   std::span<const std::uint8_t> picture(const capture::Frame& frame, const capture::Image& image,
                                         capture::Duration every);
 

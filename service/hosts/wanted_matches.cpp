@@ -12,6 +12,20 @@ constexpr double longest_picture_every_s = 1e6;
 
 }  // namespace
 
+void to_message(const Wanted& wanted, msg::LookedForColors& out) {
+  out.colors().clear();
+  for (const capture::MatchedColor& color : wanted.colors) {
+    msg::LookedFor& to = out.colors().emplace_back();
+    to.hue_min_deg(color.hue_min_deg);
+    to.hue_max_deg(color.hue_max_deg);
+    to.saturation_min(color.saturation_min);
+    to.saturation_max(color.saturation_max);
+    to.intensity_min(color.intensity_min);
+    to.intensity_max(color.intensity_max);
+  }
+  out.picture_every_s(capture::seconds(wanted.picture_every));
+}
+
 std::optional<Wanted> wanted_of(const msg::LookedForColors& said) {
   Wanted wanted;
   if (said.colors().size() > capture::Matches::most ||

@@ -18,6 +18,8 @@ struct Wanted {
   std::vector<capture::MatchedColor> colors;
   capture::Duration picture_every{0};  // 0: none
 };
+// As it is said: the colours and the time between pictures, and nothing else, of `out`.
+void to_message(const Wanted& wanted, msg::LookedForColors& out);
 // Anybody may have said it. nullopt: it makes no sense.
 std::optional<Wanted> wanted_of(const msg::LookedForColors& said);
 

@@ -394,24 +394,27 @@ struct EdgeSums::Chunk {
     for (int r = 0; r < threes; ++r)
       add_products_with<most>(slopes.of[3 * r], slopes.of[unknowns], n, out.of_residuals_ + 3 * r);
   }
+
+  template <bool is_smeared>
+  [[gnu::always_inline]] static void assemble(const EdgeModel& model, EdgeSamples& samples, EdgeSums& out) {
+    for (int b = 0; b < samples.block_count(); ++b) {
+      Chunk some(model, samples, b, out.slopes_[out.blocks_++]);
+      if constexpr (is_smeared)
+        some.cover_smeared();
+      else
+        some.cover_still();
+      some.show_and_weigh<is_smeared>(out);
+      some.add_all_to(out);
+    }
+  }
 };
 
 HUETRACK_CLONES void EdgeSums::assemble_still(const EdgeModel& model, EdgeSamples& samples, EdgeSums& out) {
-  for (int b = 0; b < samples.block_count(); ++b) {
-    Chunk some(model, samples, b, out.slopes_[out.blocks_++]);
-    some.cover_still();
-    some.show_and_weigh<false>(out);
-    some.add_all_to(out);
-  }
+  Chunk::assemble<false>(model, samples, out);
 }
 
 HUETRACK_CLONES void EdgeSums::assemble_smeared(const EdgeModel& model, EdgeSamples& samples, EdgeSums& out) {
-  for (int b = 0; b < samples.block_count(); ++b) {
-    Chunk some(model, samples, b, out.slopes_[out.blocks_++]);
-    some.cover_smeared();
-    some.show_and_weigh<true>(out);
-    some.add_all_to(out);
-  }
+  Chunk::assemble<true>(model, samples, out);
 }
 
 HUETRACK_CLONES void EdgeSums::renew_blocks(const EdgeModel& model, EdgeSamples& samples, EdgeSums& out) {

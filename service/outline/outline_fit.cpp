@@ -167,7 +167,13 @@ EdgeModel OutlineFit::model_of_chroma(const EdgeModel& of_light) const {
   return k;
 }
 
-void OutlineFit::take_sums() {
+// add(model, samples): to the sums.
+template <typename Add>
+void OutlineFit::add_up(Add&& add) {
+  const EdgeModel of_light = model_of_light();
+  add(of_light, light_);
+  visible_ = sums_.edge > 0 ? sums_.seen_edge / sums_.edge : 0;
+  if (has_chroma_) add(model_of_chroma(of_light), chroma_);
   sums_.gradient(gradient_);
   gradient_[lit_ + 1] /= band_.radius_px;  // lit_v is per radius
   misfit_ = sums_.trusted > 0 ? sums_.residual2 / sums_.trusted / usual_loss : 0;
@@ -175,11 +181,7 @@ void OutlineFit::take_sums() {
 
 void OutlineFit::assemble() {
   sums_.begin_assembling();
-  const EdgeModel of_light = model_of_light();
-  sums_.assemble(of_light, light_);
-  visible_ = sums_.edge > 0 ? sums_.seen_edge / sums_.edge : 0;
-  if (has_chroma_) sums_.assemble(model_of_chroma(of_light), chroma_);
-  take_sums();
+  add_up([&](const EdgeModel& model, EdgeSamples& samples) { sums_.assemble(model, samples); });
   assembled_weight_ = sums_.edge_weight;
   sums_.normal(normal_);
   normal_.row(lit_ + 1) /= band_.radius_px, normal_.col(lit_ + 1) /= band_.radius_px;
@@ -188,11 +190,7 @@ void OutlineFit::assemble() {
 
 void OutlineFit::renew() {
   sums_.begin_renewing();
-  const EdgeModel of_light = model_of_light();
-  sums_.renew_residuals(of_light, light_);
-  visible_ = sums_.edge > 0 ? sums_.seen_edge / sums_.edge : 0;
-  if (has_chroma_) sums_.renew_residuals(model_of_chroma(of_light), chroma_);
-  take_sums();
+  add_up([&](const EdgeModel& model, EdgeSamples& samples) { sums_.renew_residuals(model, samples); });
 }
 
 void OutlineFit::lay_out(const Ellipse& start, const Movement& movement, const Look& look) {

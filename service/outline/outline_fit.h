@@ -93,7 +93,8 @@ class OutlineFit {
   EdgeModel model_of_chroma(const EdgeModel& of_light) const;
   void assemble();
   void renew();
-  void take_sums();
+  template <typename Add>
+  void add_up(Add&& add);
   bool are_weights_others() const;
   Unknowns next_step() const;
   bool is_lost() const;

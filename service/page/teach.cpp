@@ -151,7 +151,8 @@ Pictures recorded_pictures(const config::ServiceConfig& config, std::span<const 
   while (auto frame = source.next(stop)) {
     const auto c = std::size_t(frame->camera);
     const std::int64_t number = count[c]++;
-    if (frame->status == capture::FrameStatus::ok && !take_picture(*frame)) {  // of a camera with send: matches
+    if (frame->status == capture::FrameStatus::ok &&
+        !take_picture(*frame, own_picture_of(*frame))) {  // of a camera with send: matches
       if (const auto it = wanted.find(frame->camera); it != wanted.end() && it->second == number)
         throw std::runtime_error(
             fmt::format("{}: frame {} of camera {} has no picture, only which pixels matched: "

@@ -123,15 +123,7 @@ std::string why_nothing(const color_teaching::Taught& taught) {
 // As people see it: of a camera that says which pixels match the latest picture that came beside these.
 capture::FrameSet pictures_of(capture::FrameSet set) {
   for (auto& frame : set.frames) {
-    if (!frame || !frame->matches) continue;
-    const capture::Image* const picture = picture_of(*frame);
-    if (picture == nullptr) {
-      frame.reset();
-      continue;
-    }
-    frame->pixels = capture::Image(*picture);
-    frame->matches = nullptr;
-    frame->encoded = nullptr;
+    if (frame && !take_picture(*frame, picture_of(*frame))) frame.reset();
   }
   return set;
 }

@@ -6,13 +6,10 @@
 namespace huetrack::pipeline {
 namespace {
 
-// A pixel's angle in the middle of the picture, and how far from there a pixel of the picture usually is, as a tangent.
-double radians_per_px(const calib::Camera& camera) {
-  calib::CameraModel::Jacobian j;
-  return camera.model.project({0, 0, 1}, j) ? 1 / std::sqrt(std::abs(j(0, 0) * j(1, 1))) : 0.0;
-}
+// How far from the middle of the picture a pixel of it usually is, as a tangent.
 double usual_tangent(const calib::Camera& camera) {
-  return radians_per_px(camera) * std::hypot(camera.image_size.width, camera.image_size.height) / std::sqrt(12.0);
+  const double diagonal_px = std::hypot(camera.image_size.width, camera.image_size.height);
+  return diagonal_px / std::sqrt(12.0) / view_watch::focal_px(camera);
 }
 
 }  // namespace
@@ -31,7 +28,7 @@ double doubt_of(const view_watch::Mistake& mistake, const calib::Camera& camera)
     case MistakeKind::contradiction: {
       // off_px is a median, across the epipolar lines; along them nobody knows, and it is taken to be as much.
       constexpr double median_of_sigma = 0.6745;
-      return mistake.off_px / median_of_sigma * radians_per_px(camera);
+      return mistake.off_px / median_of_sigma / view_watch::focal_px(camera);
     }
     case MistakeKind::radius:
     case MistakeKind::shared_color:

@@ -20,13 +20,12 @@ constexpr double longest_gap_s = 0.15;  // between two samples, to tell what was
 constexpr double largest_off = 5;       // in standard deviations: further off is as bad
 constexpr double nowhere_px = 60;       // rays that meet behind a camera
 
-double focal_px(const calib::Camera& camera) {
-  const calib::CameraModel& model = camera.model;
-  calib::CameraModel::Jacobian j;
-  return model.project({0, 0, 1}, j) ? std::sqrt(std::abs(j(0, 0) * j(1, 1))) : 1.0;
-}
-
 }  // namespace
+
+double focal_px(const calib::Camera& camera) {
+  calib::CameraModel::Jacobian j;
+  return camera.model.project({0, 0, 1}, j) ? std::sqrt(std::abs(j(0, 0) * j(1, 1))) : 1.0;
+}
 
 double sigma_of_region_px(double radius_px) {
   constexpr double of_edge_px = 0.25, of_radius = 0.06;

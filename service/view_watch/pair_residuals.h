@@ -23,6 +23,9 @@ struct Sample {
 };
 using Track = std::deque<Sample>;  // of one camera, by time
 
+// In the middle of the picture: a pixel there is 1 / focal_px radians wide.
+double focal_px(const calib::Camera& camera);
+
 // Of the middle of a region: how coarse its edge is, and light from one side.
 double sigma_of_region_px(double radius_px);
 
