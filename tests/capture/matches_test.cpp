@@ -224,6 +224,15 @@ Frame frame_of(Extent size, int number, bool has_picture) {
   return frame;
 }
 
+RecordingOptions of_left(const std::filesystem::path& folder, bool is_of_matches) {
+  return {.folder = folder,
+          .cameras = {"left"},
+          .fps = {},
+          .are_matches = {is_of_matches},
+          .rig_yaml = {},
+          .config_yaml = {}};
+}
+
 std::vector<Frame> replayed(const std::filesystem::path& folder, std::vector<std::string>& warnings) {
   const std::vector<std::string> names{"left"};
   ReplaySource source(read_recording(folder), names, {.timing = {}, .keeps_encoded = true, .takes_matches = true});
@@ -242,12 +251,7 @@ TEST(Matches, AreRecordedAndReplayedAsTheyCame) {
   {
     PreRoll pre_roll({.length = std::chrono::seconds(10)});
     for (int i = 0; i < 5; ++i) pre_roll.push(given[std::size_t(i)]);
-    RecordingWriter writer({.folder = folder.path() / "r",
-                            .cameras = {"left"},
-                            .fps = {},
-                            .are_matches = {true},
-                            .rig_yaml = {},
-                            .config_yaml = {}});
+    RecordingWriter writer(of_left(folder.path() / "r", true));
     for (const Frame& frame : pre_roll.take()) EXPECT_TRUE(writer.write(frame));
     for (std::size_t i = 5; i < given.size(); ++i) EXPECT_TRUE(writer.write(given[i]));
     EXPECT_EQ(writer.figures()[0].frames, 20U);
@@ -276,12 +280,7 @@ TEST(Matches, OfARecordingThatIsCutOffReplayUpToThere) {
   const TemporaryFolder folder;
   const Extent size{70, 46};
   {
-    RecordingWriter writer({.folder = folder.path() / "r",
-                            .cameras = {"left"},
-                            .fps = {},
-                            .are_matches = {true},
-                            .rig_yaml = {},
-                            .config_yaml = {}});
+    RecordingWriter writer(of_left(folder.path() / "r", true));
     for (int i = 0; i < 10; ++i) EXPECT_TRUE(writer.write(frame_of(size, i, false)));
   }
   const auto file = folder.path() / "r" / "left.matches";
@@ -294,8 +293,7 @@ TEST(Matches, OfARecordingThatIsCutOffReplayUpToThere) {
 
 TEST(Matches, AndPicturesAreNotRecordedInOneFile) {
   const TemporaryFolder folder;
-  RecordingWriter writer(
-      {.folder = folder.path() / "r", .cameras = {"left"}, .fps = {}, .rig_yaml = {}, .config_yaml = {}});
+  RecordingWriter writer(of_left(folder.path() / "r", false));
   EXPECT_TRUE(writer.write(frame_of({70, 46}, 1, false)));
   EXPECT_EQ(writer.figures()[0].left_out, 1U);
 }

@@ -13,7 +13,7 @@
 #include "hosts/match_finder.h"
 #include "hosts/wanted_matches.h"
 #include "object_tracking/object_tracker.h"
-#include "scene/scene.h"
+#include "scene/lime.h"
 
 namespace huetrack::hosts {
 namespace {
@@ -25,11 +25,9 @@ using object_tracking::ObjectTracker;
 using object_tracking::TargetOptions;
 
 TargetOptions lime() {
-  TargetOptions t;
-  t.name = "lime";
-  t.color.hue_min_deg = 65, t.color.hue_max_deg = 115;
-  t.shape = object_tracking::TargetShape::blob;
-  return t;
+  TargetOptions target = scene::lime();
+  target.shape = object_tracking::TargetShape::blob;
+  return target;
 }
 
 // A camera host and what a tracker reads of it, without the bus.

@@ -10,23 +10,17 @@
 #include <stdexcept>
 
 #include "object_tracking/region_tracker.h"
-#include "scene/scene.h"
+#include "scene/lime.h"
 
 namespace huetrack::object_tracking {
 namespace {
 
 using Eigen::Vector3d;
+using scene::lime;
 using testing::AllOf;
 using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
-
-TargetOptions lime() {
-  TargetOptions t;
-  t.name = "lime";
-  t.color.hue_min_deg = 65, t.color.hue_max_deg = 115;
-  return t;
-}
 
 scene::BallOptions pink_ball() {
   return {.name = "pink", .rgb = {0.85, 0.25, 0.55}};

@@ -8,12 +8,14 @@
 #include <numbers>
 #include <utility>
 
-#include "scene/scene.h"
+#include "scene/lime.h"
 
 namespace huetrack::pipeline {
 namespace {
 
 using Eigen::Vector3d;
+using scene::lime;
+using scene::turn;
 using testing::DoubleEq;
 using testing::Each;
 using testing::ElementsAre;
@@ -21,29 +23,6 @@ using view_watch::Mistake;
 using view_watch::MistakeKind;
 
 constexpr double rad = std::numbers::pi / 180;
-
-object_tracking::TargetOptions lime() {
-  object_tracking::TargetOptions t;
-  t.name = "lime";
-  t.color.hue_min_deg = 65, t.color.hue_max_deg = 115;
-  return t;
-}
-
-scene::Scene ball_that_flies() {
-  return scene::SceneBuilder{}
-      .cameras_on_ring({.count = 3})
-      .ball({.path =
-                 [](double t) {
-                   return Vector3d(0.6 * std::sin(2.1 * t), 0.6 * std::cos(1.7 * t), 1 + 0.5 * std::sin(2.9 * t + 1));
-                 }})
-      .build();
-}
-
-void turn(calib::Camera& camera, double radians, const Vector3d& axis) {
-  calib::Tangent6d tangent = calib::Tangent6d::Zero();
-  tangent.head<3>() = radians * axis.normalized();
-  camera.cam_from_world = calib::exp(tangent) * camera.cam_from_world;
-}
 
 struct Followed {
   double nees = 0;  // mean, of the second half of the sets
@@ -81,7 +60,7 @@ Followed follow(const scene::Scene& scene, const calib::CameraRig& rig, bool is_
 }
 
 TEST(MistakeWatch, ATurnedCameraIsDoubtedByItsTurn) {
-  const scene::Scene scene = ball_that_flies();
+  const scene::Scene scene = scene::lime_that_flies();
   calib::CameraRig rig = scene.rig;
   turn(rig.cameras[1], 2 * rad, {1, -0.6, 0.3});
   const Followed heard = follow(scene, rig, true);
@@ -94,7 +73,7 @@ TEST(MistakeWatch, ATurnedCameraIsDoubtedByItsTurn) {
 }
 
 TEST(MistakeWatch, ARigThatFitsNowhereTellsNothingSurely) {
-  const scene::Scene scene = ball_that_flies();
+  const scene::Scene scene = scene::lime_that_flies();
   calib::CameraRig rig = scene.rig;
   turn(rig.cameras[0], 3 * rad, {0.2, 1, 0.4});
   turn(rig.cameras[2], 3 * rad, {1, 0.3, -0.8});
@@ -105,7 +84,7 @@ TEST(MistakeWatch, ARigThatFitsNowhereTellsNothingSurely) {
 }
 
 TEST(MistakeWatch, AGoodRigIsNotDoubted) {
-  const scene::Scene scene = ball_that_flies();
+  const scene::Scene scene = scene::lime_that_flies();
   const Followed heard = follow(scene, scene.rig, true);
   EXPECT_EQ(heard.changes, 0u);
   EXPECT_THAT(heard.doubts, Each(DoubleEq(0)));
@@ -113,7 +92,7 @@ TEST(MistakeWatch, AGoodRigIsNotDoubted) {
 
 // The room has told that a camera moved: nothing else is looked for.
 TEST(MistakeWatch, WhatMovedIsNoMistake) {
-  const scene::Scene scene = ball_that_flies();
+  const scene::Scene scene = scene::lime_that_flies();
   calib::CameraRig rig = scene.rig;
   turn(rig.cameras[1], 2 * rad, {1, -0.6, 0.3});
   const std::vector targets{lime()};
@@ -129,7 +108,7 @@ TEST(MistakeWatch, WhatMovedIsNoMistake) {
 }
 
 TEST(MistakeWatch, DoubtIsAsLargeAsTheMistake) {
-  const scene::Scene scene = ball_that_flies();
+  const scene::Scene scene = scene::lime_that_flies();
   const calib::Camera& camera = scene.rig.cameras[0];
   const double f = camera.model.fx();
   EXPECT_NEAR(doubt_of({.kind = MistakeKind::turned, .cameras = {0}, .size = 0.03}, camera), 0.03, 1e-12);

@@ -8,7 +8,7 @@
 #include <functional>
 #include <numbers>
 
-#include "scene/scene.h"
+#include "scene/lime.h"
 
 namespace huetrack::view_watch {
 namespace {
@@ -19,24 +19,10 @@ using testing::IsEmpty;
 
 constexpr double rad = std::numbers::pi / 180;
 
-object_tracking::TargetOptions lime() {
-  object_tracking::TargetOptions t;
-  t.name = "lime";
-  t.color.hue_min_deg = 65, t.color.hue_max_deg = 115;
-  return t;
-}
-
 class ViewWatchOfScene : public testing::Test {
  protected:
   void SetUp() override {
-    scene = scene::SceneBuilder{}
-                .cameras_on_ring({.count = 3})
-                .ball({.path =
-                           [](double t) {
-                             return Vector3d(0.6 * std::sin(2.1 * t), 0.6 * std::cos(1.7 * t),
-                                             1 + 0.5 * std::sin(2.9 * t + 1));
-                           }})
-                .build();
+    scene = scene::lime_that_flies();
     rig = scene.rig;
   }
   // What is named at the end, and that it is by then.
@@ -56,13 +42,11 @@ class ViewWatchOfScene : public testing::Test {
     return out.mistakes();
   }
   void turn(std::size_t camera, double degrees, const Vector3d& axis) {
-    calib::Tangent6d tangent = calib::Tangent6d::Zero();
-    tangent.head<3>() = degrees * rad * axis.normalized();
-    rig.cameras[camera].cam_from_world = calib::exp(tangent) * rig.cameras[camera].cam_from_world;
+    scene::turn(rig.cameras[camera], degrees * rad, axis);
   }
   scene::Scene scene;
   calib::CameraRig rig;
-  object_tracking::TargetOptions target = lime();
+  object_tracking::TargetOptions target = scene::lime();
   std::function<void(std::vector<capture::FrameSet>&)> spoil;
   std::uint64_t seed = 1;
   capture::PixelFormat format = scene::RenderOptions{}.format;

@@ -3,17 +3,12 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "scene/scene.h"
+#include "scene/lime.h"
 
 namespace huetrack::wave {
 namespace {
 
-object_tracking::TargetOptions lime() {
-  object_tracking::TargetOptions target;
-  target.name = "lime";
-  target.color.hue_min_deg = 65, target.color.hue_max_deg = 115;
-  return target;
-}
+using scene::lime;
 
 TEST(BallFinder, FindsTheBallToAFractionOfAPixel) {
   const scene::Scene scene = scene::SceneBuilder{}.cameras_on_ring({.count = 2}).ball({}).build();
