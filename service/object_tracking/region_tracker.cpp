@@ -200,9 +200,23 @@ void RegionTracker::start_compared(const ObjectSearch::Find& find, capture::Time
 // The belief that the sightings of two sets give, from nothing but what is usual.
 void RegionTracker::start_at(const ObjectSearch::Find& find, capture::Timestamp set_at) {
   last_reported_ = capture::Timestamp::min();
+  is_known_ = false;
   sightings_ = filter_.start(find.earlier, find.now, agreement_, set_at, find.dt, sets_apart_ == 0, last_reported_);
   seen_ = sightings_;
   still_color_.mark_cut(sightings_);
+}
+
+// What was found in a room of its colour, and may be a part of the room as well, is followed but not told: of nobody it
+// is known where he is.
+TrackState RegionTracker::told_state() {
+  is_known_ = is_known_ || state_ == TrackState::tracking;
+  const bool is_tentative = state_ == TrackState::coasting && !is_known_ && still_color_.is_room_shared();
+  const bool was_told = told_ == TrackState::tracking || told_ == TrackState::coasting;
+  if (!is_tentative)
+    told_ = state_;
+  else if (was_told)
+    told_ = TrackState::lost;
+  return told_;
 }
 
 ObjectEstimate RegionTracker::report(const capture::FrameSet& set) {
@@ -210,7 +224,7 @@ ObjectEstimate RegionTracker::report(const capture::FrameSet& set) {
                                   .views = views_,
                                   .radius_m = target_.radius_m,
                                   .options = options_,
-                                  .state = state_,
+                                  .state = told_state(),
                                   .filter = filter_,
                                   .agreement = agreement_,
                                   .sightings = sightings_,

@@ -72,6 +72,7 @@ class RegionTracker {
   void search(const capture::FrameSet& set, const std::vector<TargetView>& views);
   void start_compared(const ObjectSearch::Find& find, capture::Timestamp set_at);
   void start_at(const ObjectSearch::Find& find, capture::Timestamp set_at);
+  TrackState told_state();
   ObjectEstimate report(const capture::FrameSet& set);
 
   TargetOptions target_;
@@ -94,6 +95,8 @@ class RegionTracker {
   SeenRegions seen_regions_;       // of this set
 
   TrackState state_ = TrackState::searching;
+  bool is_known_ = false;                           // it was tracked since it was found
+  TrackState told_ = TrackState::searching;         // in the last set
   capture::Timestamp last_at_{}, last_tracking_{};  // of the sets
   std::size_t sets_apart_ = 0;                      // whose frames were not taken at one moment
   capture::Timestamp last_reported_ = capture::Timestamp::min();

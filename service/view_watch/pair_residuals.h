@@ -20,6 +20,7 @@ struct Sample {
   double sigma_px = 0;      // standard deviation of px on each axis
   double below_middle = 0;  // the row: r / (H - 1) - 1/2
   Eigen::Vector3d ray;      // through px, camera frame, unit
+  bool is_target = false;   // the tracker takes it for the target; otherwise only for something of its colour
 };
 using Track = std::deque<Sample>;  // of one camera, by time
 

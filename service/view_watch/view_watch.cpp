@@ -126,7 +126,7 @@ class Suppositions {
       const auto other = of_other_rig();
       return other || as_is_.worst < contradicts
                  ? other
-                 : Mistake{.kind = MistakeKind::contradiction, .off_px = as_is_.worst_px};
+                 : Mistake{.kind = MistakeKind::contradiction, .off_px = as_is_.worst_px, .agreeing = agreeing()};
     }
     std::ranges::stable_sort(answers_, {}, cost);
     join_turn_and_zoom();
@@ -205,6 +205,22 @@ class Suppositions {
     return Mistake{.kind = MistakeKind::other_rig, .off_px = as_is_.worst_px};
   }
 
+  // Cameras that agree with another one, as things are.
+  std::vector<int> agreeing() const {
+    std::vector<int> out;
+    const std::size_t n = rig_.cameras.size();
+    for (std::size_t i = 0; i < n; ++i) {
+      for (std::size_t j = 0; j < n; ++j) {
+        if (i == j ||
+            !(comparison_.residuals(tracks_, std::min(i, j), std::max(i, j), {}, time_sigmas_).usual() < agrees))
+          continue;
+        out.push_back(int(i));
+        break;
+      }
+    }
+    return out;
+  }
+
   const calib::CameraRig& rig_;
   const std::vector<Track>& tracks_;
   const TimeSigmas& time_sigmas_;
@@ -239,6 +255,7 @@ void ViewWatch::look(const object_tracking::ObjectEstimate& estimate, const obje
   }
   const double now_s = capture::seconds(set_at - *first_at_);
   keep(estimate, tracker.regions(), now_s);
+  forget_what_was_not_it(estimate, now_s);
   if (now_s < next_s_) return;
   next_s_ = now_s + judged_every_s;
   std::vector<Mistake> now;
@@ -292,8 +309,22 @@ void ViewWatch::keep(const object_tracking::ObjectEstimate& estimate, std::span<
          .radius_px = chosen->radius_px,
          .sigma_px = chosen->outline_sigma_px > 0 ? chosen->outline_sigma_px : sigma_of_region_px(chosen->radius_px),
          .below_middle = chosen->below_middle,
-         .ray = ray->normalized()});
+         .ray = ray->normalized(),
+         .is_target = chosen->is_target});
   }
+}
+
+// Views that have agreed for a while about where the target is tell that what they showed before, elsewhere, was
+// something else of its colour: furniture, of a room that shares it.
+void ViewWatch::forget_what_was_not_it(const object_tracking::ObjectEstimate& estimate, double now_s) {
+  if (estimate.state != object_tracking::TrackState::tracking || estimate.views < 2) {
+    found_s_.reset();
+    return;
+  }
+  if (!found_s_) found_s_ = now_s;
+  if (now_s - *found_s_ < judged_every_s) return;
+  for (PerCamera& camera : cameras_)
+    std::erase_if(camera.track, [&](const Sample& sample) { return !sample.is_target && sample.t_s < *found_s_; });
 }
 
 bool ViewWatch::is_still(PerCamera& camera, const Eigen::Vector2d& px, double now_s) const {
@@ -322,16 +353,31 @@ bool ViewWatch::has_moved() const {
   return moving >= 2;
 }
 
-std::optional<Mistake> ViewWatch::of_rig(double now_s) {
-  for (std::size_t c = 0; c < cameras_.size(); ++c) {
-    tracks_[c].clear();
-    const Track& all = cameras_[c].track;
-    for (std::size_t k = 1; k + 1 < all.size(); ++k) {
-      if (all[k].t_s < now_s - window_s || !is_smooth(all[k - 1], all[k], all[k + 1])) continue;
-      tracks_[c].push_back(all[k]);
-      tracks_[c].back().t_s += time_shifts_[c];
-    }
+// What is one thing; and of what the tracker does not take for the target, only what moves. Furniture of its colour
+// flickers at its edges too much to be known by where it is, now one piece is the largest and now another one, and
+// tells of no camera.
+void ViewWatch::choose(const Track& all, double now_s, double shift_s, Track& chosen) {
+  chosen.clear();
+  smooth_.assign(all.size(), false);
+  for (std::size_t k = 1; k + 1 < all.size(); ++k) smooth_[k] = is_smooth(all[k - 1], all[k], all[k + 1]);
+  const auto moves = [&](std::size_t k) {
+    constexpr double within_s = 0.5, least_px = 6;  // twice what noise may make of a region that does not
+    const auto is_far = [&](std::size_t j) { return (all[j].px - all[k].px).norm() > least_px; };
+    for (std::size_t j = k; j > 0 && smooth_[j] && all[j].t_s > all[k].t_s - within_s; --j)
+      if (is_far(j)) return true;
+    for (std::size_t j = k; j < all.size() && smooth_[j] && all[j].t_s < all[k].t_s + within_s; ++j)
+      if (is_far(j)) return true;
+    return false;
+  };
+  for (std::size_t k = 0; k < all.size(); ++k) {
+    if (!smooth_[k] || all[k].t_s < now_s - window_s || !(all[k].is_target || moves(k))) continue;
+    chosen.push_back(all[k]);
+    chosen.back().t_s += shift_s;
   }
+}
+
+std::optional<Mistake> ViewWatch::of_rig(double now_s) {
+  for (std::size_t c = 0; c < cameras_.size(); ++c) choose(cameras_[c].track, now_s, time_shifts_[c], tracks_[c]);
   is_wrong_ = false;
   if (!has_moved()) return std::nullopt;
   const PairComparison comparison(rig_);

@@ -40,7 +40,9 @@ struct Mistake {
   std::vector<int> cameras = {};  // of the rig
   double size = 0;
   double off_px = 0;  // how far the views are apart because of it, usually; 0: late, and learnt: they are not
-  double zoom = 1;    // turned: a focal length of so many times the rig's explains it as well; 1: it does not
+  // contradiction: those that agree with another one. It is hardly theirs, where others agree with nobody.
+  std::vector<int> agreeing = {};
+  double zoom = 1;  // turned: a focal length of so many times the rig's explains it as well; 1: it does not
 
   bool is_same_as(const Mistake& other) const { return kind == other.kind && cameras == other.cameras; }
 };
@@ -73,7 +75,9 @@ class ViewWatch {
   };
   void keep(const object_tracking::ObjectEstimate& estimate, std::span<const object_tracking::SeenRegion> regions,
             double now_s);
+  void forget_what_was_not_it(const object_tracking::ObjectEstimate& estimate, double now_s);
   bool is_still(PerCamera& camera, const Eigen::Vector2d& px, double now_s) const;
+  void choose(const Track& all, double now_s, double shift_s, Track& chosen);
   std::optional<Mistake> of_rig(double now_s);
   std::optional<Mistake> explained(const PairComparison::Agreement& as_is, bool is_clear) const;
   std::optional<Mistake> of_learnt_times() const;
@@ -84,9 +88,11 @@ class ViewWatch {
   calib::CameraRig rig_;
   object_tracking::TargetOptions target_;
   std::vector<PerCamera> cameras_;
-  std::vector<Track> tracks_;  // of cameras_, less what contradicts itself: work space
+  std::vector<Track> tracks_;  // of cameras_, less what contradicts itself or stands still: work space
+  std::vector<bool> smooth_;   // per sample of one of cameras_: work space
   TimeSigmas time_sigmas_, time_shifts_, latency_sigmas_;
   std::optional<capture::Timestamp> first_at_;
+  std::optional<double> found_s_;  // since when it has been tracked
   double next_s_ = 0, next_turn_s_ = 0, next_try_s_ = 0;
   int tries_ = 0;
   bool is_wrong_ = false;  // the views contradict one another now

@@ -231,6 +231,27 @@ TEST(StillColor, aBallThatRestsFromTheStartIsFoundAtOnce) {
   for (std::size_t i = 3; i < told.tracked.size(); ++i) EXPECT_EQ(told.tracked[i], 1u) << i;
 }
 
+// What may be an object as well as a part of the room is followed until that is known, and not told before.
+TEST(StillColor, whatMayBeFurnitureIsNotTold) {
+  scene::SceneBuilder builder;
+  builder.cameras_on_ring({.count = 2});
+  builder.ball({.path = [](double t) { return Vector3d(0.1, 0.1 + 0.3 * std::max(0.0, t - 1), 1.0); }});
+  for (const double angle : {0.4, 1.5, 3.0, 4.4})
+    builder.ball({.radius_m = 0.12, .path = [=](double t) {
+                    const double sway_m = 0.014 * std::sin(9 * t + angle);
+                    return Vector3d((1.3 + sway_m) * std::cos(angle), (1.3 - sway_m) * std::sin(angle), 0.8 + sway_m);
+                  }});
+  const scene::Scene scene = builder.build();
+  ObjectTracker tracker(scene.rig, limes(1), ObjectTrackerOptions{});
+  bool has_been_tracked = false;
+  for (const capture::FrameSet& set : render(scene, {.set_count = 75})) {
+    const ObjectEstimate estimate = tracker.update(set);
+    has_been_tracked = has_been_tracked || estimate.state == TrackState::tracking;
+    EXPECT_TRUE(has_been_tracked || !estimate.has_position()) << set.number;
+  }
+  EXPECT_TRUE(has_been_tracked);
+}
+
 // A camera that was turned is doubted, so that nobody is sure enough to be told; when it stands as it should again, the
 // views say so by what they see all the same.
 TEST(ManyTracker, doubtsOfThePastDoNotHideObjectsForEver) {

@@ -90,6 +90,26 @@ TEST(MistakeWatch, AGoodRigIsNotDoubted) {
   EXPECT_THAT(heard.doubts, Each(DoubleEq(0)));
 }
 
+// Furniture of the ball's colour, of which every camera sees another piece as the largest one before the ball comes.
+TEST(MistakeWatch, ARoomOfTheColourIsNoMistake) {
+  scene::SceneBuilder builder;
+  builder.cameras_on_ring({.count = 3});
+  builder.ball({.path = [](double t) {
+    if (t < 1) return Vector3d(0, 0, 20);  // nowhere
+    return Vector3d(0.6 * std::sin(2.1 * t), 0.6 * std::cos(1.7 * t), 1.2 + 0.3 * std::sin(2.9 * t));
+  }});
+  for (const double angle : {0.4, 1.5, 3.0, 4.4})
+    builder.ball({.radius_m = 0.12,
+                  .path = [=](double t) {  // by a pixel or two, as the middle of wood whose edges flicker
+                    const double sway_m = 0.014 * std::sin(9 * t + angle);
+                    return Vector3d((1.3 + sway_m) * std::cos(angle), (1.3 - sway_m) * std::sin(angle), 0.5 + sway_m);
+                  }});
+  const scene::Scene scene = builder.build();
+  const Followed heard = follow(scene, scene.rig, true);
+  EXPECT_EQ(heard.changes, 0u);
+  EXPECT_GT(heard.told, 70);
+}
+
 // The room has told that a camera moved: nothing else is looked for.
 TEST(MistakeWatch, WhatMovedIsNoMistake) {
   const scene::Scene scene = scene::lime_that_flies();
