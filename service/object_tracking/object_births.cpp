@@ -19,9 +19,11 @@ const double by_chance_on_line = std::log(detection_probability / 0.03);
 const double not_seen = std::log(1 - detection_probability);
 constexpr double size_sigma = 0.2;  // of the radius of a region's disc, as a share
 constexpr double worst_size = 3;    // something hides a part: that says no more against it
-// Of a disc of the size that the place lets expect: a ball's dark side may be out of the colour's range, and then its
-// region is smaller; and so far its edge is blurred.
-constexpr double least_of_disc = 0.6, right_size = 1.2;
+// A region is as round as a disc by chance: one of seven, of furniture. And it has the size that the place lets expect,
+// of all that regions are looked for in, some 2.5 on a logarithmic scale: sizes of objects have a density of 2 there.
+const double by_chance_round = std::log(detection_probability / 0.15);
+const double by_chance_of_size = std::log(2.5 / (size_sigma * std::sqrt(2 * std::numbers::pi)));
+constexpr double right_size = 1.2;  // larger is what its colour goes on in; its edge is blurred
 // Evidence that is by chance in one room of a thousand, which has so many pieces of furniture: what three views show
 // alike has it.
 constexpr double beyond_chance = 7;
@@ -51,17 +53,16 @@ bool moves(const Eigen::Vector3d& from, const PositionCandidate& now, const Eige
          step.dot(way) > least_step * way.squaredNorm() / sets;
 }
 
-// Two views show a disc that is as large as the object is there, and one of them shows all of it. Of furniture, which
-// has any size and any shape, hardly two pieces do, on rays that meet.
-bool shows_discs(const PositionCandidate& c, double radius_m) {
-  int discs = 0, whole = 0;
+// What the shapes say: views that show a disc as large as the object is there. Furniture has any size and any shape.
+double evidence_of_discs(const PositionCandidate& c, double radius_m) {
+  double evidence = 0;
   for (const Sighting& s : c.sightings) {
     const auto at = appearance_of(*s.camera, c.position, radius_m);
-    if (!at || !is_round(s) || s.support < least_of_disc || s.radius_px > right_size * at->radius_px) continue;
-    ++discs;
-    whole += is_whole_disc(s) ? 1 : 0;
+    if (!at || !is_round(s) || s.radius_px > right_size * at->radius_px) continue;
+    const double size = std::log(s.radius_px / at->radius_px) / size_sigma;
+    evidence += std::max(0.0, by_chance_round + by_chance_of_size - 0.5 * size * size);
   }
-  return discs >= 2 && whole >= 1;
+  return evidence;
 }
 
 ObjectTrackerOptions looking_within(ObjectTrackerOptions options, const Volume& within) {
@@ -166,7 +167,7 @@ std::vector<Birth> ObjectBirths::look(const std::vector<TargetView>& views,
     // Two views may be of two pieces of furniture, set by set. Where as many others contradict them only what moves is
     // told; a single one may have something before it that nobody knows of.
     const bool is_contested = c.missing > 0 && c.at.sightings.size() < 3;
-    const bool is_clear = c.evidence >= beyond_chance || shows_discs(c.at, target_.radius_m);
+    const bool is_clear = c.evidence + evidence_of_discs(c.at, target_.radius_m) >= beyond_chance;
     bool stands = (is_contested && c.missing >= std::ssize(c.at.sightings)) || must_move_ == MustMove::yes ||
                   (must_move_ == MustMove::unless_clear && !is_clear);
     if (earlier != nullptr) {

@@ -391,7 +391,9 @@ std::optional<Mistake> ViewWatch::of_rig(double now_s) {
     const int paused = std::max(0, ++tries_ - tries_at_once);
     next_try_s_ = now_s + std::min(longest_pause_s, 0.9 * judged_every_s * std::pow(2, paused));
   }
-  return explained(as_is, is_clear);
+  auto found = explained(as_is, is_clear);
+  if (found) next_turn_s_ = now_s;  // is it so half a second later, too?
+  return found;
 }
 
 std::optional<Mistake> ViewWatch::explained(const PairComparison::Agreement& as_is, bool is_clear) const {

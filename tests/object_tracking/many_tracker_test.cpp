@@ -231,6 +231,21 @@ TEST(StillColor, aBallThatRestsFromTheStartIsFoundAtOnce) {
   for (std::size_t i = 3; i < told.tracked.size(); ++i) EXPECT_EQ(told.tracked[i], 1u) << i;
 }
 
+// Two views that show a disc of nearly its size, none of them all of it: its dark side is not of the colour.
+TEST(StillColor, aBallWithADarkSideIsFoundAtOnce) {
+  scene::SceneBuilder builder;
+  builder.cameras_on_ring({.count = 3});
+  builder.ball({.radius_m = 0.034, .path = [](double) { return Vector3d(-0.2, 0.1, 1.5); }});
+  for (const double angle : {0.4, 1.5, 3.0})
+    builder.ball({.radius_m = 0.25,
+                  .path = [=](double) { return Vector3d(1.7 * std::cos(angle), 1.7 * std::sin(angle), 0.6); }});
+  scene::Scene scene = builder.build();
+  scene.rig.cameras.erase(scene.rig.cameras.begin());  // two that do not face each other
+  const Told told = told_of(scene, render(scene, {.set_count = 30}), 1, 1);
+  EXPECT_EQ(told.wrong, 0u);
+  for (std::size_t i = 3; i < told.tracked.size(); ++i) EXPECT_EQ(told.tracked[i], 1u) << i;
+}
+
 // What may be an object as well as a part of the room is followed until that is known, and not told before.
 TEST(StillColor, whatMayBeFurnitureIsNotTold) {
   scene::SceneBuilder builder;
