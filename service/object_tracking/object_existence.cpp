@@ -3,6 +3,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <numbers>
 
 namespace huetrack::object_tracking {
@@ -71,14 +72,22 @@ ClutterMap::ClutterMap(const calib::CameraRig& rig) {
   }
 }
 
-void ClutterMap::add(const std::vector<TargetView>& views, std::span<const std::vector<color::ColorRegion>> regions) {
+void ClutterMap::add(const std::vector<TargetView>& views, std::span<const std::vector<color::ColorRegion>> regions,
+                     std::span<const Sighting> explained) {
   for (std::size_t i = 0; i < views.size(); ++i) {
     PerCamera& of = cameras_[static_cast<std::size_t>(views[i].index)];
     of.sets = std::min(of.sets + 1, remembered_sets);
-    of.regions += (static_cast<double>(regions[i].size()) - of.regions) / of.sets;
+    const auto is_explained = [&](const color::ColorRegion& region) {
+      return std::ranges::any_of(explained, [&](const Sighting& s) {
+        return s.row.camera == views[i].index && (s.px - region.centre).norm() < s.radius_px;
+      });
+    };
+    const auto unexplained = static_cast<double>(std::ranges::count_if(regions[i], std::not_fn(is_explained)));
+    of.regions += (unexplained - of.regions) / of.sets;
     const auto fresh = static_cast<float>(1 / of.sets);
     for (float& cell : of.around) cell -= fresh * cell;
     for (const color::ColorRegion& region : regions[i]) {
+      if (is_explained(region)) continue;
       const int u = std::clamp(static_cast<int>(region.centre.x()) / cell_px, 0, of.columns - 1);
       const int v = std::clamp(static_cast<int>(region.centre.y()) / cell_px, 0, of.rows - 1);
       of.around[static_cast<std::size_t>(v * of.columns + u)] += fresh;
@@ -111,6 +120,7 @@ void ObjectExistence::begin(capture::Timestamp set_at, const Birth& birth, const
   whole_at_ = set_at, on_cut_s_ = whole_of(birth.now.sightings, still) >= 2 ? 0 : 2 * longest_on_cut_s_;
   of_set_ = evidence_of(near, birth.now.sightings, views, radius_m, clutter, still);
   evidence_ = std::min(most, of_set_ + evidence_of(anywhere, birth.earlier.sightings, {}, radius_m, clutter, still));
+  at_first_ = std::min(0.0, evidence_);
 }
 
 void ObjectExistence::update(capture::Timestamp set_at, const MotionBelief& belief, double power_density,
@@ -138,7 +148,7 @@ bool ObjectExistence::is_sure() const {
 }
 
 bool ObjectExistence::is_refuted() const {
-  return !has_been_sure_ && evidence_ < 0;
+  return !has_been_sure_ && evidence_ < at_first_;
 }
 
 }  // namespace huetrack::object_tracking

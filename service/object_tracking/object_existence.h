@@ -22,8 +22,10 @@ namespace huetrack::object_tracking {
 class ClutterMap {
  public:
   explicit ClutterMap(const calib::CameraRig& rig);
-  // regions[i], which no object explains, belong to views[i], and are all that there are in its picture.
-  void add(const std::vector<TargetView>& views, std::span<const std::vector<color::ColorRegion>> regions);
+  // regions[i] belong to views[i], and are all that there are in its picture. Those of `explained` are an object's, if
+  // there is one, and nobody else's.
+  void add(const std::vector<TargetView>& views, std::span<const std::vector<color::ColorRegion>> regions,
+           std::span<const Sighting> explained);
   double density(std::size_t camera, const Eigen::Vector2d& px) const;  // per px^2 and set, > 0
 
  private:
@@ -59,11 +61,13 @@ class ObjectExistence {
   // It is there, this set's views show it rather than anything else, and where it is does not stand on what may be cut
   // by furniture for longer than a usual motion leaves it within a diameter of where it was.
   bool is_sure() const;
-  // It never was sure, and chance explains it better. What was sure coasts, like all that is not seen any more.
+  // It never was sure, and chance explains it better, and than when it was found. What was sure coasts, like all that
+  // is not seen any more.
   bool is_refuted() const;
 
  private:
   double evidence_ = 0;  // logarithm of the odds
+  double at_first_ = 0;  // when it was found, or less than nothing at all
   double of_set_ = 0;
   double on_cut_s_ = 0;  // since two views showed it whole, or its outline
   double longest_on_cut_s_ = 0;

@@ -53,11 +53,28 @@ TEST(ClutterMap, KnowsWhereRegionsAreNobodys) {
   for (int set = 0; set < 60; ++set) {
     regions[0].clear();
     if (set % 3 == 0) regions[0].push_back(flickering);
-    room.clutter.add(views, regions);
+    room.clutter.add(views, regions, {});
   }
   EXPECT_GT(room.clutter.density(1, {100, 60}), 4 * room.clutter.density(1, {200, 200}));
   EXPECT_LT(room.clutter.density(1, {200, 200}), before);  // there is less than a room usually shows
   EXPECT_EQ(room.clutter.density(0, {100, 60}), before);   // another camera was not looked at
+}
+
+// Or an object that is slow would be held against itself.
+TEST(ClutterMap, WhatAnObjectExplainsIsNotNobodys) {
+  Room room, without;
+  std::vector<TargetView> views(1);
+  views[0].index = 1;
+  std::vector<std::vector<color::ColorRegion>> regions(1), none(1);
+  regions[0].emplace_back();
+  regions[0][0].centre = {100, 60};
+  Sighting sighting;
+  sighting.row.camera = 1, sighting.px = {101, 60}, sighting.radius_px = 5;
+  for (int set = 0; set < 10; ++set) {
+    room.clutter.add(views, regions, std::vector{sighting});
+    without.clutter.add(views, none, {});
+  }
+  EXPECT_EQ(room.clutter.density(1, {100, 60}), without.clutter.density(1, {100, 60}));
 }
 
 TEST(ObjectExistence, ThreeViewsThatAgreeTwiceAreAnObject) {
@@ -83,6 +100,26 @@ TEST(ObjectExistence, WhatLiesBesideWhereItIsExpectedIsChance) {
   existence.update({}, belief, 1.0, room.sightings({0.02, 0, 1}, 40), {}, radius_m, room.clutter, room.still);
   EXPECT_FALSE(existence.is_sure());
   EXPECT_FALSE(existence.is_refuted());  // it was there
+}
+
+// Two sets far apart, of an object near slow cameras, may have it anywhere: chance explains them as well. What then
+// goes on as expected is an object all the same.
+TEST(ObjectExistence, WhatBeganUnlikelyIsNotRefutedByWhatSpeaksForIt) {
+  const Room room;
+  Birth birth = room.birth({0, 0, 1}, {0.02, 0, 1});
+  birth.earlier.sightings.pop_back(), birth.earlier.sightings.pop_back();
+  birth.now.sightings.pop_back(), birth.now.sightings.pop_back();
+  birth.dt = 0.5;
+  ObjectExistence existence = room.begun(birth);
+  ASSERT_FALSE(existence.is_sure());
+  EXPECT_FALSE(existence.is_refuted());
+  MotionBelief belief(room.scene.rig, false);
+  belief.begin({}, {0.02, 0, 1}, 1e-5, {0.6, 0, 0}, 0.1);
+  ObjectExistence contradicted = existence;
+  contradicted.update({}, belief, 1.0, room.sightings({0.02, 0, 1}, 40), {}, radius_m, room.clutter, room.still);
+  EXPECT_TRUE(contradicted.is_refuted());
+  existence.update({}, belief, 1.0, room.sightings({0.02, 0, 1}), {}, radius_m, room.clutter, room.still);
+  EXPECT_FALSE(existence.is_refuted());
 }
 
 }  // namespace
