@@ -16,6 +16,8 @@ constexpr double most = 2 * sure;
 // What a room shows that shares the colour, before anything is known of it: as of half a second.
 constexpr double usual_regions = 8, sets_of_usual = 15;
 constexpr double remembered_sets = 100;
+// What was found though chance explains that as well must have moved by then.
+constexpr double longest_at_rest_s = 0.25;
 
 double log_density(const Eigen::Vector2d& d, const Eigen::Matrix2d& covariance) {
   return -std::log(2 * std::numbers::pi) - 0.5 * std::log(covariance.determinant()) -
@@ -121,6 +123,8 @@ void ObjectExistence::begin(capture::Timestamp set_at, const Birth& birth, const
   of_set_ = evidence_of(near, birth.now.sightings, views, radius_m, clutter, still);
   evidence_ = std::min(most, of_set_ + evidence_of(anywhere, birth.earlier.sightings, {}, radius_m, clutter, still));
   at_first_ = std::min(0.0, evidence_);
+  has_moved_ = at_first_ >= 0, is_overdue_ = false;
+  found_at_ = birth.now.position, found_when_ = set_at;
 }
 
 void ObjectExistence::update(capture::Timestamp set_at, const MotionBelief& belief, double power_density,
@@ -133,6 +137,8 @@ void ObjectExistence::update(capture::Timestamp set_at, const MotionBelief& beli
   }
   if (whole_of(sightings, still) >= 2) whole_at_ = set_at, on_cut_s_ = 0;
   if (set_at > whole_at_) on_cut_s_ = std::max(on_cut_s_, capture::seconds(set_at - whole_at_));
+  has_moved_ = has_moved_ || (at.position - found_at_).norm() > 2 * radius_m;
+  is_overdue_ = !has_moved_ && capture::seconds(set_at - found_when_) > longest_at_rest_s;
   of_set_ = evidence_of(at, sightings, views, radius_m, clutter, still);
   evidence_ = std::min(most, evidence_ + of_set_);
   has_been_sure_ = has_been_sure_ || is_sure();
@@ -140,15 +146,15 @@ void ObjectExistence::update(capture::Timestamp set_at, const MotionBelief& beli
 }
 
 void ObjectExistence::assume() {
-  evidence_ = most, of_set_ = 0, on_cut_s_ = 0, has_been_sure_ = true;
+  evidence_ = most, of_set_ = 0, on_cut_s_ = 0, has_been_sure_ = has_moved_ = true;
 }
 
 bool ObjectExistence::is_sure() const {
-  return evidence_ >= sure && of_set_ >= 0 && on_cut_s_ <= longest_on_cut_s_;
+  return evidence_ >= sure && has_moved_ && of_set_ >= 0 && on_cut_s_ <= longest_on_cut_s_;
 }
 
 bool ObjectExistence::is_refuted() const {
-  return !has_been_sure_ && evidence_ < at_first_;
+  return !has_been_sure_ && (evidence_ < at_first_ || is_overdue_);
 }
 
 }  // namespace huetrack::object_tracking

@@ -61,13 +61,19 @@ class ObjectExistence {
   // It is there, this set's views show it rather than anything else, and where it is does not stand on what may be cut
   // by furniture for longer than a usual motion leaves it within a diameter of where it was.
   bool is_sure() const;
-  // It never was sure, and chance explains it better, and than when it was found. What was sure coasts, like all that
-  // is not seen any more.
+  // It never was sure, and chance explains it better: and than when it was found, for what moves. What was sure coasts,
+  // like all that is not seen any more.
   bool is_refuted() const;
 
  private:
   double evidence_ = 0;  // logarithm of the odds
-  double at_first_ = 0;  // when it was found, or less than nothing at all
+  // When it was found: below 0 chance explained that better. What moves as expected from there on is an object all the
+  // same, as furniture is not.
+  double at_first_ = 0;
+  Eigen::Vector3d found_at_ = Eigen::Vector3d::Zero();
+  capture::Timestamp found_when_{};
+  bool has_moved_ = true;  // by its diameter
+  bool is_overdue_ = false;
   double of_set_ = 0;
   double on_cut_s_ = 0;  // since two views showed it whole, or its outline
   double longest_on_cut_s_ = 0;

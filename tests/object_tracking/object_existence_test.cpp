@@ -120,6 +120,18 @@ TEST(ObjectExistence, WhatBeganUnlikelyIsNotRefutedByWhatSpeaksForIt) {
   EXPECT_TRUE(contradicted.is_refuted());
   existence.update({}, belief, 1.0, room.sightings({0.02, 0, 1}), {}, radius_m, room.clutter, room.still);
   EXPECT_FALSE(existence.is_refuted());
+  // But furniture goes on as expected, too, where it is.
+  const auto later = capture::Timestamp{} + capture::duration_of(0.3);
+  ObjectExistence moving = existence;
+  existence.update(later, belief, 1.0, room.sightings({0.02, 0, 1}), {}, radius_m, room.clutter, room.still);
+  EXPECT_FALSE(existence.is_sure());
+  EXPECT_TRUE(existence.is_refuted());
+  belief.begin(later, {0.2, 0, 1}, 1e-5, {0.6, 0, 0}, 0.1);
+  auto further = room.sightings({0.2, 0, 1});
+  for (Sighting& s : further) s.row.at = later;
+  moving.update(later, belief, 1.0, further, {}, radius_m, room.clutter, room.still);
+  EXPECT_TRUE(moving.is_sure());
+  EXPECT_FALSE(moving.is_refuted());
 }
 
 }  // namespace
