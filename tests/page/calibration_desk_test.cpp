@@ -228,6 +228,22 @@ std::string fake(const fs::path& folder, const std::string& verdict = "usable", 
   return with(with(with(honest, "FOLDER", folder.string()), "VERDICT", verdict), "STATUS", std::to_string(status));
 }
 
+// It would be recorded for minutes, and refused then.
+TEST_F(Calibrating, WithoutPicturesNothingBegins) {
+  begin(fake(folder));
+  config.cameras[1].host = "bench";
+  EXPECT_TRUE(ask({"board"}).granted());  // with those of another host as well
+  EXPECT_TRUE(ask({"cancel"}).granted());
+  config.cameras[1].send = config::Sent::matches;
+  for (const std::vector<std::string>& words : {std::vector<std::string>{"board"}, {"wave", "ball"}}) {
+    const msg::ControlReply reply = ask(words);
+    EXPECT_FALSE(reply.granted());
+    EXPECT_THAT(reply.reason(), AllOf(HasSubstr("of camera cam1 only what matches is sent"),
+                                      HasSubstr("write send: frames in "), HasSubstr("c.yaml")));
+  }
+  EXPECT_EQ(stage(), "cancelled");
+}
+
 TEST_F(Calibrating, ABoardIsRecordedCoveredSolvedAndAccepted) {
   calib::CameraRig found = config.rig;
   found.cameras[0].cam_from_world.translation.x() += 0.01;
