@@ -88,6 +88,27 @@ std::optional<GrownRegion> grown_around(const capture::Image& image, const color
   return out;
 }
 
+// Around the pixel. What moves is told from furniture of nearly its colour that it is seen before: where the pixel has
+// moved, and the region of its colour has not, that is the furniture, and the object is what moved of it.
+std::optional<PixelMask> pointed_region(const HsiImage& image, color::PixelAt at,
+                                        const std::optional<PixelMask>& moving) {
+  constexpr double moving_share = 0.6;
+  std::optional<PixelMask> region = grow_region(image, at);
+  const bool is_inside = at.u > 0 && at.v > 0 && at.u < image.width - 1 && at.v < image.height - 1;
+  if (!moving || !is_inside) return region;
+  int moved_here = 0;
+  for (int v = at.v - 1; v <= at.v + 1; ++v)
+    for (int u = at.u - 1; u <= at.u + 1; ++u) moved_here += moving->at(u, v);
+  if (moving->at(at.u, at.v) == 0 || moved_here < 5) return region;  // of nine
+  if (region) {
+    std::size_t moved = 0;
+    for (std::size_t i = 0; i < region->pixels.size(); ++i) moved += region->pixels[i] & moving->pixels[i];
+    if (double(moved) >= moving_share * double(region->count())) return region;
+  }
+  auto of_it = grow_region(image, at, &*moving);
+  return of_it ? of_it : region;
+}
+
 std::vector<std::vector<color::Hsi>> all_seen_of(const TaughtView& view, const HsiImage& image) {
   std::vector<std::vector<color::Hsi>> all = view.elsewhere;
   all.push_back(pixels_of(image, view.object));
@@ -223,8 +244,8 @@ Taught ColorTeacher::teach(const TeachRequestOptions& request, const object_trac
       continue;
     }
     const HsiImage& image = *images_[c];
-    const auto region =
-        grow_region(image, {static_cast<int>(std::lround(point.px.x())), static_cast<int>(std::lround(point.px.y()))});
+    const auto region = pointed_region(
+        image, {static_cast<int>(std::lround(point.px.x())), static_cast<int>(std::lround(point.px.y()))}, moving_[c]);
     if (!region) {
       view.problem =
           "there is no coloured region at this point: it is grey, dark, or runs into everything around it; point at "
