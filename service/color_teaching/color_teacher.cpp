@@ -109,6 +109,24 @@ std::optional<PixelMask> pointed_region(const HsiImage& image, color::PixelAt at
   return of_it ? of_it : region;
 }
 
+// Light, noise and a JPEG's coarse chroma may leave the object's colour on a part of it. Where that part is a part of
+// something round that moved, much larger than itself but not by more than light does, that is where the object is, and
+// how large. An arm that carries it is not round.
+MaskRegion whole_of(const MaskRegion& part, const PixelMask& object, const std::optional<PixelMask>& moving) {
+  constexpr double least_larger = 1.35, most_larger = 2.2, least_held = 0.8;  // of radii; of the part's area
+  constexpr double soft_px = 1;  // an edge that is blurred has moved, too, on both sides
+  if (!moving) return part;
+  for (const MaskRegion& moved : regions_of(*moving, part.area)) {
+    const double larger = (moved.radius_px() - soft_px) / part.radius_px();
+    if (larger < least_larger || larger > most_larger || !is_round(moved)) continue;
+    int held = 0;
+    for (int v = moved.box.v_min; v <= moved.box.v_max; ++v)
+      for (int u = moved.box.u_min; u <= moved.box.u_max; ++u) held += moving->at(u, v) & object.at(u, v);
+    if (held >= least_held * part.area) return moved;
+  }
+  return part;
+}
+
 std::vector<std::vector<color::Hsi>> all_seen_of(const TaughtView& view, const HsiImage& image) {
   std::vector<std::vector<color::Hsi>> all = view.elsewhere;
   all.push_back(pixels_of(image, view.object));
@@ -366,7 +384,7 @@ void ColorTeacher::suggest(std::vector<TaughtView>& views, const object_tracking
   std::vector<std::size_t> cameras;
   for (std::size_t c = 0; c < views.size(); ++c) {
     if (views[c].pointed) {
-      pointed.push_back({picture(c), *views[c].region, views[c].object});
+      pointed.push_back({picture(c), whole_of(*views[c].region, views[c].object, moving_[c]), views[c].object});
     } else if (images_[c]) {
       others.push_back(picture(c));
       cameras.push_back(c);

@@ -110,7 +110,7 @@ TEST(Suggestion, IsTheBallThatMovesBeforeFurnitureOfNearlyItsColour) {
   const Vector3d at = circling(0.5), from = alone.rig.cameras[0].centre();
   const Vector3d behind = at + 0.8 * (at - from).normalized();
   builder.ball(
-      {.name = "cupboard", .radius_m = 0.35, .rgb = {0.52, 0.72, 0.14}, .path = [behind](double) { return behind; }});
+      {.name = "cupboard", .radius_m = 0.35, .rgb = {0.30, 0.42, 0.08}, .path = [behind](double) { return behind; }});
   const scene::Scene world = builder.build();
   const auto sets = scene::render(world, {.set_count = 60});
   int before_it = 0;

@@ -243,7 +243,7 @@ TEST_F(Calibrating, WithoutPicturesNothingBegins) {
   for (const std::vector<std::string>& words : {std::vector<std::string>{"board"}, {"wave", "ball"}}) {
     const msg::ControlReply reply = ask(words);
     EXPECT_FALSE(reply.granted());
-    EXPECT_THAT(reply.reason(), AllOf(HasSubstr("of camera cam1 only what matches is sent"),
+    EXPECT_THAT(reply.reason(), AllOf(HasSubstr("Of camera cam1 only what matches is sent"),
                                       HasSubstr("write send: frames in "), HasSubstr("c.yaml")));
   }
   EXPECT_EQ(stage(), "cancelled");
