@@ -1,4 +1,4 @@
-// What a program says of a word that is none of its commands.
+// What a program says of a word that is none of its commands, and where no command is given.
 #pragma once
 
 #include <string>
@@ -15,11 +15,15 @@ template <typename App, typename FailureMessage>
 void name_unknown_commands(App& app, const std::string& program, FailureMessage otherwise) {
   app.failure_message([program, otherwise](const App* failed, const auto& error) {
     const std::vector<std::string> words = failed->remaining();
-    if (failed->get_parent() != nullptr || words.empty() || words.front().starts_with("-") ||
-        !failed->get_subcommands().empty())
-      return otherwise(failed, error);
+    const bool is_of_program = failed->get_parent() == nullptr && failed->get_subcommands().empty();
     std::vector<std::string> commands;
     for (const App* command : failed->get_subcommands({})) commands.push_back(command->get_name());
+    if (is_of_program && words.empty() && error.get_name() == "RequiredError") {
+      std::string all;
+      for (const std::string& command : commands) all += (all.empty() ? "" : ", ") + command;
+      return program + ": a command is wanted: " + all + "; " + program + " --help says what they do\n";
+    }
+    if (!is_of_program || words.empty() || words.front().starts_with("-")) return otherwise(failed, error);
     const auto near = nearest_word(words.front(), commands);
     return program + ": there is no command " + printable(words.front()) +
            (near ? " (did you mean " + *near + "?)" : "") + "; " + program + " --help lists them\n";

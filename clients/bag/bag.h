@@ -13,7 +13,12 @@ struct Topic {
   std::string name;        // "/huetrack/ball/pose"
   std::string type;        // "geometry_msgs/msg/PoseWithCovarianceStamped"
   std::string definition;  // of the type and all that it is made of, as .msg files say it ("ros2msg" of MCAP)
+  // Who begins to listen later gets its last message, too (transient-local), also from `ros2 bag play`.
+  bool is_kept_for_latecomers = false;
 };
+
+// As rosbag2 of Humble writes it (YAML, rmw's numbers): empty where play's own defaults will do.
+std::string offered_qos_profiles(const Topic& topic);
 
 struct Message {
   std::size_t topic = 0;   // index into Bag::topics

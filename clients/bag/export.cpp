@@ -1,14 +1,19 @@
 #include "clients/bag/export.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <map>
 #include <memory>
 #include <optional>
+#include <set>
 #include <stdexcept>
 #include <utility>
 
+#include "calib/model/rig_yaml.h"
 #include "clients/bag/bag.h"
 #include "clients/bag/picture_bag.h"
+#include "clients/bag/static_tf.h"
 #include "clients/bag/track_bag.h"
 #include "clients/plot/track_file.h"
 
@@ -23,6 +28,16 @@ void refuse_other_forms(const std::filesystem::path& out) {
                              "the other form is one file, --out FILE.mcap");
 }
 
+using Tracks = std::map<std::string, std::vector<plot::TrackRow>>;
+
+// The cameras that the track is of.
+std::set<std::string> moving_of(const Tracks& tracks) {
+  std::set<std::string> moving;
+  for (const auto& [name, rows] : tracks)
+    if (!rows.empty() && rows.front().is_camera) moving.insert(name);
+  return moving;
+}
+
 }  // namespace
 
 void export_track(const ExportOptions& options) {
@@ -30,7 +45,9 @@ void export_track(const ExportOptions& options) {
   if (options.tracks.empty() && options.pictures.empty())
     throw std::runtime_error("give a track CSV, or --pictures RECORDING, or both");
   const std::chrono::nanoseconds offset(std::llround(options.clock_offset_s * 1e9));
-  const Bag bag = options.tracks.empty() ? Bag() : bag_of(plot::read_tracks(options.tracks), options.frame_id, offset);
+  Tracks tracks;
+  if (!options.tracks.empty()) tracks = plot::read_tracks(options.tracks);
+  const Bag bag = options.tracks.empty() ? Bag() : bag_of(tracks, options.frame_id, offset);
   std::vector<Topic> topics = bag.topics;
   std::optional<RecordedPictures> pictures;
   std::optional<Message> picture;
@@ -41,10 +58,24 @@ void export_track(const ExportOptions& options) {
     if (!picture && bag.messages.empty())
       throw std::runtime_error(options.pictures.string() + " has no picture: there is nothing to export");
   }
+  const calib::CameraRig rig = pictures              ? pictures->rig()
+                               : options.rig.empty() ? calib::CameraRig()
+                                                     : calib::read_rig(options.rig);
+  const bool has_places = !rig.cameras.empty();
+  if (has_places) topics.push_back(static_tf_topic());
 
   const auto writer =
       options.out.extension() == ".mcap" ? mcap_writer(topics, options.out) : rosbag2_writer(topics, options.out);
   std::size_t messages = 0;
+  if (has_places) {  // first of all: they hold for all that follows
+    const std::int64_t from_ns = bag.messages.empty() ? picture->at_ns
+                                 : picture            ? std::min(bag.messages.front().at_ns, picture->at_ns)
+                                                      : bag.messages.front().at_ns;
+    Message places = static_tf_of(rig, moving_of(tracks), options.frame_id, from_ns);
+    places.topic = topics.size() - 1;
+    writer->add(places);
+    ++messages;
+  }
   for (auto track = bag.messages.begin(); track != bag.messages.end() || picture; ++messages) {
     const bool is_tracks_turn = !picture || (track != bag.messages.end() && track->at_ns <= picture->at_ns);
     writer->add(is_tracks_turn ? *track : *picture);

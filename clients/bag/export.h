@@ -9,7 +9,7 @@ namespace huetrack::bag {
 struct ExportOptions {
   std::filesystem::path tracks;    // CSV, of targets or of a tracked camera; empty: pictures alone
   std::filesystem::path pictures;  // a recording; empty: none
-  std::filesystem::path rig;       // of its cameras; empty: the recording's own, if it has one
+  std::filesystem::path rig;       // of the cameras; empty: the recording's own, if it has one
   std::filesystem::path out;       // FILE.mcap, or the folder of a rosbag2
   std::string frame_id = "world";  // the world's name
   double clock_offset_s = 0;       // added to every time

@@ -133,7 +133,12 @@ class McapWriter final : public BagWriter {
       bag::add(content, static_cast<std::uint16_t>(type - types.begin() + 1));
       add_sized(content, topic.name);
       add_sized(content, "cdr");
-      bag::add(content, std::uint32_t{0});  // no metadata
+      std::string metadata;
+      if (const std::string qos = offered_qos_profiles(topic); !qos.empty()) {
+        add_sized(metadata, "offered_qos_profiles");
+        add_sized(metadata, qos);
+      }
+      add_sized(content, metadata);
       add_record(channels, channel, content);
     }
     to += channels;

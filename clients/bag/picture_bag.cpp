@@ -132,6 +132,10 @@ const std::vector<Topic>& RecordedPictures::topics() const {
   return impl_->topics;
 }
 
+const calib::CameraRig& RecordedPictures::rig() const {
+  return impl_->rig;
+}
+
 std::optional<Message> RecordedPictures::next() {
   auto& waiting = impl_->waiting;
   const std::int64_t late_ns = std::chrono::nanoseconds(at_most_late).count();

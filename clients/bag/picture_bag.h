@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "calib/model/camera_rig.h"
 #include "clients/bag/bag.h"
 
 namespace huetrack::bag {
@@ -25,6 +26,7 @@ class RecordedPictures {
   RecordedPictures& operator=(const RecordedPictures&) = delete;
 
   const std::vector<Topic>& topics() const;
+  const calib::CameraRig& rig() const;  // without cameras: none is known
 
   // In ascending time; nullopt: that was all. throws as ros_time() does.
   std::optional<Message> next();

@@ -16,6 +16,8 @@ inline constexpr std::size_t rtps_prefix = 2;  // a ROS 2 topic /x is the DDS to
 
 std::string separator();          // before a definition that another one refers to
 std::string header_definition();  // std_msgs/Header, and what it is made of
+std::string quaternion_definition();
+std::string tf_definition();  // tf2_msgs/TFMessage
 
 std_msgs::msg::dds_::Header_ ros_header(std::int64_t at_ns, const std::string& frame_id);
 

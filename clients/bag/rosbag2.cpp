@@ -70,6 +70,17 @@ class Insertion {
   std::unique_ptr<sqlite3_stmt, Finalize> statement_;
 };
 
+// A YAML scalar in double quotes: of text without any.
+std::string quoted(const std::string& text) {
+  std::string out = "\"";
+  for (const char c : text)
+    if (c == '\n')
+      out += "\\n";
+    else
+      out += c;
+  return out + '"';
+}
+
 constexpr const char* database = "track_0.db3";
 
 // What there is of a bag, until it is one: gone with this, however it ends.
@@ -100,9 +111,13 @@ class Rosbag2Writer final : public BagWriter {
         "CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER NOT NULL, timestamp INTEGER NOT NULL, data "
         "BLOB NOT NULL);"
         "BEGIN;");
-    Insertion insertion(db_, "INSERT INTO topics VALUES(?, ?, ?, 'cdr', '')");
+    Insertion insertion(db_, "INSERT INTO topics VALUES(?, ?, ?, 'cdr', ?)");
     for (std::size_t t = 0; t < topics_.size(); ++t)
-      insertion.bind(1, std::int64_t(t) + 1).bind(2, topics_[t].name).bind(3, topics_[t].type).run();
+      insertion.bind(1, std::int64_t(t) + 1)
+          .bind(2, topics_[t].name)
+          .bind(3, topics_[t].type)
+          .bind(4, offered_qos_profiles(topics_[t]))
+          .run();
     messages_.emplace(db_, "INSERT INTO messages(topic_id, timestamp, data) VALUES(?, ?, ?)");
   }
 
@@ -126,8 +141,8 @@ class Rosbag2Writer final : public BagWriter {
     for (std::size_t t = 0; t < topics_.size(); ++t)
       topics += fmt::format(
           "    - topic_metadata:\n        name: {}\n        type: {}\n        serialization_format: cdr\n"
-          "        offered_qos_profiles: \"\"\n      message_count: {}\n",
-          topics_[t].name, topics_[t].type, counts_[t]);
+          "        offered_qos_profiles: {}\n      message_count: {}\n",
+          topics_[t].name, topics_[t].type, quoted(offered_qos_profiles(topics_[t])), counts_[t]);
     return fmt::format(
         "rosbag2_bagfile_information:\n  version: 5\n  storage_identifier: sqlite3\n  duration:\n    nanoseconds: {1}\n"
         "  starting_time:\n    nanoseconds_since_epoch: {0}\n  message_count: {2}\n  topics_with_message_count:\n{3}"

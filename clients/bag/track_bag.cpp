@@ -13,21 +13,11 @@ namespace {
 namespace geometry = geometry_msgs::msg::dds_;
 constexpr double unknown_orientation_variance = 1e6;  // rad^2; as service/publish has it
 
-const std::string quaternion_definition =
-    separator() + "MSG: geometry_msgs/Quaternion\nfloat64 x\nfloat64 y\nfloat64 z\nfloat64 w\n";
 const std::string pose_definition =
     "std_msgs/Header header\ngeometry_msgs/PoseWithCovariance pose\n" + separator() +
     "MSG: geometry_msgs/PoseWithCovariance\ngeometry_msgs/Pose pose\nfloat64[36] covariance\n" + separator() +
     "MSG: geometry_msgs/Pose\ngeometry_msgs/Point position\ngeometry_msgs/Quaternion orientation\n" + separator() +
-    "MSG: geometry_msgs/Point\nfloat64 x\nfloat64 y\nfloat64 z\n" + quaternion_definition + header_definition();
-const std::string tf_definition =
-    "geometry_msgs/TransformStamped[] transforms\n" + separator() +
-    "MSG: geometry_msgs/TransformStamped\nstd_msgs/Header header\nstring child_frame_id\n"
-    "geometry_msgs/Transform transform\n" +
-    separator() +
-    "MSG: geometry_msgs/Transform\ngeometry_msgs/Vector3 translation\ngeometry_msgs/Quaternion rotation\n" +
-    separator() + "MSG: geometry_msgs/Vector3\nfloat64 x\nfloat64 y\nfloat64 z\n" + quaternion_definition +
-    header_definition();
+    "MSG: geometry_msgs/Point\nfloat64 x\nfloat64 y\nfloat64 z\n" + quaternion_definition() + header_definition();
 
 // What a row says, in the messages' own terms.
 struct Pose {
@@ -89,7 +79,8 @@ std::string tf_message(const Pose& pose, const std::string& child) {
 Bag bag_of(const std::map<std::string, std::vector<plot::TrackRow>>& tracks, const std::string& frame_id,
            std::chrono::nanoseconds offset) {
   Bag bag;
-  bag.topics.push_back({std::string(idl::ros2_tf_topic).substr(rtps_prefix), "tf2_msgs/msg/TFMessage", tf_definition});
+  bag.topics.push_back(
+      {std::string(idl::ros2_tf_topic).substr(rtps_prefix), "tf2_msgs/msg/TFMessage", tf_definition()});
   for (const auto& [name, rows] : tracks) {
     const std::size_t topic = bag.topics.size();
     const std::string word = word_of(name);

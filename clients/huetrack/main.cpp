@@ -186,7 +186,8 @@ void CommandLine::add_export() {
   command.add_option("--out", export_.out, "FILE.mcap, or a new folder for a rosbag2 (sqlite3)")->required();
   command.add_option("--pictures", export_.pictures,
                      "a recording: with every frame as a CompressedImage, and its CameraInfo");
-  command.add_option("--rig", export_.rig, "of its cameras; default: rig.yaml beside the recording");
+  command.add_option("--rig", export_.rig,
+                     "of the cameras: where they stand, and their lenses; default: rig.yaml beside the recording");
   command.add_option("--frame", export_.frame_id, "the world's name in the messages")->capture_default_str();
   command.add_option("--clock-offset", export_.clock_offset_s,
                      "seconds to add to every time: a replay's are its recording's own");

@@ -25,7 +25,7 @@ double quantile(std::vector<double>& values, double share) {
 }
 
 PixelMask flood(const HsiImage& image, color::PixelAt seed, const Eigen::Vector2d& like, double tolerance,
-                std::size_t most) {
+                std::size_t most, const PixelMask* within) {
   PixelMask mask(image.width, image.height);
   std::vector<color::PixelAt> open{seed};
   mask.at(seed.u, seed.v) = 1;
@@ -35,7 +35,7 @@ PixelMask flood(const HsiImage& image, color::PixelAt seed, const Eigen::Vector2
     open.pop_back();
     for (int y = std::max(0, v - 1); y <= std::min(v + 1, image.height - 1); ++y) {
       for (int x = std::max(0, u - 1); x <= std::min(u + 1, image.width - 1); ++x) {
-        if (mask.at(x, y) != 0) continue;
+        if (mask.at(x, y) != 0 || (within != nullptr && within->at(x, y) == 0)) continue;
         const color::Hsi& p = image.at(x, y);
         if (p.intensity < least_intensity || (chroma(p) - like).squaredNorm() > tolerance * tolerance) continue;
         mask.at(x, y) = 1;
@@ -74,7 +74,7 @@ double rounded(double value, double per_unit, bool up) {
 
 }  // namespace
 
-std::optional<PixelMask> grow_region(const HsiImage& image, color::PixelAt seed) {
+std::optional<PixelMask> grow_region(const HsiImage& image, color::PixelAt seed, const PixelMask* within) {
   if (seed.u < 0 || seed.v < 0 || seed.u >= image.width || seed.v >= image.height) return std::nullopt;
   // The median of the nearest pixels stands for the colour: one noisy pixel decides nothing.
   std::vector<double> x, y;
@@ -93,7 +93,7 @@ std::optional<PixelMask> grow_region(const HsiImage& image, color::PixelAt seed)
   std::vector<double> areas;
   constexpr double first = 0.10, ratio = 1.13;  // of the chroma itself: tolerances from 10 % on
   for (double tolerance = first; tolerance < 0.75; tolerance *= ratio) {
-    PixelMask mask = flood(image, seed, like, tolerance * like.norm(), most);
+    PixelMask mask = flood(image, seed, like, tolerance * like.norm(), most, within);
     const std::size_t area = mask.count();
     if (area > most) break;
     if (area >= 30 && masks.size() < 6) {  // the region's own mean is a better reference than the seed

@@ -13,8 +13,8 @@ namespace huetrack::color_teaching {
 // The region around the pixel whose colour is like its own. How alike it must be is not a parameter: it is grown with
 // ever larger tolerances, and the one is taken around which its area changes least (the idea of maximally stable
 // regions, Matas et al. 2002, here over distance in chroma). nullopt: the pixel is grey, too dark, or the region never
-// settles.
-std::optional<PixelMask> grow_region(const HsiImage& image, color::PixelAt seed);
+// settles. within: nothing but these pixels, of the image's size; null: all of them.
+std::optional<PixelMask> grow_region(const HsiImage& image, color::PixelAt seed, const PixelMask* within = nullptr);
 
 // Ranges that hold the region with a margin, and then as much more as the rest of the image leaves free: what is taught
 // on one frame has to hold under other light. background: pixels that must not match (1); steps > 0 widens them

@@ -88,6 +88,45 @@ std::optional<GrownRegion> grown_around(const capture::Image& image, const color
   return out;
 }
 
+// Around the pixel. What moves is told from furniture of nearly its colour that it is seen before: where the pixel has
+// moved, and the region of its colour has not, that is the furniture, and the object is what moved of it.
+std::optional<PixelMask> pointed_region(const HsiImage& image, color::PixelAt at,
+                                        const std::optional<PixelMask>& moving) {
+  constexpr double moving_share = 0.6;
+  std::optional<PixelMask> region = grow_region(image, at);
+  const bool is_inside = at.u > 0 && at.v > 0 && at.u < image.width - 1 && at.v < image.height - 1;
+  if (!moving || !is_inside) return region;
+  int moved_here = 0;
+  for (int v = at.v - 1; v <= at.v + 1; ++v)
+    for (int u = at.u - 1; u <= at.u + 1; ++u) moved_here += moving->at(u, v);
+  if (moving->at(at.u, at.v) == 0 || moved_here < 5) return region;  // of nine
+  if (region) {
+    std::size_t moved = 0;
+    for (std::size_t i = 0; i < region->pixels.size(); ++i) moved += region->pixels[i] & moving->pixels[i];
+    if (double(moved) >= moving_share * double(region->count())) return region;
+  }
+  auto of_it = grow_region(image, at, &*moving);
+  return of_it ? of_it : region;
+}
+
+// Light, noise and a JPEG's coarse chroma may leave the object's colour on a part of it. Where that part is a part of
+// something round that moved, much larger than itself but not by more than light does, that is where the object is, and
+// how large. An arm that carries it is not round.
+MaskRegion whole_of(const MaskRegion& part, const PixelMask& object, const std::optional<PixelMask>& moving) {
+  constexpr double least_larger = 1.35, most_larger = 2.2, least_held = 0.8;  // of radii; of the part's area
+  constexpr double soft_px = 1;  // an edge that is blurred has moved, too, on both sides
+  if (!moving) return part;
+  for (const MaskRegion& moved : regions_of(*moving, part.area)) {
+    const double larger = (moved.radius_px() - soft_px) / part.radius_px();
+    if (larger < least_larger || larger > most_larger || !is_round(moved)) continue;
+    int held = 0;
+    for (int v = moved.box.v_min; v <= moved.box.v_max; ++v)
+      for (int u = moved.box.u_min; u <= moved.box.u_max; ++u) held += moving->at(u, v) & object.at(u, v);
+    if (held >= least_held * part.area) return moved;
+  }
+  return part;
+}
+
 std::vector<std::vector<color::Hsi>> all_seen_of(const TaughtView& view, const HsiImage& image) {
   std::vector<std::vector<color::Hsi>> all = view.elsewhere;
   all.push_back(pixels_of(image, view.object));
@@ -223,8 +262,8 @@ Taught ColorTeacher::teach(const TeachRequestOptions& request, const object_trac
       continue;
     }
     const HsiImage& image = *images_[c];
-    const auto region =
-        grow_region(image, {static_cast<int>(std::lround(point.px.x())), static_cast<int>(std::lround(point.px.y()))});
+    const auto region = pointed_region(
+        image, {static_cast<int>(std::lround(point.px.x())), static_cast<int>(std::lround(point.px.y()))}, moving_[c]);
     if (!region) {
       view.problem =
           "there is no coloured region at this point: it is grey, dark, or runs into everything around it; point at "
@@ -345,7 +384,7 @@ void ColorTeacher::suggest(std::vector<TaughtView>& views, const object_tracking
   std::vector<std::size_t> cameras;
   for (std::size_t c = 0; c < views.size(); ++c) {
     if (views[c].pointed) {
-      pointed.push_back({picture(c), *views[c].region, views[c].object});
+      pointed.push_back({picture(c), whole_of(*views[c].region, views[c].object, moving_[c]), views[c].object});
     } else if (images_[c]) {
       others.push_back(picture(c));
       cameras.push_back(c);
@@ -433,11 +472,12 @@ void ColorTeacher::judge(TaughtView& view, std::size_t camera, const std::string
     view.narrower = narrower(view, camera, wider, ignored);
     if (const auto& n = view.narrower) {
       text += fmt::format(
-          ": narrow it: with --wider {} (hue_deg: [{:g}, {:g}], saturation: [{:g}, {:g}], intensity: [{:g}, {:g}]) {} "
-          "of "
-          "the background matches, and {} of the object; or choose another colour, or ignore this region",
-          n->wider, n->color.hue_min_deg, n->color.hue_max_deg, n->color.saturation_min, n->color.saturation_max,
-          n->color.intensity_min, n->color.intensity_max, percent(n->background_share), percent(n->object_share));
+          ": narrow it by {} step{}, to --wider {} (hue_deg: [{:g}, {:g}], saturation: [{:g}, {:g}], intensity: "
+          "[{:g}, {:g}]): then {} of the background matches, and {} of the object; or choose another colour, or ignore "
+          "this region",
+          wider - n->wider, wider - n->wider == 1 ? "" : "s", n->wider, n->color.hue_min_deg, n->color.hue_max_deg,
+          n->color.saturation_min, n->color.saturation_max, n->color.intensity_min, n->color.intensity_max,
+          percent(n->background_share), percent(n->object_share));
     } else {
       text += ": no narrower range tells the two apart: choose another colour, or ignore this region";
     }

@@ -16,6 +16,9 @@ namespace {
 // and a saturation by such a factor. Twice that, or more, is another colour.
 constexpr double usual_hue_deg = 10, most_hue_deg = 25;
 const double usual_saturation = std::log(1.5), most_saturation = std::log(2.5);
+// Where nothing fits so, wood or a wall of nearly its colour may be around it: then it is looked for as of twice what
+// is usual in one room, half of the most.
+constexpr double beside_its_like = 0.5;
 // A ball that is half hidden or smeared still fills so much of its disc; and what has more of its colour around it
 // than this is a larger thing of that colour.
 constexpr double least_fill = 0.6, most_around = 0.4;
@@ -88,11 +91,14 @@ ColorStep step_of(const Eigen::Vector2d& from, const Eigen::Vector2d& to) {
   return {turned * 180 / std::numbers::pi, std::log(std::max(1e-3, to.norm()) / from.norm())};
 }
 
-LikePixels like(const HsiImage& image, const Eigen::Vector2d& color) {
+// as_like: of the most that another view may change a colour, so much.
+LikePixels like(const HsiImage& image, const Eigen::Vector2d& color, double as_like) {
   PixelMask mask(image.width, image.height);
   for (std::size_t i = 0; i < image.pixels.size(); ++i) {
     const ColorStep step = step_of(color, chroma(image.pixels[i]));
-    mask.pixels[i] = std::abs(step.hue_deg) <= most_hue_deg && std::abs(step.saturation) <= most_saturation ? 1 : 0;
+    mask.pixels[i] =
+        std::abs(step.hue_deg) <= as_like * most_hue_deg && std::abs(step.saturation) <= as_like * most_saturation ? 1
+                                                                                                                   : 0;
   }
   Sums sums(mask);
   return {std::move(mask), std::move(sums)};
@@ -296,9 +302,13 @@ std::vector<std::optional<MaskRegion>> suggested_regions(const std::vector<Point
     if (moved < still_share) is_moving = false;
   }
   std::vector<std::vector<Candidate>> candidates;
-  for (const TaughtPicture& other : others)
-    candidates.push_back(candidates_in(other, like(*other.image, color),
-                                       along_ray(pointed, *other.camera, volume, moved_m), color, is_moving));
+  for (const TaughtPicture& other : others) {
+    const std::vector<Expected> ray = along_ray(pointed, *other.camera, volume, moved_m);
+    candidates.push_back({});
+    for (const double as_like : {1.0, beside_its_like})
+      if (candidates.back().empty())
+        candidates.back() = candidates_in(other, like(*other.image, color, as_like), ray, color, is_moving);
+  }
   // What the other pictures show where a candidate would be in them.
   for (std::size_t i = 0; i < others.size(); ++i) {
     std::vector<double> costs;

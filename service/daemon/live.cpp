@@ -115,6 +115,15 @@ void refuse_what_cannot_be(const config::ServiceConfig& config, std::span<const 
   if (!options.record_to.empty() || !options.write_rig.empty()) config::require_rig(config);
 }
 
+// The bus is open to everybody on its network, unless the configuration closes it: what that means is said.
+void tell_what_may_be_asked(const config::ControlConfig& control) {
+  if (!control.allow_teach && !control.allow_record) return;
+  spdlog::info("control: whoever is on that bus may {}", control.allow_teach && control.allow_record
+                                                             ? "teach colours, calibrate and record"
+                                                         : control.allow_teach ? "teach colours"
+                                                                               : "record");
+}
+
 // The files that were asked for. A disk that is full does not end the service: what there is to say comes at its end.
 struct TrackedFiles {
   TrackedFiles(pipeline::Session& session, const config::ServiceConfig& config, const LiveCommand& options) {
@@ -186,6 +195,7 @@ LiveSummary run_live(const config::ServiceConfig& config, std::vector<pipeline::
   std::optional<pipeline::Bus> bus;
   if (config.dds.enabled && !options.no_dds && options.track)
     session.add(bus.emplace(config.dds.publisher, session.time()));
+  if (bus) tell_what_may_be_asked(config.control);
   metrics::RoadMeter meter(config.rig.cameras.size(), is_tracking ? config.targets.size() : 0, bus ? &*bus : nullptr);
   session.add(meter);
   reports::Reports reports(session, {.write_rig = options.write_rig, .is_logging_times = true});

@@ -1,9 +1,11 @@
 #include "daemon/setup_command.h"
 
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <cstdio>
 #include <optional>
 #include <stdexcept>
@@ -11,7 +13,7 @@
 
 #include "calib/yaml/output_file.h"
 #include "calib/yaml/text_file.h"
-#include "capture/v4l2_device.h"
+#include "config/service_config.h"
 #include "doctor/camera_exam.h"
 #include "page/child_process.h"
 
@@ -22,6 +24,13 @@ namespace fs = std::filesystem;
 using namespace std::chrono_literals;
 
 constexpr std::size_t least_cameras = 2, most_cameras = 8;
+constexpr double wanted_fps = 30;
+constexpr double pre_roll_s = 60;
+constexpr double bytes_per_mb = 1e6;  // as record.pre_roll_mb counts
+
+double memory_of_this_host() {
+  return double(::sysconf(_SC_PHYS_PAGES)) * double(::sysconf(_SC_PAGESIZE));
+}
 
 // The page, as long as this lives. What it says is printed here: its address first.
 class PageBeside {
@@ -52,10 +61,11 @@ void write_first_configuration(const fs::path& file, const std::stop_token& stop
         "{} is not written: positions take two cameras or more, and {} can be used here. huetrackd doctor says what is "
         "wrong with the others; a camera of the network is written by hand (service/daemon/live.md)",
         file.string(), cameras.empty() ? "none" : "one"));
-  yaml::write_whole_file(file, first_configuration(cameras));
+  yaml::write_whole_file(file, first_configuration(cameras, memory_of_this_host()));
   fmt::print("written: {}, with {} cameras\n", file.string(), cameras.size());
   for (const SetUpCamera& camera : cameras)
-    fmt::print("  {} ({}x{}, {})\n", camera.device.string(), camera.width, camera.height,
+    fmt::print("  {} ({}x{}{}, {})\n", camera.device.string(), camera.width, camera.height,
+               camera.fps > 0 ? fmt::format(" at {:.4g} frames/s", camera.fps) : "",
                yaml::printable(camera.model));  // the camera says it itself
   fmt::print(
       "The page may teach colours, calibrate and record; so may whoever is on this DDS domain's network. When all "
@@ -82,13 +92,41 @@ std::vector<SetUpCamera> cameras_of_this_host(std::vector<std::string>& left_out
       left_out.push_back(fmt::format("{}: {} are enough", of.node.string(), most_cameras));
     } else {
       const auto& stable = !of.by_path.empty() ? of.by_path : of.by_id;
-      cameras.push_back({stable.empty() ? of.node : stable.front(), stream->width, stream->height, of.card});
+      cameras.push_back({.device = stable.empty() ? of.node : stable.front(),
+                         .width = stream->width,
+                         .height = stream->height,
+                         .model = of.card});
+      choose_rate(exam.formats, cameras.back());
     }
   }
   return cameras;
 }
 
-std::string first_configuration(std::span<const SetUpCamera> cameras) {
+void choose_rate(std::span<const capture::OfferedFormat> formats, SetUpCamera& camera) {
+  constexpr double jpeg_bytes_per_pixel = 0.25;  // of a picture full of detail; webcams' are a tenth to a fifth
+  double raw_fps = 0, any_fps = 0;
+  const auto take = [](double fps, double& best) {
+    if (best == 0 || std::abs(fps - wanted_fps) < std::abs(best - wanted_fps)) best = fps;
+  };
+  for (const capture::OfferedFormat& offered : formats) {
+    if (!offered.format) continue;
+    for (const capture::OfferedSize& size : offered.sizes) {
+      if (camera.width < size.min_width || camera.width > size.width || camera.height < size.min_height ||
+          camera.height > size.height)
+        continue;
+      for (const double fps : size.fps) {
+        take(fps, any_fps);
+        if (*offered.format != capture::CaptureFormat::mjpeg) take(fps, raw_fps);
+      }
+    }
+  }
+  camera.fps = any_fps;
+  const bool is_raw = raw_fps > 0 && raw_fps >= any_fps;  // as the driver's own choice is (StreamRequest::format)
+  camera.bytes_per_s =
+      (any_fps > 0 ? any_fps : wanted_fps) * camera.width * camera.height * (is_raw ? 2 : jpeg_bytes_per_pixel);
+}
+
+std::string first_configuration(std::span<const SetUpCamera> cameras, double memory_bytes) {
   std::string text =
       "# Written by huetrackd setup: the cameras of this host. The page of `huetrack view` leads from here: exposure,\n"
       "# calibration, what to track. What it changes goes into a file beside this one, which is yours to edit: every "
@@ -98,13 +136,22 @@ std::string first_configuration(std::span<const SetUpCamera> cameras) {
       "rig: none                  # the cameras are not calibrated yet\n"
       "cameras:\n";
   int number = 0;
+  double bytes_per_s = 0;
   for (const SetUpCamera& camera : cameras) {
     const std::string model = yaml::printable(camera.model);
-    text += fmt::format("  cam{}: {{device: '{}', size: [{}, {}]}}{}\n", number++, camera.device.string(), camera.width,
-                        camera.height, model.empty() ? "" : "   # " + model);
+    text += fmt::format("  cam{}: {{device: '{}', size: [{}, {}]{}}}{}\n", number++, camera.device.string(),
+                        camera.width, camera.height, camera.fps > 0 ? fmt::format(", fps: {:.4g}", camera.fps) : "",
+                        model.empty() ? "" : "   # " + model);
+    bytes_per_s += camera.bytes_per_s;
   }
+  // The default is enough for some cameras that send JPEGs, and for a few seconds of those that do not.
+  const int usual_mb = config::RecordConfig().pre_roll_mb;
+  const double wanted_mb = std::min(pre_roll_s * bytes_per_s, memory_bytes / 4) / bytes_per_mb;
   return text +
-         "record: {folder: recordings, pre_roll_s: 60}\n"
+         fmt::format(
+             "record: {{folder: recordings, pre_roll_s: {:g}, pre_roll_mb: {:.0f}}}   # the last minute is kept in "
+             "memory\n",
+             pre_roll_s, std::max(double(usual_mb), std::ceil(wanted_mb))) +
          "control: {allow_teach: true, allow_record: true}\n";
 }
 

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "capture/v4l2_device.h"
 #include "daemon/live.h"
 
 namespace huetrack::daemon {
@@ -16,14 +17,21 @@ namespace huetrack::daemon {
 struct SetUpCamera {
   std::filesystem::path device;  // its port's name where udev gives one: it stays the same
   int width = 0, height = 0;
-  std::string model;  // for people
+  std::string model;       // for people
+  double fps = 0;          // to ask for; 0: it does not say which it has
+  double bytes_per_s = 0;  // about what its frames take at that rate, as they come from it
 };
 
 // Those that can be used, by their device files' numbers; what is left out, and why, is added to `left_out`.
 std::vector<SetUpCamera> cameras_of_this_host(std::vector<std::string>& left_out, const std::stop_token& stop);
 
-// A configuration of these cameras, not calibrated, without a target, that the page may change.
-std::string first_configuration(std::span<const SetUpCamera> cameras);
+// At this size: the rate nearest to 30 frames/s that a format of ours has, as whoever asks for no rate gets what the
+// driver happens to be set to; and what it takes. Pure.
+void choose_rate(std::span<const capture::OfferedFormat> formats, SetUpCamera& camera);
+
+// A configuration of these cameras, not calibrated, without a target, that the page may change. memory_bytes: of this
+// host; the last minute, which the page calibrates from, is kept in as much as a quarter of it.
+std::string first_configuration(std::span<const SetUpCamera> cameras, double memory_bytes);
 
 struct SetUpCommand {
   std::filesystem::path config;

@@ -78,6 +78,17 @@ pipeline::RecordingKeeper& needed(pipeline::RecordingKeeper* recording) {
   return *recording;
 }
 
+// A board, and the edge of a ball, are seen in whole pictures: somebody would carry it in vain. throws
+// std::runtime_error
+void require_pictures(const config::ServiceConfig& config) {
+  const auto without = std::ranges::find(config.cameras, config::Sent::matches, &config::LiveCameraConfig::send);
+  if (without != config.cameras.end())
+    throw std::runtime_error(
+        fmt::format("of camera {} only what matches is sent, and a calibration takes pictures: write send: frames in "
+                    "{} while it is calibrated, and restart",
+                    without->name, config.file.string()));
+}
+
 // throws std::runtime_error
 double number_between(const std::string& text, double least, double most, const char* wanted) {
   const auto value = finite_number(text);
@@ -187,6 +198,7 @@ void CalibrationDesk::begin_board(Words words, const config::ServiceConfig& conf
   pipeline::RecordingKeeper& keeper = needed(recording);
   const std::vector<std::string> options = board_options(words, false);
   if (config.cameras.size() < 2) throw std::runtime_error("two live cameras or more are needed");
+  require_pictures(config);
   begin(Kind::board, config);
   folder_ = keeper.start_anew("board");
   stage_ = Stage::recording;
@@ -216,6 +228,7 @@ void CalibrationDesk::begin_wave(Words words, const config::ServiceConfig& confi
     throw std::runtime_error("nothing is known of the lenses yet: calibrate with a board first");
   if (!config::is_taught(*target))
     throw std::runtime_error(fmt::format("nobody has said yet which colour {} has", words[0]));
+  require_pictures(config);
   std::vector<std::string> distance;
   if (words.back().starts_with(distance_key)) {
     distance = camera_distance_of(words.back(), config.rig);

@@ -114,6 +114,13 @@ std::string sentence(std::string text) {
   return text;
 }
 
+void refuse(msg::ControlReply& reply, std::string why) {
+  reply.granted(false);
+  reply.rows().clear();
+  reply.bytes().clear();
+  reply.reason(std::move(why));
+}
+
 }  // namespace
 
 bool ControlDesk::is_read(const msg::ControlRequest& request) {
@@ -147,11 +154,10 @@ msg::ControlReply ControlDesk::answer(const msg::ControlRequest& request, const 
       throw unknown_request();
     }
     reply.granted(true);
+  } catch (const UnknownRequest& error) {
+    refuse(reply, sentence(fmt::format("{}: {}", error.what(), known_requests(words))));
   } catch (const std::exception& error) {  // what was asked makes no sense, may not be, or the disk refuses
-    reply.granted(false);
-    reply.rows().clear();
-    reply.bytes().clear();
-    reply.reason(sentence(error.what()));
+    refuse(reply, sentence(error.what()));
   }
   return reply;
 }

@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <array>
 #include <charconv>
 #include <cmath>
 
@@ -14,6 +16,19 @@ std::optional<Number> parsed(std::string_view text) {
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
   return error == std::errc{} && end == text.data() + text.size() ? std::optional(number) : std::nullopt;
 }
+
+// As idl/README.md has them, without those that programs alone ask for.
+struct Group {
+  std::string_view word, requests;
+};
+constexpr std::array groups{
+    Group{"record", "state, start, stop, save, list, delete NAME"},
+    Group{"target", "list, set NAME KEY=VALUE ..., add NAME [KEY=VALUE ...], rename OLD NEW, remove NAME"},
+    Group{"camera", "list, controls NAME, set NAME CONTROL=VALUE ..., save NAME CONTROL=VALUE ..."},
+    Group{"calibrate",
+          "board [KEY=VALUE ...], wave TARGET [SECONDS] [camera_distance=CAMERA,CAMERA,METRES], again "
+          "camera_distance=CAMERA,CAMERA,METRES, state, stop, cancel, accept [doubtful]"},
+    Group{"replay", "open NAME, close, state, pause, go, step [N], speed X"}};
 
 }  // namespace
 
@@ -42,8 +57,16 @@ std::uint64_t whole_number_of(std::string_view text) {
   throw std::runtime_error(fmt::format("a whole number is wanted, not {}", text));
 }
 
-std::runtime_error unknown_request() {
-  return std::runtime_error("this service does not know that request");
+UnknownRequest unknown_request() {
+  return UnknownRequest("this service does not know that request");
+}
+
+std::string known_requests(std::span<const std::string> words) {
+  const auto* group = words.empty() ? groups.end() : std::ranges::find(groups, words[0], &Group::word);
+  if (group != groups.end()) return fmt::format("after {} it knows {}", group->word, group->requests);
+  std::string all;
+  for (const Group& known : groups) all += fmt::format("{}, ", known.word);
+  return "it knows those that begin with " + all + "undo, redo, history";
 }
 
 }  // namespace huetrack::page

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <stdexcept>
 #include <string>
 #include <string_view>
@@ -21,6 +22,14 @@ double real_of(std::string_view text);  // as finite_number()
 std::uint64_t whole_number_of(std::string_view text);
 
 // To be thrown: there is no such request.
-std::runtime_error unknown_request();
+class UnknownRequest : public std::runtime_error {
+ public:
+  using std::runtime_error::runtime_error;
+};
+UnknownRequest unknown_request();
+
+// What is known instead, a sentence without its full stop: requests that begin as these words do; or with what they
+// begin.
+std::string known_requests(std::span<const std::string> words);
 
 }  // namespace huetrack::page

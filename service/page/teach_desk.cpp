@@ -223,7 +223,13 @@ msg::TeachReply TeachDesk::look(const msg::TeachRequest& request, const config::
       color_teaching::learn(*teacher_, pointing.request, config.targets, *target, config.object_tracking.volume);
   msg::TeachReply reply = reply_to(request);
   reply.set_number(set_number_);
-  reply.radius_m(lesson.radius.radius_m.value_or(none));
+  // A radius that nobody has said is a default: what was measured is better. One that was said is changed by hand,
+  // where what was measured is clearly another one.
+  const bool is_sized = !config.unsized_targets.contains(target->name);
+  const auto said_radius_m = is_sized ? std::optional(target->radius_m) : std::nullopt;
+  const bool agrees =
+      lesson.radius.radius_m && said_radius_m && !color_teaching::differs_clearly(lesson.radius, *said_radius_m);
+  reply.radius_m(agrees ? none : lesson.radius.radius_m.value_or(none));
   for (std::size_t c = 0; c < lesson.taught.views.size(); ++c)
     reply.cameras().push_back(camera_of(lesson.taught.views[c], config.rig.cameras[c].name, picture_sizes_[c]));
   if (!lesson.taught.any()) {
@@ -231,9 +237,6 @@ msg::TeachReply TeachDesk::look(const msg::TeachRequest& request, const config::
     reply.reason(why_nothing(lesson.taught));
     return reply;
   }
-  // A radius that nobody has said is a default: what was measured is better. One that was said is changed by hand.
-  const bool is_sized = !config.unsized_targets.contains(target->name);
-  const auto said_radius_m = is_sized ? std::optional(target->radius_m) : std::nullopt;
   if (!applies) {
     reply.reason(learnt(lesson) + warnings(lesson, said_radius_m));
     return reply;

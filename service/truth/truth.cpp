@@ -27,10 +27,11 @@ Truth Truth::read(const std::filesystem::path& file) {
   yaml::CsvTable table(file, columns);
   Truth truth;
   while (table.next()) {
-    auto& samples = truth.targets_[std::string(table.text(0))];
     const Sample sample{table.time(1), {table.number(2), table.number(3), table.number(4)}};
+    if (sample.position.array().isNaN().all()) continue;  // before its target is known: one without any has no truth
+    auto& samples = truth.targets_[std::string(table.text(0))];
     if (!samples.empty() && sample.at <= samples.back().at) table.fail("t must grow from row to row of one target");
-    if (!sample.position.allFinite()) table.fail("x, y and z must be finite");
+    if (!sample.position.allFinite()) table.fail("x, y and z must be finite, or all three nan where it is not known");
     samples.push_back(sample);
   }
   return truth;

@@ -197,7 +197,29 @@ try {
   }));
   writeFileSync(file("demo.csv"), ["target,t,x,y,z,vx,vy,vz,cxx,cxy,cxz,cyy,cyz,czz,state,views,confidence",
     ...[0.05, 1.05, 2.05].map((t) => `lime,${t},1,2,3,0,0,0,1e-6,0,0,1e-6,0,1e-6,tracking,2,0.9`), ""].join("\n"));
+  // Where the cameras stand: a rotation and a translation, from the rig's inverse.
+  function checkPlaces([topic, , message], frame = "world", moving = []) {
+    assert.equal(topic, "/tf_static");
+    assert.deepEqual(message.transforms.map((t) => t.child_frame_id), cameras.filter((name) => !moving.includes(name)));
+    for (const t of message.transforms) {
+      assert.equal(t.header.frame_id, frame);
+      const { rotation: r, translation } = recorded[t.child_frame_id].cam_from_world;
+      const { x, y, z } = t.transform.translation;
+      // The camera's centre is its own origin.
+      r.forEach((row, i) => assert.ok(Math.abs(row[0] * x + row[1] * y + row[2] * z + translation[i]) < 1e-6));
+      // Each axis of the camera, turned into the world by the quaternion, is a row of the rig's rotation.
+      const { x: a, y: b, z: c, w } = t.transform.rotation;
+      const turned = [
+        [1 - 2 * (b * b + c * c), 2 * (a * b + c * w), 2 * (a * c - b * w)],
+        [2 * (a * b - c * w), 1 - 2 * (a * a + c * c), 2 * (b * c + a * w)],
+        [2 * (a * c + b * w), 2 * (b * c - a * w), 1 - 2 * (a * a + b * b)],
+      ];
+      turned.forEach((axis, i) => axis.forEach((v, j) => assert.ok(Math.abs(v - r[i][j]) < 1e-6)));
+    }
+  }
   function checkPictures(messages, offset, others) {
+    checkPlaces(messages[0]);
+    others += 1;
     assert.ok(messages.every(([, ns], i) => i === 0 || ns >= messages[i - 1][1]), "in the order of time");
     let count = 0;
     for (const name of cameras) {
@@ -229,12 +251,26 @@ try {
     assert.equal(messages.length, count + others);
     return count;
   }
-  assert.match(exported(file("demo.csv"), "--pictures", options.recording, "--out", file("demo.mcap")), /606 messages on 6 topics/);
+  assert.match(exported(file("demo.csv"), "--pictures", options.recording, "--out", file("demo.mcap")), /607 messages on 7 topics/);
   const demo = await readMcap(file("demo.mcap"));
   assert.ok(demo.chunks > 3, `${demo.chunks} chunks`);
   console.log(`MCAP: ${checkPictures(demo.decoded, 0n, 6)} pictures and camera infos are the recording's`);
   exported("--pictures", options.recording, "--out", file("demo_bag"), "--clock-offset", "1700000000");
   console.log(`rosbag2: ${checkPictures(await readRosbag2(file("demo_bag")), base, 0)} pictures and camera infos are the recording's`);
+
+  // A track with a rig alone; a camera that moves is not said to stand.
+  exported(file("camera.csv"), "--out", file("moving.mcap"), "--frame", "studio", "--rig", join(options.recording, "rig.yaml"));
+  const moving = (await readMcap(file("moving.mcap"))).decoded;
+  assert.equal(moving.length, 3);
+  checkPlaces(moving[0], "studio", ["cam0"]);
+  assert.deepEqual({ ...moving[0][2].transforms[0].header.stamp }, { ...moving[1][2].header?.stamp ?? moving[1][2].transforms[0].header.stamp });
+  // Who begins to listen later gets it, too: as rosbag2 writes such topics.
+  const latched = yaml.load(readFileSync(join(file("demo_bag"), "metadata.yaml"), "utf8")).rosbag2_bagfile_information
+    .topics_with_message_count.filter(({ topic_metadata: topic }) => topic.offered_qos_profiles !== "");
+  assert.deepEqual(latched.map(({ topic_metadata: topic }) => topic.name), ["/tf_static"]);
+  const [qos] = yaml.load(latched[0].topic_metadata.offered_qos_profiles);
+  assert.deepEqual([qos.history, qos.depth, qos.reliability, qos.durability], [1, 1, 1, 1]);
+  assert.equal(qos.deadline.sec, 9223372036);
 
   // What may not be: one sentence each, and nothing lost.
   const refused = (message, ...args) => {

@@ -50,6 +50,18 @@ TEST(GrowRegion, RedIsNoSpecialCase) {
   EXPECT_NEAR(double(region->count()), 3.14 * 12 * 12, 25);
 }
 
+// What moved before a larger thing of nearly its colour.
+TEST(GrowRegion, StaysWithinWhatItIsGiven) {
+  const HsiImage image = disc(60, 0.7, hsi(60, 0.68, 0.5));
+  PixelMask within(image.width, image.height);
+  for (int v = 0; v < image.height; ++v)
+    for (int u = 0; u < image.width; ++u) within.at(u, v) = std::hypot(u - 50, v - 40) <= 12 ? 1 : 0;
+  EXPECT_FALSE(grow_region(image, {50, 40}));
+  const auto region = grow_region(image, {50, 40}, &within);
+  ASSERT_TRUE(region);
+  EXPECT_NEAR(double(region->count()), 3.14 * 12 * 12, 25);
+}
+
 TEST(GrowRegion, GreyAndWhatFillsThePictureIsRefused) {
   const HsiImage image = disc(90, 0.7, hsi(200, 0.02, 0.5));
   EXPECT_FALSE(grow_region(image, {5, 5}));                             // grey

@@ -31,11 +31,11 @@ class SetUp : public Test {
 
 TEST_F(SetUp, TheFirstConfigurationIsOneThatThePageMayChange) {
   const std::vector<SetUpCamera> cameras{
-      {"/dev/v4l/by-path/pci-0000:00:14.0-usb-0:1:1.0-video-index0", 640, 480, "HD Webcam: C525 #1"},
+      {"/dev/v4l/by-path/pci-0000:00:14.0-usb-0:1:1.0-video-index0", 640, 480, "HD Webcam: C525 #1", 29.97, 18e6},
       {"/dev/video2", 640, 360, "evil\nrig: other.yaml"},
       {"/dev/video4", 320, 240, ""}};
   const fs::path file = folder / "my.yaml";
-  std::ofstream(file) << first_configuration(cameras);
+  std::ofstream(file) << first_configuration(cameras, 16e9);
   const config::ServiceConfig config = config::load_service_config(file);
   EXPECT_FALSE(config.is_calibrated());
   ASSERT_EQ(config.cameras.size(), 3u);
@@ -48,6 +48,47 @@ TEST_F(SetUp, TheFirstConfigurationIsOneThatThePageMayChange) {
   EXPECT_TRUE(config.control.allow_record);
   EXPECT_EQ(config.record.folder, folder / "recordings");
   EXPECT_EQ(config.record.pre_roll_s, 60);
+  EXPECT_EQ(config.record.pre_roll_mb, 1080);  // a minute of the one that says what it takes
+  EXPECT_EQ(config.cameras[0].fps, 29.97);
+  EXPECT_EQ(config.cameras[1].fps, std::nullopt);
+}
+
+TEST_F(SetUp, TheLastMinuteTakesAQuarterOfTheMemoryAtMost) {
+  const auto kept_mb = [this](double bytes_per_s, double memory_bytes) {
+    const std::vector<SetUpCamera> cameras{{"/dev/video0", 640, 480, "", 30, bytes_per_s},
+                                           {"/dev/video2", 640, 480, "", 30, bytes_per_s}};
+    const fs::path file = folder / "kept.yaml";
+    std::ofstream(file) << first_configuration(cameras, memory_bytes);
+    return config::load_service_config(file).record.pre_roll_mb;
+  };
+  EXPECT_EQ(kept_mb(18e6, 16e9), 2160);
+  EXPECT_EQ(kept_mb(18e6, 4e9), 1000);
+  EXPECT_EQ(kept_mb(1e6, 16e9), config::RecordConfig().pre_roll_mb);  // never less than usual
+}
+
+// Who asks for no rate gets what the driver happens to be set to: seen with vivid, 5 frames/s of its 25.
+TEST(SetUpRate, IsTheOneNearestTo30OfAnyFormat) {
+  using capture::CaptureFormat;
+  const std::vector<capture::OfferedFormat> formats{
+      {.fourcc = 0,
+       .description = "",
+       .format = CaptureFormat::yuyv,
+       .sizes = {{640, 480, 640, 480, {30, 15, 5}}, {1280, 720, 1280, 720, {10, 5}}}},
+      {.fourcc = 0,
+       .description = "",
+       .format = CaptureFormat::mjpeg,
+       .sizes = {{640, 480, 640, 480, {60, 30}}, {1280, 720, 1280, 720, {60, 30}}, {320, 240, 320, 240, {}}}},
+      {.fourcc = 0, .description = "", .format = std::nullopt, .sizes = {{320, 240, 320, 240, {30}}}}};
+  const auto chosen = [&](int width, int height) {
+    SetUpCamera camera{.device = "/dev/video0", .width = width, .height = height, .model = ""};
+    choose_rate(formats, camera);
+    return camera;
+  };
+  EXPECT_EQ(chosen(640, 480).fps, 30);
+  EXPECT_EQ(chosen(640, 480).bytes_per_s, 30 * 640 * 480 * 2);  // raw, which is preferred
+  EXPECT_EQ(chosen(1280, 720).fps, 30);
+  EXPECT_LT(chosen(1280, 720).bytes_per_s, 30 * 1280 * 720);  // JPEGs
+  EXPECT_EQ(chosen(320, 240).fps, 0);                         // it does not say
 }
 
 TEST_F(SetUp, WhatIsThereIsLeftAsItIs) {

@@ -340,7 +340,9 @@ TEST_F(EndToEnd, AWordThatIsNoCommandIsNamed) {
 }
 
 TEST_F(EndToEnd, WrongUsageIsSaidAndVersionsAreTold) {
-  EXPECT_NE(run({HUETRACKD}).status, 0);
+  const Result alone = run({HUETRACKD});
+  EXPECT_NE(alone.status, 0);
+  EXPECT_THAT(alone.err, testing::AllOf(HasSubstr("huetrackd: a command is wanted: setup, "), HasSubstr(", replay, ")));
   EXPECT_NE(run({HUETRACKD, "replay", config}).status, 0);
   EXPECT_NE(run({HUETRACKD, "replay", config, recording, "--speed", "fast"}).status, 0);
   const Result version = run({HUETRACKD, "--version"});

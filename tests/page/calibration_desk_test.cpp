@@ -121,6 +121,11 @@ TEST_F(Child, WhoPrintsWithoutEndHoldsNobody) {
 
 // ---- The desk
 
+const char* const unknown_calibration =
+    "This service does not know that request: after calibrate it knows board [KEY=VALUE ...], wave TARGET [SECONDS] "
+    "[camera_distance=CAMERA,CAMERA,METRES], again camera_distance=CAMERA,CAMERA,METRES, state, stop, cancel, accept "
+    "[doubtful].";
+
 class Calibrating : public Scratch {
  protected:
   Calibrating() {
@@ -226,6 +231,22 @@ std::string with(std::string text, const std::string& what, const std::string& b
 }
 std::string fake(const fs::path& folder, const std::string& verdict = "usable", int status = 0) {
   return with(with(with(honest, "FOLDER", folder.string()), "VERDICT", verdict), "STATUS", std::to_string(status));
+}
+
+// It would be recorded for minutes, and refused then.
+TEST_F(Calibrating, WithoutPicturesNothingBegins) {
+  begin(fake(folder));
+  config.cameras[1].host = "bench";
+  EXPECT_TRUE(ask({"board"}).granted());  // with those of another host as well
+  EXPECT_TRUE(ask({"cancel"}).granted());
+  config.cameras[1].send = config::Sent::matches;
+  for (const std::vector<std::string>& words : {std::vector<std::string>{"board"}, {"wave", "ball"}}) {
+    const msg::ControlReply reply = ask(words);
+    EXPECT_FALSE(reply.granted());
+    EXPECT_THAT(reply.reason(), AllOf(HasSubstr("Of camera cam1 only what matches is sent"),
+                                      HasSubstr("write send: frames in "), HasSubstr("c.yaml")));
+  }
+  EXPECT_EQ(stage(), "cancelled");
 }
 
 TEST_F(Calibrating, ABoardIsRecordedCoveredSolvedAndAccepted) {
@@ -351,7 +372,7 @@ TEST_F(Calibrating, AWaveIsCoveredAndCalibratedAgainWithADistance) {
 
   // The same recording, with what was measured.
   const fs::path waved = recording();
-  EXPECT_EQ(ask({"again", "now"}).reason(), "This service does not know that request.");
+  EXPECT_EQ(ask({"again", "now"}).reason(), unknown_calibration);
   const msg::ControlReply again = ask({"again", "camera_distance=cam1,cam0,3.42"});
   ASSERT_TRUE(again.granted()) << again.reason();
   ASSERT_TRUE(becomes("doubtful")) << stage() << log;
@@ -472,7 +493,7 @@ TEST_F(Calibrating, WhatMakesNoSenseOrMayNotBeIsRefused) {
                                                 {"stop", "now"},
                                                 {"report"},
                                                 {"state", "x"}})
-    EXPECT_EQ(ask(words).reason(), "This service does not know that request.");
+    EXPECT_EQ(ask(words).reason(), unknown_calibration);
   EXPECT_THAT(ask({"wave", "none"}).reason(), HasSubstr("no target none"));
   EXPECT_THAT(ask({"wave", "new"}).reason(), HasSubstr("which colour new has"));
   for (const char* seconds : {"", "4", "601", "nan", "5s", "-5"})

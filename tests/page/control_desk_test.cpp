@@ -115,7 +115,12 @@ TEST_F(Control, NonsenseIsAnsweredWithASentence) {
                                                 std::vector<std::string>(1000, "record")}) {
     const msg::ControlReply reply = ask(words);
     EXPECT_FALSE(reply.granted());
-    EXPECT_EQ(reply.reason(), "This service does not know that request.");
+    EXPECT_EQ(reply.reason(),
+              words.empty() || words[0] != "record"
+                  ? "This service does not know that request: it knows those that begin with record, target, camera, "
+                    "calibrate, replay, undo, redo, history."
+                  : "This service does not know that request: after record it knows state, start, stop, save, list, "
+                    "delete NAME.");
   }
   EXPECT_EQ(ask({"record", "read", "../secret", "0"}).reason(), "That is no recording's name.");
   EXPECT_EQ(ask({"record", "read", "none", "0"}).reason(), "There is no recording none.");

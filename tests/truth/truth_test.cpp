@@ -63,12 +63,21 @@ TEST_F(TruthFile, MistakesAreNamedWithTheLine) {
   EXPECT_EQ(error("t,x,y,z\n"), file_.string() + ":1: the header has no column ball or target");
   EXPECT_EQ(error("ball,t,x,y,z\nb,0,0,0,0\nb,0,1,1,1\n"),
             file_.string() + ":3: t must grow from row to row of one target");
-  EXPECT_EQ(error("ball,t,x,y,z\nb,0,nan,0,0\n"), file_.string() + ":2: x, y and z must be finite");
+  EXPECT_EQ(error("ball,t,x,y,z\nb,0,nan,0,0\n"),
+            file_.string() + ":2: x, y and z must be finite, or all three nan where it is not known");
 }
 
 TEST_F(TruthFile, MayNameItsTargetsAsOurTracksDo) {
   const Truth t = truth("target,t,x,y,z\nlime,0,1,2,3\nlime,0.1,1,2,3\n");
   EXPECT_TRUE(t.targets().contains("lime"));
+}
+
+TEST_F(TruthFile, MayBeATrackThatSearchesForAWhile) {
+  const Truth t = truth(
+      "target,t,x,y,z\nlime,0,nan,nan,nan\nlime,0.1,1,2,3\nlime,0.15,nan,nan,nan\nlime,0.2,2,2,3\nred,0,nan,nan,nan\n");
+  EXPECT_FALSE(t.position("lime", Timestamp(0s)).has_value());
+  EXPECT_EQ(t.position("lime", Timestamp(100ms)), Eigen::Vector3d(1, 2, 3));
+  EXPECT_FALSE(t.targets().contains("red"));
 }
 
 TEST_F(TruthFile, CanBeMovedToAnotherClock) {

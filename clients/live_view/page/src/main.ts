@@ -361,7 +361,11 @@ function tick(): void {
   $("targets-title").textContent = store.trackedCameras.size === 0 ? "Targets" : store.targets.size === 0 ? "Tracked camera" : "Targets and tracked camera";
   $("no-targets").hidden = store.targets.size + store.trackedCameras.size > 0;
   $("no-targets").textContent = awaited(serving);
-  $("no-scene").hidden = store.scene !== null || canvas.hidden;
+  const hasPlaces = store.scene !== null && (store.scene.targets.length > 0 || store.scene.cameras.some((c) => c.model) || store.trackedCameras.size > 0);
+  $("no-scene").hidden = hasPlaces || canvas.hidden;
+  $("no-scene").textContent = store.scene
+    ? "Nobody knows yet where the cameras stand: they are drawn here once they are calibrated."
+    : "Cameras, volume and targets are drawn here once a service tells where they are.";
   $("no-cameras").textContent = serving ? "Pictures are awaited; they come while this page is looked at." : "No service sends pictures.";
   updateCameras(serving);
   updateHealth(serving);
@@ -396,7 +400,7 @@ function timesOf(camera: string): string {
   const index = times.cameras.findIndex((c) => c.name === camera);
   if (index < 0) return "";
   const time = times.cameras[index];
-  const ms = (seconds: number) => (1000 * seconds).toFixed(1);
+  const ms = (seconds: number) => (Math.round(10000 * seconds) / 10 || 0).toFixed(1); // never "-0.0"
   const sure = index === 0 ? "(held)" : `± ${ms(time.latency_sigma_s)}`;
   return `late by ${ms(time.latency_s)} ms ${sure}, rows over ${ms(time.readout_s)} ms ± ${ms(time.readout_sigma_s)}`;
 }

@@ -621,7 +621,8 @@ export class Scene3d {
       this.still.add(box, segments(grid, new THREE.LineBasicMaterial({ color: ink, transparent: true, opacity: 0.25 })));
     }
     const arm = hasVolume ? Math.min(size.x, size.y, size.z) / 5 : this.reach / 3;
-    ["x", "y", "z"].forEach((name, i) => {
+    const isEmpty = !hasVolume && !cameras.length && store.trackedCameras.size === 0; // then no world is known, either
+    (isEmpty ? [] : ["x", "y", "z"]).forEach((name, i) => {
       const end = new THREE.Vector3().setComponent(i, arm);
       this.still.add(segments([new THREE.Vector3(), end], new THREE.LineBasicMaterial({ color: ink })));
       this.extent.push(end);
