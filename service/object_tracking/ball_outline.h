@@ -5,7 +5,7 @@
 #include <optional>
 
 #include "calib/model/camera_rig.h"
-#include "capture/matches.h"
+#include "capture/frame.h"
 #include "outline/outline_fit.h"
 
 namespace huetrack::object_tracking {
