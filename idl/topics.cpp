@@ -106,6 +106,10 @@ std::string camera_matches_topic(std::string_view host, std::string_view camera)
   return "huetrack/matches/" + std::string(host) + "/" + std::string(camera);
 }
 
+std::string camera_outlines_topic(std::string_view host, std::string_view camera) {
+  return "huetrack/outlines/" + std::string(host) + "/" + std::string(camera);
+}
+
 std::string ros2_user_data(std::string_view type_hash) {
   return "typehash=" + std::string(type_hash) + ";";
 }

@@ -39,8 +39,9 @@ inline constexpr const char* clock_probe_topic = "huetrack/clock_probe";  // hue
 inline constexpr const char* clock_echo_topic = "huetrack/clock_echo";    // huetrack::msg::ClockEcho
 inline constexpr const char* host_clocks_topic = "huetrack/host_clocks";  // huetrack::msg::HostClocks, keyed
 inline constexpr const char* looked_for_topic = "huetrack/looked_for";    // huetrack::msg::LookedForColors, keyed
-std::string camera_frames_topic(std::string_view host, std::string_view camera);   // huetrack::msg::CameraFrame
-std::string camera_matches_topic(std::string_view host, std::string_view camera);  // huetrack::msg::CameraMatches
+std::string camera_frames_topic(std::string_view host, std::string_view camera);    // huetrack::msg::CameraFrame
+std::string camera_matches_topic(std::string_view host, std::string_view camera);   // huetrack::msg::CameraMatches
+std::string camera_outlines_topic(std::string_view host, std::string_view camera);  // huetrack::msg::ExpectedOutlines
 
 // ROS 2, types of ros2_messages.idl. A ROS 2 topic /x is the DDS topic rt/x.
 inline constexpr const char* ros2_tf_topic = "rt/tf";  // tf2_msgs/msg/TFMessage
@@ -112,6 +113,7 @@ std::optional<std::uint32_t> largest_sample(std::string_view topic);
 //                    is lost is asked for again within 5 ms, and a network that is too slow loses whole frames.
 //   matches/...      as frames/...
 //   looked_for       as status.
+//   outlines/...     as clock_probe: the next one comes with the next frame.
 //   clock_*          best effort, volatile, keep-last 4, of readers 64: all hosts answer at one moment.
 //   ROS 2            reliable, volatile, keep-last 10: matches echo, RViz and best-effort readers.
 // A reader has room for samples of largest_sample() from its start and never takes more: what is not taken in time is

@@ -90,7 +90,7 @@ for member in "$@"; do
   case $role in
     service) publish=("$all") ;;
     host) publish=('huetrack/frames/*' 'huetrack/matches/*' huetrack/camera_host huetrack/clock_echo)
-      subscribe=(huetrack/clock_probe huetrack/looked_for) ;;
+      subscribe=(huetrack/clock_probe huetrack/looked_for 'huetrack/outlines/*') ;;
     operator) publish=('huetrack/*_request') ;;
   esac
   of=$folder/$name

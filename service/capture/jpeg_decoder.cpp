@@ -141,7 +141,7 @@ struct JpegDecoder::Impl {
 JpegDecoder::JpegDecoder() : impl_(std::make_unique<Impl>()) {}
 JpegDecoder::~JpegDecoder() = default;
 
-JpegResult JpegDecoder::decode(std::span<const std::uint8_t> jpeg) {
+JpegResult JpegDecoder::decode(std::span<const std::uint8_t> jpeg, int width, int height) {
   auto& info = impl_->info;
   auto& errors = impl_->errors;
   errors.is_damaged = false;
@@ -158,6 +158,9 @@ JpegResult JpegDecoder::decode(std::span<const std::uint8_t> jpeg) {
   if ((needs_even_width(*format) && info.image_width % 2 != 0) ||
       (needs_even_height(*format) && info.image_height % 2 != 0))
     return end_with("its size " + size + " is odd", true);
+  if (width > 0 &&
+      (info.image_width != static_cast<JDIMENSION>(width) || info.image_height != static_cast<JDIMENSION>(height)))
+    return end_with("its size is " + size, false);
   if (std::size_t{info.image_width} * info.image_height > most_pixels) return end_with("its size is " + size, true);
 
   // Whole blocks are written: the planes are padded to them.

@@ -29,7 +29,8 @@ class JpegDecoder {
 
   // Damaged where any of the data is missing or makes no sense; the few bytes of padding that many webcams leave before
   // a marker are none. Motion JPEG without Huffman tables gets the standard ones. Does not throw.
-  JpegResult decode(std::span<const std::uint8_t> jpeg);
+  // width, height: one of another size is refused by its header, before anything is made of it; 0: any.
+  JpegResult decode(std::span<const std::uint8_t> jpeg, int width = 0, int height = 0);
 
  private:
   struct Impl;

@@ -8,7 +8,8 @@
 namespace huetrack::capture {
 namespace {
 
-constexpr std::uint8_t version = 1, runs_follow = 0, bits_follow = 1;
+constexpr std::uint8_t version = 1, version_with_patches = 2, runs_follow = 0, bits_follow = 1;
+constexpr int planes = 3;
 constexpr std::size_t formats = 7, numbers_of_color = 6;
 // Pixels times colours: 32 colours of 4096x2160, and 35 MB.
 constexpr std::size_t most_bits = std::size_t{32} * 4096 * 2160;
@@ -87,6 +88,20 @@ void put_matches(const std::vector<std::uint64_t>& tiles, int width, int height,
   }
   const auto length = static_cast<std::uint32_t>(out.size() - from);
   for (std::size_t i = 0; i < 4; ++i) out[length_at + i] = static_cast<std::uint8_t>(length >> (8 * i));
+}
+
+void put_patch(const Image& image, const PatchPlace& at, std::vector<std::uint8_t>& out) {
+  for (const int number : {at.u, at.v, at.width, at.height}) put(out, static_cast<std::uint16_t>(number));
+  for (int p = 0; p < planes; ++p) {
+    const auto left = static_cast<std::ptrdiff_t>(plane_row_bytes(image.format, p, at.u));
+    const auto length = static_cast<std::ptrdiff_t>(plane_row_bytes(image.format, p, at.width));
+    const Plane& plane = image.planes[static_cast<std::size_t>(p)];
+    const int top = plane_rows(image.format, p, at.v);
+    for (int row = 0; row < plane_rows(image.format, p, at.height); ++row) {
+      const std::uint8_t* const from = plane.data + (top + row) * plane.stride + left;
+      out.insert(out.end(), from, from + length);
+    }
+  }
 }
 
 // ---- Reading
@@ -180,6 +195,39 @@ bool read_matches(std::span<const std::uint8_t> bytes, int width, int height, st
   return true;
 }
 
+bool is_within(const PatchPlace& at, int width, int height) {
+  return at.width > 0 && at.height > 0 && at.u % 2 == 0 && at.v % 2 == 0 && at.width % 2 == 0 && at.height % 2 == 0 &&
+         at.u + at.width <= width && at.v + at.height <= height;
+}
+
+// False: it makes no sense.
+bool read_patch(Bytes& rest, const Image& looked_at, Matches::Patch& out) {
+  out.at.u = rest.take<std::uint16_t>(), out.at.v = rest.take<std::uint16_t>();
+  out.at.width = rest.take<std::uint16_t>(), out.at.height = rest.take<std::uint16_t>();
+  if (!rest.is_sound() || !is_within(out.at, looked_at.width, looked_at.height)) return false;
+  const auto bytes_of = [&](int p) {
+    return plane_row_bytes(looked_at.format, p, out.at.width) *
+           static_cast<std::size_t>(plane_rows(looked_at.format, p, out.at.height));
+  };
+  const auto seen = rest.take_span(bytes_of(0) + bytes_of(1) + bytes_of(2));
+  if (!rest.is_sound()) return false;
+  const auto bytes = std::make_shared<std::vector<std::uint8_t>>(seen.begin(), seen.end());
+  out.image = {.format = looked_at.format,
+               .range = looked_at.range,
+               .width = out.at.width,
+               .height = out.at.height,
+               .planes = {},
+               .owner = bytes};
+  std::size_t at = 0;
+  for (int p = 0; p < planes; ++p) {
+    if (bytes_of(p) == 0) break;
+    const auto row_bytes = static_cast<std::ptrdiff_t>(plane_row_bytes(looked_at.format, p, out.at.width));
+    out.image.planes[static_cast<std::size_t>(p)] = {bytes->data() + at, row_bytes};
+    at += bytes_of(p);
+  }
+  return true;
+}
+
 }  // namespace
 
 const Matches::OfColor* Matches::of(const MatchedColor& color) const {
@@ -188,9 +236,10 @@ const Matches::OfColor* Matches::of(const MatchedColor& color) const {
 }
 
 void encode_matches(const Image& looked_at, std::span<const Matches::OfColor> colors,
-                    std::span<const std::uint8_t> jpeg, std::vector<std::uint8_t>& out) {
+                    std::span<const std::uint8_t> jpeg, std::vector<std::uint8_t>& out,
+                    std::span<const PatchPlace> patches) {
   out.clear();
-  out.push_back(version);
+  out.push_back(patches.empty() ? version : version_with_patches);
   out.push_back(static_cast<std::uint8_t>(looked_at.format));
   out.push_back(looked_at.range == ColorRange::full ? 1 : 0);
   put(out, static_cast<std::uint16_t>(looked_at.width));
@@ -202,12 +251,16 @@ void encode_matches(const Image& looked_at, std::span<const Matches::OfColor> co
   }
   put(out, static_cast<std::uint32_t>(jpeg.size()));
   out.insert(out.end(), jpeg.begin(), jpeg.end());
+  if (patches.empty()) return;
+  out.push_back(static_cast<std::uint8_t>(patches.size()));
+  for (const PatchPlace& patch : patches) put_patch(looked_at, patch, out);
 }
 
 std::optional<DecodedMatches> decode_matches(std::span<const std::uint8_t> bytes, JpegDecoder& decoder, Image& latest,
                                              int expected_width, int expected_height) {
   Bytes rest(bytes);
-  if (rest.take<std::uint8_t>() != version) return std::nullopt;
+  const auto its_version = rest.take<std::uint8_t>();
+  if (its_version != version && its_version != version_with_patches) return std::nullopt;
   const auto format = rest.take<std::uint8_t>(), range = rest.take<std::uint8_t>();
   const int width = rest.take<std::uint16_t>(), height = rest.take<std::uint16_t>();
   const std::size_t count = rest.take<std::uint8_t>();
@@ -231,10 +284,17 @@ std::optional<DecodedMatches> decode_matches(std::span<const std::uint8_t> bytes
     if (!rest.is_sound() || !read_matches(coded, width, height, color.tiles)) return std::nullopt;
   }
   const auto jpeg = rest.take_span(rest.take<std::uint32_t>());
+  if (its_version == version_with_patches) {
+    const std::size_t patches = rest.take<std::uint8_t>();
+    if (patches > Matches::most_patches) return std::nullopt;
+    out.matches->patches.resize(patches);
+    for (Matches::Patch& patch : out.matches->patches)
+      if (!read_patch(rest, out.looked_at, patch)) return std::nullopt;
+  }
   if (!rest.is_sound() || !rest.is_empty()) return std::nullopt;
   if (!jpeg.empty()) {
-    JpegResult picture = decoder.decode(jpeg);
-    if (!picture.image || picture.image->width != width || picture.image->height != height) return std::nullopt;
+    JpegResult picture = decoder.decode(jpeg, width, height);
+    if (!picture.image) return std::nullopt;
     latest = std::move(*picture.image);
     out.matches->has_own_picture = true;
   }

@@ -2,7 +2,7 @@
 // camera with `send: matches` (service/hosts/README.md), and what is recorded of it.
 //
 // As bytes, integers little-endian, doubles as IEEE 754 has them:
-//   1  version: 1
+//   1  version: 1; 2 where patches follow
 //   1  format of the pixels that were looked at: 0 yuyv, 1 nv12, 2 i420, 3 i422, 4 i444, 5 bgr, 6 grey
 //   1  their range: 0 limited, 1 full
 //   2  width, 2 height, pixels
@@ -14,6 +14,10 @@
 //             run nothing matches.
 //          1: a bit per pixel in that order, the lowest of a byte first: where runs would be longer
 //   4  how many bytes follow: none, or the JPEG of this frame
+//   Of version 2, further:
+//   1  number of patches; of each
+//      2  column, 2 row of its first pixel, 2 width, 2 height: pixels, even numbers
+//      the bytes of its planes one after the other, rows without gaps: in the format of the pixels that were looked at
 #pragma once
 
 #include <array>
@@ -37,10 +41,23 @@ struct MatchedColor {
   bool operator==(const MatchedColor&) const = default;
 };
 
+// Where an object's outline will be seen, as who follows it expects: in a frame, by its number, and how it moves from
+// there. Pixels, seconds.
+struct ExpectedOutline {
+  float u = 0, v = 0, u_per_s = 0, v_per_s = 0;
+  float radius_px = 0;
+};
+
+// A rectangle of an image; even numbers, so that chroma is not cut.
+struct PatchPlace {
+  int u = 0, v = 0, width = 0, height = 0;
+};
+
 // Immutable once it is in a frame; safe from any thread.
 struct Matches {
   static constexpr int tile_size = 8;      // pixels, each way
   static constexpr std::size_t most = 32;  // colours of one frame
+  static constexpr std::size_t most_patches = 16;
   struct OfColor {
     MatchedColor color;
     // Row by row from the top left, tiles_across() a row: bit 8 r + c is the pixel in the tile's row r and column c.
@@ -52,6 +69,12 @@ struct Matches {
   // room, never for where an object is. Without planes: there was none yet.
   Image picture;
   bool has_own_picture = false;  // it came with this frame
+  // The frame's own pixels where outlines were expected, as they were looked at.
+  struct Patch {
+    PatchPlace at;
+    Image image;  // of that size
+  };
+  std::vector<Patch> patches;
 
   const OfColor* of(const MatchedColor& color) const;  // nullptr: nobody asked for it when the frame was sent
 };
@@ -63,9 +86,11 @@ inline std::size_t tiles_of(int width, int height) {
   return tiles_across(width) * tiles_across(height);
 }
 
-// looked_at: whose format, range and size are told. jpeg: of the frame, or empty. Replaces what is in `out`.
+// looked_at: whose format, range and size are told, and with patches its pixels. jpeg: of the frame, or empty. patches:
+// within it, at most Matches::most_patches. Replaces what is in `out`.
 void encode_matches(const Image& looked_at, std::span<const Matches::OfColor> colors,
-                    std::span<const std::uint8_t> jpeg, std::vector<std::uint8_t>& out);
+                    std::span<const std::uint8_t> jpeg, std::vector<std::uint8_t>& out,
+                    std::span<const PatchPlace> patches = {});
 
 struct DecodedMatches {
   Image looked_at;  // format, range and size; no planes

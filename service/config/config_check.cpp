@@ -239,21 +239,6 @@ std::string size_warning(const ServiceConfig& config) {
   return {};
 }
 
-// What cameras that send matches cannot do for a target that says nothing of it.
-std::string matches_warning(const ServiceConfig& config) {
-  std::vector<std::string> cameras;
-  for (const auto& camera : config.cameras)
-    if (camera.send == Sent::matches) cameras.push_back(camera.name);
-  const bool has_balls = std::ranges::any_of(
-      config.targets, [](const auto& target) { return target.shape != object_tracking::TargetShape::blob; });
-  if (cameras.empty() || !has_balls || config.object_tracking.observation == object_tracking::Observation::paper)
-    return "";
-  return fmt::format(
-      "{} {} only which pixels match: no outline is fitted there, and a ball is where the middle of its colour is, "
-      "some times less right; shape: blob says that this is meant",
-      fmt::join(cameras, ", "), cameras.size() == 1 ? "sends" : "send");
-}
-
 }  // namespace
 
 std::vector<std::string> warnings_of(const ServiceConfig& config) {
@@ -273,7 +258,6 @@ std::vector<std::string> warnings_of(const ServiceConfig& config) {
       warnings.push_back("camera " + camera.name + " of the rig is not among the live cameras, and not used by run");
   }
   if (std::string warning = rig_warning(config.rig); !warning.empty()) warnings.push_back(std::move(warning));
-  if (std::string warning = matches_warning(config); !warning.empty()) warnings.push_back(std::move(warning));
   const RecordConfig& record = config.record;
   if (!record.folder.empty() && !record.always && !(record.pre_roll_s > 0) && !config.control.allow_record)
     warnings.push_back(

@@ -15,6 +15,7 @@
 #include "hosts/machine_clock.h"
 #include "hosts/match_finder.h"
 #include "hosts/wanted_matches.h"
+#include "hosts/wanted_outlines.h"
 #include "idl/arrivals.h"
 #include "idl/camera_hostPubSubTypes.h"
 #include "idl/dds_participant.h"
@@ -29,6 +30,8 @@ using namespace std::chrono_literals;
 namespace {
 
 constexpr auto told_every = 1s;
+constexpr std::uint32_t most_of_outlines = 1024;  // bytes, of a sample: of sixteen
+constexpr const char* new_keys = "make them anew, configs/dds/secure.sh, role host; ";
 // What fits into one packet of an Ethernet (MTU 1500, less IP's and UDP's headers). A larger datagram is lost as a
 // whole with any of its packets, of 64 kB one in 23 where one packet in a thousand is; and the kernel keeps what came
 // of it for 30 s, until its memory for that (net.ipv4.ipfrag_high_thresh, 4 MB) is full and it takes no large datagram
@@ -76,6 +79,7 @@ struct CameraHost::Impl {
     capture::LiveCamera live;
     dds::DataWriter* writer = nullptr;
     dds::DataWriter* matches_writer = nullptr;  // nullptr: the keys do not allow it
+    dds::DataReader* outlines = nullptr;        // likewise
     std::mutex mutex;
     WantedMatches wanted;  // guarded by mutex
     std::atomic<std::uint64_t> frames = 0, refused = 0, bytes = 0;
@@ -109,7 +113,24 @@ struct CameraHost::Impl {
     } catch (const std::runtime_error& error) {
       if (!participant.is_access_controlled()) throw;
       looked_for = nullptr;
-      refusal = error.what();
+      refusal = std::string(
+                    "its matches cannot be sent (send: matches of a tracker), as the keys of this host are older than "
+                    "that: ") +
+                new_keys + error.what();
+    }
+    try {
+      for (auto& camera : cameras)
+        camera->outlines = &participant.create_reader(idl::camera_outlines_topic(options.host, camera->name),
+                                                      dds::TypeSupport(new msg::ExpectedOutlinesPubSubType),
+                                                      idl::clock_reader_qos(), most_of_outlines);
+    } catch (const std::runtime_error& error) {
+      if (!participant.is_access_controlled()) throw;
+      if (refusal.empty())
+        refusal = std::string(
+                      "no outlines are found in what matches of it (send: matches of a tracker), as the keys of this "
+                      "host are "
+                      "older than that: ") +
+                  new_keys + error.what();
     }
     clock = std::jthread([this](const std::stop_token& stop) { tell_the_time(stop); });
     if (looked_for != nullptr)
@@ -166,6 +187,18 @@ struct CameraHost::Impl {
     return !out.colors.empty();
   }
 
+  // What trackers have said until now of frames before this one.
+  static void hear_outlines(Camera& camera, const capture::Frame& frame, WantedOutlines& wanted, std::int64_t run,
+                            msg::ExpectedOutlines& said, std::vector<capture::PatchPlace>& out) {
+    out.clear();
+    if (camera.outlines == nullptr) return;
+    dds::SampleInfo info;
+    while (camera.outlines->take_next_sample(&said, &info) == ReturnCode_t::RETCODE_OK)
+      if (info.valid_data && said.run() == run) wanted.hear(said);
+    wanted.places_at(frame.stamped_at, out);
+    wanted.note(frame.sequence, frame.stamped_at);
+  }
+
   template <typename Message>
   static void send(Camera& camera, dds::DataWriter& writer, Message& message) {
     if (writer.write(&message)) {
@@ -183,9 +216,12 @@ struct CameraHost::Impl {
     matches.run(run);
     MatchFinder finder;
     MatchFinderOptions look_for;
+    WantedOutlines outlines;
+    msg::ExpectedOutlines said;
     while (const auto frame = camera.live.source->next(stop)) {
       if (camera.matches_writer != nullptr && is_listened_to(*camera.matches_writer) &&
           is_looked_for(camera, look_for)) {
+        hear_outlines(camera, *frame, outlines, run, said, look_for.patches);
         matches.number(frame->sequence);
         matches.stamped_at(frame->stamped_at.time_since_epoch().count());
         const auto bytes = frame->status == capture::FrameStatus::ok ? finder.find(*frame, look_for) : std::nullopt;
@@ -259,13 +295,9 @@ std::vector<CameraHost::Said> CameraHost::look_after() {
   std::vector<Said> said;
   if (const std::string refusal = std::exchange(impl_->refusal, ""); !refusal.empty())
     for (const auto& camera : impl_->cameras)
-      said.push_back({camera->name,
-                      {.at = capture::unix_now(),
-                       .state = camera->live.health().state,
-                       .is_problem = true,
-                       .message = "its matches cannot be sent (send: matches of a tracker), as the keys of this host "
-                                  "are older than that: make them anew, configs/dds/secure.sh, role host; " +
-                                  refusal}});
+      said.push_back(
+          {camera->name,
+           {.at = capture::unix_now(), .state = camera->live.health().state, .is_problem = true, .message = refusal}});
   for (const auto& camera : impl_->cameras)
     for (auto& event : camera->live.take_events()) said.push_back({camera->name, std::move(event)});
   const auto now = std::chrono::steady_clock::now();

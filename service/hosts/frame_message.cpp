@@ -53,9 +53,9 @@ capture::Frame from_message(msg::CameraFrame&& message, capture::JpegDecoder& de
   if (message.is_damaged()) return out;
   auto bytes = std::make_shared<std::vector<std::uint8_t>>(std::move(message.bytes()));
   if (message.format() == is_jpeg) {
-    capture::JpegResult decoded = decoder.decode(*bytes);
-    if (!decoded.image || decoded.image->width != message.width() || decoded.image->height != message.height())
-      return out;
+    if (message.width() == 0 || message.height() == 0) return out;
+    capture::JpegResult decoded = decoder.decode(*bytes, message.width(), message.height());
+    if (!decoded.image) return out;
     out.pixels = std::move(*decoded.image);
     out.encoded = std::move(bytes);
     out.status = capture::FrameStatus::ok;

@@ -128,6 +128,7 @@ struct HostedCameras::Impl {
   struct Camera {
     HostedCameraOptions options;
     dds::DataReader* reader = nullptr;        // thread-safe by itself
+    dds::DataWriter* outlines = nullptr;      // likewise; of matches
     std::unique_ptr<idl::Arrivals> arrivals;  // the source's
     capture::CameraHealth health;
     std::vector<capture::CameraEvent> events;
@@ -138,8 +139,8 @@ struct HostedCameras::Impl {
     // The source's own.
     capture::JpegDecoder decoder;
     capture::CameraClock clock;
-    std::int64_t run = 0;
-    std::uint32_t base = 0;               // of the run's numbers
+    std::int64_t run = 0;                 // written under `mutex`
+    std::uint32_t base = 0;               // of the run's numbers; likewise
     std::optional<std::uint32_t> handed;  // the last one of ours
     capture::DamageWatch losses;          // on the way
     capture::Image picture;               // the latest beside matches
@@ -177,6 +178,10 @@ struct HostedCameras::Impl {
                                                        dds::TypeSupport(new msg::CameraFramePubSubType),
                                                        idl::camera_frames_reader_qos(), largest);
       camera.arrivals = std::make_unique<idl::Arrivals>(*camera.reader);
+      if (camera.options.are_matches)
+        camera.outlines = &participant.create_writer(idl::camera_outlines_topic(host, there),
+                                                     dds::TypeSupport(new msg::ExpectedOutlinesPubSubType),
+                                                     idl::clock_writer_qos(), "");
       camera.health.last_progress = Clock::now();
       hosts[camera.options.host];
     }
@@ -230,6 +235,27 @@ struct HostedCameras::Impl {
     const std::scoped_lock lock(mutex);
     camera.looked_for.assign(colors.begin(), colors.begin() + std::ptrdiff_t(std::min(colors.size(), most_looked_for)));
     camera.looked_for_told_at.reset();
+  }
+
+  // On the thread that tracks: written at once, or the next frame would be without.
+  void expect_outlines(Camera& camera, std::uint32_t frame, std::span<const capture::ExpectedOutline> outlines) {
+    msg::ExpectedOutlines out;
+    out.tracker(tracker);
+    {
+      const std::scoped_lock lock(mutex);
+      out.run(camera.run);
+      out.number(frame + camera.base);
+    }
+    for (const capture::ExpectedOutline& outline :
+         outlines.first(std::min(outlines.size(), capture::Matches::most_patches))) {
+      msg::ExpectedOutline& to = out.outlines().emplace_back();
+      to.u(outline.u);
+      to.v(outline.v);
+      to.u_per_s(outline.u_per_s);
+      to.v_per_s(outline.v_per_s);
+      to.radius_px(outline.radius_px);
+    }
+    camera.outlines->write(&out);
   }
 
   // On a change, and again and again: a host may have come up since.
@@ -410,6 +436,7 @@ struct HostedCameras::Impl {
     }
     const std::uint32_t there = message.number();
     if (camera.run != message.run()) {
+      const std::scoped_lock lock(mutex);
       camera.run = message.run();
       camera.base = there - (camera.handed ? *camera.handed + 1 : 0);
     }
@@ -564,6 +591,11 @@ std::vector<capture::LiveCamera> HostedCameras::live() const {
     if (of->options.are_matches)
       out.back().look_for = [all = impl_, of](std::span<const capture::MatchedColor> colors) {
         all->look_for(*of, colors);
+      };
+    if (of->options.are_matches)
+      out.back().expect_outlines = [all = impl_, of](std::uint32_t frame,
+                                                     std::span<const capture::ExpectedOutline> outlines) {
+        all->expect_outlines(*of, frame, outlines);
       };
   }
   return out;

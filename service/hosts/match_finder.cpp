@@ -13,6 +13,8 @@ namespace {
 constexpr std::size_t beside_the_colors = std::size_t{64} * 1024;
 constexpr int most_new_tables = 4;   // of one frame: 20 ms, less than from one frame to the next
 constexpr int picture_quality = 85;  // of a camera that sends no JPEG
+// What a ball of 55 px of radius takes; of a nearer one the middle of its region is known better than needed.
+constexpr std::int64_t most_pixels_of_patches = 140 * 140;
 
 }  // namespace
 
@@ -45,13 +47,33 @@ std::optional<std::span<const std::uint8_t>> MatchFinder::find(const capture::Fr
   }
   std::span<const capture::Matches::OfColor> colors(found_.data(), found);
   const std::size_t most = most_bytes_of_matches(image.width, image.height);
-  capture::encode_matches(image, colors, picture(frame, image, options.picture_every), bytes_);
+  cut_to(image, options.patches);
+  capture::encode_matches(image, colors, picture(frame, image, options.picture_every), bytes_, patches_);
+  if (bytes_.size() > most) capture::encode_matches(image, colors, {}, bytes_, patches_);
   if (bytes_.size() > most) capture::encode_matches(image, colors, {}, bytes_);
   while (bytes_.size() > most && !colors.empty()) {
     colors = colors.first(colors.size() - 1);
     capture::encode_matches(image, colors, {}, bytes_);
   }
   return bytes_;
+}
+
+// As far as they lie in the image, and as much as a frame may have of them.
+void MatchFinder::cut_to(const capture::Image& image, const std::vector<capture::PatchPlace>& wanted) {
+  patches_.clear();
+  const auto even = [](int n) { return n / 2 * 2; };
+  std::int64_t left = most_pixels_of_patches;
+  for (const capture::PatchPlace& place : wanted) {
+    const int u = even(std::clamp(place.u, 0, image.width)), v = even(std::clamp(place.v, 0, image.height));
+    const capture::PatchPlace cut{.u = u,
+                                  .v = v,
+                                  .width = even(std::min(place.u + place.width, image.width) - u),
+                                  .height = even(std::min(place.v + place.height, image.height) - v)};
+    if (cut.width <= 0 || cut.height <= 0) continue;
+    left -= std::int64_t{cut.width} * cut.height;
+    if (left < 0) return;
+    patches_.push_back(cut);
+  }
 }
 
 const color::ColorTable* MatchFinder::table_for(const capture::MatchedColor& color, const capture::Image& image,

@@ -17,12 +17,14 @@
 namespace huetrack::hosts {
 
 // The most that is sent of one frame, bytes: four colours that match all over a noisy picture, or as many runs, and its
-// JPEG. A sender leaves out what is beyond, first the picture; a reader takes no more.
+// JPEG. A sender leaves out what is beyond, first the picture, then patches; a reader takes no more.
 std::size_t most_bytes_of_matches(int width, int height);
 
 struct MatchFinderOptions {
   std::vector<capture::MatchedColor> colors;  // at most capture::Matches::most, none twice; each a valid range
   capture::Duration picture_every{0};         // >= 0; 0: none
+  // Where the frame's own pixels are to go along, too; at most capture::Matches::most_patches, within the image or not.
+  std::vector<capture::PatchPlace> patches = {};
 };
 
 // One per camera. A new colour, or a new format, costs a table: some 5 ms, for BGR 100; of a frame no more than four
@@ -43,12 +45,14 @@ class MatchFinder {
   };
   // nullptr: it is a new one, and no more may be made for this frame.
   const color::ColorTable* table_for(const capture::MatchedColor& color, const capture::Image& image, int& may_make);
+  void cut_to(const capture::Image& image, const std::vector<capture::PatchPlace>& wanted);
   std::span<const std::uint8_t> picture(const capture::Frame& frame, const capture::Image& image,
                                         capture::Duration every);
 
   capture::JpegDecoder decoder_;
   std::vector<Known> known_;
   std::vector<capture::Matches::OfColor> found_;
+  std::vector<capture::PatchPlace> patches_;
   std::vector<std::uint8_t> jpeg_, bytes_;
   std::optional<std::int64_t> last_picture_;  // the multiple that it was beyond
 };

@@ -42,6 +42,16 @@ outline::Picture picture_of(const capture::Image& image) {
   return out;
 }
 
+outline::Picture picture_of(const capture::Matches::Patch& patch, int width, int height) {
+  outline::Picture out = picture_of(patch.image);
+  out.width = width, out.height = height;
+  out.part_u = patch.at.u, out.part_v = patch.at.v, out.part_width = patch.at.width, out.part_height = patch.at.height;
+  out.light.first_u = patch.at.u, out.light.first_v = patch.at.v;
+  for (outline::Samples* chroma : {&out.blue, &out.red})
+    chroma->first_u = patch.at.u / out.columns, chroma->first_v = patch.at.v / out.rows;
+  return out;
+}
+
 std::optional<BallOutline> outline_of(const calib::Camera& camera, const Eigen::Vector3d& p_world, double radius_m) {
   const Eigen::Vector3d p = camera.cam_from_world * p_world;
   const double distance = p.norm(), sine = radius_m / distance;

@@ -5,13 +5,15 @@
 #include <optional>
 
 #include "calib/model/camera_rig.h"
-#include "capture/pixel_format.h"
+#include "capture/frame.h"
 #include "outline/outline_fit.h"
 
 namespace huetrack::object_tracking {
 
 // The bytes stay the image's.
 outline::Picture picture_of(const capture::Image& image);
+// Of a picture of that size, of which only a part is there.
+outline::Picture picture_of(const capture::Matches::Patch& patch, int width, int height);
 
 // A ball's outline is where the cone that touches it meets the image: an ellipse, as far as the lens is the same all
 // over it. Its centre is not where the ball's centre is seen, but further out.

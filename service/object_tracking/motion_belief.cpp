@@ -90,7 +90,6 @@ double MotionBelief::relative_clock_variance_s2(int camera) const {
 }
 
 void MotionBelief::open_clocks(const capture::FrameSet& set) {
-  is_symmetric_ = false;
   bool is_ours = true;
   for (std::size_t c = 0; c < clocks_.size() && c < set.frames.size(); ++c) {
     if (set.frames[c]) {
@@ -100,6 +99,7 @@ void MotionBelief::open_clocks(const capture::FrameSet& set) {
     is_ours = is_ours && clocks_[c].of == clocks_[reference_camera].of;
   }
   if (is_ours || !times_are_learnt_) return;
+  by_views_.reset();
   const int cameras = static_cast<int>(clocks_.size());
   for (int first = 0; first < cameras; ++first) {
     const auto is_of = [&](int c) {
@@ -116,13 +116,13 @@ void MotionBelief::open_clocks(const capture::FrameSet& set) {
     }
     if (wanted <= least) continue;
     for (int a = first; a < cameras; ++a)
-      for (int b = first; b < cameras; ++b)
+      for (int b = first; b <= a; ++b)
         if (is_of(a) && is_of(b)) covariance_(latency_of(a), latency_of(b)) += wanted - least;
   }
 }
 
 void MotionBelief::expect_in_step() {
-  is_symmetric_ = false;
+  by_views_.reset();
   if (!times_are_learnt_) return;
   for (int c = 0; c < static_cast<int>(given_.size()); ++c) {
     const Eigen::Index l = latency_of(c), r = l + 1;
@@ -156,7 +156,7 @@ double MotionBelief::row_sigma_s(int camera, double below_middle) const {
   if (times_are_learnt_) {
     const Eigen::Index l = latency_of(camera), r = l + 1;
     variance +=
-        covariance_(l, l) - 2 * below_middle * covariance_(l, r) + below_middle * below_middle * covariance_(r, r);
+        covariance_(l, l) - 2 * below_middle * covariance_(r, l) + below_middle * below_middle * covariance_(r, r);
   }
   return std::sqrt(std::max(0.0, variance));
 }
@@ -173,11 +173,10 @@ CameraTimingEstimate MotionBelief::timing(int camera) const {
 
 void MotionBelief::begin(capture::Timestamp when, const Eigen::Vector3d& position, double position_variance,
                          const Eigen::Vector3d& velocity, double velocity_variance) {
-  is_symmetric_ = false;
+  by_views_.reset();
   at = when;
   mean_.head<3>() = position;
   mean_.segment<3>(3) = velocity;
-  covariance_.topRows<6>().setZero();
   covariance_.leftCols<6>().setZero();
   covariance_.diagonal().head<3>().setConstant(position_variance);
   covariance_.diagonal().segment<3>(3).setConstant(velocity_variance);
@@ -185,12 +184,11 @@ void MotionBelief::begin(capture::Timestamp when, const Eigen::Vector3d& positio
   const Eigen::Index lasting = 2 * static_cast<Eigen::Index>(given_.size());
   mean_.tail(lasting).setZero();
   covariance_.bottomRows(lasting).setZero();
-  covariance_.rightCols(lasting).setZero();
   lasting_.assign(given_.size(), {});
 }
 
 void MotionBelief::forget_lasting(int camera) {
-  is_symmetric_ = false;
+  by_views_.reset();
   const Eigen::Index lasting = lasting_of(camera);
   mean_.segment<2>(lasting).setZero();
   covariance_.middleRows<2>(lasting).setZero();
@@ -201,9 +199,10 @@ void MotionBelief::forget_lasting(int camera) {
 void MotionBelief::predict_to(capture::Timestamp when, double power_density) {
   const double dt = capture::seconds(when - at);
   if (dt <= 0) return;
+  by_views_.reset();
   at = when;
   mean_.head<3>() += dt * mean_.segment<3>(3);
-  covariance_.topRows<3>() += dt * covariance_.middleRows<3>(3);
+  covariance_.topLeftCorner<3, 6>() += dt * covariance_.block<3, 6>(3, 0);
   covariance_.leftCols<3>() += dt * covariance_.middleCols<3>(3);
   const double way_m = dt * velocity().norm();
   for (Lasting& lasting : lasting_) lasting.way_m += way_m;
@@ -218,11 +217,22 @@ void MotionBelief::predict_to(capture::Timestamp when, double power_density) {
   }
 }
 
+MotionBelief::WithState<2> MotionBelief::two_rows(Eigen::Index i) const {
+  WithState<2> out(2, size());
+  out.leftCols(i) = covariance_.block(i, 0, 2, i);
+  out.rightCols(size() - i) = covariance_.block(i, i, size() - i, 2).transpose();
+  out(1, i) = covariance_(i + 1, i);
+  return out;
+}
+
 MotionBelief::WithState<3> MotionBelief::covariance_with_state(const SeenBy& by) const {
-  WithState<3> out = covariance_.topRows<3>() + by.dt * covariance_.middleRows<3>(3);
+  const Eigen::Index rest = size() - 6;
+  WithState<3> out(3, size());
+  out.leftCols<6>() = covariance_.topLeftCorner<3, 6>() + by.dt * covariance_.block<3, 6>(3, 0);
+  out.rightCols(rest) = (covariance_.bottomLeftCorner(rest, 3) + by.dt * covariance_.block(6, 3, rest, 3)).transpose();
   if (times_are_learnt_) {
-    const Eigen::Index latency = latency_of(by.row.camera);
-    out += by.v.lazyProduct(by.row.below_middle * covariance_.row(latency + 1) - covariance_.row(latency));
+    const WithState<2> of_times = two_rows(latency_of(by.row.camera));
+    out += by.v.lazyProduct(by.row.below_middle * of_times.row(1) - of_times.row(0));
   }
   return out;
 }
@@ -279,39 +289,30 @@ void MotionBelief::renew_lasting(int camera, double lasting_px, const Eigen::Mat
     if (before_px == 0) added += doubt;
   }
   mean_.segment<2>(lasting) *= kept;
-  covariance_.middleRows<2>(lasting) *= kept;
-  covariance_.middleCols<2>(lasting) *= kept;
+  covariance_.block(lasting, 0, 2, lasting + 2) *= kept;
+  covariance_.block(lasting, lasting, size() - lasting, 2) *= kept;
   covariance_.block<2, 2>(lasting, lasting) += added;
   last = {.px = lasting_px, .doubt = doubt};
 }
 
 namespace {
 
-// From an n x n matrix the product of a0, a1 (n x 2) and b0, b1 (2 x n), which is symmetric but for rounding: below the
-// diagonal and on it, and what is there then above. With 64 cameras, to write it there once more is most of what a
-// sighting costs: a matrix that is symmetric to the last bit gets the same ones column by column, as it lies in memory.
+// From an n x n matrix, below the diagonal and on it, the product of a0, a1 (n x 2) and b0, b1 (2 x n), which is
+// symmetric but for rounding. With 64 cameras this is most of what a sighting costs, and half of the matrix is what a
+// processor keeps near itself.
 HUETRACK_CLONES void take_off(double* __restrict matrix, std::ptrdiff_t n, const double* __restrict a0,
-                              const double* __restrict a1, const double* __restrict b0, const double* __restrict b1,
-                              bool is_symmetric) {
+                              const double* __restrict a1, const double* __restrict b0, const double* __restrict b1) {
   for (std::ptrdiff_t i = 0; i < n; ++i) {
     double* const column = matrix + i * n;
-    const double a0_there = a0[i], a1_there = a1[i], b0_there = b0[i], b1_there = b1[i];
-    if (is_symmetric)
-      for (std::ptrdiff_t j = 0; j < i; ++j) column[j] -= a0_there * b0[j] + a1_there * b1[j];
+    const double b0_there = b0[i], b1_there = b1[i];
     for (std::ptrdiff_t j = i; j < n; ++j) column[j] -= a0[j] * b0_there + a1[j] * b1_there;
   }
-  if (is_symmetric) return;
-  constexpr std::ptrdiff_t side = 16;
-  for (std::ptrdiff_t left = 0; left < n; left += side)
-    for (std::ptrdiff_t top = left; top < n; top += side)
-      for (std::ptrdiff_t i = left; i < std::min(left + side, n); ++i)
-        for (std::ptrdiff_t j = std::max(top, i + 1); j < std::min(top + side, n); ++j)
-          matrix[j * n + i] = matrix[i * n + j];
 }
 
 }  // namespace
 
 double MotionBelief::observe(const LinearSighting& sighting, const Eigen::Vector3d& velocity, double power_density) {
+  by_views_.reset();
   const SeenRow& row = sighting.row;
   renew_lasting(row.camera, sighting.lasting_px, sighting.doubt);
   const Eigen::Index lasting = lasting_of(row.camera);
@@ -321,7 +322,7 @@ double MotionBelief::observe(const LinearSighting& sighting, const Eigen::Vector
   const Eigen::Vector2d innovation = sighting.px - sighting.px_expected - lasting_error(row.camera) -
                                      sighting.jacobian * (position_then - sighting.linearised_at);
   const Eigen::Matrix<double, 2, 3>& j = sighting.jacobian;
-  const WithState<2> px_with_state = j.lazyProduct(covariance_with_state(by)) + covariance_.middleRows<2>(lasting);
+  const WithState<2> px_with_state = j.lazyProduct(covariance_with_state(by)) + two_rows(lasting);
   const Eigen::Matrix2d s = onto(by, px_with_state) * j.transpose() + px_with_state.middleCols<2>(lasting) +
                             j * unmodelled(by, power_density) * j.transpose() + sighting.covariance;
   const Eigen::Matrix2d information = s.inverse();
@@ -333,12 +334,9 @@ double MotionBelief::observe(const LinearSighting& sighting, const Eigen::Vector
       covariance_.diagonal();
   mean_.noalias() += gain.lazyProduct(innovation);
   take_off(covariance_.data(), size(), gain.col(0).data(), gain.col(1).data(), px_of_state.col(0).data(),
-           px_of_state.col(1).data(), is_symmetric_);
-  // Where predict_to() and renew_lasting() leave what is above the diagonal another one in its last bits.
-  for (Eigen::Index i = 0; i < 3; ++i)
-    for (Eigen::Index k = i + 1; k < 3; ++k) covariance_(i, k) = covariance_(k, i);
-  covariance_(lasting, lasting + 1) = covariance_(lasting + 1, lasting);
-  is_symmetric_ = true;
+           px_of_state.col(1).data());
+  for (Eigen::Index i = 0; i < 6; ++i)
+    for (Eigen::Index k = i + 1; k < 6; ++k) covariance_(i, k) = covariance_(k, i);
   if (times_are_learnt_) {
     const auto keep = [&](Eigen::Index i, double least_sigma) {
       covariance_(i, i) = std::max(covariance_(i, i), std::min(variance_before(i), least_sigma * least_sigma));
@@ -352,6 +350,7 @@ double MotionBelief::observe(const LinearSighting& sighting, const Eigen::Vector
 }
 
 Eigen::Matrix<double, 6, 6> MotionBelief::by_views() const {
+  if (by_views_) return *by_views_;
   const Eigen::Index n = size() - 6;
   Eigen::MatrixXd views = covariance_.bottomRightCorner(n, n);
   views.diagonal().array() += 1e-16;  // s^2, px^2: of what is held
@@ -365,36 +364,48 @@ Eigen::Matrix<double, 6, 6> MotionBelief::by_views() const {
   return with_motion.transpose().lazyProduct(with_motion);
 }
 
+void MotionBelief::work_out_views() {
+  by_views_ = by_views();
+}
+
+Eigen::Matrix3d MotionBelief::position_covariance_given_views() const {
+  return position_covariance() - by_views().topLeftCorner<3, 3>();
+}
+
 MotionBelief MotionBelief::given_views() const {
   MotionBelief out = *this;
-  out.is_symmetric_ = false;
-  const Eigen::Index n = size() - 6;
+  out.by_views_.reset();
   out.covariance_.topLeftCorner<6, 6>() -= by_views();
-  out.covariance_.bottomRows(n).setZero();
-  out.covariance_.rightCols(n).setZero();
+  out.covariance_.bottomRows(size() - 6).setZero();
   return out;
 }
 
 void MotionBelief::open_views_as(const MotionBelief& other) {
-  is_symmetric_ = false;
+  by_views_ = other.by_views();
+  covariance_.topLeftCorner<6, 6>() += *by_views_;
   const Eigen::Index n = size() - 6;
-  covariance_.topLeftCorner<6, 6>() += other.by_views();
   covariance_.bottomRows(n) = other.covariance_.bottomRows(n);
-  covariance_.rightCols(n) = other.covariance_.rightCols(n);
 }
 
 void MotionBelief::set_position(const Eigen::Vector3d& mean, const Eigen::Matrix3d& covariance) {
-  is_symmetric_ = false;
+  by_views_.reset();
   const Eigen::Matrix3d before = position_covariance();
   const Eigen::Index rest = size() - 3;
-  const WithState<3> regression = before.inverse().lazyProduct(covariance_.topRightCorner(3, rest));  // transposed
+  WithState<3> with_position(3, rest);
+  with_position.leftCols<3>() = covariance_.block<3, 3>(0, 3);
+  with_position.rightCols(rest - 3) = covariance_.bottomLeftCorner(rest - 3, 3).transpose();
+  const WithState<3> regression = before.inverse().lazyProduct(with_position);  // transposed
   const WithState<3> changed = (covariance - before).lazyProduct(regression);
   mean_.tail(rest) += regression.transpose().lazyProduct(mean - position());
   mean_.head<3>() = mean;
-  covariance_.bottomRightCorner(rest, rest) += regression.transpose().lazyProduct(changed);
+  covariance_.block<3, 3>(3, 3) += regression.leftCols<3>().transpose().lazyProduct(changed.leftCols<3>());
+  covariance_.bottomLeftCorner(rest - 3, 6).rightCols<3>() +=
+      regression.rightCols(rest - 3).transpose().lazyProduct(changed.leftCols<3>());
+  for (Eigen::Index i = 3; i < rest; ++i)
+    covariance_.col(3 + i).tail(rest - i) += regression.rightCols(rest - i).transpose().lazyProduct(changed.col(i));
   covariance_.topLeftCorner<3, 3>() = covariance;
-  covariance_.topRightCorner(3, rest) = covariance.lazyProduct(regression);
-  covariance_.bottomLeftCorner(rest, 3) = covariance_.topRightCorner(3, rest).transpose();
+  covariance_.bottomLeftCorner(rest, 3) = covariance.lazyProduct(regression).transpose();
+  covariance_.block<3, 3>(0, 3) = covariance_.block<3, 3>(3, 0).transpose();
 }
 
 MotionBelief::SeenPosition MotionBelief::seen_given_position(const SeenRow& row, double power_density) const {

@@ -69,8 +69,12 @@ class MotionBelief {
   }
   Eigen::Matrix3d position_covariance() const { return covariance_.topLeftCorner<3, 3>(); }
   Eigen::Matrix3d velocity_covariance() const { return covariance_.block<3, 3>(3, 3); }
-  // The whole belief, if what is believed of the views, their times and what lasts, were known to be so.
+  // The whole belief, if what is believed of the views, their times and what lasts, were known to be so; and of it the
+  // position's covariance. With many cameras it costs as much as all else: who asks more than once, or hands it to
+  // open_views_as(), has it worked out beforehand.
   MotionBelief given_views() const;
+  Eigen::Matrix3d position_covariance_given_views() const;
+  void work_out_views();
   // Undoes it: what the views leave open, of all, is as it is in `other`, of which this was given_views() and may have
   // been moved since.
   void open_views_as(const MotionBelief& other);
@@ -140,6 +144,7 @@ class MotionBelief {
   static constexpr int most_states = 6 + 4 * most_cameras;
   template <int rows>
   using WithState = Eigen::Matrix<double, rows, Eigen::Dynamic, Eigen::ColMajor, rows, most_states>;
+  WithState<2> two_rows(Eigen::Index i) const;  // of the covariance, from the i-th on
   WithState<3> covariance_with_state(const SeenBy& by) const;
   template <int rows>  // the product with the transpose of y's coefficients
   Eigen::Matrix<double, rows, 3> onto(const SeenBy& by, const WithState<rows>& with_state) const;
@@ -155,11 +160,10 @@ class MotionBelief {
   bool times_are_learnt_;
   Eigen::VectorXd times_linearised_;  // their means when they were last linearised at
   Eigen::VectorXd mean_;
+  // Below the diagonal and on it, and all of the motion's own 6 x 6; what is not kept is the mirror of what is.
   Eigen::MatrixXd covariance_;
-  // Surely, to the last bit, but for the position's own block and that of what lasts in one camera: nothing but
-  // observe(), which sees to these, and predict_to() has changed it since observe().
-  bool is_symmetric_ = false;
-  struct Given {  // by the rig
+  std::optional<Eigen::Matrix<double, 6, 6>> by_views_;  // of this covariance; nullopt: not worked out
+  struct Given {                                         // by the rig
     double latency_s = 0, readout_s = 0;
     double latency_variance_s2 = 0, readout_variance_s2 = 0;  // where times are not learnt
   };

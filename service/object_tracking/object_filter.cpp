@@ -38,12 +38,13 @@ ObjectFilter::ObjectFilter(const calib::CameraRig& rig, double radius_m, const O
 // the floor change, their weights say.
 void ObjectFilter::update(std::span<const Sighting> sightings, capture::Timestamp set_at, capture::Timestamp told,
                           double power_density) {
-  const MotionBelief proposal = propose(sightings, set_at, told, power_density);
-  const MotionBelief at_views =
-      proposal.given_views();  // particles are positions, for views as they are believed to be
+  MotionBelief proposal = propose(sightings, set_at, told, power_density);
+  proposal.work_out_views();
+  // Particles are positions, for views as they are believed to be.
+  MotionBelief at_views = proposal.given_views();
   draw_particles(at_views);
   weigh(at_views, power_density);
-  estimate(at_views);
+  estimate(std::move(at_views));
   belief_.open_views_as(proposal);
   if (times_.remember(belief_, sightings, power_density)) times_.linearise_again(belief_, this->power_density());
 }
@@ -266,18 +267,18 @@ void ObjectFilter::weigh(const MotionBelief& proposal, double power_density) {
 }
 
 // The weighted particles' mean and covariance are the position's; velocity and times follow by regression on it.
-void ObjectFilter::estimate(const MotionBelief& proposal) {
+void ObjectFilter::estimate(MotionBelief&& proposal) {
   const particle_filter::WeightedMoments moments =
       particle_filter::weighted_moments(particles_.x.data(), particles_.y.data(), particles_.z.data(), weight_.data(),
                                         particles_.size(), proposal.position().cast<float>());
-  belief_ = proposal;
+  belief_ = std::move(proposal);
   belief_.set_position(moments.mean, moments.covariance + 1e-10 * Eigen::Matrix3d::Identity());
   map_ = Eigen::Vector3f(particles_.x[moments.best], particles_.y[moments.best], particles_.z[moments.best])
              .cast<double>();
 }
 
 double judged_sigma(const MotionBelief& belief, std::span<const Sighting> sightings) {
-  const double believed_m = largest_sigma(belief.given_views().position_covariance());
+  const double believed_m = largest_sigma(belief.position_covariance_given_views());
   if (sightings.size() < 2) return believed_m;
   const PositionInformation seen = information_of(sightings, belief.position());
   return std::min(believed_m, largest_sigma(seen.information.inverse()));

@@ -74,7 +74,7 @@ class ObjectFilter {
                        double power_density);
   void draw_particles(const MotionBelief& proposal);
   void weigh(const MotionBelief& proposal, double power_density);
-  void estimate(const MotionBelief& proposal);
+  void estimate(MotionBelief&& proposal);
 
   double radius_m_;
   ObjectTrackerOptions options_;

@@ -226,6 +226,10 @@ void ObjectTracker::colors_looked_for(std::size_t camera, std::vector<color::Hsi
       impl_->tracker);
 }
 
+void ObjectTracker::expected_outlines(std::size_t camera, std::vector<capture::ExpectedOutline>& out) const {
+  if (const auto* one = std::get_if<RegionTracker>(&impl_->tracker)) one->expected_outlines(camera, out);
+}
+
 std::uint64_t ObjectTracker::frames_of_other_colors(std::size_t camera) const {
   return std::visit([camera](const auto& tracker) { return tracker.views().frames_of_other_colors(camera); },
                     impl_->tracker);

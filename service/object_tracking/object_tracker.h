@@ -128,6 +128,9 @@ class ObjectTracker {
   // The ranges of colour that are looked for in this camera by now, appended to `out`: of the target, and for as long
   // as it may turn out that its hues were given in other units, of those. For who has what matches found elsewhere.
   void colors_looked_for(std::size_t camera, std::vector<color::HsiRange>& out) const;
+  // Where the outline was in this camera's frame of the last update(), and how it moves, appended to `out`; nothing
+  // where none would be fitted. For who has the pixels elsewhere. Of one object (count: 1; observation: huetrack).
+  void expected_outlines(std::size_t camera, std::vector<capture::ExpectedOutline>& out) const;
   // How many frames of this camera told nothing of the target: they say what matches other colours (Frame::matches).
   std::uint64_t frames_of_other_colors(std::size_t camera) const;
 

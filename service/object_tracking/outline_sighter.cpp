@@ -45,6 +45,30 @@ constexpr double hidden_radii = 1.1, hidden_px = 4;
 constexpr std::size_t least_tries = 60;
 constexpr double least_fitted = 0.3;
 
+// What there is of the view's pixels around this place: all of them, or of a frame that says what matches the patch
+// that has it in its middle best. nullopt: none.
+std::optional<outline::Picture> picture_around(const TargetView& view, const Eigen::Vector2d& px) {
+  if (capture::has_pixels(*view.image)) return picture_of(*view.image);
+  if (!view.frame->matches) return std::nullopt;
+  const capture::Matches::Patch* best = nullptr;
+  double best_px = 0;
+  for (const auto& patch : view.frame->matches->patches) {
+    const double from_left = px.x() - patch.at.u, from_top = px.y() - patch.at.v;
+    const double inside_px = std::min({from_left, patch.at.width - from_left, from_top, patch.at.height - from_top});
+    if (inside_px > best_px) best = &patch, best_px = inside_px;
+  }
+  if (best == nullptr) return std::nullopt;
+  return picture_of(*best, view.image->width, view.image->height);
+}
+
+// The whole picture that came with a frame that says what matches, if it has the format of the patches: of another one,
+// chroma is shared otherwise, and its light is not the same.
+const capture::Image* rare_picture(const TargetView& view) {
+  if (capture::has_pixels(*view.image)) return nullptr;
+  const capture::Image* own = capture::own_picture_of(*view.frame);
+  return own != nullptr && own->format == view.image->format && own->range == view.image->range ? own : nullptr;
+}
+
 }  // namespace
 
 OutlineSighter::OutlineSighter(const calib::CameraRig& rig, const TargetOptions& target,
@@ -58,7 +82,7 @@ bool OutlineSighter::sharpen(const TargetView& view, const MotionBelief& belief,
                              const Eigen::Matrix2d& spread, Sighting& sighting) {
   PerView& of = views_[static_cast<std::size_t>(view.index)];
   const bool was_sharp = std::exchange(of.is_sharp, false);
-  if (shape_ == TargetShape::blob || is_blob_ || !of.behind || !capture::has_pixels(*view.image)) return false;
+  if (!is_sought() || !of.behind) return false;
   const Eigen::Vector3d there = belief.position_at(expected.row.at);
   const auto ball = outline_of(*view.camera, there, radius_m_);
   if (!ball) return false;
@@ -79,8 +103,9 @@ bool OutlineSighter::sharpen(const TargetView& view, const MotionBelief& belief,
   options.most_steps = most_steps;
   options.log_size = {of.log_size,
                       std::hypot(is_size_known ? known_log_size : unknown_log_size, depth_sigma / distance)};
-  const outline::Fit fit = fit_.fit(outline::Picture(picture_of(*view.image)), *of.behind, ellipse,
-                                    {motion.velocity, motion.row_s}, of.look, options);
+  const auto picture = picture_around(view, ellipse.centre);
+  if (!picture) return false;
+  const outline::Fit fit = fit_.fit(*picture, *of.behind, ellipse, {motion.velocity, motion.row_s}, of.look, options);
   if (fit.outcome == outline::FitOutcome::misfit || fit.outcome == outline::FitOutcome::lost) ++not_fitted_;
   if (fit.outcome != outline::FitOutcome::fits) {
     if (shape_ == TargetShape::automatic && not_fitted_ + fitted_ >= least_tries &&
@@ -131,19 +156,24 @@ bool OutlineSighter::sharpen(const TargetView& view, const MotionBelief& belief,
 }
 
 void OutlineSighter::learn(const std::vector<TargetView>& views, const MotionBelief& belief) {
-  if (shape_ == TargetShape::blob || is_blob_) return;
+  if (!is_sought()) return;
   for (const TargetView& view : views) {
-    if (!capture::has_pixels(*view.image)) continue;  // its frames say what matches, and no more
     const auto expected = expected_in(view, belief, radius_m_);
     if (!expected) continue;
     const Appearance& at = expected->at;
+    const capture::Image* const rare = rare_picture(view);
+    const auto around = rare == nullptr ? picture_around(view, at.px) : std::nullopt;
+    if (rare == nullptr && !around) continue;
     PerView& of = views_[static_cast<std::size_t>(view.index)];
     if (!of.behind) of.behind.emplace(view.image->width, view.image->height);
     const ImageMotion motion = image_motion(view, at, belief);
     const double sigma_px = std::sqrt((at.jacobian * belief.position_covariance() * at.jacobian.transpose()).trace());
     const double smear_px = 0.5 * motion.velocity.norm() * motion.longest_exposure_s;
     const outline::ObjectDisc hidden{at.px, hidden_radii * at.radius_px + hidden_px + 3 * sigma_px + smear_px};
-    of.behind->learn(picture_of(*view.image), {at.px, at.radius_px}, ahead_s * motion.velocity, &hidden, 1);
+    if (rare != nullptr)
+      of.behind->learn_all(picture_of(*rare), &hidden, 1);
+    else
+      of.behind->learn(*around, {at.px, at.radius_px}, ahead_s * motion.velocity, &hidden, 1);
   }
 }
 

@@ -28,6 +28,9 @@ class OutlineSighter {
   bool sharpen(const TargetView& view, const MotionBelief& belief, const ExpectedView& expected,
                const Eigen::Matrix2d& spread, Sighting& sighting);
 
+  // Whether there is anything to be gained from the pixels around the object.
+  bool is_sought() const { return shape_ != TargetShape::blob && !is_blob_; }
+
   // What is behind it in these views, where the object is by now and where it goes.
   void learn(const std::vector<TargetView>& views, const MotionBelief& belief);
 

@@ -65,6 +65,21 @@ ObjectEstimate RegionTracker::update(const capture::FrameSet& set) {
   return report(set);
 }
 
+void RegionTracker::expected_outlines(std::size_t camera, std::vector<capture::ExpectedOutline>& out) const {
+  if (!sighter_.outlines().is_sought() || (state_ != TrackState::tracking && state_ != TrackState::coasting)) return;
+  const auto view = std::ranges::find(views_.used(), static_cast<int>(camera), &TargetView::index);
+  if (view == views_.used().end()) return;
+  const auto expected = expected_in(*view, filter_.belief(), target_.radius_m);
+  if (!expected) return;
+  const Eigen::Vector2f px = expected->at.px.cast<float>();
+  const Eigen::Vector2f velocity = (expected->at.jacobian * filter_.belief().velocity()).cast<float>();
+  out.push_back({.u = px.x(),
+                 .v = px.y(),
+                 .u_per_s = velocity.x(),
+                 .v_per_s = velocity.y(),
+                 .radius_px = static_cast<float>(expected->at.radius_px)});
+}
+
 void RegionTracker::trust(std::span<const CameraTrust> cameras) {
   const std::vector<std::size_t> moved = views_.trust(cameras);
   for (const std::size_t c : moved) filter_.forget_camera(static_cast<int>(c)), still_color_.forget(c);

@@ -63,6 +63,7 @@ class RegionTracker {
   const std::optional<Eigen::Vector3d>& further_object() const { return further_.told(); }
   SearchFindings search_findings() const { return search_.findings(); }
   OutlineFindings outline_findings() const { return sighter_.outlines().findings(); }
+  void expected_outlines(std::size_t camera, std::vector<capture::ExpectedOutline>& out) const;
 
  private:
   double learn_acceleration(const capture::FrameSet& set, const std::vector<TargetView>& views);

@@ -3,7 +3,6 @@
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <utility>
 
@@ -93,8 +92,18 @@ void ViewDoubts::add(std::size_t i, std::size_t j, const Disagreement& seen) {
   share_out();
 }
 
+void ViewDoubts::keep(Pair& p, float square) {
+  float* const end = p.sorted + std::min(p.count, kept);
+  float& oldest = p.squares[p.count % kept];
+  // Where the oldest one was, or behind all; and from there to its place.
+  float* at = p.count < kept ? end : std::min(std::lower_bound(p.sorted, end, oldest), end - 1);
+  for (; at > p.sorted && at[-1] > square; --at) *at = at[-1];
+  for (; at + 1 < end && at[1] < square; ++at) *at = at[1];
+  *at = oldest = square;
+}
+
 void ViewDoubts::note(Pair& p, const Disagreement& seen) {
-  p.squares[p.count % kept] = float(seen.off_px * seen.off_px / seen.expected_px2);
+  keep(p, float(seen.off_px * seen.off_px / seen.expected_px2));
   const double share = p.count == 0 ? 1 : std::max(forgetting, 1 / double(p.count + 1));
   ++p.count;
   p.expected_px2 += share * (seen.expected_px2 - p.expected_px2);
@@ -124,11 +133,7 @@ double ViewDoubts::scale2_of(const Pair& p) {
     for (std::size_t k = 0; k < n; ++k) sum += double(p.squares[k]);
     return sum / double(n + 2);
   }
-  std::array<float, kept> sorted;
-  std::copy_n(p.squares, n, sorted.begin());
-  const auto at = sorted.begin() + std::ptrdiff_t(quantile * double(n));
-  std::nth_element(sorted.begin(), at, sorted.begin() + std::ptrdiff_t(n));
-  return double(*at) / chi_square_there;
+  return double(p.sorted[std::size_t(quantile * double(n))]) / chi_square_there;
 }
 
 // One camera that is wrong is likelier than two at a time. Where one alone could explain what disagrees, as all pairs

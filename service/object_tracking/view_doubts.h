@@ -66,6 +66,7 @@ class ViewDoubts {
   static constexpr std::size_t kept = 32;  // comparisons of a pair: about a second
   struct Pair {
     float squares[kept];  // off_px^2 / expected_px2, a ring
+    float sorted[kept];   // the same, ascending
     std::size_t count = 0;
     double expected_px2 = 0, share_i = 0, share_j = 0;  // means over the recent past
     double scale2 = 0;
@@ -76,6 +77,7 @@ class ViewDoubts {
   Pair& pair(std::size_t i, std::size_t j) { return const_cast<Pair&>(std::as_const(*this).pair(i, j)); }
   template <typename F>
   void for_each_pair(F&& each) const;  // that has been seen together: (pair, i, j)
+  static void keep(Pair& pair, float square);
   static void note(Pair& pair, const Disagreement& seen);
   static double scale2_of(const Pair& pair);
   void share_out();

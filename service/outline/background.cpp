@@ -136,13 +136,29 @@ Background::Tile& Background::tile_for(int index) {
   return tile;
 }
 
-void Background::learn(const Picture& picture, const ObjectDisc& object, const Eigen::Vector2d& ahead_px,
-                       const ObjectDisc* hidden, std::size_t hidden_count) {
-  if (picture.width != width_ || picture.height != height_) return;
+// What was learnt of pictures that share chroma otherwise says nothing of this one.
+bool Background::is_such(const Picture& picture) {
+  if (picture.width != width_ || picture.height != height_) return false;
   if (picture.columns != columns_ || picture.rows != rows_) {
     forget();
     columns_ = picture.columns, rows_ = picture.rows;
   }
+  return true;
+}
+
+void Background::learn_all(const Picture& picture, const ObjectDisc* hidden, std::size_t hidden_count) {
+  if (!is_such(picture)) return;
+  ++pictures_;
+  const std::size_t count = std::min(slots_.size(), most_tiles);  // more are not kept: another part each time
+  for (std::size_t i = 0; i < count; ++i) {
+    next_ = (next_ + 1) % static_cast<int>(slots_.size());
+    look(picture, next_, hidden, hidden_count);
+  }
+}
+
+void Background::learn(const Picture& picture, const ObjectDisc& object, const Eigen::Vector2d& ahead_px,
+                       const ObjectDisc* hidden, std::size_t hidden_count) {
+  if (!is_such(picture)) return;
   ++pictures_;
   const double reach = object.radius_px + margin_px;
   const auto tile_of = [](double px, int count) {
@@ -160,6 +176,9 @@ void Background::learn(const Picture& picture, const ObjectDisc& object, const E
       const Eigen::Vector2d off = tile_px * Eigen::Vector2d(u + 0.5, v + 0.5) - object.px;
       const double along = way > 0 ? std::clamp(off.dot(ahead_px) / (way * way), 0.0, 1.0) : 0.0;
       if ((off - along * ahead_px).norm() > reach + 0.7 * tile_px) continue;
+      if (tile_px * u >= picture.end_u() || tile_px * (u + 1) <= picture.part_u || tile_px * v >= picture.end_v() ||
+          tile_px * (v + 1) <= picture.part_v)
+        continue;
       const int index = v * across_ + u;
       const Tile* tile = tile_at(index);
       const std::uint64_t looks = tile == nullptr ? 0 : std::min<std::uint64_t>(tile->looks, most_samples);
@@ -181,7 +200,7 @@ void Background::learn(const Picture& picture, const ObjectDisc& object, const E
   std::ranges::partial_sort(chosen_, chosen_.begin() + static_cast<std::ptrdiff_t>(count), {},
                             [](const Chosen& c) { return std::pair(c.rank, c.index); });
   for (std::size_t i = 0; i < count; ++i) look(picture, chosen_[i].index, hidden, hidden_count);
-  if (slots_.size() > most_tiles) return;
+  if (slots_.size() > most_tiles || !picture.is_whole()) return;
   // The others in turn: while some are hardly known only these.
   int left = unknown_tiles_ > 0 ? 1 + static_cast<int>(slots_.size()) / pictures_to_see_all : 1;
   for (std::size_t i = 0; i < slots_.size() && left > 0; ++i) {
@@ -199,25 +218,30 @@ void Background::look(const Picture& picture, int index, const ObjectDisc* hidde
   if (++tile.looks == looks_at_start) --unknown_tiles_;
   const int u0 = index % across_ * tile_px, v0 = index / across_ * tile_px;
   alignas(64) float seen[most_samples], red[most_samples], mask[most_samples];
-  // Beyond the picture nothing is seen.
-  const auto for_rows = [&](int columns, int rows, int width, int height, auto&& read) {
+  // Beyond the picture, or the part of it that is there, nothing is seen.
+  const auto for_rows = [&](int columns, int rows, auto&& read) {
     const int across = tile_px / columns, down = tile_px / rows;
     hide(hidden, hidden_count, u0, v0, columns, rows, across, down, mask);
-    const int n = std::min(across, width - u0 / columns), m = std::min(down, height - v0 / rows);
+    const auto samples_to = [](int px, int shared) { return (px + shared - 1) / shared; };
+    const int first = std::max(0, (picture.part_u - u0) / columns), top = std::max(0, (picture.part_v - v0) / rows);
+    const int n = std::min(across, samples_to(picture.end_u(), columns) - u0 / columns);
+    const int m = std::min(down, samples_to(picture.end_v(), rows) - v0 / rows);
     for (int j = 0; j < down; ++j) {
-      if (j < m) read(u0 / columns, v0 / rows + j, n, j * across);
-      for (int i = j < m ? n : 0; i < across; ++i)
+      const bool is_there = j >= top && j < m && first < n;
+      if (is_there) read(u0 / columns + first, v0 / rows + j, n - first, j * across + first);
+      for (int i = 0; i < across; ++i) {
+        if (is_there && i >= first && i < n) continue;
         mask[j * across + i] = 1, seen[j * across + i] = 0, red[j * across + i] = 0;
+      }
     }
     return across * down;
   };
-  int n = for_rows(1, 1, width_, height_,
-                   [&](int u, int v, int count, int at) { read_light(picture, u, v, count, seen + at); });
+  int n = for_rows(1, 1, [&](int u, int v, int count, int at) { read_light(picture, u, v, count, seen + at); });
   Off off = step(seen, mask, std::max(least_usual, usual_sigmas * light_.noise), n, tile.light.data(),
                  tile.light_looks.data());
   light_.add(static_cast<double>(off.sum), static_cast<double>(off.count), least_light_noise);
   if (picture.is_grey) return;
-  n = for_rows(columns_, rows_, picture.chroma_width(), picture.chroma_height(),
+  n = for_rows(columns_, rows_,
                [&](int u, int v, int count, int at) { read_chroma(picture, u, v, count, seen + at, red + at); });
   const float usual = std::max(least_usual, usual_sigmas * chroma_.noise);
   std::array<std::uint8_t, samples> looks_of_red = tile.chroma_looks;

@@ -29,9 +29,12 @@ class Background {
   Background(int width, int height);
 
   // A few tiles of this picture: of those between `object` and where it will be after `ahead_px`, the ones that are
-  // known least, and some of all others in turn. hidden: what is not background.
+  // known least, and some of all others in turn; of a part of a picture none of these, and what lies beyond it remains
+  // as it was. hidden: what is not background.
   void learn(const Picture& picture, const ObjectDisc& object, const Eigen::Vector2d& ahead_px,
              const ObjectDisc* hidden, std::size_t hidden_count);
+  // All tiles of this picture, for pictures that come rarely. hidden: as in learn().
+  void learn_all(const Picture& picture, const ObjectDisc* hidden, std::size_t hidden_count);
   void forget();
 
   // What is behind these pixels, as read_light() gives what is seen. looks: how many pictures it is the mean of; 0: not
@@ -73,6 +76,7 @@ class Background {
     const std::int16_t slot = slots_[static_cast<std::size_t>(index)];
     return slot < 0 ? nullptr : &tiles_[static_cast<std::size_t>(slot)];
   }
+  bool is_such(const Picture& picture);
   Tile& tile_for(int index);
   void look(const Picture& picture, int index, const ObjectDisc* hidden, std::size_t hidden_count);
   const Tile& known_at(unsigned tile_u, unsigned tile_v) const {

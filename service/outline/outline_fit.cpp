@@ -38,17 +38,17 @@ bool OutlineFit::find_grid(const Picture& picture) {
   grid_.columns = picture.columns, grid_.rows = picture.rows;
   has_chroma_ = !picture.is_grey;
   const Eigen::Matrix2d px_from_disc = band_.disc_from_px.inverse();
-  const auto bounds = [&](int axis, int limit, int shared, int& low, int& count) {
+  const auto bounds = [&](int axis, int begin, int limit, int shared, int& low, int& count) {
     const double reach = px_from_disc.row(axis).norm() + band_.reach_px;
     const double first = std::floor(start_.centre[axis] - reach), last = std::ceil(start_.centre[axis] + reach);
     if (!(first > -1e6 && last < 1e6)) return false;
-    low = std::max(0, static_cast<int>(first)) / shared * shared;
+    low = std::max(begin, static_cast<int>(first)) / shared * shared;
     const int high = std::min(limit, (static_cast<int>(last) + shared) / shared * shared);
     count = (high - low) / shared * shared;
     return count > 0 && count <= StrangePixels::largest_grid;
   };
-  return bounds(0, picture.width, grid_.columns, grid_.u0, grid_.width) &&
-         bounds(1, picture.height, grid_.rows, grid_.v0, grid_.height);
+  return bounds(0, picture.part_u, picture.end_u(), grid_.columns, grid_.u0, grid_.width) &&
+         bounds(1, picture.part_v, picture.end_v(), grid_.rows, grid_.v0, grid_.height);
 }
 
 // Its colour: as it was, or the median inside.

@@ -14,8 +14,9 @@ inline constexpr float y_red = 0.299f, y_green = 0.587f, y_blue = 0.114f, by_blu
 struct Samples {
   const std::uint8_t* data = nullptr;
   std::ptrdiff_t row_bytes = 0, step = 1;  // from a row to the next, from a sample to the next
+  int first_u = 0, first_v = 0;            // the sample at `data`
 
-  const std::uint8_t* at(int u, int v) const { return data + v * row_bytes + u * step; }
+  const std::uint8_t* at(int u, int v) const { return data + (v - first_v) * row_bytes + (u - first_u) * step; }
 };
 
 // Read-only; the bytes live as long as whoever gives them says.
@@ -26,6 +27,12 @@ struct Picture {
   bool is_bgr = false;        // then `light` is the blue byte of packed B G R, and the others are not used
   bool is_grey = false;       // without chroma
   bool is_limited = false;    // light 16..235, chroma 16..240; otherwise 0..255
+  // Of a picture of which only a part is there: its first pixel (even numbers) and its size; otherwise 0.
+  int part_u = 0, part_v = 0, part_width = 0, part_height = 0;
+
+  bool is_whole() const { return part_width == 0; }
+  int end_u() const { return is_whole() ? width : part_u + part_width; }
+  int end_v() const { return is_whole() ? height : part_v + part_height; }
 
   int chroma_width() const { return (width + columns - 1) / columns; }
   int chroma_height() const { return (height + rows - 1) / rows; }

@@ -23,6 +23,7 @@ ColorsLookedFor::ColorsLookedFor(const config::ServiceConfig& config, std::span<
     cameras_.push_back({.index = index,
                         .name = config.rig.cameras[index].name,
                         .look_for = camera.look_for,
+                        .expect_outlines = camera.expect_outlines,
                         .coming = {},
                         .told = {}});
   }
@@ -65,9 +66,15 @@ void ColorsLookedFor::on_set(const TrackedSet& set) {
       tracker.colors_looked_for(camera.index, ranges_);
       for (const auto& range : ranges_) add(wanted_, color::matched_color(range));
     }
-    if (wanted_ == camera.told) continue;
-    camera.told = wanted_;
-    camera.look_for(camera.told);
+    if (wanted_ != camera.told) {
+      camera.told = wanted_;
+      camera.look_for(camera.told);
+    }
+    const auto& frame = set.frames.frames[camera.index];
+    if (!frame || !camera.expect_outlines) continue;
+    outlines_.clear();
+    for (const auto& tracker : set.trackers) tracker.expected_outlines(camera.index, outlines_);
+    if (!outlines_.empty()) camera.expect_outlines(frame->sequence, outlines_);
   }
 }
 

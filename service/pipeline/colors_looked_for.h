@@ -1,4 +1,5 @@
-// Tells cameras whose hosts say which pixels match (`send: matches`) what the trackers look for in them.
+// Tells cameras whose hosts say which pixels match (`send: matches`) what the trackers look for in them, and where they
+// expect outlines.
 #pragma once
 
 #include <cstddef>
@@ -29,6 +30,7 @@ class ColorsLookedFor final : public Output {
     std::size_t index;
     std::string name;
     std::function<void(std::span<const capture::MatchedColor>)> look_for;
+    std::function<void(std::uint32_t, std::span<const capture::ExpectedOutline>)> expect_outlines;
     std::vector<capture::MatchedColor> coming, told;  // of the configuration whose trackers may not be there yet
   };
   void expect(const config::ServiceConfig& config);
@@ -39,6 +41,7 @@ class ColorsLookedFor final : public Output {
   // Work space of on_set().
   std::vector<color::HsiRange> ranges_;
   std::vector<capture::MatchedColor> wanted_;
+  std::vector<capture::ExpectedOutline> outlines_;
 };
 
 }  // namespace huetrack::pipeline

@@ -81,12 +81,32 @@ PairComparison::Placed PairComparison::placed(const std::vector<Track>& tracks, 
   return out;
 }
 
+PairComparison::PlacedTrack PairComparison::placed(const std::vector<Track>& tracks, std::size_t slot,
+                                                   const Supposition& with) const {
+  PlacedTrack out;
+  out.reserve(tracks[slot].size());
+  for (std::size_t k = 0; k < tracks[slot].size(); ++k) out.push_back(placed(tracks, slot, k, with));
+  return out;
+}
+
+std::vector<PairComparison::PlacedTrack> PairComparison::all_placed(const std::vector<Track>& tracks,
+                                                                    const Supposition& with) const {
+  std::vector<PlacedTrack> out;
+  for (std::size_t slot = 0; slot < tracks.size(); ++slot) out.push_back(placed(tracks, slot, with));
+  return out;
+}
+
 PairResiduals PairComparison::residuals(const std::vector<Track>& tracks, std::size_t i, std::size_t j,
                                         const Supposition& with, const TimeSigmas& times) const {
+  return residuals(placed(tracks, i, with), placed(tracks, j, with), i, j, with, times);
+}
+
+PairResiduals PairComparison::residuals(const PlacedTrack& of_i, const PlacedTrack& of_j, std::size_t i, std::size_t j,
+                                        const Supposition& with, const TimeSigmas& times) const {
   // The one that is seen less often says when, the other one is told between its samples.
-  if (tracks[i].size() > tracks[j].size()) std::swap(i, j);
+  if (of_i.size() > of_j.size()) return residuals(of_j, of_i, j, i, with, times);
   PairResiduals out;
-  if (tracks[i].size() < least_samples) return out;
+  if (of_i.size() < least_samples) return out;
   const auto real = [&](std::size_t slot) -> const calib::Camera& {
     return rig_.cameras[with.really.empty() ? slot : with.really[slot]];
   };
@@ -95,14 +115,9 @@ PairResiduals PairComparison::residuals(const std::vector<Track>& tracks, std::s
   const double fi = focal_px(real(i)), fj = focal_px(real(j));
   const double time_sigma_s = std::hypot(times[i], times[j]);
   std::size_t next = 1;
-  Placed before = placed(tracks, j, 0, with);
-  Placed after = tracks[j].size() > 1 ? placed(tracks, j, 1, with) : before;
-  for (std::size_t k = 0; k < tracks[i].size(); ++k) {
-    const Placed a = placed(tracks, i, k, with);
-    while (next + 1 < tracks[j].size() && after.t_s < a.t_s) {
-      before = after;
-      after = placed(tracks, j, ++next, with);
-    }
+  for (const Placed& a : of_i) {
+    while (next + 1 < of_j.size() && of_j[next].t_s < a.t_s) ++next;
+    const Placed &before = of_j[next - 1], &after = of_j[next];
     const double gap_s = after.t_s - before.t_s;
     // In-step cameras have the same moments: nothing is to be told between samples, however far apart they are.
     constexpr double same_s = 0.002;
@@ -164,8 +179,9 @@ void PairComparison::add(Agreement& agreement, const PairResiduals& pair) {
 PairComparison::Agreement PairComparison::agreement(const std::vector<Track>& tracks, const Supposition& with,
                                                     const TimeSigmas& times) const {
   Agreement out;
+  const std::vector<PlacedTrack> seen = all_placed(tracks, with);
   for (std::size_t j = 1; j < tracks.size(); ++j)
-    for (std::size_t i = 0; i < j; ++i) add(out, residuals(tracks, i, j, with, times));
+    for (std::size_t i = 0; i < j; ++i) add(out, residuals(seen[i], seen[j], i, j, with, times));
   return out;
 }
 
@@ -173,9 +189,10 @@ PairComparison::Agreement PairComparison::agreement_of(const std::vector<Track>&
                                                        bool with_it, const Supposition& with,
                                                        const TimeSigmas& times) const {
   Agreement out;
+  const std::vector<PlacedTrack> seen = all_placed(tracks, with);
   for (std::size_t j = 1; j < tracks.size(); ++j)
     for (std::size_t i = 0; i < j; ++i)
-      if ((i == camera || j == camera) == with_it) add(out, residuals(tracks, i, j, with, times));
+      if ((i == camera || j == camera) == with_it) add(out, residuals(seen[i], seen[j], i, j, with, times));
   return out;
 }
 

@@ -85,6 +85,11 @@ class PairComparison {
     double px_per_s;
   };
   Placed placed(const std::vector<Track>& tracks, std::size_t slot, std::size_t k, const Supposition& with) const;
+  using PlacedTrack = std::vector<Placed>;  // of the frames that are taken for one camera's
+  PlacedTrack placed(const std::vector<Track>& tracks, std::size_t slot, const Supposition& with) const;
+  std::vector<PlacedTrack> all_placed(const std::vector<Track>& tracks, const Supposition& with) const;
+  PairResiduals residuals(const PlacedTrack& of_i, const PlacedTrack& of_j, std::size_t i, std::size_t j,
+                          const Supposition& with, const TimeSigmas& times) const;
   static void add(Agreement& agreement, const PairResiduals& pair);
 
   const calib::CameraRig& rig_;

@@ -63,6 +63,20 @@ TEST(JpegDecoder, SizesThatAreNoWholeBlocks) {
   EXPECT_NEAR(yuv_at(*result.image, 49, 33).v, 140, 14);
 }
 
+// Whoever sent it: nothing is made of it, and the next one is decoded.
+TEST(JpegDecoder, AnotherSizeThanWhatIsAskedForIsRefusedByTheHeader) {
+  JpegDecoder decoder;
+  std::vector<std::uint8_t> jpeg = jpeg_of(AV_PIX_FMT_YUVJ420P);
+  const auto refused = decoder.decode(jpeg, 64, 32);
+  EXPECT_FALSE(refused.image);
+  EXPECT_FALSE(refused.is_unsupported);
+  EXPECT_THAT(refused.problem, HasSubstr("64x48"));
+  EXPECT_TRUE(decoder.decode(jpeg, 64, 48).image);
+  // Before the data are looked at: none are there.
+  jpeg.resize(jpeg.size() / 2);
+  EXPECT_THAT(decoder.decode(jpeg, 32, 48).problem, HasSubstr("its size is 64x48"));
+}
+
 TEST(JpegDecoder, LimitedRangeIsBelieved) {
   JpegDecoder decoder;
   const auto result = decoder.decode(jpeg_of(AV_PIX_FMT_YUV420P, AVCOL_RANGE_MPEG));

@@ -138,6 +138,55 @@ TEST(Matches, BringALatestPictureAlong) {
   EXPECT_FALSE(decoded(coded(size, {none(size)}, jpeg_of(other)))) << "nor one that is sent so";
 }
 
+// Whatever the format, a patch has the bytes that lie there in the image.
+TEST(Matches, PatchesAreThePixelsThatWereLookedAt) {
+  const Extent size{70, 46};
+  for (const auto format : {PixelFormat::yuyv, PixelFormat::nv12, PixelFormat::i420, PixelFormat::i422,
+                            PixelFormat::i444, PixelFormat::bgr, PixelFormat::grey}) {
+    WritableImage seen = make_image(format, ColorRange::full, size.width, size.height);
+    std::mt19937 rng(7);
+    for (int p = 0; p < 3; ++p)
+      for (std::size_t i = 0;
+           i < plane_row_bytes(format, p, size.width) * static_cast<std::size_t>(plane_rows(format, p, size.height));
+           ++i)
+        seen.data[static_cast<std::size_t>(p)][i] = static_cast<std::uint8_t>(rng());
+    const std::vector<PatchPlace> places{{0, 0, 10, 6}, {12, 20, 30, 8}, {60, 40, 10, 6}};
+    std::vector<std::uint8_t> bytes;
+    encode_matches(seen.image, std::vector{disc(size, 9)}, {}, bytes, places);
+    const auto back = decoded(bytes);
+    ASSERT_TRUE(back) << name(format);
+    ASSERT_EQ(back->matches->patches.size(), places.size());
+    for (std::size_t i = 0; i < places.size(); ++i) {
+      const Matches::Patch& patch = back->matches->patches[i];
+      ASSERT_EQ(patch.at.u, places[i].u);
+      ASSERT_EQ(patch.at.v, places[i].v);
+      ASSERT_EQ(patch.image.width, places[i].width);
+      ASSERT_EQ(patch.image.height, places[i].height);
+      for (int v = 0; v < patch.image.height; ++v)
+        for (int u = 0; u < patch.image.width; ++u) {
+          if (format == PixelFormat::bgr) {
+            const Bgr a = bgr_at(patch.image, u, v), b = bgr_at(seen.image, patch.at.u + u, patch.at.v + v);
+            ASSERT_TRUE(a.b == b.b && a.g == b.g && a.r == b.r);
+          } else {
+            const Yuv a = yuv_at(patch.image, u, v), b = yuv_at(seen.image, patch.at.u + u, patch.at.v + v);
+            ASSERT_TRUE(a.y == b.y && a.u == b.u && a.v == b.v) << name(format) << " " << u << ", " << v;
+          }
+        }
+    }
+    for (std::size_t length = 0; length < bytes.size(); ++length)
+      ASSERT_FALSE(decoded({bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(length)})) << length;
+    // Beyond the image, of no size, or where chroma would be cut.
+    for (const PatchPlace bad : {PatchPlace{62, 0, 10, 6}, PatchPlace{0, 42, 10, 6}, PatchPlace{0, 0, 0, 6},
+                                 PatchPlace{1, 0, 10, 6}, PatchPlace{0, 0, 9, 6}}) {
+      std::vector<std::uint8_t> changed = bytes;
+      const std::size_t at = coded(size, {disc(size, 9)}).size() + 1;
+      const int numbers[] = {bad.u, bad.v, bad.width, bad.height};
+      for (std::size_t n = 0; n < 4; ++n) changed[at + 2 * n] = static_cast<std::uint8_t>(numbers[n]);
+      EXPECT_FALSE(decoded(changed));
+    }
+  }
+}
+
 TEST(Matches, ThatAreCutOffOrLongerMakeNoSense) {
   const Extent size{70, 46};
   for (const auto& bytes : {coded(size, {strewn(size, 30, 1), disc(size, 9)}), coded(size, {strewn(size, 500, 2)}),

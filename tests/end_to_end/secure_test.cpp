@@ -8,6 +8,7 @@
 
 #include "end_to_end/process.h"
 #include "publish/test_domain.h"
+#include "soak/films.h"
 
 namespace huetrack::end_to_end {
 namespace {
@@ -130,6 +131,46 @@ TEST_F(Secure, AMemberSendsWhatItsRoleSays) {
   for (int tries = 0; tries < 200 && page->out().empty() && !page->has_ended(); ++tries)
     std::this_thread::sleep_for(50ms);
   EXPECT_THAT(page->out(), HasSubstr("http://127.0.0.1")) << page->err();
+}
+
+// What matches, what is looked for and where outlines are expected go between a host and a tracker of one authority,
+// and a tracker without keys is told nothing.
+TEST_F(Secure, AHostTellsWhatMatchesToTrackersOfItsAuthority) {
+  const fs::path keys = members("ours", {"tracker:service", "pi:host"}), films = folder_ / "films";
+  soak::make_films(films, 2, 320, 240);
+  const auto cameras = [](const std::string& of_each) {
+    return "cameras:\n  cam0: {" + of_each + "}\n  cam1: {" + of_each + "}\n";
+  };
+  std::ofstream(folder_ / "host.yaml")
+      << "version: 1\nhost: pi\ndds: {profile: " << profile(keys, "pi") << "}\n"
+      << "cameras:\n"
+         "  cam0: {device: /dev/film/cam0, size: [320, 240], format: mjpeg, fps: 30}\n"
+         "  cam1: {device: /dev/film/cam1, size: [320, 240], format: mjpeg, fps: 30}\n";
+  const auto tracker = [&](const std::string& name, const std::string& bus) {
+    std::ofstream(folder_ / (name + ".yaml"))
+        << "version: 1\nrig: " << (films / "rig.yaml").string()
+        << "\ntargets: {lime: {radius_m: 0.05, shape: ball, color: {hue_deg: [65, 115]}}}\n"
+        << bus << cameras("host: pi, send: matches");
+    return start({HUETRACKD, "run", folder_ / (name + ".yaml"), "--tracks", folder_ / (name + ".csv")});
+  };
+  const auto host = start({FILM_HOST, films, folder_ / "host.yaml"});
+  const auto ours = tracker("ours", "dds: {profile: " + profile(keys, "tracker") + "}\n");
+  const auto strangers = tracker("strangers", "");
+  const auto tracked = [&](const std::string& name) {
+    const std::string rows = contents(folder_ / (name + ".csv"));
+    std::size_t count = 0;
+    for (auto at = rows.find(",tracking,"); at != std::string::npos; at = rows.find(",tracking,", at + 1)) ++count;
+    return count;
+  };
+  EXPECT_TRUE(comes_true([&] { return tracked("ours") > 60; })) << ours->err() << host->err();
+  ASSERT_FALSE(strangers->has_ended()) << strangers->err();
+  EXPECT_EQ(tracked("strangers"), 0U);
+  EXPECT_THAT(strangers->err(), HasSubstr("its host pi is not heard of"));
+  ours->kill(SIGINT);
+  ours->wait();
+  host->kill(SIGINT);
+  host->wait();
+  EXPECT_THAT(host->out() + host->err(), Not(HasSubstr("keys of this host are older")));
 }
 
 TEST_F(Secure, WhatIsAskedForWronglyMakesNothing) {

@@ -112,6 +112,12 @@ std::vector<std::string> samples() {
       {.color = {65, 115, 0.3, 1, 0.1, 0.95}, .tiles = {0x00183c7e7e3c1800, 0}}, {.color = {}, .tiles = {~0u, 5}}};
   msg::CameraMatches matches;
   capture::encode_matches(looked_at, found, jpeg.bytes(), matches.bytes());
+  capture::WritableImage seen = capture::make_image(looked_at.format, looked_at.range, 16, 8);
+  msg::CameraMatches with_patches;
+  constexpr capture::PatchPlace patches[] = {{2, 2, 6, 4}, {8, 0, 8, 8}};
+  capture::encode_matches(seen.image, found, {}, with_patches.bytes(), patches);
+  msg::ExpectedOutlines outlines;
+  outlines.outlines().emplace_back().radius_px(7);
   msg::LookedForColors looked_for;
   looked_for.host("pi");
   looked_for.camera("left");
@@ -137,7 +143,9 @@ std::vector<std::string> samples() {
           serialized<msg::CameraFramePubSubType>(15, jpeg),
           serialized<msg::CameraMatchesPubSubType>(16, matches),
           serialized<msg::LookedForColorsPubSubType>(17, looked_for),
-          serialized<msg::ClockEchoPubSubType>(18, echo)};
+          serialized<msg::CameraMatchesPubSubType>(16, with_patches),
+          serialized<msg::ExpectedOutlinesPubSubType>(18, outlines),
+          serialized<msg::ClockEchoPubSubType>(19, echo)};
 }
 
 std::string picture(int width, int height) {

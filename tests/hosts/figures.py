@@ -449,22 +449,33 @@ def sent_by(log):
 def matches(figures, options, folder):
     print("== send: matches: one ball, 640x480, two cameras on one host, a picture a second")
     of_matches = {"of_camera": ", send: matches", "of_target": "shape: blob, "}
-    for name, every_s in (("with a picture a second", 1), ("without pictures", 0)):
-        with Hall(folder, 1, 2) as hall:
+    zero_ns = time.time_ns() - time.clock_gettime_ns(time.CLOCK_MONOTONIC)
+    for name, every_s, shape, per_million in (
+            ("with a picture a second", 1, "blob", 0), ("without pictures", 0, "blob", 0),
+            ("with the pixels around the ball, and a picture a second", 1, "ball", 0),
+            ("the same, 1 % of packets lost", 1, "ball", 10000)):
+        with Hall(folder, 1, 2, per_million) as hall:
             host = hall.start_host(1)
-            config = hall.tracker_config(of_camera=f", send: matches, picture_every_s: {every_s}", of_target="shape: blob, ")
+            config = hall.tracker_config(of_camera=f", send: matches, picture_every_s: {every_s}",
+                                         of_target=f"shape: {shape}, ")
             process = hall.track(config)
             time.sleep(8)
             cpu, began = cpu_s(host), time.monotonic()
             time.sleep(options.seconds)
             share = (cpu_s(host) - cpu) / (time.monotonic() - began)
+            cameras = hall.statuses()[0]["status"]["cameras"]
+            dropped, came = (sum(camera[key] for camera in cameras) for key in ("dropped", "frames"))
             hall.end(process)
             hall.end(host)
             frames, bytes_ = sent_by(folder / "host-1.log")
             rows = track_of(folder / "tracks.csv")
             figures.tell(f"a frame, {name}", bytes_ / frames / 1000, "kB", 6)
             figures.tell("  frames sent", frames)
+            figures.tell("  lost on the way", 100 * dropped / (came + dropped), "% of frames", 0.5)
             figures.tell("  positions", len(rows))
+            off = rows[:, 1:] - truth(rows[:, 0] - 1e-9 * zero_ns)
+            off = off[len(off) // 4:] - off[len(off) // 4:].mean(axis=0)
+            figures.tell("  rms of the track", 1000 * float(np.sqrt((off ** 2).sum(axis=1).mean())), "mm")
             figures.tell("  the host, which decodes", 100 * share, "% of a core")
     print("== send: matches: what each further camera costs the tracker; what matches is ready-made")
     counts, per_set_ms = [], []

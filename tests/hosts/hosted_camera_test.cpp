@@ -81,6 +81,19 @@ class HostedCamera : public testing::Test {
     fs::create_directories(folder_);
   }
   ~HostedCamera() override { fs::remove_all(folder_); }
+  // The rows of what was recorded of the cameras' matches, by the configuration as it stands.
+  std::vector<std::vector<std::string>> replayed() const {
+    const fs::path recording = *fs::directory_iterator(folder_ / "recorded");
+    EXPECT_TRUE(fs::exists(recording / "cam0.matches"));
+    daemon::ReplayCommand again;
+    again.config = folder_ / "c.yaml";
+    again.recording = {recording.string()};
+    again.no_dds = true;
+    again.progress = false;
+    again.tracks = folder_ / "again.csv";
+    daemon::replay(again, {});
+    return rows_of(folder_ / "again.csv");
+  }
   fs::path folder_;
 };
 
@@ -151,16 +164,21 @@ TEST_F(HostedCamera, TracksOfMatchesAreThoseOfFrames) {
   // With three pictures of some 30 kB among them.
   EXPECT_LT(both->sent.bytes / both->sent.frames, 6000U);
 
-  const fs::path recording = *fs::directory_iterator(folder_ / "recorded");
-  EXPECT_TRUE(fs::exists(recording / "cam0.matches"));
-  daemon::ReplayCommand again;
-  again.config = folder_ / "c.yaml";
-  again.recording = {recording.string()};
-  again.no_dds = true;
-  again.progress = false;
-  again.tracks = folder_ / "again.csv";
-  daemon::replay(again, {});
-  EXPECT_EQ(rows_of(folder_ / "again.csv"), both->there);
+  EXPECT_EQ(replayed(), both->there);
+}
+
+// The pixels around the ball come where the tracker has said that it will be, and are recorded with what matches.
+TEST_F(HostedCamera, OutlinesAreFittedInWhatMatchesAndReplayed) {
+  const std::string ball = "shape: ball, ";
+  const auto there = tracker_config(folder_, ", send: matches", ball,
+                                    "record: {folder: " + folder_.string() + "/recorded, always: true}\n");
+  const auto both = Both::tracked(there, tracker_config(folder_, "", "shape: blob, "), folder_);
+  if (!both) GTEST_SKIP() << "this machine is too slow now for two trackers";
+  ASSERT_GT(both->there.size(), 50U);
+  EXPECT_NE(both->there, both->here);
+  EXPECT_LT(both->sent.bytes / both->sent.frames, 6000U);
+  tracker_config(folder_, ", send: matches", ball);
+  EXPECT_EQ(replayed(), both->there);
 }
 
 // However slow the machine is: what comes is what was sent, and most comes.

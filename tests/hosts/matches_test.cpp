@@ -12,6 +12,7 @@
 #include "hosts/frame_message.h"
 #include "hosts/match_finder.h"
 #include "hosts/wanted_matches.h"
+#include "hosts/wanted_outlines.h"
 #include "object_tracking/object_tracker.h"
 #include "scene/lime.h"
 
@@ -33,7 +34,7 @@ TargetOptions lime() {
 // A camera host and what a tracker reads of it, without the bus.
 class Sender {
  public:
-  explicit Sender(std::size_t cameras) : finders_(cameras), decoders_(cameras), latest_(cameras) {}
+  explicit Sender(std::size_t cameras) : finders_(cameras), decoders_(cameras), latest_(cameras), outlines_(cameras) {}
 
   // The same set, of matches; asked: by camera.
   FrameSet seen_by(const FrameSet& set, const std::vector<MatchFinderOptions>& asked) {
@@ -57,12 +58,38 @@ class Sender {
     }
     return out;
   }
+  // What a tracker has said of outlines, for the options of this set's frames; of the set before it.
+  void add_patches(const FrameSet& set, std::vector<MatchFinderOptions>& asked) {
+    for (std::size_t c = 0; c < set.frames.size(); ++c) {
+      if (!set.frames[c]) continue;
+      outlines_[c].places_at(set.frames[c]->stamped_at, asked[c].patches);
+      outlines_[c].note(set.frames[c]->sequence, set.frames[c]->stamped_at);
+    }
+  }
+  void hear_outlines(const ObjectTracker& tracker, const FrameSet& set) {
+    for (std::size_t c = 0; c < set.frames.size(); ++c) {
+      if (!set.frames[c]) continue;
+      std::vector<capture::ExpectedOutline> expected;
+      tracker.expected_outlines(c, expected);
+      if (expected.empty()) continue;
+      msg::ExpectedOutlines said;
+      said.tracker(1);
+      said.number(set.frames[c]->sequence);
+      for (const auto& outline : expected) {
+        auto& to = said.outlines().emplace_back();
+        to.u(outline.u), to.v(outline.v), to.u_per_s(outline.u_per_s), to.v_per_s(outline.v_per_s);
+        to.radius_px(outline.radius_px);
+      }
+      EXPECT_TRUE(outlines_[c].hear(said));
+    }
+  }
   std::size_t most_bytes() const { return most_bytes_; }
 
  private:
   std::vector<MatchFinder> finders_;
   std::vector<capture::JpegDecoder> decoders_;
   std::vector<capture::Image> latest_;
+  std::vector<WantedOutlines> outlines_;
   std::size_t most_bytes_ = 0;
 };
 
@@ -177,6 +204,47 @@ TEST(Matches, WithoutOutlinesABallIsStillFollowed) {
   EXPECT_EQ(of_matches.outline_findings().fitted, 0U);
 }
 
+// Where a tracker has said that it expects the ball the host sends pixels: outlines are fitted in them, which are as
+// right as those in whole pictures, and no larger than a network of many cameras takes.
+TEST(Matches, OutlinesAreFittedInPatches) {
+  const scene::Scene scene = scene::lime_that_flies();
+  TargetOptions ball = lime();
+  ball.shape = object_tracking::TargetShape::ball;
+  ObjectTracker of_frames(scene.rig, ball, {}), of_matches(scene.rig, ball, {}), of_regions(scene.rig, lime(), {});
+  Sender host(3);
+  std::vector<ObjectEstimate> a, b, c;
+  double frames_m2 = 0, matches_m2 = 0, regions_m2 = 0;
+  int sets = 0, in_patches = 0;
+  for (FrameSet& set : render(scene, {.set_count = 90})) {
+    for (auto& frame : set.frames) {
+      // As a camera's stamps are.
+      if (frame && frame->stamped_at == capture::Timestamp{})
+        frame->stamped_at = frame->captured_at + std::chrono::hours(1);
+    }
+    of_frames.update(set, a);
+    of_regions.update(set, c);
+    auto asked = looked_for_by(of_matches, 3);
+    host.add_patches(set, asked);
+    const FrameSet received = host.seen_by(set, asked);
+    for (const auto& frame : received.frames) in_patches += frame && !frame->matches->patches.empty();
+    of_matches.update(received, b);
+    host.hear_outlines(of_matches, set);
+    if (++sets <= 45 || a.front().state != object_tracking::TrackState::tracking ||
+        b.front().state != object_tracking::TrackState::tracking ||
+        c.front().state != object_tracking::TrackState::tracking)
+      continue;
+    const auto error2 = [&](const ObjectEstimate& e) { return (e.position - scene.ball_at(0, e.at)).squaredNorm(); };
+    frames_m2 += error2(a.front()), matches_m2 += error2(b.front()), regions_m2 += error2(c.front());
+  }
+  EXPECT_GT(in_patches, 3 * 60);
+  EXPECT_GT(of_matches.outline_findings().fitted, 3U * 40);
+  EXPECT_GT(of_frames.outline_findings().fitted, 3U * 40);
+  EXPECT_LT(host.most_bytes(), 6000U);
+  // 1.17, 1.30 and 2.46 mm rms: of what is behind the ball patches have shown less than whole pictures.
+  EXPECT_LT(matches_m2, 1.6 * frames_m2);
+  EXPECT_LT(matches_m2, 0.5 * regions_m2);
+}
+
 // No frame is judged by a colour that it was not looked at with.
 TEST(Matches, OfOtherColoursSayNothing) {
   const scene::Scene scene = scene::SceneBuilder{}.cameras_on_ring({.count = 3}).ball({}).build();
@@ -250,6 +318,68 @@ TEST(WantedMatches, WhatMakesNoSenseIsLeftOutAndWhatIsTooMuchIsBounded) {
   MatchFinderOptions all;
   wanted.all(now, all);
   EXPECT_EQ(all.colors.size(), capture::Matches::most);
+}
+
+TEST(WantedOutlines, AreWhereTheyWillBeInTheNextFrame) {
+  using namespace std::chrono_literals;
+  const capture::Timestamp start(1h);
+  WantedOutlines wanted;
+  std::vector<capture::PatchPlace> places;
+  msg::ExpectedOutlines said;
+  said.tracker(1);
+  said.number(7);
+  auto& outline = said.outlines().emplace_back();
+  outline.u(100), outline.v(50), outline.u_per_s(300), outline.v_per_s(-60), outline.radius_px(10);
+  EXPECT_FALSE(wanted.hear(said)) << "of a frame that was never sent";
+  wanted.note(7, start);
+  ASSERT_TRUE(wanted.hear(said));
+  wanted.places_at(start + 100ms, places);
+  ASSERT_EQ(places.size(), 1U);
+  // Its middle, and all of it with what a fit needs around it.
+  EXPECT_NEAR(places[0].u + places[0].width / 2.0, 130, 2);
+  EXPECT_NEAR(places[0].v + places[0].height / 2.0, 44, 2);
+  EXPECT_GE(places[0].width, 2 * (10 + 7));
+  EXPECT_EQ(places[0].u % 2 + places[0].v % 2 + places[0].width % 2 + places[0].height % 2, 0);
+  // Another tracker's, nearly there: one place. Elsewhere: two.
+  said.tracker(2);
+  outline.u(101);
+  ASSERT_TRUE(wanted.hear(said));
+  wanted.places_at(start + 100ms, places);
+  EXPECT_EQ(places.size(), 1U);
+  outline.u(300);
+  ASSERT_TRUE(wanted.hear(said));
+  wanted.places_at(start + 100ms, places);
+  EXPECT_EQ(places.size(), 2U);
+  // What is old, or of the future, says nothing.
+  wanted.places_at(start + 301ms, places);
+  EXPECT_TRUE(places.empty());
+  for (const float bad : {std::numeric_limits<float>::quiet_NaN(), 1e30f, -1.f}) {
+    said.outlines()[0].radius_px(bad);
+    EXPECT_FALSE(wanted.hear(said));
+  }
+  said.outlines()[0].radius_px(10);
+  said.outlines().resize(capture::Matches::most_patches + 1, said.outlines()[0]);
+  EXPECT_FALSE(wanted.hear(said));
+}
+
+TEST(MatchFinder, CutsPatchesToTheImageAndToABudget) {
+  const scene::Scene scene = scene::SceneBuilder{}.cameras_on_ring({.count = 3}).ball({}).build();
+  const Frame frame = *render(scene, {.set_count = 1}).front().frames[0];
+  MatchFinder finder;
+  capture::JpegDecoder decoder;
+  capture::Image latest;
+  MatchFinderOptions asked;
+  const int width = frame.pixels.width, height = frame.pixels.height;
+  asked.patches = {{-5, -5, 20, 20}, {width - 9, height - 9, 40, 40}, {width + 10, 0, 20, 20}, {0, 0, 400, 400}};
+  const auto bytes = finder.find(frame, asked);
+  ASSERT_TRUE(bytes);
+  const auto back = capture::decode_matches(*bytes, decoder, latest);
+  ASSERT_TRUE(back);
+  ASSERT_EQ(back->matches->patches.size(), 2U);
+  EXPECT_EQ(back->matches->patches[0].at.u, 0);
+  EXPECT_EQ(back->matches->patches[0].at.width, 14);
+  EXPECT_EQ(back->matches->patches[1].at.u + back->matches->patches[1].at.width, width);
+  EXPECT_EQ(back->matches->patches[1].at.v + back->matches->patches[1].at.height, height);
 }
 
 TEST(MatchFinder, SendsAPictureNowAndThenAndNoMoreThanABudget) {

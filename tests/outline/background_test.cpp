@@ -47,6 +47,29 @@ TEST(Background, IsTheMeanOfWhatWasSeen) {
   EXPECT_NEAR(static_cast<double>(background.light_noise()), 3, 0.5);
 }
 
+// Of a picture of which a part is there, that part, and nothing else; of a whole one that comes rarely, all.
+TEST(Background, LearnsPartsAndWholePictures) {
+  Background background(DiscPicture::width, DiscPicture::height);
+  DiscPicture picture;
+  std::vector<float> looks;
+  for (unsigned i = 0; i < 4; ++i) {
+    Picture part = picture.draw({.has_disc = false, .noise = 3}, i);
+    part.part_u = 50, part.part_v = 38, part.part_width = 22, part.part_height = 16;
+    background.learn(part, middle, {0, 0}, nullptr, 0);
+  }
+  row_of(background, 45, looks);
+  for (std::size_t u = 0; u < looks.size(); ++u) EXPECT_EQ(looks[u], u >= 50 && u < 72 ? 4 : 0) << u;
+  for (const int v : {37, 54}) {
+    row_of(background, v, looks);
+    EXPECT_EQ(*std::ranges::max_element(looks), 0) << v;
+  }
+  background.learn_all(picture.draw({.has_disc = false, .noise = 3}, 9), nullptr, 0);
+  row_of(background, 45, looks);
+  for (std::size_t u = 0; u < looks.size(); ++u) EXPECT_EQ(looks[u], u >= 50 && u < 72 ? 5 : 1) << u;
+  row_of(background, 2, looks);
+  EXPECT_EQ(*std::ranges::min_element(looks), 1);
+}
+
 TEST(Background, DoesNotLearnWhatIsHidden) {
   Background background(DiscPicture::width, DiscPicture::height);
   DiscPicture picture;

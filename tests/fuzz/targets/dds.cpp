@@ -12,6 +12,7 @@
 #include "fuzz/fuzz_target.h"
 #include "hosts/frame_message.h"
 #include "hosts/wanted_matches.h"
+#include "hosts/wanted_outlines.h"
 #include "idl/camera_hostPubSubTypes.h"
 #include "idl/camera_timesPubSubTypes.h"
 #include "idl/huetrackPubSubTypes.h"
@@ -20,6 +21,7 @@
 #include "idl/topics.h"
 
 using namespace huetrack;
+using namespace std::chrono_literals;
 
 namespace {
 
@@ -66,6 +68,12 @@ void read_matches(msg::CameraMatches& message) {
   const capture::Frame frame = hosts::from_message(std::move(message), decoder, latest);
   constexpr int longest = 4096;  // the tracker takes only what has the size of the rig's camera
   if (!frame.matches || frame.pixels.width > longest || frame.pixels.height > longest) return;
+  volatile unsigned sum = 0;  // so that the reading stays
+  for (const auto& patch : frame.matches->patches)
+    for (int v = 0; v < patch.image.height; ++v)
+      for (int u = 0; u < patch.image.width; ++u)
+        sum = sum + (patch.image.format == capture::PixelFormat::bgr ? capture::bgr_at(patch.image, u, v).g
+                                                                     : capture::yuv_at(patch.image, u, v).v);
   color::MatchBits bits(frame.pixels.width, frame.pixels.height);
   color::RegionFinder finder;
   for (const auto& of : frame.matches->colors) {
@@ -80,7 +88,7 @@ HUETRACK_FUZZ_TARGET(dds) {
   if (input.empty()) return;
   const std::string_view bytes = input.substr(1);
   const auto to_json = [](const auto& sample) { live_view::to_json(sample); };
-  switch (static_cast<unsigned char>(input.front()) % 19) {
+  switch (static_cast<unsigned char>(input.front()) % 20) {
     case 0:
       return receive<msg::ObjectPositionPubSubType>(idl::object_position_topic, bytes,
                                                     [](auto& sample) { print(sample); });
@@ -135,6 +143,13 @@ HUETRACK_FUZZ_TARGET(dds) {
     case 17:
       return receive<msg::LookedForColorsPubSubType>(idl::looked_for_topic, bytes,
                                                      [](auto& sample) { hosts::wanted_of(sample); });
+    case 18:
+      return receive<msg::ExpectedOutlinesPubSubType>("huetrack/outlines", bytes, [](auto& sample) {
+        hosts::WantedOutlines wanted;
+        wanted.note(sample.number(), capture::Timestamp(std::chrono::hours(1)));
+        std::vector<capture::PatchPlace> places;
+        if (wanted.hear(sample)) wanted.places_at(capture::Timestamp(std::chrono::hours(1) + 33ms), places);
+      });
     default:
       return receive<msg::ClockEchoPubSubType>(idl::clock_echo_topic, bytes, [](auto&) {});
   }
