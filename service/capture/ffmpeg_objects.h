@@ -50,7 +50,4 @@ inline std::string error_text(int error) {
   return text.data();
 }
 
-// FFmpeg prints nothing from here on; VideoReader hears what it has to say. thread-safe.
-void take_over_log();
-
 }  // namespace huetrack::capture

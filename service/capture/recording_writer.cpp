@@ -24,6 +24,7 @@ extern "C" {
 
 #include "calib/yaml/output_file.h"
 #include "capture/capture_error.h"
+#include "capture/ffmpeg_log.h"
 #include "capture/ffmpeg_objects.h"
 #include "capture/file_descriptor.h"
 #include "capture/image_copy.h"
@@ -434,7 +435,7 @@ std::vector<std::string> RecordingOptions::problems() const {
 
 struct RecordingWriter::Impl {
   explicit Impl(RecordingOptions o) : options(std::move(o)) {
-    take_over_log();
+    take_over_ffmpeg_log();
     make_folder();
     std::string yaml =
         "# Written by huetrack. The times (t_s) in the CSV files are UNIX time, in seconds: so the clock's zero is "

@@ -6,17 +6,14 @@
 #include <array>
 #include <charconv>
 #include <cmath>
-#include <cstdarg>
-#include <cstdio>
 #include <cstring>
 #include <deque>
 #include <fstream>
-#include <mutex>
-#include <new>
 #include <set>
 #include <utility>
 
 #include "calib/yaml/yaml_reader.h"
+#include "capture/ffmpeg_log.h"
 #include "capture/ffmpeg_objects.h"
 #include "capture/ffmpeg_picture.h"
 #include "capture/jpeg_decoder.h"
@@ -45,71 +42,6 @@ namespace {
 constexpr std::int64_t most_pixels = 1 << 26;      // of one image; a damaged header must not make us allocate gigabytes
 constexpr std::int64_t longest_gap_frames = 1000;  // a damaged time stamp must not make us invent frames
 constexpr int most_warnings = 5;                   // of one kind, one by one; the others are summed up
-
-// ---- FFmpeg's log: nothing is printed; errors are kept for the warning or exception that they explain
-
-// thread-safe: slices may be decoded on FFmpeg's own threads.
-class ErrorLog {
- public:
-  void add(std::string text) {
-    const std::scoped_lock lock(mutex_);
-    if (count_++ == 0) first_ = std::move(text);
-  }
-  int count() const {
-    const std::scoped_lock lock(mutex_);
-    return count_;
-  }
-  // The first error since the last call, in brackets; empty when there was none.
-  std::string take() {
-    const std::scoped_lock lock(mutex_);
-    count_ = 0;
-    const std::string text = std::exchange(first_, {});
-    return text.empty() ? text : " (" + text + ")";
-  }
-
- private:
-  mutable std::mutex mutex_;
-  int count_ = 0;      // guarded by mutex_
-  std::string first_;  // guarded by mutex_
-};
-
-thread_local ErrorLog* log_of_this_thread = nullptr;
-
-// For as long as it lives, what FFmpeg logs on this thread goes to `log`.
-class LogScope {
- public:
-  explicit LogScope(ErrorLog& log) : outer_(std::exchange(log_of_this_thread, &log)) {}
-  ~LogScope() { log_of_this_thread = outer_; }
-  LogScope(const LogScope&) = delete;
-  LogScope& operator=(const LogScope&) = delete;
-
- private:
-  ErrorLog* outer_;
-};
-
-void on_log(void* source, int level, const char* format, va_list arguments) {
-  if (level > AV_LOG_ERROR) return;
-  ErrorLog* log = log_of_this_thread;
-  if (!log && source && *static_cast<const AVClass* const*>(source) == avcodec_get_class())
-    log = static_cast<ErrorLog*>(static_cast<const AVCodecContext*>(source)->opaque);  // a slice thread of ours
-  if (!log) return;
-  std::array<char, 160> line{};  // an excerpt is enough; FFmpeg's callback leaves no choice but printf
-  std::vsnprintf(line.data(), line.size(), format, arguments);
-  std::string text(line.data());
-  std::ranges::replace_if(
-      text, [](unsigned char c) { return c < 0x20 || c > 0x7E; }, ' ');
-  while (text.ends_with(' ') || text.ends_with('.')) text.pop_back();
-  if (!text.empty()) log->add(std::move(text));
-}
-
-}  // namespace
-
-void take_over_log() {
-  static std::once_flag once;
-  std::call_once(once, [] { av_log_set_callback(on_log); });
-}
-
-namespace {
 
 // ---- Image files
 
@@ -180,7 +112,7 @@ std::vector<ImageFile> image_files_of(const RecordedCamera& camera) {
 struct VideoReader::Impl {
   Impl(const RecordedCamera& c, int threads, std::vector<std::string>& w, std::optional<std::stop_token> g, bool keeps)
       : camera(c), selection(c), warnings(w), growing(std::move(g)), images(image_files_of(c)), keeps_jpeg(keeps) {
-    take_over_log();
+    take_over_ffmpeg_log();
     open(images.empty() ? camera.frames : images.front().path, threads);
   }
 
@@ -189,7 +121,7 @@ struct VideoReader::Impl {
   }
 
   void open(const std::filesystem::path& file, int threads) {
-    const LogScope scope(log);
+    const FfmpegLogScope scope(log);
     std::error_code error;
     if (!std::filesystem::exists(file, error)) fail(file, "no such file");
     if (!std::filesystem::is_regular_file(file, error))
@@ -259,7 +191,7 @@ struct VideoReader::Impl {
   // ---- One picture after the other
 
   std::optional<Shown> next() {
-    const LogScope scope(log);
+    const FfmpegLogScope scope(log);
     while (ready.empty() && !ended) {
       const auto last = selection.last();
       if (last && index > *last) return std::nullopt;
@@ -580,7 +512,7 @@ struct VideoReader::Impl {
   FrameSelection selection;
   std::vector<std::string>& warnings;
   std::optional<std::stop_token> growing;
-  ErrorLog log;
+  FfmpegLog log;
   std::vector<ImageFile> images;  // empty: a video
   const bool keeps_jpeg;
   std::shared_ptr<const std::vector<std::uint8_t>> jpeg_bytes = {};  // of the picture that is shown next
