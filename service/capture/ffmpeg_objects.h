@@ -1,5 +1,4 @@
-// FFmpeg's objects, owned. Private to this module: for video_reader, ffmpeg_picture, network_source and
-// recording_writer, which alone see FFmpeg.
+// FFmpeg's objects, owned. For this module and recordings, which alone see FFmpeg.
 #pragma once
 
 extern "C" {

@@ -1,0 +1,212 @@
+#include "recordings/recording.h"
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cmath>
+#include <fstream>
+#include <string_view>
+
+#include "calib/yaml/csv_table.h"
+#include "calib/yaml/text_file.h"
+#include "calib/yaml/yaml_reader.h"
+
+namespace huetrack::recordings {
+namespace {
+
+constexpr std::int64_t longest_sigma_ns = 1'000'000'000;  // nobody tracks with clocks that are known worse
+constexpr double longest_s = 4e9;  // |time|; far beyond any recording, and within 64 bits of nanoseconds
+
+// Nanoseconds survive even when the times are UNIX seconds.
+capture::Duration exact_duration_of(long double s) {
+  return capture::Duration(std::llround(s * 1e9L));
+}
+
+template <typename T>
+std::optional<T> parse(std::string_view text) {
+  T value{};
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (error != std::errc{} || end != text.data() + text.size()) return std::nullopt;
+  return value;
+}
+
+// The rows of a file with a header line and the columns frame and t_s; sequence and arrival where
+// they are there; others are ignored. A last row that is cut off (a full disk, a crash) is left out with a warning.
+class TimestampFile {
+ public:
+  TimestampFile(const std::filesystem::path& csv, RecordedCamera& camera)
+      : csv_(csv), table_(csv, columns), camera_(camera) {}
+
+  // Fills the camera.
+  void read(std::vector<std::string>& warnings) {
+    if (is_ours()) table_.leave_out_cut_off_row();  // our rows end with a line end, or were not written to their end
+    while (table_.next())
+      if (const auto problem = problem_of_row()) table_.fail(*problem);
+    if (const auto line = table_.cut_off_line())
+      warnings.push_back(csv_.string() + ":" + std::to_string(*line) + ": the last row is cut off: it is left out");
+    // A camera of ours may have delivered nothing; others' files without rows are a mistake.
+    if (!is_ours() && camera_.timestamps.empty()) throw yaml::ConfigError(csv_, 0, "lists no frames");
+  }
+
+ private:
+  enum Column : std::size_t { frame, t_s, sequence, arrival, stamp_s, clock, clock_sigma_ns };
+  static constexpr std::string_view columns[] = {"frame",    "t_s",    "sequence?",      "arrival?",
+                                                 "stamp_s?", "clock?", "clock_sigma_ns?"};
+
+  bool is_ours() const { return table_.has(sequence) && table_.has(arrival); }
+  std::string quoted(Column column) const { return table_.quoted(column); }
+
+  // Takes the row, or says what is wrong with it.
+  std::optional<std::string> problem_of_row() {
+    const auto time = parse<long double>(table_.text(t_s));
+    if (!time || !(std::fabs(*time) < static_cast<long double>(longest_s)))
+      return "t_s is " + quoted(t_s) + ", not a time in seconds";
+    const capture::Timestamp at{exact_duration_of(*time)};
+    RecordedCamera::Received received;
+    if (is_ours()) {
+      const auto sequence_number = parse<std::uint32_t>(table_.text(sequence));
+      const auto arrival_number = parse<std::uint64_t>(table_.text(arrival));
+      if (!sequence_number) return "sequence is " + quoted(sequence) + ", not an integer >= 0";
+      if (!arrival_number) return "arrival is " + quoted(arrival) + ", not an integer >= 0";
+      received = {.sequence = *sequence_number, .arrival = *arrival_number, .stamped_at = std::nullopt};
+      if (table_.has(stamp_s)) {
+        const auto stamp = parse<long double>(table_.text(stamp_s));
+        if (!stamp || !(std::fabs(*stamp) < static_cast<long double>(longest_s)))
+          return "stamp_s is " + quoted(stamp_s) + ", not a time in seconds";
+        received.stamped_at = capture::Timestamp{exact_duration_of(*stamp)};
+      }
+      if (table_.has(clock) && table_.has(clock_sigma_ns)) {
+        const auto of = parse<std::uint16_t>(table_.text(clock));
+        const auto sigma = parse<std::int64_t>(table_.text(clock_sigma_ns));
+        if (!of) return "clock is " + quoted(clock) + ", not an integer from 0 to 65535";
+        if (!sigma || *sigma < 0 || *sigma > longest_sigma_ns)
+          return "clock_sigma_ns is " + quoted(clock_sigma_ns) + ", not a time in nanoseconds from 0 to 10^9";
+        received.clock = {.of = *of, .sigma = capture::Duration(*sigma)};
+      }
+    }
+    if (table_.text(frame).empty() && is_ours()) {
+      if (last_at_ && at <= *last_at_) return not_later(table_.quoted(t_s));
+      camera_.corrupted.emplace_back(at, received);
+      last_at_ = at;
+      return std::nullopt;
+    }
+    const auto number = parse<std::int64_t>(table_.text(frame));
+    if (!number || *number < 0) return "frame is " + quoted(frame) + ", not an integer >= 0";
+    auto& rows = camera_.timestamps;
+    if (!rows.empty() && *number <= rows.back().first)
+      return "frame " + std::to_string(*number) + " does not come after frame " + std::to_string(rows.back().first) +
+             " of the row before: sort the rows";
+    if (last_at_ && at <= *last_at_) return not_later(table_.quoted(t_s));
+    rows.emplace_back(*number, at);
+    if (is_ours()) camera_.received.push_back(received);
+    last_at_ = at;
+    return std::nullopt;
+  }
+
+  static std::string not_later(const std::string& t_s) {
+    return "t_s " + t_s + " is not later than that of the row before: capture times must ascend";
+  }
+
+  std::filesystem::path csv_;
+  yaml::CsvTable table_;
+  RecordedCamera& camera_;
+  std::optional<capture::Timestamp> last_at_;
+};
+
+}  // namespace
+
+namespace {
+
+void refuse_videos(const std::filesystem::path& file) {
+  if (!is_video_or_picture(file)) return;  // the reader of the file says what else is wrong with it
+  throw yaml::ConfigError(file, 0,
+                          "is a video or a picture, not a recording: that is a recording.yaml, which names the frames "
+                          "of every camera: version: 1, cameras: {left: {frames: a.mp4, fps: 30}, right: ...}; in a "
+                          "command, left=a.mp4 right=b.mp4 says the same");
+}
+
+}  // namespace
+
+bool is_video_or_picture(const std::filesystem::path& file) {
+  std::error_code unreadable;  // and a pipe would be waited for: who reads the file says what is wrong with it
+  if (!std::filesystem::is_regular_file(file, unreadable)) return false;
+  std::ifstream stream(file, std::ios::binary);
+  std::array<char, 12> bytes{};
+  if (!stream.read(bytes.data(), bytes.size())) return false;
+  const std::string_view head(bytes.data(), bytes.size());
+  return head.starts_with("\x1a\x45\xdf\xa3") || head.starts_with("RIFF") || head.substr(4, 4) == "ftyp" ||
+         head.starts_with("\xff\xd8\xff") || head.starts_with("\x89PNG");
+}
+
+Recording read_recording(const std::filesystem::path& path) {
+  const auto absolute = std::filesystem::absolute(path);
+  std::error_code unreadable;  // which the reader says then, with the file's name
+  Recording recording{
+      .file = std::filesystem::is_directory(absolute, unreadable) ? absolute / "recording.yaml" : absolute,
+      .cameras = {},
+      .warnings = {},
+      .started_at = {}};
+  recording.file = recording.file.lexically_normal();
+  const auto folder = recording.file.parent_path();
+  refuse_videos(recording.file);
+  const auto yaml = yaml::YamlReader::file(recording.file);
+  yaml.version(1);
+  if (yaml.has("started_at"))
+    recording.started_at =
+        capture::Timestamp{exact_duration_of(yaml.number("started_at", {.min = 0, .max = longest_s}))};
+  for (const auto& [name, entry] : yaml.named_maps("cameras")) {
+    RecordedCamera camera;
+    camera.name = name;
+    if (entry.has("intrinsics"))
+      yaml.fail("",
+                "this is a rig, not a recording: a recording is a folder with a recording.yaml, which names each "
+                "camera's frames");
+    camera.frames = (folder / entry.string("frames")).lexically_normal();
+    if (entry.has("fps")) camera.fps = entry.number("fps", {.min = 1e-3, .max = 1e6});
+    camera.offset = exact_duration_of(entry.number("offset_s", {.min = -longest_s, .max = longest_s}, 0));
+    camera.first_frame = entry.integer("first_frame", {.min = 0, .max = 1e12}, 0);
+    camera.every = entry.integer("every", {.min = 1, .max = 1e9}, 1);
+    if (entry.has("timestamps")) {
+      if (camera.fps > 0) entry.fail("timestamps", "is given together with fps: keep the one that is true");
+      const auto csv = (folder / entry.string("timestamps")).lexically_normal();
+      TimestampFile(csv, camera).read(recording.warnings);
+      camera.is_listed = true;
+      if (camera.timestamps.empty() && camera.corrupted.empty())
+        recording.warnings.push_back(csv.string() + ": lists no frames: camera " + name + " delivered none");
+    }
+    entry.finish();
+    recording.cameras.push_back(std::move(camera));
+  }
+  if (recording.cameras.empty()) yaml.fail("cameras", "names no camera");
+  if (std::ranges::all_of(recording.cameras,
+                          [](const RecordedCamera& c) { return c.is_listed && c.timestamps.empty(); }))
+    yaml.fail("cameras", "have no frames: the time-stamp file of none of them lists any");
+  yaml.finish();
+  return recording;
+}
+
+Recording read_recording(std::span<const std::string> words) {
+  std::error_code none;
+  if (words.size() == 1 && (words[0].find('=') == std::string::npos || std::filesystem::exists(words[0], none)))
+    return read_recording(std::filesystem::path(words[0]));
+  std::string all;
+  for (const std::string& word : words) all += (all.empty() ? "" : " ") + word;
+  Recording recording{.file = all, .cameras = {}, .warnings = {}, .started_at = {}};
+  for (const std::string& word : words) {
+    const auto equals = word.find('=');
+    if (equals == std::string::npos || equals == 0 || equals + 1 == word.size() || yaml::has_control_characters(word))
+      throw yaml::ConfigError(recording.file, 0,
+                              "\"" + yaml::printable(word) +
+                                  "\" is no CAMERA=FILE: a recording is a recording.yaml, or the folder that holds it, "
+                                  "or one CAMERA=FILE per camera: left=a.mp4 right=b.mp4");
+    RecordedCamera camera;
+    camera.name = word.substr(0, equals);
+    camera.frames = std::filesystem::absolute(word.substr(equals + 1)).lexically_normal();
+    if (std::ranges::find(recording.cameras, camera.name, &RecordedCamera::name) != recording.cameras.end())
+      throw yaml::ConfigError(recording.file, 0, "names camera " + camera.name + " twice");
+    recording.cameras.push_back(std::move(camera));
+  }
+  return recording;
+}
+
+}  // namespace huetrack::recordings

@@ -1,0 +1,458 @@
+#include "recordings/replay_source.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+#include <deque>
+#include <iterator>
+#include <stdexcept>
+#include <utility>
+
+#include "calib/yaml/nearest_word.h"
+#include "calib/yaml/yaml_reader.h"
+#include "capture/camera_clock.h"
+#include "recordings/matches_reader.h"
+#include "recordings/video_reader.h"
+
+namespace huetrack::recordings {
+namespace {
+
+std::string list_of(std::span<const std::string> names) {
+  return fmt::format("{}", fmt::join(names, ", "));
+}
+
+// The usual time between two frames of a CSV: the median, which a gap does not change.
+capture::Duration usual_period(const RecordedCamera& camera, const FrameSelection& selection) {
+  std::vector<capture::Duration> steps;
+  std::optional<capture::Timestamp> before;
+  for (const auto& [frame, at] : camera.timestamps) {
+    if (!selection.contains(frame)) continue;
+    if (before) steps.push_back(at - *before);
+    before = at;
+  }
+  if (steps.empty()) return capture::Duration::zero();
+  const auto middle = steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2);
+  std::ranges::nth_element(steps, middle);
+  return *middle;
+}
+
+// One camera's file as frames with a time and a number.
+class Stream {
+ public:
+  Stream(int camera_index, const RecordedCamera& camera, const std::filesystem::path& recording_file,
+         const capture::FrameTiming& timing, const ReplayOptions& options, std::vector<std::string>& warnings)
+      : camera_index_(camera_index), camera_(camera), timing_(timing), selection_(camera_), warnings_(warnings) {
+    info_.name = camera_.name;
+    info_.file = camera_.frames;
+    if (delivered_nothing()) {  // nor need there be a file
+      info_.expected_frames = 0;
+      return;
+    }
+    // One of ours, killed when its first frames were listed and not yet in the file: it delivered nothing.
+    const bool is_cut_off = !camera_.received.empty() && std::filesystem::exists(camera_.frames);
+    try {
+      if (is_matches_file(camera_.frames))
+        matches_.emplace(camera_, warnings, options.keeps_encoded);
+      else
+        reader_.emplace(camera_, options.decoder_threads, warnings, std::nullopt, options.keeps_encoded);
+    } catch (const yaml::ConfigError&) {
+      if (!is_cut_off) throw;
+      forget();
+      return;
+    }
+    if (matches_ && !options.takes_matches)
+      throw yaml::ConfigError(camera_.frames, 0,
+                              "tells which pixels match some colours, and has no pictures, which are needed for this: "
+                              "record with send: frames (frames of camera " +
+                                  camera_.name + ")");
+    info_.frame_period = !camera_.timestamps.empty() ? usual_period(camera_, selection_)
+                         : camera_.fps > 0 ? capture::duration_of(static_cast<double>(camera_.every) / camera_.fps)
+                         : reader_         ? camera_.every * reader_->frame_period()
+                                           : capture::Duration::zero();
+    if (!camera_.timestamps.empty())
+      info_.expected_frames = selection_.count_below(camera_.timestamps.back().first + 1);
+    else if (const auto count = reader_ ? reader_->frame_count() : std::nullopt)
+      info_.expected_frames = selection_.count_below(*count);
+
+    // The first frame with an image gives the size; those before it wait here for their turn.
+    while (auto frame = read()) {
+      const bool has_image = frame->status == capture::FrameStatus::ok;
+      waiting_.push_back(std::move(*frame));
+      if (has_image) break;
+    }
+    if (info_.width == 0) {
+      if (has_no_stamps_)
+        throw yaml::ConfigError(recording_file, 0,
+                                "cameras." + camera_.name + ": " + camera_.frames.string() +
+                                    " has no time stamps: give fps or timestamps in a recording.yaml");
+      if (is_cut_off) {
+        forget();
+        return;
+      }
+      throw yaml::ConfigError(camera_.frames, 0,
+                              "no frame of it can be played (frames of camera " + camera_.name + ")");
+    }
+    info_.first_at = waiting_.front().captured_at;
+  }
+
+  // Its file has no frame to play.
+  void forget() {
+    warnings_.push_back(camera_.frames.string() +
+                        ": nothing of it can be played: the recording was cut off at its start");
+    reader_.reset();
+    matches_.reset();
+    picture_.reset();
+    waiting_.clear();
+    camera_.timestamps.clear();
+    camera_.received.clear();
+    camera_.corrupted.clear();
+    info_.expected_frames = 0;
+  }
+
+  // The next frame, nullptr at the end.
+  const capture::Frame* front() {
+    if (waiting_.empty())
+      if (auto frame = read()) waiting_.push_back(std::move(*frame));
+    return waiting_.empty() ? nullptr : &waiting_.front();
+  }
+
+  capture::Frame take() {
+    capture::Frame frame = std::move(waiting_.front());
+    waiting_.pop_front();
+    ++(frame.status == capture::FrameStatus::ok ? info_.frames : info_.corrupted);
+    return frame;
+  }
+
+  const ReplayCamera& info() const { return info_; }
+
+  bool ended() const {
+    return waiting_.empty() && !picture_ && (!has_reader() || ended_) && next_corrupted_ == camera_.corrupted.size();
+  }
+
+  // No picture, that is.
+  bool delivered_nothing() const { return camera_.is_listed && camera_.timestamps.empty(); }
+
+  // Its rows say in which order the frames of all cameras came.
+  bool has_arrivals() const {
+    const auto is_numbered = [](const RecordedCamera::Received& received) { return received.arrival > 0; };
+    return camera_.is_listed && camera_.received.size() == camera_.timestamps.size() &&
+           std::ranges::all_of(camera_.received, is_numbered) &&
+           std::ranges::all_of(camera_.corrupted, is_numbered,
+                               &std::pair<capture::Timestamp, RecordedCamera::Received>::second);
+  }
+
+  // Capture time of the last frame, as far as it can be told beforehand.
+  std::optional<capture::Timestamp> expected_end() const {
+    if (!camera_.timestamps.empty()) return camera_.timestamps.back().second + camera_.offset;
+    if (!info_.expected_frames) return std::nullopt;
+    return info_.first_at.value_or(capture::Timestamp{}) + (*info_.expected_frames - 1) * info_.frame_period;
+  }
+
+ private:
+  // The next picture, or the frame before it that was recorded as corrupted.
+  std::optional<capture::Frame> read() {
+    if (!picture_ && has_reader()) picture_ = read_picture();
+    const auto& corrupted = camera_.corrupted;
+    if (next_corrupted_ < corrupted.size() &&
+        (!picture_ || corrupted[next_corrupted_].first + camera_.offset - timing_.latency < picture_->captured_at)) {
+      const auto& [at, received] = corrupted[next_corrupted_++];
+      count_number(received.sequence);
+      return capture::Frame{.camera = camera_index_,
+                            .sequence = received.sequence,
+                            .captured_at = at + camera_.offset - timing_.latency,
+                            .stamped_at = received.stamped_at.value_or(at) + camera_.offset,
+                            .latency = timing_.latency,
+                            .readout = timing_.readout,
+                            .clock = received.clock,
+                            .status = capture::FrameStatus::corrupted,
+                            .pixels = {},
+                            .arrival = received.arrival};
+    }
+    auto frame = std::exchange(picture_, std::nullopt);
+    if (frame) count_number(frame->sequence);
+    return frame;
+  }
+
+  void count_number(std::uint32_t number) {
+    if (last_number_ && number > *last_number_) info_.missing += number - *last_number_ - 1;
+    last_number_ = number;
+  }
+
+  bool has_reader() const { return reader_ || matches_; }
+
+  std::optional<capture::Frame> read_picture() {
+    while (auto picture = reader_ ? reader_->next() : matches_->next()) {
+      const auto stamp = capture_time(*picture);
+      if (!stamp) continue;
+      if (last_stamp_ && *stamp <= *last_stamp_) {
+        if (!std::exchange(warned_of_order_, true))
+          warn("time stamps go back at frame " + std::to_string(picture->index) + ": such frames are left out");
+        continue;  // its number is missing from the frames handed out
+      }
+      last_stamp_ = stamp;
+      const capture::Timestamp at = has_exact_times() ? *stamp : clock_.smoothed(*stamp);
+      last_index_ = picture->index;
+      if (!first_index_) first_index_ = picture->index;
+
+      capture::Frame frame{.camera = camera_index_,
+                           .sequence = static_cast<std::uint32_t>((picture->index - *first_index_) / camera_.every),
+                           .captured_at = at - timing_.latency,
+                           .stamped_at = *stamp,
+                           .latency = timing_.latency,
+                           .readout = timing_.readout,
+                           .status = capture::FrameStatus::corrupted,
+                           .pixels = {}};
+      if (!camera_.received.empty()) {
+        const auto& received = camera_.received[row_of(picture->index)];
+        frame.sequence = received.sequence;
+        frame.arrival = received.arrival;
+        frame.clock = received.clock;
+        if (received.stamped_at) frame.stamped_at = *received.stamped_at + camera_.offset;
+      } else {
+        frame.stream_index = picture->index;
+      }
+      if (picture->image.width > 0 && has_the_size(*picture)) {
+        frame.status = capture::FrameStatus::ok;
+        frame.pixels = std::move(picture->image);
+        frame.encoded = std::move(picture->jpeg);
+        frame.matches = std::move(picture->matches);
+      }
+      return frame;
+    }
+    if (!std::exchange(ended_, true)) note_listed_frames_that_never_came();
+    return std::nullopt;
+  }
+
+  // Its times are not stamps with jitter: they follow from the rate, or were smoothed when they were recorded.
+  bool has_exact_times() const {
+    return camera_.timestamps.empty() ? camera_.fps > 0
+                                      : !camera_.received.empty() && camera_.received.front().stamped_at.has_value();
+  }
+
+  std::size_t row_of(std::int64_t index) const {
+    const auto row =
+        std::ranges::lower_bound(camera_.timestamps, index, {}, &std::pair<std::int64_t, capture::Timestamp>::first);
+    assert(row != camera_.timestamps.end() && row->first == index);
+    return static_cast<std::size_t>(row - camera_.timestamps.begin());
+  }
+
+  std::optional<capture::Timestamp> capture_time(const VideoReader::Shown& picture) {
+    if (!camera_.timestamps.empty()) return camera_.timestamps[row_of(picture.index)].second + camera_.offset;
+    if (camera_.fps > 0) {
+      warn_of_gap(picture);
+      // rounded once, from the exact time
+      const long double since_start = static_cast<long double>(picture.index) * 1e9L / camera_.fps;
+      return capture::Timestamp{capture::Duration(std::llround(since_start)) + camera_.offset};
+    }
+    if (picture.stamp) return *picture.stamp + camera_.offset;
+    if (!std::exchange(has_no_stamps_, true) && last_stamp_)
+      warn("frame " + std::to_string(picture.index) + " and perhaps others have no time stamp: they are left out");
+    return std::nullopt;
+  }
+
+  // A file of the stated rate that lacks a frame: every time from there on is wrong by a frame.
+  void warn_of_gap(const VideoReader::Shown& picture) {
+    const capture::Duration period = capture::duration_of(1 / camera_.fps);
+    if (warned_of_gap_ || !picture.stamp || !reader_) return;
+    if (!first_stamp_) first_stamp_ = {picture.index, *picture.stamp};
+    const capture::Duration by_stamps = *picture.stamp - first_stamp_->second;
+    const capture::Duration gap = by_stamps - (picture.index - first_stamp_->first) * period;
+    if (std::chrono::abs(reader_->frame_period() - period) > period / 50 || gap < period * 9 / 10 ||
+        gap > period * 10 + by_stamps / 10)  // the file has another rate, or another notion of time
+      return;
+    warned_of_gap_ = true;
+    warn("its own time stamps say that a frame is missing before frame " + std::to_string(picture.index) +
+         ": from there on, fps gives times that are too early. Leave fps out to use the file's time stamps");
+  }
+
+  bool has_the_size(const VideoReader::Shown& picture) {
+    const capture::Image& image = picture.image;
+    if (info_.width == 0) {
+      info_.width = image.width;
+      info_.height = image.height;
+      info_.format = image.format;
+      info_.range = image.range;
+    }
+    if (image.width == info_.width && image.height == info_.height) return true;
+    if (!std::exchange(warned_of_size_, true))
+      warn("frame " + std::to_string(picture.index) + " is " + std::to_string(image.width) + "x" +
+           std::to_string(image.height) + ", not " + std::to_string(info_.width) + "x" + std::to_string(info_.height) +
+           " as the first: frames of another size are not used");
+    return false;
+  }
+
+  void note_listed_frames_that_never_came() {
+    const auto last = selection_.last();
+    if (!last) return;
+    const std::int64_t end = last_index_ ? *last_index_ + 1 : 0;
+    const std::int64_t absent = selection_.count_below(*last + 1) - selection_.count_below(end);
+    if (absent <= 0) return;
+    info_.missing += absent;
+    warn("has no frame for the last " + std::to_string(absent) + " rows of its time stamps");
+  }
+
+  void warn(const std::string& text) { warnings_.push_back(camera_.frames.string() + ": " + text); }
+
+  int camera_index_;
+  RecordedCamera camera_;
+  capture::FrameTiming timing_;
+  capture::CameraClock clock_;
+  FrameSelection selection_;  // of camera_
+  std::vector<std::string>& warnings_;
+  std::optional<VideoReader> reader_;      // of camera_; none when it delivered nothing
+  std::optional<MatchesReader> matches_;   // in its place
+  std::optional<capture::Frame> picture_;  // read ahead
+  std::size_t next_corrupted_ = 0;         // row of camera_.corrupted
+  ReplayCamera info_;
+  std::deque<capture::Frame> waiting_;
+  std::optional<capture::Timestamp> last_stamp_;
+  std::optional<std::int64_t> first_index_, last_index_;  // in the stream, of the pictures that are played
+  std::optional<std::uint32_t> last_number_;              // Frame::sequence
+  std::optional<std::pair<std::int64_t, capture::Timestamp>> first_stamp_;  // index and the container's time
+  bool warned_of_gap_ = false;
+  bool has_no_stamps_ = false;
+  bool warned_of_order_ = false;
+  bool warned_of_size_ = false;
+  bool ended_ = false;
+};
+
+// A mistake in a time stamp's unit, or in offset_s, and few sets, or none, ever have two views.
+void warn_of_times_apart(const Recording& recording, const std::vector<std::unique_ptr<Stream>>& streams,
+                         std::vector<std::string>& warnings) {
+  constexpr double least_in_common = 0.5;  // of a camera's own length: cameras are started and stopped by one hand
+  struct Span {
+    std::string name;
+    capture::Timestamp from, to;
+  };
+  std::vector<Span> spans;
+  for (const auto& stream : streams)
+    if (const auto from = stream->info().first_at, to = stream->expected_end(); from && to)
+      spans.push_back({stream->info().name, *from, *to});
+  if (spans.size() < 2) return;
+  for (const Span& a : spans) {
+    capture::Duration most = capture::Duration::min();  // that one other camera has with it
+    for (const Span& b : spans)
+      if (&a != &b) most = std::max(most, std::min(a.to, b.to) - std::max(a.from, b.from));
+    const capture::Duration length = a.to - a.from;
+    if (most >= capture::Duration::zero() && most >= capture::duration_of(least_in_common * capture::seconds(length)))
+      continue;
+    warnings.push_back(fmt::format(
+        "{}: camera {} has frames from {:.3f} to {:.3f} s, and {}: are its times right (fps, offset_s, timestamps)?",
+        recording.file.string(), a.name, capture::seconds(a.from.time_since_epoch()),
+        capture::seconds(a.to.time_since_epoch()),
+        most < capture::Duration::zero() ? "no other camera has any then"
+                                         : fmt::format("no other camera has any in more than {:.0f} % of that time",
+                                                       100 * capture::seconds(most) / capture::seconds(length))));
+  }
+}
+
+}  // namespace
+
+std::vector<std::string> ReplayOptions::problems() const {
+  if (decoder_threads >= 1) return {};
+  return {"decoder_threads is " + std::to_string(decoder_threads) + ", but must be >= 1"};
+}
+
+struct ReplaySource::Impl {
+  std::vector<std::string> warnings;
+  std::vector<std::unique_ptr<Stream>> streams;
+  mutable std::vector<ReplayCamera> cameras;
+  bool repeats_arrivals = false;  // the order in which the frames came, which all cameras' rows tell
+};
+
+ReplaySource::ReplaySource(const Recording& recording, std::span<const std::string> camera_names,
+                           const ReplayOptions& options)
+    : impl_(std::make_unique<Impl>()) {
+  for (const auto& problem : options.problems()) throw std::invalid_argument("ReplaySource: " + problem);
+  if (!options.timing.empty() && options.timing.size() != camera_names.size())
+    throw std::invalid_argument("ReplaySource: timing has not one entry per camera");
+
+  impl_->warnings = recording.warnings;
+  std::vector<std::string> recorded;
+  for (const auto& camera : recording.cameras) recorded.push_back(camera.name);
+  for (const auto& name : camera_names) {
+    if (std::ranges::find(recorded, name) != recorded.end()) continue;
+    std::vector<std::string> others;  // those that the rig has are not meant
+    std::ranges::copy_if(recorded, std::back_inserter(others), [&](const std::string& other) {
+      return std::ranges::find(camera_names, other) == camera_names.end();
+    });
+    const auto nearest = yaml::nearest_word(name, others);
+    throw yaml::ConfigError(recording.file, 0,
+                            "has no camera " + name + (nearest ? " (did you mean " + *nearest + "?)" : std::string()) +
+                                ": it has " + list_of(recorded) + ", and the rig has " + list_of(camera_names));
+  }
+  for (const auto& name : recorded)
+    if (std::ranges::find(camera_names, name) == camera_names.end())
+      impl_->warnings.push_back(recording.file.string() + ": camera " + name + " is not in the rig: it is not played");
+
+  for (std::size_t c = 0; c < camera_names.size(); ++c) {
+    const auto& camera = *std::ranges::find(recording.cameras, camera_names[c], &RecordedCamera::name);
+    const capture::FrameTiming timing = options.timing.empty() ? capture::FrameTiming{} : options.timing[c];
+    impl_->streams.push_back(
+        std::make_unique<Stream>(static_cast<int>(c), camera, recording.file, timing, options, impl_->warnings));
+    impl_->cameras.push_back(impl_->streams.back()->info());
+  }
+  warn_of_times_apart(recording, impl_->streams, impl_->warnings);
+  impl_->repeats_arrivals =
+      std::ranges::all_of(impl_->streams, [](const auto& stream) { return stream->has_arrivals(); });
+}
+
+ReplaySource::~ReplaySource() = default;
+
+std::optional<capture::Frame> ReplaySource::next(std::stop_token stop) {
+  const auto comes_before = [&](const capture::Frame& a, const capture::Frame& b) {
+    return impl_->repeats_arrivals ? a.arrival < b.arrival : a.captured_at < b.captured_at;
+  };
+  Stream* earliest = nullptr;
+  for (const auto& stream : impl_->streams) {
+    if (stop.stop_requested()) return std::nullopt;
+    const capture::Frame* frame = stream->front();
+    if (frame && (!earliest || comes_before(*frame, *earliest->front()))) earliest = stream.get();
+  }
+  return earliest ? std::optional(earliest->take()) : std::nullopt;
+}
+
+bool ReplaySource::ended(int camera) const {
+  return impl_->streams.at(static_cast<std::size_t>(camera))->ended();
+}
+
+const std::vector<ReplayCamera>& ReplaySource::cameras() const {
+  for (std::size_t i = 0; i < impl_->streams.size(); ++i) impl_->cameras[i] = impl_->streams[i]->info();
+  return impl_->cameras;
+}
+
+std::optional<std::int64_t> ReplaySource::expected_frames() const {
+  std::int64_t sum = 0;
+  for (const auto& stream : impl_->streams) {
+    if (!stream->info().expected_frames) return std::nullopt;
+    sum += *stream->info().expected_frames;
+  }
+  return sum;
+}
+
+std::optional<capture::Timestamp> ReplaySource::first_at() const {
+  std::optional<capture::Timestamp> first;
+  for (const auto& stream : impl_->streams)
+    if (const auto at = stream->info().first_at) first = std::min(first.value_or(*at), *at);
+  return first;
+}
+
+std::optional<capture::Duration> ReplaySource::expected_duration() const {
+  std::optional<capture::Timestamp> end;
+  for (const auto& stream : impl_->streams) {
+    if (stream->delivered_nothing()) continue;
+    const auto stream_end = stream->expected_end();
+    if (!stream_end) return std::nullopt;
+    end = std::max(end.value_or(capture::Timestamp::min()), *stream_end);
+  }
+  const auto begin = first_at();
+  return begin && end ? std::optional(*end - *begin) : std::nullopt;
+}
+
+std::vector<std::string> ReplaySource::take_warnings() {
+  return std::exchange(impl_->warnings, {});
+}
+
+}  // namespace huetrack::recordings

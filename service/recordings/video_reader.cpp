@@ -1,0 +1,575 @@
+#include "recordings/video_reader.h"
+
+#include <glob.h>
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cmath>
+#include <cstring>
+#include <deque>
+#include <fstream>
+#include <set>
+#include <utility>
+
+#include "calib/yaml/yaml_reader.h"
+#include "capture/ffmpeg_log.h"
+#include "capture/ffmpeg_objects.h"
+#include "capture/ffmpeg_picture.h"
+#include "capture/jpeg_decoder.h"
+
+namespace huetrack::recordings {
+
+bool FrameSelection::contains(std::int64_t index) const {
+  if (index < camera_.first_frame || (index - camera_.first_frame) % camera_.every != 0) return false;
+  return camera_.timestamps.empty() ||
+         std::ranges::binary_search(camera_.timestamps, index, {}, &std::pair<std::int64_t, capture::Timestamp>::first);
+}
+
+std::optional<std::int64_t> FrameSelection::last() const {
+  return camera_.timestamps.empty() ? std::nullopt : std::optional(camera_.timestamps.back().first);
+}
+
+std::int64_t FrameSelection::count_below(std::int64_t end) const {
+  if (camera_.timestamps.empty())
+    return end <= camera_.first_frame ? 0 : (end - camera_.first_frame + camera_.every - 1) / camera_.every;
+  return std::ranges::count_if(camera_.timestamps,
+                               [&](const auto& row) { return row.first < end && contains(row.first); });
+}
+
+namespace {
+
+constexpr std::int64_t most_pixels = 1 << 26;      // of one image; a damaged header must not make us allocate gigabytes
+constexpr std::int64_t longest_gap_frames = 1000;  // a damaged time stamp must not make us invent frames
+constexpr int most_warnings = 5;                   // of one kind, one by one; the others are summed up
+
+// ---- Image files
+
+struct ImageFile {
+  std::int64_t number = 0;
+  std::filesystem::path path;
+};
+
+// The files of a printf pattern like cam0/%06d.png, by number; the pattern has exactly one %d in its last part.
+std::vector<ImageFile> files_of_pattern(const std::filesystem::path& pattern) {
+  const std::string name = pattern.filename().string();
+  const std::size_t begin = name.find('%');
+  std::size_t at = begin == std::string::npos ? name.size() : begin + 1;
+  std::size_t width = 0;
+  while (at < name.size() && name[at] >= '0' && name[at] <= '9' && width < 100)
+    width = 10 * width + static_cast<std::size_t>(name[at++] - '0');
+  if (at >= name.size() || name[at] != 'd' || name.find('%', at) != std::string::npos)
+    throw yaml::ConfigError(pattern, 0,
+                            "is not a pattern of image files: its last part must have one number like %06d");
+  const std::string_view prefix = std::string_view(name).substr(0, begin);
+  const std::string_view suffix = std::string_view(name).substr(at + 1);
+
+  std::vector<ImageFile> files;
+  std::error_code error;
+  for (const auto& entry : std::filesystem::directory_iterator(pattern.parent_path(), error)) {
+    const std::string file = entry.path().filename().string();
+    if (file.size() <= prefix.size() + suffix.size() || !file.starts_with(prefix) || !file.ends_with(suffix)) continue;
+    const std::string_view digits =
+        std::string_view(file).substr(prefix.size(), file.size() - prefix.size() - suffix.size());
+    // as printf writes it: padded with zeros up to the width, never beyond
+    if (digits.size() < width || (digits.size() > std::max<std::size_t>(width, 1) && digits.front() == '0')) continue;
+    ImageFile image{.number = 0, .path = entry.path()};
+    const auto [end, problem] = std::from_chars(digits.data(), digits.data() + digits.size(), image.number);
+    if (problem != std::errc{} || end != digits.data() + digits.size() || image.number < 0) continue;
+    files.push_back(std::move(image));
+  }
+  std::ranges::sort(files, {}, &ImageFile::number);
+  if (!files.empty())
+    for (const std::int64_t first = files.front().number; auto& file : files) file.number -= first;
+  return files;
+}
+
+std::vector<ImageFile> files_of_glob(const std::filesystem::path& pattern) {
+  std::vector<ImageFile> files;
+  glob_t found{};
+  if (::glob(pattern.c_str(), 0, nullptr, &found) == 0)
+    for (std::size_t i = 0; i < found.gl_pathc; ++i)
+      files.push_back({.number = static_cast<std::int64_t>(i), .path = found.gl_pathv[i]});
+  ::globfree(&found);
+  return files;
+}
+
+// Empty: `frames` is one file.
+std::vector<ImageFile> image_files_of(const RecordedCamera& camera) {
+  const std::string name = camera.frames.filename().string();
+  const bool is_pattern = name.find('%') != std::string::npos;
+  const bool is_glob = camera.frames.string().find_first_of("*?[") != std::string::npos;
+  std::error_code error;
+  if ((!is_pattern && !is_glob) || std::filesystem::exists(camera.frames, error)) return {};
+  auto files = is_pattern ? files_of_pattern(camera.frames) : files_of_glob(camera.frames);
+  if (files.empty())
+    throw yaml::ConfigError(camera.frames, 0, "no file matches this pattern (frames of camera " + camera.name + ")");
+  return files;
+}
+
+}  // namespace
+
+struct VideoReader::Impl {
+  Impl(const RecordedCamera& c, int threads, std::vector<std::string>& w, std::optional<std::stop_token> g, bool keeps)
+      : camera(c), selection(c), warnings(w), growing(std::move(g)), images(image_files_of(c)), keeps_jpeg(keeps) {
+    capture::take_over_ffmpeg_log();
+    open(images.empty() ? camera.frames : images.front().path, threads);
+  }
+
+  [[noreturn]] void fail(const std::filesystem::path& file, const std::string& what) {
+    throw yaml::ConfigError(file, 0, what + log.take() + " (frames of camera " + camera.name + ")");
+  }
+
+  void open(const std::filesystem::path& file, int threads) {
+    const capture::FfmpegLogScope scope(log);
+    std::error_code error;
+    if (!std::filesystem::exists(file, error)) fail(file, "no such file");
+    if (!std::filesystem::is_regular_file(file, error))
+      fail(file, "is not a file: give a video, or images as a pattern like %06d.png");
+    if (std::filesystem::file_size(file, error) == 0 && !error) fail(file, "is empty");
+
+    // Local files only: a play list or the like in a recording must not reach out into the network.
+    AVDictionary* options = nullptr;
+    av_dict_set(&options, "protocol_whitelist", "file", 0);
+    AVFormatContext* opened = capture::not_null(avformat_alloc_context());  // freed where it cannot be opened
+    if (growing) {
+      av_dict_set(&options, "follow", "1", 0);
+      opened->interrupt_callback = {
+          [](void* stop) { return static_cast<const std::stop_token*>(stop)->stop_requested() ? 1 : 0; }, &*growing};
+    }
+    const int open_error = avformat_open_input(&opened, ("file:" + file.string()).c_str(), nullptr, &options);
+    av_dict_free(&options);
+    if (open_error < 0) fail(file, "is not a video or image that FFmpeg can read: " + capture::error_text(open_error));
+    format.reset(opened);
+    std::vector<AVDictionary*> limits(format->nb_streams, nullptr);
+    for (auto& limit : limits) av_dict_set_int(&limit, "max_pixels", most_pixels, 0);
+    const int found = avformat_find_stream_info(format.get(), limits.data());
+    for (auto& limit : limits) av_dict_free(&limit);
+    const AVCodec* decoder = nullptr;
+    const int best = found < 0 ? found : av_find_best_stream(format.get(), AVMEDIA_TYPE_VIDEO, -1, -1, &decoder, 0);
+    if (best == AVERROR_DECODER_NOT_FOUND) fail(file, "its video codec is not in this FFmpeg");
+    // FFmpeg plays text files as terminal pictures.
+    if (best < 0 || !decoder || decoder->id == AV_CODEC_ID_ANSI) fail(file, "has no video stream");
+    for (unsigned i = 0; i < format->nb_streams; ++i)
+      if (static_cast<int>(i) != best) format->streams[i]->discard = AVDISCARD_ALL;
+    stream = format->streams[best];
+
+    codec.reset(capture::not_null(avcodec_alloc_context3(decoder)));
+    if (const int e = avcodec_parameters_to_context(codec.get(), stream->codecpar); e < 0)
+      fail(file, capture::error_text(e));
+    codec->pkt_timebase = stream->time_base;
+    codec->max_pixels = most_pixels;
+    codec->opaque = &log;
+    // A damaged picture is one that we do not have: patched up, it would be a measurement of what is not there.
+    codec->err_recognition = AV_EF_CRCCHECK | AV_EF_EXPLODE;
+    codec->thread_count = threads;
+    codec->thread_type = FF_THREAD_SLICE;  // frame threads would make it uncertain which frame an error belongs to
+    if (const int e = avcodec_open2(codec.get(), decoder, nullptr); e < 0)
+      fail(file, "its video cannot be decoded: " + capture::error_text(e));
+    const AVCodecDescriptor* properties = avcodec_descriptor_get(decoder->id);
+    is_intra_only = properties && (properties->props & AV_CODEC_PROP_INTRA_ONLY) != 0;
+    is_delayed = (decoder->capabilities & AV_CODEC_CAP_DELAY) != 0;
+    if (!images.empty()) {
+      if (is_delayed) fail(file, std::string("images in ") + decoder->name + " are not supported: convert them to PNG");
+      is_intra_only = true;
+      format.reset();
+      stream = nullptr;
+    }
+    damaged = log.count() > 0;  // seen while looking for the streams
+    log.take();
+  }
+
+  void warn(int& count, const std::string& text) {
+    if (++count <= most_warnings) warnings.push_back(camera.frames.string() + ": " + text);
+  }
+
+  void sum_up(int& count, const std::string& what) {
+    if (count > most_warnings)
+      warnings.push_back(camera.frames.string() + ": " + std::to_string(count - most_warnings) + " more " + what);
+    count = 0;
+  }
+
+  // ---- One picture after the other
+
+  std::optional<Shown> next() {
+    const capture::FfmpegLogScope scope(log);
+    while (ready.empty() && !ended) {
+      const auto last = selection.last();
+      if (last && index > *last) return std::nullopt;
+      if (images.empty())
+        read_packet();
+      else
+        read_image();
+    }
+    if (ready.empty()) return std::nullopt;
+    Shown picture = std::move(ready.front());
+    ready.pop_front();
+    return picture;
+  }
+
+  void read_image() {
+    if (next_image == images.size()) {
+      end();
+      return;
+    }
+    const ImageFile& file = images[next_image++];
+    index = file.number;
+    if (!selection.contains(index)) {
+      ++index;
+      return;
+    }
+    log.take();
+    std::ifstream in(file.path, std::ios::binary | std::ios::ate);
+    const auto size = in ? static_cast<std::int64_t>(in.tellg()) : 0;
+    std::optional<capture::Image> image;
+    if (in && size > 0 && size < (1 << 30) && av_new_packet(packet.get(), static_cast<int>(size)) == 0) {
+      packet->flags |= AV_PKT_FLAG_KEY;  // PNG knows pictures that build on the one before
+      in.seekg(0);
+      if (in.read(reinterpret_cast<char*>(packet->data), size)) image = decode_one().image;
+      av_packet_unref(packet.get());
+    }
+    if (!image) warn(lost_warnings, file.path.filename().string() + " does not decode" + log.take());
+    accept(std::nullopt, std::move(image));
+  }
+
+  void read_packet() {
+    log.take();  // what was not worth a warning
+    int result = av_read_frame(format.get(), packet.get());
+    for (int i = 0; result == AVERROR(EAGAIN) && i < 1000; ++i) result = av_read_frame(format.get(), packet.get());
+    const bool is_damaged = log.count() > 0;
+    if (result < 0) {
+      damaged = damaged || is_damaged || is_delayed;  // cut off, it may lack frames before the last that it has
+      decode_rest();
+      const bool read_failed = result != AVERROR_EOF || (format->pb && format->pb->error < 0);
+      if (read_failed || is_damaged || ends_early())
+        warnings.push_back(camera.frames.string() + ": is cut off or damaged: " + std::to_string(index) + " frames" +
+                           (frame_count() && *frame_count() > index
+                                ? " instead of about " + std::to_string(*frame_count())
+                                : std::string()) +
+                           log.take());
+      end();
+      return;
+    }
+    if (packet->stream_index == stream->index) {
+      if (is_damaged || (packet->flags & AV_PKT_FLAG_CORRUPT) != 0) {
+        warn(damage_warnings, "is damaged near frame " + std::to_string(index) + log.take());
+        damaged = true;
+        lost_reference(sent_key);
+      }
+      stamp_from_avi_index();
+      if (is_delayed)
+        decode_delayed();
+      else
+        decode_immediate();
+    }
+    av_packet_unref(packet.get());
+  }
+
+  // AVI has no time stamps but the number of the chunk, and FFmpeg counts only those that it finds. The index says
+  // which one it is.
+  void stamp_from_avi_index() {
+    if (packet->pts == AV_NOPTS_VALUE || packet->pos < 0 || std::string_view(format->iformat->name) != "avi") return;
+    const AVIndexEntry* entry = nullptr;
+    for (; next_avi_entry < avformat_index_get_entries_count(stream); ++next_avi_entry) {
+      const AVIndexEntry* next = avformat_index_get_entry(stream, next_avi_entry);
+      if (next->pos > packet->pos) break;
+      entry = next;
+    }
+    if (!entry || entry->timestamp <= packet->pts) return;
+    packet->pts = entry->timestamp;
+    damaged = true;
+  }
+
+  // A decoder that answers each packet with its picture: packet and frame numbers are one.
+  void decode_immediate() {
+    const auto pts = packet->pts != AV_NOPTS_VALUE ? std::optional(packet->pts) : std::nullopt;
+    if (is_repeated(pts)) {
+      warn(damage_warnings, "has frames twice near frame " + std::to_string(index) + ": the first is used");
+      damaged = true;
+      return;
+    }
+    ++sent_key;
+    if (is_intra_only && !selection.contains(index + frames_lost_before(pts))) {
+      accept(pts, std::nullopt);
+      return;
+    }
+    const bool is_key = (packet->flags & AV_PKT_FLAG_KEY) != 0;
+    Decoded decoded = (packet->flags & AV_PKT_FLAG_CORRUPT) != 0 && is_intra_only ? Decoded{} : decode_one();
+    if (!decoded.image && decoded.is_hidden) return;
+    if (frames_lost_before(pts) > 0 || !decoded.image) lost_reference(sent_key - 1);
+    accept(pts, keep_if_sound(std::move(decoded.image), is_key, sent_key));
+  }
+
+  struct Decoded {
+    std::optional<capture::Image> image;
+    bool is_hidden = false;  // a reference picture of VP8/VP9 that is never shown: takes no number
+  };
+
+  Decoded decode_one() {
+    Decoded result;
+    if (packet->size == 0) return result;  // to the decoder it would mean the end
+    if (codec->codec_id == AV_CODEC_ID_MJPEG && decode_jpeg(result)) return result;
+    const int errors_before = log.count();
+    int error = avcodec_send_packet(codec.get(), packet.get());
+    while (error == 0) {
+      capture::FramePtr frame(capture::not_null(av_frame_alloc()));
+      error = avcodec_receive_frame(codec.get(), frame.get());
+      if (error == 0 && !result.image) result.image = image_from(std::move(frame));
+    }
+    result.is_hidden =
+        error == AVERROR(EAGAIN) && (codec->codec_id == AV_CODEC_ID_VP8 || codec->codec_id == AV_CODEC_ID_VP9);
+    // FFV1 reports a slice whose checksum is wrong in its log only, and shows the last picture's slice instead.
+    const bool is_patched = codec->codec_id == AV_CODEC_ID_FFV1 && log.count() > errors_before;
+    if ((error != AVERROR(EAGAIN) && error != AVERROR_EOF) || is_patched) result.image.reset();
+    return result;
+  }
+
+  // As a live camera's JPEGs are decoded, so that a recording replays to the same pixels. False: it is of a kind that
+  // only FFmpeg knows (odd sizes, interlaced fields, RGB, ...).
+  bool decode_jpeg(Decoded& result) {
+    auto decoded = jpeg.decode({packet->data, static_cast<std::size_t>(packet->size)});
+    if (!decoded.image && !decoded.is_unsupported) log.add(decoded.problem);
+    if (decoded.is_unsupported) return false;
+    // In a video it is a field of an interlaced picture; an image file of another size is one, and is not used for
+    // that.
+    if (decoded.image && images.empty() && codec->width > 0 &&
+        (decoded.image->width != codec->width || decoded.image->height != codec->height))
+      return false;
+    if (decoded.image && codec->color_range == AVCOL_RANGE_MPEG) decoded.image->range = capture::ColorRange::limited;
+    result.image = std::move(decoded.image);
+    if (keeps_jpeg && result.image)
+      jpeg_bytes = std::make_shared<std::vector<std::uint8_t>>(packet->data, packet->data + packet->size);
+    return true;
+  }
+
+  // A decoder that holds pictures back to sort them: the picture's time stamp says which packet it comes from.
+  void decode_delayed() {
+    if (packet->size == 0 || (packet->flags & AV_PKT_FLAG_DISCARD) != 0) {
+      if (packet->size > 0) avcodec_send_packet(codec.get(), packet.get());
+      receive();
+      return;
+    }
+    if (packet->pts == AV_NOPTS_VALUE || pending.contains(packet->pts) || (shown_key && packet->pts <= *shown_key))
+      has_pts = false;
+    if (has_pts) {
+      pending.insert(packet->pts);
+      sent_key = std::max(sent_key, packet->pts);
+    } else {
+      ++unstamped_pending;
+    }
+    avcodec_send_packet(codec.get(), packet.get());  // what it says of errors may be about another packet
+    receive();
+  }
+
+  void decode_rest() {
+    if (!is_delayed) return;
+    avcodec_send_packet(codec.get(), nullptr);
+    receive();
+    while (!pending.empty()) show_lost();
+    for (; unstamped_pending > 0; --unstamped_pending) accept(std::nullopt, std::nullopt);
+  }
+
+  void receive() {
+    for (int errors = 0; errors < 64;) {
+      capture::FramePtr frame(capture::not_null(av_frame_alloc()));
+      const int error = avcodec_receive_frame(codec.get(), frame.get());
+      if (error == AVERROR(EAGAIN) || error == AVERROR_EOF) return;
+      if (error < 0) {
+        ++errors;  // the picture will be found missing when a later one is shown
+        continue;
+      }
+      const std::int64_t pts = frame->pts;
+      const bool is_key = frame->key_frame != 0;
+      if (!has_pts || !pending.contains(pts)) {
+        if (!pending.empty())
+          pending.erase(pending.begin());
+        else if (unstamped_pending > 0)
+          --unstamped_pending;
+        accept(pts != AV_NOPTS_VALUE ? std::optional(pts) : std::nullopt,
+               keep_if_sound(image_from(std::move(frame)), is_key, pts));
+        continue;
+      }
+      while (*pending.begin() < pts) show_lost();
+      pending.erase(pending.begin());
+      shown_key = pts;
+      if (frames_lost_before(pts) > 0) lost_reference(pts - 1);
+      auto image = image_from(std::move(frame));
+      if (!image) lost_reference(pts);
+      accept(pts, keep_if_sound(std::move(image), is_key, pts));
+    }
+  }
+
+  void show_lost() {
+    const std::int64_t pts = *pending.begin();
+    pending.erase(pending.begin());
+    shown_key = pts;
+    lost_reference(pts);
+    accept(pts, std::nullopt);
+  }
+
+  // From a lost picture to the next key frame all pictures are predicted from what is not there.
+  void lost_reference(std::int64_t key) {
+    if (!is_intra_only) broken_from = std::max(broken_from.value_or(key), key);
+  }
+
+  std::optional<capture::Image> keep_if_sound(std::optional<capture::Image> image, bool is_key, std::int64_t key) {
+    if (broken_from && image && is_key && key > *broken_from) broken_from.reset();
+    return broken_from ? std::nullopt : std::move(image);
+  }
+
+  std::optional<capture::Image> image_from(capture::FramePtr frame) {
+    return pictures.image_of(std::move(frame), codec->codec_id);
+  }
+
+  // ---- Numbering
+
+  // Ticks of the time stamps from one frame to the next; nullopt when they are not regular.
+  std::optional<double> step() const {
+    if (!is_regular || !stream) return std::nullopt;
+    if (regular_count >= 2)
+      return static_cast<double>(regular_last - *first_pts) / static_cast<double>(regular_count - 1);
+    const double ticks = av_q2d(av_inv_q(av_mul_q(stream->avg_frame_rate, stream->time_base)));
+    return std::isfinite(ticks) && ticks > 0 ? std::optional(ticks) : std::nullopt;
+  }
+
+  // In a damaged file, if the time stamps were regular up to the damage: the number of frames that they say are missing
+  // before this one; nullopt if it cannot be true, so that the time stamp itself is damaged.
+  std::optional<std::int64_t> gap_before(std::int64_t pts) const {
+    const auto ticks = step();
+    if (!damaged || !ticks) return 0;
+    const double frames = static_cast<double>(pts - last_pts.value_or(0)) / *ticks - (last_pts ? 1 : 0);
+    const auto most =
+        frame_count() ? std::clamp<std::int64_t>(*frame_count() - index, 0, longest_gap_frames) : longest_gap_frames;
+    if (std::round(frames) > static_cast<double>(most)) return std::nullopt;
+    return std::max<std::int64_t>(0, std::llround(frames));
+  }
+
+  std::int64_t frames_lost_before(std::optional<std::int64_t> pts) const {
+    return pts ? gap_before(*pts).value_or(0) : 0;
+  }
+
+  // A piece of the file that is there twice. (Time stamps too coarse to tell two frames apart say nothing.)
+  bool is_repeated(std::optional<std::int64_t> pts) const {
+    const auto ticks = step();
+    return pts && last_pts && *pts <= *last_pts && ticks && *ticks >= 2;
+  }
+
+  void accept(std::optional<std::int64_t> pts, std::optional<capture::Image> image) {
+    if (pts && !gap_before(*pts)) pts.reset();
+    for (std::int64_t lost = frames_lost_before(pts), i = lost; i >= 1; --i)
+      show(*pts - std::llround(static_cast<double>(i) * *step()), std::nullopt);
+    show(pts, std::move(image));
+    if (!pts) return;
+    if (!first_pts) first_pts = pts;
+    if (!damaged) {
+      if (last_pts) {
+        const auto ticks = regular_count >= 2 ? step() : std::nullopt;
+        const double steps = ticks ? static_cast<double>(*pts - *last_pts) / *ticks : 1;
+        is_regular = is_regular && *pts > *last_pts && steps > 0.5 && steps < 1.5;
+      }
+      regular_last = *pts;
+      ++regular_count;
+    }
+    last_pts = pts;
+  }
+
+  void show(std::optional<std::int64_t> pts, std::optional<capture::Image> image) {
+    const std::int64_t number = index++;
+    if (!selection.contains(number)) return;
+    if (!image && images.empty())
+      warn(lost_warnings, "frame " + std::to_string(number) + " does not decode" + log.take());
+    Shown picture{.index = number, .stamp = {}, .image = image ? std::move(*image) : capture::Image{}};
+    if (picture.image.width > 0) picture.jpeg = std::exchange(jpeg_bytes, nullptr);
+    if (pts)
+      picture.stamp = capture::Timestamp{capture::Duration(av_rescale_q(*pts, stream->time_base, {1, 1'000'000'000}))};
+    ready.push_back(std::move(picture));
+  }
+
+  bool ends_early() const {
+    if (stream->nb_frames > 0) return index < stream->nb_frames;
+    const auto ticks = step();
+    if (!last_pts || !ticks || format->nb_streams != 1 || format->duration <= 0 ||
+        format->duration_estimation_method == AVFMT_DURATION_FROM_BITRATE)
+      return false;
+    const double second = av_q2d(av_inv_q(stream->time_base));
+    const double begin = stream->start_time != AV_NOPTS_VALUE ? static_cast<double>(stream->start_time) : 0;
+    const double end = begin + static_cast<double>(format->duration) / AV_TIME_BASE * second;
+    return static_cast<double>(*last_pts) + 2.5 * *ticks < end;
+  }
+
+  std::optional<std::int64_t> frame_count() const {
+    if (!images.empty()) return images.back().number + 1;
+    if (stream->nb_frames > 0) return stream->nb_frames;
+    const double rate = av_q2d(stream->avg_frame_rate);
+    if (format->duration > 0 && rate > 0 && rate < 1e6)
+      return std::llround(static_cast<double>(format->duration) / AV_TIME_BASE * rate);
+    return std::nullopt;
+  }
+
+  void end() {
+    ended = true;
+    sum_up(lost_warnings, "frames that do not decode");
+    sum_up(damage_warnings, "damaged places");
+  }
+
+  const RecordedCamera& camera;
+  FrameSelection selection;
+  std::vector<std::string>& warnings;
+  std::optional<std::stop_token> growing;
+  capture::FfmpegLog log;
+  std::vector<ImageFile> images;  // empty: a video
+  const bool keeps_jpeg;
+  std::shared_ptr<const std::vector<std::uint8_t>> jpeg_bytes = {};  // of the picture that is shown next
+  std::size_t next_image = 0;
+  capture::InputPtr format;    // null for images
+  AVStream* stream = nullptr;  // of format
+  capture::CodecPtr codec;
+  capture::JpegDecoder jpeg;
+  capture::PacketPtr packet{capture::not_null(av_packet_alloc())};
+  capture::PictureMaker pictures;
+  int next_avi_entry = 0;
+  bool is_intra_only = false;
+  bool is_delayed = false;
+
+  std::deque<Shown> ready;
+  bool ended = false;
+  std::int64_t index = 0;  // of the next picture
+
+  // Keys order the pictures: time stamps with a delayed decoder, else packets counted.
+  std::set<std::int64_t> pending;  // sent to a delayed decoder, not shown yet
+  bool has_pts = true;             // usable ones; else pictures are counted as they come
+  int unstamped_pending = 0;
+  std::optional<std::int64_t> shown_key;
+  std::int64_t sent_key = -1;
+  std::optional<std::int64_t> broken_from;
+
+  bool damaged = false;    // the container, somewhere before here
+  bool is_regular = true;  // the time stamps, up to the damage
+  std::int64_t regular_count = 0;
+  std::int64_t regular_last = 0;
+  std::optional<std::int64_t> first_pts;
+  std::optional<std::int64_t> last_pts;
+  int lost_warnings = 0;
+  int damage_warnings = 0;
+};
+
+VideoReader::VideoReader(const RecordedCamera& camera, int threads, std::vector<std::string>& warnings,
+                         std::optional<std::stop_token> growing, bool keeps_jpeg)
+    : impl_(std::make_unique<Impl>(camera, threads, warnings, std::move(growing), keeps_jpeg)) {}
+VideoReader::~VideoReader() = default;
+
+std::optional<VideoReader::Shown> VideoReader::next() {
+  return impl_->next();
+}
+
+std::optional<std::int64_t> VideoReader::frame_count() const {
+  return impl_->frame_count();
+}
+
+capture::Duration VideoReader::frame_period() const {
+  if (!impl_->stream) return capture::Duration::zero();
+  const double rate = av_q2d(impl_->stream->avg_frame_rate);
+  return rate > 0 && std::isfinite(rate) ? capture::duration_of(1 / rate) : capture::Duration::zero();
+}
+
+}  // namespace huetrack::recordings
