@@ -25,7 +25,7 @@ void refuse_other_forms(const std::filesystem::path& out) {
 
 }  // namespace
 
-void export_track(const ExportOptions& options) {
+void export_track(const BagOptions& options) {
   refuse_other_forms(options.out);
   if (options.tracks.empty() && options.pictures.empty())
     throw std::runtime_error("give a track CSV, or --pictures RECORDING, or both");

@@ -13,7 +13,7 @@
 namespace huetrack::view_watch {
 
 // What one camera saw at one time.
-struct Sample {
+struct SeenPoint {
   double t_s = 0;           // of its row, by the times that are believed; on one clock for all cameras
   Eigen::Vector2d px;       // raw pixels
   double radius_px = 0;     // of the disc of the region's area
@@ -21,7 +21,7 @@ struct Sample {
   double below_middle = 0;  // the row: r / (H - 1) - 1/2
   Eigen::Vector3d ray;      // through px, camera frame, unit
 };
-using Track = std::deque<Sample>;  // of one camera, by time
+using Track = std::deque<SeenPoint>;  // of one camera, by time
 
 // In the middle of the picture: a pixel there is 1 / focal_px radians wide.
 double focal_px(const calib::Camera& camera);
