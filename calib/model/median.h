@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <span>
 #include <vector>
@@ -20,9 +21,9 @@ T median_in_place(std::span<T> values) {
 // (rounded up in the middle); changes their order. There must be one.
 template <typename T>
 T quantile_in_place(std::span<T> values, double share) {
-  const auto at = static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size() - 1) + 0.5);
-  std::ranges::nth_element(values, values.begin() + at);
-  return values[static_cast<std::size_t>(at)];
+  const auto at = values.begin() + std::lround(share * static_cast<double>(values.size() - 1));
+  std::ranges::nth_element(values, at);
+  return *at;
 }
 
 // The median: of an even count the larger one of the two middle values (not their mean). of_none: for no values at all.
