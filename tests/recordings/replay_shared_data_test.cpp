@@ -40,7 +40,8 @@ TEST_P(SharedRecording, IsPlayedWhole) {
 
   std::vector<capture::Duration> periods;
   for (const auto& camera : source.cameras()) periods.push_back(camera.frame_period);
-  FrameSynchronizer synchronizer({.camera_count = e.cameras, .tolerance = suggested_tolerance(periods)});
+  capture::FrameSynchronizer synchronizer(
+      {.camera_count = e.cameras, .tolerance = capture::suggested_tolerance(periods)});
   capture::Timestamp last;
   while (auto frame = source.next({})) {
     ASSERT_EQ(frame->status, capture::FrameStatus::ok);
@@ -104,7 +105,7 @@ TEST_F(WrittenRecording, RedSquareStereoHasOneTimePerPair) {
   ReplaySource source(recording, names);
   const std::vector<capture::Duration> periods{source.cameras()[0].frame_period, source.cameras()[1].frame_period};
   EXPECT_NEAR(capture::seconds(periods[0]), 0.064, 0.003);
-  FrameSynchronizer synchronizer({.camera_count = 2, .tolerance = suggested_tolerance(periods)});
+  capture::FrameSynchronizer synchronizer({.camera_count = 2, .tolerance = capture::suggested_tolerance(periods)});
   int complete = 0;
   capture::Timestamp last;
   while (auto frame = source.next({})) {
@@ -131,7 +132,7 @@ TEST_F(WrittenRecording, SixtyFpsPlaysAsFreeRunningThirtyFpsCameras) {
   ReplaySource source(recording, names);
   std::vector<capture::Duration> periods;
   for (const auto& camera : source.cameras()) periods.push_back(camera.frame_period);
-  FrameSynchronizer synchronizer({.camera_count = 3, .tolerance = suggested_tolerance(periods)});
+  capture::FrameSynchronizer synchronizer({.camera_count = 3, .tolerance = capture::suggested_tolerance(periods)});
   int complete = 0;
   while (auto frame = source.next({}))
     for (const auto& set : synchronizer.push(std::move(*frame)))
