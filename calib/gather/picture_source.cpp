@@ -189,8 +189,8 @@ std::unique_ptr<PictureSource> open_named(const NamedInputs& inputs, const Pictu
         recordings::RecordedCamera camera;
         camera.name = name;
         camera.frames = fs::absolute(frames);
-        recording.cameras.push_back(std::move(camera));
         recording.file = camera.frames;
+        recording.cameras.push_back(std::move(camera));
       } else if (fs::is_directory(frames, error)) {
         throw InputError(frames + ": holds no images");
       } else {
