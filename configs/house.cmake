@@ -16,7 +16,8 @@ function(held_to_floors NAME floor_of_name)
   endforeach()
 endfunction()
 
-# module(NAME FLOOR n [KERNELS] [PRECOMPILED headers] [SOURCES ...] [DEPENDS modules...] [LIBS public libs...] [PRIVATE_LIBS libs...])
+# module(NAME FLOOR n [KERNELS] [PRECOMPILED headers] [SOURCES ...] [DEPENDS modules...] [LIBS public libs...]
+#        [PRIVATE_LIBS libs...])
 #
 # One folder, one target. The test floors/<module> holds the #includes to the same list.
 # KERNELS: its loops over pixels, particles or points are what a frame waits for. PRECOMPILED: a name given to precompiled().

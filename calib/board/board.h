@@ -20,7 +20,7 @@ enum class BoardType { chessboard, charuco, aruco_grid };
 struct Board {
   BoardType type = BoardType::chessboard;
   int columns = 9;                         // chessboard: inner corners; charuco: squares; aruco_grid: markers
-  int rows = 6;                            // likewise
+  int rows = 6;                            // of the same
   Eigen::Vector2d pitch{0.03, 0.03};       // > 0; metres from one column (row) to the next
   double marker = 0;                       // side of a marker, metres; charuco: < pitch; aruco_grid: <= pitch
   std::string dictionary = "DICT_4X4_50";  // OpenCV's name of it; charuco, aruco_grid

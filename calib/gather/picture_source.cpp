@@ -15,8 +15,8 @@
 #include "calib/yaml/yaml_reader.h"
 #include "capture/frame_synchronizer.h"
 #include "capture/jpeg_decoder.h"
-#include "capture/recording.h"
-#include "capture/replay_source.h"
+#include "recordings/recording.h"
+#include "recordings/replay_source.h"
 
 namespace huetrack::gather {
 namespace {
@@ -81,9 +81,10 @@ class ImageFilePictures final : public PictureSource {
   std::vector<std::string> warnings_;
 };
 
-capture::Recording with_cameras(capture::Recording recording, const std::vector<std::string>& names) {
+recordings::Recording with_cameras(recordings::Recording recording, const std::vector<std::string>& names) {
   for (const std::string& name : names) {
-    if (std::ranges::find(recording.cameras, name, &capture::RecordedCamera::name) != recording.cameras.end()) continue;
+    if (std::ranges::find(recording.cameras, name, &recordings::RecordedCamera::name) != recording.cameras.end())
+      continue;
     std::vector<std::string_view> there;
     for (const auto& camera : recording.cameras) there.emplace_back(camera.name);
     throw InputError(fmt::format("{}: has no camera {}; its cameras are {}", recording.file.string(), name,
@@ -94,7 +95,7 @@ capture::Recording with_cameras(capture::Recording recording, const std::vector<
 
 class RecordedPictures final : public PictureSource {
  public:
-  RecordedPictures(const capture::Recording& recording, std::vector<std::string> cameras,
+  RecordedPictures(const recordings::Recording& recording, std::vector<std::string> cameras,
                    std::optional<double> tolerance_s)
       : cameras_(std::move(cameras)),
         warnings_(recording.warnings),
@@ -106,7 +107,7 @@ class RecordedPictures final : public PictureSource {
   const std::vector<std::string>& cameras() const override { return cameras_; }
   std::optional<int> expected_sets() const override {
     std::int64_t most = 0;
-    for (const capture::ReplayCamera& camera : source_.cameras()) {
+    for (const recordings::ReplayCamera& camera : source_.cameras()) {
       if (!camera.expected_frames) return std::nullopt;
       most = std::max(most, *camera.expected_frames);
     }
@@ -146,20 +147,20 @@ class RecordedPictures final : public PictureSource {
  private:
   capture::Duration usual_tolerance() const {
     std::vector<capture::Duration> periods;
-    for (const capture::ReplayCamera& camera : source_.cameras()) periods.push_back(camera.frame_period);
+    for (const recordings::ReplayCamera& camera : source_.cameras()) periods.push_back(camera.frame_period);
     return capture::suggested_tolerance(periods);
   }
 
   std::vector<std::string> cameras_;
   std::vector<std::string> warnings_;
-  capture::ReplaySource source_;
+  recordings::ReplaySource source_;
   capture::FrameSynchronizer synchronizer_;
   std::deque<capture::FrameSet> ready_;
   bool ended_ = false;
 };
 
 std::unique_ptr<PictureSource> open_recording(const fs::path& path, const PictureOptions& options) {
-  const capture::Recording recording = capture::read_recording(path);
+  const recordings::Recording recording = recordings::read_recording(path);
   std::vector<std::string> names = options.only;
   if (names.empty()) {
     for (const auto& camera : recording.cameras) names.push_back(camera.name);
@@ -173,7 +174,7 @@ using NamedInputs = std::vector<std::pair<std::string, std::vector<std::string>>
 std::unique_ptr<PictureSource> open_named(const NamedInputs& inputs, const PictureOptions& options) {
   std::vector<std::string> names;
   std::vector<std::vector<fs::path>> images;
-  capture::Recording recording;
+  recordings::Recording recording;
   for (const auto& [name, given] : inputs) {
     if (!options.only.empty() && std::ranges::find(options.only, name) == options.only.end()) continue;
     names.push_back(name);
@@ -185,11 +186,11 @@ std::unique_ptr<PictureSource> open_named(const NamedInputs& inputs, const Pictu
         std::ranges::copy(files, std::back_inserter(images.back()));
       } else if (fs::is_regular_file(frames, error)) {
         if (given.size() > 1) throw InputError(frames + ": give one video per camera, or only images");
-        capture::RecordedCamera camera;
+        recordings::RecordedCamera camera;
         camera.name = name;
         camera.frames = fs::absolute(frames);
-        recording.cameras.push_back(std::move(camera));
         recording.file = camera.frames;
+        recording.cameras.push_back(std::move(camera));
       } else if (fs::is_directory(frames, error)) {
         throw InputError(frames + ": holds no images");
       } else {

@@ -18,9 +18,9 @@ const yaml::FileKind& kind_of(std::string_view text) {
 
 }  // namespace
 
-void write_files(const std::vector<PageFile>& files) {
-  for (const PageFile& one : files) yaml::refuse_other_kind(one.file, kind_of(one.text));
-  for (const PageFile& one : files) yaml::write_whole_file(one.file, one.text);
+void write_files(const std::vector<FileToWrite>& files) {
+  for (const FileToWrite& one : files) yaml::refuse_other_kind(one.file, kind_of(one.text));
+  for (const FileToWrite& one : files) yaml::write_whole_file(one.file, one.text);
 }
 
 }  // namespace huetrack::gather

@@ -7,13 +7,13 @@
 
 namespace huetrack::gather {
 
-struct PageFile {
+struct FileToWrite {
   std::filesystem::path file;
   std::string text;  // HTML, a PDF, or report::to_text()
 };
 
 // Each replaces what is of its own form (a page, a PDF, a report as text), and nothing else: where one may not be
 // written, none is. throws std::system_error, std::runtime_error; both name the file
-void write_files(const std::vector<PageFile>& files);
+void write_files(const std::vector<FileToWrite>& files);
 
 }  // namespace huetrack::gather

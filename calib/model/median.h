@@ -1,7 +1,8 @@
-// The middle value, in one place.
+// The middle value, and any other quantile, in one place.
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <span>
 #include <vector>
@@ -14,6 +15,15 @@ T median_in_place(std::span<T> values) {
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
   std::ranges::nth_element(values, middle);
   return *middle;
+}
+
+// The value that stands at the share of the way from the least to the largest, 0 to 1, as the nearest of those given
+// (rounded up in the middle); changes their order. There must be one.
+template <typename T>
+T quantile_in_place(std::span<T> values, double share) {
+  const auto at = values.begin() + std::lround(share * static_cast<double>(values.size() - 1));
+  std::ranges::nth_element(values, at);
+  return *at;
 }
 
 // The median: of an even count the larger one of the two middle values (not their mean). of_none: for no values at all.

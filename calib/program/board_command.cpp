@@ -106,7 +106,7 @@ void add_board_command(CLI::App& app, Command& chosen) {
                       "A4 (default), A3, A2, A1, A0, letter, legal, tabloid, or WIDTHxHEIGHT in mm");
   command->add_option("--columns", o->columns, "chessboard: inner corners; charuco: squares; grids: markers")
       ->check(CLI::Range(1, 100));
-  command->add_option("--rows", o->rows, "likewise")->check(CLI::Range(1, 100));
+  command->add_option("--rows", o->rows, "the same, down the board")->check(CLI::Range(1, 100));
   command->add_option("--square", o->square_mm, "side of a square, mm")->check(CLI::Range(1.0, 1000.0));
   command->add_option("--marker", o->marker_mm, "side of a marker, mm; default: charuco 3/4 of a square")
       ->check(CLI::Range(1.0, 1000.0));

@@ -17,10 +17,10 @@
 #include "calib/report/certificate_report.h"
 #include "calib/yaml/text_file.h"
 #include "calib/yaml/yaml_reader.h"
-#include "capture/recording.h"
-#include "capture/replay_source.h"
 #include "config/service_config.h"
 #include "pipeline/session.h"
+#include "recordings/recording.h"
+#include "recordings/replay_source.h"
 #include "tracks/track_csv.h"
 
 namespace huetrack::program {
@@ -60,18 +60,18 @@ class Collector final : public pipeline::Output {
 
 // The recording, through the service's own road.
 Tracked tracked(const config::ServiceConfig& config, const std::string& file, const std::stop_token& stop) {
-  const capture::Recording recording = capture::read_recording(file);
+  const recordings::Recording recording = recordings::read_recording(file);
   for (const auto& warning : recording.warnings) std::printf("note: %s\n", warning.c_str());
   std::vector<std::string> names;
   for (const calib::Camera& camera : config.rig.cameras) names.push_back(camera.name);
-  auto source = std::make_unique<capture::ReplaySource>(
+  auto source = std::make_unique<recordings::ReplaySource>(
       recording, names,
-      capture::ReplayOptions{.decoder_threads = std::max(1, static_cast<int>(std::thread::hardware_concurrency())),
-                             .timing = config::frame_timing(config.rig),
-                             .takes_matches = true});
+      recordings::ReplayOptions{.decoder_threads = std::max(1, static_cast<int>(std::thread::hardware_concurrency())),
+                                .timing = config::frame_timing(config.rig),
+                                .takes_matches = true});
   pipeline::SessionSources sources;
   std::vector<pipeline::SessionCamera> known;
-  for (const capture::ReplayCamera& camera : source->cameras())
+  for (const recordings::ReplayCamera& camera : source->cameras())
     known.push_back({.camera = static_cast<int>(known.size()),
                      .period = camera.frame_period,
                      .pixels = pipeline::SessionCamera::Pixels{camera.format, camera.range}});

@@ -17,7 +17,7 @@
 #include "calib/program/waved_ball.h"
 #include "calib/wave/wave_coverage.h"
 #include "calib/yaml/yaml_reader.h"
-#include "capture/growing_recording.h"
+#include "recordings/growing_recording.h"
 
 namespace huetrack::program {
 namespace {
@@ -31,11 +31,11 @@ struct CoverageOptions {
 
 // As soon as it says which frames it has: it may have been begun a moment ago. throws ConfigError: it does not, for
 // long.
-std::vector<capture::RecordedCamera> growing_cameras(const std::string& recording, const std::stop_token& stop) {
+std::vector<recordings::RecordedCamera> growing_cameras(const std::string& recording, const std::stop_token& stop) {
   constexpr std::chrono::milliseconds patience(20'000), look_again(100);
   for (const auto end = std::chrono::steady_clock::now() + patience;;) {
     try {
-      return capture::read_recording(recording).cameras;
+      return recordings::read_recording(recording).cameras;
     } catch (const yaml::ConfigError&) {
       if (stop.stop_requested() || std::chrono::steady_clock::now() > end) throw;
     }
@@ -70,18 +70,18 @@ ExitStatus cover_wave(const CoverageOptions& o, const std::stop_token& stop) {
   waved.config = o.config;
   waved.targets = o.targets;
   const WavedInput in = configured_input(waved);
-  const std::vector<capture::RecordedCamera> recorded = growing_cameras(o.recording, stop);
+  const std::vector<recordings::RecordedCamera> recorded = growing_cameras(o.recording, stop);
   std::mutex mutex;
   wave::WaveCoverage coverage(in.rig);  // guarded by mutex
   double newest_s = 0;                  // guarded by mutex
   gather::ProgressLine line(!o.quiet);
   {
     std::vector<std::jthread> threads;
-    for (const capture::RecordedCamera& camera : recorded) {
+    for (const recordings::RecordedCamera& camera : recorded) {
       const auto index = in.rig.index_of(camera.name);
       if (!index) continue;
       threads.emplace_back([&, camera, c = *index] {
-        capture::GrowingCamera source(camera, c);
+        recordings::GrowingCamera source(camera, c);
         std::vector<std::unique_ptr<wave::BallFinder>> finders;
         for (const auto& target : in.targets) finders.push_back(std::make_unique<wave::BallFinder>(in.rig, target));
         while (const auto frame = source.next(stop)) {
@@ -112,8 +112,8 @@ ExitStatus cover(const CoverageOptions& o, std::stop_token stop) {
   if (!o.config.empty()) return cover_wave(o, stop);
   const board::BoardDetector detector(board::read_board(o.board));
   std::vector<gather::LiveCameraSource> cameras;
-  for (const capture::RecordedCamera& camera : growing_cameras(o.recording, stop))
-    cameras.push_back({camera.name, std::make_unique<capture::GrowingCamera>(camera, int(cameras.size())), {}});
+  for (const recordings::RecordedCamera& camera : growing_cameras(o.recording, stop))
+    cameras.push_back({camera.name, std::make_unique<recordings::GrowingCamera>(camera, int(cameras.size())), {}});
   if (cameras.size() < 2) throw gather::InputError(o.recording + ": two cameras or more are needed");
   gather::LiveBoardsOptions options;
   options.until_enough = false;

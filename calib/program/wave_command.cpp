@@ -116,9 +116,10 @@ void add_wave_command(CLI::App& app, Command& chosen) {
       ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
   command->add_option("--lens", o->lenses, "without --config: a rig file whose cameras' lenses are used, once or more");
   command->add_option("--hue", o->hue, "without --config: the target's range of hue, degrees")->expected(2);
-  command->add_option("--saturation", o->saturation, "likewise, 0..1")->expected(2);
-  command->add_option("--intensity", o->intensity, "likewise, 0..1")->expected(2);
-  command->add_option("--radius", o->radius_mm, "likewise, mm (default 40)")->check(CLI::PositiveNumber);
+  command->add_option("--saturation", o->saturation, "without --config: its range of saturation, 0..1")->expected(2);
+  command->add_option("--intensity", o->intensity, "without --config: its range of intensity, 0..1")->expected(2);
+  command->add_option("--radius", o->radius_mm, "without --config: its radius, mm (default 40)")
+      ->check(CLI::PositiveNumber);
   command->callback([o, &chosen] { chosen = [o](const std::stop_token& stop) { return wave(*o, stop); }; });
 }
 

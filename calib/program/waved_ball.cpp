@@ -17,8 +17,8 @@
 #include "calib/program/outcome.h"
 #include "calib/solver/bundle_adjustment.h"
 #include "calib/wave/wave_coverage.h"
-#include "capture/replay_source.h"
 #include "pipeline/live_cameras.h"
+#include "recordings/replay_source.h"
 
 namespace huetrack::program {
 namespace {
@@ -44,11 +44,11 @@ class Finder {
 BallsFrames frames_of_recording(const WavedOptions& o, const WavedInput& in, const std::stop_token& stop) {
   std::vector<std::string> names;
   for (const calib::Camera& camera : in.rig.cameras) names.push_back(camera.name);
-  const capture::Recording recording = capture::read_recording(o.recording);
+  const recordings::Recording recording = recordings::read_recording(o.recording);
   for (const auto& warning : recording.warnings) std::printf("note: %s\n", warning.c_str());
-  capture::ReplaySource source(recording, names);
+  recordings::ReplaySource source(recording, names);
   for (std::size_t c = 0; c < names.size(); ++c) {
-    const capture::ReplayCamera& camera = source.cameras()[c];
+    const recordings::ReplayCamera& camera = source.cameras()[c];
     const calib::ImageSize size = in.rig.cameras[c].image_size;
     if (camera.width != size.width || camera.height != size.height) {
       throw gather::InputError(camera.file.string() + " is " + std::to_string(camera.width) + "x" +

@@ -162,7 +162,7 @@ CertificateReport report_on(const Certificate& c, const std::vector<certify::Mea
                       c.fast.rms_m > 2 * c.slow.rms_m ? ": the cameras' times are not known well enough" : ""));
     document.heading("Where in the volume it is good");
     VolumeValues values{.box = c.box, .steps = c.steps, .values = {}, .are_cells = true};
-    std::vector<MarkedPlace> places;
+    std::vector<PlaceOnPlan> places;
     for (const Certificate::Part& cell : c.cells)
       values.values.push_back(cell.lengths > 0 ? 1e3 * cell.rms_m : VolumeValues::none);
     int last = -1;

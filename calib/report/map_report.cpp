@@ -74,7 +74,7 @@ MapReport map_report(const calib::CameraRig& rig, const solver::VolumeAccuracy& 
                                   "fewer than two cameras see it."));
     document.table(by_views(map, rig.cameras.size()));
   }
-  std::vector<MarkedPlace> marked;
+  std::vector<PlaceOnPlan> marked;
   if (!next.empty()) {
     document.heading("Where to put the next camera");
     Table table{.head = {"place", "x, y, z (m)", "covered", "median", "95 %"}, .rows = {}};

@@ -93,7 +93,7 @@ Figure slices_figure(const VolumeValues& values, const std::string& none_means, 
   return figure;
 }
 
-Figure plan_figure(const calib::CameraRig& rig, const solver::WorldBox& box, const std::vector<MarkedPlace>& marked,
+Figure plan_figure(const calib::CameraRig& rig, const solver::WorldBox& box, const std::vector<PlaceOnPlan>& marked,
                    const std::string& caption) {
   Vector2d low = box.low.head<2>(), high = box.high.head<2>();
   const auto include = [&](const Vector3d& p) {
@@ -101,7 +101,7 @@ Figure plan_figure(const calib::CameraRig& rig, const solver::WorldBox& box, con
     high = high.cwiseMax(p.head<2>());
   };
   for (const calib::Camera& camera : rig.cameras) include(camera.centre());
-  for (const MarkedPlace& mark : marked) include(mark.p_world);
+  for (const PlaceOnPlan& mark : marked) include(mark.p_world);
   const double size = std::max(0.1, (high - low).maxCoeff());
   low -= Vector2d::Constant(0.14 * size);
   high += Vector2d::Constant(0.14 * size);
@@ -129,7 +129,7 @@ Figure plan_figure(const calib::CameraRig& rig, const solver::WorldBox& box, con
       canvas.text(wedge.front() + Point(6, -5), camera.name, label, drawing::ink, drawing::Align::left,
                   drawing::Weight::bold);
     }
-    for (const MarkedPlace& mark : marked) {
+    for (const PlaceOnPlan& mark : marked) {
       canvas.disc(at(mark.p_world), mark.name.empty() ? 1.5 : 4, mark_color.faded(mark.name.empty() ? 0.5 : 1));
       if (!mark.name.empty())
         canvas.text(at(mark.p_world) + Point(6, 4), mark.name, label, mark_color, drawing::Align::left,

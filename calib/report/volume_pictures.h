@@ -32,11 +32,11 @@ Figure slices_figure(const VolumeValues& values, const std::string& none_means, 
                      const std::string& caption);
 
 // From above: cameras and what they see, the volume, and places that are marked, each with its name.
-struct MarkedPlace {
+struct PlaceOnPlan {
   std::string name;  // may be empty: a dot
   Eigen::Vector3d p_world = Eigen::Vector3d::Zero();
 };
-Figure plan_figure(const calib::CameraRig& rig, const solver::WorldBox& box, const std::vector<MarkedPlace>& marked,
+Figure plan_figure(const calib::CameraRig& rig, const solver::WorldBox& box, const std::vector<PlaceOnPlan>& marked,
                    const std::string& caption);
 
 }  // namespace huetrack::report

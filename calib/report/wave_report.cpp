@@ -24,13 +24,13 @@ constexpr double far_from_rig = 0.3;                   // a camera, over the dis
 constexpr double far_turned_rad = 0.35;                // 20 degrees
 constexpr double little_coverage = 0.15;               // of a camera's image
 constexpr double large_rms_px = 1.5;
-constexpr double large_error = 0.003;                        // of positions, over the distance of the cameras
-constexpr double large_difference = 0.006;                   // of the halves, likewise; when it is also
-constexpr double unexpected_difference = 2;                  // times what their covariance says
-constexpr double much_wander_s = 0.0015;                     // from second to second; when it is also
-constexpr double sure_wander = 4;                            // times what the noise makes of it
-constexpr double much_scatter_s = 0.003;                     // from frame to frame, of stamps that are smoothed
-constexpr double unsure_readout_s = 0.003;                   // by which a good wave is off
+constexpr double large_error = 0.003;        // of positions, over the distance of the cameras
+constexpr double large_difference = 0.006;   // of the halves, over the same distance: with unexpected_difference
+constexpr double unexpected_difference = 2;  // times what their covariance says: with large_difference
+constexpr double much_wander_s = 0.0015;     // from second to second: with sure_wander
+constexpr double sure_wander = 4;            // times what the noise makes of it: with much_wander_s
+constexpr double much_scatter_s = 0.003;     // from frame to frame, of stamps that are smoothed
+constexpr double unsure_readout_s = 0.003;   // by which a good wave is off
 constexpr double many_repeated = 0.2, some_repeated = 0.03;  // of the fast frames
 
 std::string scale_text(const WaveResult& result) {

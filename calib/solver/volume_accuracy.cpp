@@ -9,6 +9,7 @@
 
 #include "calib/model/cross_matrix.h"
 #include "calib/model/index.h"
+#include "calib/model/median.h"
 #include "calib/solver/ray_uncertainty.h"
 
 namespace huetrack::solver {
@@ -22,10 +23,7 @@ using Eigen::Vector2d;
 using Eigen::Vector3d;
 
 double quantile(std::vector<double> values, double share) {
-  if (values.empty()) return 0;
-  const auto at = static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size() - 1) + 0.5);
-  std::ranges::nth_element(values, values.begin() + at);
-  return values[static_cast<std::size_t>(at)];
+  return values.empty() ? 0 : calib::quantile_in_place(std::span(values), share);
 }
 
 // What moves a point that two or more cameras see.

@@ -241,7 +241,8 @@ class EllipseFit {
       damped.diagonal() *= 1 + damping;
       const Unknowns next = x - Unknowns(damped.ldlt().solve(Eigen::VectorXd(now.gradient)));
       if (!next.allFinite() || (next - start).head<2>().norm() > 0.7 * size_ || std::abs(next[2] - start[2]) > 0.5) {
-        if ((damping *= 10) > 1e6) break;
+        damping *= 10;
+        if (damping > 1e6) break;
         continue;
       }
       System there = system_at(next, start);
@@ -251,8 +252,9 @@ class EllipseFit {
         now = there;
         damping = std::max(1e-7, damping / 10);
         if (moved < 2e-3) break;
-      } else if ((damping *= 10) > 1e6) {
-        break;
+      } else {
+        damping *= 10;
+        if (damping > 1e6) break;
       }
     }
     place = x.head<3>();

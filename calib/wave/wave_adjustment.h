@@ -81,7 +81,7 @@ struct WaveFit {
   // error; 6 x cameras square. For the state as it is held by `reference` and the scale's two cameras. The solution
   // takes the errors as independent; the covariance says what correlated ones do to it.
   Eigen::MatrixXd covariance;
-  Eigen::MatrixXd time_covariance;  // likewise: latency and readout of each camera, seconds; 2 x cameras square
+  Eigen::MatrixXd time_covariance;  // of each camera's latency and readout, seconds; 2 x cameras square
 };
 
 // throws CalibrationError when it is numerically hopeless. Deterministic.

@@ -198,11 +198,11 @@ std::optional<double> parse_number(std::string_view text) {
   return value;
 }
 
-std::string number_hint(std::string_view given, std::string_view key, Wanted wanted) {
+std::string number_hint(std::string_view given, std::string_view key, NumberKind wanted) {
   const std::string_view text = trimmed(given);
   if (const auto value = parse_number(text)) {
     // Beyond 2^53 it is no whole number of ours, in quotation marks or not.
-    if (wanted == Wanted::whole_number && (*value != std::trunc(*value) || std::abs(*value) > 0x1p53)) return {};
+    if (wanted == NumberKind::whole_number && (*value != std::trunc(*value) || std::abs(*value) > 0x1p53)) return {};
     return fmt::format("write {}, without quotation marks", text);
   }
   std::string with_point(text);
@@ -210,7 +210,7 @@ std::string number_hint(std::string_view given, std::string_view key, Wanted wan
   const bool has_comma = comma != std::string_view::npos && text.find_first_of(",.", comma + 1) == std::string::npos &&
                          text.find('.') == std::string::npos;
   constexpr std::size_t digits_of_a_thousand = 3;
-  if (has_comma && wanted == Wanted::whole_number) {
+  if (has_comma && wanted == NumberKind::whole_number) {
     with_point.erase(comma, 1);
     const bool is_plain = std::ranges::all_of(with_point, is_digit) && text.size() == comma + 1 + digits_of_a_thousand;
     return is_plain ? fmt::format("write {}, without the comma", with_point) : std::string();

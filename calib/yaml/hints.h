@@ -15,8 +15,8 @@ namespace huetrack::yaml {
 std::optional<double> parse_number(std::string_view text);
 
 // text: that is no number. key: its name ends with the unit that is wanted (radius_m), or with none.
-enum class Wanted : std::uint8_t { number, whole_number };
-std::string number_hint(std::string_view text, std::string_view key, Wanted wanted = Wanted::number);
+enum class NumberKind : std::uint8_t { number, whole_number };
+std::string number_hint(std::string_view text, std::string_view key, NumberKind wanted = NumberKind::number);
 
 // text: numbers that are no list, as in "640x480", "65-115", "0 0 60 40".
 std::string list_hint(std::string_view text, std::size_t min_count, std::size_t max_count);

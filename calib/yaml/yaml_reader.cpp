@@ -100,7 +100,7 @@ std::string in_brackets(const YAML::Node& node) {
   return "write " + printable(node[0].Scalar()) + ", without brackets";
 }
 
-std::string hint_of_number(const YAML::Node& node, std::string_view key, Wanted wanted) {
+std::string hint_of_number(const YAML::Node& node, std::string_view key, NumberKind wanted) {
   if (is_null(node)) return {};
   return node.IsScalar() ? number_hint(node.Scalar(), key, wanted) : in_brackets(node);
 }
@@ -356,7 +356,7 @@ struct YamlReader::Node {
     const auto parsed = is_plain(value) ? parse_number(value.Scalar()) : std::nullopt;
     if (!parsed)
       fail(entry, value, index,
-           "must be a number, got " + described(value) + as_end(hint_of_number(value, entry.key, Wanted::number)));
+           "must be a number, got " + described(value) + as_end(hint_of_number(value, entry.key, NumberKind::number)));
     if (!contains(range, *parsed)) {
       fail(entry, value, index, "must be " + described(range) + " (is " + to_text(*parsed) + ")");
     }
@@ -450,7 +450,7 @@ std::int64_t YamlReader::integer(std::string_view key, Range range) const {
   const auto value = is_plain(entry.value) ? parse_integer(entry.value.Scalar()) : std::nullopt;
   if (!value)
     node_->fail(entry, "must be a whole number, got " + described(entry.value) +
-                           as_end(hint_of_number(entry.value, key, Wanted::whole_number)));
+                           as_end(hint_of_number(entry.value, key, NumberKind::whole_number)));
   if (!contains(range, static_cast<double>(*value))) {
     node_->fail(entry, "must be " + described(range) + " (is " + std::to_string(*value) + ")");
   }

@@ -40,7 +40,7 @@ std::set<std::string> moving_of(const Tracks& tracks) {
 
 }  // namespace
 
-void export_track(const ExportOptions& options) {
+void export_track(const BagOptions& options) {
   refuse_other_forms(options.out);
   if (options.tracks.empty() && options.pictures.empty())
     throw std::runtime_error("give a track CSV, or --pictures RECORDING, or both");

@@ -6,7 +6,7 @@
 
 namespace huetrack::bag {
 
-struct ExportOptions {
+struct BagOptions {
   std::filesystem::path tracks;    // CSV, of targets or of a tracked camera; empty: pictures alone
   std::filesystem::path pictures;  // a recording; empty: none
   std::filesystem::path rig;       // of the cameras; empty: the recording's own, if it has one
@@ -17,6 +17,6 @@ struct ExportOptions {
 
 // Says on stdout what it wrote. throws std::runtime_error, one readable line: a file that is wrong (naming file and
 // line), or cannot be written.
-void export_track(const ExportOptions& options);
+void export_track(const BagOptions& options);
 
 }  // namespace huetrack::bag

@@ -8,11 +8,11 @@
 
 #include "calib/model/rig_yaml.h"
 #include "capture/jpeg_encoder.h"
-#include "capture/recording.h"
-#include "capture/replay_source.h"
 #include "clients/bag/ros_messages.h"
 #include "idl/camera_info.h"
 #include "idl/topics.h"
+#include "recordings/recording.h"
+#include "recordings/replay_source.h"
 
 namespace huetrack::bag {
 namespace {
@@ -64,9 +64,9 @@ std::vector<std::uint8_t> jpeg_of(const capture::Frame& frame) {
 
 struct RecordedPictures::Impl {
   calib::CameraRig rig;
-  capture::Recording recording;
+  recordings::Recording recording;
   std::vector<std::string> names;
-  std::optional<capture::ReplaySource> source;
+  std::optional<recordings::ReplaySource> source;
   std::vector<Topic> topics;
   std::vector<std::optional<sensor::CameraInfo_>> infos;  // per camera
   std::vector<std::size_t> topic_of;                      // per camera: of its images; that of its info follows
@@ -99,12 +99,12 @@ RecordedPictures::RecordedPictures(const std::filesystem::path& recording, std::
                                    std::size_t first_topic, std::chrono::nanoseconds offset)
     : impl_(std::make_unique<Impl>()) {
   impl_->offset = offset;
-  impl_->recording = capture::read_recording(recording);
+  impl_->recording = recordings::read_recording(recording);
   const std::filesystem::path beside = impl_->recording.file.parent_path() / "rig.yaml";
   if (rig.empty() && std::filesystem::exists(beside)) rig = beside;
   if (!rig.empty()) impl_->rig = calib::read_rig(rig);
-  capture::ReplayOptions options{.keeps_encoded = true};
-  for (const capture::RecordedCamera& camera : impl_->recording.cameras) {
+  recordings::ReplayOptions options{.keeps_encoded = true};
+  for (const recordings::RecordedCamera& camera : impl_->recording.cameras) {
     impl_->names.push_back(camera.name);
     const auto in_rig = impl_->rig.index_of(camera.name);
     const calib::Camera* known = in_rig ? &impl_->rig.cameras[std::size_t(*in_rig)] : nullptr;

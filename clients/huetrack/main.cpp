@@ -48,7 +48,7 @@ struct CommandLine {
   live_view::ViewOptions view_;
   ControlOptions control_;
   plot::PlotOptions plot_;
-  bag::ExportOptions export_;
+  bag::BagOptions export_;
 };
 
 CommandLine::CommandLine() {

@@ -99,8 +99,9 @@ bool warp_patch(const Pyramid& source, const Eigen::Vector2d& source_px, const E
   }
   for (int j = 0; j < side; ++j) {
     for (int i = 0; i < side; ++i) {
-      out.inner.pixels[static_cast<std::size_t>(j * side + i)] =
-          static_cast<std::uint8_t>(out.bordered[static_cast<std::size_t>((j + 1) * wide + i + 1)] + 0.5f);
+      const float grey = out.bordered[static_cast<std::size_t>((j + 1) * wide + i + 1)];
+      const auto rounded = static_cast<std::uint8_t>(grey + 0.5f);  // NOLINT(bugprone-incorrect-roundings): 0 to 255
+      out.inner.pixels[static_cast<std::size_t>(j * side + i)] = rounded;
     }
   }
   out.inner.finish();

@@ -1,5 +1,4 @@
-// FFmpeg's objects, owned. Private to this module: for video_reader, ffmpeg_picture, network_source and
-// recording_writer, which alone see FFmpeg.
+// FFmpeg's objects, owned. For this module and recordings, which alone see FFmpeg.
 #pragma once
 
 extern "C" {
@@ -49,8 +48,5 @@ inline std::string error_text(int error) {
   av_strerror(error, text.data(), text.size());
   return text.data();
 }
-
-// FFmpeg prints nothing from here on; VideoReader hears what it has to say. thread-safe.
-void take_over_log();
 
 }  // namespace huetrack::capture

@@ -1,4 +1,4 @@
-// FFmpeg's decoded pictures as ours, in their own format where we have it. Private to this module.
+// FFmpeg's decoded pictures as ours, in their own format where we have it. For this module and recordings.
 #pragma once
 
 #include <memory>

@@ -17,7 +17,7 @@ struct LiveCamera {
   int camera = 0;  // in the rig
   std::unique_ptr<FrameSource> source;
   std::function<CameraHealth()> health;                   // thread-safe while source lives
-  std::function<std::vector<CameraEvent>()> take_events;  // likewise
+  std::function<std::vector<CameraEvent>()> take_events;  // thread-safe while source lives
   std::shared_ptr<CameraControls> controls = nullptr;     // nullptr: they cannot be reached from here
   // Of one whose frames say which pixels match: tells it the colours, from now on. nullptr: pixels come. thread-safe,
   // and may outlive source.

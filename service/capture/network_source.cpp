@@ -11,6 +11,7 @@
 
 #include "capture/camera_clock.h"
 #include "capture/capture_clock.h"
+#include "capture/ffmpeg_log.h"
 #include "capture/ffmpeg_objects.h"
 #include "capture/ffmpeg_picture.h"
 #include "capture/jpeg_decoder.h"
@@ -71,7 +72,7 @@ std::vector<std::string> NetworkSourceOptions::problems() const {
 struct NetworkSource::Impl {
   explicit Impl(NetworkSourceOptions o) : options(std::move(o)), shown(without_password(options.address)) {
     if (const auto problems = options.problems(); !problems.empty()) throw std::invalid_argument(problems.front());
-    take_over_log();
+    take_over_ffmpeg_log();
     av_max_alloc(most_in_one_piece);  // the process's, which has cameras now
     state.last_progress = Clock::now();
   }

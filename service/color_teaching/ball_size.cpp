@@ -20,7 +20,7 @@ using object_tracking::outline_of;
 // moment, thresholds that cut off the dark side.
 constexpr double meets_px = 3, meets_radii = 0.5;
 constexpr double same_size = 0.3;    // of logarithms: two views of one ball, by regions
-constexpr double about_size = 0.45;  // likewise, of one moment's against another's
+constexpr double about_size = 0.45;  // of logarithms: one moment's size against another's
 constexpr double beside_volume_m = 0.1;
 
 // A disc's box is as wide as it is high, and pi/4 of it is filled. Motion and a rolling shutter stretch it by a third.

@@ -5,6 +5,9 @@
 #include <cmath>
 #include <functional>
 #include <numbers>
+#include <span>
+
+#include "calib/model/median.h"
 
 namespace huetrack::color_teaching {
 namespace {
@@ -19,9 +22,7 @@ double hue_difference(double a, double b) {  // -180..180
 }
 
 double quantile(std::vector<double>& values, double share) {
-  const auto at = static_cast<std::size_t>(share * static_cast<double>(values.size() - 1) + 0.5);
-  std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(at), values.end());
-  return values[at];
+  return calib::quantile_in_place(std::span(values), share);
 }
 
 PixelMask flood(const HsiImage& image, color::PixelAt seed, const Eigen::Vector2d& like, double tolerance,

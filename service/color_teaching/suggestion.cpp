@@ -353,16 +353,14 @@ std::optional<PixelMask> moving_pixels(const capture::Image& picture, const std:
       for (std::size_t k = 0; k < 3; ++k) {
         values.clear();
         for (std::size_t i = 0; i < n; ++i) values.push_back(then[i][k]);
-        std::ranges::nth_element(values, values.begin() + std::ptrdiff_t(n / 2));
-        most = std::max(most, std::abs(now[k] - values[n / 2]));
+        most = std::max(most, std::abs(now[k] - calib::median_in_place(std::span(values))));
       }
       differences[std::size_t(v) * std::size_t(picture.width) + std::size_t(u)] = float(most);
     }
   }
   // Most of a picture stands still: half of it says how much noise, flicker and exposure change a pixel.
   std::vector<float> sorted = differences;
-  std::ranges::nth_element(sorted, sorted.begin() + std::ptrdiff_t(count / 2));
-  const float usual = sorted[count / 2];
+  const float usual = calib::median_in_place(std::span(sorted));
   const float least = std::max(0.06f, 5 * usual);
   PixelMask mask(picture.width, picture.height);
   for (std::size_t i = 0; i < count; ++i) mask.pixels[i] = differences[i] > least ? 1 : 0;

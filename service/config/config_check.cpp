@@ -318,7 +318,7 @@ VolumeCoverage volume_coverage(const calib::CameraRig& rig, const object_trackin
   VolumeCoverage coverage{.per_camera = std::vector<double>(rig.cameras.size(), 0.0)};
   constexpr double weight = 1.0 / (steps * steps * steps);
   for (int i = 0; i < steps * steps * steps; ++i) {
-    const Eigen::Array3d cell(i % steps, i / steps % steps, i / (steps * steps));
+    const Eigen::Array3d cell = Eigen::Array3i(i % steps, i / steps % steps, i / (steps * steps)).cast<double>();
     const Eigen::Vector3d p = volume.min.array() + (cell + 0.5) / steps * (volume.max - volume.min).array();
     int views = 0;
     for (std::size_t c = 0; c < rig.cameras.size(); ++c) {

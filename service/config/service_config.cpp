@@ -21,8 +21,8 @@
 #include "calib/yaml/text_file.h"
 #include "calib/yaml/yaml_reader.h"
 #include "capture/network_source.h"
-#include "capture/recording.h"
 #include "config/config_check.h"
+#include "recordings/recording.h"
 
 namespace huetrack::config {
 namespace {
@@ -69,8 +69,8 @@ constexpr std::pair<std::string_view, capture::CaptureFormat> format_words[] = {
     {"mjpeg", capture::CaptureFormat::mjpeg},
     {"grey", capture::CaptureFormat::grey}};
 constexpr std::pair<std::string_view, Sent> sent_words[] = {{"frames", Sent::frames}, {"matches", Sent::matches}};
-constexpr std::pair<std::string_view, capture::RawStorage> raw_storage_words[] = {
-    {"uncompressed", capture::RawStorage::uncompressed}, {"huffyuv", capture::RawStorage::huffyuv}};
+constexpr std::pair<std::string_view, recordings::RawStorage> raw_storage_words[] = {
+    {"uncompressed", recordings::RawStorage::uncompressed}, {"huffyuv", recordings::RawStorage::huffyuv}};
 constexpr std::pair<std::string_view, camera_tracking::CameraMethod> camera_method_words[] = {
     {"huetrack", camera_tracking::CameraMethod::huetrack},
     {"pupilli", camera_tracking::CameraMethod::pupilli},
@@ -190,7 +190,7 @@ void describe_record(Io& io, Record& record) {
   io.folder_or("folder", "none", record.folder,
                "recordings become folders in it, named by their time; none: no recording");
   io.boolean("always", record.always, "record everything that `run` sees");
-  io.choice("raw_storage", record.raw_storage, Words<capture::RawStorage>(raw_storage_words),
+  io.choice("raw_storage", record.raw_storage, Words<recordings::RawStorage>(raw_storage_words),
             "of cameras that do not compress: uncompressed or huffyuv (half the size, more time); both lossless");
   io.integer("queue_frames", record.queue_frames, at_least_one, "per camera, may wait for the disk; then drops");
   io.number("pre_roll_s", record.pre_roll_s, yaml::Range{.min = 0, .max = 3600},
@@ -1062,7 +1062,7 @@ CaptureConfig load_capture_config(const fs::path& file) {
 }
 
 ServiceConfig load_service_config(const fs::path& file) {
-  if (capture::is_video_or_picture(file))
+  if (recordings::is_video_or_picture(file))
     throw yaml::ConfigError(file, 0,
                             "is a video or a picture, not a configuration, which names rig and targets "
                             "(configs/huetrackd.yaml has every key): huetrackd replay my.yaml left=a.mp4 right=b.mp4");

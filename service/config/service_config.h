@@ -11,12 +11,12 @@
 
 #include "calib/model/camera_rig.h"
 #include "calib/yaml/yaml_reader.h"
-#include "capture/recording_writer.h"
 #include "capture/v4l2_source.h"
 #include "config/camera_tracking_config.h"
 #include "config/room_file.h"
 #include "object_tracking/object_tracker.h"
 #include "publish/estimate_publisher.h"
+#include "recordings/recording_writer.h"
 
 namespace huetrack::config {
 
@@ -55,7 +55,7 @@ struct LiveCameraConfig {
 struct RecordConfig {
   std::filesystem::path folder;  // absolute; recordings become folders in it, named by their time; empty: none
   bool always = false;           // from the start to the end
-  capture::RawStorage raw_storage = capture::RawStorage::uncompressed;
+  recordings::RawStorage raw_storage = recordings::RawStorage::uncompressed;
   int queue_frames = 32;  // >= 1, per camera: may wait for the disk
   double pre_roll_s = 0;  // 0: none
   int pre_roll_mb = 256;  // >= 1, of all cameras
@@ -130,7 +130,7 @@ struct ServiceConfig {
   object_tracking::IgnoredRegions ignored;  // also in every target
   LogLevel log_level = LogLevel::info;
   TaughtKeys taught;  // where values come from; no value, and nothing that compares configurations looks at it
-  std::set<std::string> unsized_targets;  // likewise: whose radius_m nobody has said, so that it is the default
+  std::set<std::string> unsized_targets;  // whose radius_m nobody has said, so that it is the default; no value either
 
   // Nothing can be tracked before: `run` shows the cameras, so that they can be set up, and the rest refuses.
   bool is_calibrated() const { return !rig_file.empty(); }

@@ -408,7 +408,7 @@ std::optional<object_tracking::Volume> box_seen_by_two(const calib::CameraRig& r
   constexpr double none = std::numeric_limits<double>::infinity();
   object_tracking::Volume box{Eigen::Vector3d::Constant(none), Eigen::Vector3d::Constant(-none)};
   for (int i = 0; i < steps * steps * steps; ++i) {
-    const Eigen::Array3d cell(i % steps, i / steps % steps, i / (steps * steps));
+    const Eigen::Array3d cell = Eigen::Array3i(i % steps, i / steps % steps, i / (steps * steps)).cast<double>();
     const Eigen::Vector3d p = (cell + 0.5) * step_m - half_m;
     const auto views = std::ranges::count_if(rig.cameras, [&](const calib::Camera& camera) {
       const auto pixel = camera.project_world(p);

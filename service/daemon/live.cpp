@@ -311,7 +311,7 @@ void record(const std::filesystem::path& file, LiveCommand options, LiveRequests
   std::printf("%s\n", options.record_to.c_str());
   for (const auto& camera : config.cameras) {
     const auto c = std::size_t(config.rig.index_of(camera.name).value());
-    const capture::RecordedCameraFigures& recorded = summary.recorded.cameras[c];
+    const recordings::RecordedCameraFigures& recorded = summary.recorded.cameras[c];
     std::printf("  %-10s %llu frames, %.1f MB; %llu lost by the camera, %llu by the disk, %llu left out\n",
                 camera.name.c_str(), static_cast<unsigned long long>(recorded.frames), double(recorded.bytes) / 1e6,
                 static_cast<unsigned long long>(summary.figures.cameras[c].dropped),

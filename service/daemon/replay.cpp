@@ -13,8 +13,6 @@
 #include <thread>
 #include <utility>
 
-#include "capture/recording.h"
-#include "capture/replay_source.h"
 #include "config/service_config.h"
 #include "daemon/played_source.h"
 #include "daemon/progress_bar.h"
@@ -26,6 +24,8 @@
 #include "pipeline/file_outputs.h"
 #include "pipeline/picture_folder.h"
 #include "pipeline/session.h"
+#include "recordings/recording.h"
+#include "recordings/replay_source.h"
 #include "reports/reports.h"
 
 namespace huetrack::daemon {
@@ -50,7 +50,7 @@ config::ServiceConfig configuration_of(const ReplayCommand& command) {
 }
 
 void refuse_outputs_over_inputs(const ReplayCommand& command, const config::ServiceConfig& config,
-                                const capture::Recording& recording) {
+                                const recordings::Recording& recording) {
   std::vector<std::filesystem::path> read = pipeline::files_of(config);
   std::ranges::copy(pipeline::files_of(recording), std::back_inserter(read));
   if (!command.truth.empty()) read.push_back(command.truth);
@@ -59,21 +59,21 @@ void refuse_outputs_over_inputs(const ReplayCommand& command, const config::Serv
 }
 
 // A recording, opened. The sources are the session's; source and played stay valid as long as it lives.
-struct Playback {
-  capture::Recording recording;
+struct OpenedRecording {
+  recordings::Recording recording;
   pipeline::SessionSources sources;
-  capture::ReplaySource* source = nullptr;
+  recordings::ReplaySource* source = nullptr;
   PlayedSource* played = nullptr;  // null: nobody can hold it, or step through it
 };
 
-Playback open_playback(const config::ServiceConfig& config, const ReplayCommand& command) {
-  Playback playback{.recording = capture::read_recording(command.recording), .sources = {}};
+OpenedRecording open_recording(const config::ServiceConfig& config, const ReplayCommand& command) {
+  OpenedRecording playback{.recording = recordings::read_recording(command.recording), .sources = {}};
   const std::vector<std::string> names = config.rig.camera_names();
-  auto source = std::make_unique<capture::ReplaySource>(
+  auto source = std::make_unique<recordings::ReplaySource>(
       playback.recording, names,
-      capture::ReplayOptions{.decoder_threads = std::max(1, int(std::thread::hardware_concurrency())),
-                             .timing = config::frame_timing(config.rig),
-                             .takes_matches = true});
+      recordings::ReplayOptions{.decoder_threads = std::max(1, int(std::thread::hardware_concurrency())),
+                                .timing = config::frame_timing(config.rig),
+                                .takes_matches = true});
   playback.source = source.get();
   // Known before the first frame, and for good.
   std::vector<pipeline::SessionCamera> known;
@@ -100,7 +100,8 @@ Playback open_playback(const config::ServiceConfig& config, const ReplayCommand&
 }
 
 // With the configuration that lies in the recording, what happened while it was made happens again.
-pipeline::RecordedChanges changes_to_repeat(const config::ServiceConfig& config, const capture::Recording& recording) {
+pipeline::RecordedChanges changes_to_repeat(const config::ServiceConfig& config,
+                                            const recordings::Recording& recording) {
   if (std::error_code none; !std::filesystem::exists(recording.file, none)) return {};  // videos
   const auto folder = recording.file.parent_path();
   if (std::error_code none; !std::filesystem::equivalent(config.file, folder / "huetrackd.yaml", none)) return {};
@@ -158,7 +159,7 @@ class ReplayStatus final : public pipeline::Output {
 // The bar on the terminal.
 class ReplayProgress final : public pipeline::Output {
  public:
-  ReplayProgress(bool wanted, const pipeline::Session& session, const capture::ReplaySource& source)
+  ReplayProgress(bool wanted, const pipeline::Session& session, const recordings::ReplaySource& source)
       : bar_(wanted), session_(session), expected_(source.expected_frames()), first_at_(source.first_at()) {
     for (const auto& target : session.config().targets) targets_.push_back(target.name);
   }
@@ -227,7 +228,7 @@ void wait_for_subscriber(const publish::EstimatePublisher& publisher, double lon
 }
 
 // When the first frame is published as captured, and let through.
-void begin_time(pipeline::Session& session, const Playback& playback, const ReplayCommand& command,
+void begin_time(pipeline::Session& session, const OpenedRecording& playback, const ReplayCommand& command,
                 Clock::time_point now) {
   const bool is_paced = command.speed == ReplaySpeed::real;
   const capture::Timestamp first_at = playback.source->first_at().value_or(capture::Timestamp{});
@@ -244,7 +245,7 @@ void begin_time(pipeline::Session& session, const Playback& playback, const Repl
 // ---- What came of it
 
 // Of the cameras whose frames end before those of others do.
-std::vector<std::string> early_ends(const std::vector<capture::ReplayCamera>& cameras,
+std::vector<std::string> early_ends(const std::vector<recordings::ReplayCamera>& cameras,
                                     const std::vector<pipeline::CameraFigures>& figures) {
   const auto last = std::ranges::max(figures, {}, &pipeline::CameraFigures::last_captured).last_captured;
   std::vector<std::string> sentences;
@@ -260,7 +261,7 @@ std::vector<std::string> early_ends(const std::vector<capture::ReplayCamera>& ca
 }
 
 // Its folder's name, with the folder around it: many are named just "recording".
-std::string shown_name(const capture::Recording& recording) {
+std::string shown_name(const recordings::Recording& recording) {
   if (std::error_code none; !std::filesystem::exists(recording.file, none)) return recording.file.string();  // videos
   const auto folder = std::filesystem::absolute(recording.file).lexically_normal().parent_path();
   return (folder.parent_path().filename() / folder.filename()).string();
@@ -268,7 +269,7 @@ std::string shown_name(const capture::Recording& recording) {
 
 // figures: when the road was empty
 ReplaySummary summary_of(const config::ServiceConfig& config, const pipeline::PipelineFigures& figures,
-                         const capture::ReplaySource& source, const Tally& tally, Clock::time_point began,
+                         const recordings::ReplaySource& source, const Tally& tally, Clock::time_point began,
                          bool is_stopped) {
   ReplaySummary summary;
   summary.figures = figures;
@@ -298,7 +299,7 @@ ReplaySummary summary_of(const config::ServiceConfig& config, const pipeline::Pi
 ReplaySummary replay(const ReplayCommand& command, const std::stop_token& stop) {
   // Everything that may be wrong with the user's files is found before anything is written.
   const config::ServiceConfig config = configuration_of(command);
-  Playback playback = open_playback(config, command);
+  OpenedRecording playback = open_recording(config, command);
   refuse_outputs_over_inputs(command, config, playback.recording);
   for (const auto& warning : playback.source->take_warnings()) spdlog::warn("{}", warning);
   const std::optional<tracks::Truth> truth = truth_of(config, command);

@@ -102,7 +102,7 @@ class Canvas {
   // What is drawn so far. throw std::runtime_error: memory is out
   std::string png() const;  // of a canvas of pixels: a PNG file
   std::string svg();        // of one of SVG: a file; nothing can be drawn afterwards
-  std::string pdf();        // of one of PDF: likewise; the same bytes for the same drawing
+  std::string pdf();  // of one of PDF: a file; nothing can be drawn afterwards. The same bytes for the same drawing
   // Of a canvas of pixels: height() rows of width() times blue, green, red and a byte without meaning.
   const std::uint8_t* bgrx() const;
   std::size_t bgrx_stride() const;  // bytes from row to row

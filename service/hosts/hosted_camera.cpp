@@ -420,9 +420,9 @@ struct HostedCameras::Impl {
          .message = std::move(message)});
   }
 
-  // nullopt: not for us yet.
+  // Takes what is in the message. nullopt: not for us yet.
   template <typename Message>
-  std::optional<capture::Frame> frame_of(Camera& camera, Message&& message) {
+  std::optional<capture::Frame> frame_of(Camera& camera, Message& message) {
     if (!is_a_time(message.stamped_at())) return std::nullopt;
     capture::Timestamp stamped_at;
     capture::StampClock clock;
@@ -441,7 +441,7 @@ struct HostedCameras::Impl {
       camera.base = there - (camera.handed ? *camera.handed + 1 : 0);
     }
     capture::Frame frame;
-    if constexpr (std::is_same_v<std::remove_reference_t<Message>, msg::CameraMatches>)
+    if constexpr (std::is_same_v<Message, msg::CameraMatches>)
       frame =
           from_message(std::move(message), camera.decoder, camera.picture, camera.options.width, camera.options.height);
     else
@@ -528,7 +528,7 @@ struct HostedCameras::Impl {
         continue;
       }
       if (!info.valid_data) continue;
-      if (auto frame = frame_of(camera, std::move(message))) return frame;
+      if (auto frame = frame_of(camera, message)) return frame;
     }
     return std::nullopt;
   }

@@ -5,6 +5,7 @@
 #include <limits>
 #include <utility>
 
+#include "calib/model/median.h"
 #include "color/image_color.h"
 #include "object_tracking/object_tracker.h"
 
@@ -44,9 +45,7 @@ Distribution robust(std::span<double> values, double noise) {
   const double median = values[n / 2];
   std::array<double, most_pixels> deviations;
   std::ranges::transform(values, deviations.begin(), [&](double value) { return std::abs(value - median); });
-  const auto middle = deviations.begin() + std::ptrdiff_t(n / 2);
-  std::nth_element(deviations.begin(), middle, deviations.begin() + std::ptrdiff_t(n));
-  const double reach = outlier * *middle + noise;
+  const double reach = outlier * calib::median_in_place(std::span(deviations).first(n)) + noise;
   const auto first = std::ranges::lower_bound(values, median - reach),
              last = std::ranges::upper_bound(values, median + reach);
   const auto own = std::span(first, last);

@@ -1,5 +1,7 @@
 #include "object_tracking/object_tracker.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <memory>
@@ -41,7 +43,7 @@ std::vector<std::string> TargetOptions::problems() const {
   if (!(radius_m > 0) || !std::isfinite(radius_m)) out.emplace_back("radius_m must be > 0");
   for (const std::string& p : color.problems()) out.push_back("color: " + p);
   for (const auto& [camera, own] : camera_colors) {
-    for (const std::string& p : own.problems()) out.push_back("camera_colors." + camera + ": " + p);
+    for (const std::string& p : own.problems()) out.push_back(fmt::format("camera_colors.{}: {}", camera, p));
   }
   return out;
 }
@@ -182,22 +184,18 @@ struct ObjectTracker::Impl {
 
 ObjectTracker::ObjectTracker(const calib::CameraRig& rig, const TargetOptions& target,
                              const ObjectTrackerOptions& options) {
-  std::string all;
-  for (const auto& problems : {rig.problems(), target.problems(), options.problems()}) {
-    for (const std::string& p : problems) all += (all.empty() ? "" : "; ") + p;
-  }
+  std::vector<std::string> all;
+  for (const auto& problems : {rig.problems(), target.problems(), options.problems()})
+    all.insert(all.end(), problems.begin(), problems.end());
   for (const auto& [camera, own] : target.camera_colors) {
-    if (!rig.index_of(camera))
-      all += (all.empty() ? "" : "; ") + ("camera_colors: there is no camera '" + camera + "' in the rig");
+    if (!rig.index_of(camera)) all.push_back(fmt::format("camera_colors: there is no camera '{}' in the rig", camera));
   }
   for (const auto& [camera, boxes] : target.ignored) {
-    if (!rig.index_of(camera))
-      all += (all.empty() ? "" : "; ") + ("ignored: there is no camera '" + camera + "' in the rig");
+    if (!rig.index_of(camera)) all.push_back(fmt::format("ignored: there is no camera '{}' in the rig", camera));
   }
   if (target.count > 1 && options.observation == Observation::paper)
-    all += (all.empty() ? "" : "; ") +
-           std::string("count: the paper's filter is of one object; observation: paper needs a count of 1");
-  if (!all.empty()) throw std::invalid_argument("target " + target.name + ": " + all);
+    all.emplace_back("count: the paper's filter is of one object; observation: paper needs a count of 1");
+  if (!all.empty()) throw std::invalid_argument(fmt::format("target {}: {}", target.name, fmt::join(all, "; ")));
   // The target's name, not its place in the list, picks the stream: adding a target does not change another's track.
   std::uint64_t stream = 0xcbf29ce484222325u;  // FNV-1a
   for (const char c : target.name) stream = (stream ^ static_cast<unsigned char>(c)) * 0x100000001b3u;

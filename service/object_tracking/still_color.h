@@ -86,7 +86,7 @@ class StillColor {
   std::vector<ColorShare> shares_{cameras_.size()};
   std::vector<color::PixelAt> hits_;
   std::vector<std::uint32_t> open_;  // work space: tiles of a patch
-  std::vector<char> is_told_;        // likewise: per tile
+  std::vector<char> is_told_;        // work space: per tile
   bool is_room_shared_ = false, is_doubted_ = false;
   std::size_t next_ = 0;
   std::optional<capture::Timestamp> last_at_ = {}, first_at_ = {};

@@ -94,6 +94,21 @@ HUETRACK_CLONES void find_hidden_block(int n, const float* object, float per_lig
   }
 }
 
+// Where the samples that were taken are on the ball, with nothing before them yet; (u_off, v_off): from the grid to its
+// centre.
+void place_all(const EdgeBand& band, int columns, int rows, float u_off, float v_off, EdgeSamples& out) {
+  // What fills the last block up lies far outside, where nothing is covered.
+  const auto far = static_cast<float>(1e3 * (band.radius_px + band.reach_px));
+  for (int n = 0; n < out.block_count(); ++n) {
+    Block& of = out.blocks[n];
+    const int count = out.count_in(n), filled = out.filled_in(n);
+    for (int k = count; k < filled; ++k) of.at_u[k] = of.at_v[k] = 0;
+    place(filled, of.at_u, of.at_v, static_cast<float>(columns), static_cast<float>(rows), u_off, v_off, of.u, of.v);
+    std::fill_n(of.trust, count, 1.f), std::fill_n(of.hidden, filled, 0.f);
+    for (int k = count; k < filled; ++k) of.u[k] = of.v[k] = far, of.trust[k] = 0;
+  }
+}
+
 }  // namespace
 
 void select_samples(const EdgeBand& band, const PixelGrid& grid, int columns, int rows, EdgeSamples& out) {
@@ -167,16 +182,7 @@ void select_samples(const EdgeBand& band, const PixelGrid& grid, int columns, in
     take_some(inner_to, soft_to);
     take_staggered(soft_to, to, every_beyond, 1);
   }
-  // What fills the last block up lies far outside, where nothing is covered.
-  const auto far = static_cast<float>(1e3 * (band.radius_px + band.reach_px));
-  for (int n = 0; n < out.block_count(); ++n) {
-    Block& of = out.blocks[n];
-    const int count = out.count_in(n), filled = out.filled_in(n);
-    for (int k = count; k < filled; ++k) of.at_u[k] = of.at_v[k] = 0;
-    place(filled, of.at_u, of.at_v, static_cast<float>(columns), static_cast<float>(rows), u_off, v_off, of.u, of.v);
-    std::fill_n(of.trust, count, 1.f), std::fill_n(of.hidden, filled, 0.f);
-    for (int k = count; k < filled; ++k) of.u[k] = of.v[k] = far, of.trust[k] = 0;
-  }
+  place_all(band, columns, rows, u_off, v_off, out);
 }
 
 namespace {

@@ -87,7 +87,7 @@ class CalibrationDesk {
   Kind kind_ = Kind::board;
   std::filesystem::path program_, folder_, config_file_, rig_before_;  // rig_before_: empty: there was none
   std::string target_;                                                 // of a wave
-  std::vector<std::string> camera_distance_;  // likewise, if it was measured: two cameras and metres; else empty
+  std::vector<std::string> camera_distance_;  // of a wave, if it was measured: two cameras and metres; else empty
   // A board to be printed: what was asked for, and its PDF.
   std::vector<std::string> printed_for_;
   std::vector<std::uint8_t> print_;

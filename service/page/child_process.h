@@ -35,7 +35,7 @@ class ChildProcess {
   };
   std::optional<Ended> ended();  // does not wait; take_lines() has its last words once more
   void ask_to_end();             // SIGTERM; does not wait
-  void kill();                   // likewise, and it cannot refuse
+  void kill();                   // SIGKILL, which it cannot refuse; does not wait
 
  private:
   capture::FileDescriptor output_;

@@ -9,11 +9,11 @@
 #include <utility>
 
 #include "calib/model/rig_yaml.h"
-#include "capture/recording.h"
 #include "config/taught_file.h"
 #include "idl/control_words.h"
 #include "page/recording_shelf.h"
 #include "page/request_words.h"
+#include "recordings/recording.h"
 
 namespace huetrack::page {
 namespace {
@@ -265,8 +265,8 @@ void ControlDesk::open(const std::string& name, const config::ServiceConfig& con
   if (!config.is_calibrated()) throw std::runtime_error("the cameras are not calibrated yet");
   if (idl::is_recording_name(name) && name == unfinished())
     throw std::runtime_error(name + " is still being recorded: stop it first");
-  RecordingShelf(config.record.folder).read(name, 0, 0);  // that there is one of that name, and nothing else
-  capture::read_recording(config.record.folder / name);   // and that it can be read
+  RecordingShelf(config.record.folder).read(name, 0, 0);    // that there is one of that name, and nothing else
+  recordings::read_recording(config.record.folder / name);  // and that it can be read
   actions_.open_recording(config.record.folder / name);
   reply.reason(fmt::format("{} is replayed instead of the cameras, until it is over, or closed.", name));
 }

@@ -23,7 +23,7 @@ constexpr auto reads_on_for = 500ms;
 constexpr auto network_period = 1s;
 constexpr auto map_period = 1s;
 constexpr auto freeze_patience = 3s;          // for a set to freeze
-constexpr auto kept_freeze_patience = 300ms;  // likewise, when there is one that was kept
+constexpr auto kept_freeze_patience = 300ms;  // for a set to freeze, when there is one that was kept
 constexpr auto repeat_after = 1s;             // a set that is kept is shown again: who comes late sees it too
 
 }  // namespace

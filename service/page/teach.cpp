@@ -17,8 +17,6 @@
 
 #include "calib/yaml/nearest_word.h"
 #include "calib/yaml/yaml_reader.h"
-#include "capture/recording.h"
-#include "capture/replay_source.h"
 #include "color_teaching/lesson.h"
 #include "color_teaching/spread_moments.h"
 #include "config/service_config.h"
@@ -27,6 +25,8 @@
 #include "pictures/pictures.h"
 #include "pipeline/live_cameras.h"
 #include "publish/service_finder.h"
+#include "recordings/recording.h"
+#include "recordings/replay_source.h"
 
 namespace huetrack::page {
 namespace {
@@ -136,8 +136,8 @@ Pictures recorded_pictures(const config::ServiceConfig& config, std::span<const 
                            const std::map<int, std::int64_t>& wanted, const std::stop_token& stop) {
   const calib::CameraRig& rig = config.rig;
   const std::vector<std::string> names = rig.camera_names();
-  const capture::Recording recording = capture::read_recording(words);
-  capture::ReplaySource source(recording, names, {.timing = config::frame_timing(rig), .takes_matches = true});
+  const recordings::Recording recording = recordings::read_recording(words);
+  recordings::ReplaySource source(recording, names, {.timing = config::frame_timing(rig), .takes_matches = true});
   capture::FrameSet set;
   set.frames.resize(rig.cameras.size());
   constexpr std::size_t most_elsewhen = 15;

@@ -19,7 +19,7 @@ struct TeachCommand {
   bool only = false;                   // write it though a suggestion is neither confirmed nor taken
   bool dry_run = false;                // write nothing
   bool undo = false;                   // nothing is taught: what was saved last is undone
-  bool redo = false;                   // likewise: what was undone last is done again
+  bool redo = false;                   // nothing is taught: what was undone last is done again
   int wider = 0;
   std::filesystem::path pictures;  // folder for a picture of every view with the mask; empty: none
 };

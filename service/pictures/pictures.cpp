@@ -196,8 +196,8 @@ cv::Mat draw_views(const config::ServiceConfig& config, const PictureJob& job) {
 
   for (std::size_t c = 0; c < cameras.size(); ++c) {
     const calib::Camera& camera = cameras[c];
-    const Box area{margin + double(int(c) % columns) * (cell_width + margin),
-                   title_height + double(int(c) / columns) * (cell_height + margin) + name_height,
+    const int column = int(c) % columns, row = int(c) / columns;
+    const Box area{margin + column * (cell_width + margin), title_height + row * (cell_height + margin) + name_height,
                    camera.image_size.width * zoom, camera.image_size.height * zoom};
     const auto& captured = job.set.frames.at(c);
     const capture::Image* const picture = captured ? picture_of(*captured) : nullptr;

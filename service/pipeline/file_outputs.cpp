@@ -62,9 +62,9 @@ std::vector<fs::path> files_of(const config::ServiceConfig& config) {
   return out;
 }
 
-std::vector<fs::path> files_of(const capture::Recording& recording) {
+std::vector<fs::path> files_of(const recordings::Recording& recording) {
   std::vector<fs::path> out{recording.file};
-  for (const capture::RecordedCamera& camera : recording.cameras) out.push_back(camera.frames);
+  for (const recordings::RecordedCamera& camera : recording.cameras) out.push_back(camera.frames);
   return out;
 }
 

@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "capture/recording.h"
 #include "pipeline/output.h"
+#include "recordings/recording.h"
 #include "tracks/pose_file.h"
 #include "tracks/track_csv.h"
 
@@ -47,7 +47,7 @@ struct WrittenFiles {
 };
 // What a configuration and a recording are made of.
 std::vector<std::filesystem::path> files_of(const config::ServiceConfig& config);
-std::vector<std::filesystem::path> files_of(const capture::Recording& recording);
+std::vector<std::filesystem::path> files_of(const recordings::Recording& recording);
 // throws std::runtime_error, naming the file: two outputs are one file, or one is what the run reads.
 void refuse_outputs(const WrittenFiles& outputs, const std::vector<std::filesystem::path>& read);
 

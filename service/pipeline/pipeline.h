@@ -139,8 +139,8 @@ class Pipeline {
   const PipelineOptions options_;
   std::optional<Pace> pace_;
   std::optional<CalibrationWatch> calibration_;  // the tracking thread's while it runs
-  std::optional<MistakeWatch> mistakes_;         // likewise
-  bool are_doubts_new_ = false;                  // likewise: the trackers do not know them yet
+  std::optional<MistakeWatch> mistakes_;         // the tracking thread's while it runs
+  bool are_doubts_new_ = false;                  // the tracking thread's: the trackers do not know them yet
   std::vector<Output*> outputs_;
   std::stop_source stop_;
   BoundedQueue<ReadySet> frame_sets_;

@@ -18,7 +18,7 @@ constexpr auto pre_roll_is_awaited = 5s;  // beyond its end, by a thread that ha
 Recorder::Camera::Camera(const RecorderOptions& options, std::size_t cameras)
     : waiting(options.queue_frames, WhenFull::drop_oldest) {
   if (!options.pre_roll) return;
-  capture::PreRollOptions share = *options.pre_roll;
+  recordings::PreRollOptions share = *options.pre_roll;
   share.most_bytes = std::max<std::size_t>(share.most_bytes / cameras, 1);
   pre_roll.emplace(share);
 }
@@ -123,25 +123,25 @@ void Recorder::write(Camera& camera) {
   camera.is_done = true;
 }
 
-std::shared_ptr<capture::RecordingWriter> Recorder::writer() const {
+std::shared_ptr<recordings::RecordingWriter> Recorder::writer() const {
   const std::scoped_lock lock(mutex_);
   return writer_;
 }
 
 void Recorder::open(const std::filesystem::path& folder) {
-  capture::RecordingOptions recording = options_.recording;
+  recordings::RecordingOptions recording = options_.recording;
   recording.folder = folder;
   std::error_code ignored;
   const bool is_ours = !std::filesystem::exists(folder, ignored);
-  std::shared_ptr<capture::RecordingWriter> fresh;
-  const auto finish = [this](capture::RecordingWriter* writer) {
+  std::shared_ptr<recordings::RecordingWriter> fresh;
+  const auto finish = [this](recordings::RecordingWriter* writer) {
     delete writer;  // closes its files
     --unfinished_;
   };
   try {
-    auto writer = std::make_unique<capture::RecordingWriter>(std::move(recording));
+    auto writer = std::make_unique<recordings::RecordingWriter>(std::move(recording));
     ++unfinished_;
-    fresh = std::shared_ptr<capture::RecordingWriter>(writer.release(), finish);
+    fresh = std::shared_ptr<recordings::RecordingWriter>(writer.release(), finish);
   } catch (const capture::CaptureError&) {  // a full disk: no folder of empty files stays behind
     if (is_ours) std::filesystem::remove_all(folder, ignored);
     throw;
@@ -153,7 +153,7 @@ void Recorder::open(const std::filesystem::path& folder) {
 }
 
 void Recorder::close() {
-  std::shared_ptr<capture::RecordingWriter> closing;
+  std::shared_ptr<recordings::RecordingWriter> closing;
   const std::scoped_lock lock(mutex_);
   last_.cameras = writer_->figures();
   last_.failure = writer_->failure();

@@ -12,20 +12,20 @@
 #include <thread>
 #include <vector>
 
-#include "capture/recording_writer.h"
 #include "pipeline/bounded_queue.h"
+#include "recordings/recording_writer.h"
 
 namespace huetrack::pipeline {
 
 struct RecorderOptions {
-  capture::RecordingOptions recording;  // but its folder, which start() and save_pre_roll() name
+  recordings::RecordingOptions recording;  // but its folder, which start() and save_pre_roll() name
   std::size_t queue_frames = 32;  // per camera, > 0; more than that are waiting for the disk: the oldest is dropped
-  std::optional<capture::PreRollOptions> pre_roll;  // most_bytes is of all cameras; nullopt: none
+  std::optional<recordings::PreRollOptions> pre_roll;  // most_bytes is of all cameras; nullopt: none
 };
 
 struct RecorderFigures {
-  std::vector<capture::RecordedCameraFigures> cameras;  // of the current or last recording
-  std::vector<std::uint64_t> dropped;                   // per camera, by the queues and at the end
+  std::vector<recordings::RecordedCameraFigures> cameras;  // of the current or last recording
+  std::vector<std::uint64_t> dropped;                      // per camera, by the queues and at the end
   std::optional<capture::Duration> pre_roll_that_fits;  // so much of the pre-roll's length has room; nullopt: all of it
   std::optional<std::string> failure;  // why the current or last recording stopped; nullopt: it did not
 };
@@ -64,22 +64,22 @@ class Recorder {
   struct Camera {
     Camera(const RecorderOptions& options, std::size_t cameras);
     BoundedQueue<capture::Frame> waiting;
-    std::optional<capture::PreRoll> pre_roll;  // the writing thread's
-    std::atomic<std::int64_t> fits_ns = -1;    // of the pre-roll; -1: all
-    std::atomic<std::uint64_t> given_up = 0;   // frames, at the end
-    std::atomic<bool> is_done = false;         // the thread has written all
-    std::atomic<int> has_begun = 0;            // the recording, as opened_ counts them, whose pre-roll it has written
+    std::optional<recordings::PreRoll> pre_roll;  // the writing thread's
+    std::atomic<std::int64_t> fits_ns = -1;       // of the pre-roll; -1: all
+    std::atomic<std::uint64_t> given_up = 0;      // frames, at the end
+    std::atomic<bool> is_done = false;            // the thread has written all
+    std::atomic<int> has_begun = 0;  // the recording, as opened_ counts them, whose pre-roll it has written
     std::jthread thread;
   };
   void write(Camera& camera);
-  std::shared_ptr<capture::RecordingWriter> writer() const;
+  std::shared_ptr<recordings::RecordingWriter> writer() const;
   void open(const std::filesystem::path& folder);
   void close();
 
   RecorderOptions options_;          // the supervising thread's
   std::atomic<int> unfinished_ = 0;  // writers that there are; before writer_, whose end counts it down
   mutable std::mutex mutex_;
-  std::shared_ptr<capture::RecordingWriter> writer_;            // guarded by mutex_; who lets go of it last finishes it
+  std::shared_ptr<recordings::RecordingWriter> writer_;         // guarded by mutex_; who lets go of it last finishes it
   std::atomic<bool> has_writer_ = false;                        // as writer_, for offer()
   std::atomic<int> opened_ = 0;                                 // recordings so far
   std::atomic<bool> leaves_pre_roll_out_ = false;               // of what is recorded now

@@ -47,8 +47,9 @@ void RecordingKeeper::make_recorder(const config::ServiceConfig& config) {
   if (has_pre_roll()) {
     // The recorder shares it out over all cameras of the rig, of which some may not be used.
     const double share = double(cameras_.size()) / double(options_.cameras_in_use);
-    recorder.pre_roll = capture::PreRollOptions{.length = capture::duration_of(record_.pre_roll_s),
-                                                .most_bytes = std::size_t(share * double(record_.pre_roll_mb) * 1e6)};
+    recorder.pre_roll =
+        recordings::PreRollOptions{.length = capture::duration_of(record_.pre_roll_s),
+                                   .most_bytes = std::size_t(share * double(record_.pre_roll_mb) * 1e6)};
   }
   recorder_.emplace(std::move(recorder));
 }

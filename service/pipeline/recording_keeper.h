@@ -58,7 +58,7 @@ class RecordingKeeper final : public Output {
   std::vector<std::string> warnings() const;  // one sentence each
   std::filesystem::path folder() const;       // of the current or last recording; empty: none
   bool is_recording() const;                  // and the disk takes it
-  bool is_unfinished() const;                 // likewise, or its files are not closed yet: folder() is not whole
+  bool is_unfinished() const;                 // it is recording, or its files are not closed yet: folder() is not whole
   RecorderFigures figures() const;            // empty: nothing is ever recorded
 
  private:

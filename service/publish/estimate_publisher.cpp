@@ -391,8 +391,8 @@ struct EstimatePublisher::Impl {
   geometry_msgs::msg::dds_::PoseWithCovarianceStamped_ camera_pose;
   tf2_msgs::msg::dds_::TFMessage_ camera_tf;
   msg::ServiceStatus status;  // the names in it are set once
-  msg::CameraTimes times;     // likewise
-  msg::HostClocks clocks;     // likewise
+  msg::CameraTimes times;     // the names in it are set once
+  msg::HostClocks clocks;     // the names in it are set once
   std::atomic<std::uint64_t> published = 0;
   std::atomic<std::uint64_t> failures = 0;
   mutable std::mutex problem_mutex;

@@ -33,7 +33,7 @@ class ViewPublisher {
   bool publish(std::span<const object_tracking::ObjectEstimate> estimates, capture::Timestamp captured) noexcept;
 
   std::optional<msg::TeachRequest> next_request();            // those to this process; does not wait
-  std::optional<msg::ControlRequest> next_control_request();  // likewise
+  std::optional<msg::ControlRequest> next_control_request();  // to this process; does not wait
 
   int picture_subscribers() const;  // of previews, and of ROS 2's images and camera_info
   int marker_subscribers() const;   // of ROS 2's markers

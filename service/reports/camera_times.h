@@ -43,7 +43,7 @@ class CameraTimes final : public pipeline::Output {
   const RigReport* const calibration_;
   calib::CameraRig rig_;
   Estimates times_;   // the tracking thread's, and guarded by mutex_ for who reads it on another
-  Estimates logged_;  // likewise; with the sigma of what was not logged yet at infinity
+  Estimates logged_;  // the tracking thread's; with the sigma of what was not logged yet at infinity
   mutable std::mutex mutex_;
   std::optional<std::string> open_;  // guarded by mutex_
   bool is_learning_ = false;         // guarded by mutex_

@@ -47,11 +47,11 @@ class LightReport final : public pipeline::Output {
 
   const std::vector<std::string> cameras_;
   std::vector<capture::LightWatch> watches_;          // the capture threads', one at a time
-  std::vector<std::vector<std::string>> of_cameras_;  // likewise; per camera, all that there were
-  std::vector<std::vector<std::string>> briefs_;      // likewise; per camera, each once
+  std::vector<std::vector<std::string>> of_cameras_;  // the capture threads'; per camera, all that there were
+  std::vector<std::vector<std::string>> briefs_;      // the capture threads'; per camera, each once
   std::vector<Told> told_;                            // the tracking thread's; warnings are guarded by mutex_
   std::optional<capture::Timestamp> first_at_;        // the tracking thread's
-  std::uint64_t sets_ = 0;                            // likewise
+  std::uint64_t sets_ = 0;                            // the tracking thread's
   mutable std::mutex mutex_;
   std::vector<object_tracking::TargetOptions> targets_;    // guarded by mutex_
   std::vector<std::vector<std::string>> camera_warnings_;  // guarded by mutex_; per camera

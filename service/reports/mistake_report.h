@@ -33,9 +33,9 @@ class MistakeReport final : public pipeline::Output {
     double at_s;
     std::string sentence;  // the latest
   };
-  std::map<std::string, Named> ever_;  // likewise; by target, kind and cameras
+  std::map<std::string, Named> ever_;  // the tracking thread's; by target, kind and cameras
   bool has_explained_rig_ = false;
-  std::vector<std::string> order_;  // likewise; of ever_
+  std::vector<std::string> order_;  // the tracking thread's; the keys of ever_ as they came
   mutable std::mutex mutex_;
   std::vector<object_tracking::TargetOptions> targets_;  // guarded by mutex_
   std::vector<std::string> warnings_;                    // guarded by mutex_

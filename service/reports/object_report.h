@@ -35,7 +35,7 @@ class ObjectReport final : public pipeline::Output {
   struct Target {
     std::map<std::uint32_t, Object> objects = {};  // that are there, by number
     std::vector<std::string> left_out = {};        // per camera of the rig; empty: nothing
-    std::vector<std::string> ever = {};            // likewise, the last one that there was
+    std::vector<std::string> ever = {};            // per camera of the rig: the last one that there was; empty: nothing
     std::string further = {}, ever_further = {};   // what is one object too many; empty: nothing
     std::vector<std::uint64_t> other_colors = {};  // per camera: frames that told nothing of it, at the last look
     std::vector<int> in_a_row = {};                // looks at which they were most
@@ -48,10 +48,10 @@ class ObjectReport final : public pipeline::Output {
   bool may_tell(capture::Timestamp at);
 
   const std::vector<std::string> cameras_;
-  std::vector<Target> targets_;  // the tracking thread's; but for `objects` guarded by mutex_
-  std::uint64_t sets_ = 0;       // the tracking thread's, and so are the next three
-  capture::Timestamp told_since_{};
-  int told_ = 0, not_told_ = 0;
+  std::vector<Target> targets_;      // the tracking thread's; but for `objects` guarded by mutex_
+  std::uint64_t sets_ = 0;           // the tracking thread's
+  capture::Timestamp told_since_{};  // the tracking thread's
+  int told_ = 0, not_told_ = 0;      // the tracking thread's
   mutable std::mutex mutex_;
   std::vector<object_tracking::TargetOptions> options_;  // guarded by mutex_
 };

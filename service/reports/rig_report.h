@@ -50,8 +50,8 @@ class RigReport final : public pipeline::Output {
   const std::vector<std::string> cameras_;
   const config::CalibrationMode mode_;
   std::vector<Told> told_;                     // the tracking thread's
-  std::vector<Happening> happenings_;          // likewise
-  std::optional<capture::Timestamp> next_at_;  // likewise; when figures are told anew
+  std::vector<Happening> happenings_;          // the tracking thread's
+  std::optional<capture::Timestamp> next_at_;  // the tracking thread's; when figures are told anew
   mutable std::mutex mutex_;
   std::vector<std::string> warnings_;               // guarded by mutex_; per camera, empty: none
   std::vector<pipeline::CameraCalibration> facts_;  // guarded by mutex_

@@ -50,7 +50,7 @@ double PairResiduals::usual_px() const {
 PairComparison::Placed PairComparison::placed(const std::vector<Track>& tracks, std::size_t slot, std::size_t k,
                                               const Supposition& with) const {
   const Track& track = tracks[slot];
-  const Sample& s = track[k];
+  const SeenPoint& s = track[k];
   const std::size_t real = with.really.empty() ? slot : with.really[slot];
   const calib::Camera& camera = rig_.cameras[real];
   Placed out{.direction = s.ray, .t_s = s.t_s, .radius_px = s.radius_px, .sigma_px = s.sigma_px, .px_per_s = 0};

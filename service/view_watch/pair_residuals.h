@@ -13,7 +13,7 @@
 namespace huetrack::view_watch {
 
 // What one camera saw at one time.
-struct Sample {
+struct SeenPoint {
   double t_s = 0;           // of its row, by the times that are believed; on one clock for all cameras
   Eigen::Vector2d px;       // raw pixels
   double radius_px = 0;     // of the disc of the region's area
@@ -22,7 +22,7 @@ struct Sample {
   Eigen::Vector3d ray;      // through px, camera frame, unit
   bool is_target = false;   // the tracker takes it for the target; otherwise only for something of its colour
 };
-using Track = std::deque<Sample>;  // of one camera, by time
+using Track = std::deque<SeenPoint>;  // of one camera, by time
 
 // In the middle of the picture: a pixel there is 1 / focal_px radians wide.
 double focal_px(const calib::Camera& camera);

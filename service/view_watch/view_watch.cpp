@@ -53,7 +53,7 @@ std::size_t most_samples() {
 }
 
 // One thing that moves, and not now this and now that: it swerves by less than it goes.
-bool is_smooth(const Sample& before, const Sample& at, const Sample& after) {
+bool is_smooth(const SeenPoint& before, const SeenPoint& at, const SeenPoint& after) {
   constexpr double longest_gap_s = 0.15, noise_px = 3, swerve = 0.35;
   if (after.t_s - before.t_s > 2 * longest_gap_s) return false;
   const Eigen::Vector2d in = (at.px - before.px) / (at.t_s - before.t_s);
@@ -347,7 +347,7 @@ bool ViewWatch::has_moved() const {
   for (const Track& track : tracks_) {
     if (track.size() < PairComparison::least_samples) continue;
     Eigen::Vector2d low = track.front().px, high = low;
-    for (const Sample& sample : track) low = low.cwiseMin(sample.px), high = high.cwiseMax(sample.px);
+    for (const SeenPoint& sample : track) low = low.cwiseMin(sample.px), high = high.cwiseMax(sample.px);
     moving += (high - low).norm() > least_motion_px ? 1 : 0;
   }
   return moving >= 2;

@@ -7,7 +7,7 @@
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 modules='color|color_teaching|particle_filter|outline|object_tracking|model|yaml|drawing|truth|tracks|metrics|reports|exchange'
-modules="$modules|config|scene|capture|room_watch|view_watch|pictures|plot|bag"
+modules="$modules|config|scene|capture|recordings|room_watch|view_watch|pictures|plot|bag"
 which=(-R "^($modules)\\." -E 'V4l2')
 if [ "${1:-}" = --which ]; then
   printf '%s\n' "${which[@]}"

@@ -8,8 +8,8 @@
 #include <stdexcept>
 
 #include "calib/model/rig_yaml.h"
-#include "capture/recording.h"
-#include "capture/replay_source.h"
+#include "recordings/recording.h"
+#include "recordings/replay_source.h"
 
 namespace huetrack::figures {
 namespace {
@@ -49,9 +49,9 @@ CameraSequence load_camera_sequence(const std::filesystem::path& folder, const s
   out.name = folder.filename().string();
   const calib::CameraRig rig = calib::read_rig(folder / "rig.yaml");
   out.camera = rig.cameras.at(0);
-  const capture::Recording recording = capture::read_recording(folder);
+  const recordings::Recording recording = recordings::read_recording(folder);
   const std::vector<std::string> names{out.camera.name};
-  capture::ReplaySource source(recording, names);
+  recordings::ReplaySource source(recording, names);
   while (auto frame = source.next({})) {
     out.frames.push_back(std::move(*frame));
     if (out.frames.size() == max_frames) break;

@@ -6,8 +6,8 @@
 #include <sstream>
 
 #include "calib/model/rig_yaml.h"
-#include "capture/recording.h"
-#include "capture/replay_source.h"
+#include "recordings/recording.h"
+#include "recordings/replay_source.h"
 
 namespace huetrack::figures {
 
@@ -41,7 +41,7 @@ std::optional<LedSequence> load_led_sequence(const std::filesystem::path& folder
     sequence.world_from_camera.push_back(
         {Eigen::Quaterniond(row[7], row[4], row[5], row[6]).normalized(), {row[1], row[2], row[3]}});
   const std::vector<std::string> names{sequence.rig.cameras[0].name};
-  capture::ReplaySource source(capture::read_recording(folder), names, {.decoder_threads = 2});
+  recordings::ReplaySource source(recordings::read_recording(folder), names, {.decoder_threads = 2});
   while (auto frame = source.next({})) sequence.frames.push_back(std::move(*frame));
   return sequence;
 }

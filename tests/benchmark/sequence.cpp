@@ -5,8 +5,8 @@
 #include "calib/model/rig_yaml.h"
 #include "calib/yaml/csv_table.h"
 #include "capture/frame_synchronizer.h"
-#include "capture/recording.h"
-#include "capture/replay_source.h"
+#include "recordings/recording.h"
+#include "recordings/replay_source.h"
 
 namespace huetrack::figures {
 
@@ -43,7 +43,7 @@ Sequence load_sequence(const std::filesystem::path& folder, int every, unsigned 
   Sequence out;
   out.name = folder.filename().string();
   out.rig = calib::read_rig(folder / "rig.yaml");
-  capture::Recording recording = capture::read_recording(folder);
+  recordings::Recording recording = recordings::read_recording(folder);
   const std::vector<std::string> names = out.rig.camera_names();
   if (every > 1) {
     out.name += ", free-running, first frames";
@@ -54,9 +54,9 @@ Sequence load_sequence(const std::filesystem::path& folder, int every, unsigned 
       recording.cameras[i].first_frame = phases >> i & 1;
     }
   }
-  capture::ReplaySource source(recording, names);
+  recordings::ReplaySource source(recording, names);
   capture::Duration period = source.cameras().front().frame_period;
-  for (const capture::ReplayCamera& camera : source.cameras()) period = std::min(period, camera.frame_period);
+  for (const recordings::ReplayCamera& camera : source.cameras()) period = std::min(period, camera.frame_period);
   capture::FrameSynchronizer synchronizer({.camera_count = static_cast<int>(names.size()),
                                            .tolerance = capture::duration_of(0.55 * capture::seconds(period)),
                                            .ascending_input = true});

@@ -17,8 +17,8 @@
 #include "calib/report/wave_report.h"
 #include "calib/wave/wave.h"
 #include "capture/camera_clock.h"
-#include "capture/replay_source.h"
 #include "config/service_config.h"
+#include "recordings/replay_source.h"
 
 using namespace huetrack;
 
@@ -47,7 +47,7 @@ Recording recorded(const std::filesystem::path& folder) {
               {config.object_tracking.volume.min, config.object_tracking.volume.max},
               {}};
   const std::vector<std::string> names = r.truth.camera_names();
-  capture::ReplaySource source(capture::read_recording(folder), names);
+  recordings::ReplaySource source(recordings::read_recording(folder), names);
   wave::BallFinder finder(r.start, r.target);
   wave::BackgroundSamples background(names.size());
   std::vector<wave::BallFrame> frames;

@@ -7,8 +7,9 @@
 #include <numbers>
 #include <random>
 
-#include "capture/replay_source.h"
 #include "capture/temporary_folder.h"
+#include "recordings/names_in.h"
+#include "recordings/replay_source.h"
 
 namespace huetrack::capture {
 namespace {
@@ -170,9 +171,10 @@ class SharedLight : public testing::TestWithParam<const char*> {
  protected:
   // Per camera.
   static std::vector<LightFindings> found() {
-    const Recording recording = read_recording(std::filesystem::path(HUETRACK_SHARED_DATA) / "rendered" / GetParam());
+    const recordings::Recording recording =
+        recordings::read_recording(std::filesystem::path(HUETRACK_SHARED_DATA) / "rendered" / GetParam());
     std::vector<LightWatch> watches(recording.cameras.size());
-    ReplaySource source(recording, names_in(recording), {.decoder_threads = 2});
+    recordings::ReplaySource source(recording, recordings::names_in(recording), {.decoder_threads = 2});
     while (const auto frame = source.next({})) {
       LightWatch& watch = watches[std::size_t(frame->camera)];
       if (watch.is_wanted(frame->captured_at)) watch.look(frame->pixels, frame->captured_at);

@@ -8,10 +8,10 @@
 #include <random>
 
 #include "capture/jpeg_encoder.h"
-#include "capture/recording.h"
-#include "capture/recording_writer.h"
-#include "capture/replay_source.h"
 #include "capture/temporary_folder.h"
+#include "recordings/recording.h"
+#include "recordings/recording_writer.h"
+#include "recordings/replay_source.h"
 
 namespace huetrack::capture {
 namespace {
@@ -273,7 +273,7 @@ Frame frame_of(Extent size, int number, bool has_picture) {
   return frame;
 }
 
-RecordingOptions of_left(const std::filesystem::path& folder, bool is_of_matches) {
+recordings::RecordingOptions of_left(const std::filesystem::path& folder, bool is_of_matches) {
   return {.folder = folder,
           .cameras = {"left"},
           .fps = {},
@@ -284,7 +284,8 @@ RecordingOptions of_left(const std::filesystem::path& folder, bool is_of_matches
 
 std::vector<Frame> replayed(const std::filesystem::path& folder, std::vector<std::string>& warnings) {
   const std::vector<std::string> names{"left"};
-  ReplaySource source(read_recording(folder), names, {.timing = {}, .keeps_encoded = true, .takes_matches = true});
+  recordings::ReplaySource source(recordings::read_recording(folder), names,
+                                  {.timing = {}, .keeps_encoded = true, .takes_matches = true});
   std::vector<Frame> frames;
   while (auto frame = source.next({})) frames.push_back(std::move(*frame));
   warnings = source.take_warnings();
@@ -298,9 +299,9 @@ TEST(Matches, AreRecordedAndReplayedAsTheyCame) {
   for (int i = 0; i < 20; ++i) given.push_back(frame_of(size, i, i % 8 == 3));
   given[7].status = FrameStatus::corrupted;
   {
-    PreRoll pre_roll({.length = std::chrono::seconds(10)});
+    recordings::PreRoll pre_roll({.length = std::chrono::seconds(10)});
     for (int i = 0; i < 5; ++i) pre_roll.push(given[std::size_t(i)]);
-    RecordingWriter writer(of_left(folder.path() / "r", true));
+    recordings::RecordingWriter writer(of_left(folder.path() / "r", true));
     for (const Frame& frame : pre_roll.take()) EXPECT_TRUE(writer.write(frame));
     for (std::size_t i = 5; i < given.size(); ++i) EXPECT_TRUE(writer.write(given[i]));
     EXPECT_EQ(writer.figures()[0].frames, 20U);
@@ -329,7 +330,7 @@ TEST(Matches, OfARecordingThatIsCutOffReplayUpToThere) {
   const TemporaryFolder folder;
   const Extent size{70, 46};
   {
-    RecordingWriter writer(of_left(folder.path() / "r", true));
+    recordings::RecordingWriter writer(of_left(folder.path() / "r", true));
     for (int i = 0; i < 10; ++i) EXPECT_TRUE(writer.write(frame_of(size, i, false)));
   }
   const auto file = folder.path() / "r" / "left.matches";
@@ -342,7 +343,7 @@ TEST(Matches, OfARecordingThatIsCutOffReplayUpToThere) {
 
 TEST(Matches, AndPicturesAreNotRecordedInOneFile) {
   const TemporaryFolder folder;
-  RecordingWriter writer(of_left(folder.path() / "r", false));
+  recordings::RecordingWriter writer(of_left(folder.path() / "r", false));
   EXPECT_TRUE(writer.write(frame_of({70, 46}, 1, false)));
   EXPECT_EQ(writer.figures()[0].left_out, 1U);
 }

@@ -1,4 +1,4 @@
-// Folders and files of tests, and what a recording in one is made of.
+// Folders and files of tests.
 #pragma once
 
 #include <unistd.h>
@@ -7,18 +7,8 @@
 #include <fstream>
 #include <stdexcept>
 #include <string>
-#include <vector>
-
-#include "capture/recording.h"
 
 namespace huetrack::capture {
-
-// Of its cameras, in their order.
-inline std::vector<std::string> names_in(const Recording& recording) {
-  std::vector<std::string> names;
-  for (const auto& camera : recording.cameras) names.push_back(camera.name);
-  return names;
-}
 
 // A folder that goes with the test.
 class TemporaryFolder {

@@ -217,7 +217,7 @@ TEST_F(ServiceConfigFile, EveryKeyIsRead) {
   EXPECT_EQ(c.dds.publisher.frame_id, "the \"map\"");
   EXPECT_EQ(c.record.folder, folder_ / "recordings");
   EXPECT_TRUE(c.record.always);
-  EXPECT_EQ(c.record.raw_storage, capture::RawStorage::huffyuv);
+  EXPECT_EQ(c.record.raw_storage, recordings::RawStorage::huffyuv);
   EXPECT_EQ(c.record.queue_frames, 7);
   EXPECT_EQ(c.record.pre_roll_s, 1.5);
   EXPECT_EQ(c.record.pre_roll_mb, 64);

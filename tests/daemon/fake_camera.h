@@ -11,9 +11,9 @@
 #include <vector>
 
 #include "capture/capture_clock.h"
-#include "capture/recording.h"
-#include "capture/replay_source.h"
 #include "pipeline/live_cameras.h"
+#include "recordings/recording.h"
+#include "recordings/replay_source.h"
 
 namespace huetrack::daemon {
 
@@ -99,7 +99,7 @@ class FakeCamera {
 inline std::vector<std::vector<capture::Frame>> first_frames(const std::filesystem::path& recording,
                                                              const std::vector<std::string>& cameras,
                                                              std::size_t count) {
-  capture::ReplaySource source(capture::read_recording(recording), cameras);
+  recordings::ReplaySource source(recordings::read_recording(recording), cameras);
   std::vector<std::vector<capture::Frame>> frames(cameras.size());
   while (std::ranges::any_of(frames, [&](const auto& f) { return f.size() < count; })) {
     auto frame = source.next({});

@@ -7,9 +7,9 @@
 #include <numbers>
 
 #include "calib/model/rig_yaml.h"
-#include "capture/recording_writer.h"
 #include "daemon/replay.h"
 #include "doctor/light_exam.h"
+#include "recordings/recording_writer.h"
 #include "reports/light_words.h"
 #include "scene/scene.h"
 #include "scene/turned_hue.h"
@@ -150,11 +150,11 @@ class WanderingReplay : public testing::Test {
     const scene::Scene world = scene::circling_ball();
     const auto sets = scene::wandering(scene::render(world, {.set_count = int(fps), .fps = fps}), fps, 13,
                                        [](double t) { return 3 * std::clamp(t - 1, 0.0, 12.0); });
-    capture::RecordingWriter writer({.folder = folder_,
-                                     .cameras = {"cam0", "cam1", "cam2"},
-                                     .fps = {fps, fps, fps},
-                                     .rig_yaml = calib::to_yaml(world.rig),
-                                     .config_yaml = {}});
+    recordings::RecordingWriter writer({.folder = folder_,
+                                        .cameras = {"cam0", "cam1", "cam2"},
+                                        .fps = {fps, fps, fps},
+                                        .rig_yaml = calib::to_yaml(world.rig),
+                                        .config_yaml = {}});
     for (const auto& set : sets)
       for (const auto& frame : set.frames) writer.write(*frame);
     writer.finish();

@@ -261,7 +261,7 @@ TEST_F(Live, SavesThePreRollOnRequest) {
   const auto recordings = folders_in(folder_ / "recordings");
   ASSERT_EQ(recordings.size(), 1u);
   EXPECT_THAT(recordings[0].filename().string(), testing::EndsWith("Z-signal"));
-  capture::ReplaySource source(capture::read_recording(recordings[0]), std::vector<std::string>{"cam0", "cam1"});
+  recordings::ReplaySource source(recordings::read_recording(recordings[0]), std::vector<std::string>{"cam0", "cam1"});
   std::vector<int> frames(2);
   std::uint32_t first = 0;
   while (const auto frame = source.next({})) {

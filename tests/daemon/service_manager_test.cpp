@@ -186,7 +186,7 @@ TEST(Recorder, FramesThatTheDiskDoesNotTakeAreDroppedAndCounted) {
   pipeline::RecorderOptions options;
   options.recording.cameras = {"left", "right"};
   options.queue_frames = 2;
-  options.recording.raw_storage = capture::RawStorage::huffyuv;  // slower than frames are offered here
+  options.recording.raw_storage = recordings::RawStorage::huffyuv;  // slower than frames are offered here
   pipeline::Recorder recorder(options);
   recorder.start(folder);
   capture::Frame frame;

@@ -9,11 +9,11 @@
 #include <set>
 
 #include "capture/capture_clock.h"
-#include "capture/recording.h"
-#include "capture/replay_source.h"
 #include "end_to_end/http.h"
 #include "end_to_end/process.h"
 #include "publish/test_domain.h"
+#include "recordings/recording.h"
+#include "recordings/replay_source.h"
 #include "soak/films.h"
 
 namespace huetrack::end_to_end {
@@ -64,7 +64,7 @@ TEST(Kill, TheRestartWorksTheRecordingOpensAndSubscribersNotice) {
     for (const auto& entry : fs::directory_iterator(folder / "recordings"))
       if (known.insert(entry.path()).second) recording = entry.path();
     ASSERT_FALSE(recording.empty());
-    capture::ReplaySource source(capture::read_recording(recording), cameras);
+    recordings::ReplaySource source(recordings::read_recording(recording), cameras);
     std::optional<capture::Timestamp> first, last;
     while (const auto frame = source.next({})) {
       if (!first) first = frame->captured_at;

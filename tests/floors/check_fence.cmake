@@ -17,7 +17,7 @@ elseif(FENCE STREQUAL "yaml_cpp")
   set(inside "^calib/yaml/")
 elseif(FENCE STREQUAL "yaml_reader")   # modules are given option structs; YAML ends where files are read
   set(pattern "${include}calib/yaml/(yaml_reader|csv_table)")
-  set(inside "^(calib|service/(capture|truth|tracks|config|pipeline|page|doctor|daemon)|clients/plot|tests)/")
+  set(inside "^(calib|service/(recordings|capture|truth|tracks|config|pipeline|page|doctor|daemon)|clients/plot|tests)/")
 elseif(FENCE STREQUAL "fast_dds")
   set(pattern "${include}(fastdds|fastrtps|fastcdr)/")
   set(inside "^(service/publish|service/hosts|idl|clients|tests)/")

@@ -1,5 +1,6 @@
 # Fails when a type is defined twice in what is linked together: one name in one namespace, two structures. The compiler does
-# not see it, the linker does not, and the program does something else (the One Definition Rule).
+# not see it, the linker does not, and the program does something else (the One Definition Rule). And when headers of two
+# modules have types of one name: a name means one thing in this house.
 #   ROOT  the source tree
 # The text is as clang-format writes it (test format): what is at namespace scope begins in the first column. All modules and
 # programs are held to each other, and every folder of tests, one program each, to itself, to them and to the headers of
@@ -49,6 +50,13 @@ foreach(folder calib service clients idl)
         list(APPEND problems "${type} is defined in ${module_${id}} and in ${shown}")
       endif()
       set(module_${id} ${shown})
+      if(shown MATCHES "\\.h$")
+        string(REGEX REPLACE ".*::" "" name "${type}")
+        if(DEFINED meaning_${name} AND NOT meaning_${name} STREQUAL type)
+          list(APPEND problems "${name} means two things: ${meaning_${name}}, and ${type} in ${shown}")
+        endif()
+        set(meaning_${name} ${type})
+      endif()
       math(EXPR count "${count} + 1")
     endforeach()
   endforeach()

@@ -11,7 +11,7 @@
 #include <thread>
 
 #include "capture/pixel_format.h"
-#include "capture/recording.h"
+#include "recordings/recording.h"
 
 namespace huetrack::page {
 namespace {
@@ -166,7 +166,7 @@ TEST_F(Control, ARecordingIsBegunEndedListedAndRead) {
     }
     got += piece.bytes().size();
   }
-  const capture::Recording recording = capture::read_recording(folder / name);
+  const recordings::Recording recording = recordings::read_recording(folder / name);
   EXPECT_EQ(recording.cameras.size(), config.rig.cameras.size());
   EXPECT_EQ(recording.cameras[0].timestamps.size(), 11u);
   // A second one beside it.
@@ -196,7 +196,7 @@ TEST_F(Control, WhatWasBeforeIsSavedAndGoesOnWhenAsked) {
   std::this_thread::sleep_for(100ms);
   ASSERT_TRUE(ask({"record", "stop"}).granted());
   keeper->finish(1s);
-  const auto times = capture::read_recording(folder / name).cameras.at(0).timestamps;
+  const auto times = recordings::read_recording(folder / name).cameras.at(0).timestamps;
   EXPECT_THAT(times.size(), AllOf(Ge(20u), Le(23u)));  // a second of the two, and what came after
   EXPECT_EQ(times.back().second, capture::Timestamp(100s + 41 * 50ms));
 }

@@ -6,9 +6,9 @@
 
 #include "calib/model/rig_yaml.h"
 #include "capture/clips.h"
-#include "capture/recording.h"
-#include "capture/replay_source.h"
 #include "end_to_end/process.h"
+#include "recordings/recording.h"
+#include "recordings/replay_source.h"
 #include "v4l2/vm.h"
 
 namespace huetrack::v4l2 {
@@ -34,7 +34,7 @@ class LiveCalibration : public testing::Test {
   // Every frame of the recording `hold` times, for the first two loopback devices; from..: which.
   void play(int hold, double fps, int from, int count, const std::vector<std::string>& more = {}) {
     const std::vector<std::string> cameras{"cam0", "cam1"};
-    capture::ReplaySource source(capture::read_recording(original()), cameras);
+    recordings::ReplaySource source(recordings::read_recording(original()), cameras);
     std::vector<std::ofstream> films;
     for (const auto& camera : cameras) films.emplace_back(folder / (camera + ".yuyv"), std::ios::binary);
     std::vector<int> seen(cameras.size());

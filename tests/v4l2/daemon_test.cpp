@@ -8,11 +8,11 @@
 #include "calib/model/rig_yaml.h"
 #include "capture/capture_clock.h"
 #include "capture/clips.h"
-#include "capture/recording.h"
-#include "capture/replay_source.h"
 #include "config/service_config.h"
 #include "end_to_end/http.h"
 #include "end_to_end/process.h"
+#include "recordings/recording.h"
+#include "recordings/replay_source.h"
 #include "tracks/track_csv.h"
 #include "tracks/truth.h"
 #include "v4l2/vm.h"
@@ -34,7 +34,7 @@ constexpr int metrics_port = 19464;
 // Frames from .. from + count of every camera, into folder/<camera>.yuyv.
 void write_films(const fs::path& recording, const std::vector<std::string>& cameras, const fs::path& folder,
                  int from = 0, int count = 1000000) {
-  capture::ReplaySource source(capture::read_recording(recording), cameras);
+  recordings::ReplaySource source(recordings::read_recording(recording), cameras);
   std::vector<std::ofstream> films;
   for (const auto& camera : cameras) films.emplace_back(folder / (camera + ".yuyv"), std::ios::binary);
   std::vector<int> seen(cameras.size());
@@ -252,7 +252,7 @@ TEST_P(Films, LiveIsAsReplayAndItsRecordingGivesTheSameBytes) {
       {HUETRACKD, "replay", folder / "c.yaml", original, "--no-dds", "--quiet", "--tracks", folder / "original.csv"},
       "original");
   EXPECT_EQ(of_original->wait(), 0) << of_original->err();
-  capture::ReplaySource recorded(capture::read_recording(recording), film.cameras);
+  recordings::ReplaySource recorded(recordings::read_recording(recording), film.cameras);
   capture::Timestamp last{};  // nothing overwrites the film's last frame: that one came
   while (const auto frame = recorded.next({})) last = std::max(last, frame->captured_at);
   const capture::Duration offset =
@@ -396,7 +396,7 @@ TEST_F(Webcams, RecordKeepsTheirOwnJpegs) {
   EXPECT_EQ(service->wait(), 0) << service->err();
   EXPECT_THAT(service->out(), AllOf(HasSubstr("cam0"), HasSubstr("0 by the disk")));
   EXPECT_TRUE(jpeg_of(folder / "out/cam1.mkv", 3) == jpeg_of(original / "cam1.mkv", still));
-  capture::ReplaySource recorded(capture::read_recording(folder / "out"), names);
+  recordings::ReplaySource recorded(recordings::read_recording(folder / "out"), names);
   int frames = 0;
   while (const auto frame = recorded.next({}))
     if (frame->camera == 0) {
@@ -624,7 +624,7 @@ TEST_F(Kills, TheRestartWorksTheRecordingOpensAndSubscribersNotice) {
     for (const auto& entry : fs::directory_iterator(folder / "recordings"))
       if (known.insert(entry.path()).second) recording = entry.path();
     ASSERT_FALSE(recording.empty());
-    capture::ReplaySource source(capture::read_recording(recording), cameras);
+    recordings::ReplaySource source(recordings::read_recording(recording), cameras);
     std::optional<capture::Timestamp> last;
     while (const auto frame = source.next({})) {
       ++frames;

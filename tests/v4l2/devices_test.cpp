@@ -12,10 +12,10 @@
 #include "capture/capture_clock.h"
 #include "capture/clips.h"
 #include "capture/jpeg_decoder.h"
-#include "capture/recording_writer.h"
-#include "capture/replay_source.h"
 #include "capture/v4l2_source.h"
 #include "pipeline/bounded_queue.h"
+#include "recordings/recording_writer.h"
+#include "recordings/replay_source.h"
 #include "v4l2/vm.h"
 
 namespace huetrack::v4l2 {
@@ -160,11 +160,11 @@ TEST_F(Loopback, FramesAreBitExactAtTheTimesOfTheDriver) {
 }
 
 TEST_F(Loopback, ARecordingReplaysToWhatWasSeen) {
-  for (const auto storage : {capture::RawStorage::uncompressed, capture::RawStorage::huffyuv}) {
+  for (const auto storage : {recordings::RawStorage::uncompressed, recordings::RawStorage::huffyuv}) {
     const auto player = play(60);
     capture::V4l2Source source(options_for(node));
-    const fs::path out = folder / (storage == capture::RawStorage::huffyuv ? "huffyuv" : "raw");
-    capture::RecordingWriter writer(
+    const fs::path out = folder / (storage == recordings::RawStorage::huffyuv ? "huffyuv" : "raw");
+    recordings::RecordingWriter writer(
         {.folder = out, .cameras = {"left"}, .fps = {30}, .rig_yaml = {}, .config_yaml = {}, .raw_storage = storage});
     go();
     std::vector<int> indices;
@@ -178,12 +178,12 @@ TEST_F(Loopback, ARecordingReplaysToWhatWasSeen) {
     ASSERT_GE(indices.size(), 5U);
     writer.finish();
     const std::vector<std::string> cameras{"left"};
-    capture::ReplaySource replay(capture::read_recording(out), cameras);
+    recordings::ReplaySource replay(recordings::read_recording(out), cameras);
     for (std::size_t i = 0; i < indices.size(); ++i) {
       const auto frame = replay.next({});
       ASSERT_TRUE(frame);
       EXPECT_EQ(frame->captured_at, times[i]);
-      if (storage == capture::RawStorage::uncompressed) {
+      if (storage == recordings::RawStorage::uncompressed) {
         EXPECT_EQ(film_index(frame->pixels), indices[i]);
       }
       // the same values, wherever they lie
@@ -678,7 +678,7 @@ TEST_F(Uvc, JpegsAreDecodedAndTheirBytesKept) {
   EXPECT_GE(got.count(capture::FrameStatus::corrupted), 1);
   EXPECT_EQ(source.health().corrupted, static_cast<unsigned>(got.count(capture::FrameStatus::corrupted)));
   capture::JpegDecoder decoder;
-  capture::RecordingWriter writer(
+  recordings::RecordingWriter writer(
       {.folder = folder / "out", .cameras = {"left"}, .fps = {}, .rig_yaml = {}, .config_yaml = {}});
   for (auto& frame : got.frames) {
     ASSERT_TRUE(writer.write(frame));
@@ -689,7 +689,7 @@ TEST_F(Uvc, JpegsAreDecodedAndTheirBytesKept) {
   }
   writer.finish();
   const std::vector<std::string> cameras{"left"};
-  capture::ReplaySource replay(capture::read_recording(folder / "out"), cameras);
+  recordings::ReplaySource replay(recordings::read_recording(folder / "out"), cameras);
   for (const auto& frame : got.frames) {
     const auto again = replay.next({});
     ASSERT_TRUE(again);

@@ -65,8 +65,10 @@ int dark_of(const Brightness& y, const capture::Image& image) {
   for (int v = 3; v < image.height; v += 8)
     for (int u = 3; u < image.width; u += 8, ++samples) ++histogram[static_cast<std::size_t>(y(u, v))];
   int dark = 0;
-  for (int below = 0; dark < 255; ++dark)
-    if ((below += histogram[static_cast<std::size_t>(dark)]) * 2 >= samples) break;
+  for (int below = 0; dark < 255; ++dark) {
+    below += histogram[static_cast<std::size_t>(dark)];
+    if (2 * below >= samples) break;
+  }
   return dark;
 }
 

@@ -1,5 +1,5 @@
 // recording.yaml, and behind the line "%%" the time stamps times.csv beside it.
-#include "capture/recording.h"
+#include "recordings/recording.h"
 
 #include "calib/yaml/yaml_reader.h"
 #include "fuzz/fuzz_target.h"
@@ -10,7 +10,7 @@ HUETRACK_FUZZ_TARGET(recording) {
   const auto end = std::min(input.find("\n%%\n"), input.size());
   fuzz::file_with("times.csv", input.substr(std::min(end + 4, input.size())));
   try {
-    capture::read_recording(fuzz::file_with("recording.yaml", input.substr(0, end)));
+    recordings::read_recording(fuzz::file_with("recording.yaml", input.substr(0, end)));
   } catch (const yaml::ConfigError&) {
   }
 }

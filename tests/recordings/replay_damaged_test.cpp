@@ -7,9 +7,9 @@
 
 #include "calib/yaml/yaml_reader.h"
 #include "capture/clips.h"
-#include "capture/replay_source.h"
+#include "recordings/replay_source.h"
 
-namespace huetrack::capture {
+namespace huetrack::recordings {
 namespace {
 
 using namespace std::chrono_literals;
@@ -41,20 +41,20 @@ Played play(const std::filesystem::path& frames, int threads = 1) {
   const std::vector<std::string> names{"cam"};
   ReplaySource source(recording, names, {.decoder_threads = threads});
   Played played;
-  std::optional<Timestamp> before;
+  std::optional<capture::Timestamp> before;
   std::optional<std::uint32_t> sequence;
   while (const auto frame = source.next({})) {
     EXPECT_TRUE(!before || frame->captured_at > *before);
     EXPECT_TRUE(!sequence || frame->sequence > *sequence);
     before = frame->captured_at;
     sequence = frame->sequence;
-    const int k = static_cast<int>(std::lround(seconds(frame->captured_at) * fps));
+    const int k = static_cast<int>(std::lround(capture::seconds(frame->captured_at) * fps));
     EXPECT_EQ(frame->sequence, static_cast<unsigned>(k));
-    if (frame->status == FrameStatus::ok) {
+    if (frame->status == capture::FrameStatus::ok) {
       EXPECT_EQ(frame->pixels.width, source.cameras()[0].width);
       EXPECT_EQ(frame->pixels.height, source.cameras()[0].height);
-      played.hashes[k] = hash_of(frame->pixels);  // reads every byte
-      played.shown[k] = frame_shown_by(frame->pixels);
+      played.hashes[k] = capture::hash_of(frame->pixels);  // reads every byte
+      played.shown[k] = capture::frame_shown_by(frame->pixels);
     } else {
       EXPECT_EQ(frame->pixels.width, 0);
       played.corrupted.push_back(k);
@@ -86,28 +86,28 @@ bool spoil(AVPacket& packet) {
   return true;
 }
 
-Clip ffv1() {
+capture::Clip ffv1() {
   return {};
 }
-Clip mjpeg() {
+capture::Clip mjpeg() {
   return {.codec = "mjpeg", .format = AV_PIX_FMT_YUVJ422P};
 }
-Clip mpeg4() {
+capture::Clip mpeg4() {
   return {.codec = "mpeg4", .format = AV_PIX_FMT_YUV420P, .frames = 20, .key_frame_every = 5, .b_frames = 2};
 }
 
 class Damaged : public testing::Test {
  protected:
-  std::filesystem::path write(const std::string& name, const Clip& clip) {
-    write_clip(folder / name, clip);
+  std::filesystem::path write(const std::string& name, const capture::Clip& clip) {
+    capture::write_clip(folder / name, clip);
     return folder / name;
   }
-  TemporaryFolder folder;
+  capture::TemporaryFolder folder;
 };
 
 TEST_F(Damaged, AFrameThatDoesNotDecodeIsCorruptedAndTheNextKeepTheirNumbers) {
   for (const std::string file : {"a.mkv", "a.avi"}) {
-    Clip clip = ffv1();
+    capture::Clip clip = ffv1();
     clip.tamper = [](int k, AVPacket& packet) { return k == 4 || k == 7 ? spoil(packet) : true; };
     const Played played = play(write(file, clip));
     EXPECT_THAT(played.corrupted, ElementsAre(4, 7)) << file;
@@ -118,7 +118,7 @@ TEST_F(Damaged, AFrameThatDoesNotDecodeIsCorruptedAndTheNextKeepTheirNumbers) {
 }
 
 TEST_F(Damaged, WhatIsPredictedFromALostFrameIsCorruptedToo) {
-  Clip clip = ffv1();
+  capture::Clip clip = ffv1();
   clip.key_frame_every = 4;
   clip.tamper = [](int k, AVPacket& packet) { return k == 5 ? spoil(packet) : true; };
   const Played played = play(write("a.mkv", clip));
@@ -128,7 +128,7 @@ TEST_F(Damaged, WhatIsPredictedFromALostFrameIsCorruptedToo) {
 
 TEST_F(Damaged, ACutJpegFrameIsCorrupted) {  // what a webcam on a crowded USB bus gives
   for (const std::string file : {"a.mkv", "a.avi"}) {
-    Clip clip = mjpeg();
+    capture::Clip clip = mjpeg();
     clip.tamper = [](int k, AVPacket& packet) {
       if (k == 4) av_shrink_packet(&packet, packet.size / 2);
       return true;
@@ -143,7 +143,7 @@ TEST_F(Damaged, ACutJpegFrameIsCorrupted) {  // what a webcam on a crowded USB b
 
 // Not damaged, but recorded with a dropped frame: fps counts stored frames, so the user must know.
 TEST_F(Damaged, AFrameThatWasNeverWrittenIsWarnedOf) {
-  Clip clip = mjpeg();
+  capture::Clip clip = mjpeg();
   clip.frames = 40;
   clip.tamper = [](int k, AVPacket&) { return k != 4; };
   const Played played = play(write("a.mkv", clip));
@@ -153,7 +153,7 @@ TEST_F(Damaged, AFrameThatWasNeverWrittenIsWarnedOf) {
 
 TEST_F(Damaged, FramesOfAReorderingCodecKeepTheirNumbers) {
   for (const std::string file : {"a.mkv", "a.mp4"}) {
-    Clip clip = mpeg4();
+    capture::Clip clip = mpeg4();
     clip.tamper = [](int k, AVPacket& packet) { return k == 6 ? spoil(packet) : true; };
     const Played played = play(write(file, clip));
     EXPECT_GE(played.corrupted.size(), 1u) << file;
@@ -165,7 +165,7 @@ TEST_F(Damaged, FramesOfAReorderingCodecKeepTheirNumbers) {
 }
 
 TEST_F(Damaged, ManyLostFramesAreSummedUp) {
-  Clip clip = ffv1();
+  capture::Clip clip = ffv1();
   clip.frames = 20;
   clip.tamper = [](int k, AVPacket& packet) { return k >= 2 ? spoil(packet) : true; };
   const Played played = play(write("a.mkv", clip));
@@ -175,7 +175,7 @@ TEST_F(Damaged, ManyLostFramesAreSummedUp) {
 }
 
 TEST_F(Damaged, CorruptedFramesAtTheStartAreCountedAndTheRestIsPlayed) {
-  Clip clip = mjpeg();
+  capture::Clip clip = mjpeg();
   clip.tamper = [](int k, AVPacket& packet) {
     if (k < 2) av_shrink_packet(&packet, packet.size / 2);
     return true;
@@ -187,16 +187,18 @@ TEST_F(Damaged, CorruptedFramesAtTheStartAreCountedAndTheRestIsPlayed) {
 }
 
 TEST_F(Damaged, AVideoWithoutOneGoodFrameIsAnError) {
-  Clip clip = ffv1();
+  capture::Clip clip = ffv1();
   clip.tamper = [](int, AVPacket& packet) { return spoil(packet); };
   EXPECT_THAT(error_of(write("a.mkv", clip)), AllOf(HasSubstr("a.mkv"), HasSubstr("no frame")));
 }
 
 TEST_F(Damaged, ATruncatedFileIsPlayedAsFarAsItGoesWithAWarning) {
-  for (const auto& [file, clip] :
-       {std::pair<std::string, Clip>{"f.mkv", ffv1()}, {"m.mkv", mjpeg()}, {"m.avi", mjpeg()}, {"b.mkv", mpeg4()}}) {
-    const std::string bytes = read_bytes(write(file, clip));
-    write_text(folder / ("cut_" + file), bytes.substr(0, bytes.size() * 6 / 10));
+  for (const auto& [file, clip] : {std::pair<std::string, capture::Clip>{"f.mkv", ffv1()},
+                                   {"m.mkv", mjpeg()},
+                                   {"m.avi", mjpeg()},
+                                   {"b.mkv", mpeg4()}}) {
+    const std::string bytes = capture::read_bytes(write(file, clip));
+    capture::write_text(folder / ("cut_" + file), bytes.substr(0, bytes.size() * 6 / 10));
     const Played played = play(folder / ("cut_" + file));
     EXPECT_GE(played.shown.size(), 3u) << file;
     EXPECT_LT(played.shown.size(), static_cast<std::size_t>(clip.frames) * 3 / 4) << file;
@@ -206,24 +208,24 @@ TEST_F(Damaged, ATruncatedFileIsPlayedAsFarAsItGoesWithAWarning) {
 }
 
 TEST_F(Damaged, ATruncatedMp4IsAnError) {  // its index is at the end
-  const std::string bytes = read_bytes(write("a.mp4", mpeg4()));
-  write_text(folder / "cut.mp4", bytes.substr(0, bytes.size() / 2));
+  const std::string bytes = capture::read_bytes(write("a.mp4", mpeg4()));
+  capture::write_text(folder / "cut.mp4", bytes.substr(0, bytes.size() / 2));
   EXPECT_THAT(error_of(folder / "cut.mp4"), HasSubstr("cut.mp4"));
 }
 
 TEST_F(Damaged, AHoleInTheFileDoesNotShiftTheFramesBehindIt) {
   for (const auto& [file, clip] :
-       {std::pair<std::string, Clip>{"f.mkv", ffv1()}, {"m.mkv", mjpeg()}, {"m.avi", mjpeg()}}) {
-    Clip longer = clip;
+       {std::pair<std::string, capture::Clip>{"f.mkv", ffv1()}, {"m.mkv", mjpeg()}, {"m.avi", mjpeg()}}) {
+    capture::Clip longer = clip;
     longer.width = 320;  // so that there are several clusters
     longer.height = 240;
     longer.frames = 24;
     longer.fps = fps;
-    std::string bytes = read_bytes(write(file, longer));
+    std::string bytes = capture::read_bytes(write(file, longer));
     // over two to three frames, their headers included
     const std::size_t from = bytes.size() * 4 / 10;
     bytes.replace(from, bytes.size() / 10, std::string(bytes.size() / 10, '\0'));
-    write_text(folder / ("hole_" + file), bytes);
+    capture::write_text(folder / ("hole_" + file), bytes);
     const Played played = play(folder / ("hole_" + file));
     expect_right_numbers(played);
     EXPECT_GE(played.shown.size(), 15u) << file;
@@ -235,10 +237,10 @@ TEST_F(Damaged, AHoleInTheFileDoesNotShiftTheFramesBehindIt) {
 
 TEST_F(Damaged, ImagesThatDoNotDecodeAreNamed) {
   write("%d.png", {.codec = "png", .format = AV_PIX_FMT_RGB24, .frames = 6});
-  const std::string bytes = read_bytes(folder / "3.png");
-  write_text(folder / "3.png", bytes.substr(0, bytes.size() / 2));
-  write_text(folder / "4.png", "");
-  write_text(folder / "5.png", "not an image");
+  const std::string bytes = capture::read_bytes(folder / "3.png");
+  capture::write_text(folder / "3.png", bytes.substr(0, bytes.size() / 2));
+  capture::write_text(folder / "4.png", "");
+  capture::write_text(folder / "5.png", "not an image");
   const Played played = play(folder / "%d.png");
   EXPECT_THAT(played.corrupted, ElementsAre(2, 3, 4));
   expect_right_numbers(played);
@@ -279,7 +281,7 @@ std::string mutate(std::string bytes, std::mt19937_64& rng) {
 
 struct FuzzCase {
   const char* file;
-  Clip clip;
+  capture::Clip clip;
   int mutations;
   // FFV1 has checksums, so what is played must be true, and at its time. In AVI, where a frame's time is its number,
   // pieces that are cut out shift it; in Matroska that takes damaged time stamps as well.
@@ -293,9 +295,9 @@ class Mutated : public testing::TestWithParam<FuzzCase> {};
 
 TEST_P(Mutated, FilesEndInAnErrorOrInFramesNeverInACrash) {
   const FuzzCase& c = GetParam();
-  const TemporaryFolder folder;
-  write_clip(folder / c.file, c.clip);
-  const std::string original = read_bytes(folder / c.file);
+  const capture::TemporaryFolder folder;
+  capture::write_clip(folder / c.file, c.clip);
+  const std::string original = capture::read_bytes(folder / c.file);
   const Played clean = play(folder / c.file);
   ASSERT_THAT(clean.warnings, IsEmpty());
   int errors = 0;
@@ -305,7 +307,7 @@ TEST_P(Mutated, FilesEndInAnErrorOrInFramesNeverInACrash) {
   for (int i = 0; i < c.mutations; ++i) {
     std::mt19937_64 rng(static_cast<std::uint64_t>(i));
     const auto file = folder / ("mutated_" + std::string(c.file));
-    write_text(file, mutate(original, rng));
+    capture::write_text(file, mutate(original, rng));
     try {
       const Played played = play(file, 1 + i % 2);
       ++played_files;
@@ -342,4 +344,4 @@ INSTANTIATE_TEST_SUITE_P(
                     FuzzCase{"a.jpg", {.codec = "mjpeg", .format = AV_PIX_FMT_YUVJ420P, .frames = 1}, 200}));
 
 }  // namespace
-}  // namespace huetrack::capture
+}  // namespace huetrack::recordings

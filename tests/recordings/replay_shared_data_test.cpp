@@ -2,10 +2,11 @@
 #include <gmock/gmock.h>
 
 #include "capture/frame_synchronizer.h"
-#include "capture/replay_source.h"
 #include "capture/temporary_folder.h"
+#include "recordings/names_in.h"
+#include "recordings/replay_source.h"
 
-namespace huetrack::capture {
+namespace huetrack::recordings {
 namespace {
 
 using testing::IsEmpty;
@@ -17,8 +18,8 @@ struct Expected {
   int cameras;
   int frames;  // of each camera
   int width, height;
-  PixelFormat format;
-  ColorRange range;
+  capture::PixelFormat format;
+  capture::ColorRange range;
   double last_s;
 };
 void PrintTo(const Expected& e, std::ostream* out) {
@@ -35,14 +36,15 @@ TEST_P(SharedRecording, IsPlayedWhole) {
   const auto names = names_in(recording);
   ReplaySource source(recording, names);
   EXPECT_EQ(source.expected_frames(), e.cameras * e.frames);
-  EXPECT_NEAR(seconds(source.expected_duration().value()), e.last_s, 1e-6);
+  EXPECT_NEAR(capture::seconds(source.expected_duration().value()), e.last_s, 1e-6);
 
-  std::vector<Duration> periods;
+  std::vector<capture::Duration> periods;
   for (const auto& camera : source.cameras()) periods.push_back(camera.frame_period);
-  FrameSynchronizer synchronizer({.camera_count = e.cameras, .tolerance = suggested_tolerance(periods)});
-  Timestamp last;
+  capture::FrameSynchronizer synchronizer(
+      {.camera_count = e.cameras, .tolerance = capture::suggested_tolerance(periods)});
+  capture::Timestamp last;
   while (auto frame = source.next({})) {
-    ASSERT_EQ(frame->status, FrameStatus::ok);
+    ASSERT_EQ(frame->status, capture::FrameStatus::ok);
     ASSERT_EQ(frame->pixels.format, e.format);
     ASSERT_EQ(frame->pixels.range, e.range);
     ASSERT_EQ(frame->pixels.width, e.width);
@@ -50,39 +52,45 @@ TEST_P(SharedRecording, IsPlayedWhole) {
     last = frame->captured_at;
     synchronizer.push(std::move(*frame));
   }
-  EXPECT_NEAR(seconds(last), e.last_s, 1e-6);
+  EXPECT_NEAR(capture::seconds(last), e.last_s, 1e-6);
   EXPECT_THAT(source.take_warnings(), IsEmpty());
   for (const auto& camera : source.cameras()) {
     EXPECT_EQ(camera.frames, e.frames);
     EXPECT_EQ(camera.missing + camera.corrupted, 0);
-    EXPECT_EQ(camera.first_at, Timestamp{});
+    EXPECT_EQ(camera.first_at, capture::Timestamp{});
   }
   EXPECT_EQ(synchronizer.counters().sets, static_cast<std::uint64_t>(e.frames));
   EXPECT_EQ(synchronizer.counters().incomplete_sets, 0u);
 }
 
-INSTANTIATE_TEST_SUITE_P(
-    Data, SharedRecording,
-    testing::Values(Expected{"rendered/two_cams", 2, 150, 320, 240, PixelFormat::i422, ColorRange::limited, 149 / 30.0},
-                    Expected{"rendered/occlusion", 3, 180, 320, 240, PixelFormat::i422, ColorRange::full, 179 / 30.0},
-                    Expected{"rendered/fast_60fps", 3, 90, 320, 240, PixelFormat::i422, ColorRange::full, 89 / 60.0},
-                    Expected{"rendered/chessboard", 3, 25, 320, 240, PixelFormat::i420, ColorRange::full, 24},
-                    Expected{"rendered/desk", 1, 240, 320, 240, PixelFormat::i422, ColorRange::full, 239 / 30.0},
-                    Expected{"rendered/leds", 1, 140, 640, 480, PixelFormat::i422, ColorRange::full, 139 / 90.0},
-                    Expected{"hand_held_7scenes", 1, 300, 640, 480, PixelFormat::i420, ColorRange::full, 9.966667}),
-    [](const auto& test) {
-      std::string name = test.param.recording;
-      std::ranges::replace(name, '/', '_');
-      return name;
-    });
+INSTANTIATE_TEST_SUITE_P(Data, SharedRecording,
+                         testing::Values(Expected{"rendered/two_cams", 2, 150, 320, 240, capture::PixelFormat::i422,
+                                                  capture::ColorRange::limited, 149 / 30.0},
+                                         Expected{"rendered/occlusion", 3, 180, 320, 240, capture::PixelFormat::i422,
+                                                  capture::ColorRange::full, 179 / 30.0},
+                                         Expected{"rendered/fast_60fps", 3, 90, 320, 240, capture::PixelFormat::i422,
+                                                  capture::ColorRange::full, 89 / 60.0},
+                                         Expected{"rendered/chessboard", 3, 25, 320, 240, capture::PixelFormat::i420,
+                                                  capture::ColorRange::full, 24},
+                                         Expected{"rendered/desk", 1, 240, 320, 240, capture::PixelFormat::i422,
+                                                  capture::ColorRange::full, 239 / 30.0},
+                                         Expected{"rendered/leds", 1, 140, 640, 480, capture::PixelFormat::i422,
+                                                  capture::ColorRange::full, 139 / 90.0},
+                                         Expected{"hand_held_7scenes", 1, 300, 640, 480, capture::PixelFormat::i420,
+                                                  capture::ColorRange::full, 9.966667}),
+                         [](const auto& test) {
+                           std::string name = test.param.recording;
+                           std::ranges::replace(name, '/', '_');
+                           return name;
+                         });
 
 class WrittenRecording : public testing::Test {
  protected:
   Recording write(const std::string& cameras) const {
-    write_text(folder / "recording.yaml", "version: 1\ncameras:\n" + cameras);
+    capture::write_text(folder / "recording.yaml", "version: 1\ncameras:\n" + cameras);
     return read_recording(folder.path());
   }
-  const TemporaryFolder folder;
+  const capture::TemporaryFolder folder;
 };
 
 TEST_F(WrittenRecording, RedSquareStereoHasOneTimePerPair) {
@@ -95,20 +103,20 @@ TEST_F(WrittenRecording, RedSquareStereoHasOneTimePerPair) {
   const Recording recording = write(cameras);
   const auto names = names_in(recording);
   ReplaySource source(recording, names);
-  const std::vector<Duration> periods{source.cameras()[0].frame_period, source.cameras()[1].frame_period};
-  EXPECT_NEAR(seconds(periods[0]), 0.064, 0.003);
-  FrameSynchronizer synchronizer({.camera_count = 2, .tolerance = suggested_tolerance(periods)});
+  const std::vector<capture::Duration> periods{source.cameras()[0].frame_period, source.cameras()[1].frame_period};
+  EXPECT_NEAR(capture::seconds(periods[0]), 0.064, 0.003);
+  capture::FrameSynchronizer synchronizer({.camera_count = 2, .tolerance = capture::suggested_tolerance(periods)});
   int complete = 0;
-  Timestamp last;
+  capture::Timestamp last;
   while (auto frame = source.next({})) {
-    EXPECT_EQ(frame->pixels.format, PixelFormat::i422);
-    EXPECT_EQ(frame->pixels.range, ColorRange::limited);
+    EXPECT_EQ(frame->pixels.format, capture::PixelFormat::i422);
+    EXPECT_EQ(frame->pixels.range, capture::ColorRange::limited);
     last = frame->stamped_at;
     EXPECT_LT(std::chrono::abs(frame->captured_at - last), std::chrono::milliseconds(10)) << "smoothed, not invented";
     for (const auto& set : synchronizer.push(std::move(*frame))) complete += set.frames[0] && set.frames[1] ? 1 : 0;
   }
   EXPECT_EQ(complete, 114);
-  EXPECT_EQ(last, Timestamp{std::chrono::microseconds(7518156)});
+  EXPECT_EQ(last, capture::Timestamp{std::chrono::microseconds(7518156)});
   EXPECT_THAT(source.take_warnings(), IsEmpty());
 }
 
@@ -122,9 +130,9 @@ TEST_F(WrittenRecording, SixtyFpsPlaysAsFreeRunningThirtyFpsCameras) {
   const Recording recording = write(cameras);
   const auto names = names_in(recording);
   ReplaySource source(recording, names);
-  std::vector<Duration> periods;
+  std::vector<capture::Duration> periods;
   for (const auto& camera : source.cameras()) periods.push_back(camera.frame_period);
-  FrameSynchronizer synchronizer({.camera_count = 3, .tolerance = suggested_tolerance(periods)});
+  capture::FrameSynchronizer synchronizer({.camera_count = 3, .tolerance = capture::suggested_tolerance(periods)});
   int complete = 0;
   while (auto frame = source.next({}))
     for (const auto& set : synchronizer.push(std::move(*frame)))
@@ -142,14 +150,14 @@ TEST_F(WrittenRecording, OtherToolsVideosPlayByTheirOwnTimes) {
   const auto names = names_in(recording);
   ReplaySource source(recording, names);
   std::vector<int> counts(4);
-  Timestamp last;
+  capture::Timestamp last;
   while (const auto frame = source.next({})) {
-    EXPECT_EQ(frame->pixels.format, PixelFormat::i420);
+    EXPECT_EQ(frame->pixels.format, capture::PixelFormat::i420);
     ++counts[static_cast<std::size_t>(frame->camera)];
     last = frame->captured_at;
   }
   EXPECT_THAT(counts, testing::Each(57));
-  EXPECT_NEAR(seconds(last), 56 / 6.0, 1e-3);
+  EXPECT_NEAR(capture::seconds(last), 56 / 6.0, 1e-3);
   EXPECT_THAT(source.take_warnings(), IsEmpty());
 }
 
@@ -164,9 +172,9 @@ TEST(SharedData, LosslessFramesHaveTheirBytes) {
       const auto frame = source.next({});
       ASSERT_TRUE(frame);
       for (int plane = 0; plane < 3; ++plane)
-        for (int y = 0; y < plane_rows(frame->pixels.format, plane, 240); ++y)
-          for (std::size_t x = 0; x < plane_row_bytes(frame->pixels.format, plane, 320); ++x) {
-            const Plane& p = frame->pixels.planes[static_cast<std::size_t>(plane)];
+        for (int y = 0; y < capture::plane_rows(frame->pixels.format, plane, 240); ++y)
+          for (std::size_t x = 0; x < capture::plane_row_bytes(frame->pixels.format, plane, 320); ++x) {
+            const capture::Plane& p = frame->pixels.planes[static_cast<std::size_t>(plane)];
             hash = (hash ^ p.data[y * p.stride + static_cast<std::ptrdiff_t>(x)]) * 0x100000001b3;
           }
     }
@@ -175,4 +183,4 @@ TEST(SharedData, LosslessFramesHaveTheirBytes) {
 }
 
 }  // namespace
-}  // namespace huetrack::capture
+}  // namespace huetrack::recordings

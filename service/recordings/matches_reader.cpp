@@ -1,11 +1,11 @@
-#include "capture/matches_reader.h"
+#include "recordings/matches_reader.h"
 
 #include <array>
 #include <memory>
 #include <string>
 #include <utility>
 
-namespace huetrack::capture {
+namespace huetrack::recordings {
 namespace {
 
 constexpr std::uint32_t largest = std::uint32_t{1} << 26;  // of a frame; a damaged length must not take gigabytes
@@ -51,7 +51,7 @@ std::optional<VideoReader::Shown> MatchesReader::next() {
     const std::int64_t index = index_++;
     if (const auto last = selection_.last(); last && index > *last) return std::nullopt;
     // Of one that is left out the picture may be needed.
-    auto decoded = decode_matches(*bytes, decoder_, picture_);
+    auto decoded = capture::decode_matches(*bytes, decoder_, picture_);
     if (!selection_.contains(index)) continue;
     VideoReader::Shown shown{.index = index, .stamp = std::nullopt, .image = {}};
     if (decoded) {
@@ -67,4 +67,4 @@ std::optional<VideoReader::Shown> MatchesReader::next() {
   return std::nullopt;
 }
 
-}  // namespace huetrack::capture
+}  // namespace huetrack::recordings

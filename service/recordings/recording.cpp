@@ -1,4 +1,4 @@
-#include "capture/recording.h"
+#include "recordings/recording.h"
 
 #include <algorithm>
 #include <array>
@@ -11,15 +11,15 @@
 #include "calib/yaml/text_file.h"
 #include "calib/yaml/yaml_reader.h"
 
-namespace huetrack::capture {
+namespace huetrack::recordings {
 namespace {
 
 constexpr std::int64_t longest_sigma_ns = 1'000'000'000;  // nobody tracks with clocks that are known worse
 constexpr double longest_s = 4e9;  // |time|; far beyond any recording, and within 64 bits of nanoseconds
 
 // Nanoseconds survive even when the times are UNIX seconds.
-Duration exact_duration_of(long double s) {
-  return Duration(std::llround(s * 1e9L));
+capture::Duration exact_duration_of(long double s) {
+  return capture::Duration(std::llround(s * 1e9L));
 }
 
 template <typename T>
@@ -61,7 +61,7 @@ class TimestampFile {
     const auto time = parse<long double>(table_.text(t_s));
     if (!time || !(std::fabs(*time) < static_cast<long double>(longest_s)))
       return "t_s is " + quoted(t_s) + ", not a time in seconds";
-    const Timestamp at{exact_duration_of(*time)};
+    const capture::Timestamp at{exact_duration_of(*time)};
     RecordedCamera::Received received;
     if (is_ours()) {
       const auto sequence_number = parse<std::uint32_t>(table_.text(sequence));
@@ -73,7 +73,7 @@ class TimestampFile {
         const auto stamp = parse<long double>(table_.text(stamp_s));
         if (!stamp || !(std::fabs(*stamp) < static_cast<long double>(longest_s)))
           return "stamp_s is " + quoted(stamp_s) + ", not a time in seconds";
-        received.stamped_at = Timestamp{exact_duration_of(*stamp)};
+        received.stamped_at = capture::Timestamp{exact_duration_of(*stamp)};
       }
       if (table_.has(clock) && table_.has(clock_sigma_ns)) {
         const auto of = parse<std::uint16_t>(table_.text(clock));
@@ -81,7 +81,7 @@ class TimestampFile {
         if (!of) return "clock is " + quoted(clock) + ", not an integer from 0 to 65535";
         if (!sigma || *sigma < 0 || *sigma > longest_sigma_ns)
           return "clock_sigma_ns is " + quoted(clock_sigma_ns) + ", not a time in nanoseconds from 0 to 10^9";
-        received.clock = {.of = *of, .sigma = Duration(*sigma)};
+        received.clock = {.of = *of, .sigma = capture::Duration(*sigma)};
       }
     }
     if (table_.text(frame).empty() && is_ours()) {
@@ -110,7 +110,7 @@ class TimestampFile {
   std::filesystem::path csv_;
   yaml::CsvTable table_;
   RecordedCamera& camera_;
-  std::optional<Timestamp> last_at_;
+  std::optional<capture::Timestamp> last_at_;
 };
 
 }  // namespace
@@ -152,7 +152,8 @@ Recording read_recording(const std::filesystem::path& path) {
   const auto yaml = yaml::YamlReader::file(recording.file);
   yaml.version(1);
   if (yaml.has("started_at"))
-    recording.started_at = Timestamp{exact_duration_of(yaml.number("started_at", {.min = 0, .max = longest_s}))};
+    recording.started_at =
+        capture::Timestamp{exact_duration_of(yaml.number("started_at", {.min = 0, .max = longest_s}))};
   for (const auto& [name, entry] : yaml.named_maps("cameras")) {
     RecordedCamera camera;
     camera.name = name;
@@ -208,4 +209,4 @@ Recording read_recording(std::span<const std::string> words) {
   return recording;
 }
 
-}  // namespace huetrack::capture
+}  // namespace huetrack::recordings

@@ -1,4 +1,4 @@
-#include "capture/video_reader.h"
+#include "recordings/video_reader.h"
 
 #include <glob.h>
 
@@ -6,27 +6,24 @@
 #include <array>
 #include <charconv>
 #include <cmath>
-#include <cstdarg>
-#include <cstdio>
 #include <cstring>
 #include <deque>
 #include <fstream>
-#include <mutex>
-#include <new>
 #include <set>
 #include <utility>
 
 #include "calib/yaml/yaml_reader.h"
+#include "capture/ffmpeg_log.h"
 #include "capture/ffmpeg_objects.h"
 #include "capture/ffmpeg_picture.h"
 #include "capture/jpeg_decoder.h"
 
-namespace huetrack::capture {
+namespace huetrack::recordings {
 
 bool FrameSelection::contains(std::int64_t index) const {
   if (index < camera_.first_frame || (index - camera_.first_frame) % camera_.every != 0) return false;
   return camera_.timestamps.empty() ||
-         std::ranges::binary_search(camera_.timestamps, index, {}, &std::pair<std::int64_t, Timestamp>::first);
+         std::ranges::binary_search(camera_.timestamps, index, {}, &std::pair<std::int64_t, capture::Timestamp>::first);
 }
 
 std::optional<std::int64_t> FrameSelection::last() const {
@@ -45,71 +42,6 @@ namespace {
 constexpr std::int64_t most_pixels = 1 << 26;      // of one image; a damaged header must not make us allocate gigabytes
 constexpr std::int64_t longest_gap_frames = 1000;  // a damaged time stamp must not make us invent frames
 constexpr int most_warnings = 5;                   // of one kind, one by one; the others are summed up
-
-// ---- FFmpeg's log: nothing is printed; errors are kept for the warning or exception that they explain
-
-// thread-safe: slices may be decoded on FFmpeg's own threads.
-class ErrorLog {
- public:
-  void add(std::string text) {
-    const std::scoped_lock lock(mutex_);
-    if (count_++ == 0) first_ = std::move(text);
-  }
-  int count() const {
-    const std::scoped_lock lock(mutex_);
-    return count_;
-  }
-  // The first error since the last call, in brackets; empty when there was none.
-  std::string take() {
-    const std::scoped_lock lock(mutex_);
-    count_ = 0;
-    const std::string text = std::exchange(first_, {});
-    return text.empty() ? text : " (" + text + ")";
-  }
-
- private:
-  mutable std::mutex mutex_;
-  int count_ = 0;      // guarded by mutex_
-  std::string first_;  // guarded by mutex_
-};
-
-thread_local ErrorLog* log_of_this_thread = nullptr;
-
-// For as long as it lives, what FFmpeg logs on this thread goes to `log`.
-class LogScope {
- public:
-  explicit LogScope(ErrorLog& log) : outer_(std::exchange(log_of_this_thread, &log)) {}
-  ~LogScope() { log_of_this_thread = outer_; }
-  LogScope(const LogScope&) = delete;
-  LogScope& operator=(const LogScope&) = delete;
-
- private:
-  ErrorLog* outer_;
-};
-
-void on_log(void* source, int level, const char* format, va_list arguments) {
-  if (level > AV_LOG_ERROR) return;
-  ErrorLog* log = log_of_this_thread;
-  if (!log && source && *static_cast<const AVClass* const*>(source) == avcodec_get_class())
-    log = static_cast<ErrorLog*>(static_cast<const AVCodecContext*>(source)->opaque);  // a slice thread of ours
-  if (!log) return;
-  std::array<char, 160> line{};  // an excerpt is enough; FFmpeg's callback leaves no choice but printf
-  std::vsnprintf(line.data(), line.size(), format, arguments);
-  std::string text(line.data());
-  std::ranges::replace_if(
-      text, [](unsigned char c) { return c < 0x20 || c > 0x7E; }, ' ');
-  while (text.ends_with(' ') || text.ends_with('.')) text.pop_back();
-  if (!text.empty()) log->add(std::move(text));
-}
-
-}  // namespace
-
-void take_over_log() {
-  static std::once_flag once;
-  std::call_once(once, [] { av_log_set_callback(on_log); });
-}
-
-namespace {
 
 // ---- Image files
 
@@ -180,7 +112,7 @@ std::vector<ImageFile> image_files_of(const RecordedCamera& camera) {
 struct VideoReader::Impl {
   Impl(const RecordedCamera& c, int threads, std::vector<std::string>& w, std::optional<std::stop_token> g, bool keeps)
       : camera(c), selection(c), warnings(w), growing(std::move(g)), images(image_files_of(c)), keeps_jpeg(keeps) {
-    take_over_log();
+    capture::take_over_ffmpeg_log();
     open(images.empty() ? camera.frames : images.front().path, threads);
   }
 
@@ -189,7 +121,7 @@ struct VideoReader::Impl {
   }
 
   void open(const std::filesystem::path& file, int threads) {
-    const LogScope scope(log);
+    const capture::FfmpegLogScope scope(log);
     std::error_code error;
     if (!std::filesystem::exists(file, error)) fail(file, "no such file");
     if (!std::filesystem::is_regular_file(file, error))
@@ -199,7 +131,7 @@ struct VideoReader::Impl {
     // Local files only: a play list or the like in a recording must not reach out into the network.
     AVDictionary* options = nullptr;
     av_dict_set(&options, "protocol_whitelist", "file", 0);
-    AVFormatContext* opened = not_null(avformat_alloc_context());  // freed where it cannot be opened
+    AVFormatContext* opened = capture::not_null(avformat_alloc_context());  // freed where it cannot be opened
     if (growing) {
       av_dict_set(&options, "follow", "1", 0);
       opened->interrupt_callback = {
@@ -207,7 +139,7 @@ struct VideoReader::Impl {
     }
     const int open_error = avformat_open_input(&opened, ("file:" + file.string()).c_str(), nullptr, &options);
     av_dict_free(&options);
-    if (open_error < 0) fail(file, "is not a video or image that FFmpeg can read: " + error_text(open_error));
+    if (open_error < 0) fail(file, "is not a video or image that FFmpeg can read: " + capture::error_text(open_error));
     format.reset(opened);
     std::vector<AVDictionary*> limits(format->nb_streams, nullptr);
     for (auto& limit : limits) av_dict_set_int(&limit, "max_pixels", most_pixels, 0);
@@ -222,8 +154,9 @@ struct VideoReader::Impl {
       if (static_cast<int>(i) != best) format->streams[i]->discard = AVDISCARD_ALL;
     stream = format->streams[best];
 
-    codec.reset(not_null(avcodec_alloc_context3(decoder)));
-    if (const int e = avcodec_parameters_to_context(codec.get(), stream->codecpar); e < 0) fail(file, error_text(e));
+    codec.reset(capture::not_null(avcodec_alloc_context3(decoder)));
+    if (const int e = avcodec_parameters_to_context(codec.get(), stream->codecpar); e < 0)
+      fail(file, capture::error_text(e));
     codec->pkt_timebase = stream->time_base;
     codec->max_pixels = most_pixels;
     codec->opaque = &log;
@@ -232,7 +165,7 @@ struct VideoReader::Impl {
     codec->thread_count = threads;
     codec->thread_type = FF_THREAD_SLICE;  // frame threads would make it uncertain which frame an error belongs to
     if (const int e = avcodec_open2(codec.get(), decoder, nullptr); e < 0)
-      fail(file, "its video cannot be decoded: " + error_text(e));
+      fail(file, "its video cannot be decoded: " + capture::error_text(e));
     const AVCodecDescriptor* properties = avcodec_descriptor_get(decoder->id);
     is_intra_only = properties && (properties->props & AV_CODEC_PROP_INTRA_ONLY) != 0;
     is_delayed = (decoder->capabilities & AV_CODEC_CAP_DELAY) != 0;
@@ -259,7 +192,7 @@ struct VideoReader::Impl {
   // ---- One picture after the other
 
   std::optional<Shown> next() {
-    const LogScope scope(log);
+    const capture::FfmpegLogScope scope(log);
     while (ready.empty() && !ended) {
       const auto last = selection.last();
       if (last && index > *last) return std::nullopt;
@@ -288,7 +221,7 @@ struct VideoReader::Impl {
     log.take();
     std::ifstream in(file.path, std::ios::binary | std::ios::ate);
     const auto size = in ? static_cast<std::int64_t>(in.tellg()) : 0;
-    std::optional<Image> image;
+    std::optional<capture::Image> image;
     if (in && size > 0 && size < (1 << 30) && av_new_packet(packet.get(), static_cast<int>(size)) == 0) {
       packet->flags |= AV_PKT_FLAG_KEY;  // PNG knows pictures that build on the one before
       in.seekg(0);
@@ -368,7 +301,7 @@ struct VideoReader::Impl {
   }
 
   struct Decoded {
-    std::optional<Image> image;
+    std::optional<capture::Image> image;
     bool is_hidden = false;  // a reference picture of VP8/VP9 that is never shown: takes no number
   };
 
@@ -379,7 +312,7 @@ struct VideoReader::Impl {
     const int errors_before = log.count();
     int error = avcodec_send_packet(codec.get(), packet.get());
     while (error == 0) {
-      FramePtr frame(not_null(av_frame_alloc()));
+      capture::FramePtr frame(capture::not_null(av_frame_alloc()));
       error = avcodec_receive_frame(codec.get(), frame.get());
       if (error == 0 && !result.image) result.image = image_from(std::move(frame));
     }
@@ -402,7 +335,7 @@ struct VideoReader::Impl {
     if (decoded.image && images.empty() && codec->width > 0 &&
         (decoded.image->width != codec->width || decoded.image->height != codec->height))
       return false;
-    if (decoded.image && codec->color_range == AVCOL_RANGE_MPEG) decoded.image->range = ColorRange::limited;
+    if (decoded.image && codec->color_range == AVCOL_RANGE_MPEG) decoded.image->range = capture::ColorRange::limited;
     result.image = std::move(decoded.image);
     if (keeps_jpeg && result.image)
       jpeg_bytes = std::make_shared<std::vector<std::uint8_t>>(packet->data, packet->data + packet->size);
@@ -438,7 +371,7 @@ struct VideoReader::Impl {
 
   void receive() {
     for (int errors = 0; errors < 64;) {
-      FramePtr frame(not_null(av_frame_alloc()));
+      capture::FramePtr frame(capture::not_null(av_frame_alloc()));
       const int error = avcodec_receive_frame(codec.get(), frame.get());
       if (error == AVERROR(EAGAIN) || error == AVERROR_EOF) return;
       if (error < 0) {
@@ -479,12 +412,14 @@ struct VideoReader::Impl {
     if (!is_intra_only) broken_from = std::max(broken_from.value_or(key), key);
   }
 
-  std::optional<Image> keep_if_sound(std::optional<Image> image, bool is_key, std::int64_t key) {
+  std::optional<capture::Image> keep_if_sound(std::optional<capture::Image> image, bool is_key, std::int64_t key) {
     if (broken_from && image && is_key && key > *broken_from) broken_from.reset();
     return broken_from ? std::nullopt : std::move(image);
   }
 
-  std::optional<Image> image_from(FramePtr frame) { return pictures.image_of(std::move(frame), codec->codec_id); }
+  std::optional<capture::Image> image_from(capture::FramePtr frame) {
+    return pictures.image_of(std::move(frame), codec->codec_id);
+  }
 
   // ---- Numbering
 
@@ -519,7 +454,7 @@ struct VideoReader::Impl {
     return pts && last_pts && *pts <= *last_pts && ticks && *ticks >= 2;
   }
 
-  void accept(std::optional<std::int64_t> pts, std::optional<Image> image) {
+  void accept(std::optional<std::int64_t> pts, std::optional<capture::Image> image) {
     if (pts && !gap_before(*pts)) pts.reset();
     for (std::int64_t lost = frames_lost_before(pts), i = lost; i >= 1; --i)
       show(*pts - std::llround(static_cast<double>(i) * *step()), std::nullopt);
@@ -538,14 +473,15 @@ struct VideoReader::Impl {
     last_pts = pts;
   }
 
-  void show(std::optional<std::int64_t> pts, std::optional<Image> image) {
+  void show(std::optional<std::int64_t> pts, std::optional<capture::Image> image) {
     const std::int64_t number = index++;
     if (!selection.contains(number)) return;
     if (!image && images.empty())
       warn(lost_warnings, "frame " + std::to_string(number) + " does not decode" + log.take());
-    Shown picture{.index = number, .stamp = {}, .image = image ? std::move(*image) : Image{}};
+    Shown picture{.index = number, .stamp = {}, .image = image ? std::move(*image) : capture::Image{}};
     if (picture.image.width > 0) picture.jpeg = std::exchange(jpeg_bytes, nullptr);
-    if (pts) picture.stamp = Timestamp{Duration(av_rescale_q(*pts, stream->time_base, {1, 1'000'000'000}))};
+    if (pts)
+      picture.stamp = capture::Timestamp{capture::Duration(av_rescale_q(*pts, stream->time_base, {1, 1'000'000'000}))};
     ready.push_back(std::move(picture));
   }
 
@@ -580,17 +516,17 @@ struct VideoReader::Impl {
   FrameSelection selection;
   std::vector<std::string>& warnings;
   std::optional<std::stop_token> growing;
-  ErrorLog log;
+  capture::FfmpegLog log;
   std::vector<ImageFile> images;  // empty: a video
   const bool keeps_jpeg;
   std::shared_ptr<const std::vector<std::uint8_t>> jpeg_bytes = {};  // of the picture that is shown next
   std::size_t next_image = 0;
-  InputPtr format;             // null for images
+  capture::InputPtr format;    // null for images
   AVStream* stream = nullptr;  // of format
-  CodecPtr codec;
-  JpegDecoder jpeg;
-  PacketPtr packet{not_null(av_packet_alloc())};
-  PictureMaker pictures;
+  capture::CodecPtr codec;
+  capture::JpegDecoder jpeg;
+  capture::PacketPtr packet{capture::not_null(av_packet_alloc())};
+  capture::PictureMaker pictures;
   int next_avi_entry = 0;
   bool is_intra_only = false;
   bool is_delayed = false;
@@ -630,10 +566,10 @@ std::optional<std::int64_t> VideoReader::frame_count() const {
   return impl_->frame_count();
 }
 
-Duration VideoReader::frame_period() const {
-  if (!impl_->stream) return Duration::zero();
+capture::Duration VideoReader::frame_period() const {
+  if (!impl_->stream) return capture::Duration::zero();
   const double rate = av_q2d(impl_->stream->avg_frame_rate);
-  return rate > 0 && std::isfinite(rate) ? duration_of(1 / rate) : Duration::zero();
+  return rate > 0 && std::isfinite(rate) ? capture::duration_of(1 / rate) : capture::Duration::zero();
 }
 
-}  // namespace huetrack::capture
+}  // namespace huetrack::recordings

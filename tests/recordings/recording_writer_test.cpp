@@ -1,4 +1,4 @@
-#include "capture/recording_writer.h"
+#include "recordings/recording_writer.h"
 
 #include <fcntl.h>
 #include <gmock/gmock.h>
@@ -16,11 +16,11 @@
 
 #include "calib/yaml/yaml_reader.h"
 #include "capture/clips.h"
-#include "capture/growing_recording.h"
 #include "capture/jpeg_decoder.h"
-#include "capture/replay_source.h"
+#include "recordings/growing_recording.h"
+#include "recordings/replay_source.h"
 
-namespace huetrack::capture {
+namespace huetrack::recordings {
 namespace {
 
 namespace fs = std::filesystem;
@@ -32,56 +32,57 @@ using testing::HasSubstr;
 using testing::IsEmpty;
 using testing::SizeIs;
 
-constexpr auto start = Timestamp(1'795'232'262'123'456'789ns);  // a UNIX time with nanoseconds
+constexpr auto start = capture::Timestamp(1'795'232'262'123'456'789ns);  // a UNIX time with nanoseconds
 
 // Noise, so that no byte is right by chance. Rows are padded, as drivers do, when `padding` is not 0.
-Frame raw_frame(int k, PixelFormat format = PixelFormat::yuyv, int width = 64, int height = 48,
-                ColorRange range = ColorRange::limited, std::size_t padding = 0) {
-  Frame frame;
+capture::Frame raw_frame(int k, capture::PixelFormat format = capture::PixelFormat::yuyv, int width = 64,
+                         int height = 48, capture::ColorRange range = capture::ColorRange::limited,
+                         std::size_t padding = 0) {
+  capture::Frame frame;
   frame.sequence = static_cast<std::uint32_t>(k);
   frame.captured_at = start + k * 33'333'333ns;
   frame.arrival = static_cast<std::uint64_t>(k) + 1;
-  frame.clock = {.of = static_cast<std::uint16_t>(k % 3), .sigma = Duration(k % 3 * 100'003)};
-  Image& image = frame.pixels;
+  frame.clock = {.of = static_cast<std::uint16_t>(k % 3), .sigma = capture::Duration(k % 3 * 100'003)};
+  capture::Image& image = frame.pixels;
   image.format = format;
   image.range = range;
   image.width = width;
   image.height = height;
   std::size_t bytes = 0;
   for (int i = 0; i < 3; ++i) {
-    const std::size_t row = plane_row_bytes(format, i, width);
-    if (row > 0) bytes += (row + padding) * static_cast<std::size_t>(plane_rows(format, i, height));
+    const std::size_t row = capture::plane_row_bytes(format, i, width);
+    if (row > 0) bytes += (row + padding) * static_cast<std::size_t>(capture::plane_rows(format, i, height));
   }
   const auto memory = std::make_shared<std::vector<std::uint8_t>>(bytes);
   std::mt19937 random(static_cast<unsigned>(k));
   for (auto& byte : *memory) byte = static_cast<std::uint8_t>(random());
   const std::uint8_t* next = memory->data();
   for (int i = 0; i < 3; ++i) {
-    const std::size_t row = plane_row_bytes(format, i, width);
+    const std::size_t row = capture::plane_row_bytes(format, i, width);
     if (row == 0) continue;
     image.planes[static_cast<std::size_t>(i)] = {next, static_cast<std::ptrdiff_t>(row + padding)};
-    next += (row + padding) * static_cast<std::size_t>(plane_rows(format, i, height));
+    next += (row + padding) * static_cast<std::size_t>(capture::plane_rows(format, i, height));
   }
   image.owner = memory;
   return frame;
 }
 
 // As V4l2Source makes them.
-std::vector<Frame> jpeg_frames(int count, AVPixelFormat format = AV_PIX_FMT_YUVJ422P) {
-  std::vector<Frame> frames;
-  const TemporaryFolder folder;
-  write_clip(folder / "film.mkv", {.codec = "mjpeg",
-                                   .format = format,
-                                   .range = AVCOL_RANGE_JPEG,
-                                   .frames = count,
-                                   .tamper = [&](int, AVPacket& packet) {
-                                     Frame frame = raw_frame(static_cast<int>(frames.size()));
-                                     frame.encoded = std::make_shared<const std::vector<std::uint8_t>>(
-                                         packet.data, packet.data + packet.size);
-                                     frame.pixels = *JpegDecoder().decode(*frame.encoded).image;
-                                     frames.push_back(frame);
-                                     return true;
-                                   }});
+std::vector<capture::Frame> jpeg_frames(int count, AVPixelFormat format = AV_PIX_FMT_YUVJ422P) {
+  std::vector<capture::Frame> frames;
+  const capture::TemporaryFolder folder;
+  capture::write_clip(folder / "film.mkv", {.codec = "mjpeg",
+                                            .format = format,
+                                            .range = AVCOL_RANGE_JPEG,
+                                            .frames = count,
+                                            .tamper = [&](int, AVPacket& packet) {
+                                              capture::Frame frame = raw_frame(static_cast<int>(frames.size()));
+                                              frame.encoded = std::make_shared<const std::vector<std::uint8_t>>(
+                                                  packet.data, packet.data + packet.size);
+                                              frame.pixels = *capture::JpegDecoder().decode(*frame.encoded).image;
+                                              frames.push_back(frame);
+                                              return true;
+                                            }});
   return frames;
 }
 
@@ -93,7 +94,7 @@ RecordingOptions options_for(const fs::path& folder, std::vector<std::string> ca
 }
 
 struct Replayed {
-  std::vector<Frame> frames;
+  std::vector<capture::Frame> frames;
   std::vector<std::string> warnings;
 };
 Replayed replay(const fs::path& folder, const std::vector<std::string>& cameras = {"left"}) {
@@ -104,16 +105,16 @@ Replayed replay(const fs::path& folder, const std::vector<std::string>& cameras 
   return result;
 }
 
-void expect_same(const Frame& got, const Frame& written) {
+void expect_same(const capture::Frame& got, const capture::Frame& written) {
   EXPECT_EQ(got.camera, written.camera);
   EXPECT_EQ(got.sequence, written.sequence);
   EXPECT_EQ(got.captured_at, written.captured_at);
   EXPECT_EQ(got.arrival, written.arrival);
   EXPECT_EQ(got.clock, written.clock);
   ASSERT_EQ(got.status, written.status);
-  if (written.status != FrameStatus::ok) return;
+  if (written.status != capture::FrameStatus::ok) return;
   EXPECT_EQ(got.pixels.range, written.pixels.range);
-  EXPECT_EQ(hash_of(got.pixels), hash_of(written.pixels));
+  EXPECT_EQ(capture::hash_of(got.pixels), capture::hash_of(written.pixels));
 }
 
 // ---- Seen while it is made
@@ -126,7 +127,7 @@ RecordedCamera left_in(const fs::path& recording) {
 }
 
 TEST(GrowingRecording, IsReadWhileItIsWritten) {
-  const TemporaryFolder folder;
+  const capture::TemporaryFolder folder;
   RecordingOptions options = options_for(folder / "run");
   options.flush_every = 10ms;
   RecordingWriter writer(options);
@@ -142,8 +143,8 @@ TEST(GrowingRecording, IsReadWhileItIsWritten) {
     ASSERT_TRUE(frame) << k;
     EXPECT_EQ(frame->camera, 3);
     EXPECT_EQ(frame->sequence, k);
-    EXPECT_NEAR(seconds(frame->captured_at), k / 30.0, 0.0011);  // Matroska counts milliseconds
-    EXPECT_EQ(hash_of(frame->pixels), hash_of(raw_frame(static_cast<int>(k)).pixels));
+    EXPECT_NEAR(capture::seconds(frame->captured_at), k / 30.0, 0.0011);  // Matroska counts milliseconds
+    EXPECT_EQ(capture::hash_of(frame->pixels), capture::hash_of(raw_frame(static_cast<int>(k)).pixels));
   }
   // At its end more is waited for, until the stop.
   writing = {};
@@ -160,7 +161,7 @@ TEST(GrowingRecording, IsReadWhileItIsWritten) {
 }
 
 TEST(GrowingRecording, ThatNeverBeginsIsWaitedForUntilTheStop) {
-  const TemporaryFolder folder;
+  const capture::TemporaryFolder folder;
   const RecordingWriter writer(options_for(folder / "run"));
   GrowingCamera camera(left_in(folder / "run"), 0);
   std::stop_source stop;
@@ -174,16 +175,16 @@ TEST(GrowingRecording, ThatNeverBeginsIsWaitedForUntilTheStop) {
 // ---- The same frames
 
 struct Stored {
-  PixelFormat format;
-  ColorRange range;
+  capture::PixelFormat format;
+  capture::ColorRange range;
   std::size_t padding;
 };
 class EveryFormat : public testing::TestWithParam<Stored> {};
 
 TEST_P(EveryFormat, ReplaysByteForByteAtTheSameTimes) {
-  const TemporaryFolder folder;
+  const capture::TemporaryFolder folder;
   const auto [format, range, padding] = GetParam();
-  std::vector<Frame> written;
+  std::vector<capture::Frame> written;
   RecordingWriter writer(options_for(folder / "run"));
   for (int k = 0; k < 8; ++k) {
     written.push_back(raw_frame(k, format, 64, 48, range, padding));
@@ -198,26 +199,28 @@ TEST_P(EveryFormat, ReplaysByteForByteAtTheSameTimes) {
 
 std::vector<Stored> all_formats() {
   std::vector<Stored> all;
-  for (const auto format : {PixelFormat::yuyv, PixelFormat::nv12, PixelFormat::i420, PixelFormat::i422,
-                            PixelFormat::i444, PixelFormat::grey})
-    for (const auto range : {ColorRange::limited, ColorRange::full})
+  for (const auto format : {capture::PixelFormat::yuyv, capture::PixelFormat::nv12, capture::PixelFormat::i420,
+                            capture::PixelFormat::i422, capture::PixelFormat::i444, capture::PixelFormat::grey})
+    for (const auto range : {capture::ColorRange::limited, capture::ColorRange::full})
       for (const std::size_t padding : {std::size_t{0}, std::size_t{32}}) all.push_back({format, range, padding});
   return all;
 }
 INSTANTIATE_TEST_SUITE_P(RecordingWriter, EveryFormat, testing::ValuesIn(all_formats()), [](const auto& tested) {
-  return std::string(name(tested.param.format)) + (tested.param.range == ColorRange::full ? "_full" : "_limited") +
+  return std::string(name(tested.param.format)) +
+         (tested.param.range == capture::ColorRange::full ? "_full" : "_limited") +
          (tested.param.padding > 0 ? "_padded" : "");
 });
 
 TEST(RecordingWriter, HuffyuvKeepsEveryPixel) {
-  for (const auto format : {PixelFormat::yuyv, PixelFormat::nv12, PixelFormat::grey, PixelFormat::i444}) {
-    const TemporaryFolder folder;
+  for (const auto format : {capture::PixelFormat::yuyv, capture::PixelFormat::nv12, capture::PixelFormat::grey,
+                            capture::PixelFormat::i444}) {
+    const capture::TemporaryFolder folder;
     auto options = options_for(folder / "run");
     options.raw_storage = RawStorage::huffyuv;
     RecordingWriter writer(options);
-    std::vector<Frame> written;
+    std::vector<capture::Frame> written;
     for (int k = 0; k < 5; ++k) {
-      written.push_back(raw_frame(k, format, 64, 48, ColorRange::full, 16));
+      written.push_back(raw_frame(k, format, 64, 48, capture::ColorRange::full, 16));
       ASSERT_TRUE(writer.write(written.back())) << *writer.failure();
     }
     writer.finish();
@@ -225,11 +228,11 @@ TEST(RecordingWriter, HuffyuvKeepsEveryPixel) {
     ASSERT_EQ(frames.size(), written.size());
     for (std::size_t i = 0; i < frames.size(); ++i) {
       EXPECT_EQ(frames[i].captured_at, written[i].captured_at);
-      EXPECT_EQ(frames[i].pixels.range, ColorRange::full);
+      EXPECT_EQ(frames[i].pixels.range, capture::ColorRange::full);
       for (int v = 0; v < 48; ++v)
         for (int u = 0; u < 64; ++u) {
-          const Yuv got = yuv_at(frames[i].pixels, u, v);
-          const Yuv was = yuv_at(written[i].pixels, u, v);
+          const capture::Yuv got = capture::yuv_at(frames[i].pixels, u, v);
+          const capture::Yuv was = capture::yuv_at(written[i].pixels, u, v);
           ASSERT_TRUE(got.y == was.y && got.u == was.u && got.v == was.v) << name(format) << " " << u << "," << v;
         }
     }
@@ -238,14 +241,14 @@ TEST(RecordingWriter, HuffyuvKeepsEveryPixel) {
 
 TEST(RecordingWriter, JpegsKeepTheirBytesAndTheirPixels) {
   for (const auto format : {AV_PIX_FMT_YUVJ420P, AV_PIX_FMT_YUVJ422P, AV_PIX_FMT_YUVJ444P}) {
-    const TemporaryFolder folder;
+    const capture::TemporaryFolder folder;
     const auto written = jpeg_frames(6, format);
     RecordingWriter writer(options_for(folder / "run"));
     for (const auto& frame : written) ASSERT_TRUE(writer.write(frame)) << *writer.failure();
     writer.finish();
     const auto frames = replay(folder / "run").frames;
     ASSERT_EQ(frames.size(), written.size());
-    const std::string file = read_bytes(folder / "run/left.mkv");
+    const std::string file = capture::read_bytes(folder / "run/left.mkv");
     for (std::size_t i = 0; i < frames.size(); ++i) {
       expect_same(frames[i], written[i]);
       EXPECT_NE(file.find(std::string(written[i].encoded->begin(), written[i].encoded->end())), std::string::npos);
@@ -254,20 +257,20 @@ TEST(RecordingWriter, JpegsKeepTheirBytesAndTheirPixels) {
 }
 
 TEST(RecordingWriter, DropsCorruptedFramesAndTheOrderOfArrivalAreRepeated) {
-  const TemporaryFolder folder;
+  const capture::TemporaryFolder folder;
   RecordingWriter writer(options_for(folder / "run", {"left", "right eye"}));
-  std::vector<Frame> written;
+  std::vector<capture::Frame> written;
   std::uint64_t arrival = 0;
   for (int k = 0; k < 10; ++k)
     for (const int camera : {1, 0}) {       // the right one is captured later, and comes first
       if (k == 4 && camera == 0) continue;  // dropped
-      Frame frame = raw_frame(k);
+      capture::Frame frame = raw_frame(k);
       frame.camera = camera;
       if (camera == 1) frame.captured_at += 5ms;
       frame.arrival = ++arrival;
       if ((k == 0 || k == 6 || k == 9) && camera == 0) {
-        frame.status = FrameStatus::corrupted;
-        frame.pixels = Image{};
+        frame.status = capture::FrameStatus::corrupted;
+        frame.pixels = capture::Image{};
       }
       ASSERT_TRUE(writer.write(frame));
       written.push_back(frame);
@@ -289,7 +292,7 @@ TEST(RecordingWriter, DropsCorruptedFramesAndTheOrderOfArrivalAreRepeated) {
 }
 
 TEST(RecordingWriter, ACameraThatNeverCameIsNoObstacle) {
-  const TemporaryFolder folder;
+  const capture::TemporaryFolder folder;
   {
     RecordingWriter writer(options_for(folder / "run", {"left", "right"}));
     for (int k = 0; k < 3; ++k) ASSERT_TRUE(writer.write(raw_frame(k)));
@@ -300,27 +303,27 @@ TEST(RecordingWriter, ACameraThatNeverCameIsNoObstacle) {
 }
 
 TEST(RecordingWriter, WithoutAnyFrameItIsSaid) {
-  const TemporaryFolder folder;
+  const capture::TemporaryFolder folder;
   { const RecordingWriter writer(options_for(folder / "run")); }
   EXPECT_THROW(read_recording(folder / "run"), yaml::ConfigError);
 }
 
 TEST(RecordingWriter, TheRigAndTheConfigurationLieInside) {
-  const TemporaryFolder folder;
+  const capture::TemporaryFolder folder;
   auto options = options_for(folder / "run");
   options.rig_yaml = "the rig\n";
   options.config_yaml = "the configuration\n";
   const RecordingWriter writer(options);
-  EXPECT_EQ(read_bytes(folder / "run/rig.yaml"), "the rig\n");
-  EXPECT_EQ(read_bytes(folder / "run/huetrackd.yaml"), "the configuration\n");
+  EXPECT_EQ(capture::read_bytes(folder / "run/rig.yaml"), "the rig\n");
+  EXPECT_EQ(capture::read_bytes(folder / "run/huetrackd.yaml"), "the configuration\n");
 }
 
 TEST(RecordingWriter, OddNamesBecomeFilesAndNamesAgain) {
-  const TemporaryFolder folder;
+  const capture::TemporaryFolder folder;
   const std::vector<std::string> cameras{"../up", "a b", "a_b", "quote\"back\\slash", "1"};
   RecordingWriter writer(options_for(folder / "run", cameras));
   for (int camera = 0; camera < 5; ++camera) {
-    Frame frame = raw_frame(camera);
+    capture::Frame frame = raw_frame(camera);
     frame.camera = camera;
     ASSERT_TRUE(writer.write(frame));
   }
@@ -330,13 +333,13 @@ TEST(RecordingWriter, OddNamesBecomeFilesAndNamesAgain) {
 }
 
 TEST(RecordingWriter, WhatCannotBeReplayedIsLeftOutAndCounted) {
-  const TemporaryFolder folder;
+  const capture::TemporaryFolder folder;
   RecordingWriter writer(options_for(folder / "run"));
   EXPECT_TRUE(writer.write(raw_frame(3)));
-  EXPECT_TRUE(writer.write(raw_frame(3)));                             // the same time again
-  EXPECT_TRUE(writer.write(raw_frame(2)));                             // time goes back
-  EXPECT_TRUE(writer.write(raw_frame(4, PixelFormat::nv12)));          // the camera came back with another format
-  EXPECT_TRUE(writer.write(raw_frame(5, PixelFormat::yuyv, 32, 24)));  // or size
+  EXPECT_TRUE(writer.write(raw_frame(3)));                              // the same time again
+  EXPECT_TRUE(writer.write(raw_frame(2)));                              // time goes back
+  EXPECT_TRUE(writer.write(raw_frame(4, capture::PixelFormat::nv12)));  // the camera came back with another format
+  EXPECT_TRUE(writer.write(raw_frame(5, capture::PixelFormat::yuyv, 32, 24)));  // or size
   EXPECT_TRUE(writer.write(raw_frame(6)));
   writer.finish();
   EXPECT_EQ(writer.figures()[0].frames, 2U);
@@ -345,22 +348,22 @@ TEST(RecordingWriter, WhatCannotBeReplayedIsLeftOutAndCounted) {
 }
 
 TEST(RecordingWriter, AFolderWithSomethingInItIsNotTouched) {
-  const TemporaryFolder folder;
-  write_text(folder / "run/precious", "data");
-  EXPECT_THROW(RecordingWriter(options_for(folder / "run")), CaptureError);
+  const capture::TemporaryFolder folder;
+  capture::write_text(folder / "run/precious", "data");
+  EXPECT_THROW(RecordingWriter(options_for(folder / "run")), capture::CaptureError);
   EXPECT_EQ(std::distance(fs::directory_iterator(folder / "run"), fs::directory_iterator()), 1);
-  EXPECT_THROW(RecordingWriter(options_for("/proc/nowhere")), CaptureError);
+  EXPECT_THROW(RecordingWriter(options_for("/proc/nowhere")), capture::CaptureError);
 }
 
 TEST(RecordingWriter, OneThreadPerCamera) {
-  const TemporaryFolder folder;
+  const capture::TemporaryFolder folder;
   RecordingWriter writer(options_for(folder / "run", {"a", "b", "c"}));
   {
     std::vector<std::jthread> threads;
     for (int camera = 0; camera < 3; ++camera)
       threads.emplace_back([&, camera] {
         for (int k = 0; k < 30; ++k) {
-          Frame frame = raw_frame(k);
+          capture::Frame frame = raw_frame(k);
           frame.camera = camera;
           frame.arrival = 0;
           EXPECT_TRUE(writer.write(frame));
@@ -376,15 +379,15 @@ TEST(RecordingWriter, OneThreadPerCamera) {
 
 // Writes in real time until it is killed.
 void write_until_killed(const fs::path& folder, bool is_jpeg) {
-  const auto jpegs = is_jpeg ? jpeg_frames(12) : std::vector<Frame>{};
+  const auto jpegs = is_jpeg ? jpeg_frames(12) : std::vector<capture::Frame>{};
   RecordingWriter writer(options_for(folder));
   for (int k = 0; k < 100000; ++k) {
-    Frame frame = raw_frame(k, PixelFormat::yuyv, 320, 240);
+    capture::Frame frame = raw_frame(k, capture::PixelFormat::yuyv, 320, 240);
     if (is_jpeg) {
       frame.encoded = jpegs[static_cast<std::size_t>(k) % 12].encoded;
       frame.pixels = jpegs[static_cast<std::size_t>(k) % 12].pixels;
     }
-    frame.captured_at = Timestamp(std::chrono::system_clock::now().time_since_epoch());
+    frame.captured_at = capture::Timestamp(std::chrono::system_clock::now().time_since_epoch());
     if (!writer.write(frame)) ::_exit(1);
     std::this_thread::sleep_for(10ms);
   }
@@ -392,7 +395,7 @@ void write_until_killed(const fs::path& folder, bool is_jpeg) {
 
 TEST(RecordingWriter, KilledItReplaysUpToTheLastSecond) {
   for (int round = 0; round < 6; ++round) {
-    const TemporaryFolder folder;
+    const capture::TemporaryFolder folder;
     const bool is_jpeg = round % 2 == 1;
     const pid_t child = ::fork();
     if (child == 0) {
@@ -408,13 +411,13 @@ TEST(RecordingWriter, KilledItReplaysUpToTheLastSecond) {
 
     const auto [frames, warnings] = replay(folder / "run");
     ASSERT_GT(frames.size(), 10U);
-    EXPECT_LT(seconds(Timestamp(killed_at.time_since_epoch()) - frames.back().captured_at), 0.6);
+    EXPECT_LT(capture::seconds(capture::Timestamp(killed_at.time_since_epoch()) - frames.back().captured_at), 0.6);
     for (std::size_t k = 0; k < frames.size(); ++k) {
       ASSERT_EQ(frames[k].sequence, k);
-      ASSERT_EQ(frames[k].status, FrameStatus::ok);
+      ASSERT_EQ(frames[k].status, capture::FrameStatus::ok);
       if (!is_jpeg) {
-        ASSERT_EQ(hash_of(frames[k].pixels),
-                  hash_of(raw_frame(static_cast<int>(k), PixelFormat::yuyv, 320, 240).pixels));
+        ASSERT_EQ(capture::hash_of(frames[k].pixels),
+                  capture::hash_of(raw_frame(static_cast<int>(k), capture::PixelFormat::yuyv, 320, 240).pixels));
       }
     }
   }
@@ -422,22 +425,22 @@ TEST(RecordingWriter, KilledItReplaysUpToTheLastSecond) {
 
 // The video ends anywhere: what is left of it must be right, and nothing may be invented.
 TEST(RecordingWriter, AVideoCutOffAnywhereGivesItsBeginning) {
-  const TemporaryFolder folder;
-  std::vector<Frame> written;
+  const capture::TemporaryFolder folder;
+  std::vector<capture::Frame> written;
   {
     RecordingWriter writer(options_for(folder / "run"));
     for (int k = 0; k < 6; ++k) {
-      Frame frame = raw_frame(k, PixelFormat::yuyv, 16, 8);
+      capture::Frame frame = raw_frame(k, capture::PixelFormat::yuyv, 16, 8);
       frame.captured_at += k * k * 7ms;  // irregular, as live
       ASSERT_TRUE(writer.write(frame));
       written.push_back(frame);
     }
   }
-  const std::string whole = read_bytes(folder / "run/left.mkv");
+  const std::string whole = capture::read_bytes(folder / "run/left.mkv");
   std::size_t most = 0;
   for (std::size_t length = 0; length <= whole.size(); length += 13) {
-    write_text(folder / "run/left.mkv", whole.substr(0, length));
-    std::vector<Frame> frames;
+    capture::write_text(folder / "run/left.mkv", whole.substr(0, length));
+    std::vector<capture::Frame> frames;
     try {
       frames = replay(folder / "run").frames;
     } catch (const yaml::ConfigError&) {
@@ -452,16 +455,16 @@ TEST(RecordingWriter, AVideoCutOffAnywhereGivesItsBeginning) {
 }
 
 TEST(RecordingWriter, TimesCutOffAnywhereGiveTheirBeginning) {
-  const TemporaryFolder folder;
-  std::vector<Frame> written;
+  const capture::TemporaryFolder folder;
+  std::vector<capture::Frame> written;
   {
     RecordingWriter writer(options_for(folder / "run"));
     for (int k = 0; k < 4; ++k) ASSERT_TRUE(writer.write(written.emplace_back(raw_frame(k))));
   }
-  const std::string whole = read_bytes(folder / "run/left.csv");
+  const std::string whole = capture::read_bytes(folder / "run/left.csv");
   const std::size_t header = whole.find('\n') + 1;
   for (std::size_t length = header; length < whole.size(); ++length) {
-    write_text(folder / "run/left.csv", whole.substr(0, length));
+    capture::write_text(folder / "run/left.csv", whole.substr(0, length));
     const auto rows =
         static_cast<std::size_t>(std::count(whole.begin(), whole.begin() + static_cast<std::ptrdiff_t>(length), '\n')) -
         1;
@@ -480,7 +483,7 @@ TEST(RecordingWriter, TimesCutOffAnywhereGiveTheirBeginning) {
 
 // In a child: a limit on the size of files stays with a process.
 TEST(RecordingWriter, AFullDiskStopsItWithOneClearLine) {
-  const TemporaryFolder folder;
+  const capture::TemporaryFolder folder;
   const pid_t child = ::fork();
   if (child == 0) {
     ::signal(SIGXFSZ, SIG_IGN);
@@ -492,14 +495,14 @@ TEST(RecordingWriter, AFullDiskStopsItWithOneClearLine) {
     if (writer.write(raw_frame(written + 1))) ::_exit(2);  // it failed for good
     writer.finish();
     const auto failure = writer.failure();
-    write_text(folder / "failure", failure ? *failure : "none");
+    capture::write_text(folder / "failure", failure ? *failure : "none");
     ::_exit(written > 10 && written < 1000 ? 0 : 3);
   }
   int status = 0;
   ::waitpid(child, &status, 0);
   ASSERT_TRUE(WIFEXITED(status));
   ASSERT_EQ(WEXITSTATUS(status), 0);
-  EXPECT_THAT(read_bytes(folder / "failure"),
+  EXPECT_THAT(capture::read_bytes(folder / "failure"),
               AllOf(HasSubstr("left.mkv: File too large: recording stopped after"), HasSubstr("replays")));
   const auto frames = replay(folder / "run").frames;
   EXPECT_GT(frames.size(), 10U);
@@ -507,7 +510,7 @@ TEST(RecordingWriter, AFullDiskStopsItWithOneClearLine) {
 }
 
 TEST(RecordingWriter, ARealFullDisk) {
-  const TemporaryFolder folder;
+  const capture::TemporaryFolder folder;
   fs::create_directory(folder / "disk");
   if (::mount("none", (folder / "disk").c_str(), "tmpfs", 0, "size=1m") != 0)
     GTEST_SKIP() << "a small tmpfs needs root: " << std::strerror(errno);
@@ -519,7 +522,7 @@ TEST(RecordingWriter, ARealFullDisk) {
     bool is_fine = true;
     while (is_fine && k < 1000) {
       for (const int camera : {0, 1}) {
-        Frame frame = raw_frame(k);
+        capture::Frame frame = raw_frame(k);
         frame.camera = camera;
         is_fine = writer.write(frame) && is_fine;
       }
@@ -562,14 +565,14 @@ TEST(PreRoll, MemoryIsBounded) {
 
 TEST(PreRoll, HoldsNoBufferOfADriver) {
   PreRoll ring({.length = 1h});
-  Frame frame = raw_frame(1, PixelFormat::nv12, 64, 48, ColorRange::limited, 32);
+  capture::Frame frame = raw_frame(1, capture::PixelFormat::nv12, 64, 48, capture::ColorRange::limited, 32);
   const std::weak_ptr<const void> buffer = frame.pixels.owner;
-  const Frame as_it_was = raw_frame(1, PixelFormat::nv12);
-  const auto hash = hash_of(frame.pixels);
+  const capture::Frame as_it_was = raw_frame(1, capture::PixelFormat::nv12);
+  const auto hash = capture::hash_of(frame.pixels);
   ring.push(frame);
-  frame = Frame{};
+  frame = capture::Frame{};
   EXPECT_TRUE(buffer.expired());
-  EXPECT_EQ(hash_of(ring.take()[0].pixels), hash);
+  EXPECT_EQ(capture::hash_of(ring.take()[0].pixels), hash);
 }
 
 TEST(PreRoll, OfJpegsItKeepsTheirBytesOnly) {
@@ -586,14 +589,14 @@ TEST(PreRoll, OfJpegsItKeepsTheirBytesOnly) {
 
 TEST(PreRoll, IsWrittenInFrontOfWhatFollows) {
   for (const bool is_jpeg : {false, true}) {
-    const TemporaryFolder folder;
-    std::vector<Frame> all;
+    const capture::TemporaryFolder folder;
+    std::vector<capture::Frame> all;
     if (is_jpeg)
       all = jpeg_frames(12);
     else
       for (int k = 0; k < 12; ++k) all.push_back(raw_frame(k));
-    all[3].status = FrameStatus::corrupted;
-    all[3].pixels = Image{};
+    all[3].status = capture::FrameStatus::corrupted;
+    all[3].pixels = capture::Image{};
     all[3].encoded.reset();
     PreRoll ring({.length = 200ms});
     for (int k = 0; k < 9; ++k) ring.push(all[static_cast<std::size_t>(k)]);
@@ -618,4 +621,4 @@ TEST(RecordingOptions, Problems) {
 }
 
 }  // namespace
-}  // namespace huetrack::capture
+}  // namespace huetrack::recordings

@@ -11,10 +11,10 @@
 #include <vector>
 
 #include "capture/jpeg_decoder.h"
-#include "capture/recording.h"
-#include "capture/video_reader.h"
+#include "recordings/recording.h"
+#include "recordings/video_reader.h"
 
-namespace huetrack::capture {
+namespace huetrack::recordings {
 
 inline constexpr std::string_view matches_file_begins = "huetrack matches 1\n";
 inline constexpr const char* matches_file_ending = ".matches";
@@ -38,9 +38,9 @@ class MatchesReader {
   bool keeps_encoded_;
   std::ifstream in_;
   std::int64_t index_ = 0;
-  JpegDecoder decoder_;
-  Image picture_;
+  capture::JpegDecoder decoder_;
+  capture::Image picture_;
   bool has_warned_ = false;
 };
 
-}  // namespace huetrack::capture
+}  // namespace huetrack::recordings

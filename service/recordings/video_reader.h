@@ -11,9 +11,9 @@
 #include <vector>
 
 #include "capture/frame.h"
-#include "capture/recording.h"
+#include "recordings/recording.h"
 
-namespace huetrack::capture {
+namespace huetrack::recordings {
 
 // Which frames of the stream a recording plays.
 class FrameSelection {
@@ -31,11 +31,11 @@ class FrameSelection {
 class VideoReader {
  public:
   struct Shown {
-    std::int64_t index = 0;          // in the stream; a picture that is lost still takes its number
-    std::optional<Timestamp> stamp;  // the container's own presentation time, if it has one
-    Image image;                     // of width 0: it does not decode
+    std::int64_t index = 0;                   // in the stream; a picture that is lost still takes its number
+    std::optional<capture::Timestamp> stamp;  // the container's own presentation time, if it has one
+    capture::Image image;                     // of width 0: it does not decode
     std::shared_ptr<const std::vector<std::uint8_t>> jpeg = {};  // as it lies in the file, if that is one and is wanted
-    std::shared_ptr<const Matches> matches = {};  // of a file of matches (matches_reader.h); no planes then
+    std::shared_ptr<const capture::Matches> matches = {};  // of a file of matches (matches_reader.h); no planes then
   };
 
   // camera and warnings must outlive the reader. Warnings are one line each. throws ConfigError that names the file
@@ -49,11 +49,11 @@ class VideoReader {
   std::optional<Shown> next();  // the next selected one; nullopt at the end. Never throws.
 
   std::optional<std::int64_t> frame_count() const;  // of the whole stream, as the file declares it: may be wrong
-  Duration frame_period() const;                    // average, as the file declares it; 0 when unknown
+  capture::Duration frame_period() const;           // average, as the file declares it; 0 when unknown
 
  private:
   struct Impl;
   std::unique_ptr<Impl> impl_;
 };
 
-}  // namespace huetrack::capture
+}  // namespace huetrack::recordings

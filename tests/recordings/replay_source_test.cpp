@@ -1,4 +1,4 @@
-#include "capture/replay_source.h"
+#include "recordings/replay_source.h"
 
 #include <gmock/gmock.h>
 
@@ -11,7 +11,7 @@
 #include "calib/yaml/yaml_reader.h"
 #include "capture/clips.h"
 
-namespace huetrack::capture {
+namespace huetrack::recordings {
 namespace {
 
 using namespace std::chrono_literals;
@@ -25,7 +25,7 @@ class Replay : public testing::Test {
  protected:
   // cameras: the lines below `cameras:`
   ReplaySource open(const std::string& cameras, const std::vector<std::string>& names, ReplayOptions options = {}) {
-    write_text(folder / "recording.yaml", "version: 1\ncameras:\n" + cameras);
+    capture::write_text(folder / "recording.yaml", "version: 1\ncameras:\n" + cameras);
     return ReplaySource(read_recording(folder.path()), names, options);
   }
   ReplaySource open(const std::string& camera) { return open("  cam: {" + camera + "}\n", {"cam"}); }
@@ -39,37 +39,37 @@ class Replay : public testing::Test {
   }
   std::string error_of(const std::string& camera) { return error_of("  cam: {" + camera + "}\n", {"cam"}); }
 
-  static std::vector<Frame> read_all(ReplaySource& source) {
-    std::vector<Frame> frames;
+  static std::vector<capture::Frame> read_all(ReplaySource& source) {
+    std::vector<capture::Frame> frames;
     while (auto frame = source.next({})) frames.push_back(std::move(*frame));
     return frames;
   }
-  static std::vector<Duration> times(const std::vector<Frame>& frames) {
-    std::vector<Duration> result;
+  static std::vector<capture::Duration> times(const std::vector<capture::Frame>& frames) {
+    std::vector<capture::Duration> result;
     for (const auto& f : frames) result.push_back(f.captured_at.time_since_epoch());
     return result;
   }
-  static std::vector<int> shown(const std::vector<Frame>& frames) {
+  static std::vector<int> shown(const std::vector<capture::Frame>& frames) {
     std::vector<int> result;
-    for (const auto& f : frames) result.push_back(frame_shown_by(f.pixels));
+    for (const auto& f : frames) result.push_back(capture::frame_shown_by(f.pixels));
     return result;
   }
-  static std::vector<int> numbers(const std::vector<Frame>& frames) {
+  static std::vector<int> numbers(const std::vector<capture::Frame>& frames) {
     std::vector<int> result;
     for (const auto& f : frames) result.push_back(static_cast<int>(f.sequence));
     return result;
   }
 
-  TemporaryFolder folder;
+  capture::TemporaryFolder folder;
 };
 
 // ---- Times and numbers
 
 TEST_F(Replay, AFrameRateGivesExactlyRoundedTimes) {
-  write_clip(folder / "a.avi", {.codec = "mjpeg", .format = AV_PIX_FMT_YUVJ422P, .frames = 8});
+  capture::write_clip(folder / "a.avi", {.codec = "mjpeg", .format = AV_PIX_FMT_YUVJ422P, .frames = 8});
   auto source = open("frames: a.avi, fps: 30, offset_s: 0.5");
   EXPECT_EQ(source.expected_frames(), 8);
-  EXPECT_NEAR(seconds(source.expected_duration().value()), 7 / 30.0, 1e-6);
+  EXPECT_NEAR(capture::seconds(source.expected_duration().value()), 7 / 30.0, 1e-6);
   const auto frames = read_all(source);
   EXPECT_THAT(times(frames), ElementsAre(500000000ns, 533333333ns, 566666667ns, 600000000ns, 633333333ns, 666666667ns,
                                          700000000ns, 733333333ns));
@@ -80,7 +80,7 @@ TEST_F(Replay, AFrameRateGivesExactlyRoundedTimes) {
 
 TEST_F(Replay, EverySecondFrameKeepsItsOwnTime) {
   for (const std::string codec : {"mjpeg", "mpeg4"}) {  // one that can skip frames, one that cannot
-    write_clip(
+    capture::write_clip(
         folder / "a.mkv",
         {.codec = codec, .format = codec == "mjpeg" ? AV_PIX_FMT_YUVJ422P : AV_PIX_FMT_YUV420P, .key_frame_every = 5});
     auto source = open("frames: a.mkv, fps: 10, first_frame: 1, every: 3");
@@ -95,12 +95,13 @@ TEST_F(Replay, EverySecondFrameKeepsItsOwnTime) {
 }
 
 TEST_F(Replay, CamerasThatHardlyMeetAreWarnedOf) {
-  write_clip(folder / "a.mkv", {.frames = 10});
-  write_clip(folder / "b.mkv", {.frames = 10});
+  capture::write_clip(folder / "a.mkv", {.frames = 10});
+  capture::write_clip(folder / "b.mkv", {.frames = 10});
   const auto warnings = [&](const std::string& offset_s) {
-    write_text(folder / "recording.yaml",
-               "version: 1\ncameras:\n  a: {frames: a.mkv, fps: 10}\n  b: {frames: b.mkv, fps: 10, offset_s: " +
-                   offset_s + "}\n");
+    capture::write_text(
+        folder / "recording.yaml",
+        "version: 1\ncameras:\n  a: {frames: a.mkv, fps: 10}\n  b: {frames: b.mkv, fps: 10, offset_s: " + offset_s +
+            "}\n");
     const std::vector<std::string> names{"a", "b"};
     return ReplaySource(read_recording(folder.path()), names).take_warnings();
   };
@@ -112,8 +113,8 @@ TEST_F(Replay, CamerasThatHardlyMeetAreWarnedOf) {
 }
 
 TEST_F(Replay, TimeStampsAreTakenAsListedAndSkippedFramesAreMissing) {
-  write_clip(folder / "a.mkv", {.key_frame_every = 4});
-  write_text(folder / "t.csv", "frame,t_s\n2,0.01\n3,0.02\n5,0.05\n6,0.06\n");
+  capture::write_clip(folder / "a.mkv", {.key_frame_every = 4});
+  capture::write_text(folder / "t.csv", "frame,t_s\n2,0.01\n3,0.02\n5,0.05\n6,0.06\n");
   auto source = open("frames: a.mkv, timestamps: t.csv");
   EXPECT_EQ(source.expected_frames(), 4);
   const auto frames = read_all(source);
@@ -126,8 +127,8 @@ TEST_F(Replay, TimeStampsAreTakenAsListedAndSkippedFramesAreMissing) {
 }
 
 TEST_F(Replay, ListedFramesThatTheVideoLacksAreMissing) {
-  write_clip(folder / "a.mkv", {.frames = 3});
-  write_text(folder / "t.csv", "frame,t_s\n0,0\n1,1\n2,2\n3,3\n5,5\n");
+  capture::write_clip(folder / "a.mkv", {.frames = 3});
+  capture::write_text(folder / "t.csv", "frame,t_s\n0,0\n1,1\n2,2\n3,3\n5,5\n");
   auto source = open("frames: a.mkv, timestamps: t.csv");
   EXPECT_EQ(read_all(source).size(), 3u);
   EXPECT_EQ(source.cameras()[0].missing, 2);
@@ -135,26 +136,26 @@ TEST_F(Replay, ListedFramesThatTheVideoLacksAreMissing) {
 }
 
 TEST_F(Replay, TheContainersTimeStampsServeWhenNothingElseIsGiven) {
-  write_clip(folder / "a.mp4", {.codec = "mpeg4", .format = AV_PIX_FMT_YUV420P, .frames = 4, .fps = 8});
+  capture::write_clip(folder / "a.mp4", {.codec = "mpeg4", .format = AV_PIX_FMT_YUV420P, .frames = 4, .fps = 8});
   auto source = open("frames: a.mp4, offset_s: 1");
   EXPECT_THAT(times(read_all(source)), ElementsAre(1000ms, 1125ms, 1250ms, 1375ms));
 }
 
 TEST_F(Replay, ImagesHaveNoTimesOfTheirOwn) {
-  write_clip(folder / "img/%03d.png", {.codec = "png", .format = AV_PIX_FMT_RGB24, .frames = 2});
+  capture::write_clip(folder / "img/%03d.png", {.codec = "png", .format = AV_PIX_FMT_RGB24, .frames = 2});
   EXPECT_THAT(error_of("frames: img/%03d.png"),
               AllOf(HasSubstr("recording.yaml"), HasSubstr("cameras.cam"), HasSubstr("give fps or timestamps")));
 }
 
 TEST_F(Replay, CamerasAreMergedByTimeAndTiesGoByOrder) {
-  write_clip(folder / "a.mkv", {.frames = 4});
-  write_clip(folder / "b.mkv", {.frames = 3});
+  capture::write_clip(folder / "a.mkv", {.frames = 4});
+  capture::write_clip(folder / "b.mkv", {.frames = 3});
   const std::string cameras =
       "  a: {frames: a.mkv, fps: 20}\n"
       "  b: {frames: b.mkv, fps: 10}\n"
       "  c: {frames: b.mkv, fps: 10, offset_s: -0.025}\n";
   auto source = open(cameras, {"b", "a", "c"});
-  std::vector<std::pair<int, Duration>> order;
+  std::vector<std::pair<int, capture::Duration>> order;
   while (const auto f = source.next({})) {
     order.emplace_back(f->camera, f->captured_at.time_since_epoch());
     if (order.size() == 10) {  // the last frame of 0; the last of 2 was the one before
@@ -164,24 +165,25 @@ TEST_F(Replay, CamerasAreMergedByTimeAndTiesGoByOrder) {
     }
   }
   EXPECT_TRUE(source.ended(0) && source.ended(1));
-  const std::vector<std::pair<int, Duration>> expected{{2, -25ms}, {0, 0ms},   {1, 0ms},   {1, 50ms},  {2, 75ms},
-                                                       {0, 100ms}, {1, 100ms}, {1, 150ms}, {2, 175ms}, {0, 200ms}};
+  const std::vector<std::pair<int, capture::Duration>> expected{
+      {2, -25ms}, {0, 0ms}, {1, 0ms}, {1, 50ms}, {2, 75ms}, {0, 100ms}, {1, 100ms}, {1, 150ms}, {2, 175ms}, {0, 200ms}};
   EXPECT_EQ(order, expected);
   EXPECT_EQ(source.cameras()[1].name, "a");
   EXPECT_EQ(source.cameras()[1].frames, 4);
 }
 
 TEST_F(Replay, RepeatsExactlyWithAnyNumberOfThreads) {
-  write_clip(folder / "a.mkv", {.width = 128, .height = 96, .key_frame_every = 5});
-  write_clip(folder / "b.mkv", {.codec = "mpeg4", .format = AV_PIX_FMT_YUV420P, .key_frame_every = 6, .b_frames = 2});
+  capture::write_clip(folder / "a.mkv", {.width = 128, .height = 96, .key_frame_every = 5});
+  capture::write_clip(folder / "b.mkv",
+                      {.codec = "mpeg4", .format = AV_PIX_FMT_YUV420P, .key_frame_every = 6, .b_frames = 2});
   const std::string cameras = "  a: {frames: a.mkv, fps: 20}\n  b: {frames: b.mkv, fps: 15}\n";
   std::set<std::vector<std::uint64_t>> runs;
   for (const int threads : {1, 1, 2, 4}) {
     auto source = open(cameras, {"a", "b"}, {.decoder_threads = threads});
     std::vector<std::uint64_t> run;
     for (const auto& f : read_all(source))
-      run.push_back(hash_of(f.pixels, static_cast<std::uint64_t>(f.captured_at.time_since_epoch().count()) +
-                                          static_cast<std::uint64_t>(f.camera)));
+      run.push_back(capture::hash_of(f.pixels, static_cast<std::uint64_t>(f.captured_at.time_since_epoch().count()) +
+                                                   static_cast<std::uint64_t>(f.camera)));
     EXPECT_EQ(run.size(), 24u);
     runs.insert(run);
   }
@@ -189,7 +191,7 @@ TEST_F(Replay, RepeatsExactlyWithAnyNumberOfThreads) {
 }
 
 TEST_F(Replay, StopsWhenAskedTo) {
-  write_clip(folder / "a.mkv", {.frames = 3});
+  capture::write_clip(folder / "a.mkv", {.frames = 3});
   auto source = open("frames: a.mkv, fps: 20");
   std::stop_source stop;
   EXPECT_TRUE(source.next(stop.get_token()).has_value());
@@ -198,8 +200,8 @@ TEST_F(Replay, StopsWhenAskedTo) {
 }
 
 TEST_F(Replay, AnImageOutlivesItsSource) {
-  write_clip(folder / "a.mkv", {.frames = 3});
-  std::vector<Frame> frames;
+  capture::write_clip(folder / "a.mkv", {.frames = 3});
+  std::vector<capture::Frame> frames;
   {
     auto source = open("frames: a.mkv, fps: 20");
     frames = read_all(source);
@@ -209,7 +211,8 @@ TEST_F(Replay, AnImageOutlivesItsSource) {
 
 TEST_F(Replay, FramesThatAreCodedOutOfOrderComeInOrder) {
   for (const std::string file : {"b.mp4", "b.mkv", "b.avi"}) {
-    write_clip(folder / file, {.codec = "mpeg4", .format = AV_PIX_FMT_YUV420P, .key_frame_every = 6, .b_frames = 2});
+    capture::write_clip(folder / file,
+                        {.codec = "mpeg4", .format = AV_PIX_FMT_YUV420P, .key_frame_every = 6, .b_frames = 2});
     auto source = open("frames: " + file + ", fps: 10");
     const auto frames = read_all(source);
     EXPECT_THAT(shown(frames), ElementsAre(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11)) << file;
@@ -221,11 +224,12 @@ TEST_F(Replay, FramesThatAreCodedOutOfOrderComeInOrder) {
 TEST_F(Replay, Vp9sHiddenFramesTakeNoNumber) {
   if (!avcodec_find_encoder_by_name("libvpx-vp9")) GTEST_SKIP() << "no VP9 encoder";
   for (const std::string codec : {"libvpx", "libvpx-vp9"}) {
-    write_clip(folder / "a.webm", {.codec = codec, .format = AV_PIX_FMT_YUV420P, .frames = 20, .key_frame_every = 20});
+    capture::write_clip(folder / "a.webm",
+                        {.codec = codec, .format = AV_PIX_FMT_YUV420P, .frames = 20, .key_frame_every = 20});
     auto source = open("frames: a.webm, fps: 10");
     const auto frames = read_all(source);
     ASSERT_EQ(frames.size(), 20u);
-    EXPECT_EQ(frame_shown_by(frames.back().pixels), 19);
+    EXPECT_EQ(capture::frame_shown_by(frames.back().pixels), 19);
     EXPECT_THAT(source.take_warnings(), IsEmpty());
   }
 }
@@ -233,11 +237,12 @@ TEST_F(Replay, Vp9sHiddenFramesTakeNoNumber) {
 // ---- Images
 
 TEST_F(Replay, APatternOfImagesIsNumberedFromItsFirstFileAndMayHaveGaps) {
-  write_clip(folder / "img/%03d.png", {.codec = "png", .format = AV_PIX_FMT_RGB24, .frames = 6});  // 001 .. 006
+  capture::write_clip(folder / "img/%03d.png",
+                      {.codec = "png", .format = AV_PIX_FMT_RGB24, .frames = 6});  // 001 .. 006
   std::filesystem::remove(folder / "img/003.png");
   std::filesystem::copy(folder / "img/006.png", folder / "img/006 copy.png");  // not of this pattern
   auto source = open("frames: img/%03d.png, fps: 10");
-  EXPECT_EQ(source.cameras()[0].format, PixelFormat::bgr);
+  EXPECT_EQ(source.cameras()[0].format, capture::PixelFormat::bgr);
   const auto frames = read_all(source);
   EXPECT_THAT(shown(frames), ElementsAre(0, 1, 3, 4, 5));
   EXPECT_THAT(times(frames), ElementsAre(0ms, 100ms, 300ms, 400ms, 500ms));
@@ -246,14 +251,14 @@ TEST_F(Replay, APatternOfImagesIsNumberedFromItsFirstFileAndMayHaveGaps) {
 }
 
 TEST_F(Replay, AGlobOfImagesIsSortedByName) {
-  write_clip(folder / "img/frame_%d.jpg", {.codec = "mjpeg", .format = AV_PIX_FMT_YUVJ420P, .frames = 4});
+  capture::write_clip(folder / "img/frame_%d.jpg", {.codec = "mjpeg", .format = AV_PIX_FMT_YUVJ420P, .frames = 4});
   auto source = open("frames: \"img/*.jpg\", fps: 10");
   EXPECT_EQ(source.expected_frames(), 4);
   EXPECT_THAT(shown(read_all(source)), ElementsAre(0, 1, 2, 3));
 }
 
 TEST_F(Replay, AFileWhoseNameLooksLikeAPatternIsThatFile) {
-  write_clip(folder / "a[1].mkv", {.frames = 2});
+  capture::write_clip(folder / "a[1].mkv", {.frames = 2});
   auto source = open("frames: \"a[1].mkv\", fps: 10");
   EXPECT_EQ(read_all(source).size(), 2u);
 }
@@ -263,16 +268,17 @@ TEST_F(Replay, AnImageOfAnotherSizeIsNotUsed) {
                                                                  {"mjpeg", AV_PIX_FMT_YUVJ422P}};
   for (const auto& [codec, format] : kinds) {
     const std::string name = codec == "png" ? "%d.png" : "%d.jpg";
-    write_clip(folder / codec / name, {.codec = codec, .format = format, .frames = 4});
-    write_clip(folder / (codec + "_other") / name, {.codec = codec, .format = format, .width = 32, .frames = 4});
+    capture::write_clip(folder / codec / name, {.codec = codec, .format = format, .frames = 4});
+    capture::write_clip(folder / (codec + "_other") / name,
+                        {.codec = codec, .format = format, .width = 32, .frames = 4});
     const std::string second = codec == "png" ? "2.png" : "2.jpg";
     std::filesystem::copy(folder / (codec + "_other") / second, folder / codec / second,
                           std::filesystem::copy_options::overwrite_existing);
     auto source = open("frames: " + codec + "/" + name + ", fps: 10");
     const auto frames = read_all(source);
     ASSERT_EQ(frames.size(), 4u);
-    EXPECT_EQ(frames[1].status, FrameStatus::corrupted);
-    EXPECT_EQ(frames[2].status, FrameStatus::ok);
+    EXPECT_EQ(frames[1].status, capture::FrameStatus::corrupted);
+    EXPECT_EQ(frames[2].status, capture::FrameStatus::ok);
     EXPECT_EQ(source.cameras()[0].corrupted, 1);
     EXPECT_THAT(source.take_warnings(), ElementsAre(AllOf(HasSubstr("32x48"), HasSubstr("64x48"))));
   }
@@ -284,8 +290,8 @@ struct FormatCase {
   const char* codec;
   const char* file;
   AVPixelFormat coded;
-  PixelFormat expected;
-  ColorRange range = ColorRange::limited;
+  capture::PixelFormat expected;
+  capture::ColorRange range = capture::ColorRange::limited;
   int width = 64;
   int height = 48;
   AVColorRange coded_range = AVCOL_RANGE_UNSPECIFIED;
@@ -299,39 +305,39 @@ class ReplayFormats : public testing::TestWithParam<FormatCase> {};
 
 TEST_P(ReplayFormats, ComeOutAsTheyAreOrAsTheNearest) {
   const FormatCase& c = GetParam();
-  const TemporaryFolder folder;
-  write_clip(folder / c.file, {.codec = c.codec,
-                               .format = c.coded,
-                               .range = c.coded_range,
-                               .matrix = c.matrix,
-                               .width = c.width,
-                               .height = c.height,
-                               .frames = 3});
-  write_text(folder / "recording.yaml",
-             std::string("version: 1\ncameras:\n  cam: {frames: ") + c.file + ", fps: 10}\n");
+  const capture::TemporaryFolder folder;
+  capture::write_clip(folder / c.file, {.codec = c.codec,
+                                        .format = c.coded,
+                                        .range = c.coded_range,
+                                        .matrix = c.matrix,
+                                        .width = c.width,
+                                        .height = c.height,
+                                        .frames = 3});
+  capture::write_text(folder / "recording.yaml",
+                      std::string("version: 1\ncameras:\n  cam: {frames: ") + c.file + ", fps: 10}\n");
   const std::vector<std::string> names{"cam"};
   ReplaySource source(read_recording(folder.path()), names);
   int count = 0;
   while (const auto frame = source.next({})) {
-    const Image& image = frame->pixels;
-    ASSERT_EQ(frame->status, FrameStatus::ok);
+    const capture::Image& image = frame->pixels;
+    ASSERT_EQ(frame->status, capture::FrameStatus::ok);
     EXPECT_EQ(name(image.format), name(c.expected));
     EXPECT_EQ(image.range, c.range);
     EXPECT_EQ(image.width, c.width);
     EXPECT_EQ(image.height, c.height);
-    const int level = level_of_frame(count);
+    const int level = capture::level_of_frame(count);
     // the middle, and the corners, where a wrong stride or row order shows (noise is up to 15 there)
     for (const auto& [u, v] : {std::pair{c.width / 2, c.height / 2},
                                {0, 0},
                                {c.width - 1, 0},
                                {0, c.height - 1},
                                {c.width - 1, c.height - 1}}) {
-      if (c.expected == PixelFormat::bgr) {
-        EXPECT_NEAR(bgr_at(image, u, v).g, level + 7, c.matrix == AVCOL_SPC_UNSPECIFIED ? 9 : 35);
+      if (c.expected == capture::PixelFormat::bgr) {
+        EXPECT_NEAR(capture::bgr_at(image, u, v).g, level + 7, c.matrix == AVCOL_SPC_UNSPECIFIED ? 9 : 35);
       } else {
-        const Yuv p = yuv_at(image, u, v);
+        const capture::Yuv p = capture::yuv_at(image, u, v);
         EXPECT_NEAR(p.y, level + 7, 10);
-        if (c.expected != PixelFormat::grey && c.coded != AV_PIX_FMT_YUYV422 && c.coded != AV_PIX_FMT_NV12) {
+        if (c.expected != capture::PixelFormat::grey && c.coded != AV_PIX_FMT_YUYV422 && c.coded != AV_PIX_FMT_NV12) {
           EXPECT_NEAR(p.u, 120 + 7, 10);
           EXPECT_NEAR(p.v, 140 + 7, 10);
         }
@@ -344,72 +350,82 @@ TEST_P(ReplayFormats, ComeOutAsTheyAreOrAsTheNearest) {
 
 INSTANTIATE_TEST_SUITE_P(
     AsTheyAre, ReplayFormats,
-    testing::Values(FormatCase{"ffv1", "a.mkv", AV_PIX_FMT_YUV420P, PixelFormat::i420},
-                    FormatCase{"ffv1", "a.mkv", AV_PIX_FMT_YUV422P, PixelFormat::i422},
-                    FormatCase{"ffv1", "a.mkv", AV_PIX_FMT_YUV444P, PixelFormat::i444},
-                    FormatCase{"mjpeg", "a.mkv", AV_PIX_FMT_YUVJ420P, PixelFormat::i420, ColorRange::full},
-                    FormatCase{"mjpeg", "a.avi", AV_PIX_FMT_YUVJ422P, PixelFormat::i422, ColorRange::full},
-                    FormatCase{"mjpeg", "a.avi", AV_PIX_FMT_YUVJ444P, PixelFormat::i444, ColorRange::full},
-                    FormatCase{"rawvideo", "a.nut", AV_PIX_FMT_YUYV422, PixelFormat::yuyv},
-                    FormatCase{"rawvideo", "a.nut", AV_PIX_FMT_NV12, PixelFormat::nv12},
-                    FormatCase{"rawvideo", "a.avi", AV_PIX_FMT_BGR24, PixelFormat::bgr, ColorRange::full},
-                    FormatCase{"ffv1", "a.mkv", AV_PIX_FMT_GRAY8, PixelFormat::grey, ColorRange::full},
-                    FormatCase{"ffv1", "a.mkv", AV_PIX_FMT_YUV422P, PixelFormat::i422, ColorRange::full, 64, 48,
-                               AVCOL_RANGE_JPEG}));
-INSTANTIATE_TEST_SUITE_P(
-    Nearest, ReplayFormats,
-    testing::Values(FormatCase{"rawvideo", "a.nut", AV_PIX_FMT_RGB24, PixelFormat::bgr, ColorRange::full},
-                    FormatCase{"png", "a%d.png", AV_PIX_FMT_RGB24, PixelFormat::bgr, ColorRange::full},
-                    FormatCase{"rawvideo", "a.nut", AV_PIX_FMT_RGBA, PixelFormat::bgr, ColorRange::full},
-                    FormatCase{"ffv1", "a.mkv", AV_PIX_FMT_YUV410P, PixelFormat::i420},
-                    FormatCase{"ffv1", "a.mkv", AV_PIX_FMT_YUV411P, PixelFormat::i422},
-                    FormatCase{"ffv1", "a.mkv", AV_PIX_FMT_YUV440P, PixelFormat::i444},
-                    FormatCase{"ffv1", "a.mkv", AV_PIX_FMT_YUVA420P, PixelFormat::i420}));
+    testing::Values(
+        FormatCase{"ffv1", "a.mkv", AV_PIX_FMT_YUV420P, capture::PixelFormat::i420},
+        FormatCase{"ffv1", "a.mkv", AV_PIX_FMT_YUV422P, capture::PixelFormat::i422},
+        FormatCase{"ffv1", "a.mkv", AV_PIX_FMT_YUV444P, capture::PixelFormat::i444},
+        FormatCase{"mjpeg", "a.mkv", AV_PIX_FMT_YUVJ420P, capture::PixelFormat::i420, capture::ColorRange::full},
+        FormatCase{"mjpeg", "a.avi", AV_PIX_FMT_YUVJ422P, capture::PixelFormat::i422, capture::ColorRange::full},
+        FormatCase{"mjpeg", "a.avi", AV_PIX_FMT_YUVJ444P, capture::PixelFormat::i444, capture::ColorRange::full},
+        FormatCase{"rawvideo", "a.nut", AV_PIX_FMT_YUYV422, capture::PixelFormat::yuyv},
+        FormatCase{"rawvideo", "a.nut", AV_PIX_FMT_NV12, capture::PixelFormat::nv12},
+        FormatCase{"rawvideo", "a.avi", AV_PIX_FMT_BGR24, capture::PixelFormat::bgr, capture::ColorRange::full},
+        FormatCase{"ffv1", "a.mkv", AV_PIX_FMT_GRAY8, capture::PixelFormat::grey, capture::ColorRange::full},
+        FormatCase{"ffv1", "a.mkv", AV_PIX_FMT_YUV422P, capture::PixelFormat::i422, capture::ColorRange::full, 64, 48,
+                   AVCOL_RANGE_JPEG}));
+INSTANTIATE_TEST_SUITE_P(Nearest, ReplayFormats,
+                         testing::Values(FormatCase{"rawvideo", "a.nut", AV_PIX_FMT_RGB24, capture::PixelFormat::bgr,
+                                                    capture::ColorRange::full},
+                                         FormatCase{"png", "a%d.png", AV_PIX_FMT_RGB24, capture::PixelFormat::bgr,
+                                                    capture::ColorRange::full},
+                                         FormatCase{"rawvideo", "a.nut", AV_PIX_FMT_RGBA, capture::PixelFormat::bgr,
+                                                    capture::ColorRange::full},
+                                         FormatCase{"ffv1", "a.mkv", AV_PIX_FMT_YUV410P, capture::PixelFormat::i420},
+                                         FormatCase{"ffv1", "a.mkv", AV_PIX_FMT_YUV411P, capture::PixelFormat::i422},
+                                         FormatCase{"ffv1", "a.mkv", AV_PIX_FMT_YUV440P, capture::PixelFormat::i444},
+                                         FormatCase{"ffv1", "a.mkv", AV_PIX_FMT_YUVA420P, capture::PixelFormat::i420}));
 // Sizes that the format cannot hold.
-INSTANTIATE_TEST_SUITE_P(
-    OddSizes, ReplayFormats,
-    testing::Values(FormatCase{"ffv1", "a.mkv", AV_PIX_FMT_YUV420P, PixelFormat::i444, ColorRange::limited, 65, 48},
-                    FormatCase{"ffv1", "a.mkv", AV_PIX_FMT_YUV420P, PixelFormat::i422, ColorRange::limited, 64, 49},
-                    FormatCase{"ffv1", "a.mkv", AV_PIX_FMT_YUV422P, PixelFormat::i422, ColorRange::limited, 64, 49},
-                    FormatCase{"mjpeg", "a.mkv", AV_PIX_FMT_YUVJ422P, PixelFormat::i444, ColorRange::full, 63, 47},
-                    FormatCase{"ffv1", "a.mkv", AV_PIX_FMT_GRAY8, PixelFormat::grey, ColorRange::full, 33, 17},
-                    FormatCase{"rawvideo", "a.avi", AV_PIX_FMT_BGR24, PixelFormat::bgr, ColorRange::full, 33, 17}));
+INSTANTIATE_TEST_SUITE_P(OddSizes, ReplayFormats,
+                         testing::Values(FormatCase{"ffv1", "a.mkv", AV_PIX_FMT_YUV420P, capture::PixelFormat::i444,
+                                                    capture::ColorRange::limited, 65, 48},
+                                         FormatCase{"ffv1", "a.mkv", AV_PIX_FMT_YUV420P, capture::PixelFormat::i422,
+                                                    capture::ColorRange::limited, 64, 49},
+                                         FormatCase{"ffv1", "a.mkv", AV_PIX_FMT_YUV422P, capture::PixelFormat::i422,
+                                                    capture::ColorRange::limited, 64, 49},
+                                         FormatCase{"mjpeg", "a.mkv", AV_PIX_FMT_YUVJ422P, capture::PixelFormat::i444,
+                                                    capture::ColorRange::full, 63, 47},
+                                         FormatCase{"ffv1", "a.mkv", AV_PIX_FMT_GRAY8, capture::PixelFormat::grey,
+                                                    capture::ColorRange::full, 33, 17},
+                                         FormatCase{"rawvideo", "a.avi", AV_PIX_FMT_BGR24, capture::PixelFormat::bgr,
+                                                    capture::ColorRange::full, 33, 17}));
 // Ours are BT.601.
 INSTANTIATE_TEST_SUITE_P(OtherMatrix, ReplayFormats,
-                         testing::Values(FormatCase{"ffv1", "a.mkv", AV_PIX_FMT_YUV422P, PixelFormat::bgr,
-                                                    ColorRange::full, 64, 48, AVCOL_RANGE_MPEG, AVCOL_SPC_BT709}));
+                         testing::Values(FormatCase{"ffv1", "a.mkv", AV_PIX_FMT_YUV422P, capture::PixelFormat::bgr,
+                                                    capture::ColorRange::full, 64, 48, AVCOL_RANGE_MPEG,
+                                                    AVCOL_SPC_BT709}));
 
 TEST_F(Replay, RowsMayLieBottomUp) {
-  write_clip(folder / "a.avi", {.codec = "rawvideo", .format = AV_PIX_FMT_BGR24, .frames = 1});
-  std::string bytes = read_bytes(folder / "a.avi");
+  capture::write_clip(folder / "a.avi", {.codec = "rawvideo", .format = AV_PIX_FMT_BGR24, .frames = 1});
+  std::string bytes = capture::read_bytes(folder / "a.avi");
   const auto height = bytes.find("strf") + 16;  // biHeight: -48, top down; 48 means bottom up
   ASSERT_EQ(bytes.substr(height, 4), "\xD0\xFF\xFF\xFF");
-  write_text(folder / "b.avi", bytes.replace(height, 4, std::string("\x30\0\0\0", 4)));
+  capture::write_text(folder / "b.avi", bytes.replace(height, 4, std::string("\x30\0\0\0", 4)));
   auto source = open("frames: b.avi, fps: 10");
-  const Image image = read_all(source).at(0).pixels;
+  const capture::Image image = read_all(source).at(0).pixels;
   EXPECT_LT(image.planes[0].stride, 0);
-  EXPECT_EQ(bgr_at(image, 32, 3).g, bgr_at(image, 33, 3).g);  // flat, and the noise of the first rows is below
-  EXPECT_NE(bgr_at(image, 32, 44).g, bgr_at(image, 33, 44).g);
+  EXPECT_EQ(capture::bgr_at(image, 32, 3).g,
+            capture::bgr_at(image, 33, 3).g);  // flat, and the noise of the first rows is below
+  EXPECT_NE(capture::bgr_at(image, 32, 44).g, capture::bgr_at(image, 33, 44).g);
 }
 
 TEST_F(Replay, Bt709IsConvertedWithItsOwnMatrix) {
   const auto colour = [&](AVColorSpace matrix, const std::string& file) {
-    write_clip(folder / file, {.range = AVCOL_RANGE_MPEG, .matrix = matrix, .frames = 5});
+    capture::write_clip(folder / file, {.range = AVCOL_RANGE_MPEG, .matrix = matrix, .frames = 5});
     auto source = open("frames: " + file + ", fps: 10");
     return read_all(source).at(4).pixels;
   };
-  const Bgr hd = bgr_at(colour(AVCOL_SPC_BT709, "hd.mkv"), 40, 30);
-  const double y = 1.1644 * (level_of_frame(4) - 16);  // U = 120, V = 140
+  const capture::Bgr hd = capture::bgr_at(colour(AVCOL_SPC_BT709, "hd.mkv"), 40, 30);
+  const double y = 1.1644 * (capture::level_of_frame(4) - 16);  // U = 120, V = 140
   EXPECT_NEAR(hd.r, y + 1.7927 * 12, 1.5);
   EXPECT_NEAR(hd.g, y - 0.2132 * -8 - 0.5329 * 12, 1.5);
   EXPECT_NEAR(hd.b, y + 2.1124 * -8, 1.5);
-  EXPECT_EQ(colour(AVCOL_SPC_SMPTE170M, "sd.mkv").format, PixelFormat::i422);
+  EXPECT_EQ(colour(AVCOL_SPC_SMPTE170M, "sd.mkv").format, capture::PixelFormat::i422);
 }
 
 // ---- What is wrong at the start
 
 TEST_F(Replay, ARigCameraThatTheRecordingLacksIsAnError) {
-  write_clip(folder / "a.mkv", {.frames = 1});
+  capture::write_clip(folder / "a.mkv", {.frames = 1});
   const std::string cameras = "  left: {frames: a.mkv, fps: 10}\n  right: {frames: a.mkv, fps: 10}\n";
   EXPECT_THAT(error_of(cameras, {"left", "rihgt"}),
               AllOf(HasSubstr("recording.yaml"), HasSubstr("rihgt"), HasSubstr("did you mean right?"),
@@ -418,7 +434,7 @@ TEST_F(Replay, ARigCameraThatTheRecordingLacksIsAnError) {
 }
 
 TEST_F(Replay, ARecordedCameraThatTheRigLacksIsAWarning) {
-  write_clip(folder / "a.mkv", {.frames = 1});
+  capture::write_clip(folder / "a.mkv", {.frames = 1});
   auto source = open("  left: {frames: a.mkv, fps: 10}\n  right: {frames: a.mkv, fps: 10}\n", {"right"});
   EXPECT_EQ(read_all(source).size(), 1u);
   EXPECT_THAT(source.take_warnings(), ElementsAre(AllOf(HasSubstr("left"), HasSubstr("not in the rig"))));
@@ -426,7 +442,7 @@ TEST_F(Replay, ARecordedCameraThatTheRigLacksIsAWarning) {
 }
 
 TEST_F(Replay, RefusesBadOptions) {
-  write_clip(folder / "a.mkv", {.frames = 1});
+  capture::write_clip(folder / "a.mkv", {.frames = 1});
   EXPECT_THROW(open("  cam: {frames: a.mkv, fps: 10}\n", {"cam"}, {.decoder_threads = 0}), std::invalid_argument);
 }
 
@@ -436,10 +452,10 @@ TEST_F(Replay, WhatIsNoVideoIsNamed) {
   };
   EXPECT_THAT(error_of("frames: none.mkv, fps: 10"), names_it("none.mkv", "no such file"));
   EXPECT_THAT(error_of("frames: ., fps: 10"), HasSubstr("is not a file"));
-  write_text(folder / "empty.mkv", "");
+  capture::write_text(folder / "empty.mkv", "");
   EXPECT_THAT(error_of("frames: empty.mkv, fps: 10"), names_it("empty.mkv", "is empty"));
   for (const std::string file : {"text.mkv", "text.txt", "text.jpg", "text.mp4", "text"}) {
-    write_text(folder / file, "this is not a video\n");
+    capture::write_text(folder / file, "this is not a video\n");
     EXPECT_THAT(error_of("frames: " + file + ", fps: 10"), names_it(file, "")) << file;
   }
   std::string wave = "RIFF\x24\x10";
@@ -447,23 +463,23 @@ TEST_F(Replay, WhatIsNoVideoIsNamed) {
       "\0\0WAVEfmt \x10\0\0\0\1\0\1\0\x40\x1f\0\0\x40\x1f\0\0\1\0\x8\0"
       "data\0\x10\0\0",
       38);
-  write_text(folder / "sound.wav", wave + std::string(4096, '\x80'));
+  capture::write_text(folder / "sound.wav", wave + std::string(4096, '\x80'));
   EXPECT_THAT(error_of("frames: sound.wav, fps: 10"), names_it("sound.wav", "no video stream"));
-  write_clip(folder / "none.avi", {.codec = "mjpeg", .format = AV_PIX_FMT_YUVJ420P, .frames = 0});
+  capture::write_clip(folder / "none.avi", {.codec = "mjpeg", .format = AV_PIX_FMT_YUVJ420P, .frames = 0});
   EXPECT_THAT(error_of("frames: none.avi, fps: 10"), names_it("none.avi", ""));
   EXPECT_THAT(error_of("frames: img/%04d.png, fps: 10"), names_it("img/%04d.png", "no file matches"));
   EXPECT_THAT(error_of("frames: \"img/*.png\", fps: 10"), names_it("img/*.png", "no file matches"));
   EXPECT_THAT(error_of("frames: img/%s.png, fps: 10"), HasSubstr("one number like %06d"));
-  write_clip(folder / "a.mkv", {.frames = 2});
+  capture::write_clip(folder / "a.mkv", {.frames = 2});
   EXPECT_THAT(error_of("frames: a.mkv, fps: 10, first_frame: 7"), names_it("a.mkv", "no frame of it can be played"));
 }
 
 // A recording is data: it must not make us talk to the network.
 TEST_F(Replay, PlayListsDoNotLeaveTheMachine) {
-  write_text(folder / "list.m3u8",
-             "#EXTM3U\n#EXT-X-TARGETDURATION:1\n#EXTINF:1,\nhttp://127.0.0.1:9/a.ts\n#EXT-X-ENDLIST\n");
+  capture::write_text(folder / "list.m3u8",
+                      "#EXTM3U\n#EXT-X-TARGETDURATION:1\n#EXTINF:1,\nhttp://127.0.0.1:9/a.ts\n#EXT-X-ENDLIST\n");
   EXPECT_THAT(error_of("frames: list.m3u8, fps: 10"), HasSubstr("list.m3u8"));
 }
 
 }  // namespace
-}  // namespace huetrack::capture
+}  // namespace huetrack::recordings

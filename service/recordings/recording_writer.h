@@ -1,5 +1,5 @@
 // Writes a recording that replays to exactly the frames that were written: a folder with recording.yaml, the rig, the
-// configuration, and per camera one Matroska file and one CSV of exact capture times. service/capture/README.md.
+// configuration, and per camera one Matroska file and one CSV of exact capture times. service/recordings/README.md.
 // Also the pre-roll: the last seconds in memory, to be written when something has happened.
 #pragma once
 
@@ -17,9 +17,9 @@
 #include "capture/capture_error.h"
 #include "capture/frame.h"
 
-namespace huetrack::capture {
+namespace huetrack::recordings {
 
-// How raw (not JPEG) images are stored; both lossless. Figures: service/capture/README.md.
+// How raw (not JPEG) images are stored; both lossless. Figures: service/recordings/README.md.
 enum class RawStorage : std::uint8_t {
   uncompressed,  // the bytes as they are: 18 MB/s for 640x480 YUYV at 30 frames/s
   huffyuv,       // about half of it; a millisecond of a core per such frame. yuyv replays as i422, nv12 as i420: the
@@ -36,8 +36,8 @@ struct RecordingOptions {
   std::string config_yaml;  // the resolved configuration, becomes huetrackd.yaml; empty: none
   std::vector<std::pair<std::string, std::string>> files = {};  // what huetrackd.yaml refers to: name and content
   RawStorage raw_storage = RawStorage::uncompressed;
-  Duration flush_every = std::chrono::milliseconds(250);  // > 0; what a kill -9 costs at most
-  std::vector<std::string> problems() const;              // empty when valid
+  capture::Duration flush_every = std::chrono::milliseconds(250);  // > 0; what a kill -9 costs at most
+  std::vector<std::string> problems() const;                       // empty when valid
 };
 
 struct RecordedCameraFigures {
@@ -62,7 +62,7 @@ class RecordingWriter {
 
   // Appends it to its camera's file. MJPEG (Frame::encoded): the camera's own bytes. False, now and from then on for
   // every camera: writing has failed, failure() says why; what was written until then replays. Does not throw.
-  bool write(const Frame& frame);
+  bool write(const capture::Frame& frame);
   // One line, "/data/run7/left.mkv: No space left on device: recording stopped after 123.4 s, ..."; nullopt: all is
   // well.
   std::optional<std::string> failure() const;
@@ -78,8 +78,8 @@ class RecordingWriter {
 };
 
 struct PreRollOptions {
-  Duration length = std::chrono::seconds(5);        // > 0; how far back it goes, by capture time
-  std::size_t most_bytes = std::size_t{256} << 20;  // > 0; of all cameras; the oldest frames go first
+  capture::Duration length = std::chrono::seconds(5);  // > 0; how far back it goes, by capture time
+  std::size_t most_bytes = std::size_t{256} << 20;     // > 0; of all cameras; the oldest frames go first
   std::vector<std::string> problems() const;
 };
 
@@ -88,27 +88,27 @@ struct PreRollOptions {
 class PreRoll {
  public:
   explicit PreRoll(PreRollOptions options);  // throws std::invalid_argument: options.problems()
-  void push(const Frame& frame);
+  void push(const capture::Frame& frame);
   // Everything in it, in the order pushed, and empties it: feed it to RecordingWriter::write() on a writing thread,
   // live frames after it. The frames of JPEG cameras carry encoded and no pixels.
-  std::vector<Frame> take();
+  std::vector<capture::Frame> take();
   std::size_t bytes() const { return bytes_; }
   std::size_t size() const { return frames_.size(); }
   // How far back it goes when most_bytes keeps it from its length; nullopt: it does not.
-  std::optional<Duration> cut_to() const { return cut_to_; }
+  std::optional<capture::Duration> cut_to() const { return cut_to_; }
 
  private:
   struct Held {
-    Frame frame;
+    capture::Frame frame;
     std::size_t bytes = 0;
   };
   void shrink();
 
   PreRollOptions options_;
   std::deque<Held> frames_;
-  std::optional<Timestamp> newest_;
-  std::optional<Duration> cut_to_;
+  std::optional<capture::Timestamp> newest_;
+  std::optional<capture::Duration> cut_to_;
   std::size_t bytes_ = 0;
 };
 
-}  // namespace huetrack::capture
+}  // namespace huetrack::recordings

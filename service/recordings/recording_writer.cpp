@@ -1,4 +1,4 @@
-#include "capture/recording_writer.h"
+#include "recordings/recording_writer.h"
 
 #include <fmt/format.h>
 
@@ -24,12 +24,13 @@ extern "C" {
 
 #include "calib/yaml/output_file.h"
 #include "capture/capture_error.h"
+#include "capture/ffmpeg_log.h"
 #include "capture/ffmpeg_objects.h"
 #include "capture/file_descriptor.h"
 #include "capture/image_copy.h"
-#include "capture/matches_reader.h"
+#include "recordings/matches_reader.h"
 
-namespace huetrack::capture {
+namespace huetrack::recordings {
 namespace {
 
 namespace fs = std::filesystem;
@@ -48,7 +49,7 @@ std::string system_text(int error) {
 // An FFmpeg error as the system says it, if it is the system's: "No space left on device".
 std::string text_of(int error) {
   const int code = AVUNERROR(error);
-  return code > 0 && code < 200 ? system_text(code) : error_text(error);
+  return code > 0 && code < 200 ? system_text(code) : capture::error_text(error);
 }
 
 // As a file's name; letters, digits and -_. stay.
@@ -69,14 +70,14 @@ std::string quoted(const std::string& text) {
   return yaml + '"';
 }
 
-std::string decimal_seconds(Timestamp at) {
+std::string decimal_seconds(capture::Timestamp at) {
   const auto ns = at.time_since_epoch().count();
   const auto size = ns < 0 ? -static_cast<std::uint64_t>(ns) : static_cast<std::uint64_t>(ns);
   return fmt::format("{}{}.{:09}", ns < 0 ? "-" : "", size / 1'000'000'000, size % 1'000'000'000);
 }
 
 // The latency is the rig's, which may be known better when the recording is played: it is not written into the times.
-std::string row_text(const std::string& picture, const Frame& frame) {
+std::string row_text(const std::string& picture, const capture::Frame& frame) {
   return fmt::format("{},{},{},{},{},{},{}\n", picture, decimal_seconds(frame.captured_at + frame.latency),
                      frame.sequence, frame.arrival, decimal_seconds(frame.stamped_at), frame.clock.of,
                      frame.clock.sigma.count());
@@ -87,7 +88,8 @@ void write_text(const fs::path& file, const std::string& text) {
   out << text;
   out.close();
   if (!out)
-    throw CaptureError({errno, std::generic_category()}, file.string() + ": cannot be written: " + system_text(errno));
+    throw capture::CaptureError({errno, std::generic_category()},
+                                file.string() + ": cannot be written: " + system_text(errno));
 }
 
 // ---- Whole rows to a file, whatever happens
@@ -97,7 +99,8 @@ class CsvFile {
   explicit CsvFile(fs::path file)
       : file_(std::move(file)), fd_(::open(file_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0644)) {
     if (fd_.get() < 0)
-      throw CaptureError({errno, std::generic_category()}, file_.string() + ": cannot be made: " + system_text(errno));
+      throw capture::CaptureError({errno, std::generic_category()},
+                                  file_.string() + ": cannot be made: " + system_text(errno));
   }
   void add(const std::string& row) { rows_ += row; }
 
@@ -118,44 +121,46 @@ class CsvFile {
 
  private:
   fs::path file_;
-  FileDescriptor fd_;
+  capture::FileDescriptor fd_;
   off_t size_ = 0;    // of whole rows on disk
   std::string rows_;  // not yet there
 };
 
 // ---- How an image is stored
 
-AVPixelFormat av_format_of(PixelFormat format) {
+AVPixelFormat av_format_of(capture::PixelFormat format) {
   switch (format) {
-    case PixelFormat::yuyv:
+    case capture::PixelFormat::yuyv:
       return AV_PIX_FMT_YUYV422;
-    case PixelFormat::nv12:
+    case capture::PixelFormat::nv12:
       return AV_PIX_FMT_NV12;
-    case PixelFormat::i420:
+    case capture::PixelFormat::i420:
       return AV_PIX_FMT_YUV420P;
-    case PixelFormat::i422:
+    case capture::PixelFormat::i422:
       return AV_PIX_FMT_YUV422P;
-    case PixelFormat::i444:
+    case capture::PixelFormat::i444:
       return AV_PIX_FMT_YUV444P;
-    case PixelFormat::grey:
-    case PixelFormat::bgr:  // not stored
+    case capture::PixelFormat::grey:
+    case capture::PixelFormat::bgr:  // not stored
       break;
   }
   return AV_PIX_FMT_GRAY8;
 }
 
 // HuffYUV is planar.
-PixelFormat planar(PixelFormat format) {
-  return format == PixelFormat::yuyv ? PixelFormat::i422 : format == PixelFormat::nv12 ? PixelFormat::i420 : format;
+capture::PixelFormat planar(capture::PixelFormat format) {
+  return format == capture::PixelFormat::yuyv   ? capture::PixelFormat::i422
+         : format == capture::PixelFormat::nv12 ? capture::PixelFormat::i420
+                                                : format;
 }
 
-bool is_packed(const Image& image) {
+bool is_packed(const capture::Image& image) {
   const std::uint8_t* next = image.planes[0].data;
   for (int i = 0; i < 3; ++i) {
-    const int rows = plane_rows(image.format, i, image.height);
+    const int rows = capture::plane_rows(image.format, i, image.height);
     if (rows == 0) continue;
     const auto& plane = image.planes[static_cast<std::size_t>(i)];
-    const auto bytes = static_cast<std::ptrdiff_t>(plane_row_bytes(image.format, i, image.width));
+    const auto bytes = static_cast<std::ptrdiff_t>(capture::plane_row_bytes(image.format, i, image.width));
     if (plane.data != next || plane.stride != bytes) return false;
     next += bytes * rows;
   }
@@ -163,10 +168,10 @@ bool is_packed(const Image& image) {
 }
 
 // yuyv and nv12 with each component in a plane of its own.
-void unpack(const Image& image, AVFrame& to) {
+void unpack(const capture::Image& image, AVFrame& to) {
   const auto row = [&](std::size_t plane, int y) { return image.planes[plane].data + y * image.planes[plane].stride; };
   const auto out = [&](int plane, int y) { return to.data[plane] + y * to.linesize[plane]; };
-  if (image.format == PixelFormat::yuyv) {
+  if (image.format == capture::PixelFormat::yuyv) {
     for (int y = 0; y < image.height; ++y) {
       const std::uint8_t* from = row(0, y);
       std::uint8_t* luma = out(0, y);
@@ -192,8 +197,8 @@ void unpack(const Image& image, AVFrame& to) {
 }
 
 // Cameras do not send BGR, and Matroska does not know it raw.
-bool can_be_stored(const Frame& frame) {
-  return frame.encoded || frame.pixels.format != PixelFormat::bgr;
+bool can_be_stored(const capture::Frame& frame) {
+  return frame.encoded || frame.pixels.format != capture::PixelFormat::bgr;
 }
 
 // ---- One camera's video file
@@ -201,7 +206,7 @@ bool can_be_stored(const Frame& frame) {
 class VideoFile {
  public:
   // As the first frame is, so must all be. throws WriteError
-  VideoFile(fs::path file, const Frame& first, double fps, RawStorage storage)
+  VideoFile(fs::path file, const capture::Frame& first, double fps, RawStorage storage)
       : file_(std::move(file)),
         format_(first.pixels.format),
         width_(first.pixels.width),
@@ -209,10 +214,10 @@ class VideoFile {
         range_(first.pixels.range),
         is_jpeg_(first.encoded != nullptr) {
     // Matroska has no name for raw 4:4:4, which no camera sends anyway but as JPEG.
-    const bool is_huffyuv = !is_jpeg_ && (storage == RawStorage::huffyuv || format_ == PixelFormat::i444);
+    const bool is_huffyuv = !is_jpeg_ && (storage == RawStorage::huffyuv || format_ == capture::PixelFormat::i444);
     AVFormatContext* opened = nullptr;
     check(avformat_alloc_output_context2(&opened, nullptr, "matroska", file_.c_str()));
-    AVStream* stream = not_null(avformat_new_stream(opened, nullptr));
+    AVStream* stream = capture::not_null(avformat_new_stream(opened, nullptr));
     output_.reset(opened);
     stream->time_base = {1, 1000};
     if (fps > 0) stream->avg_frame_rate = av_d2q(fps, 1'000'000);
@@ -228,8 +233,8 @@ class VideoFile {
     }
     parameters.width = width_;
     parameters.height = height_;
-    parameters.color_range = range_ == ColorRange::full ? AVCOL_RANGE_JPEG : AVCOL_RANGE_MPEG;
-    const bool is_yuv = format_ != PixelFormat::bgr && format_ != PixelFormat::grey;
+    parameters.color_range = range_ == capture::ColorRange::full ? AVCOL_RANGE_JPEG : AVCOL_RANGE_MPEG;
+    const bool is_yuv = format_ != capture::PixelFormat::bgr && format_ != capture::PixelFormat::grey;
     if (is_yuv) parameters.color_space = AVCOL_SPC_SMPTE170M;  // BT.601
     output_->flags |= AVFMT_FLAG_BITEXACT;
     check(avio_open(&output_->pb, ("file:" + file_.string()).c_str(), AVIO_FLAG_WRITE));
@@ -237,13 +242,13 @@ class VideoFile {
     time_base_ = stream->time_base;
   }
 
-  bool takes(const Frame& frame) const {
+  bool takes(const capture::Frame& frame) const {
     return frame.pixels.format == format_ && frame.pixels.width == width_ && frame.pixels.height == height_ &&
            frame.pixels.range == range_ && (frame.encoded != nullptr) == is_jpeg_;
   }
 
   // since_start: for players; the exact time is in the CSV. throws WriteError
-  void write(const Frame& frame, Duration since_start) {
+  void write(const capture::Frame& frame, capture::Duration since_start) {
     const auto ms = std::chrono::round<std::chrono::milliseconds>(since_start).count();
     last_ms_ = std::max<std::int64_t>({ms, 0, last_ms_ + 1});
     if (encoder_) {
@@ -261,10 +266,10 @@ class VideoFile {
     if (is_jpeg_) {
       bytes = *frame.encoded;
     } else if (is_packed(frame.pixels)) {
-      bytes = {frame.pixels.planes[0].data, packed_bytes(frame.pixels)};
+      bytes = {frame.pixels.planes[0].data, capture::packed_bytes(frame.pixels)};
     } else {
-      scratch_.resize(packed_bytes(frame.pixels));
-      pack(frame.pixels, scratch_.data());
+      scratch_.resize(capture::packed_bytes(frame.pixels));
+      capture::pack(frame.pixels, scratch_.data());
       bytes = scratch_;
     }
     packet_->data = const_cast<std::uint8_t*>(bytes.data());
@@ -302,7 +307,7 @@ class VideoFile {
   void open_encoder() {
     const AVCodec* codec = avcodec_find_encoder(AV_CODEC_ID_FFVHUFF);
     if (!codec) throw WriteError{file_, "this FFmpeg has no HuffYUV encoder: use raw_storage: uncompressed"};
-    encoder_.reset(not_null(avcodec_alloc_context3(codec)));
+    encoder_.reset(capture::not_null(avcodec_alloc_context3(codec)));
     encoder_->width = width_;
     encoder_->height = height_;
     encoder_->pix_fmt = av_format_of(planar(format_));
@@ -312,9 +317,9 @@ class VideoFile {
     check(avcodec_open2(encoder_.get(), codec, nullptr));
   }
 
-  void encode(const Image& image) {
+  void encode(const capture::Image& image) {
     if (!picture_) {
-      picture_.reset(not_null(av_frame_alloc()));
+      picture_.reset(capture::not_null(av_frame_alloc()));
       picture_->format = encoder_->pix_fmt;
       picture_->width = width_;
       picture_->height = height_;
@@ -325,25 +330,25 @@ class VideoFile {
       unpack(image, *picture_);
     else
       for (int i = 0; i < 3; ++i)
-        for (int y = 0; y < plane_rows(image.format, i, image.height); ++y)
+        for (int y = 0; y < capture::plane_rows(image.format, i, image.height); ++y)
           std::memcpy(
               picture_->data[i] + y * picture_->linesize[i],
               image.planes[static_cast<std::size_t>(i)].data + y * image.planes[static_cast<std::size_t>(i)].stride,
-              plane_row_bytes(image.format, i, image.width));
+              capture::plane_row_bytes(image.format, i, image.width));
     picture_->pts = last_ms_;
     check(avcodec_send_frame(encoder_.get(), picture_.get()));
     check(avcodec_receive_packet(encoder_.get(), packet_.get()));
   }
 
   fs::path file_;
-  PixelFormat format_;
+  capture::PixelFormat format_;
   int width_, height_;
-  ColorRange range_;
+  capture::ColorRange range_;
   bool is_jpeg_;
-  OutputPtr output_;
-  CodecPtr encoder_;  // null: the bytes as they are
-  FramePtr picture_;
-  PacketPtr packet_{not_null(av_packet_alloc())};
+  capture::OutputPtr output_;
+  capture::CodecPtr encoder_;  // null: the bytes as they are
+  capture::FramePtr picture_;
+  capture::PacketPtr packet_{capture::not_null(av_packet_alloc())};
   AVRational time_base_{1, 1000};
   std::vector<std::uint8_t> scratch_;
   std::int64_t last_ms_ = -1;
@@ -358,7 +363,7 @@ class MatchesFile {
     if (fd_.get() < 0) throw WriteError{file_, system_text(errno)};
     waiting_ += matches_file_begins;
   }
-  void write(const Frame& frame) {
+  void write(const capture::Frame& frame) {
     const auto length = static_cast<std::uint32_t>(frame.encoded->size());
     for (unsigned i = 0; i < 4; ++i) waiting_ += static_cast<char>(length >> (8 * i) & 0xff);
     waiting_.append(frame.encoded->begin(), frame.encoded->end());
@@ -379,7 +384,7 @@ class MatchesFile {
 
  private:
   fs::path file_;
-  FileDescriptor fd_;
+  capture::FileDescriptor fd_;
   off_t size_ = 0;       // of whole frames on disk
   std::string waiting_;  // not yet there
 };
@@ -392,7 +397,7 @@ struct CameraFiles {
   std::unique_ptr<VideoFile> video;  // from the first good frame on, and so the next
   std::unique_ptr<MatchesFile> matches;
   std::int64_t next_picture = 0;
-  std::optional<Timestamp> last_at;
+  std::optional<capture::Timestamp> last_at;
   Clock::time_point last_flush{};
 
   // Read by figures() on any thread.
@@ -413,8 +418,10 @@ struct CameraFiles {
   }
 };
 
-std::size_t held_bytes(const Frame& frame) {
-  return sizeof(Frame) + (frame.encoded ? frame.encoded->size() : frame.pixels.owner ? packed_bytes(frame.pixels) : 0);
+std::size_t held_bytes(const capture::Frame& frame) {
+  return sizeof(capture::Frame) + (frame.encoded        ? frame.encoded->size()
+                                   : frame.pixels.owner ? capture::packed_bytes(frame.pixels)
+                                                        : 0);
 }
 
 }  // namespace
@@ -428,13 +435,13 @@ std::vector<std::string> RecordingOptions::problems() const {
   if (!are_matches.empty() && are_matches.size() != cameras.size())
     found.push_back("are_matches has not one entry per camera");
   if (!fps.empty() && fps.size() != cameras.size()) found.push_back("fps has not one entry per camera");
-  if (flush_every <= Duration::zero()) found.push_back("flush_every must be positive");
+  if (flush_every <= capture::Duration::zero()) found.push_back("flush_every must be positive");
   return found;
 }
 
 struct RecordingWriter::Impl {
   explicit Impl(RecordingOptions o) : options(std::move(o)) {
-    take_over_log();
+    capture::take_over_ffmpeg_log();
     make_folder();
     std::string yaml =
         "# Written by huetrack. The times (t_s) in the CSV files are UNIX time, in seconds: so the clock's zero is "
@@ -459,7 +466,8 @@ struct RecordingWriter::Impl {
     try {
       for (const auto& camera : files) camera->times->flush();
     } catch (const WriteError& e) {
-      throw CaptureError(std::make_error_code(std::errc::io_error), e.file.string() + ": cannot be written: " + e.why);
+      throw capture::CaptureError(std::make_error_code(std::errc::io_error),
+                                  e.file.string() + ": cannot be written: " + e.why);
     }
     if (!options.rig_yaml.empty()) write_text(options.folder / "rig.yaml", options.rig_yaml);
     for (const auto& [name, content] : options.files) write_text(options.folder / name, content);
@@ -471,15 +479,16 @@ struct RecordingWriter::Impl {
     std::error_code error;
     fs::create_directories(options.folder, error);
     if (error)
-      throw CaptureError(error,
-                         options.folder.string() + ": the recording's folder cannot be made: " + error.message());
+      throw capture::CaptureError(
+          error, options.folder.string() + ": the recording's folder cannot be made: " + error.message());
     const bool is_empty = fs::is_empty(options.folder, error);
     if (error || !is_empty)
-      throw CaptureError(std::make_error_code(std::errc::file_exists),
-                         options.folder.string() + ": is not an empty folder: give a new one for each recording");
+      throw capture::CaptureError(
+          std::make_error_code(std::errc::file_exists),
+          options.folder.string() + ": is not an empty folder: give a new one for each recording");
   }
 
-  bool write(const Frame& frame) {
+  bool write(const capture::Frame& frame) {
     if (has_failed) return false;
     assert(frame.camera >= 0 && static_cast<std::size_t>(frame.camera) < files.size());
     CameraFiles& files_of_camera = *files[static_cast<std::size_t>(frame.camera)];
@@ -492,14 +501,14 @@ struct RecordingWriter::Impl {
     }
   }
 
-  void append(CameraFiles& camera, const Frame& frame) {
+  void append(CameraFiles& camera, const capture::Frame& frame) {
     if (camera.last_at && frame.captured_at <= *camera.last_at) {
       ++camera.left_out;
       return;
     }
     // What it would replay as: a corrupted frame has no picture, only its time.
     std::string picture;
-    if (frame.status == FrameStatus::ok) {
+    if (frame.status == capture::FrameStatus::ok) {
       if (!(camera.are_matches ? append_matches(camera, frame) : append_picture(camera, frame))) {
         ++camera.left_out;
         return;
@@ -515,14 +524,14 @@ struct RecordingWriter::Impl {
   }
 
   // False: it is not such a frame.
-  bool append_matches(CameraFiles& camera, const Frame& frame) {
+  bool append_matches(CameraFiles& camera, const capture::Frame& frame) {
     if (!frame.matches || !frame.encoded) return false;
     if (!camera.matches) camera.matches = std::make_unique<MatchesFile>(camera.video_path);
     start_of(frame);
     camera.matches->write(frame);
     return true;
   }
-  bool append_picture(CameraFiles& camera, const Frame& frame) {
+  bool append_picture(CameraFiles& camera, const capture::Frame& frame) {
     if (frame.matches) return false;
     if (!camera.video && can_be_stored(frame))
       camera.video = std::make_unique<VideoFile>(camera.video_path, frame, camera.fps, options.raw_storage);
@@ -531,7 +540,7 @@ struct RecordingWriter::Impl {
     return true;
   }
 
-  Timestamp start_of(const Frame& frame) {
+  capture::Timestamp start_of(const capture::Frame& frame) {
     const std::scoped_lock lock(mutex);
     if (!started_at) {
       started_at = frame.captured_at;
@@ -573,7 +582,7 @@ struct RecordingWriter::Impl {
   bool is_finished = false;
 
   mutable std::mutex mutex;
-  std::optional<Timestamp> started_at;           // guarded by mutex; of the first frame
+  std::optional<capture::Timestamp> started_at;  // guarded by mutex; of the first frame
   std::optional<Clock::time_point> first_write;  // guarded by mutex
   std::optional<std::string> failure;            // guarded by mutex
 };
@@ -587,7 +596,7 @@ RecordingWriter::~RecordingWriter() {
   finish();
 }
 
-bool RecordingWriter::write(const Frame& frame) {
+bool RecordingWriter::write(const capture::Frame& frame) {
   return impl_->write(frame);
 }
 
@@ -615,7 +624,7 @@ void RecordingWriter::finish() {
 
 std::vector<std::string> PreRollOptions::problems() const {
   std::vector<std::string> found;
-  if (length <= Duration::zero()) found.push_back("length must be positive");
+  if (length <= capture::Duration::zero()) found.push_back("length must be positive");
   if (most_bytes == 0) found.push_back("most_bytes must be positive");
   return found;
 }
@@ -624,23 +633,23 @@ PreRoll::PreRoll(PreRollOptions options) : options_(options) {
   for (const auto& problem : options_.problems()) throw std::invalid_argument("PreRoll: " + problem);
 }
 
-void PreRoll::push(const Frame& frame) {
+void PreRoll::push(const capture::Frame& frame) {
   Held held{.frame = frame, .bytes = held_bytes(frame)};
-  Image& image = held.frame.pixels;
+  capture::Image& image = held.frame.pixels;
   if (frame.encoded) {
     image.planes = {};
     image.owner.reset();
-    static const auto told_by_encoded = std::make_shared<const Matches>();
+    static const auto told_by_encoded = std::make_shared<const capture::Matches>();
     if (frame.matches) held.frame.matches = told_by_encoded;
-  } else if (frame.status == FrameStatus::ok && has_pixels(frame.pixels)) {
-    const auto memory = std::make_shared_for_overwrite<std::uint8_t[]>(packed_bytes(frame.pixels));
-    pack(frame.pixels, memory.get());
+  } else if (frame.status == capture::FrameStatus::ok && has_pixels(frame.pixels)) {
+    const auto memory = std::make_shared_for_overwrite<std::uint8_t[]>(capture::packed_bytes(frame.pixels));
+    capture::pack(frame.pixels, memory.get());
     const std::uint8_t* next = memory.get();
     for (int i = 0; i < 3; ++i) {
       auto& plane = image.planes[static_cast<std::size_t>(i)];
-      const int rows = plane_rows(image.format, i, image.height);
+      const int rows = capture::plane_rows(image.format, i, image.height);
       if (rows == 0) continue;
-      plane = {next, static_cast<std::ptrdiff_t>(plane_row_bytes(image.format, i, image.width))};
+      plane = {next, static_cast<std::ptrdiff_t>(capture::plane_row_bytes(image.format, i, image.width))};
       next += plane.stride * rows;
     }
     image.owner = memory;
@@ -652,7 +661,7 @@ void PreRoll::push(const Frame& frame) {
 }
 
 void PreRoll::shrink() {
-  const auto is_too_old = [&](const Frame& frame) { return *newest_ - frame.captured_at > options_.length; };
+  const auto is_too_old = [&](const capture::Frame& frame) { return *newest_ - frame.captured_at > options_.length; };
   while (frames_.size() > 1 && (bytes_ > options_.most_bytes || is_too_old(frames_.front().frame))) {
     if (!is_too_old(frames_.front().frame)) cut_to_ = *newest_ - frames_[1].frame.captured_at;
     bytes_ -= frames_.front().bytes;
@@ -660,8 +669,8 @@ void PreRoll::shrink() {
   }
 }
 
-std::vector<Frame> PreRoll::take() {
-  std::vector<Frame> frames;
+std::vector<capture::Frame> PreRoll::take() {
+  std::vector<capture::Frame> frames;
   frames.reserve(frames_.size());
   for (auto& held : frames_) frames.push_back(std::move(held.frame));
   frames_.clear();
@@ -670,4 +679,4 @@ std::vector<Frame> PreRoll::take() {
   return frames;
 }
 
-}  // namespace huetrack::capture
+}  // namespace huetrack::recordings

@@ -1,4 +1,4 @@
-#include "capture/replay_source.h"
+#include "recordings/replay_source.h"
 
 #include <fmt/format.h>
 
@@ -13,10 +13,10 @@
 #include "calib/yaml/nearest_word.h"
 #include "calib/yaml/yaml_reader.h"
 #include "capture/camera_clock.h"
-#include "capture/matches_reader.h"
-#include "capture/video_reader.h"
+#include "recordings/matches_reader.h"
+#include "recordings/video_reader.h"
 
-namespace huetrack::capture {
+namespace huetrack::recordings {
 namespace {
 
 std::string list_of(std::span<const std::string> names) {
@@ -24,15 +24,15 @@ std::string list_of(std::span<const std::string> names) {
 }
 
 // The usual time between two frames of a CSV: the median, which a gap does not change.
-Duration usual_period(const RecordedCamera& camera, const FrameSelection& selection) {
-  std::vector<Duration> steps;
-  std::optional<Timestamp> before;
+capture::Duration usual_period(const RecordedCamera& camera, const FrameSelection& selection) {
+  std::vector<capture::Duration> steps;
+  std::optional<capture::Timestamp> before;
   for (const auto& [frame, at] : camera.timestamps) {
     if (!selection.contains(frame)) continue;
     if (before) steps.push_back(at - *before);
     before = at;
   }
-  if (steps.empty()) return Duration::zero();
+  if (steps.empty()) return capture::Duration::zero();
   const auto middle = steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2);
   std::ranges::nth_element(steps, middle);
   return *middle;
@@ -42,7 +42,7 @@ Duration usual_period(const RecordedCamera& camera, const FrameSelection& select
 class Stream {
  public:
   Stream(int camera_index, const RecordedCamera& camera, const std::filesystem::path& recording_file,
-         const FrameTiming& timing, const ReplayOptions& options, std::vector<std::string>& warnings)
+         const capture::FrameTiming& timing, const ReplayOptions& options, std::vector<std::string>& warnings)
       : camera_index_(camera_index), camera_(camera), timing_(timing), selection_(camera_), warnings_(warnings) {
     info_.name = camera_.name;
     info_.file = camera_.frames;
@@ -68,9 +68,9 @@ class Stream {
                               "record with send: frames (frames of camera " +
                                   camera_.name + ")");
     info_.frame_period = !camera_.timestamps.empty() ? usual_period(camera_, selection_)
-                         : camera_.fps > 0           ? duration_of(static_cast<double>(camera_.every) / camera_.fps)
-                         : reader_                   ? camera_.every * reader_->frame_period()
-                                                     : Duration::zero();
+                         : camera_.fps > 0 ? capture::duration_of(static_cast<double>(camera_.every) / camera_.fps)
+                         : reader_         ? camera_.every * reader_->frame_period()
+                                           : capture::Duration::zero();
     if (!camera_.timestamps.empty())
       info_.expected_frames = selection_.count_below(camera_.timestamps.back().first + 1);
     else if (const auto count = reader_ ? reader_->frame_count() : std::nullopt)
@@ -78,7 +78,7 @@ class Stream {
 
     // The first frame with an image gives the size; those before it wait here for their turn.
     while (auto frame = read()) {
-      const bool has_image = frame->status == FrameStatus::ok;
+      const bool has_image = frame->status == capture::FrameStatus::ok;
       waiting_.push_back(std::move(*frame));
       if (has_image) break;
     }
@@ -112,16 +112,16 @@ class Stream {
   }
 
   // The next frame, nullptr at the end.
-  const Frame* front() {
+  const capture::Frame* front() {
     if (waiting_.empty())
       if (auto frame = read()) waiting_.push_back(std::move(*frame));
     return waiting_.empty() ? nullptr : &waiting_.front();
   }
 
-  Frame take() {
-    Frame frame = std::move(waiting_.front());
+  capture::Frame take() {
+    capture::Frame frame = std::move(waiting_.front());
     waiting_.pop_front();
-    ++(frame.status == FrameStatus::ok ? info_.frames : info_.corrupted);
+    ++(frame.status == capture::FrameStatus::ok ? info_.frames : info_.corrupted);
     return frame;
   }
 
@@ -139,35 +139,36 @@ class Stream {
     const auto is_numbered = [](const RecordedCamera::Received& received) { return received.arrival > 0; };
     return camera_.is_listed && camera_.received.size() == camera_.timestamps.size() &&
            std::ranges::all_of(camera_.received, is_numbered) &&
-           std::ranges::all_of(camera_.corrupted, is_numbered, &std::pair<Timestamp, RecordedCamera::Received>::second);
+           std::ranges::all_of(camera_.corrupted, is_numbered,
+                               &std::pair<capture::Timestamp, RecordedCamera::Received>::second);
   }
 
   // Capture time of the last frame, as far as it can be told beforehand.
-  std::optional<Timestamp> expected_end() const {
+  std::optional<capture::Timestamp> expected_end() const {
     if (!camera_.timestamps.empty()) return camera_.timestamps.back().second + camera_.offset;
     if (!info_.expected_frames) return std::nullopt;
-    return info_.first_at.value_or(Timestamp{}) + (*info_.expected_frames - 1) * info_.frame_period;
+    return info_.first_at.value_or(capture::Timestamp{}) + (*info_.expected_frames - 1) * info_.frame_period;
   }
 
  private:
   // The next picture, or the frame before it that was recorded as corrupted.
-  std::optional<Frame> read() {
+  std::optional<capture::Frame> read() {
     if (!picture_ && has_reader()) picture_ = read_picture();
     const auto& corrupted = camera_.corrupted;
     if (next_corrupted_ < corrupted.size() &&
         (!picture_ || corrupted[next_corrupted_].first + camera_.offset - timing_.latency < picture_->captured_at)) {
       const auto& [at, received] = corrupted[next_corrupted_++];
       count_number(received.sequence);
-      return Frame{.camera = camera_index_,
-                   .sequence = received.sequence,
-                   .captured_at = at + camera_.offset - timing_.latency,
-                   .stamped_at = received.stamped_at.value_or(at) + camera_.offset,
-                   .latency = timing_.latency,
-                   .readout = timing_.readout,
-                   .clock = received.clock,
-                   .status = FrameStatus::corrupted,
-                   .pixels = {},
-                   .arrival = received.arrival};
+      return capture::Frame{.camera = camera_index_,
+                            .sequence = received.sequence,
+                            .captured_at = at + camera_.offset - timing_.latency,
+                            .stamped_at = received.stamped_at.value_or(at) + camera_.offset,
+                            .latency = timing_.latency,
+                            .readout = timing_.readout,
+                            .clock = received.clock,
+                            .status = capture::FrameStatus::corrupted,
+                            .pixels = {},
+                            .arrival = received.arrival};
     }
     auto frame = std::exchange(picture_, std::nullopt);
     if (frame) count_number(frame->sequence);
@@ -181,7 +182,7 @@ class Stream {
 
   bool has_reader() const { return reader_ || matches_; }
 
-  std::optional<Frame> read_picture() {
+  std::optional<capture::Frame> read_picture() {
     while (auto picture = reader_ ? reader_->next() : matches_->next()) {
       const auto stamp = capture_time(*picture);
       if (!stamp) continue;
@@ -191,18 +192,18 @@ class Stream {
         continue;  // its number is missing from the frames handed out
       }
       last_stamp_ = stamp;
-      const Timestamp at = has_exact_times() ? *stamp : clock_.smoothed(*stamp);
+      const capture::Timestamp at = has_exact_times() ? *stamp : clock_.smoothed(*stamp);
       last_index_ = picture->index;
       if (!first_index_) first_index_ = picture->index;
 
-      Frame frame{.camera = camera_index_,
-                  .sequence = static_cast<std::uint32_t>((picture->index - *first_index_) / camera_.every),
-                  .captured_at = at - timing_.latency,
-                  .stamped_at = *stamp,
-                  .latency = timing_.latency,
-                  .readout = timing_.readout,
-                  .status = FrameStatus::corrupted,
-                  .pixels = {}};
+      capture::Frame frame{.camera = camera_index_,
+                           .sequence = static_cast<std::uint32_t>((picture->index - *first_index_) / camera_.every),
+                           .captured_at = at - timing_.latency,
+                           .stamped_at = *stamp,
+                           .latency = timing_.latency,
+                           .readout = timing_.readout,
+                           .status = capture::FrameStatus::corrupted,
+                           .pixels = {}};
       if (!camera_.received.empty()) {
         const auto& received = camera_.received[row_of(picture->index)];
         frame.sequence = received.sequence;
@@ -213,7 +214,7 @@ class Stream {
         frame.stream_index = picture->index;
       }
       if (picture->image.width > 0 && has_the_size(*picture)) {
-        frame.status = FrameStatus::ok;
+        frame.status = capture::FrameStatus::ok;
         frame.pixels = std::move(picture->image);
         frame.encoded = std::move(picture->jpeg);
         frame.matches = std::move(picture->matches);
@@ -232,18 +233,18 @@ class Stream {
 
   std::size_t row_of(std::int64_t index) const {
     const auto row =
-        std::ranges::lower_bound(camera_.timestamps, index, {}, &std::pair<std::int64_t, Timestamp>::first);
+        std::ranges::lower_bound(camera_.timestamps, index, {}, &std::pair<std::int64_t, capture::Timestamp>::first);
     assert(row != camera_.timestamps.end() && row->first == index);
     return static_cast<std::size_t>(row - camera_.timestamps.begin());
   }
 
-  std::optional<Timestamp> capture_time(const VideoReader::Shown& picture) {
+  std::optional<capture::Timestamp> capture_time(const VideoReader::Shown& picture) {
     if (!camera_.timestamps.empty()) return camera_.timestamps[row_of(picture.index)].second + camera_.offset;
     if (camera_.fps > 0) {
       warn_of_gap(picture);
       // rounded once, from the exact time
       const long double since_start = static_cast<long double>(picture.index) * 1e9L / camera_.fps;
-      return Timestamp{Duration(std::llround(since_start)) + camera_.offset};
+      return capture::Timestamp{capture::Duration(std::llround(since_start)) + camera_.offset};
     }
     if (picture.stamp) return *picture.stamp + camera_.offset;
     if (!std::exchange(has_no_stamps_, true) && last_stamp_)
@@ -253,11 +254,11 @@ class Stream {
 
   // A file of the stated rate that lacks a frame: every time from there on is wrong by a frame.
   void warn_of_gap(const VideoReader::Shown& picture) {
-    const Duration period = duration_of(1 / camera_.fps);
+    const capture::Duration period = capture::duration_of(1 / camera_.fps);
     if (warned_of_gap_ || !picture.stamp || !reader_) return;
     if (!first_stamp_) first_stamp_ = {picture.index, *picture.stamp};
-    const Duration by_stamps = *picture.stamp - first_stamp_->second;
-    const Duration gap = by_stamps - (picture.index - first_stamp_->first) * period;
+    const capture::Duration by_stamps = *picture.stamp - first_stamp_->second;
+    const capture::Duration gap = by_stamps - (picture.index - first_stamp_->first) * period;
     if (std::chrono::abs(reader_->frame_period() - period) > period / 50 || gap < period * 9 / 10 ||
         gap > period * 10 + by_stamps / 10)  // the file has another rate, or another notion of time
       return;
@@ -267,7 +268,7 @@ class Stream {
   }
 
   bool has_the_size(const VideoReader::Shown& picture) {
-    const Image& image = picture.image;
+    const capture::Image& image = picture.image;
     if (info_.width == 0) {
       info_.width = image.width;
       info_.height = image.height;
@@ -296,20 +297,20 @@ class Stream {
 
   int camera_index_;
   RecordedCamera camera_;
-  FrameTiming timing_;
-  CameraClock clock_;
+  capture::FrameTiming timing_;
+  capture::CameraClock clock_;
   FrameSelection selection_;  // of camera_
   std::vector<std::string>& warnings_;
-  std::optional<VideoReader> reader_;     // of camera_; none when it delivered nothing
-  std::optional<MatchesReader> matches_;  // in its place
-  std::optional<Frame> picture_;          // read ahead
-  std::size_t next_corrupted_ = 0;        // row of camera_.corrupted
+  std::optional<VideoReader> reader_;      // of camera_; none when it delivered nothing
+  std::optional<MatchesReader> matches_;   // in its place
+  std::optional<capture::Frame> picture_;  // read ahead
+  std::size_t next_corrupted_ = 0;         // row of camera_.corrupted
   ReplayCamera info_;
-  std::deque<Frame> waiting_;
-  std::optional<Timestamp> last_stamp_;
-  std::optional<std::int64_t> first_index_, last_index_;           // in the stream, of the pictures that are played
-  std::optional<std::uint32_t> last_number_;                       // Frame::sequence
-  std::optional<std::pair<std::int64_t, Timestamp>> first_stamp_;  // index and the container's time
+  std::deque<capture::Frame> waiting_;
+  std::optional<capture::Timestamp> last_stamp_;
+  std::optional<std::int64_t> first_index_, last_index_;  // in the stream, of the pictures that are played
+  std::optional<std::uint32_t> last_number_;              // Frame::sequence
+  std::optional<std::pair<std::int64_t, capture::Timestamp>> first_stamp_;  // index and the container's time
   bool warned_of_gap_ = false;
   bool has_no_stamps_ = false;
   bool warned_of_order_ = false;
@@ -323,7 +324,7 @@ void warn_of_times_apart(const Recording& recording, const std::vector<std::uniq
   constexpr double least_in_common = 0.5;  // of a camera's own length: cameras are started and stopped by one hand
   struct Span {
     std::string name;
-    Timestamp from, to;
+    capture::Timestamp from, to;
   };
   std::vector<Span> spans;
   for (const auto& stream : streams)
@@ -331,17 +332,19 @@ void warn_of_times_apart(const Recording& recording, const std::vector<std::uniq
       spans.push_back({stream->info().name, *from, *to});
   if (spans.size() < 2) return;
   for (const Span& a : spans) {
-    Duration most = Duration::min();  // that one other camera has with it
+    capture::Duration most = capture::Duration::min();  // that one other camera has with it
     for (const Span& b : spans)
       if (&a != &b) most = std::max(most, std::min(a.to, b.to) - std::max(a.from, b.from));
-    const Duration length = a.to - a.from;
-    if (most >= Duration::zero() && most >= duration_of(least_in_common * seconds(length))) continue;
+    const capture::Duration length = a.to - a.from;
+    if (most >= capture::Duration::zero() && most >= capture::duration_of(least_in_common * capture::seconds(length)))
+      continue;
     warnings.push_back(fmt::format(
         "{}: camera {} has frames from {:.3f} to {:.3f} s, and {}: are its times right (fps, offset_s, timestamps)?",
-        recording.file.string(), a.name, seconds(a.from.time_since_epoch()), seconds(a.to.time_since_epoch()),
-        most < Duration::zero() ? "no other camera has any then"
-                                : fmt::format("no other camera has any in more than {:.0f} % of that time",
-                                              100 * seconds(most) / seconds(length))));
+        recording.file.string(), a.name, capture::seconds(a.from.time_since_epoch()),
+        capture::seconds(a.to.time_since_epoch()),
+        most < capture::Duration::zero() ? "no other camera has any then"
+                                         : fmt::format("no other camera has any in more than {:.0f} % of that time",
+                                                       100 * capture::seconds(most) / capture::seconds(length))));
   }
 }
 
@@ -386,7 +389,7 @@ ReplaySource::ReplaySource(const Recording& recording, std::span<const std::stri
 
   for (std::size_t c = 0; c < camera_names.size(); ++c) {
     const auto& camera = *std::ranges::find(recording.cameras, camera_names[c], &RecordedCamera::name);
-    const FrameTiming timing = options.timing.empty() ? FrameTiming{} : options.timing[c];
+    const capture::FrameTiming timing = options.timing.empty() ? capture::FrameTiming{} : options.timing[c];
     impl_->streams.push_back(
         std::make_unique<Stream>(static_cast<int>(c), camera, recording.file, timing, options, impl_->warnings));
     impl_->cameras.push_back(impl_->streams.back()->info());
@@ -398,14 +401,14 @@ ReplaySource::ReplaySource(const Recording& recording, std::span<const std::stri
 
 ReplaySource::~ReplaySource() = default;
 
-std::optional<Frame> ReplaySource::next(std::stop_token stop) {
-  const auto comes_before = [&](const Frame& a, const Frame& b) {
+std::optional<capture::Frame> ReplaySource::next(std::stop_token stop) {
+  const auto comes_before = [&](const capture::Frame& a, const capture::Frame& b) {
     return impl_->repeats_arrivals ? a.arrival < b.arrival : a.captured_at < b.captured_at;
   };
   Stream* earliest = nullptr;
   for (const auto& stream : impl_->streams) {
     if (stop.stop_requested()) return std::nullopt;
-    const Frame* frame = stream->front();
+    const capture::Frame* frame = stream->front();
     if (frame && (!earliest || comes_before(*frame, *earliest->front()))) earliest = stream.get();
   }
   return earliest ? std::optional(earliest->take()) : std::nullopt;
@@ -429,20 +432,20 @@ std::optional<std::int64_t> ReplaySource::expected_frames() const {
   return sum;
 }
 
-std::optional<Timestamp> ReplaySource::first_at() const {
-  std::optional<Timestamp> first;
+std::optional<capture::Timestamp> ReplaySource::first_at() const {
+  std::optional<capture::Timestamp> first;
   for (const auto& stream : impl_->streams)
     if (const auto at = stream->info().first_at) first = std::min(first.value_or(*at), *at);
   return first;
 }
 
-std::optional<Duration> ReplaySource::expected_duration() const {
-  std::optional<Timestamp> end;
+std::optional<capture::Duration> ReplaySource::expected_duration() const {
+  std::optional<capture::Timestamp> end;
   for (const auto& stream : impl_->streams) {
     if (stream->delivered_nothing()) continue;
     const auto stream_end = stream->expected_end();
     if (!stream_end) return std::nullopt;
-    end = std::max(end.value_or(Timestamp::min()), *stream_end);
+    end = std::max(end.value_or(capture::Timestamp::min()), *stream_end);
   }
   const auto begin = first_at();
   return begin && end ? std::optional(*end - *begin) : std::nullopt;
@@ -452,4 +455,4 @@ std::vector<std::string> ReplaySource::take_warnings() {
   return std::exchange(impl_->warnings, {});
 }
 
-}  // namespace huetrack::capture
+}  // namespace huetrack::recordings

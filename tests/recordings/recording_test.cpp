@@ -1,4 +1,4 @@
-#include "capture/recording.h"
+#include "recordings/recording.h"
 
 #include <gmock/gmock.h>
 #include <sys/stat.h>
@@ -8,7 +8,7 @@
 #include "calib/yaml/yaml_reader.h"
 #include "capture/temporary_folder.h"
 
-namespace huetrack::capture {
+namespace huetrack::recordings {
 namespace {
 
 using testing::AllOf;
@@ -37,12 +37,12 @@ class ReadRecording : public testing::Test {
     return error_of("version: 1\ncameras:\n  left: {frames: left.mkv, timestamps: times.csv}\n");
   }
 
-  const TemporaryFolder temporary;
+  const capture::TemporaryFolder temporary;
   const std::filesystem::path folder = temporary.path();
 };
 
-Timestamp at(Duration since_zero) {
-  return Timestamp{since_zero};
+capture::Timestamp at(capture::Duration since_zero) {
+  return capture::Timestamp{since_zero};
 }
 
 TEST_F(ReadRecording, APipeIsNotWaitedFor) {
@@ -151,4 +151,4 @@ TEST_F(ReadRecording, VideosAsWords) {
 }
 
 }  // namespace
-}  // namespace huetrack::capture
+}  // namespace huetrack::recordings

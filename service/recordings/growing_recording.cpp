@@ -1,13 +1,13 @@
-#include "capture/growing_recording.h"
+#include "recordings/growing_recording.h"
 
 #include <chrono>
 #include <thread>
 #include <utility>
 
 #include "calib/yaml/yaml_reader.h"
-#include "capture/video_reader.h"
+#include "recordings/video_reader.h"
 
-namespace huetrack::capture {
+namespace huetrack::recordings {
 namespace {
 
 constexpr auto look_again = std::chrono::milliseconds(50);  // for the file
@@ -46,13 +46,13 @@ struct GrowingCamera::Impl {
 GrowingCamera::GrowingCamera(RecordedCamera of, int camera) : impl_(std::make_unique<Impl>(std::move(of), camera)) {}
 GrowingCamera::~GrowingCamera() = default;
 
-std::optional<Frame> GrowingCamera::next(std::stop_token stop) {
+std::optional<capture::Frame> GrowingCamera::next(std::stop_token stop) {
   if (!impl_->reader && !impl_->open(stop)) return std::nullopt;
   while (!stop.stop_requested()) {
     auto picture = impl_->reader->next();
     if (!picture) return std::nullopt;
     if (!picture->stamp || picture->image.width == 0) continue;  // it does not decode
-    Frame frame;
+    capture::Frame frame;
     frame.camera = impl_->camera;
     frame.sequence = static_cast<std::uint32_t>(picture->index);
     frame.captured_at = frame.stamped_at = *picture->stamp;
@@ -62,4 +62,4 @@ std::optional<Frame> GrowingCamera::next(std::stop_token stop) {
   return std::nullopt;
 }
 
-}  // namespace huetrack::capture
+}  // namespace huetrack::recordings
