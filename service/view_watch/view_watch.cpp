@@ -324,7 +324,7 @@ void ViewWatch::forget_what_was_not_it(const object_tracking::ObjectEstimate& es
   if (!found_s_) found_s_ = now_s;
   if (now_s - *found_s_ < judged_every_s) return;
   for (PerCamera& camera : cameras_)
-    std::erase_if(camera.track, [&](const Sample& sample) { return !sample.is_target && sample.t_s < *found_s_; });
+    std::erase_if(camera.track, [&](const SeenPoint& sample) { return !sample.is_target && sample.t_s < *found_s_; });
 }
 
 bool ViewWatch::is_still(PerCamera& camera, const Eigen::Vector2d& px, double now_s) const {
