@@ -19,10 +19,9 @@ using Eigen::Vector3d;
 using Stations = std::array<bool, ImageStations::count>;
 
 Vector2d station_px(std::size_t station, calib::ImageSize size) {
-  const auto column = static_cast<double>(station % ImageStations::columns),
-             row = static_cast<double>(station / ImageStations::columns);
-  return {(column + 0.5) / ImageStations::columns * size.width - 0.5,
-          (row + 0.5) / ImageStations::rows * size.height - 0.5};
+  const std::size_t column = station % ImageStations::columns, row = station / ImageStations::columns;
+  return {(static_cast<double>(column) + 0.5) / ImageStations::columns * size.width - 0.5,
+          (static_cast<double>(row) + 0.5) / ImageStations::rows * size.height - 0.5};
 }
 
 // Where no board was the lens is a guess: it must not decide how the camera is turned.

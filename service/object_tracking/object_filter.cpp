@@ -23,8 +23,7 @@ constexpr double usual_surprise = 3, bounce_surprise = 6;
 
 ObjectFilter::ObjectFilter(const calib::CameraRig& rig, double radius_m, const ObjectTrackerOptions& options,
                            particle_filter::Rng rng)
-    : radius_m_(radius_m),
-      options_(options),
+    : options_(options),
       rng_(rng),
       belief_(rig, options.timing == TimingMode::learn),
       about_(belief_),

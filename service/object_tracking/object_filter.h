@@ -76,7 +76,6 @@ class ObjectFilter {
   void weigh(const MotionBelief& proposal, double power_density);
   void estimate(MotionBelief&& proposal);
 
-  double radius_m_;
   ObjectTrackerOptions options_;
   particle_filter::Rng rng_;
 
