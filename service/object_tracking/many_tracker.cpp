@@ -296,7 +296,7 @@ void ManyTracker::note_births(const capture::FrameSet& set, const std::vector<Ta
                                  .radius_px});
     }
   }
-  if (still_color_.is_room_shared()) clutter_.add(views, std::span(unexplained_).first(views.size()), {});
+  if (still_color_.is_room_shared()) clutter_.add(views, std::span(unexplained_).first(views.size()));
   births_.set_must_move(must_move(still_color_, set.at));
   const std::vector<Birth> births =
       births_.look(views, std::span(unexplained_).first(views.size()), covered, still_color_, set.at, times());

@@ -3,7 +3,6 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
-#include <functional>
 #include <numbers>
 
 namespace huetrack::object_tracking {
@@ -74,22 +73,14 @@ ClutterMap::ClutterMap(const calib::CameraRig& rig) {
   }
 }
 
-void ClutterMap::add(const std::vector<TargetView>& views, std::span<const std::vector<color::ColorRegion>> regions,
-                     std::span<const Sighting> explained) {
+void ClutterMap::add(const std::vector<TargetView>& views, std::span<const std::vector<color::ColorRegion>> regions) {
   for (std::size_t i = 0; i < views.size(); ++i) {
     PerCamera& of = cameras_[static_cast<std::size_t>(views[i].index)];
     of.sets = std::min(of.sets + 1, remembered_sets);
-    const auto is_explained = [&](const color::ColorRegion& region) {
-      return std::ranges::any_of(explained, [&](const Sighting& s) {
-        return s.row.camera == views[i].index && (s.px - region.centre).norm() < s.radius_px;
-      });
-    };
-    const auto unexplained = static_cast<double>(std::ranges::count_if(regions[i], std::not_fn(is_explained)));
-    of.regions += (unexplained - of.regions) / of.sets;
+    of.regions += (static_cast<double>(regions[i].size()) - of.regions) / of.sets;
     const auto fresh = static_cast<float>(1 / of.sets);
     for (float& cell : of.around) cell -= fresh * cell;
     for (const color::ColorRegion& region : regions[i]) {
-      if (is_explained(region)) continue;
       const int u = std::clamp(static_cast<int>(region.centre.x()) / cell_px, 0, of.columns - 1);
       const int v = std::clamp(static_cast<int>(region.centre.y()) / cell_px, 0, of.rows - 1);
       of.around[static_cast<std::size_t>(v * of.columns + u)] += fresh;

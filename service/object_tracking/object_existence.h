@@ -22,10 +22,8 @@ namespace huetrack::object_tracking {
 class ClutterMap {
  public:
   explicit ClutterMap(const calib::CameraRig& rig);
-  // regions[i] belong to views[i], and are all that there are in its picture. Those of `explained` are an object's, if
-  // there is one, and nobody else's.
-  void add(const std::vector<TargetView>& views, std::span<const std::vector<color::ColorRegion>> regions,
-           std::span<const Sighting> explained);
+  // regions[i], which no object explains, belong to views[i], and are all that there are in its picture.
+  void add(const std::vector<TargetView>& views, std::span<const std::vector<color::ColorRegion>> regions);
   double density(std::size_t camera, const Eigen::Vector2d& px) const;  // per px^2 and set, > 0
 
  private:

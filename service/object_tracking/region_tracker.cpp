@@ -161,7 +161,7 @@ void RegionTracker::search(const capture::FrameSet& set, const std::vector<Targe
     agreement_.compare_searched(views, search_.regions(), search_.usual_radii_px(views), set.at, filter_.belief());
   }
   const bool is_shared = still_color_.is_room_shared();
-  if (is_shared) clutter_.add(views, search_.regions(), sightings_);
+  if (is_shared) clutter_.add(views, search_.regions());
   // Before anything is known of the cameras' times, frames of the same times are of cameras that are triggered
   // together: among the regions of a room nearly any two rays would meet otherwise.
   MotionBelief times = filter_.belief();

@@ -53,28 +53,11 @@ TEST(ClutterMap, KnowsWhereRegionsAreNobodys) {
   for (int set = 0; set < 60; ++set) {
     regions[0].clear();
     if (set % 3 == 0) regions[0].push_back(flickering);
-    room.clutter.add(views, regions, {});
+    room.clutter.add(views, regions);
   }
   EXPECT_GT(room.clutter.density(1, {100, 60}), 4 * room.clutter.density(1, {200, 200}));
   EXPECT_LT(room.clutter.density(1, {200, 200}), before);  // there is less than a room usually shows
   EXPECT_EQ(room.clutter.density(0, {100, 60}), before);   // another camera was not looked at
-}
-
-// Or an object that is slow would be held against itself.
-TEST(ClutterMap, WhatAnObjectExplainsIsNotNobodys) {
-  Room room, without;
-  std::vector<TargetView> views(1);
-  views[0].index = 1;
-  std::vector<std::vector<color::ColorRegion>> regions(1), none(1);
-  regions[0].emplace_back();
-  regions[0][0].centre = {100, 60};
-  Sighting sighting;
-  sighting.row.camera = 1, sighting.px = {101, 60}, sighting.radius_px = 5;
-  for (int set = 0; set < 10; ++set) {
-    room.clutter.add(views, regions, std::vector{sighting});
-    without.clutter.add(views, none, {});
-  }
-  EXPECT_EQ(room.clutter.density(1, {100, 60}), without.clutter.density(1, {100, 60}));
 }
 
 TEST(ObjectExistence, ThreeViewsThatAgreeTwiceAreAnObject) {
