@@ -241,10 +241,14 @@ TEST_F(Wandering, BackgroundOfOneViewIsNotLearnt) {
 TEST_F(Wandering, WhatIsLostForLongIsLookedForAsTaught) {
   auto film = scene::wandering(second, fps, 21, [](double t) { return std::min(turning(t), 20.0); });
   const double gone_s = 9;
-  for (auto& set : film)
-    if (capture::seconds(set.at) > gone_s)
-      for (auto& frame : set.frames)
-        frame->pixels = capture::make_image(capture::PixelFormat::yuyv, capture::ColorRange::limited, 320, 240).image;
+  for (auto& set : film) {
+    if (capture::seconds(set.at) <= gone_s) continue;
+    for (auto& frame : set.frames) {
+      const auto grey = capture::make_image(capture::PixelFormat::yuyv, capture::ColorRange::limited, 320, 240);
+      std::fill_n(grey.data[0], grey.image.planes[0].stride * grey.image.height, std::uint8_t{128});
+      frame->pixels = grey.image;
+    }
+  }
   const Course course = follow(lime(true), film);
   EXPECT_GT(course.healths[std::size_t(gone_s * fps)][0].followed[0], 2);
   EXPECT_GT(course.healths[std::size_t((gone_s + 9) * fps)][0].followed[0], 2);
