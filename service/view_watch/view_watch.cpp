@@ -124,9 +124,10 @@ class Suppositions {
   std::optional<Mistake> best() {
     if (answers_.empty()) {
       const auto other = of_other_rig();
-      return other || as_is_.worst < contradicts
-                 ? other
-                 : Mistake{.kind = MistakeKind::contradiction, .off_px = as_is_.worst_px, .agreeing = agreeing()};
+      return other || as_is_.worst < contradicts ? other
+                                                 : Mistake{.kind = MistakeKind::contradiction,
+                                                           .off_px = as_is_.worst_px,
+                                                           .do_some_agree = best_pair() < agrees};
     }
     std::ranges::stable_sort(answers_, {}, cost);
     join_turn_and_zoom();
@@ -197,28 +198,18 @@ class Suppositions {
   std::optional<Mistake> of_other_rig() const {
     const std::size_t n = rig_.cameras.size();
     if (as_is_.pairs < n * (n - 1) / 2) return std::nullopt;
-    double best = std::numeric_limits<double>::infinity();
-    for (std::size_t j = 1; j < n; ++j)
-      for (std::size_t i = 0; i < j; ++i)
-        best = std::min(best, comparison_.residuals(tracks_, i, j, {}, time_sigmas_).usual());
+    const double best = best_pair();
     if (best < nothing_explains || best == std::numeric_limits<double>::infinity()) return std::nullopt;
     return Mistake{.kind = MistakeKind::other_rig, .off_px = as_is_.worst_px};
   }
 
-  // Cameras that agree with another one, as things are.
-  std::vector<int> agreeing() const {
-    std::vector<int> out;
-    const std::size_t n = rig_.cameras.size();
-    for (std::size_t i = 0; i < n; ++i) {
-      for (std::size_t j = 0; j < n; ++j) {
-        if (i == j ||
-            !(comparison_.residuals(tracks_, std::min(i, j), std::max(i, j), {}, time_sigmas_).usual() < agrees))
-          continue;
-        out.push_back(int(i));
-        break;
-      }
-    }
-    return out;
+  // As things are, how far the two cameras are apart that agree best; infinity: none can be compared.
+  double best_pair() const {
+    double best = std::numeric_limits<double>::infinity();
+    for (std::size_t j = 1; j < rig_.cameras.size(); ++j)
+      for (std::size_t i = 0; i < j; ++i)
+        best = std::min(best, comparison_.residuals(tracks_, i, j, {}, time_sigmas_).usual());
+    return best;
   }
 
   const calib::CameraRig& rig_;

@@ -39,10 +39,9 @@ struct Mistake {
   MistakeKind kind = MistakeKind::other_rig;
   std::vector<int> cameras = {};  // of the rig
   double size = 0;
-  double off_px = 0;  // how far the views are apart because of it, usually; 0: late, and learnt: they are not
-  // contradiction: those that agree with another one. It is hardly theirs, where others agree with nobody.
-  std::vector<int> agreeing = {};
-  double zoom = 1;  // turned: a focal length of so many times the rig's explains it as well; 1: it does not
+  double off_px = 0;           // how far the views are apart because of it, usually; 0: late, and learnt: they are not
+  double zoom = 1;             // turned: a focal length of so many times the rig's explains it as well; 1: it does not
+  bool do_some_agree = false;  // contradiction: two cameras agree, and it is hardly theirs
 
   bool is_same_as(const Mistake& other) const { return kind == other.kind && cameras == other.cameras; }
 };
