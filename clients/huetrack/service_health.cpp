@@ -1,5 +1,7 @@
 #include "service_health.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <iterator>
 
@@ -10,7 +12,7 @@ namespace huetrack::client {
 namespace {
 
 // A service says its status every second, and clocks of two hosts may differ by some.
-constexpr std::int64_t old_ns = 10'000'000'000;
+constexpr double old_s = 10;
 
 std::string list_of(const std::vector<std::string>& sentences) {
   std::string out = "[";
@@ -39,9 +41,9 @@ std::vector<std::string> problems_of(const msg::ServiceStatus& status, std::int6
       problems.push_back("camera " + camera.name() + ": " + std::string(name(camera.health())) +
                          (camera.message().empty() ? "" : ": " + camera.message()));
   std::ranges::copy(status.warnings(), std::back_inserter(problems));
-  if (const std::int64_t age = now - status.at(); age > old_ns)
-    problems.push_back("its last status is " + std::to_string(age / 1'000'000'000) +
-                       " s old: it hangs, or the hosts' clocks differ");
+  const double age_s = (static_cast<double>(now) - static_cast<double>(status.at())) * 1e-9;  // of any time it may say
+  if (age_s > old_s)
+    problems.push_back(fmt::format("its last status is {:.0f} s old: it hangs, or the hosts' clocks differ", age_s));
   return problems;
 }
 

@@ -11,6 +11,20 @@ namespace {
 
 constexpr double contradicting_px2 = 1;  // doubt of a view, far above what light and a good calibration leave open
 
+// The region goes on beyond the box, at a side that is not the image's; or it is far wider than the object along both of
+// its axes, and no smear makes it so.
+bool is_larger_than_object(const color::ColorRegion& region, const color::PixelBox& box, const color::MatchBits& image,
+                           double radius_px) {
+  constexpr double widest_radii = 2;  // the taught radius may be wrong, and so may the distance
+  const bool goes_on = (region.box.u_min == box.u_min && box.u_min > 0) ||
+                       (region.box.v_min == box.v_min && box.v_min > 0) ||
+                       (region.box.u_max == box.u_max && box.u_max < image.width() - 1) ||
+                       (region.box.v_max == box.v_max && box.v_max < image.height() - 1);
+  const double half_trace = region.spread.trace() / 2;
+  const double narrow = half_trace - std::sqrt(std::max(0.0, half_trace * half_trace - region.spread.determinant()));
+  return goes_on || 2 * std::sqrt(std::max(0.0, narrow)) > widest_radii * radius_px;
+}
+
 }  // namespace
 
 Eigen::Matrix2d spread_in(const TargetView& view, const ExpectedView& expected, const ObjectFilter& filter,
@@ -27,7 +41,9 @@ Eigen::Matrix2d spread_in(const TargetView& view, const ExpectedView& expected, 
 }
 
 // The regions large enough to be the object within three standard deviations of where it is expected, and its disc.
-// None where that is nowhere near the image. Valid until the view's next call.
+// None where that is nowhere near the image. Valid until the next call.
+// What is larger than the object is none: as much as is looked at of it lies around where the object was expected,
+// wherever that is, and would confirm any expectation.
 std::span<const color::ColorRegion> ObjectSighter::regions_near(const TargetView& view, const Appearance& at,
                                                                 const Eigen::Matrix2d& spread) {
   // Not beyond the image's own size around it: a box is clipped to the image anyway, and an int must hold it.
@@ -40,7 +56,11 @@ std::span<const color::ColorRegion> ObjectSighter::regions_near(const TargetView
       static_cast<int>(std::ceil(at.px.x() + reach_u)), static_cast<int>(std::ceil(at.px.y() + reach_v))};
   const double disc = std::numbers::pi * at.radius_px * at.radius_px;
   const int min_area = std::max(2, static_cast<int>(least_support * disc));
-  return finders_[static_cast<std::size_t>(view.index)].find(*view.matches, box, min_area, 1.3 * at.radius_px);
+  near_.clear();
+  for (const color::ColorRegion& region :
+       finders_[static_cast<std::size_t>(view.index)].find(*view.matches, box, min_area, 1.3 * at.radius_px))
+    if (!is_larger_than_object(region, box, *view.matches, at.radius_px)) near_.push_back(region);
+  return near_;
 }
 
 // Cameras, drivers and cables show a frame once more now and then, with a new stamp. No two frames have the same noise:

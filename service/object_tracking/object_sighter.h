@@ -68,6 +68,7 @@ class ObjectSighter {
   OutlineSighter outlines_;
   std::vector<LastRegion> last_;                          // per camera: what was sighted last
   std::vector<color::RegionFinder> finders_;              // per camera
+  std::vector<color::ColorRegion> near_;                  // of the view looked at
   std::vector<std::vector<color::ColorRegion>> regions_;  // of the views of this set, after a bounce
 };
 
