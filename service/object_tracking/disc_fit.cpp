@@ -29,10 +29,15 @@ std::optional<bool> is_matching(color::MatchBits& bits, const Eigen::Vector2d& p
   return bits.at(static_cast<int>(u), static_cast<int>(v));
 }
 
-// Where the colour ends along a normal of the disc, counted from its outline; nullopt: not near it. Two misses in a row
-// are an end, one is noise.
+struct Outline {
+  std::vector<Normal> normals;
+  int passed = 0;  // directions in which the colour goes on beyond the outline
+};
+
+// Where the colour ends along a normal of the disc, counted from its outline; nullopt: not near it, and `passed` is
+// counted where it goes on. Two misses in a row are an end, one is noise.
 std::optional<double> colour_ends(color::MatchBits& bits, const ExpectedDisc& disc, const Eigen::Vector2d& normal,
-                                  double window_px) {
+                                  double window_px, int& passed) {
   const int steps = static_cast<int>(std::ceil(2 * window_px / step_px));
   int hits = 0, misses = 0;
   for (int i = 0; i < steps; ++i) {
@@ -46,13 +51,15 @@ std::optional<double> colour_ends(color::MatchBits& bits, const ExpectedDisc& di
       break;
     }
   }
+  if (hits >= 2 && misses < 2) ++passed;
   if (hits < 2 || misses < 2) return std::nullopt;  // it ended before, or goes on
   return -window_px + hits * step_px;
 }
 
 void outline_of(color::MatchBits& bits, std::span<const ExpectedDisc> discs, std::size_t which, double window_px,
-                std::vector<Normal>& out) {
-  out.clear();
+                Outline& out) {
+  out.normals.clear();
+  out.passed = 0;
   const ExpectedDisc& disc = discs[which];
   for (int k = 0; k < directions; ++k) {
     const double angle = 2 * std::numbers::pi * (k + 0.5) / directions;
@@ -65,7 +72,7 @@ void outline_of(color::MatchBits& bits, std::span<const ExpectedDisc> discs, std
       return false;
     }();
     if (is_inside_another) continue;
-    if (const auto off = colour_ends(bits, disc, normal, window_px)) out.push_back({normal, *off});
+    if (const auto off = colour_ends(bits, disc, normal, window_px, out.passed)) out.normals.push_back({normal, *off});
   }
 }
 
@@ -103,17 +110,18 @@ Solution solve(std::span<const Normal> outline, const ExpectedDisc& disc) {
 std::vector<std::optional<FittedDisc>> fit_discs(color::MatchBits& bits, std::span<const ExpectedDisc> expected) {
   std::vector<ExpectedDisc> discs(expected.begin(), expected.end());
   std::vector<std::optional<FittedDisc>> out(discs.size());
-  std::vector<Normal> outline;
+  Outline outline;
   for (int pass = 0; pass < passes; ++pass) {
     for (std::size_t i = 0; i < discs.size(); ++i) {
       const double slack_px = pass == 0 ? 2 * discs[i].reach_px : 1.0;
       const double window_px = std::min(0.7 * discs[i].radius_px, 2 + 0.1 * discs[i].radius_px + slack_px);
       outline_of(bits, discs, i, window_px, outline);
       out[i].reset();
-      if (static_cast<int>(outline.size()) < least_seen) continue;
-      const Solution found = solve(outline, discs[i]);
+      if (static_cast<int>(outline.normals.size()) < least_seen) continue;
+      const Solution found = solve(outline.normals, discs[i]);
       discs[i].px += found.shift;
-      out[i] = {discs[i].px, found.covariance, static_cast<double>(outline.size()) / directions};
+      out[i] = {discs[i].px, found.covariance, static_cast<double>(outline.normals.size()) / directions,
+                static_cast<double>(outline.passed) / directions};
     }
   }
   for (std::size_t i = 0; i < discs.size(); ++i) {  // it ran away: what was seen is not its outline

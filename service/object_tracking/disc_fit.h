@@ -21,6 +21,7 @@ struct FittedDisc {
   Eigen::Vector2d px;
   Eigen::Matrix2d covariance;  // px^2, of px, by the outline that was seen
   double seen = 0;             // 0..1, share of the outline
+  double passed = 0;           // 0..1, share across which the colour goes on: by something that is no disc of them
 };
 
 // Outline points are where the colour ends along a disc's normals; those inside another disc of `discs` show nothing,

@@ -16,6 +16,9 @@ constexpr double largest_share = 1.4;   // of the disc, that is still one object
 constexpr double part_reach = 1.3;      // radii: so near to a region's centre, another one is a part of the object
 constexpr double not_assigned = 60;     // dearer than any region within the gate
 constexpr double least_outline = 0.15;  // share of the outline that is believed
+// Where the colour goes on across more of the outline, what ends may be the edge of that other thing. A ball of its
+// size that touches passes a tenth.
+constexpr double most_passed = 0.25;
 
 double sigma_px(const Eigen::Matrix2d& covariance) {
   return std::sqrt(std::max(0.0, 0.5 * covariance.trace()));
@@ -108,7 +111,7 @@ void RegionSharing::assign(const TargetView& view, std::span<const color::ColorR
 
 std::optional<Sighting> RegionSharing::by_outline(const TargetView& view, const ExpectedObject& expected,
                                                   const std::optional<FittedDisc>& fitted) const {
-  if (!fitted || fitted->seen < least_outline) return std::nullopt;
+  if (!fitted || fitted->seen < least_outline || fitted->passed > most_passed) return std::nullopt;
   const double radius_px = expected.at.radius_px;
   const UsualError usual = usual_error(radius_px, pixel_noise_px_, sample_px(*view.image));
   Sighting s;

@@ -20,6 +20,11 @@ constexpr int least_matched = 3;
 // An object that is tracked covers so much more than its disc: blur, and it moves on before the next set.
 constexpr double covered_radii = 1.4, covered_more_px = 3;
 
+// Where so much of what is around it has its colour, too, nobody sees an object there, and what would be left of the
+// room's colour in its place would look like one.
+constexpr double surrounded = 0.5;
+constexpr int around = 24;  // points that are looked at
+
 // A disc, by its area against the smallest and the largest that an object may have, by its half widths, and by how much
 // of the ellipse of these it fills.
 constexpr double least_disc = 0.6, roundest = 0.75, least_filled = 0.85;
@@ -192,6 +197,23 @@ void StillColor::sample(const TargetView& view, std::span<const Sighting> tracke
   leave_out(view, camera);
 }
 
+bool StillColor::is_surrounded(const TargetView& view, const Sighting& s) const {
+  const double reach = covered_radii * s.radius_px + covered_more_px + 1;
+  int seen = 0, matching = 0;
+  for (int i = 0; i < around; ++i) {
+    const double angle = 2 * std::numbers::pi * i / around;
+    const double u = s.px.x() + reach * std::cos(angle), v = s.px.y() + reach * std::sin(angle);
+    if (!(u >= 0 && v >= 0 && u < view.image->width && v < view.image->height)) continue;
+    const int column = static_cast<int>(u), row = static_cast<int>(v);
+    const color::TileAt tile{static_cast<std::uint16_t>(column / color::TileAt::size + 1),
+                             static_cast<std::uint16_t>(row / color::TileAt::size + 1)};
+    const int bit = row % color::TileAt::size * 8 + column % color::TileAt::size;
+    ++seen;
+    matching += (view.matches->tile_with_left_out(tile) >> bit & 1) != 0 ? 1 : 0;
+  }
+  return matching > surrounded * seen;
+}
+
 void StillColor::learn(const TargetView& view, PerCamera& camera, std::span<const Sighting> tracked) {
   const int stride = view.matches->tile_stride();
   if (camera.tiles.empty()) {
@@ -215,14 +237,15 @@ void StillColor::learn(const TargetView& view, PerCamera& camera, std::span<cons
   const auto before = [&](int sets) {  // in the ring; 0: now
     return static_cast<std::size_t>((camera.sampled + kept_samples - sets) % kept_samples);
   };
+  covering_.assign(camera.may_be_objects.begin(), camera.may_be_objects.end());
+  for (const Sighting& s : tracked)
+    if (s.row.camera == view.index && !is_surrounded(view, s)) covering_.push_back(s);
   for (const std::uint32_t at : camera.listed) {
     Tile& tile = camera.tiles[at];
     const color::TileAt where{static_cast<std::uint16_t>(static_cast<int>(at) % stride),
                               static_cast<std::uint16_t>(static_cast<int>(at) / stride)};
     std::uint64_t covered = 0;
-    for (std::size_t i = 0; i < tracked.size() + camera.may_be_objects.size(); ++i) {
-      const Sighting& s = i < tracked.size() ? tracked[i] : camera.may_be_objects[i - tracked.size()];
-      if (s.row.camera != view.index) continue;
+    for (const Sighting& s : covering_) {
       const double reach = covered_radii * s.radius_px + covered_more_px;
       const double du = where.pixel_u() + 3.5 - s.px.x(), dv = where.pixel_v() + 3.5 - s.px.y();
       if (std::hypot(du, dv) > reach + 6) continue;

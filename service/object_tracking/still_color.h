@@ -1,7 +1,8 @@
 // What has the target's colour and never moves: furniture. In a room that shares the colour, views are sampled now and
 // then, and pixels that have matched in nearly all of the last samples match nothing until they change: the scene's,
 // not an object's. What lies under an object that is tracked is left as it was, so that an object that rests where it
-// was tracked stays tracked. A room that does not share the colour costs nothing and changes nothing.
+// was tracked stays tracked; but not where the colour is all around it, for there nobody can tell it from the room. A
+// room that does not share the colour costs nothing and changes nothing.
 //
 // A room shares the colour where one view shows more of it than all objects could cover; then all views learn. When
 // that is so at the first set there is no past to ask: all that is there then counts as furniture until it moves, but
@@ -76,6 +77,7 @@ class StillColor {
   };
   void measure(const TargetView& view);
   void sample(const TargetView& view, std::span<const Sighting> tracked);
+  bool is_surrounded(const TargetView& view, const Sighting& s) const;  // by the target's colour
   void learn(const TargetView& view, PerCamera& camera, std::span<const Sighting> tracked);
   void leave_out(const TargetView& view, PerCamera& camera);
   void find_what_may_be_objects(const TargetView& view, PerCamera& camera);
@@ -85,6 +87,7 @@ class StillColor {
   std::vector<PerCamera> cameras_;
   std::vector<ColorShare> shares_{cameras_.size()};
   std::vector<color::PixelAt> hits_;
+  std::vector<Sighting> covering_;   // work space: what covers the room in a view
   std::vector<std::uint32_t> open_;  // work space: tiles of a patch
   std::vector<char> is_told_;        // work space: per tile
   bool is_room_shared_ = false, is_doubted_ = false;
