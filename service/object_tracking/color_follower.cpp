@@ -4,7 +4,7 @@
 #include <cmath>
 #include <utility>
 
-#include "object_tracking/object_tracker.h"
+#include "object_tracking/tracker_options.h"
 
 namespace huetrack::object_tracking {
 namespace {

@@ -7,7 +7,6 @@
 
 #include "calib/model/median.h"
 #include "color/image_color.h"
-#include "object_tracking/object_tracker.h"
 
 namespace huetrack::object_tracking {
 namespace {

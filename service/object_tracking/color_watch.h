@@ -18,10 +18,9 @@
 #include "capture/frame.h"
 #include "color/color_model.h"
 #include "object_tracking/object_estimate.h"
+#include "object_tracking/tracker_options.h"
 
 namespace huetrack::object_tracking {
-
-struct TargetOptions;
 
 enum class ColorAxis : std::uint8_t { hue, saturation, intensity };
 using PerColorAxis = std::array<double, 3>;  // by ColorAxis; hue in degrees, the others 0..1

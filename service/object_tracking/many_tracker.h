@@ -24,13 +24,13 @@
 #include "object_tracking/object_existence.h"
 #include "object_tracking/object_filter.h"
 #include "object_tracking/object_search.h"
-#include "object_tracking/object_tracker.h"
 #include "object_tracking/region_sharing.h"
 #include "object_tracking/rig_error.h"
 #include "object_tracking/search_findings.h"
 #include "object_tracking/seen_regions.h"
 #include "object_tracking/still_color.h"
 #include "object_tracking/target_views.h"
+#include "object_tracking/tracker_options.h"
 #include "object_tracking/view_agreement.h"
 
 namespace huetrack::object_tracking {

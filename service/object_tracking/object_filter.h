@@ -9,10 +9,10 @@
 
 #include "object_tracking/motion_belief.h"
 #include "object_tracking/motion_observer.h"
-#include "object_tracking/object_tracker.h"
 #include "object_tracking/paper_tracker.h"
 #include "object_tracking/sighting.h"
 #include "object_tracking/times_learner.h"
+#include "object_tracking/tracker_options.h"
 #include "particle_filter/random.h"
 
 namespace huetrack::object_tracking {

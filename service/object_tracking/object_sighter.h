@@ -9,10 +9,10 @@
 #include "color/color_region.h"
 #include "object_tracking/expected_view.h"
 #include "object_tracking/object_filter.h"
-#include "object_tracking/object_tracker.h"
 #include "object_tracking/outline_sighter.h"
 #include "object_tracking/sighting.h"
 #include "object_tracking/target_views.h"
+#include "object_tracking/tracker_options.h"
 #include "object_tracking/view_agreement.h"
 
 namespace huetrack::object_tracking {

@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "object_tracking/object_estimate.h"
-#include "object_tracking/object_tracker.h"
 #include "object_tracking/target_views.h"
+#include "object_tracking/tracker_options.h"
 #include "particle_filter/random.h"
 
 namespace huetrack::object_tracking {

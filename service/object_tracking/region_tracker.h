@@ -33,12 +33,12 @@
 #include "object_tracking/object_filter.h"
 #include "object_tracking/object_search.h"
 #include "object_tracking/object_sighter.h"
-#include "object_tracking/object_tracker.h"
 #include "object_tracking/rig_error.h"
 #include "object_tracking/seen_regions.h"
 #include "object_tracking/sighting.h"
 #include "object_tracking/still_color.h"
 #include "object_tracking/target_views.h"
+#include "object_tracking/tracker_options.h"
 #include "object_tracking/view_agreement.h"
 #include "particle_filter/random.h"
 

@@ -8,10 +8,24 @@
 #include <vector>
 
 #include "color/color_region.h"
-#include "object_tracking/object_tracker.h"
 #include "object_tracking/target_views.h"
+#include "object_tracking/tracker_options.h"
 
 namespace huetrack::object_tracking {
+
+// What searching has seen in the sets in which it found nothing, since the target was last found (observation:
+// huetrack).
+struct SearchFindings {
+  std::size_t sets = 0;
+  std::vector<std::size_t> sets_with_color;  // per camera of the rig: sets in which it showed a region of the colour
+  std::optional<double> radius_m;            // that the regions of two views agree on, if they do; > 0
+  // Something moves through the volume as the target would, of twice the hue: hue_deg was given in OpenCV's units, of
+  // which there are 180.
+  bool is_found_at_twice_the_hue = false;
+  // What a user should try, one sentence; empty when nothing was searched. `cameras`: their names, in the order of the
+  // rig.
+  std::string advice(const TargetOptions& target, const std::vector<std::string>& cameras) const;
+};
 
 // thread-compatible.
 class SearchLog {

@@ -9,8 +9,8 @@
 
 #include "object_tracking/motion_belief.h"
 #include "object_tracking/motion_observer.h"
-#include "object_tracking/object_tracker.h"
 #include "object_tracking/sighting.h"
+#include "object_tracking/tracker_options.h"
 
 namespace huetrack::object_tracking {
 

@@ -14,7 +14,8 @@
 #include <vector>
 
 #include "calib/model/camera_rig.h"
-#include "object_tracking/object_tracker.h"
+#include "object_tracking/object_estimate.h"
+#include "object_tracking/tracker_options.h"
 #include "view_watch/pair_residuals.h"
 
 namespace huetrack::view_watch {
