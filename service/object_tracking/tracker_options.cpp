@@ -15,8 +15,7 @@ const color::HsiRange& TargetOptions::color_in(std::string_view camera) const {
 std::vector<std::string> TargetOptions::problems() const {
   std::vector<std::string> out;
   if (name.empty()) out.emplace_back("a target must have a name");
-  if (count < 1 || count > most_count)
-    out.push_back("count must be 1 to " + std::to_string(most_count) + ", got " + std::to_string(count));
+  if (count < 1 || count > most_count) out.push_back(fmt::format("count must be 1 to {}, got {}", most_count, count));
   if (!(radius_m > 0) || !std::isfinite(radius_m)) out.emplace_back("radius_m must be > 0");
   for (const std::string& p : color.problems()) out.push_back("color: " + p);
   for (const auto& [camera, own] : camera_colors) {
@@ -28,7 +27,7 @@ std::vector<std::string> TargetOptions::problems() const {
 std::vector<std::string> ObjectTrackerOptions::problems() const {
   std::vector<std::string> out;
   const auto positive = [&out](double value, const char* what) {
-    if (!(value > 0) || !std::isfinite(value)) out.push_back(std::string(what) + " must be > 0");
+    if (!(value > 0) || !std::isfinite(value)) out.push_back(fmt::format("{} must be > 0", what));
   };
   if (!volume.min.allFinite() || !volume.max.allFinite() || !(volume.min.array() < volume.max.array()).all())
     out.emplace_back("volume.min must be less than volume.max on every axis");

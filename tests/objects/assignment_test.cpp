@@ -1,4 +1,4 @@
-#include "object_tracking/assignment.h"
+#include "object_tracking/objects/assignment.h"
 
 #include <gtest/gtest.h>
 
@@ -7,7 +7,7 @@
 #include <limits>
 #include <random>
 
-namespace huetrack::object_tracking {
+namespace huetrack::objects {
 namespace {
 
 double cost_of(const Eigen::MatrixXd& costs, const std::vector<int>& columns, double none) {
@@ -61,4 +61,4 @@ TEST(Assignment, isOfLeastCostOfAllWays) {
 }
 
 }  // namespace
-}  // namespace huetrack::object_tracking
+}  // namespace huetrack::objects

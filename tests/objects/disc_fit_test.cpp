@@ -1,4 +1,4 @@
-#include "object_tracking/disc_fit.h"
+#include "object_tracking/objects/disc_fit.h"
 
 #include <gtest/gtest.h>
 
@@ -6,7 +6,7 @@
 
 #include "color/mask_image.h"
 
-namespace huetrack::object_tracking {
+namespace huetrack::objects {
 namespace {
 
 using Eigen::Vector2d;
@@ -62,4 +62,4 @@ TEST(DiscFit, saysNothingOfWhatOthersHide) {
 }
 
 }  // namespace
-}  // namespace huetrack::object_tracking
+}  // namespace huetrack::objects

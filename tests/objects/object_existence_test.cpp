@@ -1,10 +1,13 @@
-#include "object_tracking/object_existence.h"
+#include "object_tracking/objects/object_existence.h"
 
 #include <gtest/gtest.h>
 
 #include "scene/scene.h"
 
-namespace huetrack::object_tracking {
+namespace huetrack::objects {
+
+using namespace object_tracking;
+
 namespace {
 
 constexpr double radius_m = 0.04;
@@ -118,4 +121,4 @@ TEST(ObjectExistence, WhatBeganUnlikelyIsNotRefutedByWhatSpeaksForIt) {
 }
 
 }  // namespace
-}  // namespace huetrack::object_tracking
+}  // namespace huetrack::objects

@@ -4,7 +4,10 @@
 
 #include "benchmark/tracking_figures.h"
 
-namespace huetrack::object_tracking {
+namespace huetrack::object_trackers {
+
+using namespace object_tracking;
+
 namespace {
 
 class Accuracy : public testing::Test {
@@ -107,4 +110,4 @@ TEST_F(Accuracy, realRedSquare) {
 }
 
 }  // namespace
-}  // namespace huetrack::object_tracking
+}  // namespace huetrack::object_trackers

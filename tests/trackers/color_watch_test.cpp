@@ -1,4 +1,4 @@
-#include "object_tracking/color_watch.h"
+#include "object_tracking/trackers/color_watch.h"
 
 #include <gmock/gmock.h>
 
@@ -6,12 +6,15 @@
 #include <functional>
 #include <numbers>
 
-#include "object_tracking/color_follower.h"
-#include "object_tracking/object_tracker.h"
+#include "object_tracking/trackers/color_follower.h"
+#include "object_tracking/trackers/object_tracker.h"
 #include "scene/scene.h"
 #include "scene/turned_hue.h"
 
-namespace huetrack::object_tracking {
+namespace huetrack::object_trackers {
+
+using namespace object_tracking;
+
 namespace {
 
 using testing::Each;
@@ -256,4 +259,4 @@ TEST_F(Wandering, WhatIsLostForLongIsLookedForAsTaught) {
 }
 
 }  // namespace
-}  // namespace huetrack::object_tracking
+}  // namespace huetrack::object_trackers

@@ -5,11 +5,15 @@
 #include <numbers>
 #include <set>
 
-#include "object_tracking/further_objects.h"
-#include "object_tracking/object_tracker.h"
+#include "object_tracking/objects/further_objects.h"
+#include "object_tracking/trackers/object_tracker.h"
 #include "scene/scene.h"
 
-namespace huetrack::object_tracking {
+namespace huetrack::object_trackers {
+
+using namespace object_tracking;
+using namespace objects;
+
 namespace {
 
 using Eigen::Vector3d;
@@ -352,4 +356,4 @@ TEST(FurtherObject, isSeenBesideWhatIsTrackedAndMovesNothing) {
 }
 
 }  // namespace
-}  // namespace huetrack::object_tracking
+}  // namespace huetrack::object_trackers

@@ -1,4 +1,4 @@
-#include "object_tracking/object_tracker.h"
+#include "object_tracking/trackers/object_tracker.h"
 
 #include <gmock/gmock.h>
 
@@ -9,10 +9,14 @@
 #include <random>
 #include <stdexcept>
 
-#include "object_tracking/region_tracker.h"
+#include "object_tracking/trackers/region_tracker.h"
 #include "scene/lime.h"
 
-namespace huetrack::object_tracking {
+namespace huetrack::object_trackers {
+
+using namespace object_tracking;
+using namespace objects;
+
 namespace {
 
 using Eigen::Vector3d;
@@ -733,4 +737,4 @@ TEST(RegionTracker, WhoseColorIsDistrustedFindsOnlyWhatMoves) {
 }
 
 }  // namespace
-}  // namespace huetrack::object_tracking
+}  // namespace huetrack::object_trackers

@@ -1,4 +1,4 @@
-#include "object_tracking/paper_tracker.h"
+#include "object_tracking/trackers/paper_tracker.h"
 
 #include <gmock/gmock.h>
 
@@ -8,7 +8,10 @@
 #include "particle_filter/resample.h"
 #include "scene/scene.h"
 
-namespace huetrack::object_tracking {
+namespace huetrack::object_trackers {
+
+using namespace object_tracking;
+
 namespace {
 
 using Eigen::Vector3d;
@@ -241,4 +244,4 @@ TEST(PaperTracker, coastsThenIsLostWithoutAPosition) {
 }
 
 }  // namespace
-}  // namespace huetrack::object_tracking
+}  // namespace huetrack::object_trackers

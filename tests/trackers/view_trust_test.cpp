@@ -10,11 +10,14 @@
 #include <numbers>
 #include <stdexcept>
 
-#include "object_tracking/object_tracker.h"
+#include "object_tracking/trackers/object_tracker.h"
 #include "object_tracking/view_doubts.h"
 #include "scene/scene.h"
 
-namespace huetrack::object_tracking {
+namespace huetrack::object_trackers {
+
+using namespace object_tracking;
+
 namespace {
 
 using Eigen::Vector2d;
@@ -365,4 +368,4 @@ TEST(ViewDoubts, whatWasBriefIsForgotten) {
 }
 
 }  // namespace
-}  // namespace huetrack::object_tracking
+}  // namespace huetrack::object_trackers

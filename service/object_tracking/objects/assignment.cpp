@@ -1,8 +1,8 @@
-#include "object_tracking/assignment.h"
+#include "object_tracking/objects/assignment.h"
 
 #include <limits>
 
-namespace huetrack::object_tracking {
+namespace huetrack::objects {
 
 std::vector<int> assignment_of(const Eigen::MatrixXd& costs, double none) {
   const auto rows = static_cast<int>(costs.rows()), real = static_cast<int>(costs.cols());
@@ -53,4 +53,4 @@ std::vector<int> assignment_of(const Eigen::MatrixXd& costs, double none) {
   return out;
 }
 
-}  // namespace huetrack::object_tracking
+}  // namespace huetrack::objects

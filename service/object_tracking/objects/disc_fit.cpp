@@ -1,4 +1,4 @@
-#include "object_tracking/disc_fit.h"
+#include "object_tracking/objects/disc_fit.h"
 
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
@@ -7,7 +7,7 @@
 #include <cmath>
 #include <numbers>
 
-namespace huetrack::object_tracking {
+namespace huetrack::objects {
 namespace {
 
 constexpr int directions = 28;
@@ -123,4 +123,4 @@ std::vector<std::optional<FittedDisc>> fit_discs(color::MatchBits& bits, std::sp
   return out;
 }
 
-}  // namespace huetrack::object_tracking
+}  // namespace huetrack::objects

@@ -9,7 +9,7 @@
 
 #include "color/color_window.h"
 
-namespace huetrack::object_tracking {
+namespace huetrack::objects {
 
 struct ExpectedDisc {
   Eigen::Vector2d px;  // raw pixels
@@ -30,4 +30,4 @@ struct FittedDisc {
 // pulled outwards. nullopt: too little is seen of this one.
 std::vector<std::optional<FittedDisc>> fit_discs(color::MatchBits& bits, std::span<const ExpectedDisc> discs);
 
-}  // namespace huetrack::object_tracking
+}  // namespace huetrack::objects

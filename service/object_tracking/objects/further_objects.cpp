@@ -1,9 +1,12 @@
-#include "object_tracking/further_objects.h"
+#include "object_tracking/objects/further_objects.h"
 
 #include <algorithm>
 #include <cmath>
 
-namespace huetrack::object_tracking {
+namespace huetrack::objects {
+
+using namespace object_tracking;
+
 namespace {
 
 constexpr double looked_every_s = 1;  // it takes a set as long as a search does
@@ -77,4 +80,4 @@ void FurtherObjectWatch::look(const std::vector<TargetView>& views, std::span<co
   further_.note(set_at, other == births.end() ? std::nullopt : std::optional(other->now.position));
 }
 
-}  // namespace huetrack::object_tracking
+}  // namespace huetrack::objects

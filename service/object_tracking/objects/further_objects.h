@@ -9,14 +9,14 @@
 
 #include "color/color_region.h"
 #include "object_tracking/motion_belief.h"
-#include "object_tracking/object_births.h"
-#include "object_tracking/object_search.h"
+#include "object_tracking/objects/object_births.h"
+#include "object_tracking/objects/object_search.h"
+#include "object_tracking/objects/still_color.h"
 #include "object_tracking/sighting.h"
-#include "object_tracking/still_color.h"
 #include "object_tracking/target_views.h"
 #include "object_tracking/tracker_options.h"
 
-namespace huetrack::object_tracking {
+namespace huetrack::objects {
 
 // What was seen for a while and stays in force until it was gone for as long. thread-compatible.
 class FurtherObject {
@@ -35,20 +35,20 @@ class FurtherObject {
 class FurtherObjectWatch {
  public:
   // sizes: of the target, per camera of the rig
-  FurtherObjectWatch(const TargetOptions& target, const ObjectTrackerOptions& options,
+  FurtherObjectWatch(const object_tracking::TargetOptions& target, const object_tracking::ObjectTrackerOptions& options,
                      std::span<const SizeInView> sizes);
 
   // The target was tracked in this set, by these sightings.
-  void look(const std::vector<TargetView>& views, std::span<const Sighting> sightings, const MotionBelief& belief,
-            const StillColor& still, capture::Timestamp set_at);
+  void look(const std::vector<object_tracking::TargetView>& views, std::span<const object_tracking::Sighting> sightings,
+            const object_tracking::MotionBelief& belief, const StillColor& still, capture::Timestamp set_at);
   // It was not, or the room shares the colour: nothing is known of others.
   void look_at_nothing(capture::Timestamp set_at);
   const std::optional<Eigen::Vector3d>& told() const { return further_.told(); }
 
  private:
-  void find_others(const std::vector<TargetView>& views, const MotionBelief& belief);
+  void find_others(const std::vector<object_tracking::TargetView>& views, const object_tracking::MotionBelief& belief);
 
-  TargetOptions target_;
+  object_tracking::TargetOptions target_;
   ObjectBirths births_;
   std::vector<SizeInView> size_in_view_;                  // per camera
   std::vector<color::RegionFinder> finders_;              // per camera
@@ -58,4 +58,4 @@ class FurtherObjectWatch {
   FurtherObject further_;
 };
 
-}  // namespace huetrack::object_tracking
+}  // namespace huetrack::objects

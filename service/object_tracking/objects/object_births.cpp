@@ -1,11 +1,14 @@
-#include "object_tracking/object_births.h"
+#include "object_tracking/objects/object_births.h"
 
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <numbers>
 
-namespace huetrack::object_tracking {
+namespace huetrack::objects {
+
+using namespace object_tracking;
+
 namespace {
 
 constexpr std::size_t most_crossings_of_many = 4 * TargetOptions::most_count;
@@ -189,4 +192,4 @@ std::vector<Birth> ObjectBirths::look(const std::vector<TargetView>& views,
   return out;
 }
 
-}  // namespace huetrack::object_tracking
+}  // namespace huetrack::objects

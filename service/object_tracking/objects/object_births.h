@@ -9,23 +9,23 @@
 
 #include "color/color_region.h"
 #include "object_tracking/motion_belief.h"
+#include "object_tracking/objects/still_color.h"
 #include "object_tracking/sighting.h"
-#include "object_tracking/still_color.h"
 #include "object_tracking/target_views.h"
 #include "object_tracking/tracker_options.h"
 
-namespace huetrack::object_tracking {
+namespace huetrack::objects {
 
 // A view sees what should be seen in nine of ten cases; else something hides it that nobody knows of.
 inline constexpr double detection_probability = 0.9;
 
 struct Birth {
-  PositionCandidate earlier, now;
+  object_tracking::PositionCandidate earlier, now;
   double dt;  // from one to the other, seconds
 };
 
 // Around a volume, half its largest extent: who comes in is known by then, and so is what he shows.
-Volume looked_through(const Volume& volume);
+object_tracking::Volume looked_through(const object_tracking::Volume& volume);
 
 // Where a known object covers a view: what is not seen there may be behind it.
 struct CoveredDisc {
@@ -46,39 +46,40 @@ MustMove must_move(const StillColor& still, capture::Timestamp set_at);
 class ObjectBirths {
  public:
   // within: where objects are looked for.
-  ObjectBirths(const TargetOptions& target, const ObjectTrackerOptions& options, const Volume& within);
+  ObjectBirths(const object_tracking::TargetOptions& target, const object_tracking::ObjectTrackerOptions& options,
+               const object_tracking::Volume& within);
 
   // regions[i], unexplained, belong to views[i]. Of the belief only the cameras' times are used. still: where something
   // is left out, a view need not show an object.
-  std::vector<Birth> look(const std::vector<TargetView>& views,
+  std::vector<Birth> look(const std::vector<object_tracking::TargetView>& views,
                           std::span<const std::vector<color::ColorRegion>> regions,
                           std::span<const CoveredDisc> covered, const StillColor& still, capture::Timestamp set_at,
-                          const MotionBelief& times);
+                          const object_tracking::MotionBelief& times);
   void forget() { before_.clear(); }
   void set_must_move(MustMove must_move) { must_move_ = must_move; }  // from now on
 
  private:
   struct Candidate {
-    PositionCandidate at;
+    object_tracking::PositionCandidate at;
     Eigen::Vector3d from = at.position;  // of the one so many sets ago, or of the first
     int sets_from = 0;
     double evidence = 0;
     int missing = 0;            // views that should see it, and do not
     bool is_ambiguous = false;  // its regions may as well be of others
   };
-  std::vector<Candidate> candidates(const std::vector<TargetView>& views,
+  std::vector<Candidate> candidates(const std::vector<object_tracking::TargetView>& views,
                                     std::span<const std::vector<color::ColorRegion>> regions,
                                     std::span<const CoveredDisc> covered, const StillColor& still,
-                                    const MotionBelief& times) const;
-  Candidate weighed(PositionCandidate at, const std::vector<TargetView>& views,
+                                    const object_tracking::MotionBelief& times) const;
+  Candidate weighed(object_tracking::PositionCandidate at, const std::vector<object_tracking::TargetView>& views,
                     std::span<const std::vector<color::ColorRegion>> regions, std::span<const CoveredDisc> covered,
                     const StillColor& still) const;
 
-  TargetOptions target_;
-  ObjectTrackerOptions options_;  // with the volume in which objects are looked for
+  object_tracking::TargetOptions target_;
+  object_tracking::ObjectTrackerOptions options_;  // with the volume in which objects are looked for
   std::vector<Candidate> before_;
   MustMove must_move_ = MustMove::no;
   capture::Timestamp before_at_{};
 };
 
-}  // namespace huetrack::object_tracking
+}  // namespace huetrack::objects

@@ -1,11 +1,14 @@
-#include "object_tracking/object_existence.h"
+#include "object_tracking/objects/object_existence.h"
 
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <numbers>
 
-namespace huetrack::object_tracking {
+namespace huetrack::objects {
+
+using namespace object_tracking;
+
 namespace {
 
 // At most one that is none in an hour: some fifty pairs of regions in each of 10^5 sets meet by chance.
@@ -148,4 +151,4 @@ bool ObjectExistence::is_refuted() const {
   return !has_been_sure_ && (evidence_ < at_first_ || is_overdue_);
 }
 
-}  // namespace huetrack::object_tracking
+}  // namespace huetrack::objects

@@ -11,19 +11,20 @@
 
 #include "color/color_region.h"
 #include "object_tracking/motion_belief.h"
-#include "object_tracking/object_births.h"
+#include "object_tracking/objects/object_births.h"
+#include "object_tracking/objects/still_color.h"
 #include "object_tracking/sighting.h"
-#include "object_tracking/still_color.h"
 #include "object_tracking/target_views.h"
 
-namespace huetrack::object_tracking {
+namespace huetrack::objects {
 
 // How many regions that are nobody's each camera shows, and where. thread-compatible; one per target.
 class ClutterMap {
  public:
   explicit ClutterMap(const calib::CameraRig& rig);
   // regions[i], which no object explains, belong to views[i], and are all that there are in its picture.
-  void add(const std::vector<TargetView>& views, std::span<const std::vector<color::ColorRegion>> regions);
+  void add(const std::vector<object_tracking::TargetView>& views,
+           std::span<const std::vector<color::ColorRegion>> regions);
   double density(std::size_t camera, const Eigen::Vector2d& px) const;  // per px^2 and set, > 0
 
  private:
@@ -48,12 +49,14 @@ struct ExpectedPlace {
 class ObjectExistence {
  public:
   // What its first two sets say. largest_m: anywhere is so far away.
-  void begin(capture::Timestamp set_at, const Birth& birth, const std::vector<TargetView>& views, double radius_m,
-             double largest_m, const ObjectTrackerOptions& options, const ClutterMap& clutter, const StillColor& still);
+  void begin(capture::Timestamp set_at, const Birth& birth, const std::vector<object_tracking::TargetView>& views,
+             double radius_m, double largest_m, const object_tracking::ObjectTrackerOptions& options,
+             const ClutterMap& clutter, const StillColor& still);
   // What a set says: before the filter's update, with the power density of that.
-  void update(capture::Timestamp set_at, const MotionBelief& belief, double power_density,
-              std::span<const Sighting> sightings, const std::vector<TargetView>& views, double radius_m,
-              const ClutterMap& clutter, const StillColor& still);
+  void update(capture::Timestamp set_at, const object_tracking::MotionBelief& belief, double power_density,
+              std::span<const object_tracking::Sighting> sightings,
+              const std::vector<object_tracking::TargetView>& views, double radius_m, const ClutterMap& clutter,
+              const StillColor& still);
   // In a room of its own colour alone it is there: nobody asks.
   void assume();
   // It is there, this set's views show it rather than anything else, and where it is does not stand on what may be cut
@@ -79,4 +82,4 @@ class ObjectExistence {
   bool has_been_sure_ = false;
 };
 
-}  // namespace huetrack::object_tracking
+}  // namespace huetrack::objects

@@ -1,4 +1,4 @@
-#include "object_tracking/object_search.h"
+#include "object_tracking/objects/object_search.h"
 
 #include <algorithm>
 #include <cmath>
@@ -7,7 +7,9 @@
 
 #include "object_tracking/view_agreement.h"
 
-namespace huetrack::object_tracking {
+namespace huetrack::objects {
+
+using namespace object_tracking;
 
 // How small and how large the target appears in a view anywhere in the volume: on a grid, of which only what is in the
 // image counts (a corner of the volume may be beside or behind the camera).
@@ -160,4 +162,4 @@ bool ObjectSearch::is_contested(const PositionCandidate& candidate, const std::v
   return false;
 }
 
-}  // namespace huetrack::object_tracking
+}  // namespace huetrack::objects

@@ -1,4 +1,4 @@
-#include "object_tracking/region_sharing.h"
+#include "object_tracking/objects/region_sharing.h"
 
 #include <Eigen/LU>
 #include <algorithm>
@@ -6,10 +6,13 @@
 #include <limits>
 #include <numbers>
 
-#include "object_tracking/assignment.h"
-#include "object_tracking/disc_fit.h"
+#include "object_tracking/objects/assignment.h"
+#include "object_tracking/objects/disc_fit.h"
 
-namespace huetrack::object_tracking {
+namespace huetrack::objects {
+
+using namespace object_tracking;
+
 namespace {
 
 constexpr double largest_share = 1.4;   // of the disc, that is still one object's region alone
@@ -202,4 +205,4 @@ SharedSightings RegionSharing::share(const TargetView& view, std::span<const col
   return out;
 }
 
-}  // namespace huetrack::object_tracking
+}  // namespace huetrack::objects

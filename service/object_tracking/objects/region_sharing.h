@@ -15,24 +15,24 @@
 #include <vector>
 
 #include "color/color_region.h"
-#include "object_tracking/disc_fit.h"
 #include "object_tracking/expected_view.h"
+#include "object_tracking/objects/disc_fit.h"
 #include "object_tracking/sighting.h"
 #include "object_tracking/target_views.h"
 
-namespace huetrack::object_tracking {
+namespace huetrack::objects {
 
 // An object, as one view may show it.
 struct ExpectedObject {
   std::size_t object = 0;  // whose it is: the caller's
-  Appearance at;
+  object_tracking::Appearance at;
   Eigen::Matrix2d covariance;  // px^2, of where it is expected
-  ImageMotion motion;
+  object_tracking::ImageMotion motion;
 };
 
 struct SharedSightings {
-  std::vector<std::optional<Sighting>> of_objects;  // one for each of those expected
-  std::vector<char> is_explained;                   // one for each region: by an object that was expected
+  std::vector<std::optional<object_tracking::Sighting>> of_objects;  // one for each of those expected
+  std::vector<char> is_explained;  // one for each region: by an object that was expected
 };
 
 // thread-compatible.
@@ -40,19 +40,22 @@ class RegionSharing {
  public:
   explicit RegionSharing(double pixel_noise_px) : pixel_noise_px_(pixel_noise_px) {}
   // The sightings' rows have no time yet.
-  SharedSightings share(const TargetView& view, std::span<const color::ColorRegion> regions,
+  SharedSightings share(const object_tracking::TargetView& view, std::span<const color::ColorRegion> regions,
                         std::span<const ExpectedObject> expected) const;
 
  private:
-  void assign(const TargetView& view, std::span<const color::ColorRegion> regions,
+  void assign(const object_tracking::TargetView& view, std::span<const color::ColorRegion> regions,
               std::span<const ExpectedObject> expected, SharedSightings& out, std::vector<int>& region_of) const;
-  std::optional<Sighting> by_outline(const TargetView& view, const ExpectedObject& expected,
-                                     const std::optional<FittedDisc>& fitted) const;
-  Sighting by_region(const TargetView& view, std::span<const color::ColorRegion> regions, std::size_t which,
-                     const ExpectedObject& expected, SharedSightings& out) const;
-  bool is_whole(const TargetView& view, const Sighting& by_region, const ExpectedObject& expected) const;
+  std::optional<object_tracking::Sighting> by_outline(const object_tracking::TargetView& view,
+                                                      const ExpectedObject& expected,
+                                                      const std::optional<FittedDisc>& fitted) const;
+  object_tracking::Sighting by_region(const object_tracking::TargetView& view,
+                                      std::span<const color::ColorRegion> regions, std::size_t which,
+                                      const ExpectedObject& expected, SharedSightings& out) const;
+  bool is_whole(const object_tracking::TargetView& view, const object_tracking::Sighting& by_region,
+                const ExpectedObject& expected) const;
 
   double pixel_noise_px_;
 };
 
-}  // namespace huetrack::object_tracking
+}  // namespace huetrack::objects

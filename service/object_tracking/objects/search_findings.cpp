@@ -1,4 +1,4 @@
-#include "object_tracking/search_findings.h"
+#include "object_tracking/objects/search_findings.h"
 
 #include <fmt/format.h>
 
@@ -8,7 +8,10 @@
 
 #include "object_tracking/sighting.h"
 
-namespace huetrack::object_tracking {
+namespace huetrack::objects {
+
+using namespace object_tracking;
+
 namespace {
 
 // The radius of the ball that shows this region at p; 0: none.
@@ -87,4 +90,4 @@ std::string SearchFindings::advice(const TargetOptions& target, const std::vecto
          "would look so: check the calibration and the radius, or narrow its colour";
 }
 
-}  // namespace huetrack::object_tracking
+}  // namespace huetrack::objects

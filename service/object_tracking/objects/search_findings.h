@@ -11,7 +11,7 @@
 #include "object_tracking/target_views.h"
 #include "object_tracking/tracker_options.h"
 
-namespace huetrack::object_tracking {
+namespace huetrack::objects {
 
 // What searching has seen in the sets in which it found nothing, since the target was last found (observation:
 // huetrack).
@@ -24,7 +24,7 @@ struct SearchFindings {
   bool is_found_at_twice_the_hue = false;
   // What a user should try, one sentence; empty when nothing was searched. `cameras`: their names, in the order of the
   // rig.
-  std::string advice(const TargetOptions& target, const std::vector<std::string>& cameras) const;
+  std::string advice(const object_tracking::TargetOptions& target, const std::vector<std::string>& cameras) const;
 };
 
 // thread-compatible.
@@ -33,8 +33,8 @@ class SearchLog {
   explicit SearchLog(std::size_t cameras) { findings_.sets_with_color.resize(cameras); }
 
   // One set in which no object of the given radius was found. regions[i] belongs to views[i].
-  void add(const std::vector<TargetView>& views, std::span<const std::vector<color::ColorRegion>> regions,
-           const Volume& volume);
+  void add(const std::vector<object_tracking::TargetView>& views,
+           std::span<const std::vector<color::ColorRegion>> regions, const object_tracking::Volume& volume);
   void clear();  // it was found
   SearchFindings findings() const;
 
@@ -45,4 +45,4 @@ class SearchLog {
   std::size_t next_ = 0;
 };
 
-}  // namespace huetrack::object_tracking
+}  // namespace huetrack::objects

@@ -1,4 +1,4 @@
-#include "object_tracking/still_color.h"
+#include "object_tracking/objects/still_color.h"
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>
@@ -6,7 +6,10 @@
 #include <cmath>
 #include <numbers>
 
-namespace huetrack::object_tracking {
+namespace huetrack::objects {
+
+using namespace object_tracking;
+
 namespace {
 
 constexpr double every_s = 0.5;  // each view
@@ -323,4 +326,4 @@ void StillColor::describe(const TargetView& view, const PerCamera& camera) {
   share.still = static_cast<double>(all) / (view.image->width * view.image->height);
 }
 
-}  // namespace huetrack::object_tracking
+}  // namespace huetrack::objects

@@ -23,7 +23,7 @@
 #include "object_tracking/sighting.h"
 #include "object_tracking/target_views.h"
 
-namespace huetrack::object_tracking {
+namespace huetrack::objects {
 
 // thread-compatible; one per target.
 class StillColor {
@@ -36,7 +36,8 @@ class StillColor {
   // Before the views of a set are looked at otherwise. tracked: where objects were seen in the last set, and in a room
   // that shares the colour where they are expected now (add_expected()): a fast one is not where it was. Takes one view
   // after the other, each about once in half a second; all of them at first.
-  void look(const std::vector<TargetView>& views, std::span<const Sighting> tracked, capture::Timestamp set_at);
+  void look(const std::vector<object_tracking::TargetView>& views, std::span<const object_tracking::Sighting> tracked,
+            capture::Timestamp set_at);
   void forget(std::size_t camera);  // it stands elsewhere
   // What was found was of the room, though it shows little of the colour: from now on as in a room that shares it, as
   // at its first set.
@@ -52,8 +53,8 @@ class StillColor {
   // Something that is left out lies so near to this pixel that a region of this radius there may be cut by it.
   bool may_cut(std::size_t camera, const Eigen::Vector2d& px, double radius_px) const;
   // Which of them may be cut so, and by how much their middles may be off because of it.
-  void mark_cut(std::vector<Sighting>& sightings) const;
-  const std::vector<ColorShare>& shares() const { return shares_; }  // per camera of the rig
+  void mark_cut(std::vector<object_tracking::Sighting>& sightings) const;
+  const std::vector<object_tracking::ColorShare>& shares() const { return shares_; }  // per camera of the rig
 
  private:
   static constexpr int samples = 4;        // of which most must match: two seconds
@@ -67,23 +68,24 @@ class StillColor {
     std::vector<Tile> tiles;            // once the room was found to share the colour
     std::vector<std::uint32_t> listed;  // tiles of which anything is known
     int sampled = 0;
-    int stride = 0;                             // tiles in a row
-    double smallest_px = 0, largest_px = 0;     // radius of an object
-    std::vector<Sighting> may_be_objects = {};  // at the first set
+    int stride = 0;                                              // tiles in a row
+    double smallest_px = 0, largest_px = 0;                      // radius of an object
+    std::vector<object_tracking::Sighting> may_be_objects = {};  // at the first set
     color::RegionFinder finder = {};
     bool is_above = false;  // more of the colour than all objects could cover
     bool is_learning = false;
   };
-  void measure(const TargetView& view);
-  void sample(const TargetView& view, std::span<const Sighting> tracked);
-  void learn(const TargetView& view, PerCamera& camera, std::span<const Sighting> tracked);
-  void leave_out(const TargetView& view, PerCamera& camera);
-  void find_what_may_be_objects(const TargetView& view, PerCamera& camera);
-  void describe(const TargetView& view, const PerCamera& camera);
+  void measure(const object_tracking::TargetView& view);
+  void sample(const object_tracking::TargetView& view, std::span<const object_tracking::Sighting> tracked);
+  void learn(const object_tracking::TargetView& view, PerCamera& camera,
+             std::span<const object_tracking::Sighting> tracked);
+  void leave_out(const object_tracking::TargetView& view, PerCamera& camera);
+  void find_what_may_be_objects(const object_tracking::TargetView& view, PerCamera& camera);
+  void describe(const object_tracking::TargetView& view, const PerCamera& camera);
 
   int count_;
   std::vector<PerCamera> cameras_;
-  std::vector<ColorShare> shares_{cameras_.size()};
+  std::vector<object_tracking::ColorShare> shares_{cameras_.size()};
   std::vector<color::PixelAt> hits_;
   std::vector<std::uint32_t> open_;  // work space: tiles of a patch
   std::vector<char> is_told_;        // work space: per tile
@@ -92,4 +94,4 @@ class StillColor {
   std::optional<capture::Timestamp> last_at_ = {}, first_at_ = {};
 };
 
-}  // namespace huetrack::object_tracking
+}  // namespace huetrack::objects

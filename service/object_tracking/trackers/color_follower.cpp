@@ -1,4 +1,4 @@
-#include "object_tracking/color_follower.h"
+#include "object_tracking/trackers/color_follower.h"
 
 #include <algorithm>
 #include <cmath>
@@ -6,7 +6,10 @@
 
 #include "object_tracking/tracker_options.h"
 
-namespace huetrack::object_tracking {
+namespace huetrack::object_trackers {
+
+using namespace object_tracking;
+
 namespace {
 
 constexpr PerColorAxis furthest = furthest_followed;
@@ -136,4 +139,4 @@ void ColorFollower::forget(TargetViews& views) {
   }
 }
 
-}  // namespace huetrack::object_tracking
+}  // namespace huetrack::object_trackers

@@ -20,11 +20,11 @@
 #include "calib/model/camera_rig.h"
 #include "capture/frame.h"
 #include "color/color_model.h"
-#include "object_tracking/color_watch.h"
 #include "object_tracking/object_estimate.h"
 #include "object_tracking/target_views.h"
+#include "object_tracking/trackers/color_watch.h"
 
-namespace huetrack::object_tracking {
+namespace huetrack::object_trackers {
 
 // White balance of a webcam moves a hue by some 20 degrees from daylight to lamp light; what is further away is another
 // colour.
@@ -39,11 +39,11 @@ PerColorAxis wanted_shift(const color::HsiRange& taught, const SeenColor& seen);
 // thread-compatible; one per target.
 class ColorFollower {
  public:
-  ColorFollower(const calib::CameraRig& rig, const TargetOptions& target);
+  ColorFollower(const calib::CameraRig& rig, const object_tracking::TargetOptions& target);
 
   // After watch.look() at the same set; changes what `views` will match from the next set on.
-  void follow(const capture::FrameSet& set, const ObjectEstimate& estimate, const ColorWatch& watch,
-              TargetViews& views);
+  void follow(const capture::FrameSet& set, const object_tracking::ObjectEstimate& estimate, const ColorWatch& watch,
+              object_tracking::TargetViews& views);
 
   std::span<const color::HsiRange> in_force() const { return in_force_; }  // per camera of the rig
   const PerColorAxis& shift(std::size_t camera) const { return cameras_[camera].shift; }
@@ -62,8 +62,8 @@ class ColorFollower {
   };
   void begin_next(const capture::FrameSet& set, const ColorWatch& watch);
   void put_in_force(std::size_t camera, const PerColorAxis& shift, const color::HsiRange& color,
-                    std::shared_ptr<const color::ColorTable> table, TargetViews& views);
-  void forget(TargetViews& views);
+                    std::shared_ptr<const color::ColorTable> table, object_tracking::TargetViews& views);
+  void forget(object_tracking::TargetViews& views);
 
   std::vector<PerCamera> cameras_;
   std::vector<color::HsiRange> in_force_;
@@ -71,4 +71,4 @@ class ColorFollower {
   std::optional<capture::Timestamp> last_tracking_;
 };
 
-}  // namespace huetrack::object_tracking
+}  // namespace huetrack::object_trackers

@@ -1,4 +1,4 @@
-#include "object_tracking/color_watch.h"
+#include "object_tracking/trackers/color_watch.h"
 
 #include <algorithm>
 #include <cmath>
@@ -8,7 +8,10 @@
 #include "calib/model/median.h"
 #include "color/image_color.h"
 
-namespace huetrack::object_tracking {
+namespace huetrack::object_trackers {
+
+using namespace object_tracking;
+
 namespace {
 
 // Light changes over seconds: a look at every third set of 30 frames/s is ten looks a second.
@@ -177,4 +180,4 @@ void ColorWatch::judge(PerCamera& camera, const color::HsiRange& in_force) {
   if (had || told) ++news_;
 }
 
-}  // namespace huetrack::object_tracking
+}  // namespace huetrack::object_trackers

@@ -20,7 +20,7 @@
 #include "object_tracking/object_estimate.h"
 #include "object_tracking/tracker_options.h"
 
-namespace huetrack::object_tracking {
+namespace huetrack::object_trackers {
 
 enum class ColorAxis : std::uint8_t { hue, saturation, intensity };
 using PerColorAxis = std::array<double, 3>;  // by ColorAxis; hue in degrees, the others 0..1
@@ -65,10 +65,11 @@ std::optional<SeenColor> color_inside(const capture::Image& image, const Eigen::
 // thread-compatible; one per target. look() allocates nothing.
 class ColorWatch {
  public:
-  ColorWatch(const calib::CameraRig& rig, const TargetOptions& target);
+  ColorWatch(const calib::CameraRig& rig, const object_tracking::TargetOptions& target);
 
   // After the target was looked for in this set. in_force: the ranges that were used, per camera of the rig.
-  void look(const capture::FrameSet& set, const ObjectEstimate& estimate, std::span<const color::HsiRange> in_force);
+  void look(const capture::FrameSet& set, const object_tracking::ObjectEstimate& estimate,
+            std::span<const color::HsiRange> in_force);
 
   const ColorHealth& in(std::size_t camera) const { return cameras_[camera].health; }
   std::size_t camera_count() const { return cameras_.size(); }
@@ -87,4 +88,4 @@ class ColorWatch {
   std::uint64_t sets_ = 0, news_ = 0;
 };
 
-}  // namespace huetrack::object_tracking
+}  // namespace huetrack::object_trackers

@@ -1,11 +1,14 @@
-#include "object_tracking/estimate_report.h"
+#include "object_tracking/trackers/estimate_report.h"
 
 #include <algorithm>
 #include <cmath>
 
 #include "object_tracking/expected_view.h"
 
-namespace huetrack::object_tracking {
+namespace huetrack::object_trackers {
+
+using namespace object_tracking;
+
 namespace {
 
 constexpr auto as_good_as_the_sets_time = std::chrono::milliseconds(2);  // a line is exact enough for as long
@@ -79,4 +82,4 @@ ObjectEstimate report(const ToReport& what, RigError& rig_error, capture::Timest
   return e;
 }
 
-}  // namespace huetrack::object_tracking
+}  // namespace huetrack::object_trackers

@@ -1,4 +1,4 @@
-#include "object_tracking/many_tracker.h"
+#include "object_tracking/trackers/many_tracker.h"
 
 #include <Eigen/LU>
 #include <algorithm>
@@ -6,10 +6,14 @@
 #include <numbers>
 #include <utility>
 
-#include "object_tracking/estimate_report.h"
-#include "object_tracking/object_sighter.h"
+#include "object_tracking/trackers/estimate_report.h"
+#include "object_tracking/trackers/object_sighter.h"
 
-namespace huetrack::object_tracking {
+namespace huetrack::object_trackers {
+
+using namespace object_tracking;
+using namespace objects;
+
 namespace {
 
 // An object that is not seen and turns up where it may be by now is taken up again: chi-square, 3 degrees of freedom,
@@ -413,7 +417,7 @@ void ManyTracker::report(const capture::FrameSet& set, std::vector<ObjectEstimat
     seen = object->sightings;
     seen.insert(seen.end(), object->watched.begin(), object->watched.end());
     const TrackState state = is_end ? TrackState::lost : is_inside ? object->state : TrackState::coasting;
-    out.push_back(object_tracking::report({.set = set,
+    out.push_back(object_trackers::report({.set = set,
                                            .views = views_,
                                            .radius_m = target_.radius_m,
                                            .options = options_,
@@ -445,4 +449,4 @@ ObjectEstimate ManyTracker::none_known(const capture::FrameSet& set) const {
   return without_position(set, views_, times_.belief(), last_number_ == 0 ? TrackState::searching : TrackState::lost);
 }
 
-}  // namespace huetrack::object_tracking
+}  // namespace huetrack::object_trackers

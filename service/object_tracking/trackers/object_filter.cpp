@@ -1,15 +1,17 @@
-#include "object_tracking/object_filter.h"
+#include "object_tracking/trackers/object_filter.h"
 
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 
-#include "object_tracking/view_agreement.h"
 #include "particle_filter/moments.h"
 #include "particle_filter/resample.h"
 
-namespace huetrack::object_tracking {
+namespace huetrack::object_trackers {
+
+using namespace object_tracking;
+
 namespace {
 
 // White acceleration has a power density a^2 tau: an acceleration of a that lasts for about tau.
@@ -296,4 +298,4 @@ Judged judged(const ObjectTrackerOptions& options, const MotionBelief& belief, s
   return {is_lost ? TrackState::lost : TrackState::coasting, false};
 }
 
-}  // namespace huetrack::object_tracking
+}  // namespace huetrack::object_trackers

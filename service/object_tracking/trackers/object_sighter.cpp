@@ -1,4 +1,4 @@
-#include "object_tracking/object_sighter.h"
+#include "object_tracking/trackers/object_sighter.h"
 
 #include <Eigen/LU>
 #include <algorithm>
@@ -6,7 +6,10 @@
 #include <limits>
 #include <numbers>
 
-namespace huetrack::object_tracking {
+namespace huetrack::object_trackers {
+
+using namespace object_tracking;
+
 namespace {
 
 constexpr double contradicting_px2 = 1;  // doubt of a view, far above what light and a good calibration leave open
@@ -134,4 +137,4 @@ bool ObjectSighter::sight_after_bounce(const std::vector<TargetView>& views, con
   return false;
 }
 
-}  // namespace huetrack::object_tracking
+}  // namespace huetrack::object_trackers

@@ -1,4 +1,4 @@
-#include "object_tracking/object_tracker.h"
+#include "object_tracking/trackers/object_tracker.h"
 
 #include <fmt/format.h>
 
@@ -9,12 +9,16 @@
 #include <stdexcept>
 #include <variant>
 
-#include "object_tracking/color_follower.h"
-#include "object_tracking/many_tracker.h"
-#include "object_tracking/paper_tracker.h"
-#include "object_tracking/region_tracker.h"
+#include "object_tracking/trackers/color_follower.h"
+#include "object_tracking/trackers/many_tracker.h"
+#include "object_tracking/trackers/paper_tracker.h"
+#include "object_tracking/trackers/region_tracker.h"
 
-namespace huetrack::object_tracking {
+namespace huetrack::object_trackers {
+
+using namespace object_tracking;
+using namespace objects;
+
 namespace {
 
 // The same target, if its hues were written in OpenCV's units, of two degrees each; nullopt: they cannot be, for there
@@ -268,4 +272,4 @@ std::vector<ColorShare> ObjectTracker::color_shares() const {
   return {};
 }
 
-}  // namespace huetrack::object_tracking
+}  // namespace huetrack::object_trackers

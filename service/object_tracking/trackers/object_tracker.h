@@ -13,19 +13,20 @@
 #include "calib/model/camera_rig.h"
 #include "capture/frame.h"
 #include "color/color_model.h"
-#include "object_tracking/color_watch.h"
 #include "object_tracking/object_estimate.h"
-#include "object_tracking/search_findings.h"
+#include "object_tracking/objects/search_findings.h"
 #include "object_tracking/tracker_options.h"
+#include "object_tracking/trackers/color_watch.h"
 
-namespace huetrack::object_tracking {
+namespace huetrack::object_trackers {
 
 // thread-compatible; one per target; the pipeline's tracking threads own them. Never throws after
 // construction, but for trust().
 class ObjectTracker {
  public:
   // Copies what it needs of the rig. throws std::invalid_argument, naming the problems.
-  ObjectTracker(const calib::CameraRig& rig, const TargetOptions& target, const ObjectTrackerOptions& options);
+  ObjectTracker(const calib::CameraRig& rig, const object_tracking::TargetOptions& target,
+                const object_tracking::ObjectTrackerOptions& options);
   ~ObjectTracker();
   ObjectTracker(ObjectTracker&&) noexcept;
   ObjectTracker& operator=(ObjectTracker&&) noexcept;
@@ -47,28 +48,28 @@ class ObjectTracker {
   // cameras are as the rig says. Replaces what was said before. The target is not searched anew, and what its views'
   // contradictions have told of a camera is forgotten where its pose becomes another one. observation: paper takes
   // is_used and the pose, and knows no covariance. throws std::invalid_argument: a value is not finite.
-  void trust(std::span<const CameraTrust> cameras);
+  void trust(std::span<const object_tracking::CameraTrust> cameras);
 
   // set.frames has one slot per camera of the rig; a frame whose size is not the rig's is not used (the caller checks
   // sizes at start). Sets come in time order.
   // Of a target with a count of 1.
-  ObjectEstimate update(const capture::FrameSet& set);
+  object_tracking::ObjectEstimate update(const capture::FrameSet& set);
   // Of any target, one estimate or more: of a count of 1 that of the object; of a larger one those of all objects that
   // are known, by ascending numbers, and of those that have just ended; where there are none, one of the target itself.
-  void update(const capture::FrameSet& set, std::vector<ObjectEstimate>& out);
+  void update(const capture::FrameSet& set, std::vector<object_tracking::ObjectEstimate>& out);
 
   // The particles after the last update, world frame, metres: for pictures and previews. about: every how many-th, so
   // that there are at least so many of them, but fewer than twice that; 0: all.
   std::vector<Eigen::Vector3f> particles(std::size_t about = 0) const;
 
-  SearchFindings search_findings() const;
-  OutlineFindings outline_findings() const;
+  objects::SearchFindings search_findings() const;
+  object_tracking::OutlineFindings outline_findings() const;
 
   // What the last update() looked at: nothing of views in which the target is neither expected nor searched. Of several
   // objects one stands for all, where it is apart from the others. Valid until the next update(). observation:
   // huetrack.
-  std::span<const SeenRegion> regions() const;
-  std::vector<ColorShare> color_shares() const;  // per camera of the rig; observation: huetrack
+  std::span<const object_tracking::SeenRegion> regions() const;
+  std::vector<object_tracking::ColorShare> color_shares() const;  // per camera of the rig; observation: huetrack
 
   // Where something is that would be one object more than the target's count, seen for more than a second: another one,
   // or something that looks like one. World frame, metres; nullopt: there is none, or, of a count of 1, the room has
@@ -86,7 +87,8 @@ class ObjectTracker {
 };
 
 // ObjectTracker::colors_looked_for() of one that has just been made.
-std::vector<color::HsiRange> first_colors_looked_for(const TargetOptions& target, const ObjectTrackerOptions& options,
+std::vector<color::HsiRange> first_colors_looked_for(const object_tracking::TargetOptions& target,
+                                                     const object_tracking::ObjectTrackerOptions& options,
                                                      std::string_view camera);
 
-}  // namespace huetrack::object_tracking
+}  // namespace huetrack::object_trackers

@@ -1,4 +1,4 @@
-#include "object_tracking/paper_tracker.h"
+#include "object_tracking/trackers/paper_tracker.h"
 
 #include <algorithm>
 #include <cmath>
@@ -7,7 +7,9 @@
 #include "particle_filter/resample.h"
 #include "particle_filter/vector_clones.h"
 
-namespace huetrack::object_tracking {
+namespace huetrack::object_trackers {
+
+using namespace object_tracking;
 
 namespace {
 
@@ -152,4 +154,4 @@ ObjectEstimate PaperTracker::estimate(const capture::FrameSet& set, const std::v
   return e;
 }
 
-}  // namespace huetrack::object_tracking
+}  // namespace huetrack::object_trackers

@@ -10,7 +10,7 @@
 #include "object_tracking/tracker_options.h"
 #include "particle_filter/random.h"
 
-namespace huetrack::object_tracking {
+namespace huetrack::object_trackers {
 
 // Particle positions, world frame, metres; structure of arrays, because that is how they are projected.
 struct PositionParticles {
@@ -26,7 +26,8 @@ struct PositionParticles {
 // The paper assumes lenses without distortion; here the projection has the whole lens in it.
 class PaperObservation {
  public:
-  void weigh(const PositionParticles& particles, const std::vector<TargetView>& views, std::vector<float>& weight);
+  void weigh(const PositionParticles& particles, const std::vector<object_tracking::TargetView>& views,
+             std::vector<float>& weight);
 
   // What the last call saw of one particle in views[view].
   struct Window {
@@ -47,31 +48,32 @@ class PaperObservation {
 // thread-compatible.
 class PaperTracker {
  public:
-  PaperTracker(const calib::CameraRig& rig, const TargetOptions& target, const ObjectTrackerOptions& options,
-               particle_filter::Rng rng);
+  PaperTracker(const calib::CameraRig& rig, const object_tracking::TargetOptions& target,
+               const object_tracking::ObjectTrackerOptions& options, particle_filter::Rng rng);
 
-  ObjectEstimate update(const capture::FrameSet& set);
-  void trust(std::span<const CameraTrust> cameras) { views_.trust(cameras); }
-  TargetViews& views() { return views_; }
-  const TargetViews& views() const { return views_; }
+  object_tracking::ObjectEstimate update(const capture::FrameSet& set);
+  void trust(std::span<const object_tracking::CameraTrust> cameras) { views_.trust(cameras); }
+  object_tracking::TargetViews& views() { return views_; }
+  const object_tracking::TargetViews& views() const { return views_; }
   const PositionParticles& particles() const { return particles_; }
 
  private:
   void predict();
   void resample();
-  ObjectEstimate estimate(const capture::FrameSet& set, const std::vector<TargetView>& views);
+  object_tracking::ObjectEstimate estimate(const capture::FrameSet& set,
+                                           const std::vector<object_tracking::TargetView>& views);
   void scatter(std::size_t from);
 
-  ObjectTrackerOptions options_;
-  TargetViews views_;
+  object_tracking::ObjectTrackerOptions options_;
+  object_tracking::TargetViews views_;
   particle_filter::Rng rng_;
   PositionParticles particles_, resampled_;
   std::vector<float> weight_, noise_;
   std::vector<std::uint32_t> ancestor_;
   PaperObservation observation_;
   bool seen_ = false;  // in this set
-  TrackState state_ = TrackState::searching;
+  object_tracking::TrackState state_ = object_tracking::TrackState::searching;
   capture::Timestamp last_seen_{};
 };
 
-}  // namespace huetrack::object_tracking
+}  // namespace huetrack::object_trackers

@@ -1,12 +1,15 @@
-#include "object_tracking/region_tracker.h"
+#include "object_tracking/trackers/region_tracker.h"
 
 #include <algorithm>
 #include <cmath>
 #include <optional>
 
-#include "object_tracking/estimate_report.h"
+#include "object_tracking/trackers/estimate_report.h"
 
-namespace huetrack::object_tracking {
+namespace huetrack::object_trackers {
+
+using namespace object_tracking;
+using namespace objects;
 RegionTracker::RegionTracker(const calib::CameraRig& rig, const TargetOptions& target,
                              const ObjectTrackerOptions& options, particle_filter::Rng rng)
     : target_(target),
@@ -235,7 +238,7 @@ TrackState RegionTracker::told_state() {
 }
 
 ObjectEstimate RegionTracker::report(const capture::FrameSet& set) {
-  return object_tracking::report({.set = set,
+  return object_trackers::report({.set = set,
                                   .views = views_,
                                   .radius_m = target_.radius_m,
                                   .options = options_,
@@ -247,4 +250,4 @@ ObjectEstimate RegionTracker::report(const capture::FrameSet& set) {
                                  rig_error_, last_reported_);
 }
 
-}  // namespace huetrack::object_tracking
+}  // namespace huetrack::object_trackers

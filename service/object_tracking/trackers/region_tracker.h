@@ -27,80 +27,81 @@
 #include <span>
 #include <vector>
 
-#include "object_tracking/further_objects.h"
 #include "object_tracking/object_estimate.h"
-#include "object_tracking/object_existence.h"
-#include "object_tracking/object_filter.h"
-#include "object_tracking/object_search.h"
-#include "object_tracking/object_sighter.h"
+#include "object_tracking/objects/further_objects.h"
+#include "object_tracking/objects/object_existence.h"
+#include "object_tracking/objects/object_search.h"
+#include "object_tracking/objects/still_color.h"
 #include "object_tracking/rig_error.h"
 #include "object_tracking/seen_regions.h"
 #include "object_tracking/sighting.h"
-#include "object_tracking/still_color.h"
 #include "object_tracking/target_views.h"
 #include "object_tracking/tracker_options.h"
+#include "object_tracking/trackers/object_filter.h"
+#include "object_tracking/trackers/object_sighter.h"
 #include "object_tracking/view_agreement.h"
 #include "particle_filter/random.h"
 
-namespace huetrack::object_tracking {
+namespace huetrack::object_trackers {
 
 // The road of one set, for a target that is one object. thread-compatible.
 class RegionTracker {
  public:
-  RegionTracker(const calib::CameraRig& rig, const TargetOptions& target, const ObjectTrackerOptions& options,
-                particle_filter::Rng rng);
+  RegionTracker(const calib::CameraRig& rig, const object_tracking::TargetOptions& target,
+                const object_tracking::ObjectTrackerOptions& options, particle_filter::Rng rng);
 
-  ObjectEstimate update(const capture::FrameSet& set);
-  void trust(std::span<const CameraTrust> cameras);
+  object_tracking::ObjectEstimate update(const capture::FrameSet& set);
+  void trust(std::span<const object_tracking::CameraTrust> cameras);
   // The colour is not the object's (SearchFindings::is_found_at_twice_the_hue): what was found is something else, and
   // from now on only what moves is.
   void distrust_color(capture::Timestamp set_at);
-  TargetViews& views() { return views_; }
-  const TargetViews& views() const { return views_; }
+  object_tracking::TargetViews& views() { return views_; }
+  const object_tracking::TargetViews& views() const { return views_; }
   const PositionParticles& particles() const { return filter_.particles(); }
-  std::span<const SeenRegion> regions() const { return seen_regions_.all(); }
-  const std::vector<ColorShare>& color_shares() const { return still_color_.shares(); }
+  std::span<const object_tracking::SeenRegion> regions() const { return seen_regions_.all(); }
+  const std::vector<object_tracking::ColorShare>& color_shares() const { return still_color_.shares(); }
   const std::optional<Eigen::Vector3d>& further_object() const { return further_.told(); }
-  SearchFindings search_findings() const { return search_.findings(); }
-  OutlineFindings outline_findings() const { return sighter_.outlines().findings(); }
+  objects::SearchFindings search_findings() const { return search_.findings(); }
+  object_tracking::OutlineFindings outline_findings() const { return sighter_.outlines().findings(); }
   void expected_outlines(std::size_t camera, std::vector<capture::ExpectedOutline>& out) const;
 
  private:
-  double learn_acceleration(const capture::FrameSet& set, const std::vector<TargetView>& views);
-  void weigh_existence(capture::Timestamp set_at, double power_density, const std::vector<TargetView>& views);
+  double learn_acceleration(const capture::FrameSet& set, const std::vector<object_tracking::TargetView>& views);
+  void weigh_existence(capture::Timestamp set_at, double power_density,
+                       const std::vector<object_tracking::TargetView>& views);
   void judge(const capture::FrameSet& set);
   void forget();
-  void search(const capture::FrameSet& set, const std::vector<TargetView>& views);
-  void start_compared(const ObjectSearch::Find& find, capture::Timestamp set_at);
-  void start_at(const ObjectSearch::Find& find, capture::Timestamp set_at);
-  TrackState told_state();
-  ObjectEstimate report(const capture::FrameSet& set);
+  void search(const capture::FrameSet& set, const std::vector<object_tracking::TargetView>& views);
+  void start_compared(const objects::ObjectSearch::Find& find, capture::Timestamp set_at);
+  void start_at(const objects::ObjectSearch::Find& find, capture::Timestamp set_at);
+  object_tracking::TrackState told_state();
+  object_tracking::ObjectEstimate report(const capture::FrameSet& set);
 
-  TargetOptions target_;
-  ObjectTrackerOptions options_;
-  TargetViews views_;
+  object_tracking::TargetOptions target_;
+  object_tracking::ObjectTrackerOptions options_;
+  object_tracking::TargetViews views_;
   ObjectSighter sighter_;
-  ViewAgreement agreement_;
+  object_tracking::ViewAgreement agreement_;
   ObjectFilter filter_;
-  ObjectSearch search_;
-  RigError rig_error_;
-  StillColor still_color_;
-  ClutterMap clutter_;  // this and the next: while the room shares the colour
-  ObjectExistence existence_;
-  FurtherObjectWatch further_;
+  objects::ObjectSearch search_;
+  object_tracking::RigError rig_error_;
+  objects::StillColor still_color_;
+  objects::ClutterMap clutter_;  // this and the next: while the room shares the colour
+  objects::ObjectExistence existence_;
+  objects::FurtherObjectWatch further_;
 
-  std::vector<Sighting> sightings_;  // of this set, by the times of their rows
+  std::vector<object_tracking::Sighting> sightings_;  // of this set, by the times of their rows
   // All that views show of the object in this set: also what contradicts, and what cameras see that are not used.
-  std::vector<Sighting> seen_;
-  std::vector<Sighting> watched_;  // of the latter
-  SeenRegions seen_regions_;       // of this set
+  std::vector<object_tracking::Sighting> seen_;
+  std::vector<object_tracking::Sighting> watched_;  // of the latter
+  object_tracking::SeenRegions seen_regions_;       // of this set
 
-  TrackState state_ = TrackState::searching;
-  bool is_known_ = false;                           // it was tracked since it was found
-  TrackState told_ = TrackState::searching;         // in the last set
-  capture::Timestamp last_at_{}, last_tracking_{};  // of the sets
-  std::size_t sets_apart_ = 0;                      // whose frames were not taken at one moment
+  object_tracking::TrackState state_ = object_tracking::TrackState::searching;
+  bool is_known_ = false;                                                      // it was tracked since it was found
+  object_tracking::TrackState told_ = object_tracking::TrackState::searching;  // in the last set
+  capture::Timestamp last_at_{}, last_tracking_{};                             // of the sets
+  std::size_t sets_apart_ = 0;  // whose frames were not taken at one moment
   capture::Timestamp last_reported_ = capture::Timestamp::min();
 };
 
-}  // namespace huetrack::object_tracking
+}  // namespace huetrack::object_trackers

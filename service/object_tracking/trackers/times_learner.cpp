@@ -1,9 +1,12 @@
-#include "object_tracking/times_learner.h"
+#include "object_tracking/trackers/times_learner.h"
 
 #include <algorithm>
 #include <cstddef>
 
-namespace huetrack::object_tracking {
+namespace huetrack::object_trackers {
+
+using namespace object_tracking;
+
 namespace {
 
 // At usual speeds, some metres a second, this is some millimetres of way: as much as what else is not known.
@@ -110,4 +113,4 @@ void TimesLearner::linearise_again(MotionBelief& belief, double power_density) {
   }
 }
 
-}  // namespace huetrack::object_tracking
+}  // namespace huetrack::object_trackers
