@@ -12,7 +12,7 @@
 #include "calib/report/wave_report.h"
 #include "calib/wave/wave.h"
 #include "config/service_config.h"
-#include "object_tracking/object_tracker.h"
+#include "object_tracking/tracker_options.h"
 
 namespace CLI {
 class App;

@@ -9,8 +9,8 @@
 #include "calib/wave/ball_outline.h"
 #include "capture/frame.h"
 #include "color/color_region.h"
-#include "object_tracking/object_tracker.h"
 #include "object_tracking/target_views.h"
+#include "object_tracking/tracker_options.h"
 
 namespace huetrack::wave {
 

@@ -13,7 +13,7 @@
 #include "capture/frame.h"
 #include "color_teaching/ball_size.h"
 #include "color_teaching/hsi_image.h"
-#include "object_tracking/object_tracker.h"
+#include "object_tracking/tracker_options.h"
 
 namespace huetrack::color_teaching {
 

@@ -10,7 +10,7 @@
 
 #include "calib/model/camera_rig.h"
 #include "color_teaching/hsi_image.h"
-#include "object_tracking/object_tracker.h"
+#include "object_tracking/tracker_options.h"
 
 namespace huetrack::color_teaching {
 

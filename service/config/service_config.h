@@ -14,7 +14,7 @@
 #include "capture/v4l2_source.h"
 #include "config/camera_tracking_config.h"
 #include "config/room_file.h"
-#include "object_tracking/object_tracker.h"
+#include "object_tracking/tracker_options.h"
 #include "publish/estimate_publisher.h"
 #include "recordings/recording_writer.h"
 

@@ -13,7 +13,7 @@
 
 #include "calib/model/camera_rig.h"
 #include "capture/v4l2_device.h"
-#include "object_tracking/object_tracker.h"
+#include "object_tracking/tracker_options.h"
 
 namespace huetrack::config {
 

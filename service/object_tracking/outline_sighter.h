@@ -10,9 +10,9 @@
 #include "calib/model/camera_rig.h"
 #include "object_tracking/expected_view.h"
 #include "object_tracking/motion_belief.h"
-#include "object_tracking/object_tracker.h"
 #include "object_tracking/sighting.h"
 #include "object_tracking/target_views.h"
+#include "object_tracking/tracker_options.h"
 #include "outline/background.h"
 #include "outline/outline_fit.h"
 

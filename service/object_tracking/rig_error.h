@@ -8,8 +8,8 @@
 
 #include "calib/model/camera_rig.h"
 #include "calib/model/rig_uncertainty.h"
-#include "object_tracking/object_tracker.h"
 #include "object_tracking/sighting.h"
+#include "object_tracking/tracker_options.h"
 
 namespace huetrack::object_tracking {
 

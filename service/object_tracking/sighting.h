@@ -9,8 +9,8 @@
 
 #include "color/color_region.h"
 #include "object_tracking/motion_belief.h"
-#include "object_tracking/object_tracker.h"
 #include "object_tracking/target_views.h"
+#include "object_tracking/tracker_options.h"
 
 namespace huetrack::object_tracking {
 

@@ -15,7 +15,7 @@
 #include "capture/frame.h"
 #include "color/color_model.h"
 #include "color/color_window.h"
-#include "object_tracking/object_tracker.h"
+#include "object_tracking/tracker_options.h"
 
 namespace huetrack::object_tracking {
 

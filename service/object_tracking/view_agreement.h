@@ -9,10 +9,10 @@
 
 #include "color/color_region.h"
 #include "object_tracking/motion_belief.h"
-#include "object_tracking/object_tracker.h"
 #include "object_tracking/seen_regions.h"
 #include "object_tracking/sighting.h"
 #include "object_tracking/target_views.h"
+#include "object_tracking/tracker_options.h"
 #include "object_tracking/view_doubts.h"
 
 namespace huetrack::object_tracking {

@@ -11,7 +11,8 @@
 #include "calib/model/camera_rig.h"
 #include "capture/frame.h"
 #include "config/service_config.h"
-#include "object_tracking/object_tracker.h"
+#include "object_tracking/object_estimate.h"
+#include "object_tracking/tracker_options.h"
 #include "room_watch/camera_watch.h"
 #include "room_watch/moved_pose.h"
 

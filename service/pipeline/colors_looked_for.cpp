@@ -39,7 +39,7 @@ void ColorsLookedFor::expect(const config::ServiceConfig& config) {
   for (Camera& camera : cameras_) {
     camera.coming.clear();
     for (const auto& target : config.targets)
-      for (const auto& range : object_tracking::first_colors_looked_for(target, config.object_tracking, camera.name))
+      for (const auto& range : object_trackers::first_colors_looked_for(target, config.object_tracking, camera.name))
         add(camera.coming, color::matched_color(range));
   }
 }

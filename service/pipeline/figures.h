@@ -8,7 +8,7 @@
 
 #include "capture/frame.h"
 #include "capture/frame_synchronizer.h"
-#include "object_tracking/object_tracker.h"
+#include "object_tracking/trackers/object_tracker.h"
 #include "pipeline/tracked_camera.h"
 
 namespace huetrack::pipeline {
@@ -36,7 +36,7 @@ struct PipelineFigures {
   std::uint64_t sets_tracked = 0;
   std::uint64_t sets_dropped = 0;                              // by the queue, because tracking was too slow
   StageTime decode, synchronise, watch, track, publish, draw;  // watch: the calibration
-  std::vector<object_tracking::SearchFindings> searches;       // per target, about once a second and at the end
+  std::vector<objects::SearchFindings> searches;               // per target, about once a second and at the end
   std::uint64_t camera_frames_tracked = 0;
   std::uint64_t camera_frames_dropped = 0;  // by the queue, because camera tracking was too slow
   StageTime camera_track;

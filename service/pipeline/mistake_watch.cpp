@@ -56,7 +56,7 @@ void MistakeWatch::begin_anew(std::size_t target, const object_tracking::TargetO
 }
 
 bool MistakeWatch::look(const capture::FrameSet& set, std::span<const object_tracking::ObjectEstimate> estimates,
-                        std::span<const object_tracking::ObjectTracker> trackers, bool has_moved) {
+                        std::span<const object_trackers::ObjectTracker> trackers, bool has_moved) {
   std::swap(doubts_, doubts_before_);
   std::ranges::fill(doubts_, 0.0);
   for (std::size_t t = 0; t < watches_.size() && t < trackers.size(); ++t) {

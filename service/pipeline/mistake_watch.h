@@ -9,7 +9,7 @@
 
 #include "calib/model/camera_rig.h"
 #include "capture/frame.h"
-#include "object_tracking/object_tracker.h"
+#include "object_tracking/trackers/object_tracker.h"
 #include "view_watch/view_watch.h"
 
 namespace huetrack::pipeline {
@@ -27,7 +27,7 @@ class MistakeWatch {
   // explains views that contradict one another; looking for another reason would only take time.
   // True: doubts() has changed.
   bool look(const capture::FrameSet& set, std::span<const object_tracking::ObjectEstimate> estimates,
-            std::span<const object_tracking::ObjectTracker> trackers, bool has_moved);
+            std::span<const object_trackers::ObjectTracker> trackers, bool has_moved);
 
   // In force now, per target.
   std::span<const std::vector<view_watch::Mistake>> mistakes() const { return mistakes_; }

@@ -9,7 +9,7 @@
 #include "camera_tracking/camera_tracker.h"
 #include "capture/frame.h"
 #include "config/service_config.h"
-#include "object_tracking/object_tracker.h"
+#include "object_tracking/trackers/object_tracker.h"
 #include "pictures/picture_job.h"
 #include "pipeline/calibration_watch.h"
 #include "pipeline/figures.h"
@@ -22,7 +22,7 @@ struct TrackedSet {
   const capture::FrameSet& frames;
   std::span<const object_tracking::ObjectEstimate> estimates;  // in target order; one or more of each
   capture::Timestamp received_at;                              // UNIX time, when the set's last frame came
-  std::span<const object_tracking::ObjectTracker> trackers;    // in target order
+  std::span<const object_trackers::ObjectTracker> trackers;    // in target order
   std::span<const CameraCalibration> calibration = {};         // per camera of the rig; empty: it is not watched
   // That are in force with this set, in target order; empty: they are not looked for.
   std::span<const std::vector<view_watch::Mistake>> mistakes = {};

@@ -56,7 +56,7 @@ bool sleep_until(Clock::time_point when, const std::stop_token& stop) {
 // Every tracker has its own state and randomness, so who updates it changes nothing.
 class Pipeline::TrackingTeam {
  public:
-  TrackingTeam(std::vector<object_tracking::ObjectTracker>& trackers, int threads)
+  TrackingTeam(std::vector<object_trackers::ObjectTracker>& trackers, int threads)
       : trackers_(trackers),
         per_target_(trackers.size()),
         helpers_(std::max(0, std::min<int>(threads, int(trackers.size())) - 1)),
@@ -108,7 +108,7 @@ class Pipeline::TrackingTeam {
     for (std::size_t i = next_++; i < trackers_.size(); i = next_++) trackers_[i].update(*set_, per_target_[i]);
   }
 
-  std::vector<object_tracking::ObjectTracker>& trackers_;
+  std::vector<object_trackers::ObjectTracker>& trackers_;
   std::vector<std::vector<object_tracking::ObjectEstimate>> per_target_;  // of this set
   const int helpers_;
   std::barrier<> start_, done_;             // what follows is handed over through them
@@ -119,7 +119,7 @@ class Pipeline::TrackingTeam {
 };
 
 Pipeline::Pipeline(const calib::CameraRig& rig, std::vector<std::unique_ptr<capture::FrameSource>> sources,
-                   std::vector<object_tracking::ObjectTracker> trackers, PipelineOptions options)
+                   std::vector<object_trackers::ObjectTracker> trackers, PipelineOptions options)
     : rig_(rig),
       sources_(std::move(sources)),
       trackers_(std::move(trackers)),
@@ -404,7 +404,7 @@ void Pipeline::tell_status() {
 }
 
 void Pipeline::note_searches() {
-  std::vector<object_tracking::SearchFindings> searches;
+  std::vector<objects::SearchFindings> searches;
   for (const auto& tracker : trackers_) searches.push_back(tracker.search_findings());
   const std::scoped_lock lock(figures_mutex_);
   figures_.searches = std::move(searches);

@@ -24,7 +24,7 @@
 #include "camera_tracking/camera_tracker.h"
 #include "capture/frame_source.h"
 #include "capture/frame_synchronizer.h"
-#include "object_tracking/object_tracker.h"
+#include "object_tracking/trackers/object_tracker.h"
 #include "pictures/picture_job.h"
 #include "pipeline/bounded_queue.h"
 #include "pipeline/calibration_watch.h"
@@ -56,7 +56,7 @@ class Pipeline {
  public:
   // One tracker per target. sources yield frames whose `camera` indexes rig.cameras.
   Pipeline(const calib::CameraRig& rig, std::vector<std::unique_ptr<capture::FrameSource>> sources,
-           std::vector<object_tracking::ObjectTracker> trackers, PipelineOptions options);
+           std::vector<object_trackers::ObjectTracker> trackers, PipelineOptions options);
   ~Pipeline();
 
   // After run(): the cameras are given back now, not only when this is destroyed.
@@ -92,7 +92,7 @@ class Pipeline {
     struct OfTarget {
       std::size_t target;  // its index
       object_tracking::TargetOptions options;
-      object_tracking::ObjectTracker tracker;
+      object_trackers::ObjectTracker tracker;
     };
     std::vector<OfTarget> trackers;
     std::optional<capture::Timestamp> from;  // the first set (FrameSet::at); nullopt: the next one
@@ -135,7 +135,7 @@ class Pipeline {
 
   const calib::CameraRig& rig_;
   std::vector<std::unique_ptr<capture::FrameSource>> sources_;
-  std::vector<object_tracking::ObjectTracker> trackers_;  // the tracking thread's and its workers'
+  std::vector<object_trackers::ObjectTracker> trackers_;  // the tracking thread's and its workers'
   const PipelineOptions options_;
   std::optional<Pace> pace_;
   std::optional<CalibrationWatch> calibration_;  // the tracking thread's while it runs

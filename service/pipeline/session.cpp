@@ -83,16 +83,16 @@ void Session::watch_calibration() {
   pipeline_.watch_mistakes(MistakeWatch(rig_, config_.targets));
 }
 
-object_tracking::ObjectTracker Session::tracker_of(const config::ServiceConfig& config, std::size_t target) const {
-  object_tracking::ObjectTracker tracker(rig_, config.targets[target], config.object_tracking);
+object_trackers::ObjectTracker Session::tracker_of(const config::ServiceConfig& config, std::size_t target) const {
+  object_trackers::ObjectTracker tracker(rig_, config.targets[target], config.object_tracking);
   // The tracking thread would need some 5 ms for each colour table.
   for (const auto& camera : cameras_())
     if (camera.pixels) tracker.expect(camera.camera, camera.pixels->format, camera.pixels->range);
   return tracker;
 }
 
-std::vector<object_tracking::ObjectTracker> Session::trackers() const {
-  std::vector<object_tracking::ObjectTracker> all;
+std::vector<object_trackers::ObjectTracker> Session::trackers() const {
+  std::vector<object_trackers::ObjectTracker> all;
   for (std::size_t t = 0; is_tracking_ && t < config_.targets.size(); ++t) all.push_back(tracker_of(config_, t));
   return all;
 }

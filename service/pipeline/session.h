@@ -90,8 +90,8 @@ class Session {
   }  // not while it runs
 
  private:
-  object_tracking::ObjectTracker tracker_of(const config::ServiceConfig& config, std::size_t target) const;
-  std::vector<object_tracking::ObjectTracker> trackers() const;
+  object_trackers::ObjectTracker tracker_of(const config::ServiceConfig& config, std::size_t target) const;
+  std::vector<object_trackers::ObjectTracker> trackers() const;
   PipelineOptions pipeline_options(const SessionOptions& options, bool is_ascending) const;
   Pipeline::Replacement replacement(const std::vector<std::size_t>& targets, const config::ServiceConfig& after) const;
   // throws ConfigError: one has other targets

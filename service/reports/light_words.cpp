@@ -5,14 +5,14 @@
 
 #include <cmath>
 
-#include "object_tracking/color_follower.h"
+#include "object_tracking/trackers/color_follower.h"
 
 namespace huetrack::reports {
 namespace {
 
-using object_tracking::ColorAxis;
-using object_tracking::ColorHealth;
-using object_tracking::NearEnd;
+using object_trackers::ColorAxis;
+using object_trackers::ColorHealth;
+using object_trackers::NearEnd;
 
 // As far as the object's median is from the end of its range.
 std::string what_is_left(double left, const std::string& amount) {
@@ -73,7 +73,7 @@ std::string color_warning(const object_tracking::TargetOptions& target, const st
   if (!health.near_end || !health.seen) return {};
   const bool is_light = health.near_end->axis == ColorAxis::intensity;
   const auto axis = std::size_t(health.near_end->axis);
-  const bool is_at_limit = std::abs(health.followed[axis]) > 0.95 * object_tracking::furthest_followed[axis];
+  const bool is_at_limit = std::abs(health.followed[axis]) > 0.95 * object_trackers::furthest_followed[axis];
   return fmt::format("{} in {}: {}: {}", target.name, camera, movement(*health.near_end, health),
                      target.adapts_color && is_at_limit ? "color: adapt follows no further; teach it anew in this light"
                      : target.adapts_color              ? "color: adapt follows it"

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "capture/light_watch.h"
-#include "object_tracking/object_tracker.h"
+#include "object_tracking/trackers/object_tracker.h"
 
 namespace huetrack::reports {
 
@@ -19,9 +19,9 @@ std::vector<Remark> light_remarks(const capture::LightFindings& findings);
 
 // "ball in cam1: the colour has moved by 12 degrees since it was taught; ..."; empty when all is well.
 std::string color_warning(const object_tracking::TargetOptions& target, const std::string& camera,
-                          const object_tracking::ColorHealth& health);
+                          const object_trackers::ColorHealth& health);
 
 // "its colour in cam1 was followed by 12 degrees of hue"; empty when it is looked for as it was taught.
-std::string followed_text(const std::string& camera, const object_tracking::ColorHealth& health);
+std::string followed_text(const std::string& camera, const object_trackers::ColorHealth& health);
 
 }  // namespace huetrack::reports

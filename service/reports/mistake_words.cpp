@@ -77,7 +77,7 @@ std::string mistake_text(const view_watch::Mistake& mistake, const object_tracki
           "what shares it",
           target.name, 100 * mistake.size, who);
     case MistakeKind::opencv_hue: {
-      object_tracking::SearchFindings findings;
+      objects::SearchFindings findings;
       findings.is_found_at_twice_the_hue = true;
       return fmt::format("{}: {}", target.name, findings.advice(target, cameras));
     }

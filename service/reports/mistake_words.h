@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "object_tracking/object_tracker.h"
+#include "object_tracking/tracker_options.h"
 #include "view_watch/view_watch.h"
 
 namespace huetrack::reports {

@@ -237,7 +237,7 @@ ViewWatch::ViewWatch(const calib::CameraRig& rig, const object_tracking::TargetO
       time_shifts_(rig.cameras.size(), 0),
       latency_sigmas_(rig.cameras.size(), 1) {}
 
-void ViewWatch::look(const object_tracking::ObjectEstimate& estimate, const object_tracking::ObjectTracker& tracker,
+void ViewWatch::look(const object_tracking::ObjectEstimate& estimate, const object_trackers::ObjectTracker& tracker,
                      capture::Timestamp set_at) {
   if (!first_at_ || set_at < *first_at_) {
     first_at_ = set_at;

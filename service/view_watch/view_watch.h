@@ -14,7 +14,7 @@
 #include <vector>
 
 #include "calib/model/camera_rig.h"
-#include "object_tracking/object_tracker.h"
+#include "object_tracking/trackers/object_tracker.h"
 #include "view_watch/pair_residuals.h"
 
 namespace huetrack::view_watch {
@@ -53,7 +53,7 @@ class ViewWatch {
   ViewWatch(const calib::CameraRig& rig, const object_tracking::TargetOptions& target);
 
   // After the target was looked for in a set. Sets in time order.
-  void look(const object_tracking::ObjectEstimate& estimate, const object_tracking::ObjectTracker& tracker,
+  void look(const object_tracking::ObjectEstimate& estimate, const object_trackers::ObjectTracker& tracker,
             capture::Timestamp set_at);
 
   // In force now.

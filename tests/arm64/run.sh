@@ -6,7 +6,7 @@
 #   tests/arm64/run.sh --which      which tests are run, for ctest's -R and -E
 set -euo pipefail
 cd "$(dirname "$0")/../.."
-modules='color|color_teaching|particle_filter|outline|object_tracking|model|yaml|drawing|truth|tracks|metrics|reports|exchange'
+modules='color|color_teaching|particle_filter|outline|object_tracking|objects|trackers|model|yaml|drawing|truth|tracks|metrics|reports|exchange'
 modules="$modules|config|scene|capture|recordings|room_watch|view_watch|pictures|plot|bag"
 which=(-R "^($modules)\\." -E 'V4l2')
 if [ "${1:-}" = --which ]; then

@@ -9,7 +9,7 @@
 
 #include "calib/model/camera_rig.h"
 #include "capture/frame.h"
-#include "object_tracking/object_tracker.h"
+#include "object_tracking/tracker_options.h"
 
 namespace huetrack::figures {
 

@@ -120,7 +120,7 @@ Subject subject_of(const std::filesystem::path& folder) {
 
 Honesty track(const Subject& subject, const calib::CameraRig& rig) {
   Honesty out;
-  object_tracking::ObjectTracker tracker(rig, subject.target, subject.options);
+  object_trackers::ObjectTracker tracker(rig, subject.target, subject.options);
   for (const capture::FrameSet& set : subject.sequence.sets) {
     const auto estimate = tracker.update(set);
     const auto truth = subject.sequence.row(subject.target.name, estimate.at);

@@ -12,7 +12,7 @@
 #include "calib/certify/certificate.h"
 #include "calib/model/lens_derivatives.h"
 #include "calib/model/rig_yaml.h"
-#include "object_tracking/object_tracker.h"
+#include "object_tracking/trackers/object_tracker.h"
 #include "particle_filter/random.h"
 #include "scene/scene.h"
 
@@ -70,7 +70,7 @@ std::vector<certify::MeasuredLength> measured(const calib::CameraRig& cameras, c
   object_tracking::TargetOptions lime, pink;
   lime.name = "lime", lime.color = {70, 115, 0.3, 1, 0.1, 0.95};
   pink.name = "pink", pink.color = {310, 345, 0.3, 1, 0.1, 0.95};
-  object_tracking::ObjectTracker a(rig, lime, options), b(rig, pink, options);
+  object_trackers::ObjectTracker a(rig, lime, options), b(rig, pink, options);
   std::array<certify::BallTrack, 2> tracks;
   for (const auto& set : scene::render(scene, {.set_count = static_cast<int>(30 * seconds), .seed = seed})) {
     for (const std::size_t k : {0U, 1U}) {

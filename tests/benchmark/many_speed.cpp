@@ -15,7 +15,7 @@
 #include "benchmark/sequence.h"
 #include "benchmark/speed_run.h"
 #include "calib/model/median.h"
-#include "object_tracking/object_tracker.h"
+#include "object_tracking/trackers/object_tracker.h"
 #include "scene/scene.h"
 
 using namespace huetrack;
@@ -89,9 +89,9 @@ int main() {
       object_tracking::TargetOptions target = figures::lime_ball();
       const object_tracking::ObjectTrackerOptions options =
           figures::rendered_options(object_tracking::Observation::huetrack, 1);
-      object_tracking::ObjectTracker one(scene.rig, target, options);
+      object_trackers::ObjectTracker one(scene.rig, target, options);
       target.count = std::max(2, balls);
-      object_tracking::ObjectTracker many(scene.rig, target, options);
+      object_trackers::ObjectTracker many(scene.rig, target, options);
       OpenCvPass opencv(scene.rig, target);
       std::vector<object_tracking::ObjectEstimate> estimates;
       figures::Player player(sets);

@@ -73,7 +73,7 @@ struct Timing {
 };
 Timing time_update(const figures::Sequence& s, object_tracking::Observation observation, int particle_count, int rounds,
                    int updates_per_round, const std::function<void(const capture::FrameSet&)>& between = {}) {
-  object_tracking::ObjectTracker tracker(s.rig, figures::lime_ball(), options_for(observation, particle_count));
+  object_trackers::ObjectTracker tracker(s.rig, figures::lime_ball(), options_for(observation, particle_count));
   figures::Player player(s.sets);
   for (int i = 0; i < 120; ++i) tracker.update(player.next());
   std::vector<double> us;

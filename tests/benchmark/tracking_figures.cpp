@@ -5,6 +5,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "benchmark/blob_tracker.h"
+#include "object_tracking/trackers/object_tracker.h"
 #include "pictures/pictures.h"
 #include "tracks/truth.h"
 
@@ -13,7 +14,7 @@ namespace huetrack::figures {
 std::vector<object_tracking::ObjectEstimate> track(const Sequence& sequence,
                                                    const object_tracking::TargetOptions& target,
                                                    const object_tracking::ObjectTrackerOptions& options) {
-  object_tracking::ObjectTracker tracker(sequence.rig, target, options);
+  object_trackers::ObjectTracker tracker(sequence.rig, target, options);
   std::vector<object_tracking::ObjectEstimate> out;
   for (const capture::FrameSet& set : sequence.sets) out.push_back(tracker.update(set));
   return out;

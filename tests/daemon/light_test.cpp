@@ -119,17 +119,17 @@ TEST(LightExam, SeesFlickerInATrialOfThreeSeconds) {
 TEST(ColorWarning, SaysWhichWayAndHowMuchIsLeft) {
   object_tracking::TargetOptions ball;
   ball.name = "ball";
-  object_tracking::ColorHealth health;
+  object_trackers::ColorHealth health;
   EXPECT_EQ(reports::color_warning(ball, "cam1", health), "");
-  health.seen = object_tracking::SeenColor{{12.4, 0.35, 0.2}, {}, {}};
-  health.near_end = object_tracking::NearEnd{object_tracking::ColorAxis::hue, true, 3.2};
+  health.seen = object_trackers::SeenColor{{12.4, 0.35, 0.2}, {}, {}};
+  health.near_end = object_trackers::NearEnd{object_trackers::ColorAxis::hue, true, 3.2};
   EXPECT_EQ(
       reports::color_warning(ball, "cam1", health),
       "ball in cam1: the colour has moved by 12 degrees since it was taught, 3 degrees are left: fix white balance "
       "and exposure, teach it anew, or color: {adapt: true}");
-  health.near_end = object_tracking::NearEnd{object_tracking::ColorAxis::intensity, false, 0.04};
+  health.near_end = object_trackers::NearEnd{object_trackers::ColorAxis::intensity, false, 0.04};
   EXPECT_THAT(reports::color_warning(ball, "cam1", health), HasSubstr("darker than it was taught (intensity 0.20)"));
-  health.near_end = object_tracking::NearEnd{object_tracking::ColorAxis::saturation, false, -0.04};
+  health.near_end = object_trackers::NearEnd{object_trackers::ColorAxis::saturation, false, -0.04};
   EXPECT_THAT(reports::color_warning(ball, "cam1", health), HasSubstr("0.04 beyond what is looked for"));
   ball.adapts_color = true;
   EXPECT_THAT(reports::color_warning(ball, "cam1", health), HasSubstr("color: adapt follows it"));

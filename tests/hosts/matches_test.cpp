@@ -13,7 +13,7 @@
 #include "hosts/match_finder.h"
 #include "hosts/wanted_matches.h"
 #include "hosts/wanted_outlines.h"
-#include "object_tracking/object_tracker.h"
+#include "object_tracking/trackers/object_tracker.h"
 #include "scene/lime.h"
 
 namespace huetrack::hosts {
@@ -21,8 +21,8 @@ namespace {
 
 using capture::Frame;
 using capture::FrameSet;
+using object_trackers::ObjectTracker;
 using object_tracking::ObjectEstimate;
-using object_tracking::ObjectTracker;
 using object_tracking::TargetOptions;
 
 TargetOptions lime() {

@@ -35,7 +35,7 @@ struct Followed {
 Followed follow(const scene::Scene& scene, const calib::CameraRig& rig, bool is_heard) {
   const auto sets = scene::render(scene, {.set_count = 150, .pixel_noise_stddev = 3, .seed = 4});
   const std::vector targets{lime()};
-  std::vector<object_tracking::ObjectTracker> trackers;
+  std::vector<object_trackers::ObjectTracker> trackers;
   trackers.emplace_back(rig, targets[0], object_tracking::ObjectTrackerOptions{});
   MistakeWatch watch(rig, targets);
   Followed out;
@@ -116,7 +116,7 @@ TEST(MistakeWatch, WhatMovedIsNoMistake) {
   calib::CameraRig rig = scene.rig;
   turn(rig.cameras[1], 2 * rad, {1, -0.6, 0.3});
   const std::vector targets{lime()};
-  std::vector<object_tracking::ObjectTracker> trackers;
+  std::vector<object_trackers::ObjectTracker> trackers;
   trackers.emplace_back(rig, targets[0], object_tracking::ObjectTrackerOptions{});
   MistakeWatch watch(rig, targets);
   std::vector<object_tracking::ObjectEstimate> estimates;

@@ -52,8 +52,8 @@ class GreySource final : public capture::FrameSource {
   calib::ImageSize size_;
 };
 
-std::vector<object_tracking::ObjectTracker> trackers_for(const calib::CameraRig& rig, int count) {
-  std::vector<object_tracking::ObjectTracker> trackers;
+std::vector<object_trackers::ObjectTracker> trackers_for(const calib::CameraRig& rig, int count) {
+  std::vector<object_trackers::ObjectTracker> trackers;
   for (int i = 0; i < count; ++i) {
     object_tracking::TargetOptions target;
     target.name = std::string(1, char('p' + i));

@@ -47,7 +47,7 @@ class CallingOutput : public Output {
 class PipelineTo : private CallingOutput, public Pipeline {
  public:
   PipelineTo(const calib::CameraRig& rig, std::vector<std::unique_ptr<capture::FrameSource>> sources,
-             std::vector<object_tracking::ObjectTracker> trackers, PipelineOptions options, Calls calls)
+             std::vector<object_trackers::ObjectTracker> trackers, PipelineOptions options, Calls calls)
       : CallingOutput(std::move(calls)), Pipeline(rig, std::move(sources), std::move(trackers), std::move(options)) {
     add(static_cast<CallingOutput&>(*this));
   }

@@ -172,7 +172,7 @@ class TrackedCamera : public testing::Test {
   Pipeline& run(std::uint64_t first, std::uint64_t last, Calls calls) {
     std::vector<std::unique_ptr<capture::FrameSource>> sources;
     sources.push_back(std::make_unique<OneGreyCamera>());
-    pipeline_.emplace(rig_, std::move(sources), std::vector<object_tracking::ObjectTracker>{},
+    pipeline_.emplace(rig_, std::move(sources), std::vector<object_trackers::ObjectTracker>{},
                       PipelineOptions{.pictures_every = 1}, std::move(calls));
     pipeline_->track_camera(0, std::make_unique<FakeTracker>(first, last));
     pipeline_->run({});

@@ -3,7 +3,7 @@
 
 #include <cmath>
 
-#include "object_tracking/object_tracker.h"
+#include "object_tracking/tracker_options.h"
 #include "scene/scene.h"
 
 namespace huetrack::scene {

@@ -31,7 +31,7 @@ class ViewWatchOfScene : public testing::Test {
         scene,
         {.set_count = int(30 * seconds), .format = format, .pixel_noise_stddev = pixel_noise_stddev, .seed = seed});
     if (spoil) spoil(sets);
-    object_tracking::ObjectTracker tracker(rig, target, {});
+    object_trackers::ObjectTracker tracker(rig, target, {});
     ViewWatch out(rig, target);
     for (const auto& set : sets) {
       const auto estimate = tracker.update(set);

@@ -1,0 +1,83 @@
+#include "object_tracking/objects/further_objects.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace huetrack::objects {
+
+using namespace object_tracking;
+
+namespace {
+
+constexpr double looked_every_s = 1;  // it takes a set as long as a search does
+constexpr double told_after_s = 1.5;  // seen, or gone: what crosses a room by chance does not stay
+// So far from the target's middle a region is its own, or touches it and says nothing.
+constexpr double own_radii = 3;
+
+}  // namespace
+
+void FurtherObject::note(capture::Timestamp set_at, const std::optional<Eigen::Vector3d>& seen_at) {
+  if (seen_at && told_) told_ = seen_at;
+  if (seen_at.has_value() == told_.has_value()) {
+    since_.reset();
+    return;
+  }
+  if (!since_ || set_at < *since_) since_ = set_at;
+  if (capture::seconds(set_at - *since_) < told_after_s) return;
+  told_ = seen_at;
+  since_.reset();
+}
+
+FurtherObjectWatch::FurtherObjectWatch(const TargetOptions& target, const ObjectTrackerOptions& options,
+                                       std::span<const SizeInView> sizes)
+    : target_(target),
+      births_(target, options, options.volume),
+      size_in_view_(sizes.begin(), sizes.end()),
+      finders_(sizes.size()),
+      regions_(sizes.size()) {}
+
+void FurtherObjectWatch::find_others(const std::vector<TargetView>& views, const MotionBelief& belief) {
+  for (std::size_t i = 0; i < views.size(); ++i) {
+    const auto camera = static_cast<std::size_t>(views[i].index);
+    regions_[i].clear();
+    if (size_in_view_[camera].largest_px == 0) continue;  // no part of the volume is in view
+    const auto own = appearance_of(*views[i].camera, belief.position(), target_.radius_m);
+    for (const color::ColorRegion& region :
+         whole_regions(finders_[camera], *views[i].matches, size_in_view_[camera], target_.count, {})) {
+      if (!own || (region.centre - own->px).norm() > own_radii * own->radius_px) regions_[i].push_back(region);
+    }
+  }
+}
+
+void FurtherObjectWatch::look_at_nothing(capture::Timestamp set_at) {
+  is_second_ = false;
+  further_.note(set_at, std::nullopt);
+}
+
+void FurtherObjectWatch::look(const std::vector<TargetView>& views, std::span<const Sighting> sightings,
+                              const MotionBelief& belief, const StillColor& still, capture::Timestamp set_at) {
+  if (views.size() < 2) return;
+  if (looked_at_ && set_at < *looked_at_) looked_at_.reset(), is_second_ = false;
+  if (!is_second_ && looked_at_ && capture::seconds(set_at - *looked_at_) < looked_every_s) return;
+  find_others(views, belief);
+  std::vector<CoveredDisc> covered;
+  for (const Sighting& s : sightings) {
+    for (std::size_t v = 0; v < views.size(); ++v)
+      if (views[v].index == s.row.camera) covered.push_back({v, s.px, s.radius_px});
+  }
+  if (!is_second_) births_.forget();
+  const std::vector<Birth> births =
+      births_.look(views, std::span(regions_).first(views.size()), covered, still, set_at, belief);
+  if (!is_second_) {
+    looked_at_ = set_at;
+    is_second_ = true;
+    return;
+  }
+  is_second_ = false;
+  const auto other = std::ranges::find_if(births, [&](const Birth& birth) {
+    return (birth.now.position - belief.position()).norm() > own_radii * target_.radius_m;
+  });
+  further_.note(set_at, other == births.end() ? std::nullopt : std::optional(other->now.position));
+}
+
+}  // namespace huetrack::objects

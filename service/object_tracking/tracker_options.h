@@ -1,0 +1,91 @@
+// What is looked for, where and how, and what is held of a camera meanwhile. Plain values.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "calib/model/rigid3.h"
+#include "color/color_model.h"
+#include "color/color_window.h"
+
+namespace huetrack::object_tracking {
+
+struct Volume {  // axis-aligned, world frame, metres
+  Eigen::Vector3d min{-1, -1, 0};
+  Eigen::Vector3d max{1, 1, 2};
+};
+
+// Rectangles of a camera's image in which nothing matches: (camera name, rectangles).
+using IgnoredRegions = std::vector<std::pair<std::string, std::vector<color::PixelBox>>>;
+
+enum class TargetShape : std::uint8_t {
+  ball,       // its outline is fitted wherever what is behind it is known
+  blob,       // not round: the centre of its colour's region counts
+  automatic,  // a ball, until its outlines say that it is none
+};
+
+// One target to track.
+struct TargetOptions {
+  std::string name;        // unique, not empty; where it is published, it is part of a topic's name (idl/topics.h)
+  double radius_m = 0.04;  // > 0; of the ball, or of a ball of about the object's size
+  TargetShape shape = TargetShape::automatic;  // observation: huetrack only
+  // 1..most_count; how many objects of this colour there may be at once. More than 1: observation: huetrack only.
+  int count = 1;
+  static constexpr int most_count = 16;  // pairs of regions in pairs of views are gone through: as measured up to here
+  bool is_up_to = false;                 // of a count: there may be fewer of them for long, and that is as it should be
+  color::HsiRange color;
+  std::vector<std::pair<std::string, color::HsiRange>> camera_colors;  // per-camera overrides: (camera name, range)
+  bool adapts_color = false;  // the ranges follow the object's colour (color_follower.h; observation: huetrack only)
+  IgnoredRegions ignored;
+  const color::HsiRange& color_in(std::string_view camera) const;  // its own there, else `color`
+  std::vector<std::string> problems() const;
+};
+
+enum class Observation : std::uint8_t {
+  paper,     // Barrera et al.: eqs. (1)-(6), nothing else
+  huetrack,  // ours
+};
+
+enum class TimingMode : std::uint8_t {
+  learn,  // each camera's latency and readout follow from the motion, from what the rig says of them or from nothing
+  fixed,  // the rig's hold; 0 where it has none
+};
+
+struct ObjectTrackerOptions {
+  Observation observation = Observation::huetrack;
+  TimingMode timing = TimingMode::learn;  // observation: huetrack
+  Volume volume;                          // where targets may be; the particles start uniformly in it
+  int particle_count = 200;               // >= 1; time per frame is linear in it
+  int max_particle_count = 2000;          // >= particle_count; while searching
+  std::uint64_t seed = 1;                 // same seed, same recording, same options => same track, byte for byte
+  // --- observation: paper
+  double position_noise_m = 0.06;  // > 0; sigma_m of eqs. (1)-(3), metres per frame set
+  // --- observation: huetrack
+  double acceleration_m_s2 = 8;  // > 0; the hardest usual acceleration; the filter finds what is needed below it
+  double start_speed_m_s = 3;    // > 0; the highest usual speed: how far an object may be between two sets of a lock
+  double pixel_noise_px = 0.2;   // > 0; std. dev. of a colour region's centre in a view; add a poor calibration's error
+  double max_tracking_sigma_m = 0.03;  // > 0; a position less sure than this (largest axis) is coasting, not tracking
+  // --- both
+  double coast_s = 1.0;            // > 0; coasting longer than this is lost
+  double max_coast_sigma_m = 0.2;  // > 0; coasting less surely than this (largest axis) is lost
+  std::vector<std::string> problems() const;
+};
+
+// What is held of one camera's calibration at the moment, beside what the rig says.
+struct CameraTrust {
+  // false: what this camera shows moves no estimate and starts none. It is still looked at where the target is
+  // expected, for its ViewWitness.
+  bool is_used = true;
+  std::optional<calib::Rigid3d> cam_from_world = {};  // its pose in place of the rig's; nullopt: the rig's
+  // Of that pose: cam_from_world_true = exp(e) * cam_from_world, e = (rotation vector in radians, shift in metres) in
+  // the camera's own axes. An error that lasts: it is in every position's covariance, and no number of frames averages
+  // it away. Symmetric, positive semidefinite.
+  Eigen::Matrix<double, 6, 6> pose_covariance = Eigen::Matrix<double, 6, 6>::Zero();
+};
+
+}  // namespace huetrack::object_tracking

@@ -1,0 +1,183 @@
+#include "object_tracking/trackers/color_watch.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include "calib/model/median.h"
+#include "color/image_color.h"
+
+namespace huetrack::object_trackers {
+
+using namespace object_tracking;
+
+namespace {
+
+// Light changes over seconds: a look at every third set of 30 frames/s is ten looks a second.
+constexpr std::uint64_t sets_per_look = 3;
+constexpr double smoothing_s = 0.7;
+constexpr double longest_pause_s = 5;  // what was seen before is of another time
+constexpr int least_looks = 5;         // before anything is said
+
+// A view that sees the object whole and where it is.
+constexpr float least_radius_px = 4;  // below it, chroma that is shared and blurred is half the background's
+constexpr float least_support = 0.5f;
+// Radii: the inner part of the disc is looked at, less of it where the estimate is aside of what is seen.
+constexpr float largest_residual = 0.5f, inner_disc = 0.6f, whole_disc = 0.9f;
+constexpr double usual_exposure_s =
+    1.0 / 60;  // in which the object moves by a radius at most: the middle stays its own
+
+constexpr int steps_per_radius = 5;  // of the grid of pixels that are looked at
+constexpr std::size_t most_pixels = 121, least_pixels = 9;
+constexpr double outlier = 4.5;                   // median absolute deviations: three standard deviations
+constexpr double least_saturation_of_hue = 0.08;  // below it a hue is noise
+
+// An end of the range is near when a sixth of the object's pixels are within the noise of it or beyond; the object is
+// lost when nearly all are. It is far again half as much further away.
+constexpr double far_again = 1.5;
+
+struct Distribution {
+  double median, below, above;
+};
+// Sorts what is given. What is far from the median is not the object's, but before it or a highlight on it.
+Distribution robust(std::span<double> values, double noise) {
+  std::ranges::sort(values);
+  const std::size_t n = values.size();
+  const double median = values[n / 2];
+  std::array<double, most_pixels> deviations;
+  std::ranges::transform(values, deviations.begin(), [&](double value) { return std::abs(value - median); });
+  const double reach = outlier * calib::median_in_place(std::span(deviations).first(n)) + noise;
+  const auto first = std::ranges::lower_bound(values, median - reach),
+             last = std::ranges::upper_bound(values, median + reach);
+  const auto own = std::span(first, last);
+  return {median, median - own[own.size() / 6], own[own.size() - 1 - own.size() / 6] - median};
+}
+
+bool sees_it_well(const ViewSupport& view) {
+  return view.seen && view.support >= least_support && view.radius_px >= least_radius_px &&
+         view.residual_px <= largest_residual * view.radius_px;
+}
+
+}  // namespace
+
+double degrees_between(double from_deg, double to_deg) {
+  return std::remainder(to_deg - from_deg, 360.0);
+}
+
+double middle_hue_deg(const color::HsiRange& range) {
+  const double width = range.hue_max_deg - range.hue_min_deg + (range.hue_max_deg < range.hue_min_deg ? 360.0 : 0.0);
+  return std::fmod(range.hue_min_deg + width / 2, 360.0);
+}
+
+AxisRange axis_range(const color::HsiRange& range, ColorAxis axis, double hue_origin_deg) {
+  switch (axis) {
+    case ColorAxis::hue:
+      if (range.hue_min_deg == 0 && range.hue_max_deg == 360) return {-180, 180, false, false};
+      return {degrees_between(hue_origin_deg, range.hue_min_deg), degrees_between(hue_origin_deg, range.hue_max_deg)};
+    case ColorAxis::saturation:
+      return {range.saturation_min, range.saturation_max, range.saturation_min > 0, range.saturation_max < 1};
+    case ColorAxis::intensity:
+      break;
+  }
+  return {range.intensity_min, range.intensity_max, range.intensity_min > 0, range.intensity_max < 1};
+}
+
+std::optional<SeenColor> color_inside(const capture::Image& image, const Eigen::Vector2f& px, float inner,
+                                      double hue_origin_deg) {
+  if (!(px.x() >= inner && px.y() >= inner && px.x() + inner < static_cast<float>(image.width) - 1 &&
+        px.y() + inner < static_cast<float>(image.height) - 1))
+    return std::nullopt;
+  const int step = std::max(1, static_cast<int>(std::ceil(inner / steps_per_radius)));
+  const int reach = static_cast<int>(inner) / step;
+  const int middle_u = static_cast<int>(std::lround(px.x())), middle_v = static_cast<int>(std::lround(px.y()));
+  std::array<double, most_pixels> hues, saturations, intensities;
+  std::size_t n = 0, with_hue = 0;
+  for (int dv = -reach * step; dv <= reach * step; dv += step) {
+    for (int du = -reach * step; du <= reach * step; du += step) {
+      if (static_cast<float>(du * du + dv * dv) > inner * inner || n == most_pixels) continue;
+      const color::Hsi pixel = color::hsi_of(color::rgb_at(image, middle_u + du, middle_v + dv));
+      saturations[n] = pixel.saturation;
+      intensities[n++] = pixel.intensity;
+      if (pixel.has_hue && pixel.saturation >= least_saturation_of_hue)
+        hues[with_hue++] = degrees_between(hue_origin_deg, pixel.hue_deg);
+    }
+  }
+  if (n < least_pixels) return std::nullopt;
+  constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+  const Distribution h =
+      2 * with_hue > n ? robust(std::span(hues).first(with_hue), color_noise[0]) : Distribution{nan, nan, nan};
+  const Distribution s = robust(std::span(saturations).first(n), color_noise[1]);
+  const Distribution i = robust(std::span(intensities).first(n), color_noise[2]);
+  return SeenColor{{h.median, s.median, i.median}, {h.below, s.below, i.below}, {h.above, s.above, i.above}};
+}
+
+ColorWatch::ColorWatch(const calib::CameraRig& rig, const TargetOptions& target)
+    : fastest_m_s_(target.radius_m / usual_exposure_s) {
+  for (const calib::Camera& camera : rig.cameras)
+    cameras_.push_back({.hue_origin_deg = middle_hue_deg(target.color_in(camera.name))});
+}
+
+void ColorWatch::look(const capture::FrameSet& set, const ObjectEstimate& estimate,
+                      std::span<const color::HsiRange> in_force) {
+  const bool is_due = sets_++ % sets_per_look == 0;
+  if (estimate.state != TrackState::tracking || estimate.views < 2 || estimate.velocity.norm() > fastest_m_s_) return;
+  for (std::size_t i = 0; i < cameras_.size(); ++i) {
+    const ViewSupport& view = estimate.per_view[i];
+    if (!set.frames[i] || !sees_it_well(view)) continue;
+    // Pictures that come beside matches are few: none is left out.
+    const capture::Image* const picture = own_picture_of(*set.frames[i]);
+    if (picture == nullptr || !(is_due || set.frames[i]->matches)) continue;
+    PerCamera& camera = cameras_[i];
+    const float inner_px = std::min(inner_disc * view.radius_px, whole_disc * view.radius_px - view.residual_px);
+    const auto seen = color_inside(*picture, view.px, inner_px, camera.hue_origin_deg);
+    if (!seen) continue;
+    const double pause_s = capture::seconds(set.at - std::exchange(camera.health.seen_at, set.at));
+    if (!camera.health.seen || pause_s < 0 || pause_s > longest_pause_s) {
+      camera.health.seen = seen;
+      camera.looks = 1;
+      continue;
+    }
+    ++camera.looks;
+    const double share = std::max(1 - std::exp(-pause_s / smoothing_s), 1.0 / camera.looks);
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      if (std::isnan(seen->median[axis])) continue;
+      for (PerColorAxis SeenColor::*figure : {&SeenColor::median, &SeenColor::below, &SeenColor::above}) {
+        double& smoothed = ((*camera.health.seen).*figure)[axis];
+        const double fresh = ((*seen).*figure)[axis];
+        smoothed = std::isnan(smoothed) ? fresh : smoothed + share * (fresh - smoothed);
+      }
+    }
+    if (camera.looks >= least_looks) judge(camera, in_force[i]);
+  }
+}
+
+void ColorWatch::judge(PerCamera& camera, const color::HsiRange& in_force) {
+  const SeenColor& seen = *camera.health.seen;
+  std::optional<NearEnd>& told = camera.health.near_end;
+  double least = std::numeric_limits<double>::infinity();
+  std::optional<NearEnd> nearest;
+  bool is_told_far = true;
+  const auto look_at_end = [&](ColorAxis axis, bool is_upper, double left, double reach) {
+    const double share = left / reach;
+    const bool is_told = told && told->axis == axis && told->is_upper == is_upper;
+    if (is_told) {
+      told->left = left;
+      is_told_far = share > far_again;
+    }
+    if (share < least) least = share, nearest = NearEnd{axis, is_upper, left};
+  };
+  for (const ColorAxis axis : {ColorAxis::hue, ColorAxis::saturation, ColorAxis::intensity}) {
+    const auto a = static_cast<std::size_t>(axis);
+    if (std::isnan(seen.median[a])) continue;
+    const AxisRange range = axis_range(in_force, axis, camera.hue_origin_deg);
+    if (range.has_min) look_at_end(axis, false, seen.median[a] - range.min, seen.below[a] + color_noise[a]);
+    if (range.has_max) look_at_end(axis, true, range.max - seen.median[a], seen.above[a] + color_noise[a]);
+  }
+  if (told && !is_told_far) return;  // one end at a time, until that is far again
+  const bool had = told.has_value();
+  told = least < 1 ? nearest : std::nullopt;
+  if (had || told) ++news_;
+}
+
+}  // namespace huetrack::object_trackers

@@ -1,0 +1,91 @@
+// Whether the cameras still show an object in the colour that it was taught with. Exposure and white balance move all
+// colours of a picture, and an object that leaves its range is lost; here that is known beforehand, per camera.
+//
+// What is measured is the object, not what matches: pixels of the inner part of its disc, whatever their colour, and of
+// them the median and what lies around it, which less than half of a disc (a highlight, a hand before it) do not move.
+// Only a view is asked that sees the object whole, while another one confirms where it is.
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "calib/model/camera_rig.h"
+#include "capture/frame.h"
+#include "color/color_model.h"
+#include "object_tracking/object_estimate.h"
+#include "object_tracking/tracker_options.h"
+
+namespace huetrack::object_trackers {
+
+enum class ColorAxis : std::uint8_t { hue, saturation, intensity };
+using PerColorAxis = std::array<double, 3>;  // by ColorAxis; hue in degrees, the others 0..1
+
+// Of an object's pixels in one image. The hue counts from the middle of the taught ones, -180..180; NaN where too few
+// pixels have one.
+struct SeenColor {
+  PerColorAxis median{};
+  PerColorAxis below{}, above{};  // >= 0; so far from the median a sixth of the pixels are below it, and above it
+};
+
+// The end of the range in force that the object's colour has come near to.
+struct NearEnd {
+  ColorAxis axis = ColorAxis::hue;
+  bool is_upper = false;
+  double left = 0;  // from the object's median to that end; < 0: beyond it
+};
+
+struct ColorHealth {
+  std::optional<SeenColor> seen;    // over about the last second in which it was seen well; nullopt: never yet
+  capture::Timestamp seen_at;       // the last time
+  std::optional<NearEnd> near_end;  // it will be lost in this camera when its colour moves on; nullopt: all is well
+  PerColorAxis followed{};          // by how much the range in force has moved from the taught one (color_follower.h)
+};
+
+// One range of a colour on one axis. Where an axis itself ends, a range has no end: nothing is beyond it.
+struct AxisRange {
+  double min = 0, max = 0;
+  bool has_min = true, has_max = true;
+};
+AxisRange axis_range(const color::HsiRange& range, ColorAxis axis, double hue_origin_deg);
+double middle_hue_deg(const color::HsiRange& range);     // [0, 360)
+double degrees_between(double from_deg, double to_deg);  // counterclockwise, -180..180
+
+// What moves by itself from frame to frame (noise, JPEG), and what light moves in a second or two.
+constexpr PerColorAxis color_noise{3.5, 0.03, 0.03};
+
+// Of the pixels within inner_px; nullopt: they are too few, or not all in the image.
+std::optional<SeenColor> color_inside(const capture::Image& image, const Eigen::Vector2f& px, float inner_px,
+                                      double hue_origin_deg);
+
+// thread-compatible; one per target. look() allocates nothing.
+class ColorWatch {
+ public:
+  ColorWatch(const calib::CameraRig& rig, const object_tracking::TargetOptions& target);
+
+  // After the target was looked for in this set. in_force: the ranges that were used, per camera of the rig.
+  void look(const capture::FrameSet& set, const object_tracking::ObjectEstimate& estimate,
+            std::span<const color::HsiRange> in_force);
+
+  const ColorHealth& in(std::size_t camera) const { return cameras_[camera].health; }
+  std::size_t camera_count() const { return cameras_.size(); }
+  std::uint64_t news() const { return news_; }  // how often a near_end has come, gone or become another one
+
+ private:
+  struct PerCamera {
+    double hue_origin_deg = 0;
+    ColorHealth health = {};
+    int looks = 0;  // one after the other
+  };
+  void judge(PerCamera& camera, const color::HsiRange& in_force);
+
+  std::vector<PerCamera> cameras_;
+  double fastest_m_s_;
+  std::uint64_t sets_ = 0, news_ = 0;
+};
+
+}  // namespace huetrack::object_trackers

@@ -1,0 +1,452 @@
+#include "object_tracking/trackers/many_tracker.h"
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <utility>
+
+#include "object_tracking/trackers/estimate_report.h"
+#include "object_tracking/trackers/object_sighter.h"
+
+namespace huetrack::object_trackers {
+
+using namespace object_tracking;
+using namespace objects;
+
+namespace {
+
+// An object that is not seen and turns up where it may be by now is taken up again: chi-square, 3 degrees of freedom,
+// 99.7 %.
+constexpr double take_up_gate = 14.2;
+// Two centres nearer than this share of a diameter are of one object; a touch measured with an error is not.
+constexpr double one_object_share = 0.6;
+
+constexpr double elsewhere_radii = 6;  // so far off a view of a camera that was turned is looked for
+constexpr double apart_radii = 2;      // of both discs: from so far apart on, no region is of two
+
+// Who has left the volume is told so long at most, as a share of the time that coasting may take: he may turn back.
+constexpr double longest_outside = 0.5;
+
+}  // namespace
+
+ManyTracker::ManyTracker(const calib::CameraRig& rig, const TargetOptions& target, const ObjectTrackerOptions& options,
+                         std::uint64_t stream)
+    : rig_(rig),
+      target_(target),
+      options_(options),
+      stream_(stream),
+      views_(rig, target),
+      sharing_(options.pixel_noise_px),
+      agreement_(rig.cameras.size(), target.radius_m, options),
+      births_(target, options, looked_through(options.volume)),
+      still_color_(rig.cameras.size(), target.count),
+      clutter_(rig),
+      search_log_(rig.cameras.size()),
+      times_(rig, target.radius_m, options, particle_filter::Rng(options.seed, stream)),
+      finders_(rig.cameras.size()),
+      expected_(rig.cameras.size()),
+      regions_(rig.cameras.size()),
+      unexplained_(rig.cameras.size()),
+      last_regions_(rig.cameras.size()) {
+  for (const calib::Camera& camera : rig.cameras)
+    size_in_view_.push_back(size_in(camera, options.volume, target.radius_m));
+  for (std::size_t c = 0; c < rig.cameras.size(); ++c)
+    still_color_.set_sizes(c, size_in_view_[c].smallest_px, size_in_view_[c].largest_px, rig.cameras[c].image_size);
+}
+
+void ManyTracker::update(const capture::FrameSet& set, std::vector<ObjectEstimate>& out) {
+  const std::vector<TargetView>& views = views_.look_at(set);
+  seen_regions_.clear();
+  std::vector<Sighting> tracked;  // in the last set
+  for (const auto& object : objects_) tracked.insert(tracked.end(), object->sightings.begin(), object->sightings.end());
+  for (const auto& object : objects_) {
+    if (still_color_.is_room_shared()) add_expected(views, object->filter.belief(), target_.radius_m, tracked);
+  }
+  still_color_.look(views, tracked, set.at);
+  sets_apart_ += is_apart(views) ? 1 : 0;
+  if (set.at < last_at_) forget_all();  // the clock was put back: what was known is of another time
+  times_.belief().open_clocks(set);
+  for (const auto& object : objects_) object->filter.belief().open_clocks(set);
+  if (!views_.unused().empty()) {
+    expect(views_.unused());
+    find_regions(views_.unused());
+    sight(views_.unused(), &Object::watched);
+  }
+  expect(views);
+  find_regions(views);
+  sight(views, &Object::sightings);
+  compare_views(views);
+  for (const auto& object : objects_) follow(*object, set, views);
+  end_what_is_one();
+  if (views.size() >= 2) note_births(set, views);
+  last_at_ = set.at;
+  report(set, out);
+}
+
+// Where each view may show each object.
+void ManyTracker::expect(const std::vector<TargetView>& views) {
+  for (std::size_t i = 0; i < views.size(); ++i) {
+    const TargetView& view = views[i];
+    expected_[i].clear();
+    for (std::size_t o = 0; o < objects_.size(); ++o) {
+      const ObjectFilter& filter = objects_[o]->filter;
+      const MotionBelief& belief = filter.belief();
+      const auto in_view = expected_in(view, belief, target_.radius_m);
+      if (!in_view) continue;
+      const Appearance& at = in_view->at;
+      const double margin = 2 * at.radius_px;
+      if (!(at.px.x() > -margin && at.px.y() > -margin && at.px.x() < view.image->width + margin &&
+            at.px.y() < view.image->height + margin))
+        continue;
+      expected_[i].push_back({o, at, spread_in(view, *in_view, filter, agreement_, options_.acceleration_m_s2),
+                              image_motion(view, at, belief)});
+    }
+  }
+}
+
+void ManyTracker::find_regions(const std::vector<TargetView>& views) {
+  std::vector<color::PixelAt> also;
+  for (std::size_t i = 0; i < views.size(); ++i) {
+    const auto camera = static_cast<std::size_t>(views[i].index);
+    const SizeInView& size = size_in_view_[camera];
+    regions_[i].clear();
+    if (size.largest_px == 0) continue;  // no part of the volume is in view
+    // What is left to be seen of a known object may be.
+    also.clear();
+    for (const ExpectedObject& e : expected_[i]) {
+      const double half = 0.6 * e.at.radius_px;
+      for (const auto& [du, dv] : {std::pair(0.0, 0.0), {half, 0.0}, {-half, 0.0}, {0.0, half}, {0.0, -half}})
+        also.push_back(
+            {static_cast<int>(std::lround(e.at.px.x() + du)), static_cast<int>(std::lround(e.at.px.y() + dv))});
+    }
+    regions_[i] = whole_regions(finders_[camera], *views[i].matches, size, target_.count, also);
+  }
+}
+
+// As of one object (object_sighter.cpp): no two frames have the same noise, and where all regions of a view are those
+// of its frame before to the last pixel, though an object must have moved, it is that frame. Twice in a row they stand
+// still, in pictures without noise.
+bool ManyTracker::is_repeated(const TargetView& view, std::span<const color::ColorRegion> regions,
+                              std::span<const ExpectedObject> expected) {
+  LastRegions& last = last_regions_[static_cast<std::size_t>(view.index)];
+  const double since_s = capture::seconds(view.frame->captured_at - last.captured_at);
+  const bool has_moved = std::ranges::any_of(
+      expected, [&](const ExpectedObject& e) { return e.motion.velocity.norm() * since_s > surely_moved_px; });
+  last.is_repeated =
+      !last.is_repeated && has_moved && !regions.empty() &&
+      std::ranges::equal(regions, last.regions, [](const color::ColorRegion& a, const color::ColorRegion& b) {
+        return a.area == b.area && a.centre == b.centre;
+      });
+  last.regions.assign(regions.begin(), regions.end());
+  last.captured_at = view.frame->captured_at;
+  return last.is_repeated;
+}
+
+// Which region of which view is of which object.
+void ManyTracker::sight(const std::vector<TargetView>& views, std::vector<Sighting> Object::*sightings) {
+  for (const auto& object : objects_) (*object.*sightings).clear();
+  for (std::size_t i = 0; i < views.size(); ++i) {
+    const TargetView& view = views[i];
+    const std::vector<ExpectedObject>& expected = expected_[i];
+    unexplained_[i].clear();
+    if (is_repeated(view, regions_[i], expected)) continue;
+    SharedSightings shared = sharing_.share(view, regions_[i], expected);
+    for (std::size_t e = 0; e < expected.size(); ++e) {
+      Object& object = *objects_[expected[e].object];
+      if (auto& s = shared.of_objects[e]) {
+        s->row = row_of(view, s->px.y(), object.filter.belief());
+        (object.*sightings).push_back(std::move(*s));
+      }
+    }
+    for (std::size_t r = 0; r < regions_[i].size(); ++r) {
+      if (shared.is_explained[r] == 0) unexplained_[i].push_back(regions_[i][r]);
+    }
+  }
+  for (const auto& object : objects_) {
+    still_color_.mark_cut(*object.*sightings);
+    sort_by_time(*object.*sightings);
+  }
+}
+
+// A view that should show the object, and does not where the others have it: the nearest region of its size that no
+// object explains, if it is not nearer to where another one should be. Of a camera that was turned it is the object's.
+std::optional<Sighting> ManyTracker::seen_elsewhere(const TargetView& view, std::size_t i, std::size_t which) const {
+  const auto own = std::ranges::find(expected_[i], which, &ExpectedObject::object);
+  const bool is_seen =
+      std::ranges::any_of(objects_[which]->sightings, [&](const Sighting& s) { return s.row.camera == view.index; });
+  if (is_seen || own == expected_[i].end() || last_regions_[static_cast<std::size_t>(view.index)].is_repeated)
+    return std::nullopt;
+  const double disc = std::numbers::pi * own->at.radius_px * own->at.radius_px;
+  const color::ColorRegion* nearest = nullptr;
+  double distance_px = elsewhere_radii * own->at.radius_px;
+  for (const color::ColorRegion& region : unexplained_[i]) {
+    const double off_px = (region.centre - own->at.px).norm();
+    if (region.area < least_far_share * disc || region.area > largest_far_share * disc || off_px > distance_px)
+      continue;
+    const bool is_anothers = std::ranges::any_of(expected_[i], [&](const ExpectedObject& other) {
+      return other.object != which && (region.centre - other.at.px).norm() < off_px;
+    });
+    if (!is_anothers) nearest = &region, distance_px = off_px;
+  }
+  if (nearest == nullptr) return std::nullopt;
+  Sighting s = sighting_of(view, *nearest, own->at.radius_px, options_.pixel_noise_px, own->motion);
+  s.row = row_of(view, s.px.y(), objects_[which]->filter.belief());
+  return s;
+}
+
+// By one object, the same for as long as it is tracked, and only where it is apart from all others: what two views say
+// of different objects is no contradiction.
+void ManyTracker::compare_views(const std::vector<TargetView>& views) {
+  const auto is_lead = [&](const auto& object) { return object.get() == lead_; };
+  auto lead = std::ranges::find_if(objects_, is_lead);
+  if (lead == objects_.end() || (*lead)->state != TrackState::tracking) {
+    lead = std::ranges::find_if(objects_, [](const auto& o) { return o->is_told && o->state == TrackState::tracking; });
+    // Where doubts let nobody be tracked, only who is seen all the same can tell that they are of the past.
+    if (lead == objects_.end())
+      lead = std::ranges::find_if(objects_, [](const auto& o) { return o->is_told && o->sightings.size() >= 2; });
+    if (lead == objects_.end())
+      lead = std::ranges::find_if(objects_, [](const auto& o) { return o->sightings.size() >= 2; });
+    lead_ = lead == objects_.end() ? nullptr : lead->get();
+  }
+  if (lead_ == nullptr) return;
+  Object& object = **lead;
+  const auto which = static_cast<std::size_t>(lead - objects_.begin());
+  for (std::size_t i = 0; i < views.size(); ++i) {
+    const auto own = std::ranges::find(expected_[i], which, &ExpectedObject::object);
+    if (own == expected_[i].end()) continue;
+    for (const ExpectedObject& other : expected_[i]) {
+      const double apart_px = apart_radii * (own->at.radius_px + other.at.radius_px);
+      if (other.object != which && (other.at.px - own->at.px).norm() < apart_px) return;
+    }
+  }
+  std::vector<Sighting> seen = object.sightings;
+  for (std::size_t i = 0; i < views.size(); ++i) {
+    if (auto elsewhere = seen_elsewhere(views[i], i, which)) seen.push_back(std::move(*elsewhere));
+  }
+  for (const Sighting& s : seen) {
+    const auto view = std::ranges::find(views, s.row.camera, &TargetView::index);
+    if (!s.is_cut && view != views.end()) seen_regions_.add_target(*view, s);
+  }
+  agreement_.compare_sightings(object.filter.belief(), seen);
+}
+
+// Returns the power density to use for this set: a bounce needs one that is not learnt, as what comes after it is as
+// calm as what went before.
+double ManyTracker::learn_acceleration(Object& object, const capture::FrameSet& set) {
+  ObjectFilter& filter = object.filter;
+  const double before = filter.acceleration();
+  filter.raise_acceleration(object.sightings);
+  const double dt = capture::seconds(set.at - filter.belief().at);
+  if (dt > 0 && filter.is_unexplained(object.sightings)) {
+    const double kick = filter.kick_m_s();
+    filter.set_acceleration(before);
+    return std::max(kick * kick / dt, filter.power_density());
+  }
+  filter.settle_acceleration(object.sightings);
+  return filter.power_density();
+}
+
+void ManyTracker::follow(Object& object, const capture::FrameSet& set, const std::vector<TargetView>& views) {
+  agreement_.doubt(object.filter.belief(), object.sightings);
+  agreement_.doubt(object.filter.belief(), object.watched);
+  const double power_density = learn_acceleration(object, set);
+  if (still_color_.is_room_shared())
+    object.existence.update(set.at, object.filter.belief(), power_density, object.sightings, views, target_.radius_m,
+                            clutter_, still_color_);
+  else
+    object.existence.assume();
+  object.filter.update(object.sightings, set.at, object.last_reported, power_density);
+  judge(object, set);
+}
+
+// Outside the volume, too: report() says who is told.
+void ManyTracker::judge(Object& object, const capture::FrameSet& set) {
+  const MotionBelief& belief = object.filter.belief();
+  const Judged now = judged(options_, belief, object.sightings, agreement_.doubted_sigma(belief, object.sightings),
+                            capture::seconds(set.at - object.last_tracking), true);
+  object.state = object.existence.is_refuted()                                      ? TrackState::lost
+                 : now.state == TrackState::tracking && !object.existence.is_sure() ? TrackState::coasting
+                                                                                    : now.state;
+  if (now.is_seen) object.last_tracking = set.at;
+}
+
+// One object that is told twice: the older one stays.
+void ManyTracker::end_what_is_one() {
+  const double least_m = one_object_share * 2 * target_.radius_m;
+  for (std::size_t i = 0; i < objects_.size(); ++i) {
+    for (std::size_t j = i + 1; j < objects_.size(); ++j) {
+      Object &a = *objects_[i], &b = *objects_[j];
+      if (a.state == TrackState::lost || b.state == TrackState::lost) continue;
+      if ((a.filter.belief().position() - b.filter.belief().position()).norm() > least_m) continue;
+      // What is not seen may have been predicted to where it cannot be.
+      if (a.state == TrackState::tracking && b.state == TrackState::coasting) continue;
+      if (b.state == TrackState::tracking && a.state == TrackState::coasting) continue;
+      const bool is_a_better = a.sightings.size() >= b.sightings.size();
+      (is_a_better ? b : a).state = TrackState::lost;
+    }
+  }
+}
+
+void ManyTracker::note_births(const capture::FrameSet& set, const std::vector<TargetView>& views) {
+  std::vector<CoveredDisc> covered;
+  for (const auto& object : objects_) {
+    for (const Sighting& s : object->sightings) {
+      for (std::size_t v = 0; v < views.size(); ++v)
+        if (views[v].index == s.row.camera)
+          covered.push_back({v, s.px,
+                             appearance_of(*s.camera, object->filter.belief().position(), target_.radius_m)
+                                 .value_or(Appearance{})
+                                 .radius_px});
+    }
+  }
+  if (still_color_.is_room_shared()) clutter_.add(views, std::span(unexplained_).first(views.size()));
+  births_.set_must_move(must_move(still_color_, set.at));
+  const std::vector<Birth> births =
+      births_.look(views, std::span(unexplained_).first(views.size()), covered, still_color_, set.at, times());
+  for (const Birth& birth : births) {
+    if (take_up(birth, views, set.at)) continue;
+    const bool is_taken = std::ranges::any_of(objects_, [&](const auto& o) {
+      return o->state != TrackState::lost &&
+             (o->filter.belief().position_at(set.at) - birth.now.position).norm() < 1.5 * target_.radius_m;
+    });
+    if (is_taken || std::ssize(objects_) >= 2 * TargetOptions::most_count) continue;
+    auto fresh = std::make_unique<Object>(rig_, target_.radius_m, options_,
+                                          particle_filter::Rng(options_.seed, stream_ + ++started_));
+    fresh->filter.adopt_times(objects_.empty() ? times_ : objects_.front()->filter);
+    start(*fresh, birth, views, set.at);
+    if (fresh->state != TrackState::lost) objects_.push_back(std::move(fresh));
+  }
+  if (objects_.empty()) search_log_.add(views, std::span(regions_).first(views.size()), options_.volume);
+}
+
+// An object that was not seen for a while is where it may be by now.
+bool ManyTracker::take_up(const Birth& birth, const std::vector<TargetView>& views, capture::Timestamp set_at) {
+  Object* best = nullptr;
+  double best_d2 = take_up_gate;
+  for (const auto& object : objects_) {
+    if (object->state != TrackState::coasting || object->sightings.size() >= 2) continue;
+    const MotionBelief& belief = object->filter.belief();
+    const Eigen::Vector3d d = birth.now.position - belief.position_at(set_at);
+    const Eigen::Matrix3d s = belief.position_covariance() + birth.now.covariance +
+                              target_.radius_m * target_.radius_m * Eigen::Matrix3d::Identity();
+    const double d2 = d.dot(s.inverse() * d);
+    if (d2 < best_d2) best_d2 = d2, best = object.get();
+  }
+  if (best == nullptr) return false;
+  start(*best, birth, views, set_at);
+  return true;
+}
+
+// The belief that the sightings of two sets give, from nothing but what is usual.
+void ManyTracker::start(Object& object, const Birth& birth, const std::vector<TargetView>& views,
+                        capture::Timestamp set_at) {
+  if (still_color_.is_room_shared())
+    object.existence.begin(set_at, birth, views, target_.radius_m,
+                           (options_.volume.max - options_.volume.min).maxCoeff(), options_, clutter_, still_color_);
+  else
+    object.existence.assume();
+  object.sightings = object.filter.start(birth.earlier, birth.now, agreement_, set_at, birth.dt, sets_apart_ == 0,
+                                         object.last_reported);
+  if (lead_ == nullptr) agreement_.compare_found(object.filter.belief(), object.sightings);
+  const double doubted_m = agreement_.doubted_sigma(object.filter.belief(), object.sightings);
+  const double sigma_m = std::max(judged_sigma(object.filter.belief(), object.sightings), doubted_m);
+  object.state = doubted_m > options_.max_coast_sigma_m                                   ? TrackState::lost
+                 : sigma_m <= options_.max_tracking_sigma_m && object.existence.is_sure() ? TrackState::tracking
+                                                                                          : TrackState::coasting;
+  object.last_tracking = set_at;
+}
+
+void ManyTracker::forget_all() {
+  for (const auto& object : objects_) object->state = TrackState::lost;
+  births_.forget();
+}
+
+void ManyTracker::trust(std::span<const CameraTrust> cameras) {
+  const std::vector<std::size_t> moved = views_.trust(cameras);
+  for (const auto& object : objects_) {
+    for (const std::size_t c : moved) object->filter.forget_camera(static_cast<int>(c));
+    object->rig_error.leave_out_poses(cameras);
+  }
+  agreement_.trust(moved, cameras);
+  for (const std::size_t c : moved) still_color_.forget(c);
+  if (!moved.empty()) births_.forget();
+}
+
+PositionParticles ManyTracker::particles() const {
+  PositionParticles all;
+  for (const auto& object : objects_) {
+    if (object->number == 0) continue;
+    const PositionParticles& p = object->filter.particles();
+    all.x.insert(all.x.end(), p.x.begin(), p.x.end());
+    all.y.insert(all.y.end(), p.y.begin(), p.y.end());
+    all.z.insert(all.z.end(), p.z.begin(), p.z.end());
+  }
+  return all;
+}
+
+// What is known of the cameras' times. Before anything is, frames of the same times are of cameras that are triggered
+// together: otherwise nearly any two rays would meet.
+MotionBelief ManyTracker::times() const {
+  MotionBelief out = objects_.empty() ? times_.belief() : objects_.front()->filter.belief();
+  if (started_ == 0 && sets_apart_ == 0) out.expect_in_step();
+  return out;
+}
+
+void ManyTracker::report(const capture::FrameSet& set, std::vector<ObjectEstimate>& out) {
+  out.clear();
+  std::vector<Sighting> seen;  // also by cameras that are not used
+  std::optional<Eigen::Vector3d> further_at;
+  auto told = std::ranges::count_if(objects_, [](const auto& o) { return o->is_told; });
+  for (const auto& object : objects_) {
+    const bool is_inside = inside(options_.volume, object->filter.belief().position(), target_.radius_m);
+    if (is_inside) object->last_inside = set.at;
+    const bool is_birth = !object->is_told;
+    if (is_birth) {  // is it to be told now?
+      if (object->state != TrackState::tracking || !is_inside) continue;
+      if (told >= target_.count) {
+        further_at = object->filter.belief().position();
+        continue;
+      }
+      ++told;
+      object->is_told = true;
+      object->number = ++last_number_;
+    }
+    const bool is_end = object->state == TrackState::lost ||
+                        capture::seconds(set.at - object->last_inside) > longest_outside * options_.coast_s;
+    seen = object->sightings;
+    seen.insert(seen.end(), object->watched.begin(), object->watched.end());
+    const TrackState state = is_end ? TrackState::lost : is_inside ? object->state : TrackState::coasting;
+    out.push_back(object_trackers::report({.set = set,
+                                           .views = views_,
+                                           .radius_m = target_.radius_m,
+                                           .options = options_,
+                                           .state = state,
+                                           .filter = object->filter,
+                                           .agreement = agreement_,
+                                           .sightings = object->sightings,
+                                           .seen = seen},
+                                          object->rig_error, object->last_reported));
+    out.back().object = object->number;
+    out.back().is_birth = is_birth;
+    out.back().is_end = is_end;
+    if (is_end) object->is_told = false;  // if it goes on, outside: who comes in again is new
+  }
+  further_.note(set.at, further_at);
+  std::ranges::sort(out, {}, &ObjectEstimate::object);
+  std::erase_if(objects_, [&](const auto& object) {
+    if (object->state == TrackState::lost) times_.adopt_times(object->filter);
+    return object->state == TrackState::lost;
+  });
+  if (out.empty())
+    out.push_back(none_known(set));
+  else
+    search_log_.clear();
+}
+
+// What is told then is that of the target.
+ObjectEstimate ManyTracker::none_known(const capture::FrameSet& set) const {
+  return without_position(set, views_, times_.belief(), last_number_ == 0 ? TrackState::searching : TrackState::lost);
+}
+
+}  // namespace huetrack::object_trackers

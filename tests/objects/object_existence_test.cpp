@@ -1,0 +1,124 @@
+#include "object_tracking/objects/object_existence.h"
+
+#include <gtest/gtest.h>
+
+#include "scene/scene.h"
+
+namespace huetrack::objects {
+
+using namespace object_tracking;
+
+namespace {
+
+constexpr double radius_m = 0.04;
+
+struct Room {
+  scene::Scene scene = [] {
+    scene::SceneBuilder builder;
+    builder.cameras_on_ring({.count = 3});
+    return builder.build();
+  }();
+  ClutterMap clutter{scene.rig};
+  StillColor still{scene.rig.cameras.size(), 1};
+
+  std::vector<Sighting> sightings(const Eigen::Vector3d& p, double off_px = 0) const {
+    std::vector<Sighting> all;
+    for (std::size_t c = 0; c < scene.rig.cameras.size(); ++c) {
+      Sighting& s = all.emplace_back();
+      s.row.camera = static_cast<int>(c);
+      s.camera = &scene.rig.cameras[c];
+      s.px = appearance_of(*s.camera, p, radius_m)->px + Eigen::Vector2d(off_px, -off_px);
+      s.covariance = 0.25 * Eigen::Matrix2d::Identity();
+    }
+    return all;
+  }
+  Birth birth(const Eigen::Vector3d& earlier, const Eigen::Vector3d& now) const {
+    const Eigen::Matrix3d covariance = 1e-5 * Eigen::Matrix3d::Identity();
+    return {{.position = earlier, .covariance = covariance, .sightings = sightings(earlier)},
+            {.position = now, .covariance = covariance, .sightings = sightings(now)},
+            0.033};
+  }
+  ObjectExistence begun(const Birth& birth) const {
+    ObjectExistence existence;
+    existence.begin({}, birth, {}, radius_m, 2, ObjectTrackerOptions{}, clutter, still);
+    return existence;
+  }
+};
+
+TEST(ClutterMap, KnowsWhereRegionsAreNobodys) {
+  Room room;
+  std::vector<TargetView> views(1);
+  views[0].index = 1;
+  std::vector<std::vector<color::ColorRegion>> regions(1);
+  const double before = room.clutter.density(1, {100, 60});
+  color::ColorRegion flickering;
+  flickering.centre = {100, 60};
+  for (int set = 0; set < 60; ++set) {
+    regions[0].clear();
+    if (set % 3 == 0) regions[0].push_back(flickering);
+    room.clutter.add(views, regions);
+  }
+  EXPECT_GT(room.clutter.density(1, {100, 60}), 4 * room.clutter.density(1, {200, 200}));
+  EXPECT_LT(room.clutter.density(1, {200, 200}), before);  // there is less than a room usually shows
+  EXPECT_EQ(room.clutter.density(0, {100, 60}), before);   // another camera was not looked at
+}
+
+TEST(ObjectExistence, ThreeViewsThatAgreeTwiceAreAnObject) {
+  const Room room;
+  EXPECT_TRUE(room.begun(room.birth({0, 0, 1}, {0.02, 0, 1})).is_sure());
+}
+
+TEST(ObjectExistence, TwoViewsAreNotEnoughAtOnce) {
+  const Room room;
+  Birth birth = room.birth({0, 0, 1}, {0.02, 0, 1});
+  birth.earlier.sightings.pop_back();
+  birth.now.sightings.pop_back();
+  EXPECT_FALSE(room.begun(birth).is_sure());
+}
+
+TEST(ObjectExistence, WhatLiesBesideWhereItIsExpectedIsChance) {
+  const Room room;
+  ObjectExistence existence = room.begun(room.birth({0, 0, 1}, {0.02, 0, 1}));
+  MotionBelief belief(room.scene.rig, false);
+  belief.begin({}, {0.02, 0, 1}, 1e-5, {0.6, 0, 0}, 0.1);
+  existence.update({}, belief, 1.0, room.sightings({0.02, 0, 1}), {}, radius_m, room.clutter, room.still);
+  EXPECT_TRUE(existence.is_sure());
+  existence.update({}, belief, 1.0, room.sightings({0.02, 0, 1}, 40), {}, radius_m, room.clutter, room.still);
+  EXPECT_FALSE(existence.is_sure());
+  EXPECT_FALSE(existence.is_refuted());  // it was there
+}
+
+// Two sets far apart, of an object near slow cameras, may have it anywhere: chance explains them as well. What then
+// goes on as expected is an object all the same.
+TEST(ObjectExistence, WhatBeganUnlikelyIsNotRefutedByWhatSpeaksForIt) {
+  const Room room;
+  Birth birth = room.birth({0, 0, 1}, {0.02, 0, 1});
+  birth.earlier.sightings.pop_back(), birth.earlier.sightings.pop_back();
+  birth.now.sightings.pop_back(), birth.now.sightings.pop_back();
+  birth.dt = 0.5;
+  ObjectExistence existence = room.begun(birth);
+  ASSERT_FALSE(existence.is_sure());
+  EXPECT_FALSE(existence.is_refuted());
+  MotionBelief belief(room.scene.rig, false);
+  belief.begin({}, {0.02, 0, 1}, 1e-5, {0.6, 0, 0}, 0.1);
+  ObjectExistence contradicted = existence;
+  contradicted.update({}, belief, 1.0, room.sightings({0.02, 0, 1}, 40), {}, radius_m, room.clutter, room.still);
+  EXPECT_TRUE(contradicted.is_refuted());
+  existence.update({}, belief, 1.0, room.sightings({0.02, 0, 1}), {}, radius_m, room.clutter, room.still);
+  EXPECT_FALSE(existence.is_refuted());
+  // But furniture goes on as expected, too, where it is.
+  const auto later = capture::Timestamp{} + capture::duration_of(0.3);
+  ObjectExistence moving = existence;
+  existence.update(later, belief, 1.0, room.sightings({0.02, 0, 1}), {}, radius_m, room.clutter, room.still);
+  EXPECT_FALSE(existence.is_sure());
+  EXPECT_TRUE(existence.is_refuted());
+  belief.begin(later, {0.2, 0, 1}, 1e-5, {0.6, 0, 0}, 0.1);
+  auto further = room.sightings({0.2, 0, 1});
+  for (Sighting& s : further) s.row.at = later;
+  moving.update(later, belief, 1.0, further, {}, radius_m, room.clutter, room.still);
+  EXPECT_TRUE(moving.is_sure());
+  EXPECT_FALSE(moving.is_refuted());
+}
+
+}  // namespace
+}  // namespace huetrack::objects

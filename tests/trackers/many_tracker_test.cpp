@@ -1,0 +1,359 @@
+#include <gmock/gmock.h>
+
+#include <cmath>
+#include <map>
+#include <numbers>
+#include <set>
+
+#include "object_tracking/objects/further_objects.h"
+#include "object_tracking/trackers/object_tracker.h"
+#include "scene/scene.h"
+
+namespace huetrack::object_trackers {
+
+using namespace object_tracking;
+using namespace objects;
+
+namespace {
+
+using Eigen::Vector3d;
+using Path = std::function<Vector3d(double)>;
+
+TargetOptions limes(int count) {
+  TargetOptions t;
+  t.name = "lime";
+  t.count = count;
+  t.color.hue_min_deg = 65, t.color.hue_max_deg = 115;
+  return t;
+}
+
+scene::Scene scene_of(const std::vector<Path>& paths, int cameras = 3) {
+  scene::SceneBuilder builder;
+  builder.cameras_on_ring({.count = cameras, .image_size = {320, 240}, .focal_px = 240});
+  for (const Path& path : paths) builder.ball({.path = path});
+  return builder.build();
+}
+
+// What is told, held to the truth: of each object the ball that it is, once and for all.
+struct Told {
+  std::map<std::uint32_t, std::size_t> ball_of;  // by the object's number
+  std::vector<std::size_t> tracked;              // per set
+  std::vector<std::vector<ObjectEstimate>> all;
+  std::size_t swaps = 0, wrong = 0;
+  double worst_m = 0;
+};
+
+Told told_of(const scene::Scene& scene, const std::vector<capture::FrameSet>& sets, int count,
+             std::size_t balls_that_count) {
+  ObjectTracker tracker(scene.rig, limes(count), ObjectTrackerOptions{});
+  Told out;
+  std::vector<ObjectEstimate> estimates;
+  std::set<std::uint32_t> ended;
+  for (const capture::FrameSet& set : sets) {
+    tracker.update(set, estimates);
+    EXPECT_FALSE(estimates.empty());
+    std::size_t tracked = 0;
+    for (const ObjectEstimate& e : estimates) {
+      EXPECT_EQ(e.has_position(), e.position.allFinite());
+      EXPECT_FALSE(ended.contains(e.object));
+      if (e.is_end) ended.insert(e.object);
+      if (e.state != TrackState::tracking) continue;
+      ++tracked;
+      EXPECT_EQ(e.object == 0, count == 1);
+      std::size_t nearest = 0;
+      for (std::size_t b = 0; b < balls_that_count; ++b)
+        if ((scene.ball_at(b, e.at) - e.position).norm() < (scene.ball_at(nearest, e.at) - e.position).norm())
+          nearest = b;
+      const double error_m = (scene.ball_at(nearest, e.at) - e.position).norm();
+      out.worst_m = std::max(out.worst_m, error_m);
+      out.wrong += error_m > 0.1 ? 1 : 0;
+      const auto [at, is_new] = out.ball_of.try_emplace(e.object, nearest);
+      if (count > 1) {
+        EXPECT_EQ(is_new, e.is_birth);
+      }
+      if (!is_new && at->second != nearest) ++out.swaps, at->second = nearest;
+    }
+    out.tracked.push_back(tracked);
+    out.all.push_back(estimates);
+  }
+  return out;
+}
+
+TEST(ManyTracker, findsAllInTwoSetsAndKeepsWhoIsWho) {
+  // Two that cross in the middle, a diameter and a half apart, and one that stands.
+  const scene::Scene scene = scene_of({[](double t) { return Vector3d(-0.6 + 0.8 * t, 0.06, 1.0); },
+                                       [](double t) { return Vector3d(0.6 - 0.8 * t, -0.06, 1.0); },
+                                       [](double) { return Vector3d(0, 0.5, 1.3); }});
+  const Told told = told_of(scene, render(scene, {.set_count = 45}), 3, 3);
+  for (std::size_t i = 1; i < told.tracked.size(); ++i) EXPECT_EQ(told.tracked[i], 3u) << i;
+  EXPECT_EQ(told.ball_of.size(), 3u);
+  EXPECT_EQ(told.swaps, 0u);
+  EXPECT_LT(told.worst_m, 0.02);
+}
+
+// Both cameras and both balls are at one height: every ray of one meets every ray of the other camera.
+TEST(ManyTracker, claimsNothingWhereTwoViewsCannotTellGhosts) {
+  scene::SceneBuilder builder;
+  builder.cameras_on_ring({.count = 4, .height_m = 1.0, .image_size = {320, 240}, .focal_px = 240});
+  scene::Scene scene = builder.build();
+  scene.rig.cameras.resize(2);  // at right angles
+  scene.balls.push_back({.path = [](double) { return Vector3d(0.2, 0.15, 1.0); }});
+  scene.balls.push_back({.path = [](double) { return Vector3d(-0.2, -0.1, 1.0); }});
+  const Told told = told_of(scene, render(scene, {.set_count = 30}), 4, 2);
+  EXPECT_EQ(told.wrong, 0u);
+}
+
+TEST(ManyTracker, tellsBirthsAndEndsAndUsesNoNumberTwice) {
+  // One leaves through the side of the volume; another one comes in there later.
+  const scene::Scene scene = scene_of(
+      {[](double) { return Vector3d(-0.3, 0, 1.0); }, [](double t) { return Vector3d(0.5 + 0.8 * t, 0.2, 1.0); },
+       [](double t) { return Vector3d(3.3 - 0.8 * t, -0.2, 1.0); }},
+      4);
+  const Told told = told_of(scene, render(scene, {.set_count = 105}), 3, 3);
+  EXPECT_EQ(told.wrong, 0u);
+  ASSERT_EQ(told.ball_of.size(), 3u);
+  EXPECT_EQ(told.ball_of.at(3), 2u);
+  std::map<std::uint32_t, int> births, ends;
+  for (const auto& estimates : told.all) {
+    for (const ObjectEstimate& e : estimates) {
+      births[e.object] += e.is_birth ? 1 : 0;
+      ends[e.object] += e.is_end ? 1 : 0;
+      if (e.state == TrackState::tracking) {
+        EXPECT_LT(e.position.x(), 1 + 0.04 + 0.01);
+      }
+      if (e.is_end) {
+        EXPECT_EQ(e.state, TrackState::lost);
+      }
+    }
+  }
+  EXPECT_EQ(births[1] * births[2] * births[3], 1);
+  EXPECT_EQ(ends[1] + ends[2] + ends[3], 1);
+  EXPECT_EQ(ends[told.ball_of.at(1) == 1 ? 1 : 2], 1);
+}
+
+TEST(ManyTracker, isNeverMoreThanWereSaid) {
+  const scene::Scene scene =
+      scene_of({[](double) { return Vector3d(-0.3, 0, 1.0); }, [](double) { return Vector3d(0.3, 0, 1.0); },
+                [](double) { return Vector3d(0, 0.3, 1.2); }});
+  const Told told = told_of(scene, render(scene, {.set_count = 12}), 2, 3);
+  for (std::size_t i = 1; i < told.tracked.size(); ++i) EXPECT_EQ(told.tracked[i], 2u) << i;
+}
+
+// Cameras and cables show a frame once more now and then, with a new stamp: where all objects were before.
+TEST(ManyTracker, leavesAFrameOutThatIsShownOnceMore) {
+  const scene::Scene scene = scene_of({[](double t) { return Vector3d(-0.7 + 1.8 * t, 0.2, 1.0); },
+                                       [](double t) { return Vector3d(0.7 - 1.8 * t, -0.2, 1.2); }});
+  std::vector<capture::FrameSet> sets = render(scene, {.set_count = 20});
+  for (const std::size_t repeated : {8U, 13U})
+    sets[repeated].frames[1]->pixels = capture::Image(sets[repeated - 1].frames[1]->pixels);
+  const Told told = told_of(scene, sets, 2, 2);
+  EXPECT_EQ(told.swaps, 0u);
+  EXPECT_LT(told.worst_m, 0.012);  // it moves by 60 mm from frame to frame
+  for (std::size_t i = 1; i < told.tracked.size(); ++i) EXPECT_EQ(told.tracked[i], 2u) << i;
+}
+
+// A camera that has been turned shows all of them elsewhere: the views contradict one another, and it is told which.
+TEST(ManyTracker, doubtsACameraThatWasTurned) {
+  scene::Scene scene = scene_of({[](double t) { return Vector3d(-0.6 + 0.5 * t, 0.3, 1.0); },
+                                 [](double t) { return Vector3d(0.6 - 0.5 * t, -0.3, 1.2); }},
+                                4);
+  const std::vector<capture::FrameSet> sets = render(scene, {.set_count = 75});
+  calib::CameraRig rig = scene.rig;
+  rig.cameras[2].cam_from_world.rotation =
+      Eigen::AngleAxisd(0.02, Vector3d::UnitX())  // across the epipolar lines of cameras at one height
+      * rig.cameras[2].cam_from_world.rotation;
+  ObjectTracker tracker(rig, limes(2), ObjectTrackerOptions{});
+  std::vector<ObjectEstimate> estimates;
+  for (const capture::FrameSet& set : sets) tracker.update(set, estimates);
+  ASSERT_FALSE(estimates.empty());
+  // The one that is turned more than any other, which share it where two see little of each other's contradiction.
+  EXPECT_GT(estimates.front().per_view[2].doubt_px, 1);
+  for (const std::size_t camera : {0U, 1U, 3U})
+    EXPECT_LT(estimates.front().per_view[camera].doubt_px, 0.9F * estimates.front().per_view[2].doubt_px) << camera;
+}
+
+TEST(ManyTracker, saysThatNoneIsThere) {
+  const scene::Scene scene = scene_of({});
+  ObjectTracker tracker(scene.rig, limes(3), ObjectTrackerOptions{});
+  std::vector<ObjectEstimate> estimates;
+  for (const capture::FrameSet& set : render(scene, {.set_count = 3})) {
+    tracker.update(set, estimates);
+    ASSERT_EQ(estimates.size(), 1u);
+    EXPECT_EQ(estimates.front().object, 0u);
+    EXPECT_EQ(estimates.front().state, TrackState::searching);
+  }
+}
+
+TEST(ManyTracker, refusesCountsThatItCannotTrack) {
+  const scene::Scene scene = scene_of({});
+  for (const int count : {0, -1, 17, 1000})
+    EXPECT_THAT([&] { ObjectTracker(scene.rig, limes(count), ObjectTrackerOptions{}); },
+                testing::ThrowsMessage<std::invalid_argument>(testing::HasSubstr("count must be 1 to 16")));
+  ObjectTrackerOptions paper;
+  paper.observation = Observation::paper;
+  EXPECT_THAT([&] { ObjectTracker(scene.rig, limes(2), paper); },
+              testing::ThrowsMessage<std::invalid_argument>(testing::HasSubstr("paper")));
+}
+
+// A cupboard of the ball's colour stands there from the start; the ball comes after a second, passes it and rests.
+TEST(StillColor, isNoObjectAndARestingOneStays) {
+  scene::SceneBuilder builder;
+  builder.cameras_on_ring({.count = 3});
+  builder.ball({.path = [](double t) {
+    if (t < 0.5) return Vector3d(0, 0, 20);  // nowhere
+    return Vector3d(-0.8 + 0.9 * std::min(t - 0.5, 1.0), 0.1, 1.2);
+  }});
+  for (const double angle : {0.4, 1.5, 3.0, 4.4})
+    builder.ball({.radius_m = 0.25,
+                  .path = [=](double) { return Vector3d(1.7 * std::cos(angle), 1.7 * std::sin(angle), 0.6); }});
+  const scene::Scene scene = builder.build();
+  const std::vector<capture::FrameSet> sets = render(scene, {.set_count = 115});  // it rests for two seconds
+  for (const int count : {1, 3}) {
+    const Told told = told_of(scene, sets, count, 1);
+    EXPECT_EQ(told.wrong, 0u) << count;
+    std::size_t found = 0;
+    while (found < told.tracked.size() && told.tracked[found] == 0) ++found;
+    EXPECT_GE(found, 15u) << count;
+    EXPECT_LE(found, 18u) << count;
+    for (std::size_t i = 50; i < told.tracked.size(); ++i) EXPECT_EQ(told.tracked[i], 1u) << i << " of " << count;
+  }
+}
+
+// In a room that has its colour a ball that rests from the start is found as soon as anywhere: two views see it whole
+// and as large as it must be there.
+TEST(StillColor, aBallThatRestsFromTheStartIsFoundAtOnce) {
+  scene::SceneBuilder builder;
+  builder.cameras_on_ring({.count = 3});
+  builder.ball({.path = [](double) { return Vector3d(0.1, 0.1, 1.2); }});
+  for (const double angle : {0.4, 1.5, 3.0, 4.4})
+    builder.ball({.radius_m = 0.25,
+                  .path = [=](double) { return Vector3d(1.7 * std::cos(angle), 1.7 * std::sin(angle), 0.6); }});
+  const scene::Scene scene = builder.build();
+  const std::vector<capture::FrameSet> sets = render(scene, {.set_count = 30});
+  const Told told = told_of(scene, sets, 1, 1);
+  EXPECT_EQ(told.wrong, 0u);
+  for (std::size_t i = 3; i < told.tracked.size(); ++i) EXPECT_EQ(told.tracked[i], 1u) << i;
+}
+
+// Two views that show a disc of nearly its size, none of them all of it: its dark side is not of the colour.
+TEST(StillColor, aBallWithADarkSideIsFoundAtOnce) {
+  scene::SceneBuilder builder;
+  builder.cameras_on_ring({.count = 3});
+  builder.ball({.radius_m = 0.034, .path = [](double) { return Vector3d(-0.2, 0.1, 1.5); }});
+  for (const double angle : {0.4, 1.5, 3.0})
+    builder.ball({.radius_m = 0.25,
+                  .path = [=](double) { return Vector3d(1.7 * std::cos(angle), 1.7 * std::sin(angle), 0.6); }});
+  scene::Scene scene = builder.build();
+  scene.rig.cameras.erase(scene.rig.cameras.begin());  // two that do not face each other
+  const Told told = told_of(scene, render(scene, {.set_count = 30}), 1, 1);
+  EXPECT_EQ(told.wrong, 0u);
+  for (std::size_t i = 3; i < told.tracked.size(); ++i) EXPECT_EQ(told.tracked[i], 1u) << i;
+}
+
+// What may be an object as well as a part of the room is followed until that is known, and not told before.
+TEST(StillColor, whatMayBeFurnitureIsNotTold) {
+  scene::SceneBuilder builder;
+  builder.cameras_on_ring({.count = 2});
+  builder.ball({.path = [](double t) { return Vector3d(0.1, 0.1 + 0.3 * std::max(0.0, t - 1), 1.0); }});
+  for (const double angle : {0.4, 1.5, 3.0, 4.4})
+    builder.ball({.radius_m = 0.12, .path = [=](double t) {
+                    const double sway_m = 0.014 * std::sin(9 * t + angle);
+                    return Vector3d((1.3 + sway_m) * std::cos(angle), (1.3 - sway_m) * std::sin(angle), 0.8 + sway_m);
+                  }});
+  const scene::Scene scene = builder.build();
+  ObjectTracker tracker(scene.rig, limes(1), ObjectTrackerOptions{});
+  bool has_been_tracked = false;
+  for (const capture::FrameSet& set : render(scene, {.set_count = 75})) {
+    const ObjectEstimate estimate = tracker.update(set);
+    has_been_tracked = has_been_tracked || estimate.state == TrackState::tracking;
+    EXPECT_TRUE(has_been_tracked || !estimate.has_position()) << set.number;
+  }
+  EXPECT_TRUE(has_been_tracked);
+}
+
+// A camera that was turned is doubted, so that nobody is sure enough to be told; when it stands as it should again, the
+// views say so by what they see all the same.
+TEST(ManyTracker, doubtsOfThePastDoNotHideObjectsForEver) {
+  scene::Scene scene = scene_of({[](double t) { return Vector3d(-0.3 + 0.2 * std::sin(2 * t), 0.3, 1.0); },
+                                 [](double t) { return Vector3d(0.3, -0.3 + 0.2 * std::cos(2 * t), 1.2); }},
+                                2);
+  std::vector<capture::FrameSet> sets = render(scene, {.set_count = 200});
+  scene::Scene turned = scene;
+  turned.rig.cameras[1].cam_from_world.rotation =
+      Eigen::AngleAxisd(0.15, Vector3d::UnitX()) * turned.rig.cameras[1].cam_from_world.rotation;
+  const std::vector<capture::FrameSet> bad = render(turned, {.set_count = 75});
+  for (std::size_t i = 45; i < 75; ++i) sets[i] = bad[i];
+  const Told told = told_of(scene, sets, 2, 2);
+  EXPECT_EQ(told.wrong, 0u);
+  for (std::size_t i = 180; i < told.tracked.size(); ++i) EXPECT_EQ(told.tracked[i], 2u) << i;
+}
+
+// Something stands before it in one of three views, and nobody knows of that.
+TEST(ManyTracker, findsWhatRestsBehindSomethingInOneView) {
+  scene::Scene scene = scene_of({[](double) { return Vector3d(0.1, 0.1, 1.0); }});
+  const Vector3d camera = scene.rig.cameras[2].centre(), ball = scene.ball_at(0, {});
+  const Vector3d before = ball + 0.3 * (camera - ball).normalized();
+  const Vector3d aside = 0.1 * (camera - ball).cross(Vector3d::UnitZ()).normalized();
+  scene.walls.push_back(
+      {.corner = before - aside - Vector3d(0, 0, 0.1), .along = 2 * aside, .up = Vector3d(0, 0, 0.2)});
+  const Told told = told_of(scene, render(scene, {.set_count = 30}), 3, 1);
+  EXPECT_EQ(told.wrong, 0u);
+  for (std::size_t i = 10; i < told.tracked.size(); ++i) EXPECT_EQ(told.tracked[i], 1u) << i;
+}
+
+TEST(FurtherObject, isToldWhenItStaysAndNotForAMoment) {
+  FurtherObject further;
+  const auto at = [](double s) { return capture::Timestamp{} + capture::duration_of(s); };
+  const Vector3d there(0.3, 0.1, 1);
+  further.note(at(0), there);
+  further.note(at(0.5), std::nullopt);
+  further.note(at(1), there);
+  further.note(at(2), there);
+  EXPECT_FALSE(further.told());
+  further.note(at(2.6), there);
+  ASSERT_TRUE(further.told());
+  EXPECT_EQ(*further.told(), there);
+  further.note(at(3), std::nullopt);
+  EXPECT_TRUE(further.told());
+  further.note(at(4.6), std::nullopt);
+  EXPECT_FALSE(further.told());
+}
+
+TEST(FurtherObject, isGoneWithTheObjectsThemselves) {
+  const auto until = [](double end_s, double x) {
+    return [=](double t) { return t < end_s ? Vector3d(x, 0.1, 1.0) : Vector3d(0, 0, 20); };
+  };
+  const scene::Scene scene = scene_of({until(2.5, -0.4), until(2.5, 0.4)});
+  ObjectTracker tracker(scene.rig, limes(1), ObjectTrackerOptions{});
+  bool was_told = false;
+  for (const capture::FrameSet& set : render(scene, {.set_count = 150})) {
+    tracker.update(set);
+    was_told = was_told || tracker.further_object().has_value();
+  }
+  EXPECT_TRUE(was_told);
+  EXPECT_FALSE(tracker.further_object());
+}
+
+TEST(FurtherObject, isSeenBesideWhatIsTrackedAndMovesNothing) {
+  const Path first = [](double t) { return Vector3d(-0.4 + 0.2 * std::sin(t), 0, 1.0); },
+             second = [](double) { return Vector3d(0.4, 0.2, 1.1); };
+  const auto further_beside = [&](const std::vector<Path>& paths, int count) {
+    const scene::Scene scene = scene_of(paths);
+    ObjectTracker tracker(scene.rig, limes(count), ObjectTrackerOptions{});
+    std::vector<ObjectEstimate> estimates;
+    for (const capture::FrameSet& set : render(scene, {.set_count = 75})) tracker.update(set, estimates);
+    return tracker.further_object();
+  };
+  EXPECT_FALSE(further_beside({first}, 1));
+  EXPECT_FALSE(further_beside({first, second}, 2));
+  const auto one_more = further_beside({first, second}, 1);
+  ASSERT_TRUE(one_more);
+  const double looked_at_s = 2.1;  // the last time
+  const bool is_one_of_them =
+      (*one_more - second(looked_at_s)).norm() < 0.02 || (*one_more - first(looked_at_s)).norm() < 0.02;
+  EXPECT_TRUE(is_one_of_them) << one_more->transpose();
+  EXPECT_TRUE(further_beside({first, second, [](double) { return Vector3d(0, -0.5, 1.3); }}, 2));
+}
+
+}  // namespace
+}  // namespace huetrack::object_trackers

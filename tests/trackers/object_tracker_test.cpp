@@ -1,0 +1,740 @@
+#include "object_tracking/trackers/object_tracker.h"
+
+#include <gmock/gmock.h>
+
+#include <Eigen/Cholesky>
+#include <bit>
+#include <cmath>
+#include <functional>
+#include <random>
+#include <stdexcept>
+
+#include "object_tracking/trackers/region_tracker.h"
+#include "scene/lime.h"
+
+namespace huetrack::object_trackers {
+
+using namespace object_tracking;
+using namespace objects;
+
+namespace {
+
+using Eigen::Vector3d;
+using scene::lime;
+using testing::AllOf;
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::IsEmpty;
+
+scene::BallOptions pink_ball() {
+  return {.name = "pink", .rgb = {0.85, 0.25, 0.55}};
+}
+
+TargetOptions pink() {
+  TargetOptions t = lime();
+  t.name = "pink";
+  t.color.hue_min_deg = 310, t.color.hue_max_deg = 355;
+  return t;
+}
+
+ObjectTrackerOptions options_with(std::uint64_t seed = 1, Observation observation = Observation::huetrack) {
+  ObjectTrackerOptions o;
+  o.seed = seed;
+  o.observation = observation;
+  return o;
+}
+
+scene::SceneBuilder ring(int count) {
+  return scene::SceneBuilder{}.cameras_on_ring({.count = count});
+}
+
+// What holds of every estimate, whatever happens.
+void expect_sound(const ObjectEstimate& e, const capture::FrameSet& set, std::size_t cameras) {
+  // Of the newest sighting, which lies on some row of some frame of the set.
+  EXPECT_LT(std::chrono::abs(e.at - set.at), std::chrono::milliseconds(60));
+  if (!e.has_position()) {
+    EXPECT_EQ(e.at, set.at);
+  }
+  EXPECT_EQ(e.set_number, set.number);
+  EXPECT_EQ(e.has_position(), e.state == TrackState::tracking || e.state == TrackState::coasting);
+  for (const bool finite :
+       {e.position.allFinite(), e.velocity.allFinite(), e.covariance.allFinite(), e.map_position.allFinite()})
+    EXPECT_EQ(finite, e.has_position()) << name(e.state);
+  if (e.has_position()) {
+    EXPECT_EQ(Eigen::LLT<Eigen::Matrix3d>(e.covariance).info(), Eigen::Success) << e.covariance;
+    EXPECT_LT((e.covariance - e.covariance.transpose()).norm(), 1e-12);
+  }
+  EXPECT_GE(e.confidence, 0);
+  EXPECT_LE(e.confidence, 1);
+  EXPECT_GE(e.effective_sample_size, 1);
+  EXPECT_LE(e.effective_sample_size, e.particle_count);
+  ASSERT_EQ(e.per_view.size(), cameras);
+  int seen = 0;
+  for (std::size_t c = 0; c < cameras; ++c) {
+    const ViewSupport& view = e.per_view[c];
+    seen += view.seen ? 1 : 0;
+    EXPECT_TRUE(!view.seen || view.in_view);
+    EXPECT_TRUE(!view.in_view || view.delivered);
+    EXPECT_TRUE(!view.delivered || (c < set.frames.size() && set.frames[c]));
+    EXPECT_EQ(view.px.allFinite(), view.in_view);
+  }
+  EXPECT_EQ(seen, e.views);
+}
+
+struct Outcome {
+  std::vector<ObjectEstimate> estimates;
+  std::vector<double> error_m;                           // NaN without a position
+  std::size_t lock = 1000;                               // 1: the first set
+  double rms_m = 0, mean_nees = 0, share_inside_95 = 0;  // from the lock on, in `tracking`
+};
+
+Outcome run(const scene::Scene& scene, const std::vector<capture::FrameSet>& sets, const TargetOptions& target,
+            const ObjectTrackerOptions& options, std::size_t ball = 0) {
+  ObjectTracker tracker(scene.rig, target, options);
+  Outcome out;
+  double sum2 = 0;
+  int n = 0;
+  for (const capture::FrameSet& set : sets) {
+    const ObjectEstimate e = tracker.update(set);
+    expect_sound(e, set, scene.rig.cameras.size());
+    const Vector3d error = e.position - scene.ball_at(ball, e.at);
+    out.error_m.push_back(error.norm());
+    out.estimates.push_back(e);
+    if (e.state != TrackState::tracking) continue;
+    EXPECT_LT(error.norm(), 0.1) << "`tracking`, set " << set.number;
+    if (out.lock == 1000) out.lock = out.estimates.size();
+    const double nees = error.dot(e.covariance.llt().solve(error));
+    sum2 += error.squaredNorm(), out.mean_nees += nees, out.share_inside_95 += nees < 7.815 ? 1 : 0, ++n;
+  }
+  out.rms_m = std::sqrt(sum2 / n), out.mean_nees /= n, out.share_inside_95 /= n;
+  return out;
+}
+
+// All that it says, to the last bit.
+std::vector<std::uint64_t> bits_of(const ObjectEstimate& e) {
+  std::vector<std::uint64_t> out{static_cast<std::uint64_t>(e.state), static_cast<std::uint64_t>(e.views),
+                                 static_cast<std::uint64_t>(e.particle_count)};
+  const auto add = [&out](double x) { out.push_back(std::bit_cast<std::uint64_t>(x)); };
+  for (int i = 0; i < 3; ++i) add(e.position(i)), add(e.velocity(i)), add(e.map_position(i));
+  for (int i = 0; i < 9; ++i) add(e.covariance(i));
+  add(e.confidence), add(e.effective_sample_size);
+  for (const ViewSupport& v : e.per_view) {
+    out.push_back((v.delivered ? 1 : 0) + (v.in_view ? 2 : 0) + (v.seen ? 4 : 0));
+    for (const float x : {v.px.x(), v.px.y(), v.radius_px, v.support, v.residual_px})
+      out.push_back(std::bit_cast<std::uint32_t>(x));
+  }
+  return out;
+}
+
+std::vector<std::vector<std::uint64_t>> bits_of(const std::vector<ObjectEstimate>& estimates) {
+  std::vector<std::vector<std::uint64_t>> out;
+  for (const ObjectEstimate& e : estimates) out.push_back(bits_of(e));
+  return out;
+}
+
+TEST(ObjectTracker, locksByTheThirdSetAndIsHonest) {
+  double nees = 0, inside = 0;
+  int runs = 0;
+  for (const int cameras : {2, 3}) {
+    const scene::Scene scene = ring(cameras).ball({}).build();
+    for (std::uint64_t seed = 1; seed <= 4; ++seed) {
+      const Outcome o = run(scene, scene::render(scene, {.set_count = 50, .seed = seed}), lime(), options_with(seed));
+      EXPECT_LE(o.lock, 3u) << cameras << " cameras, seed " << seed;
+      EXPECT_LT(o.rms_m, 0.006) << cameras << " cameras, seed " << seed;
+      for (std::size_t i = o.lock; i < o.estimates.size(); ++i)
+        EXPECT_EQ(o.estimates[i].state, TrackState::tracking) << i;
+      nees += o.mean_nees, inside += o.share_inside_95, ++runs;
+    }
+  }
+  EXPECT_GT(nees / runs,
+            0.9);  // this scene lights balls evenly: errors that last, which the tracker expects, are not there
+  EXPECT_LT(nees / runs, 6);
+  EXPECT_GT(inside / runs, 0.85);
+}
+
+TEST(ObjectTracker, readsEveryFormat) {
+  for (const capture::PixelFormat format :
+       {capture::PixelFormat::yuyv, capture::PixelFormat::nv12, capture::PixelFormat::i420, capture::PixelFormat::i422,
+        capture::PixelFormat::i444, capture::PixelFormat::bgr}) {
+    const scene::Scene scene = ring(2).ball({}).build();
+    const Outcome o = run(scene, scene::render(scene, {.set_count = 15, .format = format}), lime(), options_with());
+    EXPECT_LE(o.lock, 3u) << capture::name(format);
+    EXPECT_LT(o.rms_m, 0.01) << capture::name(format);
+  }
+}
+
+TEST(ObjectTracker, findsNothingWhereNothingIs) {
+  scene::Scene scene = ring(3).build();
+  ObjectTracker tracker(scene.rig, lime(), options_with());
+  for (const capture::FrameSet& set : scene::render(scene, {.set_count = 20})) {
+    const ObjectEstimate e = tracker.update(set);
+    expect_sound(e, set, 3);
+    EXPECT_EQ(e.state, TrackState::searching);
+  }
+  ObjectTracker of_grey(scene.rig, lime(), options_with());
+  scene.balls.push_back({});
+  for (const capture::FrameSet& set : scene::render(scene, {.set_count = 5, .format = capture::PixelFormat::grey})) {
+    EXPECT_EQ(of_grey.update(set).state, TrackState::searching);
+  }
+}
+
+// Through a chimney without a roof, 40 cm wide, whose walls hide the ball from all cameras for a second.
+class BehindWalls : public testing::TestWithParam<int> {};
+
+TEST_P(BehindWalls, coastsIsLostAndComesBack) {
+  const double a = 0.2;
+  const Vector3d up(0, 0, 2.5), x(2 * a, 0, 0), y(0, 2 * a, 0);
+  scene::SceneBuilder builder = ring(GetParam());
+  for (const scene::Wall& wall :
+       {scene::Wall{{-a, -a, 0}, x, up}, {{-a, a, 0}, x, up}, {{-a, -a, 0}, y, up}, {{a, -a, 0}, y, up}})
+    builder.wall(wall);
+  const scene::Scene scene =
+      builder.ball({.path = [](double t) { return Vector3d(-0.7 + 0.35 * t, 0.45 - 0.2 * t, 1.0); }}).build();
+  for (std::uint64_t seed = 1; seed <= 2; ++seed) {
+    const Outcome o = run(scene, scene::render(scene, {.set_count = 120, .seed = seed}), lime(), options_with(seed));
+    const auto state_is = [&](TrackState s) { return std::ranges::count(o.estimates, s, &ObjectEstimate::state); };
+    EXPECT_LE(o.lock, 3u);
+    EXPECT_GT(state_is(TrackState::coasting), 2);
+    EXPECT_GT(state_is(TrackState::lost), 2);
+    EXPECT_LT(state_is(TrackState::searching), 3);  // that is before it was ever found
+    EXPECT_EQ(o.estimates.back().state, TrackState::tracking);
+    EXPECT_LT(o.error_m.back(), 0.02);
+    // While it coasts it is ever less sure.
+    for (std::size_t i = 1; i < o.estimates.size(); ++i) {
+      const ObjectEstimate &before = o.estimates[i - 1], &now = o.estimates[i];
+      if (now.state == TrackState::coasting && now.views == 0 && before.has_position()) {
+        EXPECT_GT(now.covariance.trace(), before.covariance.trace()) << i;
+      }
+      if (now.views == 0) {
+        EXPECT_NE(now.state, TrackState::tracking) << i;
+      }
+    }
+  }
+}
+INSTANTIATE_TEST_SUITE_P(Cameras, BehindWalls, testing::Values(2, 3));
+
+TEST(ObjectTracker, droppedFrames) {
+  const scene::Scene scene = ring(3).ball({}).build();
+  const Outcome o =
+      run(scene, scene::render(scene, {.set_count = 90, .dropped_frames = 0.25, .seed = 3}), lime(), options_with());
+  EXPECT_LE(o.lock, 6u);
+  EXPECT_LT(o.rms_m, 0.01);
+  EXPECT_EQ(std::ranges::count(o.estimates, TrackState::lost, &ObjectEstimate::state), 0);
+}
+
+// The rig says when their rows are exposed: global shutters, stamped at mid-exposure.
+scene::Scene with_known_times(scene::Scene scene) {
+  for (calib::Camera& camera : scene.rig.cameras)
+    camera.timing = {.latency_s = 0, .latency_sigma_s = 0, .readout_s = 0, .readout_sigma_s = 0};
+  return scene;
+}
+
+// The same, but nobody says that the stamps are right. What the times leave open is said, and then learnt.
+TEST(ObjectTracker, camerasWhoseTimesNobodyKnows) {
+  const scene::Scene scene =
+      ring(3)
+          .ball({.path =
+                     [](double t) {
+                       return Vector3d(0.5 * std::sin(4 * t), 0.4 * std::cos(4 * t), 1 + 0.3 * std::sin(3 * t));
+                     }})
+          .build();
+  std::vector<capture::FrameSet> sets = scene::render(scene, {.set_count = 240, .offset_s = {0, 0.011, 0.022}});
+  for (capture::FrameSet& set : sets) {  // one camera's stamps are late
+    for (auto& frame : set.frames)
+      if (frame && frame->camera == 2) frame->captured_at += capture::duration_of(0.025);
+    set.at += capture::duration_of(0.025);
+  }
+  ObjectTracker tracker(scene.rig, lime(), options_with());
+  double nees = 0, sum2 = 0;
+  int n = 0, late_n = 0;
+  ObjectEstimate e;
+  for (const capture::FrameSet& set : sets) {
+    e = tracker.update(set);
+    if (e.state != TrackState::tracking) continue;
+    const Vector3d error = e.position - scene.ball_at(0, e.at);
+    nees += error.dot(e.covariance.llt().solve(error)), ++n;
+    if (set.number >= 150) sum2 += error.squaredNorm(), ++late_n;
+  }
+  EXPECT_GT(n, 200);
+  EXPECT_LT(nees / n, 6);
+  EXPECT_LT(std::sqrt(sum2 / late_n), 0.015);
+  EXPECT_NEAR(e.times[1].latency_s, 0, 0.0015);
+  EXPECT_NEAR(e.times[2].latency_s, 0.025, 0.0015);
+  EXPECT_EQ(e.times[0].latency_sigma_s, 0);
+}
+
+// Two of three cameras are of another host, whose clock is off by some milliseconds that nobody can tell from the
+// stamps. How well it is known comes with the frames, and is a part of the covariance.
+TEST(ObjectTracker, whatIsNotKnownOfAnotherHostsClockIsInTheCovariance) {
+  constexpr double sigma_s = 3e-3;
+  double nees_told = 0, nees_untold = 0;
+  int runs = 0;
+  for (unsigned seed = 1; seed <= 8; ++seed) {
+    scene::Scene scene =
+        ring(3)
+            .ball({.path =
+                       [](double t) {
+                         return Vector3d(0.5 * std::sin(4 * t), 0.4 * std::cos(4 * t), 1 + 0.3 * std::sin(3 * t));
+                       }})
+            .build();
+    for (calib::Camera& camera : scene.rig.cameras)
+      camera.timing = {.latency_s = 0, .latency_sigma_s = 2e-4, .readout_s = 0, .readout_sigma_s = 2e-4};
+    std::mt19937 random(seed);
+    const double off_s = std::normal_distribution<double>(0, sigma_s)(random);
+    std::vector<capture::FrameSet> sets = scene::render(scene, {.set_count = 45, .offset_s = {0, 0.011, 0.022}});
+    for (const bool is_told : {false, true}) {
+      for (capture::FrameSet& set : sets) {
+        for (auto& frame : set.frames) {
+          if (!frame || frame->camera == 0) continue;
+          if (!is_told)
+            frame->captured_at += capture::duration_of(off_s), set.at = std::max(set.at, frame->captured_at);
+          frame->clock = {.of = 1, .sigma = capture::duration_of(is_told ? sigma_s : 0)};
+        }
+      }
+      ObjectTracker tracker(scene.rig, lime(), options_with(seed));
+      double sum = 0;
+      int n = 0;
+      for (const capture::FrameSet& set : sets) {
+        const ObjectEstimate e = tracker.update(set);
+        if (e.state != TrackState::tracking) continue;
+        const Vector3d error = e.position - scene.ball_at(0, e.at);
+        sum += error.dot(e.covariance.llt().solve(error)), ++n;
+      }
+      ASSERT_GT(n, 35) << seed;
+      (is_told ? nees_told : nees_untold) += sum / n;
+    }
+    ++runs;
+  }
+  EXPECT_LT(nees_told / runs, 5) << "3 is honest";
+  EXPECT_GT(nees_untold / runs, 2 * nees_told / runs);
+}
+
+// All cameras are of one other host: what its clock is off moves nothing that views could show, and the position as a
+// whole along its way.
+TEST(ObjectTracker, aClockThatAllCamerasShareLeavesTheTimeOfThePositionOpen) {
+  const scene::Scene scene = ring(3).ball({}).build();
+  std::vector<capture::FrameSet> sets = scene::render(scene, {.set_count = 30});
+  ObjectTracker exact(scene.rig, lime(), options_with()), unsure(scene.rig, lime(), options_with());
+  int compared = 0;
+  for (capture::FrameSet& set : sets) {
+    const ObjectEstimate a = exact.update(set);
+    for (auto& frame : set.frames) frame->clock = {.of = 1, .sigma = capture::duration_of(2e-3)};
+    const ObjectEstimate b = unsure.update(set);
+    ASSERT_EQ(a.state, b.state);
+    if (a.state != TrackState::tracking) continue;
+    EXPECT_TRUE(a.position == b.position);
+    const Eigen::Matrix3d expected = a.covariance + 4e-6 * a.velocity * a.velocity.transpose();
+    EXPECT_LT((b.covariance - expected).norm(), 1e-12);
+    ++compared;
+  }
+  EXPECT_GT(compared, 20);
+}
+
+// It falls at 5 m/s and comes back as fast: between two frames at 60 fps its velocity changes by 10 m/s.
+TEST(ObjectTracker, whatTheCalibrationLeftOpenIsInTheCovarianceAndMovesNothing) {
+  scene::Scene scene = ring(3).ball({}).build();
+  const auto sets = scene::render(scene, {.set_count = 30});
+  TargetOptions regions_only = lime();  // sightings that are as sure in each view: outlines come to one before another
+  regions_only.shape = TargetShape::blob;
+  ObjectTracker exact(scene.rig, regions_only, options_with());
+  // Poses to 3 mrad and 5 mm, each for itself.
+  Eigen::VectorXd variance(18);
+  for (int c = 0; c < 3; ++c) variance.segment<6>(6 * c) << 9e-6, 9e-6, 9e-6, 25e-6, 25e-6, 25e-6;
+  calib::CameraRig rig = scene.rig;
+  rig.uncertainty = calib::RigUncertainty::of(std::vector(3, calib::RigUncertainty::OfCamera{.has_pose = true}),
+                                              variance.asDiagonal().toDenseMatrix());
+  ObjectTracker unsure(rig, regions_only, options_with()), mended(rig, regions_only, options_with());
+  std::vector<CameraTrust> posed_anew(3);  // poses that are exactly known now
+  for (std::size_t c = 0; c < 3; ++c) posed_anew[c].cam_from_world = rig.cameras[c].cam_from_world;
+  mended.trust(posed_anew);
+  const std::vector<calib::PlaceView> views{
+      {0, Eigen::Matrix2d::Identity()}, {1, Eigen::Matrix2d::Identity()}, {2, Eigen::Matrix2d::Identity()}};
+  int compared = 0;
+  for (const capture::FrameSet& set : sets) {
+    const ObjectEstimate a = exact.update(set), b = unsure.update(set), c = mended.update(set);
+    ASSERT_EQ(a.state, b.state);
+    if (a.state != TrackState::tracking || b.views < 3) continue;
+    EXPECT_TRUE(a.position == b.position);
+    const Eigen::Matrix3d added = b.covariance - a.covariance;
+    const Eigen::Matrix3d expected = calib::left_open_by_rig(rig, b.position, views);
+    EXPECT_NEAR(added.trace() / expected.trace(), 1, 0.3);  // as far as the views are alike
+    EXPECT_LT((c.covariance - a.covariance).trace(), 0.01 * added.trace());
+    ++compared;
+  }
+  EXPECT_GT(compared, 20);
+}
+
+TEST(ObjectTracker, aBounceLosesNothing) {
+  const scene::Scene scene =
+      ring(4)
+          .ball({.path = [](double t) { return Vector3d(0.3 - 0.8 * t, 0.1, 0.4 + 5 * std::abs(0.22 - t)); }})
+          .build();
+  const std::vector<capture::FrameSet> sets = scene::render(scene, {.set_count = 26, .fps = 60});
+  const Outcome o = run(scene, sets, lime(), options_with());
+  EXPECT_LE(o.lock, 4u);
+  for (std::size_t i = o.lock; i < o.estimates.size(); ++i) {
+    EXPECT_EQ(o.estimates[i].state, TrackState::tracking) << i;
+    EXPECT_LT(o.error_m[i], 0.03) << i;
+  }
+}
+
+// A camera that shows a frame once more contradicts the others, which are believed.
+TEST(ObjectTracker, aFrameThatIsShownAgainIsNotABounce) {
+  const scene::Scene scene = ring(3).ball({}).build();
+  std::vector<capture::FrameSet> sets = scene::render(scene, {.set_count = 80});
+  for (std::size_t i = 20; i < 80; i += 7) sets[i].frames[1]->pixels = sets[i - 2].frames[1]->pixels;
+  const Outcome o = run(scene, sets, lime(), options_with());
+  EXPECT_LT(o.rms_m, 0.008);
+  for (std::size_t i = o.lock; i < o.error_m.size(); ++i) EXPECT_LT(o.error_m[i], 0.03) << i;
+}
+
+// Of two cameras nobody could tell which one is wrong; but no two frames of a moving object are the same.
+TEST(ObjectTracker, aFrameThatIsShownAgainSaysNothing) {
+  const scene::Scene scene = ring(2).ball({}).build();
+  std::vector<capture::FrameSet> sets = scene::render(scene, {.set_count = 80});
+  for (std::size_t i = 20; i < 80; i += 7) sets[i].frames[1]->pixels = sets[i - 1].frames[1]->pixels;
+  const Outcome o = run(scene, sets, lime(), options_with());
+  for (std::size_t i = 20; i < 80; ++i) {
+    const ViewSupport &before = o.estimates[i - 1].per_view[1], &now = o.estimates[i].per_view[1];
+    const bool is_shown_again = (i - 20) % 7 == 0;
+    if (!is_shown_again || (now.px - before.px).norm() > 2) {
+      EXPECT_EQ(now.seen, !is_shown_again) << i;
+    }
+    EXPECT_LT(o.error_m[i], 0.02) << i;
+  }
+}
+
+// Cameras that look at different times, a ball at 2 m/s: 22 ms are 44 mm.
+TEST(ObjectTracker, freeRunningCameras) {
+  const scene::Scene scene =
+      ring(3)
+          .ball({.path =
+                     [](double t) {
+                       return Vector3d(0.5 * std::sin(4 * t), 0.4 * std::cos(4 * t), 1 + 0.2 * std::sin(3 * t));
+                     }})
+          .build();
+  const std::vector<capture::FrameSet> sets = scene::render(scene, {.set_count = 90, .offset_s = {0, 0.011, 0.022}});
+  const Outcome o = run(with_known_times(scene), sets, lime(), options_with());
+  EXPECT_LE(o.lock, 4u);
+  EXPECT_LT(o.rms_m, 0.010);
+  EXPECT_GT(o.share_inside_95, 0.8);
+  for (std::size_t i = 10; i < o.estimates.size(); ++i) {
+    if (o.estimates[i].state == TrackState::tracking) {
+      const Vector3d velocity =
+          (scene.ball_at(0, sets[i].at + capture::duration_of(1e-3)) - scene.ball_at(0, sets[i].at)) / 1e-3;
+      EXPECT_LT((o.estimates[i].velocity - velocity).norm(), 1.0) << i;
+    }
+  }
+}
+
+// Every other set, or two of three, has one view only: it neither confirms a find nor refutes one.
+TEST(ObjectTracker, camerasOfDifferentRates) {
+  const scene::Scene scene = ring(2).ball({}).build();
+  for (const std::size_t every : {2u, 3u}) {
+    std::vector<capture::FrameSet> sets = scene::render(scene, {.set_count = 90});
+    for (std::size_t i = 0; i < sets.size(); ++i) {
+      if (i % every != 1) sets[i].frames[1].reset();
+    }
+    const Outcome o = run(scene, sets, lime(), options_with());
+    EXPECT_LE(o.lock, 2 * every) << every;
+    EXPECT_LT(o.rms_m, 0.012) << every;
+    EXPECT_EQ(std::ranges::count(o.estimates, TrackState::lost, &ObjectEstimate::state), 0) << every;
+  }
+}
+
+TEST(ObjectTracker, oneOfThreeCamerasStaysAway) {
+  const scene::Scene scene = ring(3).ball({}).build();
+  std::vector<capture::FrameSet> sets = scene::render(scene, {.set_count = 80});
+  for (std::size_t i = 20; i < 60; ++i) sets[i].frames[1].reset();
+  const Outcome o = run(scene, sets, lime(), options_with());
+  EXPECT_LT(o.rms_m, 0.008);
+  for (std::size_t i = 3; i < sets.size(); ++i) {
+    EXPECT_EQ(o.estimates[i].state, TrackState::tracking) << i;
+    EXPECT_EQ(o.estimates[i].per_view[1].delivered, i < 20 || i >= 60) << i;
+  }
+}
+
+// One view leaves the depth open: the filter may go on for a while, but must say how unsure it is, and give up.
+TEST(ObjectTracker, oneViewIsNotEnoughForLong) {
+  const scene::Scene scene = ring(2).ball({}).build();
+  std::vector<capture::FrameSet> sets = scene::render(scene, {.set_count = 120});
+  for (std::size_t i = 20; i < 100; ++i) sets[i].frames[1].reset();
+  const Outcome o = run(scene, sets, lime(), options_with());
+  int outside = 0, positions = 0;
+  for (std::size_t i = 20; i < 100; ++i) {
+    if (!o.estimates[i].has_position()) continue;
+    const Vector3d error = o.estimates[i].position - scene.ball_at(0, sets[i].at);
+    outside += error.dot(o.estimates[i].covariance.llt().solve(error)) > 16.27 ? 1 : 0;  // 99.9 %
+    ++positions;
+  }
+  EXPECT_LE(outside, positions / 5);
+  EXPECT_NE(o.estimates[99].state, TrackState::tracking);
+  EXPECT_EQ(o.estimates[104].state, TrackState::tracking);
+}
+
+TEST(ObjectTracker, unusableFramesAreAsIfTheyWereNotThere) {
+  const scene::Scene scene = ring(3).ball({}).build();
+  const std::vector<capture::FrameSet> sets = scene::render(scene, {.set_count = 20});
+  std::vector<capture::FrameSet> absent = sets, small = sets, corrupted = sets;
+  const capture::WritableImage other =
+      capture::make_image(capture::PixelFormat::yuyv, capture::ColorRange::limited, 160, 120);
+  for (std::size_t i = 5; i < sets.size(); ++i) {
+    absent[i].frames[2].reset();
+    small[i].frames[2]->pixels = other.image;
+    corrupted[i].frames[2]->status = capture::FrameStatus::corrupted;
+  }
+  const auto expected = bits_of(run(scene, absent, lime(), options_with()).estimates);
+  EXPECT_EQ(bits_of(run(scene, small, lime(), options_with()).estimates), expected);
+  EXPECT_EQ(bits_of(run(scene, corrupted, lime(), options_with()).estimates), expected);
+  EXPECT_NE(bits_of(run(scene, sets, lime(), options_with()).estimates), expected);
+}
+
+TEST(ObjectTracker, colorsPerCamera) {
+  const scene::Scene scene = ring(2).ball({}).build();
+  const std::vector<capture::FrameSet> sets = scene::render(scene, {.set_count = 6});
+  TargetOptions target = lime();
+  target.color = {200, 260, 0.3, 1, 0.1, 0.95};
+  EXPECT_EQ(run(scene, sets, target, options_with()).lock, 1000u);
+  target.camera_colors = {{"cam0", lime().color}};
+  EXPECT_EQ(run(scene, sets, target, options_with()).lock, 1000u);
+  target.camera_colors.emplace_back("cam1", lime().color);
+  EXPECT_LE(run(scene, sets, target, options_with()).lock, 3u);
+}
+
+class BothObservations : public testing::TestWithParam<Observation> {};
+INSTANTIATE_TEST_SUITE_P(, BothObservations, testing::Values(Observation::paper, Observation::huetrack),
+                         [](const auto& param) { return param.param == Observation::paper ? "paper" : "huetrack"; });
+
+std::vector<ObjectEstimate> track(const scene::Scene& scene, const std::vector<capture::FrameSet>& sets,
+                                  const TargetOptions& target, const ObjectTrackerOptions& options) {
+  ObjectTracker tracker(scene.rig, target, options);
+  std::vector<ObjectEstimate> out;
+  for (const capture::FrameSet& set : sets) {
+    out.push_back(tracker.update(set));
+    expect_sound(out.back(), set, scene.rig.cameras.size());
+  }
+  return out;
+}
+
+TEST_P(BothObservations, sameSeedSameBytes) {
+  const scene::Scene scene = ring(2).ball({}).build();
+  const std::vector<capture::FrameSet> sets = scene::render(scene, {.set_count = 40, .dropped_frames = 0.1});
+  const auto first = bits_of(track(scene, sets, lime(), options_with(5, GetParam())));
+  EXPECT_EQ(bits_of(track(scene, sets, lime(), options_with(5, GetParam()))), first);
+  EXPECT_NE(bits_of(track(scene, sets, lime(), options_with(6, GetParam()))), first);
+}
+
+// Each target has its own stream: another tracker beside it, before or after it, changes nothing.
+TEST_P(BothObservations, targetsDoNotDisturbEachOther) {
+  const scene::Scene scene = ring(3).ball({}).ball(pink_ball()).build();
+  const std::vector<capture::FrameSet> sets = scene::render(scene, {.set_count = 40});
+  const auto alone = bits_of(track(scene, sets, lime(), options_with(1, GetParam())));
+  ObjectTracker pink_tracker(scene.rig, pink(), options_with(1, GetParam())),
+      lime_tracker(scene.rig, lime(), options_with(1, GetParam()));
+  std::vector<ObjectEstimate> beside, of_pink;
+  for (const capture::FrameSet& set : sets) {
+    of_pink.push_back(pink_tracker.update(set));
+    beside.push_back(lime_tracker.update(set));
+  }
+  EXPECT_EQ(bits_of(beside), alone);
+  if (GetParam() == Observation::huetrack) {
+    EXPECT_LT((beside.back().position - scene.ball_at(0, sets.back().at)).norm(), 0.02);
+    EXPECT_LT((of_pink.back().position - scene.ball_at(1, sets.back().at)).norm(), 0.02);
+  }
+}
+
+TEST_P(BothObservations, singleCamera) {
+  const scene::Scene scene = ring(1).ball({}).build();
+  for (const ObjectEstimate& e :
+       track(scene, scene::render(scene, {.set_count = 20}), lime(), options_with(1, GetParam()))) {
+    if (GetParam() == Observation::huetrack) {
+      EXPECT_EQ(e.state, TrackState::searching);
+    }
+  }
+}
+
+TEST_P(BothObservations, setsWithoutFrames) {
+  const scene::Scene scene = ring(2).ball({}).build();
+  std::vector<capture::FrameSet> sets = scene::render(scene, {.set_count = 60});
+  for (std::size_t i = 0; i < sets.size(); ++i) {
+    if (i % 3 == 0) sets[i].frames.clear();  // no slots at all
+    if (i > 40) sets[i].frames.assign(2, std::nullopt);
+  }
+  const auto estimates = track(scene, sets, lime(), options_with(1, GetParam()));
+  EXPECT_NE(estimates.back().state, TrackState::tracking);
+}
+
+TEST_P(BothObservations, oneParticle) {
+  const scene::Scene scene = ring(2).ball({}).build();
+  ObjectTrackerOptions options = options_with(1, GetParam());
+  options.particle_count = options.max_particle_count = 1;
+  for (const ObjectEstimate& e : track(scene, scene::render(scene, {.set_count = 20}), lime(), options))
+    EXPECT_EQ(e.particle_count, 1);
+}
+
+TEST_P(BothObservations, particlesAreThoseOfTheEstimate) {
+  const scene::Scene scene = ring(2).ball({}).build();
+  ObjectTracker tracker(scene.rig, lime(), options_with(1, GetParam()));
+  const std::vector<capture::FrameSet> sets = scene::render(scene, {.set_count = 70});
+  for (const capture::FrameSet& set : sets) tracker.update(set);
+  Vector3d mean = Vector3d::Zero();
+  const auto particles = tracker.particles();
+  EXPECT_EQ(particles.size(), 200u);
+  for (const Eigen::Vector3f& p : particles) mean += p.cast<double>() / static_cast<double>(particles.size());
+  EXPECT_LT((mean - scene.ball_at(0, sets.back().at)).norm(), 0.06);
+}
+
+TEST(ObjectTracker, fisheyeCameras) {
+  scene::Scene scene = ring(3).ball({}).build();
+  for (calib::Camera& camera : scene.rig.cameras)
+    camera.model = calib::CameraModel(calib::FisheyeKannalaBrandt{200, 200, 159.5, 119.5, {-0.02, 0.004, -0.001, 0}});
+  const Outcome o = run(scene, scene::render(scene, {.set_count = 40}), lime(), options_with());
+  EXPECT_LE(o.lock, 3u);
+  EXPECT_LT(o.rms_m, 0.008);
+}
+
+TEST(ObjectTracker, refusesWhatIsInvalidAndSaysAllOfIt) {
+  const scene::Scene scene = ring(2).build();
+  TargetOptions target = lime();
+  target.radius_m = 0;
+  target.camera_colors = {{"cam7", {}}};
+  ObjectTrackerOptions options;
+  options.particle_count = 0;
+  try {
+    ObjectTracker(scene.rig, target, options);
+    FAIL() << "nothing thrown";
+  } catch (const std::invalid_argument& e) {
+    EXPECT_THAT(e.what(), AllOf(HasSubstr("target lime"), HasSubstr("radius_m must be > 0"),
+                                HasSubstr("particle_count must be >= 1"), HasSubstr("there is no camera 'cam7'")));
+  }
+  calib::CameraRig twins = scene.rig;
+  twins.cameras[1].name = twins.cameras[0].name;
+  EXPECT_THROW(ObjectTracker(twins, lime(), {}), std::invalid_argument);
+  EXPECT_THROW(ObjectTracker(calib::CameraRig{}, lime(), {}), std::invalid_argument);
+}
+
+TEST(TargetOptions, problemsNameTheConstraint) {
+  EXPECT_THAT(lime().problems(), IsEmpty());
+  TargetOptions t = lime();
+  t.name = "";
+  EXPECT_THAT(t.problems(), ElementsAre(HasSubstr("must have a name")));
+  t = lime();
+  for (const double radius : {0.0, -1.0, std::nan(""), HUGE_VAL}) {
+    t.radius_m = radius;
+    EXPECT_THAT(t.problems(), ElementsAre(HasSubstr("radius_m"))) << radius;
+  }
+  t = lime();
+  t.color.saturation_min = 2;
+  t.camera_colors = {{"cam0", {.hue_min_deg = -5}}};
+  EXPECT_THAT(t.problems(), ElementsAre(HasSubstr("color: saturation"), HasSubstr("camera_colors.cam0: hue")));
+}
+
+TEST(ObjectTrackerOptions, problemsNameTheConstraint) {
+  EXPECT_THAT(ObjectTrackerOptions{}.problems(), IsEmpty());
+  const auto problems_with = [](const std::function<void(ObjectTrackerOptions&)>& change) {
+    ObjectTrackerOptions o;
+    change(o);
+    return o.problems();
+  };
+  EXPECT_THAT(problems_with([](auto& o) { o.volume.max.y() = o.volume.min.y(); }),
+              ElementsAre(HasSubstr("volume.min must be less")));
+  EXPECT_THAT(problems_with([](auto& o) { o.volume.max.x() = HUGE_VAL; }),
+              ElementsAre(HasSubstr("volume.min must be less")));
+  EXPECT_THAT(problems_with([](auto& o) { o.max_particle_count = 5; }), ElementsAre(HasSubstr("max_particle_count")));
+  using Member = double ObjectTrackerOptions::*;
+  for (const auto& [member, what] : std::vector<std::pair<Member, std::string>>{
+           {&ObjectTrackerOptions::position_noise_m, "position_noise_m"},
+           {&ObjectTrackerOptions::acceleration_m_s2, "acceleration_m_s2"},
+           {&ObjectTrackerOptions::start_speed_m_s, "start_speed_m_s"},
+           {&ObjectTrackerOptions::pixel_noise_px, "pixel_noise_px"},
+           {&ObjectTrackerOptions::max_tracking_sigma_m, "max_tracking_sigma_m"},
+           {&ObjectTrackerOptions::coast_s, "coast_s"},
+           {&ObjectTrackerOptions::max_coast_sigma_m, "max_coast_sigma_m"}}) {
+    for (const double bad : {0.0, -1.0, std::nan(""), HUGE_VAL}) {
+      EXPECT_THAT(problems_with([&](auto& o) { o.*member = bad; }), ElementsAre(HasSubstr(what + " must be > 0")))
+          << bad;
+    }
+  }
+}
+
+SearchFindings findings_of(const scene::Scene& scene, const TargetOptions& target, int sets) {
+  ObjectTracker tracker(scene.rig, target, options_with());
+  for (const capture::FrameSet& set : scene::render(scene, {.set_count = sets})) tracker.update(set);
+  return tracker.search_findings();
+}
+
+TEST(SearchFindings, sayWhichRadiusTheRegionsHave) {
+  const scene::Scene scene = ring(3).ball({}).build();  // of 4 cm
+  TargetOptions target = lime();
+  target.radius_m = 0.1;
+  const SearchFindings found = findings_of(scene, target, 20);
+  EXPECT_EQ(found.sets, 20u);
+  EXPECT_THAT(found.sets_with_color, testing::Each(20u));
+  ASSERT_TRUE(found.radius_m);
+  EXPECT_NEAR(*found.radius_m, 0.04, 0.004);
+  EXPECT_THAT(found.advice(target, {"a", "b", "c"}), HasSubstr("not 0.1: correct radius_m"));
+}
+
+TEST(SearchFindings, sayThatTheColorIsNotThere) {
+  const SearchFindings found = findings_of(ring(2).ball(pink_ball()).build(), lime(), 12);
+  EXPECT_EQ(found.sets, 12u);
+  EXPECT_FALSE(found.radius_m);
+  EXPECT_THAT(found.advice(lime(), {"a", "b"}), HasSubstr("no camera shows a region of its colour"));
+}
+
+TEST(SearchFindings, areForgottenWhenTheTargetIsFound) {
+  const SearchFindings found = findings_of(ring(2).ball({}).build(), lime(), 12);
+  EXPECT_EQ(found.sets, 0u);
+  EXPECT_EQ(found.advice(lime(), {"a", "b"}), "");
+}
+
+// In OpenCV's units of two degrees; and a range in degrees whose double the ball's own hues are in, in a room that
+// shares it, where what stands is found late.
+TEST(ObjectTracker, HuesInOpenCvsUnitsAreFoundOutAndOthersAreNot) {
+  const auto found_at_twice = [](double min_deg, double max_deg, bool has_furniture) {
+    scene::SceneBuilder builder;
+    builder.cameras_on_ring({.count = 3, .image_size = {320, 240}, .focal_px = 240});
+    builder.ball({.path = [](double t) { return Vector3d(-0.3 + 0.6 * std::max(0.0, t - 0.6), 0.1, 1.0); }});
+    if (has_furniture)
+      for (const double x : {-0.5, 0.5})
+        builder.ball({.name = "yellow", .radius_m = 0.14, .rgb = {0.8, 0.75, 0.1}, .path = [x](double) {
+                        return Vector3d(x, 0.9, 0.4);
+                      }});
+    const scene::Scene scene = builder.build();
+    TargetOptions target = lime();
+    target.color.hue_min_deg = min_deg, target.color.hue_max_deg = max_deg;
+    ObjectTracker tracker(scene.rig, target, options_with());
+    for (const capture::FrameSet& set : render(scene, {.set_count = 60})) tracker.update(set);
+    return tracker.search_findings().is_found_at_twice_the_hue;
+  };
+  EXPECT_TRUE(found_at_twice(33, 57, false));
+  EXPECT_FALSE(found_at_twice(65, 115, false));
+  EXPECT_FALSE(found_at_twice(45, 105, true));
+}
+
+// What is tracked of a colour that turned out to be another's is let go of: what stands is no object from then on, and
+// what moves is found again.
+TEST(RegionTracker, WhoseColorIsDistrustedFindsOnlyWhatMoves) {
+  const auto positions_after = [](double speed_m_s) {
+    scene::SceneBuilder builder;
+    builder.cameras_on_ring({.count = 3, .image_size = {320, 240}, .focal_px = 240});
+    builder.ball({.path = [speed_m_s](double t) { return Vector3d(-0.5 + speed_m_s * t, 0.1, 1.0); }});
+    const scene::Scene scene = builder.build();
+    RegionTracker tracker(scene.rig, lime(), options_with(), particle_filter::Rng(1, 0));
+    constexpr int before = 15;
+    int sets = 0, positions = 0;
+    for (const capture::FrameSet& set : render(scene, {.set_count = 50})) {
+      const ObjectEstimate estimate = tracker.update(set);
+      if (++sets > before) positions += estimate.has_position() ? 1 : 0;
+      if (sets != before) continue;
+      EXPECT_EQ(estimate.state, TrackState::tracking);
+      tracker.distrust_color(set.at);
+    }
+    return positions;
+  };
+  EXPECT_EQ(positions_after(0), 0);
+  EXPECT_GE(positions_after(0.7), 25);  // of 35: it must first have moved
+}
+
+}  // namespace
+}  // namespace huetrack::object_trackers
