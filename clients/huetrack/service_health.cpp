@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <iterator>
 
+#include "calib/yaml/text_file.h"
 #include "clients/live_view/events.h"
 #include "sample_format.h"
 
@@ -14,7 +15,7 @@ constexpr std::int64_t old_ns = 10'000'000'000;
 
 std::string list_of(const std::vector<std::string>& sentences) {
   std::string out = "[";
-  for (const std::string& sentence : sentences) out += (out.size() > 1 ? "," : "") + json_string(sentence);
+  for (const std::string& sentence : sentences) out += (out.size() > 1 ? "," : "") + yaml::in_json_quotes(sentence);
   return out + "]";
 }
 
