@@ -69,6 +69,19 @@ class DdsParticipant {
   eprosima::fastdds::dds::DataReader& create_reader(const std::string& topic, eprosima::fastdds::dds::TypeSupport type,
                                                     eprosima::fastdds::dds::DataReaderQos qos,
                                                     std::optional<std::uint32_t> largest = {});
+  // The same for the topic of a generated type.
+  template <typename Type>
+  eprosima::fastdds::dds::DataWriter& create_writer(const std::string& topic,
+                                                    const eprosima::fastdds::dds::DataWriterQos& qos,
+                                                    const std::string& user_data) {
+    return create_writer(topic, eprosima::fastdds::dds::TypeSupport(new Type), qos, user_data);
+  }
+  template <typename Type>
+  eprosima::fastdds::dds::DataReader& create_reader(const std::string& topic,
+                                                    const eprosima::fastdds::dds::DataReaderQos& qos,
+                                                    std::optional<std::uint32_t> largest = {}) {
+    return create_reader(topic, eprosima::fastdds::dds::TypeSupport(new Type), qos, largest);
+  }
 
   // Fast DDS uses and announces the addresses that the host had when the participant was made. (Setting its QoS again
   // makes it listen on new ones, but its readers and writers go on announcing the old ones.) True when the addresses

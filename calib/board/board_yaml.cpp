@@ -1,8 +1,8 @@
 #include "calib/board/board_yaml.h"
 
 #include <array>
-#include <charconv>
 
+#include "calib/yaml/number_text.h"
 #include "calib/yaml/yaml_reader.h"
 
 namespace huetrack::board {
@@ -14,11 +14,6 @@ std::array<int, 2> counts(const yaml::YamlReader& reader, std::string_view key) 
     if (value != static_cast<int>(value)) reader.fail(key, "must be two whole numbers, [columns, rows]");
   }
   return {static_cast<int>(values[0]), static_cast<int>(values[1])};
-}
-
-std::string number(double value) {
-  std::array<char, 32> buffer;  // the shortest text that reads back as the same double
-  return {buffer.data(), std::to_chars(buffer.data(), buffer.data() + buffer.size(), value).ptr};
 }
 
 constexpr yaml::Range board_length{.min = 0, .max = 10, .min_is_open = true, .max_is_open = true};
@@ -76,14 +71,14 @@ std::string to_yaml(const Board& board) {
                                              : "\nmarkers: [";
   out += std::to_string(board.columns) + ", " + std::to_string(board.rows) + "]\n";
   if (board.type == BoardType::aruco_grid) {
-    out += "gap: " + number(board.pitch.x() - board.marker) + "\n";
+    out += "gap: " + yaml::shortest_text(board.pitch.x() - board.marker) + "\n";
   } else if (board.pitch.x() == board.pitch.y()) {
-    out += "square: " + number(board.pitch.x()) + "\n";
+    out += "square: " + yaml::shortest_text(board.pitch.x()) + "\n";
   } else {
-    out += "pitch: [" + number(board.pitch.x()) + ", " + number(board.pitch.y()) + "]\n";
+    out += "pitch: [" + yaml::shortest_text(board.pitch.x()) + ", " + yaml::shortest_text(board.pitch.y()) + "]\n";
   }
   if (board.type != BoardType::chessboard) {
-    out += "marker: " + number(board.marker) + "\ndictionary: " + board.dictionary +
+    out += "marker: " + yaml::shortest_text(board.marker) + "\ndictionary: " + board.dictionary +
            "\nfirst_marker: " + std::to_string(board.first_marker) + "\n";
   }
   if (board.inverted) out += "inverted: true\n";

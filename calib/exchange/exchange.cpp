@@ -177,8 +177,7 @@ calib::CameraRig with_their_lenses(calib::CameraRig rig, ExchangeFormat format, 
     const calib::NearestLens& nearest = use_fisheye ? fisheye : pinhole;
     notes.push_back(
         fmt::format("{}: {} has no stereographic lens: written as the nearest {}, which is off by {:.2g} px (95 % of "
-                    "the image), at "
-                    "most {:.2g} px",
+                    "the image), at most {:.2g} px",
                     camera.name, name(format), use_fisheye ? "fisheye" : "pinhole", nearest.p95_px, nearest.worst_px));
     camera.model = nearest.model;
   }

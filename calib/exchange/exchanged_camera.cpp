@@ -6,11 +6,9 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <cmath>
-#include <fstream>
-#include <iterator>
 
+#include "calib/yaml/number_text.h"
 #include "calib/yaml/yaml_reader.h"
 
 namespace huetrack::exchange {
@@ -95,8 +93,7 @@ std::vector<double> coefficients_of(const calib::CameraModel& model) {
 }
 
 std::string exact(double value) {
-  std::array<char, 32> buffer;
-  std::string text(buffer.data(), std::to_chars(buffer.data(), buffer.data() + buffer.size(), value).ptr);
+  const std::string text = yaml::shortest_text(value);
   // TOML and some YAML readers tell integers from floats.
   return text.find_first_of(".en") == std::string::npos ? text + ".0" : text;
 }

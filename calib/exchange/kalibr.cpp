@@ -9,7 +9,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdint>
 
 #include "calib/exchange/exchanged_camera.h"
 #include "calib/yaml/yaml_reader.h"

@@ -2,7 +2,6 @@
 // (camera_calibration, calibration, stereo_calib) and what people write.
 #include <Eigen/Geometry>
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <opencv2/core.hpp>
 #include <optional>

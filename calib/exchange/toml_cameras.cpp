@@ -10,6 +10,7 @@
 #include <set>
 
 #include "calib/exchange/exchanged_camera.h"
+#include "calib/yaml/text_file.h"
 #include "calib/yaml/yaml_reader.h"
 
 namespace huetrack::exchange {
@@ -159,19 +160,6 @@ std::string camera_text(const calib::Camera& camera, bool fisheye_always) {
   return out;
 }
 
-std::string in_quotes(std::string_view text) {
-  std::string out = "\"";
-  for (const char c : text) {
-    if (c == '"' || c == '\\') out += '\\';
-    if (static_cast<unsigned char>(c) < 0x20 || c == 0x7F) {
-      out += fmt::format("\\u{:04X}", static_cast<unsigned char>(c));
-    } else {
-      out += c;
-    }
-  }
-  return out + '"';
-}
-
 void note_rational(const calib::Camera& camera, std::string_view tool, std::vector<std::string>& notes) {
   if (!is_fisheye(camera.model) && coefficients_of(camera.model).size() == 8) {
     notes.push_back(camera.name + " has 8 distortion coefficients: " + std::string(tool) +
@@ -281,12 +269,13 @@ Exported export_aniposelib(const calib::CameraRig& rig) {
   std::string text;
   for (std::size_t n = 0; n < rig.cameras.size(); ++n) {
     const calib::Camera& camera = rig.cameras[n];
-    text +=
-        "[cam_" + std::to_string(n) + "]\nname = " + in_quotes(camera.name) + "\n" + camera_text(camera, false) + "\n";
+    text += "[cam_" + std::to_string(n) + "]\nname = " + yaml::in_json_quotes(camera.name) + "\n" +
+            camera_text(camera, false) + "\n";
     note_rational(camera, "aniposelib", out.notes);
   }
   text += "[metadata]\n";
-  for (const auto& [key, value] : rig.made_by) text += in_quotes(key) + " = " + in_quotes(value) + "\n";
+  for (const auto& [key, value] : rig.made_by)
+    text += yaml::in_json_quotes(key) + " = " + yaml::in_json_quotes(value) + "\n";
   out.files.emplace_back("calibration.toml", text);
   return out;
 }

@@ -5,13 +5,13 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <cmath>
 #include <cstdint>
 #include <span>
 #include <stdexcept>
 
 #include "calib/model/index.h"
+#include "calib/yaml/number_text.h"
 #include "calib/yaml/output_file.h"
 #include "calib/yaml/text_file.h"
 #include "calib/yaml/yaml_reader.h"
@@ -181,14 +181,9 @@ RigUncertainty read_uncertainty(const yaml::YamlReader& reader, const CameraRig&
   return out;
 }
 
-std::string number(double value) {
-  std::array<char, 32> buffer;  // the shortest text that reads back as the same double
-  return {buffer.data(), std::to_chars(buffer.data(), buffer.data() + buffer.size(), value).ptr};
-}
-
 std::string list(std::span<const double> values) {
   std::vector<std::string> texts;
-  for (const double value : values) texts.push_back(number(value));
+  for (const double value : values) texts.push_back(yaml::shortest_text(value));
   return fmt::format("[{}]", fmt::join(texts, ", "));
 }
 
@@ -225,7 +220,7 @@ std::string distortion_text(const Stereographic& lens) {
 std::string timing_text(const CameraTiming& timing) {
   std::vector<std::string> entries;
   const auto add = [&](const char* key, const std::optional<double>& value) {
-    if (value) entries.push_back(fmt::format("{}: {}", key, number(*value)));
+    if (value) entries.push_back(fmt::format("{}: {}", key, yaml::shortest_text(*value)));
   };
   add("latency_s", timing.latency_s);
   add("readout_s", timing.readout_s);
@@ -237,7 +232,7 @@ std::string timing_text(const CameraTiming& timing) {
 std::string history_text(const RigHistory& made) {
   std::string out = "made:\n";
   if (made.at) out += "  at: " + utc_text(*made.at) + "\n";
-  if (made.temperature_c) out += "  temperature_c: " + number(*made.temperature_c) + "\n";
+  if (made.temperature_c) out += "  temperature_c: " + yaml::shortest_text(*made.temperature_c) + "\n";
   if (!made.checks.empty()) out += "  checks:\n";
   for (const RigCheckNote& check : made.checks) {
     out += "    - {at: " + utc_text(check.at) + ", verdict: " + yaml::in_yaml_quotes(check.verdict);
@@ -302,8 +297,8 @@ std::string to_yaml(const CameraRig& rig) {
     out += "    image_size: [" + std::to_string(camera.image_size.width) + ", " +
            std::to_string(camera.image_size.height) + "]\n";
     out += "    model: " + std::string(model.name()) + "\n";
-    out += "    intrinsics: {fx: " + number(model.fx()) + ", fy: " + number(model.fy()) +
-           ", cx: " + number(model.cx()) + ", cy: " + number(model.cy()) + "}\n";
+    out += "    intrinsics: {fx: " + yaml::shortest_text(model.fx()) + ", fy: " + yaml::shortest_text(model.fy()) +
+           ", cx: " + yaml::shortest_text(model.cx()) + ", cy: " + yaml::shortest_text(model.cy()) + "}\n";
     out += "    distortion: " + std::visit([](const auto& lens) { return distortion_text(lens); }, model.lens()) + "\n";
     out += "    cam_from_world:\n";
     // Not as a matrix: nine numbers would have to be made a rotation again, and would not come back bit for bit.

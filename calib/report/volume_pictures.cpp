@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <optional>
 
 #include "drawing/axes.h"
 
@@ -34,7 +33,7 @@ double quantile_95(const std::vector<double>& values) {
   std::ranges::copy_if(values, std::back_inserter(some), [](double v) { return std::isfinite(v); });
   if (some.empty()) return 0;
   std::ranges::sort(some);
-  return some[static_cast<std::size_t>(0.95 * static_cast<double>(some.size() - 1) + 0.5)];
+  return some[static_cast<std::size_t>(std::lround(0.95 * static_cast<double>(some.size() - 1)))];
 }
 
 }  // namespace

@@ -25,7 +25,8 @@ double weighted_median(std::vector<Lag> lags) {
   double half = 0;
   for (const Lag& lag : lags) half += lag.speed_px_s / 2;
   for (const Lag& lag : lags) {
-    if ((half -= lag.speed_px_s) <= 0) return lag.along_s;
+    half -= lag.speed_px_s;
+    if (half <= 0) return lag.along_s;
   }
   return 0;
 }

@@ -3,9 +3,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <charconv>
-#include <cmath>
 
+#include "calib/yaml/number_text.h"
 #include "calib/yaml/text_file.h"
 #include "calib/yaml/yaml_reader.h"
 
@@ -27,14 +26,6 @@ std::vector<std::string_view> split(std::string_view text, char separator) {
     if (end == std::string_view::npos) return parts;
     text.remove_prefix(end + 1);
   }
-}
-
-template <typename T>
-std::optional<T> parsed(std::string_view text) {
-  T value{};
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc{} || end != text.data() + text.size()) return std::nullopt;
-  return value;
 }
 
 }  // namespace
@@ -106,7 +97,7 @@ std::string CsvTable::quoted(std::size_t column) const {
 }
 
 double CsvTable::number(std::size_t column) const {
-  const auto value = parsed<double>(text(column));
+  const auto value = number_of<double>(text(column));
   if (!value) fail(columns_[column].name + " must be a number, got " + quoted(column));
   return *value;
 }
@@ -117,10 +108,10 @@ std::chrono::sys_time<std::chrono::nanoseconds> CsvTable::time(std::size_t colum
   const bool negative = rest.starts_with('-');
   if (negative) rest.remove_prefix(1);
   const auto point = std::min(rest.find('.'), rest.size());
-  const auto whole = parsed<std::int64_t>(rest.substr(0, point));
+  const auto whole = number_of<std::int64_t>(rest.substr(0, point));
   std::string digits(point < rest.size() ? rest.substr(point + 1, 9) : std::string_view());
   digits.resize(9, '0');
-  const auto fraction = parsed<std::int64_t>(digits);
+  const auto fraction = number_of<std::int64_t>(digits);
   if (!whole || *whole < 0 || *whole > 9'000'000'000 || !fraction || *fraction < 0) {
     fail(columns_[column].name + " must be a time in seconds, got " + quoted(column));
   }

@@ -5,11 +5,11 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <cmath>
 #include <vector>
 
 #include "calib/yaml/nearest_word.h"
+#include "calib/yaml/number_text.h"
 #include "calib/yaml/text_file.h"
 
 namespace huetrack::yaml {
@@ -192,10 +192,8 @@ SyntaxHint odd_indentation(const std::vector<std::string_view>& lines, int line)
 
 std::optional<double> parse_number(std::string_view text) {
   if (text.starts_with('+') && !text.starts_with("+-")) text.remove_prefix(1);
-  double value = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc{} || end != text.data() + text.size() || !std::isfinite(value)) return std::nullopt;
-  return value;
+  const auto value = number_of<double>(text);
+  return value && std::isfinite(*value) ? value : std::nullopt;
 }
 
 std::string number_hint(std::string_view given, std::string_view key, NumberKind wanted) {

@@ -52,6 +52,21 @@ int lists_begun(std::string_view line) {
   return lists;
 }
 
+// Control characters as `escape` and two hexadecimal digits.
+std::string in_quotes(std::string_view text, std::string_view escape) {
+  constexpr std::string_view digits = "0123456789abcdef";
+  std::string out = "\"";
+  for (const char c : text) {
+    const auto code = static_cast<unsigned char>(c);
+    if (c == '"' || c == '\\') out += '\\';
+    if (code < 0x20 || code == 0x7F)
+      out.append(escape) += {digits[code >> 4U], digits[code & 15U]};
+    else
+      out += c;
+  }
+  return out + '"';
+}
+
 }  // namespace
 
 std::ifstream open_text_file(const std::filesystem::path& file) {
@@ -147,20 +162,11 @@ std::string printable(std::string_view text, std::size_t most) {
 }
 
 std::string in_yaml_quotes(std::string_view text) {
-  std::string out = "\"";
-  for (const char c : text) {
-    if (c == '"' || c == '\\') {
-      out += '\\';
-      out += c;
-    } else if (static_cast<unsigned char>(c) < 0x20 || c == 0x7F) {
-      constexpr std::string_view digits = "0123456789abcdef";
-      const auto code = static_cast<unsigned char>(c);
-      out += {'\\', 'x', digits[code >> 4U], digits[code & 15U]};
-    } else {
-      out += c;
-    }
-  }
-  return out + '"';
+  return in_quotes(text, "\\x");
+}
+
+std::string in_json_quotes(std::string_view text) {
+  return in_quotes(text, "\\u00");
 }
 
 bool has_control_characters(std::string_view text) {

@@ -36,6 +36,8 @@ std::string printable(std::string_view text, std::size_t most = longest_quote);
 
 // As a string of YAML, between quotes: any text, on one line.
 std::string in_yaml_quotes(std::string_view text);
+// As one of JSON, or of TOML.
+std::string in_json_quotes(std::string_view text);
 
 // Whether a terminal could obey something in it; a tab is harmless.
 bool has_control_characters(std::string_view text);

@@ -4,11 +4,9 @@
 #include <cmath>
 #include <cstdio>
 #include <map>
-#include <memory>
 #include <optional>
 #include <set>
 #include <stdexcept>
-#include <utility>
 
 #include "calib/model/rig_yaml.h"
 #include "clients/bag/bag.h"

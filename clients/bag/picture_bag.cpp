@@ -3,7 +3,6 @@
 #include <map>
 #include <span>
 #include <stop_token>
-#include <string_view>
 #include <utility>
 
 #include "calib/model/rig_yaml.h"

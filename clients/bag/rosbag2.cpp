@@ -104,13 +104,10 @@ class Rosbag2Writer final : public BagWriter {
   Rosbag2Writer(std::vector<Topic> topics, const std::filesystem::path& folder)
       : topics_(std::move(topics)), counts_(topics_.size(), 0), bag_(folder), db_(folder / database) {
     db_.run(
-        "PRAGMA journal_mode=OFF; PRAGMA synchronous=OFF;"
-        "CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT NOT NULL, type TEXT NOT NULL, serialization_format TEXT "
-        "NOT "
-        "NULL, offered_qos_profiles TEXT NOT NULL);"
-        "CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER NOT NULL, timestamp INTEGER NOT NULL, data "
-        "BLOB NOT NULL);"
-        "BEGIN;");
+        "PRAGMA journal_mode=OFF; PRAGMA synchronous=OFF;CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT NOT "
+        "NULL, type TEXT NOT NULL, serialization_format TEXT NOT NULL, offered_qos_profiles TEXT NOT NULL);CREATE "
+        "TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER NOT NULL, timestamp INTEGER NOT NULL, data BLOB NOT "
+        "NULL);BEGIN;");
     Insertion insertion(db_, "INSERT INTO topics VALUES(?, ?, ?, 'cdr', ?)");
     for (std::size_t t = 0; t < topics_.size(); ++t)
       insertion.bind(1, std::int64_t(t) + 1)

@@ -10,7 +10,6 @@
 #include <fastdds/dds/subscriber/DataReaderListener.hpp>
 #include <fastdds/dds/subscriber/SampleInfo.hpp>
 #include <map>
-#include <memory>
 #include <set>
 #include <stdexcept>
 #include <vector>
@@ -281,16 +280,16 @@ namespace {
 class StatusListener {
  public:
   explicit StatusListener(idl::DdsParticipant& participant)
-      : statuses_in_(participant.create_reader(idl::status_topic, dds::TypeSupport(new msg::ServiceStatusPubSubType),
-                                               idl::status_reader_qos())),
-        times_in_(participant.create_reader(idl::camera_times_topic, dds::TypeSupport(new msg::CameraTimesPubSubType),
-                                            idl::status_reader_qos())),
-        clocks_in_(participant.create_reader(idl::host_clocks_topic, dds::TypeSupport(new msg::HostClocksPubSubType),
-                                             idl::status_reader_qos())),
-        poses_in_(participant.create_reader(idl::camera_pose_topic, dds::TypeSupport(new msg::CameraPosePubSubType),
-                                            idl::object_position_reader_qos())),
-        sets_in_(participant.create_reader(idl::object_set_topic, dds::TypeSupport(new msg::ObjectSetPubSubType),
-                                           idl::object_position_reader_qos())) {}
+      : statuses_in_(
+            participant.create_reader<msg::ServiceStatusPubSubType>(idl::status_topic, idl::status_reader_qos())),
+        times_in_(
+            participant.create_reader<msg::CameraTimesPubSubType>(idl::camera_times_topic, idl::status_reader_qos())),
+        clocks_in_(
+            participant.create_reader<msg::HostClocksPubSubType>(idl::host_clocks_topic, idl::status_reader_qos())),
+        poses_in_(participant.create_reader<msg::CameraPosePubSubType>(idl::camera_pose_topic,
+                                                                       idl::object_position_reader_qos())),
+        sets_in_(participant.create_reader<msg::ObjectSetPubSubType>(idl::object_set_topic,
+                                                                     idl::object_position_reader_qos())) {}
 
   // Until there is nothing more to wait for: after the first status a moment more, as a second service may be there,
   // and the poses of a camera that is tracked.

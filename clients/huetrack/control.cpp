@@ -48,13 +48,11 @@ class ControlConnection {
  public:
   explicit ControlConnection(const idl::ParticipantOptions& options)
       : participant_(options),
-        status_(participant_.create_reader(idl::status_topic, dds::TypeSupport(new msg::ServiceStatusPubSubType),
-                                           idl::status_reader_qos())),
-        reply_(participant_.create_reader(idl::control_reply_topic, dds::TypeSupport(new msg::ControlReplyPubSubType),
-                                          idl::teach_reader_qos())),
-        request_(participant_.create_writer(idl::control_request_topic,
-                                            dds::TypeSupport(new msg::ControlRequestPubSubType),
-                                            idl::teach_writer_qos(), "")) {}
+        status_(participant_.create_reader<msg::ServiceStatusPubSubType>(idl::status_topic, idl::status_reader_qos())),
+        reply_(
+            participant_.create_reader<msg::ControlReplyPubSubType>(idl::control_reply_topic, idl::teach_reader_qos())),
+        request_(participant_.create_writer<msg::ControlRequestPubSubType>(idl::control_request_topic,
+                                                                           idl::teach_writer_qos(), "")) {}
 
   // wanted: HOST/PID, or empty: the only one. throws std::runtime_error
   Addressed service(const std::string& wanted) {

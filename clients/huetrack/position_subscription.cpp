@@ -114,8 +114,8 @@ std::string SampleSubscription<Sample>::stranger(const std::string& name, const 
 template <typename Sample>
 SampleSubscription<Sample>::SampleSubscription(const idl::ParticipantOptions& options)
     : participant_(options, &announcements_),
-      reader_(participant_.create_reader(Of<Sample>::topic, dds::TypeSupport(new typename Of<Sample>::Type),
-                                         idl::object_position_reader_qos())),
+      reader_(
+          participant_.create_reader<typename Of<Sample>::Type>(Of<Sample>::topic, idl::object_position_reader_qos())),
       arrivals_(reader_) {}
 
 template <typename Sample>

@@ -5,11 +5,10 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
-#include <array>
-#include <chrono>
 #include <cmath>
 #include <numbers>
 
+#include "calib/yaml/text_file.h"
 #include "osc.h"
 
 namespace huetrack::client {
@@ -63,17 +62,17 @@ std::string json_line(const msg::ObjectPosition& s) {
   for (const msg::ViewSupport& view : s.per_view())
     views.push_back(fmt::format(
         R"({{"camera":{},"delivered":{},"in_view":{},"seen":{},"pixel":{},"radius_px":{},"support":{},"residual_px":{}}})",
-        json_string(view.camera()), view.delivered(), view.in_view(), view.seen(), json_array(view.pixel()),
+        yaml::in_json_quotes(view.camera()), view.delivered(), view.in_view(), view.seen(), json_array(view.pixel()),
         json_number(view.radius_px()), json_number(view.support()), json_number(view.residual_px())));
   return fmt::format(
       R"({{"target":{},"t":{},"captured_at":{},"received_at":{},"published_at":{},"set_number":{},"state":"{}",)"
       R"("position":{},"velocity":{},"covariance":{},"map_position":{},"views":{},"confidence":{},)"
       R"("particle_count":{},"effective_sample_size":{},"per_view":[{}]}})"
       "\n",
-      json_string(s.target()), unix_seconds(s.captured_at()), s.captured_at(), s.received_at(), s.published_at(),
-      s.set_number(), name(s.state()), json_array(s.position()), json_array(s.velocity()), json_array(s.covariance()),
-      json_array(s.map_position()), s.views(), json_number(s.confidence()), s.particle_count(),
-      json_number(s.effective_sample_size()), fmt::join(views, ","));
+      yaml::in_json_quotes(s.target()), unix_seconds(s.captured_at()), s.captured_at(), s.received_at(),
+      s.published_at(), s.set_number(), name(s.state()), json_array(s.position()), json_array(s.velocity()),
+      json_array(s.covariance()), json_array(s.map_position()), s.views(), json_number(s.confidence()),
+      s.particle_count(), json_number(s.effective_sample_size()), fmt::join(views, ","));
 }
 
 // For people: "-" where there is no such number.
@@ -125,8 +124,8 @@ std::string json_line(const msg::CameraPose& s) {
       R"("position":{},"orientation":{},"covariance":{},"features_in_view":{},"features_matched":{},"map_points":{},)"
       R"("confidence":{},"particle_count":{},"effective_sample_size":{}}})"
       "\n",
-      json_string(s.camera()), unix_seconds(s.captured_at()), s.captured_at(), s.received_at(), s.published_at(),
-      s.frame_number(), name(s.state()), json_array(s.position()), json_array(s.orientation()),
+      yaml::in_json_quotes(s.camera()), unix_seconds(s.captured_at()), s.captured_at(), s.received_at(),
+      s.published_at(), s.frame_number(), name(s.state()), json_array(s.position()), json_array(s.orientation()),
       json_array(s.covariance()), s.features_in_view(), s.features_matched(), s.map_points(),
       json_number(s.confidence()), s.particle_count(), json_number(s.effective_sample_size()));
 }
@@ -164,22 +163,6 @@ std::string any_line(Format format, const Sample& sample, std::int64_t received_
 }
 
 }  // namespace
-
-std::string json_string(std::string_view text) {
-  std::string out = "\"";
-  for (const char c : text) {
-    if (c == '"' || c == '\\') {
-      out += '\\';
-      out += c;
-    } else if (static_cast<unsigned char>(c) < 0x20) {
-      fmt::format_to(std::back_inserter(out), "\\u{:04x}", static_cast<unsigned>(c));
-    } else {
-      out += c;
-    }
-  }
-  out += '"';
-  return out;
-}
 
 std::string camera_header(Format format) {
   if (format != Format::csv) return "";

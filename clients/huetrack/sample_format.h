@@ -48,8 +48,6 @@ std::string text(const msg::ServiceStatus& status, std::int64_t now, const msg::
                  std::span<const msg::CameraPose> poses = {}, std::span<const msg::ObjectSet> sets = {},
                  const msg::HostClocks* clocks = nullptr);
 
-std::string json_string(std::string_view text);  // in quotation marks, with what JSON wants escaped
-
 std::string_view name(msg::TrackState state);  // "searching", "tracking", "coasting", "lost"; "unknown" if none of them
 std::string_view name(msg::CameraState state);
 std::string_view name(msg::CameraHealth health);

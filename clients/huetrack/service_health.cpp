@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <iterator>
 
+#include "calib/yaml/text_file.h"
 #include "clients/live_view/events.h"
 #include "sample_format.h"
 
@@ -16,7 +17,7 @@ constexpr double old_s = 10;
 
 std::string list_of(const std::vector<std::string>& sentences) {
   std::string out = "[";
-  for (const std::string& sentence : sentences) out += (out.size() > 1 ? "," : "") + json_string(sentence);
+  for (const std::string& sentence : sentences) out += (out.size() > 1 ? "," : "") + yaml::in_json_quotes(sentence);
   return out + "]";
 }
 

@@ -72,25 +72,19 @@ idl::ParticipantOptions named(idl::ParticipantOptions options, const char* name)
 struct BusReader::Connection {
   explicit Connection(const idl::ParticipantOptions& options)
       : participant(named(options, "huetrack view")),
-        position(participant.create_reader(idl::object_position_topic,
-                                           dds::TypeSupport(new msg::ObjectPositionPubSubType),
-                                           idl::object_position_reader_qos())),
-        camera_pose(participant.create_reader(idl::camera_pose_topic, dds::TypeSupport(new msg::CameraPosePubSubType),
-                                              idl::object_position_reader_qos())),
-        camera_map(participant.create_reader(idl::camera_map_topic, dds::TypeSupport(new msg::CameraMapPubSubType),
-                                             idl::status_reader_qos())),
-        status(participant.create_reader(idl::status_topic, dds::TypeSupport(new msg::ServiceStatusPubSubType),
-                                         idl::status_reader_qos())),
-        scene(participant.create_reader(idl::scene_topic, dds::TypeSupport(new msg::ScenePubSubType),
-                                        idl::status_reader_qos())),
-        times(participant.create_reader(idl::camera_times_topic, dds::TypeSupport(new msg::CameraTimesPubSubType),
-                                        idl::status_reader_qos())),
-        clocks(participant.create_reader(idl::host_clocks_topic, dds::TypeSupport(new msg::HostClocksPubSubType),
-                                         idl::status_reader_qos())),
-        reply(participant.create_reader(idl::teach_reply_topic, dds::TypeSupport(new msg::TeachReplyPubSubType),
-                                        idl::teach_reader_qos())),
-        control_reply(participant.create_reader(
-            idl::control_reply_topic, dds::TypeSupport(new msg::ControlReplyPubSubType), idl::teach_reader_qos())),
+        position(participant.create_reader<msg::ObjectPositionPubSubType>(idl::object_position_topic,
+                                                                          idl::object_position_reader_qos())),
+        camera_pose(participant.create_reader<msg::CameraPosePubSubType>(idl::camera_pose_topic,
+                                                                         idl::object_position_reader_qos())),
+        camera_map(
+            participant.create_reader<msg::CameraMapPubSubType>(idl::camera_map_topic, idl::status_reader_qos())),
+        status(participant.create_reader<msg::ServiceStatusPubSubType>(idl::status_topic, idl::status_reader_qos())),
+        scene(participant.create_reader<msg::ScenePubSubType>(idl::scene_topic, idl::status_reader_qos())),
+        times(participant.create_reader<msg::CameraTimesPubSubType>(idl::camera_times_topic, idl::status_reader_qos())),
+        clocks(participant.create_reader<msg::HostClocksPubSubType>(idl::host_clocks_topic, idl::status_reader_qos())),
+        reply(participant.create_reader<msg::TeachReplyPubSubType>(idl::teach_reply_topic, idl::teach_reader_qos())),
+        control_reply(
+            participant.create_reader<msg::ControlReplyPubSubType>(idl::control_reply_topic, idl::teach_reader_qos())),
         request(request_writer<msg::TeachRequestPubSubType>(idl::teach_request_topic)),
         control_request(request_writer<msg::ControlRequestPubSubType>(idl::control_request_topic)) {}
   idl::DdsParticipant participant;
@@ -102,7 +96,7 @@ struct BusReader::Connection {
   template <typename Type>
   dds::DataWriter* request_writer(const char* topic) {
     try {
-      return &participant.create_writer(topic, dds::TypeSupport(new Type), idl::teach_writer_qos(), "");
+      return &participant.create_writer<Type>(topic, idl::teach_writer_qos(), "");
     } catch (const std::runtime_error& error) {
       if (!participant.is_access_controlled()) throw;
       refused = error.what();
@@ -115,8 +109,7 @@ struct BusReader::Connection {
 struct BusReader::Previews {
   explicit Previews(const idl::ParticipantOptions& options)
       : participant(named(options, "huetrack view, previews")),
-        preview(participant.create_reader(idl::preview_topic, dds::TypeSupport(new msg::PreviewPubSubType),
-                                          idl::preview_reader_qos())) {}
+        preview(participant.create_reader<msg::PreviewPubSubType>(idl::preview_topic, idl::preview_reader_qos())) {}
   idl::DdsParticipant participant;
   dds::DataReader& preview;
 };
@@ -420,8 +413,7 @@ void BusReader::tell_pulse() {
     if (!others.empty())
       trouble += fmt::format(
           "{}More than one service publishes here. Shown is the one that came last, {} ({}); not shown: {}. End one, "
-          "or "
-          "give them different dds: {{domain: ...}}",
+          "or give them different dds: {{domain: ...}}",
           trouble.empty() ? "" : "; ", shown_, services_.at(shown_).config_file, fmt::join(others, ", "));
   }
   for (const auto& [process, samples] : std::exchange(strangers_, {}))

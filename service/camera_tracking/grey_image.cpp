@@ -1,7 +1,5 @@
 #include "camera_tracking/grey_image.h"
 
-#include <cstring>
-
 #include "particle_filter/vector_clones.h"
 
 namespace huetrack::camera_tracking {

@@ -1,7 +1,6 @@
 #include "camera_tracking/scene_map.h"
 
 #include <algorithm>
-#include <bit>
 #include <cstring>
 #include <stdexcept>
 #include <string>

@@ -689,9 +689,8 @@ std::string advice_for(int error_number) {
   switch (error_number) {
     case ENOSPC:
       return "that is USB bandwidth, not the disk: the cameras on this USB bus want more than it has. Use format: "
-             "mjpeg, "
-             "a lower rate or size, or plug the camera into a port of another USB controller (lsusb -t shows the "
-             "buses); for yuyv, also the uvcvideo module option quirks=128";
+             "mjpeg, a lower rate or size, or plug the camera into a port of another USB controller (lsusb -t shows "
+             "the buses); for yuyv, also the uvcvideo module option quirks=128";
     case EACCES:
     case EPERM:
       return "add the user to the group video (sudo usermod -aG video NAME, then log in anew); for a service, "

@@ -11,13 +11,13 @@
 #include <concepts>
 #include <cstdint>
 #include <span>
-#include <stdexcept>
 #include <string_view>
 #include <utility>
 
 #include "calib/model/rig_yaml.h"
 #include "calib/yaml/hints.h"
 #include "calib/yaml/nearest_word.h"
+#include "calib/yaml/number_text.h"
 #include "calib/yaml/text_file.h"
 #include "calib/yaml/yaml_reader.h"
 #include "capture/network_source.h"
@@ -640,30 +640,32 @@ class Printer {
 
   void version(int only) { write("version", std::to_string(only), ""); }
   void number(std::string_view key, double value, yaml::Range, std::string_view doc) {
-    line(key, shortest(value), doc);
+    line(key, yaml::shortest_text(value), doc);
   }
   template <std::integral T>
   void integer(std::string_view key, T value, yaml::Range, std::string_view doc) {
     line(key, std::to_string(value), doc);
   }
   void boolean(std::string_view key, bool value, std::string_view doc) { line(key, value ? "true" : "false", doc); }
-  void text(std::string_view key, const std::string& value, std::string_view doc) { line(key, quoted(value), doc); }
+  void text(std::string_view key, const std::string& value, std::string_view doc) {
+    line(key, yaml::in_yaml_quotes(value), doc);
+  }
   void text_or(std::string_view key, const std::string& none, const std::string& value, std::string_view doc) {
-    line(key, value.empty() ? none : quoted(value), doc);
+    line(key, value.empty() ? none : yaml::in_yaml_quotes(value), doc);
   }
   void table_or(std::string_view key, const NumberRows& rows, const std::vector<CsvColumn>&, std::size_t, std::size_t,
                 std::string_view doc) {
     std::vector<std::string> items;
     for (const auto& row : rows) {
       std::vector<std::string> numbers;
-      for (const double number : row) numbers.push_back(shortest(number));
+      for (const double number : row) numbers.push_back(yaml::shortest_text(number));
       items.push_back(list_of(numbers));
     }
     line(key, rows.empty() ? "none" : list_of(items), doc);
   }
   void strings(std::string_view key, const std::vector<std::string>& value, std::string_view doc) {
     std::vector<std::string> items;
-    for (const auto& item : value) items.push_back(quoted(item));
+    for (const auto& item : value) items.push_back(yaml::in_yaml_quotes(item));
     line(key, list_of(items), doc);
   }
   template <typename T>
@@ -688,20 +690,20 @@ class Printer {
     mapping(key, doc, [&](Printer& inner) {
       for (const auto& [name, value] : settings) {
         const auto* number = std::get_if<std::int64_t>(&value);
-        inner.line(name, number ? std::to_string(*number) : quoted(std::get<std::string>(value)), "");
+        inner.line(name, number ? std::to_string(*number) : yaml::in_yaml_quotes(std::get<std::string>(value)), "");
       }
       inner.names_taken_away();
     });
   }
   void path_or(std::string_view key, std::string_view none, const fs::path& value, std::string_view doc) {
-    line(key, value.empty() ? std::string(none) : quoted(value.string()), doc);
+    line(key, value.empty() ? std::string(none) : yaml::in_yaml_quotes(value.string()), doc);
   }
   void folder_or(std::string_view key, std::string_view none, const fs::path& value, std::string_view doc) {
     path_or(key, none, value, doc);
   }
   void number_or(std::string_view key, std::string_view word, std::optional<double> value, yaml::Range,
                  std::string_view doc) {
-    line(key, value ? shortest(*value) : std::string(word), doc);
+    line(key, value ? yaml::shortest_text(*value) : std::string(word), doc);
   }
   void integer_or(std::string_view key, std::string_view word, std::optional<int> value, yaml::Range,
                   std::string_view doc) {
@@ -711,10 +713,10 @@ class Printer {
     line(key, (target.is_up_to ? "up to " : "") + std::to_string(target.count), doc);
   }
   void point(std::string_view key, const Eigen::Vector3d& p, std::string_view doc) {
-    line(key, list_of({shortest(p.x()), shortest(p.y()), shortest(p.z())}), doc);
+    line(key, list_of({yaml::shortest_text(p.x()), yaml::shortest_text(p.y()), yaml::shortest_text(p.z())}), doc);
   }
   void interval(std::string_view key, double min, double max, yaml::Range, Need, std::string_view doc) {
-    line(key, list_of({shortest(min), shortest(max)}), doc);
+    line(key, list_of({yaml::shortest_text(min), yaml::shortest_text(max)}), doc);
   }
   void boxes(std::string_view key, const object_tracking::IgnoredRegions& regions, std::string_view doc) {
     mapping(key, doc, [&](Printer& inner) {
@@ -808,29 +810,11 @@ class Printer {
   static std::string list_of(const std::vector<std::string>& items) {
     return fmt::format("[{}]", fmt::join(items, ", "));
   }
-  static std::string shortest(double value) {
-    std::array<char, 32> buffer{};
-    const auto end = std::to_chars(buffer.data(), buffer.data() + buffer.size(), value).ptr;
-    return {buffer.data(), end};
-  }
-  static std::string quoted(const std::string& text) {
-    std::string out = "\"";
-    for (const char c : text) {
-      if (c == '"' || c == '\\') out += '\\';
-      if (static_cast<unsigned char>(c) < 0x20 || c == 0x7F) {
-        out += fmt::format("\\x{:02X}", static_cast<unsigned char>(c));
-      } else {
-        out += c;
-      }
-    }
-    out += '"';
-    return out;
-  }
   static std::string quoted_key(const std::string& name) {
     const bool plain = !name.empty() && std::isalpha(static_cast<unsigned char>(name.front())) != 0 &&
                        std::ranges::all_of(name, [](unsigned char c) { return std::isalnum(c) != 0 || c == '_'; });
     constexpr std::string_view words[] = {"true", "false", "null", "yes", "no", "on", "off", "y", "n"};
-    return plain && std::ranges::find(words, name) == std::end(words) ? name : quoted(name);
+    return plain && std::ranges::find(words, name) == std::end(words) ? name : yaml::in_yaml_quotes(name);
   }
 
   std::string& out_;

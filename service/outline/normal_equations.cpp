@@ -1,7 +1,5 @@
 #include "outline/normal_equations.h"
 
-#include <cmath>
-
 #include "particle_filter/vector_clones.h"
 
 namespace huetrack::outline {

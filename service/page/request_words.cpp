@@ -4,18 +4,12 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <cmath>
+
+#include "calib/yaml/number_text.h"
 
 namespace huetrack::page {
 namespace {
-
-template <typename Number>
-std::optional<Number> parsed(std::string_view text) {
-  Number number = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
-  return error == std::errc{} && end == text.data() + text.size() ? std::optional(number) : std::nullopt;
-}
 
 // As idl/README.md has them, without those that programs alone ask for.
 struct Group {
@@ -43,7 +37,7 @@ std::vector<std::string> split(std::string_view text, char separator) {
 }
 
 std::optional<double> finite_number(std::string_view text) {
-  const auto number = parsed<double>(text);
+  const auto number = yaml::number_of<double>(text);
   return number && std::isfinite(*number) ? number : std::nullopt;
 }
 
@@ -53,7 +47,7 @@ double real_of(std::string_view text) {
 }
 
 std::uint64_t whole_number_of(std::string_view text) {
-  if (const auto number = parsed<std::uint64_t>(text)) return *number;
+  if (const auto number = yaml::number_of<std::uint64_t>(text)) return *number;
   throw std::runtime_error(fmt::format("a whole number is wanted, not {}", text));
 }
 

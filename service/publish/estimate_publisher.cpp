@@ -228,41 +228,39 @@ bool has_several(const EstimatePublisherOptions& options) {
 struct Connection {
   Connection(const EstimatePublisherOptions& options, Rivals& rivals)
       : participant(options.transport("huetrackd"), &rivals),
-        position(participant.create_writer(idl::object_position_topic,
-                                           dds::TypeSupport(new msg::ObjectPositionPubSubType),
-                                           idl::object_position_writer_qos(), rivals.self().user_data())),
-        status(participant.create_writer(idl::status_topic, dds::TypeSupport(new msg::ServiceStatusPubSubType),
-                                         idl::status_writer_qos(), rivals.self().user_data())),
-        times(participant.create_writer(idl::camera_times_topic, dds::TypeSupport(new msg::CameraTimesPubSubType),
-                                        idl::status_writer_qos(), rivals.self().user_data())) {
+        position(participant.create_writer<msg::ObjectPositionPubSubType>(
+            idl::object_position_topic, idl::object_position_writer_qos(), rivals.self().user_data())),
+        status(participant.create_writer<msg::ServiceStatusPubSubType>(idl::status_topic, idl::status_writer_qos(),
+                                                                       rivals.self().user_data())),
+        times(participant.create_writer<msg::CameraTimesPubSubType>(idl::camera_times_topic, idl::status_writer_qos(),
+                                                                    rivals.self().user_data())) {
     if (!options.tracked_camera.empty())
-      camera = &participant.create_writer(
-          idl::camera_pose_topic, dds::TypeSupport(new msg::CameraPosePubSubType), idl::object_position_writer_qos(),
+      camera = &participant.create_writer<msg::CameraPosePubSubType>(
+          idl::camera_pose_topic, idl::object_position_writer_qos(),
           idl::PublisherIdentity::of_this_process({options.tracked_camera}).user_data());
     if (options.has_other_hosts)
-      clocks = &participant.create_writer(idl::host_clocks_topic, dds::TypeSupport(new msg::HostClocksPubSubType),
-                                          idl::status_writer_qos(), rivals.self().user_data());
+      clocks = &participant.create_writer<msg::HostClocksPubSubType>(idl::host_clocks_topic, idl::status_writer_qos(),
+                                                                     rivals.self().user_data());
     if (has_several(options))
-      sets = &participant.create_writer(idl::object_set_topic, dds::TypeSupport(new msg::ObjectSetPubSubType),
-                                        idl::object_position_writer_qos(), rivals.self().user_data());
+      sets = &participant.create_writer<msg::ObjectSetPubSubType>(
+          idl::object_set_topic, idl::object_position_writer_qos(), rivals.self().user_data());
     if (!options.ros2) return;
     using PoseType = geometry_msgs::msg::dds_::PoseWithCovarianceStamped_PubSubType;
     using TfType = tf2_msgs::msg::dds_::TFMessage_PubSubType;
     for (std::size_t t = 0; t < options.targets.size(); ++t) {
       const bool is_several = count_of(options, t) > 1;
       poses.push_back(is_several ? nullptr : &create_pose_writer(options.targets[t]));
-      pose_arrays.push_back(is_several ? &participant.create_writer(
-                                             idl::ros2_poses_topic(options.targets[t]),
-                                             dds::TypeSupport(new geometry_msgs::msg::dds_::PoseArray_PubSubType),
-                                             idl::ros2_writer_qos(), idl::ros2_user_data(idl::ros2_poses_type_hash))
+      pose_arrays.push_back(is_several ? &participant.create_writer<geometry_msgs::msg::dds_::PoseArray_PubSubType>(
+                                             idl::ros2_poses_topic(options.targets[t]), idl::ros2_writer_qos(),
+                                             idl::ros2_user_data(idl::ros2_poses_type_hash))
                                        : nullptr);
     }
     if (!options.tracked_camera.empty())
-      ros_camera = &participant.create_writer(idl::ros2_camera_pose_topic(options.tracked_camera),
-                                              dds::TypeSupport(new PoseType), idl::ros2_writer_qos(),
-                                              idl::ros2_user_data(idl::ros2_pose_type_hash));
-    tf = &participant.create_writer(idl::ros2_tf_topic, dds::TypeSupport(new TfType), idl::ros2_writer_qos(),
-                                    idl::ros2_user_data(idl::ros2_tf_type_hash));
+      ros_camera =
+          &participant.create_writer<PoseType>(idl::ros2_camera_pose_topic(options.tracked_camera),
+                                               idl::ros2_writer_qos(), idl::ros2_user_data(idl::ros2_pose_type_hash));
+    tf = &participant.create_writer<TfType>(idl::ros2_tf_topic, idl::ros2_writer_qos(),
+                                            idl::ros2_user_data(idl::ros2_tf_type_hash));
   }
 
   // Lets the last samples arrive.
@@ -275,8 +273,8 @@ struct Connection {
 
   dds::DataWriter& create_pose_writer(const std::string& name) {
     using PoseType = geometry_msgs::msg::dds_::PoseWithCovarianceStamped_PubSubType;
-    return participant.create_writer(idl::ros2_pose_topic(name), dds::TypeSupport(new PoseType), idl::ros2_writer_qos(),
-                                     idl::ros2_user_data(idl::ros2_pose_type_hash));
+    return participant.create_writer<PoseType>(idl::ros2_pose_topic(name), idl::ros2_writer_qos(),
+                                               idl::ros2_user_data(idl::ros2_pose_type_hash));
   }
   // Of an object of several, which has one from its first pose on.
   dds::DataWriter& pose_writer_of(const std::string& object) {

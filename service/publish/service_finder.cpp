@@ -17,8 +17,8 @@ using eprosima::fastrtps::types::ReturnCode_t;
 std::vector<RunningService> running_services(const EstimatePublisherOptions& options,
                                              std::chrono::milliseconds patience) {
   idl::DdsParticipant participant(options.transport("huetrackd"));
-  dds::DataReader& reader = participant.create_reader(
-      idl::status_topic, dds::TypeSupport(new msg::ServiceStatusPubSubType), idl::status_reader_qos());
+  dds::DataReader& reader =
+      participant.create_reader<msg::ServiceStatusPubSubType>(idl::status_topic, idl::status_reader_qos());
   const std::string host = idl::PublisherIdentity::of_this_process({}).host;
   std::map<std::pair<std::string, std::uint32_t>, RunningService> found;
   const auto until = std::chrono::steady_clock::now() + patience;

@@ -60,21 +60,18 @@ msg::CameraMap to_message(const camera_tracking::CameraMap& map, capture::Timest
 struct ViewConnection {
   ViewConnection(const EstimatePublisherOptions& options, const std::string& who)
       : participant(options.transport("huetrackd view")),
-        scene(participant.create_writer(idl::scene_topic, dds::TypeSupport(new msg::ScenePubSubType),
-                                        idl::status_writer_qos(), who)),
-        preview(participant.create_writer(idl::preview_topic, dds::TypeSupport(new msg::PreviewPubSubType),
-                                          idl::preview_writer_qos(), who)),
-        reply(participant.create_writer(idl::teach_reply_topic, dds::TypeSupport(new msg::TeachReplyPubSubType),
-                                        idl::teach_writer_qos(), who)),
-        request(participant.create_reader(idl::teach_request_topic, dds::TypeSupport(new msg::TeachRequestPubSubType),
-                                          idl::teach_reader_qos())),
-        control_reply(participant.create_writer(
-            idl::control_reply_topic, dds::TypeSupport(new msg::ControlReplyPubSubType), idl::teach_writer_qos(), who)),
-        control_request(participant.create_reader(
-            idl::control_request_topic, dds::TypeSupport(new msg::ControlRequestPubSubType), idl::teach_reader_qos())) {
+        scene(participant.create_writer<msg::ScenePubSubType>(idl::scene_topic, idl::status_writer_qos(), who)),
+        preview(participant.create_writer<msg::PreviewPubSubType>(idl::preview_topic, idl::preview_writer_qos(), who)),
+        reply(
+            participant.create_writer<msg::TeachReplyPubSubType>(idl::teach_reply_topic, idl::teach_writer_qos(), who)),
+        request(
+            participant.create_reader<msg::TeachRequestPubSubType>(idl::teach_request_topic, idl::teach_reader_qos())),
+        control_reply(participant.create_writer<msg::ControlReplyPubSubType>(idl::control_reply_topic,
+                                                                             idl::teach_writer_qos(), who)),
+        control_request(participant.create_reader<msg::ControlRequestPubSubType>(idl::control_request_topic,
+                                                                                 idl::teach_reader_qos())) {
     if (!options.tracked_camera.empty())
-      map = &participant.create_writer(idl::camera_map_topic, dds::TypeSupport(new msg::CameraMapPubSubType),
-                                       idl::status_writer_qos(), who);
+      map = &participant.create_writer<msg::CameraMapPubSubType>(idl::camera_map_topic, idl::status_writer_qos(), who);
     if (!options.ros2) return;
     using ImageType = sensor_msgs::msg::dds_::CompressedImage_PubSubType;
     using InfoType = sensor_msgs::msg::dds_::CameraInfo_PubSubType;
@@ -82,17 +79,15 @@ struct ViewConnection {
     using TfType = tf2_msgs::msg::dds_::TFMessage_PubSubType;
     for (const std::string& camera : options.cameras) {
       const std::string name = ros_name(camera);
-      images.push_back(&participant.create_writer(idl::ros2_image_topic(name), dds::TypeSupport(new ImageType),
-                                                  idl::ros2_writer_qos(),
-                                                  idl::ros2_user_data(idl::ros2_image_type_hash)));
-      infos.push_back(&participant.create_writer(idl::ros2_camera_info_topic(name), dds::TypeSupport(new InfoType),
-                                                 idl::ros2_writer_qos(),
-                                                 idl::ros2_user_data(idl::ros2_camera_info_type_hash)));
+      images.push_back(&participant.create_writer<ImageType>(idl::ros2_image_topic(name), idl::ros2_writer_qos(),
+                                                             idl::ros2_user_data(idl::ros2_image_type_hash)));
+      infos.push_back(&participant.create_writer<InfoType>(idl::ros2_camera_info_topic(name), idl::ros2_writer_qos(),
+                                                           idl::ros2_user_data(idl::ros2_camera_info_type_hash)));
     }
-    markers = &participant.create_writer(idl::ros2_markers_topic, dds::TypeSupport(new MarkersType),
-                                         idl::ros2_writer_qos(), idl::ros2_user_data(idl::ros2_markers_type_hash));
-    tf_static = &participant.create_writer(idl::ros2_tf_static_topic, dds::TypeSupport(new TfType),
-                                           idl::status_writer_qos(), idl::ros2_user_data(idl::ros2_tf_type_hash));
+    markers = &participant.create_writer<MarkersType>(idl::ros2_markers_topic, idl::ros2_writer_qos(),
+                                                      idl::ros2_user_data(idl::ros2_markers_type_hash));
+    tf_static = &participant.create_writer<TfType>(idl::ros2_tf_static_topic, idl::status_writer_qos(),
+                                                   idl::ros2_user_data(idl::ros2_tf_type_hash));
   }
 
   // Lets the last replies arrive: the service may begin anew with what was just asked for.

@@ -2,12 +2,12 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <cmath>
 #include <fstream>
 #include <string_view>
 
 #include "calib/yaml/csv_table.h"
+#include "calib/yaml/number_text.h"
 #include "calib/yaml/text_file.h"
 #include "calib/yaml/yaml_reader.h"
 
@@ -20,14 +20,6 @@ constexpr double longest_s = 4e9;  // |time|; far beyond any recording, and with
 // Nanoseconds survive even when the times are UNIX seconds.
 capture::Duration exact_duration_of(long double s) {
   return capture::Duration(std::llround(s * 1e9L));
-}
-
-template <typename T>
-std::optional<T> parse(std::string_view text) {
-  T value{};
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc{} || end != text.data() + text.size()) return std::nullopt;
-  return value;
 }
 
 // The rows of a file with a header line and the columns frame and t_s; sequence and arrival where
@@ -58,26 +50,26 @@ class TimestampFile {
 
   // Takes the row, or says what is wrong with it.
   std::optional<std::string> problem_of_row() {
-    const auto time = parse<long double>(table_.text(t_s));
+    const auto time = yaml::number_of<long double>(table_.text(t_s));
     if (!time || !(std::fabs(*time) < static_cast<long double>(longest_s)))
       return "t_s is " + quoted(t_s) + ", not a time in seconds";
     const capture::Timestamp at{exact_duration_of(*time)};
     RecordedCamera::Received received;
     if (is_ours()) {
-      const auto sequence_number = parse<std::uint32_t>(table_.text(sequence));
-      const auto arrival_number = parse<std::uint64_t>(table_.text(arrival));
+      const auto sequence_number = yaml::number_of<std::uint32_t>(table_.text(sequence));
+      const auto arrival_number = yaml::number_of<std::uint64_t>(table_.text(arrival));
       if (!sequence_number) return "sequence is " + quoted(sequence) + ", not an integer >= 0";
       if (!arrival_number) return "arrival is " + quoted(arrival) + ", not an integer >= 0";
       received = {.sequence = *sequence_number, .arrival = *arrival_number, .stamped_at = std::nullopt};
       if (table_.has(stamp_s)) {
-        const auto stamp = parse<long double>(table_.text(stamp_s));
+        const auto stamp = yaml::number_of<long double>(table_.text(stamp_s));
         if (!stamp || !(std::fabs(*stamp) < static_cast<long double>(longest_s)))
           return "stamp_s is " + quoted(stamp_s) + ", not a time in seconds";
         received.stamped_at = capture::Timestamp{exact_duration_of(*stamp)};
       }
       if (table_.has(clock) && table_.has(clock_sigma_ns)) {
-        const auto of = parse<std::uint16_t>(table_.text(clock));
-        const auto sigma = parse<std::int64_t>(table_.text(clock_sigma_ns));
+        const auto of = yaml::number_of<std::uint16_t>(table_.text(clock));
+        const auto sigma = yaml::number_of<std::int64_t>(table_.text(clock_sigma_ns));
         if (!of) return "clock is " + quoted(clock) + ", not an integer from 0 to 65535";
         if (!sigma || *sigma < 0 || *sigma > longest_sigma_ns)
           return "clock_sigma_ns is " + quoted(clock_sigma_ns) + ", not a time in nanoseconds from 0 to 10^9";
@@ -90,7 +82,7 @@ class TimestampFile {
       last_at_ = at;
       return std::nullopt;
     }
-    const auto number = parse<std::int64_t>(table_.text(frame));
+    const auto number = yaml::number_of<std::int64_t>(table_.text(frame));
     if (!number || *number < 0) return "frame is " + quoted(frame) + ", not an integer >= 0";
     auto& rows = camera_.timestamps;
     if (!rows.empty() && *number <= rows.back().first)

@@ -445,8 +445,7 @@ struct RecordingWriter::Impl {
     make_folder();
     std::string yaml =
         "# Written by huetrack. The times (t_s) in the CSV files are UNIX time, in seconds: so the clock's zero is "
-        "UNIX "
-        "time's.\nversion: 1\nstarted_at: 0\ncameras:\n";
+        "UNIX time's.\nversion: 1\nstarted_at: 0\ncameras:\n";
     std::vector<std::string> names;
     for (std::size_t i = 0; i < options.cameras.size(); ++i) {
       std::string name = file_name_of(options.cameras[i]);

@@ -3,10 +3,8 @@
 #include <glob.h>
 
 #include <algorithm>
-#include <array>
 #include <charconv>
 #include <cmath>
-#include <cstring>
 #include <deque>
 #include <fstream>
 #include <set>

@@ -1,11 +1,12 @@
 #include "tracks/pose_file.h"
 
 #include <algorithm>
-#include <array>
 #include <charconv>
 #include <cstdlib>
 #include <string_view>
 #include <system_error>
+
+#include "calib/yaml/number_text.h"
 
 namespace huetrack::tracks {
 namespace {
@@ -38,11 +39,8 @@ std::string to_tum_line(const camera_tracking::CameraEstimate& e) {
   if (ns < 0) line.insert(0, 1, '-');
   const auto& t = e.world_from_camera.translation;
   const auto& q = e.world_from_camera.rotation;
-  for (const double value : {t.x(), t.y(), t.z(), q.x(), q.y(), q.z(), q.w()}) {
-    std::array<char, 32> digits{};
-    line += ' ';
-    line.append(digits.data(), std::to_chars(digits.data(), digits.data() + digits.size(), value).ptr);
-  }
+  for (const double value : {t.x(), t.y(), t.z(), q.x(), q.y(), q.z(), q.w()})
+    line += ' ', yaml::append_shortest(line, value);
   return line;
 }
 

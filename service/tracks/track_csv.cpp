@@ -1,24 +1,21 @@
 #include "tracks/track_csv.h"
 
-#include <array>
-#include <charconv>
 #include <cmath>
 #include <cstdlib>
 #include <optional>
 
 #include "calib/yaml/csv_table.h"
+#include "calib/yaml/number_text.h"
 
 namespace huetrack::tracks {
 namespace {
 
 void append(std::string& row, double value) {
-  std::array<char, 32> buffer{};
   row += ',';
-  if (std::isnan(value)) {
+  if (std::isnan(value))
     row += "nan";  // never -nan
-  } else {
-    row.append(buffer.data(), std::to_chars(buffer.data(), buffer.data() + buffer.size(), value).ptr);
-  }
+  else
+    yaml::append_shortest(row, value);
 }
 
 std::optional<object_tracking::TrackState> track_state_of(std::string_view word) {
