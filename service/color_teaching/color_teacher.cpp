@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <utility>
 
 #include "capture/image_copy.h"
@@ -111,20 +112,28 @@ std::optional<PixelMask> pointed_region(const HsiImage& image, color::PixelAt at
 
 // Light, noise and a JPEG's coarse chroma may leave the object's colour on a part of it. Where that part is a part of
 // something round that moved, much larger than itself but not by more than light does, that is where the object is, and
-// how large. An arm that carries it is not round.
-MaskRegion whole_of(const MaskRegion& part, const PixelMask& object, const std::optional<PixelMask>& moving) {
+// how large. An arm that carries it is not round. What has its hue all over is it, however small the part: of a shaded
+// ball the saturated core may be a third of it across.
+MaskRegion whole_of(const MaskRegion& part, const PixelMask& object, const HsiImage& image,
+                    const std::optional<PixelMask>& moving) {
   constexpr double least_larger = 1.35, most_larger = 2.2, least_held = 0.8;  // of radii; of the part's area
   constexpr double soft_px = 1;  // an edge that is blurred has moved, too, on both sides
   if (!moving) return part;
-  for (const MaskRegion& moved : regions_of(*moving, part.area)) {
-    const double larger = (moved.radius_px() - soft_px) / part.radius_px();
-    if (larger < least_larger || larger > most_larger || !is_round(moved)) continue;
-    int held = 0;
-    for (int v = moved.box.v_min; v <= moved.box.v_max; ++v)
-      for (int u = moved.box.u_min; u <= moved.box.u_max; ++u) held += moving->at(u, v) & object.at(u, v);
-    if (held >= least_held * part.area) return moved;
-  }
-  return part;
+  const auto round_around = [&](const PixelMask& mask, double most) -> std::optional<MaskRegion> {
+    for (const MaskRegion& whole : regions_of(mask, part.area)) {
+      const double larger = (whole.radius_px() - soft_px) / part.radius_px();
+      if (larger < least_larger || larger > most || !is_round(whole)) continue;
+      int held = 0;
+      for (int v = whole.box.v_min; v <= whole.box.v_max; ++v)
+        for (int u = whole.box.u_min; u <= whole.box.u_max; ++u) held += mask.at(u, v) & object.at(u, v);
+      if (held >= least_held * part.area) return whole;
+    }
+    return std::nullopt;
+  };
+  if (const auto whole = round_around(*moving, most_larger)) return *whole;
+  PixelMask of_its_hue = alike_pixels(image, median_chroma(image, object, part.box));
+  for (std::size_t i = 0; i < of_its_hue.pixels.size(); ++i) of_its_hue.pixels[i] &= moving->pixels[i];
+  return round_around(of_its_hue, std::numeric_limits<double>::infinity()).value_or(part);
 }
 
 std::vector<std::vector<color::Hsi>> all_seen_of(const TaughtView& view, const HsiImage& image) {
@@ -384,7 +393,8 @@ void ColorTeacher::suggest(std::vector<TaughtView>& views, const object_tracking
   std::vector<std::size_t> cameras;
   for (std::size_t c = 0; c < views.size(); ++c) {
     if (views[c].pointed) {
-      pointed.push_back({picture(c), whole_of(*views[c].region, views[c].object, moving_[c]), views[c].object});
+      pointed.push_back(
+          {picture(c), whole_of(*views[c].region, views[c].object, *images_[c], moving_[c]), views[c].object});
     } else if (images_[c]) {
       others.push_back(picture(c));
       cameras.push_back(c);

@@ -62,13 +62,14 @@ class Sums {
 };
 
 struct LikePixels {
+  explicit LikePixels(PixelMask like) : mask(std::move(like)), sums(mask) {}
   PixelMask mask;
   Sums sums;
 };
 
 // Of the pixels in the box that are set and within the disc.
-Eigen::Vector2d median_chroma(const HsiImage& image, const PixelMask& pixels, const color::PixelBox& box,
-                              const Eigen::Vector2d& centre, double radius) {
+Eigen::Vector2d median_chroma_in_disc(const HsiImage& image, const PixelMask& pixels, const color::PixelBox& box,
+                                      const Eigen::Vector2d& centre, double radius) {
   std::vector<double> x, y;
   for (int v = box.v_min; v <= box.v_max; ++v) {
     for (int u = box.u_min; u <= box.u_max; ++u) {
@@ -91,8 +92,7 @@ ColorStep step_of(const Eigen::Vector2d& from, const Eigen::Vector2d& to) {
   return {turned * 180 / std::numbers::pi, std::log(std::max(1e-3, to.norm()) / from.norm())};
 }
 
-// as_like: of the most that another view may change a colour, so much.
-LikePixels like(const HsiImage& image, const Eigen::Vector2d& color, double as_like) {
+PixelMask like(const HsiImage& image, const Eigen::Vector2d& color, double as_like) {
   PixelMask mask(image.width, image.height);
   for (std::size_t i = 0; i < image.pixels.size(); ++i) {
     const ColorStep step = step_of(color, chroma(image.pixels[i]));
@@ -100,8 +100,7 @@ LikePixels like(const HsiImage& image, const Eigen::Vector2d& color, double as_l
         std::abs(step.hue_deg) <= as_like * most_hue_deg && std::abs(step.saturation) <= as_like * most_saturation ? 1
                                                                                                                    : 0;
   }
-  Sums sums(mask);
-  return {std::move(mask), std::move(sums)};
+  return mask;
 }
 
 // Where the object would appear in a picture, if it were at this depth.
@@ -220,7 +219,8 @@ std::optional<Candidate> judged(const TaughtPicture& picture, const LikePixels& 
     const double moved = share_inside(*picture.moving, region.centre, radius);
     if (*is_moving ? moved < still_share : moved > moving_share) return std::nullopt;
   }
-  const ColorStep off = step_of(color, median_chroma(*picture.image, pixels.mask, region.box, region.centre, radius));
+  const ColorStep off =
+      step_of(color, median_chroma_in_disc(*picture.image, pixels.mask, region.box, region.centre, radius));
   const double size = std::log(region.radius_px() / radius);
   const auto squared = [](double x) { return x * x; };
   Candidate out{.position = expected.position, .region = region};
@@ -286,14 +286,21 @@ std::vector<Candidate> candidates_in(const TaughtPicture& picture, const LikePix
 
 }  // namespace
 
+Eigen::Vector2d median_chroma(const HsiImage& image, const PixelMask& pixels, const color::PixelBox& box) {
+  return median_chroma_in_disc(image, pixels, box, {0, 0}, std::numeric_limits<double>::infinity());
+}
+
+PixelMask alike_pixels(const HsiImage& image, const Eigen::Vector2d& color) {
+  return like(image, color, 1);
+}
+
 std::vector<std::optional<MaskRegion>> suggested_regions(const std::vector<PointedObject>& pointed,
                                                          const std::vector<TaughtPicture>& others,
                                                          const object_tracking::Volume& volume, double moved_m) {
   std::vector<std::optional<MaskRegion>> out(others.size());
   if (pointed.empty()) return out;
   const PointedObject& first = pointed.front();
-  const Eigen::Vector2d color = median_chroma(*first.picture.image, first.pixels, first.region.box, first.region.centre,
-                                              std::numeric_limits<double>::infinity());
+  const Eigen::Vector2d color = median_chroma(*first.picture.image, first.pixels, first.region.box);
   if (color.norm() == 0) return out;
   std::optional<bool> is_moving;
   if (first.picture.moving != nullptr) {
@@ -307,9 +314,21 @@ std::vector<std::optional<MaskRegion>> suggested_regions(const std::vector<Point
     candidates.push_back({});
     for (const double as_like : {1.0, beside_its_like})
       if (candidates.back().empty())
-        candidates.back() = candidates_in(other, like(*other.image, color, as_like), ray, color, is_moving);
+        candidates.back() = candidates_in(other, LikePixels(like(*other.image, color, as_like)), ray, color, is_moving);
   }
+  // Does the region in picture j lie where a candidate would be in it? nullopt: that is not in the picture.
+  const auto meets = [&](const Candidate& candidate, std::size_t j, const MaskRegion& region) -> std::optional<bool> {
+    const calib::Camera& camera = *others[j].camera;
+    const auto at = camera.project_world(candidate.position);
+    if (!at || !camera.contains({at->px})) return std::nullopt;
+    return (region.centre - at->px).norm() < 1.5 * slack_px_of(camera, candidate.position, region.radius_px(), moved_m);
+  };
   // What the other pictures show where a candidate would be in them.
+  struct Chosen {
+    const Candidate* candidate;
+    double cost;
+  };
+  std::vector<std::optional<Chosen>> chosen(others.size());
   for (std::size_t i = 0; i < others.size(); ++i) {
     std::vector<double> costs;
     for (const Candidate& candidate : candidates[i]) {
@@ -317,10 +336,8 @@ std::vector<std::optional<MaskRegion>> suggested_regions(const std::vector<Point
       for (std::size_t j = 0; j < others.size(); ++j) {
         const auto at = j == i ? std::nullopt : others[j].camera->project_world(candidate.position);
         if (!at || !others[j].camera->contains({at->px})) continue;
-        const bool is_seen = std::ranges::any_of(candidates[j], [&](const Candidate& other) {
-          return (other.region.centre - at->px).norm() <
-                 1.5 * slack_px_of(*others[j].camera, candidate.position, other.region.radius_px(), moved_m);
-        });
+        const bool is_seen = std::ranges::any_of(
+            candidates[j], [&](const Candidate& other) { return meets(candidate, j, other.region) == true; });
         cost += is_seen ? seen_elsewhere : unseen_elsewhere;
       }
       costs.push_back(cost);
@@ -328,7 +345,18 @@ std::vector<std::optional<MaskRegion>> suggested_regions(const std::vector<Point
     const auto best = std::ranges::min_element(costs);
     if (best == costs.end() || *best > largest_cost) continue;
     const bool is_clear = std::ranges::count_if(costs, [&](double cost) { return cost < *best + clear_lead; }) == 1;
-    if (is_clear) out[i] = candidates[i][std::size_t(best - costs.begin())].region;
+    if (is_clear) chosen[i] = {&candidates[i][std::size_t(best - costs.begin())], *best};
+  }
+  // The object is in one place: of two that contradict each other the clearly likelier one remains, or none.
+  for (std::size_t i = 0; i < others.size(); ++i) {
+    const bool is_contradicted = chosen[i] && std::ranges::any_of(chosen, [&](const auto& other) {
+                                   if (!other || &other == &chosen[i] || chosen[i]->cost + clear_lead < other->cost)
+                                     return false;
+                                   const auto j = std::size_t(&other - chosen.data());
+                                   return meets(*chosen[i]->candidate, j, other->candidate->region) == false &&
+                                          meets(*other->candidate, i, chosen[i]->candidate->region) == false;
+                                 });
+    if (chosen[i] && !is_contradicted) out[i] = chosen[i]->candidate->region;
   }
   return out;
 }

@@ -5,6 +5,7 @@
 // candidate. Of several that are about as good, none is suggested: a wrong one costs more than none.
 #pragma once
 
+#include <Eigen/Core>
 #include <optional>
 #include <vector>
 
@@ -27,6 +28,12 @@ struct PointedObject {
   MaskRegion region;
   PixelMask pixels;  // the region's
 };
+
+// Of the pixels in the box that are set; zero: there are none.
+Eigen::Vector2d median_chroma(const HsiImage& image, const PixelMask& pixels, const color::PixelBox& box);
+
+// Which pixels may have that chroma in other light, shade, or another camera's white balance.
+PixelMask alike_pixels(const HsiImage& image, const Eigen::Vector2d& color);
 
 // pointed: one or more. others: pictures of the same moment, none of those that were pointed into. moved_m: how far the
 // object may have moved between them, metres, where they are of one moment only roughly. Returns one entry per picture

@@ -1,6 +1,7 @@
 #include "page/control_desk.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -232,7 +233,10 @@ void ControlDesk::camera(Words words, const config::ServiceConfig& config, msg::
   if (words.size() < 2) throw unknown_request();
   const auto found = actions_.cameras.find(words[1]);
   if (found == actions_.cameras.end())
-    throw std::runtime_error(fmt::format("there is no camera {} whose controls are reached from here", words[1]));
+    throw std::runtime_error(
+        fmt::format("there is no camera {} whose controls are reached from here: camera list says "
+                    "which are; those of another host are set in that host's configuration",
+                    words[1]));
   capture::CameraControls& controls = *found->second;
   if (words[0] == "controls" && words.size() == 2) {
     for (const capture::Control& control : controls.read())
@@ -241,7 +245,12 @@ void ControlDesk::camera(Words words, const config::ServiceConfig& config, msg::
     return;
   }
   const bool saves = words[0] == "save";
-  if ((!saves && words[0] != "set") || words.size() < 3) throw unknown_request();
+  if (!saves && words[0] != "set") throw unknown_request();
+  if (words.size() < 3)
+    throw std::runtime_error(
+        fmt::format("say which controls, and what they shall be: camera {} {} CONTROL=VALUE ...; camera controls {} "
+                    "lists them",
+                    words[0], words[1], words[1]));
   const std::vector<capture::ControlSetting> settings = settings_of(words.subspan(2));
   const std::vector<capture::ControlResult> results = controls.set(settings);
   for (const auto& result : results)
@@ -250,7 +259,8 @@ void ControlDesk::camera(Words words, const config::ServiceConfig& config, msg::
       std::ranges::find_if(results, [](const auto& result) { return !result.problem.empty() && !result.is_implied; });
   if (refused != results.end()) throw std::runtime_error(to_string(*refused));
   if (!saves) {
-    reply.reason("Set, and not saved.");
+    reply.reason(
+        fmt::format("Set, and not saved: camera save {} {} keeps it.", words[1], fmt::join(words.subspan(2), " ")));
     return;
   }
   const auto file = config::save_controls(config.file, words[1], settings);

@@ -375,7 +375,9 @@ TEST_F(Cameras, ControlsAreReadSetAndSaved) {
   EXPECT_THAT(read.rows()[0].columns(), ElementsAre("gain", "7", "0", "255", "1", "7", "number", "", ""));
   EXPECT_THAT(read.rows()[1].columns(),
               ElementsAre("power_line_frequency", "1", "0", "1", "1", "0", "menu", "0=Disabled;1=50 Hz", ""));
-  EXPECT_EQ(ask({"camera", "set", "cam0", "gain=50"}).reason(), "Set, and not saved.");
+  EXPECT_EQ(ask({"camera", "set", "cam0", "gain=50"}).reason(),
+            "Set, and not saved: camera save cam0 gain=50 keeps it.");
+  EXPECT_THAT(ask({"camera", "save", "cam0"}).reason(), HasSubstr("camera controls cam0 lists them"));
   EXPECT_EQ(fake->value, 50);
   EXPECT_EQ(config::load_service_config(config.file).cameras[0].controls[0].value, capture::ControlValue(3));
   const msg::ControlReply saved = ask({"camera", "save", "cam0", "gain=60"});
