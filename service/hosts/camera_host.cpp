@@ -78,8 +78,7 @@ struct CameraHost::Impl {
     std::string name;
     capture::LiveCamera live;
     dds::DataWriter* writer = nullptr;
-    dds::DataWriter* matches_writer = nullptr;  // nullptr: the keys do not allow it
-    dds::DataReader* outlines = nullptr;        // likewise
+    dds::DataReader* outlines = nullptr;  // nullptr: the keys do not allow it
     std::mutex mutex;
     WantedMatches wanted;  // guarded by mutex
     std::atomic<std::uint64_t> frames = 0, refused = 0, bytes = 0;
@@ -106,10 +105,9 @@ struct CameraHost::Impl {
     try {
       looked_for = &participant.create_reader(
           idl::looked_for_topic, dds::TypeSupport(new msg::LookedForColorsPubSubType), idl::status_reader_qos());
-      for (auto& camera : cameras)
-        camera->matches_writer = &participant.create_writer(idl::camera_matches_topic(options.host, camera->name),
-                                                            dds::TypeSupport(new msg::CameraMatchesPubSubType),
-                                                            idl::camera_frames_writer_qos(), "");
+      matches_writer = &participant.create_writer(idl::camera_matches_topic(options.host),
+                                                  dds::TypeSupport(new msg::CameraMatchesPubSubType),
+                                                  idl::camera_frames_writer_qos(), "");
     } catch (const std::runtime_error& error) {
       if (!participant.is_access_controlled()) throw;
       looked_for = nullptr;
@@ -214,13 +212,13 @@ struct CameraHost::Impl {
     message.run(run);
     msg::CameraMatches matches;
     matches.run(run);
+    matches.camera(camera.name);
     MatchFinder finder;
     MatchFinderOptions look_for;
     WantedOutlines outlines;
     msg::ExpectedOutlines said;
     while (const auto frame = camera.live.source->next(stop)) {
-      if (camera.matches_writer != nullptr && is_listened_to(*camera.matches_writer) &&
-          is_looked_for(camera, look_for)) {
+      if (matches_writer != nullptr && is_listened_to(*matches_writer) && is_looked_for(camera, look_for)) {
         hear_outlines(camera, *frame, outlines, run, said, look_for.patches);
         matches.number(frame->sequence);
         matches.stamped_at(frame->stamped_at.time_since_epoch().count());
@@ -228,7 +226,7 @@ struct CameraHost::Impl {
         matches.is_damaged(!bytes);
         matches.bytes().clear();
         if (bytes) matches.bytes().assign(bytes->begin(), bytes->end());
-        send(camera, *camera.matches_writer, matches);
+        send(camera, *matches_writer, matches);
       }
       if (frame->matches || !is_listened_to(*camera.writer)) continue;  // matches are no picture
       to_message(*frame, message);
@@ -265,8 +263,9 @@ struct CameraHost::Impl {
   idl::DdsParticipant participant;
   dds::DataWriter &host, &echo;
   dds::DataReader& probe;
-  dds::DataReader* looked_for = nullptr;  // nullptr: the keys do not allow it
-  std::string refusal;                    // what was said of that; told once
+  dds::DataReader* looked_for = nullptr;      // nullptr: the keys do not allow it
+  dds::DataWriter* matches_writer = nullptr;  // likewise; of all cameras
+  std::string refusal;                        // what was said of that; told once
   std::vector<std::unique_ptr<Camera>> cameras;
   std::chrono::steady_clock::time_point told_at{};
   std::jthread clock, listening;  // last: they end first
