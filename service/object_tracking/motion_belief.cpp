@@ -5,6 +5,7 @@
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstddef>
 #include <limits>
@@ -244,13 +245,24 @@ HUETRACK_CLONES void take_off_all(double* __restrict matrix, std::ptrdiff_t stri
   static_assert(most_open == 8);
   const double *const a0 = a, *const a1 = a + of_a, *const a2 = a + 2 * of_a, *const a3 = a + 3 * of_a;
   const double *const a4 = a + 4 * of_a, *const a5 = a + 5 * of_a, *const a6 = a + 6 * of_a, *const a7 = a + 7 * of_a;
-  for (std::ptrdiff_t i = 0; i < n; ++i) {
+  const auto sum = [&](std::ptrdiff_t j, const std::array<double, most_open>& b_there) {
+    return ((a0[j] * b_there[0] + a1[j] * b_there[1]) + (a2[j] * b_there[2] + a3[j] * b_there[3])) +
+           ((a4[j] * b_there[4] + a5[j] * b_there[5]) + (a6[j] * b_there[6] + a7[j] * b_there[7]));
+  };
+  // Two columns at a time: what is read of a serves both. The last one has nothing below the diagonal.
+  for (std::ptrdiff_t i = 0; i + 1 < n; i += 2) {
     double* const column = matrix + i * stride;
-    const double b0 = b[i], b1 = b[i + of_a], b2 = b[i + 2 * of_a], b3 = b[i + 3 * of_a];
-    const double b4 = b[i + 4 * of_a], b5 = b[i + 5 * of_a], b6 = b[i + 6 * of_a], b7 = b[i + 7 * of_a];
-    for (std::ptrdiff_t j = i + 1; j < n; ++j)
-      column[j] -= ((a0[j] * b0 + a1[j] * b1) + (a2[j] * b2 + a3[j] * b3)) +
-                   ((a4[j] * b4 + a5[j] * b5) + (a6[j] * b6 + a7[j] * b7));
+    double* const next_column = column + stride;
+    std::array<double, most_open> b_there{}, next_b{};
+    for (std::ptrdiff_t k = 0; k < most_open; ++k) {
+      b_there[static_cast<std::size_t>(k)] = b[i + k * of_a];
+      next_b[static_cast<std::size_t>(k)] = b[i + 1 + k * of_a];
+    }
+    column[i + 1] -= sum(i + 1, b_there);
+    for (std::ptrdiff_t j = i + 2; j < n; ++j) {
+      column[j] -= sum(j, b_there);
+      next_column[j] -= sum(j, next_b);
+    }
   }
 }
 
