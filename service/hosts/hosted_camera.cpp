@@ -25,6 +25,7 @@
 #include "hosts/machine_clock.h"
 #include "hosts/match_finder.h"
 #include "hosts/wanted_matches.h"
+#include "hosts/wanted_outlines.h"
 #include "idl/arrivals.h"
 #include "idl/camera_hostPubSubTypes.h"
 #include "idl/dds_participant.h"
@@ -251,15 +252,7 @@ struct HostedCameras::Impl {
       out.run(camera.run);
       out.number(frame + camera.base);
     }
-    for (const capture::ExpectedOutline& outline :
-         outlines.first(std::min(outlines.size(), capture::Matches::most_patches))) {
-      msg::ExpectedOutline& to = out.outlines().emplace_back();
-      to.u(outline.u);
-      to.v(outline.v);
-      to.u_per_s(outline.u_per_s);
-      to.v_per_s(outline.v_per_s);
-      to.radius_px(outline.radius_px);
-    }
+    to_message(outlines, out);
     camera.outlines->write(&out);
   }
 
@@ -479,7 +472,7 @@ struct HostedCameras::Impl {
                   "{:.0f} % of its frames are lost between {} and here: format: mjpeg there, a wired network, or "
                   "larger socket buffers (service/hosts/README.md)",
                   100 * camera.losses.share(), camera.options.host)
-            : "";
+            : wrong_there(camera);
     camera.handed = frame.sequence;
     if (frame.matches) note_colors(camera, *frame.matches);
     if (!is_sound) {
@@ -502,6 +495,15 @@ struct HostedCameras::Impl {
     }
     tell(camera, capture::CaptureState::delivering, delivering(camera));
     return frame;
+  }
+
+  // Under `mutex`. What its host says is wrong with a camera that delivers.
+  std::string wrong_there(const Camera& camera) const {
+    for (const auto& there : hosts.at(camera.options.host).cameras)
+      if (there.name() == camera.options.camera_there && there.state() == msg::HOSTED_CAMERA_DELIVERING &&
+          !there.message().empty())
+        return camera.options.host + " says: " + there.message();
+    return {};
   }
 
   // Under `mutex`. Whether all that is looked for is in them.

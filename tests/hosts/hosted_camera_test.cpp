@@ -5,6 +5,8 @@
 #include <unistd.h>
 
 #include <fstream>
+#include <functional>
+#include <numbers>
 #include <sstream>
 
 #include "daemon/capture_command.h"
@@ -26,11 +28,13 @@ const fs::path demo = fs::path(HUETRACK_SOURCE_DIR) / "configs/demo";
 // A camera host in a thread, with one camera of the demo's recording, from `start` on.
 class Host {
  public:
-  Host(const std::string& name, int camera, std::vector<capture::Frame> frames, capture::Timestamp start)
+  Host(const std::string& name, int camera, std::vector<capture::Frame> frames, capture::Timestamp start,
+       std::function<std::string(const capture::LightFindings&)> say_light = nullptr)
       : host_({.host = name,
                .cameras = {"there"},
                .program_version = "test",
-               .transport = {.name = "host", .domain = publish::test_domain(), .interfaces = {"lo"}}},
+               .transport = {.name = "host", .domain = publish::test_domain(), .interfaces = {"lo"}},
+               .say_light = std::move(say_light)},
               cameras(camera, std::move(frames), start)),
         running_([this](const std::stop_token& stop) { host_.run(stop); }),
         telling_([this](const std::stop_token& stop) {
@@ -179,6 +183,46 @@ TEST_F(HostedCamera, OutlinesAreFittedInWhatMatchesAndReplayed) {
   EXPECT_LT(both->sent.bytes / both->sent.frames, 6000U);
   tracker_config(folder_, ", send: matches", ball);
   EXPECT_EQ(replayed(), both->there);
+}
+
+// The host sees in all its frames what light does, and says it to who has none of them.
+TEST_F(HostedCamera, LightIsWatchedWhereTheFramesAre) {
+  const config::ServiceConfig config = tracker_config(folder_, ", send: matches, picture_every_s: 0");
+  constexpr int levels = 90;  // three seconds from bright to dark and back
+  std::vector<capture::Image> pictures;
+  for (int i = 0; i < levels; ++i) {
+    const double level = 110 * (1 + 0.15 * std::sin(2 * std::numbers::pi * i / levels));
+    const auto pixels =
+        std::make_shared<std::vector<std::uint8_t>>(std::size_t(640 * 480), static_cast<std::uint8_t>(level));
+    pictures.push_back({.format = capture::PixelFormat::grey,
+                        .range = capture::ColorRange::full,
+                        .width = 640,
+                        .height = 480,
+                        .planes = {{{pixels->data(), 640}}},
+                        .owner = pixels});
+  }
+  std::vector<capture::Frame> frames(30 * 60);
+  for (std::size_t i = 0; i < frames.size(); ++i) {
+    frames[i].sequence = static_cast<std::uint32_t>(i);
+    frames[i].captured_at = capture::Timestamp(std::int64_t(i) * capture::Duration(33'333'333));
+    frames[i].pixels = pictures[i % levels];
+  }
+  auto cameras = pipeline::open_cameras(config);
+  const Host left("left-pi", 0, std::move(frames), capture::unix_now() + 500ms,
+                  [](const capture::LightFindings& found) { return found.exposure_change ? "it wanders" : ""; });
+  cameras[0].look_for(std::vector{capture::MatchedColor{65, 115, 0.2, 1, 0.1, 1}});
+  std::stop_source stop;
+  const std::jthread reading([&] {
+    while (cameras[0].source->next(stop.get_token())) {
+    }
+  });
+  std::string warning;
+  for (int i = 0; i < 500 && warning.empty(); ++i) {  // some five seconds, on a machine that has time
+    std::this_thread::sleep_for(100ms);
+    warning = cameras[0].health().warning;
+  }
+  EXPECT_EQ(warning, "left-pi says: it wanders");
+  stop.request_stop();
 }
 
 // However slow the machine is: what comes is what was sent, and most comes.
