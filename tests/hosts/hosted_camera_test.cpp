@@ -104,11 +104,25 @@ class HostedCamera : public testing::Test {
 // Films through two camera hosts and a bus, and from this machine, at the same time.
 class Both {
  public:
-  // nullopt: the machine was too slow for two trackers.
+  // A machine that is busy with other things loses frames, mostly the first ones, while hosts and tracker find one
+  // another: then again, with more time for that. nullopt: it was too slow each time.
   static std::optional<Both> tracked(const config::ServiceConfig& there, const config::ServiceConfig& here,
                                      const fs::path& folder) {
+    for (int attempt = 0; attempt < 5; ++attempt) {
+      fs::remove_all(folder / "recorded");
+      if (auto both = tracked_once(there, here, folder, 1500ms + attempt * 1000ms)) return both;
+    }
+    return std::nullopt;
+  }
+  std::vector<std::vector<std::string>> there, here;
+  SentFigures sent;  // of one of the two hosts
+
+ private:
+  // nullopt: a frame or a set was lost, and the tracks are not of the same ones.
+  static std::optional<Both> tracked_once(const config::ServiceConfig& there, const config::ServiceConfig& here,
+                                          const fs::path& folder, std::chrono::milliseconds first) {
     const auto pictures = daemon::first_frames(demo / "recording", {"cam0", "cam1"}, 60);
-    const capture::Timestamp start = capture::unix_now() + 1500ms;
+    const capture::Timestamp start = capture::unix_now() + first;
     std::stop_source stop;
     Both both;
     const auto run = [&](const config::ServiceConfig& config, std::vector<capture::LiveCamera> cameras,
@@ -142,8 +156,6 @@ class Both {
     both.there = rows_of(folder / "there.csv"), both.here = rows_of(folder / "here.csv");
     return both;
   }
-  std::vector<std::vector<std::string>> there, here;
-  SentFigures sent;  // of one of the two hosts
 };
 
 TEST_F(HostedCamera, TracksAreThoseOfCamerasOfThisMachine) {
@@ -172,17 +184,36 @@ TEST_F(HostedCamera, TracksOfMatchesAreThoseOfFrames) {
 }
 
 // The pixels around the ball come where the tracker has said that it will be, and are recorded with what matches.
+// However slow the machine is: what it lost is not in the recording either.
 TEST_F(HostedCamera, OutlinesAreFittedInWhatMatchesAndReplayed) {
-  const std::string ball = "shape: ball, ";
-  const auto there = tracker_config(folder_, ", send: matches", ball,
-                                    "record: {folder: " + folder_.string() + "/recorded, always: true}\n");
-  const auto both = Both::tracked(there, tracker_config(folder_, "", "shape: blob, "), folder_);
-  if (!both) GTEST_SKIP() << "this machine is too slow now for two trackers";
-  ASSERT_GT(both->there.size(), 50U);
-  EXPECT_NE(both->there, both->here);
-  EXPECT_LT(both->sent.bytes / both->sent.frames, 6000U);
-  tracker_config(folder_, ", send: matches", ball);
-  EXPECT_EQ(replayed(), both->there);
+  const auto config = [&](const char* shape, const std::string& more = "") {
+    return tracker_config(folder_, ", send: matches", shape, more);
+  };
+  const auto there = config("shape: ball, ", "record: {folder: " + folder_.string() + "/recorded, always: true}\n");
+  const auto pictures = daemon::first_frames(demo / "recording", {"cam0", "cam1"}, 60);
+  const capture::Timestamp start = capture::unix_now() + 1500ms;
+  SentFigures sent;
+  {
+    std::stop_source stop;
+    const Host left("left-pi", 0, pictures[0], start), right("right-pi", 1, pictures[1], start);
+    const std::jthread tracking([&] {
+      daemon::LiveCommand options;
+      options.no_dds = true;
+      options.tracks = folder_ / "there.csv";
+      daemon::LiveRequests requests;
+      daemon::run_live(there, pipeline::open_cameras(there), options, requests, stop.get_token());
+    });
+    while (capture::unix_now() < start + 2800ms) std::this_thread::sleep_for(20ms);
+    stop.request_stop();
+    sent = left.sent();
+  }
+  const auto rows = rows_of(folder_ / "there.csv");
+  ASSERT_GT(rows.size(), 30U);
+  EXPECT_LT(sent.bytes / sent.frames, 6000U);
+  config("shape: ball, ");
+  EXPECT_EQ(replayed(), rows);
+  config("shape: blob, ");
+  EXPECT_NE(replayed(), rows) << "no outline was fitted";
 }
 
 // The host sees in all its frames what light does, and says it to who has none of them.
