@@ -33,6 +33,7 @@ constexpr std::pair<std::string_view, std::uint32_t> largest_samples[] = {
 };
 constexpr std::size_t longest_user_data = 16 * KiB;  // who a publisher is: some hundred targets
 constexpr int most_instances = 4000;                 // of a reader; one costs some hundred bytes
+constexpr int most_cameras_of_host = 64;             // more than a rig has
 constexpr int samples_from_the_start = 4;            // for which a reader has room at once; further ones as they come
 
 // Fast DDS' default is 10 instances, and the eleventh target would silently not be there.
@@ -102,8 +103,8 @@ std::string camera_frames_topic(std::string_view host, std::string_view camera) 
   return "huetrack/frames/" + std::string(host) + "/" + std::string(camera);
 }
 
-std::string camera_matches_topic(std::string_view host, std::string_view camera) {
-  return "huetrack/matches/" + std::string(host) + "/" + std::string(camera);
+std::string camera_matches_topic(std::string_view host) {
+  return "huetrack/matches/" + std::string(host);
 }
 
 std::string camera_outlines_topic(std::string_view host, std::string_view camera) {
@@ -222,6 +223,13 @@ dds::DataReaderQos camera_frames_reader_qos() {
   qos.reliable_reader_qos().times.heartbeatResponseDelay = Duration_t(0, 1 * ms);
   qos.resource_limits().max_instances = 1;
   qos.resource_limits().max_samples = 4;
+  return qos;
+}
+
+dds::DataReaderQos camera_matches_reader_qos() {
+  dds::DataReaderQos qos = camera_frames_reader_qos();
+  qos.resource_limits().max_instances = most_cameras_of_host;
+  qos.resource_limits().max_samples = most_cameras_of_host * qos.history().depth;
   return qos;
 }
 

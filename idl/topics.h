@@ -40,7 +40,7 @@ inline constexpr const char* clock_echo_topic = "huetrack/clock_echo";    // hue
 inline constexpr const char* host_clocks_topic = "huetrack/host_clocks";  // huetrack::msg::HostClocks, keyed
 inline constexpr const char* looked_for_topic = "huetrack/looked_for";    // huetrack::msg::LookedForColors, keyed
 std::string camera_frames_topic(std::string_view host, std::string_view camera);    // huetrack::msg::CameraFrame
-std::string camera_matches_topic(std::string_view host, std::string_view camera);   // huetrack::msg::CameraMatches
+std::string camera_matches_topic(std::string_view host);                            // huetrack::msg::CameraMatches
 std::string camera_outlines_topic(std::string_view host, std::string_view camera);  // huetrack::msg::ExpectedOutlines
 
 // ROS 2, types of ros2_messages.idl. A ROS 2 topic /x is the DDS topic rt/x.
@@ -130,6 +130,8 @@ eprosima::fastdds::dds::DataWriterQos teach_writer_qos();
 eprosima::fastdds::dds::DataReaderQos teach_reader_qos();
 eprosima::fastdds::dds::DataWriterQos camera_frames_writer_qos();
 eprosima::fastdds::dds::DataReaderQos camera_frames_reader_qos();
+// Of all of a host's cameras, each of which has a history of its own. The writer's QoS is that of frames.
+eprosima::fastdds::dds::DataReaderQos camera_matches_reader_qos();
 eprosima::fastdds::dds::DataWriterQos clock_writer_qos();
 eprosima::fastdds::dds::DataReaderQos clock_reader_qos();
 eprosima::fastdds::dds::DataWriterQos ros2_writer_qos();

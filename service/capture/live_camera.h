@@ -14,8 +14,8 @@
 namespace huetrack::capture {
 
 struct LiveCamera {
-  int camera = 0;  // in the rig
-  std::unique_ptr<FrameSource> source;
+  int camera = 0;                                         // in the rig
+  std::unique_ptr<FrameSource> source;                    // nullptr: another camera's gives its frames, too
   std::function<CameraHealth()> health;                   // thread-safe while source lives
   std::function<std::vector<CameraEvent>()> take_events;  // thread-safe while source lives
   std::shared_ptr<CameraControls> controls = nullptr;     // nullptr: they cannot be reached from here

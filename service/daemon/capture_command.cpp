@@ -11,6 +11,7 @@
 #include "daemon/service_manager.h"
 #include "hosts/camera_host.h"
 #include "pipeline/live_cameras.h"
+#include "reports/light_words.h"
 
 namespace huetrack::daemon {
 namespace {
@@ -27,6 +28,13 @@ std::string said_of(const std::string& name, const capture::CameraHealth& health
                                                            : fmt::format("{} {}", name, capture::name(health.state));
 }
 
+std::string said_of_light(const capture::LightFindings& findings) {
+  std::vector<std::string> sentences;
+  for (const reports::Remark& remark : reports::light_remarks(findings))
+    sentences.push_back(remark.what + ": " + remark.advice);
+  return fmt::format("{}", fmt::join(sentences, "; "));
+}
+
 }  // namespace
 
 void capture_cameras(const std::filesystem::path& file, const std::stop_token& stop) {
@@ -40,7 +48,8 @@ void capture_cameras(const config::CaptureConfig& config, std::vector<capture::L
   hosts::CameraHostOptions options{.host = config.host.empty() ? hosts::name_of_this_machine() : config.host,
                                    .cameras = {},
                                    .program_version = HUETRACK_VERSION,
-                                   .transport = config.dds.publisher.transport("huetrackd capture")};
+                                   .transport = config.dds.publisher.transport("huetrackd capture"),
+                                   .say_light = said_of_light};
   for (const auto& camera : config.cameras) options.cameras.push_back(camera.name);
   const std::vector<std::string> names = options.cameras;
   const std::string host = options.host;

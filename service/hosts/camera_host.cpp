@@ -78,10 +78,11 @@ struct CameraHost::Impl {
     std::string name;
     capture::LiveCamera live;
     dds::DataWriter* writer = nullptr;
-    dds::DataWriter* matches_writer = nullptr;  // nullptr: the keys do not allow it
-    dds::DataReader* outlines = nullptr;        // likewise
+    dds::DataReader* outlines = nullptr;  // nullptr: the keys do not allow it
     std::mutex mutex;
-    WantedMatches wanted;  // guarded by mutex
+    WantedMatches wanted;                      // guarded by mutex
+    std::string light;                         // what is said of it; likewise
+    std::vector<capture::CameraEvent> events;  // of light, not told yet; likewise
     std::atomic<std::uint64_t> frames = 0, refused = 0, bytes = 0;
   };
 
@@ -106,10 +107,9 @@ struct CameraHost::Impl {
     try {
       looked_for = &participant.create_reader(
           idl::looked_for_topic, dds::TypeSupport(new msg::LookedForColorsPubSubType), idl::status_reader_qos());
-      for (auto& camera : cameras)
-        camera->matches_writer = &participant.create_writer(idl::camera_matches_topic(options.host, camera->name),
-                                                            dds::TypeSupport(new msg::CameraMatchesPubSubType),
-                                                            idl::camera_frames_writer_qos(), "");
+      matches_writer = &participant.create_writer(idl::camera_matches_topic(options.host),
+                                                  dds::TypeSupport(new msg::CameraMatchesPubSubType),
+                                                  idl::camera_frames_writer_qos(), "");
     } catch (const std::runtime_error& error) {
       if (!participant.is_access_controlled()) throw;
       looked_for = nullptr;
@@ -199,6 +199,20 @@ struct CameraHost::Impl {
     wanted.note(frame.sequence, frame.stamped_at);
   }
 
+  // A tracker that takes the matches has no pictures to see it in.
+  void watch_light(Camera& camera, const MatchFinder& finder, capture::LightFindings& known) const {
+    if (!options.say_light || finder.light() == known) return;
+    known = finder.light();
+    std::string said = options.say_light(known);
+    const std::scoped_lock lock(camera.mutex);
+    camera.light = said;
+    if (!said.empty())
+      camera.events.push_back({.at = capture::unix_now(),
+                               .state = capture::CaptureState::delivering,
+                               .is_problem = true,
+                               .message = std::move(said)});
+  }
+
   template <typename Message>
   static void send(Camera& camera, dds::DataWriter& writer, Message& message) {
     if (writer.write(&message)) {
@@ -214,26 +228,36 @@ struct CameraHost::Impl {
     message.run(run);
     msg::CameraMatches matches;
     matches.run(run);
+    matches.camera(camera.name);
     MatchFinder finder;
     MatchFinderOptions look_for;
+    capture::LightFindings light;
     WantedOutlines outlines;
     msg::ExpectedOutlines said;
     while (const auto frame = camera.live.source->next(stop)) {
-      if (camera.matches_writer != nullptr && is_listened_to(*camera.matches_writer) &&
-          is_looked_for(camera, look_for)) {
+      if (matches_writer != nullptr && is_listened_to(*matches_writer) && is_looked_for(camera, look_for)) {
         hear_outlines(camera, *frame, outlines, run, said, look_for.patches);
         matches.number(frame->sequence);
         matches.stamped_at(frame->stamped_at.time_since_epoch().count());
         const auto bytes = frame->status == capture::FrameStatus::ok ? finder.find(*frame, look_for) : std::nullopt;
+        watch_light(camera, finder, light);
         matches.is_damaged(!bytes);
         matches.bytes().clear();
         if (bytes) matches.bytes().assign(bytes->begin(), bytes->end());
-        send(camera, *camera.matches_writer, matches);
+        send(camera, *matches_writer, matches);
+      } else if (!(std::exchange(light, {}) == capture::LightFindings{})) {
+        const std::scoped_lock lock(camera.mutex);  // nobody is told any more, and it is not watched
+        camera.light.clear();
       }
       if (frame->matches || !is_listened_to(*camera.writer)) continue;  // matches are no picture
       to_message(*frame, message);
       send(camera, *camera.writer, message);
     }
+  }
+
+  static std::string wrong_with(Camera& camera, const capture::CameraHealth& health) {
+    const std::scoped_lock lock(camera.mutex);
+    return health.warning + (health.warning.empty() || camera.light.empty() ? "" : "; ") + camera.light;
   }
 
   void tell_states() {
@@ -246,7 +270,7 @@ struct CameraHost::Impl {
       msg::HostedCamera& to = out.cameras().emplace_back();
       to.name(camera->name);
       to.state(state_of(health.state));
-      to.message(health.state == capture::CaptureState::delivering ? health.warning : health.message);
+      to.message(health.state == capture::CaptureState::delivering ? wrong_with(*camera, health) : health.message);
       if (health.stream) {
         to.width(static_cast<std::uint16_t>(health.stream->width));
         to.height(static_cast<std::uint16_t>(health.stream->height));
@@ -265,8 +289,9 @@ struct CameraHost::Impl {
   idl::DdsParticipant participant;
   dds::DataWriter &host, &echo;
   dds::DataReader& probe;
-  dds::DataReader* looked_for = nullptr;  // nullptr: the keys do not allow it
-  std::string refusal;                    // what was said of that; told once
+  dds::DataReader* looked_for = nullptr;      // nullptr: the keys do not allow it
+  dds::DataWriter* matches_writer = nullptr;  // likewise; of all cameras
+  std::string refusal;                        // what was said of that; told once
   std::vector<std::unique_ptr<Camera>> cameras;
   std::chrono::steady_clock::time_point told_at{};
   std::jthread clock, listening;  // last: they end first
@@ -298,8 +323,11 @@ std::vector<CameraHost::Said> CameraHost::look_after() {
       said.push_back(
           {camera->name,
            {.at = capture::unix_now(), .state = camera->live.health().state, .is_problem = true, .message = refusal}});
-  for (const auto& camera : impl_->cameras)
+  for (const auto& camera : impl_->cameras) {
     for (auto& event : camera->live.take_events()) said.push_back({camera->name, std::move(event)});
+    const std::scoped_lock lock(camera->mutex);
+    for (auto& event : std::exchange(camera->events, {})) said.push_back({camera->name, std::move(event)});
+  }
   const auto now = std::chrono::steady_clock::now();
   if (!said.empty() || now - impl_->told_at >= told_every) {
     impl_->told_at = now;

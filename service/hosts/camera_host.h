@@ -2,11 +2,13 @@
 // their state, and the time.
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <stop_token>
 #include <string>
 #include <vector>
 
+#include "capture/light_watch.h"
 #include "capture/live_camera.h"
 #include "idl/participant_options.h"
 
@@ -17,6 +19,10 @@ struct CameraHostOptions {
   std::vector<std::string> cameras;   // their names, in the order of the LiveCameras
   std::string program_version;        // told
   idl::ParticipantOptions transport;  // domain, interfaces, profiles
+  // What light does to a camera's pictures, in sentences for people; empty: nothing. It goes to the trackers as what is
+  // wrong with the camera. Of cameras whose matches are sent; the others' pictures are the trackers' to look at. Called
+  // by the cameras' threads. Not set: nothing is said of light.
+  std::function<std::string(const capture::LightFindings&)> say_light = nullptr;
 };
 
 // The name of a host or of a hosted camera is a part of a topic's name: letters, digits, '_', '-' and '.', one or more.

@@ -25,6 +25,7 @@
 #include "hosts/machine_clock.h"
 #include "hosts/match_finder.h"
 #include "hosts/wanted_matches.h"
+#include "hosts/wanted_outlines.h"
 #include "idl/arrivals.h"
 #include "idl/camera_hostPubSubTypes.h"
 #include "idl/dds_participant.h"
@@ -44,6 +45,8 @@ constexpr std::uint32_t asked_at_start = 20;
 constexpr auto silent_after = 2500ms;  // of a host that tells its state every second
 constexpr auto awaited_for = 60s;      // a host that went: it may be back any moment
 constexpr auto stalled_after = 1s;
+constexpr auto longest_wait = 50ms;      // for a frame, until a stop is noticed
+constexpr unsigned most_groups = 8;      // of cameras of matches
 constexpr auto clocks_compared_in = 5s;  // what is said of them before will be better soon
 // A ball at 1 m/s is then a millimetre off, as much as all else that is not known of it. Told until it is well below,
 // so that it does not come and go.
@@ -123,13 +126,14 @@ struct HostedCameras::Impl {
     std::uint16_t number = 0;      // Frame::clock
     std::optional<double> kept_s;  // MachineClock::kept_s of it and of ours together; nullopt: not on both
     bool is_this_machine = false;
-    std::string advice;  // on its clock
+    std::string advice;                  // on its clock
+    dds::DataReader* matches = nullptr;  // of all its cameras; thread-safe by itself
   };
   struct Camera {
     HostedCameraOptions options;
-    dds::DataReader* reader = nullptr;        // thread-safe by itself
+    dds::DataReader* reader = nullptr;        // thread-safe by itself; nullptr: of matches, which come by Host::matches
     dds::DataWriter* outlines = nullptr;      // likewise; of matches
-    std::unique_ptr<idl::Arrivals> arrivals;  // the source's
+    std::unique_ptr<idl::Arrivals> arrivals;  // of reader; the source's
     capture::CameraHealth health;
     std::vector<capture::CameraEvent> events;
     std::optional<Clock::time_point> frame_at;
@@ -170,14 +174,16 @@ struct HostedCameras::Impl {
       auto& camera = *cameras.emplace_back(std::make_unique<Camera>());
       camera.options = std::move(options);
       const auto& [host, there] = std::tie(camera.options.host, camera.options.camera_there);
-      camera.reader = camera.options.are_matches
-                          ? &participant.create_reader(idl::camera_matches_topic(host, there),
-                                                       dds::TypeSupport(new msg::CameraMatchesPubSubType),
-                                                       idl::camera_frames_reader_qos(), largest_matches)
-                          : &participant.create_reader(idl::camera_frames_topic(host, there),
-                                                       dds::TypeSupport(new msg::CameraFramePubSubType),
-                                                       idl::camera_frames_reader_qos(), largest);
-      camera.arrivals = std::make_unique<idl::Arrivals>(*camera.reader);
+      if (!camera.options.are_matches) {
+        camera.reader = &participant.create_reader(idl::camera_frames_topic(host, there),
+                                                   dds::TypeSupport(new msg::CameraFramePubSubType),
+                                                   idl::camera_frames_reader_qos(), largest);
+        camera.arrivals = std::make_unique<idl::Arrivals>(*camera.reader);
+      } else if (hosts[host].matches == nullptr) {
+        hosts[host].matches = &participant.create_reader(idl::camera_matches_topic(host),
+                                                         dds::TypeSupport(new msg::CameraMatchesPubSubType),
+                                                         idl::camera_matches_reader_qos(), largest_matches);
+      }
       if (camera.options.are_matches)
         camera.outlines = &participant.create_writer(idl::camera_outlines_topic(host, there),
                                                      dds::TypeSupport(new msg::ExpectedOutlinesPubSubType),
@@ -246,15 +252,7 @@ struct HostedCameras::Impl {
       out.run(camera.run);
       out.number(frame + camera.base);
     }
-    for (const capture::ExpectedOutline& outline :
-         outlines.first(std::min(outlines.size(), capture::Matches::most_patches))) {
-      msg::ExpectedOutline& to = out.outlines().emplace_back();
-      to.u(outline.u);
-      to.v(outline.v);
-      to.u_per_s(outline.u_per_s);
-      to.v_per_s(outline.v_per_s);
-      to.radius_px(outline.radius_px);
-    }
+    to_message(outlines, out);
     camera.outlines->write(&out);
   }
 
@@ -474,7 +472,7 @@ struct HostedCameras::Impl {
                   "{:.0f} % of its frames are lost between {} and here: format: mjpeg there, a wired network, or "
                   "larger socket buffers (service/hosts/README.md)",
                   100 * camera.losses.share(), camera.options.host)
-            : "";
+            : wrong_there(camera);
     camera.handed = frame.sequence;
     if (frame.matches) note_colors(camera, *frame.matches);
     if (!is_sound) {
@@ -499,6 +497,15 @@ struct HostedCameras::Impl {
     return frame;
   }
 
+  // Under `mutex`. What its host says is wrong with a camera that delivers.
+  std::string wrong_there(const Camera& camera) const {
+    for (const auto& there : hosts.at(camera.options.host).cameras)
+      if (there.name() == camera.options.camera_there && there.state() == msg::HOSTED_CAMERA_DELIVERING &&
+          !there.message().empty())
+        return camera.options.host + " says: " + there.message();
+    return {};
+  }
+
   // Under `mutex`. Whether all that is looked for is in them.
   static void note_colors(Camera& camera, const capture::Matches& matches) {
     capture::CameraHealth& health = camera.health;
@@ -514,9 +521,8 @@ struct HostedCameras::Impl {
                      "one of them";
   }
 
-  template <typename Message>
   std::optional<capture::Frame> next(Camera& camera, const std::stop_token& stop) {
-    Message message;
+    msg::CameraFrame message;
     dds::SampleInfo info;
     while (!stop.stop_requested()) {
       {
@@ -524,13 +530,69 @@ struct HostedCameras::Impl {
         camera.health.last_progress = Clock::now();
       }
       if (camera.reader->take_next_sample(&message, &info) != ReturnCode_t::RETCODE_OK) {
-        camera.arrivals->wait(50ms);
+        camera.arrivals->wait(longest_wait);
         continue;
       }
       if (!info.valid_data) continue;
       if (auto frame = frame_of(camera, message)) return frame;
     }
     return std::nullopt;
+  }
+
+  // Hosts whose matches one thread reads. What comes is small, and with a thread for each camera, waking up, and
+  // waiting for one another, was most of what it took.
+  struct Group {
+    std::vector<Camera*> cameras;           // of matches, of these hosts
+    std::vector<dds::DataReader*> readers;  // one a host
+    std::vector<std::string> names;         // of the hosts, likewise
+  };
+
+  struct Reading {
+    explicit Reading(Group of) : group(std::move(of)), arrivals(group.readers) {}
+    const Group group;
+    idl::ArrivalsOfMany arrivals;
+    std::vector<std::size_t> to_read;  // of the hosts; the last one first
+    msg::CameraMatches message;
+  };
+
+  std::optional<capture::Frame> next(Reading& reading, const std::stop_token& stop) {
+    const Group& group = reading.group;
+    dds::SampleInfo info;
+    while (!stop.stop_requested()) {
+      if (reading.to_read.empty()) {
+        {
+          const std::scoped_lock lock(mutex);
+          for (Camera* camera : group.cameras) camera->health.last_progress = Clock::now();
+        }
+        reading.arrivals.wait(longest_wait, reading.to_read);
+        continue;
+      }
+      const std::size_t host = reading.to_read.back();
+      if (group.readers[host]->take_next_sample(&reading.message, &info) != ReturnCode_t::RETCODE_OK) {
+        reading.to_read.pop_back();
+        continue;
+      }
+      const auto camera = std::ranges::find_if(group.cameras, [&](const Camera* of) {
+        return of->options.camera_there == reading.message.camera() && of->options.host == group.names[host];
+      });
+      if (!info.valid_data || camera == group.cameras.end()) continue;  // or another tracker looks for it
+      if (auto frame = frame_of(**camera, reading.message)) return frame;
+    }
+    return std::nullopt;
+  }
+
+  // As many as the machine has cores.
+  std::vector<Group> groups() const {
+    std::vector<Group> all(std::clamp(std::thread::hardware_concurrency(), 1U, most_groups));
+    for (std::size_t next = 0; const auto& [name, host] : hosts) {
+      if (host.matches == nullptr) continue;
+      Group& group = all[next++ % all.size()];
+      group.names.push_back(name);
+      group.readers.push_back(host.matches);
+      for (const auto& camera : cameras)
+        if (camera->options.are_matches && camera->options.host == name) group.cameras.push_back(camera.get());
+    }
+    return all;
   }
 
   mutable std::mutex mutex;
@@ -561,20 +623,33 @@ std::vector<capture::LiveCamera> HostedCameras::live() const {
   class Source final : public capture::FrameSource {
    public:
     Source(std::shared_ptr<Impl> all, Impl::Camera& camera) : all_(std::move(all)), camera_(camera) {}
-    std::optional<capture::Frame> next(std::stop_token stop) override {
-      return camera_.options.are_matches ? all_->next<msg::CameraMatches>(camera_, stop)
-                                         : all_->next<msg::CameraFrame>(camera_, stop);
-    }
+    std::optional<capture::Frame> next(std::stop_token stop) override { return all_->next(camera_, stop); }
 
    private:
     std::shared_ptr<Impl> all_;
     Impl::Camera& camera_;
   };
+  class SourceOfMany final : public capture::FrameSource {
+   public:
+    SourceOfMany(std::shared_ptr<Impl> all, Impl::Group group) : all_(std::move(all)), reading_(std::move(group)) {}
+    std::optional<capture::Frame> next(std::stop_token stop) override { return all_->next(reading_, stop); }
+
+   private:
+    std::shared_ptr<Impl> all_;
+    Impl::Reading reading_;
+  };
+  std::vector<Impl::Group> groups = impl_->groups();
+  const auto source_of = [&](Impl::Camera& camera) -> std::unique_ptr<capture::FrameSource> {
+    if (!camera.options.are_matches) return std::make_unique<Source>(impl_, camera);
+    const auto group = std::ranges::find_if(
+        groups, [&](const auto& of) { return !of.cameras.empty() && of.cameras.front() == &camera; });
+    return group == groups.end() ? nullptr : std::make_unique<SourceOfMany>(impl_, std::move(*group));
+  };
   std::vector<capture::LiveCamera> out;
   for (const auto& camera : impl_->cameras) {
     Impl::Camera* of = camera.get();
     out.push_back({.camera = of->options.camera,
-                   .source = std::make_unique<Source>(impl_, *of),
+                   .source = source_of(*of),
                    .health =
                        [all = impl_, of] {
                          const std::scoped_lock lock(all->mutex);

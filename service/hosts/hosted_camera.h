@@ -35,7 +35,9 @@ class HostedCameras {
   // throws as DdsParticipant does; std::invalid_argument: a name is no is_host_name().
   HostedCameras(const idl::ParticipantOptions& transport, std::vector<HostedCameraOptions> cameras);
 
-  std::vector<capture::LiveCamera> live() const;  // in the order of the options; once
+  // In the order of the options; once. Cameras of matches share sources, as many as the machine has cores: each of them
+  // is with the first camera whose frames it gives, and the others have none.
+  std::vector<capture::LiveCamera> live() const;
 
  private:
   struct Impl;

@@ -11,6 +11,7 @@
 
 #include "capture/frame.h"
 #include "capture/jpeg_decoder.h"
+#include "capture/light_watch.h"
 #include "capture/matches.h"
 #include "color/color_model.h"
 
@@ -37,6 +38,8 @@ class MatchFinder {
   // multiple of picture_every: so the cameras of a hall show nearly one moment. Valid until the next call, and while
   // the frame is.
   std::optional<std::span<const std::uint8_t>> find(const capture::Frame& frame, const MatchFinderOptions& options);
+  // What light does in these frames: a tracker, which has one picture in thirty of them, could not see it.
+  const capture::LightFindings& light() const { return light_.findings(); }
 
  private:
   struct Known {
@@ -50,6 +53,7 @@ class MatchFinder {
                                         capture::Duration every);
 
   capture::JpegDecoder decoder_;
+  capture::LightWatch light_;
   std::vector<Known> known_;
   std::vector<capture::Matches::OfColor> found_;
   std::vector<capture::PatchPlace> patches_;

@@ -47,21 +47,40 @@ bool is_of_the_same(const capture::PatchPlace& a, const capture::PatchPlace& b) 
 
 }  // namespace
 
+void to_message(std::span<const capture::ExpectedOutline> outlines, msg::ExpectedOutlines& out) {
+  out.outlines().clear();
+  for (const capture::ExpectedOutline& outline :
+       outlines.first(std::min(outlines.size(), capture::Matches::most_patches))) {
+    msg::ExpectedOutline& to = out.outlines().emplace_back();
+    to.u(outline.u);
+    to.v(outline.v);
+    to.u_per_s(outline.u_per_s);
+    to.v_per_s(outline.v_per_s);
+    to.radius_px(outline.radius_px);
+  }
+}
+
+bool outlines_of(const msg::ExpectedOutlines& said, std::vector<capture::ExpectedOutline>& out) {
+  if (said.outlines().size() > capture::Matches::most_patches || !std::ranges::all_of(said.outlines(), is_sound))
+    return false;
+  out.clear();
+  for (const msg::ExpectedOutline& outline : said.outlines())
+    out.push_back({.u = outline.u(),
+                   .v = outline.v(),
+                   .u_per_s = outline.u_per_s(),
+                   .v_per_s = outline.v_per_s(),
+                   .radius_px = outline.radius_px()});
+  return true;
+}
+
 bool WantedOutlines::hear(const msg::ExpectedOutlines& said) {
   const Sent& of = sent_[said.number() % sent_.size()];
   if (of.number != said.number() || of.stamped_at == capture::Timestamp{}) return false;
-  if (said.outlines().size() > capture::Matches::most_patches || !std::ranges::all_of(said.outlines(), is_sound))
-    return false;
   if (by_tracker_.size() >= most_trackers && !by_tracker_.contains(said.tracker())) return false;
+  if (!outlines_of(said, heard_)) return false;
   Heard& heard = by_tracker_[said.tracker()];
   heard.of = of.stamped_at;
-  heard.outlines.clear();
-  for (const msg::ExpectedOutline& outline : said.outlines())
-    heard.outlines.push_back({.u = outline.u(),
-                              .v = outline.v(),
-                              .u_per_s = outline.u_per_s(),
-                              .v_per_s = outline.v_per_s(),
-                              .radius_px = outline.radius_px()});
+  heard.outlines.swap(heard_);
   return true;
 }
 

@@ -6,12 +6,18 @@
 #include <cstddef>
 #include <cstdint>
 #include <map>
+#include <span>
 #include <vector>
 
 #include "capture/frame.h"
 #include "idl/camera_host.h"
 
 namespace huetrack::hosts {
+
+// As it is said: the outlines, at most as many as a frame has patches for, and nothing else, of `out`.
+void to_message(std::span<const capture::ExpectedOutline> outlines, msg::ExpectedOutlines& out);
+// Anybody may have said it. False: it makes no sense, and `out` is as it was; otherwise it is replaced.
+bool outlines_of(const msg::ExpectedOutlines& said, std::vector<capture::ExpectedOutline>& out);
 
 // One per camera of a camera host. thread-compatible.
 class WantedOutlines {
@@ -42,6 +48,7 @@ class WantedOutlines {
   };
   std::array<Sent, 64> sent_{};
   std::map<std::int64_t, Heard> by_tracker_;
+  std::vector<capture::ExpectedOutline> heard_;  // hear()'s own
 };
 
 }  // namespace huetrack::hosts

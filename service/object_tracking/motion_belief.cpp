@@ -5,6 +5,7 @@
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstddef>
 #include <limits>
@@ -36,6 +37,9 @@ constexpr double least_latency_sigma_s = 3e-4, least_readout_sigma_s = 8e-4;
 // An object of a room's size passes its lamps and windows within metres: half a metre on, it is lit in another way.
 constexpr double lasting_way_m = 0.5;
 
+constexpr Eigen::Index most_states_near = 128;  // 128 kB of covariance
+constexpr std::ptrdiff_t most_open = 8;         // columns: of four observations
+
 // A ball at 3 m/s is 15 mm from where it is taken to be; in so much time its usual swerves are a tenth of a millimetre.
 constexpr double far_s = 0.005;
 
@@ -64,6 +68,7 @@ MotionBelief::MotionBelief(const calib::CameraRig& rig, bool times_are_learnt) :
   const Eigen::Index n = 6 + (times_are_learnt ? 4 : 2) * cameras;
   mean_ = Eigen::VectorXd::Zero(n);
   covariance_ = Eigen::MatrixXd::Zero(n, n);
+  if (n > most_states_near) gains_ = seen_ = Eigen::MatrixXd::Zero(n, most_open);
   if (times_are_learnt) times_linearised_ = Eigen::VectorXd::Zero(2 * cameras);
   for (std::size_t c = 0; c < rig.cameras.size(); ++c) {
     const calib::CameraTiming& timing = rig.cameras[c].timing;
@@ -156,7 +161,7 @@ double MotionBelief::row_sigma_s(int camera, double below_middle) const {
   if (times_are_learnt_) {
     const Eigen::Index l = latency_of(camera), r = l + 1;
     variance +=
-        covariance_(l, l) - 2 * below_middle * covariance_(r, l) + below_middle * below_middle * covariance_(r, r);
+        covariance_(l, l) - 2 * below_middle * below_diagonal(r, l) + below_middle * below_middle * covariance_(r, r);
   }
   return std::sqrt(std::max(0.0, variance));
 }
@@ -174,6 +179,7 @@ CameraTimingEstimate MotionBelief::timing(int camera) const {
 void MotionBelief::begin(capture::Timestamp when, const Eigen::Vector3d& position, double position_variance,
                          const Eigen::Vector3d& velocity, double velocity_variance) {
   by_views_.reset();
+  settle();
   at = when;
   mean_.head<3>() = position;
   mean_.segment<3>(3) = velocity;
@@ -189,6 +195,7 @@ void MotionBelief::begin(capture::Timestamp when, const Eigen::Vector3d& positio
 
 void MotionBelief::forget_lasting(int camera) {
   by_views_.reset();
+  settle();
   const Eigen::Index lasting = lasting_of(camera);
   mean_.segment<2>(lasting).setZero();
   covariance_.middleRows<2>(lasting).setZero();
@@ -217,11 +224,85 @@ void MotionBelief::predict_to(capture::Timestamp when, double power_density) {
   }
 }
 
+namespace {
+
+// From the first columns of an n x n matrix, below the diagonal and on it, the product of a0, a1 (n x 2) and b0, b1
+// (2 x n), which is symmetric but for rounding.
+HUETRACK_CLONES void take_off(double* __restrict matrix, std::ptrdiff_t n, std::ptrdiff_t columns,
+                              const double* __restrict a0, const double* __restrict a1, const double* __restrict b0,
+                              const double* __restrict b1) {
+  for (std::ptrdiff_t i = 0; i < columns; ++i) {
+    double* const column = matrix + i * n;
+    const double b0_there = b0[i], b1_there = b1[i];
+    for (std::ptrdiff_t j = i; j < n; ++j) column[j] -= a0[j] * b0_there + a1[j] * b1_there;
+  }
+}
+
+// The same of most_open at once, all below the diagonal. stride: from one column of the matrix to the next; of_a: of a
+// and b. With 64 cameras this is most of what a sighting costs.
+HUETRACK_CLONES void take_off_all(double* __restrict matrix, std::ptrdiff_t stride, std::ptrdiff_t n,
+                                  const double* __restrict a, const double* __restrict b, std::ptrdiff_t of_a) {
+  static_assert(most_open == 8);
+  const double *const a0 = a, *const a1 = a + of_a, *const a2 = a + 2 * of_a, *const a3 = a + 3 * of_a;
+  const double *const a4 = a + 4 * of_a, *const a5 = a + 5 * of_a, *const a6 = a + 6 * of_a, *const a7 = a + 7 * of_a;
+  const auto sum = [&](std::ptrdiff_t j, const std::array<double, most_open>& b_there) {
+    return ((a0[j] * b_there[0] + a1[j] * b_there[1]) + (a2[j] * b_there[2] + a3[j] * b_there[3])) +
+           ((a4[j] * b_there[4] + a5[j] * b_there[5]) + (a6[j] * b_there[6] + a7[j] * b_there[7]));
+  };
+  // Two columns at a time: what is read of a serves both. The last one has nothing below the diagonal.
+  for (std::ptrdiff_t i = 0; i + 1 < n; i += 2) {
+    double* const column = matrix + i * stride;
+    double* const next_column = column + stride;
+    std::array<double, most_open> b_there{}, next_b{};
+    for (std::ptrdiff_t k = 0; k < most_open; ++k) {
+      b_there[static_cast<std::size_t>(k)] = b[i + k * of_a];
+      next_b[static_cast<std::size_t>(k)] = b[i + 1 + k * of_a];
+    }
+    column[i + 1] -= sum(i + 1, b_there);
+    for (std::ptrdiff_t j = i + 2; j < n; ++j) {
+      column[j] -= sum(j, b_there);
+      next_column[j] -= sum(j, next_b);
+    }
+  }
+}
+
+// sums[j] += a[j] * b
+HUETRACK_CLONES void add_product(double* __restrict sums, std::ptrdiff_t n, const double* __restrict a, double b) {
+  for (std::ptrdiff_t j = 0; j < n; ++j) sums[j] += a[j] * b;
+}
+
+}  // namespace
+
+void MotionBelief::settle() {
+  if (open_ == 0) return;
+  gains_.rightCols(most_open - open_).setZero();
+  seen_.rightCols(most_open - open_).setZero();
+  const Eigen::Index n = size();
+  take_off_all(covariance_.data() + 6 * n + 6, n, n - 6, gains_.data() + 6, seen_.data() + 6, n);
+  open_ = 0;
+}
+
+double MotionBelief::below_diagonal(Eigen::Index row, Eigen::Index column) const {
+  double value = covariance_(row, column);
+  for (Eigen::Index k = 0; k < open_; ++k) value -= gains_(row, k) * seen_(column, k);
+  return value;
+}
+
 MotionBelief::WithState<2> MotionBelief::two_rows(Eigen::Index i) const {
   WithState<2> out(2, size());
   out.leftCols(i) = covariance_.block(i, 0, 2, i);
   out.rightCols(size() - i) = covariance_.block(i, i, size() - i, 2).transpose();
   out(1, i) = covariance_(i + 1, i);
+  if (open_ == 0) return out;
+  for (const Eigen::Index row : {i, i + 1}) {
+    Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, most_states, 1> sums(size());
+    sums.setZero();
+    for (Eigen::Index k = 0; k < open_; ++k) {
+      add_product(sums.data() + 6, row - 6, seen_.col(k).data() + 6, gains_(row, k));
+      add_product(sums.data() + row + 1, size() - row - 1, gains_.col(k).data() + row + 1, seen_(row, k));
+    }
+    out.row(row - i) -= sums.transpose();
+  }
   return out;
 }
 
@@ -292,24 +373,12 @@ void MotionBelief::renew_lasting(int camera, double lasting_px, const Eigen::Mat
   covariance_.block(lasting, 0, 2, lasting + 2) *= kept;
   covariance_.block(lasting, lasting, size() - lasting, 2) *= kept;
   covariance_.block<2, 2>(lasting, lasting) += added;
+  if (open_ > 0) {
+    gains_.block(lasting, 0, 2, open_) *= kept;
+    seen_.block(lasting, 0, 2, open_) *= kept;
+  }
   last = {.px = lasting_px, .doubt = doubt};
 }
-
-namespace {
-
-// From an n x n matrix, below the diagonal and on it, the product of a0, a1 (n x 2) and b0, b1 (2 x n), which is
-// symmetric but for rounding. With 64 cameras this is most of what a sighting costs, and half of the matrix is what a
-// processor keeps near itself.
-HUETRACK_CLONES void take_off(double* __restrict matrix, std::ptrdiff_t n, const double* __restrict a0,
-                              const double* __restrict a1, const double* __restrict b0, const double* __restrict b1) {
-  for (std::ptrdiff_t i = 0; i < n; ++i) {
-    double* const column = matrix + i * n;
-    const double b0_there = b0[i], b1_there = b1[i];
-    for (std::ptrdiff_t j = i; j < n; ++j) column[j] -= a0[j] * b0_there + a1[j] * b1_there;
-  }
-}
-
-}  // namespace
 
 double MotionBelief::observe(const LinearSighting& sighting, const Eigen::Vector3d& velocity, double power_density) {
   by_views_.reset();
@@ -333,8 +402,16 @@ double MotionBelief::observe(const LinearSighting& sighting, const Eigen::Vector
   const Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, most_states, 1> variance_before =
       covariance_.diagonal();
   mean_.noalias() += gain.lazyProduct(innovation);
-  take_off(covariance_.data(), size(), gain.col(0).data(), gain.col(1).data(), px_of_state.col(0).data(),
-           px_of_state.col(1).data());
+  const bool is_put_aside = gains_.size() > 0;
+  take_off(covariance_.data(), size(), is_put_aside ? 6 : size(), gain.col(0).data(), gain.col(1).data(),
+           px_of_state.col(0).data(), px_of_state.col(1).data());
+  if (is_put_aside) {
+    for (Eigen::Index i = 6; i < size(); ++i) covariance_(i, i) -= gain.row(i).dot(px_of_state.row(i));
+    gains_.middleCols<2>(open_) = gain;
+    seen_.middleCols<2>(open_) = px_of_state;
+    open_ += 2;
+    if (open_ == most_open) settle();
+  }
   for (Eigen::Index i = 0; i < 6; ++i)
     for (Eigen::Index k = i + 1; k < 6; ++k) covariance_(i, k) = covariance_(k, i);
   if (times_are_learnt_) {
@@ -353,6 +430,11 @@ Eigen::Matrix<double, 6, 6> MotionBelief::by_views() const {
   if (by_views_) return *by_views_;
   const Eigen::Index n = size() - 6;
   Eigen::MatrixXd views = covariance_.bottomRightCorner(n, n);
+  if (open_ > 0) {
+    MotionBelief settled = *this;
+    settled.settle();
+    views = settled.covariance_.bottomRightCorner(n, n);
+  }
   views.diagonal().array() += 1e-16;  // s^2, px^2: of what is held
   const Eigen::LLT<Eigen::Ref<Eigen::MatrixXd>> root(views);
   Eigen::Matrix<double, Eigen::Dynamic, 6, Eigen::ColMajor, most_states, 6> with_motion =
@@ -377,6 +459,7 @@ MotionBelief MotionBelief::given_views() const {
   out.by_views_.reset();
   out.covariance_.topLeftCorner<6, 6>() -= by_views();
   out.covariance_.bottomRows(size() - 6).setZero();
+  out.open_ = 0;
   return out;
 }
 
@@ -385,10 +468,12 @@ void MotionBelief::open_views_as(const MotionBelief& other) {
   covariance_.topLeftCorner<6, 6>() += *by_views_;
   const Eigen::Index n = size() - 6;
   covariance_.bottomRows(n) = other.covariance_.bottomRows(n);
+  gains_ = other.gains_, seen_ = other.seen_, open_ = other.open_;
 }
 
 void MotionBelief::set_position(const Eigen::Vector3d& mean, const Eigen::Matrix3d& covariance) {
   by_views_.reset();
+  settle();
   const Eigen::Matrix3d before = position_covariance();
   const Eigen::Index rest = size() - 3;
   WithState<3> with_position(3, rest);

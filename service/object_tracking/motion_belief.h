@@ -144,7 +144,10 @@ class MotionBelief {
   static constexpr int most_states = 6 + 4 * most_cameras;
   template <int rows>
   using WithState = Eigen::Matrix<double, rows, Eigen::Dynamic, Eigen::ColMajor, rows, most_states>;
-  WithState<2> two_rows(Eigen::Index i) const;  // of the covariance, from the i-th on
+  WithState<2> two_rows(Eigen::Index i) const;  // of the covariance, from the i-th on, which is none of the motion's
+  double below_diagonal(Eigen::Index row, Eigen::Index column) const;  // of the covariance, likewise
+  // Takes off what is open.
+  void settle();
   WithState<3> covariance_with_state(const SeenBy& by) const;
   template <int rows>  // the product with the transpose of y's coefficients
   Eigen::Matrix<double, rows, 3> onto(const SeenBy& by, const WithState<rows>& with_state) const;
@@ -162,6 +165,12 @@ class MotionBelief {
   Eigen::VectorXd mean_;
   // Below the diagonal and on it, and all of the motion's own 6 x 6; what is not kept is the mirror of what is.
   Eigen::MatrixXd covariance_;
+  // With so many cameras that the matrix is larger than what a processor keeps near itself, going through it is what an
+  // observation costs. So that it is done once for several of them, what they take off is put aside: off what is below
+  // the diagonal and right of the motion's columns, gains_ times the transpose of seen_, as far as their first open_
+  // columns go. All else is as it is.
+  Eigen::MatrixXd gains_, seen_;
+  Eigen::Index open_ = 0;
   std::optional<Eigen::Matrix<double, 6, 6>> by_views_;  // of this covariance; nullopt: not worked out
   struct Given {                                         // by the rig
     double latency_s = 0, readout_s = 0;

@@ -200,7 +200,7 @@ SessionSources sources_of(const config::ServiceConfig& config, std::vector<LiveC
     const auto& name = config.rig.cameras[std::size_t(camera.camera)].name;
     const auto options = std::ranges::find(config.cameras, name, &config::LiveCameraConfig::name);
     asked.push_back({camera.camera, options == config.cameras.end() ? 0 : options->fps.value_or(0), camera.health});
-    sources.sources.push_back(std::move(camera.source));
+    if (camera.source) sources.sources.push_back(std::move(camera.source));
   }
   sources.cameras = [asked = std::move(asked)] {
     std::vector<SessionCamera> known;

@@ -5,6 +5,8 @@
 #include <unistd.h>
 
 #include <fstream>
+#include <functional>
+#include <numbers>
 #include <sstream>
 
 #include "daemon/capture_command.h"
@@ -26,11 +28,13 @@ const fs::path demo = fs::path(HUETRACK_SOURCE_DIR) / "configs/demo";
 // A camera host in a thread, with one camera of the demo's recording, from `start` on.
 class Host {
  public:
-  Host(const std::string& name, int camera, std::vector<capture::Frame> frames, capture::Timestamp start)
+  Host(const std::string& name, int camera, std::vector<capture::Frame> frames, capture::Timestamp start,
+       std::function<std::string(const capture::LightFindings&)> say_light = nullptr)
       : host_({.host = name,
                .cameras = {"there"},
                .program_version = "test",
-               .transport = {.name = "host", .domain = publish::test_domain(), .interfaces = {"lo"}}},
+               .transport = {.name = "host", .domain = publish::test_domain(), .interfaces = {"lo"}},
+               .say_light = std::move(say_light)},
               cameras(camera, std::move(frames), start)),
         running_([this](const std::stop_token& stop) { host_.run(stop); }),
         telling_([this](const std::stop_token& stop) {
@@ -100,11 +104,25 @@ class HostedCamera : public testing::Test {
 // Films through two camera hosts and a bus, and from this machine, at the same time.
 class Both {
  public:
-  // nullopt: the machine was too slow for two trackers.
+  // A machine that is busy with other things loses frames, mostly the first ones, while hosts and tracker find one
+  // another: then again, with more time for that. nullopt: it was too slow each time.
   static std::optional<Both> tracked(const config::ServiceConfig& there, const config::ServiceConfig& here,
                                      const fs::path& folder) {
+    for (int attempt = 0; attempt < 5; ++attempt) {
+      fs::remove_all(folder / "recorded");
+      if (auto both = tracked_once(there, here, folder, 1500ms + attempt * 1000ms)) return both;
+    }
+    return std::nullopt;
+  }
+  std::vector<std::vector<std::string>> there, here;
+  SentFigures sent;  // of one of the two hosts
+
+ private:
+  // nullopt: a frame or a set was lost, and the tracks are not of the same ones.
+  static std::optional<Both> tracked_once(const config::ServiceConfig& there, const config::ServiceConfig& here,
+                                          const fs::path& folder, std::chrono::milliseconds first) {
     const auto pictures = daemon::first_frames(demo / "recording", {"cam0", "cam1"}, 60);
-    const capture::Timestamp start = capture::unix_now() + 1500ms;
+    const capture::Timestamp start = capture::unix_now() + first;
     std::stop_source stop;
     Both both;
     const auto run = [&](const config::ServiceConfig& config, std::vector<capture::LiveCamera> cameras,
@@ -138,8 +156,6 @@ class Both {
     both.there = rows_of(folder / "there.csv"), both.here = rows_of(folder / "here.csv");
     return both;
   }
-  std::vector<std::vector<std::string>> there, here;
-  SentFigures sent;  // of one of the two hosts
 };
 
 TEST_F(HostedCamera, TracksAreThoseOfCamerasOfThisMachine) {
@@ -168,17 +184,76 @@ TEST_F(HostedCamera, TracksOfMatchesAreThoseOfFrames) {
 }
 
 // The pixels around the ball come where the tracker has said that it will be, and are recorded with what matches.
+// However slow the machine is: what it lost is not in the recording either.
 TEST_F(HostedCamera, OutlinesAreFittedInWhatMatchesAndReplayed) {
-  const std::string ball = "shape: ball, ";
-  const auto there = tracker_config(folder_, ", send: matches", ball,
-                                    "record: {folder: " + folder_.string() + "/recorded, always: true}\n");
-  const auto both = Both::tracked(there, tracker_config(folder_, "", "shape: blob, "), folder_);
-  if (!both) GTEST_SKIP() << "this machine is too slow now for two trackers";
-  ASSERT_GT(both->there.size(), 50U);
-  EXPECT_NE(both->there, both->here);
-  EXPECT_LT(both->sent.bytes / both->sent.frames, 6000U);
-  tracker_config(folder_, ", send: matches", ball);
-  EXPECT_EQ(replayed(), both->there);
+  const auto config = [&](const char* shape, const std::string& more = "") {
+    return tracker_config(folder_, ", send: matches", shape, more);
+  };
+  const auto there = config("shape: ball, ", "record: {folder: " + folder_.string() + "/recorded, always: true}\n");
+  const auto pictures = daemon::first_frames(demo / "recording", {"cam0", "cam1"}, 60);
+  const capture::Timestamp start = capture::unix_now() + 1500ms;
+  SentFigures sent;
+  {
+    std::stop_source stop;
+    const Host left("left-pi", 0, pictures[0], start), right("right-pi", 1, pictures[1], start);
+    const std::jthread tracking([&] {
+      daemon::LiveCommand options;
+      options.no_dds = true;
+      options.tracks = folder_ / "there.csv";
+      daemon::LiveRequests requests;
+      daemon::run_live(there, pipeline::open_cameras(there), options, requests, stop.get_token());
+    });
+    while (capture::unix_now() < start + 2800ms) std::this_thread::sleep_for(20ms);
+    stop.request_stop();
+    sent = left.sent();
+  }
+  const auto rows = rows_of(folder_ / "there.csv");
+  ASSERT_GT(rows.size(), 30U);
+  EXPECT_LT(sent.bytes / sent.frames, 6000U);
+  config("shape: ball, ");
+  EXPECT_EQ(replayed(), rows);
+  config("shape: blob, ");
+  EXPECT_NE(replayed(), rows) << "no outline was fitted";
+}
+
+// The host sees in all its frames what light does, and says it to who has none of them.
+TEST_F(HostedCamera, LightIsWatchedWhereTheFramesAre) {
+  const config::ServiceConfig config = tracker_config(folder_, ", send: matches, picture_every_s: 0");
+  constexpr int levels = 90;  // three seconds from bright to dark and back
+  std::vector<capture::Image> pictures;
+  for (int i = 0; i < levels; ++i) {
+    const double level = 110 * (1 + 0.15 * std::sin(2 * std::numbers::pi * i / levels));
+    const auto pixels =
+        std::make_shared<std::vector<std::uint8_t>>(std::size_t(640 * 480), static_cast<std::uint8_t>(level));
+    pictures.push_back({.format = capture::PixelFormat::grey,
+                        .range = capture::ColorRange::full,
+                        .width = 640,
+                        .height = 480,
+                        .planes = {{{pixels->data(), 640}}},
+                        .owner = pixels});
+  }
+  std::vector<capture::Frame> frames(30 * 60);
+  for (std::size_t i = 0; i < frames.size(); ++i) {
+    frames[i].sequence = static_cast<std::uint32_t>(i);
+    frames[i].captured_at = capture::Timestamp(std::int64_t(i) * capture::Duration(33'333'333));
+    frames[i].pixels = pictures[i % levels];
+  }
+  auto cameras = pipeline::open_cameras(config);
+  const Host left("left-pi", 0, std::move(frames), capture::unix_now() + 500ms,
+                  [](const capture::LightFindings& found) { return found.exposure_change ? "it wanders" : ""; });
+  cameras[0].look_for(std::vector{capture::MatchedColor{65, 115, 0.2, 1, 0.1, 1}});
+  std::stop_source stop;
+  const std::jthread reading([&] {
+    while (cameras[0].source->next(stop.get_token())) {
+    }
+  });
+  std::string warning;
+  for (int i = 0; i < 500 && warning.empty(); ++i) {  // some five seconds, on a machine that has time
+    std::this_thread::sleep_for(100ms);
+    warning = cameras[0].health().warning;
+  }
+  EXPECT_EQ(warning, "left-pi says: it wanders");
+  stop.request_stop();
 }
 
 // However slow the machine is: what comes is what was sent, and most comes.

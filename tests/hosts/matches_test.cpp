@@ -362,6 +362,31 @@ TEST(WantedOutlines, AreWhereTheyWillBeInTheNextFrame) {
   EXPECT_FALSE(wanted.hear(said));
 }
 
+// What a tracker of matches could not see: the host's frames become brighter and darker within seconds.
+TEST(MatchFinder, SeesLightThatWanders) {
+  using namespace std::chrono_literals;
+  const auto findings_of = [](double share) {
+    MatchFinder finder;
+    for (int i = 0; i < 30 * 10; ++i) {
+      const double level = 110 * (1 + share * std::sin(2 * std::numbers::pi * i / 90.0));
+      const auto pixels =
+          std::make_shared<std::vector<std::uint8_t>>(std::size_t(160 * 120), static_cast<std::uint8_t>(level));
+      Frame frame;
+      frame.stamped_at = capture::Timestamp(1h) + i * capture::Duration(33'333'333);
+      frame.pixels = {.format = capture::PixelFormat::grey,
+                      .range = capture::ColorRange::full,
+                      .width = 160,
+                      .height = 120,
+                      .planes = {{{pixels->data(), 160}}},
+                      .owner = pixels};
+      EXPECT_TRUE(finder.find(frame, {}));
+    }
+    return finder.light();
+  };
+  EXPECT_TRUE(findings_of(0.15).exposure_change);
+  EXPECT_TRUE(findings_of(0) == capture::LightFindings{});
+}
+
 TEST(MatchFinder, CutsPatchesToTheImageAndToABudget) {
   const scene::Scene scene = scene::SceneBuilder{}.cameras_on_ring({.count = 3}).ball({}).build();
   const Frame frame = *render(scene, {.set_count = 1}).front().frames[0];

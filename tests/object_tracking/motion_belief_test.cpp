@@ -190,6 +190,50 @@ TEST(MotionBelief, GivenViewsAndBackAgainIsTheSame) {
   for (int c = 0; c < 3; ++c) EXPECT_NEAR(back.timing(c).readout_sigma_s, belief.timing(c).readout_sigma_s, 1e-6) << c;
 }
 
+// With many cameras what sightings take off is put aside for a while; it must be in all that is asked meanwhile. Those
+// that see nothing change nothing, so that the belief is that of the three that do.
+TEST(MotionBelief, CamerasThatSeeNothingChangeNothing) {
+  Scene scene(4), same_scene(4);
+  same_scene.rig.cameras.resize(50, scene.rig.cameras[2]);
+  MotionBelief few(scene.rig, true), many(same_scene.rig, true);
+  const auto compare = [&](const char* when) {
+    const auto near = [&](const auto& a, const auto& b) {
+      EXPECT_LT((a - b).norm(), 1e-6 * a.norm() + 1e-12) << when << "\n" << a << "\n\n" << b;
+    };
+    near(few.position(), many.position());
+    near(few.velocity(), many.velocity());
+    near(few.position_covariance(), many.position_covariance());
+    near(few.velocity_covariance(), many.velocity_covariance());
+    near(few.position_covariance_given_views(), many.position_covariance_given_views());
+    for (int c = 0; c < 3; ++c) {
+      EXPECT_NEAR(few.timing(c).latency_s, many.timing(c).latency_s, 1e-9) << when;
+      EXPECT_NEAR(few.timing(c).latency_sigma_s, many.timing(c).latency_sigma_s, 1e-9) << when;
+      EXPECT_NEAR(few.row_sigma_s(c, 0.4), many.row_sigma_s(c, 0.4), 1e-9) << when;
+      near(few.lasting_error(c), many.lasting_error(c));
+      const SeenRow row{.camera = c, .below_middle = -0.3, .at = few.at};
+      near(few.seen_covariance(row, 40), many.seen_covariance(row, 40));
+      near(few.seen_given_position(row, 40).covariance, many.seen_given_position(row, 40).covariance);
+    }
+  };
+  for (MotionBelief* belief : {&few, &many}) belief->begin(at(0), Scene::position(0), 1, Vector3d::Zero(), 9);
+  for (int i = 1; i <= 12; ++i) {  // 0.15 s: now after the first of four sightings, now after another one
+    scene.run(few, 0.15 * (i - 1), 0.15 * i);
+    same_scene.run(many, 0.15 * (i - 1), 0.15 * i);
+    compare("after sightings");
+    MotionBelief few_back = few.given_views(), many_back = many.given_views();
+    few_back.open_views_as(few), many_back.open_views_as(many);
+    few = few_back, many = many_back;
+    compare("after given views");
+    for (MotionBelief* belief : {&few, &many}) {
+      if (i % 3 == 0) belief->forget_lasting(i % 2);
+      if (i % 4 == 0) belief->set_position(belief->position(), 1.1 * belief->position_covariance());
+    }
+    compare("after changes");
+  }
+  for (MotionBelief* belief : {&few, &many}) belief->begin(at(2), Scene::position(2), 1, Vector3d::Zero(), 9);
+  compare("of a new object");
+}
+
 TEST(MotionBelief, FixedTimesStayAndTheirUncertaintyCounts) {
   Scene scene(2);
   for (auto& camera : scene.rig.cameras)
