@@ -19,6 +19,7 @@
 #include "calib/solver/volume_accuracy.h"
 #include "calib/solver/world_frame.h"
 #include "config/service_config.h"
+#include "object_tracking/trackers/object_tracker.h"
 #include "solver/synthetic_rig.h"
 
 namespace {

@@ -20,6 +20,7 @@
 #include "calib/model/batch_projector.h"
 #include "calib/model/median.h"
 #include "color/color_window.h"
+#include "object_tracking/trackers/object_tracker.h"
 #include "particle_filter/random.h"
 #include "scene/scene.h"
 
