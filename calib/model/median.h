@@ -9,7 +9,7 @@
 
 namespace huetrack::calib {
 
-// As median(), of some values, whose order it changes: nothing is copied.
+// The median of some values, whose order it changes: nothing is copied.
 template <typename T>
 T median_in_place(std::span<T> values) {
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);

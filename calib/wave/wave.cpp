@@ -554,7 +554,8 @@ namespace {
 // Frames by time.
 std::optional<double> radius_by_rays(const calib::CameraRig& rig, const std::vector<BallFrame>& frames) {
   // Of poses that are some centimetres off, and of stamps that are; the ball is waved at some metre per second.
-  constexpr double furthest_apart_s = 0.05, furthest_apart = 0.1;  // the latter over the distance
+  constexpr double furthest_apart_s = 0.05;
+  constexpr double furthest_apart = 0.1;  // over the distance
   constexpr std::size_t least_meetings = 20;
   std::vector<std::optional<std::size_t>> latest(rig.cameras.size());  // frame with a region
   std::vector<double> radii_m;

@@ -1,6 +1,8 @@
 // What a program says of a word that is none of its commands, and where no command is given.
 #pragma once
 
+#include <fmt/format.h>
+
 #include <string>
 #include <vector>
 
@@ -19,9 +21,8 @@ void name_unknown_commands(App& app, const std::string& program, FailureMessage 
     std::vector<std::string> commands;
     for (const App* command : failed->get_subcommands({})) commands.push_back(command->get_name());
     if (is_of_program && words.empty() && error.get_name() == "RequiredError") {
-      std::string all;
-      for (const std::string& command : commands) all += (all.empty() ? "" : ", ") + command;
-      return program + ": a command is wanted: " + all + "; " + program + " --help says what they do\n";
+      return fmt::format("{0}: a command is wanted: {1}; {0} --help says what they do\n", program,
+                         fmt::join(commands, ", "));
     }
     if (!is_of_program || words.empty() || words.front().starts_with("-")) return otherwise(failed, error);
     const auto near = nearest_word(words.front(), commands);

@@ -37,7 +37,7 @@ std::string to_json(const Pulse& pulse);
 
 // throws std::invalid_argument with a sentence for who wrote the request: not JSON, a wrong type, too many points.
 msg::TeachRequest teach_request_of(const std::string& json);
-// Likewise: too many words, or too long ones.
+// throws std::invalid_argument with a sentence for who wrote the request: too many words, or too long ones.
 msg::ControlRequest control_request_of(const std::string& json);
 
 }  // namespace huetrack::live_view

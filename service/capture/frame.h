@@ -82,7 +82,7 @@ inline const Image* picture_of(const Frame& frame) {
   const Image& image = frame.matches ? frame.matches->picture : frame.pixels;
   return has_pixels(image) ? &image : nullptr;
 }
-// The same, but only of this very frame: for what watches colours and rooms. With matches now and then.
+// picture_of(), but only of this very frame: for what watches colours and rooms. With matches now and then.
 inline const Image* own_picture_of(const Frame& frame) {
   return frame.matches && !frame.matches->has_own_picture ? nullptr : picture_of(frame);
 }

@@ -22,8 +22,9 @@ struct LiveCamera {
   // Of one whose frames say which pixels match: tells it the colours, from now on. nullptr: pixels come. thread-safe,
   // and may outlive source.
   std::function<void(std::span<const MatchedColor>)> look_for = nullptr;
-  // Likewise: where outlines were in its frame of that number (Frame::sequence), and how they move. Its next frames
-  // then have pixels there, as far as they get to know it in time. Meant for every frame.
+  // Tells such a camera where outlines were in its frame of that number (Frame::sequence), and how they move. Its next
+  // frames then have pixels there, as far as they get to know it in time. Meant for every frame. thread-safe, and may
+  // outlive source.
   std::function<void(std::uint32_t, std::span<const ExpectedOutline>)> expect_outlines = nullptr;
 };
 

@@ -156,12 +156,12 @@ std::filesystem::path taught_file(const std::filesystem::path& config);
 // speaks of a target that the configuration does not have, and does not add it whole (taught_file.h). Relative paths
 // start at the configuration's folder.
 ServiceConfig load_service_config(const std::filesystem::path& file);
-// The same, as if the taught file held this text.
+// load_service_config(), as if the taught file held this text.
 ServiceConfig load_service_config(const std::filesystem::path& file, const std::string& taught);
 
 // Whether this camera of the rig is one whose host sends which pixels match.
 bool sends_matches(const ServiceConfig& config, std::string_view camera);
-// The same, but every camera sends its frames: for who needs pictures, to record, teach or calibrate.
+// The configuration, but every camera sends its frames: for who needs pictures, to record, teach or calibrate.
 ServiceConfig with_frames(ServiceConfig config);
 
 // By what it names: cameras with devices, and neither rig nor targets. No for what cannot be read.
@@ -174,12 +174,12 @@ std::vector<capture::FrameTiming> frame_timing(const calib::CameraRig& rig);
 
 // Every key, default or given, as YAML that loads back to the same configuration from any folder (paths are absolute).
 std::string to_yaml(const ServiceConfig& config);
-// The same, with a comment at every value that comes from the taught file.
+// to_yaml() with a comment at every value that comes from the taught file.
 std::string to_yaml_with_origins(const ServiceConfig& config);
 // What the taught file says, from version on: the values of config.taught.
 std::string to_taught_yaml(const ServiceConfig& config);
 
-// The same for another machine: `rig` is rig.yaml beside it, and what else is referred to are files_beside(). What a
+// to_yaml() for another machine: `rig` is rig.yaml beside it, and what else is referred to are files_beside(). What a
 // recording holds. A replay of it writes no map and no room.
 std::string to_portable_yaml(const ServiceConfig& config);
 // Name and content of the other files that to_portable_yaml() refers to: the board and the map of camera_tracking, the

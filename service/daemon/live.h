@@ -40,7 +40,7 @@ LiveSummary run_live(const config::ServiceConfig& config, std::vector<pipeline::
                      const LiveCommand& options, LiveRequests& requests, const std::stop_token& stop,
                      page::CalibrationDesk* calibration = nullptr);
 
-// The same, and once more with the configuration as it stands then, with its cameras opened again, whenever that is
+// run_live(), and once more with the configuration as it stands then, with its cameras opened again, whenever that is
 // asked for; between two of them a recording, where that is asked for, until it is over or closed. What is not right
 // then is left alone, with a line in the log.
 using CameraOpener =

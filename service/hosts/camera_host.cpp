@@ -81,8 +81,8 @@ struct CameraHost::Impl {
     dds::DataReader* outlines = nullptr;  // nullptr: the keys do not allow it
     std::mutex mutex;
     WantedMatches wanted;                      // guarded by mutex
-    std::string light;                         // what is said of it; likewise
-    std::vector<capture::CameraEvent> events;  // of light, not told yet; likewise
+    std::string light;                         // what is said of it; guarded by mutex
+    std::vector<capture::CameraEvent> events;  // of light, not told yet; guarded by mutex
     std::atomic<std::uint64_t> frames = 0, refused = 0, bytes = 0;
   };
 
@@ -290,7 +290,7 @@ struct CameraHost::Impl {
   dds::DataWriter &host, &echo;
   dds::DataReader& probe;
   dds::DataReader* looked_for = nullptr;      // nullptr: the keys do not allow it
-  dds::DataWriter* matches_writer = nullptr;  // likewise; of all cameras
+  dds::DataWriter* matches_writer = nullptr;  // of all cameras; nullptr: the keys do not allow it
   std::string refusal;                        // what was said of that; told once
   std::vector<std::unique_ptr<Camera>> cameras;
   std::chrono::steady_clock::time_point told_at{};

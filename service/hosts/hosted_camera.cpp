@@ -132,7 +132,7 @@ struct HostedCameras::Impl {
   struct Camera {
     HostedCameraOptions options;
     dds::DataReader* reader = nullptr;        // thread-safe by itself; nullptr: of matches, which come by Host::matches
-    dds::DataWriter* outlines = nullptr;      // likewise; of matches
+    dds::DataWriter* outlines = nullptr;      // of matches; thread-safe by itself; nullptr: none are said
     std::unique_ptr<idl::Arrivals> arrivals;  // of reader; the source's
     capture::CameraHealth health;
     std::vector<capture::CameraEvent> events;
@@ -144,7 +144,7 @@ struct HostedCameras::Impl {
     capture::JpegDecoder decoder;
     capture::CameraClock clock;
     std::int64_t run = 0;                 // written under `mutex`
-    std::uint32_t base = 0;               // of the run's numbers; likewise
+    std::uint32_t base = 0;               // of the run's numbers; written under `mutex`
     std::optional<std::uint32_t> handed;  // the last one of ours
     capture::DamageWatch losses;          // on the way
     capture::Image picture;               // the latest beside matches
@@ -544,7 +544,7 @@ struct HostedCameras::Impl {
   struct Group {
     std::vector<Camera*> cameras;           // of matches, of these hosts
     std::vector<dds::DataReader*> readers;  // one a host
-    std::vector<std::string> names;         // of the hosts, likewise
+    std::vector<std::string> names;         // of these hosts
   };
 
   struct Reading {

@@ -145,7 +145,7 @@ class MotionBelief {
   template <int rows>
   using WithState = Eigen::Matrix<double, rows, Eigen::Dynamic, Eigen::ColMajor, rows, most_states>;
   WithState<2> two_rows(Eigen::Index i) const;  // of the covariance, from the i-th on, which is none of the motion's
-  double below_diagonal(Eigen::Index row, Eigen::Index column) const;  // of the covariance, likewise
+  double below_diagonal(Eigen::Index row, Eigen::Index column) const;  // of the covariance
   // Takes off what is open.
   void settle();
   WithState<3> covariance_with_state(const SeenBy& by) const;

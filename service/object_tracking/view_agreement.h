@@ -33,7 +33,7 @@ class ViewAgreement {
   // cameras that are not used), is doubted by what came of it. Notes in `seen` what was looked at.
   void compare(const std::vector<TargetView>& views, capture::Timestamp set_at, const MotionBelief& belief,
                std::vector<Sighting>& sightings, std::vector<Sighting>& watched, SeenRegions& seen);
-  // The same, of one of several objects that is tracked: of what else views show nobody knows whether it is this one.
+  // compare() of one of several objects that is tracked: of what else views show nobody knows whether it is this one.
   void compare_sightings(const MotionBelief& belief, std::span<const Sighting> sightings);
   // The object was found just now by these.
   void compare_found(const MotionBelief& belief, std::vector<Sighting>& sightings);
@@ -48,7 +48,7 @@ class ViewAgreement {
 
   // How far each of them may be off in every frame alike.
   void doubt(const MotionBelief& belief, std::vector<Sighting>& sightings) const;
-  // The same, added to what is open of an object there.
+  // Adds what doubt() knows to what is open of an object there.
   void open(std::size_t camera, const calib::Camera& in_view, const Eigen::Vector3d& position, const Appearance& at,
             Eigen::Matrix2d& covariance) const;
   // What doubted views leave open of the position, standard deviation along the largest axis; 0: no view is doubted.

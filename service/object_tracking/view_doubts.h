@@ -66,12 +66,12 @@ class ViewDoubts {
   static constexpr std::size_t kept = 32;  // comparisons of a pair: about a second
   struct Pair {
     float squares[kept];  // off_px^2 / expected_px2, a ring
-    float sorted[kept];   // the same, ascending
+    float sorted[kept];   // the ring's values, ascending
     std::size_t count = 0;
     double expected_px2 = 0, share_i = 0, share_j = 0;  // means over the recent past
     double scale2 = 0;
     double excess_px2 = 0;   // of off_px, beyond what was expected: now, or as far as it has lasted
-    double lasting_px2 = 0;  // the latter
+    double lasting_px2 = 0;  // what of excess_px2 has lasted
   };
   const Pair& pair(std::size_t i, std::size_t j) const;
   Pair& pair(std::size_t i, std::size_t j) { return const_cast<Pair&>(std::as_const(*this).pair(i, j)); }

@@ -1,4 +1,4 @@
-// The road of a frame, and every thread of the service:
+// The road of a frame, and every thread of the road:
 //
 //   capture threads (one per source)      tracking thread                              picture thread
 //   source -> [pace] -> synchroniser -> queue -> trackers (+ workers) -> outputs -> queue -> outputs' pictures

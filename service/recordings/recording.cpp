@@ -1,5 +1,7 @@
 #include "recordings/recording.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -181,9 +183,8 @@ Recording read_recording(std::span<const std::string> words) {
   std::error_code none;
   if (words.size() == 1 && (words[0].find('=') == std::string::npos || std::filesystem::exists(words[0], none)))
     return read_recording(std::filesystem::path(words[0]));
-  std::string all;
-  for (const std::string& word : words) all += (all.empty() ? "" : " ") + word;
-  Recording recording{.file = all, .cameras = {}, .warnings = {}, .started_at = {}};
+  Recording recording{
+      .file = fmt::format("{}", fmt::join(words, " ")), .cameras = {}, .warnings = {}, .started_at = {}};
   for (const std::string& word : words) {
     const auto equals = word.find('=');
     if (equals == std::string::npos || equals == 0 || equals + 1 == word.size() || yaml::has_control_characters(word))

@@ -1,5 +1,5 @@
 // A target that is several objects of one colour: how many there are, where each of them is, and which is which. The
-// road of one set through the same rooms that one object goes through (region_tracker.h), with two of its own:
+// road of one set through the same steps that one object goes through (region_tracker.h), with two of its own:
 //   - every view's regions are found once, over the whole image, and shared out among the objects that are expected
 //     (region_sharing.h): global nearest neighbour, view by view. Objects keep who they are by their motion.
 //   - what no object explains may be new ones (object_births.h).

@@ -14,8 +14,8 @@ namespace {
 
 constexpr double contradicting_px2 = 1;  // doubt of a view, far above what light and a good calibration leave open
 
-// The region goes on beyond the box, at a side that is not the image's; or it is far wider than the object along both of
-// its axes, and no smear makes it so.
+// The region goes on beyond the box, at a side that is not the image's; or it is far wider than the object along both
+// of its axes, and no smear makes it so.
 bool is_larger_than_object(const color::ColorRegion& region, const color::PixelBox& box, const color::MatchBits& image,
                            double radius_px) {
   constexpr double widest_radii = 2;  // the taught radius may be wrong, and so may the distance

@@ -86,14 +86,14 @@ class RegionTracker {
   objects::ObjectSearch search_;
   object_tracking::RigError rig_error_;
   objects::StillColor still_color_;
-  objects::ClutterMap clutter_;  // this and the next: while the room shares the colour
-  objects::ObjectExistence existence_;
+  objects::ClutterMap clutter_;         // while the room shares the colour
+  objects::ObjectExistence existence_;  // while the room shares the colour
   objects::FurtherObjectWatch further_;
 
   std::vector<object_tracking::Sighting> sightings_;  // of this set, by the times of their rows
   // All that views show of the object in this set: also what contradicts, and what cameras see that are not used.
   std::vector<object_tracking::Sighting> seen_;
-  std::vector<object_tracking::Sighting> watched_;  // of the latter
+  std::vector<object_tracking::Sighting> watched_;  // by cameras that are not used
   object_tracking::SeenRegions seen_regions_;       // of this set
 
   object_tracking::TrackState state_ = object_tracking::TrackState::searching;
