@@ -205,8 +205,9 @@ std::string clock_words(const msg::HostClock& clock) {
 std::string text(const msg::ServiceStatus& s, std::int64_t now, const msg::CameraTimes* times,
                  std::span<const msg::CameraPose> poses, std::span<const msg::ObjectSet> sets,
                  const msg::HostClocks* clocks) {
-  std::string out = fmt::format("huetrackd {} on {}, process {}, mode {}, {} s ago\n", s.program_version(), s.host(),
-                                s.pid(), s.mode(), number((static_cast<double>(now) - static_cast<double>(s.at())) / ns_per_s, 1));
+  std::string out =
+      fmt::format("huetrackd {} on {}, process {}, mode {}, {} s ago\n", s.program_version(), s.host(), s.pid(),
+                  s.mode(), number((static_cast<double>(now) - static_cast<double>(s.at())) / ns_per_s, 1));
   const auto add = [&](std::string_view label, const std::string& what) {
     fmt::format_to(std::back_inserter(out), "  {:<9} {}\n", label, what);
   };
