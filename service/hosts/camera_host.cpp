@@ -90,26 +90,22 @@ struct CameraHost::Impl {
       : options(std::move(given)),
         run(capture::unix_now().time_since_epoch().count()),
         participant(options.transport, nullptr, of_frames),
-        host(participant.create_writer(idl::camera_host_topic, dds::TypeSupport(new msg::CameraHostPubSubType),
-                                       idl::status_writer_qos(), "")),
-        echo(participant.create_writer(idl::clock_echo_topic, dds::TypeSupport(new msg::ClockEchoPubSubType),
-                                       idl::clock_writer_qos(), "")),
-        probe(participant.create_reader(idl::clock_probe_topic, dds::TypeSupport(new msg::ClockProbePubSubType),
-                                        idl::clock_reader_qos())) {
+        host(
+            participant.create_writer<msg::CameraHostPubSubType>(idl::camera_host_topic, idl::status_writer_qos(), "")),
+        echo(participant.create_writer<msg::ClockEchoPubSubType>(idl::clock_echo_topic, idl::clock_writer_qos(), "")),
+        probe(participant.create_reader<msg::ClockProbePubSubType>(idl::clock_probe_topic, idl::clock_reader_qos())) {
     for (std::size_t c = 0; c < live.size(); ++c) {
       auto& camera = cameras.emplace_back(std::make_unique<Camera>());
       camera->name = options.cameras.at(c);
       camera->live = std::move(live[c]);
-      camera->writer = &participant.create_writer(idl::camera_frames_topic(options.host, camera->name),
-                                                  dds::TypeSupport(new msg::CameraFramePubSubType),
-                                                  idl::camera_frames_writer_qos(), "");
+      camera->writer = &participant.create_writer<msg::CameraFramePubSubType>(
+          idl::camera_frames_topic(options.host, camera->name), idl::camera_frames_writer_qos(), "");
     }
     try {
-      looked_for = &participant.create_reader(
-          idl::looked_for_topic, dds::TypeSupport(new msg::LookedForColorsPubSubType), idl::status_reader_qos());
-      matches_writer = &participant.create_writer(idl::camera_matches_topic(options.host),
-                                                  dds::TypeSupport(new msg::CameraMatchesPubSubType),
-                                                  idl::camera_frames_writer_qos(), "");
+      looked_for =
+          &participant.create_reader<msg::LookedForColorsPubSubType>(idl::looked_for_topic, idl::status_reader_qos());
+      matches_writer = &participant.create_writer<msg::CameraMatchesPubSubType>(idl::camera_matches_topic(options.host),
+                                                                                idl::camera_frames_writer_qos(), "");
     } catch (const std::runtime_error& error) {
       if (!participant.is_access_controlled()) throw;
       looked_for = nullptr;
@@ -120,9 +116,8 @@ struct CameraHost::Impl {
     }
     try {
       for (auto& camera : cameras)
-        camera->outlines = &participant.create_reader(idl::camera_outlines_topic(options.host, camera->name),
-                                                      dds::TypeSupport(new msg::ExpectedOutlinesPubSubType),
-                                                      idl::clock_reader_qos(), most_of_outlines);
+        camera->outlines = &participant.create_reader<msg::ExpectedOutlinesPubSubType>(
+            idl::camera_outlines_topic(options.host, camera->name), idl::clock_reader_qos(), most_of_outlines);
     } catch (const std::runtime_error& error) {
       if (!participant.is_access_controlled()) throw;
       if (refusal.empty())

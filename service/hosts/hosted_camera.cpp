@@ -153,14 +153,12 @@ struct HostedCameras::Impl {
 
   Impl(const idl::ParticipantOptions& transport, std::vector<HostedCameraOptions> given)
       : participant(transport, nullptr, room_for_frames),
-        probe(participant.create_writer(idl::clock_probe_topic, dds::TypeSupport(new msg::ClockProbePubSubType),
-                                        idl::clock_writer_qos(), "")),
-        echo(participant.create_reader(idl::clock_echo_topic, dds::TypeSupport(new msg::ClockEchoPubSubType),
-                                       idl::clock_reader_qos())),
-        looked_for(participant.create_writer(
-            idl::looked_for_topic, dds::TypeSupport(new msg::LookedForColorsPubSubType), idl::status_writer_qos(), "")),
-        states(participant.create_reader(idl::camera_host_topic, dds::TypeSupport(new msg::CameraHostPubSubType),
-                                         idl::status_reader_qos())),
+        probe(
+            participant.create_writer<msg::ClockProbePubSubType>(idl::clock_probe_topic, idl::clock_writer_qos(), "")),
+        echo(participant.create_reader<msg::ClockEchoPubSubType>(idl::clock_echo_topic, idl::clock_reader_qos())),
+        looked_for(participant.create_writer<msg::LookedForColorsPubSubType>(idl::looked_for_topic,
+                                                                             idl::status_writer_qos(), "")),
+        states(participant.create_reader<msg::CameraHostPubSubType>(idl::camera_host_topic, idl::status_reader_qos())),
         // Not of the seeded randomness: it must differ between programs, and nothing is computed from it.
         tracker(static_cast<std::int64_t>(std::random_device{}()) << 32 | std::random_device{}()) {
     std::uint32_t largest = 0, largest_matches = 0;
@@ -175,19 +173,16 @@ struct HostedCameras::Impl {
       camera.options = std::move(options);
       const auto& [host, there] = std::tie(camera.options.host, camera.options.camera_there);
       if (!camera.options.are_matches) {
-        camera.reader = &participant.create_reader(idl::camera_frames_topic(host, there),
-                                                   dds::TypeSupport(new msg::CameraFramePubSubType),
-                                                   idl::camera_frames_reader_qos(), largest);
+        camera.reader = &participant.create_reader<msg::CameraFramePubSubType>(
+            idl::camera_frames_topic(host, there), idl::camera_frames_reader_qos(), largest);
         camera.arrivals = std::make_unique<idl::Arrivals>(*camera.reader);
       } else if (hosts[host].matches == nullptr) {
-        hosts[host].matches = &participant.create_reader(idl::camera_matches_topic(host),
-                                                         dds::TypeSupport(new msg::CameraMatchesPubSubType),
-                                                         idl::camera_matches_reader_qos(), largest_matches);
+        hosts[host].matches = &participant.create_reader<msg::CameraMatchesPubSubType>(
+            idl::camera_matches_topic(host), idl::camera_matches_reader_qos(), largest_matches);
       }
       if (camera.options.are_matches)
-        camera.outlines = &participant.create_writer(idl::camera_outlines_topic(host, there),
-                                                     dds::TypeSupport(new msg::ExpectedOutlinesPubSubType),
-                                                     idl::clock_writer_qos(), "");
+        camera.outlines = &participant.create_writer<msg::ExpectedOutlinesPubSubType>(
+            idl::camera_outlines_topic(host, there), idl::clock_writer_qos(), "");
       camera.health.last_progress = Clock::now();
       hosts[camera.options.host];
     }
