@@ -428,13 +428,13 @@ double MotionBelief::observe(const LinearSighting& sighting, const Eigen::Vector
 
 Eigen::Matrix<double, 6, 6> MotionBelief::by_views() const {
   if (by_views_) return *by_views_;
-  const Eigen::Index n = size() - 6;
-  Eigen::MatrixXd views = covariance_.bottomRightCorner(n, n);
   if (open_ > 0) {
     MotionBelief settled = *this;
     settled.settle();
-    views = settled.covariance_.bottomRightCorner(n, n);
+    return settled.by_views();
   }
+  const Eigen::Index n = size() - 6;
+  Eigen::MatrixXd views = covariance_.bottomRightCorner(n, n);
   views.diagonal().array() += 1e-16;  // s^2, px^2: of what is held
   const Eigen::LLT<Eigen::Ref<Eigen::MatrixXd>> root(views);
   Eigen::Matrix<double, Eigen::Dynamic, 6, Eigen::ColMajor, most_states, 6> with_motion =

@@ -55,6 +55,24 @@ std::uint64_t heightened(std::uint64_t w) {
   return w | w << 8 | w >> 8;
 }
 
+// By the target's colour.
+bool is_surrounded(const TargetView& view, const Sighting& s) {
+  const double reach = covered_radii * s.radius_px + covered_more_px + 1;
+  int seen = 0, matching = 0;
+  for (int i = 0; i < around; ++i) {
+    const double angle = 2 * std::numbers::pi * i / around;
+    const double u = s.px.x() + reach * std::cos(angle), v = s.px.y() + reach * std::sin(angle);
+    if (!(u >= 0 && v >= 0 && u < view.image->width && v < view.image->height)) continue;
+    const int column = static_cast<int>(u), row = static_cast<int>(v);
+    const color::TileAt tile{static_cast<std::uint16_t>(column / color::TileAt::size + 1),
+                             static_cast<std::uint16_t>(row / color::TileAt::size + 1)};
+    const int bit = row % color::TileAt::size * 8 + column % color::TileAt::size;
+    ++seen;
+    matching += (view.matches->tile_with_left_out(tile) >> bit & 1) != 0 ? 1 : 0;
+  }
+  return matching > surrounded * seen;
+}
+
 }  // namespace
 
 void StillColor::set_sizes(std::size_t camera, double smallest_px, double largest_px, calib::ImageSize size) {
@@ -198,23 +216,6 @@ void StillColor::sample(const TargetView& view, std::span<const Sighting> tracke
   }
   learn(view, camera, tracked);
   leave_out(view, camera);
-}
-
-bool StillColor::is_surrounded(const TargetView& view, const Sighting& s) const {
-  const double reach = covered_radii * s.radius_px + covered_more_px + 1;
-  int seen = 0, matching = 0;
-  for (int i = 0; i < around; ++i) {
-    const double angle = 2 * std::numbers::pi * i / around;
-    const double u = s.px.x() + reach * std::cos(angle), v = s.px.y() + reach * std::sin(angle);
-    if (!(u >= 0 && v >= 0 && u < view.image->width && v < view.image->height)) continue;
-    const int column = static_cast<int>(u), row = static_cast<int>(v);
-    const color::TileAt tile{static_cast<std::uint16_t>(column / color::TileAt::size + 1),
-                             static_cast<std::uint16_t>(row / color::TileAt::size + 1)};
-    const int bit = row % color::TileAt::size * 8 + column % color::TileAt::size;
-    ++seen;
-    matching += (view.matches->tile_with_left_out(tile) >> bit & 1) != 0 ? 1 : 0;
-  }
-  return matching > surrounded * seen;
 }
 
 void StillColor::learn(const TargetView& view, PerCamera& camera, std::span<const Sighting> tracked) {

@@ -78,7 +78,6 @@ class StillColor {
   };
   void measure(const object_tracking::TargetView& view);
   void sample(const object_tracking::TargetView& view, std::span<const object_tracking::Sighting> tracked);
-  bool is_surrounded(const object_tracking::TargetView& view, const object_tracking::Sighting& s) const;
   void learn(const object_tracking::TargetView& view, PerCamera& camera,
              std::span<const object_tracking::Sighting> tracked);
   void leave_out(const object_tracking::TargetView& view, PerCamera& camera);
