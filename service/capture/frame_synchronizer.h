@@ -49,7 +49,7 @@ struct FrameSynchronizerCounters {
 //   transfer) are learned: then the others have to be further past the set by that much, up to 0.2 s.
 // - A camera that has been silent for three of its frame periods (or a second, when its period is not known) has
 //   stopped: nobody waits for it until it is back.
-// - A corrupted frame is not used, but it shows that its camera has nothing else to give for that time.
+// - A corrupted or repeated frame is not used, but it shows that its camera has nothing else to give for that time.
 // - A frame over a second (and three frame periods) off everyone's time, a driver's bad time stamp, is held back until
 //   a second camera, or ten frames in a row, confirm it: then the clocks have changed, otherwise it is dropped and
 //   counted.

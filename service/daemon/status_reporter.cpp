@@ -41,6 +41,24 @@ void add_clock(const capture::HostClock& clock, const std::string& camera, publi
   if (!clock.advice.empty()) status.warnings.push_back(clock.advice);
 }
 
+// Frames that come and show nothing new are none.
+void add_repeats(const pipeline::CameraFigures& camera, publish::CameraStatus& out,
+                 std::vector<std::string>& warnings) {
+  constexpr std::uint64_t enough = 100;  // frames, of which a tenth is no chance
+  const capture::Duration lasting = camera.repeated_since ? *camera.last_captured - *camera.repeated_since : 0ns;
+  if (out.health == publish::CameraStatus::Health::delivering && lasting > stalled_after) {
+    out.health = publish::CameraStatus::Health::stalled;
+    out.message = fmt::format(
+        "it has shown one and the same picture for {:.1f} s: its driver, cable or capture stick hangs: plug it in anew",
+        capture::seconds(lasting));
+  } else if (camera.frames >= enough && camera.repeated > camera.frames / 10) {
+    warnings.push_back(fmt::format(
+        "camera {}: {} % of its frames show the picture before once more, and are not used: set fps to the pictures "
+        "that it really takes in a second",
+        out.name, 100 * camera.repeated / camera.frames));
+  }
+}
+
 std::vector<std::string> camera_names(const publish::ServiceStatus& status) {
   std::vector<std::string> names;
   for (const auto& camera : status.cameras) names.push_back(camera.name);
@@ -92,6 +110,7 @@ publish::ServiceStatus StatusReporter::report(const pipeline::PipelineFigures& f
     out.frames = camera.frames;
     out.dropped = camera.dropped;
     out.corrupted = camera.corrupted;
+    out.repeated = camera.repeated;
     if (past_) out.rate_hz = rate(camera.frames, past_->figures.cameras[c].frames, window);
     if (camera.last_received) out.age_s = capture::seconds(now - *camera.last_received);
     if (!live.empty()) {
@@ -116,6 +135,7 @@ publish::ServiceStatus StatusReporter::report(const pipeline::PipelineFigures& f
     } else {
       out.health = publish::CameraStatus::Health::delivering;
     }
+    add_repeats(camera, out, status.warnings);
   }
   constexpr std::size_t long_search = 60;  // sets
   for (std::size_t t = 0; t < std::min(targets_.size(), figures.searches.size()); ++t) {

@@ -35,6 +35,7 @@ std::optional<std::span<const std::uint8_t>> MatchFinder::find(const capture::Fr
     if (!decoded.image) return std::nullopt;
     image = std::move(*decoded.image);
   }
+  if (repeats_.is_repeated(image)) return std::nullopt;
   if (light_.is_wanted(frame.stamped_at)) light_.look(image, frame.stamped_at);
   std::erase_if(known_, [&](const Known& known) { return std::ranges::count(options.colors, known.color) == 0; });
   found_.resize(options.colors.size());

@@ -13,6 +13,7 @@
 #include "capture/jpeg_decoder.h"
 #include "capture/light_watch.h"
 #include "capture/matches.h"
+#include "capture/repeat_watch.h"
 #include "color/color_model.h"
 
 namespace huetrack::hosts {
@@ -34,9 +35,9 @@ struct MatchFinderOptions {
 class MatchFinder {
  public:
   // frame: of pixels, or of a JPEG alone, which is decoded; one of matches goes on as it came. The bytes are those of
-  // capture/matches.h; nullopt: it does not decode. A picture goes with the first frame whose stamp is beyond the next
-  // multiple of picture_every: so the cameras of a hall show nearly one moment. Valid until the next call, and while
-  // the frame is.
+  // capture/matches.h; nullopt: it does not decode, or shows the camera's picture before it once more. A picture goes
+  // with the first frame whose stamp is beyond the next multiple of picture_every: so the cameras of a hall show nearly
+  // one moment. Valid until the next call, and while the frame is.
   std::optional<std::span<const std::uint8_t>> find(const capture::Frame& frame, const MatchFinderOptions& options);
   // What light does in these frames: a tracker, which has one picture in thirty of them, could not see it.
   const capture::LightFindings& light() const { return light_.findings(); }
@@ -54,6 +55,7 @@ class MatchFinder {
 
   capture::JpegDecoder decoder_;
   capture::LightWatch light_;
+  capture::RepeatWatch repeats_;
   std::vector<Known> known_;
   std::vector<capture::Matches::OfColor> found_;
   std::vector<capture::PatchPlace> patches_;

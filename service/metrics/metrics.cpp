@@ -89,6 +89,8 @@ void add_cameras(Text& text, const publish::ServiceStatus& status) {
           [](const auto& c) { return c.dropped; });
   cameras("huetrack_camera_corrupted_frames_total", "counter", "damaged frames, not used",
           [](const auto& c) { return c.corrupted; });
+  cameras("huetrack_camera_repeated_frames_total", "counter", "frames that showed the picture before again, not used",
+          [](const auto& c) { return c.repeated; });
   cameras("huetrack_camera_rate_hertz", "gauge", "frames per second over the last seconds",
           [](const auto& c) { return c.rate_hz; });
   cameras("huetrack_camera_age_seconds", "gauge", "since the last frame was received",

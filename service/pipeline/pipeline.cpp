@@ -129,6 +129,7 @@ Pipeline::Pipeline(const calib::CameraRig& rig, std::vector<std::unique_ptr<capt
       camera_frames_(options_.queue_capacity, options_.when_full),
       camera_pictures_(options_.queue_capacity, WhenFull::wait),
       synchronizer_(options_.frame_sets),
+      repeats_(rig.cameras.size()),
       size_checked_(rig.cameras.size(), false) {
   figures_.cameras.resize(rig.cameras.size());
 }
@@ -240,10 +241,11 @@ void Pipeline::note_end(std::size_t camera) {
 void Pipeline::receive(capture::Frame frame) {
   const auto camera = std::size_t(frame.camera);
   const capture::Timestamp received_at = capture::unix_now();
+  const bool is_sound = frame.status == capture::FrameStatus::ok;
+  const bool is_repeated = is_sound && capture::has_pixels(frame.pixels) && repeats_[camera].is_repeated(frame.pixels);
   {
     const std::scoped_lock lock(figures_mutex_);
     CameraFigures& figures = figures_.cameras[camera];
-    const bool is_sound = frame.status == capture::FrameStatus::ok;
     ++(is_sound ? figures.frames : figures.corrupted);
     if (is_sound && figures.frames == 1) ++camera_news_;
     if (figures.last_sequence && frame.sequence > *figures.last_sequence + 1) {
@@ -251,11 +253,17 @@ void Pipeline::receive(capture::Frame frame) {
     }
     figures.last_sequence = frame.sequence;
     if (is_sound) figures.last_received = Clock::now();
+    if (is_repeated) {
+      ++figures.repeated;
+      if (!figures.repeated_since) figures.repeated_since = frame.captured_at;
+    } else if (is_sound) {
+      figures.repeated_since.reset();
+    }
     figures.last_captured = frame.captured_at;
   }
 
   const std::scoped_lock lock(synchronizer_mutex_);
-  if (frame.status == capture::FrameStatus::ok && !size_checked_[camera]) {
+  if (is_sound && !size_checked_[camera]) {
     const calib::Camera& expected = rig_.cameras[camera];
     const calib::ImageSize size{frame.pixels.width, frame.pixels.height};
     if (size != expected.image_size) {
@@ -272,6 +280,7 @@ void Pipeline::receive(capture::Frame frame) {
   }
   frame.arrival = ++arrivals_;
   for (Output* output : outputs_) output->on_frame(frame, received_at);
+  if (is_repeated) frame.status = capture::FrameStatus::repeated;  // after the recorder, whose replay finds it again
   if (frame.camera == tracked_camera_ && frame.status == capture::FrameStatus::ok)
     put_in_camera_queue({frame, received_at});  // the image is shared, not copied
   const Stopwatch watch;

@@ -24,6 +24,7 @@
 #include "camera_tracking/camera_tracker.h"
 #include "capture/frame_source.h"
 #include "capture/frame_synchronizer.h"
+#include "capture/repeat_watch.h"
 #include "object_tracking/trackers/object_tracker.h"
 #include "pictures/picture_job.h"
 #include "pipeline/bounded_queue.h"
@@ -151,10 +152,11 @@ class Pipeline {
   BoundedQueue<ReadyFrame> camera_frames_;
   BoundedQueue<pictures::CameraPictureJob> camera_pictures_;
 
-  std::mutex synchronizer_mutex_;            // held while sets go into the queue too, which keeps their order
-  capture::FrameSynchronizer synchronizer_;  // guarded by synchronizer_mutex_
-  std::vector<bool> size_checked_;           // guarded by synchronizer_mutex_
-  std::uint64_t arrivals_ = 0;               // guarded by synchronizer_mutex_
+  std::mutex synchronizer_mutex_;              // held while sets go into the queue too, which keeps their order
+  capture::FrameSynchronizer synchronizer_;    // guarded by synchronizer_mutex_
+  std::vector<capture::RepeatWatch> repeats_;  // per camera, each its capture thread's
+  std::vector<bool> size_checked_;             // guarded by synchronizer_mutex_
+  std::uint64_t arrivals_ = 0;                 // guarded by synchronizer_mutex_
 
   std::mutex replacements_mutex_;
   std::deque<Replacement> replacements_;  // guarded by replacements_mutex_

@@ -19,9 +19,10 @@ struct CameraStatus {
   std::uint64_t frames = 0;   // since the start
   std::uint64_t dropped = 0;  // sequence gaps
   std::uint64_t corrupted = 0;
-  double rate_hz = 0;   // over the last seconds
-  double age_s = 0;     // since the last frame was received
-  bool is_used = true;  // false: a camera of the rig that the configuration leaves out
+  std::uint64_t repeated = 0;  // of frames: showed the picture before once more
+  double rate_hz = 0;          // over the last seconds
+  double age_s = 0;            // since the last frame was received
+  bool is_used = true;         // false: a camera of the rig that the configuration leaves out
 };
 
 // The clock of another host whose cameras are used.

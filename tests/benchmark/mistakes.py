@@ -149,6 +149,22 @@ def mirrored(case, rng, scratch):
     return [rf"px apart|{name} .*mirrored|another room"]
 
 
+def shown_again(filters, cameras, name):
+    """Some cameras (0: all) show pictures once more, with new stamps. It is no mistake in the rig: none may be named."""
+    def make(case, rng, scratch):
+        for camera in case.pick(rng, cameras or len(case.names)):
+            video = f"{scratch}/{camera}.mkv"
+            subprocess.run(["ffmpeg", "-v", "error", "-i", case.recording["cameras"][camera]["frames"], "-filter_complex", filters,
+                            "-c:v", "ffv1", video], check=True)
+            case.recording["cameras"][camera]["frames"] = video
+        return []
+    make.__name__ = name
+    return make
+
+
+HANG = "split[a][b];[a][b]freezeframes=first=90:last=100000:replace=89"
+
+
 def opencv_hue(case, rng, scratch):
     for target in case.config["targets"].values():
         target["color"]["hue_deg"] = [hue / 2 for hue in target["color"]["hue_deg"]]
@@ -213,7 +229,8 @@ def radius(factor):
 
 
 MISTAKES = [none, swap, turned(0.5), turned(1), turned(2), turned(5), two_off(3, 1), two_off(5, 2), two_off(10, 4), late_by(0.2), late_by(0.1),
-            focal(1.1), focal(0.9), mirrored,
+            focal(1.1), focal(0.9), mirrored, shown_again(HANG, 0, "all_hang"), shown_again(HANG, 1, "one_hangs"),
+            shown_again("shuffleframes=0 0", 0, "all_twice"), shown_again("shuffleframes=0 0", 1, "one_twice"),
             opencv_hue, other_room, shared_colour, radius(1.3), radius(1.4), radius(0.7)]
 
 

@@ -87,6 +87,34 @@ TEST_F(Reporter, ManyDamagedFramesAreAWarning) {
               testing::Contains("camera cam1: 31 % of its frames are damaged"));
 }
 
+TEST_F(Reporter, ACameraThatHangsOnItsLastPictureIsStalled) {
+  pipeline::CameraFigures& camera = figures_.cameras[0];
+  camera.frames = 1000;
+  camera.repeated = 60;
+  camera.last_received = start_;
+  camera.last_captured = capture::Timestamp(33s);
+  camera.repeated_since = capture::Timestamp(31s);
+  const auto hangs = reporter_.report(figures_, start_, {});
+  EXPECT_EQ(hangs.cameras[0].health, publish::CameraStatus::Health::stalled);
+  EXPECT_THAT(hangs.cameras[0].message, testing::HasSubstr("one and the same picture for 2.0 s"));
+  capture::CameraHealth live;
+  live.state = capture::CaptureState::delivering;
+  const std::vector<std::optional<capture::CameraHealth>> both{live, live};
+  EXPECT_EQ(reporter_.report(figures_, start_, {}, both).cameras[0].health, publish::CameraStatus::Health::stalled);
+  camera.repeated_since.reset();
+  const auto well = reporter_.report(figures_, start_, {});
+  EXPECT_EQ(well.cameras[0].health, publish::CameraStatus::Health::delivering);
+  EXPECT_THAT(well.warnings, testing::Not(testing::Contains(testing::HasSubstr("once more"))));
+}
+
+TEST_F(Reporter, FramesThatAreShownTwiceAreAWarning) {
+  figures_.cameras[1].frames = 1000;
+  figures_.cameras[1].repeated = 480;
+  figures_.cameras[1].last_received = start_;
+  EXPECT_THAT(reporter_.report(figures_, start_, {}).warnings,
+              testing::Contains(testing::HasSubstr("camera cam1: 48 % of its frames show the picture before")));
+}
+
 TEST_F(Reporter, CountersAreHandedOn) {
   figures_.frame_sets.incomplete_sets = 3;
   figures_.frame_sets.late_frames = 4;
@@ -94,6 +122,7 @@ TEST_F(Reporter, CountersAreHandedOn) {
   figures_.sets_tracked = 6;
   figures_.cameras[1].dropped = 7;
   figures_.cameras[1].corrupted = 8;
+  figures_.cameras[1].repeated = 9;
   const auto status = reporter_.report(figures_, start_, {});
   EXPECT_EQ(status.incomplete_sets, 3u);
   EXPECT_EQ(status.late_frames, 4u);
@@ -101,6 +130,7 @@ TEST_F(Reporter, CountersAreHandedOn) {
   EXPECT_EQ(status.sets, 6u);
   EXPECT_EQ(status.cameras[1].dropped, 7u);
   EXPECT_EQ(status.cameras[1].corrupted, 8u);
+  EXPECT_EQ(status.cameras[1].repeated, 9u);
 }
 
 TEST_F(Reporter, WarnsOfATrackedCameraWithoutAPose) {

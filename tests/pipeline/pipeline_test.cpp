@@ -1,7 +1,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <atomic>
+#include <random>
 #include <thread>
 
 #include "pipeline/pipeline_to.h"
@@ -144,6 +146,49 @@ TEST(Pipeline, DamagedFramesAreNoDelivery) {
   EXPECT_EQ(figures.cameras[1].frames, 0u);
   EXPECT_EQ(figures.cameras[1].corrupted, 20u);
   EXPECT_FALSE(figures.cameras[1].last_received);
+}
+
+// Noise, as a live camera's; from a turn on camera 1 hangs: frames come, with its last picture.
+class HangingSource final : public capture::FrameSource {
+ public:
+  explicit HangingSource(std::uint32_t hangs_from) : hangs_from_(hangs_from) {}
+
+  std::optional<capture::Frame> next(std::stop_token stop) override {
+    auto frame = all_.next(stop);
+    if (!frame) return frame;
+    if (frame->camera == 1 && frame->sequence >= hangs_from_) {
+      frame->pixels = last_;
+      return frame;
+    }
+    const capture::WritableImage noise =
+        capture::make_image(capture::PixelFormat::grey, capture::ColorRange::full, 32, 24);
+    for (int i = 0; i < 32 * 24; ++i) noise.data[0][i] = std::uint8_t(100 + random_() % 3);
+    frame->pixels = noise.image;
+    if (frame->camera == 1) last_ = noise.image;
+    return frame;
+  }
+
+ private:
+  GreySource all_{{0, 1}, 100};
+  std::uint32_t hangs_from_;
+  capture::Image last_;
+  std::mt19937 random_{3};
+};
+
+TEST(Pipeline, ACameraThatHangsOnItsLastPictureIsAbsent) {
+  const calib::CameraRig rig = rig_of(2);
+  std::vector<bool> is_there;
+  PipelineTo pipeline(
+      rig, sources(HangingSource(60)), trackers_for(rig, 1), options_for(rig),
+      {.estimates = [&](const capture::FrameSet& set, auto, auto) { is_there.push_back(set.frames[1].has_value()); }});
+  pipeline.run({});
+  std::vector<bool> expected(100, true);
+  std::fill(expected.begin() + 60, expected.end(), false);
+  EXPECT_EQ(is_there, expected);
+  const PipelineFigures figures = pipeline.figures();
+  EXPECT_EQ(figures.cameras[0].repeated, 0u);
+  EXPECT_EQ(figures.cameras[1].repeated, 40u);
+  EXPECT_EQ(figures.cameras[1].repeated_since, capture::Timestamp(600ms));
 }
 
 // Camera 1 ends after three turns, and camera 0 goes on.

@@ -1,0 +1,41 @@
+#include "capture/repeat_watch.h"
+
+#include <algorithm>
+#include <bit>
+#include <functional>
+#include <string_view>
+
+namespace huetrack::capture {
+namespace {
+
+// So many say what a camera's pictures are like: by the rule of succession the next is then, too, with 97 %.
+constexpr int enough = 30;
+constexpr int most_remembered = 10 * enough;
+
+}  // namespace
+
+bool RepeatWatch::is_repeated(const Image& image) {
+  // Brightness has the noise of all channels; packed formats have all of them in the one plane.
+  const std::size_t bytes = plane_row_bytes(image.format, 0, image.width);
+  std::array<std::uint64_t, across * down> cells{};
+  for (std::size_t row = 0; row < down * rows_of_cell; ++row) {
+    const auto v =
+        static_cast<std::ptrdiff_t>((2 * row + 1) * static_cast<std::size_t>(image.height) / (2 * down * rows_of_cell));
+    const char* at = reinterpret_cast<const char*>(image.planes[0].data + v * image.planes[0].stride);
+    for (std::size_t column = 0; column < across; ++column) {
+      const std::size_t first = column * bytes / across, end = (column + 1) * bytes / across;
+      std::uint64_t& cell = cells[row / rows_of_cell * across + column];
+      cell = std::rotl(cell, 1) ^ std::hash<std::string_view>()({at + first, end - first});
+    }
+  }
+  std::size_t changed = 0;
+  for (std::size_t i = 0; i < cells.size(); ++i) changed += cells[i] != cells_[i];
+  cells_ = cells;
+  if (changed == 0) return differing_ >= enough && noisy_ >= differing_ - differing_ / 10;
+  ++differing_;
+  noisy_ += changed > cells.size() / 2;
+  if (differing_ > most_remembered) differing_ /= 2, noisy_ /= 2;
+  return false;
+}
+
+}  // namespace huetrack::capture

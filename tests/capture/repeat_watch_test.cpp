@@ -1,0 +1,126 @@
+#include "capture/repeat_watch.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <random>
+#include <span>
+
+#include "recordings/names_in.h"
+#include "recordings/replay_source.h"
+
+namespace huetrack::capture {
+namespace {
+
+constexpr int width = 160, height = 120;
+
+// Pictures of a room in which a square moves. noise: standard deviation, grey values.
+class Room {
+ public:
+  explicit Room(double noise, PixelFormat format = PixelFormat::yuyv) : noise_(noise), format_(format) {}
+
+  Image picture(int square_at) {
+    WritableImage out = make_image(format_, ColorRange::limited, width, height);
+    std::normal_distribution<double> noise(0, noise_);
+    for (int v = 0; v < height; ++v) {
+      std::uint8_t* row = out.data[0] + v * out.image.planes[0].stride;
+      for (std::size_t b = 0; b < plane_row_bytes(format_, 0, width); ++b) {
+        const int u = static_cast<int>(b * width / plane_row_bytes(format_, 0, width));
+        const bool is_square = std::abs(u - square_at) < 8 && std::abs(v - 60) < 8;
+        const double value = (is_square ? 200 : 60 + v / 2) + (noise_ > 0 ? noise(random_) : 0.0);
+        row[b] = static_cast<std::uint8_t>(std::clamp(value, 0.0, 255.0));
+      }
+    }
+    return out.image;
+  }
+
+ private:
+  double noise_;
+  PixelFormat format_;
+  std::mt19937 random_{7};
+};
+
+class RepeatWatchOf : public testing::TestWithParam<PixelFormat> {};
+
+TEST_P(RepeatWatchOf, ALiveCamerasPictureThatComesAgainIsToldForAsLongAsItDoes) {
+  Room room(0.7, GetParam());
+  RepeatWatch watch;
+  Image last;
+  for (int i = 0; i < 100; ++i) ASSERT_FALSE(watch.is_repeated(last = room.picture(40))) << i;
+  for (int i = 0; i < 1000; ++i) ASSERT_TRUE(watch.is_repeated(last)) << i;
+  EXPECT_FALSE(watch.is_repeated(last = room.picture(40)));
+  EXPECT_TRUE(watch.is_repeated(last));
+  EXPECT_FALSE(watch.is_repeated(room.picture(40)));
+}
+
+INSTANTIATE_TEST_SUITE_P(RepeatWatch, RepeatWatchOf,
+                         testing::Values(PixelFormat::yuyv, PixelFormat::nv12, PixelFormat::bgr, PixelFormat::grey));
+
+TEST(RepeatWatch, EveryPictureTwiceIsHalfOfThem) {
+  Room room(0.7);
+  RepeatWatch watch;
+  int repeated = 0;
+  for (int i = 0; i < 100; ++i) {
+    const Image picture = room.picture(i);
+    EXPECT_FALSE(watch.is_repeated(picture)) << i;
+    repeated += watch.is_repeated(picture);
+  }
+  EXPECT_GE(repeated, 70);  // of the first second nothing is known
+}
+
+TEST(RepeatWatch, WithoutNoiseWhatRestsIsNoRepetition) {
+  Room room(0);
+  RepeatWatch watch;
+  for (int i = 0; i < 300; ++i) ASSERT_FALSE(watch.is_repeated(room.picture(i % 160))) << i;
+  for (int i = 0; i < 300; ++i) ASSERT_FALSE(watch.is_repeated(room.picture(80))) << i;
+}
+
+// As a video is that codes only what changes: whole pictures come anew now and then, and what moves in between.
+TEST(RepeatWatch, KeyFramesOfAVideoAreNoNoise) {
+  Room drawn(0), coded(1);
+  RepeatWatch watch;
+  for (int i = 0; i < 300; ++i) ASSERT_FALSE(watch.is_repeated((i % 12 == 0 ? coded : drawn).picture(i % 160))) << i;
+  for (int i = 0; i < 300; ++i) ASSERT_FALSE(watch.is_repeated(drawn.picture(80))) << i;
+}
+
+TEST(RepeatWatch, ACoveredOrDarkCameraIsJudgedByNothing) {
+  RepeatWatch watch;
+  const Image dark = make_image(PixelFormat::yuyv, ColorRange::limited, width, height).image;
+  for (int i = 0; i < 300; ++i) ASSERT_FALSE(watch.is_repeated(dark)) << i;
+}
+
+// Every repetition that is told is one of the whole picture, to its last byte.
+class SharedRecording : public testing::TestWithParam<const char*> {};
+
+TEST_P(SharedRecording, HasNoRepetitionThatIsNone) {
+  const auto folder = std::filesystem::path(HUETRACK_SHARED_DATA) / "rendered" / GetParam();
+  if (!std::filesystem::exists(folder)) GTEST_SKIP() << folder << " is not there";
+  const recordings::Recording recording = recordings::read_recording(folder);
+  recordings::ReplaySource source(recording, recordings::names_in(recording), {.decoder_threads = 2});
+  std::vector<RepeatWatch> watches(recording.cameras.size());
+  std::vector<Image> last(recording.cameras.size());
+  int told = 0, frames = 0;
+  while (const auto frame = source.next({})) {
+    if (!has_pixels(frame->pixels)) continue;
+    const auto c = std::size_t(frame->camera);
+    ++frames;
+    if (watches[c].is_repeated(frame->pixels)) {
+      ++told;
+      for (int v = 0; v < frame->pixels.height; ++v) {
+        const auto row = [&](const Image& image) {
+          const auto* at = image.planes[0].data + v * image.planes[0].stride;
+          return std::span(at, plane_row_bytes(image.format, 0, image.width));
+        };
+        ASSERT_TRUE(std::ranges::equal(row(frame->pixels), row(last[c]))) << "camera " << c << ", row " << v;
+      }
+    }
+    last[c] = frame->pixels;
+  }
+  EXPECT_LT(told, frames / 10);
+}
+
+INSTANTIATE_TEST_SUITE_P(RepeatWatch, SharedRecording, testing::Values("webcams", "occlusion"));
+
+}  // namespace
+}  // namespace huetrack::capture
