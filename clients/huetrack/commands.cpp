@@ -8,7 +8,6 @@
 #include <cstdio>
 #include <cstring>
 #include <fastdds/dds/subscriber/DataReaderListener.hpp>
-#include <fastdds/dds/subscriber/SampleInfo.hpp>
 #include <map>
 #include <set>
 #include <stdexcept>
@@ -16,6 +15,7 @@
 
 #include "calib/yaml/output_file.h"
 #include "calib/yaml/text_file.h"
+#include "idl/arrivals.h"
 #include "idl/camera_hostPubSubTypes.h"
 #include "idl/camera_timesPubSubTypes.h"
 #include "idl/huetrackPubSubTypes.h"
@@ -340,9 +340,7 @@ class StatusListener {
   template <typename Sample>
   static void take_each(dds::DataReader& reader, auto&& keep) {
     Sample sample;
-    dds::SampleInfo info;
-    while (reader.take_next_sample(&sample, &info) == ReturnCode_t::RETCODE_OK) {
-      if (!info.valid_data) continue;
+    while (idl::take_next(reader, sample)) {
       make_printable(sample);
       keep(sample);
     }

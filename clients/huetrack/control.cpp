@@ -10,7 +10,6 @@
 #include <cstring>
 #include <fastdds/dds/publisher/DataWriterListener.hpp>
 #include <fastdds/dds/subscriber/DataReaderListener.hpp>
-#include <fastdds/dds/subscriber/SampleInfo.hpp>
 #include <map>
 #include <optional>
 #include <stdexcept>
@@ -19,6 +18,7 @@
 #include "clients/live_view/page_server.h"
 #include "clients/live_view/recording_download.h"
 #include "commands.h"
+#include "idl/arrivals.h"
 #include "idl/control_words.h"
 #include "idl/huetrackPubSubTypes.h"
 #include "idl/huetrack_viewPubSubTypes.h"
@@ -28,7 +28,6 @@ namespace huetrack::client {
 namespace {
 
 namespace dds = eprosima::fastdds::dds;
-using eprosima::fastrtps::types::ReturnCode_t;
 using live_view::RecordingDownload;
 using namespace std::chrono_literals;
 using ControlClock = std::chrono::steady_clock;
@@ -61,10 +60,9 @@ class ControlConnection {
     auto until = ControlClock::now() + no_service_after;
     while (!has_ended() && ControlClock::now() < until && !services.contains(wanted)) {
       msg::ServiceStatus sample;
-      dds::SampleInfo info;
-      while (status_.take_next_sample(&sample, &info) == ReturnCode_t::RETCODE_OK) {
+      while (idl::take_next(status_, sample)) {
         const std::string who = sample.host() + "/" + std::to_string(sample.pid());
-        if (!info.valid_data || services.size() == most_services_named || services.contains(who)) continue;
+        if (services.size() == most_services_named || services.contains(who)) continue;
         if (services.empty() && wanted.empty()) until = ControlClock::now() + second_service_after;
         services[who] = {sample.host(), sample.pid()};
         named += fmt::format("{}{} ({})", named.empty() ? "" : ", ", who, sample.config_file());
@@ -83,10 +81,9 @@ class ControlConnection {
   // What comes to this client, waited for a little.
   std::optional<msg::ControlReply> next(const std::string& client) {
     msg::ControlReply reply;
-    dds::SampleInfo info;
     reply_.wait_for_unread_message(eprosima::fastrtps::Duration_t(0, 20'000'000));
-    while (reply_.take_next_sample(&reply, &info) == ReturnCode_t::RETCODE_OK)
-      if (info.valid_data && reply.client() == client) return reply;
+    while (idl::take_next(reply_, reply))
+      if (reply.client() == client) return reply;
     return std::nullopt;
   }
 

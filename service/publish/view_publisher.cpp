@@ -4,9 +4,9 @@
 #include <cassert>
 #include <fastdds/dds/publisher/DataWriterListener.hpp>
 #include <fastdds/dds/subscriber/DataReaderListener.hpp>
-#include <fastdds/dds/subscriber/SampleInfo.hpp>
 #include <stdexcept>
 
+#include "idl/arrivals.h"
 #include "idl/dds_participant.h"
 #include "idl/huetrack_viewPubSubTypes.h"
 #include "idl/ros2_messagesPubSubTypes.h"
@@ -16,7 +16,6 @@
 namespace huetrack::publish {
 
 namespace dds = eprosima::fastdds::dds;
-using eprosima::fastrtps::types::ReturnCode_t;
 
 namespace {
 
@@ -188,9 +187,8 @@ namespace {
 template <typename Request>
 std::optional<Request> next_of(dds::DataReader& reader, const idl::PublisherIdentity& us) {
   Request request;
-  dds::SampleInfo info;
-  while (reader.take_next_sample(&request, &info) == ReturnCode_t::RETCODE_OK)
-    if (info.valid_data && request.host() == us.host && request.pid() == us.pid) return request;
+  while (idl::take_next(reader, request))
+    if (request.host() == us.host && request.pid() == us.pid) return request;
   return std::nullopt;
 }
 
