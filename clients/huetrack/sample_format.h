@@ -48,8 +48,4 @@ std::string text(const msg::ServiceStatus& status, std::int64_t now, const msg::
                  std::span<const msg::CameraPose> poses = {}, std::span<const msg::ObjectSet> sets = {},
                  const msg::HostClocks* clocks = nullptr);
 
-std::string_view name(msg::TrackState state);  // "searching", "tracking", "coasting", "lost"; "unknown" if none of them
-std::string_view name(msg::CameraState state);
-std::string_view name(msg::CameraHealth health);
-
 }  // namespace huetrack::client

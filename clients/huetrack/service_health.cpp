@@ -7,6 +7,7 @@
 
 #include "calib/yaml/text_file.h"
 #include "clients/live_view/events.h"
+#include "idl/names.h"
 #include "sample_format.h"
 
 namespace huetrack::client {
@@ -16,9 +17,9 @@ namespace {
 constexpr double old_s = 10;
 
 std::string list_of(const std::vector<std::string>& sentences) {
-  std::string out = "[";
-  for (const std::string& sentence : sentences) out += (out.size() > 1 ? "," : "") + yaml::in_json_quotes(sentence);
-  return out + "]";
+  std::vector<std::string> quoted;
+  std::ranges::transform(sentences, std::back_inserter(quoted), yaml::in_json_quotes);
+  return fmt::format("[{}]", fmt::join(quoted, ","));
 }
 
 std::string head(bool is_healthy, const std::vector<std::string>& problems) {
@@ -39,7 +40,7 @@ std::vector<std::string> problems_of(const msg::ServiceStatus& status, std::int6
   std::vector<std::string> problems;
   for (const msg::CameraStatus& camera : status.cameras())
     if (!is_well(camera, status.mode()))
-      problems.push_back("camera " + camera.name() + ": " + std::string(name(camera.health())) +
+      problems.push_back("camera " + camera.name() + ": " + std::string(idl::name(camera.health())) +
                          (camera.message().empty() ? "" : ": " + camera.message()));
   std::ranges::copy(status.warnings(), std::back_inserter(problems));
   const double age_s = (static_cast<double>(now) - static_cast<double>(status.at())) * 1e-9;  // of any time it may say
