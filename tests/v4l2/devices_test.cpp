@@ -165,7 +165,7 @@ TEST_F(Loopback, ARecordingReplaysToWhatWasSeen) {
     capture::V4l2Source source(options_for(node));
     const fs::path out = folder / (storage == recordings::RawStorage::huffyuv ? "huffyuv" : "raw");
     recordings::RecordingWriter writer(
-        {.folder = out, .cameras = {"left"}, .fps = {30}, .rig_yaml = {}, .config_yaml = {}, .raw_storage = storage});
+        {.folder = out, .cameras = {"left"}, .rig_yaml = {}, .config_yaml = {}, .raw_storage = storage});
     go();
     std::vector<int> indices;
     std::vector<capture::Timestamp> times;
@@ -679,7 +679,7 @@ TEST_F(Uvc, JpegsAreDecodedAndTheirBytesKept) {
   EXPECT_EQ(source.health().corrupted, static_cast<unsigned>(got.count(capture::FrameStatus::corrupted)));
   capture::JpegDecoder decoder;
   recordings::RecordingWriter writer(
-      {.folder = folder / "out", .cameras = {"left"}, .fps = {}, .rig_yaml = {}, .config_yaml = {}});
+      {.folder = folder / "out", .cameras = {"left"}, .rig_yaml = {}, .config_yaml = {}});
   for (auto& frame : got.frames) {
     ASSERT_TRUE(writer.write(frame));
     if (frame.status != capture::FrameStatus::ok) continue;
