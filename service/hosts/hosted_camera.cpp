@@ -503,7 +503,6 @@ struct HostedCameras::Impl {
       camera.without_colors = 0;
       return;
     }
-    ++health.of_other_colors;
     if (++camera.without_colors < longest_without_colors || !health.warning.empty()) return;
     health.warning = camera.options.host +
                      " does not say what matches the targets' colours: the trackers that use this camera look for more "
