@@ -26,20 +26,6 @@ Color target_color(const object_tracking::TargetOptions& target) {
   return color_of(target.color, 0.75, 1);
 }
 
-Color state_color(object_tracking::TrackState state) {
-  switch (state) {
-    case object_tracking::TrackState::tracking:
-      return {90, 220, 120};
-    case object_tracking::TrackState::coasting:
-      return {255, 176, 40};
-    case object_tracking::TrackState::searching:
-      return {150, 190, 255};
-    case object_tracking::TrackState::lost:
-      return {255, 96, 88};
-  }
-  return white;
-}
-
 // How a camera's pixels lie on a canvas.
 struct Placement {
   Point top_left;  // of the image; pixel (0,0) is the CENTRE of the top-left pixel
