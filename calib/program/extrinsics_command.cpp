@@ -198,9 +198,8 @@ void add_extrinsics_command(CLI::App& app, Command& chosen) {
       ->transform(CLI::CheckedTransformer(refine).description(""))
       ->type_name("auto|yes|no");
   command
-      ->add_option_function<double>(
-          "--tolerance", [options](const double& s) { options->tolerance_s = s; },
-          "seconds; frames of different cameras this far apart are of one moment")
+      ->add_option("--tolerance", options->tolerance_s,
+                   "seconds; frames of different cameras this far apart are of one moment")
       ->check(CLI::PositiveNumber);
   command->add_option("--world-of", options->world_of, "keep the world of this rig, instead of that of --rig");
   command->add_flag("--new-world", options->new_world,
