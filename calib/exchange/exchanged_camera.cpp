@@ -104,6 +104,12 @@ std::string exact_list(std::span<const double> values) {
   return fmt::format("[{}]", fmt::join(texts, ", "));
 }
 
+std::string clean_name(std::string name) {
+  std::ranges::replace_if(
+      name, [](unsigned char c) { return !(std::isalnum(c) || c == '_' || c == '-' || c == '.'); }, '_');
+  return name;
+}
+
 std::string joined(const std::vector<std::string>& words) {
   return fmt::format("{}", fmt::join(words, ", "));
 }

@@ -4,7 +4,6 @@
 #include <Eigen/Core>
 #include <filesystem>
 #include <functional>
-#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -37,6 +36,7 @@ bool is_fisheye(const calib::CameraModel& model);
 
 std::string exact(double value);                            // the shortest text that reads back as the same double
 std::string exact_list(std::span<const double> values);     // "[1, 2.5]"
+std::string clean_name(std::string name);                   // with _ for what a camera's name cannot hold
 std::string joined(const std::vector<std::string>& words);  // "a, b, c"
 
 // A rig's cameras must be valid and all different; messages name the file.
