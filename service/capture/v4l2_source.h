@@ -129,7 +129,6 @@ class V4l2Source final : public FrameSource {
   // milliseconds. Never throws.
   std::optional<Frame> next(std::stop_token stop) override;
 
-  const V4l2SourceOptions& options() const;
   CameraHealth health() const;
   std::vector<CameraEvent> take_events();  // since the last call
   std::shared_ptr<CameraControls> controls() const;
