@@ -26,6 +26,11 @@ constexpr auto freeze_patience = 3s;          // for a set to freeze
 constexpr auto kept_freeze_patience = 300ms;  // for a set to freeze, when there is one that was kept
 constexpr auto repeat_after = 1s;             // a set that is kept is shown again: who comes late sees it too
 
+// Of two requests, or a request and a reply.
+bool is_same(const auto& a, const auto& b) {
+  return a.client() == b.client() && a.number() == b.number();
+}
+
 }  // namespace
 
 PageService::PageService(const config::ServiceConfig& config, PageServiceOptions options)
@@ -151,9 +156,6 @@ void PageService::publish_scene() {
 }
 
 void PageService::take_requests() {
-  const auto is_same = [](const auto& a, const auto& b) {
-    return a.client() == b.client() && a.number() == b.number();
-  };
   while (const auto request = publisher_.next_request()) {
     // Who waits for long asks again. It is answered once: pictures taken twice would not be those that the page shows.
     if (to_freeze_ && is_same(*to_freeze_, *request)) continue;
@@ -182,8 +184,7 @@ void PageService::take_control_requests() {
       continue;
     }
     // Who asks again has not had the reply; what was done is not done twice.
-    if (!last_control_reply_ || last_control_reply_->client() != request->client() ||
-        last_control_reply_->number() != request->number())
+    if (!last_control_reply_ || !is_same(*last_control_reply_, *request))
       last_control_reply_ = control_desk_.answer(*request, config_);
     publisher_.publish(*last_control_reply_);
   }
