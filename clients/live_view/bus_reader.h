@@ -10,7 +10,6 @@
 #include <mutex>
 #include <set>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include "clients/live_view/event_hub.h"

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <functional>
-#include <string>
 
 #include "clients/live_view/page_server.h"
 #include "idl/dds_participant.h"

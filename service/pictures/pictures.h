@@ -3,7 +3,6 @@
 #pragma once
 
 #include <filesystem>
-#include <map>
 #include <opencv2/core.hpp>
 #include <string>
 #include <vector>

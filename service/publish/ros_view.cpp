@@ -4,7 +4,6 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cassert>
-#include <cmath>
 
 #include "calib/model/covariance_ellipse.h"
 #include "idl/camera_info.h"

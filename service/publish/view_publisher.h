@@ -6,8 +6,6 @@
 #include <memory>
 #include <optional>
 #include <span>
-#include <string>
-#include <vector>
 
 #include "idl/huetrack_view.h"
 #include "publish/estimate_publisher.h"
