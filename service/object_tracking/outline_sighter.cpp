@@ -178,7 +178,7 @@ void OutlineSighter::learn(const std::vector<TargetView>& views, const MotionBel
 }
 
 OutlineFindings OutlineSighter::findings() const {
-  OutlineFindings out{.fitted = fitted_, .not_fitted = not_fitted_, .is_blob = is_blob_};
+  OutlineFindings out{.fitted = fitted_, .not_fitted = not_fitted_};
   double sum = 0, weight = 0;
   for (const PerView& of : views_) {
     if (of.log_size_weight < enough_sizes) continue;

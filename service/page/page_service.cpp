@@ -78,10 +78,6 @@ void PageService::take_over(const config::ServiceConfig& config) {
   news_.notify_one();
 }
 
-PageService::Counters PageService::counters() const {
-  return {previews_, capture::Duration(busy_ns_)};
-}
-
 void PageService::serve(const std::stop_token& stop) {
   ::prctl(PR_SET_NAME, "view");
   // Whoever tracks or captures comes first. In Linux this is the thread's own; where it is refused, nothing is lost.
@@ -201,13 +197,11 @@ void PageService::reply(msg::TeachReply reply) {
 }
 
 void PageService::publish_previews(const pictures::PictureJob& job) {
-  const auto started = Clock::now();
   if (publisher_.picture_subscribers() > 0) {
     for (const auto& preview : pictures::make_previews(config_, job, clock_offset()))
       if (publisher_.publish(preview)) ++previews_;
   }
   publisher_.publish(job.estimates, job.set.at + clock_offset());
-  busy_ns_ += (Clock::now() - started).count();
 }
 
 }  // namespace huetrack::page

@@ -56,11 +56,7 @@ class PageService final : public pipeline::Output {
   void on_camera_pose(const pipeline::TrackedFrame& frame) override;
   void on_config(const config::ServiceConfig& config) noexcept override { take_over(config); }
 
-  struct Counters {
-    std::uint64_t previews = 0;  // pictures published
-    capture::Duration busy{0};   // that the thread has spent on them
-  };
-  Counters counters() const;  // any thread
+  std::uint64_t previews() const { return previews_; }  // published since the start
 
  private:
   void serve(const std::stop_token& stop);
@@ -85,7 +81,6 @@ class PageService final : public pipeline::Output {
   std::chrono::steady_clock::time_point read_at_{};  // when a piece of a recording was asked for
   std::atomic<bool> wanted_ = false, map_wanted_ = true;
   std::atomic<std::uint64_t> previews_ = 0;
-  std::atomic<std::int64_t> busy_ns_ = 0;
 
   std::mutex mutex_;
   std::condition_variable_any news_;

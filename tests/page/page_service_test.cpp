@@ -125,7 +125,7 @@ TEST(PageService, MakesNothingWhileNobodySubscribes) {
     EXPECT_FALSE(server.wants());
     std::this_thread::sleep_for(5ms);
   }
-  EXPECT_EQ(server.counters().previews, 0u);
+  EXPECT_EQ(server.previews(), 0u);
 
   {
     idl::DdsParticipant participant({.name = "test", .domain = publish::test_domain(), .interfaces = {"lo"}});
@@ -149,10 +149,10 @@ TEST(PageService, MakesNothingWhileNobodySubscribes) {
     std::this_thread::sleep_for(200ms);
     return !server.wants();
   }));
-  const auto made = server.counters().previews;
+  const auto made = server.previews();
   std::this_thread::sleep_for(300ms);
   EXPECT_FALSE(server.wants());
-  EXPECT_EQ(server.counters().previews, made);
+  EXPECT_EQ(server.previews(), made);
 }
 
 TEST(PageService, TheSceneIsThereForWhoComesLateAndFollowsTheConfiguration) {

@@ -587,9 +587,10 @@ TEST_F(Uvc, ManualValuesSwitchTheirAutomaticsOffFirst) {
             "cam 0 auto_exposure 1\ncam 0 white_balance_automatic 0\ncam 0 exposure_time_absolute 200\n"
             "cam 0 white_balance_temperature 5000\ncam 0 gain 30\n");
   device.set_controls_plainly(device.previous_controls());
-  EXPECT_EQ(device.control("auto_exposure")->value, 3);
-  EXPECT_EQ(device.control("exposure_time_absolute")->value, 157);
-  EXPECT_EQ(device.control("gain")->value, 0);
+  const auto controls = device.controls();
+  EXPECT_EQ(capture::find_control(controls, "auto_exposure")->value, 3);
+  EXPECT_EQ(capture::find_control(controls, "exposure_time_absolute")->value, 157);
+  EXPECT_EQ(capture::find_control(controls, "gain")->value, 0);
 }
 
 TEST_F(Uvc, ARefusalIsReported) {
@@ -645,7 +646,8 @@ TEST_F(Uvc, UnplugAnotherAndReplug) {
   for (const auto& message : back.messages()) std::printf("%s\n", message.c_str());
   source.reset();
   capture::V4l2Device device(node_of("uvcvideo"));
-  EXPECT_EQ(device.control("auto_exposure")->value, 3) << "as it was found";
+  const auto controls = device.controls();
+  EXPECT_EQ(capture::find_control(controls, "auto_exposure")->value, 3) << "as it was found";
 }
 
 TEST_F(Uvc, JpegsAreDecodedAndTheirBytesKept) {
