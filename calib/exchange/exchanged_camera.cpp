@@ -110,10 +110,6 @@ std::string clean_name(std::string name) {
   return name;
 }
 
-std::string joined(const std::vector<std::string>& words) {
-  return fmt::format("{}", fmt::join(words, ", "));
-}
-
 void require_valid(const calib::CameraRig& rig, const std::filesystem::path& file) {
   for (const calib::Camera& camera : rig.cameras) {
     for (const auto& problem : camera.problems()) throw yaml::ConfigError(file, 0, camera.name + ": " + problem);

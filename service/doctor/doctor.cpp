@@ -11,6 +11,7 @@
 #include <iterator>
 #include <set>
 
+#include "calib/yaml/joined.h"
 #include "calib/yaml/text_file.h"
 #include "calib/yaml/yaml_reader.h"
 #include "capture/network_source.h"
@@ -27,13 +28,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-std::string joined(const std::vector<std::string>& words, const std::string& between = ", ") {
-  return fmt::format("{}", fmt::join(words, between));
-}
-std::string joined(const std::vector<fs::path>& paths) {
-  std::vector<std::string> words(paths.begin(), paths.end());
-  return joined(words);
-}
+using yaml::joined;
 
 std::string name_of(const CameraExam& exam) {
   const std::string node = exam.node.identity.node.filename().string();

@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "calib/model/rig_yaml.h"
+#include "calib/yaml/joined.h"
 #include "config/taught_file.h"
 #include "idl/control_words.h"
 #include "page/recording_shelf.h"
@@ -79,8 +80,8 @@ config::TargetEdit edit_of(const std::string& target, std::span<const std::strin
 
 // name, value, least, most, step, default, kind, menu, who rules it. Values of a menu: "1=Manual Mode;3=Auto".
 std::vector<std::string> columns_of(const capture::Control& control) {
-  std::string menu;
-  for (const auto& item : control.menu) menu += fmt::format("{}{}={}", menu.empty() ? "" : ";", item.value, item.name);
+  std::vector<std::string> menu;
+  for (const auto& item : control.menu) menu.push_back(fmt::format("{}={}", item.value, item.name));
   return {control.name,
           control.value ? std::to_string(*control.value) : "",
           std::to_string(control.min),
@@ -90,7 +91,7 @@ std::vector<std::string> columns_of(const capture::Control& control) {
           !control.menu.empty() ? "menu"
           : control.is_boolean  ? "boolean"
                                 : "number",
-          menu,
+          yaml::joined(menu, ";"),
           control.is_read_only  ? "read only"
           : control.is_inactive ? "ruled by another"
                                 : ""};
