@@ -17,16 +17,11 @@
 #include "pictures/view_style.h"
 
 namespace huetrack::pictures {
+
+using namespace drawing;
+
 namespace {
 
-using drawing::Align;
-using drawing::black;
-using drawing::Canvas;
-using drawing::Color;
-using drawing::ink;
-using drawing::Point;
-using drawing::rule;
-using drawing::Weight;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 

@@ -11,16 +11,10 @@
 #include "pictures/view_style.h"
 
 namespace huetrack::pictures {
-namespace {
 
-using drawing::Align;
-using drawing::black;
-using drawing::Box;
-using drawing::Canvas;
-using drawing::Color;
-using drawing::Point;
-using drawing::Weight;
-using drawing::white;
+using namespace drawing;
+
+namespace {
 
 Color target_color(const object_tracking::TargetOptions& target) {
   return color_of(target.color, 0.75, 1);
