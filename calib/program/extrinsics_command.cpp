@@ -10,6 +10,7 @@
 #include "calib/model/rig_yaml.h"
 #include "calib/program/calibration_options.h"
 #include "calib/program/commands.h"
+#include "calib/program/rig_pictures.h"
 #include "calib/solver/world_frame.h"
 
 namespace huetrack::program {
@@ -112,12 +113,7 @@ std::vector<solver::CameraToCalibrate> cameras_of(const gather::FoundBoards& fou
       const auto known = std::ranges::find(cameras, camera.name, &solver::CameraToCalibrate::name);
       if (known == cameras.end()) continue;
       any = true;
-      if (camera.image_size != known->image_size) {
-        throw gather::InputError(
-            file + ": camera " + camera.name + " was calibrated at " + std::to_string(camera.image_size.width) + "x" +
-            std::to_string(camera.image_size.height) + ", its pictures are " + std::to_string(known->image_size.width) +
-            "x" + std::to_string(known->image_size.height));
-      }
+      require_size(camera, known->image_size, file);
       known->model = camera.model;
       known->timing = camera.timing;
       if (!rig.uncertainty) continue;
