@@ -33,7 +33,7 @@ std::string header(Format format);
 //   target_width   the text pads the target's name to it
 std::string line(Format format, const msg::ObjectPosition& sample, std::int64_t received_at, std::size_t target_width);
 
-// The same for the poses of a tracked camera. The CSV has the covariance's upper triangle, c11 c12 .. c66.
+// Header and line for the poses of a tracked camera. The CSV has the covariance's upper triangle, c11 c12 .. c66.
 std::string camera_header(Format format);
 std::string line(Format format, const msg::CameraPose& sample, std::int64_t received_at, std::size_t camera_width);
 

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <iterator>
 
+#include "calib/yaml/joined.h"
 #include "calib/yaml/text_file.h"
 #include "clients/live_view/events.h"
 #include "idl/names.h"
@@ -55,15 +56,12 @@ std::string status_json(const msg::ServiceStatus& status, std::int64_t now, cons
   std::string out = head(problems.empty(), problems);
   out += R"(,"status":)" + live_view::to_json(status, static_cast<double>(now) * 1e-9);
   out += R"(,"times":)" + (times == nullptr ? "null" : live_view::to_json(*times));
-  out += R"(,"poses":[)";
-  bool is_first = true;
-  for (const msg::CameraPose& pose : poses) {
-    if (std::ranges::none_of(status.cameras(), [&](const auto& camera) { return camera.name() == pose.camera(); }))
-      continue;
-    out += (is_first ? "" : ",") + live_view::to_json(pose);
-    is_first = false;
-  }
-  out += R"(],"clocks":)" + (clocks == nullptr ? "null" : live_view::to_json(*clocks));
+  std::vector<std::string> known;
+  for (const msg::CameraPose& pose : poses)
+    if (std::ranges::any_of(status.cameras(), [&](const auto& camera) { return camera.name() == pose.camera(); }))
+      known.push_back(live_view::to_json(pose));
+  out += R"(,"poses":[)" + yaml::joined(known, ",") + R"(],"clocks":)" +
+         (clocks == nullptr ? "null" : live_view::to_json(*clocks));
   return out + "}\n";
 }
 

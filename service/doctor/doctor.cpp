@@ -447,8 +447,7 @@ class Doctor {
     const auto space = fs::space(there, error);
     double bytes_per_s = 0;  // as if nothing were compressed
     for (const auto& camera : config_->cameras) {
-      const calib::ImageSize size =
-          config_->rig.cameras[std::size_t(config_->rig.index_of(camera.name).value())].image_size;
+      const calib::ImageSize size = size_of(camera);
       bytes_per_s += 2.0 * size.width * size.height * camera.fps.value_or(30);
     }
     const double minutes = bytes_per_s > 0 ? double(space.available) / bytes_per_s / 60 : 0;
