@@ -15,7 +15,7 @@
 #include "page/teach_desk.h"
 #include "pipeline/output.h"
 #include "pipeline/published_time.h"
-#include "publish/view_publisher.h"
+#include "publish/page_publisher.h"
 
 namespace huetrack::page {
 
@@ -35,7 +35,7 @@ struct PageServiceOptions {
 // thread-safe as said per function. Has a thread of its own, ended by the destructor.
 class PageService final : public pipeline::Output {
  public:
-  // throws as ViewPublisher's constructor does.
+  // throws as PagePublisher's constructor does.
   PageService(const config::ServiceConfig& config, PageServiceOptions options);
   ~PageService() override;
   PageService(const PageService&) = delete;
@@ -71,7 +71,7 @@ class PageService final : public pipeline::Output {
 
   const PageServiceOptions options_;
   const std::size_t particles_;       // of each target in a picture, about
-  publish::ViewPublisher publisher_;  // this and all that follows to wanted_: the server's thread's
+  publish::PagePublisher publisher_;  // this and all that follows to wanted_: the server's thread's
   TeachDesk desk_;
   const ControlDesk control_desk_;
   std::optional<msg::TeachRequest> to_freeze_;  // waits for a set

@@ -10,7 +10,7 @@
 #include "config/service_config.h"
 #include "drawing/canvas.h"
 #include "pictures/picture_job.h"
-#include "tracks/truth.h"
+#include "tracks/truth_comparison.h"
 
 namespace huetrack::pictures {
 
