@@ -1,50 +1,40 @@
-// Waits until readers have something to take.
+// Takes what readers have, and waits until they have something.
 #pragma once
 
+#include <array>
 #include <chrono>
 #include <fastdds/dds/core/condition/StatusCondition.hpp>
 #include <fastdds/dds/core/condition/WaitSet.hpp>
 #include <fastdds/dds/subscriber/DataReader.hpp>
+#include <fastdds/dds/subscriber/SampleInfo.hpp>
 #include <span>
 #include <unordered_map>
 #include <vector>
 
 namespace huetrack::idl {
 
-// Take first, then wait: what came before wait() and was not taken does not wake it. Not DataReader's own
-// wait_for_unread_message(): it counts samples that a newer one has replaced, unread, as unread ones for good (Fast DDS
-// 2.9), and from then on never waits. thread-compatible; the reader outlives it.
+// The next sample that holds data, and what is said about it; false: there is none left.
+template <typename Sample>
+bool take_next(eprosima::fastdds::dds::DataReader& reader, Sample& sample, eprosima::fastdds::dds::SampleInfo& info) {
+  while (reader.take_next_sample(&sample, &info) == eprosima::fastrtps::types::ReturnCode_t::RETCODE_OK)
+    if (info.valid_data) return true;
+  return false;
+}
+template <typename Sample>
+bool take_next(eprosima::fastdds::dds::DataReader& reader, Sample& sample) {
+  eprosima::fastdds::dds::SampleInfo info;
+  return take_next(reader, sample, info);
+}
+
+// For one thread: what came of all its readers while it was at work costs one wake-up. Take first, then wait: what came
+// before wait() and was not taken does not wake it. Not DataReader's own wait_for_unread_message(): it counts samples
+// that a newer one has replaced, unread, as unread ones for good (Fast DDS 2.9), and from then on never waits.
+// thread-compatible; the readers outlive it.
 class Arrivals {
  public:
-  explicit Arrivals(eprosima::fastdds::dds::DataReader& reader) {
-    auto& condition = reader.get_statuscondition();
-    condition.set_enabled_statuses(eprosima::fastdds::dds::StatusMask::data_available());
-    set_.attach_condition(condition);
-  }
-  Arrivals(const Arrivals&) = delete;
-  Arrivals& operator=(const Arrivals&) = delete;
-
-  // Until something comes, at most for so long.
-  void wait(std::chrono::nanoseconds longest) {
-    eprosima::fastdds::dds::ConditionSeq active;
-    set_.wait(active, as_duration(longest));
-  }
-
-  static eprosima::fastrtps::Duration_t as_duration(std::chrono::nanoseconds longest) {
-    const auto s = std::chrono::duration_cast<std::chrono::seconds>(longest);
-    return {static_cast<std::int32_t>(s.count()), static_cast<std::uint32_t>((longest - s).count())};
-  }
-
- private:
-  eprosima::fastdds::dds::WaitSet set_;
-};
-
-// The same of several readers, for one thread: what came of all of them while it was at work costs one wake-up.
-// thread-compatible; the readers outlive it.
-class ArrivalsOfMany {
- public:
+  explicit Arrivals(eprosima::fastdds::dds::DataReader& reader) : Arrivals(std::array{&reader}) {}
   // They are the numbers 0, 1, ... in this order.
-  explicit ArrivalsOfMany(std::span<eprosima::fastdds::dds::DataReader* const> readers) {
+  explicit Arrivals(std::span<eprosima::fastdds::dds::DataReader* const> readers) {
     for (auto* reader : readers) {
       auto& condition = reader->get_statuscondition();
       condition.set_enabled_statuses(eprosima::fastdds::dds::StatusMask::data_available());
@@ -52,22 +42,25 @@ class ArrivalsOfMany {
       set_.attach_condition(condition);
     }
   }
-  ArrivalsOfMany(const ArrivalsOfMany&) = delete;
-  ArrivalsOfMany& operator=(const ArrivalsOfMany&) = delete;
+  Arrivals(const Arrivals&) = delete;
+  Arrivals& operator=(const Arrivals&) = delete;
 
-  // Until something comes, at most for so long. Replaces what is in `out`: the readers to take from, each until it has
-  // nothing more.
-  void wait(std::chrono::nanoseconds longest, std::vector<std::size_t>& out) {
-    set_.wait(active_, Arrivals::as_duration(longest));
-    out.clear();
-    for (const auto* condition : active_) out.push_back(numbers_.at(condition));
+  // Until something comes, at most for so long. Returns the readers to take from, each until it has nothing more; valid
+  // until the next call.
+  const std::vector<std::size_t>& wait(std::chrono::nanoseconds longest) {
+    const auto s = std::chrono::duration_cast<std::chrono::seconds>(longest);
     active_.clear();
+    set_.wait(active_, {static_cast<std::int32_t>(s.count()), static_cast<std::uint32_t>((longest - s).count())});
+    ready_.clear();
+    for (const auto* condition : active_) ready_.push_back(numbers_.at(condition));
+    return ready_;
   }
 
  private:
   eprosima::fastdds::dds::WaitSet set_;
   eprosima::fastdds::dds::ConditionSeq active_;
   std::unordered_map<const eprosima::fastdds::dds::Condition*, std::size_t> numbers_;
+  std::vector<std::size_t> ready_;
 };
 
 }  // namespace huetrack::idl

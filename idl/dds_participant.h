@@ -69,7 +69,7 @@ class DdsParticipant {
   eprosima::fastdds::dds::DataReader& create_reader(const std::string& topic, eprosima::fastdds::dds::TypeSupport type,
                                                     eprosima::fastdds::dds::DataReaderQos qos,
                                                     std::optional<std::uint32_t> largest = {});
-  // The same for the topic of a generated type.
+  // Writer and reader of a generated type's topic.
   template <typename Type>
   eprosima::fastdds::dds::DataWriter& create_writer(const std::string& topic,
                                                     const eprosima::fastdds::dds::DataWriterQos& qos,

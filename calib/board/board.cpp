@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <iterator>
 #include <numeric>
 
 namespace huetrack::board {
@@ -135,15 +136,9 @@ std::vector<std::string> Board::problems() const {
 }
 
 std::string_view name(BoardType type) {
-  switch (type) {
-    case BoardType::chessboard:
-      return "chessboard";
-    case BoardType::charuco:
-      return "charuco";
-    case BoardType::aruco_grid:
-      return "aruco_grid";
-  }
-  return "";
+  static constexpr std::string_view names[] = {"chessboard", "charuco", "aruco_grid"};
+  static_assert(std::size(names) == std::size_t(BoardType::aruco_grid) + 1);
+  return names[std::size_t(type)];
 }
 
 const std::vector<MarkerDictionary>& marker_dictionaries() {

@@ -150,11 +150,4 @@ Certificate certificate_of(const std::vector<MeasuredLength>& lengths, double tr
   return c;
 }
 
-double covered_by(double expanded_m, const std::vector<MeasuredLength>& lengths) {
-  if (lengths.empty()) return 0;
-  const auto inside = std::ranges::count_if(
-      lengths, [&](const MeasuredLength& length) { return std::abs(length.error_m) <= expanded_m; });
-  return static_cast<double>(inside) / static_cast<double>(lengths.size());
-}
-
 }  // namespace huetrack::certify

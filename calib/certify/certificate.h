@@ -51,7 +51,4 @@ struct Certificate {
 Certificate certificate_of(const std::vector<MeasuredLength>& lengths, double true_length_sigma_m,
                            std::size_t most_independent = 1'000'000);
 
-// Of the lengths, the share that a certificate's expanded uncertainty covers.
-double covered_by(double expanded_m, const std::vector<MeasuredLength>& lengths);
-
 }  // namespace huetrack::certify

@@ -31,10 +31,7 @@ Imported import_camera_info(const std::filesystem::path& file, const ImportOptio
   const yaml::YamlReader reader = yaml::YamlReader::file(file);
   Imported out;
   calib::Camera camera;
-  camera.name = reader.string("camera_name", file.stem().string());
-  std::replace_if(
-      camera.name.begin(), camera.name.end(),
-      [](unsigned char c) { return !(std::isalnum(c) || c == '_' || c == '-' || c == '.'); }, '_');
+  camera.name = clean_name(reader.string("camera_name", file.stem().string()));
   camera.image_size = {static_cast<int>(reader.integer("image_width", {.min = 1, .max = 32768},
                                                        options.image_size ? options.image_size->width : 0)),
                        static_cast<int>(reader.integer("image_height", {.min = 1, .max = 32768},

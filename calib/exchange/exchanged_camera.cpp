@@ -104,8 +104,10 @@ std::string exact_list(std::span<const double> values) {
   return fmt::format("[{}]", fmt::join(texts, ", "));
 }
 
-std::string joined(const std::vector<std::string>& words) {
-  return fmt::format("{}", fmt::join(words, ", "));
+std::string clean_name(std::string name) {
+  std::ranges::replace_if(
+      name, [](unsigned char c) { return !(std::isalnum(c) || c == '_' || c == '-' || c == '.'); }, '_');
+  return name;
 }
 
 void require_valid(const calib::CameraRig& rig, const std::filesystem::path& file) {

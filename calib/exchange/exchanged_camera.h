@@ -4,7 +4,6 @@
 #include <Eigen/Core>
 #include <filesystem>
 #include <functional>
-#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -12,6 +11,7 @@
 
 #include "calib/exchange/exchange.h"
 #include "calib/model/camera_rig.h"
+#include "calib/yaml/joined.h"
 #include "calib/yaml/text_file.h"
 
 namespace huetrack::exchange {
@@ -35,9 +35,10 @@ std::vector<double> intrinsics_of(const calib::CameraModel& model);  // K row by
 std::vector<double> coefficients_of(const calib::CameraModel& model);
 bool is_fisheye(const calib::CameraModel& model);
 
-std::string exact(double value);                            // the shortest text that reads back as the same double
-std::string exact_list(std::span<const double> values);     // "[1, 2.5]"
-std::string joined(const std::vector<std::string>& words);  // "a, b, c"
+std::string exact(double value);                         // the shortest text that reads back as the same double
+std::string exact_list(std::span<const double> values);  // "[1, 2.5]"
+std::string clean_name(std::string name);                // with _ for what a camera's name cannot hold
+using yaml::joined;
 
 // A rig's cameras must be valid and all different; messages name the file.
 void require_valid(const calib::CameraRig& rig, const std::filesystem::path& file);

@@ -208,15 +208,10 @@ calib::Camera read_lens(const std::vector<const Storage*>& files, const Words& k
   const Storage* where = in_d;
   const auto matrix = in_k->numbers(k_key);
   const auto coefficients = in_d->numbers(d_key);
-  if (matrix.size() == 9) {
-    camera.model =
-        opencv_lens(matrix, k_key, coefficients, d_key, fisheye,
-                    [&, matrix_file = in_k, matrix_key = k_key](std::string_view key, const std::string& message) {
-                      (key == matrix_key ? matrix_file : where)->fail(key, message);
-                    });
-  } else {
-    in_k->fail(k_key, "must be a 3x3 matrix, got " + std::to_string(matrix.size()) + " numbers");
-  }
+  const Fail fail = [&, matrix_file = in_k, matrix_key = k_key](std::string_view key, const std::string& message) {
+    (key == matrix_key ? matrix_file : where)->fail(key, message);
+  };
+  camera.model = opencv_lens(matrix, k_key, coefficients, d_key, fisheye, fail);
   camera.image_size = size_of(files, options);
   return camera;
 }
@@ -235,12 +230,6 @@ std::optional<calib::Rigid3d> read_pose(const std::vector<const Storage*>& files
 }
 
 const Words world_r{"cam_from_world_rotation"}, world_t{"cam_from_world_translation"};
-
-std::string clean_name(std::string name) {
-  std::ranges::replace_if(
-      name, [](unsigned char c) { return !(std::isalnum(c) || c == '_' || c == '-' || c == '.'); }, '_');
-  return name;
-}
 
 cv::Mat matrix_of(const std::vector<double>& values, int rows) {
   cv::Mat m(rows, static_cast<int>(values.size()) / rows, CV_64F);

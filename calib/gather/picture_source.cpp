@@ -8,7 +8,6 @@
 #include <map>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
-#include <set>
 
 #include "calib/gather/image_files.h"
 #include "calib/yaml/text_file.h"

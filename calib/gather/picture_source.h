@@ -57,8 +57,8 @@ struct PictureOptions {
 // throws InputError, ConfigError
 std::unique_ptr<PictureSource> open_pictures(std::span<const std::string> inputs, const PictureOptions& options);
 
-// The same for a single camera called `name`, where inputs need no NAME=: images, a video, a folder, or a recording
-// that has the camera. Every picture is a set of its own.
+// Pictures of a single camera called `name`, where inputs need no NAME=: images, a video, a folder, or a recording that
+// has the camera. Every picture is a set of its own.
 std::unique_ptr<PictureSource> open_pictures_of(const std::string& name, std::span<const std::string> inputs);
 
 cv::Mat board_grey_of(const capture::Image& image);  // what a board detector sees of it

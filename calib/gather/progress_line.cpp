@@ -1,8 +1,5 @@
 #include "calib/gather/progress_line.h"
 
-#include <fmt/core.h>
-#include <unistd.h>
-
 #include <algorithm>
 #include <cstdio>
 
@@ -11,7 +8,7 @@ namespace {
 
 bool programs_are_told = false;  // set before there is a second thread
 
-constexpr auto drawn_every = std::chrono::milliseconds(100), told_every = std::chrono::milliseconds(400);
+constexpr auto told_every = std::chrono::milliseconds(400);
 
 }  // namespace
 
@@ -28,22 +25,11 @@ void tell_program(const std::string& kind, const std::vector<std::string>& field
 }
 
 std::string progress_text(const std::string& what, int done, std::optional<int> total, const std::string& details) {
-  std::string text = what + " ";
-  if (total && *total > 0) {
-    constexpr std::size_t cells = 24;
-    const double share = std::min(1.0, static_cast<double>(done) / *total);
-    const auto full = static_cast<std::size_t>(share * cells);
-    text += '[';
-    text.append(full, '#').append(cells - full, '-').append("] ");
-    text += fmt::format("{:3.0f} %  {}/{}", 100 * share, done, *total);
-  } else {
-    text += std::to_string(done);
-  }
-  if (!details.empty()) text.append("  ").append(details);
-  return text;
+  return what + " " + yaml::progress_bar(static_cast<std::uint64_t>(done), total) +
+         (details.empty() ? "" : "  " + details);
 }
 
-ProgressLine::ProgressLine(bool wanted) : on_terminal_(wanted && !programs_are_told && isatty(STDERR_FILENO) == 1) {}
+ProgressLine::ProgressLine(bool wanted) : line_(wanted && !programs_are_told) {}
 
 void ProgressLine::tell_programs() {
   programs_are_told = true;
@@ -55,7 +41,7 @@ bool ProgressLine::tells_programs() {
 
 bool ProgressLine::due() const {
   if (programs_are_told) return std::chrono::steady_clock::now() - last_ >= told_every;
-  return on_terminal_ && std::chrono::steady_clock::now() - last_ >= drawn_every;
+  return line_.due();
 }
 
 void ProgressLine::show(const std::string& what, int done, std::optional<int> total, const std::string& details) {
@@ -71,32 +57,13 @@ void ProgressLine::draw(const std::string& lines) {
     told_ = lines;
     tell_program("progress", {lines, "", "", ""});
   }
-  if (!on_terminal_) return;
-  last_ = std::chrono::steady_clock::now();
-  // With line wrap off: a line that wraps could not be drawn over.
-  std::string text = to_start() + "\x1b[?7l";
-  for (const char c : lines) text += c == '\n' ? "\x1b[K\n" : std::string(1, c);
-  text += "\x1b[?7h\x1b[J";
-  std::fputs(text.c_str(), stderr);
-  std::fflush(stderr);
-  drawn_ = 1 + static_cast<int>(std::ranges::count(lines, '\n'));
-}
-
-void ProgressLine::clear() {
-  if (drawn_ == 0) return;
-  std::fputs((to_start() + "\x1b[J").c_str(), stderr);
-  std::fflush(stderr);
-  drawn_ = 0;
+  line_.draw(lines);
 }
 
 solver::Progress ProgressLine::progress() {
   return [this](const std::string& step, int done, int total) {
     show(step, done, total > 0 ? std::optional(total) : std::nullopt, {});
   };
-}
-
-std::string ProgressLine::to_start() const {
-  return drawn_ > 1 ? "\r\x1b[" + std::to_string(drawn_ - 1) + "A" : "\r";
 }
 
 }  // namespace huetrack::gather

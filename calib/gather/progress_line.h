@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "calib/solver/progress.h"
+#include "calib/yaml/terminal_line.h"
 
 namespace huetrack::gather {
 
@@ -22,25 +23,20 @@ class ProgressLine {
   // From now on nothing is drawn, and tell_program() is told instead. Before there is a second thread.
   static void tell_programs();
   static bool tells_programs();
-  ~ProgressLine() { clear(); }
-  ProgressLine(const ProgressLine&) = delete;
-  ProgressLine& operator=(const ProgressLine&) = delete;
 
-  bool due() const;                     // it is drawn at most ten times a second: ask before gathering what it shows
-  void draw(const std::string& lines);  // over what was drawn before; lines end with \n, but for the last
+  // As of a TerminalLine.
+  bool due() const;
+  void draw(const std::string& lines);
+  void clear() { line_.clear(); }
   // Likewise, as progress_text() says it; a program is told as "progress".
   void show(const std::string& what, int done, std::optional<int> total, const std::string& details);
-  void clear();
   // Draws what it is told; to be used while this lives.
   solver::Progress progress();
 
  private:
-  std::string to_start() const;  // the cursor's way to where the drawing begins
-
-  const bool on_terminal_;
-  int drawn_ = 0;     // lines
-  std::string told_;  // what the program was told last that is done
-  std::chrono::steady_clock::time_point last_{};
+  yaml::TerminalLine line_;
+  std::string told_;                              // what the program was told last that is done
+  std::chrono::steady_clock::time_point last_{};  // when
 };
 
 // "looking for the board [#####-----]  50 %  120/240  left 118, right 97": what is drawn; the bare count when the total

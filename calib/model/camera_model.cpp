@@ -139,7 +139,7 @@ Eigen::Vector2d distorted(const PinholeRadtan& lens, const Eigen::Vector2d& p, E
   return {x * f + 2 * p1 * xy + p2 * (r2 + 2 * x * x), y * f + p1 * (r2 + 2 * y * y) + 2 * p2 * xy};
 }
 
-// The same on the stereographic projection.
+// Distortion on the stereographic projection.
 Eigen::Vector2d distorted(const Stereographic& lens, const Eigen::Vector2d& p, Eigen::Matrix2d& jacobian) {
   const double x = p.x(), y = p.y(), xy = x * y, s = p.squaredNorm();
   const double p1 = lens.distortion[2], p2 = lens.distortion[3], s1 = lens.distortion[6], s2 = lens.distortion[7];

@@ -5,7 +5,6 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <Eigen/QR>
-#include <algorithm>
 #include <charconv>
 #include <cmath>
 #include <optional>
@@ -127,20 +126,6 @@ std::vector<std::string> RigUncertainty::problems(const CameraRig& rig) const {
     }
   }
   return out;
-}
-
-CameraRig with_errors(CameraRig rig, const Eigen::VectorXd& errors) {
-  if (!rig.uncertainty) return rig;
-  for (std::size_t c = 0; c < rig.cameras.size(); ++c) {
-    const RigUncertainty::OfCamera& of = rig.uncertainty->cameras[c];
-    Camera& camera = rig.cameras[c];
-    if (of.has_pose) camera.cam_from_world = exp(errors.segment<6>(of.pose_at())) * camera.cam_from_world;
-    if (of.lens_count == 0) continue;
-    LensParameters lens = parameters_of(camera.model);
-    lens.head(of.lens_count) += errors.segment(of.at, of.lens_count);
-    camera.model = model_like(camera.model, lens);
-  }
-  return rig;
 }
 
 RigUncertainty with_pose_covariance(const CameraRig& rig, int camera, const Covariance6d& covariance) {

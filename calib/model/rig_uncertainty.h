@@ -58,9 +58,6 @@ struct RigUncertainty {
 // Uncertain lenses have this many parameters.
 bool is_lens_count(const CameraModel& model, int count);
 
-// The rig with every camera moved, and its lens changed, by these errors (beside the parameters): what may be true.
-CameraRig with_errors(CameraRig rig, const Eigen::VectorXd& errors);
-
 // The uncertainty with another one of this camera's pose, which nothing else has to do with any more: it was found
 // anew, in the world of the other cameras. None is made where there was none: then it stands alone.
 RigUncertainty with_pose_covariance(const CameraRig& rig, int camera, const Covariance6d& covariance);

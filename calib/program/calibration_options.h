@@ -46,9 +46,8 @@ inline void add_calibration_options(CLI::App& command, CalibrationOptions& optio
       ->type_name("WIDTHxHEIGHT");
   command.add_option("--fps", options.live.settings.fps, "live: frames per second")->check(CLI::PositiveNumber);
   command
-      .add_option_function<double>(
-          "--seconds", [&options](const double& s) { options.live.seconds = s; },
-          "live: look for so long; default: until nothing is missing, or Ctrl-C")
+      .add_option("--seconds", options.live.seconds,
+                  "live: look for so long; default: until nothing is missing, or Ctrl-C")
       ->check(CLI::PositiveNumber);
   command.add_option("--view", options.live.page,
                      "a page to open in a browser: what is being detected, and what is missing");
@@ -59,9 +58,8 @@ inline void add_calibration_options(CLI::App& command, CalibrationOptions& optio
                                                         {"fisheye", solver::LensModel::fisheye},
                                                         {"stereographic", solver::LensModel::stereographic}};
   command
-      .add_option_function<solver::LensModel>(
-          "--lens", [&options](const solver::LensModel& lens) { options.lens = lens; },
-          "the lens model; by default the one that predicts views best which it was not fitted to")
+      .add_option("--lens", options.lens,
+                  "the lens model; by default the one that predicts views best which it was not fitted to")
       ->transform(CLI::CheckedTransformer(lenses).description(""))
       ->type_name("radtan4|radtan5|radtan8|fisheye|stereographic");
   command.add_option("--every", options.find.every, "look at every so many-th picture; default: at about 800")
@@ -71,10 +69,7 @@ inline void add_calibration_options(CLI::App& command, CalibrationOptions& optio
       ->check(CLI::PositiveNumber)
       ->capture_default_str();
   command.add_option("--report", options.report, "the report (HTML; the same as text beside it)");
-  command
-      .add_option_function<double>(
-          "--temperature", [&options](const double& celsius) { options.temperature_c = celsius; },
-          "of the room, degrees Celsius: noted in the rig file")
+  command.add_option("--temperature", options.temperature_c, "of the room, degrees Celsius: noted in the rig file")
       ->check(CLI::Range(-90.0, 150.0));
   command.add_flag("--overwrite", options.overwrite, "a doubtful result may replace the rig that is there");
   command.add_flag("--quiet", options.quiet, "print nothing but errors");

@@ -10,6 +10,7 @@
 #include "calib/model/rig_yaml.h"
 #include "calib/program/calibration_options.h"
 #include "calib/program/commands.h"
+#include "calib/program/rig_pictures.h"
 #include "calib/solver/world_frame.h"
 
 namespace huetrack::program {
@@ -112,12 +113,7 @@ std::vector<solver::CameraToCalibrate> cameras_of(const gather::FoundBoards& fou
       const auto known = std::ranges::find(cameras, camera.name, &solver::CameraToCalibrate::name);
       if (known == cameras.end()) continue;
       any = true;
-      if (camera.image_size != known->image_size) {
-        throw gather::InputError(
-            file + ": camera " + camera.name + " was calibrated at " + std::to_string(camera.image_size.width) + "x" +
-            std::to_string(camera.image_size.height) + ", its pictures are " + std::to_string(known->image_size.width) +
-            "x" + std::to_string(known->image_size.height));
-      }
+      require_size(camera, known->image_size, file);
       known->model = camera.model;
       known->timing = camera.timing;
       if (!rig.uncertainty) continue;
@@ -198,9 +194,8 @@ void add_extrinsics_command(CLI::App& app, Command& chosen) {
       ->transform(CLI::CheckedTransformer(refine).description(""))
       ->type_name("auto|yes|no");
   command
-      ->add_option_function<double>(
-          "--tolerance", [options](const double& s) { options->tolerance_s = s; },
-          "seconds; frames of different cameras this far apart are of one moment")
+      ->add_option("--tolerance", options->tolerance_s,
+                   "seconds; frames of different cameras this far apart are of one moment")
       ->check(CLI::PositiveNumber);
   command->add_option("--world-of", options->world_of, "keep the world of this rig, instead of that of --rig");
   command->add_flag("--new-world", options->new_world,

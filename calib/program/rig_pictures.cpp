@@ -1,5 +1,7 @@
 #include "calib/program/rig_pictures.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cstdio>
 
@@ -30,15 +32,18 @@ gather::FoundBoards board_views_of(const calib::CameraRig& rig, const std::files
   gather::FoundBoards found = gather::find_boards(*source, board::BoardDetector(board), options, std::move(stop));
   for (std::size_t c = 0; c < common.size(); ++c) {
     const calib::Camera& camera = rig.cameras[static_cast<std::size_t>(*rig.index_of(common[c]))];
-    const calib::ImageSize size = found.cameras[c].image_size;
-    if (size == camera.image_size) continue;
-    throw gather::InputError(rig_file.string() + ": camera " + camera.name + " was calibrated at " +
-                             std::to_string(camera.image_size.width) + "x" + std::to_string(camera.image_size.height) +
-                             ", its pictures are " + std::to_string(size.width) + "x" + std::to_string(size.height));
+    require_size(camera, found.cameras[c].image_size, rig_file);
   }
   for (solver::BoardView& view : found.views)
     view.camera = *rig.index_of(common[static_cast<std::size_t>(view.camera)]);
   return found;
+}
+
+void require_size(const calib::Camera& camera, calib::ImageSize pictures, const std::filesystem::path& rig_file) {
+  if (camera.image_size != pictures)
+    throw gather::InputError(fmt::format("{}: camera {} was calibrated at {}x{}, its pictures are {}x{}",
+                                         rig_file.string(), camera.name, camera.image_size.width,
+                                         camera.image_size.height, pictures.width, pictures.height));
 }
 
 void note_in(calib::CameraRig& rig, const std::string& key, const std::string& text) {

@@ -18,6 +18,9 @@ gather::FoundBoards board_views_of(const calib::CameraRig& rig, const std::files
                                    const board::Board& board, std::span<const std::string> inputs,
                                    const gather::FindBoardsOptions& options, std::stop_token stop);
 
+// throws InputError: they are of another size than the one that the camera was calibrated at
+void require_size(const calib::Camera& camera, calib::ImageSize pictures, const std::filesystem::path& rig_file);
+
 // Sets one line of made_by, in place of one under the same key.
 void note_in(calib::CameraRig& rig, const std::string& key, const std::string& text);
 

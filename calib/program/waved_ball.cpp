@@ -142,10 +142,7 @@ void add_waved_options(CLI::App& command, WavedOptions& o) {
   command.add_option("--rig", o.rig, "the rig file to write")->required();
   command.add_option("--report", o.report, "the same as a page (HTML), and PDF beside it");
   command.add_option("--live", o.live_s, "look at the live cameras for so many seconds")->check(CLI::PositiveNumber);
-  command
-      .add_option_function<double>(
-          "--temperature", [&o](const double& celsius) { o.temperature_c = celsius; },
-          "of the room, degrees Celsius: noted in the rig file")
+  command.add_option("--temperature", o.temperature_c, "of the room, degrees Celsius: noted in the rig file")
       ->check(CLI::Range(-90.0, 150.0));
   command.add_flag("--overwrite", o.overwrite, "replace the rig file even when the result is doubtful");
   command.add_flag("--quiet", o.quiet, "no progress");

@@ -5,7 +5,6 @@
 #include <cstdio>
 #include <map>
 #include <memory>
-#include <set>
 
 #include "calib/board/board_yaml.h"
 #include "calib/gather/find_boards.h"
@@ -186,9 +185,7 @@ void add_world_command(CLI::App& app, Command& chosen) {
                       "rows, z up");
   command->add_option("--height", options->height_m, "of the board's surface above the floor, metres")
       ->check(CLI::Range(0.0, 1.0));
-  command->add_option_function<double>(
-      "--at", [options](const double& s) { options->at_s = s; },
-      "seconds into the recording; default: when most cameras saw it");
+  command->add_option("--at", options->at_s, "seconds into the recording; default: when most cameras saw it");
   command->add_option("--points", options->points, "a file of three or more measured points; see calib/README.md");
   command->add_flag("--scale", options->scale, "take the scale from the points too");
   command->add_flag("--overwrite", options->overwrite, "a doubtful result may replace the rig that is there");

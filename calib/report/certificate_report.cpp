@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cmath>
 
 #include "calib/report/volume_pictures.h"
 #include "drawing/axes.h"

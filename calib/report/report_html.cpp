@@ -1,8 +1,8 @@
 #include <fmt/core.h>
+#include <openssl/evp.h>
 
 #include <Eigen/Geometry>
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <numbers>
 #include <string_view>
@@ -360,18 +360,10 @@ std::string verdict_banner(const CalibrationReport& report) {
 }  // namespace
 
 std::string data_uri(const std::vector<std::uint8_t>& bytes) {
-  constexpr std::string_view digits = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-  std::string out = "data:image/jpeg;base64,";
-  for (std::size_t i = 0; i < bytes.size(); i += 3) {
-    const std::size_t left = std::min<std::size_t>(3, bytes.size() - i);
-    const unsigned a = bytes[i], b = left > 1 ? bytes[i + 1] : 0U, c = left > 2 ? bytes[i + 2] : 0U;
-    const unsigned all = a << 16U | b << 8U | c;
-    out += digits[all >> 18U & 63U];
-    out += digits[all >> 12U & 63U];
-    out += left > 1 ? digits[all >> 6U & 63U] : '=';
-    out += left > 2 ? digits[all & 63U] : '=';
-  }
-  return out;
+  std::string base64((bytes.size() + 2) / 3 * 4 + 1, '\0');
+  ::EVP_EncodeBlock(reinterpret_cast<unsigned char*>(base64.data()), bytes.data(), static_cast<int>(bytes.size()));
+  base64.pop_back();  // the zero that it ends with
+  return "data:image/jpeg;base64," + base64;
 }
 
 std::string to_html(const CalibrationReport& report, const PictureOf& picture_of) {

@@ -1,7 +1,6 @@
 #include <fmt/core.h>
 
 #include <algorithm>
-#include <array>
 #include <numbers>
 
 #include "calib/report/calibration_report.h"

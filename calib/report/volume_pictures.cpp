@@ -4,7 +4,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <span>
 
+#include "calib/model/median.h"
 #include "drawing/axes.h"
 
 namespace huetrack::report {
@@ -31,9 +33,7 @@ std::vector<int> shown_layers(int layers) {
 double quantile_95(const std::vector<double>& values) {
   std::vector<double> some;
   std::ranges::copy_if(values, std::back_inserter(some), [](double v) { return std::isfinite(v); });
-  if (some.empty()) return 0;
-  std::ranges::sort(some);
-  return some[static_cast<std::size_t>(std::lround(0.95 * static_cast<double>(some.size() - 1)))];
+  return some.empty() ? 0 : calib::quantile_in_place(std::span(some), 0.95);
 }
 
 }  // namespace

@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 
 #include "calib/model/index.h"
 #include "calib/solver/adjustment_steps.h"

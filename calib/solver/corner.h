@@ -54,7 +54,7 @@ bool corner_residual(LensModel lens, const LensParameters& parameters, const cal
                      const BoardState& board, const BoardCorner& corner, Eigen::Vector2d& residual,
                      CornerDerivatives* d);
 
-// The same for the state as it is.
+// Of a corner of the adjustment, by its state as it is.
 bool corner_residual(const Adjustment& a, const BoardShape& shape, std::size_t view, std::size_t corner,
                      Eigen::Vector2d& residual, CornerDerivatives* d);
 

@@ -29,11 +29,7 @@ class PoseManifold final : public ceres::Manifold {
     return true;
   }
   bool PlusJacobian(const double*, double* jacobian) const override {
-    Matrix j(jacobian, AmbientSize(), TangentSize());
-    j.setZero();
-    j.topLeftCorner<6, 6>().setIdentity();
-    j.bottomRightCorner(more_, more_).setIdentity();
-    return true;
+    return set_identity({jacobian, AmbientSize(), TangentSize()});
   }
   bool Minus(const double* y, const double* x, double* delta) const override {
     const calib::Rigid3d a = read_pose(y), b = read_pose(x);
@@ -42,15 +38,17 @@ class PoseManifold final : public ceres::Manifold {
     return true;
   }
   bool MinusJacobian(const double*, double* jacobian) const override {
-    Matrix j(jacobian, TangentSize(), AmbientSize());
+    return set_identity({jacobian, TangentSize(), AmbientSize()});
+  }
+
+ private:
+  using Matrix = Eigen::Map<Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>;
+  bool set_identity(Matrix j) const {
     j.setZero();
     j.topLeftCorner<6, 6>().setIdentity();
     j.bottomRightCorner(more_, more_).setIdentity();
     return true;
   }
-
- private:
-  using Matrix = Eigen::Map<Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>;
   bool left_;
   int more_;
 };

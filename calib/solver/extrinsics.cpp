@@ -368,7 +368,7 @@ Adjustment adjust_unfolded(Adjustment a, const AdjustmentOptions& options) {
   return fit;
 }
 
-// The same with a board that need not be what its file says; nullopt: it is.
+// The adjustment with a board that need not be what its file says; nullopt: it is.
 std::optional<Adjustment> with_warp(Adjustment a, const AdjustmentOptions& options) {
   constexpr double least_gain = 0.98;  // of the noise: what explains nothing is no warp
   const double before_px = a.noise_px;

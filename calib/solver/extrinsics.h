@@ -77,8 +77,6 @@ struct Extrinsics {
   std::vector<CameraPair> pairs;  // with shared_sets > 0
   LensRefinement refinement = LensRefinement::kept_as_given;
   double alone_px = 0;  // noise of the corners, as each camera by itself shows it; 0: not known
-
-  bool lens_refined() const { return refinement == LensRefinement::asked_for || refinement == LensRefinement::refined; }
 };
 
 // views: BoardView::set is the moment. throws CalibrationError: a camera without enough views, cameras that share too

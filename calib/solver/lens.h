@@ -2,9 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <span>
 #include <string_view>
-#include <vector>
 
 #include "calib/model/camera_model.h"
 #include "calib/model/lens_derivatives.h"

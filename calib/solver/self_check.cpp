@@ -239,7 +239,7 @@ std::optional<MovedWithin> find_moved_within(const Adjustment& a) {
     const double moved_m = parting->step.tail<3>().norm(), turned_rad = parting->step.head<3>().norm();
     if (moved_m < least_m && turned_rad < least_rad) continue;
     most_gain = parting->gain;
-    moved = MovedWithin{c, sets[parting->at].set, {}, moved_m, turned_rad, parting->ratio, a.cameras.size() == 2};
+    moved = MovedWithin{c, sets[parting->at].set, {}, moved_m, turned_rad, a.cameras.size() == 2};
     for (const std::size_t v : views_of_set[moved->set]) {
       if (a.views[v].camera == c) moved->image = a.views[v].image;
     }

@@ -39,7 +39,6 @@ struct MovedWithin {
   int set = 0;                         // the first one after it moved
   std::string image;                   // of the camera, in that set or the next one that it is in: for messages
   double moved_m = 0, turned_rad = 0;  // of its centre, and as a whole
-  double likelihood_ratio = 0;         // by how much two poses explain its views better than one: in units of chance
   bool or_another = false;             // two cameras only: it cannot be told which of them moved
 };
 // nullopt: none clearly did. All views of boards at rest count, those too that were dropped as outliers.

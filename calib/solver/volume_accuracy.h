@@ -55,7 +55,7 @@ struct ShapeError {
 ShapeError shape_error(const Adjustment& calibrated, const WorldBox& box, const Eigen::VectorXd& error,
                        const Eigen::MatrixXd& covariance);
 
-// The same for a rig as its file has it, with its uncertainty if it has one; its world is aligned already, so that
+// The accuracy of a rig as its file has it, with its uncertainty if it has one; its world is aligned already, so that
 // `alignment` stays empty.
 VolumeAccuracy predict_accuracy(const calib::CameraRig& rig, const WorldBox& box, const std::array<int, 3>& steps,
                                 double object_noise_px = 0.5);

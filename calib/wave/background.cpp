@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 
 #include "calib/model/median.h"
 #include "capture/image_copy.h"

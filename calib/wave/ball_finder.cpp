@@ -5,9 +5,13 @@
 #include <map>
 
 namespace huetrack::wave {
-BallFinder::BallFinder(const calib::CameraRig& rig, const object_tracking::TargetOptions& target,
-                       const BallFinderOptions& options)
-    : options_(options), views_(rig, target) {}
+namespace {
+
+constexpr int least_area_px = 6;              // smaller regions are noise
+constexpr double largest_extent_share = 0.3;  // of the image's height; wider regions are background
+constexpr std::size_t most_regions = 6;       // per frame
+
+}  // namespace
 
 std::optional<BallFrame> BallFinder::look(const capture::Frame& frame) {
   capture::FrameSet set;
@@ -23,17 +27,16 @@ std::optional<BallFrame> BallFinder::look(const capture::Frame& frame) {
   color::MatchBits& matches = *views.front().matches;
   const int width = matches.width(), height = matches.height();
   BallFrame out{frame.camera, capture::seconds(frame.captured_at + frame.latency), {}, {}};
-  for (const color::ColorRegion& region :
-       finder_.find(matches, {0, 0, width - 1, height - 1}, options_.min_area_px, 0)) {
+  for (const color::ColorRegion& region : finder_.find(matches, {0, 0, width - 1, height - 1}, least_area_px, 0)) {
     // Of a region that is as wide as it appears, 2 standard deviations reach to its edge.
     const double reach_u = 2 * std::sqrt(region.spread(0, 0)), reach_v = 2 * std::sqrt(region.spread(1, 1));
-    if (2 * std::max(reach_u, reach_v) > options_.max_extent_share * height) continue;
+    if (2 * std::max(reach_u, reach_v) > largest_extent_share * height) continue;
     const Eigen::Vector2d& c = region.centre;
     if (c.x() - reach_u < 0.5 || c.y() - reach_v < 0.5 || c.x() + reach_u > width - 1.5 ||
         c.y() + reach_v > height - 1.5) {
       continue;
     }
-    if (out.regions.size() == options_.max_regions) break;
+    if (out.regions.size() == most_regions) break;
     out.patches.push_back(patch_around(frame.pixels, matches, region));
     out.regions.push_back(outline_over_ring(out.patches.back(), region));
   }

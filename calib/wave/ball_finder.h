@@ -23,17 +23,10 @@ struct BallFrame {
   std::vector<BallPatch> patches = {};  // beside the regions, or none
 };
 
-struct BallFinderOptions {
-  int min_area_px = 6;            // >= 1; smaller regions are noise
-  double max_extent_share = 0.3;  // (0, 1]; of the image's height; wider regions are background
-  std::size_t max_regions = 6;    // >= 1; per frame
-};
-
 // Of the rig only names and image sizes matter. thread-compatible.
 class BallFinder {
  public:
-  BallFinder(const calib::CameraRig& rig, const object_tracking::TargetOptions& target,
-             const BallFinderOptions& options = {});
+  BallFinder(const calib::CameraRig& rig, const object_tracking::TargetOptions& target) : views_(rig, target) {}
 
   // nullopt: corrupted, or of another size than the rig's (counted).
   std::optional<BallFrame> look(const capture::Frame& frame);
@@ -41,7 +34,6 @@ class BallFinder {
   std::size_t unusable_frames() const { return unusable_; }
 
  private:
-  BallFinderOptions options_;
   object_tracking::TargetViews views_;
   color::RegionFinder finder_;
   std::size_t unusable_ = 0;

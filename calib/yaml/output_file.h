@@ -33,8 +33,8 @@ std::filesystem::path followed(const std::filesystem::path& file);
 // file; what was there is then still there.
 void write_whole_file(const std::filesystem::path& file, std::string_view text);
 
-// The same in parts, of what is too large for memory: at `file` nothing changes before finish(). Whoever does not get
-// that far leaves nothing behind. Not into a device or a pipe. thread-compatible.
+// A whole file in parts, of what is too large for memory: at `file` nothing changes before finish(). Whoever does not
+// get that far leaves nothing behind. Not into a device or a pipe. thread-compatible.
 class WholeFile {
  public:
   explicit WholeFile(std::filesystem::path file);  // throws std::system_error, as the others do

@@ -653,9 +653,6 @@ void YamlReader::fail(std::string_view key, const std::string& message) const {
 const std::filesystem::path& YamlReader::path() const {
   return node_->file;
 }
-std::string YamlReader::key_path() const {
-  return node_->path;
-}
 int YamlReader::line() const {
   return node_->line;
 }

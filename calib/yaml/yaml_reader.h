@@ -104,7 +104,6 @@ class YamlReader {
   // Throws ConfigError at the key (or, when it is absent, at this mapping): "file:line: path.key: message".
   [[noreturn]] void fail(std::string_view key, const std::string& message) const;
   const std::filesystem::path& path() const;  // of the file
-  std::string key_path() const;               // "cameras.left", empty at the root
   int line() const;
 
  private:

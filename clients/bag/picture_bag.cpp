@@ -9,6 +9,7 @@
 #include "capture/jpeg_encoder.h"
 #include "clients/bag/ros_messages.h"
 #include "idl/camera_info.h"
+#include "idl/ros_fields.h"
 #include "idl/topics.h"
 #include "recordings/recording.h"
 #include "recordings/replay_source.h"
@@ -84,12 +85,12 @@ struct RecordedPictures::Impl {
     const auto c = std::size_t(frame->camera);
     const std::int64_t at_ns = ros_time(frame->captured_at.time_since_epoch(), offset);
     sensor::CompressedImage_ image;
-    image.header(ros_header(at_ns, names[c]));
+    idl::set_header(image.header(), at_ns, names[c]);
     image.format("jpeg");
     image.data(jpeg_of(*frame));
     waiting.emplace(at_ns, Message{topic_of[c], at_ns, cdr_of(image)});
     if (!infos[c]) return;
-    infos[c]->header(ros_header(at_ns, names[c]));
+    idl::set_header(infos[c]->header(), at_ns, names[c]);
     waiting.emplace(at_ns, Message{topic_of[c] + 1, at_ns, cdr_of(*infos[c])});
   }
 };

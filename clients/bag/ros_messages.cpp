@@ -45,14 +45,6 @@ std::string offered_qos_profiles(const Topic& topic) {
          "  avoid_ros_namespace_conventions: false\n";
 }
 
-std_msgs::msg::dds_::Header_ ros_header(std::int64_t at_ns, const std::string& frame_id) {
-  std_msgs::msg::dds_::Header_ header;
-  header.stamp().sec(static_cast<std::int32_t>(at_ns / ns_per_s));
-  header.stamp().nanosec(static_cast<std::uint32_t>(at_ns % ns_per_s));
-  header.frame_id(frame_id);
-  return header;
-}
-
 std::string word_of(std::string name) {
   std::ranges::replace_if(
       name, [](unsigned char c) { return std::isalnum(c) == 0 && c != '_'; }, '_');

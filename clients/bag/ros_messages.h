@@ -1,4 +1,4 @@
-// What all messages of a bag have in common: headers, times, names, CDR. Only for who makes messages.
+// What all messages of a bag have in common: definitions, times, names, CDR. Only for who makes messages.
 #pragma once
 
 #include <fastcdr/Cdr.h>
@@ -18,8 +18,6 @@ std::string separator();          // before a definition that another one refers
 std::string header_definition();  // std_msgs/Header, and what it is made of
 std::string quaternion_definition();
 std::string tf_definition();  // tf2_msgs/TFMessage
-
-std_msgs::msg::dds_::Header_ ros_header(std::int64_t at_ns, const std::string& frame_id);
 
 // As a part of a topic's name, whoever wrote the file.
 std::string word_of(std::string name);

@@ -1,6 +1,7 @@
 #include "clients/bag/static_tf.h"
 
 #include "clients/bag/ros_messages.h"
+#include "idl/ros_fields.h"
 #include "idl/topics.h"
 
 namespace huetrack::bag {
@@ -19,15 +20,8 @@ Message static_tf_of(const calib::CameraRig& rig, const std::set<std::string>& m
     if (moving.contains(camera.name)) continue;
     const calib::Rigid3d world_from_cam = calib::inverse(camera.cam_from_world);
     auto& transform = message.transforms().emplace_back();
-    transform.header(ros_header(at_ns, frame_id));
-    transform.child_frame_id(camera.name);
-    transform.transform().translation().x(world_from_cam.translation.x());
-    transform.transform().translation().y(world_from_cam.translation.y());
-    transform.transform().translation().z(world_from_cam.translation.z());
-    transform.transform().rotation().x(world_from_cam.rotation.x());
-    transform.transform().rotation().y(world_from_cam.rotation.y());
-    transform.transform().rotation().z(world_from_cam.rotation.z());
-    transform.transform().rotation().w(world_from_cam.rotation.w());
+    idl::set_header(transform.header(), at_ns, frame_id);
+    idl::set_transform(transform, camera.name, world_from_cam.translation, world_from_cam.rotation.coeffs());
   }
   return {.topic = 0, .at_ns = at_ns, .data = cdr_of(message)};
 }

@@ -4,7 +4,7 @@
 #include <stdexcept>
 
 #include "clients/bag/ros_messages.h"
-#include "idl/ros2_messages.h"
+#include "idl/ros_fields.h"
 #include "idl/topics.h"
 
 namespace huetrack::bag {
@@ -22,20 +22,17 @@ const std::string pose_definition =
 // What a row says, in the messages' own terms.
 struct Pose {
   std_msgs::msg::dds_::Header_ header;
-  geometry::Quaternion_ orientation;
+  Eigen::Vector4d orientation;  // x, y, z, w
   Eigen::Vector3d position;
   std::array<double, 36> covariance{};
 };
 
 Pose pose_of(const plot::TrackRow& row, std::int64_t at_ns, const std::string& frame_id) {
   Pose pose;
-  pose.header = ros_header(at_ns, frame_id);
+  idl::set_header(pose.header, at_ns, frame_id);
   pose.position = row.position;
   const bool has_orientation = !row.orientation.hasNaN();
-  pose.orientation.x(has_orientation ? row.orientation[0] : 0);
-  pose.orientation.y(has_orientation ? row.orientation[1] : 0);
-  pose.orientation.z(has_orientation ? row.orientation[2] : 0);
-  pose.orientation.w(has_orientation ? row.orientation[3] : 1);
+  pose.orientation = has_orientation ? row.orientation : Eigen::Vector4d(idl::no_rotation.data());
   const auto at = [&](int i, int j) -> double& { return pose.covariance[std::size_t(6 * i + j)]; };
   if (has_orientation) {
     std::size_t k = 0;
@@ -53,11 +50,8 @@ Pose pose_of(const plot::TrackRow& row, std::int64_t at_ns, const std::string& f
 std::string pose_message(const Pose& pose) {
   geometry::PoseWithCovarianceStamped_ message;
   message.header(pose.header);
-  auto& position = message.pose().pose().position();
-  position.x(pose.position.x());
-  position.y(pose.position.y());
-  position.z(pose.position.z());
-  message.pose().pose().orientation(pose.orientation);
+  idl::set_xyz(message.pose().pose().position(), pose.position);
+  idl::set_rotation(message.pose().pose().orientation(), pose.orientation);
   message.pose().covariance(pose.covariance);
   return cdr_of(message);
 }
@@ -66,11 +60,7 @@ std::string tf_message(const Pose& pose, const std::string& child) {
   tf2_msgs::msg::dds_::TFMessage_ message;
   auto& transform = message.transforms().emplace_back();
   transform.header(pose.header);
-  transform.child_frame_id(child);
-  transform.transform().translation().x(pose.position.x());
-  transform.transform().translation().y(pose.position.y());
-  transform.transform().translation().z(pose.position.z());
-  transform.transform().rotation(pose.orientation);
+  idl::set_transform(transform, child, pose.position, pose.orientation);
   return cdr_of(message);
 }
 

@@ -8,14 +8,15 @@
 #include <cstdio>
 #include <cstring>
 #include <fastdds/dds/subscriber/DataReaderListener.hpp>
-#include <fastdds/dds/subscriber/SampleInfo.hpp>
 #include <map>
 #include <set>
 #include <stdexcept>
 #include <vector>
 
+#include "calib/yaml/joined.h"
 #include "calib/yaml/output_file.h"
 #include "calib/yaml/text_file.h"
+#include "idl/arrivals.h"
 #include "idl/camera_hostPubSubTypes.h"
 #include "idl/camera_timesPubSubTypes.h"
 #include "idl/huetrackPubSubTypes.h"
@@ -88,10 +89,6 @@ class LineWriter {
   std::optional<yaml::LineFile> file_;
   std::optional<UdpSender> udp_;
 };
-
-std::string joined(const std::set<std::string>& names) {
-  return fmt::format("{}", fmt::join(names, ", "));
-}
 
 struct Wording {
   const char* samples;  // "no publisher of ..."
@@ -226,7 +223,7 @@ class TopicWatch {
     });
     if (wanted_.empty() || targets.empty() || may_come || targets == said_targets_) return;
     say("nobody publishes " + std::string(words_.one) + " " + wanted_ + " on domain " +
-        std::to_string(subscription_->participant().domain()) + "; there are: " + joined(targets));
+        std::to_string(subscription_->participant().domain()) + "; there are: " + yaml::joined(targets));
     said_targets_ = std::move(targets);
   }
 
@@ -237,8 +234,8 @@ class TopicWatch {
     const auto others = subscription_->others();
     if (others.empty()) return;
     say("no " + std::string(words_.one) + " is tracked on domain " +
-        std::to_string(subscription_->participant().domain()) + ", but these " + words_.others + ": " + joined(others) +
-        ". Watch them with " + words_.how);
+        std::to_string(subscription_->participant().domain()) + ", but these " + words_.others + ": " +
+        yaml::joined(others) + ". Watch them with " + words_.how);
     said_others_ = true;
   }
 
@@ -340,9 +337,7 @@ class StatusListener {
   template <typename Sample>
   static void take_each(dds::DataReader& reader, auto&& keep) {
     Sample sample;
-    dds::SampleInfo info;
-    while (reader.take_next_sample(&sample, &info) == ReturnCode_t::RETCODE_OK) {
-      if (!info.valid_data) continue;
+    while (idl::take_next(reader, sample)) {
       make_printable(sample);
       keep(sample);
     }

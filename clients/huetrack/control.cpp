@@ -10,15 +10,16 @@
 #include <cstring>
 #include <fastdds/dds/publisher/DataWriterListener.hpp>
 #include <fastdds/dds/subscriber/DataReaderListener.hpp>
-#include <fastdds/dds/subscriber/SampleInfo.hpp>
 #include <map>
 #include <optional>
 #include <stdexcept>
 
+#include "calib/yaml/joined.h"
 #include "calib/yaml/text_file.h"
 #include "clients/live_view/page_server.h"
 #include "clients/live_view/recording_download.h"
 #include "commands.h"
+#include "idl/arrivals.h"
 #include "idl/control_words.h"
 #include "idl/huetrackPubSubTypes.h"
 #include "idl/huetrack_viewPubSubTypes.h"
@@ -28,7 +29,6 @@ namespace huetrack::client {
 namespace {
 
 namespace dds = eprosima::fastdds::dds;
-using eprosima::fastrtps::types::ReturnCode_t;
 using live_view::RecordingDownload;
 using namespace std::chrono_literals;
 using ControlClock = std::chrono::steady_clock;
@@ -57,24 +57,25 @@ class ControlConnection {
   // wanted: HOST/PID, or empty: the only one. throws std::runtime_error
   Addressed service(const std::string& wanted) {
     std::map<std::string, Addressed> services;
-    std::string named;
+    std::vector<std::string> named;
     auto until = ControlClock::now() + no_service_after;
     while (!has_ended() && ControlClock::now() < until && !services.contains(wanted)) {
       msg::ServiceStatus sample;
-      dds::SampleInfo info;
-      while (status_.take_next_sample(&sample, &info) == ReturnCode_t::RETCODE_OK) {
+      while (idl::take_next(status_, sample)) {
         const std::string who = sample.host() + "/" + std::to_string(sample.pid());
-        if (!info.valid_data || services.size() == most_services_named || services.contains(who)) continue;
+        if (services.size() == most_services_named || services.contains(who)) continue;
         if (services.empty() && wanted.empty()) until = ControlClock::now() + second_service_after;
         services[who] = {sample.host(), sample.pid()};
-        named += fmt::format("{}{} ({})", named.empty() ? "" : ", ", who, sample.config_file());
+        named.push_back(fmt::format("{} ({})", who, sample.config_file()));
       }
       status_.wait_for_unread_message(eprosima::fastrtps::Duration_t(0, 20'000'000));
     }
     if (services.empty()) throw std::runtime_error("no huetrackd publishes its status " + what_to_check(participant_));
     if (const auto asked = services.find(wanted); asked != services.end()) return asked->second;
-    if (!wanted.empty()) throw std::runtime_error("there is no service " + wanted + "; there are: " + named);
-    if (services.size() > 1) throw std::runtime_error("there are several; say which with --service HOST/PID: " + named);
+    if (!wanted.empty())
+      throw std::runtime_error("there is no service " + wanted + "; there are: " + yaml::joined(named));
+    if (services.size() > 1)
+      throw std::runtime_error("there are several; say which with --service HOST/PID: " + yaml::joined(named));
     return services.begin()->second;
   }
 
@@ -83,10 +84,9 @@ class ControlConnection {
   // What comes to this client, waited for a little.
   std::optional<msg::ControlReply> next(const std::string& client) {
     msg::ControlReply reply;
-    dds::SampleInfo info;
     reply_.wait_for_unread_message(eprosima::fastrtps::Duration_t(0, 20'000'000));
-    while (reply_.take_next_sample(&reply, &info) == ReturnCode_t::RETCODE_OK)
-      if (info.valid_data && reply.client() == client) return reply;
+    while (idl::take_next(reply_, reply))
+      if (reply.client() == client) return reply;
     return std::nullopt;
   }
 
@@ -198,10 +198,9 @@ int ask(ControlConnection& connection, const Addressed& service, const std::vect
   }
   std::string text = reply->rows().empty() ? "" : columns_of(words);
   for (const msg::ControlRow& row : reply->rows()) {
-    std::string line;
-    for (const std::string& column : row.columns())
-      line += (line.empty() ? "" : "\t") + yaml::printable(column, yaml::longest_message);
-    text += line + "\n";
+    std::vector<std::string> columns;
+    for (const std::string& column : row.columns()) columns.push_back(yaml::printable(column, yaml::longest_message));
+    text += yaml::joined(columns, "\t") + "\n";
   }
   if (std::fwrite(text.data(), 1, text.size(), stdout) != text.size() || std::fflush(stdout) != 0)
     throw std::runtime_error(std::string("cannot write stdout: ") + std::strerror(errno));

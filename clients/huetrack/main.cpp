@@ -45,7 +45,7 @@ struct CommandLine {
   WatchOptions watch_;
   double timeout_s_ = 0;
   std::string format_, status_format_ = "text";
-  live_view::ViewOptions view_;
+  live_view::LiveViewOptions view_;
   ControlOptions control_;
   plot::PlotOptions plot_;
   bag::BagOptions export_;

@@ -7,6 +7,7 @@
 #include <span>
 #include <string_view>
 
+#include "idl/names.h"
 #include "sample_format.h"
 
 namespace huetrack::client {
@@ -76,7 +77,7 @@ bool all_finite(std::span<const double> values) {
 std::string osc_bundle(const msg::ObjectPosition& sample) {
   const std::string address = "/huetrack/" + address_part(sample.target());
   Bundle bundle(sample.captured_at());
-  bundle.add(message(address + "/state", name(sample.state())));
+  bundle.add(message(address + "/state", idl::state_name(sample.state())));
   if (all_finite(sample.position())) {
     const auto& c = sample.covariance();
     const double sigma[] = {std::sqrt(c[0]), std::sqrt(c[4]), std::sqrt(c[8])};
@@ -90,7 +91,7 @@ std::string osc_bundle(const msg::ObjectPosition& sample) {
 std::string osc_bundle(const msg::CameraPose& sample) {
   const std::string address = "/huetrack/camera/" + address_part(sample.camera());
   Bundle bundle(sample.captured_at());
-  bundle.add(message(address + "/state", name(sample.state())));
+  bundle.add(message(address + "/state", idl::state_name(sample.state())));
   if (all_finite(sample.position()) && all_finite(sample.orientation())) {
     const auto& c = sample.covariance();
     const double sigma[] = {std::sqrt(c[0]), std::sqrt(c[7]), std::sqrt(c[14])};

@@ -16,7 +16,7 @@ namespace huetrack::client {
 // What OSC does not allow in an address ( #*,/?[]{} and blanks) is an underscore in TARGET.
 std::string osc_bundle(const msg::ObjectPosition& sample);
 
-// The same of a tracked camera, under /huetrack/camera/NAME: state, position, orientation (,ffff: x y z w), sigma.
+// A tracked camera's bundle, under /huetrack/camera/NAME: state, position, orientation (,ffff: x y z w), sigma.
 std::string osc_bundle(const msg::CameraPose& sample);
 
 }  // namespace huetrack::client

@@ -124,8 +124,7 @@ std::optional<Heard<Sample>> SampleSubscription<Sample>::next(std::chrono::milli
   Sample sample;
   dds::SampleInfo info;
   for (;;) {
-    while (reader_.take_next_sample(&sample, &info) == ReturnCode_t::RETCODE_OK) {
-      if (!info.valid_data) continue;  // it only says that an instance has ended
+    if (idl::take_next(reader_, sample, info)) {
       make_printable(sample);
       return Heard<Sample>{sample, stranger(name_of(sample), info.sample_identity.writer_guid())};
     }

@@ -82,6 +82,5 @@ class SampleSubscription {
 };
 
 using PositionSubscription = SampleSubscription<msg::ObjectPosition>;
-using PoseSubscription = SampleSubscription<msg::CameraPose>;
 
 }  // namespace huetrack::client

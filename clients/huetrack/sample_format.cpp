@@ -9,6 +9,7 @@
 #include <numbers>
 
 #include "calib/yaml/text_file.h"
+#include "idl/names.h"
 #include "osc.h"
 
 namespace huetrack::client {
@@ -37,7 +38,7 @@ std::string csv_line(const msg::ObjectPosition& s) {
   std::ranges::for_each(s.position(), add);
   std::ranges::for_each(s.velocity(), add);
   for (const std::size_t upper : {0U, 1U, 2U, 4U, 5U, 8U}) add(s.covariance()[upper]);
-  return out + fmt::format(",{},{},{}\n", name(s.state()), s.views(), csv_number(s.confidence()));
+  return out + fmt::format(",{},{},{}\n", idl::state_name(s.state()), s.views(), csv_number(s.confidence()));
 }
 
 std::string tum_line(const msg::ObjectPosition& s) {
@@ -70,7 +71,7 @@ std::string json_line(const msg::ObjectPosition& s) {
       R"("particle_count":{},"effective_sample_size":{},"per_view":[{}]}})"
       "\n",
       yaml::in_json_quotes(s.target()), unix_seconds(s.captured_at()), s.captured_at(), s.received_at(),
-      s.published_at(), s.set_number(), name(s.state()), json_array(s.position()), json_array(s.velocity()),
+      s.published_at(), s.set_number(), idl::state_name(s.state()), json_array(s.position()), json_array(s.velocity()),
       json_array(s.covariance()), json_array(s.map_position()), s.views(), json_number(s.confidence()),
       s.particle_count(), json_number(s.effective_sample_size()), fmt::join(views, ","));
 }
@@ -95,7 +96,7 @@ std::string text_line(const msg::ObjectPosition& s, std::int64_t received_at, st
   const auto sigma_mm = [&](std::size_t axis) { return number(1000 * std::sqrt(s.covariance()[4 * axis]), 1, 6); };
   return fmt::format(
       "{}  {:<{}}  {:<9}  x {}  y {}  z {} m   sigma {} {} {} mm   views {}/{}   confidence {}   latency {} + {} ms\n",
-      clock_time(s.captured_at()), s.target(), target_width, name(s.state()), number(s.position()[0], 4, 8),
+      clock_time(s.captured_at()), s.target(), target_width, idl::state_name(s.state()), number(s.position()[0], 4, 8),
       number(s.position()[1], 4, 8), number(s.position()[2], 4, 8), sigma_mm(0), sigma_mm(1), sigma_mm(2), s.views(),
       s.per_view().size(), number(s.confidence(), 2), latency_ms(s.captured_at(), s.published_at(), 1, 6),
       latency_ms(s.published_at(), received_at, 2));
@@ -108,7 +109,7 @@ std::string csv_line(const msg::CameraPose& s) {
   std::ranges::for_each(s.orientation(), add);
   for (std::size_t row = 0; row < 6; ++row)
     for (std::size_t column = row; column < 6; ++column) add(s.covariance()[6 * row + column]);
-  return out + fmt::format(",{},{},{},{}\n", name(s.state()), s.features_in_view(), s.features_matched(),
+  return out + fmt::format(",{},{},{},{}\n", idl::state_name(s.state()), s.features_in_view(), s.features_matched(),
                            csv_number(s.confidence()));
 }
 
@@ -125,9 +126,9 @@ std::string json_line(const msg::CameraPose& s) {
       R"("confidence":{},"particle_count":{},"effective_sample_size":{}}})"
       "\n",
       yaml::in_json_quotes(s.camera()), unix_seconds(s.captured_at()), s.captured_at(), s.received_at(),
-      s.published_at(), s.frame_number(), name(s.state()), json_array(s.position()), json_array(s.orientation()),
-      json_array(s.covariance()), s.features_in_view(), s.features_matched(), s.map_points(),
-      json_number(s.confidence()), s.particle_count(), json_number(s.effective_sample_size()));
+      s.published_at(), s.frame_number(), idl::state_name(s.state()), json_array(s.position()),
+      json_array(s.orientation()), json_array(s.covariance()), s.features_in_view(), s.features_matched(),
+      s.map_points(), json_number(s.confidence()), s.particle_count(), json_number(s.effective_sample_size()));
 }
 
 std::string text_line(const msg::CameraPose& s, std::int64_t received_at, std::size_t camera_width) {
@@ -137,7 +138,7 @@ std::string text_line(const msg::CameraPose& s, std::int64_t received_at, std::s
   return fmt::format(
       "{}  {:<{}}  {:<9}  x {}  y {}  z {} m   q {} {} {} {}   sigma {} mm {} deg   features {}/{}   latency {} + {} "
       "ms\n",
-      clock_time(s.captured_at()), s.camera(), camera_width, name(s.state()), number(s.position()[0], 4, 8),
+      clock_time(s.captured_at()), s.camera(), camera_width, idl::state_name(s.state()), number(s.position()[0], 4, 8),
       number(s.position()[1], 4, 8), number(s.position()[2], 4, 8), number(s.orientation()[0], 4, 7),
       number(s.orientation()[1], 4, 7), number(s.orientation()[2], 4, 7), number(s.orientation()[3], 4, 7),
       number(sigma(0, 1000), 1, 6), number(sigma(3, 180 / std::numbers::pi), 2, 5), s.features_matched(),
@@ -225,7 +226,7 @@ std::string text(const msg::ServiceStatus& s, std::int64_t now, const msg::Camer
   for (const msg::CameraStatus& camera : s.cameras())
     add("camera",
         fmt::format("{:<{}}  {:<10}  {} Hz, {} frames, {} dropped, {} corrupted{}{}{}", camera.name(), width,
-                    name(camera.health()), number(camera.rate_hz(), 1, 5), camera.frames(), camera.dropped(),
+                    idl::name(camera.health()), number(camera.rate_hz(), 1, 5), camera.frames(), camera.dropped(),
                     camera.corrupted(), camera.frames() > 0 ? ", the last " + number(camera.age_s(), 2) + " s ago" : "",
                     camera.message().empty() ? "" : ": ", camera.message()));
   for (std::size_t c = 0; clocks != nullptr && c < clocks->clocks().size(); ++c)
@@ -240,7 +241,8 @@ std::string text(const msg::ServiceStatus& s, std::int64_t now, const msg::Camer
   for (const msg::CameraPose& pose : poses)
     if (std::ranges::any_of(s.cameras(), [&](const auto& camera) { return camera.name() == pose.camera(); }))
       add("pose", fmt::format("{:<{}}  {:<10}  {} of {} features, {} map points", pose.camera(), width,
-                              name(pose.state()), pose.features_matched(), pose.features_in_view(), pose.map_points()));
+                              idl::state_name(pose.state()), pose.features_matched(), pose.features_in_view(),
+                              pose.map_points()));
   for (const msg::ObjectSet& set : sets) {
     if (std::ranges::find(s.targets(), set.target()) == s.targets().end()) continue;
     add("objects", fmt::format("{}: {} of at most {}", set.target(), set.objects().size(), set.most()));
@@ -249,56 +251,12 @@ std::string text(const msg::ServiceStatus& s, std::int64_t now, const msg::Camer
     for (const msg::ObjectInSet& object : set.objects())
       add("object",
           fmt::format("{:<{}}  {:<9}  x {}  y {}  z {} m   {} views", object.name(), name_width,
-                      name(static_cast<msg::TrackState>(object.state())), number(object.position()[0], 3, 7),
+                      idl::state_name(object.state()), number(object.position()[0], 3, 7),
                       number(object.position()[1], 3, 7), number(object.position()[2], 3, 7), object.views()));
   }
   for (const std::string& warning : s.warnings()) add("warning", warning);
   if (s.warnings().empty()) add("warnings", "none");
   return out;
-}
-
-std::string_view name(msg::TrackState state) {
-  switch (state) {
-    case msg::TRACK_STATE_SEARCHING:
-      return "searching";
-    case msg::TRACK_STATE_TRACKING:
-      return "tracking";
-    case msg::TRACK_STATE_COASTING:
-      return "coasting";
-    case msg::TRACK_STATE_LOST:
-      return "lost";
-  }
-  return "unknown";
-}
-
-std::string_view name(msg::CameraState state) {
-  switch (state) {
-    case msg::CAMERA_STATE_SEARCHING:
-      return "searching";
-    case msg::CAMERA_STATE_TRACKING:
-      return "tracking";
-    case msg::CAMERA_STATE_COASTING:
-      return "coasting";
-    case msg::CAMERA_STATE_LOST:
-      return "lost";
-  }
-  return "unknown";
-}
-
-std::string_view name(msg::CameraHealth health) {
-  switch (health) {
-    case msg::CAMERA_HEALTH_WAITING:
-      return "waiting";
-    case msg::CAMERA_HEALTH_DELIVERING:
-      return "delivering";
-    case msg::CAMERA_HEALTH_STALLED:
-      return "stalled";
-    case msg::CAMERA_HEALTH_ABSENT:
-      return "absent";
-    case msg::CAMERA_HEALTH_ENDED:
-      return "ended";
-  }
-  return "unknown";
 }
 
 }  // namespace huetrack::client

@@ -3,7 +3,6 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -34,7 +33,7 @@ std::string header(Format format);
 //   target_width   the text pads the target's name to it
 std::string line(Format format, const msg::ObjectPosition& sample, std::int64_t received_at, std::size_t target_width);
 
-// The same for the poses of a tracked camera. The CSV has the covariance's upper triangle, c11 c12 .. c66.
+// Header and line for the poses of a tracked camera. The CSV has the covariance's upper triangle, c11 c12 .. c66.
 std::string camera_header(Format format);
 std::string line(Format format, const msg::CameraPose& sample, std::int64_t received_at, std::size_t camera_width);
 
@@ -47,9 +46,5 @@ std::string line(Format format, const msg::CameraPose& sample, std::int64_t rece
 std::string text(const msg::ServiceStatus& status, std::int64_t now, const msg::CameraTimes* times = nullptr,
                  std::span<const msg::CameraPose> poses = {}, std::span<const msg::ObjectSet> sets = {},
                  const msg::HostClocks* clocks = nullptr);
-
-std::string_view name(msg::TrackState state);  // "searching", "tracking", "coasting", "lost"; "unknown" if none of them
-std::string_view name(msg::CameraState state);
-std::string_view name(msg::CameraHealth health);
 
 }  // namespace huetrack::client

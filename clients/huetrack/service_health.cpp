@@ -5,8 +5,10 @@
 #include <algorithm>
 #include <iterator>
 
+#include "calib/yaml/joined.h"
 #include "calib/yaml/text_file.h"
 #include "clients/live_view/events.h"
+#include "idl/names.h"
 #include "sample_format.h"
 
 namespace huetrack::client {
@@ -16,9 +18,9 @@ namespace {
 constexpr double old_s = 10;
 
 std::string list_of(const std::vector<std::string>& sentences) {
-  std::string out = "[";
-  for (const std::string& sentence : sentences) out += (out.size() > 1 ? "," : "") + yaml::in_json_quotes(sentence);
-  return out + "]";
+  std::vector<std::string> quoted;
+  std::ranges::transform(sentences, std::back_inserter(quoted), yaml::in_json_quotes);
+  return fmt::format("[{}]", fmt::join(quoted, ","));
 }
 
 std::string head(bool is_healthy, const std::vector<std::string>& problems) {
@@ -39,7 +41,7 @@ std::vector<std::string> problems_of(const msg::ServiceStatus& status, std::int6
   std::vector<std::string> problems;
   for (const msg::CameraStatus& camera : status.cameras())
     if (!is_well(camera, status.mode()))
-      problems.push_back("camera " + camera.name() + ": " + std::string(name(camera.health())) +
+      problems.push_back("camera " + camera.name() + ": " + std::string(idl::name(camera.health())) +
                          (camera.message().empty() ? "" : ": " + camera.message()));
   std::ranges::copy(status.warnings(), std::back_inserter(problems));
   const double age_s = (static_cast<double>(now) - static_cast<double>(status.at())) * 1e-9;  // of any time it may say
@@ -54,15 +56,12 @@ std::string status_json(const msg::ServiceStatus& status, std::int64_t now, cons
   std::string out = head(problems.empty(), problems);
   out += R"(,"status":)" + live_view::to_json(status, static_cast<double>(now) * 1e-9);
   out += R"(,"times":)" + (times == nullptr ? "null" : live_view::to_json(*times));
-  out += R"(,"poses":[)";
-  bool is_first = true;
-  for (const msg::CameraPose& pose : poses) {
-    if (std::ranges::none_of(status.cameras(), [&](const auto& camera) { return camera.name() == pose.camera(); }))
-      continue;
-    out += (is_first ? "" : ",") + live_view::to_json(pose);
-    is_first = false;
-  }
-  out += R"(],"clocks":)" + (clocks == nullptr ? "null" : live_view::to_json(*clocks));
+  std::vector<std::string> known;
+  for (const msg::CameraPose& pose : poses)
+    if (std::ranges::any_of(status.cameras(), [&](const auto& camera) { return camera.name() == pose.camera(); }))
+      known.push_back(live_view::to_json(pose));
+  out += R"(,"poses":[)" + yaml::joined(known, ",") + R"(],"clocks":)" +
+         (clocks == nullptr ? "null" : live_view::to_json(*clocks));
   return out + "}\n";
 }
 

@@ -3,14 +3,12 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <fastdds/dds/publisher/DataWriterListener.hpp>
-#include <fastdds/dds/subscriber/DataReaderListener.hpp>
-#include <fastdds/dds/subscriber/SampleInfo.hpp>
 #include <stdexcept>
 #include <utility>
 
 #include "clients/live_view/events.h"
 #include "clients/live_view/page_server.h"
+#include "idl/arrivals.h"
 #include "idl/camera_hostPubSubTypes.h"
 #include "idl/camera_timesPubSubTypes.h"
 #include "idl/huetrackPubSubTypes.h"
@@ -21,7 +19,6 @@ namespace huetrack::live_view {
 
 namespace dds = eprosima::fastdds::dds;
 using Clock = std::chrono::steady_clock;
-using eprosima::fastrtps::types::ReturnCode_t;
 using namespace std::chrono_literals;
 
 namespace {
@@ -53,8 +50,7 @@ template <typename Sample, typename F>
 void take_all(dds::DataReader& reader, F&& use) {
   Sample sample;
   dds::SampleInfo info;
-  while (reader.take_next_sample(&sample, &info) == ReturnCode_t::RETCODE_OK)
-    if (info.valid_data) use(sample, process_of(info));
+  while (idl::take_next(reader, sample, info)) use(sample, process_of(info));
 }
 
 template <typename Sample>
@@ -166,11 +162,8 @@ void BusReader::poll(int pages) {
     previews_.reset();
   }
   take_positions();
-  take_camera_poses();
-  take_camera_maps();
   take_statuses();
-  take_scenes();
-  take_times();
+  take_what_services_say();
   take_replies();
   take_control_replies();
   if (previews_) take_previews();
@@ -203,16 +196,9 @@ BusReader::Service* BusReader::service(const std::string& who) {
 
 // From now on pages see this one, and nothing of the one before.
 void BusReader::show(const std::string& who) {
-  if (!shown_.empty()) {
-    hub_.erase("status");
-    hub_.erase("scene");
-    hub_.erase("camera_times");
-    hub_.erase("host_clocks");
-    const auto old = services_.find(shown_);
-    if (old != services_.end()) {
-      for (const auto& [camera, event] : old->second.camera_maps) hub_.erase("camera_map/" + camera);
-      for (const std::string& camera : old->second.cameras) hub_.erase("preview/" + camera);
-    }
+  if (const auto old = services_.find(shown_); old != services_.end()) {
+    for (const auto& [key, event] : old->second.events) hub_.erase(key);
+    for (const std::string& camera : old->second.cameras) hub_.erase("preview/" + camera);
   }
   hub_.forget_appended();
   shown_ = who;
@@ -223,14 +209,26 @@ void BusReader::show(const std::string& who) {
   }
   if (who.empty()) return;
   const Service& now = services_.at(who);
-  hub_.set("status", now.status);
-  if (!now.scene.empty()) hub_.set("scene", now.scene);
-  if (!now.times.empty()) hub_.set("camera_times", now.times);
-  if (!now.clocks.empty()) hub_.set("host_clocks", now.clocks);
-  for (const auto& [camera, event] : now.camera_maps) hub_.set("camera_map/" + camera, event);
+  hub_.set("status", now.events.at("status"));  // first: it says whose the rest is
+  for (const auto& [key, event] : now.events)
+    if (key != "status") hub_.set(key, event);
   for (const Early& early : early_)
     if (early.process == now.process) hub_.append(early.event, early.is_told);
   early_.clear();
+}
+
+// The last that a service says, under a key of its own for each camera, if it says it by camera.
+void BusReader::keep(const std::string& who, const std::string& name, const std::string& json,
+                     const std::string& camera) {
+  Service* const of = service(who);
+  if (of == nullptr) return;
+  const std::string key = name + (camera.empty() ? "" : "/" + camera);
+  const auto is_of_camera = [](const auto& event) { return event.first.find('/') != std::string::npos; };
+  if (!camera.empty() && !of->events.contains(key) &&
+      std::size_t(std::ranges::count_if(of->events, is_of_camera)) >= most_maps)
+    return;
+  const std::string& event = of->events[key] = to_event(name, json);
+  if (is_shown(who)) hub_.set(key, event);
 }
 
 // Positions and previews do not say whose they are, but DDS says which process wrote them. Once there is a service that
@@ -257,22 +255,8 @@ void BusReader::take_positions() {
   take_all<msg::ObjectPosition>(connection_->position, [&](const auto& sample, const Process& process) {
     append(process, to_event("position", to_json(sample)));
   });
-}
-
-void BusReader::take_camera_poses() {
   take_all<msg::CameraPose>(connection_->camera_pose, [&](const auto& sample, const Process& process) {
     append(process, to_event("camera_pose", to_json(sample)));
-  });
-}
-
-void BusReader::take_camera_maps() {
-  take_all<msg::CameraMap>(connection_->camera_map, [&](const auto& sample, const Process&) {
-    const std::string who = who_of(sample);
-    Service* const it = service(who);
-    if (it == nullptr || (it->camera_maps.size() >= most_maps && !it->camera_maps.contains(sample.camera()))) return;
-    std::string& event = it->camera_maps[sample.camera()];
-    event = to_event("camera_map", to_json(sample));
-    if (is_shown(who)) hub_.set("camera_map/" + sample.camera(), event);
   });
 }
 
@@ -289,8 +273,7 @@ void BusReader::take_statuses() {
     it->config_file = sample.config_file();
     it->cameras.clear();
     for (const auto& camera : sample.cameras()) it->cameras.insert(camera.name());
-    it->status = to_event("status", to_json(sample, unix_now()));
-    if (is_shown(who)) hub_.set("status", it->status);
+    keep(who, "status", to_json(sample, unix_now()));
   });
   std::erase_if(services_, [&](const auto& entry) {
     if (now - entry.second.heard < gone_after) return false;
@@ -300,36 +283,23 @@ void BusReader::take_statuses() {
   // Of those that have said something of themselves.
   std::string newest;
   for (const auto& [who, it] : services_)
-    if (!it.status.empty() &&
+    if (it.events.contains("status") &&
         (newest.empty() || std::pair(it.began, who) > std::pair(services_.at(newest).began, newest)))
       newest = who;
   if (newest != shown_) show(newest);
 }
 
-void BusReader::take_scenes() {
-  take_all<msg::Scene>(connection_->scene, [&](const auto& sample, const Process&) {
-    const std::string who = who_of(sample);
-    Service* const it = service(who);
-    if (it == nullptr) return;
-    it->scene = to_event("scene", to_json(sample));
-    if (is_shown(who)) hub_.set("scene", it->scene);
+void BusReader::take_what_services_say() {
+  take_all<msg::CameraMap>(connection_->camera_map, [&](const auto& sample, const Process&) {
+    keep(who_of(sample), "camera_map", to_json(sample), sample.camera());
   });
-}
-
-void BusReader::take_times() {
+  take_all<msg::Scene>(connection_->scene,
+                       [&](const auto& sample, const Process&) { keep(who_of(sample), "scene", to_json(sample)); });
   take_all<msg::CameraTimes>(connection_->times, [&](const auto& sample, const Process&) {
-    const std::string who = who_of(sample);
-    Service* const it = service(who);
-    if (it == nullptr) return;
-    it->times = to_event("camera_times", to_json(sample));
-    if (is_shown(who)) hub_.set("camera_times", it->times);
+    keep(who_of(sample), "camera_times", to_json(sample));
   });
   take_all<msg::HostClocks>(connection_->clocks, [&](const auto& sample, const Process&) {
-    const std::string who = who_of(sample);
-    Service* const it = service(who);
-    if (it == nullptr) return;
-    it->clocks = to_event("host_clocks", to_json(sample));
-    if (is_shown(who)) hub_.set("host_clocks", it->clocks);
+    keep(who_of(sample), "host_clocks", to_json(sample));
   });
 }
 
@@ -408,7 +378,7 @@ void BusReader::tell_pulse() {
     std::vector<std::string> others;
     for (const auto& [who, it] : services_)
       // One that has died before the shown one came is only not forgotten yet.
-      if (!is_shown(who) && !it.status.empty() && it.heard > services_.at(shown_).began)
+      if (!is_shown(who) && it.events.contains("status") && it.heard > services_.at(shown_).began)
         others.push_back(who + " (" + it.config_file + ")");
     if (!others.empty())
       trouble += fmt::format(

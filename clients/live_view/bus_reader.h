@@ -10,7 +10,6 @@
 #include <mutex>
 #include <set>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include "clients/live_view/event_hub.h"
@@ -47,12 +46,9 @@ class BusReader {
  private:
   struct Connection;
   struct Previews;
-  void take_positions();
-  void take_camera_poses();
-  void take_camera_maps();
+  void take_positions();  // and poses
   void take_statuses();
-  void take_scenes();
-  void take_times();
+  void take_what_services_say();
   void take_replies();
   void take_control_replies();
   void go_on_with_downloads();
@@ -74,8 +70,7 @@ class BusReader {
   struct Service {
     std::chrono::steady_clock::time_point began, heard;
     Process process{};
-    std::string status, scene, times, clocks;        // the last events
-    std::map<std::string, std::string> camera_maps;  // a few
+    std::map<std::string, std::string> events;  // the last ones, by their keys in the hub
     std::string config_file;
     std::string host;
     std::uint32_t pid = 0;
@@ -85,6 +80,7 @@ class BusReader {
   void show(const std::string& who);
   bool is_of_another(const Process& process);
   void append(const Process& process, std::string event);
+  void keep(const std::string& who, const std::string& name, const std::string& json, const std::string& camera = "");
   bool is_shown(const std::string& who) const { return who == shown_; }
 
   std::map<std::string, Service> services_;  // by host/pid

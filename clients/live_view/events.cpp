@@ -1,10 +1,13 @@
 #include "clients/live_view/events.h"
 
+#include <openssl/evp.h>
+
 #include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
 
 #include "idl/control_words.h"
+#include "idl/names.h"
 
 namespace huetrack::live_view {
 namespace {
@@ -21,17 +24,9 @@ double seconds_between(std::int64_t from, std::int64_t to) {
 }
 
 std::string base64(const std::vector<std::uint8_t>& bytes) {
-  static constexpr char digits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-  std::string out;
-  out.reserve((bytes.size() + 2) / 3 * 4);
-  for (std::size_t i = 0; i < bytes.size(); i += 3) {
-    const auto byte = [&](std::size_t k) { return i + k < bytes.size() ? std::uint32_t(bytes[i + k]) : 0U; };
-    const std::uint32_t group = byte(0) << 16 | byte(1) << 8 | byte(2);
-    out += digits[group >> 18 & 63];
-    out += digits[group >> 12 & 63];
-    out += i + 1 < bytes.size() ? digits[group >> 6 & 63] : '=';
-    out += i + 2 < bytes.size() ? digits[group & 63] : '=';
-  }
+  std::string out((bytes.size() + 2) / 3 * 4 + 1, '\0');
+  ::EVP_EncodeBlock(reinterpret_cast<unsigned char*>(out.data()), bytes.data(), int(bytes.size()));
+  out.pop_back();  // the zero that it ends with
   return out;
 }
 
@@ -47,13 +42,6 @@ Json color_json(const msg::SceneColor& color) {
           {"saturation", color.saturation()},
           {"intensity", color.intensity()}};
 }
-
-constexpr const char* states[] = {"searching", "tracking", "coasting", "lost"};
-const char* state_name(std::uint32_t state) {
-  return state < std::size(states) ? states[state] : "unknown";
-}
-
-constexpr const char* healths[] = {"waiting", "delivering", "stalled", "absent", "ended"};
 
 // Dumps what other programs sent: a string that is no UTF-8 must not end the bridge.
 std::string text(const Json& json) {
@@ -73,7 +61,7 @@ std::string to_json(const msg::ObjectPosition& s) {
   return text({{"target", s.target()},
                {"t", unix_s(s.captured_at())},
                {"set", s.set_number()},
-               {"state", state_name(s.state())},
+               {"state", idl::state_name(s.state())},
                {"position", s.position()},
                {"velocity", s.velocity()},
                {"covariance", s.covariance()},
@@ -89,7 +77,7 @@ std::string to_json(const msg::ObjectPosition& s) {
 std::string to_json(const msg::CameraPose& s) {
   return text({{"camera", s.camera()},
                {"t", unix_s(s.captured_at())},
-               {"state", state_name(static_cast<std::uint32_t>(s.state()))},
+               {"state", idl::state_name(s.state())},
                {"position", s.position()},
                {"orientation", s.orientation()},
                {"sigma", {std::sqrt(s.covariance()[0]), std::sqrt(s.covariance()[7]), std::sqrt(s.covariance()[14])}},
@@ -129,17 +117,15 @@ std::string to_json(const msg::CameraMap& m) {
 
 std::string to_json(const msg::ServiceStatus& s, double heard) {
   Json cameras = Json::array();
-  for (const auto& c : s.cameras()) {
-    const auto health = static_cast<std::size_t>(c.health());
+  for (const auto& c : s.cameras())
     cameras.push_back({{"name", c.name()},
-                       {"health", health < std::size(healths) ? healths[health] : "unknown"},
+                       {"health", idl::name(c.health())},
                        {"message", c.message()},
                        {"frames", c.frames()},
                        {"dropped", c.dropped()},
                        {"corrupted", c.corrupted()},
                        {"rate_hz", c.rate_hz()},
                        {"age_s", c.age_s()}});
-  }
   return text({{"host", s.host()},
                {"pid", s.pid()},
                {"heard", heard},
@@ -224,7 +210,7 @@ std::string to_json(const msg::Preview& p) {
     Json particles = Json::array();
     for (const float value : t.particles()) particles.push_back(tenth(value));
     targets.push_back({{"target", t.target()},
-                       {"state", t.state() == left_out ? "left_out" : state_name(t.state())},
+                       {"state", t.state() == left_out ? "left_out" : idl::state_name(t.state())},
                        {"px", {tenth(t.pixel()[0]), tenth(t.pixel()[1])}},
                        {"radius", tenth(t.radius_px())},
                        {"ellipse", {t.ellipse()[0], t.ellipse()[1], t.ellipse()[2]}},

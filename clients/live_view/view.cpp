@@ -12,7 +12,7 @@ namespace huetrack::live_view {
 
 using namespace std::chrono_literals;
 
-int view(ViewOptions options, const std::function<bool()>& ended) {
+int view(LiveViewOptions options, const std::function<bool()>& ended) {
   if (!is_loopback(options.server.address) && options.server.token.empty()) options.server.token = random_token();
   EventHub hub;
   BusReader bus(options.participant, hub);

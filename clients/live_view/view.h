@@ -2,20 +2,19 @@
 #pragma once
 
 #include <functional>
-#include <string>
 
 #include "clients/live_view/page_server.h"
 #include "idl/dds_participant.h"
 
 namespace huetrack::live_view {
 
-struct ViewOptions {
+struct LiveViewOptions {
   idl::ParticipantOptions participant;
   PageServerOptions server;  // its token is made here where the address needs one
 };
 
 // Says the page's address on stdout, and runs until `ended`. Returns the exit status.
 // throws std::exceptions with one readable line when the bus cannot be joined or the address not be listened on.
-int view(ViewOptions options, const std::function<bool()>& ended);
+int view(LiveViewOptions options, const std::function<bool()>& ended);
 
 }  // namespace huetrack::live_view

@@ -15,18 +15,10 @@
 #include "drawing/axes.h"
 
 namespace huetrack::plot {
-namespace {
 
-using drawing::Align;
-using drawing::Axes;
-using drawing::Box;
-using drawing::Canvas;
-using drawing::Color;
-using drawing::ink;
-using drawing::muted;
-using drawing::Point;
-using drawing::Span;
-using drawing::Weight;
+using namespace drawing;
+
+namespace {
 
 constexpr double normal_95 = 1.96;  // standard deviations
 constexpr double near_m = 0.05;

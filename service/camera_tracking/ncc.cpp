@@ -108,27 +108,6 @@ void ncc_field(const GreyImage& image, const NccTemplate& t, const PixelRegion& 
   }
 }
 
-float ncc_reference(const GreyImage& image, const NccTemplate& t, int u, int v) {
-  const int before = (t.side - 1) / 2;
-  const double n = t.side * t.side;
-  double si = 0, st = 0;
-  for (int j = 0; j < t.side; ++j) {
-    for (int i = 0; i < t.side; ++i) {
-      si += image.row(v - before + j)[u - before + i];
-      st += t.pixels[static_cast<std::size_t>(j * t.side + i)];
-    }
-  }
-  double cross = 0, ii = 0, tt = 0;
-  for (int j = 0; j < t.side; ++j) {
-    for (int i = 0; i < t.side; ++i) {
-      const double a = image.row(v - before + j)[u - before + i] - si / n;
-      const double b = t.pixels[static_cast<std::size_t>(j * t.side + i)] - st / n;
-      cross += a * b, ii += a * a, tt += b * b;
-    }
-  }
-  return ii <= 0.25 * n || tt < 0.25 * n ? 0.0f : static_cast<float>(cross / std::sqrt(ii * tt));
-}
-
 NccPeak best_of(const std::vector<float>& field, const PixelRegion& region) {
   if (field.empty()) return {};
   const auto at = static_cast<int>(std::ranges::max_element(field) - field.begin());

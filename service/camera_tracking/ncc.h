@@ -3,7 +3,6 @@
 
 #include <Eigen/Core>
 #include <cstdint>
-#include <span>
 #include <vector>
 
 #include "camera_tracking/grey_image.h"
@@ -36,7 +35,6 @@ PixelRegion clip(const PixelRegion& region, const GreyImage& image, int side);
 //   field  (width x height,) out
 // Sums are exact integers, so that it is the same bits on every machine. Cost: side^2 multiply-adds per anchor.
 void ncc_field(const GreyImage& image, const NccTemplate& t, const PixelRegion& region, std::vector<float>& field);
-float ncc_reference(const GreyImage& image, const NccTemplate& t, int u, int v);  // obvious; the test's truth
 
 struct NccPeak {
   float rho = -2;    // -2: none

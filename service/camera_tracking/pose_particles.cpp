@@ -72,27 +72,26 @@ void PoseParticles::reset(std::size_t count, const calib::Rigid3d& cam_from_worl
 }
 
 void PoseParticles::walk_uniform(float rotation_rad, float position_m, particle_filter::Rng& rng) {
-  const std::size_t n = size(), padded = (n + 15) / 16 * 16;
+  const std::size_t padded = (size() + 15) / 16 * 16;
   scratch_.resize(6 * padded);
   rng.fill_uniform(scratch_);
   for (float& x : scratch_) x = 2 * x - 1;
-  const float* d = scratch_.data();
-  step(n, d, d + padded, d + 2 * padded, rotation_rad, qw.data(), qx.data(), qy.data(), qz.data());
-  add_scaled(n, d + 3 * padded, position_m, cx.data());
-  add_scaled(n, d + 4 * padded, position_m, cy.data());
-  add_scaled(n, d + 5 * padded, position_m, cz.data());
-  rotations_hold_ = false;
+  walk(padded, rotation_rad, position_m);
 }
 
 void PoseParticles::walk_normal(float rotation_rad, float position_m, particle_filter::Rng& rng) {
-  const std::size_t n = size();
-  scratch_.resize(6 * n);
+  scratch_.resize(6 * size());
   rng.fill_normal(scratch_);
+  walk(size(), rotation_rad, position_m);
+}
+
+void PoseParticles::walk(std::size_t apart, float rotation_rad, float position_m) {
+  const std::size_t n = size();
   const float* d = scratch_.data();
-  step(n, d, d + n, d + 2 * n, rotation_rad, qw.data(), qx.data(), qy.data(), qz.data());
-  add_scaled(n, d + 3 * n, position_m, cx.data());
-  add_scaled(n, d + 4 * n, position_m, cy.data());
-  add_scaled(n, d + 5 * n, position_m, cz.data());
+  step(n, d, d + apart, d + 2 * apart, rotation_rad, qw.data(), qx.data(), qy.data(), qz.data());
+  add_scaled(n, d + 3 * apart, position_m, cx.data());
+  add_scaled(n, d + 4 * apart, position_m, cy.data());
+  add_scaled(n, d + 5 * apart, position_m, cz.data());
   rotations_hold_ = false;
 }
 

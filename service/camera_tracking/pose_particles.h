@@ -50,6 +50,8 @@ class PoseParticles {
   std::vector<float> weight;  // sum 1
 
  private:
+  // By what scratch_ holds: six numbers of each, the second ones `apart` from the first ones.
+  void walk(std::size_t apart, float rotation_rad, float position_m);
   void update_rotations();
   std::array<std::vector<float>, 9> rotation_;  // of the quaternions, row by row
   bool rotations_hold_ = false;

@@ -42,7 +42,7 @@ struct FoundRectangle {
 std::optional<FoundRectangle> find_rectangle(const GreyImage& image, const calib::CameraModel& lens,
                                              std::span<const Eigen::Vector3d> corners_world,
                                              const calib::Rigid3d* near = nullptr);
-// The same from where the user says they are, within some pixels, and in that order.
+// The rectangle whose corners are where the user says they are, within some pixels, and in that order.
 std::optional<FoundRectangle> rectangle_at(const GreyImage& image, const calib::CameraModel& lens,
                                            std::span<const Eigen::Vector3d> corners_world,
                                            const std::array<Eigen::Vector2d, 4>& about);

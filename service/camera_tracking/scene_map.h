@@ -5,8 +5,6 @@
 #include <array>
 #include <filesystem>
 #include <memory>
-#include <span>
-#include <string_view>
 #include <vector>
 
 #include "calib/model/rigid3.h"

@@ -29,11 +29,6 @@ std::string_view name(PixelFormat format) {
   return std::ranges::find(names, format, &std::pair<PixelFormat, std::string_view>::first)->second;
 }
 
-std::optional<PixelFormat> pixel_format_of(std::string_view name) {
-  const auto found = std::ranges::find(names, name, &std::pair<PixelFormat, std::string_view>::second);
-  return found == names.end() ? std::nullopt : std::optional(found->first);
-}
-
 bool needs_even_width(PixelFormat format) {
   return format == PixelFormat::yuyv || format == PixelFormat::i422 || needs_even_height(format);
 }

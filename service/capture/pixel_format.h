@@ -6,7 +6,6 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
-#include <optional>
 #include <string_view>
 
 namespace huetrack::capture {
@@ -26,7 +25,6 @@ enum class PixelFormat : std::uint8_t {
 enum class ColorRange : std::uint8_t { limited, full };
 
 std::string_view name(PixelFormat format);  // "yuyv", ...
-std::optional<PixelFormat> pixel_format_of(std::string_view name);
 
 struct Plane {
   const std::uint8_t* data = nullptr;

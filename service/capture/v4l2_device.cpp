@@ -1190,12 +1190,6 @@ std::vector<Control> V4l2Device::controls() const {
   return controls;
 }
 
-std::optional<Control> V4l2Device::control(std::string_view name) const {
-  const auto all = controls();
-  const Control* found = find_control(all, name);
-  return found ? std::optional(*found) : std::nullopt;
-}
-
 std::vector<ControlResult> V4l2Device::set_controls(std::span<const ControlSetting> settings) {
   return impl_->apply(settings, true);
 }

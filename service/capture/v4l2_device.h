@@ -186,7 +186,6 @@ class V4l2Device {
   std::vector<OfferedFormat> formats() const;  // empty: the driver does not enumerate
 
   std::vector<Control> controls() const;
-  std::optional<Control> control(std::string_view name) const;  // also by its older name: "exposure_auto"
   // Automatic controls first, so that the manual values stick; reads every one back at the end, when all have been set.
   // A manual value that an automatic control rules switches that one off, unless it is asked for itself (is_implied).
   // One result per setting, in the order asked, the implied ones at the end. Does not throw. A camera that does not

@@ -779,10 +779,6 @@ std::optional<Frame> V4l2Source::next(std::stop_token stop) {
   return impl_->next(stop);
 }
 
-const V4l2SourceOptions& V4l2Source::options() const {
-  return impl_->options;
-}
-
 CameraHealth V4l2Source::health() const {
   const std::scoped_lock lock(impl_->mutex);
   return impl_->health;

@@ -66,7 +66,6 @@ struct CameraHealth {
   std::uint64_t frames = 0;               // handed out with an image
   std::uint64_t dropped = 0;              // gaps in the driver's sequence numbers
   std::uint64_t corrupted = 0;            // error-flagged, wrong length, or a JPEG that does not decode
-  std::uint64_t of_other_colors = 0;      // of `frames`: they say which pixels match, but not all colours asked for
   std::uint64_t copied = 0;               // because readers held too many buffers
   std::uint64_t restarts = 0;             // of a stalled stream
   std::uint64_t reconnects = 0;           // opened again after an absence
@@ -130,7 +129,6 @@ class V4l2Source final : public FrameSource {
   // milliseconds. Never throws.
   std::optional<Frame> next(std::stop_token stop) override;
 
-  const V4l2SourceOptions& options() const;
   CameraHealth health() const;
   std::vector<CameraEvent> take_events();  // since the last call
   std::shared_ptr<CameraControls> controls() const;

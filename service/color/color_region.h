@@ -27,7 +27,7 @@ class RegionFinder {
   // the box cuts are as they appear in the box. The reference is valid until the next call.
   const std::vector<ColorRegion>& find(MatchBits& view, PixelBox box, int min_area, double reach_px);
 
-  // The same for the whole image, looked at through a grid of step_px: a region is not found when no grid point hits
+  // Regions of the whole image, looked at through a grid of step_px: a region is not found when no grid point hits
   // it, or only such as lie in the bounding box of another one that was found before. Regions wider than max_extent_px
   // on either side are background and left out.
   const std::vector<ColorRegion>& search(MatchBits& view, int step_px, int max_extent_px, int min_area,

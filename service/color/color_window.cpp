@@ -318,15 +318,4 @@ void MatchBits::scan_grid(int step, const std::vector<std::uint64_t>& ignored, s
   }
 }
 
-int count_5x5_reference(const capture::Image& image, const ColorTable& table, int u, int v) {
-  int k = 0;
-  for (int dv = -2; dv <= 2; ++dv) {
-    for (int du = -2; du <= 2; ++du) {
-      const int uu = u + du, vv = v + dv;
-      if (uu >= 0 && vv >= 0 && uu < image.width && vv < image.height && has_color(image, table, uu, vv)) ++k;
-    }
-  }
-  return k;
-}
-
 }  // namespace huetrack::color

@@ -133,7 +133,4 @@ class MatchBits {
   std::vector<TileAt> unknown_;      // work space of count_5x5
 };
 
-// The obvious way, one look-up per pixel of the window: the truth that the test holds count_5x5 to.
-int count_5x5_reference(const capture::Image& image, const ColorTable& table, int u, int v);
-
 }  // namespace huetrack::color

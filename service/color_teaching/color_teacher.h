@@ -81,9 +81,9 @@ class ColorTeacher {
   // volume: where a suggested object may be
   Taught teach(const TeachRequestOptions& request, const object_tracking::Volume& volume) const;
 
-  // The same with ranges that hold the object elsewhere, too: in other light at other moments, as far as it is found
-  // there by what was learnt, its own size and two views or more. several: it is one of several of its colour, which
-  // are no background, and are learnt from as well.
+  // What was taught, with ranges that hold the object elsewhere, too: in other light at other moments, as far as it is
+  // found there by what was learnt, its own size and two views or more. several: it is one of several of its colour,
+  // which are no background, and are learnt from as well.
   Taught held_elsewhere(Taught taught, const TeachRequestOptions& request, const object_tracking::Volume& volume,
                         bool several) const;
 

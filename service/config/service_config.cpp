@@ -286,75 +286,226 @@ auto& value_of(Entry& entry) {
 }
 
 // ---------------------------------------------------------------------------------------------------------------------
-// Hears of every key. A name that people choose is NAME here.
-class KeyList {
+class Printer {
  public:
-  explicit KeyList(std::vector<yaml::KeyPath>& keys, yaml::KeyPath above = {})
-      : keys_(keys), above_(std::move(above)) {}
+  enum class Show : std::uint8_t {
+    all,          // every value
+    all_origins,  // and which of them come from the taught file
+    taught        // only what stands in the taught file
+  };
+  struct Style {
+    Show show = Show::all;
+    const TaughtKeys& taught;
+    std::string taught_name{};                   // of its file
+    std::vector<yaml::KeyPath>* keys = nullptr;  // what is printed is added to them
+  };
+  // path: of the mapping that is printed, empty at the root. style stays alive.
+  Printer(std::string& out, const Style& style, yaml::KeyPath path = {})
+      : out_(out), style_(style), path_(std::move(path)) {}
 
-  void version(int) { add("version"); }
-  void number(std::string_view key, const auto&...) { add(key); }
-  void integer(std::string_view key, const auto&...) { add(key); }
-  void boolean(std::string_view key, const auto&...) { add(key); }
-  void text(std::string_view key, const auto&...) { add(key); }
-  void text_or(std::string_view key, const auto&...) { add(key); }
-  void table_or(std::string_view key, const NumberRows&, const std::vector<CsvColumn>&, std::size_t, std::size_t,
-                std::string_view) {
-    add(key);
+  void version(int only) { write("version", std::to_string(only), ""); }
+  void number(std::string_view key, double value, yaml::Range, std::string_view doc) {
+    line(key, yaml::shortest_text(value), doc);
   }
-  void strings(std::string_view key, const auto&...) { add(key); }
-  void choice(std::string_view key, const auto&...) { add(key); }
-  void choice_or(std::string_view key, const auto&...) { add(key); }
-  void rig(std::string_view key, const auto&...) { add(key); }
-  void device(std::string_view key, const auto&...) { add(key); }
-  void size_or(std::string_view key, const auto&...) { add(key); }
-  void controls(std::string_view key, const auto&...) { add(key); }
-  void path_or(std::string_view key, const auto&...) { add(key); }
-  void folder_or(std::string_view key, const auto&...) { add(key); }
-  void number_or(std::string_view key, const auto&...) { add(key); }
-  void integer_or(std::string_view key, const auto&...) { add(key); }
-  void object_count(std::string_view key, const auto&...) { add(key); }
-  void point(std::string_view key, const auto&...) { add(key); }
-  void interval(std::string_view key, const auto&...) { add(key); }
-  void boxes(std::string_view key, const auto&...) { add(key); }
+  template <std::integral T>
+  void integer(std::string_view key, T value, yaml::Range, std::string_view doc) {
+    line(key, std::to_string(value), doc);
+  }
+  void boolean(std::string_view key, bool value, std::string_view doc) { line(key, value ? "true" : "false", doc); }
+  void text(std::string_view key, const std::string& value, std::string_view doc) {
+    line(key, yaml::in_yaml_quotes(value), doc);
+  }
+  void text_or(std::string_view key, const std::string& none, const std::string& value, std::string_view doc) {
+    line(key, value.empty() ? none : yaml::in_yaml_quotes(value), doc);
+  }
+  void table_or(std::string_view key, const NumberRows& rows, const std::vector<CsvColumn>&, std::size_t, std::size_t,
+                std::string_view doc) {
+    std::vector<std::string> items;
+    for (const auto& row : rows) {
+      std::vector<std::string> numbers;
+      for (const double number : row) numbers.push_back(yaml::shortest_text(number));
+      items.push_back(list_of(numbers));
+    }
+    line(key, rows.empty() ? "none" : list_of(items), doc);
+  }
+  void strings(std::string_view key, const std::vector<std::string>& value, std::string_view doc) {
+    std::vector<std::string> items;
+    for (const auto& item : value) items.push_back(yaml::in_yaml_quotes(item));
+    line(key, list_of(items), doc);
+  }
+  template <typename T>
+  void choice(std::string_view key, T value, Words<T> words, std::string_view doc) {
+    line(key, std::string(std::ranges::find(words, value, [](const auto& w) { return w.second; })->first), doc);
+  }
+  template <typename T>
+  void choice_or(std::string_view key, std::string_view none, const std::optional<T>& value, Words<T> words,
+                 std::string_view doc) {
+    if (value) return choice(key, *value, words, doc);
+    line(key, std::string(none), doc);
+  }
+  void rig(std::string_view key, const fs::path& value, std::string_view doc) { path_or(key, "none", value, doc); }
+  void device(std::string_view key, const fs::path& value, const std::string&, std::string_view doc) {
+    path_or(key, "none", value, doc);
+  }
+  void size_or(std::string_view key, std::string_view word, const std::optional<calib::ImageSize>& size,
+               std::string_view doc) {
+    line(key, size ? list_of({std::to_string(size->width), std::to_string(size->height)}) : std::string(word), doc);
+  }
+  void controls(std::string_view key, const std::vector<capture::ControlSetting>& settings, std::string_view doc) {
+    mapping(key, doc, [&](Printer& inner) {
+      for (const auto& [name, value] : settings) {
+        const auto* number = std::get_if<std::int64_t>(&value);
+        inner.line(name, number ? std::to_string(*number) : yaml::in_yaml_quotes(std::get<std::string>(value)), "");
+      }
+      inner.names_taken_away();
+    });
+  }
+  void path_or(std::string_view key, std::string_view none, const fs::path& value, std::string_view doc) {
+    line(key, value.empty() ? std::string(none) : yaml::in_yaml_quotes(value.string()), doc);
+  }
+  void folder_or(std::string_view key, std::string_view none, const fs::path& value, std::string_view doc) {
+    path_or(key, none, value, doc);
+  }
+  void number_or(std::string_view key, std::string_view word, std::optional<double> value, yaml::Range,
+                 std::string_view doc) {
+    line(key, value ? yaml::shortest_text(*value) : std::string(word), doc);
+  }
+  void integer_or(std::string_view key, std::string_view word, std::optional<int> value, yaml::Range,
+                  std::string_view doc) {
+    line(key, value ? std::to_string(*value) : std::string(word), doc);
+  }
+  void object_count(std::string_view key, const object_tracking::TargetOptions& target, std::string_view doc) {
+    line(key, (target.is_up_to ? "up to " : "") + std::to_string(target.count), doc);
+  }
+  void point(std::string_view key, const Eigen::Vector3d& p, std::string_view doc) {
+    line(key, list_of({yaml::shortest_text(p.x()), yaml::shortest_text(p.y()), yaml::shortest_text(p.z())}), doc);
+  }
+  void interval(std::string_view key, double min, double max, yaml::Range, Need, std::string_view doc) {
+    line(key, list_of({yaml::shortest_text(min), yaml::shortest_text(max)}), doc);
+  }
+  void boxes(std::string_view key, const object_tracking::IgnoredRegions& regions, std::string_view doc) {
+    mapping(key, doc, [&](Printer& inner) {
+      for (const auto& [camera, boxes] : regions) {
+        std::vector<std::string> numbers;
+        for (const color::PixelBox& box : boxes)
+          for (const int value : {box.u_min, box.v_min, box.u_max, box.v_max}) numbers.push_back(std::to_string(value));
+        inner.line(camera, list_of(numbers), "");
+      }
+      inner.names_taken_away();
+    });
+  }
   template <typename F>
-  void group(std::string_view key, std::string_view, F&& describe_group) {
-    KeyList inner(keys_, add(key));
-    describe_group(inner);
+  void group(std::string_view key, std::string_view doc, F&& describe_group) {
+    mapping(key, doc, describe_group);
   }
   template <typename F>
   void color(std::string_view key, const color::HsiRange&, std::string_view doc, F&& describe_range) {
-    group(key, doc, describe_range);
+    mapping(key, doc, describe_range);
   }
   template <typename T, typename F>
-  void named(std::string_view key, const std::vector<T>&, std::string_view, F&& describe_entry) {
-    yaml::KeyPath below = add(key);
-    below.emplace_back("NAME");
-    KeyList inner(keys_, std::move(below));
-    T entry{};
-    describe_entry(inner, value_of(entry));
+  void named(std::string_view key, const std::vector<T>& entries, std::string_view doc, F&& describe_entry) {
+    mapping(key, doc, [&](Printer& inner) {
+      for (const T& entry : entries)
+        inner.mapping(name_of(entry), "", [&](Printer& fields) { describe_entry(fields, value_of(entry)); });
+      inner.names_taken_away();
+    });
   }
 
  private:
-  yaml::KeyPath add(std::string_view key) {
-    yaml::KeyPath path = above_;
+  yaml::KeyPath below(std::string_view key) const {
+    yaml::KeyPath path = path_;
     path.emplace_back(key);
-    keys_.push_back(path);
     return path;
   }
+  void line(std::string_view key, const std::string& value, std::string_view doc) {
+    const yaml::KeyPath here = below(key);
+    const bool is_removed = style_.taught.removed.contains(here);
+    const bool is_taught = is_removed || style_.taught.given.contains(here);
+    if (style_.show == Show::taught) {
+      if (is_taught) write(key, is_removed ? "null" : value, "");
+    } else if (style_.show == Show::all_origins && is_taught) {
+      write(key, value, fmt::format("from {}{}{}", style_.taught_name, doc.empty() ? "" : "; ", doc));
+    } else {
+      write(key, value, doc);
+    }
+  }
+  // fill prints the entries.
+  template <typename F>
+  void mapping(std::string_view key, std::string_view doc, F&& fill) {
+    std::string inside;
+    Printer inner(inside, style_, below(key));
+    fill(inner);
+    if (style_.show == Show::taught) {
+      if (style_.taught.removed.contains(inner.path_)) {
+        write(key, "null", "");
+      } else if (inner.has_entries_) {
+        write(key, "", "");
+      } else if (style_.taught.given.contains(inner.path_)) {
+        write(key, "{}", "");
+      }
+    } else {
+      write(key, inner.has_entries_ ? "" : "{}", doc);
+    }
+    out_ += inside;
+  }
+  // The entries of this mapping that the taught file takes away are not among those that are there.
+  void names_taken_away() {
+    if (style_.show == Show::all) return;
+    for (const yaml::KeyPath& removed : style_.taught.removed) {
+      if (removed.size() != path_.size() + 1 || !std::equal(path_.begin(), path_.end(), removed.begin())) continue;
+      if (style_.show == Show::taught) {
+        write(removed.back(), "null", "");
+      } else {
+        out_ += fmt::format("{}# without {}: from {}\n", indentation(), removed.back(), style_.taught_name);
+      }
+    }
+  }
+  std::string indentation() const { return std::string(2 * path_.size(), ' '); }
+  void write(std::string_view key, std::string_view value, std::string_view comment) {
+    constexpr std::size_t comment_column = 44;
+    std::string text = fmt::format("{}{}:", indentation(), quoted_key(std::string(key)));
+    if (!value.empty()) text.append(" ").append(value);
+    if (!comment.empty()) {
+      text.resize(std::max(text.size() + 2, comment_column), ' ');
+      text.append("# ").append(comment);
+    }
+    out_ += text + "\n";
+    has_entries_ = true;
+    if (style_.keys != nullptr) style_.keys->push_back(below(key));
+  }
+  static std::string list_of(const std::vector<std::string>& items) {
+    return fmt::format("[{}]", fmt::join(items, ", "));
+  }
+  static std::string quoted_key(const std::string& name) {
+    const bool plain = !name.empty() && std::isalpha(static_cast<unsigned char>(name.front())) != 0 &&
+                       std::ranges::all_of(name, [](unsigned char c) { return std::isalnum(c) != 0 || c == '_'; });
+    constexpr std::string_view words[] = {"true", "false", "null", "yes", "no", "on", "off", "y", "n"};
+    return plain && std::ranges::find(words, name) == std::end(words) ? name : yaml::in_yaml_quotes(name);
+  }
 
-  std::vector<yaml::KeyPath>& keys_;
-  yaml::KeyPath above_;
+  std::string& out_;
+  const Style& style_;
+  yaml::KeyPath path_;
+  bool has_entries_ = false;
 };
 
-// "its keys belong below it, indented: min, max"; of what lists keys.
+// The keys that are printed, those of a mapping before its own.
 template <typename F>
-std::string keys_below(F&& list_keys) {
+std::vector<yaml::KeyPath> keys_of(F&& print) {
+  std::string text;
   std::vector<yaml::KeyPath> keys;
-  KeyList list(keys);
-  list_keys(list);
+  const TaughtKeys none;
+  const Printer::Style style{.taught = none, .keys = &keys};
+  Printer printer(text, style);
+  print(printer);
+  return keys;
+}
+
+// "its keys belong below it, indented: min, max"; of what prints keys.
+template <typename F>
+std::string keys_below(F&& print) {
   std::vector<std::string> names;
-  for (const yaml::KeyPath& path : keys)
+  for (const yaml::KeyPath& path : keys_of(print))
     if (path.size() == 1) names.push_back(path.front());
   return fmt::format("its keys belong below it, indented, with a colon each: {}", fmt::join(names, ", "));
 }
@@ -544,8 +695,7 @@ class Reader {
   }
   template <typename F>
   void group(std::string_view key, std::string_view, F&& describe_group) {
-    if (yaml_.has(key) && !yaml_.is_mapping(key))
-      yaml_.fail(key, "is a group of keys: " + keys_below([&](KeyList& list) { describe_group(list); }));
+    if (yaml_.has(key) && !yaml_.is_mapping(key)) yaml_.fail(key, "is a group of keys: " + keys_below(describe_group));
     Reader inner(yaml_.map_or_empty(key), folder_,
                  elsewhere_);  // even when it is absent: something in it may be required
     describe_group(inner);
@@ -564,8 +714,8 @@ class Reader {
   void named(std::string_view key, std::vector<T>& entries, std::string_view, F&& describe_entry) {
     if (!yaml_.has(key)) return;
     const auto keys_of_one = [&describe_entry] {
-      T one{};
-      return keys_below([&](KeyList& list) { describe_entry(list, value_of(one)); });
+      const T one{};
+      return keys_below([&](Printer& printer) { describe_entry(printer, value_of(one)); });
     };
     if (!yaml_.is_mapping(key))
       yaml_.fail(key,
@@ -622,215 +772,20 @@ class Reader {
 };
 
 // ---------------------------------------------------------------------------------------------------------------------
-class Printer {
- public:
-  enum class Show : std::uint8_t {
-    all,          // every value
-    all_origins,  // and which of them come from the taught file
-    taught        // only what stands in the taught file
-  };
-  struct Style {
-    Show show = Show::all;
-    const TaughtKeys& taught;
-    std::string taught_name{};  // of its file
-  };
-  // path: of the mapping that is printed, empty at the root. style stays alive.
-  Printer(std::string& out, const Style& style, yaml::KeyPath path = {})
-      : out_(out), style_(style), path_(std::move(path)) {}
+// Of every configuration that there can be; a name that people choose is NAME.
+std::vector<yaml::KeyPath> all_keys() {
+  ServiceConfig one_of_all;
+  one_of_all.targets.emplace_back().name = "NAME";
+  one_of_all.targets.front().camera_colors.emplace_back("NAME", color::HsiRange{});
+  one_of_all.cameras.emplace_back().name = "NAME";
+  return keys_of([&](Printer& printer) { describe(printer, one_of_all); });
+}
 
-  void version(int only) { write("version", std::to_string(only), ""); }
-  void number(std::string_view key, double value, yaml::Range, std::string_view doc) {
-    line(key, yaml::shortest_text(value), doc);
-  }
-  template <std::integral T>
-  void integer(std::string_view key, T value, yaml::Range, std::string_view doc) {
-    line(key, std::to_string(value), doc);
-  }
-  void boolean(std::string_view key, bool value, std::string_view doc) { line(key, value ? "true" : "false", doc); }
-  void text(std::string_view key, const std::string& value, std::string_view doc) {
-    line(key, yaml::in_yaml_quotes(value), doc);
-  }
-  void text_or(std::string_view key, const std::string& none, const std::string& value, std::string_view doc) {
-    line(key, value.empty() ? none : yaml::in_yaml_quotes(value), doc);
-  }
-  void table_or(std::string_view key, const NumberRows& rows, const std::vector<CsvColumn>&, std::size_t, std::size_t,
-                std::string_view doc) {
-    std::vector<std::string> items;
-    for (const auto& row : rows) {
-      std::vector<std::string> numbers;
-      for (const double number : row) numbers.push_back(yaml::shortest_text(number));
-      items.push_back(list_of(numbers));
-    }
-    line(key, rows.empty() ? "none" : list_of(items), doc);
-  }
-  void strings(std::string_view key, const std::vector<std::string>& value, std::string_view doc) {
-    std::vector<std::string> items;
-    for (const auto& item : value) items.push_back(yaml::in_yaml_quotes(item));
-    line(key, list_of(items), doc);
-  }
-  template <typename T>
-  void choice(std::string_view key, T value, Words<T> words, std::string_view doc) {
-    line(key, std::string(std::ranges::find(words, value, [](const auto& w) { return w.second; })->first), doc);
-  }
-  template <typename T>
-  void choice_or(std::string_view key, std::string_view none, const std::optional<T>& value, Words<T> words,
-                 std::string_view doc) {
-    if (value) return choice(key, *value, words, doc);
-    line(key, std::string(none), doc);
-  }
-  void rig(std::string_view key, const fs::path& value, std::string_view doc) { path_or(key, "none", value, doc); }
-  void device(std::string_view key, const fs::path& value, const std::string&, std::string_view doc) {
-    path_or(key, "none", value, doc);
-  }
-  void size_or(std::string_view key, std::string_view word, const std::optional<calib::ImageSize>& size,
-               std::string_view doc) {
-    line(key, size ? list_of({std::to_string(size->width), std::to_string(size->height)}) : std::string(word), doc);
-  }
-  void controls(std::string_view key, const std::vector<capture::ControlSetting>& settings, std::string_view doc) {
-    mapping(key, doc, [&](Printer& inner) {
-      for (const auto& [name, value] : settings) {
-        const auto* number = std::get_if<std::int64_t>(&value);
-        inner.line(name, number ? std::to_string(*number) : yaml::in_yaml_quotes(std::get<std::string>(value)), "");
-      }
-      inner.names_taken_away();
-    });
-  }
-  void path_or(std::string_view key, std::string_view none, const fs::path& value, std::string_view doc) {
-    line(key, value.empty() ? std::string(none) : yaml::in_yaml_quotes(value.string()), doc);
-  }
-  void folder_or(std::string_view key, std::string_view none, const fs::path& value, std::string_view doc) {
-    path_or(key, none, value, doc);
-  }
-  void number_or(std::string_view key, std::string_view word, std::optional<double> value, yaml::Range,
-                 std::string_view doc) {
-    line(key, value ? yaml::shortest_text(*value) : std::string(word), doc);
-  }
-  void integer_or(std::string_view key, std::string_view word, std::optional<int> value, yaml::Range,
-                  std::string_view doc) {
-    line(key, value ? std::to_string(*value) : std::string(word), doc);
-  }
-  void object_count(std::string_view key, const object_tracking::TargetOptions& target, std::string_view doc) {
-    line(key, (target.is_up_to ? "up to " : "") + std::to_string(target.count), doc);
-  }
-  void point(std::string_view key, const Eigen::Vector3d& p, std::string_view doc) {
-    line(key, list_of({yaml::shortest_text(p.x()), yaml::shortest_text(p.y()), yaml::shortest_text(p.z())}), doc);
-  }
-  void interval(std::string_view key, double min, double max, yaml::Range, Need, std::string_view doc) {
-    line(key, list_of({yaml::shortest_text(min), yaml::shortest_text(max)}), doc);
-  }
-  void boxes(std::string_view key, const object_tracking::IgnoredRegions& regions, std::string_view doc) {
-    mapping(key, doc, [&](Printer& inner) {
-      for (const auto& [camera, boxes] : regions) {
-        std::vector<std::string> numbers;
-        for (const color::PixelBox& box : boxes)
-          for (const int value : {box.u_min, box.v_min, box.u_max, box.v_max}) numbers.push_back(std::to_string(value));
-        inner.line(camera, list_of(numbers), "");
-      }
-      inner.names_taken_away();
-    });
-  }
-  template <typename F>
-  void group(std::string_view key, std::string_view doc, F&& describe_group) {
-    mapping(key, doc, describe_group);
-  }
-  template <typename F>
-  void color(std::string_view key, const color::HsiRange&, std::string_view doc, F&& describe_range) {
-    mapping(key, doc, describe_range);
-  }
-  template <typename T, typename F>
-  void named(std::string_view key, const std::vector<T>& entries, std::string_view doc, F&& describe_entry) {
-    mapping(key, doc, [&](Printer& inner) {
-      for (const T& entry : entries)
-        inner.mapping(name_of(entry), "", [&](Printer& fields) { describe_entry(fields, value_of(entry)); });
-      inner.names_taken_away();
-    });
-  }
-
- private:
-  yaml::KeyPath below(std::string_view key) const {
-    yaml::KeyPath path = path_;
-    path.emplace_back(key);
-    return path;
-  }
-  void line(std::string_view key, const std::string& value, std::string_view doc) {
-    const yaml::KeyPath here = below(key);
-    const bool is_removed = style_.taught.removed.contains(here);
-    const bool is_taught = is_removed || style_.taught.given.contains(here);
-    if (style_.show == Show::taught) {
-      if (is_taught) write(key, is_removed ? "null" : value, "");
-    } else if (style_.show == Show::all_origins && is_taught) {
-      write(key, value, fmt::format("from {}{}{}", style_.taught_name, doc.empty() ? "" : "; ", doc));
-    } else {
-      write(key, value, doc);
-    }
-  }
-  // fill prints the entries.
-  template <typename F>
-  void mapping(std::string_view key, std::string_view doc, F&& fill) {
-    std::string inside;
-    Printer inner(inside, style_, below(key));
-    fill(inner);
-    if (style_.show == Show::taught) {
-      if (style_.taught.removed.contains(inner.path_)) {
-        write(key, "null", "");
-      } else if (inner.has_entries_) {
-        write(key, "", "");
-      } else if (style_.taught.given.contains(inner.path_)) {
-        write(key, "{}", "");
-      }
-    } else {
-      write(key, inner.has_entries_ ? "" : "{}", doc);
-    }
-    out_ += inside;
-  }
-  // The entries of this mapping that the taught file takes away are not among those that are there.
-  void names_taken_away() {
-    if (style_.show == Show::all) return;
-    for (const yaml::KeyPath& removed : style_.taught.removed) {
-      if (removed.size() != path_.size() + 1 || !std::equal(path_.begin(), path_.end(), removed.begin())) continue;
-      if (style_.show == Show::taught) {
-        write(removed.back(), "null", "");
-      } else {
-        out_ += fmt::format("{}# without {}: from {}\n", indentation(), removed.back(), style_.taught_name);
-      }
-    }
-  }
-  std::string indentation() const { return std::string(2 * path_.size(), ' '); }
-  void write(std::string_view key, std::string_view value, std::string_view comment) {
-    constexpr std::size_t comment_column = 44;
-    std::string text = fmt::format("{}{}:", indentation(), quoted_key(std::string(key)));
-    if (!value.empty()) text.append(" ").append(value);
-    if (!comment.empty()) {
-      text.resize(std::max(text.size() + 2, comment_column), ' ');
-      text.append("# ").append(comment);
-    }
-    out_ += text + "\n";
-    has_entries_ = true;
-  }
-  static std::string list_of(const std::vector<std::string>& items) {
-    return fmt::format("[{}]", fmt::join(items, ", "));
-  }
-  static std::string quoted_key(const std::string& name) {
-    const bool plain = !name.empty() && std::isalpha(static_cast<unsigned char>(name.front())) != 0 &&
-                       std::ranges::all_of(name, [](unsigned char c) { return std::isalnum(c) != 0 || c == '_'; });
-    constexpr std::string_view words[] = {"true", "false", "null", "yes", "no", "on", "off", "y", "n"};
-    return plain && std::ranges::find(words, name) == std::end(words) ? name : yaml::in_yaml_quotes(name);
-  }
-
-  std::string& out_;
-  const Style& style_;
-  yaml::KeyPath path_;
-  bool has_entries_ = false;
-};
-
-// ---------------------------------------------------------------------------------------------------------------------
 ServiceConfig described(const yaml::YamlReader& root, const fs::path& file) {
   ServiceConfig config;
   config.file = fs::absolute(file).lexically_normal();
-  std::vector<yaml::KeyPath> all_keys;
-  KeyList list(all_keys);
-  describe(list, config);
-  Reader reader(root, root.path().parent_path(), all_keys);
+  const std::vector<yaml::KeyPath> keys = all_keys();
+  Reader reader(root, root.path().parent_path(), keys);
   describe(reader, config);
   reader.finish();
   return config;

@@ -14,7 +14,7 @@ namespace huetrack::daemon {
 // service manager: ready once all of them were tried; the watchdog is told only while every camera's thread comes
 // round. throws CaptureError as open_cameras(); std::invalid_argument, std::runtime_error as hosts::CameraHost.
 void capture_cameras(const std::filesystem::path& config, const std::stop_token& stop);
-// The same with these.
+// With these cameras.
 void capture_cameras(const config::CaptureConfig& config, std::vector<capture::LiveCamera> cameras,
                      const std::stop_token& stop);
 

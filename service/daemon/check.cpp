@@ -17,7 +17,7 @@
 #include "pipeline/session.h"
 #include "publish/estimate_publisher.h"
 #include "tracks/track_csv.h"
-#include "tracks/truth.h"
+#include "tracks/truth_comparison.h"
 
 namespace huetrack::daemon {
 namespace {

@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <map>
 #include <memory>
+#include <type_traits>
 
 #include "daemon/capture_command.h"
 #include "daemon/check.h"
@@ -54,17 +55,26 @@ std::function<bool(int)> ask(std::atomic<bool>& what) {
 
 }  // namespace
 
+// What is done when it is this command that was given, and what signals do meanwhile. run(stop) returns the exit
+// status, or nothing: 0.
+template <typename Run>
+void on_choice(CLI::App& command, Command& chosen, Run run, const Signals::Others& on_signal = {}) {
+  command.callback([run, on_signal, &chosen] {
+    chosen.on_signal = on_signal;
+    chosen.run = [run](const std::stop_token& stop) -> int {
+      if constexpr (!std::is_void_v<std::invoke_result_t<Run, const std::stop_token&>>) return run(stop);
+      run(stop);
+      return 0;
+    };
+  });
+}
+
 void add_check_command(CLI::App& app, Command& chosen) {
   const auto config = std::make_shared<std::filesystem::path>();
   CLI::App* command =
       app.add_subcommand("check", "validate a configuration and print it resolved: every key, default or given");
   command->add_option("config", *config, config_help)->required();
-  command->callback([config, &chosen] {
-    chosen.run = [config](const std::stop_token&) {
-      check(*config);
-      return 0;
-    };
-  });
+  on_choice(*command, chosen, [config](const std::stop_token&) { check(*config); });
 }
 
 void add_replay_command(CLI::App& app, Command& chosen) {
@@ -114,24 +124,23 @@ void add_replay_command(CLI::App& app, Command& chosen) {
   command->add_flag(
       "--strict", options->is_strict,
       "exit status 3 when the tracks show a mistake in rig or configuration (lines `mistake` of the summary)");
-  command->callback([options, &chosen] {
+  const auto reload = [options](int code) {
+    if (code == SI_KERNEL) return true;  // nobody's kill -HUP: its terminal is gone
+    options->reload = true;
+    return false;
+  };
+  const auto run = [options](const std::stop_token& stop) {
     options->replay.progress = !options->quiet;
     options->replay.reload = &options->reload;
-    chosen.on_signal[SIGHUP] = [options](int code) {
-      if (code == SI_KERNEL) return true;  // nobody's kill -HUP: its terminal is gone
-      options->reload = true;
-      return false;
-    };
-    chosen.run = [options](const std::stop_token& stop) {
-      const ReplaySummary summary = replay(options->replay, stop);
-      if (options->quiet) {
-        std::fputs(problems_text(summary).c_str(), stderr);
-      } else {
-        std::fputs(to_text(summary, options->replay).c_str(), stdout);
-      }
-      return options->is_strict && !summary.mistakes.empty() ? mistakes_status : 0;
-    };
-  });
+    const ReplaySummary summary = replay(options->replay, stop);
+    if (options->quiet) {
+      std::fputs(problems_text(summary).c_str(), stderr);
+    } else {
+      std::fputs(to_text(summary, options->replay).c_str(), stdout);
+    }
+    return options->is_strict && !summary.mistakes.empty() ? mistakes_status : 0;
+  };
+  on_choice(*command, chosen, run, {{SIGHUP, reload}});
 }
 
 namespace {
@@ -153,14 +162,9 @@ void add_run_command(CLI::App& app, Command& chosen) {
   command->add_option("--poses", service->live.poses, poses_help);
   command->add_option("--write-rig", service->live.write_rig, write_rig_help);
   command->add_flag("--no-dds", service->live.no_dds, "do not publish");
-  command->callback([service, &chosen] {
-    chosen.on_signal[SIGHUP] = ask(service->requests.reload);
-    chosen.on_signal[SIGUSR1] = ask(service->requests.save);
-    chosen.run = [service](const std::stop_token& stop) {
-      run(service->config, service->live, service->requests, stop);
-      return 0;
-    };
-  });
+  on_choice(*command, chosen,
+            [service](const std::stop_token& stop) { run(service->config, service->live, service->requests, stop); },
+            {{SIGHUP, ask(service->requests.reload)}, {SIGUSR1, ask(service->requests.save)}});
 }
 
 void add_setup_command(CLI::App& app, Command& chosen) {
@@ -174,14 +178,9 @@ void add_setup_command(CLI::App& app, Command& chosen) {
   command->add_option("config", options->setup.config, "the file to write; one that is there is run as it stands")
       ->capture_default_str();
   command->add_flag("!--only-write", options->setup.with_page, "write the file, and run nothing");
-  command->callback([options, &chosen] {
-    chosen.on_signal[SIGHUP] = ask(options->requests.reload);
-    chosen.on_signal[SIGUSR1] = ask(options->requests.save);
-    chosen.run = [options](const std::stop_token& stop) {
-      set_up(options->setup, options->requests, stop);
-      return 0;
-    };
-  });
+  on_choice(*command, chosen,
+            [options](const std::stop_token& stop) { set_up(options->setup, options->requests, stop); },
+            {{SIGHUP, ask(options->requests.reload)}, {SIGUSR1, ask(options->requests.save)}});
 }
 
 void add_capture_command(CLI::App& app, Command& chosen) {
@@ -189,12 +188,7 @@ void add_capture_command(CLI::App& app, Command& chosen) {
   CLI::App* command =
       app.add_subcommand("capture", "give this host's cameras to trackers on other hosts, which name them by host:");
   command->add_option("config", *config, "a camera host's configuration: cameras, host, dds, log_level")->required();
-  command->callback([config, &chosen] {
-    chosen.run = [config](const std::stop_token& stop) {
-      capture_cameras(*config, stop);
-      return 0;
-    };
-  });
+  on_choice(*command, chosen, [config](const std::stop_token& stop) { capture_cameras(*config, stop); });
 }
 
 void add_record_command(CLI::App& app, Command& chosen) {
@@ -204,14 +198,11 @@ void add_record_command(CLI::App& app, Command& chosen) {
   command->add_option("out", service->live.record_to, "a new folder for the recording")->required();
   command->add_option("--seconds", service->live.seconds, "end so long after the first frame")
       ->check(CLI::Range(0.001, 1e9));
-  command->callback([service, &chosen] {
-    chosen.on_signal[SIGHUP] = [](int) { return true; };  // its terminal is gone: the recording is ended well
-    chosen.on_signal[SIGUSR1] = [](int) { return false; };
-    chosen.run = [service](const std::stop_token& stop) {
-      record(service->config, service->live, service->requests, stop);
-      return 0;
-    };
-  });
+  const auto end = [](int) { return true; };  // its terminal is gone: the recording is ended well
+  const auto go_on = [](int) { return false; };
+  on_choice(*command, chosen,
+            [service](const std::stop_token& stop) { record(service->config, service->live, service->requests, stop); },
+            {{SIGHUP, end}, {SIGUSR1, go_on}});
 }
 
 void add_doctor_command(CLI::App& app, Command& chosen) {
@@ -222,9 +213,8 @@ void add_doctor_command(CLI::App& app, Command& chosen) {
   command->add_option("--seconds", options->seconds, "how long all cameras stream at once (3)")
       ->check(CLI::Range(0.5, 3600.0));
   command->add_flag("!--no-stream", options->streams, "look at the cameras without starting them");
-  command->callback([options, &chosen] {
-    chosen.run = [options](const std::stop_token& stop) { return doctor::doctor(*options, stop) > 0 ? 1 : 0; };
-  });
+  on_choice(*command, chosen,
+            [options](const std::stop_token& stop) { return doctor::doctor(*options, stop) > 0 ? 1 : 0; });
 }
 
 void add_compare_command(CLI::App& app, Command& chosen) {
@@ -238,12 +228,8 @@ void add_compare_command(CLI::App& app, Command& chosen) {
   command->add_option("truth", options->truth, "CSV with columns ball or target, t, x, y, z")->required();
   command->add_option("--clock-offset", options->clock_offset_s,
                       "seconds that the tracks' clock is ahead of the truth's");
-  command->callback([options, &chosen] {
-    chosen.run = [options](const std::stop_token&) {
-      compare(options->tracks, options->truth, options->clock_offset_s);
-      return 0;
-    };
-  });
+  on_choice(*command, chosen,
+            [options](const std::stop_token&) { compare(options->tracks, options->truth, options->clock_offset_s); });
 }
 
 void add_teach_command(CLI::App& app, Command& chosen) {
@@ -272,9 +258,7 @@ void add_teach_command(CLI::App& app, Command& chosen) {
       "--undo", teaching->undo, "what was there before the last save takes its place again; the last twenty are kept");
   command->add_flag("--redo", teaching->redo, "what was undone last is done again")->excludes(undo);
 
-  command->callback([teaching, &chosen] {
-    chosen.run = [teaching](const std::stop_token& stop) { return page::teach(*teaching, stop); };
-  });
+  on_choice(*command, chosen, [teaching](const std::stop_token& stop) { return page::teach(*teaching, stop); });
 }
 
 }  // namespace huetrack::daemon

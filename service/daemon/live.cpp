@@ -10,7 +10,6 @@
 #include <span>
 #include <stdexcept>
 #include <thread>
-#include <utility>
 
 #include "calib/model/rig_yaml.h"
 #include "daemon/replay.h"

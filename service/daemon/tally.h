@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "pipeline/output.h"
-#include "tracks/truth.h"
+#include "tracks/truth_comparison.h"
 
 namespace huetrack::daemon {
 

@@ -11,6 +11,7 @@
 #include <iterator>
 #include <set>
 
+#include "calib/yaml/joined.h"
 #include "calib/yaml/text_file.h"
 #include "calib/yaml/yaml_reader.h"
 #include "capture/network_source.h"
@@ -27,13 +28,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-std::string joined(const std::vector<std::string>& words, const std::string& between = ", ") {
-  return fmt::format("{}", fmt::join(words, between));
-}
-std::string joined(const std::vector<fs::path>& paths) {
-  std::vector<std::string> words(paths.begin(), paths.end());
-  return joined(words);
-}
+using yaml::joined;
 
 std::string name_of(const CameraExam& exam) {
   const std::string node = exam.node.identity.node.filename().string();
@@ -452,8 +447,7 @@ class Doctor {
     const auto space = fs::space(there, error);
     double bytes_per_s = 0;  // as if nothing were compressed
     for (const auto& camera : config_->cameras) {
-      const calib::ImageSize size =
-          config_->rig.cameras[std::size_t(config_->rig.index_of(camera.name).value())].image_size;
+      const calib::ImageSize size = size_of(camera);
       bytes_per_s += 2.0 * size.width * size.height * camera.fps.value_or(30);
     }
     const double minutes = bytes_per_s > 0 ? double(space.available) / bytes_per_s / 60 : 0;

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <atomic>
 #include <chrono>
-#include <fastdds/dds/subscriber/SampleInfo.hpp>
 #include <limits>
 #include <mutex>
 #include <stdexcept>
@@ -24,7 +23,6 @@
 namespace huetrack::hosts {
 
 namespace dds = eprosima::fastdds::dds;
-using eprosima::fastrtps::types::ReturnCode_t;
 using namespace std::chrono_literals;
 
 namespace {
@@ -136,12 +134,10 @@ struct CameraHost::Impl {
   void tell_the_time(const std::stop_token& stop) {
     idl::Arrivals questions(probe);
     msg::ClockProbe question;
-    dds::SampleInfo info;
     while (!stop.stop_requested()) {
       questions.wait(100ms);
       const capture::Timestamp came = capture::unix_now();
-      while (probe.take_next_sample(&question, &info) == ReturnCode_t::RETCODE_OK) {
-        if (!info.valid_data) continue;
+      while (idl::take_next(probe, question)) {
         msg::ClockEcho answer;
         answer.host(options.host);
         answer.run(run);
@@ -162,11 +158,10 @@ struct CameraHost::Impl {
   void hear_what_is_looked_for(const std::stop_token& stop) {
     idl::Arrivals arrivals(*looked_for);
     msg::LookedForColors said;
-    dds::SampleInfo info;
     while (!stop.stop_requested()) {
       arrivals.wait(100ms);
-      while (looked_for->take_next_sample(&said, &info) == ReturnCode_t::RETCODE_OK) {
-        if (!info.valid_data || said.host() != options.host) continue;
+      while (idl::take_next(*looked_for, said)) {
+        if (said.host() != options.host) continue;
         const auto camera = std::ranges::find(cameras, said.camera(), [](const auto& c) { return c->name; });
         if (camera == cameras.end()) continue;
         const std::scoped_lock lock((*camera)->mutex);
@@ -187,9 +182,8 @@ struct CameraHost::Impl {
                             msg::ExpectedOutlines& said, std::vector<capture::PatchPlace>& out) {
     out.clear();
     if (camera.outlines == nullptr) return;
-    dds::SampleInfo info;
-    while (camera.outlines->take_next_sample(&said, &info) == ReturnCode_t::RETCODE_OK)
-      if (info.valid_data && said.run() == run) wanted.hear(said);
+    while (idl::take_next(*camera.outlines, said))
+      if (said.run() == run) wanted.hear(said);
     wanted.places_at(frame.stamped_at, out);
     wanted.note(frame.sequence, frame.stamped_at);
   }

@@ -1,6 +1,5 @@
 #include "hosts/frame_message.h"
 
-#include <cstring>
 #include <utility>
 
 namespace huetrack::hosts {

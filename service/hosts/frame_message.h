@@ -1,8 +1,6 @@
 // A frame as it goes over the bus and back: the camera's own bytes. Pure functions; any thread.
 #pragma once
 
-#include <string>
-
 #include "capture/frame.h"
 #include "capture/jpeg_decoder.h"
 #include "idl/camera_host.h"
@@ -16,7 +14,7 @@ void to_message(const capture::Frame& frame, msg::CameraFrame& out);
 // does not decode, is corrupted. The message's bytes are moved into the frame.
 capture::Frame from_message(msg::CameraFrame&& message, capture::JpegDecoder& decoder);
 
-// The same of a frame that says which pixels match. latest, width, height: decode_matches().
+// As much of a frame that says which pixels match. latest, width, height: decode_matches().
 capture::Frame from_message(msg::CameraMatches&& message, capture::JpegDecoder& decoder, capture::Image& latest,
                             int width = 0, int height = 0);
 

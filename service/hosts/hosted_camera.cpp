@@ -4,9 +4,7 @@
 
 #include <algorithm>
 #include <array>
-#include <atomic>
 #include <cmath>
-#include <fastdds/dds/subscriber/SampleInfo.hpp>
 #include <map>
 #include <mutex>
 #include <optional>
@@ -34,7 +32,6 @@
 namespace huetrack::hosts {
 
 namespace dds = eprosima::fastdds::dds;
-using eprosima::fastrtps::types::ReturnCode_t;
 using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
 
@@ -273,9 +270,8 @@ struct HostedCameras::Impl {
   void hear_time() {
     const capture::Timestamp came = capture::unix_now();
     msg::ClockEcho answer;
-    dds::SampleInfo info;
-    while (echo.take_next_sample(&answer, &info) == ReturnCode_t::RETCODE_OK) {
-      if (!info.valid_data || answer.tracker() != tracker) continue;
+    while (idl::take_next(echo, answer)) {
+      if (answer.tracker() != tracker) continue;
       if (!std::ranges::all_of(std::array{answer.received_at(), answer.answered_at(), answer.zero()}, is_a_time))
         continue;
       const auto& [number, sent] = questions[answer.number() % questions.size()];
@@ -308,9 +304,7 @@ struct HostedCameras::Impl {
 
   void hear_states() {
     msg::CameraHost said;
-    dds::SampleInfo info;
-    while (states.take_next_sample(&said, &info) == ReturnCode_t::RETCODE_OK) {
-      if (!info.valid_data) continue;
+    while (idl::take_next(states, said)) {
       const std::scoped_lock lock(mutex);
       const auto known = hosts.find(said.host());
       if (known == hosts.end()) continue;
@@ -508,7 +502,6 @@ struct HostedCameras::Impl {
       camera.without_colors = 0;
       return;
     }
-    ++health.of_other_colors;
     if (++camera.without_colors < longest_without_colors || !health.warning.empty()) return;
     health.warning = camera.options.host +
                      " does not say what matches the targets' colours: the trackers that use this camera look for more "
@@ -518,18 +511,16 @@ struct HostedCameras::Impl {
 
   std::optional<capture::Frame> next(Camera& camera, const std::stop_token& stop) {
     msg::CameraFrame message;
-    dds::SampleInfo info;
     while (!stop.stop_requested()) {
       {
         const std::scoped_lock lock(mutex);
         camera.health.last_progress = Clock::now();
       }
-      if (camera.reader->take_next_sample(&message, &info) != ReturnCode_t::RETCODE_OK) {
+      if (!idl::take_next(*camera.reader, message)) {
         camera.arrivals->wait(longest_wait);
-        continue;
+      } else if (auto frame = frame_of(camera, message)) {
+        return frame;
       }
-      if (!info.valid_data) continue;
-      if (auto frame = frame_of(camera, message)) return frame;
     }
     return std::nullopt;
   }
@@ -545,32 +536,31 @@ struct HostedCameras::Impl {
   struct Reading {
     explicit Reading(Group of) : group(std::move(of)), arrivals(group.readers) {}
     const Group group;
-    idl::ArrivalsOfMany arrivals;
+    idl::Arrivals arrivals;
     std::vector<std::size_t> to_read;  // of the hosts; the last one first
     msg::CameraMatches message;
   };
 
   std::optional<capture::Frame> next(Reading& reading, const std::stop_token& stop) {
     const Group& group = reading.group;
-    dds::SampleInfo info;
     while (!stop.stop_requested()) {
       if (reading.to_read.empty()) {
         {
           const std::scoped_lock lock(mutex);
           for (Camera* camera : group.cameras) camera->health.last_progress = Clock::now();
         }
-        reading.arrivals.wait(longest_wait, reading.to_read);
+        reading.to_read = reading.arrivals.wait(longest_wait);
         continue;
       }
       const std::size_t host = reading.to_read.back();
-      if (group.readers[host]->take_next_sample(&reading.message, &info) != ReturnCode_t::RETCODE_OK) {
+      if (!idl::take_next(*group.readers[host], reading.message)) {
         reading.to_read.pop_back();
         continue;
       }
       const auto camera = std::ranges::find_if(group.cameras, [&](const Camera* of) {
         return of->options.camera_there == reading.message.camera() && of->options.host == group.names[host];
       });
-      if (!info.valid_data || camera == group.cameras.end()) continue;  // or another tracker looks for it
+      if (camera == group.cameras.end()) continue;  // or another tracker looks for it
       if (auto frame = frame_of(**camera, reading.message)) return frame;
     }
     return std::nullopt;

@@ -1,7 +1,6 @@
 // Cameras of other hosts as sources of frames, like those of this one.
 #pragma once
 
-#include <chrono>
 #include <memory>
 #include <string>
 #include <vector>

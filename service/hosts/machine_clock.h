@@ -10,7 +10,7 @@
 namespace huetrack::hosts {
 
 struct MachineClock {
-  // The same for all programs of a machine since it was started, another one for any other machine; 0: not known.
+  // One number for all programs of a machine since it was started, another one for any other machine; 0: not known.
   std::int64_t machine = 0;
   capture::Timestamp zero{};     // UNIX time of CLOCK_MONOTONIC's zero as this program takes it (capture_clock.h)
   std::optional<double> kept_s;  // standard deviation to UTC, or to the PTP master's time; nullopt: nobody keeps it

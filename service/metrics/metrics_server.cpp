@@ -13,6 +13,7 @@
 #include <chrono>
 #include <cstring>
 #include <map>
+#include <memory>
 #include <mutex>
 #include <stdexcept>
 #include <string_view>
@@ -35,16 +36,6 @@ constexpr std::size_t most_open = most_clients - 16;
 constexpr std::size_t client_memory = 16 * 1024;  // bytes, of a request; a longer one is refused
 constexpr auto client_patience = 2s;              // from its connection until its answer is sent
 
-struct AddressList {
-  addrinfo* first = nullptr;
-  AddressList() = default;
-  AddressList(const AddressList&) = delete;
-  AddressList& operator=(const AddressList&) = delete;
-  ~AddressList() {
-    if (first != nullptr) ::freeaddrinfo(first);
-  }
-};
-
 }  // namespace
 
 struct MetricsServer::Impl {
@@ -62,16 +53,16 @@ struct MetricsServer::Impl {
     addrinfo hints{};
     hints.ai_flags = AI_PASSIVE | AI_NUMERICSERV;
     hints.ai_socktype = SOCK_STREAM;
-    AddressList found;
-    if (const int error = ::getaddrinfo(address.c_str(), std::to_string(port).c_str(), &hints, &found.first);
-        error != 0)
+    addrinfo* first = nullptr;
+    if (const int error = ::getaddrinfo(address.c_str(), std::to_string(port).c_str(), &hints, &first); error != 0)
       throw std::runtime_error(where + ::gai_strerror(error) + ": give an address of this host, or 0.0.0.0 for all");
-    const unsigned family = found.first->ai_family == AF_INET6 ? MHD_USE_DUAL_STACK : MHD_NO_FLAG;
+    const std::unique_ptr<addrinfo, decltype(&::freeaddrinfo)> found(first, &::freeaddrinfo);
+    const unsigned family = found->ai_family == AF_INET6 ? MHD_USE_DUAL_STACK : MHD_NO_FLAG;
     errno = 0;
-    daemon = MHD_start_daemon(MHD_USE_EPOLL | family, 0, nullptr, nullptr, &Impl::answer, this, MHD_OPTION_SOCK_ADDR,
-                              found.first->ai_addr, MHD_OPTION_CONNECTION_LIMIT, most_clients,
-                              MHD_OPTION_CONNECTION_MEMORY_LIMIT, client_memory, MHD_OPTION_NOTIFY_CONNECTION,
-                              &Impl::note, this, MHD_OPTION_END);
+    daemon =
+        MHD_start_daemon(MHD_USE_EPOLL | family, 0, nullptr, nullptr, &Impl::answer, this, MHD_OPTION_SOCK_ADDR,
+                         found->ai_addr, MHD_OPTION_CONNECTION_LIMIT, most_clients, MHD_OPTION_CONNECTION_MEMORY_LIMIT,
+                         client_memory, MHD_OPTION_NOTIFY_CONNECTION, &Impl::note, this, MHD_OPTION_END);
     if (daemon == nullptr)
       throw std::runtime_error(where + (errno != 0 ? std::strerror(errno) : "the HTTP server does not start") +
                                ": another program has that port, or the address is not this host's");

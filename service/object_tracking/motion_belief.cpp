@@ -238,7 +238,7 @@ HUETRACK_CLONES void take_off(double* __restrict matrix, std::ptrdiff_t n, std::
   }
 }
 
-// The same of most_open at once, all below the diagonal. stride: from one column of the matrix to the next; of_a: of a
+// Takes most_open off at once, all below the diagonal. stride: from one column of the matrix to the next; of_a: of a
 // and b. With 64 cameras this is most of what a sighting costs.
 HUETRACK_CLONES void take_off_all(double* __restrict matrix, std::ptrdiff_t stride, std::ptrdiff_t n,
                                   const double* __restrict a, const double* __restrict b, std::ptrdiff_t of_a) {

@@ -5,7 +5,6 @@
 
 #include <Eigen/Core>
 #include <optional>
-#include <span>
 #include <vector>
 
 #include "calib/model/camera_rig.h"

@@ -1,19 +1,13 @@
 #include "object_tracking/object_estimate.h"
 
+#include <iterator>
+
 namespace huetrack::object_tracking {
 
 std::string_view name(TrackState state) {
-  switch (state) {
-    case TrackState::searching:
-      return "searching";
-    case TrackState::tracking:
-      return "tracking";
-    case TrackState::coasting:
-      return "coasting";
-    case TrackState::lost:
-      return "lost";
-  }
-  return "";
+  static constexpr std::string_view names[] = {"searching", "tracking", "coasting", "lost"};
+  static_assert(std::size(names) == std::size_t(TrackState::lost) + 1);
+  return names[std::size_t(state)];
 }
 
 std::string object_name(std::string_view target, std::uint32_t object) {

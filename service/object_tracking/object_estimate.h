@@ -76,9 +76,8 @@ struct ColorShare {
 // What the outlines of a target have told (observation: huetrack).
 struct OutlineFindings {
   std::size_t fitted = 0, not_fitted = 0;  // in views where what is behind the edge was known
-  bool is_blob = false;                    // so that they are not looked at any more: shape: automatic
   // How large it really is, as far as the rig's distances are right; nullopt: too few have been seen.
-  std::optional<double> radius_m = {}, radius_sigma_m = {};
+  std::optional<double> radius_m = {};
 };
 
 struct ViewSupport {

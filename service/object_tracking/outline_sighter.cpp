@@ -178,18 +178,13 @@ void OutlineSighter::learn(const std::vector<TargetView>& views, const MotionBel
 }
 
 OutlineFindings OutlineSighter::findings() const {
-  OutlineFindings out{.fitted = fitted_, .not_fitted = not_fitted_, .is_blob = is_blob_};
-  double sum = 0, weight = 0, squares = 0;
+  OutlineFindings out{.fitted = fitted_, .not_fitted = not_fitted_};
+  double sum = 0, weight = 0;
   for (const PerView& of : views_) {
     if (of.log_size_weight < enough_sizes) continue;
     sum += of.log_size, ++weight;
-    squares += of.log_size * of.log_size;
   }
-  if (weight == 0) return out;
-  const double mean = sum / weight;
-  out.radius_m = radius_m_ * std::exp(mean);
-  // Views are off by their own: light, what is behind.
-  out.radius_sigma_m = radius_m_ * std::sqrt(std::max(1e-6, squares / weight - mean * mean) / weight);
+  if (weight > 0) out.radius_m = radius_m_ * std::exp(sum / weight);
   return out;
 }
 

@@ -51,8 +51,6 @@ class Background {
   float light_noise() const { return light_.noise; }
   float chroma_noise() const { return chroma_.noise; }
 
-  std::uint64_t tiles_learnt() const { return pictures_; }
-
  private:
   static constexpr int samples = tile_px * tile_px;
   using Means = std::array<std::int16_t, samples>;  // grey values in 1/64

@@ -4,7 +4,6 @@
 
 #include <Eigen/Core>
 #include <array>
-#include <cstdint>
 
 #include "outline/edge_samples.h"
 

@@ -33,9 +33,6 @@ struct Picture {
   bool is_whole() const { return part_width == 0; }
   int end_u() const { return is_whole() ? width : part_u + part_width; }
   int end_v() const { return is_whole() ? height : part_v + part_height; }
-
-  int chroma_width() const { return (width + columns - 1) / columns; }
-  int chroma_height() const { return (height + rows - 1) / rows; }
 };
 
 // n pixels of row v from column u on, inside the picture.

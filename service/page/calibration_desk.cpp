@@ -185,7 +185,7 @@ void CalibrationDesk::begin(Kind kind, const config::ServiceConfig& config) {
   config_file_ = config.file;
   rig_before_ = config.rig_file;
   child_.reset();
-  has_board_ = ends_by_itself_ = false;
+  has_board_ = false;
   camera_distance_.clear();
   end_at_.reset();
   for (std::string* text : {&says_, &last_line_, &step_, &done_, &total_, &details_, &verdict_}) text->clear();
@@ -255,7 +255,6 @@ void CalibrationDesk::begin_wave(Words words, const config::ServiceConfig& confi
     }
   } else {
     folder_ = keeper.save_by_hand("wave");
-    ends_by_itself_ = true;
     says_ = fmt::format("the last {:g} s are saved", config.record.pre_roll_s);
   }
   stage_ = Stage::recording;

@@ -91,8 +91,7 @@ class CalibrationDesk {
   // A board to be printed: what was asked for, and its PDF.
   std::vector<std::string> printed_for_;
   std::vector<std::uint8_t> print_;
-  bool has_board_ = false;       // its file is written, and what the recording lacks is being looked at
-  bool ends_by_itself_ = false;  // the recording, as a saved pre-roll does
+  bool has_board_ = false;  // its file is written, and what the recording lacks is being looked at
   std::optional<std::chrono::steady_clock::time_point> end_at_;  // of the recording
   std::chrono::steady_clock::time_point began_at_{}, asked_to_end_at_{};
   std::optional<ChildProcess> child_;

@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "calib/model/rig_yaml.h"
+#include "calib/yaml/joined.h"
 #include "config/taught_file.h"
 #include "idl/control_words.h"
 #include "page/recording_shelf.h"
@@ -79,8 +80,8 @@ config::TargetEdit edit_of(const std::string& target, std::span<const std::strin
 
 // name, value, least, most, step, default, kind, menu, who rules it. Values of a menu: "1=Manual Mode;3=Auto".
 std::vector<std::string> columns_of(const capture::Control& control) {
-  std::string menu;
-  for (const auto& item : control.menu) menu += fmt::format("{}{}={}", menu.empty() ? "" : ";", item.value, item.name);
+  std::vector<std::string> menu;
+  for (const auto& item : control.menu) menu.push_back(fmt::format("{}={}", item.value, item.name));
   return {control.name,
           control.value ? std::to_string(*control.value) : "",
           std::to_string(control.min),
@@ -90,7 +91,7 @@ std::vector<std::string> columns_of(const capture::Control& control) {
           !control.menu.empty() ? "menu"
           : control.is_boolean  ? "boolean"
                                 : "number",
-          menu,
+          yaml::joined(menu, ";"),
           control.is_read_only  ? "read only"
           : control.is_inactive ? "ruled by another"
                                 : ""};
@@ -171,6 +172,11 @@ pipeline::RecordingKeeper& ControlDesk::recording() const {
 std::string ControlDesk::unfinished() const {
   if (actions_.recording == nullptr || !actions_.recording->is_unfinished()) return "";
   return actions_.recording->folder().filename().string();
+}
+
+void ControlDesk::require_finished(const std::string& name) const {
+  if (idl::is_recording_name(name) && name == unfinished())
+    throw std::runtime_error(name + " is still being recorded: stop it first");
 }
 
 std::string ControlDesk::take_over(const config::ServiceConfig& config) const {
@@ -273,8 +279,7 @@ void ControlDesk::open(const std::string& name, const config::ServiceConfig& con
   if (!actions_.open_recording)
     throw std::runtime_error("only huetrackd run on live cameras, which writes no files, opens a recording");
   if (!config.is_calibrated()) throw std::runtime_error("the cameras are not calibrated yet");
-  if (idl::is_recording_name(name) && name == unfinished())
-    throw std::runtime_error(name + " is still being recorded: stop it first");
+  require_finished(name);
   RecordingShelf(config.record.folder).read(name, 0, 0);    // that there is one of that name, and nothing else
   recordings::read_recording(config.record.folder / name);  // and that it can be read
   actions_.open_recording(config.record.folder / name);
@@ -383,11 +388,9 @@ void ControlDesk::look_after() const {
 
 void ControlDesk::remove(const std::string& name, const config::RecordConfig& record, msg::ControlReply& reply) const {
   recording();  // that this is no replay, perhaps of this one
-  if (idl::is_recording_name(name)) {
-    if (name == unfinished()) throw std::runtime_error(name + " is still being recorded: stop it first");
-    if (actions_.calibration != nullptr && name == actions_.calibration->busy_with())
-      throw std::runtime_error(name + " is being calibrated from: cancel that first");
-  }
+  require_finished(name);
+  if (idl::is_recording_name(name) && actions_.calibration != nullptr && name == actions_.calibration->busy_with())
+    throw std::runtime_error(name + " is being calibrated from: cancel that first");
   RecordingShelf(record.folder).remove(name);
   reply.reason(fmt::format("Deleted: {}.", name));
 }
@@ -415,8 +418,7 @@ void ControlDesk::list(const config::RecordConfig& record, msg::ControlReply& re
 
 void ControlDesk::read(Words words, const config::RecordConfig& record, msg::ControlReply& reply) const {
   const std::string& name = words[1];
-  if (idl::is_recording_name(name) && name == unfinished())
-    throw std::runtime_error(name + " is still being recorded: stop it first");
+  require_finished(name);
   RecordingPiece piece = RecordingShelf(record.folder).read(name, whole_number_of(words[2]), piece_bytes);
   add_row(reply, {std::to_string(piece.tar_bytes), piece.identity});
   reply.bytes(std::move(piece.bytes));

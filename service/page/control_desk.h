@@ -65,6 +65,7 @@ class ControlDesk {
   pipeline::RecordingKeeper& recording() const;  // throws std::runtime_error: there is none
   // The recording that is being written, or whose files are not closed yet; empty: none.
   std::string unfinished() const;
+  void require_finished(const std::string& name) const;  // throws std::runtime_error
 
   const Actions actions_;
 };

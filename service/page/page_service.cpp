@@ -26,6 +26,11 @@ constexpr auto freeze_patience = 3s;          // for a set to freeze
 constexpr auto kept_freeze_patience = 300ms;  // for a set to freeze, when there is one that was kept
 constexpr auto repeat_after = 1s;             // a set that is kept is shown again: who comes late sees it too
 
+// Of two requests, or a request and a reply.
+bool is_same(const auto& a, const auto& b) {
+  return a.client() == b.client() && a.number() == b.number();
+}
+
 }  // namespace
 
 PageService::PageService(const config::ServiceConfig& config, PageServiceOptions options)
@@ -71,10 +76,6 @@ void PageService::take_over(const config::ServiceConfig& config) {
     fresh_ = config;
   }
   news_.notify_one();
-}
-
-PageService::Counters PageService::counters() const {
-  return {previews_, capture::Duration(busy_ns_)};
 }
 
 void PageService::serve(const std::stop_token& stop) {
@@ -151,9 +152,6 @@ void PageService::publish_scene() {
 }
 
 void PageService::take_requests() {
-  const auto is_same = [](const auto& a, const auto& b) {
-    return a.client() == b.client() && a.number() == b.number();
-  };
   while (const auto request = publisher_.next_request()) {
     // Who waits for long asks again. It is answered once: pictures taken twice would not be those that the page shows.
     if (to_freeze_ && is_same(*to_freeze_, *request)) continue;
@@ -182,8 +180,7 @@ void PageService::take_control_requests() {
       continue;
     }
     // Who asks again has not had the reply; what was done is not done twice.
-    if (!last_control_reply_ || last_control_reply_->client() != request->client() ||
-        last_control_reply_->number() != request->number())
+    if (!last_control_reply_ || !is_same(*last_control_reply_, *request))
       last_control_reply_ = control_desk_.answer(*request, config_);
     publisher_.publish(*last_control_reply_);
   }
@@ -200,13 +197,11 @@ void PageService::reply(msg::TeachReply reply) {
 }
 
 void PageService::publish_previews(const pictures::PictureJob& job) {
-  const auto started = Clock::now();
   if (publisher_.picture_subscribers() > 0) {
     for (const auto& preview : pictures::make_previews(config_, job, clock_offset()))
       if (publisher_.publish(preview)) ++previews_;
   }
   publisher_.publish(job.estimates, job.set.at + clock_offset());
-  busy_ns_ += (Clock::now() - started).count();
 }
 
 }  // namespace huetrack::page

@@ -15,7 +15,7 @@
 #include "page/teach_desk.h"
 #include "pipeline/output.h"
 #include "pipeline/published_time.h"
-#include "publish/view_publisher.h"
+#include "publish/page_publisher.h"
 
 namespace huetrack::page {
 
@@ -35,7 +35,7 @@ struct PageServiceOptions {
 // thread-safe as said per function. Has a thread of its own, ended by the destructor.
 class PageService final : public pipeline::Output {
  public:
-  // throws as ViewPublisher's constructor does.
+  // throws as PagePublisher's constructor does.
   PageService(const config::ServiceConfig& config, PageServiceOptions options);
   ~PageService() override;
   PageService(const PageService&) = delete;
@@ -56,11 +56,7 @@ class PageService final : public pipeline::Output {
   void on_camera_pose(const pipeline::TrackedFrame& frame) override;
   void on_config(const config::ServiceConfig& config) noexcept override { take_over(config); }
 
-  struct Counters {
-    std::uint64_t previews = 0;  // pictures published
-    capture::Duration busy{0};   // that the thread has spent on them
-  };
-  Counters counters() const;  // any thread
+  std::uint64_t previews() const { return previews_; }  // published since the start
 
  private:
   void serve(const std::stop_token& stop);
@@ -75,7 +71,7 @@ class PageService final : public pipeline::Output {
 
   const PageServiceOptions options_;
   const std::size_t particles_;       // of each target in a picture, about
-  publish::ViewPublisher publisher_;  // this and all that follows to wanted_: the server's thread's
+  publish::PagePublisher publisher_;  // this and all that follows to wanted_: the server's thread's
   TeachDesk desk_;
   const ControlDesk control_desk_;
   std::optional<msg::TeachRequest> to_freeze_;  // waits for a set
@@ -85,7 +81,6 @@ class PageService final : public pipeline::Output {
   std::chrono::steady_clock::time_point read_at_{};  // when a piece of a recording was asked for
   std::atomic<bool> wanted_ = false, map_wanted_ = true;
   std::atomic<std::uint64_t> previews_ = 0;
-  std::atomic<std::int64_t> busy_ns_ = 0;
 
   std::mutex mutex_;
   std::condition_variable_any news_;

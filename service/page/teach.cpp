@@ -8,7 +8,6 @@
 #include <cmath>
 #include <csignal>
 #include <cstdio>
-#include <functional>
 #include <map>
 #include <opencv2/imgcodecs.hpp>
 #include <optional>

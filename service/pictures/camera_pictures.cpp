@@ -17,36 +17,16 @@
 #include "pictures/view_style.h"
 
 namespace huetrack::pictures {
+
+using namespace drawing;
+
 namespace {
 
-using drawing::Align;
-using drawing::black;
-using drawing::Canvas;
-using drawing::Color;
-using drawing::ink;
-using drawing::Point;
-using drawing::rule;
-using drawing::Weight;
-using drawing::white;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
 constexpr Color found_color{90, 220, 120}, missed_color{255, 96, 88}, given_color{110, 180, 255},
     particle_color{255, 220, 90};
-
-Color state_color(camera_tracking::PoseState state) {
-  switch (state) {
-    case camera_tracking::PoseState::tracking:
-      return {90, 220, 120};
-    case camera_tracking::PoseState::coasting:
-      return {255, 176, 40};
-    case camera_tracking::PoseState::searching:
-      return {150, 190, 255};
-    case camera_tracking::PoseState::lost:
-      return {255, 96, 88};
-  }
-  return white;
-}
 
 // The world's, whatever way the start lies in it.
 struct Axis {

@@ -27,7 +27,7 @@ struct PictureJob {
   std::vector<StillPatch> still = {};
 };
 
-// The same of one frame of a tracked camera.
+// What a picture shows of one frame of a tracked camera.
 struct CameraPictureJob {
   capture::Frame frame;
   camera_tracking::CameraEstimate estimate;

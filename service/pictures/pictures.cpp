@@ -11,33 +11,13 @@
 #include "pictures/view_style.h"
 
 namespace huetrack::pictures {
-namespace {
 
-using drawing::Align;
-using drawing::black;
-using drawing::Box;
-using drawing::Canvas;
-using drawing::Color;
-using drawing::Point;
-using drawing::Weight;
-using drawing::white;
+using namespace drawing;
+
+namespace {
 
 Color target_color(const object_tracking::TargetOptions& target) {
   return color_of(target.color, 0.75, 1);
-}
-
-Color state_color(object_tracking::TrackState state) {
-  switch (state) {
-    case object_tracking::TrackState::tracking:
-      return {90, 220, 120};
-    case object_tracking::TrackState::coasting:
-      return {255, 176, 40};
-    case object_tracking::TrackState::searching:
-      return {150, 190, 255};
-    case object_tracking::TrackState::lost:
-      return {255, 96, 88};
-  }
-  return white;
 }
 
 // How a camera's pixels lie on a canvas.

@@ -3,7 +3,6 @@
 #pragma once
 
 #include <filesystem>
-#include <map>
 #include <opencv2/core.hpp>
 #include <string>
 #include <vector>
@@ -11,7 +10,7 @@
 #include "config/service_config.h"
 #include "drawing/canvas.h"
 #include "pictures/picture_job.h"
-#include "tracks/truth.h"
+#include "tracks/truth_comparison.h"
 
 namespace huetrack::pictures {
 

@@ -1,4 +1,4 @@
-// Makes what ViewPublisher sends: pictures with what is drawn into them as data, and the scene. Pure functions, any
+// Makes what PagePublisher sends: pictures with what is drawn into them as data, and the scene. Pure functions, any
 // thread.
 #pragma once
 

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
-#include <optional>
 #include <span>
 
 #include "drawing/axes.h"
@@ -12,20 +11,11 @@
 #include "pictures/pictures.h"
 
 namespace huetrack::pictures {
+
+using namespace drawing;
+
 namespace {
 
-using drawing::Align;
-using drawing::Axes;
-using drawing::Box;
-using drawing::Canvas;
-using drawing::Color;
-using drawing::grid;
-using drawing::ink;
-using drawing::muted;
-using drawing::Point;
-using drawing::rule;
-using drawing::Weight;
-using drawing::white;
 using Eigen::Vector3d;
 using object_tracking::ObjectEstimate;
 

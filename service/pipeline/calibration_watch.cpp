@@ -56,7 +56,7 @@ CalibrationWatch::CalibrationWatch(const calib::CameraRig& rig, const object_tra
     const calib::Camera& camera = rig_.cameras[c];
     const auto known = std::ranges::find(config_.room, camera.name, &config::KeptRoom::camera);
     watched_.push_back({.watch = known == config_.room.end() ? room_watch::CameraWatch(camera)
-                                                             : room_watch::CameraWatch(camera, {}, known->patches),
+                                                             : room_watch::CameraWatch(camera, known->patches),
                         .is_still = still[c]});
   }
 }

@@ -9,7 +9,7 @@
 #include "pictures/camera_pictures.h"
 #include "pictures/pictures.h"
 #include "pipeline/output.h"
-#include "tracks/truth.h"
+#include "tracks/truth_comparison.h"
 
 namespace huetrack::pipeline {
 

@@ -161,14 +161,8 @@ std::filesystem::path RecordingKeeper::start_by_hand() {
   if (recorder.is_ending_by_itself()) {
     recorder.go_on();
     spdlog::info("recording on to {}, as asked", folder_.string());
-  } else if (recorder.is_recording()) {
-    throw std::runtime_error("it is being recorded already, to " + folder_.string());
   } else {
-    const auto folder = new_folder("");
-    recorder.start(folder);
-    folder_ = folder;
-    problem_.clear();
-    spdlog::info("recording to {}, as asked", folder.string());
+    start_as_asked(recorder, "", true);
   }
   return folder_;
 }
@@ -190,13 +184,17 @@ std::filesystem::path RecordingKeeper::start_anew(const std::string& why) {
   if (!without_pictures_.empty())
     throw std::runtime_error("of camera " + without_pictures_ +
                              " there are no pictures to calibrate it by: set send: frames for it, and restart");
+  start_as_asked(recorder, "-" + why, false);
+  return folder_;
+}
+
+void RecordingKeeper::start_as_asked(Recorder& recorder, const std::string& why, bool with_pre_roll) {
   if (recorder.is_recording()) throw std::runtime_error("it is being recorded already, to " + folder_.string());
-  const auto folder = new_folder("-" + why);
-  recorder.start(folder, false);
+  const auto folder = new_folder(why);
+  recorder.start(folder, with_pre_roll);
   folder_ = folder;
   problem_.clear();
   spdlog::info("recording to {}, as asked", folder.string());
-  return folder_;
 }
 
 std::filesystem::path RecordingKeeper::save_by_hand(const std::string& why) {

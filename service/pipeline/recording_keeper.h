@@ -65,6 +65,8 @@ class RecordingKeeper final : public Output {
   // All but begin() and is_always(): under supervised_.
   void make_recorder(const config::ServiceConfig& config);
   void start(const std::filesystem::path& folder);
+  // why: what the folder's name ends with. throws std::runtime_error: it records already, the disk refuses.
+  void start_as_asked(Recorder& recorder, const std::string& why, bool with_pre_roll);
   std::filesystem::path new_folder(const std::string& why) const;
   void write_changes();
   void save(const std::string& why);

@@ -75,7 +75,7 @@ class EstimatePublisher {
   bool publish_set(std::size_t target, std::span<const object_tracking::ObjectEstimate> estimates,
                    capture::Timestamp captured, capture::Timestamp received) noexcept;
 
-  // The same for the pose of options.tracked_camera: in every state natively, for ROS 2 while there is a pose.
+  // The pose of options.tracked_camera: in every state natively, for ROS 2 while there is a pose.
   bool publish(const camera_tracking::CameraEstimate& estimate, capture::Timestamp captured,
                capture::Timestamp received) noexcept;
 

@@ -4,10 +4,10 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cassert>
-#include <cmath>
 
 #include "calib/model/covariance_ellipse.h"
 #include "idl/camera_info.h"
+#include "idl/ros_fields.h"
 
 namespace huetrack::publish {
 namespace {
@@ -24,16 +24,10 @@ enum MarkerAction : std::int32_t { add = 0, remove = 2 };
 constexpr float camera_grey = 0.6F;
 constexpr std::int32_t target_lifetime_s = 2;
 
-void fill(std_msgs::msg::dds_::Header_& header, std::int64_t unix_ns, const std::string& frame_id) {
-  header.stamp().sec(static_cast<std::int32_t>(unix_ns / 1'000'000'000));
-  header.stamp().nanosec(static_cast<std::uint32_t>(unix_ns % 1'000'000'000));
-  header.frame_id(frame_id);
-}
-
 Marker marker(std::int64_t at, const std::string& frame_id, const std::string& group, std::int32_t id,
               MarkerType type) {
   Marker m;
-  fill(m.header(), at, frame_id);
+  idl::set_header(m.header(), at, frame_id);
   m.ns(group);
   m.id(id);
   m.type(type);
@@ -49,38 +43,17 @@ void set_color(Marker& m, const std::array<float, 3>& rgb, float alpha) {
   m.color().a(alpha);
 }
 
-void set_position(Marker& m, const Eigen::Vector3d& p) {
-  m.pose().position().x(p.x());
-  m.pose().position().y(p.y());
-  m.pose().position().z(p.z());
-}
-
-void set_scale(Marker& m, double x, double y, double z) {
-  m.scale().x(x);
-  m.scale().y(y);
-  m.scale().z(z);
-}
-
 void add_line(Marker& m, const Eigen::Vector3d& from, const Eigen::Vector3d& to) {
-  for (const Eigen::Vector3d& p : {from, to}) {
-    auto& point = m.points().emplace_back();
-    point.x(p.x());
-    point.y(p.y());
-    point.z(p.z());
-  }
+  for (const Eigen::Vector3d& p : {from, to}) idl::set_xyz(m.points().emplace_back(), p);
 }
 
 void set_ellipsoid(Marker& m, const Eigen::Matrix3d& covariance) {
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> axes(covariance);
   Eigen::Matrix3d rotation = axes.eigenvectors();
   if (rotation.determinant() < 0) rotation.col(0) = -rotation.col(0);
-  const Eigen::Quaterniond q(rotation);
-  m.pose().orientation().x(q.x());
-  m.pose().orientation().y(q.y());
-  m.pose().orientation().z(q.z());
-  m.pose().orientation().w(q.w());
+  idl::set_rotation(m.pose().orientation(), Eigen::Quaterniond(rotation).coeffs());
   const Eigen::Vector3d diameter = 2 * calib::chi_95_in_3d * axes.eigenvalues().cwiseMax(1e-12).cwiseSqrt();
-  set_scale(m, diameter[0], diameter[1], diameter[2]);
+  idl::set_xyz(m.scale(), diameter);
 }
 
 // Of one time; in the world's frame, but for a camera that moves.
@@ -94,15 +67,15 @@ class MarkersOfScene {
     Marker ellipsoid = marker(at_, frame_id_, object, 1, sphere);
     Marker name = marker(at_, frame_id_, object, 2, text_view_facing);
     if (estimate.has_position()) {
-      set_position(ball, estimate.position);
-      set_scale(ball, 2 * target.radius_m(), 2 * target.radius_m(), 2 * target.radius_m());
+      idl::set_xyz(ball.pose().position(), estimate.position);
+      idl::set_xyz(ball.scale(), Eigen::Vector3d::Constant(2 * target.radius_m()));
       // Translucent: the ellipsoid mostly is inside.
       set_color(ball, target.rgb(), estimate.state == object_tracking::TrackState::tracking ? 0.45F : 0.2F);
-      set_position(ellipsoid, estimate.position);
+      idl::set_xyz(ellipsoid.pose().position(), estimate.position);
       set_ellipsoid(ellipsoid, estimate.covariance);
       set_color(ellipsoid, target.rgb(), 0.8F);
-      set_position(name, estimate.position + Eigen::Vector3d(0, 0, 2 * target.radius_m()));
-      set_scale(name, 0, 0, 1.5 * target.radius_m());
+      idl::set_xyz(name.pose().position(), estimate.position + Eigen::Vector3d(0, 0, 2 * target.radius_m()));
+      idl::set_xyz(name.scale(), Eigen::Vector3d(0, 0, 1.5 * target.radius_m()));
       set_color(name, {1, 1, 1}, 1);
       name.text(object);
     } else {
@@ -123,7 +96,7 @@ class MarkersOfScene {
     const std::string& frame = moves ? camera.name() : frame_id_;
     Marker view = marker(at_, frame, "cameras", 2 * number, line_list);
     view.frame_locked(moves);
-    set_scale(view, 0.005, 0, 0);
+    idl::set_xyz(view.scale(), Eigen::Vector3d(0.005, 0, 0));
     set_color(view, {camera_grey, camera_grey, camera_grey}, 1);
     std::vector<Eigen::Vector3d> rim;
     for (std::size_t i = 0; i + 2 < camera.border().size(); i += 3) {
@@ -136,8 +109,9 @@ class MarkersOfScene {
     }
     Marker name = marker(at_, frame, "cameras", 2 * number + 1, text_view_facing);
     name.frame_locked(moves);
-    set_position(name, eye + (moves ? Eigen::Vector3d(0, -depth / 4, 0) : Eigen::Vector3d(0, 0, depth / 4)));
-    set_scale(name, 0, 0, depth / 5);
+    idl::set_xyz(name.pose().position(),
+                 eye + (moves ? Eigen::Vector3d(0, -depth / 4, 0) : Eigen::Vector3d(0, 0, depth / 4)));
+    idl::set_xyz(name.scale(), Eigen::Vector3d(0, 0, depth / 5));
     set_color(name, {1, 1, 1}, 1);
     name.text(camera.name());
     array_.markers().push_back(std::move(view));
@@ -146,7 +120,7 @@ class MarkersOfScene {
 
   void add_box(const Eigen::Vector3d& low, const Eigen::Vector3d& high) {
     Marker box = marker(at_, frame_id_, "volume", 0, line_list);
-    set_scale(box, 0.004, 0, 0);
+    idl::set_xyz(box.scale(), Eigen::Vector3d(0.004, 0, 0));
     set_color(box, {camera_grey, camera_grey, camera_grey}, 0.6F);
     for (int corner = 0; corner < 8; ++corner) {
       for (int axis = 0; axis < 3; ++axis) {
@@ -205,7 +179,7 @@ visualization_msgs::msg::dds_::MarkerArray_ to_markers(const msg::Scene& scene,
 
 sensor_msgs::msg::dds_::CompressedImage_ to_ros_image(const msg::Preview& preview) {
   sensor_msgs::msg::dds_::CompressedImage_ image;
-  fill(image.header(), preview.captured_at(), preview.camera());
+  idl::set_header(image.header(), preview.captured_at(), preview.camera());
   image.format("jpeg");
   image.data(preview.jpeg());
   return image;
@@ -224,7 +198,7 @@ sensor_msgs::msg::dds_::CameraInfo_ to_camera_info(const msg::Preview& preview, 
     info = idl::camera_info(preview.width(), preview.height(), camera.model(),
                             {fx * sx, fy * sy, (cx + 0.5) * sx - 0.5, (cy + 0.5) * sy - 0.5}, camera.distortion());
   }
-  fill(info.header(), preview.captured_at(), preview.camera());
+  idl::set_header(info.header(), preview.captured_at(), preview.camera());
   return info;
 }
 
@@ -234,15 +208,8 @@ tf2_msgs::msg::dds_::TFMessage_ to_static_tf(const msg::Scene& scene, const std:
   for (const msg::SceneCamera& camera : scene.cameras()) {
     if (camera.name() == tracked_camera || camera.model().empty()) continue;
     auto& transform = message.transforms().emplace_back();
-    fill(transform.header(), scene.at(), frame_id);
-    transform.child_frame_id(camera.name());
-    transform.transform().translation().x(camera.position()[0]);
-    transform.transform().translation().y(camera.position()[1]);
-    transform.transform().translation().z(camera.position()[2]);
-    transform.transform().rotation().x(camera.orientation_xyzw()[0]);
-    transform.transform().rotation().y(camera.orientation_xyzw()[1]);
-    transform.transform().rotation().z(camera.orientation_xyzw()[2]);
-    transform.transform().rotation().w(camera.orientation_xyzw()[3]);
+    idl::set_header(transform.header(), scene.at(), frame_id);
+    idl::set_transform(transform, camera.name(), camera.position(), camera.orientation_xyzw());
   }
   return message;
 }

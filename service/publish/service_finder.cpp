@@ -1,10 +1,10 @@
 #include "publish/service_finder.h"
 
 #include <fastdds/dds/subscriber/DataReaderListener.hpp>
-#include <fastdds/dds/subscriber/SampleInfo.hpp>
 #include <map>
 #include <thread>
 
+#include "idl/arrivals.h"
 #include "idl/dds_participant.h"
 #include "idl/huetrackPubSubTypes.h"
 #include "idl/topics.h"
@@ -12,7 +12,6 @@
 namespace huetrack::publish {
 
 namespace dds = eprosima::fastdds::dds;
-using eprosima::fastrtps::types::ReturnCode_t;
 
 std::vector<RunningService> running_services(const EstimatePublisherOptions& options,
                                              std::chrono::milliseconds patience) {
@@ -24,11 +23,8 @@ std::vector<RunningService> running_services(const EstimatePublisherOptions& opt
   const auto until = std::chrono::steady_clock::now() + patience;
   while (std::chrono::steady_clock::now() < until) {
     msg::ServiceStatus sample;
-    dds::SampleInfo info;
-    while (reader.take_next_sample(&sample, &info) == ReturnCode_t::RETCODE_OK)
-      if (info.valid_data)
-        found[{sample.host(), sample.pid()}] = {sample.pid(), sample.host() == host, sample.mode(),
-                                                sample.config_file()};
+    while (idl::take_next(reader, sample))
+      found[{sample.host(), sample.pid()}] = {sample.pid(), sample.host() == host, sample.mode(), sample.config_file()};
     std::this_thread::sleep_for(std::chrono::milliseconds(20));
   }
   std::vector<RunningService> services;

@@ -1,9 +1,7 @@
 // A camera of a recording that is still being written, as if it were live: for who looks on while it is made.
 #pragma once
 
-#include <filesystem>
 #include <memory>
-#include <vector>
 
 #include "capture/frame_source.h"
 #include "recordings/recording.h"

@@ -18,11 +18,13 @@ extern "C" {
 #include <cstring>
 #include <fstream>
 #include <mutex>
+#include <span>
 #include <stdexcept>
 #include <system_error>
 #include <utility>
 
 #include "calib/yaml/output_file.h"
+#include "calib/yaml/text_file.h"
 #include "capture/capture_error.h"
 #include "capture/ffmpeg_log.h"
 #include "capture/ffmpeg_objects.h"
@@ -59,15 +61,6 @@ std::string file_name_of(const std::string& camera) {
       name, [](unsigned char c) { return std::isalnum(c) == 0 && c != '-' && c != '_' && c != '.'; }, '_');
   if (name.starts_with('.')) name.front() = '_';
   return name;
-}
-
-std::string quoted(const std::string& text) {
-  std::string yaml = "\"";
-  for (const char c : text) {
-    if (c == '"' || c == '\\') yaml += '\\';
-    yaml += c;
-  }
-  return yaml + '"';
 }
 
 std::string decimal_seconds(capture::Timestamp at) {
@@ -206,7 +199,7 @@ bool can_be_stored(const capture::Frame& frame) {
 class VideoFile {
  public:
   // As the first frame is, so must all be. throws WriteError
-  VideoFile(fs::path file, const capture::Frame& first, double fps, RawStorage storage)
+  VideoFile(fs::path file, const capture::Frame& first, RawStorage storage)
       : file_(std::move(file)),
         format_(first.pixels.format),
         width_(first.pixels.width),
@@ -220,7 +213,6 @@ class VideoFile {
     AVStream* stream = capture::not_null(avformat_new_stream(opened, nullptr));
     output_.reset(opened);
     stream->time_base = {1, 1000};
-    if (fps > 0) stream->avg_frame_rate = av_d2q(fps, 1'000'000);
     AVCodecParameters& parameters = *stream->codecpar;
     if (is_huffyuv) {
       open_encoder();
@@ -253,34 +245,17 @@ class VideoFile {
     last_ms_ = std::max<std::int64_t>({ms, 0, last_ms_ + 1});
     if (encoder_) {
       encode(frame.pixels);
-      packet_->pts = packet_->dts = last_ms_;
-      packet_->stream_index = 0;
-      av_packet_rescale_ts(packet_.get(), {1, 1000}, time_base_);
-      const int result = av_write_frame(output_.get(), packet_.get());
-      av_packet_unref(packet_.get());
-      check(result);
-      return;
+    } else {  // the packet lends the muxer our bytes for the call
+      const std::span<const std::uint8_t> bytes = stored(frame);
+      packet_->data = const_cast<std::uint8_t*>(bytes.data());
+      packet_->size = static_cast<int>(bytes.size());
+      packet_->flags = AV_PKT_FLAG_KEY;
     }
-    // The packet lends the muxer our bytes for the call.
-    std::span<const std::uint8_t> bytes;
-    if (is_jpeg_) {
-      bytes = *frame.encoded;
-    } else if (is_packed(frame.pixels)) {
-      bytes = {frame.pixels.planes[0].data, capture::packed_bytes(frame.pixels)};
-    } else {
-      scratch_.resize(capture::packed_bytes(frame.pixels));
-      capture::pack(frame.pixels, scratch_.data());
-      bytes = scratch_;
-    }
-    packet_->data = const_cast<std::uint8_t*>(bytes.data());
-    packet_->size = static_cast<int>(bytes.size());
-    packet_->flags = AV_PKT_FLAG_KEY;
     packet_->pts = packet_->dts = last_ms_;
     packet_->stream_index = 0;
     av_packet_rescale_ts(packet_.get(), {1, 1000}, time_base_);
     const int result = av_write_frame(output_.get(), packet_.get());
-    packet_->data = nullptr;
-    packet_->size = 0;
+    av_packet_unref(packet_.get());
     check(result);
   }
 
@@ -302,6 +277,16 @@ class VideoFile {
  private:
   void check(int error) const {
     if (error < 0) throw WriteError{file_, text_of(error)};
+  }
+
+  // As it came; valid until the next call.
+  std::span<const std::uint8_t> stored(const capture::Frame& frame) {
+    if (is_jpeg_) return *frame.encoded;
+    const std::size_t count = capture::packed_bytes(frame.pixels);
+    if (is_packed(frame.pixels)) return {frame.pixels.planes[0].data, count};
+    scratch_.resize(count);
+    capture::pack(frame.pixels, scratch_.data());
+    return scratch_;
   }
 
   void open_encoder() {
@@ -392,7 +377,6 @@ class MatchesFile {
 struct CameraFiles {
   fs::path video_path;
   bool are_matches = false;
-  double fps = 0;
   std::unique_ptr<CsvFile> times;
   std::unique_ptr<VideoFile> video;  // from the first good frame on, and so the next
   std::unique_ptr<MatchesFile> matches;
@@ -434,7 +418,6 @@ std::vector<std::string> RecordingOptions::problems() const {
     if (camera.empty()) found.push_back("a camera has no name");
   if (!are_matches.empty() && are_matches.size() != cameras.size())
     found.push_back("are_matches has not one entry per camera");
-  if (!fps.empty() && fps.size() != cameras.size()) found.push_back("fps has not one entry per camera");
   if (flush_every <= capture::Duration::zero()) found.push_back("flush_every must be positive");
   return found;
 }
@@ -455,11 +438,10 @@ struct RecordingWriter::Impl {
       camera->are_matches = !options.are_matches.empty() && options.are_matches[i];
       const std::string video = name + (camera->are_matches ? matches_file_ending : ".mkv");
       camera->video_path = options.folder / video;
-      camera->fps = options.fps.empty() ? 0 : options.fps[i];
       camera->times = std::make_unique<CsvFile>(options.folder / (name + ".csv"));
       camera->times->add("frame,t_s,sequence,arrival,stamp_s,clock,clock_sigma_ns\n");
-      yaml.append("  ").append(quoted(options.cameras[i])).append(": {frames: ").append(quoted(video));
-      yaml.append(", timestamps: ").append(quoted(name + ".csv")).append("}\n");
+      yaml += fmt::format("  {}: {{frames: {}, timestamps: {}}}\n", yaml::in_yaml_quotes(options.cameras[i]),
+                          yaml::in_yaml_quotes(video), yaml::in_yaml_quotes(name + ".csv"));
       files.push_back(std::move(camera));
     }
     try {
@@ -533,7 +515,7 @@ struct RecordingWriter::Impl {
   bool append_picture(CameraFiles& camera, const capture::Frame& frame) {
     if (frame.matches) return false;
     if (!camera.video && can_be_stored(frame))
-      camera.video = std::make_unique<VideoFile>(camera.video_path, frame, camera.fps, options.raw_storage);
+      camera.video = std::make_unique<VideoFile>(camera.video_path, frame, options.raw_storage);
     if (!camera.video || !camera.video->takes(frame)) return false;
     camera.video->write(frame, frame.captured_at - start_of(frame));
     return true;

@@ -9,7 +9,6 @@
 #include <filesystem>
 #include <memory>
 #include <optional>
-#include <span>
 #include <string>
 #include <utility>
 #include <vector>
@@ -29,7 +28,6 @@ enum class RawStorage : std::uint8_t {
 struct RecordingOptions {
   std::filesystem::path folder;      // made; must not exist yet, or be empty
   std::vector<std::string> cameras;  // names; Frame::camera indexes it
-  std::vector<double> fps;           // per camera, nominal, a hint for players; 0 or empty: unknown
   std::vector<bool> are_matches =
       {};                   // per camera: its frames say which pixels match (Frame::matches); empty: none does
   std::string rig_yaml;     // text of the rig file, becomes rig.yaml; empty: none

@@ -439,18 +439,6 @@ std::optional<capture::Timestamp> ReplaySource::first_at() const {
   return first;
 }
 
-std::optional<capture::Duration> ReplaySource::expected_duration() const {
-  std::optional<capture::Timestamp> end;
-  for (const auto& stream : impl_->streams) {
-    if (stream->delivered_nothing()) continue;
-    const auto stream_end = stream->expected_end();
-    if (!stream_end) return std::nullopt;
-    end = std::max(end.value_or(capture::Timestamp::min()), *stream_end);
-  }
-  const auto begin = first_at();
-  return begin && end ? std::optional(*end - *begin) : std::nullopt;
-}
-
 std::vector<std::string> ReplaySource::take_warnings() {
   return std::exchange(impl_->warnings, {});
 }

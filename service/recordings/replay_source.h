@@ -61,11 +61,10 @@ class ReplaySource final : public capture::FrameSource {
       std::stop_token stop) override;     // returns within one frame's decoding time of a stop
   bool ended(int camera) const override;  // known when the frame after its last is out
 
-  const std::vector<ReplayCamera>& cameras() const;            // in the order of camera_names
-  std::optional<std::int64_t> expected_frames() const;         // of all cameras
-  std::optional<capture::Timestamp> first_at() const;          // of all cameras; nullopt: none delivered anything
-  std::optional<capture::Duration> expected_duration() const;  // first to last capture time
-  std::vector<std::string> take_warnings();                    // those that arose since the last call, one line each
+  const std::vector<ReplayCamera>& cameras() const;     // in the order of camera_names
+  std::optional<std::int64_t> expected_frames() const;  // of all cameras
+  std::optional<capture::Timestamp> first_at() const;   // of all cameras; nullopt: none delivered anything
+  std::vector<std::string> take_warnings();             // those that arose since the last call, one line each
 
  private:
   struct Impl;

@@ -56,11 +56,17 @@ std::string other_colors_text(const std::string& camera, const std::string& targ
 
 ObjectReport::ObjectReport(const config::ServiceConfig& config)
     : cameras_(config.rig.camera_names()), targets_(config.targets.size()), options_(config.targets) {
-  for (Target& target : targets_) target.left_out.resize(cameras_.size()), target.ever.resize(cameras_.size());
   for (Target& target : targets_) {
+    target.left_out.resize(cameras_.size()), target.untold.resize(cameras_.size());
     target.other_colors.resize(cameras_.size()), target.in_a_row.resize(cameras_.size());
-    target.untold.resize(cameras_.size()), target.ever_untold.resize(cameras_.size());
   }
+}
+
+void ObjectReport::Told::say(std::string sentence, const std::string& when_gone) {
+  if (now.empty() && !sentence.empty()) spdlog::warn("{}", sentence);
+  if (!now.empty() && sentence.empty() && !when_gone.empty()) spdlog::info("{}", when_gone);
+  if (!sentence.empty()) ever = sentence;
+  now = std::move(sentence);
 }
 
 void ObjectReport::on_set(const pipeline::TrackedSet& set) {
@@ -112,15 +118,11 @@ void ObjectReport::tell_left_out(const pipeline::TrackedSet& set) {
     Target& target = targets_[t];
     const std::scoped_lock lock(mutex_);
     for (std::size_t c = 0; c < shares.size() && c < cameras_.size(); ++c) {
-      std::string& told = target.left_out[c];
       std::string now = left_out_text(cameras_[c], options_[t].name, shares[c]);
-      if (now.empty() && !told.empty() && shares[c].still > not_told_share) continue;
-      if (told.empty() && !now.empty()) spdlog::warn("{}", now);
-      if (!told.empty() && now.empty())
-        spdlog::info("{}: what had the colour of {} and never moved is gone, or has moved", cameras_[c],
-                     options_[t].name);
-      if (!now.empty()) target.ever[c] = now;
-      told = std::move(now);
+      if (now.empty() && !target.left_out[c].now.empty() && shares[c].still > not_told_share) continue;
+      target.left_out[c].say(std::move(now),
+                             fmt::format("{}: what had the colour of {} and never moved is gone, or has moved",
+                                         cameras_[c], options_[t].name));
     }
   }
 }
@@ -128,14 +130,9 @@ void ObjectReport::tell_left_out(const pipeline::TrackedSet& set) {
 void ObjectReport::tell_further(const pipeline::TrackedSet& set) {
   for (std::size_t t = 0; t < set.trackers.size() && t < targets_.size(); ++t) {
     const auto at = set.trackers[t].further_object();
-    Target& target = targets_[t];
     const std::scoped_lock lock(mutex_);
-    std::string now = at ? further_text(options_[t], *at) : std::string();
-    if (target.further.empty() && !now.empty()) spdlog::warn("{}", now);
-    if (!target.further.empty() && now.empty())
-      spdlog::info("{}: what was one too many of its colour is gone", options_[t].name);
-    if (!now.empty()) target.ever_further = now;
-    target.further = std::move(now);
+    targets_[t].further.say(at ? further_text(options_[t], *at) : std::string(),
+                            options_[t].name + ": what was one too many of its colour is gone");
   }
 }
 
@@ -152,11 +149,7 @@ void ObjectReport::tell_other_colors(const pipeline::TrackedSet& set) {
       target.in_a_row[c] = is_most ? target.in_a_row[c] + 1 : 0;
       const bool is_told = target.in_a_row[c] >= looks_until_told;
       const std::scoped_lock lock(mutex_);
-      if (is_told == !target.untold[c].empty()) continue;
-      target.untold[c] = is_told ? other_colors_text(cameras_[c], options_[t].name) : std::string();
-      if (!is_told) continue;
-      target.ever_untold[c] = target.untold[c];
-      spdlog::warn("{}", target.untold[c]);
+      target.untold[c].say(is_told ? other_colors_text(cameras_[c], options_[t].name) : std::string(), "");
     }
   }
 }
@@ -166,25 +159,26 @@ void ObjectReport::on_config(const config::ServiceConfig& config) noexcept {
   options_ = config.targets;
 }
 
+std::vector<std::string> ObjectReport::all(std::string Told::*which) const {
+  std::vector<std::string> sentences;
+  const auto add = [&](const Told& told) {
+    if (!(told.*which).empty()) sentences.push_back(told.*which);
+  };
+  for (const Target& target : targets_) {
+    std::ranges::for_each(target.left_out, add);
+    std::ranges::for_each(target.untold, add);
+    add(target.further);
+  }
+  return sentences;
+}
+
 std::vector<std::string> ObjectReport::warnings() const {
   const std::scoped_lock lock(mutex_);
-  std::vector<std::string> all;
-  for (const Target& target : targets_) {
-    std::ranges::copy_if(target.left_out, std::back_inserter(all), [](const auto& text) { return !text.empty(); });
-    std::ranges::copy_if(target.untold, std::back_inserter(all), [](const auto& text) { return !text.empty(); });
-    if (!target.further.empty()) all.push_back(target.further);
-  }
-  return all;
+  return all(&Told::now);
 }
 
 std::vector<std::string> ObjectReport::summary() const {
-  std::vector<std::string> all;
-  for (const Target& target : targets_) {
-    std::ranges::copy_if(target.ever, std::back_inserter(all), [](const auto& text) { return !text.empty(); });
-    std::ranges::copy_if(target.ever_untold, std::back_inserter(all), [](const auto& text) { return !text.empty(); });
-    if (!target.ever_further.empty()) all.push_back(target.ever_further);
-  }
-  return all;
+  return all(&Told::ever);
 }
 
 }  // namespace huetrack::reports

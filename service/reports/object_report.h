@@ -6,7 +6,6 @@
 #include <cstdint>
 #include <map>
 #include <mutex>
-#include <optional>
 #include <string>
 #include <vector>
 
@@ -32,20 +31,25 @@ class ObjectReport final : public pipeline::Output {
     capture::Timestamp since{};
     Eigen::Vector3d last = Eigen::Vector3d::Zero();
   };
+  // What is said of one thing that comes and goes: now, and the last time; empty: nothing.
+  struct Told {
+    std::string now, ever;
+    void say(std::string sentence, const std::string& when_gone);  // the log has what is new
+  };
   struct Target {
     std::map<std::uint32_t, Object> objects = {};  // that are there, by number
-    std::vector<std::string> left_out = {};        // per camera of the rig; empty: nothing
-    std::vector<std::string> ever = {};            // per camera of the rig: the last one that there was; empty: nothing
-    std::string further = {}, ever_further = {};   // what is one object too many; empty: nothing
+    std::vector<Told> left_out = {};               // per camera of the rig
+    Told further = {};                             // what is one object too many
     std::vector<std::uint64_t> other_colors = {};  // per camera: frames that told nothing of it, at the last look
     std::vector<int> in_a_row = {};                // looks at which they were most
-    std::vector<std::string> untold = {}, ever_untold = {};  // what is said of that
+    std::vector<Told> untold = {};                 // per camera: what is said of that
   };
   void tell_objects(const pipeline::TrackedSet& set);
   void tell_left_out(const pipeline::TrackedSet& set);
   void tell_further(const pipeline::TrackedSet& set);
   void tell_other_colors(const pipeline::TrackedSet& set);
   bool may_tell(capture::Timestamp at);
+  std::vector<std::string> all(std::string Told::*which) const;
 
   const std::vector<std::string> cameras_;
   std::vector<Target> targets_;      // the tracking thread's; but for `objects` guarded by mutex_

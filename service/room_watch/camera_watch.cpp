@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <span>
 
 #include "calib/model/median.h"
@@ -34,6 +35,12 @@ constexpr Duration longest_moving = 1500ms;
 constexpr Duration fit_pause = 1s, alert_fit_pause = 500ms;
 constexpr Duration alert_for = 5s, hurry_for = 200ms, hurry_pause = 2s;
 
+// Patches that are looked for per second: while all is well, and while something may be going on. Each costs about a
+// microsecond.
+constexpr double calm_rate_hz = 6, alert_rate_hz = 40;
+constexpr double least_turn_rad = 0.9e-3;  // what is told: 0.05 degrees, 3 mm at 3 m
+constexpr double least_zoom = 0.006;  // a step of 15 mm towards a room at 2.5 m looks like it; a focus ring does more
+
 constexpr double sure_sigmas = 5;
 constexpr double alike_blocks = 0.12;  // in a picture: what two surveys of a still camera differ by at most
 constexpr double find_gate_blocks = 1.0, guess_gate_blocks = 2.0;
@@ -61,32 +68,14 @@ constexpr Duration kept_patience = 2s;  // a kept room that is not found so long
 }  // namespace
 
 std::string_view name(RoomState state) {
-  switch (state) {
-    case RoomState::learning:
-      return "learning";
-    case RoomState::plain:
-      return "plain";
-    case RoomState::still:
-      return "still";
-    case RoomState::moving:
-      return "moving";
-    case RoomState::knocked:
-      return "knocked";
-    case RoomState::sagging:
-      return "sagging";
-    case RoomState::zoomed:
-      return "zoomed";
-    case RoomState::blinded:
-      return "blinded";
-    case RoomState::hidden:
-      return "hidden";
-  }
-  return {};
+  static constexpr std::string_view names[] = {"learning", "plain",  "still",   "moving", "knocked",
+                                               "sagging",  "zoomed", "blinded", "hidden"};
+  static_assert(std::size(names) == std::size_t(RoomState::hidden) + 1);
+  return names[std::size_t(state)];
 }
 
-CameraWatch::CameraWatch(const calib::Camera& camera, const CameraWatchOptions& options,
-                         std::span<const KeptPatch> known)
-    : camera_(camera), options_(options), scale_(scale_for(camera.image_size.width)) {
+CameraWatch::CameraWatch(const calib::Camera& camera, std::span<const KeptPatch> known)
+    : camera_(camera), scale_(scale_for(camera.image_size.width)) {
   for (const KeptPatch& kept : known) {
     const auto patch = make_patch(block_of(kept.px), kept.seen);
     const auto ray = camera_.model.ray({kept.px});
@@ -221,9 +210,8 @@ void CameraWatch::watch(const Luma& luma, Timestamp at, std::span<const Occluder
     return;
   }
   const double since_s = last_at_ ? std::clamp(capture::seconds(at - *last_at_), 0.0, 1.0) : 0;
-  due_ = std::min(
-      due_ + since_s * (at < alert_until_ || at < hurry_until_ ? options_.alert_rate_hz : options_.calm_rate_hz),
-      double(watched_.size()));
+  due_ = std::min(due_ + since_s * (at < alert_until_ || at < hurry_until_ ? alert_rate_hz : calm_rate_hz),
+                  double(watched_.size()));
   for (; due_ >= 1; due_ -= 1) {
     Watched& watched = watched_[next_];
     // Coprime steps: patches that follow one another are apart in the image, as one person is not everywhere.
@@ -338,7 +326,7 @@ void CameraWatch::survey(const Luma& luma, Timestamp at, std::span<const Occlude
   if (is_news) alert_until_ = at + alert_for;
   // It still was as before when the last patch was found in its place.
   if (is_news && fit && last_agreed_at_ && !history_.empty() && *last_agreed_at_ > history_.back().at &&
-      rotation_between(condition_.rotation, fit->rotation).norm() > small_turns * options_.least_turn_rad)
+      rotation_between(condition_.rotation, fit->rotation).norm() > small_turns * least_turn_rad)
     history_.push_back({*last_agreed_at_, condition_.rotation});
   next_fit_ = at + fit_pause;
   if (!fit) {
@@ -371,7 +359,7 @@ std::optional<Eigen::Vector3d> CameraWatch::relocate(const Luma& luma, std::span
 
 // Of what was found since every patch was looked for.
 void CameraWatch::fit_recent(Timestamp at) {
-  const double rate = at < alert_until_ ? options_.alert_rate_hz : options_.calm_rate_hz;
+  const double rate = at < alert_until_ ? alert_rate_hz : calm_rate_hz;
   const Duration recent = capture::duration_of(1.2 * double(watched_.size()) / rate);
   std::vector<SeenRay> seen;
   int could_say = 0;
@@ -414,15 +402,15 @@ void CameraWatch::take(const RotationFit& fit, Timestamp at, bool is_fresh) {
 void CameraWatch::judge_turn(const RotationFit& fit, Timestamp at, bool is_fresh) {
   const auto sigma = [&] { return std::sqrt(fit.covariance.diagonal().maxCoeff()); };
   const Eigen::Vector3d change = rotation_between(told_, fit.rotation);
-  const bool is_turned = change.norm() > std::max(options_.least_turn_rad, sure_sigmas * sigma());
-  const bool is_zoomed = std::abs(fit.zoom) > std::max(options_.least_zoom, sure_sigmas * fit.zoom_sigma);
+  const bool is_turned = change.norm() > std::max(least_turn_rad, sure_sigmas * sigma());
+  const bool is_zoomed = std::abs(fit.zoom) > std::max(least_zoom, sure_sigmas * fit.zoom_sigma);
   if (is_zoomed && !zoomed_since_) zoomed_since_ = at;
   if (!is_zoomed) zoomed_since_.reset();
   const bool has_zoomed = zoomed_since_ && at - *zoomed_since_ >= settling;
 
   if (!is_turned) {
     pending_.reset();
-    const bool is_back = fit.rotation.norm() < 0.6 * options_.least_turn_rad;
+    const bool is_back = fit.rotation.norm() < 0.6 * least_turn_rad;
     if (has_zoomed) {
       set_state(RoomState::zoomed, at);
     } else if (is_back || condition_.state == RoomState::learning) {
@@ -447,7 +435,7 @@ void CameraWatch::judge_turn(const RotationFit& fit, Timestamp at, bool is_fresh
   }
   if (!is_fresh) return;
   if (!settled_) settled_ = pending_;
-  const bool is_small = change.norm() < small_turns * options_.least_turn_rad;
+  const bool is_small = change.norm() < small_turns * least_turn_rad;
   if (is_small && at - settled_->at < small_turn_is_watched) return;
   const double went_on = rotation_between(settled_->rotation, fit.rotation).norm();
   const bool goes_on = is_small && went_on > std::max(goes_on_share * change.norm(), 2 * sigma());
@@ -463,7 +451,7 @@ void CameraWatch::judge_turn(const RotationFit& fit, Timestamp at, bool is_fresh
 // A camera that goes on sagging is told once.
 void CameraWatch::tell(Turn turn, bool goes_on, bool is_small, Timestamp at) {
   const bool was_small = condition_.turn && rotation_between(condition_.turn->before, condition_.turn->after).norm() <
-                                                small_turns * options_.least_turn_rad;
+                                                small_turns * least_turn_rad;
   const bool was_slow = condition_.turn && condition_.turn->is_slow;
   const bool is_soon = condition_.turn && at - condition_.turn->until < one_sagging;
   turn.is_slow = turn.is_slow || goes_on || (is_small && (was_slow || (was_small && is_soon)));
@@ -492,7 +480,7 @@ Turn CameraWatch::turn_since(Timestamp at, const Eigen::Vector3d& before, const 
     for (std::size_t j = i + 1; j < history_.size(); ++j) {
       const double part = rotation_between(history_[i].rotation, history_[j].rotation).norm();
       // From one look to the next no camera sags as far as that.
-      const bool is_jump = j == i + 1 && part > small_turns * options_.least_turn_rad;
+      const bool is_jump = j == i + 1 && part > small_turns * least_turn_rad;
       if (history_[j].at - history_[i].at > knock_takes && !is_jump) break;
       if (part <= 1.02 * most) continue;  // the shortest time in which it happened
       most = part;

@@ -62,20 +62,11 @@ struct RoomCondition {
   int changed = 0;                  // that have long shown something else, while the others held
 };
 
-struct CameraWatchOptions {
-  // Patches that are looked for per second: while all is well, and while something may be going on. Each costs about a
-  // microsecond.
-  double calm_rate_hz = 6, alert_rate_hz = 40;
-  double least_turn_rad = 0.9e-3;  // what is told: 0.05 degrees, 3 mm at 3 m
-  double least_zoom = 0.006;       // a step of 15 mm towards a room at 2.5 m looks like it; a focus ring does more
-};
-
 // thread-compatible. Deterministic: the same frames, the same answers. Never throws after construction.
 class CameraWatch {
  public:
   // known: the room as it was kept; empty: it is learnt from the first frames.
-  explicit CameraWatch(const calib::Camera& camera, const CameraWatchOptions& options = {},
-                       std::span<const KeptPatch> known = {});
+  explicit CameraWatch(const calib::Camera& camera, std::span<const KeptPatch> known = {});
 
   // The camera's frames in time order; those of another size are ignored. objects: what is before the room and moves.
   void look(const capture::Frame& frame, std::span<const Occluder> objects);
@@ -141,7 +132,6 @@ class CameraWatch {
   double alike_rad() const;  // rotations nearer to each other than this are one
 
   const calib::Camera camera_;
-  const CameraWatchOptions options_;
   const int scale_;
   RoomCondition condition_;
   std::vector<PatchMean> learning_;

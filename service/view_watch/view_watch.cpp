@@ -39,7 +39,7 @@ constexpr double least_late_s = 0.07, least_unlearnt_s = 0.03, surely_unlearnt =
 constexpr double least_turn_rad = 0.0052;
 // Chi-square, 3 degrees of freedom: light and shade do as much in one camera and place of a thousand.
 constexpr double surely_turned = 16.3;
-// The same of 1 degree of freedom; and cheap lenses' focal lengths follow the focus by a per cent or two.
+// Chi-square, 1 degree of freedom; and cheap lenses' focal lengths follow the focus by a per cent or two.
 constexpr double surely_zoomed = 10.8, least_zoom = 0.03;
 // Of a picture.
 constexpr double least_shared = 0.03, times_the_target = 4;

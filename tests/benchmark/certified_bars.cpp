@@ -12,6 +12,8 @@
 #include "calib/certify/certificate.h"
 #include "calib/model/lens_derivatives.h"
 #include "calib/model/rig_yaml.h"
+#include "certify/covered_by.h"
+#include "model/rig_with_errors.h"
 #include "object_tracking/trackers/object_tracker.h"
 #include "particle_filter/random.h"
 #include "scene/scene.h"

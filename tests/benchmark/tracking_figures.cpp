@@ -7,7 +7,7 @@
 #include "benchmark/blob_tracker.h"
 #include "object_tracking/trackers/object_tracker.h"
 #include "pictures/pictures.h"
-#include "tracks/truth.h"
+#include "tracks/truth_comparison.h"
 
 namespace huetrack::figures {
 

@@ -24,7 +24,7 @@ struct TrackingFigures {
   double largest_jump_m = 0;       // error's change between two sets on end that both have a position, at most two
                                    // views of which see the ball
   double mean_nees = 0, share_inside_95 = 0;  // of `compared`; 3 and 0.95 when the covariance is perfect
-  // The same by how many views see more than half of the ball: none, one, two or more.
+  // The figures by how many views see more than half of the ball: none, one, two or more.
   struct Seen {
     std::size_t sets = 0, compared = 0, inside_95 = 0,
                 tracking = 0;  // of all; with a position; of those; saying `tracking`

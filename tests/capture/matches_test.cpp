@@ -274,12 +274,7 @@ Frame frame_of(Extent size, int number, bool has_picture) {
 }
 
 recordings::RecordingOptions of_left(const std::filesystem::path& folder, bool is_of_matches) {
-  return {.folder = folder,
-          .cameras = {"left"},
-          .fps = {},
-          .are_matches = {is_of_matches},
-          .rig_yaml = {},
-          .config_yaml = {}};
+  return {.folder = folder, .cameras = {"left"}, .are_matches = {is_of_matches}, .rig_yaml = {}, .config_yaml = {}};
 }
 
 std::vector<Frame> replayed(const std::filesystem::path& folder, std::vector<std::string>& warnings) {

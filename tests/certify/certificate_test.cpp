@@ -6,6 +6,7 @@
 #include <random>
 
 #include "calib/report/certificate_report.h"
+#include "certify/covered_by.h"
 
 namespace huetrack::certify {
 namespace {

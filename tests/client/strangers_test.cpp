@@ -44,9 +44,8 @@ TEST(Strangers, ASecondPublisherOfATargetIsMarkedInTextAndLeftOutElsewhere) {
   ASSERT_TRUE(ChildProcess::wait([&] { return lines(text) > 5 && lines(csv) > 5; }, 10s)) << text.err();
 
   idl::DdsParticipant stranger({.name = "stranger", .domain = publish::test_domain()});
-  auto& writer = stranger.create_writer(idl::object_position_topic,
-                                        eprosima::fastdds::dds::TypeSupport(new msg::ObjectPositionPubSubType),
-                                        idl::object_position_writer_qos(), "");
+  auto& writer = stranger.create_writer<msg::ObjectPositionPubSubType>(idl::object_position_topic,
+                                                                       idl::object_position_writer_qos(), "");
   msg::ObjectPosition lie;
   lie.target("ball");
   lie.state(msg::TRACK_STATE_TRACKING);

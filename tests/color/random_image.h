@@ -9,6 +9,7 @@
 
 #include "capture/pixel_format.h"
 #include "color/color_model.h"
+#include "color/color_window.h"
 
 namespace huetrack::color {
 
@@ -62,6 +63,18 @@ inline HsiRange common_color(capture::PixelFormat format) {
 inline bool matches_at(const capture::Image& image, const ColorTable& table, int u, int v) {
   return image.format == capture::PixelFormat::bgr ? table.contains(capture::bgr_at(image, u, v))
                                                    : table.contains(capture::yuv_at(image, u, v));
+}
+
+// The obvious way, one look-up per pixel of the window: the truth that count_5x5() is held to.
+inline int count_5x5_reference(const capture::Image& image, const ColorTable& table, int u, int v) {
+  int k = 0;
+  for (int dv = -2; dv <= 2; ++dv) {
+    for (int du = -2; du <= 2; ++du) {
+      const int uu = u + du, vv = v + dv;
+      if (uu >= 0 && vv >= 0 && uu < image.width && vv < image.height && has_color(image, table, uu, vv)) ++k;
+    }
+  }
+  return k;
 }
 
 }  // namespace huetrack::color

@@ -642,7 +642,7 @@ TEST(ReferenceConfig, HasEveryKeyWithItsDefaultInTheOrderOfCheck) {
   const fs::path file = configs / "huetrackd.yaml";
   const ServiceConfig reference = load_service_config(file);
 
-  // The same but for what has no default.
+  // All as by default but for what has no default.
   ServiceConfig defaults;
   defaults.file = reference.file;
   defaults.rig_file = reference.rig_file;

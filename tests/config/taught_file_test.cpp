@@ -357,7 +357,7 @@ TEST_F(TaughtFile, CamerasThatWereNotTaughtStayTheConfigurations) {
   save_taught(file, target, {});
   EXPECT_EQ(load_service_config(file).targets[0].camera_colors, target.camera_colors);
 
-  // The same of one that says nothing but its name.
+  // Cameras that say nothing but their names.
   with(taught_head + "targets: {ball: {color: {hue_deg: [1, 2]}, camera_colors: {cam0: {}, cam1: {}}}}\n");
   target.camera_colors.clear();
   save_taught(file, target, {});

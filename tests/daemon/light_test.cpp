@@ -152,7 +152,6 @@ class WanderingReplay : public testing::Test {
                                        [](double t) { return 3 * std::clamp(t - 1, 0.0, 12.0); });
     recordings::RecordingWriter writer({.folder = folder_,
                                         .cameras = {"cam0", "cam1", "cam2"},
-                                        .fps = {fps, fps, fps},
                                         .rig_yaml = calib::to_yaml(world.rig),
                                         .config_yaml = {}});
     for (const auto& set : sets)

@@ -37,7 +37,7 @@ template <typename Type>
 class Reader {
  public:
   Reader(idl::DdsParticipant& participant, const std::string& topic, const dds::DataReaderQos& qos)
-      : reader_(participant.create_reader(topic.c_str(), dds::TypeSupport(new Type), qos)) {}
+      : reader_(participant.create_reader<Type>(topic.c_str(), qos)) {}
   const std::vector<typename Type::type>& samples() {
     typename Type::type sample;
     dds::SampleInfo info;

@@ -44,7 +44,7 @@ class Stranger {
   template <typename PubSubType>
   dds::DataWriter& writer(const char* topic, dds::DataWriterQos qos) {
     qos.resource_limits().max_instances = 5;  // the stranger's own memory
-    return participant_.create_writer(topic, dds::TypeSupport(new PubSubType), std::move(qos), "");
+    return participant_.create_writer<PubSubType>(topic, std::move(qos), "");
   }
 
  private:

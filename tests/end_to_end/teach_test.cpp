@@ -8,7 +8,7 @@
 #include "calib/model/rig_yaml.h"
 #include "config/service_config.h"
 #include "end_to_end/process.h"
-#include "tracks/truth.h"
+#include "tracks/truth_comparison.h"
 
 namespace huetrack::end_to_end {
 namespace {

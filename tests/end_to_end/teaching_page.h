@@ -28,15 +28,12 @@ class TeachingPage {
  public:
   explicit TeachingPage(int domain)
       : participant_({.name = "test page", .domain = domain, .interfaces = {"lo"}}),
-        request_(participant_.create_writer(idl::teach_request_topic, dds::TypeSupport(new msg::TeachRequestPubSubType),
-                                            idl::teach_writer_qos(), "")),
-        reply_(participant_.create_reader(idl::teach_reply_topic, dds::TypeSupport(new msg::TeachReplyPubSubType),
-                                          idl::teach_reader_qos())),
-        scene_(participant_.create_reader(idl::scene_topic, dds::TypeSupport(new msg::ScenePubSubType),
-                                          idl::status_reader_qos())),
-        position_(participant_.create_reader(idl::object_position_topic,
-                                             dds::TypeSupport(new msg::ObjectPositionPubSubType),
-                                             idl::object_position_reader_qos())) {}
+        request_(participant_.create_writer<msg::TeachRequestPubSubType>(idl::teach_request_topic,
+                                                                         idl::teach_writer_qos(), "")),
+        reply_(participant_.create_reader<msg::TeachReplyPubSubType>(idl::teach_reply_topic, idl::teach_reader_qos())),
+        scene_(participant_.create_reader<msg::ScenePubSubType>(idl::scene_topic, idl::status_reader_qos())),
+        position_(participant_.create_reader<msg::ObjectPositionPubSubType>(idl::object_position_topic,
+                                                                            idl::object_position_reader_qos())) {}
 
   // Everything that has come.
   void listen() {

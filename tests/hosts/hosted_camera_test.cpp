@@ -166,7 +166,7 @@ TEST_F(HostedCamera, TracksAreThoseOfCamerasOfThisMachine) {
   EXPECT_EQ(both->there, both->here);
 }
 
-// The same where the hosts say which pixels match, and no more; and again from what was recorded of that.
+// Tracks where the hosts say which pixels match, and no more; and again from what was recorded of that.
 TEST_F(HostedCamera, TracksOfMatchesAreThoseOfFrames) {
   const std::string blob = "shape: blob, ";
   const auto here = tracker_config(folder_, "", blob);

@@ -26,7 +26,7 @@ class LedBlobs : public testing::TestWithParam<capture::PixelFormat> {};
 TEST_P(LedBlobs, CentresAreFoundToASmallPartOfAPixel) {
   const scene::LedScene scene = scene::led_scene();
   const std::vector<Vector2d> dots{{40.3, 50.7}, {200.25, 120.5}, {300.9, 230.1}};
-  const auto found = find_led_blobs(scene::led_image(scene, dots, 1, GetParam()), {});
+  const auto found = find_led_blobs(scene::led_image(scene, dots, 1, GetParam()));
   ASSERT_EQ(found.size(), 3u);
   for (const Vector2d& dot : dots) {
     double nearest = 1e9;
@@ -40,12 +40,12 @@ INSTANTIATE_TEST_SUITE_P(Formats, LedBlobs,
 
 TEST(LedBlobs, NothingIsFoundInTheDarkAtTheEdgeOrInALamp) {
   const scene::LedScene scene = scene::led_scene();
-  EXPECT_TRUE(find_led_blobs(scene::led_image(scene, {}, 1), {}).empty());
-  EXPECT_TRUE(find_led_blobs(scene::led_image(scene, {{0.4, 100}}, 1), {}).empty());
+  EXPECT_TRUE(find_led_blobs(scene::led_image(scene, {}, 1)).empty());
+  EXPECT_TRUE(find_led_blobs(scene::led_image(scene, {{0.4, 100}}, 1)).empty());
   capture::WritableImage lamp = capture::make_image(capture::PixelFormat::grey, capture::ColorRange::full, 320, 240);
   for (int v = 60; v < 160; ++v)
     std::fill_n(lamp.data[0] + v * lamp.image.planes[0].stride + 100, 100, std::uint8_t{250});
-  EXPECT_TRUE(find_led_blobs(lamp.image, {}).empty());
+  EXPECT_TRUE(find_led_blobs(lamp.image).empty());
 }
 
 // ---- The motion

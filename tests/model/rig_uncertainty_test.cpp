@@ -8,6 +8,7 @@
 
 #include "calib/model/camera_rig.h"
 #include "calib/model/rig_history.h"
+#include "model/rig_with_errors.h"
 
 namespace huetrack::calib {
 namespace {

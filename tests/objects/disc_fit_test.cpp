@@ -17,7 +17,7 @@ bool is_in(const Vector2d& centre, int u, int v) {
   return (Vector2d(u, v) - centre).norm() <= radius_px;
 }
 
-// The same from every start near it.
+// One disc from every start near it.
 template <typename Chosen>
 std::vector<std::optional<FittedDisc>> fitted(const std::vector<Vector2d>& about, Chosen chosen) {
   const capture::Image image = color::mask_image(120, 90, chosen);

@@ -125,12 +125,11 @@ TEST(PageService, MakesNothingWhileNobodySubscribes) {
     EXPECT_FALSE(server.wants());
     std::this_thread::sleep_for(5ms);
   }
-  EXPECT_EQ(server.counters().previews, 0u);
+  EXPECT_EQ(server.previews(), 0u);
 
   {
     idl::DdsParticipant participant({.name = "test", .domain = publish::test_domain(), .interfaces = {"lo"}});
-    auto& reader = participant.create_reader(
-        idl::preview_topic, eprosima::fastdds::dds::TypeSupport(new msg::PreviewPubSubType), idl::preview_reader_qos());
+    auto& reader = participant.create_reader<msg::PreviewPubSubType>(idl::preview_topic, idl::preview_reader_qos());
     ASSERT_TRUE(until([&] { return server.wants(); }));
     server.offer(job_of(c, 42));
     EXPECT_FALSE(server.wants());  // one at a time, and no sooner than the rate allows
@@ -149,18 +148,17 @@ TEST(PageService, MakesNothingWhileNobodySubscribes) {
     std::this_thread::sleep_for(200ms);
     return !server.wants();
   }));
-  const auto made = server.counters().previews;
+  const auto made = server.previews();
   std::this_thread::sleep_for(300ms);
   EXPECT_FALSE(server.wants());
-  EXPECT_EQ(server.counters().previews, made);
+  EXPECT_EQ(server.previews(), made);
 }
 
 TEST(PageService, TheSceneIsThereForWhoComesLateAndFollowsTheConfiguration) {
   config::ServiceConfig c = config();
   PageService server(c, {});
   idl::DdsParticipant participant({.name = "test", .domain = publish::test_domain(), .interfaces = {"lo"}});
-  auto& reader = participant.create_reader(
-      idl::scene_topic, eprosima::fastdds::dds::TypeSupport(new msg::ScenePubSubType), idl::status_reader_qos());
+  auto& reader = participant.create_reader<msg::ScenePubSubType>(idl::scene_topic, idl::status_reader_qos());
   msg::Scene scene;
   eprosima::fastdds::dds::SampleInfo info;
   ASSERT_TRUE(
@@ -192,9 +190,7 @@ TEST(PageService, AMapOfATrackedCameraIsThereForWhoComesLate) {
   EXPECT_TRUE(until([&] { return server.wants_map(); }));
 
   idl::DdsParticipant participant({.name = "test", .domain = publish::test_domain(), .interfaces = {"lo"}});
-  auto& reader = participant.create_reader(idl::camera_map_topic,
-                                           eprosima::fastdds::dds::TypeSupport(new msg::CameraMapPubSubType),
-                                           idl::status_reader_qos());
+  auto& reader = participant.create_reader<msg::CameraMapPubSubType>(idl::camera_map_topic, idl::status_reader_qos());
   msg::CameraMap sample;
   eprosima::fastdds::dds::SampleInfo info;
   ASSERT_TRUE(

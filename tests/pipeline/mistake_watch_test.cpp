@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "scene/lime.h"
+#include "truth/truth.h"
 
 namespace huetrack::pipeline {
 namespace {
@@ -49,9 +50,8 @@ Followed follow(const scene::Scene& scene, const calib::CameraRig& rig, bool is_
       if (is_heard) trackers[0].trust(trust);
     }
     if (k < sets.size() / 2 || !estimates[0].has_position()) continue;
-    const Vector3d truth = scene.balls[0].path(capture::seconds(sets[k].at - sets.front().at));
-    const Vector3d off = estimates[0].position - truth;
-    out.nees += off.dot(estimates[0].covariance.inverse() * off);
+    const Vector3d off = estimates[0].position - scene.balls[0].path(capture::seconds(sets[k].at - sets.front().at));
+    out.nees += truth::nees(off, estimates[0].covariance);
     ++out.told;
   }
   out.nees /= std::max(1, out.told);

@@ -106,7 +106,7 @@ TEST_F(Calibrate, PicturesOfAGoodCaptureGiveTheRig) {
   EXPECT_THAT(end_to_end::contents(path("rig.yaml")),
               AllOf(HasSubstr("made_by"), HasSubstr("huetrack-calibrate"), HasSubstr("verdict: \"usable\"")));
 
-  // The same once more: the same bytes, but for the time of day.
+  // Once more: the same bytes, but for the time of day.
   const auto timeless = [&] {
     const std::string text = end_to_end::contents(path("rig.yaml"));
     const std::size_t at = text.find("  at: ");

@@ -134,8 +134,7 @@ TEST(DdsParticipant, ProfileOfATopicsNameReplacesItsQosAndOthersKeepOurs) {
       {.domain = test_domain(), .profiles = HUETRACK_SOURCE_DIR "/configs/dds/topic_qos.xml"});
   using TfType = tf2_msgs::msg::dds_::TFMessage_PubSubType;
   const auto qos_of = [&](const char* topic) {
-    return participant.create_writer(topic, dds::TypeSupport(new TfType), idl::ros2_writer_qos(), "typehash=x;")
-        .get_qos();
+    return participant.create_writer<TfType>(topic, idl::ros2_writer_qos(), "typehash=x;").get_qos();
   };
   const dds::DataWriterQos tf = qos_of(idl::ros2_tf_topic);
   EXPECT_EQ(tf.reliability().kind, dds::BEST_EFFORT_RELIABILITY_QOS);

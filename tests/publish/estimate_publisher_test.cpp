@@ -58,7 +58,7 @@ class Bus : public ::testing::Test {
 
   template <typename PubSubType>
   dds::DataReader& reader(const std::string& topic, dds::DataReaderQos qos) {
-    return participant_->create_reader(topic, dds::TypeSupport(new PubSubType), qos);
+    return participant_->create_reader<PubSubType>(topic, qos);
   }
   dds::DataReader& position_reader() {
     return reader<msg::ObjectPositionPubSubType>(idl::object_position_topic, idl::object_position_reader_qos());
@@ -406,9 +406,8 @@ TEST(Network, AnInterfaceThatComesUpLaterIsUsed) {
   ASSERT_TRUE(has_carrier("10.99.0.2"));
   idl::DdsParticipant participant({.domain = test_domain()});
   EXPECT_THAT(participant.description(), HasSubstr("vb 10.99.0.2"));
-  dds::DataReader& reader =
-      participant.create_reader(idl::object_position_topic, dds::TypeSupport(new msg::ObjectPositionPubSubType),
-                                idl::object_position_reader_qos());
+  dds::DataReader& reader = participant.create_reader<msg::ObjectPositionPubSubType>(idl::object_position_topic,
+                                                                                     idl::object_position_reader_qos());
   EXPECT_TRUE(ChildProcess::wait([&] { return !take_all<msg::ObjectPosition>(reader).empty(); }, 10s));
 }
 

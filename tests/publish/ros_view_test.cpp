@@ -14,8 +14,8 @@
 #include "idl/huetrack.h"
 #include "idl/topics.h"
 #include "publish/child_process.h"
+#include "publish/page_publisher.h"
 #include "publish/test_domain.h"
-#include "publish/view_publisher.h"
 
 namespace huetrack::publish {
 namespace {
@@ -181,7 +181,7 @@ TEST(ViewSecondVendor, CycloneSeesTheViewAndAsksForIt) {
   options.targets = {"ball"};
   options.cameras = {"cam.0", "left"};
   options.tracked_camera = "left";
-  ViewPublisher publisher(options);
+  PagePublisher publisher(options);
   EXPECT_TRUE(publisher.publish(scene()));
   camera_tracking::CameraMap map{capture::Timestamp(3s), {{.id = 5}, {.id = 9, .position = {1, 2, 3}, .given = true}}};
   map.points[1].covariance(2, 2) = 0.25;

@@ -69,7 +69,6 @@ TEST_F(Replay, AFrameRateGivesExactlyRoundedTimes) {
   capture::write_clip(folder / "a.avi", {.codec = "mjpeg", .format = AV_PIX_FMT_YUVJ422P, .frames = 8});
   auto source = open("frames: a.avi, fps: 30, offset_s: 0.5");
   EXPECT_EQ(source.expected_frames(), 8);
-  EXPECT_NEAR(capture::seconds(source.expected_duration().value()), 7 / 30.0, 1e-6);
   const auto frames = read_all(source);
   EXPECT_THAT(times(frames), ElementsAre(500000000ns, 533333333ns, 566666667ns, 600000000ns, 633333333ns, 666666667ns,
                                          700000000ns, 733333333ns));

@@ -20,7 +20,7 @@ constexpr float white = 0.75f, black = 0.02f;
 constexpr int print_side = 2048;
 constexpr float texel_m = 0.0014f;
 
-// The same on every platform, unlike the distributions of <random>.
+// Equal numbers on every platform, unlike the distributions of <random>.
 double uniform(std::mt19937_64& random, double from, double to) {
   return from + (to - from) * static_cast<double>(random() >> 11) / 9007199254740992.0;
 }

@@ -46,7 +46,7 @@ TEST(Extrinsics, FindTheRig) {
   const SyntheticCapture capture = synthetic_capture();
   const Extrinsics found = calibrate_extrinsics(capture.board, unknown(capture.rig), capture.views);
   EXPECT_LT(synthetic_volume_rms_m(capture, found), 0.001);
-  EXPECT_TRUE(found.lens_refined());
+  EXPECT_EQ(found.refinement, LensRefinement::refined);
   EXPECT_NEAR(found.adjustment.noise_px, 0.1, 0.01);
   EXPECT_EQ(found.pairs.size(), 6U);
   for (const CameraPair& pair : found.pairs) EXPECT_LT(pair.rms_px, 0.17);

@@ -9,6 +9,7 @@
 
 #include "object_tracking/trackers/object_tracker.h"
 #include "scene/scene.h"
+#include "truth/truth.h"
 
 namespace huetrack::object_trackers {
 
@@ -63,7 +64,7 @@ Answers answers_of(const scene::Scene& scene, const std::vector<capture::FrameSe
       const Vector3d error = e.position - scene.ball_at(0, e.at);
       ++out.tracking;
       out.wrong += error.norm() > 0.1 ? 1 : 0;
-      out.nees += error.dot(e.covariance.llt().solve(error));
+      out.nees += truth::nees(error, e.covariance);
     }
   }
   if (out.tracking > 0) out.nees /= out.tracking;

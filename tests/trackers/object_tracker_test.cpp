@@ -11,6 +11,7 @@
 
 #include "object_tracking/trackers/region_tracker.h"
 #include "scene/lime.h"
+#include "truth/truth.h"
 
 namespace huetrack::object_trackers {
 
@@ -103,7 +104,7 @@ Outcome run(const scene::Scene& scene, const std::vector<capture::FrameSet>& set
     if (e.state != TrackState::tracking) continue;
     EXPECT_LT(error.norm(), 0.1) << "`tracking`, set " << set.number;
     if (out.lock == 1000) out.lock = out.estimates.size();
-    const double nees = error.dot(e.covariance.llt().solve(error));
+    const double nees = truth::nees(error, e.covariance);
     sum2 += error.squaredNorm(), out.mean_nees += nees, out.share_inside_95 += nees < 7.815 ? 1 : 0, ++n;
   }
   out.rms_m = std::sqrt(sum2 / n), out.mean_nees /= n, out.share_inside_95 /= n;
@@ -252,7 +253,7 @@ TEST(ObjectTracker, camerasWhoseTimesNobodyKnows) {
     e = tracker.update(set);
     if (e.state != TrackState::tracking) continue;
     const Vector3d error = e.position - scene.ball_at(0, e.at);
-    nees += error.dot(e.covariance.llt().solve(error)), ++n;
+    nees += truth::nees(error, e.covariance), ++n;
     if (set.number >= 150) sum2 += error.squaredNorm(), ++late_n;
   }
   EXPECT_GT(n, 200);
@@ -298,7 +299,7 @@ TEST(ObjectTracker, whatIsNotKnownOfAnotherHostsClockIsInTheCovariance) {
         const ObjectEstimate e = tracker.update(set);
         if (e.state != TrackState::tracking) continue;
         const Vector3d error = e.position - scene.ball_at(0, e.at);
-        sum += error.dot(e.covariance.llt().solve(error)), ++n;
+        sum += truth::nees(error, e.covariance), ++n;
       }
       ASSERT_GT(n, 35) << seed;
       (is_told ? nees_told : nees_untold) += sum / n;
@@ -464,7 +465,7 @@ TEST(ObjectTracker, oneViewIsNotEnoughForLong) {
   for (std::size_t i = 20; i < 100; ++i) {
     if (!o.estimates[i].has_position()) continue;
     const Vector3d error = o.estimates[i].position - scene.ball_at(0, sets[i].at);
-    outside += error.dot(o.estimates[i].covariance.llt().solve(error)) > 16.27 ? 1 : 0;  // 99.9 %
+    outside += truth::nees(error, o.estimates[i].covariance) > 16.27 ? 1 : 0;  // 99.9 %
     ++positions;
   }
   EXPECT_LE(outside, positions / 5);

@@ -13,6 +13,7 @@
 #include "object_tracking/trackers/object_tracker.h"
 #include "object_tracking/view_doubts.h"
 #include "scene/scene.h"
+#include "truth/truth.h"
 
 namespace huetrack::object_trackers {
 
@@ -58,7 +59,7 @@ Honesty run(ObjectTracker& tracker, const scene::Scene& scene, const std::vector
     if (each) each(e);
     if (!e.has_position()) continue;
     const Vector3d error = e.position - scene.ball_at(0, e.at);
-    out.nees += error.dot(e.covariance.llt().solve(error));
+    out.nees += truth::nees(error, e.covariance);
     out.rms_m += error.squaredNorm();
     out.sigma_m += std::sqrt(e.covariance.trace());
     ++out.positions;
@@ -164,7 +165,7 @@ TEST(Trust, whatIsFoundIsWhereTheViewsAgree) {
       if (!e.has_position()) return;
       ++positions;
       const Vector3d error = e.position - scene.ball_at(0, e.at);
-      EXPECT_LT(error.dot(e.covariance.llt().solve(error)), 16.3) << positions << ": " << 1000 * error.norm() << " mm";
+      EXPECT_LT(truth::nees(error, e.covariance), 16.3) << positions << ": " << 1000 * error.norm() << " mm";
     });
     EXPECT_GE(positions, 8);
   }

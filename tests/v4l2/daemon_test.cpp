@@ -14,7 +14,7 @@
 #include "recordings/recording.h"
 #include "recordings/replay_source.h"
 #include "tracks/track_csv.h"
-#include "tracks/truth.h"
+#include "tracks/truth_comparison.h"
 #include "v4l2/vm.h"
 
 namespace huetrack::v4l2 {

@@ -165,7 +165,7 @@ TEST_F(Loopback, ARecordingReplaysToWhatWasSeen) {
     capture::V4l2Source source(options_for(node));
     const fs::path out = folder / (storage == recordings::RawStorage::huffyuv ? "huffyuv" : "raw");
     recordings::RecordingWriter writer(
-        {.folder = out, .cameras = {"left"}, .fps = {30}, .rig_yaml = {}, .config_yaml = {}, .raw_storage = storage});
+        {.folder = out, .cameras = {"left"}, .rig_yaml = {}, .config_yaml = {}, .raw_storage = storage});
     go();
     std::vector<int> indices;
     std::vector<capture::Timestamp> times;
@@ -587,9 +587,10 @@ TEST_F(Uvc, ManualValuesSwitchTheirAutomaticsOffFirst) {
             "cam 0 auto_exposure 1\ncam 0 white_balance_automatic 0\ncam 0 exposure_time_absolute 200\n"
             "cam 0 white_balance_temperature 5000\ncam 0 gain 30\n");
   device.set_controls_plainly(device.previous_controls());
-  EXPECT_EQ(device.control("auto_exposure")->value, 3);
-  EXPECT_EQ(device.control("exposure_time_absolute")->value, 157);
-  EXPECT_EQ(device.control("gain")->value, 0);
+  const auto controls = device.controls();
+  EXPECT_EQ(capture::find_control(controls, "auto_exposure")->value, 3);
+  EXPECT_EQ(capture::find_control(controls, "exposure_time_absolute")->value, 157);
+  EXPECT_EQ(capture::find_control(controls, "gain")->value, 0);
 }
 
 TEST_F(Uvc, ARefusalIsReported) {
@@ -645,7 +646,8 @@ TEST_F(Uvc, UnplugAnotherAndReplug) {
   for (const auto& message : back.messages()) std::printf("%s\n", message.c_str());
   source.reset();
   capture::V4l2Device device(node_of("uvcvideo"));
-  EXPECT_EQ(device.control("auto_exposure")->value, 3) << "as it was found";
+  const auto controls = device.controls();
+  EXPECT_EQ(capture::find_control(controls, "auto_exposure")->value, 3) << "as it was found";
 }
 
 TEST_F(Uvc, JpegsAreDecodedAndTheirBytesKept) {
@@ -679,7 +681,7 @@ TEST_F(Uvc, JpegsAreDecodedAndTheirBytesKept) {
   EXPECT_EQ(source.health().corrupted, static_cast<unsigned>(got.count(capture::FrameStatus::corrupted)));
   capture::JpegDecoder decoder;
   recordings::RecordingWriter writer(
-      {.folder = folder / "out", .cameras = {"left"}, .fps = {}, .rig_yaml = {}, .config_yaml = {}});
+      {.folder = folder / "out", .cameras = {"left"}, .rig_yaml = {}, .config_yaml = {}});
   for (auto& frame : got.frames) {
     ASSERT_TRUE(writer.write(frame));
     if (frame.status != capture::FrameStatus::ok) continue;

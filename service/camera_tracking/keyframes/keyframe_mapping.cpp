@@ -162,7 +162,6 @@ void KeyframeMapping::add_keyframe(const PosedFrame& frame) {
   priors_.push_back(frame.prior);
   is_sharp_.push_back(frame.flow_px < sharp_for_keyframe * camera_.image_size.width);
   speed_px_s_.push_back(frame.readout.sigma_s > 0 ? frame.readout_open_px / frame.readout.sigma_s : 0);
-  ++counters_.keyframes;
   last_keyframe_frame_ = frame.number;
   const Eigen::Vector3d centre = calib::inverse(frame.pose.cam_from_world).translation;
   for (PointSighting s : frame.sightings) {
@@ -203,13 +202,11 @@ void KeyframeMapping::promote(const Seed& seed) {
       PointSighting{seed.look.keyframe, index, seed.look.px, seed_sigma_px * scale_of(seed.look.level)}});
   given_sigma_m_.push_back(0);
   given_position_.push_back(Eigen::Vector3d::Zero());
-  ++counters_.points_added;
 }
 
 void KeyframeMapping::remove(int point) {
   map_.points[static_cast<std::size_t>(point)].alive = false;
   by_point_[static_cast<std::size_t>(point)].clear();
-  ++counters_.points_removed;
 }
 
 // The new key frame, and those that share most points with it.
@@ -322,7 +319,6 @@ void KeyframeMapping::adjust_moved(const std::set<int>& moved, int keyframe) {
   LocalProblem local = problem_of(moved, keyframe);
   if (local.bundle.observations.size() < fewest_to_adjust) return;
   adjust(camera_.model, local.bundle, adjust_iterations);
-  ++counters_.adjustments;
   take_over(local);
 }
 

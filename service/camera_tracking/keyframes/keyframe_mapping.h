@@ -43,11 +43,6 @@ struct PosedFrame {
   double readout_open_px = 0;                             // what that leaves open between the first row and the last
 };
 
-struct MappingCounters {
-  std::uint64_t keyframes = 0, points_added = 0, points_removed = 0, seeds_started = 0, seeds_abandoned = 0,
-                adjustments = 0;
-};
-
 // thread-compatible. map() may run while tracking works on the next frame with the map that it was given before.
 class KeyframeMapping {
  public:
@@ -60,7 +55,6 @@ class KeyframeMapping {
   void map(const PosedFrame& frame);
   const camera_tracking::SceneMap& scene() const { return map_; }
   camera_tracking::StoredMap stored() const;
-  const MappingCounters& counters() const { return counters_; }
 
  private:
   // A corner of a key frame whose depth is being found: a Gaussian of the inverse depth along its ray, narrowed frame
@@ -121,7 +115,6 @@ class KeyframeMapping {
   std::uint64_t last_keyframe_frame_ = 0;
   camera_tracking::WarpedPatch patch_;
   std::vector<float> field_;
-  MappingCounters counters_;
 };
 
 }  // namespace huetrack::keyframes

@@ -151,7 +151,6 @@ void KeyframeMapping::add_seeds(int keyframe) {
     seed.inverse_depth = 1 / depth;
     seed.sigma = std::max(1 / nearest - 1 / depth, 1 / depth) / 2;
     seeds_.push_back(seed);
-    ++counters_.seeds_started;
   }
 }
 
@@ -165,10 +164,7 @@ void KeyframeMapping::update_seeds(const PosedFrame& frame) {
   std::vector<Seed> kept;
   kept.reserve(seeds_.size());
   for (Seed& seed : seeds_) {
-    if (!update(seed, frame)) {
-      ++counters_.seeds_abandoned;
-      continue;
-    }
+    if (!update(seed, frame)) continue;
     if (seed.sigma < converged * seed.inverse_depth && seed.found >= often_found &&
         seed.widest_rad > enough_parallax_rad)
       promote(seed);

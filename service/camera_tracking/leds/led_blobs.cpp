@@ -11,6 +11,11 @@ namespace huetrack::leds {
 
 namespace {
 
+constexpr int least_contrast = 25;       // grey levels that a LED's brightest pixel is above the dark around it
+constexpr double threshold = 0.25;       // the "dynamic threshold": how far from the dark to the peak a pixel must be
+constexpr int largest_diameter_px = 40;  // what is larger is a lamp or a window
+constexpr std::size_t most_blobs = 16;   // the brightest so many
+
 // Brightness where it lies: every `step` bytes from `offset` of a row on.
 class Brightness {
  public:
@@ -27,7 +32,6 @@ class Brightness {
   }
   const std::uint8_t* row(int v) const { return plane_.data + v * plane_.stride; }
   int step() const { return step_; }
-  bool is_bgr() const { return is_bgr_; }
 
  private:
   capture::Plane plane_;
@@ -155,18 +159,18 @@ class Growth {
 
 }  // namespace
 
-std::vector<LedBlob> find_led_blobs(const capture::Image& image, const LedBlobOptions& options) {
+std::vector<LedBlob> find_led_blobs(const capture::Image& image) {
   const Brightness y(image);
   const int dark = dark_of(y, image);
-  Growth growth(y, image, options.max_diameter_px);
+  Growth growth(y, image, largest_diameter_px);
   std::vector<LedBlob> blobs;
   std::vector<Growth::Spot> taken;
-  for (const Peak& peak : find_peaks(y, image, dark + options.min_contrast)) {
-    if (blobs.size() >= 4 * static_cast<std::size_t>(options.max_count)) break;
+  for (const Peak& peak : find_peaks(y, image, dark + least_contrast)) {
+    if (blobs.size() >= 4 * most_blobs) break;
     if (std::ranges::any_of(taken, [&](const Growth::Spot& spot) { return spot.holds(peak); })) continue;
-    const auto& spot = taken.emplace_back(growth.around(peak, dark + options.threshold * (peak.brightness - dark)));
+    const auto& spot = taken.emplace_back(growth.around(peak, dark + threshold * (peak.brightness - dark)));
     const bool too_large =
-        spot.right - spot.left >= options.max_diameter_px || spot.bottom - spot.top >= options.max_diameter_px;
+        spot.right - spot.left >= largest_diameter_px || spot.bottom - spot.top >= largest_diameter_px;
     // Cut off by the image's edge: its centre would be wrong.
     const bool cut =
         spot.left == 0 || spot.top == 0 || spot.right == image.width - 1 || spot.bottom == image.height - 1;
@@ -174,8 +178,7 @@ std::vector<LedBlob> find_led_blobs(const capture::Image& image, const LedBlobOp
     blobs.push_back({spot.weighted / spot.weight, peak.brightness, spot.area});
   }
   std::ranges::stable_sort(blobs, std::ranges::greater{}, [](const LedBlob& b) { return b.peak * b.area_px; });
-  if (blobs.size() > static_cast<std::size_t>(options.max_count))
-    blobs.resize(static_cast<std::size_t>(options.max_count));
+  if (blobs.size() > most_blobs) blobs.resize(most_blobs);
   return blobs;
 }
 

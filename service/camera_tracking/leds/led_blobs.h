@@ -8,14 +8,6 @@
 
 namespace huetrack::leds {
 
-struct LedBlobOptions {
-  int min_contrast = 25;  // 1..255; grey levels that a LED's brightest pixel is above the dark around it
-  double threshold =
-      0.25;  // (0, 1); the "dynamic threshold": how far from the dark to the peak a pixel must be to count
-  int max_diameter_px = 40;  // >= 1; what is larger is a lamp or a window
-  int max_count = 16;        // >= 1; the brightest so many
-};
-
 struct LedBlob {
   Eigen::Vector2d px;  // centre, raw pixels: the distorted image, as the paper has it
   int peak = 0;        // brightness of its brightest pixel, 1..255
@@ -25,6 +17,6 @@ struct LedBlob {
 // The brightest pixel first; then the average of the connected pixels around it, weighted with their brightness above
 // the threshold. Reads Y of the YUV family and of grey images, and the mean of B, G, R of bgr ones; converts nothing.
 // Brightest (peak times area) first. Pure; safe from any thread.
-std::vector<LedBlob> find_led_blobs(const capture::Image& image, const LedBlobOptions& options);
+std::vector<LedBlob> find_led_blobs(const capture::Image& image);
 
 }  // namespace huetrack::leds

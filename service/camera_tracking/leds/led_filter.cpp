@@ -3,6 +3,7 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <set>
 
@@ -59,30 +60,9 @@ class HuetrackLedFilter final : public LedFilter {
   bool is_ambiguous() const override { return !pose_ && search_.is_ambiguous(); }
 
   CameraTrackerInside inside() const override {
+    if (pose_) return inside_of(camera_, leds(), {pose_->mean, prior_covariance_}, noise(), found_, particles_);
     CameraTrackerInside out;
-    constexpr std::size_t most = 300;
-    if (pose_) {
-      for (std::size_t l = 0; l < leds().size(); ++l) {
-        LedJacobian j;
-        const auto px = led_pixel(camera_.model, pose_->mean, leds()[l], 0, &j);
-        if (!px || !camera_.contains(calib::RawPixel{*px})) continue;
-        CameraTrackerInside::Feature f;
-        f.px = px->cast<float>();
-        f.found_px = Eigen::Vector2f::Constant(std::numeric_limits<float>::quiet_NaN());
-        for (const auto& [led, at] : found_)
-          if (led == static_cast<int>(l)) f.found_px = at.cast<float>();
-        f.search = (j * prior_covariance_ * j.transpose() + noise()).cast<float>();
-        f.position = leds()[l];
-        f.covariance.setZero();
-        f.given = true;
-        out.features.push_back(f);
-      }
-      const auto states = particles_.states();
-      for (std::size_t i = 0; i < states.size(); i += std::max<std::size_t>(1, states.size() / most))
-        out.particles.push_back(states[i].world_from_camera);
-    } else {
-      out.particles.assign(search_.candidates().begin(), search_.candidates().end());
-    }
+    out.particles.assign(search_.candidates().begin(), search_.candidates().end());
     return out;
   }
 
@@ -264,7 +244,7 @@ class HuetrackLedFilter final : public LedFilter {
   std::optional<LedGaussian> pose_;  // at last_at_
   LedCovariance prior_covariance_ = LedCovariance::Zero();
   LedEvidence evidence_;
-  std::vector<std::pair<int, Vector2d>> found_;  // in the last frame
+  std::vector<FoundLed> found_;  // in the last frame
   capture::Timestamp last_at_{}, found_at_{}, last_explained_{};
   int confirmed_ = 0;
   bool was_found_ = false, explained_once_ = false;
@@ -313,6 +293,32 @@ std::optional<capture::Timestamp> LedEvidence::last_match() const {
   for (auto s = flashes_.rbegin(); s != flashes_.rend(); ++s)
     if (s->matched) return s->at;
   return std::nullopt;
+}
+
+CameraTrackerInside inside_of(const calib::Camera& camera, const std::vector<Vector3d>& leds, const LedGaussian& pose,
+                              const Eigen::Matrix2d& noise, const std::vector<FoundLed>& found,
+                              const LedParticles& particles) {
+  constexpr std::size_t most = 300;
+  CameraTrackerInside out;
+  for (std::size_t l = 0; l < leds.size(); ++l) {
+    LedJacobian j;
+    const auto px = led_pixel(camera.model, pose.mean, leds[l], 0, &j);
+    if (!px || !camera.contains(calib::RawPixel{*px})) continue;
+    CameraTrackerInside::Feature f;
+    f.px = px->cast<float>();
+    f.found_px = Eigen::Vector2f::Constant(std::numeric_limits<float>::quiet_NaN());
+    for (const auto& [led, at] : found)
+      if (led == static_cast<int>(l)) f.found_px = at.cast<float>();
+    f.search = (j * pose.covariance * j.transpose() + noise).cast<float>();
+    f.position = leds[l];
+    f.covariance.setZero();
+    f.given = true;
+    out.features.push_back(f);
+  }
+  const auto states = particles.states();
+  for (std::size_t i = 0; i < states.size(); i += std::max<std::size_t>(1, states.size() / most))
+    out.particles.push_back(states[i].world_from_camera);
+  return out;
 }
 
 Vector2d largest_sigmas(const LedCovariance& covariance) {

@@ -6,6 +6,7 @@
 #include <deque>
 #include <memory>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "calib/model/camera_rig.h"
@@ -79,6 +80,13 @@ class LedEvidence {
   };
   std::deque<Flash> flashes_;
 };
+
+// Which LED was found in a frame, and where.
+using FoundLed = std::pair<int, Eigen::Vector2d>;
+// What a filter with a pose shows: the LEDs in view, with where `noise` and the pose leave them room, and particles.
+camera_tracking::CameraTrackerInside inside_of(const calib::Camera& camera, const std::vector<Eigen::Vector3d>& leds,
+                                               const LedGaussian& pose, const Eigen::Matrix2d& noise,
+                                               const std::vector<FoundLed>& found, const LedParticles& particles);
 
 // Square roots of the largest eigenvalues of the covariance's position and rotation part: metres, radians.
 Eigen::Vector2d largest_sigmas(const LedCovariance& covariance);

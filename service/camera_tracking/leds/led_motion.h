@@ -4,7 +4,6 @@
 #include <Eigen/Core>
 #include <optional>
 #include <span>
-#include <vector>
 
 #include "calib/model/camera_model.h"
 #include "calib/model/rigid3.h"

@@ -76,26 +76,7 @@ class PaperLedFilter final : public LedFilter {
   }
 
   CameraTrackerInside inside() const override {
-    CameraTrackerInside out;
-    for (const Vector3d& led : options_.start.leds) {
-      LedJacobian j;
-      const auto px = led_pixel(camera_.model, pose_.mean, led, 0, &j);
-      if (!px || !camera_.contains(calib::RawPixel{*px})) continue;
-      CameraTrackerInside::Feature f;
-      f.px = px->cast<float>();
-      f.found_px = Eigen::Vector2f::Constant(std::numeric_limits<float>::quiet_NaN());
-      for (const auto& [at, px_seen] : found_)
-        if (options_.start.leds[static_cast<std::size_t>(at)] == led) f.found_px = px_seen.cast<float>();
-      f.search = (j * pose_.covariance * j.transpose()).cast<float>();
-      f.position = led;
-      f.covariance.setZero();
-      f.given = true;
-      out.features.push_back(f);
-    }
-    const auto states = particles_.states();
-    for (std::size_t i = 0; i < states.size(); i += std::max<std::size_t>(1, states.size() / 300))
-      out.particles.push_back(states[i].world_from_camera);
-    return out;
+    return inside_of(camera_, options_.start.leds, pose_, Eigen::Matrix2d::Zero(), found_, particles_);
   }
 
  private:
@@ -197,7 +178,7 @@ class PaperLedFilter final : public LedFilter {
   LedParticles particles_;
   LedGaussian pose_;
   LedEvidence evidence_;
-  std::vector<std::pair<int, Vector2d>> found_;
+  std::vector<FoundLed> found_;
   PoseState state_ = PoseState::searching;
   double widening_ = 1;
   bool small_ = false, to_gather_ = true;  // to_gather_: of LEDs that are not identified

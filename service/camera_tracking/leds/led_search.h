@@ -34,8 +34,8 @@ class LedSearch {
   //   sightings   identified ones of the last fraction of a second, in time order; dt_s from now, the state's time
   std::optional<LedGaussian> find(std::span<const LedSighting> sightings);
 
-  // The same for bright dots of one frame, of which it is not known which LEDs they are (led is not read). At least 5:
-  // four have too many ways to be four LEDs.
+  // From bright dots of one frame, of which it is not known which LEDs they are (led is not read). At least 5: four
+  // have too many ways to be four LEDs.
   std::optional<LedGaussian> find_unidentified(std::span<const LedSighting> sightings);
 
   double noise_scale() const { return noise_scale_; }  // of the sightings' sigma, by which the last call's pose fits

@@ -31,7 +31,7 @@ class LedTracker final : public CameraTracker {
     const LedMoment moment = moment_of(frame);
     std::vector<Eigen::Vector2d> dots;
     if (frame.status == capture::FrameStatus::ok)
-      for (const LedBlob& blob : find_led_blobs(frame.pixels, {})) dots.push_back(blob.px);
+      for (const LedBlob& blob : find_led_blobs(frame.pixels)) dots.push_back(blob.px);
     LedFrame seen{.at = frame.captured_at, .number = frames_++, .lit = lit_led(start_, moment, offset_), .dots = {}};
     const bool dark = seen.lit && *seen.lit < 0;
     if (!dark) seen.dots = dots;

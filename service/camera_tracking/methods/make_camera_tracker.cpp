@@ -1,7 +1,12 @@
 #include "camera_tracking/methods/make_camera_tracker.h"
 
+#include <algorithm>
+#include <iterator>
 #include <stdexcept>
+#include <string>
+#include <vector>
 
+#include "calib/yaml/joined.h"
 #include "camera_tracking/keyframes/keyframe_tracker.h"
 #include "camera_tracking/leds/led_tracker.h"
 #include "camera_tracking/papers/lee_tracker.h"
@@ -12,11 +17,9 @@ namespace huetrack::camera_methods {
 using namespace camera_tracking;
 
 std::unique_ptr<CameraTracker> make_camera_tracker(const calib::Camera& camera, const CameraTrackerOptions& options) {
-  std::string all;
-  for (const auto& problems : {camera.problems(), options.problems()}) {
-    for (const std::string& p : problems) all += (all.empty() ? "" : "; ") + p;
-  }
-  if (!all.empty()) throw std::invalid_argument("camera tracker: " + all);
+  std::vector<std::string> problems = camera.problems();
+  std::ranges::move(options.problems(), std::back_inserter(problems));
+  if (!problems.empty()) throw std::invalid_argument("camera tracker: " + yaml::joined(problems, "; "));
   if (std::holds_alternative<LedStart>(options.start)) return leds::make_led_tracker(camera, options);
   switch (options.method) {
     case CameraMethod::huetrack:

@@ -218,10 +218,6 @@ SceneMap scene_of(const std::vector<LeeFeature>& features) {
   return out;
 }
 
-StoredMap LeeMapping::stored() const {
-  return {scene_of(features_), {}, {camera_.image_size.width, camera_.image_size.height}};
-}
-
 void LeeMapping::start(const StoredMap& stored) {
   for (const MapPoint& p : stored.map.points) {
     if (!p.alive || p.look_count == 0) continue;

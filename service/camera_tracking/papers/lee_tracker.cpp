@@ -63,8 +63,6 @@ class LeeTracker final : public PaperTrackerBase {
     return out;
   }
 
-  void save_map(const std::filesystem::path& file) const override { write_map(file, mapping_.stored()); }
-
  private:
   static LeeTracking::Options tracking_options(const CameraTrackerOptions& options) {
     LeeTracking::Options o;

@@ -118,7 +118,6 @@ class LeeMapping {
   void add(const LeeFeature& feature, double inverse_depth_sigma, const Eigen::Matrix<double, 7, 7>& camera_covariance);
   void map(const LeeFrame& frame);
   const std::vector<LeeFeature>& features() const { return features_; }  // with increasing ids
-  camera_tracking::StoredMap stored() const;
 
  private:
   struct Estimator {                      // of features_[same index]

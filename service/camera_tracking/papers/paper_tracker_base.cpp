@@ -37,6 +37,10 @@ PaperTrackerBase::PaperTrackerBase(const calib::Camera& camera, const CameraTrac
   has_map_ = true;
 }
 
+void PaperTrackerBase::save_map(const std::filesystem::path& file) const {
+  write_map(file, {scene(), {}, {camera_.image_size.width, camera_.image_size.height}});
+}
+
 std::optional<PoseFit> PaperTrackerBase::proposal(const Pyramid& pyramid, std::uint64_t number) const {
   return relocalize(camera_, pyramid, scene(), seed_ + number, map_error_px, agreeing);
 }

@@ -2,7 +2,6 @@
 // states, the covariance that is told.
 #pragma once
 
-#include <algorithm>
 #include <memory>
 
 #include "camera_tracking/camera_starter.h"
@@ -30,6 +29,7 @@ class PaperTrackerBase : public camera_tracking::CameraTracker {
  public:
   camera_tracking::CameraEstimate update(const capture::Frame& frame) final;
   std::string why_no_pose() const final;
+  void save_map(const std::filesystem::path& file) const final;
 
  protected:
   // throws std::runtime_error naming the map file

@@ -310,10 +310,6 @@ class PupilliTracker final : public PaperTrackerBase {
     return out;
   }
 
-  void save_map(const std::filesystem::path& file) const override {
-    write_map(file, {scene(), {}, {camera_.image_size.width, camera_.image_size.height}});
-  }
-
  private:
   static PupilliFilter::Options filter_options(const CameraTrackerOptions& options) {
     PupilliFilter::Options o;

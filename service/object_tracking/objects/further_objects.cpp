@@ -1,7 +1,6 @@
 #include "object_tracking/objects/further_objects.h"
 
 #include <algorithm>
-#include <cmath>
 
 namespace huetrack::objects {
 

@@ -1,12 +1,12 @@
-#include "publish/view_publisher.h"
+#include "publish/page_publisher.h"
 
 #include <algorithm>
 #include <cassert>
 #include <fastdds/dds/publisher/DataWriterListener.hpp>
 #include <fastdds/dds/subscriber/DataReaderListener.hpp>
-#include <fastdds/dds/subscriber/SampleInfo.hpp>
 #include <stdexcept>
 
+#include "idl/arrivals.h"
 #include "idl/dds_participant.h"
 #include "idl/huetrack_viewPubSubTypes.h"
 #include "idl/ros2_messagesPubSubTypes.h"
@@ -16,7 +16,6 @@
 namespace huetrack::publish {
 
 namespace dds = eprosima::fastdds::dds;
-using eprosima::fastrtps::types::ReturnCode_t;
 
 namespace {
 
@@ -111,7 +110,7 @@ struct ViewConnection {
 
 }  // namespace
 
-struct ViewPublisher::Impl {
+struct PagePublisher::Impl {
   explicit Impl(EstimatePublisherOptions o)
       : options(std::move(o)),
         identity(idl::PublisherIdentity::of_this_process(options.targets)),
@@ -133,10 +132,10 @@ struct ViewPublisher::Impl {
   std::optional<msg::CameraMap> map;  // the last one, for a new connection
 };
 
-ViewPublisher::ViewPublisher(EstimatePublisherOptions options) : impl_(std::make_unique<Impl>(std::move(options))) {}
-ViewPublisher::~ViewPublisher() = default;
+PagePublisher::PagePublisher(EstimatePublisherOptions options) : impl_(std::make_unique<Impl>(std::move(options))) {}
+PagePublisher::~PagePublisher() = default;
 
-bool ViewPublisher::publish(msg::Scene scene) noexcept {
+bool PagePublisher::publish(msg::Scene scene) noexcept {
   scene.host(impl_->identity.host);
   scene.pid(impl_->identity.pid);
   scene.frame_id(impl_->options.frame_id);
@@ -144,7 +143,7 @@ bool ViewPublisher::publish(msg::Scene scene) noexcept {
   return impl_->write_scene();
 }
 
-bool ViewPublisher::publish(const msg::Preview& preview) noexcept {
+bool PagePublisher::publish(const msg::Preview& preview) noexcept {
   ViewConnection& bus = *impl_->connection;
   bool ok = bus.preview.write(const_cast<msg::Preview*>(&preview));  // write() takes void*, and only reads
   for (std::size_t c = 0; impl_->scene && c < bus.images.size(); ++c) {
@@ -158,7 +157,7 @@ bool ViewPublisher::publish(const msg::Preview& preview) noexcept {
   return ok;
 }
 
-bool ViewPublisher::publish(const camera_tracking::CameraMap& map, capture::Timestamp captured) noexcept {
+bool PagePublisher::publish(const camera_tracking::CameraMap& map, capture::Timestamp captured) noexcept {
   assert(impl_->connection->map != nullptr);
   impl_->map = to_message(map, captured);
   impl_->map->camera(impl_->options.tracked_camera);
@@ -167,7 +166,7 @@ bool ViewPublisher::publish(const camera_tracking::CameraMap& map, capture::Time
   return impl_->connection->map->write(&*impl_->map);
 }
 
-bool ViewPublisher::publish(std::span<const object_tracking::ObjectEstimate> estimates,
+bool PagePublisher::publish(std::span<const object_tracking::ObjectEstimate> estimates,
                             capture::Timestamp captured) noexcept {
   dds::DataWriter* const markers = impl_->connection->markers;
   if (markers == nullptr || !impl_->scene || readers_of(*markers) == 0) return true;
@@ -175,11 +174,11 @@ bool ViewPublisher::publish(std::span<const object_tracking::ObjectEstimate> est
   return markers->write(&array);
 }
 
-bool ViewPublisher::publish(const msg::TeachReply& reply) noexcept {
+bool PagePublisher::publish(const msg::TeachReply& reply) noexcept {
   return impl_->connection->reply.write(const_cast<msg::TeachReply*>(&reply));
 }
 
-bool ViewPublisher::publish(const msg::ControlReply& reply) noexcept {
+bool PagePublisher::publish(const msg::ControlReply& reply) noexcept {
   return impl_->connection->control_reply.write(const_cast<msg::ControlReply*>(&reply));
 }
 
@@ -188,23 +187,22 @@ namespace {
 template <typename Request>
 std::optional<Request> next_of(dds::DataReader& reader, const idl::PublisherIdentity& us) {
   Request request;
-  dds::SampleInfo info;
-  while (reader.take_next_sample(&request, &info) == ReturnCode_t::RETCODE_OK)
-    if (info.valid_data && request.host() == us.host && request.pid() == us.pid) return request;
+  while (idl::take_next(reader, request))
+    if (request.host() == us.host && request.pid() == us.pid) return request;
   return std::nullopt;
 }
 
 }  // namespace
 
-std::optional<msg::TeachRequest> ViewPublisher::next_request() {
+std::optional<msg::TeachRequest> PagePublisher::next_request() {
   return next_of<msg::TeachRequest>(impl_->connection->request, impl_->identity);
 }
 
-std::optional<msg::ControlRequest> ViewPublisher::next_control_request() {
+std::optional<msg::ControlRequest> PagePublisher::next_control_request() {
   return next_of<msg::ControlRequest>(impl_->connection->control_request, impl_->identity);
 }
 
-int ViewPublisher::picture_subscribers() const {
+int PagePublisher::picture_subscribers() const {
   const ViewConnection& bus = *impl_->connection;
   int readers = readers_of(bus.preview);
   for (const auto* writer : bus.images) readers += readers_of(*writer);
@@ -212,12 +210,12 @@ int ViewPublisher::picture_subscribers() const {
   return readers;
 }
 
-int ViewPublisher::marker_subscribers() const {
+int PagePublisher::marker_subscribers() const {
   const dds::DataWriter* const markers = impl_->connection->markers;
   return markers != nullptr ? readers_of(*markers) : 0;
 }
 
-void ViewPublisher::look_after_network() {
+void PagePublisher::look_after_network() {
   if (!impl_->connection->participant.network_changed()) return;
   try {
     impl_->connection = std::make_unique<ViewConnection>(impl_->options, impl_->identity.user_data());

@@ -6,8 +6,6 @@
 #include <memory>
 #include <optional>
 #include <span>
-#include <string>
-#include <vector>
 
 #include "idl/huetrack_view.h"
 #include "publish/estimate_publisher.h"
@@ -15,12 +13,12 @@
 namespace huetrack::publish {
 
 // thread-compatible: one thread, which is not the tracking one.
-class ViewPublisher {
+class PagePublisher {
  public:
   // Of the options: domain, interfaces, profiles, frame_id, ros2, cameras (names in rig order), tracked_camera.
   // throws as EstimatePublisher's constructor does.
-  explicit ViewPublisher(EstimatePublisherOptions options);
-  ~ViewPublisher();
+  explicit PagePublisher(EstimatePublisherOptions options);
+  ~PagePublisher();
 
   // Each fills in what identifies this process where the message has it. False when it could not be written.
   bool publish(msg::Scene scene) noexcept;  // kept, and sent to who comes late

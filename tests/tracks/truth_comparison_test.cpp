@@ -1,4 +1,4 @@
-#include "tracks/truth.h"
+#include "tracks/truth_comparison.h"
 #include "truth/truth_file.h"
 
 #include <fmt/format.h>

@@ -1,4 +1,4 @@
-#include "tracks/truth.h"
+#include "tracks/truth_comparison.h"
 
 #include <fmt/format.h>
 

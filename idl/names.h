@@ -1,0 +1,24 @@
+// What a state is called, wherever people or other programs read it; "unknown" for a number that has no name yet.
+#pragma once
+
+#include <iterator>
+#include <string_view>
+
+#include "idl/huetrack.h"
+
+namespace huetrack::idl {
+
+// Of a target (TrackState) and of a tracked camera (CameraState), which have the same ones.
+inline std::string_view state_name(std::uint32_t state) {
+  static constexpr std::string_view names[] = {"searching", "tracking", "coasting", "lost"};
+  static_assert(msg::TRACK_STATE_LOST == 3 && msg::CAMERA_STATE_LOST == 3);
+  return state < std::size(names) ? names[state] : "unknown";
+}
+
+inline std::string_view name(msg::CameraHealth health) {
+  static constexpr std::string_view names[] = {"waiting", "delivering", "stalled", "absent", "ended"};
+  static_assert(msg::CAMERA_HEALTH_ENDED == 4);
+  return health < std::size(names) ? names[health] : "unknown";
+}
+
+}  // namespace huetrack::idl
