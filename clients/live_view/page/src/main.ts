@@ -422,14 +422,15 @@ function updateHealth(serving: boolean): void {
   const body = $("health");
   const rows = (status?.cameras ?? []).map((camera) => {
     const row = document.createElement("tr");
-    const cell = (text: string, name?: string) => {
-      const td = document.createElement(name ? "th" : "td");
-      if (name) td.scope = "row";
+    // Where there is no room for columns, a figure has its name beside it.
+    const cell = (text: string, says = "") => {
+      const td = document.createElement("td");
+      if (says) td.dataset.says = says;
       td.textContent = text;
       row.append(td);
       return td;
     };
-    cell(camera.name, "row");
+    row.append(Object.assign(document.createElement("th"), { scope: "row", textContent: camera.name }));
     const chip = document.createElement("span");
     chip.className = "chip";
     chip.dataset.health = serving ? camera.health : "unknown";
@@ -441,12 +442,12 @@ function updateHealth(serving: boolean): void {
       chip.dataset.health = "held";
     }
     const slow = serving && !isHeld ? slowness(camera) : "";
-    cell(camera.rate_hz.toFixed(1)).dataset.level = slow ? "warn" : "";
-    cell(String(camera.frames));
-    cell(String(camera.dropped));
-    cell(String(camera.corrupted));
-    cell([timesOf(camera.name), clockOf(camera.name)].filter(Boolean).join("; "));
-    cell(isHeld ? "" : [camera.message, slow].filter(Boolean).join("; "));
+    cell(camera.rate_hz.toFixed(1), "Hz").dataset.level = slow ? "warn" : "";
+    cell(String(camera.frames), "Frames");
+    cell(String(camera.dropped), "Dropped");
+    cell(String(camera.corrupted), "Damaged");
+    cell([timesOf(camera.name), clockOf(camera.name)].filter(Boolean).join("; "), "Time");
+    cell(isHeld ? "" : [camera.message, slow].filter(Boolean).join("; "), "Message");
     return row;
   });
   body.replaceChildren(...rows);
