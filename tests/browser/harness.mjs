@@ -91,6 +91,18 @@ export const misfits = (page) => page.evaluate(() => {
 // Windows that people have: 4:3, 16:9, a screen on its side, a phone.
 export const windows = { "4x3": [1280, 960], "16x9": [1920, 1080], portrait: [1080, 1920], phone: [390, 844] };
 
+// The page as it is, looked at in each of these windows: nothing misfits, and a picture of it is left in --out.
+export async function lookAt(page, name) {
+  const usual = page.viewportSize();
+  for (const [window, [width, height]] of Object.entries(windows)) {
+    await page.setViewportSize({ width, height });
+    await sleep(400); // once more drawn
+    assert.deepEqual(await misfits(page), [], `${name} in a window of ${width} x ${height}`);
+    await page.screenshot({ path: join(options.out, `${name}_${window}.png`), fullPage: true });
+  }
+  await page.setViewportSize(usual);
+}
+
 // A program that ends with the test; what it prints is kept, and its exit status once it has ended.
 const children = [];
 export const start = (program, ...args) => startWith({}, program, ...args);

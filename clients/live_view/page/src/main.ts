@@ -153,6 +153,20 @@ const stateText: Record<State, string> = {
 };
 const told = new Map<string, State>();
 
+// What the figures of a card mean, for who rests on them.
+const meanings: Record<string, string> = {
+  "1σ": "How unsure the position is, in the direction in which it is least sure: two times of three it is no farther off",
+  Speed: "How fast it moves",
+  Views: "How many cameras see it, of those that gave a frame",
+  Confidence: "How sure the cameras are that it is the object",
+  Latency: "From the moment when the picture was taken to the moment when the position was sent",
+  Features: "Points of the map that were found in the last frame, of those in view",
+  "Map points": "How many points the map has",
+};
+function explain(card: HTMLElement): void {
+  for (const term of card.querySelectorAll("dt")) term.parentElement!.title = meanings[term.textContent!] ?? "";
+}
+
 function cardOf(name: string): HTMLElement {
   const list = $("targets");
   for (const card of list.children) if ((card as HTMLElement).dataset.target === name) return card as HTMLElement;
@@ -164,6 +178,7 @@ function cardOf(name: string): HTMLElement {
     <div><dt>Views</dt><dd class="views"></dd></div><div><dt>Confidence</dt><dd class="confidence"></dd></div>
     <div><dt>Latency</dt><dd class="latency"></dd></div></dl><p class="why"></p>`;
   card.querySelector(".name")!.textContent = name;
+  explain(card);
   list.append(card);
   return card;
 }
@@ -283,6 +298,7 @@ function updateTrackedCameras(): void {
       card.querySelector(".name")!.textContent = `camera ${name}`;
       card.querySelector(".scroll")!.setAttribute("aria-label", `Map points of camera ${name}`);
       card.querySelector("details")!.addEventListener("toggle", () => renew(cards));
+      explain(card);
       $("targets").append(card);
     }
     const { latest, map } = camera;

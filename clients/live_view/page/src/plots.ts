@@ -15,6 +15,7 @@ interface Series<S extends Timed = Timed> {
 interface Plot {
   title: string;
   unit: string;
+  means: string; // for who rests on the title
   series: () => Series[];
   zero?: boolean; // the axis starts at 0
   least?: number; // the axis covers at least so much
@@ -49,25 +50,28 @@ const plots: Plot[] = [
   {
     title: "Position",
     unit: "m",
+    means: "In the world that the calibration has set",
     least: 0.2,
     series: () =>
       tracks().flatMap((t) => ["x", "y", "z"].map((axis, i) => series(`${t.name} ${axis}`, colorOfTrack(t), dashes[i], t.history, (s) => (s.p ? s.p[i] : NaN)))),
   },
-  { title: "Uncertainty (1σ, largest axis)", unit: "mm", zero: true, least: 5, series: perTrack((s) => s.sigma * 1000) },
-  { title: "Speed", unit: "m/s", zero: true, least: 0.5, series: perTrack((s) => s.speed) },
-  { title: "Latency, capture to bus", unit: "ms", zero: true, least: 5, series: perTrack((s) => s.latency * 1000) },
+  { title: "Uncertainty (1σ, largest axis)", unit: "mm", means: "Two times of three a position is no farther off, in the direction in which it is least sure", zero: true, least: 5, series: perTrack((s) => s.sigma * 1000) },
+  { title: "Speed", unit: "m/s", means: "How fast each moves", zero: true, least: 0.5, series: perTrack((s) => s.speed) },
+  { title: "Latency, capture to bus", unit: "ms", means: "From the moment when the picture was taken to the moment when the position was sent", zero: true, least: 5, series: perTrack((s) => s.latency * 1000) },
   {
     title: "Residual of each camera",
     unit: "px",
+    means: "How far, in a camera's picture, the object is from where all cameras together say that it is: one that stands out was knocked, or is late",
     zero: true,
     least: 1,
     of: "target",
     series: () => perCamera((camera) => [store.views.get(camera) ?? [], (s: ViewSample) => s.residual]),
   },
-  { title: "Features matched", unit: "", zero: true, least: 10, of: "camera", series: perTrack((s) => s.features) },
+  { title: "Features matched", unit: "", means: "Points of the map that were found in the picture", zero: true, least: 10, of: "camera", series: perTrack((s) => s.features) },
   {
     title: "Frames of each camera, and sets tracked",
     unit: "/s",
+    means: "A set has the frames of one moment, at most one of each camera; one position comes of each set",
     zero: true,
     least: 10,
     isStatus: true,
@@ -97,6 +101,7 @@ for (const plot of plots) {
   figure.className = "plot";
   figure.innerHTML = `<figcaption><b></b> <span class="now"></span></figcaption><canvas role="img"></canvas>`;
   figure.querySelector("b")!.textContent = plot.title + (plot.unit ? `, ${plot.unit}` : "");
+  figure.querySelector("b")!.title = plot.means;
   if (plot.title === "Position")
     figure.querySelector("figcaption")!.insertAdjacentHTML(
       "beforeend",
