@@ -7,7 +7,7 @@ import { readFileSync } from "node:fs";
 import { createServer } from "node:http";
 import { join } from "node:path";
 
-import { addressOf, launch, misfits, options, run, say, sleep, startBridge, visit, waiting, windows } from "./harness.mjs";
+import { addressOf, launch, lookedThrough, misfits, options, run, say, sleep, startBridge, visit, waiting, windows } from "./harness.mjs";
 
 const until = waiting(30000);
 
@@ -181,17 +181,6 @@ async function shapes(address) {
     await page.close();
     say(`${name}: ${before.width.toFixed(0)} x ${before.height.toFixed(0)} px, large ${large.width.toFixed(0)} x ${large.height.toFixed(0)}`);
   }
-}
-
-// Scrolled through once, as what nobody has seen is not drawn.
-async function lookedThrough(page) {
-  const [height, tall] = await page.evaluate(() => [innerHeight, document.documentElement.scrollHeight]);
-  for (let top = 0; top < tall; top += height) {
-    await page.evaluate((top) => scrollTo(0, top), top);
-    await sleep(250);
-  }
-  await page.evaluate(() => scrollTo(0, 0));
-  await sleep(250);
 }
 
 // The same page in windows of any shape: nothing is cut off, nothing lies on anything else, and a phone tells as much.

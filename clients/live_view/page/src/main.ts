@@ -379,6 +379,7 @@ function tick(): void {
   $("no-targets").textContent = awaited(serving);
   const hasPlaces = store.scene !== null && (store.scene.targets.length > 0 || store.scene.cameras.some((c) => c.model) || store.trackedCameras.size > 0);
   $("no-scene").hidden = hasPlaces || canvas.hidden;
+  canvas.classList.toggle("bare", !hasPlaces); // an empty room takes no room
   $("no-scene").textContent = store.scene
     ? "Nobody knows yet where the cameras stand: they are drawn here once they are calibrated."
     : "Cameras, volume and targets are drawn here once a service tells where they are.";
