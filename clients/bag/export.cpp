@@ -62,6 +62,8 @@ void export_track(const BagOptions& options) {
   const bool has_places = !rig.cameras.empty();
   if (has_places) topics.push_back(static_tf_topic());
 
+  std::error_code none;
+  const bool was_there = std::filesystem::is_regular_file(options.out, none);  // a rosbag2 is always a new folder
   const auto writer =
       options.out.extension() == ".mcap" ? mcap_writer(topics, options.out) : rosbag2_writer(topics, options.out);
   std::size_t messages = 0;
@@ -83,6 +85,7 @@ void export_track(const BagOptions& options) {
       picture = pictures->next();
   }
   writer->finish();
+  if (was_there) std::fprintf(stderr, "note: %s: the file of before is replaced\n", options.out.c_str());
   if (pictures)
     for (const std::string& warning : pictures->take_warnings()) std::fprintf(stderr, "note: %s\n", warning.c_str());
   if (pictures && options.clock_offset_s == 0 && pictures->started_at_s())

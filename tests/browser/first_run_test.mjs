@@ -1,14 +1,15 @@
 // The first run, as the page tells it: from cameras that nobody has calibrated and no target at all to a track within 10 mm, with a
 // browser alone: exposure, a calibration from a board, the colour by a click, then once more a calibration by the waved object. With
 // the real service on films in the place of cameras, which show a board until they are calibrated, the real bridge and the real
-// huetrack-calibrate. The service is given which cameras there are, and that it may be asked; this test writes no file.
+// huetrack-calibrate. The service is given which cameras there are, and that it may be asked; this test writes no file. At every step
+// the page is looked at in windows of four shapes.
 //   exit 0: passed, 77: skipped (no Chromium), anything else: failed. Screenshots are left in --out.
 import assert from "node:assert/strict";
 import { existsSync, mkdtempSync, readFileSync, readdirSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { dirname, join } from "node:path";
 
-import { openPage, options, run, say, sleep, startWith, waiting } from "./harness.mjs";
+import { lookAt, openPage, options, run, say, sleep, startWith, waiting } from "./harness.mjs";
 
 const domain = "76";
 const folder = mkdtempSync(join(tmpdir(), "huetrack-first-run-"));
@@ -63,7 +64,7 @@ function rmsOf(positions) {
 async function test() {
   const { address, page, problems } = await openPage(domain, until);
   const current = () => page.textContent("#steps-list [data-step=current]").catch(() => "");
-  const picture = (name) => page.screenshot({ path: join(options.out, `${name}.png`), fullPage: true });
+  const picture = (name) => lookAt(page, name);
 
   // ---- Cameras: none is heard of, and the page shows a file to begin with; then they come.
   await until("a service is missed", async () => /Cameras.*No huetrackd is heard on DDS domain 76/.test(await current()));
@@ -99,15 +100,15 @@ async function test() {
   const seen = async () => [...(await page.textContent("#calibrate-pictures")).matchAll(/(\d+) of 15 views/g)].map((m) => Number(m[1]));
   await until("corners are seen in both", async () => (await seen()).length === 2 && (await seen()).every((n) => n >= 2), 90000);
   assert.ok((await page.locator("#calibrate-needs li").count()) > 0, "something is missing yet");
-  await page.locator("#calibrate").screenshot({ path: join(options.out, "3_coverage.png") });
+  await picture("3_coverage");
   await until("it was in most places", async () => (await seen()).every((n) => n >= 9), 60000);
   say(`views: ${await seen()}; missing: ${await page.locator("#calibrate-needs li").allTextContents()}`);
-  await page.locator("#calibrate").screenshot({ path: join(options.out, "4_covered.png") });
+  await picture("4_covered");
   await page.click("#calibrate-stop");
   await until("it is solved", async () => /^(Usable|Doubtful|It failed)/.test(await says()), 150000);
   say(await says());
   assert.match(await says(), /^(Usable|Doubtful): corners fit to 0\.\d+ px rms/);
-  await page.locator("#calibrate").screenshot({ path: join(options.out, "5_verdict.png") });
+  await picture("5_verdict");
   const report = await page.request.get(new URL("/api/calibration.html", address).href);
   assert.equal(report.status(), 200);
   assert.match(report.headers()["content-security-policy"], /^sandbox; default-src 'none'/);
@@ -154,7 +155,7 @@ async function test() {
   }
   assert.match(await page.textContent("#teach-says"), /Learnt from 2 of 2.*It has a radius of \d+(\.\d)? mm, give or take/);
   await sleep(3000); // in which it moves on: more moments tell how large it is
-  await page.locator("section.teach").screenshot({ path: join(options.out, "7_taught.png") });
+  await picture("7_taught");
   await page.click("#teach-save");
   await until("it is saved", async () => /^Saved: ball is tracked by this colour and with this radius/.test(await page.textContent("#teach-says")));
   const size = Number(readFileSync(taught, "utf8").match(/radius_m: (0\.\d+)/)[1]);
@@ -207,11 +208,11 @@ async function test() {
 
   // ---- Waved for some seconds from now on: what each camera has seen of it.
   await page.check("input[name=calibrate-kind][value=wave]");
-  await page.fill("#calibrate-seconds", "12");
+  await page.fill("#calibrate-seconds", "40");
   await page.click("#calibrate-from-now");
   await until("the wave is seen in both", async () => [...(await page.textContent("#calibrate-pictures")).matchAll(/([1-9]\d*) of 150 pictures of it moving/g)].length === 2, 20000);
   assert.ok((await page.locator("#calibrate-needs li").count()) > 0, "something is missing yet");
-  await page.locator("#calibrate").screenshot({ path: join(options.out, "9_wave_coverage.png") });
+  await picture("9_wave_coverage");
   await page.click("#calibrate-cancel");
   await until("it is cancelled", async () => /^Cancelled/.test(await says()));
 
@@ -221,7 +222,7 @@ async function test() {
   await until("it is solved", async () => /^(Usable|Doubtful|It failed)/.test(await says()), 150000);
   say(await says());
   assert.match(await says(), /^(Usable|Doubtful): the ball is 0\.\d+ px rms off/);
-  await page.locator("#calibrate").screenshot({ path: join(options.out, "10_wave.png") });
+  await picture("10_wave");
   assert.equal((await page.request.get(new URL("/api/calibration.html", address).href)).status(), 200);
   // And with a distance that was measured, from the same recording.
   assert.equal(await page.isDisabled("#calibrate-again"), true, "no distance is said");
@@ -230,7 +231,7 @@ async function test() {
   await until("it is calibrated again", () => page.isVisible("#calibrate-run"));
   await until("it is solved again", async () => /^(Usable|Doubtful|It failed).*/.test(await says()) && !(await page.isVisible("#calibrate-run")), 150000);
   say(await says());
-  await page.locator("#calibrate").screenshot({ path: join(options.out, "11_distance.png") });
+  await picture("11_distance");
   const solved = join(folder, "recordings", readdirSync(join(folder, "recordings")).filter((name) => name.endsWith("-wave")).sort().at(-1));
   assert.match(readFileSync(join(solved, "calibrated.yaml"), "utf8"), /distance between cam0 and cam1, 3\.500 m/);
   assert.equal(readFileSync(taught, "utf8"), saved, "what nobody accepts changes nothing");

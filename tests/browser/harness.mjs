@@ -63,6 +63,59 @@ export async function openPage(domain, until, viewport) {
   return { view, address, browser, ...(await visit(address, viewport)) };
 }
 
+// What does not fit into the page as it is: wider than the window, cut off, or one thing that is read or used on another.
+export const misfits = (page) => page.evaluate(() => {
+  const found = [];
+  const of = (e) => `${e.tagName.toLowerCase()}${e.id ? `#${e.id}` : ""} "${(e.textContent || e.getAttribute("aria-label") || "").trim().slice(0, 40)}"`;
+  const wide = document.documentElement.scrollWidth, window = document.documentElement.clientWidth;
+  if (wide > window) found.push(`the page is ${wide} px wide in a window of ${window}`);
+  const boxes = [];
+  for (const e of document.querySelectorAll("button, select, input, summary, a, canvas, h2, h3, p, dd, dt, b, li, label, figcaption, .about, .key, .chip, .small")) {
+    if (!e.checkVisibility() || e.closest(".unseen, .skip, .awaited")) continue;
+    const scrolls = e.closest(".scroll, pre");
+    // Of what scrolls in a box of its own only what the box shows.
+    const own = e.getBoundingClientRect(), box = scrolls?.getBoundingClientRect() ?? own;
+    const r = { left: Math.max(own.left, box.left), right: Math.min(own.right, box.right), top: Math.max(own.top, box.top), bottom: Math.min(own.bottom, box.bottom) };
+    if (r.right - r.left < 1 || r.bottom - r.top < 1) continue;
+    if (!scrolls && (r.left < -1 || r.right > window + 1)) found.push(`${of(e)} reaches from ${r.left} to ${r.right} in a window of ${window}`);
+    // Text that is wider than its box is cut off, or lies on what is beside it.
+    if (!scrolls && e.scrollWidth > e.clientWidth + 1 && e.clientWidth > 0 && !["INPUT", "SELECT", "CANVAS"].includes(e.tagName)) found.push(`${of(e)} needs ${e.scrollWidth} px and has ${e.clientWidth}`);
+    if (!e.querySelector("*") || ["BUTTON", "SELECT", "LABEL"].includes(e.tagName)) boxes.push([e, r]);
+  }
+  for (const [i, [a, p]] of boxes.entries())
+    for (const [b, q] of boxes.slice(i + 1)) {
+      if (a.contains(b) || b.contains(a)) continue;
+      const [w, h] = [Math.min(p.right, q.right) - Math.max(p.left, q.left), Math.min(p.bottom, q.bottom) - Math.max(p.top, q.top)];
+      if (w > 2 && h > 2) found.push(`${of(a)} and ${of(b)} lie on each other, by ${w.toFixed(0)} x ${h.toFixed(0)} px`);
+    }
+  return found;
+});
+// Windows that people have: 4:3, 16:9, a screen on its side, a phone.
+export const windows = { "4x3": [1280, 960], "16x9": [1920, 1080], portrait: [1080, 1920], phone: [390, 844] };
+
+// Scrolled through once, as what nobody has seen is not drawn, and back.
+export async function lookedThrough(page) {
+  const [height, tall, at] = await page.evaluate(() => [innerHeight, document.documentElement.scrollHeight, scrollY]);
+  for (let top = 0; top < tall; top += height) {
+    await page.evaluate((top) => scrollTo(0, top), top);
+    await sleep(200);
+  }
+  await page.evaluate((top) => scrollTo(0, top), at);
+  await sleep(200);
+}
+
+// The page as it is, looked at in each of these windows: nothing misfits, and a picture of it is left in --out.
+export async function lookAt(page, name) {
+  const usual = page.viewportSize();
+  for (const [window, [width, height]] of Object.entries(windows)) {
+    await page.setViewportSize({ width, height });
+    await lookedThrough(page);
+    assert.deepEqual(await misfits(page), [], `${name} in a window of ${width} x ${height}`);
+    await page.screenshot({ path: join(options.out, `${name}_${window}.png`), fullPage: true });
+  }
+  await page.setViewportSize(usual);
+}
+
 // A program that ends with the test; what it prints is kept, and its exit status once it has ended.
 const children = [];
 export const start = (program, ...args) => startWith({}, program, ...args);

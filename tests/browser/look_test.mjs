@@ -7,7 +7,7 @@ import { readFileSync } from "node:fs";
 import { createServer } from "node:http";
 import { join } from "node:path";
 
-import { addressOf, launch, options, run, say, sleep, startBridge, visit, waiting } from "./harness.mjs";
+import { addressOf, launch, lookedThrough, misfits, options, run, say, sleep, startBridge, visit, waiting, windows } from "./harness.mjs";
 
 const until = waiting(30000);
 
@@ -23,7 +23,15 @@ const bridge = createServer(async (request, response) => {
     for (const text of standing.values()) response.write(text);
     return;
   }
-  if (request.url.startsWith("/api/")) return response.writeHead(202).end("{}");
+  if (request.url.startsWith("/api/")) {
+    let body = "";
+    for await (const part of request) body += part;
+    response.writeHead(202).end("{}");
+    const asked = request.url === "/api/control" && JSON.parse(body);
+    const rows = asked && answers[asked.words.join(" ")];
+    if (rows) tell("control", { client: asked.client, number: asked.number, granted: true, reason: "", rows });
+    return;
+  }
   if (options.page) {
     const name = request.url === "/" ? "/index.html" : request.url;
     response.writeHead(200, { "Content-Type": name.endsWith(".js") ? "text/javascript" : name.endsWith(".css") ? "text/css" : "text/html" });
@@ -34,6 +42,7 @@ const bridge = createServer(async (request, response) => {
   response.writeHead(file.status, { "Content-Type": file.headers.get("content-type") });
   response.end(Buffer.from(await file.arrayBuffer()));
 });
+const answers = {}; // rows, by the words that are asked
 const standing = new Map(); // what a page is told first: the newest of each kind
 function tell(name, message, key = "") {
   const text = `event: ${name}\ndata: ${JSON.stringify(message)}\n\n`;
@@ -172,6 +181,66 @@ async function shapes(address) {
     await page.close();
     say(`${name}: ${before.width.toFixed(0)} x ${before.height.toFixed(0)} px, large ${large.width.toFixed(0)} x ${large.height.toFixed(0)}`);
   }
+}
+
+// The same page in windows of any shape: nothing is cut off, nothing lies on anything else, and a phone tells as much.
+async function fits(address) {
+  const sizes = [[640, 480], [640, 360], [360, 640]];
+  Object.assign(answers, {
+    "record state": [["state", "idle"], ["pre_roll_s", "30"], ["always", "false"]],
+    "record list": [["20261125T101500", "1795601700", "12.4", "48000000", "3", ""], ["20261125T093000-lost", "1795599000", "31", "120000000", "1", ""]],
+  });
+  for (const [name, [width, height]] of Object.entries(windows)) {
+    room(sizes, ["lime", "pink", "a_target_with_a_long_name"]);
+    const tellStatus = () => status(sizes, (s) => {
+      s.targets = ["lime", "pink", "a_target_with_a_long_name"];
+      s.warnings = ["camera cam1: its exposure is automatic; colours will drift. Set exposure_time_absolute under cameras.cam1.controls"];
+      Object.assign(s.cameras[1], { dropped: 12, rate_hz: 9, message: "its frames come in bursts" });
+    });
+    tellStatus();
+    tell("camera_times", { host: who.host, pid: who.pid, cameras: sizes.map((_, i) => ({ name: `cam${i}`, latency_s: 0.012 * i, latency_sigma_s: 0.0004, readout_s: 0.02, readout_sigma_s: 0.001 })) }, "times");
+    const { page, problems } = await visit(address, { width, height });
+    await until("the page listens", () => pages.size > 0);
+    let beats = 0;
+    const beat = setInterval(() => {
+      if (beats++ % 20 === 0) tellStatus();
+      const t = now();
+      for (const target of ["lime", "pink", "a_target_with_a_long_name"])
+        position(target, t, { views: 3, per_view: [0, 1, 2].map((i) => ({ camera: `cam${i}`, delivered: true, seen: true, support: 1, residual_px: 0.2 + 0.3 * i + 0.1 * Math.sin(t + i) })) });
+    }, 50);
+    for (const [i, [w, h]] of sizes.entries()) {
+      const places = [["lime", [w * 0.13, h * 0.3], 14], ["pink", [w * 0.7, h * 0.6], 14]];
+      preview(`cam${i}`, [w, h], await drawn(page, [w, h], places), places);
+    }
+    await page.click("#steps-open"); // those who have seen them may ask for them again
+    await until("its recordings are listed", async () => {
+      await page.locator("#recordings").scrollIntoViewIfNeeded();
+      return (await page.locator("#recordings-list tr").count()) === 2;
+    });
+    const row = await page.locator("#recordings-list tr").first().evaluate((e) => e.innerText.replace(/\s+/g, " "));
+    if (name === "phone") assert.match(row, /3 cameras/, "a number alone says nothing");
+    await until("residuals of each camera", async () => /cam0 [\d.]+, cam1 [\d.]+, cam2 [\d.]+/.test(await page.getAttribute('#plots canvas[aria-label^="Residual of each camera"]', "aria-label")));
+    await until("frames of each camera", async () => /cam0 29\.9, cam1 9\.00, cam2 29\.9, sets 29\.9/.test(await page.getAttribute('#plots canvas[aria-label^="Frames of each camera"]', "aria-label")));
+    assert.equal(await page.isVisible("#facts"), false, "inner figures are a click away");
+    // The pictures of a phone stand below what is seen first; how light they are is told all the same.
+    await until("the light of all is told", async () => (await page.locator("#steps .light").count()) === 3);
+    await lookedThrough(page);
+    assert.deepEqual(await misfits(page), [], name);
+    await page.screenshot({ path: join(options.out, `look_window_${name}.png`), fullPage: true });
+    await page.click("#facts-more");
+    assert.equal(await page.isVisible("#facts"), true);
+    await page.click("#theme");
+    for (const panel of ["teach", "adjust"]) await page.click(`#${panel}-open`);
+    await lookedThrough(page);
+    assert.deepEqual(await misfits(page), [], `${name}, all open`);
+    await page.screenshot({ path: join(options.out, `look_window_${name}_open.png`), fullPage: true });
+    await page.evaluate(() => localStorage.clear());
+    clearInterval(beat);
+    assert.deepEqual(problems, []);
+    await page.close();
+  }
+  for (const words of Object.keys(answers)) delete answers[words];
+  say(`fits into windows of ${Object.values(windows).map((size) => size.join(" x ")).join(", ")}`);
 }
 
 // What is not well has a colour and a sentence; what is missing is said.
@@ -450,8 +519,9 @@ async function test() {
   await new Promise((resolve) => bridge.listen(0, "127.0.0.1", resolve));
   const address = `http://127.0.0.1:${bridge.address().port}/`;
   const browser = await launch();
-  const what = (options.only ?? "shapes,doubts,tools,steps,costs").split(",");
+  const what = (options.only ?? "shapes,fits,doubts,tools,steps,costs").split(",");
   if (what.includes("shapes")) await shapes(address);
+  if (what.includes("fits")) await fits(address);
   if (what.includes("doubts")) await doubts(address);
   if (what.includes("tools")) await tools(address);
   if (what.includes("steps")) await steps(address);

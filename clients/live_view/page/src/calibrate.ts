@@ -100,13 +100,13 @@ function take(reply: ControlReply): void {
 // What came of it is said, and stays until something else is done.
 function changed(before: string): void {
   isSure = false;
-  const says = word("says");
+  const says = word("says").replace(/[.?!]?$/, (end) => end || "."); // a question stays one
   const texts: Record<string, [string, boolean]> = {
-    usable: [`Usable: ${says}.`, false],
-    doubtful: [`Doubtful: ${says}.`, true],
-    failed: [`It failed: ${says}.`, true],
+    usable: [`Usable: ${says}`, false],
+    doubtful: [`Doubtful: ${says}`, true],
+    failed: [`It failed: ${says}`, true],
     cancelled: ["Cancelled. What was recorded is among the recordings.", false],
-    accepted: [`Accepted: ${says}.`, false],
+    accepted: [`Accepted: ${says}`, false],
   };
   const text = texts[word("state")];
   if (text && (before || word("state") !== "idle")) say(...text);

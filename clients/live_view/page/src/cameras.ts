@@ -205,11 +205,16 @@ addEventListener("keydown", (event) => {
 });
 
 // Pictures that come while one is being decoded replace each other: a slow page shows fewer, not later ones. One that nobody
-// sees is decoded when it is looked at.
+// sees is decoded when it is looked at, or asked for.
 export async function showPreview(preview: Preview): Promise<void> {
   const view = viewOf(preview.camera);
   view.next = preview;
   if (!view.decoding && (!isHidden(view.canvas) || followed.has(preview.camera))) await decode(view);
+}
+
+// Asked for once a second by whoever tells the light of pictures that stand elsewhere on the page.
+export function decodeAwaited(): void {
+  for (const view of views.values()) if (view.next && !view.decoding) void decode(view);
 }
 
 // Cameras that are shown elsewhere on the page, too: their pictures are decoded wherever they stand.
@@ -560,7 +565,9 @@ export function updateCameras(serving: boolean): void {
       : health === "delivering"
         ? camera.rate_hz > 0 // of the last second, of which there was none yet
           ? `${camera.rate_hz.toFixed(1)} Hz`
-          : "begins"
+          : slow
+            ? "no frames"
+            : "begins"
         : healthWords[health] ?? health;
     view.health.dataset.health = isHeld ? "held" : slow ? "stalled" : health;
     const troubles = isHeld ? [] : [camera.message, slow];

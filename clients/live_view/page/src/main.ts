@@ -153,6 +153,20 @@ const stateText: Record<State, string> = {
 };
 const told = new Map<string, State>();
 
+// What the figures of a card mean, for who rests on them.
+const meanings: Record<string, string> = {
+  "1σ": "How unsure the position is, in the direction in which it is least sure: two times of three it is no farther off",
+  Speed: "How fast it moves",
+  Views: "How many cameras see it, of those that gave a frame",
+  Confidence: "How sure the cameras are that it is the object",
+  Latency: "From the moment when the picture was taken to the moment when the position was sent",
+  Features: "Points of the map that were found in the last frame, of those in view",
+  "Map points": "How many points the map has",
+};
+function explain(card: HTMLElement): void {
+  for (const term of card.querySelectorAll("dt")) term.parentElement!.title = meanings[term.textContent!] ?? "";
+}
+
 function cardOf(name: string): HTMLElement {
   const list = $("targets");
   for (const card of list.children) if ((card as HTMLElement).dataset.target === name) return card as HTMLElement;
@@ -164,6 +178,7 @@ function cardOf(name: string): HTMLElement {
     <div><dt>Views</dt><dd class="views"></dd></div><div><dt>Confidence</dt><dd class="confidence"></dd></div>
     <div><dt>Latency</dt><dd class="latency"></dd></div></dl><p class="why"></p>`;
   card.querySelector(".name")!.textContent = name;
+  explain(card);
   list.append(card);
   return card;
 }
@@ -283,6 +298,7 @@ function updateTrackedCameras(): void {
       card.querySelector(".name")!.textContent = `camera ${name}`;
       card.querySelector(".scroll")!.setAttribute("aria-label", `Map points of camera ${name}`);
       card.querySelector("details")!.addEventListener("toggle", () => renew(cards));
+      explain(card);
       $("targets").append(card);
     }
     const { latest, map } = camera;
@@ -363,6 +379,7 @@ function tick(): void {
   $("no-targets").textContent = awaited(serving);
   const hasPlaces = store.scene !== null && (store.scene.targets.length > 0 || store.scene.cameras.some((c) => c.model) || store.trackedCameras.size > 0);
   $("no-scene").hidden = hasPlaces || canvas.hidden;
+  canvas.classList.toggle("bare", !hasPlaces); // an empty room takes no room
   $("no-scene").textContent = store.scene
     ? "Nobody knows yet where the cameras stand: they are drawn here once they are calibrated."
     : "Cameras, volume and targets are drawn here once a service tells where they are.";
@@ -422,14 +439,15 @@ function updateHealth(serving: boolean): void {
   const body = $("health");
   const rows = (status?.cameras ?? []).map((camera) => {
     const row = document.createElement("tr");
-    const cell = (text: string, name?: string) => {
-      const td = document.createElement(name ? "th" : "td");
-      if (name) td.scope = "row";
+    // Where there is no room for columns, a figure has its name beside it.
+    const cell = (text: string, says = "") => {
+      const td = document.createElement("td");
+      if (says) td.dataset.says = says;
       td.textContent = text;
       row.append(td);
       return td;
     };
-    cell(camera.name, "row");
+    row.append(Object.assign(document.createElement("th"), { scope: "row", textContent: camera.name }));
     const chip = document.createElement("span");
     chip.className = "chip";
     chip.dataset.health = serving ? camera.health : "unknown";
@@ -441,12 +459,12 @@ function updateHealth(serving: boolean): void {
       chip.dataset.health = "held";
     }
     const slow = serving && !isHeld ? slowness(camera) : "";
-    cell(camera.rate_hz.toFixed(1)).dataset.level = slow ? "warn" : "";
-    cell(String(camera.frames));
-    cell(String(camera.dropped));
-    cell(String(camera.corrupted));
-    cell([timesOf(camera.name), clockOf(camera.name)].filter(Boolean).join("; "));
-    cell(isHeld ? "" : [camera.message, slow].filter(Boolean).join("; "));
+    cell(camera.rate_hz.toFixed(1), "Hz").dataset.level = slow ? "warn" : "";
+    cell(String(camera.frames), "Frames");
+    cell(String(camera.dropped), "Dropped");
+    cell(String(camera.corrupted), "Damaged");
+    cell([timesOf(camera.name), clockOf(camera.name)].filter(Boolean).join("; "), "Time");
+    cell(isHeld ? "" : [camera.message, slow].filter(Boolean).join("; "), "Message");
     return row;
   });
   body.replaceChildren(...rows);

@@ -1,7 +1,7 @@
 // Plots over the last 10 seconds to 10 minutes: one canvas each, all with the same time axis, and one cursor.
 import { likeBefore, lineColorOf, variable } from "./color";
 import { save } from "./save";
-import { historySeconds, indexAt, isServing, secondsOfSilence, store, tracks, type Sample } from "./store";
+import { historySeconds, indexAt, isServing, secondsOfSilence, store, tracks, type Rates, type Sample, type ViewSample } from "./store";
 
 type Timed = { t: number };
 interface Series<S extends Timed = Timed> {
@@ -15,10 +15,12 @@ interface Series<S extends Timed = Timed> {
 interface Plot {
   title: string;
   unit: string;
+  means: string; // for who rests on the title
   series: () => Series[];
   zero?: boolean; // the axis starts at 0
   least?: number; // the axis covers at least so much
   of?: "target" | "camera"; // only where there is one
+  isStatus?: boolean; // of what the status says, which has the bridge's clock
 }
 
 const height = 150; // CSS pixels
@@ -30,32 +32,53 @@ const colorOfTrack = (track: { name: string; isCamera: boolean }) => (track.isCa
 const sameHueDashes = [[], [7, 4], [2, 3], [9, 3, 2, 3]];
 const dashes = [[], [7, 4], [2, 3]]; // x, y, z
 
-const series = (name: string, color: string, dash: number[], samples: Sample[], value: (s: Sample) => number) => ({ name, color, dash, samples, value }) as unknown as Series;
+function series<S extends Timed = Sample>(name: string, color: string, dash: number[], samples: S[], value: (s: S) => number): Series {
+  return { name, color, dash, samples, value } as unknown as Series;
+}
 
 function perTrack(value: (s: Sample) => number): () => Series[] {
   return () =>
     tracks().map((t) => series(t.name, colorOfTrack(t), t.isCamera ? [] : sameHueDashes[Math.min(likeBefore(t.name), sameHueDashes.length - 1)], t.history, value));
 }
 
+// Cameras are told apart by four colours, which people who confuse red and green do not confuse, then by dashes.
+function perCamera<S extends Timed>(what: (camera: string) => [S[], (sample: S) => number]): Series[] {
+  return (store.status?.cameras ?? []).map(({ name }, i) => series(name, `var(--camera-${i % 4})`, dashes[Math.floor(i / 4) % dashes.length], ...what(name)));
+}
+
 const plots: Plot[] = [
   {
     title: "Position",
     unit: "m",
+    means: "In the world that the calibration has set",
     least: 0.2,
     series: () =>
       tracks().flatMap((t) => ["x", "y", "z"].map((axis, i) => series(`${t.name} ${axis}`, colorOfTrack(t), dashes[i], t.history, (s) => (s.p ? s.p[i] : NaN)))),
   },
-  { title: "Uncertainty (1σ, largest axis)", unit: "mm", zero: true, least: 5, series: perTrack((s) => s.sigma * 1000) },
-  { title: "Speed", unit: "m/s", zero: true, least: 0.5, series: perTrack((s) => s.speed) },
-  { title: "Latency, capture to bus", unit: "ms", zero: true, least: 5, series: perTrack((s) => s.latency * 1000) },
-  { title: "Residual (largest of a view)", unit: "px", zero: true, least: 1, of: "target", series: perTrack((s) => s.residual) },
-  { title: "Features matched", unit: "", zero: true, least: 10, of: "camera", series: perTrack((s) => s.features) },
+  { title: "Uncertainty (1σ, largest axis)", unit: "mm", means: "Two times of three a position is no farther off, in the direction in which it is least sure", zero: true, least: 5, series: perTrack((s) => s.sigma * 1000) },
+  { title: "Speed", unit: "m/s", means: "How fast each moves", zero: true, least: 0.5, series: perTrack((s) => s.speed) },
+  { title: "Latency, capture to bus", unit: "ms", means: "From the moment when the picture was taken to the moment when the position was sent", zero: true, least: 5, series: perTrack((s) => s.latency * 1000) },
   {
-    title: "Frame sets tracked",
+    title: "Residual of each camera",
+    unit: "px",
+    means: "How far, in a camera's picture, the object is from where all cameras together say that it is: one that stands out was knocked, or is late",
+    zero: true,
+    least: 1,
+    of: "target",
+    series: () => perCamera((camera) => [store.views.get(camera) ?? [], (s: ViewSample) => s.residual]),
+  },
+  { title: "Features matched", unit: "", means: "Points of the map that were found in the picture", zero: true, least: 10, of: "camera", series: perTrack((s) => s.features) },
+  {
+    title: "Frames of each camera, and sets tracked",
     unit: "/s",
+    means: "A set has the frames of one moment, at most one of each camera; one position comes of each set",
     zero: true,
     least: 10,
-    series: () => [{ name: "sets", color: "var(--accent)", samples: store.rates, value: (r) => (r as { t: number; rate: number }).rate }],
+    isStatus: true,
+    series: () => [
+      ...perCamera((camera) => [store.rates, (r: Rates) => r.cameras.get(camera) ?? NaN]),
+      series("sets", "var(--ink)", [2, 3], store.rates, (r) => r.rate),
+    ],
   },
 ];
 
@@ -78,6 +101,7 @@ for (const plot of plots) {
   figure.className = "plot";
   figure.innerHTML = `<figcaption><b></b> <span class="now"></span></figcaption><canvas role="img"></canvas>`;
   figure.querySelector("b")!.textContent = plot.title + (plot.unit ? `, ${plot.unit}` : "");
+  figure.querySelector("b")!.title = plot.means;
   if (plot.title === "Position")
     figure.querySelector("figcaption")!.insertAdjacentHTML(
       "beforeend",
@@ -134,7 +158,7 @@ function endOfRates(): number {
   const sinceStatus = (performance.now() - store.statusHeard) / 1000;
   return (store.rates.at(-1)?.t ?? 0) + (sinceStatus > 2 ? sinceStatus : 0);
 }
-const endOf = (plot: Plot, end: number) => (plot.title.startsWith("Frame sets") ? endOfRates() : end);
+const endOf = (plot: Plot, end: number) => (plot.isStatus ? endOfRates() : end);
 // Seconds since the last sample of all; 0 while they come.
 function silence(): number {
   const since = secondsOfSilence();
@@ -284,7 +308,11 @@ const ago = (s: number) => (s >= 120 ? `−${+(s / 60).toFixed(1)} min` : `−${
 
 function timeAxis(g: CanvasRenderingContext2D, w: number, h: number, from = left): void {
   g.textBaseline = "alphabetic";
-  for (let s = 0; s <= span; s += tick) {
+  // A narrow plot has fewer of them, and none on its neighbour.
+  const room = 1.5 * g.measureText(ago(span)).width + 8; // the oldest begins at its tick, the others are centred
+  const wide = Math.max(1, (tick / span) * (w - from - right));
+  const each = tick * Math.ceil(room / wide);
+  for (let s = 0; s <= span; s += each) {
     const at = from + (1 - s / span) * (w - from - right);
     g.textAlign = s === 0 ? "right" : s === span ? "left" : "center";
     g.fillText(s === 0 ? (paused ? "paused" : "now") : ago(s), at, h - 4);
@@ -360,7 +388,7 @@ export function updatePlotTexts(): void {
   const end = endTime();
   for (const { plot, canvas, now } of drawn) {
     const isPast = cursor !== null || paused !== null;
-    const isSilent = !isPast && (plot.title.startsWith("Frame sets") ? !isServing() : quiet > 2);
+    const isSilent = !isPast && (plot.isStatus ? !isServing() : quiet > 2);
     const isPosition = plot.title === "Position";
     const all = plot.series();
     const valueOf = (s: Series) => {

@@ -97,6 +97,8 @@ function show(rows: string[][]): void {
       cell(duration(Number(length)));
       cell(size(Number(bytes)));
       cell(cameras);
+      // Where no column says it: on a phone.
+      row.lastElementChild!.append(Object.assign(document.createElement("span"), { className: "unit", textContent: cameras === "1" ? " camera" : " cameras" }));
       const last = row.insertCell();
       if (how === "recording") last.textContent = "being recorded";
       else {

@@ -2,7 +2,7 @@
 // themselves until something was tracked for the first time, and to who asks for them.
 import { openTargets } from "./adjust";
 import { calibrationRefused, openCalibration } from "./calibrate";
-import { lightOf, type Light } from "./cameras";
+import { decodeAwaited, lightOf, type Light } from "./cameras";
 import { openControls } from "./controls";
 import { drawLight } from "./light";
 import { isServing, mayChange, store } from "./store";
@@ -127,6 +127,7 @@ export function updateSteps(): void {
   $("steps-open").setAttribute("aria-expanded", String(isShown));
   $("steps-open").hidden = isShown;
   if (!isShown) return;
+  decodeAwaited(); // on a phone the pictures stand below, where nobody sees them yet
   const steps = stepsNow();
   const current = steps.findIndex((s) => !s.isDone);
   const list = $("steps-list");

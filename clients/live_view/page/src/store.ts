@@ -14,6 +14,19 @@ export interface Sample {
   features: number; // matched; NaN of a target
 }
 
+// How well a camera's view fits what is tracked, at one moment.
+export interface ViewSample {
+  t: number;
+  residual: number; // px, of the object that fits worst
+}
+
+// What the status said, once a second.
+export interface Rates {
+  t: number;
+  rate: number; // frame sets a second
+  cameras: Map<string, number>; // frames a second
+}
+
 export interface Target {
   name: string;
   latest: Position;
@@ -41,7 +54,8 @@ export const store = {
   scene: null as Scene | null,
   targets: new Map<string, Target>(),
   trackedCameras: new Map<string, TrackedCamera>(),
-  rates: [] as { t: number; rate: number }[], // of frame sets
+  views: new Map<string, ViewSample[]>(), // by camera
+  rates: [] as Rates[],
 };
 
 const length = (v: (number | null)[]) => Math.hypot(...v.map((x) => x ?? NaN));
@@ -85,6 +99,21 @@ export function takePosition(sample: Position): void {
     features: NaN,
   });
   forgetOld(target.history);
+  takeViews(sample);
+}
+
+// Targets speak of the same frames one after the other: at each moment the one that fits worst stands.
+function takeViews(sample: Position): void {
+  for (const { camera, seen, residual_px: residual } of sample.per_view) {
+    if (!seen || !Number.isFinite(residual)) continue;
+    let samples = store.views.get(camera) ?? [];
+    const last = samples.at(-1);
+    if (last && sample.t < last.t - 1) samples = []; // another service, another clock
+    if (samples.at(-1)?.t === sample.t) last!.residual = Math.max(last!.residual, residual);
+    else if (!samples.length || sample.t > last!.t) samples.push({ t: sample.t, residual });
+    store.views.set(camera, samples);
+    forgetOld(samples);
+  }
 }
 
 function largestResidual(sample: Position): number {
@@ -171,7 +200,7 @@ export function takeStatus(status: Status): boolean {
   for (const [name, camera] of store.trackedCameras) if (camera.map && !isOf(status, camera.map)) store.trackedCameras.delete(name);
   store.status = status;
   store.statusHeard = performance.now();
-  store.rates.push({ t: status.heard, rate: status.set_rate_hz });
+  store.rates.push({ t: status.heard, rate: status.set_rate_hz, cameras: new Map(status.cameras.map((c) => [c.name, c.rate_hz])) });
   forgetOld(store.rates);
   for (const [name, target] of store.targets) {
     const isEnded = !status.targets.includes(name) && target.latest.state === "lost";
@@ -215,5 +244,6 @@ export function secondsOfSilence(): number {
 export function forget(): void {
   store.targets.clear();
   store.trackedCameras.clear();
+  store.views.clear();
   store.rates = [];
 }
