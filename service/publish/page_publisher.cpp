@@ -56,8 +56,8 @@ msg::CameraMap to_message(const camera_tracking::CameraMap& map, capture::Timest
   return out;
 }
 
-struct ViewConnection {
-  ViewConnection(const EstimatePublisherOptions& options, const std::string& who)
+struct PageConnection {
+  PageConnection(const EstimatePublisherOptions& options, const std::string& who)
       : participant(options.transport("huetrackd view")),
         scene(participant.create_writer<msg::ScenePubSubType>(idl::scene_topic, idl::status_writer_qos(), who)),
         preview(participant.create_writer<msg::PreviewPubSubType>(idl::preview_topic, idl::preview_writer_qos(), who)),
@@ -90,12 +90,12 @@ struct ViewConnection {
   }
 
   // Lets the last replies arrive: the service may begin anew with what was just asked for.
-  ~ViewConnection() {
+  ~PageConnection() {
     for (dds::DataWriter* writer : {&reply, &control_reply})
       writer->wait_for_acknowledgments(eprosima::fastrtps::Duration_t(0, 500'000'000));
   }
-  ViewConnection(const ViewConnection&) = delete;
-  ViewConnection& operator=(const ViewConnection&) = delete;
+  PageConnection(const PageConnection&) = delete;
+  PageConnection& operator=(const PageConnection&) = delete;
 
   idl::DdsParticipant participant;
   dds::DataWriter &scene, &preview, &reply;
@@ -114,11 +114,11 @@ struct PagePublisher::Impl {
   explicit Impl(EstimatePublisherOptions o)
       : options(std::move(o)),
         identity(idl::PublisherIdentity::of_this_process(options.targets)),
-        connection(std::make_unique<ViewConnection>(options, identity.user_data())) {}
+        connection(std::make_unique<PageConnection>(options, identity.user_data())) {}
 
   const EstimatePublisherOptions options;
   const idl::PublisherIdentity identity;
-  std::unique_ptr<ViewConnection> connection;
+  std::unique_ptr<PageConnection> connection;
   bool write_scene() {
     bool ok = connection->scene.write(&*scene);
     if (connection->tf_static != nullptr) {
@@ -144,7 +144,7 @@ bool PagePublisher::publish(msg::Scene scene) noexcept {
 }
 
 bool PagePublisher::publish(const msg::Preview& preview) noexcept {
-  ViewConnection& bus = *impl_->connection;
+  PageConnection& bus = *impl_->connection;
   bool ok = bus.preview.write(const_cast<msg::Preview*>(&preview));  // write() takes void*, and only reads
   for (std::size_t c = 0; impl_->scene && c < bus.images.size(); ++c) {
     if (impl_->options.cameras[c] != preview.camera() || readers_of(*bus.images[c]) + readers_of(*bus.infos[c]) == 0)
@@ -203,7 +203,7 @@ std::optional<msg::ControlRequest> PagePublisher::next_control_request() {
 }
 
 int PagePublisher::picture_subscribers() const {
-  const ViewConnection& bus = *impl_->connection;
+  const PageConnection& bus = *impl_->connection;
   int readers = readers_of(bus.preview);
   for (const auto* writer : bus.images) readers += readers_of(*writer);
   for (const auto* writer : bus.infos) readers += readers_of(*writer);
@@ -218,7 +218,7 @@ int PagePublisher::marker_subscribers() const {
 void PagePublisher::look_after_network() {
   if (!impl_->connection->participant.network_changed()) return;
   try {
-    impl_->connection = std::make_unique<ViewConnection>(impl_->options, impl_->identity.user_data());
+    impl_->connection = std::make_unique<PageConnection>(impl_->options, impl_->identity.user_data());
     if (impl_->scene) impl_->write_scene();
     if (impl_->map) impl_->connection->map->write(&*impl_->map);
   } catch (const std::invalid_argument&) {  // a configured interface is gone: EstimatePublisher warns of the same

@@ -35,6 +35,13 @@ using testing::HasSubstr;
 using testing::IsEmpty;
 using testing::Not;
 
+// What a control stands at, by its name or its older one.
+std::optional<std::int64_t> value_of(const capture::V4l2Device& device, std::string_view name) {
+  const std::vector<capture::Control> controls = device.controls();
+  const capture::Control* found = capture::find_control(controls, name);
+  return found != nullptr ? found->value : std::nullopt;
+}
+
 // Reads a source for a while.
 struct Take {
   std::vector<capture::Frame> frames;
@@ -408,9 +415,9 @@ TEST_F(Vivid, ABusyCamerasControlsAreLeftAlone) {
     capture::V4l2Source second(mine);
     EXPECT_THAT(second.health().message, HasSubstr("another program uses it"));
     EXPECT_THAT(take(second, 1, 2s).frames, IsEmpty());
-    EXPECT_EQ(knobs->control("brightness")->value, 100);
+    EXPECT_EQ(value_of(*knobs, "brightness"), 100);
   }
-  EXPECT_EQ(knobs->control("brightness")->value, 100);
+  EXPECT_EQ(value_of(*knobs, "brightness"), 100);
   set("brightness", 128);
 }
 
@@ -494,7 +501,7 @@ TEST_F(Vivid, ControlsByNameRangeAndKind) {
   EXPECT_EQ(results[5].got, 77) << capture::to_string(results[5]);
   for (const auto& result : results) std::printf("%s\n", capture::to_string(result).c_str());
   knobs->set_controls_plainly(knobs->previous_controls());
-  EXPECT_EQ(knobs->control("brightness")->value, 128);
+  EXPECT_EQ(value_of(*knobs, "brightness"), 128);
 }
 
 // ---- UVC
@@ -587,10 +594,9 @@ TEST_F(Uvc, ManualValuesSwitchTheirAutomaticsOffFirst) {
             "cam 0 auto_exposure 1\ncam 0 white_balance_automatic 0\ncam 0 exposure_time_absolute 200\n"
             "cam 0 white_balance_temperature 5000\ncam 0 gain 30\n");
   device.set_controls_plainly(device.previous_controls());
-  const auto controls = device.controls();
-  EXPECT_EQ(capture::find_control(controls, "auto_exposure")->value, 3);
-  EXPECT_EQ(capture::find_control(controls, "exposure_time_absolute")->value, 157);
-  EXPECT_EQ(capture::find_control(controls, "gain")->value, 0);
+  EXPECT_EQ(value_of(device, "auto_exposure"), 3);
+  EXPECT_EQ(value_of(device, "exposure_time_absolute"), 157);
+  EXPECT_EQ(value_of(device, "gain"), 0);
 }
 
 TEST_F(Uvc, ARefusalIsReported) {
@@ -646,8 +652,7 @@ TEST_F(Uvc, UnplugAnotherAndReplug) {
   for (const auto& message : back.messages()) std::printf("%s\n", message.c_str());
   source.reset();
   capture::V4l2Device device(node_of("uvcvideo"));
-  const auto controls = device.controls();
-  EXPECT_EQ(capture::find_control(controls, "auto_exposure")->value, 3) << "as it was found";
+  EXPECT_EQ(value_of(device, "auto_exposure"), 3) << "as it was found";
 }
 
 TEST_F(Uvc, JpegsAreDecodedAndTheirBytesKept) {
