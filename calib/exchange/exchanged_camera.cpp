@@ -6,6 +6,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <array>
+#include <cctype>
 #include <cmath>
 
 #include "calib/yaml/number_text.h"

@@ -29,7 +29,7 @@ inline Duration duration_of(double s) {
 enum class FrameStatus : std::uint8_t {
   ok,
   corrupted,  // the driver flagged it (V4L2_BUF_FLAG_ERROR), or it does not decode: counted, never used
-  repeated,   // it shows the camera's picture before it once more (repeat_watch.h), not its own time: the same
+  repeated,   // it shows the camera's picture before it once more (repeat_watch.h): counted, never used
 };
 
 // What is known of when a camera's rows are exposed (calib::CameraTiming); 0 where it is not.

@@ -1,6 +1,5 @@
 #include "capture/repeat_watch.h"
 
-#include <algorithm>
 #include <bit>
 #include <functional>
 #include <string_view>
@@ -11,6 +10,9 @@ namespace {
 // So many say what a camera's pictures are like: by the rule of succession the next is then, too, with 97 %.
 constexpr int enough = 30;
 constexpr int most_remembered = 10 * enough;
+// A camera that cannot keep up shows a picture four times at most; from key frame to key frame are ten and more. What
+// a run counts for is more than the first, and so little that a camera that hangs for long stays known as what it was.
+constexpr int most_alike_between = 3, most_of_run = 12;
 
 }  // namespace
 
@@ -18,6 +20,8 @@ bool RepeatWatch::is_repeated(const Image& image) {
   // Brightness has the noise of all channels; packed formats have all of them in the one plane.
   const std::size_t bytes = plane_row_bytes(image.format, 0, image.width);
   std::array<std::uint64_t, across * down> cells{};
+  std::array<std::uint64_t, across> first_row{};
+  bool is_flat = true;
   for (std::size_t row = 0; row < down * rows_of_cell; ++row) {
     const auto v =
         static_cast<std::ptrdiff_t>((2 * row + 1) * static_cast<std::size_t>(image.height) / (2 * down * rows_of_cell));
@@ -25,17 +29,25 @@ bool RepeatWatch::is_repeated(const Image& image) {
     for (std::size_t column = 0; column < across; ++column) {
       const std::size_t first = column * bytes / across, end = (column + 1) * bytes / across;
       std::uint64_t& cell = cells[row / rows_of_cell * across + column];
-      cell = std::rotl(cell, 1) ^ std::hash<std::string_view>()({at + first, end - first});
+      const std::uint64_t shown = std::hash<std::string_view>()({at + first, end - first});
+      if (row == 0) first_row[column] = shown;
+      is_flat = is_flat && shown == first_row[column];
+      cell = std::rotl(cell, 1) ^ shown;
     }
   }
   std::size_t changed = 0;
   for (std::size_t i = 0; i < cells.size(); ++i) changed += cells[i] != cells_[i];
   cells_ = cells;
-  if (changed == 0) return differing_ >= enough && noisy_ >= differing_ - differing_ / 10;
-  ++differing_;
-  noisy_ += changed > cells.size() / 2;
-  if (differing_ > most_remembered) differing_ /= 2, noisy_ /= 2;
-  return false;
+  if (changed > 0) {
+    ++differing_;
+    noisy_ += changed > cells.size() / 2;
+    run_ = 0;
+    if (differing_ > most_remembered) differing_ /= 2, noisy_ /= 2, alike_ /= 2;
+    return false;
+  }
+  if (is_flat) return false;
+  alike_ += ++run_ <= most_of_run;
+  return differing_ >= enough && noisy_ >= differing_ - differing_ / 10 && alike_ <= most_alike_between * differing_;
 }
 
 }  // namespace huetrack::capture

@@ -41,21 +41,22 @@ void add_clock(const capture::HostClock& clock, const std::string& camera, publi
   if (!clock.advice.empty()) status.warnings.push_back(clock.advice);
 }
 
-// Frames that come and show nothing new are none.
-void add_repeats(const pipeline::CameraFigures& camera, publish::CameraStatus& out,
+// Frames that come and show nothing new are none. past: of about a second ago.
+void add_repeats(const pipeline::CameraFigures& camera, const pipeline::CameraFigures& past, publish::CameraStatus& out,
                  std::vector<std::string>& warnings) {
-  constexpr std::uint64_t enough = 100;  // frames, of which a tenth is no chance
   const capture::Duration lasting = camera.repeated_since ? *camera.last_captured - *camera.repeated_since : 0ns;
+  const std::uint64_t frames = camera.frames - past.frames, times = camera.times_repeated - past.times_repeated;
   if (out.health == publish::CameraStatus::Health::delivering && lasting > stalled_after) {
     out.health = publish::CameraStatus::Health::stalled;
     out.message = fmt::format(
-        "it has shown one and the same picture for {:.1f} s: its driver, cable or capture stick hangs: plug it in anew",
+        "it has shown one and the same picture for {:.1f} s: the camera, its driver or its cable hangs: restart it, or "
+        "plug it in anew",
         capture::seconds(lasting));
-  } else if (camera.frames >= enough && camera.repeated > camera.frames / 10) {
+  } else if (5 * times > frames) {  // each picture two, three or four times
     warnings.push_back(fmt::format(
-        "camera {}: {} % of its frames show the picture before once more, and are not used: set fps to the pictures "
-        "that it really takes in a second",
-        out.name, 100 * camera.repeated / camera.frames));
+        "camera {}: it shows its pictures more than once: {} of its {} frames were not used: set fps to the "
+        "pictures that it really takes in a second",
+        out.name, camera.repeated, camera.frames));
   }
 }
 
@@ -135,7 +136,7 @@ publish::ServiceStatus StatusReporter::report(const pipeline::PipelineFigures& f
     } else {
       out.health = publish::CameraStatus::Health::delivering;
     }
-    add_repeats(camera, out, status.warnings);
+    add_repeats(camera, past_ ? past_->figures.cameras[c] : pipeline::CameraFigures(), out, status.warnings);
   }
   constexpr std::size_t long_search = 60;  // sets
   for (std::size_t t = 0; t < std::min(targets_.size(), figures.searches.size()); ++t) {

@@ -352,11 +352,12 @@ struct HostedCameras::Impl {
     if (!host.clock.is_known())
       return {capture::CaptureState::waiting, "the clock of " + name + " is being compared with ours"};
     if (camera.frame_at || there->state() == msg::HOSTED_CAMERA_DELIVERING)
-      return {
-          camera.frame_at ? capture::CaptureState::stalled : capture::CaptureState::waiting,
-          "no frames come from " + name +
-              (camera.options.are_matches ? "; for send: matches its program must be as new as ours, and so its keys"
-                                          : "")};
+      return {camera.frame_at ? capture::CaptureState::stalled : capture::CaptureState::waiting,
+              "no frames come from " + name +
+                  (camera.options.are_matches
+                       ? "; for send: matches its program must be as new as ours, and so its keys, and its "
+                         "camera must not hang on one picture"
+                       : "")};
     return {capture::CaptureState::waiting,
             name + ": " + (there->message().empty() ? "no frame yet" : there->message())};
   }

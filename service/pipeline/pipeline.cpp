@@ -255,7 +255,7 @@ void Pipeline::receive(capture::Frame frame) {
     if (is_sound) figures.last_received = Clock::now();
     if (is_repeated) {
       ++figures.repeated;
-      if (!figures.repeated_since) figures.repeated_since = frame.captured_at;
+      if (!figures.repeated_since) figures.repeated_since = frame.captured_at, ++figures.times_repeated;
     } else if (is_sound) {
       figures.repeated_since.reset();
     }

@@ -84,9 +84,30 @@ TEST(RepeatWatch, KeyFramesOfAVideoAreNoNoise) {
   for (int i = 0; i < 300; ++i) ASSERT_FALSE(watch.is_repeated(drawn.picture(80))) << i;
 }
 
-TEST(RepeatWatch, ACoveredOrDarkCameraIsJudgedByNothing) {
+// Nothing moves, so that only key frames differ, and each of them everywhere.
+TEST(RepeatWatch, AVideoOfAStillRoomIsNotRepeated) {
+  Room room(1);
   RepeatWatch watch;
+  Image key;
+  for (int i = 0; i < 60 * 12; ++i) ASSERT_FALSE(watch.is_repeated(i % 12 == 0 ? key = room.picture(40) : key)) << i;
+}
+
+// Its coder leaves out the noise of a night after the day's: that is learnt.
+TEST(RepeatWatch, WhatACameraIsLikeMayChange) {
+  Room room(1);
+  RepeatWatch watch;
+  Image key;
+  for (int i = 0; i < 1000; ++i) ASSERT_FALSE(watch.is_repeated(room.picture(40))) << i;
+  for (int i = 0; i < 300 * 12; ++i) watch.is_repeated(i % 12 == 0 ? key = room.picture(40) : key);
+  for (int i = 0; i < 60 * 12; ++i) ASSERT_FALSE(watch.is_repeated(i % 12 == 0 ? key = room.picture(40) : key)) << i;
+}
+
+TEST(RepeatWatch, ACoveredOrDarkCameraDoesNotHang) {
+  RepeatWatch watch;
+  Room room(1);
   const Image dark = make_image(PixelFormat::yuyv, ColorRange::limited, width, height).image;
+  for (int i = 0; i < 300; ++i) ASSERT_FALSE(watch.is_repeated(dark)) << i;
+  for (int i = 0; i < 300; ++i) ASSERT_FALSE(watch.is_repeated(room.picture(40))) << i;
   for (int i = 0; i < 300; ++i) ASSERT_FALSE(watch.is_repeated(dark)) << i;
 }
 

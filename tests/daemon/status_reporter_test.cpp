@@ -91,6 +91,7 @@ TEST_F(Reporter, ACameraThatHangsOnItsLastPictureIsStalled) {
   pipeline::CameraFigures& camera = figures_.cameras[0];
   camera.frames = 1000;
   camera.repeated = 60;
+  camera.times_repeated = 1;
   camera.last_received = start_;
   camera.last_captured = capture::Timestamp(33s);
   camera.repeated_since = capture::Timestamp(31s);
@@ -104,15 +105,19 @@ TEST_F(Reporter, ACameraThatHangsOnItsLastPictureIsStalled) {
   camera.repeated_since.reset();
   const auto well = reporter_.report(figures_, start_, {});
   EXPECT_EQ(well.cameras[0].health, publish::CameraStatus::Health::delivering);
-  EXPECT_THAT(well.warnings, testing::Not(testing::Contains(testing::HasSubstr("once more"))));
+  EXPECT_THAT(well.warnings, testing::Not(testing::Contains(testing::HasSubstr("more than once"))));
 }
 
 TEST_F(Reporter, FramesThatAreShownTwiceAreAWarning) {
   figures_.cameras[1].frames = 1000;
-  figures_.cameras[1].repeated = 480;
+  figures_.cameras[1].repeated = figures_.cameras[1].times_repeated = 480;
   figures_.cameras[1].last_received = start_;
-  EXPECT_THAT(reporter_.report(figures_, start_, {}).warnings,
-              testing::Contains(testing::HasSubstr("camera cam1: 48 % of its frames show the picture before")));
+  const auto is_told =
+      testing::Contains(testing::HasSubstr("cam1: it shows its pictures more than once: 480 of its 1000"));
+  EXPECT_THAT(reporter_.report(figures_, start_, {}).warnings, is_told);
+  // A second later it shows each once: what was is told no more.
+  figures_.cameras[1].frames = 1030;
+  EXPECT_THAT(reporter_.report(figures_, start_ + 1s, {}).warnings, testing::Not(is_told));
 }
 
 TEST_F(Reporter, CountersAreHandedOn) {

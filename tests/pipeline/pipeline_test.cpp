@@ -188,6 +188,7 @@ TEST(Pipeline, ACameraThatHangsOnItsLastPictureIsAbsent) {
   const PipelineFigures figures = pipeline.figures();
   EXPECT_EQ(figures.cameras[0].repeated, 0u);
   EXPECT_EQ(figures.cameras[1].repeated, 40u);
+  EXPECT_EQ(figures.cameras[1].times_repeated, 1u);
   EXPECT_EQ(figures.cameras[1].repeated_since, capture::Timestamp(600ms));
 }
 
