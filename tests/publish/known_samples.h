@@ -105,8 +105,9 @@ inline ServiceStatus known_status() {
   s.incomplete_sets = 102;
   s.late_frames = 103;
   s.dropped_sets = 104;
-  s.cameras = {{"left", CameraStatus::Health::delivering, "", 201, 202, 203, 30.5, 0.03125},
-               {"rechts_\xC3\xBC", CameraStatus::Health::absent, "unplugged: plug it in", 301, 302, 303, 0.5, 17.25}};
+  s.cameras = {
+      {"left", CameraStatus::Health::delivering, "", 201, 202, 203, 0, 30.5, 0.03125},
+      {"rechts_\xC3\xBC", CameraStatus::Health::absent, "unplugged: plug it in", 301, 302, 303, 0, 0.5, 17.25}};
   s.targets = {"ball", "wand"};
   s.warnings = {"the light is low", "rechts is absent"};
   return s;
