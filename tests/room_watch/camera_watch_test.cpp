@@ -174,14 +174,14 @@ TEST(CameraWatch, AKeptRoomTellsWhatHappenedInBetween) {
   ASSERT_GE(kept.size(), 10u);
 
   FilmedRoom same;
-  CameraWatch again(same.camera(), {}, kept);
+  CameraWatch again(same.camera(), kept);
   same.show(again, 10, 13);
   EXPECT_EQ(again.condition().state, RoomState::still);
 
   Film film;
   film.pose = knocked_at(0, 0.7);
   FilmedRoom turned_room(film);
-  CameraWatch after(turned_room.camera(), {}, kept);
+  CameraWatch after(turned_room.camera(), kept);
   turned_room.show(after, 10, 13);
   EXPECT_THAT(after.condition().state, testing::AnyOf(RoomState::knocked, RoomState::sagging));
   EXPECT_NEAR(degrees_of(after.condition().rotation), 0.7, 0.03);
