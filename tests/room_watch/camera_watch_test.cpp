@@ -188,7 +188,7 @@ TEST(CameraWatch, AKeptRoomTellsWhatHappenedInBetween) {
   EXPECT_FALSE(after.has_forgotten());
 
   FilmedRoom another(Film{.room = 2});
-  CameraWatch elsewhere(another.camera(), {}, kept);
+  CameraWatch elsewhere(another.camera(), kept);
   another.show(elsewhere, 10, 16);
   EXPECT_EQ(elsewhere.condition().state, RoomState::still);
   EXPECT_TRUE(elsewhere.has_forgotten());
