@@ -7,6 +7,8 @@
 #include <array>
 #include <limits>
 
+#include "idl/names.h"
+
 namespace huetrack::client {
 namespace {
 
@@ -238,8 +240,8 @@ TEST(SampleFormat, StatusNamesWhatIsWrong) {
 }
 
 TEST(SampleFormat, ANumberThatIsNoStateOfOursIsNotOneOfThem) {
-  EXPECT_EQ(name(static_cast<msg::TrackState>(99)), "unknown");
-  EXPECT_EQ(name(static_cast<msg::CameraHealth>(99)), "unknown");
+  EXPECT_EQ(idl::state_name(99), "unknown");
+  EXPECT_EQ(idl::name(static_cast<msg::CameraHealth>(99)), "unknown");
 }
 
 }  // namespace
