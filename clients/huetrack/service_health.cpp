@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <iterator>
 
-#include "calib/yaml/joined.h"
 #include "calib/yaml/text_file.h"
 #include "clients/live_view/events.h"
 #include "idl/names.h"
@@ -60,8 +59,8 @@ std::string status_json(const msg::ServiceStatus& status, std::int64_t now, cons
   for (const msg::CameraPose& pose : poses)
     if (std::ranges::any_of(status.cameras(), [&](const auto& camera) { return camera.name() == pose.camera(); }))
       known.push_back(live_view::to_json(pose));
-  out += R"(,"poses":[)" + yaml::joined(known, ",") + R"(],"clocks":)" +
-         (clocks == nullptr ? "null" : live_view::to_json(*clocks));
+  out += fmt::format(R"(,"poses":[{}],"clocks":{})", fmt::join(known, ","),
+                     clocks == nullptr ? "null" : live_view::to_json(*clocks));
   return out + "}\n";
 }
 
