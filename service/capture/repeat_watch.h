@@ -23,6 +23,9 @@ class RepeatWatch {
  public:
   // Every whole picture of the camera, in their order. True: it is the one before it, shown once more.
   bool is_repeated(const Image& image);
+  // Two pictures have differed. A camera that hangs from its first one never has: that is no repetition that could be
+  // told from a drawn scene's, but no live camera goes on so.
+  bool has_changed() const { return differing_ > 1; }
 
  private:
   static constexpr std::size_t across = 4, down = 4, rows_of_cell = 8;

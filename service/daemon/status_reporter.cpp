@@ -12,6 +12,8 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr auto stalled_after = 1s;
+// A second or two: longer than a camera takes to warm up, when some show one picture of their own.
+constexpr std::uint64_t frames_of_one_picture = 60;
 constexpr auto shortest_rate_window = 500ms;
 
 publish::CameraStatus::Health health_of(capture::CaptureState state) {
@@ -52,6 +54,11 @@ void add_repeats(const pipeline::CameraFigures& camera, const pipeline::CameraFi
         "it has shown one and the same picture for {:.1f} s: the camera, its driver or its cable hangs: restart it, or "
         "plug it in anew",
         capture::seconds(lasting));
+  } else if (!camera.has_changed && camera.frames >= frames_of_one_picture) {
+    warnings.push_back(fmt::format(
+        "camera {}: it has shown one and the same picture since the start: it hangs, or its lens is covered; "
+        "nothing that it sees is to be trusted",
+        out.name));
   } else if (5 * times > frames) {  // each picture two, three or four times
     warnings.push_back(fmt::format(
         "camera {}: it shows its pictures more than once: {} of its {} frames were not used: set fps to the "

@@ -25,6 +25,7 @@ struct CameraFigures {
   std::uint64_t corrupted = 0;       // came, but damaged
   std::uint64_t repeated = 0;        // of frames: showed the picture before once more, and were not used
   std::uint64_t times_repeated = 0;  // so many pictures they showed
+  bool has_changed = true;           // false: its pictures have all been one and the same so far
   std::optional<std::uint32_t> last_sequence;
   std::optional<std::chrono::steady_clock::time_point> last_received;  // with an image
   std::optional<capture::Timestamp> last_captured;                     // the source's clock

@@ -242,7 +242,8 @@ void Pipeline::receive(capture::Frame frame) {
   const auto camera = std::size_t(frame.camera);
   const capture::Timestamp received_at = capture::unix_now();
   const bool is_sound = frame.status == capture::FrameStatus::ok;
-  const bool is_repeated = is_sound && capture::has_pixels(frame.pixels) && repeats_[camera].is_repeated(frame.pixels);
+  const bool is_picture = is_sound && capture::has_pixels(frame.pixels);
+  const bool is_repeated = is_picture && repeats_[camera].is_repeated(frame.pixels);
   {
     const std::scoped_lock lock(figures_mutex_);
     CameraFigures& figures = figures_.cameras[camera];
@@ -253,6 +254,7 @@ void Pipeline::receive(capture::Frame frame) {
     }
     figures.last_sequence = frame.sequence;
     if (is_sound) figures.last_received = Clock::now();
+    if (is_picture) figures.has_changed = repeats_[camera].has_changed();
     if (is_repeated) {
       ++figures.repeated;
       if (!figures.repeated_since) figures.repeated_since = frame.captured_at, ++figures.times_repeated;

@@ -120,6 +120,18 @@ TEST_F(Reporter, FramesThatAreShownTwiceAreAWarning) {
   EXPECT_THAT(reporter_.report(figures_, start_ + 1s, {}).warnings, testing::Not(is_told));
 }
 
+TEST_F(Reporter, ACameraThatHangsFromItsFirstPictureIsAWarning) {
+  const auto is_told = testing::Contains(testing::HasSubstr("cam1: it has shown one and the same picture since"));
+  figures_.cameras[1].last_received = start_;
+  figures_.cameras[1].has_changed = false;
+  figures_.cameras[1].frames = 20;
+  EXPECT_THAT(reporter_.report(figures_, start_, {}).warnings, testing::Not(is_told));
+  figures_.cameras[1].frames = 200;
+  EXPECT_THAT(reporter_.report(figures_, start_, {}).warnings, is_told);
+  figures_.cameras[1].has_changed = true;
+  EXPECT_THAT(reporter_.report(figures_, start_, {}).warnings, testing::Not(is_told));
+}
+
 TEST_F(Reporter, CountersAreHandedOn) {
   figures_.frame_sets.incomplete_sets = 3;
   figures_.frame_sets.late_frames = 4;

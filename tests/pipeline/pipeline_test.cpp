@@ -192,6 +192,15 @@ TEST(Pipeline, ACameraThatHangsOnItsLastPictureIsAbsent) {
   EXPECT_EQ(figures.cameras[1].repeated_since, capture::Timestamp(600ms));
 }
 
+TEST(Pipeline, ACameraThatHangsFromItsFirstPictureHasNotChanged) {
+  const calib::CameraRig rig = rig_of(2);
+  PipelineTo pipeline(rig, sources(HangingSource(1)), trackers_for(rig, 1), options_for(rig), {});
+  pipeline.run({});
+  const PipelineFigures figures = pipeline.figures();
+  EXPECT_TRUE(figures.cameras[0].has_changed);
+  EXPECT_FALSE(figures.cameras[1].has_changed);
+}
+
 // Camera 1 ends after three turns, and camera 0 goes on.
 class CutShortSource final : public capture::FrameSource {
  public:
