@@ -1,9 +1,10 @@
 #!/bin/bash
 # Installs what is missing, builds everything, runs every test. The last line counts them: N passed, N failed, N skipped.
 # Exit status: 0 only when at least one test passed and none failed.
-#   HUETRACK_LONG=1              builds everything once more with -O0, AddressSanitizer and UBSan (preset debug), runs the tests
-#                                of all modules there, and clang-tidy over the tree; then what has threads with
-#                                ThreadSanitizer; then for arm64 (tests/arm64/run.sh); about three hours on two cores
+#   HUETRACK_LONG=1              builds everything once more with -O0, AddressSanitizer and UBSan (preset debug; what computes
+#                                with -O1, or single tests take ten minutes), runs the tests of all modules there, and
+#                                clang-tidy over the tree; then what has threads with ThreadSanitizer; then for arm64
+#                                (tests/arm64/run.sh); about three hours on two cores
 #   HUETRACK_VM_TESTS=off|short|all   real V4L2 drivers in a VM (tests/v4l2/run.sh; short: 3 minutes, all: 15); skipped
 #                                where there is no VM
 set -uo pipefail
@@ -54,7 +55,7 @@ run_tests() {
 
 run_tests "$build" -j4   # half cores: tests/CMakeLists.txt
 if [ "$long" != 0 ]; then
-  cmake --preset debug >/dev/null || fail "the debug build could not be configured"
+  cmake --preset debug -DHUETRACK_FAST_NUMERICS=ON >/dev/null || fail "the debug build could not be configured"
   build_huetrack build/debug "" all || fail "the debug build failed"
   export LSAN_OPTIONS=suppressions=$PWD/tests/lsan.supp
   # Not those that measure time, or need a browser or a VM: they run whole programs, which are the same as above.

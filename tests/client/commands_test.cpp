@@ -12,6 +12,7 @@
 #include "client/osc_reader.h"
 #include "publish/child_process.h"
 #include "publish/known_samples.h"
+#include "slow_motion.h"
 
 namespace huetrack::client {
 namespace {
@@ -185,8 +186,8 @@ TEST(Watch, WrongUdpAddressesAreOneSentence) {
 TEST(Watch, SaysWithinTwoSecondsThatNobodyPublishesAndWhenSomebodyComes) {
   const auto start = Clock::now();
   ChildProcess client(huetrack({"watch", "--format", "csv"}));
-  EXPECT_TRUE(client.says("no publisher of huetrack positions on domain " + domain, 3s));
-  EXPECT_LT(Clock::now() - start, 2s);
+  EXPECT_TRUE(client.says("no publisher of huetrack positions on domain " + domain, slow_motion * 3s));
+  EXPECT_LT(Clock::now() - start, slow_motion * 2s);
   EXPECT_THAT(client.err(), AllOf(HasSubstr("ROS_DOMAIN_ID"), HasSubstr("127.0.0.1")));
   ChildProcess publisher(test_publisher());
   EXPECT_TRUE(client.says("a publisher is there: process " + std::to_string(publisher.pid()), 3s));
@@ -342,8 +343,8 @@ TEST(Status, AsJsonOfNobody) {
 TEST(Status, SaysWithinTwoSecondsThatNobodyPublishes) {
   const auto start = Clock::now();
   ChildProcess client(huetrack({"status"}));
-  EXPECT_EQ(client.exit_status(5s), 1);
-  EXPECT_LT(Clock::now() - start, 2s);
+  EXPECT_EQ(client.exit_status(slow_motion * 5s), 1);
+  EXPECT_LT(Clock::now() - start, slow_motion * 2s);
   EXPECT_THAT(client.err(), HasSubstr("no huetrackd publishes its status on domain " + domain));
 }
 

@@ -21,6 +21,7 @@
 #include "idl/topics.h"
 #include "publish/test_domain.h"
 #include "scene/led_scene.h"
+#include "slow_motion.h"
 
 namespace huetrack::daemon {
 namespace {
@@ -136,7 +137,8 @@ TEST_F(LiveLeds, PosesGoToTheBusNativelyAndForRos) {
   LiveCommand options;
   options.poses = folder_ / "live.tum";
   LiveRequests requests;
-  const auto period = std::chrono::duration_cast<capture::Duration>(std::chrono::duration<double>(1 / scene_.fps));
+  const auto period =
+      std::chrono::duration_cast<capture::Duration>(std::chrono::duration<double>(slow_motion / scene_.fps));
   // By then readers and writers have met.
   const LiveSummary summary = run_live(c, cameras(1s, period), options, requests, {});
   EXPECT_EQ(summary.figures.camera_frames_tracked + summary.figures.camera_frames_dropped, std::uint64_t(frames));
@@ -153,7 +155,7 @@ TEST_F(LiveLeds, PosesGoToTheBusNativelyAndForRos) {
     ASSERT_EQ(has_pose, std::isfinite(s.covariance()[35]));
     if (!has_pose) continue;
     const std::int64_t offset = s.captured_at() - start_.time_since_epoch().count();
-    const double t = double(offset) * 1e-9;
+    const double t = double(offset) * 1e-9 / slow_motion;
     const Eigen::Vector3d at(s.position()[0], s.position()[1], s.position()[2]);
     EXPECT_LT((scene::led_scene_pose(t).translation - at).norm(), 0.02) << t;
     ++with_pose;
@@ -236,6 +238,7 @@ TEST_F(LiveCameraTracking, AMapIsSavedAndTheCameraFoundInIt) {
   const auto live = [&](const fs::path& file, std::size_t from, std::size_t to, LiveCommand options) {
     std::vector<capture::Frame> some(pictures[0].begin() + std::ptrdiff_t(from),
                                      pictures[0].begin() + std::ptrdiff_t(to));
+    for (auto& frame : some) frame.captured_at = capture::Timestamp(slow_motion * frame.captured_at.time_since_epoch());
     const capture::Timestamp begin = capture::unix_now() - some.front().captured_at.time_since_epoch() + 50ms;
     std::vector<LiveCamera> cameras;
     cameras.push_back(FakeCamera(0, std::move(some), begin, false).live());
