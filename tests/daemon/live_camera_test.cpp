@@ -157,7 +157,9 @@ TEST_F(LiveLeds, PosesGoToTheBusNativelyAndForRos) {
     const std::int64_t offset = s.captured_at() - start_.time_since_epoch().count();
     const double t = double(offset) * 1e-9 / slow_motion;
     const Eigen::Vector3d at(s.position()[0], s.position()[1], s.position()[2]);
-    EXPECT_LT((scene::led_scene_pose(t).translation - at).norm(), 0.02) << t;
+    // From slower pictures it knows less, and says so.
+    const double stated = std::sqrt(s.covariance()[0] + s.covariance()[7] + s.covariance()[14]);
+    EXPECT_LT((scene::led_scene_pose(t).translation - at).norm(), slow_motion > 1 ? 4 * stated : 0.02) << t;
     ++with_pose;
   }
   ASSERT_GT(with_pose, std::size_t(frames) / 2);
