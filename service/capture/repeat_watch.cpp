@@ -7,9 +7,9 @@
 namespace huetrack::capture {
 namespace {
 
-// So many say what a camera's pictures are like: the first one and two that differed everywhere. More would leave a camera
-// that shows every picture twice believed for longer, which is confidently wrong; a picture left out wrongly is one of
-// something that rests, for it is the one before, and costs little.
+// So many say what a camera's pictures are like: the first one and two that differed everywhere. More would leave a
+// camera that shows every picture twice believed for longer, which is confidently wrong; a picture left out wrongly is
+// one of something that rests, for it is the one before, and costs little.
 constexpr int enough = 3;
 constexpr int most_remembered = 300;
 // A camera that cannot keep up shows a picture four times at most; from key frame to key frame are ten and more. What
