@@ -4,7 +4,7 @@
 #   HUETRACK_LONG=1              builds everything once more with -O0, AddressSanitizer and UBSan (preset debug; what computes
 #                                with -O1, or single tests take ten minutes), runs the tests of all modules there, and
 #                                clang-tidy over the tree; then what has threads with ThreadSanitizer; then for arm64
-#                                (tests/arm64/run.sh); about three hours on two cores
+#                                (tests/arm64/run.sh); over three hours on two cores
 #   HUETRACK_VM_TESTS=off|short|all   real V4L2 drivers in a VM (tests/v4l2/run.sh; short: 3 minutes, all: 15); skipped
 #                                where there is no VM
 set -uo pipefail

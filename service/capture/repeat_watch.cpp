@@ -11,7 +11,10 @@ namespace {
 // camera that shows every picture twice believed for longer, which is confidently wrong; a picture left out wrongly is
 // one of something that rests, for it is the one before, and costs little.
 constexpr int enough = 3;
-constexpr int most_remembered = 300;
+// But a run of them is a camera that hangs, or a video that has settled on a still room after its first pictures: so
+// many by the rule of succession, with which the next is like them with 97 %.
+constexpr int enough_for_a_run = 30;
+constexpr int most_remembered = 10 * enough_for_a_run;
 // A camera that cannot keep up shows a picture four times at most; from key frame to key frame are ten and more. What
 // a run counts for is more than the first, and so little that a camera that hangs for long stays known as what it was.
 constexpr int most_alike_between = 3, most_of_run = 12;
@@ -49,7 +52,8 @@ bool RepeatWatch::is_repeated(const Image& image) {
   }
   if (is_flat) return false;
   alike_ += ++run_ <= most_of_run;
-  return differing_ >= enough && noisy_ >= differing_ - differing_ / 10 && alike_ <= most_alike_between * differing_;
+  return differing_ >= (run_ <= most_alike_between ? enough : enough_for_a_run) &&
+         noisy_ >= differing_ - differing_ / 10 && alike_ <= most_alike_between * differing_;
 }
 
 }  // namespace huetrack::capture

@@ -92,6 +92,17 @@ TEST(RepeatWatch, AVideoOfAStillRoomIsNotRepeated) {
   for (int i = 0; i < 60 * 12; ++i) ASSERT_FALSE(watch.is_repeated(i % 12 == 0 ? key = room.picture(40) : key)) << i;
 }
 
+// Its coder spends the first pictures on getting the room right, and then nothing moves.
+TEST(RepeatWatch, AVideoThatHasSettledDoesNotHang) {
+  Room room(1);
+  RepeatWatch watch;
+  Image last;
+  for (int i = 0; i < 6; ++i) ASSERT_FALSE(watch.is_repeated(last = room.picture(40))) << i;
+  int repeated = 0;
+  for (int i = 0; i < 200; ++i) repeated += watch.is_repeated(last);
+  EXPECT_LE(repeated, 3);
+}
+
 // Its coder leaves out the noise of a night after the day's: that is learnt.
 TEST(RepeatWatch, WhatACameraIsLikeMayChange) {
   Room room(1);
