@@ -409,7 +409,9 @@ class WaveProblem {
     }
     used_.assign(poses_.size(), false);
     std::vector<Vector3d>& control = state_.path.control;
-    ceres::LossFunction* loss = new ceres::CauchyLoss(options_.loss);  // of all: it has no state
+    // One for all of them, as it has no state. The problem owns it from the first residual on: without one nobody
+    // would.
+    ceres::LossFunction* loss = observations_.empty() ? nullptr : new ceres::CauchyLoss(options_.loss);
     for (const BallObservation& o : observations_) {
       const auto c = static_cast<std::size_t>(o.camera);
       const std::size_t first = state_.path.piece(exposed_s(o));
