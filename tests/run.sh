@@ -2,7 +2,7 @@
 # Installs what is missing, builds everything, runs every test. The last line counts them: N passed, N failed, N skipped.
 # Exit status: 0 only when at least one test passed and none failed.
 #   HUETRACK_LONG=1              builds everything once more with -O0, AddressSanitizer and UBSan (preset debug; what computes
-#                                with -O1, or single tests take ten minutes), runs the tests of all modules there, and
+#                                with -O2, or single tests take ten minutes), runs the tests of all modules there, and
 #                                clang-tidy over the tree; then what has threads with ThreadSanitizer; then for arm64
 #                                (tests/arm64/run.sh); over three hours on two cores
 #   HUETRACK_VM_TESTS=off|short|all   real V4L2 drivers in a VM (tests/v4l2/run.sh; short: 3 minutes, all: 15); skipped
