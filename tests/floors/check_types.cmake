@@ -3,8 +3,8 @@
 # modules have types of one name: a name means one thing in this house.
 #   ROOT  the source tree
 # The text is as clang-format writes it (test format): what is at namespace scope begins in the first column. All modules and
-# programs are held to each other, and every folder of tests, one program each, to itself, to them and to the headers of
-# all tests, which folders share.
+# programs are held to each other, and every folder of tests, one program each, to itself, to them and to what folders of
+# tests share: their headers, and the files that hold no tests, which may be of a library that others link.
 cmake_minimum_required(VERSION 3.25)
 include(${CMAKE_CURRENT_LIST_DIR}/sources.cmake)
 
@@ -68,7 +68,10 @@ source_files(files ${ROOT}/tests)
 set(headers ${files})
 list(FILTER headers INCLUDE REGEX "\\.h$")
 list(REMOVE_ITEM files ${headers})
-foreach(file IN LISTS headers files)
+set(shared ${files})
+list(FILTER shared EXCLUDE REGEX "_test\\.cpp$")
+list(REMOVE_ITEM files ${shared})
+foreach(file IN LISTS headers shared files)
   cmake_path(RELATIVE_PATH file BASE_DIRECTORY ${ROOT} OUTPUT_VARIABLE shown)
   cmake_path(GET shown PARENT_PATH folder)
   types_of(types ${file})
@@ -83,7 +86,7 @@ foreach(file IN LISTS headers files)
       list(APPEND problems "${type} is defined in ${test_${id_here}} and in ${shown}")
     endif()
     set(test_${id_here} ${shown})
-    if(shown MATCHES "\\.h$")
+    if(NOT shown MATCHES "_test\\.cpp$")
       set(header_${id} ${shown})
     endif()
   endforeach()

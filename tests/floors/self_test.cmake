@@ -55,6 +55,12 @@ expect("" -DMODULES=idl=0,service/middle=1 ${readme})
 expect("lacks: service/high=2" -DMODULES=idl=0,service/middle=1,service/high=2 ${readme})
 expect("should not: service/middle=1" -DMODULES=idl=0,service/middle=2 ${readme})
 
+set(tables -P ${CMAKE_CURRENT_LIST_DIR}/check_tables.cmake)
+file(WRITE ${SCRATCH}/service/high/README.md "text\n\n| a | b; [c] |\n|---|---|\n| 1 | 2 |\n")
+expect("" ${tables})
+file(APPEND ${SCRATCH}/service/high/README.md "\n| 3 | 4 |\n| 5 | 6 |\n")
+expect("service/high/README.md: a table begins without a head" ${tables})
+
 function(expect_fenced name file text)
   file(WRITE ${SCRATCH}/${file} "${text}")
   expect("${file} has" -DFENCE=${name} ${fence})
