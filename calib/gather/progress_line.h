@@ -28,7 +28,7 @@ class ProgressLine {
   bool due() const;
   void draw(const std::string& lines);
   void clear() { line_.clear(); }
-  // Likewise, as progress_text() says it; a program is told as "progress".
+  // Draws how far something is, as progress_text() says it; a program is told as "progress".
   void show(const std::string& what, int done, std::optional<int> total, const std::string& details);
   // Draws what it is told; to be used while this lives.
   solver::Progress progress();

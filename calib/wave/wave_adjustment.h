@@ -65,8 +65,8 @@ struct WaveAdjustmentOptions {
   int max_iterations = 50;
   bool with_covariance = false;
   OutlineCorrelation correlation{};  // what the covariance assumes
-  // Likewise, per camera: by how much its frames are early or late beyond what the model knows, another way in every
-  // second; rms. Empty: not at all.
+  // What the covariance assumes, per camera: by how much its frames are early or late beyond what the model knows,
+  // another way in every second; rms. Empty: not at all.
   std::vector<double> wander_s{};
 };
 

@@ -91,7 +91,7 @@ class ColorTable {
   std::vector<std::uint64_t> bgr_bits_;
 };
 
-// The same table in small pieces of work: for who must not be held up. thread-compatible.
+// Makes a ColorTable in small pieces of work: for who must not be held up. thread-compatible.
 class ColorTableBuilder {
  public:
   // throws std::invalid_argument

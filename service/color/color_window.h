@@ -53,7 +53,7 @@ class MatchBits {
   // The next frame, of which somebody else has found what matches (match_tiles.h), of that size, too; it must live
   // until the next call. The same bits give the same everywhere.
   void look_at(const capture::Matches::OfColor& matches);
-  // The same frame once more, as if nothing had been looked at yet.
+  // The frame of the last call once more, as if nothing had been looked at yet.
   void look_anew();
 
   // k of eq. (6) for n windows: how many of the 5x5 pixels around the pixel that (u, v) rounds to have the target's

@@ -152,9 +152,14 @@ color::HsiRange fit_range(std::span<const std::vector<color::Hsi>> seen, const H
     if (hue.empty()) continue;
     saturations.insert(saturations.end(), saturation.begin(), saturation.end());
     intensities.insert(intensities.end(), intensity.begin(), intensity.end());
-    const std::array<double, 6> own = {quantile(hue, 0.02) - 4,           quantile(hue, 0.98) + 4,
-                                       quantile(saturation, 0.03) - 0.04, quantile(saturation, 0.97) + 0.04,
-                                       quantile(intensity, 0.03) - 0.04,  quantile(intensity, 0.97) + 0.04};
+    // Without the few pixels that are the edge's or a highlight's, and with what noise adds to a picture of other
+    // light.
+    constexpr double least_hue = 0.02, least_rest = 0.03, hue_margin_deg = 4, margin = 0.04;
+    const auto from = [](std::vector<double>& of, double share, double by) { return quantile(of, share) - by; };
+    const auto to = [](std::vector<double>& of, double share, double by) { return quantile(of, 1 - share) + by; };
+    const std::array<double, 6> own = {from(hue, least_hue, hue_margin_deg), to(hue, least_hue, hue_margin_deg),
+                                       from(saturation, least_rest, margin), to(saturation, least_rest, margin),
+                                       from(intensity, least_rest, margin),  to(intensity, least_rest, margin)};
     for (std::size_t b = 0; b < own.size(); ++b) bounds[b].push_back(own[b]);
   }
   if (saturations.empty()) return {};

@@ -20,8 +20,8 @@ std::optional<PixelMask> grow_region(const HsiImage& image, color::PixelAt seed,
 // on one frame has to hold under other light. background: pixels that must not match (1); steps > 0 widens them
 // further, < 0 narrows them.
 color::HsiRange fit_range(const HsiImage& image, const PixelMask& region, const PixelMask& background, int steps);
-// The same, of an object as it was seen in several places, or at several moments: each one's pixels. One in twenty may
-// be something else.
+// The ranges that hold an object as it was seen in several places, or at several moments: each one's pixels. One in
+// twenty may be something else.
 color::HsiRange fit_range(std::span<const std::vector<color::Hsi>> seen, const HsiImage& image,
                           const PixelMask& background, int steps);
 

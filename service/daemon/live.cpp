@@ -147,9 +147,10 @@ struct TrackedFiles {
 };
 
 // What the page may ask of live cameras. Its thread sets requests; who supervises takes them.
-page::PageServiceOptions viewing(const config::ServiceConfig& config, std::span<const pipeline::LiveCamera> cameras,
-                                 const LiveCommand& options, LiveRequests& requests,
-                                 pipeline::RecordingKeeper& recording, page::CalibrationDesk* calibration) {
+page::PageServiceOptions page_options(const config::ServiceConfig& config,
+                                      std::span<const pipeline::LiveCamera> cameras, const LiveCommand& options,
+                                      LiveRequests& requests, pipeline::RecordingKeeper& recording,
+                                      page::CalibrationDesk* calibration) {
   const auto ask_for = [](std::atomic<bool>& what) {
     return [&what] {
       what = true;
@@ -204,9 +205,10 @@ LiveSummary run_live(const config::ServiceConfig& config, std::vector<pipeline::
       session.config(), {.record_to = options.record_to, .cameras_in_use = cameras.size(), .is_tracking = is_tracking});
   std::optional<pipeline::ColorsLookedFor> colors;
   if (is_tracking) session.add(colors.emplace(session.config(), cameras));
-  std::optional<page::PageService> view;
+  std::optional<page::PageService> page_service;
   if (bus)
-    session.add(view.emplace(session.config(), viewing(config, cameras, options, requests, recording, calibration)));
+    session.add(page_service.emplace(session.config(),
+                                     page_options(config, cameras, options, requests, recording, calibration)));
   const auto metrics_server = served(config.metrics);
   recording.begin();
   session.add(recording);

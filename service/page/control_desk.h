@@ -34,7 +34,7 @@ class ControlDesk {
     std::map<std::string, std::shared_ptr<capture::CameraControls>> cameras = {};
     // What was written stands in its file: take it over. Returns why that did not work, or an empty string.
     std::function<std::string()> reload = nullptr;
-    // Likewise, where that needs a session of its own: it begins after the answer is out. nullptr: only a restart does.
+    // What was written needs a session of its own: it begins after the answer is out. nullptr: only a restart does.
     std::function<std::string()> begin_anew = nullptr;
   };
   explicit ControlDesk(Actions actions) : actions_(std::move(actions)) {}

@@ -12,7 +12,7 @@
 
 namespace huetrack::page {
 
-// thread-compatible; the view server's thread owns it.
+// thread-compatible; the page service's thread owns it.
 class TeachDesk {
  public:
   struct Actions {

@@ -23,7 +23,7 @@ class ObjectReport final : public pipeline::Output {
 
   // What is left out, or one too many, now, one sentence each. thread-safe
   std::vector<std::string> warnings() const;
-  // The same, at any time. When the road is empty.
+  // What was left out, or one too many, at any time, one sentence each. When the road is empty.
   std::vector<std::string> summary() const;
 
  private:

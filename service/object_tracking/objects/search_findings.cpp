@@ -14,6 +14,10 @@ using namespace object_tracking;
 
 namespace {
 
+// Two views' sizes of one ball, or what is found and what was said, are alike within this: where a region's area is off
+// by a half, its radius is by a quarter.
+constexpr double alike = 1.3;
+
 // The radius of the ball that shows this region at p; 0: none.
 double radius_of(const calib::Camera& camera, const color::ColorRegion& region, const Eigen::Vector3d& p) {
   const auto at = appearance_of(camera, p, 1.0);
@@ -38,7 +42,7 @@ void SearchLog::add(const std::vector<TargetView>& views, std::span<const std::v
           const auto p = crossing(first, {a.centre}, second, {b.centre});
           if (!p || !inside(volume, *p, 0)) continue;
           const double r = radius_of(first, a, *p), s = radius_of(second, b, *p);
-          if (r <= 0 || s <= 0 || std::max(r, s) > 1.3 * std::min(r, s)) continue;
+          if (r <= 0 || s <= 0 || std::max(r, s) > alike * std::min(r, s)) continue;
           if (radii_m_.size() < kept_radii)
             radii_m_.push_back(std::sqrt(r * s));
           else
@@ -61,7 +65,8 @@ SearchFindings SearchLog::findings() const {
   std::ranges::sort(sorted);
   const std::size_t n = sorted.size();
   // Of one object: chance pairs of background regions scatter over decades.
-  if (sorted[3 * n / 4] <= 1.5 * sorted[n / 4]) out.radius_m = sorted[n / 2];
+  constexpr double of_one_object = 1.5;  // between the quartiles
+  if (sorted[3 * n / 4] <= of_one_object * sorted[n / 4]) out.radius_m = sorted[n / 2];
   return out;
 }
 
@@ -76,7 +81,7 @@ std::string SearchFindings::advice(const TargetOptions& target, const std::vecto
   std::vector<std::string> seeing, blind;
   for (std::size_t c = 0; c < sets_with_color.size() && c < cameras.size(); ++c)
     (10 * sets_with_color[c] >= sets ? seeing : blind).push_back(cameras[c]);
-  if (radius_m && (*radius_m > 1.3 * target.radius_m || *radius_m < target.radius_m / 1.3)) {
+  if (radius_m && (*radius_m > alike * target.radius_m || *radius_m < target.radius_m / alike)) {
     return fmt::format(
         "what has its colour has the size of a ball of radius {:.3g} m, not {:.3g}: correct radius_m, or {} its "
         "colour",
