@@ -47,7 +47,7 @@ Lesson learn(const ColorTeacher& teacher, const TeachRequestOptions& request,
   lesson.target = target;
   if (request.accepts_suggestions && lesson.taught.any()) {
     TeachRequestOptions confirmed = request;
-    std::vector<std::size_t> accepted;
+    std::vector<std::size_t>& accepted = lesson.accepted;
     const auto first = static_cast<std::size_t>(std::ranges::find_if(lesson.taught.views, &TaughtView::pointed) -
                                                 lesson.taught.views.begin());
     // What is taken helps to find the object in further views: those are suggested then, and taken, too.

@@ -23,6 +23,7 @@
 #include "pipeline/bus.h"
 #include "pipeline/file_outputs.h"
 #include "pipeline/picture_folder.h"
+#include "pipeline/recorded_cameras.h"
 #include "pipeline/session.h"
 #include "recordings/recording.h"
 #include "recordings/replay_source.h"
@@ -75,17 +76,7 @@ OpenedRecording open_recording(const config::ServiceConfig& config, const Replay
                                 .timing = config::frame_timing(config.rig),
                                 .takes_matches = true});
   playback.source = source.get();
-  // Known before the first frame, and for good.
-  std::vector<pipeline::SessionCamera> known;
-  for (const auto& camera : source->cameras())
-    known.push_back({.camera = int(known.size()),
-                     .period = camera.frame_period,
-                     .pixels = pipeline::SessionCamera::Pixels{camera.format, camera.range}});
-  playback.sources.cameras = [known = std::move(known)] { return known; };
-  // Merged by capture time, but our own recordings repeat the order of arrival, and with it the live sets.
-  playback.sources.is_ascending = std::ranges::all_of(playback.recording.cameras, [](const auto& camera) {
-    return camera.received.empty() && camera.corrupted.empty();
-  });
+  playback.sources = pipeline::recorded_cameras(playback.recording, *source);
   if (config.dds.enabled && !command.no_dds && config.control.allow_teach) {
     auto played = std::make_unique<PlayedSource>(
         std::move(source),
@@ -201,8 +192,8 @@ class ReloadRefusal final : public pipeline::Output {
   std::atomic<bool>& asked_;
 };
 
-page::PageServiceOptions viewing(pipeline::Session& session, const ReplayCommand& command, PlayedSource* played,
-                                 const std::atomic<bool>& has_begun) {
+page::PageServiceOptions page_options(pipeline::Session& session, const ReplayCommand& command, PlayedSource* played,
+                                      const std::atomic<bool>& has_begun) {
   page::PageServiceOptions options{.keeps_frames = true, .time = &session.time(), .reload_asked = command.reload};
   options.actions.reload = [&session, &has_begun]() -> std::string {
     if (!has_begun) return "the replay has not begun yet";
@@ -328,8 +319,9 @@ ReplaySummary replay(const ReplayCommand& command, const std::stop_token& stop) 
   std::optional<ReloadRefusal> refusal;
   if (!bus && command.reload != nullptr) session.add(refusal.emplace(*command.reload));
   std::atomic<bool> has_begun = false;  // the page's thread runs before, and may not reload yet
-  std::optional<page::PageService> view;
-  if (bus) session.add(view.emplace(session.config(), viewing(session, command, playback.played, has_begun)));
+  std::optional<page::PageService> page_service;
+  if (bus)
+    session.add(page_service.emplace(session.config(), page_options(session, command, playback.played, has_begun)));
 
   if (bus && command.wait_for_subscriber_s > 0)
     wait_for_subscriber(bus->publisher(), command.wait_for_subscriber_s, stop);

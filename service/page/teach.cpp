@@ -20,6 +20,7 @@
 #include "color_teaching/spread_moments.h"
 #include "config/service_config.h"
 #include "config/taught_file.h"
+#include "page/color_trial.h"
 #include "page/request_words.h"
 #include "pictures/pictures.h"
 #include "pipeline/live_cameras.h"
@@ -317,6 +318,25 @@ std::optional<double> radius_to_write(const color_teaching::Lesson& lesson, cons
   return is_taken ? lesson.radius.radius_m : std::nullopt;
 }
 
+// Tried before it is written. With --accept nobody has looked at the other views: what was suggested there counts only
+// if the object is tracked where it was seen, and where nothing was suggested, because it is hidden then, the colour
+// only if anything is tracked by it as surely as it must be. Where somebody pointed into all of them it is only said.
+bool holds_on_recording(const color_teaching::Lesson& lesson, const TeachCommand& command,
+                        const config::ServiceConfig& config, const SeenAt& seen, const std::stop_token& stop) {
+  const ColorTrial trial = try_color(config, command.recording, lesson.target, seen, stop);
+  const std::string words = words_of(trial, config.rig.cameras[std::size_t(seen.point.camera)].name);
+  const bool holds = trial.is_sure && (trial.is_found() || lesson.accepted.empty());
+  if (command.accept && !holds) {
+    fmt::print(stderr,
+               "huetrackd: nothing is written: by the colour that was learnt, {}: point at the object in every camera "
+               "(--at), or where it is larger, or in another frame\n",
+               words);
+    return false;
+  }
+  fmt::print("{} the colour that was learnt, {}\n", trial.is_sure && trial.is_found() ? "By" : "Warning: by", words);
+  return true;
+}
+
 }  // namespace
 
 int teach(const TeachCommand& command, std::stop_token stop) {
@@ -336,15 +356,16 @@ int teach(const TeachCommand& command, std::stop_token stop) {
   if (command.recording.empty()) throw std::runtime_error("teach from what? Give a recording, or the word live");
   const object_tracking::TargetOptions& target = target_of(config, command.target);
   const Pointing pointing = pointing_of(command, config);
+  const std::vector<std::string> live{"live"};
   const Pictures pictures =
-      command.recording == std::vector<std::string>{"live"}
+      command.recording == live
           ? Pictures{.set = live_pictures(config, pointing.frames, stop),
                      .numbers = std::vector(config.rig.cameras.size(), pointing.frames.begin()->second)}
           : recorded_pictures(config, command.recording, pointing.frames, stop);
   color_teaching::ColorTeacher teacher(config.rig, pictures.set, pictures.elsewhen);
   for (const capture::FrameSet& moment : pictures.moments)
     if (!teacher.add_moment(moment)) break;
-  const color_teaching::Lesson lesson =
+  color_teaching::Lesson lesson =
       color_teaching::learn(teacher, pointing.request, config.targets, target, config.object_tracking.volume);
   const bool is_sized = !config.unsized_targets.contains(target.name);
   print_lesson(lesson, config.rig, pictures.numbers, is_sized ? std::optional(target.radius_m) : std::nullopt);
@@ -353,9 +374,17 @@ int teach(const TeachCommand& command, std::stop_token stop) {
     fmt::print("pictures with what matches in pink: {}\n", command.pictures.string());
   }
   if (!is_worth_writing(lesson, command)) return 1;
+  if (command.dry_run && !command.accept) return 0;
+  const std::optional<double> radius_m = radius_to_write(lesson, command, is_sized);
+  lesson.target.ignored = pointing.request.ignored;
+  lesson.target.radius_m = radius_m.value_or(target.radius_m);
+  const color_teaching::TeachPoint& first = pointing.request.points.front();
+  if (command.recording != live &&
+      !holds_on_recording(lesson, command, config,
+                          {.point = first, .at = pictures.set.frames[std::size_t(first.camera)]->captured_at}, stop))
+    return 1;
   if (command.dry_run) return 0;
   const bool adds_ignored = !command.ignore.empty();
-  const std::optional<double> radius_m = radius_to_write(lesson, command, is_sized);
   const std::filesystem::path written = config::save_taught(
       config.file, lesson.target, adds_ignored ? std::optional(pointing.request.ignored) : std::nullopt, radius_m);
   fmt::print("written into {}: the colour of {}{}\n", written.string(), target.name,

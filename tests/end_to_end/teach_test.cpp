@@ -76,6 +76,10 @@ TEST_F(Teach, OnePointSuggestsTheOtherAndTheColourThenTracks) {
   const Result all =
       run({"teach", config, recording, "--at", at("cam0"), "--accept", "--pictures", folder / "pictures"});
   ASSERT_EQ(all.status, 0) << all.err;
+  EXPECT_THAT(all.out,
+              ContainsRegex("By the colour that was learnt, tried on the recording, it is `tracking` in 1[0-9]+ "
+                            "of 150 sets, stated to [0-9.]+ mm, [0-9.]+ px from where it was pointed at in "
+                            "cam0\n"));
   EXPECT_THAT(all.out, AllOf(HasSubstr("written into " + taught + ": the colour of lime"),
                              HasSubstr("no huetrackd runs with this file")));
   EXPECT_TRUE(fs::exists(folder / "pictures/cam1.png"));
@@ -117,6 +121,15 @@ TEST_F(Teach, MistakesAreOneReadableLine) {
     EXPECT_THAT(result.err, HasSubstr(message));
   }
   EXPECT_EQ(config::load_service_config(config).targets[0].color.hue_min_deg, 200);
+}
+
+// A cupboard that somebody pointed at by mistake: nothing of its colour moves, and what is tracked by it is nothing.
+TEST_F(Teach, AcceptTriesTheColourBeforeItIsWritten) {
+  const Result result = run({"teach", config, recording, "--at", "cam0,60,100,100", "--accept"});
+  EXPECT_EQ(result.status, 1);
+  EXPECT_THAT(result.err, AllOf(StartsWith("huetrackd: nothing is written: by the colour that was learnt, "),
+                                HasSubstr("nothing is tracked in any of 150 sets"), HasSubstr("(--at)")));
+  EXPECT_FALSE(fs::exists(taught));
 }
 
 // What is taken in one view suggests the object in a third, which is taken, too.

@@ -1,0 +1,61 @@
+#include "page/color_trial.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+
+namespace huetrack::page {
+namespace {
+
+using namespace testing;
+
+const std::filesystem::path demo = std::filesystem::path(HUETRACK_SOURCE_DIR) / "configs/demo";
+
+// The demo's ball, by hues from `least` on, held to what was seen at a pixel of cam0's 61st frame, where it is at
+// 219.07, 159.23 (groundtruth.csv).
+ColorTrial trial_of(double least_hue, const Eigen::Vector2d& px) {
+  const config::ServiceConfig config = config::load_service_config(demo / "huetrackd.yaml");
+  object_tracking::TargetOptions target = config.targets.at(0);
+  target.color.hue_min_deg = least_hue, target.color.hue_max_deg = least_hue + 50;
+  const std::vector<std::string> words{(demo / "recording").string()};
+  return try_color(config, words, target, {.point = {0, px}, .at = capture::Timestamp(std::chrono::seconds(2))}, {});
+}
+
+TEST(ColorTrial, TheObjectIsTrackedWhereItWasSeen) {
+  const ColorTrial trial = trial_of(65, {219, 159});
+  EXPECT_EQ(trial.sets, 150u);
+  EXPECT_GT(trial.tracking, 140u);
+  EXPECT_LT(trial.sigma_m, 0.01);
+  ASSERT_TRUE(trial.is_found());
+  EXPECT_LT(trial.at_point->off_px, 1.5);
+  EXPECT_THAT(words_of(trial, "left"), MatchesRegex("tried on the recording, it is `tracking` in 1[0-9]+ of 150 sets, "
+                                                    "stated to [0-9.]+ mm, [0-9.]+ px from where it was pointed at in "
+                                                    "left"));
+}
+
+TEST(ColorTrial, SomethingElseIsNotWhatWasSeen) {
+  const ColorTrial trial = trial_of(65, {60, 60});
+  ASSERT_TRUE(trial.at_point);
+  EXPECT_FALSE(trial.is_found());
+  EXPECT_NEAR(trial.at_point->off_px, std::hypot(159.07, 99.23), 1.5);
+  EXPECT_THAT(words_of(trial, "left"), ContainsRegex("but 18[78] px away from where it was pointed at in left"));
+}
+
+TEST(ColorTrial, AColourThatNothingHasTracksNothing) {
+  const ColorTrial trial = trial_of(180, {219, 159});
+  EXPECT_EQ(trial.tracking, 0u);
+  EXPECT_FALSE(trial.at_point);
+  EXPECT_EQ(words_of(trial, "left"), "tried on the recording, nothing is tracked in any of 150 sets");
+}
+
+TEST(ColorTrial, EndsWhenItIsAskedTo) {
+  std::stop_source stop;
+  stop.request_stop();
+  const config::ServiceConfig config = config::load_service_config(demo / "huetrackd.yaml");
+  const std::vector<std::string> words{(demo / "recording").string()};
+  EXPECT_LT(try_color(config, words, config.targets.at(0), {}, stop.get_token()).sets, 150u);
+}
+
+}  // namespace
+}  // namespace huetrack::page
