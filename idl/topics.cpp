@@ -153,7 +153,7 @@ std::optional<PublisherIdentity> PublisherIdentity::from(std::string_view user_d
 bool is_target_name(std::string_view name) {
   const auto letter = [](char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z'); };
   const auto allowed = [&](char c) { return letter(c) || (c >= '0' && c <= '9') || c == '_'; };
-  return !name.empty() && letter(name.front()) && std::ranges::all_of(name, allowed) &&
+  return !name.empty() && name.size() <= longest_name && letter(name.front()) && std::ranges::all_of(name, allowed) &&
          name.find("__") == std::string_view::npos;
 }
 

@@ -2,6 +2,7 @@
 // people is in README.md beside this file. Pure functions and constants; thread-safe.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <fastdds/dds/publisher/qos/DataWriterQos.hpp>
 #include <fastdds/dds/subscriber/qos/DataReaderQos.hpp>
@@ -83,7 +84,9 @@ struct PublisherIdentity {
   static std::optional<PublisherIdentity> from(std::string_view user_data);  // nullopt: not written by user_data()
 };
 
-// A target's name is part of a ROS 2 topic's name: [A-Za-z][A-Za-z0-9_]*, without two underscores in a row.
+// A target's name is part of a ROS 2 topic's name: [A-Za-z][A-Za-z0-9_]*, without two underscores in a row, and so long
+// that it can be one, with what stands around it there and an object's number (Fast DDS' names have 255 characters).
+inline constexpr std::size_t longest_name = 64;
 bool is_target_name(std::string_view name);
 
 // The largest sample of a native topic that a reader of ours takes, in bytes; larger ones are refused on receipt,

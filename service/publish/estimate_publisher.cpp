@@ -315,8 +315,8 @@ std::vector<std::string> EstimatePublisherOptions::problems() const {
   const auto check_name = [&](const char* whose, const std::string& name) {
     if (!idl::is_target_name(name))
       sentences.push_back(
-          std::string(whose) + " \"" + name +
-          "\" must be a letter, then letters, digits and single '_': it is part of a ROS 2 topic's name");
+          std::string(whose) + " \"" + name + "\" must be a letter, then letters, digits and single '_', " +
+          std::to_string(idl::longest_name) + " characters at most: it is part of a ROS 2 topic's name");
   };
   if (!tracked_camera.empty()) check_name("camera", tracked_camera);
   if (std::ranges::find(targets, tracked_camera) != targets.end())
@@ -453,7 +453,7 @@ bool EstimatePublisher::publish(std::size_t target, const object_tracking::Objec
       if (impl_->options.ros2) bus.end(to.position.target());
     }
     return impl_->count(ok);
-  } catch (const std::runtime_error&) {  // Fast DDS refuses an object's topic
+  } catch (const std::exception&) {  // Fast DDS refuses an object's topic; Fast CDR's are no std::runtime_error
     return impl_->count(false);
   }
 }

@@ -351,8 +351,8 @@ INSTANTIATE_TEST_SUITE_P(
         Mistake{"NoHue", head + "targets:\n  ball:\n    color: {saturation: [0.3, 1]}\n",
                 "c.yaml:5: targets.ball.color.hue_deg is missing"},
         Mistake{"TargetNameThatIsNoTopic", head + "targets:\n  ball__x: {color: {hue_deg: [65, 115]}}\n",
-                "c.yaml:4: targets.ball__x: target \"ball__x\" must be a letter, then letters, digits and single '_': "
-                "it is part of a ROS 2 topic's name"},
+                "c.yaml:4: targets.ball__x: target \"ball__x\" must be a letter, then letters, digits and single '_', "
+                "64 characters at most: it is part of a ROS 2 topic's name"},
         Mistake{"TooManyParticles", ball + "object_tracking: {particle_count: 2000000}\n",
                 "c.yaml:4: object_tracking.particle_count must be from 1 to 1000000 (is 2000000)"},
         Mistake{"TargetTwice",
