@@ -53,6 +53,9 @@ struct Camera {
   std::vector<std::string> problems() const;  // empty when valid; one sentence per violated constraint
 };
 
+// More than a hall has, and few enough that all pairs of them are soon gone through.
+inline constexpr std::size_t most_cameras = 256;
+
 struct CameraRig {
   std::vector<Camera> cameras;  // Frame::camera indexes this
   // How the calibration was made, for people to read (tool, date, residuals): unique keys, nothing empty.

@@ -269,6 +269,8 @@ CameraRig read_rig(const std::filesystem::path& file) {
   reader.version(1);
   CameraRig rig;
   const auto cameras = reader.named_maps("cameras");
+  if (cameras.size() > most_cameras)
+    reader.fail("cameras", fmt::format("are {}, and a rig has {} at most", cameras.size(), most_cameras));
   for (const auto& [name, camera] : cameras) rig.cameras.push_back(read_camera(name, camera, cameras.size() > 1));
   if (const auto made_by = reader.optional_map("made_by")) {
     for (const auto& key : made_by->keys()) rig.made_by.emplace_back(key, made_by->string(key));

@@ -8,8 +8,9 @@
 #include <array>
 #include <charconv>
 #include <cmath>
+#include <map>
+#include <set>
 #include <sstream>
-#include <unordered_set>
 
 #include "calib/yaml/hints.h"
 #include "calib/yaml/nearest_word.h"
@@ -253,7 +254,9 @@ struct YamlReader::Node {
   std::string path;  // dotted; empty at the root
   int line;
   std::vector<Entry> entries;
+  std::map<std::string, std::size_t, std::less<>> places;  // in entries, by key: a file may have 100,000
   std::vector<std::string> asked;
+  std::set<std::string, std::less<>> asked_keys;  // the same ones, to be found
   // Of a mapping that is not there, and was read as an empty one: where it would be, and its key.
   std::shared_ptr<Node> absent_from = nullptr;
   std::string absent_key = {};
@@ -266,7 +269,6 @@ struct YamlReader::Node {
                         (path.empty() ? "the file" : path) + " must be a mapping (key: value), got " + described(yaml) +
                             as_end(hint_of_mapping(yaml)));
     }
-    std::unordered_set<std::string> seen;
     for (const auto& pair : yaml) {
       const int key_line = pair.first.Mark().line + 1;
       if (!pair.first.IsScalar() || pair.first.Scalar().empty()) {
@@ -275,25 +277,31 @@ struct YamlReader::Node {
       }
       const std::string& key = pair.first.Scalar();
       if (has_control_characters(key)) throw ConfigError(file, key_line, child(key) + " " + not_printable);
-      if (!seen.insert(key).second) {
-        const auto first = std::ranges::find(entries, key, &Entry::key);
+      if (const Entry* first = entry_of(key)) {
         throw ConfigError(file, key_line,
                           child(key) + " is given twice, first in line " + std::to_string(first->line) +
                               ": take one of them out, or write both as one");
       }
-      entries.push_back({.key = key, .value = pair.second, .file = file, .line = key_line, .patches = {}});
+      add({.key = key, .value = pair.second, .file = file, .line = key_line, .patches = {}});
     }
+  }
+
+  Entry& add(Entry entry) {
+    places.emplace(entry.key, entries.size());
+    return entries.emplace_back(std::move(entry));
+  }
+  // nullptr: there is none.
+  Entry* entry_of(std::string_view key) {
+    const auto place = places.find(key);
+    return place == places.end() ? nullptr : &entries[place->second];
   }
 
   // One level, like the constructor: the mappings below are merged when they are asked for.
   void patch_with(const Node& patch) {
     for (const Entry& over : patch.entries) {
-      auto entry = std::ranges::find(entries, over.key, &Entry::key);
-      const bool is_new = entry == entries.end();
-      if (is_new) {
-        entries.push_back(over);
-        entry = entries.end() - 1;
-      }
+      Entry* entry = entry_of(over.key);
+      const bool is_new = entry == nullptr;
+      if (is_new) entry = &add(over);
       if (!over.value.IsMap()) {
         entry->become(over);
         entry->is_taken_away = is_null(over.value);
@@ -314,9 +322,9 @@ struct YamlReader::Node {
   }
 
   const Entry* find(std::string_view key) {
-    if (std::ranges::find(asked, key) == asked.end()) asked.emplace_back(key);
-    const auto entry = std::ranges::find(entries, key, &Entry::key);
-    return entry == entries.end() || entry->is_taken_away ? nullptr : &*entry;
+    if (!asked_keys.contains(key)) asked_keys.insert(asked.emplace_back(key));
+    const Entry* entry = entry_of(key);
+    return entry == nullptr || entry->is_taken_away ? nullptr : entry;
   }
 
   const Entry& required(std::string_view key) {
@@ -332,7 +340,7 @@ struct YamlReader::Node {
   std::string misspelt(std::string_view key) const {
     std::vector<std::string> not_asked;
     for (const Entry& entry : entries) {
-      if (std::ranges::find(asked, entry.key) == asked.end()) not_asked.push_back(entry.key);
+      if (!asked_keys.contains(entry.key)) not_asked.push_back(entry.key);
     }
     const auto near = nearest_word(key, not_asked);
     if (!near) return {};
@@ -604,7 +612,7 @@ std::vector<std::string> YamlReader::keys() const {
 
 void YamlReader::finish(std::span<const KeyPath> elsewhere) const {
   for (const auto& entry : node_->entries) {
-    if (std::ranges::find(node_->asked, entry.key) != node_->asked.end()) continue;
+    if (node_->asked_keys.contains(entry.key)) continue;
     if (is_behind_a_comma(entry.key))
       node_->fail(entry, "is not a known key: decimals have a point, not a comma: 0." + printable(entry.key));
     if (const auto near = nearest_words(entry.key, node_->asked); !near.empty())
