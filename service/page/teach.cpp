@@ -71,8 +71,9 @@ At at_of(const calib::CameraRig& rig, const std::string& text) {
   At at;
   at.point.camera = camera_of(rig, parts[0]);
   const double frame = number_of(parts[1], text, form);
-  if (frame < 0 || frame != std::floor(frame))
-    throw std::runtime_error(fmt::format("--at \"{}\": frames count from 0", text));
+  constexpr double most_frames = 1e9;  // a year of them
+  if (frame < 0 || frame != std::floor(frame) || frame > most_frames)
+    throw std::runtime_error(fmt::format("--at \"{}\": frames count from 0, and there are 1e9 at most", text));
   at.frame = std::int64_t(frame);
   at.point.px = {number_of(parts[2], text, form), number_of(parts[3], text, form)};
   const calib::Camera& camera = rig.cameras[std::size_t(at.point.camera)];

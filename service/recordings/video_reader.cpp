@@ -105,6 +105,14 @@ std::vector<ImageFile> image_files_of(const RecordedCamera& camera) {
   return files;
 }
 
+// What is a film, a picture or sound by itself. Play lists (hls, concat, dash) name other files, which may be pipes
+// that nobody writes into, and FFmpeg opens them before anybody can look.
+constexpr const char* films =
+    "matroska,webm,mov,avi,mjpeg,mjpeg_2000,mpegts,mpeg,mpegvideo,m4v,h264,hevc,av1,obu,ivf,ogg,asf,flv,nut,dv,gif,"
+    "apng,"
+    "yuv4mpegpipe,mpjpeg,rm,wtv,mxf,vc1,image2,png_pipe,jpeg_pipe,bmp_pipe,tiff_pipe,webp_pipe,jpegls_pipe,j2k_pipe,"
+    "pgm_pipe,ppm_pipe,pam_pipe,pbm_pipe,exr_pipe,qoi_pipe,dpx_pipe,sgi_pipe,sunrast_pipe,wav,mp3,flac,aac";
+
 }  // namespace
 
 struct VideoReader::Impl {
@@ -129,6 +137,8 @@ struct VideoReader::Impl {
     // Local files only: a play list or the like in a recording must not reach out into the network.
     AVDictionary* options = nullptr;
     av_dict_set(&options, "protocol_whitelist", "file", 0);
+    av_dict_set(&options, "format_whitelist", films, 0);
+    av_dict_set(&options, "pattern_type", "none", 0);  // of a single image; a series is ours (image_files_of)
     AVFormatContext* opened = capture::not_null(avformat_alloc_context());  // freed where it cannot be opened
     if (growing) {
       av_dict_set(&options, "follow", "1", 0);
@@ -137,7 +147,12 @@ struct VideoReader::Impl {
     }
     const int open_error = avformat_open_input(&opened, ("file:" + file.string()).c_str(), nullptr, &options);
     av_dict_free(&options);
-    if (open_error < 0) fail(file, "is not a video or image that FFmpeg can read: " + capture::error_text(open_error));
+    if (open_error < 0) {
+      const std::string said = log.take();
+      if (said.find("whitelist") != std::string::npos)
+        fail(file, "is no film: a play list, or what else only names other files, is not followed");
+      fail(file, "is not a video or image that FFmpeg can read: " + capture::error_text(open_error) + said);
+    }
     format.reset(opened);
     std::vector<AVDictionary*> limits(format->nb_streams, nullptr);
     for (auto& limit : limits) av_dict_set_int(&limit, "max_pixels", most_pixels, 0);
@@ -217,7 +232,9 @@ struct VideoReader::Impl {
       return;
     }
     log.take();
-    std::ifstream in(file.path, std::ios::binary | std::ios::ate);
+    std::error_code error;
+    std::ifstream in;  // a pipe among the pictures would hold everything up for good
+    if (std::filesystem::is_regular_file(file.path, error)) in.open(file.path, std::ios::binary | std::ios::ate);
     const auto size = in ? static_cast<std::int64_t>(in.tellg()) : 0;
     std::optional<capture::Image> image;
     if (in && size > 0 && size < (1 << 30) && av_new_packet(packet.get(), static_cast<int>(size)) == 0) {

@@ -1,6 +1,7 @@
 // Damaged recordings: an error at the start that names the file, or the good part and a warning; never a crash, and
 // never a frame at the wrong time.
 #include <gmock/gmock.h>
+#include <sys/stat.h>
 
 #include <map>
 #include <random>
@@ -233,6 +234,16 @@ TEST_F(Damaged, AHoleInTheFileDoesNotShiftTheFramesBehindIt) {
     EXPECT_GE(played.corrupted.size(), 2u) << file;
     EXPECT_THAT(played.warnings, Not(IsEmpty())) << file;
   }
+}
+
+TEST_F(Damaged, APipeAmongTheImagesIsNamedAndNotWaitedFor) {
+  write("%d.png", {.codec = "png", .format = AV_PIX_FMT_RGB24, .frames = 6});
+  std::filesystem::remove(folder / "3.png");
+  ASSERT_EQ(::mkfifo((folder / "3.png").c_str(), 0600), 0);
+  const Played played = play(folder / "%d.png");
+  EXPECT_EQ(played.hashes.size(), 5u);
+  EXPECT_THAT(played.corrupted, ElementsAre(2));
+  EXPECT_THAT(played.warnings, ElementsAre(HasSubstr("3.png")));
 }
 
 TEST_F(Damaged, ImagesThatDoNotDecodeAreNamed) {

@@ -1,6 +1,7 @@
 #include "recordings/replay_source.h"
 
 #include <gmock/gmock.h>
+#include <sys/stat.h>
 
 #include <map>
 #include <set>
@@ -478,6 +479,12 @@ TEST_F(Replay, PlayListsDoNotLeaveTheMachine) {
   capture::write_text(folder / "list.m3u8",
                       "#EXTM3U\n#EXT-X-TARGETDURATION:1\n#EXTINF:1,\nhttp://127.0.0.1:9/a.ts\n#EXT-X-ENDLIST\n");
   EXPECT_THAT(error_of("frames: list.m3u8, fps: 10"), HasSubstr("list.m3u8"));
+  // Nor is it opened where what it names is here: a pipe would be waited for.
+  ASSERT_EQ(::mkfifo((folder / "a.ts").c_str(), 0600), 0);
+  capture::write_text(folder / "list.m3u8", "#EXTM3U\n#EXT-X-TARGETDURATION:1\n#EXTINF:1,\na.ts\n#EXT-X-ENDLIST\n");
+  EXPECT_THAT(error_of("frames: list.m3u8, fps: 10"), AllOf(HasSubstr("list.m3u8"), HasSubstr("is not followed")));
+  capture::write_text(folder / "list.txt", "ffconcat version 1.0\nfile a.ts\n");
+  EXPECT_THAT(error_of("frames: list.txt, fps: 10"), AllOf(HasSubstr("list.txt"), HasSubstr("is not followed")));
 }
 
 }  // namespace
