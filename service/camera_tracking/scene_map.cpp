@@ -135,8 +135,12 @@ void write_map(const std::filesystem::path& file, const StoredMap& stored) {
   std::string text(magic);
   text.append(reinterpret_cast<const char*>(&sum), sizeof sum);
   text += w.bytes;
-  yaml::refuse_other_kind(file, {"camera map", [](std::string_view begin) { return begin.starts_with(any_magic); }});
+  refuse_other_than_map(file);
   yaml::write_whole_file(file, text);
+}
+
+void refuse_other_than_map(const std::filesystem::path& file) {
+  yaml::refuse_other_kind(file, {"camera map", [](std::string_view begin) { return begin.starts_with(any_magic); }});
 }
 
 StoredMap read_map(const std::filesystem::path& file) {

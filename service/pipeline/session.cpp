@@ -10,6 +10,7 @@
 
 #include "calib/yaml/yaml_reader.h"
 #include "camera_tracking/methods/make_camera_tracker.h"
+#include "camera_tracking/scene_map.h"
 
 namespace huetrack::pipeline {
 namespace {
@@ -68,6 +69,7 @@ Session::Session(config::ServiceConfig config, SessionSources sources, SessionOp
   repeat(options.repeats.reloads);
   watch_calibration();
   if (!is_tracking_ || config_.camera_tracking.camera.empty()) return;
+  if (!save_map_.empty()) camera_tracking::refuse_other_than_map(save_map_);  // now, and not when all the work is done
   const int camera = rig_.index_of(config_.camera_tracking.camera).value();
   pipeline_.track_camera(camera, camera_methods::make_camera_tracker(rig_.cameras[std::size_t(camera)],
                                                                      config::tracker_options(config_.camera_tracking)));

@@ -52,7 +52,8 @@ class Session {
  public:
   // Makes the trackers, with their colour tables as far as the pixels are known, and decides what the configuration
   // leaves open: the tolerance of sets, by the periods of the cameras.
-  // throws std::invalid_argument: trackers that cannot be made so; ConfigError: a recorded reload has other targets.
+  // throws std::invalid_argument: trackers that cannot be made so; ConfigError: a recorded reload has other targets;
+  // std::runtime_error: where the map is to be saved another kind of file lies.
   Session(config::ServiceConfig config, SessionSources sources, SessionOptions options);
 
   // Before run(). The output is called after those that were added before it, and outlives run().

@@ -209,14 +209,19 @@ TEST_F(LiveLeds, ARecordingHoldsTheFilesThatItsConfigurationNames) {
   c.camera_tracking.leds.clear();
   c.camera_tracking.led_schedule.clear();
   c.camera_tracking.board = board;
-  c.camera_tracking.save_map = write("mine.map", "an older one");
   LiveCommand options;
   options.no_dds = true;
-  options.record_to = folder_ / "recording";
   LiveRequests requests;
+  // Told at the start, not when all the work is done.
+  c.camera_tracking.save_map = write("letter.txt", "my letter");
+  EXPECT_THROW(run_live(c, cameras(0ms, 11ms), options, requests, {}), std::runtime_error);
+  EXPECT_EQ(contents(c.camera_tracking.save_map), "my letter");
+  const std::string older = "huetrack camera map 1\nan older one";
+  c.camera_tracking.save_map = write("mine.map", older);
+  options.record_to = folder_ / "recording";
   options.seconds = 0.2;
   run_live(c, cameras(0ms, 11ms), options, requests, {});
-  EXPECT_EQ(contents(c.camera_tracking.save_map), "an older one");  // there was no board, and so no pose and no map
+  EXPECT_EQ(contents(c.camera_tracking.save_map), older);  // there was no board, and so no pose and no map
   fs::remove(board);
   fs::rename(folder_ / "recording", folder_ / "moved");
   EXPECT_THAT(contents(folder_ / "moved/huetrackd.yaml"), Not(HasSubstr(folder_.string())));
