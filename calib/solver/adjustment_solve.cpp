@@ -242,7 +242,7 @@ void solve(Adjustment& a, const BoardShape& shape, double robust_px, int max_ite
   if (!summary.IsSolutionUsable())
     throw CalibrationError(
         "the views do not determine what is asked of them (the adjustment does not converge): show the board at more "
-        "places, tilted, and out to the image's edges; or ask for a simpler lens (--lens)");
+        "places, tilted, and out to the image's edges; or ask for a simpler lens model");
   blocks.put_into(a);
 }
 

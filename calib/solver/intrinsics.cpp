@@ -510,7 +510,7 @@ Intrinsics calibrate_intrinsics(const board::Board& board, const std::string& na
     if (is_only && !tried.trial.possible) {
       throw CalibrationError("camera " + name + ": " + std::string(solver::name(lens)) +
                              " cannot be fitted to its views (" + tried.trial.error +
-                             "): without --lens the model that predicts the views best is taken");
+                             "): where no model is asked for, the one that predicts the views best is taken");
     }
     result.trials.push_back(tried.trial);
     fits.push_back(std::move(tried.fit));

@@ -192,7 +192,7 @@ FirstPair first_pair(const calib::CameraRig& rig, const BallTracks& tracks) {
   if (best.inliers < static_cast<int>(least_common)) {
     throw solver::CalibrationError(
         "no two cameras agree on how the ball moved, so their poses cannot be found: is its colour seen on anything "
-        "else that moves? Give approximate poses (--config with a rig), or wave for longer, through the whole volume");
+        "else that moves? Give a rig with approximate poses, or wave for longer, through the whole volume");
   }
   return best;
 }
