@@ -13,10 +13,10 @@
 #include "calib/certify/certificate.h"
 #include "calib/gather/picture_source.h"
 #include "calib/program/commands.h"
+#include "calib/program/measured_points.h"
 #include "calib/program/outcome.h"
 #include "calib/report/certificate_report.h"
 #include "calib/yaml/text_file.h"
-#include "calib/yaml/yaml_reader.h"
 #include "config/service_config.h"
 #include "pipeline/session.h"
 #include "recordings/recording.h"
@@ -122,20 +122,6 @@ report::TargetTally tally_of(const std::string& name, const Estimates& estimates
   tally.rests = rests.size();
   if (!rests.empty()) tally.rest_scatter_m = std::sqrt(tally.rest_scatter_m / static_cast<double>(rests.size()));
   return tally;
-}
-
-std::vector<certify::MarkedPlace> read_places(const std::string& file) {
-  const yaml::YamlReader reader = yaml::YamlReader::file(file);
-  std::vector<certify::MarkedPlace> places;
-  const yaml::YamlReader map = reader.map("places");
-  for (const std::string& name : map.keys()) {
-    const auto p = map.numbers(name, 3, 3, yaml::any_number);
-    places.push_back({name, {p[0], p[1], p[2]}});
-  }
-  map.finish();
-  reader.finish();
-  if (places.size() < 3) reader.fail("places", "give three places at least: name: [x, y, z], in metres");
-  return places;
 }
 
 // What each camera's time is known to be, after all of it was seen.

@@ -54,4 +54,18 @@ std::vector<PointOfWorld> read_points(const std::filesystem::path& file, const c
   return points;
 }
 
+std::vector<certify::MarkedPlace> read_places(const std::filesystem::path& file) {
+  const yaml::YamlReader reader = yaml::YamlReader::file(file);
+  std::vector<certify::MarkedPlace> places;
+  const yaml::YamlReader map = reader.map("places");
+  for (const std::string& name : map.keys()) {
+    const auto p = map.numbers(name, 3, 3, yaml::any_number);
+    places.push_back({name, {p[0], p[1], p[2]}});
+  }
+  map.finish();
+  reader.finish();
+  if (places.size() < 3) reader.fail("places", "give three places at least: name: [x, y, z], in metres");
+  return places;
+}
+
 }  // namespace huetrack::program
