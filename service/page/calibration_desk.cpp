@@ -143,6 +143,24 @@ void add_piece(Piece piece, const std::string& identity, msg::ControlReply& repl
   reply.bytes(std::move(piece.bytes));
 }
 
+// Gone with this, whatever happens: requests come as often as somebody likes.
+class PdfFolder {
+ public:
+  PdfFolder() {
+    if (::mkdtemp(path_.data()) == nullptr) throw std::runtime_error("there is no place for the board's PDF");
+  }
+  ~PdfFolder() {
+    std::error_code none;
+    fs::remove_all(path_, none);
+  }
+  PdfFolder(const PdfFolder&) = delete;
+  PdfFolder& operator=(const PdfFolder&) = delete;
+  fs::path path() const { return path_; }
+
+ private:
+  std::string path_ = (fs::temp_directory_path() / "huetrack-board-XXXXXX").string();
+};
+
 }  // namespace
 
 void CalibrationDesk::answer(Words words, const config::ServiceConfig& config, pipeline::RecordingKeeper* recording,
@@ -288,9 +306,8 @@ void CalibrationDesk::read_print(Words words, msg::ControlReply& reply) {
   const Words board = words.first(words.size() - 1);
   if (!std::ranges::equal(board, printed_for_) || print_.empty()) {
     std::vector<std::string> arguments = board_options(board, true);
-    std::string folder = (fs::temp_directory_path() / "huetrack-board-XXXXXX").string();
-    if (::mkdtemp(folder.data()) == nullptr) throw std::runtime_error("there is no place for the board's PDF");
-    const fs::path pdf = fs::path(folder) / "board.pdf";
+    const PdfFolder folder;
+    const fs::path pdf = folder.path() / "board.pdf";
     arguments.insert(arguments.begin(), {"board", "--out=" + pdf.string()});
     std::string last_line;
     std::optional<ChildProcess::Ended> ended;
@@ -306,8 +323,6 @@ void CalibrationDesk::read_print(Words words, msg::ControlReply& reply) {
     const bool is_made = ended && ended->status == 0 && ended->signal == 0;
     print_ = is_made ? piece_of(pdf, 0, std::numeric_limits<std::uint64_t>::max()).bytes : std::vector<std::uint8_t>();
     printed_for_.assign(board.begin(), board.end());
-    std::error_code none;
-    fs::remove_all(folder, none);
     if (print_.empty()) throw std::runtime_error(last_line.empty() ? "the board cannot be printed" : last_line);
   }
   add_piece(piece_of(print_, whole_number_of(words.back()), report_piece_bytes), fmt::to_string(fmt::join(board, " ")),

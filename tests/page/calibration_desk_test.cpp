@@ -420,6 +420,15 @@ TEST_F(Calibrating, ABoardIsPrinted) {
   EXPECT_EQ(ask({"print", "square_mm=90", "0"}).reason(), "It does not fit on A4.");
   begin("exec sleep 100");
   EXPECT_THAT(ask({"print", "0"}).reason(), HasSubstr("cannot be printed"));
+
+  // Nor does anything stay behind of a program that cannot be started, however often it is asked for.
+  const fs::path scratch = folder / "scratch";
+  fs::create_directory(scratch);
+  ::setenv("TMPDIR", scratch.c_str(), 1);
+  desk.emplace(CalibrationDesk::Options{.program = folder / "no_such_program"});
+  EXPECT_THAT(ask({"print", "0"}).reason(), StartsWith("Cannot start"));
+  ::unsetenv("TMPDIR");
+  EXPECT_TRUE(fs::is_empty(scratch));
 }
 
 TEST_F(Calibrating, ARigThatLacksACameraChangesNothing) {
