@@ -68,7 +68,8 @@ std::string room_to_yaml(const std::vector<KeptRoom>& room, const std::string& r
       "# deletes it has the room learnt anew.\nversion: 1\n";
   text += fmt::format("rig: \"{}\"  # this one only\ncameras:\n", rig_identity);
   for (const KeptRoom& kept : room) {
-    text += fmt::format("  {}:\n    patches:\n", yaml::in_yaml_quotes(kept.camera));
+    text +=
+        fmt::format("  {}:\n    patches:{}\n", yaml::in_yaml_quotes(kept.camera), kept.patches.empty() ? " []" : "");
     for (const room_watch::KeptPatch& patch : kept.patches) {
       text += fmt::format("      - {{px: [{}, {}], cell: {}, seen: \"", patch.px.x(), patch.px.y(), patch.cell);
       for (const std::uint8_t value : patch.seen) text += fmt::format("{:02x}", value);

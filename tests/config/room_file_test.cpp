@@ -24,7 +24,7 @@ class RoomFile : public testing::Test {
         patch.seen[i] = static_cast<std::uint8_t>(7 * i + std::size_t(k));
       kept.patches.push_back(patch);
     }
-    room_ = {kept, {.camera = "cam1", .patches = kept.patches}};
+    room_ = {kept, {.camera = "cam1", .patches = kept.patches}, {.camera = "of one colour", .patches = {}}};
   }
   const std::filesystem::path file_;
   std::vector<KeptRoom> room_;
