@@ -56,7 +56,7 @@ class NotifySocket {
 };
 
 struct SoakOptions {
-  double minutes = 30, slowness = 1;
+  double minutes = 60, slowness = 1;
   std::uint64_t seed = 1;
   fs::path program = FILM_SERVICE;
 };
