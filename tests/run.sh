@@ -61,7 +61,8 @@ if [ "$long" != 0 ]; then
   # Not those that measure time, or need a browser or a VM: they run whole programs, which are the same as above.
   run_tests build/debug -j4 -E '^(end_to_end\.|browser/|v4l2/|floors/|fences/|format$)'
   cmake --preset tsan -DCMAKE_UNITY_BUILD=ON >/dev/null || fail "the build with ThreadSanitizer could not be configured"
-  threaded="capture recordings hosts pipeline publish client live_view page metrics daemon gather keyframes"
+  threaded="capture recordings hosts pipeline publish client live_view page metrics daemon gather solver program keyframes
+            camera_tracking"
   # shellcheck disable=SC2086
   build_huetrack build/tsan "" $(printf 'tests/%s/all ' $threaded) || fail "the build with ThreadSanitizer failed"
   export TSAN_OPTIONS=suppressions=$PWD/tests/tsan.supp:second_deadlock_stack=1
