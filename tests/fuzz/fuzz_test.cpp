@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cstdlib>
+#include <span>
 #include <sstream>
 #include <stdexcept>
 #include <vector>
@@ -14,6 +15,7 @@
 #include "camera_tracking/scene_map.h"
 #include "capture/jpeg_encoder.h"
 #include "capture/matches.h"
+#include "config/room_file.h"
 #include "config/service_config.h"
 #include "fuzz/fuzz_target.h"
 #include "idl/camera_hostPubSubTypes.h"
@@ -193,6 +195,95 @@ std::vector<std::string> exchanged(const calib::CameraRig& rig) {
   return seeds;
 }
 
+// A client's frame on a WebSocket, masked by "abcd".
+std::string masked(unsigned first_byte, const std::string& payload) {
+  std::string out{static_cast<char>(first_byte)};
+  if (payload.size() < 126) {
+    out += static_cast<char>(0x80U | payload.size());
+  } else {
+    out += {'\xfe', static_cast<char>(payload.size() >> 8U), static_cast<char>(payload.size())};
+  }
+  out += "abcd";
+  for (std::size_t i = 0; i < payload.size(); ++i) out += static_cast<char>(payload[i] ^ "abcd"[i % 4]);
+  return out;
+}
+
+// Of one frame; and two of them as a file of a recording has them.
+std::vector<std::string> matches() {
+  const capture::WritableImage seen = capture::make_image(capture::PixelFormat::i422, capture::ColorRange::full, 16, 8);
+  const std::vector<capture::Matches::OfColor> found{
+      {.color = {65, 115, 0.3, 1, 0.1, 0.95}, .tiles = {0x00183c7e7e3c1800, 0}}, {.color = {}, .tiles = {~0u, 5}}};
+  const std::string encoded = picture(16, 8);
+  const std::vector<std::uint8_t> jpeg(encoded.begin(), encoded.end());
+  constexpr capture::PatchPlace patches[] = {{2, 2, 6, 4}, {8, 0, 8, 8}};
+  std::vector<std::string> seeds;
+  std::string file = "\1";
+  const auto add = [&](std::span<const std::uint8_t> with_jpeg, std::span<const capture::PatchPlace> with_patches) {
+    std::vector<std::uint8_t> bytes;
+    capture::encode_matches(seen.image, found, with_jpeg, bytes, with_patches);
+    const std::string frame(bytes.begin(), bytes.end());
+    seeds.push_back(std::string(1, '\0') + frame);
+    for (unsigned shift = 0; shift < 32; shift += 8) file += static_cast<char>(frame.size() >> shift);
+    file += frame;
+  };
+  add(jpeg, {});
+  add({}, patches);
+  seeds.push_back(file);
+  return seeds;
+}
+
+std::vector<std::string> requests() {
+  const std::string words = std::string(1, '\0') +
+                            "target\tset\tball\tradius_m=0.05\thue_deg=340,20\tcamera=a\n"
+                            "target\tadd\tsecond\tsaturation=0.2,1\tintensity=0.1,0.9\n"
+                            "target\trename\tsecond\twand\ntarget\tremove\twand\ntarget\tlist\nundo\nredo\nhistory",
+                    more = std::string(1, '\0') +
+                           "camera\tsave\ta\tgain=9\ncamera\tcontrols\ta\nrecord\tread\tone\t0\nrecord\tlist\n"
+                           "replay\tspeed\t0.5\nreplay\tstep\t3\nreplay\topen\tone\nreplay\tstate",
+                    board = std::string(1, '\0') +
+                            "calibrate\tprint\ttype=charuco\tcolumns=7\tpaper=A4\t0\ncalibrate\tstate\n"
+                            "calibrate\tagain\tcamera_distance=a,b,1.5\ncalibrate\taccept\tdoubtful\n"
+                            "calibrate\treport\t0\nrecord\tstate\ncalibrate\tboard\tsquare_mm=30";
+  msg::TeachRequest pointing;
+  pointing.client("page");
+  pointing.target("ball");
+  pointing.points().resize(2);
+  pointing.points()[0].camera("a");
+  pointing.points()[1].camera("b");
+  for (msg::TeachPoint& point : pointing.points()) point.pixel({32, 24});
+  pointing.ignored().resize(1);
+  pointing.ignored()[0].camera("b");
+  pointing.ignored()[0].box({1, 2, 10, 12});
+  pointing.wider(2);
+  std::vector<std::string> seeds{words, more, board};
+  for (const auto action : {msg::TEACH_ACTION_LOOK, msg::TEACH_ACTION_APPLY, msg::TEACH_ACTION_IGNORE,
+                            msg::TEACH_ACTION_UNDO, msg::TEACH_ACTION_RESUME}) {
+    pointing.action(action);
+    seeds.push_back(serialized<msg::TeachRequestPubSubType>(1, pointing));
+  }
+  return seeds;
+}
+
+// What is kept of the room, which is of the rig that the target has.
+std::string room() {
+  config::KeptRoom kept{.camera = "left \"one\"", .patches = {{.px = {12.25, 7}, .cell = 3, .seen = {}}}};
+  kept.patches[0].seen.fill(171);
+  return config::room_to_yaml({kept, {.camera = "right", .patches = {}}}, "0123456789abcdef");
+}
+
+// A tracked camera, and what it starts from in rows.csv.
+std::vector<std::string> tracked_cameras() {
+  const auto config = [](const std::string& start, const std::string& rows) {
+    return "version: 1\nrig: rig.yaml\ncamera_tracking:\n  camera: cam0\n  start: {" + start +
+           "}\n%%\nversion: 1\n%%\n" + rows;
+  };
+  return {
+      config("points: rows.csv", "X,Y,Z,u,v\n0,0,0,10,10\n1,0,0,200,10\n0,1,0,10,200\n1,1,0,200,200\n"),
+      config("rectangle: rows.csv", "x,y,z\n0,0,0\n1,0,0\n1,1,0\n0,1,0\n"),
+      config("leds: rows.csv", "x,y,z\n0,0,2\n1,0,2\n0,1,2\n1,1,2\n0.5,0.4,2.3\n"),
+      config("leds: [[0, 0, 2], [1, 0, 2], [0, 1, 2], [1, 1, 2]], led_schedule: rows.csv", "led\n0\n1\n2\n-1\n3\n")};
+}
+
 std::map<std::string, std::vector<std::string>> seeds() {
   const fs::path demo = source / "configs/demo";
   const calib::CameraRig rig = calib::read_rig(demo / "recording/rig.yaml");
@@ -210,6 +301,11 @@ std::map<std::string, std::vector<std::string>> seeds() {
       "{\"client\":\"c\",\"number\":1,\"host\":\"h\",\"pid\":2,\"action\":\"look\",\"points\":"
       "[{\"camera\":\"left\",\"pixel\":[1,2]}],\"ignored\":[{\"camera\":\"left\",\"box\":[1,2,3,4]}]}";
   const std::string host = " HTTP/1.1\r\nHost: localhost\r\n";
+  std::vector<std::string> configs = tracked_cameras();
+  configs.insert(configs.begin(),
+                 {contents(source / "configs/huetrackd.yaml"), contents(demo / "huetrackd.yaml"),
+                  "version: 1\nrig: rig.yaml\ntargets: {a: {radius_m: 0.03, color: {hue_deg: [1, 2]}}}\n%%\n"
+                  "version: 1\ntargets: {a: {color: {hue_deg: [3, 4]}}}\nignore: null\n"});
   return {
       {"rig", {calib::to_yaml(rig)}},
       {"board", {board::to_yaml(board), "type: chessboard\ncolumns: 9\nrows: 6\nsquare: 0.025\n"}},
@@ -224,14 +320,23 @@ std::map<std::string, std::vector<std::string>> seeds() {
        {contents(demo / "recording/recording.yaml"),
         "version: 1\ncameras: {a: {frames: a.mkv, timestamps: times.csv}}\n%%\nframe,t_s,sequence,arrival,stamp_s\n"
         "0,0.5,0,1,0.6\n,0.7,1,2,0.7\n"}},
-      {"config",
-       {contents(source / "configs/huetrackd.yaml"), contents(demo / "huetrackd.yaml"),
-        "version: 1\nrig: rig.yaml\ntargets: {a: {radius_m: 0.03, color: {hue_deg: [1, 2]}}}\n%%\n"
-        "version: 1\ntargets: {a: {color: {hue_deg: [3, 4]}}}\nignore: null\n"}},
+      {"config", configs},
       {"map", {map()}},
       {"jpeg", {picture(32, 24), picture(8, 8)}},
       {"video", {film, picture(32, 24)}},
       {"dds", samples()},
+      {"matches", matches()},
+      {"measured",
+       {std::string(1, '\0') +
+            "version: 1\npoints:\n  corner: {world: [0, 0, 0], pixels: {cam0: [160, 120], cam1: [160, 120]}}\n"
+            "  door: {world: [2.4, 0, 0], position: [0.3, -0.2, 0.9]}\n  desk: {world: [0, 1, 0], position: [0, 1, "
+            "1]}\n",
+        "\1places: {a: [0.3, 0.45, 0.02], b: [1, 0, 0], c: [0, 1, 0]}\n"}},
+      {"requests", requests()},
+      {"room", {room()}},
+      {"web_socket",
+       {"\2" + masked(0x81, "hello") + masked(0x89, "are you there") + masked(0x88, "\x03\xe8 bye"),
+        "\x40" + masked(0x82, std::string(300, 'x')), "\5" + masked(0x01, "in ") + masked(0x80, "pieces")}},
       {"http",
        {"GET /" + host + "\r\n", "GET /api/events?client=a" + host + "\r\n",
         "POST /api/teach" + host + "Content-Type: application/json\r\nContent-Length: " + std::to_string(ask.size()) +
