@@ -1,6 +1,7 @@
 // A sample as it comes over the bus. The first byte chooses its type; the rest is the serialized payload, no longer
 // than a reader of ours takes.
 #include <fastcdr/exceptions/Exception.h>
+#include <fastdds/rtps/common/InstanceHandle.h>
 #include <fastdds/rtps/common/SerializedPayload.h>
 
 #include <array>
@@ -33,7 +34,11 @@ void receive(const char* topic, std::string_view bytes, Use&& use) {
   eprosima::fastrtps::rtps::SerializedPayload_t payload(static_cast<std::uint32_t>(bytes.size()));
   std::copy(bytes.begin(), bytes.end(), payload.data);
   payload.length = static_cast<std::uint32_t>(bytes.size());
-  if (type.deserialize(&payload, &sample)) use(sample);
+  if (!type.deserialize(&payload, &sample)) return;
+  // Fast DDS asks for the key of a sample that came without one, in its own thread.
+  eprosima::fastrtps::rtps::InstanceHandle_t key;
+  if (type.m_isGetKeyDefined) type.getKey(&sample, &key);
+  use(sample);
 }
 
 template <typename Sample>
