@@ -1,15 +1,12 @@
 #include "truth/truth.h"
 
-#include <fmt/format.h>
-#include <fmt/ranges.h>
-
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <limits>
-#include <ranges>
 #include <utility>
 
 #include "calib/yaml/csv_table.h"
+#include "calib/yaml/joined.h"
 
 namespace huetrack::truth {
 namespace {
@@ -45,7 +42,10 @@ std::vector<std::string> Truth::match(std::span<const std::string> targets) {
     return {"the truth is of a ball named " + ball + ", the only one, and is compared with the only target, " +
             targets.front()};
   }
-  const std::string balls = targets_.empty() ? "none" : fmt::format("{}", fmt::join(targets_ | std::views::keys, ", "));
+  // By a loop: clang 14, with which this is fuzzed, does not take views::keys.
+  std::vector<std::string> names;
+  for (const auto& [name, _] : targets_) names.push_back(name);
+  const std::string balls = names.empty() ? "none" : yaml::joined(names);
   std::vector<std::string> sentences;
   for (const auto& target : targets) {
     if (targets_.contains(target)) continue;
