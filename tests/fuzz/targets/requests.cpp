@@ -54,8 +54,9 @@ class Playing final : public page::Playback {
   page::PlaybackState state_;
 };
 
-// A configuration of two cameras, as it is before anything was taught, in a folder of its own with one recording.
-config::ServiceConfig fresh_config() {
+// A configuration of two cameras, as it is before anything was taught, in a folder of its own with one recording. It is
+// read once: that takes longer than most of what is asked.
+const config::ServiceConfig& fresh_config() {
   const fs::path folder = fuzz::folder() / "desk", demo = HUETRACK_SOURCE_DIR "/configs/demo/recording";
   fs::remove_all(folder);
   fs::create_directories(folder / "recordings/one");
@@ -75,13 +76,20 @@ cameras:
     distortion: [0, 0, 0, 0, 0]
     cam_from_world: {rotation: [[0, 0, -1], [0, 1, 0], [1, 0, 0]], translation: [0, 0, 2]}
 )");
-  return config::load_service_config(fuzz::file_with("desk/c.yaml", R"(version: 1
+  const fs::path file = fuzz::file_with("desk/c.yaml", R"(version: 1
 rig: rig.yaml
 targets: {ball: {color: {hue_deg: [65, 115]}}, red: {radius_m: 0.04, color: {hue_deg: [350, 10]}}}
 cameras: {a: {device: 0}, b: {device: 1}}
 record: {folder: recordings, pre_roll_s: 5}
 control: {allow_teach: true, allow_record: true}
-)"));
+)");
+  static const config::ServiceConfig config = config::load_service_config(file);
+  return config;
+}
+
+// What was saved holds, or it ends the program.
+void read_what_was_taught(const config::ServiceConfig& config) {
+  if (fs::exists(config::taught_file(config.file))) config::load_service_config(config.file);
 }
 
 std::string no_problem() {
@@ -89,7 +97,7 @@ std::string no_problem() {
 }
 
 void ask_in_words(std::string_view input) {
-  const config::ServiceConfig config = fresh_config();
+  const config::ServiceConfig& config = fresh_config();
   Playing playing;
   page::CalibrationDesk calibration({.program = fuzz::folder() / "no_such_program"});
   const page::ControlDesk desk({.calibration = &calibration,
@@ -109,7 +117,7 @@ void ask_in_words(std::string_view input) {
     if (!reply.granted() && reply.reason().empty()) throw std::logic_error("refused, and nobody is told why");
     desk.look_after();
   }
-  config::load_service_config(config.file);  // what was saved holds
+  read_what_was_taught(config);
 }
 
 // A grey picture with a green ball in its middle.
@@ -133,7 +141,7 @@ void ask_to_teach(std::string_view input) {
   std::copy(input.begin(), input.end(), payload.data);
   payload.length = static_cast<std::uint32_t>(input.size());
   if (!type.deserialize(&payload, &request)) return;
-  const config::ServiceConfig config = fresh_config();
+  const config::ServiceConfig& config = fresh_config();
   page::TeachDesk desk({.reload = no_problem, .resume = [] {}});
   capture::FrameSet set{.number = 1, .at = {}, .frames = {}};
   for (int c = 0; c < 2; ++c) {
@@ -144,7 +152,7 @@ void ask_to_teach(std::string_view input) {
   if (!desk.freeze(request, config, set).granted()) throw std::logic_error("no pictures to point at");
   const msg::TeachReply reply = desk.answer(request, config);
   if (!reply.granted() && reply.reason().empty()) throw std::logic_error("refused, and nobody is told why");
-  config::load_service_config(config.file);  // what was saved holds
+  read_what_was_taught(config);
 }
 
 }  // namespace
