@@ -136,14 +136,15 @@ TEST_F(CameraEndToEnd, WithoutAPoseTheSummarySaysSoAndTheMapIsKept) {
   write("config.yaml",
         "version: 1\nrig: rig.yaml\ncamera_tracking:\n  camera: cam0\n  save_map: kept.map\n  start:\n"
         "    rectangle: [[-0.1, 0.1, 0], [0.1, 0.1, 0], [0.1, -0.1, 0], [-0.1, -0.1, 0]]\n");
-  write("kept.map", "an older one");
+  const std::string older = "huetrack camera map 1\nan older one";
+  write("kept.map", older);
   write("recording.yaml", "version: 1\ncameras:\n  cam0: {frames: cam0/%06d.pgm, fps: 15}\n");
   const auto process = start(replay({"--no-dds"}));
   EXPECT_EQ(process->wait(), 0) << process->err();
   EXPECT_THAT(process->out(), testing::ContainsRegex("cam0 +never a pose"));
   EXPECT_THAT(process->err(), HasSubstr("kept.map: map not saved: there never was a pose"));
   EXPECT_THAT(process->err(), HasSubstr("camera cam0: no pose for 3 s (searching)"));
-  EXPECT_EQ(contents(folder_ / "kept.map"), "an older one");
+  EXPECT_EQ(contents(folder_ / "kept.map"), older);
 }
 
 TEST_F(CameraEndToEnd, PosesWithoutACameraAreRefused) {
