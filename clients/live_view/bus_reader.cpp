@@ -1,8 +1,12 @@
 #include "clients/live_view/bus_reader.h"
 
 #include <fmt/format.h>
+#include <malloc.h>
+
+#include <fastdds/dds/subscriber/DataReaderListener.hpp>
 
 #include <algorithm>
+#include <optional>
 #include <stdexcept>
 #include <utility>
 
@@ -58,10 +62,54 @@ std::string who_of(const Sample& sample) {
   return sample.host() + "/" + std::to_string(sample.pid());
 }
 
+std::string preview_key(const std::string& camera) {
+  return "preview/" + camera;
+}
+
 idl::ParticipantOptions named(idl::ParticipantOptions options, const char* name) {
   options.name = name;
   return options;
 }
+
+// Takes previews as they come, in Fast DDS' thread, and keeps the newest of each camera for poll(): as long as it
+// lives, a reader holds the room of the most samples that ever waited in it, and a picture may have two megabytes.
+// thread-safe.
+class PreviewInbox : public dds::DataReaderListener {
+ public:
+  void on_data_available(dds::DataReader* reader) override {
+    take_all<msg::Preview>(*reader, [&](msg::Preview& sample, const BusReader::Process& process) {
+      const std::scoped_lock lock(mutex_);
+      const std::string camera = sample.camera();
+      if (const auto before = waiting_.find(camera); before != waiting_.end()) {
+        bytes_ -= before->second.preview.jpeg().size();
+        waiting_.erase(before);
+      }
+      if (waiting_.size() >= most_cameras || bytes_ + sample.jpeg().size() > most_bytes) return;
+      bytes_ += sample.jpeg().size();
+      waiting_[camera] = {std::move(sample), process};
+    });
+  }
+
+  struct Picture {
+    msg::Preview preview;
+    BusReader::Process process;  // that wrote it
+  };
+  std::optional<Picture> take() {
+    const std::scoped_lock lock(mutex_);
+    if (waiting_.empty()) return std::nullopt;
+    Picture picture = std::move(waiting_.extract(waiting_.begin()).mapped());
+    bytes_ -= picture.preview.jpeg().size();
+    return picture;
+  }
+
+  static constexpr std::size_t most_cameras = 256;
+
+ private:
+  static constexpr std::size_t most_bytes = 2 << 20;
+  std::mutex mutex_;
+  std::map<std::string, Picture> waiting_;  // guarded by mutex_; by camera
+  std::size_t bytes_ = 0;                   // guarded by mutex_; of their pictures
+};
 
 }  // namespace
 
@@ -105,7 +153,14 @@ struct BusReader::Connection {
 struct BusReader::Previews {
   explicit Previews(const idl::ParticipantOptions& options)
       : participant(named(options, "huetrack view, previews")),
-        preview(participant.create_reader<msg::PreviewPubSubType>(idl::preview_topic, idl::preview_reader_qos())) {}
+        preview(participant.create_reader<msg::PreviewPubSubType>(idl::preview_topic, idl::preview_reader_qos())) {
+    preview.set_listener(&inbox, dds::StatusMask::data_available());
+  }
+  ~Previews() { preview.set_listener(nullptr); }
+  Previews(const Previews&) = delete;
+  Previews& operator=(const Previews&) = delete;
+
+  PreviewInbox inbox;
   idl::DdsParticipant participant;
   dds::DataReader& preview;
 };
@@ -198,7 +253,7 @@ BusReader::Service* BusReader::service(const std::string& who) {
 void BusReader::show(const std::string& who) {
   if (const auto old = services_.find(shown_); old != services_.end()) {
     for (const auto& [key, event] : old->second.events) hub_.erase(key);
-    for (const std::string& camera : old->second.cameras) hub_.erase("preview/" + camera);
+    for (const std::string& camera : old->second.cameras) hub_.erase(preview_key(camera));
   }
   hub_.forget_appended();
   shown_ = who;
@@ -271,15 +326,22 @@ void BusReader::take_statuses() {
     it->host = sample.host();
     it->pid = sample.pid();
     it->config_file = sample.config_file();
-    it->cameras.clear();
-    for (const auto& camera : sample.cameras()) it->cameras.insert(camera.name());
+    std::set<std::string> cameras;
+    for (const auto& camera : sample.cameras()) cameras.insert(camera.name());
+    if (is_shown(who))
+      for (const std::string& camera : it->cameras)
+        if (!cameras.contains(camera)) hub_.erase(preview_key(camera));
+    it->cameras = std::move(cameras);
     keep(who, "status", to_json(sample, unix_now()));
   });
+  bool has_gone = false;
   std::erase_if(services_, [&](const auto& entry) {
     if (now - entry.second.heard < gone_after) return false;
     if (is_shown(entry.first)) show("");
+    has_gone = true;
     return true;
   });
+  if (has_gone) ::malloc_trim(0);  // a service's pictures are megabytes, and the C library would keep them
   // Of those that have said something of themselves.
   std::string newest;
   for (const auto& [who, it] : services_)
@@ -353,9 +415,14 @@ void BusReader::go_on_with_downloads() {
 }
 
 void BusReader::take_previews() {
-  take_all<msg::Preview>(previews_->preview, [&](const auto& sample, const Process& process) {
-    if (!is_of_another(process)) hub_.set("preview/" + sample.camera(), to_event("preview", to_json(sample)));
-  });
+  for (std::size_t left = PreviewInbox::most_cameras; left > 0; --left) {  // a flood must not hold the rest up
+    const auto picture = previews_->inbox.take();
+    if (!picture) return;
+    const std::string& camera = picture->preview.camera();
+    // Of a camera that the service shown does not name, nobody would take a picture away again.
+    if (is_of_another(picture->process) || shown_.empty() || !services_.at(shown_).cameras.contains(camera)) continue;
+    hub_.set(preview_key(camera), to_event("preview", to_json(picture->preview)));
+  }
 }
 
 template <typename Request>

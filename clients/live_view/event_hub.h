@@ -32,7 +32,7 @@ class EventHub {
   // set; the oldest goes first. A page of sixteen cameras has some 40 keys and 4 MB.
   struct Limits {
     std::size_t stream_events = 4000, stream_bytes = 4'000'000;
-    std::size_t keys = 256, key_bytes = 16'000'000;
+    std::size_t keys = 256, key_bytes = 8'000'000;
   };
   EventHub() : EventHub(Limits{}) {}
   explicit EventHub(const Limits& limits) : limits_(limits) {}

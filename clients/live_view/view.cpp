@@ -1,5 +1,7 @@
 #include "clients/live_view/view.h"
 
+#include <sys/prctl.h>
+
 #include <chrono>
 #include <cstdio>
 #include <stdexcept>
@@ -14,6 +16,9 @@ using namespace std::chrono_literals;
 
 int view(LiveViewOptions options, const std::function<bool()>& ended) {
   if (!is_loopback(options.server.address) && options.server.token.empty()) options.server.token = random_token();
+  // Fast DDS sets room for the largest samples aside, of which a few kilobytes are ever used: by huge pages, it would
+  // all be there. Where the kernel does not know this, it costs some ten megabytes.
+  ::prctl(PR_SET_THP_DISABLE, 1, 0, 0, 0);
   EventHub hub;
   BusReader bus(options.participant, hub);
   const auto asked = [&bus](auto request_of) {
