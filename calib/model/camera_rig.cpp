@@ -6,14 +6,6 @@
 namespace huetrack::calib {
 namespace {
 
-bool is_plain_name(std::string_view name) {
-  const auto is_word = [](char c) {
-    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_';
-  };
-  return !name.empty() && name.size() <= 64 && is_word(name.front()) &&
-         std::ranges::all_of(name, [&](char c) { return is_word(c) || c == '-' || c == '.'; });
-}
-
 bool is_finite(const CameraModel& model) {
   return std::visit(
       [](const auto& lens) {
@@ -24,6 +16,14 @@ bool is_finite(const CameraModel& model) {
 }
 
 }  // namespace
+
+bool is_camera_name(std::string_view name) {
+  const auto is_word = [](char c) {
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_';
+  };
+  return !name.empty() && name.size() <= 64 && is_word(name.front()) &&
+         std::ranges::all_of(name, [&](char c) { return is_word(c) || c == '-' || c == '.'; });
+}
 
 std::vector<std::string> CameraTiming::problems() const {
   std::vector<std::string> problems;
@@ -41,10 +41,7 @@ std::vector<std::string> CameraTiming::problems() const {
 
 std::vector<std::string> Camera::problems() const {
   std::vector<std::string> problems = timing.problems();
-  if (!is_plain_name(name)) {
-    problems.emplace_back(
-        "a camera's name has 1 to 64 letters, digits, '_', '-' or '.', and starts with a letter, a digit or '_'");
-  }
+  if (!is_camera_name(name)) problems.emplace_back(camera_name_rule);
   const auto [width, height] = image_size;
   if (width < 1 || height < 1 || width > 32768 || height > 32768) {
     problems.emplace_back("image_size must be from 1 to 32768 pixels in both directions");

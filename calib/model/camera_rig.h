@@ -35,6 +35,10 @@ struct CameraTiming {
   std::vector<std::string> problems() const;  // empty when valid; one sentence per violated constraint
 };
 
+inline constexpr const char* camera_name_rule =
+    "a camera's name has 1 to 64 letters, digits, '_', '-' or '.', and starts with a letter, a digit or '_'";
+bool is_camera_name(std::string_view name);
+
 struct Camera {
   std::string name;  // unique in the rig
   ImageSize image_size;

@@ -7,6 +7,7 @@
 #include <fstream>
 #include <system_error>
 
+#include "calib/model/camera_rig.h"
 #include "calib/yaml/text_file.h"
 #include "calib/yaml/yaml_reader.h"
 
@@ -37,6 +38,7 @@ std::vector<KeptRoom> read_room(const std::filesystem::path& file, const std::st
   const bool is_of_this_rig = root.string("rig") == rig_identity;
   std::vector<KeptRoom> room;
   for (const auto& [camera, reader] : root.named_maps("cameras")) {
+    if (!calib::is_camera_name(camera)) root.fail("cameras", calib::camera_name_rule);
     KeptRoom& kept = room.emplace_back();
     kept.camera = camera;
     for (const yaml::YamlReader& patch : reader.maps("patches")) {

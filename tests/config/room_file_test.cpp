@@ -17,14 +17,14 @@ class RoomFile : public testing::Test {
       : file_(std::filesystem::path(testing::TempDir()) /
               ("room_" + std::string(testing::UnitTest::GetInstance()->current_test_info()->name()) + ".yaml")) {
     std::filesystem::remove(file_);
-    KeptRoom kept{.camera = "cam \"0\"", .patches = {}};
+    KeptRoom kept{.camera = "cam-0.left", .patches = {}};
     for (int k = 0; k < 3; ++k) {
       room_watch::KeptPatch patch{.px = {10.25 + k, 1.0 / 3}, .cell = k, .seen = {}};
       for (std::size_t i = 0; i < patch.seen.size(); ++i)
         patch.seen[i] = static_cast<std::uint8_t>(7 * i + std::size_t(k));
       kept.patches.push_back(patch);
     }
-    room_ = {kept, {.camera = "cam1", .patches = kept.patches}, {.camera = "of one colour", .patches = {}}};
+    room_ = {kept, {.camera = "cam1", .patches = kept.patches}, {.camera = "of_one_colour", .patches = {}}};
   }
   const std::filesystem::path file_;
   std::vector<KeptRoom> room_;
@@ -55,6 +55,14 @@ TEST_F(RoomFile, WhatIsNoPatchIsAnError) {
   std::ofstream(file_) << "version: 1\nrig: \"abc\"\ncameras:\n  cam0:\n    patches:\n"
                           "      - {px: [1, 2], cell: 0, seen: \"00zz\"}\n";
   EXPECT_THROW(read_room(file_, "abc"), yaml::ConfigError);
+}
+
+// Found by fuzzing: a longer one is written, and does not read back.
+TEST_F(RoomFile, WhatIsNoCamerasNameIsAnError) {
+  for (const std::string& name : {std::string("two words"), std::string(65, 'c'), std::string("\xDC")}) {
+    std::ofstream(file_) << "version: 1\nrig: \"abc\"\ncameras:\n  \"" << name << "\":\n    patches: []\n";
+    EXPECT_THROW(read_room(file_, "abc"), yaml::ConfigError) << name;
+  }
 }
 
 }  // namespace

@@ -1,9 +1,9 @@
 #!/bin/bash
 # The soak: the service on three failing cameras (stalled, absent, damaged, missing frames, jumping clocks) for a long time,
-# with reloads, pre-rolls, a full disk, teaching, subscribers and readers of its metrics. Outside the CI.
+# with reloads, pre-rolls, a full disk, teaching, subscribers, readers of its metrics and pages. Outside the CI.
 #   tests/soak/run.sh [--minutes N] [--sanitizer none|address|thread] [--seed N]      60 minutes
-# Prints its memory as it goes. Exit status 0: it never stopped, its watchdog was always fed, its memory is flat (none), and
-# the sanitizer found nothing.
+# Prints its memory as it goes. Exit status 0: it never stopped, its watchdog was always fed, its memory is flat (none) and
+# the page bridge's is, and the sanitizer found nothing.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 minutes=60 sanitizer=none seed=1

@@ -1,6 +1,7 @@
 // Runs the service on failing films for a long time and bothers it: reloads, good and bad; saved pre-rolls, also to a
 // disk that is full for a while; colours that are taught; subscribers that come and go; readers of the metrics, silent
-// ones too. Prints its memory as it goes. See run.sh, which gives it a mount namespace for that disk.
+// ones too; beside it the page's bridge with pages that come and go. Prints their memory as it goes. See run.sh, which
+// gives it a mount namespace for that disk.
 #include <sys/mount.h>
 #include <sys/socket.h>
 #include <sys/un.h>
@@ -11,6 +12,7 @@
 #include <cstring>
 #include <memory>
 #include <random>
+#include <vector>
 
 #include "end_to_end/http.h"
 #include "end_to_end/process.h"
@@ -25,7 +27,7 @@ namespace fs = std::filesystem;
 using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
 
-constexpr int domain = 70, metrics_port = 19468;
+constexpr int domain = 70, metrics_port = 19468, page_port = 19469;
 
 double status_mb(pid_t pid, const std::string& key) {
   const std::string status = end_to_end::contents("/proc/" + std::to_string(pid) + "/status");
@@ -114,6 +116,20 @@ class SmallDisk {
   fs::path folder_;
 };
 
+// A process' resident memory over the run.
+class MemoryRecord {
+ public:
+  void add(double minute, double of_minutes, double now_mb) {
+    if (first_mb_ == 0 && minute > std::min(1.0, of_minutes / 5)) first_mb_ = now_mb;
+    if (minute <= of_minutes / 5) warm_mb_ = std::max(warm_mb_, now_mb);
+  }
+  double first_mb() const { return first_mb_; }
+  bool is_flat(double last_mb) const { return last_mb <= 1.1 * std::max(first_mb_, warm_mb_) + 2; }
+
+ private:
+  double first_mb_ = 0, warm_mb_ = 0;  // warm: the most of the first fifth, when every queue has been full
+};
+
 // The service, and all that happens to it.
 class Soak {
  public:
@@ -129,9 +145,12 @@ class Soak {
     start();
     started_ = next_row_ = last_barked_ = Clock::now();
     std::printf(
-        "   min   RSS MB  anonymous  threads  files  sets  reloads saves scrapes subscribers taught full disks\n");
+        "   min   RSS MB  anonymous  threads  files  sets  reloads saves scrapes subscribers taught full disks bridge "
+        "MB "
+        "pages\n");
     for (const auto end = started_ + duration_of(60 * options_.minutes); Clock::now() < end;) {
       if (service_->has_ended()) throw std::runtime_error("the service ended:\n" + service_->err());
+      if (bridge_->has_ended()) throw std::runtime_error("the page's bridge ended:\n" + bridge_->err());
       listen_to_watchdog();
       disturb();
       disk_.take_away_older_than(20s);
@@ -177,6 +196,9 @@ class Soak {
       while (const auto message = notified_->next()) is_ready |= message->find("READY=1") != std::string::npos;
       std::this_thread::sleep_for(20ms);
     }
+    bridge_.emplace(std::vector<std::string>{HUETRACK, "view", "--port", std::to_string(page_port), "--domain",
+                                             std::to_string(domain), "--interface", "lo"},
+                    folder_ / "bridge.out", folder_ / "bridge.err");
   }
 
   void listen_to_watchdog() {
@@ -196,7 +218,7 @@ class Soak {
 
   // One of the things that users do, now and then.
   void disturb() {
-    switch (any(12)) {
+    switch (any(14)) {
       case 0:
         reload(any(2) == 0 ? "[65, 115]" : "[60, 120]", "");
         break;
@@ -235,6 +257,17 @@ class Soak {
         disk_changes_ = Clock::now() + 15s;
         service_->kill(SIGUSR1);
         ++saves_;
+        break;
+      case 8:  // a page; it reads only when it is its turn
+        pages_.push_back(std::make_unique<end_to_end::Connection>(page_port));
+        pages_.back()->send("GET /api/events HTTP/1.1\r\nHost: localhost\r\n\r\n");
+        ++pages_opened_;
+        if (pages_.size() > 6) pages_.erase(pages_.begin());
+        break;
+      case 9:
+        if (pages_.empty()) break;
+        pages_[std::size_t(any(int(pages_.size())))]->receive_some();
+        if (any(8) == 0) pages_.clear();
         break;
       default:
         break;
@@ -282,26 +315,30 @@ class Soak {
         std::distance(fs::directory_iterator("/proc/" + std::to_string(service_->pid()) + "/fd", error), {});
     const double now_mb = status_mb(service_->pid(), "VmRSS");
     const double minute = std::chrono::duration<double>(Clock::now() - started_).count() / 60;
-    if (first_mb_ == 0 && minute > std::min(1.0, options_.minutes / 5)) first_mb_ = now_mb;
-    if (minute <= options_.minutes / 5) warm_mb_ = std::max(warm_mb_, now_mb);
-    std::printf("%6.1f %8.1f %10.1f %8.0f %6td %6.0f %7d %5d %7d %6d %6d %6d\n", minute, now_mb,
+    const double bridge_mb = status_mb(bridge_->pid(), "VmRSS");
+    service_memory_.add(minute, options_.minutes, now_mb);
+    bridge_memory_.add(minute, options_.minutes, bridge_mb);
+    std::printf("%6.1f %8.1f %10.1f %8.0f %6td %6.0f %7d %5d %7d %6d %6d %6d %8.1f %6d\n", minute, now_mb,
                 status_mb(service_->pid(), "RssAnon"), status_mb(service_->pid(), "Threads") / 1024 * 1e6, files,
-                sets == metrics.end() ? 0 : sets->second, reloads_, saves_, scrapes_, watchers_, lessons_, full_disks_);
+                sets == metrics.end() ? 0 : sets->second, reloads_, saves_, scrapes_, watchers_, lessons_, full_disks_,
+                bridge_mb, pages_opened_);
     std::fflush(stdout);
   }
 
   void end() {
     watcher_.reset();
-    const double last_mb = status_mb(service_->pid(), "VmRSS");
+    const double last_mb = status_mb(service_->pid(), "VmRSS"), bridge_mb = status_mb(bridge_->pid(), "VmRSS");
     const auto asked = Clock::now();
     service_->kill(SIGTERM);
     const int status = service_->wait();
     const double took_s = std::chrono::duration<double>(Clock::now() - asked).count();
     std::printf("ended %.2f s after SIGTERM with status %d; %s", took_s, status, service_->out().c_str());
-    std::printf("RSS at the start %.1f MB, at the end %.1f MB\n", first_mb_, last_mb);
+    std::printf("RSS at the start %.1f MB, at the end %.1f MB; of the bridge %.1f and %.1f MB\n",
+                service_memory_.first_mb(), last_mb, bridge_memory_.first_mb(), bridge_mb);
     if (status != 0) complain("status " + std::to_string(status) + "\n" + service_->err());
     if (took_s > options_.slowness) complain("it took too long to end");
-    if (options_.slowness == 1 && last_mb > 1.1 * std::max(first_mb_, warm_mb_) + 2) complain("its memory grows");
+    if (options_.slowness == 1 && !service_memory_.is_flat(last_mb)) complain("its memory grows");
+    if (!bridge_memory_.is_flat(bridge_mb)) complain("the bridge's memory grows");
     int warnings = 0;
     std::istringstream log(service_->err());
     for (std::string line; std::getline(log, line);) warnings += line.find("warning") != std::string::npos ? 1 : 0;
@@ -314,10 +351,13 @@ class Soak {
   std::mt19937_64 random_;
   std::optional<NotifySocket> notified_;
   std::optional<end_to_end::Process> service_;
+  std::optional<end_to_end::Process> bridge_;
+  std::vector<std::unique_ptr<end_to_end::Connection>> pages_;
   std::unique_ptr<end_to_end::Connection> silent_;
   std::unique_ptr<end_to_end::Process> watcher_;
   Clock::time_point started_, next_row_, last_barked_;
-  double first_mb_ = 0, warm_mb_ = 0;  // warm: the most of the first fifth, when every queue has been full
+  MemoryRecord service_memory_, bridge_memory_;
+  int pages_opened_ = 0;
   int reloads_ = 0, saves_ = 0, scrapes_ = 0, watchers_ = 0, lessons_ = 0, full_disks_ = 0;
   const SmallDisk disk_;
   Clock::time_point disk_changes_;  // when it is freed, or asked for a recording again
