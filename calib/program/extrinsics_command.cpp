@@ -11,6 +11,7 @@
 #include "calib/program/calibration_options.h"
 #include "calib/program/commands.h"
 #include "calib/program/rig_pictures.h"
+#include "calib/report/advice.h"
 #include "calib/solver/world_frame.h"
 
 namespace huetrack::program {
@@ -96,7 +97,7 @@ std::vector<report::CameraLeftOut> left_out_of(const gather::FoundBoards& found,
   for (const solver::LeftOutCamera& camera : result.left_out) {
     const std::string& name = found.cameras[static_cast<std::size_t>(camera.camera)].name;
     const auto unseen = std::ranges::find(found.without_boards, name, &std::pair<std::string, std::string>::first);
-    out.push_back({name, unseen == found.without_boards.end() ? camera.why : unseen->second});
+    out.push_back({name, unseen == found.without_boards.end() ? report::told(camera.why) : unseen->second});
   }
   return out;
 }

@@ -6,10 +6,12 @@
 #include <cstdlib>
 #include <exception>
 #include <stop_token>
+#include <string>
 #include <thread>
 #include <variant>
 
 #include "calib/program/command_line.h"
+#include "calib/report/advice.h"
 #include "calib/yaml/text_file.h"
 
 namespace {
@@ -41,6 +43,12 @@ class Signals {
   std::jthread thread_;
 };
 
+// The user's input or the outside world is at fault: said once, in one line.
+int fail(const std::string& why) {
+  std::fprintf(stderr, "huetrack-calibrate: %s\n", yaml::printable(why, yaml::longest_message).c_str());
+  return 1;
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -50,9 +58,10 @@ int main(int argc, char** argv) {
   program::ExitStatus status = program::ExitStatus::failed;
   try {
     status = std::get<program::Command>(asked)(signals.token());
-  } catch (const std::exception& error) {  // the user's input or the outside world: said once, in one line, here
-    std::fprintf(stderr, "huetrack-calibrate: %s\n", yaml::printable(error.what(), yaml::longest_message).c_str());
-    return 1;
+  } catch (const solver::CalibrationError& error) {
+    return fail(report::told(error));
+  } catch (const std::exception& error) {
+    return fail(error.what());
   }
   if (std::fflush(stdout) != 0) {
     std::fprintf(stderr, "huetrack-calibrate: cannot write to standard output\n");

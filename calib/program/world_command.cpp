@@ -150,7 +150,7 @@ ExitStatus set_world(const WorldOptions& options, const std::stop_token& stop) {
     const std::string below =
         fmt::format("camera {} would stand {:.2f} m below z = 0", camera.name, -camera.centre().z());
     if (world.is_floor) {
-      throw solver::CalibrationError(
+      throw gather::InputError(
           below +
           ", under the floor: the points are not on the floor, the board lies face down, or the rig is "
           "mirrored (was the camera's image?); nothing was written");

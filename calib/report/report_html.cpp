@@ -7,6 +7,7 @@
 #include <numbers>
 #include <string_view>
 
+#include "calib/report/advice.h"
 #include "calib/report/calibration_report.h"
 #include "calib/report/html.h"
 #include "calib/report/sentences.h"
@@ -145,7 +146,7 @@ std::string trials_table(const CameraReport& camera) {
     out += fmt::format("<tr><td>{}</td><td class=n>{:.3f}</td><td class=n>{}</td><td class=n>",
                        solver::name(trial.lens), trial.rms_px, trial.left_out);
     out += trial.held_out_px > 0 ? fmt::format("{:.3f}", trial.held_out_px) : std::string("-");
-    out += "</td><td>" + escaped(trial.possible ? std::string() : solver::fault_text(trial)) +
+    out += "</td><td>" + escaped(trial.possible ? std::string() : told(solver::reasons_of(trial))) +
            (trial.lens == camera.lens ? "<b>chosen</b>" : "") + "</td></tr>";
   }
   return out + "</table>";

@@ -6,6 +6,8 @@
 #include <numbers>
 #include <sstream>
 
+#include "calib/report/advice.h"
+
 namespace huetrack::report {
 namespace {
 
@@ -219,7 +221,7 @@ WaveReport report_on(const WaveResult& result) {
                                         1e3 * *result.marks_off_m));
   }
   if (!result.held_poses) {
-    if (result.is_in_a_plane()) report.doubts.push_back(wave::plane_text(result.extent_m));
+    if (result.is_in_a_plane()) report.doubts.push_back(told({wave::motion_in_a_plane(result.extent_m)}));
     doubt_scale(report, result);
     doubt_measured(report, result);
   }

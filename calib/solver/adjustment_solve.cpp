@@ -238,11 +238,10 @@ void solve(Adjustment& a, const BoardShape& shape, double robust_px, int max_ite
   silence_ceres();
   ceres::Solver::Summary summary;
   ceres::Solve(options, &problem, &summary);
-  // Ceres' own words would tell nobody what to do.
+  // Ceres' own words would tell nobody what is wrong.
   if (!summary.IsSolutionUsable())
-    throw CalibrationError(
-        "the views do not determine what is asked of them (the adjustment does not converge): show the board at more "
-        "places, tilted, and out to the image's edges; or ask for a simpler lens model");
+    throw CalibrationError("the views do not determine what is asked of them (the adjustment does not converge)",
+                           Fault::undetermined);
   blocks.put_into(a);
 }
 

@@ -1,25 +1,21 @@
 // The joint adjustment of cameras, lenses and board poses to the corners that the cameras saw: least squares over the
 // reprojection errors (Ceres), with outliers found and left out, and the covariance of everything that was found.
-// Deterministic: one thread, and the order of the views does not matter.
+// Deterministic: one thread, and the order of the views does not matter. What cannot be done is a CalibrationError: its
+// what() is a fact; what to do about it is said by report::told().
 #pragma once
 
 #include <Eigen/Core>
 #include <array>
 #include <optional>
-#include <stdexcept>
 #include <string>
 #include <vector>
 
 #include "calib/board/board.h"
 #include "calib/model/camera_rig.h"
+#include "calib/solver/calibration_error.h"
 #include "calib/solver/lens.h"
 
 namespace huetrack::solver {
-
-// The calibration cannot be done with this input. what() is one readable line: which input, what is wrong, what to do.
-class CalibrationError : public std::runtime_error {
-  using std::runtime_error::runtime_error;
-};
 
 // One board in one image.
 struct BoardView {

@@ -227,8 +227,8 @@ class Start {
 // What stands in the way is these cameras' alone: the others could be calibrated.
 class CameraTrouble : public CalibrationError {
  public:
-  CameraTrouble(std::vector<int> cameras, const std::string& what)
-      : CalibrationError(what), cameras_(std::move(cameras)) {}
+  CameraTrouble(std::vector<int> cameras, std::vector<Reason> reasons)
+      : CalibrationError(std::move(reasons)), cameras_(std::move(cameras)) {}
   const std::vector<int>& cameras() const { return cameras_; }
 
  private:
@@ -236,9 +236,9 @@ class CameraTrouble : public CalibrationError {
 };
 
 // Why two cameras' views contradict one another, from where each says that the board's centre was.
-std::string explain_contradiction(const Start& start, const std::string& a, const std::string& b, int ia, int ib) {
+Reason explain_contradiction(const Start& start, const std::string& a, const std::string& b, int ia, int ib) {
   const auto [in_a, in_b] = start.centres(ia, ib);
-  if (in_a.cols() < 4) return "too few shared views to tell why";
+  if (in_a.cols() < 4) return {": too few shared views to tell why"};
   const auto misfit = [&](const Eigen::Matrix3Xd& from, bool with_scale, double& scale) {
     const Eigen::Matrix4d t = umeyama(from, in_b, with_scale);
     scale = t.topLeftCorner<3, 3>().col(0).norm();
@@ -256,15 +256,13 @@ std::string explain_contradiction(const Start& start, const std::string& a, cons
   // in a hundred is within the noise of a few boards.
   constexpr double explained = 0.4, explained_by_far = 0.3, better_than_scale = 0.5, least_scale = 0.02;
   if (mirror < explained_by_far * rigid && mirror < better_than_scale * similar) {
-    return "the images of one of them are mirrored (left and right swapped): record them as the sensor sees them";
+    return {": the images of one of them are mirrored (left and right swapped)", Fault::mirrored_images};
   }
   if (similar < explained * rigid && std::abs(scale - 1) > least_scale) {
-    return fmt::format(
-        "camera {} sees the board {:.2f} times as large as camera {} does: did they see different boards, or is one "
-        "camera's focal length wrong?",
-        b, scale, a);
+    return {fmt::format(": camera {} sees the board {:.2f} times as large as camera {} does", b, scale, a),
+            Fault::different_sizes};
   }
-  return "were the images taken at the same time, are they in the right order, and did nobody move a camera?";
+  return {"", Fault::contradicting_views};
 }
 
 std::string names(const std::vector<CameraToCalibrate>& cameras, const std::vector<int>& some) {
@@ -317,17 +315,18 @@ void connect(std::vector<AdjustedCamera>& cameras, const std::vector<Start::Link
     }
     if (bad) {
       const std::string &a = named[index(bad->pair.a)].name, &b = named[index(bad->pair.b)].name;
-      throw CameraTrouble(fewer, "cameras " + a + " and " + b + " saw the board together " +
-                                     std::to_string(bad->pair.shared_sets) +
-                                     " times, but contradict each other on how they stand: " +
-                                     explain_contradiction(start, a, b, bad->pair.a, bad->pair.b));
+      throw CameraTrouble(fewer, after("cameras " + a + " and " + b + " saw the board together " +
+                                           std::to_string(bad->pair.shared_sets) +
+                                           " times, but contradict each other on how they stand",
+                                       {explain_contradiction(start, a, b, bad->pair.a, bad->pair.b)}));
     }
     throw CameraTrouble(
-        fewer, "camera" + std::string(outside.size() > 1 ? "s " : " ") + names(named, outside) +
-                   (few == 0 ? " never saw the board at the same time as "
-                             : " saw the board at the same time only " + std::to_string(few) + " times as ") +
-                   names(named, inside) + ": show it to " + named[index(outside.front())].name + " and " +
-                   named[index(inside.front())].name + " (or to others of the two groups) together, 10 times or more");
+        fewer, {{.fact = "camera" + std::string(outside.size() > 1 ? "s " : " ") + names(named, outside) +
+                         (few == 0 ? " never saw the board at the same time as "
+                                   : " saw the board at the same time only " + std::to_string(few) + " times as ") +
+                         names(named, inside),
+                 .fault = Fault::no_overlap,
+                 .cameras = {named[index(outside.front())].name, named[index(inside.front())].name}}});
   }
 }
 
@@ -476,7 +475,7 @@ struct LensOfCamera {
   std::optional<Intrinsics> found;
   std::optional<LensCheck> check;
   double alone_px = 0;
-  std::string trouble;  // why there is none; empty: there is one
+  std::vector<Reason> trouble;  // why there is none; empty: there is one
 };
 
 LensOfCamera lens_of(const board::Board& board, const CameraToCalibrate& given, const std::vector<BoardView>& views,
@@ -499,7 +498,7 @@ LensOfCamera lens_of(const board::Board& board, const CameraToCalibrate& given, 
   try {
     lens.found = calibrate_intrinsics(board, given.name, given.image_size, views, options.intrinsics);
   } catch (const CalibrationError& error) {
-    lens.trouble = error.what();
+    lens.trouble = error.reasons();
     return lens;
   }
   const AdjustedCamera& camera = lens.found->adjustment.cameras.front();
@@ -619,7 +618,7 @@ Extrinsics calibrate_all(const board::Board& board, const std::vector<CameraToCa
   for (const BoardView& view : views) own[index(view.camera)].push_back(view);
   for (std::size_t c = 0; c < cameras.size(); ++c) {
     if (own[c].empty())
-      throw CameraTrouble({static_cast<int>(c)}, "camera " + cameras[c].name + " never saw the board");
+      throw CameraTrouble({static_cast<int>(c)}, {{.fact = "camera " + cameras[c].name + " never saw the board"}});
   }
   Extrinsics result;
   std::vector<AdjustedCamera> adjusted;
@@ -705,7 +704,7 @@ Extrinsics calibrate_extrinsics(const board::Board& board, const std::vector<Cam
       std::vector<int> without;
       for (std::size_t k = 0; k < kept.size(); ++k) {
         const bool out = std::ranges::find(trouble.cameras(), static_cast<int>(k)) != trouble.cameras().end();
-        if (out) left_out.push_back({kept[k], trouble.what()});
+        if (out) left_out.push_back({kept[k], trouble.reasons()});
         if (!out) without.push_back(kept[k]);
       }
       kept = std::move(without);

@@ -58,7 +58,7 @@ enum class LensRefinement {
 // A camera that has no place in the result, and why.
 struct LeftOutCamera {
   int camera = 0;  // of those that were given
-  std::string why;
+  std::vector<Reason> why;
 };
 
 // Everything is by the cameras that were kept.

@@ -86,9 +86,7 @@ AdjustedCamera find_start(const board::Board& board, const AdjustedCamera& camer
     }
   }
   if (!std::isfinite(least)) {
-    throw CalibrationError(
-        "camera " + camera.name +
-        ": no lens fits the views of the board: are all images of this camera, and not cropped or zoomed?");
+    throw CalibrationError("camera " + camera.name + ": no lens fits the views of the board", Fault::no_lens_fits);
   }
   best.lens = camera.lens;
   return best;
@@ -291,7 +289,7 @@ TrialFit try_from_all_starts(const TrialInput& in, LensModel lens, const std::ve
       TrialFit fitted = try_lens(in.board, std::move(start), in.views, in.options, is_near);
       if (tried.trial.fault == LensFault::unsolved || fitted.trial.fault == LensFault::none) tried = std::move(fitted);
     } catch (const CalibrationError& error) {
-      if (tried.trial.error.empty()) tried.trial.error = error.what();
+      if (tried.trial.error.empty()) tried.trial.error = error.reasons();
     }
   };
   if (glanced != nullptr) try_start([&] { return *glanced; }, true);
@@ -364,7 +362,7 @@ void choose_lens(Intrinsics& result, const board::Board& board, const std::strin
   const double sigma = sigma_of(trials, fits);
   const std::size_t closest = closest_fit(trials, fits, sigma);
   if (closest == fits.size())
-    throw CalibrationError("camera " + camera + ": no lens model fits the views: " + fault_text(trials.front()));
+    throw CalibrationError(after("camera " + camera + ": no lens model fits the views: ", reasons_of(trials.front())));
   constexpr std::size_t most_views = 40, least_views = 8;
   const auto good = spread_over(inliers(fits[closest]), most_views);
   result.compared_views = good.size();
@@ -385,7 +383,7 @@ void choose_lens(Intrinsics& result, const board::Board& board, const std::strin
     } catch (const CalibrationError& error) {
       trials[i].possible = false;
       trials[i].fault = LensFault::unsolved;
-      trials[i].error = error.what();
+      trials[i].error = error.reasons();
       continue;
     }
     trials[i].held_out_px = std::sqrt(sum(errors[i]));
@@ -431,16 +429,16 @@ bool covers_image(const calib::CameraModel& model, calib::ImageSize size) {
   return true;
 }
 
-std::string fault_text(const LensTrial& trial) {
+std::vector<Reason> reasons_of(const LensTrial& trial) {
   switch (trial.fault) {
     case LensFault::none:
       return {};
     case LensFault::folds:
-      return "its distortion turns back on itself, or has a pole, inside the image";
+      return {{.fact = "its distortion turns back on itself, or has a pole, inside the image"}};
     case LensFault::fits_folded:
-      return "kept from turning back on itself inside the image it does not fit the views";
+      return {{.fact = "kept from turning back on itself inside the image it does not fit the views"}};
     case LensFault::far_off:
-      return "it leaves far more than another model does";
+      return {{.fact = "it leaves far more than another model does"}};
     case LensFault::unsolved:
       break;
   }
@@ -453,9 +451,9 @@ Intrinsics calibrate_intrinsics(const board::Board& board, const std::string& na
   std::ranges::sort(views, {}, [](const BoardView& v) { return std::tie(v.set, v.image); });
   if (static_cast<int>(views.size()) < options.min_views) {
     throw CalibrationError("camera " + name + ": only " + std::to_string(views.size()) +
-                           (views.size() == 1 ? " view" : " views") + " of the board; at least " +
-                           std::to_string(options.min_views) +
-                           " are needed, some 15 with the board tilted and in all parts of the image are good");
+                               (views.size() == 1 ? " view" : " views") + " of the board; at least " +
+                               std::to_string(options.min_views) + " are needed",
+                           Fault::too_few_views);
   }
   std::vector<LensModel> candidates(all_lens_models.begin(), all_lens_models.end());
   if (options.lens) candidates = {*options.lens};
@@ -508,9 +506,12 @@ Intrinsics calibrate_intrinsics(const board::Board& board, const std::string& na
     tried.trial.possible =
         tried.trial.fault == LensFault::none || (is_only && tried.trial.fault != LensFault::unsolved);
     if (is_only && !tried.trial.possible) {
-      throw CalibrationError("camera " + name + ": " + std::string(solver::name(lens)) +
-                             " cannot be fitted to its views (" + tried.trial.error +
-                             "): where no model is asked for, the one that predicts the views best is taken");
+      // What the adjustment said, a reason of its own, is in brackets.
+      std::vector<Reason> why =
+          after("camera " + name + ": " + std::string(solver::name(lens)) + " cannot be fitted to its views (",
+                tried.trial.error);
+      why.push_back({.fact = ")", .fault = Fault::lens_does_not_fit});
+      throw CalibrationError(std::move(why));
     }
     result.trials.push_back(tried.trial);
     fits.push_back(std::move(tried.fit));

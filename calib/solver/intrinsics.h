@@ -39,11 +39,11 @@ struct LensTrial {
   // those that no model fits are left out, and every part of the image counts the same. Robustly: a corner that is off
   // by more than three standard deviations counts linearly. 0: not tried
   double held_out_px = 0;
-  std::string error;  // LensFault::unsolved: what the adjustment said
+  std::vector<Reason> error;  // LensFault::unsolved: what the adjustment said
 };
 
-// One clause; empty: LensFault::none.
-std::string fault_text(const LensTrial& trial);
+// What is wrong with it; empty: LensFault::none.
+std::vector<Reason> reasons_of(const LensTrial& trial);
 
 // Why a lens model was taken.
 enum class LensChoice {

@@ -208,8 +208,7 @@ RigCheck check_rig(const board::Board& board, const calib::CameraRig& rig, const
   }
   views = shared(inliers(best));
   for (const BoardView& view : views) ++check.shared_views[index(view.camera)];
-  if (views.empty())
-    throw CalibrationError("the views of the board contradict the rig altogether: is it the rig of these cameras?");
+  if (views.empty()) throw CalibrationError("the views of the board contradict the rig altogether", Fault::other_rig);
   const Adjustment start = place_boards(board, rig, views);
   const auto fit = [&](const std::set<int>& free) {
     tell(free.empty() ? "the rig as it is" : "who moved");

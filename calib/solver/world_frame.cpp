@@ -40,7 +40,7 @@ void require_spread(const std::vector<Vector3d>& points) {
     throw CalibrationError("three points are needed at least, there are " + std::to_string(points.size()));
   constexpr double least = 0.05;
   if (breadth(points) < least)
-    throw CalibrationError("the points lie in a line: a world can turn about it. Measure one well beside the line");
+    throw CalibrationError("the points lie in a line: a world can turn about it", Fault::collinear_points);
 }
 
 }  // namespace
@@ -174,8 +174,7 @@ calib::Rigid3d floor_from_points(const std::vector<Vector3d>& points, const cali
   int above = 0;
   for (const calib::Camera& camera : rig.cameras) above += (camera.centre() - middle).dot(up) > 0 ? 1 : -1;
   if (above == 0)
-    throw CalibrationError(
-        "as many cameras stand on one side of the floor as on the other: are the points on the floor?");
+    throw CalibrationError("as many cameras stand on one side of the floor as on the other", Fault::undecided_floor);
   if (above < 0) up = -up;
   const Vector3d x = points[1] - points[0];
   return with_axes(x - up * up.dot(x), up, points[0] - up * up.dot(points[0] - middle));

@@ -53,8 +53,9 @@ void require_connected(const calib::CameraRig& rig, const std::vector<WavePair>&
   }
   throw solver::CalibrationError(
       fmt::format("the cameras are not connected: {} and the others hardly saw the ball at the same time; {} share {} "
-                  "frames, {} are needed. Wave it where both see it",
-                  fmt::to_string(fmt::join(alone, ", ")), most, shared, least_shared));
+                  "frames, {} are needed",
+                  fmt::to_string(fmt::join(alone, ", ")), most, shared, least_shared),
+      solver::Fault::unconnected_cameras);
 }
 
 std::vector<WavePair> pairs_of(const calib::CameraRig& rig, const BallTracks& tracks) {
@@ -82,19 +83,17 @@ void take_sightings(WaveResult& result, std::vector<BallFrame>& frames) {
     const std::string& name = result.rig.cameras[c].name;
     if (camera.frames == 0) throw solver::CalibrationError(name + " gave no frame");
     if (seen_anything[c] == 0) {
-      throw solver::CalibrationError(
-          name + " never saw the target: none of its " + std::to_string(camera.frames) +
-          " frames has a region of the colour. Check the target's colour (hue, saturation, intensity) in "
-          "this camera, or wave it in front of it");
+      throw solver::CalibrationError(name + " never saw the target: none of its " + std::to_string(camera.frames) +
+                                         " frames has a region of the colour",
+                                     solver::Fault::target_unseen);
     }
     if (camera.seen < least_shared) {
-      throw solver::CalibrationError(name +
-                                     (camera.has_still_things
-                                          ? " saw the target's colour only where it never moves: too little motion, or "
-                                            "something else of that colour"
+      throw solver::CalibrationError(
+          name + (camera.has_still_things ? " saw the target's colour only where it never moves: too little motion, "
+                                            "or something else of that colour"
                                           : " saw the target in only " + std::to_string(camera.seen) + " frames, " +
-                                                std::to_string(least_shared) + " are needed") +
-                                     ". Wave it through the whole volume");
+                                                std::to_string(least_shared) + " are needed"),
+          solver::Fault::too_little_motion);
     }
   }
 }
@@ -118,26 +117,28 @@ Found find_solution(const calib::CameraRig& rig, const std::vector<BallFrame>& f
   if (options.hold_poses) {
     solution->solve(start, false);
     if (const double share = solution->used_share(); share < most_agree) {
-      throw solver::CalibrationError(fmt::format(
-          "only {:.0f} % of the frames with the target's colour agree with the poses that the rig has: they "
-          "are not right, or the cameras' names are swapped. Find poses and times together, with wave",
-          1e2 * share));
+      throw solver::CalibrationError(
+          fmt::format(
+              "only {:.0f} % of the frames with the target's colour agree with the poses that the rig has: they "
+              "are not right, or the cameras' names are swapped",
+              1e2 * share),
+          solver::Fault::wrong_poses);
     }
     return {std::move(solution), false};
   }
-  std::string why;
+  std::optional<solver::CalibrationError> refused;
   try {
     solution->solve(start, false);
-  } catch (const solver::CalibrationError& e) {
-    why = e.what();
+  } catch (const solver::CalibrationError& error) {
+    refused = error;
   }
-  if (why.empty() && solution->used_share() >= most_agree) return {std::move(solution), false};
+  if (!refused && solution->used_share() >= most_agree) return {std::move(solution), false};
   try {
     auto fresh = std::make_unique<WaveSolution>(rig, frames, options);
     fresh->solve(start_from_nothing(rig, fresh->tracks()), true);
-    if (!why.empty() || fresh->misfit() < solution->misfit()) return {std::move(fresh), true};
+    if (refused || fresh->misfit() < solution->misfit()) return {std::move(fresh), true};
   } catch (const solver::CalibrationError&) {
-    if (!why.empty()) throw solver::CalibrationError(why);
+    if (refused) throw solver::CalibrationError(*refused);
   }
   return {std::move(solution), false};
 }
@@ -170,10 +171,9 @@ std::array<Vector3d, 2> rests(const WaveSolution& wave) {
   for (std::size_t i = 1; i < found.size(); ++i) {
     if ((found[i].place - found[0].place).norm() > 0.1) return {found[0].place, found[i].place};
   }
-  throw solver::CalibrationError(
-      "the ball did not rest at two places (it rested " + std::to_string(found.size()) +
-      " times for 0.7 s or longer), so the distance between them cannot set the scale: hold it still for "
-      "two seconds at each of the two marks, in sight of two cameras");
+  throw solver::CalibrationError("the ball did not rest at two places (it rested " + std::to_string(found.size()) +
+                                     " times for 0.7 s or longer), so the distance between them cannot set the scale",
+                                 solver::Fault::no_rests);
 }
 
 // Where the path was at the marks, and where they say that it was.
@@ -362,17 +362,18 @@ void take_signs(WaveResult& result, WaveSolution& wave) {
 void require_motion(const WaveResult& result) {
   if (result.extent_m[0] < WaveResult::least_length * result.away_m) {
     throw solver::CalibrationError(
-        fmt::format("too little motion: the ball moved within {:.0f} cm, at {:.1f} m from the cameras. Wave it through "
-                    "the whole volume",
-                    1e2 * result.extent_m[0], result.away_m));
+        fmt::format("too little motion: the ball moved within {:.0f} cm, at {:.1f} m from the cameras",
+                    1e2 * result.extent_m[0], result.away_m),
+        solver::Fault::too_little_motion);
   }
   if (result.extent_m[1] < WaveResult::least_extent * result.away_m) {
     throw solver::CalibrationError(
         fmt::format("the ball moved along one line ({:.2f} m long, {:.0f} mm wide), which leaves the cameras free to "
-                    "turn around it. Wave it through the whole volume",
-                    result.extent_m[0], 1e3 * result.extent_m[1]));
+                    "turn around it",
+                    result.extent_m[0], 1e3 * result.extent_m[1]),
+        solver::Fault::too_little_motion);
   }
-  if (result.is_in_a_plane() && !result.had_poses) throw solver::CalibrationError(plane_text(result.extent_m));
+  if (result.is_in_a_plane() && !result.had_poses) throw solver::CalibrationError({motion_in_a_plane(result.extent_m)});
 }
 
 // The poses that each half of the recording finds by itself: how far they are apart, and the covariance of that.
@@ -541,11 +542,10 @@ std::vector<std::string> WaveOptions::problems(const calib::CameraRig& rig) cons
   return out;
 }
 
-std::string plane_text(const Eigen::Vector3d& extent_m) {
-  return fmt::format(
-      "the ball moved in one plane ({:.2f} x {:.2f} m, {:.0f} mm thick): wave it through the whole volume, up and down "
-      "and towards the cameras too",
-      extent_m[0], extent_m[1], 1e3 * extent_m[2]);
+solver::Reason motion_in_a_plane(const Eigen::Vector3d& extent_m) {
+  return {fmt::format("the ball moved in one plane ({:.2f} x {:.2f} m, {:.0f} mm thick)", extent_m[0], extent_m[1],
+                      1e3 * extent_m[2]),
+          solver::Fault::motion_in_a_plane};
 }
 
 namespace {
@@ -601,33 +601,31 @@ bool is_far_from_one(double ratio) {
 // Why a wave may end in nothing that has to do with how the ball was moved: a size or a distance that contradicts what
 // was seen. looks: how large the ball looks for its radius, once all has the scale that was measured. Empty: they
 // agree.
-std::string contradicting_sizes(const calib::CameraRig& rig, const std::vector<BallFrame>& frames,
-                                const WaveOptions& options, std::optional<double> looks) {
-  std::vector<std::string> found;
+std::vector<solver::Reason> contradicting_sizes(const calib::CameraRig& rig, const std::vector<BallFrame>& frames,
+                                                const WaveOptions& options, std::optional<double> looks) {
+  std::vector<solver::Reason> found;
   if (options.has_poses) {
     if (options.camera_distance) {
       const auto [a, b, metres] = *options.camera_distance;
       const std::string &name_a = rig.cameras[index(a)].name, &name_b = rig.cameras[index(b)].name;
       const double of_rig = (rig.cameras[index(a)].centre() - rig.cameras[index(b)].centre()).norm();
       if (is_far_from_one(metres / of_rig))
-        found.push_back(
-            fmt::format("the distance between {} and {} was given as {:.3g} m, and is {:.3g} m by the rig: was it "
-                        "measured from lens to lens, in metres? If the rig's scale was only a guess, correct it first",
-                        name_a, name_b, metres, of_rig));
+        found.push_back({fmt::format("the distance between {} and {} was given as {:.3g} m, and is {:.3g} m by the rig",
+                                     name_a, name_b, metres, of_rig),
+                         solver::Fault::wrong_distance});
     }
     const auto radius_m = radius_by_rays(rig, frames);
     if (radius_m && is_far_from_one(*radius_m / options.radius_m))
-      found.push_back(
-          fmt::format("by the rig the ball has a radius of about {:.0f} mm, and {:.3g} mm was given: "
-                      "measure it, and correct it",
-                      1e3 * *radius_m, 1e3 * options.radius_m));
+      found.push_back({fmt::format("{}by the rig the ball has a radius of about {:.0f} mm, and {:.3g} mm was given",
+                                   found.empty() ? "" : "; and ", 1e3 * *radius_m, 1e3 * options.radius_m),
+                       solver::Fault::wrong_radius});
   } else if (looks && is_far_from_one(*looks)) {
     found.push_back(
-        fmt::format("at the scale that was given the ball looks {:.3g} times as large as its radius of {:.3g} mm says: "
-                    "correct the radius, or the measured distance, which is in metres",
-                    *looks, 1e3 * options.radius_m));
+        {fmt::format("at the scale that was given the ball looks {:.3g} times as large as its radius of {:.3g} mm says",
+                     *looks, 1e3 * options.radius_m),
+         solver::Fault::wrong_scale});
   }
-  return fmt::format("{}", fmt::join(found, "; and "));
+  return found;
 }
 
 // looks: see contradicting_sizes(). frames: by time.
@@ -695,9 +693,10 @@ WaveResult calibrate_wave(const calib::CameraRig& rig, std::vector<BallFrame> fr
     return calibrated(rig, frames, options, looks);
   } catch (const solver::CalibrationError& error) {
     // The ball's size pulls on path and cameras: a wrong one draws them together until nothing moves.
-    const std::string why = contradicting_sizes(rig, frames, options, looks);
+    std::vector<solver::Reason> why = contradicting_sizes(rig, frames, options, looks);
     if (why.empty()) throw;
-    throw solver::CalibrationError(why + ". As it was given, no rig was found: " + error.what());
+    std::ranges::move(solver::after(". As it was given, no rig was found: ", error.reasons()), std::back_inserter(why));
+    throw solver::CalibrationError(std::move(why));
   }
 }
 

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "calib/model/camera_rig.h"
+#include "calib/solver/calibration_error.h"
 #include "calib/solver/progress.h"
 #include "calib/solver/volume_accuracy.h"
 #include "calib/wave/ball_finder.h"
@@ -112,8 +113,8 @@ struct WaveResult {
   bool is_in_a_plane() const { return extent_m.z() < least_extent * away_m; }
 };
 
-// One sentence: that the path is in a plane, and what to do. Without poses it is an error, with them a doubt.
-std::string plane_text(const Eigen::Vector3d& extent_m);
+// That the path is in a plane. Without poses it is an error, with them a doubt.
+solver::Reason motion_in_a_plane(const Eigen::Vector3d& extent_m);
 
 // frames: in any order; several per camera. throws std::invalid_argument: options.problems(); CalibrationError: it
 // cannot be done, and why: which camera, which pair. Deterministic.

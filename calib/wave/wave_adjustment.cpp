@@ -244,9 +244,8 @@ Eigen::MatrixXd gain_of(ceres::Problem& problem, const std::vector<double*>& wan
   const Eigen::LDLT<Eigen::MatrixXd> ldlt(information);
   const Eigen::MatrixXd covariance = ldlt.solve(Eigen::MatrixXd(Eigen::MatrixXd::Identity(size, size)));
   if (!covariance.allFinite() || (covariance.diagonal().array() <= 0).any()) {
-    throw solver::CalibrationError(
-        "the camera poses are not determined by how the ball was moved: carry it through the whole volume, "
-        "up and down and towards the cameras");
+    throw solver::CalibrationError("the camera poses are not determined by how the ball was moved",
+                                   solver::Fault::undetermined_poses);
   }
   return (Eigen::MatrixXd(by_wanted) - by_point * path_by_wanted) * covariance;
 }

@@ -190,9 +190,8 @@ FirstPair first_pair(const calib::CameraRig& rig, const BallTracks& tracks) {
     }
   }
   if (best.inliers < static_cast<int>(least_common)) {
-    throw solver::CalibrationError(
-        "no two cameras agree on how the ball moved, so their poses cannot be found: is its colour seen on anything "
-        "else that moves? Give a rig with approximate poses, or wave for longer, through the whole volume");
+    throw solver::CalibrationError("no two cameras agree on how the ball moved, so their poses cannot be found",
+                                   solver::Fault::contradicting_motion);
   }
   return best;
 }
@@ -273,9 +272,8 @@ WaveStart start_from_nothing(const calib::CameraRig& rig, BallTracks tracks) {
       for (std::size_t c = 0; c < n; ++c) {
         if (!placed[c]) names.emplace_back(rig.cameras[c].name);
       }
-      throw solver::CalibrationError(
-          fmt::format("{}: cannot be placed; wave the ball where it and two other cameras see it at once",
-                      fmt::to_string(fmt::join(names, ", "))));
+      throw solver::CalibrationError(fmt::format("{}: cannot be placed", fmt::to_string(fmt::join(names, ", "))),
+                                     solver::Fault::unplaced_camera);
     }
     place(next.camera, pose.cam_from_world, later_s);
   }

@@ -15,6 +15,7 @@
 
 #include "benchmark/sequence.h"
 #include "benchmark/tracking_figures.h"
+#include "calib/report/advice.h"
 #include "calib/solver/extrinsics.h"
 #include "calib/solver/volume_accuracy.h"
 #include "calib/solver/world_frame.h"
@@ -163,7 +164,7 @@ int main(int argc, char** argv) {
         rig = aligned;
         rig.uncertainty = solver::uncertainty_of(found.adjustment, volume);
       } catch (const solver::CalibrationError& error) {
-        fmt::print("  calibration {:2}: {}\n", seed, error.what());
+        fmt::print("  calibration {:2}: {}\n", seed, report::told(error));
         continue;
       }
       const Honesty a = track(subject, rig);

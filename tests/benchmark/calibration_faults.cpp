@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "calib/board/board_detector.h"
+#include "calib/report/advice.h"
 #include "calib/report/calibration_report.h"
 #include "calib/solver/extrinsics.h"
 #include "calib/solver/world_frame.h"
@@ -361,9 +362,10 @@ void faults(int seeds) {
         named += is_named ? 1 : 0;
         if (!is_named && missed.empty()) missed = doubts.empty() ? "    (no doubt)\n" : doubts;
       } catch (const solver::CalibrationError& error) {
-        const bool is_named = std::string(error.what()).find("cam1") != std::string::npos;
+        const std::string why = report::told(error);
+        const bool is_named = why.find("cam1") != std::string::npos;
         named += is_named ? 1 : 0;
-        if (!is_named && missed.empty()) missed = std::string("    ") + error.what() + "\n";
+        if (!is_named && missed.empty()) missed = "    " + why + "\n";
       }
     }
     std::printf("  %-42s %3d / %2d %12.2f %12.2f %8d  (%d usable)\n", fault.name.c_str(), named, seeds,

@@ -14,6 +14,7 @@
 
 #include "benchmark/rig_figures.h"
 #include "calib/model/rig_yaml.h"
+#include "calib/report/advice.h"
 #include "calib/report/wave_report.h"
 #include "calib/wave/wave.h"
 #include "capture/camera_clock.h"
@@ -211,8 +212,8 @@ void print_faults(const std::filesystem::path& folder) {
       std::printf("  %-42s %9.2f %9.2f %6.1f  %s%s%s\n", fault.name.c_str(), 1e3 * error, 1e3 * stated, error / stated,
                   std::string(report::name(report.verdict)).c_str(), is_wrong ? "  WRONG" : "",
                   report.doubts.empty() ? "" : (": " + report.doubts.front()).c_str());
-    } catch (const std::exception& e) {
-      std::printf("  %-42s %9s %9s %6s  failed: %s\n", fault.name.c_str(), "", "", "", e.what());
+    } catch (const solver::CalibrationError& error) {
+      std::printf("  %-42s %9s %9s %6s  failed: %s\n", fault.name.c_str(), "", "", "", report::told(error).c_str());
     }
   }
 }

@@ -14,6 +14,7 @@
 
 #include "benchmark/rig_figures.h"
 #include "benchmark/sequence.h"
+#include "calib/report/advice.h"
 #include "calib/report/wave_report.h"
 #include "calib/wave/wave.h"
 #include "calib/wave/wave_adjustment.h"
@@ -290,9 +291,9 @@ void from_wrong_rigs(const figures::Sequence& sequence, const Waved& waved, cons
       doubtful += told.verdict == report::Verdict::usable ? 0 : 1;
       if (seed == 1 && mode.scale_known && std::getenv("WAVE_FIGURES_VERBOSE") != nullptr)
         std::printf("%s", report::to_text(told, r).c_str());
-    } catch (const std::exception& e) {
+    } catch (const solver::CalibrationError& error) {
       ++failed;
-      std::printf("    seed %d: %s\n", seed, e.what());
+      std::printf("    seed %d: %s\n", seed, report::told(error).c_str());
     }
   }
   std::printf("  %s: %d seeds, %d failed, %d doubtful, slowest %.2f s\n", mode.name, seeds, failed, doubtful, slowest);
@@ -314,8 +315,8 @@ void from_nothing(const figures::Sequence& sequence, const Waved& waved, wave::W
       all_reached = false;
       std::printf("    MISSED\n");
     }
-  } catch (const std::exception& e) {
-    std::printf("    failed: %s\n", e.what());
+  } catch (const solver::CalibrationError& error) {
+    std::printf("    failed: %s\n", report::told(error).c_str());
     if (must) all_reached = false;
   }
 }

@@ -1,4 +1,5 @@
 #include "calib/wave/wave.h"
+#include "calib/report/advice.h"
 #include "calib/report/wave_report.h"
 #include "calib/solver/umeyama.h"
 #include "calib/wave/wave_adjustment.h"
@@ -20,6 +21,7 @@ namespace huetrack::wave {
 namespace {
 
 using Eigen::Vector3d;
+using solver::Fault;
 using testing::AllOf;
 using testing::HasSubstr;
 using testing::StartsWith;
@@ -149,13 +151,25 @@ bool is_usable(const WaveResult& result) {
   return report::report_on(result).verdict == report::Verdict::usable;
 }
 
-std::string failure(const calib::CameraRig& rig, const std::vector<BallFrame>& frames, const WaveOptions& options) {
+solver::CalibrationError failure(const calib::CameraRig& rig, const std::vector<BallFrame>& frames,
+                                 const WaveOptions& options) {
   try {
     calibrate_wave(rig, frames, options);
   } catch (const solver::CalibrationError& error) {
-    return error.what();
+    return error;
   }
-  return "no failure";
+  return solver::CalibrationError("no failure");
+}
+
+auto finds(Fault fault, const testing::Matcher<std::string>& fact) {
+  return AllOf(
+      testing::Property(&solver::CalibrationError::fault, fault),
+      testing::ResultOf([](const solver::CalibrationError& error) { return std::string(error.what()); }, fact));
+}
+
+// What people read: the fact, and what to do.
+auto is_told_as(const testing::Matcher<std::string>& text) {
+  return testing::ResultOf([](const solver::CalibrationError& error) { return report::told(error); }, text);
 }
 
 TEST(Wave, BringsSpoiltPosesBack) {
@@ -191,15 +205,29 @@ TEST(Wave, AWrongRadiusOrDistanceIsNamedAndNotTheMotion) {
   const double right_m = options.radius_m;
   for (const double factor : {2.0, 10.0}) {
     options.radius_m = factor * right_m;
-    EXPECT_THAT(failure(start, waved(truth, {}), options),
-                AllOf(StartsWith("by the rig the ball has a radius of about 4"), HasSubstr("was given: measure it")));
+    EXPECT_THAT(
+        failure(start, waved(truth, {}), options),
+        AllOf(finds(Fault::wrong_radius,
+                    AllOf(StartsWith("by the rig the ball has a radius of about 4"), HasSubstr("mm was given."))),
+              is_told_as(HasSubstr("was given: measure it, and correct it. As it was given, no rig was found"))));
   }
   options.radius_m = right_m;
   options.camera_distance->metres /= 1000;
   EXPECT_THAT(failure(start, waved(truth, {}), options),
-              AllOf(StartsWith("the distance between "), HasSubstr("measured from lens to lens, in metres?")));
+              AllOf(finds(Fault::wrong_distance, StartsWith("the distance between ")),
+                    is_told_as(HasSubstr("by the rig: was it measured from lens to lens, in metres?"))));
+  // Two things that are wrong, each with what to do about it; and what came of them.
+  WaveOptions both = options;
+  both.radius_m = 10 * right_m;
+  EXPECT_THAT(
+      failure(start, waved(truth, {}), both),
+      AllOf(finds(Fault::wrong_distance, HasSubstr("m by the rig; and by the rig the ball has a radius of")),
+            is_told_as(AllOf(HasSubstr("correct it first; and by the rig the ball"),
+                             HasSubstr("was given: measure it, and correct it. As it was given, no rig was")))));
   options.has_poses = false;
-  EXPECT_THAT(failure(truth, waved(truth, {}), options), HasSubstr("the measured distance, which is in metres"));
+  EXPECT_THAT(failure(truth, waved(truth, {}), options),
+              AllOf(finds(Fault::wrong_scale, StartsWith("at the scale that was given the ball looks ")),
+                    is_told_as(HasSubstr("says: correct the radius, or the measured distance, which is in metres"))));
 }
 
 TEST(Wave, TellsHowGoodItIsInTheWholeVolume) {
@@ -339,7 +367,7 @@ TEST(Wave, FindsTimesWithThePosesHeld) {
     EXPECT_EQ((r.rig.cameras[c].centre() - truth.cameras[c].centre()).norm(), 0) << "camera " << c;
   // Poses that are not right are found out.
   EXPECT_THAT(failure(spoilt(truth, 0.05, 1), waved(truth, {.times = webcam_times}), options),
-              HasSubstr("agree with the poses that the rig has"));
+              finds(Fault::wrong_poses, HasSubstr("agree with the poses that the rig has")));
 }
 
 struct TimeFault {
@@ -439,7 +467,7 @@ TEST(Wave, MarkedPointsSetTheWorld) {
   for (std::size_t c = 0; c < 3; ++c) EXPECT_LT((r.rig.cameras[c].centre() - truth.cameras[c].centre()).norm(), 0.005);
   EXPECT_TRUE(is_usable(r)) << report::to_text(report::report_on(r), r);
   options.marks[1].t_s = 50;
-  EXPECT_THAT(failure(truth, waved(truth, {}), options), HasSubstr("the mark at 50.000 s"));
+  EXPECT_THAT(failure(truth, waved(truth, {}), options), finds(Fault::none, HasSubstr("the mark at 50.000 s")));
 }
 
 TEST(Wave, TwoRestsSetTheScale) {
@@ -455,7 +483,8 @@ TEST(Wave, TwoRestsSetTheScale) {
   options.rest_distance_m = (lissajous(2) - lissajous(4.2)).norm();
   const WaveResult r = calibrate_wave(spoilt(truth, 0.1, 3), waved(truth, {.seconds = 10, .path = path}), options);
   EXPECT_LT(off(r.rig, truth).metres, 0.01);
-  EXPECT_THAT(failure(truth, waved(truth, {}), options), HasSubstr("did not rest at two places"));
+  EXPECT_THAT(failure(truth, waved(truth, {}), options),
+              finds(Fault::no_rests, HasSubstr("did not rest at two places")));
 }
 
 TEST(Wave, WithoutADistanceTheScaleIsTheRigsAndDoubtful) {
@@ -483,32 +512,37 @@ TEST(Wave, SaysWhatIsMissing) {
   const calib::CameraRig truth = rig_of(3);
   const WaveOptions options = taped(truth);
   EXPECT_THAT(failure(truth, waved(truth, {.hidden = [](int c, double) { return c == 1; }}), options),
-              HasSubstr("cam1 never saw the target"));
+              finds(Fault::target_unseen, HasSubstr("cam1 never saw the target")));
   // Each sees it, but cam2 never together with the others.
   EXPECT_THAT(
       failure(truth, waved(truth, {.hidden = [](int c, double t) { return c == 2 ? t < 4.2 : t > 4; }}), options),
-      AllOf(HasSubstr("not connected: cam2"), HasSubstr("share 0 frames")));
+      finds(Fault::unconnected_cameras, AllOf(HasSubstr("not connected: cam2"), HasSubstr("share 0 frames"))));
   EXPECT_THAT(
       failure(truth, waved(truth, {.path = [](double t) { return Vector3d(0.03 * lissajous(t) + Vector3d(0, 0, 1)); }}),
               options),
-      HasSubstr("too little motion"));
+      finds(Fault::too_little_motion, HasSubstr("too little motion")));
   EXPECT_THAT(failure(truth, waved(truth, {.path = [](double) { return Vector3d(0, 0, 1); }}), options),
-              HasSubstr("too little motion"));
+              finds(Fault::too_little_motion, HasSubstr("too little motion")));
   EXPECT_THAT(
       failure(truth, waved(truth, {.path = [](double t) { return Vector3d(0.7 * std::sin(t), 0.2 * std::sin(t), 1); }}),
               options),
-      HasSubstr("along one line"));
+      finds(Fault::too_little_motion, HasSubstr("along one line")));
 }
 
 TEST(Wave, MotionInOnePlaneIsDoubtfulAndNoStartFromNothing) {
   const calib::CameraRig truth = rig_of(3);
   const auto frames = waved(truth, {.path = [](double t) { return Vector3d(lissajous(t).x(), lissajous(t).y(), 1); }});
   const WaveResult r = calibrate_wave(spoilt(truth, 0.1, 3), frames, taped(truth));
-  EXPECT_THAT(report::report_on(r).doubts, testing::Contains(HasSubstr("in one plane")));
+  EXPECT_THAT(report::report_on(r).doubts,
+              testing::Contains(AllOf(StartsWith("the ball moved in one plane ("),
+                                      testing::EndsWith("thick): wave it through the whole volume, up and down and "
+                                                        "towards the cameras too"))));
   WaveOptions nothing = taped(truth);
   nothing.has_poses = false;
-  EXPECT_THAT(failure(truth, frames, nothing), testing::AnyOf(HasSubstr("in one plane"), HasSubstr("cannot be placed"),
-                                                              HasSubstr("no two cameras agree")));
+  EXPECT_THAT(failure(truth, frames, nothing),
+              testing::AnyOf(finds(Fault::motion_in_a_plane, HasSubstr("in one plane")),
+                             finds(Fault::unplaced_camera, HasSubstr("cannot be placed")),
+                             finds(Fault::contradicting_motion, HasSubstr("no two cameras agree"))));
 }
 
 TEST(Wave, RefusesOptionsThatMeanNothing) {
