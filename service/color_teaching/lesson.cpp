@@ -37,6 +37,14 @@ std::string why_not_accepted(const Taught& taught, const calib::CameraRig& rig, 
   return "";
 }
 
+// Ranges by which all cameras' objects are told from what else has their colour, where narrower ones do it.
+std::optional<int> narrower_steps(const Taught& taught) {
+  std::optional<int> steps;
+  for (const TaughtView& view : taught.views)
+    if (view.narrower) steps = std::min(steps.value_or(view.narrower->wider), view.narrower->wider);
+  return steps;
+}
+
 }  // namespace
 
 Lesson learn(const ColorTeacher& teacher, const TeachRequestOptions& request,
@@ -45,8 +53,11 @@ Lesson learn(const ColorTeacher& teacher, const TeachRequestOptions& request,
   Lesson lesson;
   lesson.taught = teacher.teach(request, volume);
   lesson.target = target;
+  TeachRequestOptions confirmed = request;
+  const auto held = [&](Taught taught) {
+    return teacher.held_elsewhere(std::move(taught), confirmed, volume, target.count > 1);
+  };
   if (request.accepts_suggestions && lesson.taught.any()) {
-    TeachRequestOptions confirmed = request;
     std::vector<std::size_t>& accepted = lesson.accepted;
     const auto first = static_cast<std::size_t>(std::ranges::find_if(lesson.taught.views, &TaughtView::pointed) -
                                                 lesson.taught.views.begin());
@@ -62,9 +73,18 @@ Lesson learn(const ColorTeacher& teacher, const TeachRequestOptions& request,
       before = accepted.size();
       lesson.taught = teacher.teach(confirmed, volume);
     }
+    lesson.taught = held(std::move(lesson.taught));
+    // Nobody looks at what else has the colour either: where narrower ranges leave it out, and nobody has said how wide
+    // they are to be, they are taken.
+    if (const auto steps = narrower_steps(lesson.taught); steps && request.wider == 0) {
+      confirmed.wider = *steps;
+      lesson.taught = held(teacher.teach(confirmed, volume));
+      lesson.narrowed_to = *steps;
+    }
     lesson.why_useless = why_not_accepted(lesson.taught, teacher.rig(), first, accepted);
+  } else {
+    lesson.taught = held(std::move(lesson.taught));
   }
-  lesson.taught = teacher.held_elsewhere(std::move(lesson.taught), request, volume, target.count > 1);
   const Taught& taught = lesson.taught;
   if (taught.any()) lesson.target = with_taught_color(target, teacher.rig(), taught);
   lesson.unconfirmed = unconfirmed(taught, teacher.rig());

@@ -19,6 +19,7 @@ struct Lesson {
   Taught taught;                          // per camera: the region, its ranges, what else has them, suggestions
   object_tracking::TargetOptions target;  // with the colours that were learnt
   std::vector<std::size_t> accepted;      // cameras in which a suggestion counts as pointed at
+  std::optional<int> narrowed_to;         // TeachRequestOptions::wider, as accepted ranges held something else, too
   std::vector<std::string> unconfirmed;   // cameras into which nobody pointed, though the object probably is there
   std::vector<std::string> namesakes;     // other targets whose colour the object has, too
   RadiusProposal radius;                  // how large the object is, where that can be told

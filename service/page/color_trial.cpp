@@ -35,16 +35,15 @@ class TrialWatch final : public pipeline::Output {
 
   void on_set(const pipeline::TrackedSet& set) override {
     ++trial_.sets;
-    bool is_tracking = false;
-    const bool is_taken = is_taken_for_it(set);
-    for (const object_tracking::ObjectEstimate& estimate : set.estimates) {
-      if (estimate.state != object_tracking::TrackState::tracking) continue;
-      is_tracking = true;
-      sigmas_m_.push_back(std::sqrt(estimate.covariance.trace()));
-      if (is_taken) continue;
-      hold_to_point(estimate, std::chrono::abs(set.frames.at - seen_.at));
+    std::vector<const object_tracking::ObjectEstimate*> tracked;
+    for (const object_tracking::ObjectEstimate& estimate : set.estimates)
+      if (estimate.state == object_tracking::TrackState::tracking) tracked.push_back(&estimate);
+    trial_.tracking += tracked.empty() ? 0 : 1;
+    const bool is_taken = !tracked.empty() && is_taken_for_it(set);
+    for (const object_tracking::ObjectEstimate* const estimate : tracked) {
+      sigmas_m_.push_back(std::sqrt(estimate->covariance.trace()));
+      if (!is_taken) hold_to_point(*estimate, std::chrono::abs(set.frames.at - seen_.at));
     }
-    trial_.tracking += is_tracking ? 1 : 0;
     if (set.frames.at - seen_.at > enough) done_.request_stop();
   }
 
@@ -59,10 +58,7 @@ class TrialWatch final : public pipeline::Output {
   // are.
   bool is_taken_for_it(const pipeline::TrackedSet& set) {
     const auto& frame = set.frames.frames[std::size_t(seen_.point.camera)];
-    const bool is_tracked = std::ranges::any_of(set.estimates, [](const object_tracking::ObjectEstimate& estimate) {
-      return estimate.state == object_tracking::TrackState::tracking;
-    });
-    if (!is_tracked || !frame || frame->captured_at != seen_.at) return false;
+    if (!frame || frame->captured_at != seen_.at) return false;
     for (const object_tracking::SeenRegion& region : set.trackers.front().regions()) {
       if (!region.is_target || region.camera != seen_.point.camera) continue;
       const ColorTrial::Beside beside{.off_px = (region.px - seen_.point.px).norm(), .allowed_px = region.radius_px};

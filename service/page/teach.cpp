@@ -284,6 +284,9 @@ void print_lesson(const color_teaching::Lesson& lesson, const calib::CameraRig& 
                  std::lround(view.region->centre.y()));
     }
   }
+  if (lesson.narrowed_to)
+    fmt::print("Narrower ranges are taken (--wider {}), as those of the object held something else, too\n",
+               *lesson.narrowed_to);
   if (lesson.taught.any()) fmt::print("{}\n", color_teaching::radius_words(lesson.radius, said_radius_m));
   for (const std::string& name : lesson.namesakes)
     fmt::print("Warning: the object has the colour of the target {}, too: nothing tells the two apart\n", name);

@@ -1,5 +1,6 @@
 #include "color_teaching/lesson.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 
 #include "benchmark/tracking_figures.h"
@@ -33,11 +34,14 @@ TEST(Lesson, FromOneClickToTheTargetsColour) {
   EXPECT_THAT(one.target.camera_colors, IsEmpty());
   EXPECT_FALSE(one.is_faint);
 
-  // With suggestions accepted it is as if both had been pointed at.
+  // With suggestions accepted it is as if both had been pointed at, and the ranges narrowed as is said then.
   request.accepts_suggestions = true;
   const Lesson accepted = learn(teacher, request, {lime}, lime, volume);
   TeachRequestOptions both;
   both.points = {request.points[0], {1, one.taught.views[1].region->centre}};
+  ASSERT_TRUE(accepted.narrowed_to);
+  EXPECT_THAT(one.taught.views[0].verdict, HasSubstr(fmt::format("to --wider {} ", *accepted.narrowed_to)));
+  both.wider = *accepted.narrowed_to;
   const Lesson pointed = learn(teacher, both, {lime}, lime, volume);
   EXPECT_THAT(accepted.unconfirmed, IsEmpty());
   EXPECT_THAT(accepted.namesakes, IsEmpty());
@@ -142,6 +146,41 @@ TEST_F(OtherLight, OfOthersOfSeveralIsHeldAndOfOneAloneItIsARivals) {
   EXPECT_TRUE(holds(several, lit));
   EXPECT_TRUE(holds(several, dark));
   EXPECT_FALSE(several.taught.views[0].patch);
+}
+
+// Something large, of a hue that the ball's ranges just reach.
+TEST(Lesson, OfAcceptedSuggestionsNarrowerRangesLeaveAnotherThingOut) {
+  constexpr double radius_m = 0.06;
+  const Eigen::Vector3d paint(0.45, 0.80, 0.12);
+  const Eigen::Vector3d furniture(0.37, 0.80, 0.16);
+  const color::Hsi other = color::hsi_of({float(furniture.x()), float(furniture.y()), float(furniture.z())});
+  scene::SceneBuilder builder;
+  builder.cameras_on_ring({.count = 3, .image_size = {320, 240}, .focal_px = 300});
+  builder.ball({.radius_m = radius_m, .rgb = paint, .path = [](double) { return Eigen::Vector3d(0.1, 0.2, 1.1); }});
+  builder.ball({.radius_m = 0.3, .rgb = furniture, .path = [](double) { return Eigen::Vector3d(0, 0, 0.2); }});
+  const scene::Scene scene = builder.build();
+  const auto sets = render(scene, {.set_count = 1});
+  const ColorTeacher teacher(scene.rig, sets[0]);
+  TeachRequestOptions request;
+  request.points = {{0, scene.rig.cameras[0].project_world(scene.ball_at(0, {}))->px}};
+  object_tracking::TargetOptions target;
+  target.name = "lime", target.radius_m = radius_m;
+  const Lesson pointed = learn(teacher, request, {target}, target, {});
+  request.accepts_suggestions = true;
+  const Lesson accepted = learn(teacher, request, {target}, target, {});
+  EXPECT_FALSE(pointed.narrowed_to);
+  EXPECT_TRUE(color::contains(pointed.taught.views[0].color, other));
+  EXPECT_THAT(accepted.accepted, SizeIs(2));
+  EXPECT_EQ(accepted.why_useless, "");
+  ASSERT_TRUE(accepted.narrowed_to);
+  EXPECT_LT(*accepted.narrowed_to, 0);
+  for (const TaughtView& view : accepted.taught.views) {
+    EXPECT_FALSE(color::contains(view.color, other));
+    EXPECT_GE(view.object_share, least_object_share);
+  }
+  // Who says how wide they are to be has it so.
+  request.wider = 1;
+  EXPECT_FALSE(learn(teacher, request, {target}, target, {}).narrowed_to);
 }
 
 }  // namespace
