@@ -527,10 +527,22 @@ namespace {
 // where boards move before rows that are read one after the other, which bends a lens by what no scatter shows.
 constexpr double clearly_other = 3, clearly_other_moving = 10;
 
-// A lens that leaves so much more than another one is no lens of this camera, wherever the views are.
+// A lens that leaves so much more than another one is no lens of this camera, wherever the views are. In pixels, too: a
+// fit to corners without noise leaves next to nothing, and any lens many times that.
 bool is_hopeless(double given_px, double refined_px) {
-  return given_px > 2 && given_px > 5 * refined_px;
+  constexpr double hopeless_px = 2, hopeless_share = 5;
+  return given_px > hopeless_px && given_px > hopeless_share * refined_px;
 }
+
+// A given lens is contradicted when it leaves so much more than the refined one, which always leaves a little less, as
+// it was fitted to these very views. A tenth of a pixel is no reason to throw away a lens that was calibrated with more
+// views than these.
+constexpr double clearly_more = 1.3, little_px = 0.1;
+// Or when it makes outliers of corners that the refined one uses: then what is left of them fits either.
+constexpr double most_corners = 0.8;
+// Or when its focal length is another one, as of a lens that was zoomed or focused: by less no point is off that
+// matters.
+constexpr double zoomed_by = 0.01, zoomed_sigmas = 4;
 
 }  // namespace
 
@@ -547,16 +559,14 @@ LensCheck check_lens(const board::Board& board, const AdjustedCamera& camera, co
   double zoom = 0;
   for (const int i : {0, 1}) {
     const double change = l(i) - camera.parameters(i);
-    if (std::abs(change) > 4 * sigma(i)) zoom = std::max(zoom, std::abs(change) / camera.parameters(i));
+    if (std::abs(change) > zoomed_sigmas * sigma(i)) zoom = std::max(zoom, std::abs(change) / camera.parameters(i));
   }
-  const bool corners_lost = given.corners_used < 0.8 * check.refined.corners_used;
-  // A tenth of a pixel is no reason to throw away a lens that was calibrated with more views than these.
-  constexpr double little_px = 0.1;
+  const bool corners_lost = given.corners_used < most_corners * check.refined.corners_used;
   const double given_px = given.rms_px, refined_px = check.refined.rms_px;
   std::optional<LensContradiction> found;
-  if ((given_px > 1.3 * refined_px && given_px > refined_px + little_px) || corners_lost) {
+  if ((given_px > clearly_more * refined_px && given_px > refined_px + little_px) || corners_lost) {
     found = LensContradiction{.given_px = corners_lost ? median_residual(given) : given_px, .refined_px = refined_px};
-  } else if (zoom > 0.01) {
+  } else if (zoom > zoomed_by) {
     found = LensContradiction{.is_by_focal_length = true,
                               .focal_px = l(0),
                               .focal_sigma_px = sigma(0),

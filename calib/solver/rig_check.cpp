@@ -90,6 +90,9 @@ std::optional<double> other_scale(const board::Board& board, const calib::Camera
 std::optional<std::pair<int, int>> swapped_names(const board::Board& board, const calib::CameraRig& rig,
                                                  const std::vector<BoardView>& views, const std::set<int>& seen,
                                                  double as_is_px) {
+  // Under a wrong name a camera stands metres away from where it should, so that its right one makes all the
+  // difference. Corners that do not fit are left out, and so most of them have to be used for that to be one.
+  constexpr double of_as_is = 0.25, most_corners = 0.7;
   for (const int a : seen) {
     for (const int b : seen) {
       if (a >= b || rig.cameras[index(a)].image_size != rig.cameras[index(b)].image_size) continue;
@@ -97,7 +100,8 @@ std::optional<std::pair<int, int>> swapped_names(const board::Board& board, cons
       for (BoardView& view : renamed) view.camera = view.camera == a ? b : view.camera == b ? a : view.camera;
       try {
         const Adjustment fit = adjust(with_free(place_boards(board, rig, renamed), {}), {.with_covariance = false});
-        if (fit.rms_px < as_is_px / 4 && fit.corners_used > 0.7 * corner_count(views)) return std::pair(a, b);
+        const bool fits_most = fit.corners_used > most_corners * corner_count(views);
+        if (fit.rms_px < of_as_is * as_is_px && fits_most) return std::pair(a, b);
       } catch (const CalibrationError&) {  // then they are not swapped
       }
     }

@@ -105,13 +105,17 @@ class Coverage {
     squares_ += covered * d * d.transpose();
   }
   color::ColorRegion region_or(const color::ColorRegion& otherwise, double radius) const {
-    if (n_ < 0.4 * otherwise.area || n_ > 2.5 * otherwise.area) return otherwise;
+    // The outline adds or takes a rim of a pixel. What is so much smaller or larger, or is so far aside, over the
+    // radius, is something else: light that was taken for the object, or a half of it.
+    constexpr double least_area = 0.4, most_area = 2.5, most_aside = 0.5;
+    if (n_ < least_area * otherwise.area || n_ > most_area * otherwise.area) return otherwise;
     const Vector2d mean = sum_ / n_;
     color::ColorRegion out;
     out.area = static_cast<int>(std::lround(n_));
     out.centre = around_ + mean;
     out.spread = squares_ / n_ - mean * mean.transpose();
-    if (mean.norm() > 0.5 * radius || !(out.spread.determinant() > 0) || !(out.spread(0, 0) > 0)) return otherwise;
+    if (mean.norm() > most_aside * radius || !(out.spread.determinant() > 0) || !(out.spread(0, 0) > 0))
+      return otherwise;
     return out;
   }
 
@@ -160,10 +164,13 @@ color::ColorRegion outline_over_ring(const BallPatch& patch, const color::ColorR
       light.push_back(pixel.light);
     }
   });
-  if (light.size() < 8 || object.x() <= 0 || background.x() <= 0) return region;
+  constexpr std::size_t least_ring = 8;  // pixels; of fewer the mean is no background's
+  if (light.size() < least_ring || object.x() <= 0 || background.x() <= 0) return region;
   const double behind = calib::median(std::move(light));
   const Vector3d of_object = object / object.x(), of_background = background / background.x();
-  if ((of_object - of_background).norm() < 0.15) return region;
+  // Chroma over light: colours that are nearer to one another cannot be unmixed, but multiply the noise of a pixel.
+  constexpr double least_contrast = 0.15;
+  if ((of_object - of_background).norm() < least_contrast) return region;
   Eigen::Matrix<double, 3, 2> mix;
   mix << of_object, of_background;
   const Eigen::Matrix<double, 2, 3> unmix = (mix.transpose() * mix).inverse() * mix.transpose();
@@ -173,10 +180,11 @@ color::ColorRegion outline_over_ring(const BallPatch& patch, const color::ColorR
   });
   if (!shading.solve(object.x() / inside)) return region;
   Coverage coverage(region.centre);
+  constexpr double darkest = 10;  // of 255: before a black background the quotient would be of noise
   for_each_pixel(patch, ellipse, rim_px, [&](int u, int v, const BallPatch::Pixel& pixel, double off) {
     if (off > rim_px) return;
     const Vector2d parts = (unmix * light_of(pixel)).cwiseMax(0);  // light of the object, of the background
-    coverage.add(u, v, parts.x() / (parts.x() + parts.y() * shading.at(u, v) / std::max(behind, 10.0) + noise));
+    coverage.add(u, v, parts.x() / (parts.x() + parts.y() * shading.at(u, v) / std::max(behind, darkest) + noise));
   });
   return coverage.region_or(region, ellipse.radius);
 }

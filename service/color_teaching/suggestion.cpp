@@ -22,6 +22,15 @@ constexpr double beside_its_like = 0.5;
 // A ball that is half hidden or smeared still fills so much of its disc; and what has more of its colour around it
 // than this is a larger thing of that colour.
 constexpr double least_fill = 0.6, most_around = 0.4;
+// By what the true one is usually off: of its disc what has not its colour, or of the ring around it what has; aside,
+// of the slack that the ray and the moment leave; and its size, as a natural logarithm.
+constexpr double usual_gap = 0.15, usual_aside = 0.5, usual_size = 0.25;
+// The colour's region is looked for in a disc that is so much larger than expected, for its middle is not known yet.
+constexpr double settling_reach = 1.25;
+// Cheap looks, before that: how much of the colour has to be near, over the radius squared, of which a full disc has
+// pi; then, of the square that fits into the disc (its half side is 0.7 of the radius), less than least_fill. Steps of
+// less than a few pixels would find the same once more.
+constexpr double least_pixels = 0.5, inner_square = 0.7, least_inner_share = 0.4, least_step_px = 4;
 // Where light falls from one side, what has the colour that was pointed at may be a part of the object: in another view
 // it is larger by up to so much.
 constexpr std::array larger_elsewhere{1.0, 1.5};
@@ -210,7 +219,7 @@ double share_inside(const PixelMask& mask, const Eigen::Vector2d& centre, double
 std::optional<Candidate> judged(const TaughtPicture& picture, const LikePixels& pixels, const Expected& expected,
                                 const Eigen::Vector2d& color, const std::optional<bool>& is_moving) {
   const double radius = expected.radius_px;
-  const MaskRegion region = settled(pixels.mask, expected.px, 1.25 * radius);
+  const MaskRegion region = settled(pixels.mask, expected.px, settling_reach * radius);
   if (region.area == 0) return std::nullopt;
   const Filling filling = filling_of(pixels.mask, region.centre, radius);
   const double aside = (region.centre - expected.px).norm() / expected.slack_px;
@@ -224,9 +233,9 @@ std::optional<Candidate> judged(const TaughtPicture& picture, const LikePixels& 
   const double size = std::log(region.radius_px() / radius);
   const auto squared = [](double x) { return x * x; };
   Candidate out{.position = expected.position, .region = region};
-  out.cost = squared((1 - filling.inside) / 0.15) + squared(filling.around / 0.15) +
-             squared(off.hue_deg / usual_hue_deg) + squared(off.saturation / usual_saturation) + squared(aside / 0.5) +
-             squared(size / 0.25);
+  out.cost = squared((1 - filling.inside) / usual_gap) + squared(filling.around / usual_gap) +
+             squared(off.hue_deg / usual_hue_deg) + squared(off.saturation / usual_saturation) +
+             squared(aside / usual_aside) + squared(size / usual_size);
   return out;
 }
 
@@ -239,22 +248,22 @@ std::vector<Candidate> candidates_in(const TaughtPicture& picture, const LikePix
     // A cheap look first: with the frames of another moment, the object is somewhere in this square.
     const double slack = expected.slack_px;
     const auto [count, set] = pixels.sums.square(expected.px.x(), expected.px.y(), slack + expected.radius_px);
-    if (count == 0 || set < 0.5 * expected.radius_px * expected.radius_px) return;
+    if (count == 0 || set < least_pixels * expected.radius_px * expected.radius_px) return;
     // The ray's own steps look along it; beside it, in steps of a radius or so.
-    const int steps = std::max(1, int(std::ceil(slack / std::max(4.0, expected.radius_px))));
+    const int steps = std::max(1, int(std::ceil(slack / std::max(least_step_px, expected.radius_px))));
     for (int i = -steps; i <= steps; ++i)
       for (int j = -steps; j <= steps; ++j) {
         const Eigen::Vector2d start = expected.px + slack / steps * Eigen::Vector2d(i, j);
-        const auto [near_count, near_set] = pixels.sums.square(start.x(), start.y(), 0.7 * expected.radius_px);
-        if (near_count == 0 || near_set < 0.4 * near_count) continue;
-        const MaskRegion found = settled(pixels.mask, start, 1.25 * expected.radius_px);
+        const auto [near_count, near_set] = pixels.sums.square(start.x(), start.y(), inner_square * expected.radius_px);
+        if (near_count == 0 || near_set < least_inner_share * near_count) continue;
+        const MaskRegion found = settled(pixels.mask, start, settling_reach * expected.radius_px);
         if (found.area == 0 || (found.centre - expected.px).norm() > slack) continue;
         Expected at = expected;
         at.px = found.centre;
         auto candidate = judged(picture, pixels, at, color, is_moving);
         if (!candidate) continue;
         const double aside = (candidate->region.centre - expected.px).norm() / slack;
-        candidate->cost += aside * aside / 0.25 + larger_cost;
+        candidate->cost += aside * aside / (usual_aside * usual_aside) + larger_cost;
         const auto same = std::ranges::find_if(out, [&](const Candidate& other) {
           return (other.region.centre - candidate->region.centre).norm() < expected.radius_px;
         });
