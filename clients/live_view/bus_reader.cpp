@@ -3,20 +3,17 @@
 #include <fmt/format.h>
 #include <malloc.h>
 
-#include <fastdds/dds/subscriber/DataReaderListener.hpp>
-
 #include <algorithm>
-#include <optional>
 #include <stdexcept>
 #include <utility>
 
 #include "clients/live_view/events.h"
 #include "clients/live_view/page_server.h"
-#include "idl/arrivals.h"
 #include "idl/camera_hostPubSubTypes.h"
 #include "idl/camera_timesPubSubTypes.h"
 #include "idl/huetrackPubSubTypes.h"
 #include "idl/huetrack_viewPubSubTypes.h"
+#include "idl/inbox.h"
 #include "idl/topics.h"
 
 namespace huetrack::live_view {
@@ -50,11 +47,14 @@ BusReader::Process process_of(const dds::SampleInfo& info) {
   return process;
 }
 
+// What waits, but no more than can wait: a flood must not hold the rest up.
 template <typename Sample, typename F>
-void take_all(dds::DataReader& reader, F&& use) {
-  Sample sample;
-  dds::SampleInfo info;
-  while (idl::take_next(reader, sample, info)) use(sample, process_of(info));
+void take_all(idl::Inbox<Sample>& inbox, F&& use) {
+  for (std::size_t left = idl::Inbox<Sample>::most_samples; left > 0; --left) {
+    const auto arrived = inbox.take();
+    if (!arrived) return;
+    use(arrived->sample, process_of(arrived->info));
+  }
 }
 
 template <typename Sample>
@@ -71,72 +71,45 @@ idl::ParticipantOptions named(idl::ParticipantOptions options, const char* name)
   return options;
 }
 
-// Takes previews as they come, in Fast DDS' thread, and keeps the newest of each camera for poll(): as long as it
-// lives, a reader holds the room of the most samples that ever waited in it, and a picture may have two megabytes.
-// thread-safe.
-class PreviewInbox : public dds::DataReaderListener {
- public:
-  void on_data_available(dds::DataReader* reader) override {
-    take_all<msg::Preview>(*reader, [&](msg::Preview& sample, const BusReader::Process& process) {
-      const std::scoped_lock lock(mutex_);
-      const std::string camera = sample.camera();
-      if (const auto before = waiting_.find(camera); before != waiting_.end()) {
-        bytes_ -= before->second.preview.jpeg().size();
-        waiting_.erase(before);
-      }
-      if (waiting_.size() >= most_cameras || bytes_ + sample.jpeg().size() > most_bytes) return;
-      bytes_ += sample.jpeg().size();
-      waiting_[camera] = {std::move(sample), process};
-    });
-  }
-
-  struct Picture {
-    msg::Preview preview;
-    BusReader::Process process;  // that wrote it
-  };
-  std::optional<Picture> take() {
-    const std::scoped_lock lock(mutex_);
-    if (waiting_.empty()) return std::nullopt;
-    Picture picture = std::move(waiting_.extract(waiting_.begin()).mapped());
-    bytes_ -= picture.preview.jpeg().size();
-    return picture;
-  }
-
-  static constexpr std::size_t most_cameras = 256;
-
- private:
-  static constexpr std::size_t most_bytes = 2 << 20;
-  std::mutex mutex_;
-  std::map<std::string, Picture> waiting_;  // guarded by mutex_; by camera
-  std::size_t bytes_ = 0;                   // guarded by mutex_; of their pictures
-};
-
 }  // namespace
 
 struct BusReader::Connection {
   explicit Connection(const idl::ParticipantOptions& options)
       : participant(named(options, "huetrack view")),
-        position(participant.create_reader<msg::ObjectPositionPubSubType>(idl::object_position_topic,
-                                                                          idl::object_position_reader_qos())),
-        camera_pose(participant.create_reader<msg::CameraPosePubSubType>(idl::camera_pose_topic,
-                                                                         idl::object_position_reader_qos())),
-        camera_map(
-            participant.create_reader<msg::CameraMapPubSubType>(idl::camera_map_topic, idl::status_reader_qos())),
-        status(participant.create_reader<msg::ServiceStatusPubSubType>(idl::status_topic, idl::status_reader_qos())),
-        scene(participant.create_reader<msg::ScenePubSubType>(idl::scene_topic, idl::status_reader_qos())),
-        times(participant.create_reader<msg::CameraTimesPubSubType>(idl::camera_times_topic, idl::status_reader_qos())),
-        clocks(participant.create_reader<msg::HostClocksPubSubType>(idl::host_clocks_topic, idl::status_reader_qos())),
-        reply(participant.create_reader<msg::TeachReplyPubSubType>(idl::teach_reply_topic, idl::teach_reader_qos())),
-        control_reply(
-            participant.create_reader<msg::ControlReplyPubSubType>(idl::control_reply_topic, idl::teach_reader_qos())),
+        position_reader(attach<msg::ObjectPositionPubSubType>(position, idl::object_position_topic,
+                                                              idl::object_position_reader_qos())),
         request(request_writer<msg::TeachRequestPubSubType>(idl::teach_request_topic)),
-        control_request(request_writer<msg::ControlRequestPubSubType>(idl::control_request_topic)) {}
-  idl::DdsParticipant participant;
-  dds::DataReader &position, &camera_pose, &camera_map, &status, &scene, &times, &clocks, &reply, &control_reply;
+        control_request(request_writer<msg::ControlRequestPubSubType>(idl::control_request_topic)) {
+    attach<msg::CameraPosePubSubType>(camera_pose, idl::camera_pose_topic, idl::object_position_reader_qos());
+    attach<msg::CameraMapPubSubType>(camera_map, idl::camera_map_topic, idl::status_reader_qos());
+    attach<msg::ServiceStatusPubSubType>(status, idl::status_topic, idl::status_reader_qos());
+    attach<msg::ScenePubSubType>(scene, idl::scene_topic, idl::status_reader_qos());
+    attach<msg::CameraTimesPubSubType>(times, idl::camera_times_topic, idl::status_reader_qos());
+    attach<msg::HostClocksPubSubType>(clocks, idl::host_clocks_topic, idl::status_reader_qos());
+    attach<msg::TeachReplyPubSubType>(reply, idl::teach_reply_topic, idl::teach_reader_qos());
+    attach<msg::ControlReplyPubSubType>(control_reply, idl::control_reply_topic, idl::teach_reader_qos());
+  }
+  idl::Inbox<msg::ObjectPosition> position;
+  idl::Inbox<msg::CameraPose> camera_pose;
+  idl::Inbox<msg::CameraMap> camera_map;
+  idl::Inbox<msg::ServiceStatus> status;
+  idl::Inbox<msg::Scene> scene;
+  idl::Inbox<msg::CameraTimes> times;
+  idl::Inbox<msg::HostClocks> clocks;
+  idl::Inbox<msg::TeachReply> reply;
+  idl::Inbox<msg::ControlReply> control_reply;
+  idl::DdsParticipant participant;  // its readers end before the inboxes
+  dds::DataReader& position_reader;
   std::string refused;                         // why there is no request; before them, which set this
   dds::DataWriter *request, *control_request;  // null: who may watch need not be one who may ask
 
  private:
+  template <typename Type>
+  dds::DataReader& attach(idl::Inbox<typename Type::type>& inbox, const char* topic, const dds::DataReaderQos& qos) {
+    dds::DataReader& reader = participant.create_reader<Type>(topic, qos);
+    inbox.attach(reader);
+    return reader;
+  }
   template <typename Type>
   dds::DataWriter* request_writer(const char* topic) {
     try {
@@ -151,18 +124,11 @@ struct BusReader::Connection {
 
 // A participant of its own: it comes and goes with the pages.
 struct BusReader::Previews {
-  explicit Previews(const idl::ParticipantOptions& options)
-      : participant(named(options, "huetrack view, previews")),
-        preview(participant.create_reader<msg::PreviewPubSubType>(idl::preview_topic, idl::preview_reader_qos())) {
-    preview.set_listener(&inbox, dds::StatusMask::data_available());
+  explicit Previews(const idl::ParticipantOptions& options) : participant(named(options, "huetrack view, previews")) {
+    inbox.attach(participant.create_reader<msg::PreviewPubSubType>(idl::preview_topic, idl::preview_reader_qos()));
   }
-  ~Previews() { preview.set_listener(nullptr); }
-  Previews(const Previews&) = delete;
-  Previews& operator=(const Previews&) = delete;
-
-  PreviewInbox inbox;
+  idl::Inbox<msg::Preview> inbox;
   idl::DdsParticipant participant;
-  dds::DataReader& preview;
 };
 
 BusReader::BusReader(const idl::ParticipantOptions& options, EventHub& hub)
@@ -307,17 +273,16 @@ void BusReader::append(const Process& process, std::string event) {
 }
 
 void BusReader::take_positions() {
-  take_all<msg::ObjectPosition>(connection_->position, [&](const auto& sample, const Process& process) {
-    append(process, to_event("position", to_json(sample)));
-  });
-  take_all<msg::CameraPose>(connection_->camera_pose, [&](const auto& sample, const Process& process) {
+  take_all(connection_->position,
+           [&](const auto& sample, const Process& process) { append(process, to_event("position", to_json(sample))); });
+  take_all(connection_->camera_pose, [&](const auto& sample, const Process& process) {
     append(process, to_event("camera_pose", to_json(sample)));
   });
 }
 
 void BusReader::take_statuses() {
   const auto now = Clock::now();
-  take_all<msg::ServiceStatus>(connection_->status, [&](const auto& sample, const Process& process) {
+  take_all(connection_->status, [&](const auto& sample, const Process& process) {
     const std::string who = who_of(sample);
     Service* const it = service(who);
     if (it == nullptr) return;
@@ -352,22 +317,20 @@ void BusReader::take_statuses() {
 }
 
 void BusReader::take_what_services_say() {
-  take_all<msg::CameraMap>(connection_->camera_map, [&](const auto& sample, const Process&) {
+  take_all(connection_->camera_map, [&](const auto& sample, const Process&) {
     keep(who_of(sample), "camera_map", to_json(sample), sample.camera());
   });
-  take_all<msg::Scene>(connection_->scene,
-                       [&](const auto& sample, const Process&) { keep(who_of(sample), "scene", to_json(sample)); });
-  take_all<msg::CameraTimes>(connection_->times, [&](const auto& sample, const Process&) {
-    keep(who_of(sample), "camera_times", to_json(sample));
-  });
-  take_all<msg::HostClocks>(connection_->clocks, [&](const auto& sample, const Process&) {
-    keep(who_of(sample), "host_clocks", to_json(sample));
-  });
+  take_all(connection_->scene,
+           [&](const auto& sample, const Process&) { keep(who_of(sample), "scene", to_json(sample)); });
+  take_all(connection_->times,
+           [&](const auto& sample, const Process&) { keep(who_of(sample), "camera_times", to_json(sample)); });
+  take_all(connection_->clocks,
+           [&](const auto& sample, const Process&) { keep(who_of(sample), "host_clocks", to_json(sample)); });
 }
 
 void BusReader::take_replies() {
   const auto now = Clock::now();
-  take_all<msg::TeachReply>(connection_->reply, [&](const auto& sample, const Process&) {
+  take_all(connection_->reply, [&](const auto& sample, const Process&) {
     // The newest per client, only for that one, and not for long: replies hold pictures.
     const std::string key =
         "teach/" + sample.client() + (sample.cameras().empty() || sample.cameras()[0].jpeg().empty() ? "" : "/frozen");
@@ -395,7 +358,7 @@ std::vector<std::shared_ptr<RecordingDownload>> BusReader::held_downloads() {
 void BusReader::take_control_replies() {
   const auto now = Clock::now();
   const auto downloads = held_downloads();
-  take_all<msg::ControlReply>(connection_->control_reply, [&](const auto& sample, const Process& process) {
+  take_all(connection_->control_reply, [&](const auto& sample, const Process& process) {
     if (is_of_another(process)) return;
     for (const auto& download : downloads)
       if (download->client() == sample.client()) return download->take(sample);
@@ -415,14 +378,11 @@ void BusReader::go_on_with_downloads() {
 }
 
 void BusReader::take_previews() {
-  for (std::size_t left = PreviewInbox::most_cameras; left > 0; --left) {  // a flood must not hold the rest up
-    const auto picture = previews_->inbox.take();
-    if (!picture) return;
-    const std::string& camera = picture->preview.camera();
+  take_all(previews_->inbox, [&](const msg::Preview& preview, const Process& process) {
     // Of a camera that the service shown does not name, nobody would take a picture away again.
-    if (is_of_another(picture->process) || shown_.empty() || !services_.at(shown_).cameras.contains(camera)) continue;
-    hub_.set(preview_key(camera), to_event("preview", to_json(picture->preview)));
-  }
+    if (is_of_another(process) || shown_.empty() || !services_.at(shown_).cameras.contains(preview.camera())) return;
+    hub_.set(preview_key(preview.camera()), to_event("preview", to_json(preview)));
+  });
 }
 
 template <typename Request>
@@ -459,7 +419,7 @@ void BusReader::tell_pulse() {
         "DDS Security, anybody on this network can send them",
         trouble.empty() ? "" : "; ", samples);
   dds::LivelinessChangedStatus liveliness;
-  connection_->position.get_liveliness_changed_status(liveliness);
+  connection_->position_reader.get_liveliness_changed_status(liveliness);
   hub_.set("pulse", to_event("pulse", to_json(Pulse{.now = unix_now(),
                                                     .domain = connection_->participant.domain(),
                                                     .bus = connection_->participant.description(),

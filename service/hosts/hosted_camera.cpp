@@ -190,20 +190,22 @@ struct HostedCameras::Impl {
 
   // Asks for the time, hears answers and states.
   void keep(const std::stop_token& stop) {
-    idl::Arrivals answers(echo);
+    // States are taken as they come, too: their reader holds the room of the most that ever waited in it.
+    idl::Arrivals answers(std::array{&echo, &states});
     auto next_question = Clock::now();
     while (!stop.stop_requested()) {
       const auto now = Clock::now();
       if (now >= next_question) {
         ask();
-        hear_states();
         judge();
         next_question = now + (is_in_a_hurry() ? asked_at_start_every : asked_every);
       }
       tell_what_is_looked_for();
       hear_time();
+      hear_states();
       answers.wait(std::max<Clock::duration>(next_question - Clock::now(), 1ms));
       hear_time();
+      hear_states();
     }
   }
 
