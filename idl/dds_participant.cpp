@@ -313,6 +313,7 @@ dds::DataReader& DdsParticipant::create_reader(const std::string& name, dds::Typ
                                                std::optional<std::uint32_t> largest) {
   dds::DataReader* reader = nullptr;
   dds::DataReaderQos profile;
+  limit_instances(name, qos);
   auto& messages = FastDdsMessages::instance();
   messages.during([&] {
     if (subscriber_->get_datareader_qos_from_profile(name, profile) != ReturnCode_t::RETCODE_OK) return;

@@ -22,16 +22,40 @@ constexpr std::uint32_t ms = 1'000'000;  // nanoseconds
 constexpr auto growing = eprosima::fastrtps::rtps::DYNAMIC_REUSABLE_MEMORY_MODE;
 
 constexpr std::uint32_t KiB = 1024;
-constexpr std::pair<std::string_view, std::uint32_t> largest_samples[] = {
-    {object_position_topic, 16 * KiB}, {camera_pose_topic, 4 * KiB},      {status_topic, 256 * KiB},
-    {camera_times_topic, 64 * KiB},    {object_set_topic, 64 * KiB},      {scene_topic, 1024 * KiB},
-    {preview_topic, 2048 * KiB},       {camera_map_topic, 128 * KiB},     {teach_request_topic, 64 * KiB},
-    {teach_reply_topic, 4096 * KiB},   {camera_host_topic, 64 * KiB},     {clock_probe_topic, 1 * KiB},
-    {clock_echo_topic, 1 * KiB},       {control_request_topic, 16 * KiB}, {control_reply_topic, 512 * KiB},
-    {host_clocks_topic, 64 * KiB},     {looked_for_topic, 8 * KiB},
+// What a reader of a topic takes. What cannot be given to its program yet, as one before it was lost on the way, waits
+// in it, and the room of the most that ever waited is kept: some 16 MB of each topic at most, where keys are few.
+struct Room {
+  std::string_view topic;
+  std::uint32_t largest;   // bytes of a sample
+  std::int32_t instances;  // names of what is spoken of, at once; those of writers that have gone make room for others
 };
+constexpr std::int32_t most_instances = 4000;  // one costs some hundred bytes
+constexpr Room rooms[] = {
+    {object_position_topic, 16 * KiB, most_instances},
+    {camera_pose_topic, 4 * KiB, most_instances},
+    {object_set_topic, 64 * KiB, 256},
+    {status_topic, 256 * KiB, 64},
+    {camera_times_topic, 64 * KiB, 256},
+    {scene_topic, 1024 * KiB, 16},
+    {preview_topic, 2048 * KiB, most_instances},
+    {camera_map_topic, 128 * KiB, 128},
+    {teach_request_topic, 64 * KiB, 1},
+    {teach_reply_topic, 4096 * KiB, 1},
+    {control_request_topic, 16 * KiB, 1},
+    {control_reply_topic, 512 * KiB, 1},
+    {camera_host_topic, 64 * KiB, 256},
+    {clock_probe_topic, 1 * KiB, 1},
+    {clock_echo_topic, 1 * KiB, 1},
+    {host_clocks_topic, 64 * KiB, 256},
+    {looked_for_topic, 8 * KiB, 2000},
+};
+
+const Room* room_of(std::string_view topic) {
+  const auto* const known = std::ranges::find(rooms, topic, &Room::topic);
+  return known == std::end(rooms) ? nullptr : known;
+}
+
 constexpr std::size_t longest_user_data = 16 * KiB;  // who a publisher is: some hundred targets
-constexpr int most_instances = 4000;                 // of a reader; one costs some hundred bytes
 constexpr int most_cameras_of_host = 64;             // more than a rig has
 constexpr int samples_from_the_start = 4;            // for which a reader has room at once; further ones as they come
 
@@ -158,8 +182,16 @@ bool is_target_name(std::string_view name) {
 }
 
 std::optional<std::uint32_t> largest_sample(std::string_view topic) {
-  const auto known = std::ranges::find(largest_samples, topic, [](const auto& entry) { return entry.first; });
-  return known == std::end(largest_samples) ? std::nullopt : std::optional(known->second);
+  const Room* const room = room_of(topic);
+  return room == nullptr ? std::nullopt : std::optional(room->largest);
+}
+
+void limit_instances(std::string_view topic, dds::DataReaderQos& qos) {
+  const Room* const room = room_of(topic);
+  if (room == nullptr) return;
+  auto& limits = qos.resource_limits();
+  limits.max_instances = std::min(limits.max_instances, room->instances);
+  limits.max_samples = limits.max_instances * limits.max_samples_per_instance;
 }
 
 dds::DataWriterQos object_position_writer_qos() {
@@ -170,8 +202,8 @@ dds::DataWriterQos object_position_writer_qos() {
   return qos;
 }
 
-dds::DataReaderQos object_position_reader_qos() {
-  dds::DataReaderQos qos = reliable_reader(1000);
+dds::DataReaderQos object_position_reader_qos(int depth) {
+  dds::DataReaderQos qos = reliable_reader(depth);
   qos.liveliness().kind = dds::AUTOMATIC_LIVELINESS_QOS;
   qos.liveliness().lease_duration = Duration_t(liveliness_lease_s, 0);
   return qos;

@@ -95,6 +95,10 @@ bool is_target_name(std::string_view name);
 // 16 cameras and 100 targets. nullopt: a topic that we do not read.
 std::optional<std::uint32_t> largest_sample(std::string_view topic);
 
+// How many instances of a native topic a reader knows at once, for the same reason: the more of them, the more samples
+// may wait in it. Leaves the QoS of another topic as it is.
+void limit_instances(std::string_view topic, eprosima::fastdds::dds::DataReaderQos& qos);
+
 // The QoS when the user's XML has no profile of the topic's name.
 //   object_position  reliable, volatile, keep-last 10; liveliness automatic, lease 1 s, so that the kill -9 of a
 //   service
@@ -120,11 +124,12 @@ std::optional<std::uint32_t> largest_sample(std::string_view topic);
 //   clock_*          best effort, volatile, keep-last 4, of readers 64: all hosts answer at one moment.
 //   ROS 2            reliable, volatile, keep-last 10: matches echo, RViz and best-effort readers.
 // A reader has room for samples of largest_sample() from its start and never takes more: what is not taken in time is
-// replaced by what comes, and of a keyed topic there are at most 4000 instances.
+// replaced by what comes, and of a keyed topic there are as many instances as limit_instances() says.
 // All are published synchronously: the measured latency and its tail are the best so, and the publishing thread is not
 // a capturing one. No deadline is offered: it would exclude readers.
 eprosima::fastdds::dds::DataWriterQos object_position_writer_qos();
-eprosima::fastdds::dds::DataReaderQos object_position_reader_qos();
+// depth: what a program that looks now and then may miss of a target's; one that takes samples as they come needs some.
+eprosima::fastdds::dds::DataReaderQos object_position_reader_qos(int depth = 1000);
 eprosima::fastdds::dds::DataWriterQos status_writer_qos();
 eprosima::fastdds::dds::DataReaderQos status_reader_qos();
 eprosima::fastdds::dds::DataWriterQos preview_writer_qos();

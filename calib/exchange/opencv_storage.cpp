@@ -49,10 +49,20 @@ void check_tags(const std::filesystem::path& path, std::string_view text) {
   }
 }
 
+// OpenCV's YAML parser never returns from binary data that ends early, and no calibration has any.
+// throws ConfigError: there is some
+void check_no_binary(const std::filesystem::path& path, std::string_view text) {
+  const std::size_t at = text.find("!!binary");
+  if (at == std::string_view::npos) return;
+  const auto line = 1 + std::count(text.begin(), text.begin() + static_cast<std::ptrdiff_t>(at), '\n');
+  throw yaml::ConfigError(path, static_cast<int>(line), "has binary data (!!binary), which no calibration has");
+}
+
 class Storage {
  public:
   explicit Storage(std::filesystem::path path) : path_(std::move(path)), text_(text_of(path_)) {
     check_tags(path_, text_);
+    check_no_binary(path_, text_);
     try {
       storage_.open(text_, cv::FileStorage::READ | cv::FileStorage::MEMORY);
     } catch (const cv::Exception& error) {

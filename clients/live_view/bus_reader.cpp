@@ -32,6 +32,7 @@ constexpr std::size_t most_requests = 16;
 constexpr std::size_t most_downloads = 4;  // at once; each holds two pieces of a quarter of a megabyte
 constexpr std::size_t most_early = 200;
 // What anybody on the bus may make us keep, besides the limits of idl/topics.h on a sample and the hub's on all.
+constexpr int of_a_target = 16;  // positions that wait for one that was lost on the way
 constexpr std::size_t most_services = 8, most_maps = 4, most_replies = 32, most_strangers = 16;
 
 double unix_now() {
@@ -77,10 +78,11 @@ struct BusReader::Connection {
   explicit Connection(const idl::ParticipantOptions& options)
       : participant(named(options, "huetrack view")),
         position_reader(attach<msg::ObjectPositionPubSubType>(position, idl::object_position_topic,
-                                                              idl::object_position_reader_qos())),
+                                                              idl::object_position_reader_qos(of_a_target))),
         request(request_writer<msg::TeachRequestPubSubType>(idl::teach_request_topic)),
         control_request(request_writer<msg::ControlRequestPubSubType>(idl::control_request_topic)) {
-    attach<msg::CameraPosePubSubType>(camera_pose, idl::camera_pose_topic, idl::object_position_reader_qos());
+    attach<msg::CameraPosePubSubType>(camera_pose, idl::camera_pose_topic,
+                                      idl::object_position_reader_qos(of_a_target));
     attach<msg::CameraMapPubSubType>(camera_map, idl::camera_map_topic, idl::status_reader_qos());
     attach<msg::ServiceStatusPubSubType>(status, idl::status_topic, idl::status_reader_qos());
     attach<msg::ScenePubSubType>(scene, idl::scene_topic, idl::status_reader_qos());

@@ -166,8 +166,9 @@ void PageService::take_requests() {
     } else if (const std::string why = TeachDesk::why_not(config_); !why.empty()) {
       reply(TeachDesk::refusal(*request, why));
     } else {
+      if (to_freeze_) reply(TeachDesk::refusal(*to_freeze_, "Somebody else asked for pictures after that: ask again."));
+      if (!to_freeze_) asked_to_freeze_ = Clock::now();
       to_freeze_ = *request;
-      asked_to_freeze_ = Clock::now();
     }
   }
 }

@@ -8,6 +8,7 @@
 #include <cmath>
 #include <csignal>
 #include <cstdio>
+#include <iterator>
 #include <map>
 #include <opencv2/imgcodecs.hpp>
 #include <optional>
@@ -23,6 +24,7 @@
 #include "page/color_trial.h"
 #include "page/request_words.h"
 #include "pictures/pictures.h"
+#include "pipeline/file_outputs.h"
 #include "pipeline/live_cameras.h"
 #include "publish/service_finder.h"
 #include "recordings/recording.h"
@@ -225,6 +227,21 @@ capture::FrameSet live_pictures(const config::ServiceConfig& config, const std::
   return set;
 }
 
+std::filesystem::path picture_of(const std::filesystem::path& folder, const calib::Camera& camera) {
+  return folder / (camera.name + ".png");
+}
+
+// throws std::runtime_error: a picture would replace what is read, or stand among a recording's own
+void refuse_pictures_over_what_is_read(const TeachCommand& command, const config::ServiceConfig& config) {
+  if (command.pictures.empty()) return;
+  std::vector<std::filesystem::path> read = pipeline::files_of(config), written;
+  if (command.recording != std::vector<std::string>{"live"})
+    std::ranges::copy(pipeline::files_of(recordings::read_recording(command.recording)), std::back_inserter(read));
+  for (const calib::Camera& camera : config.rig.cameras) written.push_back(picture_of(command.pictures, camera));
+  pipeline::refuse_outputs({.files = std::move(written)}, read);
+  pipeline::refuse_outputs({.files = {}, .pictures = command.pictures}, read);
+}
+
 void draw(const std::filesystem::path& folder, const calib::CameraRig& rig, const capture::FrameSet& set,
           const color_teaching::Taught& taught) {
   std::filesystem::create_directories(folder);
@@ -238,7 +255,7 @@ void draw(const std::filesystem::path& folder, const calib::CameraRig& rig, cons
         pixel = mask.at(u, v) != 0 ? cv::Vec3b(220, 0, 255) : pixel / 2;
       }
     }
-    const auto file = folder / (rig.cameras[c].name + ".png");
+    const auto file = picture_of(folder, rig.cameras[c]);
     if (!cv::imwrite(file.string(), picture)) throw std::runtime_error("cannot write " + file.string());
   }
 }
@@ -359,6 +376,7 @@ int teach(const TeachCommand& command, std::stop_token stop) {
   config::require_rig(config);
   if (command.recording.empty()) throw std::runtime_error("teach from what? Give a recording, or the word live");
   const object_tracking::TargetOptions& target = target_of(config, command.target);
+  refuse_pictures_over_what_is_read(command, config);
   const Pointing pointing = pointing_of(command, config);
   const std::vector<std::string> live{"live"};
   const Pictures pictures =

@@ -101,8 +101,8 @@ class Stranger {
   explicit Stranger(int domain) : participant_({.name = "stranger", .domain = domain, .interfaces = {"lo"}}) {}
 
   template <typename PubSubType>
-  dds::DataWriter& writer(const char* topic, dds::DataWriterQos qos) {
-    qos.resource_limits().max_instances = 5;  // the stranger's own memory
+  dds::DataWriter& writer(const char* topic, dds::DataWriterQos qos, int instances = 5) {
+    qos.resource_limits().max_instances = instances;  // the stranger's own memory
     return participant_.create_writer<PubSubType>(topic, std::move(qos), "");
   }
 
@@ -274,6 +274,43 @@ TEST_F(Attack, ThePagesBridgeKeepsItsMemoryAndItsAnswers) {
   EXPECT_LT(most_mb - before_mb, most_growth_mb);
   EXPECT_TRUE(is_back);
   EXPECT_LT(slowest, longest_answer);
+}
+
+// As fast as they can be sent, under a new name each, while no page is open and the bridge looks now and then.
+TEST_F(Attack, ThePagesBridgeKeepsItsMemoryUnderNewNames) {
+  const Process view(
+      {HUETRACK, "view", "--port", std::to_string(port_), "--domain", std::to_string(domain_), "--interface", "lo"},
+      folder_ / "out", folder_ / "err");
+  ASSERT_TRUE(comes_true([&] { return http_get(port_, "/").has_value(); })) << view.err();
+  Stranger stranger(domain_);
+  constexpr int names = 3000;
+  auto& status = stranger.writer<msg::ServiceStatusPubSubType>(idl::status_topic, idl::status_writer_qos(), names);
+  auto& scene = stranger.writer<msg::ScenePubSubType>(idl::scene_topic, idl::status_writer_qos(), names);
+  auto& map = stranger.writer<msg::CameraMapPubSubType>(idl::camera_map_topic, idl::status_writer_qos(), names);
+  ASSERT_TRUE(comes_true([&] { return is_heard(status) && is_heard(scene) && is_heard(map); })) << view.err();
+  const double before_mb = resident_mb(view.pid());
+  double most_mb = before_mb;
+  const std::string much(55'000, 'x');
+  const auto flood = [&](dds::DataWriter& writer, auto sample, auto&& rename) {
+    for (std::uint32_t i = 0; i < names; ++i) {
+      rename(sample, i);
+      writer.write(&sample);
+      if (i % 100 == 0) most_mb = std::max(most_mb, resident_mb(view.pid()));
+    }
+    most_mb = std::max(most_mb, resident_mb(view.pid()));
+  };
+  msg::ServiceStatus of_status;
+  of_status.config_file(much);
+  flood(status, of_status, [](auto& sample, std::uint32_t i) { sample.pid(i); });
+  msg::Scene of_scene;
+  of_scene.why_not(much);
+  flood(scene, of_scene, [](auto& sample, std::uint32_t i) { sample.pid(i); });
+  msg::CameraMap of_map;
+  of_map.host(much);
+  flood(map, of_map, [](auto& sample, std::uint32_t i) { sample.camera("cam" + std::to_string(i)); });
+  EXPECT_THAT(http_get(port_, "/").value_or(""), HasSubstr("200 OK"));
+  std::printf("the bridge: %.1f MB before, at most %.1f, %.1f after\n", before_mb, most_mb, resident_mb(view.pid()));
+  EXPECT_LT(most_mb - before_mb, most_growth_mb);
 }
 
 // Pictures are kept for pages that come late: of a false service with more cameras than anybody has, too.

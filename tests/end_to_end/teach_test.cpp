@@ -83,6 +83,19 @@ TEST_F(Teach, OnePointSuggestsTheOtherAndTheColourThenTracks) {
   EXPECT_THAT(all.out, AllOf(HasSubstr("written into " + taught + ": the colour of lime"),
                              HasSubstr("no huetrackd runs with this file")));
   EXPECT_TRUE(fs::exists(folder / "pictures/cam1.png"));
+  // No picture replaces one of the recording's, nor stands among them.
+  const fs::path stills = folder / "stills";
+  fs::create_directories(stills);
+  for (const char* camera : {"cam0", "cam1"})
+    fs::copy_file(folder / "pictures" / (std::string(camera) + ".png"), stills / (std::string(camera) + ".png"));
+  std::ofstream(stills / "recording.yaml") << "version: 1\ncameras:\n"
+                                              "  cam0: {frames: cam0.png, fps: 30}\n"
+                                              "  cam1: {frames: cam1.png, fps: 30}\n";
+  const std::string still = contents(stills / "cam0.png");
+  const Result over = run({"teach", config, stills, "--at", at("cam0"), "--dry-run", "--pictures", stills});
+  EXPECT_EQ(over.status, 1);
+  EXPECT_THAT(over.err, HasSubstr("stills/cam0.png is read by this run: it is not replaced"));
+  EXPECT_EQ(contents(stills / "cam0.png"), still);
   EXPECT_EQ(contents(config), by_hand);
   EXPECT_THAT(contents(taught), AllOf(StartsWith("# What huetrackd was taught. It is read over huetrackd.yaml"),
                                       HasSubstr("\n    camera_colors:\n      cam0:\n        hue_deg: [")));

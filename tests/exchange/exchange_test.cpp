@@ -586,6 +586,7 @@ TEST_F(Exchange, WhatIsNestedTooDeepIsRefusedBeforeAnyParser) {
       {"sequences.yml", "%YAML:1.0\n---\nK:\n   " + repeated("- ", 300'000) + "1\n"},
       {"tags.xml", "<?xml version=\"1.0\"?>\n<opencv_storage>" + repeated("<a>", 200'000)},
       {"dotted.toml", "[cam_0]\n" + repeated("a.", 200'000) + "a = 1\n"},
+      {"binary.yml", "%YAML:1.0\n---\nK: !!binary |\n  " + repeated("A", 40) + "\n"},
       {"blank.yaml", repeated("\n", 40'000)},
       {"blank.toml", std::string(1'000'000, ' ')},
   };
