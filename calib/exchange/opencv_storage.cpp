@@ -1,5 +1,7 @@
 // OpenCV FileStorage in YAML, XML and JSON. There is no fixed form; these are the keys of OpenCV's own samples
 // (camera_calibration, calibration, stereo_calib) and what people write.
+#include <fmt/format.h>
+
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
@@ -49,13 +51,16 @@ void check_tags(const std::filesystem::path& path, std::string_view text) {
   }
 }
 
-// OpenCV's YAML parser never returns from binary data that ends early, and no calibration has any.
+// OpenCV's parsers of YAML and JSON never return from binary data that ends early, and no calibration has any.
 // throws ConfigError: there is some
 void check_no_binary(const std::filesystem::path& path, std::string_view text) {
-  const std::size_t at = text.find("!!binary");
-  if (at == std::string_view::npos) return;
-  const auto line = 1 + std::count(text.begin(), text.begin() + static_cast<std::ptrdiff_t>(at), '\n');
-  throw yaml::ConfigError(path, static_cast<int>(line), "has binary data (!!binary), which no calibration has");
+  for (const std::string_view mark : {"!!binary", "2002:binary", "$base64$"}) {
+    const std::size_t at = text.find(mark);
+    if (at == std::string_view::npos) continue;
+    const auto line = 1 + std::count(text.begin(), text.begin() + static_cast<std::ptrdiff_t>(at), '\n');
+    throw yaml::ConfigError(path, static_cast<int>(line),
+                            fmt::format("has binary data ({}), which no calibration has", mark));
+  }
 }
 
 class Storage {

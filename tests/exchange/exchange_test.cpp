@@ -587,6 +587,8 @@ TEST_F(Exchange, WhatIsNestedTooDeepIsRefusedBeforeAnyParser) {
       {"tags.xml", "<?xml version=\"1.0\"?>\n<opencv_storage>" + repeated("<a>", 200'000)},
       {"dotted.toml", "[cam_0]\n" + repeated("a.", 200'000) + "a = 1\n"},
       {"binary.yml", "%YAML:1.0\n---\nK: !!binary |\n  " + repeated("A", 40) + "\n"},
+      {"tagged.yml", "%YAML:1.0\n---\nK: !<tag:yaml.org,2002:binary> |\n  " + repeated("A", 40) + "\n"},
+      {"binary.json", "{\"K\": \"$base64$" + repeated("A", 40) + "\"}"},
       {"blank.yaml", repeated("\n", 40'000)},
       {"blank.toml", std::string(1'000'000, ' ')},
   };
