@@ -7,13 +7,11 @@
 
 #include "calib/yaml/output_file.h"
 #include "calib/yaml/text_file.h"
+#include "camera_tracking/map_file.h"
 
 namespace huetrack::camera_tracking {
 namespace {
 
-constexpr std::string_view magic = "huetrack camera map 2\n", magic_1 = "huetrack camera map 1\n";
-constexpr std::string_view any_magic = magic.substr(0, magic.size() - 2);
-static_assert(magic.size() == magic_1.size());
 constexpr std::size_t largest_map = 1U << 30;  // bytes: three thousand key frames of 640x480
 static_assert(std::endian::native == std::endian::little, "the map file is little-endian");
 
@@ -132,25 +130,21 @@ void write_map(const std::filesystem::path& file, const StoredMap& stored) {
     w.put(s.sigma_px);
   }
   const std::uint64_t sum = checksum(w.bytes);
-  std::string text(magic);
+  std::string text(map_magic);
   text.append(reinterpret_cast<const char*>(&sum), sizeof sum);
   text += w.bytes;
   refuse_other_than_map(file);
   yaml::write_whole_file(file, text);
 }
 
-void refuse_other_than_map(const std::filesystem::path& file) {
-  yaml::refuse_other_kind(file, {"camera map", [](std::string_view begin) { return begin.starts_with(any_magic); }});
-}
-
 StoredMap read_map(const std::filesystem::path& file) {
   const std::string all = yaml::read_text_file(file, largest_map);
   Reader r(all, file.string());
-  const std::string_view version = all.size() < magic.size() ? std::string_view{} : r.take(magic.size());
-  if (version != magic && version != magic_1) r.fail("is not a camera map of this version of huetrack");
+  const std::string_view version = all.size() < map_magic.size() ? std::string_view{} : r.take(map_magic.size());
+  if (version != map_magic && version != map_magic_1) r.fail("is not a camera map of this version of huetrack");
   std::uint64_t sum = 0;
   r.get(sum);
-  if (sum != checksum(std::string_view(all).substr(magic.size() + sizeof sum)))
+  if (sum != checksum(std::string_view(all).substr(map_magic.size() + sizeof sum)))
     r.fail("is damaged or cut off (its check sum is wrong)");
   StoredMap out;
   r.get(out.image_size);
@@ -164,7 +158,7 @@ StoredMap read_map(const std::filesystem::path& file) {
     Keyframe k;
     r.get(k.cam_from_world);
     k.sweep.last_row = out.image_size.y() - 1;
-    if (version == magic) {
+    if (version == map_magic) {
       r.get(k.sweep.motion);
       r.get(k.sweep.bend);
     }

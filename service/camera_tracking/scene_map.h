@@ -81,8 +81,6 @@ struct StoredMap {
   Eigen::Vector2i image_size = Eigen::Vector2i::Zero();
 };
 void write_map(const std::filesystem::path& file, const StoredMap& stored);  // atomic: temporary file, then rename
-// What is there would be replaced by write_map(): a map, or nothing. throws std::runtime_error, naming the file.
-void refuse_other_than_map(const std::filesystem::path& file);
 StoredMap read_map(const std::filesystem::path& file);
 
 }  // namespace huetrack::camera_tracking

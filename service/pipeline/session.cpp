@@ -9,8 +9,8 @@
 #include <utility>
 
 #include "calib/yaml/yaml_reader.h"
+#include "camera_tracking/map_file.h"
 #include "camera_tracking/methods/make_camera_tracker.h"
-#include "camera_tracking/scene_map.h"
 
 namespace huetrack::pipeline {
 namespace {
