@@ -32,6 +32,11 @@ elseif(FENCE STREQUAL "results_for_publish")   # what was found, not how; and th
   set(folders service/publish)
   set(pattern "${include}(capture|object_tracking|camera_tracking)/")
   set(except "${include}(capture/(frame|capture_clock|host_clock)|object_tracking/object_estimate|camera_tracking/camera_estimate)\\.h")
+elseif(FENCE STREQUAL "camera_methods")   # what is built without them, as the demo is, does not link otherwise
+  set(folders service clients)
+  set(pattern "${include}camera_tracking/")
+  set(inside "^service/(camera_tracking/|config/board_start\\.cpp)")
+  set(except "${include}camera_tracking/(camera_estimate|camera_tracker|camera_start|map_file|methods/make_camera_tracker)\\.h")
 elseif(FENCE STREQUAL "cli11")   # heavy headers from here on: each costs every file that sees it seconds
   set(pattern "${include}CLI/")
   set(inside "^(service/daemon/(main|commands)\\.cpp|clients/huetrack/main\\.cpp|calib/program/|tests/benchmark/)")
