@@ -27,10 +27,11 @@ std::string head(bool is_healthy, const std::vector<std::string>& problems) {
          list_of(problems);
 }
 
-// A recording's camera ends, and one that is held has not begun: neither is a fault.
+// A recording's camera ends, and one that is held has not begun, or gives no more until it goes on: none is a fault.
 bool is_well(const msg::CameraStatus& camera, const std::string& mode) {
   if (camera.health() == msg::CAMERA_HEALTH_DELIVERING) return true;
-  if (mode == "held") return camera.health() == msg::CAMERA_HEALTH_WAITING;
+  if (mode == "held")
+    return camera.health() == msg::CAMERA_HEALTH_WAITING || camera.health() == msg::CAMERA_HEALTH_STALLED;
   return mode == "replay" && camera.health() == msg::CAMERA_HEALTH_ENDED;
 }
 

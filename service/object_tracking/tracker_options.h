@@ -69,7 +69,9 @@ struct ObjectTrackerOptions {
   double acceleration_m_s2 = 8;  // > 0; the hardest usual acceleration; the filter finds what is needed below it
   double start_speed_m_s = 3;    // > 0; the highest usual speed: how far an object may be between two sets of a lock
   double pixel_noise_px = 0.2;   // > 0; std. dev. of a colour region's centre in a view; add a poor calibration's error
-  double max_tracking_sigma_m = 0.03;  // > 0; a position less sure than this (largest axis) is coasting, not tracking
+  // > 0; a position less sure than this (largest axis) by what its views say is coasting, not tracking. What is not
+  // known of the cameras' times and poses is in the covariance beside that, and may be more.
+  double max_tracking_sigma_m = 0.03;
   // --- both
   double coast_s = 1.0;            // > 0; coasting longer than this is lost
   double max_coast_sigma_m = 0.2;  // > 0; coasting less surely than this (largest axis) is lost

@@ -36,7 +36,8 @@ TEST(ServiceHealth, CamerasAreJudgedByWhatTheServiceDoes) {
               ElementsAre("camera cam1: stalled"));
   EXPECT_THAT(problems_of(status("run", {msg::CAMERA_HEALTH_ENDED}), now), ElementsAre("camera cam0: ended"));
   EXPECT_THAT(problems_of(status("replay", {msg::CAMERA_HEALTH_ENDED}), now), IsEmpty());
-  EXPECT_THAT(problems_of(status("held", {msg::CAMERA_HEALTH_WAITING}), now), IsEmpty());
+  for (const auto health : {msg::CAMERA_HEALTH_WAITING, msg::CAMERA_HEALTH_STALLED})
+    EXPECT_THAT(problems_of(status("held", {health}), now), IsEmpty());
   EXPECT_THAT(problems_of(status("replay", {msg::CAMERA_HEALTH_WAITING}), now), ElementsAre("camera cam0: waiting"));
 }
 
