@@ -4,7 +4,8 @@
 #   HUETRACK_LONG=1              builds everything once more with -O0, AddressSanitizer and UBSan (preset debug; what computes
 #                                with -O2, or single tests take ten minutes), runs the tests of all modules there, and
 #                                clang-tidy over the tree; then what has threads with ThreadSanitizer; then for arm64
-#                                (tests/arm64/run.sh); over three hours on two cores
+#                                (tests/arm64/run.sh); over three hours on two cores. 2: what computes with -O0, too; two
+#                                hours more
 #   HUETRACK_VM_TESTS=off|short|all   real V4L2 drivers in a VM (tests/v4l2/run.sh; short: 3 minutes, all: 15); skipped
 #                                where there is no VM
 set -uo pipefail
@@ -55,7 +56,9 @@ run_tests() {
 
 run_tests "$build" -j4   # half cores: tests/CMakeLists.txt
 if [ "$long" != 0 ]; then
-  cmake --preset debug -DHUETRACK_FAST_NUMERICS=ON >/dev/null || fail "the debug build could not be configured"
+  fast=ON
+  [ "$long" != 2 ] || fast=OFF
+  cmake --preset debug -DHUETRACK_FAST_NUMERICS=$fast >/dev/null || fail "the debug build could not be configured"
   build_huetrack build/debug "" all || fail "the debug build failed"
   export LSAN_OPTIONS=suppressions=$PWD/tests/lsan.supp
   # Not those that measure time, or need a browser or a VM: they run whole programs, which are the same as above.
