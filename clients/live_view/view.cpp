@@ -1,5 +1,6 @@
 #include "clients/live_view/view.h"
 
+#include <malloc.h>
 #include <sys/prctl.h>
 
 #include <chrono>
@@ -19,6 +20,8 @@ int view(LiveViewOptions options, const std::function<bool()>& ended) {
   // Fast DDS sets room for the largest samples aside, of which a few kilobytes are ever used: by huge pages, it would
   // all be there. Where the kernel does not know this, it costs some ten megabytes.
   ::prctl(PR_SET_THP_DISABLE, 1, 0, 0, 0);
+  // Pictures come and go: those that are large are given back at once, and not kept in pieces by the C library.
+  ::mallopt(M_MMAP_THRESHOLD, 32 * 1024);
   EventHub hub;
   BusReader bus(options.participant, hub);
   const auto asked = [&bus](auto request_of) {
