@@ -17,15 +17,17 @@ namespace {
 
 using Words = std::vector<std::string>;
 
+// at: a character of it
+int line_at(std::string_view text, std::size_t at) {
+  return static_cast<int>(1 + std::count(text.begin(), text.begin() + static_cast<std::ptrdiff_t>(at), '\n'));
+}
+
 // OpenCV's XML parser reads through a null pointer where an attribute's value has no quotes or a tag has no end.
 // throws ConfigError: there is such a tag
 void check_tags(const std::filesystem::path& path, std::string_view text) {
   const std::size_t first = text.find_first_not_of(" \t\r\n");
   if (first == std::string_view::npos || text[first] != '<') return;
-  const auto fail = [&](std::size_t at, const char* what) {
-    const auto line = 1 + std::count(text.begin(), text.begin() + static_cast<std::ptrdiff_t>(at), '\n');
-    throw yaml::ConfigError(path, static_cast<int>(line), what);
-  };
+  const auto fail = [&](std::size_t at, const char* what) { throw yaml::ConfigError(path, line_at(text, at), what); };
   for (std::size_t i = text.find('<'); i != std::string_view::npos; i = text.find('<', i)) {
     const std::size_t from = i;
     if (text.substr(i).starts_with("<!--")) {
@@ -57,8 +59,7 @@ void check_no_binary(const std::filesystem::path& path, std::string_view text) {
   for (const std::string_view mark : {"!!binary", "2002:binary", "$base64$"}) {
     const std::size_t at = text.find(mark);
     if (at == std::string_view::npos) continue;
-    const auto line = 1 + std::count(text.begin(), text.begin() + static_cast<std::ptrdiff_t>(at), '\n');
-    throw yaml::ConfigError(path, static_cast<int>(line),
+    throw yaml::ConfigError(path, line_at(text, at),
                             fmt::format("has binary data ({}), which no calibration has", mark));
   }
 }
@@ -159,8 +160,7 @@ class Storage {
     for (const std::string& pattern :
          {"\"" + std::string(key) + "\"", "<" + std::string(key), std::string(key) + ":"}) {
       const auto at = text_.find(pattern);
-      if (at != std::string::npos)
-        return static_cast<int>(1 + std::count(text_.begin(), text_.begin() + static_cast<std::ptrdiff_t>(at), '\n'));
+      if (at != std::string::npos) return line_at(text_, at);
     }
     return 0;
   }

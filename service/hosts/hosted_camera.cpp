@@ -195,6 +195,7 @@ struct HostedCameras::Impl {
     auto next_question = Clock::now();
     while (!stop.stop_requested()) {
       const auto now = Clock::now();
+      hear_states();
       if (now >= next_question) {
         ask();
         judge();
@@ -202,10 +203,8 @@ struct HostedCameras::Impl {
       }
       tell_what_is_looked_for();
       hear_time();
-      hear_states();
       answers.wait(std::max<Clock::duration>(next_question - Clock::now(), 1ms));
       hear_time();
-      hear_states();
     }
   }
 

@@ -141,6 +141,11 @@ class Attack : public Test {
   Attack() { soak::make_films(folder_, 2, 160, 120); }
   ~Attack() override { fs::remove_all(folder_); }
   std::map<std::string, double> metrics() const { return prometheus_samples(http_get(port_, "/metrics").value_or("")); }
+  Process bridge() const {
+    return Process(
+        {HUETRACK, "view", "--port", std::to_string(port_), "--domain", std::to_string(domain_), "--interface", "lo"},
+        folder_ / "out", folder_ / "err");
+  }
   const int domain_ = publish::test_domain(), port_ = 20000 + ::getpid() % 10000;
   const fs::path folder_ = fs::path(TempDir()) / ("attack_" + std::to_string(::getpid()));
 };
@@ -224,9 +229,7 @@ TEST_F(Attack, TheServiceKeepsItsMemoryItsSetsAndItsAnswers) {
 }
 
 TEST_F(Attack, ThePagesBridgeKeepsItsMemoryAndItsAnswers) {
-  const Process view(
-      {HUETRACK, "view", "--port", std::to_string(port_), "--domain", std::to_string(domain_), "--interface", "lo"},
-      folder_ / "out", folder_ / "err");
+  const Process view = bridge();
   ASSERT_TRUE(comes_true([&] { return http_get(port_, "/").has_value(); })) << view.err();
   const Connection page(port_);  // with one, the bridge takes previews
   page.send("GET /api/events HTTP/1.1\r\nHost: localhost\r\n\r\n");
@@ -278,9 +281,7 @@ TEST_F(Attack, ThePagesBridgeKeepsItsMemoryAndItsAnswers) {
 
 // As fast as they can be sent, under a new name each, while no page is open and the bridge looks now and then.
 TEST_F(Attack, ThePagesBridgeKeepsItsMemoryUnderNewNames) {
-  const Process view(
-      {HUETRACK, "view", "--port", std::to_string(port_), "--domain", std::to_string(domain_), "--interface", "lo"},
-      folder_ / "out", folder_ / "err");
+  const Process view = bridge();
   ASSERT_TRUE(comes_true([&] { return http_get(port_, "/").has_value(); })) << view.err();
   Stranger stranger(domain_);
   constexpr int names = 3000;
@@ -315,9 +316,7 @@ TEST_F(Attack, ThePagesBridgeKeepsItsMemoryUnderNewNames) {
 
 // Pictures are kept for pages that come late: of a false service with more cameras than anybody has, too.
 TEST_F(Attack, ThePagesBridgeForgetsAFalseService) {
-  const Process view(
-      {HUETRACK, "view", "--port", std::to_string(port_), "--domain", std::to_string(domain_), "--interface", "lo"},
-      folder_ / "out", folder_ / "err");
+  const Process view = bridge();
   ASSERT_TRUE(comes_true([&] { return http_get(port_, "/").has_value(); })) << view.err();
   const Connection page(port_);
   page.send("GET /api/events HTTP/1.1\r\nHost: localhost\r\n\r\n");
@@ -352,9 +351,7 @@ TEST_F(Attack, ThePagesBridgeForgetsAFalseService) {
 
 // All that a host may open at once, none of it read: the room is limited, and given back.
 TEST_F(Attack, ThePagesBridgeGivesBackWhatConnectionsTook) {
-  const Process view(
-      {HUETRACK, "view", "--port", std::to_string(port_), "--domain", std::to_string(domain_), "--interface", "lo"},
-      folder_ / "out", folder_ / "err");
+  const Process view = bridge();
   ASSERT_TRUE(comes_true([&] { return http_get(port_, "/").has_value(); })) << view.err();
   const double before_mb = resident_mb(view.pid());
   std::vector<std::unique_ptr<Connection>> many;
