@@ -204,6 +204,24 @@ void check(const ServiceConfig& config, const yaml::YamlReader& root) {
 
 namespace {
 
+constexpr double hall_m = 200;  // longer than any that cameras are put up in
+
+// From the middle of the volume.
+double nearest_camera_m(const ServiceConfig& config) {
+  const Eigen::Vector3d middle = (config.object_tracking.volume.min + config.object_tracking.volume.max) / 2;
+  double nearest_m = std::numeric_limits<double>::infinity();
+  for (const auto& camera : config.rig.cameras) nearest_m = std::min(nearest_m, (camera.centre() - middle).norm());
+  return nearest_m;
+}
+
+// Between the two cameras that are furthest apart.
+double rig_width_m(const calib::CameraRig& rig) {
+  double widest_m = 0;
+  for (const auto& a : rig.cameras)
+    for (const auto& b : rig.cameras) widest_m = std::max(widest_m, (a.centre() - b.centre()).norm());
+  return widest_m;
+}
+
 // What speaks against a rig by what its file says of it; empty: nothing.
 std::string rig_warning(const calib::CameraRig& rig) {
   using namespace std::chrono;
@@ -220,29 +238,42 @@ std::string rig_warning(const calib::CameraRig& rig) {
   return {};
 }
 
-// What no camera could see for its smallness: of a rig in millimetres, whose cameras stand kilometres away. Empty:
-// nothing.
+// What no camera could see for its smallness. Empty: nothing.
 std::string size_warning(const ServiceConfig& config) {
   constexpr double least_seen_px = 0.25;  // radius: a smaller ball colours no pixel
-  const Eigen::Vector3d middle = (config.object_tracking.volume.min + config.object_tracking.volume.max) / 2;
-  double nearest_m = std::numeric_limits<double>::infinity(), px_per_rad = 0;
-  for (const auto& camera : config.rig.cameras) {
-    nearest_m = std::min(nearest_m, (camera.cam_from_world * middle).norm());
+  const double nearest_m = nearest_camera_m(config);
+  double px_per_rad = 0;
+  for (const auto& camera : config.rig.cameras)
     px_per_rad = std::max(px_per_rad, double(camera.image_size.width));  // the view is about one radian wide
-  }
   for (const auto& target : config.targets) {
     const double px = px_per_rad * target.radius_m / nearest_m;
     if (px < least_seen_px)
       return fmt::format(
           "target {}: a ball of radius {:g} m would be {:.2g} pixels large in the middle of the volume, {:.0f} m from "
-          "the "
-          "nearest camera: is the rig, or the volume, in millimetres? Metres are the unit",
+          "the nearest camera: is the rig, or the volume, in another unit than metres?",
           target.name, target.radius_m, 2 * px, nearest_m);
   }
   return {};
 }
 
 }  // namespace
+
+std::string unit_mistake(const ServiceConfig& config) {
+  if (!config.is_calibrated()) return {};
+  if (const double widest_m = rig_width_m(config.rig); widest_m > hall_m)
+    return fmt::format("the cameras stand up to {:.0f} m apart: is the rig in millimetres? Metres are the unit",
+                       widest_m);
+  if (config.targets.empty()) return {};
+  const object_tracking::Volume& volume = config.object_tracking.volume;
+  if (const double longest_m = (volume.max - volume.min).maxCoeff(); longest_m > hall_m)
+    return fmt::format("object_tracking.volume is {:.0f} m long: is it in millimetres? Metres are the unit", longest_m);
+  if (const double nearest_m = nearest_camera_m(config); nearest_m > hall_m)
+    return fmt::format(
+        "the nearest camera stands {:.0f} m from the middle of object_tracking.volume: is the rig, or the volume, in "
+        "millimetres? Metres are the unit",
+        nearest_m);
+  return {};
+}
 
 std::vector<std::string> warnings_of(const ServiceConfig& config) {
   std::vector<std::string> warnings;
@@ -272,17 +303,13 @@ std::vector<std::string> warnings_of(const ServiceConfig& config) {
     if (coverage.per_camera[c] == 0)
       warnings.push_back("camera " + config.rig.cameras[c].name + " sees nothing of the volume");
   }
-  constexpr double hall_m = 200;  // longer than any that cameras are put up in
-  const object_tracking::Volume& volume = config.object_tracking.volume;
-  const double longest_m = (volume.max - volume.min).maxCoeff();
-  if (coverage.by_two < 0.5) {
-    warnings.push_back(fmt::format(
-        "only {} % of the volume is seen by two or more cameras: a target's depth is not fixed in the rest{}",
-        std::lround(100 * coverage.by_two),
-        longest_m > hall_m ? fmt::format("; it is {:g} m long, and metres are the unit", longest_m) : ""));
-  }
-  if (std::string warning = size_warning(config); longest_m <= hall_m && !warning.empty())
-    warnings.push_back(std::move(warning));
+  if (coverage.by_two < 0.5)
+    warnings.push_back(
+        fmt::format("only {} % of the volume is seen by two or more cameras: a target's depth is not fixed in the rest",
+                    std::lround(100 * coverage.by_two)));
+  std::string unit = unit_mistake(config);
+  if (unit.empty()) unit = size_warning(config);
+  if (!unit.empty()) warnings.push_back(std::move(unit));
   for (const auto& target : config.targets) {
     const color::HsiRange& c = target.color;
     // No paint is so many colours; a range that was written the wrong way round is.

@@ -199,6 +199,8 @@ std::vector<std::string> differing_keys(const ServiceConfig& a, const ServiceCon
 // What is allowed but probably not meant, one sentence each: targets of overlapping colours, much of the volume in
 // nobody's sight, ...
 std::vector<std::string> warnings_of(const ServiceConfig& config);
+// Why its lengths cannot be metres, one sentence, which is one of the warnings, too; empty: they can.
+std::string unit_mistake(const ServiceConfig& config);
 
 // How much of the volume is seen by how many cameras, on a grid.
 struct VolumeCoverage {

@@ -39,6 +39,25 @@ void print_hues(const object_tracking::TargetOptions& target) {
   std::printf("\n");
 }
 
+// Of the rig and the volume, below the YAML.
+void print_room(const config::ServiceConfig& config) {
+  const std::string age =
+      config.rig.made.text(std::chrono::floor<std::chrono::seconds>(std::chrono::system_clock::now()));
+  std::printf("# the rig: %s; %s\n", age.empty() ? "its file does not say when it was made" : age.c_str(),
+              config.rig.uncertainty ? "with its uncertainty, which is in every position's covariance"
+                                     : "without uncertainty: its cameras count as exactly known");
+  if (config.targets.empty()) return;
+  for (const auto& target : config.targets)
+    if (config::is_taught(target)) print_hues(target);
+  const auto coverage = config::volume_coverage(config.rig, config.object_tracking.volume);
+  std::printf("# of the volume are seen: by two or more cameras %.0f %%, by one or more %.0f %%", 100 * coverage.by_two,
+              100 * coverage.by_one);
+  for (std::size_t c = 0; c < config.rig.cameras.size(); ++c) {
+    std::printf(", by %s %.0f %%", config.rig.cameras[c].name.c_str(), 100 * coverage.per_camera[c]);
+  }
+  std::printf("\n");
+}
+
 // What replay and run would say of it when they begin: the trackers, the map that is loaded. throws, naming the file
 void require_session(const config::ServiceConfig& config) {
   try {
@@ -62,22 +81,12 @@ void check(const std::filesystem::path& file) {
   for (const auto& warning : warnings) spdlog::warn("{}: {}", config.file.string(), warning);
   std::printf("# %s, resolved; identity %s\n%s", yaml::printable(config.file.string(), yaml::longest_message).c_str(),
               config::config_identity(config).c_str(), config::to_yaml_with_origins(config).c_str());
-  if (config.rig.cameras.empty() || !config.is_calibrated()) return;
-  const std::string age =
-      config.rig.made.text(std::chrono::floor<std::chrono::seconds>(std::chrono::system_clock::now()));
-  std::printf("# the rig: %s; %s\n", age.empty() ? "its file does not say when it was made" : age.c_str(),
-              config.rig.uncertainty ? "with its uncertainty, which is in every position's covariance"
-                                     : "without uncertainty: its cameras count as exactly known");
-  if (config.targets.empty()) return;
-  for (const auto& target : config.targets)
-    if (config::is_taught(target)) print_hues(target);
-  const auto coverage = config::volume_coverage(config.rig, config.object_tracking.volume);
-  std::printf("# of the volume are seen: by two or more cameras %.0f %%, by one or more %.0f %%", 100 * coverage.by_two,
-              100 * coverage.by_one);
-  for (std::size_t c = 0; c < config.rig.cameras.size(); ++c) {
-    std::printf(", by %s %.0f %%", config.rig.cameras[c].name.c_str(), 100 * coverage.per_camera[c]);
+  if (!config.rig.cameras.empty() && config.is_calibrated()) print_room(config);
+  // Nothing can be tracked with it, and ninety lines above it is easily overlooked.
+  if (const std::string mistake = config::unit_mistake(config); !mistake.empty()) {
+    std::fflush(stdout);
+    throw yaml::ConfigError(config.file, 0, mistake);
   }
-  std::printf("\n");
 }
 
 void compare(const std::filesystem::path& tracks_file, const std::filesystem::path& truth_file, double clock_offset_s) {

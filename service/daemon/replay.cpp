@@ -336,10 +336,13 @@ ReplaySummary replay(const ReplayCommand& command, const std::stop_token& stop) 
   for (const auto& warning : playback.source->take_warnings()) spdlog::warn("{}", warning);
   ReplaySummary summary = summary_of(config, session.figures(), *playback.source, tally, began, stop.stop_requested());
   summary.mistakes = reports.mistakes.summary();
+  const std::string unit_mistake = config::unit_mistake(config);
+  if (!unit_mistake.empty()) summary.mistakes.push_back(unit_mistake);
   // What a search suspects is said where nothing is known; beside a mistake that was found it would lead astray.
   for (TargetSummary& target : summary.targets) {
     const auto says_it = [&](const std::string& sentence) { return sentence.find(target.advice) != std::string::npos; };
-    if (reports.mistakes.has_explained_rig() || std::ranges::any_of(summary.mistakes, says_it)) target.advice.clear();
+    if (!unit_mistake.empty() || reports.mistakes.has_explained_rig() || std::ranges::any_of(summary.mistakes, says_it))
+      target.advice.clear();
   }
   summary.left_out = reports.objects.summary();
   summary.light = reports.light.summary();

@@ -476,13 +476,35 @@ TEST_F(ServiceConfigFile, WarnsOfWhatIsProbablyNotMeant) {
   const auto coverage = volume_coverage(far.rig, far.object_tracking.volume);
   ASSERT_LT(coverage.by_two, 0.5);
   EXPECT_THAT(warnings_of(far), ElementsAre(HasSubstr("of the volume is seen by two or more cameras")));
-  EXPECT_THAT(
-      warnings_of(load(ball + "object_tracking: {volume: {min: [-1000, -1000, 0], max: [1000, 1000, 2000]}}\n")),
-      ElementsAre(HasSubstr("it is 2000 m long, and metres are the unit")));
-  ServiceConfig in_millimetres = load(ball);
-  ASSERT_THAT(warnings_of(in_millimetres), IsEmpty());
-  for (auto& camera : in_millimetres.rig.cameras) camera.cam_from_world.translation *= 1000;
-  EXPECT_THAT(warnings_of(in_millimetres), testing::Contains(HasSubstr("in millimetres? Metres are the unit")));
+}
+
+TEST_F(ServiceConfigFile, LengthsThatCannotBeMetresAreAMistake) {
+  const ServiceConfig right = load(ball);
+  ASSERT_THAT(unit_mistake(right), IsEmpty());
+  const auto with_volume = [&](const std::string& volume) {
+    return load(ball + "object_tracking: {volume: " + volume + "}\n");
+  };
+  const ServiceConfig long_volume = with_volume("{min: [-1000, -1000, 0], max: [1000, 1000, 2000]}");
+  EXPECT_THAT(unit_mistake(long_volume), HasSubstr("volume is 2000 m long: is it in millimetres?"));
+  EXPECT_THAT(warnings_of(long_volume), testing::Contains(unit_mistake(long_volume)));
+  // In one and the same wrong unit everything is seen.
+  ServiceConfig both = with_volume("{min: [-1500, -1500, 0], max: [1500, 1500, 2000]}");
+  ServiceConfig in_millimetres = right;
+  for (ServiceConfig* const config : {&both, &in_millimetres})
+    for (auto& camera : config->rig.cameras) camera.cam_from_world.translation *= 1000;
+  EXPECT_THAT(unit_mistake(both), HasSubstr("in millimetres? Metres are the unit"));
+  EXPECT_THAT(unit_mistake(in_millimetres), testing::ContainsRegex("cameras stand up to [0-9]+ m apart"));
+  EXPECT_THAT(warnings_of(in_millimetres), testing::Contains(unit_mistake(in_millimetres)));
+  in_millimetres.rig.cameras.resize(1);
+  EXPECT_THAT(unit_mistake(in_millimetres), HasSubstr("the nearest camera stands "));
+}
+
+// A unit that is not so far off may be meant.
+TEST_F(ServiceConfigFile, WarnsOfABallThatIsTooSmallToBeSeen) {
+  ServiceConfig far = load(ball);
+  for (auto& camera : far.rig.cameras) camera.cam_from_world.translation *= 50;
+  EXPECT_THAT(unit_mistake(far), IsEmpty());
+  EXPECT_THAT(warnings_of(far), testing::Contains(HasSubstr("in another unit than metres?")));
 }
 
 TEST(VolumeCoverage, IsWholeWhereTheWholeVolumeIsSeen) {

@@ -7,6 +7,7 @@
 #include <fstream>
 #include <functional>
 
+#include "calib/model/rig_yaml.h"
 #include "calib/yaml/yaml_reader.h"
 #include "config/service_config.h"
 #include "end_to_end/process.h"
@@ -328,6 +329,23 @@ TEST_F(EndToEnd, MistakesAreOneReadableLineAndExitStatusOne) {
     EXPECT_EQ(full.status, 1);
     EXPECT_THAT(full.err, HasSubstr("cannot write /dev/full: No space left on device"));
   }
+}
+
+// What explains everything stands last, where nobody overlooks it, and the status tells it.
+TEST_F(EndToEnd, ARigInMillimetresIsTheMistake) {
+  calib::CameraRig rig = calib::read_rig(recording + "/rig.yaml");
+  for (auto& camera : rig.cameras) camera.cam_from_world.translation *= 1000;
+  calib::write_rig(rig, folder_ / "rig.yaml");
+  const std::string in_millimetres =
+      write("version: 1\nrig: rig.yaml\ntargets: {lime: {color: {hue_deg: [65, 115]}}}\n", "mm.yaml");
+  const Result checked = run({HUETRACKD, "check", in_millimetres});
+  EXPECT_EQ(checked.status, 1);
+  EXPECT_THAT(lines_of(checked.err).back(), HasSubstr("mm.yaml: the cameras stand up to "));
+  EXPECT_THAT(lines_of(checked.err).back(), HasSubstr("is the rig in millimetres?"));
+  const Result replayed = run({HUETRACKD, "replay", in_millimetres, recording, "--no-dds", "--strict"});
+  EXPECT_EQ(replayed.status, 3);
+  EXPECT_THAT(lines_of(replayed.out).back(), StartsWith("  mistake the cameras stand up to "));
+  EXPECT_THAT(replayed.out, Not(HasSubstr("check the calibration and the radius")));
 }
 
 TEST_F(EndToEnd, AWordThatIsNoCommandIsNamed) {
