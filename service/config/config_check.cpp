@@ -258,6 +258,13 @@ std::string size_warning(const ServiceConfig& config) {
 
 }  // namespace
 
+std::string teach_advice(const ServiceConfig& config, const object_tracking::TargetOptions& target,
+                         const std::string& recording) {
+  return fmt::format(
+      "click on it on the page of huetrack view, or teach it: huetrackd teach {} {} {}--at CAMERA,FRAME,U,V",
+      config.file.string(), recording, config.targets.size() > 1 ? "--target " + target.name + " " : "");
+}
+
 std::string unit_mistake(const ServiceConfig& config) {
   if (!config.is_calibrated()) return {};
   if (const double widest_m = rig_width_m(config.rig); widest_m > hall_m)
@@ -283,9 +290,7 @@ std::vector<std::string> warnings_of(const ServiceConfig& config) {
         "view, or with huetrack-calibrate"};
   for (const auto& target : config.targets)
     if (!is_taught(target))
-      warnings.push_back(
-          fmt::format("target {} has no colour yet: click on it on the page of huetrack view, or use huetrackd teach",
-                      target.name));
+      warnings.push_back(fmt::format("target {} has no colour yet: {}", target.name, teach_advice(config, target)));
   for (const auto& camera : config.rig.cameras) {
     if (!config.cameras.empty() &&
         std::ranges::find(config.cameras, camera.name, &LiveCameraConfig::name) == config.cameras.end())

@@ -399,7 +399,12 @@ class Printer {
     mapping(key, doc, describe_group);
   }
   template <typename F>
-  void color(std::string_view key, const color::HsiRange&, std::string_view doc, F&& describe_range) {
+  void color(std::string_view key, const color::HsiRange& range, std::string_view doc, F&& describe_range) {
+    // For people: the ranges that nothing has look as if somebody had given them.
+    if (style_.show == Show::all_origins && range == untaught_color) {
+      out_ += fmt::format("{}# {}: none yet; huetrackd teach, or a click on the page, writes it\n", indentation(), key);
+      return;
+    }
     mapping(key, doc, describe_range);
   }
   template <typename T, typename F>

@@ -140,6 +140,9 @@ struct ServiceConfig {
 // colourful as can be.
 inline constexpr color::HsiRange untaught_color{.saturation_min = 1, .intensity_min = 1, .intensity_max = 1};
 bool is_taught(const object_tracking::TargetOptions& target);
+// What to do about a target that is not, for people. recording: to teach it from, as a word of the command line.
+std::string teach_advice(const ServiceConfig& config, const object_tracking::TargetOptions& target,
+                         const std::string& recording = "RECORDING");
 
 // throws ConfigError for a configuration whose cameras are not calibrated yet.
 void require_rig(const ServiceConfig& config);
@@ -174,7 +177,8 @@ std::vector<capture::FrameTiming> frame_timing(const calib::CameraRig& rig);
 
 // Every key, default or given, as YAML that loads back to the same configuration from any folder (paths are absolute).
 std::string to_yaml(const ServiceConfig& config);
-// to_yaml() with a comment at every value that comes from the taught file.
+// to_yaml() with a comment at every value that comes from the taught file, and for a colour that a target does not
+// have.
 std::string to_yaml_with_origins(const ServiceConfig& config);
 // What the taught file says, from version on: the values of config.taught.
 std::string to_taught_yaml(const ServiceConfig& config);

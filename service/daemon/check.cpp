@@ -39,7 +39,21 @@ void print_hues(const object_tracking::TargetOptions& target) {
   std::printf("\n");
 }
 
-// Of the rig and the volume, below the YAML.
+// Of the targets, below the YAML: what nobody has said of them, and what the numbers mean.
+void print_targets(const config::ServiceConfig& config) {
+  for (const auto& target : config.targets) {
+    if (config::is_taught(target)) {
+      print_hues(target);
+    } else {
+      std::printf("# %s: it has no colour yet: %s\n", target.name.c_str(),
+                  config::teach_advice(config, target).c_str());
+    }
+    if (config.unsized_targets.contains(target.name))
+      std::printf("# %s: nobody has said its radius: %g m is the default\n", target.name.c_str(), target.radius_m);
+  }
+}
+
+// Of the rig and the volume.
 void print_room(const config::ServiceConfig& config) {
   const std::string age =
       config.rig.made.text(std::chrono::floor<std::chrono::seconds>(std::chrono::system_clock::now()));
@@ -47,8 +61,6 @@ void print_room(const config::ServiceConfig& config) {
               config.rig.uncertainty ? "with its uncertainty, which is in every position's covariance"
                                      : "without uncertainty: its cameras count as exactly known");
   if (config.targets.empty()) return;
-  for (const auto& target : config.targets)
-    if (config::is_taught(target)) print_hues(target);
   const auto coverage = config::volume_coverage(config.rig, config.object_tracking.volume);
   std::printf("# of the volume are seen: by two or more cameras %.0f %%, by one or more %.0f %%", 100 * coverage.by_two,
               100 * coverage.by_one);
@@ -81,6 +93,7 @@ void check(const std::filesystem::path& file) {
   for (const auto& warning : warnings) spdlog::warn("{}: {}", config.file.string(), warning);
   std::printf("# %s, resolved; identity %s\n%s", yaml::printable(config.file.string(), yaml::longest_message).c_str(),
               config::config_identity(config).c_str(), config::to_yaml_with_origins(config).c_str());
+  print_targets(config);
   if (!config.rig.cameras.empty() && config.is_calibrated()) print_room(config);
   // Nothing can be tracked with it, and ninety lines above it is easily overlooked.
   if (const std::string mistake = config::unit_mistake(config); !mistake.empty()) {

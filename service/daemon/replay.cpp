@@ -1,6 +1,7 @@
 #include "daemon/replay.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
@@ -259,10 +260,10 @@ std::string shown_name(const recordings::Recording& recording) {
   return (folder.parent_path().filename() / folder.filename()).string();
 }
 
-// figures: when the road was empty
-ReplaySummary summary_of(const config::ServiceConfig& config, const pipeline::PipelineFigures& figures,
-                         const recordings::ReplaySource& source, const Tally& tally, Clock::time_point began,
-                         bool is_stopped) {
+// config: as it was in force last. figures: when the road was empty
+ReplaySummary summary_of(const config::ServiceConfig& config, const ReplayCommand& command,
+                         const pipeline::PipelineFigures& figures, const recordings::ReplaySource& source,
+                         const Tally& tally, Clock::time_point began, bool is_stopped) {
   ReplaySummary summary;
   summary.figures = figures;
   summary.stopped = is_stopped;
@@ -280,7 +281,12 @@ ReplaySummary summary_of(const config::ServiceConfig& config, const pipeline::Pi
   const std::vector<std::string> cameras = config.rig.camera_names();
   for (std::size_t t = 0; t < summary.targets.size(); ++t) {
     TargetSummary& target = summary.targets[t];
-    if (!target.first_tracking_set) target.advice = figures.searches[t].advice(config.targets[t], cameras);
+    if (target.first_tracking_set) continue;
+    target.advice =
+        config::is_taught(config.targets[t])
+            ? figures.searches[t].advice(config.targets[t], cameras)
+            : "it has no colour yet: " +
+                  config::teach_advice(config, config.targets[t], fmt::format("{}", fmt::join(command.recording, " ")));
   }
   summary.camera = tally.camera();
   return summary;
@@ -334,7 +340,8 @@ ReplaySummary replay(const ReplayCommand& command, const std::stop_token& stop) 
   session.save_camera_map();
 
   for (const auto& warning : playback.source->take_warnings()) spdlog::warn("{}", warning);
-  ReplaySummary summary = summary_of(config, session.figures(), *playback.source, tally, began, stop.stop_requested());
+  ReplaySummary summary =
+      summary_of(session.config(), command, session.figures(), *playback.source, tally, began, stop.stop_requested());
   summary.mistakes = reports.mistakes.summary();
   const std::string unit_mistake = config::unit_mistake(config);
   if (!unit_mistake.empty()) summary.mistakes.push_back(unit_mistake);

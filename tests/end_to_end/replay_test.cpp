@@ -348,6 +348,24 @@ TEST_F(EndToEnd, ARigInMillimetresIsTheMistake) {
   EXPECT_THAT(replayed.out, Not(HasSubstr("check the calibration and the radius")));
 }
 
+TEST_F(EndToEnd, ATargetWithoutAColorIsSaidToHaveNone) {
+  const std::string untaught =
+      write("version: 1\nrig: " + recording + "/rig.yaml\ntargets: {lime: {}}\n", "untaught.yaml");
+  const Result checked = run({HUETRACKD, "check", untaught});
+  EXPECT_EQ(checked.status, 0);
+  EXPECT_THAT(checked.out, Not(HasSubstr("hue_deg")));
+  EXPECT_THAT(checked.out, HasSubstr("# color: none yet"));
+  EXPECT_THAT(checked.out, HasSubstr("# lime: it has no colour yet: click on it"));
+  EXPECT_THAT(checked.out, HasSubstr("# lime: nobody has said its radius: 0.04 m is the default"));
+  EXPECT_EQ(config::to_yaml(config::load_service_config(write(checked.out, "resolved.yaml"))),
+            config::to_yaml(config::load_service_config(untaught)));
+  const Result replayed = run({HUETRACKD, "replay", untaught, recording, "--no-dds"});
+  EXPECT_THAT(lines_of(replayed.out).back(),
+              testing::AllOf(StartsWith("  search  lime: it has no colour yet: "),
+                             HasSubstr("huetrackd teach " + untaught + " " + recording + " --at CAMERA,FRAME,U,V")));
+  EXPECT_THAT(run({HUETRACKD, "check", config}).out, Not(HasSubstr("none yet")));
+}
+
 TEST_F(EndToEnd, AWordThatIsNoCommandIsNamed) {
   const Result daemon = run({HUETRACKD, "rplay", config});
   EXPECT_NE(daemon.status, 0);
