@@ -13,7 +13,13 @@ constexpr int most_steps = 1'000'000;
 }  // namespace
 
 PlayedSource::PlayedSource(std::unique_ptr<capture::FrameSource> source, const PlayedSourceOptions& options)
-    : source_(std::move(source)), is_paused_(options.is_held), speed_(options.speed), seen_(options.cameras, false) {}
+    : source_(std::move(source)), speed_(options.speed), seen_(options.cameras, false) {}
+
+void PlayedSource::hold_beyond(capture::Timestamp at) {
+  const std::scoped_lock lock(mutex_);
+  is_paused_ = true;
+  held_beyond_ = at;
+}
 
 std::optional<capture::Frame> PlayedSource::next(std::stop_token stop) {
   if (!ahead_) ahead_ = source_->next(stop);
@@ -33,7 +39,7 @@ void PlayedSource::wait_for_turn(const capture::Frame& frame, const std::stop_to
     auto until = now + look_again_after;
     was_paused |= is_paused_;
     if (is_paused_) {
-      if (!seen_.at(camera)) break;
+      if (held_beyond_ || !seen_.at(camera)) break;
       if (steps_ > 0) {
         --steps_;
         seen_.assign(seen_.size(), false);
@@ -60,7 +66,13 @@ void PlayedSource::wait_for_turn(const capture::Frame& frame, const std::stop_to
   }
   seen_.at(camera) = true;
   if (!first_) first_ = frame.captured_at;
+  if (frame.captured_at > last_) at_last_ = 0;
   last_ = std::max(last_, frame.captured_at);
+  at_last_ += frame.captured_at == last_ ? 1 : 0;
+  if (held_beyond_ && (last_ > *held_beyond_ || at_last_ == seen_.size())) {
+    held_beyond_.reset();
+    seen_.assign(seen_.size(), true);  // the next frame of any camera waits
+  }
 }
 
 page::PlaybackState PlayedSource::state() const {
@@ -82,6 +94,7 @@ void PlayedSource::pause() {
 void PlayedSource::go_on() {
   const std::scoped_lock lock(mutex_);
   is_paused_ = false;
+  held_beyond_.reset();
   steps_ = 0;
   anchor_.reset();
   ++asked_;

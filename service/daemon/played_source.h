@@ -18,14 +18,17 @@ namespace huetrack::daemon {
 
 struct PlayedSourceOptions {
   std::size_t cameras = 0;
-  bool is_held = false;  // paused after the first frame of every camera
-  double speed = 0;      // PlaybackState::speed, to begin with
+  double speed = 0;  // PlaybackState::speed, to begin with
 };
 
 // next() is one thread's; the rest is thread-safe.
 class PlayedSource final : public capture::FrameSource, public page::Playback {
  public:
   PlayedSource(std::unique_ptr<capture::FrameSource> source, const PlayedSourceOptions& options);
+
+  // Before next(): it is paused as soon as a frame later than this was let through, or all cameras gave one of the same
+  // time: by either it is known that a set of them all is whole.
+  void hold_beyond(capture::Timestamp at);
 
   // Waits until the frame is due, or to be stepped to; not after a stop.
   std::optional<capture::Frame> next(std::stop_token stop) override;
@@ -51,7 +54,8 @@ class PlayedSource final : public capture::FrameSource, public page::Playback {
 
   mutable std::mutex mutex_;  // guards all that follows
   std::condition_variable_any news_;
-  bool is_paused_;
+  bool is_paused_ = false;
+  std::optional<capture::Timestamp> held_beyond_;  // what is paused lets frames through up to this, and one later one
   double speed_;
   int steps_ = 0;            // that are still to be made
   std::uint64_t asked_ = 0;  // how often something was
@@ -63,6 +67,7 @@ class PlayedSource final : public capture::FrameSource, public page::Playback {
   std::optional<Anchor> anchor_;
   std::optional<capture::Timestamp> first_;
   capture::Timestamp last_{};  // of those that were let through
+  std::size_t at_last_ = 0;    // so many cameras gave a frame of that time
 };
 
 }  // namespace huetrack::daemon

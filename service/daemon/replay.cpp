@@ -81,14 +81,23 @@ OpenedRecording open_recording(const config::ServiceConfig& config, const Replay
   if (config.dds.enabled && !command.no_dds && config.control.allow_teach) {
     auto played = std::make_unique<PlayedSource>(
         std::move(source),
-        PlayedSourceOptions{
-            .cameras = names.size(), .is_held = command.hold, .speed = command.speed == ReplaySpeed::real ? 1.0 : 0.0});
+        PlayedSourceOptions{.cameras = names.size(), .speed = command.speed == ReplaySpeed::real ? 1.0 : 0.0});
     playback.played = played.get();
     playback.sources.sources.push_back(std::move(played));
   } else {
     playback.sources.sources.push_back(std::move(source));
   }
   return playback;
+}
+
+// Where a replay is held to begin with: when the first set with every camera is over, which a frame beyond its span
+// shows. Cameras that begin later than a second after the first are not waited for.
+capture::Timestamp first_whole_set(const recordings::ReplaySource& source, capture::Duration set_span) {
+  const capture::Timestamp first = source.first_at().value_or(capture::Timestamp{});
+  capture::Timestamp last = first;
+  for (const auto& camera : source.cameras())
+    if (camera.first_at && *camera.first_at - first <= 1s) last = std::max(last, *camera.first_at);
+  return last + set_span;
 }
 
 // With the configuration that lies in the recording, what happened while it was made happens again.
@@ -305,6 +314,9 @@ ReplaySummary replay(const ReplayCommand& command, const std::stop_token& stop) 
                             {.threads = command.threads,
                              .pictures_every = command.pictures.empty() ? 0 : command.pictures_every,
                              .repeats = changes_to_repeat(config, playback.recording)});
+  if (command.hold)
+    playback.played->hold_beyond(
+        first_whole_set(*playback.source, capture::duration_of(*session.config().set_tolerance_s)));
 
   // Where the results go, in this order.
   std::optional<pipeline::Bus> bus;

@@ -53,7 +53,9 @@ void PageService::offer(pictures::PictureJob job) {
 }
 
 void PageService::on_set(const pipeline::TrackedSet& set) {
-  if (wants()) offer(set.picture(particles_));
+  // What a replay is held at stays to be seen, also by who opens the page later.
+  const Playback* const playback = options_.control.playback;
+  if (wants() || (playback != nullptr && playback->state().is_paused)) offer(set.picture(particles_));
 }
 
 void PageService::on_camera_pose(const pipeline::TrackedFrame& frame) {

@@ -21,7 +21,7 @@ namespace huetrack::page {
 
 struct PageServiceOptions {
   // Of a replay: a set that is held may be kept, no driver waits for its buffers. The first set is always taken, and
-  // the newest one shown again while none comes.
+  // each while it is paused; the newest one is shown again while none comes.
   bool keeps_frames = false;
   // How published times are made; outlives the server. nullptr: they are the capture times.
   const pipeline::PublishedTime* time = nullptr;

@@ -13,27 +13,31 @@ using namespace testing;
 using namespace std::chrono_literals;
 using PlayClock = std::chrono::steady_clock;
 
-// Two cameras, a frame of each every 20 ms.
+// Two cameras, a frame of each every 20 ms, that of the second one so much later.
 class TwoCameras final : public capture::FrameSource {
  public:
+  explicit TwoCameras(capture::Duration later) : later_(later) {}
   std::optional<capture::Frame> next(std::stop_token) override {
     if (next_ == 200) return std::nullopt;
     capture::Frame frame;
     frame.camera = next_ % 2;
-    frame.captured_at = capture::Timestamp(100s + (next_ / 2) * 20ms + (next_ % 2) * 3ms);
+    frame.captured_at = capture::Timestamp(100s + (next_ / 2) * 20ms + (next_ % 2) * later_);
     ++next_;
     return frame;
   }
   bool ended(int) const override { return next_ == 200; }
 
  private:
+  const capture::Duration later_;
   int next_ = 0;
 };
 
 class Played : public Test {
  protected:
-  void play(const PlayedSourceOptions& options) {
-    source.emplace(std::make_unique<TwoCameras>(), options);
+  void play(const PlayedSourceOptions& options, std::optional<capture::Timestamp> held_beyond = {},
+            capture::Duration later = 3ms) {
+    source.emplace(std::make_unique<TwoCameras>(later), options);
+    if (held_beyond) source->hold_beyond(*held_beyond);
     reader = std::jthread([this](const std::stop_token& stop) {
       while (const auto frame = source->next(stop)) {
         if (stop.stop_requested()) return;
@@ -67,18 +71,21 @@ class Played : public Test {
   std::jthread reader;
 };
 
+// The second camera's first frame is over.
+constexpr capture::Timestamp first_set_until(100s + 10ms);
+
 TEST_F(Played, IsHeldAndSteppedThrough) {
-  play({.cameras = 2, .is_held = true});
-  ASSERT_TRUE(comes_to(2));
-  EXPECT_TRUE(stays_at(2));  // the first frame of each
+  play({.cameras = 2}, first_set_until);
+  ASSERT_TRUE(comes_to(3));
+  EXPECT_TRUE(stays_at(3));  // the first frame of each, and one that shows that their set is whole
   EXPECT_TRUE(source->state().is_paused);
   source->step(1);
-  ASSERT_TRUE(comes_to(4));
-  EXPECT_TRUE(stays_at(4));
-  EXPECT_NEAR(source->state().position_s, 0.023, 1e-9);
+  ASSERT_TRUE(comes_to(5));
+  EXPECT_TRUE(stays_at(5));
+  EXPECT_NEAR(source->state().position_s, 0.04, 1e-9);
   source->step(3);
-  ASSERT_TRUE(comes_to(10));
-  EXPECT_TRUE(stays_at(10));
+  ASSERT_TRUE(comes_to(11));
+  EXPECT_TRUE(stays_at(11));
   // As long as it was held, what is published is later.
   EXPECT_GT(source->lag_ns().load(), 100'000'000);
   source->go_on();
@@ -89,7 +96,7 @@ TEST_F(Played, IsHeldAndSteppedThrough) {
 
 TEST_F(Played, IsPacedPausedAndHurried) {
   const auto began = PlayClock::now();
-  play({.cameras = 2, .is_held = false, .speed = 1});
+  play({.cameras = 2, .speed = 1});
   ASSERT_TRUE(comes_to(20));  // 183 ms
   EXPECT_GT(PlayClock::now() - began, 150ms);
   EXPECT_EQ(source->lag_ns().load(), 0);
@@ -112,9 +119,30 @@ TEST_F(Played, IsPacedPausedAndHurried) {
   EXPECT_TRUE(std::ranges::is_sorted(times));
 }
 
-TEST_F(Played, EndsWhileItIsHeld) {
-  play({.cameras = 2, .is_held = true});
+// One camera may begin some frames after the other.
+TEST_F(Played, IsHeldNoSoonerThanItIsAskedTo) {
+  play({.cameras = 2}, first_set_until + 40ms);
+  ASSERT_TRUE(comes_to(7));
+  EXPECT_TRUE(stays_at(7));
+  source->go_on();
+  ASSERT_TRUE(comes_to(200));
+}
+
+// Of cameras in step no further frame needs to show that their set is whole.
+TEST_F(Played, IsHeldAtTheFirstFramesOfCamerasInStep) {
+  play({.cameras = 2}, first_set_until, 0ms);
   ASSERT_TRUE(comes_to(2));
+  EXPECT_TRUE(stays_at(2));
+  EXPECT_EQ(source->state().position_s, 0);
+  source->step(1);
+  ASSERT_TRUE(comes_to(4));
+  EXPECT_TRUE(stays_at(4));
+  EXPECT_NEAR(source->state().position_s, 0.02, 1e-9);
+}
+
+TEST_F(Played, EndsWhileItIsHeld) {
+  play({.cameras = 2}, first_set_until);
+  ASSERT_TRUE(comes_to(3));
   const auto asked = PlayClock::now();
   reader.request_stop();
   reader.join();

@@ -142,5 +142,33 @@ TEST_F(TeachLive, ItIsRefusedWithAReasonOnceTheConfigurationForbidsIt) {
   EXPECT_EQ(contents(config), before);
 }
 
+// The cameras of a recording seldom begin at one moment: it is held when each has shown something.
+TEST(TeachHeld, AllCamerasOfAReplayThatIsHeldMayBePointedInto) {
+  const fs::path folder = fs::path(TempDir()) / ("teach_held_" + std::to_string(::getpid()));
+  const fs::path demo = fs::path(HUETRACK_SOURCE_DIR) / "configs/demo/recording", config = folder / "c.yaml";
+  fs::create_directories(folder);
+  const std::string frames = "{frames: " + demo.string();
+  std::ofstream(folder / "recording.yaml") << "version: 1\ncameras:\n  cam0: " << frames << "/cam0.mkv, fps: 30}\n"
+                                           << "  cam1: " << frames << "/cam1.mkv, fps: 30, offset_s: 0.12}\n";
+  std::ofstream(config) << "version: 1\ncontrol: {allow_teach: true}\nrig: " << (demo / "rig.yaml").string()
+                        << "\ntargets: {lime: {}}\ndds: {domain: " << domain << ", interfaces: [lo]}\n";
+  Process replay({HUETRACKD, "replay", config, folder, "--hold", "--quiet"}, folder / "out", folder / "err");
+  TeachingPage page(domain);
+  ASSERT_TRUE(comes_true([&] {
+    page.listen();
+    return page.scene.has_value();
+  })) << replay.err();
+  msg::TeachReply frozen;
+  EXPECT_TRUE(comes_true([&] {
+    frozen = page.ask(msg::TEACH_ACTION_FREEZE);
+    return frozen.granted() && frozen.cameras().size() == 2 &&
+           std::ranges::none_of(frozen.cameras(), [](const auto& camera) { return camera.jpeg().empty(); });
+  })) << frozen.reason();
+  EXPECT_FALSE(replay.has_ended());
+  ASSERT_TRUE(page.ask(msg::TEACH_ACTION_RESUME).granted());
+  EXPECT_EQ(replay.wait(), 0) << replay.err();
+  fs::remove_all(folder);
+}
+
 }  // namespace
 }  // namespace huetrack::end_to_end
