@@ -339,6 +339,20 @@ std::optional<double> radius_to_write(const color_teaching::Lesson& lesson, cons
   return is_taken ? lesson.radius.radius_m : std::nullopt;
 }
 
+// Of a colour that does not hold. lesson: its target has the radius that was tried. is_sized: somebody has said that.
+std::string what_to_try(const color_teaching::Lesson& lesson, bool is_sized) {
+  constexpr double mm = 1e3;
+  const double tried_mm = mm * lesson.target.radius_m;
+  if (color_teaching::differs_clearly(lesson.radius, lesson.target.radius_m))
+    return fmt::format(
+        "the search takes only what has about the radius that is said, {:g} mm, and the pictures tell {:.0f} mm: take "
+        "that with --radius, or correct radius_m",
+        tried_mm, mm * *lesson.radius.radius_m);
+  return "point at the object in every camera (--at), or where it is larger, or in another frame" +
+         (is_sized ? fmt::format("; or radius_m, {:g} mm, is wrong: --radius takes what the pictures tell", tried_mm)
+                   : std::string());
+}
+
 // Tried before it is written. With --accept nobody has looked at the other views: what was suggested there counts only
 // if the object is tracked where it was seen, and where nothing was suggested, because it is hidden then, the colour
 // only if anything is tracked by it as surely as it must be. Where somebody pointed into all of them it is only said.
@@ -348,10 +362,8 @@ bool holds_on_recording(const color_teaching::Lesson& lesson, const TeachCommand
   const std::string words = words_of(trial, config.rig.cameras[std::size_t(seen.point.camera)].name);
   const bool holds = trial.is_sure && (trial.is_found() || lesson.accepted.empty());
   if (command.accept && !holds) {
-    fmt::print(stderr,
-               "huetrackd: nothing is written: by the colour that was learnt, {}: point at the object in every camera "
-               "(--at), or where it is larger, or in another frame\n",
-               words);
+    fmt::print(stderr, "huetrackd: nothing is written: by the colour that was learnt, {}: {}\n", words,
+               what_to_try(lesson, !config.unsized_targets.contains(lesson.target.name)));
     return false;
   }
   fmt::print("{} the colour that was learnt, {}\n", trial.is_sure && trial.is_found() ? "By" : "Warning: by", words);

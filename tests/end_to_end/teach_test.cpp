@@ -141,8 +141,24 @@ TEST_F(Teach, AcceptTriesTheColourBeforeItIsWritten) {
   const Result result = run({"teach", config, recording, "--at", "cam0,60,100,100", "--accept"});
   EXPECT_EQ(result.status, 1);
   EXPECT_THAT(result.err, AllOf(StartsWith("huetrackd: nothing is written: by the colour that was learnt, "),
-                                HasSubstr("nothing is tracked in any of 150 sets"), HasSubstr("(--at)")));
+                                HasSubstr("nothing is tracked in any of 150 sets"), HasSubstr("(--at)"),
+                                HasSubstr("or radius_m, 40 mm, is wrong: --radius takes what the pictures tell")));
   EXPECT_FALSE(fs::exists(taught));
+}
+
+// A wrong radius is why nothing is tracked by a colour that is right: the line that ends with says so, and what to do.
+TEST_F(Teach, AWrongRadiusIsNamedWhereNothingIsTrackedByIt) {
+  std::string wrong = contents(config);
+  std::ofstream(config) << wrong.replace(wrong.find("0.04"), 4, "0.08");
+  const std::vector<std::string> teach{"teach", config, recording, "--at", at("cam0"), "--accept"};
+  const Result refused = run(teach);
+  EXPECT_EQ(refused.status, 1) << refused.out;
+  EXPECT_THAT(refused.err,
+              ContainsRegex("that is said, 80 mm, and the pictures tell (3[6-9]|4[0-3]) mm: take that with "
+                            "--radius, or correct radius_m\n$"));
+  std::vector<std::string> with_radius = teach;
+  with_radius.push_back("--radius");
+  EXPECT_EQ(run(with_radius).status, 0);
 }
 
 // What is taken in one view suggests the object in a third, which is taken, too.
