@@ -17,6 +17,7 @@
 #include "capture/network_source.h"
 #include "config/service_config.h"
 #include "doctor/light_exam.h"
+#include "doctor/network_exam.h"
 #include "hosts/camera_host.h"
 #include "hosts/machine_clock.h"
 #include "metrics/metrics.h"
@@ -329,6 +330,14 @@ class Doctor {
     say(judge_clock(hosts::machine_clock().kept_s));
   }
 
+  void look_at_network_camera(const config::LiveCameraConfig& camera) {
+    if (!options_.streams) return say({Grade::note, "it is a camera of the network, and not asked", ""});
+    const calib::ImageSize size = size_of(camera);
+    const capture::NetworkSourceOptions source{
+        .name = camera.name, .address = camera.device, .width = size.width, .height = size.height};
+    say(judge_network_camera(try_network_camera(source, std::chrono::duration<double>(options_.seconds), stop_)));
+  }
+
   // Of the configuration, with the node that its device is; those whose device is not there are said to be so.
   std::vector<ExamRequest> requests(const std::vector<capture::V4l2Node>& nodes) {
     std::vector<ExamRequest> requests;
@@ -341,7 +350,7 @@ class Doctor {
       }
       if (capture::is_network_address(camera.device.native())) {
         title("camera " + camera.name);
-        say({Grade::ok, "it is a camera of the network", "it is not examined: huetrackd run says whether it answers"});
+        look_at_network_camera(camera);
         continue;
       }
       std::error_code error;
@@ -397,7 +406,11 @@ class Doctor {
       ++examined_;
       busy_ += is_busy(exam) ? 1 : 0;
     }
-    if (exams.empty()) {
+    // With cameras of the network, or of other hosts, none needs to be plugged in here.
+    const bool wants_none = has_cameras && std::ranges::none_of(cameras(), [](const auto& camera) {
+                              return camera.host.empty() && !capture::is_network_address(camera.device.native());
+                            });
+    if (exams.empty() && !wants_none) {
       title("cameras");
       say({config_ && config_->cameras.empty() ? Grade::note : Grade::warning, "no camera is plugged in",
            "lsusb lists what the USB sees; dmesg says why a camera has no /dev/video"});
@@ -427,7 +440,7 @@ class Doctor {
                         options.domain        ? "the configuration"
                         : variable != nullptr ? "ROS_DOMAIN_ID"
                                               : "the default; ROS_DOMAIN_ID is not set",
-                        network.interfaces));
+                        network.interfaces, !options.interfaces.empty()));
     } catch (const std::invalid_argument& error) {
       say({Grade::problem, error.what(), "correct dds: in the configuration, or the environment"});
     }
@@ -553,7 +566,7 @@ std::vector<Finding> judge_usb(std::span<const CameraExam> exams, const std::map
 }
 
 std::vector<Finding> judge_network(int domain, const std::string& domain_from,
-                                   const std::vector<std::string>& interfaces) {
+                                   const std::vector<std::string>& interfaces, bool are_chosen) {
   std::vector<Finding> findings{{Grade::ok, "domain " + std::to_string(domain) + ", from " + domain_from, ""}};
   std::vector<std::string> outside;
   for (const auto& interface : interfaces)
@@ -562,7 +575,9 @@ std::vector<Finding> judge_network(int domain, const std::string& domain_from,
     findings.push_back({Grade::problem, "no network interface is up", "ip link set lo up; DDS needs one at least"});
   else if (outside.empty())
     findings.push_back({Grade::note, "only " + joined(interfaces) + ": subscribers on this host only",
-                        "for others, bring a network up; it is taken by itself"});
+                        are_chosen
+                            ? "for others, name their network, too, in dds: {interfaces: [...]}, or leave that out"
+                            : "for others, bring a network up; it is taken by itself"});
   else if (outside.size() > 1)
     findings.push_back({Grade::note, "several networks: " + joined(interfaces),
                         "when subscribers do not find the service, name theirs: dds: {interfaces: [...]}; and let "

@@ -44,9 +44,10 @@ std::vector<Finding> judge_camera(const CameraExam& exam, bool is_expected);
 // The cameras that stream, per USB bus, against what such a bus may give to cameras. bus_mbps: of each bus's root hub.
 std::vector<Finding> judge_usb(std::span<const CameraExam> exams, const std::map<int, double>& bus_mbps);
 
-// interfaces: "eth0 192.168.0.5", as the bus would be joined.
+// interfaces: "eth0 192.168.0.5", as the bus would be joined. are_chosen: the configuration says which
+// (dds.interfaces).
 std::vector<Finding> judge_network(int domain, const std::string& domain_from,
-                                   const std::vector<std::string>& interfaces);
+                                   const std::vector<std::string>& interfaces, bool are_chosen);
 
 // A camera whose frames travel between hosts.
 struct SentCamera {

@@ -4,6 +4,8 @@
 #include <gtest/gtest.h>
 
 #include "capture/clips.h"
+#include "capture/mjpeg_server.h"
+#include "doctor/network_exam.h"
 #include "pipeline/live_cameras.h"
 
 namespace huetrack::doctor {
@@ -148,19 +150,19 @@ TEST(JudgeCamera, TheSumSaysWhatWasNotExamined) {
 
 class DoctorsConfig : public testing::Test {
  protected:
-  // What doctor says of cameras with these devices; only looked at.
-  std::string said_of(const std::string& left, const std::string& right) {
+  // What doctor says of cameras with these devices; only looked at, unless they stream.
+  std::string said_of(const std::string& left, const std::string& right, bool streams = false) {
     capture::write_text(folder / "c.yaml",
                         "version: 1\nrig: " HUETRACK_SOURCE_DIR
                         "/configs/demo/recording/rig.yaml\ndds: {enabled: false}\ntargets: {ball: {color: {hue_deg: "
                         "[65, 115]}}}\ncameras: {cam0: {device: " +
                             left + "}, cam1: {device: " + right + "}}\n");
-    return said(folder / "c.yaml");
+    return said(folder / "c.yaml", streams);
   }
-  static std::string said(const std::filesystem::path& config) {
+  static std::string said(const std::filesystem::path& config, bool streams = false) {
     DoctorOptions options;
     options.config = config;
-    options.streams = false;
+    options.streams = streams;
     testing::internal::CaptureStdout();
     doctor(options, {});
     return testing::internal::GetCapturedStdout();
@@ -186,6 +188,35 @@ TEST_F(DoctorsConfig, OneCameraUnderTwoNames) {
   } catch (const capture::CaptureError& error) {
     EXPECT_THAT(error.what(), HasSubstr("cam0 and cam1 are one camera"));
   }
+}
+
+TEST_F(DoctorsConfig, ACameraOfTheNetworkIsAskedAndNoneNeedsToBePluggedIn) {
+  const std::string text = said_of("http://127.0.0.1:1/a", "http://127.0.0.1:1/b", true);
+  EXPECT_THAT(text, HasSubstr("FAIL  http://127.0.0.1:1: Connection refused\n        -> look whether"));
+  EXPECT_THAT(text, Not(HasSubstr("plugged in")));
+  EXPECT_THAT(text, HasSubstr("2 problems"));
+  EXPECT_THAT(said_of("http://127.0.0.1:1/a", "http://127.0.0.1:1/b"), HasSubstr("and not asked"));
+}
+
+TEST(TryNetworkCamera, TakesPicturesForAsLongAsIsAsked) {
+  using namespace std::chrono_literals;
+  const capture::MjpegServer camera({.pictures = 1000});
+  const NetworkTrial trial =
+      try_network_camera({.name = "left", .address = camera.address(), .width = 64, .height = 48}, 400ms, {});
+  EXPECT_EQ(trial.failure, "");
+  EXPECT_GT(trial.pictures, 2u);
+  EXPECT_LT(trial.seconds, 2);
+  const capture::MjpegServer small({.pictures = 1000});
+  const NetworkTrial other =
+      try_network_camera({.name = "left", .address = small.address(), .width = 640, .height = 480}, 400ms, {});
+  EXPECT_EQ(other.pictures, 0u);
+  EXPECT_THAT(other.failure, HasSubstr("its pictures are 64x48, and the rig's are 640x480"));
+}
+
+TEST(JudgeNetworkCamera, SaysHowManyPicturesCome) {
+  EXPECT_EQ(judge_network_camera({.pictures = 31, .seconds = 1, .failure = {}}).what,
+            "it answers: 31 pictures, 30.0 a second");
+  EXPECT_EQ(judge_network_camera({.pictures = 1, .seconds = 0, .failure = {}}).verdict, Grade::ok);
 }
 
 TEST_F(DoctorsConfig, AMissingFileIsNoLineToCorrect) {
@@ -257,12 +288,15 @@ TEST(JudgeUsb, AddsUpWhatCamerasOfABusWant) {
 }
 
 TEST(JudgeNetwork, SaysWhoCanSubscribe) {
-  EXPECT_THAT(judge_network(7, "ROS_DOMAIN_ID", {"lo 127.0.0.1", "eth0 10.0.0.5"}),
+  EXPECT_THAT(judge_network(7, "ROS_DOMAIN_ID", {"lo 127.0.0.1", "eth0 10.0.0.5"}, false),
               AllOf(says(Grade::ok, "domain 7, from ROS_DOMAIN_ID"), says(Grade::ok, "eth0 10.0.0.5")));
-  EXPECT_THAT(judge_network(0, "", {"lo 127.0.0.1"}), says(Grade::note, "subscribers on this host only"));
-  EXPECT_THAT(judge_network(0, "", {"lo 127.0.0.1", "eth0 10.0.0.5", "wlan0 10.1.0.5"}),
+  EXPECT_THAT(judge_network(0, "", {"lo 127.0.0.1"}, false),
+              AllOf(says(Grade::note, "subscribers on this host only"), advises("bring a network up")));
+  EXPECT_THAT(judge_network(0, "", {"lo 127.0.0.1"}, true),
+              AllOf(says(Grade::note, "subscribers on this host only"), advises("dds: {interfaces: [...]}")));
+  EXPECT_THAT(judge_network(0, "", {"lo 127.0.0.1", "eth0 10.0.0.5", "wlan0 10.1.0.5"}, false),
               AllOf(says(Grade::note, "several networks"), advises("interfaces: [...]")));
-  EXPECT_THAT(judge_network(0, "", {}), says(Grade::problem, "no network interface"));
+  EXPECT_THAT(judge_network(0, "", {}, false), says(Grade::problem, "no network interface"));
 }
 
 TEST(SuitableStream, IsVgaOrTheNearestBelowIt) {
