@@ -12,6 +12,7 @@
 #include "calib/yaml/output_file.h"
 #include "clients/plot/track_chart.h"
 #include "drawing/markup.h"
+#include "truth/clock_offset.h"
 
 namespace huetrack::plot {
 namespace {
@@ -92,6 +93,14 @@ truth::Truth matched_truth(const PlotOptions& options, const std::vector<std::st
   return truth;
 }
 
+std::optional<truth::TrackOffset> clock_offset_of(const ChartTarget& target) {
+  if (target.truth == nullptr) return std::nullopt;
+  truth::EstimatedSample sample;
+  for (const TrackRow& row : target.rows)
+    if (row.state == "tracking" && row.has_position()) sample.add({row.at, row.position, row.covariance});
+  return truth::explaining_offset(*target.truth, target.name, sample.kept());
+}
+
 bool is_begun_drawing(std::string_view text) {
   constexpr std::string_view beginnings[] = {"\x89PNG", "<?xml", "<svg", "<!doctype html"};
   return std::ranges::any_of(beginnings, [&](std::string_view begin) { return text.starts_with(begin); });
@@ -136,6 +145,8 @@ void plot(const PlotOptions& options) {
                  "huetrack: {} is never within 50 mm of the truth while tracking: is it another ball's, or on another "
                  "clock (--clock-offset)?\n",
                  target.name);
+    if (const auto offset = clock_offset_of(target))
+      fmt::print("{}: {}\n", target.name, truth::to_text(*offset, options.clock_offset_s));
   }
 }
 

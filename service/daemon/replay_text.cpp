@@ -78,6 +78,7 @@ std::string target_text(const TargetSummary& target) {
   if (target.objects > 0)
     text += fmt::format("          objects found: {}, at once at most {}\n", target.objects, target.most_objects);
   if (target.truth) text += "          " + tracks::to_text(*target.truth) + "\n";
+  if (target.clock_offset) text += "          " + truth::to_text(*target.clock_offset, 0) + "\n";
   return text;
 }
 

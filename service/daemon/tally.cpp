@@ -45,7 +45,10 @@ std::vector<TargetSummary> Tally::targets() const {
   std::vector<TargetSummary> summaries;
   for (const auto& target : targets_) {
     TargetSummary& summary = summaries.emplace_back(target.summary);
-    if (target.comparison) summary.truth = target.comparison->figures();
+    if (target.comparison) {
+      summary.truth = target.comparison->figures();
+      summary.clock_offset = target.comparison->clock_offset();
+    }
   }
   return summaries;
 }

@@ -21,7 +21,8 @@ struct TargetSummary {
   std::optional<std::uint64_t> first_tracking_set;  // 1 = the first
   double first_tracking_s = 0;                      // capture time from the first set to that one
   std::optional<tracks::TruthFigures> truth;
-  std::string advice;  // when it was never tracked: what to try
+  std::optional<truth::TrackOffset> clock_offset;  // that explains most of its error
+  std::string advice;                              // when it was never tracked: what to try
 };
 
 struct CameraSummary {

@@ -16,6 +16,8 @@ constexpr double wrong_beyond_m = 0.10;
 }  // namespace
 
 std::optional<double> TruthComparison::add(const object_tracking::ObjectEstimate& estimate) {
+  const bool tracking = estimate.state == object_tracking::TrackState::tracking;
+  if (tracking) tracking_.add({estimate.at, estimate.position, estimate.covariance});
   const auto truth = truth_->position(target_, estimate.at);
   if (!truth) return std::nullopt;
   if (!first_at_) first_at_ = estimate.at;
@@ -23,7 +25,6 @@ std::optional<double> TruthComparison::add(const object_tracking::ObjectEstimate
   if (!estimate.has_position()) return std::nullopt;
   const Eigen::Vector3d error = estimate.position - *truth;
   const double error_m = error.norm();
-  const bool tracking = estimate.state == object_tracking::TrackState::tracking;
   if (tracking && !(error_m <= wrong_beyond_m)) ++sums_.wrong_tracking;  // NaN is wrong too
   if (!sums_.lock_set && tracking && error_m <= lock_within_m) {
     sums_.lock_set = sums_.sets;

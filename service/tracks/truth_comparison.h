@@ -5,6 +5,7 @@
 #include <string>
 
 #include "object_tracking/object_estimate.h"
+#include "truth/clock_offset.h"
 #include "truth/truth.h"
 
 namespace huetrack::tracks {
@@ -32,6 +33,10 @@ class TruthComparison {
   // In time order. Returns the error in metres when there are both a position and a truth.
   std::optional<double> add(const object_tracking::ObjectEstimate& estimate);
   TruthFigures figures() const;
+  // Of the sets that are tracking.
+  std::optional<truth::TrackOffset> clock_offset() const {
+    return truth::explaining_offset(*truth_, target_, tracking_.kept());
+  }
   const std::string& target() const { return target_; }
 
  private:
@@ -39,6 +44,7 @@ class TruthComparison {
   std::string target_;
   TruthFigures sums_;  // rms_m, mean_nees, share_inside_95 hold sums until figures() divides them
   std::optional<capture::Timestamp> first_at_;
+  truth::EstimatedSample tracking_;
 };
 
 // One readable line.

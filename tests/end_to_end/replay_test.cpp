@@ -147,6 +147,17 @@ TEST_F(EndToEnd, TheSummaryHoldsTheTrackToTheTruth) {
   EXPECT_THAT(run({HUETRACKD, "replay", config, recording, "--no-dds", "--quiet"}).out, IsEmpty());
 }
 
+// A track that is right looks wrong by a truth on another clock: that is said, and nothing is taken off unasked.
+TEST_F(EndToEnd, AnOffsetOfTheClocksIsNamedWhereItExplainsTheError) {
+  const std::string csv = write(tracks({}), "tracks.csv");
+  const std::string truth = recording + "/groundtruth.csv";
+  const Result right = run({HUETRACKD, "compare", csv, truth});
+  EXPECT_THAT(right.out, Not(HasSubstr("--clock-offset")));
+  const Result early = run({HUETRACKD, "compare", csv, truth, "--clock-offset", "0.04"});
+  EXPECT_THAT(early.out, testing::ContainsRegex("\nlime: one constant offset .* with --clock-offset -?0.00"));
+  EXPECT_THAT(early.out, testing::ContainsRegex("rms error while tracking is [123]\\.[0-9] mm, not "));
+}
+
 TEST_F(EndToEnd, CheckPrintsAConfigurationThatGivesTheSameTrack) {
   const Result result = run({HUETRACKD, "check", config});
   EXPECT_EQ(result.status, 0);

@@ -107,6 +107,22 @@ TEST_F(Plot, TheTruthMayHaveOtherTimes) {
                           HasSubstr("prefers-color-scheme:dark"), HasSubstr("svg class=\"narrow\"")));
 }
 
+TEST_F(Plot, AnOffsetThatExplainsTheErrorIsNamedAndNotTakenOff) {
+  std::ostringstream text;
+  text << "t,ball,x,y,z\n";
+  for (int i = 0; i < 400; ++i)
+    text << i / 100.0 - 0.03 << ",ball," << std::cos(i / 100.0) << "," << std::sin(i / 100.0) << ",1\n";
+  const fs::path early = write("truth.csv", text.str());
+  internal::CaptureStdout();
+  plot({.tracks = tracks(), .truth = early, .out = folder / "a.svg"});
+  EXPECT_THAT(internal::GetCapturedStdout(),
+              AllOf(ContainsRegex("error rms [23][0-9].* mm"), HasSubstr("explains most of the error"),
+                    ContainsRegex("with --clock-offset 0.0(29|30|31)")));
+  internal::CaptureStdout();
+  plot({.tracks = tracks(), .truth = early, .out = folder / "a.svg", .clock_offset_s = 0.03});
+  EXPECT_THAT(internal::GetCapturedStdout(), AllOf(HasSubstr("error rms 3.0 mm"), Not(HasSubstr("explains"))));
+}
+
 TEST_F(Plot, AnotherBallsTruthIsNotTakenInSilence) {
   std::ostringstream text;
   text << "t,ball,x,y,z\n";
