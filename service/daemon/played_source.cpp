@@ -57,10 +57,13 @@ void PlayedSource::wait_for_turn(const capture::Frame& frame, const std::stop_to
   }
   // Published times stay as even as the recording's: it is later by what was waited for while it was paused, and by
   // what it is played slower. As fast as possible, time is the recording's own.
+  const capture::Duration waited = Clock::now() - began;
+  waited_ += waited;
+  if (was_paused && !stop.stop_requested()) paused_ += waited;
   const capture::Duration played =
       first_ && frame.captured_at > last_ ? frame.captured_at - last_ : capture::Duration{0};
   if (was_paused) {
-    lag_ns_ += std::chrono::nanoseconds(Clock::now() - began - played).count();
+    lag_ns_ += std::chrono::nanoseconds(waited - played).count();
   } else if (speed_ > 0) {
     lag_ns_ += std::int64_t(double(played.count()) * (1 / speed_ - 1));
   }

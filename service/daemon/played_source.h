@@ -33,6 +33,9 @@ class PlayedSource final : public capture::FrameSource, public page::Playback {
   // Waits until the frame is due, or to be stepped to; not after a stop.
   std::optional<capture::Frame> next(std::stop_token stop) override;
   bool ended(int camera) const override { return !ahead_ && source_->ended(camera); }
+  capture::Duration waited() const override { return waited_; }
+  // Of that, while it was paused and went on after it. When nobody calls next() any more.
+  capture::Duration paused() const { return paused_; }
 
   page::PlaybackState state() const override;
   void pause() override;
@@ -49,7 +52,8 @@ class PlayedSource final : public capture::FrameSource, public page::Playback {
   void wait_for_turn(const capture::Frame& frame, const std::stop_token& stop);
 
   std::unique_ptr<capture::FrameSource> source_;
-  std::optional<capture::Frame> ahead_;  // next()'s
+  std::optional<capture::Frame> ahead_;  // next()'s, as is what follows
+  capture::Duration waited_{0}, paused_{0};
   std::atomic<std::int64_t> lag_ns_ = 0;
 
   mutable std::mutex mutex_;  // guards all that follows

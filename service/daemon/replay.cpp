@@ -354,6 +354,8 @@ ReplaySummary replay(const ReplayCommand& command, const std::stop_token& stop) 
   for (const auto& warning : playback.source->take_warnings()) spdlog::warn("{}", warning);
   ReplaySummary summary =
       summary_of(session.config(), command, session.figures(), *playback.source, tally, began, stop.stop_requested());
+  if (playback.played != nullptr) summary.held_s = capture::seconds(playback.played->paused());
+  summary.wall_s -= summary.held_s;
   summary.mistakes = reports.mistakes.summary();
   const std::string unit_mistake = config::unit_mistake(config);
   if (!unit_mistake.empty()) summary.mistakes.push_back(unit_mistake);

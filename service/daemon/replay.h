@@ -53,7 +53,8 @@ struct ReplaySummary {
   std::int64_t corrupted_frames = 0;
   std::vector<std::string> ended_early;  // cameras that lack more than a frame at the end, one sentence each
   double recorded_s = 0;                 // the part that was played
-  double wall_s = 0;                     // until the last estimate was out; pictures may take longer
+  double wall_s = 0;                     // until the last estimate was out, but held_s; pictures may take longer
+  double held_s = 0;                     // while it was held, or paused
   std::vector<TargetSummary> targets;
   std::vector<std::string> mistakes;     // in rig and configuration that the tracks show, one sentence each
   std::vector<std::string> left_out;     // what has a target's colour and never moves, one sentence each

@@ -21,9 +21,11 @@ std::string frames_text(const ReplaySummary& s) {
   std::uint64_t frames = 0, repeated = 0;
   for (const auto& camera : s.figures.cameras) frames += camera.frames + camera.corrupted, repeated += camera.repeated;
   const auto& sets = s.figures.frame_sets;
-  std::string text = fmt::format("{}{} frame sets of {} frames: {:.3f} s of recording in {:.3f} s, {:.1f}x real time\n",
-                                 s.stopped ? "stopped: " : "", s.figures.sets_tracked, frames, s.recorded_s, s.wall_s,
-                                 s.wall_s > 0 ? s.recorded_s / s.wall_s : 0);
+  std::string text =
+      fmt::format("{}{} frame sets of {} frames: {:.3f} s of recording in {:.3f} s, {:.1f}x real time{}\n",
+                  s.stopped ? "stopped: " : "", s.figures.sets_tracked, frames, s.recorded_s, s.wall_s,
+                  s.wall_s > 0 ? s.recorded_s / s.wall_s : 0,
+                  s.held_s > 0 ? fmt::format("; held for {:.1f} s beside that", s.held_s) : "");
   text += fmt::format("  frames  {} missing, {} corrupted, {} late; {} sets without every camera\n", s.missing_frames,
                       s.corrupted_frames, sets.late_frames, sets.incomplete_sets);
   if (repeated > 0)

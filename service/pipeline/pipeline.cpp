@@ -214,8 +214,10 @@ void Pipeline::capture(capture::FrameSource& source, std::stop_token stop) {
   std::vector<bool> mine(rig_.cameras.size(), false);
   for (;;) {
     const Stopwatch watch;
+    const capture::Duration waited_before = source.waited();
     auto frame = source.next(stop);
-    const StageTime lap = watch.lap();
+    StageTime lap = watch.lap();
+    lap.wall -= source.waited() - waited_before;
     {
       const std::scoped_lock lock(figures_mutex_);
       figures_.decode += lap;

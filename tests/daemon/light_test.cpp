@@ -202,5 +202,14 @@ TEST(ReplayText, WhatIsNotWellStandsLastAndMistakesAtTheEnd) {
   EXPECT_EQ(problems_text({}), "");
 }
 
+TEST(ReplayText, WhatWasHeldIsNoneOfTheTimeThatItTook) {
+  ReplaySummary summary;
+  summary.recorded_s = 5;
+  summary.wall_s = 0.5;
+  EXPECT_THAT(to_text(summary, {}), HasSubstr("5.000 s of recording in 0.500 s, 10.0x real time\n"));
+  summary.held_s = 14.3;
+  EXPECT_THAT(to_text(summary, {}), HasSubstr("10.0x real time; held for 14.3 s beside that\n"));
+}
+
 }  // namespace
 }  // namespace huetrack::daemon

@@ -92,6 +92,10 @@ TEST_F(Played, IsHeldAndSteppedThrough) {
   ASSERT_TRUE(comes_to(200));
   EXPECT_TRUE(std::ranges::is_sorted(times));
   while (!has_ended) std::this_thread::sleep_for(1ms);
+  // What it took is not what was waited for.
+  EXPECT_GT(source->paused(), 200ms);
+  EXPECT_GE(source->waited(), source->paused());
+  EXPECT_LT(source->waited() - source->paused(), 100ms);
 }
 
 TEST_F(Played, IsPacedPausedAndHurried) {
