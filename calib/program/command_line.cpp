@@ -7,12 +7,14 @@
 
 namespace huetrack::program {
 
-std::variant<Command, ExitStatus> read_command_line(int argc, const char* const* argv) {
+std::variant<Command, int> read_command_line(int argc, const char* const* argv) {
   CLI::App app("huetrack-calibrate: calibrates cameras, and says whether to trust the result");
   app.set_version_flag("--version", "huetrack-calibrate " HUETRACK_VERSION);
   app.require_subcommand(1);
   yaml::name_unknown_commands(app, "huetrack-calibrate", CLI::FailureMessage::simple);
-  app.footer("Ends with 0 when the result is usable, 2 when it is doubtful (the report says why), 1 when it failed.");
+  app.footer(
+      "Ends with 0 when the result is usable, 2 when it is doubtful (the report says why), 1 when it failed, and above "
+      "100 for wrong usage.");
 
   Command chosen;
   add_intrinsics_command(app, chosen);
@@ -33,7 +35,7 @@ std::variant<Command, ExitStatus> read_command_line(int argc, const char* const*
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? ExitStatus::usable : ExitStatus::failed;
+    return app.exit(error);
   }
   return chosen;
 }

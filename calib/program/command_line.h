@@ -8,8 +8,8 @@
 
 namespace huetrack::program {
 
-// The command that the words ask for, not done yet; or what the program ends with, because all is said: help, the
-// version, or on stderr what is wrong with the words.
-std::variant<Command, ExitStatus> read_command_line(int argc, const char* const* argv);
+// The command that the words ask for, not done yet; or the status that the program ends with, because all is said:
+// help, the version, or on stderr what is wrong with the words (above 100, as of huetrackd and huetrack).
+std::variant<Command, int> read_command_line(int argc, const char* const* argv);
 
 }  // namespace huetrack::program

@@ -54,7 +54,7 @@ int fail(const std::string& why) {
 int main(int argc, char** argv) {
   const Signals signals;  // first of all: whoever ends it early is answered, too
   const auto asked = program::read_command_line(argc, argv);
-  if (const auto* ended = std::get_if<program::ExitStatus>(&asked)) return static_cast<int>(*ended);
+  if (const auto* ended = std::get_if<int>(&asked)) return *ended;
   program::ExitStatus status = program::ExitStatus::failed;
   try {
     status = std::get<program::Command>(asked)(signals.token());

@@ -38,7 +38,7 @@ class Commands : public testing::Test {
     for (const std::string& argument : arguments) argv.push_back(argument.c_str());
     testing::internal::CaptureStdout();
     testing::internal::CaptureStderr();
-    std::variant<Command, ExitStatus> asked = ExitStatus::failed;
+    std::variant<Command, int> asked = 0;
     ExitStatus status = ExitStatus::failed;
     std::string fault;
     try {

@@ -381,7 +381,9 @@ TEST_F(Calibrate, ABoardFileWithAnUnknownKey) {
 }
 
 TEST_F(Calibrate, WrongCommandLines) {
-  EXPECT_EQ(run({"extrinsics"}).status, 1);
+  // As huetrackd and huetrack end then: no input failed.
+  EXPECT_GT(run({"extrinsics"}).status, 100);
+  EXPECT_GT(run({"extrinsic"}).status, 100);
   Ended result = extrinsics("nowhere");
   EXPECT_EQ(result.status, 1);
   EXPECT_THAT(result.err, HasSubstr("nowhere: there is no such file or folder"));
