@@ -1,7 +1,9 @@
-// What both ends of a request in words (README.md) hold it to: the service refuses the rest, clients do not send it.
+// What both ends of a request in words (README.md) know of it. What it is held to: the service refuses the rest,
+// clients do not send it.
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cstddef>
 #include <string_view>
 
@@ -10,6 +12,19 @@ namespace huetrack::idl {
 // More than any request has; the sample's own limit (topics.h) is above what these make.
 inline constexpr std::size_t most_control_words = 32, longest_control_word = 200;
 inline constexpr std::size_t longest_recording_name = 100;  // what a tar's header has room for
+
+// As README.md has them, without those that programs alone ask for.
+struct ControlGroup {
+  std::string_view word, requests;
+};
+inline constexpr std::array control_groups{
+    ControlGroup{"record", "state, start, stop, save, list, delete NAME"},
+    ControlGroup{"target", "list, set NAME KEY=VALUE ..., add NAME [KEY=VALUE ...], rename OLD NEW, remove NAME"},
+    ControlGroup{"camera", "list, controls NAME, set NAME CONTROL=VALUE ..., save NAME CONTROL=VALUE ..."},
+    ControlGroup{"calibrate",
+                 "board [KEY=VALUE ...], wave TARGET [SECONDS] [camera_distance=CAMERA,CAMERA,METRES], again "
+                 "camera_distance=CAMERA,CAMERA,METRES, state, stop, cancel, accept [doubtful]"},
+    ControlGroup{"replay", "open NAME, close, state, pause, go, step [N], speed X"}};
 
 // Letters, digits, '.', '_' and '-', not beginning with '.': what can be a folder's name and nothing else.
 inline bool is_recording_name(std::string_view name) {

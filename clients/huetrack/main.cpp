@@ -15,6 +15,7 @@
 #include "clients/plot/plot.h"
 #include "commands.h"
 #include "control.h"
+#include "idl/control_words.h"
 
 namespace {
 
@@ -155,7 +156,7 @@ void CommandLine::add_view() {
 
 void CommandLine::add_control() {
   CLI::App& command =
-      add("control", "ask a running service: record state|start|stop|save|list, record download NAME", [this] {
+      add("control", "ask a running service: record, target, camera, calibrate, replay, undo, redo, history", [this] {
         control_.participant = participant_;
         return control(control_);
       });
@@ -163,6 +164,12 @@ void CommandLine::add_control() {
   command.add_option("--service", control_.service, "HOST/PID, where there are several");
   command.add_option("--out", control_.out, "of a download: the tar file; -: stdout; default: NAME.tar");
   add_bus(command);
+  // The shell's completion reads them (configs/service/completion.bash).
+  std::string words = "The words:\n";
+  for (const idl::ControlGroup& group : idl::control_groups)
+    words += fmt::format("  {} {}\n", group.word, group.requests);
+  words += "  record download NAME\n  calibrate report, print [KEY=VALUE ...]\n  undo\n  redo\n  history\n";
+  command.footer(words);
 }
 
 void CommandLine::add_plot() {

@@ -3,29 +3,12 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 
 #include "calib/yaml/number_text.h"
+#include "idl/control_words.h"
 
 namespace huetrack::page {
-namespace {
-
-// As idl/README.md has them, without those that programs alone ask for.
-struct Group {
-  std::string_view word, requests;
-};
-constexpr std::array groups{
-    Group{"record", "state, start, stop, save, list, delete NAME"},
-    Group{"target", "list, set NAME KEY=VALUE ..., add NAME [KEY=VALUE ...], rename OLD NEW, remove NAME"},
-    Group{"camera", "list, controls NAME, set NAME CONTROL=VALUE ..., save NAME CONTROL=VALUE ..."},
-    Group{"calibrate",
-          "board [KEY=VALUE ...], wave TARGET [SECONDS] [camera_distance=CAMERA,CAMERA,METRES], again "
-          "camera_distance=CAMERA,CAMERA,METRES, state, stop, cancel, accept [doubtful]"},
-    Group{"replay", "open NAME, close, state, pause, go, step [N], speed X"}};
-
-}  // namespace
-
 std::vector<std::string> split(std::string_view text, char separator) {
   std::vector<std::string> parts;
   for (;;) {
@@ -56,10 +39,11 @@ UnknownRequest unknown_request() {
 }
 
 std::string known_requests(std::span<const std::string> words) {
-  const auto* group = words.empty() ? groups.end() : std::ranges::find(groups, words[0], &Group::word);
+  const auto& groups = idl::control_groups;
+  const auto* group = words.empty() ? groups.end() : std::ranges::find(groups, words[0], &idl::ControlGroup::word);
   if (group != groups.end()) return fmt::format("after {} it knows {}", group->word, group->requests);
   std::string all;
-  for (const Group& known : groups) all += fmt::format("{}, ", known.word);
+  for (const idl::ControlGroup& known : groups) all += fmt::format("{}, ", known.word);
   return "it knows those that begin with " + all + "undo, redo, history";
 }
 

@@ -367,6 +367,13 @@ TEST(Completion, OffersWhatTheHelpSays) {
   EXPECT_EQ(offered("watch --format ''"), "text csv json tum osc\n");
   EXPECT_EQ(offered("watch --format js"), "json\n");
   EXPECT_EQ(offered("plot tr"), "\n") << "files are bash's";
+  EXPECT_EQ(offered("control ''"), "record target camera calibrate replay undo redo history\n");
+  EXPECT_EQ(offered("control re"), "record replay redo\n");
+  EXPECT_EQ(offered("control --service h/1 record s"), "state start stop save\n");
+  EXPECT_THAT(offered("control calibrate ''"),
+              AllOf(HasSubstr("wave "), HasSubstr("report print"), Not(HasSubstr("["))));
+  EXPECT_EQ(offered("control record delete ''"), "\n");
+  EXPECT_EQ(offered("control --ou"), "--out\n");
 }
 
 }  // namespace
