@@ -118,8 +118,10 @@ void describe_object_tracking(Io& io, Options& o) {
   io.number("start_speed_m_s", o.start_speed_m_s, yaml::positive, "huetrack only: the highest usual speed, m/s");
   io.number("pixel_noise_px", o.pixel_noise_px, yaml::positive,
             "huetrack only: std. dev. of a colour region's centre in a view, pixels");
-  io.number("max_tracking_sigma_m", o.max_tracking_sigma_m, yaml::positive,
-            "huetrack only: less sure of the position than this is coasting, metres");
+  io.number(
+      "max_tracking_sigma_m", o.max_tracking_sigma_m, yaml::positive,
+      "huetrack only: a position that its views leave less sure than this is coasting, metres; what is open of the "
+      "cameras' times does not count");
   io.number("coast_s", o.coast_s, yaml::positive, "coasting for longer than this is lost, seconds");
   io.number("max_coast_sigma_m", o.max_coast_sigma_m, yaml::positive,
             "less sure of the position than this is lost, metres");
