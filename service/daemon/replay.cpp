@@ -321,7 +321,7 @@ ReplaySummary replay(const ReplayCommand& command, const std::stop_token& stop) 
   // Where the results go, in this order.
   std::optional<pipeline::Bus> bus;
   if (config.dds.enabled && !command.no_dds) session.add(bus.emplace(config.dds.publisher, session.time()));
-  reports::Reports reports(session, {.write_rig = command.write_rig});
+  reports::Reports reports(session, {.write_rig = command.write_rig, .is_recorded = true});
   std::optional<ReplayStatus> status;
   if (bus) session.add(status.emplace(session.config(), *bus, session.time(), playback.played, reports));
   std::optional<pipeline::TrackFile> tracks;

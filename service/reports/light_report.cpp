@@ -17,8 +17,9 @@ constexpr std::uint64_t sets_until_told_again = 30;  // figures of what is in fo
 
 }  // namespace
 
-LightReport::LightReport(const config::ServiceConfig& config)
+LightReport::LightReport(const config::ServiceConfig& config, bool is_recorded)
     : cameras_(config.rig.camera_names()),
+      is_recorded_(is_recorded),
       watches_(cameras_.size()),
       of_cameras_(cameras_.size()),
       briefs_(cameras_.size()),
@@ -34,7 +35,8 @@ void LightReport::on_frame(const capture::Frame& frame, capture::Timestamp /*rec
   if (!watches_[c].is_wanted(frame.captured_at) || !watches_[c].look(frame.pixels, frame.captured_at)) return;
   std::vector<std::string> warnings;
   for (const Remark& remark : light_remarks(watches_[c].findings())) {
-    warnings.push_back(fmt::format("camera {}: {}: {}", cameras_[c], remark.what, remark.advice));
+    warnings.push_back(fmt::format("camera {}: {}: {}{}", cameras_[c], remark.what,
+                                   is_recorded_ ? "the next recording is better with " : "", remark.advice));
     if (std::ranges::find(briefs_[c], remark.brief) == briefs_[c].end()) briefs_[c].push_back(remark.brief);
   }
   for (const std::string& warning : warnings) {
@@ -45,6 +47,7 @@ void LightReport::on_frame(const capture::Frame& frame, capture::Timestamp /*rec
     of_cameras_[c].push_back(warning);
     spdlog::warn("{}", warning);
   }
+  if (is_recorded_) return;
   const std::scoped_lock lock(mutex_);
   camera_warnings_[c] = std::move(warnings);
 }
@@ -63,7 +66,7 @@ void LightReport::tell_colors(std::size_t target, const pipeline::TrackedSet& se
   const std::scoped_lock lock(mutex_);
   for (std::size_t c = 0; c < healths.size(); ++c) {
     told.followed[c] = followed_text(cameras_[c], healths[c]);
-    std::string warning = color_warning(targets_[target], cameras_[c], healths[c]);
+    std::string warning = color_warning(targets_[target], cameras_[c], healths[c], is_recorded_);
     if (!warning.empty()) {
       const std::string kind = cameras_[c] + pipeline::without_numbers(warning);
       if (told.warnings[c].empty() || kind != cameras_[c] + pipeline::without_numbers(told.warnings[c]))

@@ -16,8 +16,9 @@ namespace huetrack::reports {
 
 class LightReport final : public pipeline::Output {
  public:
-  // What is new goes into the log, too.
-  explicit LightReport(const config::ServiceConfig& config);
+  // What is new goes into the log, too. is_recorded: what pictures show is done, and nobody can set a camera any more:
+  // no warning, then, but in log and summary.
+  LightReport(const config::ServiceConfig& config, bool is_recorded);
 
   void on_frame(const capture::Frame& frame, capture::Timestamp received_at) override;
   void on_set(const pipeline::TrackedSet& set) override;
@@ -46,6 +47,7 @@ class LightReport final : public pipeline::Output {
   void tell_colors(std::size_t target, const pipeline::TrackedSet& set);
 
   const std::vector<std::string> cameras_;
+  const bool is_recorded_;
   std::vector<capture::LightWatch> watches_;          // the capture threads', one at a time
   std::vector<std::vector<std::string>> of_cameras_;  // the capture threads'; per camera, all that there were
   std::vector<std::vector<std::string>> briefs_;      // the capture threads'; per camera, each once

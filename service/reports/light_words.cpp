@@ -69,16 +69,16 @@ std::vector<Remark> light_remarks(const capture::LightFindings& findings) {
 }
 
 std::string color_warning(const object_tracking::TargetOptions& target, const std::string& camera,
-                          const ColorHealth& health) {
+                          const ColorHealth& health, bool is_recorded) {
   if (!health.near_end || !health.seen) return {};
   const bool is_light = health.near_end->axis == ColorAxis::intensity;
   const auto axis = std::size_t(health.near_end->axis);
   const bool is_at_limit = std::abs(health.followed[axis]) > 0.95 * object_trackers::furthest_followed[axis];
+  const char* const fix = is_recorded ? "" : is_light ? "fix exposure and gain, " : "fix white balance and exposure, ";
   return fmt::format("{} in {}: {}: {}", target.name, camera, movement(*health.near_end, health),
                      target.adapts_color && is_at_limit ? "color: adapt follows no further; teach it anew in this light"
                      : target.adapts_color              ? "color: adapt follows it"
-                     : is_light ? "fix exposure and gain, teach it anew, or color: {adapt: true}"
-                                : "fix white balance and exposure, teach it anew, or color: {adapt: true}");
+                                           : fmt::format("{}teach it anew, or color: {{adapt: true}}", fix));
 }
 
 std::string followed_text(const std::string& camera, const ColorHealth& health) {

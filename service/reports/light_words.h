@@ -17,9 +17,10 @@ struct Remark {
 // Of one camera's pictures; none where they are still.
 std::vector<Remark> light_remarks(const capture::LightFindings& findings);
 
-// "ball in cam1: the colour has moved by 12 degrees since it was taught; ..."; empty when all is well.
+// "ball in cam1: the colour has moved by 12 degrees since it was taught; ..."; empty when all is well. is_recorded: no
+// camera can be set any more.
 std::string color_warning(const object_tracking::TargetOptions& target, const std::string& camera,
-                          const object_trackers::ColorHealth& health);
+                          const object_trackers::ColorHealth& health, bool is_recorded);
 
 // "its colour in cam1 was followed by 12 degrees of hue"; empty when it is looked for as it was taught.
 std::string followed_text(const std::string& camera, const object_trackers::ColorHealth& health);

@@ -6,7 +6,7 @@
 namespace huetrack::reports {
 
 Reports::Reports(pipeline::Session& session, const ReportsOptions& options)
-    : light(session.config()),
+    : light(session.config(), options.is_recorded),
       mistakes(session.config()),
       objects(session.config()),
       rig(session.config()),

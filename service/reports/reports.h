@@ -17,6 +17,7 @@ namespace huetrack::reports {
 struct ReportsOptions {
   std::filesystem::path write_rig = {};  // CameraTimes: the rig as learnt; empty: no file
   bool is_logging_times = false;         // CameraTimes
+  bool is_recorded = false;              // LightReport
 };
 
 // Each logs by itself what it finds. Outlives the session's run, into which it is put when it is made.

@@ -120,21 +120,24 @@ TEST(ColorWarning, SaysWhichWayAndHowMuchIsLeft) {
   object_tracking::TargetOptions ball;
   ball.name = "ball";
   object_trackers::ColorHealth health;
-  EXPECT_EQ(reports::color_warning(ball, "cam1", health), "");
+  EXPECT_EQ(reports::color_warning(ball, "cam1", health, false), "");
   health.seen = object_trackers::SeenColor{{12.4, 0.35, 0.2}, {}, {}};
   health.near_end = object_trackers::NearEnd{object_trackers::ColorAxis::hue, true, 3.2};
   EXPECT_EQ(
-      reports::color_warning(ball, "cam1", health),
+      reports::color_warning(ball, "cam1", health, false),
       "ball in cam1: the colour has moved by 12 degrees since it was taught, 3 degrees are left: fix white balance "
       "and exposure, teach it anew, or color: {adapt: true}");
+  EXPECT_THAT(reports::color_warning(ball, "cam1", health, true),
+              testing::EndsWith("3 degrees are left: teach it anew, or color: {adapt: true}"));
   health.near_end = object_trackers::NearEnd{object_trackers::ColorAxis::intensity, false, 0.04};
-  EXPECT_THAT(reports::color_warning(ball, "cam1", health), HasSubstr("darker than it was taught (intensity 0.20)"));
+  EXPECT_THAT(reports::color_warning(ball, "cam1", health, false),
+              HasSubstr("darker than it was taught (intensity 0.20)"));
   health.near_end = object_trackers::NearEnd{object_trackers::ColorAxis::saturation, false, -0.04};
-  EXPECT_THAT(reports::color_warning(ball, "cam1", health), HasSubstr("0.04 beyond what is looked for"));
+  EXPECT_THAT(reports::color_warning(ball, "cam1", health, false), HasSubstr("0.04 beyond what is looked for"));
   ball.adapts_color = true;
-  EXPECT_THAT(reports::color_warning(ball, "cam1", health), HasSubstr("color: adapt follows it"));
+  EXPECT_THAT(reports::color_warning(ball, "cam1", health, false), HasSubstr("color: adapt follows it"));
   health.followed[1] = -0.15;
-  EXPECT_THAT(reports::color_warning(ball, "cam1", health), HasSubstr("follows no further"));
+  EXPECT_THAT(reports::color_warning(ball, "cam1", health, false), HasSubstr("follows no further"));
 }
 
 // ---- A replay
