@@ -112,7 +112,8 @@ void CommandLine::add_watch() {
       ->check(CLI::IsMember({"text", "csv", "json", "tum", "osc"}));
   command.add_option(
       "--udp", watch_.udp,
-      "HOST:PORT: send each sample there as a datagram, as json (default) or osc, instead of printing it");
+      "HOST:PORT: send each sample there as a datagram, as json (default), osc or another format, instead of printing "
+      "it");
   add_samples(command);
 }
 

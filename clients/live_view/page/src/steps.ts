@@ -55,7 +55,7 @@ function exposure(lights: [string, Light | null][]): Step {
   if (awaited.length) return { title, isDone: false, says: `The picture of ${join(awaited)} is awaited.` };
   const dark = lights.filter(([, l]) => l!.dark > mostDark);
   const bright = lights.filter(([, l]) => l!.bright > mostBright);
-  if (!dark.length && !bright.length) return { title, isDone: true, says: "Neither too dark nor too bright. Hold it so, with the controls of each camera." };
+  if (!dark.length && !bright.length) return { title, isDone: true, says: "Neither too dark nor too bright. Hold it so, with the controls of each camera; one of the network has settings of its own." };
   const says = [
     ...dark.map(([name, l]) => `${name} is too dark: ${percent(l!.dark)} of its picture shows no colour.`),
     ...bright.map(([name, l]) => `${name} is too bright: ${percent(l!.bright)} of its picture is white.`),
