@@ -238,10 +238,14 @@ class Chart {
           canvas_.polyline(run.points, run.color, rim_width);
       for (const Run& run : runs_of(rows, at, [](const TrackRow& row) { return state_color(row.state); }))
         canvas_.polyline(run.points, run.color, track_width);
+      // Its name is where it was last, as on a map of what is where.
+      const auto backwards = std::views::reverse(rows);
+      const auto last = std::ranges::find_if(backwards, &TrackRow::has_position);
+      if (last == backwards.end()) continue;
       const auto first = std::ranges::find_if(rows, &TrackRow::has_position);
-      if (first == rows.end()) continue;
-      canvas_.disc(at(first->position), 4.5, color_of(k));
-      canvas_.text(at(first->position) + Point(7, -5), targets_[k].name, 12, color_of(k), Align::left, Weight::bold);
+      canvas_.circle(at(first->position), 3.5, color_of(k), 1.2);
+      canvas_.disc(at(last->position), 4.5, color_of(k));
+      canvas_.text(at(last->position) + Point(7, -5), targets_[k].name, 12, color_of(k), Align::left, Weight::bold);
     }
   }
 
