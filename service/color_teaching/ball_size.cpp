@@ -240,9 +240,11 @@ RadiusProposal told(const calib::CameraRig& rig, std::span<const Vote> votes, do
   if (most->middle - least->middle > most_apart) {
     const auto name = [&](auto at) { return rig.cameras[cameras[std::size_t(at - of_cameras.begin())]].name; };
     out.why_not = fmt::format(
-        "by {} the ball has a radius of {:.0f} mm, by {} of {:.0f} mm: a part of it is hidden, or the calibration is "
-        "not right",
-        name(least), 1e3 * std::exp(least->middle), name(most), 1e3 * std::exp(most->middle));
+        "by {} the ball has a radius of {:.0f} mm, by {} of {:.0f} mm: in one of them a part of it is in shade, glares "
+        "or is hidden; or it moved between the pictures of cameras that are not in step, or whose times are not known "
+        "yet; or the calibration is not right. Choose a moment at which it rests in even light{}",
+        name(least), 1e3 * std::exp(least->middle), name(most), 1e3 * std::exp(most->middle),
+        moments.size() == 1 ? ", or let it be seen at more moments than this one" : "");
     return out;
   }
   const double n = double(of_cameras.size());

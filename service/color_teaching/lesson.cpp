@@ -100,7 +100,9 @@ std::string radius_words(const RadiusProposal& proposal, std::optional<double> s
   constexpr double mm = 1e3;
   if (!proposal.radius_m) {
     const std::string why = "How large it is cannot be told: " + proposal.why_not + ".";
-    return said_m ? why : why + " Until radius_m is given, it is taken for the default.";
+    if (said_m) return why;
+    return why + fmt::format(" Until radius_m is given, it is taken for the default, {:g} mm.",
+                             mm * object_tracking::TargetOptions().radius_m);
   }
   // Two sigmas, and no more digits than they allow.
   const double off_mm = 2 * mm * proposal.sigma_m;

@@ -81,7 +81,7 @@ TEST(Lesson, WhatIsSaidOfTheSize) {
   const RadiusProposal unknown{.why_not = "only one camera shows the object"};
   EXPECT_FALSE(differs_clearly(unknown, 1));
   EXPECT_EQ(radius_words(unknown, 0.04), "How large it is cannot be told: only one camera shows the object.");
-  EXPECT_THAT(radius_words(unknown, {}), HasSubstr("it is taken for the default"));
+  EXPECT_THAT(radius_words(unknown, {}), HasSubstr("it is taken for the default, 40 mm."));
 }
 
 TEST(Lesson, RectanglesAreAddedPerCamera) {
