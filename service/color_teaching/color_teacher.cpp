@@ -462,8 +462,11 @@ void ColorTeacher::judge(TaughtView& view, std::size_t camera, const std::string
                 ? fmt::format("the object is probably at {}, {}: point at it to confirm",
                               std::lround(view.region->centre.x()), std::lround(view.region->centre.y()))
                 : "no region fits what was pointed at in the other views; point at the object if it is in this picture";
-    text += ". By what was learnt in " + color_of + ", " + percent(view.background_share) +
-            " of the background matches here" + (is_rival ? patch_text() : "");
+    // Where nobody knows the object's place, what matches may be it.
+    const bool is_known = view.region.has_value();
+    text += ". By what was learnt in " + color_of + ", " + percent(view.background_share) + " of the " +
+            (is_known ? "background" : "picture") + " matches here" + (is_rival ? patch_text() : "") +
+            (is_rival && !is_known ? ": is that the object?" : "");
     view.verdict = text;
     return;
   }

@@ -65,6 +65,11 @@ TEST(ColorTeacher, LimeInTwoViewsFromTheirFirstFrames) {
 
   EXPECT_THAT(unconfirmed(one, s.rig), ElementsAre(s.rig.cameras[1].name));
   EXPECT_THAT(one.views[1].verdict, AllOf(HasSubstr("probably at"), HasSubstr("% of the background matches here")));
+  // Where nothing is suggested, what has the colour may be the object itself, and is not called background.
+  const Taught nowhere = teacher.teach({.points = at_truth(s, "lime", 0, {0})}, {.min = {5, 5, 0}, .max = {6, 6, 1}});
+  EXPECT_FALSE(nowhere.views[1].region);
+  EXPECT_THAT(nowhere.views[1].verdict, AllOf(HasSubstr("no region fits"), HasSubstr("% of the picture matches here"),
+                                              EndsWith("is that the object?")));
   EXPECT_THAT(unconfirmed(both, s.rig), IsEmpty());
   EXPECT_GT(both.views[0].object_share, 0.9);
   EXPECT_EQ(why_useless(both, s.rig), "");

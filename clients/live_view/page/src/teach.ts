@@ -314,7 +314,9 @@ function draw(picture: Picture): void {
     rectangle(box, "rgb(0 0 0 / 0.7)", false);
     g.lineWidth = 2 * devicePixelRatio;
     rectangle(box, "#ff9f1c", false);
-    new Labels(g).add({ text: "matches, too", color: "#ff9f1c", x: ((box[0] + box[2]) / 2) * s, y: ((box[1] + box[3]) / 2) * s, radius: ((box[3] - box[1]) / 2) * s });
+    // Where nobody knows the object's place, what matches may be it.
+    const isElsewhere = picture.taught!.pointed || picture.taught!.region[0] !== null;
+    new Labels(g).add({ text: isElsewhere ? "matches, too" : "matches: the object?", color: "#ff9f1c", x: ((box[0] + box[2]) / 2) * s, y: ((box[1] + box[3]) / 2) * s, radius: ((box[3] - box[1]) / 2) * s });
   }
   const circle = (u: number, v: number, r: number, color: string, dashed: boolean) => {
     g.setLineDash(dashed ? [6, 5] : []);
