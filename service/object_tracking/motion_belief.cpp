@@ -77,8 +77,8 @@ MotionBelief::MotionBelief(const calib::CameraRig& rig, bool times_are_learnt) :
       const Eigen::Index latency = latency_of(static_cast<int>(c));
       if (static_cast<int>(c) != reference_camera)
         covariance_(latency, latency) = variance_of(timing.latency_s, timing.latency_sigma_s, unknown_latency_sigma_s);
-      covariance_(latency + 1, latency + 1) =
-          variance_of(timing.readout_s, timing.readout_sigma_s, unknown_readout_sigma_s);
+      given.readout_prior_s2 = variance_of(timing.readout_s, timing.readout_sigma_s, unknown_readout_sigma_s);
+      covariance_(latency + 1, latency + 1) = given.readout_prior_s2;
     } else {
       given.latency_variance_s2 = std::pow(timing.latency_sigma_s.value_or(0), 2);
       given.readout_variance_s2 = std::pow(timing.readout_sigma_s.value_or(0), 2);
@@ -128,7 +128,8 @@ void MotionBelief::open_clocks(const capture::FrameSet& set) {
 
 void MotionBelief::expect_in_step() {
   by_views_.reset();
-  if (!times_are_learnt_) return;
+  if (!times_are_learnt_ || are_times_corrected_) return;
+  is_in_step_ = true;
   for (int c = 0; c < static_cast<int>(given_.size()); ++c) {
     const Eigen::Index l = latency_of(c), r = l + 1;
     const auto at_most = [&](Eigen::Index i, double sigma) {
@@ -137,6 +138,30 @@ void MotionBelief::expect_in_step() {
     at_most(l, in_step_latency_sigma_s);
     at_most(r, in_step_readout_sigma_s);
   }
+}
+
+void MotionBelief::correct_times(std::span<const double> late_s) {
+  if (!times_are_learnt_) return;
+  by_views_.reset();
+  settle();
+  const auto open = [&](Eigen::Index i, double variance_s2) {
+    covariance_.row(i).setZero();
+    covariance_.col(i).setZero();
+    covariance_(i, i) = variance_s2;
+  };
+  double furthest_s = 0;
+  for (int c = 0; c < static_cast<int>(given_.size()); ++c) {
+    const auto camera = static_cast<std::size_t>(c);
+    furthest_s = std::max(furthest_s, std::abs(late_s[camera]));
+    const Eigen::Index latency = latency_of(c);
+    mean_(latency) += late_s[camera];
+    const bool is_other = late_s[camera] != late_s[reference_camera];
+    if (c != reference_camera && (is_in_step_ || is_other)) open(latency, std::pow(unknown_latency_sigma_s, 2));
+    if (is_in_step_) open(latency + 1, given_[camera].readout_prior_s2);
+  }
+  is_in_step_ = false;
+  are_times_corrected_ = true;
+  covariance_.diagonal().head<3>().array() += std::pow(furthest_s * velocity().norm(), 2);
 }
 
 bool MotionBelief::are_times_far() const {

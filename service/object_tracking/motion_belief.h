@@ -5,6 +5,7 @@
 
 #include <Eigen/Core>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "calib/model/camera_rig.h"
@@ -87,9 +88,16 @@ class MotionBelief {
   // camera's frames next to ours. No view can tell it.
   double clock_variance_s2() const { return clocks_[reference_camera].variance_s2; }
 
-  // The cameras are triggered together: their frames' times have been the same. Before anything is learnt only. Then
+  // The cameras are triggered together: their frames' times have been the same. Before anything is learnt only, and
+  // not after correct_times(). Then
   // latencies hardly differ, and such cameras mostly have global shutters.
   void expect_in_step();
+  // Per camera of the rig: its frames were found to be later than is believed by so much, by something that this belief
+  // cannot see: times that jumped, or were held to be known. 0: as it is believed. The reference camera's is held
+  // thereafter where it is put. The latencies of those that differ from it are open again, as of cameras of which
+  // nothing is known; that the cameras are in step is believed no longer; and the motion, which was seen by wrong
+  // times, is open as far as these move it. Nothing where times are not learnt.
+  void correct_times(std::span<const double> late_s);
   // What is to be added to the frame's time for this row of this camera, and how well that is known (standard
   // deviation).
   double row_shift_s(int camera, double below_middle) const;
@@ -160,6 +168,8 @@ class MotionBelief {
   double relative_clock_variance_s2(int camera) const;
 
   bool times_are_learnt_;
+  bool is_in_step_ = false;           // it is held that the cameras are triggered together
+  bool are_times_corrected_ = false;  // they are not
   Eigen::VectorXd times_linearised_;  // their means when they were last linearised at
   Eigen::VectorXd mean_;
   // Below the diagonal and on it, and all of the motion's own 6 x 6; what is not kept is the mirror of what is.
@@ -174,6 +184,7 @@ class MotionBelief {
   struct Given {                                         // by the rig
     double latency_s = 0, readout_s = 0;
     double latency_variance_s2 = 0, readout_variance_s2 = 0;  // where times are not learnt
+    double readout_prior_s2 = 0;                              // where they are, before anything was
   };
   std::vector<Given> given_;  // per camera
   struct Clock {

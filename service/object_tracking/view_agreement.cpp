@@ -38,6 +38,10 @@ void ViewAgreement::trust(std::span<const std::size_t> moved, std::span<const Ca
   }
 }
 
+void ViewAgreement::forget() {
+  for (std::size_t c = 0; c < unseen_.size(); ++c) doubts_.forget(c);
+}
+
 // Beside where the object would be if it had gone on as it did.
 std::optional<SeenBeside> ViewAgreement::beside(const Sighting& sighting, const MotionBelief& belief) const {
   const auto at = appearance_of(*sighting.camera, belief.position_at(sighting.row.at), radius_m_);

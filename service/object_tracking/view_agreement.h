@@ -28,6 +28,8 @@ class ViewAgreement {
 
   // ObjectTracker::trust(): these cameras stand elsewhere now, and all that is held of poses.
   void trust(std::span<const std::size_t> moved, std::span<const CameraTrust> cameras);
+  // What views showed of one another was seen by times that are known to be wrong by now.
+  void forget();
 
   // Every view with every other one, before one of them is left out; then each sighting, and each of `watched` (by
   // cameras that are not used), is doubted by what came of it. Notes in `seen` what was looked at.

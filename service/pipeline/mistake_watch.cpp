@@ -23,6 +23,7 @@ double doubt_of(const view_watch::Mistake& mistake, const calib::Camera& camera)
       return std::abs(mistake.size - 1) * usual_tangent(camera);
     case MistakeKind::swapped:
     case MistakeKind::late:
+    case MistakeKind::uneven_times:
     case MistakeKind::mirrored:
     case MistakeKind::other_rig:
     case MistakeKind::contradiction: {
@@ -45,7 +46,11 @@ void add_doubts(std::span<const double> doubts, std::vector<object_tracking::Cam
 }
 
 MistakeWatch::MistakeWatch(const calib::CameraRig& rig, std::span<const object_tracking::TargetOptions> targets)
-    : rig_(rig), mistakes_(targets.size()), doubts_(rig.cameras.size(), 0.0), doubts_before_(doubts_) {
+    : rig_(rig),
+      mistakes_(targets.size()),
+      late_s_(targets.size()),
+      doubts_(rig.cameras.size(), 0.0),
+      doubts_before_(doubts_) {
   watches_.reserve(targets.size());
   for (const auto& target : targets) watches_.emplace_back(rig, target);
 }
@@ -62,7 +67,11 @@ bool MistakeWatch::look(const capture::FrameSet& set, std::span<const object_tra
   for (std::size_t t = 0; t < watches_.size() && t < trackers.size(); ++t) {
     // Of several objects the tracker shows the views of one (ObjectTracker::regions()); times are those of any.
     const auto estimate = std::ranges::find(estimates, t, &object_tracking::ObjectEstimate::target);
-    if (!has_moved && estimate != estimates.end()) watches_[t].look(*estimate, trackers[t], set.at);
+    late_s_[t].clear();
+    if (!has_moved && estimate != estimates.end()) {
+      watches_[t].look(*estimate, trackers[t], set.at);
+      late_s_[t] = watches_[t].late_s();
+    }
     // What moved is known with its size, and no mistake of the rig any more: only whose frames are whose is another
     // one.
     const auto is_explained = [&](const view_watch::Mistake& mistake) {

@@ -29,6 +29,9 @@ class MistakeWatch {
   bool look(const capture::FrameSet& set, std::span<const object_tracking::ObjectEstimate> estimates,
             std::span<const object_trackers::ObjectTracker> trackers, bool has_moved);
 
+  // Of the last look(), per target: ViewWatch::late_s().
+  std::span<const std::vector<double>> late_s() const { return late_s_; }
+
   // In force now, per target.
   std::span<const std::vector<view_watch::Mistake>> mistakes() const { return mistakes_; }
 
@@ -42,6 +45,7 @@ class MistakeWatch {
   calib::CameraRig rig_;
   std::vector<view_watch::ViewWatch> watches_;
   std::vector<std::vector<view_watch::Mistake>> mistakes_;
+  std::vector<std::vector<double>> late_s_;
   std::vector<double> doubts_, doubts_before_;
 };
 

@@ -360,7 +360,7 @@ void Pipeline::update(ReadySet ready, TrackingTeam& team, std::vector<object_tra
   const StageTime tracked = team.update(still, estimates);
   const Stopwatch learning;
   if (calibration_) calibration_->learn(estimates);
-  if (mistakes_) are_doubts_new_ |= mistakes_->look(still, estimates, trackers_, has_moved_camera());
+  if (mistakes_) look_for_mistakes(still, estimates);
   watched += learning.lap();
   const TrackedSet result{
       .frames = ready.set,
@@ -400,6 +400,13 @@ void Pipeline::trust_cameras() {
   if (calibration_) trust = calibration_->trust();
   if (mistakes_) add_doubts(mistakes_->doubts(), trust);
   for (auto& tracker : trackers_) tracker.trust(trust);
+}
+
+void Pipeline::look_for_mistakes(const capture::FrameSet& set,
+                                 std::span<const object_tracking::ObjectEstimate> estimates) {
+  are_doubts_new_ |= mistakes_->look(set, estimates, trackers_, has_moved_camera());
+  for (std::size_t t = 0; t < trackers_.size(); ++t)
+    if (!mistakes_->late_s()[t].empty()) trackers_[t].correct_times(mistakes_->late_s()[t]);
 }
 
 bool Pipeline::has_moved_camera() const {

@@ -127,6 +127,7 @@ class Pipeline {
   bool take_replacements(capture::Timestamp at);  // whether there were any
   StageTime watch(const capture::FrameSet& set, bool has_new_trackers);
   void trust_cameras();
+  void look_for_mistakes(const capture::FrameSet& set, std::span<const object_tracking::ObjectEstimate> estimates);
   bool has_moved_camera() const;
   void draw();
   void track_camera_frames();

@@ -37,6 +37,12 @@ std::string mistake_text(const view_watch::Mistake& mistake, const object_tracki
           "{} and by more the faster {} moves: {} is some {:.2f} s {}: correct its time stamps or its "
           "timing.latency_s",
           disagrees, target.name, it, std::abs(mistake.size), mistake.size > 0 ? "late" : "early");
+    case MistakeKind::uneven_times:
+      return fmt::format(
+          "the pictures of {} do not come when their time stamps say, by up to {:.2f} s and not always by as much, as "
+          "the motion of {} shows: videos that did not begin at one moment, or frames that were dropped and not "
+          "counted: give every frame its own time (recording.yaml: timestamps), or record anew without losing frames",
+          who, mistake.size, target.name);
     case MistakeKind::turned:
       return fmt::format(
           "{} wherever {} is: {} looks turned by {:.1f} degrees since it was calibrated{}: fix it, and calibrate anew",

@@ -61,6 +61,7 @@ PairComparison::Placed PairComparison::placed(const std::vector<Track>& tracks, 
     out.t_s += of_slot.latency_s.value_or(0) - of_real.latency_s.value_or(0) +
                s.below_middle * (of_real.readout_s.value_or(0) - of_slot.readout_s.value_or(0));
   }
+  if (!with.times_late_s.empty()) out.t_s -= with.times_late_s[real];
   if (real == with.camera) {
     out.t_s -= with.late_s;
     if (with.is_mirrored) {
@@ -304,20 +305,49 @@ BestZoom best_zoom(const PairComparison& comparison, const std::vector<Track>& t
   return {best_zoom, as_is.empty() ? 0 : share_of_places(tracks[camera], as_is.size()) * (without - best)};
 }
 
-double best_lateness(const PairComparison& comparison, const std::vector<Track>& tracks, std::size_t camera,
-                     const TimeSigmas& times) {
-  constexpr double furthest_s = 0.6, coarse_s = 0.02, fine_s = 0.004;
-  Supposition with{.camera = camera};
+namespace {
+
+// Of -0.6..0.6 s and of the best of these: the one of the least cost.
+template <typename Cost>
+double least_costly_lateness(Cost cost_of) {
+  constexpr double furthest_s = 0.6, coarse_s = 0.02, fine_s = 0.004, finest_s = 0.001;
   double best_s = 0, best = std::numeric_limits<double>::infinity();
   const auto consider = [&](double late_s) {
-    with.late_s = late_s;
-    const auto agreement = comparison.agreement_of(tracks, camera, true, with, times);
-    if (agreement.pairs > 0 && agreement.score < best) best = agreement.score, best_s = late_s;
+    if (const double cost = cost_of(late_s); cost < best) best = cost, best_s = late_s;
   };
   for (int k = 0; k <= int(furthest_s / coarse_s); ++k) consider(k * coarse_s), consider(-k * coarse_s);
-  const double about_s = best_s;
-  for (int k = -4; k <= 4; ++k) consider(about_s + k * fine_s);
+  for (const double step_s : {fine_s, finest_s}) {
+    const double about_s = best_s;
+    for (int k = -4; k <= 4; ++k) consider(about_s + k * step_s);
+  }
   return best_s;
+}
+
+}  // namespace
+
+double best_lateness(const PairComparison& comparison, const std::vector<Track>& tracks, std::size_t camera,
+                     const TimeSigmas& times) {
+  return least_costly_lateness([&](double late_s) {
+    const auto agreement = comparison.agreement_of(tracks, camera, true, {.camera = camera, .late_s = late_s}, times);
+    return agreement.pairs > 0 ? agreement.score : std::numeric_limits<double>::infinity();
+  });
+}
+
+std::vector<double> best_latenesses(const PairComparison& comparison, const std::vector<Track>& tracks,
+                                    const TimeSigmas& times) {
+  constexpr std::size_t most_compared = 4;  // that were fitted before it: of many cameras all pairs would take too long
+  std::vector<double> late_s(tracks.size(), 0.0);
+  for (std::size_t c = 1; c < tracks.size(); ++c) {
+    late_s[c] = least_costly_lateness([&](double late_c_s) {
+      Supposition with{.times_late_s = late_s};
+      with.times_late_s[c] = late_c_s;
+      PairComparison::Agreement with_earlier;
+      for (std::size_t earlier = c - std::min(c, most_compared); earlier < c; ++earlier)
+        PairComparison::add(with_earlier, comparison.residuals(tracks, earlier, c, with, times));
+      return with_earlier.pairs > 0 ? with_earlier.score : std::numeric_limits<double>::infinity();
+    });
+  }
+  return late_s;
 }
 
 }  // namespace huetrack::view_watch

@@ -36,6 +36,7 @@ struct Supposition {
   std::vector<std::size_t> really = {};
   std::size_t camera = 0;                              // that the rest is of
   double late_s = 0;                                   // its times are to be made earlier by so much
+  std::vector<double> times_late_s = {};               // the same of every camera; empty: of none
   Eigen::Vector3d turn_rad = Eigen::Vector3d::Zero();  // cam_from_world = exp(turn) * the rig's
   double zoom = 1;                                     // its focal length is so many times the rig's
   bool is_mirrored = false;                            // left and right are exchanged in its pictures
@@ -69,6 +70,7 @@ class PairComparison {
     double score = 0;  // mean of (off / expected)^2, with at most 25 for each: a robust cost
     double worst_px = 0;
   };
+  static void add(Agreement& agreement, const PairResiduals& pair);
   Agreement agreement(const std::vector<Track>& tracks, const Supposition& with, const TimeSigmas& times) const;
   // Of the pairs with this camera, or without it.
   Agreement agreement_of(const std::vector<Track>& tracks, std::size_t camera, bool with_it, const Supposition& with,
@@ -90,7 +92,6 @@ class PairComparison {
   std::vector<PlacedTrack> all_placed(const std::vector<Track>& tracks, const Supposition& with) const;
   PairResiduals residuals(const PlacedTrack& of_i, const PlacedTrack& of_j, std::size_t i, std::size_t j,
                           const Supposition& with, const TimeSigmas& times) const;
-  static void add(Agreement& agreement, const PairResiduals& pair);
 
   const calib::CameraRig& rig_;
 };
@@ -115,5 +116,10 @@ BestZoom best_zoom(const PairComparison& comparison, const std::vector<Track>& t
 // By how much this camera's frames are later than the rig says, so that it agrees best; -0.6..0.6 s.
 double best_lateness(const PairComparison& comparison, const std::vector<Track>& tracks, std::size_t camera,
                      const TimeSigmas& times);
+
+// The same of all cameras at a time, beside the first one, of which it is 0: for cameras none of which agrees with
+// another one.
+std::vector<double> best_latenesses(const PairComparison& comparison, const std::vector<Track>& tracks,
+                                    const TimeSigmas& times);
 
 }  // namespace huetrack::view_watch

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <numeric>
+#include <utility>
 
 #include "calib/model/median.h"
 
@@ -29,6 +30,8 @@ constexpr double longest_pause_s = 16;
 // Of two suppositions one is named only where it explains more than the other one: a turn has three numbers to fit.
 constexpr double clearly_better = 0.8;
 constexpr double nothing_explains = 6;
+// A mistake is named when it was found so often, half a second apart.
+constexpr int least_times = 2;
 // What nothing explains is told when the worst pair is off by so much, two to three times the worst of good recordings,
 // and was found so often: times that are being learnt, and a ball that comes from behind something, last less long.
 constexpr double contradicts = 3;
@@ -36,6 +39,17 @@ constexpr int least_contradictions = 4;
 // What time learning can do by itself is no mistake (motion_belief.cpp: standard deviation 20 ms). What it has not done
 // is one, from a frame of 30 Hz on: by as much drivers and people are off, and less is what exposures leave open.
 constexpr double least_late_s = 0.07, least_unlearnt_s = 0.03, surely_unlearnt = 4;
+// Rolling shutters take 10 to 33 ms, and what is seen is usually so far from the middle row.
+constexpr double unknown_readout_s = 0.02, usual_below_middle = 0.3;
+// What was learnt is said in hundredths of a second.
+constexpr double said_to_s = 0.005;
+// One-sided: once in a thousand.
+constexpr double surely_too_long = 3;
+// Found twice, half a second apart, times are what they are: not further apart than they can be told.
+constexpr double same_times_s = 0.015;
+// Of what jumped lately, less is known than of what lasts; at 16 Hz this is more samples than a comparison needs.
+constexpr double since_jump_s = 1.2;
+constexpr std::size_t most_cameras_at_a_time = 16;  // more would take too long
 constexpr double least_turn_rad = 0.0052;
 // Chi-square, 3 degrees of freedom: light and shade do as much in one camera and place of a thousand.
 constexpr double surely_turned = 16.3;
@@ -96,10 +110,45 @@ class Suppositions {
   void try_lateness(std::size_t camera, double learnt_s) {
     const double late_s = best_lateness(comparison_, tracks_, camera, time_sigmas_);
     const double in_all_s = late_s - learnt_s;  // beside what the rig says
-    const bool is_unlearnt = std::abs(late_s) >= std::max(least_unlearnt_s, surely_unlearnt * time_sigmas_[camera]);
-    judge({.kind = MistakeKind::late, .cameras = {int(camera)}, .size = in_all_s}, {.camera = camera, .late_s = late_s},
-          is_unlearnt || std::abs(in_all_s) >= least_late_s);
+    std::vector<double> unlearnt_s(rig_.cameras.size(), 0.0);
+    unlearnt_s[camera] = late_s;
+    judge({.kind = MistakeKind::late, .cameras = {int(camera)}, .size = in_all_s, .unlearnt_s = std::move(unlearnt_s)},
+          {.camera = camera, .late_s = late_s}, true);
   }
+
+  // The times of all cameras: of videos that did not begin together, and of frames that were dropped and not counted.
+  // One camera that is late alone is the simpler answer.
+  void try_times_of_all(const TimeSigmas& learnt_s) {
+    const auto is_of_times = [](const Answer& a) { return a.mistake.kind == MistakeKind::late; };
+    const std::size_t n = rig_.cameras.size();
+    if (n < 3 || n > most_cameras_at_a_time || std::ranges::any_of(answers_, is_of_times)) return;
+    // Cameras whose times are others are in no step, and nobody knows their readouts but who states them: what is seen
+    // above or below the middle of a picture is off by as much.
+    TimeSigmas sigmas = time_sigmas_;
+    for (std::size_t c = 0; c < n; ++c)
+      if (!rig_.cameras[c].timing.readout_s) sigmas[c] = std::hypot(sigmas[c], usual_below_middle * unknown_readout_s);
+    const PairComparison::Agreement as_is = comparison_.agreement(tracks_, {}, sigmas);
+    if (as_is.worst < disagrees) return;
+    std::vector<double> late_s = best_latenesses(comparison_, tracks_, sigmas);
+    Mistake mistake{.kind = MistakeKind::uneven_times, .off_px = as_is_.worst_px};
+    const double in_time_s = calib::median(late_s);
+    for (std::size_t c = 0; c < n; ++c) {
+      const double off_s = std::abs(late_s[c] - in_time_s);
+      if (off_s >= same_times_s) mistake.cameras.push_back(int(c));
+      mistake.size = std::max(mistake.size, off_s);
+    }
+    mistake.unlearnt_s = late_s;
+    if (mistake.cameras.size() == 1) {
+      const auto camera = std::size_t(mistake.cameras.front());
+      mistake.kind = MistakeKind::late;
+      mistake.size = late_s[camera] - in_time_s - learnt_s[camera];
+    }
+    for (double& s : mistake.unlearnt_s) s -= in_time_s;  // most cameras' clock is the right one
+    const auto agreement = comparison_.agreement(tracks_, {.times_late_s = std::move(late_s)}, sigmas);
+    if (explains(agreement, as_is)) answers_.push_back({std::move(mistake), agreement.score, true});
+  }
+
+  bool has_answer() const { return !answers_.empty(); }
 
   void try_turn(std::size_t camera) {
     const auto turn = best_turn(comparison_, tracks_, camera, time_sigmas_);
@@ -154,9 +203,9 @@ class Suppositions {
   // A supposition without numbers to fit is the better one where both explain.
   static double cost(const Answer& a) {
     const MistakeKind kind = a.mistake.kind;
-    const double fitted = kind == MistakeKind::turned                                ? 1.3
-                          : kind == MistakeKind::late || kind == MistakeKind::zoomed ? 1.1
-                                                                                     : 1.0;
+    const double fitted = kind == MistakeKind::turned || kind == MistakeKind::uneven_times ? 1.3
+                          : kind == MistakeKind::late || kind == MistakeKind::zoomed       ? 1.1
+                                                                                           : 1.0;
     return fitted * (a.score + 0.2);
   }
 
@@ -176,11 +225,14 @@ class Suppositions {
     answers_.front() = std::move(joined);
   }
 
+  static bool explains(const PairComparison::Agreement& supposed, const PairComparison::Agreement& as_is) {
+    return supposed.pairs >= as_is.pairs && supposed.worst <= agrees && supposed.score <= much_better * as_is.score &&
+           as_is.score - supposed.score >= least_gain;
+  }
+
   void judge(Mistake mistake, const Supposition& supposition, bool is_sure) {
     const auto agreement = comparison_.agreement(tracks_, supposition, time_sigmas_);
-    if (agreement.pairs < as_is_.pairs || agreement.worst > agrees || agreement.score > much_better * as_is_.score ||
-        as_is_.score - agreement.score < least_gain)
-      return;
+    if (!explains(agreement, as_is_)) return;
     mistake.off_px = as_is_.worst_px;
     answers_.push_back({std::move(mistake), agreement.score, is_sure});
   }
@@ -224,8 +276,8 @@ class Suppositions {
 
 bool is_of_rig(MistakeKind kind) {
   return kind == MistakeKind::swapped || kind == MistakeKind::late || kind == MistakeKind::turned ||
-         kind == MistakeKind::zoomed || kind == MistakeKind::mirrored || kind == MistakeKind::other_rig ||
-         kind == MistakeKind::contradiction;
+         kind == MistakeKind::uneven_times || kind == MistakeKind::zoomed || kind == MistakeKind::mirrored ||
+         kind == MistakeKind::other_rig || kind == MistakeKind::contradiction;
 }
 
 ViewWatch::ViewWatch(const calib::CameraRig& rig, const object_tracking::TargetOptions& target)
@@ -245,6 +297,7 @@ void ViewWatch::look(const object_tracking::ObjectEstimate& estimate, const obje
     for (PerCamera& camera : cameras_) camera = {};
   }
   const double now_s = capture::seconds(set_at - *first_at_);
+  late_s_.clear();
   keep(estimate, tracker.regions(), now_s);
   forget_what_was_not_it(estimate, now_s);
   if (now_s < next_s_) return;
@@ -256,6 +309,12 @@ void ViewWatch::look(const object_tracking::ObjectEstimate& estimate, const obje
     if (auto late = of_learnt_times()) now.push_back(std::move(*late));
     if (auto wrong_radius = of_radius()) now.push_back(std::move(*wrong_radius));
   }
+  const auto is_explained = [](const Suspected& s) {
+    return is_of_rig(s.mistake.kind) && s.mistake.kind != MistakeKind::contradiction &&
+           s.mistake.kind != MistakeKind::uneven_times;
+  };
+  auto uneven = of_uneven_times();
+  if (uneven && now.empty() && std::ranges::none_of(suspected_, is_explained)) now.push_back(std::move(*uneven));
   const auto shares = tracker.color_shares();
   for (std::size_t c = 0; c < shares.size(); ++c) {
     const bool is_shared = shares[c].of_picture > std::max(least_shared, times_the_target * shares[c].of_target);
@@ -273,9 +332,12 @@ void ViewWatch::keep(const object_tracking::ObjectEstimate& estimate, std::span<
                      double now_s) {
   for (std::size_t c = 0; c < cameras_.size() && c < estimate.times.size(); ++c) {
     const calib::CameraTiming& timing = rig_.cameras[c].timing;
-    time_sigmas_[c] = std::hypot(estimate.times[c].latency_sigma_s, 0.3 * estimate.times[c].readout_sigma_s);
+    time_sigmas_[c] =
+        std::hypot(estimate.times[c].latency_sigma_s, usual_below_middle * estimate.times[c].readout_sigma_s);
     latency_sigmas_[c] = estimate.times[c].latency_sigma_s;
     time_shifts_[c] = timing.latency_s.value_or(0) - estimate.times[c].latency_s;
+    cameras_[c].readout_s = std::abs(estimate.times[c].readout_s);
+    cameras_[c].readout_sigma_s = estimate.times[c].readout_sigma_s;
   }
   for (std::size_t c = 0; c < cameras_.size(); ++c) {
     PerCamera& camera = cameras_[c];
@@ -290,6 +352,7 @@ void ViewWatch::keep(const object_tracking::ObjectEstimate& estimate, std::span<
     }
     if (chosen == nullptr) continue;
     const double t_s = capture::seconds(chosen->at - *first_at_);
+    note_period(camera, t_s);
     if (!camera.track.empty() && t_s < camera.track.back().t_s + 0.9 / longest_rate_hz) continue;
     const auto ray = rig_.cameras[c].model.ray({chosen->px});
     if (!ray) continue;
@@ -303,6 +366,14 @@ void ViewWatch::keep(const object_tracking::ObjectEstimate& estimate, std::span<
          .ray = ray->normalized(),
          .is_target = chosen->is_target});
   }
+}
+
+// Of a camera that sees the target in every frame now and again at least.
+void ViewWatch::note_period(PerCamera& camera, double t_s) {
+  constexpr double longest_s = 0.25, least_share = 1.0 / 64;
+  const double since_s = t_s - std::exchange(camera.seen_s, t_s);
+  if (since_s <= 0 || since_s > longest_s) return;
+  camera.period_s += std::max(least_share, 1.0 / ++camera.intervals) * (since_s - camera.period_s);
 }
 
 // Views that have agreed for a while about where the target is tell that what they showed before, elsewhere, was
@@ -382,12 +453,64 @@ std::optional<Mistake> ViewWatch::of_rig(double now_s) {
     const int paused = std::max(0, ++tries_ - tries_at_once);
     next_try_s_ = now_s + std::min(longest_pause_s, 0.9 * judged_every_s * std::pow(2, paused));
   }
-  auto found = explained(as_is, is_clear);
-  if (found) next_turn_s_ = now_s;  // is it so half a second later, too?
+  auto found = explained(as_is, is_clear, false);
+  const bool is_unexplained =
+      !found || found->kind == MistakeKind::contradiction || found->kind == MistakeKind::other_rig;
+  if (is_clear && is_unexplained)
+    if (auto jump = of_jump(now_s)) found = std::move(jump);
+  if (!found) return std::nullopt;
+  next_turn_s_ = now_s;  // is it so half a second later, too?
+  if (!found->unlearnt_s.empty() && !correct_times(*found, now_s)) return std::nullopt;
   return found;
 }
 
-std::optional<Mistake> ViewWatch::explained(const PairComparison::Agreement& as_is, bool is_clear) const {
+// Nothing explains the whole window: stamps that jumped a moment ago were others before. What else happened a moment
+// ago will have the whole window soon.
+std::optional<Mistake> ViewWatch::of_jump(double now_s) {
+  const double since_s = now_s - since_jump_s;
+  for (Track& track : tracks_) std::erase_if(track, [&](const SeenPoint& s) { return s.t_s < since_s; });
+  if (!has_moved()) return std::nullopt;
+  const PairComparison::Agreement as_is = PairComparison(rig_).agreement(tracks_, {}, time_sigmas_);
+  if (as_is.worst < disagrees) return std::nullopt;
+  auto found = explained(as_is, true, true);
+  if (!found || found->unlearnt_s.empty()) return std::nullopt;
+  found->since_s = since_s;
+  return found;
+}
+
+// Has the tracker correct its cameras' times when they were found twice to be the same others. Whether it is a mistake,
+// besides: drivers do as much, and a trigger that there is none of is no mistake of people. But stamps that are right
+// do not jump.
+bool ViewWatch::correct_times(Mistake& found, double now_s) {
+  double unlearnt_s = 0, surely_s = least_unlearnt_s;
+  for (std::size_t c = 0; c < cameras_.size(); ++c) {
+    unlearnt_s = std::max(unlearnt_s, std::abs(found.unlearnt_s[c]));
+    if (found.unlearnt_s[c] != 0) surely_s = std::max(surely_s, surely_unlearnt * time_sigmas_[c]);
+  }
+  const bool is_unlearnt = unlearnt_s >= surely_s;
+  const bool is_jump = corrections_ > 0 && is_unlearnt && time_shifts_ != shifts_when_corrected_;
+  if (is_jump) found.kind = MistakeKind::uneven_times;
+  const bool is_mistake =
+      is_jump || std::abs(found.size) >= least_late_s || (found.kind == MistakeKind::late && is_unlearnt);
+  const auto is_near = [](double a, double b) { return std::abs(a - b) < same_times_s; };
+  if (other_times_ && now_s - other_times_->found_s < forgotten_after_s &&
+      std::ranges::equal(other_times_->late_s, found.unlearnt_s, is_near)) {
+    late_s_ = found.unlearnt_s;
+    shifts_when_corrected_ = time_shifts_;
+    for (PerCamera& camera : cameras_) camera.surest_sigma_s = nothing_known_s;
+    ++corrections_;
+    tries_ = 0;
+    for (std::size_t c = 0; c < cameras_.size(); ++c)
+      std::erase_if(cameras_[c].track, [&](const SeenPoint& s) { return s.t_s + time_shifts_[c] < found.since_s; });
+    other_times_.reset();
+  } else {
+    other_times_ = {found.unlearnt_s, now_s};
+  }
+  return is_mistake;
+}
+
+// Of few samples several things explain much: then the times of all cameras compete with what explains them, too.
+std::optional<Mistake> ViewWatch::explained(const PairComparison::Agreement& as_is, bool is_clear, bool are_few) const {
   Suppositions suppositions(rig_, tracks_, time_sigmas_, as_is);
   if (is_clear) suppositions.try_orders();  // exchanged or late cameras are not that near
   for (std::size_t c = 0; c < rig_.cameras.size(); ++c) {
@@ -397,26 +520,58 @@ std::optional<Mistake> ViewWatch::explained(const PairComparison::Agreement& as_
     suppositions.try_turn(c);
     suppositions.try_zoom(c);
   }
+  if (is_clear && (are_few || !suppositions.has_answer())) suppositions.try_times_of_all(time_shifts_);
   return suppositions.best();
 }
 
 // Views agree because it was learnt how late a camera is, and that is more than drivers do: a time stamp that is wrong.
 std::optional<Mistake> ViewWatch::of_learnt_times() const {
   const std::size_t n = cameras_.size();
-  if (n < 2 || !has_moved()) return std::nullopt;
+  const auto is_known = [&](std::size_t c) { return latency_sigmas_[c] <= said_to_s; };
   // Only differences are learnt, from one camera that is held: the one that the others have in common is in time.
   std::vector<double> late_s;
-  for (const double shift_s : time_shifts_) late_s.push_back(-shift_s);
+  for (std::size_t c = 0; c < n; ++c)
+    if (is_known(c)) late_s.push_back(-time_shifts_[c]);
+  if (late_s.size() < std::min<std::size_t>(n, 3) || n < 2 || !has_moved()) return std::nullopt;
   const double in_time_s = n == 2 ? late_s[0] : calib::median(late_s);
   std::optional<Mistake> worst;
   for (std::size_t c = 0; c < n; ++c) {
-    const double off_s = late_s[c] - in_time_s;
-    if (std::abs(off_s) < least_late_s || std::abs(off_s) < surely_unlearnt * latency_sigmas_[c]) continue;
+    const double off_s = -time_shifts_[c] - in_time_s;
+    // What the rig states is not anything that drivers do.
+    const double least_s = rig_.cameras[c].timing.latency_s ? least_unlearnt_s : least_late_s;
+    if (!is_known(c) || std::abs(off_s) < least_s) continue;
     if (worst && std::abs(worst->size) >= std::abs(off_s)) continue;
     worst = Mistake{.kind = MistakeKind::late, .cameras = {int(c)}, .size = off_s};
   }
   if (worst && n == 2) worst->cameras = {0, 1}, worst->size = std::abs(worst->size);
   return worst;
+}
+
+// Stamps that are when frames were exposed, but for what lasts, leave what was learnt of them where it was; and no
+// sensor reads its rows out for longer than it takes from one frame to the next.
+std::optional<Mistake> ViewWatch::of_uneven_times() {
+  constexpr int enough = 64;  // intervals, of which rows make now a longer and now a shorter one
+  std::optional<Mistake> out;
+  if (!late_s_.empty()) return out;  // what was believed until now is known to be wrong
+  for (std::size_t c = 0; c < cameras_.size(); ++c) {
+    PerCamera& camera = cameras_[c];
+    const double latency_s = -time_shifts_[c], sigma_s = latency_sigmas_[c];
+    const double moved_s = std::abs(latency_s - camera.surest_latency_s);
+    const bool has_moved =
+        moved_s > std::max(same_times_s, surely_unlearnt * std::hypot(sigma_s, camera.surest_sigma_s));
+    camera.moved_looks = has_moved ? camera.moved_looks + 1 : 0;
+    if (camera.moved_looks >= least_times || sigma_s < camera.surest_sigma_s)
+      camera.surest_latency_s = latency_s, camera.surest_sigma_s = sigma_s;
+    const double too_long_s = camera.readout_s - camera.period_s;
+    const bool is_too_long = !rig_.cameras[c].timing.readout_s && camera.intervals >= enough &&
+                             too_long_s > surely_too_long * camera.readout_sigma_s;
+    if (!has_moved && !is_too_long) continue;
+    const double size_s = std::max(has_moved ? moved_s : 0, is_too_long ? camera.readout_s : 0);
+    if (!out) out = Mistake{.kind = MistakeKind::uneven_times};
+    out->cameras.push_back(int(c));
+    out->size = std::max(out->size, size_s);
+  }
+  return out;
 }
 
 // Of cameras that agree about where it is.
@@ -443,7 +598,6 @@ std::optional<Mistake> ViewWatch::of_radius() const {
 
 // Named when it was found twice, and as long as it is found now and again.
 void ViewWatch::confirm(const std::vector<Mistake>& found, double now_s) {
-  constexpr int least_times = 2;
   const auto explains = [](const Mistake& m) { return is_of_rig(m.kind) && m.kind != MistakeKind::contradiction; };
   if (std::ranges::any_of(found, explains))
     std::erase_if(suspected_, [](const Suspected& s) { return s.mistake.kind == MistakeKind::contradiction; });

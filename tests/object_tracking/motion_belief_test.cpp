@@ -107,6 +107,37 @@ TEST(MotionBelief, MotionTellsLatenciesAndReadouts) {
   EXPECT_GE(inside, all * 8 / 10);
 }
 
+// Cameras that are believed to be in step and are not: what is believed so surely is not learnt otherwise, until
+// somebody says so; then it is, from where it was put.
+TEST(MotionBelief, TimesThatAreCorrectedAreLearntAnew) {
+  Scene scene(1);
+  scene.latency_s = {0.02, 0.12, 0.05}, scene.readout_s = {0.02, 0.02, 0.02};
+  MotionBelief belief(scene.rig, true);
+  belief.expect_in_step();
+  belief.begin(at(0), Scene::position(0), 1, Vector3d::Zero(), 9);
+  scene.run(belief, 0, 2);
+  EXPECT_LT(std::abs(belief.timing(1).latency_s), 0.01);
+  EXPECT_LT(belief.timing(1).latency_sigma_s, 0.001);
+  belief.correct_times(std::vector{-0.03, 0.06, 0.0});  // by one clock for all, and not quite right
+  EXPECT_NEAR(belief.timing(0).latency_s, -0.03, 1e-12);
+  EXPECT_EQ(belief.timing(0).latency_sigma_s, 0) << "it is held where it was put";
+  EXPECT_GT(belief.timing(1).latency_sigma_s, 0.015);
+  EXPECT_GT(largest_sigma(belief.position_covariance()), 0.03) << "it was seen by wrong times";
+  belief.expect_in_step();  // of stamps that are the same still
+  EXPECT_GT(belief.timing(1).latency_sigma_s, 0.015);
+  scene.run(belief, 2, 8);
+  for (int c = 1; c < 3; ++c)
+    EXPECT_NEAR(belief.timing(c).latency_s - belief.timing(0).latency_s,
+                scene.latency_s[std::size_t(c)] - scene.latency_s[0], 0.004);
+}
+
+TEST(MotionBelief, TimesThatAreGivenAreNotCorrected) {
+  Scene scene(1);
+  MotionBelief belief(scene.rig, false);
+  belief.correct_times(std::vector{0.1, 0.0, 0.0});
+  EXPECT_EQ(belief.timing(0).latency_s, 0);
+}
+
 TEST(MotionBelief, AnObjectAtRestTellsNoTimes) {
   Scene scene(3);
   MotionBelief belief(scene.rig, true);

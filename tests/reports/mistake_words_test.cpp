@@ -36,6 +36,8 @@ TEST(MistakeWords, sayWhoAndHowMuchAndWhatToDo) {
   EXPECT_THAT(text({MistakeKind::late, {1}, 0.1, 0}), HasSubstr("right is some 0.10 s late by its time stamps"));
   EXPECT_THAT(text({MistakeKind::late, {0, 1}, 0.1, 0}), HasSubstr("one of left and right is some 0.10 s late"));
   EXPECT_THAT(text({MistakeKind::late, {1}, 0.2, 8}), HasSubstr("correct its time stamps or its timing.latency_s"));
+  EXPECT_THAT(text({MistakeKind::uneven_times, {0, 2}, 0.067, 9}),
+              AllOf(HasSubstr("the pictures of left and"), HasSubstr("by up to 0.07 s"), HasSubstr("timestamps")));
   EXPECT_THAT(text({MistakeKind::contradiction, {}, 0, 9}),
               AllOf(HasSubstr("up to 9 px apart"), HasSubstr("calibrate anew")));
   EXPECT_THAT(text({MistakeKind::other_rig, {}, 0, 80}), HasSubstr("another room"));

@@ -36,6 +36,11 @@ class ViewWatchOfScene : public testing::Test {
     for (const auto& set : sets) {
       const auto estimate = tracker.update(set);
       out.look(estimate, tracker, set.at);
+      if (!out.late_s().empty()) {
+        tracker.correct_times(out.late_s());
+        ++corrections;
+      }
+      last = estimate;
       if (!out.mistakes().empty() && !named_at_s) named_at_s = capture::seconds(set.at - sets.front().at);
       for (const Mistake& mistake : out.mistakes()) ever.push_back(mistake);
     }
@@ -52,6 +57,8 @@ class ViewWatchOfScene : public testing::Test {
   capture::PixelFormat format = scene::RenderOptions{}.format;
   std::optional<double> named_at_s;
   std::vector<Mistake> ever;  // after each set
+  int corrections = 0;
+  object_tracking::ObjectEstimate last;
 };
 
 TEST_F(ViewWatchOfScene, nothingIsWrong) {
@@ -175,6 +182,34 @@ TEST_F(ViewWatchOfScene, aLateCamera) {
     EXPECT_THAT(mistakes[0].cameras, ElementsAre(2));
     EXPECT_NEAR(mistakes[0].size, double(frames) / 30, 0.02);
   }
+}
+
+// Videos of one rate that did not begin together: by their stamps they are triggered, and no two of them agree. The
+// tracker is told, and so learns what it was sure to know.
+TEST_F(ViewWatchOfScene, videosThatDidNotBeginTogether) {
+  spoil = [](std::vector<capture::FrameSet>& sets) {
+    for (std::size_t i = sets.size(); i-- > 0;)
+      for (const std::size_t c : {1u, 2u}) sets[i].frames[c]->pixels = sets[i < c ? 0 : i - c].frames[c]->pixels;
+  };
+  EXPECT_THAT(watch(12), IsEmpty());  // as much as that drivers do
+  EXPECT_GE(corrections, 1);
+  ASSERT_EQ(last.times.size(), 3u);
+  EXPECT_NEAR(last.times[1].latency_s - last.times[0].latency_s, 1 / 30., 0.004);
+  EXPECT_NEAR(last.times[2].latency_s - last.times[0].latency_s, 2 / 30., 0.004);
+  EXPECT_EQ(last.state, object_tracking::TrackState::tracking);
+}
+
+// Frames that are dropped and not counted: all that follows is of later than its stamps say.
+TEST_F(ViewWatchOfScene, stampsThatJump) {
+  spoil = [](std::vector<capture::FrameSet>& sets) {
+    const auto before = sets;
+    for (std::size_t i = 0; i < sets.size(); ++i)
+      for (const std::size_t c : {1u, 2u})
+        sets[i].frames[c]->pixels = before[std::min(i + (i + 45 * c) / 90, sets.size() - 1)].frames[c]->pixels;
+  };
+  watch(12);
+  EXPECT_GE(corrections, 1);
+  EXPECT_TRUE(std::ranges::any_of(ever, [](const Mistake& m) { return m.kind == MistakeKind::uneven_times; }));
 }
 
 TEST_F(ViewWatchOfScene, anotherRoom) {

@@ -373,6 +373,12 @@ void ManyTracker::trust(std::span<const CameraTrust> cameras) {
   if (!moved.empty()) births_.forget();
 }
 
+void ManyTracker::correct_times(std::span<const double> late_s) {
+  times_.correct_times(late_s);
+  for (const auto& object : objects_) object->filter.correct_times(late_s);
+  agreement_.forget();
+}
+
 PositionParticles ManyTracker::particles() const {
   PositionParticles all;
   for (const auto& object : objects_) {

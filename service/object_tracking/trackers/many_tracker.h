@@ -44,6 +44,7 @@ class ManyTracker {
   // ObjectTracker::update().
   void update(const capture::FrameSet& set, std::vector<object_tracking::ObjectEstimate>& out);
   void trust(std::span<const object_tracking::CameraTrust> cameras);
+  void correct_times(std::span<const double> late_s);
   object_tracking::TargetViews& views() { return views_; }
   const object_tracking::TargetViews& views() const { return views_; }
   PositionParticles particles() const;  // of all objects

@@ -117,6 +117,11 @@ void ObjectFilter::forget_camera(int camera) {
   times_.forget_seen();
 }
 
+void ObjectFilter::correct_times(std::span<const double> late_s) {
+  belief_.correct_times(late_s);
+  times_.begin(belief_);
+}
+
 // Of three views or more, one that contradicts what all others agree on with the motion: it shows a frame once more, or
 // something else of this colour. A bounce contradicts all of them.
 void ObjectFilter::leave_out_what_contradicts(std::vector<Sighting>& sightings) {

@@ -63,7 +63,8 @@ class ObjectFilter {
   void update(std::span<const object_tracking::Sighting> sightings, capture::Timestamp set_at, capture::Timestamp told,
               double power_density);
 
-  void forget_camera(int camera);  // it stands elsewhere
+  void forget_camera(int camera);                      // it stands elsewhere
+  void correct_times(std::span<const double> late_s);  // MotionBelief::correct_times()
 
  private:
   void begin(const object_tracking::PositionCandidate& earlier, const object_tracking::PositionCandidate& found,

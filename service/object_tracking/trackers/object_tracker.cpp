@@ -195,6 +195,13 @@ void ObjectTracker::trust(std::span<const CameraTrust> cameras) {
   std::visit([&](auto& tracker) { tracker.trust(cameras); }, impl_->tracker);
 }
 
+void ObjectTracker::correct_times(std::span<const double> late_s) {
+  if (auto* one = std::get_if<RegionTracker>(&impl_->tracker))
+    one->correct_times(late_s);
+  else if (auto* many = std::get_if<ManyTracker>(&impl_->tracker))
+    many->correct_times(late_s);
+}
+
 void ObjectTracker::update(const capture::FrameSet& set, std::vector<ObjectEstimate>& out) {
   if (auto* many = std::get_if<ManyTracker>(&impl_->tracker)) {
     many->update(set, out);

@@ -50,6 +50,11 @@ class ObjectTracker {
   // is_used and the pose, and knows no covariance. throws std::invalid_argument: a value is not finite.
   void trust(std::span<const object_tracking::CameraTrust> cameras);
 
+  // Per camera of the rig: its frames were found to be later than this tracker believes by so much, seconds, from what
+  // cannot be learnt as it goes (view_watch.h); 0: as it is believed. The target is followed on, and as unsure as that
+  // leaves it. observation: paper, and timing: fixed, take the rig's times for what they are.
+  void correct_times(std::span<const double> late_s);
+
   // set.frames has one slot per camera of the rig; a frame whose size is not the rig's is not used (the caller checks
   // sizes at start). Sets come in time order.
   // Of a target with a count of 1.

@@ -89,6 +89,11 @@ void RegionTracker::trust(std::span<const CameraTrust> cameras) {
   rig_error_.leave_out_poses(cameras);
 }
 
+void RegionTracker::correct_times(std::span<const double> late_s) {
+  filter_.correct_times(late_s);
+  agreement_.forget();
+}
+
 void RegionTracker::distrust_color(capture::Timestamp set_at) {
   if (state_ == TrackState::tracking || state_ == TrackState::coasting) forget();
   sightings_.clear();

@@ -55,6 +55,7 @@ class RegionTracker {
   // The colour is not the object's (SearchFindings::is_found_at_twice_the_hue): what was found is something else, and
   // from now on only what moves is.
   void distrust_color(capture::Timestamp set_at);
+  void correct_times(std::span<const double> late_s);
   object_tracking::TargetViews& views() { return views_; }
   const object_tracking::TargetViews& views() const { return views_; }
   const PositionParticles& particles() const { return filter_.particles(); }
