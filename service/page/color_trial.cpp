@@ -25,6 +25,9 @@ using namespace std::chrono_literals;
 constexpr capture::Duration enough = 60s;  // of the recording, beyond the moment: no more is learnt of the colour
 constexpr capture::Duration near = 250ms;  // a search needs two sets, and a slow camera a tenth of a second for each
 constexpr double sigmas = 3;
+// A colour that holds something else is sure of the object now and again; and until the cameras' times are learnt,
+// every colour is unsure.
+constexpr double usually = 0.75;
 
 // What is told of the object near the moment at which it was seen.
 class TrialWatch final : public pipeline::Output {
@@ -48,7 +51,7 @@ class TrialWatch final : public pipeline::Output {
   }
 
   ColorTrial trial() {
-    trial_.sigma_m = calib::median(sigmas_m_);
+    if (!sigmas_m_.empty()) trial_.sigma_m = calib::quantile_in_place(std::span(sigmas_m_), usually);
     trial_.is_sure = !sigmas_m_.empty() && sigmas * trial_.sigma_m <= radius_m_;
     return trial_;
   }
@@ -131,8 +134,8 @@ ColorTrial try_color(config::ServiceConfig config, std::span<const std::string> 
 std::string words_of(const ColorTrial& trial, const std::string& camera) {
   if (trial.tracking == 0)
     return fmt::format("tried on the recording, nothing is tracked in any of {} sets", trial.sets);
-  const std::string how_often =
-      fmt::format("`tracking` in {} of {} sets, stated to {:.1f} mm", trial.tracking, trial.sets, 1e3 * trial.sigma_m);
+  const std::string how_often = fmt::format("`tracking` in {} of {} sets, usually stated to {:.1f} mm", trial.tracking,
+                                            trial.sets, 1e3 * trial.sigma_m);
   if (!trial.at_point)
     return fmt::format("tried on the recording, it is {}, but not when it was pointed at in {}", how_often, camera);
   if (!trial.is_found())

@@ -23,7 +23,7 @@ struct SeenAt {
 
 struct ColorTrial {
   std::uint64_t sets = 0, tracking = 0;  // of the recording; and those in which an object of the target was `tracking`
-  // Median of what was stated then: sqrt of the covariance's trace, metres.
+  // What was stated in three quarters of those, or less: sqrt of the covariance's trace, metres.
   double sigma_m = 0;
   bool is_sure = false;  // three of those are within the object's radius
   // How far from where it was seen something is told, and how far it may be, px; nullopt: nothing is `tracking` within

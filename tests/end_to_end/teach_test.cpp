@@ -78,7 +78,7 @@ TEST_F(Teach, OnePointSuggestsTheOtherAndTheColourThenTracks) {
   ASSERT_EQ(all.status, 0) << all.err;
   EXPECT_THAT(all.out,
               ContainsRegex("By the colour that was learnt, tried on the recording, it is `tracking` in 1[0-9]+ "
-                            "of 150 sets, stated to [0-9.]+ mm, [0-9.]+ px from where it was pointed at in "
+                            "of 150 sets, usually stated to [0-9.]+ mm, [0-9.]+ px from where it was pointed at in "
                             "cam0\n"));
   EXPECT_THAT(all.out, AllOf(HasSubstr("written into " + taught + ": the colour of lime"),
                              HasSubstr("no huetrackd runs with this file")));

@@ -214,6 +214,45 @@ TEST_P(BehindWalls, coastsIsLostAndComesBack) {
 }
 INSTANTIATE_TEST_SUITE_P(Cameras, BehindWalls, testing::Values(2, 3));
 
+// When nobody sees the object for a moment, two views show something of its colour where it cannot have come: for two
+// sets it is not taken for it, and for good it is.
+TEST(ObjectTracker, whatItCannotHaveReachedIsNotTakenForIt) {
+  constexpr std::size_t hidden_from = 55, elsewhere_from = 60, seen_from = 62, sets = 75;
+  const auto along = [](double t) { return Vector3d(-0.5 + 0.3 * t, 0.3, 1); };
+  const Vector3d elsewhere(0.3, -0.6, 1.2);
+  const scene::Scene scene = ring(3).ball({.path = along}).build();
+  const scene::Scene other = ring(3).ball({.path = [&](double) { return elsewhere; }}).build();
+  const scene::Scene empty = ring(3).build();
+  const scene::RenderOptions rendered{.set_count = int(sets)};
+  const auto of_ball = scene::render(scene, rendered), of_other = scene::render(other, rendered),
+             of_none = scene::render(empty, rendered);
+  for (const bool is_for_good : {false, true}) {
+    ObjectTracker tracker(scene.rig, lime(), options_with());
+    ObjectEstimate e;
+    for (std::size_t i = 0; i < sets; ++i) {
+      capture::FrameSet set = of_ball[i];
+      const bool is_elsewhere = i >= elsewhere_from && (i < seen_from || is_for_good);
+      if (is_elsewhere) set.frames[0] = of_none[i].frames[0];
+      for (const std::size_t c : {1u, 2u}) {
+        if (is_elsewhere)
+          set.frames[c] = of_other[i].frames[c];
+        else if (i >= hidden_from && i < elsewhere_from)
+          set.frames[c] = of_none[i].frames[c];
+      }
+      e = tracker.update(set);
+      if (i + 1 == elsewhere_from) {
+        ASSERT_EQ(e.state, TrackState::coasting) << "else the test shows nothing";
+      }
+      if (i >= elsewhere_from && i < seen_from && e.state == TrackState::tracking) {
+        EXPECT_LT((e.position - along(capture::seconds(e.at - of_ball[0].at))).norm(), 0.1) << i;
+      }
+    }
+    EXPECT_EQ(e.state, TrackState::tracking) << is_for_good;
+    const Vector3d there = is_for_good ? elsewhere : along(capture::seconds(e.at - of_ball[0].at));
+    EXPECT_LT((e.position - there).norm(), 0.02) << is_for_good;
+  }
+}
+
 TEST(ObjectTracker, droppedFrames) {
   const scene::Scene scene = ring(3).ball({}).build();
   const Outcome o =

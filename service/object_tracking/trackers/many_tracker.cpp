@@ -351,9 +351,11 @@ void ManyTracker::start(Object& object, const Birth& birth, const std::vector<Ta
   if (lead_ == nullptr) agreement_.compare_found(object.filter.belief(), object.sightings);
   const double doubted_m = agreement_.doubted_sigma(object.filter.belief(), object.sightings);
   const double sigma_m = std::max(judged_sigma(object.filter.belief(), object.sightings), doubted_m);
-  object.state = doubted_m > options_.max_coast_sigma_m                                   ? TrackState::lost
-                 : sigma_m <= options_.max_tracking_sigma_m && object.existence.is_sure() ? TrackState::tracking
-                                                                                          : TrackState::coasting;
+  object.state = doubted_m > options_.max_coast_sigma_m ? TrackState::lost
+                 : sigma_m <= options_.max_tracking_sigma_m && object.existence.is_sure() &&
+                         is_somewhere(options_, object.filter.belief())
+                     ? TrackState::tracking
+                     : TrackState::coasting;
   object.last_tracking = set_at;
 }
 

@@ -290,12 +290,18 @@ double judged_sigma(const MotionBelief& belief, std::span<const Sighting> sighti
   return std::min(believed_m, largest_sigma(seen.information.inverse()));
 }
 
+bool is_somewhere(const ObjectTrackerOptions& options, const MotionBelief& belief) {
+  return largest_sigma(belief.position_covariance()) <= options.max_coast_sigma_m;
+}
+
 Judged judged(const ObjectTrackerOptions& options, const MotionBelief& belief, std::span<const Sighting> sightings,
               double doubted_m, double unseen_s, bool may_be_tracked) {
   const double sigma_m = judged_sigma(belief, sightings);
   if (may_be_tracked && !sightings.empty() && sigma_m <= options.max_tracking_sigma_m &&
       doubted_m <= options.max_coast_sigma_m)
-    return {doubted_m <= options.max_tracking_sigma_m ? TrackState::tracking : TrackState::coasting, true};
+    return {doubted_m <= options.max_tracking_sigma_m && is_somewhere(options, belief) ? TrackState::tracking
+                                                                                       : TrackState::coasting,
+            true};
   // Nobody sees it, and it is not expected to be where it may be.
   const bool is_gone = sightings.empty() && !inside(options.volume, belief.position(), 0);
   const bool is_lost =

@@ -100,10 +100,13 @@ class ObjectFilter {
 // the largest axis, metres.
 double judged_sigma(const object_tracking::MotionBelief& belief, std::span<const object_tracking::Sighting> sightings);
 
+// Whatever leaves it open, also that nobody knows the cameras' times: what may be anywhere is not tracked.
+bool is_somewhere(const object_tracking::ObjectTrackerOptions& options, const object_tracking::MotionBelief& belief);
+
 // An object that was known before this set. A view or more must see it, and together they must say where. What is open
-// because nobody knows the cameras' times does not count here: the covariance tells it, and motion will. What is open
-// because views contradict one another does: such an object is seen, and where it is nobody knows well enough. lost: it
-// is to be forgotten, and looked for.
+// because nobody knows the cameras' times does not count here, but for is_somewhere(): the covariance tells it, and
+// motion will. What is open because views contradict one another does: such an object is seen, and where it is nobody
+// knows well enough. lost: it is to be forgotten, and looked for.
 struct Judged {
   object_tracking::TrackState state;
   bool is_seen;  // as well as an object must be to be tracked, were it not for what is doubted

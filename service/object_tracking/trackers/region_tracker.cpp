@@ -174,11 +174,15 @@ void RegionTracker::search(const capture::FrameSet& set, const std::vector<Targe
   MotionBelief times = filter_.belief();
   if (is_shared && sets_apart_ == 0 && last_tracking_ == capture::Timestamp{}) times.expect_in_step();
   auto find = search_.find(views, set.at, times, still_color_);
-  if (!find) return;
+  if (!find) {
+    finds_out_of_reach_ = 0;
+    return;
+  }
   // It is what is followed already, and not sure yet.
   if (is_shared && state_ == TrackState::coasting && sightings_.size() >= 2 &&
       (find->now.position - filter_.belief().position()).norm() < 1.5 * target_.radius_m)
     return;
+  if (is_out_of_reach(*find, set.at)) return;
   MotionBelief about = filter_.belief();
   const double variance_m2 = std::pow(largest_sigma(find->now.covariance), 2);
   about.begin(set.at, find->now.position, variance_m2, (find->now.position - find->earlier.position) / find->dt,
@@ -193,7 +197,8 @@ void RegionTracker::search(const capture::FrameSet& set, const std::vector<Targe
   const double doubted_m = agreement_.doubted_sigma(filter_.belief(), sightings_);
   if (doubted_m <= options_.max_coast_sigma_m) {
     const double sigma_m = std::max(judged_sigma(filter_.belief(), sightings_), doubted_m);
-    const bool is_told = existence_.is_sure() && sigma_m <= options_.max_tracking_sigma_m &&
+    const bool is_told = existence_.is_sure() && is_somewhere(options_, filter_.belief()) &&
+                         sigma_m <= options_.max_tracking_sigma_m &&
                          inside(options_.volume, filter_.belief().position(), target_.radius_m);
     state_ = is_told ? TrackState::tracking : TrackState::coasting;
     last_tracking_ = set.at;
@@ -206,6 +211,19 @@ void RegionTracker::search(const capture::FrameSet& set, const std::vector<Targe
     state_ = TrackState::lost;
     filter_.scatter();
   }
+}
+
+// What is followed, and was tracked a moment ago, cannot have come there. One of the two is something else: the find,
+// unless it is found again and again.
+bool RegionTracker::is_out_of_reach(const ObjectSearch::Find& find, capture::Timestamp set_at) {
+  constexpr double sigmas = 3;
+  constexpr unsigned sure_finds = 3;
+  const MotionBelief& belief = filter_.belief();
+  const double sigma_m = std::hypot(largest_sigma(belief.position_covariance()), largest_sigma(find.now.covariance));
+  const double reach_m = sigmas * sigma_m + filter_.kick_m_s() * capture::seconds(set_at - last_tracking_);
+  const bool is_near = (find.now.position - belief.position()).norm() <= reach_m;
+  finds_out_of_reach_ = state_ != TrackState::coasting || is_near ? 0 : finds_out_of_reach_ + 1;
+  return finds_out_of_reach_ > 0 && finds_out_of_reach_ < sure_finds;
 }
 
 // The belief as it is while nothing is known of how far the views agree tells when they saw it, and so how far they do.

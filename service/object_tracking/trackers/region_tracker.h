@@ -67,6 +67,7 @@ class RegionTracker {
   void expected_outlines(std::size_t camera, std::vector<capture::ExpectedOutline>& out) const;
 
  private:
+  bool is_out_of_reach(const objects::ObjectSearch::Find& find, capture::Timestamp set_at);
   double learn_acceleration(const capture::FrameSet& set, const std::vector<object_tracking::TargetView>& views);
   void weigh_existence(capture::Timestamp set_at, double power_density,
                        const std::vector<object_tracking::TargetView>& views);
@@ -101,6 +102,7 @@ class RegionTracker {
   bool is_known_ = false;                                                      // it was tracked since it was found
   object_tracking::TrackState told_ = object_tracking::TrackState::searching;  // in the last set
   capture::Timestamp last_at_{}, last_tracking_{};                             // of the sets
+  unsigned finds_out_of_reach_ = 0;                                            // in the last sets, one after the other
   std::size_t sets_apart_ = 0;  // whose frames were not taken at one moment
   capture::Timestamp last_reported_ = capture::Timestamp::min();
 };
