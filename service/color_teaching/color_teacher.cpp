@@ -160,7 +160,7 @@ bool Taught::any() const {
 
 ColorTeacher::ColorTeacher(const calib::CameraRig& rig, const capture::FrameSet& set,
                            const std::vector<std::vector<capture::Image>>& elsewhen)
-    : rig_(rig), images_(rig.cameras.size()), moving_(rig.cameras.size()) {
+    : rig_(rig), images_(rig.cameras.size()), moving_(rig.cameras.size()), knows_elsewhen_(!elsewhen.empty()) {
   std::optional<capture::Timestamp> first_at;
   for (std::size_t c = 0; c < images_.size() && c < set.frames.size(); ++c) {
     const auto& frame = set.frames[c];
@@ -197,6 +197,25 @@ bool ColorTeacher::add_moment(const capture::FrameSet& set) {
   }
   moments_.push_back(std::move(copy));
   return is_of_use();
+}
+
+void ColorTeacher::learn_motion() {
+  constexpr std::size_t most_others = 15;
+  // Others so many that they tell it better.
+  const std::size_t known = std::min(moments_.size(), 1 + most_others);
+  if (knows_elsewhen_ || known < 2 * moments_of_motion_ || known == moments_of_motion_) return;
+  bool is_any = false;
+  for (std::size_t c = 0; c < images_.size(); ++c) {
+    if (!images_[c] || !moments_.front().frames[c]) continue;
+    std::vector<capture::Image> others;
+    for (std::size_t m = 1; m < known; ++m)
+      if (moments_[m].frames[c]) others.push_back(moments_[m].frames[c]->pixels);
+    if (auto moving = moving_pixels(moments_.front().frames[c]->pixels, others)) {
+      moving_[c] = std::move(moving);
+      is_any = true;
+    }
+  }
+  if (is_any) moments_of_motion_ = known;
 }
 
 std::vector<ColoredRegion> ColorTeacher::ball_of(const Taught& taught) const {

@@ -78,6 +78,10 @@ class ColorTeacher {
   // above are not taken. Returns whether more are of use.
   bool add_moment(const capture::FrameSet& set);
 
+  // Which pixels move, by the moments that were added: as by `elsewhen`, where that was empty. It takes some tenths of
+  // a second, and nothing is done where few moments have come since it was last done.
+  void learn_motion();
+
   // volume: where a suggested object may be
   Taught teach(const TeachRequestOptions& request, const object_tracking::Volume& volume) const;
 
@@ -119,8 +123,10 @@ class ColorTeacher {
   calib::CameraRig rig_;
   std::vector<std::optional<HsiImage>> images_;
   std::vector<std::optional<PixelMask>> moving_;  // per camera
-  double moved_m_ = 0;                            // how far an object may move between the pictures
-  std::vector<capture::FrameSet> moments_;        // copies; the first is that of images_
+  bool knows_elsewhen_;
+  std::size_t moments_of_motion_ = 0;       // so many of moments_ have told what moves
+  double moved_m_ = 0;                      // how far an object may move between the pictures
+  std::vector<capture::FrameSet> moments_;  // copies; the first is that of images_
 };
 
 // Cameras into which nobody pointed, though the object probably is there.

@@ -25,9 +25,7 @@ using namespace std::chrono_literals;
 constexpr capture::Duration enough = 60s;  // of the recording, beyond the moment: no more is learnt of the colour
 constexpr capture::Duration near = 250ms;  // a search needs two sets, and a slow camera a tenth of a second for each
 constexpr double sigmas = 3;
-// A colour that holds something else is sure of the object now and again; and until the cameras' times are learnt,
-// every colour is unsure.
-constexpr double usually = 0.75;
+constexpr double rarely = 0.1;  // of the sets: until the cameras' times are learnt every colour is unsure
 
 // What is told of the object near the moment at which it was seen.
 class TrialWatch final : public pipeline::Output {
@@ -51,8 +49,10 @@ class TrialWatch final : public pipeline::Output {
   }
 
   ColorTrial trial() {
-    if (!sigmas_m_.empty()) trial_.sigma_m = calib::quantile_in_place(std::span(sigmas_m_), usually);
-    trial_.is_sure = !sigmas_m_.empty() && sigmas * trial_.sigma_m <= radius_m_;
+    if (sigmas_m_.empty()) return trial_;
+    trial_.sigma_m = calib::median_in_place(std::span(sigmas_m_));
+    trial_.rare_sigma_m = calib::quantile_in_place(std::span(sigmas_m_), 1 - rarely);
+    trial_.is_sure = sigmas * trial_.sigma_m <= radius_m_ && trial_.rare_sigma_m <= radius_m_;
     return trial_;
   }
 
@@ -134,8 +134,9 @@ ColorTrial try_color(config::ServiceConfig config, std::span<const std::string> 
 std::string words_of(const ColorTrial& trial, const std::string& camera) {
   if (trial.tracking == 0)
     return fmt::format("tried on the recording, nothing is tracked in any of {} sets", trial.sets);
-  const std::string how_often = fmt::format("`tracking` in {} of {} sets, usually stated to {:.1f} mm", trial.tracking,
-                                            trial.sets, 1e3 * trial.sigma_m);
+  const std::string how_often =
+      fmt::format("`tracking` in {} of {} sets, stated to {:.1f} mm and in every tenth to {:.1f}", trial.tracking,
+                  trial.sets, 1e3 * trial.sigma_m, 1e3 * trial.rare_sigma_m);
   if (!trial.at_point)
     return fmt::format("tried on the recording, it is {}, but not when it was pointed at in {}", how_often, camera);
   if (!trial.is_found())

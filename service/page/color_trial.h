@@ -23,9 +23,11 @@ struct SeenAt {
 
 struct ColorTrial {
   std::uint64_t sets = 0, tracking = 0;  // of the recording; and those in which an object of the target was `tracking`
-  // What was stated in three quarters of those, or less: sqrt of the covariance's trace, metres.
-  double sigma_m = 0;
-  bool is_sure = false;  // three of those are within the object's radius
+  // What was stated then, sqrt of the covariance's trace, metres: the median, and what every tenth is above.
+  double sigma_m = 0, rare_sigma_m = 0;
+  // Three of the first are within the object's radius, and one of the second: it is usually known to be no thing beside
+  // it, and hardly ever may be anywhere.
+  bool is_sure = false;
   // How far from where it was seen something is told, and how far it may be, px; nullopt: nothing is `tracking` within
   // a quarter of a second. In that very picture the region that is taken for it must hold the point; in others its
   // radius, three sigmas and what it may swerve until then are allowed.

@@ -219,6 +219,7 @@ msg::TeachReply TeachDesk::look(const msg::TeachRequest& request, const config::
   const PointedAt pointing = pointing_of(request, config.rig);
   if (!pointing.problem.empty()) return refusal(request, pointing.problem);
 
+  teacher_->learn_motion();
   const color_teaching::Lesson lesson =
       color_teaching::learn(*teacher_, pointing.request, config.targets, *target, config.object_tracking.volume);
   msg::TeachReply reply = reply_to(request);
