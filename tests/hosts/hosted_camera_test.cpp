@@ -389,6 +389,18 @@ TEST_F(HostedCamera, ConfigurationsSayWhatIsWrong) {
   };
   EXPECT_EQ(refusal_of_host("version: 1\nhost: pi-3\ncameras: {left: {device: 0, size: [640, 480], fps: 30}}\n"), "");
   EXPECT_THAT(refusal_of_host("version: 1\ncameras: {left: {device: 0}}\n"), HasSubstr("size"));
+  EXPECT_THAT(
+      refusal_of_host("version: 1\ncameras: {left: {device: 0, size: [640, 480]}, right: {device: 0, size: [640, "
+                      "480]}}\n"),
+      HasSubstr("right.device: is the device of left already"));
+  // What is printed of it says the same.
+  const std::string host = "version: 1\nhost: pi-3\ncameras: {left: {device: 0, size: [640, 480], fps: 30}}\n";
+  EXPECT_EQ(refusal_of_host(host), "");
+  const std::string printed = config::to_yaml(config::load_capture_config(folder_ / "host.yaml"));
+  EXPECT_THAT(printed,
+              testing::AllOf(HasSubstr("host: \"pi-3\""), HasSubstr("size: [640, 480]"), HasSubstr("fps: 30")));
+  EXPECT_EQ(refusal_of_host(printed), "") << printed;
+  EXPECT_EQ(config::to_yaml(config::load_capture_config(folder_ / "host.yaml")), printed);
   EXPECT_THAT(refusal_of_host("version: 1\nrig: r.yaml\ncameras: {left: {device: 0}}\n"), HasSubstr("of a tracker"));
   EXPECT_THAT(refusal_of_host("version: 1\n"), HasSubstr("name the cameras of this host"));
 }
