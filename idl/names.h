@@ -4,6 +4,7 @@
 #include <iterator>
 #include <string_view>
 
+#include "idl/camera_host.h"
 #include "idl/huetrack.h"
 
 namespace huetrack::idl {
@@ -19,6 +20,12 @@ inline std::string_view name(msg::CameraHealth health) {
   static constexpr std::string_view names[] = {"waiting", "delivering", "stalled", "absent", "ended"};
   static_assert(msg::CAMERA_HEALTH_ENDED == 4);
   return health < std::size(names) ? names[health] : "unknown";
+}
+
+inline std::string_view name(msg::HostedCameraState state) {
+  static constexpr std::string_view names[] = {"waiting", "delivering", "stalled", "absent"};
+  static_assert(msg::HOSTED_CAMERA_ABSENT == 3);
+  return state < std::size(names) ? names[state] : "unknown";
 }
 
 }  // namespace huetrack::idl

@@ -244,8 +244,10 @@ dds::DataReaderQos teach_reader_qos() {
 dds::DataWriterQos camera_frames_writer_qos() {
   dds::DataWriterQos qos = reliable_writer(4);
   qos.publish_mode().kind = dds::ASYNCHRONOUS_PUBLISH_MODE;
-  qos.reliable_writer_qos().times.heartbeatPeriod = Duration_t(0, 5 * ms);
-  qos.reliable_writer_qos().times.nackResponseDelay = Duration_t(0, 1 * ms);
+  // Not before it can have come: what still waits in the network's queue would be sent again and again, and nothing
+  // else.
+  qos.reliable_writer_qos().times.heartbeatPeriod = Duration_t(0, 20 * ms);
+  qos.reliable_writer_qos().times.nackResponseDelay = Duration_t(0, 10 * ms);
   return qos;
 }
 

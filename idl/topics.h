@@ -117,7 +117,7 @@ void limit_instances(std::string_view topic, eprosima::fastdds::dds::DataReaderQ
 //   host_clocks      as status.
 //   frames/...       reliable, volatile, keep-last 4, sent by a thread of Fast DDS' own (a frame is many datagrams);
 //   what
-//                    is lost is asked for again within 5 ms, and a network that is too slow loses whole frames.
+//                    is lost is asked for again within 20 ms; a network that is too slow loses all frames.
 //   matches/...      as frames/...
 //   looked_for       as status.
 //   outlines/...     as clock_probe: the next one comes with the next frame.

@@ -283,6 +283,8 @@ class StatusListener {
             participant.create_reader<msg::CameraTimesPubSubType>(idl::camera_times_topic, idl::status_reader_qos())),
         clocks_in_(
             participant.create_reader<msg::HostClocksPubSubType>(idl::host_clocks_topic, idl::status_reader_qos())),
+        hosts_in_(
+            participant.create_reader<msg::CameraHostPubSubType>(idl::camera_host_topic, idl::status_reader_qos())),
         poses_in_(participant.create_reader<msg::CameraPosePubSubType>(idl::camera_pose_topic,
                                                                        idl::object_position_reader_qos())),
         sets_in_(participant.create_reader<msg::ObjectSetPubSubType>(idl::object_set_topic,
@@ -331,6 +333,12 @@ class StatusListener {
     return is_healthy;
   }
 
+  // Camera hosts, whoever uses their cameras.
+  void write_hosts(LineWriter& out) const {
+    for (const auto& [_, host] : hosts_)
+      if (!out.write(text(host))) return;
+  }
+
  private:
   using Process = std::pair<std::string, std::uint32_t>;  // the service's host and process
 
@@ -368,14 +376,16 @@ class StatusListener {
     const auto process_of = [](const auto& sample) { return Process{sample.host(), sample.pid()}; };
     take_each(times_in_, times_, most_statuses, process_of);
     take_each(clocks_in_, clocks_, most_statuses, process_of);
+    take_each(hosts_in_, hosts_, most_statuses, [](const msg::CameraHost& host) { return host.host(); });
     take_each(poses_in_, poses_, most_names, [](const msg::CameraPose& pose) { return pose.camera(); });
     take_each(sets_in_, sets_, most_names, [](const msg::ObjectSet& set) { return set.target(); });
   }
 
-  dds::DataReader &statuses_in_, &times_in_, &clocks_in_, &poses_in_, &sets_in_;
+  dds::DataReader &statuses_in_, &times_in_, &clocks_in_, &hosts_in_, &poses_in_, &sets_in_;
   std::vector<msg::ServiceStatus> statuses_;  // in the order in which the services were first heard
   std::map<Process, msg::CameraTimes> times_;
   std::map<Process, msg::HostClocks> clocks_;
+  std::map<std::string, msg::CameraHost> hosts_;
   std::map<std::string, msg::CameraPose> poses_;
   std::map<std::string, msg::ObjectSet> sets_;  // by the target
 };
@@ -387,7 +397,9 @@ int status(const idl::ParticipantOptions& options, StatusFormat format) {
   StatusListener heard(participant);
   LineWriter out({}, false);
   heard.listen();
-  if (heard.has_heard()) return heard.write(out, format) ? 0 : unhealthy_status;
+  const bool is_healthy = heard.write(out, format);
+  if (format == StatusFormat::text) heard.write_hosts(out);
+  if (heard.has_heard()) return is_healthy ? 0 : unhealthy_status;
   const std::string why = "no huetrackd publishes its status " + what_to_check(participant);
   if (!ended) say(why);
   if (format == StatusFormat::json) out.write(no_status_json(why));

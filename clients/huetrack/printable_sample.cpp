@@ -61,6 +61,15 @@ void make_printable(msg::HostClocks& sample) {
   }
 }
 
+void make_printable(msg::CameraHost& sample) {
+  sample.host(word(sample.host()));
+  sample.program_version(word(sample.program_version()));
+  for (msg::HostedCamera& camera : sample.cameras()) {
+    camera.name(word(camera.name()));
+    camera.message(sentence(camera.message()));
+  }
+}
+
 void make_printable(msg::ObjectSet& sample) {
   sample.target(word(sample.target()));
   for (msg::ObjectInSet& object : sample.objects()) object.name(word(object.name()));

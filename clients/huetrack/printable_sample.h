@@ -17,6 +17,7 @@ void make_printable(msg::CameraPose& sample);
 void make_printable(msg::ServiceStatus& sample);
 void make_printable(msg::CameraTimes& sample);
 void make_printable(msg::HostClocks& sample);
+void make_printable(msg::CameraHost& sample);
 void make_printable(msg::ObjectSet& sample);
 
 const std::string& name_of(const msg::ObjectPosition& sample);  // the target's

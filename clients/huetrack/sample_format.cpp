@@ -259,4 +259,19 @@ std::string text(const msg::ServiceStatus& s, std::int64_t now, const msg::Camer
   return out;
 }
 
+std::string text(const msg::CameraHost& host) {
+  std::string out = fmt::format("camera host {}, huetrackd {}\n", host.host(), host.program_version());
+  std::size_t width = 0;
+  for (const msg::HostedCamera& camera : host.cameras()) width = std::max(width, camera.name().size());
+  for (const msg::HostedCamera& camera : host.cameras()) {
+    const std::string size =
+        camera.width() == 0 ? ""
+                            : fmt::format("{}x{} at {} Hz, ", camera.width(), camera.height(), number(camera.fps(), 1));
+    fmt::format_to(std::back_inserter(out), "  {:<9} {:<{}}  {:<10}  {}{} frames, {} dropped, {} corrupted{}{}\n",
+                   "camera", camera.name(), width, idl::name(camera.state()), size, camera.frames(), camera.dropped(),
+                   camera.corrupted(), camera.message().empty() ? "" : ": ", camera.message());
+  }
+  return out;
+}
+
 }  // namespace huetrack::client

@@ -46,5 +46,7 @@ std::string line(Format format, const msg::CameraPose& sample, std::int64_t rece
 std::string text(const msg::ServiceStatus& status, std::int64_t now, const msg::CameraTimes* times = nullptr,
                  std::span<const msg::CameraPose> poses = {}, std::span<const msg::ObjectSet> sets = {},
                  const msg::HostClocks* clocks = nullptr);
+// Of a camera host, some lines.
+std::string text(const msg::CameraHost& host);
 
 }  // namespace huetrack::client

@@ -139,6 +139,11 @@ XML
       <transport_descriptor>
         <transport_id>udp</transport_id>
         <type>UDPv4</type>
+        <!-- A camera's frames are lost with large datagrams, of which each lost packet takes one; but two members who get to
+             know one another send their certificates and permissions in one, which has to fit. -->
+        <sendBufferSize>1048576</sendBufferSize>
+        <receiveBufferSize>4194304</receiveBufferSize>
+        <maxMessageSize>8192</maxMessageSize>
       </transport_descriptor>
     </transport_descriptors>
     <participant profile_name="huetrack" is_default_profile="true">

@@ -155,14 +155,19 @@ void describe_camera_tracking(Io& io, Tracking& t) {
   });
 }
 
+// Of a camera that another host has.
 template <typename Io, typename Camera>
-void describe_camera(Io& io, Camera& camera) {
+void describe_hosted(Io& io, Camera& camera) {
   io.text_or("host", "this one", camera.host, "the camera host that has it, where `huetrackd capture` runs");
   io.text_or("camera", "same", camera.camera_there, "its name on that host; same: as here");
   io.choice("send", camera.send, Words<Sent>(sent_words),
             "what that host sends: frames, or matches: only which pixels have a target's colour");
   io.number("picture_every_s", camera.picture_every_s, yaml::Range{.min = 0, .max = 60},
             "of matches: seconds between pictures for the page and for who watches the room; 0: none");
+}
+
+template <typename Io, typename Camera>
+void describe_device(Io& io, Camera& camera) {
   io.device("device", camera.device, camera.host,
             "/dev/v4l/by-path/... (a port), by-id/... (a camera), or an index (not stable); none: its host knows");
   io.choice_or("format", "auto", camera.format, Words<capture::CaptureFormat>(format_words),
@@ -174,6 +179,12 @@ void describe_camera(Io& io, Camera& camera) {
   io.number_or("latency_offset_s", "rig", camera.latency_offset_s, yaml::Range{.min = -1, .max = 1},
                "from mid-exposure to the driver's time stamp, seconds; rig: the rig's timing.latency_s");
   io.boolean("restore_controls", camera.restore_controls, "put the camera's own values back at the end");
+}
+
+template <typename Io, typename Camera>
+void describe_camera(Io& io, Camera& camera) {
+  describe_hosted(io, camera);
+  describe_device(io, camera);
 }
 
 template <typename Io, typename Dds>
@@ -901,6 +912,16 @@ ServiceConfig read_config(const fs::path& file, const yaml::YamlReader& written,
   return config;
 }
 
+// Of a camera host.
+template <typename Io, typename Config, typename OfCamera>
+void describe_capture(Io& io, Config& config, const OfCamera& of_camera) {
+  io.version(1);
+  io.text_or("host", "auto", config.host, "how trackers call this host; auto: as the machine is called");
+  io.named("cameras", config.cameras, "its cameras, as trackers call them", of_camera);
+  io.group("dds", "", [&](auto& in) { describe_dds(in, config.dds); });
+  io.choice("log_level", config.log_level, Words<LogLevel>(log_level_words), "");
+}
+
 std::string printed(const ServiceConfig& config, Printer::Show show) {
   std::string out;
   Printer::Style style{.show = show, .taught = config.taught};
@@ -989,11 +1010,8 @@ CaptureConfig load_capture_config(const fs::path& file) {
   CaptureConfig config;
   config.file = fs::absolute(file).lexically_normal();
   Reader reader(root, root.path().parent_path());
-  reader.version(1);
-  reader.text_or("host", "auto", config.host, "");
-  reader.named("cameras", config.cameras, "", [&](auto& in, auto& camera) { describe_camera(in, camera); });
-  reader.group("dds", "", [&](auto& in) { describe_dds(in, config.dds); });
-  reader.choice("log_level", config.log_level, Words<LogLevel>(log_level_words), "");
+  // A tracker's keys are read, too, to say what they are.
+  describe_capture(reader, config, [](auto& in, auto& camera) { describe_camera(in, camera); });
   reader.finish();
   if (config.cameras.empty()) root.fail("cameras", "is missing: name the cameras of this host");
   for (const LiveCameraConfig& camera : config.cameras) {
@@ -1002,6 +1020,10 @@ CaptureConfig load_capture_config(const fs::path& file) {
     if (camera.send != Sent::frames) yaml.fail("send", "is the tracker's: it says what it wants");
     if (!camera.size) yaml.fail("size", "is missing: a camera host knows no rig; give [width, height] as calibrated");
     if (camera.latency_offset_s) yaml.fail("latency_offset_s", "is the tracker's: give it there, or in the rig");
+    for (const LiveCameraConfig& other : config.cameras) {
+      if (&other == &camera) break;
+      if (other.device == camera.device) yaml.fail("device", "is the device of " + other.name + " already");
+    }
     check_network_camera(camera, *camera.size, yaml);
   }
   return config;
@@ -1027,6 +1049,14 @@ std::string to_yaml(const ServiceConfig& config) {
   return printed(config, Printer::Show::all);
 }
 
+std::string to_yaml(const CaptureConfig& config) {
+  std::string out;
+  const TaughtKeys nothing;
+  const Printer::Style style{.taught = nothing};
+  Printer printer(out, style);
+  describe_capture(printer, config, [](auto& in, auto& camera) { describe_device(in, camera); });
+  return out;
+}
 std::string to_yaml_with_origins(const ServiceConfig& config) {
   return printed(config, Printer::Show::all_origins);
 }

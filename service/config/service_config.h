@@ -171,6 +171,7 @@ ServiceConfig with_frames(ServiceConfig config);
 bool is_capture_config(const std::filesystem::path& file);
 // throws ConfigError as load_service_config() does.
 CaptureConfig load_capture_config(const std::filesystem::path& file);
+std::string to_yaml(const CaptureConfig& config);  // every key, as load_capture_config() reads it
 
 // Beside the rig's cameras: when their rows are exposed, as the sources need it.
 std::vector<capture::FrameTiming> frame_timing(const calib::CameraRig& rig);

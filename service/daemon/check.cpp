@@ -14,6 +14,7 @@
 #include "calib/yaml/text_file.h"
 #include "calib/yaml/yaml_reader.h"
 #include "config/service_config.h"
+#include "hosts/camera_host.h"
 #include "pipeline/session.h"
 #include "publish/estimate_publisher.h"
 #include "tracks/track_csv.h"
@@ -82,15 +83,33 @@ void require_session(const config::ServiceConfig& config) {
   }
 }
 
+void warn_of(const std::filesystem::path& file, const std::vector<std::string>& warnings) {
+  for (const auto& warning : warnings) spdlog::warn("{}: {}", file.string(), warning);
+}
+
+// Of a camera host, for huetrackd capture.
+void check_host(const std::filesystem::path& file) {
+  const config::CaptureConfig config = config::load_capture_config(file);
+  const std::string host = config.host.empty() ? hosts::name_of_this_machine() : config.host;
+  std::vector<std::string> cameras;
+  for (const auto& camera : config.cameras) cameras.push_back(camera.name);
+  hosts::require_host_names(host, cameras);
+  warn_of(config.file, publish::EstimatePublisher::check(config.dds.publisher));
+  std::printf("# %s, resolved: the cameras of the host %s, for huetrackd capture\n%s",
+              yaml::printable(config.file.string(), yaml::longest_message).c_str(), host.c_str(),
+              config::to_yaml(config).c_str());
+}
+
 }  // namespace
 
 void check(const std::filesystem::path& file) {
+  if (config::is_capture_config(file)) return check_host(file);
   const config::ServiceConfig config = config::load_service_config(file);
   auto warnings = config::warnings_of(config);
   if (config.dds.enabled)
     std::ranges::copy(publish::EstimatePublisher::check(config.dds.publisher), std::back_inserter(warnings));
   if (config.is_calibrated()) require_session(config);
-  for (const auto& warning : warnings) spdlog::warn("{}: {}", config.file.string(), warning);
+  warn_of(config.file, warnings);
   std::printf("# %s, resolved; identity %s\n%s", yaml::printable(config.file.string(), yaml::longest_message).c_str(),
               config::config_identity(config).c_str(), config::to_yaml_with_origins(config).c_str());
   print_targets(config);

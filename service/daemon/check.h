@@ -6,7 +6,7 @@
 
 namespace huetrack::daemon {
 
-// `huetrackd check CONFIG`: the configuration resolved, every key, default or given.
+// `huetrackd check CONFIG`: the configuration resolved, every key, default or given; of a tracker or a camera host.
 void check(const std::filesystem::path& config);
 
 // `huetrackd compare TRACKS.csv TRUTH.csv`. clock_offset_s: how far the tracks' clock is ahead of the truth's.

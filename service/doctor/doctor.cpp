@@ -31,6 +31,8 @@ namespace fs = std::filesystem;
 
 using yaml::joined;
 
+constexpr double slow = 0.95;  // of the rate that a camera agreed to: less is said
+
 std::string name_of(const CameraExam& exam) {
   const std::string node = exam.node.identity.node.filename().string();
   return exam.name.empty() ? node : exam.name + " (" + node + ")";
@@ -104,7 +106,7 @@ void judge_stream(const CameraExam& exam, std::vector<Finding>& findings) {
     if (trial.frames < 2) return;
   }
   const double said = agreed.fps > 0 ? agreed.fps : exam.asked_fps;
-  const bool is_slow = said > 0 && trial.fps() < 0.95 * said;
+  const bool is_slow = said > 0 && trial.fps() < slow * said;
   findings.push_back(
       {is_slow ? Grade::warning : Grade::ok,
        what + fmt::format(": {:.1f} frames/s reached", trial.fps()) +
@@ -233,6 +235,7 @@ class Doctor {
   int run() {
     if (options_.config) look_at_config();
     look_at_cameras();
+    look_at_hosted();
     look_at_network();
     look_at_hosts();
     if (config_) {
@@ -327,6 +330,9 @@ class Doctor {
     if (sent.empty()) return;
     title(host_ ? "this camera host" : "camera hosts of " + joined(elsewhere));
     say(judge_sending(sent, largest_receive_buffer(), !host_));
+    std::set<std::string> said;
+    for (const HostedExam& exam : hosted_)
+      if (exam.health.clock && said.insert(exam.host).second) say(judge_clock(*exam.health.clock));
     say(judge_clock(hosts::machine_clock().kept_s));
   }
 
@@ -343,11 +349,7 @@ class Doctor {
     std::vector<ExamRequest> requests;
     std::set<fs::path> taken;
     for (const auto& camera : cameras()) {
-      if (!camera.host.empty()) {
-        title("camera " + camera.name);
-        say({Grade::ok, "it is a camera of the host " + camera.host, "run huetrackd doctor there"});
-        continue;
-      }
+      if (!camera.host.empty()) continue;  // look_at_hosted()
       if (capture::is_network_address(camera.device.native())) {
         title("camera " + camera.name);
         look_at_network_camera(camera);
@@ -412,11 +414,38 @@ class Doctor {
                             });
     if (exams.empty() && !wants_none) {
       title("cameras");
-      say({config_ && config_->cameras.empty() ? Grade::note : Grade::warning, "no camera is plugged in",
+      const bool wants_none = config_ && std::ranges::none_of(config_->cameras, [](const auto& camera) {
+                                return camera.host.empty() && !capture::is_network_address(camera.device.native());
+                              });
+      say({wants_none ? Grade::note : Grade::warning, "no camera is plugged in",
            "lsusb lists what the USB sees; dmesg says why a camera has no /dev/video"});
     }
     title("USB");
     say(judge_usb(exams, bus_speeds(exams)));
+  }
+
+  // Cameras of other hosts, as far as they are heard of here.
+  void look_at_hosted() {
+    if (!config_ || std::ranges::all_of(config_->cameras, [](const auto& camera) { return camera.host.empty(); }))
+      return;
+    if (!options_.streams) {
+      for (const auto& camera : config_->cameras) {
+        if (camera.host.empty()) continue;
+        title("camera " + camera.name);
+        say({Grade::note, "it is a camera of the host " + camera.host + ", not asked for now", ""});
+      }
+      return;
+    }
+    try {
+      hosted_ = examine_hosted(*config_, std::chrono::duration<double>(options_.seconds), stop_);
+    } catch (const std::exception& error) {
+      title("cameras of other hosts");
+      say({Grade::problem, error.what(), "correct dds: in the configuration, or the environment"});
+    }
+    for (const HostedExam& exam : hosted_) {
+      title("camera " + exam.name + " of the host " + exam.host);
+      say(judge_hosted(exam));
+    }
   }
 
   void look_at_network() {
@@ -486,6 +515,7 @@ class Doctor {
   const std::stop_token& stop_;
   std::optional<config::ServiceConfig> config_;  // of a tracker,
   std::optional<config::CaptureConfig> host_;    // or of a camera host; neither: the host and its cameras only
+  std::vector<HostedExam> hosted_;               // empty: none, or not asked
   std::map<std::string, std::string> unstable_;  // by camera
   int problems_ = 0, warnings_ = 0;
   int examined_ = 0, busy_ = 0;  // cameras
@@ -624,6 +654,41 @@ std::vector<Finding> judge_sending(std::span<const SentCamera> cameras, std::opt
                      1e-3 * at_one_moment, 1e-3 * granted * *receive_buffer / in_memory),
          "sysctl -w net.core.rmem_max=4194304, and that line in /etc/sysctl.d"});
   return findings;
+}
+
+std::vector<Finding> judge_hosted(const HostedExam& exam) {
+  const capture::CameraHealth& health = exam.health;
+  if (health.state != capture::CaptureState::delivering)
+    return {{Grade::problem, health.message.empty() ? "no frame came from " + exam.host : health.message,
+             "huetrackd doctor there says what it lacks; the service starts without it and takes it when it comes"}};
+  std::vector<Finding> findings;
+  const double said = health.stream ? health.stream->fps : 0;
+  std::string what = fmt::format("{:.1f} frames/s came", exam.fps);
+  if (health.stream)
+    what =
+        fmt::format("{} {}x{}: ", capture::name(health.stream->format), health.stream->width, health.stream->height) +
+        what + (said > 0 ? fmt::format(" of {:.4g}", said) : std::string());
+  const bool is_slow = said > 0 && exam.fps < slow * said;
+  findings.push_back({is_slow ? Grade::warning : Grade::ok, what,
+                      is_slow ? "huetrackd doctor there says what the camera reaches, and below is what the network "
+                                "is asked for"
+                              : ""});
+  if (health.dropped > 0 || health.corrupted > 0)
+    findings.push_back(
+        {Grade::warning,
+         fmt::format("{} frames were lost on the way, {} came damaged", health.dropped, health.corrupted),
+         "format: mjpeg there, a wired network, or larger socket buffers"});
+  if (!health.warning.empty()) findings.push_back({Grade::warning, health.warning, ""});
+  return findings;
+}
+
+Finding judge_clock(const capture::HostClock& clock) {
+  if (!clock.is_known) return {Grade::note, "the clock of " + clock.host + " could not be compared with ours", ""};
+  if (clock.is_ours) return {Grade::ok, "the clock of " + clock.host + " is ours: it is this machine", ""};
+  return {clock.advice.empty() ? Grade::ok : Grade::warning,
+          fmt::format("the clock of {} is {:.3f} ms {} ours, known to {:.3f} ms; it is taken off", clock.host,
+                      1e3 * std::abs(clock.offset_s), clock.offset_s < 0 ? "behind" : "ahead of", 1e3 * clock.sigma_s),
+          clock.advice};
 }
 
 std::vector<Finding> judge_clock(const std::optional<double>& kept_s) {

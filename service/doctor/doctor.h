@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "doctor/camera_exam.h"
+#include "doctor/hosted_exam.h"
 
 namespace huetrack::doctor {
 
@@ -60,6 +61,10 @@ struct SentCamera {
 // for, bytes (net.core.rmem_max); nullopt: not known.
 std::vector<Finding> judge_sending(std::span<const SentCamera> cameras, std::optional<double> receive_buffer,
                                    bool is_tracker);
+// A camera of another host.
+std::vector<Finding> judge_hosted(const HostedExam& exam);
+// How the clock of such a host compares with ours.
+Finding judge_clock(const capture::HostClock& clock);
 // kept_s: hosts::MachineClock::kept_s.
 std::vector<Finding> judge_clock(const std::optional<double>& kept_s);
 

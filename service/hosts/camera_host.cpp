@@ -286,14 +286,18 @@ struct CameraHost::Impl {
   std::jthread clock, listening;  // last: they end first
 };
 
-CameraHost::CameraHost(CameraHostOptions options, std::vector<capture::LiveCamera> cameras) {
-  if (!is_host_name(options.host))
-    throw std::invalid_argument("host: \"" + options.host +
+void require_host_names(const std::string& host, std::span<const std::string> cameras) {
+  if (!is_host_name(host))
+    throw std::invalid_argument("host: \"" + host +
                                 "\": the name of a camera host has letters, digits, '_', '-' and '.' only");
-  for (const std::string& name : options.cameras)
+  for (const std::string& name : cameras)
     if (!is_host_name(name))
       throw std::invalid_argument("cameras: \"" + name +
                                   "\": the name of a camera has letters, digits, '_', '-' and '.' only");
+}
+
+CameraHost::CameraHost(CameraHostOptions options, std::vector<capture::LiveCamera> cameras) {
+  require_host_names(options.host, options.cameras);
   impl_ = std::make_unique<Impl>(std::move(options), std::move(cameras));
 }
 

@@ -4,6 +4,7 @@
 
 #include <functional>
 #include <memory>
+#include <span>
 #include <stop_token>
 #include <string>
 #include <vector>
@@ -27,6 +28,8 @@ struct CameraHostOptions {
 
 // The name of a host or of a hosted camera is a part of a topic's name: letters, digits, '_', '-' and '.', one or more.
 bool is_host_name(std::string_view name);
+// throws std::invalid_argument: the host or one of its cameras has no such name.
+void require_host_names(const std::string& host, std::span<const std::string> cameras);
 // As the machine calls itself, as far as it may be such a name; it may be empty.
 std::string name_of_this_machine();
 
@@ -38,7 +41,7 @@ struct SentFigures {
 };
 
 // One thread per camera reads and writes; a bus that is full loses whole frames of that camera, and holds up no other.
-// Only what somebody subscribes to is written. thread-compatible; sent() and states() are thread-safe.
+// Only what somebody subscribes to is written. thread-compatible; sent() and healths() are thread-safe.
 class CameraHost {
  public:
   // throws std::invalid_argument, std::runtime_error as DdsParticipant does; or a name is no is_host_name().

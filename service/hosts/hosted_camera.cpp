@@ -39,8 +39,10 @@ namespace {
 
 constexpr auto asked_every = 250ms, asked_at_start_every = 30ms;
 constexpr std::uint32_t asked_at_start = 20;
-constexpr auto silent_after = 2500ms;  // of a host that tells its state every second
-constexpr auto awaited_for = 60s;      // a host that went: it may be back any moment
+constexpr auto silent_after = 2500ms;        // of a host that tells its state every second
+constexpr auto awaited_for = 60s;            // a host that went: it may be back any moment
+constexpr auto alive_for = 3 * asked_every;  // after an answer: another one of its name is not listened to
+constexpr auto twin_told_for = 5s;           // after both have answered
 constexpr auto stalled_after = 1s;
 constexpr auto longest_wait = 50ms;      // for a frame, until a stop is noticed
 constexpr unsigned most_groups = 8;      // of cameras of matches
@@ -119,6 +121,9 @@ struct HostedCameras::Impl {
     ClockOffset clock;
     std::optional<Clock::time_point> heard_at;
     Clock::time_point answered_at{};  // when it last said what time it is
+    // Another program that answers by this name while this one does.
+    std::uint32_t answered_by_twin = 0;  // the number of a question
+    std::optional<Clock::time_point> twin_at;
     std::vector<msg::HostedCamera> cameras;
     std::uint16_t number = 0;      // Frame::clock
     std::optional<double> kept_s;  // MachineClock::kept_s of it and of ours together; nullopt: not on both
@@ -281,10 +286,20 @@ struct HostedCameras::Impl {
       if (known == hosts.end() || number != answer.number()) continue;
       Host& host = known->second;
       if (host.run != answer.run()) {  // another program, whose clock counts from another start
+        if (is_alive(host)) {
+          host.answered_by_twin = answer.number();
+          continue;
+        }
         host.run = answer.run();
         host.clock.forget();
+        host.answered_by_twin = 0;
       }
       host.answered_at = Clock::now();
+      // It is not the one before, whose place another one took, when it answers what was asked later.
+      if (host.answered_by_twin != 0 && answer.number() > host.answered_by_twin) {
+        host.twin_at = host.answered_at;
+        host.answered_by_twin = 0;
+      }
       const MachineClock here = machine_clock();
       const MachineClock there{.machine = answer.machine(),
                                .zero = timestamp(answer.zero()),
@@ -303,12 +318,15 @@ struct HostedCameras::Impl {
     }
   }
 
+  // Under `mutex`.
+  static bool is_alive(const Host& host) { return host.run != 0 && Clock::now() - host.answered_at < alive_for; }
+
   void hear_states() {
     msg::CameraHost said;
     while (idl::take_next(states, said)) {
       const std::scoped_lock lock(mutex);
       const auto known = hosts.find(said.host());
-      if (known == hosts.end()) continue;
+      if (known == hosts.end() || (said.run() != known->second.run && is_alive(known->second))) continue;
       known->second.heard_at = Clock::now();
       known->second.cameras = std::move(said.cameras());
     }
@@ -488,9 +506,15 @@ struct HostedCameras::Impl {
     return frame;
   }
 
-  // Under `mutex`. What its host says is wrong with a camera that delivers.
+  // Under `mutex`. What is wrong with the host of a camera that delivers, or is by what it says.
   std::string wrong_there(const Camera& camera) const {
-    for (const auto& there : hosts.at(camera.options.host).cameras)
+    const Host& host = hosts.at(camera.options.host);
+    if (host.twin_at && Clock::now() - *host.twin_at < twin_told_for)
+      return fmt::format(
+          "two camera hosts are called {}, and only the cameras of the first one are used: give each a name of its "
+          "own, host: in the configuration of huetrackd capture",
+          camera.options.host);
+    for (const auto& there : host.cameras)
       if (there.name() == camera.options.camera_there && there.state() == msg::HOSTED_CAMERA_DELIVERING &&
           !there.message().empty())
         return camera.options.host + " says: " + there.message();

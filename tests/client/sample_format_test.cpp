@@ -204,6 +204,24 @@ TEST(SampleFormat, StatusSaysHowWellHostsClocksAreKnown) {
   EXPECT_NE(out.find("  clock     new: not compared with ours yet\n"), std::string::npos) << out;
 }
 
+TEST(SampleFormat, OfACameraHost) {
+  msg::CameraHost host;
+  host.host("pi-3");
+  host.program_version("0.1.0");
+  msg::HostedCamera& left = host.cameras().emplace_back();
+  left.name("left");
+  left.state(msg::HOSTED_CAMERA_DELIVERING);
+  left.width(640), left.height(480), left.fps(30), left.frames(123);
+  msg::HostedCamera& right = host.cameras().emplace_back();
+  right.name("right");
+  right.state(msg::HOSTED_CAMERA_ABSENT);
+  right.message("unplugged");
+  EXPECT_EQ(text(host),
+            "camera host pi-3, huetrackd 0.1.0\n"
+            "  camera    left   delivering  640x480 at 30.0 Hz, 123 frames, 0 dropped, 0 corrupted\n"
+            "  camera    right  absent      0 frames, 0 dropped, 0 corrupted: unplugged\n");
+}
+
 TEST(SampleFormat, StatusNamesWhatIsWrong) {
   msg::ServiceStatus s;
   s.host("lab");

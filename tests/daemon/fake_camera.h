@@ -110,6 +110,17 @@ inline std::vector<std::vector<capture::Frame>> first_frames(const std::filesyst
   return frames;
 }
 
+// The same frames over and over, at 30 a second, for so many seconds.
+inline std::vector<capture::Frame> looped(const std::vector<capture::Frame>& frames, int seconds) {
+  std::vector<capture::Frame> out(std::size_t(30 * seconds));
+  for (std::size_t i = 0; i < out.size(); ++i) {
+    out[i] = frames[i % frames.size()];
+    out[i].sequence = static_cast<std::uint32_t>(i);
+    out[i].captured_at = capture::Timestamp(std::int64_t(i) * capture::Duration(33'333'333));
+  }
+  return out;
+}
+
 // Such cameras with the first `count` frames of these of a recording, all from 50 ms from now on.
 inline std::vector<LiveCamera> fake_cameras(const std::filesystem::path& recording,
                                             const std::vector<std::string>& cameras, std::size_t count,

@@ -3,10 +3,15 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <thread>
+
 #include "capture/clips.h"
 #include "capture/mjpeg_server.h"
+#include "daemon/fake_camera.h"
 #include "doctor/network_exam.h"
+#include "hosts/camera_host.h"
 #include "pipeline/live_cameras.h"
+#include "publish/test_domain.h"
 
 namespace huetrack::doctor {
 namespace {
@@ -241,6 +246,81 @@ TEST_F(DoctorsConfig, OfACameraHost) {
   capture::write_text(folder / "bad.yaml",
                       "version: 1\ncameras: {left: {device: /dev/null, size: [640, 480], hosst: 1}}\n");
   EXPECT_THAT(said(folder / "bad.yaml"), AllOf(HasSubstr("FAIL"), HasSubstr("hosst")));
+}
+
+// One host is there with one of the two cameras that are expected of it, the other one is not.
+TEST_F(DoctorsConfig, CamerasOfOtherHostsAreAskedForOnTheBus) {
+  const std::string domain = std::to_string(publish::test_domain());
+  const std::filesystem::path demo = HUETRACK_SOURCE_DIR "/configs/demo/recording";
+  capture::write_text(folder / "tracker.yaml",
+                      "version: 1\nrig: " + (demo / "rig.yaml").string() +
+                          "\ndds: {interfaces: [lo], domain: " + domain +
+                          "}\ntargets: {ball: {color: {hue_deg: [65, 115]}}}\ncameras: {cam0: {host: pi-3, camera: "
+                          "there, send: matches}, cam1: {host: pi-4}}\n");
+  std::vector<capture::LiveCamera> cameras;
+  const auto pixels = std::make_shared<std::vector<std::uint8_t>>(std::size_t(320 * 240), std::uint8_t{99});
+  capture::Frame picture;
+  picture.pixels = {.format = capture::PixelFormat::grey,
+                    .range = capture::ColorRange::full,
+                    .width = 320,
+                    .height = 240,
+                    .planes = {{{pixels->data(), 320}}},
+                    .owner = pixels};
+  auto film = daemon::looped({picture}, 60);
+  cameras.push_back(daemon::FakeCamera(0, std::move(film), capture::unix_now(), true).live());
+  hosts::CameraHost host({.host = "pi-3",
+                          .cameras = {"there"},
+                          .program_version = "test",
+                          .transport = {.name = "host", .domain = publish::test_domain(), .interfaces = {"lo"}}},
+                         std::move(cameras));
+  const std::jthread running([&](const std::stop_token& stop) { host.run(stop); });
+  const std::jthread telling([&](const std::stop_token& stop) {
+    while (!stop.stop_requested()) {
+      host.look_after();
+      std::this_thread::sleep_for(std::chrono::milliseconds(50));
+    }
+  });
+  const std::string text = said(folder / "tracker.yaml", true);
+  EXPECT_THAT(text, HasSubstr("camera cam0 of the host pi-3\n")) << text;
+  EXPECT_THAT(text, HasSubstr("grey 320x240: ")) << text;
+  EXPECT_THAT(text, HasSubstr(" frames/s came of 30")) << text;
+  EXPECT_THAT(text, HasSubstr("ok    the clock of pi-3 is ours")) << text;
+  EXPECT_THAT(text, HasSubstr("camera cam1 of the host pi-4\n  FAIL  its host pi-4 is not heard of")) << text;
+  EXPECT_THAT(text, HasSubstr("note  the clock of pi-4 could not be compared")) << text;
+  EXPECT_THAT(said(folder / "tracker.yaml"), HasSubstr("note  it is a camera of the host pi-4, not asked for now"));
+}
+
+TEST(JudgeHosted, WhatIsSlowLostOrAmissThereIsAWarning) {
+  HostedExam exam{.name = "left", .host = "pi-3", .health = {}, .fps = 29.9};
+  exam.health.state = capture::CaptureState::delivering;
+  exam.health.stream = {.format = capture::CaptureFormat::mjpeg, .width = 640, .height = 480, .fps = 30};
+  EXPECT_THAT(judge_hosted(exam), testing::ElementsAre(Field(&Finding::verdict, Grade::ok)));
+  EXPECT_THAT(judge_hosted(exam), says(Grade::ok, "640x480: 29.9 frames/s came of 30"));
+  exam.fps = 20;
+  EXPECT_THAT(judge_hosted(exam), says(Grade::warning, "20.0 frames/s came of 30"));
+  exam.health.dropped = 7;
+  exam.health.warning = "pi-3 says: it wanders";
+  EXPECT_THAT(judge_hosted(exam),
+              AllOf(says(Grade::warning, "7 frames were lost on the way"), says(Grade::warning, "it wanders")));
+  exam.health.state = capture::CaptureState::absent;
+  exam.health.message = "its host pi-3 has no camera left; it has right";
+  EXPECT_THAT(judge_hosted(exam), testing::ElementsAre(Field(&Finding::verdict, Grade::problem)));
+  EXPECT_THAT(judge_hosted(exam), says(Grade::problem, "it has right"));
+}
+
+TEST(JudgeClock, OfAHostThatIsNotWellKnownSaysWhatToInstall) {
+  capture::HostClock clock;
+  clock.host = "pi-3";
+  clock.is_known = true;
+  clock.offset_s = -0.0401;
+  clock.sigma_s = 0.0002;
+  EXPECT_EQ(judge_clock(clock).verdict, Grade::ok);
+  EXPECT_THAT(judge_clock(clock).what, HasSubstr("the clock of pi-3 is 40.100 ms behind ours, known to 0.200 ms"));
+  clock.advice = "install chrony";
+  EXPECT_EQ(judge_clock(clock).verdict, Grade::warning);
+  EXPECT_EQ(judge_clock(clock).advice, "install chrony");
+  clock.is_known = false;
+  EXPECT_EQ(judge_clock(clock).verdict, Grade::note);
 }
 
 TEST(JudgeSending, WhatComesAtOneMomentWantsRoom) {

@@ -56,7 +56,7 @@ class Figures:
 class Network:
     """Namespaces ht-0, ht-1, ..., each with eth0, and the switch between them in this one."""
 
-    def __init__(self, count, lost_per_million, folder):
+    def __init__(self, count, lost_per_million, folder, has_multicast=True):
         self.count = count
         for n in range(count):
             ip("netns", "add", f"ht-{n}")
@@ -66,8 +66,9 @@ class Network:
             ip("-n", f"ht-{n}", "link", "set", "eth0", "up")
             ip("-n", f"ht-{n}", "link", "set", "lo", "up")
             ip("-n", f"ht-{n}", "route", "add", "default", "dev", "eth0")  # for multicast
+        options = [] if has_multicast else ["--no-multicast"]
         self.switch = subprocess.Popen(
-            [folder / "slow_network", str(DELAY_US), str(lost_per_million), "1", *(f"ht-b{n}" for n in range(count))],
+            [folder / "slow_network", *options, str(DELAY_US), str(lost_per_million), "1", *(f"ht-b{n}" for n in range(count))],
             stdout=subprocess.PIPE, text=True)
         self.processes = [self.switch]
 
@@ -103,17 +104,22 @@ class Network:
 class Hall:
     """N camera hosts with films for cameras, in namespaces 1.. N, and places for trackers from 0 and N + 1 on."""
 
-    def __init__(self, folder, hosts, per_host, lost_per_million=0, trackers=1):
+    def __init__(self, folder, hosts, per_host, lost_per_million=0, trackers=1, has_multicast=True):
         self.folder, self.hosts, self.per_host = folder, hosts, per_host
         self.films = folder / f"films-{hosts * per_host}"
         if not self.films.exists():
             subprocess.run([FILM_HOST, "--make", str(hosts * per_host), self.films], check=True)
         self.names = [f"cam{c}" for c in range(hosts * per_host)]
-        self.network = Network(hosts + trackers, lost_per_million, folder)
+        self.network = Network(hosts + trackers, lost_per_million, folder, has_multicast)
         self.running = {}
+        self.profiles = {}  # XML of a host, or of who takes from them, by name
 
     def host_of(self, camera):
         return camera // self.per_host + 1
+
+    def bus(self, name):
+        profile = f", profile: {self.profiles[name]}" if name in self.profiles else ""
+        return f"dds: {{domain: {DOMAIN}{profile}}}\n"
 
     def start_host(self, n, wrong_clock=None, is_spread=False, is_ready_made=False):
         """wrong_clock: (seconds ahead, ppm fast). is_spread: the cameras of the hall expose one after the other.
@@ -122,7 +128,7 @@ class Hall:
         file = self.folder / f"{name}.yaml"
         cameras = "".join(f"  cam{c}: {{device: /dev/film/cam{c}, size: [640, 480], format: mjpeg, fps: {FPS}}}\n"
                           for c in range((n - 1) * self.per_host, n * self.per_host))
-        file.write_text(f"version: 1\nhost: {name}\ndds: {{domain: {DOMAIN}}}\ncameras:\n{cameras}")
+        file.write_text(f"version: 1\nhost: {name}\n{self.bus(name)}cameras:\n{cameras}")
         words = [FILM_HOST, "--dequeued", self.folder / f"{name}.csv", self.films, file]
         env, boot_id = None, None
         if is_spread:
@@ -143,7 +149,7 @@ class Hall:
         file = self.folder / f"{name}.yaml"
         cameras = range(len(self.names)) if cameras is None else cameras
         file.write_text(f"version: 1\nrig: {self.films / 'rig.yaml'}\ntargets: {{lime: {{{of_target}color: {{hue_deg: [65, 115]}}}}}}\n"
-                        f"dds: {{domain: {DOMAIN}}}\n{more}cameras:\n" +
+                        f"{self.bus(name)}{more}cameras:\n" +
                         "".join(f"  cam{c}: {{host: host-{self.host_of(c)}, camera: cam{c}{of_camera}}}\n" for c in cameras))
         return file
 
@@ -340,6 +346,64 @@ def two_trackers(figures, options, folder):
         figures.tell("with two", 100 * both, "% of a core")
 
 
+DISCOVERY_SERVER = """<?xml version="1.0" encoding="UTF-8"?>
+<dds xmlns="http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles">
+  <profiles>
+    <participant profile_name="huetrack" is_default_profile="true">
+      <rtps>
+        <prefix>44.53.00.5f.45.50.52.4f.53.49.4d.41</prefix>
+        <builtin>
+          <discovery_config><discoveryProtocol>SERVER</discoveryProtocol></discovery_config>
+          <metatrafficUnicastLocatorList>
+            <locator><udpv4><address>10.77.0.1</address><port>11811</port></udpv4></locator>
+          </metatrafficUnicastLocatorList>
+        </builtin>
+      </rtps>
+    </participant>
+  </profiles>
+</dds>
+"""
+
+
+def give_keys(hall):
+    members = ["tracker:service", *(f"host-{n}:host" for n in range(1, hall.hosts + 1))]
+    shutil.rmtree(hall.folder / "keys", ignore_errors=True)
+    subprocess.run(["bash", ROOT / "configs/dds/secure.sh", hall.folder / "keys", *members], check=True, capture_output=True)
+    hall.profiles = {m.split(":")[0]: hall.folder / "keys" / m.split(":")[0] / "huetrack.xml" for m in members}
+
+
+def give_discovery_server(hall):
+    """Of huetrack's own, at the tracker: as `fastdds discovery` is one."""
+    server, client = hall.folder / "server.xml", hall.folder / "client.xml"
+    server.write_text(DISCOVERY_SERVER)
+    client.write_text((ROOT / "configs/dds/discovery_server.xml").read_text().replace("192.0.2.10", "10.77.0.1"))
+    hall.network.run(0, [HUETRACK, "watch", "--profiles", server, "--domain", DOMAIN], hall.folder / "server.log")
+    hall.profiles = {name: client for name in ("tracker", *(f"host-{n}" for n in range(1, hall.hosts + 1)))}
+
+
+def profiles(figures, options, folder):
+    """Kernels keep what came of a large datagram for 30 s: what goes wrong does so after some ten seconds."""
+    for what, give, has_multicast in (
+            ("keys of configs/dds/secure.sh", give_keys, True),
+            ("a network without multicast, configs/dds/discovery_server.xml", give_discovery_server, False)):
+        print(f"== {what}: 2 hosts x 2 cameras, 0.1 % of packets lost")
+        with Hall(folder, 2, 2, 1000, has_multicast=has_multicast) as hall:
+            give(hall)
+            for n in (1, 2):
+                hall.start_host(n, is_spread=True)
+            receiver = hall.receive()
+            settle(hall, receiver)
+            began = unix_now_ns()
+            time.sleep(options.seconds)
+            ended = unix_now_ns()
+            time.sleep(1)
+            hall.end(receiver)
+            latencies, frames, lost, _ = compare(hall, began, ended)
+            figures.tell("frames", frames, "", 4 * FPS * options.seconds * 0.98, least=True)
+            figures.tell("lost", 100 * lost / frames if frames else None, "% of frames", 0.5)
+            figures.tell("latency, p99", float(np.percentile(latencies, 99)) if len(latencies) else None, "ms")
+
+
 def track_of(file):
     rows = [(float(r["t"]), float(r["x"]), float(r["y"]), float(r["z"])) for r in csv.DictReader(open(file))
             if r["state"] == "tracking"]
@@ -504,7 +568,8 @@ def matches(figures, options, folder):
     figures.tell("  beside that, per set", float(rest), "ms")
 
 
-ALL = {"latency": latency_and_loss, "outages": outages, "two": two_trackers, "clocks": clocks, "scale": scale, "matches": matches}
+ALL = {"latency": latency_and_loss, "outages": outages, "two": two_trackers, "profiles": profiles, "clocks": clocks,
+       "scale": scale, "matches": matches}
 
 
 def main():
@@ -512,7 +577,7 @@ def main():
     parser.add_argument("--hosts", type=int, default=8)
     parser.add_argument("--cameras", type=int, default=2)
     parser.add_argument("--seconds", type=float, default=20)
-    parser.add_argument("--only", default=",".join(ALL))
+    parser.add_argument("--only", default=",".join(ALL), help=", ".join(ALL))
     parser.add_argument("--keep", type=pathlib.Path, help="an empty folder for logs and what was measured")
     options = parser.parse_args()
     if os.geteuid() != 0 or ip("netns", "add", "ht-try", check=False).returncode != 0:

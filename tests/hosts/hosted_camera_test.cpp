@@ -320,6 +320,37 @@ TEST_F(HostedCamera, AHostThatIsNotThereIsSaidAndAwaited) {
   stop.request_stop();
 }
 
+// As of two machines that were set up from one image of a disk: the first one is believed, and it is said.
+TEST_F(HostedCamera, OfTwoHostsOfOneNameTheFirstIsBelieved) {
+  auto cameras = pipeline::open_cameras(tracker_config(folder_));
+  const auto film = daemon::looped(daemon::first_frames(demo / "recording", {"cam0"}, 30).front(), 60);
+  const auto health = [&] { return cameras[0].health(); };
+  const auto comes_true = [](const auto& what) {
+    for (int i = 0; i < 200 && !what(); ++i) std::this_thread::sleep_for(50ms);
+    return what();
+  };
+  std::stop_source stop;
+  const std::jthread reading([&] {
+    while (cameras[0].source->next(stop.get_token())) {
+    }
+  });
+  const Host first("left-pi", 0, film, capture::unix_now());
+  EXPECT_TRUE(comes_true([&] { return health().frames > 10; }));
+  EXPECT_EQ(health().warning, "");
+  std::optional<Host> second(std::in_place, "left-pi", 0, film, capture::unix_now());
+  EXPECT_TRUE(comes_true([&] { return health().warning.starts_with("two camera hosts are called left-pi"); }));
+  const auto before = health();
+  std::this_thread::sleep_for(1500ms);
+  const auto after = health();
+  EXPECT_EQ(after.state, capture::CaptureState::delivering) << after.message;
+  EXPECT_EQ(after.reconnects, 0U);
+  EXPECT_GT(after.frames, before.frames + 10);
+  EXPECT_TRUE(after.clock && after.clock->is_known);
+  second.reset();
+  EXPECT_TRUE(comes_true([&] { return health().warning.empty(); })) << health().warning;
+  stop.request_stop();
+}
+
 TEST(CameraHostNames, ArePartsOfTopics) {
   EXPECT_TRUE(is_host_name("pi-3.hall_2"));
   for (const char* bad : {"", "a/b", "a b", "\xc3\xa4", "a\n"}) EXPECT_FALSE(is_host_name(bad)) << bad;
@@ -358,6 +389,18 @@ TEST_F(HostedCamera, ConfigurationsSayWhatIsWrong) {
   };
   EXPECT_EQ(refusal_of_host("version: 1\nhost: pi-3\ncameras: {left: {device: 0, size: [640, 480], fps: 30}}\n"), "");
   EXPECT_THAT(refusal_of_host("version: 1\ncameras: {left: {device: 0}}\n"), HasSubstr("size"));
+  EXPECT_THAT(
+      refusal_of_host("version: 1\ncameras: {left: {device: 0, size: [640, 480]}, right: {device: 0, size: [640, "
+                      "480]}}\n"),
+      HasSubstr("right.device: is the device of left already"));
+  // What is printed of it says the same.
+  const std::string host = "version: 1\nhost: pi-3\ncameras: {left: {device: 0, size: [640, 480], fps: 30}}\n";
+  EXPECT_EQ(refusal_of_host(host), "");
+  const std::string printed = config::to_yaml(config::load_capture_config(folder_ / "host.yaml"));
+  EXPECT_THAT(printed,
+              testing::AllOf(HasSubstr("host: \"pi-3\""), HasSubstr("size: [640, 480]"), HasSubstr("fps: 30")));
+  EXPECT_EQ(refusal_of_host(printed), "") << printed;
+  EXPECT_EQ(config::to_yaml(config::load_capture_config(folder_ / "host.yaml")), printed);
   EXPECT_THAT(refusal_of_host("version: 1\nrig: r.yaml\ncameras: {left: {device: 0}}\n"), HasSubstr("of a tracker"));
   EXPECT_THAT(refusal_of_host("version: 1\n"), HasSubstr("name the cameras of this host"));
 }

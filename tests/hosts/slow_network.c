@@ -1,8 +1,9 @@
 // A switch between the ends of veth pairs that takes its time and loses packets: the network between camera hosts and
 // trackers, where the kernel has no netem. It learns who is where from the source addresses, as switches do.
-//   slow_network DELAY_US LOST_PER_MILLION SEED INTERFACE...
+//   slow_network [--no-multicast] DELAY_US LOST_PER_MILLION SEED INTERFACE...
 // until a signal; then it prints how many packets it took and lost. Each packet waits DELAY_US on its way (a queue in
 // order of arrival), then goes to the interface of its destination, or to all others. What is lost is drawn from SEED.
+// --no-multicast: of IPv4 nothing goes to groups, as on many wireless and routed networks.
 // As root.
 #define _GNU_SOURCE
 #include <arpa/inet.h>
@@ -91,8 +92,10 @@ static int open_port(const char* name) {
 }
 
 int main(int argc, char** argv) {
+  const int no_multicast = argc > 1 && strcmp(argv[1], "--no-multicast") == 0;
+  argc -= no_multicast, argv += no_multicast;
   if (argc < 6 || argc - 4 > most_ports) {
-    fprintf(stderr, "slow_network DELAY_US LOST_PER_MILLION SEED INTERFACE INTERFACE...\n");
+    fprintf(stderr, "slow_network [--no-multicast] DELAY_US LOST_PER_MILLION SEED INTERFACE INTERFACE...\n");
     return 2;
   }
   const int64_t delay_ns = atoll(argv[1]) * 1000;
@@ -128,6 +131,7 @@ int main(int argc, char** argv) {
         if (bytes < header_bytes + 14) break;
         ++took;
         learn(buffer + header_bytes + 6, p);
+        if (no_multicast && buffer[header_bytes] == 0x01) continue;
         if (drand48() < lost_share) {
           ++lost;
           continue;
