@@ -19,6 +19,7 @@ constexpr float least_light_noise = 0.7f, least_chroma_noise = 0.5f;
 constexpr double noise_kept = 0.98;  // of what was seen of the noise, from look to look
 constexpr int settled_looks = 8;
 constexpr int margin_px = 8;                 // around the object, of what is learnt first
+constexpr int rare_pictures_each = 4;        // of which one tells a tile that is well known
 constexpr std::uint32_t looks_at_start = 4;  // a tile with fewer is hardly known
 // Per picture: of those that the object is about to reach, and more while some of them are hardly known; beside these
 // of the whole picture, so that in a second it was seen once, until none is hardly known.
@@ -149,10 +150,14 @@ bool Background::is_such(const Picture& picture) {
 void Background::learn_all(const Picture& picture, const ObjectDisc* hidden, std::size_t hidden_count) {
   if (!is_such(picture)) return;
   ++pictures_;
+  ++rare_pictures_;
   const std::size_t count = std::min(slots_.size(), most_tiles);  // more are not kept: another part each time
   for (std::size_t i = 0; i < count; ++i) {
     next_ = (next_ + 1) % static_cast<int>(slots_.size());
-    look(picture, next_, hidden, hidden_count);
+    const Tile* const tile = tile_at(next_);
+    const bool is_known = tile != nullptr && tile->looks >= static_cast<std::uint32_t>(most_looks);
+    const bool is_its_turn = next_ % rare_pictures_each == rare_pictures_ % rare_pictures_each;
+    if (!is_known || is_its_turn) look(picture, next_, hidden, hidden_count);
   }
 }
 

@@ -33,7 +33,8 @@ class Background {
   // as it was. hidden: what is not background.
   void learn(const Picture& picture, const ObjectDisc& object, const Eigen::Vector2d& ahead_px,
              const ObjectDisc* hidden, std::size_t hidden_count);
-  // All tiles of this picture, for pictures that come rarely. hidden: as in learn().
+  // For pictures that come rarely: all tiles, and of those that are well known by now one of four. hidden: as in
+  // learn().
   void learn_all(const Picture& picture, const ObjectDisc* hidden, std::size_t hidden_count);
   void forget();
 
@@ -89,7 +90,7 @@ class Background {
   Tile unknown_;  // of no looks
   std::vector<Chosen> chosen_;
   std::uint64_t pictures_ = 0;
-  int next_ = 0, unknown_tiles_ = 0;
+  int next_ = 0, unknown_tiles_ = 0, rare_pictures_ = 0;
   Noise light_{2.f}, chroma_{2.f};
 };
 

@@ -97,6 +97,21 @@ TEST(Background, FollowsARoomThatChanges) {
     EXPECT_NEAR(static_cast<double>(light[static_cast<std::size_t>(u)]), *truth.light.at(u, 45), 3) << u;
 }
 
+// Of pictures that come rarely a tile that is well known takes one of four; all of them follow all the same.
+TEST(Background, RareWholePicturesFollowTheRoomEverywhere) {
+  Background background(DiscPicture::width, DiscPicture::height);
+  DiscPicture picture, clean;
+  for (unsigned i = 0; i < 20; ++i) background.learn_all(picture.draw({.has_disc = false}, i), nullptr, 0);
+  for (unsigned i = 0; i < 240; ++i) background.learn_all(picture.draw({.has_disc = false, .light = 2}, i), nullptr, 0);
+  const Picture truth = clean.draw({.has_disc = false, .noise = 0, .light = 2}, 1);
+  std::vector<float> looks;
+  for (const int v : {2, 20, 45, 70}) {
+    const std::vector<float> light = row_of(background, v, looks);
+    for (int u = 0; u < DiscPicture::width; ++u)
+      EXPECT_NEAR(static_cast<double>(light[static_cast<std::size_t>(u)]), *truth.light.at(u, v), 3) << u << " " << v;
+  }
+}
+
 // A webcam's picture, in which an object rests: nothing may be left to guess where it comes later.
 TEST(Background, HasSeenAWholePictureWithinASecond) {
   constexpr int width = 640, height = 480;
