@@ -21,6 +21,7 @@
 #include "daemon/service_manager.h"
 #include "daemon/status_reporter.h"
 #include "page/page_service.h"
+#include "page/recorded_moments.h"
 #include "pipeline/bus.h"
 #include "pipeline/file_outputs.h"
 #include "pipeline/picture_folder.h"
@@ -213,6 +214,9 @@ page::PageServiceOptions page_options(pipeline::Session& session, const ReplayCo
   options.control.playback = played;
   options.control.close = command.close;
   if (played != nullptr) options.actions.resume = [played] { played->go_on(); };
+  options.actions.moments = [config = session.config(), words = command.recording](const std::stop_token& stop) {
+    return page::recorded_moments(config, words, stop);
+  };
   return options;
 }
 

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
+#include <spdlog/spdlog.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -180,6 +181,7 @@ msg::TeachReply TeachDesk::freeze(const msg::TeachRequest& request, const config
   msg::TeachReply reply = reply_to(request);
   const capture::FrameSet set = pictures_of(shown);
   teacher_.emplace(config.rig, set);
+  read_moments();
   client_ = request.client();
   set_number_ = moment_number_ = set.number;
   takes_moments_ = true;
@@ -211,6 +213,31 @@ void TeachDesk::add_moment(const capture::FrameSet& set) {
   takes_moments_ = teacher_->add_moment(pictures_of(set));
 }
 
+// Beside the pages, which go on meanwhile: a long recording takes its time.
+void TeachDesk::read_moments() {
+  reading_ = {};  // of the pictures before
+  read_.clear();
+  if (!actions_.moments) return;
+  reading_ = std::jthread([this](const std::stop_token& stop) {
+    try {
+      std::vector<capture::FrameSet> moments = actions_.moments(stop);
+      const std::scoped_lock lock(read_mutex_);
+      read_ = std::move(moments);
+    } catch (const std::exception& error) {
+      spdlog::warn("teaching: no other moments of the recording: {}", error.what());
+    }
+  });
+}
+
+void TeachDesk::take_read_moments() {
+  std::vector<capture::FrameSet> moments;
+  {
+    const std::scoped_lock lock(read_mutex_);
+    moments.swap(read_);
+  }
+  for (const capture::FrameSet& moment : moments) takes_moments_ = teacher_->add_moment(moment);
+}
+
 msg::TeachReply TeachDesk::look(const msg::TeachRequest& request, const config::ServiceConfig& config, bool applies) {
   if (!teacher_ || client_ != request.client())
     return refusal(request, "Somebody else took new pictures meanwhile. Take new ones, and point again.");
@@ -219,6 +246,7 @@ msg::TeachReply TeachDesk::look(const msg::TeachRequest& request, const config::
   const PointedAt pointing = pointing_of(request, config.rig);
   if (!pointing.problem.empty()) return refusal(request, pointing.problem);
 
+  take_read_moments();
   teacher_->learn_motion();
   const color_teaching::Lesson lesson =
       color_teaching::learn(*teacher_, pointing.request, config.targets, *target, config.object_tracking.volume);

@@ -3,9 +3,15 @@
 
 #include <chrono>
 #include <functional>
+#include <mutex>
 #include <optional>
+#include <stop_token>
 #include <string>
+#include <thread>
+#include <utility>
+#include <vector>
 
+#include "capture/frame.h"
 #include "color_teaching/lesson.h"
 #include "config/service_config.h"
 #include "idl/huetrack_view.h"
@@ -19,6 +25,9 @@ class TeachDesk {
     // What was taught stands in its file: take it over. Returns why that did not work, or an empty string.
     std::function<std::string()> reload;
     std::function<void()> resume;  // of a replay that was started to be held; empty: nothing is held
+    // Of a replay: other moments of its recording, read until it is asked to stop. Called from a thread of its own.
+    // Empty: of live cameras, whose moments come by add_moment().
+    std::function<std::vector<capture::FrameSet>(const std::stop_token&)> moments = {};
   };
   explicit TeachDesk(Actions actions) : actions_(std::move(actions)) {}
 
@@ -40,6 +49,8 @@ class TeachDesk {
   static msg::TeachReply refusal(const msg::TeachRequest& request, const std::string& reason);
 
  private:
+  void read_moments();
+  void take_read_moments();
   msg::TeachReply look(const msg::TeachRequest& request, const config::ServiceConfig& config, bool applies);
   msg::TeachReply ignore(const msg::TeachRequest& request, const config::ServiceConfig& config);
   msg::TeachReply undo(const msg::TeachRequest& request, const config::ServiceConfig& config);
@@ -52,6 +63,9 @@ class TeachDesk {
   bool takes_moments_ = false;
   std::chrono::steady_clock::time_point next_moment_{}, last_moment_{};
   std::vector<std::pair<std::uint32_t, std::uint32_t>> picture_sizes_;  // per camera of the rig
+  std::mutex read_mutex_;
+  std::vector<capture::FrameSet> read_;  // actions_.moments, not yet taken
+  std::jthread reading_;
 };
 
 }  // namespace huetrack::page
