@@ -40,8 +40,11 @@ std::string mistake_text(const view_watch::Mistake& mistake, const object_tracki
     case MistakeKind::uneven_times:
       return fmt::format(
           "the pictures of {} do not come when their time stamps say, by up to {:.2f} s and not always by as much, as "
-          "the motion of {} shows: videos that did not begin at one moment, or frames that were dropped and not "
-          "counted: give every frame its own time (recording.yaml: timestamps), or record anew without losing frames",
+          "the motion of {} shows: frames were dropped and not counted, videos did not begin at one moment, or a "
+          "network "
+          "delays them: give every frame its own time (recording.yaml: timestamps), or take cameras whose driver "
+          "stamps "
+          "their frames",
           who, mistake.size, target.name);
     case MistakeKind::turned:
       return fmt::format(

@@ -76,6 +76,15 @@ bool is_smooth(const SeenPoint& before, const SeenPoint& at, const SeenPoint& af
   return (out - in).norm() * step_s < noise_px + swerve * (out.norm() + in.norm()) * step_s;
 }
 
+// Of stamps that jump: of all cameras that do.
+Mistake joined(const Mistake& before, Mistake now) {
+  for (const int camera : before.cameras)
+    if (std::ranges::find(now.cameras, camera) == now.cameras.end()) now.cameras.push_back(camera);
+  std::ranges::sort(now.cameras);
+  now.size = std::max(before.size, now.size);
+  return now;
+}
+
 // What would make the views agree, supposed one after the other; an answer is what does.
 class Suppositions {
  public:
@@ -489,7 +498,7 @@ bool ViewWatch::correct_times(Mistake& found, double now_s) {
   }
   const bool is_unlearnt = unlearnt_s >= surely_s;
   const bool is_jump = corrections_ > 0 && is_unlearnt && time_shifts_ != shifts_when_corrected_;
-  if (is_jump) found.kind = MistakeKind::uneven_times;
+  if (is_jump) found.kind = MistakeKind::uneven_times, found.size = unlearnt_s;
   const bool is_mistake =
       is_jump || std::abs(found.size) >= least_late_s || (found.kind == MistakeKind::late && is_unlearnt);
   const auto is_near = [](double a, double b) { return std::abs(a - b) < same_times_s; };
@@ -610,7 +619,7 @@ void ViewWatch::confirm(const std::vector<Mistake>& found, double now_s) {
     if (known == suspected_.end()) {
       suspected_.push_back({mistake, 1, now_s});
     } else {
-      known->mistake = mistake;
+      known->mistake = mistake.kind == MistakeKind::uneven_times ? joined(known->mistake, mistake) : mistake;
       ++known->times;
       known->last_s = now_s;
     }
