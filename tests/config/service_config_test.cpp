@@ -468,6 +468,9 @@ TEST_F(ServiceConfigFile, WarnsOfWhatIsProbablyNotMeant) {
       ElementsAre("targets a and b have overlapping colours in camera cam0 and may be taken for each other"));
   EXPECT_THAT(warnings_of(load(head + "targets: {a: {color: {hue_deg: [160, 80]}}}\n")),
               ElementsAre(HasSubstr("were [80, 160] meant?")));
+  // Red, as OpenCV has it.
+  EXPECT_THAT(warnings_of(load(head + "targets: {a: {color: {hue_deg: [170, 10]}}}\n")),
+              ElementsAre(HasSubstr("were [340, 20] meant, which are [170, 10] in OpenCV's units (0 to 180)?")));
   // Many targets of one colour are one line, not one for each pair.
   EXPECT_THAT(warnings_of(load(head + targets_of_one_color(40))),
               ElementsAre(testing::StartsWith("780 pairs of targets have overlapping colours")));
