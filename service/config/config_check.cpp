@@ -190,8 +190,8 @@ void check(const ServiceConfig& config, const yaml::YamlReader& root) {
   // Who may teach may add the first one, too.
   if (config.targets.empty() && config.camera_tracking.camera.empty() && !config.control.allow_teach)
     root.fail("targets",
-              "at least one target is needed: targets: {ball: {color: {hue_deg: [65, 115]}}}; or a camera to "
-              "track, under camera_tracking");
+              "at least one target is needed: targets: {ball: {color: {hue_deg: [65, 115]}}}, or {ball: {}} to be "
+              "taught; or a camera to track, under camera_tracking");
   check_object_tracking(config, root);
   check_ignored(config, root);
   check_live_cameras(config, root);
