@@ -26,6 +26,14 @@ void refuse_other_forms(const std::filesystem::path& out) {
                              "the other form is one file, --out FILE.mcap");
 }
 
+// A recording is easily given where the tracks belong.
+void refuse_recording(const std::filesystem::path& tracks) {
+  std::error_code none;
+  if (std::filesystem::is_directory(tracks, none) || tracks.extension() == ".yaml")
+    throw std::runtime_error(tracks.string() + ": is no track CSV; a recording's pictures are exported by --pictures " +
+                             tracks.string());
+}
+
 using Tracks = std::map<std::string, std::vector<plot::TrackRow>>;
 
 // The cameras that the track is of.
@@ -40,6 +48,7 @@ std::set<std::string> moving_of(const Tracks& tracks) {
 
 void export_track(const BagOptions& options) {
   refuse_other_forms(options.out);
+  refuse_recording(options.tracks);
   if (options.tracks.empty() && options.pictures.empty())
     throw std::runtime_error("give a track CSV, or --pictures RECORDING, or both");
   const std::chrono::nanoseconds offset(std::llround(options.clock_offset_s * 1e9));

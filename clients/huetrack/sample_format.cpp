@@ -223,12 +223,17 @@ std::string text(const msg::ServiceStatus& s, std::int64_t now, const msg::Camer
     add("clock", fmt::format("capture times are the recording's plus {} s", number(s.clock_offset_s(), 3)));
   std::size_t width = 0;
   for (const msg::CameraStatus& camera : s.cameras()) width = std::max(width, camera.name().size());
-  for (const msg::CameraStatus& camera : s.cameras())
-    add("camera",
-        fmt::format("{:<{}}  {:<10}  {} Hz, {} frames, {} dropped, {} corrupted{}{}{}", camera.name(), width,
-                    idl::name(camera.health()), number(camera.rate_hz(), 1, 5), camera.frames(), camera.dropped(),
-                    camera.corrupted(), camera.frames() > 0 ? ", the last " + number(camera.age_s(), 2) + " s ago" : "",
-                    camera.message().empty() ? "" : ": ", camera.message()));
+  for (const msg::CameraStatus& camera : s.cameras()) {
+    // A replay that is held gives no frames, and its cameras are not to blame.
+    const bool is_held = s.mode() == "held" && (camera.health() == msg::CAMERA_HEALTH_WAITING ||
+                                                camera.health() == msg::CAMERA_HEALTH_STALLED);
+    const std::string message = is_held ? "" : camera.message();
+    add("camera", fmt::format("{:<{}}  {:<10}  {} Hz, {} frames, {} dropped, {} corrupted{}{}{}", camera.name(), width,
+                              is_held ? "held" : idl::name(camera.health()), number(camera.rate_hz(), 1, 5),
+                              camera.frames(), camera.dropped(), camera.corrupted(),
+                              camera.frames() > 0 ? ", the last " + number(camera.age_s(), 2) + " s ago" : "",
+                              message.empty() ? "" : ": ", message));
+  }
   for (std::size_t c = 0; clocks != nullptr && c < clocks->clocks().size(); ++c)
     add("clock", clock_words(clocks->clocks()[c]));
   const auto ms = [](double seconds) { return number(1e3 * seconds, 1); };

@@ -190,8 +190,8 @@ void check(const ServiceConfig& config, const yaml::YamlReader& root) {
   // Who may teach may add the first one, too.
   if (config.targets.empty() && config.camera_tracking.camera.empty() && !config.control.allow_teach)
     root.fail("targets",
-              "at least one target is needed: targets: {ball: {color: {hue_deg: [65, 115]}}}; or a camera to "
-              "track, under camera_tracking");
+              "at least one target is needed: targets: {ball: {color: {hue_deg: [65, 115]}}}, or {ball: {}} to be "
+              "taught; or a camera to track, under camera_tracking");
   check_object_tracking(config, root);
   check_ignored(config, root);
   check_live_cameras(config, root);
@@ -254,6 +254,17 @@ std::string size_warning(const ServiceConfig& config) {
           target.name, target.radius_m, 2 * px, nearest_m);
   }
   return {};
+}
+
+// What a range that is wider than any paint was meant to be: written the wrong way round, or in OpenCV's units of two
+// degrees each, in which red is from 170 to 10. The narrower one of the two is.
+std::string meant_hue(const color::HsiRange& range) {
+  const double low = range.hue_max_deg, high = range.hue_min_deg;
+  const double turned_deg = high - low, doubled_deg = 360 - 2 * turned_deg;
+  if (high <= 180 && doubled_deg > 0 && doubled_deg < turned_deg)
+    return fmt::format("were [{:g}, {:g}] meant, which are [{:g}, {:g}] in OpenCV's units (0 to 180)?", 2 * high,
+                       2 * low, high, low);
+  return fmt::format("were [{:g}, {:g}] meant?", low, high);
 }
 
 }  // namespace
@@ -320,10 +331,8 @@ std::vector<std::string> warnings_of(const ServiceConfig& config) {
     // No paint is so many colours; a range that was written the wrong way round is.
     constexpr double widest_paint_deg = 180;
     if (c.hue_min_deg > c.hue_max_deg && hue_width_deg(c) > widest_paint_deg)
-      warnings.push_back(
-          fmt::format("target {}: its hue runs from {:g} through red to {:g}, {:g} degrees in all; were "
-                      "[{:g}, {:g}] meant?",
-                      target.name, c.hue_min_deg, c.hue_max_deg, hue_width_deg(c), c.hue_max_deg, c.hue_min_deg));
+      warnings.push_back(fmt::format("target {}: its hue runs from {:g} through red to {:g}, {:g} degrees in all; {}",
+                                     target.name, c.hue_min_deg, c.hue_max_deg, hue_width_deg(c), meant_hue(c)));
   }
   std::vector<std::string> pairs;
   for (std::size_t a = 0; a < config.targets.size(); ++a) {

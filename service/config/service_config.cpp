@@ -303,14 +303,15 @@ class Printer {
  public:
   enum class Show : std::uint8_t {
     all,          // every value
-    all_origins,  // and which of them come from the taught file
+    all_origins,  // and which of them come from the configuration, and which from the taught file
     taught        // only what stands in the taught file
   };
   struct Style {
     Show show = Show::all;
     const TaughtKeys& taught;
-    std::string taught_name{};                   // of its file
-    std::vector<yaml::KeyPath>* keys = nullptr;  // what is printed is added to them
+    const std::set<yaml::KeyPath>* written = nullptr;  // what the configuration says, of all_origins
+    std::string written_name{}, taught_name{};         // of their files
+    std::vector<yaml::KeyPath>* keys = nullptr;        // what is printed is added to them
   };
   // path: of the mapping that is printed, empty at the root. style stays alive.
   Printer(std::string& out, const Style& style, yaml::KeyPath path = {})
@@ -441,8 +442,10 @@ class Printer {
     const bool is_taught = is_removed || style_.taught.given.contains(here);
     if (style_.show == Show::taught) {
       if (is_taught) write(key, is_removed ? "null" : value, "");
-    } else if (style_.show == Show::all_origins && is_taught) {
-      write(key, value, fmt::format("from {}{}{}", style_.taught_name, doc.empty() ? "" : "; ", doc));
+    } else if (style_.show == Show::all_origins && (is_taught || style_.written->contains(here))) {
+      write(key, value,
+            fmt::format("from {}{}{}", is_taught ? style_.taught_name : style_.written_name, doc.empty() ? "" : "; ",
+                        doc));
     } else {
       write(key, value, doc);
     }
@@ -599,6 +602,9 @@ class Reader {
         yaml_.fail(key, "is a matter of the camera's host: give it in the configuration of `huetrackd capture` there");
       return;
     }
+    for (const std::string_view said : {"source", "path", "url", "address", "video", "index", "id"})
+      if (!yaml_.has(key) && yaml_.has(said))
+        yaml_.fail(said, "is not a known key: the camera is device: /dev/v4l/by-path/..., an index, or rtsp://...");
     const std::string given = yaml_.string(key);
     const bool is_index = given.size() < 4 && std::ranges::all_of(given, [](char c) { return c >= '0' && c <= '9'; });
     value = is_index ? fs::path("/dev/video" + given) : fs::path(given);
@@ -875,6 +881,8 @@ calib::CameraRig rig_before_calibration(const std::vector<LiveCameraConfig>& cam
 ServiceConfig read_config(const fs::path& file, const yaml::YamlReader& written,
                           const std::optional<yaml::YamlReader>& taught) {
   ServiceConfig config = described(written, file);
+  std::set<yaml::KeyPath> said;
+  for (const auto& leaf : written.leaves()) said.insert(leaf.path);
   yaml::YamlReader root = written;
   if (taught) {
     taught->version(1);
@@ -884,6 +892,7 @@ ServiceConfig read_config(const fs::path& file, const yaml::YamlReader& written,
     for (const auto& [path, is_null] : taught->leaves())
       if (path != yaml::KeyPath{"version"}) (is_null ? config.taught.removed : config.taught.given).insert(path);
   }
+  config.written = std::move(said);
   if (config.is_calibrated()) {
     if (!is_file(config.rig_file))
       root.fail("rig", no_file(config.rig_file) + "; rig: none shows cameras that are not calibrated yet");
@@ -924,8 +933,11 @@ void describe_capture(Io& io, Config& config, const OfCamera& of_camera) {
 
 std::string printed(const ServiceConfig& config, Printer::Show show) {
   std::string out;
-  Printer::Style style{.show = show, .taught = config.taught};
-  if (show == Printer::Show::all_origins) style.taught_name = taught_file(config.file).filename().string();
+  Printer::Style style{.show = show, .taught = config.taught, .written = &config.written};
+  if (show == Printer::Show::all_origins) {
+    style.written_name = config.file.filename().string();
+    style.taught_name = taught_file(config.file).filename().string();
+  }
   Printer printer(out, style);
   describe(printer, config);
   return out;

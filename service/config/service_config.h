@@ -129,7 +129,9 @@ struct ServiceConfig {
   ControlConfig control;
   object_tracking::IgnoredRegions ignored;  // also in every target
   LogLevel log_level = LogLevel::info;
-  TaughtKeys taught;  // where values come from; no value, and nothing that compares configurations looks at it
+  // Where values come from, for people: no value, and nothing that compares configurations looks at it.
+  std::set<yaml::KeyPath> written;  // what `file` itself says
+  TaughtKeys taught;
   std::set<std::string> unsized_targets;  // whose radius_m nobody has said, so that it is the default; no value either
 
   // Nothing can be tracked before: `run` shows the cameras, so that they can be set up, and the rest refuses.

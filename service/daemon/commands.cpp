@@ -72,7 +72,7 @@ void on_choice(CLI::App& command, Command& chosen, Run run, const Signals::Other
 void add_check_command(CLI::App& app, Command& chosen) {
   const auto config = std::make_shared<std::filesystem::path>();
   CLI::App* command =
-      app.add_subcommand("check", "validate a configuration and print it resolved: every key, default or given");
+      app.add_subcommand("check", "validate a configuration and print every key's value, and where it comes from");
   command->add_option("config", *config, config_help)->required();
   on_choice(*command, chosen, [config](const std::stop_token&) { check(*config); });
 }

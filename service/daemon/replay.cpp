@@ -273,6 +273,9 @@ std::string shown_name(const recordings::Recording& recording) {
   return (folder.parent_path().filename() / folder.filename()).string();
 }
 
+// A target that is in view is found in two sets; what takes longer has a reason.
+constexpr double usual_search_s = 0.5;
+
 // config: as it was in force last. figures: when the road was empty
 ReplaySummary summary_of(const config::ServiceConfig& config, const ReplayCommand& command,
                          const pipeline::PipelineFigures& figures, const recordings::ReplaySource& source,
@@ -294,7 +297,10 @@ ReplaySummary summary_of(const config::ServiceConfig& config, const ReplayComman
   const std::vector<std::string> cameras = config.rig.camera_names();
   for (std::size_t t = 0; t < summary.targets.size(); ++t) {
     TargetSummary& target = summary.targets[t];
-    if (target.first_tracking_set) continue;
+    if (target.first_tracking_set) {
+      if (target.first_tracking_s > usual_search_s) target.advice = figures.searches[t].late_advice(config.targets[t]);
+      continue;
+    }
     target.advice =
         config::is_taught(config.targets[t])
             ? figures.searches[t].advice(config.targets[t], cameras)
@@ -363,10 +369,13 @@ ReplaySummary replay(const ReplayCommand& command, const std::stop_token& stop) 
   summary.mistakes = reports.mistakes.summary();
   const std::string unit_mistake = config::unit_mistake(config);
   if (!unit_mistake.empty()) summary.mistakes.push_back(unit_mistake);
-  // What a search suspects is said where nothing is known; beside a mistake that was found it would lead astray.
+  // What a search suspects is said where nothing is known; beside a mistake that was found it would lead astray. Of
+  // what was found, though late, any mistake tells more.
   for (TargetSummary& target : summary.targets) {
     const auto says_it = [&](const std::string& sentence) { return sentence.find(target.advice) != std::string::npos; };
-    if (!unit_mistake.empty() || reports.mistakes.has_explained_rig() || std::ranges::any_of(summary.mistakes, says_it))
+    const bool is_tracked = target.first_tracking_set.has_value();
+    if (!unit_mistake.empty() || (is_tracked && !summary.mistakes.empty()) || reports.mistakes.has_explained_rig() ||
+        std::ranges::any_of(summary.mistakes, says_it))
       target.advice.clear();
   }
   summary.left_out = reports.objects.summary();

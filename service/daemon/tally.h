@@ -22,7 +22,7 @@ struct TargetSummary {
   double first_tracking_s = 0;                      // capture time from the first set to that one
   std::optional<tracks::TruthFigures> truth;
   std::optional<truth::TrackOffset> clock_offset;  // that explains most of its error
-  std::string advice;                              // when it was never tracked: what to try
+  std::string advice;                              // when it was never tracked, or late: what to try
 };
 
 struct CameraSummary {

@@ -280,7 +280,10 @@ class Doctor {
                      config_->is_calibrated() ? "rig " + config_->rig_file.string() : "no rig yet",
                      config_->rig.cameras.size(), config_->targets.size()),
          ""});
-    for (const auto& warning : config::warnings_of(*config_)) say({Grade::warning, warning, ""});
+    // Nothing can be tracked with it: check ends with it, too.
+    const std::string unit = config::unit_mistake(*config_);
+    for (const auto& warning : config::warnings_of(*config_))
+      say({warning == unit ? Grade::problem : Grade::warning, warning, ""});
     if (const auto both = pipeline::one_under_two_names(config_->cameras))
       say({Grade::problem, "cameras: " + *both, "give each its own device: run refuses to start so"});
     if (config_->cameras.empty())

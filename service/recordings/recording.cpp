@@ -144,6 +144,11 @@ Recording read_recording(const std::filesystem::path& path) {
   const auto folder = recording.file.parent_path();
   refuse_videos(recording.file);
   const auto yaml = yaml::YamlReader::file(recording.file);
+  if (yaml.has("rig") || yaml.has("targets"))
+    yaml.fail(
+        "",
+        "this is a configuration, not a recording: a recording is a folder with a recording.yaml, which names each "
+        "camera's frames");
   yaml.version(1);
   if (yaml.has("started_at"))
     recording.started_at =

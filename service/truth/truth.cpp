@@ -20,14 +20,17 @@ double seconds(std::chrono::nanoseconds d) {
 }  // namespace
 
 Truth Truth::read(const std::filesystem::path& file) {
-  static constexpr std::string_view columns[] = {"ball|target", "t", "x", "y", "z"};
+  static constexpr std::string_view columns[] = {"ball|target?", "t", "x", "y", "z"};
   yaml::CsvTable table(file, columns);
   Truth truth;
   while (table.next()) {
     const Sample sample{table.time(1), {table.number(2), table.number(3), table.number(4)}};
     if (sample.position.array().isNaN().all()) continue;  // before its target is known: one without any has no truth
-    auto& samples = truth.targets_[std::string(table.text(0))];
-    if (!samples.empty() && sample.at <= samples.back().at) table.fail("t must grow from row to row of one target");
+    auto& samples = truth.targets_[table.has(0) ? std::string(table.text(0)) : std::string()];
+    if (!samples.empty() && sample.at <= samples.back().at)
+      table.fail(table.has(0)
+                     ? "t must grow from row to row of one target"
+                     : "t must grow from row to row; of several targets a column ball or target has the names");
     if (!sample.position.allFinite()) table.fail("x, y and z must be finite, or all three nan where it is not known");
     samples.push_back(sample);
   }
@@ -39,12 +42,12 @@ std::vector<std::string> Truth::match(std::span<const std::string> targets) {
     auto only = targets_.extract(targets_.begin());
     const std::string ball = std::exchange(only.key(), targets.front());
     targets_.insert(std::move(only));
-    return {"the truth is of a ball named " + ball + ", the only one, and is compared with the only target, " +
-            targets.front()};
+    return {"the truth is of a ball " + (ball.empty() ? "without a name" : "named " + ball) +
+            ", the only one, and is compared with the only target, " + targets.front()};
   }
   // By a loop: clang 14, with which this is fuzzed, does not take views::keys.
   std::vector<std::string> names;
-  for (const auto& [name, _] : targets_) names.push_back(name);
+  for (const auto& [name, _] : targets_) names.push_back(name.empty() ? "one without a name" : name);
   const std::string balls = names.empty() ? "none" : yaml::joined(names);
   std::vector<std::string> sentences;
   for (const auto& target : targets) {

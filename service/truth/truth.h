@@ -17,9 +17,9 @@ using Timestamp = std::chrono::sys_time<std::chrono::nanoseconds>;  // on the re
 // Where targets really were, on the recording's clock. Immutable.
 class Truth {
  public:
-  // CSV with the columns ball or target (the target's name), t (seconds), x, y, z (metres); others are ignored. A row
-  // whose x, y and z are nan says nothing: so a track of ours, which has such rows while it is searching, can be what
-  // another one is compared with. throws ConfigError
+  // CSV with the columns ball or target (the target's name; without it they are all of one, whose name is empty), t
+  // (seconds), x, y, z (metres); others are ignored. A row whose x, y and z are nan says nothing: so a track of ours,
+  // which has such rows while it is searching, can be what another one is compared with. throws ConfigError
   static Truth read(const std::filesystem::path& file);
 
   struct Sample {

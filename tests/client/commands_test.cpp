@@ -287,6 +287,12 @@ TEST(Export, AFullDiskLeavesNothingBehind) {
   std::filesystem::remove_all(folder);
 }
 
+TEST(Export, ARecordingWhereATrackBelongsIsOneSentence) {
+  ChildProcess client({HUETRACK_CLIENT, "export", ::testing::TempDir(), "--out", "/none/track.mcap"});
+  EXPECT_EQ(client.exit_status(5s), 1);
+  EXPECT_THAT(client.err(), HasSubstr("a recording's pictures are exported by --pictures"));
+}
+
 TEST(Watch, WrongArgumentsAreNamed) {
   ChildProcess format(huetrack({"watch", "--format", "xml"}));
   EXPECT_THAT(format.exit_status(5s), ::testing::Optional(::testing::Ne(0)));

@@ -255,6 +255,11 @@ TEST(SampleFormat, StatusNamesWhatIsWrong) {
       "  camera    left  stalled       0.0 Hz, 7 frames, 0 dropped, 0 corrupted, the last 3.00 s ago: no frame for "
       "3 s\n"
       "  warning   too dark\n");
+  s.mode("held");
+  EXPECT_NE(text(s, 1'700'000'000'500'000'000)
+                .find("  camera    left  held          0.0 Hz, 7 frames, 0 dropped, 0 "
+                      "corrupted, the last 3.00 s ago\n"),
+            std::string::npos);
 }
 
 TEST(SampleFormat, ANumberThatIsNoStateOfOursIsNotOneOfThem) {

@@ -345,9 +345,8 @@ INSTANTIATE_TEST_SUITE_P(
                 "version: 1\nrig: none\ncameras: {cam0: {device: 0}}\ncamera_tracking: {camera: cam0}\n",
                 "c.yaml:4: camera_tracking.camera: cannot be tracked yet: rig is none"},
         Mistake{"NoTargets", head,
-                "c.yaml:1: targets: at least one target is needed: targets: {ball: {color: {hue_deg: [65, 115]}}}; or "
-                "a camera to "
-                "track, under camera_tracking"},
+                "c.yaml:1: targets: at least one target is needed: targets: {ball: {color: {hue_deg: [65, 115]}}}, or "
+                "{ball: {}} to be taught; or a camera to track, under camera_tracking"},
         Mistake{"NoHue", head + "targets:\n  ball:\n    color: {saturation: [0.3, 1]}\n",
                 "c.yaml:5: targets.ball.color.hue_deg is missing"},
         Mistake{"TargetNameThatIsNoTopic", head + "targets:\n  ball__x: {color: {hue_deg: [65, 115]}}\n",
@@ -378,6 +377,10 @@ INSTANTIATE_TEST_SUITE_P(
                 "c.yaml:5: cameras.cam1.fps must be > 0 and <= 10000 (is 1000000000)"},
         Mistake{"CameraWithoutDevice", ball + "cameras:\n  cam1: {fps: 30}\n",
                 "c.yaml:5: cameras.cam1.device is missing"},
+        Mistake{"DeviceUnderAnotherName", ball + "cameras:\n  cam1: {source: /dev/video0}\n",
+                "c.yaml:5: cameras.cam1.source: is not a known key: the camera is device: /dev/v4l/by-path/..., an "
+                "index, or "
+                "rtsp://..."},
         Mistake{"DeviceNotBelowDev", ball + "cameras:\n  cam1: {device: webcam}\n",
                 "c.yaml:5: cameras.cam1.device: must be a path below /dev, an index, or an address like rtsp://..., "
                 "got \"webcam\": "
@@ -468,6 +471,9 @@ TEST_F(ServiceConfigFile, WarnsOfWhatIsProbablyNotMeant) {
       ElementsAre("targets a and b have overlapping colours in camera cam0 and may be taken for each other"));
   EXPECT_THAT(warnings_of(load(head + "targets: {a: {color: {hue_deg: [160, 80]}}}\n")),
               ElementsAre(HasSubstr("were [80, 160] meant?")));
+  // Red, as OpenCV has it.
+  EXPECT_THAT(warnings_of(load(head + "targets: {a: {color: {hue_deg: [170, 10]}}}\n")),
+              ElementsAre(HasSubstr("were [340, 20] meant, which are [170, 10] in OpenCV's units (0 to 180)?")));
   // Many targets of one colour are one line, not one for each pair.
   EXPECT_THAT(warnings_of(load(head + targets_of_one_color(40))),
               ElementsAre(testing::StartsWith("780 pairs of targets have overlapping colours")));

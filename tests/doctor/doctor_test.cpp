@@ -224,6 +224,14 @@ TEST(JudgeNetworkCamera, SaysHowManyPicturesCome) {
   EXPECT_EQ(judge_network_camera({.pictures = 1, .seconds = 0, .failure = {}}).verdict, Grade::ok);
 }
 
+TEST_F(DoctorsConfig, AVolumeInMillimetresIsAProblemAsOfCheck) {
+  capture::write_text(folder / "c.yaml",
+                      "version: 1\nrig: " HUETRACK_SOURCE_DIR
+                      "/configs/demo/recording/rig.yaml\ndds: {enabled: false}\ntargets: {ball: {}}\n"
+                      "object_tracking: {volume: {min: [-1000, -1000, 0], max: [1000, 1000, 2000]}}\n");
+  EXPECT_THAT(said(folder / "c.yaml"), HasSubstr("FAIL  object_tracking.volume is 2000 m long"));
+}
+
 TEST_F(DoctorsConfig, AMissingFileIsNoLineToCorrect) {
   const std::string text = said(folder / "none.yaml");
   EXPECT_THAT(text,

@@ -321,6 +321,7 @@ TEST_F(EndToEnd, MistakesAreOneReadableLineAndExitStatusOne) {
       {{"replay", config, recording, "--no-dds", "--pictures", "/proc/pictures"}, "/proc/pictures"},
       {{"check", recording + "/rig.yaml"}, "this is a rig, not a configuration"},
       {{"replay", config, recording + "/rig.yaml", "--no-dds"}, "this is a rig, not a recording"},
+      {{"replay", config, config, "--no-dds"}, "this is a configuration, not a recording"},
       {{"replay", config, recording + "/cam0.mkv", "--no-dds"}, "cam0.mkv: is a video or a picture, not a recording"},
       {{"replay", config, recording, "--hold"}, "--hold needs control: {allow_teach: true}"},
       {{"replay", config, recording, "--hold", "--no-dds"}, "--hold needs DDS"},
@@ -357,6 +358,22 @@ TEST_F(EndToEnd, ARigInMillimetresIsTheMistake) {
   EXPECT_EQ(replayed.status, 3);
   EXPECT_THAT(lines_of(replayed.out).back(), StartsWith("  mistake the cameras stand up to "));
   EXPECT_THAT(replayed.out, Not(HasSubstr("check the calibration and the radius")));
+}
+
+// Too short for what the views agree on to be a mistake: what the search saw says it.
+TEST_F(EndToEnd, ARadiusOfTwiceTheSizeIsSaidWhereTheLockIsLate) {
+  const fs::path fast = fs::path(HUETRACK_SHARED_DATA) / "rendered/fast_60fps";
+  if (!fs::exists(fast)) GTEST_SKIP() << fast << " is not there";
+  const auto replayed = [&](const std::string& radius_m) {
+    const std::string file =
+        write("version: 1\nrig: " + (fast / "rig.yaml").string() + "\ntargets: {pink: {radius_m: " + radius_m +
+                  ", color: {hue_deg: [310, 350]}}}\n",
+              "fast.yaml");
+    return run({HUETRACKD, "replay", file, fast.string(), "--no-dds"}).out;
+  };
+  EXPECT_THAT(replayed("0.08"),
+              HasSubstr("  search  pink: it was found late: what has its colour has the size of a ball"));
+  EXPECT_THAT(replayed("0.04"), Not(HasSubstr("  search  ")));
 }
 
 TEST_F(EndToEnd, ATargetWithoutAColorIsSaidToHaveNone) {

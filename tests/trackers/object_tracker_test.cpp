@@ -722,6 +722,15 @@ TEST(SearchFindings, sayThatTheColorIsNotThere) {
   EXPECT_THAT(found.advice(lime(), {"a", "b"}), HasSubstr("no camera shows a region of its colour"));
 }
 
+TEST(SearchFindings, sayOfATargetThatWasFoundLateWhichRadiusItShowed) {
+  SearchFindings found;
+  EXPECT_EQ(found.late_advice(lime()), "");
+  found.radius_before_m = 0.04;
+  EXPECT_EQ(found.late_advice(lime()), "");
+  found.radius_before_m = 0.08;
+  EXPECT_THAT(found.late_advice(lime()), HasSubstr("it was found late: what has its colour has the size of a ball"));
+}
+
 TEST(SearchFindings, areForgottenWhenTheTargetIsFound) {
   const SearchFindings found = findings_of(ring(2).ball({}).build(), lime(), 12);
   EXPECT_EQ(found.sets, 0u);

@@ -60,7 +60,10 @@ TEST_F(TruthFile, MistakesAreNamedWithTheLine) {
     }
     return "no error";
   };
-  EXPECT_EQ(error("t,x,y,z\n"), file_.string() + ":1: the header has no column ball or target");
+  EXPECT_EQ(error("ball,x,y,z\n"), file_.string() + ":1: the header has no column t");
+  EXPECT_EQ(
+      error("t,x,y,z\n0,0,0,0\n0,1,1,1\n"),
+      file_.string() + ":3: t must grow from row to row; of several targets a column ball or target has the names");
   EXPECT_EQ(error("ball,t,x,y,z\nb,0,0,0,0\nb,0,1,1,1\n"),
             file_.string() + ":3: t must grow from row to row of one target");
   EXPECT_EQ(error("ball,t,x,y,z\nb,0,nan,0,0\n"),
@@ -70,6 +73,14 @@ TEST_F(TruthFile, MistakesAreNamedWithTheLine) {
 TEST_F(TruthFile, MayNameItsTargetsAsOurTracksDo) {
   const Truth t = truth("target,t,x,y,z\nlime,0,1,2,3\nlime,0.1,1,2,3\n");
   EXPECT_TRUE(t.targets().contains("lime"));
+}
+
+TEST_F(TruthFile, MayBeOfOneTargetWithoutAName) {
+  Truth t = truth("t,x,y,z\n0,1,2,3\n0.1,1,2,3\n");
+  const std::vector<std::string> two{"lime", "pink"}, one{"lime"};
+  EXPECT_THAT(t.match(two), testing::ElementsAre(testing::HasSubstr("it has one without a name"), testing::_));
+  EXPECT_THAT(t.match(one), testing::ElementsAre(testing::HasSubstr("of a ball without a name, the only one")));
+  EXPECT_EQ(t.position("lime", Timestamp(100ms)), Eigen::Vector3d(1, 2, 3));
 }
 
 TEST_F(TruthFile, MayBeATrackThatSearchesForAWhile) {

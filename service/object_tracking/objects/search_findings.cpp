@@ -18,6 +18,14 @@ namespace {
 // by a half, its radius is by a quarter.
 constexpr double alike = 1.3;
 
+// What to do about the radius, or the colour, of what was searched for and showed a radius; empty: they are alike.
+std::string size_advice(const std::optional<double>& radius_m, const TargetOptions& target) {
+  if (!radius_m || (*radius_m <= alike * target.radius_m && *radius_m >= target.radius_m / alike)) return {};
+  return fmt::format(
+      "what has its colour has the size of a ball of radius {:.3g} m, not {:.3g}: correct radius_m, or {} its colour",
+      *radius_m, target.radius_m, *radius_m > target.radius_m ? "narrow" : "widen");
+}
+
 // The radius of the ball that shows this region at p; 0: none.
 double radius_of(const calib::Camera& camera, const color::ColorRegion& region, const Eigen::Vector3d& p) {
   const auto at = appearance_of(camera, p, 1.0);
@@ -54,7 +62,11 @@ void SearchLog::add(const std::vector<TargetView>& views, std::span<const std::v
 }
 
 void SearchLog::clear() {
+  if (findings_.sets == 0 && was_found_) return;
+  const std::optional<double> before_m = was_found_ ? findings_.radius_before_m : findings().radius_m;
   *this = SearchLog(findings_.sets_with_color.size());
+  findings_.radius_before_m = before_m;
+  was_found_ = true;
 }
 
 SearchFindings SearchLog::findings() const {
@@ -81,18 +93,18 @@ std::string SearchFindings::advice(const TargetOptions& target, const std::vecto
   std::vector<std::string> seeing, blind;
   for (std::size_t c = 0; c < sets_with_color.size() && c < cameras.size(); ++c)
     (10 * sets_with_color[c] >= sets ? seeing : blind).push_back(cameras[c]);
-  if (radius_m && (*radius_m > alike * target.radius_m || *radius_m < target.radius_m / alike)) {
-    return fmt::format(
-        "what has its colour has the size of a ball of radius {:.3g} m, not {:.3g}: correct radius_m, or {} its "
-        "colour",
-        *radius_m, target.radius_m, *radius_m > target.radius_m ? "narrow" : "widen");
-  }
+  if (std::string of_size = size_advice(radius_m, target); !of_size.empty()) return of_size;
   if (seeing.empty()) return "no camera shows a region of its colour: widen its colour, or check the volume";
   if (!blind.empty())
     return fmt::format("its colour is seen by {} but hardly ever by {}: set camera_colors for these",
                        fmt::join(seeing, ", "), fmt::join(blind, ", "));
   return "all cameras show regions of its colour, but their rays do not meet in the volume where a ball of its radius "
          "would look so: check the calibration and the radius, or narrow its colour";
+}
+
+std::string SearchFindings::late_advice(const TargetOptions& target) const {
+  const std::string of_size = size_advice(radius_before_m, target);
+  return of_size.empty() ? "" : "it was found late: " + of_size;
 }
 
 }  // namespace huetrack::objects

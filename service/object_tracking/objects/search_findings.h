@@ -19,12 +19,16 @@ struct SearchFindings {
   std::size_t sets = 0;
   std::vector<std::size_t> sets_with_color;  // per camera of the rig: sets in which it showed a region of the colour
   std::optional<double> radius_m;            // that the regions of two views agree on, if they do; > 0
+  // The same of the search before the target was first found; nullopt also where it never was.
+  std::optional<double> radius_before_m;
   // Something moves through the volume as the target would, of twice the hue: hue_deg was given in OpenCV's units, of
   // which there are 180.
   bool is_found_at_twice_the_hue = false;
   // What a user should try, one sentence; empty when nothing was searched. `cameras`: their names, in the order of the
   // rig.
   std::string advice(const object_tracking::TargetOptions& target, const std::vector<std::string>& cameras) const;
+  // The same of a target that was found, but late; empty where nothing tells why.
+  std::string late_advice(const object_tracking::TargetOptions& target) const;
 };
 
 // thread-compatible.
@@ -40,6 +44,7 @@ class SearchLog {
 
  private:
   static constexpr std::size_t kept_radii = 300;
+  bool was_found_ = false;
   SearchFindings findings_;
   std::vector<double> radii_m_;  // of pairs of regions that one ball can explain; a ring once it is full
   std::size_t next_ = 0;
