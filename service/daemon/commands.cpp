@@ -251,7 +251,8 @@ void add_teach_command(CLI::App& app, Command& chosen) {
       ->check(CLI::Range(-50, 50));
   command
       ->add_option("--ignore", teaching->ignore,
-                   "CAMERA,U_MIN,V_MIN,U_MAX,V_MAX: nothing matches in there; may be repeated")
+                   "CAMERA,U_MIN,V_MIN,U_MAX,V_MAX: nothing matches in there; may be repeated; without --at and a "
+                   "recording, only these rectangles are saved")
       ->allow_extra_args(false);
   command->add_option("--pictures", teaching->pictures, "draw what matches, one picture per camera, into this folder");
   command->add_flag("--dry-run", teaching->dry_run, "only say what would be learnt");

@@ -104,6 +104,16 @@ struct Pointing {
   std::map<int, std::int64_t> frames;
 };
 
+// The rectangles of the configuration, and those of the command.
+object_tracking::IgnoredRegions with_ignored(const TeachCommand& command, const config::ServiceConfig& config) {
+  object_tracking::IgnoredRegions ignored = config.ignored;
+  for (const std::string& text : command.ignore) {
+    const auto [camera, box] = ignored_of(config.rig, text);
+    color_teaching::add_ignored(ignored, camera, box);
+  }
+  return ignored;
+}
+
 Pointing pointing_of(const TeachCommand& command, const config::ServiceConfig& config) {
   if (command.at.empty()) throw std::runtime_error("point at the object: --at CAMERA,FRAME,U,V");
   Pointing pointing;
@@ -116,11 +126,7 @@ Pointing pointing_of(const TeachCommand& command, const config::ServiceConfig& c
           fmt::format("--at \"{}\": there is another --at for this camera; one per camera counts", text));
     pointing.request.points.push_back(at.point);
   }
-  pointing.request.ignored = config.ignored;
-  for (const std::string& text : command.ignore) {
-    const auto [camera, box] = ignored_of(config.rig, text);
-    color_teaching::add_ignored(pointing.request.ignored, camera, box);
-  }
+  pointing.request.ignored = with_ignored(command, config);
   return pointing;
 }
 
@@ -285,6 +291,15 @@ void tell_services(const config::ServiceConfig& config) {
   if (!told) fmt::print("no huetrackd runs with this file on this host: it takes effect at the next start\n");
 }
 
+// Without a colour being taught, as the page saves them.
+void save_rectangles(const TeachCommand& command, const config::ServiceConfig& config) {
+  const object_tracking::IgnoredRegions ignored = with_ignored(command, config);
+  if (command.dry_run) return;
+  const std::filesystem::path written = config::save_ignored(config.file, ignored);
+  fmt::print("written into {}: nothing matches in these rectangles any more\n", written.string());
+  tell_services(config);
+}
+
 // numbers: of the frames, per camera.
 void print_lesson(const color_teaching::Lesson& lesson, const calib::CameraRig& rig,
                   const std::vector<std::int64_t>& numbers, std::optional<double> said_radius_m) {
@@ -386,6 +401,10 @@ int teach(const TeachCommand& command, std::stop_token stop) {
     return 0;
   }
   config::require_rig(config);
+  if (command.at.empty() && command.recording.empty() && !command.ignore.empty()) {
+    save_rectangles(command, config);
+    return 0;
+  }
   if (command.recording.empty()) throw std::runtime_error("teach from what? Give a recording, or the word live");
   const object_tracking::TargetOptions& target = target_of(config, command.target);
   refuse_pictures_over_what_is_read(command, config);

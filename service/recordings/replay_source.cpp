@@ -71,6 +71,7 @@ class Stream {
                          : camera_.fps > 0 ? capture::duration_of(static_cast<double>(camera_.every) / camera_.fps)
                          : reader_         ? camera_.every * reader_->frame_period()
                                            : capture::Duration::zero();
+    warn_of_rate();
     if (!camera_.timestamps.empty())
       info_.expected_frames = selection_.count_below(camera_.timestamps.back().first + 1);
     else if (const auto count = reader_ ? reader_->frame_count() : std::nullopt)
@@ -250,6 +251,15 @@ class Stream {
     if (!std::exchange(has_no_stamps_, true) && last_stamp_)
       warn("frame " + std::to_string(picture.index) + " and perhaps others have no time stamp: they are left out");
     return std::nullopt;
+  }
+
+  // A number that somebody typed is wrong more often than a file; of slow motion it may be meant.
+  void warn_of_rate() {
+    if (!(camera_.fps > 0) || !reader_ || reader_->frame_count().value_or(1) < 2) return;  // a picture has no rate
+    const double period_s = capture::seconds(reader_->frame_period());
+    if (!(period_s > 0) || std::abs(camera_.fps * period_s - 1) < 0.02) return;
+    warn(fmt::format("fps says {:g}, the file itself {:.4g} frames a second: if the file is right, leave fps out",
+                     camera_.fps, 1 / period_s));
   }
 
   // A file of the stated rate that lacks a frame: every time from there on is wrong by a frame.

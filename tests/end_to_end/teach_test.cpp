@@ -104,7 +104,7 @@ TEST_F(Teach, OnePointSuggestsTheOtherAndTheColourThenTracks) {
   const Result check = run({"check", config});
   ASSERT_EQ(check.status, 0) << check.err;
   EXPECT_THAT(check.out, ContainsRegex("\n      hue_deg: \\[[0-9.]+, [0-9.]+\\] +# from huetrackd.taught.yaml; "));
-  EXPECT_THAT(check.out, ContainsRegex("\n    radius_m: 0.04 +# of the ball"));
+  EXPECT_THAT(check.out, ContainsRegex("\n    radius_m: 0.04 +# from huetrackd.yaml; of the ball"));
   const Result replay = run({"replay", config, recording, "--no-dds", "--truth", recording + "/groundtruth.csv"});
   ASSERT_EQ(replay.status, 0) << replay.err;
   EXPECT_THAT(replay.out, ContainsRegex("tracking from set [23] on"));
@@ -115,6 +115,20 @@ TEST_F(Teach, OnePointSuggestsTheOtherAndTheColourThenTracks) {
   EXPECT_EQ(renamed.status, 1);
   EXPECT_THAT(renamed.err, ContainsRegex("huetrackd.taught.yaml:7: targets.lime: .*/huetrackd.yaml has no such target: "
                                          "rename it here too, or take it out of this file\n$"));
+}
+
+TEST_F(Teach, RectanglesAreSavedAlone) {
+  const Result saved = run({"teach", config, "--ignore", "cam1,10,20,30,40"});
+  ASSERT_EQ(saved.status, 0) << saved.err;
+  EXPECT_THAT(saved.out, HasSubstr("nothing matches in these rectangles any more"));
+  const config::ServiceConfig now = config::load_service_config(config);
+  ASSERT_EQ(now.ignored.size(), 1U);
+  EXPECT_EQ(now.ignored[0].first, "cam1");
+  EXPECT_EQ(now.ignored[0].second.at(0).u_max, 30);
+  EXPECT_EQ(now.targets[0].color.hue_min_deg, 200) << "the colour is as it was";
+  const Result undone = run({"teach", config, "--undo"});
+  ASSERT_EQ(undone.status, 0) << undone.err;
+  EXPECT_THAT(config::load_service_config(config).ignored, IsEmpty());
 }
 
 TEST_F(Teach, MistakesAreOneReadableLine) {

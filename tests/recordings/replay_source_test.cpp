@@ -67,7 +67,7 @@ class Replay : public testing::Test {
 // ---- Times and numbers
 
 TEST_F(Replay, AFrameRateGivesExactlyRoundedTimes) {
-  capture::write_clip(folder / "a.avi", {.codec = "mjpeg", .format = AV_PIX_FMT_YUVJ422P, .frames = 8});
+  capture::write_clip(folder / "a.avi", {.codec = "mjpeg", .format = AV_PIX_FMT_YUVJ422P, .frames = 8, .fps = 30});
   auto source = open("frames: a.avi, fps: 30, offset_s: 0.5");
   EXPECT_EQ(source.expected_frames(), 8);
   const auto frames = read_all(source);
@@ -76,6 +76,13 @@ TEST_F(Replay, AFrameRateGivesExactlyRoundedTimes) {
   EXPECT_THAT(shown(frames), ElementsAre(0, 1, 2, 3, 4, 5, 6, 7));
   EXPECT_THAT(numbers(frames), ElementsAre(0, 1, 2, 3, 4, 5, 6, 7));
   EXPECT_THAT(source.take_warnings(), IsEmpty());
+}
+
+TEST_F(Replay, AFrameRateThatIsNotTheFilesIsSaid) {
+  capture::write_clip(folder / "a.avi", {.codec = "mjpeg", .format = AV_PIX_FMT_YUVJ422P, .frames = 8, .fps = 30});
+  auto source = open("frames: a.avi, fps: 28");
+  EXPECT_THAT(source.take_warnings(),
+              ElementsAre(AllOf(HasSubstr("a.avi"), HasSubstr("fps says 28, the file itself 30 frames a second"))));
 }
 
 TEST_F(Replay, EverySecondFrameKeepsItsOwnTime) {
