@@ -248,6 +248,10 @@ dds::DataWriterQos camera_frames_writer_qos() {
   // else.
   qos.reliable_writer_qos().times.heartbeatPeriod = Duration_t(0, 20 * ms);
   qos.reliable_writer_qos().times.nackResponseDelay = Duration_t(0, 10 * ms);
+  // As soon as a sample is replaced that is not acknowledged yet, Fast DDS adds a heartbeat to every fragment. The
+  // first one tells of a whole frame, whose rest is then asked for, and sent twice, by a network that is too slow
+  // already.
+  qos.reliable_writer_qos().disable_heartbeat_piggyback = true;
   return qos;
 }
 

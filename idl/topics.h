@@ -116,8 +116,8 @@ void limit_instances(std::string_view topic, eprosima::fastdds::dds::DataReaderQ
 //   camera_host      as status.
 //   host_clocks      as status.
 //   frames/...       reliable, volatile, keep-last 4, sent by a thread of Fast DDS' own (a frame is many datagrams);
-//   what
-//                    is lost is asked for again within 20 ms; a network that is too slow loses all frames.
+//                    what is lost is asked for again within 20 ms. How many are on their way is the writer's affair
+//                    (hosts/frame_window.h): of a network that is too slow for them nearly all would be lost.
 //   matches/...      as frames/...
 //   looked_for       as status.
 //   outlines/...     as clock_probe: the next one comes with the next frame.

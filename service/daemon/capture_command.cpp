@@ -24,8 +24,9 @@ constexpr auto status_every = 1s;
 constexpr capture::Duration camera_patience = 3s;  // several heartbeats of a camera
 
 std::string said_of(const std::string& name, const capture::CameraHealth& health, const hosts::SentFigures& sent) {
-  return health.state == capture::CaptureState::delivering ? fmt::format("{} {} frames sent", name, sent.frames)
-                                                           : fmt::format("{} {}", name, capture::name(health.state));
+  if (health.state != capture::CaptureState::delivering) return fmt::format("{} {}", name, capture::name(health.state));
+  return fmt::format("{} {} frames sent{}", name, sent.frames,
+                     sent.left_out == 0 ? "" : fmt::format(", {} left out", sent.left_out));
 }
 
 std::string said_of_light(const capture::LightFindings& findings) {
@@ -72,9 +73,9 @@ void capture_cameras(const config::CaptureConfig& config, std::vector<capture::L
       std::vector<std::string> words;
       for (std::size_t c = 0; c < names.size(); ++c) {
         words.push_back(said_of(names[c], healths[c], sent[c]));
-        if (sent[c].refused > before[c].refused)
-          spdlog::warn("camera {}: the network took {} frames fewer than the camera gave", names[c],
-                       sent[c].refused - before[c].refused);
+        const std::uint64_t fewer = sent[c].refused + sent[c].left_out - before[c].refused - before[c].left_out;
+        if (fewer > 0)
+          spdlog::warn("camera {}: the network took {} frames fewer than the camera gave", names[c], fewer);
       }
       before = sent;
       if (!std::exchange(is_ready, true)) notify_service_manager("READY=1");
@@ -90,7 +91,8 @@ void capture_cameras(const config::CaptureConfig& config, std::vector<capture::L
   running.join();
   const auto sent = cameras_here.sent();
   for (std::size_t c = 0; c < names.size(); ++c)
-    spdlog::info("camera {}: {} frames sent, {:.1f} MB", names[c], sent[c].frames, double(sent[c].bytes) / 1e6);
+    spdlog::info("camera {}: {} frames sent, {:.1f} MB, {} left out for a slow network", names[c], sent[c].frames,
+                 double(sent[c].bytes) / 1e6, sent[c].left_out);
 }
 
 }  // namespace huetrack::daemon

@@ -11,6 +11,7 @@
 
 #include "capture/capture_clock.h"
 #include "hosts/frame_message.h"
+#include "hosts/frame_window.h"
 #include "hosts/machine_clock.h"
 #include "hosts/match_finder.h"
 #include "hosts/wanted_matches.h"
@@ -50,6 +51,10 @@ msg::HostedCameraState state_of(capture::CaptureState state) {
   return msg::HOSTED_CAMERA_ABSENT;
 }
 
+bool have_all(dds::DataWriter& writer) {
+  return writer.wait_for_acknowledgments({0, 0}) == eprosima::fastrtps::types::ReturnCode_t::RETCODE_OK;
+}
+
 bool is_listened_to(dds::DataWriter& writer) {
   dds::PublicationMatchedStatus matched;
   writer.get_publication_matched_status(matched);
@@ -81,7 +86,7 @@ struct CameraHost::Impl {
     WantedMatches wanted;                      // guarded by mutex
     std::string light;                         // what is said of it; guarded by mutex
     std::vector<capture::CameraEvent> events;  // of light, not told yet; guarded by mutex
-    std::atomic<std::uint64_t> frames = 0, refused = 0, bytes = 0;
+    std::atomic<std::uint64_t> frames = 0, refused = 0, left_out = 0, bytes = 0;
   };
 
   Impl(CameraHostOptions given, std::vector<capture::LiveCamera> live)
@@ -223,6 +228,7 @@ struct CameraHost::Impl {
     capture::LightFindings light;
     WantedOutlines outlines;
     msg::ExpectedOutlines said;
+    FrameWindow window;
     while (const auto frame = camera.live.source->next(stop)) {
       if (matches_writer != nullptr && is_listened_to(*matches_writer) && is_looked_for(camera, look_for)) {
         hear_outlines(camera, *frame, outlines, run, said, look_for.patches);
@@ -239,6 +245,10 @@ struct CameraHost::Impl {
         camera.light.clear();
       }
       if (frame->matches || !is_listened_to(*camera.writer)) continue;  // matches are no picture
+      if (!window.may_send(have_all(*camera.writer), std::chrono::steady_clock::now())) {
+        ++camera.left_out;
+        continue;
+      }
       to_message(*frame, message);
       send(camera, *camera.writer, message);
     }
@@ -338,7 +348,8 @@ std::vector<capture::CameraHealth> CameraHost::healths() const {
 std::vector<SentFigures> CameraHost::sent() const {
   std::vector<SentFigures> out;
   for (const auto& camera : impl_->cameras)
-    out.push_back({.frames = camera->frames, .refused = camera->refused, .bytes = camera->bytes});
+    out.push_back(
+        {.frames = camera->frames, .refused = camera->refused, .left_out = camera->left_out, .bytes = camera->bytes});
   return out;
 }
 

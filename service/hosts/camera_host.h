@@ -35,13 +35,15 @@ std::string name_of_this_machine();
 
 // What one camera has sent so far.
 struct SentFigures {
-  std::uint64_t frames = 0;   // written
-  std::uint64_t refused = 0;  // by the bus: it was full, or the frame too large
+  std::uint64_t frames = 0;    // written
+  std::uint64_t refused = 0;   // by the bus: it was full, or the frame too large
+  std::uint64_t left_out = 0;  // as the network had not taken those before (FrameWindow)
   std::uint64_t bytes = 0;
 };
 
-// One thread per camera reads and writes; a bus that is full loses whole frames of that camera, and holds up no other.
-// Only what somebody subscribes to is written. thread-compatible; sent() and healths() are thread-safe.
+// One thread per camera reads and writes; a bus that is full loses whole frames of that camera, and holds up no other;
+// of what a slow network cannot take whole frames are left out, for all trackers of that camera alike. Only what
+// somebody subscribes to is written. thread-compatible; sent() and healths() are thread-safe.
 class CameraHost {
  public:
   // throws std::invalid_argument, std::runtime_error as DdsParticipant does; or a name is no is_host_name().

@@ -29,6 +29,7 @@ DOMAIN = 77
 FPS = 30
 PERIOD_NS = round(1e9 / FPS)  # of the films
 DELAY_US = 200
+SLOW_QUEUE = 256_000  # bytes that wait for a slow link
 TICKS = os.sysconf("SC_CLK_TCK")
 
 
@@ -56,7 +57,7 @@ class Figures:
 class Network:
     """Namespaces ht-0, ht-1, ..., each with eth0, and the switch between them in this one."""
 
-    def __init__(self, count, lost_per_million, folder, has_multicast=True):
+    def __init__(self, count, lost_per_million, folder, has_multicast=True, slow_mbit=None):
         self.count = count
         for n in range(count):
             ip("netns", "add", f"ht-{n}")
@@ -67,6 +68,8 @@ class Network:
             ip("-n", f"ht-{n}", "link", "set", "lo", "up")
             ip("-n", f"ht-{n}", "route", "add", "default", "dev", "eth0")  # for multicast
         options = [] if has_multicast else ["--no-multicast"]
+        if slow_mbit:
+            options += ["--slow", f"ht-b1,{1000 * slow_mbit},{SLOW_QUEUE}"]
         self.switch = subprocess.Popen(
             [folder / "slow_network", *options, str(DELAY_US), str(lost_per_million), "1", *(f"ht-b{n}" for n in range(count))],
             stdout=subprocess.PIPE, text=True)
@@ -87,6 +90,9 @@ class Network:
         if not is_cut:
             ip("-n", f"ht-{n}", "route", "add", "default", "dev", "eth0")
 
+    def slow_down(self, is_slow):
+        self.switch.send_signal(signal.SIGUSR1 if is_slow else signal.SIGUSR2)
+
     def close(self):
         for process in reversed(self.processes):
             if process.poll() is None:
@@ -104,13 +110,14 @@ class Network:
 class Hall:
     """N camera hosts with films for cameras, in namespaces 1.. N, and places for trackers from 0 and N + 1 on."""
 
-    def __init__(self, folder, hosts, per_host, lost_per_million=0, trackers=1, has_multicast=True):
+    def __init__(self, folder, hosts, per_host, lost_per_million=0, trackers=1, has_multicast=True, slow_mbit=None):
+        """slow_mbit: Network.slow_down() has the first host's frames go at that rate."""
         self.folder, self.hosts, self.per_host = folder, hosts, per_host
         self.films = folder / f"films-{hosts * per_host}"
         if not self.films.exists():
             subprocess.run([FILM_HOST, "--make", str(hosts * per_host), self.films], check=True)
         self.names = [f"cam{c}" for c in range(hosts * per_host)]
-        self.network = Network(hosts + trackers, lost_per_million, folder, has_multicast)
+        self.network = Network(hosts + trackers, lost_per_million, folder, has_multicast, slow_mbit)
         self.running = {}
         self.profiles = {}  # XML of a host, or of who takes from them, by name
 
@@ -318,6 +325,42 @@ def outages(figures, options, folder):
             figures.tell("meanwhile the others' frames lost", 100 * lost / frames, "%", 0.0)
             figures.tell("their longest gap", 1000 * gap_s, "ms")
             figures.tell("their latency, p99", float(np.percentile(np.concatenate(others), 99)), "ms")
+
+
+def slow_network(figures, options, folder):
+    seconds = max(5, options.seconds / 2)
+    for mbit, most_lost, most_ms in ((40, 1.0, 250), (20, 45.0, 250)):
+        print(f"== a host with two cameras by {mbit} Mbit/s, where {SLOW_QUEUE // 1000} kB wait at most; another one beside it")
+        with Hall(folder, 2, 2, slow_mbit=mbit) as hall:
+            for n in (1, 2):
+                hall.start_host(n, is_spread=True)
+            receiver = hall.receive()
+            settle(hall, receiver)
+            hall.network.slow_down(True)
+            time.sleep(3)
+            began = unix_now_ns()
+            time.sleep(seconds)
+            ended = unix_now_ns()
+            time.sleep(1)
+            hall.network.slow_down(False)
+            time.sleep(3)
+            fast = unix_now_ns()
+            time.sleep(5)
+            end = unix_now_ns()
+            time.sleep(1)
+            hall.end(receiver)
+            hall.end(hall.running[1])
+            said = (folder / "host-1.log").read_text()
+            left_out = sum(int(n) for n in re.findall(r"(\d+) left out for a slow network", said))
+            hall.hosts = 1  # the slow one
+            latencies, frames, lost, gap_s = compare(hall, began, ended)
+            figures.tell("frames lost", 100 * lost / frames, "% of frames", most_lost)
+            figures.tell("latency, p50", float(np.median(latencies)), "ms")
+            figures.tell("  p99", float(np.percentile(latencies, 99)), "ms", most_ms)
+            figures.tell("  longest gap between two frames of a camera", 1000 * gap_s, "ms")
+            figures.tell("frames that the host counts as left out", left_out)
+            _, frames, lost, _ = compare(hall, fast, end)
+            figures.tell("lost from 3 s after it is fast again", 100 * lost / frames, "% of frames", 0.0)
 
 
 def two_trackers(figures, options, folder):
@@ -568,8 +611,8 @@ def matches(figures, options, folder):
     figures.tell("  beside that, per set", float(rest), "ms")
 
 
-ALL = {"latency": latency_and_loss, "outages": outages, "two": two_trackers, "profiles": profiles, "clocks": clocks,
-       "scale": scale, "matches": matches}
+ALL = {"latency": latency_and_loss, "outages": outages, "slow": slow_network, "two": two_trackers, "profiles": profiles,
+       "clocks": clocks, "scale": scale, "matches": matches}
 
 
 def main():

@@ -1,0 +1,102 @@
+#include "hosts/frame_window.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <utility>
+
+namespace huetrack::hosts {
+namespace {
+
+using namespace std::chrono_literals;
+using Clock = FrameWindow::Clock;
+
+// Frames at 30 a second, to a network that passes one after the other and is known to have passed it some time later,
+// and to a tracker that may be gone until it is missed.
+struct SimulatedNetwork {
+  static constexpr int kept = 4;  // frames that wait; one more replaces the oldest
+  FrameWindow window;
+  Clock::time_point now{1000s}, busy_until{}, gone_until{};
+  std::chrono::milliseconds per_frame{1}, told_after{21}, repair{40};
+  int repaired_every = 0;  // of so many frames one is repaired; 0: none
+  int written = 0;
+  Clock::time_point all_came_at{}, repaired_until{};
+  // How many of so many frames are sent.
+  int send(int frames) {
+    int sent = 0;
+    for (int i = 0; i < frames; ++i, now += 33ms) {
+      if (!window.may_send(now >= all_came_at && now >= gone_until, now)) continue;
+      ++sent;
+      busy_until = std::min(std::max(busy_until, now) + per_frame, now + kept * per_frame);
+      const bool is_repaired = repaired_every > 0 && ++written % repaired_every == 0;
+      repaired_until = is_repaired ? busy_until + repair : repaired_until;
+      all_came_at = std::max(busy_until, repaired_until) + told_after;
+    }
+    return sent;
+  }
+};
+
+TEST(FrameWindow, AGoodNetworkCarriesAll) {
+  SimulatedNetwork network;
+  EXPECT_EQ(network.send(300), 300);
+  network.per_frame = 11ms;
+  EXPECT_EQ(network.send(300), 300);
+}
+
+TEST(FrameWindow, RepairsLeaveNothingOut) {
+  SimulatedNetwork network;
+  for (const int every : {25, 7, 3}) {  // 0.1 % of packets lost, and more than that
+    network.repaired_every = every;
+    EXPECT_EQ(network.send(300), 300) << every;
+    EXPECT_EQ(network.window.window(), FrameWindow::most);
+  }
+  network.repaired_every = 25;
+  network.repair = 80ms;  // what was sent again is lost, too
+  EXPECT_EQ(network.send(300), 300);
+}
+
+TEST(FrameWindow, ASlowOneCarriesWhatItCanAndNoneWaitsLong) {
+  for (const auto& [per_frame, least] : {std::pair{50ms, 13}, {66ms, 10}, {100ms, 6}}) {
+    SimulatedNetwork network;
+    network.per_frame = per_frame;
+    network.send(30);
+    for (int second = 0; second < 20; ++second) {
+      EXPECT_GE(network.send(30), least) << second;
+      EXPECT_LT(network.busy_until - network.now, 250ms) << second;
+    }
+  }
+}
+
+TEST(FrameWindow, NoneIsLeftOutASecondAfterItIsFastAgain) {
+  SimulatedNetwork network;
+  network.per_frame = 100ms;
+  network.send(300);
+  network.per_frame = 1ms;
+  network.send(30);
+  EXPECT_EQ(network.send(300), 300);
+  EXPECT_EQ(network.window.window(), FrameWindow::most);
+}
+
+// One frame takes longer than a tracker is waited for: later it is known that none is gone.
+TEST(FrameWindow, AVerySlowOneIsToldFromATrackerThatIsGone) {
+  SimulatedNetwork network;
+  network.per_frame = 600ms;
+  network.send(600);
+  for (int times = 0; times < 10; ++times) {
+    EXPECT_NEAR(network.send(60), 3, 2) << times;
+    EXPECT_LT(network.busy_until - network.now, 2 * 600ms) << times;
+  }
+}
+
+TEST(FrameWindow, ATrackerThatIsGoneHoldsUpTheOthersForAMoment) {
+  SimulatedNetwork network;
+  for (int times = 0; times < 3; ++times) {
+    network.send(100);
+    network.gone_until = network.now + 3s;
+    EXPECT_GE(network.send(91), 91 - 13) << times;
+    EXPECT_EQ(network.send(100), 100) << times;
+  }
+}
+
+}  // namespace
+}  // namespace huetrack::hosts
