@@ -555,7 +555,6 @@ def sent_by(log):
 
 def matches(figures, options, folder):
     print("== send: matches: one ball, 640x480, two cameras on one host, a picture a second")
-    of_matches = {"of_camera": ", send: matches", "of_target": "shape: blob, "}
     zero_ns = time.time_ns() - time.clock_gettime_ns(time.CLOCK_MONOTONIC)
     for name, every_s, shape, per_million in (
             ("with a picture a second", 1, "blob", 0), ("without pictures", 0, "blob", 0),
@@ -584,14 +583,23 @@ def matches(figures, options, folder):
             off = off[len(off) // 4:] - off[len(off) // 4:].mean(axis=0)
             figures.tell("  rms of the track", 1000 * float(np.sqrt((off ** 2).sum(axis=1).mean())), "mm")
             figures.tell("  the host, which decodes", 100 * share, "% of a core")
-    print("== send: matches: what each further camera costs the tracker; what matches is ready-made")
-    counts, per_set_ms = [], []
-    for count in (2, 8, 16, 32, 64):
+    cost_of_matches(figures, options, folder, "blob", (2, 8, 16, 32, 64))
+    cost_of_matches(figures, options, folder, "ball", (2, 8, 16))
+
+
+def cost_of_matches(figures, options, folder, shape, counts):
+    """The slope over the cameras. Outlines are fitted in pixels that the hosts cut out of what they decode, which two cores do not
+    do for more than 16 cameras; without them what matches is found out once, and sent again and again."""
+    is_ready_made = shape == "blob"
+    print(f"== send: matches: what each further camera costs the tracker, shape: {shape}"
+          f"{'; what matches is ready-made' if is_ready_made else ''}")
+    per_set_ms = []
+    for count in counts:
         hosts = min(8, count // 2)
         with Hall(folder, hosts, count // hosts) as hall:
             for n in range(1, hosts + 1):
-                hall.start_host(n, is_ready_made=True)
-            process = hall.track(hall.tracker_config(**of_matches))
+                hall.start_host(n, is_ready_made=is_ready_made)
+            process = hall.track(hall.tracker_config(of_camera=", send: matches", of_target=f"shape: {shape}, "))
             time.sleep(12 + count / 4)
             before, cpu, began = hall.statuses()[0]["status"], cpu_s(process), time.monotonic()
             time.sleep(options.seconds)
@@ -600,7 +608,6 @@ def matches(figures, options, folder):
             frames = frames_of(after) - frames_of(before)
             resident = next(int(line.split()[1]) / 1024 for line in
                             pathlib.Path(f"/proc/{process.pid}/status").read_text().splitlines() if line.startswith("VmRSS"))
-            counts.append(count)
             per_set_ms.append(1000 * spent / (frames / count))
             figures.tell(f"{count} cameras on {hosts} hosts: the tracker", 1000 * spent / frames, "ms of CPU a frame")
             figures.tell("  of a core", 100 * spent / took, "%")
