@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
-#include <spdlog/spdlog.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -217,6 +216,7 @@ void TeachDesk::add_moment(const capture::FrameSet& set) {
 void TeachDesk::read_moments() {
   reading_ = {};  // of the pictures before
   read_.clear();
+  why_not_read_.clear();
   if (!actions_.moments) return;
   reading_ = std::jthread([this](const std::stop_token& stop) {
     try {
@@ -224,18 +224,23 @@ void TeachDesk::read_moments() {
       const std::scoped_lock lock(read_mutex_);
       read_ = std::move(moments);
     } catch (const std::exception& error) {
-      spdlog::warn("teaching: no other moments of the recording: {}", error.what());
+      const std::scoped_lock lock(read_mutex_);
+      why_not_read_ = fmt::format(" What moves is not known: {}.", error.what());
     }
   });
 }
 
-void TeachDesk::take_read_moments() {
+// Returns why there are none; empty: nothing is wrong.
+std::string TeachDesk::take_read_moments() {
   std::vector<capture::FrameSet> moments;
+  std::string why_not;
   {
     const std::scoped_lock lock(read_mutex_);
     moments.swap(read_);
+    why_not = why_not_read_;
   }
   for (const capture::FrameSet& moment : moments) takes_moments_ = teacher_->add_moment(moment);
+  return why_not;
 }
 
 msg::TeachReply TeachDesk::look(const msg::TeachRequest& request, const config::ServiceConfig& config, bool applies) {
@@ -246,7 +251,7 @@ msg::TeachReply TeachDesk::look(const msg::TeachRequest& request, const config::
   const PointedAt pointing = pointing_of(request, config.rig);
   if (!pointing.problem.empty()) return refusal(request, pointing.problem);
 
-  take_read_moments();
+  const std::string unread = take_read_moments();
   teacher_->learn_motion();
   const color_teaching::Lesson lesson =
       color_teaching::learn(*teacher_, pointing.request, config.targets, *target, config.object_tracking.volume);
@@ -267,7 +272,7 @@ msg::TeachReply TeachDesk::look(const msg::TeachRequest& request, const config::
     return reply;
   }
   if (!applies) {
-    reply.reason(learnt(lesson) + warnings(lesson, said_radius_m));
+    reply.reason(learnt(lesson) + warnings(lesson, said_radius_m) + unread);
     return reply;
   }
   if (!lesson.why_useless.empty()) return refusal(request, "Not saved: " + lesson.why_useless + ".");

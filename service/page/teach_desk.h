@@ -50,7 +50,7 @@ class TeachDesk {
 
  private:
   void read_moments();
-  void take_read_moments();
+  std::string take_read_moments();
   msg::TeachReply look(const msg::TeachRequest& request, const config::ServiceConfig& config, bool applies);
   msg::TeachReply ignore(const msg::TeachRequest& request, const config::ServiceConfig& config);
   msg::TeachReply undo(const msg::TeachRequest& request, const config::ServiceConfig& config);
@@ -65,6 +65,7 @@ class TeachDesk {
   std::vector<std::pair<std::uint32_t, std::uint32_t>> picture_sizes_;  // per camera of the rig
   std::mutex read_mutex_;
   std::vector<capture::FrameSet> read_;  // actions_.moments, not yet taken
+  std::string why_not_read_;
   std::jthread reading_;
 };
 

@@ -148,5 +148,30 @@ TEST(TeachDesk, WhatMovesIsKnownOfAReplayThatIsHeld) {
   EXPECT_GE(by_all, asked * 8 / 10);
 }
 
+TEST(TeachDesk, ARecordingThatCannotBeReadIsSaid) {
+  const scene::Scene world = scene::SceneBuilder().cameras_on_ring({.count = 2}).ball({}).build();
+  const auto sets = scene::render(world, {.set_count = 1});
+  config::ServiceConfig config = config_that_allows(true);
+  config.rig = world.rig;
+  TeachDesk::Actions actions{.reload = [] { return std::string(); }, .resume = {}};
+  actions.moments = [](const std::stop_token&) -> std::vector<capture::FrameSet> {
+    throw std::runtime_error("a.mkv is gone");
+  };
+  TeachDesk desk{actions};
+  ASSERT_TRUE(desk.freeze(request_of(msg::TEACH_ACTION_FREEZE), config, sets[0]).granted());
+  msg::TeachRequest look = request_of(msg::TEACH_ACTION_LOOK);
+  look.target(config.targets[0].name);
+  const Eigen::Vector2d px = world.rig.cameras[0].project_world(world.ball_at(0, sets[0].at))->px;
+  msg::TeachPoint& point = look.points().emplace_back();
+  point.camera(world.rig.cameras[0].name);
+  point.pixel({px.x(), px.y()});
+  std::string reason = desk.answer(look, config).reason();
+  for (int i = 0; reason.find("a.mkv is gone") == std::string::npos && i < 100; ++i) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    reason = desk.answer(look, config).reason();
+  }
+  EXPECT_THAT(reason, HasSubstr("What moves is not known: a.mkv is gone."));
+}
+
 }  // namespace
 }  // namespace huetrack::page
