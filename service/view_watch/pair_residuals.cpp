@@ -61,9 +61,8 @@ PairComparison::Placed PairComparison::placed(const std::vector<Track>& tracks, 
     out.t_s += of_slot.latency_s.value_or(0) - of_real.latency_s.value_or(0) +
                s.below_middle * (of_real.readout_s.value_or(0) - of_slot.readout_s.value_or(0));
   }
-  if (!with.times_late_s.empty()) out.t_s -= with.times_late_s[real];
+  if (!with.late_s.empty()) out.t_s -= with.late_s[real];
   if (real == with.camera) {
-    out.t_s -= with.late_s;
     if (with.is_mirrored) {
       const auto ray = camera.model.ray({{camera.image_size.width - 1 - s.px.x(), s.px.y()}});
       out.direction = ray ? ray->normalized() : Eigen::Vector3d(0, 0, 1);
@@ -327,8 +326,10 @@ double least_costly_lateness(Cost cost_of) {
 
 double best_lateness(const PairComparison& comparison, const std::vector<Track>& tracks, std::size_t camera,
                      const TimeSigmas& times) {
+  Supposition with{.late_s = std::vector(tracks.size(), 0.0)};
   return least_costly_lateness([&](double late_s) {
-    const auto agreement = comparison.agreement_of(tracks, camera, true, {.camera = camera, .late_s = late_s}, times);
+    with.late_s[camera] = late_s;
+    const auto agreement = comparison.agreement_of(tracks, camera, true, with, times);
     return agreement.pairs > 0 ? agreement.score : std::numeric_limits<double>::infinity();
   });
 }
@@ -336,18 +337,17 @@ double best_lateness(const PairComparison& comparison, const std::vector<Track>&
 std::vector<double> best_latenesses(const PairComparison& comparison, const std::vector<Track>& tracks,
                                     const TimeSigmas& times) {
   constexpr std::size_t most_compared = 4;  // that were fitted before it: of many cameras all pairs would take too long
-  std::vector<double> late_s(tracks.size(), 0.0);
+  Supposition with{.late_s = std::vector(tracks.size(), 0.0)};
   for (std::size_t c = 1; c < tracks.size(); ++c) {
-    late_s[c] = least_costly_lateness([&](double late_c_s) {
-      Supposition with{.times_late_s = late_s};
-      with.times_late_s[c] = late_c_s;
+    with.late_s[c] = least_costly_lateness([&](double late_s) {
+      with.late_s[c] = late_s;
       PairComparison::Agreement with_earlier;
       for (std::size_t earlier = c - std::min(c, most_compared); earlier < c; ++earlier)
         PairComparison::add(with_earlier, comparison.residuals(tracks, earlier, c, with, times));
       return with_earlier.pairs > 0 ? with_earlier.score : std::numeric_limits<double>::infinity();
     });
   }
-  return late_s;
+  return std::move(with.late_s);
 }
 
 }  // namespace huetrack::view_watch

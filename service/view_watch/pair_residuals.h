@@ -34,9 +34,9 @@ double sigma_of_region_px(double radius_px);
 struct Supposition {
   // Which camera of the rig really took the frames that are taken for camera c's; empty: each its own.
   std::vector<std::size_t> really = {};
+  // Per camera: its times are to be made earlier by so much. Empty: none are.
+  std::vector<double> late_s = {};
   std::size_t camera = 0;                              // that the rest is of
-  double late_s = 0;                                   // its times are to be made earlier by so much
-  std::vector<double> times_late_s = {};               // the same of every camera; empty: of none
   Eigen::Vector3d turn_rad = Eigen::Vector3d::Zero();  // cam_from_world = exp(turn) * the rig's
   double zoom = 1;                                     // its focal length is so many times the rig's
   bool is_mirrored = false;                            // left and right are exchanged in its pictures

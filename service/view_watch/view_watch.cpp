@@ -121,8 +121,8 @@ class Suppositions {
     const double in_all_s = late_s - learnt_s;  // beside what the rig says
     std::vector<double> unlearnt_s(rig_.cameras.size(), 0.0);
     unlearnt_s[camera] = late_s;
-    judge({.kind = MistakeKind::late, .cameras = {int(camera)}, .size = in_all_s, .unlearnt_s = std::move(unlearnt_s)},
-          {.camera = camera, .late_s = late_s}, true);
+    judge({.kind = MistakeKind::late, .cameras = {int(camera)}, .size = in_all_s, .unlearnt_s = unlearnt_s},
+          {.late_s = unlearnt_s}, true);
   }
 
   // The times of all cameras: of videos that did not begin together, and of frames that were dropped and not counted.
@@ -153,7 +153,7 @@ class Suppositions {
       mistake.size = late_s[camera] - in_time_s - learnt_s[camera];
     }
     for (double& s : mistake.unlearnt_s) s -= in_time_s;  // most cameras' clock is the right one
-    const auto agreement = comparison_.agreement(tracks_, {.times_late_s = std::move(late_s)}, sigmas);
+    const auto agreement = comparison_.agreement(tracks_, {.late_s = std::move(late_s)}, sigmas);
     if (explains(agreement, as_is)) answers_.push_back({std::move(mistake), agreement.score, true});
   }
 

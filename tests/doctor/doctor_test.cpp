@@ -266,14 +266,8 @@ TEST_F(DoctorsConfig, CamerasOfOtherHostsAreAskedForOnTheBus) {
                           "}\ntargets: {ball: {color: {hue_deg: [65, 115]}}}\ncameras: {cam0: {host: pi-3, camera: "
                           "there, send: matches}, cam1: {host: pi-4}}\n");
   std::vector<capture::LiveCamera> cameras;
-  const auto pixels = std::make_shared<std::vector<std::uint8_t>>(std::size_t(320 * 240), std::uint8_t{99});
   capture::Frame picture;
-  picture.pixels = {.format = capture::PixelFormat::grey,
-                    .range = capture::ColorRange::full,
-                    .width = 320,
-                    .height = 240,
-                    .planes = {{{pixels->data(), 320}}},
-                    .owner = pixels};
+  picture.pixels = capture::make_image(capture::PixelFormat::grey, capture::ColorRange::full, 320, 240).image;
   auto film = daemon::looped({picture}, 60);
   cameras.push_back(daemon::FakeCamera(0, std::move(film), capture::unix_now(), true).live());
   hosts::CameraHost host({.host = "pi-3",
