@@ -417,10 +417,7 @@ class Doctor {
                             });
     if (exams.empty() && !wants_none) {
       title("cameras");
-      const bool wants_none = config_ && std::ranges::none_of(config_->cameras, [](const auto& camera) {
-                                return camera.host.empty() && !capture::is_network_address(camera.device.native());
-                              });
-      say({wants_none ? Grade::note : Grade::warning, "no camera is plugged in",
+      say({config_ && config_->cameras.empty() ? Grade::note : Grade::warning, "no camera is plugged in",
            "lsusb lists what the USB sees; dmesg says why a camera has no /dev/video"});
     }
     title("USB");
