@@ -36,15 +36,19 @@ struct Off {
 };
 HUETRACK_CLONES Off step(const float* __restrict seen, const float* __restrict hidden, float usual, int n,
                          std::int16_t* __restrict mean, std::uint8_t* __restrict looks) {
+  // Compilers make vectors of conversions one kind of number at a time, all of a tile's, and of sums by lanes.
   constexpr int lanes = 16;
+  alignas(64) float mean_before[most_samples], looks_before[most_samples], kept[most_samples], now[most_samples];
+  alignas(64) std::int32_t whole[most_samples];
+  for (int i = 0; i < n; ++i) whole[i] = mean[i];
+  for (int i = 0; i < n; ++i) mean_before[i] = static_cast<float>(whole[i]) * (1 / unit);
+  for (int i = 0; i < n; ++i) whole[i] = looks[i];
+  for (int i = 0; i < n; ++i) looks_before[i] = static_cast<float>(whole[i]);
   float sum[lanes] = {}, count[lanes] = {};
   for (int from = 0; from < n; from += lanes) {
-    alignas(64) float mean_before[lanes], looks_before[lanes], kept[lanes], now[lanes];
-    for (int j = 0; j < lanes; ++j) mean_before[j] = static_cast<float>(mean[from + j]) * (1 / unit);
-    for (int j = 0; j < lanes; ++j) looks_before[j] = static_cast<float>(looks[from + j]);
     // As numbers, as compilers make vectors of these: 1 is true.
     for (int j = 0; j < lanes; ++j) {
-      const float before = mean_before[j], of = looks_before[j];
+      const float before = mean_before[from + j], of = looks_before[from + j];
       const float by = seen[from + j] - before, is_seen = 1 - hidden[from + j];
       const float far = by < 0 ? -by : by;
       const float is_near = far < usual ? 1.f : 0.f, is_known = of > 0 ? 1.f : 0.f, is_same = is_near * is_known;
@@ -54,14 +58,16 @@ HUETRACK_CLONES Off step(const float* __restrict seen, const float* __restrict h
       const float same_looks = is_same > 0 ? more : fewer, looks_now = is_new > 0 ? 1.f : same_looks;
       const float share = is_same / more + is_new;
       const float steps = (before + is_seen * share * by) * unit;
-      kept[j] = steps + (steps < 0 ? -0.5f : 0.5f);
-      now[j] = is_seen > 0 ? looks_now : of;
+      kept[from + j] = steps + (steps < 0 ? -0.5f : 0.5f);
+      now[from + j] = is_seen > 0 ? looks_now : of;
       const float is_settled = of >= settled_looks ? is_same : 0.f, counted = is_settled * is_seen;
       count[j] += counted, sum[j] += counted * far;
     }
-    for (int j = 0; j < lanes; ++j) mean[from + j] = static_cast<std::int16_t>(kept[j]);
-    for (int j = 0; j < lanes; ++j) looks[from + j] = static_cast<std::uint8_t>(now[j]);
   }
+  for (int i = 0; i < n; ++i) whole[i] = static_cast<std::int32_t>(kept[i]);
+  for (int i = 0; i < n; ++i) mean[i] = static_cast<std::int16_t>(whole[i]);
+  for (int i = 0; i < n; ++i) whole[i] = static_cast<std::int32_t>(now[i]);
+  for (int i = 0; i < n; ++i) looks[i] = static_cast<std::uint8_t>(whole[i]);
   Off out{0, 0};
   for (int j = 0; j < lanes; ++j) out.sum += sum[j], out.count += count[j];
   return out;
@@ -156,7 +162,8 @@ void Background::learn_all(const Picture& picture, const ObjectDisc* hidden, std
     next_ = (next_ + 1) % static_cast<int>(slots_.size());
     const Tile* const tile = tile_at(next_);
     const bool is_known = tile != nullptr && tile->looks >= static_cast<std::uint32_t>(most_looks);
-    const bool is_its_turn = next_ % rare_pictures_each == rare_pictures_ % rare_pictures_each;
+    // Of rows, as neighbours share what the processor fetches at once.
+    const bool is_its_turn = next_ / across_ % rare_pictures_each == rare_pictures_ % rare_pictures_each;
     if (!is_known || is_its_turn) look(picture, next_, hidden, hidden_count);
   }
 }
@@ -254,7 +261,8 @@ void Background::look(const Picture& picture, int index, const ObjectDisc* hidde
   chroma_.add(static_cast<double>(off.sum), static_cast<double>(off.count), least_chroma_noise);
   off = step(red, mask, usual, n, tile.red.data(), looks_of_red.data());
   chroma_.add(static_cast<double>(off.sum), static_cast<double>(off.count), least_chroma_noise);
-  for (std::size_t i = 0; i < samples; ++i) tile.chroma_looks[i] = std::min(tile.chroma_looks[i], looks_of_red[i]);
+  for (std::size_t i = 0; i < static_cast<std::size_t>(n); ++i)
+    tile.chroma_looks[i] = std::min(tile.chroma_looks[i], looks_of_red[i]);
 }
 
 namespace {
