@@ -4,10 +4,12 @@
 #include <bit>
 #include <utility>
 
+#include "capture/sample_code.h"
+
 namespace huetrack::capture {
 namespace {
 
-constexpr std::uint8_t version = 1, version_with_patches = 2, runs_follow = 0, bits_follow = 1;
+constexpr std::uint8_t version = 1, version_with_patches = 3, runs_follow = 0, bits_follow = 1;
 constexpr int planes = 3;
 constexpr std::size_t formats = 7, numbers_of_color = 6;
 // Pixels times colours: 32 colours of 4096x2160, and 35 MB.
@@ -91,15 +93,18 @@ void put_matches(const std::vector<std::uint64_t>& tiles, int width, int height,
 
 void put_patch(const Image& image, const PatchPlace& at, std::vector<std::uint8_t>& out) {
   for (const int number : {at.u, at.v, at.width, at.height}) put(out, static_cast<std::uint16_t>(number));
+  std::vector<std::uint8_t> samples;
   for (int p = 0; p < planes; ++p) {
     const auto left = static_cast<std::ptrdiff_t>(plane_row_bytes(image.format, p, at.u));
     const auto length = static_cast<std::ptrdiff_t>(plane_row_bytes(image.format, p, at.width));
     const Plane& plane = image.planes[static_cast<std::size_t>(p)];
     const int top = plane_rows(image.format, p, at.v);
+    samples.clear();
     for (int row = 0; row < plane_rows(image.format, p, at.height); ++row) {
       const std::uint8_t* const from = plane.data + (top + row) * plane.stride + left;
-      out.insert(out.end(), from, from + length);
+      samples.insert(samples.end(), from, from + length);
     }
+    put_samples(samples, static_cast<std::size_t>(length), out);
   }
 }
 
@@ -133,6 +138,7 @@ class Bytes {
     }
     return fail(), 0;
   }
+  std::span<const std::uint8_t>& left() { return rest_; }
   bool is_sound() const { return is_sound_; }
   bool is_empty() const { return rest_.empty(); }
 
@@ -208,9 +214,9 @@ bool read_patch(Bytes& rest, const Image& looked_at, Matches::Patch& out) {
     return plane_row_bytes(looked_at.format, p, out.at.width) *
            static_cast<std::size_t>(plane_rows(looked_at.format, p, out.at.height));
   };
-  const auto seen = rest.take_span(bytes_of(0) + bytes_of(1) + bytes_of(2));
-  if (!rest.is_sound()) return false;
-  const auto bytes = std::make_shared<std::vector<std::uint8_t>>(seen.begin(), seen.end());
+  const std::size_t all = bytes_of(0) + bytes_of(1) + bytes_of(2);
+  if (rest.left().size() < all / most_samples_per_byte) return false;  // before there is memory for them
+  const auto bytes = std::make_shared<std::vector<std::uint8_t>>(all);
   out.image = {.format = looked_at.format,
                .range = looked_at.range,
                .width = out.at.width,
@@ -220,8 +226,9 @@ bool read_patch(Bytes& rest, const Image& looked_at, Matches::Patch& out) {
   std::size_t at = 0;
   for (int p = 0; p < planes; ++p) {
     if (bytes_of(p) == 0) break;
-    const auto row_bytes = static_cast<std::ptrdiff_t>(plane_row_bytes(looked_at.format, p, out.at.width));
-    out.image.planes[static_cast<std::size_t>(p)] = {bytes->data() + at, row_bytes};
+    const std::size_t row_bytes = plane_row_bytes(looked_at.format, p, out.at.width);
+    if (!take_samples(rest.left(), row_bytes, std::span(*bytes).subspan(at, bytes_of(p)))) return false;
+    out.image.planes[static_cast<std::size_t>(p)] = {bytes->data() + at, static_cast<std::ptrdiff_t>(row_bytes)};
     at += bytes_of(p);
   }
   return true;

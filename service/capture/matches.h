@@ -2,7 +2,7 @@
 // camera with `send: matches` (service/hosts/README.md), and what is recorded of it.
 //
 // As bytes, integers little-endian, doubles as IEEE 754 has them:
-//   1  version: 1; 2 where patches follow
+//   1  version: 1; 3 where patches follow
 //   1  format of the pixels that were looked at: 0 yuyv, 1 nv12, 2 i420, 3 i422, 4 i444, 5 bgr, 6 grey
 //   1  their range: 0 limited, 1 full
 //   2  width, 2 height, pixels
@@ -14,10 +14,10 @@
 //             run nothing matches.
 //          1: a bit per pixel in that order, the lowest of a byte first: where runs would be longer
 //   4  how many bytes follow: none, or the JPEG of this frame
-//   Of version 2, further:
+//   Of version 3, further:
 //   1  number of patches; of each
 //      2  column, 2 row of its first pixel, 2 width, 2 height: pixels, even numbers
-//      the bytes of its planes one after the other, rows without gaps: in the format of the pixels that were looked at
+//      its planes one after the other, in the format of the pixels that were looked at, as sample_code.h has them
 #pragma once
 
 #include <array>
@@ -97,8 +97,9 @@ struct DecodedMatches {
   std::shared_ptr<Matches> matches;
 };
 // Anybody may have made the bytes: nullopt where they make no sense, or the JPEG does not decode to that size. Takes no
-// more memory than some 35 MB and the JPEG's. latest: the picture of the camera's frames before, if there was one of
-// that size; and after this. width, height: what the camera's frames must have, or nothing is decoded; 0: any.
+// more memory than some 35 MB, sixteen times the bytes and the JPEG's. latest: the picture of the camera's frames
+// before, if there was one of that size; and after this. width, height: what the camera's frames must have, or nothing
+// is decoded; 0: any.
 std::optional<DecodedMatches> decode_matches(std::span<const std::uint8_t> bytes, JpegDecoder& decoder, Image& latest,
                                              int width = 0, int height = 0);
 
