@@ -130,8 +130,8 @@ std::string camera_matches_topic(std::string_view host) {
   return "huetrack/matches/" + std::string(host);
 }
 
-std::string camera_outlines_topic(std::string_view host, std::string_view camera) {
-  return "huetrack/outlines/" + std::string(host) + "/" + std::string(camera);
+std::string camera_outlines_topic(std::string_view host) {
+  return "huetrack/outlines/" + std::string(host);
 }
 
 std::string ros2_user_data(std::string_view type_hash) {
@@ -252,6 +252,12 @@ dds::DataWriterQos camera_frames_writer_qos() {
   // first one tells of a whole frame, whose rest is then asked for, and sent twice, by a network that is too slow
   // already.
   qos.reliable_writer_qos().disable_heartbeat_piggyback = true;
+  return qos;
+}
+
+dds::DataWriterQos camera_matches_writer_qos() {
+  dds::DataWriterQos qos = camera_frames_writer_qos();
+  qos.reliable_writer_qos().times.heartbeatPeriod = Duration_t(0, 40 * ms);
   return qos;
 }
 

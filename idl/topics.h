@@ -40,9 +40,9 @@ inline constexpr const char* clock_probe_topic = "huetrack/clock_probe";  // hue
 inline constexpr const char* clock_echo_topic = "huetrack/clock_echo";    // huetrack::msg::ClockEcho
 inline constexpr const char* host_clocks_topic = "huetrack/host_clocks";  // huetrack::msg::HostClocks, keyed
 inline constexpr const char* looked_for_topic = "huetrack/looked_for";    // huetrack::msg::LookedForColors, keyed
-std::string camera_frames_topic(std::string_view host, std::string_view camera);    // huetrack::msg::CameraFrame
-std::string camera_matches_topic(std::string_view host);                            // huetrack::msg::CameraMatches
-std::string camera_outlines_topic(std::string_view host, std::string_view camera);  // huetrack::msg::ExpectedOutlines
+std::string camera_frames_topic(std::string_view host, std::string_view camera);  // huetrack::msg::CameraFrame
+std::string camera_matches_topic(std::string_view host);                          // huetrack::msg::CameraMatches
+std::string camera_outlines_topic(std::string_view host);                         // huetrack::msg::ExpectedOutlines
 
 // ROS 2, types of ros2_messages.idl. A ROS 2 topic /x is the DDS topic rt/x.
 inline constexpr const char* ros2_tf_topic = "rt/tf";  // tf2_msgs/msg/TFMessage
@@ -118,9 +118,10 @@ void limit_instances(std::string_view topic, eprosima::fastdds::dds::DataReaderQ
 //   frames/...       reliable, volatile, keep-last 4, sent by a thread of Fast DDS' own (a frame is many datagrams);
 //                    what is lost is asked for again within 20 ms. How many are on their way is the writer's affair
 //                    (hosts/frame_window.h): of a network that is too slow for them nearly all would be lost.
-//   matches/...      as frames/...
+//   matches/...      as frames/..., asked for again within 40 ms: each heartbeat and its answer cost a tracker of many
+//                    hosts a third of what a small frame does.
 //   looked_for       as status.
-//   outlines/...     as clock_probe: the next one comes with the next frame.
+//   outlines/...     as clock_probe: the next one comes with the next set.
 //   clock_*          best effort, volatile, keep-last 4, of readers 64: all hosts answer at one moment.
 //   ROS 2            reliable, volatile, keep-last 10: matches echo, RViz and best-effort readers.
 // A reader has room for samples of largest_sample() from its start and never takes more: what is not taken in time is
@@ -138,7 +139,8 @@ eprosima::fastdds::dds::DataWriterQos teach_writer_qos();
 eprosima::fastdds::dds::DataReaderQos teach_reader_qos();
 eprosima::fastdds::dds::DataWriterQos camera_frames_writer_qos();
 eprosima::fastdds::dds::DataReaderQos camera_frames_reader_qos();
-// Of all of a host's cameras, each of which has a history of its own. The writer's QoS is that of frames.
+// Of all of a host's cameras, each of which has a history of its own.
+eprosima::fastdds::dds::DataWriterQos camera_matches_writer_qos();
 eprosima::fastdds::dds::DataReaderQos camera_matches_reader_qos();
 eprosima::fastdds::dds::DataWriterQos clock_writer_qos();
 eprosima::fastdds::dds::DataReaderQos clock_reader_qos();

@@ -29,7 +29,7 @@ using namespace std::chrono_literals;
 namespace {
 
 constexpr auto told_every = 1s;
-constexpr std::uint32_t most_of_outlines = 1024;  // bytes, of a sample: of sixteen
+constexpr std::uint32_t most_of_outlines = 8 * 1024;  // bytes, of a sample: sixteen of each of sixteen cameras
 constexpr const char* new_keys = "make them anew, configs/dds/secure.sh, role host; ";
 // What fits into one packet of an Ethernet (MTU 1500, less IP's and UDP's headers). A larger datagram is lost as a
 // whole with any of its packets, of 64 kB one in 23 where one packet in a thousand is; and the kernel keeps what came
@@ -81,7 +81,7 @@ struct CameraHost::Impl {
     std::string name;
     capture::LiveCamera live;
     dds::DataWriter* writer = nullptr;
-    dds::DataReader* outlines = nullptr;  // nullptr: the keys do not allow it
+    WantedOutlines outlines;  // guarded by outlines_mutex
     std::mutex mutex;
     WantedMatches wanted;                      // guarded by mutex
     std::string light;                         // what is said of it; guarded by mutex
@@ -108,7 +108,7 @@ struct CameraHost::Impl {
       looked_for =
           &participant.create_reader<msg::LookedForColorsPubSubType>(idl::looked_for_topic, idl::status_reader_qos());
       matches_writer = &participant.create_writer<msg::CameraMatchesPubSubType>(idl::camera_matches_topic(options.host),
-                                                                                idl::camera_frames_writer_qos(), "");
+                                                                                idl::camera_matches_writer_qos(), "");
     } catch (const std::runtime_error& error) {
       if (!participant.is_access_controlled()) throw;
       looked_for = nullptr;
@@ -118,9 +118,8 @@ struct CameraHost::Impl {
                 new_keys + error.what();
     }
     try {
-      for (auto& camera : cameras)
-        camera->outlines = &participant.create_reader<msg::ExpectedOutlinesPubSubType>(
-            idl::camera_outlines_topic(options.host, camera->name), idl::clock_reader_qos(), most_of_outlines);
+      outlines = &participant.create_reader<msg::ExpectedOutlinesPubSubType>(idl::camera_outlines_topic(options.host),
+                                                                             idl::clock_reader_qos(), most_of_outlines);
     } catch (const std::runtime_error& error) {
       if (!participant.is_access_controlled()) throw;
       if (refusal.empty())
@@ -182,15 +181,20 @@ struct CameraHost::Impl {
     return !out.colors.empty();
   }
 
-  // What trackers have said until now of frames before this one.
-  static void hear_outlines(Camera& camera, const capture::Frame& frame, WantedOutlines& wanted, std::int64_t run,
-                            msg::ExpectedOutlines& said, std::vector<capture::PatchPlace>& out) {
+  // What trackers have said until now of frames before this one; and for the other cameras what they have said of
+  // theirs.
+  void hear_outlines(Camera& camera, const capture::Frame& frame, std::vector<capture::PatchPlace>& out) {
     out.clear();
-    if (camera.outlines == nullptr) return;
-    while (idl::take_next(*camera.outlines, said))
-      if (said.run() == run) wanted.hear(said);
-    wanted.places_at(frame.stamped_at, out);
-    wanted.note(frame.sequence, frame.stamped_at);
+    if (outlines == nullptr) return;
+    const std::scoped_lock lock(outlines_mutex);
+    while (idl::take_next(*outlines, outlines_said)) {
+      for (const msg::OutlinesOfCamera& of : outlines_said.cameras()) {
+        const auto known = std::ranges::find(cameras, of.camera(), [](const auto& c) { return c->name; });
+        if (known != cameras.end() && of.run() == run) (*known)->outlines.hear(outlines_said.tracker(), of);
+      }
+    }
+    camera.outlines.places_at(frame.stamped_at, out);
+    camera.outlines.note(frame.sequence, frame.stamped_at);
   }
 
   // A tracker that takes the matches has no pictures to see it in.
@@ -217,7 +221,7 @@ struct CameraHost::Impl {
     }
   }
 
-  void send_frames(Camera& camera, const std::stop_token& stop) const {
+  void send_frames(Camera& camera, const std::stop_token& stop) {
     msg::CameraFrame message;
     message.run(run);
     msg::CameraMatches matches;
@@ -226,12 +230,10 @@ struct CameraHost::Impl {
     MatchFinder finder;
     MatchFinderOptions look_for;
     capture::LightFindings light;
-    WantedOutlines outlines;
-    msg::ExpectedOutlines said;
     FrameWindow window;
     while (const auto frame = camera.live.source->next(stop)) {
       if (matches_writer != nullptr && is_listened_to(*matches_writer) && is_looked_for(camera, look_for)) {
-        hear_outlines(camera, *frame, outlines, run, said, look_for.patches);
+        hear_outlines(camera, *frame, look_for.patches);
         matches.number(frame->sequence);
         matches.stamped_at(frame->stamped_at.time_since_epoch().count());
         const auto bytes = frame->status == capture::FrameStatus::ok ? finder.find(*frame, look_for) : std::nullopt;
@@ -290,8 +292,11 @@ struct CameraHost::Impl {
   dds::DataReader& probe;
   dds::DataReader* looked_for = nullptr;      // nullptr: the keys do not allow it
   dds::DataWriter* matches_writer = nullptr;  // of all cameras; nullptr: the keys do not allow it
+  dds::DataReader* outlines = nullptr;        // of all cameras; nullptr: the keys do not allow it
   std::string refusal;                        // what was said of that; told once
   std::vector<std::unique_ptr<Camera>> cameras;
+  std::mutex outlines_mutex;
+  msg::ExpectedOutlines outlines_said;  // the one that is heard; guarded by outlines_mutex
   std::chrono::steady_clock::time_point told_at{};
   std::jthread clock, listening;  // last: they end first
 };

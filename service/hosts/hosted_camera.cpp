@@ -57,7 +57,7 @@ constexpr std::uint32_t most_of_header = 64 * 1024, most_of_matches_header = 102
 // The cameras of a hall expose at one moment, and their frames come at one.
 constexpr idl::Datagrams room_for_frames{.buffer = 4 << 20};
 
-constexpr auto looked_for_told_every = 1s;
+constexpr auto looked_for_told_every = 2s;  // less than half of WantedMatches::forgotten_after
 constexpr std::size_t most_looked_for = capture::Matches::most;
 constexpr std::uint32_t longest_without_colors = 60;  // frames; a host that was told other colours takes a few
 
@@ -128,13 +128,14 @@ struct HostedCameras::Impl {
     std::uint16_t number = 0;      // Frame::clock
     std::optional<double> kept_s;  // MachineClock::kept_s of it and of ours together; nullopt: not on both
     bool is_this_machine = false;
-    std::string advice;                  // on its clock
-    dds::DataReader* matches = nullptr;  // of all its cameras; thread-safe by itself
+    std::string advice;                   // on its clock
+    dds::DataReader* matches = nullptr;   // of all its cameras; thread-safe by itself
+    dds::DataWriter* outlines = nullptr;  // the same
+    msg::ExpectedOutlines expected;       // not told yet; guarded by outlines_mutex
   };
   struct Camera {
     HostedCameraOptions options;
     dds::DataReader* reader = nullptr;        // thread-safe by itself; nullptr: of matches, which come by Host::matches
-    dds::DataWriter* outlines = nullptr;      // of matches; thread-safe by itself; nullptr: none are said
     std::unique_ptr<idl::Arrivals> arrivals;  // of reader; the source's
     capture::CameraHealth health;
     std::vector<capture::CameraEvent> events;
@@ -181,10 +182,9 @@ struct HostedCameras::Impl {
       } else if (hosts[host].matches == nullptr) {
         hosts[host].matches = &participant.create_reader<msg::CameraMatchesPubSubType>(
             idl::camera_matches_topic(host), idl::camera_matches_reader_qos(), largest_matches);
+        hosts[host].outlines = &participant.create_writer<msg::ExpectedOutlinesPubSubType>(
+            idl::camera_outlines_topic(host), idl::clock_writer_qos(), "");
       }
-      if (camera.options.are_matches)
-        camera.outlines = &participant.create_writer<msg::ExpectedOutlinesPubSubType>(
-            idl::camera_outlines_topic(host, there), idl::clock_writer_qos(), "");
       camera.health.last_progress = Clock::now();
       hosts[camera.options.host];
     }
@@ -241,17 +241,25 @@ struct HostedCameras::Impl {
     camera.looked_for_told_at.reset();
   }
 
-  // On the thread that tracks: written at once, or the next frame would be without.
   void expect_outlines(Camera& camera, std::uint32_t frame, std::span<const capture::ExpectedOutline> outlines) {
-    msg::ExpectedOutlines out;
-    out.tracker(tracker);
-    {
-      const std::scoped_lock lock(mutex);
-      out.run(camera.run);
-      out.number(frame + camera.base);
+    msg::OutlinesOfCamera of;
+    of.camera(camera.options.camera_there);
+    to_message(outlines, of);
+    const std::scoped_lock lock(mutex, outlines_mutex);
+    of.run(camera.run);
+    of.number(frame + camera.base);
+    hosts.at(camera.options.host).expected.cameras().push_back(std::move(of));
+  }
+
+  // On the thread that tracks: written at once, or the next frames would be without.
+  void tell_outlines() {
+    const std::scoped_lock lock(outlines_mutex);
+    for (auto& [name, host] : hosts) {
+      if (host.expected.cameras().empty()) continue;
+      host.expected.tracker(tracker);
+      host.outlines->write(&host.expected);
+      host.expected.cameras().clear();
     }
-    to_message(outlines, out);
-    camera.outlines->write(&out);
   }
 
   // On a change, and again and again: a host may have come up since.
@@ -607,6 +615,7 @@ struct HostedCameras::Impl {
   }
 
   mutable std::mutex mutex;
+  std::mutex outlines_mutex;  // taken after mutex
   std::map<std::string, Host> hosts;
   idl::DdsParticipant participant;
   std::vector<std::unique_ptr<Camera>> cameras;  // they wait for its readers
@@ -683,6 +692,7 @@ std::vector<capture::LiveCamera> HostedCameras::live() const {
                                                      std::span<const capture::ExpectedOutline> outlines) {
         all->expect_outlines(*of, frame, outlines);
       };
+    if (of->options.are_matches) out.back().tell_outlines = [all = impl_] { all->tell_outlines(); };
   }
   return out;
 }

@@ -28,7 +28,7 @@ class WantedMatches {
  public:
   using Clock = std::chrono::steady_clock;
   static constexpr std::size_t most_trackers = 16;
-  static constexpr std::chrono::seconds forgotten_after{5};  // trackers say it every second
+  static constexpr std::chrono::seconds forgotten_after{5};  // trackers say it every two
 
   // False: it makes no sense, or too many trackers have said something.
   bool hear(const msg::LookedForColors& said, Clock::time_point now);

@@ -47,7 +47,7 @@ bool is_of_the_same(const capture::PatchPlace& a, const capture::PatchPlace& b) 
 
 }  // namespace
 
-void to_message(std::span<const capture::ExpectedOutline> outlines, msg::ExpectedOutlines& out) {
+void to_message(std::span<const capture::ExpectedOutline> outlines, msg::OutlinesOfCamera& out) {
   out.outlines().clear();
   for (const capture::ExpectedOutline& outline :
        outlines.first(std::min(outlines.size(), capture::Matches::most_patches))) {
@@ -60,7 +60,7 @@ void to_message(std::span<const capture::ExpectedOutline> outlines, msg::Expecte
   }
 }
 
-bool outlines_of(const msg::ExpectedOutlines& said, std::vector<capture::ExpectedOutline>& out) {
+bool outlines_of(const msg::OutlinesOfCamera& said, std::vector<capture::ExpectedOutline>& out) {
   if (said.outlines().size() > capture::Matches::most_patches || !std::ranges::all_of(said.outlines(), is_sound))
     return false;
   out.clear();
@@ -73,12 +73,12 @@ bool outlines_of(const msg::ExpectedOutlines& said, std::vector<capture::Expecte
   return true;
 }
 
-bool WantedOutlines::hear(const msg::ExpectedOutlines& said) {
+bool WantedOutlines::hear(std::int64_t tracker, const msg::OutlinesOfCamera& said) {
   const Sent& of = sent_[said.number() % sent_.size()];
   if (of.number != said.number() || of.stamped_at == capture::Timestamp{}) return false;
-  if (by_tracker_.size() >= most_trackers && !by_tracker_.contains(said.tracker())) return false;
+  if (by_tracker_.size() >= most_trackers && !by_tracker_.contains(tracker)) return false;
   if (!outlines_of(said, heard_)) return false;
-  Heard& heard = by_tracker_[said.tracker()];
+  Heard& heard = by_tracker_[tracker];
   heard.of = of.stamped_at;
   heard.outlines.swap(heard_);
   return true;

@@ -15,9 +15,9 @@
 namespace huetrack::hosts {
 
 // As it is said: the outlines, at most as many as a frame has patches for, and nothing else, of `out`.
-void to_message(std::span<const capture::ExpectedOutline> outlines, msg::ExpectedOutlines& out);
+void to_message(std::span<const capture::ExpectedOutline> outlines, msg::OutlinesOfCamera& out);
 // Anybody may have said it. False: it makes no sense, and `out` is as it was; otherwise it is replaced.
-bool outlines_of(const msg::ExpectedOutlines& said, std::vector<capture::ExpectedOutline>& out);
+bool outlines_of(const msg::OutlinesOfCamera& said, std::vector<capture::ExpectedOutline>& out);
 
 // One per camera of a camera host. thread-compatible.
 class WantedOutlines {
@@ -32,7 +32,7 @@ class WantedOutlines {
     sent_[number % sent_.size()] = {number, stamped_at};
   }
   // Anybody may have said it. False: it makes no sense, or is of a frame that nobody remembers.
-  bool hear(const msg::ExpectedOutlines& said);
+  bool hear(std::int64_t tracker, const msg::OutlinesOfCamera& said);
   // Where a frame of this time shows what they said. Replaces what is in `out`. The places may lie beyond the image;
   // what two trackers say of one object is one place.
   void places_at(capture::Timestamp stamped_at, std::vector<capture::PatchPlace>& out);

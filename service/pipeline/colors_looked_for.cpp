@@ -24,6 +24,7 @@ ColorsLookedFor::ColorsLookedFor(const config::ServiceConfig& config, std::span<
                         .name = config.rig.cameras[index].name,
                         .look_for = camera.look_for,
                         .expect_outlines = camera.expect_outlines,
+                        .tell_outlines = camera.tell_outlines,
                         .coming = {},
                         .told = {}});
   }
@@ -76,6 +77,8 @@ void ColorsLookedFor::on_set(const TrackedSet& set) {
     for (const auto& tracker : set.trackers) tracker.expected_outlines(camera.index, outlines_);
     if (!outlines_.empty()) camera.expect_outlines(frame->sequence, outlines_);
   }
+  for (const Camera& camera : cameras_)
+    if (camera.tell_outlines) camera.tell_outlines();
 }
 
 }  // namespace huetrack::pipeline

@@ -119,7 +119,7 @@ std::vector<std::string> samples() {
   constexpr capture::PatchPlace patches[] = {{2, 2, 6, 4}, {8, 0, 8, 8}};
   capture::encode_matches(seen.image, found, {}, with_patches.bytes(), patches);
   msg::ExpectedOutlines outlines;
-  outlines.outlines().emplace_back().radius_px(7);
+  outlines.cameras().emplace_back().outlines().emplace_back().radius_px(7);
   msg::LookedForColors looked_for;
   looked_for.host("pi");
   looked_for.camera("left");

@@ -72,15 +72,14 @@ class Sender {
       std::vector<capture::ExpectedOutline> expected;
       tracker.expected_outlines(c, expected);
       if (expected.empty()) continue;
-      msg::ExpectedOutlines said;
-      said.tracker(1);
+      msg::OutlinesOfCamera said;
       said.number(set.frames[c]->sequence);
       for (const auto& outline : expected) {
         auto& to = said.outlines().emplace_back();
         to.u(outline.u), to.v(outline.v), to.u_per_s(outline.u_per_s), to.v_per_s(outline.v_per_s);
         to.radius_px(outline.radius_px);
       }
-      EXPECT_TRUE(outlines_[c].hear(said));
+      EXPECT_TRUE(outlines_[c].hear(1, said));
     }
   }
   std::size_t most_bytes() const { return most_bytes_; }
@@ -325,14 +324,13 @@ TEST(WantedOutlines, AreWhereTheyWillBeInTheNextFrame) {
   const capture::Timestamp start(1h);
   WantedOutlines wanted;
   std::vector<capture::PatchPlace> places;
-  msg::ExpectedOutlines said;
-  said.tracker(1);
+  msg::OutlinesOfCamera said;
   said.number(7);
   auto& outline = said.outlines().emplace_back();
   outline.u(100), outline.v(50), outline.u_per_s(300), outline.v_per_s(-60), outline.radius_px(10);
-  EXPECT_FALSE(wanted.hear(said)) << "of a frame that was never sent";
+  EXPECT_FALSE(wanted.hear(1, said)) << "of a frame that was never sent";
   wanted.note(7, start);
-  ASSERT_TRUE(wanted.hear(said));
+  ASSERT_TRUE(wanted.hear(1, said));
   wanted.places_at(start + 100ms, places);
   ASSERT_EQ(places.size(), 1U);
   // Its middle, and all of it with what a fit needs around it.
@@ -341,13 +339,12 @@ TEST(WantedOutlines, AreWhereTheyWillBeInTheNextFrame) {
   EXPECT_GE(places[0].width, 2 * (10 + 7));
   EXPECT_EQ(places[0].u % 2 + places[0].v % 2 + places[0].width % 2 + places[0].height % 2, 0);
   // Another tracker's, nearly there: one place. Elsewhere: two.
-  said.tracker(2);
   outline.u(101);
-  ASSERT_TRUE(wanted.hear(said));
+  ASSERT_TRUE(wanted.hear(2, said));
   wanted.places_at(start + 100ms, places);
   EXPECT_EQ(places.size(), 1U);
   outline.u(300);
-  ASSERT_TRUE(wanted.hear(said));
+  ASSERT_TRUE(wanted.hear(2, said));
   wanted.places_at(start + 100ms, places);
   EXPECT_EQ(places.size(), 2U);
   // What is old, or of the future, says nothing.
@@ -355,11 +352,11 @@ TEST(WantedOutlines, AreWhereTheyWillBeInTheNextFrame) {
   EXPECT_TRUE(places.empty());
   for (const float bad : {std::numeric_limits<float>::quiet_NaN(), 1e30f, -1.f}) {
     said.outlines()[0].radius_px(bad);
-    EXPECT_FALSE(wanted.hear(said));
+    EXPECT_FALSE(wanted.hear(2, said));
   }
   said.outlines()[0].radius_px(10);
   said.outlines().resize(capture::Matches::most_patches + 1, said.outlines()[0]);
-  EXPECT_FALSE(wanted.hear(said));
+  EXPECT_FALSE(wanted.hear(2, said));
 }
 
 // What a tracker of matches could not see: the host's frames become brighter and darker within seconds.

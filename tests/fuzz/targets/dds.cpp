@@ -150,10 +150,13 @@ HUETRACK_FUZZ_TARGET(dds) {
                                                      [](auto& sample) { hosts::wanted_of(sample); });
     case 18:
       return receive<msg::ExpectedOutlinesPubSubType>("huetrack/outlines", bytes, [](auto& sample) {
-        hosts::WantedOutlines wanted;
-        wanted.note(sample.number(), capture::Timestamp(std::chrono::hours(1)));
-        std::vector<capture::PatchPlace> places;
-        if (wanted.hear(sample)) wanted.places_at(capture::Timestamp(std::chrono::hours(1) + 33ms), places);
+        for (const auto& of : sample.cameras()) {
+          hosts::WantedOutlines wanted;
+          wanted.note(of.number(), capture::Timestamp(std::chrono::hours(1)));
+          std::vector<capture::PatchPlace> places;
+          if (wanted.hear(sample.tracker(), of))
+            wanted.places_at(capture::Timestamp(std::chrono::hours(1) + 33ms), places);
+        }
       });
     default:
       return receive<msg::ClockEchoPubSubType>(idl::clock_echo_topic, bytes, [](auto&) {});
