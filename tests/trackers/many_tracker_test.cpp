@@ -131,6 +131,35 @@ TEST(ManyTracker, tellsBirthsAndEndsAndUsesNoNumberTwice) {
   EXPECT_EQ(ends[told.ball_of.at(1) == 1 ? 1 : 2], 1);
 }
 
+// As when a colour is taught while a service runs: whoever reads knows objects by their names alone.
+TEST(ManyTracker, inAnothersPlaceEndsItsObjectsAndUsesNoNumberOfThem) {
+  const scene::Scene scene =
+      scene_of({[](double t) { return Vector3d(-0.4, 0.2 * t, 1.0); }, [](double) { return Vector3d(0.3, 0.4, 1.2); }});
+  const std::vector<capture::FrameSet> sets = render(scene, {.set_count = 8});
+  ObjectTracker tracker(scene.rig, limes(3), ObjectTrackerOptions{});
+  std::vector<ObjectEstimate> told;
+  for (std::size_t s = 0; s < 4; ++s) tracker.update(sets[s], told);
+  ASSERT_EQ(told.size(), 2u);
+  // Twice before the next set comes.
+  ObjectTracker between(scene.rig, limes(3), ObjectTrackerOptions{});
+  between.take_the_place_of(tracker);
+  ObjectTracker next(scene.rig, limes(3), ObjectTrackerOptions{});
+  next.take_the_place_of(between);
+  next.update(sets[4], told);
+  ASSERT_EQ(told.size(), 2u);
+  for (std::uint32_t i = 0; i < 2; ++i) {
+    EXPECT_EQ(told[i].object, i + 1);
+    EXPECT_EQ(told[i].state, TrackState::lost);
+    EXPECT_TRUE(told[i].is_end);
+  }
+  next.update(sets[5], told);
+  ASSERT_EQ(told.size(), 2u);
+  for (std::uint32_t i = 0; i < 2; ++i) {
+    EXPECT_EQ(told[i].object, i + 3);
+    EXPECT_TRUE(told[i].is_birth);
+  }
+}
+
 TEST(ManyTracker, isNeverMoreThanWereSaid) {
   const scene::Scene scene =
       scene_of({[](double) { return Vector3d(-0.3, 0, 1.0); }, [](double) { return Vector3d(0.3, 0, 1.0); },

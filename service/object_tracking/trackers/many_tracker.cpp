@@ -381,6 +381,14 @@ void ManyTracker::correct_times(std::span<const double> late_s) {
   agreement_.forget();
 }
 
+// Readers know objects by their numbers alone: one that nobody follows any more ends, and its number is not another's.
+void ManyTracker::take_the_place_of(const ManyTracker& before) {
+  number_before_ = last_number_ = before.last_number_;
+  left_behind_ = before.left_behind_;
+  for (const auto& object : before.objects_)
+    if (object->is_told) left_behind_.push_back(object->number);
+}
+
 PositionParticles ManyTracker::particles() const {
   PositionParticles all;
   for (const auto& object : objects_) {
@@ -403,6 +411,7 @@ MotionBelief ManyTracker::times() const {
 
 void ManyTracker::report(const capture::FrameSet& set, std::vector<ObjectEstimate>& out) {
   out.clear();
+  report_left_behind(set, out);
   std::vector<Sighting> seen;  // also by cameras that are not used
   std::optional<Eigen::Vector3d> further_at;
   auto told = std::ranges::count_if(objects_, [](const auto& o) { return o->is_told; });
@@ -452,9 +461,19 @@ void ManyTracker::report(const capture::FrameSet& set, std::vector<ObjectEstimat
     search_log_.clear();
 }
 
+void ManyTracker::report_left_behind(const capture::FrameSet& set, std::vector<ObjectEstimate>& out) {
+  for (const std::uint32_t number : left_behind_) {
+    out.push_back(without_position(set, views_, times_.belief(), TrackState::lost));
+    out.back().object = number;
+    out.back().is_end = true;
+  }
+  left_behind_.clear();
+}
+
 // What is told then is that of the target.
 ObjectEstimate ManyTracker::none_known(const capture::FrameSet& set) const {
-  return without_position(set, views_, times_.belief(), last_number_ == 0 ? TrackState::searching : TrackState::lost);
+  const bool was_found = last_number_ != number_before_;
+  return without_position(set, views_, times_.belief(), was_found ? TrackState::lost : TrackState::searching);
 }
 
 }  // namespace huetrack::object_trackers
