@@ -160,6 +160,36 @@ TEST(ManyTracker, inAnothersPlaceEndsItsObjectsAndUsesNoNumberOfThem) {
   }
 }
 
+TEST(ManyTracker, findsWhatWasThrownHarderThanUsualInTwoSets) {
+  const scene::Scene scene = scene_of({[](double t) { return Vector3d(-0.6 + 5 * t, 0.1, 1.2); }});
+  const Told told = told_of(scene, render(scene, {.set_count = 6}), 3, 1);
+  for (std::size_t i = 1; i < told.tracked.size(); ++i) EXPECT_EQ(told.tracked[i], 1u) << i;
+  EXPECT_EQ(told.wrong, 0u);
+}
+
+// It is where nobody expects it in the next sets, and as many as there may be are known.
+TEST(ManyTracker, whatIsCaughtInFlightKeepsItsName) {
+  const scene::Scene scene = scene_of({[](double t) { return Vector3d(-0.6 + 2.95 * std::min(t, 0.302), 0.1, 1.2); },
+                                       [](double t) { return Vector3d(-0.2 + 0.1 * t, -0.4, 1.0); }});
+  ObjectTrackerOptions options;
+  options.timing = TimingMode::fixed;
+  options.acceleration_m_s2 = 0.5;
+  ObjectTracker tracker(scene.rig, limes(2), options);
+  std::vector<ObjectEstimate> estimates;
+  std::size_t untracked = 0;
+  for (const capture::FrameSet& set : render(scene, {.set_count = 30})) {
+    tracker.update(set, estimates);
+    if (set.number < 2) continue;
+    ASSERT_EQ(estimates.size(), 2u) << set.number;
+    for (std::size_t b = 0; b < 2; ++b) {
+      EXPECT_EQ(estimates[b].object, b + 1) << set.number;
+      untracked += estimates[b].state == TrackState::tracking ? 0 : 1;
+    }
+  }
+  EXPECT_GT(untracked, 0u);  // otherwise it was no surprise
+  EXPECT_LE(untracked, 2u);
+}
+
 TEST(ManyTracker, isNeverMoreThanWereSaid) {
   const scene::Scene scene =
       scene_of({[](double) { return Vector3d(-0.3, 0, 1.0); }, [](double) { return Vector3d(0.3, 0, 1.0); },

@@ -320,16 +320,21 @@ void ManyTracker::note_births(const capture::FrameSet& set, const std::vector<Ta
   if (objects_.empty()) search_log_.add(views, std::span(regions_).first(views.size()), options_.volume);
 }
 
-// An object that was not seen for a while is where it may be by now.
+// An object that was not seen for a while is where it may be by now. One that nobody saw any more when what was found
+// was first seen bounced, or was caught: it is wherever its speed, changed by as much, takes it.
 bool ManyTracker::take_up(const Birth& birth, const std::vector<TargetView>& views, capture::Timestamp set_at) {
   Object* best = nullptr;
   double best_d2 = take_up_gate;
+  const double first_seen_s = (birth.now.sets + 0.5) * birth.dt;  // ago, up to the set before
   for (const auto& object : objects_) {
     if (object->state != TrackState::coasting || object->sightings.size() >= 2) continue;
     const MotionBelief& belief = object->filter.belief();
     const Eigen::Vector3d d = birth.now.position - belief.position_at(set_at);
-    const Eigen::Matrix3d s = belief.position_covariance() + birth.now.covariance +
-                              target_.radius_m * target_.radius_m * Eigen::Matrix3d::Identity();
+    Eigen::Matrix3d s = belief.position_covariance() + birth.now.covariance +
+                        target_.radius_m * target_.radius_m * Eigen::Matrix3d::Identity();
+    const double lost_s = capture::seconds(set_at - object->last_tracking);
+    const double way_m = object->filter.kick_m_s() * lost_s;
+    if (lost_s < first_seen_s && d.norm() < way_m) s.diagonal().array() += way_m * way_m;
     const double d2 = d.dot(s.inverse() * d);
     if (d2 < best_d2) best_d2 = d2, best = object.get();
   }
