@@ -414,5 +414,19 @@ TEST(FurtherObject, isSeenBesideWhatIsTrackedAndMovesNothing) {
   EXPECT_TRUE(further_beside({first, second, [](double) { return Vector3d(0, -0.5, 1.3); }}, 2));
 }
 
+// Two cameras miss the sets in which it would be looked for once more.
+TEST(FurtherObject, isToldThoughTheTargetIsHiddenForAMoment) {
+  const scene::Scene scene = scene_of({[](double t) { return Vector3d(-0.4 + 0.2 * std::sin(3 * t), 0, 1.0); },
+                                       [](double) { return Vector3d(0.4, 0.2, 1.1); }});
+  std::vector<capture::FrameSet> sets = render(scene, {.set_count = 75});
+  for (std::size_t i = 45; i < 50; ++i)
+    for (std::size_t c = 1; c < 3; ++c) sets[i].frames[c].reset();
+  ObjectTracker tracker(scene.rig, limes(1), ObjectTrackerOptions{});
+  std::size_t coasting = 0;
+  for (const capture::FrameSet& set : sets) coasting += tracker.update(set).state == TrackState::coasting ? 1 : 0;
+  EXPECT_GT(coasting, 0u);
+  EXPECT_TRUE(tracker.further_object());
+}
+
 }  // namespace
 }  // namespace huetrack::object_trackers
