@@ -278,6 +278,25 @@ TEST(StillColor, isNoObjectAndARestingOneStays) {
   }
 }
 
+// A piece of furniture is carried away; seconds later a ball rests where it stood.
+TEST(StillColor, isForgottenWhenTheSceneChanges) {
+  const Vector3d place(0.2, 0.3, 1.0);
+  scene::SceneBuilder builder;
+  builder.cameras_on_ring({.count = 3});
+  builder.ball({.path = [&](double t) { return t < 5 ? Vector3d(0, 0, 20) : place; }});
+  builder.ball({.radius_m = 0.25, .path = [&](double t) { return t < 1.5 ? place : Vector3d(0, 0, 20); }});
+  for (const double angle : {0.4, 1.5, 3.0, 4.4})
+    builder.ball({.radius_m = 0.25,
+                  .path = [=](double) { return Vector3d(1.7 * std::cos(angle), 1.7 * std::sin(angle), 0.6); }});
+  const scene::Scene scene = builder.build();
+  const std::vector<capture::FrameSet> sets = render(scene, {.set_count = 170});
+  for (const int count : {1, 3}) {
+    const Told told = told_of(scene, sets, count, 1);
+    for (std::size_t i = 0; i < 150; ++i) EXPECT_EQ(told.tracked[i], 0u) << i << " of " << count;
+    for (std::size_t i = 153; i < told.tracked.size(); ++i) EXPECT_EQ(told.tracked[i], 1u) << i << " of " << count;
+  }
+}
+
 // In a room that has its colour a ball that rests from the start is found as soon as anywhere: two views see it whole
 // and as large as it must be there.
 TEST(StillColor, aBallThatRestsFromTheStartIsFoundAtOnce) {
