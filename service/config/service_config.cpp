@@ -683,8 +683,8 @@ class Reader {
     const char* const end = given.data() + given.size();
     const auto [parsed, error] = std::from_chars(given.data(), end, target.count);
     const bool is_number = error == std::errc{} && parsed == end;
-    if (!is_number) yaml_.fail(key, fmt::format("{}, got \"{}\"", must_be(), yaml_.string(key)));
-    if (target.count < 1 || target.count > most)
+    if (!is_number || target.count < 1) yaml_.fail(key, fmt::format("{}, got \"{}\"", must_be(), yaml_.string(key)));
+    if (target.count > most)
       yaml_.fail(key, fmt::format("{}, got \"{}\": regions are shared out among all objects of a target in every view, "
                                   "and more than {} have not been measured",
                                   must_be(), yaml_.string(key), most));

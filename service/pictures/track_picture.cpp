@@ -42,8 +42,10 @@ Target target_of(const object_tracking::TargetOptions& options, std::span<const 
     const auto count = std::ranges::count(track, state, &ObjectEstimate::state);
     return track.empty() ? 0.0 : 100.0 * double(count) / double(track.size());
   };
+  // Of several objects each has an estimate per frame set.
   target.figures =
-      fmt::format("{} frame sets: tracking {:.0f} %, coasting {:.0f} %", track.size(),
+      fmt::format("{} {}: tracking {:.0f} %, coasting {:.0f} %", track.size(),
+                  options.count > 1 ? "estimates of its objects" : "frame sets",
                   share(object_tracking::TrackState::tracking), share(object_tracking::TrackState::coasting));
   if (truth == nullptr || !truth->targets().contains(options.name)) return target;
   target.truth = truth->targets().find(options.name)->second;

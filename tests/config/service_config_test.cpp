@@ -79,6 +79,8 @@ TEST_F(ServiceConfigFile, ATargetMayBeSeveralObjects) {
     const std::string message = error(with(wrong));
     EXPECT_THAT(message, HasSubstr("c.yaml:3: targets.ball.count: must be a number from 1 to 16, or \"up to\""));
     EXPECT_THAT(message, HasSubstr("\"" + wrong + "\""));
+    const bool is_too_many = wrong == "17" || wrong == "up to 1000";
+    EXPECT_EQ(message.find("more than 16 have not been measured") != std::string::npos, is_too_many) << message;
   }
   EXPECT_THAT(error(with("2") + "object_tracking: {observation: paper}\n"),
               HasSubstr("c.yaml:3: targets.ball.count: is not for object_tracking.observation: paper"));

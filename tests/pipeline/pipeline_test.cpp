@@ -7,6 +7,7 @@
 #include <thread>
 
 #include "pipeline/pipeline_to.h"
+#include "scene/scene.h"
 
 namespace huetrack::pipeline {
 namespace {
@@ -316,6 +317,54 @@ TEST(Pipeline, WhatAnOutputThrowsComesOutOfRun) {
   PipelineTo pictures(rig, sources(GreySource({0}, 0)), trackers_for(rig, 1), with_pictures,
                       {.estimates = {}, .status = {}, .pictures = [&](auto&) { fails("no picture"); }});
   EXPECT_THAT([&] { pictures.run({}); }, testing::ThrowsMessage<std::runtime_error>("no picture"));
+}
+
+// The frames of rendered sets, set by set.
+class RenderedSource final : public capture::FrameSource {
+ public:
+  explicit RenderedSource(const std::vector<capture::FrameSet>& sets) {
+    for (const capture::FrameSet& set : sets)
+      for (const auto& frame : set.frames) frames_.push_back(frame.value());
+  }
+  std::optional<capture::Frame> next(std::stop_token) override {
+    return next_ == frames_.size() ? std::nullopt : std::optional(frames_[next_++]);
+  }
+
+ private:
+  std::vector<capture::Frame> frames_;
+  std::size_t next_ = 0;
+};
+
+TEST(Pipeline, AReplacedTrackersObjectsEndAndTheirNumbersDoNotComeAgain) {
+  scene::SceneBuilder builder;
+  builder.cameras_on_ring({.count = 3});
+  builder.ball({.path = [](double t) { return Eigen::Vector3d(0.3 * t, 0, 1.0); }});
+  const scene::Scene scene = builder.build();
+  const std::vector<capture::FrameSet> sets = render(scene, {.set_count = 12});
+  object_tracking::TargetOptions several;
+  several.name = "lime";
+  several.count = 2;
+  several.color.hue_min_deg = 65, several.color.hue_max_deg = 115;
+  std::vector<object_trackers::ObjectTracker> trackers;
+  trackers.emplace_back(scene.rig, several, object_tracking::ObjectTrackerOptions{});
+  std::vector<std::uint32_t> births, ends;
+  PipelineTo pipeline(
+      scene.rig, sources(RenderedSource(sets)), std::move(trackers), options_for(scene.rig),
+      {.estimates = [&](const capture::FrameSet&, std::span<const object_tracking::ObjectEstimate> estimates,
+                        capture::Timestamp) {
+        for (const auto& e : estimates) {
+          if (e.is_birth) births.push_back(e.object);
+          if (e.is_end) ends.push_back(e.object);
+        }
+      }});
+  Pipeline::Replacement next;
+  next.trackers.push_back(
+      {0, several, object_trackers::ObjectTracker(scene.rig, several, object_tracking::ObjectTrackerOptions{})});
+  next.from = sets[6].at;
+  pipeline.replace_trackers(std::move(next));
+  pipeline.run({});
+  EXPECT_THAT(births, ElementsAre(1, 2));
+  EXPECT_THAT(ends, ElementsAre(1));
 }
 
 TEST(Pipeline, LiveDropsTheOldestSetsAndCountsThem) {

@@ -131,6 +131,65 @@ TEST(ManyTracker, tellsBirthsAndEndsAndUsesNoNumberTwice) {
   EXPECT_EQ(ends[told.ball_of.at(1) == 1 ? 1 : 2], 1);
 }
 
+// As when a colour is taught while a service runs: whoever reads knows objects by their names alone.
+TEST(ManyTracker, inAnothersPlaceEndsItsObjectsAndUsesNoNumberOfThem) {
+  const scene::Scene scene =
+      scene_of({[](double t) { return Vector3d(-0.4, 0.2 * t, 1.0); }, [](double) { return Vector3d(0.3, 0.4, 1.2); }});
+  const std::vector<capture::FrameSet> sets = render(scene, {.set_count = 8});
+  ObjectTracker tracker(scene.rig, limes(3), ObjectTrackerOptions{});
+  std::vector<ObjectEstimate> told;
+  for (std::size_t s = 0; s < 4; ++s) tracker.update(sets[s], told);
+  ASSERT_EQ(told.size(), 2u);
+  // Twice before the next set comes.
+  ObjectTracker between(scene.rig, limes(3), ObjectTrackerOptions{});
+  between.take_the_place_of(tracker);
+  ObjectTracker next(scene.rig, limes(3), ObjectTrackerOptions{});
+  next.take_the_place_of(between);
+  next.update(sets[4], told);
+  ASSERT_EQ(told.size(), 2u);
+  for (std::uint32_t i = 0; i < 2; ++i) {
+    EXPECT_EQ(told[i].object, i + 1);
+    EXPECT_EQ(told[i].state, TrackState::lost);
+    EXPECT_TRUE(told[i].is_end);
+  }
+  next.update(sets[5], told);
+  ASSERT_EQ(told.size(), 2u);
+  for (std::uint32_t i = 0; i < 2; ++i) {
+    EXPECT_EQ(told[i].object, i + 3);
+    EXPECT_TRUE(told[i].is_birth);
+  }
+}
+
+TEST(ManyTracker, findsWhatWasThrownHarderThanUsualInTwoSets) {
+  const scene::Scene scene = scene_of({[](double t) { return Vector3d(-0.6 + 5 * t, 0.1, 1.2); }});
+  const Told told = told_of(scene, render(scene, {.set_count = 6}), 3, 1);
+  for (std::size_t i = 1; i < told.tracked.size(); ++i) EXPECT_EQ(told.tracked[i], 1u) << i;
+  EXPECT_EQ(told.wrong, 0u);
+}
+
+// It is where nobody expects it in the next sets, and as many as there may be are known.
+TEST(ManyTracker, whatIsCaughtInFlightKeepsItsName) {
+  const scene::Scene scene = scene_of({[](double t) { return Vector3d(-0.6 + 2.95 * std::min(t, 0.302), 0.1, 1.2); },
+                                       [](double t) { return Vector3d(-0.2 + 0.1 * t, -0.4, 1.0); }});
+  ObjectTrackerOptions options;
+  options.timing = TimingMode::fixed;
+  options.acceleration_m_s2 = 0.5;
+  ObjectTracker tracker(scene.rig, limes(2), options);
+  std::vector<ObjectEstimate> estimates;
+  std::size_t untracked = 0;
+  for (const capture::FrameSet& set : render(scene, {.set_count = 30})) {
+    tracker.update(set, estimates);
+    if (set.number < 2) continue;
+    ASSERT_EQ(estimates.size(), 2u) << set.number;
+    for (std::size_t b = 0; b < 2; ++b) {
+      EXPECT_EQ(estimates[b].object, b + 1) << set.number;
+      untracked += estimates[b].state == TrackState::tracking ? 0 : 1;
+    }
+  }
+  EXPECT_GT(untracked, 0u);  // otherwise it was no surprise
+  EXPECT_LE(untracked, 2u);
+}
+
 TEST(ManyTracker, isNeverMoreThanWereSaid) {
   const scene::Scene scene =
       scene_of({[](double) { return Vector3d(-0.3, 0, 1.0); }, [](double) { return Vector3d(0.3, 0, 1.0); },
@@ -216,6 +275,25 @@ TEST(StillColor, isNoObjectAndARestingOneStays) {
     EXPECT_GE(found, 15u) << count;
     EXPECT_LE(found, 18u) << count;
     for (std::size_t i = 50; i < told.tracked.size(); ++i) EXPECT_EQ(told.tracked[i], 1u) << i << " of " << count;
+  }
+}
+
+// A piece of furniture is carried away; seconds later a ball rests where it stood.
+TEST(StillColor, isForgottenWhenTheSceneChanges) {
+  const Vector3d place(0.2, 0.3, 1.0);
+  scene::SceneBuilder builder;
+  builder.cameras_on_ring({.count = 3});
+  builder.ball({.path = [&](double t) { return t < 5 ? Vector3d(0, 0, 20) : place; }});
+  builder.ball({.radius_m = 0.25, .path = [&](double t) { return t < 1.5 ? place : Vector3d(0, 0, 20); }});
+  for (const double angle : {0.4, 1.5, 3.0, 4.4})
+    builder.ball({.radius_m = 0.25,
+                  .path = [=](double) { return Vector3d(1.7 * std::cos(angle), 1.7 * std::sin(angle), 0.6); }});
+  const scene::Scene scene = builder.build();
+  const std::vector<capture::FrameSet> sets = render(scene, {.set_count = 170});
+  for (const int count : {1, 3}) {
+    const Told told = told_of(scene, sets, count, 1);
+    for (std::size_t i = 0; i < 150; ++i) EXPECT_EQ(told.tracked[i], 0u) << i << " of " << count;
+    for (std::size_t i = 153; i < told.tracked.size(); ++i) EXPECT_EQ(told.tracked[i], 1u) << i << " of " << count;
   }
 }
 
@@ -353,6 +431,20 @@ TEST(FurtherObject, isSeenBesideWhatIsTrackedAndMovesNothing) {
       (*one_more - second(looked_at_s)).norm() < 0.02 || (*one_more - first(looked_at_s)).norm() < 0.02;
   EXPECT_TRUE(is_one_of_them) << one_more->transpose();
   EXPECT_TRUE(further_beside({first, second, [](double) { return Vector3d(0, -0.5, 1.3); }}, 2));
+}
+
+// Two cameras miss the sets in which it would be looked for once more.
+TEST(FurtherObject, isToldThoughTheTargetIsHiddenForAMoment) {
+  const scene::Scene scene = scene_of({[](double t) { return Vector3d(-0.4 + 0.2 * std::sin(3 * t), 0, 1.0); },
+                                       [](double) { return Vector3d(0.4, 0.2, 1.1); }});
+  std::vector<capture::FrameSet> sets = render(scene, {.set_count = 75});
+  for (std::size_t i = 45; i < 50; ++i)
+    for (std::size_t c = 1; c < 3; ++c) sets[i].frames[c].reset();
+  ObjectTracker tracker(scene.rig, limes(1), ObjectTrackerOptions{});
+  std::size_t coasting = 0;
+  for (const capture::FrameSet& set : sets) coasting += tracker.update(set).state == TrackState::coasting ? 1 : 0;
+  EXPECT_GT(coasting, 0u);
+  EXPECT_TRUE(tracker.further_object());
 }
 
 }  // namespace

@@ -8,8 +8,9 @@ using namespace object_tracking;
 
 namespace {
 
-constexpr double looked_every_s = 1;  // it takes a set as long as a search does
-constexpr double told_after_s = 1.5;  // seen, or gone: what crosses a room by chance does not stay
+constexpr double looked_every_s = 1;   // it takes a set as long as a search does
+constexpr double told_after_s = 1.5;   // seen, or gone: what crosses a room by chance does not stay
+constexpr double of_a_moment_s = 0.5;  // who is hidden for so long says nothing of the others
 // So far from the target's middle a region is its own, or touches it and says nothing.
 constexpr double own_radii = 3;
 
@@ -50,11 +51,13 @@ void FurtherObjectWatch::find_others(const std::vector<TargetView>& views, const
 
 void FurtherObjectWatch::look_at_nothing(capture::Timestamp set_at) {
   is_second_ = false;
-  further_.note(set_at, std::nullopt);
+  if (!nothing_since_ || set_at < *nothing_since_) nothing_since_ = set_at;
+  if (capture::seconds(set_at - *nothing_since_) > of_a_moment_s) further_.note(set_at, std::nullopt);
 }
 
 void FurtherObjectWatch::look(const std::vector<TargetView>& views, std::span<const Sighting> sightings,
                               const MotionBelief& belief, const StillColor& still, capture::Timestamp set_at) {
+  nothing_since_.reset();
   if (views.size() < 2) return;
   if (looked_at_ && set_at < *looked_at_) looked_at_.reset(), is_second_ = false;
   if (!is_second_ && looked_at_ && capture::seconds(set_at - *looked_at_) < looked_every_s) return;

@@ -54,7 +54,8 @@ class FurtherObjectWatch {
   std::vector<color::RegionFinder> finders_;              // per camera
   std::vector<std::vector<color::ColorRegion>> regions_;  // of the views of this set, without the target's
   std::optional<capture::Timestamp> looked_at_;
-  bool is_second_ = false;  // the first of two sets was looked through
+  bool is_second_ = false;                           // the first of two sets was looked through
+  std::optional<capture::Timestamp> nothing_since_;  // nothing is known of others
   FurtherObject further_;
 };
 

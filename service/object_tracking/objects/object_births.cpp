@@ -30,6 +30,8 @@ constexpr double right_size = 1.2;  // larger is what its colour goes on in; its
 // Evidence that is by chance in one room of a thousand, which has so many pieces of furniture: what three views show
 // alike has it.
 constexpr double beyond_chance = 7;
+// Times the highest usual speed: what is surely an object may just have been thrown.
+constexpr double hardest_throw = 2;
 constexpr double share_around = 0.5;  // of the volume's largest extent, looked_through()
 // Chi-square, 3 degrees of freedom: by chance in one of 10^5; both ends have the covariance of the newest.
 constexpr double surely_moved = 25;
@@ -158,19 +160,20 @@ std::vector<Birth> ObjectBirths::look(const std::vector<TargetView>& views,
   const double dt = capture::seconds(set_at - before_at_);
   std::vector<Candidate> kept;
   for (Candidate& c : now) {
+    const bool is_clear = c.evidence + evidence_of_discs(c.at, target_.radius_m) >= beyond_chance;
+    const double way_m = (is_clear ? hardest_throw : 1) * options_.start_speed_m_s * dt;
     const Candidate* earlier = nullptr;
     if (dt > 0 && dt < longest_confirmation_s) {
       for (const Candidate& e : before_) {
         const double spread = 3 * (largest_sigma(c.at.covariance) + largest_sigma(e.at.covariance));
         const double apart_m = (c.at.position - e.at.position).norm();
-        if (apart_m > options_.start_speed_m_s * dt + spread) continue;
+        if (apart_m > way_m + spread) continue;
         if (earlier == nullptr || apart_m < (c.at.position - earlier->at.position).norm()) earlier = &e;
       }
     }
     // Two views may be of two pieces of furniture, set by set. Where as many others contradict them only what moves is
     // told; a single one may have something before it that nobody knows of.
     const bool is_contested = c.missing > 0 && c.at.sightings.size() < 3;
-    const bool is_clear = c.evidence + evidence_of_discs(c.at, target_.radius_m) >= beyond_chance;
     bool stands = (is_contested && c.missing >= std::ssize(c.at.sightings)) || must_move_ == MustMove::yes ||
                   (must_move_ == MustMove::unless_clear && !is_clear);
     if (earlier != nullptr) {

@@ -320,16 +320,21 @@ void ManyTracker::note_births(const capture::FrameSet& set, const std::vector<Ta
   if (objects_.empty()) search_log_.add(views, std::span(regions_).first(views.size()), options_.volume);
 }
 
-// An object that was not seen for a while is where it may be by now.
+// An object that was not seen for a while is where it may be by now. One that nobody saw any more when what was found
+// was first seen bounced, or was caught: it is wherever its speed, changed by as much, takes it.
 bool ManyTracker::take_up(const Birth& birth, const std::vector<TargetView>& views, capture::Timestamp set_at) {
   Object* best = nullptr;
   double best_d2 = take_up_gate;
+  const double first_seen_s = (birth.now.sets + 0.5) * birth.dt;  // ago, up to the set before
   for (const auto& object : objects_) {
     if (object->state != TrackState::coasting || object->sightings.size() >= 2) continue;
     const MotionBelief& belief = object->filter.belief();
     const Eigen::Vector3d d = birth.now.position - belief.position_at(set_at);
-    const Eigen::Matrix3d s = belief.position_covariance() + birth.now.covariance +
-                              target_.radius_m * target_.radius_m * Eigen::Matrix3d::Identity();
+    Eigen::Matrix3d s = belief.position_covariance() + birth.now.covariance +
+                        target_.radius_m * target_.radius_m * Eigen::Matrix3d::Identity();
+    const double lost_s = capture::seconds(set_at - object->last_tracking);
+    const double way_m = object->filter.kick_m_s() * lost_s;
+    if (lost_s < first_seen_s && d.norm() < way_m) s.diagonal().array() += way_m * way_m;
     const double d2 = d.dot(s.inverse() * d);
     if (d2 < best_d2) best_d2 = d2, best = object.get();
   }
@@ -381,6 +386,14 @@ void ManyTracker::correct_times(std::span<const double> late_s) {
   agreement_.forget();
 }
 
+// Readers know objects by their numbers alone: one that nobody follows any more ends, and its number is not another's.
+void ManyTracker::take_the_place_of(const ManyTracker& before) {
+  number_before_ = last_number_ = before.last_number_;
+  left_behind_ = before.left_behind_;
+  for (const auto& object : before.objects_)
+    if (object->is_told) left_behind_.push_back(object->number);
+}
+
 PositionParticles ManyTracker::particles() const {
   PositionParticles all;
   for (const auto& object : objects_) {
@@ -403,6 +416,7 @@ MotionBelief ManyTracker::times() const {
 
 void ManyTracker::report(const capture::FrameSet& set, std::vector<ObjectEstimate>& out) {
   out.clear();
+  report_left_behind(set, out);
   std::vector<Sighting> seen;  // also by cameras that are not used
   std::optional<Eigen::Vector3d> further_at;
   auto told = std::ranges::count_if(objects_, [](const auto& o) { return o->is_told; });
@@ -452,9 +466,19 @@ void ManyTracker::report(const capture::FrameSet& set, std::vector<ObjectEstimat
     search_log_.clear();
 }
 
+void ManyTracker::report_left_behind(const capture::FrameSet& set, std::vector<ObjectEstimate>& out) {
+  for (const std::uint32_t number : left_behind_) {
+    out.push_back(without_position(set, views_, times_.belief(), TrackState::lost));
+    out.back().object = number;
+    out.back().is_end = true;
+  }
+  left_behind_.clear();
+}
+
 // What is told then is that of the target.
 ObjectEstimate ManyTracker::none_known(const capture::FrameSet& set) const {
-  return without_position(set, views_, times_.belief(), last_number_ == 0 ? TrackState::searching : TrackState::lost);
+  const bool was_found = last_number_ != number_before_;
+  return without_position(set, views_, times_.belief(), was_found ? TrackState::lost : TrackState::searching);
 }
 
 }  // namespace huetrack::object_trackers

@@ -45,6 +45,8 @@ class ManyTracker {
   void update(const capture::FrameSet& set, std::vector<object_tracking::ObjectEstimate>& out);
   void trust(std::span<const object_tracking::CameraTrust> cameras);
   void correct_times(std::span<const double> late_s);
+  // Before the first update(): ObjectTracker::take_the_place_of().
+  void take_the_place_of(const ManyTracker& before);
   object_tracking::TargetViews& views() { return views_; }
   const object_tracking::TargetViews& views() const { return views_; }
   PositionParticles particles() const;  // of all objects
@@ -92,6 +94,7 @@ class ManyTracker {
   void forget_all();
   object_tracking::MotionBelief times() const;
   void report(const capture::FrameSet& set, std::vector<object_tracking::ObjectEstimate>& out);
+  void report_left_behind(const capture::FrameSet& set, std::vector<object_tracking::ObjectEstimate>& out);
   object_tracking::ObjectEstimate none_known(const capture::FrameSet& set) const;
 
   const calib::CameraRig rig_;
@@ -123,6 +126,8 @@ class ManyTracker {
   const Object* lead_ = nullptr;           // by which views are compared; only an address
   object_tracking::SeenRegions seen_regions_;
   std::uint32_t last_number_ = 0;
+  std::uint32_t number_before_ = 0;         // the last one of the trackers whose place this one took
+  std::vector<std::uint32_t> left_behind_;  // numbers of theirs whose end is not told yet
   std::uint64_t started_ = 0;
   std::size_t sets_apart_ = 0;
   capture::Timestamp last_at_{};

@@ -202,6 +202,12 @@ void ObjectTracker::correct_times(std::span<const double> late_s) {
     many->correct_times(late_s);
 }
 
+void ObjectTracker::take_the_place_of(const ObjectTracker& before) {
+  auto* many = std::get_if<ManyTracker>(&impl_->tracker);
+  const auto* many_before = std::get_if<ManyTracker>(&before.impl_->tracker);
+  if (many != nullptr && many_before != nullptr) many->take_the_place_of(*many_before);
+}
+
 void ObjectTracker::update(const capture::FrameSet& set, std::vector<ObjectEstimate>& out) {
   if (auto* many = std::get_if<ManyTracker>(&impl_->tracker)) {
     many->update(set, out);

@@ -55,6 +55,10 @@ class ObjectTracker {
   // leaves it. observation: paper, and timing: fixed, take the rig's times for what they are.
   void correct_times(std::span<const double> late_s);
 
+  // This one, which has not been updated yet, follows the target from now on, in the place of `before`: of a target of
+  // several objects those that `before` told end with the next update(), and no number of theirs comes again.
+  void take_the_place_of(const ObjectTracker& before);
+
   // set.frames has one slot per camera of the rig; a frame whose size is not the rig's is not used (the caller checks
   // sizes at start). Sets come in time order.
   // Of a target with a count of 1.
