@@ -161,7 +161,7 @@ void Background::learn_all(const Picture& picture, const ObjectDisc* hidden, std
   for (std::size_t i = 0; i < count; ++i) {
     next_ = (next_ + 1) % static_cast<int>(slots_.size());
     const Tile* const tile = tile_at(next_);
-    const bool is_known = tile != nullptr && tile->looks >= static_cast<std::uint32_t>(most_looks);
+    const bool is_known = tile != nullptr && tile->looks >= static_cast<std::uint32_t>(settled_looks);
     // Of rows, as neighbours share what the processor fetches at once.
     const bool is_its_turn = next_ / across_ % rare_pictures_each == rare_pictures_ % rare_pictures_each;
     if (!is_known || is_its_turn) look(picture, next_, hidden, hidden_count);
