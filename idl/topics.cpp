@@ -56,8 +56,11 @@ const Room* room_of(std::string_view topic) {
 }
 
 constexpr std::size_t longest_user_data = 16 * KiB;  // who a publisher is: some hundred targets
-constexpr int most_cameras_of_host = 64;             // more than a rig has
-constexpr int samples_from_the_start = 4;            // for which a reader has room at once; further ones as they come
+constexpr int most_cameras_of_host = 32;             // that send what matches: more than a machine takes
+// Frames of each that wait for one that is sent again, which takes some 50 ms; of a camera of 120 frames a second four
+// would be replaced by then.
+constexpr int matches_kept = 8;
+constexpr int samples_from_the_start = 4;  // for which a reader has room at once; further ones as they come
 
 // Fast DDS' default is 10 instances, and the eleventh target would silently not be there.
 template <typename Qos>
@@ -257,6 +260,7 @@ dds::DataWriterQos camera_frames_writer_qos() {
 
 dds::DataWriterQos camera_matches_writer_qos() {
   dds::DataWriterQos qos = camera_frames_writer_qos();
+  qos.history().depth = matches_kept;
   qos.reliable_writer_qos().times.heartbeatPeriod = Duration_t(0, 40 * ms);
   return qos;
 }
@@ -271,8 +275,10 @@ dds::DataReaderQos camera_frames_reader_qos() {
 
 dds::DataReaderQos camera_matches_reader_qos() {
   dds::DataReaderQos qos = camera_frames_reader_qos();
+  qos.history().depth = matches_kept;
   qos.resource_limits().max_instances = most_cameras_of_host;
-  qos.resource_limits().max_samples = most_cameras_of_host * qos.history().depth;
+  qos.resource_limits().max_samples_per_instance = matches_kept;
+  qos.resource_limits().max_samples = most_cameras_of_host * matches_kept;
   return qos;
 }
 

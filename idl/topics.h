@@ -118,8 +118,8 @@ void limit_instances(std::string_view topic, eprosima::fastdds::dds::DataReaderQ
 //   frames/...       reliable, volatile, keep-last 4, sent by a thread of Fast DDS' own (a frame is many datagrams);
 //                    what is lost is asked for again within 20 ms. How many are on their way is the writer's affair
 //                    (hosts/frame_window.h): of a network that is too slow for them nearly all would be lost.
-//   matches/...      as frames/..., asked for again within 40 ms: each heartbeat and its answer cost a tracker of many
-//                    hosts a third of what a small frame does.
+//   matches/...      as frames/..., keep-last 8, asked for again within 40 ms: each heartbeat and its answer cost a
+//                    tracker of many hosts a third of what a small frame does. Readers take 32 cameras of a host.
 //   looked_for       as status.
 //   outlines/...     as clock_probe: the next one comes with the next set.
 //   clock_*          best effort, volatile, keep-last 4, of readers 64: all hosts answer at one moment.

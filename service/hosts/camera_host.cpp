@@ -29,7 +29,7 @@ using namespace std::chrono_literals;
 namespace {
 
 constexpr auto told_every = 1s;
-constexpr std::uint32_t most_of_outlines = 8 * 1024;  // bytes, of a sample: sixteen of each of sixteen cameras
+constexpr std::uint32_t most_of_outlines = 32 * 1024;  // bytes, of a sample: sixteen of each of a tracker's 64 cameras
 constexpr const char* new_keys = "make them anew, configs/dds/secure.sh, role host; ";
 // What fits into one packet of an Ethernet (MTU 1500, less IP's and UDP's headers). A larger datagram is lost as a
 // whole with any of its packets, of 64 kB one in 23 where one packet in a thousand is; and the kernel keeps what came

@@ -14,6 +14,9 @@ class FrameWindow {
  public:
   using Clock = std::chrono::steady_clock;
   static constexpr int most = 8;  // frames: repairs of a network that loses packets never reach it
+  // For that time a frame of the window stands, where the camera gives more: that all has come is found out no faster
+  // of a camera of 120 frames a second, and of few frames, as the next one is on its way already.
+  static constexpr std::chrono::milliseconds of_a_frame{33};
   // A frame is acknowledged within 25 ms, one that is sent again within 60.
   static constexpr std::chrono::milliseconds long_ago{100}, wider_after{150}, soon{100};
   // A tracker that went without a word acknowledges nothing until DDS misses it (its lease is 3 s). Another one's
@@ -30,7 +33,7 @@ class FrameWindow {
       ++window_;
       changed_at_ = now;
     }
-    if (count_ >= window_ && !is_given_up(now)) return false;
+    if (is_full(now) && !is_given_up(now)) return false;
     if (count_++ == 0) sent_at_ = judged_at_ = now;
     return true;
   }
@@ -46,6 +49,10 @@ class FrameWindow {
     count_ = 0;
     gone_at_.reset();
     closed_at_.reset();
+  }
+
+  bool is_full(Clock::time_point now) const {
+    return count_ >= window_ && now - sent_at_ > window_ * of_a_frame - of_a_frame / 2;
   }
 
   // Whether who does not answer is held to be gone.
