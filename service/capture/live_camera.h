@@ -22,9 +22,9 @@ struct LiveCamera {
   // Of one whose frames say which pixels match: tells it the colours, from now on. nullptr: pixels come. thread-safe,
   // and may outlive source.
   std::function<void(std::span<const MatchedColor>)> look_for = nullptr;
-  // Where outlines were in such a camera's frame of that number (Frame::sequence), and how they move; and that what was
-  // said so of this set's cameras is to be told now. Their next frames then have pixels there, as far as they get to
-  // know it in time. Meant for every set. thread-safe, and may outlive source.
+  // Where outlines were in such a camera's frame of that number (Frame::sequence), and how they move; after all of a
+  // set's, tell_outlines() tells it what was said so of it and of the other cameras of its host. Their next frames then
+  // have pixels there, as far as they get to know it in time. thread-safe, and may outlive source.
   std::function<void(std::uint32_t, std::span<const ExpectedOutline>)> expect_outlines = nullptr;
   std::function<void()> tell_outlines = nullptr;
 };

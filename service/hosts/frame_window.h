@@ -14,8 +14,8 @@ class FrameWindow {
  public:
   using Clock = std::chrono::steady_clock;
   static constexpr int most = 8;  // frames: repairs of a network that loses packets never reach it
-  // For that time a frame of the window stands, where the camera gives more: that all has come is found out no faster
-  // of a camera of 120 frames a second, and of few frames, as the next one is on its way already.
+  // A window of so many frames lasts at least as many times this, whatever the camera's rate: of one that gives 120
+  // frames a second the next is always on its way, and the moment at which all have come is seldom seen.
   static constexpr std::chrono::milliseconds of_a_frame{33};
   // A frame is acknowledged within 25 ms, one that is sent again within 60.
   static constexpr std::chrono::milliseconds long_ago{100}, wider_after{150}, soon{100};
@@ -51,6 +51,7 @@ class FrameWindow {
     closed_at_.reset();
   }
 
+  // Half a frame before the time is over, so that of 30 frames a second the count alone decides.
   bool is_full(Clock::time_point now) const {
     return count_ >= window_ && now - sent_at_ > window_ * of_a_frame - of_a_frame / 2;
   }

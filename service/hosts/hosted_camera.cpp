@@ -252,14 +252,12 @@ struct HostedCameras::Impl {
   }
 
   // On the thread that tracks: written at once, or the next frames would be without.
-  void tell_outlines() {
+  void tell_outlines(Host& host) {
     const std::scoped_lock lock(outlines_mutex);
-    for (auto& [name, host] : hosts) {
-      if (host.expected.cameras().empty()) continue;
-      host.expected.tracker(tracker);
-      host.outlines->write(&host.expected);
-      host.expected.cameras().clear();
-    }
+    if (host.expected.cameras().empty()) return;
+    host.expected.tracker(tracker);
+    host.outlines->write(&host.expected);
+    host.expected.cameras().clear();
   }
 
   // On a change, and again and again: a host may have come up since.
@@ -692,7 +690,10 @@ std::vector<capture::LiveCamera> HostedCameras::live() const {
                                                      std::span<const capture::ExpectedOutline> outlines) {
         all->expect_outlines(*of, frame, outlines);
       };
-    if (of->options.are_matches) out.back().tell_outlines = [all = impl_] { all->tell_outlines(); };
+    if (of->options.are_matches)
+      out.back().tell_outlines = [all = impl_, host = &impl_->hosts.at(of->options.host)] {
+        all->tell_outlines(*host);
+      };
   }
   return out;
 }
