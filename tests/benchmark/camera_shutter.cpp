@@ -2,10 +2,10 @@
 // the camera at up to 130 degrees a second, the same motion at readouts of 0, 15 and 30 ms, the readout known or
 // learnt.
 //   build/release/tests/benchmark/camera_shutter [--seeds N] [--first SEED] [--moving] [--upwards] [--readout MS]
-//   [--frames]
-// --readout: that one alone, besides 0. --moving: without rest at the beginning. --upwards: sensors that read from the
-// last row to the first. Exit status 1 when a rolling shutter costs more than half of the global shutter's error, or a
-// frame.
+//   [--tremor DEG] [--frames]
+// --readout: that one alone, besides 0. --moving: without rest at the beginning. --tremor: of the hand, besides.
+// --upwards: sensors that read from the last row to the first. Exit status 1 when a rolling shutter costs more than
+// half of the global shutter's error, or a frame.
 #include <chrono>
 #include <cstdio>
 #include <cstring>
@@ -25,7 +25,7 @@ constexpr double ratio_bar = 1.5, rest_s = 0.35;
 
 struct Options {
   std::uint64_t seeds = 4, first = 1;
-  double only_ms = 0;
+  double only_ms = 0, tremor_deg = 0;
   bool moving = false, upwards = false, frames = false;
 };
 
@@ -87,6 +87,8 @@ int main(int argc, char** argv) {
       options.first = std::stoull(argv[++i]);
     else if (std::strcmp(argv[i], "--readout") == 0 && i + 1 < argc)
       options.only_ms = std::stod(argv[++i]);
+    else if (std::strcmp(argv[i], "--tremor") == 0 && i + 1 < argc)
+      options.tremor_deg = std::stod(argv[++i]);
     else if (std::strcmp(argv[i], "--moving") == 0)
       options.moving = true;
     else if (std::strcmp(argv[i], "--upwards") == 0)
@@ -94,23 +96,22 @@ int main(int argc, char** argv) {
     else if (std::strcmp(argv[i], "--frames") == 0)
       options.frames = true;
     else {
-      std::fprintf(
-          stderr,
-          "camera_shutter: '%s' is none of --seeds N, --first SEED, --moving, --upwards, --readout MS, --frames\n",
-          argv[i]);
+      std::fprintf(stderr,
+                   "camera_shutter: '%s' is none of --seeds N, --first SEED, --moving, --upwards, --readout MS, "
+                   "--tremor DEG, --frames\n",
+                   argv[i]);
       return 2;
     }
   }
   bool all = true;
   for (std::uint64_t seed = options.first; seed < options.first + options.seeds; ++seed) {
     const scene::DeskScene desk(seed);
-    const scene::HandHeld hand({.seed = seed, .still_s = options.moving ? 0 : 0.4});
+    const scene::HandHeld hand({.seed = seed, .still_s = options.moving ? 0 : 0.4, .tremor_deg = options.tremor_deg});
     std::printf(
         "seed %llu: readout; rms mm, deg; worst; rms at the end; tracked; NEES; readout; ratios mm, deg; per frame\n",
         static_cast<unsigned long long>(seed));
     std::optional<Run> global;
-    for (const double ms : {0.0, 15.0, 30.0}) {
-      if (options.only_ms != 0 && ms != 0 && ms != options.only_ms) continue;
+    for (const double ms : options.only_ms != 0 ? std::vector{0.0, options.only_ms} : std::vector{0.0, 15.0, 30.0}) {
       const double readout_s = 1e-3 * (options.upwards ? -ms : ms);
       figures::CameraSequence sequence;
       sequence.camera = desk.camera;

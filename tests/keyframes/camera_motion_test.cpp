@@ -2,7 +2,9 @@
 
 #include <gmock/gmock.h>
 
+#include <Eigen/Cholesky>
 #include <cmath>
+#include <random>
 
 namespace huetrack::keyframes {
 namespace {
@@ -17,23 +19,29 @@ calib::Tangent6d turning(double rad) {
   return out;
 }
 
+const Matrix6d exact = 1e-12 * Matrix6d::Identity();
+
+double turn_sigma(const MotionPrior& prior) {
+  return std::sqrt(prior.velocity_covariance(1, 1));
+}
+
 TEST(CameraMotion, velocityIsThatOfTheMiddleRow) {
   CameraMotion motion;  // an even acceleration of 4 rad/s^2; a frame is missing
   const auto pose = [](double t) { return calib::exp(turning(2 * t * t)); };
-  for (const double t : {0.0, 1.0 / 30, 2.0 / 30}) motion.add(at(t), pose(t));
-  const MotionPrior prior = motion.prior(at(4.0 / 30), {0.03, 0.001});
-  EXPECT_NEAR(prior.velocity(pose(4.0 / 30))[1], 4 * 4.0 / 30, 1e-6);
-  const camera_tracking::Sweep sweep = prior.sweep(pose(4.0 / 30), 239);
-  const calib::Rigid3d first_row = sweep.row_from_middle(0) * pose(4.0 / 30),
-                       last_row = sweep.row_from_middle(239) * pose(4.0 / 30);
-  EXPECT_LT(calib::log(first_row * calib::inverse(pose(4.0 / 30 - 0.015))).norm(), 1e-5);
-  EXPECT_LT(calib::log(last_row * calib::inverse(pose(4.0 / 30 + 0.015))).norm(), 1e-5);
+  for (int i = 0; i < 12; ++i) motion.add(at(i / 30.0), pose(i / 30.0), exact);
+  const double t = 13.0 / 30;
+  const MotionPrior prior = motion.prior(at(t), {0.03, 0.001});
+  EXPECT_NEAR(prior.velocity(pose(t))[1], 4 * t, 0.01 * 4 * t);
+  const camera_tracking::Sweep sweep = prior.sweep(pose(t), 239);
+  const calib::Rigid3d first_row = sweep.row_from_middle(0) * pose(t), last_row = sweep.row_from_middle(239) * pose(t);
+  EXPECT_LT(calib::log(first_row * calib::inverse(pose(t - 0.015))).norm(), 3e-4);
+  EXPECT_LT(calib::log(last_row * calib::inverse(pose(t + 0.015))).norm(), 3e-4);
 }
 
 TEST(CameraMotion, aPauseOrALossLeavesItUnknown) {
   CameraMotion motion;
-  EXPECT_GT(motion.prior(at(0), {}).turn_sigma_rad_s, 0.3);
-  motion.add(at(0), {}), motion.add(at(0.033), calib::exp(turning(0.05)));
+  EXPECT_GT(turn_sigma(motion.prior(at(0), {})), 0.3);
+  motion.add(at(0), {}, exact), motion.add(at(0.033), calib::exp(turning(0.05)), exact);
   EXPECT_GT(motion.prior(at(0.066), {}).velocity({}).norm(), 1);
   EXPECT_EQ(motion.prior(at(2), {}).velocity({}).norm(), 0);
   motion.forget();
@@ -42,16 +50,51 @@ TEST(CameraMotion, aPauseOrALossLeavesItUnknown) {
 
 TEST(CameraMotion, jerksMakeItLessSure) {
   CameraMotion even, jerky;
-  for (int i = 0; i < 12; ++i) {
-    even.add(at(i / 30.0), calib::exp(turning(0.05 * i)));
-    jerky.add(at(i / 30.0), calib::exp(turning(0.05 * i + (i % 3 == 0 ? 0.02 : 0))));
+  const Matrix6d seen = 1e-6 * Matrix6d::Identity();
+  for (int i = 0; i < 20; ++i) {
+    even.add(at(i / 30.0), calib::exp(turning(0.05 * i)), seen);
+    jerky.add(at(i / 30.0), calib::exp(turning(0.05 * i + (i % 3 == 0 ? 0.02 : 0))), seen);
   }
-  EXPECT_GT(jerky.prior(at(12 / 30.0), {}).turn_sigma_rad_s, 5 * even.prior(at(12 / 30.0), {}).turn_sigma_rad_s);
+  EXPECT_GT(turn_sigma(jerky.prior(at(20 / 30.0), {})), 5 * turn_sigma(even.prior(at(20 / 30.0), {})));
+}
+
+// Poses of a hand that sways once a second, each a milliradian off, stated as three: what they share, only the map's
+// errors, is not known. Going on from two differences of poses would be 62 mrad/s off, were this frame's pose known.
+TEST(CameraMotion, velocitiesAreBetterThanDifferencesOfPosesAndStateWhatTheyAreOff) {
+  std::mt19937_64 random(5);
+  std::normal_distribution<double> noise(0, 1e-3);
+  const auto angle = [](double t) { return 0.2 * std::sin(2 * M_PI * t); };
+  CameraMotion motion;
+  double off2 = 0, nees = 0;
+  int n = 0;
+  for (int i = 0; i < 600; ++i) {
+    const double t = i / 30.0;
+    const MotionPrior prior = motion.prior(at(t), {0.03, 0});
+    if (i >= 20) {
+      const double off = prior.velocity(calib::exp(turning(angle(t))))[1] - 0.4 * M_PI * std::cos(2 * M_PI * t);
+      off2 += off * off, nees += off * off / prior.velocity_covariance(1, 1), ++n;
+    }
+    calib::Tangent6d seen = turning(angle(t));
+    for (int axis = 0; axis < 6; ++axis) seen[axis] += noise(random);
+    motion.add(at(t), calib::exp(seen), 9e-6 * Matrix6d::Identity());
+  }
+  EXPECT_LT(std::sqrt(off2 / n), 0.75 * 62e-3);
+  EXPECT_GT(nees / n, 0.4);
+  EXPECT_LT(nees / n, 2.5);
+}
+
+// The covariance of a filter that knows poses by a millionth of what it knows of accelerations stays one.
+TEST(CameraMotion, aLongRestLeavesItACovariance) {
+  CameraMotion motion;
+  for (int i = 0; i < 2000; ++i) motion.add(at(i / 30.0), {}, exact);
+  const MotionPrior prior = motion.prior(at(2000 / 30.0), {0.03, 0});
+  EXPECT_EQ(prior.velocity_covariance.llt().info(), Eigen::Success);
+  EXPECT_LT(prior.velocity({}).norm(), 1e-6);
 }
 
 TEST(MotionPrior, anUnknownReadoutLeavesTheSweepOpenAlongTheMotion) {
   MotionPrior prior;
-  prior.readout = {0, 0.02}, prior.turn_sigma_rad_s = prior.shift_sigma_m_s = 0.01;
+  prior.readout = {0, 0.02}, prior.velocity_covariance = 1e-4 * Matrix6d::Identity();
   const Matrix6d c = prior.covariance(turning(2));
   EXPECT_NEAR(std::sqrt(c(1, 1)), 0.04, 1e-3);
   EXPECT_LT(std::sqrt(c(0, 0)), 1e-3);

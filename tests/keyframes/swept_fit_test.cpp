@@ -35,11 +35,12 @@ struct Flight {
   capture::Timestamp at(int frame) const { return capture::Timestamp(capture::duration_of(frame / fps)); }
   calib::Rigid3d pose(int frame) const { return calib::exp(calib::Tangent6d(velocity * (frame / fps))) * middle; }
   SweptPose swept() const { return {middle, {readout_s * velocity, calib::Tangent6d::Zero(), last_row}}; }
-  // The last of three frames is the one that is looked at.
+  // The last of some frames is the one that is looked at.
   MotionPrior prior(const Readout& readout) const {
     CameraMotion motion;
-    motion.add(at(0), pose(-2)), motion.add(at(1), pose(-1));
-    return motion.prior(at(2), readout);
+    constexpr int before = 8;
+    for (int i = 0; i < before; ++i) motion.add(at(i), pose(i - before), 1e-10 * Matrix6d::Identity());
+    return motion.prior(at(before), readout);
   }
   std::vector<PoseObservation> seen(int points = 60) const {
     const calib::Camera c = camera();

@@ -157,6 +157,8 @@ HandHeld::HandHeld(const HandHeldOptions& options) : options_(options) {
   for (std::size_t axis = 0; axis < 3; ++axis) {
     for (Wave& w : waves_[axis]) w.amplitude *= scale;
   }
+  for (Wave& w : tremor_)
+    w = {options.tremor_deg * std::numbers::pi / 180, uniform(random, 6, 10), uniform(random, 0, 2 * std::numbers::pi)};
 }
 
 double HandHeld::envelope(double t_s) const {
@@ -180,6 +182,10 @@ calib::Rigid3d HandHeld::world_from_camera(double t_s) const {
       const double at_start = options_.still_s > 0 ? 0 : w.amplitude * std::sin(w.phase);
       wave[axis] += e * (w.amplitude * std::sin(2 * std::numbers::pi * w.hertz * t_s + w.phase) - at_start);
     }
+  }
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    const Wave& w = tremor_[axis];
+    wave[axis] += e * w.amplitude * std::sin(2 * std::numbers::pi * w.hertz * t_s + w.phase);
   }
   const Vector3d turn(wave[0], wave[1], wave[2]);
   const double angle = turn.norm();

@@ -49,6 +49,7 @@ struct HandHeldOptions {
   double fastest_deg_s = 130;  // turning; reached once or more
   double sway_m = 0.1;         // of the position, per axis, about
   double still_s = 0.4;        // 0: it moves in the first frame already
+  double tremor_deg = 0;       // besides, per axis, 6 to 10 times a second
 };
 class HandHeld {
  public:
@@ -62,6 +63,7 @@ class HandHeld {
   double envelope(double t_s) const;
   HandHeldOptions options_;
   std::array<std::array<Wave, 2>, 6> waves_;  // turns about the camera's axes, radians; shifts, metres
+  std::array<Wave, 3> tremor_;                // turns
 };
 
 struct DeskRenderOptions {

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <optional>
 
 #include "calib/model/camera_rig.h"
@@ -22,43 +23,50 @@ struct Readout {
 // A frame's motion as it is known before its own rows are asked, given where its middle row is seen from.
 struct MotionPrior {
   Readout readout;
-  calib::Rigid3d before;                                        // cam_from_world one frame earlier
-  double per_frame_hz = 0;                                      // 0: nothing is known of its motion
-  double kept = 0;                                              // of the acceleration until the frame before
-  calib::Tangent6d velocity_before = calib::Tangent6d::Zero();  // mean, of the interval before the last one; per second
-  double accelerating_s = 1;                                    // between the middles of the two intervals
-  double turn_sigma_rad_s = 0, shift_sigma_m_s = 0;             // of the velocity, per axis
+  calib::Rigid3d expected;                                     // cam_from_world
+  calib::Tangent6d velocity_there = calib::Tangent6d::Zero(),  // of the middle row, were it seen from there; per second
+      acceleration_there = calib::Tangent6d::Zero();
+  // By how much they are others for a pose beside the one expected, d / d tangent of it.
+  Matrix6d velocity_by_pose = Matrix6d::Zero(), acceleration_by_pose = Matrix6d::Zero();
+  Matrix6d velocity_covariance = Matrix6d::Zero();  // of what the pose leaves open
 
   // When the middle row is exposed.
   calib::Tangent6d velocity(const calib::Rigid3d& cam_from_world) const;
   calib::Tangent6d bend(const calib::Rigid3d& cam_from_world, double readout_s) const;  // Sweep::bend
-  double velocity_per_tangent_hz() const { return (1 + kept) * per_frame_hz; }  // d velocity / d tangent of the pose
   camera_tracking::Sweep sweep(const calib::Rigid3d& cam_from_world, double last_row) const;
   MotionPrior held() const;  // as if it were sure
   // Of a sweep's motion about sweep().motion, the readout's included.
   Matrix6d covariance(const calib::Tangent6d& velocity) const;
 };
 
-// thread-compatible. A pure function of the poses added since the last forget().
+// Kalman filters of pose, velocity and acceleration, each of another restlessness of the hand; the one that the last
+// poses make likeliest is believed. thread-compatible. A pure function of the poses added since the last forget().
 class CameraMotion {
  public:
   void forget();  // it was lost, or set down elsewhere
-  void add(capture::Timestamp at, const calib::Rigid3d& cam_from_world);
+  // covariance: of the pose's tangent; of the first one what a start is off is taken.
+  void add(capture::Timestamp at, const calib::Rigid3d& cam_from_world, const Matrix6d& covariance);
   MotionPrior prior(capture::Timestamp at, const Readout& readout) const;
   // Of the first of two frames, by the second one.
   static MotionPrior prior_from_next(capture::Timestamp at, capture::Timestamp next_at, const calib::Rigid3d& next,
                                      const Readout& readout);
 
  private:
-  struct Interval {
-    calib::Tangent6d velocity;  // mean; per second
-    double length_s;
+  using Vector18d = Eigen::Matrix<double, 18, 1>;
+  using Matrix18d = Eigen::Matrix<double, 18, 18>;
+  struct Hand {
+    calib::Rigid3d pose;
+    calib::Tangent6d velocity = calib::Tangent6d::Zero(), acceleration = calib::Tangent6d::Zero();
+    Matrix18d covariance = Matrix18d::Zero();  // of the three
+    double surprise = 1;                       // fading mean square of what poses were off, per axis, in sigmas
+    double log_likelihood = 0;                 // fading
   };
+  void begin(capture::Timestamp at, const calib::Rigid3d& cam_from_world);
+  static Hand ahead(const Hand& hand, std::size_t which, double length_s);
+  static void observe(Hand& hand, const calib::Rigid3d& cam_from_world, const Matrix6d& covariance);
+
   std::optional<capture::Timestamp> last_at_;
-  calib::Rigid3d last_pose_;
-  std::optional<Interval> last_interval_;
-  std::optional<calib::Tangent6d> last_change_;  // of the velocity, from interval to interval
-  double turn_change_ = 0, shift_change_ = 0;    // of that change, from one to the next: fading mean squares
+  std::array<Hand, 4> hands_;  // from the calmest one on
 };
 
 // Learns a camera's readout time from what single frames say. thread-compatible.

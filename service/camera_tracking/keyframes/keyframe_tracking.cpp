@@ -46,7 +46,7 @@ void KeyframeTracking::set_pose(capture::Timestamp at, const calib::Rigid3d& cam
   pose_ = cam_from_world;
   step_ = {};
   motion_.forget();
-  motion_.add(at, cam_from_world);
+  motion_.add(at, cam_from_world, Matrix6d::Zero());
   unproven_ = 0;
   particles_.reset(particle_count_, pose_);
   effective_sample_size_ = static_cast<double>(particle_count_);
@@ -65,7 +65,7 @@ std::optional<SweptFit> KeyframeTracking::with_motion(const MotionPrior& prior, 
       refine_swept_pose(camera_.model, seen, {pose, prior.sweep(pose, camera_.image_size.height - 1)}, prior);
   if (fit.fit.inliers < static_cast<int>(seen.size())) return std::nullopt;
   motion_.forget();
-  motion_.add(at, fit.fit.cam_from_world), motion_.add(last_at, pose_);
+  motion_.add(at, fit.fit.cam_from_world, Matrix6d::Zero()), motion_.add(last_at, pose_, pose_covariance_);
   return fit;
 }
 
@@ -212,9 +212,9 @@ ProvenPose KeyframeTracking::track(capture::Timestamp at, const std::shared_ptr<
   if (!best.proven && proposed) try_from(*proposed, true);
   if (best.proven) {
     step_ = unproven_ == 0 ? best.pose.cam_from_world * calib::inverse(pose_) : calib::Rigid3d{};
-    pose_ = best.pose.cam_from_world;
+    pose_ = best.pose.cam_from_world, pose_covariance_ = best.tangent_covariance;
     unproven_ = 0;
-    motion_.add(at, pose_);
+    motion_.add(at, pose_, pose_covariance_);
     if (best.readout) readout_.add(*best.readout);
   } else {
     ++unproven_;

@@ -168,9 +168,10 @@ class KeyframeTracking {
   camera_tracking::PoseParticles particles_;
   double effective_sample_size_ = 0;
   calib::Rigid3d pose_;
-  calib::Rigid3d step_;  // of the last frame: pose = step * pose before
-  double depth_m_ = 1;   // median, of what is in view
-  int unproven_ = 0;     // frames since the last proven pose
+  Matrix6d pose_covariance_ = Matrix6d::Zero();  // of its tangent, as its fit has it
+  calib::Rigid3d step_;                          // of the last frame: pose = step * pose before
+  double depth_m_ = 1;                           // median, of what is in view
+  int unproven_ = 0;                             // frames since the last proven pose
   CameraMotion motion_;
   ReadoutLearner readout_;
   MotionPrior prior_;  // of this frame

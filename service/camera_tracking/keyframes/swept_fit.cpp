@@ -131,11 +131,11 @@ Normal Fit::known() {
   // The readout that goes best with this motion is what couples it to the pose.
   readout_s_ = prior_.readout.mean_s + prior_.readout.sigma_s * prior_.readout.sigma_s * velocity_.dot(b);
   out_.pose.sweep.bend = prior_.bend(out_.pose.cam_from_world, readout_s_);
-  const double by_pose = readout_s_ * prior_.velocity_per_tangent_hz();
+  const Matrix6d by_pose = readout_s_ * prior_.velocity_by_pose;
+  const Matrix6d coupled = by_pose.transpose() * prior_information_;
   Normal n;
-  n.h << by_pose * by_pose * prior_information_, -by_pose * prior_information_, -by_pose * prior_information_,
-      prior_information_;
-  n.b << -by_pose * b, b;
+  n.h << coupled * by_pose, -coupled, -coupled.transpose(), prior_information_;
+  n.b << -by_pose.transpose() * b, b;
   return n;
 }
 
@@ -145,11 +145,11 @@ std::optional<Readout> Fit::readout_of(const Matrix12d& covariance) const {
   constexpr double least_information = 1e-3;  // of the prior's
   const double variance = prior_.readout.sigma_s * prior_.readout.sigma_s;
   if (!(variance > 0)) return std::nullopt;
-  const double by_pose = readout_s_ * prior_.velocity_per_tangent_hz();
+  const Matrix6d by_pose = readout_s_ * prior_.velocity_by_pose;
   const Vector6d gain = variance * prior_information_ * velocity_;
-  const Matrix6d of_off = by_pose * by_pose * covariance.topLeftCorner<6, 6>() -
-                          by_pose * (covariance.topRightCorner<6, 6>() + covariance.bottomLeftCorner<6, 6>()) +
-                          covariance.bottomRightCorner<6, 6>();
+  const Matrix6d of_both = by_pose * covariance.topRightCorner<6, 6>();
+  const Matrix6d of_off = by_pose * covariance.topLeftCorner<6, 6>() * by_pose.transpose() - of_both -
+                          of_both.transpose() + covariance.bottomRightCorner<6, 6>();
   const double left = variance - variance * gain.dot(velocity_) + gain.dot(of_off * gain);
   if (!(left > 0) || !(1 / left - 1 / variance > least_information / variance)) return std::nullopt;
   const double own = 1 / (1 / left - 1 / variance);
