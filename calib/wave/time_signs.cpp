@@ -65,7 +65,7 @@ TimeSigns time_signs(const std::vector<LagSample>& samples, double frame_s) {
   double speed2 = 0;
   for (const auto& [number, lags] : windows) {
     if (lags.size() < least_count) continue;
-    const double lag_s = weighted_median(lags);
+    const double lag_s = signs.lag_s[number] = weighted_median(lags);
     double square = 0;
     for (const Lag& lag : lags) {
       square += lag.speed_px_s * lag.speed_px_s;

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <map>
 #include <vector>
 
 namespace huetrack::wave {
@@ -16,10 +17,11 @@ struct LagSample {
 // Of one camera. A residual along the ball's motion that grows with its speed is a time; one across it is none, and
 // tells what is noise.
 struct TimeSigns {
-  double wander_s = 0;       // rms by which its frames are early or late from second to second, beyond the noise
-  double wander_sigmas = 0;  // rms of the same in its own standard deviations; about 1 where there is none
-  double scatter_s = 0;      // by which they are early or late from frame to frame, beyond the noise
-  double repeated = 0;       // 0..1; share of the fast frames that show the ball where it was a frame earlier
+  double wander_s = 0;          // rms by which its frames are early or late from second to second, beyond the noise
+  double wander_sigmas = 0;     // rms of the same in its own standard deviations; about 1 where there is none
+  std::map<int, double> lag_s;  // by the second, rounded down, in which they were exposed; of those with enough of them
+  double scatter_s = 0;         // by which they are early or late from frame to frame, beyond the noise
+  double repeated = 0;          // 0..1; share of the fast frames that show the ball where it was a frame earlier
 };
 
 // All frames with a region that may be the ball, those too that were not used; frame_s: between two of them.

@@ -53,9 +53,9 @@ struct WaveCamera {
   double rms_px = 0;              // of those, length
   double coverage = 0;            // 0..1; share of an 8x6 grid over the image in which the ball was
   bool has_still_things = false;  // of the target's colour, that stay where they are; they are left out
-  // Times that are not as the model has them: rms by which its frames are early or late from second to second, and how
-  // sure that is (1: noise alone); the same from frame to frame; and the share of fast frames that are the one before
-  // once more.
+  // Times that are not as the model has them: rms by which its frames are early or late from second to second, also
+  // where poses and path followed that, and how sure it is (1: noise alone); the same from frame to frame; and the
+  // share of fast frames that are the one before once more.
   double wander_s = 0, wander_sigmas = 0, scatter_s = 0, repeated = 0;
   // In the world as it is aligned with the volume (without one: with the path), world axes.
   Eigen::Vector3d centre_sigma_m = Eigen::Vector3d::Zero();

@@ -78,9 +78,9 @@ TimePrior time_prior(const calib::CameraTiming& timing, bool in_step) {
 
 WaveSolution::WaveSolution(const calib::CameraRig& rig, const std::vector<BallFrame>& frames,
                            const WaveOptions& options)
-    : rig_(rig), frames_(frames), options_(options), chosen_(frames.size(), -1) {
+    : rig_(rig), frames_(&frames), options_(options), chosen_(frames.size(), -1) {
   std::vector<std::vector<double>> times(rig.cameras.size());
-  for (const BallFrame& f : frames_) times[index(f.camera)].push_back(f.t_s);
+  for (const BallFrame& f : *frames_) times[index(f.camera)].push_back(f.t_s);
   in_step_ = are_in_step(times);
   for (const calib::Camera& camera : rig.cameras) state_.times.push_back(time_prior(camera.timing, in_step_).time);
   step_s_ = std::numeric_limits<double>::infinity();
@@ -91,14 +91,14 @@ WaveSolution::WaveSolution(const calib::CameraRig& rig, const std::vector<BallFr
     if (gap > 0) step_s_ = std::min(step_s_, gap), longest_s_ = std::max(longest_s_, gap);
   }
   // The largest region to begin with.
-  for (std::size_t f = 0; f < frames_.size(); ++f) chosen_[f] = frames_[f].regions.empty() ? -1 : 0;
+  for (std::size_t f = 0; f < frames_->size(); ++f) chosen_[f] = (*frames_)[f].regions.empty() ? -1 : 0;
   find_span();
 }
 
 // From when to when the ball was seen.
 void WaveSolution::find_span() {
   from_s_ = std::numeric_limits<double>::infinity(), to_s_ = -from_s_;
-  for (const BallFrame& f : frames_) {
+  for (const BallFrame& f : *frames_) {
     if (f.regions.empty()) continue;
     const double t = exposed_s(f, f.regions.front());
     from_s_ = std::min(from_s_, t);
@@ -159,15 +159,15 @@ void WaveSolution::settle() {
 
 void WaveSolution::keep_half(int half) {
   const double piece = std::max(1.0, (to_s_ - from_s_) / 20);
-  for (std::size_t f = 0; f < frames_.size(); ++f) {
-    if (static_cast<int>(std::floor((frames_[f].t_s - from_s_) / piece)) % 2 != half) chosen_[f] = -1;
+  for (std::size_t f = 0; f < frames_->size(); ++f) {
+    if (static_cast<int>(std::floor(((*frames_)[f].t_s - from_s_) / piece)) % 2 != half) chosen_[f] = -1;
   }
 }
 
 double WaveSolution::misfit() const {
   double sum = 0;
-  for (std::size_t f = 0; f < frames_.size(); ++f) {
-    if (frames_[f].regions.empty()) continue;
+  for (std::size_t f = 0; f < frames_->size(); ++f) {
+    if ((*frames_)[f].regions.empty()) continue;
     sum += chosen_[f] < 0 ? most_cost : std::min(most_cost, cost_of(f, region(f)).value_or(most_cost));
   }
   return sum;
@@ -175,15 +175,15 @@ double WaveSolution::misfit() const {
 
 double WaveSolution::used_share() const {
   const auto used = std::ranges::count_if(chosen_, [](int c) { return c >= 0; });
-  const auto seen = std::ranges::count_if(frames_, [](const BallFrame& f) { return !f.regions.empty(); });
+  const auto seen = std::ranges::count_if(*frames_, [](const BallFrame& f) { return !f.regions.empty(); });
   return seen == 0 ? 0 : static_cast<double>(used) / static_cast<double>(seen);
 }
 
 double WaveSolution::size_ratio() const {
   std::vector<double> ratios;
-  for (std::size_t f = 0; f < frames_.size(); ++f) {
+  for (std::size_t f = 0; f < frames_->size(); ++f) {
     if (chosen_[f] < 0) continue;
-    const auto at = appearance(frames_[f], region(f));
+    const auto at = appearance((*frames_)[f], region(f));
     if (at && at->radius_px > 0) ratios.push_back(2 * std::pow(region(f).spread.determinant(), 0.25) / at->radius_px);
   }
   return ratios.empty() ? 1 : calib::median(ratios);
@@ -193,9 +193,9 @@ BallTracks WaveSolution::tracks() const {
   BallTracks t;
   t.of_camera.resize(rig_.cameras.size());
   t.max_gap_s = 2.5 * longest_s_;
-  for (std::size_t f = 0; f < frames_.size(); ++f) {
+  for (std::size_t f = 0; f < frames_->size(); ++f) {
     if (chosen_[f] >= 0)
-      t.of_camera[index(frames_[f].camera)].push_back({exposed_s(frames_[f], region(f)), region(f).centre});
+      t.of_camera[index((*frames_)[f].camera)].push_back({exposed_s((*frames_)[f], region(f)), region(f).centre});
   }
   for (auto& track : t.of_camera) std::ranges::stable_sort(track, {}, &BallTracks::Point::t_s);
   return t;
@@ -203,8 +203,8 @@ BallTracks WaveSolution::tracks() const {
 
 std::vector<TimeSigns> WaveSolution::signs() const {
   std::vector<std::vector<LagSample>> samples(rig_.cameras.size());
-  for (std::size_t number = 0; number < frames_.size(); ++number) {
-    const BallFrame& f = frames_[number];
+  for (std::size_t number = 0; number < frames_->size(); ++number) {
+    const BallFrame& f = (*frames_)[number];
     const std::size_t c = index(f.camera);
     const auto predicted = [&](double t_s) {
       return outline_centre(rig_.cameras[c].model, state_.cam_from_world[c] * state_.path.at(t_s), options_.radius_m);
@@ -233,11 +233,11 @@ std::vector<TimeSigns> WaveSolution::signs() const {
 
 std::vector<BallObservation> WaveSolution::observations() const {
   std::vector<BallObservation> out;
-  for (std::size_t f = 0; f < frames_.size(); ++f) {
+  for (std::size_t f = 0; f < frames_->size(); ++f) {
     if (chosen_[f] < 0) continue;
-    const auto at = appearance(frames_[f], region(f));
+    const auto at = appearance((*frames_)[f], region(f));
     const auto covariance = at ? covariance_of(f, region(f), *at) : std::nullopt;
-    if (covariance) out.push_back({frames_[f].camera, frames_[f].t_s, region(f).centre, *covariance});
+    if (covariance) out.push_back({(*frames_)[f].camera, (*frames_)[f].t_s, region(f).centre, *covariance});
   }
   return out;
 }
@@ -247,7 +247,7 @@ void WaveSolution::tell(const char* step, int done) const {
 }
 
 const color::ColorRegion& WaveSolution::region(std::size_t f) const {
-  return frames_[f].regions[index(chosen_[f])];
+  return (*frames_)[f].regions[index(chosen_[f])];
 }
 
 WaveAdjustmentOptions WaveSolution::adjustment_options() const {
@@ -327,14 +327,14 @@ void WaveSolution::learn_jerk() {
 // sizes. The upper half of what was seen, as hidden ones are narrow.
 void WaveSolution::learn_shapes() {
   std::vector<std::array<std::vector<double>, 2>> excess(rig_.cameras.size());
-  for (std::size_t f = 0; f < frames_.size(); ++f) {
+  for (std::size_t f = 0; f < frames_->size(); ++f) {
     if (chosen_[f] < 0) continue;
-    const auto at = appearance(frames_[f], region(f));
+    const auto at = appearance((*frames_)[f], region(f));
     if (!at) continue;
     const Vector2d width = shape_of(region(f)).width_px;
     for (const std::size_t i : {0u, 1u}) {
       const double w = width[static_cast<int>(i)];
-      excess[index(frames_[f].camera)][i].push_back(w * w - at->radius_px * at->radius_px);
+      excess[index((*frames_)[f].camera)][i].push_back(w * w - at->radius_px * at->radius_px);
     }
   }
   blur2_.assign(rig_.cameras.size(), Vector2d::Zero());
@@ -359,7 +359,7 @@ std::optional<Eigen::Matrix2d> WaveSolution::covariance_of(std::size_t f, const 
   const double r2 = at.radius_px * at.radius_px;
   Vector2d variance;
   for (const int i : {0, 1}) {
-    const double whole = std::sqrt(std::max(r2 / 2, r2 + blur2_[index(frames_[f].camera)][i]));
+    const double whole = std::sqrt(std::max(r2 / 2, r2 + blur2_[index((*frames_)[f].camera)][i]));
     const double ratio = shape.width_px[i] / whole;
     if (ratio < narrowest || ratio > widest) return std::nullopt;
     const double misfit_px = centre_per_misfit * std::max(0.0, std::abs(ratio - 1) - usual_misfit) * at.radius_px;
@@ -370,7 +370,7 @@ std::optional<Eigen::Matrix2d> WaveSolution::covariance_of(std::size_t f, const 
 
 // How badly a region suits the path; nullopt: not at all.
 std::optional<double> WaveSolution::cost_of(std::size_t f, const color::ColorRegion& region) const {
-  const auto at = appearance(frames_[f], region);
+  const auto at = appearance((*frames_)[f], region);
   if (!at) return std::nullopt;
   const Vector2d d = region.centre - at->px;
   const auto covariance = covariance_of(f, region, *at);
@@ -380,11 +380,11 @@ std::optional<double> WaveSolution::cost_of(std::size_t f, const color::ColorReg
 
 // Of every frame the region that suits the path best, if any does to `sigmas`.
 void WaveSolution::choose(double sigmas) {
-  for (std::size_t f = 0; f < frames_.size(); ++f) {
+  for (std::size_t f = 0; f < frames_->size(); ++f) {
     chosen_[f] = -1;
     double best = sigmas * sigmas;
-    for (std::size_t r = 0; r < frames_[f].regions.size(); ++r) {
-      const auto cost = cost_of(f, frames_[f].regions[r]);
+    for (std::size_t r = 0; r < (*frames_)[f].regions.size(); ++r) {
+      const auto cost = cost_of(f, (*frames_)[f].regions[r]);
       if (!cost || *cost >= best) continue;
       best = *cost;
       chosen_[f] = static_cast<int>(r);

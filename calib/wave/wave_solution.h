@@ -38,6 +38,8 @@ class WaveSolution {
   // Once more, for what is chosen, from where it is; with its covariance.
   void settle();
 
+  // The same frames at times that differ by little; they must outlive it.
+  void retime(const std::vector<BallFrame>& frames) { frames_ = &frames; }
   // Only every other piece of the recording, of a second or so.
   void keep_half(int half);
 
@@ -84,7 +86,7 @@ class WaveSolution {
   void choose(double sigmas);
 
   const calib::CameraRig& rig_;
-  const std::vector<BallFrame>& frames_;
+  const std::vector<BallFrame>* frames_;
   const WaveOptions& options_;
   std::vector<int> chosen_;      // beside the frames: the region that is taken for the ball; -1: none
   std::vector<double> frame_s_;  // per camera

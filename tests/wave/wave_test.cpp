@@ -419,6 +419,25 @@ TEST(Wave, TimesThatAreNotAsBelievedAreFoundOut) {
   }
 }
 
+// Poses and path follow a camera whose stamps swing, and leave a third of it in the residuals.
+TEST(Wave, WhatSwingingTimesDidToThePosesIsStated) {
+  const calib::CameraRig truth = rig_of(3);
+  for (const double by_s : {0.0015, 0.0025, 0.004}) {
+    for (const double once_in_s : {1.7, 3.0}) {
+      SCOPED_TRACE(testing::Message() << 1e3 * by_s << " ms, once in " << once_in_s << " s");
+      std::vector<BallFrame> frames =
+          waved(truth, {.seconds = 10, .noise_px = 0.04, .offset_s = {0, 0.011, 0.023}, .times = webcam_times});
+      late([=](double t) { return by_s * std::sin(2 * std::numbers::pi * t / once_in_s); })(frames);
+      const WaveResult r = calibrate_wave(spoilt(truth, 0.1, 3), frames, taped(truth));
+      EXPECT_GT(r.cameras[1].wander_s, 0.6 * by_s / std::numbers::sqrt2);
+      EXPECT_LT(r.cameras[1].wander_s, 2 * by_s / std::numbers::sqrt2);
+      double stated = 0;
+      for (const WaveCamera& camera : r.cameras) stated = std::max(stated, camera.centre_sigma_m.norm());
+      EXPECT_LT(off(r.rig, truth).metres, 1.5 * stated);
+    }
+  }
+}
+
 // What the rig says of the times is believed as far as its own uncertainty says, unless the recording contradicts it.
 TEST(Wave, TheRigsTimesAreAPrior) {
   calib::CameraRig rig = rig_of(3);
