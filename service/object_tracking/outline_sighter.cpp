@@ -14,10 +14,10 @@ namespace {
 // of rendered balls of 3 to 12 px (benchmark outline_figures): what lasts is light, what does not last lies in how the
 // edge meets the pixels and what is behind it.
 constexpr double usual_noise = 1.5;  // of the fit's covariance: neighbouring pixels' noise is not independent
-constexpr double new_px = 0.05, new_share = 0.004, lasting_px = 0.03, lasting_share = 0.005;
+constexpr double new_px = 0.03, new_share = 0.002, lasting_px = 0.03, lasting_share = 0.005;
 // The less the pixels say, the more of an outline is what is usual of a ball's light, from which a room's lamps differ:
 // in ten scenes of other lights, noise and color samples the error that lasts was 2 to 4 times what the fit states.
-constexpr double lasting_of_noise = 2;
+constexpr double lasting_of_noise = 1.75;
 // An outline that is smaller or larger than the target's, by more than blur makes it all around, has an edge at the
 // wrong place on one side: the middle is off by as much as the radius. (A target's radius that is wrong makes all views
 // as unsure.)
@@ -36,6 +36,10 @@ constexpr double enough_sizes = 30;
 // A view that says nothing of a size that is not the mean's is off by as much: a part is hidden, or something adds to
 // it.
 constexpr double off_by_size = 0.7;
+
+// The light over an object is that of the room's lamps, windows and walls around it, which are some metres off: so far
+// on, it is lit in another way. Lamps and clouds change it, too.
+constexpr double same_light_m = 1.5, same_light_s = 10;
 
 constexpr int most_steps = 4;    // begun from what motion and region say, the second is mostly the last
 constexpr double ahead_s = 0.3;  // what is behind the object then is learnt now
@@ -103,6 +107,8 @@ bool OutlineSighter::sharpen(const TargetView& view, const MotionBelief& belief,
   options.most_steps = most_steps;
   options.log_size = {of.log_size,
                       std::hypot(is_size_known ? known_log_size : unknown_log_size, depth_sigma / distance)};
+  options.same_light = std::exp(-(there - of.lit_at).norm() / same_light_m -
+                                capture::seconds(expected.row.at - of.lit_when) / same_light_s);
   const auto picture = picture_around(view, ellipse.centre);
   if (!picture) return false;
   const outline::Fit fit = fit_.fit(*picture, *of.behind, ellipse, {motion.velocity, motion.row_s}, of.look, options);
@@ -142,7 +148,7 @@ bool OutlineSighter::sharpen(const TargetView& view, const MotionBelief& belief,
           (was_sharp ? better_to_stay : better_to_begin) * of_region.trace())
     return false;
 
-  fit_.learn(of.look);
+  if (fit_.learn(of.look)) of.lit_at = there, of.lit_when = expected.row.at;
   of.px = sharp.px;
   of.is_sharp = true;
   if (fit.visible > 0.8 && fit.log_size.sigma < 0.05) {

@@ -25,6 +25,7 @@ enum Unknown : int {
 };
 using Unknowns = Eigen::Matrix<double, unknowns, 1>;
 using Normal = Eigen::Matrix<double, unknowns, unknowns>;
+inline constexpr int lights = lit_ - shading_;  // the light over the ball: shading and paleness
 
 // 1 / sqrt(x) between two bounds, to some 1e-4 of it: a polynomial of the third degree.
 class InverseRoot {

@@ -34,14 +34,13 @@ HUETRACK_CLONES bool eliminate_all(double (*rows)[24], double (*factors)[24], do
 
 }  // namespace
 
-void NormalEquations::eliminate(const Normal& normal, const Unknowns& information) {
+void NormalEquations::eliminate(const Normal& normal, const Normal& information) {
   static_assert(width == 24);
   alignas(64) double rows[unknowns][width];
-  const double* from = normal.data();
+  const double *from = normal.data(), *before = information.data();
   for (int r = 0; r < unknowns; ++r) {
-    for (int c = 0; c < unknowns; ++c) rows[r][c] = from[r * unknowns + c];
+    for (int c = 0; c < unknowns; ++c) rows[r][c] = from[r * unknowns + c] + before[r * unknowns + c];
     for (int c = unknowns; c < width; ++c) rows[r][c] = 0;
-    rows[r][r] += information.data()[r];
   }
   is_sound_ = eliminate_all(rows, factors_, pivots_);
   if (is_sound_) find_covariance();

@@ -10,8 +10,8 @@ class NormalEquations {
  public:
   using Told = Eigen::Matrix<double, told_unknowns, told_unknowns>;
 
-  // information: of what is known beforehand, per unknown.
-  void eliminate(const Normal& normal, const Unknowns& information);
+  // information: of what is known beforehand.
+  void eliminate(const Normal& normal, const Normal& information);
   bool is_sound() const { return is_sound_; }
   // For another right side of the same equations, too.
   void solve(const Unknowns& right, Unknowns& out) const;

@@ -1,5 +1,6 @@
 #include "outline/outline_fit.h"
 
+#include <Eigen/Cholesky>
 #include <Eigen/LU>
 #include <algorithm>
 #include <array>
@@ -22,6 +23,8 @@ constexpr double least_visible = 0.25;  // of the edge
 // Natural logarithms: by how much pictures of one camera differ in blur, and what light that the model does not know
 // makes of a single one's; pictures that follow one another show much the same, so that ten count as one.
 constexpr double blur_of_one = 0.05, blur_of_light = 0.6, least_blur_sigma = 0.05;
+// So much smaller or larger, what is seen is not its light alone: something hides a part of it.
+constexpr double other_size_sigmas = 2;
 constexpr double furthest_radii = 0.8, largest_growth = 0.35;
 constexpr double longest_exposure_s = 0.04;
 // Steps that are to come would move it by less than such a share of its standard deviation; they are foreseen to a
@@ -102,7 +105,7 @@ void OutlineFit::begin(const Look& look, const FitOptions& options) {
   information_.setZero();
   const auto know = [&](int i, double value, double sigma) {
     x_[i] = value;
-    information_[i] = 1 / (sigma * sigma);
+    information_(i, i) = 1 / (sigma * sigma);
   };
   know(size_, options.log_size.value, options.log_size.sigma);
   know(blur_light_, look.log_blur_light.value, std::hypot(look.log_blur_light.sigma, blur_of_one));
@@ -120,8 +123,17 @@ void OutlineFit::begin(const Look& look, const FitOptions& options) {
   know(paleness_, 0, 0.2);
   for (int i = 1; i < 3; ++i) know(paleness_ + i, 0, 0.05);
   expected_ = x_;
-  for (int i = 0; i < 9; ++i) x_[shading_ + i] = look.shading[i];
-  for (int i = 0; i < 3; ++i) x_[paleness_ + i] = look.paleness[i];
+  if (!look.light) return;
+  // One picture hardly tells such light from an edge that is elsewhere; many of the same light do (a Kalman filter of a
+  // first-order Gauss-Markov process).
+  const double kept = options.same_light, kept2 = kept * kept;
+  auto light = expected_.segment<lights>(shading_);
+  light += kept * (look.light->mean - light);
+  auto information = information_.block<lights, lights>(shading_, shading_);
+  Eigen::Matrix<double, lights, lights> covariance = kept2 * look.light->covariance;
+  covariance.diagonal() += (1 - kept2) * information.diagonal().cwiseInverse();
+  information = covariance.llt().solve(Eigen::Matrix<double, lights, lights>::Identity());
+  x_.segment<lights>(shading_) = look.light->mean;
 }
 
 EdgeModel OutlineFit::model_of_light() const {
@@ -213,7 +225,7 @@ bool OutlineFit::are_weights_others() const {
 // No further than the sums are right for where they were made. Not finite: they do not tell.
 Unknowns OutlineFit::next_step() const {
   Unknowns step;
-  equations_.solve(gradient_ + information_.cwiseProduct(expected_ - x_), step);
+  equations_.solve(gradient_ + information_ * (expected_ - x_), step);
   if (!step.allFinite()) return step;
   const auto limit = [&](double length, double most) {
     if (length > most) step *= most / length;
@@ -246,9 +258,9 @@ bool OutlineFit::is_far(const Unknowns& step) const {
 // What the pixels say of one unknown by themselves, without what was expected of it. nullopt: nothing.
 std::optional<Known> OutlineFit::told_by_itself(int i) const {
   const double variance = equations_.covariance()(i, i);
-  const double told = 1 / variance - information_[i];
+  const double before = information_(i, i), told = 1 / variance - before;
   if (!(told > 0)) return std::nullopt;
-  return Known{(x_[i] / variance - information_[i] * expected_[i]) / told, std::sqrt(1 / told)};
+  return Known{(x_[i] / variance - before * expected_[i]) / told, std::sqrt(1 / told)};
 }
 
 void OutlineFit::tell(Fit& out) const {
@@ -324,7 +336,7 @@ Fit OutlineFit::fit(const Picture& picture, const Background& behind, const Elli
   return out;
 }
 
-void OutlineFit::learn(Look& look) const {
+bool OutlineFit::learn(Look& look) const {
   // What a fit says of them is not independent of what the last one said.
   const auto keep = [&](Known& known, int i, double least_sigma) {
     known.value = x_[i];
@@ -343,8 +355,12 @@ void OutlineFit::learn(Look& look) const {
   average(look.log_blur_light, blur_light_);
   average(look.log_blur_chroma, blur_chroma_);
   look.object = object_;
-  for (int i = 0; i < 9; ++i) look.shading[i] = x_[shading_ + i];
-  for (int i = 0; i < 3; ++i) look.paleness[i] = x_[paleness_ + i];
+  const double off_size = x_[size_] - expected_[size_];
+  if (off_size * off_size * information_(size_, size_) > other_size_sigmas * other_size_sigmas) return false;
+  const Normal covariance = (normal_ + information_).llt().solve(Normal::Identity());
+  look.light = {x_.segment<lights>(shading_),
+                std::max(1.0, misfit_) * covariance.block<lights, lights>(shading_, shading_)};
+  return true;
 }
 
 }  // namespace huetrack::outline

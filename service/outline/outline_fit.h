@@ -46,11 +46,16 @@ struct Look {
   Known log_blur_chroma{-0.3, 0.6};                  // of what color has on top of it: demosaicing
   Known exposure_s{0.006, 0.004};                    // only told by what moves
   Eigen::Vector3f object = Eigen::Vector3f::Zero();  // its light, linear R G B; 0: not known yet
-  double paleness[3] = {}, shading[9] = {1};
+  struct Light {                                     // over the ball: shading and paleness, as EdgeModel has them
+    Eigen::Matrix<double, lights, 1> mean;
+    Eigen::Matrix<double, lights, lights> covariance;
+  };
+  std::optional<Light> light;  // as the last fit that fits has it, by all before
 };
 
 struct FitOptions {
   Known log_size{0, 0.1};  // of the outline over `axes`
+  double same_light = 0;   // 0..1: how much of what Look::light departs from what is usual is still so
   int most_steps = 6;
 };
 
@@ -81,7 +86,7 @@ class OutlineFit {
   // after the fit.
   Fit fit(const Picture& picture, const Background& behind, const Ellipse& start, const Movement& movement,
           const Look& look, const FitOptions& options);
-  void learn(Look& look) const;  // after a fit that fits
+  bool learn(Look& look) const;  // after a fit that fits; whether of its light, too
 
  private:
   void lay_out(const Ellipse& start, const Movement& movement, const Look& look);
@@ -113,8 +118,8 @@ class OutlineFit {
   Eigen::Vector3f object_seen_ = Eigen::Vector3f::Zero();  // light, blue, red
   float chroma_blue_ = 1, chroma_red_ = 0;                 // the direction in which chroma tells most
   float contrast_ = 0;
-  Unknowns x_, expected_, information_, gradient_;
-  Normal normal_;
+  Unknowns x_, expected_, gradient_;
+  Normal information_, normal_;  // beforehand; of the samples
   NormalEquations equations_;
   double misfit_ = 0, visible_ = 0;
   double assembled_weight_ = 0;  // EdgeSums::edge_weight, when it was assembled

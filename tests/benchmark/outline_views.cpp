@@ -12,7 +12,7 @@
 namespace huetrack::figures {
 namespace {
 
-constexpr double learning_s = 1, ahead_s = 0.3;  // the latter as the tracker's
+constexpr double learning_s = 1, ahead_s = 0.3, same_light_m = 1.5;  // the latter ones as the tracker's
 constexpr double least_visible = 0.3;
 constexpr auto step = std::chrono::milliseconds(5);  // over which the truth's velocity is taken
 
@@ -25,6 +25,7 @@ std::vector<std::vector<OutlineView>> fit_outlines(const Sequence& sequence,
   outline::OutlineFit fit;
   std::vector<outline::Background> backgrounds;
   std::vector<outline::Look> looks(sequence.rig.cameras.size());
+  std::vector<Eigen::Vector3d> lit_at(looks.size(), Eigen::Vector3d::Zero());
   for (const calib::Camera& camera : sequence.rig.cameras)
     backgrounds.emplace_back(camera.image_size.width, camera.image_size.height);
   std::vector<std::vector<OutlineView>> out;
@@ -57,10 +58,12 @@ std::vector<std::vector<OutlineView>> fit_outlines(const Sequence& sequence,
         const auto turn = static_cast<double>(out.size());
         start.centre += off_radii * radius_px * Eigen::Vector2d(std::cos(turn), std::sin(turn));
         const auto before = std::chrono::steady_clock::now();
-        one.fit = fit.fit(picture, backgrounds[c], start, {velocity, row_s}, looks[c], {});
+        const double way_m = (row->position - lit_at[c]).norm();
+        one.fit = fit.fit(picture, backgrounds[c], start, {velocity, row_s}, looks[c],
+                          {.same_light = std::exp(-way_m / same_light_m)});
         one.took_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - before).count();
         one.off_px = one.fit.centre - ball->ellipse.centre;
-        if (one.fit.outcome == outline::FitOutcome::fits) fit.learn(looks[c]);
+        if (one.fit.outcome == outline::FitOutcome::fits && fit.learn(looks[c])) lit_at[c] = row->position;
         const Eigen::Vector2i px = ball->ellipse.centre.cast<int>();
         const int reach = static_cast<int>(2 * radius_px + 3);
         const auto& regions = finder.find(

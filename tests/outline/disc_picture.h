@@ -21,6 +21,7 @@ struct DiscScene {
   int pillar_from = -1;  // columns from here on hide the disc
   double noise = 1;      // grey values
   double light = 1;      // of the room
+  double bent = 0;       // of its light: by how much it is stronger on one side, but at the rim
   double glint = 0;      // linear, white: where a lamp shines on it, near the upper right of its edge
 };
 
@@ -38,7 +39,8 @@ class DiscPicture {
         const double cover = u >= scene.pillar_from && scene.pillar_from >= 0 ? 0.0 : covered(scene, u, v);
         const double room = scene.light * (0.18 + 0.05 * std::sin(0.13 * u) + 0.04 * std::cos(0.21 * v));
         const double x = (u - scene.centre.x()) / scene.radius_px, y = (v - scene.centre.y()) / scene.radius_px;
-        const double lit = 1 + 0.3 * x - 0.2 * y;  // from one side
+        const double z = std::sqrt(std::max(0.0, 1 - x * x - y * y));
+        const double lit = 1 + 0.3 * x - 0.2 * y + scene.bent * (x + y) * z;  // from one side
         double rgb[3];
         const double glint = scene.glint * std::exp(-18 * ((x - 0.6) * (x - 0.6) + (y + 0.5) * (y + 0.5)));
         const double object[3] = {0.10, 0.45, 0.03}, behind[3] = {1.04 * room, room, 0.92 * room};

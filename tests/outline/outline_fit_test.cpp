@@ -94,6 +94,45 @@ TEST_F(OutlineFitTest, AGlintDoesNotMoveTheOutline) {
   EXPECT_LT(mean.norm(), 0.05) << mean.transpose();
 }
 
+// Light that bends over a small disc passes for an edge that is elsewhere, as long as each picture is alone.
+TEST_F(OutlineFitTest, LightThatLastsIsToldFromTheEdgesPlace) {
+  const auto mean_off = [&](double same_light) {
+    Look look;
+    Eigen::Vector2d sum = Eigen::Vector2d::Zero();
+    for (unsigned i = 0; i < 80; ++i) {
+      DiscScene scene{.radius_px = 4, .bent = 0.2};
+      scene.centre += Eigen::Vector2d(0.13 * i, 0.07 * i);
+      DiscPicture picture;
+      const Ellipse start{scene.centre, scene.radius_px * Eigen::Matrix2d::Identity()};
+      const Fit f = fit_->fit(picture.draw(scene, i), background_, start, {}, look,
+                              {.log_size = {0, 0.02}, .same_light = same_light});
+      EXPECT_EQ(f.outcome, FitOutcome::fits);
+      fit_->learn(look);
+      if (i >= 40) sum += f.centre - scene.centre;
+    }
+    return (sum / 40).norm();
+  };
+  learn({.radius_px = 4});
+  const double alone = mean_off(0), together = mean_off(0.98);
+  EXPECT_GT(alone, 0.05);
+  EXPECT_LT(together, 0.5 * alone);
+}
+
+// What hides a part of the disc makes it smaller, and is not its light.
+TEST_F(OutlineFitTest, LearnsNoLightFromWhatHasAnotherSize) {
+  learn({});
+  Look look;
+  DiscPicture picture;
+  const auto is_learnt = [&](double radius_px) {
+    const DiscScene scene;
+    const Ellipse start{scene.centre, radius_px * Eigen::Matrix2d::Identity()};
+    const Fit f = fit_->fit(picture.draw(scene, 3), background_, start, {}, look, {.log_size = {0, 0.02}});
+    return f.outcome == FitOutcome::fits && fit_->learn(look);
+  };
+  EXPECT_TRUE(is_learnt(DiscScene{}.radius_px));
+  EXPECT_FALSE(is_learnt(1.15 * DiscScene{}.radius_px));
+}
+
 // One picture that looks softer than the camera is does not change what is believed of the camera; many do.
 TEST_F(OutlineFitTest, LearnsTheCamerasBlurFromManyPictures) {
   learn({});
