@@ -282,7 +282,11 @@ std::optional<BestTurn> best_turn(const PairComparison& comparison, const std::v
     }
     if (!is_better || step.norm() < settled_rad) break;
   }
-  return BestTurn{turn, without - cost};
+  // What is expected of a good rig is what may be in it. What is left when the turn is undone shows how much really is,
+  // but for light from one side, which lasts.
+  constexpr double least_noise2 = 0.2;
+  const double noise2 = std::clamp(huber_cost(off) / double(off.size()), least_noise2, 1.0);
+  return BestTurn{turn, (without - cost) / noise2};
 }
 
 BestZoom best_zoom(const PairComparison& comparison, const std::vector<Track>& tracks, std::size_t camera,

@@ -99,7 +99,9 @@ class PairComparison {
 // The turn of this camera that makes it agree best with the others.
 struct BestTurn {
   Eigen::Vector3d turn_rad;
-  double gain;  // chi-square, 3 degrees of freedom, by which it explains more than no turn; one sample per place
+  // Chi-square, 3 degrees of freedom, by which it explains more than no turn, in the noise that is left with it; one
+  // sample per place.
+  double gain;
 };
 // nullopt: none does within 15 degrees.
 std::optional<BestTurn> best_turn(const PairComparison& comparison, const std::vector<Track>& tracks,

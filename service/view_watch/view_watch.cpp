@@ -19,11 +19,11 @@ constexpr double suspected_for_s = 1;
 
 // Good recordings have a robust cost of 0.05 to 1 and a worst pair of 0.2 to 1.2, in which cameras' own errors and
 // light are (README.md). A supposition is the answer when all pairs then agree as well, and cost much less than before.
-constexpr double agrees = 1.4, much_better = 0.45, least_gain = 0.5;
-// Below the first nothing is supposed; from the second on all that there is, and in between a small turn, but not
-// often: it takes a millisecond.
-constexpr double suspicious_score = 0.9, disagrees = 2;
-constexpr double turns_tried_every_s = 3;
+constexpr double agrees = 1.4, much_better = 0.45, least_gain = 0.25;
+// Below the first nothing is supposed; from the last on all that there is, and in between a small turn, but not often:
+// it takes a millisecond. From the second on the views contradict one another, whatever explains it.
+constexpr double turned_score = 0.4, suspicious_score = 0.9, disagrees = 2;
+constexpr double turns_tried_every_s = 1;
 // What was supposed so often is supposed ever more rarely: it explains, or it does not.
 constexpr int tries_at_once = 4;
 constexpr double longest_pause_s = 16;
@@ -456,7 +456,8 @@ std::optional<Mistake> ViewWatch::of_rig(double now_s) {
   is_wrong_ = as_is.pairs > 0 && (as_is.worst >= disagrees || as_is.score >= suspicious_score);
   const bool is_clear = as_is.worst >= disagrees;
   if (!is_clear) tries_ = 0;
-  if (!is_wrong_ || now_s < (is_clear ? next_try_s_ : next_turn_s_)) return std::nullopt;
+  if ((!is_wrong_ && as_is.score < turned_score) || now_s < (is_clear ? next_try_s_ : next_turn_s_))
+    return std::nullopt;
   next_turn_s_ = now_s + turns_tried_every_s;
   if (is_clear) {
     const int paused = std::max(0, ++tries_ - tries_at_once);
