@@ -33,6 +33,7 @@ constexpr double much_wander_s = 0.0015;     // from second to second: with sure
 constexpr double sure_wander = 4;            // times what the noise makes of it: with much_wander_s
 constexpr double much_scatter_s = 0.003;     // from frame to frame, of stamps that are smoothed
 constexpr double unsure_readout_s = 0.003;   // by which a good wave is off
+constexpr double unsure_latency_s = 0.004;   // with the poses held; a good wave tells it to 1 ms
 constexpr double many_repeated = 0.2, some_repeated = 0.03;  // of the fast frames
 
 std::string scale_text(const WaveResult& result) {
@@ -118,6 +119,12 @@ void doubt_times(WaveReport& report, const WaveResult& result) {
           "second, as if its stamps wandered: its latency changes, its clock runs at another rate, or lost frames are "
           "not counted. Record the driver's own stamps",
           name, 1e3 * camera.wander_s));
+    }
+    const double unsure_s = result.held_poses ? result.rig.cameras[c].timing.latency_sigma_s.value_or(0) : 0;
+    if (unsure_s > unsure_latency_s) {
+      report.doubts.push_back(fmt::format(
+          "{}: how late it is is known to +- {:.0f} ms only: wave faster, for longer, and in every direction", name,
+          1e3 * unsure_s));
     }
     const double readout_s = std::abs(result.rig.cameras[c].timing.readout_s.value_or(0));
     if (camera.frame_s > 0 && readout_s > camera.frame_s + unsure_readout_s) {

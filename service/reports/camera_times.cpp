@@ -34,6 +34,13 @@ std::string words(const std::string& camera, const CameraTimingEstimate& t, bool
                      1e3 * t.readout_sigma_s);
 }
 
+// With `timing: fixed`. A camera of which the rig says nothing is taken for one that is never late and has no rows.
+std::string fixed_words(const calib::Camera& camera, const CameraTimingEstimate& t) {
+  const bool is_in_rig = camera.timing.latency_s && camera.timing.readout_s;
+  return fmt::format("{}: latency {:.1f} ms, readout {:.1f} ms (timing: fixed{})", camera.name, 1e3 * t.latency_s,
+                     1e3 * t.readout_s, is_in_rig ? "" : "; 0 where the rig says nothing");
+}
+
 }  // namespace
 
 CameraTimes::CameraTimes(const config::ServiceConfig& config, std::filesystem::path rig_file, bool is_logging,
@@ -111,13 +118,17 @@ std::vector<CameraTimingEstimate> CameraTimes::told() const {
 
 std::vector<std::string> CameraTimes::summary() const {
   std::vector<std::string> out;
-  for (std::size_t c = 0; c < times_.size(); ++c)
-    out.push_back(words(rig_.cameras[c].name, times_[c], c == 0) + (is_known(times_[c]) ? "" : " (not known yet)"));
+  for (std::size_t c = 0; c < times_.size(); ++c) {
+    const calib::Camera& camera = rig_.cameras[c];
+    out.push_back(is_learning_ ? words(camera.name, times_[c], c == 0) + (is_known(times_[c]) ? "" : " (not known yet)")
+                               : fixed_words(camera, times_[c]));
+  }
   return out;
 }
 
 calib::CameraRig CameraTimes::rig() const {
   calib::CameraRig rig = rig_;
+  if (!is_learning_) return rig;
   for (std::size_t c = 0; c < times_.size(); ++c) {
     if (!is_known(times_[c])) continue;
     rig.cameras[c].timing = {.latency_s = times_[c].latency_s,
@@ -132,7 +143,7 @@ void CameraTimes::flush() {
   if (rig_file_.empty()) return;
   calib::CameraRig learnt = rig();
   const int moved = calibration_ != nullptr ? calibration_->mend(learnt) : 0;
-  const auto known = std::ranges::count_if(times_, is_known);
+  const auto known = is_learning_ ? std::ranges::count_if(times_, is_known) : 0;
   calib::write_rig(learnt, rig_file_);
   spdlog::info("{}: the rig, with the times of {} of {} cameras as learnt, and {} where they stand now",
                rig_file_.string(), known, rig_.cameras.size(), moved);

@@ -15,7 +15,8 @@ namespace huetrack::reports {
 class CameraTimes final : public pipeline::Output {
  public:
   // is_logging: what has become known, and what has changed since it was said, goes into the log. rig_file: written
-  // when the road is empty, as the configuration's rig with the times of the cameras that became known; empty: no file.
+  // when the road is empty, as the configuration's rig with the times of the cameras that became known (with `timing:
+  // fixed` the rig's own, as nothing is learnt); empty: no file.
   // calibration: the rig is written with the cameras standing where it has found them; it outlives this. null: as they
   // stood. throws std::runtime_error when the file is there.
   CameraTimes(const config::ServiceConfig& config, std::filesystem::path rig_file, bool is_logging,

@@ -73,8 +73,11 @@ struct Timing {
   double us, tracking;
 };
 Timing time_update(const figures::Sequence& s, object_tracking::Observation observation, int particle_count, int rounds,
-                   int updates_per_round, const std::function<void(const capture::FrameSet&)>& between = {}) {
-  object_trackers::ObjectTracker tracker(s.rig, figures::lime_ball(), options_for(observation, particle_count));
+                   int updates_per_round, const std::function<void(const capture::FrameSet&)>& between = {},
+                   object_tracking::TargetShape shape = object_tracking::TargetShape::automatic) {
+  object_tracking::TargetOptions target = figures::lime_ball();
+  target.shape = shape;
+  object_trackers::ObjectTracker tracker(s.rig, target, options_for(observation, particle_count));
   figures::Player player(s.sets);
   for (int i = 0; i < 120; ++i) tracker.update(player.next());
   std::vector<double> us;
@@ -98,14 +101,18 @@ bool all_reached = true;
 void ratios(const char* title, const figures::Sequence& s, int particle_count, int rounds, double paper_at_least,
             double ours_at_least) {
   std::printf("\n%s\n", title);
-  for (const auto& [name, observation, least] :
-       {std::tuple{"the paper's filter", object_tracking::Observation::paper, paper_at_least},
-        {"huetrack's default", object_tracking::Observation::huetrack, ours_at_least}}) {
+  using object_tracking::Observation;
+  using object_tracking::TargetShape;
+  for (const auto& [name, observation, shape, least] :
+       {std::tuple{"the paper's filter", Observation::paper, TargetShape::automatic, paper_at_least},
+        {"huetrack's default", Observation::huetrack, TargetShape::automatic, ours_at_least},
+        {"with shape: blob", Observation::huetrack, TargetShape::blob, ours_at_least}}) {
     OpenCvPass pass(s.rig, figures::lime_ball());
     std::vector<double> opencv_us;
-    const Timing t = time_update(s, observation, particle_count, rounds, 20, [&](const capture::FrameSet& set) {
+    const auto opencv = [&](const capture::FrameSet& set) {
       opencv_us.push_back(figures::microseconds_of([&] { pass.run(set); }));
-    });
+    };
+    const Timing t = time_update(s, observation, particle_count, rounds, 20, opencv, shape);
     const double ratio = calib::median(opencv_us) / t.us;
     const bool reached = ratio >= least;
     all_reached = all_reached && reached;

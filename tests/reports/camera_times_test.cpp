@@ -84,5 +84,20 @@ TEST(CameraTimes, WritesWhatIsKnownIntoARigOfItsOwn) {
   fs::remove(file);
 }
 
+// Otherwise times that nobody looked at stood in the rig as known to be exactly 0.
+TEST(CameraTimes, FixedOnesAreNotLearntAndStayOutOfTheRig) {
+  config::ServiceConfig fixed = two_cameras();
+  fixed.object_tracking.timing = object_tracking::TimingMode::fixed;
+  fixed.rig.cameras[1].timing = {
+      .latency_s = 0.02, .latency_sigma_s = 1e-3, .readout_s = 0.03, .readout_sigma_s = 2e-3};
+  CameraTimes times(fixed, {}, false);
+  take(times, {told(1, {{}, {.latency_s = 0.02, .readout_s = 0.03}})});
+  EXPECT_FALSE(times.rig().cameras[0].timing.latency_s);
+  EXPECT_EQ(times.rig().cameras[1].timing.latency_sigma_s, 1e-3);
+  EXPECT_THAT(times.summary(),
+              ElementsAre("cam0: latency 0.0 ms, readout 0.0 ms (timing: fixed; 0 where the rig says nothing)",
+                          "cam1: latency 20.0 ms, readout 30.0 ms (timing: fixed)"));
+}
+
 }  // namespace
 }  // namespace huetrack::reports

@@ -23,6 +23,7 @@ namespace {
 using Eigen::Vector3d;
 using solver::Fault;
 using testing::AllOf;
+using testing::Contains;
 using testing::HasSubstr;
 using testing::StartsWith;
 
@@ -365,6 +366,13 @@ TEST(Wave, FindsTimesWithThePosesHeld) {
   EXPECT_TRUE(is_usable(r)) << report::to_text(report::report_on(r), r);
   for (std::size_t c = 0; c < 3; ++c)
     EXPECT_EQ((r.rig.cameras[c].centre() - truth.cameras[c].centre()).norm(), 0) << "camera " << c;
+  // The times are all that it is for: where they stay open it has found nothing.
+  WaveResult open = r;
+  open.rig.cameras[1].timing.latency_sigma_s = 0.011;
+  const report::WaveReport report = report::report_on(open);
+  EXPECT_EQ(report.verdict, report::Verdict::doubtful);
+  EXPECT_THAT(report.doubts, Contains("cam1: how late it is is known to +- 11 ms only: wave faster, for longer, and in "
+                                      "every direction"));
   // Poses that are not right are found out.
   EXPECT_THAT(failure(spoilt(truth, 0.05, 1), waved(truth, {.times = webcam_times}), options),
               finds(Fault::wrong_poses, HasSubstr("agree with the poses that the rig has")));

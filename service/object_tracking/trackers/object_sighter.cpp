@@ -12,6 +12,9 @@ using namespace object_tracking;
 
 namespace {
 
+// The power density is of a kick at any moment since the last set. One just after it takes the object further, by its
+// whole velocity: as far as a density of three times as much.
+constexpr double at_once_share = 3;
 constexpr double contradicting_px2 = 1;  // doubt of a view, far above what light and a good calibration leave open
 
 // The region goes on beyond the box, at a side that is not the image's; or it is far wider than the object along both
@@ -133,6 +136,7 @@ void ObjectSighter::sharpen(const std::vector<TargetView>& views, const MotionBe
 bool ObjectSighter::sight_after_bounce(const std::vector<TargetView>& views, const TargetOptions& target,
                                        const MotionBelief& belief, double power_density, std::size_t least,
                                        std::vector<Sighting>& out) {
+  const double reach_density = at_once_share * power_density;
   double dt = 0;
   for (std::size_t i = 0; i < views.size(); ++i) {
     regions_[i].clear();
@@ -140,13 +144,13 @@ bool ObjectSighter::sight_after_bounce(const std::vector<TargetView>& views, con
     if (!expected || last_[static_cast<std::size_t>(views[i].index)].is_repeated) continue;
     dt = std::max(dt, capture::seconds(expected->row.at - belief.at));
     const Appearance& at = expected->at;
-    const Eigen::Matrix3d spread = belief.seen_covariance(expected->row, power_density);
+    const Eigen::Matrix3d spread = belief.seen_covariance(expected->row, reach_density);
     const auto near = regions_near(views[i], at, at.jacobian * spread * at.jacobian.transpose());
     regions_[i].assign(near.begin(), near.end());
   }
   const Eigen::Vector3d expected = belief.position() + dt * belief.velocity();
   const double reach_m =
-      3 * std::sqrt(power_density * dt * dt * dt / 3 + largest_variance(belief.position_covariance()));
+      3 * (std::sqrt(reach_density * dt * dt * dt / 3) + std::sqrt(largest_variance(belief.position_covariance())));
   for (const PositionCandidate& c :
        cross_rays(views, std::span(regions_).first(views.size()), target, options_, belief, most_crossings)) {
     if ((c.position - expected).norm() > reach_m || c.sightings.size() <= least) continue;
