@@ -100,10 +100,11 @@ const drawn = (page, size, places) =>
     return canvas.toDataURL("image/jpeg", 0.8).split(",")[1];
   }, [size, places, rgb]);
 
-// How wide and how tall the white circle is on the screen.
+// How wide and how tall the white circle is on the screen; 0 wide as long as the camera is not shown yet.
 const circle = (page, camera) =>
   page.evaluate((name) => {
     const figure = [...document.querySelectorAll("#cameras figure")].find((f) => f.querySelector("b").textContent === name);
+    if (!figure) return { wide: 0 };
     const canvas = figure.querySelector("canvas");
     const { width: w, height: h } = canvas;
     const g = canvas.getContext("2d");
