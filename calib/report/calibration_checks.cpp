@@ -201,6 +201,16 @@ class Judge {
           "something is not as the calibration believes: a camera or the focus moved, the board bends or is not as its "
           "file says, or the pictures are not of one moment");
     }
+    for (const solver::AdjustedCamera& camera : result.adjustment.cameras) {
+      if (result.refinement != solver::LensRefinement::given_refined || !camera.lens_prior) continue;
+      const solver::LensParameters &was = camera.lens_prior->mean, &now = camera.parameters;
+      add(Verdict::usable, "given lens of " + camera.name,
+          fmt::format("{}: the lens that was given was refined, because the cameras contradict one another with it: "
+                      "fx {:.1f} px (given {:.1f}), fy {:.1f} px ({:.1f}), principal point ({:.1f}, {:.1f}), ({:.1f}, "
+                      "{:.1f})",
+                      camera.name, now(0), was(0), now(1), was(1), now(2), now(3), was(2), was(3)),
+          "");
+    }
     for (std::size_t c = 0; c < result.contradictions.size(); ++c) {
       const std::string& name = report_.cameras[c].name;
       if (result.contradictions[c]) {

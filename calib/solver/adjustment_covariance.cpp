@@ -203,6 +203,16 @@ NormalEquations normal_equations(const Adjustment& a, const BoardShape& shape, c
     }
   }
   for (std::size_t c = 0; c < a.cameras.size(); ++c) {
+    if (a.lens_offset[c] < 0 || !a.cameras[c].lens_is_free || !a.cameras[c].lens_prior) continue;
+    const LensPrior& prior = *a.cameras[c].lens_prior;
+    const Eigen::Index at = a.lens_offset[c], count = prior.information.rows();
+    const MatrixXd weight = a.noise_px * a.noise_px * prior.information;
+    const VectorXd off = (a.cameras[c].parameters - prior.mean).head(count);
+    equations.information.block(at, at, count, count) += weight;
+    equations.cost += off.dot(weight * off);
+    equations.residuals += static_cast<int>(count);
+  }
+  for (std::size_t c = 0; c < a.cameras.size(); ++c) {
     if (a.time_offset[c] < 0) continue;
     int at = a.time_offset[c];
     for (const AdjustedTime* time : {&a.cameras[c].latency, &a.cameras[c].readout}) {

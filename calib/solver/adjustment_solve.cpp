@@ -147,7 +147,7 @@ UsedBlocks add_corners(ceres::Problem& problem, const Adjustment& a, const Board
 }
 
 // Which of a lens's parameters may move, and that it may not fold where that is asked for.
-void free_lens(ceres::Problem& problem, const AdjustedCamera& camera, double* lens) {
+void free_lens(ceres::Problem& problem, const AdjustedCamera& camera, double noise_px, double* lens) {
   if (!camera.lens_is_free) {
     problem.SetParameterBlockConstant(lens);
     return;
@@ -158,6 +158,8 @@ void free_lens(ceres::Problem& problem, const AdjustedCamera& camera, double* le
   for (const LensBelief& belief : lens_beliefs(camera))
     problem.AddResidualBlock(prior_cost(12, belief.parameter, {0.0}, {belief_px / belief.sigma}).release(), nullptr,
                              lens);
+  if (camera.lens_prior)
+    problem.AddResidualBlock(lens_prior_cost(*camera.lens_prior, noise_px).release(), nullptr, lens);
   if (camera.unfold > 0)
     problem.AddResidualBlock(lens_shape_cost(camera.lens, reach_of(camera), camera.unfold).release(), nullptr, lens);
 }
@@ -214,7 +216,7 @@ void solve(Adjustment& a, const BoardShape& shape, double robust_px, int max_ite
   }
   for (std::size_t c = 0; c < a.cameras.size(); ++c) {
     if (!used.cameras[c]) continue;
-    free_lens(problem, a.cameras[c], blocks.lens(c));
+    free_lens(problem, a.cameras[c], a.noise_px, blocks.lens(c));
     problem.SetManifold(blocks.pose(c), pose_manifold(true).release());
     if (!a.cameras[c].pose_is_free) problem.SetParameterBlockConstant(blocks.pose(c));
     ordering->AddElementToGroup(blocks.lens(c), 1);

@@ -103,9 +103,11 @@ double median_length(const Adjustment& a) {
   return std::clamp(calib::median(lengths), 0.3, 10.0);
 }
 
+// What is known beforehand keeps some weight where corners are exact.
+constexpr double least_noise_px = 0.01;
+
 // How boards move, from where they are found to be now. True: it is (nearly) what it was before.
 bool renew(Adjustment& a, const BoardShape& shape, bool with_stamps) {
-  constexpr double least_noise_px = 0.01;  // that what is known beforehand keeps some weight where corners are exact
   a.noise_px = std::max(robust_sigma(a), least_noise_px);
   const std::vector<BoardMotion> before = a.motions;
   const double stamps_before_s = a.stamp_sigma_s;
@@ -199,11 +201,18 @@ Adjustment adjust(Adjustment a, const AdjustmentOptions& options) {
     a.fits.push_back({std::vector<Vector2d>(view.ids.size()), std::vector<bool>(view.ids.size(), true), 0, 0, {}});
   }
   const bool with_motion = !a.motions.empty();
+  const bool with_lens_prior = std::ranges::any_of(
+      a.cameras, [](const AdjustedCamera& camera) { return camera.lens_is_free && camera.lens_prior; });
+  // What is known beforehand counts by the corners' noise.
+  const auto weigh_priors = [&] {
+    if (with_lens_prior && !with_motion) a.noise_px = std::max(robust_sigma(a), least_noise_px);
+  };
   if (options.find_outliers) {
     // First with a loss that outliers hardly pull, then plainly, on what is left. The first need not go to the end.
     constexpr int enough_robust = 30;
     const int robust_iterations = std::min(enough_robust, options.max_iterations);
     measure(a, shape);
+    weigh_priors();
     if (!with_motion || std::ranges::none_of(a.motions, &BoardMotion::is_known))
       solve(a, shape, median_length(a), robust_iterations);
     // What moved between the cameras' exposures looks like an outlier until the times are known.
@@ -214,17 +223,19 @@ Adjustment adjust(Adjustment a, const AdjustmentOptions& options) {
       solve(a, shape, median_length(a), std::min(20, options.max_iterations));
     }
     measure(a, shape);
+    weigh_priors();
     solve(a, shape, 0.5, robust_iterations);
     measure(a, shape);
     weigh_cameras(a);
     classify(a, options);
-  } else if (with_motion) {
+  } else if (with_motion || with_lens_prior) {
     measure(a, shape);
   }
   const int max_rounds = with_motion ? 12 : 8;
   // While what is known of motions is still renewed there is no need to go to the end each time.
   const int first_iterations = std::min(10, options.max_iterations);
   for (int round = 0; round < max_rounds; ++round) {
+    weigh_priors();
     const bool is_settled = !with_motion || renew(a, shape, true) || round + 1 == max_rounds;
     solve(a, shape, 0, is_settled ? options.max_iterations : first_iterations);
     measure(a, shape);

@@ -36,6 +36,12 @@ struct AdjustedTime {
   double sigma_s = 0;                     // result: its standard deviation, the prior included
 };
 
+// What is known beforehand of a lens that is adjusted.
+struct LensPrior {
+  LensParameters mean = LensParameters::Zero();
+  Eigen::MatrixXd information;  // the inverse of its covariance, parameter_count() square
+};
+
 struct AdjustedCamera {
   std::string name;
   calib::ImageSize image_size;
@@ -46,6 +52,7 @@ struct AdjustedCamera {
   // Of an intrinsics that stays: how well it is known, parameter_count() square; empty: exactly. What follows from it
   // is part of the result's covariance.
   Eigen::MatrixXd lens_covariance;
+  std::optional<LensPrior> lens_prior;  // of an intrinsics that is free
   // How much noisier its corners are than Adjustment::noise_px: they count that much less. Set by adjust(); 1 unless
   // they are clearly noisier than most cameras', as those of a camera that is out of focus.
   double relative_noise = 1;

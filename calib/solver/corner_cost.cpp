@@ -193,6 +193,30 @@ class PriorCost final : public ceres::CostFunction {
   std::vector<double> means_, weights_;
 };
 
+class LensPriorCost final : public ceres::CostFunction {
+ public:
+  LensPriorCost(const LensPrior& prior, double noise_px)
+      : mean_(prior.mean.head(prior.information.rows())),
+        whiten_(noise_px * Eigen::MatrixXd(prior.information.llt().matrixU())) {
+    set_num_residuals(static_cast<int>(mean_.size()));
+    *mutable_parameter_block_sizes() = {12};
+  }
+
+  bool Evaluate(const double* const* blocks, double* residuals, double** jacobians) const override {
+    const LensParameters lens = Eigen::Map<const LensParameters>(blocks[0]);
+    Eigen::Map<Eigen::VectorXd>(residuals, mean_.size()) = whiten_ * (lens.head(mean_.size()) - mean_);
+    if (!jacobians || !jacobians[0]) return true;
+    Eigen::Map<Eigen::Matrix<double, Eigen::Dynamic, 12, Eigen::RowMajor>> j(jacobians[0], mean_.size(), 12);
+    j.setZero();
+    j.leftCols(mean_.size()) = whiten_;
+    return true;
+  }
+
+ private:
+  Eigen::VectorXd mean_;
+  Eigen::MatrixXd whiten_;
+};
+
 // How a lens grows at stations out to its reach; and, of a rational one, that its denominator stays clear of zero,
 // where it would hide a pole behind a zero of the numerator and fit noise with the ripple that the two leave.
 class LensShapeCost final : public ceres::SizedCostFunction<16, 12> {
@@ -286,6 +310,10 @@ std::unique_ptr<ceres::CostFunction> course_cost(int block_size, const BoardMoti
 std::unique_ptr<ceres::CostFunction> prior_cost(int block_size, int from, std::vector<double> means,
                                                 std::vector<double> weights) {
   return std::make_unique<PriorCost>(block_size, from, std::move(means), std::move(weights));
+}
+
+std::unique_ptr<ceres::CostFunction> lens_prior_cost(const LensPrior& prior, double noise_px) {
+  return std::make_unique<LensPriorCost>(prior, noise_px);
 }
 
 std::unique_ptr<ceres::CostFunction> lens_shape_cost(LensModel lens, double reach, double weight) {

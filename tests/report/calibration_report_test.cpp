@@ -164,6 +164,11 @@ TEST(Sentences, SayWhatTheSolversFound) {
   EXPECT_EQ(refinement_text(cameras),
             "the lenses were found from these views, and stay as each camera's own views say (0.10 px), because the "
             "cameras agree less well with one another (0.25 px): they are not quite in step");
+  cameras.held_px = 0.4;
+  cameras.refinement = solver::LensRefinement::given_refined;
+  EXPECT_EQ(refinement_text(cameras),
+            "the lenses that were given were refined: as they were, the cameras agree less well with one another "
+            "(0.40 px) than now (0.25 px)");
   cameras.adjustment.cameras.resize(2);
   cameras.adjustment.cameras[1].name = "right";
   cameras.contradictions = {std::nullopt, zoomed};
