@@ -528,7 +528,21 @@ bool shows_transposed(const Board& board, const cv::Mat& image) {
   return points_in(other) > 2 * points_in(board);
 }
 
+std::string transposed_text(const Board& board) {
+  return "the board in them has " + std::to_string(board.rows) + "x" + std::to_string(board.columns) +
+         (board.type == BoardType::charuco ? " squares" : " markers") + " rather than " +
+         std::to_string(board.columns) + "x" + std::to_string(board.rows) +
+         ": exchange the two numbers in the board file";
+}
+
 }  // namespace
+
+std::string explain_transposed_board(const Board& board, const std::vector<GreyPixels>& images) {
+  if (board.type == BoardType::chessboard) return {};  // its columns are found whichever way they lie
+  const auto transposed =
+      std::ranges::count_if(images, [&](const GreyPixels& view) { return shows_transposed(board, mat_of(view)); });
+  return 2 * transposed > std::ssize(images) ? transposed_text(board) : std::string();
+}
 
 std::string explain_missing_board(const Board& board, const std::vector<GreyPixels>& images) {
   std::map<std::string, int> guesses;
@@ -567,10 +581,7 @@ std::string explain_missing_board(const Board& board, const std::vector<GreyPixe
       continue;
     }
     if (shows_transposed(board, image)) {
-      ++guesses["the board in them has " + std::to_string(board.rows) + "x" + std::to_string(board.columns) +
-                (board.type == BoardType::charuco ? " squares" : " markers") + " rather than " +
-                std::to_string(board.columns) + "x" + std::to_string(board.rows) +
-                ": exchange the two numbers in the board file"];
+      ++guesses[transposed_text(board)];
       continue;
     }
     for (const bool inverted : {board.inverted, !board.inverted}) {

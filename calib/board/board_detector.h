@@ -53,4 +53,8 @@ class BoardDetector {
 // corners counted as squares, another dictionary, inverted, the old charuco layout). One sentence, or empty.
 std::string explain_missing_board(const Board& board, const std::vector<GreyPixels>& images);
 
+// What is wrong when most of these images show the board's markers with columns for rows, as of [8, 11] for [11, 8].
+// One sentence, or empty. A few images, of which little is seen, may fit such a board file all the same.
+std::string explain_transposed_board(const Board& board, const std::vector<GreyPixels>& images);
+
 }  // namespace huetrack::board

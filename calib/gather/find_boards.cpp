@@ -106,6 +106,13 @@ class Misses {
     auto& own = by_camera_[camera];
     if (own.size() < 4) own.push_back(grey.clone());
   }
+  std::vector<board::GreyPixels> all() const {
+    std::vector<board::GreyPixels> views;
+    for (const auto& [camera, own] : by_camera_) {
+      for (const cv::Mat& image : own) views.push_back(view_of(image));
+    }
+    return views;
+  }
   std::vector<board::GreyPixels> of(std::size_t camera) const {
     std::vector<board::GreyPixels> views;
     if (const auto own = by_camera_.find(camera); own != by_camera_.end()) {
@@ -138,6 +145,21 @@ std::vector<std::pair<std::string, std::string>> without_boards(const FoundBoard
     without.emplace_back(camera.name, text);
   }
   return without;
+}
+
+// A board file with columns for rows fits pictures of which little is seen: cameras have boards, but hardly any.
+// throws InputError
+void refuse_transposed(const FoundBoards& found, const board::Board& board, const Misses& misses) {
+  int pictures = 0, boards = 0;
+  for (const PictureTally& camera : found.cameras) {
+    pictures += camera.pictures;
+    boards += camera.boards;
+  }
+  if (2 * boards >= pictures) return;
+  const std::string why = board::explain_transposed_board(board, misses.all());
+  if (why.empty()) return;
+  throw InputError("the board (" + board.description() + ") was found in " + std::to_string(boards) + " of " +
+                   std::to_string(pictures) + " pictures: " + why);
 }
 
 // What else was seen may be why: damaged files, for one.
@@ -333,6 +355,7 @@ FoundBoards find_boards(PictureSource& source, const board::BoardDetector& detec
   found.without_boards = without_boards(found, detector.board(), misses);
   if (!found.without_boards.empty() && found.without_boards.size() + options.least_cameras > found.cameras.size())
     throw InputError(with_first(found.warnings, found.without_boards.front().second));
+  refuse_transposed(found, detector.board(), misses);
   const std::size_t before = sets.size();
   sets = thinned(std::move(sets), static_cast<std::size_t>(options.max_sets), source.has_stamps());
   found.thinned = static_cast<int>(before - sets.size());
