@@ -206,8 +206,8 @@ class Judge {
       const solver::LensParameters &was = camera.lens_prior->mean, &now = camera.parameters;
       add(Verdict::usable, "given lens of " + camera.name,
           fmt::format("{}: the lens that was given was refined, because the cameras contradict one another with it: "
-                      "fx {:.1f} px (given {:.1f}), fy {:.1f} px ({:.1f}), principal point ({:.1f}, {:.1f}), ({:.1f}, "
-                      "{:.1f})",
+                      "fx {:.1f} px (given: {:.1f}), fy {:.1f} px (given: {:.1f}), principal point at ({:.1f}, {:.1f}) "
+                      "(given: {:.1f}, {:.1f})",
                       camera.name, now(0), was(0), now(1), was(1), now(2), now(3), was(2), was(3)),
           "");
     }

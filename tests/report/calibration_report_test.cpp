@@ -18,6 +18,7 @@ using testing::AllOf;
 using testing::Contains;
 using testing::Field;
 using testing::HasSubstr;
+using testing::Not;
 
 const solver::IntrinsicsOptions one_lens{.lens = solver::LensModel::radtan4};
 
@@ -96,6 +97,16 @@ TEST(CalibrationReport, NamesWhatSpeaksAgainstALens) {
   EXPECT_THAT(report.checks, speaks_against(Verdict::failed, "views of cam"));  // repeated ones count as one
   EXPECT_THAT(report.checks, speaks_against(Verdict::doubtful, "input"));
   EXPECT_THAT(to_text(report), HasSubstr("cam.mp4 ends early"));
+}
+
+TEST(CalibrationReport, SaysWhatBecameOfAGivenLens) {
+  solver::Extrinsics found = calibrated(solver::synthetic_capture({.cameras = 2, .sets = 14}));
+  EXPECT_THAT(to_html(report_on(found, {})), Not(HasSubstr("the lens that was given was refined")));
+  found.refinement = solver::LensRefinement::given_refined;
+  found.adjustment.cameras[1].lens_prior.emplace().mean.head<4>() << 700, 701, 320, 240;
+  EXPECT_THAT(to_html(report_on(found, {})),
+              AllOf(HasSubstr("cam1: the lens that was given was refined"), HasSubstr("(given: 700.0)"),
+                    HasSubstr("(given: 320.0, 240.0)"), Not(HasSubstr("cam0: the lens that was given was refined"))));
 }
 
 TEST(CalibrationReport, NamesAspectOverlapAndBoardsSeenFromBehind) {
