@@ -26,6 +26,7 @@ struct BoardDetection {
   std::string why_not;              // when ids is empty: what stood in the way, one clause; empty otherwise
   double blur_px = 0;               // standard deviation of its edges' blur, median over the corners; 0: not known
   double marker_m = 0;              // charuco: side of its markers if its squares are as the board says; 0: not known
+  double marker_px = 0;             // how large it is in the image; 0: not known
 
   bool found() const { return !ids.empty(); }
 };
@@ -36,16 +37,14 @@ class BoardDetector {
   explicit BoardDetector(Board board);  // throws std::invalid_argument: board.problems()
 
   // A whole board or a part of it. For symmetric boards the way round is the one most upright in the image; see
-  // Board::symmetries(). A part of a chessboard is used only where its place on the board is certain: the missing rows
-  // and columns lie outside the image.
+  // Board::symmetries(); of a chessboard that looks the same from its back the side is taken for the front. A part of a
+  // chessboard is used only where its place on the board is certain: the missing rows and columns lie outside the
+  // image.
   BoardDetection detect(const GreyPixels& image) const;
 
   const Board& board() const { return board_; }
 
  private:
-  BoardDetection detect_chessboard(const GreyPixels& image) const;
-  BoardDetection detect_markers(const GreyPixels& image) const;
-
   Board board_;
 };
 

@@ -308,7 +308,7 @@ class Judge {
   void side(const CameraReport& camera, double behind) {
     add(behind_share.judge(behind), "side of the board of " + camera.name,
         behind > 0 ? fmt::format("{}: stands behind the board in {:.0f} % of its views", camera.name, 100 * behind)
-                   : camera.name + ": sees the board's front in all views",
+                   : camera.name + ": the board faces it in all views",
         "the images of this camera are mirrored (left and right swapped), or its board poses are the mirrored twins: "
         "switch mirroring off in the camera or its driver, and show the board nearer and more tilted");
   }

@@ -313,6 +313,8 @@ std::vector<BoardPose> board_poses(const board::Board& board, const BoardView& v
     pose.cam_from_board.rotation = calib::exp((calib::Tangent6d() << w, Vector3d::Zero()).finished()).rotation;
     pose.cam_from_board.translation = {translations[s].at<double>(0), translations[s].at<double>(1),
                                        translations[s].at<double>(2)};
+    // What was found is where the plane of the corners is, and of the board's back that is not the board's own.
+    pose.cam_from_board.translation -= pose.cam_from_board.rotation * Vector3d(0, 0, board.point(view.ids.front()).z());
     // A few steps to the least reprojection error.
     calib::Tangent6d step;
     for (int iteration = 0; iteration < 10; ++iteration) {

@@ -138,6 +138,7 @@ class Start {
           }
         }
       }
+      if (set > 0) best = as_before(best, a.world_from_board[index(set - 1)]);
       a.world_from_board[index(set)] = best;
       for (const auto& [camera, posed] : views) {
         BoardView view = *posed.view;
@@ -175,6 +176,22 @@ class Start {
   }
 
  private:
+  // Of the ways round that look the same, the one that turned least since the set before: a board that is carried does
+  // not leap.
+  calib::Rigid3d as_before(const calib::Rigid3d& world_from_board, const calib::Rigid3d& before) const {
+    calib::Rigid3d best = world_from_board;
+    double least = std::numeric_limits<double>::infinity();
+    for (const calib::Rigid3d& motion : motions_) {
+      const calib::Rigid3d pose = world_from_board * motion;
+      const double turn = before.rotation.angularDistance(pose.rotation);
+      if (turn < least) {
+        least = turn;
+        best = pose;
+      }
+    }
+    return best;
+  }
+
   using SharedViews = std::vector<std::pair<const PosedView*, const PosedView*>>;  // of two cameras, by sets
 
   // How well the sets agree that the second camera stands so to the first: what they cost, lower is better, and how
