@@ -147,11 +147,10 @@ SetEquations set_equations(const Adjustment& a, const BoardShape& shape, const P
     set.cost += off.dot(weight * off);
     set.residuals += static_cast<int>(off.size());
   };
-  const BoardMotion::Course off = course_off(motion, a.world_from_board[index(number)]);
+  const BoardMotion::Course off = motion.course - motion.expected;
   for (int i = 0; i < 6; ++i) {
-    Eigen::Matrix<double, 2, 3> j;  // by the pose, the course and its change
-    j << -motion.by_place.row(i).transpose(), Eigen::Matrix2d::Identity();
-    add_prior({i, own_course_at + i, own_course_at + 6 + i}, j, off.row(i).transpose(), motion.information[index(i)]);
+    add_prior({own_course_at + i, own_course_at + 6 + i}, Eigen::Matrix2d::Identity(), off.row(i).transpose(),
+              motion.information[index(i)]);
   }
   for (std::size_t v = first; v < last; ++v) {
     const double sigma_s = a.cameras[index(a.views[v].camera)].stamp_sigma_s;

@@ -201,8 +201,13 @@ Adjustment adjust(Adjustment a, const AdjustmentOptions& options) {
     a.fits.push_back({std::vector<Vector2d>(view.ids.size()), std::vector<bool>(view.ids.size(), true), 0, 0, {}});
   }
   const bool with_motion = !a.motions.empty();
+  // Motions that are known are those of an adjustment before this one.
+  const bool is_near = std::ranges::any_of(a.motions, &BoardMotion::is_known);
   const bool with_lens_prior = std::ranges::any_of(
       a.cameras, [](const AdjustedCamera& camera) { return camera.lens_is_free && camera.lens_prior; });
+  // Of the cost. A corner's residual is some 1e-5 of it: `well` is far below the noise, and `roughly` will do where
+  // another solution follows, with what is known of motions renewed.
+  constexpr double exactly = 1e-10, well = 1e-8, roughly = 1e-6;
   // What is known beforehand counts by the corners' noise.
   const auto weigh_priors = [&] {
     if (with_lens_prior && !with_motion) a.noise_px = std::max(robust_sigma(a), least_noise_px);
@@ -213,18 +218,25 @@ Adjustment adjust(Adjustment a, const AdjustmentOptions& options) {
     const int robust_iterations = std::min(enough_robust, options.max_iterations);
     measure(a, shape);
     weigh_priors();
-    if (!with_motion || std::ranges::none_of(a.motions, &BoardMotion::is_known))
-      solve(a, shape, median_length(a), robust_iterations);
+    if (!is_near) solve(a, shape, {.robust_px = median_length(a), .max_iterations = robust_iterations});
     // What moved between the cameras' exposures looks like an outlier until the times are known.
-    constexpr int rounds_with_motion = 3;
+    const int rounds_with_motion = is_near ? 1 : 3;
     for (int round = 0; with_motion && round < rounds_with_motion; ++round) {
       measure(a, shape);
-      renew(a, shape, round > 0);
-      solve(a, shape, median_length(a), std::min(20, options.max_iterations));
+      renew(a, shape, is_near || round > 0);
+      solve(a, shape,
+            {.robust_px = median_length(a),
+             .max_iterations = std::min(20, options.max_iterations),
+             .is_near = is_near || round > 0,
+             .tolerance = roughly});
     }
     measure(a, shape);
     weigh_priors();
-    solve(a, shape, 0.5, robust_iterations);
+    solve(a, shape,
+          {.robust_px = 0.5,
+           .max_iterations = robust_iterations,
+           .is_near = with_motion,
+           .tolerance = with_motion ? roughly : exactly});
     measure(a, shape);
     weigh_cameras(a);
     classify(a, options);
@@ -237,7 +249,12 @@ Adjustment adjust(Adjustment a, const AdjustmentOptions& options) {
   for (int round = 0; round < max_rounds; ++round) {
     weigh_priors();
     const bool is_settled = !with_motion || renew(a, shape, true) || round + 1 == max_rounds;
-    solve(a, shape, 0, is_settled ? options.max_iterations : first_iterations);
+    solve(a, shape,
+          {.max_iterations = is_settled ? options.max_iterations : first_iterations,
+           .is_near = with_motion,
+           .tolerance = !with_motion ? exactly
+                        : is_settled ? well
+                                     : roughly});
     measure(a, shape);
     const bool weights_changed = options.find_outliers && weigh_cameras(a);
     if ((!options.find_outliers || !classify(a, options)) && !weights_changed && is_settled) break;
@@ -272,6 +289,14 @@ std::vector<BoardView> inliers(const Adjustment& adjustment) {
     views.push_back(std::move(view));
   }
   return views;
+}
+
+std::vector<double> stamp_errors_of_inliers(const Adjustment& adjustment) {
+  std::vector<double> errors_s;
+  for (std::size_t v = 0; v < adjustment.stamp_error_s.size(); ++v) {
+    if (!adjustment.fits[v].dropped) errors_s.push_back(adjustment.stamp_error_s[v]);
+  }
+  return errors_s;
 }
 
 std::vector<ViewFit> evaluate(const Adjustment& state) {

@@ -79,11 +79,10 @@ struct BoardMotion {
   bool is_known = false;                       // from the sets around; otherwise the board rests while it is seen
   double at_s = 0;                             // the moment, on the clock of the stamps less latency
   Course course = Course::Zero();              // adjusted
-  // What the sets around say of it, for the pose `place` of this set's board: expected, with the inverse of its
-  // covariance for each of the six. A pose that is exp(b) further has the course expected + b * by_place: they say
-  // where the board was before and after, so what is added here is missing there.
-  calib::Rigid3d place;
-  Course expected = Course::Zero(), by_place = Course::Zero();
+  // What the sets around say of it, with the inverse of its covariance for each of the six. It does not change while
+  // this set's pose is adjusted: a lens or a camera that moves, moves the boards of all sets alike. Held against where
+  // the others were, none could follow.
+  Course expected = Course::Zero();
   std::array<Eigen::Matrix2d, 6> information{};
 };
 
@@ -167,6 +166,8 @@ Adjustment adjust(Adjustment start, const AdjustmentOptions& options = {});
 
 // Of what was adjusted: the views that were not dropped, each with its used corners.
 std::vector<BoardView> inliers(const Adjustment& adjustment);
+// Their Adjustment::stamp_error_s, beside them.
+std::vector<double> stamp_errors_of_inliers(const Adjustment& adjustment);
 
 // The residuals of every view for the state as it is: fits of `state`, nothing moved, every corner used.
 std::vector<ViewFit> evaluate(const Adjustment& state);

@@ -405,7 +405,7 @@ std::optional<Adjustment> with_warp(Adjustment a, const AdjustmentOptions& optio
     for (const BoardView& view : a.views) corners += static_cast<int>(view.ids.size());
     Adjustment glance = a;
     glance.views = inliers(a);
-    glance.stamp_error_s.clear();
+    glance.stamp_error_s = stamp_errors_of_inliers(a);
     glance = adjust(std::move(glance), {.find_outliers = false, .max_iterations = 20});
     if (used > many * corners && !(explains(glance) && is_warped(glance))) return std::nullopt;
     a.warp = glance.warp;
@@ -477,7 +477,7 @@ std::optional<Adjustment> with_given_lenses(Extrinsics& result, const Adjustment
                                             const ExtrinsicsOptions& options, const std::vector<bool>& found) {
   if (placed.motions.empty() || std::ranges::count(found, false) == 0) return std::nullopt;
   if (options.progress) options.progress("the joint adjustment, with the lenses", 1, 3);
-  Adjustment a = placed;
+  Adjustment a = held;
   for (std::size_t c = 0; c < a.cameras.size(); ++c) {
     a.cameras[c].lens_is_free = true;
     if (!found[c]) a.cameras[c].lens_prior = prior_of(a.cameras[c]);

@@ -264,6 +264,25 @@ TEST(MovingBoard, GivenLensesThatContradictOneAnotherAreRefined) {
   EXPECT_EQ(right.adjustment.cameras[0].parameters, parameters_of(capture.of.rig.cameras[0].model));
 }
 
+// Sets 33 ms apart tell well how the board moves: what a lens changes moves all boards, and is not to be held by where
+// they were found to be with another lens.
+TEST(MovingBoard, GivenLensesAreRefinedWhereSetsFollowCloselyUponOneAnother) {
+  const MovingOptions options{.bursts = 30, .seed = 1};
+  const MovingCapture capture = moving_capture(options);
+  auto wrong = cameras_as_known(capture.of.rig);
+  auto lens = std::get<calib::PinholeRadtan>(wrong[0].model->lens());
+  lens.fx *= 1.009;
+  lens.fy *= 1.011;
+  wrong[0].model = calib::CameraModel(lens);
+  const Extrinsics refined = calibrate_extrinsics(capture.of.board, wrong, capture.of.views);
+  print("refined, carried", capture, options, refined.adjustment);
+  EXPECT_EQ(refined.refinement, LensRefinement::given_refined);
+  EXPECT_NEAR(refined.adjustment.noise_px, 0.1, 0.01);
+  EXPECT_LT(mean_square_in_sigmas(capture, refined.adjustment), 2.5);
+  const double true_px = capture.of.rig.cameras[0].model.fx();
+  EXPECT_NEAR(refined.adjustment.cameras[0].parameters(0) / true_px, 1, 0.004);
+}
+
 TEST(MovingBoard, CamerasInStepStayInStep) {
   const MovingOptions options{.latency_s = {}, .readout_s = {}, .stamp_jitter_s = 0, .in_step = true, .bursts = 20};
   const MovingCapture capture = moving_capture(options);
