@@ -477,7 +477,8 @@ std::optional<Adjustment> with_given_lenses(Extrinsics& result, const Adjustment
                                             const ExtrinsicsOptions& options, const std::vector<bool>& found) {
   if (placed.motions.empty() || std::ranges::count(found, false) == 0) return std::nullopt;
   if (options.progress) options.progress("the joint adjustment, with the lenses", 1, 3);
-  Adjustment a = held;
+  // From the beginning: stamps that a wrong lens made look bad would stay so.
+  Adjustment a = placed;
   for (std::size_t c = 0; c < a.cameras.size(); ++c) {
     a.cameras[c].lens_is_free = true;
     if (!found[c]) a.cameras[c].lens_prior = prior_of(a.cameras[c]);
