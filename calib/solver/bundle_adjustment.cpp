@@ -223,7 +223,7 @@ Adjustment adjust(Adjustment a, const AdjustmentOptions& options) {
     const int rounds_with_motion = is_near ? 1 : 3;
     for (int round = 0; with_motion && round < rounds_with_motion; ++round) {
       measure(a, shape);
-      renew(a, shape, is_near || round > 0);
+      renew(a, shape, round > 0);
       solve(a, shape,
             {.robust_px = median_length(a),
              .max_iterations = std::min(20, options.max_iterations),

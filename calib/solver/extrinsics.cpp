@@ -477,8 +477,11 @@ std::optional<Adjustment> with_given_lenses(Extrinsics& result, const Adjustment
                                             const ExtrinsicsOptions& options, const std::vector<bool>& found) {
   if (placed.motions.empty() || std::ranges::count(found, false) == 0) return std::nullopt;
   if (options.progress) options.progress("the joint adjustment, with the lenses", 1, 3);
-  // From the beginning: stamps that a wrong lens made look bad would stay so.
-  Adjustment a = placed;
+  Adjustment a = held;
+  // What was learnt of stamps and carrying is learnt anew: stamps that a wrong lens made look bad would stay so.
+  a.stamp_error_s.clear();
+  a.carrying = {};
+  for (AdjustedCamera& camera : a.cameras) camera.stamp_sigma_s = 0;
   for (std::size_t c = 0; c < a.cameras.size(); ++c) {
     a.cameras[c].lens_is_free = true;
     if (!found[c]) a.cameras[c].lens_prior = prior_of(a.cameras[c]);
