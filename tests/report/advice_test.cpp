@@ -48,8 +48,8 @@ TEST(Advice, FollowsItsFact) {
                                           {"; and another", Fault::mirrored_images},
                                           {". As it was given, nothing was found: a third", Fault::none}});
   EXPECT_EQ(told(several),
-            "one: measure it, and correct it; and another: record them as the sensor sees them. As it "
-            "was given, nothing was found: a third");
+            "one: measure it, and correct it; and another: record them as the sensor sees them; or, if it looks at the "
+            "back of the board, say so in the board file (back:). As it was given, nothing was found: a third");
   EXPECT_STREQ(several.what(), "one; and another. As it was given, nothing was found: a third");
   EXPECT_EQ(several.fault(), Fault::wrong_radius);
   EXPECT_EQ(solver::facts(solver::after("so: ", several.reasons())), std::string("so: ") + several.what());
