@@ -36,8 +36,12 @@ int Board::corner_rows() const {
   return type == BoardType::chessboard ? rows : type == BoardType::charuco ? rows - 1 : 0;
 }
 
-int Board::point_count() const {
+int Board::side_point_count() const {
   return type == BoardType::aruco_grid ? 4 * marker_count() : corner_columns() * corner_rows();
+}
+
+int Board::point_count() const {
+  return (back ? 2 : 1) * side_point_count();
 }
 
 int Board::marker_count() const {
@@ -52,6 +56,11 @@ bool Board::is_marker_square(int column, int row) const {
 }
 
 Eigen::Vector3d Board::point(int id) const {
+  if (id >= side_point_count()) {
+    Eigen::Vector3d p = point(id - side_point_count());
+    p.z() = back->thickness;
+    return p;
+  }
   if (type == BoardType::aruco_grid) return marker_corners(id / 4)[static_cast<std::size_t>(id % 4)];
   const int column = id % corner_columns(), row = id / corner_columns();
   return {pitch.x() * column, pitch.y() * row, 0};
@@ -67,23 +76,58 @@ std::vector<Eigen::Vector3d> Board::marker_corners(int index) const {
   return {at(0, 0), at(marker, 0), at(marker, marker), at(0, marker)};
 }
 
+Board Board::front_alone() const {
+  Board front = *this;
+  front.back.reset();
+  return front;
+}
+
+Board Board::back_alone() const {
+  Board alone = front_alone();
+  if (back->first_marker) alone.first_marker = *back->first_marker;
+  return alone;
+}
+
+// The outlines lie upon one another: columns that count from the left on the back do so from the right on the front.
+int Board::id_of_back(int id) const {
+  if (!back->first_marker) return side_point_count() + id;
+  if (type == BoardType::aruco_grid) {
+    const int marker = id / 4, column = marker % columns, corner = id % 4;
+    // The corners of a marker, clockwise from its top left one, seen through the sheet.
+    constexpr std::array<int, 4> through{1, 0, 3, 2};
+    return side_point_count() + 4 * (marker - column + columns - 1 - column) +
+           through[static_cast<std::size_t>(corner)];
+  }
+  const int column = id % corner_columns();
+  return side_point_count() + id - column + corner_columns() - 1 - column;
+}
+
 std::vector<std::vector<int>> Board::symmetries() const {
   std::vector<int> identity(static_cast<std::size_t>(point_count()));
   std::iota(identity.begin(), identity.end(), 0);
   std::vector<std::vector<int>> all{identity};
-  // A half turn takes square (i, j) to (columns - i, rows - j) of (columns + 1) x (rows + 1) squares: the same colour
-  // when columns + rows is even. A quarter turn needs a square board, and keeps the colours when columns is even.
-  if (type != BoardType::chessboard || (columns + rows) % 2 != 0) return all;
-  all.emplace_back(identity.rbegin(), identity.rend());
-  if (columns == rows && columns % 2 == 0 && pitch.x() == pitch.y()) {
-    std::vector<int> quarter(identity.size());
-    for (int row = 0; row < rows; ++row) {
-      for (int column = 0; column < columns; ++column) {
-        quarter[static_cast<std::size_t>(row * columns + column)] = column * columns + (columns - 1 - row);
-      }
+  if (type != BoardType::chessboard) return all;
+  const int side = side_point_count();
+  // The rows and columns exchanged, the columns counted from the other end, the rows: each swaps left and right, and
+  // two together turn the board.
+  for (int way = 1; way < 8; ++way) {
+    const bool exchanged = (way & 4) != 0, columns_back = (way & 1) != 0, rows_back = (way & 2) != 0;
+    if (exchanged && (columns != rows || pitch.x() != pitch.y())) continue;
+    const bool swaps_sides = (exchanged ? 1 : 0) + (columns_back ? 1 : 0) + (rows_back ? 1 : 0) != 2;
+    if (swaps_sides && !back) continue;
+    // Of (columns + 1) x (rows + 1) squares the first one goes to the last one of its row: of its colour when columns
+    // is even.
+    if (((columns_back ? columns : 0) + (rows_back ? rows : 0)) % 2 != 0) continue;
+    std::vector<int> renumbered(identity.size());
+    for (int id = 0; id < point_count(); ++id) {
+      int column = id % side % columns, row = id % side / columns;
+      if (exchanged) std::swap(column, row);
+      if (columns_back) column = columns - 1 - column;
+      if (rows_back) row = rows - 1 - row;
+      const bool on_back = (id >= side) != swaps_sides;
+      renumbered[static_cast<std::size_t>(id)] = (on_back ? side : 0) + row * columns + column;
     }
-    all.push_back(quarter);
-    all.emplace_back(quarter.rbegin(), quarter.rend());
+    all.push_back(std::move(renumbered));
   }
   return all;
 }
@@ -96,6 +140,7 @@ std::string Board::description() const {
   if (pitch.x() != pitch.y()) text += " x " + millimetres(pitch.y());
   if (type != BoardType::chessboard) text += ", markers of " + millimetres(marker) + " from " + dictionary;
   if (legacy) text += ", legacy layout";
+  if (back) text += ", printed on both sides, " + millimetres(back->thickness) + " apart";
   return text;
 }
 
@@ -115,7 +160,13 @@ std::vector<std::string> Board::problems() const {
   if (!is_length(pitch.x()) || !is_length(pitch.y())) {
     problems.emplace_back("the squares must be larger than 0 and smaller than 10 m (lengths are in metres)");
   }
-  if (type == BoardType::chessboard) return problems;
+  if (back && !(std::isfinite(back->thickness) && back->thickness >= 0 && back->thickness < 1)) {
+    problems.emplace_back("the back's thickness must be 0 or larger and less than 1 m (lengths are in metres)");
+  }
+  if (type == BoardType::chessboard) {
+    if (back && back->first_marker) problems.emplace_back("a chessboard's back has no markers");
+    return problems;
+  }
   const double room = pitch.minCoeff();
   if (!is_length(marker)) {
     problems.emplace_back("marker, its side in metres, must be larger than 0");
@@ -128,9 +179,18 @@ std::vector<std::string> Board::problems() const {
   const auto found = std::ranges::find(dictionaries, dictionary, &MarkerDictionary::name);
   if (found == dictionaries.end()) {
     problems.push_back("dictionary " + dictionary + " is not one of OpenCV's predefined ones");
-  } else if (first_marker < 0 || first_marker + marker_count() > found->markers) {
-    problems.push_back(dictionary + " has " + std::to_string(found->markers) + " markers; the board needs " +
-                       std::to_string(first_marker) + " to " + std::to_string(first_marker + marker_count() - 1));
+    return problems;
+  }
+  const auto check = [&](int first, const char* what) {
+    if (first >= 0 && first + marker_count() <= found->markers) return;
+    problems.push_back(dictionary + " has " + std::to_string(found->markers) + " markers; " + what + " needs " +
+                       std::to_string(first) + " to " + std::to_string(first + marker_count() - 1));
+  };
+  check(first_marker, "the board");
+  if (!back || !back->first_marker) return problems;
+  check(*back->first_marker, "its back");
+  if (std::abs(*back->first_marker - first_marker) < marker_count()) {
+    problems.emplace_back("front and back have markers in common: which side is seen could not be told");
   }
   return problems;
 }

@@ -10,6 +10,7 @@
 #include <opencv2/calib3d.hpp>
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
+#include <tuple>
 #include <utility>
 
 #include "calib/board/chessboard_lattice.h"
@@ -26,6 +27,10 @@ cv::Mat mat_of(const GreyPixels& image) {
   // OpenCV has no read-only Mat; nothing here writes to it.
   return cv::Mat(image.height, image.width, CV_8UC1, const_cast<std::uint8_t*>(image.data),
                  static_cast<std::size_t>(image.stride));
+}
+
+GreyPixels view_of(const cv::Mat& image) {
+  return {image.data, image.cols, image.rows, static_cast<std::ptrdiff_t>(image.step)};
 }
 
 // What keeps any detector from working: said instead of "no board".
@@ -339,10 +344,11 @@ BoardDetection without_odd_ones(const FoundCorners& found, int columns) {
   return detection;
 }
 
-// How large the markers are beside the squares between them, by the corners that were found. 0: too few of them.
-double marker_side(const Board& board, const BoardDetection& found, const std::map<int, MarkerCorners>& markers) {
+// How large the markers are beside the squares between them, by the corners that were found, and in the image. Not
+// known where there are too few of them.
+void measure_markers(const Board& board, const std::map<int, MarkerCorners>& markers, BoardDetection& found) {
   constexpr std::size_t enough = 8;  // for a homography that small lens distortion does not tilt
-  if (found.ids.size() < enough) return 0;
+  if (found.ids.size() < enough) return;
   std::vector<cv::Point2d> from, to;
   for (std::size_t k = 0; k < found.ids.size(); ++k) {
     const Eigen::Vector3d p = board.point(found.ids[k]);
@@ -350,16 +356,18 @@ double marker_side(const Board& board, const BoardDetection& found, const std::m
     to.emplace_back(p.x(), p.y());
   }
   const cv::Mat h = cv::findHomography(from, to);
-  if (h.empty()) return 0;
+  if (h.empty()) return;
   const cv::Matx33d onto_board = h;
-  std::vector<double> sides;
+  std::vector<double> sides, sides_px;
   for (const auto& [id, corners] : markers) {
     for (std::size_t k = 0; k < 4; ++k) {
       const auto on_board = [&](const cv::Point2f& p) { return apply(onto_board, double{p.x}, double{p.y}); };
       sides.push_back((on_board(corners[k]) - on_board(corners[(k + 1) % 4])).norm());
+      sides_px.push_back(cv::norm(corners[k] - corners[(k + 1) % 4]));
     }
   }
-  return calib::median(std::move(sides));
+  found.marker_m = calib::median(std::move(sides));
+  found.marker_px = calib::median(std::move(sides_px));
 }
 
 BoardDetection corners_of_markers(const std::map<int, MarkerCorners>& markers, const Board& board) {
@@ -416,21 +424,7 @@ BoardDetection squares_corners(const cv::Mat& image, const std::map<int, MarkerC
   return without_odd_ones(corners, board.corner_columns());
 }
 
-}  // namespace
-
-BoardDetector::BoardDetector(Board board) : board_(std::move(board)) {
-  if (const auto problems = board_.problems(); !problems.empty()) throw std::invalid_argument(problems.front());
-}
-
-BoardDetection BoardDetector::detect(const GreyPixels& image) const {
-  if (image.width < 32 || image.height < 32) return {{}, {}, "the image is too small"};
-  BoardDetection detection = board_.type == BoardType::chessboard ? detect_chessboard(image) : detect_markers(image);
-  if (detection.found()) return detection;
-  if (std::string trouble = trouble_of(mat_of(image)); !trouble.empty()) detection.why_not = trouble;
-  return detection;
-}
-
-BoardDetection BoardDetector::detect_chessboard(const GreyPixels& view) const {
+BoardDetection detect_chessboard(const Board& board, const GreyPixels& view) {
   const cv::Mat image = mat_of(view);
   const double pixels = static_cast<double>(view.width) * view.height;
   BoardDetection best;
@@ -442,12 +436,12 @@ BoardDetection BoardDetector::detect_chessboard(const GreyPixels& view) const {
     const auto lattices = find_chessboard_lattices(image, scale);
     for (std::size_t k = 0; k < std::min<std::size_t>(4, lattices.size()); ++k) {
       const ChessboardLattice& lattice = lattices[k];
-      const auto [placement, why_not] = place(lattice, board_, image.size());
+      const auto [placement, why_not] = place(lattice, board, image.size());
       if (!placement) {
         if (k == 0 && best.ids.empty() && lattice.nodes.size() >= 12) best.why_not = why_not;
         continue;
       }
-      const int columns = board_.corner_columns(), rows = board_.corner_rows();
+      const int columns = board.corner_columns(), rows = board.corner_rows();
       FoundCorners corners;
       for (int id = 0; id < columns * rows; ++id) {
         const auto [i, j] = placement->cell(id % columns, id / columns);
@@ -462,9 +456,9 @@ BoardDetection BoardDetector::detect_chessboard(const GreyPixels& view) const {
       BoardDetection found = without_odd_ones(corners, columns);
       if (found.ids.size() > best.ids.size()) best = std::move(found);
     }
-    if (static_cast<int>(best.ids.size()) == board_.point_count()) break;
+    if (static_cast<int>(best.ids.size()) == board.point_count()) break;
   }
-  if (static_cast<int>(best.ids.size()) < std::max(9, board_.point_count() / 4)) {
+  if (static_cast<int>(best.ids.size()) < std::max(9, board.point_count() / 4)) {
     if (best.found()) best.why_not = "only " + std::to_string(best.ids.size()) + " of its corners are sharp enough";
     best.ids.clear();
     best.px.clear();
@@ -472,16 +466,16 @@ BoardDetection BoardDetector::detect_chessboard(const GreyPixels& view) const {
   return best;
 }
 
-BoardDetection BoardDetector::detect_markers(const GreyPixels& view) const {
-  const cv::Mat image = upright_colours(mat_of(view), board_.inverted);
-  const auto dictionary = std::ranges::find(marker_dictionaries(), board_.dictionary, &MarkerDictionary::name);
+BoardDetection detect_markers(const Board& board, const GreyPixels& view) {
+  const cv::Mat image = upright_colours(mat_of(view), board.inverted);
+  const auto dictionary = std::ranges::find(marker_dictionaries(), board.dictionary, &MarkerDictionary::name);
   std::map<int, MarkerCorners> markers = find_markers(image, dictionary->opencv_id);
   const std::size_t seen = markers.size();
   std::erase_if(markers, [&](const auto& marker) {
-    return marker.first < board_.first_marker || marker.first >= board_.first_marker + board_.marker_count();
+    return marker.first < board.first_marker || marker.first >= board.first_marker + board.marker_count();
   });
   const std::size_t of_board = markers.size();
-  drop_strays(markers, board_);
+  drop_strays(markers, board);
   BoardDetection found;
   // A few markers are somewhere near each other on any board.
   constexpr std::size_t enough_to_tell = 5;
@@ -490,25 +484,70 @@ BoardDetection BoardDetector::detect_markers(const GreyPixels& view) const {
     return found;
   }
   if (markers.empty()) {
-    found.why_not = seen == 0 ? "no marker of " + board_.dictionary + " in it"
-                              : "it shows markers of " + board_.dictionary + ", but not those of the board";
+    found.why_not = seen == 0 ? "no marker of " + board.dictionary + " in it"
+                              : "it shows markers of " + board.dictionary + ", but not those of the board";
     return found;
   }
-  if (board_.type == BoardType::aruco_grid) return corners_of_markers(markers, board_);
-  found = squares_corners(image, markers, board_);
+  if (board.type == BoardType::aruco_grid) return corners_of_markers(markers, board);
+  found = squares_corners(image, markers, board);
   const auto lines = [&](auto line_of) {
     std::vector<int> all;
     for (const int id : found.ids) all.push_back(line_of(id));
     std::ranges::sort(all);
     return std::ranges::unique(all).begin() - all.begin();
   };
-  const int columns = board_.corner_columns();
+  const int columns = board.corner_columns();
   if (found.ids.size() < 5 || lines([&](int id) { return id % columns; }) < 2 ||
       lines([&](int id) { return id / columns; }) < 2) {
     found = {{}, {}, "only " + std::to_string(found.ids.size()) + " of its corners were found"};
   }
-  found.marker_m = marker_side(board_, found, markers);
+  measure_markers(board, markers, found);
   return found;
+}
+
+BoardDetection detect_side(const Board& side, const GreyPixels& image) {
+  return side.type == BoardType::chessboard ? detect_chessboard(side, image) : detect_markers(side, image);
+}
+
+cv::Mat mirror_image(const cv::Mat& image) {
+  cv::Mat mirrored;
+  cv::flip(image, mirrored, 1);
+  return mirrored;
+}
+
+// Numbered, and where it is in the image, as of the whole board.
+BoardDetection detect_back(const Board& board, const GreyPixels& image) {
+  const bool is_mirrored = !board.back->first_marker;
+  const cv::Mat seen = is_mirrored ? mirror_image(mat_of(image)) : mat_of(image);
+  const BoardDetection found = detect_side(board.back_alone(), view_of(seen));
+  std::vector<std::pair<int, Vector2d>> corners;
+  for (std::size_t k = 0; k < found.ids.size(); ++k) {
+    const Vector2d& px = found.px[k];
+    corners.emplace_back(board.id_of_back(found.ids[k]), is_mirrored ? Vector2d(image.width - 1 - px.x(), px.y()) : px);
+  }
+  std::ranges::sort(corners, {}, [](const auto& corner) { return corner.first; });
+  BoardDetection back = found;
+  for (std::size_t k = 0; k < corners.size(); ++k) std::tie(back.ids[k], back.px[k]) = corners[k];
+  return back;
+}
+
+}  // namespace
+
+BoardDetector::BoardDetector(Board board) : board_(std::move(board)) {
+  if (const auto problems = board_.problems(); !problems.empty()) throw std::invalid_argument(problems.front());
+}
+
+BoardDetection BoardDetector::detect(const GreyPixels& image) const {
+  if (image.width < 32 || image.height < 32) return {{}, {}, "the image is too small"};
+  BoardDetection detection = detect_side(board_.front_alone(), image);
+  // An image shows one of the sides; a few of its markers may be taken for some of the other.
+  if (board_.back && 2 * static_cast<int>(detection.ids.size()) < board_.side_point_count()) {
+    BoardDetection back = detect_back(board_, image);
+    if (back.ids.size() > detection.ids.size()) detection = std::move(back);
+  }
+  if (detection.found()) return detection;
+  if (std::string trouble = trouble_of(mat_of(image)); !trouble.empty()) detection.why_not = trouble;
+  return detection;
 }
 
 namespace {
@@ -519,32 +558,41 @@ bool shows_transposed(const Board& board, const cv::Mat& image) {
   Board other = board;
   std::swap(other.columns, other.rows);
   if (!other.problems().empty()) return false;
-  const auto points_in = [&](const Board& some) {
-    return BoardDetector(some)
-        .detect({image.data, image.cols, image.rows, static_cast<std::ptrdiff_t>(image.step)})
-        .ids.size();
-  };
+  const auto points_in = [&](const Board& some) { return BoardDetector(some).detect(view_of(image)).ids.size(); };
   // A few markers of a row are where either says.
   return points_in(other) > 2 * points_in(board);
 }
 
+std::string transposed_text(const Board& board) {
+  return "the board in them has " + std::to_string(board.rows) + "x" + std::to_string(board.columns) +
+         (board.type == BoardType::charuco ? " squares" : " markers") + " rather than " +
+         std::to_string(board.columns) + "x" + std::to_string(board.rows) +
+         ": exchange the two numbers in the board file";
+}
+
 }  // namespace
+
+std::string explain_transposed_board(const Board& board, const std::vector<GreyPixels>& images) {
+  if (board.type == BoardType::chessboard) return {};  // its columns are found whichever way they lie
+  const auto transposed =
+      std::ranges::count_if(images, [&](const GreyPixels& view) { return shows_transposed(board, mat_of(view)); });
+  return 2 * transposed > std::ssize(images) ? transposed_text(board) : std::string();
+}
 
 std::string explain_missing_board(const Board& board, const std::vector<GreyPixels>& images) {
   std::map<std::string, int> guesses;
   const BoardDetector detector(board);
   for (const GreyPixels& view : images) {
     const cv::Mat image = mat_of(view);
-    cv::Mat mirrored;
-    cv::flip(image, mirrored, 1);
-    if (detector.detect({mirrored.data, mirrored.cols, mirrored.rows, static_cast<std::ptrdiff_t>(mirrored.step)})
-            .found()) {
+    if (detector.detect(view_of(mirror_image(image))).found()) {
       // Of a chessboard with two odd counts that is the same.
       const bool or_inverted = board.type == BoardType::chessboard;
       ++guesses[or_inverted
                     ? "they are mirrored (left and right swapped; record them as the sensor sees them), or black and "
-                      "white are swapped (inverted: true)"
-                    : "they are mirrored (left and right swapped): record them as the sensor sees them"];
+                      "white are swapped (inverted: true), or they show the back of a board that is printed on both "
+                      "sides (back: in the board file)"
+                    : "they are mirrored (left and right swapped): record them as the sensor sees them; or, if they "
+                      "show the back of a board that is printed on both sides, say so in the board file (back:)"];
       continue;
     }
     if (board.type == BoardType::chessboard) {
@@ -567,10 +615,7 @@ std::string explain_missing_board(const Board& board, const std::vector<GreyPixe
       continue;
     }
     if (shows_transposed(board, image)) {
-      ++guesses["the board in them has " + std::to_string(board.rows) + "x" + std::to_string(board.columns) +
-                (board.type == BoardType::charuco ? " squares" : " markers") + " rather than " +
-                std::to_string(board.columns) + "x" + std::to_string(board.rows) +
-                ": exchange the two numbers in the board file"];
+      ++guesses[transposed_text(board)];
       continue;
     }
     for (const bool inverted : {board.inverted, !board.inverted}) {

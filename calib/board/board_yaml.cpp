@@ -16,6 +16,21 @@ std::array<int, 2> counts(const yaml::YamlReader& reader, std::string_view key) 
   return {static_cast<int>(values[0]), static_cast<int>(values[1])};
 }
 
+// `mirrored` or markers of its own: a second print like the first could not be told from it.
+BoardBack read_back(const yaml::YamlReader& reader) {
+  BoardBack back;
+  back.thickness = reader.number("thickness", yaml::non_negative);
+  const bool has_markers = reader.has("first_marker"), is_mirrored = reader.boolean("mirrored", false);
+  if (has_markers == is_mirrored) {
+    reader.fail(has_markers ? "first_marker" : "mirrored",
+                "one of two must be given: mirrored: true, where the front's print is seen through the sheet, or "
+                "first_marker, where the back has markers of its own");
+  }
+  if (has_markers) back.first_marker = static_cast<int>(reader.integer("first_marker", {.min = 0, .max = 10000}));
+  reader.finish();
+  return back;
+}
+
 constexpr yaml::Range board_length{.min = 0, .max = 10, .min_is_open = true, .max_is_open = true};
 
 }  // namespace
@@ -58,6 +73,7 @@ Board read_board(const std::filesystem::path& file) {
   }
   board.inverted = reader.boolean("inverted", false);
   if (board.type == BoardType::charuco) board.legacy = reader.boolean("legacy", false);
+  if (const auto back = reader.optional_map("back")) board.back = read_back(*back);
   reader.finish();
   for (const auto& problem : board.problems()) reader.fail("", problem);
   return board;
@@ -83,6 +99,12 @@ std::string to_yaml(const Board& board) {
   }
   if (board.inverted) out += "inverted: true\n";
   if (board.legacy) out += "legacy: true\n";
+  if (board.back) {
+    out += "back: {thickness: " + yaml::shortest_text(board.back->thickness) +
+           (board.back->first_marker ? ", first_marker: " + std::to_string(*board.back->first_marker)
+                                     : ", mirrored: true") +
+           "}\n";
+  }
   return out;
 }
 

@@ -106,6 +106,13 @@ class Misses {
     auto& own = by_camera_[camera];
     if (own.size() < 4) own.push_back(grey.clone());
   }
+  std::vector<board::GreyPixels> all() const {
+    std::vector<board::GreyPixels> views;
+    for (const auto& [camera, own] : by_camera_) {
+      for (const cv::Mat& image : own) views.push_back(view_of(image));
+    }
+    return views;
+  }
   std::vector<board::GreyPixels> of(std::size_t camera) const {
     std::vector<board::GreyPixels> views;
     if (const auto own = by_camera_.find(camera); own != by_camera_.end()) {
@@ -138,6 +145,21 @@ std::vector<std::pair<std::string, std::string>> without_boards(const FoundBoard
     without.emplace_back(camera.name, text);
   }
   return without;
+}
+
+// A board file with columns for rows fits pictures of which little is seen: cameras have boards, but hardly any.
+// throws InputError
+void refuse_transposed(const FoundBoards& found, const board::Board& board, const Misses& misses) {
+  int pictures = 0, boards = 0;
+  for (const PictureTally& camera : found.cameras) {
+    pictures += camera.pictures;
+    boards += camera.boards;
+  }
+  if (2 * boards >= pictures) return;
+  const std::string why = board::explain_transposed_board(board, misses.all());
+  if (why.empty()) return;
+  throw InputError("the board (" + board.description() + ") was found in " + std::to_string(boards) + " of " +
+                   std::to_string(pictures) + " pictures: " + why);
 }
 
 // What else was seen may be why: damaged files, for one.
@@ -182,9 +204,19 @@ void count_picture(PictureTally& camera, const LabelledPicture& picture) {
       picture.label, camera.name, size.width, size.height, camera.image_size.width, camera.image_size.height));
 }
 
+// Sides of markers, of each view: by its squares, and in its picture.
+struct SeenMarkers {
+  std::vector<double> sides_m, sides_px;
+  void add(const board::BoardDetection& detection) {
+    if (!(detection.marker_m > 0)) return;
+    sides_m.push_back(detection.marker_m);
+    sides_px.push_back(detection.marker_px);
+  }
+};
+
 // The views that a batch's pictures give, per set; the pictures are counted.
 std::vector<BoardSet> views_of(const std::vector<PictureSet>& batch, const std::vector<Task>& tasks, FoundBoards& found,
-                               Misses& misses, std::vector<double>& markers_m) {
+                               Misses& misses, SeenMarkers& markers) {
   std::vector<BoardSet> seen(batch.size());
   for (std::size_t s = 0; s < batch.size(); ++s) seen[s].at_s = batch[s].at_s;
   for (const Task& task : tasks) {
@@ -197,7 +229,7 @@ std::vector<BoardSet> views_of(const std::vector<PictureSet>& batch, const std::
       continue;
     }
     ++camera.boards;
-    if (task.detection.marker_m > 0) markers_m.push_back(task.detection.marker_m);
+    markers.add(task.detection);
     seen[task.set].views.push_back({static_cast<int>(task.camera), 0, picture.label, task.detection.ids,
                                     task.detection.px, picture.stamp_s, task.detection.blur_px});
     seen[task.set].thumbnails.push_back(task.thumbnail);
@@ -207,12 +239,15 @@ std::vector<BoardSet> views_of(const std::vector<PictureSet>& batch, const std::
 }
 
 // Markers that are not as large beside the squares as the board file says: one of its two lengths was measured wrong,
-// and if it is the squares' everything has a wrong scale. markers_m: of each view, by its squares.
-std::string doubt_of_markers(const board::Board& board, std::vector<double> markers_m) {
-  if (markers_m.empty()) return {};
-  constexpr double clearly = 0.03;  // a millimetre of a marker of 33; views say it to some hundredths
-  const double marker_m = calib::median(std::move(markers_m));
-  if (std::abs(marker_m / board.marker - 1) < clearly) return {};
+// and if it is the squares' everything has a wrong scale.
+std::string doubt_of_markers(const board::Board& board, SeenMarkers markers) {
+  if (markers.sides_m.empty()) return {};
+  // A millimetre of a marker of 33: views say it to some hundredths. And a corner of a soft edge is found up to 0.35
+  // pixels inside the marker.
+  constexpr double clearly = 0.03, inside_px = 0.35;
+  const double marker_m = calib::median(std::move(markers.sides_m)),
+               marker_px = calib::median(std::move(markers.sides_px));
+  if (std::abs(marker_m / board.marker - 1) < clearly + 2 * inside_px / marker_px) return {};
   return fmt::format(
       "the board file says that squares are {:.1f} mm and markers {:.1f} mm, but in the pictures markers are {:.3f} of "
       "a square rather than {:.3f}: one of the two lengths is wrong (with squares of {:.1f} mm markers have {:.1f} mm)",
@@ -301,7 +336,7 @@ FoundBoards find_boards(PictureSource& source, const board::BoardDetector& detec
   const int at_a_time = source.has_stamps() && options.every == 0 && every > 1 ? 2 : 1;
   ProgressLine line(options.progress);
   Misses misses;
-  std::vector<double> markers_m;
+  SeenMarkers markers;
   std::vector<BoardSet> sets;
   DetectionPage page(options.page);
   std::vector<ShownPicture> shown(found.cameras.size());
@@ -315,7 +350,7 @@ FoundBoards find_boards(PictureSource& source, const board::BoardDetector& detec
       if (set && found.sets_seen++ % (every * at_a_time) < at_a_time) batch.push_back(std::move(*set));
     }
     const std::vector<Task> tasks = detected(batch, detector);
-    for (BoardSet& set : views_of(batch, tasks, found, misses, markers_m)) {
+    for (BoardSet& set : views_of(batch, tasks, found, misses, markers)) {
       if (set.views.empty()) continue;
       if (!sets.empty() && is_same(sets.back(), set)) {
         ++found.duplicates;
@@ -329,10 +364,11 @@ FoundBoards find_boards(PictureSource& source, const board::BoardDetector& detec
   line.clear();
   page.close("looked at all " + std::to_string(found.sets_looked_at) + " moments");
   found.warnings = source.take_warnings();
-  found.board_doubt = doubt_of_markers(detector.board(), std::move(markers_m));
+  found.board_doubt = doubt_of_markers(detector.board(), std::move(markers));
   found.without_boards = without_boards(found, detector.board(), misses);
   if (!found.without_boards.empty() && found.without_boards.size() + options.least_cameras > found.cameras.size())
     throw InputError(with_first(found.warnings, found.without_boards.front().second));
+  refuse_transposed(found, detector.board(), misses);
   const std::size_t before = sets.size();
   sets = thinned(std::move(sets), static_cast<std::size_t>(options.max_sets), source.has_stamps());
   found.thinned = static_cast<int>(before - sets.size());

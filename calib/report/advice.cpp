@@ -18,7 +18,8 @@ std::string advice(const solver::Reason& reason) {
       return fmt::format("show it to {} (or to others of the two groups) together, 10 times or more",
                          fmt::join(reason.cameras, " and "));
     case solver::Fault::mirrored_images:
-      return "record them as the sensor sees them";
+      return "record them as the sensor sees them; or, if it looks at the back of the board, say so in the board file "
+             "(back:)";
     case solver::Fault::different_sizes:
       return "did they see different boards, or is one camera's focal length wrong?";
     case solver::Fault::contradicting_views:

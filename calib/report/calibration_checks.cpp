@@ -201,6 +201,16 @@ class Judge {
           "something is not as the calibration believes: a camera or the focus moved, the board bends or is not as its "
           "file says, or the pictures are not of one moment");
     }
+    for (const solver::AdjustedCamera& camera : result.adjustment.cameras) {
+      if (result.refinement != solver::LensRefinement::given_refined || !camera.lens_prior) continue;
+      const solver::LensParameters &was = camera.lens_prior->mean, &now = camera.parameters;
+      add(Verdict::usable, "given lens of " + camera.name,
+          fmt::format("{}: the lens that was given was refined, because the cameras contradict one another with it: "
+                      "fx {:.1f} px (given: {:.1f}), fy {:.1f} px (given: {:.1f}), principal point at ({:.1f}, {:.1f}) "
+                      "(given: {:.1f}, {:.1f})",
+                      camera.name, now(0), was(0), now(1), was(1), now(2), now(3), was(2), was(3)),
+          "");
+    }
     for (std::size_t c = 0; c < result.contradictions.size(); ++c) {
       const std::string& name = report_.cameras[c].name;
       if (result.contradictions[c]) {
@@ -298,7 +308,7 @@ class Judge {
   void side(const CameraReport& camera, double behind) {
     add(behind_share.judge(behind), "side of the board of " + camera.name,
         behind > 0 ? fmt::format("{}: stands behind the board in {:.0f} % of its views", camera.name, 100 * behind)
-                   : camera.name + ": sees the board's front in all views",
+                   : camera.name + ": the board faces it in all views",
         "the images of this camera are mirrored (left and right swapped), or its board poses are the mirrored twins: "
         "switch mirroring off in the camera or its driver, and show the board nearer and more tilted");
   }

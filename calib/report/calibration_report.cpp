@@ -105,7 +105,8 @@ CameraReport camera_report(const solver::Adjustment& a, int c, Evidence& evidenc
     const calib::Rigid3d cam_from_board = camera.cam_from_world * a.world_from_board[index(view.set)];
     const Vector3d centre = cam_from_board * middle, normal = cam_from_board.rotation * Vector3d::UnitZ();
     const double cosine = normal.dot(centre.normalized());
-    behind += cosine < 0 ? 1 : 0;
+    const bool is_of_back = view.ids.front() >= a.board.side_point_count();
+    behind += (cosine < 0) != is_of_back ? 1 : 0;
     report.tilt_deg.push_back(std::acos(std::clamp(std::abs(cosine), 0.0, 1.0)) * 180 / std::numbers::pi);
     report.distance_m.push_back(centre.norm());
   }

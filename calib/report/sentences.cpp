@@ -54,6 +54,11 @@ std::string refinement_text(const solver::Extrinsics& result) {
       return "the lenses stay as they were given";
     case solver::LensRefinement::refined:
       return found_here(result) + ", and are refined with all cameras' views";
+    case solver::LensRefinement::given_refined:
+      return fmt::format(
+          "the lenses that were given were refined: as they were, the cameras agree less well with one another "
+          "({:.2f} px) than now ({:.2f} px)",
+          result.held_px, result.adjustment.noise_px);
     case solver::LensRefinement::out_of_step:
       return fmt::format(
           "{}, and stay as each camera's own views say ({:.2f} px), because the cameras agree less well with one "

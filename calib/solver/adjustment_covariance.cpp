@@ -147,11 +147,10 @@ SetEquations set_equations(const Adjustment& a, const BoardShape& shape, const P
     set.cost += off.dot(weight * off);
     set.residuals += static_cast<int>(off.size());
   };
-  const BoardMotion::Course off = course_off(motion, a.world_from_board[index(number)]);
+  const BoardMotion::Course off = motion.course - motion.expected;
   for (int i = 0; i < 6; ++i) {
-    Eigen::Matrix<double, 2, 3> j;  // by the pose, the course and its change
-    j << -motion.by_place.row(i).transpose(), Eigen::Matrix2d::Identity();
-    add_prior({i, own_course_at + i, own_course_at + 6 + i}, j, off.row(i).transpose(), motion.information[index(i)]);
+    add_prior({own_course_at + i, own_course_at + 6 + i}, Eigen::Matrix2d::Identity(), off.row(i).transpose(),
+              motion.information[index(i)]);
   }
   for (std::size_t v = first; v < last; ++v) {
     const double sigma_s = a.cameras[index(a.views[v].camera)].stamp_sigma_s;
@@ -201,6 +200,16 @@ NormalEquations normal_equations(const Adjustment& a, const BoardShape& shape, c
       equations.cost += off * off;
       ++equations.residuals;
     }
+  }
+  for (std::size_t c = 0; c < a.cameras.size(); ++c) {
+    if (a.lens_offset[c] < 0 || !a.cameras[c].lens_is_free || !a.cameras[c].lens_prior) continue;
+    const LensPrior& prior = *a.cameras[c].lens_prior;
+    const Eigen::Index at = a.lens_offset[c], count = prior.information.rows();
+    const MatrixXd weight = a.noise_px * a.noise_px * prior.information;
+    const VectorXd off = (a.cameras[c].parameters - prior.mean).head(count);
+    equations.information.block(at, at, count, count) += weight;
+    equations.cost += off.dot(weight * off);
+    equations.residuals += static_cast<int>(count);
   }
   for (std::size_t c = 0; c < a.cameras.size(); ++c) {
     if (a.time_offset[c] < 0) continue;

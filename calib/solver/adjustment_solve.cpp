@@ -111,7 +111,7 @@ ceres::LossFunction* loss_of(const AdjustedCamera& camera, double robust_px) {
   return weight == 1 ? loss : new ceres::ScaledLoss(loss, weight, ceres::TAKE_OWNERSHIP);
 }
 
-// One residual per used corner. robust_px: see solve().
+// One residual per used corner. robust_px: see SolveOptions.
 UsedBlocks add_corners(ceres::Problem& problem, const Adjustment& a, const BoardShape& shape, ParameterBlocks& blocks,
                        double robust_px) {
   UsedBlocks used{std::vector<bool>(a.cameras.size()), std::vector<bool>(a.world_from_board.size()),
@@ -147,7 +147,7 @@ UsedBlocks add_corners(ceres::Problem& problem, const Adjustment& a, const Board
 }
 
 // Which of a lens's parameters may move, and that it may not fold where that is asked for.
-void free_lens(ceres::Problem& problem, const AdjustedCamera& camera, double* lens) {
+void free_lens(ceres::Problem& problem, const AdjustedCamera& camera, double noise_px, double* lens) {
   if (!camera.lens_is_free) {
     problem.SetParameterBlockConstant(lens);
     return;
@@ -158,6 +158,8 @@ void free_lens(ceres::Problem& problem, const AdjustedCamera& camera, double* le
   for (const LensBelief& belief : lens_beliefs(camera))
     problem.AddResidualBlock(prior_cost(12, belief.parameter, {0.0}, {belief_px / belief.sigma}).release(), nullptr,
                              lens);
+  if (camera.lens_prior)
+    problem.AddResidualBlock(lens_prior_cost(*camera.lens_prior, noise_px).release(), nullptr, lens);
   if (camera.unfold > 0)
     problem.AddResidualBlock(lens_shape_cost(camera.lens, reach_of(camera), camera.unfold).release(), nullptr, lens);
 }
@@ -197,10 +199,10 @@ void add_motion(ceres::Problem& problem, const Adjustment& a, std::size_t set, c
 
 }  // namespace
 
-void solve(Adjustment& a, const BoardShape& shape, double robust_px, int max_iterations) {
+void solve(Adjustment& a, const BoardShape& shape, const SolveOptions& given) {
   ParameterBlocks blocks(a);
   ceres::Problem problem;
-  const UsedBlocks used = add_corners(problem, a, shape, blocks, robust_px);
+  const UsedBlocks used = add_corners(problem, a, shape, blocks, given.robust_px);
   if (problem.NumResidualBlocks() == 0) throw CalibrationError("no view of the board is left to calibrate with");
 
   auto* ordering = new ceres::ParameterBlockOrdering;  // the boards' poses are eliminated first
@@ -214,7 +216,7 @@ void solve(Adjustment& a, const BoardShape& shape, double robust_px, int max_ite
   }
   for (std::size_t c = 0; c < a.cameras.size(); ++c) {
     if (!used.cameras[c]) continue;
-    free_lens(problem, a.cameras[c], blocks.lens(c));
+    free_lens(problem, a.cameras[c], a.noise_px, blocks.lens(c));
     problem.SetManifold(blocks.pose(c), pose_manifold(true).release());
     if (!a.cameras[c].pose_is_free) problem.SetParameterBlockConstant(blocks.pose(c));
     ordering->AddElementToGroup(blocks.lens(c), 1);
@@ -230,8 +232,11 @@ void solve(Adjustment& a, const BoardShape& shape, double robust_px, int max_ite
   options.num_threads = 1;  // the order of a sum decides its last digits
   options.linear_solver_type = ceres::DENSE_SCHUR;
   options.linear_solver_ordering.reset(ordering);
-  options.max_num_iterations = max_iterations;
-  options.function_tolerance = 1e-10;
+  options.max_num_iterations = given.max_iterations;
+  // From Ceres' own first radius, 1e4, it takes ten steps to go as far as the views leave open.
+  constexpr double whole_steps = 1e9;
+  if (given.is_near) options.initial_trust_region_radius = whole_steps;
+  options.function_tolerance = given.tolerance;
   options.gradient_tolerance = 1e-12;
   options.parameter_tolerance = 1e-10;
   options.logging_type = ceres::SILENT;

@@ -25,9 +25,17 @@ inline constexpr double belief_px = 0.1;
 // Where a rational lens's denominator is smaller it hides a pole behind a zero of the numerator.
 inline constexpr double least_denominator = 0.2;
 
-// One least-squares solution for the used corners, from where `a` is. robust_px: of Cauchy's loss; 0: plain squares.
+struct SolveOptions {
+  double robust_px = 0;  // of Cauchy's loss; 0: plain squares
+  int max_iterations = 100;
+  // It starts near the solution: steps are taken whole at once, also along what the views hardly determine.
+  bool is_near = false;
+  double tolerance = 1e-10;  // it ends when a step changes the cost by a smaller share
+};
+
+// One least-squares solution for the used corners, from where `a` is.
 // What is known beforehand of a board's motion and of times counts by a.noise_px. throws CalibrationError
-void solve(Adjustment& a, const BoardShape& shape, double robust_px, int max_iterations);
+void solve(Adjustment& a, const BoardShape& shape, const SolveOptions& options);
 
 // Sets noise_px, covariance, the offsets into it, and the sigmas of times.
 void find_covariance(Adjustment& a, const BoardShape& shape);

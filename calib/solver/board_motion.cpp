@@ -129,11 +129,10 @@ void find_motion(Adjustment& a, const std::vector<PlacedSet>& sets, std::size_t 
     motion.course.setZero();
     return;
   }
-  motion.place = a.world_from_board[index(sets[s].set)];
   for (int i = 0; i < 6; ++i) {
     // Unknown: rate, change, jerk; with what is known of the latter two.
     Eigen::Matrix3d h = Eigen::Matrix3d::Zero();
-    Eigen::Vector3d g = Eigen::Vector3d::Zero(), g_of_place = Eigen::Vector3d::Zero();
+    Eigen::Vector3d g = Eigen::Vector3d::Zero(), g_of_own = Eigen::Vector3d::Zero();
     const std::size_t kind = i < 3 ? 0 : 1;
     const double change = a.carrying.change[kind], jerk = a.carrying.jerk[kind];
     h.diagonal() << 0, 1 / (change * change), 1 / (jerk * jerk);
@@ -143,7 +142,7 @@ void find_motion(Adjustment& a, const std::vector<PlacedSet>& sets, std::size_t 
       const Eigen::Vector3d j(tau, tau * tau / 2, tau * tau * tau / 6);
       h += j * j.transpose() / other.variance(i);
       g += j * moved[k](i) / other.variance(i);
-      g_of_place -= j / other.variance(i);
+      g_of_own -= j / other.variance(i);
     }
     const Eigen::Vector3d scale = h.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
     const Eigen::Matrix3d inverse = scale.asDiagonal() *
@@ -153,8 +152,11 @@ void find_motion(Adjustment& a, const std::vector<PlacedSet>& sets, std::size_t 
     told.change[kind].add(derivatives(1), inverse(1, 1), change);
     told.jerk[kind].add(derivatives(2), inverse(2, 2), jerk);
     motion.expected.row(i) = derivatives.head<2>().transpose();
-    motion.by_place.row(i) = (inverse * g_of_place).head<2>().transpose();
-    motion.information[index(i)] = share_of_each * Eigen::Matrix2d(inverse.topLeftCorner<2, 2>()).inverse();
+    // Where this set's own board is found to be has an error, too.
+    const Eigen::Vector2d by_own = (inverse * g_of_own).head<2>();
+    const Eigen::Matrix2d covariance =
+        inverse.topLeftCorner<2, 2>() + sets[s].variance(i) * by_own * by_own.transpose();
+    motion.information[index(i)] = share_of_each * covariance.inverse();
   }
   if (!was_known) motion.course = motion.expected;
 }

@@ -103,9 +103,11 @@ double median_length(const Adjustment& a) {
   return std::clamp(calib::median(lengths), 0.3, 10.0);
 }
 
+// What is known beforehand keeps some weight where corners are exact.
+constexpr double least_noise_px = 0.01;
+
 // How boards move, from where they are found to be now. True: it is (nearly) what it was before.
 bool renew(Adjustment& a, const BoardShape& shape, bool with_stamps) {
-  constexpr double least_noise_px = 0.01;  // that what is known beforehand keeps some weight where corners are exact
   a.noise_px = std::max(robust_sigma(a), least_noise_px);
   const std::vector<BoardMotion> before = a.motions;
   const double stamps_before_s = a.stamp_sigma_s;
@@ -199,34 +201,60 @@ Adjustment adjust(Adjustment a, const AdjustmentOptions& options) {
     a.fits.push_back({std::vector<Vector2d>(view.ids.size()), std::vector<bool>(view.ids.size(), true), 0, 0, {}});
   }
   const bool with_motion = !a.motions.empty();
+  // Motions that are known are those of an adjustment before this one.
+  const bool is_near = std::ranges::any_of(a.motions, &BoardMotion::is_known);
+  const bool with_lens_prior = std::ranges::any_of(
+      a.cameras, [](const AdjustedCamera& camera) { return camera.lens_is_free && camera.lens_prior; });
+  // Of the cost. A corner's residual is some 1e-5 of it: `well` is far below the noise, and `roughly` will do where
+  // another solution follows, with what is known of motions renewed.
+  constexpr double exactly = 1e-10, well = 1e-8, roughly = 1e-6;
+  // What is known beforehand counts by the corners' noise.
+  const auto weigh_priors = [&] {
+    if (with_lens_prior && !with_motion) a.noise_px = std::max(robust_sigma(a), least_noise_px);
+  };
   if (options.find_outliers) {
     // First with a loss that outliers hardly pull, then plainly, on what is left. The first need not go to the end.
     constexpr int enough_robust = 30;
     const int robust_iterations = std::min(enough_robust, options.max_iterations);
     measure(a, shape);
-    if (!with_motion || std::ranges::none_of(a.motions, &BoardMotion::is_known))
-      solve(a, shape, median_length(a), robust_iterations);
+    weigh_priors();
+    if (!is_near) solve(a, shape, {.robust_px = median_length(a), .max_iterations = robust_iterations});
     // What moved between the cameras' exposures looks like an outlier until the times are known.
-    constexpr int rounds_with_motion = 3;
+    const int rounds_with_motion = is_near ? 1 : 3;
     for (int round = 0; with_motion && round < rounds_with_motion; ++round) {
       measure(a, shape);
       renew(a, shape, round > 0);
-      solve(a, shape, median_length(a), std::min(20, options.max_iterations));
+      solve(a, shape,
+            {.robust_px = median_length(a),
+             .max_iterations = std::min(20, options.max_iterations),
+             .is_near = is_near || round > 0,
+             .tolerance = roughly});
     }
     measure(a, shape);
-    solve(a, shape, 0.5, robust_iterations);
+    weigh_priors();
+    solve(a, shape,
+          {.robust_px = 0.5,
+           .max_iterations = robust_iterations,
+           .is_near = with_motion,
+           .tolerance = with_motion ? roughly : exactly});
     measure(a, shape);
     weigh_cameras(a);
     classify(a, options);
-  } else if (with_motion) {
+  } else if (with_motion || with_lens_prior) {
     measure(a, shape);
   }
   const int max_rounds = with_motion ? 12 : 8;
   // While what is known of motions is still renewed there is no need to go to the end each time.
   const int first_iterations = std::min(10, options.max_iterations);
   for (int round = 0; round < max_rounds; ++round) {
+    weigh_priors();
     const bool is_settled = !with_motion || renew(a, shape, true) || round + 1 == max_rounds;
-    solve(a, shape, 0, is_settled ? options.max_iterations : first_iterations);
+    solve(a, shape,
+          {.max_iterations = is_settled ? options.max_iterations : first_iterations,
+           .is_near = with_motion,
+           .tolerance = !with_motion ? exactly
+                        : is_settled ? well
+                                     : roughly});
     measure(a, shape);
     const bool weights_changed = options.find_outliers && weigh_cameras(a);
     if ((!options.find_outliers || !classify(a, options)) && !weights_changed && is_settled) break;
@@ -261,6 +289,14 @@ std::vector<BoardView> inliers(const Adjustment& adjustment) {
     views.push_back(std::move(view));
   }
   return views;
+}
+
+std::vector<double> stamp_errors_of_inliers(const Adjustment& adjustment) {
+  std::vector<double> errors_s;
+  for (std::size_t v = 0; v < adjustment.stamp_error_s.size(); ++v) {
+    if (!adjustment.fits[v].dropped) errors_s.push_back(adjustment.stamp_error_s[v]);
+  }
+  return errors_s;
 }
 
 std::vector<ViewFit> evaluate(const Adjustment& state) {
@@ -302,6 +338,8 @@ std::vector<BoardPose> board_poses(const board::Board& board, const BoardView& v
     pose.cam_from_board.rotation = calib::exp((calib::Tangent6d() << w, Vector3d::Zero()).finished()).rotation;
     pose.cam_from_board.translation = {translations[s].at<double>(0), translations[s].at<double>(1),
                                        translations[s].at<double>(2)};
+    // What was found is where the plane of the corners is, and of the board's back that is not the board's own.
+    pose.cam_from_board.translation -= pose.cam_from_board.rotation * Vector3d(0, 0, board.point(view.ids.front()).z());
     // A few steps to the least reprojection error.
     calib::Tangent6d step;
     for (int iteration = 0; iteration < 10; ++iteration) {

@@ -36,6 +36,12 @@ struct AdjustedTime {
   double sigma_s = 0;                     // result: its standard deviation, the prior included
 };
 
+// What is known beforehand of a lens that is adjusted.
+struct LensPrior {
+  LensParameters mean = LensParameters::Zero();
+  Eigen::MatrixXd information;  // the inverse of its covariance, parameter_count() square
+};
+
 struct AdjustedCamera {
   std::string name;
   calib::ImageSize image_size;
@@ -46,6 +52,7 @@ struct AdjustedCamera {
   // Of an intrinsics that stays: how well it is known, parameter_count() square; empty: exactly. What follows from it
   // is part of the result's covariance.
   Eigen::MatrixXd lens_covariance;
+  std::optional<LensPrior> lens_prior;  // of an intrinsics that is free
   // How much noisier its corners are than Adjustment::noise_px: they count that much less. Set by adjust(); 1 unless
   // they are clearly noisier than most cameras', as those of a camera that is out of focus.
   double relative_noise = 1;
@@ -72,11 +79,10 @@ struct BoardMotion {
   bool is_known = false;                       // from the sets around; otherwise the board rests while it is seen
   double at_s = 0;                             // the moment, on the clock of the stamps less latency
   Course course = Course::Zero();              // adjusted
-  // What the sets around say of it, for the pose `place` of this set's board: expected, with the inverse of its
-  // covariance for each of the six. A pose that is exp(b) further has the course expected + b * by_place: they say
-  // where the board was before and after, so what is added here is missing there.
-  calib::Rigid3d place;
-  Course expected = Course::Zero(), by_place = Course::Zero();
+  // What the sets around say of it, with the inverse of its covariance for each of the six. It does not change while
+  // this set's pose is adjusted: a lens or a camera that moves, moves the boards of all sets alike. Held against where
+  // the others were, none could follow.
+  Course expected = Course::Zero();
   std::array<Eigen::Matrix2d, 6> information{};
 };
 
@@ -160,6 +166,8 @@ Adjustment adjust(Adjustment start, const AdjustmentOptions& options = {});
 
 // Of what was adjusted: the views that were not dropped, each with its used corners.
 std::vector<BoardView> inliers(const Adjustment& adjustment);
+// Their Adjustment::stamp_error_s, beside them.
+std::vector<double> stamp_errors_of_inliers(const Adjustment& adjustment);
 
 // The residuals of every view for the state as it is: fits of `state`, nothing moved, every corner used.
 std::vector<ViewFit> evaluate(const Adjustment& state);

@@ -61,11 +61,6 @@ MovedPoint moved(const BoardMotion& motion, double tau, const Vector3d& point) {
 
 }  // namespace
 
-BoardMotion::Course course_off(const BoardMotion& motion, const calib::Rigid3d& world_from_board) {
-  const calib::Tangent6d further = calib::log(calib::inverse(motion.place) * world_from_board);
-  return motion.course - motion.expected - further.asDiagonal() * motion.by_place;
-}
-
 BoardShape::BoardShape(const board::Board& board) {
   for (int id = 0; id < board.point_count(); ++id) points.push_back(board.point(id));
   Vector3d low = points.front(), high = points.front();

@@ -58,7 +58,4 @@ bool corner_residual(LensModel lens, const LensParameters& parameters, const cal
 bool corner_residual(const Adjustment& a, const BoardShape& shape, std::size_t view, std::size_t corner,
                      Eigen::Vector2d& residual, CornerDerivatives* d);
 
-// How far its course is from what the sets around say, for this pose of the board.
-BoardMotion::Course course_off(const BoardMotion& motion, const calib::Rigid3d& world_from_board);
-
 }  // namespace huetrack::solver

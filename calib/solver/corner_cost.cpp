@@ -139,7 +139,7 @@ class MovingCornerCost final : public ceres::CostFunction {
 
 class CourseCost final : public ceres::CostFunction {
  public:
-  CourseCost(int block_size, const BoardMotion& motion, double noise_px) : motion_(motion) {
+  CourseCost(int block_size, const BoardMotion& motion, double noise_px) : expected_(motion.expected) {
     set_num_residuals(12);
     *mutable_parameter_block_sizes() = {block_size};
     for (std::size_t i = 0; i < whiten_.size(); ++i)
@@ -147,9 +147,7 @@ class CourseCost final : public ceres::CostFunction {
   }
 
   bool Evaluate(const double* const* blocks, double* residuals, double** jacobians) const override {
-    BoardMotion motion = motion_;
-    motion.course = Eigen::Map<const BoardMotion::Course>(blocks[0] + course_at);
-    const BoardMotion::Course off = course_off(motion, read_pose(blocks[0]));
+    const BoardMotion::Course off = Eigen::Map<const BoardMotion::Course>(blocks[0] + course_at) - expected_;
     const int size = parameter_block_sizes()[0];
     if (jacobians && jacobians[0]) std::fill_n(jacobians[0], 12 * size, 0.0);
     for (int i = 0; i < 6; ++i) {
@@ -157,7 +155,6 @@ class CourseCost final : public ceres::CostFunction {
       Eigen::Map<Vector2d>{residuals + 2 * i} = whiten * off.row(i).transpose();
       if (!jacobians || !jacobians[0]) continue;
       TwoRows j(jacobians[0] + 2 * i * size, 2, size);
-      j.col(i) = -whiten * motion_.by_place.row(i).transpose();
       j.col(course_at + i) = whiten.col(0);
       j.col(course_at + 6 + i) = whiten.col(1);
     }
@@ -165,7 +162,7 @@ class CourseCost final : public ceres::CostFunction {
   }
 
  private:
-  BoardMotion motion_;
+  BoardMotion::Course expected_;
   std::array<Eigen::Matrix2d, 6> whiten_;
 };
 
@@ -191,6 +188,30 @@ class PriorCost final : public ceres::CostFunction {
  private:
   int from_;
   std::vector<double> means_, weights_;
+};
+
+class LensPriorCost final : public ceres::CostFunction {
+ public:
+  LensPriorCost(const LensPrior& prior, double noise_px)
+      : mean_(prior.mean.head(prior.information.rows())),
+        whiten_(noise_px * Eigen::MatrixXd(prior.information.llt().matrixU())) {
+    set_num_residuals(static_cast<int>(mean_.size()));
+    *mutable_parameter_block_sizes() = {12};
+  }
+
+  bool Evaluate(const double* const* blocks, double* residuals, double** jacobians) const override {
+    const LensParameters lens = Eigen::Map<const LensParameters>(blocks[0]);
+    Eigen::Map<Eigen::VectorXd>(residuals, mean_.size()) = whiten_ * (lens.head(mean_.size()) - mean_);
+    if (!jacobians || !jacobians[0]) return true;
+    Eigen::Map<Eigen::Matrix<double, Eigen::Dynamic, 12, Eigen::RowMajor>> j(jacobians[0], mean_.size(), 12);
+    j.setZero();
+    j.leftCols(mean_.size()) = whiten_;
+    return true;
+  }
+
+ private:
+  Eigen::VectorXd mean_;
+  Eigen::MatrixXd whiten_;
 };
 
 // How a lens grows at stations out to its reach; and, of a rational one, that its denominator stays clear of zero,
@@ -286,6 +307,10 @@ std::unique_ptr<ceres::CostFunction> course_cost(int block_size, const BoardMoti
 std::unique_ptr<ceres::CostFunction> prior_cost(int block_size, int from, std::vector<double> means,
                                                 std::vector<double> weights) {
   return std::make_unique<PriorCost>(block_size, from, std::move(means), std::move(weights));
+}
+
+std::unique_ptr<ceres::CostFunction> lens_prior_cost(const LensPrior& prior, double noise_px) {
+  return std::make_unique<LensPriorCost>(prior, noise_px);
 }
 
 std::unique_ptr<ceres::CostFunction> lens_shape_cost(LensModel lens, double reach, double weight) {

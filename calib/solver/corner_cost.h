@@ -38,6 +38,9 @@ std::unique_ptr<ceres::CostFunction> course_cost(int block_size, const BoardMoti
 std::unique_ptr<ceres::CostFunction> prior_cost(int block_size, int from, std::vector<double> means,
                                                 std::vector<double> weights);
 
+// What is known of a lens beforehand, in its block. noise_px: what one standard deviation costs.
+std::unique_ptr<ceres::CostFunction> lens_prior_cost(const LensPrior& prior, double noise_px);
+
 // See AdjustedCamera::unfold. reach: see reach_of(). Costs nothing where the lens is healthy.
 std::unique_ptr<ceres::CostFunction> lens_shape_cost(LensModel lens, double reach, double weight);
 

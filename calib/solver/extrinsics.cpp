@@ -15,6 +15,7 @@
 #include <set>
 #include <tuple>
 
+#include "calib/model/cross_matrix.h"
 #include "calib/model/index.h"
 #include "calib/model/median.h"
 #include "calib/solver/adjustment_steps.h"
@@ -24,6 +25,7 @@ namespace huetrack::solver {
 namespace {
 
 using calib::index;
+using Eigen::MatrixXd;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
@@ -136,6 +138,7 @@ class Start {
           }
         }
       }
+      if (set > 0) best = as_before(best, a.world_from_board[index(set - 1)]);
       a.world_from_board[index(set)] = best;
       for (const auto& [camera, posed] : views) {
         BoardView view = *posed.view;
@@ -173,6 +176,22 @@ class Start {
   }
 
  private:
+  // Of the ways round that look the same, the one that turned least since the set before: a board that is carried does
+  // not leap.
+  calib::Rigid3d as_before(const calib::Rigid3d& world_from_board, const calib::Rigid3d& before) const {
+    calib::Rigid3d best = world_from_board;
+    double least = std::numeric_limits<double>::infinity();
+    for (const calib::Rigid3d& motion : motions_) {
+      const calib::Rigid3d pose = world_from_board * motion;
+      const double turn = before.rotation.angularDistance(pose.rotation);
+      if (turn < least) {
+        least = turn;
+        best = pose;
+      }
+    }
+    return best;
+  }
+
   using SharedViews = std::vector<std::pair<const PosedView*, const PosedView*>>;  // of two cameras, by sets
 
   // How well the sets agree that the second camera stands so to the first: what they cost, lower is better, and how
@@ -386,7 +405,7 @@ std::optional<Adjustment> with_warp(Adjustment a, const AdjustmentOptions& optio
     for (const BoardView& view : a.views) corners += static_cast<int>(view.ids.size());
     Adjustment glance = a;
     glance.views = inliers(a);
-    glance.stamp_error_s.clear();
+    glance.stamp_error_s = stamp_errors_of_inliers(a);
     glance = adjust(std::move(glance), {.find_outliers = false, .max_iterations = 20});
     if (used > many * corners && !(explains(glance) && is_warped(glance))) return std::nullopt;
     a.warp = glance.warp;
@@ -395,6 +414,95 @@ std::optional<Adjustment> with_warp(Adjustment a, const AdjustmentOptions& optio
   } catch (const CalibrationError&) {  // the views do not tell
   }
   return std::nullopt;
+}
+
+// What is known of a lens that was given without a word on how well: as much as of a webcam's that was found from some
+// thirty views of a board. Its rays are off by so much of the image's width (rms over the image), beside a turn of them
+// all: views hardly tell that from a shift of the principal point.
+LensPrior usual_prior(const AdjustedCamera& camera) {
+  constexpr double rays_share = 0.002, turn_share = 0.01;
+  constexpr int columns = 16, rows = 12;
+  const int count = parameter_count(camera.lens);
+  const calib::CameraModel model = camera.model();
+  MatrixXd by_lens(2 * columns * rows, count), by_turn(2 * columns * rows, 3);
+  Eigen::Index used = 0;
+  for (int i = 0; i < columns * rows; ++i) {
+    const Vector2d px((i % columns + 0.5) / columns * camera.image_size.width,
+                      (i / columns + 0.5) / rows * camera.image_size.height);
+    const auto ray = model.ray({px});
+    Vector2d projected;
+    PixelByPoint by_point;
+    PixelByLens by_parameters;
+    if (!ray || !project(camera.lens, camera.parameters, *ray, projected, &by_point, &by_parameters)) continue;
+    by_lens.middleRows<2>(used) = by_parameters.leftCols(count);
+    by_turn.middleRows<2>(used) = -by_point * calib::cross_matrix(*ray);
+    used += 2;
+  }
+  by_lens.conservativeResize(used, Eigen::NoChange);
+  by_turn.conservativeResize(used, Eigen::NoChange);
+  const MatrixXd turned = by_turn * by_turn.colPivHouseholderQr().solve(by_lens), bent = by_lens - turned;
+  const auto information = [&](const MatrixXd& moved, double share) {
+    const double sigma_px = share * camera.image_size.width, stations = static_cast<double>(used) / 2;
+    return MatrixXd(moved.transpose() * moved * (count / (stations * sigma_px * sigma_px)));
+  };
+  return {camera.parameters, information(bent, rays_share) + information(turned, turn_share)};
+}
+
+LensPrior prior_of(const AdjustedCamera& camera) {
+  if (camera.lens_covariance.size() == 0) return usual_prior(camera);
+  // Scaled to a unit diagonal: pixels and coefficients differ by many powers of ten.
+  const Eigen::VectorXd scale = camera.lens_covariance.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
+  const MatrixXd correlation = scale.asDiagonal() * camera.lens_covariance * scale.asDiagonal();
+  const auto size = correlation.rows();
+  constexpr double least = 1e-9;  // that what is known all too well stays invertible
+  return {camera.parameters, scale.asDiagonal() *
+                                 (correlation + least * MatrixXd::Identity(size, size))
+                                     .ldlt()
+                                     .solve(MatrixXd(MatrixXd::Identity(size, size))) *
+                                 scale.asDiagonal()};
+}
+
+// Cameras that agree with themselves far better than with one another did not see the board at the same moment. Lenses
+// that are refined jointly would be bent to make up for that.
+bool is_in_step(const Adjustment& refined, double alone_px, const Adjustment& placed) {
+  constexpr double out_of_step = 1.6, least_left = 0.8;
+  return refined.noise_px < out_of_step * alone_px && refined.corners_used > least_left * placed_corners(placed);
+}
+
+// The joint adjustment with the lenses that were given refined as far as they may be wrong, where that explains the
+// views of all cameras better; nullopt: they stay. Only where a board is carried: then a camera's own views cannot tell
+// a lens that is wrong from rows that are read one after the other, and what is wrong in one that is held goes into the
+// times, and with them into the poses.
+std::optional<Adjustment> with_given_lenses(Extrinsics& result, const Adjustment& placed, const Adjustment& held,
+                                            const ExtrinsicsOptions& options, const std::vector<bool>& found) {
+  if (placed.motions.empty() || std::ranges::count(found, false) == 0) return std::nullopt;
+  if (options.progress) options.progress("the joint adjustment, with the lenses", 1, 3);
+  Adjustment a = held;
+  // What was learnt of stamps and carrying is learnt anew: stamps that a wrong lens made look bad would stay so.
+  a.stamp_error_s.clear();
+  a.carrying = {};
+  for (AdjustedCamera& camera : a.cameras) camera.stamp_sigma_s = 0;
+  for (std::size_t c = 0; c < a.cameras.size(); ++c) {
+    a.cameras[c].lens_is_free = true;
+    if (!found[c]) a.cameras[c].lens_prior = prior_of(a.cameras[c]);
+  }
+  // Of the noise: a lens whose focal length is 1 % off moves its camera by centimetres, and the others' times hide all
+  // but a hundredth of the noise of it. And by more than chance, where views are few: each parameter that is freed
+  // explains one residual of what is noise.
+  constexpr double least_gain = 0.995, gain_by_parameter = 5, most_lost = 0.95;
+  try {
+    a = adjust_unfolded(std::move(a), options.adjustment);
+  } catch (const CalibrationError&) {
+    return std::nullopt;
+  }
+  int freed = 0;
+  for (std::size_t c = 0; c < a.cameras.size(); ++c) freed += found[c] ? 0 : parameter_count(a.cameras[c].lens);
+  const double gain = 4.0 * a.corners_used * std::log(held.noise_px / a.noise_px);  // of -2 log likelihood
+  if (a.noise_px > least_gain * held.noise_px || gain < gain_by_parameter * freed ||
+      a.corners_used < most_lost * held.corners_used || !is_in_step(a, result.alone_px, placed))
+    return std::nullopt;
+  result.held_px = held.noise_px;
+  return a;
 }
 
 // The joint adjustment, with the lenses as options.refine_lens says. found: per camera: its lens is from these views,
@@ -417,16 +525,14 @@ void refine(Extrinsics& result, const Adjustment& placed, const ExtrinsicsOption
   if (options.refine_lens == RefineLens::yes)
     return take(adjust_unfolded(freed(placed), options.adjustment), LensRefinement::asked_for);
   Adjustment held = adjust(placed, options.adjustment);
-  if (options.refine_lens == RefineLens::no || !any_found)
+  if (options.refine_lens == RefineLens::no)
     return take(std::move(held), any_found ? LensRefinement::kept_as_found : LensRefinement::kept_as_given);
+  if (auto refined = with_given_lenses(result, placed, held, options, found))
+    return take(std::move(*refined), LensRefinement::given_refined);
+  if (!any_found) return take(std::move(held), LensRefinement::kept_as_given);
   if (options.progress) options.progress("the joint adjustment, with the lenses", 1, 3);
   take(adjust_unfolded(freed(held), options.adjustment), LensRefinement::refined);
-  // Cameras that agree with themselves far better than with one another did not see the board at the same moment.
-  // Lenses that are refined jointly would be bent to make up for that.
-  constexpr double out_of_step = 1.6, least_left = 0.8;
-  if (result.adjustment.noise_px < out_of_step * result.alone_px &&
-      result.adjustment.corners_used > least_left * placed_corners(placed))
-    return;
+  if (is_in_step(result.adjustment, result.alone_px, placed)) return;
   take(std::move(held), LensRefinement::out_of_step);
 }
 

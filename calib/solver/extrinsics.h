@@ -22,7 +22,10 @@ struct CameraToCalibrate {
 };
 
 enum class RefineLens {
-  automatic,  // found from these views: refined with them; given: only where the camera's own views contradict them
+  // Found from these views: refined with them; given: only where the camera's own views contradict them, or all
+  // cameras'
+  // views of a board that is carried do.
+  automatic,
   yes,
   no,  // as known before, or as found camera by camera
 };
@@ -51,8 +54,9 @@ enum class LensRefinement {
   asked_for,      // refined, all of them
   kept_as_found,  // camera by camera
   kept_as_given,
-  refined,      // those that were found here
-  out_of_step,  // kept: the cameras agree far better with themselves (alone_px) than with one another (noise_px)
+  refined,        // those that were found here
+  given_refined,  // and those that were given, too (AdjustedCamera::lens_prior): they contradict one another (held_px)
+  out_of_step,    // kept: the cameras agree far better with themselves (alone_px) than with one another (noise_px)
 };
 
 // A camera that has no place in the result, and why.
@@ -76,6 +80,7 @@ struct Extrinsics {
   std::optional<MovedWithin> moved_within;
   std::vector<CameraPair> pairs;  // with shared_sets > 0
   LensRefinement refinement = LensRefinement::kept_as_given;
+  double held_px = 0;   // given_refined: the noise with the lenses as they were given
   double alone_px = 0;  // noise of the corners, as each camera by itself shows it; 0: not known
 };
 

@@ -114,7 +114,8 @@ std::optional<std::pair<int, int>> swapped_names(const board::Board& board, cons
 std::optional<int> mirrored_pictures(const board::Board& board, const calib::CameraRig& rig,
                                      const std::vector<BoardView>& views, const std::set<int>& seen,
                                      const Adjustment& best) {
-  if (board.type != board::BoardType::chessboard) return std::nullopt;
+  // The back of a chessboard looks as its front does in a mirrored picture.
+  if (board.type != board::BoardType::chessboard || board.back) return std::nullopt;
   for (const int c : seen) {
     std::vector<BoardView> turned = views;
     for (BoardView& view : turned) {

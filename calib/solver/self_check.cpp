@@ -60,17 +60,18 @@ std::optional<Adjustment> half_of(const Adjustment& a, const std::vector<BoardVi
   constexpr int least_views = 5;  // of a camera
   Adjustment half = a;
   half.views.clear();
+  half.stamp_error_s.clear();
+  const std::vector<double> errors_s = stamp_errors_of_inliers(a);
   std::vector<int> views(a.cameras.size());
-  for (const BoardView& view : good) {
-    if (is_first.at(view.set) != first) continue;
-    half.views.push_back(view);
-    ++views[index(view.camera)];
+  for (std::size_t v = 0; v < good.size(); ++v) {
+    if (is_first.at(good[v].set) != first) continue;
+    half.views.push_back(good[v]);
+    if (!errors_s.empty()) half.stamp_error_s.push_back(errors_s[v]);
+    ++views[index(good[v].camera)];
   }
   for (std::size_t c = 0; c < views.size(); ++c) {
     if (views[c] < least_views && a.views_used(static_cast<int>(c)) > 0) return std::nullopt;
   }
-  half.stamp_error_s.clear();
-  if (!a.motions.empty()) half.motions.assign(a.motions.size(), {});
   try {
     return adjust(std::move(half), {.find_outliers = false, .max_iterations = 30});
   } catch (const CalibrationError&) {

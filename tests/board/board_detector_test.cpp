@@ -13,6 +13,7 @@
 
 #include "board/captures.h"
 #include "board/drawn_board.h"
+#include "calib/board/board_yaml.h"
 
 namespace huetrack::board {
 namespace {
@@ -105,6 +106,61 @@ TEST_P(EveryBoard, IsFoundWholeAndWhereItIs) {
     // The corners of lone squares are softer than those where four squares meet.
     EXPECT_LT(rms_px(board, detection, drawn, h), board.type == BoardType::aruco_grid ? 0.6 : 0.1) << "view " << v;
   }
+}
+
+// Boards whose two sides one picture tells apart.
+std::vector<Board> two_sided_boards() {
+  Board mirrored = charuco.board, own = charuco.board, inverted = charuco.board, odd = chessboard.board;
+  mirrored.back = own.back = inverted.back = odd.back = BoardBack{.thickness = 0.01};
+  own.back->first_marker = 40;
+  inverted.inverted = true;
+  odd.rows = 7;  // its mirror image has black and white swapped
+  Board grid{.type = BoardType::aruco_grid, .columns = 4, .rows = 3, .marker = 0.024, .dictionary = "DICT_6X6_250"};
+  grid.back = BoardBack{.thickness = 0.01};
+  Board own_grid = grid;
+  own_grid.back->first_marker = 100;
+  return {mirrored, own, inverted, odd, grid, own_grid};
+}
+
+TEST(TwoSidedBoard, ABackGivesItsOwnPointsWhereTheyAre) {
+  for (const Board& board : two_sided_boards()) {
+    const std::string which = to_yaml(board);
+    const DrawnBoard drawn = draw_board(board.front_alone());
+    cv::Mat print = draw_board(board.back_alone()).image;
+    if (!board.back->first_marker) cv::flip(print, print, 1);
+    const cv::Matx33d h = tilted(print, {{{120, 60}, {540, 90}, {510, 400}, {140, 370}}});
+    const BoardDetection back = BoardDetector(board).detect(view_of(seen_through(print, h, {640, 480}, 2, 1)));
+    ASSERT_EQ(static_cast<int>(back.ids.size()), board.side_point_count()) << which << back.why_not;
+    EXPECT_TRUE(std::ranges::is_sorted(back.ids));
+    double sum = 0;
+    // Drawn grids end with a gap, which is no part of their outline.
+    const bool ends_with_gap = board.type == BoardType::aruco_grid && board.back->first_marker;
+    const double right = print.cols - 1 - (ends_with_gap ? (board.pitch.x() - board.marker) * drawn.px_per_m : 0);
+    for (std::size_t k = 0; k < back.ids.size(); ++k) {
+      const Eigen::Vector3d p = board.point(back.ids[k]);
+      EXPECT_EQ(p.z(), 0.01) << which << ": taken for the front";
+      // Somebody who looks at the back sees what is on the front's left on the right.
+      const Eigen::Vector2d on_front = drawn.pixel(p);
+      sum += (back.px[k] - apply(h, {right - on_front.x(), on_front.y()})).squaredNorm();
+    }
+    EXPECT_LT(std::sqrt(sum / board.side_point_count()), board.type == BoardType::aruco_grid ? 0.6 : 0.1) << which;
+
+    const cv::Mat front = seen_through(drawn.image, h, {640, 480}, 2, 2);
+    const BoardDetection seen = BoardDetector(board).detect(view_of(front));
+    ASSERT_EQ(static_cast<int>(seen.ids.size()), board.side_point_count()) << which << seen.why_not;
+    EXPECT_EQ(seen.ids.back(), board.side_point_count() - 1) << which;
+    EXPECT_LT(rms_px(board, seen, drawn, h), board.type == BoardType::aruco_grid ? 0.6 : 0.1) << which;
+  }
+}
+
+TEST(TwoSidedBoard, WithoutABackItsPicturesAreNamedAsMirrored) {
+  cv::Mat print = draw_board(charuco.board).image;
+  cv::flip(print, print, 1);
+  const cv::Matx33d h = tilted(print, {{{120, 60}, {540, 90}, {510, 400}, {140, 370}}});
+  const cv::Mat image = seen_through(print, h, {640, 480}, 2, 1);
+  EXPECT_FALSE(BoardDetector(charuco.board).detect(view_of(image)).found());
+  EXPECT_THAT(explain_missing_board(charuco.board, {view_of(image)}),
+              testing::AllOf(HasSubstr("mirrored"), HasSubstr("back of a board that is printed on both sides")));
 }
 
 TEST(BoardDetectorMarkers, OpenCvsOwnDrawingIsTheNewLayout) {

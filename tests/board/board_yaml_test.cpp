@@ -52,6 +52,9 @@ TEST_F(BoardYaml, EveryBoardReadsBackTheSame) {
   for (const char* yaml :
        {"type: chessboard\ninner_corners: [6, 6]\npitch: [0.0354, 0.0358]\n",
         "type: chessboard\ninner_corners: [7, 5]\nsquare: 0.1\ninverted: true\n",
+        "type: chessboard\ninner_corners: [7, 5]\nsquare: 0.1\nback: {thickness: 0.003, mirrored: true}\n",
+        "type: charuco\nsquares: [4, 6]\nsquare: 0.054\nmarker: 0.0405\ndictionary: DICT_4X4_1000\nback: "
+        "{thickness: 0, first_marker: 12}\n",
         "type: charuco\nsquares: [4, 6]\nsquare: 0.054\nmarker: 0.0405\ndictionary: DICT_4X4_1000\nlegacy: true\n",
         "type: aruco_grid\nmarkers: [3, 2]\nmarker: 0.04\ngap: 0.01\ndictionary: DICT_APRILTAG_36h11\nfirst_marker: "
         "7\n"}) {
@@ -74,6 +77,20 @@ TEST_F(BoardYaml, RefusesWhatItDoesNotKnow) {
               HasSubstr("DICT_4X4_50 has 50 markers; the board needs 0 to 71"));
 }
 
+TEST_F(BoardYaml, RefusesABackThatCouldNotBeTold) {
+  const std::string charuco = "type: charuco\nsquares: [4, 6]\nsquare: 0.03\nmarker: 0.02\ndictionary: DICT_4X4_50\n";
+  EXPECT_THAT(problem(charuco + "back: {thickness: 0.003}\n"), HasSubstr("one of two must be given: mirrored: true"));
+  EXPECT_THAT(problem(charuco + "back: {thickness: 0.003, mirrored: false}\n"), HasSubstr("one of two must be given"));
+  EXPECT_THAT(problem(charuco + "back: {thickness: 0.003, mirrored: true, first_marker: 20}\n"),
+              HasSubstr("one of two must be given"));
+  EXPECT_THAT(problem(charuco + "back: {mirrored: true}\n"), HasSubstr("thickness"));
+  EXPECT_THAT(problem(charuco + "back: {thickness: 3, mirrored: true}\n"), HasSubstr("less than 1 m"));
+  EXPECT_THAT(problem(charuco + "back: {thickness: 0.003, first_marker: 11}\n"), HasSubstr("markers in common"));
+  EXPECT_THAT(problem(charuco + "back: {thickness: 0.003, first_marker: 40}\n"), HasSubstr("its back needs 40 to 51"));
+  EXPECT_THAT(problem("inner_corners: [9, 6]\nsquare: 0.06\nback: {thickness: 0.003, first_marker: 40}\n"),
+              HasSubstr("a chessboard's back has no markers"));
+}
+
 TEST_F(BoardYaml, ReadsTheBoardOfTheRenderedSequence) {
   const fs::path file = fs::path(HUETRACK_SHARED_DATA) / "rendered/chessboard/board.yaml";
   if (!fs::exists(file)) GTEST_SKIP() << file << " is not there";
@@ -89,8 +106,23 @@ TEST(BoardSymmetries, AreThoseOfItsColours) {
   EXPECT_EQ(count(7, 7), 2U);  // a quarter turn swaps black and white
 }
 
-TEST(BoardSymmetries, MovePointsRigidly) {
-  const Board board{.columns = 6, .rows = 6};
+TEST(BoardSymmetries, ExchangeTheSidesWhereTheBackLooksTheSame) {
+  const auto count = [](int columns, int rows) {
+    return Board{.columns = columns, .rows = rows, .back = BoardBack{.thickness = 0.005}}.symmetries().size();
+  };
+  EXPECT_EQ(count(9, 6), 2U);  // upside down
+  EXPECT_EQ(count(9, 7), 2U);  // its back has black and white swapped
+  EXPECT_EQ(count(8, 6), 4U);
+  EXPECT_EQ(count(6, 6), 8U);
+  EXPECT_EQ(count(7, 7), 4U);  // turned about a diagonal
+}
+
+class BoardOfSixBySix : public testing::TestWithParam<bool> {};
+INSTANTIATE_TEST_SUITE_P(Sides, BoardOfSixBySix, testing::Bool());
+
+TEST_P(BoardOfSixBySix, SymmetriesMovePointsRigidly) {
+  Board board{.columns = 6, .rows = 6};
+  if (GetParam()) board.back = BoardBack{.thickness = 0.005};
   for (const auto& symmetry : board.symmetries()) {
     for (int a = 0; a < board.point_count(); ++a) {
       for (int b = 0; b < a; ++b) {
@@ -100,7 +132,9 @@ TEST(BoardSymmetries, MovePointsRigidly) {
     }
     const auto moved = [&](int id) { return board.point(symmetry[static_cast<std::size_t>(id)]); };
     const Eigen::Vector3d x = moved(1) - moved(0), y = moved(6) - moved(0);
-    EXPECT_GT(x.cross(y).z(), 0) << "not a turn but a mirror image";
+    // A front that became the back is seen from behind.
+    const bool is_turned_over = moved(0).z() > 0;
+    EXPECT_GT((is_turned_over ? -1 : 1) * x.cross(y).z(), 0) << "not a turn but a mirror image";
   }
 }
 

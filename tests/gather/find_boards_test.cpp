@@ -68,28 +68,31 @@ TEST(FindBoards, OfALongRecordingPairsOfMomentsAreLookedAt) {
   EXPECT_NEAR(found(12, true, {.every = 3}).set_at_s.at(1), 0.3, 1e-9);  // as was asked for
 }
 
-// One picture of a ChArUco board.
-class CharucoPicture final : public PictureSource {
+// A picture of each of these ChArUco boards.
+class CharucoPictures final : public PictureSource {
  public:
-  explicit CharucoPicture(const board::Board& board) {
-    const board::DrawnBoard drawn = board::draw_board(board);
-    const double w = drawn.image.cols, h = drawn.image.rows;
-    picture_ = board::seen_through(drawn.image, {400 / w, 20 / h, 110, 15 / w, 300 / h, 80, 0, 0, 1}, {640, 480}, 2, 1);
+  explicit CharucoPictures(const std::vector<board::Board>& boards) {
+    for (const board::Board& board : boards) {
+      const board::DrawnBoard drawn = board::draw_board(board);
+      const double w = drawn.image.cols, h = drawn.image.rows;
+      pictures_.push_back(
+          board::seen_through(drawn.image, {400 / w, 20 / h, 110, 15 / w, 300 / h, 80, 0, 0, 1}, {640, 480}, 2, 1));
+    }
   }
   const std::vector<std::string>& cameras() const override { return names_; }
-  std::optional<int> expected_sets() const override { return 1; }
+  std::optional<int> expected_sets() const override { return static_cast<int>(pictures_.size()); }
   bool has_stamps() const override { return false; }
   std::vector<std::string> take_warnings() override { return {}; }
   std::optional<PictureSet> next(std::stop_token) override {
-    if (std::exchange(done_, true)) return std::nullopt;
-    PictureSet set{.number = 0, .at_s = 0, .pictures = {}};
-    set.pictures.emplace_back(LabelledPicture{picture_, "only", {}});
+    if (at_ == pictures_.size()) return std::nullopt;
+    PictureSet set{.number = static_cast<int>(at_), .at_s = 0, .pictures = {}};
+    set.pictures.emplace_back(LabelledPicture{pictures_[at_++], "one", {}});
     return set;
   }
 
  private:
-  cv::Mat picture_;
-  bool done_ = false;
+  std::vector<cv::Mat> pictures_;
+  std::size_t at_ = 0;
   std::vector<std::string> names_{"cam1"};
 };
 
@@ -98,13 +101,32 @@ TEST(FindBoards, AMarkerOfAnotherSizeIsDoubted) {
   board::Board wrong = real;
   wrong.marker = 0.02;
   const auto doubt = [&](const board::Board& in_file) {
-    CharucoPicture source(real);
+    CharucoPictures source({real});
     return find_boards(source, board::BoardDetector(in_file), {.progress = false, .page = {}}, {}).board_doubt;
   };
   EXPECT_EQ(doubt(real), "");
   EXPECT_THAT(doubt(wrong),
               testing::AllOf(testing::HasSubstr("one of the two lengths is wrong"),
                              testing::HasSubstr("markers are 0.74"), testing::HasSubstr("rather than 0.667")));
+}
+
+// In some pictures so little is seen of the board that it is found all the same.
+TEST(FindBoards, ColumnsForRowsAreNamedThoughAFewPicturesShowTheBoard) {
+  const board::Board in_file{.type = board::BoardType::charuco, .columns = 7, .rows = 5, .marker = 0.0225};
+  board::Board real = in_file;
+  std::swap(real.columns, real.rows);
+  const auto look = [&](const std::vector<board::Board>& boards) {
+    CharucoPictures source(boards);
+    return find_boards(source, board::BoardDetector(in_file), {.progress = false, .page = {}}, {}).cameras[0].boards;
+  };
+  try {
+    look({in_file, real, real, real});
+    FAIL() << "it was taken";
+  } catch (const InputError& error) {
+    EXPECT_THAT(error.what(), testing::HasSubstr("in 1 of 4 pictures: the board in them has 5x7 squares rather than "
+                                                 "7x5: exchange the two numbers in the board file"));
+  }
+  EXPECT_EQ(look({in_file, in_file, real}), 2);
 }
 
 }  // namespace

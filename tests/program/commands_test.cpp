@@ -293,6 +293,43 @@ TEST_F(Calibrate, MirroredImagesOfOneCamera) {
   EXPECT_THAT(two.err, AllOf(HasSubstr("cam0"), HasSubstr("mirrored")));
 }
 
+// cam2 stands on the other side, and sees the back of the board only.
+TEST_F(Calibrate, ABoardThatIsPrintedOnBothSides) {
+  board::Board board{
+      .type = board::BoardType::charuco, .columns = 6, .rows = 5, .pitch = {0.11, 0.11}, .marker = 0.088};
+  calib::CameraRig rig = gather::pictured_rig();
+  rig.cameras[2].cam_from_world = solver::looking_at({-1.5, 0.3, 1.6}, {0, 0, 0.9});
+  for (calib::Camera& camera : rig.cameras) {
+    const double f = 2 * camera.model.fx();
+    camera.image_size = {640, 480};
+    camera.model = calib::CameraModel(calib::PinholeRadtan{f, f, 318, 241});
+  }
+  constexpr double thickness_m = 0.03;
+  const auto poses = gather::pictured_poses(14);
+  gather::write_pictures(
+      folder_ / "pictures", rig, poses,
+      [&](int c, int p, cv::Mat& picture) {
+        if (c != 2) return;
+        calib::Rigid3d back = poses[static_cast<std::size_t>(p)];
+        back.translation = back * Eigen::Vector3d(0, 0, thickness_m);
+        picture = gather::picture_of(rig.cameras[2], board, back, static_cast<std::uint64_t>(p));
+      },
+      board);
+  std::ofstream(folder_ / "board.yaml") << board::to_yaml(board);
+  expect_left_out(extrinsics("pictures"), "cam2",
+                  AllOf(HasSubstr("mirrored"), HasSubstr("back of a board that is printed on both sides")));
+
+  board.back = board::BoardBack{.thickness = thickness_m};
+  std::ofstream(folder_ / "board.yaml") << board::to_yaml(board);
+  const Ended result = extrinsics("pictures");
+  EXPECT_NE(result.status, 1) << result.err;
+  // Markers of 20 pixels, whose soft corners are found a little inside, are no other markers than the file's.
+  EXPECT_THAT(result.out, testing::Not(HasSubstr("one of the two lengths is wrong")));
+  const calib::CameraRig found = calib::read_rig(path("rig.yaml"));
+  ASSERT_EQ(found.cameras.size(), 3u) << result.out;
+  EXPECT_LT(solver::volume_rms_m(rig, found, {-0.4, -0.4, 0.5}, {0.4, 0.4, 1.3}), 0.003) << result.out;
+}
+
 TEST_F(Calibrate, SwappedCameras) {
   gather::write_pictures(folder_ / "pictures", gather::pictured_rig(), gather::pictured_poses(12));
   calib::write_rig(gather::pictured_rig(), path("known.yaml"));

@@ -48,8 +48,8 @@ TEST(Advice, FollowsItsFact) {
                                           {"; and another", Fault::mirrored_images},
                                           {". As it was given, nothing was found: a third", Fault::none}});
   EXPECT_EQ(told(several),
-            "one: measure it, and correct it; and another: record them as the sensor sees them. As it "
-            "was given, nothing was found: a third");
+            "one: measure it, and correct it; and another: record them as the sensor sees them; or, if it looks at the "
+            "back of the board, say so in the board file (back:). As it was given, nothing was found: a third");
   EXPECT_STREQ(several.what(), "one; and another. As it was given, nothing was found: a third");
   EXPECT_EQ(several.fault(), Fault::wrong_radius);
   EXPECT_EQ(solver::facts(solver::after("so: ", several.reasons())), std::string("so: ") + several.what());
@@ -117,8 +117,10 @@ TEST(Advice, IsWordForWordWhatItWas) {
   EXPECT_EQ(told_as("contradict each other on how they stand", Fault::contradicting_views),
             "contradict each other on how they stand: were the images taken at the same time, are they in the right "
             "order, and did nobody move a camera?");
-  EXPECT_EQ(told_as("the images of one of them are mirrored (left and right swapped)", Fault::mirrored_images),
-            "the images of one of them are mirrored (left and right swapped): record them as the sensor sees them");
+  EXPECT_EQ(
+      told_as("the images of one of them are mirrored (left and right swapped)", Fault::mirrored_images),
+      "the images of one of them are mirrored (left and right swapped): record them as the sensor sees them; or, if "
+      "it looks at the back of the board, say so in the board file (back:)");
   EXPECT_EQ(
       told_as("cam1 never saw the target: none of its 240 frames has a region of the colour", Fault::target_unseen),
       "cam1 never saw the target: none of its 240 frames has a region of the colour. Check the target's colour "

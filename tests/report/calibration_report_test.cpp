@@ -18,6 +18,7 @@ using testing::AllOf;
 using testing::Contains;
 using testing::Field;
 using testing::HasSubstr;
+using testing::Not;
 
 const solver::IntrinsicsOptions one_lens{.lens = solver::LensModel::radtan4};
 
@@ -98,6 +99,16 @@ TEST(CalibrationReport, NamesWhatSpeaksAgainstALens) {
   EXPECT_THAT(to_text(report), HasSubstr("cam.mp4 ends early"));
 }
 
+TEST(CalibrationReport, SaysWhatBecameOfAGivenLens) {
+  solver::Extrinsics found = calibrated(solver::synthetic_capture({.cameras = 2, .sets = 14}));
+  EXPECT_THAT(to_html(report_on(found, {})), Not(HasSubstr("the lens that was given was refined")));
+  found.refinement = solver::LensRefinement::given_refined;
+  found.adjustment.cameras[1].lens_prior.emplace().mean.head<4>() << 700, 701, 320, 240;
+  EXPECT_THAT(to_html(report_on(found, {})),
+              AllOf(HasSubstr("cam1: the lens that was given was refined"), HasSubstr("(given: 700.0)"),
+                    HasSubstr("(given: 320.0, 240.0)"), Not(HasSubstr("cam0: the lens that was given was refined"))));
+}
+
 TEST(CalibrationReport, NamesAspectOverlapAndBoardsSeenFromBehind) {
   const solver::SyntheticCapture capture = solver::synthetic_capture({.cameras = 2, .sets = 14});
   solver::SyntheticCapture squeezed = capture;
@@ -164,6 +175,11 @@ TEST(Sentences, SayWhatTheSolversFound) {
   EXPECT_EQ(refinement_text(cameras),
             "the lenses were found from these views, and stay as each camera's own views say (0.10 px), because the "
             "cameras agree less well with one another (0.25 px): they are not quite in step");
+  cameras.held_px = 0.4;
+  cameras.refinement = solver::LensRefinement::given_refined;
+  EXPECT_EQ(refinement_text(cameras),
+            "the lenses that were given were refined: as they were, the cameras agree less well with one another "
+            "(0.40 px) than now (0.25 px)");
   cameras.adjustment.cameras.resize(2);
   cameras.adjustment.cameras[1].name = "right";
   cameras.contradictions = {std::nullopt, zoomed};

@@ -83,6 +83,38 @@ TEST(Extrinsics, SymmetricBoardsMayBeSeenTurnedByEachCamera) {
   }
 }
 
+// Two cameras on one side of the volume, two on the other: no picture shows both sides, and of a chessboard none shows
+// which side it is of.
+TEST(Extrinsics, CamerasOnBothSidesOfATwoSidedBoard) {
+  const board::BoardBack back{.thickness = 0.02};
+  for (const bool is_told : {true, false}) {
+    SyntheticCapture capture = synthetic_capture({.back = back});
+    const auto renumbering = capture.board.symmetries().at(1);
+    const auto side = capture.board.side_point_count();
+    int backs = 0;
+    for (BoardView& view : capture.views) {
+      if (view.ids.front() < side) continue;
+      ++backs;
+      if (is_told) continue;
+      std::map<int, Eigen::Vector2d> as_front;
+      for (std::size_t k = 0; k < view.ids.size(); ++k)
+        as_front[renumbering[static_cast<std::size_t>(view.ids[k])]] = view.px[k];
+      view.ids.clear();
+      view.px.clear();
+      for (const auto& [id, px] : as_front) {
+        ASSERT_LT(id, side);
+        view.ids.push_back(id);
+        view.px.push_back(px);
+      }
+    }
+    ASSERT_GT(backs, 20);
+    const Extrinsics found = calibrate_extrinsics(capture.board, unknown(capture.rig), capture.views);
+    EXPECT_LT(synthetic_volume_rms_m(capture, found), 0.001) << is_told;
+    EXPECT_FALSE(found.board_is_warped);
+    for (std::size_t v = 0; v < found.adjustment.fits.size(); ++v) EXPECT_FALSE(found.adjustment.fits[v].dropped);
+  }
+}
+
 TEST(Extrinsics, TheOrderOfImagesDoesNotMatterToTheLastBit) {
   const SyntheticCapture capture = synthetic_capture({.cameras = 3, .sets = 12});
   std::vector<BoardView> shuffled = capture.views;

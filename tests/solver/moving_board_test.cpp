@@ -227,6 +227,67 @@ TEST(MovingBoard, EachCamerasStampsAreAsGoodAsTheyAre) {
   EXPECT_LT(off, 2);
 }
 
+// Held, what is wrong in them would go into the times and the poses. A camera's own views cannot tell it from its rows.
+TEST(MovingBoard, GivenLensesThatContradictOneAnotherAreRefined) {
+  const MovingOptions options{.speed_m_s = 0.2,
+                              .turning_deg_s = 30,
+                              .age_s = {0.033, 0.033, 0.033, 0.033},
+                              .bursts = 1,
+                              .frames_of_burst = 36,
+                              .frame_s = 1 / 6.0,
+                              .seed = 6};
+  const MovingCapture capture = moving_capture(options);
+  auto wrong = cameras_as_known(capture.of.rig);
+  for (const std::size_t c : {0, 2}) {
+    auto lens = std::get<calib::PinholeRadtan>(wrong[c].model->lens());
+    lens.fx *= c == 0 ? 1.009 : 0.991;
+    lens.fy *= c == 0 ? 1.011 : 0.987;
+    lens.distortion[0] += c == 0 ? 0.01 : -0.01;
+    wrong[c].model = calib::CameraModel(lens);
+  }
+  const auto calibrate = [&](const std::vector<CameraToCalibrate>& cameras, RefineLens refine) {
+    return calibrate_extrinsics(capture.of.board, cameras, capture.of.views, {.refine_lens = refine});
+  };
+  const Extrinsics held = calibrate(wrong, RefineLens::no), refined = calibrate(wrong, RefineLens::automatic);
+  print("held", capture, options, held.adjustment);
+  print("refined", capture, options, refined.adjustment);
+  EXPECT_FALSE(refined.contradictions[0] || refined.contradictions[2]);
+  EXPECT_EQ(refined.refinement, LensRefinement::given_refined);
+  EXPECT_NEAR(refined.held_px, held.adjustment.noise_px, 1e-9);
+  EXPECT_NEAR(refined.adjustment.noise_px, 0.1, 0.02);
+  EXPECT_LT(volume_error_m(capture, refined.adjustment), 0.0015);
+  EXPECT_LT(volume_error_m(capture, refined.adjustment), 0.4 * volume_error_m(capture, held.adjustment));
+  // The lenses that were held counted as exact: over a hundred.
+  EXPECT_LT(mean_square_in_sigmas(capture, refined.adjustment), 5);
+  const Extrinsics right = calibrate(cameras_as_known(capture.of.rig), RefineLens::automatic);
+  EXPECT_EQ(right.refinement, LensRefinement::kept_as_given);
+  EXPECT_EQ(right.adjustment.cameras[0].parameters, parameters_of(capture.of.rig.cameras[0].model));
+}
+
+// Sets 33 ms apart tell well how the board moves: what a lens changes moves all boards, and is not to be held by where
+// they were found to be with another lens.
+TEST(MovingBoard, GivenLensesAreRefinedWhereSetsFollowCloselyUponOneAnother) {
+  const MovingOptions options{.bursts = 30, .seed = 1};
+  const MovingCapture capture = moving_capture(options);
+  // One that is wrong bends the others' times so that nearly all is explained.
+  for (const bool both : {false, true}) {
+    auto wrong = cameras_as_known(capture.of.rig);
+    for (const std::size_t c : {0, 2}) {
+      auto lens = std::get<calib::PinholeRadtan>(wrong[c].model->lens());
+      lens.fx *= c == 0 ? 1.009 : both ? 0.991 : 1;
+      lens.fy *= c == 0 ? 1.011 : both ? 0.987 : 1;
+      wrong[c].model = calib::CameraModel(lens);
+    }
+    const Extrinsics refined = calibrate_extrinsics(capture.of.board, wrong, capture.of.views);
+    print("refined, carried", capture, options, refined.adjustment);
+    EXPECT_EQ(refined.refinement, LensRefinement::given_refined) << both;
+    EXPECT_NEAR(refined.adjustment.noise_px, 0.1, 0.01);
+    EXPECT_LT(mean_square_in_sigmas(capture, refined.adjustment), 2.5) << both;
+    const double true_px = capture.of.rig.cameras[0].model.fx();
+    EXPECT_NEAR(refined.adjustment.cameras[0].parameters(0) / true_px, 1, 0.004) << both;
+  }
+}
+
 TEST(MovingBoard, CamerasInStepStayInStep) {
   const MovingOptions options{.latency_s = {}, .readout_s = {}, .stamp_jitter_s = 0, .in_step = true, .bursts = 20};
   const MovingCapture capture = moving_capture(options);

@@ -4,6 +4,7 @@
 #include <Eigen/Geometry>
 #include <cmath>
 #include <numbers>
+#include <optional>
 #include <random>
 #include <string>
 #include <vector>
@@ -29,6 +30,8 @@ struct SyntheticOptions {
   double distance_m = 2.2;  // of the cameras from the middle of the volume, horizontally
   int columns = 9;          // of the chessboard
   int rows = 6;
+  // Of the board's back, which the cameras with odd numbers see from the other side of the volume; nullopt: none.
+  std::optional<board::BoardBack> back{};
   std::vector<calib::CameraModel> models{};  // per camera; empty: three different pinholes in turn
 };
 
@@ -53,6 +56,7 @@ inline SyntheticCapture synthetic_capture(const SyntheticOptions& options = {}) 
   capture.board.columns = options.columns;
   capture.board.rows = options.rows;
   capture.board.pitch = {0.06, 0.06};
+  capture.board.back = options.back;
   std::mt19937_64 rng(options.seed);
   const std::vector<calib::CameraModel> usual{
       calib::CameraModel(calib::PinholeRadtan{620, 618, 322, 236, {-0.25, 0.08, 0.0006, -0.0004}}),
@@ -61,7 +65,8 @@ inline SyntheticCapture synthetic_capture(const SyntheticOptions& options = {}) 
   for (int c = 0; c < options.cameras; ++c) {
     const double angle = options.cameras > 1 ? (c / (options.cameras - 1.0) - 0.5) * 2 * std::numbers::pi / 3 : 0;
     const auto& models = options.models.empty() ? usual : options.models;
-    const Eigen::Vector3d place(options.distance_m * std::cos(angle), options.distance_m * std::sin(angle), 1.8);
+    const double side = options.back && c % 2 == 1 ? -1 : 1;
+    const Eigen::Vector3d place(side * options.distance_m * std::cos(angle), options.distance_m * std::sin(angle), 1.8);
     capture.rig.cameras.push_back({"cam" + std::to_string(c),
                                    {640, 480},
                                    models[static_cast<std::size_t>(c) % models.size()],
@@ -87,9 +92,12 @@ inline SyntheticCapture synthetic_capture(const SyntheticOptions& options = {}) 
     for (int c = 0; c < options.cameras; ++c) {
       const calib::Camera& camera = capture.rig.cameras[static_cast<std::size_t>(c)];
       BoardView view{c, s, camera.name + " set " + std::to_string(s), {}, {}};
-      for (int id = 0; id < capture.board.point_count(); ++id) {
-        const auto px =
-            camera.project_world(capture.world_from_board[static_cast<std::size_t>(s)] * capture.board.point(id));
+      const calib::Rigid3d& pose = capture.world_from_board[static_cast<std::size_t>(s)];
+      const Eigen::Vector3d into_board = pose.rotation * Eigen::Vector3d::UnitZ();
+      const bool sees_back = options.back && into_board.dot(camera.centre() - pose * centre) > 0;
+      const int first = sees_back ? capture.board.side_point_count() : 0;
+      for (int id = first; id < first + capture.board.side_point_count(); ++id) {
+        const auto px = camera.project_world(pose * capture.board.point(id));
         const Eigen::Vector2d error = options.noise_px * Eigen::Vector2d(normal(rng), normal(rng));
         if (!px || !camera.contains({px->px + error})) continue;
         view.ids.push_back(id);
