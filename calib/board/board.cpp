@@ -7,6 +7,8 @@
 #include <cmath>
 #include <iterator>
 #include <numeric>
+#include <tuple>
+#include <utility>
 
 namespace huetrack::board {
 namespace {
@@ -27,6 +29,13 @@ std::string millimetres(double metres) {
 }
 
 }  // namespace
+
+void sort_corners(std::vector<int>& ids, std::vector<Eigen::Vector2d>& px) {
+  std::vector<std::pair<int, Eigen::Vector2d>> corners;
+  for (std::size_t k = 0; k < ids.size(); ++k) corners.emplace_back(ids[k], px[k]);
+  std::ranges::sort(corners, {}, [](const auto& corner) { return corner.first; });
+  for (std::size_t k = 0; k < ids.size(); ++k) std::tie(ids[k], px[k]) = corners[k];
+}
 
 int Board::corner_columns() const {
   return type == BoardType::chessboard ? columns : type == BoardType::charuco ? columns - 1 : 0;

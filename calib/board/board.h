@@ -29,6 +29,9 @@ struct BoardBack {
   bool operator==(const BoardBack&) const = default;
 };
 
+// Corners of a view whose points have got other ids, in the order of these again. ids and px: beside each other.
+void sort_corners(std::vector<int>& ids, std::vector<Eigen::Vector2d>& px);
+
 struct Board {
   BoardType type = BoardType::chessboard;
   int columns = 9;                         // chessboard: inner corners; charuco: squares; aruco_grid: markers

@@ -10,11 +10,11 @@
 #include <opencv2/calib3d.hpp>
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
-#include <tuple>
 #include <utility>
 
 #include "calib/board/chessboard_lattice.h"
 #include "calib/board/corner_refinement.h"
+#include "calib/board/grey_view.h"
 #include "calib/model/median.h"
 
 namespace huetrack::board {
@@ -27,10 +27,6 @@ cv::Mat mat_of(const GreyPixels& image) {
   // OpenCV has no read-only Mat; nothing here writes to it.
   return cv::Mat(image.height, image.width, CV_8UC1, const_cast<std::uint8_t*>(image.data),
                  static_cast<std::size_t>(image.stride));
-}
-
-GreyPixels view_of(const cv::Mat& image) {
-  return {image.data, image.cols, image.rows, static_cast<std::ptrdiff_t>(image.step)};
 }
 
 // What keeps any detector from working: said instead of "no board".
@@ -519,15 +515,12 @@ cv::Mat mirror_image(const cv::Mat& image) {
 BoardDetection detect_back(const Board& board, const GreyPixels& image) {
   const bool is_mirrored = !board.back->first_marker;
   const cv::Mat seen = is_mirrored ? mirror_image(mat_of(image)) : mat_of(image);
-  const BoardDetection found = detect_side(board.back_alone(), view_of(seen));
-  std::vector<std::pair<int, Vector2d>> corners;
-  for (std::size_t k = 0; k < found.ids.size(); ++k) {
-    const Vector2d& px = found.px[k];
-    corners.emplace_back(board.id_of_back(found.ids[k]), is_mirrored ? Vector2d(image.width - 1 - px.x(), px.y()) : px);
+  BoardDetection back = detect_side(board.back_alone(), view_of(seen));
+  for (int& id : back.ids) id = board.id_of_back(id);
+  if (is_mirrored) {
+    for (Vector2d& px : back.px) px.x() = image.width - 1 - px.x();
   }
-  std::ranges::sort(corners, {}, [](const auto& corner) { return corner.first; });
-  BoardDetection back = found;
-  for (std::size_t k = 0; k < corners.size(); ++k) std::tie(back.ids[k], back.px[k]) = corners[k];
+  sort_corners(back.ids, back.px);
   return back;
 }
 

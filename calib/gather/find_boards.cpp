@@ -10,16 +10,13 @@
 #include <opencv2/imgproc.hpp>
 #include <thread>
 
+#include "calib/board/grey_view.h"
 #include "calib/gather/detection_page.h"
 #include "calib/gather/progress_line.h"
 #include "calib/model/median.h"
 
 namespace huetrack::gather {
 namespace {
-
-board::GreyPixels view_of(const cv::Mat& image) {
-  return {image.data, image.cols, image.rows, static_cast<std::ptrdiff_t>(image.step)};
-}
 
 // Calls task(0) .. task(count - 1), each once, on all cores.
 void on_all_cores(std::size_t count, const std::function<void(std::size_t)>& task) {
@@ -109,14 +106,14 @@ class Misses {
   std::vector<board::GreyPixels> all() const {
     std::vector<board::GreyPixels> views;
     for (const auto& [camera, own] : by_camera_) {
-      for (const cv::Mat& image : own) views.push_back(view_of(image));
+      for (const cv::Mat& image : own) views.push_back(board::view_of(image));
     }
     return views;
   }
   std::vector<board::GreyPixels> of(std::size_t camera) const {
     std::vector<board::GreyPixels> views;
     if (const auto own = by_camera_.find(camera); own != by_camera_.end()) {
-      for (const cv::Mat& image : own->second) views.push_back(view_of(image));
+      for (const cv::Mat& image : own->second) views.push_back(board::view_of(image));
     }
     return views;
   }
@@ -188,7 +185,7 @@ std::vector<Task> detected(const std::vector<PictureSet>& batch, const board::Bo
   }
   on_all_cores(tasks.size(), [&](std::size_t t) {
     const cv::Mat& grey = batch[tasks[t].set].pictures[tasks[t].camera]->grey;
-    tasks[t].detection = detector.detect(view_of(grey));
+    tasks[t].detection = detector.detect(board::view_of(grey));
     if (tasks[t].detection.found()) tasks[t].thumbnail = thumbnail_of(grey);
   });
   return tasks;

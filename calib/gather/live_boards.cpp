@@ -9,6 +9,7 @@
 #include <mutex>
 #include <thread>
 
+#include "calib/board/grey_view.h"
 #include "calib/gather/progress_line.h"
 #include "capture/frame_synchronizer.h"
 
@@ -210,9 +211,7 @@ class Gathering {
       }
       cv::Mat& grey = look.greys[c] = board_grey_of(set.frames[c]->pixels);
       sizes_[c] = found_.cameras[c].image_size = {grey.cols, grey.rows};
-      detections[c] = std::async(std::launch::async, [this, &grey] {
-        return detector_.detect({grey.data, grey.cols, grey.rows, static_cast<std::ptrdiff_t>(grey.step)});
-      });
+      detections[c] = std::async(std::launch::async, [this, &grey] { return detector_.detect(board::view_of(grey)); });
     }
     for (std::size_t c = 0; c < names_.size(); ++c) {
       if (!detections[c].valid()) continue;

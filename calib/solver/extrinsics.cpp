@@ -144,11 +144,8 @@ class Start {
         BoardView view = *posed.view;
         const std::size_t way = best_motion(posed, cameras[index(camera)].cam_from_world * best).first;
         if (way > 0) {
-          std::vector<std::pair<int, Vector2d>> renumbered;
-          for (std::size_t k = 0; k < view.ids.size(); ++k)
-            renumbered.emplace_back(symmetries[way][index(view.ids[k])], view.px[k]);
-          std::ranges::sort(renumbered, {}, [](const auto& r) { return r.first; });
-          for (std::size_t k = 0; k < view.ids.size(); ++k) std::tie(view.ids[k], view.px[k]) = renumbered[k];
+          for (int& id : view.ids) id = symmetries[way][index(id)];
+          board::sort_corners(view.ids, view.px);
         }
         a.views.push_back(std::move(view));
       }

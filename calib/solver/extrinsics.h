@@ -23,8 +23,7 @@ struct CameraToCalibrate {
 
 enum class RefineLens {
   // Found from these views: refined with them; given: only where the camera's own views contradict them, or all
-  // cameras'
-  // views of a board that is carried do.
+  // cameras' views of a board that is carried do.
   automatic,
   yes,
   no,  // as known before, or as found camera by camera

@@ -7,7 +7,6 @@
 #include <iterator>
 #include <map>
 #include <set>
-#include <tuple>
 
 #include "calib/model/index.h"
 #include "calib/solver/extrinsics.h"
@@ -120,15 +119,9 @@ std::optional<int> mirrored_pictures(const board::Board& board, const calib::Cam
     std::vector<BoardView> turned = views;
     for (BoardView& view : turned) {
       if (view.camera != c) continue;
-      std::vector<std::pair<int, Eigen::Vector2d>> corners;
-      for (std::size_t k = 0; k < view.ids.size(); ++k) {
-        const int column = view.ids[k] % board.columns, row = view.ids[k] / board.columns;
-        corners.emplace_back(
-            row * board.columns + board.columns - 1 - column,
-            Eigen::Vector2d(rig.cameras[index(c)].image_size.width - 1 - view.px[k].x(), view.px[k].y()));
-      }
-      std::ranges::sort(corners, {}, [](const auto& corner) { return corner.first; });
-      for (std::size_t k = 0; k < corners.size(); ++k) std::tie(view.ids[k], view.px[k]) = corners[k];
+      for (int& id : view.ids) id += board.columns - 1 - 2 * (id % board.columns);
+      for (Eigen::Vector2d& px : view.px) px.x() = rig.cameras[index(c)].image_size.width - 1 - px.x();
+      board::sort_corners(view.ids, view.px);
     }
     try {
       const Adjustment fit = adjust(with_free(place_boards(board, rig, turned), {}), {.with_covariance = false});

@@ -31,6 +31,7 @@
 #include "board/drawn_board.h"
 #include "board/rendered_corners.h"
 #include "calib/board/board_detector.h"
+#include "calib/board/grey_view.h"
 
 namespace {
 
@@ -86,8 +87,7 @@ Corners by_id(const std::vector<cv::Point2f>& px) {
 // ---- The detectors
 
 Corners find_ours(const cv::Mat& image, const Board& board) {
-  const board::BoardDetection found =
-      board::BoardDetector(board).detect({image.data, image.cols, image.rows, static_cast<std::ptrdiff_t>(image.step)});
+  const board::BoardDetection found = board::BoardDetector(board).detect(board::view_of(image));
   Corners corners;
   for (std::size_t i = 0; i < found.ids.size(); ++i) corners[found.ids[i]] = found.px[i];
   return corners;

@@ -15,6 +15,7 @@
 
 #include "calib/board/board_detector.h"
 #include "calib/board/board_yaml.h"
+#include "calib/board/grey_view.h"
 
 namespace huetrack::board {
 namespace {
@@ -69,8 +70,7 @@ TEST_P(PrintedBoard, IsFoundAtTrueScale) {
   std::ofstream(file) << to_yaml(GetParam().board);
   const Board board = read_board(file);
   std::filesystem::remove(file);
-  const BoardDetection found =
-      BoardDetector(board).detect({image.data, image.cols, image.rows, static_cast<std::ptrdiff_t>(image.step)});
+  const BoardDetection found = BoardDetector(board).detect(view_of(image));
   ASSERT_TRUE(found.found()) << found.why_not;
   EXPECT_EQ(found.ids.size(), static_cast<std::size_t>(board.point_count()));
 

@@ -10,16 +10,13 @@
 
 #include "board/rendered_corners.h"
 #include "calib/board/board_detector.h"
+#include "calib/board/grey_view.h"
 #include "calib/solver/bundle_adjustment.h"
 
 namespace huetrack::board {
 
 inline std::filesystem::path shared_data(const std::string& folder) {
   return std::filesystem::path(HUETRACK_SHARED_DATA) / folder;
-}
-
-inline GreyPixels view_of(const cv::Mat& image) {
-  return {image.data, image.cols, image.rows, static_cast<std::ptrdiff_t>(image.step)};
 }
 
 // Nothing when the board is not in it.

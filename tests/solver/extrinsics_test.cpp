@@ -67,15 +67,8 @@ TEST(Extrinsics, SymmetricBoardsMayBeSeenTurnedByEachCamera) {
     std::mt19937_64 rng(4);
     for (BoardView& view : capture.views) {
       const auto& turned = symmetries[rng() % symmetries.size()];
-      std::map<int, Eigen::Vector2d> renumbered;
-      for (std::size_t k = 0; k < view.ids.size(); ++k)
-        renumbered[turned[static_cast<std::size_t>(view.ids[k])]] = view.px[k];
-      view.ids.clear();
-      view.px.clear();
-      for (const auto& [id, px] : renumbered) {
-        view.ids.push_back(id);
-        view.px.push_back(px);
-      }
+      for (int& id : view.ids) id = turned[static_cast<std::size_t>(id)];
+      board::sort_corners(view.ids, view.px);
     }
     const Extrinsics found = calibrate_extrinsics(capture.board, unknown(capture.rig), capture.views);
     EXPECT_LT(synthetic_volume_rms_m(capture, found), 0.0015) << columns << "x" << rows;
@@ -96,16 +89,11 @@ TEST(Extrinsics, CamerasOnBothSidesOfATwoSidedBoard) {
       if (view.ids.front() < side) continue;
       ++backs;
       if (is_told) continue;
-      std::map<int, Eigen::Vector2d> as_front;
-      for (std::size_t k = 0; k < view.ids.size(); ++k)
-        as_front[renumbering[static_cast<std::size_t>(view.ids[k])]] = view.px[k];
-      view.ids.clear();
-      view.px.clear();
-      for (const auto& [id, px] : as_front) {
+      for (int& id : view.ids) {
+        id = renumbering[static_cast<std::size_t>(id)];
         ASSERT_LT(id, side);
-        view.ids.push_back(id);
-        view.px.push_back(px);
       }
+      board::sort_corners(view.ids, view.px);
     }
     ASSERT_GT(backs, 20);
     const Extrinsics found = calibrate_extrinsics(capture.board, unknown(capture.rig), capture.views);
@@ -255,17 +243,9 @@ TEST(ExtrinsicsTrouble, MirroredImagesAreNamed) {
   for (BoardView view : capture.views) {
     if (view.camera == 1) {
       // In a mirrored image the detector numbers each row from its other end.
-      std::map<int, Eigen::Vector2d> mirrored;
-      for (std::size_t k = 0; k < view.ids.size(); ++k) {
-        const int column = view.ids[k] % 9, row = view.ids[k] / 9;
-        mirrored[row * 9 + 8 - column] = {639 - view.px[k].x(), view.px[k].y()};
-      }
-      view.ids.clear();
-      view.px.clear();
-      for (const auto& [id, px] : mirrored) {
-        view.ids.push_back(id);
-        view.px.push_back(px);
-      }
+      for (int& id : view.ids) id += 8 - 2 * (id % 9);
+      for (Eigen::Vector2d& px : view.px) px.x() = 639 - px.x();
+      board::sort_corners(view.ids, view.px);
     }
     views.push_back(std::move(view));
   }

@@ -181,13 +181,14 @@ TEST(MovingBoard, TimesAndPosesAreFoundFromAHandCarriedBoard) {
 }
 
 // A program that takes six pictures a second of cameras that make thirty, and notes when it took them.
+const MovingOptions fetched_six_times_a_second{.speed_m_s = 0.2,
+                                               .turning_deg_s = 30,
+                                               .age_s = {0.033, 0.033, 0.033, 0.033},
+                                               .bursts = 1,
+                                               .frames_of_burst = 36,
+                                               .frame_s = 1 / 6.0};
 TEST(MovingBoard, StampsThatTellWhenAPictureWasFetchedAreLearntToBeWrong) {
-  const MovingOptions options{.speed_m_s = 0.2,
-                              .turning_deg_s = 30,
-                              .age_s = {0.033, 0.033, 0.033, 0.033},
-                              .bursts = 1,
-                              .frames_of_burst = 36,
-                              .frame_s = 1 / 6.0};
+  const MovingOptions& options = fetched_six_times_a_second;
   const MovingCapture capture = moving_capture(options);
   const Adjustment a = found(capture);
   print("fetched", capture, options, a);
@@ -229,13 +230,8 @@ TEST(MovingBoard, EachCamerasStampsAreAsGoodAsTheyAre) {
 
 // Held, what is wrong in them would go into the times and the poses. A camera's own views cannot tell it from its rows.
 TEST(MovingBoard, GivenLensesThatContradictOneAnotherAreRefined) {
-  const MovingOptions options{.speed_m_s = 0.2,
-                              .turning_deg_s = 30,
-                              .age_s = {0.033, 0.033, 0.033, 0.033},
-                              .bursts = 1,
-                              .frames_of_burst = 36,
-                              .frame_s = 1 / 6.0,
-                              .seed = 6};
+  MovingOptions options = fetched_six_times_a_second;
+  options.seed = 6;
   const MovingCapture capture = moving_capture(options);
   auto wrong = cameras_as_known(capture.of.rig);
   for (const std::size_t c : {0, 2}) {

@@ -43,8 +43,9 @@ struct MotionPrior {
 // poses make likeliest is believed. thread-compatible. A pure function of the poses added since the last forget().
 class CameraMotion {
  public:
-  void forget();  // it was lost, or set down elsewhere
-  // covariance: of the pose's tangent; of the first one what a start is off is taken.
+  void forget();                                                            // it was lost, or set down elsewhere
+  void begin(capture::Timestamp at, const calib::Rigid3d& cam_from_world);  // nothing but this start is known
+  // covariance: of the pose's tangent. As begin() when there is none before, or not lately.
   void add(capture::Timestamp at, const calib::Rigid3d& cam_from_world, const Matrix6d& covariance);
   MotionPrior prior(capture::Timestamp at, const Readout& readout) const;
   // Of the first of two frames, by the second one.
@@ -61,7 +62,6 @@ class CameraMotion {
     double surprise = 1;                       // fading mean square of what poses were off, per axis, in sigmas
     double log_likelihood = 0;                 // fading
   };
-  void begin(capture::Timestamp at, const calib::Rigid3d& cam_from_world);
   static Hand ahead(const Hand& hand, std::size_t which, double length_s);
   static void observe(Hand& hand, const calib::Rigid3d& cam_from_world, const Matrix6d& covariance);
 

@@ -45,8 +45,7 @@ KeyframeTracking::KeyframeTracking(const calib::Camera& camera, std::size_t part
 void KeyframeTracking::set_pose(capture::Timestamp at, const calib::Rigid3d& cam_from_world) {
   pose_ = cam_from_world;
   step_ = {};
-  motion_.forget();
-  motion_.add(at, cam_from_world, Matrix6d::Zero());
+  motion_.begin(at, cam_from_world);
   unproven_ = 0;
   particles_.reset(particle_count_, pose_);
   effective_sample_size_ = static_cast<double>(particle_count_);
@@ -64,8 +63,7 @@ std::optional<SweptFit> KeyframeTracking::with_motion(const MotionPrior& prior, 
   SweptFit fit =
       refine_swept_pose(camera_.model, seen, {pose, prior.sweep(pose, camera_.image_size.height - 1)}, prior);
   if (fit.fit.inliers < static_cast<int>(seen.size())) return std::nullopt;
-  motion_.forget();
-  motion_.add(at, fit.fit.cam_from_world, Matrix6d::Zero()), motion_.add(last_at, pose_, pose_covariance_);
+  motion_.begin(at, fit.fit.cam_from_world), motion_.add(last_at, pose_, pose_covariance_);
   return fit;
 }
 

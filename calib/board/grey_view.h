@@ -1,0 +1,16 @@
+// Grey pictures of OpenCV as the detectors take them.
+#pragma once
+
+#include <cstddef>
+#include <opencv2/core/mat.hpp>
+
+#include "calib/board/board_detector.h"
+
+namespace huetrack::board {
+
+// image: CV_8UC1; it must outlive what is returned.
+inline GreyPixels view_of(const cv::Mat& image) {
+  return {image.data, image.cols, image.rows, static_cast<std::ptrdiff_t>(image.step)};
+}
+
+}  // namespace huetrack::board
