@@ -23,7 +23,7 @@ constexpr double nowhere_px = 50;         // how far apart views are whose rays 
 ViewAgreement::ViewAgreement(std::size_t cameras, double radius_m, const ObjectTrackerOptions& options)
     : radius_m_(radius_m),
       options_(options),
-      doubts_(cameras),
+      doubts_(cameras, radius_m),
       pose_covariance_(cameras, Eigen::Matrix<double, 6, 6>::Zero()),
       unseen_(cameras),
       is_shared_(cameras, false),
@@ -50,6 +50,7 @@ std::optional<SeenBeside> ViewAgreement::beside(const Sighting& sighting, const 
   const double time_sigma_s = belief.row_sigma_s(sighting.row.camera, sighting.row.below_middle);
   SeenBeside out{.camera = sighting.row.camera,
                  .at_s = capture::seconds(sighting.row.at - belief.at),
+                 .px = sighting.px,
                  .off_px = sighting.px - at->px,
                  .covariance = sighting.covariance + sighting.of_pose +
                                time_sigma_s * time_sigma_s * px_per_s * px_per_s.transpose(),

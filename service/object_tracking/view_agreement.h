@@ -55,6 +55,8 @@ class ViewAgreement {
             Eigen::Matrix2d& covariance) const;
   // What doubted views leave open of the position, standard deviation along the largest axis; 0: no view is doubted.
   double doubted_sigma(const MotionBelief& belief, std::span<const Sighting> sightings) const;
+  // Views contradict one another, and there is none to believe.
+  bool is_nobody_believed() const { return doubts_.is_nobody_believed(); }
   double doubt_px2(std::size_t camera) const { return doubts_.variance_px2(camera); }
 
  private:

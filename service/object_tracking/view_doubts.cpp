@@ -4,6 +4,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <utility>
 
 namespace huetrack::object_tracking {
@@ -16,6 +17,7 @@ constexpr std::size_t enough = 8;  // comparisons, for a quantile
 // What a good calibration's own error, light from one side and a colour's seams make of it on good recordings
 // (README.md): a pair below this agrees.
 constexpr double usual_scale2 = 4;
+constexpr double agreeing_scale2 = 2;    // and below this nothing but noise is in it
 constexpr double usual_of_two = 12;      // (3.5 standard deviations)^2, twice
 constexpr double forgetting = 1.0 / 16;  // of the means, per comparison
 // A disagreement that has lasted for a second is believed to be there for some 20 s more, fading: where the object is
@@ -50,8 +52,9 @@ bool disagreement(const SeenBeside& i, const SeenBeside& j, double way_variance_
   return true;
 }
 
-ViewDoubts::ViewDoubts(std::size_t cameras)
+ViewDoubts::ViewDoubts(std::size_t cameras, double radius_m)
     : cameras_(cameras),
+      radius_m_(radius_m),
       pairs_(cameras * (cameras - std::min<std::size_t>(cameras, 1)) / 2),
       alone_(cameras),
       variance_px2_(cameras),
@@ -76,7 +79,9 @@ void ViewDoubts::compare(std::span<const SeenBeside> views, double velocity_sigm
       const double way_m = std::hypot(apart_s * velocity_sigma_m_s, 0.5 * apart_s * apart_s * acceleration_m_s2);
       Disagreement seen;
       if (!disagreement(i, j, way_m * way_m, seen)) continue;
-      note(pair(std::size_t(i.camera), std::size_t(j.camera)), seen);
+      Pair& p = pair(std::size_t(i.camera), std::size_t(j.camera));
+      note(p, seen);
+      note_place(p, seen, i, j);
       for (const auto& [camera, across] : {std::pair(i.camera, seen.across_i), std::pair(j.camera, seen.across_j)}) {
         Alone& alone = alone_[std::size_t(camera)];
         alone.information += across * across.transpose() / seen.expected_px2;
@@ -125,6 +130,27 @@ void ViewDoubts::note(Pair& p, const Disagreement& seen) {
   if (p.excess_px2 < negligible_of_expected * p.expected_px2) p.excess_px2 = 0;
 }
 
+// Two views that are wrong agree along their epipolar lines: at one place by chance, and not at the next ones, where
+// these lie otherwise. Views that are expected to be further apart than the object is large agree with anything.
+void ViewDoubts::note_place(Pair& p, const Disagreement& seen, const SeenBeside& i, const SeenBeside& j) const {
+  constexpr double radii_apart = 8;
+  if (p.scale2 > usual_scale2) {
+    p.place_count = 0;
+    return;
+  }
+  const auto radius_px = [&](const SeenBeside& view) { return radius_m_ * view.jacobian.norm() / std::numbers::sqrt2; };
+  const double ri_px = radius_px(i), rj_px = radius_px(j), telling_px = 0.5 * std::min(ri_px, rj_px);
+  if (p.is_sure() || seen.expected_px2 > telling_px * telling_px) return;
+  if (seen.off_px * seen.off_px > seen.expected_px2 || p.scale2 > agreeing_scale2) return;
+  const Eigen::Vector4d place(i.px.x(), i.px.y(), j.px.x(), j.px.y());
+  const auto is_near = [&](const Eigen::Vector4d& other) {
+    const Eigen::Vector4d way = other - place;
+    return std::max(way.head<2>().norm() / ri_px, way.tail<2>().norm() / rj_px) < radii_apart;
+  };
+  if (std::none_of(p.places, p.places + p.place_count, is_near)) p.places[p.place_count++] = place;
+  p.was_sure = p.was_sure || p.is_sure();
+}
+
 // Of so few that a quantile says nothing: their mean, with two more that are as expected.
 double ViewDoubts::scale2_of(const Pair& p) {
   const std::size_t n = std::min(p.count, kept);
@@ -138,26 +164,65 @@ double ViewDoubts::scale2_of(const Pair& p) {
 
 // One camera that is wrong is likelier than two at a time. Where one alone could explain what disagrees, as all pairs
 // without it agree, it is off by what that takes; where any of several could, as pairs agree along their epipolar
-// lines by chance, each is with equal odds. A doubt of the past that has faded to what is usual hinders no explanation,
-// and is anybody's. false: none could.
+// lines by chance, each is with equal odds. As long as pairs without it have agreed in so few places that this may be
+// chance, too, everybody may be off. A doubt of the past that has faded to what is usual hinders no explanation, and is
+// anybody's. false: none could.
 bool ViewDoubts::lay_on_one() {
   std::ranges::fill(up_, 0.0);    // per camera: what disagrees without it
   std::ranges::fill(down_, 0.0);  // and what it must be off by to explain the rest
   double faded_px2 = 0;
+  bool any_unusual = false;
   for_each_pair([&](const Pair& p, std::size_t i, std::size_t j) {
-    const bool is_usual = p.excess_px2 <= (usual_scale2 - 1) * p.expected_px2;
-    if (is_usual) faded_px2 = std::max(faded_px2, p.excess_px2);
-    for (std::size_t c = 0; c < cameras_; ++c) up_[c] += c != i && c != j && !is_usual ? p.excess_px2 : 0;
+    if (p.is_usual()) faded_px2 = std::max(faded_px2, p.excess_px2);
+    any_unusual = any_unusual || !p.is_usual();
+    for (std::size_t c = 0; c < cameras_; ++c) up_[c] += c != i && c != j && !p.is_usual() ? p.excess_px2 : 0;
     down_[i] = std::max(down_[i], p.excess_px2 / std::max(least_compared_share, p.share_i));
     down_[j] = std::max(down_[j], p.excess_px2 / std::max(least_compared_share, p.share_j));
   });
   const auto suspects = std::ranges::count(up_, 0.0);
   if (suspects == 0) return false;
+  bool is_proven = !any_unusual;
+  for (std::size_t c = 0; c < cameras_; ++c) is_proven = is_proven || (up_[c] == 0 && are_others_proven(c));
+  if (!is_proven) {
+    doubt_all();
+    return true;
+  }
   for (std::size_t c = 0; c < cameras_; ++c) {
     const double alone_px2 = up_[c] > 0 ? 0 : std::max(down_[c], error_px2(c, down_[c])) / double(suspects);
     variance_px2_[c] = std::max(alone_px2, faded_px2);
   }
   return true;
+}
+
+bool ViewDoubts::Pair::is_usual() const {
+  return excess_px2 <= (usual_scale2 - 1) * expected_px2;
+}
+
+// By what they showed of one another; of a camera that only this one could be compared with, by what the two did.
+bool ViewDoubts::are_others_proven(std::size_t without) const {
+  for (std::size_t c = 0; c < cameras_; ++c) {
+    if (c == without) continue;
+    std::size_t places = 0;
+    bool is_compared = false;
+    for (std::size_t other = 0; other < cameras_; ++other) {
+      if (other == c || other == without) continue;
+      places += pair(c, other).place_count;
+      is_compared = is_compared || pair(c, other).scale2 > 0;
+    }
+    if (places < sure_places && (is_compared || (pair(c, without).scale2 > 0 && !pair(c, without).was_sure)))
+      return false;
+  }
+  return true;
+}
+
+// By the largest error that pairs show. They see it across their lines alone, and what k samples of a variance tell of
+// it has the variance of Student's distribution of k.
+void ViewDoubts::doubt_all() {
+  double samples = 0;
+  for_each_pair([&](const Pair&, std::size_t, std::size_t) { ++samples; });
+  samples = std::max(samples, 3.0);
+  std::ranges::fill(variance_px2_, samples / (samples - 2) * *std::ranges::max_element(down_));
+  is_nobody_believed_ = std::ranges::all_of(pairs_, [](const Pair& p) { return p.place_count == 0; });
 }
 
 // The square of the error that a camera alone must have for its pairs to be as far apart as they are now. Where its
@@ -182,9 +247,12 @@ void ViewDoubts::share_out() {
   double largest_px2 = 0;
   for (const Pair& p : pairs_) largest_px2 = std::max(largest_px2, p.excess_px2);
   any_ = largest_px2 > 0;
+  is_nobody_believed_ = false;
   std::ranges::fill(variance_px2_, largest_px2);
   if (!any_) return;
   if (lay_on_one()) return;
+  const auto may_be_right = [](const Pair& p) { return p.was_sure || (p.scale2 > 0 && p.is_usual()); };
+  if (std::ranges::none_of(pairs_, may_be_right)) return doubt_all();
   constexpr int steps = 40;
   for (int step = 0; step < steps; ++step) {
     std::ranges::fill(up_, 0.0);

@@ -25,6 +25,7 @@ namespace huetrack::object_tracking {
 struct SeenBeside {
   int camera = 0;
   double at_s = 0;                       // when, on any clock that the views share
+  Eigen::Vector2d px;                    // measured
   Eigen::Vector2d off_px;                // measured, less the path's projection at that time
   Eigen::Matrix2d covariance;            // px^2, of off_px
   Eigen::Matrix<double, 2, 3> jacobian;  // d px / d p_world on the path, px/m
@@ -46,7 +47,8 @@ bool disagreement(const SeenBeside& i, const SeenBeside& j, double way_variance_
 // thread-compatible. Allocates only when it is made.
 class ViewDoubts {
  public:
-  explicit ViewDoubts(std::size_t cameras);
+  // radius_m: of the object.
+  ViewDoubts(std::size_t cameras, double radius_m);
 
   // What the views of one set say, one entry per camera at most. velocity_sigma_m_s, acceleration_m_s2: how far the
   // object may leave the path between two moments.
@@ -57,12 +59,17 @@ class ViewDoubts {
   void forget(std::size_t camera);
 
   bool any() const { return any_; }
+  // Views contradict one another, and no two of them have agreed anywhere since: nobody knows whom to believe.
+  bool is_nobody_believed() const { return is_nobody_believed_; }
   double variance_px2(std::size_t camera) const { return variance_px2_[camera]; }  // S; 0: no contradiction
 
   // Of a pair, in units of what was expected: 1 when all is as it should be. 0: hardly ever seen together.
   double scale2(std::size_t i, std::size_t j) const { return pair(i, j).scale2; }
 
  private:
+  // Views that are wrong agree where the way of the object crosses what their error leaves of an epipolar line: in one
+  // place by chance, and hardly in another one without having contradicted one another between the two.
+  static constexpr std::size_t sure_places = 2;
   static constexpr std::size_t kept = 32;  // comparisons of a pair: about a second
   struct Pair {
     float squares[kept];  // off_px^2 / expected_px2, a ring
@@ -72,7 +79,15 @@ class ViewDoubts {
     double scale2 = 0;
     double excess_px2 = 0;   // of off_px, beyond what was expected: now, or as far as it has lasted
     double lasting_px2 = 0;  // what of excess_px2 has lasted
+    // Where the two agreed, since they last contradicted one another: in the pictures of both, for a rig that is wrong
+    // does not know the place.
+    Eigen::Vector4d places[sure_places];
+    std::size_t place_count = 0;
+    bool was_sure = false;
+    bool is_sure() const { return place_count == sure_places; }
+    bool is_usual() const;
   };
+  void note_place(Pair& pair, const Disagreement& seen, const SeenBeside& i, const SeenBeside& j) const;
   const Pair& pair(std::size_t i, std::size_t j) const;
   Pair& pair(std::size_t i, std::size_t j) { return const_cast<Pair&>(std::as_const(*this).pair(i, j)); }
   template <typename F>
@@ -82,9 +97,12 @@ class ViewDoubts {
   static double scale2_of(const Pair& pair);
   void share_out();
   bool lay_on_one();
+  bool are_others_proven(std::size_t without) const;
+  void doubt_all();
   double error_px2(std::size_t camera, double usual_px2) const;
 
   std::size_t cameras_;
+  double radius_m_;
   std::vector<Pair> pairs_;  // i < j
   // Were this camera the only one that is off: by how much, as its pairs say together (normal equations, 1/px^2, 1/px).
   struct Alone {
@@ -93,7 +111,7 @@ class ViewDoubts {
   };
   std::vector<Alone> alone_;  // per camera
   std::vector<double> variance_px2_, up_, down_;
-  bool any_ = false;
+  bool any_ = false, is_nobody_believed_ = false;
 };
 
 }  // namespace huetrack::object_tracking

@@ -113,7 +113,7 @@ TEST(WitnessOfThree, showsWhichCameraIsTurned) {
   const calib::CameraRig rig = turned(scene.rig, 2, 0.5, {1, 0.2, 0});
   std::vector<double> sum(3, 0), n(3, 0);
   ObjectEstimate last;
-  run(tracker, scene, scene::render(scene, {.set_count = 60}), [&](const ObjectEstimate& e) {
+  run(tracker, scene, scene::render(scene, {.set_count = 150}), [&](const ObjectEstimate& e) {
     last = e;
     for (std::size_t c = 0; c < 3; ++c)
       if (e.per_view[c].witness) sum[c] += squared_contradiction(*e.per_view[c].witness, rig.cameras[c]), ++n[c];
@@ -272,6 +272,7 @@ TEST(Trust, refusesWhatIsNotFinite) {
 SeenBeside beside(int camera, double off_u, double off_v) {
   SeenBeside out;
   out.camera = camera;
+  out.px = {100, 100};
   out.off_px = {off_u, off_v};
   out.covariance = 0.04 * Eigen::Matrix2d::Identity();
   const double angle = 2.0 * camera;
@@ -280,6 +281,20 @@ SeenBeside beside(int camera, double off_u, double off_v) {
   jacobian << 100, 0, 0, 0, 0, -100;
   out.jacobian = jacobian * turn;
   return out;
+}
+
+constexpr double radius_m = 0.04;
+
+// The views of these cameras agree in two places.
+void prove(ViewDoubts& doubts, std::initializer_list<int> cameras) {
+  for (int place = 0; place < 2; ++place) {
+    std::vector<SeenBeside> views;
+    for (const int camera : cameras) {
+      views.push_back(beside(camera, 0, 0));
+      views.back().px = {100.0 * place, 50};
+    }
+    doubts.compare(views, 0, 0);
+  }
 }
 
 TEST(ViewDoubts, twoViewsSayNothingAlongTheirEpipolarLines) {
@@ -294,7 +309,9 @@ TEST(ViewDoubts, twoViewsSayNothingAlongTheirEpipolarLines) {
 }
 
 TEST(ViewDoubts, oneOfThreeIsFoundAndOneOfTwoIsNot) {
-  ViewDoubts three(3), two(2);
+  ViewDoubts three(3, radius_m), two(2, radius_m);
+  prove(three, {0, 2});
+  prove(two, {0, 1});
   for (int i = 0; i < 40; ++i) {
     const double noise = 0.1 * ((i % 5) - 2);
     three.compare(std::vector{beside(0, 0, noise), beside(1, 0, 5), beside(2, 0, -noise)}, 0, 0);
@@ -309,9 +326,38 @@ TEST(ViewDoubts, oneOfThreeIsFoundAndOneOfTwoIsNot) {
   EXPECT_FALSE(three.any());
 }
 
+// Two of three that agree may do so by chance, along their epipolar lines: in one place they do, and hardly in two.
+TEST(ViewDoubts, whoAgreesInOnePlaceIsNotCleared) {
+  ViewDoubts doubts(3, radius_m);
+  const auto contradict = [&] {
+    for (int i = 0; i < 40; ++i) doubts.compare(std::vector{beside(0, 0, 0), beside(1, 0, 5), beside(2, 0, 0)}, 0, 0);
+  };
+  contradict();
+  for (std::size_t c = 0; c < 3; ++c) EXPECT_GE(std::sqrt(doubts.variance_px2(c)), 5) << c;
+  EXPECT_FALSE(doubts.is_nobody_believed()) << "two agree here";
+  prove(doubts, {0, 2});
+  contradict();
+  EXPECT_EQ(doubts.variance_px2(0), 0);
+  EXPECT_NEAR(std::sqrt(doubts.variance_px2(1)), 5, 2);
+}
+
+// Where nobody knows the times of what moves, views agree with anything.
+TEST(ViewDoubts, whatCouldNotContradictProvesNothing) {
+  ViewDoubts doubts(2, radius_m);
+  for (int place = 0; place < 5; ++place) {
+    std::vector views{beside(0, 0, 0), beside(1, 0, 0)};
+    for (SeenBeside& view : views) view.px.x() = 100.0 * place, view.covariance *= 25 * 25;
+    doubts.compare(views, 0, 0);
+  }
+  for (int i = 0; i < 40; ++i) doubts.compare(std::vector{beside(0, 0, 0), beside(1, 0, 5)}, 0, 0);
+  EXPECT_TRUE(doubts.is_nobody_believed());
+  for (std::size_t c = 0; c < 2; ++c) EXPECT_GE(std::sqrt(doubts.variance_px2(c)), 5) << c;
+}
+
 // Of two cameras that could be wrong, each by what it would take, however well the third one sees them.
 TEST(ViewDoubts, eachOfTwoThatCouldBeWrongIsDoubted) {
-  ViewDoubts doubts(3);
+  ViewDoubts doubts(3, radius_m);
+  prove(doubts, {0, 2});
   for (int i = 0; i < 40; ++i) {
     Disagreement apart{.off_px = 4, .expected_px2 = 0.04, .share_i = 0.5, .share_j = 0.5};
     Disagreement together{.off_px = 0.1, .expected_px2 = 0.04, .share_i = 0.8, .share_j = 0.2};
@@ -341,7 +387,8 @@ TEST(ViewDoubts, anErrorAlongTheLinesIsAsLargeAsItTakes) {
   if (across_both.dot(second.across_i) < 0) second.across_i = -second.across_i;
   across_both = (across_both + second.across_i.normalized()).normalized();
   const Vector2d error = 20 * Vector2d(-across_both.y(), across_both.x());
-  ViewDoubts doubts(3);
+  ViewDoubts doubts(3, radius_m);
+  prove(doubts, {1, 2});
   for (int i = 0; i < 40; ++i)
     doubts.compare(std::vector{tilted(0, error), tilted(1, {0, 0}), tilted(2, {0, 0})}, 0, 0);
   ASSERT_LT(std::abs(first.across_i.normalized().dot(error)), 10);  // half of it is seen across, at most
@@ -352,7 +399,7 @@ TEST(ViewDoubts, anErrorAlongTheLinesIsAsLargeAsItTakes) {
 
 // A frame that is shown once more, something else of the colour: as long as it is rare.
 TEST(ViewDoubts, rareOnesMoveNothing) {
-  ViewDoubts doubts(2);
+  ViewDoubts doubts(2, radius_m);
   for (int i = 0; i < 100; ++i) {
     doubts.compare(std::vector{beside(0, 0, 0.1 * ((i % 5) - 2)), beside(1, 0, i % 6 == 5 && i > 8 ? 20 : 0)}, 0, 0);
     EXPECT_FALSE(doubts.any()) << i;
@@ -361,7 +408,7 @@ TEST(ViewDoubts, rareOnesMoveNothing) {
 
 // A region of furniture that was taken for the object in three frames is believed then, and not for long after.
 TEST(ViewDoubts, whatWasBriefIsForgotten) {
-  ViewDoubts doubts(2);
+  ViewDoubts doubts(2, radius_m);
   for (int i = 0; i < 60; ++i) {
     doubts.compare(std::vector{beside(0, 0, 0.1 * ((i % 5) - 2)), beside(1, 0, i >= 20 && i < 23 ? 90 : 0)}, 0, 0);
     EXPECT_EQ(doubts.any(), i == 21 || i == 22) << i;

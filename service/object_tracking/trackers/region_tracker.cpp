@@ -247,10 +247,11 @@ void RegionTracker::start_at(const ObjectSearch::Find& find, capture::Timestamp 
 }
 
 // What was found in a room of its colour, and may be a part of the room as well, is followed but not told: of nobody it
-// is known where he is.
+// is known where he is. So is what was found by views that contradict one another, none of which is to be believed.
 TrackState RegionTracker::told_state() {
   is_known_ = is_known_ || state_ == TrackState::tracking;
-  const bool is_tentative = state_ == TrackState::coasting && !is_known_ && still_color_.is_room_shared();
+  const bool is_tentative = state_ == TrackState::coasting && !is_known_ &&
+                            (still_color_.is_room_shared() || agreement_.is_nobody_believed());
   const bool was_told = told_ == TrackState::tracking || told_ == TrackState::coasting;
   if (!is_tentative)
     told_ = state_;
