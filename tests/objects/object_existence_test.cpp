@@ -83,8 +83,10 @@ TEST(ObjectExistence, WhatLiesBesideWhereItIsExpectedIsChance) {
   belief.begin({}, {0.02, 0, 1}, 1e-5, {0.6, 0, 0}, 0.1);
   existence.update({}, belief, 1.0, room.sightings({0.02, 0, 1}), {}, radius_m, room.clutter, room.still);
   EXPECT_TRUE(existence.is_sure());
+  EXPECT_FALSE(existence.is_chance());
   existence.update({}, belief, 1.0, room.sightings({0.02, 0, 1}, 40), {}, radius_m, room.clutter, room.still);
   EXPECT_FALSE(existence.is_sure());
+  EXPECT_TRUE(existence.is_chance());
   EXPECT_FALSE(existence.is_refuted());  // it was there
 }
 

@@ -26,10 +26,15 @@ double log_density(const Eigen::Vector2d& d, const Eigen::Matrix2d& covariance) 
          0.5 * d.dot(covariance.inverse() * d);
 }
 
+struct Evidence {
+  double of_seen = 0, of_missing = 0;  // logarithms of odds
+  double all() const { return of_seen + of_missing; }
+};
+
 // Sightings one after the other: what one says is where the next is expected.
-double evidence_of(ExpectedPlace at, std::span<const Sighting> sightings, const std::vector<TargetView>& views,
-                   double radius_m, const ClutterMap& clutter, const StillColor& still) {
-  double evidence = 0;
+Evidence evidence_of(ExpectedPlace at, std::span<const Sighting> sightings, const std::vector<TargetView>& views,
+                     double radius_m, const ClutterMap& clutter, const StillColor& still) {
+  Evidence evidence;
   for (const Sighting& s : sightings) {
     const auto in_view = appearance_of(*s.camera, at.position, radius_m);
     if (!in_view) continue;
@@ -38,8 +43,9 @@ double evidence_of(ExpectedPlace at, std::span<const Sighting> sightings, const 
     const Eigen::Matrix<double, 2, 3>& by = in_view->jacobian;
     const Eigen::Matrix2d expected = by * at.covariance * by.transpose() + of_sighting;
     const Eigen::Vector2d d = s.px - in_view->px;
-    evidence += std::log(detection_probability / clutter.density(static_cast<std::size_t>(s.row.camera), s.px)) +
-                log_density(d, expected);
+    evidence.of_seen +=
+        std::log(detection_probability / clutter.density(static_cast<std::size_t>(s.row.camera), s.px)) +
+        log_density(d, expected);
     const Eigen::Matrix<double, 3, 2> gain = at.covariance * by.transpose() * expected.inverse();
     at.position += gain * d;
     at.covariance = ((Eigen::Matrix3d::Identity() - gain * by) * at.covariance).eval();
@@ -50,7 +56,7 @@ double evidence_of(ExpectedPlace at, std::span<const Sighting> sightings, const 
     const auto in_view = appearance_of(*view.camera, at.position, radius_m);
     if (!in_view || !view.camera->contains({in_view->px})) continue;
     if (still.may_cut(static_cast<std::size_t>(view.index), in_view->px, in_view->radius_px)) continue;
-    evidence += std::log(1 - detection_probability);
+    evidence.of_missing += std::log(1 - detection_probability);
   }
   return evidence;
 }
@@ -114,8 +120,10 @@ void ObjectExistence::begin(capture::Timestamp set_at, const Birth& birth, const
                            birth.earlier.covariance + way_m * way_m * Eigen::Matrix3d::Identity()};
   has_been_sure_ = false;
   whole_at_ = set_at, on_cut_s_ = whole_of(birth.now.sightings, still) >= 2 ? 0 : 2 * longest_on_cut_s_;
-  of_set_ = evidence_of(near, birth.now.sightings, views, radius_m, clutter, still);
-  evidence_ = std::min(most, of_set_ + evidence_of(anywhere, birth.earlier.sightings, {}, radius_m, clutter, still));
+  of_set_ = evidence_of(near, birth.now.sightings, views, radius_m, clutter, still).all();
+  is_chance_ = false;
+  evidence_ =
+      std::min(most, of_set_ + evidence_of(anywhere, birth.earlier.sightings, {}, radius_m, clutter, still).all());
   at_first_ = std::min(0.0, evidence_);
   has_moved_ = at_first_ >= 0, is_overdue_ = false;
   found_at_ = birth.now.position, found_when_ = set_at;
@@ -133,14 +141,15 @@ void ObjectExistence::update(capture::Timestamp set_at, const MotionBelief& beli
   if (set_at > whole_at_) on_cut_s_ = std::max(on_cut_s_, capture::seconds(set_at - whole_at_));
   has_moved_ = has_moved_ || (at.position - found_at_).norm() > 2 * radius_m;
   is_overdue_ = !has_moved_ && capture::seconds(set_at - found_when_) > longest_at_rest_s;
-  of_set_ = evidence_of(at, sightings, views, radius_m, clutter, still);
+  const Evidence evidence = evidence_of(at, sightings, views, radius_m, clutter, still);
+  of_set_ = evidence.all(), is_chance_ = evidence.of_seen < 0;
   evidence_ = std::min(most, evidence_ + of_set_);
   has_been_sure_ = has_been_sure_ || is_sure();
   if (has_been_sure_) evidence_ = std::max(0.0, evidence_);
 }
 
 void ObjectExistence::assume() {
-  evidence_ = most, of_set_ = 0, on_cut_s_ = 0, has_been_sure_ = has_moved_ = true;
+  evidence_ = most, of_set_ = 0, is_chance_ = false, on_cut_s_ = 0, has_been_sure_ = has_moved_ = true;
 }
 
 bool ObjectExistence::is_sure() const {

@@ -62,6 +62,8 @@ class ObjectExistence {
   // It is there, this set's views show it rather than anything else, and where it is does not stand on what may be cut
   // by furniture for longer than a usual motion leaves it within a diameter of where it was.
   bool is_sure() const;
+  // Chance explains what was sighted in the last set better than this object does: it says nothing of where that is.
+  bool is_chance() const { return is_chance_; }
   // It never was sure, and chance explains it better: and than when it was found, for what moves. What was sure coasts,
   // like all that is not seen any more.
   bool is_refuted() const;
@@ -76,6 +78,7 @@ class ObjectExistence {
   bool has_moved_ = true;  // by its diameter
   bool is_overdue_ = false;
   double of_set_ = 0;
+  bool is_chance_ = false;
   double on_cut_s_ = 0;  // since two views showed it whole, or its outline
   double longest_on_cut_s_ = 0;
   capture::Timestamp whole_at_{};

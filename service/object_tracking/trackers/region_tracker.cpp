@@ -49,8 +49,14 @@ ObjectEstimate RegionTracker::update(const capture::FrameSet& set) {
     agreement_.compare(views, set.at, filter_.belief(), sightings_, watched_, seen_regions_);
     seen_ = sightings_;
     seen_.insert(seen_.end(), watched_.begin(), watched_.end());
-    const double power_density = learn_acceleration(set, views);
+    const double acceleration_before = filter_.acceleration();
+    double power_density = learn_acceleration(set, views);
     weigh_existence(set.at, power_density, views);
+    if (existence_.is_chance()) {  // followed, furniture would lead it away
+      sightings_.clear();
+      filter_.set_acceleration(acceleration_before);
+      power_density = filter_.power_density();
+    }
     filter_.update(sightings_, set.at, last_reported_, power_density);
     judge(set);
     if (state_ == TrackState::tracking || state_ == TrackState::coasting) {
