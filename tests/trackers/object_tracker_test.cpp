@@ -770,6 +770,51 @@ TEST(ObjectTracker, HuesInOpenCvsUnitsAreFoundOutAndOthersAreNot) {
   EXPECT_FALSE(found_at_twice(45, 105, true));
 }
 
+// Two small balls that stick together are as large as the object, and no disc: while something of another colour looks
+// more like the object, they are not told. A ball is, whatever else there is.
+TEST(RegionTracker, TellsOfTwoThatMayBeTheObjectTheOneThatLooksLikeIt) {
+  const auto positions = [](bool is_lump, bool has_rival) {
+    scene::SceneBuilder builder;
+    builder.cameras_on_ring({.count = 3, .image_size = {640, 480}, .focal_px = 700});
+    if (!is_lump) builder.ball({.path = [](double) { return Vector3d(0.1, 0.1, 1.0); }});
+    for (const double z : {1.0, 1.05})
+      if (is_lump) builder.ball({.radius_m = 0.03, .path = [z](double) { return Vector3d(0.1, 0.1, z); }});
+    const scene::Scene scene = builder.build();
+    RegionTracker tracker(scene.rig, lime(), options_with(), particle_filter::Rng(1, 0));
+    tracker.set_rival(has_rival);
+    int positions = 0;
+    for (const capture::FrameSet& set : render(scene, {.set_count = 20}))
+      positions += tracker.update(set).has_position() ? 1 : 0;
+    return positions;
+  };
+  EXPECT_GT(positions(true, false), 10);
+  EXPECT_EQ(positions(true, true), 0);
+  EXPECT_GT(positions(false, true), 17);
+}
+
+// Furniture of the hue that was written, and the ball at twice that.
+TEST(ObjectTracker, FurnitureOfHalfTheHueIsNotTold) {
+  scene::SceneBuilder builder;
+  builder.cameras_on_ring({.count = 3, .image_size = {640, 480}, .focal_px = 700});
+  builder.ball({.path = [](double t) { return Vector3d(-0.5 + 0.4 * t, 0.1, 1.0); }});
+  for (const double z : {0.8, 0.85})
+    builder.ball({.name = "yellow", .radius_m = 0.03, .rgb = {0.8, 0.75, 0.1}, .path = [z](double) {
+                    return Vector3d(0.3, 0.4, z);
+                  }});
+  const scene::Scene scene = builder.build();
+  TargetOptions target = lime();
+  const auto positions = [&](double min_deg, double max_deg) {
+    target.color.hue_min_deg = min_deg, target.color.hue_max_deg = max_deg;
+    ObjectTracker tracker(scene.rig, target, options_with());
+    int positions = 0;
+    for (const capture::FrameSet& set : render(scene, {.set_count = 60}))
+      positions += tracker.update(set).has_position() ? 1 : 0;
+    return positions;
+  };
+  EXPECT_EQ(positions(33, 57), 0);
+  EXPECT_GT(positions(65, 115), 55);
+}
+
 // What is tracked of a colour that turned out to be another's is let go of: what stands is no object from then on, and
 // what moves is found again.
 TEST(RegionTracker, WhoseColorIsDistrustedFindsOnlyWhatMoves) {

@@ -35,8 +35,8 @@ std::optional<TargetOptions> at_twice_the_hue(TargetOptions target) {
   return target;
 }
 
-// Looks for the target at twice its hue, while it is not found at its own: for some seconds, and once, as it takes as
-// long as the search itself.
+// Looks for the target at twice its hue, while it is not found at its own, or what was found there may be anything: for
+// some seconds, and once, as it takes as long as the search itself.
 class TwiceTheHue {
  public:
   TwiceTheHue(const calib::CameraRig& rig, const TargetOptions& target, const ObjectTrackerOptions& options)
@@ -44,18 +44,21 @@ class TwiceTheHue {
     if (target_) rig_ = rig, options_ = options;
   }
 
-  void look(const capture::FrameSet& set, TrackState state) {
+  // Before the tracker looks at the set. state: of what was found at its own hue, in the last one; is_sure: it looks
+  // like the object.
+  void look(const capture::FrameSet& set, TrackState state, bool is_sure) {
     if (!target_) return;
     if (!began_at_) began_at_ = set.at;
     if (state != TrackState::tracking || !tracking_since_) tracking_since_ = set.at;
     const double in_use_s = capture::seconds(set.at - *began_at_);
     if (capture::seconds(set.at - *tracking_since_) > found_after_s || in_use_s > longest_s) return end();
     if (!tracker_) {
-      if (in_use_s < patience_s || state == TrackState::tracking) return;
+      if (state == TrackState::tracking && is_sure) return;
       tracker_ = std::make_unique<RegionTracker>(rig_, *target_, options_, particle_filter::Rng(options_.seed, 0x48));
     }
     const ObjectEstimate estimate = tracker_->update(set);
-    if (estimate.state != TrackState::tracking) {
+    is_tracked_ = estimate.state == TrackState::tracking;
+    if (!is_tracked_) {
       sets_ = 0;
       return;
     }
@@ -63,12 +66,16 @@ class TwiceTheHue {
     is_found_ = sets_ >= least_sets && (estimate.position - from_).norm() > least_way_m;
     if (is_found_) end();
   }
+  // It looks like the object as well, there.
+  bool is_rival() const {
+    return is_found_ || (tracker_ && is_tracked_ && tracker_->discs_seen() >= RegionTracker::sure_discs);
+  }
   bool is_found() const { return is_found_; }
   // nullptr: it looks for nothing (any more).
   const TargetOptions* target() const { return target_ ? &*target_ : nullptr; }
 
  private:
-  static constexpr double patience_s = 0.4, found_after_s = 1, longest_s = 8;
+  static constexpr double found_after_s = 1, longest_s = 8;
   static constexpr int least_sets = 10;
   static constexpr double least_way_m = 0.1;  // furniture does not move
 
@@ -84,7 +91,7 @@ class TwiceTheHue {
   std::optional<capture::Timestamp> began_at_, tracking_since_;
   int sets_ = 0;  // of tracking, one after the other
   Eigen::Vector3d from_ = Eigen::Vector3d::Zero();
-  bool is_found_ = false;
+  bool is_tracked_ = false, is_found_ = false;
 };
 
 }  // namespace
@@ -107,18 +114,24 @@ struct ObjectTracker::Impl {
     return Tracker(std::in_place_type<ManyTracker>, rig, target, options, stream);
   }
 
+  // By what was found at the colour's own hue so far.
+  void look_at_twice_the_hue(const capture::FrameSet& set) {
+    auto* one = std::get_if<RegionTracker>(&tracker);
+    const bool was_found = twice_the_hue.is_found();
+    twice_the_hue.look(set, last_state, one == nullptr || one->discs_seen() >= RegionTracker::sure_discs);
+    if (one == nullptr) return;
+    one->set_rival(twice_the_hue.is_rival());
+    // A target that has not come yet is not doubted because something else moves.
+    const bool has_track = last_state == TrackState::tracking || last_state == TrackState::coasting;
+    if (has_track && twice_the_hue.is_found() && !was_found) one->distrust_color(set.at);
+  }
+
   // One of several objects stands for the colour of all: the first one that is tracked.
   void learn_colour(const capture::FrameSet& set, std::span<const ObjectEstimate> estimates) {
     const auto tracked = std::ranges::find(estimates, TrackState::tracking, &ObjectEstimate::state);
     const ObjectEstimate& estimate = tracked != estimates.end() ? *tracked : estimates.front();
     watch.look(set, estimate, follower.in_force());
-    const bool was_found = twice_the_hue.is_found();
-    twice_the_hue.look(set, estimate.state);
-    // A target that has not come yet is not doubted because something else moves.
-    const bool has_track = estimate.state == TrackState::tracking || estimate.state == TrackState::coasting;
-    if (auto* one = std::get_if<RegionTracker>(&tracker);
-        one != nullptr && has_track && twice_the_hue.is_found() && !was_found)
-      one->distrust_color(set.at);
+    last_state = estimate.state;
     if (adapts) std::visit([&](auto& t) { follower.follow(set, estimate, watch, t.views()); }, tracker);
   }
 
@@ -127,6 +140,7 @@ struct ObjectTracker::Impl {
   ColorWatch watch;
   ColorFollower follower;
   TwiceTheHue twice_the_hue;
+  TrackState last_state = TrackState::searching;  // of the estimate that stands for the colour
 };
 
 ObjectTracker::ObjectTracker(const calib::CameraRig& rig, const TargetOptions& target,
@@ -209,6 +223,7 @@ void ObjectTracker::take_the_place_of(const ObjectTracker& before) {
 }
 
 void ObjectTracker::update(const capture::FrameSet& set, std::vector<ObjectEstimate>& out) {
+  impl_->look_at_twice_the_hue(set);
   if (auto* many = std::get_if<ManyTracker>(&impl_->tracker)) {
     many->update(set, out);
   } else {

@@ -9,6 +9,17 @@ namespace huetrack::object_trackers {
 
 using namespace object_tracking;
 using namespace objects;
+
+namespace {
+
+// An outline is as round as the disc that was fitted to it, whatever is there.
+unsigned discs_of(std::span<const Sighting> sightings) {
+  return static_cast<unsigned>(
+      std::ranges::count_if(sightings, [](const Sighting& s) { return !s.is_outline && is_whole_disc(s); }));
+}
+
+}  // namespace
+
 RegionTracker::RegionTracker(const calib::CameraRig& rig, const TargetOptions& target,
                              const ObjectTrackerOptions& options, particle_filter::Rng rng)
     : target_(target),
@@ -247,17 +258,23 @@ void RegionTracker::start_compared(const ObjectSearch::Find& find, capture::Time
 void RegionTracker::start_at(const ObjectSearch::Find& find, capture::Timestamp set_at) {
   last_reported_ = capture::Timestamp::min();
   is_known_ = false;
+  discs_seen_ = 0;
   sightings_ = filter_.start(find.earlier, find.now, agreement_, set_at, find.dt, sets_apart_ == 0, last_reported_);
   seen_ = sightings_;
   still_color_.mark_cut(sightings_);
 }
 
 // What was found in a room of its colour, and may be a part of the room as well, is followed but not told: of nobody it
-// is known where he is. So is what was found by views that contradict one another, none of which is to be believed.
+// is known where he is. So is what was found by views that contradict one another, none of which is to be believed, and
+// what something else that may be the object looks more like than this does.
 TrackState RegionTracker::told_state() {
-  is_known_ = is_known_ || state_ == TrackState::tracking;
-  const bool is_tentative = state_ == TrackState::coasting && !is_known_ &&
-                            (still_color_.is_room_shared() || agreement_.is_nobody_believed());
+  if (state_ == TrackState::tracking || state_ == TrackState::coasting)
+    discs_seen_ = std::max(discs_seen_, discs_of(sightings_));
+  const bool is_another_likelier = has_rival_ && discs_seen_ < sure_discs;
+  is_known_ = is_known_ || (state_ == TrackState::tracking && !is_another_likelier);
+  const bool may_be_furniture =
+      state_ == TrackState::coasting && (still_color_.is_room_shared() || agreement_.is_nobody_believed());
+  const bool is_tentative = !is_known_ && (may_be_furniture || is_another_likelier);
   const bool was_told = told_ == TrackState::tracking || told_ == TrackState::coasting;
   if (!is_tentative)
     told_ = state_;

@@ -55,6 +55,13 @@ class RegionTracker {
   // The colour is not the object's (SearchFindings::is_found_at_twice_the_hue): what was found is something else, and
   // from now on only what moves is.
   void distrust_color(capture::Timestamp set_at);
+  static constexpr unsigned sure_discs = 2;
+  // In how many views of one set it showed a whole disc of its size, at most, since it was found: what is no ball
+  // rarely does in two that agree where it is.
+  unsigned discs_seen() const { return discs_seen_; }
+  // Something else may be the object, and shows two such discs: before this one does, it is not told. Holds for the
+  // next sets.
+  void set_rival(bool has_rival) { has_rival_ = has_rival; }
   void correct_times(std::span<const double> late_s);
   object_tracking::TargetViews& views() { return views_; }
   const object_tracking::TargetViews& views() const { return views_; }
@@ -99,7 +106,9 @@ class RegionTracker {
   object_tracking::SeenRegions seen_regions_;       // of this set
 
   object_tracking::TrackState state_ = object_tracking::TrackState::searching;
-  bool is_known_ = false;                                                      // it was tracked since it was found
+  bool is_known_ = false;  // it was told as tracked since it was found
+  bool has_rival_ = false;
+  unsigned discs_seen_ = 0;
   object_tracking::TrackState told_ = object_tracking::TrackState::searching;  // in the last set
   capture::Timestamp last_at_{}, last_tracking_{};                             // of the sets
   unsigned finds_out_of_reach_ = 0;                                            // in the last sets, one after the other
