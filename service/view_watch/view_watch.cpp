@@ -219,7 +219,7 @@ class Suppositions {
   }
 
   // Of one camera seen in few places, another focal length looks like a turn. That it is one of the two is known, and
-  // is one answer.
+  // is one answer, as sure as the turn is: a focal length that is off by a little is no mistake by itself.
   void join_turn_and_zoom() {
     if (answers_.size() < 2 || cost(answers_[0]) <= clearly_better * cost(answers_[1])) return;
     Answer &first = answers_[0], &second = answers_[1];
@@ -228,7 +228,7 @@ class Suppositions {
     if (turn.mistake.kind != MistakeKind::turned || zoom.mistake.kind != MistakeKind::zoomed ||
         turn.mistake.cameras != zoom.mistake.cameras)
       return;
-    Answer joined{turn.mistake, std::min(turn.score, zoom.score), turn.is_sure && zoom.is_sure};
+    Answer joined{turn.mistake, std::min(turn.score, zoom.score), turn.is_sure};
     joined.mistake.zoom = zoom.mistake.size;
     answers_.erase(answers_.begin());
     answers_.front() = std::move(joined);
