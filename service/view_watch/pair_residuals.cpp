@@ -46,6 +46,11 @@ double PairResiduals::usual_px() const {
   return calib::median(std::move(sizes));
 }
 
+PairComparison::PairComparison(const calib::CameraRig& rig) : rig_(rig) {
+  for (const calib::Camera& camera : rig.cameras)
+    focal_px_.push_back(focal_px(camera)), centres_.push_back(camera.centre());
+}
+
 // The sample k of the frames that are taken for camera `slot`'s, as the camera sees it that really took them.
 PairComparison::Placed PairComparison::placed(const std::vector<Track>& tracks, std::size_t slot, std::size_t k,
                                               const Supposition& with) const {
@@ -107,12 +112,10 @@ PairResiduals PairComparison::residuals(const PlacedTrack& of_i, const PlacedTra
   if (of_i.size() > of_j.size()) return residuals(of_j, of_i, j, i, with, times);
   PairResiduals out;
   if (of_i.size() < least_samples) return out;
-  const auto real = [&](std::size_t slot) -> const calib::Camera& {
-    return rig_.cameras[with.really.empty() ? slot : with.really[slot]];
-  };
-  const Eigen::Vector3d ci = real(i).centre(), cj = real(j).centre();
-  const Eigen::Vector3d base = cj - ci;
-  const double fi = focal_px(real(i)), fj = focal_px(real(j));
+  for (auto* of : {&out.off_px, &out.expected, &out.radius_m}) of->reserve(of_i.size());
+  const auto real = [&](std::size_t slot) { return with.really.empty() ? slot : with.really[slot]; };
+  const Eigen::Vector3d base = centres_[real(j)] - centres_[real(i)];
+  const double fi = focal_px_[real(i)], fj = focal_px_[real(j)];
   const double time_sigma_s = std::hypot(times[i], times[j]);
   std::size_t next = 1;
   for (const Placed& a : of_i) {
@@ -162,6 +165,21 @@ PairResiduals PairComparison::residuals(const PlacedTrack& of_i, const PlacedTra
   return out;
 }
 
+std::vector<double> PairComparison::off_in_sigmas(const std::vector<Track>& tracks,
+                                                  const std::vector<PlacedTrack>& as_is, const Supposition& with,
+                                                  const TimeSigmas& times) const {
+  const PlacedTrack of_camera = placed(tracks, with.camera, with);
+  std::vector<double> in_sigmas;
+  in_sigmas.reserve(tracks.size() * of_camera.size());
+  for (std::size_t other = 0; other < tracks.size(); ++other) {
+    if (other == with.camera) continue;
+    const PairResiduals pair = residuals(of_camera, as_is[other], with.camera, other, with, times);
+    if (pair.off_px.size() < least_samples) continue;
+    for (std::size_t k = 0; k < pair.off_px.size(); ++k) in_sigmas.push_back(pair.off_px[k] / pair.expected[k]);
+  }
+  return in_sigmas;
+}
+
 void PairComparison::add(Agreement& agreement, const PairResiduals& pair) {
   if (pair.off_px.size() < least_samples) return;
   const double usual = pair.usual();
@@ -208,19 +226,6 @@ double places_of(const Track& track) {
   return places;
 }
 
-// Of all pairs of this camera, in what is expected of each.
-std::vector<double> off_in_sigmas(const PairComparison& comparison, const std::vector<Track>& tracks,
-                                  const Supposition& with, const TimeSigmas& times) {
-  std::vector<double> in_sigmas;
-  for (std::size_t other = 0; other < tracks.size(); ++other) {
-    if (other == with.camera) continue;
-    const PairResiduals pair = comparison.residuals(tracks, with.camera, other, with, times);
-    if (pair.off_px.size() < PairComparison::least_samples) continue;
-    for (std::size_t k = 0; k < pair.off_px.size(); ++k) in_sigmas.push_back(pair.off_px[k] / pair.expected[k]);
-  }
-  return in_sigmas;
-}
-
 constexpr double huber = 2;
 double huber_cost(const std::vector<double>& off) {
   double sum = 0;
@@ -242,8 +247,9 @@ std::optional<BestTurn> best_turn(const PairComparison& comparison, const std::v
   constexpr double furthest_rad = 0.26, step_rad = 1e-4, settled_rad = 2e-5;
   constexpr double usual_rad = 0.05;  // of a tripod that somebody knocked
   constexpr int iterations = 12;
+  const std::vector<PairComparison::PlacedTrack> as_is = comparison.all_placed(tracks, {});
   const auto off_at = [&](const Eigen::Vector3d& turn) {
-    return off_in_sigmas(comparison, tracks, {.camera = camera, .turn_rad = turn}, times);
+    return comparison.off_in_sigmas(tracks, as_is, {.camera = camera, .turn_rad = turn}, times);
   };
   Eigen::Vector3d turn = Eigen::Vector3d::Zero();
   std::vector<double> off = off_at(turn);
@@ -293,11 +299,12 @@ BestZoom best_zoom(const PairComparison& comparison, const std::vector<Track>& t
                    const TimeSigmas& times) {
   constexpr double coarse = 1.04, fine = 1.005;
   constexpr int coarse_steps = 12, fine_steps = 7;
+  const std::vector<PairComparison::PlacedTrack> as_is = comparison.all_placed(tracks, {});
   const auto off_at = [&](double zoom) {
-    return off_in_sigmas(comparison, tracks, {.camera = camera, .zoom = zoom}, times);
+    return comparison.off_in_sigmas(tracks, as_is, {.camera = camera, .zoom = zoom}, times);
   };
-  const std::vector<double> as_is = off_at(1);
-  const double without = huber_cost(as_is);
+  const std::vector<double> off = off_at(1);
+  const double without = huber_cost(off);
   double best_zoom = 1, best = without;
   const auto consider = [&](double zoom) {
     if (const double cost = huber_cost(off_at(zoom)); cost < best) best = cost, best_zoom = zoom;
@@ -305,7 +312,7 @@ BestZoom best_zoom(const PairComparison& comparison, const std::vector<Track>& t
   for (int k = 1; k <= coarse_steps; ++k) consider(std::pow(coarse, k)), consider(std::pow(coarse, -k));
   const double about = best_zoom;
   for (int k = 1; k <= fine_steps; ++k) consider(about * std::pow(fine, k)), consider(about * std::pow(fine, -k));
-  return {best_zoom, as_is.empty() ? 0 : share_of_places(tracks[camera], as_is.size()) * (without - best)};
+  return {best_zoom, off.empty() ? 0 : share_of_places(tracks[camera], off.size()) * (without - best)};
 }
 
 namespace {

@@ -57,7 +57,7 @@ using TimeSigmas = std::vector<double>;
 // Pure; lent the rig.
 class PairComparison {
  public:
-  explicit PairComparison(const calib::CameraRig& rig) : rig_(rig) {}
+  explicit PairComparison(const calib::CameraRig& rig);
 
   static constexpr std::size_t least_samples = 12;
 
@@ -76,9 +76,6 @@ class PairComparison {
   Agreement agreement_of(const std::vector<Track>& tracks, std::size_t camera, bool with_it, const Supposition& with,
                          const TimeSigmas& times) const;
 
-  const calib::CameraRig& rig() const { return rig_; }
-
- private:
   struct Placed {  // one sample in the world
     Eigen::Vector3d direction;
     double t_s;
@@ -86,14 +83,22 @@ class PairComparison {
     double sigma_px;
     double px_per_s;
   };
-  Placed placed(const std::vector<Track>& tracks, std::size_t slot, std::size_t k, const Supposition& with) const;
   using PlacedTrack = std::vector<Placed>;  // of the frames that are taken for one camera's
-  PlacedTrack placed(const std::vector<Track>& tracks, std::size_t slot, const Supposition& with) const;
   std::vector<PlacedTrack> all_placed(const std::vector<Track>& tracks, const Supposition& with) const;
+  // Of all pairs of with.camera, in what is expected of each. as_is: all_placed() without a supposition. Of `with` only
+  // what is otherwise with that camera counts: the others stay as they are placed.
+  std::vector<double> off_in_sigmas(const std::vector<Track>& tracks, const std::vector<PlacedTrack>& as_is,
+                                    const Supposition& with, const TimeSigmas& times) const;
+
+ private:
+  Placed placed(const std::vector<Track>& tracks, std::size_t slot, std::size_t k, const Supposition& with) const;
+  PlacedTrack placed(const std::vector<Track>& tracks, std::size_t slot, const Supposition& with) const;
   PairResiduals residuals(const PlacedTrack& of_i, const PlacedTrack& of_j, std::size_t i, std::size_t j,
                           const Supposition& with, const TimeSigmas& times) const;
 
   const calib::CameraRig& rig_;
+  std::vector<double> focal_px_;          // per camera
+  std::vector<Eigen::Vector3d> centres_;  // in the world
 };
 
 // The turn of this camera that makes it agree best with the others.
