@@ -67,9 +67,7 @@ class TwiceTheHue {
     if (is_found_) end();
   }
   // It looks like the object as well, there.
-  bool is_rival() const {
-    return is_found_ || (tracker_ && is_tracked_ && tracker_->discs_seen() >= RegionTracker::sure_discs);
-  }
+  bool is_rival() const { return is_found_ || (tracker_ && is_tracked_ && tracker_->looks_like_object()); }
   bool is_found() const { return is_found_; }
   // nullptr: it looks for nothing (any more).
   const TargetOptions* target() const { return target_ ? &*target_ : nullptr; }
@@ -101,6 +99,7 @@ struct ObjectTracker::Impl {
        std::uint64_t stream)
       : tracker(made(rig, target, options, stream)),
         adapts(target.adapts_color && options.observation == Observation::huetrack),
+        is_ball(target.shape != TargetShape::blob),
         watch(rig, target),
         follower(rig, target),
         twice_the_hue(rig, target, options) {}
@@ -118,9 +117,9 @@ struct ObjectTracker::Impl {
   void look_at_twice_the_hue(const capture::FrameSet& set) {
     auto* one = std::get_if<RegionTracker>(&tracker);
     const bool was_found = twice_the_hue.is_found();
-    twice_the_hue.look(set, last_state, one == nullptr || one->discs_seen() >= RegionTracker::sure_discs);
+    twice_the_hue.look(set, last_state, one == nullptr || one->looks_like_object());
     if (one == nullptr) return;
-    one->set_rival(twice_the_hue.is_rival());
+    one->set_rival(is_ball && twice_the_hue.is_rival());
     // A target that has not come yet is not doubted because something else moves.
     const bool has_track = last_state == TrackState::tracking || last_state == TrackState::coasting;
     if (has_track && twice_the_hue.is_found() && !was_found) one->distrust_color(set.at);
@@ -136,7 +135,7 @@ struct ObjectTracker::Impl {
   }
 
   Tracker tracker;
-  bool adapts;
+  bool adapts, is_ball;
   ColorWatch watch;
   ColorFollower follower;
   TwiceTheHue twice_the_hue;

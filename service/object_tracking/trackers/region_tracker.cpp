@@ -12,10 +12,10 @@ using namespace objects;
 
 namespace {
 
-// An outline is as round as the disc that was fitted to it, whatever is there.
-unsigned discs_of(std::span<const Sighting> sightings) {
-  return static_cast<unsigned>(
-      std::ranges::count_if(sightings, [](const Sighting& s) { return !s.is_outline && is_whole_disc(s); }));
+// Does it show whole discs of its size in two views? An outline is as round as the disc that was fitted to it, whatever
+// is there.
+bool shows_discs(std::span<const Sighting> sightings) {
+  return std::ranges::count_if(sightings, [](const Sighting& s) { return !s.is_outline && is_whole_disc(s); }) >= 2;
 }
 
 }  // namespace
@@ -258,7 +258,8 @@ void RegionTracker::start_compared(const ObjectSearch::Find& find, capture::Time
 void RegionTracker::start_at(const ObjectSearch::Find& find, capture::Timestamp set_at) {
   last_reported_ = capture::Timestamp::min();
   is_known_ = false;
-  discs_seen_ = 0;
+  looks_like_object_ = false;
+  found_at_ = find.now.position;
   sightings_ = filter_.start(find.earlier, find.now, agreement_, set_at, find.dt, sets_apart_ == 0, last_reported_);
   seen_ = sightings_;
   still_color_.mark_cut(sightings_);
@@ -268,9 +269,13 @@ void RegionTracker::start_at(const ObjectSearch::Find& find, capture::Timestamp 
 // is known where he is. So is what was found by views that contradict one another, none of which is to be believed, and
 // what something else that may be the object looks more like than this does.
 TrackState RegionTracker::told_state() {
-  if (state_ == TrackState::tracking || state_ == TrackState::coasting)
-    discs_seen_ = std::max(discs_seen_, discs_of(sightings_));
-  const bool is_another_likelier = has_rival_ && discs_seen_ < sure_discs;
+  constexpr double furthest_parts_radii = 12;
+  if (state_ == TrackState::tracking || state_ == TrackState::coasting) {
+    const double way_m = (filter_.belief().position() - found_at_).norm();
+    looks_like_object_ =
+        looks_like_object_ || shows_discs(sightings_) || way_m > furthest_parts_radii * target_.radius_m;
+  }
+  const bool is_another_likelier = has_rival_ && !looks_like_object_;
   is_known_ = is_known_ || (state_ == TrackState::tracking && !is_another_likelier);
   const bool may_be_furniture =
       state_ == TrackState::coasting && (still_color_.is_room_shared() || agreement_.is_nobody_believed());

@@ -55,12 +55,10 @@ class RegionTracker {
   // The colour is not the object's (SearchFindings::is_found_at_twice_the_hue): what was found is something else, and
   // from now on only what moves is.
   void distrust_color(capture::Timestamp set_at);
-  static constexpr unsigned sure_discs = 2;
-  // In how many views of one set it showed a whole disc of its size, at most, since it was found: what is no ball
-  // rarely does in two that agree where it is.
-  unsigned discs_seen() const { return discs_seen_; }
-  // Something else may be the object, and shows two such discs: before this one does, it is not told. Holds for the
-  // next sets.
+  // Since it was found it showed whole discs of its size in two views of one set, which what is no ball rarely does, or
+  // went further than furniture has parts.
+  bool looks_like_object() const { return looks_like_object_; }
+  // Something else looks like the object: before this one does, it is not told.
   void set_rival(bool has_rival) { has_rival_ = has_rival; }
   void correct_times(std::span<const double> late_s);
   object_tracking::TargetViews& views() { return views_; }
@@ -108,7 +106,8 @@ class RegionTracker {
   object_tracking::TrackState state_ = object_tracking::TrackState::searching;
   bool is_known_ = false;  // it was told as tracked since it was found
   bool has_rival_ = false;
-  unsigned discs_seen_ = 0;
+  bool looks_like_object_ = false;
+  Eigen::Vector3d found_at_ = Eigen::Vector3d::Zero();
   object_tracking::TrackState told_ = object_tracking::TrackState::searching;  // in the last set
   capture::Timestamp last_at_{}, last_tracking_{};                             // of the sets
   unsigned finds_out_of_reach_ = 0;                                            // in the last sets, one after the other
