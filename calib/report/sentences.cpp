@@ -40,6 +40,9 @@ std::string choice_text(const solver::Intrinsics& lens) {
       return fmt::format(
           "{} predicts views that it was not fitted to as well ({:.3f} px) as {} ({:.3f} px), and is simpler",
           solver::name(chosen.lens), chosen.held_out_px, solver::name(best.lens), best.held_out_px);
+    case solver::LensChoice::together:
+      return fmt::format("{} fits what all cameras saw better than {}, which this camera's own views spoke for",
+                         solver::name(chosen.lens), solver::name(lens.trials.at(lens.alone).lens));
   }
   return fmt::format("{} was asked for", solver::name(chosen.lens));
 }

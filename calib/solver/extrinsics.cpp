@@ -14,6 +14,7 @@
 #include <numeric>
 #include <set>
 #include <tuple>
+#include <utility>
 
 #include "calib/model/cross_matrix.h"
 #include "calib/model/index.h"
@@ -502,6 +503,49 @@ std::optional<Adjustment> with_given_lenses(Extrinsics& result, const Adjustment
   return a;
 }
 
+// Two lens models that a camera's own views hardly tell apart differ by what moves all cameras: which of them it is, is
+// told by what all of them saw. start: with the models as chosen camera by camera; returned with those that fit better.
+// told: set, per camera: it is its rival.
+Adjustment with_models_told(const Extrinsics& result, Adjustment start, std::vector<bool>& told) {
+  const auto has_rival = [&](std::size_t c) {
+    return result.lenses[c] && result.lenses[c]->rival && start.cameras[c].lens_is_free;
+  };
+  told.assign(start.cameras.size(), false);
+  for (std::size_t c = 0; c < told.size(); ++c) told[c] = has_rival(c);
+  if (std::ranges::count(told, true) == 0) return start;
+  // At a glance, and on the same corners for both.
+  constexpr AdjustmentOptions glance{.find_outliers = false, .max_iterations = 20};
+  Adjustment best = start;
+  best.views = inliers(start);
+  best.stamp_error_s = stamp_errors_of_inliers(start);
+  best = adjust(std::move(best), glance);
+  const double residuals = 2.0 * best.corners_used;
+  for (std::size_t c = 0; c < told.size(); ++c) {
+    if (!told[c]) continue;
+    told[c] = false;
+    const LensModel model = result.lenses[c]->trials[*result.lenses[c]->rival].lens;
+    Adjustment trial = best;
+    trial.cameras[c] = start_like(best.cameras[c], model);
+    try {
+      trial = adjust(std::move(trial), glance);
+    } catch (const CalibrationError&) {
+      continue;
+    }
+    // By Schwarz's criterion, of -2 log likelihood.
+    const int more = parameter_count(model) - parameter_count(best.cameras[c].lens);
+    const double gain = 2 * residuals * std::log(best.noise_px / trial.noise_px);
+    if (!is_sound(trial.cameras[c]) || gain < more * std::log(residuals)) continue;
+    told[c] = true;
+    best = std::move(trial);
+  }
+  if (std::ranges::count(told, true) == 0) return start;
+  start.cameras = std::move(best.cameras);
+  start.world_from_board = std::move(best.world_from_board);
+  start.motions = std::move(best.motions);
+  start.carrying = best.carrying;
+  return start;
+}
+
 // The joint adjustment, with the lenses as options.refine_lens says. found: per camera: its lens is from these views,
 // rather than given and borne out. Sets adjustment, refinement and board_is_warped.
 void refine(Extrinsics& result, const Adjustment& placed, const ExtrinsicsOptions& options,
@@ -528,8 +572,17 @@ void refine(Extrinsics& result, const Adjustment& placed, const ExtrinsicsOption
     return take(std::move(*refined), LensRefinement::given_refined);
   if (!any_found) return take(std::move(held), LensRefinement::kept_as_given);
   if (options.progress) options.progress("the joint adjustment, with the lenses", 1, 3);
-  take(adjust_unfolded(freed(held), options.adjustment), LensRefinement::refined);
-  if (is_in_step(result.adjustment, result.alone_px, placed)) return;
+  std::vector<bool> told;
+  take(adjust_unfolded(with_models_told(result, freed(held), told), options.adjustment), LensRefinement::refined);
+  if (is_in_step(result.adjustment, result.alone_px, placed)) {
+    for (std::size_t c = 0; c < told.size(); ++c) {
+      if (!told[c]) continue;
+      Intrinsics& lens = *result.lenses[c];
+      lens.alone = std::exchange(lens.chosen, *lens.rival);
+      lens.choice = LensChoice::together;
+    }
+    return;
+  }
   take(std::move(held), LensRefinement::out_of_step);
 }
 

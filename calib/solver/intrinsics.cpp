@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <numeric>
 #include <tuple>
@@ -94,8 +95,9 @@ AdjustedCamera find_start(const board::Board& board, const AdjustedCamera& camer
 
 // A length, squared, robustly: beyond three standard deviations it counts linearly, and beyond what no lens leaves not
 // at all any more, so that a corner that was taken for another one does not decide.
+constexpr double gross_sigmas = 100;
 double robust_square(double length, double sigma) {
-  constexpr double sigmas = 3, gross_sigmas = 100;
+  constexpr double sigmas = 3;
   const double from = sigmas * sigma, l = std::min(length, gross_sigmas * sigma);
   return l < from ? l * l : from * (2 * l - from);
 }
@@ -183,6 +185,16 @@ bool has_pole(const AdjustedCamera& camera) {
   return false;
 }
 
+double sum(const std::vector<double>& values) {
+  return std::accumulate(values.begin(), values.end(), 0.0);
+}
+
+int corners_in(const std::vector<BoardView>& views) {
+  int count = 0;
+  for (const BoardView& view : views) count += static_cast<int>(view.ids.size());
+  return count;
+}
+
 // What a trial is judged by, beside the lens that was fitted.
 struct TrialFit {
   LensTrial trial;
@@ -212,10 +224,7 @@ TrialFit try_lens(const board::Board& board, AdjustedCamera start, const std::ve
   if (!is_near) start = adjust(posed(board, start, views), first).cameras.front();
   // Again with the board poses that suit this lens.
   Adjustment fit = adjust(posed(board, start, views), options);
-  const auto folds = [&] {
-    const AdjustedCamera& camera = fit.cameras.front();
-    return !covers_image(camera.model(), camera.image_size) || has_pole(camera);
-  };
+  const auto folds = [&] { return !is_sound(fit.cameras.front()); };
   const double free_rms = fit.rms_px;
   for (const double weight : {1.0, 10.0, 100.0, 100.0, 1000.0}) {
     if (!folds()) break;
@@ -224,28 +233,44 @@ TrialFit try_lens(const board::Board& board, AdjustedCamera start, const std::ve
   }
   constexpr double as_well = 1.01;  // as without the constraint, but for what the last iterations leave
   LensTrial trial{start.lens, true, LensFault::none, fit.rms_px, 0, 0, {}};
-  for (const BoardView& view : fit.views) trial.left_out += static_cast<int>(view.ids.size());
-  trial.left_out -= fit.corners_used;
+  trial.left_out = corners_in(fit.views) - fit.corners_used;
   trial.fault = folds() ? LensFault::folds : fit.rms_px > as_well * free_rms ? LensFault::fits_folded : LensFault::none;
   return {trial, std::move(fit)};
 }
 
-// Robust sum of squares over all corners, used or not.
-double all_corners(const Adjustment& fitted, double sigma) {
-  double sum = 0;
+// Robust sum of squares over all `corners` of the views that were given, used or not: those too of views that are not
+// among the fitted ones, because this lens allows no pose of the board there.
+double all_corners(const Adjustment& fitted, double sigma, int corners) {
+  double squares = (corners - corners_in(fitted.views)) * robust_square(gross_sigmas * sigma, sigma);
   for (const ViewFit& fit : fitted.fits) {
-    for (const auto& r : fit.residuals) sum += robust_square(r.norm(), sigma);
+    for (const auto& r : fit.residuals) squares += robust_square(r.norm(), sigma);
   }
-  return sum;
+  return squares;
+}
+
+// The same, a mean for each of the `views` that were given, without the tenth of them that leaves most: of few views
+// one whose board was taken for its mirrored twin, or that allows no pose, would decide for all.
+double without_worst_views(const Adjustment& fitted, double sigma, std::size_t views) {
+  constexpr double share = 0.9;
+  std::vector<double> left(views - fitted.views.size(), robust_square(gross_sigmas * sigma, sigma));
+  for (const ViewFit& fit : fitted.fits) {
+    left.push_back(0);
+    for (const auto& r : fit.residuals)
+      left.back() += robust_square(r.norm(), sigma) / static_cast<double>(fit.residuals.size());
+  }
+  std::ranges::sort(left);
+  left.resize(static_cast<std::size_t>(std::ceil(share * static_cast<double>(views))));
+  return sum(left);
 }
 
 // The fit that leaves the least over all corners, of the trials that are possible; their count: none is.
-std::size_t closest_fit(const std::vector<LensTrial>& trials, const std::vector<Adjustment>& fits, double sigma) {
+std::size_t closest_fit(const std::vector<LensTrial>& trials, const std::vector<Adjustment>& fits, double sigma,
+                        int corners) {
   std::size_t best = fits.size();
   double least = std::numeric_limits<double>::infinity();
   for (std::size_t i = 0; i < fits.size(); ++i) {
     if (!trials[i].possible) continue;
-    const double sum = all_corners(fits[i], sigma);
+    const double sum = all_corners(fits[i], sigma, corners);
     if (sum < least) {
       least = sum;
       best = i;
@@ -260,19 +285,6 @@ struct TrialInput {
   const std::vector<BoardView>& views;
   const AdjustmentOptions& options;
 };
-
-// The lens nearest to one that was fitted, of another model.
-AdjustedCamera start_like(const AdjustedCamera& fitted, LensModel lens) {
-  AdjustedCamera start = fitted;
-  start.lens = lens;
-  start.unfold = 0;
-  if (is_pinhole(fitted.lens) && is_pinhole(lens)) return start;  // one holds the other's coefficients
-  LensParameters plain = LensParameters::Zero();
-  plain.head<2>().setOnes();
-  start.parameters = parameters_of(
-      calib::nearest_lens(fitted.model(), fitted.image_size, camera_model(lens, plain), parameter_count(lens)).model);
-  return start;
-}
 
 // From what fits the views best so far; from nothing; and, where the lens was asked for and neither leads anywhere,
 // from another model. LensFault::unsolved: nothing did.
@@ -300,7 +312,7 @@ TrialFit try_from_all_starts(const TrialInput& in, LensModel lens, const std::ve
     try_start([&] { return find_start(in.board, empty, in.views); });
   if (!fits.empty()) {
     // Another pinhole's coefficients, or the lens that is nearest to the closest of those before.
-    const std::size_t closest = closest_fit(trials, fits, sigma_of(trials, fits));
+    const std::size_t closest = closest_fit(trials, fits, sigma_of(trials, fits), corners_in(in.views));
     if (closest < fits.size()) try_start([&] { return start_like(fits[closest].cameras.front(), lens); });
   }
   if (from_nothing && lens != LensModel::fisheye) try_start([&] { return find_start(in.board, empty, in.views); });
@@ -324,7 +336,7 @@ std::optional<Adjustment> first_glance(const board::Board& board, const Adjusted
                                        const std::vector<Adjustment>& fits) {
   AdjustedCamera start = camera;
   start.lens = lens;
-  const std::size_t closest = fits.empty() ? 0 : closest_fit(trials, fits, sigma_of(trials, fits));
+  const std::size_t closest = fits.empty() ? 0 : closest_fit(trials, fits, sigma_of(trials, fits), corners_in(views));
   const bool has_start = closest < fits.size();
   if (has_start && lens != LensModel::fisheye) {
     start = start_like(fits[closest].cameras.front(), lens);
@@ -337,10 +349,6 @@ std::optional<Adjustment> first_glance(const board::Board& board, const Adjusted
   }
   start.lens = lens;
   return glance_at(board, start, views);
-}
-
-double sum(const std::vector<double>& values) {
-  return std::accumulate(values.begin(), values.end(), 0.0);
 }
 
 // By more than a standard error of the sum of the views' differences. errors: beside one another.
@@ -357,10 +365,10 @@ using TellLens = std::function<void(const char* step, LensModel lens)>;
 // Chooses among the trials by cross-validation, on the corners that the closest model calls good: a model that is too
 // simple must not hide behind calling the image's corners outliers. Sets choice, chosen, best, compared_views.
 void choose_lens(Intrinsics& result, const board::Board& board, const std::string& camera,
-                 const std::vector<Adjustment>& fits, const TellLens& tell) {
+                 const std::vector<Adjustment>& fits, int corners, const TellLens& tell) {
   std::vector<LensTrial>& trials = result.trials;
   const double sigma = sigma_of(trials, fits);
-  const std::size_t closest = closest_fit(trials, fits, sigma);
+  const std::size_t closest = closest_fit(trials, fits, sigma, corners);
   if (closest == fits.size())
     throw CalibrationError(after("camera " + camera + ": no lens model fits the views: ", reasons_of(trials.front())));
   constexpr std::size_t most_views = 40, least_views = 8;
@@ -377,7 +385,9 @@ void choose_lens(Intrinsics& result, const board::Board& board, const std::strin
     tell("trying views that it was not fitted to: ", trials[i].lens);
     // A model that leaves twice as much where it was fitted predicts nothing better.
     constexpr double hopeless = 2;
-    if (!trials[i].possible || all_corners(fits[i], sigma) > hopeless * all_corners(fits[closest], sigma)) continue;
+    if (!trials[i].possible ||
+        all_corners(fits[i], sigma, corners) > hopeless * all_corners(fits[closest], sigma, corners))
+      continue;
     try {
       errors[i] = held_out_errors(board, fits[i].cameras.front(), good, sigma);
     } catch (const CalibrationError& error) {
@@ -395,15 +405,27 @@ void choose_lens(Intrinsics& result, const board::Board& board, const std::strin
   // soon within the chance of a prediction, while in the fit of all corners it shows (by Schwarz's criterion, BIC). The
   // richest model is held by what is believed of it, and does no harm.
   const auto fits_as_well = [&](std::size_t i, std::size_t as) {
-    const double excess = (all_corners(fits[i], sigma) - all_corners(fits[as], sigma)) / (sigma * sigma);
+    const double excess =
+        (all_corners(fits[i], sigma, corners) - all_corners(fits[as], sigma, corners)) / (sigma * sigma);
     const int more = parameter_count(trials[as].lens) - parameter_count(trials[i].lens);
     return excess < std::max(1, more) * std::log(2.0 * fits[as].corners_used);
   };
   result.chosen = result.best = best;
+  const auto name_rival = [&] {
+    constexpr double nearly = 1.01;  // as close a fit
+    double least = std::numeric_limits<double>::infinity();
+    for (std::size_t i = 0; i < fits.size(); ++i) {
+      if (i == result.chosen || errors[i].empty()) continue;
+      const double left = all_corners(fits[i], sigma, corners);
+      if (left > least || (i != best && left > nearly * all_corners(fits[closest], sigma, corners))) continue;
+      least = left;
+      result.rival = i;
+    }
+  };
   if (!errors[closest].empty() && !is_clearly_worse(errors[closest], errors[best]) && !fits_as_well(best, closest)) {
     result.chosen = closest;
     result.choice = LensChoice::closer;
-    return;
+    return name_rival();
   }
   for (std::size_t i = 0; i < best; ++i) {
     const bool is_simpler = parameter_count(trials[i].lens) < parameter_count(trials[best].lens);
@@ -414,9 +436,26 @@ void choose_lens(Intrinsics& result, const board::Board& board, const std::strin
     }
   }
   result.choice = result.chosen == best ? LensChoice::best : LensChoice::simpler;
+  name_rival();
 }
 
 }  // namespace
+
+AdjustedCamera start_like(const AdjustedCamera& fitted, LensModel lens) {
+  AdjustedCamera start = fitted;
+  start.lens = lens;
+  start.unfold = 0;
+  if (is_pinhole(fitted.lens) && is_pinhole(lens)) return start;  // one holds the other's coefficients
+  LensParameters plain = LensParameters::Zero();
+  plain.head<2>().setOnes();
+  start.parameters = parameters_of(
+      calib::nearest_lens(fitted.model(), fitted.image_size, camera_model(lens, plain), parameter_count(lens)).model);
+  return start;
+}
+
+bool is_sound(const AdjustedCamera& camera) {
+  return covers_image(camera.model(), camera.image_size) && !has_pole(camera);
+}
 
 bool covers_image(const calib::CameraModel& model, calib::ImageSize size) {
   for (int k = 0; k <= 16; ++k) {
@@ -486,15 +525,23 @@ Intrinsics calibrate_intrinsics(const board::Board& board, const std::string& na
     glanced.push_back(fit.value_or(Adjustment{}));
   }
   const double sigma = is_only ? 0 : sigma_of(glances, glanced);
-  const std::size_t closest = is_only ? 0 : closest_fit(glances, glanced, sigma);
+  double least = std::numeric_limits<double>::infinity(), least_without_worst = least;
+  for (std::size_t i = 0; i < glanced.size(); ++i) {
+    if (!glances[i].possible) continue;
+    least = std::min(least, all_corners(glanced[i], sigma, corners_in(some)));
+    least_without_worst = std::min(least_without_worst, without_worst_views(glanced[i], sigma, some.size()));
+  }
+  const auto is_far_off = [&](const Adjustment& glance) {
+    constexpr double far = 3, as_close = 1.05;
+    return all_corners(glance, sigma, corners_in(some)) > far * least &&
+           without_worst_views(glance, sigma, some.size()) > as_close * least_without_worst;
+  };
   const TrialInput input{board, camera, views, options.adjustment};
   for (std::size_t i = 0; i < candidates.size(); ++i) {
     const LensModel lens = candidates[i];
     tell("fitting ", lens);
     TrialFit tried;
-    constexpr double far = 3;
-    if (!is_only && glances[i].possible &&
-        all_corners(glanced[i], sigma) > far * all_corners(glanced[closest], sigma)) {
+    if (!is_only && glances[i].possible && is_far_off(glanced[i])) {
       tried.trial = glances[i];
       tried.trial.fault = LensFault::far_off;
       tried.trial.rms_px = glanced[i].rms_px;
@@ -516,7 +563,7 @@ Intrinsics calibrate_intrinsics(const board::Board& board, const std::string& na
     result.trials.push_back(tried.trial);
     fits.push_back(std::move(tried.fit));
   }
-  if (!options.lens) choose_lens(result, board, name, fits, tell);
+  if (!options.lens) choose_lens(result, board, name, fits, corners_in(views), tell);
   result.adjustment = std::move(fits[result.chosen]);
   return result;
 }

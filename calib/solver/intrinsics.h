@@ -52,6 +52,7 @@ enum class LensChoice {
   best,           // it predicts views that it was not fitted to best
   simpler,        // it predicts them as well as the best one, and is simpler
   closer,         // it predicts them as well as the best one, and fits all corners better
+  together,       // it fits what all cameras saw better than what this camera's own views spoke for (`alone`)
 };
 
 struct Intrinsics {
@@ -59,7 +60,11 @@ struct Intrinsics {
   std::vector<LensTrial> trials;  // those that were tried
   LensChoice choice = LensChoice::asked_for;
   std::size_t chosen = 0, best = 0;  // of trials; best: at views that it was not fitted to
-  std::size_t compared_views = 0;    // that models were, or were to be, told apart by; asked_for: 0
+  // Of trials: beside the chosen one these views speak for it most: it fits them nearly as closely, or predicts best.
+  // Other cameras' views may tell the two apart. nullopt: none does.
+  std::optional<std::size_t> rival;
+  std::size_t alone = 0;           // LensChoice::together: of trials, what was chosen before
+  std::size_t compared_views = 0;  // that models were, or were to be, told apart by; asked_for: 0
 };
 
 // views: of this camera (BoardView::camera 0), every one in its own set. start: nullopt: found from the views.
@@ -87,6 +92,12 @@ struct LensCheck {
   Adjustment refined;  // with a lens that is fitted to the views, of the same model
 };
 LensCheck check_lens(const board::Board& board, const AdjustedCamera& camera, const std::vector<BoardView>& views);
+
+// The lens of another model that is nearest to this camera's.
+AdjustedCamera start_like(const AdjustedCamera& fitted, LensModel lens);
+
+// Whether a lens is one as it stands: it covers its whole image, and hides no pole.
+bool is_sound(const AdjustedCamera& camera);
 
 // Whether a lens covers its whole image: every pixel at the image's border has a ray.
 bool covers_image(const calib::CameraModel& model, calib::ImageSize size);

@@ -1,6 +1,8 @@
 // What a calibration says where something is wrong, and where its lens models are not the truth:
-//   calibration_faults lenses [SEEDS]    lenses that no model holds, of 70, 100 and 130 degrees (solver/odd_lens.h)
-//   calibration_faults faults [SEEDS]    rendered boards with one fault each; is it named, and is the verdict right?
+//   calibration_faults lenses [SEEDS] [FIRST]    lenses that no model holds, of 70, 100 and 130 degrees
+//   (solver/odd_lens.h) calibration_faults faults [SEEDS]            rendered boards with one fault each; is it named,
+//   and is the verdict right? calibration_faults given [SEEDS]             lenses that are given, and wrong by some; is
+//   what is stated true?
 // Ends with 1 when a figure falls short.
 #include <Eigen/Geometry>
 #include <algorithm>
@@ -46,6 +48,7 @@ double quantile(std::vector<double> values, double share) {
 struct VolumeError {
   double rms_m = 0;
   int inside = 0, all = 0;  // components inside their 95 % bounds
+  double centres_m = 0;     // rms of the cameras' centres
 };
 
 using Project = std::function<std::optional<Vector2d>(std::size_t camera, const Vector3d& p_cam)>;
@@ -90,6 +93,9 @@ VolumeError volume_error(const calib::CameraRig& truth, const Project& project, 
     }
   }
   error.rms_m = std::sqrt(error.rms_m);
+  for (std::size_t c = 0; c < truth.cameras.size(); ++c)
+    error.centres_m += (change * found.cameras[c].centre() - truth.cameras[c].centre()).squaredNorm();
+  error.centres_m = std::sqrt(error.centres_m / double(truth.cameras.size()));
   return error;
 }
 
@@ -102,8 +108,8 @@ struct Calibrated {
 // box: in the true world; stated for it as it lies in the found one, by the true cameras' places.
 Calibrated calibrated(const board::Board& board, const std::vector<solver::CameraToCalibrate>& cameras,
                       const std::vector<solver::BoardView>& views, const calib::CameraRig& truth,
-                      const solver::WorldBox& box) {
-  solver::Extrinsics result = solver::calibrate_extrinsics(board, cameras, views);
+                      const solver::WorldBox& box, solver::RefineLens refine = solver::RefineLens::automatic) {
+  solver::Extrinsics result = solver::calibrate_extrinsics(board, cameras, views, {.refine_lens = refine});
   std::vector<Vector3d> from, to;
   for (std::size_t c = 0; c < truth.cameras.size(); ++c) {
     const calib::Rigid3d world_from_cam = calib::inverse(result.adjustment.cameras[c].cam_from_world),
@@ -136,14 +142,14 @@ double stated_rms_m(const report::CalibrationReport& report) {
 
 // ---- lenses
 
-void lenses(int seeds) {
+void lenses(int seeds, int first) {
   const std::vector<int> widths{70, 100, 130};
   const Vector3d low(-0.4, -0.6, 0.5), high(0.4, 0.6, 1.5);
   std::vector<double> rays[3], volumes, stated;
   int inside = 0, all = 0;
   double cpu = 0;
   std::string chosen;
-  for (int seed = 1; seed <= seeds; ++seed) {
+  for (int seed = first; seed < first + seeds; ++seed) {
     const solver::OddCapture capture = solver::odd_capture(widths, 0.1, std::uint64_t(seed), 120);
     std::vector<solver::CameraToCalibrate> cameras;
     for (const calib::Camera& camera : capture.of.rig.cameras) cameras.push_back({camera.name, camera.image_size, {}});
@@ -153,7 +159,7 @@ void lenses(int seeds) {
     for (std::size_t c = 0; c < 3; ++c) {
       rays[c].push_back(
           solver::rays_off_px(capture.lenses[c], found.rig.cameras[c].model, capture.of.views, int(c), {1280, 720}));
-      if (seed == 1) chosen += " " + std::string(solver::name(found.result.adjustment.cameras[c].lens));
+      if (seed == first) chosen += " " + std::string(solver::name(found.result.adjustment.cameras[c].lens));
     }
     const VolumeError error = volume_error(
         capture.of.rig, [&](std::size_t c, const Vector3d& p) { return capture.lenses[c].project(p); }, found.rig, low,
@@ -165,8 +171,7 @@ void lenses(int seeds) {
     std::printf("  seed %d: rays off %.2f %.2f %.2f px (95 %%), volume %.2f mm rms, stated %.2f mm, %s\n", seed,
                 rays[0].back(), rays[1].back(), rays[2].back(), 1000 * error.rms_m, 1000 * stated.back(),
                 std::string(report::name(found.report.verdict)).c_str());
-    if (seed == 1 && found.report.verdict != report::Verdict::usable)
-      std::fputs(report::to_text(found.report).c_str(), stdout);
+    if (found.report.verdict != report::Verdict::usable) std::fputs(report::to_text(found.report).c_str(), stdout);
   }
   std::printf("  lenses chosen:%s\n", chosen.c_str());
   for (std::size_t c = 0; c < 3; ++c) {
@@ -382,17 +387,90 @@ void faults(int seeds) {
   figure("usable with a true error over twice the stated", dishonest_all, "", 0, 0);
 }
 
+// ---- given lenses
+
+struct Given {
+  const char* name;
+  double share = 0;       // by which focal lengths are wrong
+  bool all = false;       // of all cameras, in turn up and down; otherwise of camera 1
+  double noise_px = 0.1;  // of corners
+  int sets = 40;
+};
+
+void given(int seeds) {
+  const std::vector<Given> cases{
+      {.name = "right"},
+      {.name = "right, corners to 0.3 px", .noise_px = 0.3},
+      {.name = "right, 12 moments", .sets = 12},
+      {.name = "cam1's focal length 0.2 % off", .share = 0.002},
+      {.name = "cam1's focal length 0.5 % off", .share = 0.005},
+      {.name = "cam1's focal length 1 % off", .share = 0.01},
+      {.name = "cam1's focal length 2 % off", .share = 0.02},
+      {.name = "all 0.5 % off", .share = 0.005, .all = true},
+      {.name = "all 1 % off", .share = 0.01, .all = true},
+      {.name = "cam1's 0.5 % off, corners to 0.3 px", .share = 0.005, .noise_px = 0.3},
+      {.name = "cam1's 1 % off, corners to 0.3 px", .share = 0.01, .noise_px = 0.3},
+      {.name = "cam1's 1 % off, 12 moments", .share = 0.01, .sets = 12},
+  };
+  const Vector3d low(-0.4, -0.6, 0.6), high(0.4, 0.6, 1.4);
+  std::printf("  %-38s %-5s %9s %9s %8s %9s %9s %9s\n", "given", "lens", "true mm", "stated", "inside", "centres",
+              "stated", "refined");
+  for (const Given& is : cases) {
+    for (const auto refine : {solver::RefineLens::automatic, solver::RefineLens::no}) {
+      double squares = 0, stated_squares = 0, centre_squares = 0, stated_centre_squares = 0;
+      int inside = 0, all = 0, refined = 0, usable = 0;
+      for (int seed = 1; seed <= seeds; ++seed) {
+        const solver::SyntheticCapture of = solver::synthetic_capture(
+            {.cameras = 3, .sets = is.sets, .noise_px = is.noise_px, .seed = std::uint64_t(seed)});
+        std::vector<solver::CameraToCalibrate> cameras;
+        for (std::size_t c = 0; c < 3; ++c) {
+          auto lens = std::get<calib::PinholeRadtan>(of.rig.cameras[c].model.lens());
+          const double factor = 1 + is.share * (is.all ? (c == 1 ? 1 : -1) : (c == 1 ? 1 : 0));
+          lens.fx *= factor;
+          lens.fy *= factor;
+          cameras.push_back({of.rig.cameras[c].name, of.rig.cameras[c].image_size, calib::CameraModel(lens)});
+        }
+        const Calibrated found = calibrated(of.board, cameras, of.views, of.rig, {low, high}, refine);
+        const VolumeError error = volume_error(
+            of.rig,
+            [&](std::size_t c, const Vector3d& p) -> std::optional<Vector2d> {
+              const auto px = of.rig.cameras[c].model.project(p);
+              if (!px) return std::nullopt;
+              return px->px;
+            },
+            found.rig, low, high);
+        squares += error.rms_m * error.rms_m / seeds;
+        stated_squares += std::pow(stated_rms_m(found.report), 2) / seeds;
+        centre_squares += error.centres_m * error.centres_m / seeds;
+        for (const report::CameraReport& camera : found.report.cameras)
+          stated_centre_squares += camera.centre_sigma_m * camera.centre_sigma_m / (3.0 * seeds);
+        inside += error.inside;
+        all += error.all;
+        refined += found.result.refinement == solver::LensRefinement::kept_as_given ? 0 : 1;
+        usable += found.report.verdict == report::Verdict::usable ? 1 : 0;
+      }
+      std::printf("  %-38s %-5s %9.2f %9.2f %7.1f%% %9.2f %9.2f %4d / %d (%d usable)\n", is.name,
+                  refine == solver::RefineLens::no ? "no" : "auto", 1000 * std::sqrt(squares),
+                  1000 * std::sqrt(stated_squares), 100.0 * inside / std::max(1, all), 1000 * std::sqrt(centre_squares),
+                  1000 * std::sqrt(stated_centre_squares), refined, seeds, usable);
+      std::fflush(stdout);
+    }
+  }
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
   const std::string what = argc > 1 ? argv[1] : "";
   const int seeds = argc > 2 ? std::atoi(argv[2]) : 0;
   if (what == "lenses")
-    lenses(seeds > 0 ? seeds : 30);
+    lenses(seeds > 0 ? seeds : 30, argc > 3 ? std::atoi(argv[3]) : 1);
   else if (what == "faults")
     faults(seeds > 0 ? seeds : 10);
+  else if (what == "given")
+    given(seeds > 0 ? seeds : 10);
   else {
-    std::fprintf(stderr, "calibration_faults lenses|faults [SEEDS]\n");
+    std::fprintf(stderr, "calibration_faults lenses|faults|given [SEEDS]\n");
     return 1;
   }
   std::printf("%d figures fall short\n", short_of);

@@ -163,6 +163,9 @@ TEST(Sentences, SayWhatTheSolversFound) {
   lens.choice = solver::LensChoice::best;
   lens.chosen = 1;
   EXPECT_EQ(choice_text(lens), "radtan5 predicts views that it was not fitted to best (0.100 px)");
+  lens.choice = solver::LensChoice::together;
+  EXPECT_EQ(choice_text(lens),
+            "radtan5 fits what all cameras saw better than radtan4, which this camera's own views spoke for");
   lens.choice = solver::LensChoice::too_few_views;
   lens.compared_views = 7;
   EXPECT_EQ(choice_text(lens), "7 views are too few to tell lens models apart: the simplest one");

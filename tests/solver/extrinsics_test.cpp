@@ -9,7 +9,7 @@
 
 #include "board/captures.h"
 #include "calib/model/rig_yaml.h"
-#include "solver/synthetic_rig.h"
+#include "solver/odd_lens.h"
 
 namespace huetrack::solver {
 namespace {
@@ -165,6 +165,23 @@ TEST(Extrinsics, AGivenLensStaysWhereTheViewsCoverTooLittle) {
   ASSERT_TRUE(little.kept_against[1]);
   EXPECT_LT(little.kept_against[1]->covered, 0.4);
   EXPECT_EQ(little.adjustment.cameras[1].parameters, parameters_of(*given[1].model));
+}
+
+// The views of the camera of 100 degrees speak for radtan8 as much as for the stereographic model. Half a pixel apart,
+// they are no longer alike when the other cameras' views of the same boards count.
+TEST(Extrinsics, ModelsThatOneCameraDoesNotTellApartAreToldByAll) {
+  const OddCapture capture = odd_capture({70, 100, 130}, 0.1, 4, 120);
+  const Extrinsics found = calibrate_extrinsics(capture.of.board, unknown(capture.of.rig), capture.of.views);
+  const Intrinsics& lens = *found.lenses[1];
+  EXPECT_EQ(lens.choice, LensChoice::together);
+  EXPECT_EQ(lens.trials[lens.alone].lens, LensModel::radtan8);
+  EXPECT_EQ(lens.trials[lens.chosen].lens, LensModel::stereographic);
+  EXPECT_EQ(found.adjustment.cameras[1].lens, LensModel::stereographic);
+  for (int c = 0; c < 3; ++c) {
+    const auto& model = found.adjustment.cameras[static_cast<std::size_t>(c)].model();
+    EXPECT_LT(rays_off_px(capture.lenses[static_cast<std::size_t>(c)], model, capture.of.views, c, {1280, 720}), 0.3)
+        << c;
+  }
 }
 
 TEST(Extrinsics, ACameraThatMovedHalfWayIsNamedWithWhen) {

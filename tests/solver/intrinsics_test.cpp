@@ -62,6 +62,16 @@ TEST(Intrinsics, AnOddLensIsFollowedToTheEdgeOfTheImage) {
   EXPECT_LE(found.trials[found.chosen].left_out, 5);  // by the noise
 }
 
+// A model that at a glance allows no pose for most of the views, and fits the others closely, is not the closest one.
+TEST(Intrinsics, AModelThatShowsHardlyAnyBoardDoesNotDecide) {
+  const OddCapture capture = odd_capture({70, 100, 130}, 0.1, 25, 120);
+  std::vector<BoardView> views;
+  std::ranges::copy_if(capture.of.views, std::back_inserter(views), [](const BoardView& v) { return v.camera == 0; });
+  const Intrinsics found = calibrate_intrinsics(capture.of.board, "cam0", {1280, 720}, views);
+  EXPECT_EQ(found.adjustment.cameras[0].lens, LensModel::stereographic);
+  EXPECT_LT(rays_off_px(capture.lenses[0], found.adjustment.cameras[0].model(), views, 0, {1280, 720}), 0.45);
+}
+
 TEST(Intrinsics, EveryLensModelCanBeAskedFor) {
   const OddCapture capture = odd_capture({100}, 0.1, 3, 30);
   for (const LensModel lens : all_lens_models) {
