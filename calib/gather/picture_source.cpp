@@ -228,6 +228,17 @@ NamedInputs inside(const fs::path& folder) {
   return inputs;
 }
 
+// What there is in place of pictures: sub-folders without any. Empty: none.
+std::string folders_without_pictures(const fs::path& folder) {
+  std::vector<std::string> names;
+  std::error_code error;
+  for (const auto& entry : fs::directory_iterator(folder, error)) {
+    if (entry.is_directory(error)) names.push_back(entry.path().filename().string());
+  }
+  std::ranges::sort(names);
+  return names.empty() ? "" : fmt::format(" (no images are in {})", fmt::join(names, ", "));
+}
+
 bool is_recording(const fs::path& path) {
   std::error_code error;
   return fs::exists(path / "recording.yaml", error) || path.extension() == ".yaml" || path.extension() == ".yml";
@@ -282,7 +293,8 @@ std::unique_ptr<PictureSource> open_pictures(std::span<const std::string> inputs
     if (all.empty()) {
       throw InputError(input +
                        ": is not a recording: it has no recording.yaml, nor a sub-folder of images or a video per "
-                       "camera; or give NAME=FRAMES for each camera");
+                       "camera" +
+                       folders_without_pictures(input) + "; or give NAME=FRAMES for each camera");
     }
   }
   return open_named(all, options);

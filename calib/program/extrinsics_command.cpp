@@ -126,8 +126,16 @@ std::vector<solver::CameraToCalibrate> cameras_of(const gather::FoundBoards& fou
   return cameras;
 }
 
+void refuse_repeated(const std::vector<std::string>& cameras) {
+  for (auto camera = cameras.begin(); camera != cameras.end(); ++camera) {
+    if (std::find(cameras.begin(), camera, *camera) != camera)
+      throw gather::InputError("--cameras: " + *camera + " is there twice");
+  }
+}
+
 ExitStatus calibrate(const ExtrinsicsArguments& options, const std::stop_token& stop) {
   require_folders(output_files(options));
+  refuse_repeated(options.cameras);
   const std::optional<calib::CameraRig> before = rig_before(options);
   const board::Board board = board::read_board(options.board);
   gather::GatherOptions gather;

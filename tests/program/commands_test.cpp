@@ -204,6 +204,15 @@ TEST_F(Calibrate, AFolderThatIsNotThereIsSaidBeforeTheWork) {
   EXPECT_THAT(result.err, HasSubstr("there is no such folder to write rig.yaml into"));
   fs::create_directories(folder_ / "empty");
   EXPECT_THAT(extrinsics("empty").err, HasSubstr("the folder is empty"));
+  fs::create_directories(folder_ / "empty/left");
+  fs::create_directories(folder_ / "empty/right");
+  EXPECT_THAT(extrinsics("empty").err, HasSubstr("no images are in left, right"));
+}
+
+TEST_F(Calibrate, ACameraThatIsNamedTwiceIsRefused) {
+  const Ended result = extrinsics("nowhere", "rig.yaml", {"--cameras", "cam0,cam1,cam0"});
+  EXPECT_EQ(result.status, 1);
+  EXPECT_THAT(result.err, HasSubstr("--cameras: cam0 is there twice"));
 }
 
 TEST_F(Calibrate, TheOrderOfImagesDoesNotMatter) {
