@@ -6,6 +6,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "calib/board/sharpness.h"
+
 namespace huetrack::report {
 namespace {
 
@@ -33,11 +35,9 @@ constexpr Limits fast_share{2, never};         // rms of views that move fast / 
 constexpr double latest_s = 0.1;               // that a camera stamps later than another: beyond, it is frames behind
 // Of a pixel's ray, where boards were, of the image's width: 0.3 px of 640.
 constexpr Limits ray_share{0.0005, 0.005};
-constexpr double unknown_share = 0.01;  // beyond it a part of the image where no board was shows somewhere, roughly
-constexpr Limits edge_left_out{0.1, never};  // of the corners in the image's outermost parts: left out
-constexpr double blurred_px = 1.8,
-                 blurred_of_others = 1.6;          // edges' blur: from here on, if others' are that much sharper
-constexpr double blurred_alone_px = 2.5;           // or from here on whatever the others' are
+constexpr double contradicted_sigmas = 2;  // a lens that was given: by these views it is another one
+constexpr double unknown_share = 0.01;     // beyond it a part of the image where no board was shows somewhere, roughly
+constexpr Limits edge_left_out{0.1, never};        // of the corners in the image's outermost parts: left out
 constexpr double blurred_views_share = 0.2;        // views that are blurred by motion, of all
 constexpr Limits noisier{2, never};                // than most cameras' corners
 constexpr Limits halves_ratio{3, never};           // what halves of the recording differ by / should
@@ -66,7 +66,7 @@ class Judge {
       fit(report_.cameras[c]);
       corners(report_.cameras[c]);
       sharpness(report_.cameras[c]);
-      lens(report_.cameras[c], evidence_.covers_image[c]);
+      lens(report_.cameras[c], evidence_.covers_image[c], is_believed(c));
       views(report_.cameras[c]);
       side(report_.cameras[c], evidence_.behind[c]);
       pose(report_.cameras[c]);
@@ -141,8 +141,7 @@ class Judge {
     for (const CameraReport& other : report_.cameras) {
       if (other.blur_px > 0) sharpest = std::min(sharpest, other.blur_px);
     }
-    const bool blurred = camera.blur_px > blurred_alone_px ||
-                         (camera.blur_px > blurred_px && camera.blur_px > blurred_of_others * sharpest);
+    const bool blurred = board::is_out_of_focus(camera.blur_px, sharpest);
     add(blurred ? Verdict::doubtful : Verdict::usable, "sharpness of " + camera.name,
         fmt::format("{}: its pictures are blurred by {:.1f} px (standard deviation of an edge){}", camera.name,
                     camera.blur_px,
@@ -222,7 +221,20 @@ class Judge {
             "find the lens by itself (intrinsics), with the board all over its image; --refine-lens no keeps the one "
             "that is given");
       }
-      if (result.kept_against[c]) {
+      if (c < result.borne_out.size() && result.borne_out[c]) {
+        const solver::LensBorneOut& lens = *result.borne_out[c];
+        const bool contradicted =
+            ray_share.judge(lens.off_px / report_.cameras[c].image_size.width) > Verdict::usable &&
+            lens.off_px > contradicted_sigmas * lens.sigma_px;
+        add(contradicted ? Verdict::doubtful : Verdict::usable, "given lens of " + name,
+            fmt::format("{}: the lens that was given is believed; by these views its pixels would look elsewhere by "
+                        "{:.2f} px where boards were, which they tell to {:.2f} px",
+                        name, lens.off_px, lens.sigma_px),
+            "leave --refine-lens out, so that it is refined; or find it by itself (intrinsics), with the board all "
+            "over "
+            "its image");
+      }
+      if (result.kept_against[c] && result.refinement != solver::LensRefinement::given_refined) {
         add(Verdict::usable, "given lens of " + name,
             fmt::format(
                 "{}: the lens that was given stays, though another fits these views better: they cover {:.0f} % "
@@ -233,11 +245,17 @@ class Judge {
     }
   }
 
-  void lens(const CameraReport& camera, bool covers) {
+  // A lens that was given, and stays: how well these views tell it is no question.
+  bool is_believed(std::size_t c) const {
+    const solver::Extrinsics* result = evidence_.extrinsics;
+    return result != nullptr && c < result->borne_out.size() && result->borne_out[c].has_value();
+  }
+
+  void lens(const CameraReport& camera, bool covers, bool believed) {
     const solver::LensParameters& l = camera.parameters;
     const double focal = std::max(camera.sigma(0) / l(0), camera.sigma(1) / l(1));
     const double rays_px = camera.rays.covered_px;
-    if (focal > 0) {
+    if (focal > 0 && !believed) {
       const bool far = camera.rays.image_px > unknown_share * camera.image_size.width;
       add(ray_share.judge(rays_px / camera.image_size.width), "rays of " + camera.name,
           fmt::format(
@@ -247,7 +265,7 @@ class Judge {
           "show the board in all parts of the image, tilted, near and far");
     }
     // Of the stereographic lens its rays tell: its parameters make up for one another.
-    if (focal > 0 && camera.lens != solver::LensModel::stereographic) {
+    if (focal > 0 && !believed && camera.lens != solver::LensModel::stereographic) {
       add(focal_share.judge(focal), "focal length of " + camera.name,
           fmt::format("{}: fx {:.1f} +- {:.1f}, fy {:.1f} +- {:.1f} px", camera.name, l(0), camera.sigma(0), l(1),
                       camera.sigma(1)),

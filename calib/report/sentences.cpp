@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+
 namespace huetrack::report {
 namespace {
 
@@ -17,6 +19,17 @@ std::string found_here(const solver::Extrinsics& result) {
     clauses.push_back(contradiction_text(*result.contradictions[c], result.adjustment.cameras[c].name));
   }
   return clauses.empty() ? "the lenses were found from these views" : fmt::to_string(fmt::join(clauses, "; "));
+}
+
+// What is believed of lenses whose files do not say how well they are known; empty: none is.
+std::string believed_text(const solver::Extrinsics& result) {
+  const bool any = std::ranges::any_of(
+      result.borne_out, [](const std::optional<solver::LensBorneOut>& lens) { return lens && !lens->has_covariance; });
+  if (!any) return "";
+  return fmt::format(
+      "; how well they are known their files do not say: what is stated allows for what usual webcams' are wrong by "
+      "({:.1f} % of the image's width), as far as these views do not tell better",
+      100 * solver::usual_lens_share);
 }
 
 }  // namespace
@@ -54,7 +67,7 @@ std::string refinement_text(const solver::Extrinsics& result) {
     case solver::LensRefinement::kept_as_found:
       return "the lenses stay as found camera by camera";
     case solver::LensRefinement::kept_as_given:
-      return "the lenses stay as they were given";
+      return "the lenses stay as they were given" + believed_text(result);
     case solver::LensRefinement::refined:
       return found_here(result) + ", and are refined with all cameras' views";
     case solver::LensRefinement::given_refined:

@@ -20,6 +20,7 @@
 #include "calib/model/index.h"
 #include "calib/model/median.h"
 #include "calib/solver/adjustment_steps.h"
+#include "calib/solver/ray_uncertainty.h"
 #include "calib/solver/umeyama.h"
 
 namespace huetrack::solver {
@@ -418,7 +419,7 @@ std::optional<Adjustment> with_warp(Adjustment a, const AdjustmentOptions& optio
 // thirty views of a board. Its rays are off by so much of the image's width (rms over the image), beside a turn of them
 // all: views hardly tell that from a shift of the principal point.
 LensPrior usual_prior(const AdjustedCamera& camera) {
-  constexpr double rays_share = 0.002, turn_share = 0.01;
+  constexpr double turn_share = 0.01;
   constexpr int columns = 16, rows = 12;
   const int count = parameter_count(camera.lens);
   const calib::CameraModel model = camera.model();
@@ -443,7 +444,7 @@ LensPrior usual_prior(const AdjustedCamera& camera) {
     const double sigma_px = share * camera.image_size.width, stations = static_cast<double>(used) / 2;
     return MatrixXd(moved.transpose() * moved * (count / (stations * sigma_px * sigma_px)));
   };
-  return {camera.parameters, information(bent, rays_share) + information(turned, turn_share)};
+  return {camera.parameters, information(bent, usual_lens_share) + information(turned, turn_share)};
 }
 
 LensPrior prior_of(const AdjustedCamera& camera) {
@@ -468,12 +469,12 @@ bool is_in_step(const Adjustment& refined, double alone_px, const Adjustment& pl
 }
 
 // The joint adjustment with the lenses that were given refined as far as they may be wrong, where that explains the
-// views of all cameras better; nullopt: they stay. Only where a board is carried: then a camera's own views cannot tell
-// a lens that is wrong from rows that are read one after the other, and what is wrong in one that is held goes into the
-// times, and with them into the poses.
+// views of all cameras better; nullopt: they stay. A camera's own views hardly tell a lens that is wrong from boards
+// that are nearer, and where a board is carried from rows that are read one after the other: what is wrong in one that
+// is held goes into the poses and the times.
 std::optional<Adjustment> with_given_lenses(Extrinsics& result, const Adjustment& placed, const Adjustment& held,
                                             const ExtrinsicsOptions& options, const std::vector<bool>& found) {
-  if (placed.motions.empty() || std::ranges::count(found, false) == 0) return std::nullopt;
+  if (std::ranges::count(found, false) == 0) return std::nullopt;
   if (options.progress) options.progress("the joint adjustment, with the lenses", 1, 3);
   Adjustment a = held;
   // What was learnt of stamps and carrying is learnt anew: stamps that a wrong lens made look bad would stay so.
@@ -499,6 +500,16 @@ std::optional<Adjustment> with_given_lenses(Extrinsics& result, const Adjustment
   if (a.noise_px > least_gain * held.noise_px || gain < gain_by_parameter * freed ||
       a.corners_used < most_lost * held.corners_used || !is_in_step(a, result.alone_px, placed))
     return std::nullopt;
+  // What differs must do so by more than the scatter between moments, which knows of cameras that are a little out of
+  // step: the gain above takes all corners of a view for independent of one another.
+  constexpr double clearly_other = 2;
+  double most = 0;  // in units of how well it is known, of any lens
+  for (std::size_t c = 0; c < a.cameras.size(); ++c) {
+    if (found[c]) continue;
+    const RayUncertainty rays = ray_uncertainty(a, static_cast<int>(c));
+    most = std::max(most, difference(held.cameras[c], a.cameras[c], rays.covered).covered_px / rays.covered_px);
+  }
+  if (most < clearly_other) return std::nullopt;
   result.held_px = held.noise_px;
   return a;
 }
@@ -568,22 +579,92 @@ void refine(Extrinsics& result, const Adjustment& placed, const ExtrinsicsOption
   Adjustment held = adjust(placed, options.adjustment);
   if (options.refine_lens == RefineLens::no)
     return take(std::move(held), any_found ? LensRefinement::kept_as_found : LensRefinement::kept_as_given);
-  if (auto refined = with_given_lenses(result, placed, held, options, found))
-    return take(std::move(*refined), LensRefinement::given_refined);
-  if (!any_found) return take(std::move(held), LensRefinement::kept_as_given);
+  if (!any_found) {
+    auto refined = with_given_lenses(result, placed, held, options, found);
+    return refined ? take(std::move(*refined), LensRefinement::given_refined)
+                   : take(std::move(held), LensRefinement::kept_as_given);
+  }
   if (options.progress) options.progress("the joint adjustment, with the lenses", 1, 3);
   std::vector<bool> told;
-  take(adjust_unfolded(with_models_told(result, freed(held), told), options.adjustment), LensRefinement::refined);
-  if (is_in_step(result.adjustment, result.alone_px, placed)) {
-    for (std::size_t c = 0; c < told.size(); ++c) {
-      if (!told[c]) continue;
-      Intrinsics& lens = *result.lenses[c];
-      lens.alone = std::exchange(lens.chosen, *lens.rival);
-      lens.choice = LensChoice::together;
-    }
-    return;
+  const Adjustment refined = adjust_unfolded(with_models_told(result, freed(held), told), options.adjustment);
+  take(refined, LensRefinement::refined);
+  const bool in_step = is_in_step(result.adjustment, result.alone_px, placed);
+  for (std::size_t c = 0; in_step && c < told.size(); ++c) {
+    if (!told[c]) continue;
+    Intrinsics& lens = *result.lenses[c];
+    lens.alone = std::exchange(lens.chosen, *lens.rival);
+    lens.choice = LensChoice::together;
   }
-  take(std::move(held), LensRefinement::out_of_step);
+  // What those that were found here explain is not to be put down to the given ones.
+  if (auto all = with_given_lenses(result, placed, in_step ? refined : held, options, found))
+    return take(std::move(*all), LensRefinement::given_refined);
+  if (!in_step) take(std::move(held), LensRefinement::out_of_step);
+}
+
+// No lens that was given is exact. Frees those that stay as far as they may be wrong, on the corners that are used: how
+// well they and all that hangs on them are known then, and where the views would put them. nullopt: none stays.
+std::optional<Adjustment> with_open_lenses(const Adjustment& held, const std::vector<bool>& found) {
+  Adjustment open = held;
+  open.views = inliers(held);
+  open.stamp_error_s = stamp_errors_of_inliers(held);
+  bool any = false;
+  for (std::size_t c = 0; c < open.cameras.size(); ++c) {
+    AdjustedCamera& camera = open.cameras[c];
+    if (found[c] || camera.lens_is_free || held.views_used(static_cast<int>(c)) == 0) continue;
+    camera.lens_prior = prior_of(camera);
+    camera.lens_is_free = any = true;
+  }
+  if (!any) return std::nullopt;
+  try {
+    return adjust(std::move(open), {.find_outliers = false, .max_iterations = 20});
+  } catch (const CalibrationError&) {
+    return std::nullopt;
+  }
+}
+
+// States of what was adjusted with lenses held how well it is known when they are not, and besides how far it then is
+// elsewhere.
+void state_as_open(Adjustment& held, const Adjustment& open) {
+  Eigen::VectorXd off = Eigen::VectorXd::Zero(open.covariance.rows());
+  for (std::size_t c = 0; c < held.cameras.size(); ++c) {
+    const AdjustedCamera &a = held.cameras[c], &b = open.cameras[c];
+    const int count = parameter_count(a.lens);
+    if (open.lens_offset[c] >= 0) off.segment(open.lens_offset[c], count) = (a.parameters - b.parameters).head(count);
+    if (open.pose_offset[c] >= 0)
+      off.segment<6>(open.pose_offset[c]) = calib::log(a.cam_from_world * calib::inverse(b.cam_from_world));
+    if (open.time_offset[c] >= 0)
+      off.segment<2>(open.time_offset[c]) << a.latency.value_s - b.latency.value_s,
+          a.readout.value_s - b.readout.value_s;
+  }
+  held.covariance = open.covariance + off * off.transpose();
+  held.lens_offset = open.lens_offset;
+  held.pose_offset = open.pose_offset;
+  held.time_offset = open.time_offset;
+  held.warp_sigma = open.warp_sigma;
+  for (std::size_t c = 0; c < held.cameras.size(); ++c) {
+    const int at = open.time_offset[c];
+    if (at < 0) continue;
+    held.cameras[c].latency.sigma_s = std::sqrt(held.covariance(at, at));
+    held.cameras[c].readout.sigma_s = std::sqrt(held.covariance(at + 1, at + 1));
+  }
+}
+
+// What the result says against itself: halves, and lenses that were given and stay. Widens its covariance by both.
+void check_itself(Extrinsics& result, const std::vector<bool>& found) {
+  Adjustment& held = result.adjustment;
+  result.moved_within = find_moved_within(held);
+  std::optional<Adjustment> open = with_open_lenses(held, found);
+  result.halves = compare_halves(open ? *open : held);
+  widen_by(open ? *open : held, result.halves);
+  result.borne_out.resize(held.cameras.size());
+  if (!open) return;
+  for (std::size_t c = 0; c < held.cameras.size(); ++c) {
+    if (!open->cameras[c].lens_is_free || held.cameras[c].lens_is_free) continue;
+    const RayUncertainty rays = ray_uncertainty(*open, static_cast<int>(c));
+    result.borne_out[c] = LensBorneOut{difference(held.cameras[c], open->cameras[c], rays.covered).covered_px,
+                                       rays.covered_px, held.cameras[c].lens_covariance.size() > 0};
+  }
+  state_as_open(held, *open);
 }
 
 // What is known of the cameras' times beforehand. One latency is held: the first that is given, or the reference's.
@@ -818,9 +899,7 @@ Extrinsics calibrate_all(const board::Board& board, const std::vector<CameraToCa
   if (tell_motion(placed.views)) placed.motions.resize(placed.world_from_board.size());
   refine(result, placed, options, found);
   tell("what its halves say", 2, 3);
-  result.moved_within = find_moved_within(result.adjustment);
-  result.halves = compare_halves(result.adjustment);
-  widen_by(result.adjustment, result.halves);
+  check_itself(result, found);
   for (const Start::Link& link : links) {
     result.pairs.push_back(link.pair);
     result.pairs.back().rms_px = rms_of_pair(result.adjustment, link.pair);

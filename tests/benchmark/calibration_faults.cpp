@@ -394,6 +394,7 @@ struct Given {
   double share = 0;       // by which focal lengths are wrong
   bool all = false;       // of all cameras, in turn up and down; otherwise of camera 1
   double noise_px = 0.1;  // of corners
+  double shift_px = 0;    // of all corners of a view of camera 1, as if it were not in step
   int sets = 40;
 };
 
@@ -411,6 +412,10 @@ void given(int seeds) {
       {.name = "cam1's 0.5 % off, corners to 0.3 px", .share = 0.005, .noise_px = 0.3},
       {.name = "cam1's 1 % off, corners to 0.3 px", .share = 0.01, .noise_px = 0.3},
       {.name = "cam1's 1 % off, 12 moments", .share = 0.01, .sets = 12},
+      {.name = "right, cam1's views 0.05 px aside", .shift_px = 0.05},
+      {.name = "right, cam1's views 0.1 px aside", .shift_px = 0.1},
+      {.name = "right, cam1's views 0.3 px aside", .shift_px = 0.3},
+      {.name = "right, cam1's views 1 px aside", .shift_px = 1},
   };
   const Vector3d low(-0.4, -0.6, 0.6), high(0.4, 0.6, 1.4);
   std::printf("  %-38s %-5s %9s %9s %8s %9s %9s %9s\n", "given", "lens", "true mm", "stated", "inside", "centres",
@@ -420,8 +425,14 @@ void given(int seeds) {
       double squares = 0, stated_squares = 0, centre_squares = 0, stated_centre_squares = 0;
       int inside = 0, all = 0, refined = 0, usable = 0;
       for (int seed = 1; seed <= seeds; ++seed) {
-        const solver::SyntheticCapture of = solver::synthetic_capture(
+        solver::SyntheticCapture of = solver::synthetic_capture(
             {.cameras = 3, .sets = is.sets, .noise_px = is.noise_px, .seed = std::uint64_t(seed)});
+        std::mt19937_64 rng(std::uint64_t(seed) + 500);
+        for (solver::BoardView& view : of.views) {
+          if (view.camera != 1 || is.shift_px == 0) continue;
+          const Vector2d shift(is.shift_px * solver::normal(rng), is.shift_px * solver::normal(rng));
+          for (Vector2d& px : view.px) px += shift;
+        }
         std::vector<solver::CameraToCalibrate> cameras;
         for (std::size_t c = 0; c < 3; ++c) {
           auto lens = std::get<calib::PinholeRadtan>(of.rig.cameras[c].model.lens());

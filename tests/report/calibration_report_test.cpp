@@ -109,6 +109,16 @@ TEST(CalibrationReport, SaysWhatBecameOfAGivenLens) {
                     HasSubstr("(given: 320.0, 240.0)"), Not(HasSubstr("cam0: the lens that was given was refined"))));
 }
 
+TEST(CalibrationReport, SaysThatAGivenLensIsBelievedAndWhatSpeaksAgainstIt) {
+  solver::Extrinsics found = calibrated(solver::synthetic_capture({.cameras = 2, .sets = 14}));
+  found.borne_out = {solver::LensBorneOut{0.1, 0.2, false}, solver::LensBorneOut{1.5, 0.2, false}};
+  const CalibrationReport report = report_on(found, {});
+  EXPECT_THAT(report.checks, speaks_against(Verdict::usable, "given lens of cam0"));
+  EXPECT_THAT(report.checks, speaks_against(Verdict::doubtful, "given lens of cam1"));
+  EXPECT_THAT(to_text(report), HasSubstr("its pixels would look elsewhere by 1.50 px"));
+  EXPECT_THAT(report.checks, Not(Contains(Field(&Check::name, "rays of cam1"))));
+}
+
 TEST(CalibrationReport, NamesAspectOverlapAndBoardsSeenFromBehind) {
   const solver::SyntheticCapture capture = solver::synthetic_capture({.cameras = 2, .sets = 14});
   solver::SyntheticCapture squeezed = capture;
@@ -172,6 +182,13 @@ TEST(Sentences, SayWhatTheSolversFound) {
 
   solver::Extrinsics cameras;
   EXPECT_EQ(refinement_text(cameras), "the lenses stay as they were given");
+  cameras.borne_out = {std::nullopt, solver::LensBorneOut{.has_covariance = true}};
+  EXPECT_EQ(refinement_text(cameras), "the lenses stay as they were given");
+  cameras.borne_out[0].emplace();
+  EXPECT_EQ(
+      refinement_text(cameras),
+      "the lenses stay as they were given; how well they are known their files do not say: what is stated allows "
+      "for what usual webcams' are wrong by (0.2 % of the image's width), as far as these views do not tell better");
   cameras.alone_px = 0.1;
   cameras.adjustment.noise_px = 0.25;
   cameras.refinement = solver::LensRefinement::out_of_step;
