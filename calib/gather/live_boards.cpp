@@ -218,8 +218,13 @@ class Gathering {
       board::BoardDetection detection = detections[c].get();
       count(c, look.greys[c], detection);
       if (!detection.found()) continue;
-      look.views.push_back({static_cast<int>(c), 0, fmt::format("{} at {:.2f} s", names_[c], look.at_s),
-                            std::move(detection.ids), std::move(detection.px)});
+      look.views.push_back({static_cast<int>(c),
+                            0,
+                            fmt::format("{} at {:.2f} s", names_[c], look.at_s),
+                            std::move(detection.ids),
+                            std::move(detection.px),
+                            {},
+                            detection.blur_px});
     }
     return look;
   }
@@ -229,7 +234,11 @@ class Gathering {
     ++camera.pictures;
     shown_[c].grey = grey;
     shown_[c].corners = detection.px;
-    shown_[c].caption = detection.found() ? std::to_string(detection.ids.size()) + " corners" : detection.why_not;
+    shown_[c].caption = detection.why_not;
+    if (detection.found()) {
+      shown_[c].caption = std::to_string(detection.ids.size()) + " corners";
+      if (detection.blur_px > 0) shown_[c].caption += fmt::format(", edges blurred by {:.1f} px", detection.blur_px);
+    }
     if (detection.found()) {
       ++camera.boards;
     } else {

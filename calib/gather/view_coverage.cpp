@@ -5,10 +5,13 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <numbers>
 
+#include "calib/board/sharpness.h"
 #include "calib/gather/find_boards.h"
 #include "calib/model/index.h"
+#include "calib/model/median.h"
 #include "calib/model/missing_links.h"
 
 namespace huetrack::gather {
@@ -68,6 +71,7 @@ void ViewCoverage::add(const std::vector<solver::BoardView>& views) {
     const calib::ImageSize size = sizes_[index(view.camera)];
     OfCamera& camera = cameras_[index(view.camera)];
     ++camera.views;
+    if (view.blur_px > 0) camera.blurs_px.push_back(view.blur_px);
     ++camera.tilts[static_cast<std::size_t>(tilt_of(board_, view, size))];
     for (const Eigen::Vector2d& px : view.px) {
       const int column = std::clamp(static_cast<int>((px.x() + 0.5) / size.width * columns), 0, columns - 1);
@@ -89,6 +93,20 @@ std::vector<std::string> ViewCoverage::needs() const {
   std::vector<std::string> needs;
   for (std::size_t c = 0; c < cameras_.size(); ++c) {
     if (cameras_[c].views == 0) needs.push_back(names_[c] + " has not seen the board yet");
+  }
+  // A median of fewer than three is no more than a view in which the board moved.
+  constexpr std::size_t least_blurs = 3;
+  double sharpest_px = std::numeric_limits<double>::infinity();
+  for (const OfCamera& camera : cameras_) {
+    if (camera.blurs_px.size() >= least_blurs) sharpest_px = std::min(sharpest_px, calib::median(camera.blurs_px));
+  }
+  for (std::size_t c = 0; c < cameras_.size(); ++c) {
+    if (cameras_[c].blurs_px.size() < least_blurs) continue;
+    const double blur_px = calib::median(cameras_[c].blurs_px);
+    if (board::is_out_of_focus(blur_px, sharpest_px))
+      needs.push_back(fmt::format("{} is out of focus (edges blurred by {:.1f} px{}): focus it, and begin anew",
+                                  names_[c], blur_px,
+                                  cameras_.size() > 1 ? fmt::format(", at best {:.1f}", sharpest_px) : ""));
   }
   const auto shared_of = [this](std::size_t a, std::size_t b) {
     return shared(static_cast<int>(a), static_cast<int>(b));

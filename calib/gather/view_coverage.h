@@ -25,6 +25,7 @@ class ViewCoverage {
     int views = 0;
     std::array<int, columns * rows> corners{};  // per part of the image, row by row
     std::array<int, 5> tilts{};                 // views, by Tilt
+    std::vector<double> blurs_px;               // of the views whose blur is known (BoardView::blur_px)
     double image_share() const;                 // of the parts that have corners
     int tilts_seen() const;
   };

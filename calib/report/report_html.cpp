@@ -182,6 +182,7 @@ std::string picture(const solver::BoardView& view, const solver::ViewFit& fit, c
   }
   return "<figure>" + svg + "</svg><figcaption>" + escaped(view.image) + ": " +
          fmt::format("{:.2f} px rms", fit.rms_px) +
+         (view.blur_px > 0 ? fmt::format(", edges blurred by {:.1f} px", view.blur_px) : std::string()) +
          (fit.dropped ? "; <b>dropped</b>: " + escaped(dropped_text(*fit.dropped)) : std::string()) +
          "</figcaption></figure>";
 }

@@ -162,6 +162,20 @@ TEST(ViewCoverage, SaysWhatIsMissing) {
   EXPECT_THAT(coverage.lines(), HasSubstr("back   views [----------]  1/15  image"));
 }
 
+TEST(ViewCoverage, NamesACameraThatIsOutOfFocus) {
+  ViewCoverage coverage(pictured_board(), {"left", "right"}, {{320, 240}, {320, 240}});
+  const auto add = [&](double left_px, double right_px) {
+    coverage.add({{0, 0, "", {}, {}, {}, left_px}, {1, 0, "", {}, {}, {}, right_px}});
+  };
+  for (int view = 0; view < 5; ++view) add(0.6, view == 2 ? 6 : 0.7);  // moved once
+  const auto out_of_focus = Contains(HasSubstr("out of focus"));
+  EXPECT_THAT(coverage.needs(), Not(out_of_focus));
+  for (int view = 0; view < 7; ++view) add(0.6, 3.2);
+  EXPECT_THAT(coverage.needs(), Contains("right is out of focus (edges blurred by 3.2 px, at best 0.6): focus it, and "
+                                         "begin anew"));
+  EXPECT_THAT(coverage.needs(), Not(Contains(HasSubstr("left is out of focus"))));
+}
+
 TEST(ImagePairs, AreFoundByTheLastNumber) {
   const std::vector<std::string> cameras{"left", "right"};
   const auto sets = paired_images(cameras, {{"l/left2.png", "l/left10.png"}, {"r/right10.png", "r/right3.png"}});
