@@ -495,7 +495,8 @@ BoardDetection detect_markers(const Board& board, const GreyPixels& view) {
   const int columns = board.corner_columns();
   if (found.ids.size() < 5 || lines([&](int id) { return id % columns; }) < 2 ||
       lines([&](int id) { return id / columns; }) < 2) {
-    found = {{}, {}, "only " + std::to_string(found.ids.size()) + " of its corners were found"};
+    const std::string count = found.ids.empty() ? "none" : "only " + std::to_string(found.ids.size());
+    found = {{}, {}, count + " of its corners were found"};
   }
   measure_markers(board, markers, found);
   return found;
@@ -563,6 +564,16 @@ std::string transposed_text(const Board& board) {
          ": exchange the two numbers in the board file";
 }
 
+// Then it is not for its dictionary that the board is not found, though others of the family have the same codes.
+bool shows_own_markers(const Board& board, const cv::Mat& image) {
+  constexpr std::ptrdiff_t enough_to_tell = 4;
+  const auto dictionary = std::ranges::find(marker_dictionaries(), board.dictionary, &MarkerDictionary::name);
+  const auto markers = find_markers(upright_colours(image, board.inverted), dictionary->opencv_id);
+  return enough_to_tell <= std::ranges::count_if(markers, [&](const auto& marker) {
+           return marker.first >= board.first_marker && marker.first < board.first_marker + board.marker_count();
+         });
+}
+
 }  // namespace
 
 std::string explain_transposed_board(const Board& board, const std::vector<GreyPixels>& images) {
@@ -609,6 +620,10 @@ std::string explain_missing_board(const Board& board, const std::vector<GreyPixe
     }
     if (shows_transposed(board, image)) {
       ++guesses[transposed_text(board)];
+      continue;
+    }
+    if (shows_own_markers(board, image)) {
+      ++guesses["its markers are in them, but not the corners of its squares: are square and marker right?"];
       continue;
     }
     for (const bool inverted : {board.inverted, !board.inverted}) {

@@ -250,6 +250,10 @@ TEST(BoardDetectorTrouble, AWrongBoardFileIsExplained) {
   Board other = charuco.board;
   other.dictionary = "DICT_6X6_250";
   EXPECT_THAT(explanation(charuco.board, other), HasSubstr("DICT_5X5"));
+  Board smaller_markers = charuco.board;
+  smaller_markers.marker *= 0.5;
+  EXPECT_THAT(explanation(charuco.board, smaller_markers),
+              AllOf(HasSubstr("are square and marker right?"), Not(HasSubstr("dictionary"))));
   Board transposed = charuco.board;
   std::swap(transposed.columns, transposed.rows);
   EXPECT_THAT(explanation(charuco.board, transposed),
