@@ -108,6 +108,14 @@ std::optional<std::pair<int, int>> swapped_names(const board::Board& board, cons
   return std::nullopt;
 }
 
+std::vector<std::pair<int, bool>> trials_of_mirrors(const std::set<int>& cameras) {
+  std::vector<std::pair<int, bool>> trials;
+  for (const int c : cameras) {
+    for (const bool by_rows : {false, true}) trials.emplace_back(c, by_rows);
+  }
+  return trials;
+}
+
 // A camera whose pictures, mirrored, fit those of the others: then so does the rig. Only a chessboard is found in
 // mirrored pictures at all, counted from its other side.
 std::optional<int> mirrored_pictures(const board::Board& board, const calib::CameraRig& rig,
@@ -115,11 +123,16 @@ std::optional<int> mirrored_pictures(const board::Board& board, const calib::Cam
                                      const Adjustment& best) {
   // The back of a chessboard looks as its front does in a mirrored picture.
   if (board.type != board::BoardType::chessboard || board.back) return std::nullopt;
-  for (const int c : seen) {
+  // Counted from its other side: by its columns or by its rows, as the colours of its squares have it.
+  for (const auto& [c, by_rows] : trials_of_mirrors(seen)) {
     std::vector<BoardView> turned = views;
     for (BoardView& view : turned) {
       if (view.camera != c) continue;
-      for (int& id : view.ids) id += board.columns - 1 - 2 * (id % board.columns);
+      for (int& id : view.ids) {
+        const int column = id % board.columns, row = id / board.columns;
+        id = by_rows ? (board.rows - 1 - row) * board.columns + column
+                     : row * board.columns + board.columns - 1 - column;
+      }
       for (Eigen::Vector2d& px : view.px) px.x() = rig.cameras[index(c)].image_size.width - 1 - px.x();
       board::sort_corners(view.ids, view.px);
     }

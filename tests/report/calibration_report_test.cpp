@@ -252,25 +252,30 @@ TEST(RigCheck, TellsAnotherBoardAndSwappedNamesFromABump) {
   EXPECT_EQ(report_on(names, capture.rig).verdict, Verdict::failed);
   EXPECT_TRUE(names.moved.empty());
   EXPECT_THAT(to_text(report_on(names, capture.rig), names), HasSubstr("cameras cam0 and cam2 look swapped"));
-  // As a camera that mirrors its pictures has the board: counted from its other side.
-  std::vector<solver::BoardView> mirrored = capture.views;
-  for (solver::BoardView& view : mirrored) {
-    if (view.camera != 1) continue;
-    std::map<int, Eigen::Vector2d> corners;
-    for (std::size_t k = 0; k < view.ids.size(); ++k) {
-      const int columns = capture.board.columns, column = view.ids[k] % columns;
-      corners[view.ids[k] + columns - 1 - 2 * column] = {639 - view.px[k].x(), view.px[k].y()};
+  // As a camera that mirrors its pictures has the board: counted from its other side, by columns or by rows, as the
+  // colours of the squares have it.
+  for (const bool by_rows : {false, true}) {
+    std::vector<solver::BoardView> mirrored = capture.views;
+    for (solver::BoardView& view : mirrored) {
+      if (view.camera != 1) continue;
+      std::map<int, Eigen::Vector2d> corners;
+      for (std::size_t k = 0; k < view.ids.size(); ++k) {
+        const int columns = capture.board.columns, column = view.ids[k] % columns, row = view.ids[k] / columns;
+        const int id =
+            by_rows ? (capture.board.rows - 1 - row) * columns + column : row * columns + columns - 1 - column;
+        corners[id] = {639 - view.px[k].x(), view.px[k].y()};
+      }
+      view.ids.clear();
+      view.px.clear();
+      for (const auto& [id, px] : corners) {
+        view.ids.push_back(id);
+        view.px.push_back(px);
+      }
     }
-    view.ids.clear();
-    view.px.clear();
-    for (const auto& [id, px] : corners) {
-      view.ids.push_back(id);
-      view.px.push_back(px);
-    }
+    const solver::RigCheck flipped = solver::check_rig(capture.board, capture.rig, mirrored);
+    EXPECT_EQ(report_on(flipped, capture.rig).verdict, Verdict::failed);
+    EXPECT_THAT(to_text(report_on(flipped, capture.rig), flipped), HasSubstr("the images of cam1 are mirrored"));
   }
-  const solver::RigCheck flipped = solver::check_rig(capture.board, capture.rig, mirrored);
-  EXPECT_EQ(report_on(flipped, capture.rig).verdict, Verdict::failed);
-  EXPECT_THAT(to_text(report_on(flipped, capture.rig), flipped), HasSubstr("the images of cam1 are mirrored"));
 }
 
 TEST(WorldFrame, IsSetByBoardsPointsAndFloors) {
