@@ -5,12 +5,17 @@
 namespace huetrack::outline {
 namespace {
 
-// Row by row, each of so many columns that no loop has a rest. false: not positive definite.
+constexpr int lanes = 8;
+constexpr int columns_for(int size) {
+  return (size + lanes - 1) / lanes * lanes;
+}
+
+// Of a symmetric matrix the rows up to the diagonal, in so many columns that no loop has a rest. false: not positive
+// definite. Row k of the factors says by how much of equation k those before it are less.
 template <int size, int width>
 inline __attribute__((always_inline)) bool eliminate_rows(double (*__restrict rows)[width],
                                                           double (*__restrict factors)[width],
                                                           double* __restrict pivots) {
-  constexpr int lanes = 8;
   for (int k = size - 1; k >= 0; --k) {
     const double pivot = rows[k][k];
     if (!(pivot > 0)) return false;
@@ -18,24 +23,62 @@ inline __attribute__((always_inline)) bool eliminate_rows(double (*__restrict ro
     const double per = 1 / pivot;
     double* __restrict factor = factors[k];
     for (int c = 0; c < width; ++c) factor[c] = c < k ? rows[k][c] * per : 0;
-    const int groups = (k + lanes - 1) / lanes;
     for (int i = 0; i < k; ++i) {
-      const double of = rows[i][k];
+      const double of = rows[k][i];
       double* __restrict row = rows[i];
-      for (int c = 0; c < lanes * groups; ++c) row[c] -= of * factor[c];
+      for (int from = 0; from <= i; from += lanes)
+        for (int c = from; c < from + lanes; ++c) row[c] -= of * factor[c];
     }
   }
   return true;
 }
 
-HUETRACK_CLONES bool eliminate_all(double (*rows)[24], double (*factors)[24], double* pivots) {
-  return eliminate_rows<unknowns, 24>(rows, factors, pivots);
+// What is left of the first equations is the inverse of their part of the inverse: from that of k of them that of k + 1
+// follows by the factors of the next one.
+template <int width>
+inline __attribute__((always_inline)) void invert_rows(int count, const double (*__restrict factors)[width],
+                                                       const double* __restrict pivots,
+                                                       double (*__restrict inverse)[width]) {
+  for (int k = 0; k < count; ++k) {
+    const double* __restrict factor = factors[k];
+    double* __restrict row = inverse[k];
+    for (int c = 0; c < width; ++c) row[c] = 0;
+    for (int i = 0; i < k; ++i) {
+      const double of = factor[i];
+      const double* __restrict before = inverse[i];
+      for (int from = 0; from < k; from += lanes)
+        for (int c = from; c < from + lanes; ++c) row[c] -= of * before[c];
+    }
+    double rest = 1 / pivots[k];
+    for (int i = 0; i < k; ++i) rest -= factor[i] * row[i];
+    for (int i = 0; i < k; ++i) inverse[i][k] = row[i];
+    row[k] = rest;
+    for (int c = k + 1; c < width; ++c) row[c] = 0;
+  }
+}
+
+HUETRACK_CLONES bool eliminate_all(double (*rows)[columns_for(unknowns)], double (*factors)[columns_for(unknowns)],
+                                   double* pivots) {
+  return eliminate_rows<unknowns, columns_for(unknowns)>(rows, factors, pivots);
+}
+
+HUETRACK_CLONES void invert_first(int count, const double (*factors)[columns_for(unknowns)], const double* pivots,
+                                  double (*inverse)[columns_for(unknowns)]) {
+  invert_rows<columns_for(unknowns)>(count, factors, pivots, inverse);
+}
+
+HUETRACK_CLONES bool invert_light(double (*rows)[columns_for(lights)], double (*inverse)[columns_for(lights)]) {
+  alignas(64) double factors[lights][columns_for(lights)];
+  double pivots[lights];
+  if (!eliminate_rows<lights, columns_for(lights)>(rows, factors, pivots)) return false;
+  invert_rows<columns_for(lights)>(lights, factors, pivots, inverse);
+  return true;
 }
 
 }  // namespace
 
 void NormalEquations::eliminate(const Normal& normal, const Normal& information) {
-  static_assert(width == 24);
+  static_assert(width == columns_for(unknowns));
   alignas(64) double rows[unknowns][width];
   const double *from = normal.data(), *before = information.data();
   for (int r = 0; r < unknowns; ++r) {
@@ -43,7 +86,20 @@ void NormalEquations::eliminate(const Normal& normal, const Normal& information)
     for (int c = unknowns; c < width; ++c) rows[r][c] = 0;
   }
   is_sound_ = eliminate_all(rows, factors_, pivots_);
-  if (is_sound_) find_covariance();
+  if (!is_sound_) return;
+  alignas(64) double inverse[told_unknowns][width];
+  invert_first(told_unknowns, factors_, pivots_, inverse);
+  for (int i = 0; i < told_unknowns; ++i)
+    for (int k = 0; k < told_unknowns; ++k) covariance_(i, k) = inverse[i][k];
+}
+
+LightMatrix NormalEquations::covariance_of_light() const {
+  alignas(64) double inverse[lit_][width];
+  invert_first(lit_, factors_, pivots_, inverse);
+  LightMatrix out;
+  for (int i = 0; i < lights; ++i)
+    for (int k = 0; k < lights; ++k) out(i, k) = inverse[shading_ + i][shading_ + k];
+  return out;
 }
 
 void NormalEquations::solve(const Unknowns& right, Unknowns& out) const {
@@ -62,20 +118,17 @@ void NormalEquations::solve(const Unknowns& right, Unknowns& out) const {
   for (int i = 0; i < unknowns; ++i) out.data()[i] = x[i];
 }
 
-// What is left of the first equations is the inverse of theirs; so are their own factors and pivots.
-void NormalEquations::find_covariance() {
-  double* const to = covariance_.data();
-  for (int column = 0; column < told_unknowns; ++column) {
-    double x[told_unknowns] = {};
-    x[column] = 1;
-    for (int k = column; k > 0; --k)
-      for (int c = 0; c < k; ++c) x[c] -= x[k] * factors_[k][c];
-    for (int k = 0; k < told_unknowns; ++k) {
-      x[k] /= pivots_[k];
-      for (int c = 0; c < k; ++c) x[k] -= factors_[k][c] * x[c];
-    }
-    for (int i = 0; i < told_unknowns; ++i) to[column * told_unknowns + i] = x[i];
+std::optional<LightMatrix> inverse_of(const LightMatrix& matrix) {
+  alignas(64) double rows[lights][columns_for(lights)], inverse[lights][columns_for(lights)];
+  for (int i = 0; i < lights; ++i) {
+    for (int k = 0; k < lights; ++k) rows[i][k] = matrix(i, k);
+    for (int k = lights; k < columns_for(lights); ++k) rows[i][k] = 0;
   }
+  if (!invert_light(rows, inverse)) return std::nullopt;
+  LightMatrix out;
+  for (int i = 0; i < lights; ++i)
+    for (int k = 0; k < lights; ++k) out(i, k) = inverse[i][k];
+  return out;
 }
 
 }  // namespace huetrack::outline

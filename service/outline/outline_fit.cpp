@@ -1,6 +1,5 @@
 #include "outline/outline_fit.h"
 
-#include <Eigen/Cholesky>
 #include <Eigen/LU>
 #include <algorithm>
 #include <array>
@@ -127,12 +126,14 @@ void OutlineFit::begin(const Look& look, const FitOptions& options) {
   // One picture hardly tells such light from an edge that is elsewhere; many of the same light do (a Kalman filter of a
   // first-order Gauss-Markov process).
   const double kept = options.same_light, kept2 = kept * kept;
+  auto information = information_.block<lights, lights>(shading_, shading_);
+  LightMatrix covariance = kept2 * look.light->covariance;
+  covariance.diagonal() += (1 - kept2) * information.diagonal().cwiseInverse();
+  const auto of_light = inverse_of(covariance);
+  if (!of_light) return;
+  information = *of_light;
   auto light = expected_.segment<lights>(shading_);
   light += kept * (look.light->mean - light);
-  auto information = information_.block<lights, lights>(shading_, shading_);
-  Eigen::Matrix<double, lights, lights> covariance = kept2 * look.light->covariance;
-  covariance.diagonal() += (1 - kept2) * information.diagonal().cwiseInverse();
-  information = covariance.llt().solve(Eigen::Matrix<double, lights, lights>::Identity());
   x_.segment<lights>(shading_) = look.light->mean;
 }
 
@@ -224,8 +225,14 @@ bool OutlineFit::are_weights_others() const {
 
 // No further than the sums are right for where they were made. Not finite: they do not tell.
 Unknowns OutlineFit::next_step() const {
+  // What is known beforehand of the light hangs together, of all else each by itself.
+  const Unknowns off = expected_ - x_;
+  Unknowns right = gradient_ + information_.diagonal().cwiseProduct(off);
+  right.segment<lights>(shading_) =
+      gradient_.segment<lights>(shading_) +
+      information_.block<lights, lights>(shading_, shading_).lazyProduct(off.segment<lights>(shading_));
   Unknowns step;
-  equations_.solve(gradient_ + information_ * (expected_ - x_), step);
+  equations_.solve(right, step);
   if (!step.allFinite()) return step;
   const auto limit = [&](double length, double most) {
     if (length > most) step *= most / length;
@@ -357,9 +364,7 @@ bool OutlineFit::learn(Look& look) const {
   look.object = object_;
   const double off_size = x_[size_] - expected_[size_];
   if (off_size * off_size * information_(size_, size_) > other_size_sigmas * other_size_sigmas) return false;
-  const Normal covariance = (normal_ + information_).llt().solve(Normal::Identity());
-  look.light = {x_.segment<lights>(shading_),
-                std::max(1.0, misfit_) * covariance.block<lights, lights>(shading_, shading_)};
+  look.light = {x_.segment<lights>(shading_), std::max(1.0, misfit_) * equations_.covariance_of_light()};
   return true;
 }
 

@@ -48,7 +48,7 @@ struct Look {
   Eigen::Vector3f object = Eigen::Vector3f::Zero();  // its light, linear R G B; 0: not known yet
   struct Light {                                     // over the ball: shading and paleness, as EdgeModel has them
     Eigen::Matrix<double, lights, 1> mean;
-    Eigen::Matrix<double, lights, lights> covariance;
+    LightMatrix covariance;
   };
   std::optional<Light> light;  // as the last fit that fits has it, by all before
 };
