@@ -8,13 +8,11 @@
 namespace huetrack::outline {
 namespace {
 
-constexpr float unit = 64;  // of the values that are kept
-constexpr float most_looks =
-    16;  // then the mean forgets: half a second of light that changes, or as much as noise asks
+constexpr int most_looks = 16;  // then the mean forgets: half a second of light that changes, or as much as noise asks
 // What is seen is what was seen before, if it is no further off than noise may be; what is off again and again uses up
 // the looks of what was there.
 constexpr float usual_sigmas = 5, least_usual = 8;
-constexpr float forgotten_per_look = 2;
+constexpr int forgotten_per_look = 2;
 constexpr float least_light_noise = 0.7f, least_chroma_noise = 0.5f;
 constexpr double noise_kept = 0.98;  // of what was seen of the noise, from look to look
 constexpr int settled_looks = 8;
@@ -29,69 +27,87 @@ constexpr int pictures_to_see_all = 30;
 constexpr int size = Background::tile_px;
 constexpr int most_samples = size * size;
 
-// One step of the mean of each sample. hidden: 1: not looked at. Returns how far settled samples were off, and how many
-// there were.
 struct Off {
-  float sum, count;
+  std::int32_t sum, count;
 };
-HUETRACK_CLONES Off step(const float* __restrict seen, const float* __restrict hidden, float usual, int n,
-                         std::int16_t* __restrict mean, std::uint8_t* __restrict looks) {
-  // Compilers make vectors of conversions one kind of number at a time, all of a tile's, and of sums by lanes.
-  constexpr int lanes = 16;
-  alignas(64) float mean_before[most_samples], looks_before[most_samples], kept[most_samples], now[most_samples];
-  alignas(64) std::int32_t whole[most_samples];
-  for (int i = 0; i < n; ++i) whole[i] = mean[i];
-  for (int i = 0; i < n; ++i) mean_before[i] = static_cast<float>(whole[i]) * (1 / unit);
+template <int n>
+inline __attribute__((always_inline)) Off step_of(const std::int16_t* __restrict seen,
+                                                  const std::int16_t* __restrict hidden, int usual,
+                                                  std::int16_t* __restrict mean, const std::uint8_t* __restrict looks,
+                                                  std::int16_t* __restrict looks_now) {
+  // By what a mean of so many looks, this one among them, goes on towards it, in 2^15ths; of two or more.
+  alignas(64) std::int16_t share[n], off[n], settled[n];
+  alignas(64) std::int32_t whole[n];
   for (int i = 0; i < n; ++i) whole[i] = looks[i];
-  for (int i = 0; i < n; ++i) looks_before[i] = static_cast<float>(whole[i]);
-  float sum[lanes] = {}, count[lanes] = {};
-  for (int from = 0; from < n; from += lanes) {
-    // As numbers, as compilers make vectors of these: 1 is true.
-    for (int j = 0; j < lanes; ++j) {
-      const float before = mean_before[from + j], of = looks_before[from + j];
-      const float by = seen[from + j] - before, is_seen = 1 - hidden[from + j];
-      const float far = by < 0 ? -by : by;
-      const float is_near = far < usual ? 1.f : 0.f, is_known = of > 0 ? 1.f : 0.f, is_same = is_near * is_known;
-      const float fewer = of - forgotten_per_look;
-      const float is_gone = fewer <= 0 ? 1.f : 0.f, is_new = (1 - is_same) * is_gone;
-      const float more = of + 1 < most_looks ? of + 1 : most_looks;
-      const float same_looks = is_same > 0 ? more : fewer, looks_now = is_new > 0 ? 1.f : same_looks;
-      const float share = is_same / more + is_new;
-      const float steps = (before + is_seen * share * by) * unit;
-      kept[from + j] = steps + (steps < 0 ? -0.5f : 0.5f);
-      now[from + j] = is_seen > 0 ? looks_now : of;
-      const float is_settled = of >= settled_looks ? is_same : 0.f, counted = is_settled * is_seen;
-      count[j] += counted, sum[j] += counted * far;
-    }
+  for (int i = 0; i < n; ++i) {
+    const int more = whole[i] + 1 < most_looks ? whole[i] + 1 : most_looks;
+    whole[i] = static_cast<std::int32_t>(32768 / static_cast<float>(more < 2 ? 2 : more));
   }
-  for (int i = 0; i < n; ++i) whole[i] = static_cast<std::int32_t>(kept[i]);
-  for (int i = 0; i < n; ++i) mean[i] = static_cast<std::int16_t>(whole[i]);
-  for (int i = 0; i < n; ++i) whole[i] = static_cast<std::int32_t>(now[i]);
-  for (int i = 0; i < n; ++i) looks[i] = static_cast<std::uint8_t>(whole[i]);
+  for (int i = 0; i < n; ++i) share[i] = static_cast<std::int16_t>(whole[i]);
+  // Numbers of one kind, and all bits of one that is true, as compilers make vectors of these.
+  using Number = std::int16_t;
+  const auto near = static_cast<Number>(usual < 32767 ? usual : 32767);
+  for (int i = 0; i < n; ++i) looks_now[i] = looks[i];
+  for (int i = 0; i < n; ++i) {
+    const Number before = mean[i], of = looks_now[i], is_hidden = hidden[i];
+    const auto by = static_cast<Number>(seen[i] - before);
+    const auto far = static_cast<Number>(by < 0 ? -by : by);
+    const Number is_near = far < near ? -1 : 0, is_known = of > 0 ? -1 : 0;
+    const auto is_same = static_cast<Number>(is_near & is_known);
+    const auto more = static_cast<Number>(of + 1 < most_looks ? of + 1 : most_looks);
+    const auto fewer = static_cast<Number>(of - forgotten_per_look);
+    const Number is_gone = fewer <= 0 ? -1 : 0;
+    const auto is_new = static_cast<Number>(~is_same & is_gone);
+    const auto part = static_cast<Number>(((by * share[i] >> 14) + 1) >> 1);
+    const auto moved = static_cast<Number>(((part & is_same) | (by & is_new)) & ~is_hidden);
+    const auto then = static_cast<Number>((more & is_same) | (is_new & 1) | (fewer & ~is_same & ~is_new));
+    mean[i] = static_cast<Number>(before + moved);
+    looks_now[i] = static_cast<Number>((then & ~is_hidden) | (of & is_hidden));
+    const Number is_settled = of >= settled_looks ? -1 : 0;
+    settled[i] = static_cast<Number>(is_settled & is_same & ~is_hidden & 1);
+    off[i] = static_cast<Number>(far & -settled[i]);
+  }
   Off out{0, 0};
-  for (int j = 0; j < lanes; ++j) out.sum += sum[j], out.count += count[j];
+  for (int i = 0; i < n; ++i) out.sum += off[i];
+  for (int i = 0; i < n; ++i) out.count += settled[i];
   return out;
+}
+
+// One step of the mean of each sample. hidden: -1: not looked at; 0. n: of a tile, 64, 128 or 256. Sets how many looks
+// there are then. Returns how far settled samples were off, in units, and how many there were.
+HUETRACK_CLONES Off step(const std::int16_t* seen, const std::int16_t* hidden, int usual, int n, std::int16_t* mean,
+                         const std::uint8_t* looks, std::int16_t* looks_now) {
+  if (n == 256) return step_of<256>(seen, hidden, usual, mean, looks, looks_now);
+  if (n == 128) return step_of<128>(seen, hidden, usual, mean, looks, looks_now);
+  return step_of<64>(seen, hidden, usual, mean, looks, looks_now);
+}
+
+// The fewer of both, where there are two.
+HUETRACK_CLONES void keep_looks(const std::int16_t* __restrict a, const std::int16_t* __restrict b, int n,
+                                std::uint8_t* __restrict out) {
+  for (int i = 0; i < n; ++i) out[i] = static_cast<std::uint8_t>(a[i] < b[i] ? a[i] : b[i]);
 }
 
 // Samples whose centres lie within the discs; one sample is columns x rows pixels.
 void hide(const ObjectDisc* discs, std::size_t count, int u0, int v0, int columns, int rows, int across, int down,
-          float* hidden) {
-  std::fill(hidden, hidden + across * down, 0.f);
+          std::int16_t* hidden) {
+  std::fill(hidden, hidden + across * down, std::int16_t{0});
+  const double slack = 0.5 * std::hypot(columns - 1, rows - 1);
   for (std::size_t k = 0; k < count; ++k) {
-    const double slack = 0.5 * std::hypot(columns - 1, rows - 1);
+    // In samples from the first one's centre.
     const auto reach = static_cast<float>(discs[k].radius_px + slack);
-    const auto cu = static_cast<float>(discs[k].px.x()), cv = static_cast<float>(discs[k].px.y());
-    const auto u_end = static_cast<float>(u0 + columns * across), v_end = static_cast<float>(v0 + rows * down);
-    if (cu + reach < static_cast<float>(u0) || cu - reach > u_end || cv + reach < static_cast<float>(v0) ||
-        cv - reach > v_end)
-      continue;
+    const float cu = static_cast<float>(discs[k].px.x() - u0) - 0.5f * static_cast<float>(columns - 1);
+    const float cv = static_cast<float>(discs[k].px.y() - v0) - 0.5f * static_cast<float>(rows - 1);
+    if (!(cu + reach > 0 && cu - reach < size && cv + reach > 0 && cv - reach < size)) continue;
+    const float per_column = 1 / static_cast<float>(columns), last = static_cast<float>(across - 1);
     for (int j = 0; j < down; ++j) {
-      const float dv = static_cast<float>(v0 + j * rows) + 0.5f * static_cast<float>(rows - 1) - cv;
-      if (std::abs(dv) > reach) continue;
-      for (int i = 0; i < across; ++i) {
-        const float du = static_cast<float>(u0 + i * columns) + 0.5f * static_cast<float>(columns - 1) - cu;
-        hidden[j * across + i] = du * du + dv * dv < reach * reach ? 1.f : hidden[j * across + i];
-      }
+      const float dv = static_cast<float>(j * rows) - cv, left = reach * reach - dv * dv;
+      if (!(left > 0)) continue;
+      const float half = std::sqrt(left), begin = (cu - half) * per_column, end = (cu + half) * per_column;
+      if (end < 0 || begin > last) continue;
+      const int from = begin < 0 ? 0 : static_cast<int>(std::ceil(begin));
+      const int to = static_cast<int>(end > last ? last : end);
+      for (int i = from; i <= to; ++i) hidden[j * across + i] = -1;
     }
   }
 }
@@ -229,40 +245,45 @@ void Background::look(const Picture& picture, int index, const ObjectDisc* hidde
   tile.looked_at = pictures_;
   if (++tile.looks == looks_at_start) --unknown_tiles_;
   const int u0 = index % across_ * tile_px, v0 = index / across_ * tile_px;
-  alignas(64) float seen[most_samples], red[most_samples], mask[most_samples];
+  alignas(64) std::int16_t seen[most_samples], red[most_samples], mask[most_samples], looks[most_samples];
   // Beyond the picture, or the part of it that is there, nothing is seen.
-  const auto for_rows = [&](int columns, int rows, auto&& read) {
+  const auto read_tile = [&](int columns, int rows, auto&& read) {
     const int across = tile_px / columns, down = tile_px / rows;
     hide(hidden, hidden_count, u0, v0, columns, rows, across, down, mask);
     const auto samples_to = [](int px, int shared) { return (px + shared - 1) / shared; };
     const int first = std::max(0, (picture.part_u - u0) / columns), top = std::max(0, (picture.part_v - v0) / rows);
-    const int n = std::min(across, samples_to(picture.end_u(), columns) - u0 / columns);
-    const int m = std::min(down, samples_to(picture.end_v(), rows) - v0 / rows);
-    for (int j = 0; j < down; ++j) {
-      const bool is_there = j >= top && j < m && first < n;
-      if (is_there) read(u0 / columns + first, v0 / rows + j, n - first, j * across + first);
-      for (int i = 0; i < across; ++i) {
-        if (is_there && i >= first && i < n) continue;
-        mask[j * across + i] = 1, seen[j * across + i] = 0, red[j * across + i] = 0;
+    const int end = std::min(across, samples_to(picture.end_u(), columns) - u0 / columns);
+    const int bottom = std::min(down, samples_to(picture.end_v(), rows) - v0 / rows);
+    const bool is_all = first == 0 && top == 0 && end == across && bottom == down;
+    if (!is_all) {
+      std::fill_n(seen, across * down, std::int16_t{0}), std::fill_n(red, across * down, std::int16_t{0});
+      for (int k = 0; k < across * down; ++k) {
+        const int i = k % across, j = k / across;
+        if (i < first || i >= end || j < top || j >= bottom) mask[k] = -1;
       }
     }
+    if (first < end && top < bottom)
+      read(Rows{u0 / columns + first, v0 / rows + top, end - first, bottom - top, across}, top * across + first);
     return across * down;
   };
-  int n = for_rows(1, 1, [&](int u, int v, int count, int at) { read_light(picture, u, v, count, seen + at); });
-  Off off = step(seen, mask, std::max(least_usual, usual_sigmas * light_.noise), n, tile.light.data(),
-                 tile.light_looks.data());
-  light_.add(static_cast<double>(off.sum), static_cast<double>(off.count), least_light_noise);
+  const auto usual = [](const Noise& noise) {
+    return static_cast<int>(std::max(least_usual, usual_sigmas * noise.noise) * units);
+  };
+  const auto add = [](Noise& to, const Off& off, float least) {
+    to.add(static_cast<double>(off.sum) / units, static_cast<double>(off.count), least);
+  };
+  int n = read_tile(1, 1, [&](const Rows& rows, int at) { read_light(picture, rows, seen + at); });
+  add(light_, step(seen, mask, usual(light_), n, tile.light.data(), tile.light_looks.data(), looks), least_light_noise);
+  keep_looks(looks, looks, n, tile.light_looks.data());
   if (picture.is_grey) return;
-  n = for_rows(columns_, rows_,
-               [&](int u, int v, int count, int at) { read_chroma(picture, u, v, count, seen + at, red + at); });
-  const float usual = std::max(least_usual, usual_sigmas * chroma_.noise);
-  std::array<std::uint8_t, samples> looks_of_red = tile.chroma_looks;
-  off = step(seen, mask, usual, n, tile.blue.data(), tile.chroma_looks.data());
-  chroma_.add(static_cast<double>(off.sum), static_cast<double>(off.count), least_chroma_noise);
-  off = step(red, mask, usual, n, tile.red.data(), looks_of_red.data());
-  chroma_.add(static_cast<double>(off.sum), static_cast<double>(off.count), least_chroma_noise);
-  for (std::size_t i = 0; i < static_cast<std::size_t>(n); ++i)
-    tile.chroma_looks[i] = std::min(tile.chroma_looks[i], looks_of_red[i]);
+  n = read_tile(columns_, rows_, [&](const Rows& rows, int at) { read_chroma(picture, rows, seen + at, red + at); });
+  const int usual_chroma = usual(chroma_);
+  alignas(64) std::int16_t looks_of_red[most_samples];
+  add(chroma_, step(seen, mask, usual_chroma, n, tile.blue.data(), tile.chroma_looks.data(), looks),
+      least_chroma_noise);
+  add(chroma_, step(red, mask, usual_chroma, n, tile.red.data(), tile.chroma_looks.data(), looks_of_red),
+      least_chroma_noise);
+  keep_looks(looks, looks_of_red, n, tile.chroma_looks.data());
 }
 
 namespace {
@@ -278,8 +299,8 @@ HUETRACK_CLONES void to_values(const Kept& kept, int n, float light_unit, const 
   float* __restrict light_looks = out.light_looks, * __restrict chroma_looks = out.chroma_looks;
   for (int i = 0; i < n; ++i) {
     light[i] = static_cast<float>(kept.light[i]) * light_unit;
-    blue[i] = static_cast<float>(kept.blue[i]) * (1 / unit);
-    red[i] = static_cast<float>(kept.red[i]) * (1 / unit);
+    blue[i] = static_cast<float>(kept.blue[i]) * (1.f / units);
+    red[i] = static_cast<float>(kept.red[i]) * (1.f / units);
     light_looks[i] = static_cast<float>(kept.light_looks[i]);
     chroma_looks[i] = static_cast<float>(kept.chroma_looks[i]);
   }
@@ -309,7 +330,7 @@ void Background::light(const Places& at, float* light, float* looks) const {
     const auto u = static_cast<unsigned>(at.u[i]), v = static_cast<unsigned>(at.v[i]);
     const Tile& tile = known_at(u / tile_px, v / tile_px);
     const std::size_t k = v % tile_px * tile_px + u % tile_px;
-    light[i] = static_cast<float>(tile.light[k]) * (1 / unit);
+    light[i] = static_cast<float>(tile.light[k]) * (1.f / units);
     looks[i] = static_cast<float>(tile.light_looks[k]);
   }
 }
@@ -317,7 +338,7 @@ void Background::light(const Places& at, float* light, float* looks) const {
 void Background::at_pixels(const Picture& picture, const Places& at, const Values& out) const {
   const bool has_learnt_such = picture.columns == columns_ && picture.rows == rows_;
   const unsigned across = power_of(picture.columns), columns = 4 - across, rows = 4 - power_of(picture.rows);
-  some_at_once(at, 1 / unit, out, [&](int from, int n, Kept& kept) {
+  some_at_once(at, 1.f / units, out, [&](int from, int n, Kept& kept) {
     for (int i = 0; i < n; ++i) {
       const auto u = static_cast<unsigned>(at.u[from + i]), v = static_cast<unsigned>(at.v[from + i]);
       const Tile& tile = has_learnt_such ? known_at(u / tile_px, v / tile_px) : unknown_;
@@ -335,7 +356,7 @@ void Background::at_chroma(const Picture& picture, const Places& at, const Value
   const unsigned across = power_of(picture.columns), down = power_of(picture.rows);
   const unsigned columns = 4 - across, rows = 4 - down;
   const unsigned parts_u = 1u << columns, parts_v = 1u << rows;
-  some_at_once(at, 1 / unit, out, [&](int from, int n, Kept& kept) {
+  some_at_once(at, 1.f / units, out, [&](int from, int n, Kept& kept) {
     for (int i = 0; i < n; ++i) {
       const auto u = static_cast<unsigned>(at.u[from + i]), v = static_cast<unsigned>(at.v[from + i]);
       const Tile& tile = has_learnt_such ? known_at(u >> across, v >> down) : unknown_;

@@ -204,7 +204,8 @@ class Guess {
   }
   void chroma(int u, int v, float& blue, float& red) {
     const Eigen::Vector2i rim = samples_.beyond(u, v);
-    read_chroma(picture_, rim.x(), rim.y(), 1, &blue, &red);
+    const int at_u = rim.x(), at_v = rim.y();
+    read_chroma(picture_, {&at_u, &at_v, 1}, &blue, &red);
   }
   float unsure_light() {
     if (unsure_light_ == 0)
@@ -216,7 +217,7 @@ class Guess {
     for (const int part : {0, 1}) {
       const float variance = samples_.variance(noise_.chroma, [&](int u, int v) {
         float of[2];
-        read_chroma(picture_, u, v, 1, &of[0], &of[1]);
+        read_chroma(picture_, {&u, &v, 1}, &of[0], &of[1]);
         return of[part];
       });
       unsure_chroma_ = std::max(unsure_chroma_, variance);
@@ -227,7 +228,7 @@ class Guess {
  private:
   float light_at(int u, int v) const {
     float light = 0;
-    read_light(picture_, u, v, 1, &light);
+    read_light(picture_, {&u, &v, 1}, &light);
     return light;
   }
   const Picture& picture_;

@@ -1,5 +1,11 @@
 #include "outline/picture.h"
 
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+
+#include "particle_filter/vector_clones.h"
+
 namespace huetrack::outline {
 namespace {
 
@@ -19,31 +25,62 @@ Scale scale_of_chroma(const Picture& picture) {
 float luma(const std::uint8_t* bgr) {
   return y_blue * bgr[0] + y_green * bgr[1] + y_red * bgr[2];
 }
-
-// Eight at once, as far as there are so many.
-template <int step>
-void read(const std::uint8_t* __restrict from, int n, Scale scale, float* __restrict out) {
-  int i = 0;
-  for (; i + 8 <= n; i += 8) {
-    float eight[8];
-    for (int k = 0; k < 8; ++k) eight[k] = static_cast<float>(from[(i + k) * step]);
-    for (int k = 0; k < 8; ++k) out[i + k] = (eight[k] - scale.zero) * scale.by;
-  }
-  for (; i < n; ++i) out[i] = (static_cast<float>(from[i * step]) - scale.zero) * scale.by;
+struct Chroma {
+  float blue, red;
+};
+Chroma chroma(const std::uint8_t* bgr) {
+  const float y = luma(bgr);
+  return {by_blue * (bgr[0] - y), by_red * (bgr[2] - y)};
 }
 
-void read(const Samples& samples, int u, int v, int n, Scale scale, float* out) {
-  const std::uint8_t* from = samples.at(u, v);
-  switch (samples.step) {
-    case 1:
-      return read<1>(from, n, scale, out);
-    case 2:
-      return read<2>(from, n, scale, out);
-    case 4:
-      return read<4>(from, n, scale, out);
-    default:
-      for (int i = 0; i < n; ++i) out[i] = (static_cast<float>(from[i * samples.step]) - scale.zero) * scale.by;
+std::int16_t whole(float grey_values) {
+  return static_cast<std::int16_t>(std::lround(grey_values * units));
+}
+
+// (byte - zero) * scale in units, rounded: a product of 2^15ths, which processors have of 16 numbers at once.
+struct WholeScale {
+  std::int16_t zero, by;
+  explicit WholeScale(Scale of)
+      : zero(static_cast<std::int16_t>(of.zero)),
+        by(static_cast<std::int16_t>(std::lround(of.by * units * (1 << 15 >> before)))) {}
+  static constexpr int before = 7;
+  std::int16_t operator()(int byte) const {
+    const auto from_zero = static_cast<std::int16_t>((byte - zero) * (1 << before));
+    return static_cast<std::int16_t>(((from_zero * by >> 14) + 1) >> 1);
   }
+};
+
+// Of rows of so many bytes that lie `step` apart, as many as a tile has. Copied first, as no byte beyond the last one
+// may be read.
+template <int step, int across>
+inline __attribute__((always_inline)) void read_tile_rows(const std::uint8_t* from, std::ptrdiff_t row_bytes, int down,
+                                                          WholeScale scale, int stride, std::int16_t* __restrict out) {
+  constexpr int most_down = 16;
+  alignas(64) std::uint8_t bytes[most_down][across * step];
+  for (int j = 0; j < down; ++j) std::memcpy(bytes[j], from + j * row_bytes, (across - 1) * step + 1);
+  for (int j = 0; j < down; ++j)
+    for (int k = 0; k < across; ++k) out[j * stride + k] = scale(bytes[j][k * step]);
+}
+
+HUETRACK_CLONES void read_rows(const std::uint8_t* from, std::ptrdiff_t row_bytes, int step, const Rows& rows,
+                               WholeScale scale, std::int16_t* __restrict out) {
+  if (rows.down <= 16 && rows.across == 16 && step == 1)
+    return read_tile_rows<1, 16>(from, row_bytes, rows.down, scale, rows.stride, out);
+  if (rows.down <= 16 && rows.across == 16 && step == 2)
+    return read_tile_rows<2, 16>(from, row_bytes, rows.down, scale, rows.stride, out);
+  if (rows.down <= 16 && rows.across == 8 && step == 1)
+    return read_tile_rows<1, 8>(from, row_bytes, rows.down, scale, rows.stride, out);
+  if (rows.down <= 16 && rows.across == 8 && step == 2)
+    return read_tile_rows<2, 8>(from, row_bytes, rows.down, scale, rows.stride, out);
+  if (rows.down <= 16 && rows.across == 8 && step == 4)
+    return read_tile_rows<4, 8>(from, row_bytes, rows.down, scale, rows.stride, out);
+  for (int j = 0; j < rows.down; ++j)
+    for (int k = 0; k < rows.across; ++k) out[j * rows.stride + k] = scale(from[j * row_bytes + k * step]);
+}
+
+void read(const Samples& samples, const Rows& rows, Scale scale, std::int16_t* out) {
+  read_rows(samples.at(rows.u, rows.v), samples.row_bytes, static_cast<int>(samples.step), rows, WholeScale(scale),
+            out);
 }
 
 void read(const Samples& samples, const Places& at, Scale scale, float* out) {
@@ -52,30 +89,31 @@ void read(const Samples& samples, const Places& at, Scale scale, float* out) {
 
 }  // namespace
 
-void read_light(const Picture& picture, int u, int v, int n, float* light) {
-  if (picture.is_bgr) {
-    const std::uint8_t* p = picture.light.at(u, v);
-    for (int i = 0; i < n; ++i, p += picture.light.step) light[i] = luma(p);
-    return;
+void read_light(const Picture& picture, const Rows& rows, std::int16_t* light) {
+  if (!picture.is_bgr) return read(picture.light, rows, scale_of_light(picture), light);
+  for (int j = 0; j < rows.down; ++j) {
+    const std::uint8_t* p = picture.light.at(rows.u, rows.v + j);
+    for (int i = 0; i < rows.across; ++i, p += picture.light.step) light[j * rows.stride + i] = whole(luma(p));
   }
-  read(picture.light, u, v, n, scale_of_light(picture), light);
 }
 
-void read_chroma(const Picture& picture, int u, int v, int n, float* blue, float* red) {
-  if (picture.is_bgr) {
-    const std::uint8_t* p = picture.light.at(u, v);
-    for (int i = 0; i < n; ++i, p += picture.light.step) {
-      const float y = luma(p);
-      blue[i] = by_blue * (p[0] - y), red[i] = by_red * (p[2] - y);
+void read_chroma(const Picture& picture, const Rows& rows, std::int16_t* blue, std::int16_t* red) {
+  if (!picture.is_bgr && !picture.is_grey) {
+    read(picture.blue, rows, scale_of_chroma(picture), blue);
+    return read(picture.red, rows, scale_of_chroma(picture), red);
+  }
+  for (int j = 0; j < rows.down; ++j) {
+    if (picture.is_grey) {
+      std::fill_n(blue + j * rows.stride, rows.across, std::int16_t{0});
+      std::fill_n(red + j * rows.stride, rows.across, std::int16_t{0});
+      continue;
     }
-    return;
+    const std::uint8_t* p = picture.light.at(rows.u, rows.v + j);
+    for (int i = 0; i < rows.across; ++i, p += picture.light.step) {
+      const Chroma of = chroma(p);
+      blue[j * rows.stride + i] = whole(of.blue), red[j * rows.stride + i] = whole(of.red);
+    }
   }
-  if (picture.is_grey) {
-    for (int i = 0; i < n; ++i) blue[i] = red[i] = 0;
-    return;
-  }
-  read(picture.blue, u, v, n, scale_of_chroma(picture), blue);
-  read(picture.red, u, v, n, scale_of_chroma(picture), red);
 }
 
 void read_light(const Picture& picture, const Places& at, float* light) {
@@ -88,7 +126,10 @@ void read_light(const Picture& picture, const Places& at, float* light) {
 
 void read_chroma(const Picture& picture, const Places& at, float* blue, float* red) {
   if (picture.is_bgr || picture.is_grey) {
-    for (int i = 0; i < at.n; ++i) read_chroma(picture, at.u[i], at.v[i], 1, blue + i, red + i);
+    for (int i = 0; i < at.n; ++i) {
+      const Chroma of = picture.is_grey ? Chroma{0, 0} : chroma(picture.light.at(at.u[i], at.v[i]));
+      blue[i] = of.blue, red[i] = of.red;
+    }
     return;
   }
   read(picture.blue, at, scale_of_chroma(picture), blue);

@@ -35,10 +35,14 @@ struct Picture {
   int end_v() const { return is_whole() ? height : part_v + part_height; }
 };
 
-// n pixels of row v from column u on, inside the picture.
-void read_light(const Picture& picture, int u, int v, int n, float* light);
-// n samples of chroma row v from the u-th on.
-void read_chroma(const Picture& picture, int u, int v, int n, float* blue, float* red);
+// As whole numbers, of which so many are a grey value: as exact as a mean of pictures is.
+inline constexpr int units = 64;
+// Rows of pixels, or of samples of chroma, inside the picture; `stride` values from a row to the next where they go.
+struct Rows {
+  int u, v, across, down, stride;
+};
+void read_light(const Picture& picture, const Rows& rows, std::int16_t* light);
+void read_chroma(const Picture& picture, const Rows& rows, std::int16_t* blue, std::int16_t* red);
 
 // Pixels, or samples of chroma, here and there in a picture.
 struct Places {
