@@ -34,22 +34,30 @@ struct Rim {
     const auto on = [](double x, double most) { return static_cast<int>(std::lround(std::clamp(x, 0.0, most))); };
     return {u0 + on(u_centre + far * du, right), v0 + on(v_centre + far * dv, bottom)};
   }
-  // Variance along the rim, in those of a single picture; half of it is what a neighbour does not tell.
-  template <typename Value>
-  float variance(float sigma, Value&& value) const {
+  // Some of its samples, all around.
+  static constexpr int most = 512;
+  int walk(std::int32_t* us, std::int32_t* vs) const {
     const int some = 1 + (across + down) / 64;
-    double sum = 0, squares = 0, n = 0;
-    for (int v = 0; v < down; v += v + some < down ? some : std::max(1, down - 1 - v)) {
-      for (int u = 0; u < across; u += v == 0 || v == down - 1 ? some : std::max(1, across - 1)) {
-        const double x = static_cast<double>(value(u0 + u, v0 + v));
-        sum += x, squares += x * x, ++n;
-      }
+    int n = 0;
+    for (int v = 0; v < down && n < most; v += v + some < down ? some : std::max(1, down - 1 - v)) {
+      for (int u = 0; u < across && n < most; u += v == 0 || v == down - 1 ? some : std::max(1, across - 1))
+        us[n] = u0 + u, vs[n++] = v0 + v;
     }
-    const double all = squares / n - sum * sum / (n * n);
-    return static_cast<float>(
-        std::clamp(0.5 * all / static_cast<double>(sigma * sigma), least_guessed, static_cast<double>(unknown_behind)));
+    return n;
   }
 };
+
+// Variance, in those of a single picture; half of it is what a neighbour does not tell.
+float variance_of(const float* values, int n, float sigma) {
+  double sum = 0, squares = 0;
+  for (int i = 0; i < n; ++i) {
+    const auto x = static_cast<double>(values[i]);
+    sum += x, squares += x * x;
+  }
+  const double all = squares / n - sum * sum / (static_cast<double>(n) * n);
+  return static_cast<float>(
+      std::clamp(0.5 * all / static_cast<double>(sigma * sigma), least_guessed, static_cast<double>(unknown_behind)));
+}
 
 // Where the samples of a block lie, from the start's centre.
 HUETRACK_CLONES void place(int n, const std::int32_t* __restrict at_u, const std::int32_t* __restrict at_v,
@@ -208,21 +216,20 @@ class Guess {
     read_chroma(picture_, {&at_u, &at_v, 1}, &blue, &red);
   }
   float unsure_light() {
-    if (unsure_light_ == 0)
-      unsure_light_ = pixels_.variance(noise_.light, [&](int u, int v) { return light_at(u, v); });
-    return unsure_light_;
+    if (unsure_light_ > 0) return unsure_light_;
+    std::int32_t us[Rim::most], vs[Rim::most];
+    float light[Rim::most];
+    const int n = pixels_.walk(us, vs);
+    read_light(picture_, {us, vs, n}, light);
+    return unsure_light_ = variance_of(light, n, noise_.light);
   }
   float unsure_chroma() {
     if (unsure_chroma_ > 0) return unsure_chroma_;
-    for (const int part : {0, 1}) {
-      const float variance = samples_.variance(noise_.chroma, [&](int u, int v) {
-        float of[2];
-        read_chroma(picture_, {&u, &v, 1}, &of[0], &of[1]);
-        return of[part];
-      });
-      unsure_chroma_ = std::max(unsure_chroma_, variance);
-    }
-    return unsure_chroma_;
+    std::int32_t us[Rim::most], vs[Rim::most];
+    float blue[Rim::most], red[Rim::most];
+    const int n = samples_.walk(us, vs);
+    read_chroma(picture_, {us, vs, n}, blue, red);
+    return unsure_chroma_ = std::max(variance_of(blue, n, noise_.chroma), variance_of(red, n, noise_.chroma));
   }
 
  private:
