@@ -294,11 +294,11 @@ struct Kept {
   alignas(64) std::int16_t light[at_once], blue[at_once], red[at_once];
   alignas(64) std::uint8_t light_looks[at_once], chroma_looks[at_once];
 };
-HUETRACK_CLONES void to_values(const Kept& kept, int n, float light_unit, const Background::Values& out) {
+HUETRACK_CLONES void to_values(const Kept& kept, int n, const Background::Values& out) {
   float* __restrict light = out.light, * __restrict blue = out.blue, * __restrict red = out.red;
   float* __restrict light_looks = out.light_looks, * __restrict chroma_looks = out.chroma_looks;
   for (int i = 0; i < n; ++i) {
-    light[i] = static_cast<float>(kept.light[i]) * light_unit;
+    light[i] = static_cast<float>(kept.light[i]) * (1.f / units);
     blue[i] = static_cast<float>(kept.blue[i]) * (1.f / units);
     red[i] = static_cast<float>(kept.red[i]) * (1.f / units);
     light_looks[i] = static_cast<float>(kept.light_looks[i]);
@@ -306,14 +306,15 @@ HUETRACK_CLONES void to_values(const Kept& kept, int n, float light_unit, const 
   }
 }
 
-// take: of n places from here on.
+// take: what is kept of the i-th place.
 template <typename Take>
-void some_at_once(const Places& at, float light_unit, const Background::Values& out, Take&& take) {
+inline __attribute__((always_inline)) void some_at_once(const Places& at, const Background::Values& out, Take&& take) {
   Kept kept;
   for (int from = 0; from < at.n; from += at_once) {
     const int n = std::min(at_once, at.n - from);
-    take(from, n, kept);
-    to_values(kept, n, light_unit,
+    const int *u = at.u + from, *v = at.v + from;
+    for (int i = 0; i < n; ++i) take(static_cast<unsigned>(u[i]), static_cast<unsigned>(v[i]), i, kept);
+    to_values(kept, n,
               {out.light + from, out.blue + from, out.red + from, out.light_looks + from, out.chroma_looks + from});
   }
 }
@@ -336,46 +337,40 @@ void Background::light(const Places& at, float* light, float* looks) const {
 }
 
 void Background::at_pixels(const Picture& picture, const Places& at, const Values& out) const {
-  const bool has_learnt_such = picture.columns == columns_ && picture.rows == rows_;
+  const Known known = known_of(picture);
   const unsigned across = power_of(picture.columns), columns = 4 - across, rows = 4 - power_of(picture.rows);
-  some_at_once(at, 1.f / units, out, [&](int from, int n, Kept& kept) {
-    for (int i = 0; i < n; ++i) {
-      const auto u = static_cast<unsigned>(at.u[from + i]), v = static_cast<unsigned>(at.v[from + i]);
-      const Tile& tile = has_learnt_such ? known_at(u / tile_px, v / tile_px) : unknown_;
-      const unsigned in_u = u % tile_px, in_v = v % tile_px, k = in_v * tile_px + in_u;
-      const unsigned sample = ((in_v >> rows) << across) + (in_u >> columns);
-      kept.light[i] = tile.light[k], kept.light_looks[i] = tile.light_looks[k];
-      kept.blue[i] = tile.blue[sample], kept.red[i] = tile.red[sample];
-      kept.chroma_looks[i] = tile.chroma_looks[sample];
-    }
-  });
+  some_at_once(
+      at, out, [=](unsigned u, unsigned v, int i, Kept& kept) __attribute__((always_inline)) {
+        const Tile& tile = known(u / tile_px, v / tile_px);
+        const unsigned in_u = u % tile_px, in_v = v % tile_px, k = in_v * tile_px + in_u;
+        const unsigned sample = ((in_v >> rows) << across) + (in_u >> columns);
+        kept.light[i] = tile.light[k], kept.light_looks[i] = tile.light_looks[k];
+        kept.blue[i] = tile.blue[sample], kept.red[i] = tile.red[sample];
+        kept.chroma_looks[i] = tile.chroma_looks[sample];
+      });
 }
 
 void Background::at_chroma(const Picture& picture, const Places& at, const Values& out) const {
-  const bool has_learnt_such = picture.columns == columns_ && picture.rows == rows_;
+  const Known known = known_of(picture);
   const unsigned across = power_of(picture.columns), down = power_of(picture.rows);
   const unsigned columns = 4 - across, rows = 4 - down;
-  const unsigned parts_u = 1u << columns, parts_v = 1u << rows;
-  some_at_once(at, 1.f / units, out, [&](int from, int n, Kept& kept) {
-    for (int i = 0; i < n; ++i) {
-      const auto u = static_cast<unsigned>(at.u[from + i]), v = static_cast<unsigned>(at.v[from + i]);
-      const Tile& tile = has_learnt_such ? known_at(u >> across, v >> down) : unknown_;
-      const unsigned in_u = u & ((1u << across) - 1), in_v = v & ((1u << down) - 1);
-      const unsigned sample = (in_v << across) + in_u;
-      const unsigned first = ((in_v << rows) * tile_px) + (in_u << columns);
-      int sum = 0;
-      std::uint8_t looks = 255;
-      for (unsigned part_v = 0; part_v < parts_v; ++part_v) {
-        for (unsigned part_u = 0; part_u < parts_u; ++part_u) {
-          const unsigned k = first + part_v * tile_px + part_u;
-          sum += tile.light[k], looks = std::min(looks, tile.light_looks[k]);
-        }
-      }
-      kept.light[i] = static_cast<std::int16_t>(sum >> (columns + rows)), kept.light_looks[i] = looks;
-      kept.blue[i] = tile.blue[sample], kept.red[i] = tile.red[sample];
-      kept.chroma_looks[i] = tile.chroma_looks[sample];
-    }
-  });
+  // Of its one, two or four pixels, each as often as makes it four.
+  const unsigned right = columns, below = rows * tile_px;
+  some_at_once(
+      at, out, [=](unsigned u, unsigned v, int i, Kept& kept) __attribute__((always_inline)) {
+        const Tile& tile = known(u >> across, v >> down);
+        const unsigned in_u = u & ((1u << across) - 1), in_v = v & ((1u << down) - 1);
+        const unsigned sample = (in_v << across) + in_u;
+        const unsigned first = ((in_v << rows) * tile_px) + (in_u << columns);
+        const int sum = tile.light[first] + tile.light[first + right] + tile.light[first + below] +
+                        tile.light[first + right + below];
+        const std::uint8_t above_looks = std::min(tile.light_looks[first], tile.light_looks[first + right]);
+        const std::uint8_t below_looks =
+            std::min(tile.light_looks[first + below], tile.light_looks[first + right + below]);
+        kept.light[i] = static_cast<std::int16_t>(sum >> 2), kept.light_looks[i] = std::min(above_looks, below_looks);
+        kept.blue[i] = tile.blue[sample], kept.red[i] = tile.red[sample];
+        kept.chroma_looks[i] = tile.chroma_looks[sample];
+      });
 }
 
 }  // namespace huetrack::outline

@@ -82,6 +82,21 @@ class Background {
     const Tile* tile = tile_at(static_cast<int>(tile_v) * across_ + static_cast<int>(tile_u));
     return tile == nullptr ? unknown_ : *tile;
   }
+  // The same for many places of pictures that share chroma so, from values at hand.
+  struct Known {
+    const std::int16_t* slots;
+    const Tile *tiles, *unknown;
+    unsigned across;
+    const Tile& operator()(unsigned tile_u, unsigned tile_v) const {
+      if (slots == nullptr) return *unknown;
+      const std::int16_t slot = slots[tile_v * across + tile_u];
+      return slot < 0 ? *unknown : tiles[slot];
+    }
+  };
+  Known known_of(const Picture& picture) const {
+    const bool has_learnt_such = picture.columns == columns_ && picture.rows == rows_;
+    return {has_learnt_such ? slots_.data() : nullptr, tiles_.data(), &unknown_, static_cast<unsigned>(across_)};
+  }
 
   int width_, height_, across_, down_;
   int columns_ = 0, rows_ = 0;       // that share chroma

@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <numbers>
+#include <numeric>
 
 #include "outline/camera_curve.h"
 #include "particle_filter/vector_clones.h"
@@ -25,15 +26,7 @@ using Block = EdgeSamples::Block;
 // How samples of light, or of chroma, lie in the box around the object.
 struct Rim {
   int u0, v0, across, down;
-  double u_centre, v_centre;
-  Eigen::Vector2i beyond(int u, int v) const {
-    const double right = across - 1, bottom = down - 1, du = u - u0 - u_centre, dv = v - v0 - v_centre;
-    const double to_side = du > 0 ? (right - u_centre) / du : du < 0 ? -u_centre / du : 1e9;
-    const double to_end = dv > 0 ? (bottom - v_centre) / dv : dv < 0 ? -v_centre / dv : 1e9;
-    const double far = std::max(1.0, std::min(to_side, to_end));
-    const auto on = [](double x, double most) { return static_cast<int>(std::lround(std::clamp(x, 0.0, most))); };
-    return {u0 + on(u_centre + far * du, right), v0 + on(v_centre + far * dv, bottom)};
-  }
+  float u_centre, v_centre;
   // Some of its samples, all around.
   static constexpr int most = 512;
   int walk(std::int32_t* us, std::int32_t* vs) const {
@@ -46,6 +39,27 @@ struct Rim {
     return n;
   }
 };
+
+// Where rays from the centre through these places meet the rim.
+HUETRACK_CLONES void find_beyond(const Rim& rim, int n, const int* __restrict at_u, const int* __restrict at_v,
+                                 int* __restrict u, int* __restrict v) {
+  const int u0 = rim.u0, v0 = rim.v0;
+  const float u_centre = rim.u_centre, v_centre = rim.v_centre;
+  const auto right = static_cast<float>(rim.across - 1), bottom = static_cast<float>(rim.down - 1);
+  for (int k = 0; k < n; ++k) {
+    const float du = static_cast<float>(at_u[k] - u0) - u_centre, dv = static_cast<float>(at_v[k] - v0) - v_centre;
+    const auto times_to = [](float d, float centre, float end) __attribute__((always_inline)) {
+      constexpr float near = 1e-6f;
+      const float length = d < 0 ? -d : d, way = d < 0 ? centre : end - centre;
+      return way / (length < near ? near : length);
+    };
+    const float to_side = times_to(du, u_centre, right), to_end = times_to(dv, v_centre, bottom);
+    const float nearer = to_side < to_end ? to_side : to_end, far = nearer < 1 ? 1 : nearer;
+    const float on_u = u_centre + far * du, on_v = v_centre + far * dv;
+    const float in_u = on_u < 0 ? 0 : on_u > right ? right : on_u, in_v = on_v < 0 ? 0 : on_v > bottom ? bottom : on_v;
+    u[k] = u0 + static_cast<int>(in_u + 0.5f), v[k] = v0 + static_cast<int>(in_v + 0.5f);
+  }
+}
 
 // Variance, in those of a single picture; half of it is what a neighbour does not tell.
 float variance_of(const float* values, int n, float sigma) {
@@ -201,19 +215,31 @@ class Guess {
   Guess(const Picture& picture, const EdgeBand& band, const PixelGrid& grid, const PictureNoise& noise)
       : picture_(picture),
         noise_(noise),
-        pixels_{grid.u0, grid.v0, grid.width, grid.height, band.centre.x() - grid.u0, band.centre.y() - grid.v0},
-        samples_{grid.u0 / grid.columns,          grid.v0 / grid.rows,
-                 grid.width / grid.columns,       grid.height / grid.rows,
-                 pixels_.u_centre / grid.columns, pixels_.v_centre / grid.rows} {}
+        pixels_{grid.u0,
+                grid.v0,
+                grid.width,
+                grid.height,
+                static_cast<float>(band.centre.x() - grid.u0),
+                static_cast<float>(band.centre.y() - grid.v0)},
+        samples_{grid.u0 / grid.columns,
+                 grid.v0 / grid.rows,
+                 grid.width / grid.columns,
+                 grid.height / grid.rows,
+                 pixels_.u_centre / static_cast<float>(grid.columns),
+                 pixels_.v_centre / static_cast<float>(grid.rows)} {}
 
-  float light(int u, int v) {
-    const Eigen::Vector2i rim = pixels_.beyond(u, v);
-    return light_at(rim.x(), rim.y());
+  // Of those of n places of which there are no looks. n: at most 4 blocks.
+  void light(const Places& at, const float* looks, float* light) const {
+    const Rest rest = rest_of(pixels_, at, looks);
+    float values[most];
+    read_light(picture_, {rest.u, rest.v, rest.n}, values);
+    for (int i = 0; i < rest.n; ++i) light[rest.of[i]] = values[i];
   }
-  void chroma(int u, int v, float& blue, float& red) {
-    const Eigen::Vector2i rim = samples_.beyond(u, v);
-    const int at_u = rim.x(), at_v = rim.y();
-    read_chroma(picture_, {&at_u, &at_v, 1}, &blue, &red);
+  void chroma(const Places& at, const float* looks, float* blue, float* red) const {
+    const Rest rest = rest_of(samples_, at, looks);
+    float blues[most], reds[most];
+    read_chroma(picture_, {rest.u, rest.v, rest.n}, blues, reds);
+    for (int i = 0; i < rest.n; ++i) blue[rest.of[i]] = blues[i], red[rest.of[i]] = reds[i];
   }
   float unsure_light() {
     if (unsure_light_ > 0) return unsure_light_;
@@ -233,16 +259,42 @@ class Guess {
   }
 
  private:
-  float light_at(int u, int v) const {
-    float light = 0;
-    read_light(picture_, {&u, &v, 1}, &light);
-    return light;
+  static constexpr int most = 4 * block;
+  struct Rest {
+    int n = 0, of[most], u[most], v[most];
+  };
+  static Rest rest_of(const Rim& rim, const Places& at, const float* looks) {
+    Rest out;
+    int us[most], vs[most];
+    for (int k = 0; k < at.n; ++k) {
+      out.of[out.n] = k, us[out.n] = at.u[k], vs[out.n] = at.v[k];
+      out.n += looks[k] > 0 ? 0 : 1;
+    }
+    find_beyond(rim, out.n, us, vs, out.u, out.v);
+    return out;
   }
   const Picture& picture_;
   PictureNoise noise_;
   Rim pixels_, samples_;
   float unsure_light_ = 0, unsure_chroma_ = 0;  // 0: not asked yet
 };
+
+// What is behind samples of chroma, as the mean of their pixels' light.
+void light_of_parts(const Background& behind, const Guess& guess, const PixelGrid& grid, const Places& samples,
+                    float* light) {
+  constexpr int most = 4 * block;
+  int us[most], vs[most], n = 0;
+  for (int k = 0; k < samples.n; ++k)
+    for (int j = 0; j < grid.rows; ++j)
+      for (int i = 0; i < grid.columns; ++i)
+        us[n] = samples.u[k] * grid.columns + i, vs[n++] = samples.v[k] * grid.rows + j;
+  float of_parts[most], looks[most];
+  behind.light({us, vs, n}, of_parts, looks);
+  guess.light({us, vs, n}, looks, of_parts);
+  const int parts = grid.columns * grid.rows;
+  for (int k = 0; k < samples.n; ++k)
+    light[k] = std::accumulate(of_parts + k * parts, of_parts + (k + 1) * parts, 0.f) / static_cast<float>(parts);
+}
 
 bool are_all_known(const float* looks, int n) {
   int unknown = 0;
@@ -275,15 +327,9 @@ void read_samples(const Picture& picture, const Background& behind, const EdgeBa
     read_chroma(picture, {us, vs, n}, of.seen.blue, of.seen.red);
     behind.at_pixels(picture, {of.at_u, of.at_v, n},
                      {of.behind.light, of.behind.blue, of.behind.red, light_looks, chroma_looks});
-    if (!are_all_known(chroma_looks, n)) {
-      for (int k = 0; k < n; ++k)
-        if (chroma_looks[k] == 0) guess.chroma(us[k], vs[k], of.behind.blue[k], of.behind.red[k]);
-    }
+    if (!are_all_known(chroma_looks, n)) guess.chroma({us, vs, n}, chroma_looks, of.behind.blue, of.behind.red);
     const bool is_known = are_all_known(light_looks, n);
-    if (!is_known) {
-      for (int k = 0; k < n; ++k)
-        if (light_looks[k] == 0) of.behind.light[k] = guess.light(of.at_u[k], of.at_v[k]);
-    }
+    if (!is_known) guess.light({of.at_u, of.at_v, n}, light_looks, of.behind.light);
     fill_up(of.seen, n, filled), fill_up(of.behind, n, filled), std::fill(light_looks + n, light_looks + filled, 1.f);
     set_unsure(of, filled, light_looks, is_known ? 0 : guess.unsure_light());
   }
@@ -295,25 +341,9 @@ void read_samples(const Picture& picture, const Background& behind, const EdgeBa
     std::fill_n(of.seen.light, n, 0.f);
     behind.at_chroma(picture, {of.at_u, of.at_v, n},
                      {of.behind.light, of.behind.blue, of.behind.red, light_looks, chroma_looks});
-    if (!are_all_known(light_looks, n)) {
-      for (int k = 0; k < n; ++k) {
-        if (light_looks[k] > 0) continue;
-        float sum = 0;
-        for (int part = 0; part < grid.columns * grid.rows; ++part) {
-          const int u = of.at_u[k] * grid.columns + part % grid.columns,
-                    v = of.at_v[k] * grid.rows + part / grid.columns;
-          float one = 0, looks = 0;
-          behind.light({&u, &v, 1}, &one, &looks);
-          sum += looks > 0 ? one : guess.light(u, v);
-        }
-        of.behind.light[k] = sum / static_cast<float>(grid.columns * grid.rows);
-      }
-    }
+    if (!are_all_known(light_looks, n)) light_of_parts(behind, guess, grid, {of.at_u, of.at_v, n}, of.behind.light);
     const bool is_known = are_all_known(chroma_looks, n);
-    if (!is_known) {
-      for (int k = 0; k < n; ++k)
-        if (chroma_looks[k] == 0) guess.chroma(of.at_u[k], of.at_v[k], of.behind.blue[k], of.behind.red[k]);
-    }
+    if (!is_known) guess.chroma({of.at_u, of.at_v, n}, chroma_looks, of.behind.blue, of.behind.red);
     fill_up(of.seen, n, filled), fill_up(of.behind, n, filled), std::fill(chroma_looks + n, chroma_looks + filled, 1.f);
     set_unsure(of, filled, chroma_looks, is_known ? 0 : guess.unsure_chroma());
   }

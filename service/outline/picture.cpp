@@ -83,8 +83,21 @@ void read(const Samples& samples, const Rows& rows, Scale scale, std::int16_t* o
             out);
 }
 
+HUETRACK_CLONES void to_grey_values(const std::int16_t* __restrict bytes, int n, Scale scale, float* __restrict out) {
+  for (int i = 0; i < n; ++i) out[i] = (static_cast<float>(bytes[i]) - scale.zero) * scale.by;
+}
+
 void read(const Samples& samples, const Places& at, Scale scale, float* out) {
-  for (int i = 0; i < at.n; ++i) out[i] = (static_cast<float>(*samples.at(at.u[i], at.v[i])) - scale.zero) * scale.by;
+  constexpr int at_once = 64;
+  alignas(64) std::int16_t bytes[at_once];
+  const std::uint8_t* const first = samples.at(0, 0);
+  const std::ptrdiff_t row_bytes = samples.row_bytes, step = samples.step;
+  for (int from = 0; from < at.n; from += at_once) {
+    const int n = std::min(at_once, at.n - from);
+    const int *u = at.u + from, *v = at.v + from;
+    for (int i = 0; i < n; ++i) bytes[i] = first[v[i] * row_bytes + u[i] * step];
+    to_grey_values(bytes, n, scale, out + from);
+  }
 }
 
 }  // namespace
