@@ -14,6 +14,7 @@ namespace {
 
 constexpr double every_s = 0.5;  // each view
 constexpr int grid_px = color::TileAt::size;
+constexpr double enough_points = 4800;  // to say how much of a picture has the colour: 15 of the least share
 // Of the share that objects could cover: more is the room's, as a radius may be wrong by half. Below the lower one it
 // is not any more.
 constexpr double shared_above = 2.5, shared_below = 1.5;
@@ -187,9 +188,13 @@ void StillColor::find_what_may_be_objects(const TargetView& view, PerCamera& cam
 void StillColor::measure(const TargetView& view) {
   PerCamera& camera = cameras_[static_cast<std::size_t>(view.index)];
   ColorShare& share = shares_[static_cast<std::size_t>(view.index)];
-  view.matches->grid_with_left_out(grid_px, hits_);
-  const double probed = std::max(1.0, std::floor((view.image->width + grid_px / 2.0) / grid_px) *
-                                          std::floor((view.image->height + grid_px / 2.0) / grid_px));
+  // Where only the share is asked for, no more points than tell it.
+  const double pixels = static_cast<double>(view.image->width) * view.image->height;
+  const int wide_px = static_cast<int>(std::sqrt(pixels / enough_points));
+  hits_px_ = camera.is_learning ? grid_px : std::max(grid_px, wide_px);
+  view.matches->grid_with_left_out(hits_px_, hits_);
+  const double probed = std::max(1.0, std::floor((view.image->width + hits_px_ / 2.0) / hits_px_) *
+                                          std::floor((view.image->height + hits_px_ / 2.0) / hits_px_));
   share.of_picture = std::min(1.0, static_cast<double>(hits_.size()) / probed);
   const double bound = (camera.is_above ? shared_below : shared_above) * share.of_target;
   camera.is_above = share.of_picture > std::max(least_shared, bound);
@@ -214,6 +219,7 @@ void StillColor::sample(const TargetView& view, std::span<const Sighting> tracke
     camera.sampled = 1;
     return;
   }
+  if (hits_px_ != grid_px) view.matches->grid_with_left_out(grid_px, hits_);
   learn(view, camera, tracked);
   leave_out(view, camera);
 }

@@ -87,7 +87,8 @@ class StillColor {
   int count_;
   std::vector<PerCamera> cameras_;
   std::vector<object_tracking::ColorShare> shares_{cameras_.size()};
-  std::vector<color::PixelAt> hits_;
+  std::vector<color::PixelAt> hits_;  // of the view that was measured last, so far apart
+  int hits_px_ = 0;
   std::vector<object_tracking::Sighting> covering_;  // work space: what covers the room in a view
   std::vector<std::uint32_t> open_;                  // work space: tiles of a patch
   std::vector<char> is_told_;                        // work space: per tile
