@@ -119,7 +119,8 @@ Background::Background(int width, int height)
       height_(height),
       across_((width + tile_px - 1) / tile_px),
       down_((height + tile_px - 1) / tile_px),
-      slots_(static_cast<std::size_t>(across_ * down_), std::int16_t{-1}) {
+      slots_(static_cast<std::size_t>(across_ * down_), std::int16_t{-1}),
+      looked_(slots_.size()) {
   tiles_.reserve(std::min(most_tiles, slots_.size()));
   chosen_.reserve(slots_.size());
   unknown_tiles_ = static_cast<int>(slots_.size());
@@ -127,6 +128,7 @@ Background::Background(int width, int height)
 
 void Background::forget() {
   std::ranges::fill(slots_, std::int16_t{-1});
+  std::ranges::fill(looked_, Looked{});
   tiles_.clear();
   unknown_tiles_ = static_cast<int>(slots_.size());
 }
@@ -145,14 +147,15 @@ Background::Tile& Background::tile_for(int index) {
     slot = static_cast<std::int16_t>(tiles_.size());
     tiles_.emplace_back();
   } else {
-    const auto oldest = std::ranges::min_element(tiles_, {}, &Tile::looked_at);
+    const auto looked = [&](const Tile& tile) -> Looked& { return looked_[static_cast<std::size_t>(tile.index)]; };
+    const auto oldest = std::ranges::min_element(tiles_, {}, [&](const Tile& tile) { return looked(tile).at; });
     slots_[static_cast<std::size_t>(oldest->index)] = -1;
-    unknown_tiles_ += oldest->looks >= looks_at_start ? 1 : 0;
+    unknown_tiles_ += looked(*oldest).looks >= looks_at_start ? 1 : 0;
+    looked(*oldest) = {};
     slot = static_cast<std::int16_t>(oldest - tiles_.begin());
   }
   Tile& tile = tiles_[static_cast<std::size_t>(slot)];
   tile.index = index;
-  tile.looks = 0;
   tile.light_looks.fill(0);
   tile.chroma_looks.fill(0);
   tile.light.fill(0), tile.blue.fill(0), tile.red.fill(0);
@@ -176,8 +179,7 @@ void Background::learn_all(const Picture& picture, const ObjectDisc* hidden, std
   const std::size_t count = std::min(slots_.size(), most_tiles);  // more are not kept: another part each time
   for (std::size_t i = 0; i < count; ++i) {
     next_ = (next_ + 1) % static_cast<int>(slots_.size());
-    const Tile* const tile = tile_at(next_);
-    const bool is_known = tile != nullptr && tile->looks >= static_cast<std::uint32_t>(settled_looks);
+    const bool is_known = looked_[static_cast<std::size_t>(next_)].looks >= static_cast<std::uint32_t>(settled_looks);
     // Of rows, as neighbours share what the processor fetches at once.
     const bool is_its_turn = next_ / across_ % rare_pictures_each == rare_pictures_ % rare_pictures_each;
     if (!is_known || is_its_turn) look(picture, next_, hidden, hidden_count);
@@ -208,18 +210,16 @@ void Background::learn(const Picture& picture, const ObjectDisc& object, const E
           tile_px * (v + 1) <= picture.part_v)
         continue;
       const int index = v * across_ + u;
-      const Tile* tile = tile_at(index);
-      const std::uint64_t looks = tile == nullptr ? 0 : std::min<std::uint64_t>(tile->looks, most_samples);
+      const Looked& looked = looked_[static_cast<std::size_t>(index)];
+      const std::uint64_t looks = std::min<std::uint64_t>(looked.looks, most_samples);
       // The ones with the fewest looks, and of these the ones that are reached first.
       const auto when = static_cast<std::uint64_t>(255 * along);
-      const std::uint64_t since = tile == nullptr ? 0 : tile->looked_at;
       const bool is_known = looks >= static_cast<std::uint64_t>(most_looks);
-      chosen_.push_back({index, is_known ? (std::uint64_t{1} << 60) + since : (looks / 2 << 8) + when});
+      chosen_.push_back({index, is_known ? (std::uint64_t{1} << 60) + looked.at : (looks / 2 << 8) + when});
     }
   }
   const auto is_hardly_known = [&](int index) {
-    const Tile* tile = tile_at(index);
-    return tile == nullptr || tile->looks < looks_at_start;
+    return looked_[static_cast<std::size_t>(index)].looks < looks_at_start;
   };
   const auto hardly_known = std::ranges::count_if(chosen_, is_hardly_known, &Chosen::index);
   const int usual = std::clamp(static_cast<int>(object.radius_px * object.radius_px / 32), least_tiles, largest_tiles);
@@ -240,10 +240,11 @@ void Background::learn(const Picture& picture, const ObjectDisc& object, const E
 }
 
 void Background::look(const Picture& picture, int index, const ObjectDisc* hidden, std::size_t hidden_count) {
+  Looked& looked = looked_[static_cast<std::size_t>(index)];
+  if (looked.at == pictures_) return;
   Tile& tile = tile_for(index);
-  if (tile.looked_at == pictures_) return;
-  tile.looked_at = pictures_;
-  if (++tile.looks == looks_at_start) --unknown_tiles_;
+  looked.at = pictures_;
+  if (++looked.looks == looks_at_start) --unknown_tiles_;
   const int u0 = index % across_ * tile_px, v0 = index / across_ * tile_px;
   alignas(64) std::int16_t seen[most_samples], red[most_samples], mask[most_samples], looks[most_samples];
   // Beyond the picture, or the part of it that is there, nothing is seen.

@@ -57,10 +57,13 @@ class Background {
   using Means = std::array<std::int16_t, samples>;  // grey values in 1/64
   struct Tile {
     int index = -1;  // in the picture
-    std::uint32_t looks = 0;
-    std::uint64_t looked_at = 0;
     Means light{}, blue{}, red{};
     std::array<std::uint8_t, samples> light_looks{}, chroma_looks{};
+  };
+  // Of a tile of the picture; by themselves, as many are compared with one another for each that is looked at.
+  struct Looked {
+    std::uint32_t looks = 0;
+    std::uint64_t at = 0;
   };
   struct Noise {
     float noise;
@@ -101,6 +104,7 @@ class Background {
   int width_, height_, across_, down_;
   int columns_ = 0, rows_ = 0;       // that share chroma
   std::vector<std::int16_t> slots_;  // per tile of the picture, -1: none
+  std::vector<Looked> looked_;       // per tile of the picture
   std::vector<Tile> tiles_;
   Tile unknown_;  // of no looks
   std::vector<Chosen> chosen_;

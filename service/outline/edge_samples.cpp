@@ -116,6 +116,37 @@ HUETRACK_CLONES void find_hidden_block(int n, const float* object, float per_lig
   }
 }
 
+// From the first sample of each row that is within an ellipse to beyond the last one; the same, where none is.
+struct RowSpans {
+  static constexpr int most = 128;
+  int from[most], to[most];
+};
+// a u^2 + 2 b u v + c v^2 is the square of the distance from the centre, in radii.
+struct SpannedRows {
+  float a, b, c;
+  float first_u, per_column, across;  // of the first column; of a pixel; columns
+  float first_v, row_px;
+  int down;
+};
+HUETRACK_CLONES void find_spans(const SpannedRows& of, float rho2, RowSpans& out) {
+  const float a = of.a, b = of.b, c = of.c, per_a = 1 / of.a;
+  const float first_u = of.first_u, per_column = of.per_column, across = of.across;
+  const float first_v = of.first_v, row_px = of.row_px;
+  for (int j = 0; j < of.down; ++j) {
+    const float v = first_v + static_cast<float>(j) * row_px;
+    const float left = b * b * v * v - a * (c * v * v - rho2);
+    const float half = std::sqrt(left > 0 ? left : 0) * per_a, middle = -b * v * per_a;
+    const auto at = [=](float u) __attribute__((always_inline)) {
+      const float column = (u - first_u) * per_column;
+      const float inside = column < 0 ? 0 : column > across ? across : column;
+      const int below = static_cast<int>(inside);
+      return below + (static_cast<float>(below) < inside ? 1 : 0);
+    };
+    out.from[j] = at(middle - half);
+    out.to[j] = left > 0 ? at(middle + half) : out.from[j];
+  }
+}
+
 // Where the samples that were taken are on the ball, with nothing before them yet; (u_off, v_off): from the grid to its
 // centre.
 void place_all(const EdgeBand& band, int columns, int rows, float u_off, float v_off, EdgeSamples& out) {
@@ -152,12 +183,19 @@ void select_samples(const EdgeBand& band, const PixelGrid& grid, int columns, in
   const int u_first = grid.u0 / columns, v_first = grid.v0 / rows;
   const auto u_off = static_cast<float>(0.5 * (columns - 1) - band.centre.x());
   const auto v_off = static_cast<float>(0.5 * (rows - 1) - band.centre.y());
-  const float a = m00 * m00 + m10 * m10, b = m00 * m01 + m10 * m11, c = m01 * m01 + m11 * m11;
-  const float per_a = 1 / a, first_u = static_cast<float>(grid.u0) + u_off,
-              per_column = 1 / static_cast<float>(columns);
+  RowSpans of_outer, of_soft, of_inner;
+  const SpannedRows spanned{m00 * m00 + m10 * m10,
+                            m00 * m01 + m10 * m11,
+                            m01 * m01 + m11 * m11,
+                            static_cast<float>(grid.u0) + u_off,
+                            1 / static_cast<float>(columns),
+                            static_cast<float>(across),
+                            static_cast<float>(grid.v0) + v_off,
+                            static_cast<float>(rows),
+                            down};
+  find_spans(spanned, outer, of_outer), find_spans(spanned, soft, of_soft), find_spans(spanned, inner, of_inner);
   int wait = 0;  // for the next one that is taken
   for (int j = 0; j < down; ++j) {
-    const float v = static_cast<float>(grid.v0 + j * rows) + v_off;
     const auto take = [&](int i) {
       if (out.n == EdgeSamples::most) return;
       Block& to = out.blocks[static_cast<unsigned>(out.n) / block];
@@ -181,23 +219,11 @@ void select_samples(const EdgeBand& band, const PixelGrid& grid, int columns, in
         }
       }
     };
-    // Where this row of samples is within so many squared radii, from the first to beyond the last.
-    const auto within = [&](float rho2) {
-      const float left = b * b * v * v - a * (c * v * v - rho2);
-      if (!(left > 0)) return std::array{0, 0};
-      const float half = std::sqrt(left) * per_a, middle = -b * v * per_a;
-      const auto at = [&](float u) {
-        const float at_column = std::clamp((u - first_u) * per_column, 0.f, static_cast<float>(across));
-        const int below = static_cast<int>(at_column);
-        return below + (static_cast<float>(below) < at_column ? 1 : 0);
-      };
-      return std::array{at(middle - half), at(middle + half)};
-    };
-    const auto [from, to] = within(outer);
-    auto [soft_from, soft_to] = within(soft);
-    if (soft_from == soft_to) soft_from = soft_to = to;
-    auto [inner_from, inner_to] = every > 1 ? within(inner) : std::array{soft_to, soft_to};
-    if (inner_from == inner_to) inner_from = inner_to = soft_to;
+    const int from = of_outer.from[j], to = of_outer.to[j];
+    const bool has_soft = of_soft.from[j] < of_soft.to[j];
+    const int soft_from = has_soft ? of_soft.from[j] : to, soft_to = has_soft ? of_soft.to[j] : to;
+    const bool has_inner = every > 1 && of_inner.from[j] < of_inner.to[j];
+    const int inner_from = has_inner ? of_inner.from[j] : soft_to, inner_to = has_inner ? of_inner.to[j] : soft_to;
     take_staggered(from, soft_from, every_beyond, 1);
     take_some(soft_from, inner_from);
     take_staggered(inner_from, inner_to, every, 3);
