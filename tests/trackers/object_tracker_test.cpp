@@ -815,6 +815,36 @@ TEST(ObjectTracker, FurnitureOfHalfTheHueIsNotTold) {
   EXPECT_GT(positions(65, 115), 55);
 }
 
+// A yellow object, and a green ball moves beside it: neither a ball of its own hue, nor what is no ball and moves, is
+// taken for furniture because of that.
+TEST(ObjectTracker, WhatLooksLikeTheObjectIsToldWhateverMovesAtTwiceItsHue) {
+  const auto sets_told = [](bool is_ball, bool moves) {
+    scene::SceneBuilder builder;
+    builder.cameras_on_ring({.count = 3, .image_size = {640, 480}, .focal_px = 700});
+    builder.ball({.path = [](double t) { return Vector3d(-0.5 + 0.4 * t, 0.1, 1.0); }});
+    const std::array<double, 2> lump{0.8, 0.85};
+    const std::array<double, 1> ball{0.8};
+    const auto heights = is_ball ? std::span<const double>(ball) : std::span<const double>(lump);
+    for (const double z : heights)
+      builder.ball(
+          {.name = "yellow", .radius_m = is_ball ? 0.04 : 0.03, .rgb = {0.8, 0.62, 0.1}, .path = [z, moves](double t) {
+             return Vector3d(0.3 - (moves ? 0.4 * t : 0), 0.4, z);
+           }});
+    const scene::Scene scene = builder.build();
+    TargetOptions target = lime();
+    target.color.hue_min_deg = 33, target.color.hue_max_deg = 57;
+    ObjectTracker tracker(scene.rig, target, options_with());
+    int told = 0;
+    for (const capture::FrameSet& set : render(scene, {.set_count = 60}))
+      told += tracker.update(set).has_position() ? 1 : 0;
+    EXPECT_FALSE(tracker.search_findings().is_found_at_twice_the_hue);
+    return told;
+  };
+  EXPECT_GT(sets_told(true, false), 55);
+  EXPECT_GT(sets_told(true, true), 55);
+  EXPECT_GT(sets_told(false, true), 40);
+}
+
 // What is tracked of a colour that turned out to be another's is let go of: what stands is no object from then on, and
 // what moves is found again.
 TEST(RegionTracker, WhoseColorIsDistrustedFindsOnlyWhatMoves) {

@@ -45,15 +45,21 @@ class TwiceTheHue {
   }
 
   // Before the tracker looks at the set. state: of what was found at its own hue, in the last one; is_sure: it looks
-  // like the object.
-  void look(const capture::FrameSet& set, TrackState state, bool is_sure) {
+  // like the object. has_moved: since it was found.
+  void look(const capture::FrameSet& set, TrackState state, bool is_sure, bool has_moved) {
     if (!target_) return;
     if (!began_at_) began_at_ = set.at;
     if (state != TrackState::tracking || !tracking_since_) tracking_since_ = set.at;
     const double in_use_s = capture::seconds(set.at - *began_at_);
     if (capture::seconds(set.at - *tracking_since_) > found_after_s || in_use_s > longest_s) return end();
+    // What looks like it there is its own hue's, whatever else moves; for good where it moves.
+    if (state == TrackState::tracking && has_moved) return end();
+    if (state == TrackState::tracking && is_sure) {
+      is_tracked_ = false;
+      sets_ = 0;
+      return;
+    }
     if (!tracker_) {
-      if (state == TrackState::tracking && is_sure) return;
       tracker_ = std::make_unique<RegionTracker>(rig_, *target_, options_, particle_filter::Rng(options_.seed, 0x48));
     }
     const ObjectEstimate estimate = tracker_->update(set);
@@ -117,7 +123,7 @@ struct ObjectTracker::Impl {
   void look_at_twice_the_hue(const capture::FrameSet& set) {
     auto* one = std::get_if<RegionTracker>(&tracker);
     const bool was_found = twice_the_hue.is_found();
-    twice_the_hue.look(set, last_state, one == nullptr || one->looks_like_object());
+    twice_the_hue.look(set, last_state, one == nullptr || one->looks_like_object(), one != nullptr && one->has_moved());
     if (one == nullptr) return;
     one->set_rival(is_ball && twice_the_hue.is_rival());
     // A target that has not come yet is not doubted because something else moves.

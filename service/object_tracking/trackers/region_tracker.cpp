@@ -258,24 +258,29 @@ void RegionTracker::start_compared(const ObjectSearch::Find& find, capture::Time
 void RegionTracker::start_at(const ObjectSearch::Find& find, capture::Timestamp set_at) {
   last_reported_ = capture::Timestamp::min();
   is_known_ = false;
-  looks_like_object_ = false;
-  found_at_ = find.now.position;
+  shows_discs_ = has_moved_ = false;
   sightings_ = filter_.start(find.earlier, find.now, agreement_, set_at, find.dt, sets_apart_ == 0, last_reported_);
+  found_at_ = filter_.belief().position();
   seen_ = sightings_;
   still_color_.mark_cut(sightings_);
+}
+
+// Furniture is seldom a disc in two views, and goes nowhere.
+void RegionTracker::note_looks() {
+  constexpr double least_way_m = 0.1, sigmas = 3;
+  shows_discs_ = shows_discs_ || shows_discs(sightings_);
+  const MotionBelief& belief = filter_.belief();
+  const double sigma_m = largest_sigma(belief.position_covariance());
+  has_moved_ = has_moved_ || (state_ == TrackState::tracking &&
+                              (belief.position() - found_at_).norm() > least_way_m + sigmas * sigma_m);
 }
 
 // What was found in a room of its colour, and may be a part of the room as well, is followed but not told: of nobody it
 // is known where he is. So is what was found by views that contradict one another, none of which is to be believed, and
 // what something else that may be the object looks more like than this does.
 TrackState RegionTracker::told_state() {
-  constexpr double furthest_parts_radii = 12;
-  if (state_ == TrackState::tracking || state_ == TrackState::coasting) {
-    const double way_m = (filter_.belief().position() - found_at_).norm();
-    looks_like_object_ =
-        looks_like_object_ || shows_discs(sightings_) || way_m > furthest_parts_radii * target_.radius_m;
-  }
-  const bool is_another_likelier = has_rival_ && !looks_like_object_;
+  if (state_ == TrackState::tracking || state_ == TrackState::coasting) note_looks();
+  const bool is_another_likelier = has_rival_ && !looks_like_object();
   is_known_ = is_known_ || (state_ == TrackState::tracking && !is_another_likelier);
   const bool may_be_furniture =
       state_ == TrackState::coasting && (still_color_.is_room_shared() || agreement_.is_nobody_believed());

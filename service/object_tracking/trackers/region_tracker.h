@@ -55,9 +55,10 @@ class RegionTracker {
   // The colour is not the object's (SearchFindings::is_found_at_twice_the_hue): what was found is something else, and
   // from now on only what moves is.
   void distrust_color(capture::Timestamp set_at);
-  // Since it was found it showed whole discs of its size in two views of one set, which what is no ball rarely does, or
-  // went further than furniture has parts.
-  bool looks_like_object() const { return looks_like_object_; }
+  bool has_moved() const { return has_moved_; }  // since it was found, while it was tracked
+  // Since it was found it moved, or showed whole discs of its size in two views of one set, which what is no ball
+  // rarely does.
+  bool looks_like_object() const { return shows_discs_ || has_moved_; }
   // Something else looks like the object: before this one does, it is not told.
   void set_rival(bool has_rival) { has_rival_ = has_rival; }
   void correct_times(std::span<const double> late_s);
@@ -81,6 +82,7 @@ class RegionTracker {
   void search(const capture::FrameSet& set, const std::vector<object_tracking::TargetView>& views);
   void start_compared(const objects::ObjectSearch::Find& find, capture::Timestamp set_at);
   void start_at(const objects::ObjectSearch::Find& find, capture::Timestamp set_at);
+  void note_looks();
   object_tracking::TrackState told_state();
   object_tracking::ObjectEstimate report(const capture::FrameSet& set);
 
@@ -106,7 +108,7 @@ class RegionTracker {
   object_tracking::TrackState state_ = object_tracking::TrackState::searching;
   bool is_known_ = false;  // it was told as tracked since it was found
   bool has_rival_ = false;
-  bool looks_like_object_ = false;
+  bool shows_discs_ = false, has_moved_ = false;
   Eigen::Vector3d found_at_ = Eigen::Vector3d::Zero();
   object_tracking::TrackState told_ = object_tracking::TrackState::searching;  // in the last set
   capture::Timestamp last_at_{}, last_tracking_{};                             // of the sets
