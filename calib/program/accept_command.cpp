@@ -12,6 +12,8 @@
 #include "calib/gather/find_boards.h"
 #include "calib/model/rig_yaml.h"
 #include "calib/program/commands.h"
+#include "calib/program/outcome.h"
+#include "calib/report/calibration_report.h"
 
 namespace huetrack::program {
 namespace {
@@ -55,13 +57,20 @@ std::string differences(const calib::CameraRig& before, const calib::CameraRig& 
   return text;
 }
 
+std::string in_one_line(std::string lines) {
+  lines.pop_back();
+  for (auto end = lines.find('\n'); end != std::string::npos; end = lines.find('\n', end)) lines.replace(end, 1, "; ");
+  return lines;
+}
+
 ExitStatus accept(const AcceptOptions& o) {
   const fs::path from = o.from.empty() ? beside(o.rig, ".mended") : o.from;
   if (!fs::exists(from))
     throw gather::InputError(from.string() +
                              ": there is no such file: huetrackd run writes it with calibration: {watch: "
                              "mend} when a camera was moved, and replay with --write-rig");
-  const calib::CameraRig before = calib::read_rig(o.rig), after = calib::read_rig(from);
+  const calib::CameraRig before = calib::read_rig(o.rig);
+  calib::CameraRig after = calib::read_rig(from);
   const std::string differs = differences(before, after, from);
   if (differs.empty()) {
     std::printf("nothing differs: %s stays as it is\n", o.rig.c_str());
@@ -69,6 +78,9 @@ ExitStatus accept(const AcceptOptions& o) {
   }
   const fs::path backup = backup_of(o.rig);
   fs::copy_file(o.rig, backup);
+  // What was found of the old rig is not of this one.
+  after.made.add({utc_now(), std::string(report::name(report::Verdict::usable)),
+                  "as huetrackd mended it: " + in_one_line(differs)});
   calib::write_rig(after, o.rig);
   if (o.from.empty()) fs::remove(from);
   std::fputs(differs.c_str(), stdout);

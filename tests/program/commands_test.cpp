@@ -157,6 +157,28 @@ TEST_F(Calibrate, PicturesOfAGoodCaptureGiveTheRig) {
             0.003);
 }
 
+// What was found of the old rig, and how old it is, is told of the new one no more.
+TEST_F(Calibrate, AMendedRigThatIsAcceptedIsUsable) {
+  calib::CameraRig knocked = gather::pictured_rig();
+  knocked.made.at = calib::utc_time("2026-03-01T08:00:00Z");
+  knocked.made.add({*calib::utc_time("2026-03-02T08:00:00Z"), "failed", "cam1: was moved"});
+  calib::CameraRig mended = knocked;
+  const calib::Rigid3d knock = calib::exp((calib::Tangent6d() << 0, 0.02, 0, 0, 0, 0).finished());
+  mended.cameras[1].cam_from_world = knock * mended.cameras[1].cam_from_world;
+  calib::write_rig(knocked, path("rig.yaml"));
+  calib::write_rig(mended, path("rig.mended.yaml"));
+  const Ended accepted = run({"accept", path("rig.yaml")});
+  EXPECT_EQ(accepted.status, 0) << accepted.err;
+  EXPECT_THAT(accepted.out, HasSubstr("cam1: turned by 1.15 degrees"));
+  EXPECT_FALSE(fs::exists(path("rig.mended.yaml")));
+  const calib::CameraRig now = calib::read_rig(path("rig.yaml"));
+  EXPECT_EQ(now.made.at, knocked.made.at);
+  ASSERT_EQ(now.made.checks.size(), 2u);
+  EXPECT_EQ(now.made.checks[1].verdict, "usable");
+  EXPECT_THAT(now.made.checks[1].text, HasSubstr("as huetrackd mended it: cam1: turned by 1.15 degrees"));
+  EXPECT_GT(now.made.checks[1].at, now.made.checks[0].at);
+}
+
 TEST_F(Calibrate, AWorldThatWasSetIsKept) {
   const calib::CameraRig truth = gather::pictured_rig();
   gather::write_pictures(folder_ / "pictures", truth, gather::pictured_poses(16));
