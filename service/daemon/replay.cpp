@@ -382,6 +382,7 @@ ReplaySummary replay(const ReplayCommand& command, const std::stop_token& stop) 
   summary.light = reports.light.summary();
   summary.times = reports.times.summary();
   summary.calibration = reports.rig.summary();
+  summary.is_rig_outdated = reports.rig.has_been_wrong();
   summary.clock_offset = session.time().offset();
   if (bus) {
     summary.published = bus->publisher().counters().published;

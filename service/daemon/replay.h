@@ -60,6 +60,7 @@ struct ReplaySummary {
   std::vector<std::string> left_out;     // what has a target's colour and never moves, one sentence each
   std::vector<std::string> times;        // when the cameras' rows are exposed, one sentence each
   std::vector<std::string> calibration;  // cameras that no longer stand where the rig says, one sentence each
+  bool is_rig_outdated = false;          // by one of those: it was moved, not hidden
   std::vector<std::string> light;        // what light did to cameras and colours, one sentence each
   std::optional<CameraSummary> camera;   // the tracked one
   std::uint64_t published = 0;           // DDS samples written

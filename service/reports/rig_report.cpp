@@ -109,6 +109,12 @@ std::vector<std::string> RigReport::summary() const {
   return all;
 }
 
+bool RigReport::has_been_wrong() const {
+  return std::ranges::any_of(happenings_, [](const Happening& h) {
+    return h.state == RoomState::knocked || h.state == RoomState::sagging || h.state == RoomState::zoomed;
+  });
+}
+
 int RigReport::mend(calib::CameraRig& rig) const {
   int moved = 0;
   for (std::size_t c = 0; c < cameras_.size(); ++c) {
@@ -116,7 +122,7 @@ int RigReport::mend(calib::CameraRig& rig) const {
     ++moved;
     const room_watch::MovedPoseEstimate& m = *facts_[c].moved;
     rig.cameras[c].cam_from_world = m.cam_from_world;
-    if (rig.uncertainty) rig.uncertainty = calib::with_pose_covariance(rig, int(c), m.covariance);
+    rig.uncertainty = calib::with_pose_covariance(rig, int(c), m.covariance);
     const std::string key = "mended_" + cameras_[c];
     std::erase_if(rig.made_by, [&](const auto& entry) { return entry.first == key; });
     rig.made_by.emplace_back(

@@ -1,0 +1,78 @@
+#include "reports/rig_report.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "scene/scene.h"
+
+namespace huetrack::reports {
+namespace {
+
+using room_watch::RoomState;
+using testing::SizeIs;
+
+config::ServiceConfig watched_cameras() {
+  config::ServiceConfig config;
+  config.rig = scene::SceneBuilder{}.cameras_on_ring({.count = 2}).build().rig;
+  config.calibration.watch = config::CalibrationMode::mend;
+  return config;
+}
+
+constexpr double sigma_m = 0.003;
+
+// Sets of three seconds in which the second camera is in this state.
+void take(RigReport& report, const config::ServiceConfig& config, RoomState state) {
+  std::vector<pipeline::CameraCalibration> facts(2);
+  facts[1].room.state = state;
+  if (state == RoomState::knocked) {
+    room_watch::MovedPoseEstimate moved{.cam_from_world = config.rig.cameras[1].cam_from_world,
+                                        .covariance = Eigen::Matrix<double, 6, 6>::Identity() * sigma_m * sigma_m,
+                                        .rotation = {0.02, 0, 0},
+                                        .shift = {0, 0.001, 0},
+                                        .rotation_sigma = sigma_m,
+                                        .shift_sigma = sigma_m};
+    moved.cam_from_world.translation.y() += 0.001;
+    facts[1].moved = moved;
+  }
+  for (int k = 0; k < 90; ++k) {
+    capture::FrameSet frames;
+    frames.at = capture::Timestamp(std::chrono::milliseconds(33 * (k + 1)));
+    report.on_set({.frames = frames, .estimates = {}, .received_at = {}, .trackers = {}, .calibration = facts});
+  }
+}
+
+TEST(RigReport, ACameraThatWasMovedMakesTheRigWrong) {
+  const config::ServiceConfig config = watched_cameras();
+  RigReport report(config);
+  EXPECT_FALSE(report.has_been_wrong());
+  take(report, config, RoomState::knocked);
+  EXPECT_TRUE(report.has_been_wrong());
+  EXPECT_THAT(report.summary(), SizeIs(1));
+}
+
+TEST(RigReport, ACameraThatIsHiddenIsToldAndLeavesTheRigRight) {
+  const config::ServiceConfig config = watched_cameras();
+  RigReport report(config);
+  take(report, config, RoomState::hidden);
+  EXPECT_FALSE(report.has_been_wrong());
+  EXPECT_THAT(report.summary(), SizeIs(1));
+}
+
+// Also of a rig that was taken as exact: what the mended pose leaves open is known.
+TEST(RigReport, AMendedRigHasTheUncertaintyOfWhatWasMended) {
+  const config::ServiceConfig config = watched_cameras();
+  RigReport report(config);
+  take(report, config, RoomState::knocked);
+  calib::CameraRig rig = config.rig;
+  ASSERT_FALSE(rig.uncertainty);
+  ASSERT_EQ(report.mend(rig), 1);
+  EXPECT_NE(rig.cameras[1].cam_from_world.translation, config.rig.cameras[1].cam_from_world.translation);
+  ASSERT_TRUE(rig.uncertainty);
+  EXPECT_FALSE(rig.uncertainty->cameras[0].has_pose);
+  ASSERT_TRUE(rig.uncertainty->cameras[1].has_pose);
+  EXPECT_NEAR(rig.uncertainty->covariance()(0, 0), sigma_m * sigma_m, 1e-9);
+  EXPECT_THAT(rig.problems(), testing::IsEmpty());
+}
+
+}  // namespace
+}  // namespace huetrack::reports
