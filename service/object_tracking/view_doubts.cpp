@@ -17,7 +17,10 @@ constexpr std::size_t enough = 8;  // comparisons, for a quantile
 // What a good calibration's own error, light from one side and a colour's seams make of it on good recordings
 // (README.md): a pair below this agrees.
 constexpr double usual_scale2 = 4;
-constexpr double agreeing_scale2 = 2;    // and below this nothing but noise is in it
+constexpr double agreeing_scale2 = 2;  // and below this nothing but noise is in it
+// What half a ball, or colour that sticks to it, makes of a pair is less than this; what a wrong rig does is mostly
+// more.
+constexpr double gross_scale2 = 25;
 constexpr double usual_of_two = 12;      // (3.5 standard deviations)^2, twice
 constexpr double forgetting = 1.0 / 16;  // of the means, per comparison
 // A disagreement that has lasted for a second is believed to be there for some 20 s more, fading: where the object is
@@ -165,23 +168,23 @@ double ViewDoubts::scale2_of(const Pair& p) {
 // One camera that is wrong is likelier than two at a time. Where one alone could explain what disagrees, as all pairs
 // without it agree, it is off by what that takes; where any of several could, as pairs agree along their epipolar
 // lines by chance, each is with equal odds. As long as pairs without it have agreed in so few places that this may be
-// chance, too, everybody may be off. A doubt of the past that has faded to what is usual hinders no explanation, and is
-// anybody's. false: none could.
+// chance, too, everybody may be off that is off by much. A doubt of the past that has faded to what is usual hinders no
+// explanation, and is anybody's. false: none could.
 bool ViewDoubts::lay_on_one() {
   std::ranges::fill(up_, 0.0);    // per camera: what disagrees without it
   std::ranges::fill(down_, 0.0);  // and what it must be off by to explain the rest
   double faded_px2 = 0;
-  bool any_unusual = false;
+  bool any_gross = false;
   for_each_pair([&](const Pair& p, std::size_t i, std::size_t j) {
     if (p.is_usual()) faded_px2 = std::max(faded_px2, p.excess_px2);
-    any_unusual = any_unusual || !p.is_usual();
+    any_gross = any_gross || p.excess_px2 > (gross_scale2 - 1) * p.expected_px2;
     for (std::size_t c = 0; c < cameras_; ++c) up_[c] += c != i && c != j && !p.is_usual() ? p.excess_px2 : 0;
     down_[i] = std::max(down_[i], p.excess_px2 / std::max(least_compared_share, p.share_i));
     down_[j] = std::max(down_[j], p.excess_px2 / std::max(least_compared_share, p.share_j));
   });
   const auto suspects = std::ranges::count(up_, 0.0);
   if (suspects == 0) return false;
-  bool is_proven = !any_unusual;
+  bool is_proven = !any_gross;
   for (std::size_t c = 0; c < cameras_; ++c) is_proven = is_proven || (up_[c] == 0 && are_others_proven(c));
   if (!is_proven) {
     doubt_all();

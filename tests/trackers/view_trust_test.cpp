@@ -341,6 +341,15 @@ TEST(ViewDoubts, whoAgreesInOnePlaceIsNotCleared) {
   EXPECT_NEAR(std::sqrt(doubts.variance_px2(1)), 5, 2);
 }
 
+// Half a ball is off by a little, and by one view alone, in any rig.
+TEST(ViewDoubts, aSmallContradictionNeedsNoProof) {
+  ViewDoubts doubts(3, radius_m);
+  for (int i = 0; i < 40; ++i) doubts.compare(std::vector{beside(0, 0, 0), beside(1, 0, 0.7), beside(2, 0, 0)}, 0, 0);
+  EXPECT_NEAR(std::sqrt(doubts.variance_px2(1)), 0.7, 0.4);
+  EXPECT_EQ(doubts.variance_px2(0), 0);
+  EXPECT_EQ(doubts.variance_px2(2), 0);
+}
+
 // Where nobody knows the times of what moves, views agree with anything.
 TEST(ViewDoubts, whatCouldNotContradictProvesNothing) {
   ViewDoubts doubts(2, radius_m);

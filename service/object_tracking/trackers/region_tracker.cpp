@@ -265,14 +265,12 @@ void RegionTracker::start_at(const ObjectSearch::Find& find, capture::Timestamp 
   still_color_.mark_cut(sightings_);
 }
 
-// Furniture is seldom a disc in two views, and goes nowhere.
+// Furniture is seldom a disc in two views, and its parts are less than a dozen radii apart.
 void RegionTracker::note_looks() {
-  constexpr double least_way_m = 0.1, sigmas = 3;
+  constexpr double furthest_parts_radii = 12;
   shows_discs_ = shows_discs_ || shows_discs(sightings_);
-  const MotionBelief& belief = filter_.belief();
-  const double sigma_m = largest_sigma(belief.position_covariance());
-  has_moved_ = has_moved_ || (state_ == TrackState::tracking &&
-                              (belief.position() - found_at_).norm() > least_way_m + sigmas * sigma_m);
+  has_moved_ = has_moved_ || (state_ == TrackState::tracking && (filter_.belief().position() - found_at_).norm() >
+                                                                    furthest_parts_radii * target_.radius_m);
 }
 
 // What was found in a room of its colour, and may be a part of the room as well, is followed but not told: of nobody it
