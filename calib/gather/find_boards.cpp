@@ -13,6 +13,7 @@
 #include "calib/board/grey_view.h"
 #include "calib/gather/detection_page.h"
 #include "calib/gather/progress_line.h"
+#include "calib/gather/smeared_board.h"
 #include "calib/model/median.h"
 
 namespace huetrack::gather {
@@ -93,6 +94,8 @@ std::string reasons(const PictureTally& camera) {
   std::string text = most->first;
   if (camera.why_not.size() > 1)
     text += most->second == 1 ? std::string(" (once)") : " (" + std::to_string(most->second) + " times)";
+  if (most->first != smeared_by_motion && camera.smeared() > 0)
+    text += fmt::format("; {} in {}", smeared_by_motion, camera.smeared());
   return text;
 }
 
@@ -211,9 +214,30 @@ struct SeenMarkers {
   }
 };
 
+// One camera's pictures in which the board is smeared; they were counted for what the detector says of them.
+class Smears {
+ public:
+  void missed(const cv::Mat& grey, const std::string& why_not) {
+    if (board_.may_be_in(grey)) why_not_.push_back(why_not);
+  }
+  void found(const cv::Mat& grey, const std::vector<Eigen::Vector2d>& corners, PictureTally& camera) {
+    const int certain = board_.found(grey, corners);
+    for (int k = 0; k < certain; ++k) {
+      const auto counted = camera.why_not.find(why_not_[static_cast<std::size_t>(k)]);
+      if (--counted->second == 0) camera.why_not.erase(counted);
+      ++camera.why_not[smeared_by_motion];
+    }
+    why_not_.clear();
+  }
+
+ private:
+  SmearedBoard board_;
+  std::vector<std::string> why_not_;  // of the pictures in which it may be, since it was found last
+};
+
 // The views that a batch's pictures give, per set; the pictures are counted.
 std::vector<BoardSet> views_of(const std::vector<PictureSet>& batch, const std::vector<Task>& tasks, FoundBoards& found,
-                               Misses& misses, SeenMarkers& markers) {
+                               Misses& misses, SeenMarkers& markers, std::vector<Smears>& smears) {
   std::vector<BoardSet> seen(batch.size());
   for (std::size_t s = 0; s < batch.size(); ++s) seen[s].at_s = batch[s].at_s;
   for (const Task& task : tasks) {
@@ -222,10 +246,12 @@ std::vector<BoardSet> views_of(const std::vector<PictureSet>& batch, const std::
     count_picture(camera, picture);
     if (!task.detection.found()) {
       ++camera.why_not[task.detection.why_not];
+      smears[task.camera].missed(picture.grey, task.detection.why_not);
       misses.add(task.camera, picture.grey);
       continue;
     }
     ++camera.boards;
+    smears[task.camera].found(picture.grey, task.detection.px, camera);
     markers.add(task.detection);
     seen[task.set].views.push_back({static_cast<int>(task.camera), 0, picture.label, task.detection.ids,
                                     task.detection.px, picture.stamp_s, task.detection.blur_px});
@@ -282,6 +308,11 @@ std::string boards_text(const FoundBoards& found) {
 
 }  // namespace
 
+int PictureTally::smeared() const {
+  const auto known = why_not.find(smeared_by_motion);
+  return known == why_not.end() ? 0 : known->second;
+}
+
 void require_views(const FoundBoards& found, int least) {
   for (std::size_t c = 0; c < found.cameras.size(); ++c) {
     const PictureTally& camera = found.cameras[c];
@@ -334,6 +365,7 @@ FoundBoards find_boards(PictureSource& source, const board::BoardDetector& detec
   ProgressLine line(options.progress);
   Misses misses;
   SeenMarkers markers;
+  std::vector<Smears> smears(found.cameras.size());
   std::vector<BoardSet> sets;
   DetectionPage page(options.page);
   std::vector<ShownPicture> shown(found.cameras.size());
@@ -347,7 +379,7 @@ FoundBoards find_boards(PictureSource& source, const board::BoardDetector& detec
       if (set && found.sets_seen++ % (every * at_a_time) < at_a_time) batch.push_back(std::move(*set));
     }
     const std::vector<Task> tasks = detected(batch, detector);
-    for (BoardSet& set : views_of(batch, tasks, found, misses, markers)) {
+    for (BoardSet& set : views_of(batch, tasks, found, misses, markers, smears)) {
       if (set.views.empty()) continue;
       if (!sets.empty() && is_same(sets.back(), set)) {
         ++found.duplicates;

@@ -37,7 +37,8 @@ struct PictureTally {
   calib::ImageSize image_size;
   int pictures = 0;                    // looked at
   int boards = 0;                      // found in them
-  std::map<std::string, int> why_not;  // how often not, by BoardDetection::why_not
+  std::map<std::string, int> why_not;  // how often not, by BoardDetection::why_not, or smeared_by_motion
+  int smeared() const;                 // how often by that
 };
 
 struct FoundBoards {

@@ -11,6 +11,7 @@
 
 #include "calib/board/grey_view.h"
 #include "calib/gather/progress_line.h"
+#include "calib/gather/smeared_board.h"
 #include "capture/frame_synchronizer.h"
 
 namespace huetrack::gather {
@@ -98,6 +99,7 @@ struct Look {
   std::vector<cv::Mat> greys;  // per camera; empty: the set lacks its frame
   bool is_complete = true;     // no frame is lacking
   std::vector<solver::BoardView> views;
+  std::string smeared;  // a camera in whose picture the board is smeared by motion; empty: none
 };
 
 // What was gathered so far, and what the one who carries the board is told. thread-compatible.
@@ -109,6 +111,7 @@ class Gathering {
         options_(options),
         sizes_(cameras.size()),
         shown_(cameras.size()),
+        smeared_(cameras.size()),
         line_(options.progress),
         page_(options.page) {
     for (std::size_t c = 0; c < cameras.size(); ++c) {
@@ -216,6 +219,12 @@ class Gathering {
     for (std::size_t c = 0; c < names_.size(); ++c) {
       if (!detections[c].valid()) continue;
       board::BoardDetection detection = detections[c].get();
+      if (detection.found()) {
+        smeared_[c].found(look.greys[c], detection.px);
+      } else if (smeared_[c].may_be_in(look.greys[c])) {
+        detection.why_not = smeared_by_motion;
+        look.smeared = names_[c];
+      }
       count(c, look.greys[c], detection);
       if (!detection.found()) continue;
       look.views.push_back({static_cast<int>(c),
@@ -251,8 +260,10 @@ class Gathering {
   std::string keep_if_new(const Look& look) {
     const bool rests = is_at_rest(look.views, before_, look.at_s - before_s_, sizes_);
     if (!coverage_ || !look.is_complete || !rests || !coverage_->is_new(look.views)) {
-      if (look.views.empty()) return "no camera sees the board";
       if (rests) ++found_.duplicates;
+      if (!look.smeared.empty())
+        return fmt::format("hold it still: {} in {}'s picture", smeared_by_motion, look.smeared);
+      if (look.views.empty()) return "no camera sees the board";
       return !rests ? "hold it still" : "seen before: move it elsewhere";
     }
     coverage_->add(look.views);
@@ -283,6 +294,7 @@ class Gathering {
   std::vector<solver::BoardView> before_;  // of the last look, at
   double before_s_ = 0;
   std::vector<ShownPicture> shown_;
+  std::vector<SmearedBoard> smeared_;  // per camera
   ProgressLine line_;
   DetectionPage page_;
 };

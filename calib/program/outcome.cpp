@@ -55,7 +55,8 @@ ExitStatus status_of(report::Verdict verdict) {
 
 report::ReportInput report_input(const gather::FoundBoards& found, const std::vector<std::string>& inputs) {
   report::ReportInput input;
-  for (const gather::PictureTally& camera : found.cameras) input.cameras.push_back({camera.pictures, camera.boards});
+  for (const gather::PictureTally& camera : found.cameras)
+    input.cameras.push_back({camera.pictures, camera.boards, camera.smeared()});
   input.warnings = found.warnings;
   input.board_doubt = found.board_doubt;
   input.made_of.emplace_back("tool", "huetrack-calibrate " HUETRACK_VERSION);

@@ -207,6 +207,7 @@ CalibrationReport base_report(const solver::Adjustment& a, const ReportInput& in
     if (index(c) < input.cameras.size()) {
       report.cameras.back().pictures = input.cameras[index(c)].pictures;
       report.cameras.back().boards = input.cameras[index(c)].boards;
+      report.cameras.back().smeared = input.cameras[index(c)].smeared;
     }
   }
   std::set<int> sets;

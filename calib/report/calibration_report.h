@@ -47,7 +47,8 @@ struct CameraReport {
   std::string lens_reason;                                        // of the choice of model; empty when it was given
   std::string timing;  // latency and readout, where a board that moved told them; otherwise empty
   std::vector<solver::LensTrial> trials;
-  int pictures = 0, boards = 0;  // looked at, and with the board in it; 0 pictures: not known
+  // Looked at, with the board found in it, and smeared by motion beyond finding; 0 pictures: not known.
+  int pictures = 0, boards = 0, smeared = 0;
   int views_used = 0, corners_used = 0;
   int corners_left_out = 0, left_out_at_edge = 0;  // of used views; at_edge: in the image's outermost cells
   int distinct_views = 0;  // of views_used, without those that show the board at the place of another
@@ -111,7 +112,7 @@ struct CalibrationReport {
 // What is known besides the result.
 struct ReportInput {
   struct OfCamera {
-    int pictures = 0, boards = 0;
+    int pictures = 0, boards = 0, smeared = 0;
   };
   std::vector<OfCamera> cameras;           // beside the result's; may be empty
   std::vector<std::string> warnings;       // damaged files: each a doubt

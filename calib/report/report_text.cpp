@@ -78,6 +78,9 @@ std::string to_text(const CalibrationReport& report) {
           "; where boards were, pixels look where they should to {:.2f} px, over the whole image to {:.2g} px",
           camera.rays.covered_px, camera.rays.image_px);
     if (camera.blur_px > 0) out += fmt::format("; edges blurred by {:.1f} px", camera.blur_px);
+    if (camera.smeared > 0)
+      out += fmt::format("; in {} of {} pictures the board is smeared by motion beyond finding", camera.smeared,
+                         camera.pictures);
     out += "\n";
   }
   for (const CameraReport& camera : report.cameras) {

@@ -5,6 +5,8 @@
 #include <gtest/gtest.h>
 
 #include <array>
+#include <functional>
+#include <opencv2/imgproc.hpp>
 
 #include "board/drawn_board.h"
 #include "gather/pictured_rig.h"
@@ -127,6 +129,87 @@ TEST(FindBoards, ColumnsForRowsAreNamedThoughAFewPicturesShowTheBoard) {
                                                  "7x5: exchange the two numbers in the board file"));
   }
   EXPECT_EQ(look({in_file, in_file, real}), 2);
+}
+
+// A chessboard carried past a camera before a room with things in it; some pictures are spoilt.
+class Carried final : public PictureSource {
+ public:
+  static constexpr int pictures = 15;
+  using Spoilt = std::function<cv::Mat(const cv::Mat& with_board, const cv::Mat& room, int at)>;
+  explicit Carried(Spoilt spoilt) : spoilt_(std::move(spoilt)) {}
+  const std::vector<std::string>& cameras() const override { return names_; }
+  std::optional<int> expected_sets() const override { return pictures; }
+  bool has_stamps() const override { return false; }
+  std::vector<std::string> take_warnings() override { return {}; }
+  std::optional<PictureSet> next(std::stop_token) override {
+    if (at_ == pictures) return std::nullopt;
+    const board::DrawnBoard drawn = board::draw_board(pictured_board());
+    const double w = drawn.image.cols, h = drawn.image.rows, x = 60 + 7 * at_, y = 60 + 4 * at_;
+    const cv::Matx33d place(220 / w, 20 / h, x, -15 / w, 165 / h, y, 0, 0, 1);
+    const cv::Mat room = room_of();
+    cv::Mat picture = room.clone(), covered, mask;
+    cv::warpPerspective(drawn.image, covered, place, room.size(), cv::INTER_AREA);
+    cv::warpPerspective(cv::Mat(drawn.image.size(), CV_8UC1, cv::Scalar(255)), mask, place, room.size());
+    covered.copyTo(picture, mask > 128);
+    picture = spoilt_(picture, room, at_);
+    cv::GaussianBlur(picture, picture, {}, 0.8);
+    cv::Mat noise(picture.size(), CV_16SC1);
+    cv::RNG(static_cast<std::uint64_t>(at_ + 1)).fill(noise, cv::RNG::NORMAL, 0, 3);
+    cv::add(picture, noise, picture, cv::noArray(), CV_8U);
+    PictureSet set{.number = at_, .at_s = 0.1 * at_, .pictures = {}};
+    set.pictures.emplace_back(LabelledPicture{picture, std::to_string(at_), {}});
+    ++at_;
+    return set;
+  }
+
+ private:
+  // Grey walls, a dark door frame, shelves.
+  static cv::Mat room_of() {
+    cv::Mat room(480, 640, CV_8UC1);
+    for (int column = 0; column < room.cols; ++column) room.col(column) = 120 + column / 10;
+    cv::rectangle(room, cv::Rect(250, 0, 60, 480), 30, cv::FILLED);
+    for (int shelf = 0; shelf < 6; ++shelf) cv::rectangle(room, cv::Rect(400, 80 * shelf, 240, 12), 60, cv::FILLED);
+    return room;
+  }
+  Spoilt spoilt_;
+  int at_ = 0;
+  std::vector<std::string> names_{"cam1"};
+};
+
+PictureTally tally_of(Carried::Spoilt spoilt) {
+  Carried source(std::move(spoilt));
+  return find_boards(source, board::BoardDetector(pictured_board()), {.progress = false, .page = {}}, {}).cameras[0];
+}
+
+TEST(FindBoards, ABoardThatIsSmearedByMotionIsNamed) {
+  int missed = 0;
+  for (const auto& [px, degrees] : {std::pair(15.0, 45.0), {20.0, 0.0}, {25.0, 30.0}, {25.0, 100.0}}) {
+    const PictureTally camera = tally_of([&](const cv::Mat& picture, const cv::Mat&, int at) {
+      return at % 3 == 1 ? smeared(picture, px, degrees) : picture;
+    });
+    EXPECT_GE(camera.smeared(), 0.9 * (camera.pictures - camera.boards)) << px << " px, " << degrees << " degrees";
+    missed += camera.pictures - camera.boards;
+  }
+  EXPECT_GE(missed, 10);  // or this shows nothing
+}
+
+TEST(FindBoards, ABoardThatIsGoneOrHiddenIsNotSmeared) {
+  using Picture = const cv::Mat&;
+  const auto smeared_in = [](const Carried::Spoilt& picture) {
+    const PictureTally camera = tally_of([&](Picture with_board, Picture room, int at) {
+      return at >= 3 && at < 9 ? picture(with_board, room, at) : with_board;
+    });
+    EXPECT_EQ(camera.boards, camera.pictures - 6);
+    return camera.smeared();
+  };
+  EXPECT_EQ(smeared_in([](Picture, Picture room, int) { return room; }), 0) << "gone";
+  EXPECT_EQ(smeared_in([](Picture, Picture room, int) { return smeared(room, 20, 30); }), 0) << "a soft room";
+  const auto covered = [](Picture picture, Picture, int at) {
+    cv::Mat hidden = picture.clone();
+    cv::line(hidden, {60 + 7 * at, 100 + 4 * at}, {400 + 7 * at, 250 + 4 * at}, 70, 90);
+    return at % 2 == 1 ? hidden : cv::Mat(picture.size(), CV_8UC1, cv::Scalar(90));
+  };
+  EXPECT_EQ(smeared_in(covered), 0) << "covered";
 }
 
 }  // namespace

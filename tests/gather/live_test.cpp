@@ -114,6 +114,28 @@ TEST(LiveBoards, KeepsTheBoardWhereItRests) {
   fs::remove(page);
 }
 
+TEST(LiveBoards, ABoardThatIsSmearedByMotionIsToBeHeldStill) {
+  calib::CameraRig rig = pictured_rig();
+  rig.cameras.resize(2);
+  const auto programme = std::make_shared<Programme>(2);
+  std::vector<LiveCameraSource> cameras = shown(rig, {}, programme);
+  for (std::size_t c = 0; c < 2; ++c) {
+    const cv::Mat still = picture_of(rig.cameras[c], pictured_board(), pictured_poses(1)[0], c);
+    cameras[c].source =
+        std::make_unique<ShownPictures>(std::vector<cv::Mat>{still, smeared(still, 15, 40)}, programme, c);
+  }
+  std::vector<std::string> told;
+  LiveBoardsOptions options;
+  options.progress = false;
+  options.looked = [&](const std::string& status) {
+    if (told.empty() || told.back() != status) told.push_back(status);
+    if (status.starts_with("kept view") || status.starts_with("hold it still:")) programme->turn();
+  };
+  options.seconds = 20;
+  gather_live(std::move(cameras), board::BoardDetector(pictured_board()), options, {});
+  EXPECT_THAT(told, Contains(HasSubstr("hold it still: the board is smeared by motion in cam")));
+}
+
 TEST(LiveBoards, ACameraThatNeverSeesTheBoardIsNamed) {
   calib::CameraRig rig = pictured_rig();
   rig.cameras.resize(2);

@@ -8,6 +8,7 @@
 #include <functional>
 #include <map>
 #include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
 #include <random>
 #include <string>
 #include <vector>
@@ -75,6 +76,19 @@ inline cv::Mat picture_of(const calib::Camera& camera, const board::Board& board
   const Eigen::Matrix3d h = k * plane * scale;
   const cv::Matx33d m(h(0, 0), h(0, 1), h(0, 2), h(1, 0), h(1, 1), h(1, 2), h(2, 0), h(2, 1), h(2, 2));
   return board::seen_through(drawn.image, m, {camera.image_size.width, camera.image_size.height}, 1.5, seed);
+}
+
+// By motion over `px`, `degrees` from the image's x axis.
+inline cv::Mat smeared(const cv::Mat& picture, double px, double degrees) {
+  const double angle = degrees * CV_PI / 180;
+  cv::Mat kernel = cv::Mat::zeros(31, 31, CV_32F), out;
+  constexpr int moments = 101;
+  for (int k = 0; k < moments; ++k) {
+    const double along = px * (k / (moments - 1.0) - 0.5);
+    kernel.at<float>(cvRound(15 + along * std::sin(angle)), cvRound(15 + along * std::cos(angle))) += 1.0F / moments;
+  }
+  cv::filter2D(picture, out, -1, kernel, {-1, -1}, 0, cv::BORDER_REPLICATE);
+  return out;
 }
 
 inline std::string picture_name(int pose) {  // "07.png"
