@@ -129,9 +129,8 @@ void ViewAgreement::compare_searched(const std::vector<TargetView>& views,
     for (std::size_t b = a + 1; b < moving.size(); ++b) {
       const auto seen = disagreement_of(moving[a], moving[b], belief);
       // Where times are not known yet, what moves agrees with anything, and that it does says nothing.
-      const double telling_px = 0.5 * std::min(moving[a].radius_px, moving[b].radius_px);
-      const bool tells =
-          seen && (seen->expected_px2 <= telling_px * telling_px || seen->off_px * seen->off_px > seen->expected_px2);
+      const bool tells = seen && (could_contradict(*seen, moving[a].radius_px, moving[b].radius_px) ||
+                                  seen->off_px * seen->off_px > seen->expected_px2);
       if (tells)
         doubts_.add(static_cast<std::size_t>(moving[a].row.camera), static_cast<std::size_t>(moving[b].row.camera),
                     *seen);

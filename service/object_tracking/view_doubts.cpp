@@ -55,6 +55,11 @@ bool disagreement(const SeenBeside& i, const SeenBeside& j, double way_variance_
   return true;
 }
 
+bool could_contradict(const Disagreement& seen, double radius_i_px, double radius_j_px) {
+  const double telling_px = 0.5 * std::min(radius_i_px, radius_j_px);
+  return seen.expected_px2 <= telling_px * telling_px;
+}
+
 ViewDoubts::ViewDoubts(std::size_t cameras, double radius_m)
     : cameras_(cameras),
       radius_m_(radius_m),
@@ -134,7 +139,7 @@ void ViewDoubts::note(Pair& p, const Disagreement& seen) {
 }
 
 // Two views that are wrong agree along their epipolar lines: at one place by chance, and not at the next ones, where
-// these lie otherwise. Views that are expected to be further apart than the object is large agree with anything.
+// these lie otherwise.
 void ViewDoubts::note_place(Pair& p, const Disagreement& seen, const SeenBeside& i, const SeenBeside& j) const {
   constexpr double radii_apart = 8;
   if (p.scale2 > usual_scale2) {
@@ -142,8 +147,8 @@ void ViewDoubts::note_place(Pair& p, const Disagreement& seen, const SeenBeside&
     return;
   }
   const auto radius_px = [&](const SeenBeside& view) { return radius_m_ * view.jacobian.norm() / std::numbers::sqrt2; };
-  const double ri_px = radius_px(i), rj_px = radius_px(j), telling_px = 0.5 * std::min(ri_px, rj_px);
-  if (p.is_sure() || seen.expected_px2 > telling_px * telling_px) return;
+  const double ri_px = radius_px(i), rj_px = radius_px(j);
+  if (p.is_sure() || !could_contradict(seen, ri_px, rj_px)) return;
   if (seen.off_px * seen.off_px > seen.expected_px2 || p.scale2 > agreeing_scale2) return;
   const Eigen::Vector4d place(i.px.x(), i.px.y(), j.px.x(), j.px.y());
   const auto is_near = [&](const Eigen::Vector4d& other) {

@@ -44,6 +44,10 @@ struct Disagreement {
 // false: their rays are nearly parallel, and say nothing of each other.
 bool disagreement(const SeenBeside& i, const SeenBeside& j, double way_variance_m2, Disagreement& out);
 
+// Whether two views that see the object this large could contradict one another at all: what is expected to be further
+// apart than half of it agrees with anything.
+bool could_contradict(const Disagreement& seen, double radius_i_px, double radius_j_px);
+
 // thread-compatible. Allocates only when it is made.
 class ViewDoubts {
  public:
