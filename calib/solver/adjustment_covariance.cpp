@@ -329,12 +329,28 @@ void find_covariance(Adjustment& a, const BoardShape& shape) {
   a.warp_sigma.setZero();
   if (layout.warp_offset >= 0) a.warp_sigma = covariance.diagonal().segment<3>(layout.warp_offset).cwiseSqrt();
   a.covariance = covariance.topLeftCorner(layout.camera_size, layout.camera_size);
+  set_time_sigmas(a);
+}
+
+void set_time_sigmas(Adjustment& a) {
   for (std::size_t c = 0; c < a.cameras.size(); ++c) {
     if (a.time_offset[c] < 0) continue;
     const auto sigma = a.covariance.diagonal().segment<2>(a.time_offset[c]).cwiseSqrt();
     a.cameras[c].latency.sigma_s = sigma(0);
     a.cameras[c].readout.sigma_s = sigma(1);
   }
+}
+
+Eigen::VectorXd parameter_difference(const Adjustment& one, const Adjustment& other) {
+  VectorXd d = VectorXd::Zero(one.covariance.rows());
+  for (std::size_t c = 0; c < one.cameras.size(); ++c) {
+    const AdjustedCamera &a = one.cameras[c], &b = other.cameras[c];
+    const int count = parameter_count(a.lens);
+    if (one.lens_offset[c] >= 0) d.segment(one.lens_offset[c], count) = (a.parameters - b.parameters).head(count);
+    if (one.pose_offset[c] >= 0)
+      d.segment<6>(one.pose_offset[c]) = calib::log(a.cam_from_world * calib::inverse(b.cam_from_world));
+  }
+  return d;
 }
 
 }  // namespace huetrack::solver

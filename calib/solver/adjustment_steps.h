@@ -61,6 +61,12 @@ inline constexpr int own_course_at = 6, own_stamps_at = 18;
 // first, last: views of one set, as [first, last) of a.views. What is known beforehand is in it.
 SetEquations own_equations(const Adjustment& a, const BoardShape& shape, std::size_t first, std::size_t last);
 
+// The lenses and poses of `one` less those of `other`, where the covariance of `one` has them; 0 for its times.
+Eigen::VectorXd parameter_difference(const Adjustment& one, const Adjustment& other);
+
+// Of latencies and readouts, as the covariance has them.
+void set_time_sigmas(Adjustment& a);
+
 // Sets further apart than this tell nothing of how the board moves in between: a hand turns back within half a second.
 inline constexpr double longest_gap_s = 0.25;
 

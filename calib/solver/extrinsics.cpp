@@ -625,28 +625,19 @@ std::optional<Adjustment> with_open_lenses(const Adjustment& held, const std::ve
 // States of what was adjusted with lenses held how well it is known when they are not, and besides how far it then is
 // elsewhere.
 void state_as_open(Adjustment& held, const Adjustment& open) {
-  Eigen::VectorXd off = Eigen::VectorXd::Zero(open.covariance.rows());
+  Eigen::VectorXd off = parameter_difference(open, held);
   for (std::size_t c = 0; c < held.cameras.size(); ++c) {
     const AdjustedCamera &a = held.cameras[c], &b = open.cameras[c];
-    const int count = parameter_count(a.lens);
-    if (open.lens_offset[c] >= 0) off.segment(open.lens_offset[c], count) = (a.parameters - b.parameters).head(count);
-    if (open.pose_offset[c] >= 0)
-      off.segment<6>(open.pose_offset[c]) = calib::log(a.cam_from_world * calib::inverse(b.cam_from_world));
     if (open.time_offset[c] >= 0)
-      off.segment<2>(open.time_offset[c]) << a.latency.value_s - b.latency.value_s,
-          a.readout.value_s - b.readout.value_s;
+      off.segment<2>(open.time_offset[c]) << b.latency.value_s - a.latency.value_s,
+          b.readout.value_s - a.readout.value_s;
   }
   held.covariance = open.covariance + off * off.transpose();
   held.lens_offset = open.lens_offset;
   held.pose_offset = open.pose_offset;
   held.time_offset = open.time_offset;
   held.warp_sigma = open.warp_sigma;
-  for (std::size_t c = 0; c < held.cameras.size(); ++c) {
-    const int at = open.time_offset[c];
-    if (at < 0) continue;
-    held.cameras[c].latency.sigma_s = std::sqrt(held.covariance(at, at));
-    held.cameras[c].readout.sigma_s = std::sqrt(held.covariance(at + 1, at + 1));
-  }
+  set_time_sigmas(held);
 }
 
 // What the result says against itself: halves, and lenses that were given and stay. Widens its covariance by both.

@@ -9,6 +9,7 @@
 
 #include "calib/model/index.h"
 #include "calib/model/median.h"
+#include "calib/solver/adjustment_steps.h"
 #include "calib/solver/corner.h"
 #include "calib/solver/volume_accuracy.h"
 
@@ -77,19 +78,6 @@ std::optional<Adjustment> half_of(const Adjustment& a, const std::vector<BoardVi
   } catch (const CalibrationError&) {
     return std::nullopt;
   }
-}
-
-// The parameters of `one` less those of `other`, where the covariance has them.
-VectorXd parameter_difference(const Adjustment& one, const Adjustment& other) {
-  VectorXd d = VectorXd::Zero(one.covariance.rows());
-  for (std::size_t c = 0; c < one.cameras.size(); ++c) {
-    const AdjustedCamera &a = one.cameras[c], &b = other.cameras[c];
-    const int count = parameter_count(a.lens);
-    if (one.lens_offset[c] >= 0) d.segment(one.lens_offset[c], count) = (a.parameters - b.parameters).head(count);
-    if (one.pose_offset[c] >= 0)
-      d.segment<6>(one.pose_offset[c]) = calib::log(a.cam_from_world * calib::inverse(b.cam_from_world));
-  }
-  return d;
 }
 
 // What the views of one set say of a camera's pose, the set's board being where all its views put it.
