@@ -108,76 +108,105 @@ PairResiduals PairComparison::residuals(const std::vector<Track>& tracks, std::s
 
 PairResiduals PairComparison::residuals(const PlacedTrack& of_i, const PlacedTrack& of_j, std::size_t i, std::size_t j,
                                         const Supposition& with, const TimeSigmas& times) const {
-  // The one that is seen less often says when, the other one is told between its samples.
-  if (of_i.size() > of_j.size()) return residuals(of_j, of_i, j, i, with, times);
-  PairResiduals out;
-  if (of_i.size() < least_samples) return out;
-  for (auto* of : {&out.off_px, &out.expected, &out.radius_m}) of->reserve(of_i.size());
   const auto real = [&](std::size_t slot) { return with.really.empty() ? slot : with.really[slot]; };
-  const Eigen::Vector3d base = centres_[real(j)] - centres_[real(i)];
-  const double fi = focal_px_[real(i)], fj = focal_px_[real(j)];
-  const double time_sigma_s = std::hypot(times[i], times[j]);
-  std::size_t next = 1;
-  for (const Placed& a : of_i) {
-    while (next + 1 < of_j.size() && of_j[next].t_s < a.t_s) ++next;
-    const Placed &before = of_j[next - 1], &after = of_j[next];
-    const double gap_s = after.t_s - before.t_s;
-    // In-step cameras have the same moments: nothing is to be told between samples, however far apart they are.
-    constexpr double same_s = 0.002;
-    Eigen::Vector3d direction;
-    double radius_px = 0, sigma_px = 0, interpolated_px = 0, px_per_s = 0;
-    if (std::abs(a.t_s - before.t_s) < same_s) {
-      direction = before.direction, radius_px = before.radius_px, sigma_px = before.sigma_px,
-      px_per_s = before.px_per_s;
-    } else if (std::abs(a.t_s - after.t_s) < same_s) {
-      direction = after.direction, radius_px = after.radius_px, sigma_px = after.sigma_px, px_per_s = after.px_per_s;
-    } else {
-      if (!(gap_s > 0 && gap_s < longest_gap_s) || a.t_s < before.t_s || a.t_s > after.t_s) continue;
-      const double share = (a.t_s - before.t_s) / gap_s;
-      direction = (before.direction + share * (after.direction - before.direction)).normalized();
-      radius_px = before.radius_px + share * (after.radius_px - before.radius_px);
-      sigma_px = std::max(before.sigma_px, after.sigma_px);
-      px_per_s = before.px_per_s + share * (after.px_per_s - before.px_per_s);
-      // A curve between two samples: of some 5 m/s^2 at some 3 m.
-      constexpr double acceleration_m_s2 = 5, distance_m = 3;
-      interpolated_px = fj * acceleration_m_s2 / distance_m * gap_s * gap_s / 8;
-    }
-    const Eigen::Vector3d &di = a.direction, &dj = direction;
-    const double cosine = di.dot(dj), denominator = 1 - cosine * cosine;
-    if (denominator < 1e-3) continue;
-    const double along_i = (base.dot(di) - cosine * base.dot(dj)) / denominator;
-    const double along_j = (cosine * base.dot(di) - base.dot(dj)) / denominator;
-    // Metres a pixel where both rays pass each other; a view counts by them.
-    const double scale_i = std::abs(along_i) / fi, scale_j = std::abs(along_j) / fj;
-    const double seen_px = std::hypot(scale_i * a.sigma_px, scale_j * sigma_px) / std::hypot(scale_i, scale_j);
-    const double still_px = std::hypot(sigma_of_rig_px, seen_px, interpolated_px);
-    const double moving_px = time_sigma_s * std::max(a.px_per_s, px_per_s) * std::numbers::sqrt2 / 2;
-    out.expected.push_back(std::hypot(still_px, moving_px));
-    if (along_i <= 0.05 || along_j <= 0.05) {
-      out.off_px.push_back(nowhere_px);
-      continue;
-    }
-    const double gap_m = base.dot(di.cross(dj)) / std::sqrt(denominator);
-    out.off_px.push_back(gap_m / std::hypot(scale_i, scale_j));
-    const double ri = a.radius_px * scale_i, rj = radius_px * scale_j;
-    out.radius_m.push_back(std::sqrt(ri * rj));
+  PairResiduals out;
+  const std::vector<Moment> both = moments(of_i, of_j, i, j, times);
+  const Placement placement{centres_[real(j)] - centres_[real(i)], focal_px_[real(i)], focal_px_[real(j)]};
+  for (auto* of : {&out.off_px, &out.expected, &out.radius_m}) of->reserve(both.size());
+  for (const Moment& moment : both) {
+    const auto pass = passing(moment, placement);
+    if (!pass) continue;
+    out.off_px.push_back(pass->off_px);
+    out.expected.push_back(pass->expected_px);
+    if (pass->radius_m > 0) out.radius_m.push_back(pass->radius_m);
   }
   return out;
 }
 
-std::vector<double> PairComparison::off_in_sigmas(const std::vector<Track>& tracks,
-                                                  const std::vector<PlacedTrack>& as_is, const Supposition& with,
-                                                  const TimeSigmas& times) const {
-  const PlacedTrack of_camera = placed(tracks, with.camera, with);
-  std::vector<double> in_sigmas;
-  in_sigmas.reserve(tracks.size() * of_camera.size());
-  for (std::size_t other = 0; other < tracks.size(); ++other) {
-    if (other == with.camera) continue;
-    const PairResiduals pair = residuals(of_camera, as_is[other], with.camera, other, with, times);
-    if (pair.off_px.size() < least_samples) continue;
-    for (std::size_t k = 0; k < pair.off_px.size(); ++k) in_sigmas.push_back(pair.off_px[k] / pair.expected[k]);
+// The one that is seen less often says when, the other one is told between its samples.
+std::vector<PairComparison::Moment> PairComparison::moments(const PlacedTrack& of_i, const PlacedTrack& of_j,
+                                                            std::size_t i, std::size_t j,
+                                                            const TimeSigmas& times) const {
+  std::vector<Moment> out;
+  const bool is_i_less_often = of_i.size() <= of_j.size();
+  const PlacedTrack &at_samples = is_i_less_often ? of_i : of_j, &between = is_i_less_often ? of_j : of_i;
+  if (at_samples.size() < least_samples) return out;
+  out.reserve(at_samples.size());
+  const double time_variance_s2 = times[i] * times[i] + times[j] * times[j];
+  const double focal_px = focal_px_[is_i_less_often ? j : i];
+  std::size_t next = 1;
+  for (const Placed& a : at_samples) {
+    while (next + 1 < between.size() && between[next].t_s < a.t_s) ++next;
+    const Placed &before = between[next - 1], &after = between[next];
+    const double gap_s = after.t_s - before.t_s;
+    // In-step cameras have the same moments: nothing is to be told between samples, however far apart they are.
+    constexpr double same_s = 0.002;
+    Placed b = std::abs(a.t_s - before.t_s) < same_s ? before : after;
+    double interpolated_px = 0;
+    if (std::abs(a.t_s - b.t_s) >= same_s) {
+      if (!(gap_s > 0 && gap_s < longest_gap_s) || a.t_s < before.t_s || a.t_s > after.t_s) continue;
+      const double share = (a.t_s - before.t_s) / gap_s;
+      b.direction = (before.direction + share * (after.direction - before.direction)).normalized();
+      b.radius_px = before.radius_px + share * (after.radius_px - before.radius_px);
+      b.sigma_px = std::max(before.sigma_px, after.sigma_px);
+      b.px_per_s = before.px_per_s + share * (after.px_per_s - before.px_per_s);
+      // A curve between two samples: of some 5 m/s^2 at some 3 m.
+      constexpr double acceleration_m_s2 = 5, distance_m = 3;
+      interpolated_px = focal_px * acceleration_m_s2 / distance_m * gap_s * gap_s / 8;
+    }
+    const double px_per_s = std::max(a.px_per_s, b.px_per_s);
+    const double elsewhere_px2 = sigma_of_rig_px * sigma_of_rig_px + interpolated_px * interpolated_px +
+                                 time_variance_s2 * px_per_s * px_per_s / 2;
+    const Placed &in_i = is_i_less_often ? a : b, &in_j = is_i_less_often ? b : a;
+    out.push_back(
+        {in_i.direction, in_j.direction, in_i.radius_px, in_j.radius_px, in_i.sigma_px, in_j.sigma_px, elsewhere_px2});
   }
-  return in_sigmas;
+  return out;
+}
+
+std::optional<PairComparison::Passing> PairComparison::passing(const Moment& moment, const Placement& placement) {
+  const Eigen::Vector3d& base = placement.j_from_i_m;
+  const Eigen::Vector3d &di = moment.of_i, &dj = moment.of_j;
+  const double cosine = di.dot(dj), denominator = 1 - cosine * cosine;
+  if (denominator < 1e-3) return std::nullopt;
+  const double along_i = (base.dot(di) - cosine * base.dot(dj)) / denominator;
+  const double along_j = (cosine * base.dot(di) - base.dot(dj)) / denominator;
+  // Metres a pixel where both rays pass each other; a view counts by them.
+  const double scale_i = std::abs(along_i) / placement.focal_i_px, scale_j = std::abs(along_j) / placement.focal_j_px;
+  const double scale2 = scale_i * scale_i + scale_j * scale_j;
+  const double by_i_m = scale_i * moment.sigma_i_px, by_j_m = scale_j * moment.sigma_j_px;
+  Passing out{.off_px = nowhere_px,
+              .expected_px = std::sqrt(moment.elsewhere_px2 + (by_i_m * by_i_m + by_j_m * by_j_m) / scale2),
+              .radius_m = 0,
+              .slope_of_i_px = Eigen::Vector3d::Zero()};
+  if (along_i <= 0.05 || along_j <= 0.05) return out;
+  // The determinant of base, di and dj is how far the rays pass each other. What a rotation of di does to where they
+  // come nearest is of second order where they agree.
+  const double per_px = 1 / std::sqrt(denominator * scale2);
+  const Eigen::Vector3d across = dj.cross(base);
+  out.off_px = di.dot(across) * per_px;
+  out.slope_of_i_px = di.cross(across) * per_px;
+  out.radius_m = std::sqrt(moment.radius_i_px * scale_i * moment.radius_j_px * scale_j);
+  return out;
+}
+
+std::vector<PairComparison::WithOther> PairComparison::moments_of(const std::vector<Track>& tracks, std::size_t camera,
+                                                                  const TimeSigmas& times) const {
+  const std::vector<PlacedTrack> as_is = all_placed(tracks, {});
+  std::vector<WithOther> out;
+  const Eigen::Matrix3d cam_from_world = rig_.cameras[camera].cam_from_world.rotation.toRotationMatrix();
+  for (std::size_t other = 0; other < tracks.size(); ++other) {
+    if (other == camera) continue;
+    auto both = moments(as_is[camera], as_is[other], camera, other, times);
+    if (both.size() < least_samples) continue;
+    for (Moment& moment : both) {
+      moment.of_i = cam_from_world * moment.of_i;
+      moment.of_j = cam_from_world * moment.of_j;
+    }
+    const Eigen::Vector3d base = cam_from_world * (centres_[other] - centres_[camera]);
+    out.push_back({{base, focal_px_[camera], focal_px_[other]}, std::move(both)});
+  }
+  return out;
 }
 
 void PairComparison::add(Agreement& agreement, const PairResiduals& pair) {
@@ -212,107 +241,6 @@ PairComparison::Agreement PairComparison::agreement_of(const std::vector<Track>&
     for (std::size_t i = 0; i < j; ++i)
       if ((i == camera || j == camera) == with_it) add(out, residuals(seen[i], seen[j], i, j, with, times));
   return out;
-}
-
-namespace {
-
-// In how many places a camera saw something: light from one side shifts what it sees by the same in all samples of one,
-// and other places are half a metre away, a dozen radii of a ball.
-double places_of(const Track& track) {
-  constexpr double radii_apart = 12;
-  double places = 1;
-  for (std::size_t k = 1; k < track.size(); ++k)
-    places += (track[k].px - track[k - 1].px).norm() / (radii_apart * std::max(1.0, track[k].radius_px));
-  return places;
-}
-
-constexpr double huber = 2;
-double huber_cost(const std::vector<double>& off) {
-  double sum = 0;
-  for (const double r : off) sum += std::abs(r) < huber ? r * r : huber * (2 * std::abs(r) - huber);
-  return sum;
-}
-
-// One sample of each place counts.
-double share_of_places(const Track& track, std::size_t samples) {
-  return std::min(1.0, places_of(track) / double(samples));
-}
-
-}  // namespace
-
-// Gauss and Newton's method with Levenberg's damping and Huber's weights, by differences: three numbers, of which those
-// that the samples hardly tell (a turn about the ray to something that does not move far) stay what is usual: small.
-std::optional<BestTurn> best_turn(const PairComparison& comparison, const std::vector<Track>& tracks,
-                                  std::size_t camera, const TimeSigmas& times) {
-  constexpr double furthest_rad = 0.26, step_rad = 1e-4, settled_rad = 2e-5;
-  constexpr double usual_rad = 0.05;  // of a tripod that somebody knocked
-  constexpr int iterations = 12;
-  const std::vector<PairComparison::PlacedTrack> as_is = comparison.all_placed(tracks, {});
-  const auto off_at = [&](const Eigen::Vector3d& turn) {
-    return comparison.off_in_sigmas(tracks, as_is, {.camera = camera, .turn_rad = turn}, times);
-  };
-  Eigen::Vector3d turn = Eigen::Vector3d::Zero();
-  std::vector<double> off = off_at(turn);
-  if (off.empty()) return std::nullopt;
-  const double share = share_of_places(tracks[camera], off.size());
-  const auto total = [&](const std::vector<double>& of, const Eigen::Vector3d& at) {
-    return share * huber_cost(of) + at.squaredNorm() / (usual_rad * usual_rad);
-  };
-  const double without = total(off, turn);
-  double cost = without, damping = 1e-4;
-  for (int iteration = 0; iteration < iterations; ++iteration) {
-    std::array<std::vector<double>, 3> moved;
-    for (int k = 0; k < 3; ++k) moved[std::size_t(k)] = off_at(turn + step_rad * Eigen::Vector3d::Unit(k));
-    Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
-    Eigen::Vector3d right = Eigen::Vector3d::Zero();
-    for (std::size_t n = 0; n < off.size(); ++n) {
-      const Eigen::Vector3d slope =
-          Eigen::Vector3d(moved[0][n] - off[n], moved[1][n] - off[n], moved[2][n] - off[n]) / step_rad;
-      const double weight = std::abs(off[n]) < huber ? 1 : huber / std::abs(off[n]);
-      normal += weight * slope * slope.transpose();
-      right -= weight * off[n] * slope;
-    }
-    normal = share * normal + Eigen::Matrix3d::Identity() / (usual_rad * usual_rad);
-    right = share * right - turn / (usual_rad * usual_rad);
-    bool is_better = false;
-    Eigen::Vector3d step = Eigen::Vector3d::Zero();
-    for (int attempt = 0; attempt < 4 && !is_better; ++attempt) {
-      Eigen::Matrix3d damped = normal;
-      damped.diagonal().array() += damping * normal.trace() / 3;
-      step = damped.ldlt().solve(right);
-      if (!step.allFinite() || (turn + step).norm() > furthest_rad) return std::nullopt;
-      std::vector<double> there = off_at(turn + step);
-      is_better = there.size() == off.size() && total(there, turn + step) < cost;
-      damping = is_better ? damping / 10 : damping * 30;
-      if (is_better) turn += step, cost = total(there, turn), off = std::move(there);
-    }
-    if (!is_better || step.norm() < settled_rad) break;
-  }
-  // What is expected of a good rig is what may be in it. What is left when the turn is undone shows how much really is,
-  // but for light from one side, which lasts.
-  constexpr double least_noise2 = 0.2;
-  const double noise2 = std::clamp(huber_cost(off) / double(off.size()), least_noise2, 1.0);
-  return BestTurn{turn, (without - cost) / noise2};
-}
-
-BestZoom best_zoom(const PairComparison& comparison, const std::vector<Track>& tracks, std::size_t camera,
-                   const TimeSigmas& times) {
-  constexpr double coarse = 1.04, fine = 1.005;
-  constexpr int coarse_steps = 12, fine_steps = 7;
-  const std::vector<PairComparison::PlacedTrack> as_is = comparison.all_placed(tracks, {});
-  const auto off_at = [&](double zoom) {
-    return comparison.off_in_sigmas(tracks, as_is, {.camera = camera, .zoom = zoom}, times);
-  };
-  const std::vector<double> off = off_at(1);
-  const double without = huber_cost(off);
-  double best_zoom = 1, best = without;
-  const auto consider = [&](double zoom) {
-    if (const double cost = huber_cost(off_at(zoom)); cost < best) best = cost, best_zoom = zoom;
-  };
-  for (int k = 1; k <= coarse_steps; ++k) consider(std::pow(coarse, k)), consider(std::pow(coarse, -k));
-  const double about = best_zoom;
-  for (int k = 1; k <= fine_steps; ++k) consider(about * std::pow(fine, k)), consider(about * std::pow(fine, -k));
-  return {best_zoom, off.empty() ? 0 : share_of_places(tracks[camera], off.size()) * (without - best)};
 }
 
 namespace {

@@ -76,6 +76,35 @@ class PairComparison {
   Agreement agreement_of(const std::vector<Track>& tracks, std::size_t camera, bool with_it, const Supposition& with,
                          const TimeSigmas& times) const;
 
+  // What two cameras saw at one moment, of which one of them may have been told between its samples.
+  struct Moment {
+    Eigen::Vector3d of_i, of_j;  // directions, unit, in one frame
+    double radius_i_px, radius_j_px;
+    double sigma_i_px, sigma_j_px;
+    double
+        elsewhere_px2;  // variance of what is not in their samples: rig, motion in uncertain times, the curve between
+  };
+  // Where two cameras stand beside each other.
+  struct Placement {
+    Eigen::Vector3d j_from_i_m;  // from i's centre to j's, in the frame of the moments
+    double focal_i_px, focal_j_px;
+  };
+  // How the rays of a moment pass each other; nullopt: they are parallel.
+  struct Passing {
+    double off_px, expected_px;
+    double radius_m;                // 0: they meet behind a camera
+    Eigen::Vector3d slope_of_i_px;  // of off_px, by a small rotation of the ray of_i about the frame's axes
+  };
+  static std::optional<Passing> passing(const Moment& moment, const Placement& placement);
+  // Of this camera, i, with every other one that it has enough with; as the rig is, in the camera's frame.
+  struct WithOther {
+    Placement placement;
+    std::vector<Moment> moments;
+  };
+  std::vector<WithOther> moments_of(const std::vector<Track>& tracks, std::size_t camera,
+                                    const TimeSigmas& times) const;
+
+ private:
   struct Placed {  // one sample in the world
     Eigen::Vector3d direction;
     double t_s;
@@ -84,15 +113,12 @@ class PairComparison {
     double px_per_s;
   };
   using PlacedTrack = std::vector<Placed>;  // of the frames that are taken for one camera's
-  std::vector<PlacedTrack> all_placed(const std::vector<Track>& tracks, const Supposition& with) const;
-  // Of all pairs of with.camera, in what is expected of each. as_is: all_placed() without a supposition. Of `with` only
-  // what is otherwise with that camera counts: the others stay as they are placed.
-  std::vector<double> off_in_sigmas(const std::vector<Track>& tracks, const std::vector<PlacedTrack>& as_is,
-                                    const Supposition& with, const TimeSigmas& times) const;
 
- private:
   Placed placed(const std::vector<Track>& tracks, std::size_t slot, std::size_t k, const Supposition& with) const;
   PlacedTrack placed(const std::vector<Track>& tracks, std::size_t slot, const Supposition& with) const;
+  std::vector<PlacedTrack> all_placed(const std::vector<Track>& tracks, const Supposition& with) const;
+  std::vector<Moment> moments(const PlacedTrack& of_i, const PlacedTrack& of_j, std::size_t i, std::size_t j,
+                              const TimeSigmas& times) const;
   PairResiduals residuals(const PlacedTrack& of_i, const PlacedTrack& of_j, std::size_t i, std::size_t j,
                           const Supposition& with, const TimeSigmas& times) const;
 
@@ -100,25 +126,6 @@ class PairComparison {
   std::vector<double> focal_px_;          // per camera
   std::vector<Eigen::Vector3d> centres_;  // in the world
 };
-
-// The turn of this camera that makes it agree best with the others.
-struct BestTurn {
-  Eigen::Vector3d turn_rad;
-  // Chi-square, 3 degrees of freedom, by which it explains more than no turn, in the noise that is left with it; one
-  // sample per place.
-  double gain;
-};
-// nullopt: none does within 15 degrees.
-std::optional<BestTurn> best_turn(const PairComparison& comparison, const std::vector<Track>& tracks,
-                                  std::size_t camera, const TimeSigmas& times);
-
-// The focal length of this camera, in the rig's, by which it agrees best with the others; 0.6..1.6.
-struct BestZoom {
-  double zoom;
-  double gain;  // as of a turn; 1 degree of freedom
-};
-BestZoom best_zoom(const PairComparison& comparison, const std::vector<Track>& tracks, std::size_t camera,
-                   const TimeSigmas& times);
 
 // By how much this camera's frames are later than the rig says, so that it agrees best; -0.6..0.6 s.
 double best_lateness(const PairComparison& comparison, const std::vector<Track>& tracks, std::size_t camera,

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "calib/model/median.h"
+#include "view_watch/camera_fit.h"
 
 namespace huetrack::view_watch {
 namespace {
@@ -91,7 +92,12 @@ class Suppositions {
   // All outlive it.
   Suppositions(const calib::CameraRig& rig, const std::vector<Track>& tracks, const TimeSigmas& time_sigmas,
                const PairComparison::Agreement& as_is)
-      : rig_(rig), tracks_(tracks), time_sigmas_(time_sigmas), as_is_(as_is), comparison_(rig) {}
+      : rig_(rig), tracks_(tracks), time_sigmas_(time_sigmas), as_is_(as_is), comparison_(rig) {
+    for (std::size_t j = 1; j < rig.cameras.size(); ++j)
+      for (std::size_t i = 0; i < j; ++i)
+        if (const double usual = comparison_.residuals(tracks, i, j, {}, time_sigmas).usual(); std::isfinite(usual))
+          pairs_.push_back({i, j, usual});
+  }
 
   // Whose frames are whose: every exchange of two, and of three or four all orders.
   void try_orders() {
@@ -110,9 +116,10 @@ class Suppositions {
   // It disagrees with two that agree with each other: fewer could be explained by anything.
   bool could_be_fault_of(std::size_t camera) const {
     if (rig_.cameras.size() <= 2) return true;
-    const auto with_it = comparison_.agreement_of(tracks_, camera, true, {}, time_sigmas_);
-    const auto without = comparison_.agreement_of(tracks_, camera, false, {}, time_sigmas_);
-    return with_it.pairs >= 2 && without.pairs > 0 && without.worst <= disagrees;
+    const auto is_of_it = [&](const Pair& pair) { return pair.i == camera || pair.j == camera; };
+    const auto is_bad = [&](const Pair& pair) { return !is_of_it(pair) && pair.usual > disagrees; };
+    const auto with_it = std::size_t(std::ranges::count_if(pairs_, is_of_it));
+    return with_it >= 2 && with_it < pairs_.size() && std::ranges::none_of(pairs_, is_bad);
   }
 
   // learnt_s: how late it was learnt to be, which the tracks' times hold.
@@ -203,6 +210,10 @@ class Suppositions {
   }
 
  private:
+  struct Pair {  // that can be compared, as things are
+    std::size_t i, j;
+    double usual;
+  };
   struct Answer {
     Mistake mistake;
     double score;
@@ -266,11 +277,8 @@ class Suppositions {
 
   // As things are, how far the two cameras are apart that agree best; infinity: none can be compared.
   double best_pair() const {
-    double best = std::numeric_limits<double>::infinity();
-    for (std::size_t j = 1; j < rig_.cameras.size(); ++j)
-      for (std::size_t i = 0; i < j; ++i)
-        best = std::min(best, comparison_.residuals(tracks_, i, j, {}, time_sigmas_).usual());
-    return best;
+    const auto best = std::ranges::min_element(pairs_, {}, &Pair::usual);
+    return best == pairs_.end() ? std::numeric_limits<double>::infinity() : best->usual;
   }
 
   const calib::CameraRig& rig_;
@@ -278,6 +286,7 @@ class Suppositions {
   const TimeSigmas& time_sigmas_;
   const PairComparison::Agreement& as_is_;
   const PairComparison comparison_;
+  std::vector<Pair> pairs_;
   std::vector<Answer> answers_;
 };
 

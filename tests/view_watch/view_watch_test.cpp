@@ -9,6 +9,7 @@
 #include <numbers>
 
 #include "scene/lime.h"
+#include "view_watch/camera_fit.h"
 
 namespace huetrack::view_watch {
 namespace {
@@ -304,6 +305,28 @@ TEST(PairComparison, aTurnIsFoundExactly) {
   EXPECT_GT(found->gain, 50);
   EXPECT_EQ(wrong.agreement_of(tracks, 2, false, {}, times).pairs, 1u);
   EXPECT_LT(wrong.agreement_of(tracks, 2, false, {}, times).worst, 1e-3);
+}
+
+// The same of a focal length, of a mistake and of one that anybody's rig may have.
+TEST(PairComparison, aFocalLengthIsFoundExactly) {
+  scene::Scene scene = scene::SceneBuilder{}.cameras_on_ring({.count = 3}).build();
+  const TimeSigmas times(3, 0.0);
+  for (const double zoom : {0.8, 0.98, 1.3}) {
+    std::vector<Track> tracks(3);
+    for (int k = 0; k < 60; ++k) {
+      const double t = k / 30.0;
+      const Vector3d p(0.6 * std::sin(3 * t), 0.5 * std::cos(2.3 * t), 1 + 0.4 * std::sin(4 * t));
+      for (std::size_t c = 0; c < 3; ++c) {
+        const auto px = scene.rig.cameras[c].project_world(p)->px;
+        Vector3d ray = scene.rig.cameras[c].model.ray({px})->normalized();
+        if (c == 1) ray = Vector3d(ray.x(), ray.y(), ray.z() / zoom).normalized();
+        tracks[c].push_back({t, px, 4.0, sigma_of_region_px(4.0), 0.0, ray});
+      }
+    }
+    const BestZoom found = best_zoom(PairComparison(scene.rig), tracks, 1, times);
+    EXPECT_NEAR(found.zoom, zoom, 1e-3);
+    EXPECT_GT(found.gain, 0);
+  }
 }
 
 }  // namespace
