@@ -47,12 +47,21 @@ std::vector<Gradients> gradients_of(const Luma& luma, int bin_columns, int bin_r
   return bins;
 }
 
+// Of every bin, with the two that follow it at that distance: in place.
+void add_the_next(std::vector<Gradients>& bins, std::size_t distance) {
+  static_assert(bins_of_patch == 3);
+  for (std::size_t k = 0; k + 2 * distance < bins.size(); ++k)
+    bins[k] += bins[k + distance], bins[k] += bins[k + 2 * distance];
+}
+
 }  // namespace
 
 std::vector<ChosenPatch> choose_patches(const Luma& luma, int margin) {
   const int bin_columns = luma.columns() / bin, bin_rows = luma.rows() / bin;
   if (bin_columns < 2 * bins_of_patch || bin_rows < 2 * bins_of_patch) return {};
-  const std::vector<Gradients> bins = gradients_of(luma, bin_columns, bin_rows);
+  std::vector<Gradients> of_patch = gradients_of(luma, bin_columns, bin_rows);  // that begins in that bin
+  add_the_next(of_patch, 1);
+  add_the_next(of_patch, std::size_t(bin_columns));
   struct Best {
     float texture = some_texture * float(patch_pixels) / 8;  // an eighth of the blocks is looked at
     Eigen::Vector2i corner = Eigen::Vector2i::Zero();
@@ -61,14 +70,10 @@ std::vector<ChosenPatch> choose_patches(const Luma& luma, int margin) {
   std::array<Best, std::size_t(cell_columns) * cell_rows> best;
   for (int j = (margin + bin) / bin; (j + bins_of_patch) * bin + margin <= luma.rows(); ++j) {
     for (int i = (margin + bin) / bin; (i + bins_of_patch) * bin + margin <= luma.columns(); ++i) {
-      Gradients sum;
-      for (int b = 0; b < bins_of_patch; ++b)
-        for (int a = 0; a < bins_of_patch; ++a)
-          sum += bins[std::size_t(j + b) * std::size_t(bin_columns) + std::size_t(i + a)];
       const int u = (2 * i + bins_of_patch) * cell_columns / (2 * bin_columns);
       const int v = (2 * j + bins_of_patch) * cell_rows / (2 * bin_rows);
       Best& of_cell = best[std::size_t(v) * cell_columns + std::size_t(u)];
-      const float texture = sum.least();
+      const float texture = of_patch[std::size_t(j) * std::size_t(bin_columns) + std::size_t(i)].least();
       if (texture > of_cell.texture) of_cell = {texture, {i * bin - 1, j * bin - 1}, true};
     }
   }
