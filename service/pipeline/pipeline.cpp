@@ -26,9 +26,15 @@ capture::Duration thread_cpu() {
   return std::chrono::seconds(t.tv_sec) + std::chrono::nanoseconds(t.tv_nsec);
 }
 
+// Of the thread that asks.
 class Stopwatch {
  public:
-  StageTime lap() const { return {.wall = Clock::now() - wall_, .cpu = thread_cpu() - cpu_}; }
+  // Since the last one, or since it was made.
+  StageTime lap() {
+    const Clock::time_point wall = Clock::now();
+    const capture::Duration cpu = thread_cpu();
+    return {.wall = wall - std::exchange(wall_, wall), .cpu = cpu - std::exchange(cpu_, cpu)};
+  }
 
  private:
   Clock::time_point wall_ = Clock::now();
@@ -67,7 +73,7 @@ class Pipeline::TrackingTeam {
         for (;;) {
           start_.arrive_and_wait();
           if (set_ == nullptr) return;
-          const Stopwatch watch;
+          Stopwatch watch;
           work();
           helpers_cpu_ns_ += watch.lap().cpu.count();
           done_.arrive_and_wait();
@@ -82,9 +88,8 @@ class Pipeline::TrackingTeam {
   TrackingTeam(const TrackingTeam&) = delete;
   TrackingTeam& operator=(const TrackingTeam&) = delete;
 
-  // estimates: of all targets, one after the other.
-  StageTime update(const capture::FrameSet& set, std::vector<object_tracking::ObjectEstimate>& estimates) {
-    const Stopwatch watch;
+  // estimates: of all targets, one after the other. The processor time of the helpers.
+  capture::Duration update(const capture::FrameSet& set, std::vector<object_tracking::ObjectEstimate>& estimates) {
     set_ = &set;
     next_ = 0;
     helpers_cpu_ns_ = 0;
@@ -98,9 +103,7 @@ class Pipeline::TrackingTeam {
         estimates.push_back(std::move(estimate));
       }
     }
-    StageTime lap = watch.lap();
-    lap.cpu += capture::Duration(helpers_cpu_ns_);
-    return lap;
+    return capture::Duration(helpers_cpu_ns_);
   }
 
  private:
@@ -213,7 +216,7 @@ void Pipeline::guarded(F&& thread_body) {
 void Pipeline::capture(capture::FrameSource& source, std::stop_token stop) {
   std::vector<bool> mine(rig_.cameras.size(), false);
   for (;;) {
-    const Stopwatch watch;
+    Stopwatch watch;
     const capture::Duration waited_before = source.waited();
     auto frame = source.next(stop);
     StageTime lap = watch.lap();
@@ -287,7 +290,7 @@ void Pipeline::receive(capture::Frame frame) {
   if (is_repeated) frame.status = capture::FrameStatus::repeated;  // after the recorder, whose replay finds it again
   if (frame.camera == tracked_camera_ && frame.status == capture::FrameStatus::ok)
     put_in_camera_queue({frame, received_at});  // the image is shared, not copied
-  const Stopwatch watch;
+  Stopwatch watch;
   auto sets = synchronizer_.push(std::move(frame));
   {
     const StageTime lap = watch.lap();
@@ -356,12 +359,15 @@ void Pipeline::update(ReadySet ready, TrackingTeam& team, std::vector<object_tra
     of_still_cameras->frames.at(std::size_t(tracked_camera_)).reset();
   }
   const capture::FrameSet& still = of_still_cameras ? *of_still_cameras : ready.set;
-  StageTime watched = watch(still, has_new_trackers);
-  const StageTime tracked = team.update(still, estimates);
-  const Stopwatch learning;
+  Stopwatch stages;
+  watch(still, has_new_trackers);
+  StageTime watched = stages.lap();
+  const capture::Duration helpers_cpu = team.update(still, estimates);
+  StageTime tracked = stages.lap();
+  tracked.cpu += helpers_cpu;
   if (calibration_) calibration_->learn(estimates);
   if (mistakes_) look_for_mistakes(still, estimates);
-  watched += learning.lap();
+  watched += stages.lap();
   const TrackedSet result{
       .frames = ready.set,
       .estimates = estimates,
@@ -371,9 +377,8 @@ void Pipeline::update(ReadySet ready, TrackingTeam& team, std::vector<object_tra
                                   : std::span<const CameraCalibration>(),
       .mistakes = mistakes_ ? mistakes_->mistakes() : std::span<const std::vector<view_watch::Mistake>>(),
       .reloaded = reloaded_};
-  const Stopwatch watch;
   for (Output* output : outputs_) output->on_set(result);
-  const StageTime published = watch.lap();
+  const StageTime published = stages.lap();
   std::uint64_t index = 0;
   {
     const std::scoped_lock lock(figures_mutex_);
@@ -386,12 +391,10 @@ void Pipeline::update(ReadySet ready, TrackingTeam& team, std::vector<object_tra
   if (is_picture(index) && !trackers_.empty()) pictures_.push(result.picture(0));
 }
 
-StageTime Pipeline::watch(const capture::FrameSet& set, bool has_new_trackers) {
-  const Stopwatch watch;
+void Pipeline::watch(const capture::FrameSet& set, bool has_new_trackers) {
   const bool is_trust_new = calibration_ && calibration_->look(set);
   if (is_trust_new || has_new_trackers || are_doubts_new_) trust_cameras();
   are_doubts_new_ = false;
-  return watch.lap();
 }
 
 // What the still room says of each camera, and what the views of the targets say of it beside that.
@@ -458,7 +461,7 @@ void Pipeline::track_camera(int camera, std::unique_ptr<camera_tracking::CameraT
 
 void Pipeline::track_camera_frames() {
   while (auto ready = camera_frames_.pop()) {
-    const Stopwatch watch;
+    Stopwatch watch;
     const camera_tracking::CameraEstimate estimate = camera_tracker_->update(ready->frame);
     const StageTime tracked = watch.lap();
     const std::string why = estimate.has_pose() ? std::string() : camera_tracker_->why_no_pose();
@@ -466,7 +469,7 @@ void Pipeline::track_camera_frames() {
       const std::scoped_lock lock(figures_mutex_);
       figures_.tracked_camera.add(estimate, why);
     }
-    const Stopwatch publishing;
+    Stopwatch publishing;
     // These figures are read without the lock: nobody but this thread changes them.
     const TrackedFrame result{estimate, ready->received_at, figures_.tracked_camera, *camera_tracker_};
     for (Output* output : outputs_) output->on_camera_pose(result);
@@ -488,7 +491,7 @@ void Pipeline::track_camera_frames() {
 
 void Pipeline::draw_camera() {
   while (auto job = camera_pictures_.pop()) {
-    const Stopwatch watch;
+    Stopwatch watch;
     for (Output* output : outputs_) output->on_camera_picture(*job);
     const StageTime lap = watch.lap();
     const std::scoped_lock lock(figures_mutex_);
@@ -498,7 +501,7 @@ void Pipeline::draw_camera() {
 
 void Pipeline::draw() {
   while (auto job = pictures_.pop()) {
-    const Stopwatch watch;
+    Stopwatch watch;
     for (Output* output : outputs_) output->on_picture(*job);
     const StageTime lap = watch.lap();
     const std::scoped_lock lock(figures_mutex_);

@@ -125,7 +125,7 @@ class Pipeline {
   void note_searches();
   void note_end(std::size_t camera);              // figures_mutex_ is held
   bool take_replacements(capture::Timestamp at);  // whether there were any
-  StageTime watch(const capture::FrameSet& set, bool has_new_trackers);
+  void watch(const capture::FrameSet& set, bool has_new_trackers);
   void trust_cameras();
   void look_for_mistakes(const capture::FrameSet& set, std::span<const object_tracking::ObjectEstimate> estimates);
   bool has_moved_camera() const;
