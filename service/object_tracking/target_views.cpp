@@ -15,19 +15,22 @@ TargetViews::TargetViews(const calib::CameraRig& rig, const TargetOptions& targe
 }
 
 std::vector<std::size_t> TargetViews::trust(std::span<const CameraTrust> cameras) {
-  std::vector<std::size_t> moved;
+  std::vector<std::size_t> changed;
   for (std::size_t i = 0; i < cameras_.size(); ++i) {
     PerCamera& c = *cameras_[i];
     const CameraTrust trust = i < cameras.size() ? cameras[i] : CameraTrust{};
+    const bool is_left_out = c.is_used && !trust.is_used;
     c.is_used = trust.is_used;
     const calib::Rigid3d pose = trust.cam_from_world.value_or(c.in_rig);
     const calib::Rigid3d& before = c.camera.cam_from_world;
-    if (pose.rotation.coeffs() == before.rotation.coeffs() && pose.translation == before.translation) continue;
-    c.camera.cam_from_world = pose;
-    c.projector = calib::BatchProjector(c.camera);
-    moved.push_back(i);
+    const bool is_moved = pose.rotation.coeffs() != before.rotation.coeffs() || pose.translation != before.translation;
+    if (is_moved) {
+      c.camera.cam_from_world = pose;
+      c.projector = calib::BatchProjector(c.camera);
+    }
+    if (is_moved || is_left_out) changed.push_back(i);
   }
-  return moved;
+  return changed;
 }
 
 const color::ColorTable& TargetViews::table_for(PerCamera& camera, capture::PixelFormat format,

@@ -60,7 +60,8 @@ class TargetViews {
     return std::exchange(c.table, std::move(table));
   }
 
-  // From the next set on; ObjectTracker::trust(). Returns the cameras that stand elsewhere than before.
+  // From the next set on; ObjectTracker::trust(). Returns the cameras whose past says nothing any more: they stand
+  // elsewhere than before, or are not used from now on.
   std::vector<std::size_t> trust(std::span<const CameraTrust> cameras);
 
   // In force by now.

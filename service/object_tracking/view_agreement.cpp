@@ -29,8 +29,8 @@ ViewAgreement::ViewAgreement(std::size_t cameras, double radius_m, const ObjectT
       is_shared_(cameras, false),
       finders_(cameras) {}
 
-void ViewAgreement::trust(std::span<const std::size_t> moved, std::span<const CameraTrust> cameras) {
-  for (const std::size_t c : moved) doubts_.forget(c);
+void ViewAgreement::trust(std::span<const std::size_t> changed, std::span<const CameraTrust> cameras) {
+  for (const std::size_t c : changed) doubts_.forget(c);
   has_pose_covariance_ = false;
   for (std::size_t c = 0; c < pose_covariance_.size(); ++c) {
     pose_covariance_[c] = c < cameras.size() ? cameras[c].pose_covariance : Eigen::Matrix<double, 6, 6>::Zero();

@@ -26,8 +26,8 @@ class ViewAgreement {
  public:
   ViewAgreement(std::size_t cameras, double radius_m, const ObjectTrackerOptions& options);
 
-  // ObjectTracker::trust(): these cameras stand elsewhere now, and all that is held of poses.
-  void trust(std::span<const std::size_t> moved, std::span<const CameraTrust> cameras);
+  // ObjectTracker::trust(): cameras whose past says nothing any more, and all that is held of poses.
+  void trust(std::span<const std::size_t> changed, std::span<const CameraTrust> cameras);
   // What views showed of one another was seen by times that are known to be wrong by now.
   void forget();
 

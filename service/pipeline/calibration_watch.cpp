@@ -113,7 +113,8 @@ void CalibrationWatch::note(std::size_t camera, capture::Timestamp at) {
   }
 }
 
-// Two cameras fix a position. Before there would be fewer, one that is off by little is used all the same.
+// Two cameras fix a position. Before there would be fewer, one that is off by little is used all the same, where it
+// stands now (trust_camera).
 std::vector<bool> CalibrationWatch::used_cameras() const {
   std::vector<bool> used(facts_.size(), true);
   std::vector<std::size_t> spared;
@@ -137,7 +138,8 @@ bool CalibrationWatch::trust_camera(std::size_t camera, bool is_used, capture::T
   CameraCalibration& facts = facts_[camera];
   CameraTrust wanted;
   wanted.is_used = is_used;
-  if (facts.moved && config_.watch == CalibrationMode::mend) {
+  const bool is_spared = config_.watch == CalibrationMode::leave_out && is_used;
+  if (facts.moved && (config_.watch == CalibrationMode::mend || is_spared)) {
     wanted.cam_from_world = facts.moved->cam_from_world;
     wanted.pose_covariance = facts.moved->covariance;
   } else if (facts.moved) {

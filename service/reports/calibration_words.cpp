@@ -19,18 +19,23 @@ constexpr double unix_times_from_s = 1e9;  // of 2001; a recording's own clock b
 
 std::string consequence(const pipeline::CameraCalibration& facts, CalibrationMode mode) {
   const double off_mm = 1e3 * facts.effect_m;
+  const auto followed = [&] {
+    return fmt::format("to {:.0f} mm and {:.2f} degrees", std::max(1.0, 1e3 * facts.moved->shift_sigma),
+                       degrees * facts.moved->rotation_sigma);
+  };
   switch (mode) {
     case CalibrationMode::tell:
       break;
     case CalibrationMode::leave_out:
-      if (facts.is_used) break;
-      return fmt::format("it is left out until it fits again; with it positions would be off by about {:.0f} mm",
-                         off_mm);
+      if (!facts.is_used)
+        return fmt::format("it is left out until it fits again; with it positions would be off by about {:.0f} mm",
+                           off_mm);
+      if (facts.is_mended && facts.moved)
+        return fmt::format("too few would be left without it: its pose is followed, {}", followed());
+      break;
     case CalibrationMode::mend:
       if (facts.is_mended && facts.moved)
-        return fmt::format(
-            "positions would be off by about {:.0f} mm; its pose is followed, to {:.0f} mm and {:.2f} degrees", off_mm,
-            std::max(1.0, 1e3 * facts.moved->shift_sigma), degrees * facts.moved->rotation_sigma);
+        return fmt::format("positions would be off by about {:.0f} mm; its pose is followed, {}", off_mm, followed());
       break;
   }
   return fmt::format("positions are off by about {:.0f} mm until it is mended", off_mm);

@@ -94,6 +94,13 @@ TEST(CalibrationWatch, KeepsTheSecondCameraWhereItIsOffByLittle) {
   const CalibrationWatch little = after_turn(0.1, CalibrationMode::leave_out, 2);
   ASSERT_TRUE(little.cameras()[0].moved);
   EXPECT_TRUE(little.trust()[0].is_used);
+  // Where it stands now, not where the rig says.
+  ASSERT_TRUE(little.trust()[0].cam_from_world);
+  const calib::Rigid3d truth = room_watch::moved(watched_rig(1).cameras[0].cam_from_world, 0.1 * degree * axis);
+  const calib::Tangent6d off = calib::log(truth * calib::inverse(*little.trust()[0].cam_from_world));
+  EXPECT_LT(off.head<3>().norm(), 0.05 * degree);
+  EXPECT_THAT(calibration_warning("cam0", little.cameras()[0], CalibrationMode::leave_out),
+              HasSubstr("too few would be left without it"));
   const CalibrationWatch much = after_turn(2, CalibrationMode::leave_out, 2);
   EXPECT_FALSE(much.trust()[0].is_used);
 }

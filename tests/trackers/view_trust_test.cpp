@@ -206,6 +206,28 @@ TEST(Trust, doubtOfThePastGoesWithAPose) {
   }
 }
 
+// What contradicts the others and is left out from then on says nothing more, though the others' own past is forgotten
+// as one of them was posed anew.
+TEST(Trust, doubtOfThePastGoesWithACameraThatIsLeftOut) {
+  const scene::Scene scene = ring_scene(3);
+  const auto sets = scene::render(scene, {.set_count = 90});
+  ObjectTracker tracker(turned(scene.rig, 1, 2, {1, 1, 0}), lime_target(), {});
+  const std::span<const capture::FrameSet> all(sets);
+  for (const auto& set : all.first(60)) tracker.update(set);
+  std::vector<CameraTrust> trust(3);
+  trust[1].is_used = false;
+  calib::Tangent6d hardly = calib::Tangent6d::Zero();
+  hardly[0] = 1e-5;
+  trust[2].cam_from_world = calib::exp(hardly) * scene.rig.cameras[2].cam_from_world;
+  tracker.trust(trust);
+  for (const auto& set : all.subspan(60)) {
+    const ObjectEstimate e = tracker.update(set);
+    if (set.number < 62) continue;
+    EXPECT_EQ(e.state, TrackState::tracking) << set.number;
+    EXPECT_LT(std::sqrt(e.covariance.trace()), 0.012) << set.number;
+  }
+}
+
 // However long an object rests: what a pose leaves open is not averaged away.
 TEST(Trust, whatAPoseLeavesOpenLasts) {
   const scene::Scene scene = scene::SceneBuilder{}

@@ -370,14 +370,14 @@ void ManyTracker::forget_all() {
 }
 
 void ManyTracker::trust(std::span<const CameraTrust> cameras) {
-  const std::vector<std::size_t> moved = views_.trust(cameras);
+  const std::vector<std::size_t> changed = views_.trust(cameras);
   for (const auto& object : objects_) {
-    for (const std::size_t c : moved) object->filter.forget_camera(static_cast<int>(c));
+    for (const std::size_t c : changed) object->filter.forget_camera(static_cast<int>(c));
     object->rig_error.leave_out_poses(cameras);
   }
-  agreement_.trust(moved, cameras);
-  for (const std::size_t c : moved) still_color_.forget(c);
-  if (!moved.empty()) births_.forget();
+  agreement_.trust(changed, cameras);
+  for (const std::size_t c : changed) still_color_.forget(c);
+  if (!changed.empty()) births_.forget();
 }
 
 void ManyTracker::correct_times(std::span<const double> late_s) {

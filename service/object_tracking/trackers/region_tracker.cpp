@@ -100,9 +100,9 @@ void RegionTracker::expected_outlines(std::size_t camera, std::vector<capture::E
 }
 
 void RegionTracker::trust(std::span<const CameraTrust> cameras) {
-  const std::vector<std::size_t> moved = views_.trust(cameras);
-  for (const std::size_t c : moved) filter_.forget_camera(static_cast<int>(c)), still_color_.forget(c);
-  agreement_.trust(moved, cameras);
+  const std::vector<std::size_t> changed = views_.trust(cameras);
+  for (const std::size_t c : changed) filter_.forget_camera(static_cast<int>(c)), still_color_.forget(c);
+  agreement_.trust(changed, cameras);
   rig_error_.leave_out_poses(cameras);
 }
 
