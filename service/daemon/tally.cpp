@@ -31,6 +31,8 @@ void Tally::on_set(const pipeline::TrackedSet& set) {
   ++sets_;
   last_at_ = set.frames.at;
   for (const auto& estimate : set.estimates) targets_[estimate.target].add(estimate, sets_);
+  for (std::size_t t = 0; t < targets_.size() && t < set.trackers.size(); ++t)
+    targets_[t].summary.outline_radius_m = set.trackers[t].outline_findings().radius_m;
   sets_until_ = Clock::now();
 }
 

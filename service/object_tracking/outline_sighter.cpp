@@ -3,6 +3,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <utility>
 
 #include "object_tracking/ball_outline.h"
@@ -106,8 +107,11 @@ bool OutlineSighter::sharpen(const TargetView& view, const MotionBelief& belief,
   const bool is_size_known = of.log_size_weight >= enough_sizes;
   outline::FitOptions options;
   options.most_steps = most_steps;
-  options.log_size = {of.log_size,
-                      std::hypot(is_size_known ? known_log_size : unknown_log_size, depth_sigma / distance)};
+  // As long as nothing has fitted, the target's radius may be wrong, or the region's: each is tried in turn.
+  const double log_size = of.log_size_weight == 0 && of.begins_at_region
+                              ? std::log(std::max(1.0, sighting.radius_px) / expected.at.radius_px)
+                              : of.log_size;
+  options.log_size = {log_size, std::hypot(is_size_known ? known_log_size : unknown_log_size, depth_sigma / distance)};
   options.same_light = std::exp(-(there - of.lit_at).norm() / same_light_m -
                                 capture::seconds(expected.row.at - of.lit_when) / same_light_s);
   const auto picture = picture_around(view, ellipse.centre);
@@ -115,6 +119,7 @@ bool OutlineSighter::sharpen(const TargetView& view, const MotionBelief& belief,
   const outline::Fit fit = fit_.fit(*picture, *of.behind, ellipse, {motion.velocity, motion.row_s}, of.look, options);
   if (fit.outcome == outline::FitOutcome::misfit || fit.outcome == outline::FitOutcome::lost) ++not_fitted_;
   if (fit.outcome != outline::FitOutcome::fits) {
+    of.begins_at_region = !of.begins_at_region;
     if (shape_ == TargetShape::automatic && not_fitted_ + fitted_ >= least_tries &&
         static_cast<double>(fitted_) < least_fitted * static_cast<double>(fitted_ + not_fitted_))
       is_blob_ = true;
@@ -144,19 +149,20 @@ bool OutlineSighter::sharpen(const TargetView& view, const MotionBelief& belief,
   total.diagonal().array() += sharp.lasting_px * sharp.lasting_px;
   const Eigen::Vector2d off = sharp.px - expected.at.px, beside = sharp.px - sighting.px;
   if (off.dot(total.inverse() * off) > region_gate ||
-      beside.dot((of_region + sharp.covariance).inverse() * beside) > region_gate ||
-      (sharp.covariance.trace() + 2 * sharp.lasting_px * sharp.lasting_px) >
-          (was_sharp ? better_to_stay : better_to_begin) * of_region.trace())
+      beside.dot((of_region + sharp.covariance).inverse() * beside) > region_gate)
     return false;
-
-  if (fit_.learn(of.look)) of.lit_at = there, of.lit_when = expected.row.at;
-  of.px = sharp.px;
-  of.is_sharp = true;
   if (fit.visible > 0.8 && fit.log_size.sigma < 0.05) {
     of.log_size_weight = std::min(most_sizes, of.log_size_weight + 1);
     of.log_size += off_size / of.log_size_weight;
     of.squares += (off_size * off_size - of.squares) / of.log_size_weight;
   }
+  if ((sharp.covariance.trace() + 2 * sharp.lasting_px * sharp.lasting_px) >
+      (was_sharp ? better_to_stay : better_to_begin) * of_region.trace())
+    return false;
+
+  if (fit_.learn(of.look)) of.lit_at = there, of.lit_when = expected.row.at;
+  of.px = sharp.px;
+  of.is_sharp = true;
   sighting = sharp;
   sighting.is_outline = true;
   return true;
@@ -187,11 +193,15 @@ void OutlineSighter::learn(const std::vector<TargetView>& views, const MotionBel
 OutlineFindings OutlineSighter::findings() const {
   OutlineFindings out{.fitted = fitted_, .not_fitted = not_fitted_};
   double sum = 0, weight = 0;
+  double least = std::numeric_limits<double>::infinity(), largest = -least;
   for (const PerView& of : views_) {
     if (of.log_size_weight < enough_sizes) continue;
     sum += of.log_size, ++weight;
+    least = std::min(least, of.log_size), largest = std::max(largest, of.log_size);
   }
-  if (weight > 0) out.radius_m = radius_m_ * std::exp(sum / weight);
+  if (weight == 0) return out;
+  out.radius_m = radius_m_ * std::exp(sum / weight);
+  out.least_radius_m = radius_m_ * std::exp(least), out.largest_radius_m = radius_m_ * std::exp(largest);
   return out;
 }
 

@@ -46,6 +46,7 @@ class OutlineSighter {
     Eigen::Vector2d px = Eigen::Vector2d::Zero();  // of the last one
     double still = 0;                              // how much of its error is that of the one before
     bool is_sharp = false;
+    bool begins_at_region = false;  // a fit, where no size is known
   };
   double radius_m_;
   TargetShape shape_;

@@ -74,6 +74,12 @@ std::string mistake_text(const view_watch::Mistake& mistake, const object_tracki
           "it: calibrate anew",
           target.name, mistake.off_px);
     case MistakeKind::radius:
+      if (mistake.is_of_outlines)
+        return fmt::format(
+            "the outlines of {} say in every view that it has a radius of {:.3f} m, or a few per cent more where it is "
+            "a "
+            "few pixels large, not of {:.3g}: measure it, and correct radius_m",
+            target.name, mistake.size, target.radius_m);
       return fmt::format(
           "the views of {} agree that it has a radius of about {:.2g} m, a quarter less where it is a few pixels large "
           "(blur), not of {:.3g}: measure it, and correct radius_m; or, if it is right, the colour is too wide or too "

@@ -61,6 +61,9 @@ constexpr double least_shared = 0.03, times_the_target = 4;
 constexpr int least_shared_looks = 3;
 // A region is smaller than the disc by a dark side, larger by what else has the colour.
 constexpr double smallest_ratio = 0.78, largest_ratio = 1.3;
+// An outline is exact to a few per cent, and blur and light that darkens towards the edge make it smaller: by 6 % in
+// the worst of good recordings, of which this is more than twice.
+constexpr double smallest_by_outlines = 0.86, largest_by_outlines = 1.1;
 constexpr double least_motion_px = 12;  // in an image
 
 std::size_t most_samples() {
@@ -325,7 +328,7 @@ void ViewWatch::look(const object_tracking::ObjectEstimate& estimate, const obje
     now.push_back(std::move(*mistake));
   } else if (!is_wrong_) {
     if (auto late = of_learnt_times()) now.push_back(std::move(*late));
-    if (auto wrong_radius = of_radius()) now.push_back(std::move(*wrong_radius));
+    if (auto wrong_radius = of_radius(tracker.outline_findings())) now.push_back(std::move(*wrong_radius));
   }
   const auto is_explained = [](const Suspected& s) {
     return is_of_rig(s.mistake.kind) && s.mistake.kind != MistakeKind::contradiction &&
@@ -593,8 +596,14 @@ std::optional<Mistake> ViewWatch::of_uneven_times() {
   return out;
 }
 
-// Of cameras that agree about where it is.
-std::optional<Mistake> ViewWatch::of_radius() const {
+// By the outlines in all views, where there are; by regions of cameras that agree about where it is otherwise.
+std::optional<Mistake> ViewWatch::of_radius(const object_tracking::OutlineFindings& outlines) const {
+  if (outlines.radius_m) {
+    const bool is_wrong = outlines.largest_radius_m < smallest_by_outlines * target_.radius_m ||
+                          outlines.least_radius_m > largest_by_outlines * target_.radius_m;
+    if (!is_wrong) return std::nullopt;
+    return Mistake{.kind = MistakeKind::radius, .size = *outlines.radius_m, .is_of_outlines = true};
+  }
   const PairComparison comparison(rig_);
   std::vector<double> radii_m;
   for (std::size_t j = 1; j < tracks_.size(); ++j) {

@@ -40,9 +40,10 @@ struct Mistake {
   MistakeKind kind = MistakeKind::other_rig;
   std::vector<int> cameras = {};  // of the rig
   double size = 0;
-  double off_px = 0;           // how far the views are apart because of it, usually; 0: late, and learnt: they are not
-  double zoom = 1;             // turned: a focal length of so many times the rig's explains it as well; 1: it does not
-  bool do_some_agree = false;  // contradiction: two cameras agree, and it is hardly theirs
+  double off_px = 0;            // how far the views are apart because of it, usually; 0: late, and learnt: they are not
+  double zoom = 1;              // turned: a focal length of so many times the rig's explains it as well; 1: it does not
+  bool is_of_outlines = false;  // radius: all views' outlines say so, and not only how large regions are
+  bool do_some_agree = false;   // contradiction: two cameras agree, and it is hardly theirs
   // late, uneven_times: per camera of the rig, how much later its frames are than the tracker believes.
   std::vector<double> unlearnt_s = {};
   double since_s = 0;  // since when, of what jumped; 0: of all that was compared
@@ -102,7 +103,7 @@ class ViewWatch {
   bool correct_times(Mistake& found, double now_s);
   std::optional<Mistake> of_uneven_times();
   std::optional<Mistake> of_learnt_times() const;
-  std::optional<Mistake> of_radius() const;
+  std::optional<Mistake> of_radius(const object_tracking::OutlineFindings& outlines) const;
   bool has_moved() const;
   void confirm(const std::vector<Mistake>& found, double now_s);
 

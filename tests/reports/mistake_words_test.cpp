@@ -44,6 +44,9 @@ TEST(MistakeWords, sayWhoAndHowMuchAndWhatToDo) {
   EXPECT_THAT(
       text({MistakeKind::radius, {}, 0.028, 0}),
       AllOf(HasSubstr("a radius of about 0.028 m"), HasSubstr("not of 0.04: measure it, and correct radius_m")));
+  EXPECT_THAT(text({.kind = MistakeKind::radius, .size = 0.028, .is_of_outlines = true}),
+              AllOf(HasSubstr("in every view that it has a radius of 0.028 m"),
+                    HasSubstr("not of 0.04: measure it, and correct radius_m")));
   EXPECT_THAT(text({MistakeKind::shared_color, {2}, 0.12, 0}),
               HasSubstr("the colour of orange covers 12 % of top's picture"));
   EXPECT_THAT(text({MistakeKind::opencv_hue, {}, 0, 0}), AllOf(HasSubstr("OpenCV"), HasSubstr("write [20, 44]")));

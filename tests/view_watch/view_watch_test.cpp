@@ -234,15 +234,36 @@ TEST_F(ViewWatchOfScene, aRigThatIsOffInSeveralWays) {
   EXPECT_GT(mistakes[0].off_px, 3);
 }
 
+// A fifth too small or too large is told by outlines, whichever the radius that fits were begun with.
 TEST_F(ViewWatchOfScene, aWrongRadius) {
-  for (const double factor : {0.7, 1.45}) {
+  for (const double factor : {0.7, 0.8, 1.25, 1.45}) {
     named_at_s.reset();
     target.radius_m = 0.04 * factor;
     const auto mistakes = watch();
     ASSERT_EQ(mistakes.size(), 1u) << factor;
-    EXPECT_EQ(mistakes[0].kind, MistakeKind::radius);
-    EXPECT_NEAR(mistakes[0].size, 0.04, 0.004);
+    EXPECT_EQ(mistakes[0].kind, MistakeKind::radius) << factor;
+    EXPECT_TRUE(mistakes[0].is_of_outlines) << factor;
+    EXPECT_NEAR(mistakes[0].size, 0.04, 0.0024) << factor;
+    EXPECT_LT(named_at_s.value_or(99), 3) << factor;
   }
+}
+
+TEST_F(ViewWatchOfScene, aRadiusThatIsOffByLittle) {
+  for (const double factor : {0.95, 1.07}) {
+    target.radius_m = 0.04 * factor;
+    EXPECT_THAT(watch(), IsEmpty()) << factor;
+  }
+}
+
+// What is no ball has no outline: its regions tell.
+TEST_F(ViewWatchOfScene, aWrongRadiusOfABlob) {
+  target.shape = object_tracking::TargetShape::blob;
+  target.radius_m = 0.04 * 1.45;
+  const auto mistakes = watch();
+  ASSERT_EQ(mistakes.size(), 1u);
+  EXPECT_EQ(mistakes[0].kind, MistakeKind::radius);
+  EXPECT_FALSE(mistakes[0].is_of_outlines);
+  EXPECT_NEAR(mistakes[0].size, 0.04, 0.004);
 }
 
 TEST_F(ViewWatchOfScene, huesOfOpenCv) {
