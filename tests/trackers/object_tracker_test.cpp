@@ -845,6 +845,27 @@ TEST(ObjectTracker, WhatLooksLikeTheObjectIsToldWhateverMovesAtTwiceItsHue) {
   EXPECT_GT(sets_told(false, true), 40);
 }
 
+// The yellow object comes when the green ball has moved for two seconds, and was taken for it.
+TEST(ObjectTracker, TwiceTheHueIsTakenBackWhenTheObjectComes) {
+  scene::SceneBuilder builder;
+  builder.cameras_on_ring({.count = 3, .image_size = {640, 480}, .focal_px = 700});
+  builder.ball({.path = [](double t) { return Vector3d(-0.5 + 0.2 * t, 0.1, 1.0); }});
+  builder.ball({.name = "yellow", .rgb = {0.8, 0.62, 0.1}, .path = [](double t) {
+                  return t < 2 ? Vector3d(0, 0, -50) : Vector3d(0.5 - 0.4 * (t - 2), 0.4, 0.8);
+                }});
+  const scene::Scene scene = builder.build();
+  TargetOptions target = lime();
+  target.color.hue_min_deg = 33, target.color.hue_max_deg = 57;
+  ObjectTracker tracker(scene.rig, target, options_with());
+  bool was_found = false;
+  for (const capture::FrameSet& set : render(scene, {.set_count = 135})) {
+    tracker.update(set);
+    if (set.number == 55) was_found = tracker.search_findings().is_found_at_twice_the_hue;
+  }
+  EXPECT_TRUE(was_found);
+  EXPECT_FALSE(tracker.search_findings().is_found_at_twice_the_hue);
+}
+
 // What is tracked of a colour that turned out to be another's is let go of: what stands is no object from then on, and
 // what moves is found again.
 TEST(RegionTracker, WhoseColorIsDistrustedFindsOnlyWhatMoves) {

@@ -47,6 +47,8 @@ class TwiceTheHue {
   // Before the tracker looks at the set. state: of what was found at its own hue, in the last one; is_sure: it looks
   // like the object. has_moved: since it was found.
   void look(const capture::FrameSet& set, TrackState state, bool is_sure, bool has_moved) {
+    // The object has come, and what moved was something else.
+    if (state == TrackState::tracking && is_sure && has_moved) is_found_ = false;
     if (!target_) return;
     if (!began_at_) began_at_ = set.at;
     if (state != TrackState::tracking || !tracking_since_) tracking_since_ = set.at;
