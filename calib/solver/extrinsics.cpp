@@ -514,6 +514,16 @@ std::optional<Adjustment> with_given_lenses(Extrinsics& result, const Adjustment
   return a;
 }
 
+// Of corners that are all used; each has its camera's noise.
+double minus_two_log_likelihood(const Adjustment& a) {
+  double sum = 0;
+  for (const BoardView& view : a.views) {
+    const double sigma = a.noise_px * a.cameras[static_cast<std::size_t>(view.camera)].relative_noise;
+    sum += 2 * 2 * static_cast<double>(view.px.size()) * std::log(sigma);
+  }
+  return sum;
+}
+
 // Two lens models that a camera's own views hardly tell apart differ by what moves all cameras: which of them it is, is
 // told by what all of them saw. start: with the models as chosen camera by camera; returned with those that fit better.
 // told: set, per camera: it is its rival.
@@ -544,7 +554,7 @@ Adjustment with_models_told(const Extrinsics& result, Adjustment start, std::vec
     }
     // By Schwarz's criterion, of -2 log likelihood.
     const int more = parameter_count(model) - parameter_count(best.cameras[c].lens);
-    const double gain = 2 * residuals * std::log(best.noise_px / trial.noise_px);
+    const double gain = minus_two_log_likelihood(best) - minus_two_log_likelihood(trial);
     if (!is_sound(trial.cameras[c]) || gain < more * std::log(residuals)) continue;
     told[c] = true;
     best = std::move(trial);

@@ -445,7 +445,9 @@ AdjustedCamera start_like(const AdjustedCamera& fitted, LensModel lens) {
   AdjustedCamera start = fitted;
   start.lens = lens;
   start.unfold = 0;
-  if (is_pinhole(fitted.lens) && is_pinhole(lens)) return start;  // one holds the other's coefficients
+  // Of one with more coefficients, those that are left are another lens.
+  const bool holds_all = parameter_count(lens) >= parameter_count(fitted.lens);
+  if (is_pinhole(fitted.lens) && is_pinhole(lens) && holds_all) return start;
   LensParameters plain = LensParameters::Zero();
   plain.head<2>().setOnes();
   start.parameters = parameters_of(

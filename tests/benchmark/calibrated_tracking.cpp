@@ -15,6 +15,7 @@
 
 #include "benchmark/sequence.h"
 #include "benchmark/tracking_figures.h"
+#include "calib/model/median.h"
 #include "calib/report/advice.h"
 #include "calib/solver/extrinsics.h"
 #include "calib/solver/volume_accuracy.h"
@@ -85,10 +86,12 @@ std::vector<solver::BoardView> board_views(const calib::CameraRig& rig, const bo
   return views;
 }
 
-// The world of the true rig, as well as a rigid motion finds it for the places of the volume.
-calib::CameraRig in_true_world(const calib::CameraRig& found, const calib::CameraRig& truth,
-                               const solver::WorldBox& box) {
-  std::vector<Vector3d> from, to;
+// Places of the volume, and where the found rig says they are.
+struct Places {
+  std::vector<Vector3d> by_found, truly;
+};
+Places places_by(const calib::CameraRig& found, const calib::CameraRig& truth, const solver::WorldBox& box) {
+  Places out;
   for (int k = 0; k < 343; ++k) {
     const Vector3d p = box.low + (box.high - box.low).cwiseProduct(Vector3d(k % 7, k / 7 % 7, k / 49) / 6);
     std::vector<std::pair<int, Eigen::Vector2d>> pixels;
@@ -97,10 +100,24 @@ calib::CameraRig in_true_world(const calib::CameraRig& found, const calib::Camer
       if (px && truth.cameras[c].contains(*px)) pixels.emplace_back(static_cast<int>(c), px->px);
     }
     if (pixels.size() < 2) continue;
-    from.push_back(solver::triangulate(found, pixels));
-    to.push_back(p);
+    out.by_found.push_back(solver::triangulate(found, pixels));
+    out.truly.push_back(p);
   }
-  return solver::in_world(found, solver::align_points(from, to, false));
+  return out;
+}
+
+// In the world of the true rig, as well as a rigid motion finds it for the places of the volume.
+calib::CameraRig in_true_world(const calib::CameraRig& found, const calib::CameraRig& truth,
+                               const solver::WorldBox& box) {
+  const Places places = places_by(found, truth, box);
+  return solver::in_world(found, solver::align_points(places.by_found, places.truly, false));
+}
+
+double median_off_m(const calib::CameraRig& found, const calib::CameraRig& truth, const solver::WorldBox& box) {
+  const Places places = places_by(found, truth, box);
+  std::vector<double> off_m;
+  for (std::size_t k = 0; k < places.truly.size(); ++k) off_m.push_back((places.by_found[k] - places.truly[k]).norm());
+  return calib::median(std::move(off_m));
 }
 
 struct Subject {
@@ -152,7 +169,7 @@ int main(int argc, char** argv) {
       for (const calib::Camera& camera : truth.cameras)
         cameras.push_back({camera.name, camera.image_size, std::nullopt, camera.timing});
       calib::CameraRig rig;
-      double expected_m = 0;
+      double expected_m = 0, really_m = 0;
       try {
         auto found = solver::calibrate_extrinsics(
             board, cameras, board_views(truth, board, box, sets, noise_px, static_cast<unsigned>(seed)));
@@ -161,6 +178,7 @@ int main(int argc, char** argv) {
           found.adjustment.cameras[c].cam_from_world = aligned.cameras[c].cam_from_world;
         const solver::VolumeAccuracy volume = solver::predict_accuracy(found.adjustment, box, {9, 9, 7});
         expected_m = volume.median_by_calibration_m;
+        really_m = median_off_m(aligned, truth, box);
         rig = aligned;
         rig.uncertainty = solver::uncertainty_of(found.adjustment, volume);
       } catch (const solver::CalibrationError& error) {
@@ -170,8 +188,8 @@ int main(int argc, char** argv) {
       const Honesty a = track(subject, rig);
       rig.uncertainty.reset();
       const Honesty b = track(subject, rig);
-      fmt::print("  calibration {:2}, {:.2f} mm expected: {}; without {}\n", seed, 1e3 * expected_m, a.text(),
-                 b.text());
+      fmt::print("  calibration {:2}, {:.2f} mm expected, {:.2f} really: {}; without {}\n", seed, 1e3 * expected_m,
+                 1e3 * really_m, a.text(), b.text());
       with.add(a), without.add(b);
     }
   }

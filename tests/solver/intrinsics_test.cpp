@@ -101,6 +101,23 @@ TEST(Intrinsics, ALensThatCannotBeFittedHasTwoReasons) {
   }
 }
 
+// Coefficients of a lens that nearly cancel one another: the first five of them alone would be another lens, 100 px
+// off.
+TEST(Intrinsics, ASimplerModelBeginsAtTheSameLens) {
+  AdjustedCamera fitted;
+  fitted.image_size = {640, 480};
+  fitted.lens = LensModel::radtan8;
+  fitted.parameters << 424.5, 423.8, 317.3, 235.2, 1.536, -0.0318, 0.0012, 0.0011, -0.0764, 1.6352, 0.1359, -0.1373;
+  for (const LensModel lens : {LensModel::radtan4, LensModel::radtan5, LensModel::fisheye}) {
+    const calib::CameraModel before = fitted.model(), simpler = start_like(fitted, lens).model();
+    for (const Eigen::Vector2d& px : {Eigen::Vector2d(320, 240), Eigen::Vector2d(500, 350), Eigen::Vector2d(60, 400)}) {
+      const auto there = simpler.project(before.ray({px}).value());
+      ASSERT_TRUE(there);
+      EXPECT_LT((there->px - px).norm(), 1) << name(lens) << " " << px.transpose();
+    }
+  }
+}
+
 TEST(Intrinsics, TooFewViewsAreNamed) {
   const SyntheticCapture capture = synthetic_capture({.cameras = 1, .sets = 2});
   try {
