@@ -79,7 +79,7 @@ bool CalibrationWatch::look(const capture::FrameSet& set) {
 void CalibrationWatch::follow(std::size_t camera) {
   Watched& w = watched_[camera];
   const room_watch::RoomCondition& room = w.watch.condition();
-  if (room.state == RoomState::still) {
+  if (room.state == RoomState::still || room.state == RoomState::changed) {
     w.pose.reset();
     w.turns = room.turns;
   } else if (has_moved(room.state) && room.turn) {

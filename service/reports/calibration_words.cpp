@@ -47,6 +47,47 @@ std::string by_how_much(const pipeline::CameraCalibration& facts) {
                      1e3 * moved.shift.norm(), std::max(1.0, 1e3 * moved.shift_sigma));
 }
 
+// Of a picture's place, given as a share of its width and height.
+std::string where(const Eigen::Vector2d& middle) {
+  const auto of_three = [](double share, const char* low, const char* high) {
+    return share < 1.0 / 3 ? low : share > 2.0 / 3 ? high : "";
+  };
+  const std::string row = of_three(middle.y(), "top", "bottom"), column = of_three(middle.x(), "left", "right");
+  if (row.empty() && column.empty()) return "in the middle";
+  return "at the " + row + (row.empty() || column.empty() ? "" : " ") + column;
+}
+
+std::string focus_text(const std::string& camera, const pipeline::CameraCalibration& facts, const std::string& since) {
+  const double blur_px = facts.room.blur_px;
+  const std::string by = blur_px < 0 ? "sharper" : fmt::format("blurred by {:.1f} px more", blur_px);
+  return fmt::format(
+      "{}'s focus has changed: since {} its pictures are {} than when its room was learnt{}: set it back, or calibrate "
+      "its lens again",
+      camera, since, by, blur_px < 0 ? "" : ", or all of its lens is smeared");
+}
+
+std::string change_text(const std::string& camera, const room_watch::RoomCondition& room, const std::string& since) {
+  const double percent = 100 * room.change.share;
+  const std::string place = where(room.change.middle);
+  if (room.change.is_plain)
+    return fmt::format(
+        "a part of {}'s picture (about {:.0f} % of it, {}) shows nothing any more, as found at {}: its lens is dirty "
+        "there, or something plain stands before it: that part is not used to watch it until it is learnt anew",
+        camera, percent, place, since);
+  return fmt::format(
+      "the room has changed in {}'s view (about {:.0f} % of it, {}), as found at {}: that part is not used to watch it "
+      "until it is learnt anew",
+      camera, percent, place, since);
+}
+
+// Of a turn that a zoom explains as well.
+std::string or_zoom(const room_watch::RoomCondition& room) {
+  if (room.zoom_instead == 0) return {};
+  return fmt::format(
+      " (or its zoom was changed by {:+.1f} %: what it sees of the room is too much on one side to tell)",
+      100 * room.zoom_instead);
+}
+
 }  // namespace
 
 std::string moment_text(capture::Timestamp at) {
@@ -67,8 +108,8 @@ std::string calibration_warning(const std::string& camera, const pipeline::Camer
       return {};
     case RoomState::knocked:
       if (!facts.moved || !facts.room.turn) return {};
-      return fmt::format("{} was turned by {} at {}: {}", camera, by_how_much(facts),
-                         moment_text(facts.room.turn->from), consequence(facts, mode));
+      return fmt::format("{} was turned by {} at {}{}: {}", camera, by_how_much(facts),
+                         moment_text(facts.room.turn->from), or_zoom(facts.room), consequence(facts, mode));
     case RoomState::sagging:
       if (!facts.moved || !facts.room.turn) return {};
       return fmt::format("{} sags: since {} it has slowly turned by {}: {}", camera, moment_text(facts.room.turn->from),
@@ -79,6 +120,10 @@ std::string calibration_warning(const std::string& camera, const pipeline::Camer
           "again{}",
           camera, facts.room.zoom > 0 ? "grew" : "shrank", 100 * std::abs(facts.room.zoom), since,
           facts.is_used ? "" : "; it is left out until then");
+    case RoomState::defocused:
+      return focus_text(camera, facts, since);
+    case RoomState::changed:
+      return change_text(camera, facts.room, since);
     case RoomState::blinded:
       return fmt::format("{} has seen next to nothing since {}: it is covered, in the dark, or its lens is dirty",
                          camera, since);

@@ -19,11 +19,16 @@ constexpr capture::Duration figures_pause = 500ms;  // of the figures in warning
 constexpr capture::Duration waits_for_shift = 700ms;
 constexpr double known_shift_sigma_m = 0.004;
 
+// Whether there is a sentence for people.
+bool is_told(RoomState state) {
+  return is_trouble(state) || state == RoomState::changed;
+}
+
 }  // namespace
 
 bool is_trouble(RoomState state) {
   return state == RoomState::knocked || state == RoomState::sagging || state == RoomState::zoomed ||
-         state == RoomState::blinded || state == RoomState::hidden;
+         state == RoomState::defocused || state == RoomState::blinded || state == RoomState::hidden;
 }
 
 RigReport::RigReport(const config::ServiceConfig& config)
@@ -34,7 +39,7 @@ RigReport::RigReport(const config::ServiceConfig& config)
       facts_(cameras_.size()) {}
 
 // Whether there is something new of that camera, and enough is known of it.
-bool RigReport::is_told(std::size_t camera, const pipeline::CameraCalibration& facts, capture::Timestamp at) {
+bool RigReport::is_news(std::size_t camera, const pipeline::CameraCalibration& facts, capture::Timestamp at) {
   Told& told = told_[camera];
   const RoomState state = facts.room.state;
   if (state == RoomState::moving) return false;  // what comes of it is told
@@ -43,7 +48,7 @@ bool RigReport::is_told(std::size_t camera, const pipeline::CameraCalibration& f
     told.seen_at.reset();
     return false;
   }
-  if (!is_trouble(state)) {
+  if (!is_told(state)) {
     told = {.state = state, .turns = facts.room.turns, .seen_at = {}};
     return state == RoomState::still &&
            std::ranges::any_of(happenings_, [&](const auto& h) { return h.camera == camera; });
@@ -58,21 +63,24 @@ bool RigReport::is_told(std::size_t camera, const pipeline::CameraCalibration& f
 void RigReport::on_set(const pipeline::TrackedSet& set) {
   if (set.calibration.empty()) return;
   const capture::Timestamp at = set.frames.at;
-  bool is_news = !next_at_ || at >= *next_at_;
+  bool has_news = !next_at_ || at >= *next_at_;
   for (std::size_t c = 0; c < cameras_.size(); ++c) {
     const pipeline::CameraCalibration& facts = set.calibration[c];
-    if (is_told(c, facts, at)) {
-      is_news = true;
-      if (is_trouble(facts.room.state)) {
+    const bool was_changed = told_[c].state == RoomState::changed;
+    if (is_news(c, facts, at)) {
+      has_news = true;
+      if (is_told(facts.room.state)) {
         spdlog::warn("{}", calibration_warning(cameras_[c], facts, mode_));
         happenings_.push_back(
             {.camera = c, .state = facts.room.state, .turns = facts.room.turns, .told_at = at, .facts = facts});
+      } else if (was_changed) {
+        spdlog::info("what {} sees of the room is known again", cameras_[c]);
       } else {
         spdlog::info("{} stands again where the rig says", cameras_[c]);
       }
     }
   }
-  if (!is_news) return;
+  if (!has_news) return;
   next_at_ = at + figures_pause;
   for (Happening& h : happenings_) {
     const pipeline::CameraCalibration& facts = set.calibration[h.camera];
@@ -111,7 +119,8 @@ std::vector<std::string> RigReport::summary() const {
 
 bool RigReport::has_been_wrong() const {
   return std::ranges::any_of(happenings_, [](const Happening& h) {
-    return h.state == RoomState::knocked || h.state == RoomState::sagging || h.state == RoomState::zoomed;
+    return h.state == RoomState::knocked || h.state == RoomState::sagging || h.state == RoomState::zoomed ||
+           h.state == RoomState::defocused;
   });
 }
 

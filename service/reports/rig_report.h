@@ -12,7 +12,7 @@
 
 namespace huetrack::reports {
 
-// Whether that is told people: the camera gives wrong positions, or none.
+// Whether the camera gives wrong positions, or none.
 bool is_trouble(room_watch::RoomState state);
 
 class RigReport final : public pipeline::Output {
@@ -28,7 +28,7 @@ class RigReport final : public pipeline::Output {
 
   // What there was since the start, one sentence each. When the road is empty.
   std::vector<std::string> summary() const;
-  // A camera was moved, or its zoom, so that the rig is not right of it. When the road is empty.
+  // A camera was moved, or its zoom or focus, so that the rig is not right of it. When the road is empty.
   bool has_been_wrong() const;
 
   // The rig with those cameras where they stand now; how many were moved. When the road is empty.
@@ -47,7 +47,7 @@ class RigReport final : public pipeline::Output {
     int turns = 0;
     std::optional<capture::Timestamp> seen_at = {};  // what is to be told; nullopt: it is told
   };
-  bool is_told(std::size_t camera, const pipeline::CameraCalibration& facts, capture::Timestamp at);
+  bool is_news(std::size_t camera, const pipeline::CameraCalibration& facts, capture::Timestamp at);
 
   const std::vector<std::string> cameras_;
   const config::CalibrationMode mode_;

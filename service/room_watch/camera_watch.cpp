@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <numbers>
 #include <span>
 
 #include "calib/model/median.h"
@@ -43,6 +44,9 @@ constexpr double least_zoom = 0.006;  // a step of 15 mm towards a room at 2.5 m
 
 constexpr double sure_sigmas = 5;
 constexpr double alike_blocks = 0.12;  // in a picture: what two surveys of a still camera differ by at most
+// A zoom of 2 % that could not be seen is left out of the fit: patches on one side of the picture say a turn or a zoom.
+constexpr double open_zoom = 0.02;
+constexpr double disputed_share = 0.8;  // a turn that fewer agree with may be a zoom
 constexpr double find_gate_blocks = 1.0, guess_gate_blocks = 2.0;
 // What is searched for when nothing is where it was: as far as a knock turns a camera that is then still worth mending.
 constexpr double search_reach_rad = 0.06;
@@ -62,14 +66,41 @@ constexpr Duration history_kept = 30s;
 
 constexpr Duration until_nothing_is_told = 1s;
 constexpr float no_contrast = 0.3f;
-constexpr Duration changed_after = 10s, replaced_after = 40s;
+
+// Focus. What is lost is a number per patch in units of what a blur of one block takes (Found::loss). In pictures of
+// rooms (rendered/bumped, webcams, juggling) a Gaussian of 0.7, 1.5, 3 blocks takes 0.7, 1.5, 2.5, and from four
+// patches of five nearly as much; JPEG of quality 15 after one of 90 takes up to 0.7 in the middle, but nothing from
+// one of five.
+constexpr float least_loss = 0.6f, loss_of_most = 0.4f, loss_that_stays = 0.3f;
+constexpr double most = 0.8;         // of the patches, and half of them in each quarter of the picture
+constexpr int many_lost_of_six = 5;  // of six looks: noise of half a block does that once in hours
+constexpr float knows_loss = 1.f;    // sigma of a patch that has a say
+// The noise that was learnt with a patch is detail that is lost at the first look already, and lost whatever the focus.
+constexpr float most_noise = 0.8f;
+// A camera that shakes is blurred for a moment: it is told when it has been as blurred for so long, or growing for so
+// long.
+constexpr Duration focus_settling = 400ms, longest_focusing = 1200ms;
+constexpr double same_blur = 0.2, same_blur_blocks = 0.15;
+// Where the kept patches themselves are no longer found they are looked for as a lens shows them that is so far out of
+// focus: each in its place, and liker than the sharp one, as of something else one in fifty is.
+constexpr std::array strong_blurs{3.0, 4.0, 5.5, 7.5};
+constexpr double like_blurred = 0.9;
+
+// What stands in the room that was not there: it is looked at again every second. People who stand sway by some
+// millimetres within three seconds, which is a quarter of a block at 4 m; in a plain piece of their clothes nothing is
+// seen of that, so that more of their edges have to be waited for. One patch alone may be a screen or a leaf.
+constexpr Duration other_pause = 1s, rests_for = 3s, plain_rests_for = 6s, looks_around_pause = 5s;
+constexpr double rests_blocks = 0.25;
+constexpr float plain_rms = 6, plain_step = 10;  // grey levels: noise and a lamp's flicker stay below
+constexpr int least_changed = 2;
+constexpr Duration replaced_after = 40s;
 constexpr Duration kept_patience = 2s;  // a kept room that is not found so long after the start is another one
 
 }  // namespace
 
 std::string_view name(RoomState state) {
-  static constexpr std::string_view names[] = {"learning", "plain",  "still",   "moving", "knocked",
-                                               "sagging",  "zoomed", "blinded", "hidden"};
+  static constexpr std::string_view names[] = {"learning", "plain",     "still",   "moving",  "knocked", "sagging",
+                                               "zoomed",   "defocused", "changed", "blinded", "hidden"};
   static_assert(std::size(names) == std::size_t(RoomState::hidden) + 1);
   return names[std::size_t(state)];
 }
@@ -96,6 +127,15 @@ Eigen::Vector2d CameraWatch::pixel_of(const Eigen::Vector2d& block) const {
 
 double CameraWatch::alike_rad() const {
   return alike_blocks * double(scale_) / camera_.model.fx();
+}
+
+// Of what a zoom would be that is none, nothing is held.
+Aim CameraWatch::aim() const {
+  return {condition_.rotation, has_zoomed_now() ? condition_.zoom : 0};
+}
+
+bool CameraWatch::has_zoomed_now() const {
+  return std::abs(condition_.zoom) > std::max(least_zoom, sure_sigmas * condition_.zoom_sigma);
 }
 
 std::vector<KeptPatch> CameraWatch::room() const {
@@ -217,8 +257,9 @@ void CameraWatch::watch(const Luma& luma, Timestamp at, std::span<const Occluder
     // Coprime steps: patches that follow one another are apart in the image, as one person is not everywhere.
     next_ = (next_ + 7) % watched_.size();
     if (watched_.size() % 7 == 0 && next_ < 7) next_ = (next_ + 1) % 7;
-    if (measure(watched, luma, at, condition_.rotation, objects)) note(watched, at);
+    if (measure(watched, luma, at, aim(), objects)) note(watched, at);
   }
+  look_at_others(luma, at, objects);
   const bool is_waiting = history_.empty() || pending_.has_value() || nothing_since_.has_value();
   if (at >= next_survey_ && (is_waiting || is_suspicious())) {
     survey(luma, at, objects);
@@ -230,14 +271,15 @@ void CameraWatch::watch(const Luma& luma, Timestamp at, std::span<const Occluder
 }
 
 // Where a patch is now, looked for where that rotation has it. False: it cannot say anything.
-bool CameraWatch::measure(Watched& watched, const Luma& luma, Timestamp at, const Eigen::Vector3d& rotation,
+bool CameraWatch::measure(Watched& watched, const Luma& luma, Timestamp at, const Aim& aim,
                           std::span<const Occluder> objects) {
-  const auto expected = camera_.model.project(turned(rotation, watched.ray));
+  const auto expected = room_watch::pixel_of(camera_.model, aim, watched.ray);
   const double half_px = double(patch_side * scale_) / std::sqrt(2.0);
-  watched.is_hidden = !expected || is_before(expected->px, half_px, objects);
+  watched.is_hidden = !expected || is_before(*expected, half_px, objects);
+  if (watched.other && !next_other_) next_other_ = at + other_pause;
   if (watched.is_hidden) return false;
-  watched.expected_px = expected->px;
-  const Found found = find(watched.patch, luma, block_of(expected->px));
+  watched.expected_px = *expected;
+  const Found found = find(watched.patch, luma, block_of(*expected));
   if (found.outcome == Found::Outcome::outside) {
     watched.is_hidden = true;
     return false;
@@ -246,12 +288,105 @@ bool CameraWatch::measure(Watched& watched, const Luma& luma, Timestamp at, cons
   if (found.outcome == Found::Outcome::differs) {
     if (!watched.differs_since) watched.differs_since = at;
     watched.seen_at.reset();
+    note_other(watched, luma, at);
     return true;
   }
   watched.seen_at = at;
+  watched.other.reset();
+  if (!watched.loss_at_first) watched.loss_at_first = is_kept_ ? 0 : std::clamp(found.loss, 0.f, most_noise);
+  const float known = 1 - *watched.loss_at_first;
+  watched.loss = (found.loss - *watched.loss_at_first) / known;
+  watched.loss_sigma = found.loss_sigma / known;
   watched.px = pixel_of(found.centre);
   watched.sigma_px = std::max(0.02, double(found.sigma)) * double(scale_);
   return true;
+}
+
+// What is there instead, and whether it is the same as it was.
+void CameraWatch::note_other(Watched& watched, const Luma& luma, Timestamp at) {
+  if (is_defocused_ || blurred_since_ || nothing_since_) {
+    watched.other.reset();
+    return;
+  }
+  const Eigen::Vector2i here =
+      (block_of(watched.expected_px).array() - double(seen_side - 1) / 2).round().cast<int>().matrix();
+  if (watched.other && (watched.other->corner - here).cwiseAbs().maxCoeff() > 1) watched.other.reset();
+  Other now{
+      .corner = watched.other ? watched.other->corner : here, .seen = {}, .patch = {}, .since = at, .looked_at = at};
+  std::array<float, std::size_t(seen_side) * seen_side> read;
+  if (!luma.read(now.corner.x(), now.corner.y(), seen_side, seen_side, read.data())) return;
+  std::ranges::transform(read, now.seen.begin(), [](float v) { return static_cast<std::uint8_t>(std::lround(v)); });
+  const Eigen::Vector2d centre = now.corner.cast<double>().array() + double(seen_side - 1) / 2;
+  now.patch = make_patch(centre, now.seen);
+  now.contrast = now.patch ? now.patch->contrast() : 0;
+  if (now.patch && now.patch->least_texture < least_texture) now.patch.reset();
+  if (watched.other) {
+    Other& then = *watched.other;
+    then.looked_at = at;
+    if (then.patch) {
+      const Found again = find(*then.patch, luma, centre);
+      // Both were seen with noise.
+      const double gate = std::hypot(rests_blocks, 3 * std::numbers::sqrt2 * double(again.sigma));
+      then.is_same = again.outcome == Found::Outcome::found && (again.centre - centre).norm() < gate;
+    } else {
+      float mean = 0, square = 0;
+      for (std::size_t k = 0; k < read.size(); ++k) {
+        const float step = read[k] - float(then.seen[k]);
+        mean += step / float(read.size()), square += step * step / float(read.size());
+      }
+      then.is_same = std::abs(mean) < plain_step && square - mean * mean < plain_rms * plain_rms;
+    }
+    if (then.is_same) return;
+  }
+  watched.other = std::make_unique<Other>(now);
+  if (!next_other_) next_other_ = at + other_pause;
+}
+
+// Patches in whose place something else is are looked at again; where it stays, all of them once.
+void CameraWatch::look_at_others(const Luma& luma, Timestamp at, std::span<const Occluder> objects) {
+  if (!next_other_ || at < *next_other_) return;
+  next_other_.reset();
+  bool is_looking_around = false;
+  for (Watched& w : watched_) {
+    if (!w.other) continue;
+    measure(w, luma, at, aim(), objects);
+    is_looking_around = is_looking_around || (w.other && w.other->is_same);
+  }
+  if (!is_looking_around || (looked_around_at_ && at - *looked_around_at_ < looks_around_pause)) return;
+  looked_around_at_ = at;
+  for (Watched& w : watched_)
+    if (!w.other) measure(w, luma, at, aim(), objects);
+}
+
+bool CameraWatch::is_resting(const Watched& watched, Timestamp at) const {
+  if (!watched.other) return false;
+  // What is told stays, whatever passes before it.
+  if (condition_.state == RoomState::changed) return true;
+  if (watched.is_hidden) return false;
+  const Duration needed = watched.other->patch ? rests_for : plain_rests_for;
+  return watched.other->is_same && at - watched.other->since >= needed;
+}
+
+// What rests beside something that moves may be a part of that: somebody who stands there.
+void CameraWatch::judge_change(Timestamp at) {
+  Change change;
+  int plain = 0;
+  for (const Watched& w : watched_) {
+    if (!is_resting(w, at)) continue;
+    const auto is_restless = [&](const Watched& other) {
+      const int columns = std::abs(w.cell % cell_columns - other.cell % cell_columns);
+      const int rows = std::abs(w.cell / cell_columns - other.cell / cell_columns);
+      return columns + rows <= 1 && other.differs_since && !other.is_hidden && other.other && !other.other->is_same;
+    };
+    if (condition_.state != RoomState::changed && std::ranges::any_of(watched_, is_restless)) continue;
+    ++change.patches;
+    change.middle += w.expected_px.cwiseQuotient(Eigen::Vector2d(camera_.image_size.width, camera_.image_size.height));
+    plain += w.other->contrast < no_contrast * w.patch.contrast() ? 1 : 0;
+  }
+  if (change.patches > 0) change.middle /= change.patches;
+  change.share = double(change.patches) / double(watched_.size());
+  change.is_plain = 2 * plain > change.patches;
+  condition_.change = change;
 }
 
 // Two in a row that are off: more of them are looked at at once, but not again and again for somebody who stands there.
@@ -268,10 +403,11 @@ void CameraWatch::note(const Watched& watched, Timestamp at) {
     hurry(at);
     return;
   }
-  innovation = {true, watched.px - watched.expected_px};
+  innovation = {true, watched.px - watched.expected_px, watched.loss_sigma < knows_loss ? watched.loss : 0.f};
   const double off_blocks = innovation.off_px.norm() / scale_;
   if (off_blocks < near_blocks) last_agreed_at_ = at;
-  if (off_blocks >= far_blocks) {
+  const bool is_blurred = std::abs(innovation.loss) > loss_of_most && !is_defocused_;
+  if (off_blocks >= far_blocks || is_blurred) {
     hurry(at);
   } else {
     off_in_a_row_ = 0;
@@ -280,20 +416,22 @@ void CameraWatch::note(const Watched& watched, Timestamp at) {
 
 bool CameraWatch::is_suspicious() const {
   if (innovation_count_ < innovations_.size()) return false;
-  int off = 0, found = 0;
+  int off = 0, found = 0, lost = 0;
   Eigen::Vector2d sum = Eigen::Vector2d::Zero();
   for (const Innovation& of_patch : innovations_) {
     const bool is_near = of_patch.is_found && of_patch.off_px.norm() < far_blocks * scale_;
     off += is_near ? 0 : 1;
+    lost += std::abs(of_patch.loss) > (is_defocused_ ? loss_that_stays : loss_of_most) ? 1 : 0;
     if (!is_near) continue;
     ++found;
     sum += of_patch.off_px;
   }
   if (off >= many_of_six) return true;
+  if (is_defocused_ ? lost < many_of_six : lost >= many_lost_of_six) return true;
   return found >= many_of_six && (sum / found).norm() > mean_off_blocks * scale_;
 }
 
-std::optional<RotationFit> CameraWatch::fit_all(const Luma& luma, Timestamp at, const Eigen::Vector3d& from,
+std::optional<RotationFit> CameraWatch::fit_all(const Luma& luma, Timestamp at, const Aim& from,
                                                 std::span<const Occluder> objects, int& could_say) {
   could_say = 0;
   std::vector<SeenRay> seen;
@@ -307,19 +445,56 @@ std::optional<RotationFit> CameraWatch::fit_all(const Luma& luma, Timestamp at, 
   return fit;
 }
 
+// The blur in blocks with which the room looks as it does, each patch in its place; 0: there is none.
+double CameraWatch::strong_blur(const Luma& luma) const {
+  double best = 0, best_sum = 0;
+  for (const double blur : strong_blurs) {
+    int could_say = 0, alike = 0;
+    double sum = 0;
+    for (const Watched& w : watched_) {
+      if (w.is_hidden) continue;
+      const auto soft = blurred(w.patch, blur);
+      if (!soft) continue;
+      const double there = double(correlation(*soft, luma, block_of(w.expected_px)));
+      ++could_say;
+      const bool is_alike = there > like_blurred && there > double(correlation(w.patch, luma, block_of(w.expected_px)));
+      alike += is_alike ? 1 : 0;
+      sum += there;
+    }
+    if (could_say < least_patches || alike < least_share * could_say || sum <= best_sum) continue;
+    best = blur, best_sum = sum;
+  }
+  return best;
+}
+
 // All patches at once.
 void CameraWatch::survey(const Luma& luma, Timestamp at, std::span<const Occluder> objects) {
   innovation_count_ = 0;
   int could_say = 0;
-  auto fit = fit_all(luma, at, condition_.rotation, objects, could_say);
-  if (!fit && at >= next_relocation_) {
+  auto fit = fit_all(luma, at, aim(), objects, could_say);
+  const auto is_other = [&] {
+    return rotation_between(condition_.rotation, fit->rotation).norm() > alike_rad() ||
+           std::abs(fit->zoom - aim().zoom) > least_zoom;
+  };
+  // A zoom that carries the outer patches too far away to be found looks like a turn to the others.
+  const bool is_disputed = fit && fit->held < disputed_share * could_say && is_other();
+  double blur_blocks = 0;
+  if ((!fit || is_disputed) && at >= next_relocation_) {
     relocation_pause_ = nothing_since_
                             ? std::clamp<Duration>(2 * relocation_pause_, shortest_pause, longest_relocation_pause)
                             : shortest_pause;
     next_relocation_ = at + relocation_pause_;
-    if (const auto guess = relocate(luma, objects)) fit = fit_all(luma, at, *guess, objects, could_say);
+    if (!fit) blur_blocks = strong_blur(luma);
+    const auto guess = blur_blocks > 0 ? std::nullopt : relocate(luma, objects);
+    int could_say_there = 0;
+    const auto there = guess ? fit_all(luma, at, *guess, objects, could_say_there) : std::nullopt;
+    if (there && (!fit || there->held > fit->held)) {
+      fit = there;
+    } else if (guess && fit) {
+      fit_all(luma, at, aim(), objects, could_say);
+    }
   }
-  const bool is_news = !fit || rotation_between(condition_.rotation, fit->rotation).norm() > alike_rad();
+  const bool is_news = !fit || is_other();
   survey_pause_ =
       is_news && fit ? shortest_pause : std::clamp<Duration>(2 * survey_pause_, shortest_pause, longest_pause);
   next_survey_ = at + survey_pause_;
@@ -329,16 +504,86 @@ void CameraWatch::survey(const Luma& luma, Timestamp at, std::span<const Occlude
       rotation_between(condition_.rotation, fit->rotation).norm() > small_turns * least_turn_rad)
     history_.push_back({*last_agreed_at_, condition_.rotation});
   next_fit_ = at + fit_pause;
-  if (!fit) {
+  if (!fit && blur_blocks == 0) {
     judge_nothing(at);
     return;
   }
   nothing_since_.reset();
+  judge_focus(at, blur_blocks);
+  if (!fit) {
+    if (is_defocused_) set_state(RoomState::defocused, at);
+    if (blurred_since_) next_survey_ = next_relocation_ = at + settling;
+    return;
+  }
   take(*fit, at, true);
-  if (pending_) next_survey_ = at + settling;
+  if (pending_ || blurred_since_) next_survey_ = at + settling;
 }
 
-std::optional<Eigen::Vector3d> CameraWatch::relocate(const Luma& luma, std::span<const Occluder> objects) const {
+// What most patches have lost of their detail since that moment, all over the picture; 0: that is not so.
+float CameraWatch::common_loss(Timestamp since) const {
+  std::vector<double> losses;
+  std::array<std::array<int, 2>, 4> quarters{};  // patches, those that lost
+  for (const Watched& w : watched_)
+    if (w.seen_at && *w.seen_at >= since && !w.is_hidden && w.loss_sigma < knows_loss) losses.push_back(double(w.loss));
+  if (int(losses.size()) < least_patches) return 0;
+  const auto middle = float(calib::median_in_place(std::span(losses)));
+  const float sign = middle < 0 ? -1 : 1;
+  if (sign * middle < least_loss) return 0;
+  for (const Watched& w : watched_) {
+    if (!w.seen_at || *w.seen_at < since || w.is_hidden || w.loss_sigma >= knows_loss) continue;
+    auto& [patches, lost] = quarters[(2 * w.px.x() > camera_.image_size.width ? 1u : 0u) +
+                                     (2 * w.px.y() > camera_.image_size.height ? 2u : 0u)];
+    ++patches;
+    lost += sign * w.loss > loss_of_most ? 1 : 0;
+  }
+  int all_lost = 0;
+  for (const auto& [patches, lost] : quarters) {
+    if (2 * lost < patches) return 0;
+    all_lost += lost;
+  }
+  return all_lost < most * double(losses.size()) ? 0 : middle;
+}
+
+// The blur, in blocks, that takes what those patches have lost.
+double CameraWatch::common_blur(Timestamp since) const {
+  std::vector<double> blurs;
+  for (const Watched& w : watched_)
+    if (w.seen_at && *w.seen_at >= since && !w.is_hidden && w.loss_sigma < knows_loss)
+      blurs.push_back(blur_of(w.patch, double(w.loss)));
+  return calib::median_in_place(std::span(blurs));
+}
+
+// After a look at all patches. blur_blocks: with which they were found, if only so.
+void CameraWatch::judge_focus(Timestamp at, double blur_blocks) {
+  const float loss = blur_blocks > 0 ? 1 : common_loss(at);
+  if (loss == 0) {
+    blurred_since_.reset();
+    // Between the two, what was told stays.
+    std::vector<double> losses;
+    for (const Watched& w : watched_)
+      if (w.seen_at == at && w.loss_sigma < knows_loss) losses.push_back(std::abs(double(w.loss)));
+    if (is_defocused_ && !losses.empty() && calib::median_in_place(std::span(losses)) < double(loss_that_stays))
+      set_focus(false);
+    return;
+  }
+  const double blur = loss < 0 ? double(loss) : blur_blocks > 0 ? blur_blocks : common_blur(at);
+  if (!blurred_since_ && !is_defocused_) blurred_since_ = blur_agreed_since_ = at, pending_blur_ = blur;
+  if (std::abs(blur - pending_blur_) > same_blur * std::abs(pending_blur_) + same_blur_blocks)
+    blur_agreed_since_ = at, pending_blur_ = blur;
+  if (is_defocused_ || at - blur_agreed_since_ >= focus_settling || at - *blurred_since_ >= longest_focusing) {
+    set_focus(true);
+    condition_.blur_px = blur * scale_;
+  }
+}
+
+void CameraWatch::set_focus(bool is_other) {
+  is_defocused_ = is_other;
+  blurred_since_.reset();
+  condition_.blur_px = 0;
+  for (Watched& w : watched_) w.other.reset();
+}
+
+std::optional<Aim> CameraWatch::relocate(const Luma& luma, std::span<const Occluder> objects) const {
   // The best of them that are apart: every so many-th cell's.
   std::vector<const Watched*> order;
   for (const Watched& w : watched_) order.push_back(&w);
@@ -348,13 +593,13 @@ std::optional<Eigen::Vector3d> CameraWatch::relocate(const Luma& luma, std::span
   std::vector<SeenRay> seen;
   std::size_t searched = 0;
   for (const Watched* w : order) {
-    const auto expected = camera_.model.project(turned(condition_.rotation, w->ray));
-    if (!expected || is_before(expected->px, double(patch_side * scale_), objects)) continue;
+    const auto expected = room_watch::pixel_of(camera_.model, aim(), w->ray);
+    if (!expected || is_before(*expected, double(patch_side * scale_), objects)) continue;
     if (searched++ == searched_patches) break;
-    if (const auto place = search(w->patch, luma, block_of(expected->px), reach))
+    if (const auto place = search(w->patch, luma, block_of(*expected), reach))
       seen.push_back({w->ray, pixel_of(*place), 0.5 * scale_});
   }
-  return guess_rotation(camera_.model, seen, guess_gate_blocks * scale_);
+  return guess_aim(camera_.model, seen, guess_gate_blocks * scale_);
 }
 
 // Of what was found since every patch was looked for.
@@ -363,25 +608,27 @@ void CameraWatch::fit_recent(Timestamp at) {
   const Duration recent = capture::duration_of(1.2 * double(watched_.size()) / rate);
   std::vector<SeenRay> seen;
   int could_say = 0;
-  condition_.changed = 0;
   for (const Watched& w : watched_) {
-    if (w.differs_since && at - *w.differs_since > changed_after) ++condition_.changed;
     const bool is_seen = w.seen_at && at - *w.seen_at <= recent;
     if (w.is_hidden || (!is_seen && !w.differs_since)) continue;
     ++could_say;
     if (is_seen) seen.push_back({w.ray, w.px, w.sigma_px});
   }
-  const auto fit = fit_rotation(camera_.model, seen, condition_.rotation, find_gate_blocks * scale_);
+  const auto fit = fit_rotation(camera_.model, seen, aim(), find_gate_blocks * scale_);
   if (!fit || fit->held < std::max(least_patches * 2 / 3, int(least_share * could_say))) return;
   take(*fit, at, false);
 }
 
-void CameraWatch::take(const RotationFit& fit, Timestamp at, bool is_fresh) {
+void CameraWatch::take(const RotationFit& full, Timestamp at, bool is_fresh) {
+  const bool is_open = sure_sigmas * full.zoom_sigma > open_zoom;
+  const RotationFit fit = is_open ? without_zoom(full) : full;
+  const double zoom = room_watch::zoom_instead(full, told_).value_or(0);
+  zoom_instead_ = std::abs(zoom) > least_zoom ? zoom : 0;
   // What was found, but elsewhere than the rotation has it, is no part of the room any more.
   for (Watched& w : watched_) {
     if (!w.seen_at || w.is_hidden) continue;
-    const auto expected = camera_.model.project(turned(fit.rotation, w.ray));
-    const bool agrees = expected && (expected->px - w.px).norm() < find_gate_blocks * scale_;
+    const auto expected = room_watch::pixel_of(camera_.model, {fit.rotation, fit.zoom}, w.ray);
+    const bool agrees = expected && (*expected - w.px).norm() < find_gate_blocks * scale_;
     if (agrees) w.differs_since.reset();
     if (!agrees && !w.differs_since) w.differs_since = at;
   }
@@ -403,7 +650,7 @@ void CameraWatch::judge_turn(const RotationFit& fit, Timestamp at, bool is_fresh
   const auto sigma = [&] { return std::sqrt(fit.covariance.diagonal().maxCoeff()); };
   const Eigen::Vector3d change = rotation_between(told_, fit.rotation);
   const bool is_turned = change.norm() > std::max(least_turn_rad, sure_sigmas * sigma());
-  const bool is_zoomed = std::abs(fit.zoom) > std::max(least_zoom, sure_sigmas * fit.zoom_sigma);
+  const bool is_zoomed = has_zoomed_now();
   if (is_zoomed && !zoomed_since_) zoomed_since_ = at;
   if (!is_zoomed) zoomed_since_.reset();
   const bool has_zoomed = zoomed_since_ && at - *zoomed_since_ >= settling;
@@ -411,15 +658,20 @@ void CameraWatch::judge_turn(const RotationFit& fit, Timestamp at, bool is_fresh
   if (!is_turned) {
     pending_.reset();
     const bool is_back = fit.rotation.norm() < 0.6 * least_turn_rad;
-    if (has_zoomed) {
+    judge_change(at);
+    const int needed = condition_.state == RoomState::changed ? 1 : least_changed;
+    const RoomState quiet = condition_.change.patches >= needed ? RoomState::changed : RoomState::still;
+    if (is_defocused_) {
+      set_state(RoomState::defocused, at);
+    } else if (blurred_since_) {
+      return;  // a lens that is focused may zoom a little
+    } else if (has_zoomed) {
       set_state(RoomState::zoomed, at);
     } else if (is_back || condition_.state == RoomState::learning) {
       if (is_back) told_.setZero(), condition_.turn.reset();
-      set_state(RoomState::still, at);
+      set_state(quiet, at);
     } else if (condition_.state != RoomState::knocked && condition_.state != RoomState::sagging) {
-      set_state(
-          condition_.turn ? (condition_.turn->is_slow ? RoomState::sagging : RoomState::knocked) : RoomState::still,
-          at);
+      set_state(condition_.turn ? (condition_.turn->is_slow ? RoomState::sagging : RoomState::knocked) : quiet, at);
     }
     return;
   }
@@ -442,7 +694,7 @@ void CameraWatch::judge_turn(const RotationFit& fit, Timestamp at, bool is_fresh
   pending_.reset();
   if (has_zoomed) {
     told_ = fit.rotation;
-    set_state(RoomState::zoomed, at);
+    set_state(is_defocused_ ? RoomState::defocused : RoomState::zoomed, at);
     return;
   }
   tell(turn_since(at, told_, fit.rotation), goes_on, is_small, at);
@@ -463,6 +715,7 @@ void CameraWatch::tell(Turn turn, bool goes_on, bool is_small, Timestamp at) {
     condition_.turn = turn;
     ++condition_.turns;
   }
+  condition_.zoom_instead = zoom_instead_;
   told_ = turn.after;
   set_state(turn.is_slow ? RoomState::sagging : RoomState::knocked, at);
 }
@@ -507,7 +760,10 @@ void CameraWatch::judge_nothing(Timestamp at) {
     return;
   }
   if (!nothing_since_) nothing_since_ = at;
-  if (at - *nothing_since_ < until_nothing_is_told) return;
+  if (at - *nothing_since_ < until_nothing_is_told) {
+    next_survey_ = std::min(next_survey_, *nothing_since_ + until_nothing_is_told);
+    return;
+  }
   std::vector<double> contrasts;
   for (const Watched& w : watched_)
     if (!w.is_hidden) contrasts.push_back(double(w.contrast));
@@ -517,7 +773,7 @@ void CameraWatch::judge_nothing(Timestamp at) {
 
 // What has long shown something else is learnt anew, as it is now.
 void CameraWatch::replace_changed(const Luma& luma, Timestamp at) {
-  if (!learning_.empty() || at < alert_until_ || nothing_since_) return;
+  if (!learning_.empty() || at < alert_until_ || nothing_since_ || is_defocused_) return;
   const auto is_old = [&](const Watched& w) { return w.differs_since && at - *w.differs_since > replaced_after; };
   if (std::ranges::none_of(watched_, is_old)) return;
   const auto chosen = choose_patches(luma, image_margin);

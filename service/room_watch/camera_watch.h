@@ -7,6 +7,7 @@
 #include <array>
 #include <cstdint>
 #include <deque>
+#include <memory>
 #include <optional>
 #include <span>
 #include <string_view>
@@ -22,15 +23,17 @@
 namespace huetrack::room_watch {
 
 enum class RoomState : std::uint8_t {
-  learning,  // the room is being looked at for the first time
-  plain,     // too little of it has texture: nothing can be said
-  still,     // it stands where it stood
-  moving,    // it is being turned just now
-  knocked,   // it was turned at once, and stands still since
-  sagging,   // it has turned slowly
-  zoomed,    // the picture grew or shrank: zoom or focus
-  blinded,   // there is no contrast any more: covered, dark, fogged
-  hidden,    // there is contrast, but nothing of the room: turned far away, or something large stands before it
+  learning,   // the room is being looked at for the first time
+  plain,      // too little of it has texture: nothing can be said
+  still,      // it stands where it stood
+  moving,     // it is being turned just now
+  knocked,    // it was turned at once, and stands still since
+  sagging,    // it has turned slowly
+  zoomed,     // the picture grew or shrank: zoom or focus
+  defocused,  // the picture lost its sharpness, all over it, or gained some
+  changed,    // it stands still, and a part of what it sees is another one now, which stands still as well
+  blinded,    // there is no contrast any more: covered, dark, fogged
+  hidden,     // there is contrast, but nothing of the room: turned far away, or something large stands before it
 };
 std::string_view name(RoomState state);  // "learning", ...
 
@@ -47,6 +50,14 @@ struct Turn {
   Eigen::Vector3d before = Eigen::Vector3d::Zero(), after = Eigen::Vector3d::Zero();
 };
 
+// That a part of the room looks otherwise, while the rest of it is where it was.
+struct Change {
+  int patches = 0;                                   // that show something else, which stands still
+  double share = 0;                                  // of the patches
+  Eigen::Vector2d middle = Eigen::Vector2d::Zero();  // of those; as a share of the picture's width and height
+  bool is_plain = false;                             // nothing has contrast there: a wall, or dirt on the lens
+};
+
 struct RoomCondition {
   RoomState state = RoomState::learning;
   capture::Timestamp since;  // of the state
@@ -56,10 +67,12 @@ struct RoomCondition {
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
   Eigen::Matrix3d shift_to_rotation = Eigen::Matrix3d::Zero();
   double zoom = 0, zoom_sigma = 0;  // share by which the picture grew
+  double blur_px = 0;               // what the focus adds to it, Gaussian sigma; below 0: it is sharper; of defocused
   std::optional<Turn> turn;         // the last one that is to be told
   int turns = 0;                    // how many there were
+  double zoom_instead = 0;          // a zoom without a turn that explains the last one as well; 0: none does
   int patches = 0, held = 0;        // that are known; that agree with the rotation
-  int changed = 0;                  // that have long shown something else, while the others held
+  Change change;                    // of changed
 };
 
 // thread-compatible. Deterministic: the same frames, the same answers. Never throws after construction.
@@ -67,6 +80,8 @@ class CameraWatch {
  public:
   // known: the room as it was kept; empty: it is learnt from the first frames.
   explicit CameraWatch(const calib::Camera& camera, std::span<const KeptPatch> known = {});
+
+  CameraWatch(CameraWatch&&) = default;
 
   // The camera's frames in time order; those of another size are ignored. objects: what is before the room and moves.
   void look(const capture::Frame& frame, std::span<const Occluder> objects);
@@ -85,6 +100,15 @@ class CameraWatch {
     int frames = 0;
     bool is_spoilt = false;  // an object was before it
   };
+  // What is seen where a patch should be, and since when it has been the same.
+  struct Other {
+    Eigen::Vector2i corner;  // blocks; of `seen`, border included
+    SeenPatch seen;
+    std::optional<Patch> patch;  // nullopt: it is plain
+    float contrast = 0;          // grey levels
+    capture::Timestamp since, looked_at;
+    bool is_same = false;  // when it was looked at last
+  };
   struct Watched {
     Patch patch;
     int cell = 0;
@@ -96,10 +120,14 @@ class CameraWatch {
     std::optional<capture::Timestamp> differs_since;        // it shows something else than it should
     float contrast = 0;                                     // when it was looked at last, as a share of its own
     bool is_hidden = false;                                 // by an object, or outside the image: it says nothing
+    float loss = 0, loss_sigma = 0;                         // of detail, when it was found last; Found::loss
+    std::optional<float> loss_at_first = {};                // Found::loss, when it was looked for first
+    std::unique_ptr<Other> other = {};                      // what is in its place
   };
   struct Innovation {  // of a patch that was looked for
     bool is_found = false;
     Eigen::Vector2d off_px = Eigen::Vector2d::Zero();
+    float loss = 0;
   };
   struct Snapshot {
     capture::Timestamp at;
@@ -110,17 +138,26 @@ class CameraWatch {
   void learn(const Luma& luma, capture::Timestamp at, std::span<const Occluder> objects);
   void end_learning(capture::Timestamp at);
   void watch(const Luma& luma, capture::Timestamp at, std::span<const Occluder> objects);
-  bool measure(Watched& watched, const Luma& luma, capture::Timestamp at, const Eigen::Vector3d& rotation,
+  bool measure(Watched& watched, const Luma& luma, capture::Timestamp at, const Aim& aim,
                std::span<const Occluder> objects);
+  void note_other(Watched& watched, const Luma& luma, capture::Timestamp at);
+  void look_at_others(const Luma& luma, capture::Timestamp at, std::span<const Occluder> objects);
+  bool is_resting(const Watched& watched, capture::Timestamp at) const;
+  void judge_change(capture::Timestamp at);
   void note(const Watched& watched, capture::Timestamp at);
   void hurry(capture::Timestamp at);
   bool is_suspicious() const;
   void survey(const Luma& luma, capture::Timestamp at, std::span<const Occluder> objects);
-  std::optional<RotationFit> fit_all(const Luma& luma, capture::Timestamp at, const Eigen::Vector3d& from,
+  std::optional<RotationFit> fit_all(const Luma& luma, capture::Timestamp at, const Aim& from,
                                      std::span<const Occluder> objects, int& could_say);
-  std::optional<Eigen::Vector3d> relocate(const Luma& luma, std::span<const Occluder> objects) const;
+  double strong_blur(const Luma& luma) const;
+  std::optional<Aim> relocate(const Luma& luma, std::span<const Occluder> objects) const;
+  float common_loss(capture::Timestamp since) const;
+  double common_blur(capture::Timestamp since) const;
+  void judge_focus(capture::Timestamp at, double blur_blocks);
+  void set_focus(bool is_other);
   void fit_recent(capture::Timestamp at);
-  void take(const RotationFit& fit, capture::Timestamp at, bool is_fresh);
+  void take(const RotationFit& full, capture::Timestamp at, bool is_fresh);
   void judge_turn(const RotationFit& fit, capture::Timestamp at, bool is_fresh);
   void tell(Turn turn, bool goes_on, bool is_small, capture::Timestamp at);
   Turn turn_since(capture::Timestamp at, const Eigen::Vector3d& before, const Eigen::Vector3d& after) const;
@@ -129,6 +166,8 @@ class CameraWatch {
   void set_state(RoomState state, capture::Timestamp at);
   Eigen::Vector2d block_of(const Eigen::Vector2d& px) const;
   Eigen::Vector2d pixel_of(const Eigen::Vector2d& block) const;
+  Aim aim() const;
+  bool has_zoomed_now() const;
   double alike_rad() const;  // rotations nearer to each other than this are one
 
   const calib::Camera camera_;
@@ -146,6 +185,12 @@ class CameraWatch {
   capture::Timestamp next_survey_{}, next_fit_{}, alert_until_{}, next_hurry_{}, hurry_until_{};
   capture::Duration survey_pause_{0};
   std::optional<capture::Timestamp> nothing_since_, zoomed_since_;
+  std::optional<capture::Timestamp> blurred_since_;  // what the next looks are to confirm
+  capture::Timestamp blur_agreed_since_{};
+  double pending_blur_ = 0;  // blocks
+  bool is_defocused_ = false;
+  double zoom_instead_ = 0;  // of the fit that was taken last; RoomCondition::zoom_instead
+  std::optional<capture::Timestamp> looked_around_at_, next_other_;
   std::deque<Snapshot> history_;
   Eigen::Vector3d told_ = Eigen::Vector3d::Zero();  // the rotation that was told last
   std::optional<Snapshot> pending_;                 // a turn that the next look is to confirm

@@ -17,7 +17,11 @@ constexpr int most_steps = 8, most_readings = 3;
 constexpr float settled = 0.02f;            // blocks: a fifth of what noise does
 constexpr float least_correlation = 0.75f;  // of a patch that is there: noise as strong as 0.9 of its contrast
 constexpr float least_contrast = 0.25f;     // share of the patch's own: fog, a hand on the lens
-constexpr float farthest = 4.f;             // blocks from the start: else it is another one
+// Between two blocks the mean of both is read. Half-way that takes 0.25 squared blocks of blur, and 1 - cos(w / 2) of a
+// wave of w radians per block, where one block of blur takes 1 - exp(-w * w / 2): in waves of four to six blocks, which
+// most detail is of, that is 1.4 times what 0.25 is.
+constexpr float loss_by_reading = 1.4f;
+constexpr float farthest = 4.f;  // blocks from the start: else it is another one
 
 // In a search several places of one edge are alike; places this near to each other are one.
 constexpr int same_place = 2;  // steps
@@ -33,12 +37,76 @@ struct Sums {
   float value = 0, square = 0, with_patch = 0, with_x = 0, with_y = 0;
 };
 
-// Of the window that begins `from` blocks after the buffer's corner.
-Sums sums_at(const Patch& patch, const float* buffer, const Eigen::Vector2f& from) {
+using Pixels = std::array<float, patch_pixels>;
+using SeenPixels = std::array<float, std::size_t(seen_side) * seen_side>;
+
+float product(const Pixels& a, const Pixels& b) {
+  std::array<float, lanes> partial{};
+  for (std::size_t p = 0; p < patch_pixels; p += lanes)
+    for (std::size_t l = 0; l < lanes; ++l) partial[l] += a[p + l] * b[p + l];
+  return sum_of(partial);
+}
+
+// By a Gaussian; what is beyond the border is held to be as the border. In pictures of rooms a patch of twelve blocks
+// that is blurred so is as like to what a blurred picture shows (0.97 to 1) up to 6 blocks.
+SeenPixels blurred_pixels(const SeenPixels& seen, double sigma) {
+  using Square = Eigen::Matrix<float, seen_side, seen_side, Eigen::RowMajor>;
+  Square kernel = Square::Zero();  // of one line: what every place takes of every other one
+  const int reach = int(std::ceil(3 * sigma));
+  for (int k = -reach; k <= reach; ++k) {
+    const auto weight = float(std::exp(-0.5 * k * k / (sigma * sigma)));
+    for (int i = 0; i < seen_side; ++i) kernel(i, std::clamp(i + k, 0, seen_side - 1)) += weight;
+  }
+  kernel /= kernel.row(0).sum();
+  SeenPixels out;
+  Eigen::Map<Square>(out.data()) = kernel * Eigen::Map<const Square>(seen.data()) * kernel.transpose();
+  return out;
+}
+
+SeenPixels pixels_of(const SeenPatch& seen) {
+  SeenPixels pixels;
+  std::ranges::transform(seen, pixels.begin(), [](std::uint8_t value) { return float(value); });
+  return pixels;
+}
+
+Pixels inner(const SeenPixels& seen) {
+  Pixels pixels;
+  for (std::size_t j = 0; j < patch_side; ++j)
+    for (std::size_t i = 0; i < patch_side; ++i) pixels[j * patch_side + i] = seen[(j + 1) * seen_side + i + 1];
+  return pixels;
+}
+
+// The patch's detail, from its values and gradients.
+void set_detail(Patch& patch) {
+  const SeenPixels seen = pixels_of(patch.seen);
+  const Pixels sharp = inner(seen), soft = inner(blurred_pixels(seen, 1));
+  float mean = 0;
+  for (std::size_t k = 0; k < patch_pixels; ++k) {
+    patch.detail[k] = sharp[k] - soft[k];
+    mean += patch.detail[k] / float(patch_pixels);
+  }
+  for (float& value : patch.detail) value -= mean;
+  patch.detail_of_values = product(patch.detail, patch.values) / patch.energy;
+  const Eigen::Vector2f shift = patch.from_gradient * Eigen::Vector2f(product(patch.detail, patch.gradient_x),
+                                                                      product(patch.detail, patch.gradient_y));
+  for (std::size_t k = 0; k < patch_pixels; ++k)
+    patch.detail[k] -=
+        patch.detail_of_values * patch.values[k] + shift.x() * patch.gradient_x[k] + shift.y() * patch.gradient_y[k];
+  patch.detail_energy = std::max(product(patch.detail, patch.detail), 1e-3f);
+}
+
+// now = gain (values - loss detail) + a shift's share: of that, the loss. `detail` is what is left of the whole detail
+// when its share of the values is taken out, which lowers the gain that is seen.
+float loss_of(const Patch& patch, const Pixels& now, float seen_gain) {
+  const float lost = -product(now, patch.detail) / (patch.detail_energy * seen_gain);
+  return lost / std::max(0.1f, 1 + lost * patch.detail_of_values);
+}
+
+// Of the window that begins `from` blocks after the buffer's corner, which is `now`.
+Sums sums_at(const Patch& patch, const float* buffer, const Eigen::Vector2f& from, Pixels& now) {
   const int u = int(from.x()), v = int(from.y());
   const float du = from.x() - float(u), dv = from.y() - float(v);
   const float w00 = (1 - du) * (1 - dv), w10 = du * (1 - dv), w01 = (1 - du) * dv, w11 = du * dv;
-  alignas(64) std::array<float, patch_pixels> now;
   for (int j = 0; j < patch_side; ++j) {
     const float* const a = buffer + std::ptrdiff_t(v + j) * window_side + u;
     const float* const b = a + window_side;
@@ -105,6 +173,7 @@ std::optional<Patch> make_patch(const Eigen::Vector2d& centre, const SeenPatch& 
   const double determinant = xx * yy - xy * xy;
   patch.from_gradient << float(yy / determinant), float(-xy / determinant), float(-xy / determinant),
       float(xx / determinant);
+  set_detail(patch);
   return patch;
 }
 
@@ -117,6 +186,8 @@ Found find(const Patch& patch, const Luma& luma, const Eigen::Vector2d& start) {
   Eigen::Vector2i corner = Eigen::Vector2i::Zero();
   bool is_read = false, is_settled = false;
   Sums sums;
+  alignas(64) Pixels now;
+  Eigen::Vector2f read_at = Eigen::Vector2f::Zero();
   for (int step = 0; step < most_steps; ++step) {
     Eigen::Vector2f from = (centre - corner.cast<double>()).cast<float>() - Eigen::Vector2f::Constant(half);
     if (!is_read || from.minCoeff() < 0 || from.maxCoeff() >= float(2 * margin + 1)) {
@@ -126,7 +197,8 @@ Found find(const Patch& patch, const Luma& luma, const Eigen::Vector2d& start) {
       is_read = true;
       from = (centre - corner.cast<double>()).cast<float>() - Eigen::Vector2f::Constant(half);
     }
-    sums = sums_at(patch, buffer.data(), from);
+    sums = sums_at(patch, buffer.data(), from, now);
+    read_at = from;
     if (sums.with_patch <= 0) break;  // it is dark where the patch is bright
     const float gain = sums.with_patch / patch.energy;
     const Eigen::Vector2f change = patch.from_gradient * Eigen::Vector2f(sums.with_x, sums.with_y) / gain;
@@ -148,7 +220,43 @@ Found find(const Patch& patch, const Luma& luma, const Eigen::Vector2d& start) {
   const float unexplained = std::max(0.f, 1 - found.correlation * found.correlation);  // share of the energy
   const float noise = patch.energy * unexplained / float(patch_pixels);
   found.sigma = std::sqrt(noise * patch.from_gradient.trace() / 2);
+  const Eigen::Array2f between = read_at.array() - read_at.array().floor();
+  found.loss = loss_of(patch, now, sums.with_patch / patch.energy) - loss_by_reading * (between * (1 - between)).mean();
+  found.loss_sigma = std::sqrt(noise / patch.detail_energy);
   return found;
+}
+
+float correlation(const Patch& patch, const Luma& luma, const Eigen::Vector2d& centre) {
+  const Eigen::Vector2i corner = (centre.array() - double(patch_side - 1) / 2).round().cast<int>().matrix();
+  Pixels now;
+  if (!luma.read(corner.x(), corner.y(), patch_side, patch_side, now.data())) return 0;
+  float mean = 0;
+  for (const float value : now) mean += value / float(patch_pixels);
+  for (float& value : now) value -= mean;
+  return product(now, patch.values) / std::sqrt(std::max(product(now, now), 1e-3f) * patch.energy);
+}
+
+std::optional<Patch> blurred(const Patch& patch, double sigma_blocks) {
+  const SeenPixels soft = blurred_pixels(pixels_of(patch.seen), sigma_blocks);
+  SeenPatch seen;
+  std::ranges::transform(soft, seen.begin(), [](float value) { return static_cast<std::uint8_t>(std::lround(value)); });
+  return make_patch(patch.centre, seen);
+}
+
+double blur_of(const Patch& patch, double loss) {
+  // The loss grows with the blur; between two of these it does so nearly evenly.
+  constexpr std::array blurs{0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0};
+  if (loss <= 0) return 0;
+  const SeenPixels seen = pixels_of(patch.seen);
+  double blur = 0, at_blur = 0;
+  for (const double next : blurs) {
+    const Pixels now = inner(blurred_pixels(seen, next));
+    const float gain = product(now, patch.values) / patch.energy;
+    const double at_next = gain > 0 ? double(loss_of(patch, now, gain)) : at_blur;
+    if (at_next >= loss) return blur + (next - blur) * (loss - at_blur) / (at_next - at_blur);
+    if (at_next > at_blur) blur = next, at_blur = at_next;
+  }
+  return blur;
 }
 
 std::optional<Eigen::Vector2d> search(const Patch& patch, const Luma& luma, const Eigen::Vector2d& start, int reach) {

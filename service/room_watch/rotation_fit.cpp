@@ -20,6 +20,12 @@ constexpr double lasting_px = 0.05;
 constexpr double least_gate_px = 0.3;
 constexpr std::size_t least_rays = 4;
 
+// A guess: two rays so many gates apart fix a rotation, or a zoom as well, to 2 %. What is searched for is like the
+// patch that was kept up to a tenth of zoom. One number more has to be paid for by so many rays: by chance one or two
+// of sixteen agree.
+constexpr double rotation_fixed_by = 20, zoom_fixed_by = 50, most_zoom = 0.1;
+constexpr int zoom_needs = 3;
+
 using Row = Eigen::Matrix<double, 2, 4>;
 using Matrix4 = Eigen::Matrix4d;
 
@@ -47,7 +53,7 @@ double tukey(double r_over_gate) {
 }
 
 std::vector<Linear> linearised(const calib::CameraModel& lens, std::span<const SeenRay> seen,
-                               const Eigen::Quaterniond& start) {
+                               const Eigen::Quaterniond& start, double zoom) {
   std::vector<Linear> all;
   all.reserve(seen.size());
   const Eigen::Vector2d centre(lens.cx(), lens.cy());
@@ -57,10 +63,10 @@ std::vector<Linear> linearised(const calib::CameraModel& lens, std::span<const S
     const auto px = lens.project(p, jacobian);
     if (!px) continue;
     Linear& added = all.emplace_back();
-    added.derivative.leftCols<3>() = -jacobian * calib::cross_matrix(p);
+    added.derivative.leftCols<3>() = -(1 + zoom) * jacobian * calib::cross_matrix(p);
     added.derivative.col(3) = px->px - centre;
-    added.by_shift = jacobian;
-    added.difference = s.px - px->px;
+    added.by_shift = (1 + zoom) * jacobian;
+    added.difference = s.px - centre - (1 + zoom) * (px->px - centre);
     added.variance = s.sigma_px * s.sigma_px + lasting_px * lasting_px;
   }
   return all;
@@ -80,10 +86,17 @@ Eigen::Vector3d rotation_between(const Eigen::Vector3d& before, const Eigen::Vec
   return vector_of(quaternion(after) * quaternion(before).conjugate());
 }
 
-std::optional<RotationFit> fit_rotation(const calib::CameraModel& lens, std::span<const SeenRay> seen,
-                                        const Eigen::Vector3d& start, double gate_px) {
-  const Eigen::Quaterniond from = quaternion(start);
-  std::vector<Linear> all = linearised(lens, seen, from);
+std::optional<Eigen::Vector2d> pixel_of(const calib::CameraModel& lens, const Aim& aim, const Eigen::Vector3d& ray) {
+  const auto px = lens.project(turned(aim.rotation, ray));
+  if (!px) return std::nullopt;
+  const Eigen::Vector2d centre(lens.cx(), lens.cy());
+  return centre + (1 + aim.zoom) * (px->px - centre);
+}
+
+std::optional<RotationFit> fit_rotation(const calib::CameraModel& lens, std::span<const SeenRay> seen, const Aim& start,
+                                        double gate_px) {
+  const Eigen::Quaterniond from = quaternion(start.rotation);
+  std::vector<Linear> all = linearised(lens, seen, from, start.zoom);
   if (all.size() < least_rays) return std::nullopt;
   Eigen::Vector4d x = Eigen::Vector4d::Zero();
   Matrix4 normal = Matrix4::Zero();
@@ -130,21 +143,42 @@ std::optional<RotationFit> fit_rotation(const calib::CameraModel& lens, std::spa
   const Matrix4 inverse = normal.llt().solve(Matrix4::Identity());
   const double scale = std::max(1.0, chi2 / (2.0 * fit.held - 4));
   fit.covariance = scale * inverse.topLeftCorner<3, 3>();
-  fit.zoom = x(3);
+  fit.zoom = start.zoom + x(3);
+  fit.with_zoom = scale * inverse.topRightCorner<3, 1>();
   fit.zoom_sigma = std::sqrt(scale * inverse(3, 3));
   fit.shift_to_rotation = (inverse * by_shift).topRows<3>();
   fit.rotation = vector_of(quaternion(x.head<3>()) * from);
   return fit;
 }
 
-std::optional<Eigen::Vector3d> guess_rotation(const calib::CameraModel& lens, std::span<const SeenRay> seen,
-                                              double gate_px) {
-  std::vector<Eigen::Vector3d> now(seen.size());
-  std::vector<bool> is_ray(seen.size(), false);
-  for (std::size_t i = 0; i < seen.size(); ++i) {
-    const auto ray = lens.ray({seen[i].px});
-    if (ray) now[i] = *ray, is_ray[i] = true;
-  }
+RotationFit without_zoom(const RotationFit& fit) {
+  RotationFit only = fit;
+  const double variance = fit.zoom_sigma * fit.zoom_sigma;
+  only.rotation -= fit.with_zoom * (fit.zoom / variance);
+  only.covariance -= fit.with_zoom * fit.with_zoom.transpose() / variance;
+  only.zoom = 0;
+  return only;
+}
+
+std::optional<double> zoom_instead(const RotationFit& fit, const Eigen::Vector3d& rotation) {
+  constexpr double once_in_thousand = 16.3;  // chi-square of the three numbers that are then not free
+  const Eigen::Vector3d off = rotation_between(rotation, fit.rotation);
+  const Eigen::Vector3d weighted = fit.covariance.llt().solve(off);
+  if (off.dot(weighted) > once_in_thousand) return std::nullopt;
+  return fit.zoom - fit.with_zoom.dot(weighted);
+}
+
+namespace {
+
+// Of which most rays agree with what two of them say.
+struct Guess {
+  Aim aim;
+  int agree = 2;
+};
+
+// is_zooming: by how much two rays are farther apart than they were is zoom, and not a reason to leave them out.
+Guess best_guess(const calib::CameraModel& lens, std::span<const SeenRay> seen, double gate_px, bool is_zooming) {
+  const Eigen::Vector2d centre(lens.cx(), lens.cy());
   const auto frame = [](const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
     Eigen::Matrix3d axes;
     axes.col(0) = (a + b).normalized();
@@ -152,25 +186,46 @@ std::optional<Eigen::Vector3d> guess_rotation(const calib::CameraModel& lens, st
     axes.col(2) = axes.col(0).cross(axes.col(1));
     return axes;
   };
+  const auto unzoomed = [&](std::size_t i, double zoom) {
+    return lens.ray({centre + (seen[i].px - centre) / (1 + zoom)});
+  };
   const double gate_rad = gate_px / std::max(lens.fx(), lens.fy());
-  int most = 2;
-  std::optional<Eigen::Vector3d> best;
+  std::vector<std::optional<Eigen::Vector3d>> now;
+  for (std::size_t i = 0; i < seen.size(); ++i) now.push_back(unzoomed(i, 0));
+  Guess best;
   for (std::size_t i = 0; i < seen.size(); ++i) {
     for (std::size_t j = i + 1; j < seen.size(); ++j) {
-      if (!is_ray[i] || !is_ray[j]) continue;
-      // A turned camera keeps the angle between two rays; and two that are near each other fix no rotation.
       const double apart = (seen[i].ray - seen[j].ray).norm();
-      if (apart < 20 * gate_rad || std::abs(apart - (now[i] - now[j]).norm()) > 2 * gate_rad) continue;
-      const Eigen::Matrix3d rotation = frame(now[i], now[j]) * frame(seen[i].ray, seen[j].ray).transpose();
-      int agree = 0;
-      for (std::size_t k = 0; k < seen.size(); ++k)
-        if (is_ray[k] && (rotation * seen[k].ray - now[k]).norm() < gate_rad) ++agree;
-      if (agree <= most) continue;
-      most = agree;
-      best = vector_of(Eigen::Quaterniond(rotation));
+      // Two that are near each other fix no rotation; a zoom is fixed by those only that are farther apart.
+      if (apart < (is_zooming ? zoom_fixed_by : rotation_fixed_by) * gate_rad) continue;
+      auto first = now[i], second = now[j];
+      if (!first || !second) continue;
+      const double zoom = is_zooming ? (*first - *second).norm() / apart - 1 : 0;
+      if (std::abs(zoom) > most_zoom) continue;
+      if (is_zooming) first = unzoomed(i, zoom), second = unzoomed(j, zoom);
+      // A turned camera keeps the angle between two rays.
+      if (!first || !second || std::abs(apart - (*first - *second).norm()) > 2 * gate_rad) continue;
+      const Eigen::Matrix3d rotation = frame(*first, *second) * frame(seen[i].ray, seen[j].ray).transpose();
+      const Aim aim{vector_of(Eigen::Quaterniond(rotation)), zoom};
+      const auto agrees = [&](const SeenRay& s) {
+        const auto px = lens.project(rotation * s.ray);
+        return px && (centre + (1 + zoom) * (px->px - centre) - s.px).norm() < gate_px;
+      };
+      const int agree = int(std::ranges::count_if(seen, agrees));
+      if (agree > best.agree) best = {aim, agree};
     }
   }
   return best;
+}
+
+}  // namespace
+
+std::optional<Aim> guess_aim(const calib::CameraModel& lens, std::span<const SeenRay> seen, double gate_px) {
+  const Guess turned = best_guess(lens, seen, gate_px, false);
+  const Guess best = int(seen.size()) >= turned.agree + zoom_needs ? best_guess(lens, seen, gate_px, true) : turned;
+  const Guess& better = best.agree >= turned.agree + zoom_needs ? best : turned;
+  if (better.agree <= 2) return std::nullopt;
+  return better.aim;
 }
 
 }  // namespace huetrack::room_watch

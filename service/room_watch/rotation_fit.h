@@ -20,23 +20,36 @@ struct SeenRay {
 struct RotationFit {
   Eigen::Vector3d rotation = Eigen::Vector3d::Zero();  // now_from_then as a rotation vector, radians, camera frame
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
-  double zoom = 0, zoom_sigma = 0;  // share by which the picture grew about its principal point
-  int held = 0;                     // rays that agree with it
-  double rms_px = 0;                // of those
+  double zoom = 0, zoom_sigma = 0;                      // share by which the picture grew about its principal point
+  Eigen::Vector3d with_zoom = Eigen::Vector3d::Zero();  // covariance of rotation and zoom
+  int held = 0;                                         // rays that agree with it
+  double rms_px = 0;                                    // of those
   // By how much a shift of the camera passes for a rotation: rotation vector = shift_to_rotation * (p_now - R p_then) /
   // distance of the room.
   Eigen::Matrix3d shift_to_rotation = Eigen::Matrix3d::Zero();
 };
 
-// From `start` (a rotation vector) on. Rays farther than gate_px from where it has them are not listened to at first.
-// nullopt: fewer than 4 agree, or they do not fix it.
-std::optional<RotationFit> fit_rotation(const calib::CameraModel& lens, std::span<const SeenRay> seen,
-                                        const Eigen::Vector3d& start, double gate_px);
+// Where a camera looks now, and how large it shows things.
+struct Aim {
+  Eigen::Vector3d rotation = Eigen::Vector3d::Zero();  // as of RotationFit
+  double zoom = 0;
+};
+// Where it sees a ray of what it was; nullopt: nowhere.
+std::optional<Eigen::Vector2d> pixel_of(const calib::CameraModel& lens, const Aim& aim, const Eigen::Vector3d& ray);
 
-// A rotation that most agree with, to gate_px, found without knowing where to start. nullopt: no two rays that more
-// agree with than they themselves.
-std::optional<Eigen::Vector3d> guess_rotation(const calib::CameraModel& lens, std::span<const SeenRay> seen,
-                                              double gate_px);
+// From `start` on. Rays farther than gate_px from where it has them are not listened to at first.
+// nullopt: fewer than 4 agree, or they do not fix it.
+std::optional<RotationFit> fit_rotation(const calib::CameraModel& lens, std::span<const SeenRay> seen, const Aim& start,
+                                        double gate_px);
+
+// The same, of a camera whose zoom is as it was: the rotation alone, and how sure that is then.
+RotationFit without_zoom(const RotationFit& fit);
+// The zoom alone that explains it, of a camera that stands where it did at that rotation; nullopt: none does.
+std::optional<double> zoom_instead(const RotationFit& fit, const Eigen::Vector3d& rotation);
+
+// What most agree with, to gate_px, found without knowing where to start: a rotation, and a zoom only if clearly more
+// agree with both. nullopt: no two rays that more agree with than they themselves.
+std::optional<Aim> guess_aim(const calib::CameraModel& lens, std::span<const SeenRay> seen, double gate_px);
 
 // Rotation vectors and what they do.
 Eigen::Vector3d turned(const Eigen::Vector3d& rotation, const Eigen::Vector3d& p);

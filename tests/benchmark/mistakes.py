@@ -276,7 +276,7 @@ def run(huetrackd, case, scratch):
     if done.returncode not in (0, 3):
         sys.exit(done.stdout + done.stderr)
     named = [line[10:] for line in done.stdout.splitlines() if line.startswith("  mistake ")]  # of the summary
-    moved = re.search(r"^  cameras told .*(turned|sags|zoom)", done.stdout, re.M)
+    moved = re.search(r"^  cameras told .*(turned|sags|zoom|focus)", done.stdout, re.M)
     if (done.returncode == 3) != bool(named or moved):
         sys.exit(f"exit status {done.returncode}, named: {named}")
     return named

@@ -9,6 +9,9 @@ namespace huetrack::reports {
 namespace {
 
 using room_watch::RoomState;
+using testing::AllOf;
+using testing::ElementsAre;
+using testing::HasSubstr;
 using testing::SizeIs;
 
 config::ServiceConfig watched_cameras() {
@@ -24,6 +27,8 @@ constexpr double sigma_m = 0.003;
 void take(RigReport& report, const config::ServiceConfig& config, RoomState state) {
   std::vector<pipeline::CameraCalibration> facts(2);
   facts[1].room.state = state;
+  if (state == RoomState::defocused) facts[1].room.blur_px = 2.1;
+  if (state == RoomState::changed) facts[1].room.change = {.patches = 5, .share = 0.12, .middle = {0.2, 0.5}};
   if (state == RoomState::knocked) {
     room_watch::MovedPoseEstimate moved{.cam_from_world = config.rig.cameras[1].cam_from_world,
                                         .covariance = Eigen::Matrix<double, 6, 6>::Identity() * sigma_m * sigma_m,
@@ -56,6 +61,28 @@ TEST(RigReport, ACameraThatIsHiddenIsToldAndLeavesTheRigRight) {
   take(report, config, RoomState::hidden);
   EXPECT_FALSE(report.has_been_wrong());
   EXPECT_THAT(report.summary(), SizeIs(1));
+}
+
+TEST(RigReport, AnotherFocusIsToldOnceByItsBlurAndMakesTheRigWrong) {
+  const config::ServiceConfig config = watched_cameras();
+  RigReport report(config);
+  take(report, config, RoomState::defocused);
+  take(report, config, RoomState::defocused);
+  EXPECT_TRUE(report.has_been_wrong());
+  EXPECT_THAT(report.summary(), ElementsAre(AllOf(HasSubstr("cam1's focus has changed"), HasSubstr("by 2.1 px more"))));
+  EXPECT_THAT(report.warnings(), SizeIs(1));
+  take(report, config, RoomState::still);
+  EXPECT_THAT(report.warnings(), testing::IsEmpty());
+}
+
+TEST(RigReport, ARoomThatHasChangedIsToldAndLeavesTheCameraInItsPlace) {
+  const config::ServiceConfig config = watched_cameras();
+  RigReport report(config);
+  take(report, config, RoomState::changed);
+  EXPECT_FALSE(report.has_been_wrong());
+  EXPECT_FALSE(is_trouble(report.cameras()[1].room.state));
+  EXPECT_THAT(report.summary(), ElementsAre(HasSubstr("changed in cam1's view (about 12 % of it, at the left)")));
+  EXPECT_THAT(report.warnings(), SizeIs(1));
 }
 
 // Also of a rig that was taken as exact: what the mended pose leaves open is known.

@@ -140,6 +140,102 @@ TEST(CameraWatch, ZoomIsNoKnock) {
   EXPECT_NEAR(watch.condition().zoom, 0.015, 0.003);
 }
 
+// Outer patches are then farther away than they are looked for.
+TEST(CameraWatch, ALargerZoomIsNoTurnEither) {
+  for (const double by : {0.02, 0.03, -0.03, 0.06}) {
+    Film film;
+    film.zoom = [by](double t) { return t < 3 ? 1.0 : 1 + by; };
+    FilmedRoom room(film);
+    CameraWatch watch(room.camera());
+    std::optional<double> told_at;
+    room.show(watch, 0, 6, [&](double t) {
+      EXPECT_THAT(watch.condition().state,
+                  testing::AnyOf(RoomState::learning, RoomState::still, RoomState::moving, RoomState::zoomed))
+          << by;
+      if (!told_at && watch.condition().state == RoomState::zoomed) told_at = t;
+    });
+    ASSERT_TRUE(told_at) << by;
+    EXPECT_LT(*told_at, 5);
+    EXPECT_NEAR(watch.condition().zoom, by, 0.003);
+  }
+}
+
+// Painted walls, out of focus by so many pixels from 3 s to 8 s; `columns`: the share of the picture that is. What is
+// blurred by more than its spots is gone.
+Film focused(double blur_px, double columns = 1) {
+  Film film;
+  film.spot_m = 0.05 * std::max(1.6, blur_px);
+  film.blur = [=](double t, double column) {
+    return t < 8 && column <= columns ? blur_px * std::clamp(t - 3, 0.0, 1.0) : 0.0;
+  };
+  return film;
+}
+
+TEST(CameraWatch, AnotherFocusIsToldByItsBlurAndWithdrawn) {
+  for (const double blur_px : {1.5, 3.0, 5.0}) {
+    FilmedRoom room(focused(blur_px));
+    CameraWatch watch(room.camera());
+    std::optional<double> told_at;
+    std::set<RoomState> states;
+    room.show(watch, 0, 7, [&](double t) {
+      states.insert(watch.condition().state);
+      if (!told_at && watch.condition().state == RoomState::defocused) told_at = t;
+    });
+    ASSERT_TRUE(told_at) << blur_px;
+    EXPECT_GT(*told_at, 3);
+    EXPECT_LT(*told_at, 5.5) << blur_px;
+    EXPECT_THAT(states, testing::ElementsAre(RoomState::learning, RoomState::still, RoomState::defocused));
+    EXPECT_NEAR(watch.condition().blur_px, blur_px, 0.35 * blur_px);
+    room.show(watch, 7, 11);
+    EXPECT_EQ(watch.condition().state, RoomState::still) << blur_px;
+    EXPECT_EQ(watch.condition().blur_px, 0);
+  }
+}
+
+TEST(CameraWatch, ALensThatIsSmearedOnOneSideIsNotOutOfFocus) {
+  EXPECT_THAT(states_of(focused(2, 0.5), 8), testing::Not(testing::Contains(RoomState::defocused)));
+}
+
+TEST(CameraWatch, LessLightIsNoOtherFocus) {
+  Film film = focused(0);
+  film.light = [](double t, double row) { return t < 3 ? 1.0 : 0.5 - 0.1 * row; };
+  EXPECT_THAT(states_of(film, 7), testing::ElementsAre(RoomState::still));
+}
+
+// It has the paint of Film::person, and hides a quarter of the picture.
+TEST(CameraWatch, ABoxThatStaysIsAnotherRoomUntilItIsLearnt) {
+  Film film;
+  film.fps = 8;
+  film.person = [](double t) { return t < 3 ? std::pair(0.0, 0.0) : std::pair(0.7, 0.95); };
+  FilmedRoom room(film);
+  CameraWatch watch(room.camera());
+  std::optional<double> told_at;
+  std::set<RoomState> states;
+  room.show(watch, 0, 14, [&](double t) {
+    states.insert(watch.condition().state);
+    if (!told_at && watch.condition().state == RoomState::changed) told_at = t;
+  });
+  ASSERT_TRUE(told_at);
+  EXPECT_GT(*told_at, 6);
+  EXPECT_LT(*told_at, 11);
+  EXPECT_THAT(states, testing::ElementsAre(RoomState::learning, RoomState::still, RoomState::changed));
+  const Change& change = watch.condition().change;
+  EXPECT_NEAR(change.share, 0.25, 0.1);
+  EXPECT_GT(change.middle.x(), 2.0 / 3);
+  EXPECT_FALSE(change.is_plain);
+  room.show(watch, 14, 60);
+  EXPECT_EQ(watch.condition().state, RoomState::still);
+}
+
+TEST(CameraWatch, SomebodyWhoStandsThereIsNoOtherRoom) {
+  Film film;
+  film.person = [](double t) {
+    const double sway = 1.5 / 240 * std::sin(2 * std::numbers::pi * 0.4 * t);
+    return t < 3 ? std::pair(0.0, 0.0) : std::pair(0.4 + sway, 0.65 + sway);
+  };
+  EXPECT_THAT(states_of(film, 14), testing::ElementsAre(RoomState::still));
+}
+
 TEST(CameraWatch, ACoveredCameraIsBlind) {
   Film film;
   film.light = [](double t, double) { return t > 3 && t < 7 ? 0.03 : 1.0; };
@@ -147,6 +243,7 @@ TEST(CameraWatch, ACoveredCameraIsBlind) {
   CameraWatch watch(room.camera());
   room.show(watch, 0, 6);
   EXPECT_EQ(watch.condition().state, RoomState::blinded);
+  EXPECT_LT(capture::seconds(watch.condition().since), 5);
   room.show(watch, 6, 12);
   EXPECT_EQ(watch.condition().state, RoomState::still);
 }

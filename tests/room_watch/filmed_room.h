@@ -11,6 +11,8 @@
 #include <numbers>
 #include <optional>
 #include <random>
+#include <utility>
+#include <vector>
 
 #include "calib/model/camera_rig.h"
 #include "calib/model/rigid3.h"
@@ -51,10 +53,13 @@ struct Film {
   double noise = 2;  // grey levels
   capture::PixelFormat format = capture::PixelFormat::grey;
   double texture = 1;                               // 0: walls of one colour
+  double spot_m = 0.22;                             // size of what is painted on the walls
   unsigned room = 1;                                // another number is another room
   std::function<calib::Rigid3d(double)> pose = {};  // cam_from_world; none: where it stands
   std::function<double(double)> zoom = [](double) { return 1.0; };
   std::function<double(double, double)> light = [](double, double) { return 1.0; };  // at a time, in a row (0..1)
+  // Gaussian sigma in pixels at a time, in a column (0..1).
+  std::function<double(double, double)> blur = {};
   // Columns that somebody is before, [from, to) as shares of the width; of a texture that moves along.
   std::function<std::pair<double, double>(double)> person = [](double) { return std::pair(0.0, 0.0); };
 };
@@ -91,6 +96,7 @@ class FilmedRoom {
     const Eigen::Matrix3d to_world = pose.rotation.toRotationMatrix().transpose();
     const double zoom = film_.zoom(t);
     const auto [left, right] = film_.person(t);
+    std::vector<double> values;
     for (int v = 0; v < height; ++v) {
       const double light = film_.light(t, double(v) / (height - 1));
       for (int u = 0; u < width; ++u) {
@@ -100,7 +106,13 @@ class FilmedRoom {
         } else {
           value = wall(centre, to_world * ray(u, v, zoom));
         }
-        value = value * light + noise_(random_) * film_.noise;
+        values.push_back(value * light);
+      }
+    }
+    if (film_.blur) values = blurred_along(blurred_along(values, t, 1, width), t, width, height);
+    for (int v = 0; v < height; ++v) {
+      for (int u = 0; u < width; ++u) {
+        const double value = values[std::size_t(v * width + u)] + noise_(random_) * film_.noise;
         out.data[0][v * out.image.planes[0].stride + std::ptrdiff_t(u) * step + first] =
             static_cast<std::uint8_t>(std::clamp(std::lround(value), 0L, 255L));
       }
@@ -124,6 +136,25 @@ class FilmedRoom {
     return at(u, v, zoom);
   }
 
+  // Along columns (step 1, count: the width) or rows (step: the width, count: the height).
+  std::vector<double> blurred_along(const std::vector<double>& values, double t, int step, int count) const {
+    const int width = camera_.image_size.width;
+    std::vector<double> out = values;
+    for (int k = 0; k < int(values.size()); ++k) {
+      const int column = k % width, place = step == 1 ? column : k / width;
+      const double sigma = film_.blur(t, double(column) / (width - 1));
+      if (sigma <= 0) continue;
+      double sum = 0, weights = 0;
+      for (int d = -int(3 * sigma) - 1; d <= int(3 * sigma) + 1; ++d) {
+        const double weight = std::exp(-0.5 * d * d / (sigma * sigma));
+        sum += weight * values[std::size_t(k + (std::clamp(place + d, 0, count - 1) - place) * step)];
+        weights += weight;
+      }
+      out[std::size_t(k)] = sum / weights;
+    }
+    return out;
+  }
+
   double wall(const Eigen::Vector3d& from, const Eigen::Vector3d& along) const {
     const Eigen::Vector3d low(-2, -2, 0), high(2, 2, 3);
     double nearest = 1e9;
@@ -135,7 +166,7 @@ class FilmedRoom {
     }
     const Eigen::Vector3d p = from + nearest * along;
     const unsigned face = film_.room * 16 + unsigned(2 * axis + (along[axis] > 0 ? 1 : 0));
-    return 110 + film_.texture * 100 * (painted(p[(axis + 1) % 3], p[(axis + 2) % 3], 0.22, face) - 0.5);
+    return 110 + film_.texture * 100 * (painted(p[(axis + 1) % 3], p[(axis + 2) % 3], film_.spot_m, face) - 0.5);
   }
 
   // 0..1: spots of about that size.

@@ -23,7 +23,7 @@ RoomRotation said_by_room(const calib::Camera& camera, const Eigen::Vector3d& ro
       rays.push_back({ray, px + Eigen::Vector2d(noise(random), noise(random)), 0.1});
     }
   }
-  const auto fit = fit_rotation(camera.model, rays, rotation, 3).value();
+  const auto fit = fit_rotation(camera.model, rays, {.rotation = rotation}, 3).value();
   return {fit.rotation, fit.covariance, fit.shift_to_rotation};
 }
 

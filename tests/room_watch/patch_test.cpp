@@ -47,6 +47,35 @@ TEST(Patch, IsFoundToATwentiethOfAPixelInAnotherLight) {
   }
 }
 
+// A wave keeps exp(-(w sigma)^2 / 2) of itself in a Gaussian blur, so these are blurred exactly.
+Brightness spots_out_of_focus(double sigma) {
+  const auto kept = [sigma](double w2) { return std::exp(-w2 * sigma * sigma / 2); };
+  const double a = kept(0.49 + 0.04), b = kept(0.09 + 0.64), c = kept(2.0);
+  return [=](double u, double v) {
+    return 120 + 30 * a * std::sin(0.7 * u + 0.2 * v) + 25 * b * std::cos(0.3 * u - 0.8 * v) + 25 * c * std::sin(u - v);
+  };
+}
+
+TEST(Patch, SaysByHowMuchALensIsOutOfFocus) {
+  const Patch patch = patch_at(picture(spots_out_of_focus(0)), 30, 30);
+  for (const double sigma : {0.0, 0.7, 1.0, 1.3}) {
+    const auto soft = spots_out_of_focus(sigma);
+    const auto dimmed = picture([&](double u, double v) { return 0.6 * soft(u, v) + 30; });
+    const Found found = find(patch, Luma(dimmed, 1), patch.centre);
+    ASSERT_EQ(found.outcome, Found::Outcome::found) << sigma;
+    EXPECT_NEAR(blur_of(patch, double(found.loss)), sigma, 0.2 * sigma + 0.1);
+  }
+}
+
+TEST(Patch, BetweenTwoBlocksNoDetailIsLost) {
+  const Patch patch = patch_at(picture(spots_out_of_focus(0)), 30, 30);
+  const auto soft = spots_out_of_focus(0);
+  const auto moved = picture([&](double u, double v) { return soft(u - 0.5, v + 0.5); });
+  const Found found = find(patch, Luma(moved, 1), patch.centre);
+  ASSERT_EQ(found.outcome, Found::Outcome::found);
+  EXPECT_LT(std::abs(found.loss), 0.15f);
+}
+
 TEST(Patch, SaysHowUnsureNoiseMakesIt) {
   const Patch patch = patch_at(picture(spots), 30, 30);
   const Found found = find(patch, Luma(picture(spots, 8), 1), patch.centre);

@@ -36,7 +36,7 @@ Seen seen_by(const calib::CameraModel& lens, const Eigen::Vector3d& rotation, in
 TEST(RotationFit, FindsTheRotationAndHowSureItIs) {
   const auto lens = camera_in_room().model;
   const Seen seen = seen_by(lens, Eigen::Vector3d(0.008, -0.011, 0.006), 0);
-  const auto fit = fit_rotation(lens, seen.rays, Eigen::Vector3d(0.006, -0.01, 0.006), 2);
+  const auto fit = fit_rotation(lens, seen.rays, {.rotation = {0.006, -0.01, 0.006}}, 2);
   ASSERT_TRUE(fit);
   const Eigen::Vector3d off = fit->rotation - seen.rotation;
   EXPECT_LT(off.norm(), 0.02 * degree);
@@ -48,7 +48,7 @@ TEST(RotationFit, FindsTheRotationAndHowSureItIs) {
 TEST(RotationFit, OutvotesWhatMovesByItself) {
   const auto lens = camera_in_room().model;
   const Seen seen = seen_by(lens, Eigen::Vector3d(0.0005, 0.0004, 0), 4);
-  const auto fit = fit_rotation(lens, seen.rays, Eigen::Vector3d::Zero(), 2);
+  const auto fit = fit_rotation(lens, seen.rays, {}, 2);
   ASSERT_TRUE(fit);
   EXPECT_LT((fit->rotation - seen.rotation).norm(), 0.015 * degree);
 }
@@ -56,7 +56,7 @@ TEST(RotationFit, OutvotesWhatMovesByItself) {
 TEST(RotationFit, TellsZoomFromRotation) {
   const auto lens = camera_in_room().model;
   const Seen seen = seen_by(lens, Eigen::Vector3d(0.002, 0, 0.001), 0, 0.008);
-  const auto fit = fit_rotation(lens, seen.rays, Eigen::Vector3d::Zero(), 3);
+  const auto fit = fit_rotation(lens, seen.rays, {}, 3);
   ASSERT_TRUE(fit);
   EXPECT_NEAR(fit->zoom, 0.008, 0.001);
   EXPECT_LT((fit->rotation - seen.rotation).norm(), 0.02 * degree);
@@ -68,7 +68,7 @@ TEST(RotationFit, SaysWhichRotationAShiftPassesFor) {
   constexpr double distance = 3;
   Seen seen = seen_by(camera.model, Eigen::Vector3d::Zero(), 0, 0, 0.01);
   for (SeenRay& s : seen.rays) s.px = camera.model.project(distance * s.ray + shift).value().px;
-  const auto fit = fit_rotation(camera.model, seen.rays, Eigen::Vector3d::Zero(), 3);
+  const auto fit = fit_rotation(camera.model, seen.rays, {}, 3);
   ASSERT_TRUE(fit);
   EXPECT_LT((fit->rotation - fit->shift_to_rotation * shift / distance).norm(), 0.02 * fit->rotation.norm());
 }
@@ -76,15 +76,50 @@ TEST(RotationFit, SaysWhichRotationAShiftPassesFor) {
 TEST(RotationFit, GuessesWithoutAStart) {
   const auto lens = camera_in_room().model;
   const Seen seen = seen_by(lens, Eigen::Vector3d(-0.03, 0.02, 0.05), 3, 0, 0.5);
-  const auto guess = guess_rotation(lens, seen.rays, 2);
+  const auto guess = guess_aim(lens, seen.rays, 2);
   ASSERT_TRUE(guess);
-  EXPECT_LT((*guess - seen.rotation).norm(), 0.5 * degree);
+  EXPECT_LT((guess->rotation - seen.rotation).norm(), 0.5 * degree);
+}
+
+TEST(RotationFit, GuessesAZoomThatMovesMostThingsFarAway) {
+  const auto lens = camera_in_room().model;
+  const Seen seen = seen_by(lens, Eigen::Vector3d(0.01, -0.02, 0), 2, 0.06, 0.5);
+  const auto guess = guess_aim(lens, seen.rays, 2);
+  ASSERT_TRUE(guess);
+  EXPECT_NEAR(guess->zoom, 0.06, 0.01);
+  const auto fit = fit_rotation(lens, seen.rays, *guess, 2);
+  ASSERT_TRUE(fit);
+  EXPECT_NEAR(fit->zoom, 0.06, 0.002);
+  EXPECT_LT((fit->rotation - seen.rotation).norm(), 0.12 * degree);
+}
+
+TEST(RotationFit, OnOneSideAZoomMayBeATurn) {
+  const auto lens = camera_in_room().model;
+  Seen seen = seen_by(lens, Eigen::Vector3d::Zero(), 0, 0.01, 0.5);
+  const auto all = fit_rotation(lens, seen.rays, {}, 3);
+  ASSERT_TRUE(all);
+  EXPECT_NEAR(zoom_instead(*all, Eigen::Vector3d::Zero()).value_or(0), 0.01, 0.002);
+  std::erase_if(seen.rays, [](const SeenRay& s) { return s.px.x() < 190; });
+  const auto some = fit_rotation(lens, seen.rays, {}, 3);
+  ASSERT_TRUE(some);
+  EXPECT_LT(std::abs(some->zoom), 5 * some->zoom_sigma);
+  const RotationFit turn = without_zoom(*some);
+  EXPECT_GT(turn.rotation.dot(turn.covariance.inverse() * turn.rotation), 25);
+  EXPECT_NEAR(zoom_instead(*some, Eigen::Vector3d::Zero()).value_or(0), 0.01, 0.003);
+}
+
+TEST(RotationFit, ATurnIsNoZoom) {
+  const auto lens = camera_in_room().model;
+  const Seen seen = seen_by(lens, Eigen::Vector3d(0.005, 0.003, 0), 0);
+  const auto fit = fit_rotation(lens, seen.rays, {}, 3);
+  ASSERT_TRUE(fit);
+  EXPECT_FALSE(zoom_instead(*fit, Eigen::Vector3d::Zero()));
 }
 
 TEST(RotationFit, FewRaysAreNone) {
   const auto lens = camera_in_room().model;
   const Seen seen = seen_by(lens, Eigen::Vector3d::Zero(), 0);
-  EXPECT_FALSE(fit_rotation(lens, std::span(seen.rays).first(3), Eigen::Vector3d::Zero(), 2));
+  EXPECT_FALSE(fit_rotation(lens, std::span(seen.rays).first(3), {}, 2));
 }
 
 }  // namespace
