@@ -161,6 +161,8 @@ void Supervisor::show_metrics() const {
   for (const pipeline::CameraCalibration& camera : the_.reports.rig.cameras()) {
     metrics::CalibrationFigures& figures = calibration.emplace_back();
     figures.is_in_place = !reports::is_trouble(camera.room.state);
+    figures.blur_px = camera.room.blur_px;
+    if (camera.room.state == room_watch::RoomState::changed) figures.changed_share = camera.room.change.share;
     if (camera.moved) {
       figures.turned_deg = camera.moved->rotation.norm() * 180 / std::numbers::pi;
       figures.moved_m = camera.moved->shift.norm();

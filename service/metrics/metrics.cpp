@@ -113,6 +113,10 @@ void add_calibration(Text& text, const publish::ServiceStatus& status,
                [](const auto& c) { return c.moved_m; });
   calibrations("huetrack_camera_effect_meters", "by which positions are off by that, if nothing is done about it",
                [](const auto& c) { return c.effect_m; });
+  calibrations("huetrack_camera_blur_pixels", "by which its focus blurs it more than when its room was learnt",
+               [](const auto& c) { return c.blur_px; });
+  calibrations("huetrack_camera_room_changed_share", "of its picture that shows another room than was learnt",
+               [](const auto& c) { return c.changed_share; });
 }
 
 void add_clocks(Text& text, const publish::ServiceStatus& status) {

@@ -65,6 +65,7 @@ struct RecordingCounts {
 struct CalibrationFigures {
   bool is_in_place = true;
   double turned_deg = 0, moved_m = 0, effect_m = 0;  // of positions, if nothing is done
+  double blur_px = 0, changed_share = 0;             // by another focus; of the picture that shows another room
 };
 
 // targets: as status.targets, or empty. calibration: per camera of the status; empty: it is not watched.

@@ -72,9 +72,11 @@ constexpr float no_contrast = 0.3f;
 // patches of five nearly as much; JPEG of quality 15 after one of 90 takes up to 0.7 in the middle, but nothing from
 // one of five.
 constexpr float least_loss = 0.6f, loss_of_most = 0.4f, loss_that_stays = 0.3f;
-constexpr double most = 0.8;         // of the patches, and half of them in each quarter of the picture
-constexpr int many_lost_of_six = 5;  // of six looks: noise of half a block does that once in hours
-constexpr float knows_loss = 1.f;    // sigma of a patch that has a say
+constexpr double most = 0.8;  // of the patches, and half of them in each quarter of the picture
+// Of six looks so many, each by more than so many sigmas: noise does that once in ten days.
+constexpr int many_lost_of_six = 5;
+constexpr float sure_loss_sigmas = 2;
+constexpr float knows_loss = 1.f;  // sigma of a patch that has a say
 // The noise that was learnt with a patch is detail that is lost at the first look already, and lost whatever the focus.
 constexpr float most_noise = 0.8f;
 // A camera that shakes is blurred for a moment: it is told when it has been as blurred for so long, or growing for so
@@ -90,6 +92,7 @@ constexpr double like_blurred = 0.9;
 // millimetres within three seconds, which is a quarter of a block at 4 m; in a plain piece of their clothes nothing is
 // seen of that, so that more of their edges have to be waited for. One patch alone may be a screen or a leaf.
 constexpr Duration other_pause = 1s, rests_for = 3s, plain_rests_for = 6s, looks_around_pause = 5s;
+constexpr Duration passes_within = 10s;
 constexpr double rests_blocks = 0.25;
 constexpr float plain_rms = 6, plain_step = 10;  // grey levels: noise and a lamp's flicker stay below
 constexpr int least_changed = 2;
@@ -311,35 +314,39 @@ void CameraWatch::note_other(Watched& watched, const Luma& luma, Timestamp at) {
   const Eigen::Vector2i here =
       (block_of(watched.expected_px).array() - double(seen_side - 1) / 2).round().cast<int>().matrix();
   if (watched.other && (watched.other->corner - here).cwiseAbs().maxCoeff() > 1) watched.other.reset();
-  Other now{
-      .corner = watched.other ? watched.other->corner : here, .seen = {}, .patch = {}, .since = at, .looked_at = at};
+  const Eigen::Vector2i corner = watched.other ? watched.other->corner : here;
+  const Eigen::Vector2d centre = corner.cast<double>().array() + double(seen_side - 1) / 2;
   std::array<float, std::size_t(seen_side) * seen_side> read;
-  if (!luma.read(now.corner.x(), now.corner.y(), seen_side, seen_side, read.data())) return;
+  if (!luma.read(corner.x(), corner.y(), seen_side, seen_side, read.data())) return;
+  if (watched.other) {
+    watched.other->looked_at = at;
+    watched.other->is_same = is_same(*watched.other, luma, centre, read);
+    if (watched.other->is_same) return;
+  }
+  Other now{.corner = corner, .seen = {}, .patch = {}, .since = at, .looked_at = at};
   std::ranges::transform(read, now.seen.begin(), [](float v) { return static_cast<std::uint8_t>(std::lround(v)); });
-  const Eigen::Vector2d centre = now.corner.cast<double>().array() + double(seen_side - 1) / 2;
   now.patch = make_patch(centre, now.seen);
   now.contrast = now.patch ? now.patch->contrast() : 0;
   if (now.patch && now.patch->least_texture < least_texture) now.patch.reset();
-  if (watched.other) {
-    Other& then = *watched.other;
-    then.looked_at = at;
-    if (then.patch) {
-      const Found again = find(*then.patch, luma, centre);
-      // Both were seen with noise.
-      const double gate = std::hypot(rests_blocks, 3 * std::numbers::sqrt2 * double(again.sigma));
-      then.is_same = again.outcome == Found::Outcome::found && (again.centre - centre).norm() < gate;
-    } else {
-      float mean = 0, square = 0;
-      for (std::size_t k = 0; k < read.size(); ++k) {
-        const float step = read[k] - float(then.seen[k]);
-        mean += step / float(read.size()), square += step * step / float(read.size());
-      }
-      then.is_same = std::abs(mean) < plain_step && square - mean * mean < plain_rms * plain_rms;
-    }
-    if (then.is_same) return;
-  }
   watched.other = std::make_unique<Other>(now);
   if (!next_other_) next_other_ = at + other_pause;
+}
+
+// now: what is at its place, as `seen`.
+bool CameraWatch::is_same(const Other& then, const Luma& luma, const Eigen::Vector2d& centre,
+                          std::span<const float> now) {
+  if (then.patch) {
+    const Found again = find(*then.patch, luma, centre);
+    // Both were seen with noise.
+    const double gate = std::hypot(rests_blocks, 3 * std::numbers::sqrt2 * double(again.sigma));
+    return again.outcome == Found::Outcome::found && (again.centre - centre).norm() < gate;
+  }
+  float mean = 0, square = 0;
+  for (std::size_t k = 0; k < now.size(); ++k) {
+    const float step = now[k] - float(then.seen[k]);
+    mean += step / float(now.size()), square += step * step / float(now.size());
+  }
+  return std::abs(mean) < plain_step && square - mean * mean < plain_rms * plain_rms;
 }
 
 // Patches in whose place something else is are looked at again; where it stays, all of them once.
@@ -359,10 +366,7 @@ void CameraWatch::look_at_others(const Luma& luma, Timestamp at, std::span<const
 }
 
 bool CameraWatch::is_resting(const Watched& watched, Timestamp at) const {
-  if (!watched.other) return false;
-  // What is told stays, whatever passes before it.
-  if (condition_.state == RoomState::changed) return true;
-  if (watched.is_hidden) return false;
+  if (!watched.other || watched.is_hidden) return false;
   const Duration needed = watched.other->patch ? rests_for : plain_rests_for;
   return watched.other->is_same && at - watched.other->since >= needed;
 }
@@ -383,7 +387,11 @@ void CameraWatch::judge_change(Timestamp at) {
     change.middle += w.expected_px.cwiseQuotient(Eigen::Vector2d(camera_.image_size.width, camera_.image_size.height));
     plain += w.other->contrast < no_contrast * w.patch.contrast() ? 1 : 0;
   }
-  if (change.patches > 0) change.middle /= change.patches;
+  if (change.patches > 0) change.middle /= change.patches, rested_at_ = at;
+  // Who passes before what was told hides it for a while.
+  const bool is_any = std::ranges::any_of(watched_, [](const Watched& w) { return w.other != nullptr; });
+  if (condition_.state == RoomState::changed && change.patches == 0 && is_any && at - rested_at_ < passes_within)
+    return;
   change.share = double(change.patches) / double(watched_.size());
   change.is_plain = 2 * plain > change.patches;
   condition_.change = change;
@@ -403,7 +411,8 @@ void CameraWatch::note(const Watched& watched, Timestamp at) {
     hurry(at);
     return;
   }
-  innovation = {true, watched.px - watched.expected_px, watched.loss_sigma < knows_loss ? watched.loss : 0.f};
+  const bool is_sure = std::abs(watched.loss) > sure_loss_sigmas * watched.loss_sigma;
+  innovation = {true, watched.px - watched.expected_px, is_sure ? watched.loss : 0.f};
   const double off_blocks = innovation.off_px.norm() / scale_;
   if (off_blocks < near_blocks) last_agreed_at_ = at;
   const bool is_blurred = std::abs(innovation.loss) > loss_of_most && !is_defocused_;

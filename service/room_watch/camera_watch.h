@@ -81,7 +81,7 @@ class CameraWatch {
   // known: the room as it was kept; empty: it is learnt from the first frames.
   explicit CameraWatch(const calib::Camera& camera, std::span<const KeptPatch> known = {});
 
-  CameraWatch(CameraWatch&&) = default;
+  CameraWatch(CameraWatch&&) = default;  // and no copy
 
   // The camera's frames in time order; those of another size are ignored. objects: what is before the room and moves.
   void look(const capture::Frame& frame, std::span<const Occluder> objects);
@@ -141,6 +141,7 @@ class CameraWatch {
   bool measure(Watched& watched, const Luma& luma, capture::Timestamp at, const Aim& aim,
                std::span<const Occluder> objects);
   void note_other(Watched& watched, const Luma& luma, capture::Timestamp at);
+  static bool is_same(const Other& then, const Luma& luma, const Eigen::Vector2d& centre, std::span<const float> now);
   void look_at_others(const Luma& luma, capture::Timestamp at, std::span<const Occluder> objects);
   bool is_resting(const Watched& watched, capture::Timestamp at) const;
   void judge_change(capture::Timestamp at);
@@ -191,6 +192,7 @@ class CameraWatch {
   bool is_defocused_ = false;
   double zoom_instead_ = 0;  // of the fit that was taken last; RoomCondition::zoom_instead
   std::optional<capture::Timestamp> looked_around_at_, next_other_;
+  capture::Timestamp rested_at_{};  // when something that was told rested last
   std::deque<Snapshot> history_;
   Eigen::Vector3d told_ = Eigen::Vector3d::Zero();  // the rotation that was told last
   std::optional<Snapshot> pending_;                 // a turn that the next look is to confirm

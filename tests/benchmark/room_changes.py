@@ -112,12 +112,14 @@ CHANGES = [
     Change("blur_2_noisy", both(blurred(2), noisy(4)), FOCUS, 2, takes_s=1),
     Change("blur_2_dark", both(blurred(2), light(0.5)), FOCUS, 2, takes_s=1),
     Change("blur_2_jpeg40", blurred(2), FOCUS, 2, quality=40),
-    *[Change(f"box_{a}", thing(a), ROOM, 100 * a, within_s=7) for a in (0.04, 0.08, 0.15, 0.3)],
-    Change("plain_box_0.15", thing(0.15, is_plain=True), r"a part of {}'s picture \(about ([\d.]+) %", 15, within_s=10),
+    # A quarter of the patches is looked at in two seconds; who stands there is waited for.
+    *[Change(f"box_{a}", thing(a), ROOM, 100 * a, within_s=10) for a in (0.08, 0.15, 0.3)],
+    Change("plain_box_0.15", thing(0.15, is_plain=True), r"(?:part of {0}'s picture|changed in {0}'s view) \(about ([\d.]+) %", 15,
+           within_s=12),
     *[Change(f"zoom_{z}", zoomed(z), ZOOM, 100 * abs(z)) for z in (0.01, 0.02, 0.03, 0.05, -0.01, -0.02, -0.03, -0.05)],
     Change("veil_all", dirty(1, 0.15, 0), DIRT),
     Change("smear_all", dirty(1, 0.15, 8), DIRT),
-    Change("dirt_0.2", dirty(0.2, 0.1, 8), r"a part of {}'s picture \(about ([\d.]+) %", 20, within_s=10),
+    Change("dirt_0.2", dirty(0.2, 0.1, 8), r"a part of {}'s picture \(about ([\d.]+) %", 20, within_s=12),
     Change("black", light(0.02), DIRT),
     # Nothing is to be told of these.
     Change("walks_by", thing(0.15, speed=0.15)), Change("walks_fast", thing(0.2, speed=0.5)),

@@ -153,12 +153,19 @@ TEST_F(Server, APortThatCannotBeHadIsNamed) {
 }
 
 TEST(ToPrometheus, SaysWhichCameraNoLongerStandsWhereTheRigSays) {
-  const CalibrationFigures moved{.is_in_place = false, .turned_deg = 0.75, .moved_m = 0.006, .effect_m = 0.015};
+  const CalibrationFigures moved{.is_in_place = false,
+                                 .turned_deg = 0.75,
+                                 .moved_m = 0.006,
+                                 .effect_m = 0.015,
+                                 .blur_px = 2.5,
+                                 .changed_share = 0.12};
   const std::string text = to_prometheus(status(), {}, {}, {}, 0, std::span(&moved, 1));
   const std::string camera = R"(le\"ft)";
   EXPECT_THAT(text, testing::HasSubstr("huetrack_camera_in_place{camera=\"" + camera + "\"} 0"));
   EXPECT_THAT(text, testing::HasSubstr("huetrack_camera_turned_degrees{camera=\"" + camera + "\"} 0.75"));
   EXPECT_THAT(text, testing::HasSubstr("huetrack_camera_effect_meters{camera=\"" + camera + "\"} 0.015"));
+  EXPECT_THAT(text, testing::HasSubstr("huetrack_camera_blur_pixels{camera=\"" + camera + "\"} 2.5"));
+  EXPECT_THAT(text, testing::HasSubstr("huetrack_camera_room_changed_share{camera=\"" + camera + "\"} 0.12"));
   EXPECT_THAT(to_prometheus(status(), {}, {}, {}, 0), testing::Not(testing::HasSubstr("huetrack_camera_in_place")));
 }
 
