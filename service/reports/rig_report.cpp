@@ -24,6 +24,12 @@ bool is_told(RoomState state) {
   return is_trouble(state) || state == RoomState::changed;
 }
 
+std::string all_clear(const std::string& camera, RoomState before) {
+  if (before == RoomState::changed) return "what " + camera + " sees of the room is known again";
+  if (before == RoomState::defocused) return camera + "'s focus is again as it was";
+  return camera + " stands again where the rig says";
+}
+
 }  // namespace
 
 bool is_trouble(RoomState state) {
@@ -66,17 +72,15 @@ void RigReport::on_set(const pipeline::TrackedSet& set) {
   bool has_news = !next_at_ || at >= *next_at_;
   for (std::size_t c = 0; c < cameras_.size(); ++c) {
     const pipeline::CameraCalibration& facts = set.calibration[c];
-    const bool was_changed = told_[c].state == RoomState::changed;
+    const RoomState before = told_[c].state;
     if (is_news(c, facts, at)) {
       has_news = true;
       if (is_told(facts.room.state)) {
         spdlog::warn("{}", calibration_warning(cameras_[c], facts, mode_));
         happenings_.push_back(
             {.camera = c, .state = facts.room.state, .turns = facts.room.turns, .told_at = at, .facts = facts});
-      } else if (was_changed) {
-        spdlog::info("what {} sees of the room is known again", cameras_[c]);
       } else {
-        spdlog::info("{} stands again where the rig says", cameras_[c]);
+        spdlog::info("{}", all_clear(cameras_[c], before));
       }
     }
   }
