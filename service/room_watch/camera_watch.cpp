@@ -70,7 +70,8 @@ constexpr float no_contrast = 0.3f;
 // Focus. What is lost is a number per patch in units of what a blur of one block takes (Found::loss). In pictures of
 // rooms (rendered/bumped, webcams, juggling) a Gaussian of 0.7, 1.5, 3 blocks takes 0.7, 1.5, 2.5, and from four
 // patches of five nearly as much; JPEG of quality 15 after one of 90 takes up to 0.7 in the middle, but nothing from
-// one of five.
+// one of five. Those are of blocks of one pixel; of what codecs and noise do to pixels larger blocks see less, and by
+// the square root of their side smaller losses are sure (at 1280 columns a blur of 1.4 px).
 constexpr float least_loss = 0.6f, loss_of_most = 0.4f, loss_that_stays = 0.3f;
 constexpr double most = 0.8;  // of the patches, and half of them in each quarter of the picture
 // Of six looks so many, each by more than so many sigmas: noise does that once in ten days.
@@ -109,7 +110,7 @@ std::string_view name(RoomState state) {
 }
 
 CameraWatch::CameraWatch(const calib::Camera& camera, std::span<const KeptPatch> known)
-    : camera_(camera), scale_(scale_for(camera.image_size.width)) {
+    : camera_(camera), scale_(scale_for(camera.image_size.width)), loss_unit_(1 / std::sqrt(float(scale_))) {
   for (const KeptPatch& kept : known) {
     const auto patch = make_patch(block_of(kept.px), kept.seen);
     const auto ray = camera_.model.ray({kept.px});
@@ -415,7 +416,7 @@ void CameraWatch::note(const Watched& watched, Timestamp at) {
   innovation = {true, watched.px - watched.expected_px, is_sure ? watched.loss : 0.f};
   const double off_blocks = innovation.off_px.norm() / scale_;
   if (off_blocks < near_blocks) last_agreed_at_ = at;
-  const bool is_blurred = std::abs(innovation.loss) > loss_of_most && !is_defocused_;
+  const bool is_blurred = std::abs(innovation.loss) > loss_unit_ * loss_of_most && !is_defocused_;
   if (off_blocks >= far_blocks || is_blurred) {
     hurry(at);
   } else {
@@ -430,7 +431,7 @@ bool CameraWatch::is_suspicious() const {
   for (const Innovation& of_patch : innovations_) {
     const bool is_near = of_patch.is_found && of_patch.off_px.norm() < far_blocks * scale_;
     off += is_near ? 0 : 1;
-    lost += std::abs(of_patch.loss) > (is_defocused_ ? loss_that_stays : loss_of_most) ? 1 : 0;
+    lost += std::abs(of_patch.loss) > loss_unit_ * (is_defocused_ ? loss_that_stays : loss_of_most) ? 1 : 0;
     if (!is_near) continue;
     ++found;
     sum += of_patch.off_px;
@@ -537,13 +538,13 @@ float CameraWatch::common_loss(Timestamp since) const {
   if (int(losses.size()) < least_patches) return 0;
   const auto middle = float(calib::median_in_place(std::span(losses)));
   const float sign = middle < 0 ? -1 : 1;
-  if (sign * middle < least_loss) return 0;
+  if (sign * middle < loss_unit_ * least_loss) return 0;
   for (const Watched& w : watched_) {
     if (!w.seen_at || *w.seen_at < since || w.is_hidden || w.loss_sigma >= knows_loss) continue;
     auto& [patches, lost] = quarters[(2 * w.px.x() > camera_.image_size.width ? 1u : 0u) +
                                      (2 * w.px.y() > camera_.image_size.height ? 2u : 0u)];
     ++patches;
-    lost += sign * w.loss > loss_of_most ? 1 : 0;
+    lost += sign * w.loss > loss_unit_ * loss_of_most ? 1 : 0;
   }
   int all_lost = 0;
   for (const auto& [patches, lost] : quarters) {
@@ -571,7 +572,8 @@ void CameraWatch::judge_focus(Timestamp at, double blur_blocks) {
     std::vector<double> losses;
     for (const Watched& w : watched_)
       if (w.seen_at == at && w.loss_sigma < knows_loss) losses.push_back(std::abs(double(w.loss)));
-    if (is_defocused_ && !losses.empty() && calib::median_in_place(std::span(losses)) < double(loss_that_stays))
+    if (is_defocused_ && !losses.empty() &&
+        calib::median_in_place(std::span(losses)) < double(loss_unit_ * loss_that_stays))
       set_focus(false);
     return;
   }

@@ -173,6 +173,7 @@ class CameraWatch {
 
   const calib::Camera camera_;
   const int scale_;
+  const float loss_unit_;  // of the losses that are told, by the blocks' size
   RoomCondition condition_;
   std::vector<PatchMean> learning_;
   std::vector<Watched> watched_;
