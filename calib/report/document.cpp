@@ -21,11 +21,21 @@ Color color_of(Verdict verdict) {
 
 // ---- HTML
 
-std::string svg_of(const Figure& figure) {
+void replace_all(std::string& text, std::string_view what, const std::string& by) {
+  for (std::size_t at = text.find(what); at != std::string::npos; at = text.find(what, at + by.size()))
+    text.replace(at, what.size(), by);
+}
+
+// number: of the figure in the document. Cairo gives glyphs and masks the same names in every picture, and a browser
+// takes the first of a page: letters of one figure would be shown in all others.
+std::string svg_of(const Figure& figure, std::size_t number) {
   Canvas canvas(figure.width, figure.height, drawing::white, Canvas::Kind::svg);
   figure.draw(canvas);
-  const std::string file = canvas.svg();
-  return file.substr(file.find("<svg"));  // without the declaration of a file
+  std::string svg = canvas.svg();
+  svg.erase(0, svg.find("<svg"));  // without the declaration of a file
+  for (const std::string before : {" id=\"", "href=\"#", "url(#"})
+    replace_all(svg, before, fmt::format("{}figure{}-", before, number));
+  return svg;
 }
 
 std::string html_of(const Table& table) {
@@ -42,6 +52,7 @@ std::string html_of(const Table& table) {
 }
 
 struct Html {
+  std::size_t figures = 0;
   std::string operator()(const Heading& h) const { return "<h2>" + escaped(h.text) + "</h2>\n"; }
   std::string operator()(const Paragraph& p) const { return "<p>" + escaped(p.text) + "</p>\n"; }
   std::string operator()(const Banner& b) const {
@@ -49,8 +60,9 @@ struct Html {
                        escaped(b.text));
   }
   std::string operator()(const Table& t) const { return html_of(t); }
-  std::string operator()(const Figure& f) const {
-    return "<figure>" + svg_of(f) + "<figcaption>" + escaped(f.caption) + "</figcaption></figure>\n";
+  std::string operator()(const Figure& f) {
+    return "<figure class=drawn>" + svg_of(f, ++figures) + "<figcaption>" + escaped(f.caption) +
+           "</figcaption></figure>\n";
   }
 };
 
@@ -70,6 +82,7 @@ class Paper {
     canvas_.next_page();
     y_ = margin;
   }
+  void need_heading_and(const Figure& f) { need(40 + height_of(f)); }
   void lines(const std::string& text, double size, Color color, drawing::Weight weight, double indent = 0) {
     const double step = line_step * size / text_size;
     std::string line;
@@ -137,8 +150,8 @@ class Paper {
     y_ += 6;
   }
   void operator()(const Figure& f) {
-    const double scale = std::min(1.0, usable_width / f.width);
-    need(scale * f.height + 2 * line_step);
+    const double scale = scale_of(f);
+    need(height_of(f));
     {
       const Canvas::Placed placed(canvas_, {margin, y_}, scale);
       f.draw(canvas_);
@@ -149,6 +162,9 @@ class Paper {
   }
 
  private:
+  static double scale_of(const Figure& f) { return std::min(1.0, usable_width / f.width); }
+  static double height_of(const Figure& f) { return scale_of(f) * f.height + 2 * line_step; }  // with its caption
+
   Canvas& canvas_;
   double y_ = margin;
 };
@@ -200,7 +216,8 @@ void Document::figure(Figure figure) {
 std::string to_html(const Document& document) {
   std::string out = html_head(document.title) + "<h1>" + escaped(document.title) + "</h1><p class=soft>" +
                     escaped(document.subtitle) + "</p>\n";
-  for (const Part& part : document.parts) out += std::visit(Html{}, part);
+  Html html;
+  for (const Part& part : document.parts) out += std::visit(html, part);
   return out + "</body></html>\n";
 }
 
@@ -209,7 +226,11 @@ std::string to_pdf(const Document& document) {
   Paper paper(canvas);
   paper.lines(document.title, 18, drawing::ink, drawing::Weight::bold);
   paper.lines(document.subtitle, text_size, drawing::muted, drawing::Weight::normal);
-  for (const Part& part : document.parts) std::visit(paper, part);
+  for (std::size_t k = 0; k < document.parts.size(); ++k) {
+    const auto* next = k + 1 < document.parts.size() ? std::get_if<Figure>(&document.parts[k + 1]) : nullptr;
+    if (next != nullptr && std::holds_alternative<Heading>(document.parts[k])) paper.need_heading_and(*next);
+    std::visit(paper, document.parts[k]);
+  }
   return canvas.pdf();
 }
 

@@ -20,6 +20,7 @@ th,td { padding:3px 14px 3px 0; border-bottom:1px solid var(--line); vertical-al
 td.n, th.n { text-align:right; }
 .row { display:flex; flex-wrap:wrap; gap:20px; align-items:flex-start; } figure { margin:0; }
 figcaption { color:var(--soft); font-size:13px; max-width:44ch; }
+.drawn svg { max-width:100%; height:auto; } .drawn figcaption { max-width:85ch; margin:2px 0 14px; }
 svg text { font:11px system-ui,sans-serif; fill:var(--ink); } svg { display:block; }
 ul.todo { padding-left:20px; margin:8px 0; } ul.todo li { margin:8px 0; } details summary { cursor:pointer; color:var(--blue); }
 )";
