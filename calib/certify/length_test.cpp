@@ -9,10 +9,13 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-// At 30 frames per second two balls of one frame set are told for moments less than a frame apart.
-constexpr double most_apart_s = 0.035;
-// A bar that moved or turned by so much since a measurement began, or after so long, is at another one.
-constexpr double other_place_m = 0.15, other_direction_cos = 0.94, longest_s = 1.0;
+// A bar that moved or turned by so much since a measurement began is at another one. One that lies still is not,
+// however long it lies: all its lengths err alike.
+constexpr double other_place_m = 0.15, other_direction_cos = 0.94;
+
+// Of a place's visit, a share of Rest::rest_s at either end; and fixes that tell a rest from a few that are left of it.
+constexpr double rest_edge_s = Rest::rest_s / 5;
+constexpr std::size_t least_in_rest = 5;
 
 // How a position moves with the rig's parameters, times their standard deviations; all cameras whose image it is in
 // see it, and alike.
@@ -35,57 +38,101 @@ double stated_sigma(const Vector3d& a, const Matrix3d& covariance_a, const Vecto
   return std::sqrt(std::max({apart - 2 * ga.dot(gb), by_frames, 0.0}));
 }
 
+// Of a track: fixes from..to - 1.
+struct Window {
+  std::size_t from = 0, to = 0;
+};
+
+Vector3d mean_position(const BallTrack& track, const Window& window) {
+  Vector3d sum = Vector3d::Zero();
+  for (std::size_t k = window.from; k < window.to; ++k) sum += track[k].position;
+  return sum / static_cast<double>(window.to - window.from);
+}
+
+double scatter_about(const BallTrack& track, const Window& window, const Vector3d& mean) {
+  double squares = 0;
+  for (std::size_t k = window.from; k < window.to; ++k) squares += (track[k].position - mean).squaredNorm();
+  return std::sqrt(squares / static_cast<double>(window.to - window.from));
+}
+
+// From the middle of its first half to that of its second one.
+bool is_at_rest(const BallTrack& track, const Window& window) {
+  const double span_s = track[window.to - 1].t_s - track[window.from].t_s;
+  const std::size_t half = (window.from + window.to) / 2;
+  if (window.to - window.from < least_in_rest || span_s > 2 * Rest::rest_s) return false;
+  const Vector3d way = mean_position(track, {half, window.to}) - mean_position(track, {window.from, half});
+  return way.norm() < Rest::rest_m_s * span_s / 2 &&
+         scatter_about(track, window, mean_position(track, window)) < Rest::rest_scatter_m;
+}
+
+// While it is put down and taken up it moves a little.
+Window without_edges(const BallTrack& track, Window window) {
+  const double from_s = track[window.from].t_s + rest_edge_s, to_s = track[window.to - 1].t_s - rest_edge_s;
+  while (track[window.from].t_s < from_s) ++window.from;
+  while (track[window.to - 1].t_s > to_s) --window.to;
+  return window;
+}
+
+Rest rest_in(const BallTrack& track, const Window& window) {
+  Rest rest{.from_s = track[window.from].t_s, .to_s = track[window.to - 1].t_s};
+  rest.position = mean_position(track, window);
+  for (std::size_t k = window.from; k < window.to; ++k)
+    rest.covariance += track[k].covariance / static_cast<double>(window.to - window.from);
+  rest.scatter_m = scatter_about(track, window, rest.position);
+  return rest;
+}
+
 }  // namespace
 
 std::vector<Rest> rests_of(const BallTrack& track) {
   std::vector<Rest> rests;
-  for (std::size_t from = 0; from < track.size();) {
-    std::size_t to = from;
-    while (to < track.size() && track[to].velocity.norm() < Rest::rest_m_s &&
-           (to == from || track[to].t_s - track[to - 1].t_s < Rest::rest_s))
-      ++to;
-    if (to > from + 1 && track[to - 1].t_s - track[from].t_s >= Rest::rest_s) {
-      Rest rest{.from_s = track[from].t_s, .to_s = track[to - 1].t_s};
-      const auto n = static_cast<double>(to - from);
-      for (std::size_t k = from; k < to; ++k) {
-        rest.position += track[k].position / n;
-        rest.covariance += track[k].covariance / n;
-      }
-      for (std::size_t k = from; k < to; ++k) rest.scatter_m += (track[k].position - rest.position).squaredNorm() / n;
-      rest.scatter_m = std::sqrt(rest.scatter_m);
-      rests.push_back(rest);
-    }
-    from = std::max(to, from + 1);
+  Window resting{};  // all windows so far that overlap and rest
+  const auto end = [&] {
+    if (resting.to > resting.from) rests.push_back(rest_in(track, without_edges(track, resting)));
+    resting = {};
+  };
+  for (std::size_t from = 0, to = 0; from < track.size(); ++from) {
+    while (to < track.size() && track[to].t_s - track[from].t_s < Rest::rest_s) ++to;
+    if (to == track.size()) break;
+    const Window window{from, to + 1};
+    if (!is_at_rest(track, window)) continue;
+    if (from >= resting.to) end();
+    if (resting.to == 0) resting.from = from;
+    resting.to = window.to;
   }
+  end();
   return rests;
+}
+
+MeasuredLength length_between(const BallFix& a, const BallFix& b, double length_m, const calib::CameraRig& rig) {
+  const Vector3d p = b.position + (a.t_s - b.t_s) * b.velocity, between = p - a.position;
+  MeasuredLength m{.set = a.set, .t_s = a.t_s, .middle = (a.position + p) / 2, .direction = between.normalized()};
+  m.error_m = between.norm() - length_m;
+  m.stated_sigma_m = stated_sigma(a.position, a.covariance, p, b.covariance, rig);
+  m.speed_m_s = std::max(a.velocity.norm(), b.velocity.norm());
+  return m;
+}
+
+int number_measurements(std::span<MeasuredLength> lengths, int first) {
+  const MeasuredLength* began = nullptr;
+  for (MeasuredLength& m : lengths) {
+    const bool is_other = began == nullptr || (m.middle - began->middle).norm() > other_place_m ||
+                          std::abs(m.direction.dot(began->direction)) < other_direction_cos;
+    m.measurement = is_other ? first++ : began->measurement;
+    if (is_other) began = &m;
+  }
+  return first;
 }
 
 std::vector<MeasuredLength> bar_lengths(const BallTrack& a, const BallTrack& b, double length_m,
                                         const calib::CameraRig& rig) {
   std::vector<MeasuredLength> out;
-  double began_s = 0;
-  Vector3d began_at = Vector3d::Zero(), began_along = Vector3d::Zero();
-  int measurement = -1;
   auto other = b.begin();
   for (const BallFix& fix : a) {
-    while (other != b.end() && std::next(other) != b.end() &&
-           std::abs(std::next(other)->t_s - fix.t_s) <= std::abs(other->t_s - fix.t_s))
-      ++other;
-    if (other == b.end() || std::abs(other->t_s - fix.t_s) > most_apart_s) continue;
-    const Vector3d p = other->position + (fix.t_s - other->t_s) * other->velocity, between = p - fix.position;
-    MeasuredLength m{.t_s = fix.t_s, .middle = (fix.position + p) / 2, .direction = between.normalized()};
-    m.error_m = between.norm() - length_m;
-    m.stated_sigma_m = stated_sigma(fix.position, fix.covariance, p, other->covariance, rig);
-    m.speed_m_s = std::max(fix.velocity.norm(), other->velocity.norm());
-    const bool is_other = measurement < 0 || (m.middle - began_at).norm() > other_place_m ||
-                          std::abs(m.direction.dot(began_along)) < other_direction_cos || m.t_s - began_s > longest_s;
-    if (is_other) {
-      ++measurement;
-      began_s = m.t_s, began_at = m.middle, began_along = m.direction;
-    }
-    m.measurement = measurement;
-    out.push_back(m);
+    while (other != b.end() && other->set < fix.set) ++other;
+    if (other != b.end() && other->set == fix.set) out.push_back(length_between(fix, *other, length_m, rig));
   }
+  number_measurements(out, 0);
   return out;
 }
 

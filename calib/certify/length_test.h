@@ -5,6 +5,8 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstdint>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -14,15 +16,17 @@ namespace huetrack::certify {
 
 // Where a ball was at one moment, as it was told.
 struct BallFix {
+  std::uint64_t set = 0;  // the frame set in which it was told, whatever the moment it is told of
   double t_s = 0;
   Eigen::Vector3d position = Eigen::Vector3d::Zero();
   Eigen::Vector3d velocity = Eigen::Vector3d::Zero();    // m/s
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  // of the position, as it was stated, m^2
 };
-using BallTrack = std::vector<BallFix>;  // ascending in time; only what is `tracking`
+using BallTrack = std::vector<BallFix>;  // ascending in sets and time; only what is `tracking`
 
 // One length that was measured.
 struct MeasuredLength {
+  std::uint64_t set = 0;  // of a bar: the frame set
   double t_s = 0;
   Eigen::Vector3d middle = Eigen::Vector3d::Zero();
   Eigen::Vector3d direction = Eigen::Vector3d::UnitX();  // unit
@@ -33,9 +37,10 @@ struct MeasuredLength {
   int measurement = 0;
 };
 
-// The ball was put down: no faster than rest_m_s for rest_s at least.
+// The ball was put down: its positions went no faster than rest_m_s for rest_s at least, and scattered no further. What
+// was told of its velocity is no measure of that: of a ball of a few pixels it is 0.05 m/s though it lies still.
 struct Rest {
-  static constexpr double rest_m_s = 0.03, rest_s = 0.5;
+  static constexpr double rest_m_s = 0.03, rest_s = 0.5, rest_scatter_m = 0.01;
   double from_s = 0, to_s = 0;
   Eigen::Vector3d position = Eigen::Vector3d::Zero();    // mean
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  // stated, mean
@@ -43,9 +48,14 @@ struct Rest {
 };
 std::vector<Rest> rests_of(const BallTrack& track);
 
-// Of the two balls of a bar, at every moment at which both are there. Neither may be further from the other's moment
-// than a frame; it is taken along its velocity over the rest. The errors of two positions that a rig's uncertainty
+// At the moment of `a`: `b` is taken along its velocity to it. The errors of two positions that a rig's uncertainty
 // leaves open are much alike where they are near one another: as far as the rig file tells, that is in stated_sigma_m.
+MeasuredLength length_between(const BallFix& a, const BallFix& b, double length_m, const calib::CameraRig& rig);
+
+// Says which measurement each belongs to, from `first` on; returns the number that is free then. Ascending in time.
+int number_measurements(std::span<MeasuredLength> lengths, int first);
+
+// Of the two balls of a bar, of two colours, in every frame set in which both are tracked.
 std::vector<MeasuredLength> bar_lengths(const BallTrack& a, const BallTrack& b, double length_m,
                                         const calib::CameraRig& rig);
 

@@ -4,23 +4,19 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <memory>
-#include <thread>
 
 #include "calib/certify/certificate.h"
 #include "calib/gather/picture_source.h"
 #include "calib/program/commands.h"
 #include "calib/program/measured_points.h"
 #include "calib/program/outcome.h"
+#include "calib/program/tracked_recording.h"
 #include "calib/report/certificate_report.h"
 #include "calib/yaml/text_file.h"
 #include "config/service_config.h"
-#include "pipeline/session.h"
-#include "recordings/recording.h"
-#include "recordings/replay_source.h"
 #include "tracks/track_csv.h"
 
 namespace huetrack::program {
@@ -32,94 +28,41 @@ struct CertifyOptions {
   double length_mm = 0, length_sigma_mm = 0.3, limit_mm = 0;
 };
 
-using Estimates = std::vector<object_tracking::ObjectEstimate>;
-
-// What came of the recording, by target.
-struct Tracked {
-  std::map<std::string, Estimates> estimates;
-  std::size_t sets = 0, incomplete = 0;  // 0: not known
-  std::optional<double> set_ms;
-};
-
-class Collector final : public pipeline::Output {
- public:
-  Collector(const std::vector<object_tracking::TargetOptions>& targets, Tracked& out) : targets_(targets), out_(out) {}
-  void on_set(const pipeline::TrackedSet& set) override {
-    ++out_.sets;
-    const bool is_complete =
-        std::ranges::all_of(set.frames.frames, [](const auto& frame) { return frame.has_value(); });
-    out_.incomplete += is_complete ? 0 : 1;
-    for (const auto& e : set.estimates)
-      out_.estimates[object_tracking::object_name(targets_[e.target].name, e.object)].push_back(e);
-  }
-
- private:
-  const std::vector<object_tracking::TargetOptions>& targets_;
-  Tracked& out_;
-};
-
-// The recording, through the service's own road.
-Tracked tracked(const config::ServiceConfig& config, const std::string& file, const std::stop_token& stop) {
-  const recordings::Recording recording = recordings::read_recording(file);
-  for (const auto& warning : recording.warnings) std::printf("note: %s\n", warning.c_str());
-  std::vector<std::string> names;
-  for (const calib::Camera& camera : config.rig.cameras) names.push_back(camera.name);
-  auto source = std::make_unique<recordings::ReplaySource>(
-      recording, names,
-      recordings::ReplayOptions{.decoder_threads = std::max(1, static_cast<int>(std::thread::hardware_concurrency())),
-                                .timing = config::frame_timing(config.rig),
-                                .takes_matches = true});
-  pipeline::SessionSources sources;
-  std::vector<pipeline::SessionCamera> known;
-  for (const recordings::ReplayCamera& camera : source->cameras())
-    known.push_back({.camera = static_cast<int>(known.size()),
-                     .period = camera.frame_period,
-                     .pixels = pipeline::SessionCamera::Pixels{camera.format, camera.range}});
-  sources.cameras = [known] { return known; };
-  sources.is_ascending = std::ranges::all_of(
-      recording.cameras, [](const auto& camera) { return camera.received.empty() && camera.corrupted.empty(); });
-  sources.sources.push_back(std::move(source));
-  Tracked out;
-  pipeline::Session session(config, std::move(sources), {});
-  Collector collector(config.targets, out);
-  session.add(collector);
-  const auto began = std::chrono::steady_clock::now();
-  session.run(stop);
-  if (stop.stop_requested()) throw gather::InputError("stopped");
-  const std::chrono::duration<double, std::milli> took = std::chrono::steady_clock::now() - began;
-  if (out.sets > 0) out.set_ms = took.count() / static_cast<double>(out.sets);
-  return out;
-}
-
 certify::BallTrack track_of(const Estimates& estimates) {
   certify::BallTrack track;
   for (const object_tracking::ObjectEstimate& e : estimates) {
     if (e.state != object_tracking::TrackState::tracking) continue;
-    track.push_back({capture::seconds(e.at), e.position, e.velocity, e.covariance});
+    track.push_back({e.set_number, capture::seconds(e.at), e.position, e.velocity, e.covariance});
   }
   return track;
 }
 
-report::TargetTally tally_of(const std::string& name, const Estimates& estimates,
+struct Told {
+  double at_s = 0;
+  bool is_tracked = false;
+};
+
+// told: of every frame set.
+report::TargetTally tally_of(const std::string& name, const std::vector<Told>& told,
                              const std::vector<certify::Rest>& rests) {
-  report::TargetTally tally{.name = name};
-  std::optional<double> lost_at;
-  bool is_found = false;
-  for (const object_tracking::ObjectEstimate& e : estimates) {
-    ++tally.sets;
-    const double at = capture::seconds(e.at);
-    if (e.state == object_tracking::TrackState::tracking) {
+  report::TargetTally tally{.name = name, .sets = told.size()};
+  std::optional<double> lost_s;
+  const auto end_gap = [&](double at_s) {
+    if (lost_s) tally.longest_gap_s = std::max(tally.longest_gap_s, at_s - *lost_s);
+    lost_s.reset();
+  };
+  for (const Told& of_set : told) {
+    if (of_set.is_tracked) {
       ++tally.tracking;
-      is_found = true;
-      if (lost_at) tally.longest_gap_s = std::max(tally.longest_gap_s, at - *lost_at);
-      lost_at.reset();
-    } else if (is_found && !lost_at) {
+      end_gap(of_set.at_s);
+    } else if (tally.tracking > 0 && !lost_s) {
       ++tally.gaps;
-      lost_at = at;
+      lost_s = of_set.at_s;
     }
   }
-  for (const certify::Rest& rest : rests) tally.rest_scatter_m += rest.scatter_m * rest.scatter_m;
+  if (lost_s) end_gap(told.back().at_s);
   tally.rests = rests.size();
+  for (const certify::Rest& rest : rests) tally.rest_scatter_m += rest.scatter_m * rest.scatter_m;
   if (!rests.empty()) tally.rest_scatter_m = std::sqrt(tally.rest_scatter_m / static_cast<double>(rests.size()));
   return tally;
 }
@@ -129,7 +72,8 @@ std::vector<std::pair<std::string, std::string>> times_of(const calib::CameraRig
   std::vector<std::pair<std::string, std::string>> out;
   const Estimates* some = nullptr;
   for (const auto& [name, estimates] : all.estimates) {
-    if (!estimates.empty() && !estimates.back().times.empty()) some = &estimates;
+    if (estimates.empty() || estimates.back().times.empty()) continue;
+    if (some == nullptr || some->back().at < estimates.back().at) some = &estimates;
   }
   for (std::size_t c = 0; some != nullptr && c < rig.cameras.size(); ++c) {
     const object_tracking::CameraTimingEstimate& time = some->back().times[c];
@@ -141,22 +85,156 @@ std::vector<std::pair<std::string, std::string>> times_of(const calib::CameraRig
   return out;
 }
 
-// The targets that are asked for, of `count` that are needed.
-std::vector<std::string> targets_of(const CertifyOptions& o, const config::ServiceConfig& config, std::size_t count) {
-  std::vector<std::string> names = o.targets, known;
-  for (const auto& target : config.targets) known.push_back(target.name);
-  if (names.empty() && known.size() == count) names = known;
-  const std::string all = fmt::to_string(fmt::join(known, ", "));
-  if (names.size() != count)
-    throw gather::InputError(
-        fmt::format("say with --target which {} it is, of {}: {}", count == 1 ? "ball" : "two balls", o.config, all));
-  for (const std::string& name : names) {
-    if (std::ranges::find(known, name) == known.end())
-      throw gather::InputError(o.config + " has no target " + name + ": it has " + all);
+// Whose positions are measured.
+struct Ends {
+  std::vector<std::string> targets;
+  bool is_one_color = false;  // both balls of a bar are objects of one target
+};
+
+const object_tracking::TargetOptions& target_of(const config::ServiceConfig& config, const std::string& file,
+                                                const std::string& name) {
+  std::vector<std::string> known;
+  for (const auto& target : config.targets) {
+    if (target.name == name) return target;
+    known.push_back(target.name);
   }
-  if (count == 2 && names[0] == names[1])
-    throw gather::InputError("--target: the two balls of a bar are two targets, of two colours");
+  throw gather::InputError(fmt::format("{} has no target {}: it has {}", file, name, fmt::join(known, ", ")));
+}
+
+void require_one_object(const object_tracking::TargetOptions& target, const std::string& file, std::string_view why) {
+  if (target.count > 1)
+    throw gather::InputError(
+        fmt::format("{}: {} has count: {}, and {}: count: 1, or leave it out", file, target.name, target.count, why));
+}
+
+// What the configuration leaves no doubt of, where no target was named.
+std::vector<std::string> targets_without_a_choice(const config::ServiceConfig& config, bool is_bar) {
+  std::vector<std::string> names;
+  for (const auto& target : config.targets) names.push_back(target.name);
+  if (names.size() > (is_bar ? 2 : 1)) names.clear();
   return names;
+}
+
+Ends ends_of(const CertifyOptions& o, const config::ServiceConfig& config, bool is_bar) {
+  Ends ends{.targets = o.targets.empty() ? targets_without_a_choice(config, is_bar) : o.targets};
+  const std::size_t given = ends.targets.size();
+  if (given == 0 || given > (is_bar ? 2 : 1)) {
+    std::vector<std::string> known;
+    for (const auto& target : config.targets) known.push_back(target.name);
+    throw gather::InputError(fmt::format("say with --target which {} it is, of {}: {}",
+                                         is_bar ? "two balls (or which one, if both have its colour)" : "ball",
+                                         o.config, fmt::join(known, ", ")));
+  }
+  const object_tracking::TargetOptions& first = target_of(config, o.config, ends.targets[0]);
+  if (!is_bar) {
+    require_one_object(first, o.config, "one ball is put on marked places");
+  } else if (given == 1) {
+    if (first.count != 2)
+      throw gather::InputError(fmt::format(
+          "{0}: {1} has count: {2}, and a bar has two balls: if both have its colour, count: 2; if not, name the other "
+          "one's target, too (--target {1} --target OTHER)",
+          o.config, first.name, first.count));
+    ends.is_one_color = true;
+  } else if (ends.targets[0] == ends.targets[1]) {
+    throw gather::InputError(
+        fmt::format("--target: {0} is given twice. A bar with two balls of its colour is --target {0}, once, with "
+                    "count: 2 in {1}",
+                    ends.targets[0], o.config));
+  } else {
+    for (const std::string& name : ends.targets)
+      require_one_object(target_of(config, o.config, name), o.config,
+                         "each ball of the bar has a colour of its own where there are two targets (one that has both "
+                         "is named alone: --target " +
+                             name + ")");
+  }
+  return ends;
+}
+
+// Of a target of several objects: lime_1, lime_2, ...
+bool is_object_of(std::string_view name, const std::string& target) {
+  if (!name.starts_with(target + "_")) return false;
+  name.remove_prefix(target.size() + 1);
+  return !name.empty() && std::ranges::all_of(name, [](char c) { return c >= '0' && c <= '9'; });
+}
+
+// What is measured, and what there is to say of how.
+struct Measured {
+  std::vector<certify::MeasuredLength> lengths;
+  std::size_t most_independent = 1'000'000;
+};
+
+std::string why_no_length(const report::OneColorTally& tally, const std::string& target) {
+  if (!tally.bar.others.empty())
+    return fmt::format(
+        "the two objects of {} are {:.0f} to {:.0f} mm apart, and not the {:.0f} mm of the bar: is --length-mm right, "
+        "from middle to middle of its balls, and is nothing else of that colour in the room?",
+        target, 1e3 * tally.bar.others.front().least_m, 1e3 * tally.bar.others.front().most_m, 1e3 * tally.length_m);
+  if (tally.bar.with_third > 0)
+    return "there is a third object of the colour of " + target + " throughout: take it away and record anew";
+  if (tally.bar.only_one > 0)
+    return "never are two objects of " + target + " tracked at one moment: there is no length";
+  return target + " is never tracked: there is nothing to certify";
+}
+
+Measured measured_one_color(const CertifyOptions& o, const config::ServiceConfig& config, const std::string& target,
+                            const Tracked& all, report::CertificateInput& input) {
+  std::vector<certify::BallTrack> tracks;
+  std::vector<certify::Rest> rests;
+  std::map<std::uint64_t, Told> told;
+  for (const auto& [name, estimates] : all.estimates) {
+    if (name != target && !is_object_of(name, target)) continue;
+    for (const auto& e : estimates) told.try_emplace(e.set_number, Told{.at_s = capture::seconds(e.at)});
+    tracks.push_back(track_of(estimates));
+    const auto of_track = certify::rests_of(tracks.back());
+    rests.insert(rests.end(), of_track.begin(), of_track.end());
+  }
+  const auto further = all.further.find(target);
+  report::OneColorTally tally{.length_m = o.length_mm / 1e3, .sets = told.size()};
+  tally.bar = certify::one_color_bar(tracks, further == all.further.end() ? std::set<std::uint64_t>{} : further->second,
+                                     tally.length_m, config.rig);
+  if (!told.empty()) tally.began_s = told.begin()->second.at_s;
+  for (const certify::MeasuredLength& length : tally.bar.lengths) told[length.set].is_tracked = true;
+  std::vector<Told> by_set;
+  for (const auto& [set, of_set] : told) by_set.push_back(of_set);
+  input.targets.push_back(tally_of(target + ", both", by_set, rests));
+  input.what = fmt::format("a bar of {:.2f} mm between two balls, both {}", o.length_mm, target);
+  input.one_color = tally;
+  if (tally.bar.lengths.empty()) throw gather::InputError(why_no_length(tally, target));
+  return {tally.bar.lengths};
+}
+
+// Each ball has a colour of its own, or there is one.
+Measured measured_by_color(const CertifyOptions& o, const config::ServiceConfig& config,
+                           const std::vector<std::string>& names, const Tracked& all, report::CertificateInput& input) {
+  std::vector<certify::BallTrack> tracks;
+  std::vector<std::vector<certify::Rest>> rests;
+  for (const std::string& name : names) {
+    const auto told = all.estimates.find(name);
+    const Estimates& estimates = told == all.estimates.end() ? Estimates{} : told->second;
+    tracks.push_back(track_of(estimates));
+    rests.push_back(certify::rests_of(tracks.back()));
+    std::vector<Told> told_of_sets;
+    for (const auto& e : estimates)
+      told_of_sets.push_back({capture::seconds(e.at), e.state == object_tracking::TrackState::tracking});
+    input.targets.push_back(tally_of(name, told_of_sets, rests.back()));
+    if (tracks.back().empty()) throw gather::InputError(name + " is never tracked: there is nothing to certify");
+  }
+  Measured out;
+  if (o.length_mm > 0) {
+    input.what = fmt::format("a bar of {:.2f} mm between {} and {}", o.length_mm, names[0], names[1]);
+    out.lengths = certify::bar_lengths(tracks[0], tracks[1], o.length_mm / 1e3, config.rig);
+    if (out.lengths.empty()) throw gather::InputError("the two balls are never tracked at one moment");
+    return out;
+  }
+  const auto places = read_places(o.places);
+  const auto visits = certify::visits_of(rests[0], places);
+  input.what = fmt::format("{} visits of {} marked places by {}", visits.size(), places.size(), names[0]);
+  out.lengths = certify::place_lengths(visits, places, config.rig);
+  out.most_independent = visits.size();  // all lengths are made of these places
+  if (out.lengths.empty())
+    throw gather::InputError(
+        "the ball never rests at two of the places: 0.5 s at each, within a third of the way to the next place");
+  return out;
 }
 
 ExitStatus certify_lengths(const CertifyOptions& o, const std::stop_token& stop) {
@@ -167,7 +245,7 @@ ExitStatus certify_lengths(const CertifyOptions& o, const std::stop_token& stop)
   const config::ServiceConfig config = config::load_service_config(o.config);
   config::require_rig(config);
   const bool is_bar = o.length_mm > 0;
-  const std::vector<std::string> names = targets_of(o, config, is_bar ? 2 : 1);
+  const Ends ends = ends_of(o, config, is_bar);
   Tracked all;
   if (o.tracks.empty()) {
     all = tracked(config, o.recording, stop);
@@ -175,32 +253,12 @@ ExitStatus certify_lengths(const CertifyOptions& o, const std::stop_token& stop)
     all.estimates = tracks::read_track_csv(o.tracks);
   }
   report::CertificateInput input{.rig_name = yaml::printable(std::filesystem::path(o.config).filename().string()),
-                                 .what = {}};
-  std::vector<certify::BallTrack> tracks;
-  std::vector<std::vector<certify::Rest>> rests;
-  for (const std::string& name : names) {
-    tracks.push_back(track_of(all.estimates[name]));
-    rests.push_back(certify::rests_of(tracks.back()));
-    input.targets.push_back(tally_of(name, all.estimates[name], rests.back()));
-    if (tracks.back().empty()) throw gather::InputError(name + " is never tracked: there is nothing to certify");
-  }
-  std::vector<certify::MeasuredLength> lengths;
-  std::size_t independent = 1'000'000;
-  if (is_bar) {
-    input.what = fmt::format("a bar of {:.2f} mm between {} and {}", o.length_mm, names[0], names[1]);
-    lengths = certify::bar_lengths(tracks[0], tracks[1], o.length_mm / 1e3, config.rig);
-  } else {
-    const auto places = read_places(o.places);
-    const auto visits = certify::visits_of(rests[0], places);
-    input.what = fmt::format("{} visits of {} marked places by {}", visits.size(), places.size(), names[0]);
-    lengths = certify::place_lengths(visits, places, config.rig);
-    independent = visits.size();  // all lengths are made of these places
-  }
-  if (lengths.empty())
-    throw gather::InputError(is_bar ? "the two balls are never tracked at one moment"
-                                    : "the ball never rests at two of the places: 0.5 s at each, within a third of the "
-                                      "way to the next place");
-  const certify::Certificate certificate = certify::certificate_of(lengths, o.length_sigma_mm / 1e3, independent);
+                                 .what = {},
+                                 .is_of_places = !is_bar};
+  const Measured measured = ends.is_one_color ? measured_one_color(o, config, ends.targets[0], all, input)
+                                              : measured_by_color(o, config, ends.targets, all, input);
+  const certify::Certificate certificate =
+      certify::certificate_of(measured.lengths, o.length_sigma_mm / 1e3, measured.most_independent);
   if (o.limit_mm > 0) input.limit_m = o.limit_mm / 1e3;
   input.cameras = times_of(config.rig, all);
   input.set_ms = all.set_ms;
@@ -211,7 +269,7 @@ ExitStatus certify_lengths(const CertifyOptions& o, const std::stop_token& stop)
                    {"configuration", o.config},
                    {"configuration's identity", config::config_identity(config)}};
   if (config.rig.made.at) input.made_of.emplace_back("rig made", calib::utc_text(*config.rig.made.at));
-  const report::CertificateReport report = report::report_on(certificate, lengths, config.rig, input);
+  const report::CertificateReport report = report::report_on(certificate, measured.lengths, config.rig, input);
   std::fputs(report::to_text(report.document).c_str(), stdout);
   if (!o.report.empty()) write_document(report.document, o.report);
   return status_of(report.verdict);
@@ -226,7 +284,9 @@ void add_certify_command(CLI::App& app, Command& chosen) {
   command->add_option("recording", o->recording, "recording.yaml, or the folder that holds it");
   command->add_option("--config", o->config, "huetrackd.yaml: rig, targets, and how they are tracked")->required();
   command->add_option("--tracks", o->tracks, "instead of the recording: the CSV that huetrackd replay --tracks wrote");
-  command->add_option("--target", o->targets, "a ball, again for the bar's other one; default: all targets there are");
+  command->add_option(
+      "--target", o->targets,
+      "a ball; again for the bar's other one, if that has another colour; default: all targets there are");
   command->add_option("--length-mm", o->length_mm, "the bar's length, from middle to middle of its balls")
       ->check(CLI::PositiveNumber);
   command->add_option("--length-sigma-mm", o->length_sigma_mm, "how well it (or the places) is known (default 0.3)")

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 
 #include "calib/report/volume_pictures.h"
 #include "drawing/axes.h"
@@ -15,25 +16,62 @@ using certify::Certificate;
 // So that the expanded uncertainty is an error that was seen, and not the largest of a few: of 39 measurements the
 // 95 % are the 38th. And a length test goes in all directions, through the volume.
 constexpr std::size_t least_independent = 39, least_directions = 4, least_cells = 12;
-constexpr double honest_surprise = 4, modest_surprise = 0.1;  // of squared errors in their stated sigmas
+// A third object of the colour: for a moment it may be a reflection, and what it is seen in is left out.
+constexpr double most_with_third_percent = 5;
+constexpr double honest_surprise = 4, small_surprise = 1.5,
+                 modest_surprise = 0.1;  // of squared errors in their stated sigmas
 
 std::string in_mm(double metres) {
   return fmt::format("{:.2f}", 1e3 * metres);
 }
 
-std::vector<std::string> doubts_of(const Certificate& c) {
+std::vector<std::string> doubts_of(const Certificate& c, bool is_of_places) {
   std::vector<std::string> doubts;
   if (c.independent < least_independent)
-    doubts.push_back(
-        fmt::format("only {} lengths of their own were measured, {} are needed: carry it on, to other "
-                    "places and in other directions",
-                    c.independent, least_independent));
+    doubts.push_back(is_of_places
+                         ? fmt::format("only {} visits of marked places count, {} are needed: put it on each of "
+                                       "them again, or mark more",
+                                       c.independent, least_independent)
+                         : fmt::format("only {} lengths of their own were measured, {} are needed: carry it "
+                                       "on, to other places and in other directions",
+                                       c.independent, least_independent));
   if (c.directions_measured() < least_directions)
-    doubts.push_back(fmt::format("lengths lie in {} of seven directions only: turn it, upright and slanting too",
-                                 c.directions_measured()));
+    doubts.push_back(
+        fmt::format("lengths lie in {} of seven directions only: {}", c.directions_measured(),
+                    is_of_places ? "mark places above one another, too" : "turn it, upright and slanting too"));
   if (c.cells_measured() < least_cells)
-    doubts.push_back(fmt::format("only {} of {} parts of the volume were visited: carry it through all of it",
-                                 c.cells_measured(), c.cells.size()));
+    doubts.push_back(fmt::format("only {} of {} parts of the volume were visited: {}", c.cells_measured(),
+                                 c.cells.size(),
+                                 is_of_places ? "mark places all over it" : "carry it through all of it"));
+  return doubts;
+}
+
+std::size_t sets_of_others(const certify::OneColorBar& bar) {
+  std::size_t sets = 0;
+  for (const auto& other : bar.others) sets += other.sets;
+  return sets;
+}
+
+// What was tracked and may have been no ball of the bar, so that nobody knows what else was taken for one.
+std::vector<std::string> doubts_of(const OneColorTally& tally) {
+  std::vector<std::string> doubts;
+  const auto share = [&](std::size_t sets) {
+    return 100.0 * static_cast<double>(sets) / static_cast<double>(std::max<std::size_t>(1, tally.sets));
+  };
+  if (const auto& others = tally.bar.others; !others.empty()) {
+    const auto& longest = *std::ranges::max_element(others, {}, &certify::OneColorBar::Other::sets);
+    doubts.push_back(fmt::format(
+        "in {:.1f} % of the frame sets, from {:.1f} s after the beginning on, the two objects that were tracked were "
+        "{:.0f} to {:.0f} mm apart, and not the {:.0f} mm of the bar. These sets are in no figure: something else has "
+        "the colour (take it away and record anew), or --length-mm is wrong, or the rig is far off",
+        share(sets_of_others(tally.bar)), longest.from_s - tally.began_s, 1e3 * longest.least_m, 1e3 * longest.most_m,
+        1e3 * tally.length_m));
+  }
+  if (share(tally.bar.with_third) > most_with_third_percent)
+    doubts.push_back(
+        fmt::format("in {:.1f} % of the frame sets there was a third object of the colour, and these are in no figure: "
+                    "take it away and record anew",
+                    share(tally.bar.with_third)));
   return doubts;
 }
 
@@ -47,6 +85,9 @@ std::string honesty_text(const Certificate& c) {
     out +=
         " They are too sure: the rig does not fit any more, or was calibrated worse than it says, or the cameras' "
         "times are wrong. huetrack-calibrate check tells the first.";
+  else if (c.surprise > small_surprise)
+    out +=
+        fmt::format(" They are somewhat too sure: errors are {:.1f} times as large as stated.", std::sqrt(c.surprise));
   else if (c.surprise < modest_surprise)
     out += " They are more modest than they need be.";
   else
@@ -96,6 +137,18 @@ Figure errors_figure(const Certificate& c, const std::vector<certify::MeasuredLe
   return figure;
 }
 
+void add_one_color(Document& document, const OneColorTally& tally) {
+  const certify::OneColorBar& bar = tally.bar;
+  const std::size_t others = sets_of_others(bar);
+  const std::size_t seen = bar.lengths.size() + bar.only_one + bar.with_third + others;
+  document.paragraph(fmt::format(
+      "Of {} frame sets {} gave a length. Of the others, in {} one ball alone was tracked (the other was hidden, or "
+      "one "
+      "lay over the other in the pictures), and in {} neither was; in {} there was a third object of the colour; in {} "
+      "the two were not as far apart as the bar's balls.",
+      tally.sets, bar.lengths.size(), bar.only_one, tally.sets - std::min(tally.sets, seen), bar.with_third, others));
+}
+
 void add_targets(Document& document, const CertificateInput& input) {
   document.heading("Repeatability, dropouts, times");
   Table table{.head = {"target", "tracked", "gaps", "longest gap s", "rests", "scatter at rest mm"}, .rows = {}};
@@ -109,6 +162,7 @@ void add_targets(Document& document, const CertificateInput& input) {
                           std::to_string(target.rests), target.rests > 0 ? in_mm(target.rest_scatter_m) : "-"});
   }
   document.table(table);
+  if (input.one_color) add_one_color(document, *input.one_color);
   if (input.has_incomplete_sets)
     document.paragraph(
         fmt::format("In {:.1f} % of the frame sets a camera's frame was missing.", 100 * input.incomplete_share));
@@ -122,7 +176,12 @@ void add_targets(Document& document, const CertificateInput& input) {
 CertificateReport report_on(const Certificate& c, const std::vector<certify::MeasuredLength>& lengths,
                             const calib::CameraRig& rig, const CertificateInput& input) {
   CertificateReport report;
-  report.doubts = doubts_of(c);
+  report.doubts = doubts_of(c, input.is_of_places);
+  const bool is_too_little = !report.doubts.empty();
+  if (input.one_color) {
+    const auto doubts = doubts_of(*input.one_color);
+    report.doubts.insert(report.doubts.end(), doubts.begin(), doubts.end());
+  }
   const bool is_above = input.limit_m && c.expanded_m > *input.limit_m;
   report.verdict = is_above                                   ? Verdict::failed
                    : !report.doubts.empty() || !input.limit_m ? Verdict::doubtful
@@ -136,9 +195,9 @@ CertificateReport report_on(const Certificate& c, const std::vector<certify::Mea
   text += input.limit_m ? fmt::format(", the limit {} mm.", in_mm(*input.limit_m)) : "; no limit was given.";
   const char* word = is_above                            ? "FAIL"
                      : report.verdict == Verdict::usable ? "PASS"
-                     : input.limit_m                     ? "TOO LITTLE MEASURED"
-                     : report.doubts.empty()             ? "MEASURED"
-                                                         : "TOO LITTLE MEASURED";
+                     : is_too_little                     ? "TOO LITTLE MEASURED"
+                     : !report.doubts.empty()            ? "DOUBTFUL"
+                                                         : "MEASURED";
   document.banner(report.verdict, word, text);
   for (const std::string& doubt : report.doubts) document.paragraph("? " + doubt + ".");
   document.heading("Errors of the length");
@@ -155,10 +214,11 @@ CertificateReport report_on(const Certificate& c, const std::vector<certify::Mea
     document.figure(errors_figure(c, lengths, input.limit_m));
     document.table(by_direction(c));
     if (c.slow.lengths > 0 && c.fast.lengths > 0)
-      document.paragraph(
-          fmt::format("Slow (below 0.3 m/s) the rms is {} mm, fast (above 1 m/s) {} mm{}.", in_mm(c.slow.rms_m),
-                      in_mm(c.fast.rms_m),
-                      c.fast.rms_m > 2 * c.slow.rms_m ? ": the cameras' times are not known well enough" : ""));
+      document.paragraph(fmt::format("Slow (below 0.3 m/s) the rms is {} mm, fast (above 1 m/s) {} mm{}.",
+                                     in_mm(c.slow.rms_m), in_mm(c.fast.rms_m),
+                                     c.fast.rms_m > 2 * c.slow.rms_m
+                                         ? ": the cameras' times are not known well enough, or the pictures are smeared"
+                                         : ""));
     document.heading("Where in the volume it is good");
     VolumeValues values{.box = c.box, .steps = c.steps, .values = {}, .are_cells = true};
     std::vector<PlaceOnPlan> places;

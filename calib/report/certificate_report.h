@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "calib/certify/certificate.h"
+#include "calib/certify/one_color_bar.h"
 #include "calib/report/document.h"
 
 namespace huetrack::report {
@@ -21,10 +22,20 @@ struct TargetTally {
   double rest_scatter_m = 0;  // rms over the rests: repeatability of a position at rest
 };
 
+// What became of the frame sets with a bar whose balls have one colour.
+struct OneColorTally {
+  certify::OneColorBar bar{};
+  double length_m = 0;
+  std::size_t sets = 0;
+  double began_s = 0;  // the first one: times are told from there
+};
+
 struct CertificateInput {
   std::string rig_name, what;  // "a bar of 500.00 mm between lime and pink", "5 marked places"
+  bool is_of_places = false;   // else of a bar
   std::optional<double> limit_m{};
   std::vector<TargetTally> targets{};
+  std::optional<OneColorTally> one_color{};
   std::vector<std::pair<std::string, std::string>> cameras{};  // name; what is known of its time
   std::optional<double> set_ms{};                              // that tracking a frame set took; nullopt: not known
   bool has_incomplete_sets = false;

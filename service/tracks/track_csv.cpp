@@ -69,10 +69,12 @@ std::map<std::string, std::vector<object_tracking::ObjectEstimate>> read_track_c
   yaml::CsvTable table(file, columns);
   table.leave_out_cut_off_row();
   std::map<std::string, std::vector<object_tracking::ObjectEstimate>> tracks;
+  std::uint64_t set_number = 0;
   while (table.next()) {
     auto& track = tracks[std::string(table.text(0))];
+    if (!track.empty() && track.back().set_number == set_number) ++set_number;
     object_tracking::ObjectEstimate& e = track.emplace_back();
-    e.set_number = track.size() - 1;
+    e.set_number = set_number;
     e.at = table.time(1);
     for (int i = 0; i < 3; ++i) e.position[i] = table.number(std::size_t(2 + i));
     for (int i = 0; i < 3; ++i) e.velocity[i] = table.number(std::size_t(5 + i));

@@ -35,7 +35,8 @@ class TrackCsvWriter {
 };
 
 // What a TrackCsvWriter (or `huetrack watch --format csv`) wrote: the estimates of each target, in the file's order.
-// Fields that the file does not hold have their defaults; set_number counts the rows of the target.
+// Fields that the file does not hold have their defaults; set_number counts frame sets: a second row of the same target
+// (or object) is of the next one.
 // throws ConfigError "file:line: ..."
 std::map<std::string, std::vector<object_tracking::ObjectEstimate>> read_track_csv(const std::filesystem::path& file);
 

@@ -87,6 +87,19 @@ TEST_F(TrackCsv, NumbersDoNotDependOnTheLocale) {
   EXPECT_EQ(tracks.at("ball").at(0).position, tracked().position);
 }
 
+TEST_F(TrackCsv, RowsOfOneFrameSetAreKnownByTheirNames) {
+  {
+    TrackCsvWriter writer(file_);
+    for (const char* name : {"lime_1", "lime_2", "lime_1", "lime_1", "lime_2", "lime_3"}) writer.write(name, tracked());
+    writer.flush();
+  }
+  const auto tracks = read_track_csv(file_);
+  ASSERT_EQ(tracks.at("lime_1").size(), 3u);
+  for (std::uint64_t set = 0; set < 3; ++set) EXPECT_EQ(tracks.at("lime_1")[set].set_number, set);
+  EXPECT_EQ(tracks.at("lime_2")[1].set_number, 2u);  // in set 1 it was not told
+  EXPECT_EQ(tracks.at("lime_3")[0].set_number, 2u);
+}
+
 TEST_F(TrackCsv, ReadsBackToTheSameBits) {
   {
     TrackCsvWriter writer(file_);
