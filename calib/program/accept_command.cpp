@@ -57,6 +57,17 @@ std::string differences(const calib::CameraRig& before, const calib::CameraRig& 
   return text;
 }
 
+// A mended rig may lie there since before the cameras were calibrated anew: it would put that calibration away.
+void require_same_calibration(const calib::CameraRig& before, const calib::CameraRig& after, const AcceptOptions& o,
+                              const fs::path& from) {
+  const auto when = [](const calib::CameraRig& rig) {
+    return rig.made.at ? "the calibration of " + calib::utc_text(*rig.made.at) : std::string("one without a date");
+  };
+  if (before.made.at != after.made.at)
+    throw gather::InputError(fmt::format("{}: was mended from {}, and {} is {}: it is out of date, delete it",
+                                         from.string(), when(after), o.rig.string(), when(before)));
+}
+
 std::string in_one_line(std::string lines) {
   lines.pop_back();
   for (auto end = lines.find('\n'); end != std::string::npos; end = lines.find('\n', end)) lines.replace(end, 1, "; ");
@@ -72,6 +83,7 @@ ExitStatus accept(const AcceptOptions& o) {
   const calib::CameraRig before = calib::read_rig(o.rig);
   calib::CameraRig after = calib::read_rig(from);
   const std::string differs = differences(before, after, from);
+  require_same_calibration(before, after, o, from);
   if (differs.empty()) {
     std::printf("nothing differs: %s stays as it is\n", o.rig.c_str());
     return ExitStatus::usable;

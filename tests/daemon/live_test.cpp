@@ -8,8 +8,10 @@
 #include <atomic>
 #include <filesystem>
 #include <fstream>
+#include <numbers>
 #include <sstream>
 
+#include "calib/model/rig_yaml.h"
 #include "daemon/fake_camera.h"
 #include "daemon/replay.h"
 #include "pipeline/recorded_changes.h"
@@ -156,6 +158,59 @@ TEST_F(Live, ARecordingReplaysToTheSameTrackByteForByte) {
   EXPECT_GT(std::ranges::count(live, '\n'), 50);
   EXPECT_THAT(live, HasSubstr("tracking"));
   EXPECT_EQ(replayed(recordings[0]), live);
+}
+
+// A camera is knocked 7 s after the beginning of `bumped`: what goes before is left out but for the second in which the
+// room is learnt.
+TEST_F(Live, AMendedRigLiesBesideTheOldOneAndInTheRecordingWhichRepeatsIt) {
+  const fs::path bumped = fs::path(HUETRACK_SHARED_DATA) / "rendered/bumped";
+  if (!fs::exists(bumped)) GTEST_SKIP() << bumped;
+  constexpr std::size_t first = 165, count = 165;
+  const std::vector<std::string> names{"cam0", "cam1", "cam2"};
+  auto pictures = first_frames(bumped, names, first + count);
+  const capture::Timestamp start = capture::unix_now() + 50ms;
+  std::vector<LiveCamera> cameras;
+  for (std::size_t c = 0; c < names.size(); ++c) {
+    auto& frames = pictures[c];
+    frames.erase(frames.begin(), frames.begin() + first);
+    const capture::Duration began = frames.front().captured_at.time_since_epoch();
+    for (std::size_t k = 0; k < frames.size(); ++k) {
+      frames[k].captured_at -= began;
+      frames[k].sequence = static_cast<std::uint32_t>(k);
+    }
+    cameras.push_back(FakeCamera(int(c), std::move(frames), start, false).live());
+  }
+  fs::copy_file(bumped / "rig.yaml", folder_ / "rig.yaml");
+  std::ofstream(folder_ / "c.yaml") << "version: 1\nrig: rig.yaml\ncalibration: {watch: mend}\n"
+                                    << "targets: {ball: {radius_m: 0.04, color: {hue_deg: [313, 350], saturation: "
+                                       "[0.26, 1], intensity: [0.28, 0.81]}}}\n"
+                                    << "object_tracking: {volume: {min: [-1, -1, 0.1], max: [1, 1, 2.1]}}\n"
+                                    << "cameras: {cam0: {device: 0, fps: 30}, cam1: {device: 1, fps: 30}, cam2: "
+                                       "{device: 2, fps: 30}}\n"
+                                    << "record: {folder: " << (folder_ / "recordings").string()
+                                    << ", always: true, queue_frames: 100}\n";
+  config_ = config::load_service_config(folder_ / "c.yaml");
+  const std::string as_it_was = contents(folder_ / "rig.yaml");
+  run_live(config_, std::move(cameras), options_, requests_, {});
+
+  const calib::CameraRig before = calib::read_rig(folder_ / "rig.yaml");
+  EXPECT_EQ(contents(folder_ / "rig.yaml"), as_it_was);
+  const std::string mended = contents(folder_ / "rig.mended.yaml");
+  ASSERT_FALSE(mended.empty());
+  const calib::CameraRig after = calib::read_rig(folder_ / "rig.mended.yaml");
+  EXPECT_TRUE(after.uncertainty);
+  const auto turned_deg = [&](std::size_t c) {
+    const calib::Rigid3d change = after.cameras[c].cam_from_world * calib::inverse(before.cameras[c].cam_from_world);
+    return calib::log(change).head<3>().norm() * 180 / std::numbers::pi;
+  };
+  EXPECT_NEAR(turned_deg(2), 0.8, 0.1);
+  EXPECT_EQ(turned_deg(0) + turned_deg(1), 0);
+
+  const auto recordings = folders_in(folder_ / "recordings");
+  ASSERT_EQ(recordings.size(), 1u);
+  EXPECT_EQ(contents(recordings[0] / "rig.mended.yaml"), mended);
+  EXPECT_EQ(calib::rig_identity(calib::read_rig(recordings[0] / "rig.yaml")), calib::rig_identity(before));
+  EXPECT_TRUE(replayed(recordings[0]) == contents(options_.tracks)) << "the replay is not as it was live";
 }
 
 TEST_F(Live, AReplayRepeatsTheReloads) {

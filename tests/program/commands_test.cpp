@@ -179,6 +179,25 @@ TEST_F(Calibrate, AMendedRigThatIsAcceptedIsUsable) {
   EXPECT_GT(now.made.checks[1].at, now.made.checks[0].at);
 }
 
+// It lay there since before the cameras were calibrated anew.
+TEST_F(Calibrate, AMendedRigOfAnEarlierCalibrationIsRefused) {
+  calib::CameraRig mended = gather::pictured_rig();
+  mended.cameras[1].cam_from_world.translation.x() += 0.01;
+  calib::CameraRig anew = gather::pictured_rig();
+  anew.made.at = calib::utc_time("2026-04-01T08:00:00Z");
+  for (const char* made : {"2026-03-01T08:00:00Z", ""}) {
+    mended.made.at = calib::utc_time(made);
+    calib::write_rig(mended, path("rig.mended.yaml"));
+    calib::write_rig(anew, path("rig.yaml"));
+    const std::string before = end_to_end::contents(path("rig.yaml"));
+    const Ended refused = run({"accept", path("rig.yaml")});
+    EXPECT_NE(refused.status, 0) << refused.out;
+    EXPECT_THAT(refused.err, AllOf(HasSubstr("out of date"), HasSubstr("2026-04-01T08:00:00Z")));
+    EXPECT_EQ(end_to_end::contents(path("rig.yaml")), before);
+    EXPECT_TRUE(fs::exists(path("rig.mended.yaml")));
+  }
+}
+
 TEST_F(Calibrate, AWorldThatWasSetIsKept) {
   const calib::CameraRig truth = gather::pictured_rig();
   gather::write_pictures(folder_ / "pictures", truth, gather::pictured_poses(16));
