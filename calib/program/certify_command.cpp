@@ -261,6 +261,7 @@ ExitStatus certify_lengths(const CertifyOptions& o, const std::stop_token& stop)
       certify::certificate_of(measured.lengths, o.length_sigma_mm / 1e3, measured.most_independent);
   if (o.limit_mm > 0) input.limit_m = o.limit_mm / 1e3;
   input.cameras = times_of(config.rig, all);
+  input.named = all.named;
   input.set_ms = all.set_ms;
   input.has_incomplete_sets = all.sets > 0;
   if (all.sets > 0) input.incomplete_share = static_cast<double>(all.incomplete) / static_cast<double>(all.sets);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
+#include <initializer_list>
 #include <memory>
 #include <thread>
 
@@ -10,6 +11,8 @@
 #include "pipeline/session.h"
 #include "recordings/recording.h"
 #include "recordings/replay_source.h"
+#include "reports/mistake_report.h"
+#include "reports/rig_report.h"
 
 namespace huetrack::program {
 namespace {
@@ -58,12 +61,17 @@ Tracked tracked(const config::ServiceConfig& config, const std::string& file, co
   Tracked out;
   pipeline::Session session(config, std::move(sources), {});
   Collector collector(config.targets, out);
-  session.add(collector);
+  reports::RigReport cameras(config);
+  reports::MistakeReport mistakes(config);
+  for (pipeline::Output* output : std::initializer_list<pipeline::Output*>{&collector, &cameras, &mistakes})
+    session.add(*output);
   const auto began = std::chrono::steady_clock::now();
   session.run(stop);
   if (stop.stop_requested()) throw gather::InputError("stopped");
   const std::chrono::duration<double, std::milli> took = std::chrono::steady_clock::now() - began;
   if (out.sets > 0) out.set_ms = took.count() / static_cast<double>(out.sets);
+  for (const auto& sentences : {cameras.summary(), mistakes.summary()})
+    out.named.insert(out.named.end(), sentences.begin(), sentences.end());
   return out;
 }
 

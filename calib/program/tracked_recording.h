@@ -21,7 +21,8 @@ using Estimates = std::vector<object_tracking::ObjectEstimate>;
 struct Tracked {
   std::map<std::string, Estimates> estimates;
   std::map<std::string, std::set<std::uint64_t>> further;  // of a target: sets with one object more than its count
-  std::size_t sets = 0, incomplete = 0;                    // 0: not known
+  std::vector<std::string> named;  // what the service would have named: moved cameras, mistakes; one sentence each
+  std::size_t sets = 0, incomplete = 0;  // 0: not known
   std::optional<double> set_ms;
 };
 

@@ -182,6 +182,7 @@ CertificateReport report_on(const Certificate& c, const std::vector<certify::Mea
     const auto doubts = doubts_of(*input.one_color);
     report.doubts.insert(report.doubts.end(), doubts.begin(), doubts.end());
   }
+  for (const std::string& sentence : input.named) report.doubts.push_back("while it was tracked, " + sentence);
   const bool is_above = input.limit_m && c.expanded_m > *input.limit_m;
   report.verdict = is_above                                   ? Verdict::failed
                    : !report.doubts.empty() || !input.limit_m ? Verdict::doubtful

@@ -36,6 +36,7 @@ struct CertificateInput {
   std::optional<double> limit_m{};
   std::vector<TargetTally> targets{};
   std::optional<OneColorTally> one_color{};
+  std::vector<std::string> named{};  // while it was tracked: a camera that moved, a mistake; one sentence each
   std::vector<std::pair<std::string, std::string>> cameras{};  // name; what is known of its time
   std::optional<double> set_ms{};                              // that tracking a frame set took; nullopt: not known
   bool has_incomplete_sets = false;
@@ -44,9 +45,8 @@ struct CertificateInput {
 };
 
 struct CertificateReport {
-  Verdict verdict =
-      Verdict::usable;              // usable: PASS; failed: FAIL; doubtful: too little was measured, or no limit given
-  std::vector<std::string> doubts;  // one sentence each, with what to do
+  Verdict verdict = Verdict::usable;  // usable: PASS; failed: FAIL; doubtful: too little measured, no limit, or doubts
+  std::vector<std::string> doubts;    // one sentence each, with what to do
   Document document;
 };
 

@@ -141,6 +141,19 @@ TEST(CertificateReport, FiguresShareNoNames) {
   for (const std::string& used : quoted_after("href=\"#")) EXPECT_TRUE(names.contains(used)) << used;
 }
 
+// What the service would have named of the rig is in the certificate: a PASS beside it would be worth nothing.
+TEST(CertificateReport, WhatWasNamedWhileItWasTrackedIsADoubt) {
+  const auto both = CarriedBar{}.tracks();
+  const OneColorBar bar = one_color_bar(both, {}, carried_length_m, {});
+  report::CertificateInput input{.rig_name = "rig", .what = "a bar", .limit_m = 0.010};
+  const auto report = [&] { return report::report_on(certificate_of(bar.lengths, 3e-4), bar.lengths, {}, input); };
+  EXPECT_EQ(report().verdict, report::Verdict::usable);
+  input.named = {"from 3.0 s on: cam1 looks turned by 1 degree"};
+  EXPECT_EQ(report().verdict, report::Verdict::doubtful);
+  EXPECT_THAT(report::to_text(report().document),
+              AllOf(HasSubstr("DOUBTFUL: "), HasSubstr("while it was tracked, from 3.0 s on: cam1 looks turned")));
+}
+
 TEST(CertificateReport, ABarOfOneColorTellsWhatGaveNoLength) {
   const auto both = CarriedBar{}.tracks();
   const OneColorBar bar = one_color_bar(both, {}, carried_length_m, {});
