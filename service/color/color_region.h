@@ -60,6 +60,7 @@ class RegionFinder {
   std::vector<char> is_taken_;          // per hit
   std::vector<int> probed_;
   std::vector<Run> above_, current_;
+  std::vector<int> words_;  // of a row, where some match
   std::vector<int> parent_;
   std::vector<Moments> moments_;  // per label
   std::vector<Moments> found_;

@@ -255,15 +255,28 @@ bool MatchBits::at(int u, int v) {
 }
 
 std::uint64_t MatchBits::row(int u, int v) const {
-  const int left = u + margin;
-  const std::uint32_t* const frame = &tile_frame_[static_cast<std::size_t>((v + margin) / tile_size * tile_stride_)];
+  const int left = u + margin, first = left / tile_size, count = std::min(8, tile_stride_ - first);
+  const std::uint32_t* const frame =
+      &tile_frame_[static_cast<std::size_t>((v + margin) / tile_size * tile_stride_ + first)];
+  const std::uint8_t* byte = band(2 * first, v + margin);
+  const std::ptrdiff_t to_next = std::ptrdiff_t{2} * band_rows_;
   std::uint64_t word = 0;
-  for (int i = 0; i < 8; ++i) {
-    const int tile_u = left / tile_size + i;
-    if (tile_u < tile_stride_ && frame[tile_u] == frame_)
-      word |= std::uint64_t{*band(2 * tile_u, v + margin)} << (8 * i);
+  for (int i = 0; i < count; ++i, byte += to_next) {
+    const std::uint64_t known = frame[i] == frame_ ? *byte : 0u;
+    word |= known << (8 * i);
   }
   return word >> left % tile_size;
+}
+
+bool MatchBits::has_any(int u, int v) const {
+  const int first = (u + margin) / tile_size, tile_v = (v + margin) / tile_size;
+  const int count = std::min(8, tile_stride_ - first);
+  const std::uint32_t* const frame = &tile_frame_[static_cast<std::size_t>(tile_v * tile_stride_ + first)];
+  const std::uint8_t* word = band(2 * first, tile_size * tile_v);
+  std::uint64_t any = 0;
+  for (int i = 0; i < count; ++i, word += std::ptrdiff_t{2} * band_rows_)
+    any |= frame[i] == frame_ ? load_word(word) : 0u;
+  return any != 0;
 }
 
 void MatchBits::look(const PixelBox& box) {
@@ -281,11 +294,37 @@ void MatchBits::look(const PixelBox& box) {
   fill({unknown_.data(), n});
 }
 
+namespace {
+
+// A row's bytes on their way from memory, one of each cache line: of pixels far apart a processor foresees none.
+void fetch_bytes(const std::uint8_t* row, std::size_t bytes) {
+  constexpr std::size_t line = 64;
+  for (std::size_t at = 0; at < bytes; at += line) __builtin_prefetch(row + at);
+}
+
+// Of a picture most is too bright for the colour, which two short tables tell: the long one is seldom read.
+bool is_below_ceiling(const ColorTable::LumaCeiling& ceiling, capture::Yuv p) {
+  return p.y <= ceiling.of_u[p.u / 4] && p.y <= ceiling.of_v[p.v / 4];
+}
+
+}  // namespace
+
+void MatchBits::fetch_row(int v) const {
+  for (int plane = 0; plane < static_cast<int>(image_.planes.size()); ++plane) {
+    const int rows = capture::plane_rows(image_.format, plane, height_);
+    if (rows == 0) return;
+    const capture::Plane& of = image_.planes[static_cast<std::size_t>(plane)];
+    fetch_bytes(of.data + v * rows / height_ * of.stride, capture::plane_row_bytes(image_.format, plane, width_));
+  }
+}
+
 void MatchBits::scan_grid(int step, const std::vector<std::uint64_t>& ignored, std::vector<PixelAt>& hits) const {
+  constexpr int rows_ahead = 2;
   hits.clear();
   const capture::Image& image = image_;
   const auto scan = [&](auto matches_at) {
     for (int v = step / 2; v < height_; v += step) {
+      if (found_ == nullptr && v + rows_ahead * step < height_) fetch_row(v + rows_ahead * step);
       for (int u = step / 2; u < width_; u += step) {
         if (matches_at(u, v)) hits.push_back({u, v});
       }
@@ -303,15 +342,15 @@ void MatchBits::scan_grid(int step, const std::vector<std::uint64_t>& ignored, s
   if (found_ != nullptr)
     return scan([&](int u, int v) { return (found(u, v) >> (tile_size * (v % tile_size) + u % tile_size) & 1) != 0; });
   const ColorTable& table = *table_;
+  const auto contains = [&](capture::Yuv p) { return is_below_ceiling(table.luma_ceiling(), p) && table.contains(p); };
   switch (image.format) {
     case capture::PixelFormat::yuyv:
       return scan([&](int u, int v) {
-        return table.contains(
-            capture::Yuv{byte(0, v, 2 * u), byte(0, v, 4 * (u / 2) + 1), byte(0, v, 4 * (u / 2) + 3)});
+        return contains(capture::Yuv{byte(0, v, 2 * u), byte(0, v, 4 * (u / 2) + 1), byte(0, v, 4 * (u / 2) + 3)});
       });
     case capture::PixelFormat::i422:
       return scan([&](int u, int v) {
-        return table.contains(capture::Yuv{byte(0, v, u), byte(1, v, u / 2), byte(2, v, u / 2)});
+        return contains(capture::Yuv{byte(0, v, u), byte(1, v, u / 2), byte(2, v, u / 2)});
       });
     default:
       return scan([&](int u, int v) { return has_color(image, table, u, v); });

@@ -67,6 +67,8 @@ class MatchBits {
   // The 57 (or more) match bits of row v from pixel u on: bit i is pixel u + i. u in [-margin, width), v in the image.
   // Pixels that look(box) has not covered, and those beyond the border, are 0.
   std::uint64_t row(int u, int v) const;
+  // Whether row() may give any bit here or in the rows of the same tiles: whether one of these tiles has a match.
+  bool has_any(int u, int v) const;
   void look(const PixelBox& box);  // classifies all tiles that the box touches; clipped
 
   // The matching pixels among those of a grid of step pixels over the whole image: (step/2 + i step, step/2 + j step).
@@ -98,6 +100,7 @@ class MatchBits {
   void fill_inside(std::span<const TileAt> tiles);  // of tiles that lie wholly inside the image
   void store(std::span<const TileAt> tiles, const std::uint64_t* bits);
   void fetch(std::span<const TileAt> tiles) const;
+  void fetch_row(int v) const;
   bool is_inside(TileAt tile) const {  // wholly inside the image
     return tile.u > 0 && tile.v > 0 && tile.pixel_u() + TileAt::size <= width_ &&
            tile.pixel_v() + TileAt::size <= height_;

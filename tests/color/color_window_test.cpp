@@ -5,7 +5,9 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
+#include "color/mask_image.h"
 #include "color/random_image.h"
 
 namespace huetrack::color {
@@ -289,6 +291,34 @@ TEST(MatchBits, rowsThatNobodyLookedAtAreEmpty) {
   EXPECT_EQ(bits.row(0, 20), 0u);
   bits.look({5, 5, 4, 8});  // empty
   EXPECT_EQ(bits.tiles_looked_at(), 1u);
+}
+
+// One pixel that matches is told of wherever its tile is among those that a row reads, and nowhere else; nor of the
+// picture before.
+TEST(MatchBits, tellsWhereNoRowHasAMatch) {
+  constexpr int width = 150, height = 70;
+  for (const auto& [match_u, match_v] : {std::pair{0, 0}, {77, 31}, {149, 69}}) {
+    const capture::Image image =
+        mask_image(width, height, [&, u = match_u, v = match_v](int at_u, int at_v) { return at_u == u && at_v == v; });
+    const capture::Image empty = mask_image(width, height, [](int, int) { return false; });
+    MatchBits bits(width, height);
+    bits.look_at(image, mask_table());
+    EXPECT_FALSE(bits.has_any(std::max(0, match_u - 8), match_v)) << "not looked at yet";
+    bits.look({0, 0, width - 1, height - 1});
+    for (int v = 0; v < height; ++v) {
+      for (int u = -MatchBits::margin; u < width; ++u) {
+        const int first_tile = (u + MatchBits::margin) / 8, tile = (match_u + MatchBits::margin) / 8;
+        const bool is_among = v / 8 == match_v / 8 && tile >= first_tile && tile < first_tile + 8;
+        ASSERT_EQ(bits.has_any(u, v), is_among) << u << ", " << v;
+        if (!is_among) {
+          ASSERT_EQ(bits.row(u, v), 0u) << u << ", " << v;
+        }
+      }
+    }
+    bits.look_at(empty, mask_table());
+    bits.look({0, 0, width - 1, height - 1});
+    EXPECT_FALSE(bits.has_any(std::max(0, match_u - 8), match_v));
+  }
 }
 
 }  // namespace
