@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "particle_filter/vector_clones.h"
 
@@ -38,12 +39,18 @@ inline __attribute__((always_inline)) Off step_of(const std::int16_t* __restrict
   // By what a mean of so many looks, this one among them, goes on towards it, in 2^15ths; of two or more.
   alignas(64) std::int16_t share[n], off[n], settled[n];
   alignas(64) std::int32_t whole[n];
-  for (int i = 0; i < n; ++i) whole[i] = looks[i];
-  for (int i = 0; i < n; ++i) {
-    const int more = whole[i] + 1 < most_looks ? whole[i] + 1 : most_looks;
-    whole[i] = static_cast<std::int32_t>(32768 / static_cast<float>(more < 2 ? 2 : more));
+  std::uint8_t fewest = most_looks;
+  for (int i = 0; i < n; ++i) fewest = looks[i] < fewest ? looks[i] : fewest;
+  if (fewest + 1 >= most_looks) {  // of a place that is known
+    for (int i = 0; i < n; ++i) share[i] = 32768 / most_looks;
+  } else {
+    for (int i = 0; i < n; ++i) whole[i] = looks[i];
+    for (int i = 0; i < n; ++i) {
+      const int more = whole[i] + 1 < most_looks ? whole[i] + 1 : most_looks;
+      whole[i] = static_cast<std::int32_t>(32768 / static_cast<float>(more < 2 ? 2 : more));
+    }
+    for (int i = 0; i < n; ++i) share[i] = static_cast<std::int16_t>(whole[i]);
   }
-  for (int i = 0; i < n; ++i) share[i] = static_cast<std::int16_t>(whole[i]);
   // Numbers of one kind, and all bits of one that is true, as compilers make vectors of these.
   using Number = std::int16_t;
   const auto near = static_cast<Number>(usual < 32767 ? usual : 32767);
@@ -110,6 +117,16 @@ void hide(const ObjectDisc* discs, std::size_t count, int u0, int v0, int column
       for (int i = from; i <= to; ++i) hidden[j * across + i] = -1;
     }
   }
+}
+
+// From which column to which one something may lie less than `beside` px from the way, so far below its start.
+std::pair<double, double> columns_beside(const Eigen::Vector2d& way, double below, double beside, double start_u) {
+  const double first = (below - beside) / way.y(), last = (below + beside) / way.y();  // shares of the way
+  const bool is_level = !(std::isfinite(first) && std::isfinite(last));
+  const double from = is_level ? 0 : std::clamp(std::min(first, last), 0.0, 1.0);
+  const double to = is_level ? 1 : std::clamp(std::max(first, last), 0.0, 1.0);
+  const double u_from = from * way.x(), u_to = to * way.x();
+  return {start_u + std::min(u_from, u_to) - beside, start_u + std::max(u_from, u_to) + beside};
 }
 
 }  // namespace
@@ -199,13 +216,15 @@ void Background::learn(const Picture& picture, const ObjectDisc& object, const E
   const int v_min = tile_of(object.px.y() + std::min(0.0, ahead_px.y()) - reach, down_);
   const int v_max = tile_of(object.px.y() + std::max(0.0, ahead_px.y()) + reach, down_);
   // Of those that the way crosses.
-  const double way = ahead_px.norm();
+  const double way = ahead_px.norm(), beside = reach + 0.7 * tile_px;
   chosen_.clear();
   for (int v = v_min; v <= v_max; ++v) {
-    for (int u = u_min; u <= u_max; ++u) {
-      const Eigen::Vector2d off = tile_px * Eigen::Vector2d(u + 0.5, v + 0.5) - object.px;
+    const double off_v = tile_px * (v + 0.5) - object.px.y();
+    const auto [u_first, u_last] = columns_beside(ahead_px, off_v, beside, object.px.x());
+    for (int u = std::max(u_min, tile_of(u_first, across_)); u <= std::min(u_max, tile_of(u_last, across_)); ++u) {
+      const Eigen::Vector2d off(tile_px * (u + 0.5) - object.px.x(), off_v);
       const double along = way > 0 ? std::clamp(off.dot(ahead_px) / (way * way), 0.0, 1.0) : 0.0;
-      if ((off - along * ahead_px).norm() > reach + 0.7 * tile_px) continue;
+      if ((off - along * ahead_px).norm() > beside) continue;
       if (tile_px * u >= picture.end_u() || tile_px * (u + 1) <= picture.part_u || tile_px * v >= picture.end_v() ||
           tile_px * (v + 1) <= picture.part_v)
         continue;

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <numeric>
 #include <vector>
@@ -109,6 +110,34 @@ TEST(Background, RareWholePicturesFollowTheRoomEverywhere) {
     const std::vector<float> light = row_of(background, v, looks);
     for (int u = 0; u < DiscPicture::width; ++u)
       EXPECT_NEAR(static_cast<double>(light[static_cast<std::size_t>(u)]), *truth.light.at(u, v), 3) << u << " " << v;
+  }
+}
+
+// Wherever it goes, and nowhere else: tiles that its way touches, and whose middles lie near it.
+TEST(Background, LearnsAllThatTheObjectIsAboutToReach) {
+  DiscPicture picture;
+  Picture part = picture.draw({.has_disc = false, .noise = 3}, 1);
+  part.part_width = DiscPicture::width, part.part_height = DiscPicture::height;  // no others in turn
+  for (const Eigen::Vector2d& ahead : {Eigen::Vector2d(0, 0), Eigen::Vector2d(60, 0), Eigen::Vector2d(-70, 30),
+                                       Eigen::Vector2d(0, -60), Eigen::Vector2d(50, 45), Eigen::Vector2d(3, 1e-9)}) {
+    Background background(DiscPicture::width, DiscPicture::height);
+    for (int i = 0; i < 60; ++i) background.learn(part, middle, ahead, nullptr, 0);
+    std::vector<float> looks;
+    for (int v = 8; v < DiscPicture::height; v += Background::tile_px) {
+      row_of(background, v, looks);
+      for (int u = 8; u < DiscPicture::width; u += Background::tile_px) {
+        const Eigen::Vector2d off = Eigen::Vector2d(u, v) - middle.px;
+        double nearest = 1e9;
+        for (int k = 0; k <= 200; ++k) nearest = std::min(nearest, (off - k / 200.0 * ahead).norm());
+        const double reach = middle.radius_px + 8, near = reach + 0.7 * Background::tile_px;
+        if (std::abs(nearest - near) < 0.1) continue;
+        const Eigen::Array2d half = Eigen::Array2d::Constant(Background::tile_px / 2.0);
+        const bool is_touched = (off.array() + half > ahead.array().min(0.0) - reach).all() &&
+                                (off.array() - half <= ahead.array().max(0.0) + reach).all();
+        EXPECT_EQ(looks[static_cast<std::size_t>(u)] > 0, is_touched && nearest < near)
+            << u << ", " << v << " on the way by " << ahead.transpose();
+      }
+    }
   }
 }
 
