@@ -5,6 +5,7 @@
 #include <cmath>
 #include <numbers>
 #include <numeric>
+#include <type_traits>
 
 #include "outline/camera_curve.h"
 #include "particle_filter/vector_clones.h"
@@ -171,7 +172,6 @@ void select_samples(const EdgeBand& band, const PixelGrid& grid, int columns, in
   // Squared radii: as far as samples count, as far as the edge is soft, and where only the ball is seen.
   const float outer = squared(1 + reach / radius), soft = squared(1 + (reach - beyond_soft_px) / radius),
               inner = squared(1 - reach / radius);
-  const int every = band.radius_px > 16 ? 11 : band.radius_px > 8 ? 5 : 1;
   const Eigen::Matrix2f m = band.disc_from_px.cast<float>();
   const float m00 = m(0, 0), m01 = m(0, 1), m10 = m(1, 0), m11 = m(1, 1);
   const float all = std::numbers::pi_v<float> * radius * radius *
@@ -194,42 +194,43 @@ void select_samples(const EdgeBand& band, const PixelGrid& grid, int columns, in
                             static_cast<float>(rows),
                             down};
   find_spans(spanned, outer, of_outer), find_spans(spanned, soft, of_soft), find_spans(spanned, inner, of_inner);
-  int wait = 0;  // for the next one that is taken
-  for (int j = 0; j < down; ++j) {
-    const auto take = [&](int i) {
-      if (out.n == EdgeSamples::most) return;
-      Block& to = out.blocks[static_cast<unsigned>(out.n) / block];
-      const auto k = static_cast<unsigned>(out.n++) % block;
-      to.at_u[k] = u_first + i, to.at_v[k] = v_first + j;
-    };
-    const auto take_some = [&](int from, int to) {
+  const auto take = [&](int i, int j) {
+    if (out.n == EdgeSamples::most) return;
+    Block& to = out.blocks[static_cast<unsigned>(out.n) / block];
+    const auto k = static_cast<unsigned>(out.n++) % block;
+    to.at_u[k] = u_first + i, to.at_v[k] = v_first + j;
+  };
+  // As many as are told when this is compiled, as processors divide slowly.
+  const auto take_rows = [&](auto every) {
+    int wait = 0;  // for the next one that is taken
+    // Every step-th, staggered from row to row; and some of these.
+    const auto take_some = [&](auto step, int j, int from, int to, int stagger) {
       if (from >= to) return;
-      int i = from + wait;
-      for (; i < to; i += some) take(i);
-      wait = i - to;
+      int i = from + (step - (from + stagger * j) % step) % step + wait * step;
+      for (; i < to; i += step * some) take(i, j);
+      wait = (i - to) / step;
     };
-    // Every so many-th, staggered from row to row; and some of these.
-    const auto take_staggered = [&](int from, int to, int step, int stagger) {
-      for (int i = from + (step - (from + stagger * j) % step) % step; i < to; i += step) {
-        if (wait > 0) {
-          --wait;
-        } else {
-          take(i);
-          wait = some - 1;
-        }
-      }
-    };
-    const int from = of_outer.from[j], to = of_outer.to[j];
-    const bool has_soft = of_soft.from[j] < of_soft.to[j];
-    const int soft_from = has_soft ? of_soft.from[j] : to, soft_to = has_soft ? of_soft.to[j] : to;
-    const bool has_inner = every > 1 && of_inner.from[j] < of_inner.to[j];
-    const int inner_from = has_inner ? of_inner.from[j] : soft_to, inner_to = has_inner ? of_inner.to[j] : soft_to;
-    take_staggered(from, soft_from, every_beyond, 1);
-    take_some(soft_from, inner_from);
-    take_staggered(inner_from, inner_to, every, 3);
-    take_some(inner_to, soft_to);
-    take_staggered(soft_to, to, every_beyond, 1);
-  }
+    constexpr std::integral_constant<int, 1> each;
+    constexpr std::integral_constant<int, every_beyond> beyond;
+    for (int j = 0; j < down; ++j) {
+      const int from = of_outer.from[j], to = of_outer.to[j];
+      const bool has_soft = of_soft.from[j] < of_soft.to[j];
+      const int soft_from = has_soft ? of_soft.from[j] : to, soft_to = has_soft ? of_soft.to[j] : to;
+      const bool has_inner = every > 1 && of_inner.from[j] < of_inner.to[j];
+      const int inner_from = has_inner ? of_inner.from[j] : soft_to, inner_to = has_inner ? of_inner.to[j] : soft_to;
+      take_some(beyond, j, from, soft_from, 1);
+      take_some(each, j, soft_from, inner_from, 0);
+      take_some(every, j, inner_from, inner_to, 3);
+      take_some(each, j, inner_to, soft_to, 0);
+      take_some(beyond, j, soft_to, to, 1);
+    }
+  };
+  if (band.radius_px > 16)
+    take_rows(std::integral_constant<int, 11>{});
+  else if (band.radius_px > 8)
+    take_rows(std::integral_constant<int, 5>{});
+  else
+    take_rows(std::integral_constant<int, 1>{});
   place_all(band, columns, rows, u_off, v_off, out);
 }
 

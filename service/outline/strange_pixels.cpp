@@ -6,10 +6,59 @@
 #include <utility>
 
 #include "outline/edge_model.h"
+#include "particle_filter/vector_clones.h"
 
 namespace huetrack::outline {
 
-StrangePixels::StrangePixels() : near_marks_(largest_grid * largest_grid) {
+namespace {
+
+using Block = EdgeSamples::Block;
+
+// Of n samples of a block: how many lie well within the outline, and how many of these are brighter than a dull ball.
+struct Inner {
+  int all = 0, shining = 0;
+};
+HUETRACK_CLONES Inner count_inner(const Block& of, int n) {
+  Inner out;
+  for (int k = 0; k < n; ++k) {
+    const int is_inner = of.covered[k] > within ? 1 : 0;
+    out.all += is_inner, out.shining += of.off[k] > robust(glint_sigmas2) ? is_inner : 0;
+  }
+  return out;
+}
+
+// What each of them is taken for by itself; returns the sum of all, as most blocks have none.
+constexpr std::int32_t an_else = 1, a_hiding = 2;
+HUETRACK_CLONES int find_odd(const Block& of, int n, std::int32_t* __restrict odd) {
+  constexpr float one_look = 0.75f;  // of the mean's variance
+  int all = 0;
+  for (int k = 0; k < n; ++k) {
+    const float off = of.off[k] < 0 ? -of.off[k] : of.off[k];
+    const std::int32_t is_known = of.unsure[k] <= one_look ? 1 : 0;
+    const std::int32_t is_else = of.covered[k] <= outside && off >= robust(strange_sigmas2) ? an_else : 0;
+    const std::int32_t hides = of.covered[k] >= inside && of.hidden[k] > 0 ? a_hiding : 0;
+    odd[k] = is_known * (is_else | hides);
+    all += odd[k];
+  }
+  return all;
+}
+
+// visit(block, index in it, what it is) for every odd one.
+template <typename Visit>
+void for_each_odd(const EdgeSamples& samples, Visit&& visit) {
+  alignas(64) std::int32_t odd[EdgeSamples::block];
+  for (int b = 0; b < samples.block_count(); ++b) {
+    const int n = samples.count_in(b);
+    if (find_odd(samples.blocks[b], n, odd) == 0) continue;
+    for (int k = 0; k < n; ++k)
+      if (odd[k] != 0) visit(samples.blocks[b], k, odd[k]);
+  }
+}
+
+}  // namespace
+
+StrangePixels::StrangePixels()
+    : near_marks_(largest_grid * largest_grid), near_marks_before_(largest_grid * largest_grid) {
   marks_.reserve(4 * static_cast<std::size_t>(EdgeSamples::most));
 }
 
@@ -28,31 +77,25 @@ StrangePixels::Count StrangePixels::judge(double might_be, const PixelGrid& grid
 
 bool StrangePixels::find_glints(EdgeSamples& light) {
   constexpr float largest_glint = 0.25f;  // of the disc; of more the light is not known yet
-  using Block = EdgeSamples::Block;
-  const auto is_glint = [](const Block& of, int k) {
-    return of.covered[k] > within && of.off[k] > robust(glint_sigmas2);
-  };
   int inner = 0, shining = 0;
-  light.for_each([&](const Block& of, int k) { inner += of.covered[k] > within, shining += is_glint(of, k); });
+  for (int b = 0; b < light.block_count(); ++b) {
+    const Inner of = count_inner(light.blocks[b], light.count_in(b));
+    inner += of.all, shining += of.shining;
+  }
   if (shining == 0 || static_cast<float>(shining) >= largest_glint * static_cast<float>(inner)) return false;
   light.for_each([&](const Block& of, int k) {
-    if (is_glint(of, k)) marks_.push_back({of.at_u[k], of.at_v[k], Strange::shines});
+    if (of.covered[k] > within && of.off[k] > robust(glint_sigmas2))
+      marks_.push_back({of.at_u[k], of.at_v[k], Strange::shines});
   });
   return true;
 }
 
 void StrangePixels::find_strange(const PixelGrid& grid, EdgeSamples& light, EdgeSamples& chroma) {
-  constexpr float one_look = 0.75f;  // of the mean's variance
-  light.for_each([&](const EdgeSamples::Block& of, int k) {
-    if (of.unsure[k] > one_look) return;
-    if (of.covered[k] <= outside) {
-      if (std::abs(of.off[k]) >= robust(strange_sigmas2)) marks_.push_back({of.at_u[k], of.at_v[k], Strange::is_else});
-    } else if (of.covered[k] >= inside && of.hidden[k] > 0) {
-      marks_.push_back({of.at_u[k], of.at_v[k], Strange::hides});
-    }
+  for_each_odd(light, [&](const Block& of, int k, std::int32_t odd) {
+    marks_.push_back({of.at_u[k], of.at_v[k], odd == an_else ? Strange::is_else : Strange::hides});
   });
-  chroma.for_each([&](const EdgeSamples::Block& of, int k) {
-    if (of.unsure[k] > one_look || of.covered[k] > outside || std::abs(of.off[k]) < robust(strange_sigmas2)) return;
+  for_each_odd(chroma, [&](const Block& of, int k, std::int32_t odd) {
+    if (odd != an_else) return;
     for (int part = 0; part < grid.columns * grid.rows; ++part)
       marks_.push_back({of.at_u[k] * grid.columns + part % grid.columns, of.at_v[k] * grid.rows + part / grid.columns,
                         Strange::is_else});
@@ -61,6 +104,7 @@ void StrangePixels::find_strange(const PixelGrid& grid, EdgeSamples& light, Edge
 
 StrangePixels::Count StrangePixels::distrust_marked(const PixelGrid& grid, EdgeSamples& light, EdgeSamples& chroma) {
   constexpr int soft_px = 2, soft_glint_px = 1;
+  std::swap(near_marks_, near_marks_before_);
   const auto map = std::span(near_marks_).first(static_cast<std::size_t>(grid.width * grid.height));
   std::ranges::fill(map, std::uint8_t{0});
   for (const Mark& mark : marks_) {
@@ -72,6 +116,8 @@ StrangePixels::Count StrangePixels::distrust_marked(const PixelGrid& grid, EdgeS
           map.subspan(static_cast<std::size_t>(row * grid.width + first), static_cast<std::size_t>(last - first + 1)),
           std::uint8_t{1});
   }
+  if (std::exchange(has_map_, true) && std::ranges::equal(map, std::span(near_marks_before_).first(map.size())))
+    return Count::the_same;
   int changed = 0, at_the_edge = 0;
   const auto judge = [&](EdgeSamples& samples, int columns, int rows) {
     samples.for_each([&](EdgeSamples::Block& of, int k) {

@@ -14,7 +14,7 @@ class StrangePixels {
   static constexpr int largest_grid = 128;  // of pixels, on either side
 
   StrangePixels();
-  void begin() { is_judged_ = had_glints_ = false, marks_.clear(); }
+  void begin() { is_judged_ = had_glints_ = has_map_ = false, marks_.clear(); }
   // Which samples count from now on.
   enum class Count : std::uint8_t { the_same, others, others_at_the_edge };
   // After samples were compared with what is expected of them. might_be: so many of them ask for it
@@ -32,8 +32,9 @@ class StrangePixels {
   Count distrust_marked(const PixelGrid& grid, EdgeSamples& light, EdgeSamples& chroma);
 
   bool had_glints_ = false, is_judged_ = false;
+  bool has_map_ = false;  // trust is by near_marks_
   std::vector<Mark> marks_;
-  std::vector<std::uint8_t> near_marks_;  // of the grid, row by row
+  std::vector<std::uint8_t> near_marks_, near_marks_before_;  // of the grid, row by row
 };
 
 }  // namespace huetrack::outline
