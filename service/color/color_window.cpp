@@ -148,6 +148,7 @@ void MatchBits::store(std::span<const TileAt> tiles, const std::uint64_t* bits) 
     std::uint64_t word = bits[i];
     if (ignored != nullptr) word &= ~ignored[tile.v * tile_stride + tile.u];
     std::uint8_t* const middle = bands + 2 * tile.u * band_rows + tile_size * tile.v;
+    if (load_word(middle) == word) continue;  // as most are, without any match: so are the halves that it has beside it
     std::uint8_t* const west = middle - band_rows;
     std::uint8_t* const east = middle + band_rows;
     store_word(middle, word);
