@@ -132,5 +132,26 @@ TEST_P(CoveredViews, TheOthersHoldIt) {
 
 INSTANTIATE_TEST_SUITE_P(Of, CoveredViews, testing::Values(2, 3, 4));
 
+// Something small of its colour touches it, so that its region goes on beyond what is looked at first, but not beyond
+// twice its radius: it is the object still.
+TEST(TouchedObject, isTracked) {
+  constexpr double radius_m = 0.2, other_m = 0.095, touching_s = 1;
+  const Vector3d place(0, 0, 1), above(0, 0, radius_m + other_m), far_away(0, 0, 20);
+  const scene::Scene scene =
+      scene::SceneBuilder{}
+          .cameras_on_ring({.count = 3, .image_size = {640, 480}, .focal_px = 700})
+          .ball({.radius_m = radius_m, .path = [=](double) { return place; }})
+          .ball({.radius_m = other_m, .path = [=](double t) { return t < touching_s ? far_away : place + above; }})
+          .build();
+  TargetOptions target;
+  target.color = {65, 115, 0.3, 1, 0.1, 0.95};
+  target.name = "lime";
+  target.radius_m = radius_m;
+  target.shape = TargetShape::blob;
+  const Answers answers = answers_of(scene, render(scene, {.set_count = 90}), target, from_s);
+  EXPECT_EQ(answers.tracking, 30);
+  EXPECT_EQ(answers.wrong, 0);
+}
+
 }  // namespace
 }  // namespace huetrack::object_trackers

@@ -17,19 +17,25 @@ namespace {
 constexpr double at_once_share = 3;
 constexpr double contradicting_px2 = 1;  // doubt of a view, far above what light and a good calibration leave open
 
-// The region goes on beyond the box, at a side that is not the image's; or it is far wider than the object along both
-// of its axes, and no smear makes it so.
-bool is_larger_than_object(const color::ColorRegion& region, const color::PixelBox& box, const color::MatchBits& image,
-                           double radius_px) {
+// Beyond the box, at a side that is not the image's.
+bool goes_on(const color::ColorRegion& region, const color::PixelBox& box, const color::MatchBits& image) {
+  return (region.box.u_min == box.u_min && box.u_min > 0) || (region.box.v_min == box.v_min && box.v_min > 0) ||
+         (region.box.u_max == box.u_max && box.u_max < image.width() - 1) ||
+         (region.box.v_max == box.v_max && box.v_max < image.height() - 1);
+}
+
+// Along both of its axes the region is far wider than the object, and no smear makes it so.
+bool is_wider_than_object(const color::ColorRegion& region, double radius_px) {
   constexpr double widest_radii = 2;  // the taught radius may be wrong, and so may the distance
-  const bool goes_on = (region.box.u_min == box.u_min && box.u_min > 0) ||
-                       (region.box.v_min == box.v_min && box.v_min > 0) ||
-                       (region.box.u_max == box.u_max && box.u_max < image.width() - 1) ||
-                       (region.box.v_max == box.v_max && box.v_max < image.height() - 1);
   const double half_trace = region.spread.trace() / 2;
   const double narrow = half_trace - std::sqrt(std::max(0.0, half_trace * half_trace - region.spread.determinant()));
-  return goes_on || 2 * std::sqrt(std::max(0.0, narrow)) > widest_radii * radius_px;
+  return 2 * std::sqrt(std::max(0.0, narrow)) > widest_radii * radius_px;
 }
+
+// Nearly all that is the object's lies within the first of these; what goes on beyond it is looked at as far as the
+// second.
+constexpr double looked_at_radii[] = {1.5, 2};
+constexpr double parts_radii = 1.3;  // that are so near one another are one region
 
 }  // namespace
 
@@ -55,17 +61,25 @@ std::span<const color::ColorRegion> ObjectSighter::regions_near(const TargetView
   // Not beyond the image's own size around it: a box is clipped to the image anyway, and an int must hold it.
   const double limit = view.matches->width() + view.matches->height();
   if (!(std::abs(at.px.x()) < 2 * limit && std::abs(at.px.y()) < 2 * limit)) return {};
-  const double reach_u = std::min(limit, 3 * std::sqrt(spread(0, 0)) + 2 * at.radius_px + 2);
-  const double reach_v = std::min(limit, 3 * std::sqrt(spread(1, 1)) + 2 * at.radius_px + 2);
-  const color::PixelBox box{
-      static_cast<int>(std::floor(at.px.x() - reach_u)), static_cast<int>(std::floor(at.px.y() - reach_v)),
-      static_cast<int>(std::ceil(at.px.x() + reach_u)), static_cast<int>(std::ceil(at.px.y() + reach_v))};
   const double disc = std::numbers::pi * at.radius_px * at.radius_px;
   const int min_area = std::max(2, static_cast<int>(least_support * disc));
-  near_.clear();
-  for (const color::ColorRegion& region :
-       finders_[static_cast<std::size_t>(view.index)].find(*view.matches, box, min_area, 1.3 * at.radius_px))
-    if (!is_larger_than_object(region, box, *view.matches, at.radius_px)) near_.push_back(region);
+  for (const double radii : looked_at_radii) {
+    const double reach_u = std::min(limit, 3 * std::sqrt(spread(0, 0)) + radii * at.radius_px + 2);
+    const double reach_v = std::min(limit, 3 * std::sqrt(spread(1, 1)) + radii * at.radius_px + 2);
+    const color::PixelBox box{
+        static_cast<int>(std::floor(at.px.x() - reach_u)), static_cast<int>(std::floor(at.px.y() - reach_v)),
+        static_cast<int>(std::ceil(at.px.x() + reach_u)), static_cast<int>(std::ceil(at.px.y() + reach_v))};
+    near_.clear();
+    bool is_cut = false;
+    for (const color::ColorRegion& region : finders_[static_cast<std::size_t>(view.index)].find(
+             *view.matches, box, min_area, parts_radii * at.radius_px)) {
+      if (goes_on(region, box, *view.matches))
+        is_cut = true;
+      else if (!is_wider_than_object(region, at.radius_px))
+        near_.push_back(region);
+    }
+    if (!near_.empty() && !is_cut) break;
+  }
   return near_;
 }
 
