@@ -20,7 +20,9 @@ std::vector<std::size_t> TargetViews::trust(std::span<const CameraTrust> cameras
     PerCamera& c = *cameras_[i];
     const CameraTrust trust = i < cameras.size() ? cameras[i] : CameraTrust{};
     const bool is_left_out = c.is_used && !trust.is_used;
+    const bool is_explained = trust.has_moved && !c.has_moved;
     c.is_used = trust.is_used;
+    c.has_moved = trust.has_moved;
     const calib::Rigid3d pose = trust.cam_from_world.value_or(c.in_rig);
     const calib::Rigid3d& before = c.camera.cam_from_world;
     const bool is_moved = pose.rotation.coeffs() != before.rotation.coeffs() || pose.translation != before.translation;
@@ -28,7 +30,7 @@ std::vector<std::size_t> TargetViews::trust(std::span<const CameraTrust> cameras
       c.camera.cam_from_world = pose;
       c.projector = calib::BatchProjector(c.camera);
     }
-    if (is_moved || is_left_out) changed.push_back(i);
+    if (is_moved || is_left_out || is_explained) changed.push_back(i);
   }
   return changed;
 }

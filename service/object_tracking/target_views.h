@@ -61,7 +61,7 @@ class TargetViews {
   }
 
   // From the next set on; ObjectTracker::trust(). Returns the cameras whose past says nothing any more: they stand
-  // elsewhere than before, or are not used from now on.
+  // elsewhere than before, are not used from now on, or what they contradicted is explained.
   std::vector<std::size_t> trust(std::span<const CameraTrust> cameras);
 
   // In force by now.
@@ -85,7 +85,7 @@ class TargetViews {
     calib::Camera camera;
     calib::BatchProjector projector;
     color::MatchBits matches;
-    bool is_used = true;
+    bool is_used = true, has_moved = false;
     color::HsiRange color;
     // Who finds what matches has it until he has heard of the new one.
     std::optional<color::HsiRange> color_before = {};

@@ -138,6 +138,7 @@ bool CalibrationWatch::trust_camera(std::size_t camera, bool is_used, capture::T
   CameraCalibration& facts = facts_[camera];
   CameraTrust wanted;
   wanted.is_used = is_used;
+  wanted.has_moved = facts.moved.has_value();
   const bool is_spared = config_.watch == CalibrationMode::leave_out && is_used;
   if (facts.moved && (config_.watch == CalibrationMode::mend || is_spared)) {
     wanted.cam_from_world = facts.moved->cam_from_world;

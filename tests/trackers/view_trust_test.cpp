@@ -206,6 +206,31 @@ TEST(Trust, doubtOfThePastGoesWithAPose) {
   }
 }
 
+// What views contradicted of a camera is explained once it is known to have moved: its pose is held to be as unsure as
+// that, and nobody is doubted beside.
+TEST(Trust, doubtOfThePastGoesWithWhatExplainsIt) {
+  const scene::Scene scene = ring_scene(3);
+  const auto sets = scene::render(scene, {.set_count = 70});
+  for (const bool has_moved : {false, true}) {
+    ObjectTracker tracker(turned(scene.rig, 1, 2, {1, 1, 0}), lime_target(), {});
+    const std::span<const capture::FrameSet> all(sets);
+    for (const auto& set : all.first(60)) tracker.update(set);
+    std::vector<CameraTrust> trust(3);
+    trust[1].has_moved = has_moved;
+    trust[1].pose_covariance.topLeftCorner<3, 3>().diagonal().setConstant(4 * rad * rad);
+    tracker.trust(trust);
+    for (const auto& set : all.subspan(60)) {
+      const ObjectEstimate e = tracker.update(set);
+      if (has_moved)
+        EXPECT_LT(e.per_view[1].doubt_px, 1) << set.number;
+      else
+        EXPECT_GT(e.per_view[1].doubt_px, 3) << set.number;
+      EXPECT_EQ(e.state, TrackState::tracking) << set.number;
+      EXPECT_LT((e.position - scene.ball_at(0, e.at)).norm(), 0.02) << set.number;
+    }
+  }
+}
+
 // What contradicts the others and is left out from then on says nothing more, though the others' own past is forgotten
 // as one of them was posed anew.
 TEST(Trust, doubtOfThePastGoesWithACameraThatIsLeftOut) {
