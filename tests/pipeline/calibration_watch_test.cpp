@@ -33,8 +33,9 @@ calib::CameraRig watched_rig(int cameras) {
   return rig;
 }
 
-// After a turn of the first camera by so much at 3 s, seen until 6 s.
-CalibrationWatch after_turn(double deg, CalibrationMode mode, int cameras = 3, int* news = nullptr) {
+// After a turn of the first camera by so much at 3 s, seen until then.
+CalibrationWatch after_turn(double deg, CalibrationMode mode, int cameras = 3, int* news = nullptr,
+                            double until_s = 6) {
   Film film;
   film.pose = [deg](double t) {
     return room_watch::moved(room_watch::camera_in_room().cam_from_world, (t < 3 ? 0 : deg * degree) * axis);
@@ -42,7 +43,7 @@ CalibrationWatch after_turn(double deg, CalibrationMode mode, int cameras = 3, i
   FilmedRoom room(film);
   CalibrationWatch watch(watched_rig(cameras), volume, {.watch = mode, .room_file = {}, .room = {}},
                          std::vector<bool>(std::size_t(cameras), true));
-  for (int k = 0; k < 90; ++k) {
+  for (int k = 0; k < 15 * until_s; ++k) {
     capture::FrameSet set;
     set.frames.resize(std::size_t(cameras));
     set.frames[0] = room.frame(k / 15.0);
@@ -79,6 +80,17 @@ TEST(CalibrationWatch, TellsByHowMuchPositionsAreOffAndWidensThem) {
   EXPECT_GT(std::sqrt((trust.pose_covariance.topLeftCorner<3, 3>().trace())), 0.75 * degree);
   EXPECT_THAT(calibration_warning("cam0", camera, CalibrationMode::tell),
               testing::AllOf(HasSubstr("cam0 was turned by 0.8"), HasSubstr("until it is mended")));
+  EXPECT_EQ(watch.trust()[1].pose_covariance.norm(), 0);
+}
+
+// Less than is told, but surely turned: nothing is said, and positions are as unsure as that.
+TEST(CalibrationWatch, WidensPositionsByATurnThatIsTooSmallToBeTold) {
+  const CalibrationWatch watch = after_turn(0.045, CalibrationMode::tell, 3, nullptr, 12);
+  EXPECT_FALSE(watch.cameras()[0].moved);
+  EXPECT_EQ(calibration_warning("cam0", watch.cameras()[0], CalibrationMode::tell), "");
+  const object_tracking::CameraTrust& trust = watch.trust()[0];
+  EXPECT_FALSE(trust.has_moved);
+  EXPECT_NEAR(std::sqrt((trust.pose_covariance.topLeftCorner<3, 3>().trace())), 0.045 * degree, 0.02 * degree);
   EXPECT_EQ(watch.trust()[1].pose_covariance.norm(), 0);
 }
 
