@@ -39,6 +39,7 @@ void make_printable(msg::ServiceStatus& sample) {
   sample.config_file(sentence(sample.config_file()));
   sample.config_identity(word(sample.config_identity()));
   sample.rig_identity(word(sample.rig_identity()));
+  sample.rig_history(sentence(sample.rig_history()));
   for (msg::CameraStatus& camera : sample.cameras()) {
     camera.name(word(camera.name()));
     camera.message(sentence(camera.message()));

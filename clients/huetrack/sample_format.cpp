@@ -213,7 +213,8 @@ std::string text(const msg::ServiceStatus& s, std::int64_t now, const msg::Camer
     fmt::format_to(std::back_inserter(out), "  {:<9} {}\n", label, what);
   };
   add("config", fmt::format("{}  identity {}", s.config_file(), s.config_identity()));
-  add("rig", fmt::format("identity {}, world frame {}", s.rig_identity(), s.frame_id()));
+  const std::string history = s.rig_history().empty() ? "" : "; " + s.rig_history();
+  add("rig", fmt::format("identity {}, world frame {}{}", s.rig_identity(), s.frame_id(), history));
   add("targets", s.targets().empty() ? "none" : fmt::format("{}", fmt::join(s.targets(), ", ")));
   add("tracking",
       fmt::format("{} frame sets per second; {} sets, {} of them incomplete, {} dropped; {} late frames",

@@ -134,6 +134,7 @@ std::string to_json(const msg::ServiceStatus& s, double heard) {
                {"config_file", s.config_file()},
                {"config_identity", s.config_identity()},
                {"rig_identity", s.rig_identity()},
+               {"rig_history", s.rig_history()},
                {"set_rate_hz", s.set_rate_hz()},
                {"sets", s.sets()},
                {"incomplete_sets", s.incomplete_sets()},

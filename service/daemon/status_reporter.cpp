@@ -82,6 +82,7 @@ StatusReporter::StatusReporter(const config::ServiceConfig& config, std::string 
   fixed_.config_file = config.file.string();
   fixed_.config_identity = config::config_identity(config);
   fixed_.rig_identity = calib::rig_identity(config.rig);
+  rig_history_ = config.rig.made;
   fixed_.clock_offset_s = capture::seconds(clock_offset);
   fixed_.warnings = config::warnings_of(config);
   for (const auto& target : config.targets) fixed_.targets.push_back(target.name);
@@ -107,6 +108,7 @@ publish::ServiceStatus StatusReporter::report(const pipeline::PipelineFigures& f
 
   publish::ServiceStatus status = fixed_;
   status.at = unix_now;
+  status.rig_history = rig_history_.text(std::chrono::floor<std::chrono::seconds>(unix_now));
   status.sets = figures.sets_tracked;
   status.incomplete_sets = figures.frame_sets.incomplete_sets;
   status.late_frames = figures.frame_sets.late_frames;

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "calib/model/rig_history.h"
 #include "capture/v4l2_source.h"
 #include "config/service_config.h"
 #include "pipeline/figures.h"
@@ -30,6 +31,7 @@ class StatusReporter {
                                 std::span<const std::optional<capture::CameraHealth>> live = {});
 
  private:
+  calib::RigHistory rig_history_;
   publish::ServiceStatus fixed_;  // what does not change
   std::vector<object_tracking::TargetOptions> targets_;
   std::string tracked_camera_;

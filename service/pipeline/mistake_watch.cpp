@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 
 namespace huetrack::pipeline {
 namespace {
@@ -45,6 +46,19 @@ void add_doubts(std::span<const double> doubts, std::vector<object_tracking::Cam
     trust[c].pose_covariance.diagonal().head<3>().array() += doubts[c] * doubts[c];
 }
 
+namespace {
+
+// What moved is known with its size, and no mistake of the rig any more. Before that was known, views contradicted one
+// another because of it, and any camera may have been blamed; the room tells of the others' turns, too.
+bool is_explained_by(const std::vector<bool>& moved, const view_watch::Mistake& mistake) {
+  using view_watch::MistakeKind;
+  if (std::ranges::none_of(moved, std::identity{})) return false;
+  return mistake.kind == MistakeKind::turned || mistake.kind == MistakeKind::zoomed ||
+         mistake.kind == MistakeKind::other_rig;
+}
+
+}  // namespace
+
 MistakeWatch::MistakeWatch(const calib::CameraRig& rig, std::span<const object_tracking::TargetOptions> targets)
     : rig_(rig),
       mistakes_(targets.size()),
@@ -61,22 +75,18 @@ void MistakeWatch::begin_anew(std::size_t target, const object_tracking::TargetO
 }
 
 bool MistakeWatch::look(const capture::FrameSet& set, std::span<const object_tracking::ObjectEstimate> estimates,
-                        std::span<const object_trackers::ObjectTracker> trackers, bool has_moved) {
+                        std::span<const object_trackers::ObjectTracker> trackers, const std::vector<bool>& moved) {
   std::swap(doubts_, doubts_before_);
   std::ranges::fill(doubts_, 0.0);
   for (std::size_t t = 0; t < watches_.size() && t < trackers.size(); ++t) {
     // Of several objects the tracker shows the views of one (ObjectTracker::regions()); times are those of any.
     const auto estimate = std::ranges::find(estimates, t, &object_tracking::ObjectEstimate::target);
     late_s_[t].clear();
-    if (!has_moved && estimate != estimates.end()) {
-      watches_[t].look(*estimate, trackers[t], set.at);
+    if (estimate != estimates.end()) {
+      watches_[t].look(*estimate, trackers[t], set.at, moved);
       late_s_[t] = watches_[t].late_s();
     }
-    // What moved is known with its size, and no mistake of the rig any more: only whose frames are whose is another
-    // one.
-    const auto is_explained = [&](const view_watch::Mistake& mistake) {
-      return has_moved && view_watch::is_of_rig(mistake.kind) && mistake.kind != view_watch::MistakeKind::swapped;
-    };
+    const auto is_explained = [&](const view_watch::Mistake& mistake) { return is_explained_by(moved, mistake); };
     mistakes_[t] = watches_[t].mistakes();
     std::erase_if(mistakes_[t], is_explained);
     for (const view_watch::Mistake& mistake : watches_[t].suspected_mistakes())

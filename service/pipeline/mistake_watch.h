@@ -23,11 +23,11 @@ class MistakeWatch {
   // A target has another colour or radius: what was seen of it is forgotten.
   void begin_anew(std::size_t target, const object_tracking::TargetOptions& options);
 
-  // After the trackers' update with that set. has_moved: a camera is known to have been moved while it ran, which
-  // explains views that contradict one another; looking for another reason would only take time.
+  // After the trackers' update with that set. moved: per camera of the rig, that it is known to have been moved, which
+  // explains what it contradicts: of the rig only what the others say is looked at.
   // True: doubts() has changed.
   bool look(const capture::FrameSet& set, std::span<const object_tracking::ObjectEstimate> estimates,
-            std::span<const object_trackers::ObjectTracker> trackers, bool has_moved);
+            std::span<const object_trackers::ObjectTracker> trackers, const std::vector<bool>& moved);
 
   // Of the last look(), per target: ViewWatch::late_s().
   std::span<const std::vector<double>> late_s() const { return late_s_; }

@@ -407,14 +407,16 @@ void Pipeline::trust_cameras() {
 
 void Pipeline::look_for_mistakes(const capture::FrameSet& set,
                                  std::span<const object_tracking::ObjectEstimate> estimates) {
-  are_doubts_new_ |= mistakes_->look(set, estimates, trackers_, has_moved_camera());
+  are_doubts_new_ |= mistakes_->look(set, estimates, trackers_, moved_cameras());
   for (std::size_t t = 0; t < trackers_.size(); ++t)
     if (!mistakes_->late_s()[t].empty()) trackers_[t].correct_times(mistakes_->late_s()[t]);
 }
 
-bool Pipeline::has_moved_camera() const {
-  return calibration_ && std::ranges::any_of(calibration_->cameras(),
-                                             [](const CameraCalibration& camera) { return camera.moved.has_value(); });
+std::vector<bool> Pipeline::moved_cameras() const {
+  std::vector<bool> moved(rig_.cameras.size(), false);
+  for (std::size_t c = 0; calibration_ && c < moved.size(); ++c)
+    moved[c] = calibration_->cameras()[c].moved.has_value();
+  return moved;
 }
 
 bool Pipeline::is_picture(std::uint64_t index) const {

@@ -128,7 +128,7 @@ class Pipeline {
   void watch(const capture::FrameSet& set, bool has_new_trackers);
   void trust_cameras();
   void look_for_mistakes(const capture::FrameSet& set, std::span<const object_tracking::ObjectEstimate> estimates);
-  bool has_moved_camera() const;
+  std::vector<bool> moved_cameras() const;
   void draw();
   void track_camera_frames();
   void draw_camera();

@@ -133,6 +133,7 @@ void fill(msg::ServiceStatus& sample, const ServiceStatus& status) {
   sample.config_file(status.config_file);
   sample.config_identity(status.config_identity);
   sample.rig_identity(status.rig_identity);
+  sample.rig_history(status.rig_history);
   sample.clock_offset_s(status.clock_offset_s);
   sample.set_rate_hz(status.set_rate_hz);
   sample.sets(status.sets);

@@ -38,6 +38,7 @@ struct ServiceStatus {
   std::string config_file;
   std::string config_identity;  // hash of the resolved configuration
   std::string rig_identity;     // rig_identity() of the rig in use
+  std::string rig_history;      // RigHistory::text(); empty: nothing is known
   double clock_offset_s = 0;    // published capture time minus the recording's own clock; 0 live
   double set_rate_hz = 0;       // frame sets tracked per second, over the last seconds
   std::uint64_t sets = 0;

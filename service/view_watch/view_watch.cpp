@@ -311,7 +311,7 @@ ViewWatch::ViewWatch(const calib::CameraRig& rig, const object_tracking::TargetO
       latency_sigmas_(rig.cameras.size(), 1) {}
 
 void ViewWatch::look(const object_tracking::ObjectEstimate& estimate, const object_trackers::ObjectTracker& tracker,
-                     capture::Timestamp set_at) {
+                     capture::Timestamp set_at, const std::vector<bool>& moved) {
   if (!first_at_ || set_at < *first_at_) {
     first_at_ = set_at;
     next_s_ = judged_every_s;
@@ -324,7 +324,7 @@ void ViewWatch::look(const object_tracking::ObjectEstimate& estimate, const obje
   if (now_s < next_s_) return;
   next_s_ = now_s + judged_every_s;
   std::vector<Mistake> now;
-  if (auto mistake = of_rig(now_s)) {
+  if (auto mistake = of_rig(now_s, moved)) {
     now.push_back(std::move(*mistake));
   } else if (!is_wrong_) {
     if (auto late = of_learnt_times()) now.push_back(std::move(*late));
@@ -459,8 +459,11 @@ void ViewWatch::choose(const Track& all, double now_s, double shift_s, Track& ch
   }
 }
 
-std::optional<Mistake> ViewWatch::of_rig(double now_s) {
-  for (std::size_t c = 0; c < cameras_.size(); ++c) choose(cameras_[c].track, now_s, time_shifts_[c], tracks_[c]);
+std::optional<Mistake> ViewWatch::of_rig(double now_s, const std::vector<bool>& moved) {
+  for (std::size_t c = 0; c < cameras_.size(); ++c) {
+    choose(cameras_[c].track, now_s, time_shifts_[c], tracks_[c]);
+    if (c < moved.size() && moved[c]) tracks_[c].clear();
+  }
   is_wrong_ = false;
   if (!has_moved()) return std::nullopt;
   const PairComparison comparison(rig_);

@@ -60,9 +60,10 @@ class ViewWatch {
  public:
   ViewWatch(const calib::CameraRig& rig, const object_tracking::TargetOptions& target);
 
-  // After the target was looked for in a set. Sets in time order.
+  // After the target was looked for in a set. Sets in time order. moved: per camera, that it is known otherwise to
+  // stand elsewhere than the rig says: what it saw says nothing of the others. Empty: none is.
   void look(const object_tracking::ObjectEstimate& estimate, const object_trackers::ObjectTracker& tracker,
-            capture::Timestamp set_at);
+            capture::Timestamp set_at, const std::vector<bool>& moved = {});
 
   // By the last look(), and told once: what its tracker believes of the cameras' times cannot be so. Per camera of the
   // rig, how much later its frames are (ObjectTracker::correct_times); empty: nothing is known to be wrong.
@@ -97,7 +98,7 @@ class ViewWatch {
   void forget_what_was_not_it(const object_tracking::ObjectEstimate& estimate, double now_s);
   bool is_still(PerCamera& camera, const Eigen::Vector2d& px, double now_s) const;
   void choose(const Track& all, double now_s, double shift_s, Track& chosen);
-  std::optional<Mistake> of_rig(double now_s);
+  std::optional<Mistake> of_rig(double now_s, const std::vector<bool>& moved);
   std::optional<Mistake> explained(const PairComparison::Agreement& as_is, bool is_clear, bool are_few) const;
   std::optional<Mistake> of_jump(double now_s);
   bool correct_times(Mistake& found, double now_s);

@@ -233,6 +233,7 @@ TEST(SampleFormat, StatusNamesWhatIsWrong) {
   s.config_file("a.yaml");
   s.config_identity("abc");
   s.rig_identity("def");
+  s.rig_history("calibrated 6 days ago at 21.5 C; last checked 17 hours ago: usable");
   s.set_rate_hz(29.96);
   s.sets(100);
   s.dropped_sets(4);
@@ -248,7 +249,8 @@ TEST(SampleFormat, StatusNamesWhatIsWrong) {
       text(s, 1'700'000'000'500'000'000),
       "huetrackd 0.1.0 on lab, process 42, mode run, 0.5 s ago\n"
       "  config    a.yaml  identity abc\n"
-      "  rig       identity def, world frame world\n"
+      "  rig       identity def, world frame world; calibrated 6 days ago at 21.5 C; last checked 17 hours ago: "
+      "usable\n"
       "  targets   ball, wand\n"
       "  tracking  30.0 frame sets per second; 100 sets, 0 of them incomplete, 4 dropped; 0 late frames\n"
       "  sent      0 samples, 0 failures\n"

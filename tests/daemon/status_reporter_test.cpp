@@ -37,6 +37,19 @@ TEST_F(Reporter, SaysWhoItIs) {
   EXPECT_EQ(status.cameras[1].name, "cam1");
 }
 
+// At the time of the report: a service that runs for days has a rig that grows older.
+TEST_F(Reporter, SaysHowOldTheRigIs) {
+  config::ServiceConfig config = config_;
+  config.rig.made.at = calib::UtcTime(0s);
+  config.rig.made.checks = {{calib::UtcTime(48h), "usable", ""}};
+  StatusReporter reporter(config, "run", {});
+  EXPECT_EQ(reporter.report(figures_, start_, capture::Timestamp(72h)).rig_history,
+            "calibrated 3 days ago; last checked 24 hours ago: usable");
+  EXPECT_EQ(reporter.report(figures_, start_ + 1h, capture::Timestamp(24h * 5)).rig_history.substr(0, 21),
+            "calibrated 5 days ago");
+  EXPECT_EQ(reporter_.report(figures_, start_, capture::Timestamp(72h)).rig_history, "") << "its file does not say";
+}
+
 TEST_F(Reporter, HealthFollowsTheFrames) {
   figures_.cameras[0].frames = 1;
   figures_.cameras[0].last_received = start_;

@@ -43,7 +43,7 @@ Followed follow(const scene::Scene& scene, const calib::CameraRig& rig, bool is_
   std::vector<object_tracking::ObjectEstimate> estimates;
   for (std::size_t k = 0; k < sets.size(); ++k) {
     trackers[0].update(sets[k], estimates);
-    if (watch.look(sets[k], estimates, trackers, false)) {
+    if (watch.look(sets[k], estimates, trackers, {})) {
       ++out.changes;
       std::vector<object_tracking::CameraTrust> trust;
       add_doubts(watch.doubts(), trust);
@@ -110,7 +110,7 @@ TEST(MistakeWatch, ARoomOfTheColourIsNoMistake) {
   EXPECT_GT(heard.told, 70);
 }
 
-// The room has told that a camera moved: nothing else is looked for.
+// The room has told that a camera moved: nothing is said of it, nor of the others.
 TEST(MistakeWatch, WhatMovedIsNoMistake) {
   const scene::Scene scene = scene::lime_that_flies();
   calib::CameraRig rig = scene.rig;
@@ -122,9 +122,37 @@ TEST(MistakeWatch, WhatMovedIsNoMistake) {
   std::vector<object_tracking::ObjectEstimate> estimates;
   for (const auto& set : scene::render(scene, {.set_count = 90, .seed = 4})) {
     trackers[0].update(set, estimates);
-    EXPECT_FALSE(watch.look(set, estimates, trackers, true));
+    EXPECT_FALSE(watch.look(set, estimates, trackers, {false, true, false}));
   }
   EXPECT_THAT(watch.mistakes()[0], testing::IsEmpty());
+}
+
+// A knock is no excuse for what others do: a camera that is late, and a radius that is wrong.
+TEST(MistakeWatch, OtherMistakesAreNamedBesideACameraThatMoved) {
+  scene::Scene scene = scene::SceneBuilder{}.cameras_on_ring({.count = 4}).build();
+  scene.balls = scene::lime_that_flies().balls;
+  calib::CameraRig rig = scene.rig;
+  turn(rig.cameras[1], 2 * rad, {1, -0.6, 0.3});
+  for (const bool is_late : {true, false}) {
+    std::vector targets{lime()};
+    if (!is_late) targets[0].radius_m *= 1.4;
+    std::vector<object_trackers::ObjectTracker> trackers;
+    trackers.emplace_back(rig, targets[0], object_tracking::ObjectTrackerOptions{});
+    MistakeWatch watch(rig, targets);
+    std::vector<object_tracking::ObjectEstimate> estimates;
+    auto sets = scene::render(scene, {.set_count = 150, .seed = 4});
+    for (std::size_t k = sets.size(); is_late && k-- > 6;) sets[k].frames[2]->pixels = sets[k - 6].frames[2]->pixels;
+    sets.erase(sets.begin(), sets.begin() + 6);
+    std::vector<MistakeKind> named;
+    for (const auto& set : sets) {
+      trackers[0].update(set, estimates);
+      watch.look(set, estimates, trackers, {false, true, false, false});
+      if (!watch.late_s()[0].empty()) trackers[0].correct_times(watch.late_s()[0]);
+      for (const Mistake& mistake : watch.mistakes()[0])
+        if (std::ranges::find(named, mistake.kind) == named.end()) named.push_back(mistake.kind);
+    }
+    EXPECT_THAT(named, ElementsAre(is_late ? MistakeKind::late : MistakeKind::radius));
+  }
 }
 
 TEST(MistakeWatch, DoubtIsAsLargeAsTheMistake) {

@@ -110,6 +110,7 @@ static void print_status(const huetrack_msg_ServiceStatus* s) {
   text(p, "config_file", s->config_file);
   text(p, "config_identity", s->config_identity);
   text(p, "rig_identity", s->rig_identity);
+  text(p, "rig_history", s->rig_history);
   number(p, "clock_offset_s", s->clock_offset_s);
   number(p, "set_rate_hz", s->set_rate_hz);
   integer(p, "sets", (int64_t)s->sets);

@@ -269,6 +269,7 @@ TEST_F(Bus, StatusIsThereForWhoComesLate) {
   EXPECT_EQ(s.config_file(), known.config_file);
   EXPECT_EQ(s.config_identity(), known.config_identity);
   EXPECT_EQ(s.rig_identity(), known.rig_identity);
+  EXPECT_EQ(s.rig_history(), known.rig_history);
   EXPECT_EQ(s.clock_offset_s(), known.clock_offset_s);
   EXPECT_EQ(s.set_rate_hz(), known.set_rate_hz);
   EXPECT_EQ(s.sets(), known.sets);

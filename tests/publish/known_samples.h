@@ -99,6 +99,7 @@ inline ServiceStatus known_status() {
   s.config_file = "/etc/huetrack/huetrackd.yaml";
   s.config_identity = "c0ffee";
   s.rig_identity = "decade";
+  s.rig_history = "calibrated 3 days ago";
   s.clock_offset_s = 12.5;
   s.set_rate_hz = 29.75;
   s.sets = 101;

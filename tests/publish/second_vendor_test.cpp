@@ -79,6 +79,7 @@ Fields expected_status(pid_t publisher) {
   f["status/config_file"] = s.config_file;
   f["status/config_identity"] = s.config_identity;
   f["status/rig_identity"] = s.rig_identity;
+  f["status/rig_history"] = s.rig_history;
   f["status/clock_offset_s"] = text(s.clock_offset_s);
   f["status/set_rate_hz"] = text(s.set_rate_hz);
   f["status/sets"] = std::to_string(s.sets);

@@ -471,7 +471,7 @@ function updateHealth(serving: boolean): void {
   const facts: [string, string][] = status
     ? [
         ["Configuration", `${status.config_file} (${status.config_identity})`],
-        ["Rig", status.rig_identity],
+        ["Rig", status.rig_history ? `${status.rig_identity}, ${status.rig_history}` : status.rig_identity],
         ["Version", status.version],
         ["Frame sets", `${status.sets} tracked, ${status.incomplete_sets} incomplete, ${status.dropped_sets} dropped`],
         ["Late frames", String(status.late_frames)],

@@ -72,6 +72,7 @@ export interface Status {
   config_file: string;
   config_identity: string;
   rig_identity: string;
+  rig_history: string;
   set_rate_hz: number;
   sets: number;
   incomplete_sets: number;
