@@ -83,7 +83,8 @@ struct CameraTrust {
   // false: what this camera shows moves no estimate and starts none. It is still looked at where the target is
   // expected, for its ViewWitness.
   bool is_used = true;
-  // That it stands elsewhere than the rig says was seen otherwise: what views contradicted of it until now is explained.
+  // That it stands elsewhere than the rig says was seen otherwise: what views contradicted of it until now is
+  // explained.
   bool has_moved = false;
   std::optional<calib::Rigid3d> cam_from_world = {};  // its pose in place of the rig's; nullopt: the rig's
   // Of that pose: cam_from_world_true = exp(e) * cam_from_world, e = (rotation vector in radians, shift in metres) in
