@@ -13,6 +13,15 @@ double usual_tangent(const calib::Camera& camera) {
   return diagonal_px / std::sqrt(12.0) / view_watch::focal_px(camera);
 }
 
+// What moved is known with its size, and no mistake of the rig any more. Before that was known, views contradicted one
+// another because of it, and any camera may have been blamed; the room tells of the others' turns, too.
+bool is_explained_by(const std::vector<bool>& moved, const view_watch::Mistake& mistake) {
+  using view_watch::MistakeKind;
+  if (std::ranges::none_of(moved, std::identity{})) return false;
+  return mistake.kind == MistakeKind::turned || mistake.kind == MistakeKind::zoomed ||
+         mistake.kind == MistakeKind::other_rig;
+}
+
 }  // namespace
 
 double doubt_of(const view_watch::Mistake& mistake, const calib::Camera& camera) {
@@ -45,19 +54,6 @@ void add_doubts(std::span<const double> doubts, std::vector<object_tracking::Cam
   for (std::size_t c = 0; c < doubts.size(); ++c)
     trust[c].pose_covariance.diagonal().head<3>().array() += doubts[c] * doubts[c];
 }
-
-namespace {
-
-// What moved is known with its size, and no mistake of the rig any more. Before that was known, views contradicted one
-// another because of it, and any camera may have been blamed; the room tells of the others' turns, too.
-bool is_explained_by(const std::vector<bool>& moved, const view_watch::Mistake& mistake) {
-  using view_watch::MistakeKind;
-  if (std::ranges::none_of(moved, std::identity{})) return false;
-  return mistake.kind == MistakeKind::turned || mistake.kind == MistakeKind::zoomed ||
-         mistake.kind == MistakeKind::other_rig;
-}
-
-}  // namespace
 
 MistakeWatch::MistakeWatch(const calib::CameraRig& rig, std::span<const object_tracking::TargetOptions> targets)
     : rig_(rig),

@@ -461,8 +461,10 @@ void ViewWatch::choose(const Track& all, double now_s, double shift_s, Track& ch
 
 std::optional<Mistake> ViewWatch::of_rig(double now_s, const std::vector<bool>& moved) {
   for (std::size_t c = 0; c < cameras_.size(); ++c) {
-    choose(cameras_[c].track, now_s, time_shifts_[c], tracks_[c]);
-    if (c < moved.size() && moved[c]) tracks_[c].clear();
+    if (c < moved.size() && moved[c])
+      tracks_[c].clear();
+    else
+      choose(cameras_[c].track, now_s, time_shifts_[c], tracks_[c]);
   }
   is_wrong_ = false;
   if (!has_moved()) return std::nullopt;
