@@ -124,8 +124,8 @@ void add_replay_command(CLI::App& app, Command& chosen) {
                     "no progress bar, and of the summary only warnings and mistakes, to stderr");
   command->add_flag(
       "--strict", options->is_strict,
-      "exit status 3 when the tracks show a mistake in rig or configuration (lines `mistake` of the summary), or a "
-      "camera was moved (lines `cameras told`)");
+      "exit status 3 when the tracks show a mistake in rig or configuration (lines `mistake` of the summary), a camera "
+      "was moved, blinded or hidden (lines `cameras told`), or a colour left what is looked for (lines `light`)");
   const auto reload = [options](int code) {
     if (code == SI_KERNEL) return true;  // nobody's kill -HUP: its terminal is gone
     options->reload = true;
@@ -140,8 +140,7 @@ void add_replay_command(CLI::App& app, Command& chosen) {
     } else {
       std::fputs(to_text(summary, options->replay).c_str(), stdout);
     }
-    const bool is_wrong = !summary.mistakes.empty() || summary.is_rig_outdated;
-    return options->is_strict && is_wrong ? mistakes_status : 0;
+    return options->is_strict && has_trouble(summary) ? mistakes_status : 0;
   };
   on_choice(*command, chosen, run, {{SIGHUP, reload}});
 }

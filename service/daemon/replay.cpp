@@ -382,7 +382,8 @@ ReplaySummary replay(const ReplayCommand& command, const std::stop_token& stop) 
   summary.light = reports.light.summary();
   summary.times = reports.times.summary();
   summary.calibration = reports.rig.summary();
-  summary.is_rig_outdated = reports.rig.has_been_wrong();
+  summary.has_camera_trouble = reports.rig.has_had_trouble();
+  summary.has_lost_color = reports.light.has_lost_color();
   summary.clock_offset = session.time().offset();
   if (bus) {
     summary.published = bus->publisher().counters().published;

@@ -60,8 +60,9 @@ struct ReplaySummary {
   std::vector<std::string> left_out;     // what has a target's colour and never moves, one sentence each
   std::vector<std::string> times;        // when the cameras' rows are exposed, one sentence each
   std::vector<std::string> calibration;  // cameras that no longer stand where the rig says, one sentence each
-  bool is_rig_outdated = false;          // by one of those: it was moved, not hidden
+  bool has_camera_trouble = false;       // one of those gave wrong positions, or none: moved, blinded, hidden
   std::vector<std::string> light;        // what light did to cameras and colours, one sentence each
+  bool has_lost_color = false;           // by one of those: a colour left what is looked for
   std::optional<CameraSummary> camera;   // the tracked one
   std::uint64_t published = 0;           // DDS samples written
   std::uint64_t publish_failures = 0;
@@ -75,6 +76,8 @@ ReplaySummary replay(const ReplayCommand& command, const std::stop_token& stop);
 
 // For people, several lines: what there was, then what is not well (problems_text()), where the eye is at the end.
 std::string to_text(const ReplaySummary& summary, const ReplayCommand& command);
+// What a monitor is to know: a mistake, or that positions were wrong, or missing, for a reason that is known.
+bool has_trouble(const ReplaySummary& summary);
 // Of it the lines that name warnings and mistakes; empty: all is well.
 std::string problems_text(const ReplaySummary& summary);
 

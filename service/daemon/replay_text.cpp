@@ -132,6 +132,10 @@ std::string to_text(const ReplaySummary& s, const ReplayCommand& command) {
   return text + problems_text(s);
 }
 
+bool has_trouble(const ReplaySummary& s) {
+  return !s.mistakes.empty() || s.has_camera_trouble || s.has_lost_color;
+}
+
 // What explains most stands last.
 std::string problems_text(const ReplaySummary& s) {
   std::string text;

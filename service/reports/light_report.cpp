@@ -63,8 +63,11 @@ void LightReport::tell_colors(std::size_t target, const pipeline::TrackedSet& se
   Told& told = told_[target];
   told.news = set.trackers[target].color_news();
   const auto healths = set.trackers[target].color_health();
+  const auto estimate = std::ranges::find(set.estimates, target, &object_tracking::ObjectEstimate::target);
+  const auto state = estimate != set.estimates.end() ? estimate->state : object_tracking::TrackState::searching;
   const std::scoped_lock lock(mutex_);
   for (std::size_t c = 0; c < healths.size(); ++c) {
+    has_lost_color_ = has_lost_color_ || is_lost(healths[c], state);
     told.followed[c] = followed_text(cameras_[c], healths[c]);
     std::string warning = color_warning(targets_[target], cameras_[c], healths[c], is_recorded_);
     if (!warning.empty()) {

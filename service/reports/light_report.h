@@ -30,6 +30,8 @@ class LightReport final : public pipeline::Output {
   // What there was since the start, in one sentence for all cameras' pictures and one for each target, whose colour is
   // told with the time since the first set; all of it stands in the log. When the road is empty.
   std::vector<std::string> summary() const;
+  // A target's colour was beyond what is looked for, in some camera. When the road is empty.
+  bool has_lost_color() const { return has_lost_color_; }
 
  private:
   struct Told {
@@ -54,6 +56,7 @@ class LightReport final : public pipeline::Output {
   std::vector<Told> told_;                            // the tracking thread's; warnings are guarded by mutex_
   std::optional<capture::Timestamp> first_at_;        // the tracking thread's
   std::uint64_t sets_ = 0;                            // the tracking thread's
+  bool has_lost_color_ = false;                       // the tracking thread's
   mutable std::mutex mutex_;
   std::vector<object_tracking::TargetOptions> targets_;    // guarded by mutex_
   std::vector<std::vector<std::string>> camera_warnings_;  // guarded by mutex_; per camera

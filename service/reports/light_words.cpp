@@ -81,6 +81,10 @@ std::string color_warning(const object_tracking::TargetOptions& target, const st
                                            : fmt::format("{}teach it anew, or color: {{adapt: true}}", fix));
 }
 
+bool is_lost(const ColorHealth& health, object_tracking::TrackState state) {
+  return health.near_end && (health.near_end->left < 0 || state == object_tracking::TrackState::lost);
+}
+
 std::string followed_text(const std::string& camera, const ColorHealth& health) {
   const auto& by = health.followed;
   std::vector<std::string> parts;

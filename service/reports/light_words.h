@@ -22,6 +22,10 @@ std::vector<Remark> light_remarks(const capture::LightFindings& findings);
 std::string color_warning(const object_tracking::TargetOptions& target, const std::string& camera,
                           const object_trackers::ColorHealth& health, bool is_recorded);
 
+// The object's colour is beyond what is looked for, or was at its end when the object was lost: nothing is seen of it
+// from then on, and its colour as known stays what it was.
+bool is_lost(const object_trackers::ColorHealth& health, object_tracking::TrackState state);
+
 // "its colour in cam1 was followed by 12 degrees of hue"; empty when it is looked for as it was taught.
 std::string followed_text(const std::string& camera, const object_trackers::ColorHealth& health);
 

@@ -121,11 +121,8 @@ std::vector<std::string> RigReport::summary() const {
   return all;
 }
 
-bool RigReport::has_been_wrong() const {
-  return std::ranges::any_of(happenings_, [](const Happening& h) {
-    return h.state == RoomState::knocked || h.state == RoomState::sagging || h.state == RoomState::zoomed ||
-           h.state == RoomState::defocused;
-  });
+bool RigReport::has_had_trouble() const {
+  return std::ranges::any_of(happenings_, is_trouble, &Happening::state);
 }
 
 int RigReport::mend(calib::CameraRig& rig) const {

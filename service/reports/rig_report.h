@@ -28,8 +28,8 @@ class RigReport final : public pipeline::Output {
 
   // What there was since the start, one sentence each. When the road is empty.
   std::vector<std::string> summary() const;
-  // A camera was moved, or its zoom or focus, so that the rig is not right of it. When the road is empty.
-  bool has_been_wrong() const;
+  // A camera gave wrong positions, or none, at any time (is_trouble). When the road is empty.
+  bool has_had_trouble() const;
 
   // The rig with those cameras where they stand now; how many were moved. When the road is empty.
   int mend(calib::CameraRig& rig) const;

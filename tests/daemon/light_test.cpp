@@ -182,6 +182,8 @@ TEST_F(WanderingReplay, WarnsAndHoldsWhereItAdapts) {
   EXPECT_THAT(plain.light, Contains(AllOf(HasSubstr("lime in cam1: the colour has moved by"),
                                           HasSubstr("degrees since it was taught"), HasSubstr("adapt: true"))));
   EXPECT_THAT(to_text(plain, {}), HasSubstr("  light   from "));
+  EXPECT_TRUE(has_trouble(plain));
+  EXPECT_FALSE(has_trouble(adapted));
   EXPECT_EQ(plain.light.size(), 1u);  // of one target, whatever happened in three cameras
   EXPECT_EQ(adapted.targets[0].sets.count(TrackState::lost), 0u);
   EXPECT_EQ(adapted.targets[0].sets.count(TrackState::coasting), 0u);
@@ -203,6 +205,18 @@ TEST(ReplayText, WhatIsNotWellStandsLastAndMistakesAtTheEnd) {
   EXPECT_EQ(problems_text(summary), problems);
   EXPECT_THAT(to_text(summary, {}), testing::EndsWith("  times   a time\n" + problems));
   EXPECT_EQ(problems_text({}), "");
+}
+
+// What ended well stands in the summary all the same.
+TEST(ReplaySummary, AMistakeACameraAndALostColorAreTrouble) {
+  ReplaySummary told;
+  told.light = {"a lamp"}, told.calibration = {"a box"};
+  EXPECT_FALSE(has_trouble(told));
+  ReplaySummary swapped, blinded, pale;
+  swapped.mistakes = {"two videos"};
+  blinded.has_camera_trouble = true;
+  pale.has_lost_color = true;
+  for (const ReplaySummary& summary : {swapped, blinded, pale}) EXPECT_TRUE(has_trouble(summary));
 }
 
 TEST(ReplayText, WhatWasHeldIsNoneOfTheTimeThatItTook) {
