@@ -378,6 +378,7 @@ ReplaySummary replay(const ReplayCommand& command, const std::stop_token& stop) 
         std::ranges::any_of(summary.mistakes, says_it))
       target.advice.clear();
   }
+  summary.taken_back = reports.mistakes.taken_back();
   summary.left_out = reports.objects.summary();
   summary.light = reports.light.summary();
   summary.times = reports.times.summary();

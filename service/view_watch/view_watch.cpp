@@ -345,6 +345,8 @@ void ViewWatch::look(const object_tracking::ObjectEstimate& estimate, const obje
   }
   if (tracker.search_findings().is_found_at_twice_the_hue)
     now = {{.kind = MistakeKind::opencv_hue}};  // all else was seen of something else
+  else  // never found, or taken back by the tracker: it is not one of those that come and go
+    std::erase_if(suspected_, [](const Suspected& s) { return s.mistake.kind == MistakeKind::opencv_hue; });
   confirm(now, now_s);
 }
 

@@ -1,0 +1,59 @@
+// What is told of mistakes, and what of those that were none.
+#include "reports/mistake_report.h"
+
+#include <gmock/gmock.h>
+
+#include "scene/lime.h"
+
+namespace huetrack::reports {
+namespace {
+
+using testing::AllOf;
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::IsEmpty;
+using view_watch::Mistake;
+using view_watch::MistakeKind;
+
+class MistakeReportOfLime : public testing::Test {
+ protected:
+  void see(double at_s, const std::vector<Mistake>& mistakes) {
+    capture::FrameSet frames;
+    frames.at = capture::Timestamp(capture::duration_of(at_s));
+    const std::vector<std::vector<Mistake>> of_targets{mistakes};
+    report.on_set({.frames = frames, .estimates = {}, .received_at = {}, .trackers = {}, .mistakes = of_targets});
+  }
+  static config::ServiceConfig of_lime() {
+    config::ServiceConfig config;
+    config.rig = scene::lime_that_flies().rig;
+    config.targets = {scene::lime()};
+    return config;
+  }
+  const config::ServiceConfig config = of_lime();
+  MistakeReport report{config};
+};
+
+TEST_F(MistakeReportOfLime, AHueThatIsTakenBackStandsNoLonger) {
+  see(0, {});
+  see(1, {{.kind = MistakeKind::opencv_hue}});
+  EXPECT_THAT(report.summary(), ElementsAre(HasSubstr("from 1.0 s on: lime: ")));
+  see(2.5, {});
+  EXPECT_THAT(report.summary(), IsEmpty());
+  EXPECT_THAT(report.taken_back(),
+              ElementsAre(AllOf(HasSubstr("named at 1.0 s and taken back at 2.5 s: lime: "), HasSubstr("OpenCV"))));
+  see(3, {{.kind = MistakeKind::opencv_hue}});
+  EXPECT_THAT(report.summary(), ElementsAre(HasSubstr("OpenCV")));
+  EXPECT_THAT(report.taken_back(), IsEmpty());
+}
+
+TEST_F(MistakeReportOfLime, WhatWasMendedOrIsOverWasAMistakeAllTheSame) {
+  see(0, {{.kind = MistakeKind::opencv_hue}});
+  report.on_config(config);
+  see(1, {{.kind = MistakeKind::shared_color, .cameras = {1}, .size = 0.2}});
+  see(2, {});
+  EXPECT_EQ(report.summary().size(), 2u);
+  EXPECT_THAT(report.taken_back(), IsEmpty());
+}
+
+}  // namespace
+}  // namespace huetrack::reports
