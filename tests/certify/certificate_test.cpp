@@ -15,6 +15,7 @@ namespace {
 
 using Eigen::Vector3d;
 using testing::HasSubstr;
+using testing::Not;
 
 TEST(Certificate, ItsUncertaintyCoversNineteenOfTwentyLengthsThatAreMeasuredLater) {
   for (const double scale : {1.0, 1.01}) {  // without and with a mistake that is in all of them
@@ -97,6 +98,19 @@ TEST(Certificate, RestsAtMarkedPlacesGiveLengths) {
   EXPECT_TRUE(rests_of(track).empty());
   for (BallFix& fix : track) fix.position = {0.02 * std::sin(25 * fix.t_s), 0, 1};  // held, but shaken
   EXPECT_TRUE(rests_of(track).empty());
+}
+
+TEST(CertificateReport, SaysWhetherWhatIsStatedIsTrue) {
+  const calib::CameraRig rig;
+  const auto text = [&](double stated_m) {
+    const auto lengths = CarriedBar{.stated_m = stated_m}.lengths();
+    return report::to_text(
+        report::report_on(certificate_of(lengths, 3e-4), lengths, rig, {.rig_name = "rig", .what = "a bar"}).document);
+  };
+  EXPECT_THAT(text(0.002), HasSubstr("That is honest"));
+  EXPECT_THAT(text(0.004), AllOf(HasSubstr("They are cautious: errors are 0.5"), Not(HasSubstr("honest"))));
+  EXPECT_THAT(text(0.0014), HasSubstr("somewhat too sure"));
+  EXPECT_THAT(text(0.0008), HasSubstr("They are too sure"));
 }
 
 TEST(CertificateReport, PassesFailsOrAsksForMore) {
