@@ -54,7 +54,9 @@ std::string RigHistory::text(UtcTime now) const {
   std::string out;
   if (at) out = "calibrated " + ago(*at);
   if (temperature_c) out += fmt::format("{} at {:.4g} C", out.empty() ? "calibrated" : "", *temperature_c);
-  if (!checks.empty())
+  if (!checks.empty() && checks.back().verdict == mended_verdict)
+    out += fmt::format("{}mended {}, not checked since", out.empty() ? "" : "; ", ago(checks.back().at));
+  else if (!checks.empty())
     out += fmt::format("{}last checked {}: {}", out.empty() ? "" : "; ", ago(checks.back().at), checks.back().verdict);
   return out;
 }

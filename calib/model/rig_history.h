@@ -17,10 +17,13 @@ std::optional<UtcTime> utc_time(std::string_view text);
 // "3 days", "5 hours", "14 months": the largest unit that is whole at least twice; "less than 2 minutes".
 std::string age_text(std::chrono::seconds age);
 
+// Of a note that is no check: the rig was mended, and nobody has looked yet whether it fits.
+inline constexpr std::string_view mended_verdict = "mended";
+
 // Somebody looked whether the rig still fits.
 struct RigCheckNote {
   UtcTime at{};
-  std::string verdict;  // "usable", "doubtful", "failed"
+  std::string verdict;  // "usable", "doubtful", "failed"; or mended_verdict
   std::string text;     // one sentence: what was seen
   bool operator==(const RigCheckNote&) const = default;
 };

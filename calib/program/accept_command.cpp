@@ -13,7 +13,6 @@
 #include "calib/model/rig_yaml.h"
 #include "calib/program/commands.h"
 #include "calib/program/outcome.h"
-#include "calib/report/calibration_report.h"
 
 namespace huetrack::program {
 namespace {
@@ -91,8 +90,7 @@ ExitStatus accept(const AcceptOptions& o) {
   const fs::path backup = backup_of(o.rig);
   fs::copy_file(o.rig, backup);
   // What was found of the old rig is not of this one.
-  after.made.add({utc_now(), std::string(report::name(report::Verdict::usable)),
-                  "as huetrackd mended it: " + in_one_line(differs)});
+  after.made.add({utc_now(), std::string(calib::mended_verdict), "as huetrackd mended it: " + in_one_line(differs)});
   calib::write_rig(after, o.rig);
   if (o.from.empty()) fs::remove(from);
   std::fputs(differs.c_str(), stdout);

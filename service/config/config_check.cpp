@@ -229,7 +229,8 @@ std::string rig_warning(const calib::CameraRig& rig) {
   constexpr auto old = days(180);
   const sys_seconds now = floor<seconds>(system_clock::now());
   const calib::RigHistory& made = rig.made;
-  if (!made.checks.empty() && made.checks.back().verdict != "usable")
+  if (!made.checks.empty() && made.checks.back().verdict != "usable" &&
+      made.checks.back().verdict != calib::mended_verdict)
     return "the rig was found " + made.checks.back().verdict + " when it was last checked: " + made.text(now);
   const auto seen = made.checks.empty() ? made.at : std::optional(made.checks.back().at);
   if (seen && now - *seen > old)

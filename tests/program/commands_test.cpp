@@ -158,7 +158,7 @@ TEST_F(Calibrate, PicturesOfAGoodCaptureGiveTheRig) {
 }
 
 // What was found of the old rig, and how old it is, is told of the new one no more.
-TEST_F(Calibrate, AMendedRigThatIsAcceptedIsUsable) {
+TEST_F(Calibrate, AMendedRigThatIsAcceptedIsNotedAsNotChecked) {
   calib::CameraRig knocked = gather::pictured_rig();
   knocked.made.at = calib::utc_time("2026-03-01T08:00:00Z");
   knocked.made.add({*calib::utc_time("2026-03-02T08:00:00Z"), "failed", "cam1: was moved"});
@@ -174,7 +174,9 @@ TEST_F(Calibrate, AMendedRigThatIsAcceptedIsUsable) {
   const calib::CameraRig now = calib::read_rig(path("rig.yaml"));
   EXPECT_EQ(now.made.at, knocked.made.at);
   ASSERT_EQ(now.made.checks.size(), 2u);
-  EXPECT_EQ(now.made.checks[1].verdict, "usable");
+  EXPECT_EQ(now.made.checks[1].verdict, calib::mended_verdict);
+  EXPECT_THAT(now.made.text(now.made.checks[1].at),
+              testing::EndsWith("mended less than 2 minutes ago, not checked since"));
   EXPECT_THAT(now.made.checks[1].text, HasSubstr("as huetrackd mended it: cam1: turned by 1.15 degrees"));
   EXPECT_GT(now.made.checks[1].at, now.made.checks[0].at);
 }
