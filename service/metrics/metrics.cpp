@@ -176,6 +176,13 @@ void add_targets(Text& text, const publish::ServiceStatus& status, std::span<con
   text.family("huetrack_target_objects_found_total", "counter", "times that an object of the target was found");
   for (std::size_t t = 0; t < targets.size(); ++t)
     text.sample("target=" + label(status.targets[t]), double(targets[t].found));
+  text.family("huetrack_target_mistake", "gauge",
+              "1 while the target's views show that mistake in rig or configuration");
+  for (std::size_t t = 0; t < targets.size(); ++t)
+    for (std::size_t kind = 0; kind < view_watch::mistake_kinds; ++kind)
+      text.sample(
+          "target=" + label(status.targets[t]) + ",kind=" + label(view_watch::name(view_watch::MistakeKind(kind))),
+          targets[t].mistakes[kind] ? 1 : 0);
 }
 
 void add_latencies(Text& text, const publish::ServiceStatus& status, const LatencyFigures& latencies) {

@@ -14,6 +14,7 @@
 #include "capture/frame.h"
 #include "object_tracking/object_estimate.h"
 #include "publish/service_status.h"
+#include "view_watch/view_watch.h"
 
 namespace huetrack::metrics {
 
@@ -47,6 +48,7 @@ struct TargetFigures {
   int most = 1;  // that there may be
   int tracked = 0, coasting = 0;
   std::uint64_t found = 0;
+  std::array<bool, view_watch::mistake_kinds> mistakes{};  // by kind, in force now
 };
 
 struct LatencyFigures {

@@ -24,6 +24,11 @@ void RoadMeter::on_set(const pipeline::TrackedSet& set) {
     targets_[estimate.target].effective_sample_size = estimate.effective_sample_size;
     targets_[estimate.target].particles = estimate.particle_count;
   }
+  for (std::size_t t = 0; t < set.mistakes.size() && t < targets_.size(); ++t) {
+    std::uint32_t kinds = 0;
+    for (const view_watch::Mistake& mistake : set.mistakes[t]) kinds |= 1U << unsigned(mistake.kind);
+    targets_[t].mistakes = kinds;
+  }
   const capture::Timestamp now = capture::unix_now();
   const auto [begun, sent] = bus_ != nullptr ? bus_->last_writing() : publish::EstimatePublisher::Writing{now, now};
   dequeue_to_write_.add(begun - set.received_at);
@@ -50,13 +55,16 @@ void RoadMeter::count_objects(std::span<const object_tracking::ObjectEstimate> e
 
 std::vector<TargetFigures> RoadMeter::targets() const {
   std::vector<TargetFigures> figures;
-  for (const auto& target : targets_)
-    figures.push_back({.state = target.state,
-                       .effective_sample_size = target.effective_sample_size,
-                       .particles = target.particles,
-                       .tracked = target.tracked,
-                       .coasting = target.coasting,
-                       .found = target.found});
+  for (const auto& target : targets_) {
+    TargetFigures& out = figures.emplace_back(TargetFigures{.state = target.state,
+                                                            .effective_sample_size = target.effective_sample_size,
+                                                            .particles = target.particles,
+                                                            .tracked = target.tracked,
+                                                            .coasting = target.coasting,
+                                                            .found = target.found});
+    const std::uint32_t kinds = target.mistakes;
+    for (std::size_t kind = 0; kind < out.mistakes.size(); ++kind) out.mistakes[kind] = (kinds >> kind & 1U) != 0;
+  }
   return figures;
 }
 

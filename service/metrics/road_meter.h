@@ -32,6 +32,7 @@ class RoadMeter final : public pipeline::Output {
     std::atomic<int> particles = 0;
     std::atomic<int> tracked = 0, coasting = 0;
     std::atomic<std::uint64_t> found = 0;
+    std::atomic<std::uint32_t> mistakes = 0;  // a bit per kind
   };
   const pipeline::Bus* const bus_;
   std::vector<Target> targets_;

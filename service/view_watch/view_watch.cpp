@@ -295,6 +295,14 @@ class Suppositions {
 
 }  // namespace
 
+std::string_view name(MistakeKind kind) {
+  static constexpr std::string_view names[] = {"swapped", "late",         "uneven_times", "turned",
+                                               "zoomed",  "mirrored",     "other_rig",    "contradiction",
+                                               "radius",  "shared_color", "opencv_hue"};
+  static_assert(std::size(names) == mistake_kinds);
+  return names[std::size_t(kind)];
+}
+
 bool is_of_rig(MistakeKind kind) {
   return kind == MistakeKind::swapped || kind == MistakeKind::late || kind == MistakeKind::turned ||
          kind == MistakeKind::uneven_times || kind == MistakeKind::zoomed || kind == MistakeKind::mirrored ||

@@ -11,6 +11,7 @@
 #include <cstdint>
 #include <optional>
 #include <span>
+#include <string_view>
 #include <vector>
 
 #include "calib/model/camera_rig.h"
@@ -32,6 +33,9 @@ enum class MistakeKind : std::uint8_t {
   shared_color,   // one camera; size: share of its picture that has the colour, 0..1
   opencv_hue,     // hue_deg was written in OpenCV's units
 };
+
+inline constexpr std::size_t mistake_kinds = std::size_t(MistakeKind::opencv_hue) + 1;
+std::string_view name(MistakeKind kind);  // "swapped", ...
 
 // Of how the cameras stand, and of when and whose their frames are.
 bool is_of_rig(MistakeKind kind);

@@ -7,6 +7,7 @@
 #include <memory>
 
 #include "end_to_end/http.h"
+#include "metrics/road_meter.h"
 
 namespace huetrack::metrics {
 namespace {
@@ -42,6 +43,21 @@ publish::ServiceStatus status() {
   status.targets = {"ball"};
   status.sets = 11;
   return status;
+}
+
+TEST(RoadMeter, CountsMistakesByKindWhileTheyLast) {
+  RoadMeter meter(1, 1, nullptr);
+  capture::FrameSet frames;
+  const std::vector<object_tracking::ObjectEstimate> estimates(1);
+  const std::vector<std::vector<view_watch::Mistake>> late{{{.kind = view_watch::MistakeKind::late, .cameras = {0}}}},
+      none(1);
+  const auto text_after = [&](const auto& mistakes) {
+    meter.on_set({.frames = frames, .estimates = estimates, .received_at = {}, .trackers = {}, .mistakes = mistakes});
+    return to_prometheus(status(), meter.targets(), {}, {}, 0);
+  };
+  EXPECT_THAT(text_after(late), AllOf(HasSubstr("\nhuetrack_target_mistake{target=\"ball\",kind=\"late\"} 1\n"),
+                                      HasSubstr("{target=\"ball\",kind=\"swapped\"} 0\n")));
+  EXPECT_THAT(text_after(none), HasSubstr("\nhuetrack_target_mistake{target=\"ball\",kind=\"late\"} 0\n"));
 }
 
 TEST(ToPrometheus, HasEveryFigureOnce) {
