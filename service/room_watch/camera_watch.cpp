@@ -708,6 +708,13 @@ void CameraWatch::judge_turn(const RotationFit& fit, Timestamp at, bool is_fresh
     set_state(is_defocused_ ? RoomState::defocused : RoomState::zoomed, at);
     return;
   }
+  // Somebody has put it back: no turn of its own.
+  if (fit.rotation.norm() < 0.6 * least_turn_rad && condition_.turn) {
+    told_.setZero();
+    condition_.turn.reset();
+    set_state(is_defocused_ ? RoomState::defocused : RoomState::still, at);
+    return;
+  }
   tell(turn_since(at, told_, fit.rotation), goes_on, is_small, at);
 }
 

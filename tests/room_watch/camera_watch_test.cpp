@@ -109,6 +109,7 @@ TEST(CameraWatch, WhoPutsItBackHasAStillCamera) {
   room.show(watch, 5.5, 10);
   EXPECT_EQ(watch.condition().state, RoomState::still);
   EXPECT_FALSE(watch.condition().turn);
+  EXPECT_EQ(watch.condition().turns, 1) << "that it is back is told as a turn by nothing";
 }
 
 TEST(CameraWatch, SaggingIsToldOnceAndBeforeItIsLarge) {
