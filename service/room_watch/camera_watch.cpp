@@ -786,7 +786,10 @@ void CameraWatch::judge_nothing(Timestamp at) {
   for (const Watched& w : watched_)
     if (!w.is_hidden) contrasts.push_back(double(w.contrast));
   const bool is_blind = !contrasts.empty() && calib::median_in_place(std::span(contrasts)) < double(no_contrast);
-  set_state(is_blind ? RoomState::blinded : RoomState::hidden, at);
+  const RoomState state = is_blind ? RoomState::blinded : RoomState::hidden;
+  if (condition_.state == state) return;
+  set_state(state, at);
+  condition_.since = *nothing_since_;  // people are told when it happened
 }
 
 // What has long shown something else is learnt anew, as it is now.

@@ -60,7 +60,7 @@ struct Change {
 
 struct RoomCondition {
   RoomState state = RoomState::learning;
-  capture::Timestamp since;  // of the state
+  capture::Timestamp since;  // of the state; of blinded and hidden since nothing is seen, a second before it is said
   // What it was turned by since the room was learnt, as seen last; radians, camera frame. A shift is a part of it, as
   // far as it moves a room of that distance alike: RotationFit::shift_to_rotation.
   Eigen::Vector3d rotation = Eigen::Vector3d::Zero();
