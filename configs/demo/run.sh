@@ -32,7 +32,7 @@ subscribers="$!"
 "$huetrack" log "$out/received.csv" 2>"$out/log.txt" &
 subscribers="$subscribers $!"
 
-"$huetrackd" replay configs/demo/huetrackd.yaml "$recording" --speed real --wait-for-subscriber 10 \
+"$huetrackd" replay configs/demo/huetrackd.yaml "$recording" --speed real --wait-for-subscriber 10 --subscribers 2 \
   --tracks "$out/tracks.csv" --truth "$recording/groundtruth.csv" --pictures "$out/pictures" --pictures-every 10 \
   >"$out/replay.txt" 2>"$out/replay.log" || {
   cat "$out/replay.log" >&2

@@ -116,6 +116,9 @@ void add_replay_command(CLI::App& app, Command& chosen) {
       ->add_option("--wait-for-subscriber", replay_options.wait_for_subscriber_s,
                    "wait up to so many seconds for a DDS subscriber before the first frame")
       ->check(CLI::Range(0.0, 86400.0));
+  command
+      ->add_option("--subscribers", replay_options.subscribers, "how many subscribers --wait-for-subscriber waits for")
+      ->check(CLI::Range(1, 1000));
   command->add_flag(
       "--hold", replay_options.hold,
       "hold after the first frame set of all cameras, until Go on is pressed on the page: colours may be taught");

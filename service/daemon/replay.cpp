@@ -222,11 +222,13 @@ page::PageServiceOptions page_options(pipeline::Session& session, const ReplayCo
 
 // ---- The run
 
-void wait_for_subscriber(const publish::EstimatePublisher& publisher, double longest_s, const std::stop_token& stop) {
-  const auto until = Clock::now() + capture::duration_of(longest_s);
-  while (publisher.subscribers() == 0 && !stop.stop_requested()) {
+void wait_for_subscribers(const publish::EstimatePublisher& publisher, const ReplayCommand& command,
+                          const std::stop_token& stop) {
+  const auto until = Clock::now() + capture::duration_of(command.wait_for_subscriber_s);
+  while (publisher.subscribers() < command.subscribers && !stop.stop_requested()) {
     if (Clock::now() >= until) {
-      spdlog::warn("no subscriber within {} s: starting without one", longest_s);
+      spdlog::warn("{} of {} subscribers within {} s: starting without the rest", publisher.subscribers(),
+                   command.subscribers, command.wait_for_subscriber_s);
       return;
     }
     std::this_thread::sleep_for(10ms);
@@ -351,8 +353,7 @@ ReplaySummary replay(const ReplayCommand& command, const std::stop_token& stop) 
   if (bus)
     session.add(page_service.emplace(session.config(), page_options(session, command, playback.played, has_begun)));
 
-  if (bus && command.wait_for_subscriber_s > 0)
-    wait_for_subscriber(bus->publisher(), command.wait_for_subscriber_s, stop);
+  if (bus && command.wait_for_subscriber_s > 0) wait_for_subscribers(bus->publisher(), command, stop);
   const auto began = Clock::now();
   begin_time(session, playback, command, began);
   tally.begin(began);

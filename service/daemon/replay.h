@@ -33,6 +33,7 @@ struct ReplayCommand {
   std::optional<ReplayStamps> stamps;   // nullopt: now at speed real, recording at speed max
   bool no_dds = false;                  // whatever the configuration says
   double wait_for_subscriber_s = 0;     // at most so long before the first frame; only with DDS
+  int subscribers = 1;                  // so many are waited for
   std::optional<int> threads;           // instead of the configuration's
   std::filesystem::path tracks;         // CSV; empty: none
   std::filesystem::path poses;          // TUM file of the tracked camera's poses, see PoseFileWriter; empty: none

@@ -195,15 +195,19 @@ TEST_F(EndToEnd, ASignalEndsItSoonWithACompleteCsv) {
 TEST_F(EndToEnd, ASubscriberReceivesAtRealSpeedWhatTheCsvSays) {
   const fs::path csv = folder_ / "sent.csv";
   const auto watch = start({HUETRACK, "watch", "--format", "csv"});
+  const auto second = start({HUETRACK, "watch", "--format", "csv"});
   const auto before = std::chrono::system_clock::now();
   const auto started = std::chrono::steady_clock::now();
-  const Result daemon =
-      run({HUETRACKD, "replay", config, recording, "--speed", "real", "--wait-for-subscriber", "20", "--tracks", csv});
+  const Result daemon = run({HUETRACKD, "replay", config, recording, "--speed", "real", "--wait-for-subscriber", "20",
+                             "--subscribers", "2", "--tracks", csv});
   EXPECT_GE(std::chrono::steady_clock::now() - started, 4966ms);  // its real speed
   ASSERT_EQ(daemon.status, 0) << daemon.err;
   std::this_thread::sleep_for(500ms);
   watch->kill(SIGTERM);
+  second->kill(SIGTERM);
   EXPECT_EQ(watch->wait(), 0);
+  EXPECT_EQ(second->wait(), 0);
+  EXPECT_EQ(second->out(), watch->out());
 
   const fs::path received_file = folder_ / "received.csv";
   std::ofstream(received_file) << watch->out();
