@@ -103,6 +103,9 @@ class Stranger {
   template <typename PubSubType>
   dds::DataWriter& writer(const char* topic, dds::DataWriterQos qos, int instances = 5) {
     qos.resource_limits().max_instances = instances;  // the stranger's own memory
+    // Fast DDS 2.9 looks through the whole history for each heartbeat. With thousands of names that takes longer than
+    // our period, and a thread that deletes the writer waited for its mutex for minutes.
+    qos.reliable_writer_qos().times.heartbeatPeriod = eprosima::fastrtps::Duration_t(3, 0);
     return participant_.create_writer<PubSubType>(topic, std::move(qos), "");
   }
 
