@@ -79,8 +79,9 @@ std::string target_text(const TargetSummary& target) {
   text += shares_text(target.sets) + "\n";
   if (target.objects > 0)
     text += fmt::format("          objects found: {}, at once at most {}\n", target.objects, target.most_objects);
-  if (target.outline_radius_m)
-    text += fmt::format("          its outlines have a radius of {:.1f} mm\n", 1e3 * *target.outline_radius_m);
+  if (target.outlines.radius_m)
+    text += fmt::format("          its outlines have a radius of {:.1f} +- {:.1f} mm\n",
+                        1e3 * *target.outlines.radius_m, 1e3 * target.outlines.radius_sigma_m);
   if (target.truth) text += "          " + tracks::to_text(*target.truth) + "\n";
   if (target.clock_offset) text += "          " + truth::to_text(*target.clock_offset, 0) + "\n";
   return text;

@@ -32,7 +32,7 @@ void Tally::on_set(const pipeline::TrackedSet& set) {
   last_at_ = set.frames.at;
   for (const auto& estimate : set.estimates) targets_[estimate.target].add(estimate, sets_);
   for (std::size_t t = 0; t < targets_.size() && t < set.trackers.size(); ++t)
-    targets_[t].summary.outline_radius_m = set.trackers[t].outline_findings().radius_m;
+    targets_[t].summary.outlines = set.trackers[t].outline_findings();
   sets_until_ = Clock::now();
 }
 

@@ -22,7 +22,7 @@ struct TargetSummary {
   double first_tracking_s = 0;                      // capture time from the first set to that one
   std::optional<tracks::TruthFigures> truth;
   std::optional<truth::TrackOffset> clock_offset;  // that explains most of its error
-  std::optional<double> outline_radius_m;          // how large its outlines say it is
+  object_tracking::OutlineFindings outlines;       // how large they say it is
   std::string advice;                              // when it was never tracked, or late: what to try
 };
 

@@ -76,10 +76,11 @@ struct ColorShare {
 // What the outlines of a target have told (observation: huetrack).
 struct OutlineFindings {
   std::size_t fitted = 0, not_fitted = 0;  // in views where what is behind the edge was known
-  // How large it really is, as far as the rig's distances are right: the mean of the views, and the least and the
-  // largest of them; nullopt: too few have been seen. Blur, and light that darkens towards the edge, make it up to 6 %
-  // smaller.
+  // How large it really is, as far as the rig's distances are right: the mean of the views, its standard deviation, and
+  // the least and the largest of them; nullopt: too few have been seen. Blur, and light that darkens towards the edge,
+  // make it up to a quarter of a pixel smaller, which is most of the deviation.
   std::optional<double> radius_m = {};
+  double radius_sigma_m = 0;
   double least_radius_m = 0, largest_radius_m = 0;
 };
 

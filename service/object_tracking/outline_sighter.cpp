@@ -20,6 +20,9 @@ constexpr double new_px = 0.03, new_share = 0.002, lasting_px = 0.03, lasting_sh
 // in webcams' pictures the error that lasts was 1.5 to 2.4 times what the fit states, in clean ones 1.5 times in the
 // median.
 constexpr double lasting_of_noise = 1.75;
+// An outline is too small or too large by what blur and light make of its edge, in all pictures alike: seen in 18 views
+// of rendered balls of 4 to 11 px, 0.09 px too small in the mean, 0.15 rms, 0.24 at most.
+constexpr double lasting_size_px = 0.15;
 // An outline that is smaller or larger than the target's, by more than blur makes it all around, has an edge at the
 // wrong place on one side: the middle is off by as much as the radius. (A target's radius that is wrong makes all views
 // as unsure.)
@@ -154,7 +157,8 @@ bool OutlineSighter::sharpen(const TargetView& view, const MotionBelief& belief,
   if (fit.visible > 0.8 && fit.log_size.sigma < 0.05) {
     of.log_size_weight = std::min(most_sizes, of.log_size_weight + 1);
     of.log_size += off_size / of.log_size_weight;
-    of.squares += (off_size * off_size - of.squares) / of.log_size_weight;
+    const double lasting = std::hypot(lasting_size_px / radius_px, lasting_of_noise * fit.log_size.sigma);
+    of.size_variance += (lasting * lasting - of.size_variance) / of.log_size_weight;
   }
   if ((sharp.covariance.trace() + 2 * sharp.lasting_px * sharp.lasting_px) >
       (was_sharp ? better_to_stay : better_to_begin) * of_region.trace())
@@ -192,15 +196,17 @@ void OutlineSighter::learn(const std::vector<TargetView>& views, const MotionBel
 
 OutlineFindings OutlineSighter::findings() const {
   OutlineFindings out{.fitted = fitted_, .not_fitted = not_fitted_};
-  double sum = 0, weight = 0;
+  // The more exact views say more, but all are lit by the same lamps: together they are no surer than in the mean.
+  double sum = 0, weight = 0, views = 0;
   double least = std::numeric_limits<double>::infinity(), largest = -least;
   for (const PerView& of : views_) {
     if (of.log_size_weight < enough_sizes) continue;
-    sum += of.log_size, ++weight;
+    sum += of.log_size / of.size_variance, weight += 1 / of.size_variance, ++views;
     least = std::min(least, of.log_size), largest = std::max(largest, of.log_size);
   }
-  if (weight == 0) return out;
+  if (views == 0) return out;
   out.radius_m = radius_m_ * std::exp(sum / weight);
+  out.radius_sigma_m = *out.radius_m * std::sqrt(views / weight);
   out.least_radius_m = radius_m_ * std::exp(least), out.largest_radius_m = radius_m_ * std::exp(largest);
   return out;
 }

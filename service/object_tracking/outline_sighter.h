@@ -42,7 +42,7 @@ class OutlineSighter {
     Eigen::Vector3d lit_at = Eigen::Vector3d::Zero();  // where its light was learnt last, world, and when
     capture::Timestamp lit_when{};
     double log_size = 0, log_size_weight = 0;  // of the outline over that of the target's radius: mean, and of how much
-    double squares = 0;                        // of what each was off it
+    double size_variance = 0;                  // of the mean: what of one outline's error lasts
     Eigen::Vector2d px = Eigen::Vector2d::Zero();  // of the last one
     double still = 0;                              // how much of its error is that of the one before
     bool is_sharp = false;

@@ -437,6 +437,27 @@ TEST(ObjectTracker, aFrameThatIsShownAgainIsNotABounce) {
   for (std::size_t i = o.lock; i < o.error_m.size(); ++i) EXPECT_LT(o.error_m[i], 0.03) << i;
 }
 
+// How large it really is, and how sure that is, whatever the configuration says.
+TEST(ObjectTracker, outlinesTellTheRadius) {
+  for (const double true_m : {0.035, 0.055}) {
+    scene::BallOptions ball;
+    ball.radius_m = true_m;
+    const scene::Scene scene = ring(3).ball(ball).build();
+    const auto sets = scene::render(scene, {.set_count = 90});
+    for (const double factor : {0.9, 1.0, 1.1}) {
+      TargetOptions target = lime();
+      target.radius_m = factor * true_m;
+      ObjectTracker tracker(scene.rig, target, options_with());
+      for (const auto& set : sets) tracker.update(set);
+      const OutlineFindings found = tracker.outline_findings();
+      ASSERT_TRUE(found.radius_m) << factor;
+      EXPECT_GT(found.radius_sigma_m, 0.003 * true_m) << factor;
+      EXPECT_LT(found.radius_sigma_m, 0.07 * true_m) << factor;
+      EXPECT_NEAR(*found.radius_m, true_m, 2.5 * found.radius_sigma_m) << factor;
+    }
+  }
+}
+
 // Of two cameras nobody could tell which one is wrong; but no two frames of a moving object are the same.
 TEST(ObjectTracker, aFrameThatIsShownAgainSaysNothing) {
   const scene::Scene scene = ring(2).ball({}).build();
