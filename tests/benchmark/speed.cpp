@@ -3,6 +3,9 @@
 // measured (predict, score, estimate, resample; lens included), on rendered scenes (tests/scene). Then ns per particle
 // and view, and the scaling over N, M and image size. These machines are noisy: each figure is the median of rounds
 // that alternate with OpenCV's.
+//   build/release/tests/benchmark/speed --profile small|large [ROUNDS]
+// The default tracker alone in one of the two cases, for perf, callgrind or a count of instructions: ROUNDS rounds of 20
+// updates after 120.
 #include <benchmark/benchmark.h>
 
 #include <algorithm>
@@ -96,6 +99,26 @@ Timing time_update(const figures::Sequence& s, object_tracking::Observation obse
   return {calib::median(us), static_cast<double>(tracking) / all};
 }
 
+constexpr int small_particle_count = 200, large_particle_count = 2000;
+figures::Sequence small_scene() {
+  return scene_at(2, 320, 240, 30);
+}
+figures::Sequence large_scene(int set_count) {
+  return scene_at(4, 1920, 1080, set_count);
+}
+
+int profile(const std::string& which, int rounds) {
+  const bool is_small = which == "small";
+  if (!is_small && which != "large") {
+    std::fprintf(stderr, "--profile small|large [ROUNDS]\n");
+    return 2;
+  }
+  const Timing t = time_update(is_small ? small_scene() : large_scene(8), object_tracking::Observation::huetrack,
+                               is_small ? small_particle_count : large_particle_count, rounds, 20);
+  std::printf("%.2f us/update, tracking %.0f %%\n", t.us, 100 * t.tracking);
+  return 0;
+}
+
 bool all_reached = true;
 
 void ratios(const char* title, const figures::Sequence& s, int particle_count, int rounds, double paper_at_least,
@@ -129,10 +152,11 @@ void ratios(const char* title, const figures::Sequence& s, int particle_count, i
 int main(int argc, char** argv) {
   const bool quick = argc > 1 && std::string(argv[1]) == "--quick";
   cv::setNumThreads(1);
-  const figures::Sequence small = scene_at(2, 320, 240, 30);
-  const figures::Sequence large = scene_at(4, 1920, 1080, quick ? 4 : 8);
-  ratios("2 cameras, 320x240, 200 particles", small, 200, quick ? 50 : 400, 150, 40);
-  ratios("4 cameras, 1920x1080, 2000 particles", large, 2000, quick ? 8 : 40, 400, 200);
+  if (argc > 2 && std::string(argv[1]) == "--profile") return profile(argv[2], argc > 3 ? std::stoi(argv[3]) : 50);
+  const figures::Sequence small = small_scene();
+  const figures::Sequence large = large_scene(quick ? 4 : 8);
+  ratios("2 cameras, 320x240, 200 particles", small, small_particle_count, quick ? 50 : 400, 150, 40);
+  ratios("4 cameras, 1920x1080, 2000 particles", large, large_particle_count, quick ? 8 : 40, 400, 200);
 
   if (quick) return 0;
   std::puts("\nscaling of one update, us (2 cameras 320x240 and 200 particles, but for what varies)");
