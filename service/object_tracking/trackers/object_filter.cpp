@@ -4,9 +4,11 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "particle_filter/moments.h"
 #include "particle_filter/resample.h"
+#include "particle_filter/vector_clones.h"
 
 namespace huetrack::object_trackers {
 
@@ -20,6 +22,49 @@ constexpr double least_acceleration_m_s2 = 3;  // nothing moves more evenly than
 constexpr double floor_likelihood = 1.0 / 25;  // the paper's, eqs. (5), (6): tolerates occlusion and locks nothing out
 // Mean squared innovation in its standard deviations; 1 is usual.
 constexpr double usual_surprise = 3, bounce_surprise = 6;
+
+// out = sign (a0 x + a1 y + a2 z) + m
+struct Affine {
+  float m, a0, a1, a2;
+};
+template <typename Matrix, typename Vector>
+Affine row_of_affine(const Matrix& a, const Vector& m, int row) {
+  return {m(row), a(row, 0), a(row, 1), a(row, 2)};
+}
+HUETRACK_CLONES void draw(const Affine& by, float sign, std::size_t n, const float* __restrict x,
+                          const float* __restrict y, const float* __restrict z, float* __restrict out) {
+  const float m = by.m, a0 = by.a0, a1 = by.a1, a2 = by.a2;
+  for (std::size_t i = 0; i < n; ++i) out[i] = m + sign * (a0 * x[i] + a1 * y[i] + a2 * z[i]);
+}
+HUETRACK_CLONES void transform(const Affine& by, std::size_t n, const float* __restrict x, const float* __restrict y,
+                               const float* __restrict z, float* __restrict out) {
+  const float m = by.m, a0 = by.a0, a1 = by.a1, a2 = by.a2;
+  for (std::size_t i = 0; i < n; ++i) out[i] = a0 * x[i] + a1 * y[i] + a2 * z[i] + m;
+}
+
+// What a view adds to the logarithms of the weights.
+struct ViewWeights {
+  float i_uu, i_uv, i_vv;  // the information; i_uv counts twice
+  float cu, cv;            // where the object is measured
+  float floor;
+  Affine linear_u, linear_v;  // from the measured centre, if the projection were linear
+};
+HUETRACK_CLONES void add_weights(const ViewWeights& by, std::size_t n, const float* __restrict x,
+                                 const float* __restrict y, const float* __restrict z, const float* __restrict u,
+                                 const float* __restrict v, float* __restrict log_weight) {
+  constexpr float farthest = 50;
+  const ViewWeights w = by;
+  const auto d2_of = [=](float du, float dv) __attribute__((always_inline)) {
+    return w.i_uu * du * du + w.i_uv * du * dv + w.i_vv * dv * dv;
+  };
+  for (std::size_t i = 0; i < n; ++i) {
+    const float du = w.linear_u.a0 * x[i] + w.linear_u.a1 * y[i] + w.linear_u.a2 * z[i] + w.linear_u.m;
+    const float dv = w.linear_v.a0 * x[i] + w.linear_v.a1 * y[i] + w.linear_v.a2 * z[i] + w.linear_v.m;
+    const float seen = -0.5f * d2_of(u[i] - w.cu, v[i] - w.cv), linear = d2_of(du, dv);
+    const float likelihood = w.floor < seen ? seen : w.floor;
+    log_weight[i] += likelihood + 0.5f * (farthest < linear ? farthest : linear);
+  }
+}
 
 }  // namespace
 
@@ -210,15 +255,12 @@ void ObjectFilter::draw_particles(const MotionBelief& proposal) {
   const Eigen::Matrix3f a = shape.cast<float>();
   const Eigen::Vector3f m = proposal.position().cast<float>();
   particles_.resize(n);
-  const auto draw = [&](std::size_t from, std::size_t count, float sign) {
-    for (std::size_t i = 0; i < count; ++i) {
-      particles_.x[from + i] = m(0) + sign * (a(0, 0) * e0[i] + a(0, 1) * e1[i] + a(0, 2) * e2[i]);
-      particles_.y[from + i] = m(1) + sign * (a(1, 0) * e0[i] + a(1, 1) * e1[i] + a(1, 2) * e2[i]);
-      particles_.z[from + i] = m(2) + sign * (a(2, 0) * e0[i] + a(2, 1) * e1[i] + a(2, 2) * e2[i]);
-    }
-  };
-  draw(0, pairs, 1);
-  draw(pairs, n - pairs, -1);
+  for (const auto& [row, out] :
+       {std::pair{0, particles_.x.data()}, {1, particles_.y.data()}, {2, particles_.z.data()}}) {
+    const Affine by = row_of_affine(a, m, row);
+    draw(by, 1, pairs, e0, e1, e2, out);
+    draw(by, -1, n - pairs, e0, e1, e2, out + pairs);
+  }
 }
 
 // Weight of a particle: prior times likelihood over proposal. The proposal is the prior times the linearised Gaussian
@@ -241,28 +283,28 @@ void ObjectFilter::weigh(const MotionBelief& proposal, double power_density) {
     const Eigen::Matrix3f b = seen.slope.cast<float>();
     const Eigen::Vector3f c = seen.offset.cast<float>();
     float *px = seen_at_.x.data(), *py = seen_at_.y.data(), *pz = seen_at_.z.data();
-    for (std::size_t i = 0; i < n; ++i) px[i] = b(0, 0) * x[i] + b(0, 1) * y[i] + b(0, 2) * z[i] + c(0);
-    for (std::size_t i = 0; i < n; ++i) py[i] = b(1, 0) * x[i] + b(1, 1) * y[i] + b(1, 2) * z[i] + c(1);
-    for (std::size_t i = 0; i < n; ++i) pz[i] = b(2, 0) * x[i] + b(2, 1) * y[i] + b(2, 2) * z[i] + c(2);
+    transform(row_of_affine(b, c, 0), n, x, y, z, px);
+    transform(row_of_affine(b, c, 1), n, x, y, z, py);
+    transform(row_of_affine(b, c, 2), n, x, y, z, pz);
     sighting.projector->project(px, py, pz, n, u_.data(), v_.data());
 
     const Eigen::Matrix2d noise = linear.covariance + linear.jacobian * seen.covariance * linear.jacobian.transpose() +
                                   linear.lasting_px * linear.lasting_px * Eigen::Matrix2d::Identity() + linear.doubt;
     const Eigen::Vector2d measured = linear.px - proposal.lasting_error(linear.row.camera);
     const Eigen::Matrix2f information = noise.inverse().cast<float>();
-    const float i_uu = information(0, 0), i_uv = 2 * information(0, 1), i_vv = information(1, 1);
-    const auto d2_of = [=](float du, float dv) { return i_uu * du * du + i_uv * du * dv + i_vv * dv * dv; };
-    const auto cu = static_cast<float>(measured.x()), cv = static_cast<float>(measured.y());
     const auto floor = static_cast<float>(std::log(floor_likelihood / sighting.support));
     // The linearisation: du = j p + k.
     const Eigen::Matrix<float, 2, 3> j = linear.jacobian.cast<float>();
     const Eigen::Vector2f k = (linear.px_expected - measured - linear.jacobian * linear.linearised_at).cast<float>();
-    for (std::size_t i = 0; i < n; ++i) {
-      const float linear_du = j(0, 0) * px[i] + j(0, 1) * py[i] + j(0, 2) * pz[i] + k(0);
-      const float linear_dv = j(1, 0) * px[i] + j(1, 1) * py[i] + j(1, 2) * pz[i] + k(1);
-      const float likelihood = std::max(std::min(floor, 0.0f), -0.5f * d2_of(u_[i] - cu, v_[i] - cv));
-      log_weight_[i] += likelihood + 0.5f * std::min(d2_of(linear_du, linear_dv), 50.0f);
-    }
+    const ViewWeights by{information(0, 0),
+                         2 * information(0, 1),
+                         information(1, 1),
+                         static_cast<float>(measured.x()),
+                         static_cast<float>(measured.y()),
+                         std::min(floor, 0.0f),
+                         row_of_affine(j, k, 0),
+                         row_of_affine(j, k, 1)};
+    add_weights(by, n, px, py, pz, u_.data(), v_.data(), log_weight_.data());
   }
   weight_.resize(n);
   particle_filter::normalize_log_weights(log_weight_, weight_);
