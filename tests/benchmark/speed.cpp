@@ -4,8 +4,8 @@
 // and view, and the scaling over N, M and image size. These machines are noisy: each figure is the median of rounds
 // that alternate with OpenCV's.
 //   build/release/tests/benchmark/speed --profile small|large [ROUNDS]
-// The default tracker alone in one of the two cases, for perf, callgrind or a count of instructions: ROUNDS rounds of 20
-// updates after 120.
+// The default tracker alone in one of the two cases, for perf, callgrind or a count of instructions: ROUNDS rounds of
+// 20 updates after 120.
 #include <benchmark/benchmark.h>
 
 #include <algorithm>
