@@ -6,10 +6,12 @@
 
 // One copy of each kernel per instruction set, chosen when the program is loaded. The sanitizers' run-time is not up
 // yet when that choice is made, so their builds go without.
-#if defined(__x86_64__) && !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
-#define HUETRACK_CLONES __attribute__((target_clones("avx512f", "avx2", "default")))
-#else
+#if !defined(__x86_64__) || defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__) || defined(HUETRACK_NO_AVX2)
 #define HUETRACK_CLONES
+#elif defined(HUETRACK_NO_AVX512)
+#define HUETRACK_CLONES __attribute__((target_clones("avx2", "default")))
+#else
+#define HUETRACK_CLONES __attribute__((target_clones("avx512f", "avx2", "default")))
 #endif
 
 namespace huetrack::calib {

@@ -1,6 +1,6 @@
 #include "color/window_kernels.h"
 
-#ifdef __x86_64__
+#if defined(__x86_64__) && !defined(HUETRACK_NO_AVX512)
 
 #include <immintrin.h>
 

@@ -103,12 +103,14 @@ HUETRACK_DEFAULT_VERSION void advance(std::array<std::array<std::uint32_t, 16>, 
   for (const std::size_t first : {0, 8}) advance_some<Lanes<16>::Words, 2>(state, first, count, a, b);
 }
 
-#ifdef HUETRACK_AVX512_VERSION
+#ifdef HUETRACK_AVX2_VERSION
 HUETRACK_AVX2_VERSION void advance(std::array<std::array<std::uint32_t, 16>, 4>& state, std::size_t count,
                                    std::uint32_t* __restrict a, std::uint32_t* __restrict b) {
   advance_some<Lanes<32>::Words, 2>(state, 0, count, a, b);
 }
+#endif
 
+#ifdef HUETRACK_AVX512_VERSION
 HUETRACK_AVX512_VERSION void advance(std::array<std::array<std::uint32_t, 16>, 4>& state, std::size_t count,
                                      std::uint32_t* __restrict a, std::uint32_t* __restrict b) {
   advance_some<Lanes<64>::Words, 1>(state, 0, count, a, b);

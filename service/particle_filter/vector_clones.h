@@ -3,12 +3,17 @@
 // their builds have the plain copy only, as have clang's (fuzzing, clang-tidy).
 #pragma once
 
-#if defined(__x86_64__) && !defined(__clang__) && !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
-#define HUETRACK_CLONES __attribute__((target_clones("avx512f", "avx2", "default")))
+#if defined(__x86_64__) && !defined(__clang__) && !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__) && \
+    !defined(HUETRACK_NO_AVX2)
 // Before functions of the same name: what is written by hand for AVX-512 or AVX2, and what is for every other machine.
-#define HUETRACK_AVX512_VERSION __attribute__((target("avx512f")))
 #define HUETRACK_AVX2_VERSION __attribute__((target("avx2")))
 #define HUETRACK_DEFAULT_VERSION __attribute__((target("default")))
+#ifdef HUETRACK_NO_AVX512
+#define HUETRACK_CLONES __attribute__((target_clones("avx2", "default")))
+#else
+#define HUETRACK_CLONES __attribute__((target_clones("avx512f", "avx2", "default")))
+#define HUETRACK_AVX512_VERSION __attribute__((target("avx512f")))
+#endif
 #else
 #define HUETRACK_CLONES
 #define HUETRACK_DEFAULT_VERSION

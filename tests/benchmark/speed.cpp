@@ -3,6 +3,7 @@
 // measured (predict, score, estimate, resample; lens included), on rendered scenes (tests/scene). Then ns per particle
 // and view, and the scaling over N, M and image size. These machines are noisy: each figure is the median of rounds
 // that alternate with OpenCV's.
+// Which vector instructions run is said; speed_vectors.sh beside this file runs it with all that the machine has.
 //   build/release/tests/benchmark/speed --profile small|large [ROUNDS]
 // The default tracker alone in one of the two cases, for perf, callgrind or a count of instructions: ROUNDS rounds of
 // 20 updates after 120.
@@ -119,6 +120,22 @@ int profile(const std::string& which, int rounds) {
   return 0;
 }
 
+// Which instructions the kernels take, of what this processor has and this build is made for (HUETRACK_VECTORS).
+std::string vectors_text() {
+  std::string has = "none of them", takes = "none";
+#ifdef __x86_64__
+  if (__builtin_cpu_supports("avx2")) has = "AVX2";
+  if (__builtin_cpu_supports("avx512f")) has = "AVX2 and AVX-512";
+#ifndef HUETRACK_NO_AVX2
+  if (__builtin_cpu_supports("avx2")) takes = "AVX2";
+#endif
+#ifndef HUETRACK_NO_AVX512
+  if (__builtin_cpu_supports("avx512f")) takes = "AVX-512";
+#endif
+#endif
+  return "vectors: this build takes " + takes + "; of AVX2 and AVX-512 this processor has " + has;
+}
+
 bool all_reached = true;
 
 void ratios(const char* title, const figures::Sequence& s, int particle_count, int rounds, double paper_at_least,
@@ -152,6 +169,7 @@ void ratios(const char* title, const figures::Sequence& s, int particle_count, i
 int main(int argc, char** argv) {
   const bool quick = argc > 1 && std::string(argv[1]) == "--quick";
   cv::setNumThreads(1);
+  std::puts(vectors_text().c_str());
   if (argc > 2 && std::string(argv[1]) == "--profile") return profile(argv[2], argc > 3 ? std::stoi(argv[3]) : 50);
   const figures::Sequence small = small_scene();
   const figures::Sequence large = large_scene(quick ? 4 : 8);
