@@ -6,7 +6,9 @@
 
 #include "particle_filter/vector_clones.h"
 
-#if defined(__SSE2__)
+#if defined(HUETRACK_AVX2_VERSION)
+#include <immintrin.h>
+#elif defined(__SSE2__)
 #include <emmintrin.h>
 #elif defined(__ARM_NEON)
 #include <arm_neon.h>
@@ -123,26 +125,31 @@ TwoRows split(const std::uint8_t* low, const std::uint8_t* high) {
 #endif
 
 #if defined(__SSE2__) || (defined(__ARM_NEON) && defined(__aarch64__))
+// Rows v and v + 1 of eight pixels from u on.
 template <capture::PixelFormat format>
-std::uint64_t classify_tile(const capture::Image& image, const ColorTable& table, int u, int v) {
+inline TwoRows two_rows(const capture::Image& image, int u, int v) {
   const auto row = [&image](int plane, int r) {
     const capture::Plane& p = image.planes[static_cast<std::size_t>(plane)];
     return p.data + r * p.stride;
   };
+  if constexpr (format == capture::PixelFormat::yuyv) {  // Y0 U Y1 V
+    return split(row(0, v) + 2 * u, row(0, v + 1) + 2 * u);
+  } else {
+    const int first = format == capture::PixelFormat::i422 ? v : v / 2;
+    const int second = format == capture::PixelFormat::i422 ? v + 1 : first;
+    return {halves(row(0, v) + u, row(0, v + 1) + u), format == capture::PixelFormat::nv12
+                                                          ? halves(row(1, first) + u, row(1, second) + u)
+                                                          : four_pairs(row(1, first) + u / 2, row(2, first) + u / 2,
+                                                                       row(1, second) + u / 2, row(2, second) + u / 2)};
+  }
+}
+
+template <capture::PixelFormat format>
+std::uint64_t classify_tile(const capture::Image& image, const ColorTable& table, int u, int v) {
   std::uint64_t bits = 0;
   for (int r = 0; r < 8; r += 2) {
-    TwoRows rows;
-    if constexpr (format == capture::PixelFormat::yuyv) {  // Y0 U Y1 V
-      rows = split(row(0, v + r) + 2 * u, row(0, v + r + 1) + 2 * u);
-    } else {
-      rows.y = halves(row(0, v + r) + u, row(0, v + r + 1) + u);
-      const int first = format == capture::PixelFormat::i422 ? v + r : (v + r) / 2;
-      const int second = format == capture::PixelFormat::i422 ? v + r + 1 : first;
-      rows.uv = format == capture::PixelFormat::nv12 ? halves(row(1, first) + u, row(1, second) + u)
-                                                     : four_pairs(row(1, first) + u / 2, row(2, first) + u / 2,
-                                                                  row(1, second) + u / 2, row(2, second) + u / 2);
-    }
-    bits |= static_cast<std::uint64_t>(of_two_rows(table.intervals(), rows)) << (8 * r);
+    const std::uint64_t found = of_two_rows(table.intervals(), two_rows<format>(image, u, v + r));
+    bits |= found << (8 * r);
   }
   return bits;
 }
@@ -198,7 +205,84 @@ HUETRACK_CLONES void count(const std::uint8_t* __restrict bands, const std::int3
   }
 }
 
+#ifdef HUETRACK_AVX2_VERSION
+// 64 bytes that are looked up by six bits.
+struct SixBitTable {
+  __m256i quarter[4];
+};
+
+HUETRACK_AVX2_VERSION inline SixBitTable six_bit_table(const std::uint8_t* values) {
+  SixBitTable out;
+  for (int i = 0; i < 4; ++i)
+    out.quarter[i] = _mm256_broadcastsi128_si256(_mm_loadu_si128(reinterpret_cast<const __m128i*>(values + 16 * i)));
+  return out;
+}
+
+// Of the upper six bits of each byte.
+HUETRACK_AVX2_VERSION inline __m256i looked_up(const SixBitTable& table, __m256i bytes) {
+  const __m256i index = _mm256_and_si256(_mm256_srli_epi16(bytes, 2), _mm256_set1_epi8(0x3f));
+  const __m256i is_odd = _mm256_slli_epi16(index, 3);  // bit 4, and then bit 5, is where a choice is made by
+  return _mm256_blendv_epi8(_mm256_blendv_epi8(_mm256_shuffle_epi8(table.quarter[0], index),
+                                               _mm256_shuffle_epi8(table.quarter[1], index), is_odd),
+                            _mm256_blendv_epi8(_mm256_shuffle_epi8(table.quarter[2], index),
+                                               _mm256_shuffle_epi8(table.quarter[3], index), is_odd),
+                            _mm256_slli_epi16(index, 2));
+}
+
+// Most tiles are background, and most of that is too bright for a colour (ColorTable::LumaCeiling): it needs no look-up
+// in the table of all colours. Of each pair of neighbours, which share their chroma, the darker one counts.
+template <capture::PixelFormat format>
+HUETRACK_AVX2_VERSION void classify_dark(const capture::Image& image, const ColorTable& table, const TileAt* tiles,
+                                         std::size_t n, std::uint64_t* bits) {
+  const SixBitTable of_u = six_bit_table(table.luma_ceiling().of_u.data()),
+                    of_v = six_bit_table(table.luma_ceiling().of_v.data());
+  const __m256i even = _mm256_set1_epi16(0xff);
+  for (std::size_t i = 0; i < n; ++i) {
+    const int u = tiles[i].pixel_u(), v = tiles[i].pixel_v();
+    const TwoRows a = two_rows<format>(image, u, v), b = two_rows<format>(image, u, v + 2),
+                  c = two_rows<format>(image, u, v + 4), d = two_rows<format>(image, u, v + 6);
+    const __m256i y_upper = _mm256_set_m128i(b.y, a.y), y_lower = _mm256_set_m128i(d.y, c.y);
+    const __m256i uv_upper = _mm256_set_m128i(b.uv, a.uv), uv_lower = _mm256_set_m128i(d.uv, c.uv);
+    const __m256i darker =
+        _mm256_packus_epi16(_mm256_and_si256(_mm256_min_epu8(y_upper, _mm256_srli_epi16(y_upper, 8)), even),
+                            _mm256_and_si256(_mm256_min_epu8(y_lower, _mm256_srli_epi16(y_lower, 8)), even));
+    const __m256i us = _mm256_packus_epi16(_mm256_and_si256(uv_upper, even), _mm256_and_si256(uv_lower, even));
+    const __m256i vs = _mm256_packus_epi16(_mm256_srli_epi16(uv_upper, 8), _mm256_srli_epi16(uv_lower, 8));
+    const __m256i ceiling = _mm256_min_epu8(looked_up(of_u, us), looked_up(of_v, vs));
+    const int below = _mm256_movemask_epi8(_mm256_cmpeq_epi8(_mm256_min_epu8(darker, ceiling), darker));
+    bits[i] = below != 0 ? classify_tile<format>(image, table, u, v) : 0;
+  }
+}
+
+HUETRACK_AVX2_VERSION void classify_with_avx2(const capture::Image& image, const ColorTable& table, const TileAt* tiles,
+                                              std::size_t n, std::uint64_t* bits) {
+  switch (image.format) {
+    case capture::PixelFormat::yuyv:
+      return classify_dark<capture::PixelFormat::yuyv>(image, table, tiles, n, bits);
+    case capture::PixelFormat::nv12:
+      return classify_dark<capture::PixelFormat::nv12>(image, table, tiles, n, bits);
+    case capture::PixelFormat::i420:
+      return classify_dark<capture::PixelFormat::i420>(image, table, tiles, n, bits);
+    case capture::PixelFormat::i422:
+      return classify_dark<capture::PixelFormat::i422>(image, table, tiles, n, bits);
+    case capture::PixelFormat::i444:
+    case capture::PixelFormat::bgr:
+    case capture::PixelFormat::grey:
+      return classify(image, table, tiles, n, bits);
+  }
+}
+#endif
+
 }  // namespace
+
+const WindowKernels* avx2_window_kernels() {
+#ifdef HUETRACK_AVX2_VERSION
+  static const WindowKernels kernels{touched, classify_with_avx2, count};
+  return __builtin_cpu_supports("avx2") != 0 ? &kernels : nullptr;
+#else
+  return nullptr;
+#endif
+}
 
 const WindowKernels& portable_window_kernels() {
   static const WindowKernels kernels{touched, classify, count};
@@ -206,8 +290,9 @@ const WindowKernels& portable_window_kernels() {
 }
 
 const WindowKernels& best_window_kernels() {
-  static const WindowKernels& best =
-      avx512_window_kernels() != nullptr ? *avx512_window_kernels() : portable_window_kernels();
+  static const WindowKernels& best = avx512_window_kernels() != nullptr ? *avx512_window_kernels()
+                                     : avx2_window_kernels() != nullptr ? *avx2_window_kernels()
+                                                                        : portable_window_kernels();
   return best;
 }
 

@@ -1,5 +1,5 @@
-// The inner loops of MatchBits, once for every machine and once for those with AVX-512: the same bits from both, which
-// tests/color/color_window_test holds to the plain reference.
+// The inner loops of MatchBits, for every machine, for those with AVX2 and for those with AVX-512: the same bits from
+// all, which tests/color/color_window_test holds to the plain reference.
 #pragma once
 
 #include <bit>
@@ -59,7 +59,8 @@ struct WindowKernels {
 };
 
 const WindowKernels& portable_window_kernels();
-const WindowKernels* avx512_window_kernels();  // nullptr: this machine has none
+const WindowKernels* avx2_window_kernels();    // nullptr: this machine has none
+const WindowKernels* avx512_window_kernels();  // likewise
 const WindowKernels& best_window_kernels();
 
 }  // namespace huetrack::color

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <utility>
@@ -63,20 +64,30 @@ Windows strewn(Size size, int n, std::uint64_t seed) {
   return w;
 }
 
-// Every format, with both kinds of inner loops.
-class EveryFormat : public testing::TestWithParam<std::tuple<capture::PixelFormat, bool>> {
+// Every format, with each kind of inner loops.
+enum class Vectors { portable, avx2, avx512 };
+constexpr std::array suffixes{"", "_avx2", "_avx512"};  // of a test's name
+
+const WindowKernels* kernels_of(Vectors vectors) {
+  if (vectors == Vectors::portable) return &portable_window_kernels();
+  return vectors == Vectors::avx2 ? avx2_window_kernels() : avx512_window_kernels();
+}
+
+class EveryFormat : public testing::TestWithParam<std::tuple<capture::PixelFormat, Vectors>> {
  protected:
   void SetUp() override {
-    if (kernels == nullptr) GTEST_SKIP() << "this machine has no AVX-512";
+    if (kernels == nullptr) GTEST_SKIP() << "this machine or this build has no such vectors";
   }
   const capture::PixelFormat format = std::get<0>(GetParam());
-  const WindowKernels* const kernels = std::get<1>(GetParam()) ? avx512_window_kernels() : &portable_window_kernels();
+  const WindowKernels* const kernels = kernels_of(std::get<1>(GetParam()));
   const ColorTable table{common_color(format), format, capture::ColorRange::limited};
 };
-INSTANTIATE_TEST_SUITE_P(, EveryFormat, testing::Combine(testing::ValuesIn(all_formats), testing::Bool()),
+INSTANTIATE_TEST_SUITE_P(, EveryFormat,
+                         testing::Combine(testing::ValuesIn(all_formats),
+                                          testing::Values(Vectors::portable, Vectors::avx2, Vectors::avx512)),
                          [](const auto& param) {
                            return std::string(capture::name(std::get<0>(param.param))) +
-                                  (std::get<1>(param.param) ? "_avx512" : "");
+                                  suffixes[static_cast<std::size_t>(std::get<1>(param.param))];
                          });
 
 TEST_P(EveryFormat, referenceCountsPixelByPixel) {
