@@ -20,8 +20,8 @@ constexpr double new_px = 0.03, new_share = 0.002, lasting_px = 0.03, lasting_sh
 // in webcams' pictures the error that lasts was 1.5 to 2.4 times what the fit states, in clean ones 1.5 times in the
 // median.
 constexpr double lasting_of_noise = 1.75;
-// An outline is too small or too large by what blur and light make of its edge, in all pictures alike: seen in 18 views
-// of rendered balls of 4 to 11 px, 0.09 px too small in the mean, 0.15 rms, 0.24 at most.
+// An outline is too small or too large by what blur and light make of its edge, in all pictures alike: seen in 20 views
+// of rendered balls of 3 to 12 px, 0.08 px too small in the mean, 0.14 rms, 0.24 at most.
 constexpr double lasting_size_px = 0.15;
 // An outline that is smaller or larger than the target's, by more than blur makes it all around, has an edge at the
 // wrong place on one side: the middle is off by as much as the radius. (A target's radius that is wrong makes all views
