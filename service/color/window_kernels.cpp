@@ -168,20 +168,10 @@ void classify_all(const Tile& tile, const capture::Image& image, const ColorTabl
 
 void classify(const capture::Image& image, const ColorTable& table, const TileAt* tiles, std::size_t n,
               std::uint64_t* bits) {
-  switch (image.format) {
-    case capture::PixelFormat::yuyv:
-      return classify_all(classify_tile<capture::PixelFormat::yuyv>, image, table, tiles, n, bits);
-    case capture::PixelFormat::nv12:
-      return classify_all(classify_tile<capture::PixelFormat::nv12>, image, table, tiles, n, bits);
-    case capture::PixelFormat::i420:
-      return classify_all(classify_tile<capture::PixelFormat::i420>, image, table, tiles, n, bits);
-    case capture::PixelFormat::i422:
-      return classify_all(classify_tile<capture::PixelFormat::i422>, image, table, tiles, n, bits);
-    case capture::PixelFormat::i444:
-    case capture::PixelFormat::bgr:
-    case capture::PixelFormat::grey:
-      return classify_all(classify_pixel_by_pixel, image, table, tiles, n, bits);
-  }
+  for_chroma_of(
+      image.format,
+      [&]<capture::PixelFormat format>() { classify_all(classify_tile<format>, image, table, tiles, n, bits); },
+      [&] { classify_all(classify_pixel_by_pixel, image, table, tiles, n, bits); });
 }
 
 std::size_t touched(const std::uint8_t* marked, std::ptrdiff_t cell_stride, std::uint32_t* known, std::uint32_t frame,
@@ -221,12 +211,12 @@ HUETRACK_AVX2_VERSION inline SixBitTable six_bit_table(const std::uint8_t* value
 // Of the upper six bits of each byte.
 HUETRACK_AVX2_VERSION inline __m256i looked_up(const SixBitTable& table, __m256i bytes) {
   const __m256i index = _mm256_and_si256(_mm256_srli_epi16(bytes, 2), _mm256_set1_epi8(0x3f));
-  const __m256i is_odd = _mm256_slli_epi16(index, 3);  // bit 4, and then bit 5, is where a choice is made by
+  const __m256i by_bit_4 = _mm256_slli_epi16(index, 3), by_bit_5 = _mm256_slli_epi16(index, 2);  // a blend's top bit
   return _mm256_blendv_epi8(_mm256_blendv_epi8(_mm256_shuffle_epi8(table.quarter[0], index),
-                                               _mm256_shuffle_epi8(table.quarter[1], index), is_odd),
+                                               _mm256_shuffle_epi8(table.quarter[1], index), by_bit_4),
                             _mm256_blendv_epi8(_mm256_shuffle_epi8(table.quarter[2], index),
-                                               _mm256_shuffle_epi8(table.quarter[3], index), is_odd),
-                            _mm256_slli_epi16(index, 2));
+                                               _mm256_shuffle_epi8(table.quarter[3], index), by_bit_4),
+                            by_bit_5);
 }
 
 // Most tiles are background, and most of that is too bright for a colour (ColorTable::LumaCeiling): it needs no look-up
@@ -254,22 +244,11 @@ HUETRACK_AVX2_VERSION void classify_dark(const capture::Image& image, const Colo
   }
 }
 
-HUETRACK_AVX2_VERSION void classify_with_avx2(const capture::Image& image, const ColorTable& table, const TileAt* tiles,
-                                              std::size_t n, std::uint64_t* bits) {
-  switch (image.format) {
-    case capture::PixelFormat::yuyv:
-      return classify_dark<capture::PixelFormat::yuyv>(image, table, tiles, n, bits);
-    case capture::PixelFormat::nv12:
-      return classify_dark<capture::PixelFormat::nv12>(image, table, tiles, n, bits);
-    case capture::PixelFormat::i420:
-      return classify_dark<capture::PixelFormat::i420>(image, table, tiles, n, bits);
-    case capture::PixelFormat::i422:
-      return classify_dark<capture::PixelFormat::i422>(image, table, tiles, n, bits);
-    case capture::PixelFormat::i444:
-    case capture::PixelFormat::bgr:
-    case capture::PixelFormat::grey:
-      return classify(image, table, tiles, n, bits);
-  }
+void classify_with_avx2(const capture::Image& image, const ColorTable& table, const TileAt* tiles, std::size_t n,
+                        std::uint64_t* bits) {
+  for_chroma_of(
+      image.format, [&]<capture::PixelFormat format>() { classify_dark<format>(image, table, tiles, n, bits); },
+      [&] { classify(image, table, tiles, n, bits); });
 }
 #endif
 

@@ -36,6 +36,25 @@ inline std::uint64_t load_word(const std::uint8_t* p) {
   return std::endian::native == std::endian::little ? word : __builtin_bswap64(word);
 }
 
+// Calls pairs.operator()<format>() where two neighbours share their chroma, and alone() where each pixel has its own.
+template <typename Pairs, typename Alone>
+void for_chroma_of(capture::PixelFormat format, const Pairs& pairs, const Alone& alone) {
+  switch (format) {
+    case capture::PixelFormat::yuyv:
+      return pairs.template operator()<capture::PixelFormat::yuyv>();
+    case capture::PixelFormat::nv12:
+      return pairs.template operator()<capture::PixelFormat::nv12>();
+    case capture::PixelFormat::i420:
+      return pairs.template operator()<capture::PixelFormat::i420>();
+    case capture::PixelFormat::i422:
+      return pairs.template operator()<capture::PixelFormat::i422>();
+    case capture::PixelFormat::i444:
+    case capture::PixelFormat::bgr:
+    case capture::PixelFormat::grey:
+      return alone();
+  }
+}
+
 struct WindowKernels {
   // Of the tiles first .. first + count - 1 of row tile_v: appends to `tiles` those that are touched by a marked window
   // and not yet known for this frame, makes them known, and returns how many they are. A window is marked where it

@@ -122,20 +122,9 @@ HUETRACK_AVX512 std::size_t touched(const std::uint8_t* marked, std::ptrdiff_t c
 
 void classify(const capture::Image& image, const ColorTable& table, const TileAt* tiles, std::size_t n,
               std::uint64_t* bits) {
-  switch (image.format) {
-    case capture::PixelFormat::yuyv:
-      return classify_as<capture::PixelFormat::yuyv>(image, table, tiles, n, bits);
-    case capture::PixelFormat::nv12:
-      return classify_as<capture::PixelFormat::nv12>(image, table, tiles, n, bits);
-    case capture::PixelFormat::i420:
-      return classify_as<capture::PixelFormat::i420>(image, table, tiles, n, bits);
-    case capture::PixelFormat::i422:
-      return classify_as<capture::PixelFormat::i422>(image, table, tiles, n, bits);
-    case capture::PixelFormat::i444:
-    case capture::PixelFormat::bgr:
-    case capture::PixelFormat::grey:
-      return portable_window_kernels().classify(image, table, tiles, n, bits);
-  }
+  for_chroma_of(
+      image.format, [&]<capture::PixelFormat format>() { classify_as<format>(image, table, tiles, n, bits); },
+      [&] { portable_window_kernels().classify(image, table, tiles, n, bits); });
 }
 
 HUETRACK_AVX512 void count(const std::uint8_t* bands, const std::int32_t* byte, const std::int32_t* shift,

@@ -665,10 +665,10 @@ void CameraWatch::judge_turn(const RotationFit& fit, Timestamp at, bool is_fresh
   if (is_zoomed && !zoomed_since_) zoomed_since_ = at;
   if (!is_zoomed) zoomed_since_.reset();
   const bool has_zoomed = zoomed_since_ && at - *zoomed_since_ >= settling;
+  const bool is_back = fit.rotation.norm() < 0.6 * least_turn_rad;
 
   if (!is_turned) {
     pending_.reset();
-    const bool is_back = fit.rotation.norm() < 0.6 * least_turn_rad;
     judge_change(at);
     const int needed = condition_.state == RoomState::changed ? 1 : least_changed;
     const RoomState quiet = condition_.change.patches >= needed ? RoomState::changed : RoomState::still;
@@ -709,7 +709,7 @@ void CameraWatch::judge_turn(const RotationFit& fit, Timestamp at, bool is_fresh
     return;
   }
   // Somebody has put it back: no turn of its own.
-  if (fit.rotation.norm() < 0.6 * least_turn_rad && condition_.turn) {
+  if (is_back && condition_.turn) {
     told_.setZero();
     condition_.turn.reset();
     set_state(is_defocused_ ? RoomState::defocused : RoomState::still, at);
@@ -786,10 +786,7 @@ void CameraWatch::judge_nothing(Timestamp at) {
   for (const Watched& w : watched_)
     if (!w.is_hidden) contrasts.push_back(double(w.contrast));
   const bool is_blind = !contrasts.empty() && calib::median_in_place(std::span(contrasts)) < double(no_contrast);
-  const RoomState state = is_blind ? RoomState::blinded : RoomState::hidden;
-  if (condition_.state == state) return;
-  set_state(state, at);
-  condition_.since = *nothing_since_;  // people are told when it happened
+  set_state(is_blind ? RoomState::blinded : RoomState::hidden, *nothing_since_);  // people are told when it happened
 }
 
 // What has long shown something else is learnt anew, as it is now.

@@ -23,22 +23,17 @@ constexpr double floor_likelihood = 1.0 / 25;  // the paper's, eqs. (5), (6): to
 // Mean squared innovation in its standard deviations; 1 is usual.
 constexpr double usual_surprise = 3, bounce_surprise = 6;
 
-// out = sign (a0 x + a1 y + a2 z) + m
+// out = a0 x + a1 y + a2 z + m
 struct Affine {
-  float m, a0, a1, a2;
+  float a0, a1, a2, m;
 };
 template <typename Matrix, typename Vector>
 Affine row_of_affine(const Matrix& a, const Vector& m, int row) {
-  return {m(row), a(row, 0), a(row, 1), a(row, 2)};
-}
-HUETRACK_CLONES void draw(const Affine& by, float sign, std::size_t n, const float* __restrict x,
-                          const float* __restrict y, const float* __restrict z, float* __restrict out) {
-  const float m = by.m, a0 = by.a0, a1 = by.a1, a2 = by.a2;
-  for (std::size_t i = 0; i < n; ++i) out[i] = m + sign * (a0 * x[i] + a1 * y[i] + a2 * z[i]);
+  return {a(row, 0), a(row, 1), a(row, 2), m(row)};
 }
 HUETRACK_CLONES void transform(const Affine& by, std::size_t n, const float* __restrict x, const float* __restrict y,
                                const float* __restrict z, float* __restrict out) {
-  const float m = by.m, a0 = by.a0, a1 = by.a1, a2 = by.a2;
+  const float a0 = by.a0, a1 = by.a1, a2 = by.a2, m = by.m;
   for (std::size_t i = 0; i < n; ++i) out[i] = a0 * x[i] + a1 * y[i] + a2 * z[i] + m;
 }
 
@@ -258,8 +253,8 @@ void ObjectFilter::draw_particles(const MotionBelief& proposal) {
   for (const auto& [row, out] :
        {std::pair{0, particles_.x.data()}, {1, particles_.y.data()}, {2, particles_.z.data()}}) {
     const Affine by = row_of_affine(a, m, row);
-    draw(by, 1, pairs, e0, e1, e2, out);
-    draw(by, -1, n - pairs, e0, e1, e2, out + pairs);
+    transform(by, pairs, e0, e1, e2, out);
+    transform({-by.a0, -by.a1, -by.a2, by.m}, n - pairs, e0, e1, e2, out + pairs);  // each one's mirror image
   }
 }
 
