@@ -4,9 +4,9 @@
 // and view, and the scaling over N, M and image size. These machines are noisy: each figure is the median of rounds
 // that alternate with OpenCV's.
 // Which vector instructions run is said; speed_vectors.sh beside this file runs it with all that the machine has.
-//   build/release/tests/benchmark/speed --profile small|large [ROUNDS]
-// The default tracker alone in one of the two cases, for perf, callgrind or a count of instructions: ROUNDS rounds of
-// 20 updates after 120.
+//   build/release/tests/benchmark/speed --profile small|large [ROUNDS] [paper]
+// The default tracker (or the paper's filter) alone in one of the two cases, for perf, callgrind or a count of
+// instructions: ROUNDS rounds of 20 updates after 120.
 #include <benchmark/benchmark.h>
 
 #include <algorithm>
@@ -108,13 +108,13 @@ figures::Sequence large_scene(int set_count) {
   return scene_at(4, 1920, 1080, set_count);
 }
 
-int profile(const std::string& which, int rounds) {
+int profile(const std::string& which, int rounds, object_tracking::Observation observation) {
   const bool is_small = which == "small";
   if (!is_small && which != "large") {
-    std::fprintf(stderr, "--profile small|large [ROUNDS]\n");
+    std::fprintf(stderr, "--profile small|large [ROUNDS] [paper]\n");
     return 2;
   }
-  const Timing t = time_update(is_small ? small_scene() : large_scene(8), object_tracking::Observation::huetrack,
+  const Timing t = time_update(is_small ? small_scene() : large_scene(8), observation,
                                is_small ? small_particle_count : large_particle_count, rounds, 20);
   std::printf("%.2f us/update, tracking %.0f %%\n", t.us, 100 * t.tracking);
   return 0;
@@ -170,7 +170,11 @@ int main(int argc, char** argv) {
   const bool quick = argc > 1 && std::string(argv[1]) == "--quick";
   cv::setNumThreads(1);
   std::puts(vectors_text().c_str());
-  if (argc > 2 && std::string(argv[1]) == "--profile") return profile(argv[2], argc > 3 ? std::stoi(argv[3]) : 50);
+  if (argc > 2 && std::string(argv[1]) == "--profile") {
+    const bool paper = argc > 4 && std::string(argv[4]) == "paper";
+    return profile(argv[2], argc > 3 ? std::stoi(argv[3]) : 50,
+                   paper ? object_tracking::Observation::paper : object_tracking::Observation::huetrack);
+  }
   const figures::Sequence small = small_scene();
   const figures::Sequence large = large_scene(quick ? 4 : 8);
   ratios("2 cameras, 320x240, 200 particles", small, small_particle_count, quick ? 50 : 400, 150, 40);
