@@ -19,24 +19,67 @@ struct Lanes {
   Lanes() { std::ranges::fill(best, -1.0f); }
 };
 
-// n is a multiple of lanes; first: the number of the first particle.
-HUETRACK_CLONES void add_up(const float* __restrict x, const float* __restrict y, const float* __restrict z,
-                            const float* __restrict weight, std::size_t n, float ox, float oy, float oz,
-                            std::uint32_t first, Lanes& out) {
-  Lanes s = out;
-  for (std::size_t i = 0; i < n; i += lanes) {
-    for (std::size_t j = 0; j < lanes; ++j) {
-      const float w = weight[i + j], dx = x[i + j] - ox, dy = y[i + j] - oy, dz = z[i + j] - oz;
-      const float wx = w * dx, wy = w * dy, wz = w * dz;
-      s.sum[x_][j] += wx, s.sum[y_][j] += wy, s.sum[z_][j] += wz;
-      s.sum[xx_][j] += wx * dx, s.sum[xy_][j] += wx * dy, s.sum[xz_][j] += wx * dz;
-      s.sum[yy_][j] += wy * dy, s.sum[yz_][j] += wy * dz, s.sum[zz_][j] += wz * dz;
-      s.best_at[j] = w > s.best[j] ? first + static_cast<std::uint32_t>(i + j) : s.best_at[j];
-      s.best[j] = w > s.best[j] ? w : s.best[j];
+// Some of the lanes as vectors of the machine's width.
+template <int bytes>
+struct Vectors {
+  using Floats [[gnu::vector_size(bytes)]] = float;
+  using Numbers [[gnu::vector_size(bytes)]] = std::uint32_t;
+};
+
+// n is a multiple of lanes; first: the number of the first particle. As many of the lanes at once as one vector has:
+// their sums stay in registers, those of all lanes do not with AVX2.
+template <int bytes>
+[[gnu::always_inline]] inline void add_up_lanes(const float* x, const float* y, const float* z, const float* weight,
+                                                std::size_t n, float ox, float oy, float oz, std::uint32_t first,
+                                                Lanes& out) {
+  using Floats = typename Vectors<bytes>::Floats;
+  using Numbers = typename Vectors<bytes>::Numbers;
+  constexpr std::size_t together = bytes / sizeof(float);
+  Numbers numbers;
+  for (std::size_t j = 0; j < together; ++j) numbers[j] = first + static_cast<std::uint32_t>(j);
+  for (std::size_t lane = 0; lane < lanes; lane += together) {
+    Floats sum[sums], best;
+    Numbers best_at;
+    for (std::size_t k = 0; k < sums; ++k) std::memcpy(&sum[k], &out.sum[k][lane], sizeof best);
+    std::memcpy(&best, &out.best[lane], sizeof best);
+    std::memcpy(&best_at, &out.best_at[lane], sizeof best_at);
+    for (std::size_t i = lane; i < n; i += lanes) {
+      Floats w, dx, dy, dz;
+      std::memcpy(&w, weight + i, sizeof w);
+      std::memcpy(&dx, x + i, sizeof dx), std::memcpy(&dy, y + i, sizeof dy), std::memcpy(&dz, z + i, sizeof dz);
+      dx -= ox, dy -= oy, dz -= oz;
+      const Floats wx = w * dx, wy = w * dy, wz = w * dz;
+      sum[x_] += wx, sum[y_] += wy, sum[z_] += wz;
+      sum[xx_] += wx * dx, sum[xy_] += wx * dy, sum[xz_] += wx * dz;
+      sum[yy_] += wy * dy, sum[yz_] += wy * dz, sum[zz_] += wz * dz;
+      const auto better = w > best;
+      best_at = better ? numbers + static_cast<std::uint32_t>(i) : best_at;
+      best = better ? w : best;
     }
+    for (std::size_t k = 0; k < sums; ++k) std::memcpy(&out.sum[k][lane], &sum[k], sizeof best);
+    std::memcpy(&out.best[lane], &best, sizeof best);
+    std::memcpy(&out.best_at[lane], &best_at, sizeof best_at);
   }
-  out = s;
 }
+
+HUETRACK_DEFAULT_VERSION void add_up(const float* x, const float* y, const float* z, const float* weight, std::size_t n,
+                                     float ox, float oy, float oz, std::uint32_t first, Lanes& out) {
+  add_up_lanes<16>(x, y, z, weight, n, ox, oy, oz, first, out);
+}
+
+#ifdef HUETRACK_AVX2_VERSION
+HUETRACK_AVX2_VERSION void add_up(const float* x, const float* y, const float* z, const float* weight, std::size_t n,
+                                  float ox, float oy, float oz, std::uint32_t first, Lanes& out) {
+  add_up_lanes<32>(x, y, z, weight, n, ox, oy, oz, first, out);
+}
+#endif
+
+#ifdef HUETRACK_AVX512_VERSION
+HUETRACK_AVX512_VERSION void add_up(const float* x, const float* y, const float* z, const float* weight, std::size_t n,
+                                    float ox, float oy, float oz, std::uint32_t first, Lanes& out) {
+  add_up_lanes<64>(x, y, z, weight, n, ox, oy, oz, first, out);
+}
+#endif
 
 // Halves onto halves.
 HUETRACK_CLONES void total(const Lanes& s, double* __restrict out) {

@@ -22,24 +22,26 @@ std::uint64_t splitmix64(std::uint64_t& x) {
 HUETRACK_CLONES void box_muller(const std::uint32_t* __restrict a, const std::uint32_t* __restrict b,
                                 float* __restrict out, std::size_t n) {
   for (std::size_t i = 0; i < n; ++i) {
-    // u in (0, 1], 24 bits
-    const float u = static_cast<float>(static_cast<std::int32_t>(a[i] >> 8) + 1) * 0x1p-24f;
-    // log(u): u = m 2^e with m in [sqrt(1/2), sqrt(2)), atanh series in s = (m - 1) / (m + 1)
-    const auto bits = std::bit_cast<std::int32_t>(u);
-    const std::int32_t e = (bits - 0x3f3504f3) >> 23;
-    const float m = std::bit_cast<float>(bits - (e << 23));
+    // u in (0, 1], 24 bits; here 2^24 u. log(u): u = m 2^e with m in [sqrt(1/2), sqrt(2)), atanh series in
+    // s = (m - 1) / (m + 1).
+    constexpr std::int32_t root_half = 0x3f3504f3, mantissa = 0x007fffff, one = mantissa + 1;  // one: of the exponent
+    const auto scaled_u = static_cast<float>(static_cast<std::int32_t>(a[i] >> 8) + 1);
+    const std::int32_t bits = std::bit_cast<std::int32_t>(scaled_u) - (root_half + 24 * one);
+    const std::int32_t e = bits >> 23;
+    const float m = std::bit_cast<float>((bits & mantissa) + root_half);
     const float s = (m - 1.0f) / (m + 1.0f);
     const float s2 = s * s;
-    const float log_u = static_cast<float>(e) * 0.69314718056f +
-                        2.0f * s * (1.0f + s2 * (0.333333333f + s2 * (0.2f + s2 * (0.142857143f + s2 * 0.111111111f))));
-    const float radius = std::sqrt(std::max(0.0f, -2.0f * log_u));
-    // angle = 2 pi t, t in [-1/2, 1/2). sin(2 pi t): fold t to [-1/4, 1/4], then a Taylor polynomial.
-    const float t = static_cast<float>(static_cast<std::int32_t>(b[i]) >> 8) * 0x1p-24f;
+    const float minus_2_log_u =
+        static_cast<float>(e) * (-2 * 0.69314718056f) +
+        -4.0f * s * (1.0f + s2 * (0.333333333f + s2 * (0.2f + s2 * (0.142857143f + s2 * 0.111111111f))));
+    const float radius = std::sqrt(minus_2_log_u);
+    // angle = 2 pi t, t in [-1/2, 1/2); here 2^24 t. sin(2 pi t): fold t to [-1/4, 1/4], then a Taylor polynomial.
+    const auto t = static_cast<float>(static_cast<std::int32_t>(b[i]) >> 8);
     const float q = std::abs(t);
-    const float fold_sin = q > 0.25f ? 0.5f - q : q;  // |sin|
-    const float fold_cos = 0.25f - q;                 // cos(2 pi t) = sin(2 pi (1/4 - |t|))
+    const float fold_sin = q > 0x1p22f ? 0x1p23f - q : q;  // |sin|
+    const float fold_cos = 0x1p22f - q;                    // cos(2 pi t) = sin(2 pi (1/4 - |t|))
     const auto sine = [](float turns) {
-      const float x = turns * 6.28318530718f;
+      const float x = turns * (0x1p-24f * 6.28318530718f);
       const float x2 = x * x;
       return x *
              (1.0f + x2 * (-1.66666667e-1f +

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <vector>
+#include <memory>
 
 #include "particle_filter/vector_clones.h"
 
@@ -113,11 +113,6 @@ HUETRACK_DEFAULT_VERSION void largest_so_far(std::uint32_t* value, std::size_t n
   for (std::size_t i = 0; i < n; ++i) value[i] = largest = std::max(largest, value[i]);
 }
 
-HUETRACK_DEFAULT_VERSION void take(const std::uint32_t* ancestor, std::size_t n, const float* in,
-                                   std::size_t /*in_size*/, float* out) {
-  for (std::size_t i = 0; i < n; ++i) out[i] = in[ancestor[i]];
-}
-
 #ifdef HUETRACK_AVX512_VERSION
 HUETRACK_AVX512_VERSION void largest_so_far(std::uint32_t* value, std::size_t n) {
   const __m512i zero = _mm512_setzero_si512(), last = _mm512_set1_epi32(15);
@@ -136,23 +131,6 @@ HUETRACK_AVX512_VERSION void largest_so_far(std::uint32_t* value, std::size_t n)
   std::uint32_t largest = i > 0 ? value[i - 1] : 0;
   for (; i < n; ++i) value[i] = largest = std::max(largest, value[i]);
 }
-
-// The ancestors of sixteen neighbours mostly lie within 32 particles: two registers, from which one instruction picks
-// them.
-HUETRACK_AVX512_VERSION void take(const std::uint32_t* ancestor, std::size_t n, const float* in, std::size_t in_size,
-                                  float* out) {
-  std::size_t i = 0;
-  for (; in_size >= 32 && i + 16 <= n; i += 16) {
-    const std::size_t first = std::min<std::size_t>(ancestor[i], in_size - 32);
-    const __m512i from_first =
-        _mm512_sub_epi32(_mm512_loadu_si512(ancestor + i), _mm512_set1_epi32(static_cast<int>(first)));
-    const __m512 taken = ancestor[i + 15] - first < 32 ? _mm512_permutex2var_ps(_mm512_loadu_ps(in + first), from_first,
-                                                                                _mm512_loadu_ps(in + first + 16))
-                                                       : _mm512_i32gather_ps(from_first, in + first, sizeof(float));
-    _mm512_storeu_ps(out + i, taken);
-  }
-  for (; i < n; ++i) out[i] = in[ancestor[i]];
-}
 #endif
 
 // Each particle writes itself where its descendants begin, and so do those before it that have none: the last one there
@@ -168,19 +146,58 @@ void name_ancestors(const std::int32_t* descendants_to, std::size_t n, std::span
   largest_so_far(ancestor.data(), ancestor.size());
 }
 
+// Each particle with descendants writes itself over all of them and up to spread_beyond further, where the next one
+// writes afterwards. Those that have any come to the front first: nothing foretells which they are, so a branch would
+// cost more. descendants_to: one more, with a 0 in front; parent: work space for one per particle.
+HUETRACK_CLONES void spread(const std::int32_t* descendants_to, std::size_t n, std::int32_t* __restrict parent,
+                            const std::array<const float*, 3>& in, const std::array<float*, 3>& out) {
+  std::size_t parents = 0;
+  for (std::size_t i = 0; i < n; ++i) {
+    parent[parents] = static_cast<std::int32_t>(i);
+    parents += descendants_to[i + 1] > descendants_to[i] ? 1 : 0;
+  }
+  const auto [in_x, in_y, in_z] = in;
+  const auto [out_x, out_y, out_z] = out;
+  constexpr std::size_t at_once = spread_beyond + 1;
+  for (std::size_t k = 0; k < parents; ++k) {
+    const auto i = static_cast<std::size_t>(parent[k]);
+    const float x = in_x[i], y = in_y[i], z = in_z[i];
+    const auto end = static_cast<std::size_t>(descendants_to[i + 1]);
+    for (auto to = static_cast<std::size_t>(descendants_to[i]); to < end; to += at_once) {
+      for (std::size_t j = 0; j < at_once; ++j) out_x[to + j] = x;
+      for (std::size_t j = 0; j < at_once; ++j) out_y[to + j] = y;
+      for (std::size_t j = 0; j < at_once; ++j) out_z[to + j] = z;
+    }
+  }
+}
+
+// Work space for so many numbers, without an allocation when they are few.
+class Numbers {
+ public:
+  explicit Numbers(std::size_t n) {
+    if (n > few_.size()) many_ = std::make_unique_for_overwrite<std::int32_t[]>(n);
+  }
+  std::int32_t* data() { return many_ ? many_.get() : few_.data(); }
+
+ private:
+  std::array<std::int32_t, 512> few_;
+  std::unique_ptr<std::int32_t[]> many_;
+};
+
 }  // namespace
 
 void systematic_ancestors(std::span<const float> weight, double offset, std::span<std::uint32_t> ancestor) {
-  constexpr std::size_t usual = 512;
-  std::array<std::int32_t, usual> few;
-  std::vector<std::int32_t> many(weight.size() > usual ? weight.size() : 0);
-  std::int32_t* const descendants_to = many.empty() ? few.data() : many.data();
-  systematic_descendants(weight, offset, ancestor.size(), descendants_to);
-  name_ancestors(descendants_to, weight.size(), ancestor);
+  Numbers descendants_to(weight.size());
+  systematic_descendants(weight, offset, ancestor.size(), descendants_to.data());
+  name_ancestors(descendants_to.data(), weight.size(), ancestor);
 }
 
-void take_ancestors(std::span<const std::uint32_t> ancestor, std::span<const float> in, std::span<float> out) {
-  take(ancestor.data(), ancestor.size(), in.data(), in.size(), out.data());
+void systematic_resample(std::span<const float> weight, double offset, std::size_t count,
+                         const std::array<const float*, 3>& in, const std::array<float*, 3>& out) {
+  Numbers descendants_to(weight.size() + 1), parent(weight.size());
+  *descendants_to.data() = 0;
+  systematic_descendants(weight, offset, count, descendants_to.data() + 1);
+  spread(descendants_to.data(), weight.size(), parent.data(), in, out);
 }
 
 }  // namespace huetrack::particle_filter

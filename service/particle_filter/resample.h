@@ -1,6 +1,8 @@
 // Weights and resampling of a particle set. Pure functions; safe from any thread on disjoint data.
 #pragma once
 
+#include <array>
+#include <cstddef>
 #include <cstdint>
 #include <span>
 
@@ -22,8 +24,11 @@ double effective_sample_size(std::span<const float> weight);
 //   systematic_ancestors({0.1, 0.0, 0.9}, 0.2, out of 2) == {0, 2}
 void systematic_ancestors(std::span<const float> weight, double offset, std::span<std::uint32_t> ancestor);
 
-// One coordinate of the resampled particles: out[i] = in[ancestor[i]]. out: (ancestor.size(),), apart from in. The
-// ancestors never fall from one to the next, and are < in.size() < 2^31.
-void take_ancestors(std::span<const std::uint32_t> ancestor, std::span<const float> in, std::span<float> out);
+// The particles that those ancestors are, count of them: out[c][i] == in[c][ancestor[i]] for the three coordinates c.
+//   in   (weight.size(),) each, below 2^31;  out   (count + spread_beyond,) each, apart from in and from each other;
+//        what lies beyond count is undefined
+constexpr std::size_t spread_beyond = 15;
+void systematic_resample(std::span<const float> weight, double offset, std::size_t count,
+                         const std::array<const float*, 3>& in, const std::array<float*, 3>& out);
 
 }  // namespace huetrack::particle_filter

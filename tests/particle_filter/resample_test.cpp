@@ -24,11 +24,18 @@ Ancestors ancestors(const Weights& weight, double offset, std::size_t count) {
   systematic_ancestors(weight, offset, std::span(out).first(count));
   EXPECT_EQ(out.back(), 123456u);
   out.pop_back();
-  std::vector<float> values(weight.size()), taken(count + 1, 77.0f);
-  std::iota(values.begin(), values.end(), 0.25f);
-  take_ancestors(out, values, std::span(taken).first(count));
-  for (std::size_t i = 0; i < count; ++i) EXPECT_EQ(taken[i], values[out[i]]);
-  EXPECT_EQ(taken.back(), 77.0f);
+  std::vector<float> values[3], taken[3];
+  for (std::size_t c = 0; c < 3; ++c) {
+    values[c].resize(weight.size());
+    std::iota(values[c].begin(), values[c].end(), 0.25f + 1e5f * static_cast<float>(c));
+    taken[c].assign(count + spread_beyond + 1, 77.0f);
+  }
+  systematic_resample(weight, offset, count, {values[0].data(), values[1].data(), values[2].data()},
+                      {taken[0].data(), taken[1].data(), taken[2].data()});
+  for (std::size_t c = 0; c < 3; ++c) {
+    for (std::size_t i = 0; i < count; ++i) EXPECT_EQ(taken[c][i], values[c][out[i]]);
+    EXPECT_EQ(taken[c].back(), 77.0f);
+  }
   return out;
 }
 

@@ -94,12 +94,11 @@ void PaperTracker::resample() {
                                      : std::min(options_.max_particle_count, static_cast<int>(std::ceil(1.2 * n))));
   const std::size_t survivors =
       seen_ ? wanted : std::min(particles_.size(), static_cast<std::size_t>(0.8 * static_cast<double>(wanted)));
-  ancestor_.resize(survivors);
-  particle_filter::systematic_ancestors(weight_, rng_.uniform(), ancestor_);
+  resampled_.resize(survivors + particle_filter::spread_beyond);
+  particle_filter::systematic_resample(weight_, rng_.uniform(), survivors,
+                                       {particles_.x.data(), particles_.y.data(), particles_.z.data()},
+                                       {resampled_.x.data(), resampled_.y.data(), resampled_.z.data()});
   resampled_.resize(survivors);
-  particle_filter::take_ancestors(ancestor_, particles_.x, resampled_.x);
-  particle_filter::take_ancestors(ancestor_, particles_.y, resampled_.y);
-  particle_filter::take_ancestors(ancestor_, particles_.z, resampled_.z);
   std::swap(particles_, resampled_);
   if (wanted > survivors) {
     particles_.resize(wanted);

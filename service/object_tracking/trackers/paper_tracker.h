@@ -69,7 +69,6 @@ class PaperTracker {
   particle_filter::Rng rng_;
   PositionParticles particles_, resampled_;
   std::vector<float> weight_, noise_;
-  std::vector<std::uint32_t> ancestor_;
   PaperObservation observation_;
   bool seen_ = false;  // in this set
   object_tracking::TrackState state_ = object_tracking::TrackState::searching;
