@@ -244,9 +244,10 @@ void ColorTable::fill(const HsiRange& target, unsigned first, unsigned last) {
     const auto u = static_cast<std::uint8_t>(uv), v = static_cast<std::uint8_t>(uv >> 8);
     if (!matches.can_match(chroma_of(u, v))) continue;
     const Interval interval = y_of_uv_[uv] = matches.luma_at(u, v, range_);
-    std::uint8_t &of_u = luma_ceiling_.of_u[(uv & 255) / 4], &of_v = luma_ceiling_.of_v[uv / 1024];
-    of_u = std::max(of_u, interval.y_max);
-    of_v = std::max(of_v, interval.y_max);
+    for (std::uint8_t* ceiling : {&luma_ceiling_.of_u[u / 4], &luma_ceiling_.of_v[v / 4],
+                                  &luma_ceiling_.near_grey_of_u[LumaCeiling::near_grey_step(u)],
+                                  &luma_ceiling_.near_grey_of_v[LumaCeiling::near_grey_step(v)]})
+      *ceiling = std::max(*ceiling, interval.y_max);
   }
 }
 

@@ -3,6 +3,7 @@
 // exhaustive test tests/color/color_model_test.cpp holds every entry of the table to the formula.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <memory>
@@ -59,6 +60,13 @@ class ColorTable {
   // A pixel brighter than of_u[u / 4] or than of_v[v / 4] does not match: what most of a background can be told by.
   struct LumaCeiling {
     std::array<std::uint8_t, 64> of_u{}, of_v{};
+    // The same in as many steps as a shuffle of bytes looks up: as fine near grey, where most of a background is, while
+    // the first and the last step have all that is beyond.
+    static constexpr int first_near_grey = 96, last_near_grey = 159;
+    static constexpr std::size_t near_grey_step(int chroma) {
+      return static_cast<std::size_t>(std::clamp(chroma, first_near_grey, last_near_grey) - first_near_grey) / 4;
+    }
+    std::array<std::uint8_t, 16> near_grey_of_u{}, near_grey_of_v{};
   };
 
   // throws std::invalid_argument. Some 5 ms; for BGR some 100.

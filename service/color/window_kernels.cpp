@@ -1,5 +1,7 @@
 #include "color/window_kernels.h"
 
+#include <algorithm>
+#include <array>
 #include <bit>
 #include <cstring>
 #include <utility>
@@ -35,8 +37,7 @@ struct TwoRows {
   Bytes y, uv;
 };
 
-std::uint32_t of_two_rows(const ColorTable::Interval* intervals, const TwoRows& rows) {
-  const auto [y, uv] = rows;
+[[gnu::always_inline]] inline __m128i intervals_of_eight(const ColorTable::Interval* intervals, __m128i uv) {
   static_assert(sizeof(ColorTable::Interval) == 2);
   const auto interval = [&](int index) {
     std::uint16_t bytes;  // y_min in the low byte, y_max in the high one
@@ -50,7 +51,12 @@ std::uint32_t of_two_rows(const ColorTable::Interval* intervals, const TwoRows& 
   i = _mm_insert_epi16(i, interval(_mm_extract_epi16(uv, 4)), 4);
   i = _mm_insert_epi16(i, interval(_mm_extract_epi16(uv, 5)), 5);
   i = _mm_insert_epi16(i, interval(_mm_extract_epi16(uv, 6)), 6);
-  i = _mm_insert_epi16(i, interval(_mm_extract_epi16(uv, 7)), 7);
+  return _mm_insert_epi16(i, interval(_mm_extract_epi16(uv, 7)), 7);
+}
+
+std::uint32_t of_two_rows(const ColorTable::Interval* intervals, const TwoRows& rows) {
+  const auto [y, uv] = rows;
+  const __m128i i = intervals_of_eight(intervals, uv);
   const __m128i low = _mm_or_si128(_mm_and_si128(i, _mm_set1_epi16(0xff)), _mm_slli_epi16(i, 8));
   const __m128i high = _mm_or_si128(_mm_srli_epi16(i, 8), _mm_andnot_si128(_mm_set1_epi16(0xff), i));
   const __m128i match =
@@ -196,59 +202,190 @@ HUETRACK_CLONES void count(const std::uint8_t* __restrict bands, const std::int3
 }
 
 #ifdef HUETRACK_AVX2_VERSION
-// 64 bytes that are looked up by six bits.
-struct SixBitTable {
-  __m256i quarter[4];
+HUETRACK_AVX2_VERSION inline __m256i load256(const void* p) {
+  return _mm256_loadu_si256(static_cast<const __m256i*>(p));
+}
+
+// As TwoRows, of two tiles: the lower half of one, the upper half of the other.
+struct TwoRowsOfTwo {
+  __m256i y, uv;
 };
 
-HUETRACK_AVX2_VERSION inline SixBitTable six_bit_table(const std::uint8_t* values) {
-  SixBitTable out;
-  for (int i = 0; i < 4; ++i)
-    out.quarter[i] = _mm256_broadcastsi128_si256(_mm_loadu_si128(reinterpret_cast<const __m128i*>(values + 16 * i)));
-  return out;
+// Rows r and r + 1 of tiles a and b; is_next: b is the one to the right of a, so that a row of both is one load.
+template <capture::PixelFormat format, bool is_next>
+HUETRACK_AVX2_VERSION inline TwoRowsOfTwo two_rows_of_two(const capture::Image& image, TileAt a, TileAt b, int r) {
+  if constexpr (format == capture::PixelFormat::yuyv && is_next) {
+    const std::ptrdiff_t stride = image.planes[0].stride;
+    const std::uint8_t* const p = image.planes[0].data + a.pixel_v() * stride + 2 * a.pixel_u() + r * stride;
+    const __m256i first = load256(p), second = load256(p + stride), even = _mm256_set1_epi16(0xff);
+    return {_mm256_packus_epi16(_mm256_and_si256(first, even), _mm256_and_si256(second, even)),
+            _mm256_packus_epi16(_mm256_srli_epi16(first, 8), _mm256_srli_epi16(second, 8))};
+  } else {
+    const TwoRows of_a = two_rows<format>(image, a.pixel_u(), a.pixel_v() + r),
+                  of_b = two_rows<format>(image, b.pixel_u(), b.pixel_v() + r);
+    return {_mm256_set_m128i(of_b.y, of_a.y), _mm256_set_m128i(of_b.uv, of_a.uv)};
+  }
 }
 
-// Of the upper six bits of each byte.
-HUETRACK_AVX2_VERSION inline __m256i looked_up(const SixBitTable& table, __m256i bytes) {
-  const __m256i index = _mm256_and_si256(_mm256_srli_epi16(bytes, 2), _mm256_set1_epi8(0x3f));
-  const __m256i by_bit_4 = _mm256_slli_epi16(index, 3), by_bit_5 = _mm256_slli_epi16(index, 2);  // a blend's top bit
-  return _mm256_blendv_epi8(_mm256_blendv_epi8(_mm256_shuffle_epi8(table.quarter[0], index),
-                                               _mm256_shuffle_epi8(table.quarter[1], index), by_bit_4),
-                            _mm256_blendv_epi8(_mm256_shuffle_epi8(table.quarter[2], index),
-                                               _mm256_shuffle_epi8(table.quarter[3], index), by_bit_4),
-                            by_bit_5);
+// By how much the darker pixel of each pair is brighter than its chroma allows (ColorTable::LumaCeiling), in the even
+// bytes; of_u, of_v: the ceilings near grey.
+HUETRACK_AVX2_VERSION inline __m256i above_ceiling(__m256i of_u, __m256i of_v, TwoRowsOfTwo rows) {
+  using Ceiling = ColorTable::LumaCeiling;
+  const __m256i from_first =  // 0 to 63, all beyond that counted as if it were there
+      _mm256_subs_epu8(_mm256_adds_epu8(rows.uv, _mm256_set1_epi8(255 - Ceiling::last_near_grey)),
+                       _mm256_set1_epi8(static_cast<char>(255 - Ceiling::last_near_grey + Ceiling::first_near_grey)));
+  const __m256i quarters = _mm256_and_si256(_mm256_srli_epi16(from_first, 2), _mm256_set1_epi8(0x0f));
+  const __m256i ceiling =
+      _mm256_min_epu8(_mm256_shuffle_epi8(of_u, quarters), _mm256_shuffle_epi8(of_v, _mm256_srli_epi16(quarters, 8)));
+  return _mm256_subs_epu8(_mm256_min_epu8(rows.y, _mm256_srli_epi16(rows.y, 8)), ceiling);
 }
 
-// Most tiles are background, and most of that is too bright for a colour (ColorTable::LumaCeiling): it needs no look-up
-// in the table of all colours. Of each pair of neighbours, which share their chroma, the darker one counts.
-template <capture::PixelFormat format>
-HUETRACK_AVX2_VERSION void classify_dark(const capture::Image& image, const ColorTable& table, const TileAt* tiles,
-                                         std::size_t n, std::uint64_t* bits) {
-  const SixBitTable of_u = six_bit_table(table.luma_ceiling().of_u.data()),
-                    of_v = six_bit_table(table.luma_ceiling().of_v.data());
+// As of_two_rows(); the other tile's in the upper half.
+HUETRACK_AVX2_VERSION inline std::uint32_t of_two_rows_of_two(const ColorTable::Interval* intervals,
+                                                              TwoRowsOfTwo rows) {
+  const auto [y, uv] = rows;
+  const __m256i i = _mm256_set_m128i(intervals_of_eight(intervals, _mm256_extracti128_si256(uv, 1)),
+                                     intervals_of_eight(intervals, _mm256_castsi256_si128(uv)));
   const __m256i even = _mm256_set1_epi16(0xff);
-  for (std::size_t i = 0; i < n; ++i) {
-    const int u = tiles[i].pixel_u(), v = tiles[i].pixel_v();
-    const TwoRows a = two_rows<format>(image, u, v), b = two_rows<format>(image, u, v + 2),
-                  c = two_rows<format>(image, u, v + 4), d = two_rows<format>(image, u, v + 6);
-    const __m256i y_upper = _mm256_set_m128i(b.y, a.y), y_lower = _mm256_set_m128i(d.y, c.y);
-    const __m256i uv_upper = _mm256_set_m128i(b.uv, a.uv), uv_lower = _mm256_set_m128i(d.uv, c.uv);
-    const __m256i darker =
-        _mm256_packus_epi16(_mm256_and_si256(_mm256_min_epu8(y_upper, _mm256_srli_epi16(y_upper, 8)), even),
-                            _mm256_and_si256(_mm256_min_epu8(y_lower, _mm256_srli_epi16(y_lower, 8)), even));
-    const __m256i us = _mm256_packus_epi16(_mm256_and_si256(uv_upper, even), _mm256_and_si256(uv_lower, even));
-    const __m256i vs = _mm256_packus_epi16(_mm256_srli_epi16(uv_upper, 8), _mm256_srli_epi16(uv_lower, 8));
-    const __m256i ceiling = _mm256_min_epu8(looked_up(of_u, us), looked_up(of_v, vs));
-    const int below = _mm256_movemask_epi8(_mm256_cmpeq_epi8(_mm256_min_epu8(darker, ceiling), darker));
-    bits[i] = below != 0 ? classify_tile<format>(image, table, u, v) : 0;
+  const __m256i low = _mm256_or_si256(_mm256_and_si256(i, even), _mm256_slli_epi16(i, 8));
+  const __m256i high = _mm256_or_si256(_mm256_srli_epi16(i, 8), _mm256_andnot_si256(even, i));
+  const __m256i match =
+      _mm256_and_si256(_mm256_cmpeq_epi8(_mm256_max_epu8(y, low), y), _mm256_cmpeq_epi8(_mm256_min_epu8(y, high), y));
+  return static_cast<std::uint32_t>(_mm256_movemask_epi8(match));
+}
+
+HUETRACK_AVX2_VERSION inline __m256i sixteen(const std::array<std::uint8_t, 16>& bytes) {
+  return _mm256_broadcastsi128_si256(_mm_loadu_si128(reinterpret_cast<const __m128i*>(bytes.data())));
+}
+
+struct NearGreyCeilings {
+  __m256i of_u, of_v;
+};
+
+// Most tiles are background, and most of that is too bright for a colour: it needs no look-up in the table of all
+// colours. Of each pair of neighbours, which share their chroma, the darker one counts.
+template <capture::PixelFormat format, bool is_next>
+HUETRACK_AVX2_VERSION inline void classify_two(const capture::Image& image, const ColorTable::Interval* intervals,
+                                               const NearGreyCeilings& ceilings, TileAt a, TileAt b,
+                                               std::uint64_t& bits_of_a, std::uint64_t& bits_of_b) {
+  TwoRowsOfTwo rows[4];
+#pragma GCC unroll 4
+  for (int k = 0; k < 4; ++k) rows[k] = two_rows_of_two<format, is_next>(image, a, b, 2 * k);
+  const auto [of_u, of_v] = ceilings;
+  const __m256i above =
+      _mm256_min_epu8(_mm256_min_epu8(above_ceiling(of_u, of_v, rows[0]), above_ceiling(of_u, of_v, rows[1])),
+                      _mm256_min_epu8(above_ceiling(of_u, of_v, rows[2]), above_ceiling(of_u, of_v, rows[3])));
+  std::uint64_t first = 0, second = 0;
+  if (_mm256_testz_si256(_mm256_cmpeq_epi8(above, _mm256_setzero_si256()), _mm256_set1_epi16(0xff)) == 0) {
+    for (int k = 0; k < 4; ++k) {
+      const std::uint32_t found = of_two_rows_of_two(intervals, rows[k]);
+      first |= std::uint64_t{found & 0xffff} << (16 * k);
+      second |= std::uint64_t{found >> 16} << (16 * k);
+    }
+  }
+  bits_of_a = first;
+  bits_of_b = second;
+}
+
+template <capture::PixelFormat format>
+HUETRACK_AVX2_VERSION void classify_by_twos(const capture::Image& image, const ColorTable& table, const TileAt* tiles,
+                                            std::size_t n, std::uint64_t* bits) {
+  const NearGreyCeilings ceilings{sixteen(table.luma_ceiling().near_grey_of_u),
+                                  sixteen(table.luma_ceiling().near_grey_of_v)};
+  const ColorTable::Interval* const intervals = table.intervals();
+  for (std::size_t i = 0; i < n; i += 2) {
+    const std::size_t j = std::min(i + 1, n - 1);  // the last one of an odd number with itself
+    const TileAt a = tiles[i], b = tiles[j];
+    if (b.u == a.u + 1 && b.v == a.v)
+      classify_two<format, true>(image, intervals, ceilings, a, b, bits[i], bits[j]);
+    else
+      classify_two<format, false>(image, intervals, ceilings, a, b, bits[i], bits[j]);
   }
 }
 
 void classify_with_avx2(const capture::Image& image, const ColorTable& table, const TileAt* tiles, std::size_t n,
                         std::uint64_t* bits) {
   for_chroma_of(
-      image.format, [&]<capture::PixelFormat format>() { classify_dark<format>(image, table, tiles, n, bits); },
+      image.format, [&]<capture::PixelFormat format>() { classify_by_twos<format>(image, table, tiles, n, bits); },
       [&] { classify(image, table, tiles, n, bits); });
+}
+
+HUETRACK_AVX2_VERSION inline __m256i cell_and_left(const std::uint8_t* p) {
+  return _mm256_or_si256(load256(p), load256(p - 1));
+}
+
+// Of each byte the places of its ones, from the lowest on.
+constexpr std::array<std::uint64_t, 256> places_of_ones = [] {
+  std::array<std::uint64_t, 256> out{};
+  for (unsigned byte = 0; byte < 256; ++byte) {
+    for (unsigned place = 0, ones = 0; place < 8; ++place) {
+      if ((byte >> place & 1) != 0) out[byte] |= std::uint64_t{place} << (8 * ones++);
+    }
+  }
+  return out;
+}();
+
+// Sixteen tiles at a time: a lane of 16 bits has two cells.
+HUETRACK_AVX2_VERSION std::size_t touched_with_avx2(const std::uint8_t* marked, std::ptrdiff_t cell_stride,
+                                                    std::uint32_t* known, std::uint32_t frame, int first, int count,
+                                                    int tile_v, TileAt* tiles) {
+  static_assert(sizeof(TileAt) == 4);
+  const __m256i now = _mm256_set1_epi32(static_cast<int>(frame)), zero = _mm256_setzero_si256();
+  const __m256i steps = _mm256_setr_epi16(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+  constexpr int in_order = 0b11'01'10'00;  // packing goes half by half
+  std::size_t n = 0;
+  for (int u = first; u < first + count; u += 16) {
+    const std::uint8_t* const p = marked + 2 * u;
+    const __m256i any = _mm256_or_si256(_mm256_or_si256(cell_and_left(p), cell_and_left(p - cell_stride)),
+                                        cell_and_left(p + cell_stride));
+    const __m256i frames[2] = {load256(known + u), load256(known + u + 8)};
+    const __m256i are_known = _mm256_permute4x64_epi64(
+        _mm256_packs_epi32(_mm256_cmpeq_epi32(frames[0], now), _mm256_cmpeq_epi32(frames[1], now)), in_order);
+    const __m256i in_row = _mm256_cmpgt_epi16(_mm256_set1_epi16(static_cast<short>(first + count - u)), steps);
+    const __m256i unknown = _mm256_andnot_si256(_mm256_or_si256(_mm256_cmpeq_epi16(any, zero), are_known), in_row);
+    const __m128i halves[2] = {_mm256_castsi256_si128(unknown), _mm256_extracti128_si256(unknown, 1)};
+    for (int h = 0; h < 2; ++h) {
+      const __m256i mask = _mm256_cvtepi16_epi32(halves[h]);
+      _mm256_storeu_si256(reinterpret_cast<__m256i*>(known + u + 8 * h), _mm256_blendv_epi8(frames[h], now, mask));
+      const auto ones = static_cast<unsigned>(_mm256_movemask_ps(_mm256_castsi256_ps(mask)));
+      const __m256i places = _mm256_cvtepu8_epi32(_mm_cvtsi64_si128(static_cast<long long>(places_of_ones[ones])));
+      _mm256_storeu_si256(reinterpret_cast<__m256i*>(tiles + n),
+                          _mm256_add_epi32(places, _mm256_set1_epi32((u + 8 * h) | tile_v << 16)));
+      n += static_cast<std::size_t>(std::popcount(ones));
+    }
+  }
+  return n;
+}
+
+// How many ones each lane of 64 bits has.
+HUETRACK_AVX2_VERSION inline __m256i ones_of(__m256i words) {
+  const __m256i of_nibble = _mm256_setr_epi8(0, 1, 1, 2, 1, 2, 2, 3, 1, 2, 2, 3, 2, 3, 3, 4,  //
+                                             0, 1, 1, 2, 1, 2, 2, 3, 1, 2, 2, 3, 2, 3, 3, 4);
+  const __m256i nibble = _mm256_set1_epi8(0x0f);
+  const __m256i ones =
+      _mm256_add_epi8(_mm256_shuffle_epi8(of_nibble, _mm256_and_si256(words, nibble)),
+                      _mm256_shuffle_epi8(of_nibble, _mm256_and_si256(_mm256_srli_epi16(words, 4), nibble)));
+  return _mm256_sad_epu8(ones, _mm256_setzero_si256());
+}
+
+HUETRACK_AVX2_VERSION void count_with_avx2(const std::uint8_t* bands, const std::int32_t* byte,
+                                           const std::int32_t* shift, std::size_t n, std::uint8_t* k) {
+  const std::size_t whole = n / 4 * 4;
+  for (std::size_t i = 0; i < whole; i += 4) {
+    const auto word = [&](std::size_t j) { return static_cast<long long>(load_word(bands + byte[i + j])); };
+    const __m256i rows = _mm256_setr_epi64x(word(0), word(1), word(2), word(3));
+    const __m128i by = _mm_loadu_si128(reinterpret_cast<const __m128i*>(shift + i));
+    const __m256i window =
+        _mm256_and_si256(_mm256_srlv_epi64(rows, _mm256_cvtepu32_epi64(_mm_and_si128(by, _mm_set1_epi32(3)))),
+                         _mm256_set1_epi64x(0x1f1f1f1f1f));
+    const __m256i counted = _mm256_or_si256(ones_of(window), _mm256_cvtepu32_epi64(_mm_srli_epi32(by, 8)));
+    const __m256i low =
+        _mm256_shuffle_epi8(counted, _mm256_setr_epi8(0, 8, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1,
+                                                      -1, 0, 8, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1));
+    const int four = _mm_cvtsi128_si32(_mm_or_si128(_mm256_castsi256_si128(low), _mm256_extracti128_si256(low, 1)));
+    std::memcpy(k + i, &four, 4);
+  }
+  count(bands, byte + whole, shift + whole, n - whole, k + whole);
 }
 #endif
 
@@ -256,7 +393,7 @@ void classify_with_avx2(const capture::Image& image, const ColorTable& table, co
 
 const WindowKernels* avx2_window_kernels() {
 #ifdef HUETRACK_AVX2_VERSION
-  static const WindowKernels kernels{touched, classify_with_avx2, count};
+  static const WindowKernels kernels{touched_with_avx2, classify_with_avx2, count_with_avx2};
   return __builtin_cpu_supports("avx2") != 0 ? &kernels : nullptr;
 #else
   return nullptr;

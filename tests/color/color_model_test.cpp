@@ -71,10 +71,16 @@ TEST(ColorTable, ceilingsAreTheBrightestMatchOfTheirChroma) {
         if (!table.contains(capture::Yuv{luma, u, v})) continue;
         expected.of_u[u / 4u] = std::max(expected.of_u[u / 4u], luma);
         expected.of_v[v / 4u] = std::max(expected.of_v[v / 4u], luma);
+        // Sixteen steps of four, the fourteen in the middle from 100 to 155.
+        const auto step = [](unsigned chroma) { return chroma < 100 ? 0u : chroma > 155 ? 15u : (chroma - 96) / 4; };
+        expected.near_grey_of_u[step(u)] = std::max(expected.near_grey_of_u[step(u)], luma);
+        expected.near_grey_of_v[step(v)] = std::max(expected.near_grey_of_v[step(v)], luma);
       }
     }
     EXPECT_EQ(table.luma_ceiling().of_u, expected.of_u);
     EXPECT_EQ(table.luma_ceiling().of_v, expected.of_v);
+    EXPECT_EQ(table.luma_ceiling().near_grey_of_u, expected.near_grey_of_u);
+    EXPECT_EQ(table.luma_ceiling().near_grey_of_v, expected.near_grey_of_v);
   }
 }
 
@@ -91,6 +97,8 @@ TEST(ColorTable, builtPieceByPieceIsTheSame) {
     EXPECT_TRUE(std::equal(at_once.intervals(), at_once.intervals() + 65536, builder.table()->intervals(), is_same));
     EXPECT_EQ(at_once.luma_ceiling().of_u, builder.table()->luma_ceiling().of_u);
     EXPECT_EQ(at_once.luma_ceiling().of_v, builder.table()->luma_ceiling().of_v);
+    EXPECT_EQ(at_once.luma_ceiling().near_grey_of_u, builder.table()->luma_ceiling().near_grey_of_u);
+    EXPECT_EQ(at_once.luma_ceiling().near_grey_of_v, builder.table()->luma_ceiling().near_grey_of_v);
   }
   EXPECT_THROW(ColorTableBuilder({10, 20, 0.5, 0.4, 0, 1}, capture::PixelFormat::nv12, capture::ColorRange::limited),
                std::invalid_argument);
