@@ -45,6 +45,9 @@ constexpr double off_by_size = 0.7;
 // The light over an object is that of the room's lamps, windows and walls around it, which are some metres off: so far
 // on, it is lit in another way. Lamps and clouds change it, too.
 constexpr double same_light_m = 1.5, same_light_s = 10;
+// As long as it is so much the same it is not fitted anew: ten pictures in which it is fitted while it lasts tell its
+// mean to a third of what one leaves open.
+constexpr double same_enough = 0.9;
 
 constexpr int most_steps = 4;    // begun from what motion and region say, the second is mostly the last
 constexpr double ahead_s = 0.3;  // what is behind the object then is learnt now
@@ -117,6 +120,7 @@ bool OutlineSighter::sharpen(const TargetView& view, const MotionBelief& belief,
   options.log_size = {log_size, std::hypot(is_size_known ? known_log_size : unknown_log_size, depth_sigma / distance)};
   options.same_light = std::exp(-(there - of.lit_at).norm() / same_light_m -
                                 capture::seconds(expected.row.at - of.lit_when) / same_light_s);
+  options.may_hold_light = is_size_known && options.same_light >= same_enough;
   const auto picture = picture_around(view, ellipse.centre);
   if (!picture) return false;
   const outline::Fit fit = fit_.fit(*picture, *of.behind, ellipse, {motion.velocity, motion.row_s}, of.look, options);

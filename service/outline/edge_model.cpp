@@ -304,12 +304,12 @@ struct EdgeSums::Chunk {
   }
 
   // The columns: the root of the weight times the residual, and times what the value that is shown changes by.
-  template <bool is_smeared>
+  template <bool is_smeared, bool is_light_held>
   [[gnu::always_inline]] void show_and_weigh(EdgeSums& out) {
     const EdgeModel m = k;
     float(*j)[most] = slopes.of;
     Sums sums;
-    const float wider = m.exposure * m.smear2, when = m.moment[0];
+    [[maybe_unused]] const float wider = m.exposure * m.smear2, when = m.moment[0];
 #pragma GCC ivdep  // a block and its slopes share nothing
     for (int i = 0; i < n; ++i) {
       const Lights l = lights_at(m, i);
@@ -334,30 +334,35 @@ struct EdgeSums::Chunk {
       const float wo = w * (by_light * (l.front - l.back) - of.offset[i]), wc = w * of_color;
       const float wa = w * (al * m.grey * by_light + ac * shade_color), wp = w * al * by_light * m.level;
       const float wl = w * ((1 - al) * l.grey_behind * by_light + (1 - ac) * lit_color);
-      float edge = 0;
+      float edge = 0, by_off = 0, by_variance = 0;
       if constexpr (is_smeared) {
         edge = smeared_light.by_size[i];
         j[cu_][i] = wo * smeared_light.by_u[i] + wc * smeared_color.by_u[i];
         j[cv_][i] = wo * smeared_light.by_v[i] + wc * smeared_color.by_v[i];
         j[size_][i] = wo * edge + wc * smeared_color.by_size[i];
-        j[blur_light_][i] = m.blur2 * (wo * light.by_variance[i] + wc * color.by_variance[i]);
-        j[exposure_][i] = wo * smeared_light.by_exposure[i] + wc * smeared_color.by_exposure[i];
       } else {
         edge = light.by_off[i] * grow[i];
-        const float by_off = wo * light.by_off[i] + wc * color.by_off[i];
-        const float by_variance = wo * light.by_variance[i] + wc * color.by_variance[i];
+        by_off = wo * light.by_off[i] + wc * color.by_off[i];
         j[cu_][i] = by_off * nu[i], j[cv_][i] = by_off * nv[i], j[size_][i] = by_off * grow[i];
-        j[blur_light_][i] = m.blur2 * by_variance;
-        j[exposure_][i] = (by_off * when + by_variance * wider * across[i]) * across[i];
       }
-      j[blur_chroma_][i] = m.more2 * wc * color.by_variance[i];
       slopes.edge[i] = edge;
-      const float wax = wa * l.x, way = wa * l.y, waz = wa * l.z;
-      j[shading_][i] = wa, j[shading_ + 1][i] = wax, j[shading_ + 2][i] = way;
-      j[shading_ + 3][i] = wax * l.x, j[shading_ + 4][i] = wax * l.y, j[shading_ + 5][i] = way * l.y;
-      j[shading_ + 6][i] = waz, j[shading_ + 7][i] = waz * l.x, j[shading_ + 8][i] = waz * l.y;
-      j[paleness_][i] = wp, j[paleness_ + 1][i] = wp * l.x, j[paleness_ + 2][i] = wp * l.y;
-      j[lit_][i] = wl, j[lit_ + 1][i] = wl * of.v[i];
+      if constexpr (is_light_held) {
+        j[placed][i] = wa, j[placed + 1][i] = wl, j[placed + 2][i] = wl * of.v[i];
+      } else {
+        by_variance = wo * light.by_variance[i] + wc * color.by_variance[i];
+        j[blur_light_][i] = m.blur2 * by_variance;
+        j[blur_chroma_][i] = m.more2 * wc * color.by_variance[i];
+        if constexpr (is_smeared)
+          j[exposure_][i] = wo * smeared_light.by_exposure[i] + wc * smeared_color.by_exposure[i];
+        else
+          j[exposure_][i] = (by_off * when + by_variance * wider * across[i]) * across[i];
+        const float wax = wa * l.x, way = wa * l.y, waz = wa * l.z;
+        j[shading_][i] = wa, j[shading_ + 1][i] = wax, j[shading_ + 2][i] = way;
+        j[shading_ + 3][i] = wax * l.x, j[shading_ + 4][i] = wax * l.y, j[shading_ + 5][i] = way * l.y;
+        j[shading_ + 6][i] = waz, j[shading_ + 7][i] = waz * l.x, j[shading_ + 8][i] = waz * l.y;
+        j[paleness_][i] = wp, j[paleness_ + 1][i] = wp * l.x, j[paleness_ + 2][i] = wp * l.y;
+        j[lit_][i] = wl, j[lit_ + 1][i] = wl * of.v[i];
+      }
       j[unknowns][i] = w * weigh.residual;
       judge(m, i, ac, edge, weigh, sums);
     }
@@ -390,12 +395,19 @@ struct EdgeSums::Chunk {
       for (int c = r; c < threes; ++c)
         add_products<most>(slopes.of[3 * r], slopes.of[3 * c], n, out.of_threes_[pair++]);
   }
-  [[gnu::always_inline]] void add_residuals_to(EdgeSums& out) const {
-    for (int r = 0; r < threes; ++r)
+  [[gnu::always_inline]] void add_held_to(EdgeSums& out) const {
+    int pair = 0;
+    for (int r = 0; r < held_threes; ++r)
+      for (int c = r; c < held_threes; ++c)
+        add_products<most>(slopes.of[3 * r], slopes.of[3 * c], n, out.of_threes_[pair++]);
+    add_residuals_to(held_threes, out);
+  }
+  [[gnu::always_inline]] void add_residuals_to(int count, EdgeSums& out) const {
+    for (int r = 0; r < count; ++r)
       add_products_with<most>(slopes.of[3 * r], slopes.of[unknowns], n, out.of_residuals_ + 3 * r);
   }
 
-  template <bool is_smeared>
+  template <bool is_smeared, bool is_light_held>
   [[gnu::always_inline]] static void assemble(const EdgeModel& model, EdgeSamples& samples, EdgeSums& out) {
     for (int b = 0; b < samples.block_count(); ++b) {
       Chunk some(model, samples, b, out.slopes_[out.blocks_++]);
@@ -403,18 +415,29 @@ struct EdgeSums::Chunk {
         some.cover_smeared();
       else
         some.cover_still();
-      some.show_and_weigh<is_smeared>(out);
-      some.add_all_to(out);
+      some.show_and_weigh<is_smeared, is_light_held>(out);
+      if constexpr (is_light_held)
+        some.add_held_to(out);
+      else
+        some.add_all_to(out);
     }
   }
 };
 
 HUETRACK_CLONES void EdgeSums::assemble_still(const EdgeModel& model, EdgeSamples& samples, EdgeSums& out) {
-  Chunk::assemble<false>(model, samples, out);
+  Chunk::assemble<false, false>(model, samples, out);
 }
 
 HUETRACK_CLONES void EdgeSums::assemble_smeared(const EdgeModel& model, EdgeSamples& samples, EdgeSums& out) {
-  Chunk::assemble<true>(model, samples, out);
+  Chunk::assemble<true, false>(model, samples, out);
+}
+
+HUETRACK_CLONES void EdgeSums::assemble_still_held(const EdgeModel& model, EdgeSamples& samples, EdgeSums& out) {
+  Chunk::assemble<false, true>(model, samples, out);
+}
+
+HUETRACK_CLONES void EdgeSums::assemble_smeared_held(const EdgeModel& model, EdgeSamples& samples, EdgeSums& out) {
+  Chunk::assemble<true, true>(model, samples, out);
 }
 
 HUETRACK_CLONES void EdgeSums::renew_blocks(const EdgeModel& model, EdgeSamples& samples, EdgeSums& out) {
@@ -422,7 +445,7 @@ HUETRACK_CLONES void EdgeSums::renew_blocks(const EdgeModel& model, EdgeSamples&
     Chunk some(model, samples, b, out.slopes_[out.blocks_++]);
     some.cover_only();
     some.show_only(out);
-    some.add_residuals_to(out);
+    some.add_residuals_to(out.is_light_held_ ? held_threes : threes, out);
   }
 }
 
@@ -431,9 +454,16 @@ void EdgeSums::begin() {
   blocks_ = 0;
 }
 
-void EdgeSums::begin_assembling() {
+void EdgeSums::begin_assembling(bool is_light_held) {
   begin();
   is_assembled_ = true;
+  is_light_held_ = is_light_held;
+  if (is_light_held_) {
+    for (int pair = 0; pair < held_threes * (held_threes + 1) / 2; ++pair)
+      for (Lanes& sum : of_threes_[pair]) sum = Lanes{};
+    for (int r = 0; r < held_count; ++r) of_residuals_[r] = Lanes{};
+    return;
+  }
   for (auto& three : of_threes_)
     for (Lanes& sum : three) sum = Lanes{};
 }
@@ -445,11 +475,10 @@ void EdgeSums::begin_renewing() {
 }
 
 void EdgeSums::assemble(const EdgeModel& model, EdgeSamples& samples) {
-  if (model.moments > 1) {
-    assemble_smeared(model, samples, *this);
-  } else {
-    assemble_still(model, samples, *this);
-  }
+  if (model.moments > 1)
+    is_light_held_ ? assemble_smeared_held(model, samples, *this) : assemble_smeared(model, samples, *this);
+  else
+    is_light_held_ ? assemble_still_held(model, samples, *this) : assemble_still(model, samples, *this);
 }
 
 void EdgeSums::renew_residuals(const EdgeModel& model, EdgeSamples& samples) {
@@ -470,7 +499,20 @@ void EdgeSums::normal(Normal& out) const {
   }
 }
 
+void EdgeSums::normal(HeldNormal& out) const {
+  int pair = 0;
+  for (int r = 0; r < held_count; r += 3)
+    for (int c = r; c < held_count; c += 3, ++pair)
+      for (int i = 0; i < 3; ++i)
+        for (int k = 0; k < 3; ++k) out(r + i, c + k) = out(c + k, r + i) = sum_of(of_threes_[pair][3 * i + k]);
+}
+
 void EdgeSums::gradient(Unknowns& out) const {
+  if (is_light_held_) {
+    out.setZero();
+    for (std::size_t r = 0; r < held_unknowns.size(); ++r) out[held_unknowns[r]] = sum_of(of_residuals_[r]);
+    return;
+  }
   if (!is_assembled_) {
     for (int r = 0; r < unknowns; ++r) out[r] = sum_of(of_residuals_[r]);
     return;

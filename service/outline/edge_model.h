@@ -26,6 +26,13 @@ enum Unknown : int {
 using Unknowns = Eigen::Matrix<double, unknowns, 1>;
 using Normal = Eigen::Matrix<double, unknowns, unknowns>;
 inline constexpr int lights = lit_ - shading_;  // the light over the ball: shading and paleness
+// What is fitted while the light over the ball and what the camera makes of edges are held as they are known: the
+// place, the size, and how bright the ball and what is behind it are.
+inline constexpr std::array<int, 6> held_unknowns{cu_, cv_, size_, shading_, lit_, lit_ + 1};
+inline constexpr int held_count = static_cast<int>(held_unknowns.size());
+inline constexpr int placed = 3;  // unknowns that come first in both, the place and the size
+using HeldUnknowns = Eigen::Matrix<double, held_count, 1>;
+using HeldNormal = Eigen::Matrix<double, held_count, held_count>;
 
 // 1 / sqrt(x) between two bounds, to some 1e-4 of it: a polynomial of the third degree.
 class InverseRoot {
@@ -81,11 +88,12 @@ class EdgeSums {
   // Of the same samples in the same order, of which some may count no more: products of the residuals that a model near
   // that one leaves with the slopes as they were. A third of the work.
   void renew_residuals(const EdgeModel& model, EdgeSamples& samples);
-  void begin_assembling();
+  void begin_assembling(bool is_light_held);
   void begin_renewing();
 
-  void normal(Normal& out) const;  // of what was assembled
-  void gradient(Unknowns& out) const;
+  void normal(Normal& out) const;      // of what was assembled
+  void normal(HeldNormal& out) const;  // with the light held
+  void gradient(Unknowns& out) const;  // with the light held, 0 for what is not fitted
 
   double residual2 = 0, trusted = 0;  // of residuals in variances, robustly, and of trust
   double edge_weight = 0;             // of the edge's length, of what trust and the robust loss leave
@@ -95,21 +103,26 @@ class EdgeSums {
   // In eight lanes.
   using Lanes = float __attribute__((vector_size(32), may_alias));
   static constexpr int columns = unknowns + 1, threes = columns / 3, pairs = threes * (threes + 1) / 2;
-  static_assert(columns % 3 == 0);
+  static constexpr int held_threes = held_count / 3;
+  static_assert(columns % 3 == 0 && held_count % 3 == 0);
 
  private:
   struct Chunk;
   // Of one block of samples.
   struct alignas(64) Slopes {
-    float of[columns][EdgeSamples::block];  // times the root of its weight; the last column: the residual
-    float per_root[EdgeSamples::block];     // 1 / that root; 0: it did not count
-    float edge[EdgeSamples::block];         // the length of it
+    // Times the root of its weight; the last column: the residual. With the light held the first ones are of
+    // held_unknowns.
+    float of[columns][EdgeSamples::block];
+    float per_root[EdgeSamples::block];  // 1 / that root; 0: it did not count
+    float edge[EdgeSamples::block];      // the length of it
   };
   static void assemble_still(const EdgeModel& model, EdgeSamples& samples, EdgeSums& out);
   static void assemble_smeared(const EdgeModel& model, EdgeSamples& samples, EdgeSums& out);
+  static void assemble_still_held(const EdgeModel& model, EdgeSamples& samples, EdgeSums& out);
+  static void assemble_smeared_held(const EdgeModel& model, EdgeSamples& samples, EdgeSums& out);
   static void renew_blocks(const EdgeModel& model, EdgeSamples& samples, EdgeSums& out);
   void begin();
-  bool is_assembled_ = true;
+  bool is_assembled_ = true, is_light_held_ = false;
   int blocks_ = 0;             // that were added
   Lanes of_threes_[pairs][9];  // of columns by threes
   Lanes of_residuals_[columns];

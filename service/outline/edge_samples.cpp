@@ -16,6 +16,16 @@ namespace {
 // Samples around the edge, evenly chosen. A ball's model is off by a share of its radius, samples by what they are: the
 // larger it is, the fewer are enough, down to what tells what hides it.
 constexpr double most_of_edge = 320, least_of_edge = 128, small_radius_px = 16;
+// With the light held an outline is off by a share of its radius that no number of samples mends (twice as much as
+// these leave open, from 12 px on): beyond that noise may grow as the radius does, so with the root of fewer samples.
+// Ten for each of six unknowns at least.
+constexpr double small_held_px = 12, least_held = 60;
+double samples_for(Enough enough, double radius_px) {
+  if (enough == Enough::for_all)
+    return std::clamp(most_of_edge * small_radius_px / radius_px, least_of_edge, most_of_edge);
+  const double times = small_held_px / radius_px;
+  return std::clamp(most_of_edge * times * times, least_held, most_of_edge);
+}
 // So far beyond as the edge is soft what is behind is seen alone, of which fewer are enough.
 constexpr float beyond_soft_px = 1.2f;
 constexpr int every_beyond = 3;
@@ -165,7 +175,8 @@ void place_all(const EdgeBand& band, int columns, int rows, float u_off, float v
 
 }  // namespace
 
-void select_samples(const EdgeBand& band, const PixelGrid& grid, int columns, int rows, EdgeSamples& out) {
+void select_samples(const EdgeBand& band, const PixelGrid& grid, int columns, int rows, Enough enough,
+                    EdgeSamples& out) {
   out.n = 0;
   const auto radius = static_cast<float>(band.radius_px), reach = static_cast<float>(band.reach_px);
   const auto squared = [](float x) { return x > 0 ? x * x : 0; };
@@ -177,8 +188,8 @@ void select_samples(const EdgeBand& band, const PixelGrid& grid, int columns, in
   const float all = std::numbers::pi_v<float> * radius * radius *
                     (soft - inner + (outer - soft) / static_cast<float>(every_beyond)) /
                     static_cast<float>(columns * rows);
-  const double enough = std::clamp(most_of_edge * small_radius_px / band.radius_px, least_of_edge, most_of_edge);
-  const int some = std::max(1, static_cast<int>(std::ceil(static_cast<double>(all) / enough)));
+  const int some =
+      std::max(1, static_cast<int>(std::ceil(static_cast<double>(all) / samples_for(enough, band.radius_px))));
   const int across = grid.width / columns, down = grid.height / rows;
   const int u_first = grid.u0 / columns, v_first = grid.v0 / rows;
   const auto u_off = static_cast<float>(0.5 * (columns - 1) - band.centre.x());
@@ -201,7 +212,7 @@ void select_samples(const EdgeBand& band, const PixelGrid& grid, int columns, in
     to.at_u[k] = u_first + i, to.at_v[k] = v_first + j;
   };
   // As many as are told when this is compiled, as processors divide slowly.
-  const auto take_rows = [&](auto every) {
+  const auto take_rows = [&](auto within) {
     int wait = 0;  // for the next one that is taken
     // Every step-th, staggered from row to row; and some of these.
     const auto take_some = [&](auto step, int j, int from, int to, int stagger) {
@@ -216,11 +227,11 @@ void select_samples(const EdgeBand& band, const PixelGrid& grid, int columns, in
       const int from = of_outer.from[j], to = of_outer.to[j];
       const bool has_soft = of_soft.from[j] < of_soft.to[j];
       const int soft_from = has_soft ? of_soft.from[j] : to, soft_to = has_soft ? of_soft.to[j] : to;
-      const bool has_inner = every > 1 && of_inner.from[j] < of_inner.to[j];
+      const bool has_inner = within > 1 && of_inner.from[j] < of_inner.to[j];
       const int inner_from = has_inner ? of_inner.from[j] : soft_to, inner_to = has_inner ? of_inner.to[j] : soft_to;
       take_some(beyond, j, from, soft_from, 1);
       take_some(each, j, soft_from, inner_from, 0);
-      take_some(every, j, inner_from, inner_to, 3);
+      take_some(within, j, inner_from, inner_to, 3);
       take_some(each, j, inner_to, soft_to, 0);
       take_some(beyond, j, soft_to, to, 1);
     }

@@ -75,25 +75,38 @@ HUETRACK_CLONES bool invert_light(double (*rows)[columns_for(lights)], double (*
   return true;
 }
 
+// Few equations are solved before the best instructions are chosen.
+template <int width>
+bool eliminate_all(double (*rows)[width], double (*factors)[width], double* pivots) {
+  return eliminate_rows<held_count, width>(rows, factors, pivots);
+}
+
+template <int width>
+void invert_first(int count, const double (*factors)[width], const double* pivots, double (*inverse)[width]) {
+  invert_rows<width>(count, factors, pivots, inverse);
+}
+
 }  // namespace
 
-void NormalEquations::eliminate(const Normal& normal, const Normal& information) {
-  static_assert(width == columns_for(unknowns));
-  alignas(64) double rows[unknowns][width];
+template <int size, int told>
+void NormalEquations<size, told>::eliminate(const Matrix& normal, const Matrix& information) {
+  static_assert(width == columns_for(size));
+  alignas(64) double rows[size][width];
   const double *from = normal.data(), *before = information.data();
-  for (int r = 0; r < unknowns; ++r) {
-    for (int c = 0; c < unknowns; ++c) rows[r][c] = from[r * unknowns + c] + before[r * unknowns + c];
-    for (int c = unknowns; c < width; ++c) rows[r][c] = 0;
+  for (int r = 0; r < size; ++r) {
+    for (int c = 0; c < size; ++c) rows[r][c] = from[r * size + c] + before[r * size + c];
+    for (int c = size; c < width; ++c) rows[r][c] = 0;
   }
   is_sound_ = eliminate_all(rows, factors_, pivots_);
   if (!is_sound_) return;
-  alignas(64) double inverse[told_unknowns][width];
-  invert_first(told_unknowns, factors_, pivots_, inverse);
-  for (int i = 0; i < told_unknowns; ++i)
-    for (int k = 0; k < told_unknowns; ++k) covariance_(i, k) = inverse[i][k];
+  alignas(64) double inverse[told][width];
+  invert_first(told, factors_, pivots_, inverse);
+  for (int i = 0; i < told; ++i)
+    for (int k = 0; k < told; ++k) covariance_(i, k) = inverse[i][k];
 }
 
-LightMatrix NormalEquations::covariance_of_light() const {
+template <int size, int told>
+LightMatrix NormalEquations<size, told>::covariance_of_light() const requires(size == unknowns) {
   alignas(64) double inverse[lit_][width];
   invert_first(lit_, factors_, pivots_, inverse);
   LightMatrix out;
@@ -102,21 +115,25 @@ LightMatrix NormalEquations::covariance_of_light() const {
   return out;
 }
 
-void NormalEquations::solve(const Unknowns& right, Unknowns& out) const {
+template <int size, int told>
+void NormalEquations<size, told>::solve(const Vector& right, Vector& out) const {
   alignas(64) double x[width] = {};
-  for (int i = 0; i < unknowns; ++i) x[i] = right.data()[i];
-  for (int k = unknowns - 1; k > 0; --k) {
+  for (int i = 0; i < size; ++i) x[i] = right.data()[i];
+  for (int k = size - 1; k > 0; --k) {
     const double of = x[k];
     for (int c = 0; c < k; ++c) x[c] -= of * factors_[k][c];
   }
-  for (int k = 0; k < unknowns; ++k) {
+  for (int k = 0; k < size; ++k) {
     double even = x[k] / pivots_[k], odd = 0;
     for (int c = 0; c + 1 < k; c += 2) even -= factors_[k][c] * x[c], odd -= factors_[k][c + 1] * x[c + 1];
     if (k % 2 == 1) even -= factors_[k][k - 1] * x[k - 1];
     x[k] = even + odd;
   }
-  for (int i = 0; i < unknowns; ++i) out.data()[i] = x[i];
+  for (int i = 0; i < size; ++i) out.data()[i] = x[i];
 }
+
+template class NormalEquations<unknowns, told_unknowns>;
+template class NormalEquations<held_count, placed>;
 
 std::optional<LightMatrix> inverse_of(const LightMatrix& matrix) {
   alignas(64) double rows[lights][columns_for(lights)], inverse[lights][columns_for(lights)];

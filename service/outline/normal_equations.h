@@ -10,24 +10,28 @@ namespace huetrack::outline {
 
 using LightMatrix = Eigen::Matrix<double, lights, lights>;
 
+// size: unknowns, of which so many are told.
+template <int size, int told>
 class NormalEquations {
  public:
-  using Told = Eigen::Matrix<double, told_unknowns, told_unknowns>;
+  using Matrix = Eigen::Matrix<double, size, size>;
+  using Vector = Eigen::Matrix<double, size, 1>;
+  using Told = Eigen::Matrix<double, told, told>;
 
   // information: of what is known beforehand.
-  void eliminate(const Normal& normal, const Normal& information);
+  void eliminate(const Matrix& normal, const Matrix& information);
   bool is_sound() const { return is_sound_; }
   // For another right side of the same equations, too.
-  void solve(const Unknowns& right, Unknowns& out) const;
+  void solve(const Vector& right, Vector& out) const;
   // Of those unknowns that are told, whatever the others are.
   const Told& covariance() const { return covariance_; }
   // And of the light over the ball, which takes as long as the equations themselves.
-  LightMatrix covariance_of_light() const;
+  LightMatrix covariance_of_light() const requires(size == unknowns);
 
  private:
-  static constexpr int width = 24;
-  alignas(64) double factors_[unknowns][width] = {};
-  double pivots_[unknowns] = {};
+  static constexpr int width = (size + 7) / 8 * 8;  // so that no loop over a row has a rest
+  alignas(64) double factors_[size][width] = {};
+  double pivots_[size] = {};
   Told covariance_ = Told::Identity();
   bool is_sound_ = false;
 };

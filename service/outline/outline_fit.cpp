@@ -32,6 +32,10 @@ constexpr double settled_sigmas = 0.4, least_share = 0.3;
 // Half an edge's softness on, slopes are others; as they are for an edge so much softer. Residuals that are so much
 // smaller weigh so much more.
 constexpr double far_px = 0.35, other_blur = 0.2, other_weight = 1.1;
+// Of the edge, so that what is held of the light does not pass for what hides a part: less, and one side is not seen.
+constexpr double enough_visible = 0.75;
+constexpr double lit_sigma = 0.1;       // by how much light on all of a picture changes from one to the next
+constexpr double by_chance_sigmas = 4;  // of a misfit, which is a mean of so many squares
 
 }  // namespace
 
@@ -110,7 +114,7 @@ void OutlineFit::begin(const Look& look, const FitOptions& options) {
   know(blur_light_, look.log_blur_light.value, std::hypot(look.log_blur_light.sigma, blur_of_one));
   know(blur_chroma_, look.log_blur_chroma.value, std::hypot(look.log_blur_chroma.sigma, blur_of_one));
   know(exposure_, look.exposure_s.value, look.exposure_s.sigma);
-  know(lit_, 0, 0.1), know(lit_ + 1, 0, 0.05);
+  know(lit_, 0, lit_sigma), know(lit_ + 1, 0, 0.05);
   know(shading_, 1, 0.5);
   for (int i = 1; i < 3; ++i) know(shading_ + i, 0, 0.7);
   // Light from anywhere on a dull ball is a quadratic polynomial of its surface's direction (Ramamoorthi and Hanrahan
@@ -123,6 +127,12 @@ void OutlineFit::begin(const Look& look, const FitOptions& options) {
   for (int i = 1; i < 3; ++i) know(paleness_ + i, 0, 0.05);
   expected_ = x_;
   if (!look.light) return;
+  if (is_light_held_) {
+    x_.segment<lights>(shading_) = look.light->mean;
+    expected_ = x_;
+    information_(shading_, shading_) = 1 / (lit_sigma * lit_sigma);
+    return;
+  }
   // One picture hardly tells such light from an edge that is elsewhere; many of the same light do (a Kalman filter of a
   // first-order Gauss-Markov process).
   const double kept = options.same_light, kept2 = kept * kept;
@@ -192,13 +202,43 @@ void OutlineFit::add_up(Add&& add) {
   misfit_ = sums_.trusted > 0 ? sums_.residual2 / sums_.trusted / usual_loss : 0;
 }
 
+HeldNormal OutlineFit::held_information() const {
+  HeldNormal out = HeldNormal::Zero();
+  for (int i = 0; i < held_count; ++i) {
+    const int of = held_unknowns[static_cast<std::size_t>(i)];
+    out(i, i) = information_(of, of);
+  }
+  return out;
+}
+
 void OutlineFit::assemble() {
-  sums_.begin_assembling();
+  sums_.begin_assembling(is_light_held_);
   add_up([&](const EdgeModel& model, EdgeSamples& samples) { sums_.assemble(model, samples); });
   assembled_weight_ = sums_.edge_weight;
-  sums_.normal(normal_);
-  normal_.row(lit_ + 1) /= band_.radius_px, normal_.col(lit_ + 1) /= band_.radius_px;
-  equations_.eliminate(normal_, information_);
+  if (is_light_held_) {
+    sums_.normal(held_normal_);
+    held_normal_.row(held_count - 1) /= band_.radius_px, held_normal_.col(held_count - 1) /= band_.radius_px;
+    held_equations_.eliminate(held_normal_, held_information());
+    place_covariance_ = held_equations_.covariance();
+  } else {
+    sums_.normal(normal_);
+    normal_.row(lit_ + 1) /= band_.radius_px, normal_.col(lit_ + 1) /= band_.radius_px;
+    equations_.eliminate(normal_, information_);
+    place_covariance_ = equations_.covariance().topLeftCorner<placed, placed>();
+  }
+}
+
+// The inverse of all equations is that of those that are fitted while the light is held, and what the others leave open
+// there: so much is added to their inverse in the next picture (Schmidt's Kalman filter that considers what it does not
+// estimate).
+Eigen::Matrix3d OutlineFit::left_open() const {
+  HeldNormal normal;
+  for (int i = 0; i < held_count; ++i)
+    for (int k = 0; k < held_count; ++k)
+      normal(i, k) = normal_(held_unknowns[static_cast<std::size_t>(i)], held_unknowns[static_cast<std::size_t>(k)]);
+  NormalEquations<held_count, placed> held;
+  held.eliminate(normal, held_information());
+  return held.is_sound() ? Eigen::Matrix3d(place_covariance_ - held.covariance()) : place_covariance_;
 }
 
 void OutlineFit::renew() {
@@ -223,16 +263,34 @@ bool OutlineFit::are_weights_others() const {
   return sums_.edge_weight > other_weight * assembled_weight_ || other_weight * sums_.edge_weight < assembled_weight_;
 }
 
-// No further than the sums are right for where they were made. Not finite: they do not tell.
+// Not finite: the sums do not tell.
 Unknowns OutlineFit::next_step() const {
   // What is known beforehand of the light hangs together, of all else each by itself.
   const Unknowns off = expected_ - x_;
+  if (is_light_held_) return next_held_step(off);
   Unknowns right = gradient_ + information_.diagonal().cwiseProduct(off);
   right.segment<lights>(shading_) =
       gradient_.segment<lights>(shading_) +
       information_.block<lights, lights>(shading_, shading_).lazyProduct(off.segment<lights>(shading_));
   Unknowns step;
   equations_.solve(right, step);
+  return limited(step);
+}
+
+Unknowns OutlineFit::next_held_step(const Unknowns& off) const {
+  HeldUnknowns right, solved;
+  for (int i = 0; i < held_count; ++i) {
+    const int of = held_unknowns[static_cast<std::size_t>(i)];
+    right[i] = gradient_[of] + information_(of, of) * off[of];
+  }
+  held_equations_.solve(right, solved);
+  Unknowns step = Unknowns::Zero();
+  for (int i = 0; i < held_count; ++i) step[held_unknowns[static_cast<std::size_t>(i)]] = solved[i];
+  return limited(step);
+}
+
+// No further than the sums are right for where they were made.
+Unknowns OutlineFit::limited(Unknowns step) const {
   if (!step.allFinite()) return step;
   const auto limit = [&](double length, double most) {
     if (length > most) step *= most / length;
@@ -250,9 +308,8 @@ bool OutlineFit::is_lost() const {
 
 // Of two steps of the place and the size, in their standard deviations.
 double OutlineFit::product_of(const Unknowns& step, const Unknowns& other) const {
-  const auto& covariance = equations_.covariance();
-  return step.head<2>().dot(covariance.topLeftCorner<2, 2>().inverse() * other.head<2>()) +
-         step[size_] * other[size_] / covariance(size_, size_);
+  return step.head<2>().dot(place_covariance_.topLeftCorner<2, 2>().inverse() * other.head<2>()) +
+         step[size_] * other[size_] / place_covariance_(size_, size_);
 }
 
 // So that slopes are others there.
@@ -262,9 +319,13 @@ bool OutlineFit::is_far(const Unknowns& step) const {
          std::abs(step[blur_light_]) > other_blur;
 }
 
+double OutlineFit::variance_of(int i) const {
+  return is_light_held_ ? place_covariance_(i, i) + held_open_(i, i) : equations_.covariance()(i, i);
+}
+
 // What the pixels say of one unknown by themselves, without what was expected of it. nullopt: nothing.
 std::optional<Known> OutlineFit::told_by_itself(int i) const {
-  const double variance = equations_.covariance()(i, i);
+  const double variance = variance_of(i);
   const double before = information_(i, i), told = 1 / variance - before;
   if (!(told > 0)) return std::nullopt;
   return Known{(x_[i] / variance - before * expected_[i]) / told, std::sqrt(1 / told)};
@@ -273,8 +334,10 @@ std::optional<Known> OutlineFit::told_by_itself(int i) const {
 void OutlineFit::tell(Fit& out) const {
   const double worse = std::max(1.0, misfit_);
   out.centre = start_.centre + x_.head<2>();
-  out.covariance = worse * equations_.covariance().topLeftCorner<2, 2>();
-  out.bound = normal_.topLeftCorner<2, 2>().inverse();
+  out.covariance = worse * place_covariance_.topLeftCorner<2, 2>();
+  if (is_light_held_) out.covariance += worse * held_open_.topLeftCorner<2, 2>();
+  out.bound =
+      (is_light_held_ ? held_normal_.topLeftCorner<2, 2>().eval() : normal_.topLeftCorner<2, 2>().eval()).inverse();
   if (const auto size = told_by_itself(size_)) {
     out.log_size = {size->value, std::sqrt(worse) * size->sigma};
   } else {
@@ -288,6 +351,23 @@ void OutlineFit::tell(Fit& out) const {
                                               : FitOutcome::fits;
 }
 
+// What is seen around the edge, and what is behind it. false: too little, which `out` tells.
+bool OutlineFit::sample(const Picture& picture, const Background& behind, const Look& look, Fit& out) {
+  const Enough enough = is_light_held_ ? Enough::for_place : Enough::for_all;
+  select_samples(band_, grid_, 1, 1, enough, light_);
+  chroma_.n = 0;
+  if (has_chroma_) select_samples(band_, grid_, grid_.columns, grid_.rows, enough, chroma_);
+  out.pixels = light_.n;
+  if (light_.n < least_pixels) return false;
+  read_samples(picture, behind, band_, grid_, noise_, light_, chroma_);
+  if (!know_object(look)) return false;
+  make_samples();
+  strange_pixels_.begin();
+  if (contrast_ >= least_contrast) return true;
+  out.outcome = FitOutcome::no_contrast;
+  return false;
+}
+
 Fit OutlineFit::fit(const Picture& picture, const Background& behind, const Ellipse& start, const Movement& movement,
                     const Look& look, const FitOptions& options) {
   Fit out;
@@ -297,18 +377,24 @@ Fit OutlineFit::fit(const Picture& picture, const Background& behind, const Elli
   if (!(band_.radius_px >= least_radius_px) || !start.centre.allFinite() || !band_.disc_from_px.allFinite()) return out;
   noise_ = {std::hypot(behind.light_noise(), model_light), std::hypot(behind.chroma_noise(), model_chroma)};
   if (!find_grid(picture)) return out;
-  select_samples(band_, grid_, 1, 1, light_);
-  chroma_.n = 0;
-  if (has_chroma_) select_samples(band_, grid_, grid_.columns, grid_.rows, chroma_);
-  strange_pixels_.begin();
-  out.pixels = light_.n;
-  if (light_.n < least_pixels) return out;
-  read_samples(picture, behind, band_, grid_, noise_, light_, chroma_);
-  if (!know_object(look)) return out;
-  make_samples();
-  out.outcome = FitOutcome::no_contrast;
-  if (contrast_ < least_contrast) return out;
+  is_light_held_ = options.may_hold_light && look.light && look.left;
+  if (is_light_held_) {
+    held_open_ = look.left->open;
+    if (sample(picture, behind, look, out) && step_down(look, options, out) && is_as_promised(look)) {
+      tell(out);
+      return out;
+    }
+    is_light_held_ = false;
+  }
+  if (sample(picture, behind, look, out) && step_down(look, options, out)) tell(out);
+  return out;
+}
+
+// Gauss and Newton's steps. false: they ended nowhere, which `out` tells.
+bool OutlineFit::step_down(const Look& look, const FitOptions& options, Fit& out) {
   begin(look, options);
+  out.outcome = FitOutcome::no_contrast;
+  out.is_light_held = is_light_held_;
   // Slopes and their products hardly change over a fraction of a pixel, and residuals alone say where they are least:
   // so slopes are made once, and again where they are others.
   bool are_slopes_others = true;
@@ -316,11 +402,11 @@ Fit OutlineFit::fit(const Picture& picture, const Background& behind, const Elli
   for (out.steps = 1; out.steps <= options.most_steps; ++out.steps) {
     if (!are_slopes_others) renew();
     if (are_slopes_others || are_weights_others()) assemble();
-    if (!equations_.is_sound()) return out;
+    if (!(is_light_held_ ? held_equations_.is_sound() : equations_.is_sound())) return false;
     const StrangePixels::Count count =
         out.steps <= 3 ? strange_pixels_.judge(sums_.strange, grid_, light_, chroma_) : StrangePixels::Count::the_same;
     Unknowns step = next_step();
-    if (!step.allFinite()) return out;
+    if (!step.allFinite()) return false;
     are_slopes_others = is_far(step) || count == StrangePixels::Count::others_at_the_edge;
     // Weights that follow the residuals make each step about the same share of the one before: all that are to come are
     // taken at once. Of other samples, or of slopes elsewhere, there was none before.
@@ -334,16 +420,27 @@ Fit OutlineFit::fit(const Picture& picture, const Background& behind, const Elli
     x_[exposure_] = std::clamp(x_[exposure_], 0.0, longest_exposure_s);
     if (is_lost()) {
       out.outcome = FitOutcome::lost;
-      return out;
+      return false;
     }
     if (out.steps >= 2 && count == StrangePixels::Count::the_same && !are_slopes_others && to_come < settled_sigmas)
       break;
   }
-  tell(out);
-  return out;
+  return true;
+}
+
+// Hardly anything hides it; pixels and size are as they were to be, but for chance.
+bool OutlineFit::is_as_promised(const Look& look) const {
+  const double by_chance = 1 + by_chance_sigmas * std::sqrt(2 / std::max(1.0, sums_.trusted));
+  return visible_ >= enough_visible && misfit_ <= look.left->misfit * by_chance && !has_other_size();
+}
+
+bool OutlineFit::has_other_size() const {
+  const double off = x_[size_] - expected_[size_];
+  return off * off * information_(size_, size_) > other_size_sigmas * other_size_sigmas;
 }
 
 bool OutlineFit::learn(Look& look) const {
+  if (is_light_held_) return false;
   // What a fit says of them is not independent of what the last one said.
   const auto keep = [&](Known& known, int i, double least_sigma) {
     known.value = x_[i];
@@ -362,8 +459,9 @@ bool OutlineFit::learn(Look& look) const {
   average(look.log_blur_light, blur_light_);
   average(look.log_blur_chroma, blur_chroma_);
   look.object = object_;
-  const double off_size = x_[size_] - expected_[size_];
-  if (off_size * off_size * information_(size_, size_) > other_size_sigmas * other_size_sigmas) return false;
+  look.left.reset();
+  if (has_other_size()) return false;
+  if (visible_ >= enough_visible) look.left = {left_open(), misfit_};
   look.light = {x_.segment<lights>(shading_), std::max(1.0, misfit_) * equations_.covariance_of_light()};
   return true;
 }

@@ -51,11 +51,19 @@ struct Look {
     LightMatrix covariance;
   };
   std::optional<Light> light;  // as the last fit that fits has it, by all before
+  struct Left {                // by the last fit of all unknowns
+    Eigen::Matrix3d open;      // of the place and the logarithm of the size, by what is held when the light is
+    double misfit = 1;
+  };
+  std::optional<Left> left;  // nullopt: it saw something strange, so that all is fitted next time, too
 };
 
 struct FitOptions {
   Known log_size{0, 0.1};  // of the outline over `axes`
   double same_light = 0;   // 0..1: how much of what Look::light departs from what is usual is still so
+  // The light over the ball, edges' softness and the exposure may be held as the last fit left them, which takes half
+  // the time. They are fitted, too, where a picture is not as the last one promised.
+  bool may_hold_light = false;
   int most_steps = 6;
 };
 
@@ -76,6 +84,7 @@ struct Fit {
   Known log_size;                                            // as found, without what was expected of it
   double misfit = 0;   // mean square of the residuals in their standard deviations
   double visible = 0;  // share of the edge that counted
+  bool is_light_held = false;
   int steps = 0, pixels = 0;
 };
 
@@ -86,14 +95,18 @@ class OutlineFit {
   // after the fit.
   Fit fit(const Picture& picture, const Background& behind, const Ellipse& start, const Movement& movement,
           const Look& look, const FitOptions& options);
-  bool learn(Look& look) const;  // after a fit that fits; whether of its light, too
+  bool learn(Look& look) const;  // after a fit that fits; whether of its light, too. Nothing, where it was held
 
  private:
   void lay_out(const Ellipse& start, const Movement& movement, const Look& look);
   bool find_grid(const Picture& picture);
   bool know_object(const Look& look);
+  bool sample(const Picture& picture, const Background& behind, const Look& look, Fit& out);
   void make_samples();
   void begin(const Look& look, const FitOptions& options);
+  bool step_down(const Look& look, const FitOptions& options, Fit& out);
+  bool is_as_promised(const Look& look) const;
+  bool has_other_size() const;
   EdgeModel model_of_light() const;
   EdgeModel model_of_chroma(const EdgeModel& of_light) const;
   void assemble();
@@ -102,10 +115,15 @@ class OutlineFit {
   void add_up(Add&& add);
   bool are_weights_others() const;
   Unknowns next_step() const;
+  Unknowns next_held_step(const Unknowns& off) const;
+  Unknowns limited(Unknowns step) const;
   bool is_lost() const;
   double product_of(const Unknowns& step, const Unknowns& other) const;
   bool is_far(const Unknowns& step) const;
   std::optional<Known> told_by_itself(int unknown) const;
+  double variance_of(int unknown) const;
+  HeldNormal held_information() const;
+  Eigen::Matrix3d left_open() const;
   void tell(Fit& out) const;
 
   Ellipse start_;
@@ -120,7 +138,11 @@ class OutlineFit {
   float contrast_ = 0;
   Unknowns x_, expected_, gradient_;
   Normal information_, normal_;  // beforehand; of the samples
-  NormalEquations equations_;
+  HeldNormal held_normal_;
+  bool is_light_held_ = false;
+  NormalEquations<unknowns, told_unknowns> equations_;
+  NormalEquations<held_count, placed> held_equations_;
+  Eigen::Matrix3d place_covariance_, held_open_;  // of the place and the size; of it what is held leaves open
   double misfit_ = 0, visible_ = 0;
   double assembled_weight_ = 0;  // EdgeSums::edge_weight, when it was assembled
   EdgeSamples light_, chroma_;

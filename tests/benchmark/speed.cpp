@@ -139,14 +139,14 @@ std::string vectors_text() {
 bool all_reached = true;
 
 void ratios(const char* title, const figures::Sequence& s, int particle_count, int rounds, double paper_at_least,
-            double ours_at_least) {
+            double ours_at_least, double regions_at_least) {
   std::printf("\n%s\n", title);
   using object_tracking::Observation;
   using object_tracking::TargetShape;
   for (const auto& [name, observation, shape, least] :
        {std::tuple{"the paper's filter", Observation::paper, TargetShape::automatic, paper_at_least},
         {"huetrack's default", Observation::huetrack, TargetShape::automatic, ours_at_least},
-        {"with shape: blob", Observation::huetrack, TargetShape::blob, ours_at_least}}) {
+        {"with shape: blob", Observation::huetrack, TargetShape::blob, regions_at_least}}) {
     OpenCvPass pass(s.rig, figures::lime_ball());
     std::vector<double> opencv_us;
     const auto opencv = [&](const capture::FrameSet& set) {
@@ -177,8 +177,8 @@ int main(int argc, char** argv) {
   }
   const figures::Sequence small = small_scene();
   const figures::Sequence large = large_scene(quick ? 4 : 8);
-  ratios("2 cameras, 320x240, 200 particles", small, small_particle_count, quick ? 50 : 400, 150, 40);
-  ratios("4 cameras, 1920x1080, 2000 particles", large, large_particle_count, quick ? 8 : 40, 400, 200);
+  ratios("2 cameras, 320x240, 200 particles", small, small_particle_count, quick ? 50 : 400, 150, 30, 40);
+  ratios("4 cameras, 1920x1080, 2000 particles", large, large_particle_count, quick ? 8 : 40, 400, 150, 200);
 
   if (quick) return 0;
   std::puts("\nscaling of one update, us (2 cameras 320x240 and 200 particles, but for what varies)");

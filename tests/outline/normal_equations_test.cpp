@@ -17,7 +17,7 @@ Normal some_information() {
 
 TEST(NormalEquations, TellsWhatTheInverseSays) {
   const Normal normal = some_information(), information = 0.5 * Normal::Identity();
-  NormalEquations equations;
+  NormalEquations<unknowns, told_unknowns> equations;
   equations.eliminate(normal, information);
   ASSERT_TRUE(equations.is_sound());
   const Normal inverse = (normal + information).inverse();
@@ -27,6 +27,21 @@ TEST(NormalEquations, TellsWhatTheInverseSays) {
   Unknowns solution;
   equations.solve(right, solution);
   EXPECT_TRUE(solution.isApprox(inverse * right, 1e-9));
+}
+
+TEST(NormalEquations, OfFewUnknownsToo) {
+  const HeldNormal normal = some_information().topLeftCorner<held_count, held_count>();
+  NormalEquations<held_count, placed> equations;
+  equations.eliminate(normal, HeldNormal::Identity());
+  ASSERT_TRUE(equations.is_sound());
+  const HeldNormal inverse = (normal + HeldNormal::Identity()).inverse();
+  EXPECT_TRUE(equations.covariance().isApprox(inverse.topLeftCorner<placed, placed>(), 1e-9));
+  const HeldUnknowns right = HeldUnknowns::LinSpaced(-1, 2);
+  HeldUnknowns solution;
+  equations.solve(right, solution);
+  EXPECT_TRUE(solution.isApprox(inverse * right, 1e-9));
+  equations.eliminate(-normal, HeldNormal::Zero());
+  EXPECT_FALSE(equations.is_sound());
 }
 
 TEST(NormalEquations, InvertsWhatIsKnownOfTheLight) {

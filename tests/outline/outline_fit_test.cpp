@@ -118,6 +118,74 @@ TEST_F(OutlineFitTest, LightThatLastsIsToldFromTheEdgesPlace) {
   EXPECT_LT(together, 0.5 * alone);
 }
 
+class HeldLightTest : public OutlineFitTest {
+ protected:
+  // One picture after the other, of which the first ones are fitted with all unknowns.
+  Fit next(DiscScene scene, bool may_hold_light) {
+    scene.centre += Eigen::Vector2d(0.13 * (count_ % 9), 0.07 * (count_ % 7));
+    DiscPicture picture;
+    const Ellipse start{scene.centre + Eigen::Vector2d(0.2, -0.1), scene.radius_px * Eigen::Matrix2d::Identity()};
+    const Fit f = fit_->fit(picture.draw(scene, count_++), background_, start, {}, look_,
+                            {.log_size = {0, 0.02}, .same_light = 0.98, .may_hold_light = may_hold_light});
+    off_ = f.centre - scene.centre;
+    has_learnt_ = f.outcome == FitOutcome::fits && fit_->learn(look_);
+    return f;
+  }
+  void look_at(const DiscScene& scene) {
+    learn(scene);
+    for (int i = 0; i < 20; ++i) ASSERT_EQ(next(scene, false).outcome, FitOutcome::fits);
+  }
+
+  Look look_;
+  Eigen::Vector2d off_;
+  bool has_learnt_ = false;
+  unsigned count_ = 0;
+};
+
+TEST_F(HeldLightTest, TellsThePlaceAsAFitOfAllUnknownsDoes) {
+  look_at({.radius_px = 5, .noise = 3, .bent = 0.1});
+  double held2 = 0, nees = 0, all2 = 0;
+  for (int i = 0; i < 60; ++i) {
+    const bool may_hold = i % 2 == 0;
+    const Look before = look_;
+    const Fit f = next({.radius_px = 5, .noise = 3, .bent = 0.1}, may_hold);
+    ASSERT_EQ(f.outcome, FitOutcome::fits);
+    if (!may_hold) {
+      EXPECT_FALSE(f.is_light_held);
+      all2 += off_.squaredNorm();
+    } else if (f.is_light_held) {
+      held2 += off_.squaredNorm(), nees += off_.dot(f.covariance.inverse() * off_) / 30;
+      EXPECT_FALSE(has_learnt_);
+      EXPECT_EQ(look_.light->mean, before.light->mean);
+    }
+  }
+  EXPECT_GT(nees, 0.7);  // of thirty, hardly any was not held
+  EXPECT_LT(nees, 5);
+  EXPECT_LT(std::sqrt(held2), 1.5 * std::sqrt(all2));
+}
+
+TEST_F(HeldLightTest, WithoutWhatAllWouldTellAPlaceIsSurer) {
+  look_at({.radius_px = 5, .noise = 3});
+  const Fit held = next({.radius_px = 5, .noise = 3}, true);
+  ASSERT_TRUE(held.is_light_held);
+  look_.left->open.setZero();
+  const Fit alone = next({.radius_px = 5, .noise = 3}, true);
+  ASSERT_TRUE(alone.is_light_held);
+  EXPECT_LT(alone.covariance.trace(), held.covariance.trace());
+}
+
+TEST_F(HeldLightTest, IsFittedAnewWhereSomethingHidesHalfOfIt) {
+  look_at({});
+  EXPECT_TRUE(next({}, true).is_light_held);
+  EXPECT_FALSE(next({.pillar_from = 60}, true).is_light_held);
+}
+
+TEST_F(HeldLightTest, IsFittedAnewInAnotherLight) {
+  look_at({.radius_px = 8});
+  EXPECT_TRUE(next({.radius_px = 8}, true).is_light_held);
+  EXPECT_FALSE(next({.radius_px = 8, .bent = 0.5}, true).is_light_held);
+}
+
 // What hides a part of the disc makes it smaller, and is not its light.
 TEST_F(OutlineFitTest, LearnsNoLightFromWhatHasAnotherSize) {
   learn({});
