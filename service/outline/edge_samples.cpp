@@ -204,7 +204,9 @@ void select_samples(const EdgeBand& band, const PixelGrid& grid, int columns, in
                             static_cast<float>(grid.v0) + v_off,
                             static_cast<float>(rows),
                             down};
-  find_spans(spanned, outer, of_outer), find_spans(spanned, soft, of_soft), find_spans(spanned, inner, of_inner);
+  find_spans(spanned, outer, of_outer), find_spans(spanned, soft, of_soft);
+  const bool has_some_within = band.radius_px > 8;
+  if (has_some_within) find_spans(spanned, inner, of_inner);
   const auto take = [&](int i, int j) {
     if (out.n == EdgeSamples::most) return;
     Block& to = out.blocks[static_cast<unsigned>(out.n) / block];
@@ -238,7 +240,7 @@ void select_samples(const EdgeBand& band, const PixelGrid& grid, int columns, in
   };
   if (band.radius_px > 16)
     take_rows(std::integral_constant<int, 11>{});
-  else if (band.radius_px > 8)
+  else if (has_some_within)
     take_rows(std::integral_constant<int, 5>{});
   else
     take_rows(std::integral_constant<int, 1>{});
