@@ -126,6 +126,7 @@ bool OutlineSighter::sharpen(const TargetView& view, const MotionBelief& belief,
   const outline::Fit fit = fit_.fit(*picture, *of.behind, ellipse, {motion.velocity, motion.row_s}, of.look, options);
   if (fit.outcome == outline::FitOutcome::misfit || fit.outcome == outline::FitOutcome::lost) ++not_fitted_;
   if (fit.outcome != outline::FitOutcome::fits) {
+    of.look.left.reset();  // in the next picture all is fitted at once
     of.begins_at_region = !of.begins_at_region;
     if (shape_ == TargetShape::automatic && not_fitted_ + fitted_ >= least_tries &&
         static_cast<double>(fitted_) < least_fitted * static_cast<double>(fitted_ + not_fitted_))

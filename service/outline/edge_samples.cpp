@@ -16,16 +16,6 @@ namespace {
 // Samples around the edge, evenly chosen. A ball's model is off by a share of its radius, samples by what they are: the
 // larger it is, the fewer are enough, down to what tells what hides it.
 constexpr double most_of_edge = 320, least_of_edge = 128, small_radius_px = 16;
-// With the light held an outline is off by a share of its radius that no number of samples mends (twice as much as
-// these leave open, from 12 px on): beyond that noise may grow as the radius does, so with the root of fewer samples.
-// Ten for each of six unknowns at least.
-constexpr double small_held_px = 12, least_held = 60;
-double samples_for(Enough enough, double radius_px) {
-  if (enough == Enough::for_all)
-    return std::clamp(most_of_edge * small_radius_px / radius_px, least_of_edge, most_of_edge);
-  const double times = small_held_px / radius_px;
-  return std::clamp(most_of_edge * times * times, least_held, most_of_edge);
-}
 // So far beyond as the edge is soft what is behind is seen alone, of which fewer are enough.
 constexpr float beyond_soft_px = 1.2f;
 constexpr int every_beyond = 3;
@@ -175,8 +165,7 @@ void place_all(const EdgeBand& band, int columns, int rows, float u_off, float v
 
 }  // namespace
 
-void select_samples(const EdgeBand& band, const PixelGrid& grid, int columns, int rows, Enough enough,
-                    EdgeSamples& out) {
+void select_samples(const EdgeBand& band, const PixelGrid& grid, int columns, int rows, EdgeSamples& out) {
   out.n = 0;
   const auto radius = static_cast<float>(band.radius_px), reach = static_cast<float>(band.reach_px);
   const auto squared = [](float x) { return x > 0 ? x * x : 0; };
@@ -188,8 +177,8 @@ void select_samples(const EdgeBand& band, const PixelGrid& grid, int columns, in
   const float all = std::numbers::pi_v<float> * radius * radius *
                     (soft - inner + (outer - soft) / static_cast<float>(every_beyond)) /
                     static_cast<float>(columns * rows);
-  const int some =
-      std::max(1, static_cast<int>(std::ceil(static_cast<double>(all) / samples_for(enough, band.radius_px))));
+  const double enough = std::clamp(most_of_edge * small_radius_px / band.radius_px, least_of_edge, most_of_edge);
+  const int some = std::max(1, static_cast<int>(std::ceil(static_cast<double>(all) / enough)));
   const int across = grid.width / columns, down = grid.height / rows;
   const int u_first = grid.u0 / columns, v_first = grid.v0 / rows;
   const auto u_off = static_cast<float>(0.5 * (columns - 1) - band.centre.x());

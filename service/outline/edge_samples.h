@@ -61,11 +61,8 @@ struct EdgeBand {
   Eigen::Matrix2d disc_from_px;  // it is the unit circle there
   double radius_px = 0, reach_px = 0;
 };
-// How many are enough: for all that is fitted, or with the light held.
-enum class Enough : std::uint8_t { for_all, for_place };
 // One sample for so many columns and rows of pixels: their own, 1, or those that share chroma.
-void select_samples(const EdgeBand& band, const PixelGrid& grid, int columns, int rows, Enough enough,
-                    EdgeSamples& out);
+void select_samples(const EdgeBand& band, const PixelGrid& grid, int columns, int rows, EdgeSamples& out);
 
 // By how much a single picture's values are off, standard deviations in grey values.
 struct PictureNoise {

@@ -36,6 +36,7 @@ constexpr double far_px = 0.35, other_blur = 0.2, other_weight = 1.1;
 constexpr double enough_visible = 0.75;
 constexpr double lit_sigma = 0.1;       // by how much light on all of a picture changes from one to the next
 constexpr double by_chance_sigmas = 4;  // of a misfit, which is a mean of so many squares
+constexpr double most_promised = 2;     // twice what noise makes is no promise: the model is off
 
 }  // namespace
 
@@ -319,23 +320,22 @@ bool OutlineFit::is_far(const Unknowns& step) const {
          std::abs(step[blur_light_]) > other_blur;
 }
 
-double OutlineFit::variance_of(int i) const {
-  return is_light_held_ ? place_covariance_(i, i) + held_open_(i, i) : equations_.covariance()(i, i);
-}
-
-// What the pixels say of one unknown by themselves, without what was expected of it. nullopt: nothing.
+// What the pixels say of one unknown by themselves, without what was expected of it. What is held moves what they say,
+// and nothing else: it is added at the end. nullopt: nothing.
 std::optional<Known> OutlineFit::told_by_itself(int i) const {
-  const double variance = variance_of(i);
+  const double variance = is_light_held_ ? place_covariance_(i, i) : equations_.covariance()(i, i);
   const double before = information_(i, i), told = 1 / variance - before;
   if (!(told > 0)) return std::nullopt;
-  return Known{(x_[i] / variance - before * expected_[i]) / told, std::sqrt(1 / told)};
+  const double share = told * variance;  // of what the pixels say that is in x_
+  const double open = is_light_held_ ? held_open_(i, i) / (share * share) : 0;
+  return Known{(x_[i] / variance - before * expected_[i]) / told, std::sqrt(1 / told + open)};
 }
 
 void OutlineFit::tell(Fit& out) const {
   const double worse = std::max(1.0, misfit_);
   out.centre = start_.centre + x_.head<2>();
   out.covariance = worse * place_covariance_.topLeftCorner<2, 2>();
-  if (is_light_held_) out.covariance += worse * held_open_.topLeftCorner<2, 2>();
+  if (is_light_held_) out.covariance += held_open_.topLeftCorner<2, 2>();
   out.bound =
       (is_light_held_ ? held_normal_.topLeftCorner<2, 2>().eval() : normal_.topLeftCorner<2, 2>().eval()).inverse();
   if (const auto size = told_by_itself(size_)) {
@@ -353,10 +353,9 @@ void OutlineFit::tell(Fit& out) const {
 
 // What is seen around the edge, and what is behind it. false: too little, which `out` tells.
 bool OutlineFit::sample(const Picture& picture, const Background& behind, const Look& look, Fit& out) {
-  const Enough enough = is_light_held_ ? Enough::for_place : Enough::for_all;
-  select_samples(band_, grid_, 1, 1, enough, light_);
+  select_samples(band_, grid_, 1, 1, light_);
   chroma_.n = 0;
-  if (has_chroma_) select_samples(band_, grid_, grid_.columns, grid_.rows, enough, chroma_);
+  if (has_chroma_) select_samples(band_, grid_, grid_.columns, grid_.rows, chroma_);
   out.pixels = light_.n;
   if (light_.n < least_pixels) return false;
   read_samples(picture, behind, band_, grid_, noise_, light_, chroma_);
@@ -377,16 +376,20 @@ Fit OutlineFit::fit(const Picture& picture, const Background& behind, const Elli
   if (!(band_.radius_px >= least_radius_px) || !start.centre.allFinite() || !band_.disc_from_px.allFinite()) return out;
   noise_ = {std::hypot(behind.light_noise(), model_light), std::hypot(behind.chroma_noise(), model_chroma)};
   if (!find_grid(picture)) return out;
-  is_light_held_ = options.may_hold_light && look.light && look.left;
+  if (!sample(picture, behind, look, out)) return out;
+  const double smear_sigma_px = 0.5 * movement.velocity.norm() * look.exposure_s.sigma;
+  is_light_held_ = options.may_hold_light && look.light && look.left && smear_sigma_px < far_px;
   if (is_light_held_) {
     held_open_ = look.left->open;
-    if (sample(picture, behind, look, out) && step_down(look, options, out) && is_as_promised(look)) {
+    if (step_down(look, options, out) && is_as_promised(look)) {
       tell(out);
-      return out;
+      if (out.outcome == FitOutcome::fits) return out;
     }
     is_light_held_ = false;
+    trust_all();
+    out.covariance.setIdentity(), out.centre = start.centre;
   }
-  if (sample(picture, behind, look, out) && step_down(look, options, out)) tell(out);
+  if (step_down(look, options, out)) tell(out);
   return out;
 }
 
@@ -431,7 +434,14 @@ bool OutlineFit::step_down(const Look& look, const FitOptions& options, Fit& out
 // Hardly anything hides it; pixels and size are as they were to be, but for chance.
 bool OutlineFit::is_as_promised(const Look& look) const {
   const double by_chance = 1 + by_chance_sigmas * std::sqrt(2 / std::max(1.0, sums_.trusted));
-  return visible_ >= enough_visible && misfit_ <= look.left->misfit * by_chance && !has_other_size();
+  return visible_ >= enough_visible && misfit_ <= std::min(most_promised, look.left->misfit) * by_chance &&
+         !has_other_size();
+}
+
+void OutlineFit::trust_all() {
+  strange_pixels_.begin();
+  for (EdgeSamples* samples : {&light_, &chroma_})
+    samples->for_each([](EdgeSamples::Block& of, int k) { of.trust[k] = 1; });
 }
 
 bool OutlineFit::has_other_size() const {
@@ -461,7 +471,7 @@ bool OutlineFit::learn(Look& look) const {
   look.object = object_;
   look.left.reset();
   if (has_other_size()) return false;
-  if (visible_ >= enough_visible) look.left = {left_open(), misfit_};
+  if (visible_ >= enough_visible) look.left = {std::max(1.0, misfit_) * left_open(), misfit_};
   look.light = {x_.segment<lights>(shading_), std::max(1.0, misfit_) * equations_.covariance_of_light()};
   return true;
 }

@@ -55,14 +55,14 @@ struct Look {
     Eigen::Matrix3d open;      // of the place and the logarithm of the size, by what is held when the light is
     double misfit = 1;
   };
-  std::optional<Left> left;  // nullopt: it saw something strange, so that all is fitted next time, too
+  std::optional<Left> left;  // nullopt: it says nothing of the next picture, where all is fitted, too
 };
 
 struct FitOptions {
   Known log_size{0, 0.1};  // of the outline over `axes`
   double same_light = 0;   // 0..1: how much of what Look::light departs from what is usual is still so
-  // The light over the ball, edges' softness and the exposure may be held as the last fit left them, which takes half
-  // the time. They are fitted, too, where a picture is not as the last one promised.
+  // The light over the ball as the last fit left it, edges' softness and the exposure as they are known may be held,
+  // which is less work. They are fitted, too, where a picture is not as the last one promised.
   bool may_hold_light = false;
   int most_steps = 6;
 };
@@ -106,6 +106,7 @@ class OutlineFit {
   void begin(const Look& look, const FitOptions& options);
   bool step_down(const Look& look, const FitOptions& options, Fit& out);
   bool is_as_promised(const Look& look) const;
+  void trust_all();
   bool has_other_size() const;
   EdgeModel model_of_light() const;
   EdgeModel model_of_chroma(const EdgeModel& of_light) const;
@@ -121,7 +122,6 @@ class OutlineFit {
   double product_of(const Unknowns& step, const Unknowns& other) const;
   bool is_far(const Unknowns& step) const;
   std::optional<Known> told_by_itself(int unknown) const;
-  double variance_of(int unknown) const;
   HeldNormal held_information() const;
   Eigen::Matrix3d left_open() const;
   void tell(Fit& out) const;

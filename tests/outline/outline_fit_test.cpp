@@ -145,6 +145,7 @@ class HeldLightTest : public OutlineFitTest {
 TEST_F(HeldLightTest, TellsThePlaceAsAFitOfAllUnknownsDoes) {
   look_at({.radius_px = 5, .noise = 3, .bent = 0.1});
   double held2 = 0, nees = 0, all2 = 0;
+  int held = 0;
   for (int i = 0; i < 60; ++i) {
     const bool may_hold = i % 2 == 0;
     const Look before = look_;
@@ -154,24 +155,79 @@ TEST_F(HeldLightTest, TellsThePlaceAsAFitOfAllUnknownsDoes) {
       EXPECT_FALSE(f.is_light_held);
       all2 += off_.squaredNorm();
     } else if (f.is_light_held) {
+      ++held;
       held2 += off_.squaredNorm(), nees += off_.dot(f.covariance.inverse() * off_) / 30;
       EXPECT_FALSE(has_learnt_);
       EXPECT_EQ(look_.light->mean, before.light->mean);
     }
   }
-  EXPECT_GT(nees, 0.7);  // of thirty, hardly any was not held
+  EXPECT_GT(held, 24);
+  EXPECT_GT(nees, 0.7);
   EXPECT_LT(nees, 5);
   EXPECT_LT(std::sqrt(held2), 1.5 * std::sqrt(all2));
 }
 
-TEST_F(HeldLightTest, WithoutWhatAllWouldTellAPlaceIsSurer) {
+TEST_F(HeldLightTest, WhatIsHeldIsInTheCovariance) {
   look_at({.radius_px = 5, .noise = 3});
+  const unsigned picture = count_;
   const Fit held = next({.radius_px = 5, .noise = 3}, true);
   ASSERT_TRUE(held.is_light_held);
+  const Eigen::Matrix3d open = look_.left->open;
   look_.left->open.setZero();
+  count_ = picture;
   const Fit alone = next({.radius_px = 5, .noise = 3}, true);
   ASSERT_TRUE(alone.is_light_held);
-  EXPECT_LT(alone.covariance.trace(), held.covariance.trace());
+  const Eigen::Matrix2d by_it = held.covariance - alone.covariance;
+  EXPECT_TRUE(by_it.isApprox(open.topLeftCorner<2, 2>(), 1e-6)) << by_it;
+  EXPECT_GT((open.topLeftCorner<2, 2>().trace()), 0);
+}
+
+// Where a size was expected that is not so, the pixels by themselves tell it nearer.
+TEST_F(HeldLightTest, TellsTheSizeWithoutWhatWasExpectedOfIt) {
+  const DiscScene scene{.radius_px = 4, .noise = 3};
+  look_at(scene);
+  double held = 0, all = 0, held_sigma = 0;
+  constexpr int pictures = 20;
+  for (unsigned i = 0; i < pictures; ++i) {
+    DiscPicture picture;
+    const Ellipse start{scene.centre, scene.radius_px * Eigen::Matrix2d::Identity()};
+    const Picture drawn = picture.draw(scene, 500 + i);
+    const FitOptions expected{.log_size = {0.02, 0.02}, .same_light = 0.98};
+    FitOptions may_hold = expected;
+    may_hold.may_hold_light = true;
+    const Fit of_held = fit_->fit(drawn, background_, start, {}, look_, may_hold);
+    held += of_held.log_size.value / pictures, held_sigma += of_held.log_size.sigma / pictures;
+    all += fit_->fit(drawn, background_, start, {}, look_, expected).log_size.value / pictures;
+  }
+  EXPECT_NEAR(held, 0, held_sigma);
+  EXPECT_NEAR(held, all, held_sigma);
+}
+
+// Of a large disc only some pixels count, but a part that is hidden is seen all the same.
+TEST_F(HeldLightTest, OfALargeDiscAsHonestWhereAPartIsHidden) {
+  look_at({.radius_px = 20, .noise = 2});
+  double nees = 0, all_nees = 0;
+  for (int i = 0; i < 40; ++i) {
+    const bool may_hold = i % 2 == 0;
+    const Fit f = next({.radius_px = 20, .pillar_from = 74, .noise = 2}, may_hold);
+    ASSERT_EQ(f.outcome, FitOutcome::fits);
+    (may_hold ? nees : all_nees) += off_.dot(f.covariance.inverse() * off_) / 20;
+  }
+  EXPECT_LT(nees, 2 * all_nees + 1);
+}
+
+TEST_F(HeldLightTest, OfWhatMovesAsFarAsTheExposureIsKnown) {
+  look_at({});
+  DiscPicture picture;
+  const DiscScene scene{.smear_px = 2};
+  const Ellipse start{scene.centre, scene.radius_px * Eigen::Matrix2d::Identity()};
+  const FitOptions options{.log_size = {0, 0.02}, .same_light = 0.98, .may_hold_light = true};
+  look_.exposure_s = {0.01, 0.0005};
+  const Fit known = fit_->fit(picture.draw(scene, 7), background_, start, {{200, 0}, 0}, look_, options);
+  EXPECT_TRUE(known.is_light_held);
+  EXPECT_LT((known.centre - scene.centre).norm(), 0.1);
+  look_.exposure_s = {0.006, 0.005};
+  EXPECT_FALSE(fit_->fit(picture.draw(scene, 7), background_, start, {{200, 0}, 0}, look_, options).is_light_held);
 }
 
 TEST_F(HeldLightTest, IsFittedAnewWhereSomethingHidesHalfOfIt) {

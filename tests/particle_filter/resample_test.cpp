@@ -173,6 +173,19 @@ TEST(NormalizeLogWeights, neitherUnderflowsNorOverflows) {
   }
 }
 
+TEST(NormalizeLogWeights, isTheExponentialFunctionToThreeOfTenMillion) {
+  Weights log_weight, w(8001);  // of a sum of a hundred, so that none is denormal
+  for (int i = 0; i < 8001; ++i) log_weight.push_back(-0.01f * static_cast<float>(i));
+  EXPECT_TRUE(normalize_log_weights(log_weight, w));
+  for (std::size_t i = 0; i < w.size(); ++i) {
+    const double exact = std::exp(static_cast<double>(log_weight[i]));
+    EXPECT_NEAR(static_cast<double>(w[i]) / static_cast<double>(w[0]), exact, 6e-7 * exact) << log_weight[i];
+  }
+  Weights far(2);
+  EXPECT_TRUE(normalize_log_weights(Weights{0, -88}, far));
+  EXPECT_EQ(far[1], 0);
+}
+
 TEST(NormalizeLogWeights, nothingPossibleIsUniformAndSaysSo) {
   Weights w(4);
   EXPECT_FALSE(normalize_log_weights(Weights(4, -std::numeric_limits<float>::infinity()), w));
