@@ -63,8 +63,8 @@ struct WindowKernels {
   //   marked      the tile's upper row of cells; the rows above and below are cell_stride bytes away. Readable from one
   //   byte
   //               before the first tile's cells to 32 bytes after the last one's.
-  //   known       per tile of the row, the frame that it is known for; readable 64 bytes on
-  //   tiles       has room for count + 16
+  //   known       per tile of the row, the frame that it is known for; readable and writable 64 bytes on, where all
+  //   stays as it is tiles       has room for count + 16
   std::size_t (*touched)(const std::uint8_t* marked, std::ptrdiff_t cell_stride, std::uint32_t* known,
                          std::uint32_t frame, int first, int count, int tile_v, TileAt* tiles);
   // Of each tile, which must lie wholly inside the image: bit 8 r + c says whether the pixel in row r and column c has

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <span>
 
 #include "outline/camera_curve.h"
 #include "particle_filter/vector_clones.h"
@@ -334,7 +335,7 @@ struct EdgeSums::Chunk {
       const float wo = w * (by_light * (l.front - l.back) - of.offset[i]), wc = w * of_color;
       const float wa = w * (al * m.grey * by_light + ac * shade_color), wp = w * al * by_light * m.level;
       const float wl = w * ((1 - al) * l.grey_behind * by_light + (1 - ac) * lit_color);
-      float edge = 0, by_off = 0, by_variance = 0;
+      float edge = 0, by_off = 0;
       if constexpr (is_smeared) {
         edge = smeared_light.by_size[i];
         j[cu_][i] = wo * smeared_light.by_u[i] + wc * smeared_color.by_u[i];
@@ -349,7 +350,7 @@ struct EdgeSums::Chunk {
       if constexpr (is_light_held) {
         j[placed][i] = wa, j[placed + 1][i] = wl, j[placed + 2][i] = wl * of.v[i];
       } else {
-        by_variance = wo * light.by_variance[i] + wc * color.by_variance[i];
+        const float by_variance = wo * light.by_variance[i] + wc * color.by_variance[i];
         j[blur_light_][i] = m.blur2 * by_variance;
         j[blur_chroma_][i] = m.more2 * wc * color.by_variance[i];
         if constexpr (is_smeared)
@@ -389,18 +390,12 @@ struct EdgeSums::Chunk {
     sum_up(sums, slopes.edge, out);
   }
 
-  [[gnu::always_inline]] void add_all_to(EdgeSums& out) const {
+  // Of the first columns, three times as many as count.
+  template <int count>
+  [[gnu::always_inline]] void add_products_to(EdgeSums& out) const {
     int pair = 0;
-    for (int r = 0; r < threes; ++r)
-      for (int c = r; c < threes; ++c)
-        add_products<most>(slopes.of[3 * r], slopes.of[3 * c], n, out.of_threes_[pair++]);
-  }
-  [[gnu::always_inline]] void add_held_to(EdgeSums& out) const {
-    int pair = 0;
-    for (int r = 0; r < held_threes; ++r)
-      for (int c = r; c < held_threes; ++c)
-        add_products<most>(slopes.of[3 * r], slopes.of[3 * c], n, out.of_threes_[pair++]);
-    add_residuals_to(held_threes, out);
+    for (int r = 0; r < count; ++r)
+      for (int c = r; c < count; ++c) add_products<most>(slopes.of[3 * r], slopes.of[3 * c], n, out.of_threes_[pair++]);
   }
   [[gnu::always_inline]] void add_residuals_to(int count, EdgeSums& out) const {
     for (int r = 0; r < count; ++r)
@@ -416,10 +411,12 @@ struct EdgeSums::Chunk {
       else
         some.cover_still();
       some.show_and_weigh<is_smeared, is_light_held>(out);
-      if constexpr (is_light_held)
-        some.add_held_to(out);
-      else
-        some.add_all_to(out);
+      if constexpr (is_light_held) {
+        some.add_products_to<held_threes>(out);
+        some.add_residuals_to(held_threes, out);
+      } else {
+        some.add_products_to<threes>(out);  // the last column is the residual's
+      }
     }
   }
 };
@@ -458,14 +455,10 @@ void EdgeSums::begin_assembling(bool is_light_held) {
   begin();
   is_assembled_ = true;
   is_light_held_ = is_light_held;
-  if (is_light_held_) {
-    for (int pair = 0; pair < held_threes * (held_threes + 1) / 2; ++pair)
-      for (Lanes& sum : of_threes_[pair]) sum = Lanes{};
-    for (int r = 0; r < held_count; ++r) of_residuals_[r] = Lanes{};
-    return;
-  }
-  for (auto& three : of_threes_)
+  for (auto& three : std::span(of_threes_).first(is_light_held_ ? held_pairs : pairs))
     for (Lanes& sum : three) sum = Lanes{};
+  if (is_light_held_)
+    for (Lanes& sum : of_residuals_) sum = Lanes{};
 }
 
 void EdgeSums::begin_renewing() {
@@ -485,26 +478,28 @@ void EdgeSums::renew_residuals(const EdgeModel& model, EdgeSamples& samples) {
   renew_blocks(model, samples, *this);
 }
 
-void EdgeSums::normal(Normal& out) const {
+// Of so many unknowns, in columns by threes.
+template <int size>
+void EdgeSums::normal_of(Eigen::Matrix<double, size, size>& out) const {
   double* const to = out.data();
   int pair = 0;
-  for (int r = 0; r < columns; r += 3) {
-    for (int c = r; c < columns; c += 3, ++pair) {
+  for (int r = 0; r < size; r += 3) {
+    for (int c = r; c < size; c += 3, ++pair) {
       const Lanes* sums = of_threes_[pair];
-      const int of_c = std::min(3, unknowns - c);  // the last column is the residual's
-      for (int i = 0; i < std::min(3, unknowns - r); ++i)
+      const int of_c = std::min(3, size - c);  // a column beyond is the residual's
+      for (int i = 0; i < std::min(3, size - r); ++i)
         for (int k = 0; k < of_c; ++k)
-          to[(r + i) * unknowns + c + k] = to[(c + k) * unknowns + r + i] = sum_of(sums[3 * i + k]);
+          to[(r + i) * size + c + k] = to[(c + k) * size + r + i] = sum_of(sums[3 * i + k]);
     }
   }
 }
 
+void EdgeSums::normal(Normal& out) const {
+  normal_of(out);
+}
+
 void EdgeSums::normal(HeldNormal& out) const {
-  int pair = 0;
-  for (int r = 0; r < held_count; r += 3)
-    for (int c = r; c < held_count; c += 3, ++pair)
-      for (int i = 0; i < 3; ++i)
-        for (int k = 0; k < 3; ++k) out(r + i, c + k) = out(c + k, r + i) = sum_of(of_threes_[pair][3 * i + k]);
+  normal_of(out);
 }
 
 void EdgeSums::gradient(Unknowns& out) const {

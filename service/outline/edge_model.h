@@ -86,7 +86,7 @@ class EdgeSums {
   // samples have covered, and how far they are off.
   void assemble(const EdgeModel& model, EdgeSamples& samples);
   // Of the same samples in the same order, of which some may count no more: products of the residuals that a model near
-  // that one leaves with the slopes as they were. A third of the work.
+  // that one leaves with the slopes as they were. Of all unknowns a third of the work.
   void renew_residuals(const EdgeModel& model, EdgeSamples& samples);
   void begin_assembling(bool is_light_held);
   void begin_renewing();
@@ -103,7 +103,7 @@ class EdgeSums {
   // In eight lanes.
   using Lanes = float __attribute__((vector_size(32), may_alias));
   static constexpr int columns = unknowns + 1, threes = columns / 3, pairs = threes * (threes + 1) / 2;
-  static constexpr int held_threes = held_count / 3;
+  static constexpr int held_threes = held_count / 3, held_pairs = held_threes * (held_threes + 1) / 2;
   static_assert(columns % 3 == 0 && held_count % 3 == 0);
 
  private:
@@ -122,6 +122,8 @@ class EdgeSums {
   static void assemble_smeared_held(const EdgeModel& model, EdgeSamples& samples, EdgeSums& out);
   static void renew_blocks(const EdgeModel& model, EdgeSamples& samples, EdgeSums& out);
   void begin();
+  template <int size>
+  void normal_of(Eigen::Matrix<double, size, size>& out) const;
   bool is_assembled_ = true, is_light_held_ = false;
   int blocks_ = 0;             // that were added
   Lanes of_threes_[pairs][9];  // of columns by threes

@@ -204,12 +204,8 @@ void OutlineFit::add_up(Add&& add) {
 }
 
 HeldNormal OutlineFit::held_information() const {
-  HeldNormal out = HeldNormal::Zero();
-  for (int i = 0; i < held_count; ++i) {
-    const int of = held_unknowns[static_cast<std::size_t>(i)];
-    out(i, i) = information_(of, of);
-  }
-  return out;
+  const HeldUnknowns information = information_.diagonal()(held_unknowns);
+  return information.asDiagonal();
 }
 
 void OutlineFit::assemble() {
@@ -233,12 +229,8 @@ void OutlineFit::assemble() {
 // there: so much is added to their inverse in the next picture (Schmidt's Kalman filter that considers what it does not
 // estimate).
 Eigen::Matrix3d OutlineFit::left_open() const {
-  HeldNormal normal;
-  for (int i = 0; i < held_count; ++i)
-    for (int k = 0; k < held_count; ++k)
-      normal(i, k) = normal_(held_unknowns[static_cast<std::size_t>(i)], held_unknowns[static_cast<std::size_t>(k)]);
   NormalEquations<held_count, placed> held;
-  held.eliminate(normal, held_information());
+  held.eliminate(normal_(held_unknowns, held_unknowns), held_information());
   return held.is_sound() ? Eigen::Matrix3d(place_covariance_ - held.covariance()) : place_covariance_;
 }
 
@@ -279,14 +271,11 @@ Unknowns OutlineFit::next_step() const {
 }
 
 Unknowns OutlineFit::next_held_step(const Unknowns& off) const {
-  HeldUnknowns right, solved;
-  for (int i = 0; i < held_count; ++i) {
-    const int of = held_unknowns[static_cast<std::size_t>(i)];
-    right[i] = gradient_[of] + information_(of, of) * off[of];
-  }
-  held_equations_.solve(right, solved);
+  const Unknowns all = gradient_ + information_.diagonal().cwiseProduct(off);
+  HeldUnknowns solved;
+  held_equations_.solve(all(held_unknowns), solved);
   Unknowns step = Unknowns::Zero();
-  for (int i = 0; i < held_count; ++i) step[held_unknowns[static_cast<std::size_t>(i)]] = solved[i];
+  step(held_unknowns) = solved;
   return limited(step);
 }
 
@@ -381,13 +370,13 @@ Fit OutlineFit::fit(const Picture& picture, const Background& behind, const Elli
   is_light_held_ = options.may_hold_light && look.light && look.left && smear_sigma_px < far_px;
   if (is_light_held_) {
     held_open_ = look.left->open;
-    if (step_down(look, options, out) && is_as_promised(look)) {
-      tell(out);
-      if (out.outcome == FitOutcome::fits) return out;
+    Fit held = out;
+    if (step_down(look, options, held) && is_as_promised(look)) {
+      tell(held);
+      if (held.outcome == FitOutcome::fits) return held;
     }
     is_light_held_ = false;
     trust_all();
-    out.covariance.setIdentity(), out.centre = start.centre;
   }
   if (step_down(look, options, out)) tell(out);
   return out;

@@ -64,8 +64,8 @@ bool normalize_weights(std::span<float> weight) {
 
 namespace {
 
-// e^(x - largest), where that is at most 1, to some 3e-7 of it; 0 below e^-87. By a
-// polynomial, so that it is done for many at once.
+// e^(x - largest), where that is at most 1, to some 3e-7 of it; 0 below e^-87. By a polynomial, so that it is done for
+// many at once.
 HUETRACK_CLONES void fill_exponentials(const float* __restrict x, float largest, std::size_t n, float* __restrict out) {
   constexpr float least = -87.f, per_ln2 = 1.44269504f, ln2_high = 0.693359375f, ln2_low = -2.12194440e-4f;
   for (std::size_t i = 0; i < n; ++i) {
