@@ -136,9 +136,11 @@ def main():
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--build", type=pathlib.Path, default=ROOT / "build" / "sensitivity")
     parser.add_argument("--table", type=pathlib.Path, default=ROOT / "tests" / "benchmark" / "sensitivity.md")
+    parser.add_argument("--no-build", action="store_true", help="the program in FOLDER/release was built from FOLDER/source already")
     options = parser.parse_args()
     key = copy_sources(options.build / "source")
-    build(options.build / "source", options.build / "release")
+    if not options.no_build:
+        build(options.build / "source", options.build / "release")
     done_file = options.build / f"results_{key}.jsonl"
     done = {}
     if done_file.exists():

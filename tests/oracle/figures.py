@@ -121,29 +121,31 @@ def pose_figures(poses, truth, frames):
 
 
 def rig_figures(found, true, low=(-1, -1, 0.1), high=(1, 1, 2.1)):
-    """How far a rig's poses and lenses put the points of a volume: the points are projected by the true cameras, triangulated by
-    the found ones (linear, all cameras), and aligned rigidly. {"volume_mm": rms}"""
-    cameras = [(yaml.safe_load(open(path))["cameras"]) for path in (found, true)]
-    names = [name for name in cameras[1] if name in cameras[0]]
-    grid = np.stack(np.meshgrid(*[np.linspace(a, b, 5) for a, b in zip(low, high)]), -1).reshape(-1, 3)
-    rays = [[], []]
-    for name in names:
-        truth, mine = cameras[1][name], cameras[0][name]
-        rotation, translation = pose_of(truth)
+    """How far a rig's poses and lenses put the points of a volume that two of its cameras or more see: they are projected by the true
+    cameras, triangulated by the found ones (least squares over the rays), and aligned rigidly. {"volume_mm": rms}"""
+    found, true = (yaml.safe_load(open(path))["cameras"] for path in (found, true))
+    grid = np.stack(np.meshgrid(*[np.linspace(a, b, 9) for a, b in zip(low, high)]), -1).reshape(-1, 3)
+    rays = []  # (centre, directions, is in the picture) in the found world
+    for name in found:
+        rotation, translation = pose_of(true[name])
         p = grid @ rotation.T + translation
-        pixel = distorted(p[:, :2] / p[:, 2:], truth)
-        direction = np.column_stack([undistorted(pixel, mine), np.ones(len(grid))])
-        rotation, translation = pose_of(mine)
-        rays[0].append(-rotation.T @ translation)
-        rays[1].append(direction @ rotation)
-    points = []
+        pixel = distorted(p[:, :2] / p[:, 2:], true[name])
+        is_seen = (p[:, 2] > 0) & np.all((pixel >= 0) & (pixel < true[name]["image_size"]), axis=1)
+        rotation, translation = pose_of(found[name])
+        directions = np.column_stack([undistorted(pixel, found[name]), np.ones(len(grid))]) @ rotation
+        rays.append((-rotation.T @ translation, directions, is_seen))
+    points, grid_seen = [], []
     for k in range(len(grid)):
-        a, b = np.zeros((3, 3)), np.zeros(3)
-        for centre, directions in zip(*rays):
-            d = directions[k] / np.linalg.norm(directions[k])
-            across = np.eye(3) - np.outer(d, d)
-            a, b = a + across, b + across @ centre
-        points.append(np.linalg.solve(a, b))
+        a, b, views = np.zeros((3, 3)), np.zeros(3), 0
+        for centre, directions, is_seen in rays:
+            if is_seen[k]:
+                d = directions[k] / np.linalg.norm(directions[k])
+                across = np.eye(3) - np.outer(d, d)
+                a, b, views = a + across, b + across @ centre, views + 1
+        if views >= 2:
+            points.append(np.linalg.solve(a, b))
+            grid_seen.append(grid[k])
+    grid = np.array(grid_seen)
     points = np.array(points)
     middle, middle_true = points.mean(axis=0), grid.mean(axis=0)
     u, _, v = np.linalg.svd((points - middle).T @ (grid - middle_true))
@@ -154,33 +156,40 @@ def rig_figures(found, true, low=(-1, -1, 0.1), high=(1, 1, 2.1)):
 
 def pose_of(camera):
     pose = camera["cam_from_world"]
-    return np.array(pose["rotation"], float).reshape(3, 3), np.array(pose["translation"], float)
+    rotation = rotation_of(np.array(pose["quaternion_xyzw"])) if "quaternion_xyzw" in pose else np.array(pose["rotation"], float)
+    return rotation, np.array(pose["translation"], float)
 
 
-def lens_of(camera):
-    i = camera["intrinsics"]
-    if camera.get("distortion_model", "radtan4") not in ("radtan4", "radtan5", "plumb_bob", "radtan8"):
-        raise SystemExit(f"the oracle knows radial-tangential lenses only, not {camera['distortion_model']}")
+def warp(xy, camera):
+    """Where the lens puts points of the plane z = 1: OpenCV's radial-tangential model (5 or 8 numbers) or its fisheye."""
     d = np.array(list(camera.get("distortion", [])) + [0.0] * 8, float)[:8]
-    return np.array([[i["fx"], i["fy"]], [i["cx"], i["cy"]]]), d
-
-
-def warp(xy, d):
     x, y = xy.T
     r2 = x * x + y * y
+    if camera["model"] == "fisheye_kb":
+        r = np.sqrt(r2) + 1e-12
+        theta = np.arctan(r)
+        g = theta * (1 + d[0] * theta ** 2 + d[1] * theta ** 4 + d[2] * theta ** 6 + d[3] * theta ** 8) / r
+        return xy * g[:, None]
+    if camera["model"] != "pinhole_radtan":
+        raise ValueError(f"the oracle knows no lens model {camera['model']}")
     g = (1 + r2 * (d[0] + r2 * (d[1] + r2 * d[4]))) / (1 + r2 * (d[5] + r2 * (d[6] + r2 * d[7])))
     return np.stack([x * g + 2 * d[2] * x * y + d[3] * (r2 + 2 * x * x), y * g + d[2] * (r2 + 2 * y * y) + 2 * d[3] * x * y], 1)
 
 
+def linear_part(camera):
+    i = camera["intrinsics"]
+    return np.array([i["fx"], i["fy"]]), np.array([i["cx"], i["cy"]])
+
+
 def distorted(xy, camera):
-    (f, c), d = lens_of(camera)
-    return warp(xy, d) * f + c
+    f, c = linear_part(camera)
+    return warp(xy, camera) * f + c
 
 
 def undistorted(pixel, camera):
-    (f, c), d = lens_of(camera)
+    f, c = linear_part(camera)
     aim = (pixel - c) / f
     xy = aim.copy()
-    for _ in range(30):  # a contraction for the lenses that calibrate: off by less than 1e-9 then
-        xy = xy + aim - warp(xy, d)
+    for _ in range(30):  # a contraction for ordinary lenses: off by less than 1e-9 then
+        xy = xy + aim - warp(xy, camera)
     return xy

@@ -319,8 +319,8 @@ def measure(programs, name):
         return name, {k: v if isinstance(v, int) else round(float(v), 4) for k, v in CASES[name](programs).items()}, "", time.monotonic() - start
     except NotThere as reason:
         return name, None, str(reason), 0
-    except Failed as reason:
-        return name, {}, str(reason), time.monotonic() - start
+    except Exception as reason:  # whatever it is, the other cases run, and this one fails with it
+        return name, {}, f"{type(reason).__name__}: {reason}", time.monotonic() - start
 
 
 def table(results, kinds, bands):
