@@ -10,8 +10,9 @@ packages_demo="g++ cmake ninja-build pkg-config
 # everything: huetrack-calibrate, too, and the page, which is built with node and npm: whichever are there, else Debian's
 packages_build="$packages_demo libceres-dev libtomlplusplus-dev"
 command -v npm >/dev/null || packages_build="$packages_build nodejs npm"
-packages_test="chromium libgtest-dev libgmock-dev cyclonedds-dev cyclonedds-tools poppler-utils clang-format-14 python3 openssl"
-packages_long="clang-tidy-16"   # HUETRACK_LONG=1 of tests/run.sh
+packages_test="chromium libgtest-dev libgmock-dev cyclonedds-dev cyclonedds-tools poppler-utils clang-format-14 python3 openssl
+  python3-numpy python3-scipy python3-yaml python3-opencv python3-pil ffmpeg"   # the last line: tests/oracle and the scenes that it makes
+packages_long="clang-tidy-16"   # HUETRACK_LONG=1 and HUETRACK_CHANGED=1 of tests/run.sh
 packages_arm64="g++-aarch64-linux-gnu qemu-user-static"   # configs/arm64/build.sh, tests/arm64/run.sh
 packages_benchmark="libbenchmark-dev"   # for -DHUETRACK_BENCHMARKS=ON
 

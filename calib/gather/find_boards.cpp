@@ -12,8 +12,8 @@
 
 #include "calib/board/grey_view.h"
 #include "calib/gather/detection_page.h"
+#include "calib/gather/motion_blur.h"
 #include "calib/gather/progress_line.h"
-#include "calib/gather/smeared_board.h"
 #include "calib/model/median.h"
 
 namespace huetrack::gather {
@@ -94,8 +94,8 @@ std::string reasons(const PictureTally& camera) {
   std::string text = most->first;
   if (camera.why_not.size() > 1)
     text += most->second == 1 ? std::string(" (once)") : " (" + std::to_string(most->second) + " times)";
-  if (most->first != smeared_by_motion && camera.smeared() > 0)
-    text += fmt::format("; {} in {}", smeared_by_motion, camera.smeared());
+  if (most->first != motion_blur_reason && camera.smeared() > 0)
+    text += fmt::format("; {} in {}", motion_blur_reason, camera.smeared());
   return text;
 }
 
@@ -225,13 +225,13 @@ class Smears {
     for (int k = 0; k < certain; ++k) {
       const auto counted = camera.why_not.find(why_not_[static_cast<std::size_t>(k)]);
       if (--counted->second == 0) camera.why_not.erase(counted);
-      ++camera.why_not[smeared_by_motion];
+      ++camera.why_not[motion_blur_reason];
     }
     why_not_.clear();
   }
 
  private:
-  SmearedBoard board_;
+  MotionBlurDetector board_;
   std::vector<std::string> why_not_;  // of the pictures in which it may be, since it was found last
 };
 
@@ -309,7 +309,7 @@ std::string boards_text(const FoundBoards& found) {
 }  // namespace
 
 int PictureTally::smeared() const {
-  const auto known = why_not.find(smeared_by_motion);
+  const auto known = why_not.find(motion_blur_reason);
   return known == why_not.end() ? 0 : known->second;
 }
 

@@ -37,7 +37,7 @@ struct PictureTally {
   calib::ImageSize image_size;
   int pictures = 0;                    // looked at
   int boards = 0;                      // found in them
-  std::map<std::string, int> why_not;  // how often not, by BoardDetection::why_not, or smeared_by_motion
+  std::map<std::string, int> why_not;  // how often not, by BoardDetection::why_not, or motion_blur_reason
   int smeared() const;                 // how often by that
 };
 

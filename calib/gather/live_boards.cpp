@@ -10,9 +10,9 @@
 #include <thread>
 
 #include "calib/board/grey_view.h"
+#include "calib/gather/motion_blur.h"
 #include "calib/gather/progress_line.h"
-#include "calib/gather/smeared_board.h"
-#include "capture/frame_synchronizer.h"
+#include "capture/timing/frame_synchronizer.h"
 
 namespace huetrack::gather {
 namespace {
@@ -153,10 +153,10 @@ class Gathering {
       return true;
     }
     const auto needs = coverage_->needs();
-    if (!ProgressLine::tells_programs() && line_.due())
+    if (!ProgressLine::is_machine_readable() && line_.due())
       line_.draw(status + (needs.empty() ? "" : "; then: " + needs.front()) + "\n" + coverage_->lines());
     if (page_.due()) page_.show(shown_, *coverage_, status);
-    if (ProgressLine::tells_programs() && line_.due()) tell(status, needs);
+    if (ProgressLine::is_machine_readable() && line_.due()) tell(status, needs);
     return !options_.until_enough || !needs.empty();
   }
 
@@ -190,12 +190,12 @@ class Gathering {
     const auto list = [](const auto& numbers) { return fmt::to_string(fmt::join(numbers, ",")); };
     for (std::size_t c = 0; c < names_.size(); ++c) {
       const ViewCoverage::OfCamera& of = coverage_->cameras()[c];
-      tell_program("coverage", {names_[c], std::to_string(of.views), std::to_string(ViewCoverage::enough_views),
-                                fmt::format("{:.0f}", 100 * of.image_share()),
-                                fmt::format("{:.0f}", 100 * ViewCoverage::enough_image), list(of.corners),
-                                list(of.tilts), shown_[c].caption});
+      send_to_program("coverage", {names_[c], std::to_string(of.views), std::to_string(ViewCoverage::enough_views),
+                                   fmt::format("{:.0f}", 100 * of.image_share()),
+                                   fmt::format("{:.0f}", 100 * ViewCoverage::enough_image), list(of.corners),
+                                   list(of.tilts), shown_[c].caption});
     }
-    for (const std::string& need : needs) tell_program("need", {need});
+    for (const std::string& need : needs) send_to_program("need", {need});
     line_.show(status, static_cast<int>(found_.set_at_s.size()), std::nullopt, "");
   }
 
@@ -222,7 +222,7 @@ class Gathering {
       if (detection.found()) {
         smeared_[c].found(look.greys[c], detection.px);
       } else if (smeared_[c].may_be_in(look.greys[c])) {
-        detection.why_not = smeared_by_motion;
+        detection.why_not = motion_blur_reason;
         look.smeared = names_[c];
       }
       count(c, look.greys[c], detection);
@@ -262,7 +262,7 @@ class Gathering {
     if (!coverage_ || !look.is_complete || !rests || !coverage_->is_new(look.views)) {
       if (rests) ++found_.duplicates;
       if (!look.smeared.empty())
-        return fmt::format("hold it still: {} in {}'s picture", smeared_by_motion, look.smeared);
+        return fmt::format("hold it still: {} in {}'s picture", motion_blur_reason, look.smeared);
       if (look.views.empty()) return "no camera sees the board";
       return !rests ? "hold it still" : "seen before: move it elsewhere";
     }
@@ -294,7 +294,7 @@ class Gathering {
   std::vector<solver::BoardView> before_;  // of the last look, at
   double before_s_ = 0;
   std::vector<ShownPicture> shown_;
-  std::vector<SmearedBoard> smeared_;  // per camera
+  std::vector<MotionBlurDetector> smeared_;  // per camera
   ProgressLine line_;
   DetectionPage page_;
 };

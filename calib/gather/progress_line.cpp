@@ -12,7 +12,7 @@ constexpr auto told_every = std::chrono::milliseconds(400);
 
 }  // namespace
 
-void tell_program(const std::string& kind, const std::vector<std::string>& fields) {
+void send_to_program(const std::string& kind, const std::vector<std::string>& fields) {
   std::string line = "@" + kind;
   for (std::string field : fields) {
     std::ranges::replace_if(
@@ -25,17 +25,17 @@ void tell_program(const std::string& kind, const std::vector<std::string>& field
 }
 
 std::string progress_text(const std::string& what, int done, std::optional<int> total, const std::string& details) {
-  return what + " " + yaml::progress_bar(static_cast<std::uint64_t>(done), total) +
+  return what + " " + files::progress_bar(static_cast<std::uint64_t>(done), total) +
          (details.empty() ? "" : "  " + details);
 }
 
 ProgressLine::ProgressLine(bool wanted) : line_(wanted && !programs_are_told) {}
 
-void ProgressLine::tell_programs() {
+void ProgressLine::set_machine_readable() {
   programs_are_told = true;
 }
 
-bool ProgressLine::tells_programs() {
+bool ProgressLine::is_machine_readable() {
   return programs_are_told;
 }
 
@@ -49,13 +49,13 @@ void ProgressLine::show(const std::string& what, int done, std::optional<int> to
   if (what == told_ && !due()) return;
   told_ = what;
   last_ = std::chrono::steady_clock::now();
-  tell_program("progress", {what, std::to_string(done), total ? std::to_string(*total) : "", details});
+  send_to_program("progress", {what, std::to_string(done), total ? std::to_string(*total) : "", details});
 }
 
 void ProgressLine::draw(const std::string& lines) {
   if (programs_are_told && lines != told_) {  // some work that tells no parts
     told_ = lines;
-    tell_program("progress", {lines, "", "", ""});
+    send_to_program("progress", {lines, "", "", ""});
   }
   line_.draw(lines);
 }

@@ -7,22 +7,22 @@
 #include <string>
 #include <vector>
 
+#include "calib/files/terminal_line.h"
 #include "calib/solver/progress.h"
-#include "calib/yaml/terminal_line.h"
 
 namespace huetrack::gather {
 
 // For another program that reads standard output: '@', a kind, and fields, with tabs between them; on a line of its own
 // and at once. The kinds are in calib/reference.md. A tab or line end within a field becomes a blank.
-void tell_program(const std::string& kind, const std::vector<std::string>& fields);
+void send_to_program(const std::string& kind, const std::vector<std::string>& fields);
 
 class ProgressLine {
  public:
   // Draws only when stderr is a terminal and `wanted`; or where programs are told, tells them in any case.
   explicit ProgressLine(bool wanted);
-  // From now on nothing is drawn, and tell_program() is told instead. Before there is a second thread.
-  static void tell_programs();
-  static bool tells_programs();
+  // From now on nothing is drawn, and send_to_program() is told instead. Before there is a second thread.
+  static void set_machine_readable();
+  static bool is_machine_readable();
 
   // As of a TerminalLine.
   bool due() const;
@@ -34,7 +34,7 @@ class ProgressLine {
   solver::Progress progress();
 
  private:
-  yaml::TerminalLine line_;
+  files::TerminalLine line_;
   std::string told_;                              // what the program was told last that is done
   std::chrono::steady_clock::time_point last_{};  // when
 };

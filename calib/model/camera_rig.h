@@ -58,7 +58,7 @@ struct Camera {
 };
 
 // More than a hall has, and few enough that all pairs of them are soon gone through.
-inline constexpr std::size_t most_cameras = 256;
+inline constexpr std::size_t max_cameras = 256;
 
 struct CameraRig {
   std::vector<Camera> cameras;  // Frame::camera indexes this

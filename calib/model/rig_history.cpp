@@ -44,7 +44,7 @@ std::string age_text(std::chrono::seconds age) {
 
 void RigHistory::add(RigCheckNote note) {
   checks.push_back(std::move(note));
-  if (checks.size() > most_checks) checks.erase(checks.begin());
+  if (checks.size() > max_checks) checks.erase(checks.begin());
 }
 
 std::string RigHistory::text(UtcTime now) const {

@@ -29,7 +29,7 @@ struct RigCheckNote {
 };
 
 struct RigHistory {
-  static constexpr std::size_t most_checks = 10;  // that a rig file keeps
+  static constexpr std::size_t max_checks = 10;  // that a rig file keeps
 
   std::optional<UtcTime> at;            // the calibration's; nullopt: the file does not say
   std::optional<double> temperature_c;  // then, if somebody told

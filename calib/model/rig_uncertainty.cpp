@@ -49,7 +49,8 @@ struct ViewTerm {
   Eigen::Matrix<double, 2, 18> by_camera;  // of the lens as many as are uncertain, then of the pose
 };
 
-std::optional<ViewTerm> view_term(const Camera& camera, const RigUncertainty::OfCamera& of, const Eigen::Vector3d& p) {
+std::optional<ViewTerm> view_term(const Camera& camera, const RigUncertainty::CameraParameters& of,
+                                  const Eigen::Vector3d& p) {
   const Eigen::Vector3d p_cam = camera.cam_from_world * p;
   if (!camera.model.project(p_cam)) return std::nullopt;
   Eigen::Vector2d px;
@@ -129,10 +130,10 @@ std::vector<std::string> RigUncertainty::problems(const CameraRig& rig) const {
 }
 
 RigUncertainty with_pose_covariance(const CameraRig& rig, int camera, const Covariance6d& covariance) {
-  const RigUncertainty before = rig.uncertainty
-                                    ? *rig.uncertainty
-                                    : RigUncertainty{std::vector<RigUncertainty::OfCamera>(rig.cameras.size()), {}, {}};
-  std::vector<RigUncertainty::OfCamera> cameras = before.cameras;
+  const RigUncertainty before =
+      rig.uncertainty ? *rig.uncertainty
+                      : RigUncertainty{std::vector<RigUncertainty::CameraParameters>(rig.cameras.size()), {}, {}};
+  std::vector<RigUncertainty::CameraParameters> cameras = before.cameras;
   cameras[index(camera)].has_pose = true;
   std::vector<int> kept, at;  // parameters of before, and where they are now
   int size = 0, pose_at = 0;
@@ -151,12 +152,13 @@ RigUncertainty with_pose_covariance(const CameraRig& rig, int camera, const Cova
   return RigUncertainty::of(std::move(cameras), all);
 }
 
-Eigen::Matrix3Xd moved_by_cameras(const CameraRig& rig, const RigUncertainty& uncertainty, const Eigen::Vector3d& p,
-                                  std::span<const PlaceView> views, const Eigen::Matrix3d& elsewhere) {
+Eigen::Matrix3Xd position_gain_of_cameras(const CameraRig& rig, const RigUncertainty& uncertainty,
+                                          const Eigen::Vector3d& p, std::span<const PlaceView> views,
+                                          const Eigen::Matrix3d& elsewhere) {
   Eigen::Matrix3d normal = elsewhere;
   Eigen::Matrix3Xd moment = Eigen::Matrix3Xd::Zero(3, uncertainty.size());
   for (const PlaceView& view : views) {
-    const RigUncertainty::OfCamera& of = uncertainty.cameras[index(view.camera)];
+    const RigUncertainty::CameraParameters& of = uncertainty.cameras[index(view.camera)];
     const auto term = view_term(rig.cameras[index(view.camera)], of, p);
     if (!term) continue;
     const Eigen::Matrix<double, 3, 2> weighed = term->by_place.transpose() * view.information;
@@ -169,11 +171,11 @@ Eigen::Matrix3Xd moved_by_cameras(const CameraRig& rig, const RigUncertainty& un
   return -solver.solve(moment);
 }
 
-Eigen::Matrix3d left_open_by_rig(const CameraRig& rig, const Eigen::Vector3d& p_world, std::span<const PlaceView> views,
-                                 const Eigen::Matrix3d& elsewhere) {
+Eigen::Matrix3d rig_covariance_at(const CameraRig& rig, const Eigen::Vector3d& p_world,
+                                  std::span<const PlaceView> views, const Eigen::Matrix3d& elsewhere) {
   if (!rig.uncertainty || rig.uncertainty->size() == 0) return Eigen::Matrix3d::Zero();
   const Eigen::Matrix3Xd moved =
-      moved_by_cameras(rig, *rig.uncertainty, p_world, views, elsewhere) * rig.uncertainty->factor();
+      position_gain_of_cameras(rig, *rig.uncertainty, p_world, views, elsewhere) * rig.uncertainty->factor();
   return moved * moved.transpose();
 }
 

@@ -73,12 +73,13 @@ struct PlaceView {
 // covariance, 1/m^2, that is held; for two views or more it may be 0). Views that do not see p_world do not count.
 //   G = (E + sum J_i' W_i J_i)^-1 [.. J_i' W_i H_i ..],   J = d px / d p_world, H = d px / d parameters
 // That is the consider term of Schmidt (1966): an error that the filter knows of and does not estimate.
-Eigen::Matrix3Xd moved_by_cameras(const CameraRig& rig, const RigUncertainty& uncertainty,
-                                  const Eigen::Vector3d& p_world, std::span<const PlaceView> views,
-                                  const Eigen::Matrix3d& elsewhere = Eigen::Matrix3d::Zero());
+Eigen::Matrix3Xd position_gain_of_cameras(const CameraRig& rig, const RigUncertainty& uncertainty,
+                                          const Eigen::Vector3d& p_world, std::span<const PlaceView> views,
+                                          const Eigen::Matrix3d& elsewhere = Eigen::Matrix3d::Zero());
 
 // What the rig leaves open of that position: G covariance G^T, m^2. Zero for a rig without uncertainty.
-Eigen::Matrix3d left_open_by_rig(const CameraRig& rig, const Eigen::Vector3d& p_world, std::span<const PlaceView> views,
-                                 const Eigen::Matrix3d& elsewhere = Eigen::Matrix3d::Zero());
+Eigen::Matrix3d rig_covariance_at(const CameraRig& rig, const Eigen::Vector3d& p_world,
+                                  std::span<const PlaceView> views,
+                                  const Eigen::Matrix3d& elsewhere = Eigen::Matrix3d::Zero());
 
 }  // namespace huetrack::calib

@@ -10,9 +10,9 @@
 #include <thread>
 #include <variant>
 
+#include "calib/files/text_file.h"
 #include "calib/program/command_line.h"
 #include "calib/report/advice.h"
-#include "calib/yaml/text_file.h"
 
 namespace {
 
@@ -45,7 +45,7 @@ class Signals {
 
 // The user's input or the outside world is at fault: said once, in one line.
 int fail(const std::string& why) {
-  std::fprintf(stderr, "huetrack-calibrate: %s\n", yaml::printable(why, yaml::longest_message).c_str());
+  std::fprintf(stderr, "huetrack-calibrate: %s\n", files::printable(why, files::longest_message).c_str());
   return 1;
 }
 
@@ -59,7 +59,7 @@ int main(int argc, char** argv) {
   try {
     status = std::get<program::Command>(asked)(signals.token());
   } catch (const solver::CalibrationError& error) {
-    return fail(report::told(error));
+    return fail(report::with_advice(error));
   } catch (const std::exception& error) {
     return fail(error.what());
   }

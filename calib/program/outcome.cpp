@@ -70,8 +70,8 @@ report::ReportInput report_input(const gather::FoundBoards& found, const std::ve
 }
 
 void tell_verdict(report::Verdict verdict, const std::string& summary) {
-  if (gather::ProgressLine::tells_programs())
-    gather::tell_program("verdict", {std::string(report::name(verdict)), summary});
+  if (gather::ProgressLine::is_machine_readable())
+    gather::send_to_program("verdict", {std::string(report::name(verdict)), summary});
 }
 
 void write_document(const report::Document& document, const fs::path& name) {

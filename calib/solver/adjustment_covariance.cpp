@@ -193,9 +193,9 @@ NormalEquations normal_equations(const Adjustment& a, const BoardShape& shape, c
   }
   for (std::size_t c = 0; c < a.cameras.size(); ++c) {
     if (a.lens_offset[c] < 0 || !a.cameras[c].lens_is_free) continue;
-    for (const LensBelief& belief : lens_beliefs(a.cameras[c])) {
+    for (const LensRegularizer& belief : lens_regularizers(a.cameras[c])) {
       const int at = a.lens_offset[c] + belief.parameter;
-      const double weight = belief_px / belief.sigma, off = weight * a.cameras[c].parameters(belief.parameter);
+      const double weight = regularizer_px / belief.sigma, off = weight * a.cameras[c].parameters(belief.parameter);
       equations.information(at, at) += weight * weight;
       equations.cost += off * off;
       ++equations.residuals;

@@ -14,13 +14,13 @@ double reach_of(const AdjustedCamera& camera);
 
 // What every lens is believed to be, before any view: coefficients that views do not determine would otherwise cancel
 // one another, here or where no board was. Small enough to be outweighed by a few dozen corners.
-struct LensBelief {
+struct LensRegularizer {
   int parameter = 0;
   double sigma = 1;  // about 0
 };
-std::vector<LensBelief> lens_beliefs(const AdjustedCamera& camera);
+std::vector<LensRegularizer> lens_regularizers(const AdjustedCamera& camera);
 // A standard deviation of a belief weighs as much as that error of one corner, per axis.
-inline constexpr double belief_px = 0.1;
+inline constexpr double regularizer_px = 0.1;
 
 // Where a rational lens's denominator is smaller it hides a pole behind a zero of the numerator.
 inline constexpr double least_denominator = 0.2;
@@ -71,7 +71,7 @@ void set_time_sigmas(Adjustment& a);
 inline constexpr double longest_gap_s = 0.25;
 
 // Whether views tell how the board moves: all have stamps, and some sets follow closely upon one another.
-bool tell_motion(const std::vector<BoardView>& views);
+bool determine_motion(const std::vector<BoardView>& views);
 
 // Where sets follow closely upon one another: moves each set's moment amid its views, and takes from the sets around
 // how the board moves then (expected, information, is_known). Learns how boards are carried, and the usual errors

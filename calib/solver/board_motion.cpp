@@ -163,7 +163,7 @@ void find_motion(Adjustment& a, const std::vector<PlacedSet>& sets, std::size_t 
 
 }  // namespace
 
-bool tell_motion(const std::vector<BoardView>& views) {
+bool determine_motion(const std::vector<BoardView>& views) {
   std::map<int, double> at_s;
   for (const BoardView& view : views) {
     if (!view.stamp_s) return false;

@@ -1,7 +1,7 @@
 // The joint adjustment of cameras, lenses and board poses to the corners that the cameras saw: least squares over the
 // reprojection errors (Ceres), with outliers found and left out, and the covariance of everything that was found.
 // Deterministic: one thread, and the order of the views does not matter. What cannot be done is a CalibrationError: its
-// what() is a fact; what to do about it is said by report::told().
+// what() is a fact; what to do about it is said by report::with_advice().
 #pragma once
 
 #include <Eigen/Core>
@@ -88,7 +88,7 @@ struct BoardMotion {
 
 // How a board is carried, as it is learnt from where it is found to be: rms of the second and third derivative of its
 // turning (rad) and of its place (m), each axis.
-struct BoardCarrying {
+struct BoardMotionPrior {
   std::array<double, 2> change{}, jerk{};  // per s^2, per s^3; 0: not yet known
 };
 
@@ -122,7 +122,7 @@ struct Adjustment {
   // Per set. Before: empty, and boards rest while they are seen; or as many as there are sets, and where views have
   // stamps and sets follow closely upon one another each view counts at the time of its rows.
   std::vector<BoardMotion> motions;
-  BoardCarrying carrying;
+  BoardMotionPrior carrying;
   double stamp_sigma_s = 0;           // of all cameras (rms of AdjustedCamera::stamp_sigma_s)
   std::vector<double> stamp_error_s;  // beside views, what is added to the stamp; empty without motions
 

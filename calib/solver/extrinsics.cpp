@@ -464,8 +464,8 @@ LensPrior prior_of(const AdjustedCamera& camera) {
 // Cameras that agree with themselves far better than with one another did not see the board at the same moment. Lenses
 // that are refined jointly would be bent to make up for that.
 bool is_in_step(const Adjustment& refined, double alone_px, const Adjustment& placed) {
-  constexpr double out_of_step = 1.6, least_left = 0.8;
-  return refined.noise_px < out_of_step * alone_px && refined.corners_used > least_left * placed_corners(placed);
+  constexpr double not_synchronised = 1.6, least_left = 0.8;
+  return refined.noise_px < not_synchronised * alone_px && refined.corners_used > least_left * placed_corners(placed);
 }
 
 // The joint adjustment with the lenses that were given refined as far as they may be wrong, where that explains the
@@ -608,7 +608,7 @@ void refine(Extrinsics& result, const Adjustment& placed, const ExtrinsicsOption
   // What those that were found here explain is not to be put down to the given ones.
   if (auto all = with_given_lenses(result, placed, in_step ? refined : held, options, found))
     return take(std::move(*all), LensRefinement::given_refined);
-  if (!in_step) take(std::move(held), LensRefinement::out_of_step);
+  if (!in_step) take(std::move(held), LensRefinement::not_synchronised);
 }
 
 // No lens that was given is exact. Frees those that stay as far as they may be wrong, on the corners that are used: how
@@ -657,13 +657,13 @@ void check_itself(Extrinsics& result, const std::vector<bool>& found) {
   std::optional<Adjustment> open = with_open_lenses(held, found);
   result.halves = compare_halves(open ? *open : held);
   widen_by(open ? *open : held, result.halves);
-  result.borne_out.resize(held.cameras.size());
+  result.given_lens_checks.resize(held.cameras.size());
   if (!open) return;
   for (std::size_t c = 0; c < held.cameras.size(); ++c) {
     if (!open->cameras[c].lens_is_free || held.cameras[c].lens_is_free) continue;
     const RayUncertainty rays = ray_uncertainty(*open, static_cast<int>(c));
-    result.borne_out[c] = LensBorneOut{difference(held.cameras[c], open->cameras[c], rays.covered).covered_px,
-                                       rays.covered_px, held.cameras[c].lens_covariance.size() > 0};
+    result.given_lens_checks[c] = GivenLensCheck{difference(held.cameras[c], open->cameras[c], rays.covered).covered_px,
+                                                 rays.covered_px, held.cameras[c].lens_covariance.size() > 0};
   }
   state_as_open(held, *open);
 }
@@ -897,7 +897,7 @@ Extrinsics calibrate_all(const board::Board& board, const std::vector<CameraToCa
   tell("the joint adjustment", 1, 3);
   set_times(adjusted, cameras, options.reference);
   Adjustment placed = start.placed(adjusted);
-  if (tell_motion(placed.views)) placed.motions.resize(placed.world_from_board.size());
+  if (determine_motion(placed.views)) placed.motions.resize(placed.world_from_board.size());
   refine(result, placed, options, found);
   tell("what its halves say", 2, 3);
   check_itself(result, found);

@@ -55,7 +55,7 @@ enum class LensRefinement {
   kept_as_given,
   refined,        // those that were found here
   given_refined,  // and those that were given, too (AdjustedCamera::lens_prior): they contradict one another (held_px)
-  out_of_step,    // kept: the cameras agree far better with themselves (alone_px) than with one another (noise_px)
+  not_synchronised,  // kept: the cameras agree far better with themselves (alone_px) than with one another (noise_px)
 };
 
 // Of the image's width: what the rays of a webcam's lens that was given are usually wrong by, rms over the image.
@@ -63,7 +63,7 @@ inline constexpr double usual_lens_share = 0.002;
 
 // A lens that was given and stays, against the one that these views would make of it, beginning with what is known of
 // it: over the parts of the image where boards were, px.
-struct LensBorneOut {
+struct GivenLensCheck {
   double off_px = 0;            // by which the two differ, rms
   double sigma_px = 0;          // how well these views and what was known beforehand tell it (95 %)
   bool has_covariance = false;  // what was known of it was said in its file; otherwise as much as of a usual one
@@ -85,7 +85,7 @@ struct Extrinsics {
   // Per camera: its views fit another lens better than the given one, but know it less well: the given one stays.
   std::vector<std::optional<LensContradiction>> kept_against;
   // Per camera: of a lens that was given and stays. That it may be wrong is part of the covariance.
-  std::vector<std::optional<LensBorneOut>> borne_out;
+  std::vector<std::optional<GivenLensCheck>> given_lens_checks;
   // The board is not what its file says: Adjustment::warp was found and is accounted for.
   bool board_is_warped = false;
   std::vector<HalvesCheck> halves;  // the covariance is widened by them

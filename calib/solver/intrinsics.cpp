@@ -624,7 +624,7 @@ LensCheck check_lens(const board::Board& board, const AdjustedCamera& camera, co
   if (!found) return check;
   const RayUncertainty rays = ray_uncertainty(check.refined, 0);
   found->covered = static_cast<double>(std::ranges::count(rays.covered, true)) / ImageStations::count;
-  const double bar = tell_motion(views) ? clearly_other_moving : clearly_other;
+  const double bar = determine_motion(views) ? clearly_other_moving : clearly_other;
   const double differs_px = difference(camera, check.refined.cameras.front(), rays.covered).image_px;
   const bool is_better_known = differs_px > bar * rays.image_px;
   (is_better_known || is_hopeless(found->given_px, refined_px) ? check.contradiction : check.too_little) = found;

@@ -27,7 +27,7 @@ double reach_of(const AdjustedCamera& camera) {
   return reach;
 }
 
-std::vector<LensBelief> lens_beliefs(const AdjustedCamera& camera) {
+std::vector<LensRegularizer> lens_regularizers(const AdjustedCamera& camera) {
   // By what share of the radius one coefficient moves the image's corner. A rational lens has numerators and
   // denominators of ten and more in truth; the terms of the stereographic one are a few tenths.
   constexpr double rational_share = 10, radial_share = 1, sideways_share = 0.005;
@@ -35,7 +35,7 @@ std::vector<LensBelief> lens_beliefs(const AdjustedCamera& camera) {
   // the radial terms are small, nothing but this tells the axis, and views alone would turn it by degrees. Of the two
   // that make it up the prism is held, so that the axis is where other models with p1 and p2 have it.
   constexpr double prism_share = sideways_share / 10;
-  std::vector<LensBelief> beliefs;
+  std::vector<LensRegularizer> beliefs;
   if (camera.lens != LensModel::radtan8 && camera.lens != LensModel::stereographic) return beliefs;
   const double reach = std::clamp(reach_of(camera), 0.05, 20.0), s = reach * reach;
   if (camera.lens == LensModel::radtan8) {

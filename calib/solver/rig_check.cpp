@@ -149,7 +149,7 @@ std::optional<int> mirrored_pictures(const board::Board& board, const calib::Cam
 }
 
 // Who moved: camera by camera the one that explains most, until the rest fits. cost: the rms with these free.
-// start: with the boards placed for the rig as it is. Sets moved, or_else and with_moved_px.
+// start: with the boards placed for the rig as it is. Sets moved, alternatives and with_moved_px.
 void find_moved(RigCheck& check, const calib::CameraRig& rig, const Adjustment& start, const std::set<int>& seen,
                 const std::function<double(const std::set<int>&)>& cost) {
   std::set<int> moved;
@@ -164,7 +164,7 @@ void find_moved(RigCheck& check, const calib::CameraRig& rig, const Adjustment& 
     }
     std::ranges::sort(trials);
     for (std::size_t t = 1; moved.empty() && t < trials.size(); ++t) {
-      if (is_as_good(trials[t].first, trials.front().first)) check.or_else.push_back(trials[t].second);
+      if (is_as_good(trials[t].first, trials.front().first)) check.alternatives.push_back(trials[t].second);
     }
     check.with_moved_px = trials.front().first;
     moved.insert(trials.front().second);

@@ -41,7 +41,7 @@ struct RigCheck {
   std::vector<MovedCamera> moved;  // that explain it; empty: the rig fits, or it is one of the above
   // Cameras that would explain it (nearly) as well, instead of the first of `moved`: two cameras cannot tell which of
   // them moved.
-  std::vector<int> or_else;
+  std::vector<int> alternatives;
   std::vector<std::optional<LensContradiction>> lenses;  // per camera: its lens no longer fits its own views
 };
 

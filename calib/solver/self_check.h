@@ -39,7 +39,7 @@ struct MovedWithin {
   int set = 0;                         // the first one after it moved
   std::string image;                   // of the camera, in that set or the next one that it is in: for messages
   double moved_m = 0, turned_rad = 0;  // of its centre, and as a whole
-  bool or_another = false;             // two cameras only: it cannot be told which of them moved
+  bool is_either_of_two = false;       // two cameras only: it cannot be told which of them moved
 };
 // nullopt: none clearly did. All views of boards at rest count, those too that were dropped as outliers.
 std::optional<MovedWithin> find_moved_within(const Adjustment& adjusted);

@@ -1,4 +1,4 @@
-#include "calib/wave/time_signs.h"
+#include "calib/wave/timing_diagnostics.h"
 
 #include <algorithm>
 #include <cmath>
@@ -38,12 +38,12 @@ double spread(std::vector<double> values) {
 
 }  // namespace
 
-TimeSigns time_signs(const std::vector<LagSample>& samples, double frame_s) {
+TimingDiagnostics timing_diagnostics(const std::vector<TimingSample>& samples, double frame_s) {
   std::map<int, std::vector<Lag>> windows;
   std::vector<double> across_px;
   std::size_t fast = 0, repeated = 0;
   constexpr double clear_px = 6, near_px = 3;  // by which the ball must move in a frame to tell; of what is there
-  for (const LagSample& sample : samples) {
+  for (const TimingSample& sample : samples) {
     const double speed = sample.velocity.norm();
     if (speed < slow_px_s) continue;
     const Eigen::Vector2d way = sample.velocity / speed, side(-way.y(), way.x());
@@ -55,7 +55,7 @@ TimeSigns time_signs(const std::vector<LagSample>& samples, double frame_s) {
     const double frames_back = -lag.along_s / frame_s;
     repeated += frames_back > 0.6 && frames_back < 1.5 && std::abs(across_px.back()) < near_px ? 1 : 0;
   }
-  TimeSigns signs;
+  TimingDiagnostics signs;
   if (fast >= least_count) signs.repeated = static_cast<double>(repeated) / static_cast<double>(fast);
   const double noise_px = spread(std::move(across_px));
   if (!(noise_px > 0)) return signs;

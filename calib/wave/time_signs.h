@@ -8,7 +8,7 @@
 namespace huetrack::wave {
 
 // A frame's region against the solution.
-struct LagSample {
+struct TimingSample {
   double t_s = 0;
   Eigen::Vector2d residual = Eigen::Vector2d::Zero();  // measured minus predicted, px
   Eigen::Vector2d velocity = Eigen::Vector2d::Zero();  // of the predicted outline, px/s
@@ -16,7 +16,7 @@ struct LagSample {
 
 // Of one camera. A residual along the ball's motion that grows with its speed is a time; one across it is none, and
 // tells what is noise.
-struct TimeSigns {
+struct TimingDiagnostics {
   double wander_s = 0;          // rms by which its frames are early or late from second to second, beyond the noise
   double wander_sigmas = 0;     // rms of the same in its own standard deviations; about 1 where there is none
   std::map<int, double> lag_s;  // by the second, rounded down, in which they were exposed; of those with enough of them
@@ -25,6 +25,6 @@ struct TimeSigns {
 };
 
 // All frames with a region that may be the ball, those too that were not used; frame_s: between two of them.
-TimeSigns time_signs(const std::vector<LagSample>& samples, double frame_s);
+TimingDiagnostics timing_diagnostics(const std::vector<TimingSample>& samples, double frame_s);
 
 }  // namespace huetrack::wave

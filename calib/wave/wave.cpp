@@ -81,7 +81,7 @@ void take_sightings(WaveResult& result, std::vector<BallFrame>& frames) {
   for (const BallFrame& f : frames) result.cameras[index(f.camera)].seen += f.regions.empty() ? 0 : 1;
   for (std::size_t c = 0; c < n; ++c) {
     WaveCamera& camera = result.cameras[c];
-    camera.has_still_things = still[c] > 0;
+    camera.has_static_clutter = still[c] > 0;
     const std::string& name = result.rig.cameras[c].name;
     if (camera.frames == 0) throw solver::CalibrationError(name + " gave no frame");
     if (seen_anything[c] == 0) {
@@ -91,10 +91,10 @@ void take_sightings(WaveResult& result, std::vector<BallFrame>& frames) {
     }
     if (camera.seen < least_shared) {
       throw solver::CalibrationError(
-          name + (camera.has_still_things ? " saw the target's colour only where it never moves: too little motion, "
-                                            "or something else of that colour"
-                                          : " saw the target in only " + std::to_string(camera.seen) + " frames, " +
-                                                std::to_string(least_shared) + " are needed"),
+          name + (camera.has_static_clutter ? " saw the target's colour only where it never moves: too little motion, "
+                                              "or something else of that colour"
+                                            : " saw the target in only " + std::to_string(camera.seen) + " frames, " +
+                                                  std::to_string(least_shared) + " are needed"),
           solver::Fault::too_little_motion);
     }
   }
@@ -102,7 +102,7 @@ void take_sightings(WaveResult& result, std::vector<BallFrame>& frames) {
 
 struct Found {
   std::unique_ptr<WaveSolution> solution;
-  bool poses_refused = false;  // see WaveResult
+  bool rejected_rig_poses = false;  // see WaveResult
 };
 
 // From the rig's poses; from nothing where there are none, or where they lead nowhere. throws CalibrationError
@@ -278,11 +278,11 @@ double move_onto_marks(WaveState& state, const std::vector<BallMark>& marks) {
   return worst;
 }
 
-// The world's origin and axes: of the marks, of the rig, or of the first camera. Sets marks_off_m.
+// The world's origin and axes: of the marks, of the rig, or of the first camera. Sets marks_error_m.
 void set_world(WaveResult& result, WaveSolution& wave, const calib::CameraRig& rig, const WaveOptions& options) {
   WaveState& state = wave.state();
   if (options.marks.size() >= 3) {
-    result.marks_off_m = move_onto_marks(state, options.marks);
+    result.marks_error_m = move_onto_marks(state, options.marks);
   } else if (options.has_poses) {
     onto_rig(rig, state, false).apply(state);
   } else {
@@ -323,7 +323,7 @@ void take_fit(WaveResult& result, const WaveSolution& wave, const std::vector<Ba
   }
 }
 
-// Sets extent_m and away_m.
+// Sets extent_m and camera_distance_m.
 void measure_path(WaveResult& result, const WaveSolution& wave, const std::vector<BallObservation>& observations) {
   const BallPath& path = wave.state().path;
   Vector3d mean = Vector3d::Zero();
@@ -341,12 +341,13 @@ void measure_path(WaveResult& result, const WaveSolution& wave, const std::vecto
   for (int i = 0; i < 3; ++i) result.extent_m[i] = std::sqrt(12 * std::max(0.0, variance[2 - i]));  // of an even spread
   const std::size_t n = result.cameras.size();
   for (std::size_t c = 0; c < n; ++c)
-    result.away_m += (wave.centre(static_cast<int>(c)) - mean).norm() / static_cast<double>(n);
+    result.camera_distance_m += (wave.centre(static_cast<int>(c)) - mean).norm() / static_cast<double>(n);
 }
 
 // Poses, path and latencies follow a camera whose frames are early or late by turns, so that residuals show a part of
 // it only. Which part is tried: its frames are put early or late besides, another way in every second.
-double shown_share(const WaveSolution& wave, const std::vector<BallFrame>& frames, int camera, const TimeSigns& signs) {
+double shown_share(const WaveSolution& wave, const std::vector<BallFrame>& frames, int camera,
+                   const TimingDiagnostics& signs) {
   constexpr double by_s = 2e-3, least_share = 0.1;
   std::mt19937_64 random(1);
   std::map<int, double> late_s;
@@ -360,7 +361,7 @@ double shown_share(const WaveSolution& wave, const std::vector<BallFrame>& frame
   WaveSolution trial = wave;
   trial.retime(moved);
   trial.settle();
-  const TimeSigns shown = trial.signs()[index(camera)];
+  const TimingDiagnostics shown = trial.signs()[index(camera)];
   double along = 0, put = 0;
   for (const auto& [second, lag_s] : shown.lag_s) {
     const auto before = signs.lag_s.find(second);
@@ -373,7 +374,7 @@ double shown_share(const WaveSolution& wave, const std::vector<BallFrame>& frame
 
 // What speaks against the times, and counts as their uncertainty.
 void take_signs(WaveResult& result, WaveSolution& wave, const std::vector<BallFrame>& frames) {
-  std::vector<TimeSigns> signs = wave.signs();
+  std::vector<TimingDiagnostics> signs = wave.signs();
   constexpr double sure_sigmas = 2;  // noise alone: 0.5 to 1.3 seen
   for (std::size_t c = 0; c < signs.size(); ++c)
     if (signs[c].wander_s > 0 && signs[c].wander_sigmas > sure_sigmas)
@@ -393,13 +394,13 @@ void take_signs(WaveResult& result, WaveSolution& wave, const std::vector<BallFr
 
 // throws CalibrationError: the path leaves cameras free to move.
 void require_motion(const WaveResult& result) {
-  if (result.extent_m[0] < WaveResult::least_length * result.away_m) {
+  if (result.extent_m[0] < WaveResult::least_length * result.camera_distance_m) {
     throw solver::CalibrationError(
         fmt::format("too little motion: the ball moved within {:.0f} cm, at {:.1f} m from the cameras",
-                    1e2 * result.extent_m[0], result.away_m),
+                    1e2 * result.extent_m[0], result.camera_distance_m),
         solver::Fault::too_little_motion);
   }
-  if (result.extent_m[1] < WaveResult::least_extent * result.away_m) {
+  if (result.extent_m[1] < WaveResult::least_extent * result.camera_distance_m) {
     throw solver::CalibrationError(
         fmt::format("the ball moved along one line ({:.2f} m long, {:.0f} mm wide), which leaves the cameras free to "
                     "turn around it",
@@ -529,7 +530,7 @@ double scale_sigma(const WaveResult& result, const WaveSolution& wave, const Wav
 // What was measured beside what the rig's own poses say.
 void compare_scale(WaveScale& scale, const WaveSolution& wave, const calib::CameraRig& rig) {
   const Similarity onto = onto_rig(rig, wave.state(), true);
-  scale.of_rigs = 1 / onto.scale;
+  scale.over_rig = 1 / onto.scale;
   Vector3d middle = Vector3d::Zero();
   for (const calib::Camera& camera : rig.cameras) middle += camera.centre() / static_cast<double>(rig.cameras.size());
   double off2 = 0, spread2 = 0;
@@ -537,7 +538,7 @@ void compare_scale(WaveScale& scale, const WaveSolution& wave, const calib::Came
     off2 += (onto * wave.centre(static_cast<int>(c)) - rig.cameras[c].centre()).squaredNorm();
     spread2 += (rig.cameras[c].centre() - middle).squaredNorm();
   }
-  scale.rigs_sigma = std::sqrt(off2 / spread2);
+  scale.rig_sigma = std::sqrt(off2 / spread2);
 }
 
 // throws CalibrationError: a camera hardly ever agrees with the others.
@@ -673,7 +674,7 @@ WaveResult calibrated(const calib::CameraRig& rig, std::vector<BallFrame>& frame
   take_sightings(result, frames);
 
   const Found found = find_solution(rig, frames, options);
-  result.poses_refused = found.poses_refused;
+  result.rejected_rig_poses = found.rejected_rig_poses;
   WaveSolution& wave = *found.solution;
   result.pairs = pairs_of(rig, wave.tracks());
   require_connected(rig, result.pairs);
@@ -685,7 +686,7 @@ WaveResult calibrated(const calib::CameraRig& rig, std::vector<BallFrame>& frame
   if (!options.hold_poses) {
     if (result.scale.measured_m > 0) {
       result.scale = set_scale(wave, rig, options);
-      if (options.has_poses && !result.poses_refused) compare_scale(result.scale, wave, rig);
+      if (options.has_poses && !result.rejected_rig_poses) compare_scale(result.scale, wave, rig);
     }
     set_world(result, wave, rig, options);
   }

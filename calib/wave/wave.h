@@ -46,13 +46,13 @@ struct WaveOptions {
 };
 
 struct WaveCamera {
-  int frames = 0;                 // that were looked at
-  double frame_s = 0;             // from one of them to the next, usually
-  int seen = 0;                   // with a region of the colour that is not still
-  int used = 0;                   // whose region agrees with the other cameras
-  double rms_px = 0;              // of those, length
-  double coverage = 0;            // 0..1; share of an 8x6 grid over the image in which the ball was
-  bool has_still_things = false;  // of the target's colour, that stay where they are; they are left out
+  int frames = 0;                   // that were looked at
+  double frame_s = 0;               // from one of them to the next, usually
+  int seen = 0;                     // with a region of the colour that is not still
+  int used = 0;                     // whose region agrees with the other cameras
+  double rms_px = 0;                // of those, length
+  double coverage = 0;              // 0..1; share of an 8x6 grid over the image in which the ball was
+  bool has_static_clutter = false;  // of the target's colour, that stay where they are; they are left out
   // Times that are not as the model has them: rms by which its frames are early or late from second to second, also
   // where poses and path followed that, and how sure it is (1: noise alone); the same from frame to frame; and the
   // share of fast frames that are the one before once more.
@@ -78,7 +78,7 @@ struct WaveScale {
   double sigma = 0;       // relative
   // Of a measured one: how many times as large it makes all as the rig's own poses do, and how well those know, by how
   // far they are otherwise off; 1 and 0: there are none.
-  double of_rigs = 1, rigs_sigma = 0;
+  double over_rig = 1, rig_sigma = 0;
 };
 
 // Figures only: what they are worth is said in calib/report/wave_report.h.
@@ -93,7 +93,7 @@ struct WaveResult {
   double radius_m = 0;              // of the ball, as it was given
   bool held_poses = false;          // see WaveOptions; what is said of scale and positions is 0 then
   bool had_poses = false;           // the rig's were taken for a start,
-  bool poses_refused = false;       // but were of no use
+  bool rejected_rig_poses = false;  // but were of no use
   double rms_px = 0;                // of all used regions, length
   // The rms error of positions along the path, and in the volume, that follows from the poses' covariance; and what the
   // scale's uncertainty adds to it.
@@ -103,14 +103,14 @@ struct WaveResult {
   double halves_m = 0;        // how far positions along the path differ between the two halves of the recording
   double halves_sigma_m = 0;  // and by how much they should, by their own covariance
   WaveScale scale;
-  double size_ratio = 1;              // how large the ball looks over how large radius_m says
-  std::optional<double> marks_off_m;  // the worst of three marks or more, which set the world; nullopt: they did not
-  double jerk_m_s3 = 0;               // how jerky the waving was (learnt)
+  double size_ratio = 1;                // how large the ball looks over how large radius_m says
+  std::optional<double> marks_error_m;  // the worst of three marks or more, which set the world; nullopt: they did not
+  double jerk_m_s3 = 0;                 // how jerky the waving was (learnt)
   double duration_s = 0;
   Eigen::Vector3d extent_m = Eigen::Vector3d::Zero();  // of the path, along its principal axes, the longest first
-  double away_m = 0;                                   // mean distance of the cameras from the path's middle
+  double camera_distance_m = 0;                        // mean distance of the cameras from the path's middle
 
-  bool is_in_a_plane() const { return extent_m.z() < least_extent * away_m; }
+  bool is_in_a_plane() const { return extent_m.z() < least_extent * camera_distance_m; }
 };
 
 // That the path is in a plane. Without poses it is an error, with them a doubt.

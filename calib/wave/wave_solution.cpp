@@ -112,8 +112,8 @@ void WaveSolution::solve(const WaveStart& start, bool any_scale) {
   find_span();
   constexpr double most_late_s = 0.1;  // what may yet be learnt of a camera's times
   std::size_t crossed = 0;
-  state_.path = crossed_path(rig_, state_.cam_from_world, tracks(), from_s_ - most_late_s, to_s_ + most_late_s, step_s_,
-                             &crossed);
+  state_.path = triangulated_path(rig_, state_.cam_from_world, tracks(), from_s_ - most_late_s, to_s_ + most_late_s,
+                                  step_s_, &crossed);
   if (crossed < index(least_shared)) {
     throw solver::CalibrationError(
         "the cameras' rays to the ball hardly ever meet with the poses that the rig has (" + std::to_string(crossed) +
@@ -201,8 +201,8 @@ BallTracks WaveSolution::tracks() const {
   return t;
 }
 
-std::vector<TimeSigns> WaveSolution::signs() const {
-  std::vector<std::vector<LagSample>> samples(rig_.cameras.size());
+std::vector<TimingDiagnostics> WaveSolution::signs() const {
+  std::vector<std::vector<TimingSample>> samples(rig_.cameras.size());
   for (std::size_t number = 0; number < frames_->size(); ++number) {
     const BallFrame& f = (*frames_)[number];
     const std::size_t c = index(f.camera);
@@ -210,7 +210,7 @@ std::vector<TimeSigns> WaveSolution::signs() const {
       return outline_centre(rig_.cameras[c].model, state_.cam_from_world[c] * state_.path.at(t_s), options_.radius_m);
     };
     // What was not used is taken for the ball if it is where the ball was, or will be, a few frames off.
-    std::optional<LagSample> best;
+    std::optional<TimingSample> best;
     for (const color::ColorRegion& region : f.regions) {
       constexpr double soon_s = 1e-3, most_frames = 5, near_px = 10;
       const double t_s = exposed_s(f, region);
@@ -220,14 +220,14 @@ std::vector<TimeSigns> WaveSolution::signs() const {
       const auto covariance = look ? covariance_of(number, region, *look) : std::nullopt;
       constexpr double most_sigma_px = 1;  // beyond, it is hidden in part, or not the ball alone
       if (!covariance || covariance->trace() > 2 * most_sigma_px * most_sigma_px) continue;
-      const LagSample sample{t_s, region.centre - *at, (*soon - *at) / soon_s};
+      const TimingSample sample{t_s, region.centre - *at, (*soon - *at) / soon_s};
       if (sample.residual.norm() > near_px + most_frames * longest_s_ * sample.velocity.norm()) continue;
       if (!best || sample.residual.norm() < best->residual.norm()) best = sample;
     }
     if (best) samples[c].push_back(*best);
   }
-  std::vector<TimeSigns> out;
-  for (std::size_t c = 0; c < samples.size(); ++c) out.push_back(time_signs(samples[c], frame_s_[c]));
+  std::vector<TimingDiagnostics> out;
+  for (std::size_t c = 0; c < samples.size(); ++c) out.push_back(timing_diagnostics(samples[c], frame_s_[c]));
   return out;
 }
 
@@ -285,12 +285,12 @@ WaveAdjustmentOptions WaveSolution::adjustment_options() const {
   return o;
 }
 
-std::optional<object_tracking::Appearance> WaveSolution::appearance(const BallFrame& frame,
-                                                                    const color::ColorRegion& region) const {
+std::optional<object_tracking::BallProjection> WaveSolution::appearance(const BallFrame& frame,
+                                                                        const color::ColorRegion& region) const {
   calib::Camera camera = rig_.cameras[index(frame.camera)];
   camera.cam_from_world = state_.cam_from_world[index(frame.camera)];
   const Vector3d p = state_.path.at(exposed_s(frame, region));
-  auto at = object_tracking::appearance_of(camera, p, options_.radius_m);
+  auto at = object_tracking::project_ball(camera, p, options_.radius_m);
   if (!at) return at;
   if (const auto px = outline_centre(camera.model, camera.cam_from_world * p, options_.radius_m)) at->px = *px;
   return at;
@@ -353,7 +353,7 @@ void WaveSolution::learn_shapes() {
 // A region that is narrower than a whole ball is partly hidden, one that is wider has something else in it, and its
 // centre is off by as much: of little use here, where there are many others. nullopt: of none.
 std::optional<Eigen::Matrix2d> WaveSolution::covariance_of(std::size_t f, const color::ColorRegion& region,
-                                                           const object_tracking::Appearance& at) const {
+                                                           const object_tracking::BallProjection& at) const {
   if (rough_) return Eigen::Matrix2d(Eigen::Matrix2d::Identity());
   const Shape shape = shape_of(region);
   const double r2 = at.radius_px * at.radius_px;

@@ -6,7 +6,7 @@
 #include <optional>
 #include <vector>
 
-#include "calib/wave/time_signs.h"
+#include "calib/wave/timing_diagnostics.h"
 #include "calib/wave/wave.h"
 #include "calib/wave/wave_adjustment.h"
 #include "calib/wave/wave_start.h"
@@ -56,7 +56,7 @@ class WaveSolution {
   std::vector<BallObservation> observations() const;
 
   // Per camera.
-  std::vector<TimeSigns> signs() const;
+  std::vector<TimingDiagnostics> signs() const;
   // What the covariance takes for the times' own unmodelled wandering; see WaveAdjustmentOptions::wander_s.
   void set_wander(std::vector<double> wander_s) { wander_s_ = std::move(wander_s); }
 
@@ -77,11 +77,12 @@ class WaveSolution {
   void find_span();
   const color::ColorRegion& region(std::size_t f) const;
   WaveAdjustmentOptions adjustment_options() const;
-  std::optional<object_tracking::Appearance> appearance(const BallFrame& frame, const color::ColorRegion& region) const;
+  std::optional<object_tracking::BallProjection> appearance(const BallFrame& frame,
+                                                            const color::ColorRegion& region) const;
   void learn_jerk();
   void learn_shapes();
   std::optional<Eigen::Matrix2d> covariance_of(std::size_t f, const color::ColorRegion& region,
-                                               const object_tracking::Appearance& at) const;
+                                               const object_tracking::BallProjection& at) const;
   std::optional<double> cost_of(std::size_t f, const color::ColorRegion& region) const;
   void choose(double sigmas);
 

@@ -90,8 +90,8 @@ std::optional<Vector3d> crossing(const calib::CameraRig& rig, const std::vector<
   return p;
 }
 
-BallPath crossed_path(const calib::CameraRig& rig, const std::vector<calib::Rigid3d>& cam_from_world,
-                      const BallTracks& tracks, double from_s, double to_s, double step_s, std::size_t* crossed) {
+BallPath triangulated_path(const calib::CameraRig& rig, const std::vector<calib::Rigid3d>& cam_from_world,
+                           const BallTracks& tracks, double from_s, double to_s, double step_s, std::size_t* crossed) {
   BallPath path = BallPath::over(from_s, to_s, step_s);
   const std::vector<bool> all(rig.cameras.size(), true);
   std::vector<std::size_t> known;

@@ -34,8 +34,8 @@ std::optional<Eigen::Vector3d> crossing(const calib::CameraRig& rig, const std::
 
 // The ball's path where rays cross, and straight on between; how many of its control points are from rays is put into
 // `crossed`.
-BallPath crossed_path(const calib::CameraRig& rig, const std::vector<calib::Rigid3d>& cam_from_world,
-                      const BallTracks& tracks, double from_s, double to_s, double step_s, std::size_t* crossed);
+BallPath triangulated_path(const calib::CameraRig& rig, const std::vector<calib::Rigid3d>& cam_from_world,
+                           const BallTracks& tracks, double from_s, double to_s, double step_s, std::size_t* crossed);
 
 // Where the adjustment starts.
 struct WaveStart {

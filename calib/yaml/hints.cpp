@@ -8,9 +8,9 @@
 #include <cmath>
 #include <vector>
 
-#include "calib/yaml/nearest_word.h"
-#include "calib/yaml/number_text.h"
-#include "calib/yaml/text_file.h"
+#include "calib/files/nearest_word.h"
+#include "calib/files/number_text.h"
+#include "calib/files/text_file.h"
 
 namespace huetrack::yaml {
 namespace {
@@ -68,7 +68,7 @@ std::string without_unit(std::string_view number, std::string_view unit, std::st
   const auto value = parse_number(number);
   if (!value) return {};
   if (unit == "%") return fmt::format("write {:.6g}: a share, without the unit", *value / 100);
-  const std::string small = in_small_letters(unit);
+  const std::string small = to_lower_ascii(unit);
   for (const Unit& known : units)
     if (known.said == small && key.ends_with(known.key_end))
       return fmt::format("write {:.6g}: {}, without the unit", *value * known.factor, known.name);
@@ -242,7 +242,7 @@ std::string list_hint(std::string_view text, std::size_t min_count, std::size_t 
 }
 
 std::string boolean_hint(std::string_view given) {
-  const std::string word = in_small_letters(given);
+  const std::string word = to_lower_ascii(given);
   constexpr std::array<std::string_view, 5> yes{"true", "yes", "on", "y", "1"}, no{"false", "no", "off", "n", "0"};
   const bool is_yes = std::ranges::find(yes, word) != yes.end();
   if (!is_yes && std::ranges::find(no, word) == no.end()) return {};

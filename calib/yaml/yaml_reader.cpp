@@ -12,9 +12,9 @@
 #include <set>
 #include <sstream>
 
+#include "calib/files/nearest_word.h"
+#include "calib/files/text_file.h"
 #include "calib/yaml/hints.h"
-#include "calib/yaml/nearest_word.h"
-#include "calib/yaml/text_file.h"
 
 namespace huetrack::yaml {
 namespace {

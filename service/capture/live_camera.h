@@ -8,7 +8,7 @@
 #include <span>
 #include <vector>
 
-#include "capture/frame_source.h"
+#include "capture/frames/frame_source.h"
 #include "capture/v4l2_source.h"
 
 namespace huetrack::capture {
@@ -23,10 +23,10 @@ struct LiveCamera {
   // and may outlive source.
   std::function<void(std::span<const MatchedColor>)> look_for = nullptr;
   // Where outlines were in such a camera's frame of that number (Frame::sequence), and how they move; after all of a
-  // set's, tell_outlines() tells it what was said so of it and of the other cameras of its host. Their next frames then
+  // set's, send_outlines() tells it what was said so of it and of the other cameras of its host. Their next frames then
   // have pixels there, as far as they get to know it in time. thread-safe, and may outlive source.
   std::function<void(std::uint32_t, std::span<const ExpectedOutline>)> expect_outlines = nullptr;
-  std::function<void()> tell_outlines = nullptr;
+  std::function<void()> send_outlines = nullptr;
 };
 
 }  // namespace huetrack::capture

@@ -50,7 +50,7 @@ void capture_cameras(const config::CaptureConfig& config, std::vector<capture::L
                                    .cameras = {},
                                    .program_version = HUETRACK_VERSION,
                                    .transport = config.dds.publisher.transport("huetrackd capture"),
-                                   .say_light = said_of_light};
+                                   .describe_light = said_of_light};
   for (const auto& camera : config.cameras) options.cameras.push_back(camera.name);
   const std::vector<std::string> names = options.cameras;
   const std::string host = options.host;

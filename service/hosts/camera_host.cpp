@@ -9,7 +9,7 @@
 #include <thread>
 #include <utility>
 
-#include "capture/capture_clock.h"
+#include "capture/timing/capture_clock.h"
 #include "hosts/frame_message.h"
 #include "hosts/frame_window.h"
 #include "hosts/machine_clock.h"
@@ -199,9 +199,9 @@ struct CameraHost::Impl {
 
   // A tracker that takes the matches has no pictures to see it in.
   void watch_light(Camera& camera, const MatchFinder& finder, capture::LightFindings& known) const {
-    if (!options.say_light || finder.light() == known) return;
+    if (!options.describe_light || finder.light() == known) return;
     known = finder.light();
-    std::string said = options.say_light(known);
+    std::string said = options.describe_light(known);
     const std::scoped_lock lock(camera.mutex);
     camera.light = said;
     if (!said.empty())

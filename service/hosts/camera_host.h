@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "capture/light_watch.h"
+#include "capture/frames/light_watch.h"
 #include "capture/live_camera.h"
 #include "idl/participant_options.h"
 
@@ -23,7 +23,7 @@ struct CameraHostOptions {
   // What light does to a camera's pictures, in sentences for people; empty: nothing. It goes to the trackers as what is
   // wrong with the camera. Of cameras whose matches are sent; the others' pictures are the trackers' to look at. Called
   // by the cameras' threads. Not set: nothing is said of light.
-  std::function<std::string(const capture::LightFindings&)> say_light = nullptr;
+  std::function<std::string(const capture::LightFindings&)> describe_light = nullptr;
 };
 
 // The name of a host or of a hosted camera is a part of a topic's name: letters, digits, '_', '-' and '.', one or more.

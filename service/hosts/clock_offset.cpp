@@ -41,7 +41,7 @@ void ClockOffset::add(const Exchange& exchange) {
     off_in_a_row_ = is_off ? off_in_a_row_ + 1 : 0;
     if (is_off && off_in_a_row_ < steps_in_a_row) return;
     if (is_off) {
-      const KeptTogether together = together_;
+      const ClockSync together = together_;
       forget();
       together_ = together;
       add(exchange);
@@ -55,8 +55,8 @@ void ClockOffset::add(const Exchange& exchange) {
   weigh();
 }
 
-void ClockOffset::set_kept(const KeptTogether& kept_together) {
-  together_ = kept_together;
+void ClockOffset::set_sync(const ClockSync& clock_sync) {
+  together_ = clock_sync;
   weigh();
 }
 

@@ -6,7 +6,7 @@
 #include <limits>
 #include <optional>
 
-#include "capture/frame.h"
+#include "capture/frames/frame.h"
 
 namespace huetrack::hosts {
 
@@ -18,7 +18,7 @@ struct Exchange {
 
 // What is known of the offset without asking: two programs of one machine have one clock (sigma 0), and chrony, ntpd or
 // PTP say how well they keep one.
-struct KeptTogether {
+struct ClockSync {
   capture::Duration offset{0};
   double sigma_s = std::numeric_limits<double>::infinity();  // standard deviation; infinite: nobody keeps them together
 };
@@ -34,7 +34,7 @@ class ClockOffset {
  public:
   // Those whose stamps make no sense (answered before it was asked) are left out.
   void add(const Exchange& exchange);
-  void set_kept(const KeptTogether& kept);
+  void set_sync(const ClockSync& kept);
   void forget() { *this = {}; }
 
   bool is_known() const { return count_ >= enough; }
@@ -66,7 +66,7 @@ class ClockOffset {
   double middle_s_ = 0, offset_s_ = 0, drift_ = 0, fastest_s_ = 0;
   double now_s_ = 0;  // of the newest exchange
   double level_variance_s2_ = 1, drift_variance_ = 0;
-  KeptTogether together_;
+  ClockSync together_;
   bool is_contradicted_ = false;
   double share_ = 1;  // of the exchanges; the remainder is what keeps the clocks together
 };

@@ -9,7 +9,7 @@
 #include <fstream>
 #include <string>
 
-#include "capture/capture_clock.h"
+#include "capture/timing/capture_clock.h"
 
 namespace huetrack::hosts {
 namespace {
@@ -51,7 +51,7 @@ MachineClock machine_clock() noexcept {
           .kept_s = kept_by(is_kept, state.esterror, state.maxerror, capture::seconds(capture::wall_clock_step()))};
 }
 
-KeptTogether kept_together(const MachineClock& ours, const MachineClock& theirs) noexcept {
+ClockSync clock_sync(const MachineClock& ours, const MachineClock& theirs) noexcept {
   if (ours.machine != 0 && ours.machine == theirs.machine) return {.offset = theirs.zero - ours.zero, .sigma_s = 0};
   if (!ours.kept_s || !theirs.kept_s) return {};
   return {.sigma_s = std::hypot(*ours.kept_s, *theirs.kept_s)};

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <optional>
 
-#include "capture/frame.h"
+#include "capture/frames/frame.h"
 #include "hosts/clock_offset.h"
 
 namespace huetrack::hosts {
@@ -20,7 +20,7 @@ struct MachineClock {
 MachineClock machine_clock() noexcept;
 
 // What is known of the offset of `theirs` to `ours` without asking.
-KeptTogether kept_together(const MachineClock& ours, const MachineClock& theirs) noexcept;
+ClockSync clock_sync(const MachineClock& ours, const MachineClock& theirs) noexcept;
 
 // Of the kernel's own words, in microseconds, for machine_clock(). is_kept: somebody has set the clock and goes on.
 std::optional<double> kept_by(bool is_kept, long estimated_error_us, long largest_error_us, double stepped_s) noexcept;

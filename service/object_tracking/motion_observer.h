@@ -4,7 +4,7 @@
 #include <span>
 #include <vector>
 
-#include "object_tracking/motion_belief.h"
+#include "object_tracking/motion_state.h"
 #include "object_tracking/sighting.h"
 
 namespace huetrack::object_tracking {
@@ -22,12 +22,12 @@ class MotionObserver {
 
   // The belief after the sightings (by the times of their rows), each at its own time. linearised_about: a motion near
   // the object's; nullptr: as it is expected to go on. power_density: of the acceleration, m^2/s^3.
-  MotionBelief observed(const MotionBelief& from, const MotionBelief* linearised_about,
-                        std::span<const Sighting> sightings, double power_density);
+  MotionState observed(const MotionState& from, const MotionState* linearised_about,
+                       std::span<const Sighting> sightings, double power_density);
   // Linearised again where the object turns out to be, when that is not where it was expected (Bell and Cathey 1993).
   // What a single view leaves open must be the ray through its pixel, to a fraction of the pixel over all of the open
   // depth, or particles along the wrong line make the filter sure of a depth that nobody measured.
-  MotionBelief observed_in_passes(const MotionBelief& from, std::span<const Sighting> sightings, double power_density);
+  MotionState observed_in_passes(const MotionState& from, std::span<const Sighting> sightings, double power_density);
 
   // Of the last call. The views point into its sightings.
   const std::vector<LinearView>& views() const { return views_; }

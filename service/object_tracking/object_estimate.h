@@ -10,7 +10,7 @@
 #include <string_view>
 #include <vector>
 
-#include "capture/frame.h"
+#include "capture/frames/frame.h"
 
 namespace huetrack::object_tracking {
 
@@ -35,7 +35,7 @@ std::string_view name(TrackState state);  // "searching", ...
 // views agree with one another, or contradict. How far apart the two are, and how far they may be:
 //   d = px - project(position),  S = covariance + J position_covariance J',  J = d px / d p_world at position
 // d' S^-1 d is chi-square with 2 degrees of freedom where two others or more see it, with 1 where one does.
-struct ViewWitness {
+struct LeaveOneOut {
   capture::Timestamp at;       // when the row was exposed on which it is seen, with the times that are believed
   Eigen::Vector2d px;          // measured centre, raw pixels
   Eigen::Matrix2d covariance;  // px^2, of all its errors: those that are new in every frame and those that last
@@ -96,10 +96,10 @@ struct ViewSupport {
   // nullopt: nothing of the object's colour is where it may be expected in this view, or no other view shows it. Also
   // of a view that was left out of this set because it contradicts the others (seen is false then), and of one that is
   // not used (CameraTrust); the others never stand on these.
-  std::optional<ViewWitness> witness = {};
+  std::optional<LeaveOneOut> witness = {};
   // What this view's contradictions with the others add to its error, as a standard deviation, px: an error that lasts,
   // and that is in the estimate's covariance. 0: they agree as well as they should.
-  float doubt_px = 0;
+  float inflation_px = 0;
 };
 
 struct ObjectEstimate {

@@ -15,7 +15,7 @@ namespace {
 // of rendered balls of 3 to 12 px (benchmark outline_figures): what lasts is light, what does not last lies in how the
 // edge meets the pixels and what is behind it.
 constexpr double usual_noise = 1.5;  // of the fit's covariance: neighbouring pixels' noise is not independent
-constexpr double new_px = 0.03, new_share = 0.002, lasting_px = 0.03, lasting_share = 0.005;
+constexpr double new_px = 0.03, new_share = 0.002, bias_sigma_px = 0.03, lasting_share = 0.005;
 // The less the pixels say, the more of an outline is what is usual of a ball's light, from which a room's lamps differ:
 // in webcams' pictures the error that lasts was 1.5 to 2.4 times what the fit states, in clean ones 1.5 times in the
 // median.
@@ -90,11 +90,11 @@ OutlineSighter::OutlineSighter(const calib::CameraRig& rig, const TargetOptions&
       pixel_noise_px_(options.pixel_noise_px),
       views_(rig.cameras.size()) {}
 
-bool OutlineSighter::sharpen(const TargetView& view, const MotionBelief& belief, const ExpectedView& expected,
+bool OutlineSighter::sharpen(const TargetView& view, const MotionState& belief, const ExpectedView& expected,
                              const Eigen::Matrix2d& spread, Sighting& sighting) {
   PerView& of = views_[static_cast<std::size_t>(view.index)];
   const bool was_sharp = std::exchange(of.is_sharp, false);
-  if (!is_sought() || !of.behind) return false;
+  if (!is_enabled() || !of.behind) return false;
   const Eigen::Vector3d there = belief.position_at(expected.row.at);
   const auto ball = outline_of(*view.camera, there, radius_m_);
   if (!ball) return false;
@@ -102,7 +102,7 @@ bool OutlineSighter::sharpen(const TargetView& view, const MotionBelief& belief,
 
   // Where motion and region together say it is.
   Eigen::Matrix2d of_region = sighting.covariance;
-  of_region.diagonal().array() += sighting.lasting_px * sighting.lasting_px;
+  of_region.diagonal().array() += sighting.bias_sigma_px * sighting.bias_sigma_px;
   const Eigen::Vector2d start =
       expected.at.px + spread * (spread + of_region).inverse() * (sighting.px - expected.at.px);
   outline::Ellipse ellipse = ball->ellipse;
@@ -118,15 +118,15 @@ bool OutlineSighter::sharpen(const TargetView& view, const MotionBelief& belief,
                               ? std::log(std::max(1.0, sighting.radius_px) / expected.at.radius_px)
                               : of.log_size;
   options.log_size = {log_size, std::hypot(is_size_known ? known_log_size : unknown_log_size, depth_sigma / distance)};
-  options.same_light = std::exp(-(there - of.lit_at).norm() / same_light_m -
-                                capture::seconds(expected.row.at - of.lit_when) / same_light_s);
-  options.may_hold_light = is_size_known && options.same_light >= same_enough;
+  options.light_correlation = std::exp(-(there - of.lit_at).norm() / same_light_m -
+                                       capture::seconds(expected.row.at - of.lit_when) / same_light_s);
+  options.may_hold_light = is_size_known && options.light_correlation >= same_enough;
   const auto picture = picture_around(view, ellipse.centre);
   if (!picture) return false;
   const outline::Fit fit = fit_.fit(*picture, *of.behind, ellipse, {motion.velocity, motion.row_s}, of.look, options);
   if (fit.outcome == outline::FitOutcome::misfit || fit.outcome == outline::FitOutcome::lost) ++not_fitted_;
   if (fit.outcome != outline::FitOutcome::fits) {
-    of.look.left.reset();  // in the next picture all is fitted at once
+    of.look.promise.reset();  // in the next picture all is fitted at once
     of.begins_at_region = !of.begins_at_region;
     if (shape_ == TargetShape::automatic && not_fitted_ + fitted_ >= least_tries &&
         static_cast<double>(fitted_) < least_fitted * static_cast<double>(fitted_ + not_fitted_))
@@ -148,16 +148,16 @@ bool OutlineSighter::sharpen(const TargetView& view, const MotionBelief& belief,
   sharp.covariance.diagonal().array() += (1 - of.still) * new_px2 + by_size * by_size + rig_px2;
   const double wrong_px = radius_px * std::abs(is_size_known ? of.log_size : fit.log_size.value);
   const double one_sided_px = std::max(0.0, wrong_px - off_all_around_px);
-  sharp.lasting_px =
-      std::sqrt(lasting_px * lasting_px + lasting_share * lasting_share * radius_px * radius_px + of.still * new_px2 +
-                lasting_of_noise * lasting_of_noise * fit.covariance.trace() / 2 + one_sided_px * one_sided_px);
+  sharp.bias_sigma_px = std::sqrt(
+      bias_sigma_px * bias_sigma_px + lasting_share * lasting_share * radius_px * radius_px + of.still * new_px2 +
+      lasting_of_noise * lasting_of_noise * fit.covariance.trace() / 2 + one_sided_px * one_sided_px);
 
   // What neither the motion nor the region would explain is something else's edge.
   Eigen::Matrix2d total = spread + sharp.covariance;
-  total.diagonal().array() += sharp.lasting_px * sharp.lasting_px;
+  total.diagonal().array() += sharp.bias_sigma_px * sharp.bias_sigma_px;
   const Eigen::Vector2d off = sharp.px - expected.at.px, beside = sharp.px - sighting.px;
-  if (off.dot(total.inverse() * off) > region_gate ||
-      beside.dot((of_region + sharp.covariance).inverse() * beside) > region_gate)
+  if (off.dot(total.inverse() * off) > sighting_tuning.gate_nis ||
+      beside.dot((of_region + sharp.covariance).inverse() * beside) > sighting_tuning.gate_nis)
     return false;
   if (fit.visible > 0.8 && fit.log_size.sigma < 0.05) {
     of.log_size_weight = std::min(most_sizes, of.log_size_weight + 1);
@@ -165,7 +165,7 @@ bool OutlineSighter::sharpen(const TargetView& view, const MotionBelief& belief,
     const double lasting = std::hypot(lasting_size_px / radius_px, lasting_of_noise * fit.log_size.sigma);
     of.size_variance += (lasting * lasting - of.size_variance) / of.log_size_weight;
   }
-  if ((sharp.covariance.trace() + 2 * sharp.lasting_px * sharp.lasting_px) >
+  if ((sharp.covariance.trace() + 2 * sharp.bias_sigma_px * sharp.bias_sigma_px) >
       (was_sharp ? better_to_stay : better_to_begin) * of_region.trace())
     return false;
 
@@ -177,12 +177,12 @@ bool OutlineSighter::sharpen(const TargetView& view, const MotionBelief& belief,
   return true;
 }
 
-void OutlineSighter::learn(const std::vector<TargetView>& views, const MotionBelief& belief) {
-  if (!is_sought()) return;
+void OutlineSighter::learn(const std::vector<TargetView>& views, const MotionState& belief) {
+  if (!is_enabled()) return;
   for (const TargetView& view : views) {
     const auto expected = expected_in(view, belief, radius_m_);
     if (!expected) continue;
-    const Appearance& at = expected->at;
+    const BallProjection& at = expected->at;
     const capture::Image* const rare = rare_picture(view);
     const auto around = rare == nullptr ? picture_around(view, at.px) : std::nullopt;
     if (rare == nullptr && !around) continue;

@@ -8,7 +8,7 @@
 
 #include "calib/model/camera_rig.h"
 #include "object_tracking/expected_view.h"
-#include "object_tracking/motion_belief.h"
+#include "object_tracking/motion_state.h"
 #include "object_tracking/sighting.h"
 #include "object_tracking/target_views.h"
 #include "object_tracking/tracker_options.h"
@@ -24,21 +24,21 @@ class OutlineSighter {
 
   // The outline near a sighting that was made from a region, in its place. spread: of where the object is expected,
   // px^2. false: there is none, and the sighting is as it was.
-  bool sharpen(const TargetView& view, const MotionBelief& belief, const ExpectedView& expected,
+  bool sharpen(const TargetView& view, const MotionState& belief, const ExpectedView& expected,
                const Eigen::Matrix2d& spread, Sighting& sighting);
 
   // Whether there is anything to be gained from the pixels around the object.
-  bool is_sought() const { return shape_ != TargetShape::blob && !is_blob_; }
+  bool is_enabled() const { return shape_ != TargetShape::blob && !is_blob_; }
 
   // What is behind it in these views, where the object is by now and where it goes.
-  void learn(const std::vector<TargetView>& views, const MotionBelief& belief);
+  void learn(const std::vector<TargetView>& views, const MotionState& belief);
 
   OutlineFindings findings() const;
 
  private:
   struct PerView {
     std::optional<outline::Background> behind;
-    outline::Look look;
+    outline::AppearanceModel look;
     Eigen::Vector3d lit_at = Eigen::Vector3d::Zero();  // where its light was learnt last, world, and when
     capture::Timestamp lit_when{};
     double log_size = 0, log_size_weight = 0;  // of the outline over that of the target's radius: mean, and of how much

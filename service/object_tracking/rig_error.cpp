@@ -22,12 +22,12 @@ void RigError::add(std::span<const Sighting> sightings) {
   if (!rig_.uncertainty) return;
   for (const Sighting& s : sightings) {
     Eigen::Matrix2d covariance = s.covariance + s.doubt();
-    covariance.diagonal().array() += s.lasting_px * s.lasting_px;
+    covariance.diagonal().array() += s.bias_sigma_px * s.bias_sigma_px;
     last_views_[static_cast<std::size_t>(s.row.camera)] = {true, s.row.at, covariance.inverse()};
   }
 }
 
-void RigError::leave_out_poses(std::span<const CameraTrust> cameras) {
+void RigError::exclude_poses(std::span<const CameraTrust> cameras) {
   rig_.uncertainty = as_found_;
   for (std::size_t c = 0; rig_.uncertainty && c < cameras.size(); ++c) {
     if (cameras[c].cam_from_world)
@@ -43,7 +43,7 @@ Eigen::Matrix3d RigError::left_open(const Eigen::Vector3d& position, capture::Ti
     const double share = std::exp(-std::abs(capture::seconds(at - last_views_[c].at)) / memory_s);
     if (share > least_share) views.push_back({static_cast<int>(c), share * last_views_[c].information});
   }
-  return calib::left_open_by_rig(rig_, position, views, elsewhere_);
+  return calib::rig_covariance_at(rig_, position, views, elsewhere_);
 }
 
 }  // namespace huetrack::object_tracking

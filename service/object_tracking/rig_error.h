@@ -26,7 +26,7 @@ class RigError {
   void add(std::span<const Sighting> sightings);
   // ObjectTracker::trust(): what is open of poses that are others than the rig's now is said in their own covariance.
   // Replaces what was said before.
-  void leave_out_poses(std::span<const CameraTrust> cameras);
+  void exclude_poses(std::span<const CameraTrust> cameras);
 
   // Of the covariance of a position that is told for this moment, m^2; zero for a rig of which nothing is known.
   Eigen::Matrix3d left_open(const Eigen::Vector3d& position, capture::Timestamp at) const;

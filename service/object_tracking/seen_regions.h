@@ -27,7 +27,7 @@ class SeenRegions {
     all_.push_back(seen(view, sighting.px, sighting.radius_px, true));
     if (sighting.is_outline)
       all_.back().outline_sigma_px =
-          std::sqrt(sighting.covariance.trace() / 2 + sighting.lasting_px * sighting.lasting_px);
+          std::sqrt(sighting.covariance.trace() / 2 + sighting.bias_sigma_px * sighting.bias_sigma_px);
   }
   void add_others(const TargetView& view, std::span<const color::ColorRegion> regions) {
     constexpr std::size_t most = 4;  // of a view, the largest

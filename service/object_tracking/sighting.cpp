@@ -49,7 +49,7 @@ struct RegionRay {
 class RayCrosser {
  public:
   RayCrosser(const std::vector<TargetView>& views, std::span<const std::vector<color::ColorRegion>> regions,
-             const TargetOptions& target, const ObjectTrackerOptions& options, const MotionBelief& times)
+             const TargetOptions& target, const ObjectTrackerOptions& options, const MotionState& times)
       : views_(views), regions_(regions), target_(target), options_(options), times_(times) {
     for (const TargetView& view : views) newest_ = std::max(newest_, view.frame->captured_at);
   }
@@ -72,8 +72,8 @@ class RayCrosser {
     const calib::Camera& cj = *views_[j].camera;
     const auto p = crossing(ci.centre(), a.direction, cj.centre(), b.direction);
     if (!p || !inside(options_.volume, *p, target_.radius_m)) return std::nullopt;
-    const auto in_i = appearance_of(ci, *p, target_.radius_m);
-    const auto in_j = appearance_of(cj, *p, target_.radius_m);
+    const auto in_i = project_ball(ci, *p, target_.radius_m);
+    const auto in_j = project_ball(cj, *p, target_.radius_m);
     if (!in_i || !in_j || !fits(i, *a.region, *in_i, min_start_support) ||
         !fits(j, *b.region, *in_j, min_start_support))
       return std::nullopt;
@@ -96,30 +96,30 @@ class RayCrosser {
   }
 
  private:
-  Sighting sighting_at(std::size_t view, const color::ColorRegion& region, const Appearance& at) const {
+  Sighting sighting_at(std::size_t view, const color::ColorRegion& region, const BallProjection& at) const {
     Sighting s = sighting_of(views_[view], region, at.radius_px, options_.pixel_noise_px, {});
     s.row = row_of(views_[view], region.centre.y(), times_);
     return s;
   }
 
   // A view that looked earlier or later, or nobody knows when, saw the object up to so far away.
-  Sighting set_apart(Sighting s, const Appearance& at) const {
+  Sighting set_apart(Sighting s, const BallProjection& at) const {
     const double apart_s =
         std::hypot(capture::seconds(newest_ - s.row.at), times_.row_sigma_s(s.row.camera, s.row.below_middle));
     const double way_m = options_.start_speed_m_s * apart_s;
     s.covariance += way_m * way_m * at.jacobian * at.jacobian.transpose();
-    s.covariance.diagonal().array() += s.lasting_px * s.lasting_px;
+    s.covariance.diagonal().array() += s.bias_sigma_px * s.bias_sigma_px;
     return s;
   }
 
-  bool fits(std::size_t view, const color::ColorRegion& region, const Appearance& at, double least_support) const {
+  bool fits(std::size_t view, const color::ColorRegion& region, const BallProjection& at, double least_support) const {
     const double share = region.area / (std::numbers::pi * at.radius_px * at.radius_px);
     if (share < least_support || share > max_support) return false;
     const Sighting s = set_apart(sighting_at(view, region, at), at);
     return mahalanobis2(s.px - at.px, s.covariance) <= gate;
   }
 
-  const color::ColorRegion* nearest_fitting(std::size_t view, const Appearance& at) const {
+  const color::ColorRegion* nearest_fitting(std::size_t view, const BallProjection& at) const {
     const color::ColorRegion* nearest = nullptr;
     for (const color::ColorRegion& region : regions_[view]) {
       if (!fits(view, region, at, min_support)) continue;
@@ -134,7 +134,7 @@ class RayCrosser {
     c.sightings.clear();
     c.score = 0;
     for (std::size_t v = 0; v < views_.size(); ++v) {
-      const std::optional<Appearance> at = appearance_of(*views_[v].camera, c.position, target_.radius_m);
+      const std::optional<BallProjection> at = project_ball(*views_[v].camera, c.position, target_.radius_m);
       if (!at || !views_[v].camera->contains({at->px})) continue;
       const color::ColorRegion* region = nearest_fitting(v, *at);
       if (region == nullptr) {
@@ -152,7 +152,7 @@ class RayCrosser {
   std::span<const std::vector<color::ColorRegion>> regions_;
   const TargetOptions& target_;
   const ObjectTrackerOptions& options_;
-  const MotionBelief& times_;
+  const MotionState& times_;
   capture::Timestamp newest_ = capture::Timestamp::min();
 };
 
@@ -162,12 +162,13 @@ bool inside(const Volume& volume, const Eigen::Vector3d& p, double margin_m) {
   return ((p - volume.min).array() >= -margin_m).all() && ((volume.max - p).array() >= -margin_m).all();
 }
 
-std::optional<Appearance> appearance_of(const calib::Camera& camera, const Eigen::Vector3d& p_world, double radius_m) {
+std::optional<BallProjection> project_ball(const calib::Camera& camera, const Eigen::Vector3d& p_world,
+                                           double radius_m) {
   const Eigen::Vector3d p_cam = camera.cam_from_world * p_world;
   calib::CameraModel::Jacobian px_from_cam;
   const std::optional<calib::RawPixel> px = camera.model.project(p_cam, px_from_cam);
   if (!px) return std::nullopt;
-  Appearance a;
+  BallProjection a;
   a.px = px->px;
   a.jacobian = px_from_cam * camera.cam_from_world.rotation.toRotationMatrix();
   // The mean scale across the line of sight: the square root of the area that a unit square there covers.
@@ -176,8 +177,8 @@ std::optional<Appearance> appearance_of(const calib::Camera& camera, const Eigen
   return a;
 }
 
-Eigen::Matrix2d px_covariance_of_pose(const calib::Camera& camera, const Eigen::Vector3d& p_world, const Appearance& at,
-                                      const Eigen::Matrix<double, 6, 6>& pose_covariance) {
+Eigen::Matrix2d px_covariance_of_pose(const calib::Camera& camera, const Eigen::Vector3d& p_world,
+                                      const BallProjection& at, const Eigen::Matrix<double, 6, 6>& pose_covariance) {
   const Eigen::Matrix<double, 2, 3> px_from_cam =
       at.jacobian * camera.cam_from_world.rotation.toRotationMatrix().transpose();
   // exp(e) p = p + rotation x p + shift, to first order.
@@ -202,7 +203,7 @@ double sample_px(const capture::Image& image) {
   return 1;
 }
 
-UsualError usual_error(double radius_px, double pixel_noise_px, double sample_px) {
+BaseError base_error(double radius_px, double pixel_noise_px, double sample_px) {
   // Around the edge each sample of color is in or out, wherever in it the edge is: as many errors as there are samples.
   const double rounding = std::pow(sample_px, 3) / (12 * std::numbers::pi * std::max(1.0, radius_px));
   const double error2 = pixel_noise_px * pixel_noise_px + 0.0016 * radius_px * radius_px + rounding;
@@ -217,8 +218,8 @@ Sighting sighting_of(const TargetView& view, const color::ColorRegion& region, d
   s.projector = view.projector;
   s.px = region.centre;
   s.radius_px = std::sqrt(region.area / std::numbers::pi);
-  const UsualError usual = usual_error(radius_px, pixel_noise_px, sample_px(*view.image));
-  s.lasting_px = std::sqrt(usual.lasting_px2);
+  const BaseError usual = base_error(radius_px, pixel_noise_px, sample_px(*view.image));
+  s.bias_sigma_px = std::sqrt(usual.lasting_px2);
   // A row that is dv below the centre's shows the ball where it is dv row_s later: the outline is the disc's image
   // under the inverse of d -> d - velocity row_s d.v. Never faster than the rows themselves, as far as the shape goes.
   const Eigen::Vector2d shear = (motion.row_s * motion.velocity).cwiseMax(-0.5).cwiseMin(0.5);
@@ -247,19 +248,19 @@ void sort_by_time(std::vector<Sighting>& sightings) {
   std::ranges::stable_sort(sightings, {}, [](const Sighting& s) { return s.row.at; });
 }
 
-bool is_round(const Sighting& s) {
+bool has_disc_shape(const Sighting& s) {
   constexpr double round_sigma = 0.2;  // of the radius: a misfit below it says nothing
   return std::sqrt(s.covariance.trace() / 2) <= round_sigma * s.radius_px / std::sqrt(s.support);
 }
 
-bool is_whole_disc(const Sighting& s) {
+bool is_unoccluded_disc(const Sighting& s) {
   constexpr double whole_support = 0.9;
-  return s.support >= whole_support && is_round(s);
+  return s.support >= whole_support && has_disc_shape(s);
 }
 
-SeenRow row_of(const TargetView& view, double row, const MotionBelief& times) {
+SeenRow row_of(const TargetView& view, double row, const MotionState& times) {
   SeenRow out{.camera = view.index, .below_middle = view.below_middle(row)};
-  out.shift_s = times.row_shift_s(view.index, out.below_middle);
+  out.shift_s = times.row_offset_s(view.index, out.below_middle);
   out.at = view.frame->row_time(row) + capture::duration_of(out.shift_s);
   return out;
 }
@@ -267,7 +268,7 @@ SeenRow row_of(const TargetView& view, double row, const MotionBelief& times) {
 PositionInformation information_of(std::span<const Sighting> sightings, const Eigen::Vector3d& p_world) {
   PositionInformation out;
   for (const Sighting& s : sightings) {
-    const std::optional<Appearance> a = appearance_of(*s.camera, p_world, 1);
+    const std::optional<BallProjection> a = project_ball(*s.camera, p_world, 1);
     if (!a) continue;
     const Eigen::Matrix<double, 3, 2> weighted = a->jacobian.transpose() * s.covariance.inverse();
     out.information += weighted * a->jacobian;
@@ -287,7 +288,7 @@ std::optional<Eigen::Vector3d> crossing(const calib::Camera& camera0, const cali
 std::vector<PositionCandidate> cross_rays(const std::vector<TargetView>& views,
                                           std::span<const std::vector<color::ColorRegion>> regions,
                                           const TargetOptions& target, const ObjectTrackerOptions& options,
-                                          const MotionBelief& times, std::size_t max_count) {
+                                          const MotionState& times, std::size_t max_count) {
   const RayCrosser crosser(views, regions, target, options, times);
   std::vector<std::vector<RegionRay>> rays;
   for (std::size_t i = 0; i < views.size(); ++i) rays.push_back(crosser.rays_of(i));

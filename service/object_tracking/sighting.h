@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "color/color_region.h"
-#include "object_tracking/motion_belief.h"
+#include "object_tracking/motion_state.h"
 #include "object_tracking/target_views.h"
 #include "object_tracking/tracker_options.h"
 
@@ -18,16 +18,17 @@ namespace huetrack::object_tracking {
 bool inside(const Volume& volume, const Eigen::Vector3d& p, double margin_m);
 
 // Where a ball would appear in a view.
-struct Appearance {
+struct BallProjection {
   Eigen::Vector2d px;                    // projection of its centre, raw pixels
   Eigen::Matrix<double, 2, 3> jacobian;  // d px / d p_world, pixels per metre
   double radius_px = 0;
 };
-std::optional<Appearance> appearance_of(const calib::Camera& camera, const Eigen::Vector3d& p_world, double radius_m);
+std::optional<BallProjection> project_ball(const calib::Camera& camera, const Eigen::Vector3d& p_world,
+                                           double radius_m);
 
 // How far a pose that is not quite known (CameraTrust::pose_covariance) moves what is seen there, px^2.
-Eigen::Matrix2d px_covariance_of_pose(const calib::Camera& camera, const Eigen::Vector3d& p_world, const Appearance& at,
-                                      const Eigen::Matrix<double, 6, 6>& pose_covariance);
+Eigen::Matrix2d px_covariance_of_pose(const calib::Camera& camera, const Eigen::Vector3d& p_world,
+                                      const BallProjection& at, const Eigen::Matrix<double, 6, 6>& pose_covariance);
 
 struct Sighting {
   SeenRow row;
@@ -35,45 +36,45 @@ struct Sighting {
   const calib::BatchProjector* projector = nullptr;
   Eigen::Vector2d px;          // measured centre, raw pixels
   Eigen::Matrix2d covariance;  // px^2, of what is new in every frame
-  double lasting_px = 0;       // standard deviation of what lasts while the object rests
+  double bias_sigma_px = 0;    // standard deviation of what lasts while the object rests
   double support = 0;          // 0..1, share of the expected disc that has the target's colour
   double radius_px = 0;        // of the disc of the region's area
   // px^2, of what lasts besides: by the pose that the camera is held to have, and by how far views contradict it.
   Eigen::Matrix2d of_pose = Eigen::Matrix2d::Zero();
-  double doubt_px2 = 0;
+  double inflation_px2 = 0;
   // Furniture of the target's colour is at its edge, or behind it, and left out: how far it is off by that says nothing
   // of whether views agree.
   bool is_cut = false;
   bool is_outline = false;  // it is not the middle of a region, but what its outline says
 
-  Eigen::Matrix2d doubt() const { return of_pose + doubt_px2 * Eigen::Matrix2d::Identity(); }
+  Eigen::Matrix2d doubt() const { return of_pose + inflation_px2 * Eigen::Matrix2d::Identity(); }
 };
 
 void sort_by_time(std::vector<Sighting>& sightings);  // of their rows; stable
 
 // The region has the shape of a disc, if not its size; and its size, too: nothing hides or cuts a part of it.
-bool is_round(const Sighting& sighting);
-bool is_whole_disc(const Sighting& sighting);
+bool has_disc_shape(const Sighting& sighting);
+bool is_unoccluded_disc(const Sighting& sighting);
 
 // A region counts as an object's within this: chi-square, 2 degrees of freedom, 99.97 %; and from so much of its disc
 // on.
-inline constexpr double region_gate = 16, least_support = 0.15;
+inline constexpr double sighting_tuning.gate_nis = 16, least_support = 0.15;
 // A candidate for an object that is looked for and is older than this confirms nothing.
 inline constexpr double longest_confirmation_s = 0.5;
 // In so many sets a candidate must be seen that a view contradicts, which should show it: by chance rays meet once and
 // again, but not for as long.
 inline constexpr int contested_sets = 8;
 // So many crossings of rays are weighed where one object is looked for.
-inline constexpr std::size_t most_crossings = 4;
+inline constexpr std::size_t sighting_tuning.max_crossings = 4;
 // By as much a region of some hundred pixels moves and changes visibly: a frame that shows none of it was shown before.
-inline constexpr double surely_moved_px = 1;
+inline constexpr double repeat_px = 1;
 
 // How far a place in a view is off by what is not seen in a region's shape, px^2, as sighting_of() has it: new in every
 // frame, and what lasts.
-struct UsualError {
+struct BaseError {
   double fresh_px2, lasting_px2;
 };
-UsualError usual_error(double radius_px, double pixel_noise_px, double sample_px);
+BaseError base_error(double radius_px, double pixel_noise_px, double sample_px);
 // The side of a square that is as large as the pixels that share a sample of color.
 double sample_px(const capture::Image& image);
 
@@ -95,9 +96,9 @@ struct ImageMotion {
 // cut, and its centre is off by about as much; a region that is too wide (background of the same colour) is distrusted
 // the same way. Misfits below a fifth of the radius are the noise of a small disc's outline and say nothing.
 // s is options.pixel_noise_px; 0.04 r is the shading of a ball, whose bright side matches further out than its dark
-// side; c, sample_px(), is how coarse the region's edge is. Of these, 0.2 last while the object rests (lasting_px), the
-// remainder is new in every frame and stands in `covariance` with the misfit. The figures were fitted on data/rendered
-// (README.md).
+// side; c, sample_px(), is how coarse the region's edge is. Of these, 0.2 last while the object rests (bias_sigma_px),
+// the remainder is new in every frame and stands in `covariance` with the misfit. The figures were fitted on
+// data/rendered (README.md).
 Sighting sighting_of(const TargetView& view, const color::ColorRegion& region, double radius_px, double pixel_noise_px,
                      const ImageMotion& motion);
 
@@ -131,9 +132,9 @@ struct PositionCandidate {
 std::vector<PositionCandidate> cross_rays(const std::vector<TargetView>& views,
                                           std::span<const std::vector<color::ColorRegion>> regions,
                                           const TargetOptions& target, const ObjectTrackerOptions& options,
-                                          const MotionBelief& times, std::size_t max_count);
+                                          const MotionState& times, std::size_t max_count);
 
 // The row of a view, when it was exposed as far as is known.
-SeenRow row_of(const TargetView& view, double row, const MotionBelief& times);
+SeenRow row_of(const TargetView& view, double row, const MotionState& times);
 
 }  // namespace huetrack::object_tracking

@@ -81,7 +81,7 @@ struct ObjectTrackerOptions {
 // What is held of one camera's calibration at the moment, beside what the rig says.
 struct CameraTrust {
   // false: what this camera shows moves no estimate and starts none. It is still looked at where the target is
-  // expected, for its ViewWitness.
+  // expected, for its LeaveOneOut.
   bool is_used = true;
   // That it stands elsewhere than the rig says was seen otherwise: what views contradicted of it until now is
   // explained.

@@ -136,7 +136,7 @@ void OutlineFit::begin(const Look& look, const FitOptions& options) {
   }
   // One picture hardly tells such light from an edge that is elsewhere; many of the same light do (a Kalman filter of a
   // first-order Gauss-Markov process).
-  const double kept = options.same_light, kept2 = kept * kept;
+  const double kept = options.light_correlation, kept2 = kept * kept;
   auto information = information_.block<lights, lights>(shading_, shading_);
   LightMatrix covariance = kept2 * look.light->covariance;
   covariance.diagonal() += (1 - kept2) * information.diagonal().cwiseInverse();
@@ -367,9 +367,9 @@ Fit OutlineFit::fit(const Picture& picture, const Background& behind, const Elli
   if (!find_grid(picture)) return out;
   if (!sample(picture, behind, look, out)) return out;
   const double smear_sigma_px = 0.5 * movement.velocity.norm() * look.exposure_s.sigma;
-  is_light_held_ = options.may_hold_light && look.light && look.left && smear_sigma_px < far_px;
+  is_light_held_ = options.may_hold_light && look.light && look.promise && smear_sigma_px < far_px;
   if (is_light_held_) {
-    held_open_ = look.left->open;
+    held_open_ = look.promise->open;
     Fit held = out;
     if (step_down(look, options, held) && is_as_promised(look)) {
       tell(held);
@@ -423,7 +423,7 @@ bool OutlineFit::step_down(const Look& look, const FitOptions& options, Fit& out
 // Hardly anything hides it; pixels and size are as they were to be, but for chance.
 bool OutlineFit::is_as_promised(const Look& look) const {
   const double by_chance = 1 + by_chance_sigmas * std::sqrt(2 / std::max(1.0, sums_.trusted));
-  return visible_ >= enough_visible && misfit_ <= std::min(most_promised, look.left->misfit) * by_chance &&
+  return visible_ >= enough_visible && misfit_ <= std::min(most_promised, look.promise->misfit) * by_chance &&
          !has_other_size();
 }
 
@@ -458,9 +458,9 @@ bool OutlineFit::learn(Look& look) const {
   average(look.log_blur_light, blur_light_);
   average(look.log_blur_chroma, blur_chroma_);
   look.object = object_;
-  look.left.reset();
+  look.promise.reset();
   if (has_other_size()) return false;
-  if (visible_ >= enough_visible) look.left = {std::max(1.0, misfit_) * left_open(), misfit_};
+  if (visible_ >= enough_visible) look.promise = {std::max(1.0, misfit_) * left_open(), misfit_};
   look.light = {x_.segment<lights>(shading_), std::max(1.0, misfit_) * equations_.covariance_of_light()};
   return true;
 }

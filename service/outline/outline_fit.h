@@ -18,8 +18,8 @@
 #include "outline/edge_model.h"
 #include "outline/edge_samples.h"
 #include "outline/normal_equations.h"
+#include "outline/outlier_pixels.h"
 #include "outline/picture.h"
-#include "outline/strange_pixels.h"
 
 namespace huetrack::outline {
 
@@ -59,8 +59,8 @@ struct Look {
 };
 
 struct FitOptions {
-  Known log_size{0, 0.1};  // of the outline over `axes`
-  double same_light = 0;   // 0..1: how much of what Look::light departs from what is usual is still so
+  Known log_size{0, 0.1};        // of the outline over `axes`
+  double light_correlation = 0;  // 0..1: how much of what Look::light departs from what is usual is still so
   // The light over the ball as the last fit left it, edges' softness and the exposure as they are known may be held,
   // which is less work. They are fitted, too, where a picture is not as the last one promised.
   bool may_hold_light = false;

@@ -24,7 +24,7 @@ bool is_explained_by(const std::vector<bool>& moved, const view_watch::Mistake& 
 
 }  // namespace
 
-double doubt_of(const view_watch::Mistake& mistake, const calib::Camera& camera) {
+double inflation_rad(const view_watch::Mistake& mistake, const calib::Camera& camera) {
   using view_watch::MistakeKind;
   switch (mistake.kind) {
     case MistakeKind::turned:
@@ -49,7 +49,7 @@ double doubt_of(const view_watch::Mistake& mistake, const calib::Camera& camera)
   return 0;
 }
 
-void add_doubts(std::span<const double> doubts, std::vector<object_tracking::CameraTrust>& trust) {
+void add_inflation(std::span<const double> doubts, std::vector<object_tracking::CameraTrust>& trust) {
   trust.resize(std::max(trust.size(), doubts.size()));
   for (std::size_t c = 0; c < doubts.size(); ++c)
     trust[c].pose_covariance.diagonal().head<3>().array() += doubts[c] * doubts[c];
@@ -92,11 +92,12 @@ bool MistakeWatch::look(const capture::FrameSet& set, std::span<const object_tra
 }
 
 void MistakeWatch::doubt(const view_watch::Mistake& mistake) {
-  // Where some agree, the others are doubted already by the target's own views (object_tracking/view_doubts.h).
+  // Where some agree, the others are doubted already by the target's own views
+  // (object_tracking/epipolar_consistency.h).
   if (mistake.do_some_agree) return;
   for (std::size_t c = 0; c < doubts_.size(); ++c)
     if (mistake.cameras.empty() || std::ranges::find(mistake.cameras, int(c)) != mistake.cameras.end())
-      doubts_[c] = std::max(doubts_[c], doubt_of(mistake, rig_.cameras[c]));
+      doubts_[c] = std::max(doubts_[c], inflation_rad(mistake, rig_.cameras[c]));
 }
 
 }  // namespace huetrack::pipeline

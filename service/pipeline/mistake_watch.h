@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "calib/model/camera_rig.h"
-#include "capture/frame.h"
+#include "capture/frames/frame.h"
 #include "object_tracking/trackers/object_tracker.h"
 #include "view_watch/view_watch.h"
 
@@ -51,9 +51,9 @@ class MistakeWatch {
 
 // By how much a camera that a mistake names looks elsewhere than the rig says, radians: what was found, as the error of
 // any direction, for of a few places its direction is hardly known. 0: nothing that a turn could stand for.
-double doubt_of(const view_watch::Mistake& mistake, const calib::Camera& camera);
+double inflation_rad(const view_watch::Mistake& mistake, const calib::Camera& camera);
 
 // Adds it to what is held of the cameras. trust: per camera of the rig.
-void add_doubts(std::span<const double> doubts, std::vector<object_tracking::CameraTrust>& trust);
+void add_inflation(std::span<const double> doubts, std::vector<object_tracking::CameraTrust>& trust);
 
 }  // namespace huetrack::pipeline

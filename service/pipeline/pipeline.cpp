@@ -10,7 +10,7 @@
 #include <string>
 #include <thread>
 
-#include "capture/capture_clock.h"
+#include "capture/timing/capture_clock.h"
 
 namespace huetrack::pipeline {
 namespace {
@@ -401,7 +401,7 @@ void Pipeline::watch(const capture::FrameSet& set, bool has_new_trackers) {
 void Pipeline::trust_cameras() {
   std::vector<object_tracking::CameraTrust> trust;
   if (calibration_) trust = calibration_->trust();
-  if (mistakes_) add_doubts(mistakes_->doubts(), trust);
+  if (mistakes_) add_inflation(mistakes_->doubts(), trust);
   for (auto& tracker : trackers_) tracker.trust(trust);
 }
 
@@ -446,7 +446,7 @@ bool Pipeline::take_replacements(capture::Timestamp at) {
   const std::scoped_lock lock(replacements_mutex_);
   for (; !replacements_.empty() && replacements_.front().from.value_or(at) <= at; replacements_.pop_front()) {
     for (auto& [target, options, tracker] : replacements_.front().trackers) {
-      tracker.take_the_place_of(trackers_.at(target));
+      tracker.take_over_from(trackers_.at(target));
       trackers_.at(target) = std::move(tracker);
       if (mistakes_) mistakes_->begin_anew(target, options);
     }

@@ -155,7 +155,7 @@ Recorder& RecordingKeeper::recorder_for_who_asks() {
   return *recorder_;
 }
 
-std::filesystem::path RecordingKeeper::start_by_hand() {
+std::filesystem::path RecordingKeeper::start_on_request() {
   const std::scoped_lock lock(supervised_);
   Recorder& recorder = recorder_for_who_asks();
   if (recorder.is_ending_by_itself()) {
@@ -167,7 +167,7 @@ std::filesystem::path RecordingKeeper::start_by_hand() {
   return folder_;
 }
 
-std::filesystem::path RecordingKeeper::stop_by_hand() {
+std::filesystem::path RecordingKeeper::stop_on_request() {
   const std::scoped_lock lock(supervised_);
   Recorder& recorder = recorder_for_who_asks();
   if (is_always())
@@ -197,7 +197,7 @@ void RecordingKeeper::start_as_asked(Recorder& recorder, const std::string& why,
   spdlog::info("recording to {}, as asked", folder.string());
 }
 
-std::filesystem::path RecordingKeeper::save_by_hand(const std::string& why) {
+std::filesystem::path RecordingKeeper::save_on_request(const std::string& why) {
   const std::scoped_lock lock(supervised_);
   Recorder& recorder = recorder_for_who_asks();
   if (recorder.is_recording())

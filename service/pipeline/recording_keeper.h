@@ -45,9 +45,10 @@ class RecordingKeeper final : public Output {
 
   // What somebody asks for while it runs; each gives the recording's folder. throws std::runtime_error of one readable
   // line: there is nothing to do that with, it is done already, the configuration wants it otherwise, the disk refuses.
-  std::filesystem::path start_by_hand();  // from the pre-roll's first frame on, where there is one; a pre-roll goes on
-  std::filesystem::path stop_by_hand();
-  std::filesystem::path save_by_hand(const std::string& why = "asked");  // the pre-roll, and what follows it
+  std::filesystem::path
+  start_on_request();  // from the pre-roll's first frame on, where there is one; a pre-roll goes on
+  std::filesystem::path stop_on_request();
+  std::filesystem::path save_on_request(const std::string& why = "asked");  // the pre-roll, and what follows it
   // From now on, without a pre-roll, into a folder of its own named by the time and `why`.
   std::filesystem::path start_anew(const std::string& why);
 

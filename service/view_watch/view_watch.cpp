@@ -37,7 +37,7 @@ constexpr int least_times = 2;
 // and was found so often: times that are being learnt, and a ball that comes from behind something, last less long.
 constexpr double contradicts = 3;
 constexpr int least_contradictions = 4;
-// What time learning can do by itself is no mistake (motion_belief.cpp: standard deviation 20 ms). What it has not done
+// What time learning can do by itself is no mistake (motion_state.cpp: standard deviation 20 ms). What it has not done
 // is one, from a frame of 30 Hz on: by as much drivers and people are off, and less is what exposures leave open.
 constexpr double least_late_s = 0.07, least_unlearnt_s = 0.03, surely_unlearnt = 4;
 // Rolling shutters take 10 to 33 ms, and what is seen is usually so far from the middle row.
@@ -129,10 +129,10 @@ class Suppositions {
   void try_lateness(std::size_t camera, double learnt_s) {
     const double late_s = best_lateness(comparison_, tracks_, camera, time_sigmas_);
     const double in_all_s = late_s - learnt_s;  // beside what the rig says
-    std::vector<double> unlearnt_s(rig_.cameras.size(), 0.0);
-    unlearnt_s[camera] = late_s;
-    judge({.kind = MistakeKind::late, .cameras = {int(camera)}, .size = in_all_s, .unlearnt_s = unlearnt_s},
-          {.late_s = unlearnt_s}, true);
+    std::vector<double> extra_latency_s(rig_.cameras.size(), 0.0);
+    extra_latency_s[camera] = late_s;
+    judge({.kind = MistakeKind::late, .cameras = {int(camera)}, .size = in_all_s, .extra_latency_s = extra_latency_s},
+          {.late_s = extra_latency_s}, true);
   }
 
   // The times of all cameras: of videos that did not begin together, and of frames that were dropped and not counted.
@@ -156,13 +156,13 @@ class Suppositions {
       if (off_s >= same_times_s) mistake.cameras.push_back(int(c));
       mistake.size = std::max(mistake.size, off_s);
     }
-    mistake.unlearnt_s = late_s;
+    mistake.extra_latency_s = late_s;
     if (mistake.cameras.size() == 1) {
       const auto camera = std::size_t(mistake.cameras.front());
       mistake.kind = MistakeKind::late;
       mistake.size = late_s[camera] - in_time_s - learnt_s[camera];
     }
-    for (double& s : mistake.unlearnt_s) s -= in_time_s;  // most cameras' clock is the right one
+    for (double& s : mistake.extra_latency_s) s -= in_time_s;  // most cameras' clock is the right one
     const auto agreement = comparison_.agreement(tracks_, {.late_s = std::move(late_s)}, sigmas);
     if (explains(agreement, as_is)) answers_.push_back({std::move(mistake), agreement.score, true});
   }
@@ -497,7 +497,7 @@ std::optional<Mistake> ViewWatch::of_rig(double now_s, const std::vector<bool>& 
     if (auto jump = of_jump(now_s)) found = std::move(jump);
   if (!found) return std::nullopt;
   next_turn_s_ = now_s;  // is it so half a second later, too?
-  if (!found->unlearnt_s.empty() && !correct_times(*found, now_s)) return std::nullopt;
+  if (!found->extra_latency_s.empty() && !correct_times(*found, now_s)) return std::nullopt;
   return found;
 }
 
@@ -510,7 +510,7 @@ std::optional<Mistake> ViewWatch::of_jump(double now_s) {
   const PairComparison::Agreement as_is = PairComparison(rig_).agreement(tracks_, {}, time_sigmas_);
   if (as_is.worst < disagrees) return std::nullopt;
   auto found = explained(as_is, true, true);
-  if (!found || found->unlearnt_s.empty()) return std::nullopt;
+  if (!found || found->extra_latency_s.empty()) return std::nullopt;
   found->since_s = since_s;
   return found;
 }
@@ -519,20 +519,20 @@ std::optional<Mistake> ViewWatch::of_jump(double now_s) {
 // besides: drivers do as much, and a trigger that there is none of is no mistake of people. But stamps that are right
 // do not jump.
 bool ViewWatch::correct_times(Mistake& found, double now_s) {
-  double unlearnt_s = 0, surely_s = least_unlearnt_s;
+  double extra_latency_s = 0, surely_s = least_unlearnt_s;
   for (std::size_t c = 0; c < cameras_.size(); ++c) {
-    unlearnt_s = std::max(unlearnt_s, std::abs(found.unlearnt_s[c]));
-    if (found.unlearnt_s[c] != 0) surely_s = std::max(surely_s, surely_unlearnt * time_sigmas_[c]);
+    extra_latency_s = std::max(extra_latency_s, std::abs(found.extra_latency_s[c]));
+    if (found.extra_latency_s[c] != 0) surely_s = std::max(surely_s, surely_unlearnt * time_sigmas_[c]);
   }
-  const bool is_unlearnt = unlearnt_s >= surely_s;
+  const bool is_unlearnt = extra_latency_s >= surely_s;
   const bool is_jump = corrections_ > 0 && is_unlearnt && time_shifts_ != shifts_when_corrected_;
-  if (is_jump) found.kind = MistakeKind::uneven_times, found.size = unlearnt_s;
+  if (is_jump) found.kind = MistakeKind::uneven_times, found.size = extra_latency_s;
   const bool is_mistake =
       is_jump || std::abs(found.size) >= least_late_s || (found.kind == MistakeKind::late && is_unlearnt);
   const auto is_near = [](double a, double b) { return std::abs(a - b) < same_times_s; };
   if (other_times_ && now_s - other_times_->found_s < forgotten_after_s &&
-      std::ranges::equal(other_times_->late_s, found.unlearnt_s, is_near)) {
-    late_s_ = found.unlearnt_s;
+      std::ranges::equal(other_times_->late_s, found.extra_latency_s, is_near)) {
+    late_s_ = found.extra_latency_s;
     shifts_when_corrected_ = time_shifts_;
     for (PerCamera& camera : cameras_) camera.surest_sigma_s = nothing_known_s;
     ++corrections_;
@@ -541,7 +541,7 @@ bool ViewWatch::correct_times(Mistake& found, double now_s) {
       std::erase_if(cameras_[c].track, [&](const SeenPoint& s) { return s.t_s + time_shifts_[c] < found.since_s; });
     other_times_.reset();
   } else {
-    other_times_ = {found.unlearnt_s, now_s};
+    other_times_ = {found.extra_latency_s, now_s};
   }
   return is_mistake;
 }

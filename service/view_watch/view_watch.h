@@ -49,7 +49,7 @@ struct Mistake {
   bool is_of_outlines = false;  // radius: all views' outlines say so, and not only how large regions are
   bool do_some_agree = false;   // contradiction: two cameras agree, and it is hardly theirs
   // late, uneven_times: per camera of the rig, how much later its frames are than the tracker believes.
-  std::vector<double> unlearnt_s = {};
+  std::vector<double> extra_latency_s = {};
   double since_s = 0;  // since when, of what jumped; 0: of all that was compared
 
   // Stamps that jump are now of this camera and now of that one.

@@ -339,4 +339,5 @@ def main():
             row(f'median, {kind}', {k: float(np.median([f[k] for f in some])) for k in COLUMNS})
 
 
-main()
+if __name__ == '__main__':
+    main()

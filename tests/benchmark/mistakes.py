@@ -267,6 +267,22 @@ def track_figures(tracks, truth_file, targets):
     return longest, nees, nees_tracking, errors, sets
 
 
+def named_mistakes(summary):
+    return [line[10:] for line in summary.splitlines() if line.startswith("  mistake ")]
+
+
+def reported_cameras(summary):
+    """The cameras that the summary reports as moved or sagging."""
+    return re.findall(r"^  cameras told at [\d.]+ s: (\w+) (?:was turned|sags)", summary, re.M)
+
+
+def verdict(patterns, named):
+    """Whether all patterns are named, and what else is blamed."""
+    is_right = bool(patterns) and all(any(re.search(p, s) for s in named) for p in patterns)
+    blames = [s for s in named if not patterns or "cannot be told" not in s]
+    return is_right, [s for s in blames if not any(re.search(p, s) for p in patterns)]
+
+
 def run(huetrackd, case, scratch):
     case.config["rig"] = f"{scratch}/rig.yaml"
     for name, content in (("rig", case.rig), ("recording", case.recording), ("huetrackd", case.config)):
@@ -275,7 +291,7 @@ def run(huetrackd, case, scratch):
                            f"{scratch}/tracks.csv"], capture_output=True, text=True)
     if done.returncode not in (0, 3):
         sys.exit(done.stdout + done.stderr)
-    named = [line[10:] for line in done.stdout.splitlines() if line.startswith("  mistake ")]  # of the summary
+    named = named_mistakes(done.stdout)
     trouble = re.search(r"^  cameras told .*(turned|sags|zoom|focus|seen)", done.stdout, re.M)
     may_be_lost = re.search(r"^  light .*the colour has (moved|become)", done.stdout, re.M)
     if not may_be_lost and (done.returncode == 3) != bool(named or trouble):
@@ -306,9 +322,7 @@ def main():
                     named = run(a.huetrackd, case, scratch)
                     seconds, nees, tracking, errors, sets = track_figures(f"{scratch}/tracks.csv", scene / "groundtruth.csv",
                                                                           case.config["targets"])
-                is_right = bool(patterns) and all(any(re.search(p, s) for s in named) for p in patterns)
-                blames = [s for s in named if not patterns or "cannot be told" not in s]
-                wrong = [s for s in blames if not any(re.search(p, s) for p in patterns)]
+                is_right, wrong = verdict(patterns, named)
                 runs, right, others = runs + 1, right + is_right, others + bool(wrong)
                 longest = max(longest, seconds)
                 all_nees += nees

@@ -17,7 +17,7 @@
 #include "calib/report/advice.h"
 #include "calib/report/wave_report.h"
 #include "calib/wave/wave.h"
-#include "capture/camera_clock.h"
+#include "capture/timing/camera_clock.h"
 #include "config/service_config.h"
 #include "recordings/replay_source.h"
 
@@ -213,7 +213,8 @@ void print_faults(const std::filesystem::path& folder) {
                   std::string(report::name(report.verdict)).c_str(), is_wrong ? "  WRONG" : "",
                   report.doubts.empty() ? "" : (": " + report.doubts.front()).c_str());
     } catch (const solver::CalibrationError& error) {
-      std::printf("  %-42s %9s %9s %6s  failed: %s\n", fault.name.c_str(), "", "", "", report::told(error).c_str());
+      std::printf("  %-42s %9s %9s %6s  failed: %s\n", fault.name.c_str(), "", "", "",
+                  report::with_advice(error).c_str());
     }
   }
 }

@@ -39,7 +39,7 @@ class Network {
   std::mt19937_64 random_;
 };
 
-// Asked as HostedCameras asks.
+// Asked as RemoteCameras asks.
 double ask(ClockOffset& clock, Network& network, double from_s, double seconds) {
   double t = from_s;
   for (int i = 0; t < from_s + seconds; ++i) {
@@ -94,7 +94,7 @@ TEST(ClockOffset, OfOneMachineIsExact) {
   Network network(5);
   network.offset_s = 3e-6;
   ClockOffset clock;
-  clock.set_kept({.offset = 3us, .sigma_s = 0});
+  clock.set_sync({.offset = 3us, .sigma_s = 0});
   ask(clock, network, 0, 20);
   ASSERT_TRUE(clock.is_known());
   EXPECT_FALSE(clock.is_contradicted());
@@ -112,7 +112,7 @@ TEST(ClockOffset, IsMeasuredByWhatKnowsItBetter) {
     network.offset_s = std::normal_distribution<double>(0, 2e-4)(random);
     network.least_s = 5e-3, network.usual_s = 8e-3;
     ClockOffset kept_clock, clock;
-    kept_clock.set_kept({.offset = 0ns, .sigma_s = 2e-4});
+    kept_clock.set_sync({.offset = 0ns, .sigma_s = 2e-4});
     ask(clock, network, 0, 10);
     const double end_s = ask(kept_clock, network, 0, 10);
     squares += std::pow(network.error_s(kept_clock, end_s), 2) / 50;
@@ -130,7 +130,7 @@ TEST(ClockOffset, BelievesTheExchangesWhereNtpContradictsThem) {
   Network network(13);
   network.offset_s = 0.08;
   ClockOffset clock;
-  clock.set_kept({.offset = 0ns, .sigma_s = 1e-3});
+  clock.set_sync({.offset = 0ns, .sigma_s = 1e-3});
   const double end_s = ask(clock, network, 0, 10);
   EXPECT_TRUE(clock.is_contradicted());
   EXPECT_LT(network.error_s(clock, end_s), 0.5e-3);

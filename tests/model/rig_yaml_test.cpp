@@ -42,7 +42,7 @@ class RigYaml : public testing::Test {
   std::string error_of(const std::string& yaml) const {
     try {
       read(yaml);
-    } catch (const yaml::ConfigError& error) {
+    } catch (const files::ConfigError& error) {
       const std::string what = error.what();
       EXPECT_EQ(what.find(file().string()), 0u);
       return what.substr(folder_.string().size() + 1);
@@ -361,8 +361,8 @@ const std::string with_uncertainty =
 TEST_F(RigYaml, UncertaintyAndHistoryReadBackAsTheyAreWritten) {
   const CameraRig rig = read(with_uncertainty);
   ASSERT_TRUE(rig.uncertainty);
-  EXPECT_EQ(rig.uncertainty->cameras[0], (RigUncertainty::OfCamera{0, 8, false}));
-  EXPECT_EQ(rig.uncertainty->cameras[1], (RigUncertainty::OfCamera{8, 0, true}));
+  EXPECT_EQ(rig.uncertainty->cameras[0], (RigUncertainty::CameraParameters{0, 8, false}));
+  EXPECT_EQ(rig.uncertainty->cameras[1], (RigUncertainty::CameraParameters{8, 0, true}));
   const Eigen::MatrixXd covariance = rig.uncertainty->covariance();
   EXPECT_NEAR(covariance(1, 0), 0.6 * 0.4 * 0.41, 1e-12);
   EXPECT_NEAR(covariance(12, 0), -0.6 * 0.4 * 0.002, 1e-12);
@@ -388,7 +388,7 @@ TEST_F(RigYaml, UncertaintyIsReadStrictly) {
     try {
       read(text);
       ADD_FAILURE() << what;
-    } catch (const yaml::ConfigError& e) {
+    } catch (const files::ConfigError& e) {
       EXPECT_NE(std::string(e.what()).find(what), std::string::npos) << e.what();
     }
   };
@@ -501,7 +501,7 @@ TEST_F(RigYaml, ADamagedFileIsReadOrRefusedNothingElse) {
       const CameraRig rig = read_rig(file());
       EXPECT_TRUE(rig.problems().empty());
       ++read_through;
-    } catch (const yaml::ConfigError&) {
+    } catch (const files::ConfigError&) {
       ++refused;
     }  // anything else fails the test
   }

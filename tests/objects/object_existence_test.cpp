@@ -19,7 +19,7 @@ struct Room {
     return builder.build();
   }();
   ClutterMap clutter{scene.rig};
-  StillColor still{scene.rig.cameras.size(), 1};
+  StaticClutterMask still{scene.rig.cameras.size(), 1};
 
   std::vector<Sighting> sightings(const Eigen::Vector3d& p, double off_px = 0) const {
     std::vector<Sighting> all;
@@ -27,7 +27,7 @@ struct Room {
       Sighting& s = all.emplace_back();
       s.row.camera = static_cast<int>(c);
       s.camera = &scene.rig.cameras[c];
-      s.px = appearance_of(*s.camera, p, radius_m)->px + Eigen::Vector2d(off_px, -off_px);
+      s.px = project_ball(*s.camera, p, radius_m)->px + Eigen::Vector2d(off_px, -off_px);
       s.covariance = 0.25 * Eigen::Matrix2d::Identity();
     }
     return all;
@@ -79,7 +79,7 @@ TEST(ObjectExistence, TwoViewsAreNotEnoughAtOnce) {
 TEST(ObjectExistence, WhatLiesBesideWhereItIsExpectedIsChance) {
   const Room room;
   ObjectExistence existence = room.begun(room.birth({0, 0, 1}, {0.02, 0, 1}));
-  MotionBelief belief(room.scene.rig, false);
+  MotionState belief(room.scene.rig, false);
   belief.begin({}, {0.02, 0, 1}, 1e-5, {0.6, 0, 0}, 0.1);
   existence.update({}, belief, 1.0, room.sightings({0.02, 0, 1}), {}, radius_m, room.clutter, room.still);
   EXPECT_TRUE(existence.is_sure());
@@ -101,7 +101,7 @@ TEST(ObjectExistence, WhatBeganUnlikelyIsNotRefutedByWhatSpeaksForIt) {
   ObjectExistence existence = room.begun(birth);
   ASSERT_FALSE(existence.is_sure());
   EXPECT_FALSE(existence.is_refuted());
-  MotionBelief belief(room.scene.rig, false);
+  MotionState belief(room.scene.rig, false);
   belief.begin({}, {0.02, 0, 1}, 1e-5, {0.6, 0, 0}, 0.1);
   ObjectExistence contradicted = existence;
   contradicted.update({}, belief, 1.0, room.sightings({0.02, 0, 1}, 40), {}, radius_m, room.clutter, room.still);

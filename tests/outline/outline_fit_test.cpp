@@ -96,7 +96,7 @@ TEST_F(OutlineFitTest, AGlintDoesNotMoveTheOutline) {
 
 // Light that bends over a small disc passes for an edge that is elsewhere, as long as each picture is alone.
 TEST_F(OutlineFitTest, LightThatLastsIsToldFromTheEdgesPlace) {
-  const auto mean_off = [&](double same_light) {
+  const auto mean_off = [&](double light_correlation) {
     Look look;
     Eigen::Vector2d sum = Eigen::Vector2d::Zero();
     for (unsigned i = 0; i < 80; ++i) {
@@ -105,7 +105,7 @@ TEST_F(OutlineFitTest, LightThatLastsIsToldFromTheEdgesPlace) {
       DiscPicture picture;
       const Ellipse start{scene.centre, scene.radius_px * Eigen::Matrix2d::Identity()};
       const Fit f = fit_->fit(picture.draw(scene, i), background_, start, {}, look,
-                              {.log_size = {0, 0.02}, .same_light = same_light});
+                              {.log_size = {0, 0.02}, .light_correlation = light_correlation});
       EXPECT_EQ(f.outcome, FitOutcome::fits);
       fit_->learn(look);
       if (i >= 40) sum += f.centre - scene.centre;
@@ -126,7 +126,7 @@ class HeldLightTest : public OutlineFitTest {
     DiscPicture picture;
     const Ellipse start{scene.centre + Eigen::Vector2d(0.2, -0.1), scene.radius_px * Eigen::Matrix2d::Identity()};
     const Fit f = fit_->fit(picture.draw(scene, count_++), background_, start, {}, look_,
-                            {.log_size = {0, 0.02}, .same_light = 0.98, .may_hold_light = may_hold_light});
+                            {.log_size = {0, 0.02}, .light_correlation = 0.98, .may_hold_light = may_hold_light});
     off_ = f.centre - scene.centre;
     has_learnt_ = f.outcome == FitOutcome::fits && fit_->learn(look_);
     return f;
@@ -192,7 +192,7 @@ TEST_F(HeldLightTest, TellsTheSizeWithoutWhatWasExpectedOfIt) {
     DiscPicture picture;
     const Ellipse start{scene.centre, scene.radius_px * Eigen::Matrix2d::Identity()};
     const Picture drawn = picture.draw(scene, 500 + i);
-    const FitOptions expected{.log_size = {0.02, 0.02}, .same_light = 0.98};
+    const FitOptions expected{.log_size = {0.02, 0.02}, .light_correlation = 0.98};
     FitOptions may_hold = expected;
     may_hold.may_hold_light = true;
     const Fit of_held = fit_->fit(drawn, background_, start, {}, look_, may_hold);
@@ -221,7 +221,7 @@ TEST_F(HeldLightTest, OfWhatMovesAsFarAsTheExposureIsKnown) {
   DiscPicture picture;
   const DiscScene scene{.smear_px = 2};
   const Ellipse start{scene.centre, scene.radius_px * Eigen::Matrix2d::Identity()};
-  const FitOptions options{.log_size = {0, 0.02}, .same_light = 0.98, .may_hold_light = true};
+  const FitOptions options{.log_size = {0, 0.02}, .light_correlation = 0.98, .may_hold_light = true};
   look_.exposure_s = {0.01, 0.0005};
   const Fit known = fit_->fit(picture.draw(scene, 7), background_, start, {{200, 0}, 0}, look_, options);
   EXPECT_TRUE(known.is_light_held);

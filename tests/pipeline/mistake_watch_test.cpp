@@ -46,7 +46,7 @@ Followed follow(const scene::Scene& scene, const calib::CameraRig& rig, bool is_
     if (watch.look(sets[k], estimates, trackers, {})) {
       ++out.changes;
       std::vector<object_tracking::CameraTrust> trust;
-      add_doubts(watch.doubts(), trust);
+      add_inflation(watch.doubts(), trust);
       if (is_heard) trackers[0].trust(trust);
     }
     if (k < sets.size() / 2 || !estimates[0].has_position()) continue;
@@ -159,14 +159,15 @@ TEST(MistakeWatch, DoubtIsAsLargeAsTheMistake) {
   const scene::Scene scene = scene::lime_that_flies();
   const calib::Camera& camera = scene.rig.cameras[0];
   const double f = camera.model.fx();
-  EXPECT_NEAR(doubt_of({.kind = MistakeKind::turned, .cameras = {0}, .size = 0.03}, camera), 0.03, 1e-12);
-  EXPECT_NEAR(doubt_of({.kind = MistakeKind::contradiction, .off_px = 6.745}, camera), 10 / f, 1e-3 / f);
+  EXPECT_NEAR(inflation_rad({.kind = MistakeKind::turned, .cameras = {0}, .size = 0.03}, camera), 0.03, 1e-12);
+  EXPECT_NEAR(inflation_rad({.kind = MistakeKind::contradiction, .off_px = 6.745}, camera), 10 / f, 1e-3 / f);
   const double usual_px = std::hypot(camera.image_size.width, camera.image_size.height) / std::sqrt(12.0);
-  EXPECT_NEAR(doubt_of({.kind = MistakeKind::zoomed, .cameras = {0}, .size = 0.9}, camera), 0.1 * usual_px / f, 1e-6);
-  EXPECT_EQ(doubt_of({.kind = MistakeKind::radius, .size = 0.05}, camera), 0);
+  EXPECT_NEAR(inflation_rad({.kind = MistakeKind::zoomed, .cameras = {0}, .size = 0.9}, camera), 0.1 * usual_px / f,
+              1e-6);
+  EXPECT_EQ(inflation_rad({.kind = MistakeKind::radius, .size = 0.05}, camera), 0);
   std::vector<object_tracking::CameraTrust> trust(1);
   trust[0].pose_covariance(0, 0) = 1e-6;
-  add_doubts(std::vector{0.0, 0.01}, trust);
+  add_inflation(std::vector{0.0, 0.01}, trust);
   ASSERT_EQ(trust.size(), 2u);
   EXPECT_DOUBLE_EQ(trust[0].pose_covariance(0, 0), 1e-6);
   EXPECT_DOUBLE_EQ(trust[1].pose_covariance(2, 2), 1e-4);

@@ -170,13 +170,13 @@ TEST(Extrinsics, AGivenLensThatIsWrongIsRefinedOrStated) {
   EXPECT_GT(off_m, 0.01);
   EXPECT_LT(off_m, 2 * stated_m);
   EXPECT_GT(held.adjustment.lens_sigma(1)(0), 0.005 * true_px);
-  ASSERT_TRUE(held.borne_out[1]);
-  EXPECT_GT(held.borne_out[1]->off_px, 2 * held.borne_out[1]->sigma_px);
+  ASSERT_TRUE(held.given_lens_checks[1]);
+  EXPECT_GT(held.given_lens_checks[1]->off_px, 2 * held.given_lens_checks[1]->sigma_px);
 
   const Extrinsics right = calibrate_extrinsics(capture.board, known(capture.rig), capture.views);
   EXPECT_EQ(right.adjustment.cameras[1].parameters, parameters_of(capture.rig.cameras[1].model));
   EXPECT_LT(off_and_stated_m(capture, right.adjustment).second, 0.005);
-  EXPECT_LT(right.borne_out[1]->off_px, 2 * right.borne_out[1]->sigma_px);
+  EXPECT_LT(right.given_lens_checks[1]->off_px, 2 * right.given_lens_checks[1]->sigma_px);
 }
 
 // From a fifth of the image a lens is known worse, all over it, than a given one can be wrong: it does not take its

@@ -206,7 +206,7 @@ TEST_F(Wandering, IsSaidOfTheCameraWhereItIsAndWithdrawn) {
   }
   EXPECT_TRUE(was_near);
   EXPECT_FALSE(tracker.color_health()[1].near_end);
-  EXPECT_EQ(tracker.color_news(), 2u);
+  EXPECT_EQ(tracker.color_change_count(), 2u);
 }
 
 TEST_F(Wandering, NothingIsSaidOfAColourThatStays) {

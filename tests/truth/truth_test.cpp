@@ -55,7 +55,7 @@ TEST_F(TruthFile, MistakesAreNamedWithTheLine) {
   const auto error = [&](const std::string& text) -> std::string {
     try {
       truth(text);
-    } catch (const yaml::ConfigError& e) {
+    } catch (const files::ConfigError& e) {
       return e.what();
     }
     return "no error";

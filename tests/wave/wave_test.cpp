@@ -170,7 +170,7 @@ auto finds(Fault fault, const testing::Matcher<std::string>& fact) {
 
 // What people read: the fact, and what to do.
 auto is_told_as(const testing::Matcher<std::string>& text) {
-  return testing::ResultOf([](const solver::CalibrationError& error) { return report::told(error); }, text);
+  return testing::ResultOf([](const solver::CalibrationError& error) { return report::with_advice(error); }, text);
 }
 
 TEST(Wave, BringsSpoiltPosesBack) {
@@ -190,8 +190,8 @@ TEST(Wave, AMeasuredDistanceThatTheRigContradictsIsDoubted) {
   for (const double factor : {0.9, 1.1}) {
     options.camera_distance->metres = factor * taped(truth).camera_distance->metres;
     const WaveResult r = calibrate_wave(spoilt(truth, 0.03, 1), waved(truth, {}), options);
-    EXPECT_NEAR(r.scale.of_rigs, factor, 0.03);
-    EXPECT_LT(r.scale.rigs_sigma, 0.03);
+    EXPECT_NEAR(r.scale.over_rig, factor, 0.03);
+    EXPECT_LT(r.scale.rig_sigma, 0.03);
     const report::WaveReport report = report::report_on(r);
     EXPECT_EQ(report.verdict, report::Verdict::doubtful);
     EXPECT_THAT(report::to_text(report, r), testing::HasSubstr("measured from lens to lens, in metres?"));

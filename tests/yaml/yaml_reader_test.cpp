@@ -1,5 +1,5 @@
 #include "calib/yaml/yaml_reader.h"
-#include "calib/yaml/nearest_word.h"
+#include "calib/files/nearest_word.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -25,7 +25,7 @@ struct LedFilterOptions {
   double pixel_noise_px = 0.06;  // > 0; standard deviation of a LED's centre in a good image
   LedMotionNoise motion = {};    // of the liveliest cameras
   LedStartVelocity start_velocity = {};
-  bool tell_unproven = false;  // paper() only, to measure it: the particles' mean in every state
+  bool report_unproven = false;  // paper() only, to measure it: the particles' mean in every state
 };
 
 // What one frame shows.

@@ -162,7 +162,7 @@ class PaperLedFilter final : public LedFilter {
     e.map_points = static_cast<int>(options_.start.leds.size());
     e.particle_count = options_.particle_count;
     e.effective_sample_size = ess;
-    if (!e.has_pose() && !options_.tell_unproven) return e;
+    if (!e.has_pose() && !options_.report_unproven) return e;
     e.world_from_camera = pose_.mean.world_from_camera;
     e.covariance = pose_.covariance.topLeftCorner<6, 6>();
     const auto [in_view, matched] = evidence_.leds();

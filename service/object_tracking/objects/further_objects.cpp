@@ -36,12 +36,12 @@ FurtherObjectWatch::FurtherObjectWatch(const TargetOptions& target, const Object
       finders_(sizes.size()),
       regions_(sizes.size()) {}
 
-void FurtherObjectWatch::find_others(const std::vector<TargetView>& views, const MotionBelief& belief) {
+void FurtherObjectWatch::find_others(const std::vector<TargetView>& views, const MotionState& belief) {
   for (std::size_t i = 0; i < views.size(); ++i) {
     const auto camera = static_cast<std::size_t>(views[i].index);
     regions_[i].clear();
     if (size_in_view_[camera].largest_px == 0) continue;  // no part of the volume is in view
-    const auto own = appearance_of(*views[i].camera, belief.position(), target_.radius_m);
+    const auto own = project_ball(*views[i].camera, belief.position(), target_.radius_m);
     for (const color::ColorRegion& region :
          whole_regions(finders_[camera], *views[i].matches, size_in_view_[camera], target_.count, {})) {
       if (!own || (region.centre - own->px).norm() > own_radii * own->radius_px) regions_[i].push_back(region);
@@ -49,14 +49,14 @@ void FurtherObjectWatch::find_others(const std::vector<TargetView>& views, const
   }
 }
 
-void FurtherObjectWatch::look_at_nothing(capture::Timestamp set_at) {
+void FurtherObjectWatch::note_untracked(capture::Timestamp set_at) {
   is_second_ = false;
   if (!nothing_since_ || set_at < *nothing_since_) nothing_since_ = set_at;
   if (capture::seconds(set_at - *nothing_since_) > of_a_moment_s) further_.note(set_at, std::nullopt);
 }
 
 void FurtherObjectWatch::look(const std::vector<TargetView>& views, std::span<const Sighting> sightings,
-                              const MotionBelief& belief, const StillColor& still, capture::Timestamp set_at) {
+                              const MotionState& belief, const StaticClutterMask& still, capture::Timestamp set_at) {
   nothing_since_.reset();
   if (views.size() < 2) return;
   if (looked_at_ && set_at < *looked_at_) looked_at_.reset(), is_second_ = false;

@@ -8,10 +8,10 @@
 #include <vector>
 
 #include "color/color_region.h"
-#include "object_tracking/motion_belief.h"
+#include "object_tracking/motion_state.h"
 #include "object_tracking/objects/object_births.h"
 #include "object_tracking/objects/object_search.h"
-#include "object_tracking/objects/still_color.h"
+#include "object_tracking/objects/static_clutter_mask.h"
 #include "object_tracking/sighting.h"
 #include "object_tracking/target_views.h"
 #include "object_tracking/tracker_options.h"
@@ -40,13 +40,13 @@ class FurtherObjectWatch {
 
   // The target was tracked in this set, by these sightings.
   void look(const std::vector<object_tracking::TargetView>& views, std::span<const object_tracking::Sighting> sightings,
-            const object_tracking::MotionBelief& belief, const StillColor& still, capture::Timestamp set_at);
+            const object_tracking::MotionState& belief, const StaticClutterMask& still, capture::Timestamp set_at);
   // It was not, or the room shares the colour: nothing is known of others.
-  void look_at_nothing(capture::Timestamp set_at);
-  const std::optional<Eigen::Vector3d>& told() const { return further_.told(); }
+  void note_untracked(capture::Timestamp set_at);
+  const std::optional<Eigen::Vector3d>& told() const { return further_.published(); }
 
  private:
-  void find_others(const std::vector<object_tracking::TargetView>& views, const object_tracking::MotionBelief& belief);
+  void find_others(const std::vector<object_tracking::TargetView>& views, const object_tracking::MotionState& belief);
 
   object_tracking::TargetOptions target_;
   ObjectBirths births_;

@@ -62,8 +62,8 @@ bool moves(const Eigen::Vector3d& from, const PositionCandidate& now, const Eige
 double evidence_of_discs(const PositionCandidate& c, double radius_m) {
   double evidence = 0;
   for (const Sighting& s : c.sightings) {
-    const auto at = appearance_of(*s.camera, c.position, radius_m);
-    if (!at || !is_round(s) || s.radius_px > right_size * at->radius_px) continue;
+    const auto at = project_ball(*s.camera, c.position, radius_m);
+    if (!at || !has_disc_shape(s) || s.radius_px > right_size * at->radius_px) continue;
     const double size = std::log(s.radius_px / at->radius_px) / size_sigma;
     evidence += std::max(0.0, by_chance_round + by_chance_of_size - 0.5 * size * size);
   }
@@ -77,9 +77,9 @@ ObjectTrackerOptions looking_within(ObjectTrackerOptions options, const Volume& 
 
 }  // namespace
 
-MustMove must_move(const StillColor& still, capture::Timestamp set_at) {
+MustMove must_move(const StaticClutterMask& still, capture::Timestamp set_at) {
   if (!still.is_starting(set_at)) return MustMove::no;
-  return still.is_doubted() ? MustMove::yes : MustMove::unless_clear;
+  return still.is_room_suspected() ? MustMove::yes : MustMove::unless_clear;
 }
 
 Volume looked_through(const Volume& volume) {
@@ -92,12 +92,13 @@ ObjectBirths::ObjectBirths(const TargetOptions& target, const ObjectTrackerOptio
 
 ObjectBirths::Candidate ObjectBirths::weighed(PositionCandidate at, const std::vector<TargetView>& views,
                                               std::span<const std::vector<color::ColorRegion>> regions,
-                                              std::span<const CoveredDisc> covered, const StillColor& still) const {
+                                              std::span<const CoveredDisc> covered,
+                                              const StaticClutterMask& still) const {
   Candidate out{.at = std::move(at)};
   out.evidence = by_chance_on_line - by_chance_at_place;  // the first two views make the place
   out.evidence -= by_chance_at_place;
   for (std::size_t v = 0; v < views.size(); ++v) {
-    const auto in_view = appearance_of(*views[v].camera, out.at.position, target_.radius_m);
+    const auto in_view = project_ball(*views[v].camera, out.at.position, target_.radius_m);
     if (!in_view || !views[v].camera->contains({in_view->px})) continue;
     const auto seen =
         std::ranges::find(out.at.sightings, views[v].index, [](const Sighting& s) { return s.row.camera; });
@@ -115,7 +116,7 @@ ObjectBirths::Candidate ObjectBirths::weighed(PositionCandidate at, const std::v
              in_view->px.y() > r.box.v_min && in_view->px.y() < r.box.v_max;
     });
     if (is_covered || is_in_region ||
-        still.may_cut(static_cast<std::size_t>(views[v].index), in_view->px, in_view->radius_px))
+        still.may_clip(static_cast<std::size_t>(views[v].index), in_view->px, in_view->radius_px))
       continue;
     out.evidence += not_seen;
     ++out.missing;
@@ -127,8 +128,8 @@ ObjectBirths::Candidate ObjectBirths::weighed(PositionCandidate at, const std::v
 std::vector<ObjectBirths::Candidate> ObjectBirths::candidates(const std::vector<TargetView>& views,
                                                               std::span<const std::vector<color::ColorRegion>> regions,
                                                               std::span<const CoveredDisc> covered,
-                                                              const StillColor& still,
-                                                              const MotionBelief& times) const {
+                                                              const StaticClutterMask& still,
+                                                              const MotionState& times) const {
   std::vector<Candidate> all;
   for (PositionCandidate& c : cross_rays(views, regions, target_, options_, times, most_crossings_of_many))
     all.push_back(weighed(std::move(c), views, regions, covered, still));
@@ -151,8 +152,8 @@ std::vector<ObjectBirths::Candidate> ObjectBirths::candidates(const std::vector<
 
 std::vector<Birth> ObjectBirths::look(const std::vector<TargetView>& views,
                                       std::span<const std::vector<color::ColorRegion>> regions,
-                                      std::span<const CoveredDisc> covered, const StillColor& still,
-                                      capture::Timestamp set_at, const MotionBelief& times) {
+                                      std::span<const CoveredDisc> covered, const StaticClutterMask& still,
+                                      capture::Timestamp set_at, const MotionState& times) {
   std::vector<Birth> out;
   const auto with_regions = std::ranges::count_if(regions, [](const auto& some) { return !some.empty(); });
   if (with_regions < 2) return out;  // nor does a set in which too few of these views see it refute anything

@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "color/color_region.h"
-#include "object_tracking/motion_belief.h"
-#include "object_tracking/objects/still_color.h"
+#include "object_tracking/motion_state.h"
+#include "object_tracking/objects/static_clutter_mask.h"
 #include "object_tracking/sighting.h"
 #include "object_tracking/target_views.h"
 #include "object_tracking/tracker_options.h"
@@ -34,13 +34,13 @@ struct CoveredDisc {
   double radius_px;
 };
 
-// Whether one that stands where it was first seen may be an object (StillColor::is_starting()).
+// Whether one that stands where it was first seen may be an object (StaticClutterMask::is_starting()).
 enum class MustMove : std::uint8_t {
   no,
   unless_clear,  // not what is beyond chance: two views show a whole disc of the right size, or three show it
   yes,           // what stands is none, however clear it is
 };
-MustMove must_move(const StillColor& still, capture::Timestamp set_at);
+MustMove must_move(const StaticClutterMask& still, capture::Timestamp set_at);
 
 // thread-compatible.
 class ObjectBirths {
@@ -53,8 +53,8 @@ class ObjectBirths {
   // is left out, a view need not show an object.
   std::vector<Birth> look(const std::vector<object_tracking::TargetView>& views,
                           std::span<const std::vector<color::ColorRegion>> regions,
-                          std::span<const CoveredDisc> covered, const StillColor& still, capture::Timestamp set_at,
-                          const object_tracking::MotionBelief& times);
+                          std::span<const CoveredDisc> covered, const StaticClutterMask& still,
+                          capture::Timestamp set_at, const object_tracking::MotionState& times);
   void forget() { before_.clear(); }
   void set_must_move(MustMove must_move) { must_move_ = must_move; }  // from now on
 
@@ -69,11 +69,11 @@ class ObjectBirths {
   };
   std::vector<Candidate> candidates(const std::vector<object_tracking::TargetView>& views,
                                     std::span<const std::vector<color::ColorRegion>> regions,
-                                    std::span<const CoveredDisc> covered, const StillColor& still,
-                                    const object_tracking::MotionBelief& times) const;
+                                    std::span<const CoveredDisc> covered, const StaticClutterMask& still,
+                                    const object_tracking::MotionState& times) const;
   Candidate weighed(object_tracking::PositionCandidate at, const std::vector<object_tracking::TargetView>& views,
                     std::span<const std::vector<color::ColorRegion>> regions, std::span<const CoveredDisc> covered,
-                    const StillColor& still) const;
+                    const StaticClutterMask& still) const;
 
   object_tracking::TargetOptions target_;
   object_tracking::ObjectTrackerOptions options_;  // with the volume in which objects are looked for

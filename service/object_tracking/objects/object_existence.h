@@ -10,9 +10,9 @@
 #include <vector>
 
 #include "color/color_region.h"
-#include "object_tracking/motion_belief.h"
+#include "object_tracking/motion_state.h"
 #include "object_tracking/objects/object_births.h"
-#include "object_tracking/objects/still_color.h"
+#include "object_tracking/objects/static_clutter_mask.h"
 #include "object_tracking/sighting.h"
 #include "object_tracking/target_views.h"
 
@@ -51,12 +51,12 @@ class ObjectExistence {
   // What its first two sets say. largest_m: anywhere is so far away.
   void begin(capture::Timestamp set_at, const Birth& birth, const std::vector<object_tracking::TargetView>& views,
              double radius_m, double largest_m, const object_tracking::ObjectTrackerOptions& options,
-             const ClutterMap& clutter, const StillColor& still);
+             const ClutterMap& clutter, const StaticClutterMask& still);
   // What a set says: before the filter's update, with the power density of that.
-  void update(capture::Timestamp set_at, const object_tracking::MotionBelief& belief, double power_density,
+  void update(capture::Timestamp set_at, const object_tracking::MotionState& belief, double power_density,
               std::span<const object_tracking::Sighting> sightings,
               const std::vector<object_tracking::TargetView>& views, double radius_m, const ClutterMap& clutter,
-              const StillColor& still);
+              const StaticClutterMask& still);
   // In a room of its own colour alone it is there: nobody asks.
   void assume();
   // It is there, this set's views show it rather than anything else, and where it is does not stand on what may be cut

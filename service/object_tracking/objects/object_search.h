@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "color/color_region.h"
-#include "object_tracking/motion_belief.h"
+#include "object_tracking/motion_state.h"
 #include "object_tracking/objects/object_births.h"
 #include "object_tracking/objects/search_findings.h"
 #include "object_tracking/sighting.h"
@@ -46,14 +46,14 @@ class ObjectSearch {
   std::span<const SizeInView> sizes_in_view() const { return size_in_view_; }  // per camera of the rig
 
   using Find = Birth;
-  // The room shares the colour (still_color.h).
+  // The room shares the colour (static_clutter_mask.h).
   void set_shared(bool is_shared, MustMove must_move) {
     is_shared_ = is_shared;
     births_.set_must_move(must_move);
   }
   // After look(). nullopt: nothing, or not yet. Of the belief only the cameras' times are used.
   std::optional<Find> find(const std::vector<object_tracking::TargetView>& views, capture::Timestamp set_at,
-                           const object_tracking::MotionBelief& times, const StillColor& still);
+                           const object_tracking::MotionState& times, const StaticClutterMask& still);
   void found();   // the find was believed
   void forget();  // what was seen before is of another time
 
@@ -61,11 +61,11 @@ class ObjectSearch {
 
  private:
   std::optional<Find> find_among_others(const std::vector<object_tracking::TargetView>& views,
-                                        capture::Timestamp set_at, const object_tracking::MotionBelief& times,
-                                        const StillColor& still);
+                                        capture::Timestamp set_at, const object_tracking::MotionState& times,
+                                        const StaticClutterMask& still);
   bool is_contested(const object_tracking::PositionCandidate& candidate,
                     const std::vector<object_tracking::TargetView>& views,
-                    const object_tracking::MotionBelief& times) const;
+                    const object_tracking::MotionState& times) const;
 
   object_tracking::TargetOptions target_;
   object_tracking::ObjectTrackerOptions options_;

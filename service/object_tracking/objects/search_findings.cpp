@@ -28,7 +28,7 @@ std::string size_advice(const std::optional<double>& radius_m, const TargetOptio
 
 // The radius of the ball that shows this region at p; 0: none.
 double radius_of(const calib::Camera& camera, const color::ColorRegion& region, const Eigen::Vector3d& p) {
-  const auto at = appearance_of(camera, p, 1.0);
+  const auto at = project_ball(camera, p, 1.0);
   if (!at || at->radius_px <= 0) return 0;
   const double radius_px = std::sqrt(region.area / std::numbers::pi);
   if ((at->px - region.centre).norm() > 1.5 + 0.3 * radius_px) return 0;  // the rays pass each other

@@ -223,10 +223,10 @@ void ObjectTracker::correct_times(std::span<const double> late_s) {
     many->correct_times(late_s);
 }
 
-void ObjectTracker::take_the_place_of(const ObjectTracker& before) {
+void ObjectTracker::take_over_from(const ObjectTracker& before) {
   auto* many = std::get_if<ManyTracker>(&impl_->tracker);
   const auto* many_before = std::get_if<ManyTracker>(&before.impl_->tracker);
-  if (many != nullptr && many_before != nullptr) many->take_the_place_of(*many_before);
+  if (many != nullptr && many_before != nullptr) many->take_over_from(*many_before);
 }
 
 void ObjectTracker::update(const capture::FrameSet& set, std::vector<ObjectEstimate>& out) {
@@ -271,7 +271,7 @@ std::vector<ColorHealth> ObjectTracker::color_health() const {
   return all;
 }
 
-std::uint64_t ObjectTracker::color_news() const {
+std::uint64_t ObjectTracker::color_change_count() const {
   return impl_->watch.news();
 }
 

@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "calib/model/camera_rig.h"
-#include "capture/frame.h"
+#include "capture/frames/frame.h"
 #include "color/color_model.h"
 #include "object_tracking/object_estimate.h"
 #include "object_tracking/objects/search_findings.h"
@@ -57,7 +57,7 @@ class ObjectTracker {
 
   // This one, which has not been updated yet, follows the target from now on, in the place of `before`: of a target of
   // several objects those that `before` told end with the next update(), and no number of theirs comes again.
-  void take_the_place_of(const ObjectTracker& before);
+  void take_over_from(const ObjectTracker& before);
 
   // set.frames has one slot per camera of the rig; a frame whose size is not the rig's is not used (the caller checks
   // sizes at start). Sets come in time order.
@@ -85,10 +85,10 @@ class ObjectTracker {
   // the colour anyway. observation: huetrack.
   std::optional<Eigen::Vector3d> further_object() const;
 
-  // Per camera of the rig: how the object's colour lies in the range that is looked for (color_watch.h). color_news()
-  // counts what there is to tell of it.
+  // Per camera of the rig: how the object's colour lies in the range that is looked for (color_watch.h).
+  // color_change_count() counts what there is to tell of it.
   std::vector<ColorHealth> color_health() const;
-  std::uint64_t color_news() const;
+  std::uint64_t color_change_count() const;
 
  private:
   struct Impl;

@@ -7,6 +7,6 @@ using namespace huetrack;
 HUETRACK_FUZZ_TARGET(board) {
   try {
     board::to_yaml(board::read_board(fuzz::file_with("board.yaml", input)));
-  } catch (const yaml::ConfigError&) {
+  } catch (const files::ConfigError&) {
   }
 }

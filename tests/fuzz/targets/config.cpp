@@ -45,6 +45,6 @@ HUETRACK_FUZZ_TARGET(config) {
     config::to_yaml(config);
     config::warnings_of(config);
     if (!config.camera_tracking.camera.empty()) config::tracker_options(config.camera_tracking);
-  } catch (const yaml::ConfigError&) {
+  } catch (const files::ConfigError&) {
   }
 }

@@ -21,7 +21,7 @@ HUETRACK_FUZZ_TARGET(exchange) {
   try {
     const exchange::Imported imported = exchange::import_rig(files, options);
     for (const ExchangeFormat format : formats) exchange::export_rig(imported.rig, {.format = format});
-  } catch (const yaml::ConfigError&) {
+  } catch (const files::ConfigError&) {
   } catch (const exchange::ExchangeError&) {
   }
 }

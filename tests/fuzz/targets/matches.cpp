@@ -1,6 +1,6 @@
 // Which pixels match, as bytes. The first byte chooses: those of one frame, or a file of a recording, without the line
 // with which it begins.
-#include "capture/matches.h"
+#include "capture/frames/matches.h"
 
 #include <stdexcept>
 
@@ -53,6 +53,6 @@ HUETRACK_FUZZ_TARGET(matches) {
   try {
     if (static_cast<unsigned char>(input.front()) % 2 == 0) return read_frame(input.substr(1));
     read_file(input.substr(1));
-  } catch (const yaml::ConfigError&) {
+  } catch (const files::ConfigError&) {
   }
 }

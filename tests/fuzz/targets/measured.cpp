@@ -17,7 +17,7 @@ HUETRACK_FUZZ_TARGET(measured) {
     } else {
       program::read_places(file);
     }
-  } catch (const yaml::ConfigError&) {
+  } catch (const files::ConfigError&) {
   } catch (const solver::CalibrationError&) {
   }
 }

@@ -11,6 +11,6 @@ HUETRACK_FUZZ_TARGET(recording) {
   fuzz::file_with("times.csv", input.substr(std::min(end + 4, input.size())));
   try {
     recordings::read_recording(fuzz::file_with("recording.yaml", input.substr(0, end)));
-  } catch (const yaml::ConfigError&) {
+  } catch (const files::ConfigError&) {
   }
 }

@@ -12,7 +12,7 @@ HUETRACK_FUZZ_TARGET(room) {
   std::vector<config::KeptRoom> room;
   try {
     room = config::read_room(fuzz::file_with("room.yaml", input), rig);
-  } catch (const yaml::ConfigError&) {
+  } catch (const files::ConfigError&) {
   }
   if (room.empty()) return;
   // What was accepted must be written so that it reads back as the same: an error here is a finding.

@@ -21,6 +21,6 @@ HUETRACK_FUZZ_TARGET(tables) {
     if (choice == 0) tracks::read_track_csv(file);
     if (choice == 1) truth::Truth::read(file);
     if (choice == 2) plot::read_tracks(file);
-  } catch (const yaml::ConfigError&) {
+  } catch (const files::ConfigError&) {
   }
 }

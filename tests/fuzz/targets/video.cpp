@@ -19,6 +19,6 @@ HUETRACK_FUZZ_TARGET(video) {
     recordings::ReplaySource source(recording, names, {.decoder_threads = 1});
     for (int i = 0; i < 20 && source.next({}); ++i) {
     }
-  } catch (const yaml::ConfigError&) {
+  } catch (const files::ConfigError&) {
   }
 }

@@ -1,0 +1,535 @@
+#include "object_tracking/motion_state.h"
+
+#include <fmt/format.h>
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <limits>
+#include <stdexcept>
+
+#include "particle_filter/vector_clones.h"
+
+namespace huetrack::object_tracking {
+namespace {
+
+// Of a camera of which the rig tells nothing. Drivers stamp 0 to 45 ms after mid-exposure, evenly spread that is 13 ms
+// of standard deviation, and the difference of two cameras 18.
+constexpr double unknown_latency_sigma_s = 0.020;
+// Rolling shutters take 10 to 33 ms, global ones nothing, and either may be mounted upside down.
+constexpr double unknown_readout_sigma_s = 0.020;
+// Of cameras whose frames' times are the same: a trigger starts them within microseconds, and their exposures are set
+// alike, so that mid-exposures differ by half of what is left; cameras that can be triggered have global shutters.
+constexpr double in_step_latency_sigma_s = 0.0002, in_step_readout_sigma_s = 0.0005;
+// Of a number that somebody wrote into the rig without saying how well it is known.
+constexpr double unstated_sigma_s = 0.002;
+// Mid-exposure moves with the exposure time, which lamps and clouds make a camera change: a millisecond in a minute or
+// two. A sensor's readout stays what it is.
+constexpr double latency_walk_s2_per_s = 1e-4 * 1e-4;
+// However long one looks, the errors of a view's sightings are not all new: light from one side and the flicker of
+// lamps shift what is seen by up to 0.3 ms of way, the same again and again (flicker weighs the moments of an
+// exposure).
+constexpr double least_latency_sigma_s = 3e-4, least_readout_sigma_s = 8e-4;
+
+// An object of a room's size passes its lamps and windows within metres: half a metre on, it is lit in another way.
+constexpr double lasting_way_m = 0.5;
+
+constexpr Eigen::Index most_states_near = 128;  // 128 kB of covariance
+constexpr std::ptrdiff_t most_open = 8;         // columns: of four observations
+
+// A ball at 3 m/s is 15 mm from where it is taken to be; in so much time its usual swerves are a tenth of a millimetre.
+constexpr double far_s = 0.005;
+
+double variance_of(const std::optional<double>& value, const std::optional<double>& sigma, double unknown_sigma_s) {
+  const double s = sigma.value_or(value ? unstated_sigma_s : unknown_sigma_s);
+  return s * s;
+}
+
+}  // namespace
+
+double largest_variance(const Eigen::Matrix3d& covariance) {
+  // In closed form: it is asked several times a set, and only ever held to a bound.
+  const auto axes = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>().computeDirect(covariance, Eigen::EigenvaluesOnly);
+  return std::max(0.0, axes.eigenvalues()(2));
+}
+
+double largest_sigma(const Eigen::Matrix3d& covariance) {
+  return std::sqrt(largest_variance(covariance));
+}
+
+MotionState::MotionState(const calib::CameraRig& rig, bool times_are_learnt) : times_are_learnt_(times_are_learnt) {
+  if (rig.cameras.size() > max_cameras)
+    throw std::invalid_argument(
+        fmt::format("a tracker takes at most {} cameras, this rig has {}", max_cameras, rig.cameras.size()));
+  const auto cameras = static_cast<Eigen::Index>(rig.cameras.size());
+  const Eigen::Index n = 6 + (times_are_learnt ? 4 : 2) * cameras;
+  mean_ = Eigen::VectorXd::Zero(n);
+  covariance_ = Eigen::MatrixXd::Zero(n, n);
+  if (n > most_states_near) gains_ = seen_ = Eigen::MatrixXd::Zero(n, most_open);
+  if (times_are_learnt) times_linearised_ = Eigen::VectorXd::Zero(2 * cameras);
+  for (std::size_t c = 0; c < rig.cameras.size(); ++c) {
+    const calib::CameraTiming& timing = rig.cameras[c].timing;
+    Given given{.latency_s = timing.latency_s.value_or(0), .readout_s = timing.readout_s.value_or(0)};
+    if (times_are_learnt) {
+      const Eigen::Index latency = latency_of(static_cast<int>(c));
+      if (static_cast<int>(c) != reference_camera)
+        covariance_(latency, latency) = variance_of(timing.latency_s, timing.latency_sigma_s, unknown_latency_sigma_s);
+      given.readout_prior_s2 = variance_of(timing.readout_s, timing.readout_sigma_s, unknown_readout_sigma_s);
+      covariance_(latency + 1, latency + 1) = given.readout_prior_s2;
+    } else {
+      given.latency_variance_s2 = std::pow(timing.latency_sigma_s.value_or(0), 2);
+      given.readout_variance_s2 = std::pow(timing.readout_sigma_s.value_or(0), 2);
+    }
+    given_.push_back(given);
+  }
+  lasting_.resize(given_.size());
+  clocks_.resize(given_.size());
+}
+
+double MotionState::relative_clock_variance_s2(int camera) const {
+  const Clock &clock = clocks_[static_cast<std::size_t>(camera)], &reference = clocks_[reference_camera];
+  return clock.of == reference.of ? 0 : clock.variance_s2 + reference.variance_s2;
+}
+
+void MotionState::open_clocks(const capture::FrameSet& set) {
+  bool is_ours = true;
+  for (std::size_t c = 0; c < clocks_.size() && c < set.frames.size(); ++c) {
+    if (set.frames[c]) {
+      const capture::StampClock& clock = set.frames[c]->clock;
+      clocks_[c] = {.of = clock.of, .variance_s2 = std::pow(capture::seconds(clock.sigma), 2)};
+    }
+    is_ours = is_ours && clocks_[c].of == clocks_[reference_camera].of;
+  }
+  if (is_ours || !times_are_learnt_) return;
+  by_views_.reset();
+  const int cameras = static_cast<int>(clocks_.size());
+  for (int first = 0; first < cameras; ++first) {
+    const auto is_of = [&](int c) {
+      return clocks_[static_cast<std::size_t>(c)].of == clocks_[static_cast<std::size_t>(first)].of;
+    };
+    bool is_counted = is_of(reference_camera);
+    for (int c = 0; c < first; ++c) is_counted = is_counted || is_of(c);
+    if (is_counted) continue;
+    double least = std::numeric_limits<double>::infinity(), wanted = 0;
+    for (int c = first; c < cameras; ++c) {
+      if (!is_of(c)) continue;
+      least = std::min(least, covariance_(latency_of(c), latency_of(c)));
+      wanted = std::max(wanted, relative_clock_variance_s2(c));
+    }
+    if (wanted <= least) continue;
+    for (int a = first; a < cameras; ++a)
+      for (int b = first; b <= a; ++b)
+        if (is_of(a) && is_of(b)) covariance_(latency_of(a), latency_of(b)) += wanted - least;
+  }
+}
+
+void MotionState::expect_synchronised() {
+  by_views_.reset();
+  if (!times_are_learnt_ || are_times_corrected_) return;
+  is_in_step_ = true;
+  for (int c = 0; c < static_cast<int>(given_.size()); ++c) {
+    const Eigen::Index l = latency_of(c), r = l + 1;
+    const auto at_most = [&](Eigen::Index i, double sigma) {
+      covariance_(i, i) = std::min(covariance_(i, i), sigma * sigma);
+    };
+    at_most(l, in_step_latency_sigma_s);
+    at_most(r, in_step_readout_sigma_s);
+  }
+}
+
+void MotionState::correct_times(std::span<const double> late_s) {
+  if (!times_are_learnt_) return;
+  by_views_.reset();
+  settle();
+  const auto open = [&](Eigen::Index i, double variance_s2) {
+    covariance_.row(i).setZero();
+    covariance_.col(i).setZero();
+    covariance_(i, i) = variance_s2;
+  };
+  double furthest_s = 0;
+  for (int c = 0; c < static_cast<int>(given_.size()); ++c) {
+    const auto camera = static_cast<std::size_t>(c);
+    furthest_s = std::max(furthest_s, std::abs(late_s[camera]));
+    const Eigen::Index latency = latency_of(c);
+    mean_(latency) += late_s[camera];
+    const bool is_other = late_s[camera] != late_s[reference_camera];
+    if (c != reference_camera && (is_in_step_ || is_other)) open(latency, std::pow(unknown_latency_sigma_s, 2));
+    if (is_in_step_) open(latency + 1, given_[camera].readout_prior_s2);
+  }
+  is_in_step_ = false;
+  are_times_corrected_ = true;
+  covariance_.diagonal().head<3>().array() += std::pow(furthest_s * velocity().norm(), 2);
+}
+
+bool MotionState::needs_relinearisation() const {
+  if (!times_are_learnt_) return false;
+  return (mean_.segment(6, times_linearised_.size()) - times_linearised_).cwiseAbs().maxCoeff() > far_s;
+}
+
+void MotionState::relinearise_times_at(const MotionState& known) {
+  times_linearised_ = known.mean_.segment(6, times_linearised_.size());
+}
+
+double MotionState::row_offset_s(int camera, double below_middle) const {
+  if (!times_are_learnt_) return 0;
+  const Eigen::Index latency = latency_of(camera);
+  return below_middle * mean_(latency + 1) - mean_(latency);
+}
+
+double MotionState::row_sigma_s(int camera, double below_middle) const {
+  const Given& given = given_[static_cast<std::size_t>(camera)];
+  double variance = given.latency_variance_s2 + below_middle * below_middle * given.readout_variance_s2;
+  if (!times_are_learnt_) variance += relative_clock_variance_s2(camera);
+  if (times_are_learnt_) {
+    const Eigen::Index l = latency_of(camera), r = l + 1;
+    variance +=
+        covariance_(l, l) - 2 * below_middle * below_diagonal(r, l) + below_middle * below_middle * covariance_(r, r);
+  }
+  return std::sqrt(std::max(0.0, variance));
+}
+
+CameraTimingEstimate MotionState::timing(int camera) const {
+  const Given& given = given_[static_cast<std::size_t>(camera)];
+  if (!times_are_learnt_)
+    return {given.latency_s, std::sqrt(given.latency_variance_s2), given.readout_s,
+            std::sqrt(given.readout_variance_s2)};
+  const Eigen::Index l = latency_of(camera), r = l + 1;
+  return {given.latency_s + mean_(l), std::sqrt(covariance_(l, l)), given.readout_s + mean_(r),
+          std::sqrt(covariance_(r, r))};
+}
+
+void MotionState::begin(capture::Timestamp when, const Eigen::Vector3d& position, double position_variance,
+                        const Eigen::Vector3d& velocity, double velocity_variance) {
+  by_views_.reset();
+  settle();
+  at = when;
+  mean_.head<3>() = position;
+  mean_.segment<3>(3) = velocity;
+  covariance_.leftCols<6>().setZero();
+  covariance_.diagonal().head<3>().setConstant(position_variance);
+  covariance_.diagonal().segment<3>(3).setConstant(velocity_variance);
+  // What lasted, lasted with the object of before. Not known until a sighting says how large it may be.
+  const Eigen::Index lasting = 2 * static_cast<Eigen::Index>(given_.size());
+  mean_.tail(lasting).setZero();
+  covariance_.bottomRows(lasting).setZero();
+  lasting_.assign(given_.size(), {});
+}
+
+void MotionState::reset_bias(int camera) {
+  by_views_.reset();
+  settle();
+  const Eigen::Index lasting = lasting_of(camera);
+  mean_.segment<2>(lasting).setZero();
+  covariance_.middleRows<2>(lasting).setZero();
+  covariance_.middleCols<2>(lasting).setZero();
+  lasting_[static_cast<std::size_t>(camera)] = {};
+}
+
+void MotionState::predict_to(capture::Timestamp when, double power_density) {
+  const double dt = capture::seconds(when - at);
+  if (dt <= 0) return;
+  by_views_.reset();
+  at = when;
+  mean_.head<3>() += dt * mean_.segment<3>(3);
+  covariance_.topLeftCorner<3, 6>() += dt * covariance_.block<3, 6>(3, 0);
+  covariance_.leftCols<3>() += dt * covariance_.middleCols<3>(3);
+  const double way_m = dt * velocity().norm();
+  for (Lasting& lasting : lasting_) lasting.way_m += way_m;
+  const double q = power_density;
+  covariance_.diagonal().head<3>().array() += q * dt * dt * dt / 3;
+  covariance_.diagonal().segment<3>(3).array() += q * dt;
+  covariance_.block<3, 3>(0, 3).diagonal().array() += q * dt * dt / 2;
+  covariance_.block<3, 3>(3, 0).diagonal().array() += q * dt * dt / 2;
+  if (!times_are_learnt_) return;
+  for (int c = 0; c < static_cast<int>(given_.size()); ++c) {
+    if (c != reference_camera) covariance_(latency_of(c), latency_of(c)) += latency_walk_s2_per_s * dt;
+  }
+}
+
+namespace {
+
+// From the first columns of an n x n matrix, below the diagonal and on it, the product of a0, a1 (n x 2) and b0, b1
+// (2 x n), which is symmetric but for rounding.
+HUETRACK_CLONES void take_off(double* __restrict matrix, std::ptrdiff_t n, std::ptrdiff_t columns,
+                              const double* __restrict a0, const double* __restrict a1, const double* __restrict b0,
+                              const double* __restrict b1) {
+  for (std::ptrdiff_t i = 0; i < columns; ++i) {
+    double* const column = matrix + i * n;
+    const double b0_there = b0[i], b1_there = b1[i];
+    for (std::ptrdiff_t j = i; j < n; ++j) column[j] -= a0[j] * b0_there + a1[j] * b1_there;
+  }
+}
+
+// Takes most_open off at once, all below the diagonal. stride: from one column of the matrix to the next; of_a: of a
+// and b. With 64 cameras this is most of what a sighting costs.
+HUETRACK_CLONES void take_off_all(double* __restrict matrix, std::ptrdiff_t stride, std::ptrdiff_t n,
+                                  const double* __restrict a, const double* __restrict b, std::ptrdiff_t of_a) {
+  static_assert(most_open == 8);
+  const double *const a0 = a, *const a1 = a + of_a, *const a2 = a + 2 * of_a, *const a3 = a + 3 * of_a;
+  const double *const a4 = a + 4 * of_a, *const a5 = a + 5 * of_a, *const a6 = a + 6 * of_a, *const a7 = a + 7 * of_a;
+  const auto sum = [&](std::ptrdiff_t j, const std::array<double, most_open>& b_there) {
+    return ((a0[j] * b_there[0] + a1[j] * b_there[1]) + (a2[j] * b_there[2] + a3[j] * b_there[3])) +
+           ((a4[j] * b_there[4] + a5[j] * b_there[5]) + (a6[j] * b_there[6] + a7[j] * b_there[7]));
+  };
+  // Two columns at a time: what is read of a serves both. The last one has nothing below the diagonal.
+  for (std::ptrdiff_t i = 0; i + 1 < n; i += 2) {
+    double* const column = matrix + i * stride;
+    double* const next_column = column + stride;
+    std::array<double, most_open> b_there{}, next_b{};
+    for (std::ptrdiff_t k = 0; k < most_open; ++k) {
+      b_there[static_cast<std::size_t>(k)] = b[i + k * of_a];
+      next_b[static_cast<std::size_t>(k)] = b[i + 1 + k * of_a];
+    }
+    column[i + 1] -= sum(i + 1, b_there);
+    for (std::ptrdiff_t j = i + 2; j < n; ++j) {
+      column[j] -= sum(j, b_there);
+      next_column[j] -= sum(j, next_b);
+    }
+  }
+}
+
+// sums[j] += a[j] * b
+HUETRACK_CLONES void add_product(double* __restrict sums, std::ptrdiff_t n, const double* __restrict a, double b) {
+  for (std::ptrdiff_t j = 0; j < n; ++j) sums[j] += a[j] * b;
+}
+
+}  // namespace
+
+void MotionState::settle() {
+  if (open_ == 0) return;
+  gains_.rightCols(most_open - open_).setZero();
+  seen_.rightCols(most_open - open_).setZero();
+  const Eigen::Index n = size();
+  take_off_all(covariance_.data() + 6 * n + 6, n, n - 6, gains_.data() + 6, seen_.data() + 6, n);
+  open_ = 0;
+}
+
+double MotionState::below_diagonal(Eigen::Index row, Eigen::Index column) const {
+  double value = covariance_(row, column);
+  for (Eigen::Index k = 0; k < open_; ++k) value -= gains_(row, k) * seen_(column, k);
+  return value;
+}
+
+MotionState::WithState<2> MotionState::two_rows(Eigen::Index i) const {
+  WithState<2> out(2, size());
+  out.leftCols(i) = covariance_.block(i, 0, 2, i);
+  out.rightCols(size() - i) = covariance_.block(i, i, size() - i, 2).transpose();
+  out(1, i) = covariance_(i + 1, i);
+  if (open_ == 0) return out;
+  for (const Eigen::Index row : {i, i + 1}) {
+    Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, most_states, 1> sums(size());
+    sums.setZero();
+    for (Eigen::Index k = 0; k < open_; ++k) {
+      add_product(sums.data() + 6, row - 6, seen_.col(k).data() + 6, gains_(row, k));
+      add_product(sums.data() + row + 1, size() - row - 1, gains_.col(k).data() + row + 1, seen_(row, k));
+    }
+    out.row(row - i) -= sums.transpose();
+  }
+  return out;
+}
+
+MotionState::WithState<3> MotionState::covariance_with_state(const SeenBy& by) const {
+  const Eigen::Index rest = size() - 6;
+  WithState<3> out(3, size());
+  out.leftCols<6>() = covariance_.topLeftCorner<3, 6>() + by.dt * covariance_.block<3, 6>(3, 0);
+  out.rightCols(rest) = (covariance_.bottomLeftCorner(rest, 3) + by.dt * covariance_.block(6, 3, rest, 3)).transpose();
+  if (times_are_learnt_) {
+    const WithState<2> of_times = two_rows(latency_of(by.row.camera));
+    out += by.v.lazyProduct(by.row.below_middle * of_times.row(1) - of_times.row(0));
+  }
+  return out;
+}
+
+template <int rows>
+Eigen::Matrix<double, rows, 3> MotionState::onto(const SeenBy& by, const WithState<rows>& with_state) const {
+  Eigen::Matrix<double, rows, 3> out = with_state.template leftCols<3>() + by.dt * with_state.template middleCols<3>(3);
+  if (times_are_learnt_) {
+    const Eigen::Index latency = latency_of(by.row.camera);
+    out += (by.row.below_middle * with_state.col(latency + 1) - with_state.col(latency)) * by.v.transpose();
+  }
+  return out;
+}
+
+Eigen::Matrix3d MotionState::unmodelled(const SeenBy& by, double power_density) const {
+  const Given& given = given_[static_cast<std::size_t>(by.row.camera)];
+  const double given_variance_s2 = given.latency_variance_s2 +
+                                   by.row.below_middle * by.row.below_middle * given.readout_variance_s2 +
+                                   (times_are_learnt_ ? 0.0 : relative_clock_variance_s2(by.row.camera));
+  const double time_sigma_s = row_sigma_s(by.row.camera, by.row.below_middle);
+  // Velocity times time is a product of two unknowns. Its second order: were it left out, the noise of the velocity of
+  // an object at rest would pass for motion, from which times can be learnt.
+  return given_variance_s2 * by.v * by.v.transpose() + time_sigma_s * time_sigma_s * covariance_.block<3, 3>(3, 3) +
+         power_density * std::abs(by.dt * by.dt * by.dt) / 3 * Eigen::Matrix3d::Identity();
+}
+
+Eigen::Matrix3d MotionState::seen_covariance(const SeenRow& row, double power_density) const {
+  const SeenBy by{row, capture::seconds(row.at - at), velocity()};
+  return onto(by, covariance_with_state(by)) + unmodelled(by, power_density);
+}
+
+// A first-order Gauss-Markov process along the way that the object has gone since the camera saw it last, of the
+// standard deviation that it has now (a near object is larger, and so is what shifts its centre).
+void MotionState::renew_lasting(int camera, double bias_sigma_px, const Eigen::Matrix2d& doubt) {
+  const Eigen::Index lasting = lasting_of(camera);
+  Lasting& last = lasting_[static_cast<std::size_t>(camera)];
+  const double before_px = last.px;
+  const double faded = std::exp(-last.way_m / lasting_way_m);
+  double kept = 0;
+  Eigen::Matrix2d added;
+  if (before_px > 0 && (doubt.diagonal().any() || last.doubt.diagonal().any())) {
+    // Doubt that comes leaves what is believed as it is and opens it; doubt that goes takes its share along.
+    const Eigen::Matrix2d one = Eigen::Matrix2d::Identity();
+    const Eigen::Matrix2d now = doubt + bias_sigma_px * bias_sigma_px * one;
+    const Eigen::Matrix2d before = last.doubt + before_px * before_px * one;
+    kept = faded * std::sqrt(std::min(1.0, now.trace() / before.trace()));
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> axes =
+        Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>().computeDirect(now - kept * kept * before);
+    added = axes.eigenvectors() * axes.eigenvalues().cwiseMax(0).asDiagonal() * axes.eigenvectors().transpose();
+  } else {
+    kept = faded * (before_px > 0 ? bias_sigma_px / before_px : 0.0);
+    const double renewed = -std::expm1(-2 * last.way_m / lasting_way_m);
+    added = (before_px > 0 ? renewed : 1.0) * bias_sigma_px * bias_sigma_px * Eigen::Matrix2d::Identity();
+    if (before_px == 0) added += doubt;
+  }
+  mean_.segment<2>(lasting) *= kept;
+  covariance_.block(lasting, 0, 2, lasting + 2) *= kept;
+  covariance_.block(lasting, lasting, size() - lasting, 2) *= kept;
+  covariance_.block<2, 2>(lasting, lasting) += added;
+  if (open_ > 0) {
+    gains_.block(lasting, 0, 2, open_) *= kept;
+    seen_.block(lasting, 0, 2, open_) *= kept;
+  }
+  last = {.px = bias_sigma_px, .doubt = doubt};
+}
+
+double MotionState::observe(const LinearSighting& sighting, const Eigen::Vector3d& velocity, double power_density) {
+  by_views_.reset();
+  const SeenRow& row = sighting.row;
+  renew_lasting(row.camera, sighting.bias_sigma_px, sighting.doubt);
+  const Eigen::Index lasting = lasting_of(row.camera);
+  const SeenBy by{row, capture::seconds(row.at - at), velocity};
+  const double later_s = row_offset_s(row.camera, row.below_middle) - row.shift_s;
+  const Eigen::Vector3d position_then = position() + by.dt * this->velocity() + later_s * velocity;
+  const Eigen::Vector2d innovation = sighting.px - sighting.px_expected - bias(row.camera) -
+                                     sighting.jacobian * (position_then - sighting.linearised_at);
+  const Eigen::Matrix<double, 2, 3>& j = sighting.jacobian;
+  const WithState<2> px_with_state = j.lazyProduct(covariance_with_state(by)) + two_rows(lasting);
+  const Eigen::Matrix2d s = onto(by, px_with_state) * j.transpose() + px_with_state.middleCols<2>(lasting) +
+                            j * unmodelled(by, power_density) * j.transpose() + sighting.covariance;
+  const Eigen::Matrix2d information = s.inverse();
+  // Transposed, and each row by itself in memory.
+  using Row = Eigen::Matrix<double, Eigen::Dynamic, 2, Eigen::ColMajor, most_states, 2>;
+  const Row gain = information.lazyProduct(px_with_state).transpose();
+  const Row px_of_state = px_with_state.transpose();
+  const Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, most_states, 1> variance_before =
+      covariance_.diagonal();
+  mean_.noalias() += gain.lazyProduct(innovation);
+  const bool is_put_aside = gains_.size() > 0;
+  take_off(covariance_.data(), size(), is_put_aside ? 6 : size(), gain.col(0).data(), gain.col(1).data(),
+           px_of_state.col(0).data(), px_of_state.col(1).data());
+  if (is_put_aside) {
+    for (Eigen::Index i = 6; i < size(); ++i) covariance_(i, i) -= gain.row(i).dot(px_of_state.row(i));
+    gains_.middleCols<2>(open_) = gain;
+    seen_.middleCols<2>(open_) = px_of_state;
+    open_ += 2;
+    if (open_ == most_open) settle();
+  }
+  for (Eigen::Index i = 0; i < 6; ++i)
+    for (Eigen::Index k = i + 1; k < 6; ++k) covariance_(i, k) = covariance_(k, i);
+  if (times_are_learnt_) {
+    const auto keep = [&](Eigen::Index i, double least_sigma) {
+      covariance_(i, i) = std::max(covariance_(i, i), std::min(variance_before(i), least_sigma * least_sigma));
+    };
+    for (int c = 0; c < static_cast<int>(given_.size()); ++c) {
+      keep(latency_of(c), least_latency_sigma_s);
+      keep(latency_of(c) + 1, least_readout_sigma_s);
+    }
+  }
+  return innovation.dot(information * innovation);
+}
+
+Eigen::Matrix<double, 6, 6> MotionState::by_views() const {
+  if (by_views_) return *by_views_;
+  if (open_ > 0) {
+    MotionState settled = *this;
+    settled.settle();
+    return settled.by_views();
+  }
+  const Eigen::Index n = size() - 6;
+  Eigen::MatrixXd views = covariance_.bottomRightCorner(n, n);
+  views.diagonal().array() += 1e-16;  // s^2, px^2: of what is held
+  const Eigen::LLT<Eigen::Ref<Eigen::MatrixXd>> root(views);
+  Eigen::Matrix<double, Eigen::Dynamic, 6, Eigen::ColMajor, most_states, 6> with_motion =
+      covariance_.bottomLeftCorner(n, 6);
+  for (int i = 0; i < 6; ++i) {
+    auto column = with_motion.col(i);
+    root.matrixL().solveInPlace(column);
+  }
+  return with_motion.transpose().lazyProduct(with_motion);
+}
+
+void MotionState::cache_nuisance_part() {
+  by_views_ = by_views();
+}
+
+Eigen::Matrix3d MotionState::position_covariance_conditioned() const {
+  return position_covariance() - by_views().topLeftCorner<3, 3>();
+}
+
+MotionState MotionState::conditioned_on_nuisances() const {
+  MotionState out = *this;
+  out.by_views_.reset();
+  out.covariance_.topLeftCorner<6, 6>() -= by_views();
+  out.covariance_.bottomRows(size() - 6).setZero();
+  out.open_ = 0;
+  return out;
+}
+
+void MotionState::reinflate_nuisances(const MotionState& other) {
+  by_views_ = other.by_views();
+  covariance_.topLeftCorner<6, 6>() += *by_views_;
+  const Eigen::Index n = size() - 6;
+  covariance_.bottomRows(n) = other.covariance_.bottomRows(n);
+  gains_ = other.gains_, seen_ = other.seen_, open_ = other.open_;
+}
+
+void MotionState::set_position(const Eigen::Vector3d& mean, const Eigen::Matrix3d& covariance) {
+  by_views_.reset();
+  settle();
+  const Eigen::Matrix3d before = position_covariance();
+  const Eigen::Index rest = size() - 3;
+  WithState<3> with_position(3, rest);
+  with_position.leftCols<3>() = covariance_.block<3, 3>(0, 3);
+  with_position.rightCols(rest - 3) = covariance_.bottomLeftCorner(rest - 3, 3).transpose();
+  const WithState<3> regression = before.inverse().lazyProduct(with_position);  // transposed
+  const WithState<3> changed = (covariance - before).lazyProduct(regression);
+  mean_.tail(rest) += regression.transpose().lazyProduct(mean - position());
+  mean_.head<3>() = mean;
+  covariance_.block<3, 3>(3, 3) += regression.leftCols<3>().transpose().lazyProduct(changed.leftCols<3>());
+  covariance_.bottomLeftCorner(rest - 3, 6).rightCols<3>() +=
+      regression.rightCols(rest - 3).transpose().lazyProduct(changed.leftCols<3>());
+  for (Eigen::Index i = 3; i < rest; ++i)
+    covariance_.col(3 + i).tail(rest - i) += regression.rightCols(rest - i).transpose().lazyProduct(changed.col(i));
+  covariance_.topLeftCorner<3, 3>() = covariance;
+  covariance_.bottomLeftCorner(rest, 3) = covariance.lazyProduct(regression).transpose();
+  covariance_.block<3, 3>(0, 3) = covariance_.block<3, 3>(3, 0).transpose();
+}
+
+MotionState::ConditionalMeasurement MotionState::measurement_given_position(const SeenRow& row,
+                                                                            double power_density) const {
+  const SeenBy by{row, capture::seconds(row.at - at), velocity()};
+  const WithState<3> with_state = covariance_with_state(by);
+  const double later_s = row_offset_s(row.camera, row.below_middle) - row.shift_s;
+  ConditionalMeasurement out;
+  out.slope = with_state.leftCols<3>() * position_covariance().inverse();
+  out.offset = position() + (by.dt + later_s) * by.v - out.slope * position();
+  out.covariance =
+      onto(by, with_state) + unmodelled(by, power_density) - out.slope * with_state.leftCols<3>().transpose();
+  out.covariance = (0.5 * (out.covariance + out.covariance.transpose())).eval();
+  return out;
+}
+
+}  // namespace huetrack::object_tracking

@@ -1,0 +1,177 @@
+// What pages ask is refused, whatever it is, where the configuration does not allow it.
+#include "page/teaching_session.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <cmath>
+#include <fstream>
+#include <thread>
+
+#include "config/taught_file.h"
+#include "scene/scene.h"
+
+namespace huetrack::page {
+namespace {
+
+using namespace testing;
+
+struct Desk {
+  bool resumed = false, reloaded = false;
+  TeachingSession desk{{.reload =
+                            [this] {
+                              reloaded = true;
+                              return std::string();
+                            },
+                        .resume = [this] { resumed = true; }}};
+};
+
+msg::TeachRequest request_of(msg::TeachAction action) {
+  msg::TeachRequest request;
+  request.client("a page");
+  request.action(action);
+  return request;
+}
+
+config::ServiceConfig config_that_allows(bool teaching) {
+  config::ServiceConfig c =
+      config::load_service_config(std::filesystem::path(HUETRACK_SOURCE_DIR) / "configs/demo/huetrackd.yaml");
+  c.control.allow_teach = teaching;
+  return c;
+}
+
+TEST(TeachingSession, NothingIsDoneForWhoMayNotTeach) {
+  for (const auto action : {msg::TEACH_ACTION_RESUME, msg::TEACH_ACTION_LOOK, msg::TEACH_ACTION_APPLY,
+                            msg::TEACH_ACTION_IGNORE, msg::TEACH_ACTION_UNDO}) {
+    Desk of;
+    const msg::TeachReply reply = of.desk.answer(request_of(action), config_that_allows(false));
+    EXPECT_FALSE(reply.granted()) << int(action);
+    EXPECT_THAT(reply.reason(), HasSubstr("allow_teach")) << int(action);
+    EXPECT_FALSE(of.resumed) << int(action);
+    EXPECT_FALSE(of.reloaded) << int(action);
+  }
+}
+
+TEST(TeachingSession, AReplayThatIsHeldGoesOnForWhoMay) {
+  Desk of;
+  EXPECT_TRUE(of.desk.answer(request_of(msg::TEACH_ACTION_RESUME), config_that_allows(true)).granted());
+  EXPECT_TRUE(of.resumed);
+}
+
+TEST(TeachingSession, ASaveIsUndone) {
+  const std::filesystem::path folder = std::filesystem::path(TempDir()) / ("teach_desk_" + std::to_string(::getpid()));
+  std::filesystem::create_directories(folder);
+  config::ServiceConfig config = config_that_allows(true);
+  config.file = folder / "c.yaml";
+  std::ofstream(config.file) << "version: 1\nrig: " << config.rig_file.string()
+                             << "\ntargets: {ball: {radius_m: 0.04, color: {hue_deg: [10, 30]}}}\n";
+  Desk nothing;
+  const msg::TeachReply refused = nothing.desk.answer(request_of(msg::TEACH_ACTION_UNDO), config);
+  EXPECT_FALSE(refused.granted());
+  EXPECT_THAT(refused.reason(), HasSubstr("nothing to undo"));
+  EXPECT_FALSE(nothing.reloaded);
+
+  const auto hue = [&] { return config::load_service_config(config.file).targets.at(0).color.hue_min_deg; };
+  object_tracking::TargetOptions target = config::load_service_config(config.file).targets.at(0);
+  target.color.hue_min_deg = 20;
+  config::save_taught(config.file, target, {});
+  ASSERT_EQ(hue(), 20);
+  Desk of;
+  const msg::TeachReply reply = of.desk.answer(request_of(msg::TEACH_ACTION_UNDO), config);
+  EXPECT_TRUE(reply.granted()) << reply.reason();
+  EXPECT_THAT(reply.reason(), HasSubstr("c.taught.yaml is as it was before the last save"));
+  EXPECT_TRUE(of.reloaded);
+  EXPECT_EQ(hue(), 10);
+  config::redo_taught(config.file);
+  EXPECT_EQ(hue(), 20);
+  std::filesystem::remove_all(folder);
+}
+
+// A replay that is held shows one moment. What rests and has the colour is told from the ball by others of the
+// recording.
+TEST(TeachingSession, WhatMovesIsKnownOfAReplayThatIsHeld) {
+  const auto circling = [](double t) { return Eigen::Vector3d(0.5 * std::cos(3 * t), 0.5 * std::sin(3 * t), 1.2); };
+  scene::SceneBuilder builder;
+  builder.cameras_on_ring({.count = 3}).ball({.path = circling});
+  for (const Eigen::Vector3d& at :
+       {Eigen::Vector3d(-0.6, 0.3, 1.2), {0.2, -0.7, 1.2}, {0.1, 0.1, 1.2}, {0.7, 0.6, 1.25}})
+    builder.ball({.name = "other", .path = [at](double) { return at; }});
+  const scene::Scene world = builder.build();
+  const auto sets = scene::render(world, {.set_count = 60});
+  config::ServiceConfig config = config_that_allows(true);
+  config.rig = world.rig;
+  config.object_tracking.volume = {.min = {-1, -1, 0}, .max = {1, 1, 2}};
+
+  const auto suggested = [&](std::size_t of, bool is_recorded) {
+    TeachingSession::Actions actions{.reload = [] { return std::string(); }, .resume = {}};
+    if (is_recorded) {
+      actions.moments = [&](const std::stop_token&) {
+        std::vector<capture::FrameSet> moments;
+        for (std::size_t i = 0; i < sets.size(); i += 4) moments.push_back(sets[i]);
+        return moments;
+      };
+    }
+    TeachingSession desk{actions};
+    EXPECT_TRUE(desk.freeze(request_of(msg::TEACH_ACTION_FREEZE), config, sets[of]).granted());
+    msg::TeachRequest look = request_of(msg::TEACH_ACTION_LOOK);
+    look.target(config.targets[0].name);
+    msg::TeachPoint& point = look.points().emplace_back();
+    const Eigen::Vector3d ball = world.ball_at(0, sets[of].at);
+    const Eigen::Vector2d px = world.rig.cameras[0].project_world(ball)->px;
+    point.camera(world.rig.cameras[0].name);
+    point.pixel({px.x(), px.y()});
+    const auto right_now = [&] {
+      const msg::TeachReply reply = desk.answer(look, config);
+      int right = 0;
+      for (std::size_t c = 1; c < 3; ++c) {
+        const auto& at = reply.cameras()[c].region_pixel();
+        const Eigen::Vector2d truth = world.rig.cameras[c].project_world(ball)->px;
+        right += (Eigen::Vector2d(at[0], at[1]) - truth).norm() < 4 ? 1 : 0;
+      }
+      return right;
+    };
+    int right = right_now();
+    for (int i = 0; is_recorded && right < 2 && i < 20; ++i) {  // they are read beside this
+      std::this_thread::sleep_for(std::chrono::milliseconds(20));
+      right = right_now();
+    }
+    return right;
+  };
+  int by_one_moment = 0, by_all = 0, asked = 0;
+  for (std::size_t of = 0; of < sets.size(); of += 12, asked += 2) {
+    by_one_moment += suggested(of, false);
+    by_all += suggested(of, true);
+  }
+  EXPECT_GT(by_all, by_one_moment);
+  EXPECT_GE(by_all, asked * 8 / 10);
+}
+
+TEST(TeachingSession, ARecordingThatCannotBeReadIsSaid) {
+  const scene::Scene world = scene::SceneBuilder().cameras_on_ring({.count = 2}).ball({}).build();
+  const auto sets = scene::render(world, {.set_count = 1});
+  config::ServiceConfig config = config_that_allows(true);
+  config.rig = world.rig;
+  TeachingSession::Actions actions{.reload = [] { return std::string(); }, .resume = {}};
+  actions.moments = [](const std::stop_token&) -> std::vector<capture::FrameSet> {
+    throw std::runtime_error("a.mkv is gone");
+  };
+  TeachingSession desk{actions};
+  ASSERT_TRUE(desk.freeze(request_of(msg::TEACH_ACTION_FREEZE), config, sets[0]).granted());
+  msg::TeachRequest look = request_of(msg::TEACH_ACTION_LOOK);
+  look.target(config.targets[0].name);
+  const Eigen::Vector2d px = world.rig.cameras[0].project_world(world.ball_at(0, sets[0].at))->px;
+  msg::TeachPoint& point = look.points().emplace_back();
+  point.camera(world.rig.cameras[0].name);
+  point.pixel({px.x(), px.y()});
+  std::string reason = desk.answer(look, config).reason();
+  for (int i = 0; reason.find("a.mkv is gone") == std::string::npos && i < 100; ++i) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    reason = desk.answer(look, config).reason();
+  }
+  EXPECT_THAT(reason, HasSubstr("What moves is not known: a.mkv is gone."));
+}
+
+}  // namespace
+}  // namespace huetrack::page
