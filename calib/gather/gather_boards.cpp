@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include "calib/gather/live_boards.h"
-#include "capture/frame_synchronizer.h"
+#include "capture/timing/frame_synchronizer.h"
 
 namespace huetrack::gather {
 namespace {

@@ -12,7 +12,7 @@
 #include "calib/board/grey_view.h"
 #include "calib/gather/progress_line.h"
 #include "calib/gather/smeared_board.h"
-#include "capture/frame_synchronizer.h"
+#include "capture/timing/frame_synchronizer.h"
 
 namespace huetrack::gather {
 namespace {

@@ -11,7 +11,7 @@
 #include "calib/board/board_detector.h"
 #include "calib/gather/detection_page.h"
 #include "calib/gather/find_boards.h"
-#include "capture/frame_source.h"
+#include "capture/frames/frame_source.h"
 
 namespace huetrack::gather {
 

@@ -4,7 +4,7 @@
 
 #include "calib/gather/picture_source.h"
 #include "calib/yaml/yaml_reader.h"
-#include "capture/v4l2_device.h"
+#include "capture/v4l2/v4l2_device.h"
 
 namespace huetrack::gather {
 namespace {

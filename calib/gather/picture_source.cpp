@@ -12,8 +12,8 @@
 #include "calib/gather/image_files.h"
 #include "calib/yaml/text_file.h"
 #include "calib/yaml/yaml_reader.h"
-#include "capture/frame_synchronizer.h"
-#include "capture/jpeg_decoder.h"
+#include "capture/frames/jpeg_decoder.h"
+#include "capture/timing/frame_synchronizer.h"
 #include "recordings/recording.h"
 #include "recordings/replay_source.h"
 

@@ -4,7 +4,7 @@
 #include <array>
 
 #include "calib/model/median.h"
-#include "capture/image_copy.h"
+#include "capture/frames/image_copy.h"
 
 namespace huetrack::wave {
 namespace {

@@ -7,7 +7,7 @@
 #include "calib/model/camera_rig.h"
 #include "calib/solver/progress.h"
 #include "calib/wave/ball_outline.h"
-#include "capture/frame.h"
+#include "capture/frames/frame.h"
 #include "color/color_region.h"
 #include "object_tracking/target_views.h"
 #include "object_tracking/tracker_options.h"

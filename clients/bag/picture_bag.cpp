@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "calib/model/rig_yaml.h"
-#include "capture/jpeg_encoder.h"
+#include "capture/frames/jpeg_encoder.h"
 #include "clients/bag/ros_messages.h"
 #include "idl/camera_info.h"
 #include "idl/ros_fields.h"

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "calib/model/rigid3.h"
-#include "capture/frame.h"
+#include "capture/frames/frame.h"
 
 namespace huetrack::camera_tracking {
 

@@ -13,7 +13,7 @@
 
 #include "calib/model/camera_rig.h"
 #include "camera_tracking/camera_estimate.h"
-#include "capture/frame.h"
+#include "capture/frames/frame.h"
 
 namespace huetrack::camera_tracking {
 

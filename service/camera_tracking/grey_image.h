@@ -7,7 +7,7 @@
 #include <memory>
 #include <vector>
 
-#include "capture/pixel_format.h"
+#include "capture/frames/pixel_format.h"
 
 namespace huetrack::camera_tracking {
 

@@ -8,7 +8,7 @@
 #include <span>
 #include <vector>
 
-#include "capture/frame_source.h"
+#include "capture/frames/frame_source.h"
 #include "capture/v4l2_source.h"
 
 namespace huetrack::capture {

@@ -9,12 +9,12 @@
 #include <thread>
 #include <utility>
 
-#include "capture/camera_clock.h"
-#include "capture/capture_clock.h"
-#include "capture/ffmpeg_log.h"
-#include "capture/ffmpeg_objects.h"
-#include "capture/ffmpeg_picture.h"
-#include "capture/jpeg_decoder.h"
+#include "capture/ffmpeg/ffmpeg_log.h"
+#include "capture/ffmpeg/ffmpeg_objects.h"
+#include "capture/ffmpeg/ffmpeg_picture.h"
+#include "capture/frames/jpeg_decoder.h"
+#include "capture/timing/camera_clock.h"
+#include "capture/timing/capture_clock.h"
 
 namespace huetrack::capture {
 namespace {

@@ -17,10 +17,10 @@
 #include <thread>
 #include <utility>
 
-#include "capture/camera_clock.h"
-#include "capture/capture_clock.h"
-#include "capture/file_descriptor.h"
-#include "capture/jpeg_decoder.h"
+#include "capture/frames/file_descriptor.h"
+#include "capture/frames/jpeg_decoder.h"
+#include "capture/timing/camera_clock.h"
+#include "capture/timing/capture_clock.h"
 
 namespace huetrack::capture {
 namespace {

@@ -11,9 +11,9 @@
 #include <string_view>
 #include <vector>
 
-#include "capture/frame_source.h"
-#include "capture/host_clock.h"
-#include "capture/v4l2_device.h"
+#include "capture/frames/frame_source.h"
+#include "capture/timing/host_clock.h"
+#include "capture/v4l2/v4l2_device.h"
 
 namespace huetrack::capture {
 

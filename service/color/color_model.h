@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "capture/pixel_format.h"
+#include "capture/frames/pixel_format.h"
 
 namespace huetrack::color {
 

@@ -14,8 +14,8 @@
 #include <span>
 #include <vector>
 
-#include "capture/frame.h"
-#include "capture/pixel_format.h"
+#include "capture/frames/frame.h"
+#include "capture/frames/pixel_format.h"
 #include "color/color_model.h"
 #include "color/window_kernels.h"
 

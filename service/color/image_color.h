@@ -2,7 +2,7 @@
 // road of a frame (color_window.h).
 #pragma once
 
-#include "capture/frame.h"
+#include "capture/frames/frame.h"
 #include "color/color_model.h"
 
 namespace huetrack::color {

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "capture/frame.h"
+#include "capture/frames/frame.h"
 #include "color/color_model.h"
 
 namespace huetrack::color {

@@ -7,7 +7,7 @@
 #include <cstdint>
 #include <cstring>
 
-#include "capture/pixel_format.h"
+#include "capture/frames/pixel_format.h"
 #include "color/color_model.h"
 
 namespace huetrack::color {

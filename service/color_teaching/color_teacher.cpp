@@ -7,7 +7,7 @@
 #include <limits>
 #include <utility>
 
-#include "capture/image_copy.h"
+#include "capture/frames/image_copy.h"
 #include "color/color_region.h"
 #include "color_teaching/color_fit.h"
 #include "color_teaching/suggestion.h"

@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "calib/model/camera_rig.h"
-#include "capture/frame.h"
+#include "capture/frames/frame.h"
 #include "color_teaching/ball_size.h"
 #include "color_teaching/hsi_image.h"
 #include "object_tracking/tracker_options.h"

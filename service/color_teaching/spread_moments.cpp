@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <numeric>
 
-#include "capture/image_copy.h"
+#include "capture/frames/image_copy.h"
 #include "color_teaching/color_teacher.h"
 
 namespace huetrack::color_teaching {

@@ -6,7 +6,7 @@
 #include <utility>
 #include <vector>
 
-#include "capture/frame.h"
+#include "capture/frames/frame.h"
 
 namespace huetrack::color_teaching {
 

@@ -18,7 +18,7 @@
 
 #include "calib/model/rig_yaml.h"
 #include "calib/yaml/output_file.h"
-#include "capture/file_descriptor.h"
+#include "capture/frames/file_descriptor.h"
 #include "config/service_config.h"
 
 namespace huetrack::config {

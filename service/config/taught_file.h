@@ -12,7 +12,7 @@
 #include <utility>
 
 #include "calib/model/camera_rig.h"
-#include "capture/v4l2_device.h"
+#include "capture/v4l2/v4l2_device.h"
 #include "object_tracking/tracker_options.h"
 
 namespace huetrack::config {

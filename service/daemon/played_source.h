@@ -11,7 +11,7 @@
 #include <optional>
 #include <vector>
 
-#include "capture/frame_source.h"
+#include "capture/frames/frame_source.h"
 #include "page/playback.h"
 
 namespace huetrack::daemon {

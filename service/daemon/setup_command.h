@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "capture/v4l2_device.h"
+#include "capture/v4l2/v4l2_device.h"
 #include "daemon/live.h"
 
 namespace huetrack::daemon {

@@ -9,7 +9,7 @@
 #include <numbers>
 #include <utility>
 
-#include "capture/capture_clock.h"
+#include "capture/timing/capture_clock.h"
 #include "daemon/reloader.h"
 #include "daemon/service_manager.h"
 #include "pipeline/without_numbers.h"

@@ -8,9 +8,9 @@
 #include <string>
 #include <vector>
 
-#include "capture/light_watch.h"
-#include "capture/usb_bandwidth.h"
-#include "capture/v4l2_device.h"
+#include "capture/frames/light_watch.h"
+#include "capture/v4l2/usb_bandwidth.h"
+#include "capture/v4l2/v4l2_device.h"
 
 namespace huetrack::doctor {
 

@@ -3,9 +3,9 @@
 
 #include <vector>
 
-#include "capture/jpeg_decoder.h"
-#include "capture/light_watch.h"
-#include "capture/v4l2_device.h"
+#include "capture/frames/jpeg_decoder.h"
+#include "capture/frames/light_watch.h"
+#include "capture/v4l2/v4l2_device.h"
 #include "doctor/camera_exam.h"
 #include "doctor/doctor.h"
 

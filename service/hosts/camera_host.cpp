@@ -9,7 +9,7 @@
 #include <thread>
 #include <utility>
 
-#include "capture/capture_clock.h"
+#include "capture/timing/capture_clock.h"
 #include "hosts/frame_message.h"
 #include "hosts/frame_window.h"
 #include "hosts/machine_clock.h"

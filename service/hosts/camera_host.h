@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "capture/light_watch.h"
+#include "capture/frames/light_watch.h"
 #include "capture/live_camera.h"
 #include "idl/participant_options.h"
 

@@ -6,7 +6,7 @@
 #include <limits>
 #include <optional>
 
-#include "capture/frame.h"
+#include "capture/frames/frame.h"
 
 namespace huetrack::hosts {
 

@@ -1,8 +1,8 @@
 // A frame as it goes over the bus and back: the camera's own bytes. Pure functions; any thread.
 #pragma once
 
-#include "capture/frame.h"
-#include "capture/jpeg_decoder.h"
+#include "capture/frames/frame.h"
+#include "capture/frames/jpeg_decoder.h"
 #include "idl/camera_host.h"
 
 namespace huetrack::hosts {

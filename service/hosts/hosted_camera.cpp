@@ -15,8 +15,8 @@
 #include <type_traits>
 #include <utility>
 
-#include "capture/camera_clock.h"
-#include "capture/capture_clock.h"
+#include "capture/timing/camera_clock.h"
+#include "capture/timing/capture_clock.h"
 #include "hosts/camera_host.h"
 #include "hosts/clock_offset.h"
 #include "hosts/frame_message.h"

@@ -9,7 +9,7 @@
 #include <fstream>
 #include <string>
 
-#include "capture/capture_clock.h"
+#include "capture/timing/capture_clock.h"
 
 namespace huetrack::hosts {
 namespace {

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <optional>
 
-#include "capture/frame.h"
+#include "capture/frames/frame.h"
 #include "hosts/clock_offset.h"
 
 namespace huetrack::hosts {

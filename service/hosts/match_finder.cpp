@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <utility>
 
-#include "capture/jpeg_encoder.h"
+#include "capture/frames/jpeg_encoder.h"
 #include "color/match_tiles.h"
 
 namespace huetrack::hosts {

@@ -9,11 +9,11 @@
 #include <span>
 #include <vector>
 
-#include "capture/frame.h"
-#include "capture/jpeg_decoder.h"
-#include "capture/light_watch.h"
-#include "capture/matches.h"
-#include "capture/repeat_watch.h"
+#include "capture/frames/frame.h"
+#include "capture/frames/jpeg_decoder.h"
+#include "capture/frames/light_watch.h"
+#include "capture/frames/matches.h"
+#include "capture/frames/repeat_watch.h"
 #include "color/color_model.h"
 
 namespace huetrack::hosts {

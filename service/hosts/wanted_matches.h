@@ -7,7 +7,7 @@
 #include <optional>
 #include <vector>
 
-#include "capture/frame.h"
+#include "capture/frames/frame.h"
 #include "hosts/match_finder.h"
 #include "idl/camera_host.h"
 

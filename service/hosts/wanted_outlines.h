@@ -9,7 +9,7 @@
 #include <span>
 #include <vector>
 
-#include "capture/frame.h"
+#include "capture/frames/frame.h"
 #include "idl/camera_host.h"
 
 namespace huetrack::hosts {

@@ -11,7 +11,7 @@
 #include <string_view>
 #include <vector>
 
-#include "capture/frame.h"
+#include "capture/frames/frame.h"
 #include "object_tracking/object_estimate.h"
 #include "publish/service_status.h"
 #include "view_watch/view_watch.h"

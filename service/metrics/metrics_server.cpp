@@ -20,7 +20,7 @@
 #include <thread>
 #include <utility>
 
-#include "capture/file_descriptor.h"
+#include "capture/frames/file_descriptor.h"
 #include "metrics/metrics.h"
 
 namespace huetrack::metrics {

@@ -1,6 +1,6 @@
 #include "metrics/road_meter.h"
 
-#include "capture/capture_clock.h"
+#include "capture/timing/capture_clock.h"
 
 namespace huetrack::metrics {
 

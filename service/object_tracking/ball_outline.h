@@ -5,7 +5,7 @@
 #include <optional>
 
 #include "calib/model/camera_rig.h"
-#include "capture/frame.h"
+#include "capture/frames/frame.h"
 #include "outline/outline_fit.h"
 
 namespace huetrack::object_tracking {

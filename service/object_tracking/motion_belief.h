@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "calib/model/camera_rig.h"
-#include "capture/frame.h"
+#include "capture/frames/frame.h"
 #include "object_tracking/object_estimate.h"
 
 namespace huetrack::object_tracking {

@@ -10,7 +10,7 @@
 #include <string_view>
 #include <vector>
 
-#include "capture/frame.h"
+#include "capture/frames/frame.h"
 
 namespace huetrack::object_tracking {
 

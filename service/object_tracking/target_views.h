@@ -11,7 +11,7 @@
 
 #include "calib/model/batch_projector.h"
 #include "calib/model/camera_rig.h"
-#include "capture/frame.h"
+#include "capture/frames/frame.h"
 #include "color/color_model.h"
 #include "color/color_window.h"
 #include "object_tracking/tracker_options.h"

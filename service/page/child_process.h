@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "capture/file_descriptor.h"
+#include "capture/frames/file_descriptor.h"
 
 namespace huetrack::page {
 

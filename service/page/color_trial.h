@@ -9,7 +9,7 @@
 #include <stop_token>
 #include <string>
 
-#include "capture/frame.h"
+#include "capture/frames/frame.h"
 #include "color_teaching/color_teacher.h"
 #include "config/service_config.h"
 

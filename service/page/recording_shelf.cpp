@@ -15,7 +15,7 @@
 #include <stdexcept>
 #include <string_view>
 
-#include "capture/file_descriptor.h"
+#include "capture/frames/file_descriptor.h"
 #include "idl/control_words.h"
 
 namespace huetrack::page {

@@ -9,7 +9,7 @@
 #include <exception>
 #include <limits>
 
-#include "capture/jpeg_encoder.h"
+#include "capture/frames/jpeg_encoder.h"
 #include "config/taught_file.h"
 
 namespace huetrack::page {

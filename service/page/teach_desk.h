@@ -11,7 +11,7 @@
 #include <utility>
 #include <vector>
 
-#include "capture/frame.h"
+#include "capture/frames/frame.h"
 #include "color_teaching/lesson.h"
 #include "config/service_config.h"
 #include "idl/huetrack_view.h"

@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "camera_tracking/camera_tracker.h"
-#include "capture/frame.h"
-#include "capture/frame_source.h"
+#include "capture/frames/frame.h"
+#include "capture/frames/frame_source.h"
 #include "object_tracking/object_estimate.h"
 
 namespace huetrack::pictures {

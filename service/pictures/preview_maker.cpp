@@ -6,7 +6,7 @@
 
 #include "calib/model/covariance_ellipse.h"
 #include "calib/model/rig_yaml.h"
-#include "capture/jpeg_encoder.h"
+#include "capture/frames/jpeg_encoder.h"
 
 namespace huetrack::pictures {
 namespace {

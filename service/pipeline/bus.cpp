@@ -2,7 +2,7 @@
 
 #include <spdlog/spdlog.h>
 
-#include "capture/capture_clock.h"
+#include "capture/timing/capture_clock.h"
 
 namespace huetrack::pipeline {
 

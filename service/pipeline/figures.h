@@ -6,8 +6,8 @@
 #include <optional>
 #include <vector>
 
-#include "capture/frame.h"
-#include "capture/frame_synchronizer.h"
+#include "capture/frames/frame.h"
+#include "capture/timing/frame_synchronizer.h"
 #include "object_tracking/trackers/object_tracker.h"
 #include "pipeline/tracked_camera.h"
 

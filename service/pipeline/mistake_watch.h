@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "calib/model/camera_rig.h"
-#include "capture/frame.h"
+#include "capture/frames/frame.h"
 #include "object_tracking/trackers/object_tracker.h"
 #include "view_watch/view_watch.h"
 

@@ -7,7 +7,7 @@
 #include <string>
 
 #include "camera_tracking/camera_tracker.h"
-#include "capture/frame.h"
+#include "capture/frames/frame.h"
 #include "config/service_config.h"
 #include "object_tracking/trackers/object_tracker.h"
 #include "pictures/picture_job.h"

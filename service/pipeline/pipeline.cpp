@@ -10,7 +10,7 @@
 #include <string>
 #include <thread>
 
-#include "capture/capture_clock.h"
+#include "capture/timing/capture_clock.h"
 
 namespace huetrack::pipeline {
 namespace {

@@ -22,9 +22,9 @@
 
 #include "calib/model/camera_rig.h"
 #include "camera_tracking/camera_tracker.h"
-#include "capture/frame_source.h"
-#include "capture/frame_synchronizer.h"
-#include "capture/repeat_watch.h"
+#include "capture/frames/frame_source.h"
+#include "capture/frames/repeat_watch.h"
+#include "capture/timing/frame_synchronizer.h"
 #include "object_tracking/trackers/object_tracker.h"
 #include "pictures/picture_job.h"
 #include "pipeline/bounded_queue.h"

@@ -4,7 +4,7 @@
 #include <atomic>
 #include <cstdint>
 
-#include "capture/frame.h"
+#include "capture/frames/frame.h"
 
 namespace huetrack::pipeline {
 

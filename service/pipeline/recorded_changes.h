@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "capture/frame.h"
+#include "capture/frames/frame.h"
 
 namespace huetrack::pipeline {
 

@@ -11,8 +11,8 @@
 #include <vector>
 
 #include "calib/model/camera_rig.h"
-#include "capture/frame_source.h"
-#include "capture/pixel_format.h"
+#include "capture/frames/frame_source.h"
+#include "capture/frames/pixel_format.h"
 #include "config/service_config.h"
 #include "pipeline/output.h"
 #include "pipeline/pipeline.h"

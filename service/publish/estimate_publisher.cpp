@@ -13,7 +13,7 @@
 #include <shared_mutex>
 #include <stdexcept>
 
-#include "capture/capture_clock.h"
+#include "capture/timing/capture_clock.h"
 #include "idl/camera_hostPubSubTypes.h"
 #include "idl/camera_timesPubSubTypes.h"
 #include "idl/dds_participant.h"

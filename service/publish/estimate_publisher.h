@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "camera_tracking/camera_estimate.h"
-#include "capture/frame.h"
+#include "capture/frames/frame.h"
 #include "idl/participant_options.h"
 #include "object_tracking/object_estimate.h"
 #include "publish/service_status.h"

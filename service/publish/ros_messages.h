@@ -6,7 +6,7 @@
 #include <string>
 
 #include "camera_tracking/camera_estimate.h"
-#include "capture/frame.h"
+#include "capture/frames/frame.h"
 #include "idl/ros2_messages.h"
 #include "object_tracking/object_estimate.h"
 

@@ -5,7 +5,7 @@
 #include <span>
 #include <string>
 
-#include "capture/frame.h"
+#include "capture/frames/frame.h"
 #include "idl/huetrack_view.h"
 #include "idl/ros2_messages.h"
 #include "object_tracking/object_estimate.h"

@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "capture/frame.h"
-#include "capture/host_clock.h"
+#include "capture/frames/frame.h"
+#include "capture/timing/host_clock.h"
 
 namespace huetrack::publish {
 

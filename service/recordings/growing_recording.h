@@ -3,7 +3,7 @@
 
 #include <memory>
 
-#include "capture/frame_source.h"
+#include "capture/frames/frame_source.h"
 #include "recordings/recording.h"
 
 namespace huetrack::recordings {

@@ -10,7 +10,7 @@
 #include <string_view>
 #include <vector>
 
-#include "capture/jpeg_decoder.h"
+#include "capture/frames/jpeg_decoder.h"
 #include "recordings/recording.h"
 #include "recordings/video_reader.h"
 

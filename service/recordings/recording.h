@@ -18,7 +18,7 @@
 #include <utility>
 #include <vector>
 
-#include "capture/frame.h"
+#include "capture/frames/frame.h"
 
 namespace huetrack::recordings {
 

@@ -25,11 +25,11 @@ extern "C" {
 
 #include "calib/yaml/output_file.h"
 #include "calib/yaml/text_file.h"
-#include "capture/capture_error.h"
-#include "capture/ffmpeg_log.h"
-#include "capture/ffmpeg_objects.h"
-#include "capture/file_descriptor.h"
-#include "capture/image_copy.h"
+#include "capture/ffmpeg/ffmpeg_log.h"
+#include "capture/ffmpeg/ffmpeg_objects.h"
+#include "capture/frames/capture_error.h"
+#include "capture/frames/file_descriptor.h"
+#include "capture/frames/image_copy.h"
 #include "recordings/matches_reader.h"
 
 namespace huetrack::recordings {

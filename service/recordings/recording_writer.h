@@ -13,8 +13,8 @@
 #include <utility>
 #include <vector>
 
-#include "capture/capture_error.h"
-#include "capture/frame.h"
+#include "capture/frames/capture_error.h"
+#include "capture/frames/frame.h"
 
 namespace huetrack::recordings {
 

@@ -12,7 +12,7 @@
 
 #include "calib/yaml/nearest_word.h"
 #include "calib/yaml/yaml_reader.h"
-#include "capture/camera_clock.h"
+#include "capture/timing/camera_clock.h"
 #include "recordings/matches_reader.h"
 #include "recordings/video_reader.h"
 

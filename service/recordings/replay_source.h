@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "capture/frame_source.h"
+#include "capture/frames/frame_source.h"
 #include "recordings/recording.h"
 
 namespace huetrack::recordings {

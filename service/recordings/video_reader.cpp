@@ -11,10 +11,10 @@
 #include <utility>
 
 #include "calib/yaml/yaml_reader.h"
-#include "capture/ffmpeg_log.h"
-#include "capture/ffmpeg_objects.h"
-#include "capture/ffmpeg_picture.h"
-#include "capture/jpeg_decoder.h"
+#include "capture/ffmpeg/ffmpeg_log.h"
+#include "capture/ffmpeg/ffmpeg_objects.h"
+#include "capture/ffmpeg/ffmpeg_picture.h"
+#include "capture/frames/jpeg_decoder.h"
 
 namespace huetrack::recordings {
 

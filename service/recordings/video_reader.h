@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "capture/frame.h"
+#include "capture/frames/frame.h"
 #include "recordings/recording.h"
 
 namespace huetrack::recordings {

@@ -9,7 +9,7 @@
 #include <utility>
 #include <vector>
 
-#include "capture/light_watch.h"
+#include "capture/frames/light_watch.h"
 #include "pipeline/output.h"
 
 namespace huetrack::reports {

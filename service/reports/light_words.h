@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "capture/light_watch.h"
+#include "capture/frames/light_watch.h"
 #include "object_tracking/trackers/object_tracker.h"
 
 namespace huetrack::reports {

@@ -14,7 +14,7 @@
 #include <vector>
 
 #include "calib/model/camera_rig.h"
-#include "capture/frame.h"
+#include "capture/frames/frame.h"
 #include "room_watch/kept_patch.h"
 #include "room_watch/patch.h"
 #include "room_watch/patch_choice.h"

@@ -5,7 +5,7 @@
 
 #include <cstdint>
 
-#include "capture/pixel_format.h"
+#include "capture/frames/pixel_format.h"
 
 namespace huetrack::room_watch {
 

@@ -11,7 +11,7 @@
 #include <optional>
 
 #include "calib/model/camera_rig.h"
-#include "capture/frame.h"
+#include "capture/frames/frame.h"
 
 namespace huetrack::room_watch {
 

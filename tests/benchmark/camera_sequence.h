@@ -8,7 +8,7 @@
 
 #include "calib/model/camera_rig.h"
 #include "camera_tracking/camera_tracker.h"
-#include "capture/frame.h"
+#include "capture/frames/frame.h"
 
 namespace huetrack::figures {
 

@@ -4,7 +4,7 @@
 
 #include "calib/model/rig_yaml.h"
 #include "calib/yaml/csv_table.h"
-#include "capture/frame_synchronizer.h"
+#include "capture/timing/frame_synchronizer.h"
 #include "recordings/recording.h"
 #include "recordings/replay_source.h"
 

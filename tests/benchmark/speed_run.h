@@ -6,7 +6,7 @@
 #include <functional>
 #include <vector>
 
-#include "capture/frame.h"
+#include "capture/frames/frame.h"
 
 namespace huetrack::figures {
 

@@ -17,7 +17,7 @@
 #include "calib/report/advice.h"
 #include "calib/report/wave_report.h"
 #include "calib/wave/wave.h"
-#include "capture/camera_clock.h"
+#include "capture/timing/camera_clock.h"
 #include "config/service_config.h"
 #include "recordings/replay_source.h"
 

@@ -1,4 +1,4 @@
-#include "capture/camera_clock.h"
+#include "capture/timing/camera_clock.h"
 
 #include <gtest/gtest.h>
 

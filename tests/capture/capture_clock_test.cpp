@@ -1,4 +1,4 @@
-#include "capture/capture_clock.h"
+#include "capture/timing/capture_clock.h"
 
 #include <gtest/gtest.h>
 #include <time.h>

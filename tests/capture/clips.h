@@ -18,7 +18,7 @@ extern "C" {
 #include <string>
 #include <vector>
 
-#include "capture/frame.h"
+#include "capture/frames/frame.h"
 #include "capture/temporary_folder.h"
 
 namespace huetrack::capture {

@@ -1,4 +1,4 @@
-#include "capture/frame_synchronizer.h"
+#include "capture/timing/frame_synchronizer.h"
 
 #include <gmock/gmock.h>
 

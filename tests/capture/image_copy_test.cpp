@@ -1,4 +1,4 @@
-#include "capture/image_copy.h"
+#include "capture/frames/image_copy.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "capture/jpeg_decoder.h"
+#include "capture/frames/jpeg_decoder.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,9 +1,9 @@
-#include "capture/jpeg_encoder.h"
+#include "capture/frames/jpeg_encoder.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "capture/jpeg_decoder.h"
+#include "capture/frames/jpeg_decoder.h"
 
 namespace huetrack::capture {
 namespace {

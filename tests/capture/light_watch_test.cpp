@@ -1,4 +1,4 @@
-#include "capture/light_watch.h"
+#include "capture/frames/light_watch.h"
 
 #include <gmock/gmock.h>
 

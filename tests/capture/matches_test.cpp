@@ -1,4 +1,4 @@
-#include "capture/matches.h"
+#include "capture/frames/matches.h"
 
 #include <gmock/gmock.h>
 
@@ -7,7 +7,7 @@
 #include <fstream>
 #include <random>
 
-#include "capture/jpeg_encoder.h"
+#include "capture/frames/jpeg_encoder.h"
 #include "capture/temporary_folder.h"
 #include "recordings/recording.h"
 #include "recordings/recording_writer.h"

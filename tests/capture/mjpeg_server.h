@@ -12,8 +12,8 @@
 #include <thread>
 #include <vector>
 
-#include "capture/file_descriptor.h"
-#include "capture/jpeg_encoder.h"
+#include "capture/frames/file_descriptor.h"
+#include "capture/frames/jpeg_encoder.h"
 
 namespace huetrack::capture {
 

@@ -7,8 +7,8 @@
 #include <string>
 #include <thread>
 
-#include "capture/capture_clock.h"
 #include "capture/mjpeg_server.h"
+#include "capture/timing/capture_clock.h"
 
 namespace huetrack::capture {
 namespace {

@@ -1,4 +1,4 @@
-#include "capture/pixel_format.h"
+#include "capture/frames/pixel_format.h"
 
 #include <gmock/gmock.h>
 

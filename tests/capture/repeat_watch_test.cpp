@@ -1,4 +1,4 @@
-#include "capture/repeat_watch.h"
+#include "capture/frames/repeat_watch.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "capture/sample_code.h"
+#include "capture/frames/sample_code.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // What the kernel reserves for USB cameras, out of descriptors as cameras give them.
-#include "capture/usb_bandwidth.h"
+#include "capture/v4l2/usb_bandwidth.h"
 
 #include <gmock/gmock.h>
 

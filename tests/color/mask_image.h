@@ -2,7 +2,7 @@
 // bits.
 #pragma once
 
-#include "capture/pixel_format.h"
+#include "capture/frames/pixel_format.h"
 #include "color/color_model.h"
 
 namespace huetrack::color {

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "capture/pixel_format.h"
+#include "capture/frames/pixel_format.h"
 #include "color/color_model.h"
 #include "color/color_window.h"
 

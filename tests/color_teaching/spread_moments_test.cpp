@@ -4,7 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "capture/image_copy.h"
+#include "capture/frames/image_copy.h"
 #include "color_teaching/color_teacher.h"
 #include "scene/scene.h"
 

@@ -10,7 +10,7 @@
 #include <utility>
 #include <vector>
 
-#include "capture/capture_clock.h"
+#include "capture/timing/capture_clock.h"
 #include "pipeline/live_cameras.h"
 #include "recordings/recording.h"
 #include "recordings/replay_source.h"

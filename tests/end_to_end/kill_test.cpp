@@ -8,7 +8,7 @@
 #include <random>
 #include <set>
 
-#include "capture/capture_clock.h"
+#include "capture/timing/capture_clock.h"
 #include "end_to_end/http.h"
 #include "end_to_end/process.h"
 #include "publish/test_domain.h"

@@ -12,7 +12,7 @@
 #include <string>
 #include <vector>
 
-#include "capture/jpeg_decoder.h"
+#include "capture/frames/jpeg_decoder.h"
 #include "end_to_end/process.h"
 #include "idl/dds_participant.h"
 #include "idl/huetrackPubSubTypes.h"

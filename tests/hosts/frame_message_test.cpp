@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <numeric>
 
-#include "capture/jpeg_encoder.h"
+#include "capture/frames/jpeg_encoder.h"
 
 namespace huetrack::hosts {
 namespace {

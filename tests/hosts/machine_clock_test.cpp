@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-#include "capture/capture_clock.h"
+#include "capture/timing/capture_clock.h"
 
 namespace huetrack::hosts {
 namespace {

@@ -6,8 +6,8 @@
 #include <limits>
 #include <numbers>
 
-#include "capture/jpeg_encoder.h"
-#include "capture/matches.h"
+#include "capture/frames/jpeg_encoder.h"
+#include "capture/frames/matches.h"
 #include "color/match_tiles.h"
 #include "hosts/frame_message.h"
 #include "hosts/match_finder.h"

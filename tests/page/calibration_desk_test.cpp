@@ -17,7 +17,7 @@
 #include <thread>
 
 #include "calib/model/rig_yaml.h"
-#include "capture/pixel_format.h"
+#include "capture/frames/pixel_format.h"
 #include "config/taught_file.h"
 #include "page/control_desk.h"
 

@@ -10,7 +10,7 @@
 #include <optional>
 #include <thread>
 
-#include "capture/pixel_format.h"
+#include "capture/frames/pixel_format.h"
 #include "recordings/recording.h"
 
 namespace huetrack::page {

@@ -10,7 +10,7 @@
 #include <fastdds/dds/subscriber/SampleInfo.hpp>
 
 #include "calib/model/rig_yaml.h"
-#include "capture/jpeg_decoder.h"
+#include "capture/frames/jpeg_decoder.h"
 #include "idl/dds_participant.h"
 #include "idl/huetrack_viewPubSubTypes.h"
 #include "idl/topics.h"

@@ -8,7 +8,7 @@
 #include <chrono>
 
 #include "camera_tracking/camera_estimate.h"
-#include "capture/frame.h"
+#include "capture/frames/frame.h"
 #include "object_tracking/object_estimate.h"
 #include "publish/estimate_publisher.h"
 #include "publish/service_status.h"

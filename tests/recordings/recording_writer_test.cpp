@@ -16,7 +16,7 @@
 
 #include "calib/yaml/yaml_reader.h"
 #include "capture/clips.h"
-#include "capture/jpeg_decoder.h"
+#include "capture/frames/jpeg_decoder.h"
 #include "recordings/growing_recording.h"
 #include "recordings/replay_source.h"
 

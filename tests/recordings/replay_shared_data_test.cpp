@@ -1,8 +1,8 @@
 // The captures that lie beside the project, read as they are.
 #include <gmock/gmock.h>
 
-#include "capture/frame_synchronizer.h"
 #include "capture/temporary_folder.h"
+#include "capture/timing/frame_synchronizer.h"
 #include "recordings/names_in.h"
 #include "recordings/replay_source.h"
 

@@ -6,7 +6,7 @@
 
 #include <cmath>
 
-#include "capture/pixel_format.h"
+#include "capture/frames/pixel_format.h"
 
 namespace huetrack::reports {
 namespace {

@@ -16,7 +16,7 @@
 
 #include "calib/model/camera_rig.h"
 #include "calib/model/rigid3.h"
-#include "capture/frame.h"
+#include "capture/frames/frame.h"
 
 namespace huetrack::room_watch {
 

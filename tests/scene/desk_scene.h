@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "calib/model/camera_rig.h"
-#include "capture/frame.h"
+#include "capture/frames/frame.h"
 
 namespace huetrack::scene {
 

@@ -5,7 +5,7 @@
 #include <numbers>
 #include <vector>
 
-#include "capture/frame.h"
+#include "capture/frames/frame.h"
 #include "scene/scene.h"
 
 namespace huetrack::scene {

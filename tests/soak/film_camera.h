@@ -23,8 +23,8 @@
 #include <utility>
 #include <vector>
 
-#include "capture/capture_clock.h"
-#include "capture/jpeg_encoder.h"
+#include "capture/frames/jpeg_encoder.h"
+#include "capture/timing/capture_clock.h"
 #include "pipeline/live_cameras.h"
 
 namespace huetrack::soak {

@@ -27,7 +27,7 @@
 #include <utility>
 #include <vector>
 
-#include "capture/jpeg_decoder.h"
+#include "capture/frames/jpeg_decoder.h"
 #include "color/match_tiles.h"
 #include "daemon/capture_command.h"
 #include "daemon/service_manager.h"

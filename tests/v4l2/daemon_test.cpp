@@ -6,8 +6,8 @@
 #include <set>
 
 #include "calib/model/rig_yaml.h"
-#include "capture/capture_clock.h"
 #include "capture/clips.h"
+#include "capture/timing/capture_clock.h"
 #include "config/service_config.h"
 #include "end_to_end/http.h"
 #include "end_to_end/process.h"

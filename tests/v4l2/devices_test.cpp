@@ -9,9 +9,9 @@
 #include <random>
 #include <thread>
 
-#include "capture/capture_clock.h"
 #include "capture/clips.h"
-#include "capture/jpeg_decoder.h"
+#include "capture/frames/jpeg_decoder.h"
+#include "capture/timing/capture_clock.h"
 #include "capture/v4l2_source.h"
 #include "pipeline/bounded_queue.h"
 #include "recordings/recording_writer.h"

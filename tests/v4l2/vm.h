@@ -13,8 +13,8 @@
 #include <thread>
 #include <vector>
 
-#include "capture/pixel_format.h"
-#include "capture/v4l2_device.h"
+#include "capture/frames/pixel_format.h"
+#include "capture/v4l2/v4l2_device.h"
 
 namespace huetrack::v4l2 {
 

@@ -9,7 +9,7 @@
 #include "calib/model/camera_rig.h"
 #include "calib/model/rigid3.h"
 #include "camera_tracking/swept_pose.h"
-#include "capture/frame.h"
+#include "capture/frames/frame.h"
 
 namespace huetrack::keyframes {
 

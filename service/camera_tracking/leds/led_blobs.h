@@ -4,7 +4,7 @@
 #include <Eigen/Core>
 #include <vector>
 
-#include "capture/pixel_format.h"
+#include "capture/frames/pixel_format.h"
 
 namespace huetrack::leds {
 

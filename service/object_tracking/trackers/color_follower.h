@@ -18,7 +18,7 @@
 #include <vector>
 
 #include "calib/model/camera_rig.h"
-#include "capture/frame.h"
+#include "capture/frames/frame.h"
 #include "color/color_model.h"
 #include "object_tracking/object_estimate.h"
 #include "object_tracking/target_views.h"

@@ -3,7 +3,7 @@
 
 #include <span>
 
-#include "capture/frame.h"
+#include "capture/frames/frame.h"
 #include "object_tracking/object_estimate.h"
 #include "object_tracking/rig_error.h"
 #include "object_tracking/sighting.h"

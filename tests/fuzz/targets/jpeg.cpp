@@ -1,6 +1,6 @@
 #include <stdexcept>
 
-#include "capture/jpeg_decoder.h"
+#include "capture/frames/jpeg_decoder.h"
 #include "fuzz/fuzz_target.h"
 
 using namespace huetrack;

@@ -1,6 +1,6 @@
 // Which pixels match, as bytes. The first byte chooses: those of one frame, or a file of a recording, without the line
 // with which it begins.
-#include "capture/matches.h"
+#include "capture/frames/matches.h"
 
 #include <stdexcept>
 

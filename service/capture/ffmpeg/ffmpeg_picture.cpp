@@ -1,0 +1,154 @@
+#include "capture/ffmpeg/ffmpeg_picture.h"
+
+extern "C" {
+#include <libavutil/pixdesc.h>
+#include <libswscale/swscale.h>
+}
+
+#include <utility>
+
+namespace huetrack::capture {
+
+void FreeScaler::operator()(SwsContext* p) const {
+  sws_freeContext(p);
+}
+
+namespace {
+
+std::optional<PixelFormat> pixel_format_of(AVPixelFormat format, int width, int height) {
+  std::optional<PixelFormat> ours;
+  switch (format) {
+    case AV_PIX_FMT_YUV420P:
+    case AV_PIX_FMT_YUVJ420P:
+      ours = PixelFormat::i420;
+      break;
+    case AV_PIX_FMT_YUV422P:
+    case AV_PIX_FMT_YUVJ422P:
+      ours = PixelFormat::i422;
+      break;
+    case AV_PIX_FMT_YUV444P:
+    case AV_PIX_FMT_YUVJ444P:
+      ours = PixelFormat::i444;
+      break;
+    case AV_PIX_FMT_YUYV422:
+      ours = PixelFormat::yuyv;
+      break;
+    case AV_PIX_FMT_NV12:
+      ours = PixelFormat::nv12;
+      break;
+    case AV_PIX_FMT_GRAY8:
+      ours = PixelFormat::grey;
+      break;
+    case AV_PIX_FMT_BGR24:
+      ours = PixelFormat::bgr;
+      break;
+    default:
+      return std::nullopt;
+  }
+  const bool is_odd = (needs_even_width(*ours) && width % 2 != 0) || (needs_even_height(*ours) && height % 2 != 0);
+  return is_odd ? std::nullopt : ours;
+}
+
+// The nearest of our formats to one that we do not have, or whose odd size does not fit ours.
+AVPixelFormat nearest_format(const AVPixFmtDescriptor& source, int width, int height) {
+  if ((source.flags & (AV_PIX_FMT_FLAG_RGB | AV_PIX_FMT_FLAG_PAL | AV_PIX_FMT_FLAG_BAYER)) != 0)
+    return AV_PIX_FMT_BGR24;
+  if (source.nb_components <= 2) return AV_PIX_FMT_GRAY8;
+  if (width % 2 != 0 || source.log2_chroma_w == 0) return AV_PIX_FMT_YUV444P;
+  if (height % 2 != 0 || source.log2_chroma_h == 0) return AV_PIX_FMT_YUV422P;
+  return AV_PIX_FMT_YUV420P;
+}
+
+ColorRange range_of(const AVFrame& frame, AVCodecID codec) {
+  if (frame.color_range == AVCOL_RANGE_JPEG) return ColorRange::full;
+  if (frame.color_range == AVCOL_RANGE_MPEG) return ColorRange::limited;
+  switch (frame.format) {
+    case AV_PIX_FMT_YUVJ420P:
+    case AV_PIX_FMT_YUVJ422P:
+    case AV_PIX_FMT_YUVJ444P:
+    case AV_PIX_FMT_YUVJ440P:
+    case AV_PIX_FMT_YUVJ411P:
+      return ColorRange::full;
+    default:
+      break;
+  }
+  // FFmpeg, too, takes grey images that do not say for full range.
+  const AVPixFmtDescriptor* format = av_pix_fmt_desc_get(static_cast<AVPixelFormat>(frame.format));
+  const bool is_grey = format && format->nb_components <= 2;
+  return is_grey || codec == AV_CODEC_ID_MJPEG || codec == AV_CODEC_ID_JPEGLS ? ColorRange::full : ColorRange::limited;
+}
+
+// Our formats speak BT.601; HD video that says that it is coded otherwise is not passed on as if it were.
+bool has_other_matrix(const AVFrame& frame) {
+  switch (frame.colorspace) {
+    case AVCOL_SPC_UNSPECIFIED:
+    case AVCOL_SPC_RGB:
+    case AVCOL_SPC_BT470BG:
+    case AVCOL_SPC_SMPTE170M:
+    case AVCOL_SPC_FCC:
+      return false;
+    default:
+      return true;
+  }
+}
+
+// nullptr when FFmpeg cannot convert it.
+FramePtr converted(const AVFrame& source, ColorRange range, ScalerPtr& scaler) {
+  const auto format = static_cast<AVPixelFormat>(source.format);
+  const AVPixFmtDescriptor* described = av_pix_fmt_desc_get(format);
+  if (!described || sws_isSupportedInput(format) == 0) return nullptr;
+  FramePtr target(not_null(av_frame_alloc()));
+  target->format = nearest_format(*described, source.width, source.height);
+  if (target->format != AV_PIX_FMT_GRAY8 && has_other_matrix(source)) target->format = AV_PIX_FMT_BGR24;
+  target->width = source.width;
+  target->height = source.height;
+  if (av_frame_get_buffer(target.get(), 0) < 0) return nullptr;
+
+  scaler.reset(
+      sws_getCachedContext(scaler.release(), source.width, source.height, format, source.width, source.height,
+                           static_cast<AVPixelFormat>(target->format),
+                           SWS_BILINEAR | SWS_ACCURATE_RND | SWS_BITEXACT | SWS_FULL_CHR_H_INT | SWS_FULL_CHR_H_INP,
+                           nullptr, nullptr, nullptr));
+  if (!scaler) return nullptr;
+  // The matrix matters only from YUV to BGR; the range is kept.
+  const int is_full = range == ColorRange::full ? 1 : 0;
+  const int matrix = has_other_matrix(source) ? static_cast<int>(source.colorspace) : SWS_CS_ITU601;
+  sws_setColorspaceDetails(scaler.get(), sws_getCoefficients(matrix), is_full, sws_getCoefficients(SWS_CS_ITU601),
+                           is_full, 0, 1 << 16, 1 << 16);
+  if (sws_scale(scaler.get(), source.data, source.linesize, 0, source.height, target->data, target->linesize) !=
+      source.height)
+    return nullptr;
+  return target;
+}
+
+Image wrapped(FramePtr frame, PixelFormat format, ColorRange range) {
+  Image image{.format = format,
+              .range = format == PixelFormat::bgr ? ColorRange::full : range,
+              .width = frame->width,
+              .height = frame->height,
+              .planes = {},
+              .owner = {}};
+  for (std::size_t i = 0; i < image.planes.size(); ++i)
+    if (plane_rows(format, static_cast<int>(i), frame->height) > 0)
+      image.planes[i] = {frame->data[i], frame->linesize[i]};  // a negative stride: the rows lie bottom up
+  image.owner = std::shared_ptr<const AVFrame>(std::move(frame));
+  return image;
+}
+
+}  // namespace
+
+std::optional<Image> PictureMaker::image_of(FramePtr frame, AVCodecID codec) {
+  if ((frame->flags & AV_FRAME_FLAG_CORRUPT) != 0 || frame->decode_error_flags != 0) return std::nullopt;
+  if (frame->width < 1 || frame->height < 1) return std::nullopt;
+  const ColorRange range = range_of(*frame, codec);
+  auto ours = pixel_format_of(static_cast<AVPixelFormat>(frame->format), frame->width, frame->height);
+  const bool is_yuv = ours && *ours != PixelFormat::bgr && *ours != PixelFormat::grey;
+  if (!ours || (is_yuv && has_other_matrix(*frame))) {
+    frame = converted(*frame, range, scaler_);
+    if (!frame) return std::nullopt;
+    ours = pixel_format_of(static_cast<AVPixelFormat>(frame->format), frame->width, frame->height);
+  }
+  return wrapped(std::move(frame), *ours, range);
+}
+
+}  // namespace huetrack::capture
