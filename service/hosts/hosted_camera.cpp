@@ -252,7 +252,7 @@ struct HostedCameras::Impl {
   }
 
   // On the thread that tracks: written at once, or the next frames would be without.
-  void tell_outlines(Host& host) {
+  void send_outlines(Host& host) {
     const std::scoped_lock lock(outlines_mutex);
     if (host.expected.cameras().empty()) return;
     host.expected.tracker(tracker);
@@ -691,8 +691,8 @@ std::vector<capture::LiveCamera> HostedCameras::live() const {
         all->expect_outlines(*of, frame, outlines);
       };
     if (of->options.are_matches)
-      out.back().tell_outlines = [all = impl_, host = &impl_->hosts.at(of->options.host)] {
-        all->tell_outlines(*host);
+      out.back().send_outlines = [all = impl_, host = &impl_->hosts.at(of->options.host)] {
+        all->send_outlines(*host);
       };
   }
   return out;

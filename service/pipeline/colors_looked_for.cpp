@@ -24,7 +24,7 @@ ColorsLookedFor::ColorsLookedFor(const config::ServiceConfig& config, std::span<
                         .name = config.rig.cameras[index].name,
                         .look_for = camera.look_for,
                         .expect_outlines = camera.expect_outlines,
-                        .tell_outlines = camera.tell_outlines,
+                        .send_outlines = camera.send_outlines,
                         .coming = {},
                         .told = {}});
   }
@@ -78,7 +78,7 @@ void ColorsLookedFor::on_set(const TrackedSet& set) {
     if (!outlines_.empty()) camera.expect_outlines(frame->sequence, outlines_);
   }
   for (const Camera& camera : cameras_)
-    if (camera.tell_outlines) camera.tell_outlines();
+    if (camera.send_outlines) camera.send_outlines();
 }
 
 }  // namespace huetrack::pipeline

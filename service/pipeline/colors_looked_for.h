@@ -31,7 +31,7 @@ class ColorsLookedFor final : public Output {
     std::string name;
     std::function<void(std::span<const capture::MatchedColor>)> look_for;
     std::function<void(std::uint32_t, std::span<const capture::ExpectedOutline>)> expect_outlines;
-    std::function<void()> tell_outlines;
+    std::function<void()> send_outlines;
     std::vector<capture::MatchedColor> coming, told;  // of the configuration whose trackers may not be there yet
   };
   void expect(const config::ServiceConfig& config);

@@ -55,7 +55,7 @@ std::optional<VideoReader::Shown> MatchesReader::next() {
     if (!selection_.contains(index)) continue;
     VideoReader::Shown shown{.index = index, .stamp = std::nullopt, .image = {}};
     if (decoded) {
-      shown.image = std::move(decoded->looked_at);
+      shown.image = std::move(decoded->source);
       shown.matches = std::move(decoded->matches);
       if (keeps_encoded_) shown.jpeg = std::move(bytes);
     } else if (!std::exchange(has_warned_, true)) {

@@ -92,11 +92,11 @@ TEST(Matches, ComeBackToTheLastBit) {
         const std::vector<Matches::OfColor> colors{strewn(size, per_mille, seed), strewn(size, 30, seed + 100, red)};
         const auto back = decoded(coded(size, colors));
         ASSERT_TRUE(back) << size.width << "x" << size.height;
-        EXPECT_EQ(back->looked_at.format, PixelFormat::i422);
-        EXPECT_EQ(back->looked_at.range, ColorRange::full);
-        EXPECT_EQ(back->looked_at.width, size.width);
-        EXPECT_EQ(back->looked_at.height, size.height);
-        EXPECT_FALSE(has_pixels(back->looked_at));
+        EXPECT_EQ(back->source.format, PixelFormat::i422);
+        EXPECT_EQ(back->source.range, ColorRange::full);
+        EXPECT_EQ(back->source.width, size.width);
+        EXPECT_EQ(back->source.height, size.height);
+        EXPECT_FALSE(has_pixels(back->source));
         ASSERT_EQ(back->matches->colors.size(), 2U);
         EXPECT_EQ(back->matches->of(lime)->tiles, colors[0].tiles);
         EXPECT_EQ(back->matches->of(red)->tiles, colors[1].tiles);
@@ -216,8 +216,8 @@ TEST(Matches, ThatAnybodyHasChangedDoNoHarm) {
         if (!back) continue;
         ++taken;
         for (const auto& of : back->matches->colors)
-          ASSERT_EQ(of.tiles.size(), tiles_of(back->looked_at.width, back->looked_at.height));
-        if (back->looked_at.width != size.width || back->looked_at.height != size.height) continue;
+          ASSERT_EQ(of.tiles.size(), tiles_of(back->source.width, back->source.height));
+        if (back->source.width != size.width || back->source.height != size.height) continue;
         for (const auto& of : back->matches->colors) {
           std::uint64_t beyond = 0;
           for (std::size_t t = tiles_across(size.width) - 1; t < of.tiles.size(); t += tiles_across(size.width))
@@ -267,7 +267,7 @@ Frame frame_of(Extent size, int number, bool has_picture) {
       coded(size, {strewn(size, 20, static_cast<std::uint64_t>(number))},
             has_picture ? jpeg_of(size) : std::vector<std::uint8_t>()));
   const auto back = decoded(*bytes);
-  frame.pixels = back->looked_at;
+  frame.pixels = back->source;
   frame.matches = back->matches;
   frame.encoded = bytes;
   return frame;

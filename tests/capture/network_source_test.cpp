@@ -68,7 +68,7 @@ TEST(NetworkSource, DeliversPicturesStampedAsTheyArrive) {
   const CameraHealth health = source.health();
   EXPECT_EQ(health.state, CaptureState::delivering);
   EXPECT_EQ(health.frames, 30u);
-  EXPECT_THAT(health.message, HasSubstr("when pictures arrived"));
+  EXPECT_THAT(health.message, HasSubstr("arrival times"));
   EXPECT_EQ(health.warning, "");  // its latency is known
 }
 
