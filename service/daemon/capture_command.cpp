@@ -50,7 +50,7 @@ void capture_cameras(const config::CaptureConfig& config, std::vector<capture::L
                                    .cameras = {},
                                    .program_version = HUETRACK_VERSION,
                                    .transport = config.dds.publisher.transport("huetrackd capture"),
-                                   .say_light = said_of_light};
+                                   .describe_light = said_of_light};
   for (const auto& camera : config.cameras) options.cameras.push_back(camera.name);
   const std::vector<std::string> names = options.cameras;
   const std::string host = options.host;
@@ -63,7 +63,7 @@ void capture_cameras(const config::CaptureConfig& config, std::vector<capture::L
   Clock::time_point next_status{};
   bool is_ready = false;
   while (!stop.stop_requested()) {
-    for (const auto& [camera, event] : cameras_here.look_after())
+    for (const auto& [camera, event] : cameras_here.publish_states())
       spdlog::log(event.is_problem ? spdlog::level::warn : spdlog::level::info, "camera {}: {}", camera, event.message);
     const auto now = Clock::now();
     if (now >= next_status) {

@@ -8,7 +8,7 @@
 #include <utility>
 
 #include "capture/network_source.h"
-#include "hosts/hosted_camera.h"
+#include "hosts/remote_camera.h"
 
 namespace huetrack::pipeline {
 namespace {
@@ -141,7 +141,7 @@ std::vector<LiveCamera> open_cameras(const config::ServiceConfig& config, const 
   refuse_two_names(config.file, config.cameras);
   const std::vector<capture::FrameTiming> timing = config::frame_timing(config.rig);
   std::vector<capture::V4l2SourceOptions> here;
-  std::vector<hosts::HostedCameraOptions> elsewhere;
+  std::vector<hosts::RemoteCameraOptions> elsewhere;
   std::vector<LiveCamera> on_the_network;
   for (const auto& camera : config.cameras) {
     const int index = config.rig.index_of(camera.name).value();
@@ -166,7 +166,7 @@ std::vector<LiveCamera> open_cameras(const config::ServiceConfig& config, const 
   std::ranges::move(on_the_network, std::back_inserter(cameras));
   if (!elsewhere.empty())
     for (auto& camera :
-         hosts::HostedCameras(config.dds.publisher.transport("huetrackd cameras"), std::move(elsewhere)).live())
+         hosts::RemoteCameras(config.dds.publisher.transport("huetrackd cameras"), std::move(elsewhere)).live())
       cameras.push_back(std::move(camera));
   return cameras;
 }

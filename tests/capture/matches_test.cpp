@@ -85,7 +85,7 @@ std::vector<std::uint8_t> jpeg_of(Extent size) {
   return encode_picture(image, {.width = size.width, .height = size.height}, 90);
 }
 
-TEST(Matches, ComeBackToTheLastBit) {
+TEST(Matches, RoundTripBitForBit) {
   for (const Extent size : extents)
     for (const int per_mille : {0, 5, 100, 500, 1000})
       for (std::uint64_t seed = 1; seed <= 5; ++seed) {
@@ -104,7 +104,7 @@ TEST(Matches, ComeBackToTheLastBit) {
       }
 }
 
-TEST(Matches, OfABallAreSomeHundredBytesAndOfNoiseNoMoreThanABitPerPixel) {
+TEST(Matches, TakeHundredsOfBytesForABallAndAtMostABitPerPixel) {
   const Extent vga{640, 480};
   const std::size_t ball = coded(vga, {disc(vga, 20)}).size();
   EXPECT_LT(ball, 200U);
@@ -112,7 +112,7 @@ TEST(Matches, OfABallAreSomeHundredBytesAndOfNoiseNoMoreThanABitPerPixel) {
   EXPECT_LE(coded(vga, {strewn(vga, 500, 1)}).size(), 640 * 480 / 8 + 100U);
 }
 
-TEST(Matches, BringALatestPictureAlong) {
+TEST(Matches, CarryTheLatestPicture) {
   const Extent size{64, 48};
   JpegDecoder decoder;
   Image latest;
@@ -139,7 +139,7 @@ TEST(Matches, BringALatestPictureAlong) {
 }
 
 // Whatever the format, a patch has the bytes that lie there in the image.
-TEST(Matches, PatchesAreThePixelsThatWereLookedAt) {
+TEST(Matches, PatchesHaveTheSourcePixels) {
   const Extent size{70, 46};
   for (const auto format : {PixelFormat::yuyv, PixelFormat::nv12, PixelFormat::i420, PixelFormat::i422,
                             PixelFormat::i444, PixelFormat::bgr, PixelFormat::grey}) {
@@ -187,7 +187,7 @@ TEST(Matches, PatchesAreThePixelsThatWereLookedAt) {
   }
 }
 
-TEST(Matches, ThatAreCutOffOrLongerMakeNoSense) {
+TEST(Matches, RejectsTruncatedOrExtendedBytes) {
   const Extent size{70, 46};
   for (const auto& bytes : {coded(size, {strewn(size, 30, 1), disc(size, 9)}), coded(size, {strewn(size, 500, 2)}),
                             coded(Extent{64, 48}, {disc({64, 48}, 9)}, jpeg_of({64, 48}))}) {
@@ -203,7 +203,7 @@ TEST(Matches, ThatAreCutOffOrLongerMakeNoSense) {
 }
 
 // Whatever comes of it, its bits lie within the image.
-TEST(Matches, ThatAnybodyHasChangedDoNoHarm) {
+TEST(Matches, SurviveRandomMutations) {
   const Extent size{70, 46};
   std::mt19937_64 rng(1);
   for (const auto& bytes : {coded(size, {strewn(size, 30, 1), disc(size, 9)}), coded(size, {strewn(size, 500, 2)})}) {
@@ -229,7 +229,7 @@ TEST(Matches, ThatAnybodyHasChangedDoNoHarm) {
   }
 }
 
-TEST(Matches, HostileNumbersTakeNoMemoryAndNoTime) {
+TEST(Matches, HostileNumbersCostNoMemoryOrTime) {
   const auto head = [](int width, int height, int colors) {
     std::vector<std::uint8_t> out{1, 0, 0};
     for (const int n : {width, height}) out.push_back(static_cast<std::uint8_t>(n)), out.push_back(n >> 8);
@@ -287,7 +287,7 @@ std::vector<Frame> replayed(const std::filesystem::path& folder, std::vector<std
   return frames;
 }
 
-TEST(Matches, AreRecordedAndReplayedAsTheyCame) {
+TEST(Matches, ReplayAsRecorded) {
   const TemporaryFolder folder;
   const Extent size{70, 46};
   std::vector<Frame> given;
@@ -321,7 +321,7 @@ TEST(Matches, AreRecordedAndReplayedAsTheyCame) {
   }
 }
 
-TEST(Matches, OfARecordingThatIsCutOffReplayUpToThere) {
+TEST(Matches, TruncatedRecordingReplaysUpToThere) {
   const TemporaryFolder folder;
   const Extent size{70, 46};
   {
@@ -336,7 +336,7 @@ TEST(Matches, OfARecordingThatIsCutOffReplayUpToThere) {
   EXPECT_THAT(warnings.front(), HasSubstr("left.matches: is cut off or damaged: 9 frames"));
 }
 
-TEST(Matches, AndPicturesAreNotRecordedInOneFile) {
+TEST(Matches, AreNotRecordedTogetherWithPictures) {
   const TemporaryFolder folder;
   recordings::RecordingWriter writer(of_left(folder.path() / "r", false));
   EXPECT_TRUE(writer.write(frame_of({70, 46}, 1, false)));

@@ -36,14 +36,14 @@ struct SimulatedNetwork {
   }
 };
 
-TEST(FrameWindow, AGoodNetworkCarriesAll) {
+TEST(FrameWindow, GoodNetworkCarriesAll) {
   SimulatedNetwork network;
   EXPECT_EQ(network.send(300), 300);
   network.per_frame = 11ms;
   EXPECT_EQ(network.send(300), 300);
 }
 
-TEST(FrameWindow, RepairsLeaveNothingOut) {
+TEST(FrameWindow, RetransmissionsSkipNoFrame) {
   SimulatedNetwork network;
   for (const int every : {25, 7, 3}) {  // 0.1 % of packets lost, and more than that
     network.repaired_every = every;
@@ -55,7 +55,7 @@ TEST(FrameWindow, RepairsLeaveNothingOut) {
   EXPECT_EQ(network.send(300), 300);
 }
 
-TEST(FrameWindow, ASlowOneCarriesWhatItCanAndNoneWaitsLong) {
+TEST(FrameWindow, SlowNetworkIsFilledWithShortQueues) {
   for (const auto& [per_frame, least] : {std::pair{50ms, 13}, {66ms, 10}, {100ms, 6}}) {
     SimulatedNetwork network;
     network.per_frame = per_frame;
@@ -67,7 +67,7 @@ TEST(FrameWindow, ASlowOneCarriesWhatItCanAndNoneWaitsLong) {
   }
 }
 
-TEST(FrameWindow, NoneIsLeftOutASecondAfterItIsFastAgain) {
+TEST(FrameWindow, SkipsNoFrameASecondAfterRecovery) {
   SimulatedNetwork network;
   network.per_frame = 100ms;
   network.send(300);
@@ -78,7 +78,7 @@ TEST(FrameWindow, NoneIsLeftOutASecondAfterItIsFastAgain) {
 }
 
 // One frame takes longer than a tracker is waited for: later it is known that none is gone.
-TEST(FrameWindow, AVerySlowOneIsToldFromATrackerThatIsGone) {
+TEST(FrameWindow, DistinguishesVerySlowFromGone) {
   SimulatedNetwork network;
   network.per_frame = 600ms;
   network.send(600);
@@ -88,7 +88,7 @@ TEST(FrameWindow, AVerySlowOneIsToldFromATrackerThatIsGone) {
   }
 }
 
-TEST(FrameWindow, ATrackerThatIsGoneHoldsUpTheOthersForAMoment) {
+TEST(FrameWindow, LostTrackerDelaysOthersBriefly) {
   SimulatedNetwork network;
   for (int times = 0; times < 3; ++times) {
     network.send(100);
@@ -99,7 +99,7 @@ TEST(FrameWindow, ATrackerThatIsGoneHoldsUpTheOthersForAMoment) {
 }
 
 // Of fast cameras some frame is always on its way, and that all has come is seldom found out.
-TEST(FrameWindow, RepairsLeaveNothingOutOfAFastCamera) {
+TEST(FrameWindow, RetransmissionsSkipNoFrameOfAFastCamera) {
   constexpr auto heartbeat = 20ms, answered_after = 2ms, repaired_after = 35ms;
   constexpr int repaired_every = 20;  // 0.1 % of packets lost
   for (const int fps : {60, 90, 120}) {
@@ -122,7 +122,7 @@ TEST(FrameWindow, RepairsLeaveNothingOutOfAFastCamera) {
   }
 }
 
-TEST(FrameWindow, ASlowNetworkOfAFastCameraKeepsFewWaiting) {
+TEST(FrameWindow, SlowNetworkKeepsFewFramesOfAFastCameraWaiting) {
   for (const int fps : {60, 120}) {
     FrameWindow window;
     Clock::time_point now{1000s}, busy_until{};

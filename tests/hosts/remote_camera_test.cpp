@@ -1,4 +1,4 @@
-#include "hosts/hosted_camera.h"
+#include "hosts/remote_camera.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -29,17 +29,17 @@ const fs::path demo = fs::path(HUETRACK_SOURCE_DIR) / "configs/demo";
 class Host {
  public:
   Host(const std::string& name, int camera, std::vector<capture::Frame> frames, capture::Timestamp start,
-       std::function<std::string(const capture::LightFindings&)> say_light = nullptr)
+       std::function<std::string(const capture::LightFindings&)> describe_light = nullptr)
       : host_({.host = name,
                .cameras = {"there"},
                .program_version = "test",
                .transport = {.name = "host", .domain = publish::test_domain(), .interfaces = {"lo"}},
-               .say_light = std::move(say_light)},
+               .describe_light = std::move(describe_light)},
               cameras(camera, std::move(frames), start)),
         running_([this](const std::stop_token& stop) { host_.run(stop); }),
         telling_([this](const std::stop_token& stop) {
           while (!stop.stop_requested()) {
-            host_.look_after();
+            host_.publish_states();
             std::this_thread::sleep_for(50ms);
           }
         }) {}
@@ -77,14 +77,14 @@ std::vector<std::vector<std::string>> rows_of(const fs::path& csv) {
   return rows;
 }
 
-class HostedCamera : public testing::Test {
+class RemoteCamera : public testing::Test {
  protected:
-  HostedCamera()
+  RemoteCamera()
       : folder_(fs::path(testing::TempDir()) / ("hosted_" + std::to_string(::getpid()) + "_" +
                                                 testing::UnitTest::GetInstance()->current_test_info()->name())) {
     fs::create_directories(folder_);
   }
-  ~HostedCamera() override { fs::remove_all(folder_); }
+  ~RemoteCamera() override { fs::remove_all(folder_); }
   // The rows of what was recorded of the cameras, by the configuration as it stands.
   std::vector<std::vector<std::string>> replayed() const {
     const fs::path recording = *fs::directory_iterator(folder_ / "recorded");
@@ -160,7 +160,7 @@ class Both {
 };
 
 // The whole demo from two hosts: byte for byte as by cameras of one machine, and as the replay of what was recorded.
-TEST_F(HostedCamera, TracksAreThoseOfCamerasOfThisMachine) {
+TEST_F(RemoteCamera, TracksEqualThoseOfLocalCameras) {
   const config::ServiceConfig here = tracker_config(folder_);
   const config::ServiceConfig there =
       tracker_config(folder_, "", "", "record: {folder: " + folder_.string() + "/recorded, always: true}\n");
@@ -173,7 +173,7 @@ TEST_F(HostedCamera, TracksAreThoseOfCamerasOfThisMachine) {
 }
 
 // Tracks where the hosts say which pixels match, and no more; and again from what was recorded of that.
-TEST_F(HostedCamera, TracksOfMatchesAreThoseOfFrames) {
+TEST_F(RemoteCamera, TracksOfMatchesEqualThoseOfFrames) {
   const std::string blob = "shape: blob, ";
   const auto here = tracker_config(folder_, "", blob);
   const auto there = tracker_config(folder_, ", send: matches", blob,
@@ -192,7 +192,7 @@ TEST_F(HostedCamera, TracksOfMatchesAreThoseOfFrames) {
 
 // The pixels around the ball come where the tracker has said that it will be, and are recorded with what matches.
 // However slow the machine is: what it lost is not in the recording either.
-TEST_F(HostedCamera, OutlinesAreFittedInWhatMatchesAndReplayed) {
+TEST_F(RemoteCamera, OutlinesAreFittedInMatchesAndReplayed) {
   const auto config = [&](const char* shape, const std::string& more = "") {
     return tracker_config(folder_, ", send: matches", shape, more);
   };
@@ -224,7 +224,7 @@ TEST_F(HostedCamera, OutlinesAreFittedInWhatMatchesAndReplayed) {
 }
 
 // The host sees in all its frames what light does, and says it to who has none of them.
-TEST_F(HostedCamera, LightIsWatchedWhereTheFramesAre) {
+TEST_F(RemoteCamera, LightIsWatchedByTheHost) {
   const config::ServiceConfig config = tracker_config(folder_, ", send: matches, picture_every_s: 0");
   constexpr int levels = 90;  // three seconds from bright to dark and back
   std::vector<capture::Image> pictures;
@@ -264,7 +264,7 @@ TEST_F(HostedCamera, LightIsWatchedWhereTheFramesAre) {
 }
 
 // However slow the machine is: what comes is what was sent, and most comes.
-TEST_F(HostedCamera, FramesComeAsTheyWereSent) {
+TEST_F(RemoteCamera, FramesArriveAsSent) {
   const config::ServiceConfig config = tracker_config(folder_);
   const auto pictures = daemon::first_frames(demo / "recording", {"cam0", "cam1"}, 40);
   auto cameras = pipeline::open_cameras(config);
@@ -293,7 +293,7 @@ TEST_F(HostedCamera, FramesComeAsTheyWereSent) {
   EXPECT_GE(come, 20U);
 }
 
-TEST_F(HostedCamera, AHostThatIsNotThereIsSaidAndAwaited) {
+TEST_F(RemoteCamera, MissingHostIsReportedAndAwaited) {
   const config::ServiceConfig config = tracker_config(folder_);
   auto cameras = pipeline::open_cameras(config);
   ASSERT_EQ(cameras.size(), 2U);
@@ -310,7 +310,7 @@ TEST_F(HostedCamera, AHostThatIsNotThereIsSaidAndAwaited) {
     }
     return said.find(words) != std::string::npos;
   };
-  EXPECT_TRUE(wait_for("left-pi is not heard of")) << said;
+  EXPECT_TRUE(wait_for("left-pi is not found")) << said;
   EXPECT_EQ(cameras[0].health().state, capture::CaptureState::absent);
   const auto pictures = daemon::first_frames(demo / "recording", {"cam0", "cam1"}, 30);
   for (int times = 0; times < 2; ++times) {
@@ -328,7 +328,7 @@ TEST_F(HostedCamera, AHostThatIsNotThereIsSaidAndAwaited) {
 }
 
 // As of two machines that were set up from one image of a disk: the first one is believed, and it is said.
-TEST_F(HostedCamera, OfTwoHostsOfOneNameTheFirstIsBelieved) {
+TEST_F(RemoteCamera, FirstOfTwoHostsWithOneNameIsUsed) {
   auto cameras = pipeline::open_cameras(tracker_config(folder_));
   const auto film = daemon::looped(daemon::first_frames(demo / "recording", {"cam0"}, 30).front(), 60);
   const auto health = [&] { return cameras[0].health(); };
@@ -358,12 +358,12 @@ TEST_F(HostedCamera, OfTwoHostsOfOneNameTheFirstIsBelieved) {
   stop.request_stop();
 }
 
-TEST(CameraHostNames, ArePartsOfTopics) {
+TEST(CameraHostNames, AreValidInTopicNames) {
   EXPECT_TRUE(is_host_name("pi-3.hall_2"));
   for (const char* bad : {"", "a/b", "a b", "\xc3\xa4", "a\n"}) EXPECT_FALSE(is_host_name(bad)) << bad;
 }
 
-TEST_F(HostedCamera, ConfigurationsSayWhatIsWrong) {
+TEST_F(RemoteCamera, WrongConfigurationsAreExplained) {
   const auto refusal = [&](const std::string& cameras) -> std::string {
     std::ofstream(folder_ / "bad.yaml") << "version: 1\nrig: " << (demo / "recording/rig.yaml").string()
                                         << "\ntargets: {lime: {color: {hue_deg: [65, 115]}}}\ncameras: " << cameras
