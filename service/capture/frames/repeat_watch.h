@@ -23,8 +23,8 @@ class RepeatWatch {
  public:
   // Call with every undamaged picture of the camera, in order. True: it repeats the previous one.
   bool is_repeated(const Image& image);
-  // At least two pictures have differed. A camera that hangs from its first picture never gets there; it cannot be
-  // from a drawn scene, so is_repeated() stays false.
+  // At least two pictures have differed. A camera that hangs from its first picture never gets there, and cannot be
+  // distinguished from a drawn scene, so is_repeated() stays false.
   bool has_changed() const { return differing_ > 1; }
 
  private:
