@@ -18,7 +18,7 @@
 
 namespace huetrack::recordings {
 
-// How raw (not JPEG) images are stored; both lossless. Figures: service/recordings/README.md.
+// How raw (not JPEG) images are stored; both lossless. Figures: EXPERIMENTS.md.
 enum class RawStorage : std::uint8_t {
   uncompressed,  // 18 MB/s for 640x480 YUYV at 30 frames/s
   huffyuv,       // about half of that for 1 ms of a core per frame. yuyv replays as i422, nv12 as i420, with the same

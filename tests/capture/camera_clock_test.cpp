@@ -15,7 +15,7 @@ Timestamp at(double s) {
   return Timestamp{duration_of(s)};
 }
 
-// A camera of 29.93 fps whose driver stamps `latency` after the frame, with jitter, and sometimes late.
+// A camera of 29.93 fps; its driver stamps `latency` after the frame, with jitter, and sometimes late.
 struct Webcam {
   std::mt19937 random{7};
   double period_s = 1 / 29.93, latency_s = 0.03, jitter_s = 5e-4, late_s = 4e-3, late_share = 0.012, lost_share = 0.02;

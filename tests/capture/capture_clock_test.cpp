@@ -31,7 +31,7 @@ TEST(CaptureClock, OffsetIsConstant) {
 
 TEST(CaptureClock, UnixNowAgreesWithTheSystemClock) {
   EXPECT_NEAR(seconds(unix_now() - std::chrono::system_clock::now()), 0, 1e-3);
-  EXPECT_NEAR(seconds(wall_clock_step()), 0, 1e-3) << "nobody has set the clock meanwhile";
+  EXPECT_NEAR(seconds(wall_clock_step()), 0, 1e-3) << "the clock was not set meanwhile";
 }
 
 }  // namespace

@@ -126,7 +126,7 @@ TEST(FrameSynchronizer, StoppedCameraDelaysAtMostOnePeriod) {
   sync.push(0, 264);
   sync.push(1, 264);
   sync.push(0, 297);
-  EXPECT_THAT(sync.push(1, 297), ElementsAre(Views{{0, 297}, {1, 297}}));  // nobody waits for it any more
+  EXPECT_THAT(sync.push(1, 297), ElementsAre(Views{{0, 297}, {1, 297}}));  // no longer waited for
 }
 
 TEST(FrameSynchronizer, ReturningCameraIsPairedAgain) {

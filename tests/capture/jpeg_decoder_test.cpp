@@ -119,7 +119,7 @@ TEST(JpegDecoder, UsesStandardHuffmanTablesByDefault) {
   EXPECT_EQ(hash_of(*without.image), hash_of(*whole.image));
 }
 
-// A picture whose tables were damaged on the way spoils itself, and none of those that follow.
+// A picture with damaged tables must not affect later ones.
 TEST(JpegDecoder, TablesDoNotLeakIntoTheNextPicture) {
   const auto without = without_huffman_tables(jpeg_of(AV_PIX_FMT_YUVJ422P, AVCOL_RANGE_JPEG, 64, 48, true));
   JpegDecoder fresh;

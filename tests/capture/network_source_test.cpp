@@ -108,9 +108,9 @@ TEST(NetworkSource, StopsWhileWaiting) {
   MjpegServer camera({.pictures = 3, .is_silent_then = true});
   NetworkSourceOptions options = network_options(camera);
   options.patience = 60s;
-  NetworkSourceOptions nobody = options;
-  nobody.address = "http://127.0.0.1:1/";
-  for (const auto& o : {options, nobody}) {
+  NetworkSourceOptions unreachable = options;
+  unreachable.address = "http://127.0.0.1:1/";
+  for (const auto& o : {options, unreachable}) {
     NetworkSource source(o);
     std::stop_source stop;
     std::jthread reading([&] {

@@ -122,7 +122,7 @@ TEST(RepeatWatch, CoveredCameraIsNotRepeated) {
   for (int i = 0; i < 300; ++i) ASSERT_FALSE(watch.is_repeated(dark)) << i;
 }
 
-// Every repetition that is told is one of the whole picture, to its last byte.
+// Every reported repetition is byte-equal to the previous picture.
 class SharedRecording : public testing::TestWithParam<const char*> {};
 
 TEST_P(SharedRecording, HasNoFalseRepetition) {
@@ -132,13 +132,13 @@ TEST_P(SharedRecording, HasNoFalseRepetition) {
   recordings::ReplaySource source(recording, recordings::names_in(recording), {.decoder_threads = 2});
   std::vector<RepeatWatch> watches(recording.cameras.size());
   std::vector<Image> last(recording.cameras.size());
-  int told = 0, frames = 0;
+  int repeated = 0, frames = 0;
   while (const auto frame = source.next({})) {
     if (!has_pixels(frame->pixels)) continue;
     const auto c = std::size_t(frame->camera);
     ++frames;
     if (watches[c].is_repeated(frame->pixels)) {
-      ++told;
+      ++repeated;
       for (int v = 0; v < frame->pixels.height; ++v) {
         const auto row = [&](const Image& image) {
           const auto* at = image.planes[0].data + v * image.planes[0].stride;
@@ -149,7 +149,7 @@ TEST_P(SharedRecording, HasNoFalseRepetition) {
     }
     last[c] = frame->pixels;
   }
-  EXPECT_LT(told, frames / 10);
+  EXPECT_LT(repeated, frames / 10);
 }
 
 INSTANTIATE_TEST_SUITE_P(RepeatWatch, SharedRecording, testing::Values("webcams", "occlusion"));

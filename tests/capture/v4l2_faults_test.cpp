@@ -1,4 +1,4 @@
-// V4l2Source on a driver that misbehaves when told to: this program's own ioctl() plays one on a plain file.
+// V4l2Source on a misbehaving driver, played by this program's own ioctl() on a plain file.
 #include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -213,7 +213,7 @@ class V4l2Faults : public testing::Test {
     EXPECT_TRUE(is_so()) << source.health().message;
     stop.request_stop();
   }
-  int told(const std::string& text) const {
+  int count_of(const std::string& text) const {
     return int(std::ranges::count_if(messages, [&](const auto& m) { return m.find(text) != std::string::npos; }));
   }
 
@@ -325,12 +325,12 @@ TEST_F(V4l2Faults, DamagedFramesAloneAreNoDelivery) {
   EXPECT_EQ(health.state, CaptureState::stalled);
   EXPECT_THAT(health.message, HasSubstr("only damaged frames for "));
   EXPECT_THAT(health.warning, HasSubstr("% of its frames are damaged"));
-  EXPECT_EQ(told("only damaged frames"), 1);
+  EXPECT_EQ(count_of("only damaged frames"), 1);
   tell([](Driver& d) { d.is_damaging = false; });
   read_until(source,
              [&] { return source.health().state == CaptureState::delivering && source.health().warning.empty(); });
   for (auto& event : source.take_events()) messages.push_back(std::move(event.message));
-  EXPECT_EQ(told("delivers again"), 1);
+  EXPECT_EQ(count_of("delivers again"), 1);
 }
 
 TEST_F(V4l2Faults, SilentDriverIsReportedOnceThroughReopening) {
@@ -339,12 +339,12 @@ TEST_F(V4l2Faults, SilentDriverIsReportedOnceThroughReopening) {
   tell([](Driver& d) { d.dequeue_error = EIO; });
   read_until(source, [&] { return source.health().restarts > 12; });
   EXPECT_EQ(source.health().state, CaptureState::stalled);
-  EXPECT_EQ(told("its stream is restarted"), 1) << testing::PrintToString(messages);
+  EXPECT_EQ(count_of("its stream is restarted"), 1) << testing::PrintToString(messages);
   tell([](Driver& d) { d.dequeue_error = 0; });
   read_until(source, [&] { return source.health().state == CaptureState::delivering; });
   tell([](Driver& d) { d.dequeue_error = EIO; });
   read_until(source, [&] { return source.health().restarts > 16; });
-  EXPECT_EQ(told("its stream is restarted"), 2) << "it had delivered in between";
+  EXPECT_EQ(count_of("its stream is restarted"), 2) << "it had delivered in between";
 }
 
 TEST_F(V4l2Faults, ChoosesTheFormatThatReachesTheRate) {

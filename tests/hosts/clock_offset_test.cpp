@@ -11,7 +11,7 @@ namespace {
 using namespace std::chrono_literals;
 using capture::Timestamp;
 
-// A network whose ways take 0.1 ms and now and then much longer, each by itself; and a clock there that drifts.
+// A network with one-way delays of 0.1 ms, sometimes much longer, and a drifting clock at its other end.
 class Network {
  public:
   explicit Network(std::uint64_t seed) : random_(seed) {}
@@ -39,7 +39,7 @@ class Network {
   std::mt19937_64 random_;
 };
 
-// Asked as RemoteCameras asks.
+// Probes as RemoteCameras sends them.
 double ask(ClockOffset& clock, Network& network, double from_s, double seconds) {
   double t = from_s;
   for (int i = 0; t < from_s + seconds; ++i) {
@@ -102,8 +102,8 @@ TEST(ClockOffset, OfOneMachineIsExact) {
   EXPECT_EQ(clock.sigma_s(Network::at(20)), 0);
 }
 
-// Chrony says that it keeps both clocks to 0.2 ms, and so it is; the network is one where exchanges take tens of
-// milliseconds. The error is what either way of knowing says, and never that of the worse one.
+// Chrony rightly reports 0.2 ms for both clocks, while exchanges take tens of milliseconds. The combined error must not
+// be that of the worse measurement.
 TEST(ClockOffset, CombinesNtpAndExchanges) {
   double squares = 0, stated = 0, alone = 0;
   for (std::uint64_t seed = 1; seed <= 50; ++seed) {
@@ -125,7 +125,8 @@ TEST(ClockOffset, CombinesNtpAndExchanges) {
   EXPECT_NEAR(stated, 2e-4, 0.5e-4);
 }
 
-// A host whose NTP server is another one, 80 ms off: what both kernels are told is true of neither's time of the other.
+// The host uses another NTP server, which has an error of 80 ms: both kernels report small errors that do not hold
+// between the two.
 TEST(ClockOffset, PrefersExchangesToAContradictingNtp) {
   Network network(13);
   network.offset_s = 0.08;

@@ -26,7 +26,7 @@ TEST(MachineClock, TwoProgramsOfOneMachineDifferByTheirZero) {
   theirs.zero += 3us;
   EXPECT_EQ(clock_sync(ours, theirs).offset, 3us);
   theirs.machine = 8;
-  EXPECT_TRUE(std::isinf(clock_sync(ours, theirs).sigma_s)) << "nobody keeps them together";
+  EXPECT_TRUE(std::isinf(clock_sync(ours, theirs).sigma_s)) << "not synchronised";
   ours.kept_s = 3e-4;
   EXPECT_TRUE(std::isinf(clock_sync(ours, theirs).sigma_s)) << "one of them";
   theirs.kept_s = 4e-4;

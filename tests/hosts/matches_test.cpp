@@ -162,7 +162,7 @@ TEST(Matches, GiveTheSameTracksAsFramesWithThePapersFilter) {
   EXPECT_GT(compare(scene, render(scene, {.set_count = 25}), lime(), options), 10U);
 }
 
-// Furniture of the colour, which is sampled and left out, and a region that is ignored.
+// Static clutter of the target's colour, and an ignored region.
 TEST(Matches, GiveTheSameTracksAsFramesAmongClutter) {
   auto builder = scene::SceneBuilder{}.cameras_on_ring({.count = 3}).ball({});
   for (int i = 0; i < 3; ++i) {
@@ -203,8 +203,8 @@ TEST(Matches, TrackABallWithoutOutlines) {
   EXPECT_EQ(of_matches.outline_findings().fitted, 0U);
 }
 
-// Where a tracker has said that it expects the ball the host sends pixels: outlines are fitted in them, which are as
-// right as those in whole pictures, and no larger than a network of many cameras takes.
+// The host sends pixels where the tracker predicts the ball: outlines fitted in them are as accurate as in whole
+// pictures, and messages stay small.
 TEST(Matches, FitOutlinesInPatches) {
   const scene::Scene scene = scene::lime_that_flies();
   TargetOptions ball = lime();
@@ -239,12 +239,12 @@ TEST(Matches, FitOutlinesInPatches) {
   EXPECT_GT(of_matches.outline_findings().fitted, 3U * 40);
   EXPECT_GT(of_frames.outline_findings().fitted, 3U * 40);
   EXPECT_LT(host.most_bytes(), 6000U);
-  // 1.17, 1.30 and 2.46 mm rms: of what is behind the ball patches have shown less than whole pictures.
+  // 1.17, 1.30 and 2.46 mm rms: patches show less of the background than whole pictures.
   EXPECT_LT(matches_m2, 1.6 * frames_m2);
   EXPECT_LT(matches_m2, 0.5 * regions_m2);
 }
 
-// No frame is judged by a colour that it was not looked at with.
+// A frame without a requested colour gives no measurement of it.
 TEST(Matches, OfOtherColoursAreNoMeasurement) {
   const scene::Scene scene = scene::SceneBuilder{}.cameras_on_ring({.count = 3}).ball({}).build();
   const auto sets = render(scene, {.set_count = 20});
@@ -289,11 +289,11 @@ TEST(WantedMatches, CombineAllRecentRequests) {
   wanted.all(start + 3s, all);
   EXPECT_EQ(all.colors.size(), 3U);
   EXPECT_EQ(all.picture_every, 2s);
-  EXPECT_TRUE(wanted.update(said(2, {200}, 0.5), start + 4s)) << "in place of what it said before";
+  EXPECT_TRUE(wanted.update(said(2, {200}, 0.5), start + 4s)) << "replaces its earlier request";
   wanted.all(start + 4s, all);
   EXPECT_EQ(all.picture_every, 500ms);
   wanted.all(start + 6s, all);
-  ASSERT_EQ(all.colors.size(), 1U) << "the first is not heard of any more";
+  ASSERT_EQ(all.colors.size(), 1U) << "the first request has expired";
   EXPECT_EQ(all.colors[0].hue_min_deg, 200);
 }
 
@@ -328,7 +328,7 @@ TEST(WantedOutlines, ArePredictedForTheNextFrame) {
   said.number(7);
   auto& outline = said.outlines().emplace_back();
   outline.u(100), outline.v(50), outline.u_per_s(300), outline.v_per_s(-60), outline.radius_px(10);
-  EXPECT_FALSE(wanted.update(1, said)) << "of a frame that was never sent";
+  EXPECT_FALSE(wanted.update(1, said)) << "for a frame that was never sent";
   wanted.note(7, start);
   ASSERT_TRUE(wanted.update(1, said));
   wanted.places_at(start + 100ms, places);
@@ -347,7 +347,7 @@ TEST(WantedOutlines, ArePredictedForTheNextFrame) {
   ASSERT_TRUE(wanted.update(2, said));
   wanted.places_at(start + 100ms, places);
   EXPECT_EQ(places.size(), 2U);
-  // What is old, or of the future, says nothing.
+  // Old and future predictions are ignored.
   wanted.places_at(start + 301ms, places);
   EXPECT_TRUE(places.empty());
   for (const float bad : {std::numeric_limits<float>::quiet_NaN(), 1e30f, -1.f}) {
@@ -359,7 +359,7 @@ TEST(WantedOutlines, ArePredictedForTheNextFrame) {
   EXPECT_FALSE(wanted.update(2, said));
 }
 
-// What a tracker of matches could not see: the host's frames become brighter and darker within seconds.
+// Brightness changes within seconds, which a tracker with matches could not detect.
 TEST(MatchFinder, DetectsChangingLight) {
   using namespace std::chrono_literals;
   const auto findings_of = [](double share) {

@@ -345,7 +345,7 @@ TEST_F(Webcams, TrackSurvivesUnplugging) {
                                     HasSubstr("exposure_time_absolute: asked 100, got 157: the camera refuses it")));
   EXPECT_THAT(service->err(), AllOf(HasSubstr("delivers yuyv 320x240"), HasSubstr("delivers mjpeg 320x240")));
 
-  // One goes: the others go on. A second one goes: nobody can say how far it is.
+  // One goes: the others continue. A second one goes: the distance is unknown.
   unplug(2);
   EXPECT_TRUE(comes_true([] { return !is_up("cam2"); }));
   EXPECT_TRUE(says("warning: camera cam2: unplugged: No such device"));
@@ -614,7 +614,7 @@ TEST_F(Kills, RestartWorksAndRecordingAndSubscribersSurvive) {
     service->kill(SIGKILL);
     const auto killed = std::chrono::steady_clock::now();
     EXPECT_EQ(service->wait(), -SIGKILL);
-    EXPECT_TRUE(comes_true([&] { return watch->err().size() > said.size(); })) << "nobody noticed";
+    EXPECT_TRUE(comes_true([&] { return watch->err().size() > said.size(); })) << "not noticed";
     const auto since_kill = [&] {
       return std::chrono::duration<double>(std::chrono::steady_clock::now() - killed).count();
     };

@@ -549,7 +549,7 @@ TEST_F(Uvc, FramesAreBitExactAndTheCameraIsIdentified) {
   EXPECT_EQ(health.identity->usb->id, "1d6b:0102");
   EXPECT_GT(health.identity->usb->speed_mbps, 0);
   std::printf("uvc: %s, usb port %s\n", health.identity->to_string().c_str(), health.identity->usb->port.c_str());
-  // the metadata node is told apart
+  // the metadata node is distinguished
   bool has_metadata_node = false;
   for (const auto& node : capture::list_v4l2_nodes()) {
     if (node.identity.driver != "uvcvideo" || node.is_capture) continue;
