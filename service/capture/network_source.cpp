@@ -23,15 +23,15 @@ using Clock = std::chrono::steady_clock;
 using namespace std::chrono_literals;
 
 constexpr std::array<std::string_view, 7> schemes{"rtsp", "rtsps", "http", "https", "tcp", "udp", "rtp"};
-// What a stream may lead to: a play list must not reach into this host's files.
+// Protocols that a stream may open: a play list must not read this host's files.
 constexpr const char* protocols = "rtsp,rtsps,rtp,rtcp,udp,tcp,tls,http,https,httpproxy";
-constexpr std::int64_t most_network_pixels = 1 << 26;  // of one picture: a damaged header must not cost gigabytes
-// Of anything that FFmpeg keeps in one piece: a plane of such a picture with its edges fits in. An RTSP camera's answer
-// may say two gigabytes.
-constexpr std::size_t most_in_one_piece = 80 << 20;
-constexpr int damaged_in_a_row = 60;      // pictures, of a stream that is opened anew then
+constexpr std::int64_t most_network_pixels = 1 << 26;  // per picture: a damaged header must not cost gigabytes
+// Bytes per allocation of FFmpeg: room for a plane of such a picture with its edges. An RTSP header may announce two
+// gigabytes.
+constexpr std::size_t most_bytes_per_allocation = 80 << 20;
+constexpr int damaged_in_a_row = 60;      // pictures, until the stream is opened again
 constexpr std::size_t most_waiting = 64;  // packets whose picture has not come
-// Bytes of a stream before its next picture. A header may say two gigabytes, or say nothing and let them come.
+// Bytes of a stream before its next picture.
 constexpr std::int64_t most_without_picture = 32 << 20;
 
 std::string_view scheme_of(std::string_view address) {
@@ -46,7 +46,7 @@ std::string without_password(const std::string& address) {
   const auto end = std::min(address.find_first_of("/?#", begin), address.size());
   const auto at = address.rfind('@', end);
   const auto host = at == std::string::npos || at < begin ? begin : at + 1;
-  return address.substr(0, begin) + address.substr(host, end - host);  // many have it in the path or the query, too
+  return address.substr(0, begin) + address.substr(host, end - host);  // many have it in path or query, too
 }
 
 }  // namespace
@@ -73,14 +73,14 @@ struct NetworkSource::Impl {
   explicit Impl(NetworkSourceOptions o) : options(std::move(o)), shown(without_password(options.address)) {
     if (const auto problems = options.problems(); !problems.empty()) throw std::invalid_argument(problems.front());
     take_over_ffmpeg_log();
-    av_max_alloc(most_in_one_piece);  // the process's, which has cameras now
+    av_max_alloc(most_bytes_per_allocation);  // of the whole process
     state.last_progress = Clock::now();
   }
-  ~Impl() { close(); }  // while all that is_over() looks at is there
+  ~Impl() { close(); }  // calls is_over(), which needs the members
   Impl(const Impl&) = delete;
   Impl& operator=(const Impl&) = delete;
 
-  // ---- What FFmpeg asks while it waits: is that to end? It asks some ten times a second.
+  // FFmpeg's interrupt callback, called some ten times a second while it waits.
   static int is_over(void* closure) {
     auto& self = *static_cast<Impl*>(closure);
     const auto now = Clock::now();
@@ -96,34 +96,34 @@ struct NetworkSource::Impl {
   }
   std::int64_t bytes_read() const { return asking != nullptr && asking->pb != nullptr ? asking->pb->bytes_read : 0; }
   bool sends_too_much() const { return bytes_read() - bytes_before > most_without_picture; }
-  // Why FFmpeg was told to end.
-  std::string why_over(const char* otherwise) const {
+  // Why is_over() ended FFmpeg's wait.
+  std::string reason_for_end(const char* otherwise) const {
     return sends_too_much() ? "it sends " + std::to_string(most_without_picture >> 20) + " MiB without a picture"
                             : otherwise;
   }
 
-  void say(CaptureState now, bool is_problem, const std::string& message) {
+  void report(CaptureState now, bool is_problem, const std::string& message) {
     const std::scoped_lock lock(mutex);
-    const bool is_said = state.state == now && state.message == message;
+    const bool is_known = state.state == now && state.message == message;
     state.state = now;
     state.message = message;
-    if (!is_said) events.push_back({unix_now(), now, is_problem, message});
+    if (!is_known) events.push_back({unix_now(), now, is_problem, message});
   }
 
-  // Returns why it cannot be opened; empty: it is.
+  // Returns why it cannot be opened; empty: success.
   std::string open() {
     close();
     wait_from_now();
-    AVDictionary* wishes = nullptr;
-    av_dict_set(&wishes, "protocol_whitelist", protocols, 0);
-    av_dict_set(&wishes, "rtsp_transport", "tcp", 0);  // late rather than torn
-    av_dict_set(&wishes, "fflags", "nobuffer", 0);
-    av_dict_set_int(&wishes, "analyzeduration", 1'000'000, 0);  // microseconds
+    AVDictionary* dictionary = nullptr;
+    av_dict_set(&dictionary, "protocol_whitelist", protocols, 0);
+    av_dict_set(&dictionary, "rtsp_transport", "tcp", 0);  // late rather than torn
+    av_dict_set(&dictionary, "fflags", "nobuffer", 0);
+    av_dict_set_int(&dictionary, "analyzeduration", 1'000'000, 0);  // microseconds
     AVFormatContext* opened = avformat_alloc_context();
     if (opened == nullptr) return "there is no memory";
     opened->interrupt_callback = {&Impl::is_over, this};
-    const int error = avformat_open_input(&opened, options.address.c_str(), nullptr, &wishes);
-    av_dict_free(&wishes);
+    const int error = avformat_open_input(&opened, options.address.c_str(), nullptr, &dictionary);
+    av_dict_free(&dictionary);
     if (error < 0) return error == AVERROR_EXIT ? "it does not answer" : error_text(error);
     format.reset(opened);
     asking = opened;
@@ -131,15 +131,15 @@ struct NetworkSource::Impl {
     const AVCodec* decoder = nullptr;
     const int best = found < 0 ? found : av_find_best_stream(format.get(), AVMEDIA_TYPE_VIDEO, -1, -1, &decoder, 0);
     if (best < 0 || decoder == nullptr)
-      return found == AVERROR_EXIT || sends_too_much() ? why_over("no picture comes") : "it has no video stream";
+      return found == AVERROR_EXIT || sends_too_much() ? reason_for_end("no picture comes") : "it has no video stream";
     stream = format->streams[best];
     codec.reset(not_null(avcodec_alloc_context3(decoder)));
     if (const int e = avcodec_parameters_to_context(codec.get(), stream->codecpar); e < 0) return error_text(e);
     codec->pkt_timebase = stream->time_base;
     codec->max_pixels = most_network_pixels;
     codec->flags |= AV_CODEC_FLAG_LOW_DELAY;
-    codec->err_recognition = AV_EF_CRCCHECK | AV_EF_EXPLODE;  // patched up, it would show what is not there
-    codec->thread_type = FF_THREAD_SLICE;                     // frame threads hold pictures back
+    codec->err_recognition = AV_EF_CRCCHECK | AV_EF_EXPLODE;  // no error concealment: it invents pixels
+    codec->thread_type = FF_THREAD_SLICE;                     // frame threads delay pictures
     if (const int e = avcodec_open2(codec.get(), decoder, nullptr); e < 0) return error_text(e);
     arrivals.clear();
     damaged = 0;
@@ -155,7 +155,7 @@ struct NetworkSource::Impl {
 
   void lose(const std::string& why) {
     close();
-    say(CaptureState::absent, true, shown + ": " + why + "; trying again");
+    report(CaptureState::absent, true, shown + ": " + why + "; trying again");
   }
 
   void pause() {
@@ -176,21 +176,21 @@ struct NetworkSource::Impl {
 
   // nullopt: none yet, or the stream is lost (then it is closed).
   std::optional<Arrived> read() {
-    if (Clock::now() > deadline || sends_too_much()) {  // what is no picture, as sound, may go on coming
-      lose(why_over("no picture comes"));
+    if (Clock::now() > deadline || sends_too_much()) {  // other data, such as audio, may go on coming
+      lose(reason_for_end("no picture comes"));
       return std::nullopt;
     }
     if (const int error = av_read_frame(format.get(), packet.get()); error < 0) {
       if (stop.stop_requested() || error == AVERROR(EAGAIN)) return std::nullopt;
       lose(error == AVERROR_EOF    ? "the stream has ended"
-           : error == AVERROR_EXIT ? why_over("no picture comes")
+           : error == AVERROR_EXIT ? reason_for_end("no picture comes")
                                    : error_text(error));
       return std::nullopt;
     }
     const Timestamp at = unix_now();
-    if (sends_too_much()) {  // and what there is of it counts as a packet
+    if (sends_too_much()) {  // FFmpeg returned the incomplete data as a packet
       av_packet_unref(packet.get());
-      lose(why_over(""));
+      lose(reason_for_end(""));
       return std::nullopt;
     }
     std::optional<Arrived> arrived;
@@ -210,7 +210,7 @@ struct NetworkSource::Impl {
         return Arrived{std::move(decoded.image), at,
                        std::make_shared<const std::vector<std::uint8_t>>(bytes.begin(), bytes.end())};
     }
-    // A decoder may answer a later packet with this one's picture.
+    // A decoder may return this packet's picture only after a later packet.
     if (packet->pts != AV_NOPTS_VALUE) arrivals[packet->pts] = at;
     while (arrivals.size() > most_waiting) arrivals.erase(arrivals.begin());
     FramePtr frame(not_null(av_frame_alloc()));
@@ -224,7 +224,7 @@ struct NetworkSource::Impl {
   }
 
   std::optional<Frame> next() {
-    wait_from_now();  // whoever calls may have taken his time
+    wait_from_now();  // the caller may have paused
     while (!stop.stop_requested()) {
       if (!format) {
         if (const std::string problem = open(); !problem.empty()) {
@@ -262,8 +262,8 @@ struct NetworkSource::Impl {
       frame.pixels = std::move(*arrived.image);
       frame.encoded = std::move(arrived.encoded);
       damaged = 0;
-      say(CaptureState::delivering, false,
-          "delivers " + std::string(avcodec_get_name(codec->codec_id)) + "; its time stamps are when pictures arrived");
+      report(CaptureState::delivering, false,
+             "delivers " + std::string(avcodec_get_name(codec->codec_id)) + "; its time stamps are arrival times");
     } else {
       frame.captured_at = arrived.at - options.timing.latency;
       frame.status = FrameStatus::corrupted;
@@ -275,19 +275,19 @@ struct NetworkSource::Impl {
     state.last_progress = Clock::now();
     state.stamp = StampKind::dequeued;
     state.warning = options.timing.latency == Duration{0}
-                        ? "its time stamps are when pictures arrived, and by how much that is late is not known: "
-                          "huetrack-calibrate time finds it, or say latency_offset_s"
+                        ? "its time stamps are arrival times, and its latency is unknown: measure it with "
+                          "huetrack-calibrate time, or set latency_offset_s"
                         : "";
     return frame;
   }
 
   const NetworkSourceOptions options;
   const std::string shown;
-  std::stop_token stop;  // this and all that follows to state: the thread's that calls next()
+  std::stop_token stop;  // this and all members up to `mutex` belong to the thread that calls next()
   Clock::time_point deadline{};
   InputPtr format;
   const AVFormatContext* asking = nullptr;  // format, once it is open
-  std::int64_t bytes_before = 0;            // that had been read when the wait for a picture began
+  std::int64_t bytes_before = 0;            // read when the wait for a picture began
   CodecPtr codec;
   AVStream* stream = nullptr;  // of format
   const PacketPtr packet{not_null(av_packet_alloc())};

@@ -29,12 +29,12 @@ using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
 namespace fs = std::filesystem;
 
-constexpr auto heartbeat = 500ms;          // next() comes round at least this often
+constexpr auto heartbeat = 500ms;          // longest wait within next()
 constexpr auto shortest_stall = 1s;        // and ten periods
-constexpr auto longest_stall = 8s;         // after several restarts in vain: some cameras need seconds to start
-constexpr int restarts_before_reopen = 3;  // in vain
-constexpr auto told_as_hanging_after = 2s;
-constexpr auto patience_at_end = 500ms;  // with a camera that does not answer: the service is to end within 1 s
+constexpr auto longest_stall = 8s;         // after several failed restarts: some cameras need seconds to start
+constexpr int restarts_before_reopen = 3;  // failed ones
+constexpr auto hanging_after = 2s;
+constexpr auto patience_at_end = 500ms;  // with a camera that does not answer: the service must end within 1 s
 constexpr double most_fps = 10000;
 
 std::string fps_text(double fps) {
@@ -63,7 +63,7 @@ PixelFormat pixel_format_of(CaptureFormat format) {
   return PixelFormat::grey;
 }
 
-// Ends a pause when another thread says so.
+// A pause that another thread can end.
 class Alarm {
  public:
   Alarm() : fd_(::eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC)) {
@@ -101,7 +101,7 @@ Abandoned& abandoned() {
   return all;
 }
 
-// ---- What runs in a thread of its own, as it asks the camera; it shares nothing with the source
+// ---- Work in a thread of its own, because the camera may not answer; it shares nothing with the source
 
 enum class Doing : std::uint8_t { nothing, opening, restarting, closing };
 
@@ -109,20 +109,19 @@ struct Work {
   std::unique_ptr<V4l2Device> device;  // opened or restarted
   StreamFormat stream;
   std::vector<ControlResult> controls;
-  std::optional<CaptureError> error;  // why it was not opened
-  std::string problem;                // why its stream does not restart
+  std::optional<CaptureError> error;  // opening failed
+  std::string problem;                // restarting failed
 };
 
-// The camera that we had, not just one that took its name: the same one by its serial number, or one that cannot be
-// told apart, in the same port.
+// The camera that we had: the same serial number, or for a camera without one the same model in the same port.
 bool is_same(const V4l2Identity& found, const V4l2Identity& known) {
   if (!found.is_same_camera(known)) return false;
   const bool has_serial = found.usb && !found.usb->serial.empty();
   return has_serial || found.bus_info == known.bus_info;
 }
 
-// The configured device; or, when that name is gone or taken, the camera that we know, where it hung before.
-// throws CaptureError
+// Opens the configured device; or, when that name is gone or taken, the known camera at its former port. throws
+// CaptureError
 V4l2Device right_camera(const fs::path& configured, const std::optional<V4l2Identity>& known) {
   std::optional<CaptureError> error;
   const auto try_node = [&](const fs::path& node, bool is_configured) -> std::optional<V4l2Device> {
@@ -133,7 +132,7 @@ V4l2Device right_camera(const fs::path& configured, const std::optional<V4l2Iden
                     "another camera is in its place: " + opened.identity().to_string() + " instead of " +
                         known->to_string() + ". Plug the right one in, or start anew with another configuration");
     } catch (const CaptureError& e) {
-      // elsewhere on its port: its metadata node, or it is just coming
+      // another node at the port: its metadata node, or it is just being plugged in
       if (is_configured) error.emplace(e);
     }
     return std::nullopt;
@@ -149,7 +148,7 @@ Work opened(const V4l2SourceOptions& options, const std::optional<V4l2Identity>&
   Work work;
   try {
     auto device = std::make_unique<V4l2Device>(right_camera(options.device, known));
-    // Not before it is ours: another program may be using it, and its controls are that one's.
+    // Set controls only after claim(): until then another program may be using the camera.
     work.stream = device->claim({.format = options.format,
                                  .width = options.width,
                                  .height = options.height,
@@ -175,29 +174,9 @@ Work opened(const V4l2SourceOptions& options, const std::optional<V4l2Identity>&
 
 }  // namespace
 
-void DamageWatch::add(bool is_damaged) {
-  constexpr double weight = 0.01, high = 0.10, low = 0.05;
-  share_ += weight * ((is_damaged ? 1.0 : 0.0) - share_);
-  is_high_ = share_ > (is_high_ ? low : high);
-}
-
 std::vector<std::string> abandoned_cameras() {
   const std::scoped_lock lock(abandoned().mutex);
   return abandoned().names;
-}
-
-std::string_view name(CaptureState state) {
-  switch (state) {
-    case CaptureState::waiting:
-      return "waiting";
-    case CaptureState::delivering:
-      return "delivering";
-    case CaptureState::stalled:
-      return "stalled";
-    case CaptureState::absent:
-      break;
-  }
-  return "absent";
 }
 
 std::vector<std::string> V4l2SourceOptions::problems() const {
@@ -230,14 +209,14 @@ std::vector<std::string> V4l2SourceOptions::warnings() const {
 
 namespace {
 
-// By a handle of its own, beside the one that streams: a driver takes controls from any.
+// Uses a second handle: drivers accept controls from any.
 class V4l2Controls final : public CameraControls {
  public:
   explicit V4l2Controls(std::vector<ControlSetting> kept) : kept_(std::move(kept)) {}
 
-  std::vector<Control> read() const override { return opened_beside().controls(); }
+  std::vector<Control> read() const override { return open_again().controls(); }
   std::vector<ControlResult> set(std::span<const ControlSetting> settings) override {
-    V4l2Device device = opened_beside();
+    V4l2Device device = open_again();
     auto results = device.set_controls(settings);
     const std::scoped_lock lock(mutex_);
     for (const ControlSetting& was : device.previous_controls())
@@ -249,7 +228,7 @@ class V4l2Controls final : public CameraControls {
     kept_ = std::move(settings);
   }
 
-  // ---- The source's side
+  // ---- For the source
   void is_at(std::optional<fs::path> node) {
     const std::scoped_lock lock(mutex_);
     node_ = std::move(node);
@@ -258,7 +237,7 @@ class V4l2Controls final : public CameraControls {
     const std::scoped_lock lock(mutex_);
     return kept_;
   }
-  // As the camera was before anything was changed; before: what the source changed when it opened it.
+  // The original values of all changed controls. before: those that the source changed when it opened the camera.
   std::vector<ControlSetting> with_changed(std::vector<ControlSetting> before) const {
     const std::scoped_lock lock(mutex_);
     for (const ControlSetting& was : changed_)
@@ -270,7 +249,7 @@ class V4l2Controls final : public CameraControls {
   static bool has(const std::vector<ControlSetting>& settings, const std::string& name) {
     return std::ranges::find(settings, name, &ControlSetting::name) != settings.end();
   }
-  V4l2Device opened_beside() const {
+  V4l2Device open_again() const {
     std::optional<fs::path> node;
     {
       const std::scoped_lock lock(mutex_);
@@ -283,7 +262,7 @@ class V4l2Controls final : public CameraControls {
   mutable std::mutex mutex_;
   std::optional<fs::path> node_;         // guarded by mutex_; nullopt: it is not open
   std::vector<ControlSetting> kept_;     // guarded by mutex_
-  std::vector<ControlSetting> changed_;  // guarded by mutex_; what set() changed, as it was before
+  std::vector<ControlSetting> changed_;  // guarded by mutex_; original values of what set() changed
 };
 
 }  // namespace
@@ -292,21 +271,21 @@ struct V4l2Source::Impl {
   explicit Impl(V4l2SourceOptions o)
       : options(std::move(o)), controls(std::make_shared<V4l2Controls>(options.controls)) {
     health.last_progress = Clock::now();
-    for (const auto& warning : options.warnings()) tell(CaptureState::waiting, true, warning);
+    for (const auto& warning : options.warnings()) report(CaptureState::waiting, true, warning);
   }
 
-  // ---- What others see
+  // ---- State and events
 
-  // An event; it changes the state too.
-  void tell(CaptureState state, bool is_problem, const std::string& message) {
+  // Adds an event and changes the state.
+  void report(CaptureState state, bool is_problem, const std::string& message) {
     const std::scoped_lock lock(mutex);
     health.state = state;
     health.message = message;
     events.push_back({.at = unix_now(), .state = state, .is_problem = is_problem, .message = message});
   }
-  // Trouble of this kind: an event only when there was none of it since the last sound frame.
-  void tell_once(const std::string& kind, CaptureState state, const std::string& message) {
-    if (told.insert(kind).second) return tell(state, true, message);
+  // Adds an event only if there was none of this kind since the last undamaged frame.
+  void report_once(const std::string& kind, CaptureState state, const std::string& message) {
+    if (reported.insert(kind).second) return report(state, true, message);
     const std::scoped_lock lock(mutex);
     health.state = state;
     health.message = message;
@@ -327,10 +306,10 @@ struct V4l2Source::Impl {
   // ---- Work that may take long
 
   template <typename F>
-  void begin(Doing what, F&& work_to_do) {
+  void begin(Doing what, F&& task_body) {
     doing = what;
     work_since = Clock::now();
-    std::packaged_task<Work()> task(std::forward<F>(work_to_do));
+    std::packaged_task<Work()> task(std::forward<F>(task_body));
     work = task.get_future();
     std::thread([task = std::move(task), rings = alarm]() mutable {
       task();
@@ -338,26 +317,26 @@ struct V4l2Source::Impl {
     }).detach();
   }
   bool is_working() const { return doing != Doing::nothing && work.wait_for(0s) != std::future_status::ready; }
-  // Whether it is done then.
+  // True: the work is done.
   bool wait_until(Clock::time_point end, const std::stop_token& stop = {}) {
     while (is_working() && Clock::now() < end && !stop.stop_requested())
       alarm->pause(std::min<Clock::duration>(end - Clock::now(), heartbeat));
     return !is_working();
   }
-  void tell_when_hanging() {
-    if (Clock::now() - work_since < told_as_hanging_after) return;
+  void report_hanging() {
+    if (Clock::now() - work_since < hanging_after) return;
     const bool is_opening = doing == Doing::opening;
     const CaptureState then = state();
-    const bool is_told = then == CaptureState::absent || then == CaptureState::stalled;
-    tell_once("hanging",
-              is_told      ? then
-              : is_opening ? CaptureState::absent
-                           : CaptureState::stalled,
-              std::string("does not answer, since it was to be ") +
-                  (is_opening                   ? "opened"
-                   : doing == Doing::restarting ? "restarted"
-                                                : "closed") +
-                  ": " + advice_for(ETIMEDOUT));
+    const bool is_reported = then == CaptureState::absent || then == CaptureState::stalled;
+    report_once("hanging",
+                is_reported  ? then
+                : is_opening ? CaptureState::absent
+                             : CaptureState::stalled,
+                std::string("does not answer, since it was to be ") +
+                    (is_opening                   ? "opened"
+                     : doing == Doing::restarting ? "restarted"
+                                                  : "closed") +
+                    ": " + advice_for(ETIMEDOUT));
   }
 
   std::unique_ptr<V4l2Device> taken_device() {
@@ -393,7 +372,7 @@ struct V4l2Source::Impl {
     stream = done.stream;
     last_of_driver.reset();
     silent_since = sound_since = Clock::now();
-    damaged_since_sound.clear();
+    damage_since_sound.clear();
     restarts_in_vain = 0;
     {
       const std::scoped_lock lock(mutex);
@@ -403,16 +382,16 @@ struct V4l2Source::Impl {
       health.controls = done.controls;
       if (health.state == CaptureState::absent) health.state = CaptureState::waiting;
     }
-    std::string said;
-    for (const auto& control : done.controls) said += to_string(control) + "\n";
-    if (std::exchange(told_controls, said) != said)
+    std::string results;
+    for (const auto& control : done.controls) results += to_string(control) + "\n";
+    if (std::exchange(reported_controls, results) != results)
       for (const auto& control : done.controls)
         if (!control.problem.empty() || control.is_implied) note(!control.problem.empty(), to_string(control));
-    if (std::exchange(told_stream, true)) return;
+    if (std::exchange(stream_reported, true)) return;
     const double fps = done.stream.fps;
     if (options.fps > 0 && fps > 0 && std::abs(fps - options.fps) > 0.02 * options.fps)
       note(true, "was asked for " + fps_text(options.fps) + " frames/s and says that it does " + fps_text(fps));
-    if (done.stream.is_interlaced) note(true, "delivers interlaced frames: moving objects come out as combs");
+    if (done.stream.is_interlaced) note(true, "delivers interlaced frames: moving objects look like combs");
   }
 
   void finish_restart(Work done) {
@@ -424,12 +403,12 @@ struct V4l2Source::Impl {
       if (done.problem.empty()) {
         ++restarts_in_vain;
         silent_since = sound_since = Clock::now();
-        damaged_since_sound.clear();
+        damage_since_sound.clear();
         last_of_driver.reset();
         return;
       }
     }
-    if (told.insert("no restart").second)
+    if (reported.insert("no restart").second)
       note(true, "its stream does not restart: " + done.problem + "; it is opened anew");
     open_anew();
   }
@@ -441,7 +420,7 @@ struct V4l2Source::Impl {
         try {
           finish_opening(std::move(done));
         } catch (const CaptureError& e) {
-          explain_absence(e);
+          report_absence(e);
           next_attempt = Clock::now() + options.retry;
         }
         break;
@@ -454,10 +433,10 @@ struct V4l2Source::Impl {
     }
   }
 
-  // Each reason once, not at every attempt. That a camera which was lost is still not there is no news.
-  void explain_absence(const CaptureError& error) {
+  // Reports each reason once, not at every attempt; "lost" covers a lost camera that is still not there.
+  void report_absence(const CaptureError& error) {
     const std::string why = is_absence(error) ? "lost" : error.what();
-    tell_once(why, CaptureState::absent, "not available: " + std::string(error.what()));
+    report_once(why, CaptureState::absent, "not available: " + std::string(error.what()));
     if (!absent_since) absent_since = Clock::now();
   }
 
@@ -465,7 +444,7 @@ struct V4l2Source::Impl {
 
   void lose(const std::string& why) {
     begin_closing(false);
-    tell_once("lost", CaptureState::absent, why);
+    report_once("lost", CaptureState::absent, why);
     if (!absent_since) absent_since = Clock::now();
   }
 
@@ -478,9 +457,9 @@ struct V4l2Source::Impl {
     return std::min<Clock::duration>(limit * (1 << restarts_in_vain), std::max<Clock::duration>(longest_stall, limit));
   }
 
-  // No sound frame for too long, or the driver gave up.
+  // After no undamaged frame for too long, or an error of the driver.
   void restart(const std::string& why) {
-    tell_once("stalled", CaptureState::stalled, why + ": its stream is restarted");
+    report_once("stalled", CaptureState::stalled, why + ": its stream is restarted");
     {
       const std::scoped_lock lock(mutex);
       ++health.restarts;
@@ -495,7 +474,7 @@ struct V4l2Source::Impl {
     });
   }
 
-  // The state stays stalled until that has failed, too.
+  // The state stays stalled until opening fails, too.
   void open_anew() {
     begin_closing(true);
     if (!absent_since) absent_since = Clock::now();
@@ -504,7 +483,7 @@ struct V4l2Source::Impl {
 
   // ---- Frames
 
-  // Our number for a frame, and how many the driver lost before it. Some drivers do not count.
+  // Our number for a frame, and the number of frames lost before it. Some drivers do not count.
   std::pair<std::uint32_t, std::uint32_t> number(std::uint32_t of_driver) {
     const auto step = last_of_driver ? static_cast<std::int32_t>(of_driver - *last_of_driver) : 1;
     last_of_driver = of_driver;
@@ -548,14 +527,14 @@ struct V4l2Source::Impl {
       health.stamp = stamp;
       health.last_frame = frame.captured_at;
     }
-    // A damaged frame is a sign of life, not of health.
+    // A damaged frame ends silence, but not a stall.
     silent_since = Clock::now();
     watch_damage(problem);
     if (!problem.empty()) return frame;
-    if (is_back) tell_of_delivery(stamp);
-    told.clear();
+    if (is_back) report_delivery(stamp);
+    reported.clear();
     sound_since = silent_since;
-    damaged_since_sound.clear();
+    damage_since_sound.clear();
     restarts_in_vain = 0;
     return frame;
   }
@@ -563,8 +542,8 @@ struct V4l2Source::Impl {
   void watch_damage(const std::string& problem) {
     damage.add(!problem.empty());
     if (!problem.empty()) {
-      damaged_since_sound = problem;
-      if (!std::exchange(told_of_damage, true))
+      damage_since_sound = problem;
+      if (!std::exchange(damage_reported, true))
         note(true, "a frame is damaged and not used (" + problem + "); further ones are only counted");
     }
     std::string warning;
@@ -576,7 +555,7 @@ struct V4l2Source::Impl {
     health.warning = std::move(warning);
   }
 
-  void tell_of_delivery(StampKind stamp) {
+  void report_delivery(StampKind stamp) {
     std::string text = "delivers " + std::string(name(stream.format)) + " " + std::to_string(stream.width) + "x" +
                        std::to_string(stream.height);
     if (stream.fps > 0) text += " at " + fps_text(stream.fps) + " frames/s";
@@ -590,7 +569,7 @@ struct V4l2Source::Impl {
     }
     absent_since.reset();
     was_delivering = true;
-    tell(CaptureState::delivering, false, text);
+    report(CaptureState::delivering, false, text);
   }
 
   // The image in the driver's buffer, or a copy of it. True: copied.
@@ -624,10 +603,10 @@ struct V4l2Source::Impl {
     return bytes.size() > 4 && bytes[0] == 0xFF && bytes[1] == 0xD8;
   }
 
-  // Empty, or what is wrong with it.
+  // Returns the problem; empty: none.
   std::string decode(Dequeued&& raw, Frame& frame) {
     auto bytes = std::make_shared<const std::vector<std::uint8_t>>(raw.bytes.begin(), raw.bytes.end());
-    raw.owner.reset();  // the driver may have its buffer back while we decode
+    raw.owner.reset();  // returns the buffer to the driver while we decode
     if (!options.decodes) {
       if (!looks_like_jpeg(*bytes)) return "it is no JPEG";
       frame.pixels.width = stream.width, frame.pixels.height = stream.height;
@@ -655,7 +634,7 @@ struct V4l2Source::Impl {
       progress();
       if (doing != Doing::nothing) {
         if (is_working()) {
-          tell_when_hanging();
+          report_hanging();
           alarm->pause(heartbeat);
         } else {
           finish_work();
@@ -669,8 +648,8 @@ struct V4l2Source::Impl {
           alarm->pause(std::min<Clock::duration>(next_attempt - Clock::now(), heartbeat));
         continue;
       }
-      if (!damaged_since_sound.empty() && Clock::now() - sound_since > patience()) {
-        restart("only damaged frames for " + seconds_text(Clock::now() - sound_since) + " (" + damaged_since_sound +
+      if (!damage_since_sound.empty() && Clock::now() - sound_since > patience()) {
+        restart("only damaged frames for " + seconds_text(Clock::now() - sound_since) + " (" + damage_since_sound +
                 ")");
         continue;
       }
@@ -715,32 +694,32 @@ struct V4l2Source::Impl {
 
   const V4l2SourceOptions options;
   const std::shared_ptr<V4l2Controls> controls;
-  const std::shared_ptr<Alarm> alarm = std::make_shared<Alarm>();  // shared with a thread that may outlive this
+  const std::shared_ptr<Alarm> alarm = std::make_shared<Alarm>();  // shared with threads that may outlive this
   mutable std::mutex mutex;
-  std::unique_ptr<V4l2Device> device;  // changed under mutex; read by the capturing thread without
+  std::unique_ptr<V4l2Device> device;  // changed under mutex; the capturing thread reads it without
   CameraHealth health;                 // guarded by mutex
   std::vector<CameraEvent> events;     // guarded by mutex
 
   // of the capturing thread
   JpegDecoder jpeg;
   StreamFormat stream;
-  std::optional<V4l2Identity> known;                  // the camera that was opened first, and where it hangs
-  std::optional<std::vector<ControlSetting>> before;  // the controls as we found them
+  std::optional<V4l2Identity> known;                  // the camera that was opened first, and its port
+  std::optional<std::vector<ControlSetting>> before;  // original values of the controls that opening changed
   Clock::time_point next_attempt{};
   Clock::time_point silent_since{};  // the last frame
-  Clock::time_point sound_since{};   // the last sound one
-  std::string damaged_since_sound;   // what is wrong with those that came since; empty: none came
+  Clock::time_point sound_since{};   // the last undamaged one
+  std::string damage_since_sound;    // the problem of damaged ones since then; empty: there were none
   DamageWatch damage;
   Doing doing = Doing::nothing;
-  std::future<Work> work;  // of what it is doing
+  std::future<Work> work;
   Clock::time_point work_since{};
   std::optional<Clock::time_point> absent_since;
   int restarts_in_vain = 0;
   bool was_delivering = false;
-  std::set<std::string> told;  // kinds of trouble, since the last sound frame
-  bool told_of_damage = false;
-  bool told_stream = false;
-  std::string told_controls;
+  std::set<std::string> reported;  // kinds of trouble since the last undamaged frame
+  bool damage_reported = false;
+  bool stream_reported = false;
+  std::string reported_controls;
   std::optional<std::uint32_t> last_of_driver;  // sequence number in this stream
   std::uint32_t next_sequence = 0;
   CameraClock clock;
@@ -752,7 +731,7 @@ V4l2Source::V4l2Source(V4l2SourceOptions options, const std::stop_token& stop) {
   const std::stop_callback wakes(stop, [this] { impl_->alarm->ring(); });
   impl_->begin_opening();
   if (!impl_->wait_until(Clock::now() + impl_->options.first_patience, stop)) {
-    impl_->tell_when_hanging();
+    impl_->report_hanging();
     return;
   }
   Work done = impl_->work.get();
@@ -761,7 +740,7 @@ V4l2Source::V4l2Source(V4l2SourceOptions options, const std::stop_token& stop) {
     impl_->finish_opening(std::move(done));
   } catch (const CaptureError& e) {
     if (e.code() == std::errc::invalid_argument && !impl_->options.may_be_wrong) throw;
-    impl_->explain_absence(e);
+    impl_->report_absence(e);
     impl_->next_attempt = Clock::now() + impl_->options.retry;
   }
 }

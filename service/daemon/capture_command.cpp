@@ -63,7 +63,7 @@ void capture_cameras(const config::CaptureConfig& config, std::vector<capture::L
   Clock::time_point next_status{};
   bool is_ready = false;
   while (!stop.stop_requested()) {
-    for (const auto& [camera, event] : cameras_here.look_after())
+    for (const auto& [camera, event] : cameras_here.publish_states())
       spdlog::log(event.is_problem ? spdlog::level::warn : spdlog::level::info, "camera {}: {}", camera, event.message);
     const auto now = Clock::now();
     if (now >= next_status) {

@@ -11,7 +11,7 @@ namespace {
 using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
 
-constexpr std::chrono::duration<double> least_duration = 5500ms;  // clocks are judged after 5 s (hosted_camera.cpp)
+constexpr std::chrono::duration<double> least_duration = 5500ms;  // clocks are judged after 5 s (remote_camera.cpp)
 constexpr auto look_period = 50ms;
 
 // Frames of one camera, as they come, until the stop.

@@ -28,13 +28,13 @@ using namespace std::chrono_literals;
 
 namespace {
 
-constexpr auto told_every = 1s;
-constexpr std::uint32_t most_of_outlines = 32 * 1024;  // bytes, of a sample: sixteen of each of a tracker's 64 cameras
-constexpr const char* new_keys = "make them anew, configs/dds/secure.sh, role host; ";
-// What fits into one packet of an Ethernet (MTU 1500, less IP's and UDP's headers). A larger datagram is lost as a
-// whole with any of its packets, of 64 kB one in 23 where one packet in a thousand is; and the kernel keeps what came
-// of it for 30 s, until its memory for that (net.ipv4.ipfrag_high_thresh, 4 MB) is full and it takes no large datagram
-// at all. Of small ones Fast DDS sends again what was lost, and no more.
+constexpr auto published_every = 1s;
+constexpr std::uint32_t most_of_outlines = 32 * 1024;  // bytes of a sample: sixteen for each of a tracker's 64 cameras
+constexpr const char* new_keys = "make new ones with configs/dds/secure.sh, role host; ";
+// One Ethernet packet (MTU 1500 minus IP and UDP headers). A larger datagram is lost with any of its fragments: 64 kB
+// ones at a rate of 1 in 23 when 1 packet in 1000 is lost. The kernel also keeps the other fragments for 30 s until its
+// memory for them is full (net.ipv4.ipfrag_high_thresh, 4 MB), and then accepts no large datagram at all. Of small
+// datagrams Fast DDS retransmits only the lost ones.
 constexpr idl::Datagrams of_frames{.largest = 1472, .buffer = 1 << 20};
 
 msg::HostedCameraState state_of(capture::CaptureState state) {
@@ -55,7 +55,7 @@ bool have_all(dds::DataWriter& writer) {
   return writer.wait_for_acknowledgments({0, 0}) == eprosima::fastrtps::types::ReturnCode_t::RETCODE_OK;
 }
 
-bool is_listened_to(dds::DataWriter& writer) {
+bool has_readers(dds::DataWriter& writer) {
   dds::PublicationMatchedStatus matched;
   writer.get_publication_matched_status(matched);
   return matched.current_count > 0;
@@ -84,8 +84,8 @@ struct CameraHost::Impl {
     WantedOutlines outlines;  // guarded by outlines_mutex
     std::mutex mutex;
     WantedMatches wanted;                      // guarded by mutex
-    std::string light;                         // what is said of it; guarded by mutex
-    std::vector<capture::CameraEvent> events;  // of light, not told yet; guarded by mutex
+    std::string light;                         // description of light problems; guarded by mutex
+    std::vector<capture::CameraEvent> events;  // of light, not reported yet; guarded by mutex
     std::atomic<std::uint64_t> frames = 0, refused = 0, left_out = 0, bytes = 0;
   };
 
@@ -113,8 +113,8 @@ struct CameraHost::Impl {
       if (!participant.is_access_controlled()) throw;
       looked_for = nullptr;
       refusal = std::string(
-                    "its matches cannot be sent (send: matches of a tracker), as the keys of this host are older than "
-                    "that: ") +
+                    "its matches cannot be sent (send: matches of a tracker), because this host's keys are too "
+                    "old: ") +
                 new_keys + error.what();
     }
     try {
@@ -124,18 +124,17 @@ struct CameraHost::Impl {
       if (!participant.is_access_controlled()) throw;
       if (refusal.empty())
         refusal = std::string(
-                      "no outlines are found in what matches of it (send: matches of a tracker), as the keys of this "
-                      "host are "
-                      "older than that: ") +
+                      "trackers cannot fit outlines with its matches (send: matches), because this host's keys "
+                      "are too old: ") +
                   new_keys + error.what();
     }
-    clock = std::jthread([this](const std::stop_token& stop) { tell_the_time(stop); });
+    clock = std::jthread([this](const std::stop_token& stop) { answer_clock_probes(stop); });
     if (looked_for != nullptr)
-      listening = std::jthread([this](const std::stop_token& stop) { hear_what_is_looked_for(stop); });
+      request_reader = std::jthread([this](const std::stop_token& stop) { read_requested_colors(stop); });
   }
 
-  // A question's answer is worth what it takes: this thread does nothing else.
-  void tell_the_time(const std::stop_token& stop) {
+  // A thread of its own, because every delay of an answer adds to the clock's uncertainty.
+  void answer_clock_probes(const std::stop_token& stop) {
     idl::Arrivals questions(probe);
     msg::ClockProbe question;
     while (!stop.stop_requested()) {
@@ -159,56 +158,55 @@ struct CameraHost::Impl {
     }
   }
 
-  void hear_what_is_looked_for(const std::stop_token& stop) {
+  void read_requested_colors(const std::stop_token& stop) {
     idl::Arrivals arrivals(*looked_for);
-    msg::LookedForColors said;
+    msg::LookedForColors request;
     while (!stop.stop_requested()) {
       arrivals.wait(100ms);
-      while (idl::take_next(*looked_for, said)) {
-        if (said.host() != options.host) continue;
-        const auto camera = std::ranges::find(cameras, said.camera(), [](const auto& c) { return c->name; });
+      while (idl::take_next(*looked_for, request)) {
+        if (request.host() != options.host) continue;
+        const auto camera = std::ranges::find(cameras, request.camera(), [](const auto& c) { return c->name; });
         if (camera == cameras.end()) continue;
         const std::scoped_lock lock((*camera)->mutex);
-        (*camera)->wanted.hear(said, std::chrono::steady_clock::now());
+        (*camera)->wanted.update(request, std::chrono::steady_clock::now());
       }
     }
   }
 
-  // False: nobody looks for anything.
-  static bool is_looked_for(Camera& camera, MatchFinderOptions& out) {
+  // False: no tracker requests a colour.
+  static bool has_requests(Camera& camera, MatchFinderOptions& out) {
     const std::scoped_lock lock(camera.mutex);
     camera.wanted.all(std::chrono::steady_clock::now(), out);
     return !out.colors.empty();
   }
 
-  // What trackers have said until now of frames before this one; and for the other cameras what they have said of
-  // theirs.
-  void hear_outlines(Camera& camera, const capture::Frame& frame, std::vector<capture::PatchPlace>& out) {
+  // Reads the trackers' predicted outlines for all cameras, and returns the places for this camera's frame.
+  void update_outlines(Camera& camera, const capture::Frame& frame, std::vector<capture::PatchPlace>& out) {
     out.clear();
     if (outlines == nullptr) return;
     const std::scoped_lock lock(outlines_mutex);
-    while (idl::take_next(*outlines, outlines_said)) {
-      for (const msg::OutlinesOfCamera& of : outlines_said.cameras()) {
+    while (idl::take_next(*outlines, outlines_message)) {
+      for (const msg::OutlinesOfCamera& of : outlines_message.cameras()) {
         const auto known = std::ranges::find(cameras, of.camera(), [](const auto& c) { return c->name; });
-        if (known != cameras.end() && of.run() == run) (*known)->outlines.hear(outlines_said.tracker(), of);
+        if (known != cameras.end() && of.run() == run) (*known)->outlines.update(outlines_message.tracker(), of);
       }
     }
     camera.outlines.places_at(frame.stamped_at, out);
     camera.outlines.note(frame.sequence, frame.stamped_at);
   }
 
-  // A tracker that takes the matches has no pictures to see it in.
+  // A tracker that receives matches has too few pictures to detect this.
   void watch_light(Camera& camera, const MatchFinder& finder, capture::LightFindings& known) const {
     if (!options.describe_light || finder.light() == known) return;
     known = finder.light();
-    std::string said = options.describe_light(known);
+    std::string text = options.describe_light(known);
     const std::scoped_lock lock(camera.mutex);
-    camera.light = said;
-    if (!said.empty())
+    camera.light = text;
+    if (!text.empty())
       camera.events.push_back({.at = capture::unix_now(),
                                .state = capture::CaptureState::delivering,
                                .is_problem = true,
-                               .message = std::move(said)});
+                               .message = std::move(text)});
   }
 
   template <typename Message>
@@ -228,25 +226,25 @@ struct CameraHost::Impl {
     matches.run(run);
     matches.camera(camera.name);
     MatchFinder finder;
-    MatchFinderOptions look_for;
+    MatchFinderOptions requests;
     capture::LightFindings light;
     FrameWindow window;
     while (const auto frame = camera.live.source->next(stop)) {
-      if (matches_writer != nullptr && is_listened_to(*matches_writer) && is_looked_for(camera, look_for)) {
-        hear_outlines(camera, *frame, look_for.patches);
+      if (matches_writer != nullptr && has_readers(*matches_writer) && has_requests(camera, requests)) {
+        update_outlines(camera, *frame, requests.patches);
         matches.number(frame->sequence);
         matches.stamped_at(frame->stamped_at.time_since_epoch().count());
-        const auto bytes = frame->status == capture::FrameStatus::ok ? finder.find(*frame, look_for) : std::nullopt;
+        const auto bytes = frame->status == capture::FrameStatus::ok ? finder.find(*frame, requests) : std::nullopt;
         watch_light(camera, finder, light);
         matches.is_damaged(!bytes);
         matches.bytes().clear();
         if (bytes) matches.bytes().assign(bytes->begin(), bytes->end());
         send(camera, *matches_writer, matches);
       } else if (!(std::exchange(light, {}) == capture::LightFindings{})) {
-        const std::scoped_lock lock(camera.mutex);  // nobody is told any more, and it is not watched
+        const std::scoped_lock lock(camera.mutex);  // without requests light is not watched
         camera.light.clear();
       }
-      if (frame->matches || !is_listened_to(*camera.writer)) continue;  // matches are no picture
+      if (frame->matches || !has_readers(*camera.writer)) continue;  // a frame of matches has no picture
       if (!window.may_send(have_all(*camera.writer), std::chrono::steady_clock::now())) {
         ++camera.left_out;
         continue;
@@ -256,12 +254,12 @@ struct CameraHost::Impl {
     }
   }
 
-  static std::string wrong_with(Camera& camera, const capture::CameraHealth& health) {
+  static std::string warning_of(Camera& camera, const capture::CameraHealth& health) {
     const std::scoped_lock lock(camera.mutex);
     return health.warning + (health.warning.empty() || camera.light.empty() ? "" : "; ") + camera.light;
   }
 
-  void tell_states() {
+  void write_states() {
     msg::CameraHost out;
     out.host(options.host);
     out.run(run);
@@ -271,7 +269,7 @@ struct CameraHost::Impl {
       msg::HostedCamera& to = out.cameras().emplace_back();
       to.name(camera->name);
       to.state(state_of(health.state));
-      to.message(health.state == capture::CaptureState::delivering ? wrong_with(*camera, health) : health.message);
+      to.message(health.state == capture::CaptureState::delivering ? warning_of(*camera, health) : health.message);
       if (health.stream) {
         to.width(static_cast<std::uint16_t>(health.stream->width));
         to.height(static_cast<std::uint16_t>(health.stream->height));
@@ -293,12 +291,12 @@ struct CameraHost::Impl {
   dds::DataReader* looked_for = nullptr;      // nullptr: the keys do not allow it
   dds::DataWriter* matches_writer = nullptr;  // of all cameras; nullptr: the keys do not allow it
   dds::DataReader* outlines = nullptr;        // of all cameras; nullptr: the keys do not allow it
-  std::string refusal;                        // what was said of that; told once
+  std::string refusal;                        // the reason; reported once
   std::vector<std::unique_ptr<Camera>> cameras;
   std::mutex outlines_mutex;
-  msg::ExpectedOutlines outlines_said;  // the one that is heard; guarded by outlines_mutex
-  std::chrono::steady_clock::time_point told_at{};
-  std::jthread clock, listening;  // last: they end first
+  msg::ExpectedOutlines outlines_message;  // scratch; guarded by outlines_mutex
+  std::chrono::steady_clock::time_point published_at{};
+  std::jthread clock, request_reader;  // last: they end first
 };
 
 void require_host_names(const std::string& host, std::span<const std::string> cameras) {
@@ -324,24 +322,24 @@ void CameraHost::run(const std::stop_token& stop) {
     threads.emplace_back([this, &camera, stop] { impl_->send_frames(*camera, stop); });
 }
 
-std::vector<CameraHost::Said> CameraHost::look_after() {
-  std::vector<Said> said;
+std::vector<CameraHost::Event> CameraHost::publish_states() {
+  std::vector<Event> out;
   if (const std::string refusal = std::exchange(impl_->refusal, ""); !refusal.empty())
     for (const auto& camera : impl_->cameras)
-      said.push_back(
+      out.push_back(
           {camera->name,
            {.at = capture::unix_now(), .state = camera->live.health().state, .is_problem = true, .message = refusal}});
   for (const auto& camera : impl_->cameras) {
-    for (auto& event : camera->live.take_events()) said.push_back({camera->name, std::move(event)});
+    for (auto& event : camera->live.take_events()) out.push_back({camera->name, std::move(event)});
     const std::scoped_lock lock(camera->mutex);
-    for (auto& event : std::exchange(camera->events, {})) said.push_back({camera->name, std::move(event)});
+    for (auto& event : std::exchange(camera->events, {})) out.push_back({camera->name, std::move(event)});
   }
   const auto now = std::chrono::steady_clock::now();
-  if (!said.empty() || now - impl_->told_at >= told_every) {
-    impl_->told_at = now;
-    impl_->tell_states();
+  if (!out.empty() || now - impl_->published_at >= published_every) {
+    impl_->published_at = now;
+    impl_->write_states();
   }
-  return said;
+  return out;
 }
 
 std::vector<capture::CameraHealth> CameraHost::healths() const {

@@ -1,5 +1,5 @@
-// A host's cameras, given to trackers on other hosts over DDS (`huetrackd capture`): their frames in their own bytes,
-// their state, and the time.
+// Exports a host's cameras to trackers on other hosts over DDS (`huetrackd capture`): frames as the camera's own bytes,
+// camera states, and the host's clock.
 #pragma once
 
 #include <functional>
@@ -16,47 +16,47 @@
 namespace huetrack::hosts {
 
 struct CameraHostOptions {
-  std::string host;                   // how trackers call it
+  std::string host;                   // the name that trackers use
   std::vector<std::string> cameras;   // their names, in the order of the LiveCameras
-  std::string program_version;        // told
+  std::string program_version;        // published
   idl::ParticipantOptions transport;  // domain, interfaces, profiles
-  // What light does to a camera's pictures, in sentences for people; empty: nothing. It goes to the trackers as what is
-  // wrong with the camera. Of cameras whose matches are sent; the others' pictures are the trackers' to look at. Called
-  // by the cameras' threads. Not set: nothing is said of light.
+  // Describes light problems in sentences for users; empty: none. Published as a warning of the camera. Used only for
+  // cameras whose matches are sent, because trackers have no pictures of them. Called by the cameras' threads. Not set:
+  // light is not reported.
   std::function<std::string(const capture::LightFindings&)> describe_light = nullptr;
 };
 
-// The name of a host or of a hosted camera is a part of a topic's name: letters, digits, '_', '-' and '.', one or more.
+// Names of hosts and remote cameras are parts of topic names: one or more letters, digits, '_', '-' and '.'.
 bool is_host_name(std::string_view name);
-// throws std::invalid_argument: the host or one of its cameras has no such name.
+// throws std::invalid_argument: a name is not a valid host name.
 void require_host_names(const std::string& host, std::span<const std::string> cameras);
-// As the machine calls itself, as far as it may be such a name; it may be empty.
+// The machine's own name without invalid characters; may be empty.
 std::string name_of_this_machine();
 
 // What one camera has sent so far.
 struct SentFigures {
   std::uint64_t frames = 0;    // written
-  std::uint64_t refused = 0;   // by the bus: it was full, or the frame too large
-  std::uint64_t left_out = 0;  // as the network had not taken those before (FrameWindow)
+  std::uint64_t refused = 0;   // by DDS: its queue was full, or the frame too large
+  std::uint64_t left_out = 0;  // because the network had not delivered earlier ones (FrameWindow)
   std::uint64_t bytes = 0;
 };
 
-// One thread per camera reads and writes; a bus that is full loses whole frames of that camera, and holds up no other;
-// of what a slow network cannot take whole frames are left out, for all trackers of that camera alike. Only what
-// somebody subscribes to is written. thread-compatible; sent() and healths() are thread-safe.
+// One thread per camera reads and writes. A full DDS queue costs whole frames of that camera only; on a slow network
+// whole frames are skipped, for all trackers of that camera alike. Only topics with subscribers are written.
+// thread-compatible; sent() and healths() are thread-safe.
 class CameraHost {
  public:
-  // throws std::invalid_argument, std::runtime_error as DdsParticipant does; or a name is no is_host_name().
+  // throws std::invalid_argument, std::runtime_error as DdsParticipant does; or a name is not is_host_name().
   CameraHost(CameraHostOptions options, std::vector<capture::LiveCamera> cameras);
   ~CameraHost();
 
   void run(const std::stop_token& stop);  // until the stop, or until every source has ended
-  // About 10 times a second, by another thread: tells who listens how the cameras are, and gives back what they said.
-  struct Said {
+  struct Event {
     std::string camera;
     capture::CameraEvent event;
   };
-  std::vector<Said> look_after();
+  // Publishes the cameras' states and returns their new events. Call about 10 times a second from another thread.
+  std::vector<Event> publish_states();
   std::vector<capture::CameraHealth> healths() const;
   std::vector<SentFigures> sent() const;
   std::string description() const;  // of the transport

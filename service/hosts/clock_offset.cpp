@@ -8,32 +8,33 @@ namespace {
 
 constexpr double window_s = 40;
 constexpr double usual_drift = 50e-6;  // of a quartz, standard deviation
-constexpr double stamp_s = 20e-6;      // what waking up and reading clocks costs an exchange at least
-constexpr double of_one_way = 0.25;    // of the fastest exchange: how uneven its two ways may be
+constexpr double stamp_s = 20e-6;      // least sigma of an exchange: waking up and reading clocks
+constexpr double of_one_way = 0.25;    // sigma of the path asymmetry, as a share of the fastest round trip
 constexpr double step_sigmas = 6, least_step_s = 1e-3;
 constexpr std::size_t steps_in_a_row = 4;
-// Two measurements that differ by more than this of their standard deviations do not measure one thing.
 constexpr double contradiction_sigmas = 4;
-// One machine's clock is one, whatever a few slow exchanges on it make of it; unless the two programs are shown another
-// time (a namespace of its own for the clock).
+// Extra tolerance on one machine, where a few slow exchanges mean nothing. A larger offset is real: the programs run in
+// different time namespaces.
 constexpr double contradiction_of_one_machine_s = 1e-3;
 
 }  // namespace
 
 void ClockOffset::add(const Exchange& exchange) {
-  const auto there = exchange.question_came - exchange.asked, back = exchange.answered - exchange.answer_came;
-  const double took_s =
-      capture::seconds((exchange.answer_came - exchange.asked) - (exchange.answered - exchange.question_came));
-  if (exchange.answer_came < exchange.asked || exchange.answered < exchange.question_came || took_s < 0) return;
+  const auto there = exchange.request_received - exchange.request_sent,
+             back = exchange.reply_sent - exchange.reply_received;
+  const double took_s = capture::seconds((exchange.reply_received - exchange.request_sent) -
+                                         (exchange.reply_sent - exchange.request_received));
+  if (exchange.reply_received < exchange.request_sent || exchange.reply_sent < exchange.request_received || took_s < 0)
+    return;
   if (!origin_) {
-    origin_ = exchange.asked;
+    origin_ = exchange.request_sent;
     base_s_ = capture::seconds(there);
   }
   const double half = 0.5 * (capture::seconds(there) - base_s_) + 0.5 * (capture::seconds(back) - base_s_);
   const Measured measured{
-      .at_s = capture::seconds(exchange.answer_came - *origin_), .offset_s = half, .took_s = took_s};
+      .at_s = capture::seconds(exchange.reply_received - *origin_), .offset_s = half, .took_s = took_s};
 
-  // A clock that was set: several in a row that say something else than their own duration explains.
+  // A clock step: several exchanges in a row that are off by more than their round trip explains.
   if (is_known()) {
     const double off = std::abs(measured.offset_s - (offset_s_ + drift_ * (measured.at_s - middle_s_)));
     const double sigma_s = std::sqrt(measured_variance_s2(measured.at_s));
@@ -41,9 +42,9 @@ void ClockOffset::add(const Exchange& exchange) {
     off_in_a_row_ = is_off ? off_in_a_row_ + 1 : 0;
     if (is_off && off_in_a_row_ < steps_in_a_row) return;
     if (is_off) {
-      const ClockSync together = together_;
+      const ClockSync sync = sync_;
       forget();
-      together_ = together;
+      sync_ = sync;
       add(exchange);
       return;
     }
@@ -55,8 +56,8 @@ void ClockOffset::add(const Exchange& exchange) {
   weigh();
 }
 
-void ClockOffset::set_sync(const ClockSync& clock_sync) {
-  together_ = clock_sync;
+void ClockOffset::set_sync(const ClockSync& sync) {
+  sync_ = sync;
   weigh();
 }
 
@@ -65,7 +66,7 @@ void ClockOffset::fit() {
   double fastest_s = 1e9;
   for (std::size_t i = 0; i < count_; ++i)
     if (now_s - measured_[i].at_s <= window_s) fastest_s = std::min(fastest_s, measured_[i].took_s);
-  // What an exchange took longer than the fastest lies on one of its two ways: half of it is its error, at most.
+  // The excess of a round trip over the fastest lies on one of its two paths: its error is at most half of it.
   const auto weight = [&](const Measured& measured) {
     const double sigma_s = stamp_s + 0.5 * (measured.took_s - fastest_s);
     return now_s - measured.at_s <= window_s ? 1 / (sigma_s * sigma_s) : 0.0;
@@ -97,16 +98,16 @@ double ClockOffset::measured_variance_s2(double at_s) const {
 
 void ClockOffset::weigh() {
   if (count_ == 0) return;
-  const double measured_s2 = measured_variance_s2(now_s_), together_s2 = together_.sigma_s * together_.sigma_s;
-  const double off_s = base_s_ - capture::seconds(together_.offset) + offset_s_ + drift_ * (now_s_ - middle_s_);
-  const double least_s = together_.sigma_s == 0 ? contradiction_of_one_machine_s : 0;
-  is_contradicted_ = std::abs(off_s) > contradiction_sigmas * std::sqrt(measured_s2 + together_s2) + least_s;
-  share_ = is_contradicted_ || std::isinf(together_s2) ? 1 : together_s2 / (measured_s2 + together_s2);
+  const double measured_s2 = measured_variance_s2(now_s_), sync_s2 = sync_.sigma_s * sync_.sigma_s;
+  const double off_s = base_s_ - capture::seconds(sync_.offset) + offset_s_ + drift_ * (now_s_ - middle_s_);
+  const double least_s = sync_.sigma_s == 0 ? contradiction_of_one_machine_s : 0;
+  is_contradicted_ = std::abs(off_s) > contradiction_sigmas * std::sqrt(measured_s2 + sync_s2) + least_s;
+  share_ = is_contradicted_ || std::isinf(sync_s2) ? 1 : sync_s2 / (measured_s2 + sync_s2);
 }
 
 double ClockOffset::sigma_s(capture::Timestamp ours) const {
   if (!origin_) return 1;
-  // Of two measurements, weighed by their variances: that of either, times its share.
+  // Inverse-variance weighting: the combined variance is either one's variance times its weight.
   return std::sqrt(share_ * measured_variance_s2(capture::seconds(ours - *origin_)));
 }
 
@@ -116,11 +117,11 @@ capture::Duration ClockOffset::at(capture::Timestamp ours) const {
   const capture::Duration measured =
       capture::duration_of(base_s_) + capture::duration_of(offset_s_ + drift_ * (at_s - middle_s_));
   if (share_ == 1) return measured;
-  return together_.offset + capture::duration_of(share_ * capture::seconds(measured - together_.offset));
+  return sync_.offset + capture::duration_of(share_ * capture::seconds(measured - sync_.offset));
 }
 
 capture::Timestamp ClockOffset::ours(capture::Timestamp theirs) const {
-  // The offset changes by some 50 us in a second: once is enough.
+  // The offset changes by some 50 us in a second: one iteration is enough.
   return theirs - at(theirs - at(theirs));
 }
 

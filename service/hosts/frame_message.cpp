@@ -95,7 +95,7 @@ capture::Frame from_message(msg::CameraMatches&& message, capture::JpegDecoder& 
   if (message.is_damaged()) return out;
   auto decoded = capture::decode_matches(message.bytes(), decoder, latest, width, height);
   if (!decoded) return out;
-  out.pixels = std::move(decoded->looked_at);
+  out.pixels = std::move(decoded->source);
   out.matches = std::move(decoded->matches);
   out.encoded = std::make_shared<std::vector<std::uint8_t>>(std::move(message.bytes()));
   out.status = capture::FrameStatus::ok;

@@ -1,4 +1,4 @@
-// A frame as it goes over the bus and back: the camera's own bytes. Pure functions; any thread.
+// Frames as DDS messages and back: the camera's own bytes. Pure functions; any thread.
 #pragma once
 
 #include "capture/frames/frame.h"
@@ -7,14 +7,14 @@
 
 namespace huetrack::hosts {
 
-// All but `run`.
+// Sets all but `run`.
 void to_message(const capture::Frame& frame, msg::CameraFrame& out);
 
-// Of the frame: status, pixels, encoded; times, number and camera are the caller's. What does not fit its own sizes, or
-// does not decode, is corrupted. The message's bytes are moved into the frame.
+// Sets status, pixels and encoded; times, number and camera are the caller's. Status is corrupted when the bytes do not
+// fit the stated size, or do not decode. Moves the message's bytes into the frame.
 capture::Frame from_message(msg::CameraFrame&& message, capture::JpegDecoder& decoder);
 
-// As much of a frame that says which pixels match. latest, width, height: decode_matches().
+// The same for a frame of matches. latest, width, height: decode_matches().
 capture::Frame from_message(msg::CameraMatches&& message, capture::JpegDecoder& decoder, capture::Image& latest,
                             int width = 0, int height = 0);
 

@@ -14,10 +14,10 @@
 namespace huetrack::hosts {
 namespace {
 
-constexpr double least_kept_s = 20e-6;  // what reading a clock costs; PTP's own error is below it
-// Of who tells the kernel no error (systemd-timesyncd): it asks one server of the internet now and then.
-constexpr double untold_error_s = 2e-3;
-// chrony's and ntpd's largest error is the whole way to the source of time, back and forth, as if all of it were error.
+constexpr double least_kept_s = 20e-6;  // of reading a clock; PTP's own error is smaller
+// Of a service that reports no error (systemd-timesyncd): it polls one server of the internet now and then.
+constexpr double unreported_error_s = 2e-3;
+// chrony's and ntpd's largest error is the whole round trip to the time source.
 constexpr double sigmas_in_largest = 3;
 
 std::int64_t id_of_machine() noexcept {
@@ -36,9 +36,9 @@ std::int64_t id_of_machine() noexcept {
 std::optional<double> kept_by(bool is_kept, long estimated_error_us, long largest_error_us, double stepped_s) noexcept {
   if (!is_kept) return std::nullopt;
   const double largest_s = 1e-6 * static_cast<double>(largest_error_us) / sigmas_in_largest;
-  const double told_s = estimated_error_us > 0 ? std::min(1e-6 * static_cast<double>(estimated_error_us), largest_s)
-                                               : std::max(untold_error_s, largest_s);
-  return std::hypot(std::max(least_kept_s, told_s), stepped_s);
+  const double error_s = estimated_error_us > 0 ? std::min(1e-6 * static_cast<double>(estimated_error_us), largest_s)
+                                                : std::max(unreported_error_s, largest_s);
+  return std::hypot(std::max(least_kept_s, error_s), stepped_s);
 }
 
 MachineClock machine_clock() noexcept {

@@ -10,16 +10,16 @@
 namespace huetrack::hosts {
 namespace {
 
-constexpr std::size_t beside_the_colors = std::size_t{64} * 1024;
-constexpr int most_new_tables = 4;   // of one frame: 20 ms, less than from one frame to the next
+constexpr std::size_t most_header_and_picture = std::size_t{64} * 1024;
+constexpr int most_new_tables = 4;   // per frame: 20 ms, less than a frame period
 constexpr int picture_quality = 85;  // of a camera that sends no JPEG
-// What a ball of 55 px of radius takes; of a nearer one the middle of its region is known better than needed.
+// Enough for a ball of 55 px radius; for a nearer one the region's centre is accurate enough.
 constexpr std::int64_t most_pixels_of_patches = 140 * 140;
 
 }  // namespace
 
 std::size_t most_bytes_of_matches(int width, int height) {
-  return static_cast<std::size_t>(width) * static_cast<std::size_t>(height) / 2 + beside_the_colors;
+  return static_cast<std::size_t>(width) * static_cast<std::size_t>(height) / 2 + most_header_and_picture;
 }
 
 std::optional<std::span<const std::uint8_t>> MatchFinder::find(const capture::Frame& frame,
@@ -43,7 +43,7 @@ std::optional<std::span<const std::uint8_t>> MatchFinder::find(const capture::Fr
   int may_make = most_new_tables;
   for (const capture::MatchedColor& color : options.colors) {
     const color::ColorTable* table = table_for(color, image, may_make);
-    if (table == nullptr) continue;  // it goes with one of the next frames
+    if (table == nullptr) continue;  // made with one of the next frames
     found_[found].color = color;
     color::match_tiles(image, *table, found_[found++].tiles);
   }
@@ -60,7 +60,7 @@ std::optional<std::span<const std::uint8_t>> MatchFinder::find(const capture::Fr
   return bytes_;
 }
 
-// As far as they lie in the image, and as much as a frame may have of them.
+// Clips the places to the image, up to the frame's budget of pixels.
 void MatchFinder::cut_to(const capture::Image& image, const std::vector<capture::PatchPlace>& wanted) {
   patches_.clear();
   const auto even = [](int n) { return n / 2 * 2; };
@@ -96,7 +96,7 @@ std::span<const std::uint8_t> MatchFinder::picture(const capture::Frame& frame, 
   if (last_picture_ == now) return {};
   last_picture_ = now;
   if (frame.encoded) return *frame.encoded;
-  if (image.width % 2 != 0 || image.height % 2 != 0) return {};  // it would have another size
+  if (image.width % 2 != 0 || image.height % 2 != 0) return {};  // the picture would have another size
   jpeg_ = capture::encode_picture(image, {.width = image.width, .height = image.height}, picture_quality);
   return jpeg_;
 }

@@ -37,31 +37,30 @@ using Clock = std::chrono::steady_clock;
 
 namespace {
 
-constexpr auto asked_every = 250ms, asked_at_start_every = 30ms;
-constexpr std::uint32_t asked_at_start = 20;
-constexpr auto silent_after = 2500ms;        // of a host that tells its state every second
-constexpr auto awaited_for = 60s;            // a host that went: it may be back any moment
-constexpr auto alive_for = 3 * asked_every;  // after an answer: another one of its name is not listened to
-constexpr auto twin_told_for = 5s;           // after both have answered
+constexpr auto probe_every = 250ms, probe_at_start_every = 30ms;
+constexpr std::uint32_t probes_at_start = 20;
+constexpr auto silent_after = 2500ms;        // hosts publish their state every second
+constexpr auto awaited_for = 60s;            // a host that vanished may be back soon
+constexpr auto alive_for = 3 * probe_every;  // after an answer: another host of the same name is ignored meanwhile
+constexpr auto twin_reported_for = 5s;       // after both have answered
 constexpr auto stalled_after = 1s;
-constexpr auto longest_wait = 50ms;      // for a frame, until a stop is noticed
+constexpr auto longest_wait = 50ms;      // for a frame, before a stop is checked
 constexpr unsigned most_groups = 8;      // of cameras of matches
-constexpr auto clocks_compared_in = 5s;  // what is said of them before will be better soon
-// A ball at 1 m/s is then a millimetre off, as much as all else that is not known of it. Told until it is well below,
-// so that it does not come and go.
-constexpr double told_clock_sigma_s = 1e-3, untold_clock_sigma_s = 0.7e-3;
-constexpr double longest_kept_s = 1000;     // who says more keeps no time
-constexpr double worst_clock_sigma_s = 1;   // no more is said of it with a frame
-constexpr std::uint32_t longest_loss = 30;  // frames; what is longer is an outage, and told as such
+constexpr auto clocks_compared_in = 5s;  // no advice on clocks before: they improve quickly
+// Hysteresis of the warning. At 1 ms a ball at 1 m/s has 1 mm of error, as much as from all other sources.
+constexpr double bad_clock_sigma_s = 1e-3, good_clock_sigma_s = 0.7e-3;
+constexpr double longest_kept_s = 1000;     // a larger reported error means: not synchronised
+constexpr double worst_clock_sigma_s = 1;   // upper limit of StampClock::sigma
+constexpr std::uint32_t longest_loss = 30;  // frames; a longer one is an outage, which is reported by itself
 constexpr std::uint32_t most_of_header = 64 * 1024, most_of_matches_header = 1024;
-// The cameras of a hall expose at one moment, and their frames come at one.
+// Synchronised cameras' frames arrive at the same moment.
 constexpr idl::Datagrams room_for_frames{.buffer = 4 << 20};
 
-constexpr auto looked_for_told_every = 2s;  // less than half of WantedMatches::forgotten_after
-constexpr std::size_t most_looked_for = capture::Matches::most;
-constexpr std::uint32_t longest_without_colors = 60;  // frames; a host that was told other colours takes a few
+constexpr auto colors_sent_every = 2s;  // less than half of WantedMatches::forgotten_after
+constexpr std::size_t most_colors = capture::Matches::most;
+constexpr std::uint32_t longest_without_colors = 60;  // frames; a host needs a few for new colours
 
-// Of what a camera sends, or was looked at there: what StreamFormat has a word for.
+// The camera's format, as far as StreamFormat has it.
 std::optional<capture::CaptureFormat> format_of(const capture::Frame& frame) {
   if (frame.encoded && !frame.matches) return capture::CaptureFormat::mjpeg;
   switch (frame.pixels.format) {
@@ -82,7 +81,7 @@ std::optional<capture::CaptureFormat> format_of(const capture::Frame& frame) {
   return std::nullopt;
 }
 
-// What would make it better. is_open: it is known worse than positions need.
+// How to improve the clock; empty: fine. is_open: sigma_s is too large for good positions.
 std::string clock_advice(const capture::HostClock& clock, bool is_open) {
   if (clock.is_contradicted && !clock.is_ours && clock.kept_s)
     return fmt::format(
@@ -102,8 +101,8 @@ std::string clock_advice(const capture::HostClock& clock, bool is_open) {
          "stamp (ethtool -T) linuxptp is better; a cable instead of a wireless network helps, too";
 }
 
-// Anybody may have sent it. Two of them can be subtracted: until the year 2096; and from a few days before 1970, as a
-// host whose clock has never been set may have been started then.
+// Stamps are untrusted. Two valid ones can be subtracted without overflow: from a few days before 1970 (a host whose
+// clock was never set) to the year 2096.
 bool is_a_time(std::int64_t unix_ns) {
   return unix_ns > -1'000'000'000'000'000 && unix_ns < 4'000'000'000'000'000'000;
 }
@@ -115,43 +114,43 @@ capture::Timestamp timestamp(std::int64_t unix_ns) {
 }  // namespace
 
 struct RemoteCameras::Impl {
-  // All of a host and of a camera is guarded by `mutex`, but for what says otherwise.
+  // Members of Host and Camera are guarded by `mutex` unless stated otherwise.
   struct Host {
     std::int64_t run = 0;
     ClockOffset clock;
-    std::optional<Clock::time_point> heard_at;
-    Clock::time_point answered_at{};  // when it last said what time it is
-    // Another program that answers by this name while this one does.
-    std::uint32_t answered_by_twin = 0;  // the number of a question
+    std::optional<Clock::time_point> seen_at;
+    Clock::time_point answered_at{};  // its last clock echo
+    // Another host of the same name that answers at the same time.
+    std::uint32_t answered_by_twin = 0;  // the number of a probe
     std::optional<Clock::time_point> twin_at;
     std::vector<msg::HostedCamera> cameras;
     std::uint16_t number = 0;      // Frame::clock
-    std::optional<double> kept_s;  // MachineClock::kept_s of it and of ours together; nullopt: not on both
+    std::optional<double> kept_s;  // MachineClock::kept_s of both hosts combined; nullopt: not on both
     bool is_this_machine = false;
     std::string advice;                   // on its clock
     dds::DataReader* matches = nullptr;   // of all its cameras; thread-safe by itself
     dds::DataWriter* outlines = nullptr;  // the same
-    msg::ExpectedOutlines expected;       // not told yet; guarded by outlines_mutex
+    msg::ExpectedOutlines expected;       // not sent yet; guarded by outlines_mutex
   };
   struct Camera {
     RemoteCameraOptions options;
-    dds::DataReader* reader = nullptr;        // thread-safe by itself; nullptr: of matches, which come by Host::matches
+    dds::DataReader* reader = nullptr;        // thread-safe by itself; nullptr: with matches, see Host::matches
     std::unique_ptr<idl::Arrivals> arrivals;  // of reader; the source's
     capture::CameraHealth health;
     std::vector<capture::CameraEvent> events;
     std::optional<Clock::time_point> frame_at;
     bool was_absent = false;  // since it delivered
     std::vector<capture::MatchedColor> looked_for;
-    std::optional<Clock::time_point> looked_for_told_at;  // nullopt: not told yet
-    // The source's own.
+    std::optional<Clock::time_point> colors_sent_at;  // nullopt: not sent yet
+    // Used by the source's thread only, unless stated otherwise.
     capture::JpegDecoder decoder;
     capture::CameraClock clock;
-    std::int64_t run = 0;                 // written under `mutex`
-    std::uint32_t base = 0;               // of the run's numbers; written under `mutex`
-    std::optional<std::uint32_t> handed;  // the last one of ours
-    capture::DamageWatch losses;          // on the way
-    capture::Image picture;               // the latest beside matches
-    std::uint32_t without_colors = 0;     // frames in a row
+    std::int64_t run = 0;                        // written under `mutex`
+    std::uint32_t base = 0;                      // of the run's numbers; written under `mutex`
+    std::optional<std::uint32_t> last_sequence;  // Frame::sequence
+    capture::DamageWatch losses;                 // in the network
+    capture::Image picture;                      // the latest picture, with matches
+    std::uint32_t without_colors = 0;            // frames in a row
   };
 
   Impl(const idl::ParticipantOptions& transport, std::vector<RemoteCameraOptions> given)
@@ -162,7 +161,7 @@ struct RemoteCameras::Impl {
         looked_for(participant.create_writer<msg::LookedForColorsPubSubType>(idl::looked_for_topic,
                                                                              idl::status_writer_qos(), "")),
         states(participant.create_reader<msg::CameraHostPubSubType>(idl::camera_host_topic, idl::status_reader_qos())),
-        // Not of the seeded randomness: it must differ between programs, and nothing is computed from it.
+        // Not seeded: it must differ between programs, and no result depends on it.
         tracker(static_cast<std::int64_t>(std::random_device{}()) << 32 | std::random_device{}()) {
     std::uint32_t largest = 0, largest_matches = 0;
     for (const auto& options : given) {
@@ -190,55 +189,55 @@ struct RemoteCameras::Impl {
     }
     for (std::uint16_t number = 1; auto& [name, host] : hosts) host.number = number++;
     started = Clock::now();
-    keeper = std::jthread([this](const std::stop_token& stop) { keep(stop); });
+    keeper = std::jthread([this](const std::stop_token& stop) { run_keeper(stop); });
   }
 
-  // Asks for the time, hears answers and states.
-  void keep(const std::stop_token& stop) {
-    // States are taken as they come, too: their reader holds the room of the most that ever waited in it.
+  // Thread: sends clock probes, reads answers and states.
+  void run_keeper(const std::stop_token& stop) {
+    // Also wakes up for states: their reader keeps memory for the most that ever waited in it.
     idl::Arrivals answers(std::array{&echo, &states});
-    auto next_question = Clock::now();
+    auto next_probe = Clock::now();
     while (!stop.stop_requested()) {
       const auto now = Clock::now();
-      hear_states();
-      if (now >= next_question) {
-        ask();
-        judge();
-        next_question = now + (is_in_a_hurry() ? asked_at_start_every : asked_every);
+      read_states();
+      if (now >= next_probe) {
+        send_probe();
+        update_states();
+        next_probe = now + (needs_clock_soon() ? probe_at_start_every : probe_every);
       }
-      tell_what_is_looked_for();
-      hear_time();
-      answers.wait(std::max<Clock::duration>(next_question - Clock::now(), 1ms));
-      hear_time();
+      send_colors();
+      read_clock_echoes();
+      answers.wait(std::max<Clock::duration>(next_probe - Clock::now(), 1ms));
+      read_clock_echoes();
     }
   }
 
-  // At the start, and while a host is there, or was until a moment ago, whose frames wait for its clock.
-  bool is_in_a_hurry() const {
-    if (asked < asked_at_start) return true;
+  // At the start, and while frames of a present (or recently present) host wait for its clock.
+  bool needs_clock_soon() const {
+    if (probes < probes_at_start) return true;
     const auto now = Clock::now();
     const std::scoped_lock lock(mutex);
     return std::ranges::any_of(hosts, [&](const auto& entry) {
       const Host& host = entry.second;
-      return host.heard_at && now - *host.heard_at < awaited_for &&
-             !(host.clock.is_known() && now - host.answered_at < 2 * asked_every);
+      return host.seen_at && now - *host.seen_at < awaited_for &&
+             !(host.clock.is_known() && now - host.answered_at < 2 * probe_every);
     });
   }
 
-  void ask() {
+  void send_probe() {
     msg::ClockProbe question;
     question.tracker(tracker);
-    question.number(++asked);
+    question.number(++probes);
     const capture::Timestamp now = capture::unix_now();
-    questions[asked % questions.size()] = {asked, now};
+    sent_probes[probes % sent_probes.size()] = {probes, now};
     question.sent_at(now.time_since_epoch().count());
     probe.write(&question);
   }
 
   void look_for(Camera& camera, std::span<const capture::MatchedColor> colors) {
     const std::scoped_lock lock(mutex);
-    camera.looked_for.assign(colors.begin(), colors.begin() + std::ptrdiff_t(std::min(colors.size(), most_looked_for)));
-    camera.looked_for_told_at.reset();
+    camera.looked_for.assign(colors.begin(), colors.begin() + std::ptrdiff_t(std::min(colors.size(), most_colors)));
+    camera.colors_sent_at.reset();
   }
 
   void expect_outlines(Camera& camera, std::uint32_t frame, std::span<const capture::ExpectedOutline> outlines) {
@@ -251,7 +250,7 @@ struct RemoteCameras::Impl {
     hosts.at(camera.options.host).expected.cameras().push_back(std::move(of));
   }
 
-  // On the thread that tracks: written at once, or the next frames would be without.
+  // Called by the tracking thread. Writes at once, so that the next frames can use it.
   void send_outlines(Host& host) {
     const std::scoped_lock lock(outlines_mutex);
     if (host.expected.cameras().empty()) return;
@@ -260,16 +259,16 @@ struct RemoteCameras::Impl {
     host.expected.cameras().clear();
   }
 
-  // On a change, and again and again: a host may have come up since.
-  void tell_what_is_looked_for() {
+  // On a change, and periodically, because a host may have started since.
+  void send_colors() {
     const auto now = Clock::now();
     for (const auto& camera : cameras) {
       if (!camera->options.are_matches) continue;
       msg::LookedForColors out;
       {
         const std::scoped_lock lock(mutex);
-        if (camera->looked_for_told_at && now - *camera->looked_for_told_at < looked_for_told_every) continue;
-        camera->looked_for_told_at = now;
+        if (camera->colors_sent_at && now - *camera->colors_sent_at < colors_sent_every) continue;
+        camera->colors_sent_at = now;
         to_message({camera->looked_for, capture::duration_of(camera->options.picture_every_s)}, out);
       }
       out.tracker(tracker);
@@ -279,19 +278,19 @@ struct RemoteCameras::Impl {
     }
   }
 
-  void hear_time() {
+  void read_clock_echoes() {
     const capture::Timestamp came = capture::unix_now();
     msg::ClockEcho answer;
     while (idl::take_next(echo, answer)) {
       if (answer.tracker() != tracker) continue;
       if (!std::ranges::all_of(std::array{answer.received_at(), answer.answered_at(), answer.zero()}, is_a_time))
         continue;
-      const auto& [number, sent] = questions[answer.number() % questions.size()];
+      const auto& [number, sent] = sent_probes[answer.number() % sent_probes.size()];
       const std::scoped_lock lock(mutex);
       const auto known = hosts.find(answer.host());
       if (known == hosts.end() || number != answer.number()) continue;
       Host& host = known->second;
-      if (host.run != answer.run()) {  // another program, whose clock counts from another start
+      if (host.run != answer.run()) {  // another program: its clock offset differs
         if (is_alive(host)) {
           host.answered_by_twin = answer.number();
           continue;
@@ -301,7 +300,7 @@ struct RemoteCameras::Impl {
         host.answered_by_twin = 0;
       }
       host.answered_at = Clock::now();
-      // It is not the one before, whose place another one took, when it answers what was asked later.
+      // Both answer: this host still answers after its namesake did.
       if (host.answered_by_twin != 0 && answer.number() > host.answered_by_twin) {
         host.twin_at = host.answered_at;
         host.answered_by_twin = 0;
@@ -317,24 +316,24 @@ struct RemoteCameras::Impl {
       host.kept_s =
           std::isinf(together.sigma_s) || host.is_this_machine ? std::nullopt : std::optional(together.sigma_s);
       host.clock.set_sync(together);
-      host.clock.add({.asked = sent,
-                      .question_came = timestamp(answer.received_at()),
-                      .answered = timestamp(answer.answered_at()),
-                      .answer_came = came});
+      host.clock.add({.request_sent = sent,
+                      .request_received = timestamp(answer.received_at()),
+                      .reply_sent = timestamp(answer.answered_at()),
+                      .reply_received = came});
     }
   }
 
   // Under `mutex`.
   static bool is_alive(const Host& host) { return host.run != 0 && Clock::now() - host.answered_at < alive_for; }
 
-  void hear_states() {
-    msg::CameraHost said;
-    while (idl::take_next(states, said)) {
+  void read_states() {
+    msg::CameraHost message;
+    while (idl::take_next(states, message)) {
       const std::scoped_lock lock(mutex);
-      const auto known = hosts.find(said.host());
-      if (known == hosts.end() || (said.run() != known->second.run && is_alive(known->second))) continue;
-      known->second.heard_at = Clock::now();
-      known->second.cameras = std::move(said.cameras());
+      const auto known = hosts.find(message.host());
+      if (known == hosts.end() || (message.run() != known->second.run && is_alive(known->second))) continue;
+      known->second.seen_at = Clock::now();
+      known->second.cameras = std::move(message.cameras());
     }
   }
 
@@ -343,18 +342,18 @@ struct RemoteCameras::Impl {
            camera.options.host;
   }
 
-  // What the state of a camera is by what was heard of its host, and the sentence that goes with it.
+  // A camera's state and its message.
   std::pair<capture::CaptureState, std::string> state_of(const Camera& camera, Clock::time_point now) const {
     const Host& host = hosts.at(camera.options.host);
     const std::string& name = camera.options.host;
     const bool has_frames = camera.frame_at && now - *camera.frame_at < stalled_after;
     if (has_frames) return {capture::CaptureState::delivering, delivering(camera)};
-    if (!host.heard_at)
+    if (!host.seen_at)
       return {capture::CaptureState::absent, "its host " + name +
-                                                 " is not heard of: is `huetrackd capture` running "
+                                                 " is not found: is `huetrackd capture` running "
                                                  "there, with host: " +
                                                  name + ", in the same DDS domain and network?"};
-    if (now - *host.heard_at > silent_after)
+    if (now - *host.seen_at > silent_after)
       return {capture::CaptureState::absent, "its host " + name + " is silent: waiting for its return"};
     const auto there =
         std::ranges::find(host.cameras, camera.options.camera_there, [](const auto& c) { return c.name(); });
@@ -402,24 +401,24 @@ struct RemoteCameras::Impl {
     out.is_ours = host.is_this_machine && !host.clock.is_contradicted();
     out.kept_s = host.kept_s;
     out.is_contradicted = host.clock.is_contradicted();
-    out.advice = clock_advice(out, out.sigma_s > (host.advice.empty() ? told_clock_sigma_s : untold_clock_sigma_s));
+    out.advice = clock_advice(out, out.sigma_s > (host.advice.empty() ? bad_clock_sigma_s : good_clock_sigma_s));
     return out;
   }
 
-  void judge() {
+  void update_states() {
     const auto now = Clock::now();
     const std::scoped_lock lock(mutex);
     for (auto& camera : cameras) {
       auto [state, message] = state_of(*camera, now);
-      // Hosts take some time to be found: that is no event.
+      // Discovery takes some time: that is no event.
       if (state != capture::CaptureState::delivering && !camera->frame_at && now - started < silent_after) continue;
-      tell(*camera, state, std::move(message));
+      report(*camera, state, std::move(message));
     }
     if (now - started < clocks_compared_in) return;
     for (auto& [name, host] : hosts) host.advice = clock_of(name).advice;
   }
 
-  static void tell(Camera& camera, capture::CaptureState state, std::string message) {
+  static void report(Camera& camera, capture::CaptureState state, std::string message) {
     if (camera.health.state == state && camera.health.message == message) return;
     if (state == capture::CaptureState::absent) camera.was_absent = camera.frame_at.has_value();
     if (state == capture::CaptureState::delivering && std::exchange(camera.was_absent, false))
@@ -433,7 +432,7 @@ struct RemoteCameras::Impl {
          .message = std::move(message)});
   }
 
-  // Takes what is in the message. nullopt: not for us yet.
+  // Consumes the message. nullopt: the host's clock is not known yet, or it is another host of that name.
   template <typename Message>
   std::optional<capture::Frame> frame_of(Camera& camera, Message& message) {
     if (!is_a_time(message.stamped_at())) return std::nullopt;
@@ -451,7 +450,7 @@ struct RemoteCameras::Impl {
     if (camera.run != message.run()) {
       const std::scoped_lock lock(mutex);
       camera.run = message.run();
-      camera.base = there - (camera.handed ? *camera.handed + 1 : 0);
+      camera.base = there - (camera.last_sequence ? *camera.last_sequence + 1 : 0);
     }
     capture::Frame frame;
     if constexpr (std::is_same_v<Message, msg::CameraMatches>)
@@ -476,8 +475,9 @@ struct RemoteCameras::Impl {
 
     const std::scoped_lock lock(mutex);
     capture::CameraHealth& health = camera.health;
-    const std::uint32_t lost =
-        camera.handed && frame.sequence > *camera.handed + 1 ? frame.sequence - *camera.handed - 1 : 0;
+    const std::uint32_t lost = camera.last_sequence && frame.sequence > *camera.last_sequence + 1
+                                   ? frame.sequence - *camera.last_sequence - 1
+                                   : 0;
     health.dropped += lost;
     for (std::uint32_t i = 0; lost <= longest_loss && i < lost; ++i) camera.losses.add(true);
     camera.losses.add(false);
@@ -487,8 +487,8 @@ struct RemoteCameras::Impl {
                   "{:.0f} % of its frames are lost between {} and here: format: mjpeg there, a wired network, or "
                   "larger socket buffers (service/hosts/README.md)",
                   100 * camera.losses.share(), camera.options.host)
-            : wrong_there(camera);
-    camera.handed = frame.sequence;
+            : warning_there(camera);
+    camera.last_sequence = frame.sequence;
     if (frame.matches) note_colors(camera, *frame.matches);
     if (!is_sound) {
       ++health.corrupted;
@@ -508,14 +508,14 @@ struct RemoteCameras::Impl {
                                             .fps = fps,
                                             .range = frame.pixels.range};
     }
-    tell(camera, capture::CaptureState::delivering, delivering(camera));
+    report(camera, capture::CaptureState::delivering, delivering(camera));
     return frame;
   }
 
-  // Under `mutex`. What is wrong with the host of a camera that delivers, or is by what it says.
-  std::string wrong_there(const Camera& camera) const {
+  // Under `mutex`. A warning about the host of a camera that delivers, or reported by that host.
+  std::string warning_there(const Camera& camera) const {
     const Host& host = hosts.at(camera.options.host);
-    if (host.twin_at && Clock::now() - *host.twin_at < twin_told_for)
+    if (host.twin_at && Clock::now() - *host.twin_at < twin_reported_for)
       return fmt::format(
           "two camera hosts are called {}, and only the cameras of the first one are used: give each a name of its "
           "own, host: in the configuration of huetrackd capture",
@@ -523,11 +523,11 @@ struct RemoteCameras::Impl {
     for (const auto& there : host.cameras)
       if (there.name() == camera.options.camera_there && there.state() == msg::HOSTED_CAMERA_DELIVERING &&
           !there.message().empty())
-        return camera.options.host + " says: " + there.message();
+        return camera.options.host + " reports: " + there.message();
     return {};
   }
 
-  // Under `mutex`. Whether all that is looked for is in them.
+  // Under `mutex`. Warns if requested colours are missing for long.
   static void note_colors(Camera& camera, const capture::Matches& matches) {
     capture::CameraHealth& health = camera.health;
     if (std::ranges::all_of(camera.looked_for, [&](const auto& color) { return matches.of(color) != nullptr; })) {
@@ -535,10 +535,10 @@ struct RemoteCameras::Impl {
       return;
     }
     if (++camera.without_colors < longest_without_colors || !health.warning.empty()) return;
-    health.warning = camera.options.host +
-                     " does not say what matches the targets' colours: the trackers that use this camera look for more "
-                     "of them together, or they match more of its pictures, than it can tell; take send: frames for "
-                     "one of them";
+    health.warning =
+        camera.options.host +
+        " sends no matches for some targets' colours: the trackers of this camera together request too many colours, "
+        "or these match too much of its pictures; use send: frames for one of them";
   }
 
   std::optional<capture::Frame> next(Camera& camera, const std::stop_token& stop) {
@@ -557,8 +557,8 @@ struct RemoteCameras::Impl {
     return std::nullopt;
   }
 
-  // Hosts whose matches one thread reads. What comes is small, and with a thread for each camera, waking up, and
-  // waiting for one another, was most of what it took.
+  // Hosts whose matches one thread reads. Messages are small: with a thread per camera most time went into waking up
+  // and lock contention.
   struct Group {
     std::vector<Camera*> cameras;           // of matches, of these hosts
     std::vector<dds::DataReader*> readers;  // one a host
@@ -592,7 +592,7 @@ struct RemoteCameras::Impl {
       const auto camera = std::ranges::find_if(group.cameras, [&](const Camera* of) {
         return of->options.camera_there == reading.message.camera() && of->options.host == group.names[host];
       });
-      if (camera == group.cameras.end()) continue;  // or another tracker looks for it
+      if (camera == group.cameras.end()) continue;  // another tracker requested it
       if (auto frame = frame_of(**camera, reading.message)) return frame;
     }
     return std::nullopt;
@@ -616,14 +616,14 @@ struct RemoteCameras::Impl {
   std::mutex outlines_mutex;  // taken after mutex
   std::map<std::string, Host> hosts;
   idl::DdsParticipant participant;
-  std::vector<std::unique_ptr<Camera>> cameras;  // they wait for its readers
+  std::vector<std::unique_ptr<Camera>> cameras;  // use the participant's readers
   dds::DataWriter& probe;
   dds::DataReader& echo;
   dds::DataWriter& looked_for;
   dds::DataReader& states;
   const std::int64_t tracker;
-  std::uint32_t asked = 0;  // the keeper's
-  std::array<std::pair<std::uint32_t, capture::Timestamp>, 32> questions{};
+  std::uint32_t probes = 0;  // the keeper's
+  std::array<std::pair<std::uint32_t, capture::Timestamp>, 32> sent_probes{};
   Clock::time_point started;
   std::jthread keeper;  // last: it ends first
 };

@@ -1,4 +1,4 @@
-// Cameras of other hosts as sources of frames, like those of this one.
+// Remote cameras (of other hosts) as sources of frames, like local ones.
 #pragma once
 
 #include <memory>
@@ -13,29 +13,29 @@ namespace huetrack::hosts {
 struct RemoteCameraOptions {
   int camera = 0;               // in the rig: Frame::camera
   std::string name;             // in the rig, for messages
-  std::string host;             // as the camera host calls itself
-  std::string camera_there;     // as the camera host calls it
+  std::string host;             // the camera host's name
+  std::string camera_there;     // the camera's name on that host
   int width = 0, height = 0;    // > 0, pixels; the rig's: frames of another size are corrupted
   capture::FrameTiming timing;  // the rig's
-  // Its frames say which pixels match the colours that LiveCamera::look_for() told, and have no pixels but with every
-  // so many seconds' picture (0: none). Until it was told some, none come.
+  // Frames carry matches (Frame::matches) of the colours set by LiveCamera::look_for(), and pixels only with the
+  // picture every so many seconds (0: none). Before look_for() no frames come.
   bool are_matches = false;
   double picture_every_s = 1;
 };
 
-// One place on the bus for all cameras of other hosts. Frames of a host whose clock is not known yet are not handed
-// out. A host that is silent for a second is a set of cameras that are absent, and come back by themselves; frames that
-// come faster than they are taken push out older ones, counted as dropped. Stamps are turned to this host's clock,
-// smoothed (camera_clock.h) and taken the latency out, as those of a camera of this host.
+// Imports all remote cameras with one DDS participant. Frames are held back until their host's clock offset is known.
+// If a host is silent for a second, its cameras are absent, and recover by themselves. When frames arrive faster than
+// they are read, the oldest are dropped and counted. Stamps are converted to this host's clock, smoothed
+// (camera_clock.h) and corrected by the latency, as those of a local camera.
 //
-// The sources and their functions share what is behind it, and may outlive this object. thread-safe.
+// The sources and their functions share the implementation, and may outlive this object. thread-safe.
 class RemoteCameras {
  public:
-  // throws as DdsParticipant does; std::invalid_argument: a name is no is_host_name().
+  // throws as DdsParticipant does; std::invalid_argument: a name is not is_host_name().
   RemoteCameras(const idl::ParticipantOptions& transport, std::vector<RemoteCameraOptions> cameras);
 
-  // In the order of the options; once. Cameras of matches share sources, as many as the machine has cores: each of them
-  // is with the first camera whose frames it gives, and the others have none.
+  // In the order of the options; call once. Cameras with matches share sources, one per core: each source belongs to
+  // the first of its cameras, and the others have none.
   std::vector<capture::LiveCamera> live() const;
 
  private:

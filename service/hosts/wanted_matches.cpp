@@ -26,12 +26,12 @@ void to_message(const Wanted& wanted, msg::LookedForColors& out) {
   out.picture_every_s(capture::seconds(wanted.picture_every));
 }
 
-std::optional<Wanted> wanted_of(const msg::LookedForColors& said) {
+std::optional<Wanted> wanted_of(const msg::LookedForColors& message) {
   Wanted wanted;
-  if (said.colors().size() > capture::Matches::most ||
-      !(said.picture_every_s() >= 0 && said.picture_every_s() < longest_picture_every_s))
+  if (message.colors().size() > capture::Matches::most ||
+      !(message.picture_every_s() >= 0 && message.picture_every_s() < longest_picture_every_s))
     return std::nullopt;
-  for (const msg::LookedFor& color : said.colors()) {
+  for (const msg::LookedFor& color : message.colors()) {
     wanted.colors.push_back({.hue_min_deg = color.hue_min_deg(),
                              .hue_max_deg = color.hue_max_deg(),
                              .saturation_min = color.saturation_min(),
@@ -40,14 +40,14 @@ std::optional<Wanted> wanted_of(const msg::LookedForColors& said) {
                              .intensity_max = color.intensity_max()});
     if (!color::range_of(wanted.colors.back()).problems().empty()) return std::nullopt;
   }
-  wanted.picture_every = capture::duration_of(said.picture_every_s());
+  wanted.picture_every = capture::duration_of(message.picture_every_s());
   return wanted;
 }
 
-bool WantedMatches::hear(const msg::LookedForColors& said, Clock::time_point now) {
-  auto wanted = wanted_of(said);
-  if (!wanted || (by_tracker_.size() >= most_trackers && !by_tracker_.contains(said.tracker()))) return false;
-  by_tracker_[said.tracker()] = {.wanted = std::move(*wanted), .at = now};
+bool WantedMatches::update(const msg::LookedForColors& message, Clock::time_point now) {
+  auto wanted = wanted_of(message);
+  if (!wanted || (by_tracker_.size() >= most_trackers && !by_tracker_.contains(message.tracker()))) return false;
+  by_tracker_[message.tracker()] = {.wanted = std::move(*wanted), .at = now};
   return true;
 }
 
@@ -55,11 +55,11 @@ void WantedMatches::all(Clock::time_point now, MatchFinderOptions& out) {
   out.colors.clear();
   out.picture_every = {};
   std::erase_if(by_tracker_, [&](const auto& entry) { return now - entry.second.at > forgotten_after; });
-  for (const auto& [tracker, heard] : by_tracker_) {
-    for (const capture::MatchedColor& color : heard.wanted.colors)
+  for (const auto& [tracker, request] : by_tracker_) {
+    for (const capture::MatchedColor& color : request.wanted.colors)
       if (out.colors.size() < capture::Matches::most && std::ranges::count(out.colors, color) == 0)
         out.colors.push_back(color);
-    const capture::Duration every = heard.wanted.picture_every;
+    const capture::Duration every = request.wanted.picture_every;
     if (every > capture::Duration::zero())
       out.picture_every = out.picture_every > capture::Duration::zero() ? std::min(out.picture_every, every) : every;
   }

@@ -1,4 +1,4 @@
-// What trackers look for in one camera of a camera host.
+// The colours that trackers request from one camera of a camera host.
 #pragma once
 
 #include <chrono>
@@ -13,35 +13,35 @@
 
 namespace huetrack::hosts {
 
-// What one tracker does.
+// One tracker's request.
 struct Wanted {
   std::vector<capture::MatchedColor> colors;
   capture::Duration picture_every{0};  // 0: none
 };
-// As it is said: the colours and the time between pictures, and nothing else, of `out`.
+// Sets the colours and the time between pictures of `out`.
 void to_message(const Wanted& wanted, msg::LookedForColors& out);
-// Anybody may have said it. nullopt: it makes no sense.
-std::optional<Wanted> wanted_of(const msg::LookedForColors& said);
+// The message is untrusted. nullopt: invalid.
+std::optional<Wanted> wanted_of(const msg::LookedForColors& message);
 
 // thread-compatible.
 class WantedMatches {
  public:
   using Clock = std::chrono::steady_clock;
   static constexpr std::size_t most_trackers = 16;
-  static constexpr std::chrono::seconds forgotten_after{5};  // trackers say it every two
+  static constexpr std::chrono::seconds forgotten_after{5};  // trackers repeat their request every two
 
-  // False: it makes no sense, or too many trackers have said something.
-  bool hear(const msg::LookedForColors& said, Clock::time_point now);
-  // Of all trackers that were heard of late, each colour once, and the shortest time between pictures. Colours beyond
-  // capture::Matches::most are left out: each frame tells which are in it.
+  // False: the request is invalid, or there are too many trackers.
+  bool update(const msg::LookedForColors& message, Clock::time_point now);
+  // Of all recent requests: each colour once, and the shortest time between pictures. Colours beyond
+  // capture::Matches::most are left out: each frame lists its colours.
   void all(Clock::time_point now, MatchFinderOptions& out);
 
  private:
-  struct Heard {
+  struct Request {
     Wanted wanted;
     Clock::time_point at;
   };
-  std::map<std::int64_t, Heard> by_tracker_;
+  std::map<std::int64_t, Request> by_tracker_;
 };
 
 }  // namespace huetrack::hosts

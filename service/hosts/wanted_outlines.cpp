@@ -9,15 +9,15 @@ namespace huetrack::hosts {
 namespace {
 
 constexpr float furthest_px = 1e5, largest_radius_px = 1000;
-// Around an outline: what its fit reaches beyond the edge (outline/outline_fit.cpp: 4 px and half of an exposure's
-// smear), as much of what is behind it as tells the edge from it, and what the prediction may be off. A throw's or a
-// hand's acceleration, some 20 m/s^2, is 1 px in 30 ms at 500 px/m; a swerve that is more is seen by its region alone.
+// Margin around an outline: the fit's reach beyond the edge (outline/outline_fit.cpp: 4 px and half of an exposure's
+// smear), some background for contrast, and the prediction's error. The acceleration of a throw or a hand, some
+// 20 m/s^2, is 1 px in 30 ms at 500 px/m; a faster swerve is measured by its region alone.
 constexpr double margin_px = 7, of_radius = 0.15, smeared_s = 0.005, px_per_s2 = 2000;
 
-bool is_sound(const msg::ExpectedOutline& said) {
-  return std::ranges::all_of(std::array{said.u(), said.v(), said.u_per_s(), said.v_per_s()},
+bool is_sound(const msg::ExpectedOutline& message) {
+  return std::ranges::all_of(std::array{message.u(), message.v(), message.u_per_s(), message.v_per_s()},
                              [](float number) { return std::abs(number) < furthest_px; }) &&
-         said.radius_px() > 0 && said.radius_px() < largest_radius_px;
+         message.radius_px() > 0 && message.radius_px() < largest_radius_px;
 }
 
 capture::PatchPlace place_of(const capture::ExpectedOutline& outline, double after_s) {
@@ -35,7 +35,7 @@ capture::PatchPlace place_of(const capture::ExpectedOutline& outline, double aft
   return {.u = first_u, .v = first_v, .width = width, .height = height};
 }
 
-// Of the smaller one, how much the other one has, too: sides, 0..1.
+// The two overlap in most of the smaller one's width and height.
 bool is_of_the_same(const capture::PatchPlace& a, const capture::PatchPlace& b) {
   const auto shared = [](int from_a, int length_a, int from_b, int length_b) {
     const int both = std::min(from_a + length_a, from_b + length_b) - std::max(from_a, from_b);
@@ -60,11 +60,11 @@ void to_message(std::span<const capture::ExpectedOutline> outlines, msg::Outline
   }
 }
 
-bool outlines_of(const msg::OutlinesOfCamera& said, std::vector<capture::ExpectedOutline>& out) {
-  if (said.outlines().size() > capture::Matches::most_patches || !std::ranges::all_of(said.outlines(), is_sound))
+bool outlines_of(const msg::OutlinesOfCamera& message, std::vector<capture::ExpectedOutline>& out) {
+  if (message.outlines().size() > capture::Matches::most_patches || !std::ranges::all_of(message.outlines(), is_sound))
     return false;
   out.clear();
-  for (const msg::ExpectedOutline& outline : said.outlines())
+  for (const msg::ExpectedOutline& outline : message.outlines())
     out.push_back({.u = outline.u(),
                    .v = outline.v(),
                    .u_per_s = outline.u_per_s(),
@@ -73,14 +73,14 @@ bool outlines_of(const msg::OutlinesOfCamera& said, std::vector<capture::Expecte
   return true;
 }
 
-bool WantedOutlines::hear(std::int64_t tracker, const msg::OutlinesOfCamera& said) {
-  const Sent& of = sent_[said.number() % sent_.size()];
-  if (of.number != said.number() || of.stamped_at == capture::Timestamp{}) return false;
+bool WantedOutlines::update(std::int64_t tracker, const msg::OutlinesOfCamera& message) {
+  const Sent& of = sent_[message.number() % sent_.size()];
+  if (of.number != message.number() || of.stamped_at == capture::Timestamp{}) return false;
   if (by_tracker_.size() >= most_trackers && !by_tracker_.contains(tracker)) return false;
-  if (!outlines_of(said, heard_)) return false;
-  Heard& heard = by_tracker_[tracker];
-  heard.of = of.stamped_at;
-  heard.outlines.swap(heard_);
+  if (!outlines_of(message, scratch_)) return false;
+  Predicted& predicted = by_tracker_[tracker];
+  predicted.of = of.stamped_at;
+  predicted.outlines.swap(scratch_);
   return true;
 }
 
@@ -90,9 +90,9 @@ void WantedOutlines::places_at(capture::Timestamp stamped_at, std::vector<captur
     const capture::Duration after = stamped_at - entry.second.of;
     return after > forgotten_after || after < capture::Duration::zero();
   });
-  for (const auto& [tracker, heard] : by_tracker_) {
-    const double after_s = capture::seconds(stamped_at - heard.of);
-    for (const capture::ExpectedOutline& outline : heard.outlines) {
+  for (const auto& [tracker, predicted] : by_tracker_) {
+    const double after_s = capture::seconds(stamped_at - predicted.of);
+    for (const capture::ExpectedOutline& outline : predicted.outlines) {
       const capture::PatchPlace place = place_of(outline, after_s);
       const auto same = std::ranges::find_if(out, [&](const auto& other) { return is_of_the_same(place, other); });
       if (same == out.end()) {

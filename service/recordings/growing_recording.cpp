@@ -10,18 +10,18 @@
 namespace huetrack::recordings {
 namespace {
 
-constexpr auto look_again = std::chrono::milliseconds(50);  // for the file
+constexpr auto poll_every = std::chrono::milliseconds(50);  // for the file
 
 }  // namespace
 
 struct GrowingCamera::Impl {
   Impl(RecordedCamera of, int number) : recorded(std::move(of)), camera(number) {
-    recorded.timestamps.clear();  // those that stand there already are not all
+    recorded.timestamps.clear();  // incomplete
     recorded.received.clear();
     recorded.corrupted.clear();
     recorded.is_listed = false;
   }
-  // Whether it could be opened before the stop. Its header comes with its first frames.
+  // False: not opened before the stop. The header comes with the first frames.
   bool open(const std::stop_token& stop) {
     std::error_code none;
     while (!stop.stop_requested()) {
@@ -29,17 +29,17 @@ struct GrowingCamera::Impl {
         try {
           reader = std::make_unique<VideoReader>(recorded, 1, warnings, stop);
           return true;
-        } catch (const files::ConfigError&) {  // of the header nothing can be read yet
+        } catch (const files::ConfigError&) {  // the header is incomplete
         }
       }
-      std::this_thread::sleep_for(look_again);
+      std::this_thread::sleep_for(poll_every);
     }
     return false;
   }
 
   RecordedCamera recorded;
   const int camera;
-  std::vector<std::string> warnings;  // nobody is told: it is read again when it is whole
+  std::vector<std::string> warnings;  // unused: the complete recording is read again
   std::unique_ptr<VideoReader> reader;
 };
 

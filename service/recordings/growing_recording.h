@@ -1,4 +1,4 @@
-// A camera of a recording that is still being written, as if it were live: for who looks on while it is made.
+// A camera of a recording that is still being written, as a live source.
 #pragma once
 
 #include <memory>
@@ -8,16 +8,16 @@
 
 namespace huetrack::recordings {
 
-// thread-compatible. Its frames have the container's times, to a millisecond from the recording's first frame, and the
-// numbers in which they come; what their cameras told besides is read when the recording is whole.
+// thread-compatible. Frames have the container's times, milliseconds since the recording's first frame, and are
+// numbered as they come; the time-stamp file is not used.
 class GrowingCamera final : public capture::FrameSource {
  public:
-  // of: of a recording of ours (recording_writer.h). Opens nothing yet: its file need not be there. camera: of its
-  // frames.
+  // of: from a recording of ours (recording_writer.h). Opens nothing yet: the file need not exist. camera:
+  // Frame::camera.
   GrowingCamera(RecordedCamera of, int camera);
   ~GrowingCamera() override;
 
-  // Waits for the file, and at its end for more. nullopt after the stop, within some 50 ms, or where it cannot be read.
+  // Waits for the file, and at its end for more. nullopt after the stop, within some 50 ms, or when it cannot be read.
   std::optional<capture::Frame> next(std::stop_token stop) override;
 
  private:

@@ -8,12 +8,12 @@
 namespace huetrack::recordings {
 namespace {
 
-constexpr std::uint32_t largest = std::uint32_t{1} << 26;  // of a frame; a damaged length must not take gigabytes
+constexpr std::uint32_t largest = std::uint32_t{1} << 26;  // bytes of a frame; a damaged length must not cost gigabytes
 
 }  // namespace
 
 bool is_matches_file(const std::filesystem::path& file) {
-  std::error_code unreadable;  // and a pipe would be waited for
+  std::error_code unreadable;  // opening a pipe would block
   if (!std::filesystem::is_regular_file(file, unreadable)) return false;
   std::string head(matches_file_begins.size(), '\0');
   std::ifstream in(file, std::ios::binary);
@@ -50,12 +50,12 @@ std::optional<VideoReader::Shown> MatchesReader::next() {
   while (read(*bytes)) {
     const std::int64_t index = index_++;
     if (const auto last = selection_.last(); last && index > *last) return std::nullopt;
-    // Of one that is left out the picture may be needed.
+    // Decode skipped frames, too: a later one may need their picture.
     auto decoded = capture::decode_matches(*bytes, decoder_, picture_);
     if (!selection_.contains(index)) continue;
     VideoReader::Shown shown{.index = index, .stamp = std::nullopt, .image = {}};
     if (decoded) {
-      shown.image = std::move(decoded->looked_at);
+      shown.image = std::move(decoded->source);
       shown.matches = std::move(decoded->matches);
       if (keeps_encoded_) shown.jpeg = std::move(bytes);
     } else if (!std::exchange(has_warned_, true)) {

@@ -1,6 +1,6 @@
-// One camera's matches out of a file of ours (recording_writer.h), numbered as they lie in it. Private to this module.
-//   The line "huetrack matches 1", then one frame after the other: four bytes, the lowest first, say how many follow,
-//   and these are as matches.h has them.
+// Reads one camera's matches from a file of ours (recording_writer.h), numbered by position. Private to this module.
+//   The line "huetrack matches 1", then the frames: four bytes with the length, lowest first, and the bytes of
+//   matches.h.
 #pragma once
 
 #include <filesystem>
@@ -19,15 +19,15 @@ namespace huetrack::recordings {
 inline constexpr std::string_view matches_file_begins = "huetrack matches 1\n";
 inline constexpr const char* matches_file_ending = ".matches";
 
-bool is_matches_file(const std::filesystem::path& file);  // by what it begins with; no for what cannot be read
+bool is_matches_file(const std::filesystem::path& file);  // by its first line; false if it cannot be read
 
 // thread-compatible.
 class MatchesReader {
  public:
-  // camera and warnings must outlive it, and its file must be one. keeps_encoded: ReplayOptions
+  // camera and warnings must outlive it; the file must be is_matches_file(). keeps_encoded: see ReplayOptions
   MatchesReader(const RecordedCamera& camera, std::vector<std::string>& warnings, bool keeps_encoded);
 
-  std::optional<VideoReader::Shown> next();  // the next selected one; nullopt at the end. Never throws.
+  std::optional<VideoReader::Shown> next();  // the next selected frame; nullopt at the end. Never throws.
 
  private:
   bool read(std::vector<std::uint8_t>& bytes);

@@ -16,7 +16,7 @@
 namespace huetrack::recordings {
 namespace {
 
-constexpr std::int64_t longest_sigma_ns = 1'000'000'000;  // nobody tracks with clocks that are known worse
+constexpr std::int64_t longest_sigma_ns = 1'000'000'000;  // tracking is impossible with less certain clocks
 constexpr double longest_s = 4e9;  // |time|; far beyond any recording, and within 64 bits of nanoseconds
 
 // Nanoseconds survive even when the times are UNIX seconds.
@@ -24,8 +24,8 @@ capture::Duration exact_duration_of(long double s) {
   return capture::Duration(std::llround(s * 1e9L));
 }
 
-// The rows of a file with a header line and the columns frame and t_s; sequence and arrival where
-// they are there; others are ignored. A last row that is cut off (a full disk, a crash) is left out with a warning.
+// A CSV with a header line and the columns frame and t_s, optionally our own; others are ignored. A truncated last row
+// (a full disk, a crash) is skipped with a warning.
 class TimestampFile {
  public:
   TimestampFile(const std::filesystem::path& csv, RecordedCamera& camera)
@@ -33,12 +33,12 @@ class TimestampFile {
 
   // Fills the camera.
   void read(std::vector<std::string>& warnings) {
-    if (is_ours()) table_.skip_truncated_row();  // our rows end with a line end, or were not written to their end
+    if (is_ours()) table_.skip_truncated_row();  // our complete rows end with a line end
     while (table_.next())
       if (const auto problem = problem_of_row()) table_.fail(*problem);
     if (const auto line = table_.truncated_line())
       warnings.push_back(csv_.string() + ":" + std::to_string(*line) + ": the last row is cut off: it is left out");
-    // A camera of ours may have delivered nothing; others' files without rows are a mistake.
+    // Empty is valid only in our recordings, for a camera that delivered nothing.
     if (!is_ours() && camera_.timestamps.empty()) throw files::ConfigError(csv_, 0, "lists no frames");
   }
 
@@ -50,7 +50,7 @@ class TimestampFile {
   bool is_ours() const { return table_.has(sequence) && table_.has(arrival); }
   std::string quoted(Column column) const { return table_.quoted(column); }
 
-  // Takes the row, or says what is wrong with it.
+  // Adds the row, or returns what is wrong with it.
   std::optional<std::string> problem_of_row() {
     const auto time = files::number_of<long double>(table_.text(t_s));
     if (!time || !(std::fabs(*time) < static_cast<long double>(longest_s)))
@@ -107,12 +107,8 @@ class TimestampFile {
   std::optional<capture::Timestamp> last_at_;
 };
 
-}  // namespace
-
-namespace {
-
 void refuse_videos(const std::filesystem::path& file) {
-  if (!is_video_or_picture(file)) return;  // the reader of the file says what else is wrong with it
+  if (!is_video_or_picture(file)) return;  // the file's reader reports other problems
   throw files::ConfigError(file, 0,
                            "is a video or a picture, not a recording: that is a recording.yaml, which names the frames "
                            "of every camera: version: 1, cameras: {left: {frames: a.mp4, fps: 30}, right: ...}; in a "
@@ -122,7 +118,7 @@ void refuse_videos(const std::filesystem::path& file) {
 }  // namespace
 
 bool is_video_or_picture(const std::filesystem::path& file) {
-  std::error_code unreadable;  // and a pipe would be waited for: who reads the file says what is wrong with it
+  std::error_code unreadable;  // opening a pipe would block; the file's reader reports other problems
   if (!std::filesystem::is_regular_file(file, unreadable)) return false;
   std::ifstream stream(file, std::ios::binary);
   std::array<char, 12> bytes{};
@@ -134,7 +130,7 @@ bool is_video_or_picture(const std::filesystem::path& file) {
 
 Recording read_recording(const std::filesystem::path& path) {
   const auto absolute = std::filesystem::absolute(path);
-  std::error_code unreadable;  // which the reader says then, with the file's name
+  std::error_code unreadable;  // reported by the reader, with the file's name
   Recording recording{
       .file = std::filesystem::is_directory(absolute, unreadable) ? absolute / "recording.yaml" : absolute,
       .cameras = {},

@@ -38,7 +38,7 @@ namespace {
 namespace fs = std::filesystem;
 using Clock = std::chrono::steady_clock;
 
-// What went wrong with a file; caught in write().
+// Thrown by the file classes, caught in write().
 struct WriteError {
   fs::path file;
   std::string why;
@@ -48,13 +48,13 @@ std::string system_text(int error) {
   return std::generic_category().message(error);
 }
 
-// An FFmpeg error as the system says it, if it is the system's: "No space left on device".
+// The system's text for a system error of FFmpeg: "No space left on device".
 std::string text_of(int error) {
   const int code = AVUNERROR(error);
   return code > 0 && code < 200 ? system_text(code) : capture::error_text(error);
 }
 
-// As a file's name; letters, digits and -_. stay.
+// A valid file name: keeps letters, digits and -_.
 std::string file_name_of(const std::string& camera) {
   std::string name = camera;
   std::ranges::replace_if(
@@ -69,7 +69,7 @@ std::string decimal_seconds(capture::Timestamp at) {
   return fmt::format("{}{}.{:09}", ns < 0 ? "-" : "", size / 1'000'000'000, size % 1'000'000'000);
 }
 
-// The latency is the rig's, which may be known better when the recording is played: it is not written into the times.
+// Recorded times include the latency: the rig may know it better when the recording is played.
 std::string row_text(const std::string& picture, const capture::Frame& frame) {
   return fmt::format("{},{},{},{},{},{},{}\n", picture, decimal_seconds(frame.captured_at + frame.latency),
                      frame.sequence, frame.arrival, decimal_seconds(frame.stamped_at), frame.clock.of,
@@ -85,7 +85,7 @@ void write_text(const fs::path& file, const std::string& text) {
                                 file.string() + ": cannot be written: " + system_text(errno));
 }
 
-// ---- Whole rows to a file, whatever happens
+// ---- A file that always ends with a whole row
 
 class CsvFile {
  public:
@@ -97,7 +97,7 @@ class CsvFile {
   }
   void add(const std::string& row) { rows_ += row; }
 
-  // throws WriteError; the file then ends with the last row that fitted.
+  // throws WriteError; the file then ends with the last row that fit.
   void flush() {
     const std::size_t done = files::write_all(fd_.get(), rows_);
     if (done < rows_.size()) {
@@ -116,7 +116,7 @@ class CsvFile {
   fs::path file_;
   capture::FileDescriptor fd_;
   off_t size_ = 0;    // of whole rows on disk
-  std::string rows_;  // not yet there
+  std::string rows_;  // not written yet
 };
 
 // ---- How an image is stored
@@ -198,7 +198,7 @@ bool can_be_stored(const capture::Frame& frame) {
 
 class VideoFile {
  public:
-  // As the first frame is, so must all be. throws WriteError
+  // All later frames must match the first. throws WriteError
   VideoFile(fs::path file, const capture::Frame& first, RawStorage storage)
       : file_(std::move(file)),
         format_(first.pixels.format),
@@ -206,7 +206,7 @@ class VideoFile {
         height_(first.pixels.height),
         range_(first.pixels.range),
         is_jpeg_(first.encoded != nullptr) {
-    // Matroska has no name for raw 4:4:4, which no camera sends anyway but as JPEG.
+    // Matroska has no raw 4:4:4; cameras send it only as JPEG.
     const bool is_huffyuv = !is_jpeg_ && (storage == RawStorage::huffyuv || format_ == capture::PixelFormat::i444);
     AVFormatContext* opened = nullptr;
     check(avformat_alloc_output_context2(&opened, nullptr, "matroska", file_.c_str()));
@@ -245,7 +245,7 @@ class VideoFile {
     last_ms_ = std::max<std::int64_t>({ms, 0, last_ms_ + 1});
     if (encoder_) {
       encode(frame.pixels);
-    } else {  // the packet lends the muxer our bytes for the call
+    } else {  // the packet refers to our bytes during the call
       const std::span<const std::uint8_t> bytes = stored(frame);
       packet_->data = const_cast<std::uint8_t*>(bytes.data());
       packet_->size = static_cast<int>(bytes.size());
@@ -259,7 +259,7 @@ class VideoFile {
     check(result);
   }
 
-  // Everything so far to the system, readable without what follows. throws WriteError
+  // Flushes everything to the system, readable without what follows. throws WriteError
   void flush() {
     check(av_write_frame(output_.get(), nullptr));  // ends the cluster
     avio_flush(output_->pb);
@@ -279,7 +279,7 @@ class VideoFile {
     if (error < 0) throw WriteError{file_, text_of(error)};
   }
 
-  // As it came; valid until the next call.
+  // Uncompressed; valid until the next call.
   std::span<const std::uint8_t> stored(const capture::Frame& frame) {
     if (is_jpeg_) return *frame.encoded;
     const std::size_t count = capture::packed_bytes(frame.pixels);
@@ -339,7 +339,7 @@ class VideoFile {
   std::int64_t last_ms_ = -1;
 };
 
-// ---- One camera's matches: whole frames, whatever happens
+// ---- One camera's matches: a file that always ends with a whole frame
 
 class MatchesFile {
  public:
@@ -371,14 +371,14 @@ class MatchesFile {
   fs::path file_;
   capture::FileDescriptor fd_;
   off_t size_ = 0;       // of whole frames on disk
-  std::string waiting_;  // not yet there
+  std::string waiting_;  // not written yet
 };
 
 struct CameraFiles {
   fs::path video_path;
   bool are_matches = false;
   std::unique_ptr<CsvFile> times;
-  std::unique_ptr<VideoFile> video;  // from the first good frame on, and so the next
+  std::unique_ptr<VideoFile> video;  // created with the first good frame, as is the next
   std::unique_ptr<MatchesFile> matches;
   std::int64_t next_picture = 0;
   std::optional<capture::Timestamp> last_at;
@@ -388,7 +388,7 @@ struct CameraFiles {
   std::atomic<std::uint64_t> frames{0}, left_out{0}, bytes{0};
 
   void flush() {
-    // The video first: a picture without a row is not played, a row without its picture counts as missing.
+    // The video first: a picture without a row is ignored, but a row without its picture counts as missing.
     if (video) {
       video->flush();
       bytes = video->bytes();
@@ -487,7 +487,7 @@ struct RecordingWriter::Impl {
       ++camera.left_out;
       return;
     }
-    // What it would replay as: a corrupted frame has no picture, only its time.
+    // A corrupted frame has no picture, only its time.
     std::string picture;
     if (frame.status == capture::FrameStatus::ok) {
       if (!(camera.are_matches ? append_matches(camera, frame) : append_picture(camera, frame))) {
@@ -504,7 +504,7 @@ struct RecordingWriter::Impl {
     if (Clock::now() - camera.last_flush >= options.flush_every) camera.flush();
   }
 
-  // False: it is not such a frame.
+  // False: not a frame of matches.
   bool append_matches(CameraFiles& camera, const capture::Frame& frame) {
     if (!frame.matches || !frame.encoded) return false;
     if (!camera.matches) camera.matches = std::make_unique<MatchesFile>(camera.video_path);
@@ -544,7 +544,7 @@ struct RecordingWriter::Impl {
     for (const auto& camera : files) {
       try {
         if (has_failed) {
-          camera->times->flush();  // of what went out before
+          camera->times->flush();  // rows of flushed pictures
           continue;
         }
         camera->flush();
@@ -620,8 +620,8 @@ void PreRoll::push(const capture::Frame& frame) {
   if (frame.encoded) {
     image.planes = {};
     image.owner.reset();
-    static const auto told_by_encoded = std::make_shared<const capture::Matches>();
-    if (frame.matches) held.frame.matches = told_by_encoded;
+    static const auto known_from_encoded = std::make_shared<const capture::Matches>();
+    if (frame.matches) held.frame.matches = known_from_encoded;
   } else if (frame.status == capture::FrameStatus::ok && has_pixels(frame.pixels)) {
     const auto memory = std::make_shared_for_overwrite<std::uint8_t[]>(capture::packed_bytes(frame.pixels));
     capture::pack(frame.pixels, memory.get());

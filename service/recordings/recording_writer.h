@@ -1,6 +1,6 @@
 // Writes a recording that replays to exactly the frames that were written: a folder with recording.yaml, the rig, the
-// configuration, and per camera one Matroska file and one CSV of exact capture times. service/recordings/README.md.
-// Also the pre-roll: the last seconds in memory, to be written when something has happened.
+// configuration, and per camera a Matroska file and a CSV of exact capture times (service/recordings/README.md). Also
+// the pre-roll: the last seconds in memory, to be written after an event.
 #pragma once
 
 #include <chrono>
@@ -18,56 +18,52 @@
 
 namespace huetrack::recordings {
 
-// How raw (not JPEG) images are stored; both lossless. Figures: service/recordings/README.md.
+// How raw (not JPEG) images are stored; both lossless. Figures: EXPERIMENTS.md.
 enum class RawStorage : std::uint8_t {
-  uncompressed,  // the bytes as they are: 18 MB/s for 640x480 YUYV at 30 frames/s
-  huffyuv,       // about half of it; a millisecond of a core per such frame. yuyv replays as i422, nv12 as i420: the
-                 // same pixel values in other places
+  uncompressed,  // 18 MB/s for 640x480 YUYV at 30 frames/s
+  huffyuv,       // about half of that for 1 ms of a core per frame. yuyv replays as i422, nv12 as i420, with the same
+                 // pixel values
 };
 
 struct RecordingOptions {
-  std::filesystem::path folder;      // made; must not exist yet, or be empty
-  std::vector<std::string> cameras;  // names; Frame::camera indexes it
-  std::vector<bool> are_matches =
-      {};                   // per camera: its frames say which pixels match (Frame::matches); empty: none does
-  std::string rig_yaml;     // text of the rig file, becomes rig.yaml; empty: none
-  std::string config_yaml;  // the resolved configuration, becomes huetrackd.yaml; empty: none
-  std::vector<std::pair<std::string, std::string>> files = {};  // what huetrackd.yaml refers to: name and content
+  std::filesystem::path folder;        // created; must not exist yet, or be empty
+  std::vector<std::string> cameras;    // names; Frame::camera indexes it
+  std::vector<bool> are_matches = {};  // per camera: its frames carry matches (Frame::matches); empty: no camera's do
+  std::string rig_yaml;                // text of the rig file, becomes rig.yaml; empty: none
+  std::string config_yaml;             // the resolved configuration, becomes huetrackd.yaml; empty: none
+  std::vector<std::pair<std::string, std::string>> files = {};  // name and content of files that huetrackd.yaml names
   RawStorage raw_storage = RawStorage::uncompressed;
-  capture::Duration flush_every = std::chrono::milliseconds(250);  // > 0; what a kill -9 costs at most
+  capture::Duration flush_every = std::chrono::milliseconds(250);  // > 0; largest loss on kill -9
   std::vector<std::string> problems() const;                       // empty when valid
 };
 
 struct RecordedCameraFigures {
   std::uint64_t frames = 0;  // written, corrupted ones included
-  // Not later than the frame before; of another format or size than the first; BGR, which no camera sends.
+  // Skipped: not later than the previous frame; another format or size than the first; BGR.
   std::uint64_t left_out = 0;
   std::uint64_t bytes = 0;  // of video, so far
 };
 
-// One camera's frames are written by one thread at a time, different cameras' by different threads at once: so the
-// pipeline may own one writing thread per camera, each behind its own bounded queue (service/pipeline/bounded_queue.h,
-// WhenFull::drop_oldest). write() blocks on the disk and computes: never call it on the tracking road. What
-// the queue drops is the pipeline's to count.
+// Different cameras may be written by different threads at once, but each camera by one thread at a time. write()
+// computes and blocks on the disk: call it from threads behind bounded queues, never from the tracking thread.
 // figures(), failure() are thread-safe.
 class RecordingWriter {
  public:
-  // Writes recording.yaml, rig.yaml and huetrackd.yaml, and the time-stamp files' headers: what is killed later
-  // replays. throws CaptureError: a folder that cannot be made or is not empty; std::invalid_argument:
+  // Writes recording.yaml, rig.yaml, huetrackd.yaml and the time-stamp files' headers, so that a killed recording
+  // replays. throws CaptureError: the folder cannot be created or is not empty; std::invalid_argument:
   // options.problems()
   explicit RecordingWriter(RecordingOptions options);
   ~RecordingWriter();  // finish()
 
-  // Appends it to its camera's file. MJPEG (Frame::encoded): the camera's own bytes. False, now and from then on for
-  // every camera: writing has failed, failure() says why; what was written until then replays. Does not throw.
+  // Appends to the camera's file; for MJPEG the camera's own bytes (Frame::encoded). False from the first failure on,
+  // for every camera: see failure(). What was written before replays. Does not throw.
   bool write(const capture::Frame& frame);
-  // One line, "/data/run7/left.mkv: No space left on device: recording stopped after 123.4 s, ..."; nullopt: all is
-  // well.
+  // One line, "/data/run7/left.mkv: No space left on device: recording stopped after 123.4 s, ..."; nullopt: none.
   std::optional<std::string> failure() const;
   std::vector<RecordedCameraFigures> figures() const;
   const std::filesystem::path& folder() const;
 
-  // Closes the files properly (an index for players). Once every writing thread is through; idempotent. Does not throw.
+  // Closes the files properly (an index for players). Call after all writing threads ended; idempotent. Does not throw.
   void finish();
 
  private:
@@ -81,18 +77,18 @@ struct PreRollOptions {
   std::vector<std::string> problems() const;
 };
 
-// The last seconds of frames. JPEG frames keep their own bytes only; raw ones are copied, so that no driver's buffer is
-// held. thread-compatible.
+// The last seconds of frames. Keeps only the bytes of JPEG frames, and copies of raw ones, so that drivers get their
+// buffers back. thread-compatible.
 class PreRoll {
  public:
   explicit PreRoll(PreRollOptions options);  // throws std::invalid_argument: options.problems()
   void push(const capture::Frame& frame);
-  // Everything in it, in the order pushed, and empties it: feed it to RecordingWriter::write() on a writing thread,
-  // live frames after it. The frames of JPEG cameras carry encoded and no pixels.
+  // Removes and returns all frames, in the order pushed: pass them to RecordingWriter::write() before the live frames.
+  // Frames of JPEG cameras have `encoded` but no pixels.
   std::vector<capture::Frame> take();
   std::size_t bytes() const { return bytes_; }
   std::size_t size() const { return frames_.size(); }
-  // How far back it goes when most_bytes keeps it from its length; nullopt: it does not.
+  // The length it reaches, when most_bytes limits it; nullopt: not limited.
   std::optional<capture::Duration> cut_to() const { return cut_to_; }
 
  private:

@@ -23,7 +23,7 @@ std::string list_of(std::span<const std::string> names) {
   return fmt::format("{}", fmt::join(names, ", "));
 }
 
-// The usual time between two frames of a CSV: the median, which a gap does not change.
+// The usual time between two frames of a CSV: the median, which is robust to gaps.
 capture::Duration usual_period(const RecordedCamera& camera, const FrameSelection& selection) {
   std::vector<capture::Duration> steps;
   std::optional<capture::Timestamp> before;
@@ -38,7 +38,7 @@ capture::Duration usual_period(const RecordedCamera& camera, const FrameSelectio
   return *middle;
 }
 
-// One camera's file as frames with a time and a number.
+// One camera's file as frames with times and numbers.
 class Stream {
  public:
   Stream(int camera_index, const RecordedCamera& camera, const std::filesystem::path& recording_file,
@@ -46,11 +46,11 @@ class Stream {
       : camera_index_(camera_index), camera_(camera), timing_(timing), selection_(camera_), warnings_(warnings) {
     info_.name = camera_.name;
     info_.file = camera_.frames;
-    if (delivered_nothing()) {  // nor need there be a file
+    if (delivered_nothing()) {  // the file need not exist
       info_.expected_frames = 0;
       return;
     }
-    // One of ours, killed when its first frames were listed and not yet in the file: it delivered nothing.
+    // Our recording, killed when its first frames were listed but not yet in the file: it delivered nothing.
     const bool is_cut_off = !camera_.received.empty() && std::filesystem::exists(camera_.frames);
     try {
       if (is_matches_file(camera_.frames))
@@ -64,7 +64,7 @@ class Stream {
     }
     if (matches_ && !options.takes_matches)
       throw files::ConfigError(camera_.frames, 0,
-                               "tells which pixels match some colours, and has no pictures, which are needed for this: "
+                               "has only which pixels match some colours, but this needs pictures: "
                                "record with send: frames (frames of camera " +
                                    camera_.name + ")");
     info_.frame_period = !camera_.timestamps.empty() ? usual_period(camera_, selection_)
@@ -77,7 +77,7 @@ class Stream {
     else if (const auto count = reader_ ? reader_->frame_count() : std::nullopt)
       info_.expected_frames = selection_.count_below(*count);
 
-    // The first frame with an image gives the size; those before it wait here for their turn.
+    // The first frame with an image determines the size; corrupted ones before it are queued.
     while (auto frame = read()) {
       const bool has_image = frame->status == capture::FrameStatus::ok;
       waiting_.push_back(std::move(*frame));
@@ -135,7 +135,7 @@ class Stream {
   // No picture, that is.
   bool delivered_nothing() const { return camera_.is_listed && camera_.timestamps.empty(); }
 
-  // Its rows say in which order the frames of all cameras came.
+  // Its rows have the order of arrival.
   bool has_arrivals() const {
     const auto is_numbered = [](const RecordedCamera::Received& received) { return received.arrival > 0; };
     return camera_.is_listed && camera_.received.size() == camera_.timestamps.size() &&
@@ -144,7 +144,7 @@ class Stream {
                                &std::pair<capture::Timestamp, RecordedCamera::Received>::second);
   }
 
-  // Capture time of the last frame, as far as it can be told beforehand.
+  // Capture time of the last frame, as far as known beforehand.
   std::optional<capture::Timestamp> expected_end() const {
     if (!camera_.timestamps.empty()) return camera_.timestamps.back().second + camera_.offset;
     if (!info_.expected_frames) return std::nullopt;
@@ -152,7 +152,7 @@ class Stream {
   }
 
  private:
-  // The next picture, or the frame before it that was recorded as corrupted.
+  // The next picture, or an earlier frame that was recorded as corrupted.
   std::optional<capture::Frame> read() {
     if (!picture_ && has_reader()) picture_ = read_picture();
     const auto& corrupted = camera_.corrupted;
@@ -190,7 +190,7 @@ class Stream {
       if (last_stamp_ && *stamp <= *last_stamp_) {
         if (!std::exchange(warned_of_order_, true))
           warn("time stamps go back at frame " + std::to_string(picture->index) + ": such frames are left out");
-        continue;  // its number is missing from the frames handed out
+        continue;  // its number counts as missing
       }
       last_stamp_ = stamp;
       const capture::Timestamp at = has_exact_times() ? *stamp : clock_.smoothed(*stamp);
@@ -226,7 +226,7 @@ class Stream {
     return std::nullopt;
   }
 
-  // Its times are not stamps with jitter: they follow from the rate, or were smoothed when they were recorded.
+  // Its times have no jitter: they follow from the rate, or were smoothed when recorded.
   bool has_exact_times() const {
     return camera_.timestamps.empty() ? camera_.fps > 0
                                       : !camera_.received.empty() && camera_.received.front().stamped_at.has_value();
@@ -253,7 +253,7 @@ class Stream {
     return std::nullopt;
   }
 
-  // A number that somebody typed is wrong more often than a file; of slow motion it may be meant.
+  // A typed fps is wrong more often than a file's; but it may be intended, for slow motion.
   void warn_of_rate() {
     if (!(camera_.fps > 0) || !reader_ || reader_->frame_count().value_or(1) < 2) return;  // a picture has no rate
     const double period_s = capture::seconds(reader_->frame_period());
@@ -262,7 +262,7 @@ class Stream {
                      camera_.fps, 1 / period_s));
   }
 
-  // A file of the stated rate that lacks a frame: every time from there on is wrong by a frame.
+  // A missing frame in a file of the stated rate: all later times are wrong by a frame.
   void warn_of_gap(const VideoReader::Shown& picture) {
     const capture::Duration period = capture::duration_of(1 / camera_.fps);
     if (warned_of_gap_ || !picture.stamp || !reader_) return;
@@ -270,7 +270,7 @@ class Stream {
     const capture::Duration by_stamps = *picture.stamp - first_stamp_->second;
     const capture::Duration gap = by_stamps - (picture.index - first_stamp_->first) * period;
     if (std::chrono::abs(reader_->frame_period() - period) > period / 50 || gap < period * 9 / 10 ||
-        gap > period * 10 + by_stamps / 10)  // the file has another rate, or another notion of time
+        gap > period * 10 + by_stamps / 10)  // the file has another rate, or other units
       return;
     warned_of_gap_ = true;
     warn("its own time stamps say that a frame is missing before frame " + std::to_string(picture.index) +
@@ -312,14 +312,14 @@ class Stream {
   FrameSelection selection_;  // of camera_
   std::vector<std::string>& warnings_;
   std::optional<VideoReader> reader_;      // of camera_; none when it delivered nothing
-  std::optional<MatchesReader> matches_;   // in its place
+  std::optional<MatchesReader> matches_;   // instead of reader_
   std::optional<capture::Frame> picture_;  // read ahead
   std::size_t next_corrupted_ = 0;         // row of camera_.corrupted
   ReplayCamera info_;
   std::deque<capture::Frame> waiting_;
   std::optional<capture::Timestamp> last_stamp_;
-  std::optional<std::int64_t> first_index_, last_index_;  // in the stream, of the pictures that are played
-  std::optional<std::uint32_t> last_number_;              // Frame::sequence
+  std::optional<std::int64_t> first_index_, last_index_;                    // in the stream, of the played pictures
+  std::optional<std::uint32_t> last_number_;                                // Frame::sequence
   std::optional<std::pair<std::int64_t, capture::Timestamp>> first_stamp_;  // index and the container's time
   bool warned_of_gap_ = false;
   bool has_no_stamps_ = false;
@@ -328,10 +328,10 @@ class Stream {
   bool ended_ = false;
 };
 
-// A mistake in a time stamp's unit, or in offset_s, and few sets, or none, ever have two views.
+// Warns of mistakes in a time stamp's unit or in offset_s, which leave few or no sets with two views.
 void warn_of_times_apart(const Recording& recording, const std::vector<std::unique_ptr<Stream>>& streams,
                          std::vector<std::string>& warnings) {
-  constexpr double least_in_common = 0.5;  // of a camera's own length: cameras are started and stopped by one hand
+  constexpr double least_in_common = 0.5;  // of a camera's own length: cameras are started and stopped together
   struct Span {
     std::string name;
     capture::Timestamp from, to;
@@ -342,7 +342,7 @@ void warn_of_times_apart(const Recording& recording, const std::vector<std::uniq
       spans.push_back({stream->info().name, *from, *to});
   if (spans.size() < 2) return;
   for (const Span& a : spans) {
-    capture::Duration most = capture::Duration::min();  // that one other camera has with it
+    capture::Duration most = capture::Duration::min();  // largest overlap with another camera
     for (const Span& b : spans)
       if (&a != &b) most = std::max(most, std::min(a.to, b.to) - std::max(a.from, b.from));
     const capture::Duration length = a.to - a.from;
@@ -369,7 +369,7 @@ struct ReplaySource::Impl {
   std::vector<std::string> warnings;
   std::vector<std::unique_ptr<Stream>> streams;
   mutable std::vector<ReplayCamera> cameras;
-  bool repeats_arrivals = false;  // the order in which the frames came, which all cameras' rows tell
+  bool repeats_arrivals = false;  // in order of arrival: all cameras' rows have it
 };
 
 ReplaySource::ReplaySource(const Recording& recording, std::span<const std::string> camera_names,
@@ -384,7 +384,7 @@ ReplaySource::ReplaySource(const Recording& recording, std::span<const std::stri
   for (const auto& camera : recording.cameras) recorded.push_back(camera.name);
   for (const auto& name : camera_names) {
     if (std::ranges::find(recorded, name) != recorded.end()) continue;
-    std::vector<std::string> others;  // those that the rig has are not meant
+    std::vector<std::string> others;  // candidates for a mistyped name: not in the rig
     std::ranges::copy_if(recorded, std::back_inserter(others), [&](const std::string& other) {
       return std::ranges::find(camera_names, other) == camera_names.end();
     });

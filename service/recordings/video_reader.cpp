@@ -37,9 +37,9 @@ std::int64_t FrameSelection::count_below(std::int64_t end) const {
 
 namespace {
 
-constexpr std::int64_t most_pixels = 1 << 26;      // of one image; a damaged header must not make us allocate gigabytes
-constexpr std::int64_t longest_gap_frames = 1000;  // a damaged time stamp must not make us invent frames
-constexpr int most_warnings = 5;                   // of one kind, one by one; the others are summed up
+constexpr std::int64_t most_pixels = 1 << 26;      // of one image: a damaged header must not cost gigabytes
+constexpr std::int64_t longest_gap_frames = 1000;  // a damaged time stamp must not create frames
+constexpr int most_warnings = 5;                   // of one kind; further ones are summed up
 
 // ---- Image files
 
@@ -69,7 +69,7 @@ std::vector<ImageFile> files_of_pattern(const std::filesystem::path& pattern) {
     if (file.size() <= prefix.size() + suffix.size() || !file.starts_with(prefix) || !file.ends_with(suffix)) continue;
     const std::string_view digits =
         std::string_view(file).substr(prefix.size(), file.size() - prefix.size() - suffix.size());
-    // as printf writes it: padded with zeros up to the width, never beyond
+    // as printf writes it: zero-padded up to the width
     if (digits.size() < width || (digits.size() > std::max<std::size_t>(width, 1) && digits.front() == '0')) continue;
     ImageFile image{.number = 0, .path = entry.path()};
     const auto [end, problem] = std::from_chars(digits.data(), digits.data() + digits.size(), image.number);
@@ -105,8 +105,8 @@ std::vector<ImageFile> image_files_of(const RecordedCamera& camera) {
   return files;
 }
 
-// What is a film, a picture or sound by itself. Play lists (hls, concat, dash) name other files, which may be pipes
-// that nobody writes into, and FFmpeg opens them before anybody can look.
+// Formats that are a film, picture or sound by themselves. Play lists (hls, concat, dash) name other files, and FFmpeg
+// would block on a pipe among them.
 constexpr const char* films =
     "matroska,webm,mov,avi,mjpeg,mjpeg_2000,mpegts,mpeg,mpegvideo,m4v,h264,hevc,av1,obu,ivf,ogg,asf,flv,nut,dv,gif,"
     "apng,"
@@ -134,12 +134,12 @@ struct VideoReader::Impl {
       fail(file, "is not a file: give a video, or images as a pattern like %06d.png");
     if (std::filesystem::file_size(file, error) == 0 && !error) fail(file, "is empty");
 
-    // Local files only: a play list or the like in a recording must not reach out into the network.
+    // Local files only: a play list in a recording must not access the network.
     AVDictionary* options = nullptr;
     av_dict_set(&options, "protocol_whitelist", "file", 0);
     av_dict_set(&options, "format_whitelist", films, 0);
-    av_dict_set(&options, "pattern_type", "none", 0);  // of a single image; a series is ours (image_files_of)
-    AVFormatContext* opened = capture::not_null(avformat_alloc_context());  // freed where it cannot be opened
+    av_dict_set(&options, "pattern_type", "none", 0);                       // image_files_of() handles series of images
+    AVFormatContext* opened = capture::not_null(avformat_alloc_context());  // freed if it cannot be opened
     if (growing) {
       av_dict_set(&options, "follow", "1", 0);
       opened->interrupt_callback = {
@@ -173,10 +173,10 @@ struct VideoReader::Impl {
     codec->pkt_timebase = stream->time_base;
     codec->max_pixels = most_pixels;
     codec->opaque = &log;
-    // A damaged picture is one that we do not have: patched up, it would be a measurement of what is not there.
+    // No error concealment: invented pixels would be measured.
     codec->err_recognition = AV_EF_CRCCHECK | AV_EF_EXPLODE;
     codec->thread_count = threads;
-    codec->thread_type = FF_THREAD_SLICE;  // frame threads would make it uncertain which frame an error belongs to
+    codec->thread_type = FF_THREAD_SLICE;  // with frame threads an error's frame would be unknown
     if (const int e = avcodec_open2(codec.get(), decoder, nullptr); e < 0)
       fail(file, "its video cannot be decoded: " + capture::error_text(e));
     const AVCodecDescriptor* properties = avcodec_descriptor_get(decoder->id);
@@ -188,7 +188,7 @@ struct VideoReader::Impl {
       format.reset();
       stream = nullptr;
     }
-    damaged = log.count() > 0;  // seen while looking for the streams
+    damaged = log.count() > 0;  // while finding the streams
     log.take();
   }
 
@@ -233,12 +233,12 @@ struct VideoReader::Impl {
     }
     log.take();
     std::error_code error;
-    std::ifstream in;  // a pipe among the pictures would hold everything up for good
+    std::ifstream in;  // a pipe among the pictures would block forever
     if (std::filesystem::is_regular_file(file.path, error)) in.open(file.path, std::ios::binary | std::ios::ate);
     const auto size = in ? static_cast<std::int64_t>(in.tellg()) : 0;
     std::optional<capture::Image> image;
     if (in && size > 0 && size < (1 << 30) && av_new_packet(packet.get(), static_cast<int>(size)) == 0) {
-      packet->flags |= AV_PKT_FLAG_KEY;  // PNG knows pictures that build on the one before
+      packet->flags |= AV_PKT_FLAG_KEY;  // FFmpeg's PNG decoder supports predicted pictures
       in.seekg(0);
       if (in.read(reinterpret_cast<char*>(packet->data), size)) image = decode_one().image;
       av_packet_unref(packet.get());
@@ -248,12 +248,12 @@ struct VideoReader::Impl {
   }
 
   void read_packet() {
-    log.take();  // what was not worth a warning
+    log.take();  // drops messages without a warning
     int result = av_read_frame(format.get(), packet.get());
     for (int i = 0; result == AVERROR(EAGAIN) && i < 1000; ++i) result = av_read_frame(format.get(), packet.get());
     const bool is_damaged = log.count() > 0;
     if (result < 0) {
-      damaged = damaged || is_damaged || is_delayed;  // cut off, it may lack frames before the last that it has
+      damaged = damaged || is_damaged || is_delayed;  // a truncated file may lack frames before its last one
       decode_rest();
       const bool read_failed = result != AVERROR_EOF || (format->pb && format->pb->error < 0);
       if (read_failed || is_damaged || ends_early())
@@ -280,8 +280,8 @@ struct VideoReader::Impl {
     av_packet_unref(packet.get());
   }
 
-  // AVI has no time stamps but the number of the chunk, and FFmpeg counts only those that it finds. The index says
-  // which one it is.
+  // An AVI's only time stamps are chunk numbers, and FFmpeg counts only chunks that it finds. The index has the right
+  // number.
   void stamp_from_avi_index() {
     if (packet->pts == AV_NOPTS_VALUE || packet->pos < 0 || std::string_view(format->iformat->name) != "avi") return;
     const AVIndexEntry* entry = nullptr;
@@ -295,7 +295,7 @@ struct VideoReader::Impl {
     damaged = true;
   }
 
-  // A decoder that answers each packet with its picture: packet and frame numbers are one.
+  // For a decoder without delay: packet number equals frame number.
   void decode_immediate() {
     const auto pts = packet->pts != AV_NOPTS_VALUE ? std::optional(packet->pts) : std::nullopt;
     if (is_repeated(pts)) {
@@ -317,12 +317,12 @@ struct VideoReader::Impl {
 
   struct Decoded {
     std::optional<capture::Image> image;
-    bool is_hidden = false;  // a reference picture of VP8/VP9 that is never shown: takes no number
+    bool is_hidden = false;  // a reference picture of VP8/VP9 that is never shown: not numbered
   };
 
   Decoded decode_one() {
     Decoded result;
-    if (packet->size == 0) return result;  // to the decoder it would mean the end
+    if (packet->size == 0) return result;  // would signal the end to the decoder
     if (codec->codec_id == AV_CODEC_ID_MJPEG && decode_jpeg(result)) return result;
     const int errors_before = log.count();
     int error = avcodec_send_packet(codec.get(), packet.get());
@@ -333,20 +333,19 @@ struct VideoReader::Impl {
     }
     result.is_hidden =
         error == AVERROR(EAGAIN) && (codec->codec_id == AV_CODEC_ID_VP8 || codec->codec_id == AV_CODEC_ID_VP9);
-    // FFV1 reports a slice whose checksum is wrong in its log only, and shows the last picture's slice instead.
+    // FFV1 reports a slice with a wrong checksum only in its log, and shows the previous picture's slice instead.
     const bool is_patched = codec->codec_id == AV_CODEC_ID_FFV1 && log.count() > errors_before;
     if ((error != AVERROR(EAGAIN) && error != AVERROR_EOF) || is_patched) result.image.reset();
     return result;
   }
 
-  // As a live camera's JPEGs are decoded, so that a recording replays to the same pixels. False: it is of a kind that
-  // only FFmpeg knows (odd sizes, interlaced fields, RGB, ...).
+  // With the live cameras' decoder, for the same pixels. False: a kind of JPEG that only FFmpeg decodes (odd sizes,
+  // interlaced fields, RGB, ...).
   bool decode_jpeg(Decoded& result) {
     auto decoded = jpeg.decode({packet->data, static_cast<std::size_t>(packet->size)});
     if (!decoded.image && !decoded.is_unsupported) log.add(decoded.problem);
     if (decoded.is_unsupported) return false;
-    // In a video it is a field of an interlaced picture; an image file of another size is one, and is not used for
-    // that.
+    // Another size: in a video it is a field of an interlaced picture; an image file is reported and not used.
     if (decoded.image && images.empty() && codec->width > 0 &&
         (decoded.image->width != codec->width || decoded.image->height != codec->height))
       return false;
@@ -357,7 +356,7 @@ struct VideoReader::Impl {
     return true;
   }
 
-  // A decoder that holds pictures back to sort them: the picture's time stamp says which packet it comes from.
+  // For a decoder that reorders pictures: the picture's time stamp identifies its packet.
   void decode_delayed() {
     if (packet->size == 0 || (packet->flags & AV_PKT_FLAG_DISCARD) != 0) {
       if (packet->size > 0) avcodec_send_packet(codec.get(), packet.get());
@@ -372,7 +371,7 @@ struct VideoReader::Impl {
     } else {
       ++unstamped_pending;
     }
-    avcodec_send_packet(codec.get(), packet.get());  // what it says of errors may be about another packet
+    avcodec_send_packet(codec.get(), packet.get());  // its errors may belong to another packet
     receive();
   }
 
@@ -390,7 +389,7 @@ struct VideoReader::Impl {
       const int error = avcodec_receive_frame(codec.get(), frame.get());
       if (error == AVERROR(EAGAIN) || error == AVERROR_EOF) return;
       if (error < 0) {
-        ++errors;  // the picture will be found missing when a later one is shown
+        ++errors;  // the missing picture is detected when a later one is shown
         continue;
       }
       const std::int64_t pts = frame->pts;
@@ -422,7 +421,7 @@ struct VideoReader::Impl {
     accept(pts, std::nullopt);
   }
 
-  // From a lost picture to the next key frame all pictures are predicted from what is not there.
+  // All pictures from a lost one to the next key frame are predicted from it.
   void lost_reference(std::int64_t key) {
     if (!is_intra_only) broken_from = std::max(broken_from.value_or(key), key);
   }
@@ -438,7 +437,7 @@ struct VideoReader::Impl {
 
   // ---- Numbering
 
-  // Ticks of the time stamps from one frame to the next; nullopt when they are not regular.
+  // Time-stamp ticks from one frame to the next; nullopt if irregular.
   std::optional<double> step() const {
     if (!is_regular || !stream) return std::nullopt;
     if (regular_count >= 2)
@@ -447,8 +446,8 @@ struct VideoReader::Impl {
     return std::isfinite(ticks) && ticks > 0 ? std::optional(ticks) : std::nullopt;
   }
 
-  // In a damaged file, if the time stamps were regular up to the damage: the number of frames that they say are missing
-  // before this one; nullopt if it cannot be true, so that the time stamp itself is damaged.
+  // In a damaged file with regular time stamps up to the damage: the number of missing frames before this one; nullopt
+  // if that is impossible, so the time stamp itself is damaged.
   std::optional<std::int64_t> gap_before(std::int64_t pts) const {
     const auto ticks = step();
     if (!damaged || !ticks) return 0;
@@ -463,7 +462,7 @@ struct VideoReader::Impl {
     return pts ? gap_before(*pts).value_or(0) : 0;
   }
 
-  // A piece of the file that is there twice. (Time stamps too coarse to tell two frames apart say nothing.)
+  // A part of the file that is there twice. (Not detectable with time stamps too coarse to distinguish two frames.)
   bool is_repeated(std::optional<std::int64_t> pts) const {
     const auto ticks = step();
     return pts && last_pts && *pts <= *last_pts && ticks && *ticks >= 2;
@@ -534,7 +533,7 @@ struct VideoReader::Impl {
   capture::FfmpegLog log;
   std::vector<ImageFile> images;  // empty: a video
   const bool keeps_jpeg;
-  std::shared_ptr<const std::vector<std::uint8_t>> jpeg_bytes = {};  // of the picture that is shown next
+  std::shared_ptr<const std::vector<std::uint8_t>> jpeg_bytes = {};  // of the next picture
   std::size_t next_image = 0;
   capture::InputPtr format;    // null for images
   AVStream* stream = nullptr;  // of format
@@ -550,15 +549,15 @@ struct VideoReader::Impl {
   bool ended = false;
   std::int64_t index = 0;  // of the next picture
 
-  // Keys order the pictures: time stamps with a delayed decoder, else packets counted.
+  // Keys order the pictures: time stamps with a delayed decoder, else packet counts.
   std::set<std::int64_t> pending;  // sent to a delayed decoder, not shown yet
-  bool has_pts = true;             // usable ones; else pictures are counted as they come
+  bool has_pts = true;             // usable ones; else pictures are counted in order of arrival
   int unstamped_pending = 0;
   std::optional<std::int64_t> shown_key;
   std::int64_t sent_key = -1;
   std::optional<std::int64_t> broken_from;
 
-  bool damaged = false;    // the container, somewhere before here
+  bool damaged = false;    // the container, somewhere before this point
   bool is_regular = true;  // the time stamps, up to the damage
   std::int64_t regular_count = 0;
   std::int64_t regular_last = 0;

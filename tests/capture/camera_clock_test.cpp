@@ -15,7 +15,7 @@ Timestamp at(double s) {
   return Timestamp{duration_of(s)};
 }
 
-// A camera of 29.93 fps whose driver stamps `latency` after the frame, with jitter, and sometimes late.
+// A camera of 29.93 fps; its driver stamps `latency` after the frame, with jitter, and sometimes late.
 struct Webcam {
   std::mt19937 random{7};
   double period_s = 1 / 29.93, latency_s = 0.03, jitter_s = 5e-4, late_s = 4e-3, late_share = 0.012, lost_share = 0.02;
@@ -36,7 +36,7 @@ struct Webcam {
   }
 };
 
-TEST(CameraClock, EvenStampsStayAsTheyAre) {
+TEST(CameraClock, RegularStampsAreUnchanged) {
   CameraClock clock;
   for (int k = 0; k < 500; ++k) {
     const Timestamp stamp = at(k / 30.0);
@@ -45,7 +45,7 @@ TEST(CameraClock, EvenStampsStayAsTheyAre) {
   EXPECT_NEAR(clock.period_s().value(), 1 / 30.0, 1e-9);
 }
 
-TEST(CameraClock, JitterAndLateStampsDoNotMoveTheFrames) {
+TEST(CameraClock, SmoothsJitterAndLateStamps) {
   for (unsigned seed = 0; seed < 10; ++seed) {
     Webcam webcam{.random = std::mt19937(seed)};
     CameraClock clock;
@@ -65,13 +65,13 @@ TEST(CameraClock, JitterAndLateStampsDoNotMoveTheFrames) {
   }
 }
 
-TEST(CameraClock, LostFramesAreWholePeriods) {
+TEST(CameraClock, LostFramesShowAsWholePeriods) {
   CameraClock clock;
   for (int k = 0; k < 60; ++k) clock.smoothed(at(k / 25.0));
   EXPECT_NEAR(seconds(clock.smoothed(at(75 / 25.0 + 0.0004))), 75 / 25.0, 2e-4);
 }
 
-TEST(CameraClock, AnotherRateAnotherLine) {
+TEST(CameraClock, ChangeOfRateRestartsTheFit) {
   CameraClock clock;
   double t = 0;
   for (int k = 0; k < 100; ++k) clock.smoothed(at(t += 1 / 30.0));
@@ -80,7 +80,7 @@ TEST(CameraClock, AnotherRateAnotherLine) {
   EXPECT_NEAR(clock.period_s().value(), 1 / 25.0, 1e-4);
 }
 
-TEST(CameraClock, StampsOfAnUnevenCameraAreTaken) {
+TEST(CameraClock, IrregularStampsAreReturnedAsTheyAre) {
   std::mt19937 random(3);
   std::normal_distribution<double> wait(0.064, 0.012);
   CameraClock clock;
@@ -94,7 +94,7 @@ TEST(CameraClock, StampsOfAnUnevenCameraAreTaken) {
   }
 }
 
-TEST(CameraClock, FollowsAClockThatWasStepped) {
+TEST(CameraClock, FollowsAClockStep) {
   CameraClock clock;
   for (int k = 0; k < 50; ++k) clock.smoothed(at(100 + k / 30.0));
   EXPECT_EQ(clock.smoothed(at(50)), at(50));
@@ -102,7 +102,7 @@ TEST(CameraClock, FollowsAClockThatWasStepped) {
   EXPECT_NEAR(seconds(clock.smoothed(at(4000 + 1 / 30.0))), 4000 + 1 / 30.0, 1e-9);
 }
 
-TEST(CameraClock, TimesAscendAsStampsDo) {
+TEST(CameraClock, OutputAscendsWithTheStamps) {
   Webcam webcam{.jitter_s = 8e-3, .late_s = 0.02, .late_share = 0.2};
   CameraClock clock;
   Timestamp last_stamp{}, last{};

@@ -12,7 +12,7 @@ Duration now_of(clockid_t id) {
   return std::chrono::seconds(t.tv_sec) + Duration(t.tv_nsec);
 }
 
-TEST(CaptureClock, TheMonotonicClockBecomesUnixTime) {
+TEST(CaptureClock, ConvertsMonotonicToUnixTime) {
   for (int i = 0; i < 100; ++i) {
     const Duration before = now_of(CLOCK_REALTIME);
     const Timestamp converted = unix_time_of(now_of(CLOCK_MONOTONIC));
@@ -22,16 +22,16 @@ TEST(CaptureClock, TheMonotonicClockBecomesUnixTime) {
   }
 }
 
-TEST(CaptureClock, TheOffsetIsKept) {
+TEST(CaptureClock, OffsetIsConstant) {
   const Duration boot = std::chrono::hours(5);
   const Timestamp once = unix_time_of(boot);
   for (int i = 0; i < 1000; ++i) ASSERT_EQ(unix_time_of(boot), once);
   EXPECT_EQ(unix_time_of(boot + Duration(1)) - once, Duration(1)) << "to the nanosecond";
 }
 
-TEST(CaptureClock, NowIsNow) {
+TEST(CaptureClock, UnixNowAgreesWithTheSystemClock) {
   EXPECT_NEAR(seconds(unix_now() - std::chrono::system_clock::now()), 0, 1e-3);
-  EXPECT_NEAR(seconds(wall_clock_step()), 0, 1e-3) << "nobody has set the clock meanwhile";
+  EXPECT_NEAR(seconds(wall_clock_step()), 0, 1e-3) << "the clock was not set meanwhile";
 }
 
 }  // namespace

@@ -55,7 +55,7 @@ struct Sync : FrameSynchronizer {
   }
 };
 
-TEST(FrameSynchronizer, ACameraThatIsNotInUseMakesNoSetIncomplete) {
+TEST(FrameSynchronizer, UnusedCameraLeavesSetsComplete) {
   FrameSynchronizer sync({.camera_count = 3, .cameras_in_use = 2});
   for (const int at_ms : {0, 33, 66})
     for (const int camera : {0, 2}) sync.push(frame(camera, at_ms * 1ms));
@@ -66,7 +66,7 @@ TEST(FrameSynchronizer, ACameraThatIsNotInUseMakesNoSetIncomplete) {
   EXPECT_THROW(FrameSynchronizer({.camera_count = 3, .cameras_in_use = 4}), std::invalid_argument);
 }
 
-TEST(FrameSynchronizer, HandsOutACompleteSetAtOnce) {
+TEST(FrameSynchronizer, OutputsACompleteSetAtOnce) {
   Sync sync(2);
   EXPECT_THAT(sync.push(0, 0), IsEmpty());
   EXPECT_THAT(sync.push(1, 5), ElementsAre(Views{{0, 0}, {1, 5}}));
@@ -76,7 +76,7 @@ TEST(FrameSynchronizer, HandsOutACompleteSetAtOnce) {
   EXPECT_EQ(sync.counters().incomplete_sets, 0u);
 }
 
-TEST(FrameSynchronizer, ASetSaysItsNumberAndItsNewestTime) {
+TEST(FrameSynchronizer, SetHasNumberAndNewestTime) {
   FrameSynchronizer sync({.camera_count = 2});
   sync.push(frame(0, 3ms));
   const auto sets = sync.push(frame(1, 1ms));
@@ -86,14 +86,14 @@ TEST(FrameSynchronizer, ASetSaysItsNumberAndItsNewestTime) {
   EXPECT_EQ(sets[0].frames.size(), 2u);
 }
 
-TEST(FrameSynchronizer, OneCameraNeedsNoWaiting) {
+TEST(FrameSynchronizer, SingleCameraNeedsNoWaiting) {
   Sync sync(1);
   EXPECT_THAT(sync.push(0, 0), ElementsAre(Views{{0, 0}}));
   EXPECT_THAT(sync.push(0, 33), ElementsAre(Views{{0, 33}}));
   EXPECT_EQ(sync.counters().incomplete_sets, 0u);
 }
 
-TEST(FrameSynchronizer, AFrameBeyondTheSetProvesItIncomplete) {
+TEST(FrameSynchronizer, FrameBeyondTheSetProvesItIncomplete) {
   Sync sync(2);
   EXPECT_THAT(sync.push(0, 0), IsEmpty());
   EXPECT_THAT(sync.push(1, 33), ElementsAre(Views{{0, 0}}));
@@ -112,7 +112,7 @@ TEST(FrameSynchronizer, OneFrameCanProveSeveralSets) {
   EXPECT_THAT(sync.push(1, 166), ElementsAre(Views{{0, 133}}));
 }
 
-TEST(FrameSynchronizer, AStoppedCameraDelaysOnePeriodAtMostAndThenNothing) {
+TEST(FrameSynchronizer, StoppedCameraDelaysAtMostOnePeriod) {
   Sync sync(3);
   for (int t = 0; t < 100; t += 33)
     for (int camera : {0, 1, 2}) sync.push(camera, t);
@@ -126,10 +126,10 @@ TEST(FrameSynchronizer, AStoppedCameraDelaysOnePeriodAtMostAndThenNothing) {
   sync.push(0, 264);
   sync.push(1, 264);
   sync.push(0, 297);
-  EXPECT_THAT(sync.push(1, 297), ElementsAre(Views{{0, 297}, {1, 297}}));  // nobody waits for it any more
+  EXPECT_THAT(sync.push(1, 297), ElementsAre(Views{{0, 297}, {1, 297}}));  // no longer waited for
 }
 
-TEST(FrameSynchronizer, ACameraThatReturnsIsPairedAgain) {
+TEST(FrameSynchronizer, ReturningCameraIsPairedAgain) {
   Sync sync(2);
   for (int t = 0; t < 100; t += 33) sync.push(0, t), sync.push(1, t);
   for (int t = 132; t < 600; t += 33) sync.push(0, t);
@@ -139,7 +139,7 @@ TEST(FrameSynchronizer, ACameraThatReturnsIsPairedAgain) {
   EXPECT_THAT(sync.push(1, 662), ElementsAre(Views{{0, 660}, {1, 662}}));
 }
 
-TEST(FrameSynchronizer, ACameraThatNeverCameIsGivenUpAfterASecond) {
+TEST(FrameSynchronizer, CameraThatNeverDeliveredIsGivenUpAfterASecond) {
   Sync sync(2);
   EXPECT_THAT(sync.push(0, 0), IsEmpty());
   EXPECT_THAT(sync.push(0, 33), ElementsAre(Views{{0, 0}}));
@@ -162,7 +162,7 @@ TEST(FrameSynchronizer, EveryFrameOfTheFasterCameraGetsThrough) {
   EXPECT_EQ(sync.counters().late_frames + sync.counters().duplicate_frames, 0u);
 }
 
-TEST(FrameSynchronizer, TwoFramesOfAFastCameraLeaveTheNearerOneToTheOthers) {
+TEST(FrameSynchronizer, FastCameraLeavesItsNearerFrameToTheOthers) {
   Sync sync(2);  // a tolerance that is wide for the fast camera
   sync.push(0, 0);
   sync.push(0, 8);
@@ -177,7 +177,7 @@ TEST(FrameSynchronizer, LateFramesAreCountedAndDropped) {
   EXPECT_EQ(sync.counters().late_frames, 1u);
 }
 
-TEST(FrameSynchronizer, ASlowerTransferIsLearned) {
+TEST(FrameSynchronizer, LearnsTheLagOfASlowerTransfer) {
   Sync sync(2);  // camera 1's frames arrive 50 ms later than camera 0's
   std::vector<Views> sets;
   for (int t = 0; t < 3300; t += 33) {
@@ -207,7 +207,7 @@ TEST(FrameSynchronizer, DuplicatesAreCountedAndTheFirstIsKept) {
   EXPECT_EQ(sync.counters().duplicate_frames, 2u);
 }
 
-TEST(FrameSynchronizer, ACorruptedFrameProvesThatItsCameraHasNoneAtOnce) {
+TEST(FrameSynchronizer, CorruptedFrameEndsTheWaitForItsCamera) {
   Sync sync(2);
   sync.push(0, 0);
   EXPECT_THAT(sync.push(1, 1, FrameStatus::corrupted), ElementsAre(Views{{0, 0}}));
@@ -215,7 +215,7 @@ TEST(FrameSynchronizer, ACorruptedFrameProvesThatItsCameraHasNoneAtOnce) {
   EXPECT_EQ(sync.counters().incomplete_sets, 1u);
 }
 
-TEST(FrameSynchronizer, NoSetOfCorruptedFramesOnly) {
+TEST(FrameSynchronizer, CorruptedFramesAloneMakeNoSet) {
   Sync sync(2);
   sync.push(0, 0, FrameStatus::corrupted);
   EXPECT_THAT(sync.push(1, 1, FrameStatus::corrupted), IsEmpty());
@@ -224,7 +224,7 @@ TEST(FrameSynchronizer, NoSetOfCorruptedFramesOnly) {
 }
 
 // Free-running cameras: the nearest neighbours pair up, and stay paired.
-TEST(FrameSynchronizer, AConstantPhaseIsPairedStably) {
+TEST(FrameSynchronizer, ConstantPhaseIsPairedStably) {
   for (int phase = 0; phase < 33; ++phase) {
     const Duration periods[] = {33ms, 33ms};
     Sync sync(2, suggested_tolerance(periods));
@@ -257,7 +257,7 @@ TEST(FrameSynchronizer, FreeRunningCamerasOfAnyPhaseGiveCompleteSets) {
   }
 }
 
-TEST(FrameSynchronizer, AClockThatGoesBackIsFollowed) {
+TEST(FrameSynchronizer, FollowsAClockThatGoesBack) {
   Sync sync(2);
   for (int t = 10'000; t < 10'100; t += 33) sync.push(0, t), sync.push(1, t);
   sync.push(0, 5000);
@@ -265,7 +265,7 @@ TEST(FrameSynchronizer, AClockThatGoesBackIsFollowed) {
   EXPECT_EQ(sync.counters().clock_jumps, 1u);
 }
 
-TEST(FrameSynchronizer, AClockThatGoesForwardIsFollowed) {
+TEST(FrameSynchronizer, FollowsAClockThatGoesForward) {
   Sync sync(2);
   for (int t = 0; t < 100; t += 33) sync.push(0, t), sync.push(1, t);
   sync.push(0, 50'000);
@@ -273,7 +273,7 @@ TEST(FrameSynchronizer, AClockThatGoesForwardIsFollowed) {
   EXPECT_EQ(sync.counters().early_frames, 0u);
 }
 
-TEST(FrameSynchronizer, TheClockOfASingleCameraIsFollowedFromItsSecondFrame) {
+TEST(FrameSynchronizer, FollowsASingleCamerasClockFromItsSecondFrame) {
   Sync sync(1);
   sync.push(0, 10'000);
   EXPECT_THAT(sync.push(0, 100), IsEmpty());
@@ -281,7 +281,7 @@ TEST(FrameSynchronizer, TheClockOfASingleCameraIsFollowedFromItsSecondFrame) {
   EXPECT_EQ(sync.counters().clock_jumps, 1u);
 }
 
-TEST(FrameSynchronizer, OneWildTimeStampDoesNotStopTheRest) {
+TEST(FrameSynchronizer, OneWrongStampDoesNotStopTheOthers) {
   Sync sync(2);
   for (int t = 0; t < 100; t += 33) sync.push(0, t), sync.push(1, t);
   EXPECT_THAT(sync.push(0, 3'600'000), IsEmpty());
@@ -295,7 +295,7 @@ TEST(FrameSynchronizer, OneWildTimeStampDoesNotStopTheRest) {
   EXPECT_EQ(sync.counters().clock_jumps, 0u);
 }
 
-TEST(FrameSynchronizer, ACameraThatIsAloneAfterAPauseGoesOn) {
+TEST(FrameSynchronizer, SingleCameraContinuesAfterAPause) {
   Sync sync(2);
   for (int t = 0; t < 100; t += 33) sync.push(0, t), sync.push(1, t);
   std::vector<Views> sets;
@@ -305,7 +305,7 @@ TEST(FrameSynchronizer, ACameraThatIsAloneAfterAPauseGoesOn) {
   EXPECT_EQ(sync.counters().early_frames, 0u);
 }
 
-TEST(FrameSynchronizer, FlushGivesWhatIsOpen) {
+TEST(FrameSynchronizer, FlushReturnsOpenSets) {
   Sync sync(3, 5ms);
   sync.push(0, 0);
   sync.push(1, 3);
@@ -331,7 +331,7 @@ TEST(SuggestedTolerance, FollowsTheFastestCameraAndTheirNumber) {
 }
 
 // Whatever comes, nothing is lost without being counted, and sets keep their promises.
-TEST(FrameSynchronizer, KeepsItsPromisesWhateverComes) {
+TEST(FrameSynchronizer, KeepsItsInvariantsForRandomInput) {
   for (unsigned seed = 0; seed < 300; ++seed) {
     std::mt19937_64 rng(seed);
     const auto uniform = [&](double a, double b) { return std::uniform_real_distribution(a, b)(rng); };
@@ -423,7 +423,7 @@ TEST(FrameSynchronizer, FramesInTimeOrderAreNeverLate) {
   }
 }
 
-TEST(FrameSynchronizer, AscendingACameraThatReturnsAtTheTimeOfAnotherIsNotLate) {
+TEST(FrameSynchronizer, AscendingReturningCameraIsNotLate) {
   Sync sync(2, 17ms, true);
   for (int t = 0; t < 100; t += 33) sync.push(0, t), sync.push(1, t);
   for (int t = 132; t < 462; t += 33) sync.push(0, t);  // camera 1 loses ten frames
@@ -433,7 +433,7 @@ TEST(FrameSynchronizer, AscendingACameraThatReturnsAtTheTimeOfAnotherIsNotLate) 
   EXPECT_EQ(sync.counters().late_frames, 0u);
 }
 
-TEST(FrameSynchronizer, AscendingASetIsOpenAsLongAsAFrameOfItsTimeMayCome) {
+TEST(FrameSynchronizer, AscendingSetStaysOpenWhileAFrameOfItsTimeMayCome) {
   Sync sync(2, 17ms, true);
   sync.push(1, 0);
   EXPECT_THAT(sync.push(0, 5), IsEmpty());
@@ -444,7 +444,7 @@ TEST(FrameSynchronizer, AscendingASetIsOpenAsLongAsAFrameOfItsTimeMayCome) {
   EXPECT_EQ(sync.counters().late_frames, 0u);
 }
 
-TEST(FrameSynchronizer, AscendingAPauseOfAllCamerasNeedsNoConfirmation) {
+TEST(FrameSynchronizer, AscendingPauseNeedsNoConfirmation) {
   Sync sync(2, 17ms, true);
   sync.push(0, 0);
   EXPECT_THAT(sync.push(1, 60'000), ElementsAre(Views{{0, 0}}));

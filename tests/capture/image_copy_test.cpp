@@ -12,7 +12,7 @@ namespace huetrack::capture {
 namespace {
 
 // As drivers give them: rows that are longer than what is in them, planes that begin where they like.
-TEST(ImageCopy, HasThePixelsAndNotTheBuffer) {
+TEST(ImageCopy, CopiesPixelsNotTheBuffer) {
   for (const PixelFormat format : {PixelFormat::yuyv, PixelFormat::nv12, PixelFormat::i420, PixelFormat::i422,
                                    PixelFormat::i444, PixelFormat::bgr, PixelFormat::grey}) {
     SCOPED_TRACE(name(format));

@@ -31,7 +31,7 @@ std::vector<std::uint8_t> jpeg_of(AVPixelFormat format, AVColorRange range = AVC
   return bytes;
 }
 
-TEST(JpegDecoder, GivesThePlanesAsTheyWereCoded) {
+TEST(JpegDecoder, DecodesThePlanesAsCoded) {
   JpegDecoder decoder;
   for (const auto& [coded, format] :
        {std::pair{AV_PIX_FMT_YUVJ420P, PixelFormat::i420}, std::pair{AV_PIX_FMT_YUVJ422P, PixelFormat::i422},
@@ -53,7 +53,7 @@ TEST(JpegDecoder, GivesThePlanesAsTheyWereCoded) {
   }
 }
 
-TEST(JpegDecoder, SizesThatAreNoWholeBlocks) {
+TEST(JpegDecoder, DecodesSizesOfPartialBlocks) {
   JpegDecoder decoder;
   const auto result = decoder.decode(jpeg_of(AV_PIX_FMT_YUVJ420P, AVCOL_RANGE_JPEG, 50, 34));
   ASSERT_TRUE(result.image) << result.problem;
@@ -64,7 +64,7 @@ TEST(JpegDecoder, SizesThatAreNoWholeBlocks) {
 }
 
 // Whoever sent it: nothing is made of it, and the next one is decoded.
-TEST(JpegDecoder, AnotherSizeThanWhatIsAskedForIsRefusedByTheHeader) {
+TEST(JpegDecoder, RefusesAnotherSizeByItsHeader) {
   JpegDecoder decoder;
   std::vector<std::uint8_t> jpeg = jpeg_of(AV_PIX_FMT_YUVJ420P);
   const auto refused = decoder.decode(jpeg, 64, 32);
@@ -77,7 +77,7 @@ TEST(JpegDecoder, AnotherSizeThanWhatIsAskedForIsRefusedByTheHeader) {
   EXPECT_THAT(decoder.decode(jpeg, 32, 48).problem, HasSubstr("its size is 64x48"));
 }
 
-TEST(JpegDecoder, LimitedRangeIsBelieved) {
+TEST(JpegDecoder, ReadsLimitedRange) {
   JpegDecoder decoder;
   const auto result = decoder.decode(jpeg_of(AV_PIX_FMT_YUV420P, AVCOL_RANGE_MPEG));
   ASSERT_TRUE(result.image) << result.problem;
@@ -108,7 +108,7 @@ std::vector<std::uint8_t> without_huffman_tables(std::vector<std::uint8_t> jpeg)
   return jpeg;
 }
 
-TEST(JpegDecoder, WithoutHuffmanTablesItTakesTheStandardOnes) {
+TEST(JpegDecoder, UsesStandardHuffmanTablesByDefault) {
   const auto jpeg = jpeg_of(AV_PIX_FMT_YUVJ422P, AVCOL_RANGE_JPEG, 64, 48, true);
   JpegDecoder decoder;
   const auto whole = decoder.decode(jpeg);
@@ -119,8 +119,8 @@ TEST(JpegDecoder, WithoutHuffmanTablesItTakesTheStandardOnes) {
   EXPECT_EQ(hash_of(*without.image), hash_of(*whole.image));
 }
 
-// A picture whose tables were damaged on the way spoils itself, and none of those that follow.
-TEST(JpegDecoder, APicturesTablesAreNotTheNextOnes) {
+// A picture with damaged tables must not affect later ones.
+TEST(JpegDecoder, TablesDoNotLeakIntoTheNextPicture) {
   const auto without = without_huffman_tables(jpeg_of(AV_PIX_FMT_YUVJ422P, AVCOL_RANGE_JPEG, 64, 48, true));
   JpegDecoder fresh;
   const auto alone = fresh.decode(without);
@@ -132,7 +132,7 @@ TEST(JpegDecoder, APicturesTablesAreNotTheNextOnes) {
   EXPECT_EQ(hash_of(*after.image), hash_of(*alone.image));
 }
 
-TEST(JpegDecoder, AFewBytesOfPaddingAreNoDamage) {
+TEST(JpegDecoder, AcceptsAFewBytesOfPadding) {
   auto jpeg = jpeg_of(AV_PIX_FMT_YUVJ422P);
   JpegDecoder decoder;
   const auto clean = decoder.decode(jpeg);
@@ -150,7 +150,7 @@ TEST(JpegDecoder, AFewBytesOfPaddingAreNoDamage) {
   EXPECT_TRUE(decoder.decode(trailing).image);
 }
 
-TEST(JpegDecoder, CutOffAnywhereItIsDamagedAndTheNextOneIsNot) {
+TEST(JpegDecoder, TruncationIsDamageOfThatPictureOnly) {
   const auto jpeg = jpeg_of(AV_PIX_FMT_YUVJ420P);
   JpegDecoder decoder;
   const auto whole = decoder.decode(jpeg);

@@ -55,7 +55,7 @@ Yuv decoded(const std::vector<std::uint8_t>& jpeg, int u, int v, int width) {
   return yuv_at(*result.image, u, v);
 }
 
-TEST(JpegEncoder, ShowsEveryFormatInItsColours) {
+TEST(JpegEncoder, EncodesEveryFormatInItsColours) {
   for (const auto format :
        {PixelFormat::yuyv, PixelFormat::nv12, PixelFormat::i420, PixelFormat::i422, PixelFormat::i444}) {
     SCOPED_TRACE(name(format));

@@ -89,7 +89,7 @@ struct Case {
 };
 class FlickerAt : public testing::TestWithParam<Case> {};
 
-TEST_P(FlickerAt, IsFoundWithItsRateAndItsBands) {
+TEST_P(FlickerAt, IsDetectedWithRateAndBands) {
   const auto [fps, hz, readout_s, modulation] = GetParam();
   const auto found =
       found_in({.fps = fps, .seconds = 6, .flicker_hz = hz, .modulation = modulation, .readout_s = readout_s});
@@ -111,7 +111,7 @@ std::pair<double, double> walking(double t) {
   return {from, from + 0.1};
 }
 
-TEST(LightWatch, FindsFlickerAndExposureTogetherAndBehindWhatMoves) {
+TEST(LightWatch, DetectsFlickerAndExposureBehindMotion) {
   const auto together = found_in({.modulation = 0.03, .gain = swinging});
   EXPECT_TRUE(together.flicker);
   EXPECT_TRUE(together.exposure_change);
@@ -120,7 +120,7 @@ TEST(LightWatch, FindsFlickerAndExposureTogetherAndBehindWhatMoves) {
   EXPECT_TRUE(found_in({.gain = swinging, .cover = walking}).exposure_change);
 }
 
-TEST(LightWatch, FindsNothingWhereLightIsStill) {
+TEST(LightWatch, DetectsNothingInStillLight) {
   EXPECT_EQ(found_in({}), LightFindings{});
   EXPECT_EQ(found_in({.cover =
                           [](double t) {
@@ -131,18 +131,18 @@ TEST(LightWatch, FindsNothingWhereLightIsStill) {
 }
 
 // They would be taken for a pattern on the wall, and they move nothing.
-TEST(LightWatch, BandsThatStandStillAreNotFound) {
+TEST(LightWatch, StandingBandsAreNotDetected) {
   EXPECT_EQ(found_in({.fps = 25, .modulation = 0.03}), LightFindings{});
 }
 
-TEST(LightWatch, ACameraThatMovesSaysNothing) {
+TEST(LightWatch, MovingCameraGivesNoFinding) {
   LightWatch watch;
   Filming({.modulation = 0.03, .gain = swinging, .pan_px = [](double t) { return int(60 * t); }}).show(watch);
   EXPECT_EQ(watch.windows(), 0u);
   EXPECT_EQ(watch.findings(), LightFindings{});
 }
 
-TEST(LightWatch, ExposureThatSwingsIsFoundAndASwitchIsNone) {
+TEST(LightWatch, DetectsSwingingExposureButNotALightSwitch) {
   const auto found = found_in({.gain = swinging});
   ASSERT_TRUE(found.exposure_change);
   EXPECT_NEAR(*found.exposure_change, 0.14, 0.04);
@@ -151,14 +151,14 @@ TEST(LightWatch, ExposureThatSwingsIsFoundAndASwitchIsNone) {
   EXPECT_EQ(found_in({.gain = [](double t) { return t < 2.5 ? 1.0 : 0.8; }}), LightFindings{});
 }
 
-TEST(LightWatch, WhiteBalanceThatMovesIsFound) {
+TEST(LightWatch, DetectsChangingWhiteBalance) {
   const auto found = found_in({.red = [](double t) { return 1 + 0.02 * t; }});
   ASSERT_TRUE(found.balance_change);
   EXPECT_NEAR(*found.balance_change, 0.08, 0.03);
   EXPECT_FALSE(found.exposure_change);
 }
 
-TEST(LightWatch, SaysWhatIsNewAndForgetsWhatIsNotSeenForLong) {
+TEST(LightWatch, ReportsNewFindingsAndForgetsOldOnes) {
   LightWatch watch;
   Filming room({.seconds = 45, .gain = [](double t) { return t < 9 ? swinging(t) : swinging(9); }});
   EXPECT_EQ(room.show(watch), 2);  // it comes, and goes
@@ -189,7 +189,7 @@ class SharedLight : public testing::TestWithParam<const char*> {
 };
 
 class SharedWebcams : public SharedLight {};
-TEST_P(SharedWebcams, FlickerAndTheirExposureIsAutomatic) {
+TEST_P(SharedWebcams, HaveFlickerAndAutomaticExposure) {
   if (!is_there()) GTEST_SKIP();
   for (const LightFindings& camera : found()) {
     ASSERT_TRUE(camera.flicker);
@@ -201,7 +201,7 @@ TEST_P(SharedWebcams, FlickerAndTheirExposureIsAutomatic) {
 INSTANTIATE_TEST_SUITE_P(LightWatch, SharedWebcams, testing::Values("webcams"));
 
 class SharedStillLight : public SharedLight {};
-TEST_P(SharedStillLight, GivesNoAlarm) {
+TEST_P(SharedStillLight, HasNoFinding) {
   if (!is_there()) GTEST_SKIP();
   for (const LightFindings& camera : found()) EXPECT_EQ(camera, LightFindings{});
 }

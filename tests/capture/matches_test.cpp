@@ -85,18 +85,18 @@ std::vector<std::uint8_t> jpeg_of(Extent size) {
   return encode_picture(image, {.width = size.width, .height = size.height}, 90);
 }
 
-TEST(Matches, ComeBackToTheLastBit) {
+TEST(Matches, RoundTripBitForBit) {
   for (const Extent size : extents)
     for (const int per_mille : {0, 5, 100, 500, 1000})
       for (std::uint64_t seed = 1; seed <= 5; ++seed) {
         const std::vector<Matches::OfColor> colors{strewn(size, per_mille, seed), strewn(size, 30, seed + 100, red)};
         const auto back = decoded(coded(size, colors));
         ASSERT_TRUE(back) << size.width << "x" << size.height;
-        EXPECT_EQ(back->looked_at.format, PixelFormat::i422);
-        EXPECT_EQ(back->looked_at.range, ColorRange::full);
-        EXPECT_EQ(back->looked_at.width, size.width);
-        EXPECT_EQ(back->looked_at.height, size.height);
-        EXPECT_FALSE(has_pixels(back->looked_at));
+        EXPECT_EQ(back->source.format, PixelFormat::i422);
+        EXPECT_EQ(back->source.range, ColorRange::full);
+        EXPECT_EQ(back->source.width, size.width);
+        EXPECT_EQ(back->source.height, size.height);
+        EXPECT_FALSE(has_pixels(back->source));
         ASSERT_EQ(back->matches->colors.size(), 2U);
         EXPECT_EQ(back->matches->of(lime)->tiles, colors[0].tiles);
         EXPECT_EQ(back->matches->of(red)->tiles, colors[1].tiles);
@@ -104,7 +104,7 @@ TEST(Matches, ComeBackToTheLastBit) {
       }
 }
 
-TEST(Matches, OfABallAreSomeHundredBytesAndOfNoiseNoMoreThanABitPerPixel) {
+TEST(Matches, TakeHundredsOfBytesForABallAndAtMostABitPerPixel) {
   const Extent vga{640, 480};
   const std::size_t ball = coded(vga, {disc(vga, 20)}).size();
   EXPECT_LT(ball, 200U);
@@ -112,7 +112,7 @@ TEST(Matches, OfABallAreSomeHundredBytesAndOfNoiseNoMoreThanABitPerPixel) {
   EXPECT_LE(coded(vga, {strewn(vga, 500, 1)}).size(), 640 * 480 / 8 + 100U);
 }
 
-TEST(Matches, BringALatestPictureAlong) {
+TEST(Matches, CarryTheLatestPicture) {
   const Extent size{64, 48};
   JpegDecoder decoder;
   Image latest;
@@ -139,7 +139,7 @@ TEST(Matches, BringALatestPictureAlong) {
 }
 
 // Whatever the format, a patch has the bytes that lie there in the image.
-TEST(Matches, PatchesAreThePixelsThatWereLookedAt) {
+TEST(Matches, PatchesHaveTheSourcePixels) {
   const Extent size{70, 46};
   for (const auto format : {PixelFormat::yuyv, PixelFormat::nv12, PixelFormat::i420, PixelFormat::i422,
                             PixelFormat::i444, PixelFormat::bgr, PixelFormat::grey}) {
@@ -187,7 +187,7 @@ TEST(Matches, PatchesAreThePixelsThatWereLookedAt) {
   }
 }
 
-TEST(Matches, ThatAreCutOffOrLongerMakeNoSense) {
+TEST(Matches, RejectsTruncatedOrExtendedBytes) {
   const Extent size{70, 46};
   for (const auto& bytes : {coded(size, {strewn(size, 30, 1), disc(size, 9)}), coded(size, {strewn(size, 500, 2)}),
                             coded(Extent{64, 48}, {disc({64, 48}, 9)}, jpeg_of({64, 48}))}) {
@@ -203,7 +203,7 @@ TEST(Matches, ThatAreCutOffOrLongerMakeNoSense) {
 }
 
 // Whatever comes of it, its bits lie within the image.
-TEST(Matches, ThatAnybodyHasChangedDoNoHarm) {
+TEST(Matches, SurviveRandomMutations) {
   const Extent size{70, 46};
   std::mt19937_64 rng(1);
   for (const auto& bytes : {coded(size, {strewn(size, 30, 1), disc(size, 9)}), coded(size, {strewn(size, 500, 2)})}) {
@@ -216,8 +216,8 @@ TEST(Matches, ThatAnybodyHasChangedDoNoHarm) {
         if (!back) continue;
         ++taken;
         for (const auto& of : back->matches->colors)
-          ASSERT_EQ(of.tiles.size(), tiles_of(back->looked_at.width, back->looked_at.height));
-        if (back->looked_at.width != size.width || back->looked_at.height != size.height) continue;
+          ASSERT_EQ(of.tiles.size(), tiles_of(back->source.width, back->source.height));
+        if (back->source.width != size.width || back->source.height != size.height) continue;
         for (const auto& of : back->matches->colors) {
           std::uint64_t beyond = 0;
           for (std::size_t t = tiles_across(size.width) - 1; t < of.tiles.size(); t += tiles_across(size.width))
@@ -229,7 +229,7 @@ TEST(Matches, ThatAnybodyHasChangedDoNoHarm) {
   }
 }
 
-TEST(Matches, HostileNumbersTakeNoMemoryAndNoTime) {
+TEST(Matches, HostileNumbersCostNoMemoryOrTime) {
   const auto head = [](int width, int height, int colors) {
     std::vector<std::uint8_t> out{1, 0, 0};
     for (const int n : {width, height}) out.push_back(static_cast<std::uint8_t>(n)), out.push_back(n >> 8);
@@ -267,7 +267,7 @@ Frame frame_of(Extent size, int number, bool has_picture) {
       coded(size, {strewn(size, 20, static_cast<std::uint64_t>(number))},
             has_picture ? jpeg_of(size) : std::vector<std::uint8_t>()));
   const auto back = decoded(*bytes);
-  frame.pixels = back->looked_at;
+  frame.pixels = back->source;
   frame.matches = back->matches;
   frame.encoded = bytes;
   return frame;
@@ -287,7 +287,7 @@ std::vector<Frame> replayed(const std::filesystem::path& folder, std::vector<std
   return frames;
 }
 
-TEST(Matches, AreRecordedAndReplayedAsTheyCame) {
+TEST(Matches, ReplayAsRecorded) {
   const TemporaryFolder folder;
   const Extent size{70, 46};
   std::vector<Frame> given;
@@ -321,7 +321,7 @@ TEST(Matches, AreRecordedAndReplayedAsTheyCame) {
   }
 }
 
-TEST(Matches, OfARecordingThatIsCutOffReplayUpToThere) {
+TEST(Matches, TruncatedRecordingReplaysUpToThere) {
   const TemporaryFolder folder;
   const Extent size{70, 46};
   {
@@ -336,7 +336,7 @@ TEST(Matches, OfARecordingThatIsCutOffReplayUpToThere) {
   EXPECT_THAT(warnings.front(), HasSubstr("left.matches: is cut off or damaged: 9 frames"));
 }
 
-TEST(Matches, AndPicturesAreNotRecordedInOneFile) {
+TEST(Matches, AreNotRecordedTogetherWithPictures) {
   const TemporaryFolder folder;
   recordings::RecordingWriter writer(of_left(folder.path() / "r", false));
   EXPECT_TRUE(writer.write(frame_of({70, 46}, 1, false)));

@@ -26,7 +26,7 @@ NetworkSourceOptions network_options(const MjpegServer& camera) {
           .patience = 2s};
 }
 
-TEST(NetworkAddress, IsToldFromADevice) {
+TEST(NetworkAddress, IsDistinguishedFromADevice) {
   EXPECT_TRUE(is_network_address("rtsp://camera/stream"));
   EXPECT_FALSE(is_network_address("/dev/video0"));
   EXPECT_FALSE(is_network_address(""));
@@ -36,7 +36,7 @@ TEST(NetworkAddress, IsToldFromADevice) {
   EXPECT_THROW(NetworkSource({.address = "/dev/video0", .width = 4, .height = 4}), std::invalid_argument);
 }
 
-TEST(NetworkSource, DeliversPicturesStampedAsTheyArrive) {
+TEST(NetworkSource, StampsPicturesOnArrival) {
   MjpegServer camera({.pictures = 1000});
   NetworkSourceOptions options = network_options(camera);
   options.timing.latency = 100ms;
@@ -68,18 +68,18 @@ TEST(NetworkSource, DeliversPicturesStampedAsTheyArrive) {
   const CameraHealth health = source.health();
   EXPECT_EQ(health.state, CaptureState::delivering);
   EXPECT_EQ(health.frames, 30u);
-  EXPECT_THAT(health.message, HasSubstr("when pictures arrived"));
+  EXPECT_THAT(health.message, HasSubstr("arrival times"));
   EXPECT_EQ(health.warning, "");  // its latency is known
 }
 
-TEST(NetworkSource, WarnsWhileNobodyKnowsHowLateItIs) {
+TEST(NetworkSource, WarnsWhileLatencyIsUnknown) {
   MjpegServer camera({});
   NetworkSource source(network_options(camera));
   ASSERT_TRUE(source.next({}));
   EXPECT_THAT(source.health().warning, HasSubstr("latency_offset_s"));
 }
 
-TEST(NetworkSource, ComesBackWhenTheStreamEnds) {
+TEST(NetworkSource, ReconnectsWhenTheStreamEnds) {
   MjpegServer camera({.pictures = 5});
   NetworkSource source(network_options(camera));
   for (std::uint32_t k = 0; k < 12; ++k) {
@@ -93,7 +93,7 @@ TEST(NetworkSource, ComesBackWhenTheStreamEnds) {
   for (const auto& event : events) EXPECT_THAT(event.message, Not(HasSubstr("secret")));  // a password
 }
 
-TEST(NetworkSource, AnotherSizeThanTheRigsIsRefused) {
+TEST(NetworkSource, RefusesAnotherSizeThanTheRigs) {
   MjpegServer camera({.width = 32, .height = 48});
   NetworkSource source(network_options(camera));
   std::stop_source stop;
@@ -104,13 +104,13 @@ TEST(NetworkSource, AnotherSizeThanTheRigsIsRefused) {
 }
 
 // A camera that holds the connection and sends nothing, and one that is not there.
-TEST(NetworkSource, IsStoppedWhileNothingComes) {
+TEST(NetworkSource, StopsWhileWaiting) {
   MjpegServer camera({.pictures = 3, .is_silent_then = true});
   NetworkSourceOptions options = network_options(camera);
   options.patience = 60s;
-  NetworkSourceOptions nobody = options;
-  nobody.address = "http://127.0.0.1:1/";
-  for (const auto& o : {options, nobody}) {
+  NetworkSourceOptions unreachable = options;
+  unreachable.address = "http://127.0.0.1:1/";
+  for (const auto& o : {options, unreachable}) {
     NetworkSource source(o);
     std::stop_source stop;
     std::jthread reading([&] {
@@ -126,7 +126,7 @@ TEST(NetworkSource, IsStoppedWhileNothingComes) {
   }
 }
 
-TEST(NetworkSource, SilenceIsALostCamera) {
+TEST(NetworkSource, SilenceLosesTheCamera) {
   MjpegServer camera({.pictures = 3, .is_silent_then = true});
   NetworkSourceOptions options = network_options(camera);
   options.patience = 300ms;
@@ -154,7 +154,7 @@ void take_until_lost(NetworkSource& source) {
 }
 
 // A header may say two gigabytes, or nothing: neither is taken into memory.
-TEST(NetworkSource, APictureWithoutEndIsALostCamera) {
+TEST(NetworkSource, EndlessPictureLosesTheCamera) {
   for (const std::string length : {"Content-Length: 2147483000\r\n", ""}) {
     MjpegServer camera(
         {.pictures = 3, .endless_then = "--frame\r\nContent-Type: image/jpeg\r\n" + length + "\r\n\xff\xd8"});
@@ -170,7 +170,7 @@ TEST(NetworkSource, APictureWithoutEndIsALostCamera) {
   }
 }
 
-TEST(NetworkSource, AnAnswerOfGigabytesIsRefused) {
+TEST(NetworkSource, RefusesAnAnswerOfGigabytes) {
   MjpegServer camera({.endless_then = "RTSP/1.0 200 OK\r\nCSeq: 2\r\nContent-Type: application/sdp\r\n"
                                       "Content-Length: 2147483000\r\n\r\n",
                       .is_rtsp = true});

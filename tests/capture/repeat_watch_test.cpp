@@ -43,7 +43,7 @@ class Room {
 
 class RepeatWatchOf : public testing::TestWithParam<PixelFormat> {};
 
-TEST_P(RepeatWatchOf, ALiveCamerasPictureThatComesAgainIsToldForAsLongAsItDoes) {
+TEST_P(RepeatWatchOf, ReportsARepeatedLivePictureAsLongAsItLasts) {
   Room room(0.7, GetParam());
   RepeatWatch watch;
   Image last;
@@ -57,7 +57,7 @@ TEST_P(RepeatWatchOf, ALiveCamerasPictureThatComesAgainIsToldForAsLongAsItDoes) 
 INSTANTIATE_TEST_SUITE_P(RepeatWatch, RepeatWatchOf,
                          testing::Values(PixelFormat::yuyv, PixelFormat::nv12, PixelFormat::bgr, PixelFormat::grey));
 
-TEST(RepeatWatch, EveryPictureTwiceIsHalfOfThem) {
+TEST(RepeatWatch, ReportsHalfWhenEveryPictureComesTwice) {
   Room room(0.7);
   RepeatWatch watch;
   int repeated = 0;
@@ -69,7 +69,7 @@ TEST(RepeatWatch, EveryPictureTwiceIsHalfOfThem) {
   EXPECT_GE(repeated, 97);  // of the first three pictures nothing is known
 }
 
-TEST(RepeatWatch, WithoutNoiseWhatRestsIsNoRepetition) {
+TEST(RepeatWatch, StillPicturesWithoutNoiseAreNoRepetition) {
   Room room(0);
   RepeatWatch watch;
   for (int i = 0; i < 300; ++i) ASSERT_FALSE(watch.is_repeated(room.picture(i % 160))) << i;
@@ -77,7 +77,7 @@ TEST(RepeatWatch, WithoutNoiseWhatRestsIsNoRepetition) {
 }
 
 // As a video is that codes only what changes: whole pictures come anew now and then, and what moves in between.
-TEST(RepeatWatch, KeyFramesOfAVideoAreNoNoise) {
+TEST(RepeatWatch, KeyFramesAreNoNoise) {
   Room drawn(0), coded(1);
   RepeatWatch watch;
   for (int i = 0; i < 300; ++i) ASSERT_FALSE(watch.is_repeated((i % 12 == 0 ? coded : drawn).picture(i % 160))) << i;
@@ -85,7 +85,7 @@ TEST(RepeatWatch, KeyFramesOfAVideoAreNoNoise) {
 }
 
 // Nothing moves, so that only key frames differ, and each of them everywhere.
-TEST(RepeatWatch, AVideoOfAStillRoomIsNotRepeated) {
+TEST(RepeatWatch, VideoOfAStillRoomIsNotRepeated) {
   Room room(1);
   RepeatWatch watch;
   Image key;
@@ -93,7 +93,7 @@ TEST(RepeatWatch, AVideoOfAStillRoomIsNotRepeated) {
 }
 
 // Its coder spends the first pictures on getting the room right, and then nothing moves.
-TEST(RepeatWatch, AVideoThatHasSettledDoesNotHang) {
+TEST(RepeatWatch, SettledVideoIsNotRepeated) {
   Room room(1);
   RepeatWatch watch;
   Image last;
@@ -104,7 +104,7 @@ TEST(RepeatWatch, AVideoThatHasSettledDoesNotHang) {
 }
 
 // Its coder leaves out the noise of a night after the day's: that is learnt.
-TEST(RepeatWatch, WhatACameraIsLikeMayChange) {
+TEST(RepeatWatch, CameraMayChangeItsKind) {
   Room room(1);
   RepeatWatch watch;
   Image key;
@@ -113,7 +113,7 @@ TEST(RepeatWatch, WhatACameraIsLikeMayChange) {
   for (int i = 0; i < 60 * 12; ++i) ASSERT_FALSE(watch.is_repeated(i % 12 == 0 ? key = room.picture(40) : key)) << i;
 }
 
-TEST(RepeatWatch, ACoveredOrDarkCameraDoesNotHang) {
+TEST(RepeatWatch, CoveredCameraIsNotRepeated) {
   RepeatWatch watch;
   Room room(1);
   const Image dark = make_image(PixelFormat::yuyv, ColorRange::limited, width, height).image;
@@ -122,23 +122,23 @@ TEST(RepeatWatch, ACoveredOrDarkCameraDoesNotHang) {
   for (int i = 0; i < 300; ++i) ASSERT_FALSE(watch.is_repeated(dark)) << i;
 }
 
-// Every repetition that is told is one of the whole picture, to its last byte.
+// Every reported repetition is byte-equal to the previous picture.
 class SharedRecording : public testing::TestWithParam<const char*> {};
 
-TEST_P(SharedRecording, HasNoRepetitionThatIsNone) {
+TEST_P(SharedRecording, HasNoFalseRepetition) {
   const auto folder = std::filesystem::path(HUETRACK_SHARED_DATA) / "rendered" / GetParam();
   if (!std::filesystem::exists(folder)) GTEST_SKIP() << folder << " is not there";
   const recordings::Recording recording = recordings::read_recording(folder);
   recordings::ReplaySource source(recording, recordings::names_in(recording), {.decoder_threads = 2});
   std::vector<RepeatWatch> watches(recording.cameras.size());
   std::vector<Image> last(recording.cameras.size());
-  int told = 0, frames = 0;
+  int repeated = 0, frames = 0;
   while (const auto frame = source.next({})) {
     if (!has_pixels(frame->pixels)) continue;
     const auto c = std::size_t(frame->camera);
     ++frames;
     if (watches[c].is_repeated(frame->pixels)) {
-      ++told;
+      ++repeated;
       for (int v = 0; v < frame->pixels.height; ++v) {
         const auto row = [&](const Image& image) {
           const auto* at = image.planes[0].data + v * image.planes[0].stride;
@@ -149,7 +149,7 @@ TEST_P(SharedRecording, HasNoRepetitionThatIsNone) {
     }
     last[c] = frame->pixels;
   }
-  EXPECT_LT(told, frames / 10);
+  EXPECT_LT(repeated, frames / 10);
 }
 
 INSTANTIATE_TEST_SUITE_P(RepeatWatch, SharedRecording, testing::Values("webcams", "occlusion"));

@@ -18,7 +18,7 @@ Samples random_samples(std::size_t count, unsigned from, unsigned to, unsigned s
   return out;
 }
 
-TEST(SampleCode, GivesEverySampleBackAndLeavesWhatFollows) {
+TEST(SampleCode, RoundTripsAndLeavesTheRest) {
   struct Case {
     std::size_t count, per_row;
     unsigned from, to;
@@ -40,7 +40,7 @@ TEST(SampleCode, GivesEverySampleBackAndLeavesWhatFollows) {
   }
 }
 
-TEST(SampleCode, HasFewerBytesForSmoothPictures) {
+TEST(SampleCode, CompressesSmoothPictures) {
   // A slope with noise of a few grey values, as cameras have.
   const Samples noise = random_samples(std::size_t{40} * 40, 0, 5, 1);
   Samples given(noise.size());
@@ -54,7 +54,7 @@ TEST(SampleCode, HasFewerBytesForSmoothPictures) {
   EXPECT_EQ(coded.size(), flat.size() / most_samples_per_byte);
 }
 
-TEST(SampleCode, RefusesWhatIsTooShortOrMakesNoSense) {
+TEST(SampleCode, RefusesTooShortOrInvalidBytes) {
   const Samples given = random_samples(100, 0, 255, 3);
   Samples coded;
   put_samples(given, 10, coded);

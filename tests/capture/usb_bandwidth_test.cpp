@@ -49,7 +49,7 @@ TEST(UsbStreamSettings, OfHighSpeedCountTransactionsAndMicroframes) {
   EXPECT_NEAR(settings[1].mbps(), 196.608, 1e-9);
 }
 
-TEST(UsbStreamSettings, AreThoseOfTheInterfacesThatTheControlInterfaceNames) {
+TEST(UsbStreamSettings, AreThoseOfTheControlInterfacesList) {
   const auto settings = usb_stream_settings(webcam(), 1, 2, 480);
   ASSERT_EQ(settings.size(), 1u);
   EXPECT_EQ(settings[0].interface, 3);
@@ -65,7 +65,7 @@ TEST(UsbStreamSettings, OfFullSpeedCountFrames) {
   EXPECT_EQ(settings[1].bytes, 1024);
 }
 
-TEST(UsbStreamSettings, OfSuperSpeedAreInTheCompanion) {
+TEST(UsbStreamSettings, OfSuperSpeedComeFromTheCompanion) {
   const Bytes companion{6, 0x30, 15, 1, 0, 0x78};  // wBytesPerInterval 30720
   const auto settings =
       usb_stream_settings(joined({device(), configuration(1), interface(0, 0, control), control_header(1),

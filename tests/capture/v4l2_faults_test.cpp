@@ -1,4 +1,4 @@
-// V4l2Source on a driver that misbehaves when told to: this program's own ioctl() plays one on a plain file.
+// V4l2Source on a misbehaving driver, played by this program's own ioctl() on a plain file.
 #include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -213,7 +213,7 @@ class V4l2Faults : public testing::Test {
     EXPECT_TRUE(is_so()) << source.health().message;
     stop.request_stop();
   }
-  int told(const std::string& text) const {
+  int count_of(const std::string& text) const {
     return int(std::ranges::count_if(messages, [&](const auto& m) { return m.find(text) != std::string::npos; }));
   }
 
@@ -222,7 +222,7 @@ class V4l2Faults : public testing::Test {
   std::vector<std::string> messages;
 };
 
-TEST_F(V4l2Faults, AHealthyOneDelivers) {
+TEST_F(V4l2Faults, HealthyCameraDelivers) {
   V4l2Source source(options);
   read_until(source, [&] { return source.health().frames > 20; });
   EXPECT_EQ(source.health().state, CaptureState::delivering);
@@ -231,7 +231,7 @@ TEST_F(V4l2Faults, AHealthyOneDelivers) {
 
 // Of a camera host: what travels on is the camera's own bytes, and nothing of them is looked at but that they begin as
 // a JPEG does.
-TEST_F(V4l2Faults, JpegsThatTravelOnAreNotDecoded) {
+TEST_F(V4l2Faults, ForwardedJpegsAreNotDecoded) {
   options.format = CaptureFormat::mjpeg;
   options.fps = 30;
   options.decodes = false;
@@ -258,7 +258,7 @@ TEST_F(V4l2Faults, JpegsThatTravelOnAreNotDecoded) {
   ADD_FAILURE() << "no frame that begins as a JPEG";
 }
 
-TEST_F(V4l2Faults, ALockedUpCameraHoldsNobodyUp) {
+TEST_F(V4l2Faults, LockedUpCameraBlocksNothing) {
   options.controls = {{"brightness", 100}, {"contrast", 100}, {"hue", 100}};
   options.restore_controls = true;
   options.first_patience = 50ms;
@@ -273,7 +273,7 @@ TEST_F(V4l2Faults, ALockedUpCameraHoldsNobodyUp) {
   tell([](Driver& d) { d.is_locked_up = false, d.is_dead = true; });
 }
 
-TEST_F(V4l2Faults, ACameraThatDoesNotAnswerIsAskedNoFurther) {
+TEST_F(V4l2Faults, UnresponsiveCameraIsNotAskedAgain) {
   tell([](Driver& d) { d.is_dead = true; });
   V4l2Device device(options.device);
   const std::vector<ControlSetting> settings{{"brightness", 100}, {"contrast", 100}, {"hue", 100}};
@@ -293,7 +293,7 @@ TEST_F(V4l2Faults, ACameraThatDoesNotAnswerIsAskedNoFurther) {
   EXPECT_EQ(value(V4L2_CID_HUE), 100) << "and it is taken back by itself";
 }
 
-TEST_F(V4l2Faults, ABusyCamerasControlsAreLeftAlone) {
+TEST_F(V4l2Faults, ControlsOfABusyCameraAreUnchanged) {
   options.controls = {{"brightness", 200}};
   options.restore_controls = true;
   tell([](Driver& d) { d.is_busy = true; });
@@ -316,7 +316,7 @@ TEST_F(V4l2Faults, ABusyCamerasControlsAreLeftAlone) {
   EXPECT_EQ(value(V4L2_CID_BRIGHTNESS), 10) << "restored at the end";
 }
 
-TEST_F(V4l2Faults, OnlyDamagedFramesAreNoDelivery) {
+TEST_F(V4l2Faults, DamagedFramesAloneAreNoDelivery) {
   V4l2Source source(options);
   read_until(source, [&] { return source.health().frames > 3; });
   tell([](Driver& d) { d.is_damaging = true; });
@@ -325,29 +325,29 @@ TEST_F(V4l2Faults, OnlyDamagedFramesAreNoDelivery) {
   EXPECT_EQ(health.state, CaptureState::stalled);
   EXPECT_THAT(health.message, HasSubstr("only damaged frames for "));
   EXPECT_THAT(health.warning, HasSubstr("% of its frames are damaged"));
-  EXPECT_EQ(told("only damaged frames"), 1);
+  EXPECT_EQ(count_of("only damaged frames"), 1);
   tell([](Driver& d) { d.is_damaging = false; });
   read_until(source,
              [&] { return source.health().state == CaptureState::delivering && source.health().warning.empty(); });
   for (auto& event : source.take_events()) messages.push_back(std::move(event.message));
-  EXPECT_EQ(told("delivers again"), 1);
+  EXPECT_EQ(count_of("delivers again"), 1);
 }
 
-TEST_F(V4l2Faults, ASilentDriverIsToldOnceHoweverOftenItIsOpenedAnew) {
+TEST_F(V4l2Faults, SilentDriverIsReportedOnceThroughReopening) {
   V4l2Source source(options);
   read_until(source, [&] { return source.health().frames > 3; });
   tell([](Driver& d) { d.dequeue_error = EIO; });
   read_until(source, [&] { return source.health().restarts > 12; });
   EXPECT_EQ(source.health().state, CaptureState::stalled);
-  EXPECT_EQ(told("its stream is restarted"), 1) << testing::PrintToString(messages);
+  EXPECT_EQ(count_of("its stream is restarted"), 1) << testing::PrintToString(messages);
   tell([](Driver& d) { d.dequeue_error = 0; });
   read_until(source, [&] { return source.health().state == CaptureState::delivering; });
   tell([](Driver& d) { d.dequeue_error = EIO; });
   read_until(source, [&] { return source.health().restarts > 16; });
-  EXPECT_EQ(told("its stream is restarted"), 2) << "it had delivered in between";
+  EXPECT_EQ(count_of("its stream is restarted"), 2) << "it had delivered in between";
 }
 
-TEST_F(V4l2Faults, TheFormatIsTheOneThatReachesTheRate) {
+TEST_F(V4l2Faults, ChoosesTheFormatThatReachesTheRate) {
   options.format.reset();
   const auto agreed = [&](double fps) {
     options.fps = fps;
@@ -360,7 +360,7 @@ TEST_F(V4l2Faults, TheFormatIsTheOneThatReachesTheRate) {
   EXPECT_EQ(agreed(0), CaptureFormat::mjpeg);
 }
 
-TEST(PreferredRate, TheFirstThatReachesItElseTheFastest) {
+TEST(PreferredRate, FirstThatReachesItElseTheFastest) {
   const auto of = [](const std::vector<double>& rates, double asked) { return preferred_rate(rates, asked); };
   EXPECT_EQ(of({}, 30), std::nullopt);
   EXPECT_EQ(of({30, 30}, 30), 0u);
@@ -374,7 +374,7 @@ TEST(PreferredRate, TheFirstThatReachesItElseTheFastest) {
   EXPECT_EQ(of({5, 0, 30}, 0), 2u);
 }
 
-TEST(V4l2SourceOptions, ARateThatNoCameraHasIsRefused) {
+TEST(V4l2SourceOptions, RefusesAnImpossibleRate) {
   V4l2SourceOptions options;
   options.device = "/dev/video0";
   options.width = options.height = 16;
@@ -382,7 +382,7 @@ TEST(V4l2SourceOptions, ARateThatNoCameraHasIsRefused) {
   EXPECT_THAT(options.problems(), testing::ElementsAre(HasSubstr("must be 0 to 10000")));
 }
 
-TEST(DamageWatch, IsHighFromTenPercentAndUntilFive) {
+TEST(DamageWatch, HasHysteresisFromTenToFivePercent) {
   DamageWatch watch;
   for (int i = 0; i < 1000; ++i) watch.add(i % 50 == 0);
   EXPECT_FALSE(watch.is_high());

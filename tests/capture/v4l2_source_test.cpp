@@ -28,7 +28,7 @@ V4l2SourceOptions options() {
   return options;
 }
 
-TEST(V4l2Names, FormatsBothWays) {
+TEST(V4l2Names, FormatNamesRoundTrip) {
   for (const auto format : {CaptureFormat::yuyv, CaptureFormat::nv12, CaptureFormat::mjpeg, CaptureFormat::grey})
     EXPECT_EQ(capture_format_of(name(format)), format);
   EXPECT_EQ(capture_format_of("YUYV"), std::nullopt);
@@ -36,14 +36,14 @@ TEST(V4l2Names, FormatsBothWays) {
   EXPECT_EQ(fourcc_text(0x20203859), "Y8");
 }
 
-TEST(V4l2Names, ErrorsSayWhatHelps) {
+TEST(V4l2Names, ErrorsHaveAdvice) {
   EXPECT_THAT(advice_for(ENOSPC), HasSubstr("USB bandwidth, not the disk"));
   EXPECT_THAT(advice_for(EACCES), HasSubstr("group video"));
   EXPECT_THAT(advice_for(EBUSY), HasSubstr("another program"));
   EXPECT_EQ(advice_for(EDOM), "");
 }
 
-TEST(V4l2Identity, OneModelIsToldApartByItsSerialNumber) {
+TEST(V4l2Identity, SerialNumberDistinguishesOneModel) {
   V4l2Identity a{.node = "/dev/video0",
                  .driver = "uvcvideo",
                  .card = "C270",
@@ -63,7 +63,7 @@ TEST(V4l2Identity, OneModelIsToldApartByItsSerialNumber) {
   EXPECT_FALSE(a.is_same_camera(b));
 }
 
-TEST(V4l2Device, WhatIsNoCameraIsRefusedReadably) {
+TEST(V4l2Device, RefusesWhatIsNoCamera) {
   const auto error_of = [](const std::filesystem::path& path) -> std::string {
     try {
       const V4l2Device device(path);
@@ -90,14 +90,14 @@ TEST(V4l2SourceOptions, Problems) {
   EXPECT_THROW(V4l2Source{bad}, std::invalid_argument);
 }
 
-TEST(V4l2SourceOptions, AnIndexIsNotStable) {
+TEST(V4l2SourceOptions, WarnsOfAnUnstableIndex) {
   EXPECT_THAT(options().warnings(), IsEmpty());
   auto index = options();
   index.device = "/dev/video2";
   EXPECT_THAT(index.warnings(), ElementsAre(HasSubstr("/dev/video2 is not stable")));
 }
 
-TEST(V4l2Source, AnAbsentCameraIsWaitedForAndSaidOnce) {
+TEST(V4l2Source, AbsentCameraIsAwaitedAndReportedOnce) {
   V4l2Source source(options());
   EXPECT_EQ(source.health().state, CaptureState::absent);
   std::stop_source stop;
@@ -115,7 +115,7 @@ TEST(V4l2Source, AnAbsentCameraIsWaitedForAndSaidOnce) {
       << "waiting on purpose is progress";
 }
 
-TEST(V4l2Source, AStopEndsTheWaitAtOnce) {
+TEST(V4l2Source, StopEndsTheWaitAtOnce) {
   auto patient = options();
   patient.retry = 1h;
   V4l2Source source(patient);
@@ -131,7 +131,7 @@ TEST(V4l2Source, AStopEndsTheWaitAtOnce) {
   EXPECT_LT(std::chrono::steady_clock::now() - asked, 1min);  // not after the hour
 }
 
-TEST(ControlResult, ReadsWell) {
+TEST(ControlResult, IsReadableText) {
   EXPECT_EQ(to_string(ControlResult{.name = "gain", .asked = "7", .got = 7, .problem = {}}), "gain: asked 7, got 7");
   EXPECT_EQ(
       to_string(ControlResult{.name = "auto_exposure", .asked = "1", .got = 1, .problem = {}, .is_implied = true}),

@@ -278,7 +278,7 @@ TEST_F(DoctorsConfig, CamerasOfOtherHostsAreAskedForOnTheBus) {
   const std::jthread running([&](const std::stop_token& stop) { host.run(stop); });
   const std::jthread telling([&](const std::stop_token& stop) {
     while (!stop.stop_requested()) {
-      host.look_after();
+      host.publish_states();
       std::this_thread::sleep_for(std::chrono::milliseconds(50));
     }
   });
@@ -287,7 +287,7 @@ TEST_F(DoctorsConfig, CamerasOfOtherHostsAreAskedForOnTheBus) {
   EXPECT_THAT(text, HasSubstr("grey 320x240: ")) << text;
   EXPECT_THAT(text, HasSubstr(" frames/s came of 30")) << text;
   EXPECT_THAT(text, HasSubstr("ok    the clock of pi-3 is ours")) << text;
-  EXPECT_THAT(text, HasSubstr("camera cam1 of the host pi-4\n  FAIL  its host pi-4 is not heard of")) << text;
+  EXPECT_THAT(text, HasSubstr("camera cam1 of the host pi-4\n  FAIL  its host pi-4 is not found")) << text;
   EXPECT_THAT(text, HasSubstr("note  the clock of pi-4 could not be compared")) << text;
   EXPECT_THAT(said(folder / "tracker.yaml"), HasSubstr("note  it is a camera of the host pi-4, not asked for now"));
 }

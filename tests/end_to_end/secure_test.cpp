@@ -163,7 +163,7 @@ TEST_F(Secure, AHostTellsWhatMatchesToTrackersOfItsAuthority) {
     return count;
   };
   EXPECT_TRUE(comes_true([&] { return tracked("ours") > 60; })) << ours->err() << host->err();
-  EXPECT_TRUE(comes_true([&] { return strangers->err().find("its host pi is not heard of") != std::string::npos; }))
+  EXPECT_TRUE(comes_true([&] { return strangers->err().find("its host pi is not found") != std::string::npos; }))
       << strangers->err();
   ASSERT_FALSE(strangers->has_ended()) << strangers->err();
   EXPECT_EQ(tracked("strangers"), 0U);

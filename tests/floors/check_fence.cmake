@@ -11,7 +11,7 @@ set(include "[\n][ \t]*#[ \t]*include[ \t]*[\"<]")
 if(FENCE STREQUAL "ioctl")
   set(pattern "[^A-Za-z0-9_]ioctl[ \t\n]*\\(")
   # and those that stand in for a driver, by an ioctl() of their own
-  set(inside "^(service/capture/v4l2_device\\.cpp|tests/capture/v4l2_faults_test\\.cpp|tests/v4l2/locked_up\\.c)$")
+  set(inside "^(service/capture/v4l2/v4l2_call\\.cpp|tests/capture/v4l2_faults_test\\.cpp|tests/v4l2/locked_up\\.c)$")
 elseif(FENCE STREQUAL "yaml_cpp")
   set(pattern "${include}yaml-cpp/")
   set(inside "^calib/yaml/")
@@ -27,11 +27,11 @@ elseif(FENCE STREQUAL "cairo")   # one drawing surface
 elseif(FENCE STREQUAL "frames_for_trackers")   # what a frame is, not where it came from
   set(folders service/color service/object_tracking service/camera_tracking)
   set(pattern "${include}capture/")
-  set(except "${include}capture/(frame|pixel_format)\\.h")
+  set(except "${include}capture/frames/(frame|pixel_format)\\.h")
 elseif(FENCE STREQUAL "results_for_publish")   # what was found, not how; and the clock that latencies are measured by
   set(folders service/publish)
   set(pattern "${include}(capture|object_tracking|camera_tracking)/")
-  set(except "${include}(capture/(frame|capture_clock|host_clock)|object_tracking/object_estimate|camera_tracking/camera_estimate)\\.h")
+  set(except "${include}(capture/frames/frame|capture/timing/(capture_clock|host_clock)|object_tracking/object_estimate|camera_tracking/camera_estimate)\\.h")
 elseif(FENCE STREQUAL "camera_methods")   # what is built without them, as the demo is, does not link otherwise
   set(folders service clients)
   set(pattern "${include}camera_tracking/")

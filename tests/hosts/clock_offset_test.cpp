@@ -11,7 +11,7 @@ namespace {
 using namespace std::chrono_literals;
 using capture::Timestamp;
 
-// A network whose ways take 0.1 ms and now and then much longer, each by itself; and a clock there that drifts.
+// A network with one-way delays of 0.1 ms, sometimes much longer, and a drifting clock at its other end.
 class Network {
  public:
   explicit Network(std::uint64_t seed) : random_(seed) {}
@@ -21,10 +21,10 @@ class Network {
   static Timestamp at(double s) { return Timestamp(capture::duration_of(1'700'000'000.0) + capture::duration_of(s)); }
   Exchange exchange(double at_s) {
     const double there_s = way(), there_for_s = 5e-5, back_s = way();
-    return {.asked = at(at_s),
-            .question_came = theirs(at_s + there_s),
-            .answered = theirs(at_s + there_s + there_for_s),
-            .answer_came = at(at_s + there_s + there_for_s + back_s)};
+    return {.request_sent = at(at_s),
+            .request_received = theirs(at_s + there_s),
+            .reply_sent = theirs(at_s + there_s + there_for_s),
+            .reply_received = at(at_s + there_s + there_for_s + back_s)};
   }
   double error_s(const ClockOffset& clock, double at_s) const {
     return std::abs(capture::seconds(clock.ours(theirs(at_s)) - at(at_s)));
@@ -39,7 +39,7 @@ class Network {
   std::mt19937_64 random_;
 };
 
-// Asked as RemoteCameras asks.
+// Probes as RemoteCameras sends them.
 double ask(ClockOffset& clock, Network& network, double from_s, double seconds) {
   double t = from_s;
   for (int i = 0; t < from_s + seconds; ++i) {
@@ -55,7 +55,7 @@ TEST(ClockOffset, IsNotKnownAtFirst) {
   EXPECT_EQ(clock.at(Network::at(1)), 0ns);
 }
 
-TEST(ClockOffset, IsFoundInTenSecondsThroughABusyNetwork) {
+TEST(ClockOffset, ConvergesInTenSecondsOnABusyNetwork) {
   for (std::uint64_t seed = 1; seed <= 50; ++seed) {
     Network network(seed);
     network.offset_s = 0.04, network.drift = 50e-6;
@@ -68,7 +68,7 @@ TEST(ClockOffset, IsFoundInTenSecondsThroughABusyNetwork) {
   }
 }
 
-TEST(ClockOffset, HoldsForHoursOfDrift) {
+TEST(ClockOffset, FollowsHoursOfDrift) {
   Network network(7);
   network.offset_s = -3, network.drift = -80e-6;
   ClockOffset clock;
@@ -82,7 +82,7 @@ TEST(ClockOffset, HoldsForHoursOfDrift) {
   EXPECT_NEAR(clock.drift(), -80e-6, 20e-6);
 }
 
-TEST(ClockOffset, OfYearsLosesNoNanoseconds) {
+TEST(ClockOffset, OffsetOfYearsLosesNoNanoseconds) {
   Network network(3);
   network.offset_s = -1.6e9;  // a camera host without a battery for its clock, and without NTP
   ClockOffset clock;
@@ -102,9 +102,9 @@ TEST(ClockOffset, OfOneMachineIsExact) {
   EXPECT_EQ(clock.sigma_s(Network::at(20)), 0);
 }
 
-// Chrony says that it keeps both clocks to 0.2 ms, and so it is; the network is one where exchanges take tens of
-// milliseconds. The error is what either way of knowing says, and never that of the worse one.
-TEST(ClockOffset, IsMeasuredByWhatKnowsItBetter) {
+// Chrony rightly reports 0.2 ms for both clocks, while exchanges take tens of milliseconds. The combined error must not
+// be that of the worse measurement.
+TEST(ClockOffset, CombinesNtpAndExchanges) {
   double squares = 0, stated = 0, alone = 0;
   for (std::uint64_t seed = 1; seed <= 50; ++seed) {
     std::mt19937_64 random(seed);
@@ -125,8 +125,9 @@ TEST(ClockOffset, IsMeasuredByWhatKnowsItBetter) {
   EXPECT_NEAR(stated, 2e-4, 0.5e-4);
 }
 
-// A host whose NTP server is another one, 80 ms off: what both kernels are told is true of neither's time of the other.
-TEST(ClockOffset, BelievesTheExchangesWhereNtpContradictsThem) {
+// The host uses another NTP server, which has an error of 80 ms: both kernels report small errors that do not hold
+// between the two.
+TEST(ClockOffset, PrefersExchangesToAContradictingNtp) {
   Network network(13);
   network.offset_s = 0.08;
   ClockOffset clock;
@@ -136,14 +137,14 @@ TEST(ClockOffset, BelievesTheExchangesWhereNtpContradictsThem) {
   EXPECT_LT(network.error_s(clock, end_s), 0.5e-3);
 }
 
-TEST(ClockOffset, IsLessSureTheLongerNobodyAnswers) {
+TEST(ClockOffset, UncertaintyGrowsWithoutAnswers) {
   Network network(17);
   ClockOffset clock;
   const double end_s = ask(clock, network, 0, 10);
   EXPECT_GT(clock.sigma_s(Network::at(end_s + 100)), 5 * clock.sigma_s(Network::at(end_s)));
 }
 
-TEST(ClockOffset, FollowsAClockThatWasSet) {
+TEST(ClockOffset, FollowsAStepOfTheOtherClock) {
   Network network(9);
   network.offset_s = 0.01;
   ClockOffset clock;
@@ -153,15 +154,15 @@ TEST(ClockOffset, FollowsAClockThatWasSet) {
   EXPECT_LT(network.error_s(clock, t), 0.5e-3);
 }
 
-TEST(ClockOffset, LeavesOutWhatCannotBe) {
+TEST(ClockOffset, IgnoresImpossibleExchanges) {
   Network network(11);
   ClockOffset clock;
   for (int i = 0; i < 10; ++i) {
     Exchange exchange = network.exchange(i);
-    exchange.answer_came = exchange.asked - 1ms;
+    exchange.reply_received = exchange.request_sent - 1ms;
     clock.add(exchange);
     exchange = network.exchange(i);
-    exchange.answered = exchange.question_came + 1h;
+    exchange.reply_sent = exchange.request_received + 1h;
     clock.add(exchange);
   }
   EXPECT_FALSE(clock.is_known());

@@ -476,7 +476,7 @@ def clocks(figures, options, folder):
                            name="wrong_tracks")
         true = hall.track(hall.tracker_config("true", [2, 3]), name="true_tracks")
         time.sleep(12)
-        told = [s for s in hall.statuses() if s["clocks"]]
+        statuses = [s for s in hall.statuses() if s["clocks"]]
         time.sleep(options.seconds)
         for process in (receiver, wrong, true):
             hall.end(process)
@@ -487,7 +487,7 @@ def clocks(figures, options, folder):
             error = np.minimum(phase, PERIOD_NS - phase)
             figures.tell(f"error of {camera}'s stamps, later than 10 s after the start", 1e-6 * float(error.max()), "ms", 0.5)
             figures.tell("stamped before it came by, at most", 1e-6 * float((rows[:, 1] - rows[:, 0]).max()), "ms")
-        for status in told:
+        for status in statuses:
             for clock in status["clocks"]["clocks"]:
                 figures.tell(f"status says of {clock['host']}", f"{1000 * clock['offset_s']:.3f} ms +- "
                              f"{1000 * clock['sigma_s']:.3f}, {clock['drift_ppm']:.0f} ppm")

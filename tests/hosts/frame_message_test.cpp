@@ -27,7 +27,7 @@ capture::Frame frame_of(PixelFormat format, int width, int height) {
   return frame;
 }
 
-TEST(FrameMessage, BringsEveryPixelOfEveryFormat) {
+TEST(FrameMessage, RoundTripsEveryFormat) {
   capture::JpegDecoder decoder;
   for (const PixelFormat format : {PixelFormat::yuyv, PixelFormat::nv12, PixelFormat::i420, PixelFormat::i422,
                                    PixelFormat::i444, PixelFormat::bgr, PixelFormat::grey}) {
@@ -52,7 +52,7 @@ TEST(FrameMessage, BringsEveryPixelOfEveryFormat) {
   }
 }
 
-TEST(FrameMessage, BringsTheCamerasOwnJpeg) {
+TEST(FrameMessage, RoundTripsTheCamerasJpeg) {
   capture::Frame frame = frame_of(PixelFormat::i422, 64, 48);
   frame.encoded = std::make_shared<const std::vector<std::uint8_t>>(
       capture::encode_picture(frame.pixels, {.width = 64, .height = 48}, 90));
@@ -66,7 +66,7 @@ TEST(FrameMessage, BringsTheCamerasOwnJpeg) {
   EXPECT_EQ(back.pixels.width, 64);
 }
 
-TEST(FrameMessage, WhatDoesNotFitItsOwnSizeIsDamaged) {
+TEST(FrameMessage, WrongSizeIsDamage) {
   capture::JpegDecoder decoder;
   const auto status_of = [&](auto&& change) {
     msg::CameraFrame message;

@@ -11,7 +11,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-TEST(MachineClock, OfThisProcessIsItsOwn) {
+TEST(MachineClock, IsItsOwn) {
   const MachineClock one = machine_clock(), two = machine_clock();
   EXPECT_NE(one.machine, 0);
   EXPECT_EQ(one.machine, two.machine);
@@ -21,12 +21,12 @@ TEST(MachineClock, OfThisProcessIsItsOwn) {
   EXPECT_EQ(clock_sync(one, two).offset, 0ns);
 }
 
-TEST(MachineClock, TwoProgramsOfOneMachineDifferByWhatTheyTakeForItsStart) {
+TEST(MachineClock, TwoProgramsOfOneMachineDifferByTheirZero) {
   MachineClock ours{.machine = 7, .zero = capture::Timestamp(5s), .kept_s = std::nullopt}, theirs = ours;
   theirs.zero += 3us;
   EXPECT_EQ(clock_sync(ours, theirs).offset, 3us);
   theirs.machine = 8;
-  EXPECT_TRUE(std::isinf(clock_sync(ours, theirs).sigma_s)) << "nobody keeps them together";
+  EXPECT_TRUE(std::isinf(clock_sync(ours, theirs).sigma_s)) << "not synchronised";
   ours.kept_s = 3e-4;
   EXPECT_TRUE(std::isinf(clock_sync(ours, theirs).sigma_s)) << "one of them";
   theirs.kept_s = 4e-4;
@@ -37,7 +37,7 @@ TEST(MachineClock, TwoProgramsOfOneMachineDifferByWhatTheyTakeForItsStart) {
 }
 
 // Numbers as chronyc, timedatectl and phc2sys leave them in adjtimex(2).
-TEST(MachineClock, WhoKeepsItSaysHowWell) {
+TEST(MachineClock, ReadsTheErrorOfEachService) {
   EXPECT_EQ(kept_by(false, 16'000'000, 16'000'000, 0), std::nullopt);
   EXPECT_NEAR(*kept_by(true, 150, 2400, 0), 150e-6, 1e-9) << "chrony on a local network";
   EXPECT_NEAR(*kept_by(true, 16'000'000, 300, 0), 100e-6, 1e-9) << "phc2sys says its largest error only";

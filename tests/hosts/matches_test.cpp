@@ -79,7 +79,7 @@ class Sender {
         to.u(outline.u), to.v(outline.v), to.u_per_s(outline.u_per_s), to.v_per_s(outline.v_per_s);
         to.radius_px(outline.radius_px);
       }
-      EXPECT_TRUE(outlines_[c].hear(1, said));
+      EXPECT_TRUE(outlines_[c].update(1, said));
     }
   }
   std::size_t most_bytes() const { return most_bytes_; }
@@ -147,7 +147,7 @@ std::size_t compare(const scene::Scene& scene, const std::vector<FrameSet>& sets
   return tracked;
 }
 
-TEST(Matches, GiveTheTracksOfTheFrames) {
+TEST(Matches, GiveTheSameTracksAsFrames) {
   for (const auto format : {capture::PixelFormat::yuyv, capture::PixelFormat::i420, capture::PixelFormat::bgr}) {
     const scene::Scene scene = scene::SceneBuilder{}.cameras_on_ring({.count = 3}).ball({}).build();
     const auto sets = render(scene, {.set_count = 40, .format = format, .dropped_frames = 0.1, .seed = 3});
@@ -155,15 +155,15 @@ TEST(Matches, GiveTheTracksOfTheFrames) {
   }
 }
 
-TEST(Matches, GiveTheTracksOfTheFramesByThePapersFilter) {
+TEST(Matches, GiveTheSameTracksAsFramesWithThePapersFilter) {
   const scene::Scene scene = scene::SceneBuilder{}.cameras_on_ring({.count = 3}).ball({}).build();
   object_tracking::ObjectTrackerOptions options;
   options.observation = object_tracking::Observation::paper;
   EXPECT_GT(compare(scene, render(scene, {.set_count = 25}), lime(), options), 10U);
 }
 
-// Furniture of the colour, which is sampled and left out, and a region that is ignored.
-TEST(Matches, GiveTheTracksOfTheFramesInARoomThatSharesTheColour) {
+// Static clutter of the target's colour, and an ignored region.
+TEST(Matches, GiveTheSameTracksAsFramesAmongClutter) {
   auto builder = scene::SceneBuilder{}.cameras_on_ring({.count = 3}).ball({});
   for (int i = 0; i < 3; ++i) {
     const double angle = 2 * std::numbers::pi * i / 3 + 0.5;
@@ -176,7 +176,7 @@ TEST(Matches, GiveTheTracksOfTheFramesInARoomThatSharesTheColour) {
   EXPECT_GT(compare(scene, render(scene, {.set_count = 60}), target), 10U);
 }
 
-TEST(Matches, GiveTheTracksOfTheFramesOfSeveralObjects) {
+TEST(Matches, GiveTheSameTracksAsFramesForSeveralObjects) {
   auto builder = scene::SceneBuilder{}.cameras_on_ring({.count = 3});
   for (int i = 0; i < 3; ++i)
     builder.ball({.path = [i](double t) {
@@ -188,7 +188,7 @@ TEST(Matches, GiveTheTracksOfTheFramesOfSeveralObjects) {
   EXPECT_GT(compare(scene, render(scene, {.set_count = 45}), target), 25U);
 }
 
-TEST(Matches, WithoutOutlinesABallIsStillFollowed) {
+TEST(Matches, TrackABallWithoutOutlines) {
   const scene::Scene scene = scene::SceneBuilder{}.cameras_on_ring({.count = 3}).ball({}).build();
   TargetOptions ball = lime();
   ball.shape = object_tracking::TargetShape::ball;
@@ -203,9 +203,9 @@ TEST(Matches, WithoutOutlinesABallIsStillFollowed) {
   EXPECT_EQ(of_matches.outline_findings().fitted, 0U);
 }
 
-// Where a tracker has said that it expects the ball the host sends pixels: outlines are fitted in them, which are as
-// right as those in whole pictures, and no larger than a network of many cameras takes.
-TEST(Matches, OutlinesAreFittedInPatches) {
+// The host sends pixels where the tracker predicts the ball: outlines fitted in them are as accurate as in whole
+// pictures, and messages stay small.
+TEST(Matches, FitOutlinesInPatches) {
   const scene::Scene scene = scene::lime_that_flies();
   TargetOptions ball = lime();
   ball.shape = object_tracking::TargetShape::ball;
@@ -239,13 +239,13 @@ TEST(Matches, OutlinesAreFittedInPatches) {
   EXPECT_GT(of_matches.outline_findings().fitted, 3U * 40);
   EXPECT_GT(of_frames.outline_findings().fitted, 3U * 40);
   EXPECT_LT(host.most_bytes(), 6000U);
-  // 1.17, 1.30 and 2.46 mm rms: of what is behind the ball patches have shown less than whole pictures.
+  // 1.17, 1.30 and 2.46 mm rms: patches show less of the background than whole pictures.
   EXPECT_LT(matches_m2, 1.6 * frames_m2);
   EXPECT_LT(matches_m2, 0.5 * regions_m2);
 }
 
-// No frame is judged by a colour that it was not looked at with.
-TEST(Matches, OfOtherColoursSayNothing) {
+// A frame without a requested colour gives no measurement of it.
+TEST(Matches, OfOtherColoursAreNoMeasurement) {
   const scene::Scene scene = scene::SceneBuilder{}.cameras_on_ring({.count = 3}).ball({}).build();
   const auto sets = render(scene, {.set_count = 20});
   TargetOptions taught = lime();
@@ -277,49 +277,49 @@ msg::LookedForColors said(std::int64_t tracker, std::vector<double> hues, double
   return out;
 }
 
-TEST(WantedMatches, AreAllTrackersTogetherAsLongAsTheySaySo) {
+TEST(WantedMatches, CombineAllRecentRequests) {
   using namespace std::chrono_literals;
   WantedMatches wanted;
   MatchFinderOptions all;
   const WantedMatches::Clock::time_point start{};
   wanted.all(start, all);
   EXPECT_TRUE(all.colors.empty());
-  EXPECT_TRUE(wanted.hear(said(1, {60, 100}, 2), start));
-  EXPECT_TRUE(wanted.hear(said(2, {100, 200}, 0), start + 3s));
+  EXPECT_TRUE(wanted.update(said(1, {60, 100}, 2), start));
+  EXPECT_TRUE(wanted.update(said(2, {100, 200}, 0), start + 3s));
   wanted.all(start + 3s, all);
   EXPECT_EQ(all.colors.size(), 3U);
   EXPECT_EQ(all.picture_every, 2s);
-  EXPECT_TRUE(wanted.hear(said(2, {200}, 0.5), start + 4s)) << "in place of what it said before";
+  EXPECT_TRUE(wanted.update(said(2, {200}, 0.5), start + 4s)) << "replaces its earlier request";
   wanted.all(start + 4s, all);
   EXPECT_EQ(all.picture_every, 500ms);
   wanted.all(start + 6s, all);
-  ASSERT_EQ(all.colors.size(), 1U) << "the first is not heard of any more";
+  ASSERT_EQ(all.colors.size(), 1U) << "the first request has expired";
   EXPECT_EQ(all.colors[0].hue_min_deg, 200);
 }
 
-TEST(WantedMatches, WhatMakesNoSenseIsLeftOutAndWhatIsTooMuchIsBounded) {
+TEST(WantedMatches, RejectInvalidAndBoundLargeRequests) {
   using namespace std::chrono_literals;
   const WantedMatches::Clock::time_point now{};
   const double nan = std::numeric_limits<double>::quiet_NaN();
   WantedMatches wanted;
-  EXPECT_FALSE(wanted.hear(said(1, {nan}, 1), now));
-  EXPECT_FALSE(wanted.hear(said(1, {400}, 1), now));
-  EXPECT_FALSE(wanted.hear(said(1, {60}, nan), now));
-  EXPECT_FALSE(wanted.hear(said(1, {60}, -1), now));
-  EXPECT_FALSE(wanted.hear(said(1, {60}, 1e300), now));
-  EXPECT_FALSE(wanted.hear(said(1, std::vector<double>(33, 60), 1), now));
+  EXPECT_FALSE(wanted.update(said(1, {nan}, 1), now));
+  EXPECT_FALSE(wanted.update(said(1, {400}, 1), now));
+  EXPECT_FALSE(wanted.update(said(1, {60}, nan), now));
+  EXPECT_FALSE(wanted.update(said(1, {60}, -1), now));
+  EXPECT_FALSE(wanted.update(said(1, {60}, 1e300), now));
+  EXPECT_FALSE(wanted.update(said(1, std::vector<double>(33, 60), 1), now));
   for (int t = 0; t < 16; ++t) {
     std::vector<double> hues;
     for (int i = 0; i < 10; ++i) hues.push_back(10 * t + i);
-    EXPECT_TRUE(wanted.hear(said(t, hues, 1), now));
+    EXPECT_TRUE(wanted.update(said(t, hues, 1), now));
   }
-  EXPECT_FALSE(wanted.hear(said(99, {60}, 1), now)) << "one tracker too many";
+  EXPECT_FALSE(wanted.update(said(99, {60}, 1), now)) << "one tracker too many";
   MatchFinderOptions all;
   wanted.all(now, all);
   EXPECT_EQ(all.colors.size(), capture::Matches::most);
 }
 
-TEST(WantedOutlines, AreWhereTheyWillBeInTheNextFrame) {
+TEST(WantedOutlines, ArePredictedForTheNextFrame) {
   using namespace std::chrono_literals;
   const capture::Timestamp start(1h);
   WantedOutlines wanted;
@@ -328,9 +328,9 @@ TEST(WantedOutlines, AreWhereTheyWillBeInTheNextFrame) {
   said.number(7);
   auto& outline = said.outlines().emplace_back();
   outline.u(100), outline.v(50), outline.u_per_s(300), outline.v_per_s(-60), outline.radius_px(10);
-  EXPECT_FALSE(wanted.hear(1, said)) << "of a frame that was never sent";
+  EXPECT_FALSE(wanted.update(1, said)) << "for a frame that was never sent";
   wanted.note(7, start);
-  ASSERT_TRUE(wanted.hear(1, said));
+  ASSERT_TRUE(wanted.update(1, said));
   wanted.places_at(start + 100ms, places);
   ASSERT_EQ(places.size(), 1U);
   // Its middle, and all of it with what a fit needs around it.
@@ -340,27 +340,27 @@ TEST(WantedOutlines, AreWhereTheyWillBeInTheNextFrame) {
   EXPECT_EQ(places[0].u % 2 + places[0].v % 2 + places[0].width % 2 + places[0].height % 2, 0);
   // Another tracker's, nearly there: one place. Elsewhere: two.
   outline.u(101);
-  ASSERT_TRUE(wanted.hear(2, said));
+  ASSERT_TRUE(wanted.update(2, said));
   wanted.places_at(start + 100ms, places);
   EXPECT_EQ(places.size(), 1U);
   outline.u(300);
-  ASSERT_TRUE(wanted.hear(2, said));
+  ASSERT_TRUE(wanted.update(2, said));
   wanted.places_at(start + 100ms, places);
   EXPECT_EQ(places.size(), 2U);
-  // What is old, or of the future, says nothing.
+  // Old and future predictions are ignored.
   wanted.places_at(start + 301ms, places);
   EXPECT_TRUE(places.empty());
   for (const float bad : {std::numeric_limits<float>::quiet_NaN(), 1e30f, -1.f}) {
     said.outlines()[0].radius_px(bad);
-    EXPECT_FALSE(wanted.hear(2, said));
+    EXPECT_FALSE(wanted.update(2, said));
   }
   said.outlines()[0].radius_px(10);
   said.outlines().resize(capture::Matches::most_patches + 1, said.outlines()[0]);
-  EXPECT_FALSE(wanted.hear(2, said));
+  EXPECT_FALSE(wanted.update(2, said));
 }
 
-// What a tracker of matches could not see: the host's frames become brighter and darker within seconds.
-TEST(MatchFinder, SeesLightThatWanders) {
+// Brightness changes within seconds, which a tracker with matches could not detect.
+TEST(MatchFinder, DetectsChangingLight) {
   using namespace std::chrono_literals;
   const auto findings_of = [](double share) {
     MatchFinder finder;
@@ -384,7 +384,7 @@ TEST(MatchFinder, SeesLightThatWanders) {
   EXPECT_TRUE(findings_of(0) == capture::LightFindings{});
 }
 
-TEST(MatchFinder, CutsPatchesToTheImageAndToABudget) {
+TEST(MatchFinder, ClipsPatchesToTheImageAndTheBudget) {
   const scene::Scene scene = scene::SceneBuilder{}.cameras_on_ring({.count = 3}).ball({}).build();
   const Frame frame = *render(scene, {.set_count = 1}).front().frames[0];
   MatchFinder finder;
@@ -404,7 +404,7 @@ TEST(MatchFinder, CutsPatchesToTheImageAndToABudget) {
   EXPECT_EQ(back->matches->patches[1].at.v + back->matches->patches[1].at.height, height);
 }
 
-TEST(MatchFinder, SendsAPictureNowAndThenAndNoMoreThanABudget) {
+TEST(MatchFinder, SendsPicturesPeriodicallyWithinTheBudget) {
   const auto [image, data] = capture::make_image(capture::PixelFormat::yuyv, capture::ColorRange::limited, 640, 480);
   std::uint32_t noise = 1;
   for (int i = 0; i < 640 * 480 * 2; ++i)
@@ -447,7 +447,7 @@ TEST(MatchFinder, SendsAPictureNowAndThenAndNoMoreThanABudget) {
 }
 
 // Who asks for ever new colours holds no camera up: tables are made a few at a time, in the order asked for.
-TEST(MatchFinder, NewColoursComeFourByFour) {
+TEST(MatchFinder, AddsFourNewColoursPerFrame) {
   const auto [image, data] = capture::make_image(capture::PixelFormat::yuyv, capture::ColorRange::limited, 64, 48);
   std::fill_n(data[0], 64 * 48 * 2, std::uint8_t{90});
   MatchFinder finder;
@@ -467,7 +467,7 @@ TEST(MatchFinder, NewColoursComeFourByFour) {
   }
 }
 
-TEST(MatchFinder, DecodesAJpegAndSaysWhenThereIsNone) {
+TEST(MatchFinder, DecodesJpegsAndRejectsOthers) {
   const auto [image, data] = capture::make_image(capture::PixelFormat::i422, capture::ColorRange::full, 64, 48);
   std::fill_n(data[1], 32 * 48, std::uint8_t{60});
   Frame frame;

@@ -39,7 +39,7 @@ class Host {
         running_([this](const std::stop_token& stop) { host_.run(stop); }),
         telling_([this](const std::stop_token& stop) {
           while (!stop.stop_requested()) {
-            host_.look_after();
+            host_.publish_states();
             std::this_thread::sleep_for(50ms);
           }
         }) {}
@@ -77,14 +77,14 @@ std::vector<std::vector<std::string>> rows_of(const fs::path& csv) {
   return rows;
 }
 
-class HostedCamera : public testing::Test {
+class RemoteCamera : public testing::Test {
  protected:
-  HostedCamera()
+  RemoteCamera()
       : folder_(fs::path(testing::TempDir()) / ("hosted_" + std::to_string(::getpid()) + "_" +
                                                 testing::UnitTest::GetInstance()->current_test_info()->name())) {
     fs::create_directories(folder_);
   }
-  ~HostedCamera() override { fs::remove_all(folder_); }
+  ~RemoteCamera() override { fs::remove_all(folder_); }
   // The rows of what was recorded of the cameras, by the configuration as it stands.
   std::vector<std::vector<std::string>> replayed() const {
     const fs::path recording = *fs::directory_iterator(folder_ / "recorded");
@@ -100,12 +100,11 @@ class HostedCamera : public testing::Test {
   fs::path folder_;
 };
 
-// Films through two camera hosts and a bus, and from this machine, at the same time.
+// Films through two camera hosts and DDS, and from this machine, at the same time.
 class Both {
  public:
-  // A machine that is busy with other things loses frames, mostly the first ones, while hosts and tracker find one
-  // another: then again, with more time for that. nullopt: it was too slow each time.
-  // frames: of each film.
+  // A busy machine loses frames, mostly the first ones during discovery: then it is repeated with more time. nullopt:
+  // too slow each time. frames: of each film.
   static std::optional<Both> tracked(const config::ServiceConfig& there, const config::ServiceConfig& here,
                                      const fs::path& folder, int frames = 60) {
     for (int attempt = 0; attempt < 5; ++attempt) {
@@ -159,8 +158,8 @@ class Both {
   }
 };
 
-// The whole demo from two hosts: byte for byte as by cameras of one machine, and as the replay of what was recorded.
-TEST_F(HostedCamera, TracksAreThoseOfCamerasOfThisMachine) {
+// The whole demo from two hosts: byte-equal to local cameras, and to the replay of the recording.
+TEST_F(RemoteCamera, TracksEqualThoseOfLocalCameras) {
   const config::ServiceConfig here = tracker_config(folder_);
   const config::ServiceConfig there =
       tracker_config(folder_, "", "", "record: {folder: " + folder_.string() + "/recorded, always: true}\n");
@@ -172,8 +171,8 @@ TEST_F(HostedCamera, TracksAreThoseOfCamerasOfThisMachine) {
   EXPECT_EQ(replayed(), both->there);
 }
 
-// Tracks where the hosts say which pixels match, and no more; and again from what was recorded of that.
-TEST_F(HostedCamera, TracksOfMatchesAreThoseOfFrames) {
+// Tracks from matches alone, and from their recording.
+TEST_F(RemoteCamera, TracksOfMatchesEqualThoseOfFrames) {
   const std::string blob = "shape: blob, ";
   const auto here = tracker_config(folder_, "", blob);
   const auto there = tracker_config(folder_, ", send: matches", blob,
@@ -190,9 +189,9 @@ TEST_F(HostedCamera, TracksOfMatchesAreThoseOfFrames) {
   EXPECT_EQ(replayed(), both->there);
 }
 
-// The pixels around the ball come where the tracker has said that it will be, and are recorded with what matches.
-// However slow the machine is: what it lost is not in the recording either.
-TEST_F(HostedCamera, OutlinesAreFittedInWhatMatchesAndReplayed) {
+// Patches arrive where the tracker predicted the ball, and are recorded with the matches. Works on a slow machine, too:
+// lost frames are not in the recording either.
+TEST_F(RemoteCamera, OutlinesAreFittedInMatchesAndReplayed) {
   const auto config = [&](const char* shape, const std::string& more = "") {
     return tracker_config(folder_, ", send: matches", shape, more);
   };
@@ -223,8 +222,8 @@ TEST_F(HostedCamera, OutlinesAreFittedInWhatMatchesAndReplayed) {
   EXPECT_NE(replayed(), rows) << "no outline was fitted";
 }
 
-// The host sees in all its frames what light does, and says it to who has none of them.
-TEST_F(HostedCamera, LightIsWatchedWhereTheFramesAre) {
+// The host watches light in all its frames, for trackers that receive only matches.
+TEST_F(RemoteCamera, LightIsWatchedByTheHost) {
   const config::ServiceConfig config = tracker_config(folder_, ", send: matches, picture_every_s: 0");
   constexpr int levels = 90;  // three seconds from bright to dark and back
   std::vector<capture::Image> pictures;
@@ -263,8 +262,8 @@ TEST_F(HostedCamera, LightIsWatchedWhereTheFramesAre) {
   stop.request_stop();
 }
 
-// However slow the machine is: what comes is what was sent, and most comes.
-TEST_F(HostedCamera, FramesComeAsTheyWereSent) {
+// On any machine: frames arrive unchanged, and most arrive.
+TEST_F(RemoteCamera, FramesArriveAsSent) {
   const config::ServiceConfig config = tracker_config(folder_);
   const auto pictures = daemon::first_frames(demo / "recording", {"cam0", "cam1"}, 40);
   auto cameras = pipeline::open_cameras(config);
@@ -281,7 +280,7 @@ TEST_F(HostedCamera, FramesComeAsTheyWereSent) {
     const auto sent = std::ranges::find(pictures[0], capture::Timestamp(at), &capture::Frame::captured_at);
     ASSERT_NE(sent, pictures[0].end()) << "no frame was sent with the stamp " << at.count() << " ns";
     EXPECT_EQ(frame->camera, 0);
-    EXPECT_EQ(frame->captured_at, frame->stamped_at) << "the film's period is even, and one machine's clock is one";
+    EXPECT_EQ(frame->captured_at, frame->stamped_at) << "the film's period is regular, and one machine has one clock";
     ASSERT_EQ(frame->pixels.format, sent->pixels.format);
     for (int row = 0; row < frame->pixels.height; ++row)
       ASSERT_TRUE(std::equal(sent->pixels.planes[0].data + row * sent->pixels.planes[0].stride,
@@ -293,7 +292,7 @@ TEST_F(HostedCamera, FramesComeAsTheyWereSent) {
   EXPECT_GE(come, 20U);
 }
 
-TEST_F(HostedCamera, AHostThatIsNotThereIsSaidAndAwaited) {
+TEST_F(RemoteCamera, MissingHostIsReportedAndAwaited) {
   const config::ServiceConfig config = tracker_config(folder_);
   auto cameras = pipeline::open_cameras(config);
   ASSERT_EQ(cameras.size(), 2U);
@@ -310,7 +309,7 @@ TEST_F(HostedCamera, AHostThatIsNotThereIsSaidAndAwaited) {
     }
     return said.find(words) != std::string::npos;
   };
-  EXPECT_TRUE(wait_for("left-pi is not heard of")) << said;
+  EXPECT_TRUE(wait_for("left-pi is not found")) << said;
   EXPECT_EQ(cameras[0].health().state, capture::CaptureState::absent);
   const auto pictures = daemon::first_frames(demo / "recording", {"cam0", "cam1"}, 30);
   for (int times = 0; times < 2; ++times) {
@@ -327,8 +326,8 @@ TEST_F(HostedCamera, AHostThatIsNotThereIsSaidAndAwaited) {
   stop.request_stop();
 }
 
-// As of two machines that were set up from one image of a disk: the first one is believed, and it is said.
-TEST_F(HostedCamera, OfTwoHostsOfOneNameTheFirstIsBelieved) {
+// As with two machines cloned from one disk image: the first one is used, and it is reported.
+TEST_F(RemoteCamera, FirstOfTwoHostsWithOneNameIsUsed) {
   auto cameras = pipeline::open_cameras(tracker_config(folder_));
   const auto film = daemon::looped(daemon::first_frames(demo / "recording", {"cam0"}, 30).front(), 60);
   const auto health = [&] { return cameras[0].health(); };
@@ -358,12 +357,12 @@ TEST_F(HostedCamera, OfTwoHostsOfOneNameTheFirstIsBelieved) {
   stop.request_stop();
 }
 
-TEST(CameraHostNames, ArePartsOfTopics) {
+TEST(CameraHostNames, AreValidInTopicNames) {
   EXPECT_TRUE(is_host_name("pi-3.hall_2"));
   for (const char* bad : {"", "a/b", "a b", "\xc3\xa4", "a\n"}) EXPECT_FALSE(is_host_name(bad)) << bad;
 }
 
-TEST_F(HostedCamera, ConfigurationsSayWhatIsWrong) {
+TEST_F(RemoteCamera, WrongConfigurationsAreExplained) {
   const auto refusal = [&](const std::string& cameras) -> std::string {
     std::ofstream(folder_ / "bad.yaml") << "version: 1\nrig: " << (demo / "recording/rig.yaml").string()
                                         << "\ntargets: {lime: {color: {hue_deg: [65, 115]}}}\ncameras: " << cameras
@@ -400,7 +399,7 @@ TEST_F(HostedCamera, ConfigurationsSayWhatIsWrong) {
       refusal_of_host("version: 1\ncameras: {left: {device: 0, size: [640, 480]}, right: {device: 0, size: [640, "
                       "480]}}\n"),
       HasSubstr("right.device: is the device of left already"));
-  // What is printed of it says the same.
+  // The printed text agrees.
   const std::string host = "version: 1\nhost: pi-3\ncameras: {left: {device: 0, size: [640, 480], fps: 30}}\n";
   EXPECT_EQ(refusal_of_host(host), "");
   const std::string printed = config::to_yaml(config::load_capture_config(folder_ / "host.yaml"));

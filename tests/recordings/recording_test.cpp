@@ -45,14 +45,14 @@ capture::Timestamp at(capture::Duration since_zero) {
   return capture::Timestamp{since_zero};
 }
 
-TEST_F(ReadRecording, APipeIsNotWaitedFor) {
+TEST_F(ReadRecording, PipeDoesNotBlock) {
   const auto pipe = folder / "pipe";
   ASSERT_EQ(::mkfifo(pipe.c_str(), 0600), 0);
   EXPECT_FALSE(is_video_or_picture(pipe));
   EXPECT_THAT([&] { read_recording(pipe); }, testing::ThrowsMessage<files::ConfigError>(HasSubstr("is not a file")));
 }
 
-TEST_F(ReadRecording, GivesEveryKey) {
+TEST_F(ReadRecording, ReadsEveryKey) {
   write("right.csv",
         "\xEF\xBB\xBF"
         "stamp, frame ,t_s\r\na,0,0.5\r\n\r\nb,2,0.75\r\n");
@@ -80,7 +80,7 @@ TEST_F(ReadRecording, GivesEveryKey) {
   EXPECT_EQ(plain.every, 1);
 }
 
-TEST_F(ReadRecording, TakesTheFileToo) {
+TEST_F(ReadRecording, AcceptsTheYamlFile) {
   write("other.yaml", "version: 1\ncameras:\n  left: {frames: left.mkv, fps: 30}\n");
   EXPECT_EQ(read_recording(folder / "other.yaml").cameras.at(0).frames, folder / "left.mkv");
 }
@@ -124,7 +124,7 @@ TEST_F(ReadRecording, NamesFileAndLineOfABadTimeStamp) {
   EXPECT_THAT(error_of_csv("frame,t_s\n0,0\n0,0.2\n"), AllOf(HasSubstr("times.csv:3"), HasSubstr("frame 0")));
 }
 
-TEST_F(ReadRecording, VideosAsWords) {
+TEST_F(ReadRecording, AcceptsVideosAsWords) {
   const std::vector<std::string> words{"left=a.mp4", "right=" + (folder / "x=1.mkv").string()};
   const Recording recording = read_recording(words);
   ASSERT_EQ(recording.cameras.size(), 2U);

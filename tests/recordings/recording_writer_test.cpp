@@ -160,7 +160,7 @@ TEST(GrowingRecording, IsReadWhileItIsWritten) {
   EXPECT_LT(std::chrono::steady_clock::now() - began, 2s);
 }
 
-TEST(GrowingRecording, ThatNeverBeginsIsWaitedForUntilTheStop) {
+TEST(GrowingRecording, ThatNeverBeginsIsAwaitedUntilTheStop) {
   const capture::TemporaryFolder folder;
   const RecordingWriter writer(options_for(folder / "run"));
   GrowingCamera camera(left_in(folder / "run"), 0);
@@ -256,7 +256,7 @@ TEST(RecordingWriter, JpegsKeepTheirBytesAndTheirPixels) {
   }
 }
 
-TEST(RecordingWriter, DropsCorruptedFramesAndTheOrderOfArrivalAreRepeated) {
+TEST(RecordingWriter, ReplaysDropsCorruptedFramesAndArrivalOrder) {
   const capture::TemporaryFolder folder;
   RecordingWriter writer(options_for(folder / "run", {"left", "right eye"}));
   std::vector<capture::Frame> written;
@@ -291,7 +291,7 @@ TEST(RecordingWriter, DropsCorruptedFramesAndTheOrderOfArrivalAreRepeated) {
   EXPECT_EQ(source.cameras()[1].missing, 0);
 }
 
-TEST(RecordingWriter, ACameraThatNeverCameIsNoObstacle) {
+TEST(RecordingWriter, CameraWithoutFramesIsAccepted) {
   const capture::TemporaryFolder folder;
   {
     RecordingWriter writer(options_for(folder / "run", {"left", "right"}));
@@ -302,13 +302,13 @@ TEST(RecordingWriter, ACameraThatNeverCameIsNoObstacle) {
   EXPECT_THAT(warnings, Contains(AllOf(HasSubstr("right.csv"), HasSubstr("camera right delivered none"))));
 }
 
-TEST(RecordingWriter, WithoutAnyFrameItIsSaid) {
+TEST(RecordingWriter, RecordingWithoutFramesIsAnError) {
   const capture::TemporaryFolder folder;
   { const RecordingWriter writer(options_for(folder / "run")); }
   EXPECT_THROW(read_recording(folder / "run"), files::ConfigError);
 }
 
-TEST(RecordingWriter, TheRigAndTheConfigurationLieInside) {
+TEST(RecordingWriter, WritesRigAndConfiguration) {
   const capture::TemporaryFolder folder;
   auto options = options_for(folder / "run");
   options.rig_yaml = "the rig\n";
@@ -318,7 +318,7 @@ TEST(RecordingWriter, TheRigAndTheConfigurationLieInside) {
   EXPECT_EQ(capture::read_bytes(folder / "run/huetrackd.yaml"), "the configuration\n");
 }
 
-TEST(RecordingWriter, OddNamesBecomeFilesAndNamesAgain) {
+TEST(RecordingWriter, OddCameraNamesRoundTrip) {
   const capture::TemporaryFolder folder;
   const std::vector<std::string> cameras{"../up", "a b", "a_b", "quote\"back\\slash", "1"};
   RecordingWriter writer(options_for(folder / "run", cameras));
@@ -332,7 +332,7 @@ TEST(RecordingWriter, OddNamesBecomeFilesAndNamesAgain) {
   EXPECT_FALSE(fs::exists(folder / "up.mkv"));
 }
 
-TEST(RecordingWriter, WhatCannotBeReplayedIsLeftOutAndCounted) {
+TEST(RecordingWriter, CountsFramesThatCannotBeReplayed) {
   const capture::TemporaryFolder folder;
   RecordingWriter writer(options_for(folder / "run"));
   EXPECT_TRUE(writer.write(raw_frame(3)));
@@ -347,7 +347,7 @@ TEST(RecordingWriter, WhatCannotBeReplayedIsLeftOutAndCounted) {
   EXPECT_THAT(replay(folder / "run").frames, SizeIs(2));
 }
 
-TEST(RecordingWriter, AFolderWithSomethingInItIsNotTouched) {
+TEST(RecordingWriter, RefusesANonEmptyFolder) {
   const capture::TemporaryFolder folder;
   capture::write_text(folder / "run/precious", "data");
   EXPECT_THROW(RecordingWriter(options_for(folder / "run")), capture::CaptureError);
@@ -393,7 +393,7 @@ void write_until_killed(const fs::path& folder, bool is_jpeg) {
   }
 }
 
-TEST(RecordingWriter, KilledItReplaysUpToTheLastSecond) {
+TEST(RecordingWriter, ReplaysUpToTheLastSecondAfterAKill) {
   for (int round = 0; round < 6; ++round) {
     const capture::TemporaryFolder folder;
     const bool is_jpeg = round % 2 == 1;
@@ -424,7 +424,7 @@ TEST(RecordingWriter, KilledItReplaysUpToTheLastSecond) {
 }
 
 // The video ends anywhere: what is left of it must be right, and nothing may be invented.
-TEST(RecordingWriter, AVideoCutOffAnywhereGivesItsBeginning) {
+TEST(RecordingWriter, TruncatedVideoReplaysItsBeginning) {
   const capture::TemporaryFolder folder;
   std::vector<capture::Frame> written;
   {
@@ -454,7 +454,7 @@ TEST(RecordingWriter, AVideoCutOffAnywhereGivesItsBeginning) {
   EXPECT_GE(most, 5U);
 }
 
-TEST(RecordingWriter, TimesCutOffAnywhereGiveTheirBeginning) {
+TEST(RecordingWriter, TruncatedTimesReplayTheirBeginning) {
   const capture::TemporaryFolder folder;
   std::vector<capture::Frame> written;
   {
@@ -482,7 +482,7 @@ TEST(RecordingWriter, TimesCutOffAnywhereGiveTheirBeginning) {
 }
 
 // In a child: a limit on the size of files stays with a process.
-TEST(RecordingWriter, AFullDiskStopsItWithOneClearLine) {
+TEST(RecordingWriter, FullDiskStopsItWithOneMessage) {
   const capture::TemporaryFolder folder;
   const pid_t child = ::fork();
   if (child == 0) {
@@ -509,7 +509,7 @@ TEST(RecordingWriter, AFullDiskStopsItWithOneClearLine) {
   for (std::size_t i = 0; i < frames.size(); ++i) expect_same(frames[i], raw_frame(static_cast<int>(i)));
 }
 
-TEST(RecordingWriter, ARealFullDisk) {
+TEST(RecordingWriter, RealFullDisk) {
   const capture::TemporaryFolder folder;
   fs::create_directory(folder / "disk");
   if (::mount("none", (folder / "disk").c_str(), "tmpfs", 0, "size=1m") != 0)
@@ -538,7 +538,7 @@ TEST(RecordingWriter, ARealFullDisk) {
 
 // ---- Pre-roll
 
-TEST(PreRoll, KeepsTheLastSecondsInTheOrderTheyCame) {
+TEST(PreRoll, KeepsTheLastSecondsInOrder) {
   PreRoll ring({.length = 1s});
   for (int k = 0; k < 100; ++k) ring.push(raw_frame(k));
   EXPECT_EQ(ring.size(), 31U);  // 30 periods of 33.3 ms, both ends
@@ -563,7 +563,7 @@ TEST(PreRoll, MemoryIsBounded) {
   EXPECT_EQ(ring.take().back().sequence, 999U);
 }
 
-TEST(PreRoll, HoldsNoBufferOfADriver) {
+TEST(PreRoll, HoldsNoDriverBuffer) {
   PreRoll ring({.length = 1h});
   capture::Frame frame = raw_frame(1, capture::PixelFormat::nv12, 64, 48, capture::ColorRange::limited, 32);
   const std::weak_ptr<const void> buffer = frame.pixels.owner;
@@ -575,7 +575,7 @@ TEST(PreRoll, HoldsNoBufferOfADriver) {
   EXPECT_EQ(capture::hash_of(ring.take()[0].pixels), hash);
 }
 
-TEST(PreRoll, OfJpegsItKeepsTheirBytesOnly) {
+TEST(PreRoll, KeepsOnlyTheBytesOfJpegs) {
   PreRoll ring({.length = 1h});
   const auto frames = jpeg_frames(5);
   std::size_t bytes = 0;
@@ -587,7 +587,7 @@ TEST(PreRoll, OfJpegsItKeepsTheirBytesOnly) {
   for (const auto& held : ring.take()) EXPECT_FALSE(held.pixels.owner);
 }
 
-TEST(PreRoll, IsWrittenInFrontOfWhatFollows) {
+TEST(PreRoll, IsWrittenBeforeLiveFrames) {
   for (const bool is_jpeg : {false, true}) {
     const capture::TemporaryFolder folder;
     std::vector<capture::Frame> all;

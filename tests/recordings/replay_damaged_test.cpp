@@ -106,7 +106,7 @@ class Damaged : public testing::Test {
   capture::TemporaryFolder folder;
 };
 
-TEST_F(Damaged, AFrameThatDoesNotDecodeIsCorruptedAndTheNextKeepTheirNumbers) {
+TEST_F(Damaged, UndecodableFrameIsCorruptedAndNumbersStayRight) {
   for (const std::string file : {"a.mkv", "a.avi"}) {
     capture::Clip clip = ffv1();
     clip.tamper = [](int k, AVPacket& packet) { return k == 4 || k == 7 ? spoil(packet) : true; };
@@ -118,7 +118,7 @@ TEST_F(Damaged, AFrameThatDoesNotDecodeIsCorruptedAndTheNextKeepTheirNumbers) {
   }
 }
 
-TEST_F(Damaged, WhatIsPredictedFromALostFrameIsCorruptedToo) {
+TEST_F(Damaged, FramesPredictedFromALostOneAreCorrupted) {
   capture::Clip clip = ffv1();
   clip.key_frame_every = 4;
   clip.tamper = [](int k, AVPacket& packet) { return k == 5 ? spoil(packet) : true; };
@@ -127,7 +127,7 @@ TEST_F(Damaged, WhatIsPredictedFromALostFrameIsCorruptedToo) {
   expect_right_numbers(played);
 }
 
-TEST_F(Damaged, ACutJpegFrameIsCorrupted) {  // what a webcam on a crowded USB bus gives
+TEST_F(Damaged, CutJpegFrameIsCorrupted) {  // what a webcam on a crowded USB bus gives
   for (const std::string file : {"a.mkv", "a.avi"}) {
     capture::Clip clip = mjpeg();
     clip.tamper = [](int k, AVPacket& packet) {
@@ -143,7 +143,7 @@ TEST_F(Damaged, ACutJpegFrameIsCorrupted) {  // what a webcam on a crowded USB b
 }
 
 // Not damaged, but recorded with a dropped frame: fps counts stored frames, so the user must know.
-TEST_F(Damaged, AFrameThatWasNeverWrittenIsWarnedOf) {
+TEST_F(Damaged, WarnsOfAFrameThatWasNeverWritten) {
   capture::Clip clip = mjpeg();
   clip.frames = 40;
   clip.tamper = [](int k, AVPacket&) { return k != 4; };
@@ -175,7 +175,7 @@ TEST_F(Damaged, ManyLostFramesAreSummedUp) {
   EXPECT_THAT(played.warnings.back(), HasSubstr("13 more frames that do not decode"));
 }
 
-TEST_F(Damaged, CorruptedFramesAtTheStartAreCountedAndTheRestIsPlayed) {
+TEST_F(Damaged, CorruptedStartIsCountedAndTheRestPlayed) {
   capture::Clip clip = mjpeg();
   clip.tamper = [](int k, AVPacket& packet) {
     if (k < 2) av_shrink_packet(&packet, packet.size / 2);
@@ -187,13 +187,13 @@ TEST_F(Damaged, CorruptedFramesAtTheStartAreCountedAndTheRestIsPlayed) {
   EXPECT_EQ(played.shown.size(), 10u);
 }
 
-TEST_F(Damaged, AVideoWithoutOneGoodFrameIsAnError) {
+TEST_F(Damaged, VideoWithoutGoodFramesIsAnError) {
   capture::Clip clip = ffv1();
   clip.tamper = [](int, AVPacket& packet) { return spoil(packet); };
   EXPECT_THAT(error_of(write("a.mkv", clip)), AllOf(HasSubstr("a.mkv"), HasSubstr("no frame")));
 }
 
-TEST_F(Damaged, ATruncatedFileIsPlayedAsFarAsItGoesWithAWarning) {
+TEST_F(Damaged, TruncatedFileIsPlayedWithAWarning) {
   for (const auto& [file, clip] : {std::pair<std::string, capture::Clip>{"f.mkv", ffv1()},
                                    {"m.mkv", mjpeg()},
                                    {"m.avi", mjpeg()},
@@ -208,13 +208,13 @@ TEST_F(Damaged, ATruncatedFileIsPlayedAsFarAsItGoesWithAWarning) {
   }
 }
 
-TEST_F(Damaged, ATruncatedMp4IsAnError) {  // its index is at the end
+TEST_F(Damaged, TruncatedMp4IsAnError) {  // its index is at the end
   const std::string bytes = capture::read_bytes(write("a.mp4", mpeg4()));
   capture::write_text(folder / "cut.mp4", bytes.substr(0, bytes.size() / 2));
   EXPECT_THAT(error_of(folder / "cut.mp4"), HasSubstr("cut.mp4"));
 }
 
-TEST_F(Damaged, AHoleInTheFileDoesNotShiftTheFramesBehindIt) {
+TEST_F(Damaged, HoleInTheFileDoesNotShiftLaterFrames) {
   for (const auto& [file, clip] :
        {std::pair<std::string, capture::Clip>{"f.mkv", ffv1()}, {"m.mkv", mjpeg()}, {"m.avi", mjpeg()}}) {
     capture::Clip longer = clip;
@@ -236,7 +236,7 @@ TEST_F(Damaged, AHoleInTheFileDoesNotShiftTheFramesBehindIt) {
   }
 }
 
-TEST_F(Damaged, APipeAmongTheImagesIsNamedAndNotWaitedFor) {
+TEST_F(Damaged, PipeAmongTheImagesIsNamedAndDoesNotBlock) {
   write("%d.png", {.codec = "png", .format = AV_PIX_FMT_RGB24, .frames = 6});
   std::filesystem::remove(folder / "3.png");
   ASSERT_EQ(::mkfifo((folder / "3.png").c_str(), 0600), 0);
@@ -304,7 +304,7 @@ void PrintTo(const FuzzCase& c, std::ostream* out) {
 
 class Mutated : public testing::TestWithParam<FuzzCase> {};
 
-TEST_P(Mutated, FilesEndInAnErrorOrInFramesNeverInACrash) {
+TEST_P(Mutated, FilesNeverCrashTheReader) {
   const FuzzCase& c = GetParam();
   const capture::TemporaryFolder folder;
   capture::write_clip(folder / c.file, c.clip);

@@ -66,7 +66,7 @@ class Replay : public testing::Test {
 
 // ---- Times and numbers
 
-TEST_F(Replay, AFrameRateGivesExactlyRoundedTimes) {
+TEST_F(Replay, FrameRateGivesExactlyRoundedTimes) {
   capture::write_clip(folder / "a.avi", {.codec = "mjpeg", .format = AV_PIX_FMT_YUVJ422P, .frames = 8, .fps = 30});
   auto source = open("frames: a.avi, fps: 30, offset_s: 0.5");
   EXPECT_EQ(source.expected_frames(), 8);
@@ -78,7 +78,7 @@ TEST_F(Replay, AFrameRateGivesExactlyRoundedTimes) {
   EXPECT_THAT(source.take_warnings(), IsEmpty());
 }
 
-TEST_F(Replay, AFrameRateThatIsNotTheFilesIsSaid) {
+TEST_F(Replay, WarnsOfAFrameRateThatDiffersFromTheFiles) {
   capture::write_clip(folder / "a.avi", {.codec = "mjpeg", .format = AV_PIX_FMT_YUVJ422P, .frames = 8, .fps = 30});
   auto source = open("frames: a.avi, fps: 28");
   EXPECT_THAT(source.take_warnings(),
@@ -101,7 +101,7 @@ TEST_F(Replay, EverySecondFrameKeepsItsOwnTime) {
   }
 }
 
-TEST_F(Replay, CamerasThatHardlyMeetAreWarnedOf) {
+TEST_F(Replay, WarnsOfCamerasThatHardlyOverlap) {
   capture::write_clip(folder / "a.mkv", {.frames = 10});
   capture::write_clip(folder / "b.mkv", {.frames = 10});
   const auto warnings = [&](const std::string& offset_s) {
@@ -133,7 +133,7 @@ TEST_F(Replay, TimeStampsAreTakenAsListedAndSkippedFramesAreMissing) {
   EXPECT_THAT(source.take_warnings(), IsEmpty());
 }
 
-TEST_F(Replay, ListedFramesThatTheVideoLacksAreMissing) {
+TEST_F(Replay, ListedFramesMissingInTheVideoAreCounted) {
   capture::write_clip(folder / "a.mkv", {.frames = 3});
   capture::write_text(folder / "t.csv", "frame,t_s\n0,0\n1,1\n2,2\n3,3\n5,5\n");
   auto source = open("frames: a.mkv, timestamps: t.csv");
@@ -142,7 +142,7 @@ TEST_F(Replay, ListedFramesThatTheVideoLacksAreMissing) {
   EXPECT_THAT(source.take_warnings(), ElementsAre(AllOf(HasSubstr("a.mkv"), HasSubstr("last 2 rows"))));
 }
 
-TEST_F(Replay, TheContainersTimeStampsServeWhenNothingElseIsGiven) {
+TEST_F(Replay, ContainerTimeStampsAreTheDefault) {
   capture::write_clip(folder / "a.mp4", {.codec = "mpeg4", .format = AV_PIX_FMT_YUV420P, .frames = 4, .fps = 8});
   auto source = open("frames: a.mp4, offset_s: 1");
   EXPECT_THAT(times(read_all(source)), ElementsAre(1000ms, 1125ms, 1250ms, 1375ms));
@@ -216,7 +216,7 @@ TEST_F(Replay, AnImageOutlivesItsSource) {
   EXPECT_THAT(shown(frames), ElementsAre(0, 1, 2));
 }
 
-TEST_F(Replay, FramesThatAreCodedOutOfOrderComeInOrder) {
+TEST_F(Replay, ReorderedFramesComeInOrder) {
   for (const std::string file : {"b.mp4", "b.mkv", "b.avi"}) {
     capture::write_clip(folder / file,
                         {.codec = "mpeg4", .format = AV_PIX_FMT_YUV420P, .key_frame_every = 6, .b_frames = 2});
@@ -243,7 +243,7 @@ TEST_F(Replay, Vp9sHiddenFramesTakeNoNumber) {
 
 // ---- Images
 
-TEST_F(Replay, APatternOfImagesIsNumberedFromItsFirstFileAndMayHaveGaps) {
+TEST_F(Replay, ImagePatternIsNumberedByFileAndMayHaveGaps) {
   capture::write_clip(folder / "img/%03d.png",
                       {.codec = "png", .format = AV_PIX_FMT_RGB24, .frames = 6});  // 001 .. 006
   std::filesystem::remove(folder / "img/003.png");
@@ -257,20 +257,20 @@ TEST_F(Replay, APatternOfImagesIsNumberedFromItsFirstFileAndMayHaveGaps) {
   EXPECT_EQ(source.cameras()[0].missing, 1);
 }
 
-TEST_F(Replay, AGlobOfImagesIsSortedByName) {
+TEST_F(Replay, ImageGlobIsSortedByName) {
   capture::write_clip(folder / "img/frame_%d.jpg", {.codec = "mjpeg", .format = AV_PIX_FMT_YUVJ420P, .frames = 4});
   auto source = open("frames: \"img/*.jpg\", fps: 10");
   EXPECT_EQ(source.expected_frames(), 4);
   EXPECT_THAT(shown(read_all(source)), ElementsAre(0, 1, 2, 3));
 }
 
-TEST_F(Replay, AFileWhoseNameLooksLikeAPatternIsThatFile) {
+TEST_F(Replay, FileNamedLikeAPatternIsThatFile) {
   capture::write_clip(folder / "a[1].mkv", {.frames = 2});
   auto source = open("frames: \"a[1].mkv\", fps: 10");
   EXPECT_EQ(read_all(source).size(), 2u);
 }
 
-TEST_F(Replay, AnImageOfAnotherSizeIsNotUsed) {
+TEST_F(Replay, ImageOfAnotherSizeIsNotUsed) {
   const std::vector<std::pair<std::string, AVPixelFormat>> kinds{{"png", AV_PIX_FMT_RGB24},
                                                                  {"mjpeg", AV_PIX_FMT_YUVJ422P}};
   for (const auto& [codec, format] : kinds) {
@@ -310,7 +310,7 @@ void PrintTo(const FormatCase& c, std::ostream* out) {
 
 class ReplayFormats : public testing::TestWithParam<FormatCase> {};
 
-TEST_P(ReplayFormats, ComeOutAsTheyAreOrAsTheNearest) {
+TEST_P(ReplayFormats, AreKeptOrConvertedToTheNearest) {
   const FormatCase& c = GetParam();
   const capture::TemporaryFolder folder;
   capture::write_clip(folder / c.file, {.codec = c.codec,
@@ -401,7 +401,7 @@ INSTANTIATE_TEST_SUITE_P(OtherMatrix, ReplayFormats,
                                                     capture::ColorRange::full, 64, 48, AVCOL_RANGE_MPEG,
                                                     AVCOL_SPC_BT709}));
 
-TEST_F(Replay, RowsMayLieBottomUp) {
+TEST_F(Replay, AcceptsBottomUpRows) {
   capture::write_clip(folder / "a.avi", {.codec = "rawvideo", .format = AV_PIX_FMT_BGR24, .frames = 1});
   std::string bytes = capture::read_bytes(folder / "a.avi");
   const auto height = bytes.find("strf") + 16;  // biHeight: -48, top down; 48 means bottom up
@@ -415,7 +415,7 @@ TEST_F(Replay, RowsMayLieBottomUp) {
   EXPECT_NE(capture::bgr_at(image, 32, 44).g, capture::bgr_at(image, 33, 44).g);
 }
 
-TEST_F(Replay, Bt709IsConvertedWithItsOwnMatrix) {
+TEST_F(Replay, ConvertsBt709WithItsOwnMatrix) {
   const auto colour = [&](AVColorSpace matrix, const std::string& file) {
     capture::write_clip(folder / file, {.range = AVCOL_RANGE_MPEG, .matrix = matrix, .frames = 5});
     auto source = open("frames: " + file + ", fps: 10");
@@ -431,7 +431,7 @@ TEST_F(Replay, Bt709IsConvertedWithItsOwnMatrix) {
 
 // ---- What is wrong at the start
 
-TEST_F(Replay, ARigCameraThatTheRecordingLacksIsAnError) {
+TEST_F(Replay, MissingCameraIsAnError) {
   capture::write_clip(folder / "a.mkv", {.frames = 1});
   const std::string cameras = "  left: {frames: a.mkv, fps: 10}\n  right: {frames: a.mkv, fps: 10}\n";
   EXPECT_THAT(error_of(cameras, {"left", "rihgt"}),
@@ -440,7 +440,7 @@ TEST_F(Replay, ARigCameraThatTheRecordingLacksIsAnError) {
   EXPECT_THAT(error_of(cameras, {"top"}), testing::Not(HasSubstr("did you mean")));
 }
 
-TEST_F(Replay, ARecordedCameraThatTheRigLacksIsAWarning) {
+TEST_F(Replay, ExtraCameraIsAWarning) {
   capture::write_clip(folder / "a.mkv", {.frames = 1});
   auto source = open("  left: {frames: a.mkv, fps: 10}\n  right: {frames: a.mkv, fps: 10}\n", {"right"});
   EXPECT_EQ(read_all(source).size(), 1u);
@@ -453,7 +453,7 @@ TEST_F(Replay, RefusesBadOptions) {
   EXPECT_THROW(open("  cam: {frames: a.mkv, fps: 10}\n", {"cam"}, {.decoder_threads = 0}), std::invalid_argument);
 }
 
-TEST_F(Replay, WhatIsNoVideoIsNamed) {
+TEST_F(Replay, NamesAFileThatIsNoVideo) {
   const auto names_it = [](const std::string& file, const std::string& why) {
     return AllOf(HasSubstr(file), HasSubstr(why), HasSubstr("camera cam"));
   };

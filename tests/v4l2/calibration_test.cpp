@@ -77,7 +77,7 @@ class LiveCalibration : public testing::Test {
   std::unique_ptr<end_to_end::Process> player, calibrate;
 };
 
-TEST_F(LiveCalibration, OfABoardBeforeTwoCameras) {
+TEST_F(LiveCalibration, WithABoardAndTwoCameras) {
   play(60, 10, 2, 12, {"-n", "100000"});  // six seconds each: an emulated processor is slow to find a board
   const std::string board = original() / "board.yaml";
   const fs::path page = folder / "view.html";
@@ -122,7 +122,7 @@ class LiveWave : public LiveCalibration {
   fs::path original() const override { return fs::path(HUETRACK_SHARED_DATA) / "rendered/two_cams"; }
 };
 
-TEST_F(LiveWave, BringsASpoiltRigBack) {
+TEST_F(LiveWave, RestoresAWrongRig) {
   constexpr double fps = 3;  // a tenth of the real speed: an emulated processor drops frames
   play(1, fps, 0, 150, {"-n", "150", "-g", folder / "go"});
   calib::CameraRig spoilt = truth;

@@ -208,7 +208,7 @@ class Films : public Daemon, public testing::WithParamInterface<Film> {
   }
 };
 
-TEST_P(Films, LiveIsAsReplayAndItsRecordingGivesTheSameBytes) {
+TEST_P(Films, LiveReplayAndRecordingAreByteEqual) {
   const Film& film = GetParam();
   const fs::path original = rendered / film.name;
   if (!fs::exists(original)) GTEST_SKIP() << original << " is not there";
@@ -326,7 +326,7 @@ class Webcams : public Daemon {
   std::array<fs::path, 3> nodes;
 };
 
-TEST_F(Webcams, TheTrackOutlivesUnplugging) {
+TEST_F(Webcams, TrackSurvivesUnplugging) {
   std::vector<Camera> cameras;
   const std::array<const char*, 3> more{
       "format: yuyv, controls: {exposure_time_absolute: 200, white_balance_temperature: 5000, gain: 30}",
@@ -345,7 +345,7 @@ TEST_F(Webcams, TheTrackOutlivesUnplugging) {
                                     HasSubstr("exposure_time_absolute: asked 100, got 157: the camera refuses it")));
   EXPECT_THAT(service->err(), AllOf(HasSubstr("delivers yuyv 320x240"), HasSubstr("delivers mjpeg 320x240")));
 
-  // One goes: the others go on. A second one goes: nobody can say how far it is.
+  // One goes: the others continue. A second one goes: the distance is unknown.
   unplug(2);
   EXPECT_TRUE(comes_true([] { return !is_up("cam2"); }));
   EXPECT_TRUE(says("warning: camera cam2: unplugged: No such device"));
@@ -387,7 +387,7 @@ TEST_F(Webcams, TheTrackOutlivesUnplugging) {
   std::printf("webcams: %d sets tracking, %d coasting\n", tracking, coasting);
 }
 
-TEST_F(Webcams, RecordKeepsTheirOwnJpegs) {
+TEST_F(Webcams, RecordKeepsTheCamerasJpegs) {
   std::vector<Camera> cameras;
   for (int c = 0; c < 3; ++c)
     cameras.push_back({names[std::size_t(c)], nodes[std::size_t(c)], c == 0 ? "format: yuyv" : "format: mjpeg"});
@@ -410,7 +410,7 @@ TEST_F(Webcams, RecordKeepsTheirOwnJpegs) {
   EXPECT_THAT(again->err(), HasSubstr("is not an empty folder"));
 }
 
-TEST_F(Webcams, AColourIsTaughtFromThem) {
+TEST_F(Webcams, TeachesAColour) {
   std::vector<Camera> cameras;
   for (int c = 0; c < 3; ++c)
     cameras.push_back({names[std::size_t(c)], nodes[std::size_t(c)], c == 0 ? "format: yuyv" : "format: mjpeg"});
@@ -440,7 +440,7 @@ TEST_F(Webcams, AColourIsTaughtFromThem) {
   stop();
 }
 
-TEST_F(Webcams, DoctorSaysHowTheyAre) {
+TEST_F(Webcams, DoctorDescribesThem) {
   fs::create_directories("/dev/v4l/by-path");  // the VM has no udev
   const fs::path link = "/dev/v4l/by-path/platform-vhci_hcd.0-usb-0:1:1.0-video-index0";
   fs::remove(link);
@@ -496,7 +496,7 @@ class Faults : public Daemon {
   std::vector<fs::path> nodes;
 };
 
-TEST_F(Faults, NoneEndsTheService) {
+TEST_F(Faults, DoNotEndTheService) {
   run(configure(folder / "rig.yaml", "lime: {color: {hue_deg: [65, 115]}}",
                 {{"cam0", nodes[0], ""}, {"cam1", nodes[1], ""}}, 30, "quorum: 1\n"));
   ASSERT_TRUE(says("ready: "));
@@ -529,7 +529,7 @@ TEST_F(Faults, NoneEndsTheService) {
 }
 
 // A second one goes on tracking while the first one locks up, and does not answer from the start.
-TEST_F(Faults, AWrongCameraAtTheStartDoesNotKeepTheOthersFromRunning) {
+TEST_F(Faults, WrongCameraAtStartDoesNotStopTheOthers) {
   run(configure(folder / "rig.yaml", "lime: {color: {hue_deg: [65, 115]}}",
                 {{"cam0", nodes[0], ""}, {"cam1", "/dev/null", ""}}, 15, "quorum: 1\n"));
   ASSERT_TRUE(says("ready: 1 of 2"));
@@ -543,7 +543,7 @@ TEST_F(Faults, AWrongCameraAtTheStartDoesNotKeepTheOthersFromRunning) {
   EXPECT_TRUE(says("is not a video device"));
 }
 
-TEST_F(Faults, ALockedUpCameraHoldsNobodyUp) {
+TEST_F(Faults, LockedUpCameraBlocksNothing) {
   const fs::path config =
       configure(folder / "rig.yaml", "lime: {color: {hue_deg: [65, 115]}}",
                 {{"cam0", nodes[0], "restore_controls: true, controls: {brightness: 100, contrast: 100}"},
@@ -592,7 +592,7 @@ using Kills = Faults;
 
 // HUETRACK_KILLS says how often (20). On a machine that is not emulated, subscribers notice within 1.5 s:
 // end_to_end/kill_test.cpp
-TEST_F(Kills, TheRestartWorksTheRecordingOpensAndSubscribersNotice) {
+TEST_F(Kills, RestartWorksAndRecordingAndSubscribersSurvive) {
   const char* wanted = std::getenv("HUETRACK_KILLS");
   const int kills = wanted ? std::stoi(wanted) : 20;
   constexpr double fps = 25;
@@ -614,7 +614,7 @@ TEST_F(Kills, TheRestartWorksTheRecordingOpensAndSubscribersNotice) {
     service->kill(SIGKILL);
     const auto killed = std::chrono::steady_clock::now();
     EXPECT_EQ(service->wait(), -SIGKILL);
-    EXPECT_TRUE(comes_true([&] { return watch->err().size() > said.size(); })) << "nobody noticed";
+    EXPECT_TRUE(comes_true([&] { return watch->err().size() > said.size(); })) << "not noticed";
     const auto since_kill = [&] {
       return std::chrono::duration<double>(std::chrono::steady_clock::now() - killed).count();
     };

@@ -140,7 +140,7 @@ class Loopback : public testing::Test {
   fs::path node;
 };
 
-TEST_F(Loopback, FramesAreBitExactAtTheTimesOfTheDriver) {
+TEST_F(Loopback, FramesAreBitExactWithTheDriversTimes) {
   const auto player = play(120);
   capture::V4l2Source source(options_for(node));
   go();
@@ -166,7 +166,7 @@ TEST_F(Loopback, FramesAreBitExactAtTheTimesOfTheDriver) {
               static_cast<unsigned long long>(health.copied));
 }
 
-TEST_F(Loopback, ARecordingReplaysToWhatWasSeen) {
+TEST_F(Loopback, RecordingReplaysTheLiveFrames) {
   for (const auto storage : {recordings::RawStorage::uncompressed, recordings::RawStorage::huffyuv}) {
     const auto player = play(60);
     capture::V4l2Source source(options_for(node));
@@ -207,7 +207,7 @@ TEST_F(Loopback, ARecordingReplaysToWhatWasSeen) {
   }
 }
 
-TEST_F(Loopback, APlayerThatComesGoesAndReturns) {
+TEST_F(Loopback, PlayerMayComeGoAndReturn) {
   capture::V4l2Source source(options_for(node));
   EXPECT_EQ(source.health().state, capture::CaptureState::absent);
   EXPECT_THAT(source.health().message, HasSubstr("nothing plays"));
@@ -251,7 +251,7 @@ class Vivid : public testing::Test {
   std::optional<capture::V4l2Device> knobs;  // a second opener, to turn the driver's knobs
 };
 
-TEST_F(Vivid, SaysWhatItOffersAndRefusesTheRest) {
+TEST_F(Vivid, ListsItsOffersAndRefusesOthers) {
   EXPECT_EQ(knobs->identity().driver, "vivid");
   const auto formats = knobs->formats();
   const auto yuyv = std::ranges::find(formats, capture::CaptureFormat::yuyv, &capture::OfferedFormat::format);
@@ -297,7 +297,7 @@ TEST_F(Vivid, EveryRawFormatArrives) {
   }
 }
 
-TEST_F(Vivid, StampsAreCalledWhatTheyAre) {
+TEST_F(Vivid, StampKindsAreRight) {
   for (const auto& [source_of_stamps, kind] :
        {std::pair{1, capture::StampKind::start_of_exposure}, std::pair{0, capture::StampKind::end_of_frame}}) {
     set("timestamp_source", source_of_stamps);
@@ -314,7 +314,7 @@ TEST_F(Vivid, StampsAreCalledWhatTheyAre) {
   EXPECT_NEAR(capture::seconds(capture::unix_now() - got.frames[0].captured_at), 3600, 1);
 }
 
-TEST_F(Vivid, FlaggedFramesAreMarkedAndCarryNoImage) {
+TEST_F(Vivid, FlaggedFramesAreCorrupted) {
   capture::V4l2Source source(options());
   ASSERT_EQ(take(source, 3).frames.size(), 3U);
   set("inject_v4l2_buf_flag_error", 1);
@@ -340,7 +340,7 @@ TEST_F(Vivid, GapsInTheSequenceAreDrops) {
   EXPECT_EQ(source.health().dropped, got.frames.back().sequence - 59U);
 }
 
-TEST_F(Vivid, AnInputErrorEndsNothing) {
+TEST_F(Vivid, InputErrorEndsNothing) {
   capture::V4l2Source source(options());
   ASSERT_EQ(take(source, 3).frames.size(), 3U);
   set("inject_fatal_streaming_error", 1);
@@ -353,7 +353,7 @@ TEST_F(Vivid, AnInputErrorEndsNothing) {
   EXPECT_GE(source.health().restarts, 1U);
 }
 
-TEST_F(Vivid, ADriverThatStopsDeliveringIsRestarted) {
+TEST_F(Vivid, SilentDriverIsRestarted) {
   capture::V4l2Source source(options());
   ASSERT_EQ(take(source, 3).frames.size(), 3U);
   set("percentage_of_dropped_buffers", 100);
@@ -368,7 +368,7 @@ TEST_F(Vivid, ADriverThatStopsDeliveringIsRestarted) {
   EXPECT_EQ(source.health().state, capture::CaptureState::delivering);
 }
 
-TEST_F(Vivid, FailuresAtStartAreTriedAgain) {
+TEST_F(Vivid, FailuresAtStartAreRetried) {
   for (const char* knob : {"inject_vidioc_streamon_error", "inject_vidioc_qbuf_error", "inject_vidioc_reqbufs_error"}) {
     set(knob, 1);
     capture::V4l2Source source(options());
@@ -378,7 +378,7 @@ TEST_F(Vivid, FailuresAtStartAreTriedAgain) {
   }
 }
 
-TEST_F(Vivid, AFailingRestartOpensItAnew) {
+TEST_F(Vivid, FailingRestartReopensTheDevice) {
   capture::V4l2Source source(options());
   ASSERT_EQ(take(source, 3).frames.size(), 3U);
   set("inject_vidioc_streamon_error", 1);
@@ -390,7 +390,7 @@ TEST_F(Vivid, AFailingRestartOpensItAnew) {
   EXPECT_EQ(source.health().state, capture::CaptureState::delivering);
 }
 
-TEST_F(Vivid, ABusyCameraIsWaitedFor) {
+TEST_F(Vivid, BusyCameraIsAwaited) {
   auto first = std::make_unique<capture::V4l2Source>(options());
   ASSERT_EQ(take(*first, 3).frames.size(), 3U);
   capture::V4l2Source second(options());
@@ -404,7 +404,7 @@ TEST_F(Vivid, ABusyCameraIsWaitedFor) {
   EXPECT_EQ(take(second, 3).frames.size(), 3U);
 }
 
-TEST_F(Vivid, ABusyCamerasControlsAreLeftAlone) {
+TEST_F(Vivid, ControlsOfABusyCameraAreUnchanged) {
   auto mine = options(), others = options();
   others.controls = {{"brightness", 100}};
   mine.controls = {{"brightness", 200}};
@@ -421,7 +421,7 @@ TEST_F(Vivid, ABusyCamerasControlsAreLeftAlone) {
   set("brightness", 128);
 }
 
-TEST_F(Vivid, ADisconnectedCameraComesBack) {
+TEST_F(Vivid, DisconnectedCameraComesBack) {
   const fs::path other = node_of("vivid", 1);
   ASSERT_FALSE(other.empty());
   capture::V4l2Source source(options_for(other, 320, 180, 30));
@@ -439,7 +439,7 @@ TEST_F(Vivid, ADisconnectedCameraComesBack) {
   EXPECT_EQ(source.health().reconnects, 1U);
 }
 
-TEST_F(Vivid, AStopWakesItAtOnce) {
+TEST_F(Vivid, StopWakesItAtOnce) {
   set("percentage_of_dropped_buffers", 100);
   capture::V4l2Source source(options());
   std::stop_source stop;
@@ -456,7 +456,7 @@ TEST_F(Vivid, AStopWakesItAtOnce) {
   set("percentage_of_dropped_buffers", 0);
 }
 
-TEST_F(Vivid, FramesAreLetGoOnOtherThreadsWhileItRestarts) {
+TEST_F(Vivid, OtherThreadsReleaseFramesDuringARestart) {
   auto source = std::make_unique<capture::V4l2Source>(options());
   pipeline::BoundedQueue<capture::Frame> queue(4, pipeline::WhenFull::drop_oldest);
   std::uint64_t sum = 0;
@@ -535,7 +535,7 @@ class Uvc : public testing::Test {
   std::unique_ptr<Program> camera;
 };
 
-TEST_F(Uvc, FramesAreBitExactAndTheCameraKnown) {
+TEST_F(Uvc, FramesAreBitExactAndTheCameraIsIdentified) {
   plug_in();
   capture::V4l2Source source(options_for(node_of("uvcvideo"), width, height, 15));
   const auto got = take(source, 30, 20s, {}, true);
@@ -549,7 +549,7 @@ TEST_F(Uvc, FramesAreBitExactAndTheCameraKnown) {
   EXPECT_EQ(health.identity->usb->id, "1d6b:0102");
   EXPECT_GT(health.identity->usb->speed_mbps, 0);
   std::printf("uvc: %s, usb port %s\n", health.identity->to_string().c_str(), health.identity->usb->port.c_str());
-  // the metadata node is told apart
+  // the metadata node is distinguished
   bool has_metadata_node = false;
   for (const auto& node : capture::list_v4l2_nodes()) {
     if (node.identity.driver != "uvcvideo" || node.is_capture) continue;
@@ -575,7 +575,7 @@ TEST_F(Uvc, StableNamesAreFoundAndFollowed) {
   fs::remove(link);
 }
 
-TEST_F(Uvc, ManualValuesSwitchTheirAutomaticsOffFirst) {
+TEST_F(Uvc, ManualValuesSwitchOffTheirAutomaticsFirst) {
   plug_in();
   capture::V4l2Device device(node_of("uvcvideo"));
   const std::vector<capture::ControlSetting> settings{
@@ -599,7 +599,7 @@ TEST_F(Uvc, ManualValuesSwitchTheirAutomaticsOffFirst) {
   EXPECT_EQ(value_of(device, "gain"), 0);
 }
 
-TEST_F(Uvc, ARefusalIsReported) {
+TEST_F(Uvc, RefusalIsReported) {
   plug_in();
   capture::V4l2Device device(node_of("uvcvideo"));
   const std::vector<capture::ControlSetting> settings{{"exposure_time_absolute", 200},
@@ -709,7 +709,7 @@ TEST_F(Uvc, JpegsAreDecodedAndTheirBytesKept) {
   }
 }
 
-TEST_F(Uvc, AbsentAtStartItIsTakenWhenItComes) {
+TEST_F(Uvc, AbsentAtStartIsUsedWhenPluggedIn) {
   plug_in();
   const fs::path node = node_of("uvcvideo");
   unplug();

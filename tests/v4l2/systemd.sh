@@ -83,7 +83,7 @@ within 40 state active; [ "$(pid)" != "$before" ] && [ "$(pid)" != 0 ]; says "ki
 tracks; says "and it tracks again" $?
 
 kill "$cameras"; wait "$cameras" 2>/dev/null
-within 20 log 'unplugged\|absent\|gone'; says "unplugged cameras are told" $?
+within 20 log 'unplugged\|absent\|gone'; says "unplugged cameras are reported" $?
 sleep 31; state active; says "without cameras it waits, past the watchdog's time" $?
 ./uvccam -w 320 -h 240 -r 15 cam0.yuyv cam1.yuyv >/out/uvccam.log 2>&1 & cameras=$!
 within 60 tracks; says "plugged in again, it tracks" $?
@@ -112,7 +112,7 @@ StandardError=append:/out/use.log
 WantedBy=multi-user.target
 IN
 for unit in getty.target e2scrub_reap.service systemd-update-utmp.service systemd-update-utmp-runlevel.service; do
-  ln -sfn /dev/null "$root/etc/systemd/system/$unit"  # nobody logs in, and an emulated machine is slow
+  ln -sfn /dev/null "$root/etc/systemd/system/$unit"  # no logins, and an emulated machine is slow
 done
 ln -sfn ../use.service "$root/etc/systemd/system/multi-user.target.wants/use.service"
 

@@ -1,4 +1,4 @@
-// What FFmpeg has to say: nothing of it is printed; errors are kept for the warning or exception that they explain.
+// Captures FFmpeg's log: nothing is printed; errors are kept for the warning or exception that they explain.
 #pragma once
 
 #include <mutex>
@@ -6,13 +6,12 @@
 
 namespace huetrack::capture {
 
-// The first error that FFmpeg logged, and how many. thread-safe: slices may be decoded on FFmpeg's own threads, which
-// find it in their AVCodecContext's `opaque`.
+// Keeps the first error, and counts them. thread-safe: FFmpeg's slice threads find it in AVCodecContext::opaque.
 class FfmpegLog {
  public:
   void add(std::string text);
   int count() const;
-  std::string take();  // the first error since the last call, in brackets after a space; empty when there was none
+  std::string take();  // the first error since the last call as " (error)"; empty: none
 
  private:
   mutable std::mutex mutex_;
@@ -20,7 +19,7 @@ class FfmpegLog {
   std::string first_;  // guarded by mutex_
 };
 
-// For as long as it lives, what FFmpeg logs on this thread goes to `log`, which must outlive it.
+// During its lifetime FFmpeg logs of this thread go to `log`, which must outlive it.
 class FfmpegLogScope {
  public:
   explicit FfmpegLogScope(FfmpegLog& log);
@@ -32,7 +31,7 @@ class FfmpegLogScope {
   FfmpegLog* outer_;
 };
 
-// FFmpeg prints nothing from here on, for the rest of the process. thread-safe.
+// Silences FFmpeg for the rest of the process. thread-safe.
 void take_over_ffmpeg_log();
 
 }  // namespace huetrack::capture

@@ -1,4 +1,4 @@
-// FFmpeg's objects, owned. For this module and recordings, which alone see FFmpeg.
+// Owning pointers for FFmpeg's objects. FFmpeg is used only here, in network_source and in recordings.
 #pragma once
 
 extern "C" {

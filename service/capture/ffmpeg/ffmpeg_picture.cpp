@@ -49,7 +49,7 @@ std::optional<PixelFormat> pixel_format_of(AVPixelFormat format, int width, int 
   return is_odd ? std::nullopt : ours;
 }
 
-// The nearest of our formats to one that we do not have, or whose odd size does not fit ours.
+// The nearest of our formats, for a format or an odd size that ours cannot hold.
 AVPixelFormat nearest_format(const AVPixFmtDescriptor& source, int width, int height) {
   if ((source.flags & (AV_PIX_FMT_FLAG_RGB | AV_PIX_FMT_FLAG_PAL | AV_PIX_FMT_FLAG_BAYER)) != 0)
     return AV_PIX_FMT_BGR24;
@@ -72,13 +72,13 @@ ColorRange range_of(const AVFrame& frame, AVCodecID codec) {
     default:
       break;
   }
-  // FFmpeg, too, takes grey images that do not say for full range.
+  // Grey images without a stated range are full range, as in FFmpeg.
   const AVPixFmtDescriptor* format = av_pix_fmt_desc_get(static_cast<AVPixelFormat>(frame.format));
   const bool is_grey = format && format->nb_components <= 2;
   return is_grey || codec == AV_CODEC_ID_MJPEG || codec == AV_CODEC_ID_JPEGLS ? ColorRange::full : ColorRange::limited;
 }
 
-// Our formats speak BT.601; HD video that says that it is coded otherwise is not passed on as if it were.
+// Our YUV formats imply BT.601.
 bool has_other_matrix(const AVFrame& frame) {
   switch (frame.colorspace) {
     case AVCOL_SPC_UNSPECIFIED:
@@ -130,7 +130,7 @@ Image wrapped(FramePtr frame, PixelFormat format, ColorRange range) {
               .owner = {}};
   for (std::size_t i = 0; i < image.planes.size(); ++i)
     if (plane_rows(format, static_cast<int>(i), frame->height) > 0)
-      image.planes[i] = {frame->data[i], frame->linesize[i]};  // a negative stride: the rows lie bottom up
+      image.planes[i] = {frame->data[i], frame->linesize[i]};  // a negative stride: bottom-up rows
   image.owner = std::shared_ptr<const AVFrame>(std::move(frame));
   return image;
 }

@@ -1,4 +1,4 @@
-// FFmpeg's decoded pictures as ours, in their own format where we have it. For this module and recordings.
+// Converts FFmpeg's decoded pictures to Image, in their own pixel format where Image has it.
 #pragma once
 
 #include <memory>
@@ -19,8 +19,8 @@ using ScalerPtr = std::unique_ptr<SwsContext, FreeScaler>;
 // thread-compatible.
 class PictureMaker {
  public:
-  // nullopt: it is damaged, or FFmpeg cannot convert it. What says that it is coded by another matrix than BT.601 comes
-  // as BGR, what lies in memory as none of ours does as the nearest of them.
+  // nullopt: damaged, or FFmpeg cannot convert it. A picture coded with another matrix than BT.601 becomes BGR; one in
+  // another pixel format becomes the nearest of ours.
   std::optional<Image> image_of(FramePtr frame, AVCodecID codec);
 
  private:

@@ -1,4 +1,4 @@
-// What cameras and recordings throw at start: the outside world is at fault.
+// The exception that cameras and recordings throw at start when a device or file is at fault.
 #pragma once
 
 #include <stdexcept>
@@ -7,12 +7,11 @@
 
 namespace huetrack::capture {
 
-// what() is one readable line that names the device or file and says what helps.
+// what() is one readable line that names the device or file, the problem, and what to do.
 class CaptureError : public std::runtime_error {
  public:
   CaptureError(std::error_code code, const std::string& what) : std::runtime_error(what), code_(code) {}
-  // The system's errno. std::errc::invalid_argument: the camera works, but cannot do what was asked of it; trying again
-  // will not help.
+  // errno. std::errc::invalid_argument: the camera works, but cannot do what was asked; do not retry.
   const std::error_code& code() const noexcept { return code_; }
 
  private:

@@ -28,68 +28,67 @@ inline Duration duration_of(double s) {
 
 enum class FrameStatus : std::uint8_t {
   ok,
-  corrupted,  // the driver flagged it (V4L2_BUF_FLAG_ERROR), or it does not decode: counted, never used
-  repeated,   // it shows the camera's picture before it once more (repeat_watch.h): counted, never used
+  corrupted,  // flagged by the driver (V4L2_BUF_FLAG_ERROR), or not decodable: counted, never used
+  repeated,   // shows the camera's previous picture again (repeat_watch.h): counted, never used
 };
 
-// What is known of when a camera's rows are exposed (calib::CameraTiming); 0 where it is not.
+// When a camera's rows are exposed (calib::CameraTiming); 0 where unknown.
 struct FrameTiming {
   Duration latency{0};  // from the middle row's mid-exposure to the driver's time stamp
-  Duration readout{0};  // from the first row's mid-exposure to the last's; < 0: it reads upwards
+  Duration readout{0};  // from the first row's mid-exposure to the last's; < 0: the sensor reads upwards
   bool operator==(const FrameTiming&) const = default;
 };
 
-// Whose clock stamped a frame, and how well that clock is known next to ours. The error is one for all cameras that it
-// stamps, and wanders slowly.
+// The clock that stamped a frame, and how well its offset to ours is known. The offset's error is common to all cameras
+// that the clock stamps, and varies slowly.
 struct StampClock {
-  std::uint16_t of = 0;  // 0: this host's own; other hosts' are numbered from 1
-  Duration sigma{0};     // standard deviation of the clock's offset to ours as it was taken off
+  std::uint16_t of = 0;  // 0: this host's clock; those of other hosts are numbered from 1
+  Duration sigma{0};     // 1 sigma of the offset that was subtracted
   bool operator==(const StampClock&) const = default;
 };
 
 struct Frame {
   int camera = 0;              // index into CameraRig::cameras
   std::uint32_t sequence = 0;  // 0 at stream start; a gap is a drop
-  Timestamp captured_at;       // mid-exposure of its middle row, as far as that is known; never when we woke up
-  Timestamp stamped_at{};  // the driver's own time stamp; captured_at is that smoothed (camera_clock.h), less latency
-  Duration latency{0};     // of the camera, as far as known; captured_at + latency is the smoothed stamp
-  Duration readout{0};     // from its first row's mid-exposure to its last row's, as far as known
+  Timestamp captured_at;   // mid-exposure of the middle row, as far as known: smoothed stamp (camera_clock.h) - latency
+  Timestamp stamped_at{};  // the driver's own time stamp
+  Duration latency{0};     // FrameTiming::latency
+  Duration readout{0};     // FrameTiming::readout
   StampClock clock = {};   // of stamped_at
   FrameStatus status = FrameStatus::ok;
   Image pixels;
-  // Which of its pixels match, in place of them: `pixels` then has their format, range and size, and no planes.
+  // Replaces the pixels of a camera with `send: matches`: `pixels` then has format, range and size, but no planes.
   // nullptr: the pixels are there.
   std::shared_ptr<const Matches> matches = {};
-  // The camera's own bytes of this image, when it came compressed (MJPEG), or of its matches: for a recorder, which
-  // must not encode anew.
+  // The camera's own bytes of a compressed image (MJPEG), or of the matches: a recorder must not encode again.
   std::shared_ptr<const std::vector<std::uint8_t>> encoded = {};
-  // Which number among all cameras' frames it had when it entered the FrameSynchronizer, from 1; 0: not numbered. The
-  // frames of a set depend on the order of arrival; a recording keeps it, and a replay repeats it.
+  // Its number, from 1, among all cameras' frames in order of arrival at the FrameSynchronizer; 0: not numbered. Frame
+  // sets depend on that order, so recordings store it and replays repeat it.
   std::uint64_t arrival = 0;
-  // Which frame of its recorded stream it is, of a replay that may begin later or leave frames out (first_frame,
-  // every), where `sequence` counts what is played. nullopt: `sequence` is the camera's own count.
+  // Index in the recorded stream, in a replay that skips frames (first_frame, every) and whose `sequence` counts only
+  // played frames. nullopt: `sequence` is the camera's own count.
   std::optional<std::int64_t> stream_index = {};
 
-  // Mid-exposure of a row, 0 the topmost one; fractions are between rows.
+  // Mid-exposure of a row; row 0 is the topmost, fractions are between rows.
   Timestamp row_time(double row) const {
     const double below_middle = pixels.height > 1 ? row / (pixels.height - 1) - 0.5 : 0.0;
     return captured_at + Duration(static_cast<Duration::rep>(below_middle * static_cast<double>(readout.count())));
   }
 };
 
-// What people are shown of it: its pixels, or the latest picture that came with its camera's matches. nullptr: there is
-// none. Valid while the frame is.
+// The picture to display: the frame's pixels, or the latest picture that came with the camera's matches. nullptr: none.
+// Valid while the frame is.
 inline const Image* picture_of(const Frame& frame) {
   const Image& image = frame.matches ? frame.matches->picture : frame.pixels;
   return has_pixels(image) ? &image : nullptr;
 }
-// picture_of(), but only of this very frame: for what watches colours and rooms. With matches now and then.
+// picture_of(), but only if it belongs to this frame; with matches only some frames have one.
 inline const Image* own_picture_of(const Frame& frame) {
   return frame.matches && !frame.matches->has_own_picture ? nullptr : picture_of(frame);
 }
 
-// In the place of what matches a picture that came with it, as picture_of() or own_picture_of() say it, for who needs
-// pixels. False: there is none (nullptr), and the frame stays as it is.
+// Replaces a frame's matches by `picture` (from picture_of() or own_picture_of()). False: picture is nullptr, and the
+// frame is unchanged.
 inline bool take_picture(Frame& frame, const Image* picture) {
   if (!frame.matches) return true;
   if (picture == nullptr) return false;
@@ -99,9 +98,9 @@ inline bool take_picture(Frame& frame, const Image* picture) {
   return true;
 }
 
-// What the cameras saw at (nearly) one time. A camera that gave no usable frame is absent, not black.
+// One frame per camera from (nearly) the same time. A camera without a usable frame is absent, not black.
 struct FrameSet {
-  std::uint64_t number = 0;                  // counts the sets that were handed out, from 0
+  std::uint64_t number = 0;                  // from 0, in order of output
   Timestamp at;                              // capture time of the newest frame in it
   std::vector<std::optional<Frame>> frames;  // one slot per camera of the rig
 };

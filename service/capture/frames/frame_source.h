@@ -1,4 +1,4 @@
-// Live, recorded and simulated cameras are the same thing to everyone downstream.
+// The common interface of live, recorded and simulated cameras.
 #pragma once
 
 #include <optional>
@@ -8,14 +8,13 @@
 
 namespace huetrack::capture {
 
-// A stream of frames in time order. thread-compatible: read by one thread.
+// A stream of frames in time order. thread-compatible: read by one thread, which also calls the other functions.
 class FrameSource {
  public:
   virtual ~FrameSource() = default;
-  virtual std::optional<Frame> next(std::stop_token stop) = 0;  // blocks; nullopt = ended or stopped
-  // No more frames of this camera will come, though of others they may. Called by the thread that calls next().
-  virtual bool ended(int /*camera*/) const { return false; }
-  // Of the time that was spent in next() so far, what was only waiting until a frame was due. The same thread.
+  virtual std::optional<Frame> next(std::stop_token stop) = 0;  // blocks; nullopt: ended or stopped
+  virtual bool ended(int /*camera*/) const { return false; }    // this camera has no more frames; others may have
+  // Time spent in next() so far only waiting until a frame was due.
   virtual Duration waited() const { return Duration{0}; }
 };
 

@@ -1,4 +1,4 @@
-// A picture's bytes in memory of their own, where they hold nobody up: a driver's own buffer must go back to it.
+// Copies of images, so that a driver's buffer can be returned to it.
 #pragma once
 
 #include <cstddef>
@@ -8,11 +8,10 @@
 
 namespace huetrack::capture {
 
-// Rows back to back, plane after plane: how many bytes that takes, and into memory that has room for them.
+// Packed: rows back to back, plane after plane. pack() needs packed_bytes() at `to`.
 std::size_t packed_bytes(const Image& image);
 void pack(const Image& image, std::uint8_t* to);
 
-// The same pixels, packed.
 Image copy_of(const Image& image);
 
 }  // namespace huetrack::capture

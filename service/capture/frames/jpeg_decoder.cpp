@@ -1,9 +1,4 @@
-// libjpeg-turbo through libjpeg's own interface, errors and longjmp() included. TurboJPEG (2.1.5), its interface
-// without longjmp(), was tried on the recordings and does not do. It decodes to the same bytes and takes as long (1.00
-// of the instructions, 0.96 to 1.15 of the time), but it keeps only the text of a picture's first warning, so that
-// damage behind the padding of a sound webcam cannot be told from the padding alone; it takes padding between the
-// header's segments for an error; a decoder that met a damaged header may refuse every sound picture after it; and it
-// has no way to the comment that says limited range.
+// libjpeg-turbo through libjpeg's interface with longjmp(). Why not TurboJPEG: EXPERIMENTS.md.
 #include "capture/frames/jpeg_decoder.h"
 
 #include <array>
@@ -23,7 +18,7 @@
 namespace huetrack::capture {
 namespace {
 
-// Logitech's and others' pad by a byte or two; data that was lost shows as more, or as an early end.
+// Logitech's and other webcams pad by a byte or two; lost data shows as more, or as an early end.
 constexpr int most_padding_bytes = 16;
 constexpr std::size_t most_pixels = std::size_t{1} << 26;  // a damaged header must not make us allocate gigabytes
 
@@ -73,7 +68,7 @@ std::optional<PixelFormat> format_of(const jpeg_decompress_struct& info) {
   return std::nullopt;
 }
 
-// FFmpeg's way to say that a JPEG holds limited-range video.
+// FFmpeg's marker for limited-range video in a JPEG.
 bool says_limited_range(const jpeg_decompress_struct& info) {
   constexpr std::string_view text = "CS=ITU601";
   for (const auto* marker = info.marker_list; marker; marker = marker->next)
@@ -102,11 +97,10 @@ struct JpegDecoder::Impl {
     jpeg_save_markers(&info, JPEG_COM, 32);
   }
 
-  // The two halves between which memory is allocated: no object with a destructor may live where libjpeg jumps out.
+  // Separate functions, because no object with a destructor may be alive where libjpeg jumps out.
   bool read_header(std::span<const std::uint8_t> jpeg) {
     if (setjmp(errors.on_error) != 0) return false;
-    // libjpeg keeps a picture's tables for the next one, which may have none: a damaged one would spoil all that
-    // follow.
+    // libjpeg reuses tables for a later picture without any: those of a damaged picture would spoil all that follow.
     jpeg_destroy_decompress(&info);
     create();
     jpeg_mem_src(&info, jpeg.data(), static_cast<unsigned long>(jpeg.size()));
@@ -163,7 +157,7 @@ JpegResult JpegDecoder::decode(std::span<const std::uint8_t> jpeg, int width, in
     return end_with("its size is " + size, false);
   if (std::size_t{info.image_width} * info.image_height > most_pixels) return end_with("its size is " + size, true);
 
-  // Whole blocks are written: the planes are padded to them.
+  // libjpeg writes whole blocks: the planes are padded to them.
   Image image{.format = *format,
               .range = says_limited_range(info) ? ColorRange::limited : ColorRange::full,
               .width = static_cast<int>(info.image_width),

@@ -1,5 +1,4 @@
-// JPEG to planar YUV, and no further. Live MJPEG and recorded JPEG go through this one decoder, so that a replay sees
-// exactly the pixels that were seen live.
+// JPEG to planar YUV. Live MJPEG and recorded JPEG share this decoder, so that a replay has exactly the live pixels.
 #pragma once
 
 #include <cstdint>
@@ -13,10 +12,9 @@
 namespace huetrack::capture {
 
 struct JpegResult {
-  std::optional<Image> image;  // i420, i422, i444 or grey; full range, unless the JPEG says otherwise (CS=ITU601)
-  bool is_unsupported =
-      false;            // a sound JPEG perhaps, but of a kind that Image cannot hold: 4:1:1, CMYK, odd sizes, ...
-  std::string problem;  // why there is no image, in libjpeg's words
+  std::optional<Image> image;   // i420, i422, i444 or grey; full range, unless the JPEG says otherwise (CS=ITU601)
+  bool is_unsupported = false;  // a kind of JPEG that Image cannot hold: 4:1:1, CMYK, odd sizes, ...
+  std::string problem;          // why there is no image, in libjpeg's words
 };
 
 // thread-compatible. The same bytes give the same pixels on every machine.
@@ -27,9 +25,9 @@ class JpegDecoder {
   JpegDecoder(const JpegDecoder&) = delete;
   JpegDecoder& operator=(const JpegDecoder&) = delete;
 
-  // Damaged where any of the data is missing or makes no sense; the few bytes of padding that many webcams leave before
-  // a marker are none. Motion JPEG without Huffman tables gets the standard ones. Does not throw.
-  // width, height: one of another size is refused by its header, before anything is made of it; 0: any.
+  // Any missing or invalid data makes it fail; the few bytes of padding that many webcams leave before a marker do not.
+  // Motion JPEG without Huffman tables gets the standard ones. Does not throw.
+  // width, height: an image of another size is refused by its header, before any allocation; 0: any.
   JpegResult decode(std::span<const std::uint8_t> jpeg, int width = 0, int height = 0);
 
  private:

@@ -1,6 +1,5 @@
-// libjpeg-turbo through libjpeg's own interface, because it takes a picture in strips of 16 rows. TurboJPEG (2.1.5)
-// wants the whole picture in memory first: it was tried, gave the same bytes up to quality 95 (above, it takes another
-// DCT), and cost 3 to 8 % more time per picture of 320 to 1920 pixels' width.
+// libjpeg-turbo through libjpeg's interface, which takes a picture in strips of 16 rows. Why not TurboJPEG:
+// EXPERIMENTS.md.
 #include "capture/frames/jpeg_encoder.h"
 
 #include <algorithm>
@@ -26,7 +25,7 @@ struct Errors {
   std::longjmp(reinterpret_cast<Errors*>(info->err)->on_error, 1);
 }
 
-// Where the samples of one component lie: of column u, row v at data[(u >> u_shift) * step + (v >> v_shift) * stride].
+// Memory layout of one component: column u, row v at data[(u >> u_shift) * step + (v >> v_shift) * stride].
 struct Component {
   const std::uint8_t* data = nullptr;
   std::ptrdiff_t stride = 0;
@@ -74,7 +73,7 @@ Levels levels(double black, double scale, double to) {
   return table;
 }
 
-// The two source columns (or rows) whose mean a picture's column stands for; the same one twice where there is but one.
+// The two source columns (or rows) that a picture's column averages; the same one twice where it covers only one.
 std::vector<std::array<int, 2>> samples(int from, int to) {
   std::vector<std::array<int, 2>> out(static_cast<std::size_t>(to));
   for (int i = 0; i < to; ++i) {
@@ -86,8 +85,8 @@ std::vector<std::array<int, 2>> samples(int from, int to) {
   return out;
 }
 
-// One component at a picture's size, row by row: each value is the mean of four samples. What lies where is looked up
-// once per picture, so that a row is nothing but loads: this is most of what a preview costs.
+// One component at a picture's size, row by row: each value is the mean of four samples. Offsets are computed once per
+// picture, because this loop is most of a preview's cost.
 class ScaledComponent {
  public:
   // columns, rows: as of samples().
@@ -114,7 +113,7 @@ class ScaledComponent {
   const Levels& levels_;
 };
 
-// Of a component at half the picture's width and height: from each pair of columns (or rows) one sample.
+// For a component at half the picture's width and height: one sample from each pair of columns (or rows).
 std::vector<std::array<int, 2>> halved(const std::vector<std::array<int, 2>>& full) {
   std::vector<std::array<int, 2>> half;
   for (std::size_t i = 0; i + 1 < full.size(); i += 2)
@@ -122,7 +121,7 @@ std::vector<std::array<int, 2>> halved(const std::vector<std::array<int, 2>>& fu
   return half;
 }
 
-// Rows of one component as libjpeg takes them: whole blocks, the border repeated.
+// Rows of one component for libjpeg: whole blocks, with the border repeated.
 struct Block {
   Block(const ScaledComponent& from, int rows) : stride((std::size_t(from.columns()) + 15) / 16 * 16) {
     bytes.resize(stride * std::size_t(rows));

@@ -14,17 +14,17 @@ namespace {
 constexpr float nan = std::numeric_limits<float>::quiet_NaN();
 constexpr double two_pi = 2 * std::numbers::pi;
 
-constexpr double longest_gap_s = 2;  // a window does not go on across it
-// Between samples, of their mean. Of 60000 random ones the sequence with which a frequency looks least like any other
-// one that is 2 Hz or more away: 7.6 % of its power, where even gaps have all of it.
+constexpr double longest_gap_s = 2;  // a window ends at a longer one
+// Gaps between samples, relative to their mean. Of 60000 random sequences the one with the least aliasing: a frequency
+// has at most 7.6 % of its power 2 Hz or more away, where even gaps have all of it.
 constexpr std::array<double, LightWatch::samples - 1> uneven_gaps{
     1.25, 0.75, 0.25, 1.75, 0.25, 1.75, 1.75, 1.5, 1.0,  1.25, 0.75, 0.5, 0.25, 1.75, 0.5, 0.25,
     1.25, 1.25, 1.75, 1.5,  0.25, 0.75, 0.5,  1.0, 0.75, 1.0,  1.5,  1.5, 0.5,  0.5,  1.0};
 
-constexpr float darkest = 0.06f, brightest = 0.92f;  // of 0..1: in between a change of light is a factor
+constexpr float darkest = 0.06f, brightest = 0.92f;  // of 0..1: in between, a change of light is a factor
 constexpr std::size_t least_cells_of_row = 5, least_cells_of_strip = 20;
-// Median deviation of the cells from their row's change: in a picture that stands still it is noise, 0.01 to 0.03;
-// where the camera moves every cell shows something else.
+// Median deviation of the cells from their row's change: noise, 0.01 to 0.03, in a still picture; more while the camera
+// moves.
 constexpr double unsteady_deviation = 0.08;
 constexpr std::size_t most_unsteady = LightWatch::samples / 5;
 
@@ -32,10 +32,10 @@ constexpr std::size_t most_unsteady = LightWatch::samples / 5;
 constexpr double fewest_bands = 0.75, most_bands = 5, step_of_bands = 0.25;
 constexpr auto band_count = std::size_t((most_bands - fewest_bands) / step_of_bands + 1.5);
 constexpr double lowest_hz = 96, highest_hz = 124, step_hz = 0.2;  // 1 / window is 0.24 Hz
-constexpr double of_mains_hz = 0.4;                                // mains are right to 0.2 %, and so are clocks
-constexpr double standing_hz = 0.4;         // bands that move more slowly are not told from a lamp that was moved
+constexpr double of_mains_hz = 0.4;                                // mains are accurate to 0.2 %, and so are clocks
+constexpr double standing_hz = 0.4;         // slower bands cannot be distinguished from a lamp that was moved
 constexpr double apart_hz = 2;              // of other frequencies from that of the flicker
-constexpr double least_modulation = 0.005;  // a hundredth of the light: what a colour's range does not notice
+constexpr double least_modulation = 0.005;  // a hundredth of the light: harmless for a colour's range
 constexpr double least_explained = 0.25;    // share of all that changes between rows
 constexpr double above_others = 3;          // in power
 
@@ -44,8 +44,8 @@ constexpr double least_drift = 0.025;
 constexpr std::size_t least_strips = 6;
 constexpr double largest_disagreement = 0.3;  // of a strip, share of the change
 constexpr int most_strips_apart = 3;
-constexpr std::size_t most_disagreeing = LightWatch::samples / 4;  // samples in which more strips are
-constexpr double largest_step = 0.75;  // share of the change within the smoothing: more is a switch
+constexpr std::size_t most_disagreeing = LightWatch::samples / 4;  // samples with more disagreeing strips
+constexpr double largest_step = 0.75;  // share of the change within the smoothing: more is a light switch
 constexpr std::size_t smoothing = 5;   // samples: takes the flicker out
 constexpr int windows_until_gone = 6;
 
@@ -175,7 +175,7 @@ bool LightWatch::add(const Image& image) {
     row = n < least_cells_of_row ? std::numeric_limits<double>::quiet_NaN() : median(std::span(changes).first(n));
     for (std::size_t k = 0; k < n && !std::isnan(row); ++k) deviations.push_back(std::abs(changes[k] - row));
   }
-  if (deviations.size() < rows * columns / 4) return false;  // nearly all of it is black or white
+  if (deviations.size() < rows * columns / 4) return false;  // nearly all black or white
   if (median(deviations) > unsteady_deviation && ++unsteady_ > most_unsteady) return false;
 
   for (std::size_t s = 0; s < strips; ++s) {
@@ -206,8 +206,8 @@ LightFindings LightWatch::judge_window() {
   return found;
 }
 
-// What moves before a strip spoils it for as long as it is there: the median of the strips, and most of them with it,
-// is what the whole picture does.
+// An object in front of a strip spoils that strip only: the change of the whole picture is the median of the strips,
+// with which most of them must agree.
 std::optional<double> LightWatch::find_drift(const Change& change, std::size_t count) {
   Series all{}, smooth{};
   for (std::size_t t = 0; t < count; ++t) {
@@ -232,13 +232,13 @@ std::optional<double> LightWatch::find_drift(const Change& change, std::size_t c
     disagreeing += others > most_strips_apart ? 1 : 0;
   }
   if (disagreeing > most_disagreeing) return std::nullopt;
-  // A switch goes through the smoothing as a straight line of its length.
+  // A switched light appears as a straight line of the smoothing's length.
   for (std::size_t t = smoothing; t < n; ++t)
     if (std::abs(smooth[t] - smooth[t - smoothing]) > largest_step * drift) return std::nullopt;
   return std::exp(drift) - 1;
 }
 
-// What is left of the rows without the window's mean of each row and the frame's mean of all rows.
+// Subtracts each row's mean over the window and each frame's mean over the rows.
 std::optional<LightWatch::Ripple> LightWatch::find_ripple() {
   std::array<double, rows> mean{};
   for (std::size_t i = 0; i < rows; ++i) {
@@ -285,10 +285,10 @@ LightWatch::Amplitudes LightWatch::band_amplitudes(std::size_t used_rows) const 
   return amplitude;
 }
 
-// At one frequency: the best k, of rows that are exposed downwards, and upwards.
+// At one frequency: the best k for sensors that read downwards, and upwards.
 std::array<LightWatch::Peak, 2> LightWatch::peaks_at(double hz, double frames_hz, const Amplitudes& amplitude) const {
   std::array<Peak, 2> peaks{};
-  // How many hertz from standing still the bands move, as far as frames tell: 0 .. frames_hz.
+  // The bands' apparent frequency, aliased by the frame rate: 0 .. frames_hz.
   const auto seen_hz = [&](bool is_upward) {
     const double turned = std::fmod(is_upward ? -hz : hz, frames_hz);
     return turned < 0 ? turned + frames_hz : turned;
@@ -300,7 +300,7 @@ std::array<LightWatch::Peak, 2> LightWatch::peaks_at(double hz, double frames_hz
   std::array<Complex, samples> turn{};
   for (std::size_t t = 0; t < count_; ++t) turn[t] = std::polar(2.0 / double(count_), -two_pi * hz * time_s_[t]);
   for (std::size_t k = 0; k < band_count; ++k) {
-    // turn * amplitude, and turn * its conjugate, which is that of rows that are exposed upwards.
+    // turn * amplitude, and turn * conj(amplitude) for sensors that read upwards.
     double rr = 0, ii = 0, ri = 0, ir = 0;
     for (std::size_t t = 0; t < count_; ++t) {
       const Complex &w = turn[t], &a = amplitude[k][t];

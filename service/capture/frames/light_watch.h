@@ -1,16 +1,15 @@
-// What a camera's frames say about light that is not still: bands of flicker, automatic exposure and white balance at
-// work. A function of frames and their times alone, so that tests, recordings and cameras are all the same to it.
+// Detects changing light in a camera's frames: flicker bands, automatic exposure and automatic white balance. A
+// function of frames and their times alone.
 //
-// Looked at are 48 rows of 16 cells, some eight frames a second at uneven gaps, for about four seconds: a window. Every
-// frame is compared with the window's first one by medians over cells, which what moves in the picture does not reach
-// while it covers less than half; a window in which the camera itself moves says nothing.
-//   flicker   lamps flicker at 100 or 120 Hz (twice the mains), and rows are exposed one after the other: row r shows
-//             the flicker at its own time, so the rows' brightness is 1 + m cos(2 pi (f t + k r / rows) + p), with one
-//             k (flicker times readout) and a phase that goes on with the time t of the frame at f. Nothing else in a
-//             picture does: at all other frequencies between 96 and 124 Hz there must be a third of its power at most.
-//             At a frame rate that divides f the bands stand still, and are not found.
-//   exposure  the whole picture becomes brighter or darker, most of eight upright strips alike, and not in one step
-//   balance   the same of the ratio of red or blue to green
+// It samples 48 rows of 16 cells from some eight frames a second, at uneven gaps, for about four seconds: a window.
+// Every frame is compared with the window's first one by medians over cells, which tolerate motion in less than half of
+// the picture. A window in which the camera itself moves is discarded.
+//   flicker   Lamps flicker at f = 100 or 120 Hz (twice the mains), and a rolling shutter exposes rows one after the
+//             other, so the brightness of row r is 1 + m cos(2 pi (f t + k r / rows) + p), with t the frame's time and
+//             k = f * readout. Detected when all other frequencies between 96 and 124 Hz have at most a third of its
+//             power. At a frame rate that divides f the bands stand still and are not detected.
+//   exposure  The whole picture becomes brighter or darker: most of eight vertical strips alike, and not in one step.
+//   balance   The same for the ratio of red or blue to green.
 #pragma once
 
 #include <array>
@@ -26,39 +25,38 @@ namespace huetrack::capture {
 
 struct Flicker {
   double light_hz = 0;    // 100 or 120
-  double modulation = 0;  // m, of the values as they are in the picture (after gamma)
+  double modulation = 0;  // m, of the picture's values (after gamma)
   double bands = 0;       // |k|, over the image's height
 };
 
 struct LightFindings {
   std::optional<Flicker> flicker;
-  // From the lowest to the highest in a window, as a share: 0.1 is 10 % brighter.
+  // From the lowest to the highest value in a window: 0.1 is 10 % brighter.
   std::optional<double> exposure_change;
-  std::optional<double> balance_change;               // of red or blue to green, whichever is more
-  bool operator==(const LightFindings& other) const;  // the same is found; the figures may differ
+  std::optional<double> balance_change;               // of red or blue to green, the larger one
+  bool operator==(const LightFindings& other) const;  // the same findings are present; their figures may differ
 };
 
 // thread-compatible; one per camera. look() allocates nothing.
 class LightWatch {
  public:
-  // window_s: > 0; how long it watches until it says something. Below 3 s, changes of exposure are easily missed.
+  // window_s: > 0; length of a window. Below 3 s, changes of exposure are easily missed.
   explicit LightWatch(double window_s = 4.2);
 
-  // Every frame's time, in their order. True: look() at it.
+  // Call with every frame's time, in order. True: call look() with this frame.
   bool is_wanted(Timestamp at);
-  // The frame that is_wanted(). True: findings() are others than before.
+  // True: findings() changed.
   bool look(const Image& image, Timestamp at);
 
-  // What was found in the last window that said something. It is kept for six windows in which it is not found again:
-  // automatics rest while nothing changes.
+  // Of the last complete window. A finding is kept for six windows without it: automatics rest while nothing changes.
   const LightFindings& findings() const { return findings_; }
-  std::uint64_t windows() const { return windows_; }  // that said something
+  std::uint64_t windows() const { return windows_; }  // completed
 
   static constexpr std::size_t rows = 48, columns = 16, strips = 8, samples = 32;
 
  private:
   struct Cell {
-    float r = 0, g = 0, b = 0;  // logarithms; NaN where it is clipped or too dark to say anything
+    float r = 0, g = 0, b = 0;  // logarithms; NaN where clipped or too dark
   };
   using Cells = std::array<Cell, rows * columns>;
   using Series = std::array<double, samples>;
@@ -67,10 +65,10 @@ class LightWatch {
   };
 
   static void read(const Image& image, Cells& cells);
-  bool add(const Image& image);  // a sample; false: the window says nothing
+  bool add(const Image& image);  // a sample; false: discard the window
   void begin(const Image& image, Timestamp at);
   LightFindings judge_window();
-  // What rows do against one another.
+  // The rows' changes relative to one another.
   struct Ripple {
     std::size_t used_rows = 0;
     double power = 0, frames_hz = 0;

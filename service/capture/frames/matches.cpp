@@ -34,12 +34,12 @@ void put_number(std::vector<std::uint8_t>& out, std::size_t value) {
   out.push_back(static_cast<std::uint8_t>(value));
 }
 
-// Calls run(begin, end) for every run, in the order of the pixels; one that goes on in the next row is one.
+// Calls run(begin, end) for every run of matches in pixel order; a run may span rows.
 template <typename F>
 void for_each_run(const std::vector<std::uint64_t>& tiles, int width, int height, F&& run) {
   constexpr unsigned all = 0xff;
   const std::size_t across = tiles_across(width), columns = static_cast<std::size_t>(width);
-  std::size_t begin = 0, end = 0;  // of the run that may go on; none: both the same
+  std::size_t begin = 0, end = 0;  // of the open run; equal: none
   const auto match = [&](std::size_t from, std::size_t to) {
     if (from != end || begin == end) {
       if (begin != end) run(begin, end);
@@ -74,7 +74,7 @@ void put_matches(const std::vector<std::uint64_t>& tiles, int width, int height,
   out.push_back(runs_follow);
   std::size_t last = 0;
   for_each_run(tiles, width, height, [&](std::size_t begin, std::size_t end) {
-    if (out.size() - from > as_bits + 1) return;  // it will not be these
+    if (out.size() - from > as_bits + 1) return;  // bits are shorter
     put_number(out, begin - last);
     put_number(out, end - begin);
     last = end;
@@ -110,7 +110,7 @@ void put_patch(const Image& image, const PatchPlace& at, std::vector<std::uint8_
 
 // ---- Reading
 
-// What is not there reads as 0, and is_sound() says so.
+// Reads 0 beyond the end; is_sound() is false then.
 class Bytes {
  public:
   explicit Bytes(std::span<const std::uint8_t> bytes) : rest_(bytes) {}
@@ -168,7 +168,7 @@ void set(std::vector<std::uint64_t>& tiles, std::size_t width, std::size_t begin
   }
 }
 
-// False: it makes no sense.
+// False: invalid.
 bool read_matches(std::span<const std::uint8_t> bytes, int width, int height, std::vector<std::uint64_t>& tiles) {
   const std::size_t columns = static_cast<std::size_t>(width), pixels = columns * static_cast<std::size_t>(height);
   if (bytes.empty()) return false;
@@ -205,20 +205,20 @@ bool is_within(const PatchPlace& at, int width, int height) {
          at.u + at.width <= width && at.v + at.height <= height;
 }
 
-// False: it makes no sense.
-bool read_patch(Bytes& rest, const Image& looked_at, Matches::Patch& out) {
+// False: invalid.
+bool read_patch(Bytes& rest, const Image& source, Matches::Patch& out) {
   out.at.u = rest.take<std::uint16_t>(), out.at.v = rest.take<std::uint16_t>();
   out.at.width = rest.take<std::uint16_t>(), out.at.height = rest.take<std::uint16_t>();
-  if (!rest.is_sound() || !is_within(out.at, looked_at.width, looked_at.height)) return false;
+  if (!rest.is_sound() || !is_within(out.at, source.width, source.height)) return false;
   const auto bytes_of = [&](int p) {
-    return plane_row_bytes(looked_at.format, p, out.at.width) *
-           static_cast<std::size_t>(plane_rows(looked_at.format, p, out.at.height));
+    return plane_row_bytes(source.format, p, out.at.width) *
+           static_cast<std::size_t>(plane_rows(source.format, p, out.at.height));
   };
   const std::size_t all = bytes_of(0) + bytes_of(1) + bytes_of(2);
   if (rest.left().size() < all / most_samples_per_byte) return false;  // before there is memory for them
   const auto bytes = std::make_shared<std::vector<std::uint8_t>>(all);
-  out.image = {.format = looked_at.format,
-               .range = looked_at.range,
+  out.image = {.format = source.format,
+               .range = source.range,
                .width = out.at.width,
                .height = out.at.height,
                .planes = {},
@@ -226,7 +226,7 @@ bool read_patch(Bytes& rest, const Image& looked_at, Matches::Patch& out) {
   std::size_t at = 0;
   for (int p = 0; p < planes; ++p) {
     if (bytes_of(p) == 0) break;
-    const std::size_t row_bytes = plane_row_bytes(looked_at.format, p, out.at.width);
+    const std::size_t row_bytes = plane_row_bytes(source.format, p, out.at.width);
     if (!take_samples(rest.left(), row_bytes, std::span(*bytes).subspan(at, bytes_of(p)))) return false;
     out.image.planes[static_cast<std::size_t>(p)] = {bytes->data() + at, static_cast<std::ptrdiff_t>(row_bytes)};
     at += bytes_of(p);
@@ -241,25 +241,24 @@ const Matches::OfColor* Matches::of(const MatchedColor& color) const {
   return found == colors.end() ? nullptr : &*found;
 }
 
-void encode_matches(const Image& looked_at, std::span<const Matches::OfColor> colors,
-                    std::span<const std::uint8_t> jpeg, std::vector<std::uint8_t>& out,
-                    std::span<const PatchPlace> patches) {
+void encode_matches(const Image& source, std::span<const Matches::OfColor> colors, std::span<const std::uint8_t> jpeg,
+                    std::vector<std::uint8_t>& out, std::span<const PatchPlace> patches) {
   out.clear();
   out.push_back(patches.empty() ? version : version_with_patches);
-  out.push_back(static_cast<std::uint8_t>(looked_at.format));
-  out.push_back(looked_at.range == ColorRange::full ? 1 : 0);
-  put(out, static_cast<std::uint16_t>(looked_at.width));
-  put(out, static_cast<std::uint16_t>(looked_at.height));
+  out.push_back(static_cast<std::uint8_t>(source.format));
+  out.push_back(source.range == ColorRange::full ? 1 : 0);
+  put(out, static_cast<std::uint16_t>(source.width));
+  put(out, static_cast<std::uint16_t>(source.height));
   out.push_back(static_cast<std::uint8_t>(colors.size()));
   for (const Matches::OfColor& color : colors) {
     for (const double number : numbers_of(color.color)) put(out, std::bit_cast<std::uint64_t>(number));
-    put_matches(color.tiles, looked_at.width, looked_at.height, out);
+    put_matches(color.tiles, source.width, source.height, out);
   }
   put(out, static_cast<std::uint32_t>(jpeg.size()));
   out.insert(out.end(), jpeg.begin(), jpeg.end());
   if (patches.empty()) return;
   out.push_back(static_cast<std::uint8_t>(patches.size()));
-  for (const PatchPlace& patch : patches) put_patch(looked_at, patch, out);
+  for (const PatchPlace& patch : patches) put_patch(source, patch, out);
 }
 
 std::optional<DecodedMatches> decode_matches(std::span<const std::uint8_t> bytes, JpegDecoder& decoder, Image& latest,
@@ -274,12 +273,12 @@ std::optional<DecodedMatches> decode_matches(std::span<const std::uint8_t> bytes
       count * static_cast<std::size_t>(width) * static_cast<std::size_t>(height) > most_bits)
     return std::nullopt;
   if (expected_width > 0 && (width != expected_width || height != expected_height)) return std::nullopt;
-  DecodedMatches out{.looked_at = {.format = static_cast<PixelFormat>(format),
-                                   .range = range == 1 ? ColorRange::full : ColorRange::limited,
-                                   .width = width,
-                                   .height = height,
-                                   .planes = {},
-                                   .owner = {}},
+  DecodedMatches out{.source = {.format = static_cast<PixelFormat>(format),
+                                .range = range == 1 ? ColorRange::full : ColorRange::limited,
+                                .width = width,
+                                .height = height,
+                                .planes = {},
+                                .owner = {}},
                      .matches = std::make_shared<Matches>()};
   out.matches->colors.resize(count);
   for (Matches::OfColor& color : out.matches->colors) {
@@ -295,7 +294,7 @@ std::optional<DecodedMatches> decode_matches(std::span<const std::uint8_t> bytes
     if (patches > Matches::most_patches) return std::nullopt;
     out.matches->patches.resize(patches);
     for (Matches::Patch& patch : out.matches->patches)
-      if (!read_patch(rest, out.looked_at, patch)) return std::nullopt;
+      if (!read_patch(rest, out.source, patch)) return std::nullopt;
   }
   if (!rest.is_sound() || !rest.is_empty()) return std::nullopt;
   if (!jpeg.empty()) {

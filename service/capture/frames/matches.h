@@ -1,23 +1,23 @@
-// Which pixels of a frame have colours that somebody looks for, in place of its pixels: what a camera host sends of a
-// camera with `send: matches` (service/hosts/README.md), and what is recorded of it.
+// Matches replace a frame's pixels: which pixels have the colours that trackers requested. A camera host sends them for
+// a camera with `send: matches` (service/hosts/README.md), and recordings store them.
 //
-// As bytes, integers little-endian, doubles as IEEE 754 has them:
-//   1  version: 1; 3 where patches follow
-//   1  format of the pixels that were looked at: 0 yuyv, 1 nv12, 2 i420, 3 i422, 4 i444, 5 bgr, 6 grey
-//   1  their range: 0 limited, 1 full
+// As bytes; integers little-endian, doubles IEEE 754:
+//   1  version: 1; 3 with patches
+//   1  pixel format of the source image: 0 yuyv, 1 nv12, 2 i420, 3 i422, 4 i444, 5 bgr, 6 grey
+//   1  its range: 0 limited, 1 full
 //   2  width, 2 height, pixels
-//   1  number of colours; of each
+//   1  number of colours; for each
 //      48  the colour: hue_min_deg, hue_max_deg, saturation_min, saturation_max, intensity_min, intensity_max
-//      4   how many bytes follow: the first is 0 or 1, the others
-//          0: runs over the pixels row by row from the top left: so many that do not match, so many that do, and so on;
-//             each number in groups of seven bits, the lowest first, the high bit set but in the last. After the last
-//             run nothing matches.
-//          1: a bit per pixel in that order, the lowest of a byte first: where runs would be longer
-//   4  how many bytes follow: none, or the JPEG of this frame
-//   Of version 3, further:
-//   1  number of patches; of each
+//      4   number of bytes that follow; the first is 0 or 1, and the others are
+//          0: run lengths over the pixels, row by row from the top left: non-matching, matching, non-matching, ...;
+//             each a varint (groups of seven bits, lowest first, the high bit set except in the last). Nothing matches
+//             after the last run.
+//          1: a bit per pixel in that order, lowest bit of a byte first; used where runs would be longer
+//   4  number of bytes that follow: none, or the JPEG of this frame
+//   Version 3 continues:
+//   1  number of patches; for each
 //      2  column, 2 row of its first pixel, 2 width, 2 height: pixels, even numbers
-//      its planes one after the other, in the format of the pixels that were looked at, as sample_code.h has them
+//      its planes one after the other, in the source's pixel format, coded as in sample_code.h
 #pragma once
 
 #include <array>
@@ -33,7 +33,7 @@
 
 namespace huetrack::capture {
 
-// A range of colour in HSI, color::HsiRange as numbers: it names what has matched.
+// A colour range in HSI, color::HsiRange as numbers.
 struct MatchedColor {
   double hue_min_deg = 0, hue_max_deg = 0;
   double saturation_min = 0, saturation_max = 0;
@@ -41,8 +41,7 @@ struct MatchedColor {
   bool operator==(const MatchedColor&) const = default;
 };
 
-// Where an object's outline will be seen, as who follows it expects: in a frame, by its number, and how it moves from
-// there. Pixels, seconds.
+// A tracker's prediction of an object's outline in one frame, and its image velocity. Pixels, seconds.
 struct ExpectedOutline {
   float u = 0, v = 0, u_per_s = 0, v_per_s = 0;
   float radius_px = 0;
@@ -65,18 +64,18 @@ struct Matches {
     std::vector<std::uint64_t> tiles;
   };
   std::vector<OfColor> colors;
-  // The latest full picture that came with one of the camera's frames: for people, and for what watches colour and
-  // room, never for where an object is. Without planes: there was none yet.
+  // The latest full picture of the camera, for display and for the colour and room watches; not for measurements.
+  // Without planes: none has come yet.
   Image picture;
   bool has_own_picture = false;  // it came with this frame
-  // The frame's own pixels where outlines were expected, as they were looked at.
+  // The frame's own pixels around expected outlines.
   struct Patch {
     PatchPlace at;
     Image image;  // of that size
   };
   std::vector<Patch> patches;
 
-  const OfColor* of(const MatchedColor& color) const;  // nullptr: nobody asked for it when the frame was sent
+  const OfColor* of(const MatchedColor& color) const;  // nullptr: not requested when the frame was sent
 };
 
 inline std::size_t tiles_across(int width) {
@@ -86,20 +85,18 @@ inline std::size_t tiles_of(int width, int height) {
   return tiles_across(width) * tiles_across(height);
 }
 
-// looked_at: whose format, range and size are told, and with patches its pixels. jpeg: of the frame, or empty. patches:
-// within it, at most Matches::most_patches. Replaces what is in `out`.
-void encode_matches(const Image& looked_at, std::span<const Matches::OfColor> colors,
-                    std::span<const std::uint8_t> jpeg, std::vector<std::uint8_t>& out,
-                    std::span<const PatchPlace> patches = {});
+// source: its format, range and size are coded, and its pixels in the patches. jpeg: of the frame, or empty. patches:
+// within the image, at most Matches::most_patches. Replaces the content of `out`.
+void encode_matches(const Image& source, std::span<const Matches::OfColor> colors, std::span<const std::uint8_t> jpeg,
+                    std::vector<std::uint8_t>& out, std::span<const PatchPlace> patches = {});
 
 struct DecodedMatches {
-  Image looked_at;  // format, range and size; no planes
+  Image source;  // format, range and size; no planes
   std::shared_ptr<Matches> matches;
 };
-// Anybody may have made the bytes: nullopt where they make no sense, or the JPEG does not decode to that size. Takes no
-// more memory than some 35 MB, sixteen times the bytes and the JPEG's. latest: the picture of the camera's frames
-// before, if there was one of that size; and after this. width, height: what the camera's frames must have, or nothing
-// is decoded; 0: any.
+// The bytes are untrusted: nullopt when they are invalid, or the JPEG does not decode to that size. Needs at most some
+// 35 MB plus sixteen times the bytes plus the JPEG's memory. latest: in and out, the camera's latest picture. width,
+// height: the size that the frame must have; 0: any.
 std::optional<DecodedMatches> decode_matches(std::span<const std::uint8_t> bytes, JpegDecoder& decoder, Image& latest,
                                              int width = 0, int height = 0);
 

@@ -1,5 +1,5 @@
-// How a pixel lies in memory, per format that a camera or a decoder delivers. No image is ever converted whole: whoever
-// needs a pixel reads it where it lies.
+// Memory layouts of the images that cameras and decoders deliver. Images are never converted as a whole: readers access
+// single pixels in place.
 #pragma once
 
 #include <array>
@@ -17,11 +17,11 @@ enum class PixelFormat : std::uint8_t {
   i422,  // planar Y, U, V; chroma at half width (what a 4:2:2 MJPEG decodes to)
   i444,  // planar Y, U, V at full size
   bgr,   // packed 8-bit B G R
-  grey,  // Y only: has no colour, so no coloured target ever matches
+  grey,  // Y only: no colour, so no coloured target matches
 };
 
-// How 8 bits map to light. YUYV/NV12 webcams: limited (Y 16..235, chroma 16..240). JPEG, and so MJPEG: full (0..255).
-// Both with the BT.601 matrix, as UVC and JFIF say. BGR is always full.
+// Value range. YUYV/NV12 webcams: limited (Y 16..235, chroma 16..240). JPEG, and so MJPEG: full (0..255). Both with the
+// BT.601 matrix, as UVC and JFIF specify. BGR is always full.
 enum class ColorRange : std::uint8_t { limited, full };
 
 std::string_view name(PixelFormat format);  // "yuyv", ...
@@ -31,10 +31,9 @@ struct Plane {
   std::ptrdiff_t stride = 0;  // bytes from one row to the next
 };
 
-// An image in the camera's own format, read-only. The bytes are kept alive by `owner` (a decoder's frame, an mmap()ed
-// buffer that goes back to the driver when the last reader lets go, a plain vector), which tracker, recorder and
-// preview may hold at once: truly several owners, hence shared. Layout of planes: yuyv, bgr, grey use planes[0]; nv12
-// planes[0..1]; i4xx planes[0..2] = Y, U, V.
+// An image in the camera's own format, read-only. `owner` keeps the bytes alive (a decoder's frame, an mmap()ed buffer
+// that returns to the driver when the last reader lets go, a plain vector); tracker, recorder and preview share it.
+// Planes: yuyv, bgr, grey use planes[0]; nv12 planes[0..1]; i4xx planes[0..2] = Y, U, V.
 struct Image {
   PixelFormat format = PixelFormat::grey;
   ColorRange range = ColorRange::limited;
@@ -44,7 +43,7 @@ struct Image {
   std::shared_ptr<const void> owner;
 };
 
-// False: only its format, range and size are told.
+// False: the image has only a format, range and size.
 inline bool has_pixels(const Image& image) {
   return image.planes[0].data != nullptr;
 }
@@ -56,25 +55,25 @@ struct Bgr {
   std::uint8_t b, g, r;
 };
 
-// The raw pixel at column u, row v (both inside the image). For the YUV family; grey gives u = v = 128.
+// The raw pixel at column u, row v (both inside the image). For YUV formats; grey gives u = v = 128.
 Yuv yuv_at(const Image& image, int u, int v);
 // For bgr images.
 Bgr bgr_at(const Image& image, int u, int v);
 
-// A new owned image of zero bytes with tight rows (stride = row bytes), its planes in one allocation, and writable
-// access to them: for decoders, tests and simulators. throws std::invalid_argument on odd sizes where the format needs
-// even.
+// A new image of zero bytes with tight rows (stride = row bytes), all planes in one allocation, and writable access to
+// them: for decoders, tests and simulators. throws std::invalid_argument on an odd size where the format needs an even
+// one.
 struct WritableImage {
   Image image;
   std::array<std::uint8_t*, 3> data{};
 };
 WritableImage make_image(PixelFormat format, ColorRange range, int width, int height);
 
-// Whether chroma is shared by neighbouring columns or rows, so that an odd size cannot be stored.
+// Neighbouring columns or rows share chroma, so an odd size cannot be stored.
 bool needs_even_width(PixelFormat format);
 bool needs_even_height(PixelFormat format);
 
-// Bytes per row and rows of plane i; 0 where the format has no such plane.
+// Bytes per row, and rows, of a plane; 0 where the format does not have it.
 std::size_t plane_row_bytes(PixelFormat format, int plane, int width);
 int plane_rows(PixelFormat format, int plane, int height);
 

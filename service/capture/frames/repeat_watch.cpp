@@ -7,22 +7,22 @@
 namespace huetrack::capture {
 namespace {
 
-// So many say what a camera's pictures are like: the first one and two that differed everywhere. More would leave a
-// camera that shows every picture twice believed for longer, which is confidently wrong; a picture left out wrongly is
-// one of something that rests, for it is the one before, and costs little.
+// Differing pictures that are needed to judge a camera: the first, and two that differed everywhere. More would trust a
+// camera that shows every picture twice for longer. A picture dropped by mistake costs little: it equals the previous
+// one.
 constexpr int enough = 3;
-// But a run of them is a camera that hangs, or a video that has settled on a still room after its first pictures: so
-// many by the rule of succession, with which the next is like them with 97 %.
+// A run of identical pictures is a camera that hangs, or a video that settled on a still room after its first pictures.
+// By the rule of succession, after 30 noisy pictures the next one is noisy, too, with 97 %.
 constexpr int enough_for_a_run = 30;
 constexpr int most_remembered = 10 * enough_for_a_run;
-// A camera that cannot keep up shows a picture four times at most; from key frame to key frame are ten and more. What
-// a run counts for is more than the first, and so little that a camera that hangs for long stays known as what it was.
+// A camera that cannot keep up shows a picture at most four times; a video has ten or more from key frame to key frame.
+// Only the first 12 of a run count, so that a camera that hangs for long is still known as noisy.
 constexpr int most_alike_between = 3, most_of_run = 12;
 
 }  // namespace
 
 bool RepeatWatch::is_repeated(const Image& image) {
-  // Brightness has the noise of all channels; packed formats have all of them in the one plane.
+  // Plane 0 suffices: luma has the noise of all channels, and packed formats have only this plane.
   const std::size_t bytes = plane_row_bytes(image.format, 0, image.width);
   std::array<std::uint64_t, across * down> cells{};
   std::array<std::uint64_t, across> first_row{};

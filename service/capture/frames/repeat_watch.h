@@ -1,13 +1,13 @@
-// Whether a camera shows a picture once more, with a new time stamp: drivers, cables and capture sticks do so for a
-// frame now and then, and for good when they hang.
+// Detects repeated pictures: drivers, cables and capture sticks sometimes deliver the previous picture again under a
+// new time stamp, and do nothing else once they hang.
 //
-// No two pictures of a live camera are the same: noise changes them everywhere. But pictures without noise (a drawn
-// scene, video that codes only what changes) are the same while nothing moves, and are right. So a repetition is told
-// only of a camera whose pictures hardly come alike: of those that differed from the one before, nearly all did so in
-// most parts of the picture, where what moves in a room changes some; and between two of them there were few that did
-// not differ, where a video has many from key frame to key frame. A picture that is the same in all its rows has no
-// noise to tell by: the light is off, or the lens is covered.
-// Not found: a camera that hangs on several pictures in turn, or half of whose picture is clipped.
+// Noise changes every picture of a live camera everywhere, so an identical picture is a repetition. Pictures without
+// noise (a drawn scene, video that codes only changes) are identical while nothing moves, and are valid. So repetitions
+// are reported only for a camera whose pictures look noisy:
+//   - of those that differed from the previous one, nearly all differed in most parts of the picture;
+//   - few identical ones came between two that differed (a video has many from key frame to key frame).
+// A picture whose rows are all equal has no noise: the light is off, or the lens is covered.
+// Not detected: a camera that cycles through several pictures, or with half of its picture clipped.
 #pragma once
 
 #include <array>
@@ -18,22 +18,22 @@
 
 namespace huetrack::capture {
 
-// One per camera. Looks at 32 rows of a picture. thread-compatible; allocates nothing.
+// One per camera. Hashes 32 rows of a picture. thread-compatible; allocates nothing.
 class RepeatWatch {
  public:
-  // Every whole picture of the camera, in their order. True: it is the one before it, shown once more.
+  // Call with every undamaged picture of the camera, in order. True: it repeats the previous one.
   bool is_repeated(const Image& image);
-  // Two pictures have differed. A camera that hangs from its first one never has: that is no repetition that could be
-  // told from a drawn scene's, but no live camera goes on so.
+  // At least two pictures have differed. A camera that hangs from its first picture never gets there, and cannot be
+  // distinguished from a drawn scene, so is_repeated() stays false.
   bool has_changed() const { return differing_ > 1; }
 
  private:
   static constexpr std::size_t across = 4, down = 4, rows_of_cell = 8;
-  std::array<std::uint64_t, across * down> cells_{};  // of the picture before: a number for what each part shows
-  int differing_ = 0;                                 // pictures that were not the one before; all three counts fade
+  std::array<std::uint64_t, across * down> cells_{};  // hashes of the previous picture's parts
+  int differing_ = 0;                                 // pictures that differed from the previous one; the counts fade
   int noisy_ = 0;                                     // of these, those that differed in most cells
-  int alike_ = 0;  // pictures that were the one before; of a run of them the first few only
-  int run_ = 0;    // so many came alike last
+  int alike_ = 0;                                     // identical pictures; of a run only the first few count
+  int run_ = 0;                                       // identical pictures in a row
 };
 
 }  // namespace huetrack::capture

@@ -30,7 +30,7 @@ void put_numbers(const std::uint8_t* numbers, unsigned bits, std::vector<std::ui
   for (unsigned byte = 0; byte < bits; ++byte) out.push_back(static_cast<std::uint8_t>(all >> 8 * byte));
 }
 
-// Of `bits` bytes.
+// coded: `bits` bytes.
 void take_numbers(const std::uint8_t* coded, unsigned bits, std::uint8_t* numbers) {
   std::uint64_t all = 0;
   for (unsigned byte = 0; byte < bits; ++byte) all |= std::uint64_t{coded[byte]} << 8 * byte;
@@ -72,7 +72,7 @@ bool take_samples(std::span<const std::uint8_t>& coded, std::size_t per_row, std
   }
   for (std::size_t i = 0; i < std::min(per_row, samples.size()); ++i)
     samples[i] = static_cast<std::uint8_t>(above_all + unfolded(samples[i]));
-  // Row by row, as those of a row do not wait for one another.
+  // Row by row: samples of one row do not depend on one another.
   for (std::size_t row = per_row; row < samples.size(); row += per_row) {
     const std::size_t n = std::min(per_row, samples.size() - row);
     std::uint8_t* const to = &samples[row];

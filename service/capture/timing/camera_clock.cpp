@@ -6,21 +6,20 @@
 namespace huetrack::capture {
 namespace {
 
-// 10 s at 15 fps, 2.5 s at 60 fps: the line then averages 0.5 ms of jitter to some 0.1 ms, and an oscillator drifts by
-// less than that meanwhile.
+// Frames: 10 s at 15 fps, 2.5 s at 60 fps. Averages 0.5 ms of jitter to some 0.1 ms; an oscillator drifts by less
+// meanwhile.
 constexpr int memory = 150;
-constexpr double first_jitter_s = 1e-3;  // believed of a driver of which nothing is known: USB's frame of 1 ms
-constexpr double least_jitter_s = 2e-6;  // finer than any interrupt; stamps written with six digits round by half of it
-constexpr double off_sigmas = 4;         // a stamp that is further off the line is late, not jittering
-constexpr double variance_share = 1.0 / 30;  // of each new stamp in what is known of the jitter
-constexpr int off_in_a_row_to_begin = 3;     // late stamps come alone: so many of them are another line
-constexpr double longest_gap_s = 2;          // after a longer one a camera may have been restarted, in another phase
-// Of a period: a camera whose stamps are further off the line, again and again, does not keep one (it waits for light,
-// or for its host), and its stamps are the best that there is.
+constexpr double first_jitter_s = 1e-3;      // prior of an unknown driver: USB's frame of 1 ms
+constexpr double least_jitter_s = 2e-6;      // finer than any interrupt; stamps with six digits round by half of it
+constexpr double off_sigmas = 4;             // a stamp further off the line is late
+constexpr double variance_share = 1.0 / 30;  // weight of each new stamp in the jitter's variance
+constexpr int off_in_a_row_to_begin = 3;     // late stamps come alone: three in a row are another line
+constexpr double longest_gap_s = 2;          // after a longer one the camera may have been restarted, in another phase
+// Largest jitter of a regular camera, as a share of its period. A camera that waits for light, or for its host, has
+// more; its stamps are then the best estimate.
 constexpr double even_share = 0.05;
-constexpr int even_count = 10;  // stamps on a line, before it is taken for one
-// Of a period, off the line: beyond it nobody can say how many frames were lost.
-constexpr double largest_misfit = 0.3;
+constexpr int even_count = 10;          // stamps on a line before it is used
+constexpr double largest_misfit = 0.3;  // of a period; beyond it the number of lost frames is ambiguous
 
 }  // namespace
 
@@ -55,28 +54,28 @@ Timestamp CameraClock::smoothed(Timestamp stamp) {
       const double misfit_s = step_s - periods * period_s_;
       const bool is_other_rate = periods < 1 || std::abs(misfit_s) > largest_misfit * period_s_;
       const double sigma = std::sqrt(variance_s2_);
-      // While the line is young its own uncertainty counts too: the prediction's is that of the fit, one step beyond.
+      // The variance of the fit's prediction one step ahead, relative to that of a stamp.
       const double n = count_;
       const double line_share = 2 * (2 * n + 1) / (n * (n - 1));
       const double limit_s = off_sigmas * sigma * std::sqrt(1 + line_share);
       const bool is_off = std::abs(misfit_s) > limit_s;
       off_in_a_row_ = is_off ? off_in_a_row_ + 1 : 0;
       if (is_other_rate || off_in_a_row_ >= off_in_a_row_to_begin) {
-        // A camera that begins anew again and again is not even.
+        // A camera that restarts again and again is irregular.
         const double off_s = std::min(std::abs(misfit_s), period_s_ / 2);
         variance_s2_ += variance_share * (off_s * off_s - variance_s2_);
         begin(stamp);
         at_s = 0;
       } else {
-        const double believed_s = std::clamp(misfit_s, -limit_s, limit_s);
+        const double clamped_s = std::clamp(misfit_s, -limit_s, limit_s);
         phase_s_ += periods * period_s_;
         if (!is_off) {
           const double m = std::min(count_ + 1, memory);
-          phase_s_ += 2 * (2 * m - 1) / (m * (m + 1)) * believed_s;
-          period_s_ += 6 / (m * (m + 1)) * believed_s / periods;
+          phase_s_ += 2 * (2 * m - 1) / (m * (m + 1)) * clamped_s;
+          period_s_ += 6 / (m * (m + 1)) * clamped_s / periods;
           count_ = static_cast<int>(m);
         }
-        const double of_a_stamp = believed_s * believed_s / (1 + line_share);
+        const double of_a_stamp = clamped_s * clamped_s / (1 + line_share);
         variance_s2_ += variance_share * (of_a_stamp - variance_s2_);
         variance_s2_ = std::max(variance_s2_, least_jitter_s * least_jitter_s);
         if (count_ >= even_count && std::sqrt(variance_s2_) < even_share * period_s_) at_s = phase_s_;

@@ -3,7 +3,7 @@
 namespace huetrack::capture {
 namespace {
 
-// UNIX time of CLOCK_MONOTONIC's zero. The reading with the least time around it is the one that was not interrupted.
+// UNIX time of CLOCK_MONOTONIC's zero, from the fastest of several readings: it was not interrupted.
 Duration measured_offset() noexcept {
   Duration offset{0};
   Duration shortest = Duration::max();

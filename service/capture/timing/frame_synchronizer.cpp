@@ -10,7 +10,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr Duration least_clock_jump = 1s;  // further off than this, and it is not lateness but another clock
+constexpr Duration least_clock_jump = 1s;  // a larger difference is another clock, not lateness
 constexpr Duration unknown_camera_stopped_after = 1s;
 constexpr std::size_t frames_that_confirm_a_clock = 10;
 constexpr Duration longest_lag = 200ms;
@@ -62,12 +62,12 @@ std::vector<FrameSet> FrameSynchronizer::push(Frame frame) {
     }
     for (auto& f : confirmed) admit(std::move(f));
   }
-  hand_out_proven(out);
+  output_proven(out);
   return out;
 }
 
 std::optional<FrameSet> FrameSynchronizer::flush() {
-  if (!off_time_.empty() && off_time_.front().captured_at > *newest_) {  // nothing speaks against them any more
+  if (!off_time_.empty() && off_time_.front().captured_at > *newest_) {  // nothing contradicts them any more
     for (auto& frame : std::exchange(off_time_, {})) admit(std::move(frame));
   }
   drop_off_time_frames();
@@ -140,7 +140,7 @@ bool FrameSynchronizer::has_stopped(const CameraQueue& camera) const {
 }
 
 bool FrameSynchronizer::is_waited_for(const CameraQueue& camera, Timestamp end_of_set) const {
-  if (!camera.waiting.empty() || has_stopped(camera)) return false;  // its next frame is in the set, or beyond it
+  if (!camera.waiting.empty() || has_stopped(camera)) return false;  // its next frame is in or beyond the set
   return std::ranges::any_of(cameras_, [&](const CameraQueue& other) {
     return &other != &camera && other.newest && !has_stopped(other) && *other.newest <= end_of_set + camera.lag;
   });
@@ -150,8 +150,8 @@ bool FrameSynchronizer::may_still_change(Timestamp end_of_set) const {
   if (!options_.ascending_input)
     return std::ranges::any_of(cameras_, [&](const CameraQueue& camera) { return is_waited_for(camera, end_of_set); });
   if (*newest_ > end_of_set) return false;
-  // A set that has every camera is not final yet: a camera's next frame may be of the newest time too, in the set's
-  // span, and closing the set now would make that one late.
+  // A set with every camera is not final yet: a camera's next frame may have the newest time, too, within the set's
+  // span, and would be late if the set were closed now.
   return std::ranges::any_of(cameras_, [&](const CameraQueue& camera) { return camera.newest != newest_; });
 }
 
@@ -165,8 +165,8 @@ std::optional<Timestamp> FrameSynchronizer::oldest_waiting() const {
 
 // The frames within the tolerance of the oldest one, one per camera; nullopt when all of them are corrupted.
 std::optional<FrameSet> FrameSynchronizer::take_set(Timestamp oldest) {
-  // Of a camera that has two frames in that time the second may be the better partner of the others' frames, and time
-  // must not turn back from this set to the next: so the set ends before it.
+  // If a camera has two frames in the span, the second may fit the others' next frames better, and set times must
+  // ascend: so the set ends before it.
   Timestamp end = oldest + options_.tolerance;
   for (const CameraQueue& camera : cameras_)
     if (camera.waiting.size() >= 2) end = std::min(end, camera.waiting[1].captured_at - Duration(1));
@@ -196,7 +196,7 @@ std::optional<FrameSet> FrameSynchronizer::take_set(Timestamp oldest) {
   return set;
 }
 
-void FrameSynchronizer::hand_out_proven(std::vector<FrameSet>& out) {
+void FrameSynchronizer::output_proven(std::vector<FrameSet>& out) {
   while (const auto oldest = oldest_waiting()) {
     if (may_still_change(*oldest + options_.tolerance)) return;
     if (auto set = take_set(*oldest)) out.push_back(std::move(*set));

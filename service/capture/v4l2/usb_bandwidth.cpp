@@ -46,11 +46,11 @@ std::optional<Number> number_in(const std::filesystem::path& file) {
 std::vector<UsbStreamSetting> usb_stream_settings(std::span<const std::uint8_t> descriptors, int configuration,
                                                   int control_interface, double speed_mbps) {
   std::vector<UsbStreamSetting> settings;
-  std::vector<int> streaming;  // interfaces that our control interface names
+  std::vector<int> streaming;  // interfaces that our control interface lists
   bool is_ours = false;        // the configuration
   bool in_control = false, in_streaming = false;
   int interface = 0, alternate = 0;
-  UsbStreamSetting* last = nullptr;  // whose endpoint came last
+  UsbStreamSetting* last = nullptr;  // setting of the last endpoint
   for (std::size_t at = 0; at + 2 <= descriptors.size();) {
     const std::size_t length = descriptors[at];
     if (length < 2 || at + length > descriptors.size()) break;

@@ -154,7 +154,7 @@ HUETRACK_FUZZ_TARGET(dds) {
           hosts::WantedOutlines wanted;
           wanted.note(of.number(), capture::Timestamp(std::chrono::hours(1)));
           std::vector<capture::PatchPlace> places;
-          if (wanted.hear(sample.tracker(), of))
+          if (wanted.update(sample.tracker(), of))
             wanted.places_at(capture::Timestamp(std::chrono::hours(1) + 33ms), places);
         }
       });

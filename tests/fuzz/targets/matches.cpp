@@ -20,9 +20,9 @@ void read_frame(std::string_view input) {
   capture::Image latest;
   const auto decoded = capture::decode_matches(bytes, decoder, latest);
   constexpr int longest = 512;  // of what a few bytes say of the largest image the fuzzer learns nothing more
-  if (!decoded || decoded->looked_at.width > longest || decoded->looked_at.height > longest) return;
+  if (!decoded || decoded->source.width > longest || decoded->source.height > longest) return;
   std::vector<std::uint8_t> again;
-  capture::encode_matches(decoded->looked_at, decoded->matches->colors, {}, again);
+  capture::encode_matches(decoded->source, decoded->matches->colors, {}, again);
   const auto back = capture::decode_matches(again, decoder, latest);
   if (!back || back->matches->colors.size() != decoded->matches->colors.size())
     throw std::logic_error("the matches do not read back");
