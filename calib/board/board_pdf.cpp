@@ -8,7 +8,7 @@
 #include <opencv2/aruco.hpp>
 
 #include "calib/board/pdf_page.h"
-#include "calib/yaml/number_text.h"
+#include "calib/files/number_text.h"
 
 namespace huetrack::board {
 namespace {
@@ -101,7 +101,7 @@ std::optional<Paper> paper_of(std::string_view text) {
   if (x == std::string_view::npos) return std::nullopt;
   Paper paper{std::string(text) + " mm", 0, 0};
   const auto number = [](std::string_view part, double& value) {
-    value = yaml::number_of<double>(part).value_or(0);
+    value = files::number_of<double>(part).value_or(0);
     return value >= 20 && value <= 5000;
   };
   if (!number(text.substr(0, x), paper.width_mm) || !number(text.substr(x + 1), paper.height_mm)) return std::nullopt;

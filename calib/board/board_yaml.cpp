@@ -2,7 +2,7 @@
 
 #include <array>
 
-#include "calib/yaml/number_text.h"
+#include "calib/files/number_text.h"
 #include "calib/yaml/yaml_reader.h"
 
 namespace huetrack::board {
@@ -87,20 +87,20 @@ std::string to_yaml(const Board& board) {
                                              : "\nmarkers: [";
   out += std::to_string(board.columns) + ", " + std::to_string(board.rows) + "]\n";
   if (board.type == BoardType::aruco_grid) {
-    out += "gap: " + yaml::shortest_text(board.pitch.x() - board.marker) + "\n";
+    out += "gap: " + files::shortest_text(board.pitch.x() - board.marker) + "\n";
   } else if (board.pitch.x() == board.pitch.y()) {
-    out += "square: " + yaml::shortest_text(board.pitch.x()) + "\n";
+    out += "square: " + files::shortest_text(board.pitch.x()) + "\n";
   } else {
-    out += "pitch: [" + yaml::shortest_text(board.pitch.x()) + ", " + yaml::shortest_text(board.pitch.y()) + "]\n";
+    out += "pitch: [" + files::shortest_text(board.pitch.x()) + ", " + files::shortest_text(board.pitch.y()) + "]\n";
   }
   if (board.type != BoardType::chessboard) {
-    out += "marker: " + yaml::shortest_text(board.marker) + "\ndictionary: " + board.dictionary +
+    out += "marker: " + files::shortest_text(board.marker) + "\ndictionary: " + board.dictionary +
            "\nfirst_marker: " + std::to_string(board.first_marker) + "\n";
   }
   if (board.inverted) out += "inverted: true\n";
   if (board.legacy) out += "legacy: true\n";
   if (board.back) {
-    out += "back: {thickness: " + yaml::shortest_text(board.back->thickness) +
+    out += "back: {thickness: " + files::shortest_text(board.back->thickness) +
            (board.back->first_marker ? ", first_marker: " + std::to_string(*board.back->first_marker)
                                      : ", mirrored: true") +
            "}\n";

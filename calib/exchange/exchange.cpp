@@ -6,8 +6,8 @@
 #include <array>
 
 #include "calib/exchange/exchanged_camera.h"
+#include "calib/files/config_error.h"
 #include "calib/model/nearest_lens.h"
-#include "calib/yaml/yaml_reader.h"
 
 namespace huetrack::exchange {
 namespace {
@@ -76,7 +76,7 @@ ExchangeFormat detect_format(const std::filesystem::path& file) {
     return ExchangeFormat::kalibr;
   if (has_line(text, Indent::none, "distortion_model", ':') && has_line(text, Indent::none, "camera_matrix", ':'))
     return ExchangeFormat::ros;
-  throw yaml::ConfigError(
+  throw files::ConfigError(
       file, 0,
       "is no calibration file that we know by its looks; say which with --from: ros, opencv, kalibr, "
       "aniposelib or caliscope");
@@ -117,7 +117,7 @@ Imported import_rig(std::span<const std::filesystem::path> files, const ImportOp
     for (const calib::Camera& b : out.rig.cameras) widest = std::max(widest, (a.centre() - b.centre()).norm());
   }
   if (widest > widest_rig_m) {
-    throw yaml::ConfigError(
+    throw files::ConfigError(
         file, 0,
         fmt::format("the cameras are up to {:.0f} m apart: is the file in millimetres? Then give --unit mm", widest));
   }
@@ -130,7 +130,7 @@ Imported import_rig(std::span<const std::filesystem::path> files, const ImportOp
   }
   if (!options.cameras.empty()) {
     for (const std::string& name : options.cameras) {
-      if (!out.rig.index_of(name)) throw yaml::ConfigError(file, 0, "there is no camera " + name + " in it");
+      if (!out.rig.index_of(name)) throw files::ConfigError(file, 0, "there is no camera " + name + " in it");
     }
     std::erase_if(out.rig.cameras, [&](const calib::Camera& camera) {
       return std::ranges::find(options.cameras, camera.name) == options.cameras.end();

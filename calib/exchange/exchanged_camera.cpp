@@ -9,8 +9,8 @@
 #include <cctype>
 #include <cmath>
 
-#include "calib/yaml/number_text.h"
-#include "calib/yaml/yaml_reader.h"
+#include "calib/files/config_error.h"
+#include "calib/files/number_text.h"
 
 namespace huetrack::exchange {
 
@@ -94,7 +94,7 @@ std::vector<double> coefficients_of(const calib::CameraModel& model) {
 }
 
 std::string exact(double value) {
-  const std::string text = yaml::shortest_text(value);
+  const std::string text = files::shortest_text(value);
   // TOML and some YAML readers tell integers from floats.
   return text.find_first_of(".en") == std::string::npos ? text + ".0" : text;
 }
@@ -113,14 +113,14 @@ std::string clean_name(std::string name) {
 
 void require_valid(const calib::CameraRig& rig, const std::filesystem::path& file) {
   for (const calib::Camera& camera : rig.cameras) {
-    for (const auto& problem : camera.problems()) throw yaml::ConfigError(file, 0, camera.name + ": " + problem);
+    for (const auto& problem : camera.problems()) throw files::ConfigError(file, 0, camera.name + ": " + problem);
   }
-  for (const auto& problem : rig.problems()) throw yaml::ConfigError(file, 0, problem);
+  for (const auto& problem : rig.problems()) throw files::ConfigError(file, 0, problem);
 }
 
-std::string text_of(const std::filesystem::path& file, yaml::Keys keys) {
-  std::string text = yaml::read_text_file(file);
-  yaml::refuse_deep_nesting(text, file, keys);
+std::string text_of(const std::filesystem::path& file, files::Keys keys) {
+  std::string text = files::read_text_file(file);
+  files::refuse_deep_nesting(text, file, keys);
   return text;
 }
 

@@ -10,9 +10,9 @@
 #include <vector>
 
 #include "calib/exchange/exchange.h"
+#include "calib/files/joined.h"
+#include "calib/files/text_file.h"
 #include "calib/model/camera_rig.h"
-#include "calib/yaml/joined.h"
-#include "calib/yaml/text_file.h"
 
 namespace huetrack::exchange {
 
@@ -38,7 +38,7 @@ bool is_fisheye(const calib::CameraModel& model);
 std::string exact(double value);                         // the shortest text that reads back as the same double
 std::string exact_list(std::span<const double> values);  // "[1, 2.5]"
 std::string clean_name(std::string name);                // with _ for what a camera's name cannot hold
-using yaml::joined;
+using files::joined;
 
 // A rig's cameras must be valid and all different; messages name the file.
 void require_valid(const calib::CameraRig& rig, const std::filesystem::path& file);
@@ -56,6 +56,6 @@ Exported export_aniposelib(const calib::CameraRig& rig);
 Exported export_caliscope(const calib::CameraRig& rig);
 
 // The whole file, no larger and no deeper than a parser bears. throws ConfigError
-std::string text_of(const std::filesystem::path& file, yaml::Keys keys = yaml::Keys::plain);
+std::string text_of(const std::filesystem::path& file, files::Keys keys = files::Keys::plain);
 
 }  // namespace huetrack::exchange

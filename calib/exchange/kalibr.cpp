@@ -109,7 +109,7 @@ Imported import_kalibr(const std::filesystem::path& file, const ImportOptions& o
     cam.finish();
     out.rig.cameras.push_back(std::move(camera));
   }
-  if (out.rig.cameras.empty()) throw yaml::ConfigError(file, 0, "has no camera");
+  if (out.rig.cameras.empty()) throw files::ConfigError(file, 0, "has no camera");
   out.notes.emplace_back("the world is cam0's frame (z forward, y down): set it with huetrack-calibrate world");
   return out;
 }

@@ -10,7 +10,7 @@
 #include <set>
 
 #include "calib/exchange/exchanged_camera.h"
-#include "calib/yaml/yaml_reader.h"
+#include "calib/files/config_error.h"
 
 namespace huetrack::exchange {
 namespace {
@@ -27,7 +27,7 @@ int line_at(std::string_view text, std::size_t at) {
 void check_tags(const std::filesystem::path& path, std::string_view text) {
   const std::size_t first = text.find_first_not_of(" \t\r\n");
   if (first == std::string_view::npos || text[first] != '<') return;
-  const auto fail = [&](std::size_t at, const char* what) { throw yaml::ConfigError(path, line_at(text, at), what); };
+  const auto fail = [&](std::size_t at, const char* what) { throw files::ConfigError(path, line_at(text, at), what); };
   for (std::size_t i = text.find('<'); i != std::string_view::npos; i = text.find('<', i)) {
     const std::size_t from = i;
     if (text.substr(i).starts_with("<!--")) {
@@ -59,8 +59,8 @@ void check_no_binary(const std::filesystem::path& path, std::string_view text) {
   for (const std::string_view mark : {"!!binary", "2002:binary", "$base64$"}) {
     const std::size_t at = text.find(mark);
     if (at == std::string_view::npos) continue;
-    throw yaml::ConfigError(path, line_at(text, at),
-                            fmt::format("has binary data ({}), which no calibration has", mark));
+    throw files::ConfigError(path, line_at(text, at),
+                             fmt::format("has binary data ({}), which no calibration has", mark));
   }
 }
 
@@ -77,12 +77,13 @@ class Storage {
       const auto bracket = what.find("(");
       const int line = bracket == std::string::npos ? 0 : std::atoi(what.c_str() + bracket + 1);
       const auto colon = what.find("): ");
-      throw yaml::ConfigError(path_, line,
-                              "OpenCV cannot read it: " + (colon == std::string::npos ? what : what.substr(colon + 3)));
+      throw files::ConfigError(
+          path_, line, "OpenCV cannot read it: " + (colon == std::string::npos ? what : what.substr(colon + 3)));
     } catch (const std::exception& error) {  // what its parser runs into: std::length_error, for one
-      throw yaml::ConfigError(path_, 0, std::string("OpenCV cannot read it: ") + error.what());
+      throw files::ConfigError(path_, 0, std::string("OpenCV cannot read it: ") + error.what());
     }
-    if (!storage_.isOpened() || !storage_.root().isMap()) throw yaml::ConfigError(path_, 0, "is no OpenCV FileStorage");
+    if (!storage_.isOpened() || !storage_.root().isMap())
+      throw files::ConfigError(path_, 0, "is no OpenCV FileStorage");
   }
 
   const std::filesystem::path& path() const { return path_; }
@@ -97,7 +98,7 @@ class Storage {
     return std::nullopt;
   }
   [[noreturn]] void fail(std::string_view key, const std::string& message) const {
-    throw yaml::ConfigError(path_, line_of(key), std::string(key) + ": " + message);
+    throw files::ConfigError(path_, line_of(key), std::string(key) + ": " + message);
   }
   Fail failing() const {
     return [this](std::string_view key, const std::string& message) { fail(key, message); };
@@ -205,8 +206,8 @@ calib::ImageSize size_of(const std::vector<const Storage*>& files, const ImportO
     return {whole(*s, s_key, wh[0]), whole(*s, s_key, wh[1])};
   }
   if (options.image_size) return *options.image_size;
-  throw yaml::ConfigError(files.front()->path(), 0,
-                          "does not say the image's size (image_width, image_height): give --size WIDTHxHEIGHT");
+  throw files::ConfigError(files.front()->path(), 0,
+                           "does not say the image's size (image_width, image_height): give --size WIDTHxHEIGHT");
 }
 
 calib::Camera read_lens(const std::vector<const Storage*>& files, const Words& k, const Words& d,
@@ -214,10 +215,10 @@ calib::Camera read_lens(const std::vector<const Storage*>& files, const Words& k
   calib::Camera camera;
   const auto [in_k, k_key] = in_any(files, k);
   if (in_k == nullptr)
-    throw yaml::ConfigError(files.front()->path(), 0, "has no camera matrix (looked for " + joined(k) + ")");
+    throw files::ConfigError(files.front()->path(), 0, "has no camera matrix (looked for " + joined(k) + ")");
   const auto [in_d, d_key] = in_any(files, d);
   if (in_d == nullptr)
-    throw yaml::ConfigError(files.front()->path(), 0, "has no distortion coefficients (looked for " + joined(d) + ")");
+    throw files::ConfigError(files.front()->path(), 0, "has no distortion coefficients (looked for " + joined(d) + ")");
   const auto [in_f, f_key] = in_any(files, {"fisheye_model", "fisheye"});
   const bool fisheye = in_f != nullptr && in_f->number(f_key) != 0;
   const Storage* where = in_d;
@@ -283,7 +284,7 @@ Imported import_opencv(std::span<const std::filesystem::path> paths, const Impor
     right.name = in_r ? clean_name(*in_r->word({r_key})) : "right";
     const auto pose = read_pose(files, {"R"}, {"T"});
     if (!pose) {
-      throw yaml::ConfigError(
+      throw files::ConfigError(
           files.front()->path(), 0,
           "has two cameras, but not how they stand to one another (R and T): give the file that has them "
           "too (extrinsics.yml)");
@@ -304,10 +305,10 @@ Imported import_opencv(std::span<const std::filesystem::path> paths, const Impor
       out.rig.cameras.push_back(std::move(camera));
     }
     if (!unposed.empty() && files.size() > 1) {
-      throw yaml::ConfigError(files.front()->path(), 0,
-                              "no poses for " + joined(unposed) +
-                                  ": import each camera into a file of its own, and "
-                                  "find the poses with extrinsics or wave");
+      throw files::ConfigError(files.front()->path(), 0,
+                               "no poses for " + joined(unposed) +
+                                   ": import each camera into a file of its own, and "
+                                   "find the poses with extrinsics or wave");
     }
     if (!unposed.empty()) out.notes.emplace_back("the file holds no pose: the world is the camera's own frame");
   }

@@ -10,17 +10,17 @@
 #include <set>
 
 #include "calib/exchange/exchanged_camera.h"
-#include "calib/yaml/text_file.h"
-#include "calib/yaml/yaml_reader.h"
+#include "calib/files/config_error.h"
+#include "calib/files/text_file.h"
 
 namespace huetrack::exchange {
 namespace {
 
 toml::table parsed(const std::filesystem::path& file) {
   try {
-    return toml::parse(text_of(file, yaml::Keys::dotted), file.string());
+    return toml::parse(text_of(file, files::Keys::dotted), file.string());
   } catch (const toml::parse_error& error) {
-    throw yaml::ConfigError(file, static_cast<int>(error.source().begin.line), std::string(error.description()));
+    throw files::ConfigError(file, static_cast<int>(error.source().begin.line), std::string(error.description()));
   }
 }
 
@@ -39,7 +39,7 @@ class TomlReader {
   [[noreturn]] void fail(std::string_view key, const std::string& message) const {
     const toml::node* node = table_.get(key);
     const auto line = node != nullptr ? node->source().begin.line : table_.source().begin.line;
-    throw yaml::ConfigError(file_, static_cast<int>(line), path_ + "." + std::string(key) + ": " + message);
+    throw files::ConfigError(file_, static_cast<int>(line), path_ + "." + std::string(key) + ": " + message);
   }
   Fail failing() const {
     return [this](std::string_view key, const std::string& message) { fail(key, message); };
@@ -127,7 +127,7 @@ void add(const TomlReader& reader, const std::filesystem::path& file, bool posed
          calib::CameraRig& rig, std::vector<std::string>& unposed) {
   for (const calib::Camera& other : rig.cameras) {
     if (other.name == camera.name)
-      throw yaml::ConfigError(file, reader.line(), reader.path() + ": a second camera " + camera.name);
+      throw files::ConfigError(file, reader.line(), reader.path() + ": a second camera " + camera.name);
   }
   if (!posed) unposed.push_back(camera.name);
   rig.cameras.push_back(std::move(camera));
@@ -135,10 +135,10 @@ void add(const TomlReader& reader, const std::filesystem::path& file, bool posed
 
 void require_poses(const std::filesystem::path& file, const calib::CameraRig& rig,
                    const std::vector<std::string>& unposed, std::vector<std::string>& notes) {
-  if (rig.cameras.empty()) throw yaml::ConfigError(file, 0, "has no camera");
+  if (rig.cameras.empty()) throw files::ConfigError(file, 0, "has no camera");
   if (unposed.empty()) return;
   if (rig.cameras.size() > 1)
-    throw yaml::ConfigError(
+    throw files::ConfigError(
         file, 0,
         "these cameras have no rotation and translation: " + joined(unposed) + ": calibrate them, or take them out");
   notes.push_back(rig.cameras.front().name + " has no pose: the world is the camera's own frame");
@@ -195,8 +195,8 @@ Imported import_aniposelib(const std::filesystem::path& file, const ImportOption
       continue;
     }
     if (table == nullptr || !name.starts_with("cam"))
-      throw yaml::ConfigError(file, static_cast<int>(value.source().begin.line),
-                              name + " is not a camera: expected [cam_0], [cam_1], ... and [metadata]");
+      throw files::ConfigError(file, static_cast<int>(value.source().begin.line),
+                               name + " is not a camera: expected [cam_0], [cam_1], ... and [metadata]");
     const TomlReader reader(*table, name, file);
     calib::Camera camera;
     camera.name = reader.has("name") ? reader.string("name") : name;
@@ -221,8 +221,8 @@ Imported import_caliscope(const std::filesystem::path& file, const ImportOptions
     if (name == "cameras" && table != nullptr) {
       for (const auto& [number, camera] : *table) {
         if (camera.as_table() == nullptr)
-          throw yaml::ConfigError(file, static_cast<int>(camera.source().begin.line),
-                                  "cameras." + std::string(number.str()) + " is not a table");
+          throw files::ConfigError(file, static_cast<int>(camera.source().begin.line),
+                                   "cameras." + std::string(number.str()) + " is not a table");
         tables.emplace_back("cam_" + std::string(number.str()), camera.as_table());
       }
     } else if (name.starts_with("cam_") && table != nullptr) {
@@ -269,13 +269,13 @@ Exported export_aniposelib(const calib::CameraRig& rig) {
   std::string text;
   for (std::size_t n = 0; n < rig.cameras.size(); ++n) {
     const calib::Camera& camera = rig.cameras[n];
-    text += "[cam_" + std::to_string(n) + "]\nname = " + yaml::in_json_quotes(camera.name) + "\n" +
+    text += "[cam_" + std::to_string(n) + "]\nname = " + files::in_json_quotes(camera.name) + "\n" +
             camera_text(camera, false) + "\n";
     note_rational(camera, "aniposelib", out.notes);
   }
   text += "[metadata]\n";
   for (const auto& [key, value] : rig.made_by)
-    text += yaml::in_json_quotes(key) + " = " + yaml::in_json_quotes(value) + "\n";
+    text += files::in_json_quotes(key) + " = " + files::in_json_quotes(value) + "\n";
   out.files.emplace_back("calibration.toml", text);
   return out;
 }

@@ -9,9 +9,9 @@
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
+#include "calib/files/config_error.h"
+#include "calib/files/text_file.h"
 #include "calib/gather/image_files.h"
-#include "calib/yaml/text_file.h"
-#include "calib/yaml/yaml_reader.h"
 #include "capture/frame_synchronizer.h"
 #include "capture/jpeg_decoder.h"
 #include "recordings/recording.h"
@@ -26,22 +26,22 @@ constexpr std::size_t largest_image = 256U << 20;  // bytes of its file
 
 // throws ConfigError, which names the file: what OpenCV prints and throws does not.
 cv::Mat read_grey(const fs::path& file) {
-  const std::string bytes = yaml::read_text_file(file, largest_image);
+  const std::string bytes = files::read_text_file(file, largest_image);
   if (bytes.starts_with("\xFF\xD8")) {  // OpenCV patches up a damaged JPEG: corners would be found in what is not there
     capture::JpegDecoder decoder;
     const auto jpeg = decoder.decode({reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size()});
     if (jpeg.image) return board_grey_of(*jpeg.image).clone();
-    if (!jpeg.is_unsupported) throw yaml::ConfigError(file, 0, "is a damaged JPEG: " + jpeg.problem);
+    if (!jpeg.is_unsupported) throw files::ConfigError(file, 0, "is a damaged JPEG: " + jpeg.problem);
   }
   cv::Mat grey;
   try {
     const cv::Mat encoded(1, static_cast<int>(bytes.size()), CV_8U, const_cast<char*>(bytes.data()));
     if (!bytes.empty()) grey = cv::imdecode(encoded, cv::IMREAD_GRAYSCALE | cv::IMREAD_IGNORE_ORIENTATION);
   } catch (const cv::Exception& error) {  // more pixels than OpenCV takes, for example
-    throw yaml::ConfigError(file, 0,
-                            "is not an image that can be read (OpenCV: " + yaml::printable(error.err, 200) + ")");
+    throw files::ConfigError(file, 0,
+                             "is not an image that can be read (OpenCV: " + files::printable(error.err, 200) + ")");
   }
-  if (grey.empty()) throw yaml::ConfigError(file, 0, "is not an image that can be read");
+  if (grey.empty()) throw files::ConfigError(file, 0, "is not an image that can be read");
   return grey;
 }
 
@@ -65,7 +65,7 @@ class ImageFilePictures final : public PictureSource {
       if (!file) continue;
       try {
         set.pictures.back() = {read_grey(*file), file->filename().string(), {}};
-      } catch (const yaml::ConfigError& error) {
+      } catch (const files::ConfigError& error) {
         warnings_.push_back(std::string(error.what()) + ": it was left out");
       }
     }

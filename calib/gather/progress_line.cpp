@@ -25,7 +25,7 @@ void tell_program(const std::string& kind, const std::vector<std::string>& field
 }
 
 std::string progress_text(const std::string& what, int done, std::optional<int> total, const std::string& details) {
-  return what + " " + yaml::progress_bar(static_cast<std::uint64_t>(done), total) +
+  return what + " " + files::progress_bar(static_cast<std::uint64_t>(done), total) +
          (details.empty() ? "" : "  " + details);
 }
 

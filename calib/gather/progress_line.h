@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
+#include "calib/files/terminal_line.h"
 #include "calib/solver/progress.h"
-#include "calib/yaml/terminal_line.h"
 
 namespace huetrack::gather {
 
@@ -34,7 +34,7 @@ class ProgressLine {
   solver::Progress progress();
 
  private:
-  yaml::TerminalLine line_;
+  files::TerminalLine line_;
   std::string told_;                              // what the program was told last that is done
   std::chrono::steady_clock::time_point last_{};  // when
 };

@@ -10,10 +10,10 @@
 #include <span>
 #include <stdexcept>
 
+#include "calib/files/number_text.h"
+#include "calib/files/output_file.h"
+#include "calib/files/text_file.h"
 #include "calib/model/index.h"
-#include "calib/yaml/number_text.h"
-#include "calib/yaml/output_file.h"
-#include "calib/yaml/text_file.h"
 #include "calib/yaml/yaml_reader.h"
 
 namespace huetrack::calib {
@@ -183,7 +183,7 @@ RigUncertainty read_uncertainty(const yaml::YamlReader& reader, const CameraRig&
 
 std::string list(std::span<const double> values) {
   std::vector<std::string> texts;
-  for (const double value : values) texts.push_back(yaml::shortest_text(value));
+  for (const double value : values) texts.push_back(files::shortest_text(value));
   return fmt::format("[{}]", fmt::join(texts, ", "));
 }
 
@@ -191,7 +191,7 @@ std::string list(std::span<const double> values) {
 std::string readable(const std::string& text) {
   std::string lines = text;
   std::ranges::replace(lines, '\n', ' ');
-  return yaml::has_control_characters(lines) ? yaml::printable(text, yaml::longest_message) : text;
+  return files::has_control_characters(lines) ? files::printable(text, files::longest_message) : text;
 }
 
 // A word that YAML cannot take for anything else goes without quotes.
@@ -199,7 +199,7 @@ std::string key_text(const std::string& key) {
   const auto is_letter = [](char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '_'; };
   const bool is_word = !key.empty() && is_letter(key.front()) &&
                        std::ranges::all_of(key, [&](char c) { return is_letter(c) || (c >= '0' && c <= '9'); });
-  return is_word && key != "null" && key != "Null" && key != "NULL" ? key : yaml::in_yaml_quotes(key);
+  return is_word && key != "null" && key != "Null" && key != "NULL" ? key : files::in_yaml_quotes(key);
 }
 
 std::string distortion_text(const PinholeRadtan& lens) {
@@ -220,7 +220,7 @@ std::string distortion_text(const Stereographic& lens) {
 std::string timing_text(const CameraTiming& timing) {
   std::vector<std::string> entries;
   const auto add = [&](const char* key, const std::optional<double>& value) {
-    if (value) entries.push_back(fmt::format("{}: {}", key, yaml::shortest_text(*value)));
+    if (value) entries.push_back(fmt::format("{}: {}", key, files::shortest_text(*value)));
   };
   add("latency_s", timing.latency_s);
   add("readout_s", timing.readout_s);
@@ -232,11 +232,11 @@ std::string timing_text(const CameraTiming& timing) {
 std::string history_text(const RigHistory& made) {
   std::string out = "made:\n";
   if (made.at) out += "  at: " + utc_text(*made.at) + "\n";
-  if (made.temperature_c) out += "  temperature_c: " + yaml::shortest_text(*made.temperature_c) + "\n";
+  if (made.temperature_c) out += "  temperature_c: " + files::shortest_text(*made.temperature_c) + "\n";
   if (!made.checks.empty()) out += "  checks:\n";
   for (const RigCheckNote& check : made.checks) {
-    out += "    - {at: " + utc_text(check.at) + ", verdict: " + yaml::in_yaml_quotes(check.verdict);
-    if (!check.text.empty()) out += ", text: " + yaml::in_yaml_quotes(check.text);
+    out += "    - {at: " + utc_text(check.at) + ", verdict: " + files::in_yaml_quotes(check.verdict);
+    if (!check.text.empty()) out += ", text: " + files::in_yaml_quotes(check.text);
     out += "}\n";
   }
   return out;
@@ -299,8 +299,8 @@ std::string to_yaml(const CameraRig& rig) {
     out += "    image_size: [" + std::to_string(camera.image_size.width) + ", " +
            std::to_string(camera.image_size.height) + "]\n";
     out += "    model: " + std::string(model.name()) + "\n";
-    out += "    intrinsics: {fx: " + yaml::shortest_text(model.fx()) + ", fy: " + yaml::shortest_text(model.fy()) +
-           ", cx: " + yaml::shortest_text(model.cx()) + ", cy: " + yaml::shortest_text(model.cy()) + "}\n";
+    out += "    intrinsics: {fx: " + files::shortest_text(model.fx()) + ", fy: " + files::shortest_text(model.fy()) +
+           ", cx: " + files::shortest_text(model.cx()) + ", cy: " + files::shortest_text(model.cy()) + "}\n";
     out += "    distortion: " + std::visit([](const auto& lens) { return distortion_text(lens); }, model.lens()) + "\n";
     out += "    cam_from_world:\n";
     // Not as a matrix: nine numbers would have to be made a rotation again, and would not come back bit for bit.
@@ -311,7 +311,7 @@ std::string to_yaml(const CameraRig& rig) {
   if (!rig.made_by.empty()) {
     out += "made_by:\n";
     for (const auto& [key, value] : rig.made_by)
-      out += "  " + key_text(readable(key)) + ": " + yaml::in_yaml_quotes(readable(value)) + "\n";
+      out += "  " + key_text(readable(key)) + ": " + files::in_yaml_quotes(readable(value)) + "\n";
   }
   if (!rig.made.is_empty()) out += history_text(rig.made);
   if (rig.uncertainty && rig.uncertainty->size() > 0) out += uncertainty_text(*rig.uncertainty, rig);
@@ -323,12 +323,12 @@ void write_rig(const CameraRig& rig, const std::filesystem::path& file) {
   if (std::filesystem::is_regular_file(file, none) && std::filesystem::file_size(file, none) > 0) {
     try {
       read_rig(file);
-    } catch (const yaml::ConfigError&) {
+    } catch (const files::ConfigError&) {
       throw std::runtime_error(file.string() +
                                " is there, and holds no rig: it is not replaced. Give another name, or remove it");
     }
   }
-  yaml::write_whole_file(file, to_yaml(rig));
+  files::write_whole_file(file, to_yaml(rig));
 }
 
 std::string rig_identity(const CameraRig& rig) {

@@ -5,10 +5,10 @@
 
 #include "calib/board/board_pdf.h"
 #include "calib/board/board_yaml.h"
+#include "calib/files/config_error.h"
+#include "calib/files/output_file.h"
 #include "calib/gather/picture_source.h"
 #include "calib/program/commands.h"
-#include "calib/yaml/output_file.h"
-#include "calib/yaml/yaml_reader.h"
 
 namespace huetrack::program {
 namespace {
@@ -60,7 +60,7 @@ void refuse_other_than_a_board(const std::filesystem::path& file) {
   if (!std::filesystem::is_regular_file(file, none) || std::filesystem::file_size(file, none) == 0) return;
   try {
     board::read_board(file);
-  } catch (const yaml::ConfigError&) {
+  } catch (const files::ConfigError&) {
     throw gather::InputError(file.string() +
                              " is there, and is no board file: it is not replaced. Give another --board");
   }
@@ -78,10 +78,10 @@ ExitStatus print(const BoardOptions& o) {
   if (std::filesystem::weakly_canonical(yaml) == std::filesystem::weakly_canonical(o.out))
     throw gather::InputError(yaml.string() +
                              " is to be written twice, as the print and as its board file: give another --board");
-  yaml::refuse_other_kind(o.out, {"PDF", [](std::string_view text) { return text.starts_with("%PDF"); }});
+  files::refuse_other_kind(o.out, {"PDF", [](std::string_view text) { return text.starts_with("%PDF"); }});
   refuse_other_than_a_board(yaml);
-  yaml::write_whole_file(o.out, printed.pdf);
-  yaml::write_whole_file(yaml, "# " + o.out.filename().string() + ", printed at 100 %\n" + board::to_yaml(board));
+  files::write_whole_file(o.out, printed.pdf);
+  files::write_whole_file(yaml, "# " + o.out.filename().string() + ", printed at 100 %\n" + board::to_yaml(board));
   std::printf(
       "%s: %s, %.1f x %.1f mm on %s\n%s: the board file for it\nPrint at 100 %%, without fitting it to the page; "
       "measure the ruler, "

@@ -9,13 +9,13 @@
 #include <memory>
 
 #include "calib/certify/certificate.h"
+#include "calib/files/text_file.h"
 #include "calib/gather/picture_source.h"
 #include "calib/program/commands.h"
 #include "calib/program/measured_points.h"
 #include "calib/program/outcome.h"
 #include "calib/program/tracked_recording.h"
 #include "calib/report/certificate_report.h"
-#include "calib/yaml/text_file.h"
 #include "config/service_config.h"
 #include "tracks/track_csv.h"
 
@@ -252,7 +252,7 @@ ExitStatus certify_lengths(const CertifyOptions& o, const std::stop_token& stop)
   } else {
     all.estimates = tracks::read_track_csv(o.tracks);
   }
-  report::CertificateInput input{.rig_name = yaml::printable(std::filesystem::path(o.config).filename().string()),
+  report::CertificateInput input{.rig_name = files::printable(std::filesystem::path(o.config).filename().string()),
                                  .what = {},
                                  .is_of_places = !is_bar};
   const Measured measured = ends.is_one_color ? measured_one_color(o, config, ends.targets[0], all, input)

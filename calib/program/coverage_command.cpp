@@ -10,13 +10,13 @@
 #include <thread>
 
 #include "calib/board/board_yaml.h"
+#include "calib/files/config_error.h"
 #include "calib/gather/live_boards.h"
 #include "calib/gather/picture_source.h"
 #include "calib/gather/progress_line.h"
 #include "calib/program/commands.h"
 #include "calib/program/waved_ball.h"
 #include "calib/wave/wave_coverage.h"
-#include "calib/yaml/yaml_reader.h"
 #include "recordings/growing_recording.h"
 
 namespace huetrack::program {
@@ -36,7 +36,7 @@ std::vector<recordings::RecordedCamera> growing_cameras(const std::string& recor
   for (const auto end = std::chrono::steady_clock::now() + patience;;) {
     try {
       return recordings::read_recording(recording).cameras;
-    } catch (const yaml::ConfigError&) {
+    } catch (const files::ConfigError&) {
       if (stop.stop_requested() || std::chrono::steady_clock::now() > end) throw;
     }
     std::this_thread::sleep_for(look_again);

@@ -5,11 +5,11 @@
 #include <memory>
 
 #include "calib/exchange/exchange.h"
+#include "calib/files/output_file.h"
+#include "calib/files/text_file.h"
 #include "calib/gather/picture_source.h"
 #include "calib/model/rig_yaml.h"
 #include "calib/program/commands.h"
-#include "calib/yaml/output_file.h"
-#include "calib/yaml/text_file.h"
 
 namespace huetrack::program {
 namespace {
@@ -25,7 +25,7 @@ struct ImportCommand {
 
 // They name what stands in the other tool's file.
 void print_notes(const std::vector<std::string>& notes) {
-  for (const auto& note : notes) std::printf("note: %s\n", yaml::printable(note, yaml::longest_message).c_str());
+  for (const auto& note : notes) std::printf("note: %s\n", files::printable(note, files::longest_message).c_str());
 }
 
 ExitStatus import(const ImportCommand& command) {
@@ -83,7 +83,7 @@ ExitStatus export_files(const ExportCommand& command) {
   std::filesystem::create_directories(command.folder);
   for (const auto& [name, text] : exported.files) {
     const std::filesystem::path file = command.folder / name;
-    yaml::write_whole_file(file, text);
+    files::write_whole_file(file, text);
     std::printf("%s\n", file.c_str());
   }
   print_notes(exported.notes);

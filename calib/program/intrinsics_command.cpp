@@ -1,10 +1,10 @@
 #include "calib/board/board_yaml.h"
+#include "calib/files/text_file.h"
 #include "calib/gather/progress_line.h"
 #include "calib/program/calibration_options.h"
 #include "calib/program/commands.h"
 #include "calib/solver/intrinsics.h"
 #include "calib/solver/volume_accuracy.h"
-#include "calib/yaml/text_file.h"
 
 namespace huetrack::program {
 namespace {
@@ -14,7 +14,7 @@ struct IntrinsicsArguments : CalibrationOptions {
 };
 
 ExitStatus calibrate(IntrinsicsArguments options, const std::stop_token& stop) {
-  if (yaml::has_control_characters(options.camera))
+  if (files::has_control_characters(options.camera))
     throw gather::InputError("--camera \"" + options.camera + "\" has control characters in it");
   if (options.rig.empty()) options.rig = options.camera + ".yaml";
   require_folders(output_files(options));

@@ -10,9 +10,9 @@
 #include <thread>
 #include <variant>
 
+#include "calib/files/text_file.h"
 #include "calib/program/command_line.h"
 #include "calib/report/advice.h"
-#include "calib/yaml/text_file.h"
 
 namespace {
 
@@ -45,7 +45,7 @@ class Signals {
 
 // The user's input or the outside world is at fault: said once, in one line.
 int fail(const std::string& why) {
-  std::fprintf(stderr, "huetrack-calibrate: %s\n", yaml::printable(why, yaml::longest_message).c_str());
+  std::fprintf(stderr, "huetrack-calibrate: %s\n", files::printable(why, files::longest_message).c_str());
   return 1;
 }
 

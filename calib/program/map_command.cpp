@@ -5,12 +5,12 @@
 #include <cstdio>
 #include <memory>
 
+#include "calib/files/text_file.h"
 #include "calib/gather/write_file.h"
 #include "calib/model/rig_yaml.h"
 #include "calib/program/commands.h"
 #include "calib/program/outcome.h"
 #include "calib/report/map_report.h"
-#include "calib/yaml/text_file.h"
 #include "calib/yaml/yaml_reader.h"
 #include "config/service_config.h"
 
@@ -44,7 +44,7 @@ solver::WorldBox volume_before(const calib::CameraRig& rig) {
 ExitStatus map(const MapOptions& o) {
   calib::CameraRig rig;
   solver::WorldBox box;
-  report::MapInput input{.rig_name = yaml::printable(std::filesystem::path(o.file).filename().string()),
+  report::MapInput input{.rig_name = files::printable(std::filesystem::path(o.file).filename().string()),
                          .volume_is_from = {}};
   if (yaml::YamlReader::file(o.file).has("rig")) {
     const config::ServiceConfig config = config::load_service_config(o.file);

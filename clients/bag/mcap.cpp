@@ -6,7 +6,7 @@
 #include <map>
 #include <utility>
 
-#include "calib/yaml/output_file.h"
+#include "calib/files/output_file.h"
 #include "clients/bag/bag.h"
 
 namespace huetrack::bag {
@@ -238,7 +238,7 @@ class McapWriter final : public BagWriter {
   }
 
   const std::vector<Topic> topics_;
-  yaml::WholeFile file_;
+  files::WholeFile file_;
   std::uint64_t at_ = 0;        // bytes that are written
   std::uint32_t checksum_ = 0;  // of them
   std::string records_;         // of the chunk that is not written yet, from the beginning of which:
@@ -249,12 +249,12 @@ class McapWriter final : public BagWriter {
   std::uint32_t chunks_ = 0;
 };
 
-constexpr yaml::FileKind mcap_kind{"MCAP", [](std::string_view text) { return text.starts_with("\x89MCAP"); }};
+constexpr files::FileKind mcap_kind{"MCAP", [](std::string_view text) { return text.starts_with("\x89MCAP"); }};
 
 }  // namespace
 
 std::unique_ptr<BagWriter> mcap_writer(std::vector<Topic> topics, const std::filesystem::path& file) {
-  yaml::refuse_other_kind(file, mcap_kind);
+  files::refuse_other_kind(file, mcap_kind);
   return std::make_unique<McapWriter>(std::move(topics), file);
 }
 

@@ -18,7 +18,7 @@ namespace huetrack::bag {
 class RecordedPictures {
  public:
   // recording: its folder, or its yaml file. rig: with the cameras' lenses and times; empty: rig.yaml beside the
-  // recording, or none. first_topic: of these, in the bag. throws yaml::ConfigError, std::runtime_error
+  // recording, or none. first_topic: of these, in the bag. throws files::ConfigError, std::runtime_error
   RecordedPictures(const std::filesystem::path& recording, std::filesystem::path rig, std::size_t first_topic,
                    std::chrono::nanoseconds offset);
   ~RecordedPictures();

@@ -8,7 +8,7 @@
 #include <stdexcept>
 #include <utility>
 
-#include "calib/yaml/output_file.h"
+#include "calib/files/output_file.h"
 #include "clients/bag/bag.h"
 
 namespace huetrack::bag {
@@ -128,7 +128,7 @@ class Rosbag2Writer final : public BagWriter {
   void finish() override {
     messages_.reset();
     db_.run("CREATE INDEX timestamp_idx ON messages (timestamp ASC); COMMIT;");
-    yaml::write_whole_file(bag_.folder / "metadata.yaml", metadata());  // last: without it, it is no bag yet
+    files::write_whole_file(bag_.folder / "metadata.yaml", metadata());  // last: without it, it is no bag yet
     bag_.is_finished = true;
   }
 

@@ -13,9 +13,9 @@
 #include <stdexcept>
 #include <vector>
 
-#include "calib/yaml/joined.h"
-#include "calib/yaml/output_file.h"
-#include "calib/yaml/text_file.h"
+#include "calib/files/joined.h"
+#include "calib/files/output_file.h"
+#include "calib/files/text_file.h"
 #include "idl/arrivals.h"
 #include "idl/camera_hostPubSubTypes.h"
 #include "idl/camera_timesPubSubTypes.h"
@@ -49,9 +49,9 @@ std::int64_t unix_now() {
 }
 
 // What a log may take the place of.
-constexpr yaml::FileKind log_kind{"log of huetrack's", [](std::string_view text) {
-                                    return text.starts_with("target,t,") || text.starts_with("camera,t,");
-                                  }};
+constexpr files::FileKind log_kind{"log of huetrack's", [](std::string_view text) {
+                                     return text.starts_with("target,t,") || text.starts_with("camera,t,");
+                                   }};
 
 // Text to stdout, lines to a file, each one flushed, so that whoever reads has it at once, or datagrams.
 class LineWriter {
@@ -86,7 +86,7 @@ class LineWriter {
   }
 
  private:
-  std::optional<yaml::LineFile> file_;
+  std::optional<files::LineFile> file_;
   std::optional<UdpSender> udp_;
 };
 
@@ -114,7 +114,7 @@ bool is_object_of(std::string_view name, std::string_view target) {
 }  // namespace
 
 void say(const std::string& sentence) {
-  std::fprintf(stderr, "huetrack: %s\n", yaml::printable(sentence, yaml::longest_message).c_str());
+  std::fprintf(stderr, "huetrack: %s\n", files::printable(sentence, files::longest_message).c_str());
 }
 
 std::string what_to_check(const idl::DdsParticipant& participant) {
@@ -223,7 +223,7 @@ class TopicWatch {
     });
     if (wanted_.empty() || targets.empty() || may_come || targets == said_targets_) return;
     say("nobody publishes " + std::string(words_.one) + " " + wanted_ + " on domain " +
-        std::to_string(subscription_->participant().domain()) + "; there are: " + yaml::joined(targets));
+        std::to_string(subscription_->participant().domain()) + "; there are: " + files::joined(targets));
     said_targets_ = std::move(targets);
   }
 
@@ -235,7 +235,7 @@ class TopicWatch {
     if (others.empty()) return;
     say("no " + std::string(words_.one) + " is tracked on domain " +
         std::to_string(subscription_->participant().domain()) + ", but these " + words_.others + ": " +
-        yaml::joined(others) + ". Watch them with " + words_.how);
+        files::joined(others) + ". Watch them with " + words_.how);
     said_others_ = true;
   }
 

@@ -14,8 +14,8 @@
 #include <optional>
 #include <stdexcept>
 
-#include "calib/yaml/joined.h"
-#include "calib/yaml/text_file.h"
+#include "calib/files/joined.h"
+#include "calib/files/text_file.h"
 #include "clients/live_view/page_server.h"
 #include "clients/live_view/recording_download.h"
 #include "commands.h"
@@ -73,9 +73,9 @@ class ControlConnection {
     if (services.empty()) throw std::runtime_error("no huetrackd publishes its status " + what_to_check(participant_));
     if (const auto asked = services.find(wanted); asked != services.end()) return asked->second;
     if (!wanted.empty())
-      throw std::runtime_error("there is no service " + wanted + "; there are: " + yaml::joined(named));
+      throw std::runtime_error("there is no service " + wanted + "; there are: " + files::joined(named));
     if (services.size() > 1)
-      throw std::runtime_error("there are several; say which with --service HOST/PID: " + yaml::joined(named));
+      throw std::runtime_error("there are several; say which with --service HOST/PID: " + files::joined(named));
     return services.begin()->second;
   }
 
@@ -199,8 +199,8 @@ int ask(ControlConnection& connection, const Addressed& service, const std::vect
   std::string text = reply->rows().empty() ? "" : columns_of(words);
   for (const msg::ControlRow& row : reply->rows()) {
     std::vector<std::string> columns;
-    for (const std::string& column : row.columns()) columns.push_back(yaml::printable(column, yaml::longest_message));
-    text += yaml::joined(columns, "\t") + "\n";
+    for (const std::string& column : row.columns()) columns.push_back(files::printable(column, files::longest_message));
+    text += files::joined(columns, "\t") + "\n";
   }
   if (std::fwrite(text.data(), 1, text.size(), stdout) != text.size() || std::fflush(stdout) != 0)
     throw std::runtime_error(std::string("cannot write stdout: ") + std::strerror(errno));

@@ -8,8 +8,8 @@
 #include <string>
 #include <utility>
 
-#include "calib/yaml/text_file.h"
-#include "calib/yaml/unknown_command.h"
+#include "calib/files/text_file.h"
+#include "calib/files/unknown_command.h"
 #include "clients/bag/export.h"
 #include "clients/live_view/view.h"
 #include "clients/plot/plot.h"
@@ -55,7 +55,7 @@ struct CommandLine {
 CommandLine::CommandLine() {
   app.set_version_flag("--version", "huetrack " HUETRACK_VERSION);
   app.require_subcommand(1);
-  yaml::name_unknown_commands(app, "huetrack", CLI::FailureMessage::simple);
+  files::name_unknown_commands(app, "huetrack", CLI::FailureMessage::simple);
   add_watch();
   add_log();
   add_status();
@@ -210,7 +210,7 @@ int main(int argc, char** argv) {
   try {
     return line.run();
   } catch (const std::exception& error) {  // a wrong option or file, a full disk: said once, here
-    std::fprintf(stderr, "huetrack: %s\n", yaml::printable(error.what(), yaml::longest_message).c_str());
+    std::fprintf(stderr, "huetrack: %s\n", files::printable(error.what(), files::longest_message).c_str());
     return 1;
   }
 }

@@ -4,7 +4,7 @@
 #include <fastdds/dds/subscriber/DataReaderListener.hpp>
 #include <fastdds/dds/subscriber/SampleInfo.hpp>
 
-#include "calib/yaml/text_file.h"
+#include "calib/files/text_file.h"
 #include "idl/huetrackPubSubTypes.h"
 #include "printable_sample.h"
 
@@ -35,9 +35,9 @@ struct Of<msg::CameraPose> {
 
 std::string who(const std::optional<idl::PublisherIdentity>& identity, const char* named) {
   if (!identity) return "a program that is not huetrackd";
-  std::string text = "process " + std::to_string(identity->pid) + " on " + yaml::printable(identity->host);
+  std::string text = "process " + std::to_string(identity->pid) + " on " + files::printable(identity->host);
   if (!identity->targets.empty()) text += named;
-  for (const std::string& target : identity->targets) text += " " + yaml::printable(target);
+  for (const std::string& target : identity->targets) text += " " + files::printable(target);
   return text;
 }
 
@@ -88,7 +88,7 @@ std::set<std::string> SampleSubscription<Sample>::Announcements::names_on(const 
   const std::lock_guard lock(mutex_);
   for (const auto& [guid, known] : known_) {
     if (!known.there || known.topic != topic || !known.identity) continue;
-    for (const std::string& name : known.identity->targets) names.insert(yaml::printable(name));
+    for (const std::string& name : known.identity->targets) names.insert(files::printable(name));
   }
   return names;
 }

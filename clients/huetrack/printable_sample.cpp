@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "calib/yaml/text_file.h"
+#include "calib/files/text_file.h"
 
 namespace huetrack::client {
 namespace {
@@ -11,13 +11,13 @@ constexpr std::size_t longest_name = 64, longest_sentence = 500;  // characters
 
 // No comma, either: it would be another field of a CSV.
 std::string word(const std::string& text) {
-  std::string out = yaml::printable(text, longest_name);
+  std::string out = files::printable(text, longest_name);
   std::ranges::replace(out, ',', '_');
   return out;
 }
 
 std::string sentence(const std::string& text) {
-  return yaml::printable(text, longest_sentence);
+  return files::printable(text, longest_sentence);
 }
 
 }  // namespace

@@ -8,7 +8,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "calib/yaml/text_file.h"
+#include "calib/files/text_file.h"
 #include "idl/names.h"
 #include "osc.h"
 
@@ -63,14 +63,14 @@ std::string json_line(const msg::ObjectPosition& s) {
   for (const msg::ViewSupport& view : s.per_view())
     views.push_back(fmt::format(
         R"({{"camera":{},"delivered":{},"in_view":{},"seen":{},"pixel":{},"radius_px":{},"support":{},"residual_px":{}}})",
-        yaml::in_json_quotes(view.camera()), view.delivered(), view.in_view(), view.seen(), json_array(view.pixel()),
+        files::in_json_quotes(view.camera()), view.delivered(), view.in_view(), view.seen(), json_array(view.pixel()),
         json_number(view.radius_px()), json_number(view.support()), json_number(view.residual_px())));
   return fmt::format(
       R"({{"target":{},"t":{},"captured_at":{},"received_at":{},"published_at":{},"set_number":{},"state":"{}",)"
       R"("position":{},"velocity":{},"covariance":{},"map_position":{},"views":{},"confidence":{},)"
       R"("particle_count":{},"effective_sample_size":{},"per_view":[{}]}})"
       "\n",
-      yaml::in_json_quotes(s.target()), unix_seconds(s.captured_at()), s.captured_at(), s.received_at(),
+      files::in_json_quotes(s.target()), unix_seconds(s.captured_at()), s.captured_at(), s.received_at(),
       s.published_at(), s.set_number(), idl::state_name(s.state()), json_array(s.position()), json_array(s.velocity()),
       json_array(s.covariance()), json_array(s.map_position()), s.views(), json_number(s.confidence()),
       s.particle_count(), json_number(s.effective_sample_size()), fmt::join(views, ","));
@@ -125,7 +125,7 @@ std::string json_line(const msg::CameraPose& s) {
       R"("position":{},"orientation":{},"covariance":{},"features_in_view":{},"features_matched":{},"map_points":{},)"
       R"("confidence":{},"particle_count":{},"effective_sample_size":{}}})"
       "\n",
-      yaml::in_json_quotes(s.camera()), unix_seconds(s.captured_at()), s.captured_at(), s.received_at(),
+      files::in_json_quotes(s.camera()), unix_seconds(s.captured_at()), s.captured_at(), s.received_at(),
       s.published_at(), s.frame_number(), idl::state_name(s.state()), json_array(s.position()),
       json_array(s.orientation()), json_array(s.covariance()), s.features_in_view(), s.features_matched(),
       s.map_points(), json_number(s.confidence()), s.particle_count(), json_number(s.effective_sample_size()));

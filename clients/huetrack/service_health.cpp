@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <iterator>
 
-#include "calib/yaml/text_file.h"
+#include "calib/files/text_file.h"
 #include "clients/live_view/events.h"
 #include "idl/names.h"
 #include "sample_format.h"
@@ -18,7 +18,7 @@ constexpr double old_s = 10;
 
 std::string list_of(const std::vector<std::string>& sentences) {
   std::vector<std::string> quoted;
-  std::ranges::transform(sentences, std::back_inserter(quoted), yaml::in_json_quotes);
+  std::ranges::transform(sentences, std::back_inserter(quoted), files::in_json_quotes);
   return fmt::format("[{}]", fmt::join(quoted, ","));
 }
 

@@ -9,7 +9,7 @@
 #include <memory>
 #include <stdexcept>
 
-#include "calib/yaml/number_text.h"
+#include "calib/files/number_text.h"
 
 namespace huetrack::client {
 
@@ -17,7 +17,7 @@ UdpSender::UdpSender(const std::string& to) : to_(to) {
   const auto colon = to.rfind(':');
   std::string host = to.substr(0, colon), port = colon == std::string::npos ? "" : to.substr(colon + 1);
   if (host.size() > 2 && host.front() == '[' && host.back() == ']') host = host.substr(1, host.size() - 2);
-  const int number = yaml::number_of<int>(port).value_or(0);
+  const int number = files::number_of<int>(port).value_or(0);
   if (host.empty() || number < 1 || number > 65535)
     throw std::runtime_error("--udp wants HOST:PORT, for example 127.0.0.1:9000, not \"" + to + "\"");
   addrinfo hints{};

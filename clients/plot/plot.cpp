@@ -9,7 +9,7 @@
 #include <stdexcept>
 #include <string_view>
 
-#include "calib/yaml/output_file.h"
+#include "calib/files/output_file.h"
 #include "clients/plot/track_chart.h"
 #include "drawing/markup.h"
 #include "truth/clock_offset.h"
@@ -112,7 +112,7 @@ void plot(const PlotOptions& options) {
   const std::string kind = options.out.extension().string();
   if (kind != ".png" && kind != ".svg" && kind != ".html")
     throw std::runtime_error(options.out.string() + ": the name must end with .png, .svg or .html");
-  yaml::refuse_other_kind(options.out, {"drawing", is_begun_drawing});
+  files::refuse_other_kind(options.out, {"drawing", is_begun_drawing});
   const auto tracks = read_tracks(options.tracks);
   std::vector<ChartTarget> targets;
   for (const auto& [name, rows] : tracks) targets.push_back({name, rows, nullptr});
@@ -136,7 +136,7 @@ void plot(const PlotOptions& options) {
   const std::string content = kind == ".png"   ? draw_chart(targets, style, Canvas::Kind::pixels).png()
                               : kind == ".svg" ? draw_chart(targets, style, Canvas::Kind::svg).svg()
                                                : html_of(targets, style);
-  yaml::write_whole_file(options.out, content);
+  files::write_whole_file(options.out, content);
   for (const ChartTarget& target : targets) {
     const ChartFigures figures = figures_of(target);
     fmt::print("{}\n", to_text(figures));

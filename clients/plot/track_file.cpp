@@ -6,8 +6,8 @@
 #include <cmath>
 #include <string_view>
 
-#include "calib/yaml/csv_table.h"
-#include "calib/yaml/yaml_reader.h"
+#include "calib/files/config_error.h"
+#include "calib/files/csv_table.h"
 
 namespace huetrack::plot {
 namespace {
@@ -15,7 +15,7 @@ namespace {
 // What is farther from 0 is a mistake, and would flatten the rest of the picture.
 constexpr double farthest_m = 1e5, largest_variance_m2 = 1e8;
 
-double bounded(const yaml::CsvTable& table, std::size_t column, double most) {
+double bounded(const files::CsvTable& table, std::size_t column, double most) {
   const double value = table.number(column);
   if (std::abs(value) > most) table.fail(table.name(column) + " is absurd: " + table.quoted(column));
   return value;
@@ -34,9 +34,9 @@ std::map<std::string, std::vector<TrackRow>> read_tracks(const std::filesystem::
       "c36?",          "c44?",    "c45?",  "c46?", "c55?", "c56?", "c66?"};
   constexpr std::size_t orientation = 12, pose_covariance = 16;  // where those of a camera begin
   static constexpr std::string_view states[] = {"tracking", "coasting", "searching", "lost"};
-  yaml::CsvTable table(file, columns);
-  table.refuse_ragged_rows();
-  table.leave_out_cut_off_row();
+  files::CsvTable table(file, columns);
+  table.reject_ragged_rows();
+  table.skip_truncated_row();
   std::map<std::string, std::vector<TrackRow>> tracks;
   while (table.next()) {
     if (tracks.size() > most_objects)
@@ -60,7 +60,7 @@ std::map<std::string, std::vector<TrackRow>> read_tracks(const std::filesystem::
       row.pose_covariance[i] = bounded(table, pose_covariance + i, largest_variance_m2);
     tracks[std::string(table.text(0))].push_back(std::move(row));
   }
-  if (tracks.empty()) throw yaml::ConfigError(file, 0, "holds no row");
+  if (tracks.empty()) throw files::ConfigError(file, 0, "holds no row");
   for (auto& [name, rows] : tracks) std::ranges::stable_sort(rows, {}, &TrackRow::at);
   return tracks;
 }

@@ -5,8 +5,8 @@
 #include <stdexcept>
 #include <string>
 
-#include "calib/yaml/output_file.h"
-#include "calib/yaml/text_file.h"
+#include "calib/files/output_file.h"
+#include "calib/files/text_file.h"
 #include "camera_tracking/map_file.h"
 
 namespace huetrack::camera_tracking {
@@ -134,11 +134,11 @@ void write_map(const std::filesystem::path& file, const StoredMap& stored) {
   text.append(reinterpret_cast<const char*>(&sum), sizeof sum);
   text += w.bytes;
   refuse_other_than_map(file);
-  yaml::write_whole_file(file, text);
+  files::write_whole_file(file, text);
 }
 
 StoredMap read_map(const std::filesystem::path& file) {
-  const std::string all = yaml::read_text_file(file, largest_map);
+  const std::string all = files::read_text_file(file, largest_map);
   Reader r(all, file.string());
   const std::string_view version = all.size() < map_magic.size() ? std::string_view{} : r.take(map_magic.size());
   if (version != map_magic && version != map_magic_1) r.fail("is not a camera map of this version of huetrack");

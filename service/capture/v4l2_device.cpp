@@ -23,8 +23,8 @@
 #include <numeric>
 #include <utility>
 
-#include "calib/yaml/nearest_word.h"
-#include "calib/yaml/yaml_reader.h"
+#include "calib/files/config_error.h"
+#include "calib/files/nearest_word.h"
 #include "capture/file_descriptor.h"
 
 namespace huetrack::capture {
@@ -909,7 +909,7 @@ class ControlChange {
     } else if (!control) {
       std::vector<std::string> names;
       for (const auto& c : controls_) names.push_back(c.name);
-      const auto nearest = yaml::nearest_word(variable_name(setting.name), names);
+      const auto nearest = files::nearest_word(variable_name(setting.name), names);
       result.problem = "this camera has no such control" + (nearest ? " (did you mean " + *nearest + "?)" : "");
     } else if (control->is_read_only) {
       result.got = control->value;

@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "calib/yaml/csv_table.h"
-#include "calib/yaml/yaml_reader.h"
+#include "calib/files/config_error.h"
+#include "calib/files/csv_table.h"
 #include "config/board_start.h"
 
 namespace huetrack::config {
@@ -29,7 +29,7 @@ NumberRows read_number_rows(const std::filesystem::path& file, const std::vector
     names.push_back(std::string(column.name) + "|" + column.other_name);
     if (names.size() > required) names.back() += "?";
   }
-  yaml::CsvTable table(file, std::vector<std::string_view>(names.begin(), names.end()));
+  files::CsvTable table(file, std::vector<std::string_view>(names.begin(), names.end()));
   std::size_t count = required, missing = columns.size();
   for (std::size_t c = required; c < columns.size(); ++c) {
     if (table.has(c))
@@ -46,7 +46,7 @@ NumberRows read_number_rows(const std::filesystem::path& file, const std::vector
       if (!std::isfinite(row.back())) table.fail(table.name(c) + " must be a finite number");
     }
   }
-  if (rows.empty()) throw yaml::ConfigError(file, 0, "has no rows");
+  if (rows.empty()) throw files::ConfigError(file, 0, "has no rows");
   return rows;
 }
 
@@ -65,7 +65,7 @@ std::optional<StartRowProblem> start_row_problem(const NumberRows& rows, const c
 }
 
 int line_of_row(const std::filesystem::path& file, std::size_t row) {
-  yaml::CsvTable table(file, {});
+  files::CsvTable table(file, {});
   for (std::size_t rows = 0; rows <= row && table.next();) ++rows;
   return table.line();
 }

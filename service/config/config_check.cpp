@@ -1,5 +1,5 @@
 #include "config/config_check.h"
-#include "calib/yaml/nearest_word.h"
+#include "calib/files/nearest_word.h"
 #include "capture/network_source.h"
 
 #include <fmt/format.h>
@@ -22,7 +22,7 @@ constexpr std::size_t most_pairs = 3;   // of targets with one colour that are w
 
 std::string not_in_the_rig(const std::string& camera, const calib::CameraRig& rig) {
   const std::vector<std::string> names = rig.camera_names();
-  const auto nearest = yaml::nearest_word(camera, names);
+  const auto nearest = files::nearest_word(camera, names);
   return fmt::format("is not a camera of the rig, which has {}{}", fmt::join(names, ", "),
                      nearest ? " (did you mean " + *nearest + "?)" : "");
 }
@@ -47,7 +47,7 @@ void check_camera_tracking(const ServiceConfig& config, const yaml::YamlReader& 
     const std::string message = fmt::format("row {}: {}", problem->row + 1, problem->message);
     if (start.is_list(key)) start.fail(key, message);
     const fs::path file = fs::absolute(config.file.parent_path() / start.string(key)).lexically_normal();
-    throw yaml::ConfigError(file, line_of_row(file, problem->row), message);
+    throw files::ConfigError(file, line_of_row(file, problem->row), message);
   }
   for (const auto& row : tracking.led_schedule)
     if (row[0] != std::floor(row[0])) yaml.map("start").fail("led_schedule", "must hold whole numbers of LEDs, from 0");

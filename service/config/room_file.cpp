@@ -7,8 +7,8 @@
 #include <fstream>
 #include <system_error>
 
+#include "calib/files/text_file.h"
 #include "calib/model/camera_rig.h"
-#include "calib/yaml/text_file.h"
 #include "calib/yaml/yaml_reader.h"
 
 namespace huetrack::config {
@@ -71,7 +71,7 @@ std::string room_to_yaml(const std::vector<KeptRoom>& room, const std::string& r
   text += fmt::format("rig: \"{}\"  # this one only\ncameras:\n", rig_identity);
   for (const KeptRoom& kept : room) {
     text +=
-        fmt::format("  {}:\n    patches:{}\n", yaml::in_yaml_quotes(kept.camera), kept.patches.empty() ? " []" : "");
+        fmt::format("  {}:\n    patches:{}\n", files::in_yaml_quotes(kept.camera), kept.patches.empty() ? " []" : "");
     for (const room_watch::KeptPatch& patch : kept.patches) {
       text += fmt::format("      - {{px: [{}, {}], cell: {}, seen: \"", patch.px.x(), patch.px.y(), patch.cell);
       for (const std::uint8_t value : patch.seen) text += fmt::format("{:02x}", value);

@@ -14,11 +14,11 @@
 #include <string_view>
 #include <utility>
 
+#include "calib/files/nearest_word.h"
+#include "calib/files/number_text.h"
+#include "calib/files/text_file.h"
 #include "calib/model/rig_yaml.h"
 #include "calib/yaml/hints.h"
-#include "calib/yaml/nearest_word.h"
-#include "calib/yaml/number_text.h"
-#include "calib/yaml/text_file.h"
 #include "calib/yaml/yaml_reader.h"
 #include "capture/network_source.h"
 #include "config/config_check.h"
@@ -39,7 +39,7 @@ std::string no_file(const fs::path& file) {
   std::error_code unknown;
   if (file.native().find(": ") != std::string::npos)  // so is a text that goes on to the next quotation mark
     return file.string() + " is no file: is a quotation mark missing behind the name?";
-  if (yaml::has_control_characters(file.native()))
+  if (files::has_control_characters(file.native()))
     return file.string() + " is no file: in double quotes a backslash begins something else; write / for it";
   return fs::exists(file, unknown) ? file.string() + " is no file, but a folder, a device or a pipe"
                                    : "there is no file " + file.string();
@@ -319,7 +319,7 @@ class Printer {
 
   void version(int only) { write("version", std::to_string(only), ""); }
   void number(std::string_view key, double value, yaml::Range, std::string_view doc) {
-    line(key, yaml::shortest_text(value), doc);
+    line(key, files::shortest_text(value), doc);
   }
   template <std::integral T>
   void integer(std::string_view key, T value, yaml::Range, std::string_view doc) {
@@ -327,24 +327,24 @@ class Printer {
   }
   void boolean(std::string_view key, bool value, std::string_view doc) { line(key, value ? "true" : "false", doc); }
   void text(std::string_view key, const std::string& value, std::string_view doc) {
-    line(key, yaml::in_yaml_quotes(value), doc);
+    line(key, files::in_yaml_quotes(value), doc);
   }
   void text_or(std::string_view key, const std::string& none, const std::string& value, std::string_view doc) {
-    line(key, value.empty() ? none : yaml::in_yaml_quotes(value), doc);
+    line(key, value.empty() ? none : files::in_yaml_quotes(value), doc);
   }
   void table_or(std::string_view key, const NumberRows& rows, const std::vector<CsvColumn>&, std::size_t, std::size_t,
                 std::string_view doc) {
     std::vector<std::string> items;
     for (const auto& row : rows) {
       std::vector<std::string> numbers;
-      for (const double number : row) numbers.push_back(yaml::shortest_text(number));
+      for (const double number : row) numbers.push_back(files::shortest_text(number));
       items.push_back(list_of(numbers));
     }
     line(key, rows.empty() ? "none" : list_of(items), doc);
   }
   void strings(std::string_view key, const std::vector<std::string>& value, std::string_view doc) {
     std::vector<std::string> items;
-    for (const auto& item : value) items.push_back(yaml::in_yaml_quotes(item));
+    for (const auto& item : value) items.push_back(files::in_yaml_quotes(item));
     line(key, list_of(items), doc);
   }
   template <typename T>
@@ -369,20 +369,20 @@ class Printer {
     mapping(key, doc, [&](Printer& inner) {
       for (const auto& [name, value] : settings) {
         const auto* number = std::get_if<std::int64_t>(&value);
-        inner.line(name, number ? std::to_string(*number) : yaml::in_yaml_quotes(std::get<std::string>(value)), "");
+        inner.line(name, number ? std::to_string(*number) : files::in_yaml_quotes(std::get<std::string>(value)), "");
       }
       inner.names_taken_away();
     });
   }
   void path_or(std::string_view key, std::string_view none, const fs::path& value, std::string_view doc) {
-    line(key, value.empty() ? std::string(none) : yaml::in_yaml_quotes(value.string()), doc);
+    line(key, value.empty() ? std::string(none) : files::in_yaml_quotes(value.string()), doc);
   }
   void folder_or(std::string_view key, std::string_view none, const fs::path& value, std::string_view doc) {
     path_or(key, none, value, doc);
   }
   void number_or(std::string_view key, std::string_view word, std::optional<double> value, yaml::Range,
                  std::string_view doc) {
-    line(key, value ? yaml::shortest_text(*value) : std::string(word), doc);
+    line(key, value ? files::shortest_text(*value) : std::string(word), doc);
   }
   void integer_or(std::string_view key, std::string_view word, std::optional<int> value, yaml::Range,
                   std::string_view doc) {
@@ -392,10 +392,10 @@ class Printer {
     line(key, (target.is_up_to ? "up to " : "") + std::to_string(target.count), doc);
   }
   void point(std::string_view key, const Eigen::Vector3d& p, std::string_view doc) {
-    line(key, list_of({yaml::shortest_text(p.x()), yaml::shortest_text(p.y()), yaml::shortest_text(p.z())}), doc);
+    line(key, list_of({files::shortest_text(p.x()), files::shortest_text(p.y()), files::shortest_text(p.z())}), doc);
   }
   void interval(std::string_view key, double min, double max, yaml::Range, Need, std::string_view doc) {
-    line(key, list_of({yaml::shortest_text(min), yaml::shortest_text(max)}), doc);
+    line(key, list_of({files::shortest_text(min), files::shortest_text(max)}), doc);
   }
   void boxes(std::string_view key, const object_tracking::IgnoredRegions& regions, std::string_view doc) {
     mapping(key, doc, [&](Printer& inner) {
@@ -501,7 +501,7 @@ class Printer {
     const bool plain = !name.empty() && std::isalpha(static_cast<unsigned char>(name.front())) != 0 &&
                        std::ranges::all_of(name, [](unsigned char c) { return std::isalnum(c) != 0 || c == '_'; });
     constexpr std::string_view words[] = {"true", "false", "null", "yes", "no", "on", "off", "y", "n"};
-    return plain && std::ranges::find(words, name) == std::end(words) ? name : yaml::in_yaml_quotes(name);
+    return plain && std::ranges::find(words, name) == std::end(words) ? name : files::in_yaml_quotes(name);
   }
 
   std::string& out_;
@@ -589,7 +589,7 @@ class Reader {
     if (given != none) value = std::ranges::find(words, given, [](const auto& w) { return w.first; })->second;
   }
   void rig(std::string_view key, fs::path& value, std::string_view) {
-    if (!yaml_.has(key) && !yaml::nearest_word(key, yaml_.keys()))  // of a misspelt one string() knows more
+    if (!yaml_.has(key) && !files::nearest_word(key, yaml_.keys()))  // of a misspelt one string() knows more
       yaml_.fail("", "rig is missing: write rig: FILE, which huetrack-calibrate writes; or rig: none before that");
     const std::string given = yaml_.string(key);
     value = given == "none" ? fs::path() : resolved(given);
@@ -696,7 +696,7 @@ class Reader {
     if (need == Need::optional && !yaml_.has(key)) return;
     if (yaml_.has(key) && !yaml_.is_list(key) && !yaml_.is_mapping(key))
       if (const std::string given = yaml_.string(key); yaml::list_hint(given, 2, 2).empty())
-        yaml_.fail(key, fmt::format("must be two numbers, [from, to], got \"{}\"", yaml::printable(given)));
+        yaml_.fail(key, fmt::format("must be two numbers, [from, to], got \"{}\"", files::printable(given)));
     const auto values = yaml_.numbers(key, 2, 2, yaml::any_number);
     refuse_other_scale(key, values, range);
     min = values[0];
@@ -838,7 +838,7 @@ void check_taught_targets(const yaml::YamlReader& written, const yaml::YamlReade
     if (std::ranges::find(known, name) != known.end()) continue;
     const yaml::YamlReader target = targets.map(name);
     if (target.has("shape") && target.has("count")) continue;  // added by hand (taught_file.h)
-    const auto nearest = yaml::nearest_word(name, known);
+    const auto nearest = files::nearest_word(name, known);
     targets.fail(name, fmt::format("{} has no such target{}: rename it here too, or take it out of this file",
                                    written.path().string(), nearest ? " (did you mean " + *nearest + "?)" : ""));
   }
@@ -960,9 +960,9 @@ bool is_taught(const object_tracking::TargetOptions& target) {
 
 void require_rig(const ServiceConfig& config) {
   if (config.is_calibrated()) return;
-  throw yaml::ConfigError(config.file, 0,
-                          "rig is none: calibrate the cameras first (huetrack-calibrate, calib/tutorial.md), and name "
-                          "the rig that it writes; until then huetrackd run shows them");
+  throw files::ConfigError(config.file, 0,
+                           "rig is none: calibrate the cameras first (huetrack-calibrate, calib/tutorial.md), and name "
+                           "the rig that it writes; until then huetrackd run shows them");
 }
 
 std::vector<capture::FrameTiming> frame_timing(const calib::CameraRig& rig) {
@@ -1009,7 +1009,7 @@ bool is_capture_config(const fs::path& file) {
     if (root.has("rig") || root.has("targets") || !root.has("cameras")) return false;
     return std::ranges::any_of(root.named_maps("cameras"),
                                [](const auto& camera) { return camera.second.has("device"); });
-  } catch (const yaml::ConfigError&) {
+  } catch (const files::ConfigError&) {
     return false;
   }
 }
@@ -1043,9 +1043,9 @@ CaptureConfig load_capture_config(const fs::path& file) {
 
 ServiceConfig load_service_config(const fs::path& file) {
   if (recordings::is_video_or_picture(file))
-    throw yaml::ConfigError(file, 0,
-                            "is a video or a picture, not a configuration, which names rig and targets "
-                            "(configs/huetrackd.yaml has every key): huetrackd replay my.yaml left=a.mp4 right=b.mp4");
+    throw files::ConfigError(file, 0,
+                             "is a video or a picture, not a configuration, which names rig and targets "
+                             "(configs/huetrackd.yaml has every key): huetrackd replay my.yaml left=a.mp4 right=b.mp4");
   const yaml::YamlReader written = yaml::YamlReader::file(file);
   refuse_other_files(written);
   const fs::path beside = taught_file(file);
@@ -1096,7 +1096,7 @@ std::vector<std::pair<std::string, std::string>> files_beside(const ServiceConfi
   std::vector<std::pair<std::string, std::string>> files;
   const auto add = [&files](const char* name, const std::filesystem::path& file) {
     if (file.empty()) return;
-    files.emplace_back(name, yaml::read_text_file(file, largest_beside));
+    files.emplace_back(name, files::read_text_file(file, largest_beside));
   };
   add(board_beside, config.camera_tracking.board);
   add(map_beside, config.camera_tracking.load_map);

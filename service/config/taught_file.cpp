@@ -16,8 +16,8 @@
 #include <tuple>
 #include <vector>
 
+#include "calib/files/output_file.h"
 #include "calib/model/rig_yaml.h"
-#include "calib/yaml/output_file.h"
 #include "capture/file_descriptor.h"
 #include "config/service_config.h"
 
@@ -124,7 +124,7 @@ void write_all(const fs::path& fresh, const std::string& text, const fs::path& l
   const capture::FileDescriptor to(
       ::open(fresh.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, rights.st_mode & 07777));
   if (to.get() < 0) throw cannot_write(file);
-  if (yaml::write_all(to.get(), text) < text.size()) throw cannot_write(file);
+  if (files::write_all(to.get(), text) < text.size()) throw cannot_write(file);
   if (::fchmod(to.get(), rights.st_mode & 07777) != 0) throw cannot_write(file);
   // Only root may give files away; who may not keeps the file as its own.
   if (::geteuid() == 0 && ::fchown(to.get(), rights.st_uid, rights.st_gid) != 0) throw cannot_write(file);
@@ -208,7 +208,7 @@ fs::path save(const fs::path& config_file, const std::function<void(Draft&)>& ch
   try {
     if (all_of(load_service_config(config_file, text)) != all_of(draft.config))
       why_not = "the new one would not say what was meant";
-  } catch (const yaml::ConfigError& error) {  // more rectangles than may be, for example
+  } catch (const files::ConfigError& error) {  // more rectangles than may be, for example
     why_not = error.what();
   }
   if (!why_not.empty()) throw std::runtime_error(fmt::format("{} was left as it is ({})", file.string(), why_not));

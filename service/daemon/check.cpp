@@ -11,8 +11,8 @@
 #include <iterator>
 #include <vector>
 
-#include "calib/yaml/text_file.h"
-#include "calib/yaml/yaml_reader.h"
+#include "calib/files/config_error.h"
+#include "calib/files/text_file.h"
 #include "config/service_config.h"
 #include "hosts/camera_host.h"
 #include "pipeline/session.h"
@@ -76,10 +76,10 @@ void require_session(const config::ServiceConfig& config) {
   try {
     const pipeline::Session session(
         config, {.sources = {}, .cameras = [] { return std::vector<pipeline::SessionCamera>(); }}, {});
-  } catch (const yaml::ConfigError&) {
+  } catch (const files::ConfigError&) {
     throw;
   } catch (const std::exception& error) {
-    throw yaml::ConfigError(config.file, 0, error.what());
+    throw files::ConfigError(config.file, 0, error.what());
   }
 }
 
@@ -96,7 +96,7 @@ void check_host(const std::filesystem::path& file) {
   hosts::require_host_names(host, cameras);
   warn_of(config.file, publish::EstimatePublisher::check(config.dds.publisher));
   std::printf("# %s, resolved: the cameras of the host %s, for huetrackd capture\n%s",
-              yaml::printable(config.file.string(), yaml::longest_message).c_str(), host.c_str(),
+              files::printable(config.file.string(), files::longest_message).c_str(), host.c_str(),
               config::to_yaml(config).c_str());
 }
 
@@ -110,14 +110,14 @@ void check(const std::filesystem::path& file) {
     std::ranges::copy(publish::EstimatePublisher::check(config.dds.publisher), std::back_inserter(warnings));
   if (config.is_calibrated()) require_session(config);
   warn_of(config.file, warnings);
-  std::printf("# %s, resolved; identity %s\n%s", yaml::printable(config.file.string(), yaml::longest_message).c_str(),
+  std::printf("# %s, resolved; identity %s\n%s", files::printable(config.file.string(), files::longest_message).c_str(),
               config::config_identity(config).c_str(), config::to_yaml_with_origins(config).c_str());
   print_targets(config);
   if (!config.rig.cameras.empty() && config.is_calibrated()) print_room(config);
   // Nothing can be tracked with it, and ninety lines above it is easily overlooked.
   if (const std::string mistake = config::unit_mistake(config); !mistake.empty()) {
     std::fflush(stdout);
-    throw yaml::ConfigError(config.file, 0, mistake);
+    throw files::ConfigError(config.file, 0, mistake);
   }
 }
 

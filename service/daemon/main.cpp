@@ -7,8 +7,8 @@
 #include <cstdlib>
 #include <exception>
 
-#include "calib/yaml/text_file.h"
-#include "calib/yaml/unknown_command.h"
+#include "calib/files/text_file.h"
+#include "calib/files/unknown_command.h"
 #include "capture/v4l2_source.h"
 #include "daemon/commands.h"
 #include "daemon/service_manager.h"
@@ -38,7 +38,7 @@ int main(int argc, char** argv) {
   CLI::App app("huetrackd: tracks coloured objects in 3-D with calibrated cameras, and publishes them over DDS");
   app.set_version_flag("--version", "huetrackd " HUETRACK_VERSION);
   app.require_subcommand(1);
-  yaml::name_unknown_commands(app, "huetrackd", CLI::FailureMessage::simple);
+  files::name_unknown_commands(app, "huetrackd", CLI::FailureMessage::simple);
   daemon::Command chosen;
   daemon::add_setup_command(app, chosen);
   daemon::add_check_command(app, chosen);
@@ -57,7 +57,7 @@ int main(int argc, char** argv) {
     status = chosen.run(signals.token());
   } catch (const std::exception& error) {  // the user's input or the outside world: said once, in one line, here
     std::fprintf(stderr, "%shuetrackd: %s\n", daemon::journal_prefix(),
-                 yaml::printable(error.what(), yaml::longest_message).c_str());
+                 files::printable(error.what(), files::longest_message).c_str());
     return end_with(1);
   }
   if (std::fflush(stdout) != 0) {

@@ -14,7 +14,7 @@
 #include <thread>
 #include <utility>
 
-#include "calib/yaml/terminal_line.h"
+#include "calib/files/terminal_line.h"
 #include "config/service_config.h"
 #include "daemon/played_source.h"
 #include "daemon/reloader.h"
@@ -176,14 +176,14 @@ class ReplayProgress final : public pipeline::Output {
       states.push_back(fmt::format("{} {}", object_tracking::object_name(targets_[estimate.target], estimate.object),
                                    object_tracking::name(estimate.state)));
     const double played_s = capture::seconds(set.frames.at - first_at_.value_or(capture::Timestamp{}));
-    bar_.draw(fmt::format("{} frames  {:.1f}x real time{}{}", yaml::progress_bar(frames, expected_),
+    bar_.draw(fmt::format("{} frames  {:.1f}x real time{}{}", files::progress_bar(frames, expected_),
                           played_s / capture::seconds(Clock::now() - began_), states.empty() ? "" : "  ",
                           fmt::join(states, ", ")));
   }
   void flush() override { bar_.clear(); }
 
  private:
-  yaml::TerminalLine bar_;
+  files::TerminalLine bar_;
   const pipeline::Session& session_;
   const std::optional<std::int64_t> expected_;
   const std::optional<capture::Timestamp> first_at_;

@@ -2,14 +2,14 @@
 
 #include <cstdlib>
 
-#include "calib/yaml/text_file.h"
+#include "calib/files/text_file.h"
 #include "daemon/replay.h"
 
 namespace huetrack::daemon {
 namespace {
 
 std::string shown(const std::filesystem::path& file) {
-  return yaml::printable(file.string(), yaml::longest_message);
+  return files::printable(file.string(), files::longest_message);
 }
 
 std::string times_real_time(double recorded_s, double busy_s) {

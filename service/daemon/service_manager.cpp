@@ -11,7 +11,7 @@
 #include <cstdlib>
 #include <memory>
 
-#include "calib/yaml/text_file.h"
+#include "calib/files/text_file.h"
 
 namespace huetrack::daemon {
 namespace {
@@ -54,7 +54,7 @@ class JournalPriority final : public spdlog::custom_flag_formatter {
 class PrintableMessage final : public spdlog::custom_flag_formatter {
  public:
   void format(const spdlog::details::log_msg& message, const std::tm&, spdlog::memory_buf_t& out) override {
-    const std::string text = yaml::printable({message.payload.data(), message.payload.size()}, yaml::longest_message);
+    const std::string text = files::printable({message.payload.data(), message.payload.size()}, files::longest_message);
     out.append(text.data(), text.data() + text.size());
   }
   std::unique_ptr<custom_flag_formatter> clone() const override { return std::make_unique<PrintableMessage>(); }

@@ -11,8 +11,8 @@
 #include <stdexcept>
 #include <thread>
 
-#include "calib/yaml/output_file.h"
-#include "calib/yaml/text_file.h"
+#include "calib/files/output_file.h"
+#include "calib/files/text_file.h"
 #include "config/service_config.h"
 #include "doctor/camera_exam.h"
 #include "page/child_process.h"
@@ -55,18 +55,18 @@ void write_first_configuration(const fs::path& file, const std::stop_token& stop
   std::vector<std::string> left_out;
   const std::vector<SetUpCamera> cameras = cameras_of_this_host(left_out, stop);
   for (const std::string& camera : left_out)
-    fmt::print("left out: {}\n", yaml::printable(camera, yaml::longest_message));
+    fmt::print("left out: {}\n", files::printable(camera, files::longest_message));
   if (cameras.size() < least_cameras)
     throw std::runtime_error(fmt::format(
         "{} is not written: positions take two cameras or more, and {} can be used here. huetrackd doctor says what is "
         "wrong with the others; a camera of the network is written by hand (service/daemon/live.md)",
         file.string(), cameras.empty() ? "none" : "one"));
-  yaml::write_whole_file(file, first_configuration(cameras, memory_of_this_host()));
+  files::write_whole_file(file, first_configuration(cameras, memory_of_this_host()));
   fmt::print("written: {}, with {} cameras\n", file.string(), cameras.size());
   for (const SetUpCamera& camera : cameras)
     fmt::print("  {} ({}x{}{}, {})\n", camera.device.string(), camera.width, camera.height,
                camera.fps > 0 ? fmt::format(" at {:.4g} frames/s", camera.fps) : "",
-               yaml::printable(camera.model));  // the camera says it itself
+               files::printable(camera.model));  // the camera says it itself
   fmt::print(
       "The page may teach colours, calibrate and record; so may whoever is on this DDS domain's network. When all "
       "is set up, take the line `control:` out of the file, or keep the bus on this host: dds: {{interfaces: [lo]}}, "
@@ -138,7 +138,7 @@ std::string first_configuration(std::span<const SetUpCamera> cameras, double mem
   int number = 0;
   double bytes_per_s = 0;
   for (const SetUpCamera& camera : cameras) {
-    const std::string model = yaml::printable(camera.model);
+    const std::string model = files::printable(camera.model);
     text += fmt::format("  cam{}: {{device: '{}', size: [{}, {}]{}}}{}\n", number++, camera.device.string(),
                         camera.width, camera.height, camera.fps > 0 ? fmt::format(", fps: {:.4g}", camera.fps) : "",
                         model.empty() ? "" : "   # " + model);
@@ -158,7 +158,7 @@ std::string first_configuration(std::span<const SetUpCamera> cameras, double mem
 void set_up(const SetUpCommand& command, LiveRequests& requests, const std::stop_token& stop) {
   std::error_code none;
   if (fs::exists(command.config, none)) {
-    yaml::open_text_file(command.config);
+    files::open_text_file(command.config);
     fmt::print("{} is there already, and is used as it stands\n", command.config.string());
   } else {
     write_first_configuration(command.config, stop);

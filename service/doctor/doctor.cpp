@@ -11,9 +11,9 @@
 #include <iterator>
 #include <set>
 
-#include "calib/yaml/joined.h"
-#include "calib/yaml/text_file.h"
-#include "calib/yaml/yaml_reader.h"
+#include "calib/files/config_error.h"
+#include "calib/files/joined.h"
+#include "calib/files/text_file.h"
 #include "capture/network_source.h"
 #include "config/service_config.h"
 #include "doctor/light_exam.h"
@@ -29,7 +29,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-using yaml::joined;
+using files::joined;
 
 constexpr double slow = 0.95;  // of the rate that a camera agreed to: less is said
 
@@ -249,7 +249,7 @@ class Doctor {
 
  private:
   static void title(const std::string& title) {
-    std::printf("%s\n", yaml::printable(title, yaml::longest_message).c_str());
+    std::printf("%s\n", files::printable(title, files::longest_message).c_str());
   }
   void say(const Finding& finding) {
     problems_ += finding.verdict == Grade::problem ? 1 : 0;
@@ -266,7 +266,7 @@ class Doctor {
     try {
       if (config::is_capture_config(*options_.config)) return look_at_host(*options_.config);
       config_ = config::load_service_config(*options_.config);
-    } catch (const yaml::ConfigError& error) {
+    } catch (const files::ConfigError& error) {
       std::error_code ignored;
       say({Grade::problem, error.what(),
            fs::is_regular_file(*options_.config, ignored)
@@ -700,7 +700,7 @@ std::vector<Finding> judge_clock(const std::optional<double>& kept_s) {
 std::string to_text(const Finding& finding) {
   static constexpr std::array<const char*, 4> words{"ok  ", "note", "WARN", "FAIL"};
   // A camera says its name itself, and a file what it is called.
-  const auto line = [](const std::string& text) { return yaml::printable(text, yaml::longest_message) + "\n"; };
+  const auto line = [](const std::string& text) { return files::printable(text, files::longest_message) + "\n"; };
   return std::string("  ") + words[std::size_t(finding.verdict)] + "  " + line(finding.what) +
          (finding.advice.empty() ? "" : "        -> " + line(finding.advice));
 }

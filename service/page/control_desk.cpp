@@ -9,8 +9,8 @@
 #include <stdexcept>
 #include <utility>
 
+#include "calib/files/joined.h"
 #include "calib/model/rig_yaml.h"
-#include "calib/yaml/joined.h"
 #include "config/taught_file.h"
 #include "idl/control_words.h"
 #include "page/recording_shelf.h"
@@ -91,7 +91,7 @@ std::vector<std::string> columns_of(const capture::Control& control) {
           !control.menu.empty() ? "menu"
           : control.is_boolean  ? "boolean"
                                 : "number",
-          yaml::joined(menu, ";"),
+          files::joined(menu, ";"),
           control.is_read_only  ? "read only"
           : control.is_inactive ? "ruled by another"
                                 : ""};

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "calib/yaml/number_text.h"
+#include "calib/files/number_text.h"
 #include "idl/control_words.h"
 
 namespace huetrack::page {
@@ -20,7 +20,7 @@ std::vector<std::string> split(std::string_view text, char separator) {
 }
 
 std::optional<double> finite_number(std::string_view text) {
-  const auto number = yaml::number_of<double>(text);
+  const auto number = files::number_of<double>(text);
   return number && std::isfinite(*number) ? number : std::nullopt;
 }
 
@@ -30,7 +30,7 @@ double real_of(std::string_view text) {
 }
 
 std::uint64_t whole_number_of(std::string_view text) {
-  if (const auto number = yaml::number_of<std::uint64_t>(text)) return *number;
+  if (const auto number = files::number_of<std::uint64_t>(text)) return *number;
   throw std::runtime_error(fmt::format("a whole number is wanted, not {}", text));
 }
 

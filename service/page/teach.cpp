@@ -15,8 +15,8 @@
 #include <span>
 #include <thread>
 
-#include "calib/yaml/nearest_word.h"
-#include "calib/yaml/yaml_reader.h"
+#include "calib/files/config_error.h"
+#include "calib/files/nearest_word.h"
 #include "color_teaching/lesson.h"
 #include "color_teaching/spread_moments.h"
 #include "config/service_config.h"
@@ -43,7 +43,7 @@ double number_of(const std::string& text, const std::string& whole, const char* 
 int camera_of(const calib::CameraRig& rig, const std::string& name) {
   if (const auto index = rig.index_of(name)) return *index;
   const std::vector<std::string> names = rig.camera_names();
-  const auto nearest = yaml::nearest_word(name, names);
+  const auto nearest = files::nearest_word(name, names);
   throw std::runtime_error(fmt::format("there is no camera {} in the rig, which has {}{}", name, fmt::join(names, ", "),
                                        nearest ? " (did you mean " + *nearest + "?)" : ""));
 }

@@ -7,7 +7,7 @@
 #include <stdexcept>
 #include <system_error>
 
-#include "calib/yaml/output_file.h"
+#include "calib/files/output_file.h"
 
 namespace huetrack::pipeline {
 namespace {
@@ -71,7 +71,7 @@ std::vector<fs::path> files_of(const recordings::Recording& recording) {
 void refuse_outputs(const WrittenFiles& outputs, const std::vector<fs::path>& read) {
   const auto real = [](const fs::path& file) {
     std::error_code none;
-    return fs::weakly_canonical(yaml::followed(file), none);
+    return fs::weakly_canonical(files::resolved_link(file), none);
   };
   const fs::path pictures = outputs.pictures.empty() ? fs::path() : real(outputs.pictures);
   std::set<fs::path> known;

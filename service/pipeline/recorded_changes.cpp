@@ -7,7 +7,7 @@
 #include <string_view>
 #include <system_error>
 
-#include "calib/yaml/csv_table.h"
+#include "calib/files/csv_table.h"
 
 namespace huetrack::pipeline {
 namespace {
@@ -32,7 +32,7 @@ RecordedChanges read_changes(const fs::path& folder) {
   RecordedChanges changes;
   const fs::path file = folder / file_name;
   if (!fs::exists(file)) return changes;
-  yaml::CsvTable table(file, columns);
+  files::CsvTable table(file, columns);
   while (table.next()) {
     const capture::Timestamp at = table.time(0);
     if (table.text(1) == left_out_name) {

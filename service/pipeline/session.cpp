@@ -8,7 +8,7 @@
 #include <string_view>
 #include <utility>
 
-#include "calib/yaml/yaml_reader.h"
+#include "calib/files/config_error.h"
 #include "camera_tracking/map_file.h"
 #include "camera_tracking/methods/make_camera_tracker.h"
 
@@ -150,7 +150,7 @@ void Session::repeat(const std::vector<RecordedReload>& reloads) {
   for (const auto& reload : reloads) {
     const config::ServiceConfig fresh = config::load_service_config(reload.config);
     if (!has_same_targets(fresh, before))
-      throw yaml::ConfigError(reload.config, 0, "has other targets than the recording's huetrackd.yaml");
+      throw files::ConfigError(reload.config, 0, "has other targets than the recording's huetrackd.yaml");
     config::ServiceConfig after = merged(before, fresh);
     Pipeline::Replacement next = replacement(config::targets_that_differ(before, after), after);
     next.from = reload.at;

@@ -4,7 +4,7 @@
 #include <thread>
 #include <utility>
 
-#include "calib/yaml/yaml_reader.h"
+#include "calib/files/config_error.h"
 #include "recordings/video_reader.h"
 
 namespace huetrack::recordings {
@@ -29,7 +29,7 @@ struct GrowingCamera::Impl {
         try {
           reader = std::make_unique<VideoReader>(recorded, 1, warnings, stop);
           return true;
-        } catch (const yaml::ConfigError&) {  // of the header nothing can be read yet
+        } catch (const files::ConfigError&) {  // of the header nothing can be read yet
         }
       }
       std::this_thread::sleep_for(look_again);

@@ -8,9 +8,9 @@
 #include <fstream>
 #include <string_view>
 
-#include "calib/yaml/csv_table.h"
-#include "calib/yaml/number_text.h"
-#include "calib/yaml/text_file.h"
+#include "calib/files/csv_table.h"
+#include "calib/files/number_text.h"
+#include "calib/files/text_file.h"
 #include "calib/yaml/yaml_reader.h"
 
 namespace huetrack::recordings {
@@ -33,13 +33,13 @@ class TimestampFile {
 
   // Fills the camera.
   void read(std::vector<std::string>& warnings) {
-    if (is_ours()) table_.leave_out_cut_off_row();  // our rows end with a line end, or were not written to their end
+    if (is_ours()) table_.skip_truncated_row();  // our rows end with a line end, or were not written to their end
     while (table_.next())
       if (const auto problem = problem_of_row()) table_.fail(*problem);
-    if (const auto line = table_.cut_off_line())
+    if (const auto line = table_.truncated_line())
       warnings.push_back(csv_.string() + ":" + std::to_string(*line) + ": the last row is cut off: it is left out");
     // A camera of ours may have delivered nothing; others' files without rows are a mistake.
-    if (!is_ours() && camera_.timestamps.empty()) throw yaml::ConfigError(csv_, 0, "lists no frames");
+    if (!is_ours() && camera_.timestamps.empty()) throw files::ConfigError(csv_, 0, "lists no frames");
   }
 
  private:
@@ -52,26 +52,26 @@ class TimestampFile {
 
   // Takes the row, or says what is wrong with it.
   std::optional<std::string> problem_of_row() {
-    const auto time = yaml::number_of<long double>(table_.text(t_s));
+    const auto time = files::number_of<long double>(table_.text(t_s));
     if (!time || !(std::fabs(*time) < static_cast<long double>(longest_s)))
       return "t_s is " + quoted(t_s) + ", not a time in seconds";
     const capture::Timestamp at{exact_duration_of(*time)};
     RecordedCamera::Received received;
     if (is_ours()) {
-      const auto sequence_number = yaml::number_of<std::uint32_t>(table_.text(sequence));
-      const auto arrival_number = yaml::number_of<std::uint64_t>(table_.text(arrival));
+      const auto sequence_number = files::number_of<std::uint32_t>(table_.text(sequence));
+      const auto arrival_number = files::number_of<std::uint64_t>(table_.text(arrival));
       if (!sequence_number) return "sequence is " + quoted(sequence) + ", not an integer >= 0";
       if (!arrival_number) return "arrival is " + quoted(arrival) + ", not an integer >= 0";
       received = {.sequence = *sequence_number, .arrival = *arrival_number, .stamped_at = std::nullopt};
       if (table_.has(stamp_s)) {
-        const auto stamp = yaml::number_of<long double>(table_.text(stamp_s));
+        const auto stamp = files::number_of<long double>(table_.text(stamp_s));
         if (!stamp || !(std::fabs(*stamp) < static_cast<long double>(longest_s)))
           return "stamp_s is " + quoted(stamp_s) + ", not a time in seconds";
         received.stamped_at = capture::Timestamp{exact_duration_of(*stamp)};
       }
       if (table_.has(clock) && table_.has(clock_sigma_ns)) {
-        const auto of = yaml::number_of<std::uint16_t>(table_.text(clock));
-        const auto sigma = yaml::number_of<std::int64_t>(table_.text(clock_sigma_ns));
+        const auto of = files::number_of<std::uint16_t>(table_.text(clock));
+        const auto sigma = files::number_of<std::int64_t>(table_.text(clock_sigma_ns));
         if (!of) return "clock is " + quoted(clock) + ", not an integer from 0 to 65535";
         if (!sigma || *sigma < 0 || *sigma > longest_sigma_ns)
           return "clock_sigma_ns is " + quoted(clock_sigma_ns) + ", not a time in nanoseconds from 0 to 10^9";
@@ -84,7 +84,7 @@ class TimestampFile {
       last_at_ = at;
       return std::nullopt;
     }
-    const auto number = yaml::number_of<std::int64_t>(table_.text(frame));
+    const auto number = files::number_of<std::int64_t>(table_.text(frame));
     if (!number || *number < 0) return "frame is " + quoted(frame) + ", not an integer >= 0";
     auto& rows = camera_.timestamps;
     if (!rows.empty() && *number <= rows.back().first)
@@ -102,7 +102,7 @@ class TimestampFile {
   }
 
   std::filesystem::path csv_;
-  yaml::CsvTable table_;
+  files::CsvTable table_;
   RecordedCamera& camera_;
   std::optional<capture::Timestamp> last_at_;
 };
@@ -113,10 +113,10 @@ namespace {
 
 void refuse_videos(const std::filesystem::path& file) {
   if (!is_video_or_picture(file)) return;  // the reader of the file says what else is wrong with it
-  throw yaml::ConfigError(file, 0,
-                          "is a video or a picture, not a recording: that is a recording.yaml, which names the frames "
-                          "of every camera: version: 1, cameras: {left: {frames: a.mp4, fps: 30}, right: ...}; in a "
-                          "command, left=a.mp4 right=b.mp4 says the same");
+  throw files::ConfigError(file, 0,
+                           "is a video or a picture, not a recording: that is a recording.yaml, which names the frames "
+                           "of every camera: version: 1, cameras: {left: {frames: a.mp4, fps: 30}, right: ...}; in a "
+                           "command, left=a.mp4 right=b.mp4 says the same");
 }
 
 }  // namespace
@@ -192,16 +192,17 @@ Recording read_recording(std::span<const std::string> words) {
       .file = fmt::format("{}", fmt::join(words, " ")), .cameras = {}, .warnings = {}, .started_at = {}};
   for (const std::string& word : words) {
     const auto equals = word.find('=');
-    if (equals == std::string::npos || equals == 0 || equals + 1 == word.size() || yaml::has_control_characters(word))
-      throw yaml::ConfigError(recording.file, 0,
-                              "\"" + yaml::printable(word) +
-                                  "\" is no CAMERA=FILE: a recording is a recording.yaml, or the folder that holds it, "
-                                  "or one CAMERA=FILE per camera: left=a.mp4 right=b.mp4");
+    if (equals == std::string::npos || equals == 0 || equals + 1 == word.size() || files::has_control_characters(word))
+      throw files::ConfigError(
+          recording.file, 0,
+          "\"" + files::printable(word) +
+              "\" is no CAMERA=FILE: a recording is a recording.yaml, or the folder that holds it, "
+              "or one CAMERA=FILE per camera: left=a.mp4 right=b.mp4");
     RecordedCamera camera;
     camera.name = word.substr(0, equals);
     camera.frames = std::filesystem::absolute(word.substr(equals + 1)).lexically_normal();
     if (std::ranges::find(recording.cameras, camera.name, &RecordedCamera::name) != recording.cameras.end())
-      throw yaml::ConfigError(recording.file, 0, "names camera " + camera.name + " twice");
+      throw files::ConfigError(recording.file, 0, "names camera " + camera.name + " twice");
     recording.cameras.push_back(std::move(camera));
   }
   return recording;

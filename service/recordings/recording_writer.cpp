@@ -23,8 +23,8 @@ extern "C" {
 #include <system_error>
 #include <utility>
 
-#include "calib/yaml/output_file.h"
-#include "calib/yaml/text_file.h"
+#include "calib/files/output_file.h"
+#include "calib/files/text_file.h"
 #include "capture/capture_error.h"
 #include "capture/ffmpeg_log.h"
 #include "capture/ffmpeg_objects.h"
@@ -99,7 +99,7 @@ class CsvFile {
 
   // throws WriteError; the file then ends with the last row that fitted.
   void flush() {
-    const std::size_t done = yaml::write_all(fd_.get(), rows_);
+    const std::size_t done = files::write_all(fd_.get(), rows_);
     if (done < rows_.size()) {
       const int error = errno;
       const auto last_row_end = rows_.rfind('\n', done > 0 ? done - 1 : 0);
@@ -356,7 +356,7 @@ class MatchesFile {
 
   // throws WriteError; the file then ends where it ended before.
   void flush() {
-    if (yaml::write_all(fd_.get(), waiting_) < waiting_.size()) {
+    if (files::write_all(fd_.get(), waiting_) < waiting_.size()) {
       const int error = errno;
       waiting_.clear();
       if (::ftruncate(fd_.get(), size_) != 0) throw WriteError{file_, system_text(errno)};
@@ -440,8 +440,8 @@ struct RecordingWriter::Impl {
       camera->video_path = options.folder / video;
       camera->times = std::make_unique<CsvFile>(options.folder / (name + ".csv"));
       camera->times->add("frame,t_s,sequence,arrival,stamp_s,clock,clock_sigma_ns\n");
-      yaml += fmt::format("  {}: {{frames: {}, timestamps: {}}}\n", yaml::in_yaml_quotes(options.cameras[i]),
-                          yaml::in_yaml_quotes(video), yaml::in_yaml_quotes(name + ".csv"));
+      yaml += fmt::format("  {}: {{frames: {}, timestamps: {}}}\n", files::in_yaml_quotes(options.cameras[i]),
+                          files::in_yaml_quotes(video), files::in_yaml_quotes(name + ".csv"));
       files.push_back(std::move(camera));
     }
     try {

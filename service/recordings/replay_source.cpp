@@ -10,8 +10,8 @@
 #include <stdexcept>
 #include <utility>
 
-#include "calib/yaml/nearest_word.h"
-#include "calib/yaml/yaml_reader.h"
+#include "calib/files/config_error.h"
+#include "calib/files/nearest_word.h"
 #include "capture/camera_clock.h"
 #include "recordings/matches_reader.h"
 #include "recordings/video_reader.h"
@@ -57,16 +57,16 @@ class Stream {
         matches_.emplace(camera_, warnings, options.keeps_encoded);
       else
         reader_.emplace(camera_, options.decoder_threads, warnings, std::nullopt, options.keeps_encoded);
-    } catch (const yaml::ConfigError&) {
+    } catch (const files::ConfigError&) {
       if (!is_cut_off) throw;
       forget();
       return;
     }
     if (matches_ && !options.takes_matches)
-      throw yaml::ConfigError(camera_.frames, 0,
-                              "tells which pixels match some colours, and has no pictures, which are needed for this: "
-                              "record with send: frames (frames of camera " +
-                                  camera_.name + ")");
+      throw files::ConfigError(camera_.frames, 0,
+                               "tells which pixels match some colours, and has no pictures, which are needed for this: "
+                               "record with send: frames (frames of camera " +
+                                   camera_.name + ")");
     info_.frame_period = !camera_.timestamps.empty() ? usual_period(camera_, selection_)
                          : camera_.fps > 0 ? capture::duration_of(static_cast<double>(camera_.every) / camera_.fps)
                          : reader_         ? camera_.every * reader_->frame_period()
@@ -85,15 +85,15 @@ class Stream {
     }
     if (info_.width == 0) {
       if (has_no_stamps_)
-        throw yaml::ConfigError(recording_file, 0,
-                                "cameras." + camera_.name + ": " + camera_.frames.string() +
-                                    " has no time stamps: give fps or timestamps in a recording.yaml");
+        throw files::ConfigError(recording_file, 0,
+                                 "cameras." + camera_.name + ": " + camera_.frames.string() +
+                                     " has no time stamps: give fps or timestamps in a recording.yaml");
       if (is_cut_off) {
         forget();
         return;
       }
-      throw yaml::ConfigError(camera_.frames, 0,
-                              "no frame of it can be played (frames of camera " + camera_.name + ")");
+      throw files::ConfigError(camera_.frames, 0,
+                               "no frame of it can be played (frames of camera " + camera_.name + ")");
     }
     info_.first_at = waiting_.front().captured_at;
   }
@@ -388,10 +388,10 @@ ReplaySource::ReplaySource(const Recording& recording, std::span<const std::stri
     std::ranges::copy_if(recorded, std::back_inserter(others), [&](const std::string& other) {
       return std::ranges::find(camera_names, other) == camera_names.end();
     });
-    const auto nearest = yaml::nearest_word(name, others);
-    throw yaml::ConfigError(recording.file, 0,
-                            "has no camera " + name + (nearest ? " (did you mean " + *nearest + "?)" : std::string()) +
-                                ": it has " + list_of(recorded) + ", and the rig has " + list_of(camera_names));
+    const auto nearest = files::nearest_word(name, others);
+    throw files::ConfigError(recording.file, 0,
+                             "has no camera " + name + (nearest ? " (did you mean " + *nearest + "?)" : std::string()) +
+                                 ": it has " + list_of(recorded) + ", and the rig has " + list_of(camera_names));
   }
   for (const auto& name : recorded)
     if (std::ranges::find(camera_names, name) == camera_names.end())

@@ -10,7 +10,7 @@
 #include <set>
 #include <utility>
 
-#include "calib/yaml/yaml_reader.h"
+#include "calib/files/config_error.h"
 #include "capture/ffmpeg_log.h"
 #include "capture/ffmpeg_objects.h"
 #include "capture/ffmpeg_picture.h"
@@ -57,8 +57,8 @@ std::vector<ImageFile> files_of_pattern(const std::filesystem::path& pattern) {
   while (at < name.size() && name[at] >= '0' && name[at] <= '9' && width < 100)
     width = 10 * width + static_cast<std::size_t>(name[at++] - '0');
   if (at >= name.size() || name[at] != 'd' || name.find('%', at) != std::string::npos)
-    throw yaml::ConfigError(pattern, 0,
-                            "is not a pattern of image files: its last part must have one number like %06d");
+    throw files::ConfigError(pattern, 0,
+                             "is not a pattern of image files: its last part must have one number like %06d");
   const std::string_view prefix = std::string_view(name).substr(0, begin);
   const std::string_view suffix = std::string_view(name).substr(at + 1);
 
@@ -101,7 +101,7 @@ std::vector<ImageFile> image_files_of(const RecordedCamera& camera) {
   if ((!is_pattern && !is_glob) || std::filesystem::exists(camera.frames, error)) return {};
   auto files = is_pattern ? files_of_pattern(camera.frames) : files_of_glob(camera.frames);
   if (files.empty())
-    throw yaml::ConfigError(camera.frames, 0, "no file matches this pattern (frames of camera " + camera.name + ")");
+    throw files::ConfigError(camera.frames, 0, "no file matches this pattern (frames of camera " + camera.name + ")");
   return files;
 }
 
@@ -123,7 +123,7 @@ struct VideoReader::Impl {
   }
 
   [[noreturn]] void fail(const std::filesystem::path& file, const std::string& what) {
-    throw yaml::ConfigError(file, 0, what + log.take() + " (frames of camera " + camera.name + ")");
+    throw files::ConfigError(file, 0, what + log.take() + " (frames of camera " + camera.name + ")");
   }
 
   void open(const std::filesystem::path& file, int threads) {

@@ -6,7 +6,7 @@
 #include <string_view>
 #include <system_error>
 
-#include "calib/yaml/number_text.h"
+#include "calib/files/number_text.h"
 
 namespace huetrack::tracks {
 namespace {
@@ -40,7 +40,7 @@ std::string to_tum_line(const camera_tracking::CameraEstimate& e) {
   const auto& t = e.world_from_camera.translation;
   const auto& q = e.world_from_camera.rotation;
   for (const double value : {t.x(), t.y(), t.z(), q.x(), q.y(), q.z(), q.w()})
-    line += ' ', yaml::append_shortest(line, value);
+    line += ' ', files::append_shortest(line, value);
   return line;
 }
 

@@ -5,7 +5,7 @@
 #include <filesystem>
 #include <string>
 
-#include "calib/yaml/output_file.h"
+#include "calib/files/output_file.h"
 #include "camera_tracking/camera_estimate.h"
 
 namespace huetrack::tracks {
@@ -22,7 +22,7 @@ class PoseFileWriter {
   void flush();
 
  private:
-  yaml::LineFile file_;
+  files::LineFile file_;
 };
 
 }  // namespace huetrack::tracks

@@ -4,8 +4,8 @@
 #include <cstdlib>
 #include <optional>
 
-#include "calib/yaml/csv_table.h"
-#include "calib/yaml/number_text.h"
+#include "calib/files/csv_table.h"
+#include "calib/files/number_text.h"
 
 namespace huetrack::tracks {
 namespace {
@@ -15,7 +15,7 @@ void append(std::string& row, double value) {
   if (std::isnan(value))
     row += "nan";  // never -nan
   else
-    yaml::append_shortest(row, value);
+    files::append_shortest(row, value);
 }
 
 std::optional<object_tracking::TrackState> track_state_of(std::string_view word) {
@@ -26,7 +26,7 @@ std::optional<object_tracking::TrackState> track_state_of(std::string_view word)
   return std::nullopt;
 }
 
-constexpr yaml::FileKind kind{"tracks", [](std::string_view text) { return text.starts_with("target,t,"); }};
+constexpr files::FileKind kind{"tracks", [](std::string_view text) { return text.starts_with("target,t,"); }};
 
 }  // namespace
 
@@ -66,8 +66,8 @@ std::map<std::string, std::vector<object_tracking::ObjectEstimate>> read_track_c
   static constexpr std::string_view columns[] = {"target", "t",   "x",     "y",     "z",         "vx",
                                                  "vy",     "vz",  "cxx",   "cxy",   "cxz",       "cyy",
                                                  "cyz",    "czz", "state", "views", "confidence"};
-  yaml::CsvTable table(file, columns);
-  table.leave_out_cut_off_row();
+  files::CsvTable table(file, columns);
+  table.skip_truncated_row();
   std::map<std::string, std::vector<object_tracking::ObjectEstimate>> tracks;
   std::uint64_t set_number = 0;
   while (table.next()) {

@@ -8,7 +8,7 @@
 #include <string_view>
 #include <vector>
 
-#include "calib/yaml/output_file.h"
+#include "calib/files/output_file.h"
 #include "object_tracking/object_estimate.h"
 
 namespace huetrack::tracks {
@@ -31,7 +31,7 @@ class TrackCsvWriter {
   void flush();
 
  private:
-  yaml::LineFile file_;
+  files::LineFile file_;
 };
 
 // What a TrackCsvWriter (or `huetrack watch --format csv`) wrote: the estimates of each target, in the file's order.

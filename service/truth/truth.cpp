@@ -5,8 +5,8 @@
 #include <limits>
 #include <utility>
 
-#include "calib/yaml/csv_table.h"
-#include "calib/yaml/joined.h"
+#include "calib/files/csv_table.h"
+#include "calib/files/joined.h"
 
 namespace huetrack::truth {
 namespace {
@@ -21,7 +21,7 @@ double seconds(std::chrono::nanoseconds d) {
 
 Truth Truth::read(const std::filesystem::path& file) {
   static constexpr std::string_view columns[] = {"ball|target?", "t", "x", "y", "z"};
-  yaml::CsvTable table(file, columns);
+  files::CsvTable table(file, columns);
   Truth truth;
   while (table.next()) {
     const Sample sample{table.time(1), {table.number(2), table.number(3), table.number(4)}};
@@ -48,7 +48,7 @@ std::vector<std::string> Truth::match(std::span<const std::string> targets) {
   // By a loop: clang 14, with which this is fuzzed, does not take views::keys.
   std::vector<std::string> names;
   for (const auto& [name, _] : targets_) names.push_back(name.empty() ? "one without a name" : name);
-  const std::string balls = names.empty() ? "none" : yaml::joined(names);
+  const std::string balls = names.empty() ? "none" : files::joined(names);
   std::vector<std::string> sentences;
   for (const auto& target : targets) {
     if (targets_.contains(target)) continue;

@@ -2,8 +2,8 @@
 
 #include <algorithm>
 
+#include "calib/files/csv_table.h"
 #include "calib/model/rig_yaml.h"
-#include "calib/yaml/csv_table.h"
 #include "capture/frame_synchronizer.h"
 #include "recordings/recording.h"
 #include "recordings/replay_source.h"
@@ -69,7 +69,7 @@ Sequence load_sequence(const std::filesystem::path& folder, int every, unsigned 
     std::vector<std::string> columns{"t", "ball", "x", "y", "z"};
     for (const std::string& name : names) columns.push_back("vis_" + name + "?");
     const std::vector<std::string_view> views(columns.begin(), columns.end());
-    yaml::CsvTable table(file, views);
+    files::CsvTable table(file, views);
     while (table.next()) {
       TruthRow row{table.time(0), {table.number(2), table.number(3), table.number(4)}, {}};
       for (std::size_t c = 0; c < names.size() && table.has(5 + c); ++c) row.visible.push_back(table.number(5 + c));

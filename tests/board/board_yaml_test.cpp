@@ -8,7 +8,7 @@
 #include <filesystem>
 #include <fstream>
 
-#include "calib/yaml/yaml_reader.h"
+#include "calib/files/config_error.h"
 
 namespace huetrack::board {
 namespace {
@@ -32,7 +32,7 @@ class BoardYaml : public testing::Test {
   std::string problem(const std::string& yaml) const {
     try {
       read(yaml);
-    } catch (const yaml::ConfigError& error) {
+    } catch (const files::ConfigError& error) {
       return error.what();
     }
     return "no error";

@@ -5,7 +5,7 @@
 #include <filesystem>
 #include <fstream>
 
-#include "calib/yaml/yaml_reader.h"
+#include "calib/files/config_error.h"
 
 namespace huetrack::config {
 namespace {
@@ -54,14 +54,14 @@ TEST_F(RoomFile, OfAnotherRigOrAbsentItIsEmpty) {
 TEST_F(RoomFile, WhatIsNoPatchIsAnError) {
   std::ofstream(file_) << "version: 1\nrig: \"abc\"\ncameras:\n  cam0:\n    patches:\n"
                           "      - {px: [1, 2], cell: 0, seen: \"00zz\"}\n";
-  EXPECT_THROW(read_room(file_, "abc"), yaml::ConfigError);
+  EXPECT_THROW(read_room(file_, "abc"), files::ConfigError);
 }
 
 // Found by fuzzing: a longer one is written, and does not read back.
 TEST_F(RoomFile, WhatIsNoCamerasNameIsAnError) {
   for (const std::string& name : {std::string("two words"), std::string(65, 'c'), std::string("\xDC")}) {
     std::ofstream(file_) << "version: 1\nrig: \"abc\"\ncameras:\n  \"" << name << "\":\n    patches: []\n";
-    EXPECT_THROW(read_room(file_, "abc"), yaml::ConfigError) << name;
+    EXPECT_THROW(read_room(file_, "abc"), files::ConfigError) << name;
   }
 }
 

@@ -9,8 +9,8 @@
 #include <fstream>
 #include <sstream>
 
+#include "calib/files/config_error.h"
 #include "calib/model/rig_yaml.h"
-#include "calib/yaml/yaml_reader.h"
 
 namespace huetrack::config {
 namespace {
@@ -41,7 +41,7 @@ class ServiceConfigFile : public testing::Test {
   std::string error(const std::string& yaml) const {
     try {
       load(yaml);
-    } catch (const yaml::ConfigError& e) {
+    } catch (const files::ConfigError& e) {
       std::string message = e.what();
       for (std::size_t at; (at = message.find(folder_.string() + "/")) != std::string::npos;) {
         message.erase(at, folder_.string().size() + 1);
@@ -325,7 +325,7 @@ INSTANTIATE_TEST_SUITE_P(
         Mistake{"IgnoredEmpty", ball + "ignore: {cam0: [1, 2, 3, 4, 9, 9, 8, 9]}\n",
                 "c.yaml:4: ignore.cam0: rectangle 2 ends before it begins"},
         Mistake{"NoVersion", "rig: rig.yaml\n",
-                "c.yaml:1: version is missing: write version: 1, the form that this file has"},
+                "c.yaml:1: version is missing: write version: 1, the version of the file format"},
         Mistake{"NoRig", "version: 1\n",
                 "c.yaml:1: rig is missing: write rig: FILE, which huetrack-calibrate writes; or rig: none before that"},
         Mistake{"RigMisspelt", "version: 1\nrgi: rig.yaml\n",
@@ -573,7 +573,7 @@ class CameraTrackingConfigTest : public testing::Test {
   std::string mistake(const std::string& tracking) const {
     try {
       load(tracking);
-    } catch (const yaml::ConfigError& error) {
+    } catch (const files::ConfigError& error) {
       return error.what();
     }
     return "no mistake";
@@ -703,7 +703,7 @@ TEST_F(ServiceConfigFile, AVideoIsNoConfiguration) {
   try {
     load_service_config(configs / "demo/recording/cam0.mkv");
     FAIL();
-  } catch (const yaml::ConfigError& error) {
+  } catch (const files::ConfigError& error) {
     EXPECT_THAT(error.what(), HasSubstr("cam0.mkv: is a video or a picture, not a configuration"));
   }
 }
@@ -720,7 +720,7 @@ TEST_F(ServiceConfigFile, CamerasMayNotBeCalibratedYet) {
   EXPECT_EQ(config.rig.cameras[0].image_size, (calib::ImageSize{640, 480}));
   EXPECT_EQ(config.rig.cameras[1].image_size, (calib::ImageSize{320, 240}));
   EXPECT_THAT(warnings_of(config), testing::ElementsAre(HasSubstr("not calibrated")));
-  EXPECT_THROW(require_rig(config), yaml::ConfigError);
+  EXPECT_THROW(require_rig(config), files::ConfigError);
   EXPECT_NO_THROW(require_rig(load(ball)));
   EXPECT_EQ(to_yaml(load(to_yaml(config))), to_yaml(config));
   // What they see is recorded all the same, to be calibrated from.

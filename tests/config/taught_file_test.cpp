@@ -11,7 +11,7 @@
 #include <fstream>
 #include <sstream>
 
-#include "calib/yaml/yaml_reader.h"
+#include "calib/files/config_error.h"
 #include "config/service_config.h"
 
 namespace huetrack::config {
@@ -47,7 +47,7 @@ class TaughtFile : public Test {
     std::ofstream(taught) << taught_yaml;
     try {
       with(yaml);
-    } catch (const yaml::ConfigError& e) {
+    } catch (const files::ConfigError& e) {
       std::string message = e.what();
       for (std::size_t at; (at = message.find(folder.string() + "/")) != std::string::npos;)
         message.erase(at, folder.string().size() + 1);

@@ -372,7 +372,7 @@ TEST_F(Live, CamerasWithoutARigAreShownAndNothingIsTracked) {
   EXPECT_TRUE(summary.figures.searches.empty());
   // Nothing that holds such a rig is written.
   options_.write_rig = folder_ / "learnt.yaml";
-  EXPECT_THROW(run_live(config_, cameras(20), options_, requests_, {}), yaml::ConfigError);
+  EXPECT_THROW(run_live(config_, cameras(20), options_, requests_, {}), files::ConfigError);
   EXPECT_FALSE(fs::exists(options_.write_rig));
 }
 

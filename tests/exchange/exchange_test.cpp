@@ -9,8 +9,8 @@
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core.hpp>
 
+#include "calib/files/config_error.h"
 #include "calib/model/nearest_lens.h"
-#include "calib/yaml/yaml_reader.h"
 
 namespace huetrack::exchange {
 namespace {
@@ -43,7 +43,7 @@ class Exchange : public testing::Test {
   std::string error_of(const std::string& name, const std::string& text, const ImportOptions& options = {}) const {
     try {
       import_text(name, text, options);
-    } catch (const yaml::ConfigError& error) {
+    } catch (const files::ConfigError& error) {
       return error.what();
     }
     return "no error";
@@ -480,12 +480,12 @@ TEST_F(Exchange, OpenCvSampleFile) {
   EXPECT_THAT(in.notes, Contains(AllOf(HasSubstr("not taken over"), HasSubstr("avg_reprojection_error"))));
   // Two lenses, but not how they stand to one another; and no size.
   EXPECT_THAT([&] { import(folder / "intrinsics.yml"); },
-              testing::Throws<yaml::ConfigError>(testing::Property(&yaml::ConfigError::what, HasSubstr("--size"))));
+              testing::Throws<files::ConfigError>(testing::Property(&files::ConfigError::what, HasSubstr("--size"))));
   EXPECT_THAT(
       [&] {
         import(folder / "intrinsics.yml", {.image_size = calib::ImageSize { 640, 480 }});
       },
-      testing::Throws<yaml::ConfigError>(testing::Property(&yaml::ConfigError::what, HasSubstr("extrinsics.yml"))));
+      testing::Throws<files::ConfigError>(testing::Property(&files::ConfigError::what, HasSubstr("extrinsics.yml"))));
 }
 
 TEST_F(Exchange, OpenCvRoundTrips) {
@@ -527,8 +527,8 @@ TEST_F(Exchange, OpenCvStereoFiles) {
       intrinsics, file("mirrored.yml", "%YAML:1.0\n---\n" + matrix("R", 3, 3, "1., 0., 0., 0., 1., 0., 0., 0., -1.") +
                                            matrix("T", 3, 1, "-3.3, 0.04, 0.01"))};
   EXPECT_THAT([&] { import_rig(mirrored, options); },
-              testing::Throws<yaml::ConfigError>(testing::Property(
-                  &yaml::ConfigError::what, AllOf(HasSubstr("mirrored.yml:3"), HasSubstr("mirrored (determinant")))));
+              testing::Throws<files::ConfigError>(testing::Property(
+                  &files::ConfigError::what, AllOf(HasSubstr("mirrored.yml:3"), HasSubstr("mirrored (determinant")))));
 }
 
 TEST_F(Exchange, OpenCvErrors) {
@@ -565,12 +565,12 @@ TEST_F(Exchange, FormatsAreKnownByTheirLines) {
   EXPECT_EQ(format_of("b.toml", "[cam_0]\nport\t= 0\n"), ExchangeFormat::caliscope);
   EXPECT_EQ(format_of("c.toml", "[cam_0]\nname = \"report = port\"\n"), ExchangeFormat::aniposelib);
   EXPECT_EQ(format_of("d.yaml", "cam0 :\r\n  camera_model: pinhole\r\n"), ExchangeFormat::kalibr);
-  EXPECT_THROW(format_of("e.yaml", "cam0:\n  x: 1 camera_model: pinhole\n"), yaml::ConfigError);
-  EXPECT_THROW(format_of("f.yaml", " cam0:\n  camera_model: pinhole\n"), yaml::ConfigError);
+  EXPECT_THROW(format_of("e.yaml", "cam0:\n  x: 1 camera_model: pinhole\n"), files::ConfigError);
+  EXPECT_THROW(format_of("f.yaml", " cam0:\n  camera_model: pinhole\n"), files::ConfigError);
   // Long runs, which a recursive matcher does not survive.
   const std::string blanks(2'000'000, ' ');
   EXPECT_EQ(format_of("g.yaml", blanks + "\ndistortion_model" + blanks + ": x\ncamera_matrix:\n"), ExchangeFormat::ros);
-  EXPECT_THROW(format_of("h.toml", "x = \"" + blanks + "[cam\"\n"), yaml::ConfigError);
+  EXPECT_THROW(format_of("h.toml", "x = \"" + blanks + "[cam\"\n"), files::ConfigError);
 }
 
 // Each of these ended the program: the parsers call themselves for each level, and the stack ends.
@@ -595,10 +595,10 @@ TEST_F(Exchange, WhatIsNestedTooDeepIsRefusedBeforeAnyParser) {
   for (const auto& [name, text] : files) {
     std::ofstream(folder_ / name) << text;
     const std::filesystem::path file[] = {folder_ / name};
-    EXPECT_THROW(import_rig(file), yaml::ConfigError) << name;
+    EXPECT_THROW(import_rig(file), files::ConfigError) << name;
     for (const ExchangeFormat format : {ExchangeFormat::ros, ExchangeFormat::opencv, ExchangeFormat::kalibr,
                                         ExchangeFormat::aniposelib, ExchangeFormat::caliscope})
-      EXPECT_THROW(import_rig(file, {.format = format}), yaml::ConfigError) << name;
+      EXPECT_THROW(import_rig(file, {.format = format}), files::ConfigError) << name;
   }
 }
 

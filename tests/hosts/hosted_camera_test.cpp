@@ -370,7 +370,7 @@ TEST_F(HostedCamera, ConfigurationsSayWhatIsWrong) {
                                         << "\n";
     try {
       config::load_service_config(folder_ / "bad.yaml");
-    } catch (const yaml::ConfigError& error) {
+    } catch (const files::ConfigError& error) {
       return error.what();
     }
     return "";
@@ -389,7 +389,7 @@ TEST_F(HostedCamera, ConfigurationsSayWhatIsWrong) {
     std::ofstream(folder_ / "host.yaml") << text;
     try {
       config::load_capture_config(folder_ / "host.yaml");
-    } catch (const yaml::ConfigError& error) {
+    } catch (const files::ConfigError& error) {
       return error.what();
     }
     return "";

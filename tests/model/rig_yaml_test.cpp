@@ -16,7 +16,7 @@
 #include <sstream>
 #include <system_error>
 
-#include "calib/yaml/yaml_reader.h"
+#include "calib/files/config_error.h"
 
 namespace huetrack::calib {
 namespace {
@@ -42,7 +42,7 @@ class RigYaml : public testing::Test {
   std::string error_of(const std::string& yaml) const {
     try {
       read(yaml);
-    } catch (const yaml::ConfigError& error) {
+    } catch (const files::ConfigError& error) {
       const std::string what = error.what();
       EXPECT_EQ(what.find(file().string()), 0u);
       return what.substr(folder_.string().size() + 1);
@@ -143,10 +143,9 @@ TEST_F(RigYaml, EveryMistakeHasItsOwnMessage) {
   const std::string matrix = "[[0, -1, 0], [0, 0, -1], [1, 0, 0]]";
   const std::vector<Mutation> mutations{
       {"version: 1", "version: 2",
-       "rig.yaml:1: version must be 1, got \"2\": it says which form this file has, the only one that this program "
-       "knows, "
-       "and is neither the program's version nor counts yours"},
-      {"version: 1\n", "", "rig.yaml:1: version is missing: write version: 1, the form that this file has"},
+       "rig.yaml:1: version must be 1, got \"2\": it is the version of the file format, and this program reads only "
+       "this one. It is neither the program's version nor a count of your changes"},
+      {"version: 1\n", "", "rig.yaml:1: version is missing: write version: 1, the version of the file format"},
       {"cameras:", "camera:", "rig.yaml:1: cameras is missing (is camera in line 2 a misspelling of it?)"},
       {"made_by", "mad_by", "rig.yaml:19: mad_by is not a known key (did you mean made_by?)"},
       {"huetrack-calibrate 0.1", "[a]", "rig.yaml:20: made_by.tool must be a text, got a list of 1"},
@@ -388,7 +387,7 @@ TEST_F(RigYaml, UncertaintyIsReadStrictly) {
     try {
       read(text);
       ADD_FAILURE() << what;
-    } catch (const yaml::ConfigError& e) {
+    } catch (const files::ConfigError& e) {
       EXPECT_NE(std::string(e.what()).find(what), std::string::npos) << e.what();
     }
   };
@@ -501,7 +500,7 @@ TEST_F(RigYaml, ADamagedFileIsReadOrRefusedNothingElse) {
       const CameraRig rig = read_rig(file());
       EXPECT_TRUE(rig.problems().empty());
       ++read_through;
-    } catch (const yaml::ConfigError&) {
+    } catch (const files::ConfigError&) {
       ++refused;
     }  // anything else fails the test
   }

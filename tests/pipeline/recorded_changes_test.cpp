@@ -6,7 +6,7 @@
 
 #include <fstream>
 
-#include "calib/yaml/yaml_reader.h"
+#include "calib/files/config_error.h"
 
 namespace huetrack::pipeline {
 namespace {
@@ -52,7 +52,7 @@ TEST_F(Changes, WhatCannotBeWrittenIsSaid) {
 
 TEST_F(Changes, AnUnknownOneIsAnErrorWithItsLine) {
   std::ofstream(folder / "changes.csv") << "t_s,change,config\n1.5,danced,\n";
-  EXPECT_THAT([&] { read_changes(folder); }, testing::ThrowsMessage<yaml::ConfigError>(
+  EXPECT_THAT([&] { read_changes(folder); }, testing::ThrowsMessage<files::ConfigError>(
                                                  testing::HasSubstr("changes.csv:2: unknown change \"danced\"")));
 }
 

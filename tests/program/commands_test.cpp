@@ -140,7 +140,7 @@ TEST_F(Calibrate, PicturesOfAGoodCaptureGiveTheRig) {
   std::ofstream(path("notes.pdf")) << "experiment 7 FAILED";
   const Ended refused = run({"map", path("rig.yaml"), "--report", path("notes.html")});
   EXPECT_NE(refused.status, 0);
-  EXPECT_THAT(refused.err, HasSubstr("notes.pdf is there, and holds no PDF"));
+  EXPECT_THAT(refused.err, HasSubstr("notes.pdf exists and holds no PDF"));
   EXPECT_EQ(end_to_end::contents(path("notes.pdf")), "experiment 7 FAILED");
   EXPECT_FALSE(std::filesystem::exists(path("notes.html"))) << "half of a report";
   calib::CameraRig bumped = found;

@@ -5,7 +5,7 @@
 
 #include <fstream>
 
-#include "calib/yaml/yaml_reader.h"
+#include "calib/files/config_error.h"
 #include "capture/temporary_folder.h"
 
 namespace huetrack::recordings {
@@ -27,7 +27,7 @@ class ReadRecording : public testing::Test {
   std::string error_of(const std::string& yaml) const {
     try {
       read(yaml);
-    } catch (const yaml::ConfigError& error) {
+    } catch (const files::ConfigError& error) {
       return error.what();
     }
     return "(accepted)";
@@ -49,7 +49,7 @@ TEST_F(ReadRecording, APipeIsNotWaitedFor) {
   const auto pipe = folder / "pipe";
   ASSERT_EQ(::mkfifo(pipe.c_str(), 0600), 0);
   EXPECT_FALSE(is_video_or_picture(pipe));
-  EXPECT_THAT([&] { read_recording(pipe); }, testing::ThrowsMessage<yaml::ConfigError>(HasSubstr("is not a file")));
+  EXPECT_THAT([&] { read_recording(pipe); }, testing::ThrowsMessage<files::ConfigError>(HasSubstr("is not a file")));
 }
 
 TEST_F(ReadRecording, GivesEveryKey) {
@@ -102,7 +102,7 @@ TEST_F(ReadRecording, NamesFileAndLineOfWhatIsWrong) {
   EXPECT_THAT(error_of("version: 1\ncameras:\n  left: {frames: l.mkv, every: 0}\n"), HasSubstr("every"));
   EXPECT_THAT(error_of("version: 1\ncameras: {}\n"), HasSubstr("cameras"));
   EXPECT_THAT(error_of("version: 1\n"), HasSubstr("cameras"));
-  EXPECT_THROW(read_recording(folder / "none"), yaml::ConfigError);
+  EXPECT_THROW(read_recording(folder / "none"), files::ConfigError);
   write("times.csv", "frame,t_s\n0,0\n");
   EXPECT_THAT(error_of("version: 1\ncameras:\n  left: {frames: l.mkv, fps: 30, timestamps: times.csv}\n"),
               HasSubstr("together with fps"));
@@ -139,7 +139,7 @@ TEST_F(ReadRecording, VideosAsWords) {
   const auto error = [](const std::vector<std::string>& given) -> std::string {
     try {
       read_recording(given);
-    } catch (const yaml::ConfigError& e) {
+    } catch (const files::ConfigError& e) {
       return e.what();
     }
     return "(accepted)";

@@ -14,7 +14,7 @@
 #include <random>
 #include <thread>
 
-#include "calib/yaml/yaml_reader.h"
+#include "calib/files/config_error.h"
 #include "capture/clips.h"
 #include "capture/jpeg_decoder.h"
 #include "recordings/growing_recording.h"
@@ -305,7 +305,7 @@ TEST(RecordingWriter, ACameraThatNeverCameIsNoObstacle) {
 TEST(RecordingWriter, WithoutAnyFrameItIsSaid) {
   const capture::TemporaryFolder folder;
   { const RecordingWriter writer(options_for(folder / "run")); }
-  EXPECT_THROW(read_recording(folder / "run"), yaml::ConfigError);
+  EXPECT_THROW(read_recording(folder / "run"), files::ConfigError);
 }
 
 TEST(RecordingWriter, TheRigAndTheConfigurationLieInside) {
@@ -443,7 +443,7 @@ TEST(RecordingWriter, AVideoCutOffAnywhereGivesItsBeginning) {
     std::vector<capture::Frame> frames;
     try {
       frames = replay(folder / "run").frames;
-    } catch (const yaml::ConfigError&) {
+    } catch (const files::ConfigError&) {
       ASSERT_EQ(most, 0U) << "later ends gave frames, and this one none: " << length;
       continue;
     }
@@ -469,7 +469,7 @@ TEST(RecordingWriter, TimesCutOffAnywhereGiveTheirBeginning) {
         static_cast<std::size_t>(std::count(whole.begin(), whole.begin() + static_cast<std::ptrdiff_t>(length), '\n')) -
         1;
     if (rows == 0) {
-      EXPECT_THROW(replay(folder / "run"), yaml::ConfigError);
+      EXPECT_THROW(replay(folder / "run"), files::ConfigError);
       continue;
     }
     const auto [frames, warnings] = replay(folder / "run");

@@ -6,7 +6,7 @@
 #include <map>
 #include <random>
 
-#include "calib/yaml/yaml_reader.h"
+#include "calib/files/config_error.h"
 #include "capture/clips.h"
 #include "recordings/replay_source.h"
 
@@ -71,7 +71,7 @@ Played play(const std::filesystem::path& frames, int threads = 1) {
 std::string error_of(const std::filesystem::path& frames) {
   try {
     play(frames);
-  } catch (const yaml::ConfigError& error) {
+  } catch (const files::ConfigError& error) {
     return error.what();
   }
   return "(accepted)";
@@ -334,7 +334,7 @@ TEST_P(Mutated, FilesEndInAnErrorOrInFramesNeverInACrash) {
         EXPECT_EQ(again.hashes, played.hashes) << i;
         EXPECT_EQ(again.corrupted, played.corrupted) << i;
       }
-    } catch (const yaml::ConfigError& error) {
+    } catch (const files::ConfigError& error) {
       ++errors;
       EXPECT_THAT(error.what(), AllOf(HasSubstr(c.file), Not(HasSubstr("\n")))) << i;
     }

@@ -9,7 +9,7 @@
 #include <utility>
 #include <vector>
 
-#include "calib/yaml/yaml_reader.h"
+#include "calib/files/config_error.h"
 #include "capture/clips.h"
 
 namespace huetrack::recordings {
@@ -33,7 +33,7 @@ class Replay : public testing::Test {
   std::string error_of(const std::string& cameras, const std::vector<std::string>& names) {
     try {
       open(cameras, names);
-    } catch (const yaml::ConfigError& error) {
+    } catch (const files::ConfigError& error) {
       return error.what();
     }
     return "(accepted)";

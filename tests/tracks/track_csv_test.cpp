@@ -9,7 +9,7 @@
 #include <locale>
 #include <sstream>
 
-#include "calib/yaml/yaml_reader.h"
+#include "calib/files/config_error.h"
 
 namespace huetrack::tracks {
 namespace {
@@ -40,7 +40,7 @@ class TrackCsv : public testing::Test {
     std::ofstream(file_) << text;
     try {
       read_track_csv(file_);
-    } catch (const yaml::ConfigError& e) {
+    } catch (const files::ConfigError& e) {
       return e.what();
     }
     return "no error";
@@ -158,7 +158,7 @@ TEST_F(TrackCsv, MistakesInAFileAreNamedWithTheLine) {
   EXPECT_EQ(error_of(header + "b,1,0,0,0,0,0,0,0,0,0,0,0,0,sleeping,2,1\n"),
             file_.string() + ":2: state must be searching, tracking, coasting or lost, got \"sleeping\"");
   EXPECT_EQ(error_of(""), file_.string() + ": is empty: a header line is needed");
-  EXPECT_THROW(read_track_csv("/no/such/file.csv"), yaml::ConfigError);
+  EXPECT_THROW(read_track_csv("/no/such/file.csv"), files::ConfigError);
 }
 
 }  // namespace

@@ -9,7 +9,7 @@
 #include <fstream>
 #include <random>
 
-#include "calib/yaml/yaml_reader.h"
+#include "calib/files/config_error.h"
 #include "truth/truth_file.h"
 
 namespace huetrack::truth {
@@ -55,7 +55,7 @@ TEST_F(TruthFile, MistakesAreNamedWithTheLine) {
   const auto error = [&](const std::string& text) -> std::string {
     try {
       truth(text);
-    } catch (const yaml::ConfigError& e) {
+    } catch (const files::ConfigError& e) {
       return e.what();
     }
     return "no error";

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "calib/yaml/joined.h"
+#include "calib/files/joined.h"
 #include "camera_tracking/keyframes/keyframe_tracker.h"
 #include "camera_tracking/leds/led_tracker.h"
 #include "camera_tracking/papers/lee_tracker.h"
@@ -19,7 +19,7 @@ using namespace camera_tracking;
 std::unique_ptr<CameraTracker> make_camera_tracker(const calib::Camera& camera, const CameraTrackerOptions& options) {
   std::vector<std::string> problems = camera.problems();
   std::ranges::move(options.problems(), std::back_inserter(problems));
-  if (!problems.empty()) throw std::invalid_argument("camera tracker: " + yaml::joined(problems, "; "));
+  if (!problems.empty()) throw std::invalid_argument("camera tracker: " + files::joined(problems, "; "));
   if (std::holds_alternative<LedStart>(options.start)) return leds::make_led_tracker(camera, options);
   switch (options.method) {
     case CameraMethod::huetrack:

@@ -1,5 +1,5 @@
 #include "calib/board/board_yaml.h"
-#include "calib/yaml/yaml_reader.h"
+#include "calib/files/config_error.h"
 #include "fuzz/fuzz_target.h"
 
 using namespace huetrack;
@@ -7,6 +7,6 @@ using namespace huetrack;
 HUETRACK_FUZZ_TARGET(board) {
   try {
     board::to_yaml(board::read_board(fuzz::file_with("board.yaml", input)));
-  } catch (const yaml::ConfigError&) {
+  } catch (const files::ConfigError&) {
   }
 }

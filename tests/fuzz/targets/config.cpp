@@ -2,7 +2,7 @@
 // configuration may name as what a tracked camera starts from.
 #include "config/service_config.h"
 
-#include "calib/yaml/yaml_reader.h"
+#include "calib/files/config_error.h"
 #include "fuzz/fuzz_target.h"
 
 using namespace huetrack;
@@ -45,6 +45,6 @@ HUETRACK_FUZZ_TARGET(config) {
     config::to_yaml(config);
     config::warnings_of(config);
     if (!config.camera_tracking.camera.empty()) config::tracker_options(config.camera_tracking);
-  } catch (const yaml::ConfigError&) {
+  } catch (const files::ConfigError&) {
   }
 }

@@ -2,7 +2,7 @@
 #include <array>
 
 #include "calib/exchange/exchange.h"
-#include "calib/yaml/yaml_reader.h"
+#include "calib/files/config_error.h"
 #include "fuzz/fuzz_target.h"
 
 using namespace huetrack;
@@ -21,7 +21,7 @@ HUETRACK_FUZZ_TARGET(exchange) {
   try {
     const exchange::Imported imported = exchange::import_rig(files, options);
     for (const ExchangeFormat format : formats) exchange::export_rig(imported.rig, {.format = format});
-  } catch (const yaml::ConfigError&) {
+  } catch (const files::ConfigError&) {
   } catch (const exchange::ExchangeError&) {
   }
 }

@@ -4,7 +4,7 @@
 
 #include <stdexcept>
 
-#include "calib/yaml/yaml_reader.h"
+#include "calib/files/config_error.h"
 #include "fuzz/fuzz_target.h"
 #include "recordings/matches_reader.h"
 #include "recordings/recording.h"
@@ -53,6 +53,6 @@ HUETRACK_FUZZ_TARGET(matches) {
   try {
     if (static_cast<unsigned char>(input.front()) % 2 == 0) return read_frame(input.substr(1));
     read_file(input.substr(1));
-  } catch (const yaml::ConfigError&) {
+  } catch (const files::ConfigError&) {
   }
 }

@@ -1,7 +1,7 @@
 // recording.yaml, and behind the line "%%" the time stamps times.csv beside it.
 #include "recordings/recording.h"
 
-#include "calib/yaml/yaml_reader.h"
+#include "calib/files/config_error.h"
 #include "fuzz/fuzz_target.h"
 
 using namespace huetrack;
@@ -11,6 +11,6 @@ HUETRACK_FUZZ_TARGET(recording) {
   fuzz::file_with("times.csv", input.substr(std::min(end + 4, input.size())));
   try {
     recordings::read_recording(fuzz::file_with("recording.yaml", input.substr(0, end)));
-  } catch (const yaml::ConfigError&) {
+  } catch (const files::ConfigError&) {
   }
 }

@@ -1,7 +1,7 @@
 #include <stdexcept>
 
+#include "calib/files/config_error.h"
 #include "calib/model/rig_yaml.h"
-#include "calib/yaml/yaml_reader.h"
 #include "fuzz/fuzz_target.h"
 
 using namespace huetrack;
@@ -10,7 +10,7 @@ HUETRACK_FUZZ_TARGET(rig) {
   std::string text;
   try {
     text = calib::to_yaml(calib::read_rig(fuzz::file_with("rig.yaml", input)));
-  } catch (const yaml::ConfigError&) {
+  } catch (const files::ConfigError&) {
     return;
   }
   // What was accepted must be written so that it reads back as the same: an error here is a finding.

@@ -1,7 +1,7 @@
 // What was kept of the still room.
 #include <stdexcept>
 
-#include "calib/yaml/yaml_reader.h"
+#include "calib/files/config_error.h"
 #include "config/room_file.h"
 #include "fuzz/fuzz_target.h"
 
@@ -12,7 +12,7 @@ HUETRACK_FUZZ_TARGET(room) {
   std::vector<config::KeptRoom> room;
   try {
     room = config::read_room(fuzz::file_with("room.yaml", input), rig);
-  } catch (const yaml::ConfigError&) {
+  } catch (const files::ConfigError&) {
   }
   if (room.empty()) return;
   // What was accepted must be written so that it reads back as the same: an error here is a finding.

@@ -1,5 +1,5 @@
 // The first byte chooses which reader of CSVs it is.
-#include "calib/yaml/yaml_reader.h"
+#include "calib/files/config_error.h"
 #include "clients/plot/track_file.h"
 #include "fuzz/fuzz_target.h"
 #include "pipeline/recorded_changes.h"
@@ -21,6 +21,6 @@ HUETRACK_FUZZ_TARGET(tables) {
     if (choice == 0) tracks::read_track_csv(file);
     if (choice == 1) truth::Truth::read(file);
     if (choice == 2) plot::read_tracks(file);
-  } catch (const yaml::ConfigError&) {
+  } catch (const files::ConfigError&) {
   }
 }

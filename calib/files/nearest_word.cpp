@@ -1,9 +1,9 @@
-#include "calib/yaml/nearest_word.h"
+#include "calib/files/nearest_word.h"
 
 #include <algorithm>
 #include <vector>
 
-namespace huetrack::yaml {
+namespace huetrack::files {
 namespace {
 
 // Optimal string alignment: insertions, deletions, replacements and swaps of neighbours, each at cost 1.
@@ -27,7 +27,7 @@ std::size_t edit_distance(std::string_view a, std::string_view b) {
 
 }  // namespace
 
-std::string in_small_letters(std::string_view word) {
+std::string to_lower_ascii(std::string_view word) {
   std::string out(word);
   for (char& c : out)
     if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
@@ -35,22 +35,21 @@ std::string in_small_letters(std::string_view word) {
 }
 
 std::vector<std::string> nearest_words(std::string_view given, std::span<const std::string> words) {
-  const std::string word = in_small_letters(given);
+  const std::string word = to_lower_ascii(given);
   std::vector<std::string> nearest;
   const auto add = [&nearest](const std::string& candidate) {
     if (std::ranges::find(nearest, candidate) == nearest.end()) nearest.push_back(candidate);
   };
-  std::size_t smallest = word.size() / 3;  // one slip in three letters is a misspelling, more is another word
+  std::size_t smallest = word.size() / 3;  // one error in three letters is a misspelling, more is another word
   for (const std::string& candidate : words) {
     if (candidate.size() > 2 * word.size() + 2 || word.size() > 2 * candidate.size() + 2) continue;
-    const std::size_t distance = edit_distance(word, in_small_letters(candidate));
+    const std::size_t distance = edit_distance(word, to_lower_ascii(candidate));
     if (distance > smallest) continue;
     if (distance < smallest) nearest.clear();
     smallest = distance;
     add(candidate);
   }
   if (!nearest.empty()) return nearest;
-  // Half of a name that has parts ("hue" of hue_deg, "tracking" of object_tracking) is a slip, too.
   constexpr std::size_t shortest_part = 3, shortest_beginning = 4;
   const auto is_half = [](std::string_view whole, std::string_view part) {
     if (part.size() < shortest_part || whole.size() <= part.size()) return false;
@@ -58,7 +57,7 @@ std::vector<std::string> nearest_words(std::string_view given, std::span<const s
     return whole.ends_with(part) && whole[whole.size() - part.size() - 1] == '_';
   };
   for (const std::string& candidate : words) {
-    const std::string small = in_small_letters(candidate);
+    const std::string small = to_lower_ascii(candidate);
     if (is_half(small, word) || is_half(word, small)) add(candidate);
   }
   return nearest;
@@ -69,4 +68,4 @@ std::optional<std::string> nearest_word(std::string_view word, std::span<const s
   return nearest.empty() ? std::nullopt : std::optional(nearest.front());
 }
 
-}  // namespace huetrack::yaml
+}  // namespace huetrack::files
