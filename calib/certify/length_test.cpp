@@ -25,7 +25,7 @@ Eigen::MatrixXd by_rig(const calib::CameraRig& rig, const Vector3d& p) {
     const auto px = rig.cameras[c].project_world(p);
     if (px && rig.cameras[c].contains(*px)) views.push_back({static_cast<int>(c), Eigen::Matrix2d::Identity()});
   }
-  return calib::moved_by_cameras(rig, *rig.uncertainty, p, views) * rig.uncertainty->factor();
+  return calib::position_gain_of_cameras(rig, *rig.uncertainty, p, views) * rig.uncertainty->factor();
 }
 
 double stated_sigma(const Vector3d& a, const Matrix3d& covariance_a, const Vector3d& b, const Matrix3d& covariance_b,

@@ -30,7 +30,7 @@ std::vector<std::string> CameraTiming::problems() const {
   const auto check = [&](const char* what, const std::optional<double>& value, const std::optional<double>& sigma) {
     if (value && !(std::abs(*value) <= 1))
       problems.push_back(std::string("timing: ") + what + "_s must be from -1 to 1");
-    if (sigma && !value) problems.push_back(std::string("timing: ") + what + "_sigma_s needs " + what + "_s beside it");
+    if (sigma && !value) problems.push_back(std::string("timing: ") + what + "_sigma_s needs " + what + "_s");
     if (sigma && !(*sigma >= 0 && *sigma <= 1))
       problems.push_back(std::string("timing: ") + what + "_sigma_s must be from 0 to 1");
   };
@@ -52,7 +52,7 @@ std::vector<std::string> Camera::problems() const {
   } else if (!(model.fx() > 0) || !(model.fy() > 0)) {
     problems.emplace_back("fx and fy must be > 0");
   } else {
-    // Generous: from a lens that squeezes half a turn into a third of the image to a telescope.
+    // Generous: from 180 degrees in a third of the image to a telescope.
     const auto is_sane_focal = [](double f, int size) { return f > 0.02 * size && f < 1000.0 * size; };
     if (!is_sane_focal(model.fx(), width) || !is_sane_focal(model.fy(), height)) {
       problems.emplace_back("fx and fy do not fit the image size: are they in pixels of this image?");
@@ -93,7 +93,7 @@ std::vector<std::string> CameraRig::problems() const {
       if (cameras[j].name == camera.name) problems.push_back("two cameras have the name " + camera.name);
       if ((cameras[j].centre() - camera.centre()).norm() < 1e-6) {
         problems.push_back("cameras " + cameras[j].name + " and " + camera.name +
-                           " stand at the same place in the world: one pose is copied, or not calibrated");
+                           " are at the same place in the world: one pose is copied, or not calibrated");
       }
     }
   }

@@ -25,7 +25,7 @@ std::optional<UtcTime> utc_time(std::string_view text) {
   if (!date.ok()) return std::nullopt;
   const UtcTime at = std::chrono::sys_days(date) + std::chrono::hours(hour) + std::chrono::minutes(minute) +
                      std::chrono::seconds(second);
-  if (utc_text(at) != text) return std::nullopt;  // 25 o'clock, a digit too few, something behind it
+  if (utc_text(at) != text) return std::nullopt;  // 25 o'clock, a missing digit, trailing text
   return at;
 }
 
@@ -44,7 +44,7 @@ std::string age_text(std::chrono::seconds age) {
 
 void RigHistory::add(RigCheckNote note) {
   checks.push_back(std::move(note));
-  if (checks.size() > most_checks) checks.erase(checks.begin());
+  if (checks.size() > max_checks) checks.erase(checks.begin());
 }
 
 std::string RigHistory::text(UtcTime now) const {

@@ -171,7 +171,7 @@ VolumeAccuracy predict_accuracy(const calib::CameraRig& rig, const WorldBox& box
     }
     point.views = static_cast<int>(views.size());
     if (views.size() < 2) continue;
-    const double calibration = calib::left_open_by_rig(rig, point.p_world, views).trace();
+    const double calibration = calib::rig_covariance_at(rig, point.p_world, views).trace();
     point.by_calibration_m = std::sqrt(std::max(0.0, calibration));
     point.total_m = std::sqrt(std::max(0.0, calibration + normal.inverse().trace()));
   }
@@ -259,7 +259,7 @@ PoseSigma pose_sigma(const Adjustment& a, const VolumeAccuracy& volume, int came
 std::optional<calib::RigUncertainty> uncertainty_of(const Adjustment& a, const VolumeAccuracy& volume) {
   if (a.covariance.size() == 0 || a.lens_offset.size() != a.cameras.size()) return std::nullopt;
   const bool has_poses = std::ranges::any_of(a.pose_offset, [](int at) { return at >= 0; });
-  std::vector<calib::RigUncertainty::OfCamera> cameras;
+  std::vector<calib::RigUncertainty::CameraParameters> cameras;
   int size = 0;
   for (std::size_t c = 0; c < a.cameras.size(); ++c) {
     const int lens_count = a.lens_offset[c] >= 0 ? parameter_count(a.cameras[c].lens) : 0;

@@ -51,7 +51,7 @@ calib::CameraRig in_world(calib::CameraRig rig, const WorldChange& change) {
     camera.cam_from_world = new_cam * calib::inverse(change.new_from_old);
   }
   if (!rig.uncertainty || change.scale == 1) return rig;  // it is in the cameras' own axes
-  for (const calib::RigUncertainty::OfCamera& camera : rig.uncertainty->cameras) {
+  for (const calib::RigUncertainty::CameraParameters& camera : rig.uncertainty->cameras) {
     if (camera.has_pose) rig.uncertainty->sigma.segment<3>(camera.pose_at() + 3) *= change.scale;
   }
   return rig;

@@ -23,7 +23,7 @@ namespace {
 namespace fs = std::filesystem;
 using namespace std::chrono_literals;
 
-constexpr std::size_t least_cameras = 2, most_cameras = 8;
+constexpr std::size_t least_cameras = 2, max_cameras = 8;
 constexpr double wanted_fps = 30;
 constexpr double pre_roll_s = 60;
 constexpr double bytes_per_mb = 1e6;  // as record.pre_roll_mb counts
@@ -88,8 +88,8 @@ std::vector<SetUpCamera> cameras_of_this_host(std::vector<std::string>& left_out
     if (!stream) {
       left_out.push_back(of.node.string() + ": " +
                          (exam.problem.empty() ? "no format that can be used" : exam.problem));
-    } else if (cameras.size() == most_cameras) {
-      left_out.push_back(fmt::format("{}: {} are enough", of.node.string(), most_cameras));
+    } else if (cameras.size() == max_cameras) {
+      left_out.push_back(fmt::format("{}: {} are enough", of.node.string(), max_cameras));
     } else {
       const auto& stable = !of.by_path.empty() ? of.by_path : of.by_id;
       cameras.push_back({.device = stable.empty() ? of.node : stable.front(),

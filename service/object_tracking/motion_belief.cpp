@@ -61,9 +61,9 @@ double largest_sigma(const Eigen::Matrix3d& covariance) {
 }
 
 MotionBelief::MotionBelief(const calib::CameraRig& rig, bool times_are_learnt) : times_are_learnt_(times_are_learnt) {
-  if (rig.cameras.size() > most_cameras)
+  if (rig.cameras.size() > max_cameras)
     throw std::invalid_argument(
-        fmt::format("a tracker takes at most {} cameras, this rig has {}", most_cameras, rig.cameras.size()));
+        fmt::format("a tracker takes at most {} cameras, this rig has {}", max_cameras, rig.cameras.size()));
   const auto cameras = static_cast<Eigen::Index>(rig.cameras.size());
   const Eigen::Index n = 6 + (times_are_learnt ? 4 : 2) * cameras;
   mean_ = Eigen::VectorXd::Zero(n);

@@ -54,7 +54,7 @@ class MotionBelief {
   // moves the object along its path and changes no picture. It is the first one.
   static constexpr int reference_camera = 0;
   // So that what a sighting says fits on the stack: nothing is allocated while a set is worked on.
-  static constexpr int most_cameras = 64;
+  static constexpr int max_cameras = 64;
 
   // Throws std::invalid_argument for more cameras than that.
   // times_are_learnt: otherwise the rig's hold, and what it states of their uncertainty counts as noise of a sighting.
@@ -148,7 +148,7 @@ class MotionBelief {
     double dt;
     Eigen::Vector3d v;
   };
-  static constexpr int most_states = 6 + 4 * most_cameras;
+  static constexpr int most_states = 6 + 4 * max_cameras;
   template <int rows>
   using WithState = Eigen::Matrix<double, rows, Eigen::Dynamic, Eigen::ColMajor, rows, most_states>;
   WithState<2> two_rows(Eigen::Index i) const;  // of the covariance, from the i-th on, which is none of the motion's

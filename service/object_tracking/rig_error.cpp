@@ -43,7 +43,7 @@ Eigen::Matrix3d RigError::left_open(const Eigen::Vector3d& position, capture::Ti
     const double share = std::exp(-std::abs(capture::seconds(at - last_views_[c].at)) / memory_s);
     if (share > least_share) views.push_back({static_cast<int>(c), share * last_views_[c].information});
   }
-  return calib::left_open_by_rig(rig_, position, views, elsewhere_);
+  return calib::rig_covariance_at(rig_, position, views, elsewhere_);
 }
 
 }  // namespace huetrack::object_tracking

@@ -84,7 +84,7 @@ VolumeError volume_error(const calib::CameraRig& truth, const Project& project, 
     const Vector3d off = change * found_points[k] - true_points[k];
     error.rms_m += off.squaredNorm() / double(true_points.size());
     if (!found.uncertainty) continue;
-    const Eigen::Matrix3d covariance = calib::left_open_by_rig(found, found_points[k], views[k]);
+    const Eigen::Matrix3d covariance = calib::rig_covariance_at(found, found_points[k], views[k]);
     const Eigen::Matrix3d turn = change.new_from_old.rotation.toRotationMatrix();
     const Eigen::Matrix3d there = turn * covariance * turn.transpose();
     for (int axis = 0; axis < 3; ++axis) {

@@ -30,7 +30,7 @@ CameraRig three_cameras() {
   return rig;
 }
 
-const std::vector<RigUncertainty::OfCamera> of_cameras{
+const std::vector<RigUncertainty::CameraParameters> of_cameras{
     {.lens_count = 9, .has_pose = true}, {.lens_count = 8, .has_pose = true}, {.has_pose = true}};
 
 // Correlated, and without variance in six directions; lens and pose have the sizes of a good calibration.
@@ -45,7 +45,7 @@ Eigen::MatrixXd some_covariance(std::mt19937& rng) {
   return root * root.transpose();
 }
 
-TEST(RigUncertainty, HoldsACovarianceThatHasDirectionsWithoutVariance) {
+TEST(RigUncertainty, StoresASingularCovariance) {
   std::mt19937 rng(1);
   const Eigen::MatrixXd covariance = some_covariance(rng);
   const RigUncertainty uncertainty = RigUncertainty::of(of_cameras, covariance);
@@ -83,7 +83,7 @@ Eigen::Vector3d triangulated(const CameraRig& truth, const CameraRig& rig, const
   return x;
 }
 
-TEST(RigUncertainty, MovesAPositionAsTheCamerasErrorsDo) {
+TEST(RigUncertainty, PredictsTheEffectOfCameraErrorsOnAPosition) {
   std::mt19937 rng(2);
   std::normal_distribution<double> normal;
   CameraRig rig = three_cameras();
@@ -93,34 +93,34 @@ TEST(RigUncertainty, MovesAPositionAsTheCamerasErrorsDo) {
                                {2, 2 * Eigen::Matrix2d::Identity()}};
   const Eigen::MatrixXd factor = rig.uncertainty->factor();
   for (const Eigen::Vector3d& p : {Eigen::Vector3d(0, 0, 1), Eigen::Vector3d(0.3, -0.4, 0.7)}) {
-    const Eigen::Matrix3Xd moved = moved_by_cameras(rig, *rig.uncertainty, p, views);
+    const Eigen::Matrix3Xd moved = position_gain_of_cameras(rig, *rig.uncertainty, p, views);
     for (int draw = 0; draw < 20; ++draw) {
       const Eigen::VectorXd errors = factor * Eigen::VectorXd::NullaryExpr(factor.cols(), [&] { return normal(rng); });
-      // The cameras are where `errors` puts them: what the rig then says lies beside p by -moved * errors.
+      // With the true cameras moved by `errors`, the rig's position differs from p by -gain * errors.
       const Eigen::Vector3d off = triangulated(with_errors(rig, errors), rig, p, views) - p;
       EXPECT_LT((off + moved * errors).norm(), 0.02 * off.norm() + 2e-5);
     }
-    const Eigen::Matrix3d open = left_open_by_rig(rig, p, views);
+    const Eigen::Matrix3d open = rig_covariance_at(rig, p, views);
     const Eigen::Matrix3d expected = moved * rig.uncertainty->covariance() * moved.transpose();
     EXPECT_LT((open - expected).norm(), 1e-9 * expected.norm());
   }
 }
 
-TEST(RigUncertainty, OfOneViewOnlyWhatIsKnownElsewhereHoldsTheDepth) {
+TEST(RigUncertainty, DepthOfASingleViewComesFromThePrior) {
   std::mt19937 rng(3);
   CameraRig rig = three_cameras();
   rig.uncertainty = RigUncertainty::of(of_cameras, some_covariance(rng));
   const std::vector<PlaceView> one{{0, 25 * Eigen::Matrix2d::Identity()}};
   const Eigen::Vector3d p(0, 0, 1), along = (p - rig.cameras[0].centre()).normalized();
-  const Eigen::Matrix3d open = left_open_by_rig(rig, p, one, 1e4 * Eigen::Matrix3d::Identity());
+  const Eigen::Matrix3d open = rig_covariance_at(rig, p, one, 1e4 * Eigen::Matrix3d::Identity());
   EXPECT_LT(along.dot(open * along), 1e-3 * open.trace());
   EXPECT_GT(open.trace(), 0);
-  EXPECT_TRUE(left_open_by_rig(rig, p, {}).isZero());  // nobody sees it
+  EXPECT_TRUE(rig_covariance_at(rig, p, {}).isZero());  // no view sees it
   rig.uncertainty.reset();
-  EXPECT_TRUE(left_open_by_rig(rig, p, one).isZero());
+  EXPECT_TRUE(rig_covariance_at(rig, p, one).isZero());
 }
 
-TEST(RigUncertainty, APoseThatIsFoundAnewStandsAlone) {
+TEST(RigUncertainty, AReplacedPoseHasNoCorrelations) {
   std::mt19937 rng(4);
   CameraRig rig = three_cameras();
   rig.uncertainty = RigUncertainty::of(of_cameras, some_covariance(rng));
@@ -139,7 +139,7 @@ TEST(RigUncertainty, APoseThatIsFoundAnewStandsAlone) {
   EXPECT_FALSE(alone.cameras[0].has_pose);
 }
 
-TEST(RigHistory, TellsTimesAndAges) {
+TEST(RigHistory, PrintsTimesAndAges) {
   const auto at = utc_time("2026-11-22T16:04:08Z");
   ASSERT_TRUE(at);
   EXPECT_EQ(at->time_since_epoch().count(), 1795363448);
@@ -149,7 +149,7 @@ TEST(RigHistory, TellsTimesAndAges) {
   RigHistory made{.at = at, .temperature_c = 21.5, .checks = {}};
   EXPECT_EQ(made.text(*at + std::chrono::hours(50)), "calibrated 2 days ago at 21.5 C");
   for (int k = 0; k < 12; ++k) made.add({*at + std::chrono::hours(k), "usable", std::to_string(k)});
-  EXPECT_EQ(made.checks.size(), RigHistory::most_checks);
+  EXPECT_EQ(made.checks.size(), RigHistory::max_checks);
   EXPECT_EQ(made.checks.back().text, "11");
   EXPECT_EQ(made.text(*at + std::chrono::hours(14)),
             "calibrated 14 hours ago at 21.5 C; last checked 3 hours ago: usable");

@@ -11,7 +11,7 @@ namespace huetrack::calib {
 inline CameraRig with_errors(CameraRig rig, const Eigen::VectorXd& errors) {
   if (!rig.uncertainty) return rig;
   for (std::size_t c = 0; c < rig.cameras.size(); ++c) {
-    const RigUncertainty::OfCamera& of = rig.uncertainty->cameras[c];
+    const RigUncertainty::CameraParameters& of = rig.uncertainty->cameras[c];
     Camera& camera = rig.cameras[c];
     if (of.has_pose) camera.cam_from_world = exp(errors.segment<6>(of.pose_at())) * camera.cam_from_world;
     if (of.lens_count == 0) continue;

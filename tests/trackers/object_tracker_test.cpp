@@ -381,7 +381,7 @@ TEST(ObjectTracker, whatTheCalibrationLeftOpenIsInTheCovarianceAndMovesNothing) 
   Eigen::VectorXd variance(18);
   for (int c = 0; c < 3; ++c) variance.segment<6>(6 * c) << 9e-6, 9e-6, 9e-6, 25e-6, 25e-6, 25e-6;
   calib::CameraRig rig = scene.rig;
-  rig.uncertainty = calib::RigUncertainty::of(std::vector(3, calib::RigUncertainty::OfCamera{.has_pose = true}),
+  rig.uncertainty = calib::RigUncertainty::of(std::vector(3, calib::RigUncertainty::CameraParameters{.has_pose = true}),
                                               variance.asDiagonal().toDenseMatrix());
   ObjectTracker unsure(rig, regions_only, options_with()), mended(rig, regions_only, options_with());
   std::vector<CameraTrust> posed_anew(3);  // poses that are exactly known now
@@ -396,7 +396,7 @@ TEST(ObjectTracker, whatTheCalibrationLeftOpenIsInTheCovarianceAndMovesNothing) 
     if (a.state != TrackState::tracking || b.views < 3) continue;
     EXPECT_TRUE(a.position == b.position);
     const Eigen::Matrix3d added = b.covariance - a.covariance;
-    const Eigen::Matrix3d expected = calib::left_open_by_rig(rig, b.position, views);
+    const Eigen::Matrix3d expected = calib::rig_covariance_at(rig, b.position, views);
     EXPECT_NEAR(added.trace() / expected.trace(), 1, 0.3);  // as far as the views are alike
     EXPECT_LT((c.covariance - a.covariance).trace(), 0.01 * added.trace());
     ++compared;
