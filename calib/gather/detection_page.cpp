@@ -44,7 +44,7 @@ std::string picture(const ShownPicture& shown) {
          escaped(shown.caption) + "</figcaption></figure>";
 }
 
-std::string map_of(const ViewCoverage::CameraParameters& camera) {
+std::string map_of(const ViewCoverage::CameraCoverage& camera) {
   constexpr double cell = 24;
   std::string svg =
       fmt::format("<svg width='{:.0f}' height='{:.0f}'>", ViewCoverage::columns * cell, ViewCoverage::rows * cell);

@@ -189,7 +189,7 @@ class Gathering {
   void tell(const std::string& status, const std::vector<std::string>& needs) {
     const auto list = [](const auto& numbers) { return fmt::to_string(fmt::join(numbers, ",")); };
     for (std::size_t c = 0; c < names_.size(); ++c) {
-      const ViewCoverage::CameraParameters& of = coverage_->cameras()[c];
+      const ViewCoverage::CameraCoverage& of = coverage_->cameras()[c];
       tell_program("coverage", {names_[c], std::to_string(of.views), std::to_string(ViewCoverage::enough_views),
                                 fmt::format("{:.0f}", 100 * of.image_share()),
                                 fmt::format("{:.0f}", 100 * ViewCoverage::enough_image), list(of.corners),

@@ -40,12 +40,12 @@ constexpr std::array tilt_needs{"hold it straight to the camera", "tilt it, its 
 
 }  // namespace
 
-double ViewCoverage::CameraParameters::image_share() const {
+double ViewCoverage::CameraCoverage::image_share() const {
   return static_cast<double>(std::ranges::count_if(corners, [](int n) { return n > 0; })) /
          static_cast<double>(corners.size());
 }
 
-int ViewCoverage::CameraParameters::tilts_seen() const {
+int ViewCoverage::CameraCoverage::tilts_seen() const {
   return static_cast<int>(std::ranges::count_if(tilts, [](int n) { return n > 0; }));
 }
 
@@ -69,7 +69,7 @@ void ViewCoverage::add(const std::vector<solver::BoardView>& views) {
   kept_.push_back(views);
   for (const solver::BoardView& view : views) {
     const calib::ImageSize size = sizes_[index(view.camera)];
-    CameraParameters& camera = cameras_[index(view.camera)];
+    CameraCoverage& camera = cameras_[index(view.camera)];
     ++camera.views;
     if (view.blur_px > 0) camera.blurs_px.push_back(view.blur_px);
     ++camera.tilts[static_cast<std::size_t>(tilt_of(board_, view, size))];
@@ -97,7 +97,7 @@ std::vector<std::string> ViewCoverage::needs() const {
   // A median of fewer than three is no more than a view in which the board moved.
   constexpr std::size_t least_blurs = 3;
   double sharpest_px = std::numeric_limits<double>::infinity();
-  for (const CameraParameters& camera : cameras_) {
+  for (const CameraCoverage& camera : cameras_) {
     if (camera.blurs_px.size() >= least_blurs) sharpest_px = std::min(sharpest_px, calib::median(camera.blurs_px));
   }
   for (std::size_t c = 0; c < cameras_.size(); ++c) {
@@ -115,7 +115,7 @@ std::vector<std::string> ViewCoverage::needs() const {
     needs.push_back(fmt::format("show it to {} and {} together: {} of {} shared views", names_[link.a], names_[link.b],
                                 link.shared, enough_shared));
   for (std::size_t c = 0; c < cameras_.size(); ++c) {
-    const CameraParameters& camera = cameras_[c];
+    const CameraCoverage& camera = cameras_[c];
     if (camera.views == 0) continue;
     if (camera.views < enough_views)
       needs.push_back(fmt::format("{}: {} of {} views at different places", names_[c], camera.views, enough_views));
@@ -149,7 +149,7 @@ std::string ViewCoverage::lines() const {
   for (const std::string& name : names_) longest = std::max(longest, name.size());
   std::string lines;
   for (std::size_t c = 0; c < cameras_.size(); ++c) {
-    const CameraParameters& camera = cameras_[c];
+    const CameraCoverage& camera = cameras_[c];
     const auto bar = [](double share) {
       constexpr std::size_t cells = 10;
       const auto full = std::min(cells, static_cast<std::size_t>(share * cells));

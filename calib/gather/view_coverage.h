@@ -21,7 +21,7 @@ class ViewCoverage {
   static constexpr int columns = 6, rows = 4;  // parts of the image
   enum Tilt { straight, left_nearer, right_nearer, top_nearer, bottom_nearer };
 
-  struct CameraParameters {
+  struct CameraCoverage {
     int views = 0;
     std::array<int, columns * rows> corners{};  // per part of the image, row by row
     std::array<int, 5> tilts{};                 // views, by Tilt
@@ -37,7 +37,7 @@ class ViewCoverage {
   bool is_new(const std::vector<solver::BoardView>& views) const;
   void add(const std::vector<solver::BoardView>& views);
 
-  const std::vector<CameraParameters>& cameras() const { return cameras_; }
+  const std::vector<CameraCoverage>& cameras() const { return cameras_; }
   int shared(int a, int b) const;  // moments that both saw
 
   // What is missing, the most important first; a sentence each. Empty: it is enough.
@@ -51,7 +51,7 @@ class ViewCoverage {
   board::Board board_;
   std::vector<std::string> names_;
   std::vector<calib::ImageSize> sizes_;
-  std::vector<CameraParameters> cameras_;
+  std::vector<CameraCoverage> cameras_;
   std::vector<std::vector<solver::BoardView>> kept_;
   std::map<std::pair<int, int>, int> shared_;
 };

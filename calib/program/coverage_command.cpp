@@ -50,9 +50,9 @@ void tell(const wave::WaveCoverage& coverage, const calib::CameraRig& rig, gathe
     line.show("wave the ball", seconds, std::nullopt, needs.empty() ? "enough" : needs.front());
     return;
   }
-  const std::vector<wave::WaveCoverage::CameraParameters> cameras = coverage.cameras();
+  const std::vector<wave::WaveCoverage::OfCamera> cameras = coverage.cameras();
   for (std::size_t c = 0; c < cameras.size(); ++c) {
-    const wave::WaveCoverage::CameraParameters& of = cameras[c];
+    const wave::WaveCoverage::OfCamera& of = cameras[c];
     gather::tell_program(
         "coverage",
         {rig.cameras[c].name, std::to_string(of.sightings), std::to_string(wave::WaveCoverage::enough_sightings),

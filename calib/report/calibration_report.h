@@ -111,10 +111,10 @@ struct CalibrationReport {
 
 // What is known besides the result.
 struct ReportInput {
-  struct CameraParameters {
+  struct CameraTally {
     int pictures = 0, boards = 0, smeared = 0;
   };
-  std::vector<CameraParameters> cameras;           // beside the result's; may be empty
+  std::vector<CameraTally> cameras;  // beside the result's; may be empty
   std::vector<std::string> warnings;       // damaged files: each a doubt
   std::string board_doubt{};               // what the pictures say against the board file; empty: nothing
   std::vector<CameraLeftOut> left_out{};   // cameras that should have been in it

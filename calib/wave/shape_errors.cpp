@@ -45,7 +45,7 @@ calib::RigUncertainty ShapeErrors::uncertainty(const WaveState& state, const Eig
     by_scale.segment<3>(6 * c + 3) = -turn * (scale_sigma * (centre - middle));
   }
   return calib::RigUncertainty::of(
-      std::vector(static_cast<std::size_t>(n), calib::RigUncertainty::CameraParameters{.has_pose = true}),
+      std::vector(static_cast<std::size_t>(n), calib::RigUncertainty::OfCamera{.has_pose = true}),
       by_found * covariance * by_found.transpose() + by_scale * by_scale.transpose());
 }
 

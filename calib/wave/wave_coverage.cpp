@@ -18,11 +18,11 @@ constexpr std::size_t most_radii = 3000;
 
 }  // namespace
 
-double WaveCoverage::CameraParameters::image_share() const {
+double WaveCoverage::OfCamera::image_share() const {
   return double(std::ranges::count_if(parts, [](int n) { return n > 0; })) / double(parts.size());
 }
 
-double WaveCoverage::CameraParameters::depth() const {
+double WaveCoverage::OfCamera::depth() const {
   return smallest_px > 0 ? largest_px / smallest_px : 1;
 }
 
@@ -63,10 +63,10 @@ void WaveCoverage::add(const BallFrame& frame, std::size_t ball_number) {
   for (const auto& region : frame.regions) before.push_back(region.centre);
 }
 
-std::vector<WaveCoverage::CameraParameters> WaveCoverage::cameras() const {
-  std::vector<CameraParameters> told;
+std::vector<WaveCoverage::OfCamera> WaveCoverage::cameras() const {
+  std::vector<OfCamera> told;
   for (const PerCamera& camera : cameras_) {
-    CameraParameters& one = told.emplace_back(camera.told);
+    OfCamera& one = told.emplace_back(camera.told);
     one.is_seen_now = camera.newest_s - camera.seen_at_s < now_s;
     if (camera.radii_px.empty()) continue;
     std::vector<float> radii = camera.radii_px;
@@ -79,7 +79,7 @@ std::vector<WaveCoverage::CameraParameters> WaveCoverage::cameras() const {
 
 std::vector<std::string> WaveCoverage::needs() const {
   std::vector<std::string> needs;
-  const std::vector<CameraParameters> of = cameras();
+  const std::vector<OfCamera> of = cameras();
   for (std::size_t c = 0; c < of.size(); ++c)
     if (of[c].sightings == 0) needs.push_back(names_[c] + " has not seen it move yet");
   const auto shared_of = [this](std::size_t a, std::size_t b) { return shared(a, b); };
@@ -110,7 +110,7 @@ std::vector<std::string> WaveCoverage::needs() const {
 
 std::string WaveCoverage::text() const {
   std::string out = "in view:", lacking;
-  const std::vector<CameraParameters> of = cameras();
+  const std::vector<OfCamera> of = cameras();
   for (std::size_t c = 0; c < of.size(); ++c) out += fmt::format(" {} {:.0f}%", names_[c], 100 * of[c].image_share());
   for (std::size_t a = 0; a < of.size(); ++a)
     for (std::size_t b = a + 1; b < of.size(); ++b)

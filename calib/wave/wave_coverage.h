@@ -20,7 +20,7 @@ class WaveCoverage {
   static constexpr double enough_image = 0.5, enough_deep = 1.5;  // of its parts; of the largest region's radius to the
                                                                   // smallest's: near and far
 
-  struct CameraParameters {
+  struct OfCamera {
     int frames = 0, sightings = 0;  // sightings: frames in which it has moved
     std::array<int, columns * rows> parts{};
     double smallest_px = 0, largest_px = 0;  // radius; all but the outermost tenths
@@ -34,7 +34,7 @@ class WaveCoverage {
   // ball: which one it is of, where several are waved.
   void add(const BallFrame& frame, std::size_t ball = 0);
 
-  std::vector<CameraParameters> cameras() const;
+  std::vector<OfCamera> cameras() const;
   int shared(std::size_t a, std::size_t b) const { return shared_[std::min(a, b) * names_.size() + std::max(a, b)]; }
 
   // What is missing, the most important first; a sentence each. Empty: it is enough.
@@ -43,7 +43,7 @@ class WaveCoverage {
 
  private:
   struct PerCamera {
-    CameraParameters told;
+    OfCamera told;
     std::vector<std::vector<Eigen::Vector2d>> before;  // per ball: regions of its last frame
     std::vector<float> radii_px;
     double seen_at_s = -1e9, newest_s = -1e9;

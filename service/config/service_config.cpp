@@ -922,8 +922,8 @@ ServiceConfig read_config(const fs::path& file, const yaml::YamlReader& written,
 }
 
 // Of a camera host.
-template <typename Io, typename Config, typename CameraParameters>
-void describe_capture(Io& io, Config& config, const CameraParameters& of_camera) {
+template <typename Io, typename Config, typename OfCamera>
+void describe_capture(Io& io, Config& config, const OfCamera& of_camera) {
   io.version(1);
   io.text_or("host", "auto", config.host, "how trackers call this host; auto: as the machine is called");
   io.named("cameras", config.cameras, "its cameras, as trackers call them", of_camera);
