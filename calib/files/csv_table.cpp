@@ -84,7 +84,7 @@ bool CsvTable::next() {
   if (rejects_ragged_rows_ && cells_.size() != header_cells_)
     fail("has " + std::to_string(cells_.size()) + " fields, but the header has " + std::to_string(header_cells_));
   if (cells_.size() < needed_cells_)
-    fail("has " + std::to_string(cells_.size()) + " columns; at least " + std::to_string(needed_cells_) +
+    fail("has " + std::to_string(cells_.size()) + " columns, at least " + std::to_string(needed_cells_) +
          " are needed");
   return true;
 }

@@ -97,7 +97,7 @@ std::vector<report::CameraLeftOut> left_out_of(const gather::FoundBoards& found,
   for (const solver::LeftOutCamera& camera : result.left_out) {
     const std::string& name = found.cameras[static_cast<std::size_t>(camera.camera)].name;
     const auto unseen = std::ranges::find(found.without_boards, name, &std::pair<std::string, std::string>::first);
-    out.push_back({name, unseen == found.without_boards.end() ? report::told(camera.why) : unseen->second});
+    out.push_back({name, unseen == found.without_boards.end() ? report::with_advice(camera.why) : unseen->second});
   }
   return out;
 }

@@ -59,7 +59,7 @@ int main(int argc, char** argv) {
   try {
     status = std::get<program::Command>(asked)(signals.token());
   } catch (const solver::CalibrationError& error) {
-    return fail(report::told(error));
+    return fail(report::with_advice(error));
   } catch (const std::exception& error) {
     return fail(error.what());
   }

@@ -1,7 +1,7 @@
 // The joint adjustment of cameras, lenses and board poses to the corners that the cameras saw: least squares over the
 // reprojection errors (Ceres), with outliers found and left out, and the covariance of everything that was found.
 // Deterministic: one thread, and the order of the views does not matter. What cannot be done is a CalibrationError: its
-// what() is a fact; what to do about it is said by report::told().
+// what() is a fact; what to do about it is said by report::with_advice().
 #pragma once
 
 #include <Eigen/Core>

@@ -54,7 +54,7 @@ std::string facts(const std::vector<Reason>& reasons);
 std::vector<Reason> after(const std::string& words, std::vector<Reason> reasons);
 
 // The calibration cannot be done with this input. what() is one readable line that states facts: which input, and what
-// is wrong with it. For people: report::told().
+// is wrong with it. For people: report::with_advice().
 class CalibrationError : public std::runtime_error {
  public:
   explicit CalibrationError(const std::string& fact, Fault fault = Fault::none);

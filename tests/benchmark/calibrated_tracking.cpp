@@ -182,7 +182,7 @@ int main(int argc, char** argv) {
         rig = aligned;
         rig.uncertainty = solver::uncertainty_of(found.adjustment, volume);
       } catch (const solver::CalibrationError& error) {
-        fmt::print("  calibration {:2}: {}\n", seed, report::told(error));
+        fmt::print("  calibration {:2}: {}\n", seed, report::with_advice(error));
         continue;
       }
       const Honesty a = track(subject, rig);

@@ -320,8 +320,8 @@ void faults(int seeds) {
       {.name = "moved by 5 mm and 0.3 degrees half way",
        .moved_m = 0.005,
        .turned_deg = 0.3,
-       .words = {"cam1 moved while it was recorded"}},
-      {.name = "moved by 2 mm half way", .moved_m = 0.002, .words = {"cam1 moved while it was recorded"}},
+       .words = {"cam1 moved during the recording"}},
+      {.name = "moved by 2 mm half way", .moved_m = 0.002, .words = {"cam1 moved during the recording"}},
       {.name = "one frame late",
        .frames_late = 1,
        .words = {"most in cam1", "cam1: its corners scatter", "views of the board contradict"}},
@@ -367,7 +367,7 @@ void faults(int seeds) {
         named += is_named ? 1 : 0;
         if (!is_named && missed.empty()) missed = doubts.empty() ? "    (no doubt)\n" : doubts;
       } catch (const solver::CalibrationError& error) {
-        const std::string why = report::told(error);
+        const std::string why = report::with_advice(error);
         const bool is_named = why.find("cam1") != std::string::npos;
         named += is_named ? 1 : 0;
         if (!is_named && missed.empty()) missed = "    " + why + "\n";

@@ -213,7 +213,7 @@ void print_faults(const std::filesystem::path& folder) {
                   std::string(report::name(report.verdict)).c_str(), is_wrong ? "  WRONG" : "",
                   report.doubts.empty() ? "" : (": " + report.doubts.front()).c_str());
     } catch (const solver::CalibrationError& error) {
-      std::printf("  %-42s %9s %9s %6s  failed: %s\n", fault.name.c_str(), "", "", "", report::told(error).c_str());
+      std::printf("  %-42s %9s %9s %6s  failed: %s\n", fault.name.c_str(), "", "", "", report::with_advice(error).c_str());
     }
   }
 }

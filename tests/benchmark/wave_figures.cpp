@@ -293,7 +293,7 @@ void from_wrong_rigs(const figures::Sequence& sequence, const Waved& waved, cons
         std::printf("%s", report::to_text(told, r).c_str());
     } catch (const solver::CalibrationError& error) {
       ++failed;
-      std::printf("    seed %d: %s\n", seed, report::told(error).c_str());
+      std::printf("    seed %d: %s\n", seed, report::with_advice(error).c_str());
     }
   }
   std::printf("  %s: %d seeds, %d failed, %d doubtful, slowest %.2f s\n", mode.name, seeds, failed, doubtful, slowest);
@@ -316,7 +316,7 @@ void from_nothing(const figures::Sequence& sequence, const Waved& waved, wave::W
       std::printf("    MISSED\n");
     }
   } catch (const solver::CalibrationError& error) {
-    std::printf("    failed: %s\n", report::told(error).c_str());
+    std::printf("    failed: %s\n", report::with_advice(error).c_str());
     if (must) all_reached = false;
   }
 }

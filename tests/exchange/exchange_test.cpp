@@ -478,7 +478,7 @@ TEST_F(Exchange, OpenCvSampleFile) {
        0.23839153080878486},
       cv::Mat::zeros(3, 1, CV_64F), {0, 0, 0});
   EXPECT_THAT(in.notes, Contains(AllOf(HasSubstr("not taken over"), HasSubstr("avg_reprojection_error"))));
-  // Two lenses, but not how they stand to one another; and no size.
+  // Two lenses, but not their relative pose; and no size.
   EXPECT_THAT([&] { import(folder / "intrinsics.yml"); },
               testing::Throws<files::ConfigError>(testing::Property(&files::ConfigError::what, HasSubstr("--size"))));
   EXPECT_THAT(

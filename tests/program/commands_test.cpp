@@ -131,7 +131,7 @@ TEST_F(Calibrate, PicturesOfAGoodCaptureGiveTheRig) {
 
   const Ended map = run({"map", path("rig.yaml"), "--report", path("map.html")});
   EXPECT_EQ(map.status, 0) << map.out << map.err;
-  EXPECT_THAT(map.out, AllOf(HasSubstr("The calibration's own part"), HasSubstr("Where to put the next camera")));
+  EXPECT_THAT(map.out, AllOf(HasSubstr("the calibration contributes"), HasSubstr("Where to put the next camera")));
   EXPECT_THAT(end_to_end::contents(path("map.html")), HasSubstr("<svg"));
   EXPECT_THAT(end_to_end::contents(path("map.pdf")), testing::StartsWith("%PDF-"));
   const Ended again = run({"map", path("rig.yaml"), "--report", path("map")});  // .html is added

@@ -262,7 +262,7 @@ TEST(YamlReader, ErrorsSuggestTheCorrectText) {
       {"{a: 8,5}", [](const YamlReader& r) { r.number("a", any_number), r.finish(); },
        "decimals have a point, not a comma: 0.5"},
       {"b: 1", [](const YamlReader& r) { r.has("one"), r.has("two"), r.finish(); }, "known are: one, two"},
-      {"version: 2", [](const YamlReader& r) { r.version(1); }, "neither the program's version nor counts yours"},
+      {"version: 2", [](const YamlReader& r) { r.version(1); }, "neither the program's version nor a count"},
       {"version: '1'", [](const YamlReader& r) { r.version(1); }, "write 1, without quotation marks"},
       {"a: 1", [](const YamlReader& r) { r.version(1); }, "write version: 1, the version of the file format"},
       {"a:1\nb: 2", nothing, "a space is missing after the colon: write a: 1"},
@@ -271,7 +271,7 @@ TEST(YamlReader, ErrorsSuggestTheCorrectText) {
       {"a: b: 2", nothing, "write a: {b: 2}, or b on a line of its own, indented further"},
       {"a: @b", nothing, "put quotation marks around what begins with @: write a: \"@b\""},
       {"a: {b: 1\nc: 2", nothing, "{ is never closed: write } where it ends"},
-      {"a: 1\n   b: 2", nothing, "it is indented by 3 spaces, the line above it"},
+      {"a: 1\n   b: 2", nothing, "it is indented by 3 spaces, but the line above it"},
       {"a:\n    b: 2\n  c: 3", nothing, "it is indented by 2 spaces, like no line above it"},
       {"a:\n\u00a0\u00a0b: 2\nc: 3: 4", nothing, "no-break spaces"},
   };
