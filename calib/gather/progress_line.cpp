@@ -6,13 +6,13 @@
 namespace huetrack::gather {
 namespace {
 
-bool programs_are_told = false;  // set before there is a second thread
+bool is_machine_readable_output = false;  // set before there is a second thread
 
-constexpr auto told_every = std::chrono::milliseconds(400);
+constexpr auto send_interval = std::chrono::milliseconds(400);
 
 }  // namespace
 
-void tell_program(const std::string& kind, const std::vector<std::string>& fields) {
+void send_to_program(const std::string& kind, const std::vector<std::string>& fields) {
   std::string line = "@" + kind;
   for (std::string field : fields) {
     std::ranges::replace_if(
@@ -29,33 +29,33 @@ std::string progress_text(const std::string& what, int done, std::optional<int> 
          (details.empty() ? "" : "  " + details);
 }
 
-ProgressLine::ProgressLine(bool wanted) : line_(wanted && !programs_are_told) {}
+ProgressLine::ProgressLine(bool wanted) : line_(wanted && !is_machine_readable_output) {}
 
-void ProgressLine::tell_programs() {
-  programs_are_told = true;
+void ProgressLine::set_machine_readable() {
+  is_machine_readable_output = true;
 }
 
-bool ProgressLine::tells_programs() {
-  return programs_are_told;
+bool ProgressLine::is_machine_readable() {
+  return is_machine_readable_output;
 }
 
 bool ProgressLine::due() const {
-  if (programs_are_told) return std::chrono::steady_clock::now() - last_ >= told_every;
+  if (is_machine_readable_output) return std::chrono::steady_clock::now() - last_ >= send_interval;
   return line_.due();
 }
 
 void ProgressLine::show(const std::string& what, int done, std::optional<int> total, const std::string& details) {
-  if (!programs_are_told) return draw(progress_text(what, done, total, details));
-  if (what == told_ && !due()) return;
-  told_ = what;
+  if (!is_machine_readable_output) return draw(progress_text(what, done, total, details));
+  if (what == last_sent_ && !due()) return;
+  last_sent_ = what;
   last_ = std::chrono::steady_clock::now();
-  tell_program("progress", {what, std::to_string(done), total ? std::to_string(*total) : "", details});
+  send_to_program("progress", {what, std::to_string(done), total ? std::to_string(*total) : "", details});
 }
 
 void ProgressLine::draw(const std::string& lines) {
-  if (programs_are_told && lines != told_) {  // some work that tells no parts
-    told_ = lines;
-    tell_program("progress", {lines, "", "", ""});
+  if (is_machine_readable_output && lines != last_sent_) {  // an operation without steps
+    last_sent_ = lines;
+    send_to_program("progress", {lines, "", "", ""});
   }
   line_.draw(lines);
 }

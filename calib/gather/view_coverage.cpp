@@ -19,13 +19,13 @@ namespace {
 
 using calib::index;
 
-// As a lens of usual width would see it: good enough to tell straight from tilted.
+// Assumes a usual lens: accurate enough to distinguish straight from tilted.
 ViewCoverage::Tilt tilt_of(const board::Board& board, const solver::BoardView& view, calib::ImageSize size) {
   solver::LensParameters lens = solver::LensParameters::Zero();
   lens.head<4>() << 0.9 * size.width, 0.9 * size.width, (size.width - 1) / 2.0, (size.height - 1) / 2.0;
   const auto poses = solver::board_poses(board, view, solver::LensModel::radtan4, lens);
   if (poses.empty()) return ViewCoverage::straight;
-  // The board's z axis points away from the camera; where it leans to, that side of the board is nearer.
+  // The board's z axis points away from the camera; the side that it leans to is nearer.
   const Eigen::Vector3d z = poses.front().cam_from_board.rotation * Eigen::Vector3d::UnitZ();
   constexpr double tilted = 18 * std::numbers::pi / 180;
   const double x = std::atan2(z.x(), std::abs(z.z())), y = std::atan2(z.y(), std::abs(z.z()));
@@ -94,7 +94,7 @@ std::vector<std::string> ViewCoverage::needs() const {
   for (std::size_t c = 0; c < cameras_.size(); ++c) {
     if (cameras_[c].views == 0) needs.push_back(names_[c] + " has not seen the board yet");
   }
-  // A median of fewer than three is no more than a view in which the board moved.
+  // A median of fewer than three may be a single view with motion.
   constexpr std::size_t least_blurs = 3;
   double sharpest_px = std::numeric_limits<double>::infinity();
   for (const CameraCoverage& camera : cameras_) {
@@ -104,7 +104,7 @@ std::vector<std::string> ViewCoverage::needs() const {
     if (cameras_[c].blurs_px.size() < least_blurs) continue;
     const double blur_px = calib::median(cameras_[c].blurs_px);
     if (board::is_out_of_focus(blur_px, sharpest_px))
-      needs.push_back(fmt::format("{} is out of focus (edges blurred by {:.1f} px{}): focus it, and begin anew",
+      needs.push_back(fmt::format("{} is out of focus (edges blurred by {:.1f} px{}): focus it, and start anew",
                                   names_[c], blur_px,
                                   cameras_.size() > 1 ? fmt::format(", at best {:.1f}", sharpest_px) : ""));
   }
@@ -120,7 +120,7 @@ std::vector<std::string> ViewCoverage::needs() const {
     if (camera.views < enough_views)
       needs.push_back(fmt::format("{}: {} of {} views at different places", names_[c], camera.views, enough_views));
     if (camera.image_share() < enough_image) {
-      // The ninth of the image with the fewest parts seen.
+      // The ninth of the image with the fewest corners.
       std::array<int, 9> missing{};
       for (int row = 0; row < rows; ++row) {
         for (int column = 0; column < columns; ++column) {
@@ -162,7 +162,7 @@ std::string ViewCoverage::lines() const {
   }
   const std::string lacking = lacking_pairs();
   return lines + (cameras_.size() < 2 ? ""
-                  : lacking.empty()   ? "  every pair has shared views enough"
+                  : lacking.empty()   ? "  every pair has enough shared views"
                                       : "  shared views: " + lacking);
 }
 

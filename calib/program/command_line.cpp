@@ -29,7 +29,7 @@ std::variant<Command, int> read_command_line(int argc, const char* const* argv) 
   add_accept_command(app, chosen);
   add_board_command(app, chosen);
   add_coverage_command(app, chosen);
-  app.add_flag_callback("--tell-program", &gather::ProgressLine::tell_programs,
+  app.add_flag_callback("--tell-program", &gather::ProgressLine::set_machine_readable,
                         "progress and verdict as lines on standard output, for a program (calib/reference.md)");
 
   try {

@@ -46,20 +46,20 @@ std::vector<recordings::RecordedCamera> growing_cameras(const std::string& recor
 // The program that shows it: what each camera has, all that is missing, and then the status, which ends it.
 void tell(const wave::WaveCoverage& coverage, const calib::CameraRig& rig, gather::ProgressLine& line, int seconds) {
   const std::vector<std::string> needs = coverage.needs();
-  if (!gather::ProgressLine::tells_programs()) {
+  if (!gather::ProgressLine::is_machine_readable()) {
     line.show("wave the ball", seconds, std::nullopt, needs.empty() ? "enough" : needs.front());
     return;
   }
   const std::vector<wave::WaveCoverage::OfCamera> cameras = coverage.cameras();
   for (std::size_t c = 0; c < cameras.size(); ++c) {
     const wave::WaveCoverage::OfCamera& of = cameras[c];
-    gather::tell_program(
+    gather::send_to_program(
         "coverage",
         {rig.cameras[c].name, std::to_string(of.sightings), std::to_string(wave::WaveCoverage::enough_sightings),
          fmt::format("{:.0f}", 100 * of.image_share()), fmt::format("{:.0f}", 100 * wave::WaveCoverage::enough_image),
          fmt::to_string(fmt::join(of.parts, ",")), "", of.is_seen_now ? "it is seen" : "it is not seen now"});
   }
-  for (const std::string& need : needs) gather::tell_program("need", {need});
+  for (const std::string& need : needs) gather::send_to_program("need", {need});
   line.show("wave the ball", seconds, std::nullopt, "");
 }
 

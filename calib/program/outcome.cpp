@@ -56,7 +56,7 @@ ExitStatus status_of(report::Verdict verdict) {
 report::ReportInput report_input(const gather::FoundBoards& found, const std::vector<std::string>& inputs) {
   report::ReportInput input;
   for (const gather::PictureTally& camera : found.cameras)
-    input.cameras.push_back({camera.pictures, camera.boards, camera.smeared()});
+    input.cameras.push_back({camera.pictures, camera.boards, camera.motion_blurred()});
   input.warnings = found.warnings;
   input.board_doubt = found.board_doubt;
   input.made_of.emplace_back("tool", "huetrack-calibrate " HUETRACK_VERSION);
@@ -70,8 +70,8 @@ report::ReportInput report_input(const gather::FoundBoards& found, const std::ve
 }
 
 void tell_verdict(report::Verdict verdict, const std::string& summary) {
-  if (gather::ProgressLine::tells_programs())
-    gather::tell_program("verdict", {std::string(report::name(verdict)), summary});
+  if (gather::ProgressLine::is_machine_readable())
+    gather::send_to_program("verdict", {std::string(report::name(verdict)), summary});
 }
 
 void write_document(const report::Document& document, const fs::path& name) {

@@ -206,7 +206,7 @@ CalibrationReport base_report(const solver::Adjustment& a, const ReportInput& in
     if (index(c) < input.cameras.size()) {
       report.cameras.back().pictures = input.cameras[index(c)].pictures;
       report.cameras.back().boards = input.cameras[index(c)].boards;
-      report.cameras.back().smeared = input.cameras[index(c)].smeared;
+      report.cameras.back().motion_blurred = input.cameras[index(c)].motion_blurred;
     }
   }
   std::set<int> sets;

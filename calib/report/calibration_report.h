@@ -47,7 +47,7 @@ struct CameraReport {
   std::string timing;  // latency and readout, if a moving board determined them
   std::vector<solver::LensTrial> trials;
   // Images, images with a detected board, and images with motion blur too strong for detection; 0 images: unknown.
-  int pictures = 0, boards = 0, smeared = 0;
+  int pictures = 0, boards = 0, motion_blurred = 0;
   int views_used = 0, corners_used = 0;
   int corners_left_out = 0, left_out_at_edge = 0;  // of used views; at_edge: in the outermost cells
   int distinct_views = 0;                          // of views_used, without repetitions of the same board pose
@@ -111,7 +111,7 @@ struct CalibrationReport {
 // Input besides the result.
 struct ReportInput {
   struct CameraTally {
-    int pictures = 0, boards = 0, smeared = 0;
+    int pictures = 0, boards = 0, motion_blurred = 0;
   };
   std::vector<CameraTally> cameras;        // one per camera of the result; may be empty
   std::vector<std::string> warnings;       // damaged files; each makes the result doubtful

@@ -314,7 +314,7 @@ std::string camera_table(const CalibrationReport& report) {
     out += fmt::format("<tr><td>{}</td><td class=n>{:.3f}</td><td class=n>{}</td><td class=n>", escaped(c.name),
                        c.rms_px, c.views_used);
     out += c.pictures > 0 ? fmt::format("{} of {}", c.boards, c.pictures) : std::string("-");
-    if (c.smeared > 0) out += fmt::format(", {} blurred by motion", c.smeared);
+    if (c.motion_blurred > 0) out += fmt::format(", {} blurred by motion", c.motion_blurred);
     out += fmt::format("</td><td class=n>{:.0f} %</td><td>{}</td><td class=n>{:.1f} +- {:.1f}</td>", 100 * c.coverage,
                        solver::name(c.lens), c.parameters(0), c.sigma(0));
     if (posed) {

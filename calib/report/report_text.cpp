@@ -78,8 +78,8 @@ std::string to_text(const CalibrationReport& report) {
           fmt::format("; direction of a pixel known to {:.2f} px where boards were, to {:.2g} px over the whole image",
                       camera.rays.covered_px, camera.rays.image_px);
     if (camera.blur_px > 0) out += fmt::format("; edges blurred by {:.1f} px", camera.blur_px);
-    if (camera.smeared > 0)
-      out += fmt::format("; in {} of {} images motion blur is too strong to find the board", camera.smeared,
+    if (camera.motion_blurred > 0)
+      out += fmt::format("; in {} of {} images motion blur is too strong to find the board", camera.motion_blurred,
                          camera.pictures);
     out += "\n";
   }

@@ -417,11 +417,11 @@ TEST_F(Calibrate, BlurredAndEmptyImages) {
   expect_left_out(extrinsics("empty"), "cam2", AllOf(HasSubstr("camera cam2"), HasSubstr("the image is black")));
   for (std::size_t p = 0; p < poses.size(); ++p)
     std::ofstream(folder_ / "empty/cam2" / gather::picture_name(static_cast<int>(p)), std::ios::trunc);
-  expect_left_out(extrinsics("empty"), "cam2", HasSubstr("no picture that can be used"));
+  expect_left_out(extrinsics("empty"), "cam2", HasSubstr("no usable image"));
   // With one camera left there is nothing to calibrate.
   const Ended alone = extrinsics("empty", "rig.yaml", {"--cameras", "cam0,cam2"});
   EXPECT_EQ(alone.status, 1) << alone.out;
-  EXPECT_THAT(alone.err, AllOf(HasSubstr("cam2"), HasSubstr("no picture that can be used")));
+  EXPECT_THAT(alone.err, AllOf(HasSubstr("cam2"), HasSubstr("no usable image")));
 }
 
 TEST_F(Calibrate, ATruncatedVideo) {
@@ -475,10 +475,10 @@ TEST_F(Calibrate, WrongCommandLines) {
   EXPECT_GT(run({"extrinsic"}).status, 100);
   Ended result = extrinsics("nowhere");
   EXPECT_EQ(result.status, 1);
-  EXPECT_THAT(result.err, HasSubstr("nowhere: there is no such file or folder"));
+  EXPECT_THAT(result.err, HasSubstr("nowhere: no such file or folder"));
   result = extrinsics("", "rig.yaml", {"left=" + path("none.mp4"), "right=" + path("none.mp4")});
   EXPECT_EQ(result.status, 1);
-  EXPECT_THAT(result.err, HasSubstr("none.mp4: there is no such file"));
+  EXPECT_THAT(result.err, HasSubstr("none.mp4: no such file"));
 }
 
 // --- the world ---
