@@ -91,7 +91,7 @@ TEST_F(Commands, ImportAndExport) {
             1e-13);
   // Never over what is there, and a file that cannot be read leaves the rig alone.
   EXPECT_EQ(run({"export", rig, "--to", "aniposelib", "--out", path("out")}), ExitStatus::failed);
-  EXPECT_THAT(said_, HasSubstr("is there already"));
+  EXPECT_THAT(said_, HasSubstr("exists: give another --out"));
   const std::string before = text(path("back.yaml"));
   std::ofstream(path("bad.toml")) << "[cam_0]\nname = \"a\"\nsize = [640, 480]\n";
   EXPECT_EQ(run({"import", path("bad.toml"), "--rig", path("back.yaml")}), ExitStatus::failed);
@@ -110,7 +110,7 @@ TEST_F(Commands, ExportDoesNotReplaceTheRigThatItReads) {
   EXPECT_FALSE(std::filesystem::exists(path("cam0.yaml")));  // all or none
 }
 
-TEST_F(Commands, WhatAnotherToolsFileNamesIsNoCommandToTheTerminal) {
+TEST_F(Commands, NotesHaveNoControlCharacters) {
   const std::string rig = HUETRACK_SOURCE_DIR "/configs/demo/recording/rig.yaml";
   ASSERT_EQ(run({"export", rig, "--to", "aniposelib", "--out", path("out")}), ExitStatus::usable) << said_;
   std::ofstream(path("out/calibration.toml"), std::ios::app)
