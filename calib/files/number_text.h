@@ -3,6 +3,8 @@
 
 #include <array>
 #include <charconv>
+#include <cstdint>
+#include <cstdlib>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -26,6 +28,14 @@ inline std::string shortest_text(double value) {
   std::string out;
   append_shortest(out, value);
   return out;
+}
+
+// Seconds with nine decimals; CsvTable::time() reads them back exactly.
+inline std::string seconds_text(std::int64_t nanoseconds) {
+  std::string text = std::to_string(std::abs(nanoseconds));
+  if (text.size() < 10) text.insert(0, 10 - text.size(), '0');  // at least 0.000000000
+  text.insert(text.size() - 9, 1, '.');
+  return nanoseconds < 0 ? '-' + text : text;
 }
 
 }  // namespace huetrack::files

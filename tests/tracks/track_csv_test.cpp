@@ -87,7 +87,7 @@ TEST_F(TrackCsv, NumbersDoNotDependOnTheLocale) {
   EXPECT_EQ(tracks.at("ball").at(0).position, tracked().position);
 }
 
-TEST_F(TrackCsv, RowsOfOneFrameSetAreKnownByTheirNames) {
+TEST_F(TrackCsv, ARepeatedTargetStartsTheNextFrameSet) {
   {
     TrackCsvWriter writer(file_);
     for (const char* name : {"lime_1", "lime_2", "lime_1", "lime_1", "lime_2", "lime_3"}) writer.write(name, tracked());
@@ -136,7 +136,7 @@ TEST_F(TrackCsv, AFullDiskIsAnErrorThatNamesTheFile) {
   }
 }
 
-TEST_F(TrackCsv, AFolderThatIsNotThereIsAnErrorThatNamesTheFile) {
+TEST_F(TrackCsv, AMissingFolderIsAnErrorThatNamesTheFile) {
   try {
     TrackCsvWriter writer("/no/such/folder/t.csv");
     FAIL();
@@ -145,7 +145,7 @@ TEST_F(TrackCsv, AFolderThatIsNotThereIsAnErrorThatNamesTheFile) {
   }
 }
 
-TEST_F(TrackCsv, MistakesInAFileAreNamedWithTheLine) {
+TEST_F(TrackCsv, ErrorsNameTheLine) {
   const std::string header = std::string(track_csv_header) + "\n";
   const std::string row = to_csv_row("b", tracked());
   EXPECT_EQ(error_of(header + row + "\n" + row + "\r\n\n"), "no error");
