@@ -1,6 +1,6 @@
 // Lens models: pinhole with Brown-Conrady distortion and Kannala-Brandt fisheye, both as OpenCV defines them, and a
-// stereographic model for lenses that neither fits up to the image's edge. Camera frame: x right, y down, z forward. Pixel
-// (0,0) is the CENTRE of the top-left pixel. Pure values; thread-safe; nothing throws.
+// stereographic model for lenses that neither fits up to the image's edge. Camera frame: x right, y down, z forward.
+// Pixel (0,0) is the CENTRE of the top-left pixel. Pure values; thread-safe; nothing throws.
 #pragma once
 
 #include <Eigen/Core>
@@ -35,8 +35,8 @@ struct FisheyeKannalaBrandt {
 // 2 tan(theta / 2). A pinhole's tan(theta) and a fisheye's theta are both short polynomials in it, so that four
 // coefficients fit lenses from tele to 160 degrees. With s = x2 + y2,
 //   x'' = x (1 + k1 s + k2 s2 + k3 s3 + k4 s4) + 2 p1 x y + p2 (s + 2 x2) + s1 s, y'' likewise with p1, p2 and s2:
-// Brown's (1966) decentring and a thin prism, which together model a tilted sensor. mrcal's splined stereographic model has
-// the same base and a spline surface instead of the polynomial.
+// Brown's (1966) decentring and a thin prism, which together model a tilted sensor. mrcal's splined stereographic model
+// has the same base and a spline surface instead of the polynomial.
 struct Stereographic {
   double fx = 1, fy = 1, cx = 0, cy = 0;
   std::array<double, 8> distortion{};  // k1 k2 p1 p2 k3 k4 s1 s2
@@ -71,7 +71,7 @@ class CameraModel {
 
   // Pinhole: the largest x^2 + y^2 (x = X/Z) that the model covers. Fisheye: the largest theta, radians. Stereographic:
   // the largest 4 tan^2(theta / 2), at most that of 160 degrees off the axis. Beyond it the distorted radius decreases;
-  // infinity (or pi): it always grows.
+  // infinity (or pi): it always grows; -1: a parameter is not finite.
   double limit() const { return limit_; }
 
  private:

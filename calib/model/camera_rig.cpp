@@ -4,18 +4,6 @@
 #include <cmath>
 
 namespace huetrack::calib {
-namespace {
-
-bool is_finite(const CameraModel& model) {
-  return std::visit(
-      [](const auto& lens) {
-        return std::isfinite(lens.fx) && std::isfinite(lens.fy) && std::isfinite(lens.cx) && std::isfinite(lens.cy) &&
-               std::ranges::all_of(lens.distortion, [](double k) { return std::isfinite(k); });
-      },
-      model.lens());
-}
-
-}  // namespace
 
 bool is_camera_name(std::string_view name) {
   const auto is_word = [](char c) {
@@ -47,7 +35,7 @@ std::vector<std::string> Camera::problems() const {
     problems.emplace_back("image_size must be from 1 to 32768 pixels in both directions");
     return problems;
   }
-  if (!is_finite(model)) {
+  if (model.limit() < 0) {
     problems.emplace_back("the intrinsics and the distortion must be finite numbers");
   } else if (!(model.fx() > 0) || !(model.fy() > 0)) {
     problems.emplace_back("fx and fy must be > 0");

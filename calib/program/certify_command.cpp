@@ -214,10 +214,10 @@ Measured measured_by_color(const CertifyOptions& o, const config::ServiceConfig&
     const Estimates& estimates = found == all.estimates.end() ? Estimates{} : found->second;
     tracks.push_back(track_of(estimates));
     rests.push_back(certify::rests_of(tracks.back()));
-    std::vector<TrackedSet> told_of_sets;
+    std::vector<TrackedSet> tracked_sets;
     for (const auto& e : estimates)
-      told_of_sets.push_back({capture::seconds(e.at), e.state == object_tracking::TrackState::tracking});
-    input.targets.push_back(tally_of(name, told_of_sets, rests.back()));
+      tracked_sets.push_back({capture::seconds(e.at), e.state == object_tracking::TrackState::tracking});
+    input.targets.push_back(tally_of(name, tracked_sets, rests.back()));
     if (tracks.back().empty()) throw gather::InputError(name + " is never tracked: there is nothing to certify");
   }
   Measured out;

@@ -1,10 +1,9 @@
 #include "calib/report/wave_report.h"
 
-#include <fmt/core.h>
+#include <fmt/format.h>
 
 #include <algorithm>
 #include <numbers>
-#include <sstream>
 
 #include "calib/report/advice.h"
 
@@ -188,39 +187,6 @@ std::vector<std::string> notes_on(const WaveResult& result) {
   return notes;
 }
 
-std::string camera_line(const WaveCamera& camera, const std::string& name) {
-  return fmt::format("{:12} {:7} {:7} {:7} {:8.2f} {:8.0f}% {:15.1f} {:13.3f} {:10.1f} {:9.2f}\n", name, camera.frames,
-                     camera.seen, camera.used, camera.rms_px, 1e2 * camera.coverage, 1e3 * camera.centre_sigma_m.norm(),
-                     deg * camera.rotation_sigma_rad.norm(), 1e3 * camera.moved_m, deg * camera.turned_rad);
-}
-
-std::string positions_text(const WaveReport& report, const WaveResult& result) {
-  std::string out =
-      fmt::format("expected error of positions where the ball was: {:.1f} mm rms, and by the scale {:.1f} mm\n",
-                  1e3 * result.expected_m, 1e3 * result.by_scale_m);
-  if (result.expected_in_volume_m)
-    out += fmt::format("in the whole volume: {:.1f} mm rms, and by the scale {:.1f} mm\n",
-                       1e3 * *result.expected_in_volume_m, 1e3 * result.by_scale_in_volume_m);
-  out += fmt::format("the two halves of the recording differ by {:.1f} mm there; {:.1f} mm is expected\n",
-                     1e3 * result.halves_m, 1e3 * result.halves_sigma_m);
-  out += fmt::format("scale: from {}; accurate to {:.2f} %; the ball appears {:.2f} times as large as its radius\n",
-                     report.scale_from, 1e2 * result.scale.sigma, result.size_ratio);
-  return out;
-}
-
-std::string times_text(const WaveResult& result) {
-  const std::string& first = result.rig.cameras[0].name;
-  std::string out = fmt::format("{:12} {:>12} {:>8} {:>12} {:>8}   (latency: relative to {}'s, which is kept)\n",
-                                "times", "latency ms", "+- ms", "readout ms", "+- ms", first);
-  for (const calib::Camera& camera : result.rig.cameras) {
-    const calib::CameraTiming& t = camera.timing;
-    out += fmt::format("{:12} {:12.2f} {:8.2f} {:12.2f} {:8.2f}\n", camera.name, 1e3 * t.latency_s.value_or(0),
-                       1e3 * t.latency_sigma_s.value_or(0), 1e3 * t.readout_s.value_or(0),
-                       1e3 * t.readout_sigma_s.value_or(0));
-  }
-  return out;
-}
-
 }  // namespace
 
 WaveReport report_on(const WaveResult& result) {
@@ -250,10 +216,20 @@ WaveReport report_on(const WaveResult& result) {
 
 namespace {
 
-// Each line as a paragraph.
-void paragraphs(Document& document, const std::string& text) {
-  std::istringstream lines(text);
-  for (std::string line; std::getline(lines, line);) document.paragraph(line);
+void add_positions(Document& document, const WaveReport& report, const WaveResult& result) {
+  const auto expected = [&](std::string_view where, double error_m, double by_scale_m) {
+    document.paragraph(fmt::format("expected error of positions {}: {:.1f} mm rms, and by the scale {:.1f} mm", where,
+                                   1e3 * error_m, 1e3 * by_scale_m));
+  };
+  document.heading("Positions");
+  expected("where the ball was", result.expected_m, result.by_scale_m);
+  if (result.expected_in_volume_m)
+    expected("in the whole volume", *result.expected_in_volume_m, result.by_scale_in_volume_m);
+  document.paragraph(fmt::format("the two halves of the recording differ by {:.1f} mm there; {:.1f} mm is expected",
+                                 1e3 * result.halves_m, 1e3 * result.halves_sigma_m));
+  document.paragraph(
+      fmt::format("scale: from {}; accurate to {:.2f} %; the ball appears {:.2f} times as large as its radius",
+                  report.scale_from, 1e2 * result.scale.sigma, result.size_ratio));
 }
 
 Table cameras_table(const WaveResult& result) {
@@ -298,8 +274,9 @@ std::string summary(const WaveReport& report, const WaveResult& result) {
 Document document_of(const WaveReport& report, const WaveResult& result) {
   Document document;
   document.title = "Calibration from the waved object";
-  document.subtitle = fmt::format("{:.1f} s of waving through {:.2f} x {:.2f} x {:.2f} m", result.duration_s,
-                                  result.extent_m.x(), result.extent_m.y(), result.extent_m.z());
+  document.subtitle =
+      fmt::format("{:.1f} s of waving through {:.2f} x {:.2f} x {:.2f} m, jerks of {:.0f} m/s^3", result.duration_s,
+                  result.extent_m.x(), result.extent_m.y(), result.extent_m.z(), result.jerk_m_s3);
   document.banner(report.verdict, report.verdict == Verdict::usable ? "USABLE" : "DOUBTFUL", summary(report, result));
   for (const auto& doubt : report.doubts) document.paragraph("? " + doubt + ".");
   document.heading("Cameras");
@@ -308,10 +285,7 @@ Document document_of(const WaveReport& report, const WaveResult& result) {
     document.paragraph(fmt::format("{} and {} saw it together in {} frames.",
                                    result.rig.cameras[static_cast<std::size_t>(pair.a)].name,
                                    result.rig.cameras[static_cast<std::size_t>(pair.b)].name, pair.shared));
-  if (!result.held_poses) {
-    document.heading("Positions");
-    paragraphs(document, positions_text(report, result));
-  }
+  if (!result.held_poses) add_positions(document, report, result);
   document.heading("Times");
   document.table(times_table(result));
   if (!report.notes.empty()) document.heading("Notes");
@@ -320,25 +294,7 @@ Document document_of(const WaveReport& report, const WaveResult& result) {
 }
 
 std::string to_text(const WaveReport& report, const WaveResult& result) {
-  std::string out = fmt::format("VERDICT: {}\n", name(report.verdict));
-  for (const auto& doubt : report.doubts) out += "  - " + doubt + "\n";
-  out += fmt::format(
-      "{:.1f} s of waving, {:.2f} x {:.2f} x {:.2f} m, jerks of {:.0f} m/s^3; the rms error of the ball is {:.2f} px\n",
-      result.duration_s, result.extent_m.x(), result.extent_m.y(), result.extent_m.z(), result.jerk_m_s3,
-      result.rms_px);
-  if (!result.held_poses) out += positions_text(report, result);
-  out += fmt::format("{:12} {:>7} {:>7} {:>7} {:>8} {:>9} {:>15} {:>13} {:>10} {:>9}\n", "camera", "frames", "seen",
-                     "used", "rms px", "coverage", "position +- mm", "axes +- deg", "moved mm", "turned");
-  for (std::size_t c = 0; c < result.cameras.size(); ++c)
-    out += camera_line(result.cameras[c], result.rig.cameras[c].name);
-  out += times_text(result);
-  for (const wave::WavePair& pair : result.pairs) {
-    out += fmt::format("{} and {} saw it together in {} frames\n",
-                       result.rig.cameras[static_cast<std::size_t>(pair.a)].name,
-                       result.rig.cameras[static_cast<std::size_t>(pair.b)].name, pair.shared);
-  }
-  for (const auto& note : report.notes) out += "note: " + note + "\n";
-  return out;
+  return to_text(document_of(report, result));
 }
 
 }  // namespace huetrack::report

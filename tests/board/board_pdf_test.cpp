@@ -74,7 +74,7 @@ TEST_P(PrintedBoard, IsFoundAtTrueScale) {
   ASSERT_TRUE(found.found()) << found.why_not;
   EXPECT_EQ(found.ids.size(), static_cast<std::size_t>(board.point_count()));
 
-  // Which end of a symmetric chessboard is up, nobody can tell.
+  // The orientation of a symmetric chessboard is ambiguous.
   double worst = 1e9;
   for (const auto& order : board.symmetries()) {
     std::vector<Eigen::Vector2d> off;

@@ -156,7 +156,7 @@ TEST_F(Calibrate, GoodImagesGiveTheRig) {
             0.003);
 }
 
-// What was found of the old rig, and how old it is, is told of the new one no more.
+// The checks and the age of the old rig do not apply to the new one.
 TEST_F(Calibrate, AnAcceptedRigCountsAsNotChecked) {
   calib::CameraRig knocked = gather::pictured_rig();
   knocked.made.at = calib::utc_time("2026-03-01T08:00:00Z");
@@ -283,7 +283,7 @@ TEST_F(Calibrate, AFailedCalibrationKeepsAnExistingRig) {
   const std::string good = end_to_end::contents(path("rig.yaml"));
   gather::write_pictures(folder_ / "pictures", gather::pictured_rig(), gather::pictured_poses(12),
                          [](int c, int p, cv::Mat& picture) {
-                           if ((c == 2) == (p < 6)) picture = cv::Mat();  // cam2 sees what nobody else does
+                           if ((c == 2) == (p < 6)) picture = cv::Mat();  // cam2 has no view in common
                          });
   // Without cam2 there is one camera left.
   const Ended result = extrinsics("pictures", "rig.yaml", {"--cameras", "cam1,cam2"});
@@ -338,7 +338,7 @@ TEST_F(Calibrate, MirroredImagesOfOneCamera) {
                          });
   const Ended result = extrinsics("pictures");
   expect_left_out(result, "cam0", HasSubstr("mirrored"));
-  // Of two it cannot be told which one it is.
+  // With two cameras it is ambiguous which one.
   const Ended two = extrinsics("pictures", "rig.yaml", {"--cameras", "cam0,cam1"});
   EXPECT_EQ(two.status, 1) << two.out;
   EXPECT_THAT(two.err, AllOf(HasSubstr("cam0"), HasSubstr("mirrored")));

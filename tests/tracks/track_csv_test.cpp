@@ -96,7 +96,7 @@ TEST_F(TrackCsv, ARepeatedTargetStartsTheNextFrameSet) {
   const auto tracks = read_track_csv(file_);
   ASSERT_EQ(tracks.at("lime_1").size(), 3u);
   for (std::uint64_t set = 0; set < 3; ++set) EXPECT_EQ(tracks.at("lime_1")[set].set_number, set);
-  EXPECT_EQ(tracks.at("lime_2")[1].set_number, 2u);  // in set 1 it was not told
+  EXPECT_EQ(tracks.at("lime_2")[1].set_number, 2u);  // set 1 has no row of it
   EXPECT_EQ(tracks.at("lime_3")[0].set_number, 2u);
 }
 
@@ -129,7 +129,7 @@ TEST_F(TrackCsv, AFullDiskIsAnErrorThatNamesTheFile) {
     TrackCsvWriter writer("/dev/full");
     writer.write("ball", tracked());
     writer.flush();
-    FAIL() << "nothing was written, and nobody said so";
+    FAIL() << "a failed write was not reported";
   } catch (const std::system_error& e) {
     EXPECT_THAT(e.what(), HasSubstr("cannot write /dev/full"));
     EXPECT_EQ(e.code().value(), ENOSPC);

@@ -1,4 +1,4 @@
-// A track on another clock than its truth is told from one that is wrong.
+// Distinguishes a track on another clock from a wrong one.
 #include "truth/clock_offset.h"
 
 #include <fmt/format.h>
