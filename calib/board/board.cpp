@@ -59,7 +59,7 @@ int Board::marker_count() const {
   return (columns * rows + (is_marker_square(0, 0) ? 1 : 0)) / 2;
 }
 
-// The squares alternate; OpenCV 4.6 changed with which they start.
+// OpenCV 4.6 changed the colour of the first square.
 bool Board::is_marker_square(int column, int row) const {
   return (column + row) % 2 == (legacy && rows % 2 == 0 ? 0 : 1);
 }
@@ -78,7 +78,7 @@ Eigen::Vector3d Board::point(int id) const {
 std::vector<Eigen::Vector3d> Board::marker_corners(int index) const {
   const auto [column, row] = marker_square(*this, index);
   Eigen::Vector3d origin(column * pitch.x(), row * pitch.y(), 0);
-  if (type == BoardType::charuco) {  // in the middle of its square; corner 0 is the origin, one square further in
+  if (type == BoardType::charuco) {  // centred in its square; the origin, corner 0, is one square further in
     origin += Eigen::Vector3d((pitch.x() - marker) / 2 - pitch.x(), (pitch.y() - marker) / 2 - pitch.y(), 0);
   }
   const auto at = [&](double x, double y) { return Eigen::Vector3d(origin + Eigen::Vector3d(x, y, 0)); };
@@ -97,7 +97,7 @@ Board Board::back_alone() const {
   return alone;
 }
 
-// The outlines lie upon one another: columns that count from the left on the back do so from the right on the front.
+// The outlines coincide: columns from the left on the back are columns from the right on the front.
 int Board::id_of_back(int id) const {
   if (!back->first_marker) return side_point_count() + id;
   if (type == BoardType::aruco_grid) {
@@ -117,15 +117,13 @@ std::vector<std::vector<int>> Board::symmetries() const {
   std::vector<std::vector<int>> all{identity};
   if (type != BoardType::chessboard) return all;
   const int side = side_point_count();
-  // The rows and columns exchanged, the columns counted from the other end, the rows: each swaps left and right, and
-  // two together turn the board.
+  // Transposing, reversing the columns, reversing the rows: each mirrors the board; two together rotate it.
   for (int way = 1; way < 8; ++way) {
     const bool exchanged = (way & 4) != 0, columns_back = (way & 1) != 0, rows_back = (way & 2) != 0;
     if (exchanged && (columns != rows || pitch.x() != pitch.y())) continue;
     const bool swaps_sides = (exchanged ? 1 : 0) + (columns_back ? 1 : 0) + (rows_back ? 1 : 0) != 2;
     if (swaps_sides && !back) continue;
-    // Of (columns + 1) x (rows + 1) squares the first one goes to the last one of its row: of its colour when columns
-    // is even.
+    // The first of (columns + 1) squares maps to the last of its row: the same colour if columns is even.
     if (((columns_back ? columns : 0) + (rows_back ? rows : 0)) % 2 != 0) continue;
     std::vector<int> renumbered(identity.size());
     for (int id = 0; id < point_count(); ++id) {
@@ -199,7 +197,7 @@ std::vector<std::string> Board::problems() const {
   if (!back || !back->first_marker) return problems;
   check(*back->first_marker, "its back");
   if (std::abs(*back->first_marker - first_marker) < marker_count()) {
-    problems.emplace_back("front and back have markers in common: which side is seen could not be told");
+    problems.emplace_back("front and back have markers in common: give the back other ones");
   }
   return problems;
 }

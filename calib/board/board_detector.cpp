@@ -24,12 +24,12 @@ using Eigen::Vector2d;
 using Cell = std::pair<int, int>;
 
 cv::Mat mat_of(const GreyPixels& image) {
-  // OpenCV has no read-only Mat; nothing here writes to it.
+  // OpenCV has no read-only Mat; it is not written to.
   return cv::Mat(image.height, image.width, CV_8UC1, const_cast<std::uint8_t*>(image.data),
                  static_cast<std::size_t>(image.stride));
 }
 
-// What keeps any detector from working: said instead of "no board".
+// A reason that keeps any detector from working; empty: none.
 std::string trouble_of(const cv::Mat& grey) {
   cv::Scalar mean, deviation;
   cv::meanStdDev(grey, mean, deviation);
@@ -41,14 +41,14 @@ std::string trouble_of(const cv::Mat& grey) {
   cv::Mat edges;
   cv::Laplacian(grey, edges, CV_32F);
   cv::meanStdDev(edges, mean, deviation);
-  // Even a soft image of a board has an edge somewhere.
+  // Even a soft image of a board has an edge.
   double low = 0, high = 0;
   cv::minMaxLoc(edges, &low, &high);
   if (std::max(-low, high) < 14) return "the image is blurred";
   return {};
 }
 
-// How the cells of a lattice lie on the board: x grows along (xi, xj), y along (-xj, xi) in lattice steps, and corner 0
+// Placement of lattice cells on the board: x grows along (xi, xj), y along (-xj, xi) in lattice steps, and corner 0
 // is at cell `origin`.
 struct Placement {
   int xi = 1, xj = 0;
@@ -85,7 +85,7 @@ struct Extent {
   int height() const { return j1 - j0 + 1; }
 };
 
-// Of the rows and columns of the lattice that are mostly there: a stray saddle beside the board makes no row.
+// Rows and columns of the lattice that are mostly complete: a stray saddle beside the board makes no row.
 Extent extent_of(const ChessboardLattice& lattice) {
   std::map<int, int> in_column, in_row;
   for (const auto& [cell, node] : lattice.nodes) {
@@ -107,13 +107,13 @@ Extent extent_of(const ChessboardLattice& lattice) {
   return extent;
 }
 
-// One way in which a lattice may lie on the board.
+// One candidate placement of a lattice on the board.
 struct PlacementTrial {
   Placement placement;
   int inside = 0;  // corners of the lattice on the board
-  int unseen = 0;  // corners of the board that should be in the image and are not
+  int unseen = 0;  // corners of the board that should be in the image but are missing
   double upright = 0;
-  std::vector<int> ids;  // of the lattice's nodes, in their order; -1 beside the board
+  std::vector<int> ids;  // of the lattice's nodes, in order; -1: not on the board
 
   int score() const { return inside - unseen; }
 };
@@ -146,27 +146,27 @@ PlacementTrial trial_of(const Placement& placement, const ChessboardLattice& lat
   return trial;
 }
 
-// In all four turns, and at all places on the board, where the squares' colours are right.
+// All placements, in four rotations, whose square colours match.
 std::vector<PlacementTrial> trials_of(const ChessboardLattice& lattice, const Extent& extent, const Board& board,
                                       cv::Size image) {
   const int columns = board.corner_columns(), rows = board.corner_rows();
   const cv::Matx33d pixels = homography_of(lattice);
   std::vector<PlacementTrial> trials;
   constexpr std::array<Cell, 4> turns{Cell{1, 0}, Cell{0, 1}, Cell{-1, 0}, Cell{0, -1}};
-  // All four corner squares are alike then: nothing to tell from them.
+  // All four corner squares have the same colour: no constraint.
   const bool any_colour = columns % 2 == 0 && rows % 2 == 0;
   for (const auto& [xi, xj] : turns) {
     const int extent_x = xi != 0 ? extent.width() : extent.height(),
               extent_y = xi != 0 ? extent.height() : extent.width();
     if (extent_x > columns || extent_y > rows) continue;
-    // Cell of the lattice's own first corner in this turn.
+    // Cell of the lattice's first corner in this rotation.
     const Cell first{xi > 0 || xj < 0 ? extent.i0 : extent.i1, xj > 0 || xi > 0 ? extent.j0 : extent.j1};
     for (int left = 0; left <= columns - extent_x; ++left) {
       for (int top = 0; top <= rows - extent_y; ++top) {
         Placement placement{xi, xj, {0, 0}};
         const Cell shift = placement.cell(left, top);
         placement.origin = {first.first - shift.first, first.second - shift.second};
-        // Steps along x and y swap the sides at every quarter turn.
+        // Every quarter turn exchanges the dark sides.
         const bool dark = lattice.dark_at(placement.origin.first, placement.origin.second) == (xi != 0);
         const bool whole = extent_x == columns && extent_y == rows;
         if (dark == board.inverted && !(any_colour && whole)) continue;
@@ -188,7 +188,7 @@ bool is_same_place(const PlacementTrial& a, const PlacementTrial& b, const std::
   });
 }
 
-// Where on the board a lattice lies.
+// The placement of a lattice on the board, or why there is none.
 PlacementChoice place(const ChessboardLattice& lattice, const Board& board, cv::Size image) {
   const Extent extent = extent_of(lattice);
   const auto [shorter, longer] = std::minmax({extent.width(), extent.height()});
@@ -207,9 +207,9 @@ PlacementChoice place(const ChessboardLattice& lattice, const Board& board, cv::
         {},
         "only " + std::to_string(best.inside) + " of its " + std::to_string(columns * rows) + " corners were found"};
   }
-  // Any other placement must explain the image clearly worse, or be the same up to a symmetry of the board.
+  // Any other placement must fit clearly worse, or be equal up to a symmetry of the board.
   Board square = board;
-  square.pitch.y() = square.pitch.x();  // no image tells squares from nearly square ones
+  square.pitch.y() = square.pitch.x();  // an image does not show the difference
   const auto symmetries = square.symmetries();
   for (const PlacementTrial& other : trials) {
     if (&other == &best || other.score() + std::min(columns, rows) / 2 < best.score()) continue;
@@ -231,7 +231,7 @@ std::map<int, MarkerCorners> find_markers(const cv::Mat& image, int dictionary) 
   parameters->adaptiveThreshWinSizeMax = 43;
   parameters->minMarkerPerimeterRate = 0.015;
   const auto markers = cv::aruco::getPredefinedDictionary(dictionary);
-  for (const double scale : {1.0, 2.0}) {  // twice as large: markers of a few pixels a bit
+  for (const double scale : {1.0, 2.0}) {  // enlarged: for markers with bits of a few pixels
     if (scale > 1 && static_cast<double>(image.total()) * scale * scale > 4e6) break;
     cv::Mat scaled = image;
     if (scale > 1) cv::resize(image, scaled, {}, scale, scale, cv::INTER_CUBIC);
@@ -240,7 +240,7 @@ std::map<int, MarkerCorners> find_markers(const cv::Mat& image, int dictionary) 
     cv::aruco::detectMarkers(scaled, markers, corners, ids, parameters);
     for (std::size_t k = 0; k < ids.size(); ++k) {
       if (found.contains(ids[k])) continue;
-      // A window that neither reaches the code's own cells nor the next marker.
+      // The window must reach neither the code's cells nor the next marker.
       double side = cv::norm(corners[k][3] - corners[k][0]);
       for (std::size_t c = 0; c < 3; ++c) side = std::min(side, cv::norm(corners[k][c + 1] - corners[k][c]));
       const int window = std::clamp(static_cast<int>(0.09 * side), 1, 6);
@@ -260,7 +260,7 @@ std::map<int, MarkerCorners> find_markers(const cv::Mat& image, int dictionary) 
   return found;
 }
 
-// Codes that turn up by chance in the rest of the image do not lie where the board's other markers say.
+// Removes markers that do not lie where the others predict them: codes found by chance.
 void drop_strays(std::map<int, MarkerCorners>& markers, const Board& board) {
   if (markers.size() < 2) return;
   std::vector<cv::Point2d> from, to;
@@ -283,7 +283,7 @@ void drop_strays(std::map<int, MarkerCorners>& markers, const Board& board) {
   });
 }
 
-// Corners as they were found, before the odd ones are left out.
+// Corners before the removal of outliers.
 struct FoundCorners {
   std::vector<int> ids;
   std::vector<RefinedCorner> corners;
@@ -294,8 +294,8 @@ struct FoundCorners {
   }
 };
 
-// Leaves out the corners that something covers in part (a finger, the edge of a glare): their image fits worse than the
-// others', or they lie off the lines through their neighbours.
+// Removes corners that are partly covered (a finger, the edge of a glare): they fit the image worse than the others, or
+// lie off the lines through their neighbours.
 BoardDetection without_odd_ones(const FoundCorners& found, int columns) {
   if (found.ids.empty()) return {};
   std::vector<double> misfits;
@@ -310,7 +310,7 @@ BoardDetection without_odd_ones(const FoundCorners& found, int columns) {
     return column < 0 || column >= columns ? px.end() : px.find(id + dx + dy * columns);
   };
   for (;;) {
-    // The distance of a corner from the middle between opposite neighbours; perspective bends that only a little.
+    // Distance of a corner from the midpoint of opposite neighbours; perspective changes it little.
     std::map<int, double> off;
     for (const auto& [id, p] : px) {
       double least = 1e9;
@@ -340,10 +340,9 @@ BoardDetection without_odd_ones(const FoundCorners& found, int columns) {
   return detection;
 }
 
-// How large the markers are beside the squares between them, by the corners that were found, and in the image. Not
-// known where there are too few of them.
+// Measures the markers relative to the squares, and in the image; unknown if there are too few.
 void measure_markers(const Board& board, const std::map<int, MarkerCorners>& markers, BoardDetection& found) {
-  constexpr std::size_t enough = 8;  // for a homography that small lens distortion does not tilt
+  constexpr std::size_t enough = 8;  // for a homography that is robust to small lens distortion
   if (found.ids.size() < enough) return;
   std::vector<cv::Point2d> from, to;
   for (std::size_t k = 0; k < found.ids.size(); ++k) {
@@ -378,7 +377,7 @@ BoardDetection corners_of_markers(const std::map<int, MarkerCorners>& markers, c
   return found;
 }
 
-// From the board to pixels, by the four markers that are nearest to one of its points.
+// Homography from board to pixels by the four markers nearest to a point.
 std::optional<cv::Matx33d> pixels_around(const Eigen::Vector3d& point, const std::map<int, MarkerCorners>& markers,
                                          const Board& board) {
   std::vector<std::pair<double, int>> nearest;
@@ -387,7 +386,7 @@ std::optional<cv::Matx33d> pixels_around(const Eigen::Vector3d& point, const std
     nearest.emplace_back(((on_board[0] + on_board[2]) / 2 - point).norm(), marker);
   }
   std::ranges::sort(nearest);
-  if (nearest.front().first > 1.6 * board.pitch.norm()) return std::nullopt;  // too far from any marker that was found
+  if (nearest.front().first > 1.6 * board.pitch.norm()) return std::nullopt;  // too far from any detected marker
   std::vector<cv::Point2f> from, to;
   for (std::size_t k = 0; k < std::min<std::size_t>(4, nearest.size()); ++k) {
     const auto on_board = board.marker_corners(nearest[k].second - board.first_marker);
@@ -400,7 +399,7 @@ std::optional<cv::Matx33d> pixels_around(const Eigen::Vector3d& point, const std
   return h.empty() ? std::nullopt : std::optional(cv::Matx33d(h));
 }
 
-// Corners of the squares between markers: first where the markers say, then to the corner itself. There are some.
+// Corners of the squares between markers: predicted by the markers, then refined.
 BoardDetection squares_corners(const cv::Mat& image, const std::map<int, MarkerCorners>& markers, const Board& board) {
   FoundCorners corners;
   const double white_margin = 0.5 * (1 - board.marker / board.pitch.maxCoeff());
@@ -413,7 +412,7 @@ BoardDetection squares_corners(const cv::Mat& image, const std::map<int, MarkerC
     };
     const Vector2d step_i = (px(0.5, 0) - px(-0.5, 0)), step_j = px(0, 0.5) - px(0, -0.5);
     const int column = id % board.corner_columns(), row = id / board.corner_columns();
-    const bool dark = !board.is_marker_square(column, row);  // the square up and left of the corner
+    const bool dark = !board.is_marker_square(column, row);  // the square above and left of the corner
     if (const auto refined = refine_corner(image, px(0, 0), step_i, step_j, dark, white_margin))
       corners.add(id, *refined);
   }
@@ -425,7 +424,7 @@ BoardDetection detect_chessboard(const Board& board, const GreyPixels& view) {
   const double pixels = static_cast<double>(view.width) * view.height;
   BoardDetection best;
   best.why_not = "no chessboard in it";
-  // From the size that most boards have in an image to the extremes, up to 1.3 million pixels.
+  // From the usual size of a board in an image to the extremes, up to 1.3 million pixels.
   for (const double scale : {1.0, 2.0, 0.5, 4.0, 0.25}) {
     if (scale > 1 && scale * scale * pixels > 1.3e6) continue;
     if (scale < 1 && scale * scale * pixels < 7e4) continue;
@@ -473,7 +472,7 @@ BoardDetection detect_markers(const Board& board, const GreyPixels& view) {
   const std::size_t of_board = markers.size();
   drop_strays(markers, board);
   BoardDetection found;
-  // A few markers are somewhere near each other on any board.
+  // A few markers are near each other on any board.
   constexpr std::size_t enough_to_tell = 5;
   if (of_board >= enough_to_tell && 2 * markers.size() < of_board) {
     found.why_not = "its markers do not lie as the board file says";
@@ -512,7 +511,7 @@ cv::Mat mirror_image(const cv::Mat& image) {
   return mirrored;
 }
 
-// Numbered, and where it is in the image, as of the whole board.
+// Ids and pixels as of the whole board.
 BoardDetection detect_back(const Board& board, const GreyPixels& image) {
   const bool is_mirrored = !board.back->first_marker;
   const cv::Mat seen = is_mirrored ? mirror_image(mat_of(image)) : mat_of(image);
@@ -534,7 +533,7 @@ BoardDetector::BoardDetector(Board board) : board_(std::move(board)) {
 BoardDetection BoardDetector::detect(const GreyPixels& image) const {
   if (image.width < 32 || image.height < 32) return {{}, {}, "the image is too small"};
   BoardDetection detection = detect_side(board_.front_alone(), image);
-  // An image shows one of the sides; a few of its markers may be taken for some of the other.
+  // An image shows one side; a few of its markers may be misread as the other's.
   if (board_.back && 2 * static_cast<int>(detection.ids.size()) < board_.side_point_count()) {
     BoardDetection back = detect_back(board_, image);
     if (back.ids.size() > detection.ids.size()) detection = std::move(back);
@@ -546,14 +545,14 @@ BoardDetection BoardDetector::detect(const GreyPixels& image) const {
 
 namespace {
 
-// Columns given for rows: the same markers, in other places.
+// Columns and rows swapped: the same markers in other places.
 bool shows_transposed(const Board& board, const cv::Mat& image) {
   if (board.columns == board.rows) return false;
   Board other = board;
   std::swap(other.columns, other.rows);
   if (!other.problems().empty()) return false;
   const auto points_in = [&](const Board& some) { return BoardDetector(some).detect(view_of(image)).ids.size(); };
-  // A few markers of a row are where either says.
+  // A few markers of one row fit both.
   return points_in(other) > 2 * points_in(board);
 }
 
@@ -564,7 +563,7 @@ std::string transposed_text(const Board& board) {
          ": exchange the two numbers in the board file";
 }
 
-// Then it is not for its dictionary that the board is not found, though others of the family have the same codes.
+// Whether the board's own markers are seen: then the dictionary is right, though others of its family share the codes.
 bool shows_own_markers(const Board& board, const cv::Mat& image) {
   constexpr std::ptrdiff_t enough_to_tell = 4;
   const auto dictionary = std::ranges::find(marker_dictionaries(), board.dictionary, &MarkerDictionary::name);
@@ -577,7 +576,7 @@ bool shows_own_markers(const Board& board, const cv::Mat& image) {
 }  // namespace
 
 std::string explain_transposed_board(const Board& board, const std::vector<GreyPixels>& images) {
-  if (board.type == BoardType::chessboard) return {};  // its columns are found whichever way they lie
+  if (board.type == BoardType::chessboard) return {};  // found in either orientation
   const auto transposed =
       std::ranges::count_if(images, [&](const GreyPixels& view) { return shows_transposed(board, mat_of(view)); });
   return 2 * transposed > std::ssize(images) ? transposed_text(board) : std::string();
@@ -589,14 +588,14 @@ std::string explain_missing_board(const Board& board, const std::vector<GreyPixe
   for (const GreyPixels& view : images) {
     const cv::Mat image = mat_of(view);
     if (detector.detect(view_of(mirror_image(image))).found()) {
-      // Of a chessboard with two odd counts that is the same.
+      // Equivalent for a chessboard with two odd counts.
       const bool or_inverted = board.type == BoardType::chessboard;
       ++guesses[or_inverted
                     ? "they are mirrored (left and right swapped; record them as the sensor sees them), or black and "
                       "white are swapped (inverted: true), or they show the back of a board that is printed on both "
                       "sides (back: in the board file)"
                     : "they are mirrored (left and right swapped): record them as the sensor sees them; or, if they "
-                      "show the back of a board that is printed on both sides, say so in the board file (back:)"];
+                      "show the back of a board that is printed on both sides, add back: to the board file"];
       continue;
     }
     if (board.type == BoardType::chessboard) {
@@ -628,7 +627,7 @@ std::string explain_missing_board(const Board& board, const std::vector<GreyPixe
     }
     for (const bool inverted : {board.inverted, !board.inverted}) {
       for (const auto& dictionary : marker_dictionaries()) {
-        // Larger sets of a family begin with the smaller ones, and small codes turn up by chance.
+        // Larger dictionaries of a family contain the smaller ones, and small codes occur by chance.
         const auto markers = find_markers(upright_colours(image, inverted), dictionary.opencv_id);
         if (markers.size() < 4) continue;
         if (dictionary.name == board.dictionary && inverted == board.inverted) continue;

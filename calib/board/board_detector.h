@@ -22,11 +22,11 @@ struct GreyPixels {
 
 struct BoardDetection {
   std::vector<int> ids;             // ascending; of Board::point()
-  std::vector<Eigen::Vector2d> px;  // beside ids; raw pixels, (0,0) is the centre of the top left one
-  std::string why_not;              // when ids is empty: what stood in the way, one clause; empty otherwise
-  double blur_px = 0;               // standard deviation of its edges' blur, median over the corners; 0: not known
-  double marker_m = 0;              // charuco: side of its markers if its squares are as the board says; 0: not known
-  double marker_px = 0;             // how large it is in the image; 0: not known
+  std::vector<Eigen::Vector2d> px;  // one per id; raw pixels, (0,0) is the centre of the top left one
+  std::string why_not;              // if ids is empty: the reason, one clause
+  double blur_px = 0;               // standard deviation of the edges' blur, median over the corners; 0: unknown
+  double marker_m = 0;              // charuco: measured side of the markers, given the squares; 0: unknown
+  double marker_px = 0;             // size in the image; 0: unknown
 
   bool found() const { return !ids.empty(); }
 };
@@ -36,10 +36,9 @@ class BoardDetector {
  public:
   explicit BoardDetector(Board board);  // throws std::invalid_argument: board.problems()
 
-  // A whole board or a part of it. For symmetric boards the way round is the one most upright in the image; see
-  // Board::symmetries(); of a chessboard that looks the same from its back the side is taken for the front. A part of a
-  // chessboard is used only where its place on the board is certain: the missing rows and columns lie outside the
-  // image.
+  // A whole board or a part of it. Of the orientations of a symmetric board (Board::symmetries()) the most upright one
+  // in the image; a chessboard that looks the same from its back counts as the front. A part of a chessboard is used
+  // only if its place on the board is certain: the missing rows and columns lie outside the image.
   BoardDetection detect(const GreyPixels& image) const;
 
   const Board& board() const { return board_; }
@@ -48,12 +47,12 @@ class BoardDetector {
   Board board_;
 };
 
-// Why a board file may not fit its images, when (nearly) no image shows the board: tries what people get wrong (inner
-// corners counted as squares, another dictionary, inverted, the old charuco layout). One sentence, or empty.
+// Why (nearly) no image shows the board: tests the usual mistakes of a board file (squares counted as inner corners,
+// another dictionary, inverted, the old charuco layout). One sentence, or empty.
 std::string explain_missing_board(const Board& board, const std::vector<GreyPixels>& images);
 
-// What is wrong when most of these images show the board's markers with columns for rows, as of [8, 11] for [11, 8].
-// One sentence, or empty. A few images, of which little is seen, may fit such a board file all the same.
+// Whether most of these images show the board with columns and rows swapped, [8, 11] instead of [11, 8]. One sentence,
+// or empty. Needed because images with few markers fit such a board file, too.
 std::string explain_transposed_board(const Board& board, const std::vector<GreyPixels>& images);
 
 }  // namespace huetrack::board

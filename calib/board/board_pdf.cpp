@@ -13,9 +13,9 @@
 namespace huetrack::board {
 namespace {
 
-constexpr double edge_mm = 5;  // that printers leave white
+constexpr double edge_mm = 5;  // layout: margin that printers cannot print
 constexpr double ruler_mm = 100;
-constexpr double foot_mm = 17;  // for the text and the ruler
+constexpr double foot_mm = 17;  // layout: for the text and the ruler
 
 const std::array<Paper, 8> papers{{{"A4", 210, 297},
                                    {"A3", 297, 420},
@@ -37,7 +37,7 @@ cv::Mat marker_bits(const Board& board, int index) {
   return image == 0;
 }
 
-// What is black, in millimetres from the board's top left corner (its outer edge).
+// The black areas, in millimetres from the board's outer top left corner.
 struct Shapes {
   std::vector<std::array<double, 4>> black;
   Eigen::Vector2d size;
@@ -119,7 +119,7 @@ BoardPdf board_pdf(const Board& board, const Paper& given) {
   Paper paper = given;
   if (!fits(paper.width_mm, paper.height_mm)) std::swap(paper.width_mm, paper.height_mm);
   if (!fits(paper.width_mm, paper.height_mm)) {
-    // What is not printed on does not grow with the board (but for the margin, nearly).
+    // The unprinted border hardly grows with the board.
     const auto scale = [&](double width, double height) {
       return std::min((width - 2 * edge_mm) / (shapes.size.x() + 2 * margin),
                       (height - 2 * edge_mm - foot_mm) / (shapes.size.y() + 2 * margin));

@@ -16,7 +16,7 @@ std::array<int, 2> counts(const yaml::YamlReader& reader, std::string_view key) 
   return {static_cast<int>(values[0]), static_cast<int>(values[1])};
 }
 
-// `mirrored` or markers of its own: a second print like the first could not be told from it.
+// `mirrored` or its own markers: two equal prints could not be distinguished.
 BoardBack read_back(const yaml::YamlReader& reader) {
   BoardBack back;
   back.thickness = reader.number("thickness", yaml::non_negative);
@@ -40,7 +40,7 @@ Board read_board(const std::filesystem::path& file) {
   reader.version(1, 1);
   constexpr std::array<std::string_view, 3> types{"chessboard", "charuco", "aruco_grid"};
   const std::string type = reader.choice("type", types, "chessboard");
-  if (reader.has("board_frame")) reader.string("board_frame");  // a remark for people: the frame is always ours
+  if (reader.has("board_frame")) reader.string("board_frame");  // a remark for people; the frame is fixed
   Board board;
   if (type == "chessboard") {
     board.type = BoardType::chessboard;
@@ -65,7 +65,7 @@ Board read_board(const std::filesystem::path& file) {
       reader.fail("gap", "is missing: the distance between neighbouring markers, metres");
     }
   } else if (reader.has("pitch")) {
-    if (reader.has("square")) reader.fail("pitch", "is given beside square: give one of the two");
+    if (reader.has("square")) reader.fail("pitch", "is given together with square: give one of them");
     const auto pitch = reader.numbers("pitch", 2, 2, board_length);
     board.pitch = {pitch[0], pitch[1]};
   } else {

@@ -1,4 +1,4 @@
-// The board file: which calibration board is used. Its form is documented in calib/formats.md.
+// Reads and writes the board file; format: calib/formats.md.
 #pragma once
 
 #include <filesystem>
@@ -8,7 +8,7 @@
 
 namespace huetrack::board {
 
-Board read_board(const std::filesystem::path& file);  // throws ConfigError
+Board read_board(const std::filesystem::path& file);  // throws files::ConfigError
 std::string to_yaml(const Board& board);              // reads back to the same board
 
 }  // namespace huetrack::board

@@ -21,7 +21,7 @@ struct Saddle {
   Vector2d px;  // in the scaled image
   Matrix2d hessian;
   double strength = 0;            // -det of the Hessian
-  std::array<Vector2d, 2> edges;  // unit; the lines along which the brightness neither rises nor falls
+  std::array<Vector2d, 2> edges;  // unit; directions of zero curvature
 };
 
 constexpr std::size_t max_saddles = 2500;
@@ -82,7 +82,7 @@ std::vector<Saddle> find_saddles(const cv::Mat_<float>& smooth) {
   return saddles;
 }
 
-// How far a point lies from a position, in lattice steps.
+// Distance of a point from a position, in lattice steps.
 double steps_off(const Vector2d& offset, const Vector2d& step_i, const Vector2d& step_j) {
   const Matrix2d basis = (Matrix2d() << step_i, step_j).finished();
   if (std::abs(basis.determinant()) < 1e-9) return 1e9;
@@ -97,9 +97,9 @@ double grey_at(const cv::Mat_<float>& image, const Vector2d& p) {
          b * ((1 - a) * static_cast<double>(image(v + 1, u)) + a * static_cast<double>(image(v + 1, u + 1)));
 }
 
-// Half the difference between the squares on the (+i, +j) and (-i, -j) sides and the other two; 0 when the four squares
-// around the point are not two of one and two of another brightness (a corner of the board's border, a crossing of
-// lines, a lone square).
+// Half the difference between the squares on the (+i, +j) and (-i, -j) sides and the other two; 0 unless the four
+// squares around the point have two brightnesses, two squares each (not so at the board's border, line crossings, lone
+// squares).
 double contrast_at(const cv::Mat_<float>& smooth, const Vector2d& px, const Vector2d& step_i, const Vector2d& step_j) {
   const Vector2d i = 0.2 * step_i, j = 0.2 * step_j;  // squares at a board's edge may be cut
   const double a = grey_at(smooth, px + i + j), b = grey_at(smooth, px - i - j);
@@ -178,7 +178,7 @@ Links link_neighbours(const std::vector<Saddle>& saddles, const SaddleIndex& ind
       });
     }
   }
-  // Only what both ends agree on.
+  // Keep only mutual links.
   Links mutual = links;
   for (std::size_t i = 0; i < links.size(); ++i) {
     for (std::size_t slot = 0; slot < 4; ++slot) {
@@ -198,7 +198,7 @@ class Growing {  // one lattice
           const Links& links)
       : smooth_(smooth), saddles_(saddles), index_(index), links_(links) {}
 
-  // Starts with four linked corners around one square, of which the given saddle is one. False: there are none.
+  // Starts with four linked corners of a square, the given saddle among them. False: none.
   bool start(int seed) {
     const auto& from = links_[static_cast<std::size_t>(seed)];
     for (std::size_t along : {0U, 1U}) {
@@ -220,7 +220,7 @@ class Growing {  // one lattice
     return false;
   }
 
-  // Goes outwards from what is there: predicts a corner from its neighbours, and takes the saddle that is there.
+  // Grows outwards: predicts a corner from its neighbours and takes the saddle there.
   void grow() {
     for (bool grown = true; grown;) {
       grown = false;
@@ -251,7 +251,7 @@ class Growing {  // one lattice
   }
 
   std::size_t size() const { return cells_.size(); }
-  double weight() const {  // many corners of high contrast: a board rather than a wallpaper
+  double weight() const {  // many corners of high contrast: a board, not wallpaper
     double sum = 0;
     for (const auto& [cell, saddle] : cells_) sum += std::sqrt(at(saddle).strength);
     return sum;
@@ -261,7 +261,7 @@ class Growing {  // one lattice
   ChessboardLattice result(double scale) const {
     ChessboardLattice lattice;
     for (const auto& [cell, saddle] : cells_) {
-      // cv::resize keeps the image's edges: pixel centres map by half a pixel.
+      // cv::resize aligns the image's edges: pixel centres shift by half a pixel.
       const Vector2d px = (at(saddle).px.array() + 0.5) / scale - 0.5;
       lattice.nodes[cell] = {px, at(saddle).strength};
     }
@@ -273,7 +273,7 @@ class Growing {  // one lattice
   static constexpr std::array<Cell, 4> around{Cell{1, 0}, Cell{-1, 0}, Cell{0, 1}, Cell{0, -1}};
   const Saddle& at(int i) const { return saddles_[static_cast<std::size_t>(i)]; }
 
-  // The saddle that is linked to this one in about that direction; -1: none.
+  // The saddle linked to this one in about that direction; -1: none.
   int towards(int saddle, const Vector2d& way) const {
     for (const int next : links_[static_cast<std::size_t>(saddle)]) {
       if (next >= 0 && (at(next).px - at(saddle).px).normalized().dot(way.normalized()) > cos_of_bend) return next;
@@ -292,7 +292,7 @@ class Growing {  // one lattice
     int witnesses = 0;
   };
 
-  // Where the corner of a cell should be: lines and parallelograms of its neighbours go on.
+  // Predicts a cell's corner by continuing lines and parallelograms of its neighbours.
   std::optional<Prediction> predict(const Cell& cell) const {
     const auto [i, j] = cell;
     Prediction p{Vector2d::Zero(), Vector2d::Zero(), Vector2d::Zero(), 0};
@@ -336,8 +336,8 @@ class Growing {  // one lattice
     return p;
   }
 
-  // Of the corner at a cell, positive when its squares have the brightness that they should have, otherwise 0. nullopt
-  // when it is not there, or has no neighbours that tell how large its squares are.
+  // Contrast of a cell's corner; 0 if its squares have the wrong brightness. nullopt: no corner, or no neighbours that
+  // give the size of its squares.
   std::optional<double> contrast_of(const Cell& cell) const {
     const auto node = cells_.find(cell);
     if (node == cells_.end()) return std::nullopt;
@@ -400,7 +400,7 @@ class Growing {  // one lattice
     cells_ = std::move(best);
   }
 
-  // Corners that do not lie where their neighbours say, or are none.
+  // Removes corners away from their neighbours' prediction, and false ones.
   void drop_misfits() {
     std::vector<std::optional<double>> contrasts;
     std::vector<double> known;

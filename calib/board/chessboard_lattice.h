@@ -1,6 +1,5 @@
 // Chessboard corners in an image: saddle points of the brightness, joined to lattices. Private to this module.
-// Unlike OpenCV's detectors it needs neither whole squares nor a white margin, finds parts of a board, and reaches down
-// to squares of some 3 pixels.
+// Needs neither whole squares nor a white margin, finds parts of a board, and works down to squares of some 3 pixels.
 #pragma once
 
 #include <Eigen/Core>
@@ -23,12 +22,12 @@ struct ChessboardLattice {
   bool dark_at_origin = false;
 
   bool dark_at(int i, int j) const { return dark_at_origin != ((i + j) % 2 != 0); }
-  // Steps to the next node along i and along j, from the neighbours that are there.
+  // Steps to the next node along i and j, from the existing neighbours.
   std::pair<Eigen::Vector2d, Eigen::Vector2d> steps_at(int i, int j) const;
 };
 
-// The lattices that are in a grey image (8 bit or float, one channel) when it is scaled by `scale`; those of
-// many corners and high contrast first.
+// The lattices in a grey image (8 bit or float, one channel) scaled by `scale`; those with many corners of high
+// contrast first.
 std::vector<ChessboardLattice> find_chessboard_lattices(const cv::Mat& grey, double scale);
 
 }  // namespace huetrack::board

@@ -53,7 +53,7 @@ class CrossFit {
         square_j_(basis.determinant() / step_i_.norm()),
         dark_(dark) {}
 
-  // reach: how far from the corner pixels are used, in steps. False: there are too few.
+  // reach: radius of the pixels used, in steps. False: too few pixels.
   bool take_pixels(const cv::Mat& image, double white_margin, double reach) {
     constexpr double max_radius = 11;
     const int radius = static_cast<int>(std::ceil(std::min(max_radius, reach * (step_i_.norm() + step_j_.norm()))));
@@ -109,7 +109,7 @@ class CrossFit {
     return corner;
   }
 
-  // Whether what was solved is the corner that it was begun at.
+  // Whether the solution is still the corner of the start.
   bool is_sound(const RefinedCorner& corner) const {
     const bool drifted =
         (to_lattice_ * (corner.px - start_)).cwiseAbs().maxCoeff() > 0.4 || (corner.px - start_).norm() > 6;
@@ -117,7 +117,7 @@ class CrossFit {
   }
 
  private:
-  // The sum of the squares; jtj, jtr: null, or what the normal equations are made of.
+  // Sum of squares; jtj, jtr: null, or the normal equations.
   double evaluate(const Parameters& p, Normal* jtj, Parameters* jtr) const {
     // Edge i runs along step_i; its normal points to growing j.
     const Vector2d along_i(std::cos(p(2)), std::sin(p(2))), along_j(std::cos(p(3)), std::sin(p(3)));
@@ -152,7 +152,7 @@ class CrossFit {
   const bool dark_;
   std::vector<Sample> samples_;
   double low_ = 255, high_ = 0;
-  bool few_ = false;  // samples: then the directions of the edges are the lattice's
+  bool few_ = false;  // few samples: the edges keep the lattice's directions
   Parameters x_;
 };
 
@@ -174,7 +174,7 @@ std::optional<RefinedCorner> refine_corner(const cv::Mat& image, const Vector2d&
   const auto wide = fit(image, start, step_i, step_j, dark, white_margin, 0.62);
   if (misfit(wide) < 0.15) return wide;
   const auto narrow =
-      fit(image, start, step_i, step_j, dark, white_margin, 0.3);  // squares that are cut, or partly hidden
+      fit(image, start, step_i, step_j, dark, white_margin, 0.3);  // for squares that are cut or partly hidden
   return misfit(narrow) < 0.6 * misfit(wide) ? narrow : wide;
 }
 

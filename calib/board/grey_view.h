@@ -1,4 +1,4 @@
-// Grey pictures of OpenCV as the detectors take them.
+// OpenCV images as GreyPixels.
 #pragma once
 
 #include <cstddef>
@@ -8,7 +8,7 @@
 
 namespace huetrack::board {
 
-// image: CV_8UC1; it must outlive what is returned.
+// image: CV_8UC1; must outlive the result.
 inline GreyPixels view_of(const cv::Mat& image) {
   return {image.data, image.cols, image.rows, static_cast<std::ptrdiff_t>(image.step)};
 }

@@ -23,7 +23,7 @@ std::string in_brackets(std::string_view text) {
 }  // namespace
 
 PdfPage::PdfPage(double width_mm, double height_mm) : width_mm_(width_mm), height_mm_(height_mm) {
-  // Millimetres, y down: the numbers in the file are those of the board.
+  // Millimetres, y down, as in the board frame.
   content_ = fmt::format("{:.8f} 0 0 {:.8f} 0 {:.6f} cm\n", points_per_mm, -points_per_mm, height_mm * points_per_mm);
 }
 
@@ -39,8 +39,8 @@ void PdfPage::text(double x, double y, double size_mm, const std::string& line, 
 
 std::string PdfPage::pdf(const std::string& title) const {
   const std::vector<std::string> objects{
-      "<< /Type /Catalog /Pages 2 0 R /ViewerPreferences << /PrintScaling /None >> >>",  // printers must not fit it to
-                                                                                         // the page
+      "<< /Type /Catalog /Pages 2 0 R /ViewerPreferences << /PrintScaling /None >> >>",  // printers must not scale it
+                                                                                         // to the page
       "<< /Type /Pages /Kids [3 0 R] /Count 1 >>",
       fmt::format(
           "<< /Type /Page /Parent 2 0 R /MediaBox [0 0 {:.6f} {:.6f}] /Contents 4 0 R /Resources << /Font << /F1 5 0 R "

@@ -1,5 +1,4 @@
-// One page of PDF 1.4 with filled rectangles and lines of text: what a board needs, to the micrometre. Private to this
-// module.
+// One page of PDF 1.4 with filled rectangles and lines of text: exact to the micrometre. Private to this module.
 #pragma once
 
 #include <string>
@@ -12,10 +11,10 @@ class PdfPage {
   PdfPage(double width_mm, double height_mm);
 
   void rectangle(double x, double y, double width, double height, double grey);
-  // Helvetica, its baseline at y; only printable ASCII is kept. turned: upwards.
+  // Helvetica, baseline at y; only printable ASCII is kept. turned: reads upwards.
   void text(double x, double y, double size_mm, const std::string& line, bool turned = false);
 
-  std::string pdf(const std::string& title) const;  // the file; the same bytes for the same page
+  std::string pdf(const std::string& title) const;  // the file, deterministic
 
  private:
   double width_mm_, height_mm_;

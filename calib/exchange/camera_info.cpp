@@ -1,5 +1,5 @@
-// ROS camera_info, as camera_calibration_parsers writes it. K, D and the size are the camera's own, as ours are;
-// rectification and projection matrix belong to a rectified image, which huetrack does not use.
+// ROS camera_info, as camera_calibration_parsers writes it. K, D and the size are imported; rectification and projection
+// matrix describe a rectified image, which huetrack does not use.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -51,7 +51,7 @@ Imported import_camera_info(const std::filesystem::path& file, const ImportOptio
     const auto r = matrix(reader, "rectification_matrix", 3, 3);
     constexpr std::array<double, 9> identity{1, 0, 0, 0, 1, 0, 0, 0, 1};
     if (!std::ranges::equal(r, identity))
-      out.notes.emplace_back("rectification_matrix is not taken over: huetrack uses the image as the camera gives it");
+      out.notes.emplace_back("rectification_matrix is not taken over: huetrack uses the unrectified image");
   }
   if (reader.has("projection_matrix")) {
     const auto p = matrix(reader, "projection_matrix", 3, 4);
@@ -59,8 +59,8 @@ Imported import_camera_info(const std::filesystem::path& file, const ImportOptio
         p.size() == 12 && p[0] == k[0] && p[2] == k[2] && p[5] == k[4] && p[6] == k[5] && p[3] == 0 && p[7] == 0;
     if (!same && p.size() == 12 && p[3] != 0) {
       out.notes.push_back(fmt::format(
-          "projection_matrix is not taken over; it says that this is the second camera of a rectified pair, "
-          "{:.4g} m beside the first: the pose is to be found anew",
+          "projection_matrix is not taken over; this is the second camera of a rectified pair, "
+          "{:.4g} m from the first: estimate its pose anew with extrinsics or wave",
           -p[3] / p[0]));
     } else if (!same) {
       out.notes.emplace_back("projection_matrix is not taken over: it belongs to a rectified image");
@@ -68,7 +68,7 @@ Imported import_camera_info(const std::filesystem::path& file, const ImportOptio
   }
   for (const std::string_view key : {"binning_x", "binning_y"}) {
     if (reader.has(key) && reader.integer(key, {.min = 0, .max = 64}) > 1)
-      reader.fail(key, "the calibration is of the unbinned image: a rig is of the image as it comes");
+      reader.fail(key, "is not 1: a rig needs the calibration of the image that the camera delivers");
   }
   if (const auto roi = reader.optional_map("roi")) {
     bool whole = true;
@@ -76,10 +76,10 @@ Imported import_camera_info(const std::filesystem::path& file, const ImportOptio
       whole = roi->integer(key, yaml::any_number, 0) == 0 && whole;
     if (roi->has("do_rectify")) roi->boolean("do_rectify");
     roi->finish();
-    if (!whole) reader.fail("roi", "is a part of the image: a rig is of the image as it comes");
+    if (!whole) reader.fail("roi", "is a part of the image: a rig needs the calibration of the image that the camera delivers");
   }
   reader.finish();
-  out.notes.emplace_back("a camera_info holds no pose: the world is the camera's own frame");
+  out.notes.emplace_back("camera_info holds no pose: the world is the camera's own frame");
   out.rig.cameras.push_back(std::move(camera));
   return out;
 }

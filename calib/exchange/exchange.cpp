@@ -6,8 +6,8 @@
 #include <array>
 
 #include "calib/exchange/exchanged_camera.h"
+#include "calib/files/config_error.h"
 #include "calib/model/nearest_lens.h"
-#include "calib/yaml/yaml_reader.h"
 
 namespace huetrack::exchange {
 namespace {
@@ -18,12 +18,11 @@ constexpr std::array<std::pair<ExchangeFormat, std::string_view>, 5> names{{{Exc
                                                                             {ExchangeFormat::aniposelib, "aniposelib"},
                                                                             {ExchangeFormat::caliscope, "caliscope"}}};
 
-constexpr double widest_rig_m = 50;  // no rig is wider, but one whose file counts in millimetres seems to be
+constexpr double widest_rig_m = 50;  // a wider rig is probably in millimetres
 
 enum class Indent { none, any, some };
 
-// Whether one of the lines begins with `word`, and goes on with `mark` but for blanks (0: with anything). Not a
-// std::regex: that calls itself for each character and runs out of stack on a long file.
+// Whether a line begins with `word`, blanks and `mark` (0: anything). Not a std::regex, which recurses once per character.
 bool has_line(std::string_view text, Indent indent, std::string_view word, char mark = 0) {
   constexpr std::string_view blanks = " \t\n\v\f\r", line_ends = "\n\r";
   for (auto at = text.find(word); at != std::string_view::npos; at = text.find(word, at + 1)) {
@@ -33,7 +32,7 @@ bool has_line(std::string_view text, Indent indent, std::string_view word, char 
       if (at == 0 || line_ends.find(text[at - 1]) != std::string_view::npos) return true;
       continue;
     }
-    // What is blank before the word, empty lines included, must reach back to the start of a line.
+    // Only blanks may precede the word on its line.
     const std::string_view before = text.substr(0, at);
     const std::string_view blank = before.substr(before.find_last_not_of(blanks) + 1);
     const auto line_end = blank.find_first_of(line_ends);
@@ -78,8 +77,7 @@ ExchangeFormat detect_format(const std::filesystem::path& file) {
     return ExchangeFormat::ros;
   throw files::ConfigError(
       file, 0,
-      "is no calibration file that we know by its looks; say which with --from: ros, opencv, kalibr, "
-      "aniposelib or caliscope");
+      "has no known calibration format; give it with --from: ros, opencv, kalibr, aniposelib or caliscope");
 }
 
 Imported import_rig(std::span<const std::filesystem::path> files, const ImportOptions& options) {
@@ -88,9 +86,9 @@ Imported import_rig(std::span<const std::filesystem::path> files, const ImportOp
   if (format != ExchangeFormat::opencv && files.size() > 1) {
     throw ExchangeError(
         format == ExchangeFormat::ros
-            ? "a camera_info file holds one camera and no pose, so several make no rig: import each into a file of "
-              "its own, and find the poses with extrinsics or wave"
-            : "a file of this kind holds all cameras: give one");
+            ? "a camera_info file holds one camera and no pose: import each into its own file, then find the poses "
+              "with extrinsics or wave"
+            : "a file of this format holds all cameras: give only one");
   }
   const std::filesystem::path& file = files.front();
   Imported out;
@@ -119,10 +117,10 @@ Imported import_rig(std::span<const std::filesystem::path> files, const ImportOp
   if (widest > widest_rig_m) {
     throw files::ConfigError(
         file, 0,
-        fmt::format("the cameras are up to {:.0f} m apart: is the file in millimetres? Then give --unit mm", widest));
+        fmt::format("the cameras are up to {:.0f} m apart: if the file is in millimetres, give --unit mm", widest));
   }
   if (out.rig.cameras.size() > 1) {
-    out.notes.push_back(fmt::format("the cameras are up to {:.3f} m apart: if that is not so, give --unit", widest));
+    out.notes.push_back(fmt::format("the cameras are up to {:.3f} m apart: if that is wrong, give --unit", widest));
   }
   if (out.rig.made_by.empty()) {
     out.rig.made_by.emplace_back("imported_from", file.filename().string());
@@ -130,7 +128,7 @@ Imported import_rig(std::span<const std::filesystem::path> files, const ImportOp
   }
   if (!options.cameras.empty()) {
     for (const std::string& name : options.cameras) {
-      if (!out.rig.index_of(name)) throw files::ConfigError(file, 0, "there is no camera " + name + " in it");
+      if (!out.rig.index_of(name)) throw files::ConfigError(file, 0, "has no camera " + name);
     }
     std::erase_if(out.rig.cameras, [&](const calib::Camera& camera) {
       return std::ranges::find(options.cameras, camera.name) == options.cameras.end();
@@ -162,9 +160,9 @@ Exported exported_as(const calib::CameraRig& rig, const ExportOptions& options) 
 
 namespace {
 
-// Other tools' lens models are pinholes and the fisheye: what else a rig has is written as the nearest of them.
+// Other tools have pinhole and fisheye lenses only: approximates any other by the nearest of these.
 calib::CameraRig with_their_lenses(calib::CameraRig rig, ExchangeFormat format, std::vector<std::string>& notes) {
-  // Five coefficients is what kalibr (four) and the TOML formats read.
+  // kalibr reads four coefficients, the TOML formats five.
   const bool reads_rational = format == ExchangeFormat::ros || format == ExchangeFormat::opencv;
   const int radtan = format == ExchangeFormat::kalibr ? 8 : reads_rational ? 12 : 9;
   for (calib::Camera& camera : rig.cameras) {
@@ -176,7 +174,7 @@ calib::CameraRig with_their_lenses(calib::CameraRig rig, ExchangeFormat format, 
     const bool use_fisheye = !pinhole.covers_image || (fisheye.covers_image && fisheye.p95_px < pinhole.p95_px);
     const calib::NearestLens& nearest = use_fisheye ? fisheye : pinhole;
     notes.push_back(
-        fmt::format("{}: {} has no stereographic lens: written as the nearest {}, which is off by {:.2g} px (95 % of "
+        fmt::format("{}: {} has no stereographic lens: written as the nearest {}, with an error of {:.2g} px (95 % of "
                     "the image), at most {:.2g} px",
                     camera.name, name(format), use_fisheye ? "fisheye" : "pinhole", nearest.p95_px, nearest.worst_px));
     camera.model = nearest.model;

@@ -1,10 +1,9 @@
-// Calibrations of other tools: read into our rig, and our rig written as theirs.
+// Imports calibrations of other tools into a rig, and exports a rig to their formats.
 //
-// Nothing is dropped in silence. Reading: what the file says and a rig cannot hold is a note; what cannot be understood
-// (a distortion model that we do not have, a wrong count of coefficients, a matrix that is not a rotation) is a
-// ConfigError with file and, where the format's reader tells it, line. Writing: what the format cannot hold and the
-// positions do not depend on (names, the choice of the world's frame) is a note; a lens that it cannot hold is an
-// ExchangeError.
+// Nothing is dropped silently. Import: what a rig cannot hold is reported as a note; what is unsupported or wrong (distortion
+// model, number of coefficients, a matrix that is not a rotation) is a files::ConfigError with file and, if the parser
+// reports it, line. Export: what the format cannot hold and positions do not depend on (names, world frame) is a note; a
+// lens that it cannot hold is an ExchangeError.
 #pragma once
 
 #include <filesystem>
@@ -23,9 +22,9 @@ namespace huetrack::exchange {
 enum class ExchangeFormat : std::uint8_t {
   ros,         // camera_info YAML (camera_calibration_parsers): one camera, no pose
   opencv,      // FileStorage, .yml .xml .json: one camera per file, or a stereo pair (M1 D1 M2 D2 R T)
-  kalibr,      // camchain YAML: pinhole with radtan, equidistant or none; poses from camera to camera; timing
+  kalibr,      // camchain YAML: pinhole with radtan, equidistant or none; relative poses, timing
   aniposelib,  // TOML: [cam_0] name, matrix, distortions, rotation vector, translation
-  caliscope,   // TOML: [cameras.0], and the [cam_0] of its older config.toml
+  caliscope,   // TOML: [cameras.0]; older config.toml: [cam_0]
 };
 std::string_view name(ExchangeFormat format);  // "ros", ...
 std::optional<ExchangeFormat> exchange_format_of(std::string_view name);
@@ -35,38 +34,37 @@ class ExchangeError : public std::runtime_error {
 };
 
 struct ImportOptions {
-  std::optional<ExchangeFormat> format{};        // nullopt: by what the file looks like
-  std::optional<calib::ImageSize> image_size{};  // for files that do not say it; of every camera
+  std::optional<ExchangeFormat> format{};        // nullopt: detected
+  std::optional<calib::ImageSize> image_size{};  // of every camera, for files without it
   std::vector<std::string> cameras{};            // only these; empty: all
-  double metres_per_unit = 1;  // > 0; of the file's lengths, which no format but Kalibr's and ours fixes
+  double metres_per_unit = 1;  // > 0; unit of the file's lengths: only Kalibr fixes it
 };
 
 struct Imported {
   calib::CameraRig rig;
-  std::vector<std::string> notes;  // what was not taken over, or has to be known; one line each
+  std::vector<std::string> notes;  // ignored content and other remarks, one line each
 };
 
-// files: one; opencv: one or more, which together describe one camera, a stereo pair, or one camera each.
-// throws ConfigError
+// files: one; opencv: one or more, together for one camera or a stereo pair, or one per camera. throws files::ConfigError,
+// ExchangeError
 Imported import_rig(std::span<const std::filesystem::path> files, const ImportOptions& options = {});
 
 struct ExportOptions {
   ExchangeFormat format = ExchangeFormat::ros;
-  // opencv: yml, xml or json; with stereo a rig of two is one file with M1 D1 M2 D2 R T, otherwise each camera has its
-  // own.
+  // opencv: yml, xml or json; stereo: two cameras in one file with M1 D1 M2 D2 R T, otherwise one file per camera.
   std::string extension = "yml";
   bool stereo = false;
 };
 
 struct Exported {
-  std::vector<std::pair<std::string, std::string>> files;  // name, contents; one, or one per camera
+  std::vector<std::pair<std::string, std::string>> files;  // name, content
   std::vector<std::string> notes;
 };
 
 // throws ExchangeError
 Exported export_rig(const calib::CameraRig& rig, const ExportOptions& options);
 
-// By its name and contents. throws ConfigError: unreadable, or none that we know.
+// By name and content. throws files::ConfigError: unreadable, or an unknown format.
 ExchangeFormat detect_format(const std::filesystem::path& file);
 
 }  // namespace huetrack::exchange

@@ -9,8 +9,8 @@
 #include <cctype>
 #include <cmath>
 
+#include "calib/files/config_error.h"
 #include "calib/files/number_text.h"
-#include "calib/yaml/yaml_reader.h"
 
 namespace huetrack::exchange {
 
@@ -37,7 +37,7 @@ calib::CameraModel opencv_lens(std::span<const double> intrinsics, std::string_v
     std::ranges::copy(coefficients, lens.distortion.begin());
     return calib::CameraModel(lens);
   }
-  // Of 12 or 14 coefficients the last are thin prism and tilt, which a rig cannot hold; zeros there mean nothing.
+  // Coefficients 9 to 14 are thin prism and tilt, which a rig cannot hold unless they are 0.
   const bool tail_is_zero = n > 8 && std::ranges::all_of(coefficients.subspan(8), [](double k) { return k == 0; });
   if (n != 0 && n != 4 && n != 5 && n != 8 && !((n == 12 || n == 14) && tail_is_zero)) {
     fail(coefficients_key,
@@ -95,7 +95,7 @@ std::vector<double> coefficients_of(const calib::CameraModel& model) {
 
 std::string exact(double value) {
   const std::string text = files::shortest_text(value);
-  // TOML and some YAML readers tell integers from floats.
+  // TOML and some YAML readers distinguish integers and floats.
   return text.find_first_of(".en") == std::string::npos ? text + ".0" : text;
 }
 

@@ -1,4 +1,4 @@
-// What the formats have in common. Private to this module.
+// Shared by all formats. Private to this module.
 #pragma once
 
 #include <Eigen/Core>
@@ -16,34 +16,34 @@
 
 namespace huetrack::exchange {
 
-// Throws the format's own error: ConfigError at the right place.
+// Throws a files::ConfigError at the key's line.
 using Fail = std::function<void(std::string_view key, const std::string& message)>;
 
 // The lens of OpenCV's parameters. intrinsics: K row by row. coefficients: k1 k2 p1 p2 [k3 [k4 k5 k6]], or the
-// fisheye's four; none at all: no distortion.
+// fisheye's four; empty: no distortion.
 calib::CameraModel opencv_lens(std::span<const double> intrinsics, std::string_view intrinsics_key,
                                std::span<const double> coefficients, std::string_view coefficients_key, bool fisheye,
                                const Fail& fail);
 
-// m row by row; may be rounded (a rotation to 1e-4).
+// m: row by row, a rotation to within 1e-4.
 Eigen::Quaterniond rotation_of(std::span<const double> m, std::string_view key, const Fail& fail);
 Eigen::Quaterniond rotation_of_vector(std::span<const double> v);
 Eigen::Vector3d vector_of(const Eigen::Quaterniond& rotation);
 
 std::vector<double> intrinsics_of(const calib::CameraModel& model);  // K row by row
-// OpenCV's order; radtan: 5, or 8 when it is rational; fisheye: 4.
+// OpenCV's order; radtan: 5, rational: 8, fisheye: 4.
 std::vector<double> coefficients_of(const calib::CameraModel& model);
 bool is_fisheye(const calib::CameraModel& model);
 
-std::string exact(double value);                         // the shortest text that reads back as the same double
+std::string exact(double value);                         // the shortest text that parses to the same double
 std::string exact_list(std::span<const double> values);  // "[1, 2.5]"
-std::string clean_name(std::string name);                // with _ for what a camera's name cannot hold
+std::string clean_name(std::string name);                // replaces characters that a camera name must not have by _
 using files::joined;
 
-// A rig's cameras must be valid and all different; messages name the file.
+// throws files::ConfigError: a camera is invalid, or two have the same name.
 void require_valid(const calib::CameraRig& rig, const std::filesystem::path& file);
 
-// Formats, one function each way.
+// One function per format and direction.
 Imported import_camera_info(const std::filesystem::path& file, const ImportOptions& options);
 Imported import_opencv(std::span<const std::filesystem::path> files, const ImportOptions& options);
 Imported import_kalibr(const std::filesystem::path& file, const ImportOptions& options);
@@ -55,7 +55,7 @@ Exported export_kalibr(const calib::CameraRig& rig);
 Exported export_aniposelib(const calib::CameraRig& rig);
 Exported export_caliscope(const calib::CameraRig& rig);
 
-// The whole file, no larger and no deeper than a parser bears. throws ConfigError
+// The whole file, limited in size and nesting. throws files::ConfigError
 std::string text_of(const std::filesystem::path& file, files::Keys keys = files::Keys::plain);
 
 }  // namespace huetrack::exchange

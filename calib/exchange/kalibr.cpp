@@ -1,11 +1,10 @@
-// Kalibr's camchain YAML (github.com/ethz-asl/kalibr/wiki/yaml-formats): T_cn_cnm1 takes points of the camera before to
-// this one; the first camera is the world.
+// Kalibr's camchain YAML (github.com/ethz-asl/kalibr/wiki/yaml-formats): T_cn_cnm1 maps points from the previous
+// camera to this one; the first camera is the world.
 //
-// Its time model, of which ours (calib::CameraTiming) is another form: row r is exposed at
+// Time model, equivalent to calib::CameraTiming: row r is exposed at
 //   stamp + timeshift_cam_imu + r * line delay
-// on the clock of the IMU that the cameras were calibrated with, which becomes the clock that the rig hangs on. The
-// shift is Kalibr's own key; the line delay is that of its rolling-shutter branch (github.com/JzHuai0108/kalibr),
-// line_delay_nanoseconds, a whole number >= 0. Some tools write line_delay, seconds: that is read, too.
+// on the clock of the IMU, which becomes the rig's reference clock. line_delay_nanoseconds (whole, >= 0) is from the
+// rolling-shutter branch (github.com/JzHuai0108/kalibr); line_delay, in seconds, is read, too.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -20,7 +19,7 @@ calib::CameraTiming read_timing(const yaml::YamlReader& cam, int height) {
   constexpr std::string_view shift = "timeshift_cam_imu", seconds = "line_delay",
                              nanoseconds = "line_delay_nanoseconds";
   calib::CameraTiming timing;
-  if (cam.has(seconds) && cam.has(nanoseconds)) cam.fail(seconds, "is given beside line_delay_nanoseconds: give one");
+  if (cam.has(seconds) && cam.has(nanoseconds)) cam.fail(seconds, "is given together with line_delay_nanoseconds: give one of them");
   const double longest = 1.0 / std::max(1, height - 1);  // a line's, of a readout of a second
   if (cam.has(nanoseconds))
     timing.readout_s = 1e-9 * cam.number(nanoseconds, {.min = 0, .max = 1e9 * longest}) * (height - 1);
@@ -28,13 +27,13 @@ calib::CameraTiming read_timing(const yaml::YamlReader& cam, int height) {
   if (cam.has(shift)) {
     const double shift_s = cam.number(shift, yaml::any_number), latency_s = -shift_s - timing.readout_s.value_or(0) / 2;
     if (std::abs(latency_s) > 1)
-      cam.fail(shift, "is more than a second: the clocks differ by more than a camera's latency; take it out");
+      cam.fail(shift, "is more than a second: the clocks are not related; remove it");
     timing.latency_s = latency_s;
   }
   return timing;
 }
 
-// Notes what the format cannot hold.
+// Adds notes on what the format cannot hold.
 std::string timing_text(const calib::Camera& camera, std::vector<std::string>& notes) {
   const calib::CameraTiming& timing = camera.timing;
   std::string text;
@@ -97,10 +96,10 @@ Imported import_kalibr(const std::filesystem::path& file, const ImportOptions& o
       const calib::Rigid3d this_from_before{rotation_of(r, "T_cn_cnm1", fail), {rows[0][3], rows[1][3], rows[2][3]}};
       camera.cam_from_world = this_from_before * out.rig.cameras.back().cam_from_world;
     } else if (cam.has("T_cn_cnm1")) {
-      cam.fail("T_cn_cnm1", "the first camera has none before it");
+      cam.fail("T_cn_cnm1", "is not allowed for the first camera");
     }
     camera.timing = read_timing(cam, camera.image_size.height);
-    if (camera.timing.latency_s) out.notes.push_back(name + ": its latency is counted on the IMU's clock");
+    if (camera.timing.latency_s) out.notes.push_back(name + ": its latency is relative to the IMU's clock");
     std::vector<std::string> left_out;
     for (const std::string key : {"rostopic", "cam_overlaps", "T_cam_imu"}) {
       if (cam.has(key)) left_out.push_back(key);

@@ -1,5 +1,5 @@
-// OpenCV FileStorage in YAML, XML and JSON. There is no fixed form; these are the keys of OpenCV's own samples
-// (camera_calibration, calibration, stereo_calib) and what people write.
+// OpenCV FileStorage in YAML, XML and JSON. The keys are not standardised; these are those of OpenCV's samples
+// (camera_calibration, calibration, stereo_calib) and common variants.
 #include <fmt/format.h>
 
 #include <Eigen/Geometry>
@@ -10,7 +10,7 @@
 #include <set>
 
 #include "calib/exchange/exchanged_camera.h"
-#include "calib/yaml/yaml_reader.h"
+#include "calib/files/config_error.h"
 
 namespace huetrack::exchange {
 namespace {
@@ -22,8 +22,8 @@ int line_at(std::string_view text, std::size_t at) {
   return static_cast<int>(1 + std::count(text.begin(), text.begin() + static_cast<std::ptrdiff_t>(at), '\n'));
 }
 
-// OpenCV's XML parser reads through a null pointer where an attribute's value has no quotes or a tag has no end.
-// throws ConfigError: there is such a tag
+// Rejects tags on which OpenCV's XML parser dereferences a null pointer: unquoted attributes, unclosed tags.
+// throws files::ConfigError
 void check_tags(const std::filesystem::path& path, std::string_view text) {
   const std::size_t first = text.find_first_not_of(" \t\r\n");
   if (first == std::string_view::npos || text[first] != '<') return;
@@ -53,8 +53,8 @@ void check_tags(const std::filesystem::path& path, std::string_view text) {
   }
 }
 
-// OpenCV's parsers of YAML and JSON never return from binary data that ends early, and no calibration has any.
-// throws ConfigError: there is some
+// Rejects binary data: OpenCV's YAML and JSON parsers hang if it is truncated, and no calibration has any.
+// throws files::ConfigError
 void check_no_binary(const std::filesystem::path& path, std::string_view text) {
   for (const std::string_view mark : {"!!binary", "2002:binary", "$base64$"}) {
     const std::size_t at = text.find(mark);
@@ -79,16 +79,16 @@ class Storage {
       const auto colon = what.find("): ");
       throw files::ConfigError(
           path_, line, "OpenCV cannot read it: " + (colon == std::string::npos ? what : what.substr(colon + 3)));
-    } catch (const std::exception& error) {  // what its parser runs into: std::length_error, for one
+    } catch (const std::exception& error) {  // for example std::length_error of its parser
       throw files::ConfigError(path_, 0, std::string("OpenCV cannot read it: ") + error.what());
     }
     if (!storage_.isOpened() || !storage_.root().isMap())
-      throw files::ConfigError(path_, 0, "is no OpenCV FileStorage");
+      throw files::ConfigError(path_, 0, "is not an OpenCV FileStorage");
   }
 
   const std::filesystem::path& path() const { return path_; }
 
-  // The first of these that is there.
+  // The first of these keys that exists.
   std::optional<std::string> find(const Words& keys) const {
     for (const std::string& key : keys) {
       if (storage_[key].empty()) continue;
@@ -109,7 +109,7 @@ class Storage {
     if (node.isMap()) {
       cv::Mat m;
       try {
-        // OpenCV makes room for as many numbers as rows and cols promise before it looks for them.
+        // OpenCV allocates rows x cols before it reads the data.
         constexpr int most = 100;
         const int rows = node["rows"], columns = node["cols"];
         if (rows < 1 || rows > most || columns < 1 || columns > most) fail(key, "is not a matrix of a usual size");
@@ -207,7 +207,7 @@ calib::ImageSize size_of(const std::vector<const Storage*>& files, const ImportO
   }
   if (options.image_size) return *options.image_size;
   throw files::ConfigError(files.front()->path(), 0,
-                           "does not say the image's size (image_width, image_height): give --size WIDTHxHEIGHT");
+                           "has no image size (image_width, image_height): give --size WIDTHxHEIGHT");
 }
 
 calib::Camera read_lens(const std::vector<const Storage*>& files, const Words& k, const Words& d,
@@ -232,7 +232,7 @@ calib::Camera read_lens(const std::vector<const Storage*>& files, const Words& k
   return camera;
 }
 
-// nullopt: not there.
+// nullopt: absent.
 std::optional<calib::Rigid3d> read_pose(const std::vector<const Storage*>& files, const Words& r_keys,
                                         const Words& t_keys) {
   const auto [in_r, r_key] = in_any(files, r_keys);
@@ -286,8 +286,8 @@ Imported import_opencv(std::span<const std::filesystem::path> paths, const Impor
     if (!pose) {
       throw files::ConfigError(
           files.front()->path(), 0,
-          "has two cameras, but not how they stand to one another (R and T): give the file that has them "
-          "too (extrinsics.yml)");
+          "has two cameras, but not their relative pose (R and T): also give the file with it "
+          "(extrinsics.yml)");
     }
     right.cam_from_world = *pose;  // stereoCalibrate: p_2 = R p_1 + T
     out.rig.cameras = {std::move(left), std::move(right)};
@@ -307,8 +307,8 @@ Imported import_opencv(std::span<const std::filesystem::path> paths, const Impor
     if (!unposed.empty() && files.size() > 1) {
       throw files::ConfigError(files.front()->path(), 0,
                                "no poses for " + joined(unposed) +
-                                   ": import each camera into a file of its own, and "
-                                   "find the poses with extrinsics or wave");
+                                   ": import each camera into its own file, then find the "
+                                   "poses with extrinsics or wave");
     }
     if (!unposed.empty()) out.notes.emplace_back("the file holds no pose: the world is the camera's own frame");
   }
@@ -335,9 +335,9 @@ Exported export_opencv(const calib::CameraRig& rig, const ExportOptions& options
       throw ExchangeError("a stereo file holds two cameras, the rig has " + std::to_string(rig.cameras.size()));
     const calib::Camera &a = rig.cameras[0], &b = rig.cameras[1];
     if (a.image_size != b.image_size)
-      throw ExchangeError("a stereo file holds one image size, and the cameras' differ");
+      throw ExchangeError("a stereo file holds one image size, but the cameras have two");
     if (is_fisheye(a.model) != is_fisheye(b.model))
-      throw ExchangeError("a stereo file holds one kind of lens: one of the two is a fisheye");
+      throw ExchangeError("a stereo file holds one kind of lens, but only one of the two is a fisheye");
     write("stereo", [&](cv::FileStorage& s) {
       s << "image_width" << a.image_size.width << "image_height" << a.image_size.height;
       s << "camera_name1" << a.name << "camera_name2" << b.name;
@@ -364,7 +364,7 @@ Exported export_opencv(const calib::CameraRig& rig, const ExportOptions& options
     }
     if (rig.cameras.size() > 1)
       out.notes.emplace_back(
-          "cam_from_world_rotation and _translation are keys of ours: OpenCV has none for a rig's poses");
+          "cam_from_world_rotation and _translation are keys of huetrack: OpenCV has none for a rig's poses");
   }
   if (!rig.made_by.empty()) out.notes.emplace_back("these files have no place for made_by");
   return out;

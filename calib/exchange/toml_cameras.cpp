@@ -1,4 +1,4 @@
-// Anipose's and Caliscope's TOML. Both keep cam_from_world as OpenCV does: a rotation vector (Caliscope's older files:
+// Anipose's and Caliscope's TOML. Both store cam_from_world as OpenCV does: a rotation vector (Caliscope's older files:
 // a matrix) and a translation, p_cam = R p_world + t.
 #include <fmt/format.h>
 #include <toml++/toml.h>
@@ -10,8 +10,8 @@
 #include <set>
 
 #include "calib/exchange/exchanged_camera.h"
+#include "calib/files/config_error.h"
 #include "calib/files/text_file.h"
-#include "calib/yaml/yaml_reader.h"
 
 namespace huetrack::exchange {
 namespace {
@@ -24,13 +24,13 @@ toml::table parsed(const std::filesystem::path& file) {
   }
 }
 
-// One table of a file, strictly: every key is asked for or named by left_out().
+// Strict reader of one table: left_out() lists the keys that were not read.
 class TomlReader {
  public:
   TomlReader(const toml::table& table, std::string path, const std::filesystem::path& file)
       : table_(table), path_(std::move(path)), file_(file) {}
 
-  // rtoml writes "null" for what is not there.
+  // rtoml writes "null" for an absent value.
   bool has(std::string_view key) const {
     asked_.emplace(key);
     const toml::node* node = table_.get(key);
@@ -104,7 +104,7 @@ class TomlReader {
   mutable std::set<std::string, std::less<>> asked_;
 };
 
-// The lens; and the pose, if there is one: whether there was.
+// Reads the lens and, if present, the pose; returns whether it was.
 bool read_camera(const TomlReader& reader, const ImportOptions& options, calib::Camera& camera) {
   const Fail fail = reader.failing();
   camera.image_size = reader.size("size", options.image_size);
@@ -113,7 +113,7 @@ bool read_camera(const TomlReader& reader, const ImportOptions& options, calib::
   const auto d = reader.numbers("distortions");
   camera.model = opencv_lens(k, "matrix", d, "distortions", fisheye, fail);
   if (reader.has("rotation") != reader.has("translation"))
-    fail("rotation", "rotation and translation must both be there");
+    fail("rotation", "rotation and translation must both be given");
   if (!reader.has("rotation")) return false;
   const auto r = reader.numbers("rotation"), t = reader.numbers("translation");
   if (r.size() != 3 && r.size() != 9) fail("rotation", "must be a rotation vector (3 numbers) or a 3x3 matrix");
@@ -140,7 +140,7 @@ void require_poses(const std::filesystem::path& file, const calib::CameraRig& ri
   if (rig.cameras.size() > 1)
     throw files::ConfigError(
         file, 0,
-        "these cameras have no rotation and translation: " + joined(unposed) + ": calibrate them, or take them out");
+        "these cameras have no rotation and translation: " + joined(unposed) + ": calibrate them, or remove them");
   notes.push_back(rig.cameras.front().name + " has no pose: the world is the camera's own frame");
 }
 
@@ -163,7 +163,7 @@ std::string camera_text(const calib::Camera& camera, bool fisheye_always) {
 void note_rational(const calib::Camera& camera, std::string_view tool, std::vector<std::string>& notes) {
   if (!is_fisheye(camera.model) && coefficients_of(camera.model).size() == 8) {
     notes.push_back(camera.name + " has 8 distortion coefficients: " + std::string(tool) +
-                    " hands them to OpenCV, which understands them, but refines and shows 5 at most");
+                    " passes them to OpenCV, which applies them, but refines and shows only 5");
   }
 }
 
@@ -176,7 +176,7 @@ Imported import_aniposelib(const std::filesystem::path& file, const ImportOption
   for (const auto& [key, value] : root) {
     const std::string name(key.str());
     const toml::table* table = value.as_table();
-    if (name == "metadata" && table != nullptr) {  // free texts, as our made_by
+    if (name == "metadata" && table != nullptr) {  // free texts, like made_by
       for (const auto& [what, said] : *table) {
         std::string text;
         if (const auto s = said.value<std::string>())
@@ -201,7 +201,7 @@ Imported import_aniposelib(const std::filesystem::path& file, const ImportOption
     calib::Camera camera;
     camera.name = reader.has("name") ? reader.string("name") : name;
     const bool posed = read_camera(reader, options, camera);
-    if (reader.has("extra_dist")) reader.boolean("extra_dist", false);  // says no more than the count does
+    if (reader.has("extra_dist")) reader.boolean("extra_dist", false);  // redundant with the number of coefficients
     if (const auto left = reader.left_out(); !left.empty())
       out.notes.push_back(camera.name + ": not taken over: " + joined(left));
     add(reader, file, posed, std::move(camera), out.rig, unposed);
@@ -232,7 +232,7 @@ Imported import_caliscope(const std::filesystem::path& file, const ImportOptions
     }
   }
   if (!left_out.empty()) out.notes.push_back("not taken over: " + joined(left_out));
-  // By number: the file's order is that of texts, 10 before 2.
+  // By number; the file's order is alphabetical, 10 before 2.
   std::ranges::stable_sort(tables, [](const auto& a, const auto& b) {
     return std::pair(a.first.size(), a.first) < std::pair(b.first.size(), b.first);
   });
@@ -251,7 +251,7 @@ Imported import_caliscope(const std::filesystem::path& file, const ImportOptions
       if (turns.size() != 1) reader.fail("rotation_count", "must be a number");
       if (turns[0] != 0)
         out.notes.push_back(name + ": Caliscope shows its images turned by " + exact(90 * turns[0]) +
-                            " degrees, but calibrates them as they were recorded: do not turn them");
+                            " degrees, but calibrates them as recorded: do not turn them");
     }
     for (const std::string_view key : {"cam_id", "port"}) {
       if (reader.has(key)) reader.numbers(key);
@@ -283,7 +283,7 @@ Exported export_aniposelib(const calib::CameraRig& rig) {
 Exported export_caliscope(const calib::CameraRig& rig) {
   Exported out;
   std::string text;
-  // Its cameras are numbers: those that the names end in, if they are all different.
+  // Caliscope numbers its cameras: by the digits at the ends of the names, if they are unique.
   std::vector<std::string> numbers;
   for (const calib::Camera& camera : rig.cameras) {
     const auto digits = camera.name.find_last_not_of("0123456789");

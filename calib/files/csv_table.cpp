@@ -4,11 +4,11 @@
 
 #include <algorithm>
 
+#include "calib/files/config_error.h"
 #include "calib/files/number_text.h"
 #include "calib/files/text_file.h"
-#include "calib/yaml/yaml_reader.h"
 
-namespace huetrack::yaml {
+namespace huetrack::files {
 namespace {
 
 std::string_view without_blanks(std::string_view text) {
@@ -56,11 +56,12 @@ CsvTable::CsvTable(std::filesystem::path file, std::span<const std::string_view>
 
 bool CsvTable::read_line() {
   stream_.getline(buffer_.data(), static_cast<std::streamsize>(buffer_.size()));
-  const auto count = static_cast<std::size_t>(stream_.gcount());  // with the line's end, where it has one
-  if (stream_.bad()) throw ConfigError(file_, line_number_, "cannot be read on after this line");
+  const auto count = static_cast<std::size_t>(stream_.gcount());  // including the line end, if any
+  if (stream_.bad()) throw ConfigError(file_, line_number_, "cannot be read beyond this line");
   if (stream_.fail() && (stream_.eof() || count == 0)) return false;
   ++line_number_;
-  if (stream_.fail()) fail("is longer than " + std::to_string(longest_line >> 10U) + " KiB: not a table of ours");
+  if (stream_.fail())
+    fail("is longer than " + std::to_string(longest_line >> 10U) + " KiB: this is not a huetrack table");
   line_ = {buffer_.data(), stream_.eof() ? count : count - 1};
   while (line_.ends_with('\r')) line_.remove_suffix(1);
   cells_ = split(line_, ',');
@@ -68,20 +69,20 @@ bool CsvTable::read_line() {
 }
 
 void CsvTable::require_plain_line() const {
-  if (has_control_characters(line_)) fail("has control characters in it: not a table of ours");
+  if (has_control_characters(line_)) fail("has control characters in it: this is not a huetrack table");
 }
 
 bool CsvTable::next() {
   do {
     if (!read_line()) return false;
-    if (leaves_out_cut_off_row_ && stream_.eof() && !line_.empty()) {
-      cut_off_line_ = line_number_;
+    if (skips_truncated_row_ && stream_.eof() && !line_.empty()) {
+      truncated_line_ = line_number_;
       return false;
     }
   } while (cells_.size() == 1 && cells_.front().empty());
   require_plain_line();
-  if (refuses_ragged_rows_ && cells_.size() != header_cells_)
-    fail("has " + std::to_string(cells_.size()) + " fields, but the header " + std::to_string(header_cells_));
+  if (rejects_ragged_rows_ && cells_.size() != header_cells_)
+    fail("has " + std::to_string(cells_.size()) + " fields, but the header has " + std::to_string(header_cells_));
   if (cells_.size() < needed_cells_)
     fail("has " + std::to_string(cells_.size()) + " columns, at least " + std::to_string(needed_cells_) +
          " are needed");
@@ -103,7 +104,7 @@ double CsvTable::number(std::size_t column) const {
 }
 
 std::chrono::sys_time<std::chrono::nanoseconds> CsvTable::time(std::size_t column) const {
-  // Not through a double: seconds since 1970 with nanoseconds have more digits than it holds.
+  // A double cannot hold seconds since 1970 with nanoseconds.
   std::string_view rest = text(column);
   const bool negative = rest.starts_with('-');
   if (negative) rest.remove_prefix(1);
@@ -123,4 +124,4 @@ void CsvTable::fail(const std::string& message) const {
   throw ConfigError(file_, line_number_, message);
 }
 
-}  // namespace huetrack::yaml
+}  // namespace huetrack::files

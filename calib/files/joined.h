@@ -1,11 +1,11 @@
-// Words of a list in a sentence.
+// Joins words for a message.
 #pragma once
 
 #include <string>
 #include <string_view>
 #include <utility>
 
-namespace huetrack::yaml {
+namespace huetrack::files {
 
 // "left, right, top"; words: texts or paths.
 std::string joined(const auto& words, std::string_view between = ", ") {
@@ -18,4 +18,4 @@ std::string joined(const auto& words, std::string_view between = ", ") {
   return text;
 }
 
-}  // namespace huetrack::yaml
+}  // namespace huetrack::files

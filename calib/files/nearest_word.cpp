@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <vector>
 
-namespace huetrack::yaml {
+namespace huetrack::files {
 namespace {
 
 // Optimal string alignment: insertions, deletions, replacements and swaps of neighbours, each at cost 1.
@@ -40,7 +40,7 @@ std::vector<std::string> nearest_words(std::string_view given, std::span<const s
   const auto add = [&nearest](const std::string& candidate) {
     if (std::ranges::find(nearest, candidate) == nearest.end()) nearest.push_back(candidate);
   };
-  std::size_t smallest = word.size() / 3;  // one slip in three letters is a misspelling, more is another word
+  std::size_t smallest = word.size() / 3;  // one error in three letters is a misspelling, more is another word
   for (const std::string& candidate : words) {
     if (candidate.size() > 2 * word.size() + 2 || word.size() > 2 * candidate.size() + 2) continue;
     const std::size_t distance = edit_distance(word, to_lower_ascii(candidate));
@@ -50,7 +50,6 @@ std::vector<std::string> nearest_words(std::string_view given, std::span<const s
     add(candidate);
   }
   if (!nearest.empty()) return nearest;
-  // Half of a name that has parts ("hue" of hue_deg, "tracking" of object_tracking) is a slip, too.
   constexpr std::size_t shortest_part = 3, shortest_beginning = 4;
   const auto is_half = [](std::string_view whole, std::string_view part) {
     if (part.size() < shortest_part || whole.size() <= part.size()) return false;
@@ -69,4 +68,4 @@ std::optional<std::string> nearest_word(std::string_view word, std::span<const s
   return nearest.empty() ? std::nullopt : std::optional(nearest.front());
 }
 
-}  // namespace huetrack::yaml
+}  // namespace huetrack::files

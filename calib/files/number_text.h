@@ -1,15 +1,17 @@
-// Numbers from text and to text, exactly; no locale has a say. Pure functions; thread-safe.
+// Numbers from and to text, exact and independent of the locale. Pure functions; thread-safe.
 #pragma once
 
 #include <array>
 #include <charconv>
+#include <cstdint>
+#include <cstdlib>
 #include <optional>
 #include <string>
 #include <string_view>
 
-namespace huetrack::yaml {
+namespace huetrack::files {
 
-// nullopt: the text, all of it, is no number, or none that a Number can hold.
+// nullopt: the whole text is not a number, or does not fit a Number.
 template <typename Number>
 std::optional<Number> number_of(std::string_view text) {
   Number value{};
@@ -17,7 +19,7 @@ std::optional<Number> number_of(std::string_view text) {
   return error == std::errc{} && end == text.data() + text.size() ? std::optional(value) : std::nullopt;
 }
 
-// The shortest text that reads back as the same double.
+// The shortest text that parses to the same double.
 inline void append_shortest(std::string& out, double value) {
   std::array<char, 32> buffer;
   out.append(buffer.data(), std::to_chars(buffer.data(), buffer.data() + buffer.size(), value).ptr);
@@ -28,4 +30,12 @@ inline std::string shortest_text(double value) {
   return out;
 }
 
-}  // namespace huetrack::yaml
+// Seconds with nine decimals; CsvTable::time() reads them back exactly.
+inline std::string seconds_text(std::int64_t nanoseconds) {
+  std::string text = std::to_string(std::abs(nanoseconds));
+  if (text.size() < 10) text.insert(0, 10 - text.size(), '0');  // at least 0.000000000
+  text.insert(text.size() - 9, 1, '.');
+  return nanoseconds < 0 ? '-' + text : text;
+}
+
+}  // namespace huetrack::files

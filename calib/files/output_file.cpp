@@ -10,11 +10,11 @@
 #include <system_error>
 #include <utility>
 
-namespace huetrack::yaml {
+namespace huetrack::files {
 namespace {
 
-constexpr std::size_t beginning = 4096;     // bytes by which a file's kind is told
-constexpr std::size_t longest_wait = 4096;  // bytes of lines that wait for one another: a write of a page
+constexpr std::size_t beginning = 4096;    // capacity: bytes that FileKind::begins() sees
+constexpr std::size_t buffer_size = 4096;  // capacity: bytes of buffered lines; one page per write
 
 std::system_error cannot_write(const std::filesystem::path& file, int error) {
   return {error != 0 ? error : EIO, std::generic_category(), "cannot write " + file.string()};
@@ -36,7 +36,7 @@ std::size_t write_all(int fd, std::string_view text) {
 
 namespace {
 
-// What is no file that could be replaced: a device, a pipe.
+// Into a device or a pipe.
 void write_into(const std::filesystem::path& file, std::string_view text) {
   const int fd = ::open(file.c_str(), O_WRONLY | O_CLOEXEC);
   if (fd < 0) throw cannot_write(file, errno);
@@ -56,21 +56,21 @@ void refuse_other_kind(const std::filesystem::path& file, const FileKind& kind) 
   const ssize_t count = fd < 0 ? -1 : ::read(fd, bytes.data(), bytes.size());
   if (fd >= 0) ::close(fd);
   if (count < 0 || !kind.begins({bytes.data(), static_cast<std::size_t>(count)}))
-    throw std::runtime_error(file.string() + " is there, and holds no " + std::string(kind.name) +
+    throw std::runtime_error(file.string() + " exists and holds no " + std::string(kind.name) +
                              ": it is not replaced. Give another name, or remove it");
 }
 
-std::filesystem::path followed(const std::filesystem::path& file) {
-  constexpr int most_links = 40;  // as many as the kernel follows
+std::filesystem::path resolved_link(const std::filesystem::path& file) {
+  constexpr int most_links = 40;  // capacity: the kernel's own limit
   std::filesystem::path at = file;
   std::error_code none;
   for (int i = 0; i < most_links && std::filesystem::is_symlink(at, none); ++i)
-    at = at.parent_path() / std::filesystem::read_symlink(at, none);  // an absolute one takes the folder's place
+    at = at.parent_path() / std::filesystem::read_symlink(at, none);  // an absolute link replaces the folder
   return at;
 }
 
 void write_whole_file(const std::filesystem::path& file, std::string_view text) {
-  const std::filesystem::path real = followed(file);
+  const std::filesystem::path real = resolved_link(file);
   struct stat there {};
   const bool is_there = ::stat(real.c_str(), &there) == 0;
   if (is_there && !S_ISREG(there.st_mode)) return write_into(file, text);
@@ -80,7 +80,7 @@ void write_whole_file(const std::filesystem::path& file, std::string_view text) 
 }
 
 WholeFile::WholeFile(std::filesystem::path file)
-    : file_(std::move(file)), real_(followed(file_)), name_(real_.string() + ".XXXXXX") {
+    : file_(std::move(file)), real_(resolved_link(file_)), name_(real_.string() + ".XXXXXX") {
   struct stat there {};
   const bool is_there = ::stat(real_.c_str(), &there) == 0;
   if (is_there && !S_ISREG(there.st_mode)) throw cannot_write(file_, ESPIPE);
@@ -104,7 +104,7 @@ void WholeFile::write(std::string_view bytes) {
 }
 
 void WholeFile::finish() {
-  // To the disk before the rename: a power cut must not leave an empty file.
+  // fsync before the rename: a power cut must not leave an empty file.
   if (::fsync(fd_) != 0) throw cannot_write(file_, errno);
   if (::close(std::exchange(fd_, -1)) != 0) throw cannot_write(file_, errno);
   if (::rename(name_.c_str(), real_.c_str()) != 0) throw cannot_write(file_, errno);
@@ -121,38 +121,38 @@ LineFile::LineFile(std::filesystem::path file, const FileKind& kind, std::string
 }
 
 LineFile::~LineFile() {
-  if (!waiting_.empty()) {
+  if (!buffered_.empty()) {
     try {
       flush();
-    } catch (const std::system_error&) {  // who wants to know calls flush()
+    } catch (const std::system_error&) {  // a caller that needs to know calls flush()
     }
   }
   ::close(fd_);
 }
 
 void LineFile::write(std::string_view line) {
-  if (!waiting_.empty() && waiting_.size() + line.size() >= longest_wait) flush();
-  waiting_.append(line).append("\n");
+  if (!buffered_.empty() && buffered_.size() + line.size() >= buffer_size) flush();
+  buffered_.append(line).append("\n");
 }
 
 void LineFile::flush() {
-  const std::size_t written = write_all(fd_, waiting_);
-  if (written < waiting_.size()) fail(errno, written);
+  const std::size_t written = write_all(fd_, buffered_);
+  if (written < buffered_.size()) fail(errno, written);
   length_ += written;
-  waiting_.clear();
+  buffered_.clear();
 }
 
-// Back to the last whole line that fitted; a file without one is taken away.
+// Truncates the file to its last complete line, or removes it if it has none.
 void LineFile::fail(int error, std::size_t written) {
-  const auto end = written == 0 ? std::string::npos : waiting_.rfind('\n', written - 1);
+  const auto end = written == 0 ? std::string::npos : buffered_.rfind('\n', written - 1);
   length_ += end == std::string::npos ? 0 : end + 1;
-  waiting_.clear();
+  buffered_.clear();
   if (is_regular_ && length_ == 0) {
     ::unlink(file_.c_str());
   } else if (is_regular_ && (::ftruncate(fd_, static_cast<off_t>(length_)) != 0 || ::lseek(fd_, 0, SEEK_END) < 0)) {
-    error = errno;  // worse than the first
+    error = errno;  // a second error: report this one
   }
   throw cannot_write(file_, error);
 }
 
-}  // namespace huetrack::yaml
+}  // namespace huetrack::files

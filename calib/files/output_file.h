@@ -1,8 +1,7 @@
-// Files that we write. None takes the place of a file of another kind, so that a slip in a command line does not cost
-// the recording, the truth or the rig that it names. A file is there whole or not at all; where rows are added to one,
-// each is whole, whatever ends the program, and no empty file is left behind by a full disk.
-// What is killed inside the kernel's own write, some microseconds, may yet end at a page's end: readers of such files
-// leave out a last row without its end.
+// Writing files. A file of another kind is never replaced, so that a slip in a command line does not destroy a
+// recording or a rig. A whole file appears complete or not at all; a growing file ends with a complete line even after
+// a crash or on a full disk, and no empty file is left behind. (A kill inside the kernel's write may still cut a line
+// at a page boundary: readers skip a last line without a line end.)
 #pragma once
 
 #include <cstddef>
@@ -10,34 +9,34 @@
 #include <string>
 #include <string_view>
 
-namespace huetrack::yaml {
+namespace huetrack::files {
 
-// What a file holds, told by its beginning.
+// The kind of a file, recognised by its beginning.
 struct FileKind {
   std::string_view name;                  // "tracks"; for the message
-  bool (*begins)(std::string_view text);  // whether this is the beginning of one; of its first 4 KiB
+  bool (*begins)(std::string_view text);  // whether the first 4 KiB are the beginning of such a file
 };
 
-// What is at `file` may be replaced by a file of this kind: there is nothing, or one of this kind, or an empty one, or
-// no file at all (a pipe, /dev/null). throws std::runtime_error, naming the file.
+// throws std::runtime_error, naming the file, unless `file` is absent, empty, of this kind, or not a regular file (a
+// pipe, /dev/null).
 void refuse_other_kind(const std::filesystem::path& file, const FileKind& kind);
 
-// How many of these bytes were written: all, or fewer with errno.
+// Returns the number of bytes written: all, or fewer and errno is set.
 std::size_t write_all(int fd, std::string_view bytes);
 
-// Where a link leads that is there or will be; otherwise the file itself.
-std::filesystem::path followed(const std::filesystem::path& file);
+// The target of a symbolic link, which need not exist; otherwise `file`.
+std::filesystem::path resolved_link(const std::filesystem::path& file);
 
-// By a temporary file beside it, and on the disk when it returns, with the permissions of the one that it replaces. A
-// link stays one: the file is where it leads. A device or a pipe is written into. throws std::system_error, naming the
-// file; what was there is then still there.
+// Replaces `file` atomically: a temporary file in the same folder, fsync, rename. Keeps its permissions; a link stays a
+// link. Writes directly into a device or a pipe. throws std::system_error, naming the file; the old file is then
+// intact.
 void write_whole_file(const std::filesystem::path& file, std::string_view text);
 
-// A whole file in parts, of what is too large for memory: at `file` nothing changes before finish(). Whoever does not
-// get that far leaves nothing behind. Not into a device or a pipe. thread-compatible.
+// The same for content that is written in parts: `file` changes only in finish(); without it the destructor removes the
+// temporary file. Not for a device or a pipe. thread-compatible.
 class WholeFile {
  public:
-  explicit WholeFile(std::filesystem::path file);  // throws std::system_error, as the others do
+  explicit WholeFile(std::filesystem::path file);  // throws std::system_error, as do write() and finish()
   ~WholeFile();
   WholeFile(const WholeFile&) = delete;
   WholeFile& operator=(const WholeFile&) = delete;
@@ -47,22 +46,22 @@ class WholeFile {
 
  private:
   std::filesystem::path file_, real_;
-  std::string name_;  // of the temporary file; empty: it has taken its place
+  std::string name_;  // of the temporary file; empty after finish()
   int fd_ = -1;
 };
 
 // A file that grows by lines. thread-compatible.
 class LineFile {
  public:
-  // header: its first line; empty: none. throws std::runtime_error (refuse_other_kind()), std::system_error; both name
-  // the file, and so do the others.
+  // header: the first line; empty: none. throws std::runtime_error (refuse_other_kind()); this and the other members
+  // throw std::system_error. Messages name the file.
   LineFile(std::filesystem::path file, const FileKind& kind, std::string_view header = "");
   ~LineFile();
   LineFile(const LineFile&) = delete;
   LineFile& operator=(const LineFile&) = delete;
 
-  void write(std::string_view line);  // without its end; may wait for others
-  void flush();                       // to the system: from here on the program's end loses nothing
+  void write(std::string_view line);  // without line end; may be buffered
+  void flush();                       // to the kernel: what was written survives a crash of the program
 
  private:
   [[noreturn]] void fail(int error, std::size_t written);
@@ -70,8 +69,8 @@ class LineFile {
   std::filesystem::path file_;
   int fd_ = -1;
   bool is_regular_ = false;
-  std::string waiting_;     // whole lines
+  std::string buffered_;    // whole lines
   std::size_t length_ = 0;  // of the file, in whole lines
 };
 
-}  // namespace huetrack::yaml
+}  // namespace huetrack::files

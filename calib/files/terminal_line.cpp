@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <cstdio>
 
-namespace huetrack::yaml {
+namespace huetrack::files {
 
 TerminalLine::TerminalLine(bool wanted) : on_terminal_(wanted && isatty(STDERR_FILENO) == 1) {}
 
@@ -17,7 +17,7 @@ bool TerminalLine::due() const {
 void TerminalLine::draw(const std::string& lines) {
   if (!on_terminal_) return;
   last_ = std::chrono::steady_clock::now();
-  // With line wrap off: a line that wraps could not be drawn over.
+  // Line wrap off: a wrapped line could not be overwritten.
   std::string text = to_start() + "\x1b[?7l";
   for (const char c : lines) text += c == '\n' ? "\x1b[K\n" : std::string(1, c);
   text += "\x1b[?7h\x1b[J";
@@ -46,4 +46,4 @@ std::string progress_bar(std::uint64_t done, std::optional<std::int64_t> total) 
                      done, *total);
 }
 
-}  // namespace huetrack::yaml
+}  // namespace huetrack::files

@@ -1,4 +1,4 @@
-// A line (or a few) on a terminal that is drawn over while a long piece of work goes on. thread-compatible.
+// A progress display of one or more lines on a terminal, redrawn in place. thread-compatible.
 #pragma once
 
 #include <chrono>
@@ -6,28 +6,28 @@
 #include <optional>
 #include <string>
 
-namespace huetrack::yaml {
+namespace huetrack::files {
 
 class TerminalLine {
  public:
-  explicit TerminalLine(bool wanted);  // draws only when stderr is a terminal and `wanted`
+  explicit TerminalLine(bool wanted);  // draws only if `wanted` and stderr is a terminal
   ~TerminalLine() { clear(); }
   TerminalLine(const TerminalLine&) = delete;
   TerminalLine& operator=(const TerminalLine&) = delete;
 
-  bool due() const;                     // it is drawn at most ten times a second: ask before gathering what it shows
-  void draw(const std::string& lines);  // over what was drawn before; lines end with \n, but for the last
+  bool due() const;                     // at most ten times a second: ask before gathering the content
+  void draw(const std::string& lines);  // replaces what was drawn; separated by \n
   void clear();
 
  private:
-  std::string to_start() const;  // the cursor's way to where the drawing begins
+  std::string to_start() const;  // moves the cursor to the first line drawn
 
   const bool on_terminal_;
   int drawn_ = 0;  // lines
   std::chrono::steady_clock::time_point last_{};
 };
 
-// "[#####-----]  50 %  120/240"; the bare count when the total is not known.
+// "[#####-----]  50 %  120/240"; only the count when the total is unknown.
 std::string progress_bar(std::uint64_t done, std::optional<std::int64_t> total);
 
-}  // namespace huetrack::yaml
+}  // namespace huetrack::files

@@ -5,15 +5,15 @@
 #include <optional>
 #include <system_error>
 
-#include "calib/yaml/yaml_reader.h"
+#include "calib/files/config_error.h"
 
-namespace huetrack::yaml {
+namespace huetrack::files {
 namespace {
 
 constexpr std::string_view blanks = " \t";
-constexpr int widest_indentation = 4 * deepest_nesting;  // columns
+constexpr int widest_indentation = 4 * deepest_nesting;  // capacity: columns
 
-// The first character, and how many bytes it has; nullopt: no UTF-8.
+// The first character and its length; nullopt: not UTF-8.
 struct Character {
   std::uint32_t code = 0;
   std::size_t bytes = 1;
@@ -34,13 +34,13 @@ std::optional<Character> first_character(std::string_view text) {
   return Character{code, bytes};
 }
 
-// C0, DEL, C1; line separators; what turns the direction of writing round.
+// C0, DEL, C1, line separators, changes of the writing direction.
 bool is_control(std::uint32_t code) {
   return code < 0x20 || (code >= 0x7F && code < 0xA0) || code == 0x2028 || code == 0x2029 || code == 0x200E ||
          code == 0x200F || (code >= 0x202A && code <= 0x202E) || (code >= 0x2066 && code <= 0x2069);
 }
 
-// Levels that a line opens by where it begins: "- - - 1" is a list in a list in a list.
+// Number of lists that a line opens: 3 for "- - - 1".
 int lists_begun(std::string_view line) {
   int lists = 0;
   for (std::size_t i = 0; i + 1 < line.size() && std::string_view("-?:").find(line[i]) != std::string_view::npos;) {
@@ -74,7 +74,7 @@ std::ifstream open_text_file(const std::filesystem::path& file) {
   const auto status = std::filesystem::status(file, error);
   if (std::filesystem::is_directory(status)) throw ConfigError(file, 0, "is a directory, not a file");
   if (std::filesystem::exists(status) && !std::filesystem::is_regular_file(status))
-    throw ConfigError(file, 0, "is not a file, but a device, a pipe or a socket");
+    throw ConfigError(file, 0, "is a device, a pipe or a socket, not a file");
   errno = 0;
   std::ifstream stream(file, std::ios::binary);
   if (!stream)
@@ -85,7 +85,7 @@ std::ifstream open_text_file(const std::filesystem::path& file) {
 std::string read_text_file(const std::filesystem::path& file, std::size_t most) {
   std::ifstream stream = open_text_file(file);
   std::error_code unknown;
-  const auto size = std::filesystem::file_size(file, unknown);  // a first guess: of files in /proc it is 0
+  const auto size = std::filesystem::file_size(file, unknown);  // a first guess: 0 for files in /proc
   std::string text;
   std::size_t chunk = std::min<std::size_t>(unknown ? 0 : size, most) + 1;
   while (stream && text.size() <= most) {
@@ -178,4 +178,4 @@ bool has_control_characters(std::string_view text) {
   return false;
 }
 
-}  // namespace huetrack::yaml
+}  // namespace huetrack::files

@@ -1,4 +1,4 @@
-// What a program says of a word that is none of its commands, and where no command is given.
+// Error messages of a program for an unknown or a missing command.
 #pragma once
 
 #include <fmt/format.h>
@@ -9,9 +9,9 @@
 #include "calib/files/nearest_word.h"
 #include "calib/files/text_file.h"
 
-namespace huetrack::yaml {
+namespace huetrack::files {
 
-// For a CLI::App, whose header this does without: it is heavy, and fenced in. otherwise: what is said of all other
+// App: a CLI::App; a template because the CLI11 header is heavy and fenced in. otherwise: the message for all other
 // mistakes, CLI::FailureMessage::simple.
 template <typename App, typename FailureMessage>
 void name_unknown_commands(App& app, const std::string& program, FailureMessage otherwise) {
@@ -21,7 +21,7 @@ void name_unknown_commands(App& app, const std::string& program, FailureMessage 
     std::vector<std::string> commands;
     for (const App* command : failed->get_subcommands({})) commands.push_back(command->get_name());
     if (is_of_program && words.empty() && error.get_name() == "RequiredError") {
-      return fmt::format("{0}: a command is wanted: {1}; {0} --help says what they do\n", program,
+      return fmt::format("{0}: a command is missing: {1}; {0} --help explains them\n", program,
                          fmt::join(commands, ", "));
     }
     if (!is_of_program || words.empty() || words.front().starts_with("-")) return otherwise(failed, error);
@@ -31,4 +31,4 @@ void name_unknown_commands(App& app, const std::string& program, FailureMessage 
   });
 }
 
-}  // namespace huetrack::yaml
+}  // namespace huetrack::files

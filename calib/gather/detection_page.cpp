@@ -30,7 +30,7 @@ std::string embedded(const cv::Mat& bgr) {
 
 std::string picture(const ShownPicture& shown) {
   if (shown.grey.empty())
-    return "<figure><figcaption>" + escaped(shown.camera) + ": no picture yet</figcaption></figure>";
+    return "<figure><figcaption>" + escaped(shown.camera) + ": no image yet</figcaption></figure>";
   constexpr double width = 420;
   const double scale = width / shown.grey.cols;
   cv::Mat small, bgr;
@@ -44,7 +44,7 @@ std::string picture(const ShownPicture& shown) {
          escaped(shown.caption) + "</figcaption></figure>";
 }
 
-std::string map_of(const ViewCoverage::OfCamera& camera) {
+std::string map_of(const ViewCoverage::CameraCoverage& camera) {
   constexpr double cell = 24;
   std::string svg =
       fmt::format("<svg width='{:.0f}' height='{:.0f}'>", ViewCoverage::columns * cell, ViewCoverage::rows * cell);
@@ -90,7 +90,7 @@ void DetectionPage::show(const std::vector<ShownPicture>& pictures, const ViewCo
   }
   body += "</div>";
   if (const std::string lacking = coverage.lacking_pairs(); !lacking.empty())
-    body += "<p>Shared views still lacking: " + escaped(lacking) + "</p>";
+    body += "<p>Missing shared views: " + escaped(lacking) + "</p>";
   last_body_ = body;
   write(last_body_, true);
   last_ = std::chrono::steady_clock::now();
@@ -100,7 +100,7 @@ void DetectionPage::close(const std::string& status) {
   if (file_.empty()) return;
   try {
     write("<h2>" + escaped(status) + "</h2>" + last_body_, false);
-  } catch (const std::system_error& error) {  // the calibration is not lost for that
+  } catch (const std::system_error& error) {  // a page that cannot be written must not end the calibration
     std::fprintf(stderr, "huetrack-calibrate: %s\n", error.what());
   }
 }

@@ -1,4 +1,4 @@
-// A page that shows what is being detected, while it is: an HTML file that reloads itself, to be opened in a browser.
+// A live page of the detection: an HTML file that reloads itself, for a browser.
 #pragma once
 
 #include <chrono>
@@ -11,23 +11,23 @@
 
 namespace huetrack::gather {
 
-// What one camera sees now.
+// The current image of one camera.
 struct ShownPicture {
   std::string camera;
-  cv::Mat grey;  // empty: nothing yet
+  cv::Mat grey;  // empty: none yet
   std::string caption;
-  std::vector<Eigen::Vector2d> corners;  // in the picture's pixels
+  std::vector<Eigen::Vector2d> corners;  // pixels of the image
 };
 
 // thread-compatible.
 class DetectionPage {
  public:
-  explicit DetectionPage(std::filesystem::path file);  // empty: there is no page, and nothing happens
+  explicit DetectionPage(std::filesystem::path file);  // empty: no page; all calls do nothing
 
-  bool due() const;  // it is written once a second: ask before gathering what it shows
+  bool due() const;  // once a second: ask before gathering the content
   // throws std::system_error
   void show(const std::vector<ShownPicture>& pictures, const ViewCoverage& coverage, const std::string& status);
-  void close(const std::string& status);  // a last page that does not reload; does not throw
+  void close(const std::string& status);  // writes a final page that does not reload; does not throw
 
  private:
   void write(const std::string& body, bool reload);

@@ -19,7 +19,7 @@
 namespace huetrack::gather {
 namespace {
 
-// Calls task(0) .. task(count - 1), each once, on all cores.
+// Calls task(0) .. task(count - 1) on all cores.
 void on_all_cores(std::size_t count, const std::function<void(std::size_t)>& task) {
   std::atomic<std::size_t> next = 0;
   const auto work = [&] {
@@ -31,15 +31,14 @@ void on_all_cores(std::size_t count, const std::function<void(std::size_t)>& tas
   work();
 }
 
-// How fast the board moves in the pictures of a set, pixels per second: the smaller one of before and after, of the
-// camera where it is fastest.
+// Speed of the board in a set, pixels per second: the smaller of before and after, in the camera where it is fastest.
 std::vector<double> speeds(const std::vector<BoardSet>& sets) {
   std::vector<double> result;
   for (std::size_t s = 0; s < sets.size(); ++s) {
     double fastest = 0;
     for (const solver::BoardView& view : sets[s].views) {
       double slower = std::numeric_limits<double>::infinity();
-      for (const std::size_t other : {s - 1, s + 1}) {  // s - 1 wraps: then it is no index
+      for (const std::size_t other : {s - 1, s + 1}) {  // s - 1 may wrap: then it is out of range
         if (other >= sets.size()) continue;
         for (const solver::BoardView& neighbour : sets[other].views) {
           if (neighbour.camera != view.camera) continue;
@@ -54,7 +53,7 @@ std::vector<double> speeds(const std::vector<BoardSet>& sets) {
   return result;
 }
 
-// The board has not moved in any camera.
+// Whether the board has not moved in any camera.
 bool is_same(const BoardSet& a, const BoardSet& b) {
   constexpr double still_px = 1.5;
   if (a.views.size() != b.views.size()) return false;
@@ -66,8 +65,8 @@ bool is_same(const BoardSet& a, const BoardSet& b) {
   return true;
 }
 
-// At most `most`: one from each equal part of the time, the one that most cameras see and where the board is stillest.
-// with_next: and the set that follows closely upon it, where there is one: it tells how the board moves.
+// At most `most` sets: one per equal part of the time, seen by most cameras, with the board stillest. with_next: also
+// the following set, if close in time, which gives the board's motion.
 std::vector<BoardSet> thinned(std::vector<BoardSet> sets, std::size_t most, bool with_next) {
   if (sets.size() <= most) return sets;
   constexpr double closely_s = 0.15;
@@ -94,12 +93,12 @@ std::string reasons(const PictureTally& camera) {
   std::string text = most->first;
   if (camera.why_not.size() > 1)
     text += most->second == 1 ? std::string(" (once)") : " (" + std::to_string(most->second) + " times)";
-  if (most->first != motion_blur_reason && camera.smeared() > 0)
-    text += fmt::format("; {} in {}", motion_blur_reason, camera.smeared());
+  if (most->first != motion_blur_reason && camera.motion_blurred() > 0)
+    text += fmt::format("; {} in {}", motion_blur_reason, camera.motion_blurred());
   return text;
 }
 
-// Some pictures without a board, for explain_missing_board().
+// Some images without a board, for explain_missing_board().
 class Misses {
  public:
   void add(std::size_t camera, const cv::Mat& grey) {
@@ -125,20 +124,20 @@ class Misses {
   std::map<std::size_t, std::vector<cv::Mat>> by_camera_;
 };
 
-// One line per camera that gave nothing to calibrate with.
+// One line per camera without a detection.
 std::vector<std::pair<std::string, std::string>> without_boards(const FoundBoards& found, const board::Board& board,
                                                                 const Misses& misses) {
   std::vector<std::pair<std::string, std::string>> without;
   for (std::size_t c = 0; c < found.cameras.size(); ++c) {
     const PictureTally& camera = found.cameras[c];
     if (camera.pictures == 0) {
-      without.emplace_back(camera.name, "camera " + camera.name + " has no picture that can be used" +
+      without.emplace_back(camera.name, "camera " + camera.name + " has no usable image" +
                                             (found.warnings.empty() ? "" : ": " + found.warnings.front()));
       continue;
     }
     if (camera.boards > 0) continue;
     std::string text = "camera " + camera.name + ": the board (" + board.description() + ") is in none of its " +
-                       std::to_string(camera.pictures) + " pictures";
+                       std::to_string(camera.pictures) + " images";
     if (const std::string why = reasons(camera); !why.empty()) text += ": " + why;
     if (const std::string guess = board::explain_missing_board(board, misses.of(c)); !guess.empty())
       text += "; " + guess;
@@ -147,8 +146,7 @@ std::vector<std::pair<std::string, std::string>> without_boards(const FoundBoard
   return without;
 }
 
-// A board file with columns for rows fits pictures of which little is seen: cameras have boards, but hardly any.
-// throws InputError
+// Detects a board file with columns and rows swapped, which still fits images with few markers. throws InputError
 void refuse_transposed(const FoundBoards& found, const board::Board& board, const Misses& misses) {
   int pictures = 0, boards = 0;
   for (const PictureTally& camera : found.cameras) {
@@ -159,26 +157,26 @@ void refuse_transposed(const FoundBoards& found, const board::Board& board, cons
   const std::string why = board::explain_transposed_board(board, misses.all());
   if (why.empty()) return;
   throw InputError("the board (" + board.description() + ") was found in " + std::to_string(boards) + " of " +
-                   std::to_string(pictures) + " pictures: " + why);
+                   std::to_string(pictures) + " images: " + why);
 }
 
-// What else was seen may be why: damaged files, for one.
+// Appends warnings, which may be the reason: damaged files.
 std::string with_first(const std::vector<std::string>& warnings, std::string text) {
-  constexpr std::size_t told = 3;
-  for (std::size_t i = 0; i < std::min(told, warnings.size()); ++i)
+  constexpr std::size_t most = 3;
+  for (std::size_t i = 0; i < std::min(most, warnings.size()); ++i)
     if (text.find(warnings[i]) == std::string::npos) text += "; " + warnings[i];
-  if (warnings.size() > told) text += "; and " + std::to_string(warnings.size() - told) + " more";
+  if (warnings.size() > most) text += "; and " + std::to_string(warnings.size() - most) + " more";
   return text;
 }
 
-// One picture that is looked at.
+// One image to process.
 struct Task {
-  std::size_t set, camera;  // of the batch
+  std::size_t set, camera;  // set: index in the batch
   board::BoardDetection detection;
-  report::EmbeddedPicture thumbnail;  // where the board was found
+  report::EmbeddedPicture thumbnail;  // if the board was found
 };
 
-// Looks at all pictures of a batch, on all cores.
+// Detects the board in all images of a batch, on all cores.
 std::vector<Task> detected(const std::vector<PictureSet>& batch, const board::BoardDetector& detector) {
   std::vector<Task> tasks;
   for (std::size_t s = 0; s < batch.size(); ++s) {
@@ -194,17 +192,17 @@ std::vector<Task> detected(const std::vector<PictureSet>& batch, const board::Bo
   return tasks;
 }
 
-// throws InputError: it has another size than those before it.
+// throws InputError: the size differs from earlier images.
 void count_picture(PictureTally& camera, const LabelledPicture& picture) {
   const calib::ImageSize size{picture.grey.cols, picture.grey.rows};
   if (camera.pictures++ == 0) camera.image_size = size;
   if (size == camera.image_size) return;
   throw InputError(fmt::format(
-      "{} of camera {} is {}x{}, those before it are {}x{}: a calibration holds for one size; leave the others out",
+      "{} of camera {} is {}x{}, earlier images are {}x{}: a calibration is for one size; remove the others",
       picture.label, camera.name, size.width, size.height, camera.image_size.width, camera.image_size.height));
 }
 
-// Sides of markers, of each view: by its squares, and in its picture.
+// Measured sizes of markers, per view.
 struct SeenMarkers {
   std::vector<double> sides_m, sides_px;
   void add(const board::BoardDetection& detection) {
@@ -214,7 +212,7 @@ struct SeenMarkers {
   }
 };
 
-// One camera's pictures in which the board is smeared; they were counted for what the detector says of them.
+// Moves one camera's failures that were due to motion blur to motion_blur_reason.
 class Smears {
  public:
   void missed(const cv::Mat& grey, const std::string& why_not) {
@@ -232,10 +230,10 @@ class Smears {
 
  private:
   MotionBlurDetector board_;
-  std::vector<std::string> why_not_;  // of the pictures in which it may be, since it was found last
+  std::vector<std::string> why_not_;  // reasons of the possibly blurred images since the last detection
 };
 
-// The views that a batch's pictures give, per set; the pictures are counted.
+// The views of a batch, per set; counts the images.
 std::vector<BoardSet> views_of(const std::vector<PictureSet>& batch, const std::vector<Task>& tasks, FoundBoards& found,
                                Misses& misses, SeenMarkers& markers, std::vector<Smears>& smears) {
   std::vector<BoardSet> seen(batch.size());
@@ -261,24 +259,24 @@ std::vector<BoardSet> views_of(const std::vector<PictureSet>& batch, const std::
   return seen;
 }
 
-// Markers that are not as large beside the squares as the board file says: one of its two lengths was measured wrong,
-// and if it is the squares' everything has a wrong scale.
+// Compares the measured ratio of markers to squares with the board file: one of its lengths may be wrong, and with the
+// squares' the scale of the calibration.
 std::string doubt_of_markers(const board::Board& board, SeenMarkers markers) {
   if (markers.sides_m.empty()) return {};
-  // A millimetre of a marker of 33: views say it to some hundredths. And a corner of a soft edge is found up to 0.35
-  // pixels inside the marker.
+  // 1 mm of a marker of 33 mm; views measure it to some hundredths. A corner of a soft edge is detected up to 0.35 px
+  // inside the marker.
   constexpr double clearly = 0.03, inside_px = 0.35;
   const double marker_m = calib::median(std::move(markers.sides_m)),
                marker_px = calib::median(std::move(markers.sides_px));
   if (std::abs(marker_m / board.marker - 1) < clearly + 2 * inside_px / marker_px) return {};
   return fmt::format(
-      "the board file says that squares are {:.1f} mm and markers {:.1f} mm, but in the pictures markers are {:.3f} of "
-      "a square rather than {:.3f}: one of the two lengths is wrong (with squares of {:.1f} mm markers have {:.1f} mm)",
+      "the board file has squares of {:.1f} mm and markers of {:.1f} mm, but in the images markers are {:.3f} of a "
+      "square rather than {:.3f}: one of the two lengths is wrong (with squares of {:.1f} mm markers have {:.1f} mm)",
       1000 * board.pitch.mean(), 1000 * board.marker, marker_m / board.pitch.mean(), board.marker / board.pitch.mean(),
       1000 * board.pitch.mean(), 1000 * marker_m);
 }
 
-// What the page shows now; nothing before all cameras have given a picture.
+// Updates the page once all cameras have an image.
 void show(DetectionPage& page, std::vector<ShownPicture>& shown, const std::vector<PictureSet>& batch,
           const std::vector<Task>& tasks, const std::vector<BoardSet>& sets, const FoundBoards& found,
           const board::Board& board) {
@@ -296,10 +294,10 @@ void show(DetectionPage& page, std::vector<ShownPicture>& shown, const std::vect
   if (std::ranges::any_of(sizes, [](calib::ImageSize size) { return size.width == 0; })) return;
   ViewCoverage coverage(board, names, sizes);
   for (const BoardSet& set : sets) coverage.add(set.views);
-  page.show(shown, coverage, "looked at " + std::to_string(found.sets_looked_at) + " moments");
+  page.show(shown, coverage, "processed " + std::to_string(found.sets_looked_at) + " frame sets");
 }
 
-// How often the board was found, per camera.
+// Number of detections per camera, for the progress line.
 std::string boards_text(const FoundBoards& found) {
   std::vector<std::string> boards;
   for (const PictureTally& camera : found.cameras) boards.push_back(camera.name + " " + std::to_string(camera.boards));
@@ -308,7 +306,7 @@ std::string boards_text(const FoundBoards& found) {
 
 }  // namespace
 
-int PictureTally::smeared() const {
+int PictureTally::motion_blurred() const {
   const auto known = why_not.find(motion_blur_reason);
   return known == why_not.end() ? 0 : known->second;
 }
@@ -320,7 +318,7 @@ void require_views(const FoundBoards& found, int least) {
     if (views >= least) continue;
     const std::string why = reasons(camera);
     throw InputError("camera " + camera.name + ": only " + std::to_string(views) + (views == 1 ? " view" : " views") +
-                     " of the board, from " + std::to_string(camera.pictures) + " pictures" +
+                     " of the board, from " + std::to_string(camera.pictures) + " images" +
                      (why.empty() ? "" : "; in most others " + why) + ". At least " + std::to_string(least) +
                      " are needed, some 15 with the board tilted and in all parts of the image are good");
   }
@@ -360,7 +358,7 @@ FoundBoards find_boards(PictureSource& source, const board::BoardDetector& detec
   }
   const auto expected = source.expected_sets();
   const int every = options.every > 0 ? options.every : expected ? std::max(1, *expected / options.look_at) : 1;
-  // Two sets that follow upon one another tell how the board moves; nobody asked which sets are left out.
+  // Pairs of consecutive sets give the board's motion.
   const int at_a_time = source.has_stamps() && options.every == 0 && every > 1 ? 2 : 1;
   ProgressLine line(options.progress);
   Misses misses;
@@ -370,11 +368,11 @@ FoundBoards find_boards(PictureSource& source, const board::BoardDetector& detec
   DetectionPage page(options.page);
   std::vector<ShownPicture> shown(found.cameras.size());
   for (bool ended = false; !ended;) {
-    constexpr std::size_t batch_size = 8;  // enough for all cores, few enough for memory
+    constexpr std::size_t batch_size = 8;  // capacity: enough for all cores, little memory
     std::vector<PictureSet> batch;
     while (batch.size() < batch_size && !ended) {
       auto set = source.next(stop);
-      if (stop.stop_requested()) throw InputError("stopped before all pictures were looked at");
+      if (stop.stop_requested()) throw InputError("stopped before all images were processed");
       ended = !set;
       if (set && found.sets_seen++ % (every * at_a_time) < at_a_time) batch.push_back(std::move(*set));
     }
@@ -391,7 +389,7 @@ FoundBoards find_boards(PictureSource& source, const board::BoardDetector& detec
     if (line.due()) line.show("looking for the board", found.sets_seen, expected, boards_text(found));
   }
   line.clear();
-  page.close("looked at all " + std::to_string(found.sets_looked_at) + " moments");
+  page.close("processed all " + std::to_string(found.sets_looked_at) + " frame sets");
   found.warnings = source.take_warnings();
   found.board_doubt = doubt_of_markers(detector.board(), std::move(markers));
   found.without_boards = without_boards(found, detector.board(), misses);

@@ -1,4 +1,4 @@
-// Looks for the board in all pictures of a source.
+// Detects the board in the images of a source, and selects views for a calibration.
 #pragma once
 
 #include <cstdint>
@@ -20,25 +20,25 @@
 namespace huetrack::gather {
 
 struct FindBoardsOptions {
-  int every = 0;      // >= 1: look at every so many-th set; 0: so that about look_at are, in pairs if they have stamps
+  int every = 0;      // >= 1: process every n-th set; 0: about look_at sets, in pairs if there are time stamps
   int look_at = 800;  // >= 1
-  // >= 1; the sets that are kept, spread over the time, with the board as still as possible. Of a source with stamps
-  // each comes with the set that follows closely upon it.
+  // >= 1; number of sets to keep, spread over time, with the board as still as possible. With time stamps each comes
+  // with the set that follows it, which gives the board's motion.
   int max_sets = 150;
   bool progress = true;
-  std::filesystem::path page{};  // see DetectionPage; empty: none
-  // With the board in fewer cameras than these a camera without it is an error. All: the default.
+  std::filesystem::path page{};  // DetectionPage; empty: none
+  // If fewer cameras than this have the board, a camera without it is an error. Default: always an error.
   std::size_t least_cameras = std::numeric_limits<std::size_t>::max() / 2;
 };
 
-// One camera's pictures, counted.
+// Counts of one camera's images.
 struct PictureTally {
   std::string name;
   calib::ImageSize image_size;
-  int pictures = 0;                    // looked at
-  int boards = 0;                      // found in them
+  int pictures = 0;                    // processed
+  int boards = 0;                      // with a detected board
   std::map<std::string, int> why_not;  // how often not, by BoardDetection::why_not, or motion_blur_reason
-  int smeared() const;                 // how often by that
+  int motion_blurred() const;          // number of failures by motion_blur_reason
 };
 
 struct FoundBoards {
@@ -47,31 +47,31 @@ struct FoundBoards {
   std::vector<double> set_at_s;          // per set
   int sets_seen = 0;                     // in the source
   int sets_looked_at = 0;
-  int duplicates = 0;                 // sets left out because the board had not moved
-  int thinned = 0;                    // sets left out because there were more than max_sets
-  std::vector<std::string> warnings;  // about the pictures: files that were damaged
-  std::string board_doubt;            // what the pictures say against the board file; empty: nothing
-  std::vector<std::pair<std::string, std::string>> without_boards;  // cameras, and why the board is in none of theirs
-  // A small JPEG of every picture in `views`, beside it.
+  int duplicates = 0;                 // sets omitted because the board had not moved
+  int thinned = 0;                    // sets omitted because of max_sets
+  std::vector<std::string> warnings;  // damaged files
+  std::string board_doubt;            // contradiction between images and board file; may be empty
+  std::vector<std::pair<std::string, std::string>> without_boards;  // cameras without a detection, and why
+  // A small JPEG for every entry of `views`.
   std::vector<report::EmbeddedPicture> thumbnails;
 };
 
-// throws InputError: no picture at all, pictures of one camera with different sizes, and, naming the camera and the
-// likely reason, a camera (every camera) in whose pictures the board is not; or `stop`.
+// throws InputError: no image, images of one camera with different sizes, `stop`, or a camera (least_cameras) without a
+// detection; the message names the camera and the likely reason.
 FoundBoards find_boards(PictureSource& source, const board::BoardDetector& detector, const FindBoardsOptions& options,
                         std::stop_token stop);
 
-// throws InputError: a camera with fewer boards than `least`, why they were not found in the others, and what to do.
+// throws InputError if a camera has fewer boards than `least`, with the reason and advice.
 void require_views(const FoundBoards& found, int least);
 
-// A set of views, as kept while looking; in the order of time.
+// A set of views, during the selection; in time order.
 struct BoardSet {
   double at_s = 0;
   std::vector<solver::BoardView> views;
-  std::vector<report::EmbeddedPicture> thumbnails;  // beside views
+  std::vector<report::EmbeddedPicture> thumbnails;  // one per view
 };
 
-// How far the corners that both views have are apart, pixels (median); nullopt: they have none in common.
+// Median distance of the common corners, pixels; nullopt: none in common.
 std::optional<double> moved_px(const solver::BoardView& a, const solver::BoardView& b);
 
 report::EmbeddedPicture thumbnail_of(const cv::Mat& grey);

@@ -17,9 +17,9 @@ std::vector<LiveCameraSource> opened(std::vector<capture::V4l2SourceOptions> cam
     auto live = std::make_unique<capture::V4l2Source>(std::move(camera));
     if (const auto stream = live->health().stream; stream && stream->fps > 0)
       periods.push_back(capture::duration_of(1 / stream->fps));
-    source.take_trouble = [told_by = live.get()] {
+    source.take_trouble = [camera = live.get()] {
       std::vector<std::string> lines;
-      for (const capture::CameraEvent& event : told_by->take_events()) {
+      for (const capture::CameraEvent& event : camera->take_events()) {
         if (event.is_problem) lines.push_back(event.message);
       }
       return lines;

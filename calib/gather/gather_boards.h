@@ -1,4 +1,4 @@
-// The views of a board for a calibration, from files or live.
+// Views of a board for a calibration, from files or live cameras.
 #pragma once
 
 #include <filesystem>
@@ -13,14 +13,13 @@
 namespace huetrack::gather {
 
 struct LiveOptions {
-  std::filesystem::path file;  // of live cameras; empty: the inputs say
+  std::filesystem::path file;  // configuration of live cameras; empty: devices are in the inputs
   LiveSettings settings;
   std::optional<double> seconds;
   std::filesystem::path page;  // DetectionPage; empty: none
 };
 
-// inputs: as for open_pictures(), or NAME=/dev/... . only: one camera by itself (open_pictures_of()), when
-// `alone`; otherwise those of `only`, or all.
+// inputs: as for open_pictures(), or NAME=/dev/... . alone: a single camera (open_pictures_of()).
 struct GatherOptions {
   PictureOptions pictures;
   bool alone = false;

@@ -27,7 +27,7 @@ bool is_digit(char c) {
   return c >= '0' && c <= '9';
 }
 
-// Runs of digits compare as numbers.
+// Natural order: digits compare as numbers.
 bool natural_less(const std::string& a, const std::string& b) {
   std::size_t i = 0, j = 0;
   while (i < a.size() && j < b.size()) {
@@ -64,7 +64,7 @@ std::optional<long> last_number(const fs::path& file) {
   return std::stol(stem.substr(begin, end - begin));
 }
 
-// A printf pattern matches like a glob: digits where its number (%d, %04d) is.
+// Matches a printf pattern: digits in place of %d, %04d.
 std::string as_glob(const std::string& pattern) {
   std::string glob;
   for (std::size_t i = 0; i < pattern.size();) {
@@ -143,7 +143,7 @@ std::vector<ImageSet> paired_images(const std::vector<std::string>& cameras,
   }
   for (std::size_t c = 1; c < files.size(); ++c) {
     if (files[c].size() != files[0].size()) {
-      throw InputError("it cannot be told which images belong together: camera " + cameras[0] + " has " +
+      throw InputError("the images cannot be grouped: camera " + cameras[0] + " has " +
                        std::to_string(files[0].size()) + ", camera " + cameras[c] + " has " +
                        std::to_string(files[c].size()) +
                        "; give images of the same moment the same number: left07.jpg, right07.jpg");

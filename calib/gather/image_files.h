@@ -1,4 +1,4 @@
-// Which image files belong together. Private to this module.
+// Groups image files of several cameras into frame sets. Private to this module.
 #pragma once
 
 #include <filesystem>
@@ -11,17 +11,17 @@ namespace huetrack::gather {
 bool is_image_file(const std::filesystem::path& file);  // by its extension
 bool is_video_file(const std::filesystem::path& file);
 
-// A folder's images, a pattern's (*.jpg, %06d.png), or the file itself; sorted by name, numbers as numbers (2 before
-// 10). Empty: there are none.
+// The images of a folder or a pattern (*.jpg, %06d.png), or the file itself; in natural order (2 before 10). May be
+// empty.
 std::vector<std::filesystem::path> image_files(const std::filesystem::path& given);
 
-// Per set, per camera: the file. files: per camera. By the last number in the names where that tells; otherwise, when
-// all cameras have as many images, by their order.
+// files: per camera. Files with the same last number in their names form a set; without common numbers, and if all
+// cameras have the same number of images, those at the same position.
 struct ImageSet {
-  long number = 0;  // in the names, or counted
+  long number = 0;  // from the names, or counted
   std::vector<std::optional<std::filesystem::path>> files;
 };
-// throws InputError: it cannot be told which belong together.
+// throws InputError: the grouping is ambiguous.
 std::vector<ImageSet> paired_images(const std::vector<std::string>& cameras,
                                     const std::vector<std::vector<std::filesystem::path>>& files);
 

@@ -19,13 +19,13 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-// The newest frame set of live cameras, and one of shortly before it; others that nobody took are dropped. thread-safe.
+// The newest frame set of live cameras and its predecessor; older ones are dropped. thread-safe.
 class NewestSet {
  public:
   static constexpr auto shortly = std::chrono::milliseconds(200);
   struct Taken {
     capture::FrameSet set;
-    std::optional<capture::FrameSet> before;  // not taken yet either; nullopt: there was none
+    std::optional<capture::FrameSet> before;  // the predecessor; nullopt: none
   };
   NewestSet(std::vector<LiveCameraSource>& cameras, capture::Duration tolerance)
       : synchronizer_({.camera_count = static_cast<int>(cameras.size()), .tolerance = tolerance}),
@@ -73,10 +73,10 @@ class NewestSet {
   capture::FrameSynchronizer synchronizer_;  // these four guarded by mutex_
   std::optional<capture::FrameSet> newest_, before_;
   std::size_t open_;
-  std::vector<std::jthread> threads_;  // last: they end first
+  std::vector<std::jthread> threads_;  // last member: joined first
 };
 
-// The board has hardly moved since the last look, in all cameras that saw it then and now; and some did.
+// Whether the board has hardly moved since the previous set, in all cameras that saw it in both; at least one.
 bool is_at_rest(const std::vector<solver::BoardView>& now, const std::vector<solver::BoardView>& before, double dt_s,
                 const std::vector<calib::ImageSize>& sizes) {
   bool any = false;
@@ -93,16 +93,16 @@ bool is_at_rest(const std::vector<solver::BoardView>& now, const std::vector<sol
   return any;
 }
 
-// One look at the cameras: a frame set, and where the board is in it.
+// A frame set with the board detections.
 struct Look {
   double at_s = 0;             // since the first set
   std::vector<cv::Mat> greys;  // per camera; empty: the set lacks its frame
-  bool is_complete = true;     // no frame is lacking
+  bool is_complete = true;     // all cameras have a frame
   std::vector<solver::BoardView> views;
-  std::string smeared;  // a camera in whose picture the board is smeared by motion; empty: none
+  std::string motion_blurred;  // a camera with motion blur; empty: none
 };
 
-// What was gathered so far, and what the one who carries the board is told. thread-compatible.
+// The views so far, and the instructions for the user. thread-compatible.
 class Gathering {
  public:
   Gathering(const std::vector<LiveCameraSource>& cameras, const board::BoardDetector& detector,
@@ -111,7 +111,7 @@ class Gathering {
         options_(options),
         sizes_(cameras.size()),
         shown_(cameras.size()),
-        smeared_(cameras.size()),
+        blur_detectors_(cameras.size()),
         line_(options.progress),
         page_(options.page) {
     for (std::size_t c = 0; c < cameras.size(); ++c) {
@@ -131,9 +131,9 @@ class Gathering {
     }
   }
 
-  // False: nothing is missing any more, and that is what it ends for.
+  // False: nothing is missing, and until_enough is set.
   bool take(const NewestSet::Taken& taken) {
-    // A computer that is slow looks seldom, and the board rests for a second: then what was shortly before tells.
+    // On a slow computer sets are far apart: the predecessor shows whether the board rests.
     constexpr double seldom_s = 0.4;
     if (taken.before && capture::seconds(taken.set.at) - first_s_.value_or(0) - before_s_ > seldom_s) {
       Look before = look_at(*taken.before);
@@ -160,22 +160,22 @@ class Gathering {
     return !options_.until_enough || !needs.empty();
   }
 
-  // While some camera has given no picture yet.
+  // While a camera has no image yet.
   void tell_awaited() {
     if (coverage_ || !line_.due()) return;
     std::vector<std::string_view> names;
     for (const PictureTally& camera : found_.cameras) {
       if (camera.pictures == 0) names.emplace_back(camera.name);
     }
-    line_.draw(fmt::format("waiting for the first picture of {}", fmt::to_string(fmt::join(names, ", "))));
+    line_.draw(fmt::format("waiting for the first image of {}", fmt::to_string(fmt::join(names, ", "))));
   }
 
-  // throws InputError: a camera gave no picture, or none that was kept.
+  // throws InputError: a camera without images, or without kept views.
   FoundBoards finish() {
     line_.clear();
-    page_.close("finished with " + std::to_string(found_.set_at_s.size()) + " moments");
+    page_.close("finished with " + std::to_string(found_.set_at_s.size()) + " frame sets");
     for (const PictureTally& camera : found_.cameras) {
-      if (camera.pictures == 0) throw InputError("camera " + camera.name + " gave no picture");
+      if (camera.pictures == 0) throw InputError("camera " + camera.name + " delivered no image");
     }
     for (std::size_t c = 0; c < found_.cameras.size(); ++c) {
       if (std::ranges::find(found_.views, static_cast<int>(c), &solver::BoardView::camera) == found_.views.end())
@@ -185,11 +185,11 @@ class Gathering {
   }
 
  private:
-  // The program that shows it: what each camera has, all that is missing, and then the status, which ends it.
+  // For a calling program: the counts of each camera, all needs, and the status, which ends the message.
   void tell(const std::string& status, const std::vector<std::string>& needs) {
     const auto list = [](const auto& numbers) { return fmt::to_string(fmt::join(numbers, ",")); };
     for (std::size_t c = 0; c < names_.size(); ++c) {
-      const ViewCoverage::OfCamera& of = coverage_->cameras()[c];
+      const ViewCoverage::CameraCoverage& of = coverage_->cameras()[c];
       send_to_program("coverage", {names_[c], std::to_string(of.views), std::to_string(ViewCoverage::enough_views),
                                    fmt::format("{:.0f}", 100 * of.image_share()),
                                    fmt::format("{:.0f}", 100 * ViewCoverage::enough_image), list(of.corners),
@@ -199,7 +199,7 @@ class Gathering {
     line_.show(status, static_cast<int>(found_.set_at_s.size()), std::nullopt, "");
   }
 
-  // Detects on all cores, and counts.
+  // Detects the board on all cores, and counts.
   Look look_at(const capture::FrameSet& set) {
     ++found_.sets_seen;
     if (!first_s_) first_s_ = capture::seconds(set.at);
@@ -220,10 +220,10 @@ class Gathering {
       if (!detections[c].valid()) continue;
       board::BoardDetection detection = detections[c].get();
       if (detection.found()) {
-        smeared_[c].found(look.greys[c], detection.px);
-      } else if (smeared_[c].may_be_in(look.greys[c])) {
+        blur_detectors_[c].found(look.greys[c], detection.px);
+      } else if (blur_detectors_[c].may_be_in(look.greys[c])) {
         detection.why_not = motion_blur_reason;
-        look.smeared = names_[c];
+        look.motion_blurred = names_[c];
       }
       count(c, look.greys[c], detection);
       if (!detection.found()) continue;
@@ -255,14 +255,14 @@ class Gathering {
     }
   }
 
-  // Keeps the views where the board is at rest at a new place. Returns what to tell of it. A set that lacks a frame, as
-  // when a camera lags, says nothing about what its cameras share.
+  // Keeps views of a resting board at a new place; returns the status. An incomplete set (a camera lags) gives no
+  // shared views.
   std::string keep_if_new(const Look& look) {
     const bool rests = is_at_rest(look.views, before_, look.at_s - before_s_, sizes_);
     if (!coverage_ || !look.is_complete || !rests || !coverage_->is_new(look.views)) {
       if (rests) ++found_.duplicates;
-      if (!look.smeared.empty())
-        return fmt::format("hold it still: {} in {}'s picture", motion_blur_reason, look.smeared);
+      if (!look.motion_blurred.empty())
+        return fmt::format("hold it still: {} in {}'s image", motion_blur_reason, look.motion_blurred);
       if (look.views.empty()) return "no camera sees the board";
       return !rests ? "hold it still" : "seen before: move it elsewhere";
     }
@@ -280,7 +280,7 @@ class Gathering {
     const std::string board = "camera " + camera.name + ": the board (" + detector_.board().description() + ") was ";
     if (camera.boards > 0) return board + "never at rest";
     const auto why = std::ranges::max_element(camera.why_not, {}, [](const auto& entry) { return entry.second; });
-    return board + "in none of its " + std::to_string(camera.pictures) + " pictures" +
+    return board + "in none of its " + std::to_string(camera.pictures) + " images" +
            (why == camera.why_not.end() ? std::string() : ": " + why->first);
   }
 
@@ -288,13 +288,13 @@ class Gathering {
   const LiveBoardsOptions& options_;
   FoundBoards found_;
   std::vector<std::string> names_;
-  std::vector<calib::ImageSize> sizes_;   // width 0: no picture yet
+  std::vector<calib::ImageSize> sizes_;   // width 0: no image yet
   std::optional<ViewCoverage> coverage_;  // once all sizes are known
   std::optional<double> first_s_;
-  std::vector<solver::BoardView> before_;  // of the last look, at
+  std::vector<solver::BoardView> before_;  // of the previous set, at
   double before_s_ = 0;
   std::vector<ShownPicture> shown_;
-  std::vector<MotionBlurDetector> smeared_;  // per camera
+  std::vector<MotionBlurDetector> blur_detectors_;  // per camera
   ProgressLine line_;
   DetectionPage page_;
 };

@@ -20,7 +20,7 @@ calib::ImageSize usual_size(const std::filesystem::path& device) {
       if (size.width <= 1280 && size.width * size.height > best.width * best.height) best = {size.width, size.height};
     }
   }
-  if (best.width == 0) throw InputError(device.string() + ": does not tell its image sizes: give --size WIDTHxHEIGHT");
+  if (best.width == 0) throw InputError(device.string() + ": reports no image sizes: give --size WIDTHxHEIGHT");
   return best;
 }
 

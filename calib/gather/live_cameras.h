@@ -1,4 +1,4 @@
-// Live cameras for a calibration: named by their devices, or in a file as huetrackd's configuration names them.
+// Live cameras for a calibration, by device or from a huetrackd configuration.
 #pragma once
 
 #include <filesystem>
@@ -13,11 +13,11 @@
 namespace huetrack::gather {
 
 struct LiveSettings {
-  std::optional<calib::ImageSize> size;  // nullopt: 640x480 where the camera has it, else the largest up to 1280 wide
-  double fps = 0;                        // 0: the driver's choice
+  std::optional<calib::ImageSize> size;  // nullopt: 640x480 if available, else the largest up to 1280 wide
+  double fps = 0;                        // 0: driver's default
 };
 
-// Whether inputs are NAME=/dev/..., (all of them), rather than files.
+// Whether all inputs are NAME=/dev/... .
 bool are_devices(std::span<const std::string> inputs);
 
 // NAME=/dev/... per camera. throws InputError
@@ -25,8 +25,7 @@ std::vector<capture::V4l2SourceOptions> live_cameras(std::span<const std::string
                                                      const LiveSettings& settings);
 
 // The map `cameras` of a YAML file: device, format, size, fps, controls, latency_offset_s, restore_controls, as in
-// configs/huetrackd.yaml; everything else in the file is not looked at, so huetrackd's own configuration does.
-// throws ConfigError
+// configs/huetrackd.yaml; the rest of the file is ignored. throws files::ConfigError
 std::vector<capture::V4l2SourceOptions> live_cameras_in(const std::filesystem::path& file,
                                                         const LiveSettings& settings);
 

@@ -11,10 +11,10 @@ namespace huetrack::gather {
 namespace {
 
 constexpr int directions = 12;  // of half a turn
-constexpr int in_a_row = 5;     // pictures without a board: after more of them it may be anywhere
+constexpr int in_a_row = 5;     // images without a board; after more the board may be anywhere
 
-// The energy of the second derivative along each direction. A ramp has none between its ends, so an edge that is
-// smeared over a square loses far more of it than of its gradient.
+// Energy of the second derivative along each direction. An edge that is blurred over a square loses far more of it than
+// of its gradient.
 std::vector<double> sharpness_of(const cv::Mat& smooth) {
   const auto kernel = [](std::initializer_list<float> of) { return cv::Mat(std::vector<float>(of), true); };
   const cv::Mat one = kernel({1}), slope = kernel({-0.5, 0, 0.5}), bend = kernel({1, -2, 1});
@@ -53,7 +53,7 @@ std::vector<double> contrasts_of(const cv::Mat& smooth, double cell_px) {
 void MotionBlurDetector::measure(const cv::Mat& grey, Place& place) {
   cv::Mat smooth;
   grey(place.box).convertTo(smooth, CV_32F);
-  cv::GaussianBlur(smooth, smooth, {}, 1);  // noise has second derivatives, too
+  cv::GaussianBlur(smooth, smooth, {}, 1);  // suppress noise
   constexpr double squares_of_cell = 2;     // each has light and dark
   place.contrast = contrasts_of(smooth, squares_of_cell * place.square_px);
   place.sharpness = sharpness_of(smooth);
@@ -61,7 +61,7 @@ void MotionBlurDetector::measure(const cv::Mat& grey, Place& place) {
 
 int MotionBlurDetector::found(const cv::Mat& grey, const std::vector<Eigen::Vector2d>& corners) {
   const std::optional<Place> before = std::exchange(place_, std::nullopt);
-  const int smeared = std::exchange(smeared_since_, 0);
+  const int blurred = std::exchange(blurred_since_, 0);
   const bool is_shortly_after = std::exchange(pictures_since_, 0) <= in_a_row;
   Eigen::Array2d low = corners.front(), high = low;
   double nearest = std::numeric_limits<double>::infinity();
@@ -75,12 +75,12 @@ int MotionBlurDetector::found(const cv::Mat& grey, const std::vector<Eigen::Vect
                        cv::Point(static_cast<int>(high.x()) + 1, static_cast<int>(high.y()) + 1)) &
               cv::Rect(0, 0, grey.cols, grey.rows);
   place.square_px = nearest;
-  constexpr int least_px = 24;  // of the box: less tells nothing
+  constexpr int least_px = 24;  // of the box: smaller ones are not conclusive
   if (corners.size() < 2 || place.box.width < least_px || place.box.height < least_px) return 0;
   measure(grey, place);
   place_ = place;
   const bool is_there_again = before && 2 * (before->box & place.box).area() > before->box.area();
-  return is_shortly_after && is_there_again ? smeared : 0;
+  return is_shortly_after && is_there_again ? blurred : 0;
 }
 
 bool MotionBlurDetector::may_be_in(const cv::Mat& grey) {
@@ -88,8 +88,8 @@ bool MotionBlurDetector::may_be_in(const cv::Mat& grey) {
   Place now = *place_;
   if ((now.box & cv::Rect(0, 0, grey.cols, grey.rows)) != now.box) return false;
   measure(grey, now);
-  // Smeared over a square, the squares keep half of their contrast, and a few hundredths of their edges' sharpness.
-  // Corners that are out of focus, or a sharp thing in front of another, keep more.
+  // Blurred over a square, squares keep half of their contrast and a few hundredths of their edges' sharpness; defocus
+  // or an occluding object keeps more.
   constexpr double sharpness_left = 0.1, contrast_left = 0.25, most = 0.6;
   double left = std::numeric_limits<double>::infinity();
   for (std::size_t d = 0; d < now.sharpness.size(); ++d) left = std::min(left, now.sharpness[d] / place_->sharpness[d]);
@@ -97,9 +97,9 @@ bool MotionBlurDetector::may_be_in(const cv::Mat& grey) {
   std::size_t with_contrast = 0;
   for (std::size_t cell = 0; cell < now.contrast.size(); ++cell)
     with_contrast += now.contrast[cell] > contrast_left * place_->contrast[cell] ? 1 : 0;
-  const bool is_smeared = static_cast<double>(with_contrast) > most * static_cast<double>(now.contrast.size());
-  smeared_since_ += is_smeared ? 1 : 0;
-  return is_smeared;
+  const bool is_blurred = static_cast<double>(with_contrast) > most * static_cast<double>(now.contrast.size());
+  blurred_since_ += is_blurred ? 1 : 0;
+  return is_blurred;
 }
 
 }  // namespace huetrack::gather

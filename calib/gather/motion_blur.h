@@ -1,4 +1,4 @@
-// A board that is smeared by motion, told from one that is not there without finding it.
+// Detects a board that is blurred by motion, as opposed to an absent one.
 #pragma once
 
 #include <Eigen/Core>
@@ -8,18 +8,18 @@
 
 namespace huetrack::gather {
 
-// As PictureTally::why_not has it.
-inline constexpr const char* motion_blur_reason = "the board is smeared by motion";
+// In PictureTally::why_not.
+inline constexpr const char* motion_blur_reason = "the board is blurred by motion";
 
-// The pictures of one camera, one after the other. What tells a smear is the place where the board was shortly before:
-// light and dark are there still, in most of it, but in some direction hardly an edge is sharp. Shelves may look like
-// that where the board has gone: it is certain when the board is found there again shortly after. thread-compatible.
+// Processes the images of one camera in order. Criterion: where the board was shortly before there is still contrast,
+// but in some direction hardly an edge is sharp. The background may look like that, so a blur counts only once the
+// board is found again at that place shortly after. thread-compatible.
 class MotionBlurDetector {
  public:
-  // Returns in how many of the pictures since the last one that had a board it was smeared for certain: the first ones
+  // For an image with a board. Returns the number of blurred images since the previous one with a board: the first ones
   // for which may_be_in() was true.
   int found(const cv::Mat& grey, const std::vector<Eigen::Vector2d>& corners);
-  // A picture in which no board was found. False: nothing tells, or the board is not where it was.
+  // For an image without a detection. False: no evidence of blur.
   bool may_be_in(const cv::Mat& grey);
 
  private:
@@ -32,7 +32,7 @@ class MotionBlurDetector {
   static void measure(const cv::Mat& grey, Place& place);
 
   std::optional<Place> place_;
-  int pictures_since_ = 0, smeared_since_ = 0;
+  int pictures_since_ = 0, blurred_since_ = 0;
 };
 
 }  // namespace huetrack::gather

@@ -9,9 +9,9 @@
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
+#include "calib/files/config_error.h"
 #include "calib/files/text_file.h"
 #include "calib/gather/image_files.h"
-#include "calib/yaml/yaml_reader.h"
 #include "capture/frames/jpeg_decoder.h"
 #include "capture/timing/frame_synchronizer.h"
 #include "recordings/recording.h"
@@ -22,12 +22,13 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::size_t largest_image = 256U << 20;  // bytes of its file
+constexpr std::size_t largest_image = 256U << 20;  // capacity: bytes of an image file
 
-// throws ConfigError, which names the file: what OpenCV prints and throws does not.
+// throws files::ConfigError with the file's name, which OpenCV's messages lack.
 cv::Mat read_grey(const fs::path& file) {
   const std::string bytes = files::read_text_file(file, largest_image);
-  if (bytes.starts_with("\xFF\xD8")) {  // OpenCV patches up a damaged JPEG: corners would be found in what is not there
+  if (bytes.starts_with(
+          "\xFF\xD8")) {  // OpenCV repairs a damaged JPEG, and corners would be detected in invented content
     capture::JpegDecoder decoder;
     const auto jpeg = decoder.decode({reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size()});
     if (jpeg.image) return board_grey_of(*jpeg.image).clone();
@@ -66,7 +67,7 @@ class ImageFilePictures final : public PictureSource {
       try {
         set.pictures.back() = {read_grey(*file), file->filename().string(), {}};
       } catch (const files::ConfigError& error) {
-        warnings_.push_back(std::string(error.what()) + ": it was left out");
+        warnings_.push_back(std::string(error.what()) + ": omitted");
       }
     }
     ++at_;
@@ -167,7 +168,7 @@ std::unique_ptr<PictureSource> open_recording(const fs::path& path, const Pictur
   return std::make_unique<RecordedPictures>(recording, names, options.tolerance_s);
 }
 
-// NAME=FRAMES, in the order given.
+// NAME=FRAMES, in the given order.
 using NamedInputs = std::vector<std::pair<std::string, std::vector<std::string>>>;
 
 std::unique_ptr<PictureSource> open_named(const NamedInputs& inputs, const PictureOptions& options) {
@@ -193,7 +194,7 @@ std::unique_ptr<PictureSource> open_named(const NamedInputs& inputs, const Pictu
       } else if (fs::is_directory(frames, error)) {
         throw InputError(frames + ": holds no images");
       } else {
-        throw InputError(frames + ": there is no such file, folder or image that this pattern matches");
+        throw InputError(frames + ": no such file or folder, and no image matches this pattern");
       }
     }
   }
@@ -201,7 +202,7 @@ std::unique_ptr<PictureSource> open_named(const NamedInputs& inputs, const Pictu
     if (std::ranges::find(names, name) == names.end())
       throw InputError("there is no input for camera " + name + ": give " + name + "=FRAMES");
   }
-  if (!options.only.empty()) {  // in that order
+  if (!options.only.empty()) {  // in this order
     std::vector<std::vector<fs::path>> sorted;
     for (const std::string& name : options.only)
       sorted.push_back(images[static_cast<std::size_t>(std::ranges::find(names, name) - names.begin())]);
@@ -228,7 +229,7 @@ NamedInputs inside(const fs::path& folder) {
   return inputs;
 }
 
-// What there is in place of pictures: sub-folders without any. Empty: none.
+// Names sub-folders without images, for a message; may be empty.
 std::string folders_without_pictures(const fs::path& folder) {
   std::vector<std::string> names;
   std::error_code error;
@@ -244,7 +245,7 @@ bool is_recording(const fs::path& path) {
   return fs::exists(path / "recording.yaml", error) || path.extension() == ".yaml" || path.extension() == ".yml";
 }
 
-// nullopt: it is not NAME=FRAMES.
+// nullopt: not NAME=FRAMES.
 std::optional<std::pair<std::string, std::string>> named(const std::string& input) {
   const auto at = input.find('=');
   std::error_code error;
@@ -258,7 +259,7 @@ std::optional<std::pair<std::string, std::string>> named(const std::string& inpu
 }  // namespace
 
 cv::Mat board_grey_of(const capture::Image& image) {
-  auto* bytes = const_cast<std::uint8_t*>(image.planes[0].data);  // cv::Mat has no read-only form
+  auto* bytes = const_cast<std::uint8_t*>(image.planes[0].data);  // cv::Mat is never read-only
   const auto stride = static_cast<std::size_t>(image.planes[0].stride);
   cv::Mat grey;
   if (image.format == capture::PixelFormat::yuyv) {
@@ -272,7 +273,7 @@ cv::Mat board_grey_of(const capture::Image& image) {
 }
 
 std::unique_ptr<PictureSource> open_pictures(std::span<const std::string> inputs, const PictureOptions& options) {
-  if (inputs.empty()) throw InputError("nothing to look at was given: a recording, or NAME=FRAMES for each camera");
+  if (inputs.empty()) throw InputError("no input: give a recording, or NAME=FRAMES for each camera");
   NamedInputs all;
   for (const std::string& input : inputs) {
     if (const auto pair = named(input)) {
@@ -283,10 +284,10 @@ std::unique_ptr<PictureSource> open_pictures(std::span<const std::string> inputs
     }
     std::error_code error;
     if (!fs::exists(input, error)) {
-      throw InputError(input + ": there is no such file or folder; give a recording, or NAME=FRAMES for each camera");
+      throw InputError(input + ": no such file or folder; give a recording, or NAME=FRAMES for each camera");
     }
     if (inputs.size() > 1)
-      throw InputError(input + ": which camera is this of? Give NAME=" + input + ", or a recording alone");
+      throw InputError(input + ": which camera is this? Give NAME=" + input + ", or a recording alone");
     if (is_recording(input)) return open_recording(input, options);
     if (fs::is_directory(input, error) && fs::is_empty(input, error)) throw InputError(input + ": the folder is empty");
     all = fs::is_directory(input, error) ? inside(input) : NamedInputs{};
@@ -301,7 +302,7 @@ std::unique_ptr<PictureSource> open_pictures(std::span<const std::string> inputs
 }
 
 std::unique_ptr<PictureSource> open_pictures_of(const std::string& name, std::span<const std::string> inputs) {
-  if (inputs.empty()) throw InputError("nothing to look at was given: images, a video or a recording");
+  if (inputs.empty()) throw InputError("no input: give images, a video or a recording");
   if (inputs.size() == 1 && !named(inputs[0])) {
     if (is_recording(inputs[0])) return open_recording(inputs[0], {.only = {name}, .tolerance_s = {}});
     std::error_code error;
@@ -314,7 +315,7 @@ std::unique_ptr<PictureSource> open_pictures_of(const std::string& name, std::sp
   for (const std::string& input : inputs) {
     const auto pair = named(input);
     if (pair && pair->first != name)
-      throw InputError(input + ": only camera " + name + " is calibrated here: its inputs alone, please");
+      throw InputError(input + ": only camera " + name + " is calibrated here: give only its inputs");
     own.front().second.push_back(pair ? pair->second : input);
   }
   return open_named(own, {});

@@ -6,9 +6,9 @@
 namespace huetrack::gather {
 namespace {
 
-bool programs_are_told = false;  // set before there is a second thread
+bool is_machine_readable_output = false;  // set before there is a second thread
 
-constexpr auto told_every = std::chrono::milliseconds(400);
+constexpr auto send_interval = std::chrono::milliseconds(400);
 
 }  // namespace
 
@@ -29,32 +29,32 @@ std::string progress_text(const std::string& what, int done, std::optional<int> 
          (details.empty() ? "" : "  " + details);
 }
 
-ProgressLine::ProgressLine(bool wanted) : line_(wanted && !programs_are_told) {}
+ProgressLine::ProgressLine(bool wanted) : line_(wanted && !is_machine_readable_output) {}
 
 void ProgressLine::set_machine_readable() {
-  programs_are_told = true;
+  is_machine_readable_output = true;
 }
 
 bool ProgressLine::is_machine_readable() {
-  return programs_are_told;
+  return is_machine_readable_output;
 }
 
 bool ProgressLine::due() const {
-  if (programs_are_told) return std::chrono::steady_clock::now() - last_ >= told_every;
+  if (is_machine_readable_output) return std::chrono::steady_clock::now() - last_ >= send_interval;
   return line_.due();
 }
 
 void ProgressLine::show(const std::string& what, int done, std::optional<int> total, const std::string& details) {
-  if (!programs_are_told) return draw(progress_text(what, done, total, details));
-  if (what == told_ && !due()) return;
-  told_ = what;
+  if (!is_machine_readable_output) return draw(progress_text(what, done, total, details));
+  if (what == last_sent_ && !due()) return;
+  last_sent_ = what;
   last_ = std::chrono::steady_clock::now();
   send_to_program("progress", {what, std::to_string(done), total ? std::to_string(*total) : "", details});
 }
 
 void ProgressLine::draw(const std::string& lines) {
-  if (programs_are_told && lines != told_) {  // some work that tells no parts
-    told_ = lines;
+  if (is_machine_readable_output && lines != last_sent_) {  // an operation without steps
+    last_sent_ = lines;
     send_to_program("progress", {lines, "", "", ""});
   }
   line_.draw(lines);

@@ -1,5 +1,4 @@
-// A line (or a few) on a terminal that says how far a long piece of work is; or lines for the program that has started
-// this one. thread-compatible.
+// Progress of a long operation: on a terminal, or as lines for a calling program. thread-compatible.
 #pragma once
 
 #include <chrono>
@@ -12,35 +11,35 @@
 
 namespace huetrack::gather {
 
-// For another program that reads standard output: '@', a kind, and fields, with tabs between them; on a line of its own
-// and at once. The kinds are in calib/reference.md. A tab or line end within a field becomes a blank.
+// Writes one line to standard output for a calling program: '@', kind and fields, separated by tabs; flushed. Kinds:
+// calib/reference.md. A tab or line end within a field becomes a blank.
 void send_to_program(const std::string& kind, const std::vector<std::string>& fields);
 
 class ProgressLine {
  public:
-  // Draws only when stderr is a terminal and `wanted`; or where programs are told, tells them in any case.
+  // Draws only if `wanted` and stderr is a terminal. Machine-readable: always writes.
   explicit ProgressLine(bool wanted);
-  // From now on nothing is drawn, and send_to_program() is told instead. Before there is a second thread.
+  // From now on calls send_to_program() instead of drawing. Call before a second thread starts.
   static void set_machine_readable();
   static bool is_machine_readable();
 
-  // As of a TerminalLine.
+  // As TerminalLine.
   bool due() const;
   void draw(const std::string& lines);
   void clear() { line_.clear(); }
-  // Draws how far something is, as progress_text() says it; a program is told as "progress".
+  // Draws progress_text(), or sends "progress".
   void show(const std::string& what, int done, std::optional<int> total, const std::string& details);
-  // Draws what it is told; to be used while this lives.
+  // A callback that calls show(); valid while this lives.
   solver::Progress progress();
 
  private:
   files::TerminalLine line_;
-  std::string told_;                              // what the program was told last that is done
-  std::chrono::steady_clock::time_point last_{};  // when
+  std::string last_sent_;                         // last text for the program
+  std::chrono::steady_clock::time_point last_{};  // time of last_sent_
 };
 
-// "looking for the board [#####-----]  50 %  120/240  left 118, right 97": what is drawn; the bare count when the total
-// is not known.
+// "looking for the board [#####-----]  50 %  120/240  left 118, right 97": only the count if the
+// total is unknown.
 std::string progress_text(const std::string& what, int done, std::optional<int> total, const std::string& details);
 
 }  // namespace huetrack::gather

@@ -19,13 +19,13 @@ namespace {
 
 using calib::index;
 
-// As a lens of usual width would see it: good enough to tell straight from tilted.
+// Assumes a usual lens: accurate enough to distinguish straight from tilted.
 ViewCoverage::Tilt tilt_of(const board::Board& board, const solver::BoardView& view, calib::ImageSize size) {
   solver::LensParameters lens = solver::LensParameters::Zero();
   lens.head<4>() << 0.9 * size.width, 0.9 * size.width, (size.width - 1) / 2.0, (size.height - 1) / 2.0;
   const auto poses = solver::board_poses(board, view, solver::LensModel::radtan4, lens);
   if (poses.empty()) return ViewCoverage::straight;
-  // The board's z axis points away from the camera; where it leans to, that side of the board is nearer.
+  // The board's z axis points away from the camera; the side that it leans to is nearer.
   const Eigen::Vector3d z = poses.front().cam_from_board.rotation * Eigen::Vector3d::UnitZ();
   constexpr double tilted = 18 * std::numbers::pi / 180;
   const double x = std::atan2(z.x(), std::abs(z.z())), y = std::atan2(z.y(), std::abs(z.z()));
@@ -40,12 +40,12 @@ constexpr std::array tilt_needs{"hold it straight to the camera", "tilt it, its 
 
 }  // namespace
 
-double ViewCoverage::OfCamera::image_share() const {
+double ViewCoverage::CameraCoverage::image_share() const {
   return static_cast<double>(std::ranges::count_if(corners, [](int n) { return n > 0; })) /
          static_cast<double>(corners.size());
 }
 
-int ViewCoverage::OfCamera::tilts_seen() const {
+int ViewCoverage::CameraCoverage::tilts_seen() const {
   return static_cast<int>(std::ranges::count_if(tilts, [](int n) { return n > 0; }));
 }
 
@@ -69,7 +69,7 @@ void ViewCoverage::add(const std::vector<solver::BoardView>& views) {
   kept_.push_back(views);
   for (const solver::BoardView& view : views) {
     const calib::ImageSize size = sizes_[index(view.camera)];
-    OfCamera& camera = cameras_[index(view.camera)];
+    CameraCoverage& camera = cameras_[index(view.camera)];
     ++camera.views;
     if (view.blur_px > 0) camera.blurs_px.push_back(view.blur_px);
     ++camera.tilts[static_cast<std::size_t>(tilt_of(board_, view, size))];
@@ -94,17 +94,17 @@ std::vector<std::string> ViewCoverage::needs() const {
   for (std::size_t c = 0; c < cameras_.size(); ++c) {
     if (cameras_[c].views == 0) needs.push_back(names_[c] + " has not seen the board yet");
   }
-  // A median of fewer than three is no more than a view in which the board moved.
+  // A median of fewer than three may be a single view with motion.
   constexpr std::size_t least_blurs = 3;
   double sharpest_px = std::numeric_limits<double>::infinity();
-  for (const OfCamera& camera : cameras_) {
+  for (const CameraCoverage& camera : cameras_) {
     if (camera.blurs_px.size() >= least_blurs) sharpest_px = std::min(sharpest_px, calib::median(camera.blurs_px));
   }
   for (std::size_t c = 0; c < cameras_.size(); ++c) {
     if (cameras_[c].blurs_px.size() < least_blurs) continue;
     const double blur_px = calib::median(cameras_[c].blurs_px);
     if (board::is_out_of_focus(blur_px, sharpest_px))
-      needs.push_back(fmt::format("{} is out of focus (edges blurred by {:.1f} px{}): focus it, and begin anew",
+      needs.push_back(fmt::format("{} is out of focus (edges blurred by {:.1f} px{}): focus it, and start anew",
                                   names_[c], blur_px,
                                   cameras_.size() > 1 ? fmt::format(", at best {:.1f}", sharpest_px) : ""));
   }
@@ -115,12 +115,12 @@ std::vector<std::string> ViewCoverage::needs() const {
     needs.push_back(fmt::format("show it to {} and {} together: {} of {} shared views", names_[link.a], names_[link.b],
                                 link.shared, enough_shared));
   for (std::size_t c = 0; c < cameras_.size(); ++c) {
-    const OfCamera& camera = cameras_[c];
+    const CameraCoverage& camera = cameras_[c];
     if (camera.views == 0) continue;
     if (camera.views < enough_views)
       needs.push_back(fmt::format("{}: {} of {} views at different places", names_[c], camera.views, enough_views));
     if (camera.image_share() < enough_image) {
-      // The ninth of the image with the fewest parts seen.
+      // The ninth of the image with the fewest corners.
       std::array<int, 9> missing{};
       for (int row = 0; row < rows; ++row) {
         for (int column = 0; column < columns; ++column) {
@@ -149,7 +149,7 @@ std::string ViewCoverage::lines() const {
   for (const std::string& name : names_) longest = std::max(longest, name.size());
   std::string lines;
   for (std::size_t c = 0; c < cameras_.size(); ++c) {
-    const OfCamera& camera = cameras_[c];
+    const CameraCoverage& camera = cameras_[c];
     const auto bar = [](double share) {
       constexpr std::size_t cells = 10;
       const auto full = std::min(cells, static_cast<std::size_t>(share * cells));
@@ -162,7 +162,7 @@ std::string ViewCoverage::lines() const {
   }
   const std::string lacking = lacking_pairs();
   return lines + (cameras_.size() < 2 ? ""
-                  : lacking.empty()   ? "  every pair has shared views enough"
+                  : lacking.empty()   ? "  every pair has enough shared views"
                                       : "  shared views: " + lacking);
 }
 

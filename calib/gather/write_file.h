@@ -1,4 +1,4 @@
-// Pages and reports: there whole or not at all.
+// Writes pages and reports atomically.
 #pragma once
 
 #include <filesystem>
@@ -12,8 +12,8 @@ struct FileToWrite {
   std::string text;  // HTML, a PDF, or report::to_text()
 };
 
-// Each replaces what is of its own form (a page, a PDF, a report as text), and nothing else: where one may not be
-// written, none is. throws std::system_error, std::runtime_error; both name the file
+// Each file may replace only its own kind (page, PDF, report text); if one may not be written, none is.
+// throws std::system_error, std::runtime_error; both name the file
 void write_files(const std::vector<FileToWrite>& files);
 
 }  // namespace huetrack::gather

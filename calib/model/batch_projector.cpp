@@ -4,8 +4,7 @@
 #include <cmath>
 #include <numbers>
 
-// One copy of each kernel per instruction set, chosen when the program is loaded. The sanitizers' run-time is not up
-// yet when that choice is made, so their builds go without.
+// One copy of each kernel per instruction set, chosen at load time, when the sanitizers' run-time is not up yet.
 #if !defined(__x86_64__) || defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__) || defined(HUETRACK_NO_AVX2)
 #define HUETRACK_CLONES
 #elif defined(HUETRACK_NO_AVX512)
@@ -36,8 +35,8 @@ enum class Lens { radtan_k1_k2, radtan_k3, radtan_rational, fisheye, stereograph
   return x < 0 ? pi - quadrant : quadrant;
 }
 
-// The formulas are those of camera_model.cpp, in a form that the compiler vectorises: no branch, selections at the end,
-// one reciprocal per point (two for the rational and the fisheye lens), and no term that this lens does not have.
+// The formulas of camera_model.cpp in a form that the compiler vectorises: no branches, selections at the end, one
+// reciprocal per point (two for the rational and the fisheye lens), and only the terms of this lens.
 template <Lens lens>
 [[gnu::always_inline]] inline void project_all(const Coefficients& coefficients, const float* __restrict x,
                                                const float* __restrict y, const float* __restrict z, std::size_t n,
@@ -60,7 +59,7 @@ template <Lens lens>
       seen = (theta <= c.limit) & ((rho > 0) | (pz > 0));
     } else if constexpr (lens == Lens::stereographic) {
       const float rho2 = px * px + py * py, length = std::sqrt(rho2 + pz * pz);
-      // |P| + Z loses its digits behind the camera, where it is rho^2 / (|P| - Z).
+      // Behind the camera |P| + Z cancels; it equals rho^2 / (|P| - Z).
       const bool ahead = pz >= 0;
       const float over = ahead ? 2.0f : 2 * (length - pz), under = ahead ? length + pz : rho2, q = over / under;
       const float a = q * px, b = q * py, s = a * a + b * b;

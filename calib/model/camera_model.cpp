@@ -42,8 +42,8 @@ Polynomial sum(Polynomial a, const Polynomial& b, double factor) {
   return a;
 }
 
-// Where p changes sign in (0, end), ascending. Between neighbouring sign changes of its derivative p is monotone, so
-// bisection finds every one; a root that p only touches is none, as p keeps its sign there.
+// Sign changes of p in (0, end), ascending. Between neighbouring sign changes of its derivative p is monotone, so
+// bisection finds every one. Roots without a sign change do not count.
 std::vector<double> sign_changes(const Polynomial& p, double end) {
   if (p.size() < 2) return {};
   std::vector<double> stations = sign_changes(derivative(p), end);
@@ -90,7 +90,7 @@ double find_limit(const FisheyeKannalaBrandt& lens) {
   return std::sqrt(first_sign_change({1, 3 * k[0], 5 * k[1], 7 * k[2], 9 * k[3]}, pi * pi, pi * pi));
 }
 
-// 4 tan^2(80 degrees): no lens sees further back.
+// 4 tan^2(80 degrees): no lens has a wider field of view.
 constexpr double widest_s = 128.65;
 
 double find_limit(const Stereographic& lens) {
@@ -104,7 +104,7 @@ bool all_finite(double fx, double fy, double cx, double cy, const std::array<dou
          std::ranges::all_of(distortion, [](double k) { return std::isfinite(k); });
 }
 
-// A lens of numbers that are none covers nothing: every function below answers nullopt.
+// A lens with NaN or infinite parameters covers nothing: every function below returns nullopt.
 template <typename Lens>
 double limit_of(const Lens& lens) {
   return all_finite(lens.fx, lens.fy, lens.cx, lens.cy, lens.distortion) ? find_limit(lens) : -1;
@@ -163,7 +163,7 @@ ThetaD theta_d(const FisheyeKannalaBrandt& lens, double theta) {
 }
 
 // Solves g(t) = target for t in [0, end], where g(0) = 0 <= target and g grows; g(t) returns {value, derivative}.
-// Newton kept inside a shrinking bracket. nullopt when target lies beyond g(end).
+// Newton within a shrinking bracket. nullopt: target > g(end).
 template <typename Function>
 std::optional<double> invert_growing(const Function& g, double target, double start, double end) {
   double low = 0, high = end;
@@ -211,10 +211,10 @@ OptionalPixel project_with(const FisheyeKannalaBrandt& lens, double limit, const
                            Jacobian* jacobian) {
   const double rho = std::hypot(p.x(), p.y());
   const double theta = std::atan2(rho, p.z());
-  // Straight behind, every direction in the image would be as right as any other.
+  // Straight behind the camera the direction in the image is undefined.
   if (!(theta <= limit) || (rho == 0 && p.z() <= 0)) return std::nullopt;
   const auto [value, slope] = theta_d(lens, theta);
-  const bool on_axis = rho < 1e-9 * p.z();  // there theta_d / rho = 1 / z to the last digit
+  const bool on_axis = rho < 1e-9 * p.z();  // where theta_d / rho rounds to 1 / z
   const double g = on_axis ? 1 / p.z() : value / rho;
   if (jacobian != nullptr) {
     const double x = p.x(), y = p.y(), n2 = p.squaredNorm();
@@ -228,7 +228,7 @@ OptionalPixel project_with(const FisheyeKannalaBrandt& lens, double limit, const
 
 OptionalPixel project_with(const Stereographic& lens, double limit, const Eigen::Vector3d& p, Jacobian* jacobian) {
   const double n = p.norm(), rho2 = p.head<2>().squaredNorm();
-  // |P| + Z loses its digits behind the camera, where it is rho^2 / (|P| - Z).
+  // Behind the camera |P| + Z cancels; it equals rho^2 / (|P| - Z).
   const double q = p.z() >= 0 ? 2 / (n + p.z()) : 2 * (n - p.z()) / rho2;
   const Eigen::Vector2d xy = q * p.head<2>();
   if (!(xy.squaredNorm() <= limit)) return std::nullopt;
@@ -246,8 +246,8 @@ OptionalPixel project_with(const Stereographic& lens, double limit, const Eigen:
 // (x, y) on the plane z = 1, or the stereographic projection, whose distorted image is `target`.
 template <typename Lens>
 std::optional<Eigen::Vector2d> undistorted(const Lens& lens, double limit, const Eigen::Vector2d& target) {
-  // The radial part alone has one answer, which a bracket finds for any lens; the tangential part is small and moves it
-  // a little. Newton from a start that near stays on the right branch.
+  // The radial part alone has a unique solution, which bracketing finds; from there Newton's method for the whole lens
+  // stays on the right branch, as the tangential part is small.
   const double r_d = target.norm(), r_end = std::sqrt(limit);
   const auto radius = [&](double r) {
     const auto [f, df] = radial(lens, r * r);

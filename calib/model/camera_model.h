@@ -1,7 +1,6 @@
-// What a calibrated lens is: pinhole with Brown-Conrady distortion and the Kannala-Brandt fisheye, both as OpenCV
-// defines them, and a stereographic one for lenses that neither follows to the image's edge. Camera frame: x right, y
-// down, z forward. Pixel (0,0) is the CENTRE of the top-left pixel. Pure values; every function is safe from any thread
-// and none throws.
+// Lens models: pinhole with Brown-Conrady distortion and Kannala-Brandt fisheye, both as OpenCV defines them, and a
+// stereographic model for lenses that neither fits up to the image's edge. Camera frame: x right, y down, z forward.
+// Pixel (0,0) is the CENTRE of the top-left pixel. Pure values; thread-safe; nothing throws.
 #pragma once
 
 #include <Eigen/Core>
@@ -14,10 +13,10 @@ namespace huetrack::calib {
 
 struct RawPixel {
   Eigen::Vector2d px;
-};  // where the lens puts it: what images and detectors speak
+};  // with distortion: what images and detectors use
 struct IdealPixel {
   Eigen::Vector2d px;
-};  // distortion removed, same K: what pinhole algebra speaks
+};  // without distortion, same K: what pinhole algebra uses
 
 // OpenCV calib3d, "pinhole_radtan". Rational when any of k4..k6 is not 0.
 //   x'' = x (1 + k1 r2 + k2 r4 + k3 r6) / (1 + k4 r2 + k5 r4 + k6 r6) + 2 p1 x y + p2 (r2 + 2 x2), y'' likewise
@@ -33,11 +32,11 @@ struct FisheyeKannalaBrandt {
 };
 
 // "stereographic": a polynomial on the stereographic projection (x, y) = 2 (X, Y) / (|P| + Z), whose radius is
-// 2 tan(theta / 2), half way between a pinhole's tan(theta) and a fisheye's theta: both are short polynomials in it, so
-// that four coefficients follow lenses from tele to 160 degrees. With s = x2 + y2,
+// 2 tan(theta / 2). A pinhole's tan(theta) and a fisheye's theta are both short polynomials in it, so that four
+// coefficients fit lenses from tele to 160 degrees. With s = x2 + y2,
 //   x'' = x (1 + k1 s + k2 s2 + k3 s3 + k4 s4) + 2 p1 x y + p2 (s + 2 x2) + s1 s, y'' likewise with p1, p2 and s2:
-// decentring as Brown (1966) has it, and a thin prism, which together are what a tilted sensor does. mrcal's splined
-// stereographic model has the same base, and a surface where this has the polynomial.
+// Brown's (1966) decentring and a thin prism, which together model a tilted sensor. mrcal's splined stereographic model
+// has the same base and a spline surface instead of the polynomial.
 struct Stereographic {
   double fx = 1, fy = 1, cx = 0, cy = 0;
   std::array<double, 8> distortion{};  // k1 k2 p1 p2 k3 k4 s1 s2
@@ -50,17 +49,17 @@ class CameraModel {
   explicit CameraModel(const FisheyeKannalaBrandt& lens);
   explicit CameraModel(const Stereographic& lens);
 
-  // nullopt: behind the camera, or so far off the axis that the distortion polynomial has turned back on itself (such a
-  // point would land on a pixel that really shows another direction). The pixel may lie outside the image.
+  // nullopt: behind the camera, or beyond limit(), where the distortion folds back (the pixel would show another
+  // direction). The pixel may lie outside the image.
   std::optional<RawPixel> project(const Eigen::Vector3d& p_cam) const;
 
   using Jacobian = Eigen::Matrix<double, 2, 3>;  // d px / d p_cam
   std::optional<RawPixel> project(const Eigen::Vector3d& p_cam, Jacobian& jacobian) const;
 
-  // Unit vector in the camera frame that is seen at this pixel; nullopt where no direction is (outside the model).
+  // Direction of a pixel: unit vector in the camera frame; nullopt: outside the model.
   std::optional<Eigen::Vector3d> ray(const RawPixel& pixel) const;
 
-  std::optional<IdealPixel> undistort(const RawPixel& pixel) const;  // explicit, or it does not happen
+  std::optional<IdealPixel> undistort(const RawPixel& pixel) const;
 
   double fx() const;  // pixels
   double fy() const;
@@ -71,8 +70,8 @@ class CameraModel {
   const Lens& lens() const { return lens_; }
 
   // Pinhole: the largest x^2 + y^2 (x = X/Z) that the model covers. Fisheye: the largest theta, radians. Stereographic:
-  // the largest 4 tan^2(theta / 2), which is never beyond 160 degrees off the axis.
-  // Beyond it the distorted radius no longer grows; infinity (or pi) where it always does.
+  // the largest 4 tan^2(theta / 2), at most that of 160 degrees off the axis. Beyond it the distorted radius decreases;
+  // infinity (or pi): it always grows; -1: a parameter is not finite.
   double limit() const { return limit_; }
 
  private:

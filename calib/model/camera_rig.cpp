@@ -4,18 +4,6 @@
 #include <cmath>
 
 namespace huetrack::calib {
-namespace {
-
-bool is_finite(const CameraModel& model) {
-  return std::visit(
-      [](const auto& lens) {
-        return std::isfinite(lens.fx) && std::isfinite(lens.fy) && std::isfinite(lens.cx) && std::isfinite(lens.cy) &&
-               std::ranges::all_of(lens.distortion, [](double k) { return std::isfinite(k); });
-      },
-      model.lens());
-}
-
-}  // namespace
 
 bool is_camera_name(std::string_view name) {
   const auto is_word = [](char c) {
@@ -30,7 +18,7 @@ std::vector<std::string> CameraTiming::problems() const {
   const auto check = [&](const char* what, const std::optional<double>& value, const std::optional<double>& sigma) {
     if (value && !(std::abs(*value) <= 1))
       problems.push_back(std::string("timing: ") + what + "_s must be from -1 to 1");
-    if (sigma && !value) problems.push_back(std::string("timing: ") + what + "_sigma_s needs " + what + "_s beside it");
+    if (sigma && !value) problems.push_back(std::string("timing: ") + what + "_sigma_s needs " + what + "_s");
     if (sigma && !(*sigma >= 0 && *sigma <= 1))
       problems.push_back(std::string("timing: ") + what + "_sigma_s must be from 0 to 1");
   };
@@ -47,12 +35,12 @@ std::vector<std::string> Camera::problems() const {
     problems.emplace_back("image_size must be from 1 to 32768 pixels in both directions");
     return problems;
   }
-  if (!is_finite(model)) {
+  if (model.limit() < 0) {
     problems.emplace_back("the intrinsics and the distortion must be finite numbers");
   } else if (!(model.fx() > 0) || !(model.fy() > 0)) {
     problems.emplace_back("fx and fy must be > 0");
   } else {
-    // Generous: from a lens that squeezes half a turn into a third of the image to a telescope.
+    // Generous: from 180 degrees in a third of the image to a telescope.
     const auto is_sane_focal = [](double f, int size) { return f > 0.02 * size && f < 1000.0 * size; };
     if (!is_sane_focal(model.fx(), width) || !is_sane_focal(model.fy(), height)) {
       problems.emplace_back("fx and fy do not fit the image size: are they in pixels of this image?");
@@ -93,7 +81,7 @@ std::vector<std::string> CameraRig::problems() const {
       if (cameras[j].name == camera.name) problems.push_back("two cameras have the name " + camera.name);
       if ((cameras[j].centre() - camera.centre()).norm() < 1e-6) {
         problems.push_back("cameras " + cameras[j].name + " and " + camera.name +
-                           " stand at the same place in the world: one pose is copied, or not calibrated");
+                           " are at the same place in the world: one pose is copied, or not calibrated");
       }
     }
   }

@@ -20,14 +20,13 @@ struct ImageSize {
   bool operator==(const ImageSize&) const = default;
 };
 
-// When a camera's rows are exposed, and how late its driver's time stamps are. What is absent is not known. Row r of H
-// is exposed around
+// When a camera's rows are exposed. Mid-exposure of row r of H rows:
 //   stamp - latency + (r / (H - 1) - 1/2) readout
-// Each sigma is the standard deviation of the number beside it, and stands only where that does.
+// An absent value is unknown. A sigma is a standard deviation and needs its value.
 struct CameraTiming {
-  std::optional<double> latency_s;        // -1..1; from the middle row's mid-exposure to the driver's time stamp
+  std::optional<double> latency_s;        // -1..1; from mid-exposure of the middle row to the driver's time stamp
   std::optional<double> latency_sigma_s;  // 0..1
-  std::optional<double> readout_s;  // -1..1; from the first row's mid-exposure to the last's; < 0: it reads upwards
+  std::optional<double> readout_s;  // -1..1; from mid-exposure of the first row to the last; < 0: reads upwards
   std::optional<double> readout_sigma_s;  // 0..1
 
   bool is_known() const { return latency_s || readout_s; }
@@ -50,25 +49,25 @@ struct Camera {
     return model.project(cam_from_world * p_world);
   }
   Eigen::Vector3d centre() const { return inverse(cam_from_world).translation; }  // in the world, metres
-  bool contains(const RawPixel& p) const {  // inside the image: the pixel that it rounds to exists
+  bool contains(const RawPixel& p) const {  // the nearest pixel exists
     return p.px.x() >= -0.5 && p.px.y() >= -0.5 && p.px.x() < image_size.width - 0.5 &&
            p.px.y() < image_size.height - 0.5;
   }
   std::vector<std::string> problems() const;  // empty when valid; one sentence per violated constraint
 };
 
-// More than a hall has, and few enough that all pairs of them are soon gone through.
+// capacity: all pairs of cameras are visited.
 inline constexpr std::size_t max_cameras = 256;
 
 struct CameraRig {
   std::vector<Camera> cameras;  // Frame::camera indexes this
-  // How the calibration was made, for people to read (tool, date, residuals): unique keys, nothing empty.
+  // How the calibration was made, for people (tool, date, residuals): unique keys, nothing empty.
   std::vector<std::pair<std::string, std::string>> made_by{};
-  RigHistory made{};                            // when; and what was seen since
-  std::optional<RigUncertainty> uncertainty{};  // nullopt: nothing is known of it, the rig is taken as exact
+  RigHistory made{};                            // date, temperature and later checks
+  std::optional<RigUncertainty> uncertainty{};  // nullopt: unknown, treated as exact
 
   std::optional<int> index_of(std::string_view name) const;
-  std::vector<std::string> camera_names() const;  // in their order
+  std::vector<std::string> camera_names() const;  // in rig order
   std::vector<std::string> problems() const;      // empty when valid; one sentence per violated constraint
 };
 

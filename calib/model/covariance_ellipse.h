@@ -1,4 +1,4 @@
-// Where a position may be: the 95 % ellipse of a covariance in a plane, and how a covariance in space projects.
+// The 95 % ellipse of a 2-D covariance, and the projection of a 3-D covariance into an image.
 #pragma once
 
 #include <Eigen/Core>
@@ -9,24 +9,22 @@
 
 namespace huetrack::calib {
 
-// What is squared and weighed by its covariance is below these in 95 % of the cases: the quantiles of chi-squared with
-// 2 and 3 degrees of freedom.
+// 95 % quantiles of the chi-square distribution with 2 and 3 degrees of freedom.
 inline constexpr double chi2_95_in_2d = 5.991, chi2_95_in_3d = 7.815;
-inline constexpr double chi_95_in_3d = 2.7955;  // the square root, with the digits that markers have always had
+inline constexpr double chi_95_in_3d = 2.7955;  // square root of the second, rounded
 
 struct CovarianceEllipse {
-  Eigen::Vector2d half_axes;   // the shorter one first, in the covariance's unit of length
-  Eigen::Matrix2d directions;  // their unit vectors, as columns
-  // On its border, counted from its middle; going once round for angle = 0..2 pi.
+  Eigen::Vector2d half_axes;   // the shorter one first, 1 unit of length
+  Eigen::Matrix2d directions;  // unit vectors of the axes, as columns
+  // Point of the border, relative to the centre; angle = 0..2 pi.
   Eigen::Vector2d at(double angle) const;
   std::vector<Eigen::Vector2d> ring(int points) const;
 };
 
-// covariance: finite; directions in which it is negative get no extent.
+// covariance: finite; a negative eigenvalue gives extent 0.
 CovarianceEllipse ellipse_95(const Eigen::Matrix2d& covariance);
 
-// The covariance of the pixel to which a position projects, to first order, px^2; nullopt where the position has no
-// pixel, or the covariance is not finite.
+// First-order covariance of a position's pixel, px^2; nullopt: the position has no pixel, or the covariance is not finite.
 std::optional<Eigen::Matrix2d> projected_covariance(const Camera& camera, const Eigen::Vector3d& p_world,
                                                     const Eigen::Matrix3d& covariance);
 

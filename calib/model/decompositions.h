@@ -1,12 +1,10 @@
-// Eigen's decompositions of the matrices that are met all over the house, and its kernels of products of matrices whose
-// size is known only when the program runs, instantiated once, in decompositions.cpp: a file that instantiates one by
-// itself compiles for up to three seconds longer. It is part of the precompiled headers, so nobody includes it; without
-// them (preset debug) every file has its own, and the values are the same.
+// Explicit instantiations of Eigen's common decompositions and dynamic-size product kernels, compiled once in
+// decompositions.cpp: each saves a file up to three seconds of compile time. Part of the precompiled headers, so no file
+// includes it; without them (preset debug) every file instantiates its own, with the same values.
 //
-// All of these are explicit instantiations, and none is a specialisation: they change nothing of what Eigen does, files
-// that see them and files that do not may be linked together, and a name that another Eigen has not ends the build. The
-// names of kernels are internal, because the public ones (A * B, A.solve(b)) have one type per expression; they are
-// Eigen 3.4's.
+// They are no specialisations: behaviour is Eigen's, and files with and without them may be linked together. The kernels'
+// names are internal to Eigen 3.4, because the public ones (A * B, A.solve(b)) have one type per expression; another
+// version of Eigen fails to compile.
 #pragma once
 
 #include <Eigen/Cholesky>
@@ -36,7 +34,7 @@
 namespace huetrack::calib {
 using DecomposedMatrix6 = Eigen::Matrix<double, 6, 6>;
 using DecomposedVector6 = Eigen::Matrix<double, 6, 1>;
-// How Eigen's products read an operand by its storage order, and write the result.
+// Eigen's mappers for the operands of a product, by storage order, and for its result.
 template <int storage>
 using ProductOperand = Eigen::internal::const_blas_data_mapper<double, Eigen::Index, storage>;
 using ProductResult = Eigen::internal::blas_data_mapper<double, Eigen::Index, Eigen::ColMajor, Eigen::Unaligned, 1>;
@@ -96,7 +94,7 @@ using ProductPacket = Eigen::internal::packet_traits<double>::type;
   EXTERN template void Eigen::HouseholderQR<Eigen::MatrixXd>::computeInPlace();                  \
   EXTERN template Eigen::AngleAxisd& Eigen::AngleAxisd::operator=                                \
       <Eigen::Quaterniond>(const Eigen::QuaternionBase<Eigen::Quaterniond>&)
-// What calibrating and tracking cameras take besides: more_decompositions.cpp.
+// Used by calibration and camera tracking only: more_decompositions.cpp.
 #define HUETRACK_MORE_DECOMPOSITIONS(EXTERN)                                                        \
   HUETRACK_INVERSE(EXTERN, huetrack::calib::DecomposedMatrix6);                                     \
   HUETRACK_SVD(EXTERN, Eigen::Matrix3d);                                                            \

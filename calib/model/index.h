@@ -1,4 +1,4 @@
-// A number that is never negative, as containers count.
+// A non-negative int as an index of a container.
 #pragma once
 
 #include <cstddef>

@@ -1,6 +1,5 @@
-// A lens as numbers that an adjustment can move, and how a pixel moves with them.
-// CameraModel is the finished lens; tests/solver/lens_test holds the two to one another.
-// Pure; safe from any thread, nothing throws.
+// A lens as a parameter vector, with the derivatives of its pixels, for adjustments. CameraModel is the finished lens;
+// tests/solver/lens_test compares the two. Pure; thread-safe; nothing throws.
 #pragma once
 
 #include <Eigen/Core>
@@ -18,15 +17,15 @@ CameraModel model_like(const CameraModel& model, const LensParameters& parameter
 using PixelByPoint = Eigen::Matrix<double, 2, 3, Eigen::RowMajor>;
 using PixelByLens = Eigen::Matrix<double, 2, 12, Eigen::RowMajor>;
 
-// Pixel of p_cam, as CameraModel::project() but without its limit(): an adjustment may pass through lenses that fold on
-// its way. false: p_cam lies behind the camera (pinhole), or is not finite. The derivatives may be null.
+// Pixel of p_cam as CameraModel::project(), but without limit(): an adjustment may pass through lenses that fold back.
+// false: p_cam is behind the camera (pinhole), or not finite. The derivatives may be null.
 bool project_radtan(const LensParameters& lens, const Eigen::Vector3d& p_cam, Eigen::Vector2d& px,
                     PixelByPoint* by_point, PixelByLens* by_lens);
 bool project_fisheye(const LensParameters& lens, const Eigen::Vector3d& p_cam, Eigen::Vector2d& px,
                      PixelByPoint* by_point, PixelByLens* by_lens);
 bool project_stereographic(const LensParameters& lens, const Eigen::Vector3d& p_cam, Eigen::Vector2d& px,
                            PixelByPoint* by_point, PixelByLens* by_lens);
-// By the kind of lens that the model is, with these parameters instead of its own.
+// With the model's kind of lens and these parameters.
 bool project_like(const CameraModel& model, const LensParameters& lens, const Eigen::Vector3d& p_cam,
                   Eigen::Vector2d& px, PixelByPoint* by_point, PixelByLens* by_lens);
 

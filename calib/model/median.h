@@ -1,4 +1,4 @@
-// The middle value, and any other quantile, in one place.
+// Median and quantiles.
 #pragma once
 
 #include <algorithm>
@@ -9,7 +9,7 @@
 
 namespace huetrack::calib {
 
-// The median of some values, whose order it changes: nothing is copied.
+// Median; reorders the values.
 template <typename T>
 T median_in_place(std::span<T> values) {
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
@@ -17,8 +17,7 @@ T median_in_place(std::span<T> values) {
   return *middle;
 }
 
-// The value that stands at the share of the way from the least to the largest, 0 to 1, as the nearest of those given
-// (rounded up in the middle); changes their order. There must be one.
+// Quantile, share 0 to 1: the nearest of the values, ties rounded up. Reorders them; must not be empty.
 template <typename T>
 T quantile_in_place(std::span<T> values, double share) {
   const auto at = values.begin() + std::lround(share * static_cast<double>(values.size() - 1));
@@ -26,11 +25,11 @@ T quantile_in_place(std::span<T> values, double share) {
   return *at;
 }
 
-// The median: of an even count the larger one of the two middle values (not their mean). of_none: for no values at all.
-// T is a floating-point type or a duration; no value may be NaN.
+// Median; of an even count the larger of the two middle values. if_empty: the result for no values. T: a floating-point
+// type or a duration; no NaN.
 template <typename T>
-T median(std::vector<T> values, T of_none = 0) {
-  return values.empty() ? of_none : median_in_place(std::span(values));
+T median(std::vector<T> values, T if_empty = 0) {
+  return values.empty() ? if_empty : median_in_place(std::span(values));
 }
 
 }  // namespace huetrack::calib

@@ -5,7 +5,6 @@
 
 namespace huetrack::calib {
 
-// Kruskal's spanning tree, of which the links that hold already are left out.
 std::vector<CameraLink> missing_links(std::size_t cameras, const std::function<int(std::size_t, std::size_t)>& shared,
                                       int enough) {
   std::vector<CameraLink> links;

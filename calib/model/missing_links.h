@@ -1,4 +1,4 @@
-// Which cameras are not yet held together by what they saw together: for people who carry a board or wave a ball.
+// Which pairs of cameras still need common views, for advice while a board is carried or a ball is waved.
 #pragma once
 
 #include <cstddef>
@@ -8,14 +8,13 @@
 namespace huetrack::calib {
 
 struct CameraLink {
-  std::size_t a = 0, b = 0;  // numbers of cameras, a < b
-  int shared = 0;            // views, or moments, that both saw
+  std::size_t a = 0, b = 0;  // camera indices, a < b
+  int shared = 0;            // views (or moments) that both saw
 };
 
-// The links that still have to be made so that every camera hangs together with every other one, over others if need
-// be; of all that would do it, those that lack least: their sum is the largest. In the order of their cameras.
-//   shared  of two cameras, the first number the smaller
-//   enough  of what is shared, for a link that holds
+// The links still needed to connect all cameras, directly or through others: those of the maximum spanning tree (Kruskal)
+// with fewer than `enough` shared views, in camera order.
+//   shared  number of shared views of two cameras, the smaller index first
 std::vector<CameraLink> missing_links(std::size_t cameras, const std::function<int(std::size_t, std::size_t)>& shared,
                                       int enough);
 

@@ -26,7 +26,7 @@ std::vector<PixelRay> rays_of(const CameraModel& lens, ImageSize size) {
   return rays;
 }
 
-// Squares, with the normal equations where they are asked for. What has no pixel counts as far off.
+// Sum of squares and, if not null, normal equations. A ray without a pixel counts as an error of far_px.
 double cost_of(const CameraModel& kind, const LensParameters& l, const std::vector<PixelRay>& rays, int free,
                Eigen::MatrixXd* normal, Eigen::VectorXd* gradient) {
   constexpr double far_px = 1e3;
@@ -38,11 +38,11 @@ double cost_of(const CameraModel& kind, const LensParameters& l, const std::vect
       cost += far_px * far_px;
       continue;
     }
-    const Eigen::Vector2d off = px - s.px;
-    cost += off.squaredNorm();
+    const Eigen::Vector2d error = px - s.px;
+    cost += error.squaredNorm();
     if (!normal) continue;
     *normal += by_lens.leftCols(free).transpose() * by_lens.leftCols(free);
-    *gradient += by_lens.leftCols(free).transpose() * off;
+    *gradient += by_lens.leftCols(free).transpose() * error;
   }
   return cost;
 }
@@ -75,16 +75,16 @@ NearestLens nearest_lens(const CameraModel& lens, ImageSize size, const CameraMo
     }
   }
   NearestLens result{model_like(kind, l)};
-  std::vector<double> off;
+  std::vector<double> errors;
   for (const PixelRay& s : rays) {
     const auto px = result.model.project(s.ray);
     result.covers_image = result.covers_image && px.has_value();
-    if (px) off.push_back((px->px - s.px).norm());
+    if (px) errors.push_back((px->px - s.px).norm());
   }
-  if (off.empty()) return result;
-  std::ranges::sort(off);
-  result.p95_px = off[static_cast<std::size_t>(0.95 * static_cast<double>(off.size() - 1))];
-  result.worst_px = off.back();
+  if (errors.empty()) return result;
+  std::ranges::sort(errors);
+  result.p95_px = errors[static_cast<std::size_t>(0.95 * static_cast<double>(errors.size() - 1))];
+  result.worst_px = errors.back();
   return result;
 }
 

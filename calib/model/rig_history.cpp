@@ -25,7 +25,7 @@ std::optional<UtcTime> utc_time(std::string_view text) {
   if (!date.ok()) return std::nullopt;
   const UtcTime at = std::chrono::sys_days(date) + std::chrono::hours(hour) + std::chrono::minutes(minute) +
                      std::chrono::seconds(second);
-  if (utc_text(at) != text) return std::nullopt;  // 25 o'clock, a digit too few, something behind it
+  if (utc_text(at) != text) return std::nullopt;  // 25 o'clock, a missing digit, trailing text
   return at;
 }
 

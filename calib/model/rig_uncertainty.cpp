@@ -17,10 +17,10 @@
 namespace huetrack::calib {
 namespace {
 
-// Six digits of a standard deviation, six decimals of a root: 1e-6 of what it says, and of what is left of it where the
-// parameters' errors cancel (a longer focal length and a camera further off) to a hundredth, still 1e-4.
+// Six digits of a sigma, six decimals of the root: a relative error of 1e-6, and of 1e-4 where the parameters' errors
+// cancel to a hundredth (a longer focal length and a camera further away).
 constexpr double root_steps = 1e6;
-constexpr double row_tolerance = 1e-3;  // by which a row of the root may miss its length: somebody rounded it
+constexpr double row_tolerance = 1e-3;  // of the length of a row of the root: files may be rounded
 
 double rounded(double sigma) {
   const std::string text = fmt::format("{:.6g}", sigma);
@@ -29,8 +29,7 @@ double rounded(double sigma) {
   return value;
 }
 
-// A lower triangular root of a positive semidefinite matrix. The Cholesky decomposition does not do: it needs a
-// definite one.
+// A lower triangular root of a positive semidefinite matrix; Cholesky decomposition needs a definite one.
 Eigen::MatrixXd root_of(const Eigen::MatrixXd& matrix) {
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(matrix);
   const Eigen::MatrixXd transposed =
@@ -43,14 +42,13 @@ Eigen::MatrixXd root_of(const Eigen::MatrixXd& matrix) {
   return root;
 }
 
-// A view's part of the normal equations, and how its pixel moves with its camera's parameters.
+// Derivatives of a view's pixel by the position and by its camera's parameters.
 struct ViewTerm {
   Eigen::Matrix<double, 2, 3> by_place;
-  Eigen::Matrix<double, 2, 18> by_camera;  // of the lens as many as are uncertain, then of the pose
+  Eigen::Matrix<double, 2, 18> by_camera;  // lens (lens_count), then pose
 };
 
-std::optional<ViewTerm> view_term(const Camera& camera, const RigUncertainty::CameraParameters& of,
-                                  const Eigen::Vector3d& p) {
+std::optional<ViewTerm> view_term(const Camera& camera, const RigUncertainty::CameraParameters& of, const Eigen::Vector3d& p) {
   const Eigen::Vector3d p_cam = camera.cam_from_world * p;
   if (!camera.model.project(p_cam)) return std::nullopt;
   Eigen::Vector2d px;
@@ -69,7 +67,6 @@ std::optional<ViewTerm> view_term(const Camera& camera, const RigUncertainty::Ca
   return term;
 }
 
-// For a message.
 std::string lens_counts(const CameraModel& model) {
   constexpr std::array counts{"8, 9 or 12", "8", "12"};  // beside CameraModel::Lens
   return counts[model.lens().index()];
@@ -82,10 +79,10 @@ bool is_lens_count(const CameraModel& model, int count) {
   return count == 8 || (std::holds_alternative<PinholeRadtan>(model.lens()) && (count == 9 || count == 12));
 }
 
-RigUncertainty RigUncertainty::of(std::vector<OfCamera> cameras, const Eigen::MatrixXd& covariance) {
+RigUncertainty RigUncertainty::of(std::vector<CameraParameters> cameras, const Eigen::MatrixXd& covariance) {
   RigUncertainty out;
   int at = 0;
-  for (OfCamera& camera : cameras) {
+  for (CameraParameters& camera : cameras) {
     camera.at = at;
     at += camera.size();
   }
@@ -106,7 +103,7 @@ Eigen::MatrixXd RigUncertainty::covariance() const {
 }
 
 std::vector<std::string> RigUncertainty::problems(const CameraRig& rig) const {
-  if (cameras.size() != rig.cameras.size()) return {"it is of other cameras than the rig has"};
+  if (cameras.size() != rig.cameras.size()) return {"it is not of this rig's cameras"};
   std::vector<std::string> out;
   int at = 0;
   for (std::size_t c = 0; c < cameras.size(); ++c) {
@@ -130,12 +127,12 @@ std::vector<std::string> RigUncertainty::problems(const CameraRig& rig) const {
 }
 
 RigUncertainty with_pose_covariance(const CameraRig& rig, int camera, const Covariance6d& covariance) {
-  const RigUncertainty before =
-      rig.uncertainty ? *rig.uncertainty
-                      : RigUncertainty{std::vector<RigUncertainty::CameraParameters>(rig.cameras.size()), {}, {}};
+  const RigUncertainty before = rig.uncertainty
+                                    ? *rig.uncertainty
+                                    : RigUncertainty{std::vector<RigUncertainty::CameraParameters>(rig.cameras.size()), {}, {}};
   std::vector<RigUncertainty::CameraParameters> cameras = before.cameras;
   cameras[index(camera)].has_pose = true;
-  std::vector<int> kept, at;  // parameters of before, and where they are now
+  std::vector<int> kept, at;  // old and new indices of the kept parameters
   int size = 0, pose_at = 0;
   for (std::size_t c = 0; c < cameras.size(); ++c) {
     const int count = c == index(camera) ? before.cameras[c].lens_count : before.cameras[c].size();
@@ -152,10 +149,9 @@ RigUncertainty with_pose_covariance(const CameraRig& rig, int camera, const Cova
   return RigUncertainty::of(std::move(cameras), all);
 }
 
-Eigen::Matrix3Xd position_gain_of_cameras(const CameraRig& rig, const RigUncertainty& uncertainty,
-                                          const Eigen::Vector3d& p, std::span<const PlaceView> views,
-                                          const Eigen::Matrix3d& elsewhere) {
-  Eigen::Matrix3d normal = elsewhere;
+Eigen::Matrix3Xd position_gain_of_cameras(const CameraRig& rig, const RigUncertainty& uncertainty, const Eigen::Vector3d& p,
+                                  std::span<const PlaceView> views, const Eigen::Matrix3d& prior_information) {
+  Eigen::Matrix3d normal = prior_information;
   Eigen::Matrix3Xd moment = Eigen::Matrix3Xd::Zero(3, uncertainty.size());
   for (const PlaceView& view : views) {
     const RigUncertainty::CameraParameters& of = uncertainty.cameras[index(view.camera)];
@@ -165,17 +161,16 @@ Eigen::Matrix3Xd position_gain_of_cameras(const CameraRig& rig, const RigUncerta
     normal += weighed * term->by_place;
     if (of.size() > 0) moment.middleCols(of.at, of.size()) += weighed * term->by_camera.leftCols(of.size());
   }
-  // Of a position that the views do not give in some direction nothing is said there.
   const Eigen::LDLT<Eigen::Matrix3d> solver(normal);
   if (solver.info() != Eigen::Success || !(solver.vectorD().minCoeff() > 0)) return 0 * moment;
   return -solver.solve(moment);
 }
 
-Eigen::Matrix3d rig_covariance_at(const CameraRig& rig, const Eigen::Vector3d& p_world,
-                                  std::span<const PlaceView> views, const Eigen::Matrix3d& elsewhere) {
+Eigen::Matrix3d rig_covariance_at(const CameraRig& rig, const Eigen::Vector3d& p_world, std::span<const PlaceView> views,
+                                 const Eigen::Matrix3d& prior_information) {
   if (!rig.uncertainty || rig.uncertainty->size() == 0) return Eigen::Matrix3d::Zero();
   const Eigen::Matrix3Xd moved =
-      position_gain_of_cameras(rig, *rig.uncertainty, p_world, views, elsewhere) * rig.uncertainty->factor();
+      position_gain_of_cameras(rig, *rig.uncertainty, p_world, views, prior_information) * rig.uncertainty->factor();
   return moved * moved.transpose();
 }
 

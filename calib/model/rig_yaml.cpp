@@ -20,7 +20,7 @@ namespace huetrack::calib {
 namespace {
 
 constexpr std::array<std::string_view, 3> model_names{"pinhole_radtan", "fisheye_kb", "stereographic"};
-constexpr double rotation_tolerance = 1e-4;  // of a rotation that was printed with few digits
+constexpr double rotation_tolerance = 1e-4;  // for rotations printed with few digits
 
 template <typename Lens>
 Lens lens_of(const yaml::YamlReader& intrinsics, const std::vector<double>& distortion) {
@@ -69,7 +69,7 @@ Eigen::Quaterniond read_rotation_matrix(const yaml::YamlReader& pose) {
   if (m.determinant() < 0) {
     pose.fail("rotation", "is mirrored (determinant -1): a camera is right-handed, x right, y down, z forward");
   }
-  return Eigen::Quaterniond(m).normalized();  // a rotation, although the file's digits are rounded
+  return Eigen::Quaterniond(m).normalized();  // the file's digits are rounded
 }
 
 Eigen::Quaterniond read_quaternion(const yaml::YamlReader& pose) {
@@ -77,12 +77,12 @@ Eigen::Quaterniond read_quaternion(const yaml::YamlReader& pose) {
   const Eigen::Quaterniond q(xyzw[3], xyzw[0], xyzw[1], xyzw[2]);
   const double off = std::abs(q.norm() - 1);
   if (!(off <= rotation_tolerance)) pose.fail("quaternion_xyzw", "must have length 1");
-  return off < 1e-12 ? q : q.normalized();  // what we wrote comes back to the last bit
+  return off < 1e-12 ? q : q.normalized();  // what we wrote reads back to the same bits
 }
 
 Rigid3d read_pose(const yaml::YamlReader& pose) {
   if (pose.has("rotation") && pose.has("quaternion_xyzw")) {
-    pose.fail("quaternion_xyzw", "is given beside rotation: give one of the two");
+    pose.fail("quaternion_xyzw", "is given together with rotation: give one of them");
   }
   const Eigen::Quaterniond rotation = pose.has("quaternion_xyzw") ? read_quaternion(pose) : read_rotation_matrix(pose);
   const auto t = pose.numbers("translation", 3, 3, yaml::any_number);
@@ -112,7 +112,7 @@ Camera read_camera(const std::string& name, const yaml::YamlReader& reader, bool
   }
   camera.image_size = {static_cast<int>(size[0]), static_cast<int>(size[1])};
   camera.model = read_model(reader);
-  // A single camera may do without: then the world is the camera's own frame.
+  // A single camera may have no pose: the world is then its own frame.
   if (pose_required || reader.has("cam_from_world")) camera.cam_from_world = read_pose(reader.map("cam_from_world"));
   if (const auto timing = reader.optional_map("timing")) camera.timing = read_timing(*timing);
   reader.finish();
@@ -152,7 +152,7 @@ RigUncertainty read_uncertainty(const yaml::YamlReader& reader, const CameraRig&
   for (const auto& [name, camera] : reader.named_maps("sigma")) {
     const auto c = rig.index_of(name);
     if (!c) camera.fail("", "is no camera of this rig");
-    if (*c < next) camera.fail("", "comes after a camera that is after it in the rig: the order is that of cameras");
+    if (*c < next) camera.fail("", "is out of order: write the cameras in the order of `cameras`");
     next = *c + 1;
     RigUncertainty::CameraParameters& of = out.cameras[index(*c)];
     const auto take = [&, &from = camera](const char* key, std::size_t min, std::size_t max) {
@@ -187,14 +187,14 @@ std::string list(std::span<const double> values) {
   return fmt::format("[{}]", fmt::join(texts, ", "));
 }
 
-// What another tool's file, a folder or a board said, as our reader takes it: without commands to a terminal.
+// Text of another tool's file, without the control characters that our reader rejects.
 std::string readable(const std::string& text) {
   std::string lines = text;
   std::ranges::replace(lines, '\n', ' ');
   return files::has_control_characters(lines) ? files::printable(text, files::longest_message) : text;
 }
 
-// A word that YAML cannot take for anything else goes without quotes.
+// A plain word needs no quotes in YAML.
 std::string key_text(const std::string& key) {
   const auto is_letter = [](char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '_'; };
   const bool is_word = !key.empty() && is_letter(key.front()) &&
@@ -270,7 +270,7 @@ CameraRig read_rig(const std::filesystem::path& file) {
   CameraRig rig;
   const auto cameras = reader.named_maps("cameras");
   if (cameras.size() > max_cameras)
-    reader.fail("cameras", fmt::format("are {}, and a rig has {} at most", cameras.size(), max_cameras));
+    reader.fail("cameras", fmt::format("has {} cameras; a rig has at most {}", cameras.size(), max_cameras));
   for (const auto& [name, camera] : cameras) rig.cameras.push_back(read_camera(name, camera, cameras.size() > 1));
   if (const auto made_by = reader.optional_map("made_by")) {
     for (const auto& key : made_by->keys()) rig.made_by.emplace_back(key, made_by->string(key));
@@ -303,7 +303,7 @@ std::string to_yaml(const CameraRig& rig) {
            ", cx: " + files::shortest_text(model.cx()) + ", cy: " + files::shortest_text(model.cy()) + "}\n";
     out += "    distortion: " + std::visit([](const auto& lens) { return distortion_text(lens); }, model.lens()) + "\n";
     out += "    cam_from_world:\n";
-    // Not as a matrix: nine numbers would have to be made a rotation again, and would not come back bit for bit.
+    // A quaternion, because a matrix would have to be orthonormalised and would not read back to the same bits.
     out += "      quaternion_xyzw: " + list(std::array{q.x(), q.y(), q.z(), q.w()}) + "\n";
     out += "      translation: " + list(std::array{t.x(), t.y(), t.z()}) + "\n";
     if (camera.timing.is_known()) out += "    timing: " + timing_text(camera.timing) + "\n";
@@ -325,7 +325,7 @@ void write_rig(const CameraRig& rig, const std::filesystem::path& file) {
       read_rig(file);
     } catch (const files::ConfigError&) {
       throw std::runtime_error(file.string() +
-                               " is there, and holds no rig: it is not replaced. Give another name, or remove it");
+                               " exists and holds no rig: it is not replaced. Give another name, or remove it");
     }
   }
   files::write_whole_file(file, to_yaml(rig));

@@ -1,4 +1,4 @@
-// The rig file (rig.yaml): read and write. Its form is documented in calib/formats.md.
+// Reads and writes the rig file (rig.yaml); format: calib/formats.md.
 #pragma once
 
 #include <filesystem>
@@ -8,11 +8,10 @@
 
 namespace huetrack::calib {
 
-CameraRig read_rig(const std::filesystem::path& file);                    // throws ConfigError
-std::string to_yaml(const CameraRig& rig);                                // reads back to exactly the same numbers
+CameraRig read_rig(const std::filesystem::path& file);                    // throws files::ConfigError
+std::string to_yaml(const CameraRig& rig);                                // reads back to the same bits
 void write_rig(const CameraRig& rig, const std::filesystem::path& file);  // atomic (temporary file + rename); throws
-// SHA-256-like identity is not needed: FNV-1a 64 over to_yaml(), as 16 hex digits. Published in the status sample.
-// What is noted of its history (RigHistory) is not part of it: it gives the same positions.
+// FNV-1a 64 of to_yaml() without the history (RigHistory), as 16 hex digits. Published in the status sample.
 std::string rig_identity(const CameraRig& rig);
 
 }  // namespace huetrack::calib

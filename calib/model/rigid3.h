@@ -1,4 +1,4 @@
-// SE(3): rigid transforms in three dimensions. The name of a transform says both frames:
+// SE(3): rigid transforms in three dimensions. A transform's name has both frames:
 //   Rigid3d cam_from_world;  p_cam = cam_from_world * p_world
 // and in a product the inner names must meet: cam1_from_cam0 = cam1_from_world * inverse(cam0_from_world).
 // Metres, radians. Pure values; safe from any thread.

@@ -1,14 +1,14 @@
-// huetrack-calibrate board: a board to print, and the board file that describes it.
+// huetrack-calibrate board: a board to print, and its board file.
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <memory>
 
 #include "calib/board/board_pdf.h"
 #include "calib/board/board_yaml.h"
+#include "calib/files/config_error.h"
 #include "calib/files/output_file.h"
 #include "calib/gather/picture_source.h"
 #include "calib/program/commands.h"
-#include "calib/yaml/yaml_reader.h"
 
 namespace huetrack::program {
 namespace {
@@ -31,7 +31,7 @@ board::Board board_of(const BoardOptions& o) {
                : o.type == "charuco"  ? board::BoardType::charuco
                                       : board::BoardType::aruco_grid;
   if (o.legacy && board.type != board::BoardType::charuco)
-    throw gather::InputError("--legacy is a layout of charuco boards only");
+    throw gather::InputError("--legacy is for charuco boards only");
   board.columns = o.columns > 0 ? o.columns : grid ? 6 : board.type == board::BoardType::charuco ? 7 : 8;
   board.rows = o.rows > 0 ? o.rows : grid ? 4 : 5;
   if (grid) {
@@ -40,13 +40,13 @@ board::Board board_of(const BoardOptions& o) {
     board.marker = marker / 1e3;
     board.pitch.setConstant((marker + gap) / 1e3);
   } else {
-    if (o.gap_mm > 0) throw gather::InputError("--gap is of aruco_grid and april_grid");
+    if (o.gap_mm > 0) throw gather::InputError("--gap is for aruco_grid and april_grid");
     const double square = o.square_mm > 0 ? o.square_mm : board.type == board::BoardType::charuco ? 32 : 25;
     board.pitch.setConstant(square / 1e3);
     if (board.type == board::BoardType::charuco)
       board.marker = (o.marker_mm > 0 ? o.marker_mm : 0.75 * square) / 1e3;
     else if (o.marker_mm > 0)
-      throw gather::InputError("a chessboard has no markers: --marker is of the other types");
+      throw gather::InputError("a chessboard has no markers: --marker is for the other types");
   }
   board.dictionary = !o.dictionary.empty()    ? o.dictionary
                      : o.type == "april_grid" ? "DICT_APRILTAG_36h11"
@@ -61,8 +61,7 @@ void refuse_other_than_a_board(const std::filesystem::path& file) {
   try {
     board::read_board(file);
   } catch (const files::ConfigError&) {
-    throw gather::InputError(file.string() +
-                             " is there, and is no board file: it is not replaced. Give another --board");
+    throw gather::InputError(file.string() + " exists and is no board file: it is not replaced. Give another --board");
   }
 }
 
@@ -77,15 +76,14 @@ ExitStatus print(const BoardOptions& o) {
       o.board_file.empty() ? std::filesystem::path(o.out).replace_extension(".yaml") : o.board_file;
   if (std::filesystem::weakly_canonical(yaml) == std::filesystem::weakly_canonical(o.out))
     throw gather::InputError(yaml.string() +
-                             " is to be written twice, as the print and as its board file: give another --board");
+                             " would be written twice, as the print and as the board file: give another --board");
   files::refuse_other_kind(o.out, {"PDF", [](std::string_view text) { return text.starts_with("%PDF"); }});
   refuse_other_than_a_board(yaml);
   files::write_whole_file(o.out, printed.pdf);
   files::write_whole_file(yaml, "# " + o.out.filename().string() + ", printed at 100 %\n" + board::to_yaml(board));
   std::printf(
-      "%s: %s, %.1f x %.1f mm on %s\n%s: the board file for it\nPrint at 100 %%, without fitting it to the page; "
-      "measure the ruler, "
-      "glue it onto something flat.\n",
+      "%s: %s, %.1f x %.1f mm on %s\n%s: the board file for it\nPrint at 100 %%, not fitted to the page; measure "
+      "the ruler; glue the board onto something flat.\n",
       o.out.c_str(), board.description().c_str(), printed.size_mm.x(), printed.size_mm.y(), paper->name.c_str(),
       yaml.c_str());
   return ExitStatus::usable;
@@ -101,19 +99,19 @@ void add_board_command(CLI::App& app, Command& chosen) {
       ->required()
       ->check(CLI::IsMember({"chessboard", "charuco", "aruco_grid", "april_grid"}));
   command->add_option("--out", o->out, "the PDF to write")->required();
-  command->add_option("--board", o->board_file, "the board file to write; default: beside the PDF, .yaml");
+  command->add_option("--board", o->board_file, "the board file to write; default: the PDF's name with .yaml");
   command->add_option("--paper", o->paper,
                       "A4 (default), A3, A2, A1, A0, letter, legal, tabloid, or WIDTHxHEIGHT in mm");
   command->add_option("--columns", o->columns, "chessboard: inner corners; charuco: squares; grids: markers")
       ->check(CLI::Range(1, 100));
-  command->add_option("--rows", o->rows, "the same, down the board")->check(CLI::Range(1, 100));
+  command->add_option("--rows", o->rows, "the same, vertically")->check(CLI::Range(1, 100));
   command->add_option("--square", o->square_mm, "side of a square, mm")->check(CLI::Range(1.0, 1000.0));
   command->add_option("--marker", o->marker_mm, "side of a marker, mm; default: charuco 3/4 of a square")
       ->check(CLI::Range(1.0, 1000.0));
   command->add_option("--gap", o->gap_mm, "between the markers of a grid, mm; default: 0.3 of a marker")
       ->check(CLI::Range(0.1, 1000.0));
   command->add_option("--dictionary", o->dictionary,
-                      "OpenCV's name of it; default: DICT_4X4_50, april_grid: DICT_APRILTAG_36h11");
+                      "its name in OpenCV; default: DICT_4X4_50, april_grid: DICT_APRILTAG_36h11");
   command->add_option("--first-marker", o->first_marker, "number of the first marker")->check(CLI::Range(0, 10000));
   command->add_flag("--inverted", o->inverted, "black and white swapped");
   command->add_flag("--legacy", o->legacy, "charuco: the layout of OpenCV before 4.6");

@@ -1,4 +1,4 @@
-// Options that the subcommands share. Private to this module.
+// Options shared by subcommands. Private to this module.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -28,9 +28,9 @@ struct CalibrationOptions {
 };
 
 inline void add_calibration_options(CLI::App& command, CalibrationOptions& options) {
-  command.add_option("inputs", options.inputs, "what to look at");
+  command.add_option("inputs", options.inputs, "recordings, videos or images of the board");
   command.add_option("--live", options.live.file,
-                     "look through the live cameras of this file (its map cameras: is as in huetrackd.yaml)");
+                     "use the live cameras of this file (its map cameras: as in huetrackd.yaml)");
   command
       .add_option_function<std::string>(
           "--size",
@@ -45,33 +45,30 @@ inline void add_calibration_options(CLI::App& command, CalibrationOptions& optio
           "live: the size of the images")
       ->type_name("WIDTHxHEIGHT");
   command.add_option("--fps", options.live.settings.fps, "live: frames per second")->check(CLI::PositiveNumber);
-  command
-      .add_option("--seconds", options.live.seconds,
-                  "live: look for so long; default: until nothing is missing, or Ctrl-C")
+  command.add_option("--seconds", options.live.seconds, "live: duration; default: until nothing is missing, or Ctrl-C")
       ->check(CLI::PositiveNumber);
   command.add_option("--view", options.live.page,
-                     "a page to open in a browser: what is being detected, and what is missing");
+                     "write a page for a browser with the detections and what is still missing");
   command.add_option("--board", options.board, "the board file; see calib/README.md")->required();
   const std::map<std::string, solver::LensModel> lenses{{"radtan4", solver::LensModel::radtan4},
                                                         {"radtan5", solver::LensModel::radtan5},
                                                         {"radtan8", solver::LensModel::radtan8},
                                                         {"fisheye", solver::LensModel::fisheye},
                                                         {"stereographic", solver::LensModel::stereographic}};
-  command
-      .add_option("--lens", options.lens,
-                  "the lens model; by default the one that predicts views best which it was not fitted to")
+  command.add_option("--lens", options.lens, "the lens model; default: the best in cross-validation over views")
       ->transform(CLI::CheckedTransformer(lenses).description(""))
       ->type_name("radtan4|radtan5|radtan8|fisheye|stereographic");
-  command.add_option("--every", options.find.every, "look at every so many-th picture; default: at about 800")
+  command.add_option("--every", options.find.every, "process every n-th frame set; default: about 800")
       ->check(CLI::PositiveNumber);
   command
-      .add_option("--max-sets", options.find.max_sets, "use at most so many moments, the board as still as possible")
+      .add_option("--max-sets", options.find.max_sets,
+                  "use at most this many frame sets, with the board as still as possible")
       ->check(CLI::PositiveNumber)
       ->capture_default_str();
-  command.add_option("--report", options.report, "the report (HTML; the same as text beside it)");
-  command.add_option("--temperature", options.temperature_c, "of the room, degrees Celsius: noted in the rig file")
+  command.add_option("--report", options.report, "the report (HTML, and a text file of the same name)");
+  command.add_option("--temperature", options.temperature_c, "of the room, degrees Celsius; saved in the rig file")
       ->check(CLI::Range(-90.0, 150.0));
-  command.add_flag("--overwrite", options.overwrite, "a doubtful result may replace the rig that is there");
+  command.add_flag("--overwrite", options.overwrite, "a doubtful result may replace an existing rig");
   command.add_flag("--quiet", options.quiet, "print nothing but errors");
 }
 

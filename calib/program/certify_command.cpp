@@ -1,5 +1,5 @@
-// huetrack-calibrate certify: how right lengths are in the volume, from a bar that was carried through it, or from
-// marked places on which the ball was put; as the service's own trackers measure them.
+// huetrack-calibrate certify: accuracy of lengths in the volume as the service's trackers measure them, from a bar
+// carried through it, or from marked places for a ball.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -37,21 +37,21 @@ certify::BallTrack track_of(const Estimates& estimates) {
   return track;
 }
 
-struct Told {
+struct TrackedSet {
   double at_s = 0;
   bool is_tracked = false;
 };
 
-// told: of every frame set.
-report::TargetTally tally_of(const std::string& name, const std::vector<Told>& told,
+// frame_sets: one entry per frame set.
+report::TargetTally tally_of(const std::string& name, const std::vector<TrackedSet>& frame_sets,
                              const std::vector<certify::Rest>& rests) {
-  report::TargetTally tally{.name = name, .sets = told.size()};
+  report::TargetTally tally{.name = name, .sets = frame_sets.size()};
   std::optional<double> lost_s;
   const auto end_gap = [&](double at_s) {
     if (lost_s) tally.longest_gap_s = std::max(tally.longest_gap_s, at_s - *lost_s);
     lost_s.reset();
   };
-  for (const Told& of_set : told) {
+  for (const TrackedSet& of_set : frame_sets) {
     if (of_set.is_tracked) {
       ++tally.tracking;
       end_gap(of_set.at_s);
@@ -60,14 +60,14 @@ report::TargetTally tally_of(const std::string& name, const std::vector<Told>& t
       lost_s = of_set.at_s;
     }
   }
-  if (lost_s) end_gap(told.back().at_s);
+  if (lost_s) end_gap(frame_sets.back().at_s);
   tally.rests = rests.size();
   for (const certify::Rest& rest : rests) tally.rest_scatter_m += rest.scatter_m * rest.scatter_m;
   if (!rests.empty()) tally.rest_scatter_m = std::sqrt(tally.rest_scatter_m / static_cast<double>(rests.size()));
   return tally;
 }
 
-// What each camera's time is known to be, after all of it was seen.
+// Each camera's timing after the whole recording.
 std::vector<std::pair<std::string, std::string>> times_of(const calib::CameraRig& rig, const Tracked& all) {
   std::vector<std::pair<std::string, std::string>> out;
   const Estimates* some = nullptr;
@@ -77,15 +77,15 @@ std::vector<std::pair<std::string, std::string>> times_of(const calib::CameraRig
   }
   for (std::size_t c = 0; some != nullptr && c < rig.cameras.size(); ++c) {
     const object_tracking::CameraTimingEstimate& time = some->back().times[c];
-    out.emplace_back(rig.cameras[c].name,
-                     fmt::format("latency {:.1f} +- {:.1f} ms, readout {:.1f} +- {:.1f} ms, as the motion told",
-                                 1e3 * time.latency_s, 1e3 * time.latency_sigma_s, 1e3 * time.readout_s,
-                                 1e3 * time.readout_sigma_s));
+    out.emplace_back(
+        rig.cameras[c].name,
+        fmt::format("latency {:.1f} +- {:.1f} ms, readout {:.1f} +- {:.1f} ms, from the motion", 1e3 * time.latency_s,
+                    1e3 * time.latency_sigma_s, 1e3 * time.readout_s, 1e3 * time.readout_sigma_s));
   }
   return out;
 }
 
-// Whose positions are measured.
+// The targets to measure.
 struct Ends {
   std::vector<std::string> targets;
   bool is_one_color = false;  // both balls of a bar are objects of one target
@@ -104,10 +104,10 @@ const object_tracking::TargetOptions& target_of(const config::ServiceConfig& con
 void require_one_object(const object_tracking::TargetOptions& target, const std::string& file, std::string_view why) {
   if (target.count > 1)
     throw gather::InputError(
-        fmt::format("{}: {} has count: {}, and {}: count: 1, or leave it out", file, target.name, target.count, why));
+        fmt::format("{}: {} has count: {}, but {}: set count: 1, or omit it", file, target.name, target.count, why));
 }
 
-// What the configuration leaves no doubt of, where no target was named.
+// The targets if none was named and the configuration is unambiguous.
 std::vector<std::string> targets_without_a_choice(const config::ServiceConfig& config, bool is_bar) {
   std::vector<std::string> names;
   for (const auto& target : config.targets) names.push_back(target.name);
@@ -121,7 +121,7 @@ Ends ends_of(const CertifyOptions& o, const config::ServiceConfig& config, bool 
   if (given == 0 || given > (is_bar ? 2 : 1)) {
     std::vector<std::string> known;
     for (const auto& target : config.targets) known.push_back(target.name);
-    throw gather::InputError(fmt::format("say with --target which {} it is, of {}: {}",
+    throw gather::InputError(fmt::format("choose with --target the {} of {}: {}",
                                          is_bar ? "two balls (or which one, if both have its colour)" : "ball",
                                          o.config, fmt::join(known, ", ")));
   }
@@ -143,21 +143,21 @@ Ends ends_of(const CertifyOptions& o, const config::ServiceConfig& config, bool 
   } else {
     for (const std::string& name : ends.targets)
       require_one_object(target_of(config, o.config, name), o.config,
-                         "each ball of the bar has a colour of its own where there are two targets (one that has both "
-                         "is named alone: --target " +
+                         "two targets are for a bar with two colours (for one colour name only one: "
+                         "--target " +
                              name + ")");
   }
   return ends;
 }
 
-// Of a target of several objects: lime_1, lime_2, ...
+// The objects of a target: lime_1, lime_2, ...
 bool is_object_of(std::string_view name, const std::string& target) {
   if (!name.starts_with(target + "_")) return false;
   name.remove_prefix(target.size() + 1);
   return !name.empty() && std::ranges::all_of(name, [](char c) { return c >= '0' && c <= '9'; });
 }
 
-// What is measured, and what there is to say of how.
+// The measured lengths, and facts for the report.
 struct Measured {
   std::vector<certify::MeasuredLength> lengths;
   std::size_t most_independent = 1'000'000;
@@ -166,13 +166,14 @@ struct Measured {
 std::string why_no_length(const report::OneColorTally& tally, const std::string& target) {
   if (!tally.bar.others.empty())
     return fmt::format(
-        "the two objects of {} are {:.0f} to {:.0f} mm apart, and not the {:.0f} mm of the bar: is --length-mm right, "
-        "from middle to middle of its balls, and is nothing else of that colour in the room?",
+        "the two objects of {} are {:.0f} to {:.0f} mm apart, but the bar has {:.0f} mm: is --length-mm right (between "
+        "the "
+        "centres of its balls), and is nothing else of that colour in the room?",
         target, 1e3 * tally.bar.others.front().least_m, 1e3 * tally.bar.others.front().most_m, 1e3 * tally.length_m);
   if (tally.bar.with_third > 0)
-    return "there is a third object of the colour of " + target + " throughout: take it away and record anew";
+    return "there is a third object of the colour of " + target + " throughout: remove it and record anew";
   if (tally.bar.only_one > 0)
-    return "never are two objects of " + target + " tracked at one moment: there is no length";
+    return "two objects of " + target + " are never tracked at the same time: there is no length";
   return target + " is never tracked: there is nothing to certify";
 }
 
@@ -180,22 +181,22 @@ Measured measured_one_color(const CertifyOptions& o, const config::ServiceConfig
                             const Tracked& all, report::CertificateInput& input) {
   std::vector<certify::BallTrack> tracks;
   std::vector<certify::Rest> rests;
-  std::map<std::uint64_t, Told> told;
+  std::map<std::uint64_t, TrackedSet> frame_sets;
   for (const auto& [name, estimates] : all.estimates) {
     if (name != target && !is_object_of(name, target)) continue;
-    for (const auto& e : estimates) told.try_emplace(e.set_number, Told{.at_s = capture::seconds(e.at)});
+    for (const auto& e : estimates) frame_sets.try_emplace(e.set_number, TrackedSet{.at_s = capture::seconds(e.at)});
     tracks.push_back(track_of(estimates));
     const auto of_track = certify::rests_of(tracks.back());
     rests.insert(rests.end(), of_track.begin(), of_track.end());
   }
   const auto further = all.further.find(target);
-  report::OneColorTally tally{.length_m = o.length_mm / 1e3, .sets = told.size()};
+  report::OneColorTally tally{.length_m = o.length_mm / 1e3, .sets = frame_sets.size()};
   tally.bar = certify::one_color_bar(tracks, further == all.further.end() ? std::set<std::uint64_t>{} : further->second,
                                      tally.length_m, config.rig);
-  if (!told.empty()) tally.began_s = told.begin()->second.at_s;
-  for (const certify::MeasuredLength& length : tally.bar.lengths) told[length.set].is_tracked = true;
-  std::vector<Told> by_set;
-  for (const auto& [set, of_set] : told) by_set.push_back(of_set);
+  if (!frame_sets.empty()) tally.began_s = frame_sets.begin()->second.at_s;
+  for (const certify::MeasuredLength& length : tally.bar.lengths) frame_sets[length.set].is_tracked = true;
+  std::vector<TrackedSet> by_set;
+  for (const auto& [set, of_set] : frame_sets) by_set.push_back(of_set);
   input.targets.push_back(tally_of(target + ", both", by_set, rests));
   input.what = fmt::format("a bar of {:.2f} mm between two balls, both {}", o.length_mm, target);
   input.one_color = tally;
@@ -203,37 +204,38 @@ Measured measured_one_color(const CertifyOptions& o, const config::ServiceConfig
   return {tally.bar.lengths};
 }
 
-// Each ball has a colour of its own, or there is one.
+// A bar of two colours, or one ball.
 Measured measured_by_color(const CertifyOptions& o, const config::ServiceConfig& config,
                            const std::vector<std::string>& names, const Tracked& all, report::CertificateInput& input) {
   std::vector<certify::BallTrack> tracks;
   std::vector<std::vector<certify::Rest>> rests;
   for (const std::string& name : names) {
-    const auto told = all.estimates.find(name);
-    const Estimates& estimates = told == all.estimates.end() ? Estimates{} : told->second;
+    const auto found = all.estimates.find(name);
+    const Estimates& estimates = found == all.estimates.end() ? Estimates{} : found->second;
     tracks.push_back(track_of(estimates));
     rests.push_back(certify::rests_of(tracks.back()));
-    std::vector<Told> told_of_sets;
+    std::vector<TrackedSet> tracked_sets;
     for (const auto& e : estimates)
-      told_of_sets.push_back({capture::seconds(e.at), e.state == object_tracking::TrackState::tracking});
-    input.targets.push_back(tally_of(name, told_of_sets, rests.back()));
+      tracked_sets.push_back({capture::seconds(e.at), e.state == object_tracking::TrackState::tracking});
+    input.targets.push_back(tally_of(name, tracked_sets, rests.back()));
     if (tracks.back().empty()) throw gather::InputError(name + " is never tracked: there is nothing to certify");
   }
   Measured out;
   if (o.length_mm > 0) {
     input.what = fmt::format("a bar of {:.2f} mm between {} and {}", o.length_mm, names[0], names[1]);
     out.lengths = certify::bar_lengths(tracks[0], tracks[1], o.length_mm / 1e3, config.rig);
-    if (out.lengths.empty()) throw gather::InputError("the two balls are never tracked at one moment");
+    if (out.lengths.empty()) throw gather::InputError("the two balls are never tracked at the same time");
     return out;
   }
   const auto places = read_places(o.places);
   const auto visits = certify::visits_of(rests[0], places);
   input.what = fmt::format("{} visits of {} marked places by {}", visits.size(), places.size(), names[0]);
   out.lengths = certify::place_lengths(visits, places, config.rig);
-  out.most_independent = visits.size();  // all lengths are made of these places
+  out.most_independent = visits.size();  // all lengths are between these places
   if (out.lengths.empty())
     throw gather::InputError(
-        "the ball never rests at two of the places: 0.5 s at each, within a third of the way to the next place");
+        "the ball never rests at two of the places: leave it 0.5 s at each, within a third of the distance to the next "
+        "one");
   return out;
 }
 
@@ -281,22 +283,22 @@ ExitStatus certify_lengths(const CertifyOptions& o, const std::stop_token& stop)
 void add_certify_command(CLI::App& app, Command& chosen) {
   const auto o = std::make_shared<CertifyOptions>();
   CLI::App* command = app.add_subcommand(
-      "certify", "how right lengths are in the volume: from a bar with two balls, or from marked places");
-  command->add_option("recording", o->recording, "recording.yaml, or the folder that holds it");
-  command->add_option("--config", o->config, "huetrackd.yaml: rig, targets, and how they are tracked")->required();
+      "certify", "accuracy of lengths in the volume, from a bar with two balls or from marked places");
+  command->add_option("recording", o->recording, "recording.yaml, or its folder");
+  command->add_option("--config", o->config, "huetrackd.yaml: rig, targets and tracking options")->required();
   command->add_option("--tracks", o->tracks, "instead of the recording: the CSV that huetrackd replay --tracks wrote");
-  command->add_option(
-      "--target", o->targets,
-      "a ball; again for the bar's other one, if that has another colour; default: all targets there are");
-  command->add_option("--length-mm", o->length_mm, "the bar's length, from middle to middle of its balls")
+  command->add_option("--target", o->targets,
+                      "a ball; repeat for the bar's other ball if it has another colour; default: all targets");
+  command->add_option("--length-mm", o->length_mm, "the bar's length between the centres of its balls")
       ->check(CLI::PositiveNumber);
-  command->add_option("--length-sigma-mm", o->length_sigma_mm, "how well it (or the places) is known (default 0.3)")
+  command
+      ->add_option("--length-sigma-mm", o->length_sigma_mm,
+                   "standard deviation of the length, or of the places (default 0.3)")
       ->check(CLI::NonNegativeNumber);
-  command->add_option("--places", o->places,
-                      "a file of marked places on which the one ball was put; see calib/formats.md");
-  command->add_option("--limit-mm", o->limit_mm, "PASS or FAIL: what the expanded uncertainty (95 %) must not exceed")
+  command->add_option("--places", o->places, "a file of marked places for one ball; see calib/formats.md");
+  command->add_option("--limit-mm", o->limit_mm, "limit of the expanded uncertainty (95 %), for PASS or FAIL")
       ->check(CLI::PositiveNumber);
-  command->add_option("--report", o->report, "write it with pictures: NAME.html, and NAME.pdf beside it");
+  command->add_option("--report", o->report, "write the report: NAME.html and NAME.pdf");
   command->callback([o, &chosen] { chosen = [o](const std::stop_token& stop) { return certify_lengths(*o, stop); }; });
 }
 

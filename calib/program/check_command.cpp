@@ -22,13 +22,13 @@ struct CheckOptions {
   bool note = false, quiet = false;
 };
 
-// What the rig file says of itself, before anything is looked at.
+// Prints the rig file's history and lack of uncertainty.
 void print_history(const calib::CameraRig& rig) {
   if (const std::string age = rig.made.text(utc_now()); !age.empty()) std::printf("The rig: %s.\n", age.c_str());
   if (!rig.uncertainty)
     std::printf(
-        "It has no uncertainty: its cameras count as exactly known, and what the calibration left open is in "
-        "no position's covariance.\n");
+        "It has no uncertainty: its cameras are taken as exact, and covariances of positions lack the error of the "
+        "calibration.\n");
 }
 
 ExitStatus check(const CheckOptions& options, const std::stop_token& stop) {
@@ -65,14 +65,14 @@ ExitStatus check(const CheckOptions& options, const std::stop_token& stop) {
 
 void add_check_command(CLI::App& app, Command& chosen) {
   const auto options = std::make_shared<CheckOptions>();
-  CLI::App* command = app.add_subcommand("check", "does a rig still fit? Names a camera that was bumped");
+  CLI::App* command = app.add_subcommand("check", "test whether a rig still fits; names a camera that was moved");
   command->add_option("rig", options->rig, "the rig file")->required();
   command->add_option("inputs", options->inputs, "a recording of the board, or NAME=FRAMES for each camera")
       ->required();
   command->add_option("--board", options->board, "the board file; see calib/README.md")->required();
-  command->add_option("--mend", options->mend, "write the rig with the moved cameras where they stand now");
-  command->add_flag("--note", options->note, "note the verdict, and when it was, in the rig file");
-  command->add_option("--every", options->find.every, "look at every so many-th picture")->check(CLI::PositiveNumber);
+  command->add_option("--mend", options->mend, "write the rig with the new poses of moved cameras");
+  command->add_flag("--note", options->note, "save the verdict and its time in the rig file");
+  command->add_option("--every", options->find.every, "process every n-th frame set")->check(CLI::PositiveNumber);
   command->add_flag("--quiet", options->quiet, "print nothing but errors");
   command->callback(
       [options, &chosen] { chosen = [options](const std::stop_token& stop) { return check(*options, stop); }; });

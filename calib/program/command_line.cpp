@@ -8,7 +8,7 @@
 namespace huetrack::program {
 
 std::variant<Command, int> read_command_line(int argc, const char* const* argv) {
-  CLI::App app("huetrack-calibrate: calibrates cameras, and says whether to trust the result");
+  CLI::App app("huetrack-calibrate: calibrates cameras, and judges whether the result can be trusted");
   app.set_version_flag("--version", "huetrack-calibrate " HUETRACK_VERSION);
   app.require_subcommand(1);
   files::name_unknown_commands(app, "huetrack-calibrate", CLI::FailureMessage::simple);

@@ -1,4 +1,4 @@
-// The subcommands of huetrack-calibrate. Each adds itself to the program; the one that was asked for sets `chosen`.
+// The subcommands of huetrack-calibrate. Each adds itself to the program; the selected one sets `chosen`.
 //
 // To add one: declare it here, define it in NAME_command.cpp, and list it in command_line.cpp.
 #pragma once
@@ -13,15 +13,15 @@ class App;
 
 namespace huetrack::program {
 
-// What the program ends with, so that scripts can act.
+// The exit status, for scripts.
 enum class ExitStatus : std::uint8_t {
   usable = 0,
-  failed = 1,    // or the command line, an input or an output is at fault: one line on stderr says which
-  doubtful = 2,  // there is a result, but the report says what is wrong with it
+  failed = 1,    // also: wrong command line, input or output; one line on stderr
+  doubtful = 2,  // there is a result; the report lists the doubts
 };
 
-// Does the work; output for people goes to stdout, progress to stderr. A stop ends the looking: live it goes on with
-// what there is, otherwise it throws; solving is not interrupted. Throws std::exceptions with one readable line.
+// Runs the command: results to stdout, progress to stderr. A stop ends the input: a live command continues with what it
+// has, others throw; solving is not interrupted. Throws std::exceptions whose what() is one readable line.
 using Command = std::function<ExitStatus(std::stop_token stop)>;
 
 void add_intrinsics_command(CLI::App& app, Command& chosen);

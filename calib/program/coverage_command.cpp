@@ -1,4 +1,4 @@
-// huetrack-calibrate coverage: what a recording that is still being made lacks, of a board or of a ball that is waved.
+// huetrack-calibrate coverage: what a running recording of a board or a waved ball still lacks.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
@@ -10,13 +10,13 @@
 #include <thread>
 
 #include "calib/board/board_yaml.h"
+#include "calib/files/config_error.h"
 #include "calib/gather/live_boards.h"
 #include "calib/gather/picture_source.h"
 #include "calib/gather/progress_line.h"
 #include "calib/program/commands.h"
 #include "calib/program/waved_ball.h"
 #include "calib/wave/wave_coverage.h"
-#include "calib/yaml/yaml_reader.h"
 #include "recordings/growing_recording.h"
 
 namespace huetrack::program {
@@ -29,8 +29,7 @@ struct CoverageOptions {
   bool quiet = false;
 };
 
-// As soon as it says which frames it has: it may have been begun a moment ago. throws ConfigError: it does not, for
-// long.
+// Waits until a recording that was just started is readable. throws files::ConfigError: timeout.
 std::vector<recordings::RecordedCamera> growing_cameras(const std::string& recording, const std::stop_token& stop) {
   constexpr std::chrono::milliseconds patience(20'000), look_again(100);
   for (const auto end = std::chrono::steady_clock::now() + patience;;) {
@@ -43,8 +42,8 @@ std::vector<recordings::RecordedCamera> growing_cameras(const std::string& recor
   }
 }
 
-// The program that shows it: what each camera has, all that is missing, and then the status, which ends it.
-void tell(const wave::WaveCoverage& coverage, const calib::CameraRig& rig, gather::ProgressLine& line, int seconds) {
+// For a calling program: the counts of each camera, all needs, and the status, which ends the message.
+void send(const wave::WaveCoverage& coverage, const calib::CameraRig& rig, gather::ProgressLine& line, int seconds) {
   const std::vector<std::string> needs = coverage.needs();
   if (!gather::ProgressLine::is_machine_readable()) {
     line.show("wave the ball", seconds, std::nullopt, needs.empty() ? "enough" : needs.front());
@@ -63,7 +62,7 @@ void tell(const wave::WaveCoverage& coverage, const calib::CameraRig& rig, gathe
   line.show("wave the ball", seconds, std::nullopt, "");
 }
 
-// Every camera has its own thread, as its next frame is waited for.
+// One thread per camera, because reading waits for the next frame.
 ExitStatus cover_wave(const CoverageOptions& o, const std::stop_token& stop) {
   WavedOptions waved;
   waved.recording = o.recording;
@@ -98,7 +97,7 @@ ExitStatus cover_wave(const CoverageOptions& o, const std::stop_token& stop) {
     while (!stop.stop_requested()) {
       std::this_thread::sleep_for(std::chrono::milliseconds(100));
       const std::lock_guard lock(mutex);
-      if (line.due()) tell(coverage, in.rig, line, int(newest_s));
+      if (line.due()) send(coverage, in.rig, line, int(newest_s));
     }
   }
   line.clear();
@@ -107,20 +106,19 @@ ExitStatus cover_wave(const CoverageOptions& o, const std::stop_token& stop) {
 }
 
 ExitStatus cover(const CoverageOptions& o, std::stop_token stop) {
-  if (o.board.empty() == o.config.empty())
-    throw gather::InputError("give --board, or --config for a ball that is waved");
+  if (o.board.empty() == o.config.empty()) throw gather::InputError("give --board, or --config for a waved ball");
   if (!o.config.empty()) return cover_wave(o, stop);
   const board::BoardDetector detector(board::read_board(o.board));
   std::vector<gather::LiveCameraSource> cameras;
   for (const recordings::RecordedCamera& camera : growing_cameras(o.recording, stop))
     cameras.push_back({camera.name, std::make_unique<recordings::GrowingCamera>(camera, int(cameras.size())), {}});
-  if (cameras.size() < 2) throw gather::InputError(o.recording + ": two cameras or more are needed");
+  if (cameras.size() < 2) throw gather::InputError(o.recording + ": at least two cameras are needed");
   gather::LiveBoardsOptions options;
   options.until_enough = false;
   options.progress = !o.quiet;
   options.page = o.page;
   const gather::FoundBoards found = gather::gather_live(std::move(cameras), detector, options, stop);
-  std::printf("%zu moments, of %d that were looked at\n", found.set_at_s.size(), found.sets_looked_at);
+  std::printf("%zu frame sets kept of %d processed\n", found.set_at_s.size(), found.sets_looked_at);
   return ExitStatus::usable;
 }
 
@@ -129,12 +127,12 @@ ExitStatus cover(const CoverageOptions& o, std::stop_token stop) {
 void add_coverage_command(CLI::App& app, Command& chosen) {
   const auto o = std::make_shared<CoverageOptions>();
   CLI::App* command = app.add_subcommand(
-      "coverage", "tell what a recording of a board, or of a waved ball, still lacks while it is made, until Ctrl-C");
+      "coverage", "show what a running recording of a board or a waved ball still lacks, until Ctrl-C");
   command->add_option("recording", o->recording, "its folder")->required();
   command->add_option("--board", o->board, "the board file");
-  command->add_option("--config", o->config, "huetrackd.yaml: a ball is waved, of its targets");
-  command->add_option("--target", o->targets, "which of its targets is waved");
-  command->add_option("--view", o->page, "a page to open in a browser: what is detected, and what is missing");
+  command->add_option("--config", o->config, "huetrackd.yaml, for a waved ball");
+  command->add_option("--target", o->targets, "the waved target");
+  command->add_option("--view", o->page, "write a page for a browser with the detections and what is still missing");
   command->add_flag("--quiet", o->quiet, "no progress");
   command->callback([o, &chosen] { chosen = [o](const std::stop_token& stop) { return cover(*o, stop); }; });
 }

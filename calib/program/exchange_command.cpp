@@ -1,4 +1,4 @@
-// huetrack-calibrate import | export: calibrations of other tools.
+// huetrack-calibrate import, export: calibrations of other tools.
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <map>
@@ -23,7 +23,7 @@ struct ImportCommand {
   std::filesystem::path rig;
 };
 
-// They name what stands in the other tool's file.
+// Notes quote the other tool's file.
 void print_notes(const std::vector<std::string>& notes) {
   for (const auto& note : notes) std::printf("note: %s\n", files::printable(note, files::longest_message).c_str());
 }
@@ -35,7 +35,7 @@ ExitStatus import(const ImportCommand& command) {
   if (const auto unit = units.find(command.unit); unit != units.end()) {
     options.metres_per_unit = unit->second;
   } else {
-    char* end = nullptr;  // a board's square: OpenCV's samples take it for the unit
+    char* end = nullptr;  // a number: the board's square, which OpenCV's samples use as unit
     options.metres_per_unit = std::strtod(command.unit.c_str(), &end);
     if (*end != 0 || !(options.metres_per_unit > 0))
       throw gather::InputError("--unit is m, cm, mm, in, or a unit's length in metres, not " + command.unit);
@@ -78,7 +78,7 @@ ExitStatus export_files(const ExportCommand& command) {
     if (std::filesystem::equivalent(file, command.rig, not_there))
       throw gather::InputError(file.string() + " is the rig that is read: give another --out");
     if (!command.force && std::filesystem::exists(file))
-      throw gather::InputError(file.string() + " is there already: give another --out, or --force");
+      throw gather::InputError(file.string() + " exists: give another --out, or --force");
   }
   std::filesystem::create_directories(command.folder);
   for (const auto& [name, text] : exported.files) {
@@ -94,13 +94,12 @@ ExitStatus export_files(const ExportCommand& command) {
 
 void add_exchange_commands(CLI::App& app, Command& chosen) {
   const auto in = std::make_shared<ImportCommand>();
-  CLI::App* import_command = app.add_subcommand("import", "make a rig file of another tool's calibration");
-  import_command->add_option("files", in->files, "the other tool's file (opencv: one or several)")->required();
-  import_command->add_option("--from", in->from, "which tool's; default: by what the file looks like")
-      ->check(CLI::IsMember(formats));
+  CLI::App* import_command = app.add_subcommand("import", "convert another tool's calibration to a rig file");
+  import_command->add_option("files", in->files, "the other tool's file (opencv: one or more)")->required();
+  import_command->add_option("--from", in->from, "the tool; default: detected")->check(CLI::IsMember(formats));
   import_command->add_option("--rig", in->rig, "the rig file to write")->required();
-  import_command->add_option("--size", in->size, "WIDTHxHEIGHT of the images, for files that do not say it");
-  import_command->add_option("--cameras", in->cameras, "only these, with commas between them")
+  import_command->add_option("--size", in->size, "WIDTHxHEIGHT of the images, for files without it");
+  import_command->add_option("--cameras", in->cameras, "only these, separated by commas")
       ->delimiter(',')
       ->allow_extra_args(false);
   import_command->add_option("--unit", in->unit,
@@ -108,13 +107,13 @@ void add_exchange_commands(CLI::App& app, Command& chosen) {
   import_command->callback([in, &chosen] { chosen = [in](const std::stop_token&) { return import(*in); }; });
 
   const auto out = std::make_shared<ExportCommand>();
-  CLI::App* export_command = app.add_subcommand("export", "write a rig as another tool's files");
+  CLI::App* export_command = app.add_subcommand("export", "convert a rig to another tool's files");
   export_command->add_option("rig", out->rig, "the rig file")->required();
-  export_command->add_option("--to", out->to, "which tool's")->required()->check(CLI::IsMember(formats));
+  export_command->add_option("--to", out->to, "the tool")->required()->check(CLI::IsMember(formats));
   export_command->add_option("--out", out->folder, "the folder to write to")->required();
   export_command->add_option("--extension", out->extension, "opencv: yml (default), xml or json");
   export_command->add_flag("--stereo", out->stereo, "opencv: two cameras in one file (M1 D1 M2 D2 R T)");
-  export_command->add_flag("--force", out->force, "overwrite files that are there");
+  export_command->add_flag("--force", out->force, "overwrite existing files");
   export_command->callback([out, &chosen] { chosen = [out](const std::stop_token&) { return export_files(*out); }; });
 }
 

@@ -22,12 +22,11 @@ struct ExtrinsicsArguments : CalibrationOptions {
   solver::RefineLens refine = solver::RefineLens::automatic;
   std::optional<double> tolerance_s;
   std::vector<double> volume;
-  std::string world_of;  // the rig whose world is kept; empty: the one that is replaced
+  std::string world_of;  // the rig whose world is kept; empty: the replaced one
   bool new_world = false;
 };
 
-// The rig that is to be replaced, or another one that was named, whose world is kept. nullopt: there is none, or a new
-// world was asked for.
+// The rig whose world is kept: the replaced one, or --world-of. nullopt: none, or --new-world.
 std::optional<calib::CameraRig> rig_before(const ExtrinsicsArguments& options) {
   std::error_code error;
   if (!options.new_world && !options.world_of.empty()) return calib::read_rig(options.world_of);
@@ -35,43 +34,43 @@ std::optional<calib::CameraRig> rig_before(const ExtrinsicsArguments& options) {
   try {
     return calib::read_rig(options.rig);
   } catch (const std::runtime_error& wrong) {
-    throw gather::InputError(std::string(wrong.what()) + "; it is there already, and its world would be kept: give " +
+    throw gather::InputError(std::string(wrong.what()) + "; it exists, and its world would be kept: give " +
                              "another --rig, or --new-world to replace it");
   }
 }
 
-// The world of the rig that is replaced, for those of its cameras that stand as they did; otherwise a guess.
+// Keeps the old rig's world by the cameras that did not move; otherwise guesses one.
 void choose_world(solver::Extrinsics& result, const ExtrinsicsArguments& options,
                   const std::optional<calib::CameraRig>& before, report::ReportInput& input) {
   const calib::Rigid3d guess = solver::upright_guess(result.adjustment);
   if (before) {
     const auto kept = solver::world_of(*before, result.adjustment);
-    // The same pictures once more give the same file: the guess again, to the last bit.
+    // The same images give the same file, bit by bit.
     constexpr double same = 1e-7;
     const bool is_guess = kept && calib::log(kept->new_from_old * calib::inverse(guess)).norm() < same;
     if (kept && !is_guess) {
       result.adjustment = solver::in_world(std::move(result.adjustment), kept->new_from_old);
       const auto was = std::ranges::find(before->made_by, "world", &std::pair<std::string, std::string>::first);
-      input.made_of.emplace_back("world",
-                                 was == before->made_by.end() ? "that of the rig that was there before" : was->second);
-      std::string by = "that of the rig that was there, by " + fmt::to_string(fmt::join(kept->by, ", "));
+      input.made_of.emplace_back("world", was == before->made_by.end() ? "that of the previous rig" : was->second);
+      std::string by = "that of the previous rig, by " + fmt::to_string(fmt::join(kept->by, ", "));
       if (!kept->moved.empty()) by += "; moved since: " + fmt::to_string(fmt::join(kept->moved, ", "));
       input.made_of.emplace_back("world_kept", by);
-      if (!options.quiet) std::printf("The world: %s (--new-world begins another one).\n", by.c_str());
+      if (!options.quiet) std::printf("The world: %s (--new-world starts another one).\n", by.c_str());
       return;
     }
     if (!kept) {
-      std::fprintf(stderr,
-                   "huetrack-calibrate: no two cameras stand to one another as in %s, so its world is not kept: set it "
-                   "anew (huetrack-calibrate world)\n",
-                   (options.world_of.empty() ? options.rig : options.world_of).c_str());
+      std::fprintf(
+          stderr,
+          "huetrack-calibrate: no two cameras have the same relative pose as in %s: its world is not kept; set it "
+          "anew (huetrack-calibrate world)\n",
+          (options.world_of.empty() ? options.rig : options.world_of).c_str());
     }
   }
   result.adjustment = solver::in_world(std::move(result.adjustment), guess);
-  input.made_of.emplace_back("world", "a guess: z up as the cameras are held, origin amid the board's places");
+  input.made_of.emplace_back("world", "a guess: z up in the images, origin at the centre of the board's places");
 }
 
-// Only the cameras that were kept, in the pictures too.
+// Removes the cameras that were left out.
 gather::FoundBoards kept_of(gather::FoundBoards found, const solver::Extrinsics& result) {
   std::vector<gather::PictureTally> cameras;
   std::vector<int> place(found.cameras.size(), -1);
@@ -102,7 +101,7 @@ std::vector<report::CameraLeftOut> left_out_of(const gather::FoundBoards& found,
   return out;
 }
 
-// The lenses and times that were given, for the cameras that were seen.
+// Applies given lenses and timing to the cameras.
 std::vector<solver::CameraToCalibrate> cameras_of(const gather::FoundBoards& found,
                                                   const std::vector<std::string>& files) {
   std::vector<solver::CameraToCalibrate> cameras;
@@ -121,7 +120,7 @@ std::vector<solver::CameraToCalibrate> cameras_of(const gather::FoundBoards& fou
       const auto& of = rig.uncertainty->cameras[static_cast<std::size_t>(*rig.index_of(camera.name))];
       known->lens_covariance = rig.uncertainty->covariance().block(of.at, of.at, of.lens_count, of.lens_count);
     }
-    if (!any) throw gather::InputError(file + ": has none of the cameras that are calibrated: are the names the same?");
+    if (!any) throw gather::InputError(file + ": has none of the calibrated cameras: are the names the same?");
   }
   return cameras;
 }
@@ -129,7 +128,7 @@ std::vector<solver::CameraToCalibrate> cameras_of(const gather::FoundBoards& fou
 void refuse_repeated(const std::vector<std::string>& cameras) {
   for (auto camera = cameras.begin(); camera != cameras.end(); ++camera) {
     if (std::find(cameras.begin(), camera, *camera) != camera)
-      throw gather::InputError("--cameras: " + *camera + " is there twice");
+      throw gather::InputError("--cameras: " + *camera + " is given twice");
   }
 }
 
@@ -146,8 +145,8 @@ ExitStatus calibrate(const ExtrinsicsArguments& options, const std::stop_token& 
   gather.live = options.live;
   gather::FoundBoards all = gather::gather_boards(options.inputs, board, gather, stop);
   if (all.cameras.size() < 2) {
-    throw gather::InputError("there is one camera only, " + all.cameras.front().name +
-                             ": extrinsics are of two or more; its lens alone: huetrack-calibrate intrinsics");
+    throw gather::InputError("there is only one camera, " + all.cameras.front().name +
+                             ": extrinsics needs two or more; for its lens use huetrack-calibrate intrinsics");
   }
   const auto cameras = cameras_of(all, options.intrinsics);
   gather::ProgressLine line(!options.quiet);
@@ -180,36 +179,33 @@ ExitStatus calibrate(const ExtrinsicsArguments& options, const std::stop_token& 
 void add_extrinsics_command(CLI::App& app, Command& chosen) {
   const auto options = std::make_shared<ExtrinsicsArguments>();
   CLI::App* command =
-      app.add_subcommand("extrinsics", "find all cameras in one world, from a board carried through the volume");
+      app.add_subcommand("extrinsics", "calibrate all cameras in one world, from a board carried through the volume");
   add_calibration_options(*command, *options);
   command->get_option("inputs")->description(
       "a recording, or for each camera NAME=FRAMES (a video or images) or NAME=/dev/... (live)");
   command->add_option("--rig", options->rig, "the rig file to write")->required();
-  command
-      ->add_option("--cameras", options->cameras,
-                   "only these, with commas between them; the first one is the reference")
+  command->add_option("--cameras", options->cameras, "only these, separated by commas; the first one is the reference")
       ->delimiter(',')
       ->allow_extra_args(false);
   command
       ->add_option("--intrinsics", options->intrinsics,
-                   "a rig file with lenses, and perhaps timing, that are known already; may come more than once")
+                   "a rig file with known lenses, and perhaps timing; may be repeated")
       ->allow_extra_args(false);
   const std::map<std::string, solver::RefineLens> refine{
       {"auto", solver::RefineLens::automatic}, {"yes", solver::RefineLens::yes}, {"no", solver::RefineLens::no}};
   command
       ->add_option("--refine-lens", options->refine,
-                   "move the lenses too in the joint adjustment; auto (default): those that are not known, and those "
-                   "that the views contradict")
+                   "refine the lenses in the joint adjustment; auto (default): unknown ones, and those that the views "
+                   "contradict")
       ->transform(CLI::CheckedTransformer(refine).description(""))
       ->type_name("auto|yes|no");
-  command
-      ->add_option("--tolerance", options->tolerance_s,
-                   "seconds; frames of different cameras this far apart are of one moment")
+  command->add_option("--tolerance", options->tolerance_s, "seconds; maximum time difference within a frame set")
       ->check(CLI::PositiveNumber);
   command->add_option("--world-of", options->world_of, "keep the world of this rig, instead of that of --rig");
   command->add_flag("--new-world", options->new_world,
-                    "begin a new world; default: that of the rig which is replaced, if its cameras stand as they did");
-  command->add_option("--volume", options->volume, "x0 x1 y0 y1 z0 z1, metres: for the expected accuracy")->expected(6);
+                    "start a new world; default: that of the replaced rig, if its cameras did not move");
+  command->add_option("--volume", options->volume, "x0 x1 y0 y1 z0 z1, metres: volume of the expected accuracy")
+      ->expected(6);
   command->callback(
       [options, &chosen] { chosen = [options](const std::stop_token& stop) { return calibrate(*options, stop); }; });
 }

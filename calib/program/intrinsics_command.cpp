@@ -43,7 +43,7 @@ ExitStatus calibrate(IntrinsicsArguments options, const std::stop_token& stop) {
 
 void add_intrinsics_command(CLI::App& app, Command& chosen) {
   const auto options = std::make_shared<IntrinsicsArguments>();
-  CLI::App* command = app.add_subcommand("intrinsics", "find the lens of one camera from pictures of a board");
+  CLI::App* command = app.add_subcommand("intrinsics", "calibrate the lens of one camera from images of a board");
   add_calibration_options(*command, *options);
   command->get_option("inputs")->description(
       "images, a video, a folder of images, a recording, or a live camera (/dev/...)");

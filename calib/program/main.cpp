@@ -1,4 +1,4 @@
-// huetrack-calibrate: calibrates cameras, and says whether to trust the result.
+// huetrack-calibrate: calibrates cameras, and judges whether the result can be trusted.
 #include <pthread.h>
 #include <signal.h>
 
@@ -18,8 +18,8 @@ namespace {
 
 using namespace huetrack;
 
-// SIGINT and SIGTERM become a stop request, taken by a thread that waits for them: nothing runs inside a signal
-// handler. The second one ends the program at once. Create it before any other thread.
+// Turns SIGINT and SIGTERM into a stop request, in a waiting thread instead of a signal handler; the second signal ends
+// the program at once. Create it before any other thread.
 class Signals {
  public:
   Signals() {
@@ -43,7 +43,7 @@ class Signals {
   std::jthread thread_;
 };
 
-// The user's input or the outside world is at fault: said once, in one line.
+// Prints an error in one line.
 int fail(const std::string& why) {
   std::fprintf(stderr, "huetrack-calibrate: %s\n", files::printable(why, files::longest_message).c_str());
   return 1;
@@ -52,7 +52,7 @@ int fail(const std::string& why) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  const Signals signals;  // first of all: whoever ends it early is answered, too
+  const Signals signals;  // first, so that an early signal is handled
   const auto asked = program::read_command_line(argc, argv);
   if (const auto* ended = std::get_if<int>(&asked)) return *ended;
   program::ExitStatus status = program::ExitStatus::failed;

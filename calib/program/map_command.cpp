@@ -1,4 +1,4 @@
-// huetrack-calibrate map: the expected error over the volume, before anything is recorded.
+// huetrack-calibrate map: the expected error over the volume.
 #include <CLI/CLI.hpp>
 #include <Eigen/LU>
 #include <algorithm>
@@ -24,7 +24,7 @@ struct MapOptions {
   int next = 3;
 };
 
-// Around where the cameras look, as far as a room allows. The point nearest to their axes is its middle.
+// A volume around the point nearest to the cameras' axes.
 solver::WorldBox volume_before(const calib::CameraRig& rig) {
   Eigen::Matrix3d sum = 1e-6 * Eigen::Matrix3d::Identity();
   Eigen::Vector3d right = Eigen::Vector3d::Zero();
@@ -37,7 +37,7 @@ solver::WorldBox volume_before(const calib::CameraRig& rig) {
   const Eigen::Vector3d middle = sum.inverse() * right;
   double nearest = 1e9;
   for (const calib::Camera& camera : rig.cameras) nearest = std::min(nearest, (camera.centre() - middle).norm());
-  constexpr double share = 0.4;  // of the way to the nearest camera
+  constexpr double share = 0.4;  // of the distance to the nearest camera
   return {middle - Eigen::Vector3d::Constant(share * nearest), middle + Eigen::Vector3d::Constant(share * nearest)};
 }
 
@@ -55,11 +55,11 @@ ExitStatus map(const MapOptions& o) {
   } else {
     rig = calib::read_rig(o.file);
     box = volume_before(rig);
-    input.volume_is_from = "around where the cameras look (--volume says another)";
+    input.volume_is_from = "around the centre of the cameras' views (set it with --volume)";
   }
   if (!o.volume.empty()) {
     box = {{o.volume[0], o.volume[2], o.volume[4]}, {o.volume[1], o.volume[3], o.volume[5]}};
-    input.volume_is_from = "as --volume says";
+    input.volume_is_from = "from --volume";
     if (!(box.low.array() < box.high.array()).all())
       throw gather::InputError("--volume: x0 x1 y0 y1 z0 z1, each first number less than its second");
   }
@@ -76,14 +76,14 @@ ExitStatus map(const MapOptions& o) {
 
 void add_map_command(CLI::App& app, Command& chosen) {
   const auto o = std::make_shared<MapOptions>();
-  CLI::App* command = app.add_subcommand("map", "the expected error over the volume, and where one camera more helps");
-  command->add_option("file", o->file, "a rig file, or huetrackd.yaml, whose volume it is then")->required();
+  CLI::App* command = app.add_subcommand("map", "the expected error over the volume, and where another camera helps");
+  command->add_option("file", o->file, "a rig file, or huetrackd.yaml with its volume")->required();
   command->add_option("--volume", o->volume, "x0 x1 y0 y1 z0 z1, metres")->expected(6);
-  command->add_option("--noise-px", o->noise_px, "how well a camera sees the object's centre (default 0.5)")
+  command->add_option("--noise-px", o->noise_px, "standard deviation of the object's centre in an image (default 0.5)")
       ->check(CLI::PositiveNumber);
-  command->add_option("--next", o->next, "how many places for one camera more are told (default 3)")
+  command->add_option("--next", o->next, "number of places to suggest for another camera (default 3)")
       ->check(CLI::Range(0, 9));
-  command->add_option("--report", o->report, "write it with pictures: NAME.html, and NAME.pdf beside it");
+  command->add_option("--report", o->report, "write the report: NAME.html and NAME.pdf");
   command->callback([o, &chosen] { chosen = [o](const std::stop_token&) { return map(*o); }; });
 }
 

@@ -24,7 +24,7 @@ std::vector<PointOfWorld> read_points(const std::filesystem::path& file, const c
     point.name = name;
     if (entry.has("world")) point.in_world = vector_of(entry, "world");
     if (entry.has("position") == entry.has("pixels"))
-      entry.fail("", "give position (in the rig's present world) or pixels (of two or more cameras), one of the two");
+      entry.fail("", "give either position (in the rig's present world) or pixels (of two or more cameras)");
     if (entry.has("position")) {
       point.in_rig = vector_of(entry, "position");
     } else {
@@ -38,7 +38,7 @@ std::vector<PointOfWorld> read_points(const std::filesystem::path& file, const c
       }
       of_cameras.finish();
       if (pixels.size() < 2)
-        entry.fail("pixels", "must name two cameras or more: one alone does not tell how far away it is");
+        entry.fail("pixels", "must name at least two cameras: one alone does not determine the distance");
       const solver::MeasuredPoint measured = solver::measure_point(rig, pixels);
       point.in_rig = measured.p_world;
       point.rms_px = measured.rms_px;
@@ -48,7 +48,7 @@ std::vector<PointOfWorld> read_points(const std::filesystem::path& file, const c
   }
   const auto placed = std::ranges::count_if(points, [](const PointOfWorld& p) { return p.in_world.has_value(); });
   if (placed != 0 && placed != static_cast<std::ptrdiff_t>(points.size()))
-    reader.fail("points", "must all have world, or (points on the floor) none");
+    reader.fail("points", "must either all have world, or none (points on the floor)");
   if (points.size() < 3) reader.fail("points", "must be three or more");
   reader.finish();
   return points;
@@ -64,7 +64,7 @@ std::vector<certify::MarkedPlace> read_places(const std::filesystem::path& file)
   }
   map.finish();
   reader.finish();
-  if (places.size() < 3) reader.fail("places", "give three places at least: name: [x, y, z], in metres");
+  if (places.size() < 3) reader.fail("places", "give at least three places: name: [x, y, z], in metres");
   return places;
 }
 

@@ -17,7 +17,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// A report belongs to its rig: that of a rig which is not replaced is not replaced either.
+// The report of a rig that is not replaced is not replaced either.
 fs::path report_place(report::Verdict verdict, const OutputFiles& files) {
   std::error_code error;
   const bool replaces = verdict == report::Verdict::usable || (verdict == report::Verdict::doubtful && files.overwrite);
@@ -32,7 +32,7 @@ void require_folders(const OutputFiles& files) {
     std::error_code error;
     const fs::path folder = file.has_parent_path() ? file.parent_path() : fs::path(".");
     if (!fs::is_directory(folder, error))
-      throw gather::InputError(folder.string() + ": there is no such folder to write " + file.filename().string() +
+      throw gather::InputError(folder.string() + ": no such folder; it is needed for " + file.filename().string() +
                                " into");
   }
 }
@@ -56,20 +56,20 @@ ExitStatus status_of(report::Verdict verdict) {
 report::ReportInput report_input(const gather::FoundBoards& found, const std::vector<std::string>& inputs) {
   report::ReportInput input;
   for (const gather::PictureTally& camera : found.cameras)
-    input.cameras.push_back({camera.pictures, camera.boards, camera.smeared()});
+    input.cameras.push_back({camera.pictures, camera.boards, camera.motion_blurred()});
   input.warnings = found.warnings;
   input.board_doubt = found.board_doubt;
   input.made_of.emplace_back("tool", "huetrack-calibrate " HUETRACK_VERSION);
   if (!inputs.empty()) input.made_of.emplace_back("inputs", fmt::to_string(fmt::join(inputs, " ")));
-  std::string sets = std::to_string(found.set_at_s.size()) + " moments used, " + std::to_string(found.sets_looked_at) +
-                     " of " + std::to_string(found.sets_seen) + " looked at";
-  if (found.duplicates > 0) sets += "; " + std::to_string(found.duplicates) + " left out: the board had not moved";
-  if (found.thinned > 0) sets += "; " + std::to_string(found.thinned) + " left out: there were more than enough";
+  std::string sets = std::to_string(found.set_at_s.size()) + " frame sets used, " +
+                     std::to_string(found.sets_looked_at) + " of " + std::to_string(found.sets_seen) + " processed";
+  if (found.duplicates > 0) sets += "; " + std::to_string(found.duplicates) + " omitted: the board had not moved";
+  if (found.thinned > 0) sets += "; " + std::to_string(found.thinned) + " omitted: more than enough";
   input.made_of.emplace_back("pictures", sets);
   return input;
 }
 
-void tell_verdict(report::Verdict verdict, const std::string& summary) {
+void send_verdict(report::Verdict verdict, const std::string& summary) {
   if (gather::ProgressLine::is_machine_readable())
     gather::send_to_program("verdict", {std::string(report::name(verdict)), summary});
 }
@@ -89,8 +89,7 @@ fs::path place_for(report::Verdict verdict, const fs::path& rig, bool overwrite)
   std::error_code error;
   if (verdict == report::Verdict::usable || overwrite || !fs::exists(rig, error)) return rig;
   const fs::path beside = fs::path(rig).replace_extension(".doubtful.yaml");
-  std::fprintf(stderr,
-               "huetrack-calibrate: doubtful, so %s is left as it was; the new rig is %s (--overwrite replaces)\n",
+  std::fprintf(stderr, "huetrack-calibrate: doubtful: %s is kept; the new rig is %s (--overwrite replaces it)\n",
                rig.c_str(), beside.c_str());
   return beside;
 }
@@ -110,7 +109,7 @@ ExitStatus put_out(const report::CalibrationReport& report, calib::CameraRig rig
   gather::write_files(
       {{report_file, report::to_html(report, picture_of)}, {fs::path(report_file).replace_extension(".txt"), text}});
   if (!files.quiet) std::fputs(text.c_str(), stdout);
-  tell_verdict(report.verdict, report::summary(report));
+  send_verdict(report.verdict, report::summary(report));
 
   rig.made = {.at = utc_now(), .temperature_c = files.temperature_c, .checks = {}};
   rig.made_by.clear();
@@ -124,13 +123,13 @@ ExitStatus put_out(const report::CalibrationReport& report, calib::CameraRig rig
   std::error_code error;
   const bool is_there = fs::exists(files.rig, error);
   if (report.verdict == report::Verdict::failed) {
-    std::fprintf(stderr, "huetrack-calibrate: failed, so %s %s; see %s\n", files.rig.c_str(),
-                 is_there ? "is left as it was" : "is not written", report_file.c_str());
+    std::fprintf(stderr, "huetrack-calibrate: failed: %s %s; see %s\n", files.rig.c_str(),
+                 is_there ? "is kept" : "is not written", report_file.c_str());
     return ExitStatus::failed;
   }
   const fs::path written = place_for(report.verdict, files.rig, files.overwrite);
   calib::write_rig(rig, written);
-  if (!files.quiet) std::printf("\nwritten: %s; the report with pictures: %s\n", written.c_str(), report_file.c_str());
+  if (!files.quiet) std::printf("\nwritten: %s; the report: %s\n", written.c_str(), report_file.c_str());
   return status_of(report.verdict);
 }
 

@@ -19,14 +19,14 @@ gather::FoundBoards board_views_of(const calib::CameraRig& rig, const std::files
     if (rig.index_of(name)) {
       common.push_back(name);
     } else {
-      std::fprintf(stderr, "huetrack-calibrate: camera %s is not in %s: left out\n", name.c_str(), rig_file.c_str());
+      std::fprintf(stderr, "huetrack-calibrate: camera %s is not in %s: omitted\n", name.c_str(), rig_file.c_str());
     }
   }
   if (common.empty())
-    throw gather::InputError(rig_file.string() + ": has none of the cameras in the pictures: are the names the same?");
+    throw gather::InputError(rig_file.string() + ": has none of the cameras of the images: are the names the same?");
   for (const calib::Camera& camera : rig.cameras) {
     if (std::ranges::find(common, camera.name) == common.end())
-      std::fprintf(stderr, "huetrack-calibrate: there are no pictures of camera %s: left out\n", camera.name.c_str());
+      std::fprintf(stderr, "huetrack-calibrate: there are no images of camera %s: omitted\n", camera.name.c_str());
   }
   const auto source = gather::open_pictures(inputs, {.only = common, .tolerance_s = {}});
   gather::FoundBoards found = gather::find_boards(*source, board::BoardDetector(board), options, std::move(stop));
@@ -41,7 +41,7 @@ gather::FoundBoards board_views_of(const calib::CameraRig& rig, const std::files
 
 void require_size(const calib::Camera& camera, calib::ImageSize pictures, const std::filesystem::path& rig_file) {
   if (camera.image_size != pictures)
-    throw gather::InputError(fmt::format("{}: camera {} was calibrated at {}x{}, its pictures are {}x{}",
+    throw gather::InputError(fmt::format("{}: camera {} was calibrated at {}x{}, but its images are {}x{}",
                                          rig_file.string(), camera.name, camera.image_size.width,
                                          camera.image_size.height, pictures.width, pictures.height));
 }

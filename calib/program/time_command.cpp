@@ -1,4 +1,4 @@
-// huetrack-calibrate time: when the cameras' rows are exposed, from the waved ball, by a rig whose poses are right.
+// huetrack-calibrate time: latency and readout of the cameras from the waved ball, with known poses.
 #include <CLI/CLI.hpp>
 #include <memory>
 
@@ -27,7 +27,7 @@ ExitStatus time(const WavedOptions& o, const std::stop_token& stop) {
 void add_time_command(CLI::App& app, Command& chosen) {
   const auto o = std::make_shared<WavedOptions>();
   CLI::App* command =
-      app.add_subcommand("time", "find the cameras' latencies and readouts from the waved ball; their poses are right");
+      app.add_subcommand("time", "estimate the cameras' latencies and readouts from the waved ball, with known poses");
   add_waved_options(*command, *o);
   command->get_option("--config")->required();
   command->callback([o, &chosen] { chosen = [o](const std::stop_token& stop) { return time(*o, stop); }; });

@@ -1,5 +1,5 @@
-// A recording, tracked as the service tracks it: by its own road and trackers, so that what is measured is what will be
-// published.
+// Tracks a recording through the service's own pipeline, so that the measured positions are those that it would
+// publish.
 #pragma once
 
 #include <cstdint>
@@ -17,16 +17,16 @@ namespace huetrack::program {
 
 using Estimates = std::vector<object_tracking::ObjectEstimate>;
 
-// What came of the recording, by what is told: a target, or an object of one.
+// Results by published name: a target, or one of its objects.
 struct Tracked {
   std::map<std::string, Estimates> estimates;
-  std::map<std::string, std::set<std::uint64_t>> further;  // of a target: sets with one object more than its count
-  std::vector<std::string> named;  // what the service would have named: moved cameras, mistakes; one sentence each
-  std::size_t sets = 0, incomplete = 0;  // 0: not known
+  std::map<std::string, std::set<std::uint64_t>> further;  // of a target: frame sets with more objects than its count
+  std::vector<std::string> named;        // mistakes that the service reports (moved cameras, ...); one sentence each
+  std::size_t sets = 0, incomplete = 0;  // 0: unknown
   std::optional<double> set_ms;
 };
 
-// Requires a rig. throws InputError: it was stopped; and what reading and tracking a recording throw
+// Needs a rig. throws InputError: stopped; and the exceptions of reading and tracking a recording
 Tracked tracked(const config::ServiceConfig& config, const std::string& file, const std::stop_token& stop);
 
 }  // namespace huetrack::program

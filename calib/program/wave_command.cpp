@@ -1,4 +1,4 @@
-// huetrack-calibrate wave: camera poses and times from the coloured object itself, waved through the volume.
+// huetrack-calibrate wave: camera poses and timing from the coloured object, waved through the volume.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -24,7 +24,7 @@ struct WaveCommand : WavedOptions {
 WavedInput input_of(const WaveCommand& o) {
   if (!o.config.empty()) {
     if (!o.lenses.empty() || !o.hue.empty())
-      throw gather::InputError("--config says lenses and colours: leave --lens and --hue out");
+      throw gather::InputError("--config has lenses and colours: omit --lens and --hue");
     return configured_input(o);
   }
   if (o.lenses.empty() || o.hue.empty())
@@ -64,7 +64,8 @@ wave::WaveOptions wave_options(const WaveCommand& o, const WavedInput& in) {
     }
     char* end = nullptr;
     d.metres = std::strtod(o.camera_distance[2].c_str(), &end);
-    if (*end != 0) throw gather::InputError("--camera-distance: " + o.camera_distance[2] + " is no number of metres");
+    if (*end != 0)
+      throw gather::InputError("--camera-distance: " + o.camera_distance[2] + " is not a number of metres");
     options.camera_distance = d;
   }
   if (o.rest_distance > 0) options.rest_distance_m = o.rest_distance;
@@ -98,23 +99,23 @@ ExitStatus wave(const WaveCommand& o, const std::stop_token& stop) {
 void add_wave_command(CLI::App& app, Command& chosen) {
   const auto o = std::make_shared<WaveCommand>();
   CLI::App* command = app.add_subcommand(
-      "wave", "find or refine the cameras' poses and times from the coloured ball, waved through the volume");
+      "wave", "estimate or refine the cameras' poses and timing from the coloured ball, waved through the volume");
   add_waved_options(*command, *o);
-  command->add_flag("--no-poses", o->no_poses, "the rig's poses mean nothing: find them without");
+  command->add_flag("--no-poses", o->no_poses, "do not use the rig's poses as a start");
   command
       ->add_option("--camera-distance", o->camera_distance,
-                   "CAMERA CAMERA METRES: measured between two cameras; sets the scale")
+                   "CAMERA CAMERA METRES: measured distance of two cameras; sets the scale")
       ->expected(3);
   command
       ->add_option("--rest-distance", o->rest_distance,
-                   "metres between the two places where the ball was held still; sets the scale")
+                   "metres between two places where the ball rested; sets the scale")
       ->check(CLI::PositiveNumber);
   command
       ->add_option("--mark", o->marks,
-                   "SECONDS X Y Z: the ball's centre was there then; two set the scale, three the world too")
+                   "SECONDS X Y Z: known position of the ball's centre; two set the scale, three the world")
       ->expected(4)
       ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
-  command->add_option("--lens", o->lenses, "without --config: a rig file whose cameras' lenses are used, once or more");
+  command->add_option("--lens", o->lenses, "without --config: a rig file with lenses; may be repeated");
   command->add_option("--hue", o->hue, "without --config: the target's range of hue, degrees")->expected(2);
   command->add_option("--saturation", o->saturation, "without --config: its range of saturation, 0..1")->expected(2);
   command->add_option("--intensity", o->intensity, "without --config: its range of intensity, 0..1")->expected(2);

@@ -52,7 +52,7 @@ BallsFrames frames_of_recording(const WavedOptions& o, const WavedInput& in, con
     const calib::ImageSize size = in.rig.cameras[c].image_size;
     if (camera.width != size.width || camera.height != size.height) {
       throw gather::InputError(camera.file.string() + " is " + std::to_string(camera.width) + "x" +
-                               std::to_string(camera.height) + ", and " + names[c] + "'s lens was calibrated at " +
+                               std::to_string(camera.height) + ", but " + names[c] + "'s lens was calibrated at " +
                                std::to_string(size.width) + "x" + std::to_string(size.height));
     }
   }
@@ -78,14 +78,14 @@ BallsFrames frames_of_recording(const WavedOptions& o, const WavedInput& in, con
   progress.clear();
   if (stop.stop_requested()) throw gather::InputError("stopped");
   for (const auto& warning : source.take_warnings()) std::printf("note: %s\n", warning.c_str());
-  if (finder.unusable_frames() > 0) std::printf("note: %zu damaged frames left out\n", finder.unusable_frames());
+  if (finder.unusable_frames() > 0) std::printf("note: %zu damaged frames omitted\n", finder.unusable_frames());
   return frames;
 }
 
-// Every camera has its own thread, which looks for the ball as well: of the pictures only what is around it is kept.
+// One thread per camera captures and detects; only the surroundings of the ball are kept.
 BallsFrames frames_of_cameras(const WavedOptions& o, const WavedInput& in, const std::stop_token& stop) {
   std::vector<pipeline::LiveCamera> cameras = pipeline::open_cameras(config::with_frames(*in.config));
-  if (cameras.size() < 2) throw gather::InputError(o.config + ": cameras: two live cameras or more are needed");
+  if (cameras.size() < 2) throw gather::InputError(o.config + ": cameras: at least two live cameras are needed");
   std::mutex mutex;
   BallsFrames frames(in.targets.size());  // guarded by mutex
   wave::WaveCoverage coverage(in.rig);    // guarded by mutex
@@ -138,13 +138,13 @@ BallsFrames frames_of_cameras(const WavedOptions& o, const WavedInput& in, const
 void add_waved_options(CLI::App& command, WavedOptions& o) {
   command.add_option("recording", o.recording, "recording.yaml, or the folder that holds it");
   command.add_option("--config", o.config, "huetrackd.yaml: targets, the rig to start from, live cameras");
-  command.add_option("--target", o.targets, "which of its targets is waved; again for another ball of the same size");
+  command.add_option("--target", o.targets, "the waved target; repeat for another ball of the same size");
   command.add_option("--rig", o.rig, "the rig file to write")->required();
-  command.add_option("--report", o.report, "the same as a page (HTML), and PDF beside it");
-  command.add_option("--live", o.live_s, "look at the live cameras for so many seconds")->check(CLI::PositiveNumber);
-  command.add_option("--temperature", o.temperature_c, "of the room, degrees Celsius: noted in the rig file")
+  command.add_option("--report", o.report, "write the report: NAME.html and NAME.pdf");
+  command.add_option("--live", o.live_s, "use the live cameras for this many seconds")->check(CLI::PositiveNumber);
+  command.add_option("--temperature", o.temperature_c, "of the room, degrees Celsius; saved in the rig file")
       ->check(CLI::Range(-90.0, 150.0));
-  command.add_flag("--overwrite", o.overwrite, "replace the rig file even when the result is doubtful");
+  command.add_flag("--overwrite", o.overwrite, "a doubtful result may replace an existing rig");
   command.add_flag("--quiet", o.quiet, "no progress");
 }
 
@@ -162,14 +162,14 @@ WavedInput configured_input(const WavedOptions& o) {
   const auto& known = in.config->targets;
   const std::string names = names_of(known);
   if (o.targets.empty() && known.size() > 1)
-    throw gather::InputError(o.config + " has several targets: say which with --target: " + names);
+    throw gather::InputError(o.config + " has several targets: choose with --target: " + names);
   if (o.targets.empty()) in.targets = known;
   for (const auto& name : o.targets) {
     const auto target = std::ranges::find(known, name, &object_tracking::TargetOptions::name);
     if (target == known.end()) throw gather::InputError(o.config + " has no target " + name + ": it has " + names);
     if (!in.targets.empty() && in.targets.front().radius_m != target->radius_m)
       throw gather::InputError("--target: " + in.targets.front().name + " and " + name +
-                               " are not of one radius: wave one of them");
+                               " have different radii: wave one of them");
     in.targets.push_back(*target);
   }
   return in;
@@ -177,8 +177,7 @@ WavedInput configured_input(const WavedOptions& o) {
 
 std::vector<wave::BallFrame> waved_frames(const WavedOptions& o, const WavedInput& in, const std::stop_token& stop) {
   if (o.recording.empty() == (o.live_s <= 0)) throw gather::InputError("give a recording, or --live SECONDS");
-  if (o.live_s > 0 && o.config.empty())
-    throw gather::InputError("--live needs --config: it says where the cameras are");
+  if (o.live_s > 0 && o.config.empty()) throw gather::InputError("--live needs --config, which names the cameras");
   return wave::one_after_the_other(o.live_s > 0 ? frames_of_cameras(o, in, stop) : frames_of_recording(o, in, stop),
                                    in.rig.cameras.size());
 }
@@ -193,11 +192,11 @@ ExitStatus calibrate_and_write(const WavedOptions& o, const WavedInput& in, wave
   progress.clear();
   const report::WaveReport report = report::report_on(result);
   std::fputs(report::to_text(report, result).c_str(), stdout);
-  tell_verdict(report.verdict, report::summary(report, result));
+  send_verdict(report.verdict, report::summary(report, result));
   if (!o.report.empty()) write_document(report::document_of(report, result), o.report);
   note(result, report);
   for (const auto& problem : result.rig.problems())
-    throw solver::CalibrationError("what came out is no rig: " + problem);
+    throw solver::CalibrationError("the result is not a valid rig: " + problem);
   const std::filesystem::path file = place_for(report.verdict, o.rig, o.overwrite);
   calib::write_rig(result.rig, file);
   std::printf("%s\n", file.c_str());

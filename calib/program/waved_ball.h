@@ -1,4 +1,4 @@
-// The waved ball in a recording, or before the live cameras: what `wave` and `time` look at.
+// The waved ball in a recording or in live images, for `wave` and `time`.
 #pragma once
 
 #include <functional>
@@ -21,34 +21,34 @@ class App;
 namespace huetrack::program {
 
 struct WavedOptions {
-  std::string recording, config, rig, report;  // report: empty: none is written
+  std::string recording, config, rig, report;  // report: may be empty
   std::vector<std::string> targets;
-  double live_s = 0;  // > 0: live, for so long; 0: the recording
+  double live_s = 0;  // > 0: live, duration; 0: the recording
   std::optional<double> temperature_c;
   bool quiet = false, overwrite = false;
 };
 
 void add_waved_options(CLI::App& command, WavedOptions& options);
 
-// What is to be calibrated, with which ball.
+// The cameras to calibrate, and the ball.
 struct WavedInput {
   calib::CameraRig rig;
   std::vector<object_tracking::TargetOptions> targets;  // of one radius
   std::optional<config::ServiceConfig> config;
 };
 
-// What the configuration says. throws gather::InputError, and what load_service_config() throws
+// From the configuration. throws gather::InputError, and as load_service_config()
 WavedInput configured_input(const WavedOptions& options);
 
 std::string names_of(const std::vector<object_tracking::TargetOptions>& targets);
 
-// Where the ball may be in every frame, of several balls as if waved one after the other. Prints notes and progress.
-// throws gather::InputError, and what a recording or a camera throws
+// Candidates for the ball in every frame; several balls as if waved one after the other. Prints notes and progress.
+// throws gather::InputError, and the exceptions of recordings and cameras
 std::vector<wave::BallFrame> waved_frames(const WavedOptions& options, const WavedInput& in,
                                           const std::stop_token& stop);
 
-// Finds what options asks for, prints what it is worth and writes the rig. note: fills in how it was made.
-// throws CalibrationError, and what waved_frames() throws
+// Calibrates, prints the report and writes the rig. note: fills in made_by. throws solver::CalibrationError, and as
+// waved_frames()
 ExitStatus calibrate_and_write(const WavedOptions& o, const WavedInput& in, wave::WaveOptions options,
                                const std::stop_token& stop,
                                const std::function<void(wave::WaveResult&, const report::WaveReport&)>& note);

@@ -31,17 +31,17 @@ struct NewWorld {
   calib::CameraRig rig;
   bool is_floor = true;             // z = 0 is the floor
   std::string how;                  // for made_by
-  std::vector<std::string> doubts;  // one sentence each, with what to do
+  std::vector<std::string> doubts;  // one sentence each, with advice
   std::string details;              // for people
 };
 
-constexpr double good_px = 1.5;  // that the board (a point) may be off in the images
+constexpr double good_px = 1.5;  // limit of the reprojection error of board or point
 
 NewWorld from_board(const calib::CameraRig& rig, const WorldOptions& options, const std::stop_token& stop) {
   const board::Board board = board::read_board(options.board);
   const gather::FoundBoards found =
       board_views_of(rig, options.rig, board, options.inputs, {.progress = !options.quiet, .page = {}}, stop);
-  // The moment that was asked for, or the one that most cameras saw.
+  // The requested time, or the set seen by most cameras.
   std::map<int, int> seen;
   for (const solver::BoardView& view : found.views) ++seen[view.set];
   int set = seen.begin()->first;
@@ -62,8 +62,8 @@ NewWorld from_board(const calib::CameraRig& rig, const WorldOptions& options, co
                           found.set_at_s[static_cast<std::size_t>(set)], views.size(), placed.rms_px);
   if (found.set_at_s.size() > 1 && !options.at_s) {
     world.doubts.push_back(fmt::format(
-        "the board moves in these pictures: its place at {:.2f} s was taken; give --at SECONDS, or pictures of "
-        "the board at rest",
+        "the board moves in these images: its place at {:.2f} s is used; give --at SECONDS, or images of the board "
+        "at rest",
         found.set_at_s[static_cast<std::size_t>(set)]));
   }
   if (views.size() == 1) {
@@ -73,16 +73,15 @@ NewWorld from_board(const calib::CameraRig& rig, const WorldOptions& options, co
         solver::board_poses(board, view, solver::lens_model_of(camera.model), solver::parameters_of(camera.model));
     if (poses.size() > 1 && poses[1].rms_px < 2 * poses[0].rms_px + 0.1) {
       world.doubts.push_back(fmt::format(
-          "only {} sees the board, and so flat that its mirrored twin fits as well ({:.2f} and {:.2f} px): the "
-          "floor may be "
-          "tilted the wrong way; lay it where two cameras see it",
+          "only {} sees the board, at so flat an angle that the mirrored pose fits as well ({:.2f} and {:.2f} px): the "
+          "floor may be tilted the wrong way; lay it where two cameras see it",
           camera.name, poses[0].rms_px, poses[1].rms_px));
     }
   }
   if (placed.rms_px > good_px) {
     world.doubts.push_back(
-        fmt::format("the cameras disagree on where the board lies ({:.1f} px rms): does the rig still fit? "
-                    "Try huetrack-calibrate check; is the board file right?",
+        fmt::format("the cameras disagree on the board's place ({:.1f} px rms): does the rig still fit (test it with "
+                    "huetrack-calibrate check), and is the board file right?",
                     placed.rms_px));
   }
   return world;
@@ -99,8 +98,8 @@ NewWorld from_points(const calib::CameraRig& rig, const WorldOptions& options) {
   for (const PointOfWorld& point : points) {
     if (point.rms_px && *point.rms_px > 2 * good_px) {
       world.doubts.push_back(
-          fmt::format("the pixels of point {} do not meet: they are off by {:.1f} px; are they of the same point?",
-                      point.name, *point.rms_px));
+          fmt::format("the pixels of point {} are inconsistent, by {:.1f} px: are they of the same point?", point.name,
+                      *point.rms_px));
     }
   }
   solver::WorldChange change;
@@ -116,8 +115,7 @@ NewWorld from_points(const calib::CameraRig& rig, const WorldOptions& options) {
     if (!options.scale && std::abs(scale - 1) > 0.01) {
       world.doubts.push_back(fmt::format(
           "by these points all lengths of the rig are to be multiplied by {:.4f}: the board's square size was "
-          "probably wrong "
-          "by that; --scale takes it over",
+          "probably wrong by that factor; --scale applies it",
           scale));
     }
   }
@@ -126,12 +124,12 @@ NewWorld from_points(const calib::CameraRig& rig, const WorldOptions& options) {
   for (std::size_t k = 0; k < points.size(); ++k) {
     const Eigen::Vector3d p = change * points[k].in_rig;
     const double off = to.empty() ? std::abs(p.z()) : (p - to[k]).norm();
-    world.details += fmt::format("  {:12} at ({:.3f}, {:.3f}, {:.3f}) m, off by {:.1f} mm\n", points[k].name, p.x(),
+    world.details += fmt::format("  {:12} at ({:.3f}, {:.3f}, {:.3f}) m, error {:.1f} mm\n", points[k].name, p.x(),
                                  p.y(), p.z(), 1000 * off);
     const double allowed = to.empty() ? 0.02 : std::max(0.01, 0.01 * extent);
     if (off > allowed) {
       world.doubts.push_back(
-          fmt::format("point {} is off by {:.0f} mm: was it measured right, and at the same spot in every image?",
+          fmt::format("point {} has an error of {:.0f} mm: was it measured right, and at the same spot in every image?",
                       points[k].name, 1000 * off));
     }
   }
@@ -143,30 +141,29 @@ ExitStatus set_world(const WorldOptions& options, const std::stop_token& stop) {
   const calib::CameraRig rig = calib::read_rig(options.rig);
   if (options.board.empty() == options.points.empty())
     throw gather::InputError(
-        "what sets the world? Give --board BOARD.yaml and pictures of it on the floor, or --points POINTS.yaml");
+        "nothing defines the world: give --board BOARD.yaml and images of it on the floor, or --points POINTS.yaml");
   NewWorld world = options.points.empty() ? from_board(rig, options, stop) : from_points(rig, options);
   for (const calib::Camera& camera : world.rig.cameras) {
     if (camera.centre().z() > 0) continue;
-    const std::string below =
-        fmt::format("camera {} would stand {:.2f} m below z = 0", camera.name, -camera.centre().z());
+    const std::string below = fmt::format("camera {} would be {:.2f} m below z = 0", camera.name, -camera.centre().z());
     if (world.is_floor) {
       throw gather::InputError(
           below +
           ", under the floor: the points are not on the floor, the board lies face down, or the rig is "
-          "mirrored (was the camera's image?); nothing was written");
+          "mirrored (are the camera's images?); nothing was written");
     }
-    world.doubts.push_back(below + ": is the world's z axis up, in the points that were measured?");
+    world.doubts.push_back(below + ": does z point up in the measured points?");
   }
   note_in(world.rig, "world", world.how);
   const auto out = place_for(world.doubts.empty() ? report::Verdict::usable : report::Verdict::doubtful,
                              options.out.empty() ? options.rig : options.out, options.overwrite);
   calib::write_rig(world.rig, out);
   if (!options.quiet) {
-    std::printf("The world is that of %s.\n%s", world.how.c_str(), world.details.c_str());
+    std::printf("The world is defined by %s.\n%s", world.how.c_str(), world.details.c_str());
     for (const std::string& doubt : world.doubts) std::printf("  ? %s.\n", doubt.c_str());
     for (const calib::Camera& camera : world.rig.cameras) {
       const Eigen::Vector3d c = camera.centre();
-      std::printf("  %-12s stands at (%.3f, %.3f, %.3f) m\n", camera.name.c_str(), c.x(), c.y(), c.z());
+      std::printf("  %-12s at (%.3f, %.3f, %.3f) m\n", camera.name.c_str(), c.x(), c.y(), c.z());
     }
     std::printf("written: %s\n", out.c_str());
   }
@@ -179,16 +176,16 @@ void add_world_command(CLI::App& app, Command& chosen) {
   const auto options = std::make_shared<WorldOptions>();
   CLI::App* command = app.add_subcommand("world", "set origin, axes and scale of a rig's world");
   command->add_option("rig", options->rig, "the rig file")->required();
-  command->add_option("inputs", options->inputs, "pictures of the board on the floor: a recording, or NAME=FRAMES");
-  command->add_option("--board", options->board,
-                      "the board file: the board lies on the floor, its point 0 becomes the origin, x goes along its "
-                      "rows, z up");
+  command->add_option("inputs", options->inputs, "images of the board on the floor: a recording, or NAME=FRAMES");
+  command->add_option(
+      "--board", options->board,
+      "the board file; the board lies on the floor, its point 0 becomes the origin, x along its rows, z up");
   command->add_option("--height", options->height_m, "of the board's surface above the floor, metres")
       ->check(CLI::Range(0.0, 1.0));
-  command->add_option("--at", options->at_s, "seconds into the recording; default: when most cameras saw it");
+  command->add_option("--at", options->at_s, "time in the recording, seconds; default: when most cameras see it");
   command->add_option("--points", options->points, "a file of three or more measured points; see calib/README.md");
-  command->add_flag("--scale", options->scale, "take the scale from the points too");
-  command->add_flag("--overwrite", options->overwrite, "a doubtful result may replace the rig that is there");
+  command->add_flag("--scale", options->scale, "also take the scale from the points");
+  command->add_flag("--overwrite", options->overwrite, "a doubtful result may replace an existing rig");
   command->add_option("--out", options->out, "the rig file to write; default: in place");
   command->add_flag("--quiet", options->quiet, "print nothing but errors");
   command->callback(

@@ -11,23 +11,24 @@ std::string advice(const solver::Reason& reason) {
     case solver::Fault::no_lens_fits:
       return "are all images of this camera, and not cropped or zoomed?";
     case solver::Fault::lens_does_not_fit:
-      return "where no model is asked for, the one that predicts the views best is taken";
+      return "without --lens the model that predicts the views best is chosen";
     case solver::Fault::undetermined:
       return "show the board at more places, tilted, and out to the image's edges; or ask for a simpler lens model";
     case solver::Fault::no_overlap:
       return fmt::format("show it to {} (or to others of the two groups) together, 10 times or more",
                          fmt::join(reason.cameras, " and "));
     case solver::Fault::mirrored_images:
-      return "record them as the sensor sees them; or, if it looks at the back of the board, say so in the board file "
-             "(back:)";
+      return "switch mirroring off in the camera or its driver; or, if it sees the back of the board, add back: to the "
+             "board "
+             "file";
     case solver::Fault::different_sizes:
       return "did they see different boards, or is one camera's focal length wrong?";
     case solver::Fault::contradicting_views:
-      return "were the images taken at the same time, are they in the right order, and did nobody move a camera?";
+      return "were the images taken at the same time, are they in the right order, and was a camera moved?";
     case solver::Fault::other_rig:
       return "is it the rig of these cameras?";
     case solver::Fault::collinear_points:
-      return "Measure one well beside the line";
+      return "Measure one away from the line";
     case solver::Fault::undecided_floor:
       return "are the points on the floor?";
     case solver::Fault::target_unseen:
@@ -61,7 +62,7 @@ std::string advice(const solver::Reason& reason) {
   return {};
 }
 
-std::string told(const std::vector<solver::Reason>& reasons) {
+std::string with_advice(const std::vector<solver::Reason>& reasons) {
   std::string text;
   for (const solver::Reason& reason : reasons) {
     text += reason.fact;
@@ -73,8 +74,8 @@ std::string told(const std::vector<solver::Reason>& reasons) {
   return text;
 }
 
-std::string told(const solver::CalibrationError& error) {
-  return told(error.reasons());
+std::string with_advice(const solver::CalibrationError& error) {
+  return with_advice(error.reasons());
 }
 
 }  // namespace huetrack::report

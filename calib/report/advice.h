@@ -1,4 +1,4 @@
-// What to do about what a solver found at fault. Solvers state facts; what to do is added to them here, and only here.
+// Advice for each fault that a solver reports. Solvers state facts; only this module adds advice.
 #pragma once
 
 #include <string>
@@ -8,11 +8,11 @@
 
 namespace huetrack::report {
 
-// What to do: a clause, or sentences that begin with a capital letter; without a full stop. Empty: Fault::none.
+// A clause, or sentences starting with a capital letter, without a full stop. Empty: Fault::none.
 std::string advice(const solver::Reason& reason);
 
-// For people: each fact, and what to do about it. In one line.
-std::string told(const std::vector<solver::Reason>& reasons);
-std::string told(const solver::CalibrationError& error);
+// Each fact with its advice, in one line.
+std::string with_advice(const std::vector<solver::Reason>& reasons);
+std::string with_advice(const solver::CalibrationError& error);
 
 }  // namespace huetrack::report

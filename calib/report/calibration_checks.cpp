@@ -19,32 +19,33 @@ struct Limits {
   }
 };
 constexpr double never = 1e300;
-// rms of a camera's corners, of its image's width: 0.6 px of 640. A board seen well leaves a fourth of it.
+// rms of a camera's corners / image width: 0.6 px of 640. A good board gives a quarter of it.
 constexpr Limits rms_share{0.001, 0.006};
 constexpr Limits focal_share{0.005, 0.03};      // standard deviation / focal length
 constexpr Limits centre_share{0.006, 0.05};     // of the principal point / image width
 constexpr Limits aspect{0.01, never};           // |fx / fy - 1|
 constexpr Limits position_share{0.01, 0.05};    // of a camera / its distance to the boards
 constexpr Limits rotation_deg{0.3, 3};          // of a camera
-constexpr Limits volume_share{0.01, 0.05};      // 95 % of the volume / distance of the cameras; and
-constexpr double little_volume_share = 0.002;   // from here on, where it outweighs the noise of what will be tracked
+constexpr Limits volume_share{0.01, 0.05};      // 95 % of the volume / distance of the cameras
+constexpr double little_volume_share = 0.002;   // limit if it outweighs the noise of the tracked object
 constexpr Limits dropped_share{0.2, 0.6};       // views
-constexpr Limits behind_share{0.02, 0.5};       // views that show the board's back
+constexpr Limits behind_share{0.02, 0.5};       // views of the board's back
 constexpr Limits not_synchronised{1.6, never};  // noise of all together / of each alone
 constexpr Limits fast_share{2, never};          // rms of views that move fast / of slow ones
-constexpr double latest_s = 0.1;                // that a camera stamps later than another: beyond, it is frames behind
-// Of a pixel's ray, where boards were, of the image's width: 0.3 px of 640.
+constexpr double latest_s = 0.1;                // s; delay of a camera beyond which it is frames behind
+// Error of a pixel's ray where boards were / image width: 0.3 px of 640.
 constexpr Limits ray_share{0.0005, 0.005};
-constexpr double contradicted_sigmas = 2;  // a lens that was given: by these views it is another one
-constexpr double unknown_share = 0.01;     // beyond it a part of the image where no board was shows somewhere, roughly
-constexpr Limits edge_left_out{0.1, never};        // of the corners in the image's outermost parts: left out
-constexpr double blurred_views_share = 0.2;        // views that are blurred by motion, of all
-constexpr Limits noisier{2, never};                // than most cameras' corners
-constexpr Limits halves_ratio{3, never};           // what halves of the recording differ by / should
+constexpr double contradicted_sigmas = 2;  // these views contradict a given lens
+constexpr double unknown_share =
+    0.01;  // error / image width beyond which a part of the image without boards is a guess
+constexpr Limits edge_left_out{0.1, never};        // share of the corners at the image's edge
+constexpr double blurred_views_share = 0.2;        // of all views
+constexpr Limits noisier{2, never};                // times the noise of most cameras
+constexpr Limits halves_ratio{3, never};           // difference of the halves of the recording / expected
 constexpr double least_coverage = 0.4;             // of the image's cells
 constexpr int enough_views = 10, least_views = 4;  // distinct ones
 constexpr double least_tilt_range_deg = 20, least_depth_ratio = 1.15;
-constexpr int enough_shared = 8;  // sets, on the way to every camera
+constexpr int enough_shared = 8;  // sets, on the path to every camera
 constexpr double pattern_of_noise = 0.6, least_pattern_px = 0.12;
 
 struct Range {
@@ -66,16 +67,16 @@ class Judge {
       fit(report_.cameras[c]);
       corners(report_.cameras[c]);
       sharpness(report_.cameras[c]);
-      lens(report_.cameras[c], evidence_.covers_image[c], is_believed(c));
+      lens(report_.cameras[c], evidence_.covers_image[c], is_kept(c));
       views(report_.cameras[c]);
       side(report_.cameras[c], evidence_.behind[c]);
       pose(report_.cameras[c]);
     }
     together();
-    if (evidence_.extrinsics != nullptr) itself(*evidence_.extrinsics);
+    if (evidence_.extrinsics != nullptr) consistency(*evidence_.extrinsics);
     for (const CameraLeftOut& camera : report_.left_out) {
       add(Verdict::doubtful, "camera " + camera.name, camera.name + " is left out: " + camera.why,
-          "mend that, and calibrate again; the rig holds for the other cameras");
+          "correct that, and calibrate again; the rig is valid for the other cameras");
     }
     if (!evidence_.board_doubt.empty())
       add(Verdict::doubtful, "board file", evidence_.board_doubt, "measure both on the board, and correct its file");
@@ -103,8 +104,8 @@ class Judge {
     add(pattern ? Verdict::doubtful : Verdict::usable, "residual pattern of " + camera.name,
         fmt::format("{}: {:.2f} px of the residuals are the same in every view of a part of the image", camera.name,
                     camera.pattern_px),
-        "the lens model does not follow this lens: try --lens with a richer model; a board that is not flat does it "
-        "too");
+        "the lens model does not fit this lens: try --lens with a richer model; a board that is not flat has the same "
+        "effect");
     int dropped = 0;
     for (const DroppedView& view : report_.dropped) {
       dropped += report_.cameras[static_cast<std::size_t>(view.camera)].name == camera.name ? 1 : 0;
@@ -113,10 +114,10 @@ class Judge {
     add(dropped_share.judge(share), "outlier views of " + camera.name,
         fmt::format("{}: {} of {} views of the board contradict the others and were dropped", camera.name, dropped,
                     dropped + camera.views_used),
-        "see the list of dropped views: if they are all of one time, something moved then; leave that part out");
+        "see the list of dropped views: if they are all of one time, something moved then: remove that part");
   }
 
-  // Corners that were left out, and where: those of the image's edge are the ones that tell a lens.
+  // Corners that were left out. Those at the image's edge determine the distortion.
   void corners(const CameraReport& camera) {
     int at_edge = camera.left_out_at_edge;
     for (int row = 0; row < ImageGrid::rows; ++row) {
@@ -131,8 +132,8 @@ class Judge {
     add(edge_left_out.judge(share), "corners left out of " + camera.name,
         fmt::format("{}: {} of {} corners do not fit and were left out, {} of them among the {} at the image's edge",
                     camera.name, camera.corners_left_out, all, camera.left_out_at_edge, at_edge),
-        "the lens model does not reach the image's edge: leave --lens out, so that one is chosen that does; or the "
-        "board is not flat");
+        "the lens model does not fit at the image's edge: omit --lens, so that a better one is chosen; or the board is "
+        "not flat");
   }
 
   void sharpness(const CameraReport& camera) {
@@ -154,27 +155,26 @@ class Judge {
         "move the board more slowly or expose more briefly, and switch autofocus off");
   }
 
-  // What the adjustment says against itself.
-  void itself(const solver::Extrinsics& result) {
+  // Inconsistencies within the adjustment.
+  void consistency(const solver::Extrinsics& result) {
     if (result.board_is_warped) {
       const solver::BoardWarp &warp = result.adjustment.warp, &sigma = result.adjustment.warp_sigma;
       const double bend = warp.head<2>().norm(), stretch = std::abs(warp(2));
-      // Which of them it is told by: what it moves corners by, roughly.
+      // Significant, and large enough to move corners.
       const bool is_stretched = stretch > 4 * sigma(2) && stretch > 0.0005;
       const bool is_bent =
           warp.head<2>().cwiseAbs().cwiseQuotient(sigma.head<2>()).maxCoeff() > 4 && (bend > 0.0005 || !is_stretched);
       if (is_bent) {
         add(Verdict::doubtful, "flatness of the board",
-            fmt::format(
-                "the board is bent: its middle stands out by {:.1f} mm along x and {:.1f} mm along y (+- {:.1f} "
-                "mm), which is accounted for",
-                1000 * warp(0), 1000 * warp(1), 1000 * sigma.head<2>().maxCoeff()),
+            fmt::format("the board is bent: its middle is raised by {:.1f} mm along x and {:.1f} mm along y (+- {:.1f} "
+                        "mm); the calibration accounts for it",
+                        1000 * warp(0), 1000 * warp(1), 1000 * sigma.head<2>().maxCoeff()),
             "glue the print onto something flat (glass, aluminium, a table's top), and calibrate again");
       }
       if (is_stretched) {
         add(Verdict::doubtful, "squares of the board",
-            fmt::format("the print is stretched: its squares are {:.2f} % (+- {:.2f}) longer along {} than along {}, "
-                        "which is accounted for; how large they are in the mean no picture tells",
+            fmt::format("the print is stretched: its squares are {:.2f} % (+- {:.2f}) longer along {} than along {}"
+                        "; the calibration accounts for it, but no image shows their mean size",
                         100 * stretch, 100 * sigma(2), warp(2) > 0 ? "x" : "y", warp(2) > 0 ? "y" : "x"),
             "measure ten squares along both, and give pitch: [x, y] in the board file");
       }
@@ -182,11 +182,11 @@ class Judge {
     if (result.moved_within) {
       const solver::MovedWithin& moved = *result.moved_within;
       const std::string& name = report_.cameras[static_cast<std::size_t>(moved.camera)].name;
-      add(Verdict::doubtful, "stand of " + name,
-          fmt::format("{} moved while it was recorded: by {:.1f} mm and {:.2f} degrees, before {}{}", name,
+      add(Verdict::doubtful, "stability of " + name,
+          fmt::format("{} moved during the recording: by {:.1f} mm and {:.2f} degrees, before {}{}", name,
                       1000 * moved.moved_m, moved.turned_rad * 180 / std::numbers::pi, moved.image,
-                      moved.is_either_of_two ? " (or the other camera did: two cannot tell)" : ""),
-          "fasten it, and record anew; or leave out what was recorded before that moment");
+                      moved.is_either_of_two ? " (or the other camera did: with two cameras this is ambiguous)" : ""),
+          "fasten it, and record anew; or remove what was recorded before that moment");
     }
     for (const solver::HalvesCheck& half : result.halves) {
       using Split = solver::HalvesCheck::Split;
@@ -194,17 +194,17 @@ class Judge {
                          : half.split == Split::in_place ? "boards at the two ends of the volume"
                                                          : "every second piece of the recording and the rest";
       add(halves_ratio.judge(half.ratio()), std::string("agreement of ") + what,
-          fmt::format("{} put points {:.2f} mm apart from what all do, where {:.2f} mm are to be expected{}", what,
+          fmt::format("{} place points {:.2f} mm away from the result of all; {:.2f} mm are expected{}", what,
                       1000 * half.seen_m, 1000 * half.expected_m,
-                      half.ratio() > solver::most_halves_ratio ? ": all uncertainties are widened by that" : ""),
-          "something is not as the calibration believes: a camera or the focus moved, the board bends or is not as its "
-          "file says, or the pictures are not of one moment");
+                      half.ratio() > solver::most_halves_ratio ? ": all uncertainties are inflated accordingly" : ""),
+          "an assumption of the calibration is wrong: a camera or the focus moved, the board bends or differs from its "
+          "file, or the images are not synchronised");
     }
     for (const solver::AdjustedCamera& camera : result.adjustment.cameras) {
       if (result.refinement != solver::LensRefinement::given_refined || !camera.lens_prior) continue;
       const solver::LensParameters &was = camera.lens_prior->mean, &now = camera.parameters;
       add(Verdict::usable, "given lens of " + camera.name,
-          fmt::format("{}: the lens that was given was refined, because the cameras contradict one another with it: "
+          fmt::format("{}: the given lens was refined, because the cameras are inconsistent with it: "
                       "fx {:.1f} px (given: {:.1f}), fy {:.1f} px (given: {:.1f}), principal point at ({:.1f}, {:.1f}) "
                       "(given: {:.1f}, {:.1f})",
                       camera.name, now(0), was(0), now(1), was(1), now(2), now(3), was(2), was(3)),
@@ -215,11 +215,12 @@ class Judge {
       if (result.contradictions[c]) {
         const double covered = result.contradictions[c]->covered;
         add(covered < least_coverage ? Verdict::doubtful : Verdict::usable, "given lens of " + name,
-            fmt::format("{}: the lens that was given was replaced by one from these views, which cover {:.0f} % of its "
+            fmt::format("{}: the given lens was replaced by one from these views, which cover {:.0f} % of its "
                         "image",
                         name, 100 * covered),
-            "find the lens by itself (intrinsics), with the board all over its image; --refine-lens no keeps the one "
-            "that is given");
+            "calibrate the lens alone (intrinsics), with the board all over its image; --refine-lens no keeps the "
+            "given "
+            "one");
       }
       if (c < result.given_lens_checks.size() && result.given_lens_checks[c]) {
         const solver::GivenLensCheck& lens = *result.given_lens_checks[c];
@@ -227,50 +228,50 @@ class Judge {
             ray_share.judge(lens.off_px / report_.cameras[c].image_size.width) > Verdict::usable &&
             lens.off_px > contradicted_sigmas * lens.sigma_px;
         add(contradicted ? Verdict::doubtful : Verdict::usable, "given lens of " + name,
-            fmt::format("{}: the lens that was given is believed; by these views its pixels would look elsewhere by "
-                        "{:.2f} px where boards were, which they tell to {:.2f} px",
+            fmt::format("{}: the given lens is kept; these views differ from it by {:.2f} px (+- {:.2f}) where boards "
+                        "were",
                         name, lens.off_px, lens.sigma_px),
-            "leave --refine-lens out, so that it is refined; or find it by itself (intrinsics), with the board all "
-            "over "
-            "its image");
+            "omit --refine-lens, so that it is refined; or calibrate it alone (intrinsics), with the board all over "
+            "its "
+            "image");
       }
       if (result.kept_against[c] && result.refinement != solver::LensRefinement::given_refined) {
         add(Verdict::usable, "given lens of " + name,
             fmt::format(
-                "{}: the lens that was given stays, though another fits these views better: they cover {:.0f} % "
-                "of its image, too little to tell",
+                "{}: the given lens is kept, though another fits these views better: they cover only {:.0f} % of its "
+                "image",
                 name, 100 * result.kept_against[c]->covered),
             "");
       }
     }
   }
 
-  // A lens that was given, and stays: how well these views tell it is no question.
-  bool is_believed(std::size_t c) const {
+  // A given lens that is kept: its uncertainty from these views does not matter.
+  bool is_kept(std::size_t c) const {
     const solver::Extrinsics* result = evidence_.extrinsics;
     return result != nullptr && c < result->given_lens_checks.size() && result->given_lens_checks[c].has_value();
   }
 
-  void lens(const CameraReport& camera, bool covers, bool believed) {
+  void lens(const CameraReport& camera, bool covers, bool kept) {
     const solver::LensParameters& l = camera.parameters;
     const double focal = std::max(camera.sigma(0) / l(0), camera.sigma(1) / l(1));
     const double rays_px = camera.rays.covered_px;
-    if (focal > 0 && !believed) {
+    if (focal > 0 && !kept) {
       const bool far = camera.rays.image_px > unknown_share * camera.image_size.width;
       add(ray_share.judge(rays_px / camera.image_size.width), "rays of " + camera.name,
-          fmt::format(
-              "{}: where boards were, pixels look where they should to {:.2f} px (95 %); over the whole image to "
-              "{:.2g} px{}",
-              camera.name, rays_px, camera.rays.image_px, far ? ": where no board was it is a guess" : ""),
+          fmt::format("{}: the direction of a pixel is known to {:.2f} px (95 %) where boards were, to {:.2g} px over "
+                      "the whole "
+                      "image{}",
+                      camera.name, rays_px, camera.rays.image_px, far ? ": without boards it is a guess" : ""),
           "show the board in all parts of the image, tilted, near and far");
     }
-    // Of the stereographic lens its rays tell: its parameters make up for one another.
-    if (focal > 0 && !believed && camera.lens != solver::LensModel::stereographic) {
+    // Not for the stereographic lens, whose parameters are strongly correlated.
+    if (focal > 0 && !kept && camera.lens != solver::LensModel::stereographic) {
       add(focal_share.judge(focal), "focal length of " + camera.name,
           fmt::format("{}: fx {:.1f} +- {:.1f}, fy {:.1f} +- {:.1f} px", camera.name, l(0), camera.sigma(0), l(1),
                       camera.sigma(1)),
-          "show the board tilted by 30 to 50 degrees, both ways, and near as well as far: boards that are held flat to "
-          "the camera do not tell its focal length");
+          "show the board tilted by 30 to 50 degrees, both ways, and near as well as far: boards parallel to the "
+          "image do not determine the focal length");
       const double centre = std::max(camera.sigma(2), camera.sigma(3)) / camera.image_size.width;
       add(centre_share.judge(centre), "principal point of " + camera.name,
           fmt::format("{}: cx {:.1f} +- {:.1f}, cy {:.1f} +- {:.1f} px", camera.name, l(2), camera.sigma(2), l(3),
@@ -282,16 +283,16 @@ class Judge {
     add(off ? Verdict::doubtful : Verdict::usable, "place of the principal point of " + camera.name,
         fmt::format("{}: at ({:.0f}, {:.0f}) of {}x{}", camera.name, l(2), l(3), camera.image_size.width,
                     camera.image_size.height),
-        "that far from the middle is a cropped image or too few tilted views");
+        "so far from the centre it indicates a cropped image or too few tilted views");
     const double ratio = l(0) / l(1);
     add(aspect.judge(std::abs(ratio - 1)), "aspect ratio of " + camera.name,
         fmt::format("{}: fx / fy = {:.4f}", camera.name, ratio),
         "pixels of today's cameras are square: is the video squeezed, or are the board's squares not square (then give "
-        "pitch: [x, y] in the board file)? Otherwise these views do not tell the lens: calibrate it by itself "
+        "pitch: [x, y] in the board file)? Otherwise these views do not determine the lens: calibrate it alone "
         "(intrinsics), all over its image, and give it with --intrinsics");
     add(covers ? Verdict::usable : Verdict::doubtful, "reach of the lens model of " + camera.name,
-        covers ? camera.name + ": holds out to the image's corners"
-               : camera.name + ": turns back on itself before the image's corners",
+        covers ? camera.name + ": valid out to the image's corners"
+               : camera.name + ": folds back before the image's corners",
         "show the board in the corners of the image; or choose another model with --lens");
   }
 
@@ -300,32 +301,32 @@ class Judge {
     add(!own_lens || camera.coverage >= least_coverage ? Verdict::usable : Verdict::doubtful,
         "coverage of " + camera.name,
         fmt::format("{}: the board was in {:.0f} % of the image's parts", camera.name, 100 * camera.coverage),
-        "show the board in the parts that the coverage map leaves white, the corners above all: distortion is only "
-        "known where a board was");
+        "show the board in the parts that are white in the coverage map, above all the corners: distortion is known "
+        "only where a board was");
     const Verdict count = camera.distinct_views < least_views                ? Verdict::failed
                           : own_lens && camera.distinct_views < enough_views ? Verdict::doubtful
                                                                              : Verdict::usable;
     add(count, "views of " + camera.name,
         fmt::format("{}: {} views of the board, {} of them at different places", camera.name, camera.views_used,
                     camera.distinct_views),
-        "show the board at some 15 different places; views that show it where it was before count as one");
+        "show the board at some 15 different places; views at the same place count as one");
     if (!own_lens) return;
     const Range tilt(camera.tilt_deg), distance(camera.distance_m);
     const double depth = distance.low > 0 ? distance.high / distance.low : 1;
     add(tilt.high - tilt.low < least_tilt_range_deg ? Verdict::doubtful : Verdict::usable, "tilt of " + camera.name,
         fmt::format("{}: the board was tilted by {:.0f} to {:.0f} degrees against the line of sight", camera.name,
                     tilt.low, tilt.high),
-        "tilt the board more differently: some views straight, some by 30 to 50 degrees, about both axes");
+        "vary the tilt: some views straight, some by 30 to 50 degrees, about both axes");
     add(depth < least_depth_ratio && tilt.high - tilt.low < 2 * least_tilt_range_deg ? Verdict::doubtful
                                                                                      : Verdict::usable,
         "depth range of " + camera.name,
         fmt::format("{}: the board was {:.2f} to {:.2f} m away", camera.name, distance.low, distance.high),
-        "show it nearer and farther too");
+        "show it nearer and farther away");
   }
 
   void side(const CameraReport& camera, double behind) {
     add(behind_share.judge(behind), "side of the board of " + camera.name,
-        behind > 0 ? fmt::format("{}: stands behind the board in {:.0f} % of its views", camera.name, 100 * behind)
+        behind > 0 ? fmt::format("{}: is behind the board in {:.0f} % of its views", camera.name, 100 * behind)
                    : camera.name + ": the board faces it in all views",
         "the images of this camera are mirrored (left and right swapped), or its board poses are the mirrored twins: "
         "switch mirroring off in the camera or its driver, and show the board nearer and more tilted");
@@ -335,9 +336,9 @@ class Judge {
     if (!camera.cam_from_world) return;
     if (camera.relative_noise > 1) {
       add(noisier.judge(camera.relative_noise), "noise of " + camera.name,
-          fmt::format("{}: its corners scatter {:.1f} times as much as those of most cameras, and count less",
+          fmt::format("{}: its corners scatter {:.1f} times as much as those of most cameras, and have less weight",
                       camera.name, camera.relative_noise),
-          "see whether its pictures are sharp, and whether it is in step with the others: its stamps, its exposure");
+          "check that its images are sharp, and that it is synchronised with the others (time stamps, exposure)");
     }
     const Range distance(camera.distance_m);
     const double middle = std::max(1e-9, (distance.low + distance.high) / 2);
@@ -351,7 +352,7 @@ class Judge {
 
   void together() {
     if (report_.pairs.empty()) return;
-    // Along the strongest pairs every camera is reached; the weakest of those is what everything beyond hangs on.
+    // The maximum spanning tree of pairs: its weakest links limit the poses of the cameras behind them.
     std::vector<PairReport> pairs = report_.pairs;
     std::ranges::stable_sort(pairs, std::greater<>{}, &PairReport::shared_sets);
     std::vector<std::size_t> group(report_.cameras.size());
@@ -370,7 +371,7 @@ class Judge {
     if (evidence_.alone_px > 0) {
       const double ratio = report_.noise_px / evidence_.alone_px;
       const CameraReport& worst = *std::ranges::max_element(report_.cameras, {}, &CameraReport::rms_px);
-      // A camera that moved explains it.
+      // A camera that moved explains the epipolar_residual.
       const bool explained = evidence_.extrinsics != nullptr && evidence_.extrinsics->moved_within.has_value();
       add(explained ? Verdict::usable : not_synchronised.judge(ratio), "agreement between the cameras",
           fmt::format("corners scatter by {:.2f} px for all cameras together, by {:.2f} px for each camera alone, most "
@@ -385,15 +386,15 @@ class Judge {
       if (std::abs(late_s) < latest_s) continue;
       const std::string& name = report_.cameras[c].name;
       add(Verdict::doubtful, "time of " + name,
-          fmt::format("{}: its pictures are {:.0f} ms {} those of the others, by how the board moves", name,
+          fmt::format("{}: by the board's motion its images are {:.0f} ms {} those of the others", name,
                       1000 * std::abs(late_s), late_s > 0 ? "behind" : "ahead of"),
           "that is more than a camera's own latency: a frame was probably lost or counted twice at the start, or a "
-          "picture waited in a buffer; mend the recording (offset_s in recording.yaml), or record it anew");
+          "frame waited in a buffer; correct the recording (offset_s in recording.yaml), or record it anew");
     }
     if (evidence_.stamps_s > solver::worst_stamps_of_camera_s) {
       add(Verdict::usable, "time stamps",
-          fmt::format("the time stamps scatter by {:.0f} ms, as those of a program that fetched pictures do: neither "
-                      "latency nor readout is taken from them",
+          fmt::format("the time stamps scatter by {:.0f} ms, as if taken when a program fetched the images: latency "
+                      "and readout are not estimated",
                       1000 * evidence_.stamps_s),
           "");
     }
@@ -401,8 +402,8 @@ class Judge {
       add(fast_share.judge(evidence_.fast_px / evidence_.slow_px), "views of the board in motion",
           fmt::format("corners fit to {:.2f} px where the board moves fast, to {:.2f} px where it moves slowly",
                       evidence_.fast_px, evidence_.slow_px),
-          "the times of the pictures do not explain how the board moves: motion blur (expose more briefly), or stamps "
-          "that do not tell when a picture was taken; move the board more slowly, or hold it still at each place");
+          "the images' times do not fit the board's motion: motion blur (expose more briefly), or time stamps "
+          "unrelated to the exposure; move the board more slowly, or hold it still at each place");
     }
     if (report_.volume) {
       const solver::VolumeAccuracy& volume = *report_.volume;
@@ -412,7 +413,7 @@ class Judge {
                     static_cast<double>(report_.cameras.size());
       }
       const double share = volume.p95_by_calibration_m / distance;
-      // The noise's own part of the total.
+      // Compared with the noise's part of the total.
       const bool outweighs = volume.p95_by_calibration_m * std::numbers::sqrt2 > volume.p95_total_m;
       Verdict verdict = volume.covered > 0 ? volume_share.judge(share) : Verdict::failed;
       if (verdict == Verdict::usable && outweighs && share > little_volume_share) verdict = Verdict::doubtful;
@@ -421,7 +422,8 @@ class Judge {
               "the calibration misplaces points of the volume by {:.1f} mm (median), {:.1f} mm (95 %); two or more "
               "cameras see {:.0f} % of it",
               1000 * volume.median_by_calibration_m, 1000 * volume.p95_by_calibration_m, 100 * volume.covered),
-          "carry the board through the parts of the volume that the slices below show dark, seen by several cameras");
+          "carry the board through the parts of the volume that are dark in the slices below, in view of several "
+          "cameras");
     }
   }
 

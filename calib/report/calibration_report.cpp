@@ -29,8 +29,7 @@ bool is_at_edge(std::size_t cell) {
   return column == 0 || row == 0 || column + 1 == ImageGrid::columns || row + 1 == ImageGrid::rows;
 }
 
-// How blurred a camera's views are, and how many far more than its others: those in which the board moved, or the
-// camera focused.
+// Median blur of a camera's views, and the number of views with far more blur (motion, or refocusing).
 void add_blur(CameraReport& report, const std::vector<const solver::BoardView*>& views) {
   constexpr double far_more = 1.8;
   std::vector<double> blurs;
@@ -43,7 +42,7 @@ void add_blur(CameraReport& report, const std::vector<const solver::BoardView*>&
       static_cast<int>(std::ranges::count_if(blurs, [&](double blur) { return blur > far_more * report.blur_px; }));
 }
 
-// Views that no other one before them resembles: the corners' median distance is over a hundredth of the image's width.
+// Views that differ from all earlier ones: median distance of the corners over 1 % of the image's width.
 int distinct(const std::vector<const solver::BoardView*>& views, calib::ImageSize size) {
   std::vector<const solver::BoardView*> kept;
   for (const solver::BoardView* view : views) {
@@ -121,7 +120,7 @@ CameraReport camera_report(const solver::Adjustment& a, int c, Evidence& evidenc
     constexpr int enough = 20;
     if (n < enough) continue;
     ++cells;
-    // A mean of noise alone is not zero either.
+    // Noise alone contributes to the mean, too.
     pattern += std::max(0.0, report.grid.mean_residual[cell].squaredNorm() - 2 * a.noise_px * a.noise_px / n);
   }
   report.coverage = static_cast<double>(filled) / static_cast<double>(sums.size());
@@ -141,7 +140,7 @@ double distance_sigma(const solver::Adjustment& a, int i, int k) {
   Eigen::VectorXd gradient = Eigen::VectorXd::Zero(a.covariance.rows());
   for (const auto& [c, sign] : {std::pair(i, 1.0), std::pair(k, -1.0)}) {
     const int at = a.pose_offset.empty() ? -1 : a.pose_offset[index(c)];
-    // A camera's centre moves against the translation of its tangent.
+    // The centre moves opposite to the translation of the tangent.
     if (at >= 0) gradient.segment<3>(at + 3) = -sign * (a.cameras[index(c)].cam_from_world.rotation * direction);
   }
   return std::sqrt(std::max(0.0, gradient.dot(a.covariance * gradient)));
@@ -152,7 +151,7 @@ void add_views(CalibrationReport& report, const solver::Adjustment& a) {
     if (!a.fits[v].dropped) continue;
     report.dropped.push_back({a.views[v].camera, a.views[v].image, dropped_text(*a.fits[v].dropped)});
   }
-  // Per camera the worst that are used, one in the middle, and some that were dropped.
+  // Per camera: the worst used views, one of median quality, and some dropped ones.
   for (int c = 0; c < static_cast<int>(a.cameras.size()); ++c) {
     std::vector<std::size_t> used, dropped;
     for (std::size_t v = 0; v < a.views.size(); ++v) {
@@ -170,7 +169,7 @@ void add_views(CalibrationReport& report, const solver::Adjustment& a) {
   }
 }
 
-// Whether what moves fits less than what rests: then time is not all explained.
+// Fit of moving and resting boards: a difference indicates wrong times.
 void compare_speeds(const solver::Adjustment& a, Evidence& evidence) {
   std::vector<std::size_t> moving;
   for (std::size_t v = 0; v < a.views.size(); ++v) {
@@ -207,7 +206,7 @@ CalibrationReport base_report(const solver::Adjustment& a, const ReportInput& in
     if (index(c) < input.cameras.size()) {
       report.cameras.back().pictures = input.cameras[index(c)].pictures;
       report.cameras.back().boards = input.cameras[index(c)].boards;
-      report.cameras.back().smeared = input.cameras[index(c)].smeared;
+      report.cameras.back().motion_blurred = input.cameras[index(c)].motion_blurred;
     }
   }
   std::set<int> sets;

@@ -1,6 +1,5 @@
-// What a calibration is worth: figures, checks and a verdict, for people (text, HTML) and for scripts (the verdict).
-// Reprojection error alone says little: it is small too when the boards were all held flat, or the lens was never seen
-// to its edges.
+// Report on a calibration: figures, checks and a verdict, as text and HTML. The reprojection error alone is not enough:
+// it is also small if all boards were parallel to the image, or none reached its edges.
 #pragma once
 
 #include <Eigen/Core>
@@ -21,7 +20,7 @@ namespace huetrack::report {
 enum class Verdict : std::uint8_t { usable, doubtful, failed };
 std::string_view name(Verdict verdict);  // "usable", "doubtful", "failed"
 
-// One thing that was looked at.
+// The result of one check.
 struct Check {
   Verdict verdict = Verdict::usable;
   std::string name;     // "coverage of left"
@@ -32,9 +31,9 @@ struct Check {
 // Cells of an image: columns x rows, row by row; those of solver::ImageStations.
 struct ImageGrid {
   static constexpr int columns = solver::ImageStations::columns, rows = solver::ImageStations::rows;
-  std::array<int, 48> corners{};                    // used ones in the cell
-  std::array<int, 48> left_out{};                   // those that do not fit, of views that are used
-  std::array<Eigen::Vector2d, 48> mean_residual{};  // measured minus projected, pixels; zero where there is no corner
+  std::array<int, 48> corners{};                    // used, in this cell
+  std::array<int, 48> left_out{};                   // outliers of used views
+  std::array<Eigen::Vector2d, 48> mean_residual{};  // measured minus projected, pixels; zero without corners
 };
 
 struct CameraReport {
@@ -42,33 +41,33 @@ struct CameraReport {
   calib::ImageSize image_size;
   solver::LensModel lens = solver::LensModel::radtan5;
   solver::LensParameters parameters = solver::LensParameters::Zero();
-  solver::LensParameters sigma = solver::LensParameters::Zero();  // 0: taken as exact
-  bool lens_was_found = false;                                    // here, rather than given
-  std::string lens_reason;                                        // of the choice of model; empty when it was given
-  std::string timing;  // latency and readout, where a board that moved told them; otherwise empty
+  solver::LensParameters sigma = solver::LensParameters::Zero();  // 0: exact
+  bool lens_was_found = false;                                    // by this calibration, not given
+  std::string lens_reason;                                        // of the choice of model; empty if given
+  std::string timing;  // latency and readout, if a moving board determined them
   std::vector<solver::LensTrial> trials;
-  // Looked at, with the board found in it, and smeared by motion beyond finding; 0 pictures: not known.
-  int pictures = 0, boards = 0, smeared = 0;
+  // Images, images with a detected board, and images with motion blur too strong for detection; 0 images: unknown.
+  int pictures = 0, boards = 0, motion_blurred = 0;
   int views_used = 0, corners_used = 0;
-  int corners_left_out = 0, left_out_at_edge = 0;  // of used views; at_edge: in the image's outermost cells
-  int distinct_views = 0;  // of views_used, without those that show the board at the place of another
+  int corners_left_out = 0, left_out_at_edge = 0;  // of used views; at_edge: in the outermost cells
+  int distinct_views = 0;                          // of views_used, without repetitions of the same board pose
   double rms_px = 0;
   double worst_view_rms_px = 0;
   std::string worst_view;
   ImageGrid grid;
-  double coverage = 0;             // share of the image's cells with corners in them
-  std::vector<double> tilt_deg;    // per used view: of the board, against the line of sight
+  double coverage = 0;             // share of cells with corners
+  std::vector<double> tilt_deg;    // per used view: of the board against the line of sight
   std::vector<double> distance_m;  // per used view: of the board's centre
-  solver::RayUncertainty rays;     // where its pixels look
-  // Standard deviation of its edges' blur, median over its views, 0: not known; how many views are far more blurred
-  // than its others; and how much noisier its corners are than those of most cameras.
+  solver::RayUncertainty rays;     // uncertainty of its pixels' directions
+  // Standard deviation of the edges' blur, median over the views, 0: unknown; number of views with far more blur; noise
+  // of its corners relative to most cameras.
   double blur_px = 0;
   int blurred_views = 0;
   double relative_noise = 1;
-  double pattern_px = 0;                             // rms of what the lens model leaves systematically, over the cells
+  double pattern_px = 0;                             // rms of the systematic residual over the cells
   std::optional<calib::Rigid3d> cam_from_world;      // nullopt: a lens alone
   Eigen::Vector3d centre = Eigen::Vector3d::Zero();  // in the world, metres
-  // Length of the three axes' standard deviations, in a world that is aligned with the volume.
+  // Norm of the standard deviations along three axes, in a world aligned with the volume.
   double centre_sigma_m = 0, rotation_sigma_rad = 0;
 };
 
@@ -76,10 +75,10 @@ struct PairReport {
   int a = 0, b = 0;
   int shared_sets = 0;
   double rms_px = 0;
-  double distance_m = 0, distance_sigma_m = 0;  // of the cameras' centres: what a tape measure can check
+  double distance_m = 0, distance_sigma_m = 0;  // between the cameras' centres, for a tape measure
 };
 
-// A camera that has no place in the result, and why.
+// A camera without a result, and why.
 struct CameraLeftOut {
   std::string name, why;
 };
@@ -92,33 +91,33 @@ struct DroppedView {
 
 struct CalibrationReport {
   std::string title;                                         // "extrinsics of left, right"
-  std::vector<std::pair<std::string, std::string>> made_of;  // what went in: board, inputs, options
+  std::vector<std::pair<std::string, std::string>> made_of;  // board, inputs, options
   std::string board;
   std::vector<CameraReport> cameras;
   std::vector<PairReport> pairs;
   std::vector<DroppedView> dropped;
   std::vector<CameraLeftOut> left_out;
-  std::vector<Check> checks;  // all of them, the good ones too; the worst first
+  std::vector<Check> checks;  // all, the worst first
   Verdict verdict = Verdict::usable;
   double rms_px = 0, noise_px = 0;
   int sets = 0;
-  std::string lens_reason;  // of extrinsics: why the lenses were refined, or not
+  std::string lens_reason;  // of extrinsics: whether and why the lenses were refined
   std::optional<solver::VolumeAccuracy> volume;
   std::vector<std::pair<int, Eigen::Vector3d>> board_centres;  // (set, world), for the plan
-  std::vector<solver::BoardView> shown;  // views worth a picture, with their residuals beside them
+  std::vector<solver::BoardView> shown;                        // views to show with an image, and their residuals
   std::vector<solver::ViewFit> shown_fits;
 };
 
-// What is known besides the result.
+// Input besides the result.
 struct ReportInput {
-  struct OfCamera {
-    int pictures = 0, boards = 0, smeared = 0;
+  struct CameraTally {
+    int pictures = 0, boards = 0, motion_blurred = 0;
   };
-  std::vector<OfCamera> cameras;           // beside the result's; may be empty
-  std::vector<std::string> warnings;       // damaged files: each a doubt
-  std::string board_doubt{};               // what the pictures say against the board file; empty: nothing
-  std::vector<CameraLeftOut> left_out{};   // cameras that should have been in it
-  std::optional<solver::WorldBox> volume;  // nullopt: where the board was
+  std::vector<CameraTally> cameras;        // one per camera of the result; may be empty
+  std::vector<std::string> warnings;       // damaged files; each makes the result doubtful
+  std::string board_doubt{};               // contradiction between images and board file; may be empty
+  std::vector<CameraLeftOut> left_out{};   // cameras without a result
+  std::optional<solver::WorldBox> volume;  // nullopt: the volume of the board's places
   std::vector<std::pair<std::string, std::string>> made_of;
 };
 
@@ -126,11 +125,11 @@ CalibrationReport report_on(const solver::Intrinsics& result, const ReportInput&
 CalibrationReport report_on(const solver::Extrinsics& result, const ReportInput& input);
 
 std::string to_text(const CalibrationReport& report);
-// In part of a sentence: how good it is, and the worst of what speaks against it with what to do.
+// One clause: accuracy, and the worst check with its advice.
 std::string summary(const CalibrationReport& report);
-bool begins_a_report(std::string_view text);  // whether that is how such a text begins
+bool begins_a_report(std::string_view text);  // whether a text begins like to_text()
 
-// A picture as the report shows it: JPEG, `scale` times the size that the corners are in. nullptr: there is none.
+// An image for the report: JPEG, `scale` times the size that the corners refer to. nullptr: none.
 struct EmbeddedPicture {
   std::vector<std::uint8_t> jpeg;
   double scale = 1;
@@ -138,7 +137,7 @@ struct EmbeddedPicture {
 std::string data_uri(const std::vector<std::uint8_t>& jpeg);  // "data:image/jpeg;base64,..."
 using PictureOf = std::function<const EmbeddedPicture*(int camera, const std::string& image)>;
 
-// One file with everything in it.
+// A self-contained file.
 std::string to_html(const CalibrationReport& report, const PictureOf& picture_of = {});
 
 }  // namespace huetrack::report

@@ -13,12 +13,12 @@ namespace {
 
 using certify::Certificate;
 
-// So that the expanded uncertainty is an error that was seen, and not the largest of a few: of 39 measurements the
-// 95 % are the 38th. And a length test goes in all directions, through the volume.
+// Minimum of a length test: of 39 measurements the 95 % quantile is the 38th error, not the largest. Lengths must cover
+// all directions and the volume.
 constexpr std::size_t least_independent = 39, least_directions = 4, least_cells = 12;
-// A third object of the colour: for a moment it may be a reflection, and what it is seen in is left out.
+// A third object of the colour may be a momentary reflection; its frame sets are left out.
 constexpr double most_with_third_percent = 5;
-// Of squared errors in their stated sigmas. Of 39 independent errors that are as stated one in 200 samples shows half.
+// Of the mean NIS. With 39 independent, consistent errors one in 200 samples has half of it.
 constexpr double honest_surprise = 4, small_surprise = 1.5, cautious_surprise = 0.5;
 
 std::string in_mm(double metres) {
@@ -29,15 +29,15 @@ std::vector<std::string> doubts_of(const Certificate& c, bool is_of_places) {
   std::vector<std::string> doubts;
   if (c.independent < least_independent)
     doubts.push_back(is_of_places
-                         ? fmt::format("only {} visits of marked places count, {} are needed: put it on each of "
+                         ? fmt::format("only {} independent visits of marked places, {} are needed: put it on each of "
                                        "them again, or mark more",
                                        c.independent, least_independent)
-                         : fmt::format("only {} lengths of their own were measured, {} are needed: carry it "
-                                       "on, to other places and in other directions",
+                         : fmt::format("only {} independent lengths were measured, {} are needed: carry it on, to "
+                                       "other places and in other directions",
                                        c.independent, least_independent));
   if (c.directions_measured() < least_directions)
     doubts.push_back(
-        fmt::format("lengths lie in {} of seven directions only: {}", c.directions_measured(),
+        fmt::format("lengths lie in only {} of seven directions: {}", c.directions_measured(),
                     is_of_places ? "mark places above one another, too" : "turn it, upright and slanting too"));
   if (c.cells_measured() < least_cells)
     doubts.push_back(fmt::format("only {} of {} parts of the volume were visited: {}", c.cells_measured(),
@@ -52,7 +52,7 @@ std::size_t sets_of_others(const certify::OneColorBar& bar) {
   return sets;
 }
 
-// What was tracked and may have been no ball of the bar, so that nobody knows what else was taken for one.
+// Frame sets in which a tracked object may not have been a ball of the bar.
 std::vector<std::string> doubts_of(const OneColorTally& tally) {
   std::vector<std::string> doubts;
   const auto share = [&](std::size_t sets) {
@@ -61,37 +61,38 @@ std::vector<std::string> doubts_of(const OneColorTally& tally) {
   if (const auto& others = tally.bar.others; !others.empty()) {
     const auto& longest = *std::ranges::max_element(others, {}, &certify::OneColorBar::Other::sets);
     doubts.push_back(fmt::format(
-        "in {:.1f} % of the frame sets, from {:.1f} s after the beginning on, the two objects that were tracked were "
-        "{:.0f} to {:.0f} mm apart, and not the {:.0f} mm of the bar. These sets are in no figure: something else has "
-        "the colour (take it away and record anew), or --length-mm is wrong, or the rig is far off",
+        "in {:.1f} % of the frame sets, the first {:.1f} s after the beginning, the two tracked objects were {:.0f} to "
+        "{:.0f} mm apart, but the bar has {:.0f} mm. These sets are excluded: something else has the colour (remove it "
+        "and "
+        "record anew), or --length-mm is wrong, or the rig is far wrong",
         share(sets_of_others(tally.bar)), longest.from_s - tally.began_s, 1e3 * longest.least_m, 1e3 * longest.most_m,
         1e3 * tally.length_m));
   }
   if (share(tally.bar.with_third) > most_with_third_percent)
     doubts.push_back(
-        fmt::format("in {:.1f} % of the frame sets there was a third object of the colour, and these are in no figure: "
-                    "take it away and record anew",
+        fmt::format("in {:.1f} % of the frame sets there was a third object of the colour; they are excluded: "
+                    "remove it and record anew",
                     share(tally.bar.with_third)));
   return doubts;
 }
 
-std::string honesty_text(const Certificate& c) {
+std::string consistency_text(const Certificate& c) {
   std::string out = fmt::format(
-      "The positions' own covariances state {} mm for a length (95 %); of the errors {:.0f} % lie within what was "
-      "stated "
-      "for them (95 % would be right), and their squares are {:.2f} times what was stated.",
+      "The positions' covariances predict {} mm for a length (95 %); of the errors {:.0f} % lie within "
+      "that (95 % would be consistent), and their mean normalised square is {:.2f} (1 would be consistent).",
       in_mm(c.stated_expanded_m), 100 * c.inside_stated, c.surprise);
   if (c.surprise > honest_surprise)
     out +=
-        " They are too sure: the rig does not fit any more, or was calibrated worse than it says, or the cameras' "
-        "times are wrong. huetrack-calibrate check tells the first.";
+        " The covariances are too small: the rig has changed or its uncertainty is too small, or the cameras' "
+        "timing is wrong. huetrack-calibrate check tests the first.";
   else if (c.surprise > small_surprise)
-    out +=
-        fmt::format(" They are somewhat too sure: errors are {:.1f} times as large as stated.", std::sqrt(c.surprise));
+    out += fmt::format(" The covariances are somewhat too small: errors are {:.1f} times as large as predicted.",
+                       std::sqrt(c.surprise));
   else if (c.surprise < cautious_surprise)
-    out += fmt::format(" They are cautious: errors are {:.2f} times as large as stated.", std::sqrt(c.surprise));
+    out += fmt::format(" The covariances are conservative: errors are {:.2f} times as large as predicted.",
+                       std::sqrt(c.surprise));
   else
-    out += " That is honest.";
+    out += " The covariances are consistent.";
   return out;
 }
 
@@ -107,7 +108,7 @@ Table by_direction(const Certificate& c) {
   return table;
 }
 
-// Every error over time, with the limit and the uncertainty.
+// The errors over time, with limit and uncertainty.
 Figure errors_figure(const Certificate& c, const std::vector<certify::MeasuredLength>& lengths,
                      const std::optional<double>& limit_m) {
   Figure figure;
@@ -142,10 +143,10 @@ void add_one_color(Document& document, const OneColorTally& tally) {
   const std::size_t others = sets_of_others(bar);
   const std::size_t seen = bar.lengths.size() + bar.only_one + bar.with_third + others;
   document.paragraph(fmt::format(
-      "Of {} frame sets {} gave a length. Of the others, in {} one ball alone was tracked (the other was hidden, or "
+      "Of {} frame sets {} gave a length. Of the others, in {} only one ball was tracked (the other was hidden, or "
       "one "
       "lay over the other in the pictures), and in {} neither was; in {} there was a third object of the colour; in {} "
-      "the two were not as far apart as the bar's balls.",
+      "the distance of the two was not that of the bar's balls.",
       tally.sets, bar.lengths.size(), bar.only_one, tally.sets - std::min(tally.sets, seen), bar.with_third, others));
 }
 
@@ -182,14 +183,14 @@ CertificateReport report_on(const Certificate& c, const std::vector<certify::Mea
     const auto doubts = doubts_of(*input.one_color);
     report.doubts.insert(report.doubts.end(), doubts.begin(), doubts.end());
   }
-  for (const std::string& sentence : input.named) report.doubts.push_back("while it was tracked, " + sentence);
+  for (const std::string& sentence : input.named) report.doubts.push_back("during tracking: " + sentence);
   const bool is_above = input.limit_m && c.expanded_m > *input.limit_m;
   report.verdict = is_above                                   ? Verdict::failed
                    : !report.doubts.empty() || !input.limit_m ? Verdict::doubtful
                                                               : Verdict::usable;
   Document& document = report.document;
   document.title = "Certificate of lengths: " + input.rig_name;
-  document.subtitle = fmt::format("{}; {} lengths, {} measurements of their own, through {:.2f} x {:.2f} x {:.2f} m",
+  document.subtitle = fmt::format("{}; {} lengths, {} independent measurements, through {:.2f} x {:.2f} x {:.2f} m",
                                   input.what, c.lengths, c.independent, c.box.high.x() - c.box.low.x(),
                                   c.box.high.y() - c.box.low.y(), c.box.high.z() - c.box.low.z());
   std::string text = fmt::format("The expanded uncertainty of a length is {} mm (95 %)", in_mm(c.expanded_m));
@@ -207,20 +208,20 @@ CertificateReport report_on(const Certificate& c, const std::vector<certify::Mea
                   "which is part "
                   "of the uncertainty.",
                   1e3 * c.mean_m, in_mm(c.rms_m), in_mm(c.largest_m), in_mm(c.true_length_sigma_m)));
-  document.paragraph(honesty_text(c));
+  document.paragraph(consistency_text(c));
   if (!rig.uncertainty)
-    document.paragraph(
-        "The rig file has no uncertainty of its own: what the calibration leaves open is in no covariance.");
+    document.paragraph("The rig file has no uncertainty: the covariances lack the error of the calibration.");
   if (!lengths.empty()) {
     document.figure(errors_figure(c, lengths, input.limit_m));
     document.table(by_direction(c));
     if (c.slow.lengths > 0 && c.fast.lengths > 0)
-      document.paragraph(fmt::format("Slow (below 0.3 m/s) the rms is {} mm, fast (above 1 m/s) {} mm{}.",
-                                     in_mm(c.slow.rms_m), in_mm(c.fast.rms_m),
-                                     c.fast.rms_m > 2 * c.slow.rms_m
-                                         ? ": the cameras' times are not known well enough, or the pictures are smeared"
-                                         : ""));
-    document.heading("Where in the volume it is good");
+      document.paragraph(
+          fmt::format("Slow (below 0.3 m/s) the rms is {} mm, fast (above 1 m/s) {} mm{}.", in_mm(c.slow.rms_m),
+                      in_mm(c.fast.rms_m),
+                      c.fast.rms_m > 2 * c.slow.rms_m
+                          ? ": the cameras' timing is not known well enough, or the images have motion blur"
+                          : ""));
+    document.heading("Errors over the volume");
     VolumeValues values{.box = c.box, .steps = c.steps, .values = {}, .are_cells = true};
     std::vector<PlaceOnPlan> places;
     for (const Certificate::Part& cell : c.cells)
@@ -232,9 +233,9 @@ CertificateReport report_on(const Certificate& c, const std::vector<certify::Mea
     }
     document.figure(
         slices_figure(values, "not visited", 0,
-                      "Slices from above, x to the right and y up: rms error of the lengths whose middle was there."));
+                      "Slices from above, x to the right and y up: rms error of the lengths centred there."));
     document.figure(
-        plan_figure(rig, c.box, places, "From above: cameras and what they see, and where the lengths' middles were."));
+        plan_figure(rig, c.box, places, "From above: cameras and what they see, and the centres of the lengths."));
   }
   add_targets(document, input);
   document.heading("How it was made");

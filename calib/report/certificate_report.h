@@ -1,4 +1,4 @@
-// How right the lengths of a measuring volume are, for people: PASS or FAIL against a limit.
+// Report on the accuracy of lengths in a measuring volume: PASS or FAIL against a limit.
 #pragma once
 
 #include <optional>
@@ -12,22 +12,22 @@
 
 namespace huetrack::report {
 
-// How a target fared in the recording.
+// Tracking statistics of a target in the recording.
 struct TargetTally {
   std::string name;
-  std::size_t sets = 0, tracking = 0;  // frame sets; in which it was tracked
-  std::size_t gaps = 0;                // runs of sets in which it was not, after it was first found
+  std::size_t sets = 0, tracking = 0;  // frame sets; of these tracked
+  std::size_t gaps = 0;                // interruptions of tracking after it was first found
   double longest_gap_s = 0;
   std::size_t rests = 0;
   double rest_scatter_m = 0;  // rms over the rests: repeatability of a position at rest
 };
 
-// What became of the frame sets with a bar whose balls have one colour.
+// Statistics of the frame sets for a bar whose balls have the same colour.
 struct OneColorTally {
   certify::OneColorBar bar{};
   double length_m = 0;
   std::size_t sets = 0;
-  double began_s = 0;  // the first one: times are told from there
+  double began_s = 0;  // the first one; origin of reported times
 };
 
 struct CertificateInput {
@@ -36,17 +36,17 @@ struct CertificateInput {
   std::optional<double> limit_m{};
   std::vector<TargetTally> targets{};
   std::optional<OneColorTally> one_color{};
-  std::vector<std::string> named{};  // while it was tracked: a camera that moved, a mistake; one sentence each
-  std::vector<std::pair<std::string, std::string>> cameras{};  // name; what is known of its time
-  std::optional<double> set_ms{};                              // that tracking a frame set took; nullopt: not known
+  std::vector<std::string> named{};  // mistakes reported during tracking (a camera moved, ...); one sentence each
+  std::vector<std::pair<std::string, std::string>> cameras{};  // name; timing
+  std::optional<double> set_ms{};                              // processing time of a frame set; nullopt: unknown
   bool has_incomplete_sets = false;
-  double incomplete_share = 0;  // of the frame sets: a camera's frame was missing
+  double incomplete_share = 0;  // of frame sets without a camera's frame
   std::vector<std::pair<std::string, std::string>> made_of{};
 };
 
 struct CertificateReport {
-  Verdict verdict = Verdict::usable;  // usable: PASS; failed: FAIL; doubtful: too little measured, no limit, or doubts
-  std::vector<std::string> doubts;    // one sentence each, with what to do
+  Verdict verdict = Verdict::usable;  // usable: PASS; failed: FAIL; doubtful: too few measurements, no limit, or doubts
+  std::vector<std::string> doubts;    // one sentence each, with advice
   Document document;
 };
 

@@ -26,8 +26,8 @@ void replace_all(std::string& text, std::string_view what, const std::string& by
     text.replace(at, what.size(), by);
 }
 
-// number: of the figure in the document. Cairo gives glyphs and masks the same names in every picture, and a browser
-// takes the first of a page: letters of one figure would be shown in all others.
+// Makes ids unique per figure number: Cairo uses the same ids of glyphs and masks in every SVG, and a browser resolves
+// them to the first of the page.
 std::string svg_of(const Figure& figure, std::size_t number) {
   Canvas canvas(figure.width, figure.height, drawing::white, Canvas::Kind::svg);
   figure.draw(canvas);
@@ -76,7 +76,7 @@ class Paper {
  public:
   explicit Paper(Canvas& canvas) : canvas_(canvas) {}
 
-  // What is so high stands on one page.
+  // Content of this height stays on one page.
   void need(double height) {
     if (y_ + height <= page_height - margin || y_ == margin) return;
     canvas_.next_page();
@@ -108,7 +108,7 @@ class Paper {
 
   void operator()(const Heading& h) {
     y_ += 10;
-    need(60);  // a heading is not the last of a page
+    need(60);  // no heading at the end of a page
     lines(h.text, 13, drawing::ink, drawing::Weight::bold);
     y_ += 2;
   }

@@ -1,4 +1,4 @@
-// A report as a list of parts, told once and written twice: HTML with everything in it, and PDF on paper of A4.
+// A report as a list of parts, written as self-contained HTML, as PDF (A4) and as text.
 #pragma once
 
 #include <functional>
@@ -17,17 +17,17 @@ struct Heading {
 struct Paragraph {
   std::string text;
 };
-struct Banner {  // the verdict, and what it is of
+struct Banner {  // the verdict
   Verdict verdict = Verdict::usable;
   std::string word;  // "PASS"
   std::string text;
 };
 struct Table {
-  std::vector<std::string> head;  // a column that is not the first stands at its right edge
+  std::vector<std::string> head;  // the first column is left-aligned, others right-aligned
   std::vector<std::vector<std::string>> rows;
 };
 struct Figure {
-  int width = 0, height = 0;  // pixels, or points on paper; wider than the page it is made smaller
+  int width = 0, height = 0;  // pixels, or points on paper; scaled down to the page
   std::function<void(drawing::Canvas&)> draw;
   std::string caption;
 };
@@ -45,7 +45,7 @@ struct Document {
 };
 
 std::string to_html(const Document& document);
-std::string to_pdf(const Document& document);   // the same bytes for the same document
-std::string to_text(const Document& document);  // without the figures; a banner is a line of its own
+std::string to_pdf(const Document& document);   // deterministic
+std::string to_text(const Document& document);  // without figures
 
 }  // namespace huetrack::report

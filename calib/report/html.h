@@ -1,4 +1,4 @@
-// What all reports' pages have in common. Private to this module.
+// Shared by all HTML reports. Private to this module.
 #pragma once
 
 #include <string>
@@ -9,6 +9,6 @@
 namespace huetrack::report {
 
 using drawing::escaped;
-std::string html_head(std::string_view title);  // up to where the body's contents begin
+std::string html_head(std::string_view title);  // up to the content of the body
 
 }  // namespace huetrack::report

@@ -13,7 +13,7 @@ std::string in_tenths_of_mm(double metres) {
   return fmt::format("{:.1f} mm", 1e3 * metres);
 }
 
-// By how many cameras, what share of the volume, and how well there.
+// Per number of cameras: share of the volume, and accuracy there.
 Table by_views(const solver::VolumeAccuracy& map, std::size_t cameras) {
   Table table{.head = {"seen by", "of the volume", "median", "worst tenth from"}, .rows = {}};
   for (int views = 0; views <= static_cast<int>(cameras); ++views) {
@@ -54,19 +54,19 @@ MapReport map_report(const calib::CameraRig& rig, const solver::VolumeAccuracy& 
   report.verdict = map.covered < enough_covered ? Verdict::doubtful : Verdict::usable;
   std::string seen = fmt::format("Two or more cameras see {:.0f} % of the volume.", 100 * map.covered);
   if (map.covered > 0)
-    seen += fmt::format(" Positions from one moment's pictures are expected to be off by {} there (95 %: {}).",
+    seen += fmt::format(" There the expected error of a position from one frame set is {} (95 %: {}).",
                         in_tenths_of_mm(map.median_total_m), in_tenths_of_mm(map.p95_total_m));
   document.banner(report.verdict, report.verdict == Verdict::usable ? "Covered" : "Hardly covered", seen);
-  document.paragraph(
-      fmt::format("An object whose centre every camera sees to {:g} px; standard deviation of the position, length of "
-                  "its three axes'. A filter that follows it over time does better.",
-                  map.object_noise_px));
+  document.paragraph(fmt::format(
+      "Assumes that every camera measures the object's centre to {:g} px. Figures: norm of the position's standard "
+      "deviations along three axes. A filter over time does better.",
+      map.object_noise_px));
   document.paragraph(
       rig.uncertainty
-          ? fmt::format("The calibration's own part of it is {} (95 %: {}).",
+          ? fmt::format("Of that, the calibration contributes {} (95 %: {}).",
                         in_tenths_of_mm(map.median_by_calibration_m), in_tenths_of_mm(map.p95_by_calibration_m))
-          : std::string("The rig file has no uncertainty: its cameras count as exactly known, and what the "
-                        "calibration adds is missing here."));
+          : std::string("The rig file has no uncertainty: its cameras are taken as exact, and the error of the "
+                        "calibration is missing here."));
   if (map.covered > 0) {
     document.heading("Where in the volume");
     document.figure(slices_figure(values_of(map), "unseen", 0,
@@ -86,7 +86,7 @@ MapReport map_report(const calib::CameraRig& rig, const solver::VolumeAccuracy& 
                             in_tenths_of_mm(place.p95_total_m)});
     }
     document.paragraph("One more with the lens of " + rig.cameras.front().name +
-                       ", looking at the middle of the volume, and as if it were exactly known:");
+                       ", pointed at the middle of the volume, and exactly calibrated:");
     document.table(table);
   }
   document.figure(

@@ -1,4 +1,4 @@
-// The expected error over a volume, before anything is recorded, for people.
+// Report on the expected error over a volume, before anything is recorded.
 #pragma once
 
 #include <string>
@@ -14,8 +14,8 @@ struct MapInput {
   std::string volume_is_from;  // "of the configuration", one clause
 };
 
-// next: where one camera more would help; may be empty. Its verdict is `doubtful` where two cameras see less than half
-// of the volume.
+// next: places where another camera would help; may be empty. Verdict `doubtful`: two cameras see less than half of the
+// volume.
 struct MapReport {
   Verdict verdict = Verdict::usable;
   Document document;

@@ -48,7 +48,7 @@ std::string arrow(const Vector2d& from, const Vector2d& to, const char* color, d
       color);
 }
 
-// Where corners were, and what the model leaves of them on average.
+// Coverage by corners, and mean residuals.
 std::string image_map(const CameraReport& camera) {
   const double width = 360, height = width * camera.image_size.height / camera.image_size.width;
   const double w = width / ImageGrid::columns, h = height / ImageGrid::rows;
@@ -69,7 +69,7 @@ std::string image_map(const CameraReport& camera) {
           n == 0 ? "#ffffff" : html_blue(0.08 + 0.5 * std::log1p(n) / std::log1p(static_cast<double>(most)));
       svg += fmt::format(
           "<rect x='{:.1f}' y='{:.1f}' width='{:.1f}' height='{:.1f}' fill='{}' stroke='#c6ced8'><title>{} corners, "
-          "mean residual ({:.3f}, {:.3f}) px; {} left out; its pixels look where they should to {:.2f} "
+          "mean residual ({:.3f}, {:.3f}) px; {} left out; direction of its pixels known to {:.2f} "
           "px</title></rect>",
           1 + column * w, 1 + row * h, w, h, fill, n, camera.grid.mean_residual[cell].x(),
           camera.grid.mean_residual[cell].y(), camera.grid.left_out[cell], camera.rays.sigma_px[cell]);
@@ -92,12 +92,12 @@ std::string image_map(const CameraReport& camera) {
   svg += arrow({4, height + 14}, {4 + zoom * unit_px, height + 14}, "#c2410c", 1.6);
   svg += fmt::format("<text x='{:.1f}' y='{:.1f}'>{:g} px</text></svg>", 10 + zoom * unit_px, height + 18, unit_px);
   return "<figure>" + svg +
-         "<figcaption>Blue: where the board's corners were (white: never). Arrows: the residuals' mean " +
-         "in each part; noise alone leaves them short and in all directions. Grey: by how many px a pixel there may "
-         "look elsewhere (standard deviation). Red: corners that do not fit and were left out.</figcaption></figure>";
+         "<figcaption>Blue: where the board's corners were (white: never). Arrows: mean residuals; " +
+         "with noise alone they are short and point in all directions. Grey: uncertainty of a pixel's direction, px "
+         "(standard deviation). Red: outlier corners, left out.</figcaption></figure>";
 }
 
-// Every view as a point: how far away, how tilted.
+// Every view as a point: distance and tilt.
 std::string view_scatter(const CameraReport& camera) {
   if (camera.tilt_deg.empty()) return {};
   constexpr double width = 260, height = 200, left = 34, bottom = 26;
@@ -122,7 +122,7 @@ std::string view_scatter(const CameraReport& camera) {
   }
   return "<figure>" + svg +
          "</svg><figcaption>Each view: distance of the board, and its tilt against the line of sight. "
-         "Good: points all over, up to 50°.</figcaption></figure>";
+         "Good: points everywhere, up to 50°.</figcaption></figure>";
 }
 
 std::string lens_table(const CameraReport& camera) {
@@ -146,7 +146,7 @@ std::string trials_table(const CameraReport& camera) {
     out += fmt::format("<tr><td>{}</td><td class=n>{:.3f}</td><td class=n>{}</td><td class=n>",
                        solver::name(trial.lens), trial.rms_px, trial.left_out);
     out += trial.held_out_px > 0 ? fmt::format("{:.3f}", trial.held_out_px) : std::string("-");
-    out += "</td><td>" + escaped(trial.possible ? std::string() : told(solver::reasons_of(trial))) +
+    out += "</td><td>" + escaped(trial.possible ? std::string() : with_advice(solver::reasons_of(trial))) +
            (trial.lens == camera.lens ? "<b>chosen</b>" : "") + "</td></tr>";
   }
   return out + "</table>";
@@ -314,7 +314,7 @@ std::string camera_table(const CalibrationReport& report) {
     out += fmt::format("<tr><td>{}</td><td class=n>{:.3f}</td><td class=n>{}</td><td class=n>", escaped(c.name),
                        c.rms_px, c.views_used);
     out += c.pictures > 0 ? fmt::format("{} of {}", c.boards, c.pictures) : std::string("-");
-    if (c.smeared > 0) out += fmt::format(", {} smeared by motion", c.smeared);
+    if (c.motion_blurred > 0) out += fmt::format(", {} blurred by motion", c.motion_blurred);
     out += fmt::format("</td><td class=n>{:.0f} %</td><td>{}</td><td class=n>{:.1f} +- {:.1f}</td>", 100 * c.coverage,
                        solver::name(c.lens), c.parameters(0), c.sigma(0));
     if (posed) {
@@ -353,7 +353,8 @@ std::string verdict_banner(const CalibrationReport& report) {
   text += fmt::format("Corners fit to {:.2f} px rms", report.rms_px);
   if (report.volume && report.volume->covered > 0) {
     text += fmt::format(
-        "; by the calibration points are off by {:.2f} mm (95 %: {:.2f} mm), an object seen to {:.1f} px by {:.1f} mm",
+        "; error of points due to the calibration {:.2f} mm (95 %: {:.2f} mm), of an object seen to {:.1f} px {:.1f} "
+        "mm",
         1000 * report.volume->median_by_calibration_m, 1000 * report.volume->p95_by_calibration_m,
         report.volume->object_noise_px, 1000 * report.volume->median_total_m);
   }
@@ -365,7 +366,7 @@ std::string verdict_banner(const CalibrationReport& report) {
 std::string data_uri(const std::vector<std::uint8_t>& bytes) {
   std::string base64((bytes.size() + 2) / 3 * 4 + 1, '\0');
   ::EVP_EncodeBlock(reinterpret_cast<unsigned char*>(base64.data()), bytes.data(), static_cast<int>(bytes.size()));
-  base64.pop_back();  // the zero that it ends with
+  base64.pop_back();  // the terminating zero
   return "data:image/jpeg;base64," + base64;
 }
 
@@ -379,7 +380,7 @@ std::string to_html(const CalibrationReport& report, const PictureOf& picture_of
     const solver::VolumeAccuracy& v = *report.volume;
     const Vector3d size = v.box.high - v.box.low;
     out +=
-        "\n<h2>Does it agree with a tape measure?</h2><p>The one thing that no picture can tell is the board's true "
+        "\n<h2>Does it agree with a tape measure?</h2><p>The images do not contain the board's true "
         "size. "
         "Measure between two lenses:</p>" +
         pair_table(report);
@@ -388,9 +389,9 @@ std::string to_html(const CalibrationReport& report, const PictureOf& picture_of
         "{:.2f}, z "
         "{:.2f} to {:.2f}), the calibration itself "
         "misplaces "
-        "points by {:.2f} mm (median; 95 %: {:.2f} mm), after the best rigid alignment. With an object whose centre is "
-        "seen to "
-        "{:.1f} px it is {:.2f} mm ({:.2f} mm). Two or more cameras see {:.0f} % of the volume. The slices show the "
+        "points by {:.2f} mm (median; 95 %: {:.2f} mm), after the best rigid alignment. For an object whose centre is "
+        "measured "
+        "to {:.1f} px it is {:.2f} mm ({:.2f} mm). Two or more cameras see {:.0f} % of the volume. The slices show the "
         "latter; "
         "standard deviation of the position.</p>",
         size.x(), size.y(), size.z(), v.box.low.x(), v.box.high.x(), v.box.low.y(), v.box.high.y(), v.box.low.z(),
@@ -402,7 +403,7 @@ std::string to_html(const CalibrationReport& report, const PictureOf& picture_of
     const CameraReport& camera = report.cameras[c];
     out += "\n<h2>" + escaped(camera.name) + "</h2>";
     if (!camera.lens_reason.empty()) out += "<p>" + escaped(camera.lens_reason) + ".</p>";
-    if (!camera.timing.empty()) out += "<p>Of its time: " + escaped(camera.timing) + ".</p>";
+    if (!camera.timing.empty()) out += "<p>Timing: " + escaped(camera.timing) + ".</p>";
     out += "<div class=row>" + image_map(camera) + view_scatter(camera) + "<div>" + lens_table(camera) + "</div></div>";
     if (camera.trials.size() > 1)
       out += "<details><summary>Lens models that were tried</summary>" + trials_table(camera) + "</details>";

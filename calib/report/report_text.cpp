@@ -8,7 +8,7 @@
 namespace huetrack::report {
 namespace {
 
-// By the first of these, after its title, a report is known again.
+// begins_a_report() recognises a report by these.
 constexpr std::string_view usable_words = "USABLE: nothing speaks against it",
                            doubtful_words = "DOUBTFUL: ", failed_words = "FAILED: do not use it";
 
@@ -38,7 +38,7 @@ bool begins_a_report(std::string_view text) {
 std::string summary(const CalibrationReport& report) {
   std::string text = fmt::format("corners fit to {:.2f} px rms", report.rms_px);
   if (report.volume && report.volume->covered > 0)
-    text += fmt::format(", points are expected to be off by {:.2g} mm", 1000 * report.volume->median_by_calibration_m);
+    text += fmt::format(", expected error of points {:.2g} mm", 1000 * report.volume->median_by_calibration_m);
   const auto worst =
       std::ranges::find_if(report.checks, [](const Check& check) { return check.verdict != Verdict::usable; });
   if (worst != report.checks.end()) text += "; " + worst->finding + ": " + worst->advice;
@@ -74,12 +74,12 @@ std::string to_text(const CalibrationReport& report) {
     out += fmt::format("{}: {} corners left out, {} of them at the image's edge", camera.name, camera.corners_left_out,
                        camera.left_out_at_edge);
     if (camera.rays.image_px > 0)
-      out += fmt::format(
-          "; where boards were, pixels look where they should to {:.2f} px, over the whole image to {:.2g} px",
-          camera.rays.covered_px, camera.rays.image_px);
+      out +=
+          fmt::format("; direction of a pixel known to {:.2f} px where boards were, to {:.2g} px over the whole image",
+                      camera.rays.covered_px, camera.rays.image_px);
     if (camera.blur_px > 0) out += fmt::format("; edges blurred by {:.1f} px", camera.blur_px);
-    if (camera.smeared > 0)
-      out += fmt::format("; in {} of {} pictures the board is smeared by motion beyond finding", camera.smeared,
+    if (camera.motion_blurred > 0)
+      out += fmt::format("; in {} of {} images motion blur is too strong to find the board", camera.motion_blurred,
                          camera.pictures);
     out += "\n";
   }

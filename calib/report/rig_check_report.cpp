@@ -17,7 +17,7 @@ const std::string& name_in(const calib::CameraRig& rig, int camera) {
 Check scale_check(const solver::RigCheck& check) {
   return {Verdict::failed, "scale",
           fmt::format("everything fits ({:.2f} px rms instead of {:.2f}) if all distances between the cameras are "
-                      "{:.4f} times what the rig says",
+                      "{:.4f} times those of the rig",
                       check.best_px, check.as_is_px, *check.scale),
           "is the board file of this board (its square's size), and the one that the rig was made with?"};
 }
@@ -26,23 +26,23 @@ Check names_check(const solver::RigCheck& check, const calib::CameraRig& rig) {
   return {Verdict::failed, "names",
           fmt::format("cameras {} and {} look swapped: with their names exchanged the rig fits",
                       name_in(rig, check.swapped->first), name_in(rig, check.swapped->second)),
-          "give the pictures of each under its own name (which device is which, after a reboot?)"};
+          "give each camera's images under its own name (did a reboot exchange the devices?)"};
 }
 
 Check mirrored_check(const solver::RigCheck& check, const calib::CameraRig& rig) {
   return {Verdict::failed, "images of " + name_in(rig, *check.mirrored),
-          fmt::format("the images of {} are mirrored (left and right swapped): mirrored back they fit the rig",
+          fmt::format("the images of {} are mirrored (left and right swapped): mirrored back, they fit the rig",
                       name_in(rig, *check.mirrored)),
-          "record them as the sensor sees them, and check again"};
+          "switch mirroring off in the camera or its driver, and check again"};
 }
 
-// Who it was that moved, as far as the views tell.
+// The camera that moved, as far as the views determine it.
 std::string who(const solver::RigCheck& check, const calib::CameraRig& rig, const solver::MovedCamera& moved) {
   const std::string& name = name_in(rig, moved.camera);
   if (check.alternatives.empty() || &moved != &check.moved.front()) return name;
   std::vector<std::string> others;
   for (const int other : check.alternatives) others.push_back(name_in(rig, other));
-  return fmt::format("{} or {} (these views do not tell which; as if it were {})", name,
+  return fmt::format("{} or {} (these views do not determine which; figures for {})", name,
                      fmt::to_string(fmt::join(others, " or ")), name);
 }
 
@@ -61,10 +61,10 @@ Check moved_check(const solver::RigCheck& check, const calib::CameraRig& rig, co
 void add_camera(std::vector<Check>& checks, const solver::RigCheck& check, const calib::CameraRig& rig, std::size_t c) {
   const std::string& name = rig.cameras[c].name;
   if (check.shared_views[c] < solver::RigCheck::enough_views) {
-    checks.push_back({Verdict::doubtful, "views of " + name,
-                      fmt::format("{}: only {} views that it shares with another camera: it cannot be judged", name,
-                                  check.shared_views[c]),
-                      "show the board to it and a neighbour together, at some ten places"});
+    checks.push_back(
+        {Verdict::doubtful, "views of " + name,
+         fmt::format("{}: only {} views shared with another camera: too few for a check", name, check.shared_views[c]),
+         "show the board to it and a neighbour together, at some ten places"});
     return;
   }
   if (const auto& lens = check.lenses[c]) {
@@ -76,11 +76,11 @@ void add_camera(std::vector<Check>& checks, const solver::RigCheck& check, const
     checks.push_back(moved_check(check, rig, *moved));
     return;
   }
-  checks.push_back({Verdict::usable,
-                    "pose of " + name,
-                    fmt::format("{}: stands where the rig says ({:.2f} px rms, {} shared views)", name, check.rms_px[c],
-                                check.shared_views[c]),
-                    {}});
+  checks.push_back(
+      {Verdict::usable,
+       "pose of " + name,
+       fmt::format("{}: unchanged ({:.2f} px rms, {} shared views)", name, check.rms_px[c], check.shared_views[c]),
+       {}});
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-// Whether a rig still fits what its cameras see, for people: a camera that was bumped is named, with how far it moved.
+// Report on whether a rig still fits its cameras' images: names a camera that moved, and by how much.
 #pragma once
 
 #include <string>
@@ -15,7 +15,7 @@ struct RigCheckReport {
   Verdict verdict = Verdict::usable;
 };
 
-// rig: the one that was checked.
+// rig: the checked one.
 RigCheckReport report_on(const solver::RigCheck& check, const calib::CameraRig& rig);
 
 std::string to_text(const RigCheckReport& report, const solver::RigCheck& check);

@@ -11,25 +11,25 @@ std::string pixels(double px) {
   return px < 10 ? fmt::format("{:.2f} px", px) : fmt::format("{:.0f} px", px);
 }
 
-// Where the lenses that are not given came from.
-std::string found_here(const solver::Extrinsics& result) {
+// The origin of lenses that were not given.
+std::string estimated_here(const solver::Extrinsics& result) {
   std::vector<std::string> clauses;
   for (std::size_t c = 0; c < result.contradictions.size(); ++c) {
     if (!result.contradictions[c]) continue;
     clauses.push_back(contradiction_text(*result.contradictions[c], result.adjustment.cameras[c].name));
   }
-  return clauses.empty() ? "the lenses were found from these views" : fmt::to_string(fmt::join(clauses, "; "));
+  return clauses.empty() ? "the lenses were estimated from these views" : fmt::to_string(fmt::join(clauses, "; "));
 }
 
-// What is believed of lenses whose files do not say how well they are known; empty: none is.
-std::string believed_text(const solver::Extrinsics& result) {
+// The assumed uncertainty of given lenses without covariance; empty: none.
+std::string assumed_text(const solver::Extrinsics& result) {
   const bool any = std::ranges::any_of(result.given_lens_checks, [](const std::optional<solver::GivenLensCheck>& lens) {
     return lens && !lens->has_covariance;
   });
   if (!any) return "";
   return fmt::format(
-      "; how well they are known their files do not say: what is stated allows for what usual webcams' are wrong by "
-      "({:.1f} % of the image's width), as far as these views do not tell better",
+      "; their files have no uncertainty, so that of usual webcams is assumed ({:.1f} % of the image's width), unless "
+      "these views determine them better",
       100 * solver::usual_lens_share);
 }
 
@@ -41,7 +41,7 @@ std::string choice_text(const solver::Intrinsics& lens) {
     case solver::LensChoice::asked_for:
       break;
     case solver::LensChoice::too_few_views:
-      return fmt::format("{} views are too few to tell lens models apart: the simplest one", lens.compared_views);
+      return fmt::format("{} views are too few to compare lens models: the simplest one", lens.compared_views);
     case solver::LensChoice::best:
       return fmt::format("{} predicts views that it was not fitted to best ({:.3f} px)", solver::name(chosen.lens),
                          chosen.held_out_px);
@@ -55,7 +55,7 @@ std::string choice_text(const solver::Intrinsics& lens) {
           "{} predicts views that it was not fitted to as well ({:.3f} px) as {} ({:.3f} px), and is simpler",
           solver::name(chosen.lens), chosen.held_out_px, solver::name(best.lens), best.held_out_px);
     case solver::LensChoice::together:
-      return fmt::format("{} fits what all cameras saw better than {}, which this camera's own views spoke for",
+      return fmt::format("{} fits the views of all cameras better than {}, which this camera's own views favour",
                          solver::name(chosen.lens), solver::name(lens.trials.at(lens.alone).lens));
   }
   return fmt::format("{} was asked for", solver::name(chosen.lens));
@@ -66,31 +66,31 @@ std::string refinement_text(const solver::Extrinsics& result) {
     case solver::LensRefinement::asked_for:
       break;
     case solver::LensRefinement::kept_as_found:
-      return "the lenses stay as found camera by camera";
+      return "the lenses stay as estimated for each camera alone";
     case solver::LensRefinement::kept_as_given:
-      return "the lenses stay as they were given" + believed_text(result);
+      return "the lenses stay as they were given" + assumed_text(result);
     case solver::LensRefinement::refined:
-      return found_here(result) + ", and are refined with all cameras' views";
+      return estimated_here(result) + "; the lenses are refined with all cameras' views";
     case solver::LensRefinement::given_refined:
       return fmt::format(
-          "the lenses that were given were refined: as they were, the cameras agree less well with one another "
-          "({:.2f} px) than now ({:.2f} px)",
+          "the given lenses were refined: unrefined, the cameras agree less well with one another ({:.2f} px) than now "
+          "({:.2f} px)",
           result.held_px, result.adjustment.noise_px);
     case solver::LensRefinement::not_synchronised:
       return fmt::format(
-          "{}, and stay as each camera's own views say ({:.2f} px), because the cameras agree less well with one "
-          "another ({:.2f} px): they are not quite in step",
-          found_here(result), result.alone_px, result.adjustment.noise_px);
+          "{}; each is kept as its own camera's views determine it ({:.2f} px), because the cameras agree less well "
+          "with "
+          "one another ({:.2f} px): they are not quite synchronised",
+          estimated_here(result), result.alone_px, result.adjustment.noise_px);
   }
   return "refining the lenses was asked for";
 }
 
 std::string contradiction_text(const solver::LensContradiction& c, const std::string& camera) {
   if (c.is_by_focal_length)
-    return fmt::format(
-        "the views of camera {} say that its focal length is {:.1f} px (+- {:.1f}), not {:.1f} px as given", camera,
-        c.focal_px, c.focal_sigma_px, c.given_focal_px);
-  return fmt::format("the lens that was given for camera {} leaves {:.2f} px, one fitted to its views {:.2f} px",
+    return fmt::format("by its views camera {} has a focal length of {:.1f} px (+- {:.1f}), not {:.1f} px as given",
+                       camera, c.focal_px, c.focal_sigma_px, c.given_focal_px);
+  return fmt::format("the given lens of camera {} leaves a residual of {:.2f} px, one fitted to its views {:.2f} px",
                      camera, c.given_px, c.refined_px);
 }
 
@@ -104,7 +104,7 @@ std::string timing_text(const solver::Adjustment& adjustment, const solver::Adju
 }
 
 std::string dropped_text(const solver::ViewMisfit& misfit) {
-  return fmt::format("its corners are off by {}, those of the other views by {}", pixels(misfit.own_px),
+  return fmt::format("its corners have an error of {}, those of the other views {}", pixels(misfit.own_px),
                      pixels(misfit.others_px));
 }
 

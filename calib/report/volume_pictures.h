@@ -1,4 +1,4 @@
-// A volume and the cameras around it, drawn: where it is good.
+// Figures of a volume, its accuracy, and the cameras around it.
 #pragma once
 
 #include <Eigen/Core>
@@ -15,23 +15,23 @@ namespace huetrack::report {
 
 drawing::Color blue(double share);  // from pale (0, and below) to dark (1, and above)
 
-// A figure of every place of a grid; NaN: there is none.
+// A value at every point of a grid; NaN: none.
 struct VolumeValues {
   static constexpr double none = std::numeric_limits<double>::quiet_NaN();
   solver::WorldBox box;
   std::array<int, 3> steps{};  // along x, y, z; > 0
   std::vector<double> values;  // millimetres; x fastest, then y, then z
-  bool are_cells = false;      // that fill the box; otherwise places, the outermost ones on its sides
+  bool are_cells = false;      // values of cells that fill the box; otherwise of points, the outermost on its faces
   double at(int x, int y, int z) const { return values[static_cast<std::size_t>((z * steps[1] + y) * steps[0] + x)]; }
 };
 VolumeValues values_of(const solver::VolumeAccuracy& map);  // the total
 
-// Slices through it from above, the lowest first, at most three; with a scale. most_mm: from there on all is as dark;
-// 0: the 95 % quantile.
+// At most three horizontal slices, the lowest first, with a scale. most_mm: value of the darkest colour; 0: the 95 %
+// quantile.
 Figure slices_figure(const VolumeValues& values, const std::string& none_means, double most_mm,
                      const std::string& caption);
 
-// From above: cameras and what they see, the volume, and places that are marked, each with its name.
+// Plan: cameras with their fields of view, the volume, and marked places with names.
 struct PlaceOnPlan {
   std::string name;  // may be empty: a dot
   Eigen::Vector3d p_world = Eigen::Vector3d::Zero();

@@ -1,4 +1,4 @@
-// What `huetrack-calibrate wave` found, for people.
+// Report on `huetrack-calibrate wave`.
 #pragma once
 
 #include <string>
@@ -11,8 +11,8 @@
 namespace huetrack::report {
 
 struct WaveReport {
-  Verdict verdict = Verdict::usable;  // or doubtful: there are doubts
-  std::vector<std::string> doubts;    // why it may not be usable, each with what to do
+  Verdict verdict = Verdict::usable;  // doubtful: there are doubts
+  std::vector<std::string> doubts;    // each with advice
   std::vector<std::string> notes;
   std::string scale_from;  // "the distance between cam0 and cam1, 4.020 m"
 };
@@ -20,8 +20,8 @@ struct WaveReport {
 WaveReport report_on(const wave::WaveResult& result);
 
 std::string to_text(const WaveReport& report, const wave::WaveResult& result);
-// In part of a sentence: how good it is, and the first of what speaks against it.
+// One clause: accuracy, and the first doubt.
 std::string summary(const WaveReport& report, const wave::WaveResult& result);
-Document document_of(const WaveReport& report, const wave::WaveResult& result);  // the same
+Document document_of(const WaveReport& report, const wave::WaveResult& result);
 
 }  // namespace huetrack::report

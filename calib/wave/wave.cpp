@@ -16,6 +16,7 @@
 #include <set>
 #include <stdexcept>
 
+#include "calib/model/closest_approach.h"
 #include "calib/model/index.h"
 #include "calib/model/median.h"
 #include "calib/solver/bundle_adjustment.h"
@@ -613,12 +614,10 @@ std::optional<double> radius_by_rays(const calib::CameraRig& rig, const std::vec
       if (!da || !db) continue;
       const calib::Camera &of_a = rig.cameras[index(a.camera)], &of_b = rig.cameras[index(b.camera)];
       const Vector3d base = of_b.centre() - of_a.centre();
-      const double cosine = da->dot(*db), denominator = 1 - cosine * cosine;
-      if (denominator < 1e-3) continue;  // nearly parallel
-      const double along_a = (base.dot(*da) - cosine * base.dot(*db)) / denominator;
-      const double along_b = (cosine * base.dot(*da) - base.dot(*db)) / denominator;
-      if (along_a <= 0 || along_b <= 0) continue;
-      const double gap_m = std::abs(base.dot(da->cross(*db))) / std::sqrt(denominator);
+      const auto nearest = calib::closest_approach(base, *da, *db, 1e-3);
+      if (!nearest || nearest->along_0 <= 0 || nearest->along_1 <= 0) continue;
+      const double along_a = nearest->along_0, along_b = nearest->along_1;
+      const double gap_m = std::abs(base.dot(da->cross(*db))) / std::sqrt(nearest->sin2);
       if (gap_m > furthest_apart * std::min(along_a, along_b)) continue;
       radii_m.push_back(std::sqrt(radius_px(a) * along_a / of_a.model.fx() * radius_px(b) * along_b / of_b.model.fx()));
     }

@@ -30,7 +30,7 @@ bool is_letter(char c) {
   return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '_';
 }
 
-// A number as it is written plainly, at the beginning of `text`: its length, 0 without one.
+// Length of the plain decimal number at the beginning of `text`; 0: none.
 std::size_t length_of_number(std::string_view text) {
   std::size_t at = !text.empty() && (text.front() == '-' || text.front() == '+') ? 1 : 0;
   const std::size_t first = at;
@@ -44,7 +44,7 @@ std::size_t length_of_number(std::string_view text) {
 }
 
 struct Unit {
-  std::string_view said, key_end, name;
+  std::string_view written, key_suffix, name;
   double factor;
 };
 constexpr std::array<Unit, 16> units{{{"m", "_m", "metres", 1},
@@ -68,11 +68,11 @@ std::string without_unit(std::string_view number, std::string_view unit, std::st
   const auto value = parse_number(number);
   if (!value) return {};
   if (unit == "%") return fmt::format("write {:.6g}: a share, without the unit", *value / 100);
-  const std::string small = to_lower_ascii(unit);
+  const std::string small = files::to_lower_ascii(unit);
   for (const Unit& known : units)
-    if (known.said == small && key.ends_with(known.key_end))
+    if (known.written == small && key.ends_with(known.key_suffix))
       return fmt::format("write {:.6g}: {}, without the unit", *value * known.factor, known.name);
-  const bool is_word = unit.front() != 'x' && std::ranges::all_of(unit, is_letter);  // 0x is no unit
+  const bool is_word = unit.front() != 'x' && std::ranges::all_of(unit, is_letter);  // 0x is not a unit
   return is_word ? fmt::format("write {}, the number alone", number) : std::string();
 }
 
@@ -86,7 +86,7 @@ std::vector<std::string_view> lines_of(std::string_view text) {
   return lines;
 }
 
-// Without what stands between quotation marks, and without the comment: of that, nothing is YAML. The length stays.
+// Blanks out quoted text, which is not YAML, and cuts the comment. Positions stay.
 std::string without_texts(std::string_view line) {
   std::string out(line);
   char quote = 0;
@@ -109,7 +109,7 @@ std::size_t indentation_of(std::string_view line) {
   return std::min(line.find_first_not_of(' '), line.size());
 }
 
-// A word, as keys are, at the beginning of a line's content.
+// The key-like word at the beginning of `content`.
 std::string_view word_of(std::string_view content) {
   const auto end =
       std::ranges::find_if(content, [](char c) { return !is_letter(c) && !is_digit(c) && c != '-' && c != '/'; });
@@ -126,24 +126,24 @@ std::string hint_of_line(std::string_view whole) {
   const std::string_view rest = content.substr(word.size());
   const std::string_view value = trimmed(rest.empty() ? rest : rest.substr(1));
   if (word.empty()) return {};
-  const std::string key = printable(word);
-  if (trimmed(rest).empty()) return is_of_list ? "" : fmt::format("a colon is missing behind {0}: write {0}:", key);
+  const std::string key = files::printable(word);
+  if (trimmed(rest).empty()) return is_of_list ? "" : fmt::format("a colon is missing after {0}: write {0}:", key);
   if (trimmed(rest).starts_with('=') && trimmed(rest).size() > 1)
-    return fmt::format("write {}: {}, with a colon", key, printable(trimmed(trimmed(rest).substr(1))));
+    return fmt::format("write {}: {}, with a colon", key, files::printable(trimmed(trimmed(rest).substr(1))));
   if (rest.front() != ':') return {};
   if (rest.size() > 1 && indents.find(rest[1]) == std::string_view::npos && !rest.substr(1).starts_with("//"))
-    return fmt::format("a space is missing behind the colon: write {}: {}", key, printable(value));
+    return fmt::format("a space is missing after the colon: write {}: {}", key, files::printable(value));
   if (!value.empty() && std::string_view("@`%").find(value.front()) != std::string_view::npos)
     return fmt::format("put quotation marks around what begins with {0}: write {1}: \"{2}\"", value.front(), key,
-                       printable(value));
+                       files::printable(value));
   const std::string_view inner = word_of(value);
   if (!inner.empty() && value.substr(inner.size()).starts_with(": "))
     return fmt::format("one line has one key: write {}: {{{}}}, or {} on a line of its own, indented further", key,
-                       printable(value), printable(inner));
+                       files::printable(value), files::printable(inner));
   return {};
 }
 
-// The bracket that is never closed, if there is one before `last`.
+// The innermost bracket that is never closed.
 SyntaxHint open_bracket(const std::vector<std::string_view>& lines) {
   struct Open {
     char bracket;
@@ -161,19 +161,19 @@ SyntaxHint open_bracket(const std::vector<std::string_view>& lines) {
   return {open.back().line, fmt::format("{} is never closed: write {} where it ends", open.back().bracket, closing)};
 }
 
-// Lines of one mapping begin below one another.
+// The first line whose indentation fits no open mapping.
 SyntaxHint odd_indentation(const std::vector<std::string_view>& lines, int line) {
   const std::size_t last = std::min(std::size_t(line), lines.size());
-  std::vector<std::size_t> levels;  // of the mappings that are open
+  std::vector<std::size_t> levels;  // of the open mappings
   for (std::size_t n = 0; n < last; ++n) {
     const std::string bare = without_texts(lines[n]);
     if (trimmed(bare).empty()) continue;
     const std::size_t here = indentation_of(bare);
     if (levels.empty() || here > levels.back()) {
-      // Further in than a line that has its value already.
+      // Indented under a line that already has a value.
       if (!levels.empty() && n > 0 && n + 1 == last && !trimmed(without_texts(lines[n - 1])).ends_with(':'))
-        return {int(n) + 1, fmt::format("it is indented by {} spaces, the line above it, which it seems to belong "
-                                        "with, by {}: write them below one another",
+        return {int(n) + 1, fmt::format("it is indented by {} spaces, but the line above it by {}: keys that belong "
+                                        "together need the same indentation",
                                         here, levels.back())};
       levels.push_back(here);
       continue;
@@ -181,8 +181,8 @@ SyntaxHint odd_indentation(const std::vector<std::string_view>& lines, int line)
     while (!levels.empty() && levels.back() > here) levels.pop_back();
     if (levels.empty() || levels.back() != here)
       return {int(n) + 1,
-              fmt::format("it is indented by {} spaces, as no line above it: keys that belong together begin below "
-                          "one another",
+              fmt::format("it is indented by {} spaces, like no line above it: keys that belong together need the "
+                          "same indentation",
                           here)};
   }
   return {};
@@ -192,14 +192,14 @@ SyntaxHint odd_indentation(const std::vector<std::string_view>& lines, int line)
 
 std::optional<double> parse_number(std::string_view text) {
   if (text.starts_with('+') && !text.starts_with("+-")) text.remove_prefix(1);
-  const auto value = number_of<double>(text);
+  const auto value = files::number_of<double>(text);
   return value && std::isfinite(*value) ? value : std::nullopt;
 }
 
 std::string number_hint(std::string_view given, std::string_view key, NumberKind wanted) {
   const std::string_view text = trimmed(given);
   if (const auto value = parse_number(text)) {
-    // Beyond 2^53 it is no whole number of ours, in quotation marks or not.
+    // Beyond 2^53 a double is not exact.
     if (wanted == NumberKind::whole_number && (*value != std::trunc(*value) || std::abs(*value) > 0x1p53)) return {};
     return fmt::format("write {}, without quotation marks", text);
   }
@@ -233,7 +233,7 @@ std::string list_hint(std::string_view text, std::size_t min_count, std::size_t 
     }
     numbers.emplace_back(text.substr(0, length));
     text.remove_prefix(length);
-    // Between two numbers it is no sign.
+    // Between two numbers it is a separator, not a sign.
     if (text.starts_with('-') || text.starts_with('+')) text.remove_prefix(1);
     while (text.starts_with('.')) text.remove_prefix(1);
   }
@@ -242,7 +242,7 @@ std::string list_hint(std::string_view text, std::size_t min_count, std::size_t 
 }
 
 std::string boolean_hint(std::string_view given) {
-  const std::string word = to_lower_ascii(given);
+  const std::string word = files::to_lower_ascii(given);
   constexpr std::array<std::string_view, 5> yes{"true", "yes", "on", "y", "1"}, no{"false", "no", "off", "n", "0"};
   const bool is_yes = std::ranges::find(yes, word) != yes.end();
   if (!is_yes && std::ranges::find(no, word) == no.end()) return {};
@@ -262,7 +262,7 @@ SyntaxHint syntax_hint(std::string_view yaml, int line) {
     if (text.substr(begin).starts_with("\u00a0"))
       return {n, "its indentation has no-break spaces, as copied from a web page: write plain spaces"};
   }
-  // The parser notices a line's mistake there, or only where the next one goes on.
+  // The parser stops at the faulty line or at the next one.
   int above = last - 1;
   while (above > 0 && trimmed(without_texts(lines[std::size_t(above - 1)])).empty()) --above;
   for (const int n : {above, last}) {

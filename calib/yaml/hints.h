@@ -1,6 +1,6 @@
-// What somebody probably meant who wrote a value that is none of the wanted kind, or a line that is no YAML: the end of
-// a message that says what to write instead ("write 0.04: a point, not a comma"). Empty where nothing is known. Pure
-// functions; thread-safe.
+// Suggestions for the end of an error message: what the user probably meant by a value of the wrong type, or by a line
+// that is not YAML ("write 0.04: a decimal point, not a comma"). Empty if there is no suggestion. Pure functions;
+// thread-safe.
 #pragma once
 
 #include <cstddef>
@@ -11,19 +11,19 @@
 
 namespace huetrack::yaml {
 
-// A number as our files have it, the whole of the text; nullopt: it is none, or not finite.
+// nullopt: the whole text is not a finite number.
 std::optional<double> parse_number(std::string_view text);
 
-// text: that is no number. key: its name ends with the unit that is wanted (radius_m), or with none.
+// text: not a number. key: its suffix names the unit that is expected (radius_m), if any.
 enum class NumberKind : std::uint8_t { number, whole_number };
 std::string number_hint(std::string_view text, std::string_view key, NumberKind wanted = NumberKind::number);
 
-// text: numbers that are no list, as in "640x480", "65-115", "0 0 60 40".
+// text: numbers that are not a YAML list, as in "640x480", "65-115", "0 0 60 40".
 std::string list_hint(std::string_view text, std::size_t min_count, std::size_t max_count);
 
 std::string boolean_hint(std::string_view word);
 
-// Why a parser stopped at `line` (from 1) of a text; where it begins is often earlier.
+// Why a parser stopped at `line` (from 1) of a text. The cause is often in an earlier line.
 struct SyntaxHint {
   int line = 0;
   std::string text = {};

@@ -17,11 +17,16 @@
 #include "calib/yaml/hints.h"
 
 namespace huetrack::yaml {
+
+using files::ConfigError;
+using files::nearest_word;
+using files::printable;
+
 namespace {
 
-constexpr std::size_t longest_path = 200, longest_key = 80;  // characters, in a message
+constexpr std::size_t longest_key = 80;  // capacity: characters of a key in a message
 
-// What a file names is printed sooner or later, by whoever reads it: none of it may be a command to a terminal.
+// Names and texts are printed sooner or later: none may contain commands for a terminal.
 constexpr const char* not_printable = "has control characters in it";
 
 std::string in_quotes(std::string_view text) {
@@ -30,7 +35,7 @@ std::string in_quotes(std::string_view text) {
 
 std::string to_text(double value) {
   std::array<char, 32> buffer;
-  // The shortest way to write a million is 1e+06, and not the most readable one.
+  // The shortest text of a million is 1e+06, which is less readable.
   const bool plain = value == 0 || (std::abs(value) >= 1e-4 && std::abs(value) < 1e16);
   return {buffer.data(), std::to_chars(buffer.data(), buffer.data() + buffer.size(), value,
                                        plain ? std::chars_format::fixed : std::chars_format::general)
@@ -41,7 +46,6 @@ std::string plural(std::size_t count, const std::string& noun) {
   return std::to_string(count) + " " + noun + (count == 1 ? "" : "s");
 }
 
-// The end of a message; nothing, where nothing is known.
 std::string as_end(const std::string& hint) {
   return hint.empty() ? hint : ": " + hint;
 }
@@ -95,7 +99,7 @@ std::optional<std::int64_t> parse_integer(std::string_view text) {
   return static_cast<std::int64_t>(*real);
 }
 
-// The one number that a list has in brackets of its own, if it has.
+// The hint for a list of one number where a number is expected.
 std::string in_brackets(const YAML::Node& node) {
   if (!node.IsSequence() || node.size() != 1 || !is_plain(node[0]) || !parse_number(node[0].Scalar())) return {};
   return "write " + printable(node[0].Scalar()) + ", without brackets";
@@ -106,12 +110,12 @@ std::string hint_of_number(const YAML::Node& node, std::string_view key, NumberK
   return node.IsScalar() ? number_hint(node.Scalar(), key, wanted) : in_brackets(node);
 }
 
-// Of what should be a list of numbers: those that somebody wrote otherwise.
+// The hint for a value that should be a list of numbers.
 std::string hint_of_list(const YAML::Node& node, std::size_t min_count, std::size_t max_count) {
   if (is_null(node)) return {};
   if (node.IsScalar()) return list_hint(node.Scalar(), min_count, max_count);
   std::string all;
-  constexpr std::size_t most = 500;  // numbers of a message
+  constexpr std::size_t most = 500;  // capacity: numbers in a message
   const auto add = [&all](const YAML::Node& value) {
     if (value.IsScalar()) all += value.Scalar() + " ; ";
   };
@@ -121,7 +125,7 @@ std::string hint_of_list(const YAML::Node& node, std::size_t min_count, std::siz
   if (node.IsSequence()) {
     const auto is_whole = [](const YAML::Node& n) { return is_plain(n) && parse_integer(n.Scalar()).has_value(); };
     if (node.size() == max_count + 1 && std::all_of(node.begin(), node.end(), is_whole))
-      return "decimals have a point, not a comma: 0.5";  // [0,5, 1] are three
+      return "decimals have a point, not a comma: 0.5";  // [0,5, 1] has three elements
     for (const auto& element : node) {
       if (element.IsSequence() && node.size() == 1)
         for (const auto& inner : element) add(inner);
@@ -131,7 +135,7 @@ std::string hint_of_list(const YAML::Node& node, std::size_t min_count, std::siz
   return list_hint(all, min_count, max_count);
 }
 
-// Of what should be keys with values.
+// The hint for a value that should be a mapping.
 std::string hint_of_mapping(const YAML::Node& node) {
   if (is_null(node)) return "its keys belong on the lines below it, indented further than it";
   if (!node.IsSequence() || node.size() == 0) return {};
@@ -160,12 +164,7 @@ std::string described(const Range& range) {
   return text;
 }
 
-std::string error_text(const std::filesystem::path& file, int line, const std::string& message) {
-  return printable(file.string(), longest_path) + (line > 0 ? ":" + std::to_string(line) : "") + ": " +
-         printable(message, longest_message);
-}
-
-// Hears where documents begin.
+// Records the line where the last document starts.
 class DocumentStarts : public YAML::EventHandler {
  public:
   void OnDocumentStart(const YAML::Mark& mark) override { line_ = mark.line + 1; }
@@ -183,8 +182,8 @@ class DocumentStarts : public YAML::EventHandler {
   int line_ = 0;
 };
 
-// The file's one document. YAML::Load alone would ignore what follows the first document, and YAML::LoadAll never ends
-// (and eats all memory) when that is a stray "," or "}": https://github.com/jbeder/yaml-cpp/pull/1319
+// Parses a file of one document. YAML::Load ignores what follows the first document, and YAML::LoadAll never ends (and
+// exhausts the memory) if that is a stray "," or "}": https://github.com/jbeder/yaml-cpp/pull/1319
 YAML::Node parse(const std::string& yaml, const std::string& name) {
   try {
     const YAML::Node document = YAML::Load(yaml);
@@ -192,7 +191,7 @@ YAML::Node parse(const std::string& yaml, const std::string& name) {
     YAML::Parser parser(stream);
     DocumentStarts starts;
     if (parser.HandleNextDocument(starts) && parser.HandleNextDocument(starts)) {
-      throw ConfigError(name, starts.line(), "a second YAML document, or something that is no YAML, begins here");
+      throw ConfigError(name, starts.line(), "a second YAML document, or text that is not YAML, begins here");
     }
     return document;
   } catch (const YAML::Exception& error) {
@@ -204,8 +203,7 @@ YAML::Node parse(const std::string& yaml, const std::string& name) {
   }
 }
 
-// Where else in the file a key of this name, or one that begins with it, belongs: "object_tracking.volume"; two at
-// most.
+// At most two other places for a key of this name, or one that begins with it: "object_tracking.volume".
 std::vector<std::string> of_other_places(const std::string& key, std::span<const KeyPath> paths) {
   std::vector<std::string> places;
   const auto add = [&](const auto& is_it) {
@@ -219,33 +217,29 @@ std::vector<std::string> of_other_places(const std::string& key, std::span<const
   return places;
 }
 
-// "8,5" within braces is 8, and a key 5.
-bool is_behind_a_comma(std::string_view key) {
+// "8,5" in braces parses as 8 and a key 5.
+bool is_decimal_comma(std::string_view key) {
   return key.find_first_not_of("0123456789") == std::string_view::npos;
 }
 
 }  // namespace
 
-ConfigError::ConfigError(const std::filesystem::path& file, int line, const std::string& message)
-    : std::runtime_error(error_text(file, line, message)), file_(file), line_(line) {}
-
 struct YamlReader::Node {
-  // A key, and what stands behind it in which file.
+  // A key with its value and origin.
   struct Entry {
-    // const: to assign a YAML::Node changes the document that it is a part of, so that no entry is assigned to another.
+    // const: entries must not be assigned; assigning a YAML::Node changes its document.
     const std::string key;
     YAML::Node value;
     std::filesystem::path file;
     int line;                    // of the key
-    bool is_taken_away = false;  // by a patch: known to be there, and not to be read
-    std::vector<Entry> patches;  // of a mapping: mappings to be read over it, the last one on top
+    bool is_removed = false;     // by a patch: counts as known, but is not read
+    std::vector<Entry> patches;  // of a mapping: mappings applied over it, in this order
 
-    // Lets go of the document.
-    void become(const Entry& other) {
+    void replace_with(const Entry& other) {
       value.reset(other.value);
       file = other.file;
       line = other.line;
-      is_taken_away = other.is_taken_away;
+      is_removed = other.is_removed;
       patches.clear();
     }
   };
@@ -254,14 +248,14 @@ struct YamlReader::Node {
   std::string path;  // dotted; empty at the root
   int line;
   std::vector<Entry> entries;
-  std::map<std::string, std::size_t, std::less<>> places;  // in entries, by key: a file may have 100,000
-  std::vector<std::string> asked;
-  std::set<std::string, std::less<>> asked_keys;  // the same ones, to be found
-  // Of a mapping that is not there, and was read as an empty one: where it would be, and its key.
+  std::map<std::string, std::size_t, std::less<>> places;  // index in entries, by key: a file may have 100,000 keys
+  std::vector<std::string> requested;
+  std::set<std::string, std::less<>> requested_keys;  // the same, for look-up
+  // Of an absent mapping that was read as an empty one: its parent and key.
   std::shared_ptr<Node> absent_from = nullptr;
   std::string absent_key = {};
 
-  // Takes a YAML mapping apart. Only one level: aliases may make the tree below exponentially large, or a circle.
+  // Reads one level of a YAML mapping: aliases may make the tree below exponentially large or circular.
   Node(std::filesystem::path file_name, std::string key_path, int line_number, const YAML::Node& yaml)
       : file(std::move(file_name)), path(std::move(key_path)), line(line_number) {
     if (!yaml.IsMap()) {
@@ -276,7 +270,7 @@ struct YamlReader::Node {
                           (path.empty() ? "" : path + ": ") + "a key must be a word, got " + described(pair.first));
       }
       const std::string& key = pair.first.Scalar();
-      if (has_control_characters(key)) throw ConfigError(file, key_line, child(key) + " " + not_printable);
+      if (files::has_control_characters(key)) throw ConfigError(file, key_line, child(key) + " " + not_printable);
       if (const Entry* first = entry_of(key)) {
         throw ConfigError(file, key_line,
                           child(key) + " is given twice, first in line " + std::to_string(first->line) +
@@ -290,26 +284,26 @@ struct YamlReader::Node {
     places.emplace(entry.key, entries.size());
     return entries.emplace_back(std::move(entry));
   }
-  // nullptr: there is none.
+  // nullptr: absent.
   Entry* entry_of(std::string_view key) {
     const auto place = places.find(key);
     return place == places.end() ? nullptr : &entries[place->second];
   }
 
-  // One level, like the constructor: the mappings below are merged when they are asked for.
+  // One level, like the constructor: the mappings below are merged when they are read.
   void patch_with(const Node& patch) {
     for (const Entry& over : patch.entries) {
       Entry* entry = entry_of(over.key);
       const bool is_new = entry == nullptr;
       if (is_new) entry = &add(over);
       if (!over.value.IsMap()) {
-        entry->become(over);
-        entry->is_taken_away = is_null(over.value);
+        entry->replace_with(over);
+        entry->is_removed = is_null(over.value);
         continue;
       }
-      // A mapping over nothing, too, is a patch: of an empty mapping, so that null in it takes away here as elsewhere.
-      if (is_new || entry->is_taken_away || !entry->value.IsMap()) {
-        entry->become(over);
+      // A mapping over nothing patches an empty mapping, so that null in it removes here, too.
+      if (is_new || entry->is_removed || !entry->value.IsMap()) {
+        entry->replace_with(over);
         entry->value.reset(YAML::Node(YAML::NodeType::Map));
       }
       entry->patches.push_back(over);
@@ -322,9 +316,9 @@ struct YamlReader::Node {
   }
 
   const Entry* find(std::string_view key) {
-    if (!asked_keys.contains(key)) asked_keys.insert(asked.emplace_back(key));
+    if (!requested_keys.contains(key)) requested_keys.insert(requested.emplace_back(key));
     const Entry* entry = entry_of(key);
-    return entry == nullptr || entry->is_taken_away ? nullptr : entry;
+    return entry == nullptr || entry->is_removed ? nullptr : entry;
   }
 
   const Entry& required(std::string_view key) {
@@ -336,13 +330,13 @@ struct YamlReader::Node {
     throw ConfigError(file, line, child(key) + " is missing" + misspelt(key));
   }
 
-  // " (is colour in line 3 a misspelling of it?)"; empty: nothing that nobody has asked for looks like the key.
+  // " (is colour in line 3 a misspelling of it?)"; empty: no unrequested key is similar.
   std::string misspelt(std::string_view key) const {
-    std::vector<std::string> not_asked;
+    std::vector<std::string> unrequested;
     for (const Entry& entry : entries) {
-      if (!asked_keys.contains(entry.key)) not_asked.push_back(entry.key);
+      if (!requested_keys.contains(entry.key)) unrequested.push_back(entry.key);
     }
-    const auto near = nearest_word(key, not_asked);
+    const auto near = nearest_word(key, unrequested);
     if (!near) return {};
     const auto entry = std::ranges::find(entries, *near, &Entry::key);
     return " (is " + *near + " in line " + std::to_string(entry->line) + " a misspelling of it?)";
@@ -352,7 +346,7 @@ struct YamlReader::Node {
     throw ConfigError(entry.file, entry.line, child(entry.key) + index + " " + message);
   }
 
-  // A list may span lines, so its elements are reported where they are (but nothing is nowhere).
+  // Reports an element of a list at its own line; a list may span lines. Null has no position.
   [[noreturn]] void fail(const Entry& entry, const YAML::Node& element, const std::string& index,
                          const std::string& message) const {
     const int element_line = index.empty() || is_null(element) ? 0 : element.Mark().line + 1;
@@ -375,8 +369,8 @@ struct YamlReader::Node {
     if (is_null(value) || !value.IsScalar()) fail(entry, value, index, "must be a text, got " + described(value));
     if (value.Scalar().empty()) fail(entry, value, index, "must not be empty");
     std::string shown = value.Scalar();
-    std::ranges::replace(shown, '\n', ' ');  // lines are no commands
-    if (has_control_characters(shown)) fail(entry, value, index, not_printable);
+    std::ranges::replace(shown, '\n', ' ');  // a line break is harmless
+    if (files::has_control_characters(shown)) fail(entry, value, index, not_printable);
     return value.Scalar();
   }
 
@@ -419,7 +413,7 @@ struct YamlReader::Node {
 YamlReader::YamlReader(std::shared_ptr<Node> node) : node_(std::move(node)) {}
 
 YamlReader YamlReader::file(const std::filesystem::path& path) {
-  return text(read_text_file(path), path.string());
+  return text(files::read_text_file(path), path.string());
 }
 
 YamlReader YamlReader::text(const std::string& yaml, const std::string& name) {
@@ -597,7 +591,7 @@ std::vector<std::pair<std::string, YamlReader>> YamlReader::named_maps(std::stri
   const YamlReader parent = map(key);
   std::vector<std::pair<std::string, YamlReader>> readers;
   for (const auto& entry : parent.node_->entries) {
-    if (entry.is_taken_away) continue;
+    if (entry.is_removed) continue;
     readers.emplace_back(entry.key, YamlReader(parent.node_->map(entry)));
   }
   return readers;
@@ -606,22 +600,22 @@ std::vector<std::pair<std::string, YamlReader>> YamlReader::named_maps(std::stri
 std::vector<std::string> YamlReader::keys() const {
   std::vector<std::string> keys;
   for (const auto& entry : node_->entries)
-    if (!entry.is_taken_away) keys.push_back(entry.key);
+    if (!entry.is_removed) keys.push_back(entry.key);
   return keys;
 }
 
 void YamlReader::finish(std::span<const KeyPath> elsewhere) const {
   for (const auto& entry : node_->entries) {
-    if (node_->asked_keys.contains(entry.key)) continue;
-    if (is_behind_a_comma(entry.key))
+    if (node_->requested_keys.contains(entry.key)) continue;
+    if (is_decimal_comma(entry.key))
       node_->fail(entry, "is not a known key: decimals have a point, not a comma: 0." + printable(entry.key));
-    if (const auto near = nearest_words(entry.key, node_->asked); !near.empty())
+    if (const auto near = files::nearest_words(entry.key, node_->requested); !near.empty())
       node_->fail(entry, "is not a known key (did you mean " + one_of(near) + "?)");
     if (const auto near = of_other_places(entry.key, elsewhere); !near.empty())
       node_->fail(entry, "is not a known key here (did you mean " + one_of(near) + "?)");
-    if (node_->asked.empty()) node_->fail(entry, "is not a known key");
+    if (node_->requested.empty()) node_->fail(entry, "is not a known key");
     node_->fail(entry, fmt::format("is not a known key; known {}: {}", node_->path.empty() ? "are" : "here",
-                                   fmt::join(node_->asked, ", ")));
+                                   fmt::join(node_->requested, ", ")));
   }
 }
 
@@ -629,8 +623,9 @@ std::int64_t YamlReader::version(std::int64_t only, std::optional<std::int64_t> 
   if (!has("version")) {
     if (default_value) return *default_value;
     const std::string misspelt = node_->misspelt("version");
-    fail("", "version is missing" +
-                 (misspelt.empty() ? fmt::format(": write version: {}, the form that this file has", only) : misspelt));
+    fail("",
+         "version is missing" +
+             (misspelt.empty() ? fmt::format(": write version: {}, the version of the file format", only) : misspelt));
   }
   const auto& entry = node_->required("version");
   const auto value = is_plain(entry.value) ? parse_integer(entry.value.Scalar()) : std::nullopt;
@@ -638,8 +633,8 @@ std::int64_t YamlReader::version(std::int64_t only, std::optional<std::int64_t> 
   if (!is_null(entry.value) && entry.value.IsScalar() && parse_integer(entry.value.Scalar()) == only)
     node_->fail(entry, fmt::format("must be a whole number: write {}, without quotation marks", only));
   node_->fail(entry, "must be " + std::to_string(only) + ", got " + described(entry.value) +
-                         ": it says which form this file has, the only one that this program knows, and is neither "
-                         "the program's version nor counts yours");
+                         ": it is the version of the file format, and this program reads only this one. It is neither "
+                         "the program's version nor a count of your changes");
 }
 
 bool YamlReader::is_mapping(std::string_view key) const {
@@ -653,7 +648,7 @@ void YamlReader::fail(std::string_view key, const std::string& message) const {
   if (entry == node_->entries.end()) throw ConfigError(node_->file, node_->line, text);
   if (entry->patches.empty() || entry->file == entry->patches.back().file)
     throw ConfigError(entry->file, entry->line, text);
-  const Node::Entry& over = entry->patches.back();  // what is wrong may stand here or there
+  const Node::Entry& over = entry->patches.back();  // either file may be at fault
   throw ConfigError(entry->file, entry->line,
                     text + " (" + over.file.string() + ":" + std::to_string(over.line) + " is read over it)");
 }

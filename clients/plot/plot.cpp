@@ -146,7 +146,10 @@ void plot(const PlotOptions& options) {
                  "clock (--clock-offset)?\n",
                  target.name);
     if (const auto offset = clock_offset_of(target))
-      fmt::print("{}: {}\n", target.name, truth::to_text(*offset, options.clock_offset_s));
+      fmt::print(
+          "{}: one constant clock offset explains most of the error: with --clock-offset {:.4f} the rms error while "
+          "tracking is {:.1f} mm, not {:.1f}\n",
+          target.name, options.clock_offset_s + offset->offset_s, 1e3 * offset->rms_m, 1e3 * offset->rms_without_m);
   }
 }
 

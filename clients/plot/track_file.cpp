@@ -6,8 +6,8 @@
 #include <cmath>
 #include <string_view>
 
+#include "calib/files/config_error.h"
 #include "calib/files/csv_table.h"
-#include "calib/yaml/yaml_reader.h"
 
 namespace huetrack::plot {
 namespace {

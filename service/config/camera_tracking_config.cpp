@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "calib/files/config_error.h"
 #include "calib/files/csv_table.h"
-#include "calib/yaml/yaml_reader.h"
 #include "config/board_start.h"
 
 namespace huetrack::config {

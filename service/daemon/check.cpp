@@ -11,8 +11,8 @@
 #include <iterator>
 #include <vector>
 
+#include "calib/files/config_error.h"
 #include "calib/files/text_file.h"
-#include "calib/yaml/yaml_reader.h"
 #include "config/service_config.h"
 #include "hosts/camera_host.h"
 #include "pipeline/session.h"
@@ -136,7 +136,7 @@ void compare(const std::filesystem::path& tracks_file, const std::filesystem::pa
     }
     std::printf("%s: %zu samples; %s\n", target.c_str(), track.size(), tracks::to_text(comparison.figures()).c_str());
     if (const auto offset = comparison.clock_offset())
-      std::printf("%s: %s\n", target.c_str(), truth::to_text(*offset, clock_offset_s).c_str());
+      std::printf("%s: %s\n", target.c_str(), tracks::to_text(*offset, clock_offset_s).c_str());
   }
 }
 

@@ -11,9 +11,9 @@
 #include <iterator>
 #include <set>
 
+#include "calib/files/config_error.h"
 #include "calib/files/joined.h"
 #include "calib/files/text_file.h"
-#include "calib/yaml/yaml_reader.h"
 #include "capture/network_source.h"
 #include "config/service_config.h"
 #include "doctor/light_exam.h"

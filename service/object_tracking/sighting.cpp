@@ -6,6 +6,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "calib/model/closest_approach.h"
 #include "calib/model/cross_matrix.h"
 
 namespace huetrack::object_tracking {
@@ -25,14 +26,9 @@ constexpr int refinements = 2;  // of a candidate's position, each by the sighti
 // Midpoint of the shortest line between two rays; nullopt when they are nearly parallel or meet behind a camera.
 std::optional<Eigen::Vector3d> crossing(const Eigen::Vector3d& c0, const Eigen::Vector3d& d0, const Eigen::Vector3d& c1,
                                         const Eigen::Vector3d& d1) {
-  const double cosine = d0.dot(d1);
-  const double denominator = 1 - cosine * cosine;
-  if (denominator < 1e-6) return std::nullopt;
-  const Eigen::Vector3d base = c1 - c0;
-  const double s0 = (base.dot(d0) - cosine * base.dot(d1)) / denominator;
-  const double s1 = (cosine * base.dot(d0) - base.dot(d1)) / denominator;
-  if (s0 <= 0 || s1 <= 0) return std::nullopt;
-  return (c0 + s0 * d0 + c1 + s1 * d1) / 2;
+  const auto nearest = calib::closest_approach(c1 - c0, d0, d1, 1e-6);
+  if (!nearest || nearest->along_0 <= 0 || nearest->along_1 <= 0) return std::nullopt;
+  return (c0 + nearest->along_0 * d0 + c1 + nearest->along_1 * d1) / 2;
 }
 
 double mahalanobis2(const Eigen::Vector2d& d, const Eigen::Matrix2d& covariance) {

@@ -15,8 +15,8 @@
 #include <span>
 #include <thread>
 
+#include "calib/files/config_error.h"
 #include "calib/files/nearest_word.h"
-#include "calib/yaml/yaml_reader.h"
 #include "color_teaching/lesson.h"
 #include "color_teaching/spread_moments.h"
 #include "config/service_config.h"

@@ -8,7 +8,7 @@
 #include <string_view>
 #include <utility>
 
-#include "calib/yaml/yaml_reader.h"
+#include "calib/files/config_error.h"
 #include "camera_tracking/map_file.h"
 #include "camera_tracking/methods/make_camera_tracker.h"
 

@@ -4,7 +4,7 @@
 #include <thread>
 #include <utility>
 
-#include "calib/yaml/yaml_reader.h"
+#include "calib/files/config_error.h"
 #include "recordings/video_reader.h"
 
 namespace huetrack::recordings {

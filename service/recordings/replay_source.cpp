@@ -10,8 +10,8 @@
 #include <stdexcept>
 #include <utility>
 
+#include "calib/files/config_error.h"
 #include "calib/files/nearest_word.h"
-#include "calib/yaml/yaml_reader.h"
 #include "capture/timing/camera_clock.h"
 #include "recordings/matches_reader.h"
 #include "recordings/video_reader.h"

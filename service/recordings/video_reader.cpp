@@ -10,7 +10,7 @@
 #include <set>
 #include <utility>
 
-#include "calib/yaml/yaml_reader.h"
+#include "calib/files/config_error.h"
 #include "capture/ffmpeg/ffmpeg_log.h"
 #include "capture/ffmpeg/ffmpeg_objects.h"
 #include "capture/ffmpeg/ffmpeg_picture.h"

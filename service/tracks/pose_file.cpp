@@ -11,7 +11,7 @@
 namespace huetrack::tracks {
 namespace {
 
-// Eight numbers to a line, after comments, which begin with #. Comments alone are of anybody's file.
+// Recognises lines of eight numbers after comments (#); comments alone are not enough.
 bool begins_with_a_pose(std::string_view text) {
   while (text.starts_with('#')) {
     const auto end = text.find('\n');
@@ -32,11 +32,7 @@ bool begins_with_a_pose(std::string_view text) {
 }  // namespace
 
 std::string to_tum_line(const camera_tracking::CameraEstimate& e) {
-  const std::int64_t ns = e.at.time_since_epoch().count();
-  std::string line = std::to_string(std::abs(ns));
-  if (line.size() < 10) line.insert(0, 10 - line.size(), '0');  // at least 0.000000000
-  line.insert(line.size() - 9, 1, '.');
-  if (ns < 0) line.insert(0, 1, '-');
+  std::string line = files::seconds_text(e.at.time_since_epoch().count());
   const auto& t = e.world_from_camera.translation;
   const auto& q = e.world_from_camera.rotation;
   for (const double value : {t.x(), t.y(), t.z(), q.x(), q.y(), q.z(), q.w()})
@@ -47,8 +43,7 @@ std::string to_tum_line(const camera_tracking::CameraEstimate& e) {
 PoseFileWriter::PoseFileWriter(std::filesystem::path file) : file_(std::move(file), {"poses", begins_with_a_pose}) {}
 
 void PoseFileWriter::write(const camera_tracking::CameraEstimate& estimate) {
-  if (estimate.state == camera_tracking::PoseState::tracking)
-    file_.write(to_tum_line(estimate));  // only that is a claim
+  if (estimate.state == camera_tracking::PoseState::tracking) file_.write(to_tum_line(estimate));
 }
 
 void PoseFileWriter::flush() {

@@ -1,5 +1,5 @@
-// A camera's poses as TUM text, which evo and others read: "timestamp tx ty tz qx qy qz qw", camera to world. Only
-// what the view supports: no line of the file is a prediction.
+// Camera poses in TUM format, which evo and others read: "timestamp tx ty tz qx qy qz qw", world_from_camera. Measured
+// poses only, no predictions.
 #pragma once
 
 #include <filesystem>
@@ -10,15 +10,15 @@
 
 namespace huetrack::tracks {
 
-std::string to_tum_line(
-    const camera_tracking::CameraEstimate& estimate);  // without the line's end; requires has_pose()
+// Without line end; requires has_pose().
+std::string to_tum_line(const camera_tracking::CameraEstimate& estimate);
 
 // thread-compatible.
 class PoseFileWriter {
  public:
-  // throws std::system_error, naming the file, as the others do; std::runtime_error: something else than poses is there
+  // throws std::runtime_error: the file exists and holds something else; all members throw std::system_error
   explicit PoseFileWriter(std::filesystem::path file);
-  void write(const camera_tracking::CameraEstimate& estimate);  // nothing in states but tracking
+  void write(const camera_tracking::CameraEstimate& estimate);  // ignores states other than tracking
   void flush();
 
  private:

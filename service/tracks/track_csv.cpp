@@ -13,7 +13,7 @@ namespace {
 void append(std::string& row, double value) {
   row += ',';
   if (std::isnan(value))
-    row += "nan";  // never -nan
+    row += "nan";  // not -nan
   else
     files::append_shortest(row, value);
 }
@@ -31,14 +31,8 @@ constexpr files::FileKind kind{"tracks", [](std::string_view text) { return text
 }  // namespace
 
 std::string to_csv_row(std::string_view target, const object_tracking::ObjectEstimate& e) {
-  const std::int64_t ns = e.at.time_since_epoch().count();
-  std::string digits = std::to_string(std::abs(ns));
-  if (digits.size() < 10) digits.insert(0, 10 - digits.size(), '0');  // at least 0.000000000
-  digits.insert(digits.size() - 9, 1, '.');
-
   std::string row(target);
-  row += ns < 0 ? ",-" : ",";
-  row += digits;
+  row += ',' + files::seconds_text(e.at.time_since_epoch().count());
   for (int i = 0; i < 3; ++i) append(row, e.position[i]);
   for (int i = 0; i < 3; ++i) append(row, e.velocity[i]);
   for (int i = 0; i < 3; ++i) {

@@ -1,4 +1,4 @@
-// Tracks held to a known truth: what `huetrackd replay --truth` and `huetrackd compare` print, and the tests check.
+// Compares tracks with a ground truth, for `huetrackd replay --truth`, `huetrackd compare` and tests.
 #pragma once
 
 #include <optional>
@@ -13,16 +13,16 @@ namespace huetrack::tracks {
 using truth::nees;
 using truth::Truth;
 
-// How well one target's track fits the truth. "After lock": from the locking set on, every set with a position.
+// Errors of one target's track. "After lock": all sets with a position, from the locking set on.
 struct TruthFigures {
   std::size_t sets = 0;                 // with a truth
-  std::optional<std::size_t> lock_set;  // first of them (1 = the first) that is tracking and within 50 mm
+  std::optional<std::size_t> lock_set;  // number of the first one, from 1, that is tracking and within 50 mm
   double lock_s = 0;                    // capture time from the first set to that one
   std::size_t samples = 0;              // after lock
-  double rms_m = 0, max_m = 0;          // error of the position, after lock
-  std::size_t wrong_tracking = 0;       // sets, from the first on, that say tracking and are over 10 cm off
-  double mean_nees = 0;                 // after lock; 3 when the covariance is perfect
-  double share_inside_95 = 0;           // of the samples after lock whose truth is inside the 95 % ellipsoid
+  double rms_m = 0, max_m = 0;          // position error, after lock
+  std::size_t wrong_tracking = 0;       // sets with state tracking and an error over 10 cm, before lock included
+  double mean_nees = 0;                 // after lock; 3: consistent covariance
+  double share_inside_95 = 0;           // of the samples after lock: truth inside the 95 % ellipsoid
 };
 
 // thread-compatible.
@@ -30,10 +30,10 @@ class TruthComparison {
  public:
   TruthComparison(const Truth& truth, std::string target) : truth_(&truth), target_(std::move(target)) {}
 
-  // In time order. Returns the error in metres when there are both a position and a truth.
+  // In time order. Returns the error in metres if there are a position and a truth.
   std::optional<double> add(const object_tracking::ObjectEstimate& estimate);
   TruthFigures figures() const;
-  // Of the sets that are tracking.
+  // Over the sets with state tracking.
   std::optional<truth::TrackOffset> clock_offset() const {
     return truth::explaining_offset(*truth_, target_, tracking_.kept());
   }
@@ -42,12 +42,13 @@ class TruthComparison {
  private:
   const Truth* truth_;
   std::string target_;
-  TruthFigures sums_;  // rms_m, mean_nees, share_inside_95 hold sums until figures() divides them
+  TruthFigures sums_;  // rms_m, mean_nees, share_inside_95: sums, divided in figures()
   std::optional<capture::Timestamp> first_at_;
   truth::EstimatedSample tracking_;
 };
 
-// One readable line.
+// One line each for people. given_s: the clock offset that is already subtracted.
 std::string to_text(const TruthFigures& figures);
+std::string to_text(const truth::TrackOffset& offset, double given_s);
 
 }  // namespace huetrack::tracks

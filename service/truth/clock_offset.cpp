@@ -1,7 +1,5 @@
 #include "truth/clock_offset.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -9,12 +7,12 @@
 namespace huetrack::truth {
 namespace {
 
-constexpr double furthest_s = 0.5;  // cameras are late by tenths of a second at most
+constexpr double furthest_s = 0.5;  // latencies of cameras are tenths of a second at most
 constexpr double coarse_s = 5e-3, fine_s = 2.5e-4;
 constexpr std::size_t fewest = 30, most_in_search = 500, most_kept = 4000;
-constexpr double least_share = 0.8;   // of the estimates, that still have a truth with the offset
-constexpr double explains = 0.5;      // of the rms error without it
-constexpr double plausible_nees = 6;  // twice what it is when the covariance is perfect
+constexpr double least_share = 0.8;   // share of the estimates with a truth, with the offset
+constexpr double explains = 0.5;      // maximum ratio of the rms errors with and without it
+constexpr double plausible_nees = 6;  // twice the value of a consistent covariance
 
 struct Errors {
   std::size_t count = 0;
@@ -64,13 +62,6 @@ std::optional<TrackOffset> explaining_offset(const Truth& truth, std::string_vie
   if (!(after.rms_m < explains * before.rms_m) || !(after.mean_nees < plausible_nees)) return std::nullopt;
   return TrackOffset{
       .offset_s = best_s, .rms_m = after.rms_m, .rms_without_m = before.rms_m, .mean_nees = after.mean_nees};
-}
-
-std::string to_text(const TrackOffset& offset, double given_s) {
-  return fmt::format(
-      "one constant offset between the clocks explains most of the error: with --clock-offset {:.4f} (of huetrackd "
-      "compare, huetrack plot) the rms error while tracking is {:.1f} mm, not {:.1f}, and the mean NEES {:.2f}",
-      given_s + offset.offset_s, 1e3 * offset.rms_m, 1e3 * offset.rms_without_m, offset.mean_nees);
 }
 
 void EstimatedSample::add(const Estimated& estimate) {

@@ -1,5 +1,5 @@
-// A track that is right and on another clock than its truth looks as if it were off by the way that its object goes
-// meanwhile. Pure.
+// Detects a constant offset between the clock of a track and that of its ground truth: such a track has errors of the
+// object's velocity times the offset. Pure.
 #pragma once
 
 #include <optional>
@@ -11,7 +11,7 @@
 
 namespace huetrack::truth {
 
-// What a track says at one time.
+// One estimate of a track.
 struct Estimated {
   Timestamp at;
   Eigen::Vector3d position;
@@ -19,21 +19,17 @@ struct Estimated {
 };
 
 struct TrackOffset {
-  double offset_s = 0;                  // how far the track's clock is ahead of the truth's
-  double rms_m = 0, rms_without_m = 0;  // of the errors, with it and as they are
-  double mean_nees = 0;                 // with it; 3 when the covariance is perfect
+  double offset_s = 0;                  // the track's clock minus the truth's
+  double rms_m = 0, rms_without_m = 0;  // of the errors, with and without the offset
+  double mean_nees = 0;                 // with the offset; 3: consistent
 };
 
-// The one offset, of at most half a second, that makes most of the error: with it the rms error is less than half of
-// what it is, and the errors are as large as the covariances say. nullopt: none does, or there are too few estimates.
-// estimates: those that are sure, in any order.
+// The offset of at most 0.5 s that explains most of the error: with it the rms error is less than half, and the errors
+// are consistent with the covariances. nullopt: none, or too few estimates. estimates: of state tracking, in any order.
 std::optional<TrackOffset> explaining_offset(const Truth& truth, std::string_view target,
                                              std::span<const Estimated> estimates);
 
-// For people, a sentence. given_s: the offset that is taken off already.
-std::string to_text(const TrackOffset& offset, double given_s);
-
-// Some thousand of a track's estimates, spread over all of it. thread-compatible.
+// A subsample of at most 4000 estimates, spread over the whole track. thread-compatible.
 class EstimatedSample {
  public:
   void add(const Estimated& estimate);

@@ -25,13 +25,14 @@ Truth Truth::read(const std::filesystem::path& file) {
   Truth truth;
   while (table.next()) {
     const Sample sample{table.time(1), {table.number(2), table.number(3), table.number(4)}};
-    if (sample.position.array().isNaN().all()) continue;  // before its target is known: one without any has no truth
+    if (sample.position.array().isNaN().all())
+      continue;  // before the look-up: a target with only such rows has no truth
     auto& samples = truth.targets_[table.has(0) ? std::string(table.text(0)) : std::string()];
     if (!samples.empty() && sample.at <= samples.back().at)
       table.fail(table.has(0)
                      ? "t must grow from row to row of one target"
-                     : "t must grow from row to row; of several targets a column ball or target has the names");
-    if (!sample.position.allFinite()) table.fail("x, y and z must be finite, or all three nan where it is not known");
+                     : "t must grow from row to row; for several targets add a column ball or target with their names");
+    if (!sample.position.allFinite()) table.fail("x, y and z must be finite, or all three nan if unknown");
     samples.push_back(sample);
   }
   return truth;
@@ -42,17 +43,17 @@ std::vector<std::string> Truth::match(std::span<const std::string> targets) {
     auto only = targets_.extract(targets_.begin());
     const std::string ball = std::exchange(only.key(), targets.front());
     targets_.insert(std::move(only));
-    return {"the truth is of a ball " + (ball.empty() ? "without a name" : "named " + ball) +
-            ", the only one, and is compared with the only target, " + targets.front()};
+    return {"the truth has a single ball " + (ball.empty() ? "without a name" : "named " + ball) +
+            "; it is compared with the only target, " + targets.front()};
   }
-  // By a loop: clang 14, with which this is fuzzed, does not take views::keys.
+  // A loop, because clang 14 (fuzzing) does not compile views::keys.
   std::vector<std::string> names;
   for (const auto& [name, _] : targets_) names.push_back(name.empty() ? "one without a name" : name);
   const std::string balls = names.empty() ? "none" : files::joined(names);
   std::vector<std::string> sentences;
   for (const auto& target : targets) {
     if (targets_.contains(target)) continue;
-    sentences.push_back("the truth has no ball named " + target + ", which is not compared: it has " + balls);
+    sentences.push_back("the truth has no ball named " + target + ", so this target is not compared: it has " + balls);
   }
   return sentences;
 }
@@ -66,7 +67,7 @@ std::optional<Eigen::Vector3d> Truth::position(std::string_view target, Timestam
   const auto it = targets_.find(target);
   if (it == targets_.end()) return std::nullopt;
   const auto& samples = it->second;
-  // Times may be rounded in the file: half a millisecond past either end is still that end.
+  // Times in the file may be rounded: allow 0.5 ms beyond either end.
   constexpr std::chrono::nanoseconds rounding = std::chrono::microseconds(500);
   const auto after = std::ranges::lower_bound(samples, at, {}, &Sample::at);
   if (after == samples.end())

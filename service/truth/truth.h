@@ -1,4 +1,4 @@
-// A known truth: where targets really were, from a file, and what it says about an estimate.
+// Ground truth: the true positions of targets, from a file.
 #pragma once
 
 #include <Eigen/Core>
@@ -14,12 +14,12 @@ namespace huetrack::truth {
 
 using Timestamp = std::chrono::sys_time<std::chrono::nanoseconds>;  // on the recording's clock, as capture::Timestamp
 
-// Where targets really were, on the recording's clock. Immutable.
+// True positions on the recording's clock.
 class Truth {
  public:
-  // CSV with the columns ball or target (the target's name; without it they are all of one, whose name is empty), t
-  // (seconds), x, y, z (metres); others are ignored. A row whose x, y and z are nan says nothing: so a track of ours,
-  // which has such rows while it is searching, can be what another one is compared with. throws ConfigError
+  // CSV with the columns ball or target (name; optional for a single target, whose name is then empty), t (seconds), x,
+  // y, z (metres); others are ignored. Rows with x, y and z nan are skipped, so that a track file can serve as truth.
+  // throws files::ConfigError
   static Truth read(const std::filesystem::path& file);
 
   struct Sample {
@@ -28,11 +28,11 @@ class Truth {
   };
   const std::map<std::string, std::vector<Sample>, std::less<>>& targets() const { return targets_; }  // by time
 
-  // Makes the truth that of these targets: the only ball takes the name of the only target when their names differ.
-  // Returns what to tell the user, one sentence each: that, or which targets have no truth and which balls there are.
+  // Assigns the truth to these targets: a single ball is renamed to a single target. Returns sentences for the user:
+  // the renaming, or the targets without a truth.
   std::vector<std::string> match(std::span<const std::string> targets);
 
-  // Moves all of it to a clock that is ahead of the file's by this much.
+  // Adds `ahead` to all times.
   void shift(std::chrono::nanoseconds ahead);
 
   // Linear between samples that are at most 0.1 s apart; nullopt outside them and for an unknown target.
@@ -42,7 +42,7 @@ class Truth {
   std::map<std::string, std::vector<Sample>, std::less<>> targets_;
 };
 
-// The normalised estimation error squared, e^T C^-1 e; infinity when C is not a covariance (not positive definite).
+// Normalised estimation error squared (NEES), e^T C^-1 e; infinity if C is not positive definite.
 double nees(const Eigen::Vector3d& error_m, const Eigen::Matrix3d& covariance);
 
 }  // namespace huetrack::truth

@@ -9,6 +9,7 @@
 #include <numbers>
 #include <utility>
 
+#include "calib/model/closest_approach.h"
 #include "calib/model/median.h"
 
 namespace huetrack::view_watch {
@@ -167,10 +168,9 @@ std::vector<PairComparison::Moment> PairComparison::moments(const PlacedTrack& o
 std::optional<PairComparison::Passing> PairComparison::passing(const Moment& moment, const Placement& placement) {
   const Eigen::Vector3d& base = placement.j_from_i_m;
   const Eigen::Vector3d &di = moment.of_i, &dj = moment.of_j;
-  const double cosine = di.dot(dj), denominator = 1 - cosine * cosine;
-  if (denominator < 1e-3) return std::nullopt;
-  const double along_i = (base.dot(di) - cosine * base.dot(dj)) / denominator;
-  const double along_j = (cosine * base.dot(di) - base.dot(dj)) / denominator;
+  const auto nearest = calib::closest_approach(base, di, dj, 1e-3);
+  if (!nearest) return std::nullopt;
+  const double along_i = nearest->along_0, along_j = nearest->along_1;
   // Metres a pixel where both rays pass each other; a view counts by them.
   const double scale_i = std::abs(along_i) / placement.focal_i_px, scale_j = std::abs(along_j) / placement.focal_j_px;
   const double scale2 = scale_i * scale_i + scale_j * scale_j;
@@ -182,7 +182,7 @@ std::optional<PairComparison::Passing> PairComparison::passing(const Moment& mom
   if (along_i <= 0.05 || along_j <= 0.05) return out;
   // The determinant of base, di and dj is how far the rays pass each other. What a rotation of di does to where they
   // come nearest is of second order where they agree.
-  const double per_px = 1 / std::sqrt(denominator * scale2);
+  const double per_px = 1 / std::sqrt(nearest->sin2 * scale2);
   const Eigen::Vector3d across = dj.cross(base);
   out.off_px = di.dot(across) * per_px;
   out.slope_of_i_px = di.cross(across) * per_px;

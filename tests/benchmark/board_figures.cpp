@@ -1,6 +1,6 @@
 // Our chessboard detector beside OpenCV's two and mrgingham (its command, where it is installed; it knows square boards
 // only): boards found, wrong ones, distance from the truth and processor time, on the captures in shared/data and on
-// drawn boards, of which everything is known. Prints the table of calib/board/README.md:
+// drawn boards, of which everything is known. Prints the table of calib/board/EXPERIMENTS.md:
 //   board_figures [WORD...]      only the captures whose name has one of the words; all takes half an hour, most of it
 //                                findChessboardCorners, which searches long where it finds nothing
 #include <sys/resource.h>

@@ -88,7 +88,7 @@ class EveryBoard : public testing::TestWithParam<NamedBoard> {};
 INSTANTIATE_TEST_SUITE_P(All, EveryBoard, testing::ValuesIn(all_boards()),
                          [](const auto& param_info) { return param_info.param.name; });
 
-TEST_P(EveryBoard, IsFoundWholeAndWhereItIs) {
+TEST_P(EveryBoard, IsDetectedCompletelyAndAccurately) {
   const Board& board = GetParam().board;
   const DrawnBoard drawn = draw_board(board);
   const std::array<std::array<cv::Point2f, 4>, 3> views{{
@@ -122,7 +122,7 @@ std::vector<Board> two_sided_boards() {
   return {mirrored, own, inverted, odd, grid, own_grid};
 }
 
-TEST(TwoSidedBoard, ABackGivesItsOwnPointsWhereTheyAre) {
+TEST(TwoSidedBoard, ABackGivesItsOwnPoints) {
   for (const Board& board : two_sided_boards()) {
     const std::string which = to_yaml(board);
     const DrawnBoard drawn = draw_board(board.front_alone());
@@ -153,7 +153,7 @@ TEST(TwoSidedBoard, ABackGivesItsOwnPointsWhereTheyAre) {
   }
 }
 
-TEST(TwoSidedBoard, WithoutABackItsPicturesAreNamedAsMirrored) {
+TEST(TwoSidedBoard, ImagesOfAnUndeclaredBackAreReportedAsMirrored) {
   cv::Mat print = draw_board(charuco.board).image;
   cv::flip(print, print, 1);
   const cv::Matx33d h = tilted(print, {{{120, 60}, {540, 90}, {510, 400}, {140, 370}}});
@@ -203,7 +203,7 @@ TEST(BoardDetectorParts, PartlyHidden) {
   }
 }
 
-TEST(BoardDetectorParts, APartThatCouldBeAnywhereIsNotUsed) {
+TEST(BoardDetectorParts, RejectsAnAmbiguousPart) {
   const DrawnBoard drawn = draw_board(chessboard.board);
   // All four sides lie outside of the image.
   const cv::Matx33d h = tilted(drawn.image, {{{-400, -300}, {1040, -280}, {1000, 760}, {-380, 780}}});
@@ -262,7 +262,7 @@ TEST(BoardDetectorTrouble, AWrongBoardFileIsExplained) {
                         std::to_string(charuco.board.columns)));
 }
 
-TEST(BoardDetectorMarkers, TheirSizeIsMeasuredByTheSquares) {
+TEST(BoardDetectorMarkers, MeasuresTheMarkersByTheSquares) {
   const DrawnBoard drawn = draw_board(charuco.board);
   const cv::Matx33d h = tilted(drawn.image, {{{120, 60}, {540, 90}, {510, 400}, {140, 370}}});
   const cv::Mat image = seen_through(drawn.image, h, {640, 480}, 2, 1);

@@ -74,7 +74,7 @@ TEST_P(PrintedBoard, IsFoundAtTrueScale) {
   ASSERT_TRUE(found.found()) << found.why_not;
   EXPECT_EQ(found.ids.size(), static_cast<std::size_t>(board.point_count()));
 
-  // Which end of a symmetric chessboard is up, nobody can tell.
+  // The orientation of a symmetric chessboard is ambiguous.
   double worst = 1e9;
   for (const auto& order : board.symmetries()) {
     std::vector<Eigen::Vector2d> off;
@@ -147,7 +147,7 @@ INSTANTIATE_TEST_SUITE_P(All, PrintedBoard,
                                          Case{"own_paper", a_chessboard(6, 4, 0.02), "180x200"}),
                          [](const auto& test) { return test.param.name; });
 
-TEST(BoardPdf, SaysWhatFits) {
+TEST(BoardPdf, ReportsWhatFits) {
   try {
     board_pdf(a_chessboard(9, 6, 0.04), *paper_of("A4"));
     ADD_FAILURE() << "a board of 400 mm on A4";

@@ -8,7 +8,7 @@
 #include <filesystem>
 #include <fstream>
 
-#include "calib/yaml/yaml_reader.h"
+#include "calib/files/config_error.h"
 
 namespace huetrack::board {
 namespace {
@@ -63,7 +63,7 @@ TEST_F(BoardYaml, EveryBoardReadsBackTheSame) {
   }
 }
 
-TEST_F(BoardYaml, RefusesWhatItDoesNotKnow) {
+TEST_F(BoardYaml, RejectsUnknownKeysAndValues) {
   EXPECT_THAT(problem("inner_corners: [9, 6]\nsqare: 0.06\nsquare: 0.06\n"),
               HasSubstr("board.yaml:2: sqare is not a known key (did you mean square?)"));
   EXPECT_THAT(problem("inner_corners: [9, 6]\nsquare: 60\n"), HasSubstr("board.yaml:2: square"));  // millimetres
@@ -77,7 +77,7 @@ TEST_F(BoardYaml, RefusesWhatItDoesNotKnow) {
               HasSubstr("DICT_4X4_50 has 50 markers; the board needs 0 to 71"));
 }
 
-TEST_F(BoardYaml, RefusesABackThatCouldNotBeTold) {
+TEST_F(BoardYaml, RejectsABackThatCannotBeDistinguished) {
   const std::string charuco = "type: charuco\nsquares: [4, 6]\nsquare: 0.03\nmarker: 0.02\ndictionary: DICT_4X4_50\n";
   EXPECT_THAT(problem(charuco + "back: {thickness: 0.003}\n"), HasSubstr("one of two must be given: mirrored: true"));
   EXPECT_THAT(problem(charuco + "back: {thickness: 0.003, mirrored: false}\n"), HasSubstr("one of two must be given"));
@@ -97,7 +97,7 @@ TEST_F(BoardYaml, ReadsTheBoardOfTheRenderedSequence) {
   EXPECT_EQ(read_board(file), read("inner_corners: [9, 6]\nsquare: 0.06\n"));
 }
 
-TEST(BoardSymmetries, AreThoseOfItsColours) {
+TEST(BoardSymmetries, MatchTheSquareColours) {
   const auto count = [](int columns, int rows) { return Board{.columns = columns, .rows = rows}.symmetries().size(); };
   EXPECT_EQ(count(9, 6), 1U);  // 10 x 7 squares: two black corner squares on one side
   EXPECT_EQ(count(9, 7), 2U);  // black corner squares opposite each other
@@ -106,7 +106,7 @@ TEST(BoardSymmetries, AreThoseOfItsColours) {
   EXPECT_EQ(count(7, 7), 2U);  // a quarter turn swaps black and white
 }
 
-TEST(BoardSymmetries, ExchangeTheSidesWhereTheBackLooksTheSame) {
+TEST(BoardSymmetries, ExchangeTheSidesIfTheBackLooksTheSame) {
   const auto count = [](int columns, int rows) {
     return Board{.columns = columns, .rows = rows, .back = BoardBack{.thickness = 0.005}}.symmetries().size();
   };

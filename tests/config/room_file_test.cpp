@@ -5,7 +5,7 @@
 #include <filesystem>
 #include <fstream>
 
-#include "calib/yaml/yaml_reader.h"
+#include "calib/files/config_error.h"
 
 namespace huetrack::config {
 namespace {

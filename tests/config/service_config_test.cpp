@@ -9,8 +9,8 @@
 #include <fstream>
 #include <sstream>
 
+#include "calib/files/config_error.h"
 #include "calib/model/rig_yaml.h"
-#include "calib/yaml/yaml_reader.h"
 
 namespace huetrack::config {
 namespace {
@@ -325,7 +325,7 @@ INSTANTIATE_TEST_SUITE_P(
         Mistake{"IgnoredEmpty", ball + "ignore: {cam0: [1, 2, 3, 4, 9, 9, 8, 9]}\n",
                 "c.yaml:4: ignore.cam0: rectangle 2 ends before it begins"},
         Mistake{"NoVersion", "rig: rig.yaml\n",
-                "c.yaml:1: version is missing: write version: 1, the form that this file has"},
+                "c.yaml:1: version is missing: write version: 1, the version of the file format"},
         Mistake{"NoRig", "version: 1\n",
                 "c.yaml:1: rig is missing: write rig: FILE, which huetrack-calibrate writes; or rig: none before that"},
         Mistake{"RigMisspelt", "version: 1\nrgi: rig.yaml\n",

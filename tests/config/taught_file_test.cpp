@@ -11,7 +11,7 @@
 #include <fstream>
 #include <sstream>
 
-#include "calib/yaml/yaml_reader.h"
+#include "calib/files/config_error.h"
 #include "config/service_config.h"
 
 namespace huetrack::config {

@@ -7,8 +7,8 @@
 #include <fstream>
 #include <functional>
 
+#include "calib/files/config_error.h"
 #include "calib/model/rig_yaml.h"
-#include "calib/yaml/yaml_reader.h"
 #include "config/service_config.h"
 #include "end_to_end/process.h"
 #include "publish/test_domain.h"
@@ -410,7 +410,8 @@ TEST_F(EndToEnd, AWordThatIsNoCommandIsNamed) {
 TEST_F(EndToEnd, WrongUsageIsSaidAndVersionsAreTold) {
   const Result alone = run({HUETRACKD});
   EXPECT_NE(alone.status, 0);
-  EXPECT_THAT(alone.err, testing::AllOf(HasSubstr("huetrackd: a command is wanted: setup, "), HasSubstr(", replay, ")));
+  EXPECT_THAT(alone.err,
+              testing::AllOf(HasSubstr("huetrackd: a command is missing: setup, "), HasSubstr(", replay, ")));
   EXPECT_NE(run({HUETRACKD, "replay", config}).status, 0);
   EXPECT_NE(run({HUETRACKD, "replay", config, recording, "--speed", "fast"}).status, 0);
   const Result version = run({HUETRACKD, "--version"});

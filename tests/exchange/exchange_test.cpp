@@ -9,8 +9,8 @@
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core.hpp>
 
+#include "calib/files/config_error.h"
 #include "calib/model/nearest_lens.h"
-#include "calib/yaml/yaml_reader.h"
 
 namespace huetrack::exchange {
 namespace {
@@ -114,7 +114,7 @@ void expect_same(const calib::CameraRig& a, const calib::CameraRig& b, bool name
   }
 }
 
-// In the first camera's frame: what formats without a world keep.
+// In the first camera's frame, which is what formats without a world keep.
 calib::CameraRig from_first(calib::CameraRig rig) {
   const calib::Rigid3d world_from_first = calib::inverse(rig.cameras.front().cam_from_world);
   for (calib::Camera& camera : rig.cameras) camera.cam_from_world = camera.cam_from_world * world_from_first;
@@ -177,7 +177,7 @@ TEST_F(Exchange, CameraInfo) {
   expect_same(in.rig, and_back(in.rig, {.format = ExchangeFormat::ros}).rig);
 }
 
-TEST_F(Exchange, CameraInfoSaysWhatItDoesNotTake) {
+TEST_F(Exchange, CameraInfoReportsWhatItIgnores) {
   const Imported in = import_text("right.yaml", replaced(camera_info, "320.5, 0, 0, 531.2, 239.25, 0, 0, 0, 1, 0]",
                                                          "320.5, -53.21, 0, 531.2, 239.25, 0, 0, 0, 1, 0]"));
   EXPECT_THAT(in.notes, Contains(AllOf(HasSubstr("projection_matrix is not taken over"), HasSubstr("0.1 m"))));
@@ -291,7 +291,7 @@ TEST_F(Exchange, KalibrTiming) {
               AllOf(HasSubstr("s.yaml:11"), HasSubstr("more than a second")));
   EXPECT_THAT(error_of("l.yaml", replaced(camchain, shift, "  line_delay_nanoseconds: -1\n")), HasSubstr("l.yaml:11"));
   EXPECT_THAT(error_of("b.yaml", replaced(camchain, shift, "  line_delay: 0\n  line_delay_nanoseconds: 0\n")),
-              HasSubstr("b.yaml:11: cam0.line_delay: is given beside line_delay_nanoseconds"));
+              HasSubstr("b.yaml:11: cam0.line_delay: is given together with line_delay_nanoseconds"));
   EXPECT_THAT(error_of("d.yaml", replaced(camchain, shift, "  line_dely: 0\n")), HasSubstr("did you mean line_delay?"));
 
   // There and back. The format's line delay is in whole nanoseconds.
@@ -311,7 +311,7 @@ TEST_F(Exchange, KalibrTiming) {
   EXPECT_NEAR(and_back(rig, {.format = ExchangeFormat::kalibr}).rig.cameras[0].timing.latency_s.value(), 0, 1e-15);
 }
 
-TEST_F(Exchange, FormatsWithoutAPlaceForTimingSaySo) {
+TEST_F(Exchange, FormatsWithoutTimingReportIt) {
   calib::CameraRig rig = some_rig();
   const auto about_timing = Contains(HasSubstr("has no place for the cameras' timing"));
   for (const ExchangeFormat format :
@@ -344,7 +344,7 @@ TEST_F(Exchange, KalibrErrors) {
   }
 }
 
-TEST_F(Exchange, AStereographicLensIsWrittenAsTheNearestThatTheyHave) {
+TEST_F(Exchange, AStereographicLensIsApproximated) {
   calib::CameraRig rig = some_rig();
   const calib::CameraModel lens(
       calib::Stereographic{500, 500, 320, 240, {0.1, -0.05, 1e-3, -5e-4, 0.01, 0, 1e-3, 5e-4}});
@@ -446,7 +446,7 @@ TEST_F(Exchange, RealCaliscopeFile) {
   expect_same(in.rig, import(folder / "config.toml").rig);
 }
 
-TEST_F(Exchange, CaliscopeKnowsWhatIsMissing) {
+TEST_F(Exchange, CaliscopeReportsMissingPosesAndIgnoredCameras) {
   const std::string camera =
       "matrix = [[500.0, 0.0, 320.0], [0.0, 500.0, 240.0], [0.0, 0.0, 1.0]]\ndistortions = [0.0, 0.0, 0.0, 0.0, "
       "0.0]\nsize = [640, 480]\n";
@@ -478,7 +478,7 @@ TEST_F(Exchange, OpenCvSampleFile) {
        0.23839153080878486},
       cv::Mat::zeros(3, 1, CV_64F), {0, 0, 0});
   EXPECT_THAT(in.notes, Contains(AllOf(HasSubstr("not taken over"), HasSubstr("avg_reprojection_error"))));
-  // Two lenses, but not how they stand to one another; and no size.
+  // Two lenses, but not their relative pose; and no size.
   EXPECT_THAT([&] { import(folder / "intrinsics.yml"); },
               testing::Throws<files::ConfigError>(testing::Property(&files::ConfigError::what, HasSubstr("--size"))));
   EXPECT_THAT(
@@ -557,7 +557,7 @@ TEST_F(Exchange, CaliscopeAndAnipose) {
   }
 }
 
-TEST_F(Exchange, FormatsAreKnownByTheirLines) {
+TEST_F(Exchange, DetectsTheFormatByItsLines) {
   const auto format_of = [&](const std::string& name, const std::string& text) {
     return detect_format(file(name, text));
   };
@@ -573,8 +573,8 @@ TEST_F(Exchange, FormatsAreKnownByTheirLines) {
   EXPECT_THROW(format_of("h.toml", "x = \"" + blanks + "[cam\"\n"), files::ConfigError);
 }
 
-// Each of these ended the program: the parsers call themselves for each level, and the stack ends.
-TEST_F(Exchange, WhatIsNestedTooDeepIsRefusedBeforeAnyParser) {
+// Each of these overflows the stack of a recursive parser.
+TEST_F(Exchange, RejectsDeepNestingBeforeParsing) {
   const auto repeated = [](const std::string& text, int times) {
     std::string out;
     for (int i = 0; i < times; ++i) out += text;

@@ -6,9 +6,9 @@
 #include <filesystem>
 #include <fstream>
 
-#include "calib/yaml/yaml_reader.h"
+#include "calib/files/config_error.h"
 
-namespace huetrack::yaml {
+namespace huetrack::files {
 namespace {
 
 using namespace std::chrono_literals;
@@ -46,7 +46,7 @@ TEST_F(Csv, ColumnsAreFoundByTheirNames) {
   EXPECT_FALSE(t.next());
 }
 
-TEST_F(Csv, AColumnMayHaveSeveralNamesAndMayBeMissing) {
+TEST_F(Csv, ColumnsMayHaveAlternativeNamesAndBeOptional) {
   CsvTable t = table("ball,v\nlime,7\n", {"target|ball", "u|v?", "w?"});
   EXPECT_TRUE(t.has(1));
   EXPECT_FALSE(t.has(2));
@@ -57,7 +57,7 @@ TEST_F(Csv, AColumnMayHaveSeveralNamesAndMayBeMissing) {
   EXPECT_EQ(error_of([&] { table("a,b\n", {"target|ball"}); }), ":1: the header has no column target or ball");
 }
 
-TEST_F(Csv, WhatSpreadsheetsAddIsNothing) {
+TEST_F(Csv, IgnoresBlanksAndByteOrderMark) {
   CsvTable t = table("\xEF\xBB\xBFname, t\r\n left ,\t0.5\r\n\r\n", {"name", "t"});
   ASSERT_TRUE(t.next());
   EXPECT_EQ(t.text(0), "left");
@@ -73,7 +73,7 @@ TEST_F(Csv, TimesAreExactToTheNanosecond) {
   }
 }
 
-TEST_F(Csv, ALineThatWasNotWrittenToItsEndCanBeLeftOut) {
+TEST_F(Csv, SkipsATruncatedLastLineOnRequest) {
   CsvTable as_it_is = table("a,b\n1,2\n3,4", {"a"});
   EXPECT_TRUE(as_it_is.next() && as_it_is.next());
   EXPECT_FALSE(as_it_is.truncated_line().has_value());
@@ -84,7 +84,7 @@ TEST_F(Csv, ALineThatWasNotWrittenToItsEndCanBeLeftOut) {
   EXPECT_EQ(whole.truncated_line(), 3);
 }
 
-TEST_F(Csv, MistakesNameFileAndLine) {
+TEST_F(Csv, ErrorsNameFileAndLine) {
   const auto first_number = [&](const std::string& text) {
     return error_of([&] {
       CsvTable t = table(text, {"a", "b"});
@@ -106,4 +106,4 @@ TEST_F(Csv, MistakesNameFileAndLine) {
 }
 
 }  // namespace
-}  // namespace huetrack::yaml
+}  // namespace huetrack::files

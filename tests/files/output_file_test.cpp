@@ -13,7 +13,7 @@
 #include <sstream>
 #include <system_error>
 
-namespace huetrack::yaml {
+namespace huetrack::files {
 namespace {
 
 using testing::HasSubstr;
@@ -46,7 +46,7 @@ class OutputFile : public testing::Test {
   const fs::path file_ = folder_ / "f.csv";
 };
 
-TEST_F(OutputFile, ReplacesItsKindAndNothingElse) {
+TEST_F(OutputFile, ReplacesOnlyFilesOfItsKind) {
   EXPECT_NO_THROW(refuse_other_kind(file_, kind_));  // nothing there
   std::ofstream(file_) << "";
   EXPECT_NO_THROW(refuse_other_kind(file_, kind_));
@@ -56,12 +56,12 @@ TEST_F(OutputFile, ReplacesItsKindAndNothingElse) {
   for (const char* other : {"ball,t,x,y,z\n", "cameras:\n", "\x1a\x45\xdf\xa3"}) {
     std::ofstream(file_) << other;
     EXPECT_THAT([&] { LineFile(file_, kind_, "target,t"); },
-                ThrowsMessage<std::runtime_error>(HasSubstr("f.csv is there, and holds no tracks")));
+                ThrowsMessage<std::runtime_error>(HasSubstr("f.csv exists and holds no tracks")));
     EXPECT_EQ(contents(file_), other);
   }
 }
 
-TEST_F(OutputFile, AWholeFileIsThereOrTheOneBefore) {
+TEST_F(OutputFile, AFailedWriteKeepsTheOldFile) {
   write_whole_file(file_, "first");
   EXPECT_EQ(contents(file_), "first");
   with_room_for(100, [&] {
@@ -72,7 +72,7 @@ TEST_F(OutputFile, AWholeFileIsThereOrTheOneBefore) {
   EXPECT_EQ(std::distance(fs::directory_iterator(folder_), {}), 1) << "nothing is left behind";
 }
 
-TEST_F(OutputFile, AWholeFileIsWhereALinkLeadsWithThePermissionsOfBefore) {
+TEST_F(OutputFile, FollowsLinksAndKeepsPermissions) {
   const fs::path real = folder_ / "real.csv";
   std::ofstream(real) << "first";
   fs::permissions(real, fs::perms::owner_read | fs::perms::owner_write);
@@ -83,12 +83,12 @@ TEST_F(OutputFile, AWholeFileIsWhereALinkLeadsWithThePermissionsOfBefore) {
   EXPECT_EQ(fs::status(real).permissions(), fs::perms::owner_read | fs::perms::owner_write);
   const fs::path dangling = folder_ / "dangling.csv";
   fs::create_symlink(folder_ / "not_yet.csv", dangling);
-  EXPECT_EQ(followed(dangling), folder_ / "not_yet.csv");
+  EXPECT_EQ(resolved_link(dangling), folder_ / "not_yet.csv");
   write_whole_file(dangling, "third");
   EXPECT_EQ(contents(folder_ / "not_yet.csv"), "third");
 }
 
-TEST_F(OutputFile, AWholeFileGoesIntoAPipeAndDoesNotReplaceIt) {
+TEST_F(OutputFile, WritesIntoAPipeWithoutReplacingIt) {
   ASSERT_EQ(::mkfifo(file_.c_str(), 0600), 0);
   const int reader = ::open(file_.c_str(), O_RDONLY | O_NONBLOCK);
   ASSERT_GE(reader, 0);
@@ -100,7 +100,7 @@ TEST_F(OutputFile, AWholeFileGoesIntoAPipeAndDoesNotReplaceIt) {
   EXPECT_TRUE(fs::is_fifo(file_));
 }
 
-TEST_F(OutputFile, AFullDiskLeavesWholeLinesOrNoFile) {
+TEST_F(OutputFile, AFullDiskLeavesCompleteLinesOrNoFile) {
   with_room_for(10'000, [&] {
     LineFile lines(file_, kind_, "target,t");
     EXPECT_THAT(
@@ -120,7 +120,7 @@ TEST_F(OutputFile, AFullDiskLeavesWholeLinesOrNoFile) {
   EXPECT_FALSE(fs::exists(file_)) << "an empty one";
 }
 
-TEST_F(OutputFile, KilledAtAnyMomentItEndsWithAWholeLine) {
+TEST_F(OutputFile, AKilledWriterLeavesACompleteLastLine) {
   for (int round = 0; round < 10; ++round) {
     const pid_t child = ::fork();
     if (child == 0) {
@@ -145,4 +145,4 @@ TEST_F(OutputFile, KilledAtAnyMomentItEndsWithAWholeLine) {
 }
 
 }  // namespace
-}  // namespace huetrack::yaml
+}  // namespace huetrack::files

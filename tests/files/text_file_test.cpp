@@ -8,10 +8,10 @@
 #include <filesystem>
 #include <fstream>
 
+#include "calib/files/config_error.h"
 #include "calib/files/csv_table.h"
-#include "calib/yaml/yaml_reader.h"
 
-namespace huetrack::yaml {
+namespace huetrack::files {
 namespace {
 
 using testing::HasSubstr;
@@ -28,7 +28,7 @@ auto refuses(const std::string& what) {
   return ThrowsMessage<ConfigError>(HasSubstr(what));
 }
 
-TEST(TextFile, DevicesPipesAndFoldersAreNoFiles) {
+TEST(TextFile, RejectsDevicesPipesAndFolders) {
   const fs::path pipe = fs::path(testing::TempDir()) / ("pipe_" + std::to_string(::getpid()));
   ASSERT_EQ(::mkfifo(pipe.c_str(), 0600), 0);
   static constexpr std::string_view columns[] = {"a"};
@@ -38,13 +38,12 @@ TEST(TextFile, DevicesPipesAndFoldersAreNoFiles) {
                                   {"/nowhere/x", "No such file"},
                                   {fs::path(std::string(5000, 'a')), "too long"}}) {
     EXPECT_THAT([&] { read_text_file(file); }, refuses(why));
-    EXPECT_THAT([&] { YamlReader::file(file); }, refuses(why));
     EXPECT_THAT([&] { CsvTable(file, columns); }, refuses(why));
   }
   fs::remove(pipe);
 }
 
-TEST(TextFile, OneThatIsTooLargeIsNotReadToItsEnd) {
+TEST(TextFile, StopsReadingAtTheSizeLimit) {
   const fs::path file = fs::path(testing::TempDir()) / ("sparse_" + std::to_string(::getpid()));
   std::ofstream(file) << "a\n";
   fs::resize_file(file, std::uintmax_t{1} << 36U);  // a hole of 64 GB
@@ -57,11 +56,11 @@ TEST(TextFile, OneThatIsTooLargeIsNotReadToItsEnd) {
   fs::remove(file);
 }
 
-TEST(TextFile, AFileOfTheKernelIsReadThoughItSaysThatItIsEmpty) {
+TEST(TextFile, ReadsProcFilesOfSizeZero) {
   EXPECT_THAT(read_text_file("/proc/self/status"), HasSubstr("VmRSS"));
 }
 
-TEST(TextFile, WhatIsNestedTooDeepIsRefusedAtItsLine) {
+TEST(TextFile, RejectsDeepNestingAtItsLine) {
   const auto check = [](const std::string& text, Keys keys = Keys::plain) { refuse_deep_nesting(text, "f", keys); };
   const int deep = deepest_nesting + 1;
   for (const std::string& text :
@@ -83,7 +82,7 @@ TEST(TextFile, WhatIsNestedTooDeepIsRefusedAtItsLine) {
             Keys::dotted));
 }
 
-TEST(Printable, IsOneShortLineThatNoTerminalObeys) {
+TEST(Printable, IsOneShortLineWithoutControlCharacters) {
   EXPECT_EQ(printable("plain, \u00e9\u4e2d"), "plain, \u00e9\u4e2d");
   EXPECT_EQ(printable("\x1b]0;owned\x07\nnext\x7f"), " ]0;owned  next ");
   EXPECT_EQ(printable("\u009b31m \u202egpj.exe\u2066"), " 31m  gpj.exe ");
@@ -97,13 +96,13 @@ TEST(Printable, IsOneShortLineThatNoTerminalObeys) {
   EXPECT_FALSE(has_control_characters("a\tb \u00e9 \xff"));
 }
 
-TEST(Printable, MessagesAreBoundedWhateverTheyQuote) {
+TEST(Printable, MessagesHaveBoundedLength) {
   const std::string message = ConfigError(std::string(5000, 'p'), 1, "is \x1b[31m" + std::string(50'000, 'x')).what();
   EXPECT_LT(message.size(), 1300u);
   EXPECT_EQ(message.find('\x1b'), std::string::npos);
 }
 
-TEST(TextFile, ATableWithControlCharactersIsRefused) {
+TEST(TextFile, RejectsATableWithControlCharacters) {
   const fs::path file = fs::path(testing::TempDir()) / ("escapes_" + std::to_string(::getpid()) + ".csv");
   std::ofstream(file) << "a\nok\n\x1b]0;owned\x07\n";
   static constexpr std::string_view columns[] = {"a"};
@@ -114,4 +113,4 @@ TEST(TextFile, ATableWithControlCharactersIsRefused) {
 }
 
 }  // namespace
-}  // namespace huetrack::yaml
+}  // namespace huetrack::files

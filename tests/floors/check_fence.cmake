@@ -16,7 +16,7 @@ elseif(FENCE STREQUAL "yaml_cpp")
   set(pattern "${include}yaml-cpp/")
   set(inside "^calib/yaml/")
 elseif(FENCE STREQUAL "yaml_reader")   # modules are given option structs; YAML ends where files are read
-  set(pattern "${include}calib/yaml/(yaml_reader|csv_table)")
+  set(pattern "${include}calib/(yaml/yaml_reader|files/csv_table)")
   set(inside "^(calib|service/(recordings|capture|truth|tracks|config|pipeline|page|doctor|daemon)|clients/plot|tests)/")
 elseif(FENCE STREQUAL "fast_dds")
   set(pattern "${include}(fastdds|fastrtps|fastcdr)/")

@@ -48,7 +48,7 @@ FoundBoards found(int sets, bool has_stamps, FindBoardsOptions options) {
   return find_boards(source, board::BoardDetector(pictured_board()), options, {});
 }
 
-TEST(FindBoards, AMomentWithStampsComesWithTheNextOne) {
+TEST(FindBoards, KeepsPairsOfSetsWithTimeStamps) {
   const FoundBoards with = found(12, true, {.max_sets = 3});
   ASSERT_EQ(with.set_at_s.size(), 6U);
   for (std::size_t s = 0; s < 6; s += 2) EXPECT_NEAR(with.set_at_s[s + 1] - with.set_at_s[s], 0.1, 1e-9);
@@ -60,7 +60,7 @@ TEST(FindBoards, AMomentWithStampsComesWithTheNextOne) {
   for (const solver::BoardView& view : without.views) EXPECT_FALSE(view.stamp_s);
 }
 
-TEST(FindBoards, OfALongRecordingPairsOfMomentsAreLookedAt) {
+TEST(FindBoards, ProcessesPairsOfALongRecording) {
   const FoundBoards pairs = found(12, true, {.look_at = 4});
   EXPECT_EQ(pairs.sets_looked_at, 4);
   for (std::size_t s = 0; s < 4; ++s) EXPECT_NEAR(pairs.set_at_s.at(s), (std::array{0.0, 0.1, 0.6, 0.7}[s]), 1e-9);
@@ -98,7 +98,7 @@ class CharucoPictures final : public PictureSource {
   std::vector<std::string> names_{"cam1"};
 };
 
-TEST(FindBoards, AMarkerOfAnotherSizeIsDoubted) {
+TEST(FindBoards, ReportsWrongMarkerSizes) {
   const board::Board real{.type = board::BoardType::charuco, .columns = 7, .rows = 5, .marker = 0.0225};
   board::Board wrong = real;
   wrong.marker = 0.02;
@@ -113,7 +113,7 @@ TEST(FindBoards, AMarkerOfAnotherSizeIsDoubted) {
 }
 
 // In some pictures so little is seen of the board that it is found all the same.
-TEST(FindBoards, ColumnsForRowsAreNamedThoughAFewPicturesShowTheBoard) {
+TEST(FindBoards, ReportsSwappedColumnsAndRows) {
   const board::Board in_file{.type = board::BoardType::charuco, .columns = 7, .rows = 5, .marker = 0.0225};
   board::Board real = in_file;
   std::swap(real.columns, real.rows);
@@ -125,7 +125,7 @@ TEST(FindBoards, ColumnsForRowsAreNamedThoughAFewPicturesShowTheBoard) {
     look({in_file, real, real, real});
     FAIL() << "it was taken";
   } catch (const InputError& error) {
-    EXPECT_THAT(error.what(), testing::HasSubstr("in 1 of 4 pictures: the board in them has 5x7 squares rather than "
+    EXPECT_THAT(error.what(), testing::HasSubstr("in 1 of 4 images: the board in them has 5x7 squares rather than "
                                                  "7x5: exchange the two numbers in the board file"));
   }
   EXPECT_EQ(look({in_file, in_file, real}), 2);
@@ -181,35 +181,36 @@ PictureTally tally_of(Carried::Spoilt spoilt) {
   return find_boards(source, board::BoardDetector(pictured_board()), {.progress = false, .page = {}}, {}).cameras[0];
 }
 
-TEST(FindBoards, ABoardThatIsSmearedByMotionIsNamed) {
+TEST(FindBoards, CountsMotionBlur) {
   int missed = 0;
   for (const auto& [px, degrees] : {std::pair(15.0, 45.0), {20.0, 0.0}, {25.0, 30.0}, {25.0, 100.0}}) {
     const PictureTally camera = tally_of([&](const cv::Mat& picture, const cv::Mat&, int at) {
       return at % 3 == 1 ? smeared(picture, px, degrees) : picture;
     });
-    EXPECT_GE(camera.smeared(), 0.9 * (camera.pictures - camera.boards)) << px << " px, " << degrees << " degrees";
+    EXPECT_GE(camera.motion_blurred(), 0.9 * (camera.pictures - camera.boards))
+        << px << " px, " << degrees << " degrees";
     missed += camera.pictures - camera.boards;
   }
   EXPECT_GE(missed, 10);  // or this shows nothing
 }
 
-TEST(FindBoards, ABoardThatIsGoneOrHiddenIsNotSmeared) {
+TEST(FindBoards, AnAbsentOrHiddenBoardIsNotMotionBlur) {
   using Picture = const cv::Mat&;
-  const auto smeared_in = [](const Carried::Spoilt& picture) {
+  const auto blurred_in = [](const Carried::Spoilt& picture) {
     const PictureTally camera = tally_of([&](Picture with_board, Picture room, int at) {
       return at >= 3 && at < 9 ? picture(with_board, room, at) : with_board;
     });
     EXPECT_EQ(camera.boards, camera.pictures - 6);
-    return camera.smeared();
+    return camera.motion_blurred();
   };
-  EXPECT_EQ(smeared_in([](Picture, Picture room, int) { return room; }), 0) << "gone";
-  EXPECT_EQ(smeared_in([](Picture, Picture room, int) { return smeared(room, 20, 30); }), 0) << "a soft room";
+  EXPECT_EQ(blurred_in([](Picture, Picture room, int) { return room; }), 0) << "gone";
+  EXPECT_EQ(blurred_in([](Picture, Picture room, int) { return smeared(room, 20, 30); }), 0) << "a soft room";
   const auto covered = [](Picture picture, Picture, int at) {
     cv::Mat hidden = picture.clone();
     cv::line(hidden, {60 + 7 * at, 100 + 4 * at}, {400 + 7 * at, 250 + 4 * at}, 70, 90);
     return at % 2 == 1 ? hidden : cv::Mat(picture.size(), CV_8UC1, cv::Scalar(90));
   };
-  EXPECT_EQ(smeared_in(covered), 0) << "covered";
+  EXPECT_EQ(blurred_in(covered), 0) << "covered";
 }
 
 }  // namespace

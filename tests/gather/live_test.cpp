@@ -92,7 +92,7 @@ std::vector<LiveCameraSource> shown(const calib::CameraRig& rig, const std::vect
   return cameras;
 }
 
-TEST(LiveBoards, KeepsTheBoardWhereItRests) {
+TEST(LiveBoards, KeepsViewsOfARestingBoard) {
   calib::CameraRig rig = pictured_rig();
   rig.cameras.resize(2);
   const fs::path page = fs::temp_directory_path() / ("huetrack_page_" + std::to_string(getpid()) + ".html");
@@ -109,12 +109,12 @@ TEST(LiveBoards, KeepsTheBoardWhereItRests) {
   EXPECT_EQ(found.set_at_s.size(), 4U);
   EXPECT_EQ(found.views.size(), 8U);
   EXPECT_EQ(found.thumbnails.size(), 8U);
-  EXPECT_THAT(end_to_end::contents(page), AllOf(HasSubstr("finished with 4 moments"), HasSubstr("cam1"),
+  EXPECT_THAT(end_to_end::contents(page), AllOf(HasSubstr("finished with 4 frame sets"), HasSubstr("cam1"),
                                                 HasSubstr("data:image/jpeg"), Not(HasSubstr("http-equiv=refresh"))));
   fs::remove(page);
 }
 
-TEST(LiveBoards, ABoardThatIsSmearedByMotionIsToBeHeldStill) {
+TEST(LiveBoards, AsksToHoldABlurredBoardStill) {
   calib::CameraRig rig = pictured_rig();
   rig.cameras.resize(2);
   const auto programme = std::make_shared<Programme>(2);
@@ -124,19 +124,19 @@ TEST(LiveBoards, ABoardThatIsSmearedByMotionIsToBeHeldStill) {
     cameras[c].source =
         std::make_unique<ShownPictures>(std::vector<cv::Mat>{still, smeared(still, 15, 40)}, programme, c);
   }
-  std::vector<std::string> told;
+  std::vector<std::string> statuses;
   LiveBoardsOptions options;
   options.progress = false;
   options.looked = [&](const std::string& status) {
-    if (told.empty() || told.back() != status) told.push_back(status);
+    if (statuses.empty() || statuses.back() != status) statuses.push_back(status);
     if (status.starts_with("kept view") || status.starts_with("hold it still:")) programme->turn();
   };
   options.seconds = 20;
   gather_live(std::move(cameras), board::BoardDetector(pictured_board()), options, {});
-  EXPECT_THAT(told, Contains(HasSubstr("hold it still: the board is smeared by motion in cam")));
+  EXPECT_THAT(statuses, Contains(HasSubstr("hold it still: the board is blurred by motion in cam")));
 }
 
-TEST(LiveBoards, ACameraThatNeverSeesTheBoardIsNamed) {
+TEST(LiveBoards, NamesACameraWithoutTheBoard) {
   calib::CameraRig rig = pictured_rig();
   rig.cameras.resize(2);
   const auto programme = std::make_shared<Programme>(1);
@@ -156,7 +156,7 @@ TEST(LiveBoards, ACameraThatNeverSeesTheBoardIsNamed) {
   }
 }
 
-TEST(ViewCoverage, SaysWhatIsMissing) {
+TEST(ViewCoverage, ListsWhatIsMissing) {
   ViewCoverage coverage(pictured_board(), {"left", "right", "back"}, {{320, 240}, {320, 240}, {320, 240}});
   EXPECT_THAT(coverage.needs(), Contains("left has not seen the board yet"));
   const calib::CameraRig rig = pictured_rig();
@@ -198,7 +198,7 @@ TEST(ViewCoverage, NamesACameraThatIsOutOfFocus) {
   EXPECT_THAT(coverage.needs(), Not(Contains(HasSubstr("left is out of focus"))));
 }
 
-TEST(ImagePairs, AreFoundByTheLastNumber) {
+TEST(ImagePairs, MatchByTheLastNumber) {
   const std::vector<std::string> cameras{"left", "right"};
   const auto sets = paired_images(cameras, {{"l/left2.png", "l/left10.png"}, {"r/right10.png", "r/right3.png"}});
   ASSERT_EQ(sets.size(), 3U);
@@ -211,7 +211,7 @@ TEST(ImagePairs, AreFoundByTheLastNumber) {
   EXPECT_THROW(paired_images(cameras, {{"a1.png", "a2.png"}, {"b7.png"}}), InputError);
 }
 
-TEST(LiveCameras, AreReadFromAFileLikeTheServices) {
+TEST(LiveCameras, AreReadFromAServiceConfiguration) {
   const fs::path file = fs::temp_directory_path() / ("huetrack_live_" + std::to_string(getpid()) + ".yaml");
   std::ofstream(file) << "rig: rig.yaml\ncameras:\n  left: {device: 2, size: [640, 480], fps: 30, controls: "
                          "{focus_automatic_continuous: false}}\n"

@@ -115,7 +115,7 @@ TEST_P(CameraModelContract, RayProjectsBackToItsPixel) {
   }
 }
 
-TEST_P(CameraModelContract, ProjectionComesBackAsTheSameRay) {
+TEST_P(CameraModelContract, RayOfAProjectionIsTheOriginalDirection) {
   int seen = 0;
   for (const Eigen::Vector3d& p : point_grid(1.5)) {
     // Near the limit the pixel hardly moves with the direction, so the direction is not to be had back exactly.
@@ -291,7 +291,7 @@ TEST(CameraModel, APixelBeyondTheFoldHasNoRay) {
   EXPECT_FALSE(model.project({1.001, 0, 1}));
 }
 
-TEST(CameraModel, ALensOfNoNumbersSeesNothing) {
+TEST(CameraModel, ALensWithNanParametersCoversNothing) {
   for (const double bad : {std::nan(""), infinity}) {
     const CameraModel pinhole(PinholeRadtan{500, 500, 320, 240, {bad}}),
         fisheye(FisheyeKannalaBrandt{bad, 1, 0, 0, {}});

@@ -75,7 +75,7 @@ TEST(CameraRig, EveryViolatedConstraintIsOneSentence) {
   EXPECT_THAT(problems([](CameraRig& r) { r.cameras[1].cam_from_world.translation.x() = std::nan(""); }),
               ElementsAre("camera right: the translation of cam_from_world must be finite numbers"));
   EXPECT_THAT(problems([](CameraRig& r) { r.cameras[1].cam_from_world = r.cameras[0].cam_from_world; }),
-              ElementsAre("cameras left and right stand at the same place in the world: one pose is copied, or not "
+              ElementsAre("cameras left and right are at the same place in the world: one pose is copied, or not "
                           "calibrated"));
   EXPECT_THAT(problems([](CameraRig& r) { r.made_by.emplace_back("date", ""); }),
               ElementsAre("made_by has an empty key or an empty value"));
@@ -83,7 +83,7 @@ TEST(CameraRig, EveryViolatedConstraintIsOneSentence) {
             "made_by has the key tool more than once");
 }
 
-TEST(Camera, KnowsWhereItStandsAndWhatItsImageHolds) {
+TEST(Camera, HasACentreAndContainsItsPixels) {
   Camera c = camera("c", 3);
   EXPECT_LT((c.centre() - Eigen::Vector3d(3, 0, 0)).norm(), 1e-15);
   EXPECT_LT((c.project_world({3, 0, 2})->px - Eigen::Vector2d(320, 240)).norm(), 1e-12);

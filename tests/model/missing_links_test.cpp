@@ -28,24 +28,24 @@ std::vector<CameraLink> missing(std::size_t cameras, const Shared& shared) {
       10);
 }
 
-TEST(MissingLinks, NoneWhereAllHangTogetherEvenOverOthers) {
+TEST(MissingLinks, NoneIfAllAreConnectedThroughOthers) {
   EXPECT_THAT(missing(0, {}), IsEmpty());
   EXPECT_THAT(missing(1, {}), IsEmpty());
   EXPECT_THAT(missing(4, {{{0, 1}, 10}, {{1, 2}, 12}, {{0, 3}, 11}}), IsEmpty());
 }
 
-TEST(MissingLinks, EveryCameraThatHangsAloneHasItsBest) {
+TEST(MissingLinks, LinksEveryIsolatedCameraToItsBestPartner) {
   EXPECT_THAT(missing(3, {}), ElementsAre(link(0, 1, 0), link(0, 2, 0)));
   EXPECT_THAT(missing(3, {{{0, 1}, 30}, {{0, 2}, 4}, {{1, 2}, 9}}), ElementsAre(link(1, 2, 9)));
 }
 
 // Each camera has a partner, and yet the four are no rig.
-TEST(MissingLinks, TwoPairsAreLinkedByOneOfTheFour) {
+TEST(MissingLinks, ConnectsTwoPairsByTheBestLink) {
   EXPECT_THAT(missing(4, {{{0, 1}, 30}, {{2, 3}, 30}, {{0, 3}, 2}, {{1, 2}, 5}}), ElementsAre(link(1, 2, 5)));
 }
 
 // The second and the third are each other's best, the first and the fourth likewise: that is not all.
-TEST(MissingLinks, AreEnoughForAllTogether) {
+TEST(MissingLinks, ConnectAllCameras) {
   EXPECT_THAT(missing(4, {{{1, 2}, 8}, {{0, 3}, 7}, {{0, 1}, 1}}),
               ElementsAre(link(0, 1, 1), link(0, 3, 7), link(1, 2, 8)));
 }

@@ -45,7 +45,7 @@ Eigen::MatrixXd some_covariance(std::mt19937& rng) {
   return root * root.transpose();
 }
 
-TEST(RigUncertainty, HoldsACovarianceThatHasDirectionsWithoutVariance) {
+TEST(RigUncertainty, StoresASingularCovariance) {
   std::mt19937 rng(1);
   const Eigen::MatrixXd covariance = some_covariance(rng);
   const RigUncertainty uncertainty = RigUncertainty::of(of_cameras, covariance);
@@ -83,7 +83,7 @@ Eigen::Vector3d triangulated(const CameraRig& truth, const CameraRig& rig, const
   return x;
 }
 
-TEST(RigUncertainty, MovesAPositionAsTheCamerasErrorsDo) {
+TEST(RigUncertainty, PredictsTheEffectOfCameraErrorsOnAPosition) {
   std::mt19937 rng(2);
   std::normal_distribution<double> normal;
   CameraRig rig = three_cameras();
@@ -96,7 +96,7 @@ TEST(RigUncertainty, MovesAPositionAsTheCamerasErrorsDo) {
     const Eigen::Matrix3Xd moved = position_gain_of_cameras(rig, *rig.uncertainty, p, views);
     for (int draw = 0; draw < 20; ++draw) {
       const Eigen::VectorXd errors = factor * Eigen::VectorXd::NullaryExpr(factor.cols(), [&] { return normal(rng); });
-      // The cameras are where `errors` puts them: what the rig then says lies beside p by -moved * errors.
+      // With the true cameras moved by `errors`, the rig's position differs from p by -gain * errors.
       const Eigen::Vector3d off = triangulated(with_errors(rig, errors), rig, p, views) - p;
       EXPECT_LT((off + moved * errors).norm(), 0.02 * off.norm() + 2e-5);
     }
@@ -106,7 +106,7 @@ TEST(RigUncertainty, MovesAPositionAsTheCamerasErrorsDo) {
   }
 }
 
-TEST(RigUncertainty, OfOneViewOnlyWhatIsKnownElsewhereHoldsTheDepth) {
+TEST(RigUncertainty, DepthOfASingleViewComesFromThePrior) {
   std::mt19937 rng(3);
   CameraRig rig = three_cameras();
   rig.uncertainty = RigUncertainty::of(of_cameras, some_covariance(rng));
@@ -115,12 +115,12 @@ TEST(RigUncertainty, OfOneViewOnlyWhatIsKnownElsewhereHoldsTheDepth) {
   const Eigen::Matrix3d open = rig_covariance_at(rig, p, one, 1e4 * Eigen::Matrix3d::Identity());
   EXPECT_LT(along.dot(open * along), 1e-3 * open.trace());
   EXPECT_GT(open.trace(), 0);
-  EXPECT_TRUE(rig_covariance_at(rig, p, {}).isZero());  // nobody sees it
+  EXPECT_TRUE(rig_covariance_at(rig, p, {}).isZero());  // no view sees it
   rig.uncertainty.reset();
   EXPECT_TRUE(rig_covariance_at(rig, p, one).isZero());
 }
 
-TEST(RigUncertainty, APoseThatIsFoundAnewStandsAlone) {
+TEST(RigUncertainty, AReplacedPoseHasNoCorrelations) {
   std::mt19937 rng(4);
   CameraRig rig = three_cameras();
   rig.uncertainty = RigUncertainty::of(of_cameras, some_covariance(rng));
@@ -139,7 +139,7 @@ TEST(RigUncertainty, APoseThatIsFoundAnewStandsAlone) {
   EXPECT_FALSE(alone.cameras[0].has_pose);
 }
 
-TEST(RigHistory, TellsTimesAndAges) {
+TEST(RigHistory, PrintsTimesAndAges) {
   const auto at = utc_time("2026-11-22T16:04:08Z");
   ASSERT_TRUE(at);
   EXPECT_EQ(at->time_since_epoch().count(), 1795363448);

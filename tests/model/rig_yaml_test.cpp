@@ -16,7 +16,7 @@
 #include <sstream>
 #include <system_error>
 
-#include "calib/yaml/yaml_reader.h"
+#include "calib/files/config_error.h"
 
 namespace huetrack::calib {
 namespace {
@@ -38,7 +38,7 @@ class RigYaml : public testing::Test {
     return read_rig(file());
   }
 
-  // The message, with the temporary folder's name left out.
+  // The message without the name of the temporary folder.
   std::string error_of(const std::string& yaml) const {
     try {
       read(yaml);
@@ -82,7 +82,7 @@ std::string replaced(const std::string& from, const std::string& to) {
   return text.replace(at, from.size(), to);
 }
 
-TEST_F(RigYaml, ReadsWhatIsThere) {
+TEST_F(RigYaml, ReadsAllFields) {
   const CameraRig rig = read(valid);
   ASSERT_EQ(rig.cameras.size(), 2u);
   const Camera& left = rig.cameras[0];
@@ -124,7 +124,7 @@ TEST_F(RigYaml, ARoundedMatrixBecomesARotation) {
   EXPECT_LT((r - exact).norm(), 5e-5);
 }
 
-TEST_F(RigYaml, ASingleCameraMayDoWithoutAPose) {
+TEST_F(RigYaml, ASingleCameraNeedsNoPose) {
   const std::string pose =
       valid.substr(valid.find("    cam_from_world"), valid.find("  right") - valid.find("    cam"));
   std::string one = valid.substr(0, valid.find("  right"));
@@ -143,10 +143,9 @@ TEST_F(RigYaml, EveryMistakeHasItsOwnMessage) {
   const std::string matrix = "[[0, -1, 0], [0, 0, -1], [1, 0, 0]]";
   const std::vector<Mutation> mutations{
       {"version: 1", "version: 2",
-       "rig.yaml:1: version must be 1, got \"2\": it says which form this file has, the only one that this program "
-       "knows, "
-       "and is neither the program's version nor counts yours"},
-      {"version: 1\n", "", "rig.yaml:1: version is missing: write version: 1, the form that this file has"},
+       "rig.yaml:1: version must be 1, got \"2\": it is the version of the file format, and this program reads only "
+       "this one. It is neither the program's version nor a count of your changes"},
+      {"version: 1\n", "", "rig.yaml:1: version is missing: write version: 1, the version of the file format"},
       {"cameras:", "camera:", "rig.yaml:1: cameras is missing (is camera in line 2 a misspelling of it?)"},
       {"made_by", "mad_by", "rig.yaml:19: mad_by is not a known key (did you mean made_by?)"},
       {"huetrack-calibrate 0.1", "[a]", "rig.yaml:20: made_by.tool must be a text, got a list of 1"},
@@ -191,7 +190,7 @@ TEST_F(RigYaml, EveryMistakeHasItsOwnMessage) {
       {"[0, 0.6, 0, 0.8]", "[0, 0.6, 0, 0.9]",
        "rig.yaml:17: cameras.right.cam_from_world.quaternion_xyzw: must have length 1"},
       {"[0, 0.6, 0, 0.8]", "[0, 0.6, 0, 0.8]\n      rotation: " + matrix,
-       "rig.yaml:17: cameras.right.cam_from_world.quaternion_xyzw: is given beside rotation: give one of the two"},
+       "rig.yaml:17: cameras.right.cam_from_world.quaternion_xyzw: is given together with rotation: give one of them"},
       {"      rotation: " + matrix + "\n", "", "rig.yaml:8: cameras.left.cam_from_world.rotation is missing"},
       {"[0.1, 0.2, 3]", "[0.1, 0.2]",
        "rig.yaml:10: cameras.left.cam_from_world.translation must be a list of 3 numbers, got a list of 2"},
@@ -206,7 +205,7 @@ TEST_F(RigYaml, EveryMistakeHasItsOwnMessage) {
       {valid.substr(valid.find("  left"), valid.find("made_by") - valid.find("  left")), "  {}\n",
        "rig.yaml:2: cameras: a rig has at least one camera"},
       {"[0, 0.6, 0, 0.8]\n      translation: [-1, 0, 2.5]", "[0.5, -0.5, 0.5, 0.5]\n      translation: [0.1, 0.2, 3]",
-       "rig.yaml:2: cameras: cameras left and right stand at the same place in the world: one pose is copied, or not "
+       "rig.yaml:2: cameras: cameras left and right are at the same place in the world: one pose is copied, or not "
        "calibrated"},
   };
   for (const Mutation& m : mutations) EXPECT_EQ(error_of(replaced(m.from, m.to)), m.message) << m.to;
@@ -248,7 +247,7 @@ double uniform(std::mt19937_64& rng) {
   return static_cast<double>(rng() >> 11) * 0x1p-53 * 2 - 1;
 }
 
-TEST_F(RigYaml, WhatIsWrittenReadsBackToTheSameBits) {
+TEST_F(RigYaml, WrittenFilesReadBackToTheSameBits) {
   std::mt19937_64 rng(5);
   for (int i = 0; i < 200; ++i) {
     CameraRig rig;
@@ -305,7 +304,7 @@ TEST_F(RigYaml, ComposedPosesReadBackToTheSameBits) {
   }
 }
 
-TEST_F(RigYaml, TheWrittenFormIsThisOne) {
+TEST_F(RigYaml, WritesTheDocumentedFormat) {
   EXPECT_EQ(to_yaml(read(valid)),
             "# huetrack rig: see calib/README.md. Pixel (0,0) is the centre of the top-left pixel; metres;\n"
             "# p_cam = R(quaternion) * p_world + translation.\n"
@@ -441,9 +440,9 @@ TEST_F(RigYaml, EveryMistakeInTimingHasItsOwnMessage) {
        "rig.yaml:11: cameras.left.timing.latency_sigma_s must be from 0 to 1 (is -0.001)"},
       {"{readout_s: 0, readout_sigma_s: 2}",
        "rig.yaml:11: cameras.left.timing.readout_sigma_s must be from 0 to 1 (is 2)"},
-      {"{latency_sigma_s: 0.001}", "rig.yaml:3: cameras.left: timing: latency_sigma_s needs latency_s beside it"},
+      {"{latency_sigma_s: 0.001}", "rig.yaml:3: cameras.left: timing: latency_sigma_s needs latency_s"},
       {"{latency_s: 0.01, readout_sigma_s: 0.001}",
-       "rig.yaml:3: cameras.left: timing: readout_sigma_s needs readout_s beside it"},
+       "rig.yaml:3: cameras.left: timing: readout_sigma_s needs readout_s"},
       {"0.03", "rig.yaml:11: cameras.left.timing must be a mapping (key: value), got \"0.03\""},
   };
   for (const auto& [map, message] : mistakes)
@@ -459,7 +458,7 @@ TEST_F(RigYaml, TheIdentityChangesWithAnyNumber) {
   EXPECT_NE(rig_identity(rig), rig_identity(other));
 }
 
-TEST_F(RigYaml, WritingReplacesTheFileAsAWhole) {
+TEST_F(RigYaml, WritingIsAtomic) {
   const CameraRig rig = read(valid);
   write_rig(rig, file());
   CameraRig other = rig;
@@ -478,7 +477,7 @@ TEST_F(RigYaml, WritingReplacesTheFileAsAWhole) {
     EXPECT_THAT(error.what(), HasSubstr("No such file or directory"));
   }
   std::ofstream(folder_ / "notes.yaml") << "something else that is there";
-  EXPECT_THROW(write_rig(rig, folder_ / "notes.yaml"), std::exception);  // it is no rig: nobody meant to lose it
+  EXPECT_THROW(write_rig(rig, folder_ / "notes.yaml"), std::exception);  // not a rig file: must not be replaced
   EXPECT_EQ(fs::file_size(folder_ / "notes.yaml"), 28u);
   fs::remove(folder_ / "notes.yaml");
   fs::create_directory(folder_ / "taken");
@@ -486,7 +485,7 @@ TEST_F(RigYaml, WritingReplacesTheFileAsAWhole) {
   EXPECT_EQ(std::distance(fs::directory_iterator(folder_), {}), 2);
 }
 
-TEST_F(RigYaml, ADamagedFileIsReadOrRefusedNothingElse) {
+TEST_F(RigYaml, DamagedFilesAreReadOrRejected) {
   std::mt19937_64 rng(7);
   const std::string alphabet = "{}[]:,-?&*!|>'\"%@#\n 0123456789.e+x~";
   int refused = 0, read_through = 0;
@@ -518,7 +517,7 @@ TEST_F(RigYaml, TheExampleInFormatsMdIsRead) {
   const CameraRig rig = read(example);
   EXPECT_EQ(rig.cameras.at(0).name, "left");
   EXPECT_EQ(rig.made_by.size(), 2u);
-  // Its other form of the rotation, which is commented out, is the same rotation.
+  // The alternative form of the rotation, commented out in the example, is the same rotation.
   const std::size_t matrix = example.find("rotation:");
   example.erase(matrix, example.find('\n', matrix) - matrix);
   const std::size_t comment = example.find("# quaternion");

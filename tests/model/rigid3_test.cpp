@@ -93,7 +93,7 @@ TEST(Rigid3, LogUndoesExp) {
   }
 }
 
-TEST(Rigid3, LogTakesTheShortWayOfEitherQuaternion) {
+TEST(Rigid3, LogOfQAndMinusQIsTheSame) {
   const Rigid3d t{Eigen::Quaterniond(Eigen::AngleAxisd(0.3, Eigen::Vector3d::UnitY())), {1, 2, 3}};
   const Rigid3d same{Eigen::Quaterniond(-t.rotation.coeffs()), t.translation};
   EXPECT_LT((log(t) - log(same)).norm(), 1e-15);

@@ -6,7 +6,7 @@
 
 #include <fstream>
 
-#include "calib/yaml/yaml_reader.h"
+#include "calib/files/config_error.h"
 
 namespace huetrack::pipeline {
 namespace {

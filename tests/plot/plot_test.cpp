@@ -131,7 +131,8 @@ TEST_F(Plot, AnotherBallsTruthIsNotTakenInSilence) {
   internal::CaptureStderr();
   plot({.tracks = tracks(), .truth = write("truth.csv", text.str()), .out = folder / "a.svg"});
   internal::GetCapturedStdout();
-  EXPECT_THAT(internal::GetCapturedStderr(), AllOf(HasSubstr("of a ball named pink"), HasSubstr("never within 50 mm")));
+  EXPECT_THAT(internal::GetCapturedStderr(),
+              AllOf(HasSubstr("a single ball named pink"), HasSubstr("never within 50 mm")));
 }
 
 TEST_F(Plot, DrawsALogOfACamera) {

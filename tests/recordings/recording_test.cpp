@@ -5,7 +5,7 @@
 
 #include <fstream>
 
-#include "calib/yaml/yaml_reader.h"
+#include "calib/files/config_error.h"
 #include "capture/temporary_folder.h"
 
 namespace huetrack::recordings {

@@ -14,7 +14,7 @@
 #include <random>
 #include <thread>
 
-#include "calib/yaml/yaml_reader.h"
+#include "calib/files/config_error.h"
 #include "capture/clips.h"
 #include "capture/frames/jpeg_decoder.h"
 #include "recordings/growing_recording.h"

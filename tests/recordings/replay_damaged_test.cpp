@@ -6,7 +6,7 @@
 #include <map>
 #include <random>
 
-#include "calib/yaml/yaml_reader.h"
+#include "calib/files/config_error.h"
 #include "capture/clips.h"
 #include "recordings/replay_source.h"
 

@@ -9,7 +9,7 @@
 #include <utility>
 #include <vector>
 
-#include "calib/yaml/yaml_reader.h"
+#include "calib/files/config_error.h"
 #include "capture/clips.h"
 
 namespace huetrack::recordings {

@@ -1,4 +1,4 @@
-// What people read of an error: the fact that a solver states, and what to do about it.
+// Error texts: the solver's fact and the advice.
 #include "calib/report/advice.h"
 
 #include <gmock/gmock.h>
@@ -19,11 +19,11 @@ using testing::EndsWith;
 using testing::HasSubstr;
 using testing::Not;
 
-std::string told_of(const std::function<void()>& calibrate) {
+std::string advised(const std::function<void()>& calibrate) {
   try {
     calibrate();
   } catch (const solver::CalibrationError& error) {
-    return told(error);
+    return with_advice(error);
   }
   return "no error";
 }
@@ -40,16 +40,18 @@ TEST(Advice, EveryFaultHasItsOwn) {
 }
 
 TEST(Advice, FollowsItsFact) {
-  EXPECT_EQ(told(solver::CalibrationError("cam0 gave no frame")), "cam0 gave no frame");
-  EXPECT_EQ(told(solver::CalibrationError("it is so", Fault::other_rig)), "it is so: is it the rig of these cameras?");
-  EXPECT_EQ(told(solver::CalibrationError("it is so", Fault::too_little_motion)),
+  EXPECT_EQ(with_advice(solver::CalibrationError("cam0 gave no frame")), "cam0 gave no frame");
+  EXPECT_EQ(with_advice(solver::CalibrationError("it is so", Fault::other_rig)),
+            "it is so: is it the rig of these cameras?");
+  EXPECT_EQ(with_advice(solver::CalibrationError("it is so", Fault::too_little_motion)),
             "it is so. Wave it through the whole volume");
   const solver::CalibrationError several({{"one", Fault::wrong_radius},
                                           {"; and another", Fault::mirrored_images},
                                           {". As it was given, nothing was found: a third", Fault::none}});
-  EXPECT_EQ(told(several),
-            "one: measure it, and correct it; and another: record them as the sensor sees them; or, if it looks at the "
-            "back of the board, say so in the board file (back:). As it was given, nothing was found: a third");
+  EXPECT_EQ(
+      with_advice(several),
+      "one: measure it, and correct it; and another: switch mirroring off in the camera or its driver; or, if it sees "
+      "the back of the board, add back: to the board file. As it was given, nothing was found: a third");
   EXPECT_STREQ(several.what(), "one; and another. As it was given, nothing was found: a third");
   EXPECT_EQ(several.fault(), Fault::wrong_radius);
   EXPECT_EQ(solver::facts(solver::after("so: ", several.reasons())), std::string("so: ") + several.what());
@@ -61,7 +63,7 @@ TEST(Advice, OfABoardBeforeOneCamera) {
   const auto calibrate = [&](std::size_t views, std::optional<solver::LensModel> lens) {
     const std::vector<solver::BoardView> some(capture.views.begin(),
                                               capture.views.begin() + static_cast<std::ptrdiff_t>(views));
-    return told_of([&] { calibrate_intrinsics(capture.board, "left", {640, 480}, some, {.lens = lens}); });
+    return advised([&] { calibrate_intrinsics(capture.board, "left", {640, 480}, some, {.lens = lens}); });
   };
   EXPECT_EQ(calibrate(2, {}),
             "camera left: only 2 views of the board; at least 4 are needed. Some 15 with the board tilted and in all "
@@ -71,8 +73,8 @@ TEST(Advice, OfABoardBeforeOneCamera) {
   }
   EXPECT_EQ(calibrate(10, solver::LensModel::radtan4),
             "camera left: radtan4 cannot be fitted to its views (camera left: no lens fits the views of the board: are "
-            "all images of this camera, and not cropped or zoomed?): where no model is asked for, the one that "
-            "predicts the views best is taken");
+            "all images of this camera, and not cropped or zoomed?): without --lens the model that "
+            "predicts the views best is chosen");
 }
 
 // cam0 and cam1 saw it in other sets than cam2.
@@ -82,65 +84,67 @@ TEST(Advice, OfCamerasThatShareNoView) {
   std::vector<solver::CameraToCalibrate> cameras;
   for (const calib::Camera& camera : capture.rig.cameras)
     cameras.push_back({camera.name, camera.image_size, camera.model});
-  EXPECT_EQ(told_of([&] { calibrate_extrinsics(capture.board, cameras, capture.views); }),
+  EXPECT_EQ(advised([&] { calibrate_extrinsics(capture.board, cameras, capture.views); }),
             "camera cam2 never saw the board at the same time as cam0 and cam1: show it to cam2 and cam0 (or to others "
             "of the two groups) together, 10 times or more");
-  // One that is left out says the same.
+  // A camera that is left out has the same text.
   const solver::Extrinsics found = calibrate_extrinsics(capture.board, cameras, capture.views, {.leave_out = true});
   ASSERT_EQ(found.left_out.size(), 1U);
-  EXPECT_THAT(told(found.left_out[0].why),
+  EXPECT_THAT(with_advice(found.left_out[0].why),
               EndsWith("as cam0 and cam1: show it to cam2 and cam0 (or to others of the two "
                        "groups) together, 10 times or more"));
 }
 
 TEST(Advice, OfMeasuredPoints) {
   const std::vector<Eigen::Vector3d> line{{0, 0, 0}, {1, 0, 0}, {2, 0, 0}}, floor{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
-  EXPECT_EQ(told_of([&] { solver::align_points(line, line, false); }),
-            "the points lie in a line: a world can turn about it. Measure one well beside the line");
+  EXPECT_EQ(advised([&] { solver::align_points(line, line, false); }),
+            "the points lie in a line: a world can turn about it. Measure one away from the line");
   calib::CameraRig rig = solver::synthetic_capture({.cameras = 2, .sets = 1}).rig;
   rig.cameras[0].cam_from_world = {Eigen::Quaterniond::Identity(), {0, 0, 1}};
   rig.cameras[1].cam_from_world = {Eigen::Quaterniond::Identity(), {0, 0, -1}};
-  EXPECT_EQ(told_of([&] { solver::floor_from_points(floor, rig); }),
+  EXPECT_EQ(advised([&] { solver::floor_from_points(floor, rig); }),
             "as many cameras stand on one side of the floor as on the other: are the points on the floor?");
 }
 
-// The other sentences, as they were before facts and advice were told apart.
-TEST(Advice, IsWordForWordWhatItWas) {
-  const auto told_as = [](const char* fact, Fault fault) { return told(solver::CalibrationError(fact, fault)); };
-  EXPECT_EQ(told_as("the views do not determine what is asked of them (the adjustment does not converge)",
-                    Fault::undetermined),
+// The remaining sentences, word for word.
+TEST(Advice, HasTheseSentences) {
+  const auto advised_as = [](const char* fact, Fault fault) {
+    return with_advice(solver::CalibrationError(fact, fault));
+  };
+  EXPECT_EQ(advised_as("the views do not determine what is asked of them (the adjustment does not converge)",
+                       Fault::undetermined),
             "the views do not determine what is asked of them (the adjustment does not converge): show the board at "
             "more places, tilted, and out to the image's edges; or ask for a simpler lens model");
-  EXPECT_EQ(told_as("camera cam1 sees the board 1.43 times as large as camera cam0 does", Fault::different_sizes),
+  EXPECT_EQ(advised_as("camera cam1 sees the board 1.43 times as large as camera cam0 does", Fault::different_sizes),
             "camera cam1 sees the board 1.43 times as large as camera cam0 does: did they see different boards, or is "
             "one camera's focal length wrong?");
-  EXPECT_EQ(told_as("contradict each other on how they stand", Fault::contradicting_views),
+  EXPECT_EQ(advised_as("contradict each other on how they stand", Fault::contradicting_views),
             "contradict each other on how they stand: were the images taken at the same time, are they in the right "
-            "order, and did nobody move a camera?");
+            "order, and was a camera moved?");
   EXPECT_EQ(
-      told_as("the images of one of them are mirrored (left and right swapped)", Fault::mirrored_images),
-      "the images of one of them are mirrored (left and right swapped): record them as the sensor sees them; or, if "
-      "it looks at the back of the board, say so in the board file (back:)");
+      advised_as("the images of one of them are mirrored (left and right swapped)", Fault::mirrored_images),
+      "the images of one of them are mirrored (left and right swapped): switch mirroring off in the camera or its "
+      "driver; or, if it sees the back of the board, add back: to the board file");
   EXPECT_EQ(
-      told_as("cam1 never saw the target: none of its 240 frames has a region of the colour", Fault::target_unseen),
+      advised_as("cam1 never saw the target: none of its 240 frames has a region of the colour", Fault::target_unseen),
       "cam1 never saw the target: none of its 240 frames has a region of the colour. Check the target's colour "
       "(hue, saturation, intensity) in this camera, or wave it in front of it");
-  EXPECT_EQ(told_as("cam0 and cam2 share 0 frames, 20 are needed", Fault::unconnected_cameras),
+  EXPECT_EQ(advised_as("cam0 and cam2 share 0 frames, 20 are needed", Fault::unconnected_cameras),
             "cam0 and cam2 share 0 frames, 20 are needed. Wave it where both see it");
   EXPECT_EQ(
-      told_as("no two cameras agree on how the ball moved, so their poses cannot be found",
-              Fault::contradicting_motion),
+      advised_as("no two cameras agree on how the ball moved, so their poses cannot be found",
+                 Fault::contradicting_motion),
       "no two cameras agree on how the ball moved, so their poses cannot be found: is its colour seen on "
       "anything else that moves? Give a rig with approximate poses, or wave for longer, through the whole volume");
-  EXPECT_EQ(told_as("cam2: cannot be placed", Fault::unplaced_camera),
+  EXPECT_EQ(advised_as("cam2: cannot be placed", Fault::unplaced_camera),
             "cam2: cannot be placed. Wave the ball where it and two other cameras see it at once");
-  EXPECT_EQ(told_as("they are not right, or the cameras' names are swapped", Fault::wrong_poses),
+  EXPECT_EQ(advised_as("they are not right, or the cameras' names are swapped", Fault::wrong_poses),
             "they are not right, or the cameras' names are swapped. Find poses and times together, with wave");
   EXPECT_EQ(
-      told_as("so the distance between them cannot set the scale", Fault::no_rests),
+      advised_as("so the distance between them cannot set the scale", Fault::no_rests),
       "so the distance between them cannot set the scale: hold it still for two seconds at each of the two marks, "
       "in sight of two cameras");
-  EXPECT_EQ(told_as("the camera poses are not determined by how the ball was moved", Fault::undetermined_poses),
+  EXPECT_EQ(advised_as("the camera poses are not determined by how the ball was moved", Fault::undetermined_poses),
             "the camera poses are not determined by how the ball was moved: carry it through the whole volume, up and "
             "down and towards the cameras");
 }

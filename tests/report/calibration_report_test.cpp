@@ -101,12 +101,12 @@ TEST(CalibrationReport, NamesWhatSpeaksAgainstALens) {
 
 TEST(CalibrationReport, SaysWhatBecameOfAGivenLens) {
   solver::Extrinsics found = calibrated(solver::synthetic_capture({.cameras = 2, .sets = 14}));
-  EXPECT_THAT(to_html(report_on(found, {})), Not(HasSubstr("the lens that was given was refined")));
+  EXPECT_THAT(to_html(report_on(found, {})), Not(HasSubstr("the given lens was refined")));
   found.refinement = solver::LensRefinement::given_refined;
   found.adjustment.cameras[1].lens_prior.emplace().mean.head<4>() << 700, 701, 320, 240;
   EXPECT_THAT(to_html(report_on(found, {})),
-              AllOf(HasSubstr("cam1: the lens that was given was refined"), HasSubstr("(given: 700.0)"),
-                    HasSubstr("(given: 320.0, 240.0)"), Not(HasSubstr("cam0: the lens that was given was refined"))));
+              AllOf(HasSubstr("cam1: the given lens was refined"), HasSubstr("(given: 700.0)"),
+                    HasSubstr("(given: 320.0, 240.0)"), Not(HasSubstr("cam0: the given lens was refined"))));
 }
 
 TEST(CalibrationReport, SaysThatAGivenLensIsBelievedAndWhatSpeaksAgainstIt) {
@@ -115,7 +115,7 @@ TEST(CalibrationReport, SaysThatAGivenLensIsBelievedAndWhatSpeaksAgainstIt) {
   const CalibrationReport report = report_on(found, {});
   EXPECT_THAT(report.checks, speaks_against(Verdict::usable, "given lens of cam0"));
   EXPECT_THAT(report.checks, speaks_against(Verdict::doubtful, "given lens of cam1"));
-  EXPECT_THAT(to_text(report), HasSubstr("its pixels would look elsewhere by 1.50 px"));
+  EXPECT_THAT(to_text(report), HasSubstr("these views differ from it by 1.50 px"));
   EXPECT_THAT(report.checks, Not(Contains(Field(&Check::name, "rays of cam1"))));
 }
 
@@ -152,14 +152,14 @@ TEST(CalibrationReport, NamesAspectOverlapAndBoardsSeenFromBehind) {
 }
 
 TEST(Sentences, SayWhatTheSolversFound) {
-  EXPECT_EQ(dropped_text({9.87, 0.123}), "its corners are off by 9.87 px, those of the other views by 0.12 px");
-  EXPECT_EQ(dropped_text({98.7, 0.123}), "its corners are off by 99 px, those of the other views by 0.12 px");
+  EXPECT_EQ(dropped_text({9.87, 0.123}), "its corners have an error of 9.87 px, those of the other views 0.12 px");
+  EXPECT_EQ(dropped_text({98.7, 0.123}), "its corners have an error of 99 px, those of the other views 0.12 px");
   EXPECT_EQ(contradiction_text({.given_px = 1.234, .refined_px = 0.2}, "left"),
-            "the lens that was given for camera left leaves 1.23 px, one fitted to its views 0.20 px");
+            "the given lens of camera left leaves a residual of 1.23 px, one fitted to its views 0.20 px");
   const solver::LensContradiction zoomed{
       .is_by_focal_length = true, .focal_px = 600.12, .focal_sigma_px = 0.5, .given_focal_px = 620};
   EXPECT_EQ(contradiction_text(zoomed, "left"),
-            "the views of camera left say that its focal length is 600.1 px (+- 0.5), not 620.0 px as given");
+            "by its views camera left has a focal length of 600.1 px (+- 0.5), not 620.0 px as given");
 
   solver::Intrinsics lens;
   lens.trials = {{.lens = solver::LensModel::radtan4, .held_out_px = 0.101, .error = {}},
@@ -175,37 +175,36 @@ TEST(Sentences, SayWhatTheSolversFound) {
   EXPECT_EQ(choice_text(lens), "radtan5 predicts views that it was not fitted to best (0.100 px)");
   lens.choice = solver::LensChoice::together;
   EXPECT_EQ(choice_text(lens),
-            "radtan5 fits what all cameras saw better than radtan4, which this camera's own views spoke for");
+            "radtan5 fits the views of all cameras better than radtan4, which this camera's own views favour");
   lens.choice = solver::LensChoice::too_few_views;
   lens.compared_views = 7;
-  EXPECT_EQ(choice_text(lens), "7 views are too few to tell lens models apart: the simplest one");
+  EXPECT_EQ(choice_text(lens), "7 views are too few to compare lens models: the simplest one");
 
   solver::Extrinsics cameras;
   EXPECT_EQ(refinement_text(cameras), "the lenses stay as they were given");
   cameras.given_lens_checks = {std::nullopt, solver::GivenLensCheck{.has_covariance = true}};
   EXPECT_EQ(refinement_text(cameras), "the lenses stay as they were given");
   cameras.given_lens_checks[0].emplace();
-  EXPECT_EQ(
-      refinement_text(cameras),
-      "the lenses stay as they were given; how well they are known their files do not say: what is stated allows "
-      "for what usual webcams' are wrong by (0.2 % of the image's width), as far as these views do not tell better");
+  EXPECT_EQ(refinement_text(cameras),
+            "the lenses stay as they were given; their files have no uncertainty, so that of usual webcams is assumed "
+            "(0.2 % of the image's width), unless these views determine them better");
   cameras.alone_px = 0.1;
   cameras.adjustment.noise_px = 0.25;
   cameras.refinement = solver::LensRefinement::not_synchronised;
   EXPECT_EQ(refinement_text(cameras),
-            "the lenses were found from these views, and stay as each camera's own views say (0.10 px), because the "
-            "cameras agree less well with one another (0.25 px): they are not quite in step");
+            "the lenses were estimated from these views; each is kept as its own camera's views determine it (0.10 "
+            "px), because the cameras agree less well with one another (0.25 px): they are not quite synchronised");
   cameras.held_px = 0.4;
   cameras.refinement = solver::LensRefinement::given_refined;
   EXPECT_EQ(refinement_text(cameras),
-            "the lenses that were given were refined: as they were, the cameras agree less well with one another "
-            "(0.40 px) than now (0.25 px)");
+            "the given lenses were refined: unrefined, the cameras agree less well with one another (0.40 px) than now "
+            "(0.25 px)");
   cameras.adjustment.cameras.resize(2);
   cameras.adjustment.cameras[1].name = "right";
   cameras.contradictions = {std::nullopt, zoomed};
   cameras.refinement = solver::LensRefinement::refined;
   EXPECT_EQ(refinement_text(cameras),
-            contradiction_text(zoomed, "right") + ", and are refined with all cameras' views");
+            contradiction_text(zoomed, "right") + "; the lenses are refined with all cameras' views");
 }
 
 TEST(RigCheck, NamesTheCameraThatMoved) {
@@ -235,7 +234,7 @@ TEST(RigCheck, NamesTheCameraThatMoved) {
   const solver::RigCheck either = solver::check_rig(capture.board, two, views);
   EXPECT_EQ(report_on(either, two).verdict, Verdict::failed);
   EXPECT_EQ(either.alternatives.size(), 1U);
-  EXPECT_THAT(to_text(report_on(either, two), either), HasSubstr("these views do not tell which"));
+  EXPECT_THAT(to_text(report_on(either, two), either), HasSubstr("these views do not determine which"));
 }
 
 TEST(RigCheck, TellsAnotherBoardAndSwappedNamesFromABump) {

@@ -9,7 +9,7 @@
 #include <locale>
 #include <sstream>
 
-#include "calib/yaml/yaml_reader.h"
+#include "calib/files/config_error.h"
 
 namespace huetrack::tracks {
 namespace {
@@ -87,7 +87,7 @@ TEST_F(TrackCsv, NumbersDoNotDependOnTheLocale) {
   EXPECT_EQ(tracks.at("ball").at(0).position, tracked().position);
 }
 
-TEST_F(TrackCsv, RowsOfOneFrameSetAreKnownByTheirNames) {
+TEST_F(TrackCsv, ARepeatedTargetStartsTheNextFrameSet) {
   {
     TrackCsvWriter writer(file_);
     for (const char* name : {"lime_1", "lime_2", "lime_1", "lime_1", "lime_2", "lime_3"}) writer.write(name, tracked());
@@ -96,7 +96,7 @@ TEST_F(TrackCsv, RowsOfOneFrameSetAreKnownByTheirNames) {
   const auto tracks = read_track_csv(file_);
   ASSERT_EQ(tracks.at("lime_1").size(), 3u);
   for (std::uint64_t set = 0; set < 3; ++set) EXPECT_EQ(tracks.at("lime_1")[set].set_number, set);
-  EXPECT_EQ(tracks.at("lime_2")[1].set_number, 2u);  // in set 1 it was not told
+  EXPECT_EQ(tracks.at("lime_2")[1].set_number, 2u);  // set 1 has no row of it
   EXPECT_EQ(tracks.at("lime_3")[0].set_number, 2u);
 }
 
@@ -129,14 +129,14 @@ TEST_F(TrackCsv, AFullDiskIsAnErrorThatNamesTheFile) {
     TrackCsvWriter writer("/dev/full");
     writer.write("ball", tracked());
     writer.flush();
-    FAIL() << "nothing was written, and nobody said so";
+    FAIL() << "a failed write was not reported";
   } catch (const std::system_error& e) {
     EXPECT_THAT(e.what(), HasSubstr("cannot write /dev/full"));
     EXPECT_EQ(e.code().value(), ENOSPC);
   }
 }
 
-TEST_F(TrackCsv, AFolderThatIsNotThereIsAnErrorThatNamesTheFile) {
+TEST_F(TrackCsv, AMissingFolderIsAnErrorThatNamesTheFile) {
   try {
     TrackCsvWriter writer("/no/such/folder/t.csv");
     FAIL();
@@ -145,7 +145,7 @@ TEST_F(TrackCsv, AFolderThatIsNotThereIsAnErrorThatNamesTheFile) {
   }
 }
 
-TEST_F(TrackCsv, MistakesInAFileAreNamedWithTheLine) {
+TEST_F(TrackCsv, ErrorsNameTheLine) {
   const std::string header = std::string(track_csv_header) + "\n";
   const std::string row = to_csv_row("b", tracked());
   EXPECT_EQ(error_of(header + row + "\n" + row + "\r\n\n"), "no error");

@@ -1,4 +1,4 @@
-// A track on another clock than its truth is told from one that is wrong.
+// Distinguishes a track on another clock from a wrong one.
 #include "truth/clock_offset.h"
 
 #include <fmt/format.h>
@@ -12,8 +12,6 @@
 
 namespace huetrack::truth {
 namespace {
-
-using testing::HasSubstr;
 
 // To and fro at 1 m/s and more, which no shift in space imitates.
 Eigen::Vector3d swing(double t) {
@@ -46,7 +44,7 @@ std::vector<Estimated> track(double speed, double late_s, const Eigen::Vector3d&
   return estimates;
 }
 
-TEST_F(ClockOffsets, IsFoundWhereItExplainsTheError) {
+TEST_F(ClockOffsets, IsFoundIfItExplainsTheError) {
   const Truth truth = swinging(1);
   for (const double late_s : {0.012, -0.03, 0.2}) {
     const auto offset = explaining_offset(truth, "ball", track(1, late_s));
@@ -56,10 +54,6 @@ TEST_F(ClockOffsets, IsFoundWhereItExplainsTheError) {
     EXPECT_LT(offset->rms_m, 0.011);
     EXPECT_GT(offset->rms_without_m, 2 * offset->rms_m);
   }
-  const auto offset = explaining_offset(truth, "ball", track(1, 0.03));
-  ASSERT_TRUE(offset);
-  EXPECT_THAT(to_text(*offset, 0), testing::ContainsRegex("with --clock-offset 0.0(29|30)"));
-  EXPECT_THAT(to_text(*offset, 1), HasSubstr("with --clock-offset 1.0"));
 }
 
 TEST_F(ClockOffsets, ExplainsNeitherARightTrackNorAWrongOne) {
@@ -71,7 +65,7 @@ TEST_F(ClockOffsets, ExplainsNeitherARightTrackNorAWrongOne) {
   EXPECT_EQ(explaining_offset(truth, "ball", std::vector<Estimated>()), std::nullopt);
 }
 
-TEST(EstimatedSample, IsSpreadOverAllOfTheTrack) {
+TEST(EstimatedSample, IsSpreadOverTheTrack) {
   EstimatedSample sample;
   for (int i = 0; i < 100'000; ++i) sample.add({Timestamp(std::chrono::milliseconds(i)), {}, {}});
   EXPECT_LT(sample.kept().size(), 4001u);

@@ -9,7 +9,7 @@
 #include <fstream>
 #include <random>
 
-#include "calib/yaml/yaml_reader.h"
+#include "calib/files/config_error.h"
 #include "truth/truth_file.h"
 
 namespace huetrack::truth {
@@ -18,7 +18,7 @@ namespace {
 using namespace std::chrono_literals;
 using testing::HasSubstr;
 
-TEST_F(TruthFile, TheOnlyBallIsTheOnlyTargetWhateverItsName) {
+TEST_F(TruthFile, ASingleBallMatchesASingleTarget) {
   Truth t = truth(along_x);
   const std::vector<std::string> lime{"lime"};
   EXPECT_THAT(t.match(lime), testing::ElementsAre(testing::AllOf(HasSubstr("ball named ball"), HasSubstr("lime"))));
@@ -26,10 +26,10 @@ TEST_F(TruthFile, TheOnlyBallIsTheOnlyTargetWhateverItsName) {
   EXPECT_THAT(t.match(lime), testing::IsEmpty());
 }
 
-TEST_F(TruthFile, SaysWhichBallsItHasForTargetsThatItHasNot) {
+TEST_F(TruthFile, NamesItsBallsForAMissingTarget) {
   Truth t = truth(along_x + "0,0,red,0,0,0,1\n");
   const std::vector<std::string> lime{"lime"}, both{"ball", "lime"};
-  const std::string sentence = "the truth has no ball named lime, which is not compared: it has ball, red";
+  const std::string sentence = "the truth has no ball named lime, so this target is not compared: it has ball, red";
   EXPECT_THAT(t.match(lime), testing::ElementsAre(sentence));
   EXPECT_THAT(t.match(both), testing::ElementsAre(sentence));
   EXPECT_FALSE(t.position("lime", Timestamp(100ms)).has_value());
@@ -45,13 +45,13 @@ TEST_F(TruthFile, IsLinearBetweenItsSamplesAndNotBeyond) {
   EXPECT_FALSE(t.position("cube", Timestamp(100ms)).has_value());
 }
 
-TEST_F(TruthFile, IsNotInventedInsideAGap) {
+TEST_F(TruthFile, HasNoPositionInsideAGap) {
   const Truth t = truth("ball,t,x,y,z\nb,0,0,0,0\nb,1,1,0,0\n");
   EXPECT_FALSE(t.position("b", Timestamp(500ms)).has_value());
   EXPECT_EQ(t.position("b", Timestamp(1s)), Eigen::Vector3d(1, 0, 0));
 }
 
-TEST_F(TruthFile, MistakesAreNamedWithTheLine) {
+TEST_F(TruthFile, ErrorsNameTheLine) {
   const auto error = [&](const std::string& text) -> std::string {
     try {
       truth(text);
@@ -61,16 +61,16 @@ TEST_F(TruthFile, MistakesAreNamedWithTheLine) {
     return "no error";
   };
   EXPECT_EQ(error("ball,x,y,z\n"), file_.string() + ":1: the header has no column t");
-  EXPECT_EQ(
-      error("t,x,y,z\n0,0,0,0\n0,1,1,1\n"),
-      file_.string() + ":3: t must grow from row to row; of several targets a column ball or target has the names");
+  EXPECT_EQ(error("t,x,y,z\n0,0,0,0\n0,1,1,1\n"),
+            file_.string() +
+                ":3: t must grow from row to row; for several targets add a column ball or target with their names");
   EXPECT_EQ(error("ball,t,x,y,z\nb,0,0,0,0\nb,0,1,1,1\n"),
             file_.string() + ":3: t must grow from row to row of one target");
   EXPECT_EQ(error("ball,t,x,y,z\nb,0,nan,0,0\n"),
-            file_.string() + ":2: x, y and z must be finite, or all three nan where it is not known");
+            file_.string() + ":2: x, y and z must be finite, or all three nan if unknown");
 }
 
-TEST_F(TruthFile, MayNameItsTargetsAsOurTracksDo) {
+TEST_F(TruthFile, AcceptsTheColumnTarget) {
   const Truth t = truth("target,t,x,y,z\nlime,0,1,2,3\nlime,0.1,1,2,3\n");
   EXPECT_TRUE(t.targets().contains("lime"));
 }
@@ -79,11 +79,11 @@ TEST_F(TruthFile, MayBeOfOneTargetWithoutAName) {
   Truth t = truth("t,x,y,z\n0,1,2,3\n0.1,1,2,3\n");
   const std::vector<std::string> two{"lime", "pink"}, one{"lime"};
   EXPECT_THAT(t.match(two), testing::ElementsAre(testing::HasSubstr("it has one without a name"), testing::_));
-  EXPECT_THAT(t.match(one), testing::ElementsAre(testing::HasSubstr("of a ball without a name, the only one")));
+  EXPECT_THAT(t.match(one), testing::ElementsAre(testing::HasSubstr("a single ball without a name")));
   EXPECT_EQ(t.position("lime", Timestamp(100ms)), Eigen::Vector3d(1, 2, 3));
 }
 
-TEST_F(TruthFile, MayBeATrackThatSearchesForAWhile) {
+TEST_F(TruthFile, SkipsRowsWithoutAPosition) {
   const Truth t = truth(
       "target,t,x,y,z\nlime,0,nan,nan,nan\nlime,0.1,1,2,3\nlime,0.15,nan,nan,nan\nlime,0.2,2,2,3\nred,0,nan,nan,nan\n");
   EXPECT_FALSE(t.position("lime", Timestamp(0s)).has_value());
@@ -98,7 +98,7 @@ TEST_F(TruthFile, CanBeMovedToAnotherClock) {
   EXPECT_FALSE(t.position("ball", Timestamp(100ms)).has_value());
 }
 
-TEST(Nees, IsChiSquaredWhenTheCovarianceIsTrue) {
+TEST(Nees, IsChiSquareForATrueCovariance) {
   Eigen::Matrix3d factor;
   factor << 0.02, 0, 0, 0.01, 0.005, 0, -0.003, 0.004, 0.03;
   const Eigen::Matrix3d covariance = factor * factor.transpose();
@@ -117,7 +117,7 @@ TEST(Nees, IsChiSquaredWhenTheCovarianceIsTrue) {
   EXPECT_NEAR(double(inside) / n, 0.95, 0.006);
 }
 
-TEST(Nees, IsInfiniteForWhatIsNoCovariance) {
+TEST(Nees, IsInfiniteForAnInvalidCovariance) {
   EXPECT_TRUE(std::isinf(nees({1, 0, 0}, Eigen::Matrix3d::Zero())));
   EXPECT_TRUE(std::isinf(nees({1, 0, 0}, -Eigen::Matrix3d::Identity())));
   EXPECT_TRUE(std::isinf(nees({1, 0, 0}, Eigen::Matrix3d::Constant(std::nan("")))));

@@ -90,7 +90,7 @@ TEST_F(LiveCalibration, WithABoardAndTwoCameras) {
   run({"extrinsics", "--board", board, "cam0=" + nodes[0].string(), "silent=" + silent, "--size", "320x240",
        "--seconds", "3", "--rig", folder / "no.yaml"});
   EXPECT_EQ(calibrate->wait(), 1);
-  EXPECT_THAT(calibrate->err(), HasSubstr("camera silent gave no picture"));
+  EXPECT_THAT(calibrate->err(), HasSubstr("camera silent delivered no image"));
   EXPECT_FALSE(fs::exists(folder / "no.yaml"));
 
   // Both cameras, with their lenses known.
@@ -106,7 +106,7 @@ TEST_F(LiveCalibration, WithABoardAndTwoCameras) {
   EXPECT_LT((is.translation - was.translation).norm(), 0.02);
   EXPECT_LT(is.rotation.angularDistance(was.rotation), 0.01);
   EXPECT_THAT(end_to_end::contents(page), AllOf(HasSubstr("finished with"), HasSubstr("data:image/jpeg"),
-                                                HasSubstr("Shared views still lacking: cam0 + cam1")));
+                                                HasSubstr("Missing shared views: cam0 + cam1")));
 
   // One lens.
   fs::remove(page);

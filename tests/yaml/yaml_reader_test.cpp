@@ -1,5 +1,4 @@
 #include "calib/yaml/yaml_reader.h"
-#include "calib/files/nearest_word.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -14,6 +13,7 @@
 namespace huetrack::yaml {
 namespace {
 
+using files::ConfigError;
 using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::StartsWith;
@@ -91,7 +91,7 @@ named:
   EXPECT_NO_THROW(r.finish());
 }
 
-TEST(YamlReader, DefaultsStandForAbsentKeysOnly) {
+TEST(YamlReader, DefaultsApplyToAbsentKeysOnly) {
   const YamlReader r = read("a: 1\nnull_: ~\nempty:\n");
   EXPECT_EQ(r.number("n", positive, -4.0), -4.0);  // the program's own default is not checked
   EXPECT_EQ(r.integer("i", any_number, 7), 7);
@@ -113,7 +113,7 @@ struct Case {
 };
 
 // Every error of every getter, word for word.
-TEST(YamlReader, SaysWhatIsWrongAndWhere) {
+TEST(YamlReader, ErrorsNameTheMistakeAndItsPlace) {
   const auto number = [](Range range) { return [range](const YamlReader& r) { r.number("k", range); }; };
   const auto integer = [](Range range) { return [range](const YamlReader& r) { r.integer("k", range); }; };
   const auto boolean = [](const YamlReader& r) { r.boolean("k"); };
@@ -184,7 +184,7 @@ TEST(YamlReader, SaysWhatIsWrongAndWhere) {
   }
 }
 
-TEST(YamlReader, NamesTheUnknownKeyAndTheOneMeant) {
+TEST(YamlReader, SuggestsTheKeyForAnUnknownOne) {
   const YamlReader r = read("version: 1\n\nobject_tracking:\n  seed: 3\n  particle_cuont: 500\n");
   r.integer("version", any_number);
   const YamlReader tracking = r.map("object_tracking");
@@ -196,14 +196,14 @@ TEST(YamlReader, NamesTheUnknownKeyAndTheOneMeant) {
   EXPECT_EQ(error_of([&] { read("banana: 1").finish(); }), "c.yaml:1: banana is not a known key");
 }
 
-TEST(YamlReader, AMissingKeyPointsAtItsMisspelling) {
+TEST(YamlReader, ErrorForAMissingKeyPointsToItsMisspelling) {
   const YamlReader r = read("version: 1\nimage_szie: [1, 2]\n");
   r.integer("version", any_number);
   EXPECT_EQ(error_of([&] { r.numbers("image_size", 2, 2, any_number); }),
             "c.yaml:1: image_size is missing (is image_szie in line 2 a misspelling of it?)");
 }
 
-TEST(YamlReader, KeysGivenTwiceAreAnError) {
+TEST(YamlReader, RejectsDuplicateKeys) {
   EXPECT_EQ(error_of([] { read("a: 1\nb: 2\na: 3\n"); }),
             "c.yaml:3: a is given twice, first in line 1: take one of them out, or write both as one");
   EXPECT_EQ(error_of([] { read("m:\n  a: 1\n  a: 1\n").map("m"); }),
@@ -212,18 +212,18 @@ TEST(YamlReader, KeysGivenTwiceAreAnError) {
               StartsWith("c.yaml:3: cams.l is given twice"));
 }
 
-TEST(YamlReader, WhatATerminalWouldObeyIsAnError) {
+TEST(YamlReader, RejectsControlCharacters) {
   EXPECT_EQ(error_of([] { read("a: 1\n\"b\\e[2J\": 2\n"); }), "c.yaml:2: b [2J has control characters in it");
   EXPECT_EQ(error_of([] { read("a: \"x\\ry\"\n").string("a"); }), "c.yaml:1: a has control characters in it");
   EXPECT_EQ(read("a: \"x\\ty\\nz\"\n").string("a"), "x\ty\nz");
 }
 
-TEST(YamlReader, WhatIsNotOneMappingIsAnError) {
+TEST(YamlReader, RejectsWhatIsNotOneMapping) {
   EXPECT_EQ(error_of([] { read(""); }), "c.yaml: is empty");
   EXPECT_EQ(error_of([] { read("# only a comment\n"); }), "c.yaml: is empty");
   EXPECT_EQ(error_of([] { read("~"); }), "c.yaml: is empty");
   EXPECT_EQ(error_of([] { read("[1, 2]"); }), "c.yaml:1: the file must be a mapping (key: value), got a list of 2");
-  const std::string second = "a second YAML document, or something that is no YAML, begins here";
+  const std::string second = "a second YAML document, or text that is not YAML, begins here";
   EXPECT_EQ(error_of([&] { read("a: 1\n---\nb: 2\n"); }), "c.yaml:2: " + second);
   EXPECT_EQ(error_of([&] { read("{a: 1}\n,\n"); }), "c.yaml:2: " + second);
   EXPECT_EQ(error_of([&] { read(","); }), "c.yaml:1: " + second);  // YAML::LoadAll never returns from this one
@@ -236,7 +236,7 @@ TEST(YamlReader, WhatIsNotOneMappingIsAnError) {
 }
 
 // What people write who know other formats, and what they are to write instead.
-TEST(YamlReader, SaysWhatToWriteInstead) {
+TEST(YamlReader, ErrorsSuggestTheCorrectText) {
   const auto number = [](const char* key) { return [key](const YamlReader& r) { r.number(key, any_number); }; };
   const auto whole = [](const YamlReader& r) { r.integer("k", any_number); };
   const auto pair = [](const YamlReader& r) { r.numbers("k", 2, 2, any_number); };
@@ -262,23 +262,23 @@ TEST(YamlReader, SaysWhatToWriteInstead) {
       {"{a: 8,5}", [](const YamlReader& r) { r.number("a", any_number), r.finish(); },
        "decimals have a point, not a comma: 0.5"},
       {"b: 1", [](const YamlReader& r) { r.has("one"), r.has("two"), r.finish(); }, "known are: one, two"},
-      {"version: 2", [](const YamlReader& r) { r.version(1); }, "neither the program's version nor counts yours"},
+      {"version: 2", [](const YamlReader& r) { r.version(1); }, "neither the program's version nor a count"},
       {"version: '1'", [](const YamlReader& r) { r.version(1); }, "write 1, without quotation marks"},
-      {"a: 1", [](const YamlReader& r) { r.version(1); }, "write version: 1, the form that this file has"},
-      {"a:1\nb: 2", nothing, "a space is missing behind the colon: write a: 1"},
+      {"a: 1", [](const YamlReader& r) { r.version(1); }, "write version: 1, the version of the file format"},
+      {"a:1\nb: 2", nothing, "a space is missing after the colon: write a: 1"},
       {"a = 1\nb: 2", nothing, "write a: 1, with a colon"},
-      {"a\n  b: 2", nothing, "a colon is missing behind a: write a:"},
+      {"a\n  b: 2", nothing, "a colon is missing after a: write a:"},
       {"a: b: 2", nothing, "write a: {b: 2}, or b on a line of its own, indented further"},
       {"a: @b", nothing, "put quotation marks around what begins with @: write a: \"@b\""},
       {"a: {b: 1\nc: 2", nothing, "{ is never closed: write } where it ends"},
-      {"a: 1\n   b: 2", nothing, "it is indented by 3 spaces, the line above it"},
-      {"a:\n    b: 2\n  c: 3", nothing, "it is indented by 2 spaces, as no line above it"},
+      {"a: 1\n   b: 2", nothing, "it is indented by 3 spaces, but the line above it"},
+      {"a:\n    b: 2\n  c: 3", nothing, "it is indented by 2 spaces, like no line above it"},
       {"a:\n\u00a0\u00a0b: 2\nc: 3: 4", nothing, "no-break spaces"},
   };
   for (const Case& c : cases) EXPECT_THAT(error_of([&] { c.read(read(c.yaml)); }), HasSubstr(c.message)) << c.yaml;
 }
 
-TEST(YamlReader, AKeyOfAnotherPlaceIsNamedWithItsPlace) {
+TEST(YamlReader, SuggestsThePlaceOfAMisplacedKey) {
   const std::vector<KeyPath> all{{"volume"}, {"object_tracking", "volume"}, {"targets", "NAME", "color", "hue_deg"}};
   const auto of = [&](const std::string& yaml) {
     const YamlReader r = read(yaml);
@@ -291,19 +291,18 @@ TEST(YamlReader, AKeyOfAnotherPlaceIsNamedWithItsPlace) {
             "c.yaml:1: tracking is not a known key (did you mean camera_tracking or object_tracking?)");
 }
 
-TEST(YamlReader, AMessageIsOneShortLine) {
+TEST(YamlReader, MessagesAreOneShortLine) {
   const std::string message = error_of([] { read("k: \"line\\nbreak " + std::string(500, 'x') + "\"").boolean("k"); });
   EXPECT_EQ(message.find('\n'), std::string::npos);
   EXPECT_LT(message.size(), 120u);
   EXPECT_THAT(message, StartsWith("c.yaml:1: k must be true or false, got \"line break xxx"));
 }
 
-TEST(YamlReader, FilesThatCannotBeReadAreNamedAsGiven) {
+TEST(YamlReader, ErrorNamesAnUnreadableFileAsGiven) {
   EXPECT_EQ(error_of([] { YamlReader::file("no/such/./rig.yaml"); }),
             "no/such/./rig.yaml: cannot be read: No such file or directory");
   EXPECT_EQ(error_of([] { YamlReader::file("/proc/self"); }), "/proc/self: is a directory, not a file");
-  EXPECT_EQ(error_of([] { YamlReader::file("/dev/zero"); }),
-            "/dev/zero: is not a file, but a device, a pipe or a socket");
+  EXPECT_EQ(error_of([] { YamlReader::file("/dev/zero"); }), "/dev/zero: is a device, a pipe or a socket, not a file");
   EXPECT_EQ(error_of([] { YamlReader::file("~/rig.yaml"); }), "~/rig.yaml: cannot be read: No such file or directory");
 }
 
@@ -324,7 +323,7 @@ YamlReader patched(const std::string& yaml, const std::string& patch) {
   return YamlReader::text(yaml, "c.yaml").patched_with(YamlReader::text(patch, "p.yaml"));
 }
 
-TEST(PatchedWith, MergesMappingsReplacesTheRestAndNullTakesAway) {
+TEST(PatchedWith, MergesMappingsReplacesOtherValuesAndNullRemoves) {
   const YamlReader r = patched("a: 1\nb: {x: 1, y: [1, 2], z: {q: 1}}\nc: word\nd: 4\nl: {m: 1}\n",
                                "b: {y: [3], z: {q: 2, r: 3}, w: 5}\nc: null\ne: 6\nl: 7\nn: {o: {p: 8, s: null}}\n");
   EXPECT_THAT(r.keys(), ElementsAre("a", "b", "d", "l", "e", "n"));
@@ -344,7 +343,7 @@ TEST(PatchedWith, MergesMappingsReplacesTheRestAndNullTakesAway) {
   r.finish();
 }
 
-TEST(PatchedWith, NamedMappingsAreMergedByName) {
+TEST(PatchedWith, MergesNamedMappingsByName) {
   const YamlReader r =
       patched("n:\n  a: {x: 1, y: 1}\n  b: {x: 2}\n  c: {x: 3}\n", "n: {b: null, c: {x: 4}, d: {x: 5}}\n");
   std::string seen;
@@ -352,7 +351,7 @@ TEST(PatchedWith, NamedMappingsAreMergedByName) {
   EXPECT_EQ(seen, "a1c4d5");
 }
 
-TEST(PatchedWith, TheFilesThemselvesStayAsTheyAre) {
+TEST(PatchedWith, LeavesItsArgumentsUnchanged) {
   const YamlReader file = YamlReader::text("a: {x: 1}\nb: 2\n", "c.yaml"),
                    patch = YamlReader::text("a: 3\nb: {y: 4}\n", "p.yaml");
   const YamlReader merged = file.patched_with(patch);
@@ -368,7 +367,7 @@ TEST(PatchedWith, TheFilesThemselvesStayAsTheyAre) {
   EXPECT_EQ(twice.map("a").integer("y", any_number), 5);
 }
 
-TEST(PatchedWith, MessagesNameTheFileThatTheValueComesFrom) {
+TEST(PatchedWith, MessagesNameTheFileOfTheValue) {
   const YamlReader r = patched("a: 1\nm:\n  x: 1\n  z: 1\n", "\n\na: [1,\n  two]\nm:\n  x: two\n  y: null\n  w: 1\n");
   EXPECT_EQ(error_of([&] { r.numbers("a", 0, 9, any_number); }), "p.yaml:4: a[1] must be a number, got \"two\"");
   const YamlReader m = r.map("m");
@@ -383,7 +382,7 @@ TEST(PatchedWith, MessagesNameTheFileThatTheValueComesFrom) {
   EXPECT_EQ(error_of([&] { m.finish(); }), "p.yaml:8: m.w is not a known key; known here: x, z, q, y");
 }
 
-TEST(Leaves, AreAllThatHasNothingBelowIt) {
+TEST(Leaves, AreValuesThatAreNotMappings) {
   std::string all;
   for (const auto& [path, is_null] : read("a: 1\nb: {c: [1, {d: 2}], e: {}, f.g: ~}\nh:\n").leaves()) {
     for (const auto& key : path) all += "/" + key;
@@ -392,7 +391,7 @@ TEST(Leaves, AreAllThatHasNothingBelowIt) {
   EXPECT_EQ(all, "/a\n/b/c\n/b/e\n/b/f.g null\n/h null\n");
 }
 
-TEST(YamlReader, DeepAndSelfContainingFilesDoNotCrash) {
+TEST(YamlReader, DeepAndCircularFilesDoNotCrash) {
   for (const std::string open : {"[", "{a: ", "- ", "? ", "&a [", "!t ["}) {
     std::string deep = "k: ";
     for (int i = 0; i < 20'000; ++i) deep += open;
@@ -409,30 +408,18 @@ TEST(YamlReader, DeepAndSelfContainingFilesDoNotCrash) {
   EXPECT_EQ(error_of([] { read("a: &a [*a]").strings("a"); }), "c.yaml:1: a[0] must be a text, got a list of 1");
 }
 
-TEST(YamlReader, ALongMappingIsReadInLinearTime) {
+TEST(YamlReader, ReadsALongMappingInLinearTime) {
   std::ostringstream yaml;
   for (int i = 0; i < 50'000; ++i) yaml << "key" << i << ": 1\n";
   EXPECT_EQ(read(yaml.str()).keys().size(), 50'000u);
 }
 
-TEST(NearestWord, FindsMisspellingsOnly) {
-  const std::vector<std::string> words{"particle_count", "fx", "fy", "seed", "yuyv"};
-  EXPECT_EQ(nearest_word("particle_cuont", words), "particle_count");
-  EXPECT_EQ(nearest_word("particlecount", words), "particle_count");
-  EXPECT_EQ(nearest_word("sead", words), "seed");
-  EXPECT_EQ(nearest_word("yuvy", words), "yuyv");
-  EXPECT_EQ(nearest_word("cx", words), std::nullopt);  // two letters are too few to tell
-  EXPECT_EQ(nearest_word("banana", words), std::nullopt);
-  EXPECT_EQ(nearest_word("", words), std::nullopt);
-  EXPECT_EQ(nearest_word("seed", {}), std::nullopt);
-}
-
-// Reads whatever is there, by every getter.
+// Reads every key with every getter.
 void read_everything(const YamlReader& r, int depth) {
   const auto tolerant = [](const std::function<void()>& action) {
     try {
       action();
-    } catch (const ConfigError&) {  // what a damaged file is allowed to do
+    } catch (const ConfigError&) {  // expected of a damaged file
     }
   };
   for (const auto& key : r.keys()) {
@@ -456,7 +443,7 @@ void read_everything(const YamlReader& r, int depth) {
   tolerant([&] { r.finish(); });
 }
 
-TEST(YamlReader, ADamagedFileIsReadOrRefusedNothingElse) {
+TEST(YamlReader, DamagedFilesAreReadOrRejected) {
   const std::string valid = R"(# rig
 version: 1
 cameras:

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "calib/model/closest_approach.h"
+
 namespace huetrack::papers {
 
 DepthRay::DepthRay(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction, double near_m, double far_m,
@@ -20,16 +22,15 @@ void DepthRay::begin() {
 
 void DepthRay::add(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction, double weight, double sigma_rad) {
   const Eigen::Vector3d between = origin_ - origin;
-  const double c = direction_.dot(direction), s2 = 1 - c * c;
-  if (s2 < 2e-5) return;  // 0.25 degrees: parallel
-  const double d0 = direction_.dot(between), d1 = direction.dot(between);
-  const double depth = (c * d1 - d0) / s2, other = (d1 - c * d0) / s2;
+  const auto nearest = calib::closest_approach(-between, direction_, direction, 2e-5);
+  if (!nearest) return;  // 0.25 degrees: parallel
+  const double depth = nearest->along_0, other = nearest->along_1;
   if (!(depth > 0) || !(other > 0)) return;
   const double p = (between + depth * direction_ - other * direction).norm(), sigma = sigma_rad * other;
   const double w = weight * std::exp(-0.5 * p * p / (sigma * sigma));
   const double at = (1 / depth - least_) / step_ - 0.5;
   // A pixel's error along the ray, in bins, which is what one ray can tell at most.
-  const double error = sigma_rad / std::sqrt(s2) * other / (depth * depth);
+  const double error = sigma_rad / std::sqrt(nearest->sin2) * other / (depth * depth);
   const double blur = std::max(1.0, error / step_);
   if (p < 2 * sigma) finest_ = std::min(finest_, error);
   const int reach = static_cast<int>(std::min(2 * blur, 30.0));

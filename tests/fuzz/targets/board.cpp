@@ -1,5 +1,5 @@
 #include "calib/board/board_yaml.h"
-#include "calib/yaml/yaml_reader.h"
+#include "calib/files/config_error.h"
 #include "fuzz/fuzz_target.h"
 
 using namespace huetrack;

@@ -2,7 +2,7 @@
 // configuration may name as what a tracked camera starts from.
 #include "config/service_config.h"
 
-#include "calib/yaml/yaml_reader.h"
+#include "calib/files/config_error.h"
 #include "fuzz/fuzz_target.h"
 
 using namespace huetrack;

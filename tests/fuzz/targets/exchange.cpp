@@ -2,7 +2,7 @@
 #include <array>
 
 #include "calib/exchange/exchange.h"
-#include "calib/yaml/yaml_reader.h"
+#include "calib/files/config_error.h"
 #include "fuzz/fuzz_target.h"
 
 using namespace huetrack;

@@ -4,7 +4,7 @@
 
 #include <stdexcept>
 
-#include "calib/yaml/yaml_reader.h"
+#include "calib/files/config_error.h"
 #include "fuzz/fuzz_target.h"
 #include "recordings/matches_reader.h"
 #include "recordings/recording.h"

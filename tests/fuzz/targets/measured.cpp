@@ -1,8 +1,8 @@
 // What somebody measured in the room. The first byte chooses: points for the rig's world, or marked places.
+#include "calib/files/config_error.h"
 #include "calib/model/rig_yaml.h"
 #include "calib/program/measured_points.h"
 #include "calib/solver/world_frame.h"
-#include "calib/yaml/yaml_reader.h"
 #include "fuzz/fuzz_target.h"
 
 using namespace huetrack;

@@ -1,7 +1,7 @@
 // recording.yaml, and behind the line "%%" the time stamps times.csv beside it.
 #include "recordings/recording.h"
 
-#include "calib/yaml/yaml_reader.h"
+#include "calib/files/config_error.h"
 #include "fuzz/fuzz_target.h"
 
 using namespace huetrack;

@@ -1,7 +1,7 @@
 #include <stdexcept>
 
+#include "calib/files/config_error.h"
 #include "calib/model/rig_yaml.h"
-#include "calib/yaml/yaml_reader.h"
 #include "fuzz/fuzz_target.h"
 
 using namespace huetrack;

@@ -1,7 +1,7 @@
 // What was kept of the still room.
 #include <stdexcept>
 
-#include "calib/yaml/yaml_reader.h"
+#include "calib/files/config_error.h"
 #include "config/room_file.h"
 #include "fuzz/fuzz_target.h"
 

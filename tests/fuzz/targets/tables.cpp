@@ -1,5 +1,5 @@
 // The first byte chooses which reader of CSVs it is.
-#include "calib/yaml/yaml_reader.h"
+#include "calib/files/config_error.h"
 #include "clients/plot/track_file.h"
 #include "fuzz/fuzz_target.h"
 #include "pipeline/recorded_changes.h"

@@ -1,5 +1,5 @@
 // A film of a recording: what FFmpeg makes of it, through our reader.
-#include "calib/yaml/yaml_reader.h"
+#include "calib/files/config_error.h"
 #include "fuzz/fuzz_target.h"
 #include "recordings/recording.h"
 #include "recordings/replay_source.h"
