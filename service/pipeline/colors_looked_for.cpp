@@ -7,8 +7,10 @@
 namespace huetrack::pipeline {
 namespace {
 
-// New trackers are there with one of the next sets, if there are new ones.
-constexpr std::size_t sets_until_taken_over = 100;
+struct ColorsLookedForTuning {
+  std::size_t reload_sets = 100;  // frame sets after which a reload is in force even if it replaced no tracker
+};
+constexpr ColorsLookedForTuning colors_tuning{};
 
 void add(std::vector<capture::MatchedColor>& colors, const capture::MatchedColor& color) {
   if (std::ranges::find(colors, color) == colors.end()) colors.push_back(color);
@@ -57,8 +59,8 @@ void ColorsLookedFor::on_config(const config::ServiceConfig& config) noexcept {
 void ColorsLookedFor::on_set(const TrackedSet& set) {
   if (cameras_.empty()) return;
   const std::scoped_lock lock(mutex_);
-  if (!set.reloaded.empty()) sets_ = sets_until_taken_over;
-  const bool is_taken_over = sets_++ >= sets_until_taken_over;
+  if (!set.reloaded.empty()) sets_ = colors_tuning.reload_sets;
+  const bool is_taken_over = sets_++ >= colors_tuning.reload_sets;
   for (Camera& camera : cameras_) {
     wanted_.clear();
     if (!is_taken_over) wanted_ = camera.coming;

@@ -15,7 +15,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr auto opening_patience = 3s;  // with a camera that does not answer; it is waited for later
+constexpr auto opening_patience = 3s;  // capacity: wait at the start for a camera that does not answer
 
 std::optional<SessionCamera::Pixels> pixels_of(const capture::StreamFormat& stream) {
   switch (stream.format) {

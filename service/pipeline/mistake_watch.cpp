@@ -37,8 +37,8 @@ double doubt_of(const view_watch::Mistake& mistake, const calib::Camera& camera)
     case MistakeKind::mirrored:
     case MistakeKind::other_rig:
     case MistakeKind::contradiction: {
-      // off_px is a median, across the epipolar lines; along them nobody knows, and it is taken to be as much.
-      constexpr double median_of_sigma = 0.6745;
+      // off_px is a median across the epipolar lines; the error along them is unknown and taken to be as large.
+      constexpr double median_of_sigma = 0.6745;  // maths: median of |x| of a standard normal x
       return mistake.off_px / median_of_sigma / view_watch::focal_px(camera);
     }
     case MistakeKind::radius:

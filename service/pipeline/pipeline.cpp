@@ -18,7 +18,7 @@ namespace {
 using Clock = std::chrono::steady_clock;
 using namespace std::chrono_literals;
 
-constexpr auto status_period = 1s;
+constexpr auto status_period = 1s;  // layout: of the status, idl/huetrack.idl
 
 capture::Duration thread_cpu() {
   timespec t{};

@@ -10,8 +10,9 @@ namespace {
 using Clock = std::chrono::steady_clock;
 using namespace std::chrono_literals;
 
-constexpr auto pre_roll_of_a_silent_camera_waits = 200ms;
-constexpr auto pre_roll_is_awaited = 5s;  // beyond its end, by a thread that has no time to write it
+constexpr auto pre_roll_of_a_silent_camera_waits =
+    200ms;                                // capacity: longest wait for a frame before its pre-roll is written
+constexpr auto pre_roll_is_awaited = 5s;  // capacity: wait beyond the end for a slow writing thread
 
 }  // namespace
 
