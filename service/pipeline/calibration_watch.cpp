@@ -14,8 +14,7 @@ using object_tracking::CameraTrust;
 using room_watch::RoomState;
 
 struct CalibrationWatchTuning {
-  double room_depth_ratio =
-      1.5;  // depth of the background / depth of the volume's centre: walls and floor are behind it
+  double room_depth_ratio = 1.5;   // depth of the background over that of the volume's centre, which is before it
   double knocked_lever_m = 0.3;    // m, pivot to optical centre on a tripod: shift per radian of a sudden rotation
   double knocked_shift_m = 0.004;  // m, 1 sigma of the shift that a sudden rotation of zero may have
   double sagged_lever_m = 0.1;     // m, the same of a mount that gives way slowly

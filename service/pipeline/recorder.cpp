@@ -10,9 +10,8 @@ namespace {
 using Clock = std::chrono::steady_clock;
 using namespace std::chrono_literals;
 
-constexpr auto pre_roll_of_a_silent_camera_waits =
-    200ms;                                // capacity: longest wait for a frame before its pre-roll is written
-constexpr auto pre_roll_is_awaited = 5s;  // capacity: wait beyond the end for a slow writing thread
+constexpr auto frame_patience = 200ms;  // capacity: wait for a frame before a camera's pre-roll is written
+constexpr auto pre_roll_patience = 5s;  // capacity: wait beyond the end for a slow writing thread
 
 }  // namespace
 
@@ -58,7 +57,7 @@ void Recorder::end_when_due() {
   // However short `after` is, what was kept is written.
   const bool is_written =
       std::ranges::all_of(cameras_, [&](const auto& camera) { return camera->has_begun == opened_; });
-  if (is_written || Clock::now() >= *until_ + pre_roll_is_awaited) close();
+  if (is_written || Clock::now() >= *until_ + pre_roll_patience) close();
 }
 
 bool Recorder::is_recording() const {
@@ -108,7 +107,7 @@ void Recorder::finish(capture::Duration patience) {
 
 void Recorder::write(Camera& camera) {
   while (!camera.waiting.ended()) {
-    const auto frame = camera.waiting.pop_for(pre_roll_of_a_silent_camera_waits);
+    const auto frame = camera.waiting.pop_for(frame_patience);
     const int opened = opened_;  // before the writer is looked at: of that one, or an older one
     if (const auto to = writer()) {
       if (camera.pre_roll && camera.pre_roll->size() > 0)
