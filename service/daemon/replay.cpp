@@ -142,7 +142,7 @@ class ReplayStatus final : public pipeline::Output {
     std::ranges::copy(reports_.warnings(), std::back_inserter(status.warnings));
     if (played_ != nullptr && played_->state().is_paused) status.mode = "held";
     bus_.publisher().publish_status(status);
-    bus_.publisher().publish_times(status.at, reports_.times.told());
+    bus_.publisher().publish_times(status.at, reports_.times.timing());
   }
   void on_config(const config::ServiceConfig& config) noexcept override {
     const std::scoped_lock lock(mutex_);
@@ -379,7 +379,7 @@ ReplaySummary replay(const ReplayCommand& command, const std::stop_token& stop) 
         std::ranges::any_of(summary.mistakes, says_it))
       target.advice.clear();
   }
-  summary.taken_back = reports.mistakes.taken_back();
+  summary.cleared = reports.mistakes.cleared();
   summary.left_out = reports.objects.summary();
   summary.light = reports.light.summary();
   summary.times = reports.times.summary();

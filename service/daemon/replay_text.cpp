@@ -141,7 +141,7 @@ bool has_trouble(const ReplaySummary& s) {
 std::string problems_text(const ReplaySummary& s) {
   std::string text;
   for (const auto& sentence : s.light) text += "  light   " + sentence + "\n";
-  for (const auto& sentence : s.taken_back) text += "  undone  " + sentence + "\n";
+  for (const auto& sentence : s.cleared) text += "  cleared " + sentence + "\n";
   for (const auto& sentence : s.left_out) text += "  room    " + sentence + "\n";
   for (const auto& sentence : s.calibration) text += "  cameras " + sentence + "\n";
   for (const auto& target : s.targets)

@@ -121,7 +121,7 @@ void Supervisor::tell_status(const pipeline::PipelineFigures& figures, const Hea
                     std::back_inserter(status_.warnings));  // which have logged them themselves
   if (the_.bus != nullptr) {
     the_.bus->publisher().publish_status(status_);
-    the_.bus->publisher().publish_times(status_.at, the_.reports.times.told());
+    the_.bus->publisher().publish_times(status_.at, the_.reports.times.timing());
   }
   if (the_.metrics_server != nullptr) show_metrics();
   if (!is_last)

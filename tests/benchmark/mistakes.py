@@ -276,7 +276,7 @@ def run(huetrackd, case, scratch):
     if done.returncode not in (0, 3):
         sys.exit(done.stdout + done.stderr)
     named = [line[10:] for line in done.stdout.splitlines() if line.startswith("  mistake ")]  # of the summary
-    trouble = re.search(r"^  cameras told .*(turned|sags|zoom|focus|seen)", done.stdout, re.M)
+    trouble = re.search(r"^  cameras reported .*(turned|sags|zoom|focus|seen)", done.stdout, re.M)
     may_be_lost = re.search(r"^  light .*the colour has (moved|become)", done.stdout, re.M)
     if not may_be_lost and (done.returncode == 3) != bool(named or trouble):
         sys.exit(f"exit status {done.returncode}, named: {named}")
@@ -307,7 +307,7 @@ def main():
                     seconds, nees, tracking, errors, sets = track_figures(f"{scratch}/tracks.csv", scene / "groundtruth.csv",
                                                                           case.config["targets"])
                 is_right = bool(patterns) and all(any(re.search(p, s) for s in named) for p in patterns)
-                blames = [s for s in named if not patterns or "cannot be told" not in s]
+                blames = [s for s in named if not patterns or "cannot be determined" not in s]
                 wrong = [s for s in blames if not any(re.search(p, s) for p in patterns)]
                 runs, right, others = runs + 1, right + is_right, others + bool(wrong)
                 longest = max(longest, seconds)

@@ -116,7 +116,7 @@ TEST(LightExam, SeesFlickerInATrialOfThreeSeconds) {
   EXPECT_EQ(exam.findings()->flicker->light_hz, 100);
 }
 
-TEST(ColorWarning, SaysWhichWayAndHowMuchIsLeft) {
+TEST(ColorWarning, NamesDirectionAndMargin) {
   object_tracking::TargetOptions ball;
   ball.name = "ball";
   object_trackers::ColorHealth health;
@@ -125,19 +125,19 @@ TEST(ColorWarning, SaysWhichWayAndHowMuchIsLeft) {
   health.near_end = object_trackers::NearEnd{object_trackers::ColorAxis::hue, true, 3.2};
   EXPECT_EQ(
       reports::color_warning(ball, "cam1", health, false),
-      "ball in cam1: the colour has moved by 12 degrees since it was taught, 3 degrees are left: fix white balance "
-      "and exposure, teach it anew, or color: {adapt: true}");
+      "ball in cam1: the colour has moved by 12 degrees since it was taught, 3 degrees before the end of its range: fix "
+      "white balance and exposure, teach it again, or set color: {adapt: true}");
   EXPECT_THAT(reports::color_warning(ball, "cam1", health, true),
-              testing::EndsWith("3 degrees are left: teach it anew, or color: {adapt: true}"));
+              testing::EndsWith("end of its range: teach it again, or set color: {adapt: true}"));
   health.near_end = object_trackers::NearEnd{object_trackers::ColorAxis::intensity, false, 0.04};
   EXPECT_THAT(reports::color_warning(ball, "cam1", health, false),
               HasSubstr("darker than it was taught (intensity 0.20)"));
   health.near_end = object_trackers::NearEnd{object_trackers::ColorAxis::saturation, false, -0.04};
-  EXPECT_THAT(reports::color_warning(ball, "cam1", health, false), HasSubstr("0.04 beyond what is looked for"));
+  EXPECT_THAT(reports::color_warning(ball, "cam1", health, false), HasSubstr("0.04 beyond its range"));
   ball.adapts_color = true;
   EXPECT_THAT(reports::color_warning(ball, "cam1", health, false), HasSubstr("color: adapt follows it"));
   health.followed[1] = -0.15;
-  EXPECT_THAT(reports::color_warning(ball, "cam1", health, false), HasSubstr("follows no further"));
+  EXPECT_THAT(reports::color_warning(ball, "cam1", health, false), HasSubstr("has reached its limit"));
 }
 
 // ---- A replay
@@ -175,7 +175,7 @@ class WanderingReplay : public testing::Test {
   const fs::path folder_;
 };
 
-TEST_F(WanderingReplay, WarnsAndHoldsWhereItAdapts) {
+TEST_F(WanderingReplay, WarnsAndKeepsTrackingIfItAdapts) {
   film();
   const ReplaySummary plain = play("false"), adapted = play("true");
   EXPECT_GT(plain.targets[0].sets.count(TrackState::lost), 0u);
@@ -191,7 +191,7 @@ TEST_F(WanderingReplay, WarnsAndHoldsWhereItAdapts) {
               ElementsAre(AllOf(HasSubstr("lime"), HasSubstr("its colour in cam1 was followed, at the end by +"))));
 }
 
-TEST(ReplayText, WhatIsNotWellStandsLastAndMistakesAtTheEnd) {
+TEST(ReplayText, ProblemsAreLastWithMistakesAtTheEnd) {
   ReplaySummary summary;
   summary.times = {"a time"};
   summary.light = {"a lamp"};
@@ -207,11 +207,11 @@ TEST(ReplayText, WhatIsNotWellStandsLastAndMistakesAtTheEnd) {
   EXPECT_EQ(problems_text({}), "");
 }
 
-// What ended well stands in the summary all the same.
+// Even if it is over.
 TEST(ReplaySummary, AMistakeACameraAndALostColorAreTrouble) {
-  ReplaySummary told;
-  told.light = {"a lamp"}, told.calibration = {"a box"};
-  EXPECT_FALSE(has_trouble(told));
+  ReplaySummary reported;
+  reported.light = {"a lamp"}, reported.calibration = {"a box"};
+  EXPECT_FALSE(has_trouble(reported));
   ReplaySummary swapped, blinded, pale;
   swapped.mistakes = {"two videos"};
   blinded.has_camera_trouble = true;

@@ -79,7 +79,7 @@ TEST(CalibrationWatch, TellsByHowMuchPositionsAreOffAndWidensThem) {
   EXPECT_FALSE(trust.cam_from_world);
   EXPECT_GT(std::sqrt((trust.pose_covariance.topLeftCorner<3, 3>().trace())), 0.75 * degree);
   EXPECT_THAT(calibration_warning("cam0", camera, CalibrationMode::tell),
-              testing::AllOf(HasSubstr("cam0 was turned by 0.8"), HasSubstr("until it is mended")));
+              testing::AllOf(HasSubstr("cam0 was turned by 0.8"), HasSubstr("until it is corrected")));
   EXPECT_EQ(watch.trust()[1].pose_covariance.norm(), 0);
 }
 
@@ -112,7 +112,7 @@ TEST(CalibrationWatch, KeepsTheSecondCameraWhereItIsOffByLittle) {
   const calib::Tangent6d off = calib::log(truth * calib::inverse(*little.trust()[0].cam_from_world));
   EXPECT_LT(off.head<3>().norm(), 0.05 * degree);
   EXPECT_THAT(calibration_warning("cam0", little.cameras()[0], CalibrationMode::leave_out),
-              HasSubstr("too few would be left without it"));
+              HasSubstr("too few cameras would remain without it"));
   const CalibrationWatch much = after_turn(2, CalibrationMode::leave_out, 2);
   EXPECT_FALSE(much.trust()[0].is_used);
 }
