@@ -15,7 +15,7 @@
 #include "daemon/replay.h"
 #include "daemon/service_manager.h"
 #include "page/page_service.h"
-#include "pipeline/colors_looked_for.h"
+#include "pipeline/remote_colors.h"
 
 namespace huetrack::daemon {
 namespace {
@@ -150,7 +150,7 @@ struct TrackedFiles {
 page::PageServiceOptions page_options(const config::ServiceConfig& config,
                                       std::span<const pipeline::LiveCamera> cameras, const LiveCommand& options,
                                       LiveRequests& requests, pipeline::RecordingKeeper& recording,
-                                      page::CalibrationDesk* calibration) {
+                                      page::CalibrationSession* calibration) {
   const auto ask_for = [](std::atomic<bool>& what) {
     return [&what] {
       what = true;
@@ -185,7 +185,7 @@ std::unique_ptr<metrics::MetricsServer> served(const config::MetricsConfig& metr
 
 LiveSummary run_live(const config::ServiceConfig& config, std::vector<pipeline::LiveCamera> cameras,
                      const LiveCommand& options, LiveRequests& requests, const std::stop_token& stop,
-                     page::CalibrationDesk* calibration) {
+                     page::CalibrationSession* calibration) {
   refuse_what_cannot_be(config, cameras, options);
   const bool is_tracking = options.track && config.is_calibrated();
   pipeline::Session session(config, pipeline::sources_of(config, cameras),
@@ -196,14 +196,14 @@ LiveSummary run_live(const config::ServiceConfig& config, std::vector<pipeline::
   if (config.dds.enabled && !options.no_dds && options.track)
     session.add(bus.emplace(config.dds.publisher, session.time()));
   if (bus) tell_what_may_be_asked(config.control);
-  metrics::RoadMeter meter(config.rig.cameras.size(), is_tracking ? config.targets.size() : 0, bus ? &*bus : nullptr);
+  metrics::PipelineMeter meter(config.rig.cameras.size(), is_tracking ? config.targets.size() : 0, bus ? &*bus : nullptr);
   session.add(meter);
   reports::Reports reports(session, {.write_rig = options.write_rig, .is_logging_times = true});
   TrackedFiles files(session, config, options);
   // Before the page, which asks it; it records after all that may yet end the program: no empty recording stays behind.
   pipeline::RecordingKeeper recording(
       session.config(), {.record_to = options.record_to, .cameras_in_use = cameras.size(), .is_tracking = is_tracking});
-  std::optional<pipeline::ColorsLookedFor> colors;
+  std::optional<pipeline::RemoteColors> colors;
   if (is_tracking) session.add(colors.emplace(session.config(), cameras));
   std::optional<page::PageService> page_service;
   if (bus)
@@ -273,7 +273,7 @@ void replay_instead(const config::ServiceConfig& config, const std::filesystem::
 
 LiveSummary run_live_while_asked(config::ServiceConfig config, const CameraOpener& open, const LiveCommand& options,
                                  LiveRequests& requests, const std::stop_token& stop) {
-  page::CalibrationDesk calibration({.program = {}, .log = [](bool is_problem, const std::string& what) {
+  page::CalibrationSession calibration({.program = {}, .log = [](bool is_problem, const std::string& what) {
                                        spdlog::log(is_problem ? spdlog::level::warn : spdlog::level::info, "{}", what);
                                      }});
   for (;;) {

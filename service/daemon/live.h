@@ -9,7 +9,7 @@
 
 #include "config/service_config.h"
 #include "daemon/supervisor.h"
-#include "page/calibration_desk.h"
+#include "page/calibration_session.h"
 #include "pipeline/live_cameras.h"
 
 namespace huetrack::daemon {
@@ -37,7 +37,7 @@ struct LiveSummary {
 // throws what the pipeline throws, and std::exceptions with one readable line when an output cannot be opened.
 LiveSummary run_live(const config::ServiceConfig& config, std::vector<pipeline::LiveCamera> cameras,
                      const LiveCommand& options, LiveRequests& requests, const std::stop_token& stop,
-                     page::CalibrationDesk* calibration = nullptr);
+                     page::CalibrationSession* calibration = nullptr);
 
 // run_live(), and once more with the configuration as it stands then, with its cameras opened again, whenever that is
 // asked for; between two of them a recording, where that is asked for, until it is over or closed. What is not right

@@ -38,7 +38,7 @@ bool Supervisor::is_receiving() const {
 
 void Supervisor::look(bool is_last) {
   if (the_.requests.reload.exchange(false) && !is_last) reload_configuration();
-  the_.recording.look_after();
+  the_.recording.supervise();
   if (the_.requests.save.exchange(false)) the_.recording.save_pre_roll("signal");
   const bool has_events = log_events();
   const Healths cameras = healths();
@@ -143,7 +143,7 @@ void Supervisor::add_warnings(publish::ServiceStatus& status) const {
 
 // Each once, and not again for every further frame that it counts.
 void Supervisor::log_new(const std::vector<std::string>& all, const pipeline::TrackedCameraFigures& camera) {
-  no_pose_log_.tell(tracked_camera_, camera);
+  no_pose_log_.log(tracked_camera_, camera);
   std::set<std::string> warnings(all.begin(), all.end());
   warnings.erase(pipeline::no_pose_warning(tracked_camera_, camera));
   std::set<std::string> told;

@@ -14,7 +14,7 @@
 
 #include "daemon/status_reporter.h"
 #include "metrics/metrics.h"
-#include "metrics/road_meter.h"
+#include "metrics/pipeline_meter.h"
 #include "pipeline/bus.h"
 #include "pipeline/file_outputs.h"
 #include "pipeline/live_cameras.h"
@@ -51,7 +51,7 @@ struct Supervised {
   pipeline::Session& session;
   std::span<const pipeline::LiveCamera> cameras;
   LiveRequests& requests;
-  const metrics::RoadMeter& meter;
+  const metrics::PipelineMeter& meter;
   const reports::Reports& reports;
   pipeline::RecordingKeeper& recording;
   std::vector<const pipeline::FileOutput*> files;

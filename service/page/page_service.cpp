@@ -119,7 +119,7 @@ void PageService::serve(const std::stop_token& stop) {
     } else if (to_freeze_ && last && now > asked_to_freeze_ + kept_freeze_patience) {
       freeze(last->set);
     } else if (to_freeze_ && now > asked_to_freeze_ + freeze_patience) {
-      reply(TeachDesk::refusal(*to_freeze_, "No pictures come from the cameras."));
+      reply(TeachingSession::refusal(*to_freeze_, "No pictures come from the cameras."));
       to_freeze_.reset();
     }
     const bool wants_moment = desk_.wants_moment(now);
@@ -149,7 +149,7 @@ void PageService::serve(const std::stop_token& stop) {
 }
 
 void PageService::publish_scene() {
-  const std::string why_not = !options_.actions.reload ? "This service cannot be taught." : TeachDesk::why_not(config_);
+  const std::string why_not = !options_.actions.reload ? "This service cannot be taught." : TeachingSession::why_not(config_);
   publisher_.publish(pictures::make_scene(config_, why_not.empty(), why_not));
 }
 
@@ -162,13 +162,13 @@ void PageService::take_requests() {
       continue;
     }
     if (!options_.actions.reload) {
-      reply(TeachDesk::refusal(*request, "This service cannot be taught."));
+      reply(TeachingSession::refusal(*request, "This service cannot be taught."));
     } else if (request->action() != msg::TEACH_ACTION_FREEZE) {
       reply(desk_.answer(*request, config_));
-    } else if (const std::string why = TeachDesk::why_not(config_); !why.empty()) {
-      reply(TeachDesk::refusal(*request, why));
+    } else if (const std::string why = TeachingSession::why_not(config_); !why.empty()) {
+      reply(TeachingSession::refusal(*request, why));
     } else {
-      if (to_freeze_) reply(TeachDesk::refusal(*to_freeze_, "Somebody else asked for pictures after that: ask again."));
+      if (to_freeze_) reply(TeachingSession::refusal(*to_freeze_, "Somebody else asked for pictures after that: ask again."));
       if (!to_freeze_) asked_to_freeze_ = Clock::now();
       to_freeze_ = *request;
     }
@@ -177,7 +177,7 @@ void PageService::take_requests() {
 
 void PageService::take_control_requests() {
   while (const auto request = publisher_.next_control_request()) {
-    if (ControlDesk::is_read(*request)) {
+    if (ControlHandler::is_read(*request)) {
       read_at_ = Clock::now();
       publisher_.publish(control_desk_.answer(*request, config_));
       continue;

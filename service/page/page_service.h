@@ -11,8 +11,8 @@
 #include <thread>
 
 #include "config/service_config.h"
-#include "page/control_desk.h"
-#include "page/teach_desk.h"
+#include "page/control_handler.h"
+#include "page/teaching_session.h"
 #include "pipeline/output.h"
 #include "pipeline/published_time.h"
 #include "publish/page_publisher.h"
@@ -28,8 +28,8 @@ struct PageServiceOptions {
   // Set by somebody: the configuration is to be read again, by actions.reload. nullptr: somebody else does that.
   std::atomic<bool>* reload_asked = nullptr;
   // Called from the server's thread. Without reload, nothing can be taught.
-  TeachDesk::Actions actions = {};
-  ControlDesk::Actions control = {};
+  TeachingSession::Actions actions = {};
+  ControlHandler::Actions control = {};
 };
 
 // thread-safe as said per function. Has a thread of its own, ended by the destructor.
@@ -72,8 +72,8 @@ class PageService final : public pipeline::Output {
   const PageServiceOptions options_;
   const std::size_t particles_;       // of each target in a picture, about
   publish::PagePublisher publisher_;  // this and all that follows to wanted_: the server's thread's
-  TeachDesk desk_;
-  const ControlDesk control_desk_;
+  TeachingSession desk_;
+  const ControlHandler control_desk_;
   std::optional<msg::TeachRequest> to_freeze_;  // waits for a set
   std::chrono::steady_clock::time_point asked_to_freeze_{};
   std::optional<msg::TeachReply> last_reply_;

@@ -87,7 +87,7 @@ bool CalibrationWatch::look(const capture::FrameSet& set) {
   return is_news;
 }
 
-// The pose, from what the room says.
+// Updates the pose estimate by the state of the room.
 void CalibrationWatch::follow(std::size_t camera) {
   Watched& w = watched_[camera];
   const room_watch::RoomCondition& room = w.watch.condition();
@@ -126,78 +126,77 @@ void CalibrationWatch::note(std::size_t camera, capture::Timestamp at) {
   }
 }
 
-// Two cameras fix a position. Before there would be fewer, one that is off by little is used all the same, where it
-// stands now (trust_camera).
+// A position needs two cameras. If fewer would remain, moved cameras with a small effect are used at their current pose
+// (trust_camera).
 std::vector<bool> CalibrationWatch::used_cameras() const {
   std::vector<bool> used(facts_.size(), true);
-  std::vector<std::size_t> spared;
+  std::vector<std::size_t> usable;
   for (std::size_t c = 0; c < facts_.size(); ++c) {
     const bool is_left_out = config_.watch == CalibrationMode::leave_out && facts_[c].moved;
     const bool is_useless = config_.watch != CalibrationMode::tell && is_of_no_use(facts_[c].room.state);
     used[c] = watched_[c].is_still && !is_left_out && !is_useless;
-    if (is_left_out && !is_useless && facts_[c].effect_m < calibration_tuning.tolerated_effect_m) spared.push_back(c);
+    if (is_left_out && !is_useless && facts_[c].effect_m < calibration_tuning.tolerated_effect_m) usable.push_back(c);
   }
-  std::ranges::stable_sort(spared, {}, [&](std::size_t c) { return facts_[c].effect_m; });
-  for (const std::size_t c : spared)
+  std::ranges::stable_sort(usable, {}, [&](std::size_t c) { return facts_[c].effect_m; });
+  for (const std::size_t c : usable)
     if (std::ranges::count(used, true) < 2) used[c] = true;
   for (std::size_t c = 0; c < facts_.size(); ++c)
-    if (!watched_[c].is_still) used[c] = true;  // nothing is known of it
+    if (!watched_[c].is_still) used[c] = true;  // not monitored
   return used;
 }
 
-// True: that is news for the trackers.
+// Returns whether the trackers need an update.
 bool CalibrationWatch::trust_camera(std::size_t camera, bool is_used, capture::Timestamp at) {
   Watched& w = watched_[camera];
   CameraCalibration& facts = facts_[camera];
   CameraTrust wanted;
   wanted.is_used = is_used;
   wanted.has_moved = facts.moved.has_value();
-  const bool is_spared = config_.watch == CalibrationMode::leave_out && is_used;
-  if (facts.moved && (config_.watch == CalibrationMode::mend || is_spared)) {
+  const bool is_kept = config_.watch == CalibrationMode::leave_out && is_used;
+  if (facts.moved && (config_.watch == CalibrationMode::mend || is_kept)) {
     wanted.cam_from_world = facts.moved->cam_from_world;
     wanted.pose_covariance = facts.moved->covariance;
   } else if (facts.moved) {
-    // It is held to stand where the rig says, which is off by this.
-    const calib::Tangent6d off =
+    const calib::Tangent6d error =  // of the rig's pose, which the trackers keep
         calib::log(facts.moved->cam_from_world * calib::inverse(rig_.cameras[camera].cam_from_world));
-    wanted.pose_covariance = facts.moved->covariance + off * off.transpose();
+    wanted.pose_covariance = facts.moved->covariance + error * error.transpose();
   } else if (has_turned_a_little(facts.room)) {
     const Eigen::Vector3d& turn = facts.room.rotation;
     wanted.pose_covariance.topLeftCorner<3, 3>() = facts.room.covariance + turn * turn.transpose();
   }
-  const bool is_off = !wanted.pose_covariance.isZero(0);
+  const bool is_inflated = !wanted.pose_covariance.isZero(0);
   CameraTrust& given = trust_[camera];
   bool is_news =
-      wanted.is_used != given.is_used || wanted.has_moved != given.has_moved || is_off != w.trusted_at.has_value();
-  if (!is_news && is_off && at - *w.trusted_at >= update_pause) is_news = differs(wanted, given);
+      wanted.is_used != given.is_used || wanted.has_moved != given.has_moved || is_inflated != w.trusted_at.has_value();
+  if (!is_news && is_inflated && at - *w.trusted_at >= update_pause) is_news = differs(wanted, given);
   if (!is_news) return false;
   given = wanted;
-  w.trusted_at = is_off ? std::optional(at) : std::nullopt;
+  w.trusted_at = is_inflated ? std::optional(at) : std::nullopt;
   facts.is_used = given.is_used;
   facts.is_mended = given.cam_from_world.has_value();
   return true;
 }
 
 void CalibrationWatch::learn(std::span<const object_tracking::ObjectEstimate> estimates) {
-  // What the others fix is worth nothing where one of them is off itself; and two that were mended by one another would
-  // drift away together.
-  const auto is_off = [&](const CameraCalibration& facts) { return facts.moved && facts.is_used; };
-  const auto off = std::ranges::count_if(facts_, is_off);
+  // The others localise the object only if none of them has moved itself. Two cameras corrected by each other would
+  // drift.
+  const auto has_moved_in_use = [&](const CameraCalibration& facts) { return facts.moved && facts.is_used; };
+  const auto moved_in_use = std::ranges::count_if(facts_, has_moved_in_use);
   for (std::size_t c = 0; c < watched_.size(); ++c) {
     Watched& w = watched_[c];
-    const bool others_fit = off - (is_off(facts_[c]) ? 1 : 0) == 0;
+    const bool others_are_right = moved_in_use - (has_moved_in_use(facts_[c]) ? 1 : 0) == 0;
     w.objects.clear();
     for (const auto& estimate : estimates) {
       if (!estimate.has_position() || c >= estimate.per_view.size()) continue;
       const object_tracking::ViewSupport& view = estimate.per_view[c];
       if (view.in_view) w.objects.push_back({view.px.cast<double>(), double(view.radius_px)});
-      if (!others_fit || !w.pose || !view.witness || !has_moved(facts_[c].room.state)) continue;
-      const object_tracking::ViewWitness& said = *view.witness;
-      w.pose->add({.at = said.at,
-                   .px = said.px,
-                   .covariance = said.covariance,
-                   .position = said.position,
-                   .position_covariance = said.position_covariance});
+      if (!others_are_right || !w.pose || !view.witness || !has_moved(facts_[c].room.state)) continue;
+      const object_tracking::ViewWitness& seen = *view.witness;
+      w.pose->add({.at = seen.at,
+                   .px = seen.px,
+                   .covariance = seen.covariance,
+                   .position = seen.position,
+                   .position_covariance = seen.position_covariance});
     }
   }
 }
@@ -210,8 +209,8 @@ std::vector<config::KeptRoom> CalibrationWatch::room() const {
   return room;
 }
 
-// What triangulating with the rig's pose does to positions when the camera stands elsewhere: over a grid in the volume,
-// of the places that this camera and another one see.
+// RMS error of positions that are triangulated with the rig's pose while the camera has pose `now`: over those nodes of
+// a grid in the volume that this camera and another one see.
 double CalibrationWatch::effect_of(std::size_t camera, const calib::Rigid3d& now) const {
   constexpr std::array<double, 3> shares{0.2, 0.5, 0.8};  // layout: nodes of the grid on each axis
   double sum = 0;

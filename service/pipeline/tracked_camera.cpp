@@ -41,13 +41,13 @@ std::string no_pose_warning(const std::string& camera, const TrackedCameraFigure
 
 std::string readout_text(const TrackedCameraFigures& figures) {
   if (!(figures.readout_sigma_s < tracked_camera_tuning.max_readout_sigma_s)) return {};
-  return fmt::format("rows over {:.1f} ms +- {:.1f}", 1e3 * figures.readout_s, 1e3 * figures.readout_sigma_s);
+  return fmt::format("readout {:.1f} ms +- {:.1f}", 1e3 * figures.readout_s, 1e3 * figures.readout_sigma_s);
 }
 
-void NoPoseLog::tell(const std::string& camera, const TrackedCameraFigures& figures) {
-  if (!figures.without_since) told_.clear();
+void NoPoseLog::log(const std::string& camera, const TrackedCameraFigures& figures) {
+  if (!figures.without_since) logged_.clear();
   const std::string warning = no_pose_warning(camera, figures);
-  if (!warning.empty() && told_.insert(without_numbers(warning)).second) spdlog::warn("{}", warning);
+  if (!warning.empty() && logged_.insert(without_numbers(warning)).second) spdlog::warn("{}", warning);
 }
 
 void save_map(const camera_tracking::CameraTracker& tracker, const TrackedCameraFigures& figures,
@@ -55,7 +55,7 @@ void save_map(const camera_tracking::CameraTracker& tracker, const TrackedCamera
   if (figures.had_pose) {
     tracker.save_map(file);
   } else {
-    spdlog::warn("{}: map not saved: there never was a pose", file.string());
+    spdlog::warn("{}: map not saved, because the camera never had a pose", file.string());
   }
 }
 

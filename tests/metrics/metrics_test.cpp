@@ -7,7 +7,7 @@
 #include <memory>
 
 #include "end_to_end/http.h"
-#include "metrics/road_meter.h"
+#include "metrics/pipeline_meter.h"
 
 namespace huetrack::metrics {
 namespace {
@@ -45,8 +45,8 @@ publish::ServiceStatus status() {
   return status;
 }
 
-TEST(RoadMeter, CountsMistakesByKindWhileTheyLast) {
-  RoadMeter meter(1, 1, nullptr);
+TEST(PipelineMeter, CountsMistakesByKindWhileTheyLast) {
+  PipelineMeter meter(1, 1, nullptr);
   capture::FrameSet frames;
   const std::vector<object_tracking::ObjectEstimate> estimates(1);
   const std::vector<std::vector<view_watch::Mistake>> late{{{.kind = view_watch::MistakeKind::late, .cameras = {0}}}},

@@ -10,9 +10,9 @@
 #include "fuzz/fuzz_target.h"
 #include "idl/huetrack_viewPubSubTypes.h"
 #include "idl/topics.h"
-#include "page/control_desk.h"
+#include "page/control_handler.h"
 #include "page/request_words.h"
-#include "page/teach_desk.h"
+#include "page/teaching_session.h"
 
 using namespace huetrack;
 
@@ -99,8 +99,8 @@ std::string no_problem() {
 void ask_in_words(std::string_view input) {
   const config::ServiceConfig& config = fresh_config();
   Playing playing;
-  page::CalibrationDesk calibration({.program = fuzz::folder() / "no_such_program"});
-  const page::ControlDesk desk({.calibration = &calibration,
+  page::CalibrationSession calibration({.program = fuzz::folder() / "no_such_program"});
+  const page::ControlHandler desk({.calibration = &calibration,
                                 .playback = &playing,
                                 .close = [] {},
                                 .open_recording = [](const fs::path&) {},
@@ -142,7 +142,7 @@ void ask_to_teach(std::string_view input) {
   payload.length = static_cast<std::uint32_t>(input.size());
   if (!type.deserialize(&payload, &request)) return;
   const config::ServiceConfig& config = fresh_config();
-  page::TeachDesk desk({.reload = no_problem, .resume = [] {}});
+  page::TeachingSession desk({.reload = no_problem, .resume = [] {}});
   capture::FrameSet set{.number = 1, .at = {}, .frames = {}};
   for (int c = 0; c < 2; ++c) {
     capture::Frame& frame = set.frames.emplace_back(std::in_place).value();

@@ -1,17 +1,17 @@
-#include "metrics/road_meter.h"
+#include "metrics/pipeline_meter.h"
 
 #include "capture/capture_clock.h"
 
 namespace huetrack::metrics {
 
-RoadMeter::RoadMeter(std::size_t cameras, std::size_t targets, const pipeline::Bus* bus)
+PipelineMeter::PipelineMeter(std::size_t cameras, std::size_t targets, const pipeline::Bus* bus)
     : bus_(bus), targets_(targets), capture_to_dequeue_(cameras) {}
 
-void RoadMeter::on_frame(const capture::Frame& frame, capture::Timestamp received_at) {
+void PipelineMeter::on_frame(const capture::Frame& frame, capture::Timestamp received_at) {
   capture_to_dequeue_[std::size_t(frame.camera)].add(received_at - frame.captured_at);
 }
 
-void RoadMeter::on_set(const pipeline::TrackedSet& set) {
+void PipelineMeter::on_set(const pipeline::TrackedSet& set) {
   if (set.estimates.empty()) return;
   // Of several objects of a target, one that is tracked.
   const object_tracking::ObjectEstimate* before = nullptr;
@@ -36,7 +36,7 @@ void RoadMeter::on_set(const pipeline::TrackedSet& set) {
   capture_to_publish_.add(sent - set.frames.at);
 }
 
-void RoadMeter::count_objects(std::span<const object_tracking::ObjectEstimate> estimates) {
+void PipelineMeter::count_objects(std::span<const object_tracking::ObjectEstimate> estimates) {
   using object_tracking::TrackState;
   for (std::size_t begin = 0, end = 0; begin < estimates.size(); begin = end) {
     int tracked = 0, coasting = 0;
@@ -53,7 +53,7 @@ void RoadMeter::count_objects(std::span<const object_tracking::ObjectEstimate> e
   }
 }
 
-std::vector<TargetFigures> RoadMeter::targets() const {
+std::vector<TargetFigures> PipelineMeter::targets() const {
   std::vector<TargetFigures> figures;
   for (const auto& target : targets_) {
     TargetFigures& out = figures.emplace_back(TargetFigures{.state = target.state,
@@ -68,7 +68,7 @@ std::vector<TargetFigures> RoadMeter::targets() const {
   return figures;
 }
 
-LatencyFigures RoadMeter::latencies() const {
+LatencyFigures PipelineMeter::latencies() const {
   LatencyFigures figures;
   for (const auto& camera : capture_to_dequeue_) figures.capture_to_dequeue.push_back(camera.snapshot());
   figures.dequeue_to_write = dequeue_to_write_.snapshot();

@@ -1,4 +1,4 @@
-#include "page/recording_shelf.h"
+#include "page/recording_library.h"
 
 #include <dirent.h>
 #include <fcntl.h>
@@ -220,7 +220,7 @@ void fill(std::span<std::uint8_t> bytes, std::uint64_t from, const std::string& 
 
 }  // namespace
 
-std::vector<ShelvedRecording> RecordingShelf::list(std::size_t most) const {
+std::vector<ShelvedRecording> RecordingLibrary::list(std::size_t most) const {
   std::vector<ShelvedRecording> recordings;
   const FileDescriptor shelf = open_folder(folder_);
   if (shelf.get() < 0) return recordings;
@@ -249,7 +249,7 @@ FileDescriptor open_recording(const FileDescriptor& shelf, const std::string& na
 
 }  // namespace
 
-void RecordingShelf::remove(const std::string& name) const {
+void RecordingLibrary::remove(const std::string& name) const {
   const FileDescriptor shelf = open_folder(folder_);
   const FileDescriptor folder = open_recording(shelf, name);
   const auto refused = [&] {
@@ -269,7 +269,7 @@ void RecordingShelf::remove(const std::string& name) const {
   if (::unlinkat(shelf.get(), name.c_str(), AT_REMOVEDIR) != 0) throw refused();
 }
 
-RecordingPiece RecordingShelf::read(const std::string& name, std::uint64_t from, std::size_t most_bytes) const {
+RecordingPiece RecordingLibrary::read(const std::string& name, std::uint64_t from, std::size_t most_bytes) const {
   const FileDescriptor shelf = open_folder(folder_);
   const FileDescriptor folder = open_recording(shelf, name);
   const std::vector<File> files = files_in(folder);

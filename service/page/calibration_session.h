@@ -23,7 +23,7 @@
 namespace huetrack::page {
 
 // thread-compatible: one thread at a time. It outlives sessions, which may begin anew while it works.
-class CalibrationDesk {
+class CalibrationSession {
  public:
   struct Options {
     // huetrack-calibrate; empty: found (find_program()).
@@ -32,7 +32,7 @@ class CalibrationDesk {
     std::function<void(bool is_problem, const std::string& what)> log = nullptr;
     std::chrono::seconds longest_board{900};  // then it is ended as if somebody had said so: a disk is not endless
   };
-  explicit CalibrationDesk(Options options) : options_(std::move(options)) {}
+  explicit CalibrationSession(Options options) : options_(std::move(options)) {}
 
   // The words that follow `calibrate`, but for accept. recording: of this session; nullptr: it has none. Fills rows and
   // reason. throws std::runtime_error of one readable line

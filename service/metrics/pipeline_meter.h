@@ -12,10 +12,10 @@
 namespace huetrack::metrics {
 
 // Add it to the session after the bus. The getters: any thread.
-class RoadMeter final : public pipeline::Output {
+class PipelineMeter final : public pipeline::Output {
  public:
   // cameras: of the rig; bus: null where nothing is published
-  RoadMeter(std::size_t cameras, std::size_t targets, const pipeline::Bus* bus);
+  PipelineMeter(std::size_t cameras, std::size_t targets, const pipeline::Bus* bus);
 
   void on_frame(const capture::Frame& frame, capture::Timestamp received_at) override;
   void on_set(const pipeline::TrackedSet& set) override;

@@ -1,6 +1,6 @@
 // A calibration is recorded, solved by another program, told, accepted, and ended well whatever that program does. The
 // other program is a shell script here.
-#include "page/calibration_desk.h"
+#include "page/calibration_session.h"
 
 #include <fcntl.h>
 #include <gmock/gmock.h>
@@ -19,7 +19,7 @@
 #include "calib/model/rig_yaml.h"
 #include "capture/pixel_format.h"
 #include "config/taught_file.h"
-#include "page/control_desk.h"
+#include "page/control_handler.h"
 
 namespace huetrack::page {
 namespace {
@@ -146,19 +146,19 @@ class Calibrating : public Scratch {
   }
   void begin(const std::string& text) {
     desk.emplace(
-        CalibrationDesk::Options{.program = script("echo \"$*\" >> " + (folder / "asked").string() + "\n" + text),
+        CalibrationSession::Options{.program = script("echo \"$*\" >> " + (folder / "asked").string() + "\n" + text),
                                  .log = [this](bool, const std::string& what) { log += what + "\n"; }});
   }
   msg::ControlReply ask(std::vector<std::string> words) {
     words.insert(words.begin(), "calibrate");
     msg::ControlRequest request;
     request.words(std::move(words));
-    ControlDesk::Actions actions{.recording = &*keeper, .calibration = &*desk};
+    ControlHandler::Actions actions{.recording = &*keeper, .calibration = &*desk};
     actions.begin_anew = [this] {
       ++begun_anew;
       return std::string();
     };
-    return ControlDesk(actions).answer(request, config);
+    return ControlHandler(actions).answer(request, config);
   }
   std::map<std::string, std::vector<std::string>> state() {
     std::map<std::string, std::vector<std::string>> rows;
@@ -171,7 +171,7 @@ class Calibrating : public Scratch {
     return comes([&] {
       frame();
       desk->look_after(&*keeper);
-      keeper->look_after();
+      keeper->supervise();
       return stage() == wanted;
     });
   }
@@ -197,7 +197,7 @@ class Calibrating : public Scratch {
   }
   config::ServiceConfig config;
   std::optional<pipeline::RecordingKeeper> keeper;
-  std::optional<CalibrationDesk> desk;
+  std::optional<CalibrationSession> desk;
   std::string log;
   int number = 0, begun_anew = 0;
 };
@@ -425,7 +425,7 @@ TEST_F(Calibrating, ABoardIsPrinted) {
   const fs::path scratch = folder / "scratch";
   fs::create_directory(scratch);
   ::setenv("TMPDIR", scratch.c_str(), 1);
-  desk.emplace(CalibrationDesk::Options{.program = folder / "no_such_program"});
+  desk.emplace(CalibrationSession::Options{.program = folder / "no_such_program"});
   EXPECT_THAT(ask({"print", "0"}).reason(), StartsWith("Cannot start"));
   ::unsetenv("TMPDIR");
   EXPECT_TRUE(fs::is_empty(scratch));
@@ -515,7 +515,7 @@ TEST_F(Calibrating, WhatMakesNoSenseOrMayNotBeIsRefused) {
   config.control = {.allow_teach = false, .allow_record = true};
   EXPECT_THAT(ask({"state"}).reason(), HasSubstr("allow_teach"));
   config.control.allow_teach = true;
-  desk.emplace(CalibrationDesk::Options{.program = folder / "gone"});
+  desk.emplace(CalibrationSession::Options{.program = folder / "gone"});
   EXPECT_THAT(ask({"wave", "ball", "5"}).reason(), AnyOf(HasSubstr("Recording"), HasSubstr("cannot start")));
   ASSERT_TRUE(ask({"stop"}).granted());
   EXPECT_TRUE(becomes("failed"));

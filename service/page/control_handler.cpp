@@ -1,4 +1,4 @@
-#include "page/control_desk.h"
+#include "page/control_handler.h"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -13,7 +13,7 @@
 #include "calib/yaml/joined.h"
 #include "config/taught_file.h"
 #include "idl/control_words.h"
-#include "page/recording_shelf.h"
+#include "page/recording_library.h"
 #include "page/request_words.h"
 #include "recordings/recording.h"
 
@@ -125,13 +125,13 @@ void refuse(msg::ControlReply& reply, std::string why) {
 
 }  // namespace
 
-bool ControlDesk::is_read(const msg::ControlRequest& request) {
+bool ControlHandler::is_read(const msg::ControlRequest& request) {
   const auto& words = request.words();
   return words.size() > 1 && ((words[0] == "record" && words[1] == "read") ||
                               (words[0] == "calibrate" && (words[1] == "report" || words[1] == "print")));
 }
 
-msg::ControlReply ControlDesk::answer(const msg::ControlRequest& request, const config::ServiceConfig& config) const {
+msg::ControlReply ControlHandler::answer(const msg::ControlRequest& request, const config::ServiceConfig& config) const {
   msg::ControlReply reply;
   reply.client(request.client());
   reply.number(request.number());
@@ -164,22 +164,22 @@ msg::ControlReply ControlDesk::answer(const msg::ControlRequest& request, const 
   return reply;
 }
 
-pipeline::RecordingKeeper& ControlDesk::recording() const {
+pipeline::RecordingKeeper& ControlHandler::recording() const {
   if (actions_.recording == nullptr) throw std::runtime_error("this is a replay: it records nothing");
   return *actions_.recording;
 }
 
-std::string ControlDesk::unfinished() const {
+std::string ControlHandler::unfinished() const {
   if (actions_.recording == nullptr || !actions_.recording->is_unfinished()) return "";
   return actions_.recording->folder().filename().string();
 }
 
-void ControlDesk::require_finished(const std::string& name) const {
+void ControlHandler::require_finished(const std::string& name) const {
   if (idl::is_recording_name(name) && name == unfinished())
     throw std::runtime_error(name + " is still being recorded: stop it first");
 }
 
-std::string ControlDesk::take_over(const config::ServiceConfig& config) const {
+std::string ControlHandler::take_over(const config::ServiceConfig& config) const {
   const config::ServiceConfig fresh = config::load_service_config(config.file);
   const auto kind = [](const object_tracking::TargetOptions& target) { return std::pair(target.name, target.count); };
   const bool is_same_set = std::ranges::equal(fresh.targets, config.targets, {}, kind, kind) &&
@@ -192,7 +192,7 @@ std::string ControlDesk::take_over(const config::ServiceConfig& config) const {
   return is_same_set ? "" : " The service begins anew with it.";
 }
 
-void ControlDesk::target(Words words, const config::ServiceConfig& config, msg::ControlReply& reply) const {
+void ControlHandler::target(Words words, const config::ServiceConfig& config, msg::ControlReply& reply) const {
   require_teaching(config);
   if (are(words, {"list"})) {
     for (const auto& one : config.targets) {
@@ -227,7 +227,7 @@ void ControlDesk::target(Words words, const config::ServiceConfig& config, msg::
   reply.reason(fmt::format("{}; it is written into {}.{}", done, file.filename().string(), take_over(config)));
 }
 
-void ControlDesk::camera(Words words, const config::ServiceConfig& config, msg::ControlReply& reply) const {
+void ControlHandler::camera(Words words, const config::ServiceConfig& config, msg::ControlReply& reply) const {
   require_teaching(config);
   if (are(words, {"list"})) {
     for (const auto& one : config.cameras)
@@ -274,19 +274,19 @@ void ControlDesk::camera(Words words, const config::ServiceConfig& config, msg::
                            take_over(config)));
 }
 
-void ControlDesk::open(const std::string& name, const config::ServiceConfig& config, msg::ControlReply& reply) const {
+void ControlHandler::open(const std::string& name, const config::ServiceConfig& config, msg::ControlReply& reply) const {
   if (!config.control.allow_record) throw forbidden("allow_record", config);
   if (!actions_.open_recording)
     throw std::runtime_error("only huetrackd run on live cameras, which writes no files, opens a recording");
   if (!config.is_calibrated()) throw std::runtime_error("the cameras are not calibrated yet");
   require_finished(name);
-  RecordingShelf(config.record.folder).read(name, 0, 0);    // that there is one of that name, and nothing else
+  RecordingLibrary(config.record.folder).read(name, 0, 0);    // that there is one of that name, and nothing else
   recordings::read_recording(config.record.folder / name);  // and that it can be read
   actions_.open_recording(config.record.folder / name);
   reply.reason(fmt::format("{} is replayed instead of the cameras, until it is over, or closed.", name));
 }
 
-void ControlDesk::replay(Words words, const config::ServiceConfig& config, msg::ControlReply& reply) const {
+void ControlHandler::replay(Words words, const config::ServiceConfig& config, msg::ControlReply& reply) const {
   require_teaching(config);
   if (words.size() == 2 && words[0] == "open") {
     open(words[1], config, reply);
@@ -328,7 +328,7 @@ void ControlDesk::replay(Words words, const config::ServiceConfig& config, msg::
   reply.reason(fmt::format("{} at {:.3f} s.", state.is_paused ? "Paused" : "Playing", state.position_s));
 }
 
-void ControlDesk::history(const std::string& word, const config::ServiceConfig& config,
+void ControlHandler::history(const std::string& word, const config::ServiceConfig& config,
                           msg::ControlReply& reply) const {
   require_teaching(config);
   if (word != "history") {
@@ -342,7 +342,7 @@ void ControlDesk::history(const std::string& word, const config::ServiceConfig& 
   add_row(reply, {"redoable", std::to_string(left.redoable)});
 }
 
-void ControlDesk::record(Words words, const config::ServiceConfig& config, msg::ControlReply& reply) const {
+void ControlHandler::record(Words words, const config::ServiceConfig& config, msg::ControlReply& reply) const {
   if (!config.control.allow_record) throw forbidden("allow_record", config);
   if (config.record.folder.empty())
     throw std::runtime_error("there is no folder for recordings: set record: {folder: ...} in " + config.file.string() +
@@ -350,11 +350,11 @@ void ControlDesk::record(Words words, const config::ServiceConfig& config, msg::
   if (are(words, {"state"})) {
     tell_state(config.record, reply);
   } else if (are(words, {"start"})) {
-    reply.reason(fmt::format("Recording to {}.", recording().start_by_hand().string()));
+    reply.reason(fmt::format("Recording to {}.", recording().start_on_request().string()));
   } else if (are(words, {"stop"})) {
-    reply.reason(fmt::format("Recorded to {}.", recording().stop_by_hand().string()));
+    reply.reason(fmt::format("Recorded to {}.", recording().stop_on_request().string()));
   } else if (are(words, {"save"})) {
-    const std::string folder = recording().save_by_hand().string();
+    const std::string folder = recording().save_on_request().string();
     reply.reason(fmt::format("Saving the last {:g} s, and {:g} more, to {}.", config.record.pre_roll_s,
                              config.record.after_s, folder));
   } else if (are(words, {"list"})) {
@@ -369,7 +369,7 @@ void ControlDesk::record(Words words, const config::ServiceConfig& config, msg::
 }
 
 // What it makes is written beside the configuration, as what is taught; and what it makes it from into record.folder.
-void ControlDesk::calibrate(Words words, const config::ServiceConfig& config, msg::ControlReply& reply) const {
+void ControlHandler::calibrate(Words words, const config::ServiceConfig& config, msg::ControlReply& reply) const {
   require_teaching(config);
   if (!config.control.allow_record) throw forbidden("allow_record", config);
   if (actions_.calibration == nullptr)
@@ -382,20 +382,20 @@ void ControlDesk::calibrate(Words words, const config::ServiceConfig& config, ms
   }
 }
 
-void ControlDesk::look_after() const {
+void ControlHandler::look_after() const {
   if (actions_.calibration != nullptr) actions_.calibration->look_after(actions_.recording);
 }
 
-void ControlDesk::remove(const std::string& name, const config::RecordConfig& record, msg::ControlReply& reply) const {
+void ControlHandler::remove(const std::string& name, const config::RecordConfig& record, msg::ControlReply& reply) const {
   recording();  // that this is no replay, perhaps of this one
   require_finished(name);
   if (idl::is_recording_name(name) && actions_.calibration != nullptr && name == actions_.calibration->busy_with())
     throw std::runtime_error(name + " is being calibrated from: cancel that first");
-  RecordingShelf(record.folder).remove(name);
+  RecordingLibrary(record.folder).remove(name);
   reply.reason(fmt::format("Deleted: {}.", name));
 }
 
-void ControlDesk::tell_state(const config::RecordConfig& record, msg::ControlReply& reply) const {
+void ControlHandler::tell_state(const config::RecordConfig& record, msg::ControlReply& reply) const {
   const bool is_recording = actions_.recording != nullptr && actions_.recording->is_recording();
   const std::string folder = is_recording ? actions_.recording->folder().string() : "";
   add_row(reply, {"state", actions_.recording == nullptr ? "replay" : is_recording ? "recording" : "idle"});
@@ -406,9 +406,9 @@ void ControlDesk::tell_state(const config::RecordConfig& record, msg::ControlRep
   reply.reason(is_recording ? fmt::format("Recording to {}.", folder) : "Nothing is being recorded.");
 }
 
-void ControlDesk::list(const config::RecordConfig& record, msg::ControlReply& reply) const {
+void ControlHandler::list(const config::RecordConfig& record, msg::ControlReply& reply) const {
   const std::string going_on = unfinished();
-  const auto recordings = RecordingShelf(record.folder).list(most_listed);
+  const auto recordings = RecordingLibrary(record.folder).list(most_listed);
   for (const ShelvedRecording& one : recordings)
     add_row(reply, {one.name, one.begun_at_s ? fmt::format("{:.3f}", *one.begun_at_s) : "",
                     fmt::format("{:.3f}", one.length_s), std::to_string(one.bytes), std::to_string(one.cameras),
@@ -416,10 +416,10 @@ void ControlDesk::list(const config::RecordConfig& record, msg::ControlReply& re
   reply.reason(fmt::format("In {}: {}.", record.folder.string(), recordings.size()));
 }
 
-void ControlDesk::read(Words words, const config::RecordConfig& record, msg::ControlReply& reply) const {
+void ControlHandler::read(Words words, const config::RecordConfig& record, msg::ControlReply& reply) const {
   const std::string& name = words[1];
   require_finished(name);
-  RecordingPiece piece = RecordingShelf(record.folder).read(name, whole_number_of(words[2]), piece_bytes);
+  RecordingPiece piece = RecordingLibrary(record.folder).read(name, whole_number_of(words[2]), piece_bytes);
   add_row(reply, {std::to_string(piece.tar_bytes), piece.identity});
   reply.bytes(std::move(piece.bytes));
 }

@@ -1,5 +1,5 @@
 // What pages ask is refused, whatever it is, where the configuration does not allow it.
-#include "page/teach_desk.h"
+#include "page/teaching_session.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -20,7 +20,7 @@ using namespace testing;
 
 struct Desk {
   bool resumed = false, reloaded = false;
-  TeachDesk desk{{.reload =
+  TeachingSession desk{{.reload =
                       [this] {
                         reloaded = true;
                         return std::string();
@@ -42,7 +42,7 @@ config::ServiceConfig config_that_allows(bool teaching) {
   return c;
 }
 
-TEST(TeachDesk, NothingIsDoneForWhoMayNotTeach) {
+TEST(TeachingSession, NothingIsDoneForWhoMayNotTeach) {
   for (const auto action : {msg::TEACH_ACTION_RESUME, msg::TEACH_ACTION_LOOK, msg::TEACH_ACTION_APPLY,
                             msg::TEACH_ACTION_IGNORE, msg::TEACH_ACTION_UNDO}) {
     Desk of;
@@ -54,13 +54,13 @@ TEST(TeachDesk, NothingIsDoneForWhoMayNotTeach) {
   }
 }
 
-TEST(TeachDesk, AReplayThatIsHeldGoesOnForWhoMay) {
+TEST(TeachingSession, AReplayThatIsHeldGoesOnForWhoMay) {
   Desk of;
   EXPECT_TRUE(of.desk.answer(request_of(msg::TEACH_ACTION_RESUME), config_that_allows(true)).granted());
   EXPECT_TRUE(of.resumed);
 }
 
-TEST(TeachDesk, ASaveIsUndone) {
+TEST(TeachingSession, ASaveIsUndone) {
   const std::filesystem::path folder = std::filesystem::path(TempDir()) / ("teach_desk_" + std::to_string(::getpid()));
   std::filesystem::create_directories(folder);
   config::ServiceConfig config = config_that_allows(true);
@@ -91,7 +91,7 @@ TEST(TeachDesk, ASaveIsUndone) {
 
 // A replay that is held shows one moment. What rests and has the colour is told from the ball by others of the
 // recording.
-TEST(TeachDesk, WhatMovesIsKnownOfAReplayThatIsHeld) {
+TEST(TeachingSession, WhatMovesIsKnownOfAReplayThatIsHeld) {
   const auto circling = [](double t) { return Eigen::Vector3d(0.5 * std::cos(3 * t), 0.5 * std::sin(3 * t), 1.2); };
   scene::SceneBuilder builder;
   builder.cameras_on_ring({.count = 3}).ball({.path = circling});
@@ -105,7 +105,7 @@ TEST(TeachDesk, WhatMovesIsKnownOfAReplayThatIsHeld) {
   config.object_tracking.volume = {.min = {-1, -1, 0}, .max = {1, 1, 2}};
 
   const auto suggested = [&](std::size_t of, bool is_recorded) {
-    TeachDesk::Actions actions{.reload = [] { return std::string(); }, .resume = {}};
+    TeachingSession::Actions actions{.reload = [] { return std::string(); }, .resume = {}};
     if (is_recorded) {
       actions.moments = [&](const std::stop_token&) {
         std::vector<capture::FrameSet> moments;
@@ -113,7 +113,7 @@ TEST(TeachDesk, WhatMovesIsKnownOfAReplayThatIsHeld) {
         return moments;
       };
     }
-    TeachDesk desk{actions};
+    TeachingSession desk{actions};
     EXPECT_TRUE(desk.freeze(request_of(msg::TEACH_ACTION_FREEZE), config, sets[of]).granted());
     msg::TeachRequest look = request_of(msg::TEACH_ACTION_LOOK);
     look.target(config.targets[0].name);
@@ -148,16 +148,16 @@ TEST(TeachDesk, WhatMovesIsKnownOfAReplayThatIsHeld) {
   EXPECT_GE(by_all, asked * 8 / 10);
 }
 
-TEST(TeachDesk, ARecordingThatCannotBeReadIsSaid) {
+TEST(TeachingSession, ARecordingThatCannotBeReadIsSaid) {
   const scene::Scene world = scene::SceneBuilder().cameras_on_ring({.count = 2}).ball({}).build();
   const auto sets = scene::render(world, {.set_count = 1});
   config::ServiceConfig config = config_that_allows(true);
   config.rig = world.rig;
-  TeachDesk::Actions actions{.reload = [] { return std::string(); }, .resume = {}};
+  TeachingSession::Actions actions{.reload = [] { return std::string(); }, .resume = {}};
   actions.moments = [](const std::stop_token&) -> std::vector<capture::FrameSet> {
     throw std::runtime_error("a.mkv is gone");
   };
-  TeachDesk desk{actions};
+  TeachingSession desk{actions};
   ASSERT_TRUE(desk.freeze(request_of(msg::TEACH_ACTION_FREEZE), config, sets[0]).granted());
   msg::TeachRequest look = request_of(msg::TEACH_ACTION_LOOK);
   look.target(config.targets[0].name);

@@ -1,4 +1,4 @@
-#include "page/calibration_desk.h"
+#include "page/calibration_session.h"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -163,7 +163,7 @@ class PdfFolder {
 
 }  // namespace
 
-void CalibrationDesk::answer(Words words, const config::ServiceConfig& config, pipeline::RecordingKeeper* recording,
+void CalibrationSession::answer(Words words, const config::ServiceConfig& config, pipeline::RecordingKeeper* recording,
                              msg::ControlReply& reply) {
   if (words.empty()) throw unknown_request();
   const std::string& verb = words[0];
@@ -188,7 +188,7 @@ void CalibrationDesk::answer(Words words, const config::ServiceConfig& config, p
   }
 }
 
-fs::path CalibrationDesk::program() const {
+fs::path CalibrationSession::program() const {
   const auto program = options_.program.empty() ? find_program(calibrator) : std::optional(options_.program);
   if (!program)
     throw std::runtime_error(fmt::format(
@@ -196,7 +196,7 @@ fs::path CalibrationDesk::program() const {
   return *program;
 }
 
-void CalibrationDesk::begin(Kind kind, const config::ServiceConfig& config) {
+void CalibrationSession::begin(Kind kind, const config::ServiceConfig& config) {
   if (is_busy()) throw std::runtime_error("a calibration goes on already: stop or cancel it first");
   program_ = program();
   kind_ = kind;
@@ -211,7 +211,7 @@ void CalibrationDesk::begin(Kind kind, const config::ServiceConfig& config) {
   began_at_ = Clock::now();
 }
 
-void CalibrationDesk::begin_board(Words words, const config::ServiceConfig& config,
+void CalibrationSession::begin_board(Words words, const config::ServiceConfig& config,
                                   pipeline::RecordingKeeper* recording, msg::ControlReply& reply) {
   pipeline::RecordingKeeper& keeper = needed(recording);
   const std::vector<std::string> options = board_options(words, false);
@@ -230,14 +230,14 @@ void CalibrationDesk::begin_board(Words words, const config::ServiceConfig& conf
     start(std::move(arguments));
   } catch (const std::runtime_error& error) {
     end(Stage::failed, error.what());
-    keeper.stop_by_hand();
+    keeper.stop_on_request();
     throw;
   }
   reply.reason(fmt::format("Recording to {}: carry the board before the cameras; calibrate stop ends it, and solves.",
                            folder_.string()));
 }
 
-void CalibrationDesk::begin_wave(Words words, const config::ServiceConfig& config, pipeline::RecordingKeeper* recording,
+void CalibrationSession::begin_wave(Words words, const config::ServiceConfig& config, pipeline::RecordingKeeper* recording,
                                  msg::ControlReply& reply) {
   pipeline::RecordingKeeper& keeper = needed(recording);
   const auto target = std::ranges::find(config.targets, words[0], &object_tracking::TargetOptions::name);
@@ -272,7 +272,7 @@ void CalibrationDesk::begin_wave(Words words, const config::ServiceConfig& confi
       needs_ = {std::string("what is missing cannot be told: ") + error.what()};
     }
   } else {
-    folder_ = keeper.save_by_hand("wave");
+    folder_ = keeper.save_on_request("wave");
     says_ = fmt::format("the last {:g} s are saved", config.record.pre_roll_s);
   }
   stage_ = Stage::recording;
@@ -283,7 +283,7 @@ void CalibrationDesk::begin_wave(Words words, const config::ServiceConfig& confi
 }
 
 // From the same recording once more, with what was measured since: nobody has to wave again.
-void CalibrationDesk::solve_again(Words words, const config::ServiceConfig& config, msg::ControlReply& reply) {
+void CalibrationSession::solve_again(Words words, const config::ServiceConfig& config, msg::ControlReply& reply) {
   if (!words[0].starts_with(distance_key)) throw unknown_request();
   std::vector<std::string> distance = camera_distance_of(words[0], config.rig);
   if (is_busy()) throw std::runtime_error("a calibration goes on already: stop or cancel it first");
@@ -302,7 +302,7 @@ void CalibrationDesk::solve_again(Words words, const config::ServiceConfig& conf
 }
 
 // The words of a board, and where in its PDF the piece begins. It is made once for all pieces.
-void CalibrationDesk::read_print(Words words, msg::ControlReply& reply) {
+void CalibrationSession::read_print(Words words, msg::ControlReply& reply) {
   const Words board = words.first(words.size() - 1);
   if (!std::ranges::equal(board, printed_for_) || print_.empty()) {
     std::vector<std::string> arguments = board_options(board, true);
@@ -330,26 +330,26 @@ void CalibrationDesk::read_print(Words words, msg::ControlReply& reply) {
   reply.reason("The board, to be printed at 100 %.");
 }
 
-bool CalibrationDesk::is_recorded_by(const pipeline::RecordingKeeper* recording) const {
+bool CalibrationSession::is_recorded_by(const pipeline::RecordingKeeper* recording) const {
   return recording != nullptr && recording->folder() == folder_ && recording->is_recording();
 }
 
-void CalibrationDesk::stop(pipeline::RecordingKeeper* recording, msg::ControlReply& reply) {
+void CalibrationSession::stop(pipeline::RecordingKeeper* recording, msg::ControlReply& reply) {
   if (stage_ != Stage::recording)
     throw std::runtime_error(is_busy() ? "it is not recorded any more: cancel ends it" : "no calibration goes on");
-  if (is_recorded_by(recording)) recording->stop_by_hand();
+  if (is_recorded_by(recording)) recording->stop_on_request();
   look_at_recording(recording);
   reply.reason(fmt::format("Recorded to {}: it is calibrated from that.", folder_.string()));
 }
 
-void CalibrationDesk::cancel(pipeline::RecordingKeeper* recording, msg::ControlReply& reply) {
+void CalibrationSession::cancel(pipeline::RecordingKeeper* recording, msg::ControlReply& reply) {
   if (!is_busy()) throw std::runtime_error("no calibration goes on");
-  if (is_recorded_by(recording)) recording->stop_by_hand();
+  if (is_recorded_by(recording)) recording->stop_on_request();
   end(Stage::cancelled, "it was cancelled");
   reply.reason(fmt::format("Cancelled. What was recorded stays in {}.", folder_.string()));
 }
 
-void CalibrationDesk::end(Stage stage, const std::string& says) {
+void CalibrationSession::end(Stage stage, const std::string& says) {
   child_.reset();
   stage_ = stage;
   says_ = says;
@@ -357,13 +357,13 @@ void CalibrationDesk::end(Stage stage, const std::string& says) {
   if (options_.log) options_.log(stage == Stage::failed, fmt::format("calibration {}: {}", folder_.string(), says));
 }
 
-void CalibrationDesk::start(std::vector<std::string> arguments) {
+void CalibrationSession::start(std::vector<std::string> arguments) {
   arguments.insert(arguments.begin(), "--tell-program");
   last_line_.clear();
   child_.emplace(program_, arguments);
 }
 
-void CalibrationDesk::look_after(pipeline::RecordingKeeper* recording) {
+void CalibrationSession::look_after(pipeline::RecordingKeeper* recording) {
   if (!is_busy()) return;
   try {
     hear();
@@ -373,7 +373,7 @@ void CalibrationDesk::look_after(pipeline::RecordingKeeper* recording) {
     if (stage_ == Stage::recording && ended && kind_ == Kind::board && !has_board_) {
       if (ended->status != 0 || ended->signal != 0) {
         const std::string why = last_line_;
-        if (is_recorded_by(recording)) recording->stop_by_hand();
+        if (is_recorded_by(recording)) recording->stop_on_request();
         end(Stage::failed, why.empty() ? "the board cannot be described" : why);
         return;
       }
@@ -392,10 +392,10 @@ void CalibrationDesk::look_after(pipeline::RecordingKeeper* recording) {
 }
 
 // Ends it when it is time, and sees when it has ended, by whatever: a request of its own, a full disk, another session.
-void CalibrationDesk::look_at_recording(pipeline::RecordingKeeper* recording) {
+void CalibrationSession::look_at_recording(pipeline::RecordingKeeper* recording) {
   if (is_recorded_by(recording)) {
     if (!end_at_ || Clock::now() < *end_at_) return;
-    recording->stop_by_hand();
+    recording->stop_on_request();
   }
   if (kind_ == Kind::board && !has_board_) {
     if (child_) return;  // a moment yet
@@ -407,7 +407,7 @@ void CalibrationDesk::look_at_recording(pipeline::RecordingKeeper* recording) {
   asked_to_end_at_ = Clock::now();
 }
 
-void CalibrationDesk::solve_when_closed(const pipeline::RecordingKeeper* recording) {
+void CalibrationSession::solve_when_closed(const pipeline::RecordingKeeper* recording) {
   if (recording != nullptr && recording->folder() == folder_ && recording->is_unfinished()) return;
   if (child_ && !child_->ended()) {
     if (Clock::now() > asked_to_end_at_ + coverage_patience) child_->kill();
@@ -434,7 +434,7 @@ void CalibrationDesk::solve_when_closed(const pipeline::RecordingKeeper* recordi
   start(std::move(arguments));
 }
 
-void CalibrationDesk::take_result(const ChildProcess::Ended& ended) {
+void CalibrationSession::take_result(const ChildProcess::Ended& ended) {
   constexpr int usable_status = 0, doubtful_status = 2;  // huetrack-calibrate's
   if (ended.signal != 0)
     return end(Stage::failed, fmt::format("{} was ended by signal {}{}", calibrator, ended.signal,
@@ -447,13 +447,13 @@ void CalibrationDesk::take_result(const ChildProcess::Ended& ended) {
       verdict_.empty() ? (is_usable ? "usable" : "doubtful: the report says why") : verdict_);
 }
 
-void CalibrationDesk::hear() {
+void CalibrationSession::hear() {
   if (!child_) return;
   for (const std::string& line : child_->take_lines()) hear(line);
 }
 
 // Tagged lines are for this program; the others are for people, and are kept beside the recording.
-void CalibrationDesk::hear(const std::string& line) {
+void CalibrationSession::hear(const std::string& line) {
   if (!line.starts_with('@')) {
     if (line.empty()) return;
     last_line_ = without_name(line);
@@ -478,7 +478,7 @@ void CalibrationDesk::hear(const std::string& line) {
   }
 }
 
-void CalibrationDesk::tell_state(const config::ServiceConfig& config, msg::ControlReply& reply) const {
+void CalibrationSession::tell_state(const config::ServiceConfig& config, msg::ControlReply& reply) const {
   constexpr std::array words{"idle",     "recording", "closing",   "solving", "usable",
                              "doubtful", "failed",    "cancelled", "accepted"};
   const auto add = [&](std::vector<std::string> columns) { reply.rows().emplace_back().columns(std::move(columns)); };
@@ -508,14 +508,14 @@ void CalibrationDesk::tell_state(const config::ServiceConfig& config, msg::Contr
   reply.reason(fmt::format("{}: {}.", state, says_));
 }
 
-void CalibrationDesk::read_report(Words words, msg::ControlReply& reply) const {
+void CalibrationSession::read_report(Words words, msg::ControlReply& reply) const {
   Piece piece;
   if (stage_ != Stage::idle) piece = piece_of(in_folder(report_name), whole_number_of(words[0]), report_piece_bytes);
   if (piece.of_bytes == 0) throw std::runtime_error("there is no report");
   add_piece(std::move(piece), folder_.filename().string(), reply);
 }
 
-fs::path CalibrationDesk::accept(Words words, const config::ServiceConfig& config) {
+fs::path CalibrationSession::accept(Words words, const config::ServiceConfig& config) {
   const bool takes_doubtful = words.size() == 1 && words[0] == "doubtful";
   if (!words.empty() && !takes_doubtful) throw unknown_request();
   if (is_busy()) throw std::runtime_error("the calibration is not finished yet");

@@ -28,9 +28,9 @@ struct RecordingPiece {
 };
 
 // Reads the disk with each call. thread-compatible.
-class RecordingShelf {
+class RecordingLibrary {
  public:
-  explicit RecordingShelf(std::filesystem::path folder) : folder_(std::move(folder)) {}
+  explicit RecordingLibrary(std::filesystem::path folder) : folder_(std::move(folder)) {}
 
   // Newest first, by name, which begins with the time; at most so many. What is no recording is not there.
   std::vector<ShelvedRecording> list(std::size_t most) const;

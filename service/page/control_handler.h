@@ -12,19 +12,19 @@
 #include "capture/v4l2_source.h"
 #include "config/service_config.h"
 #include "idl/huetrack_view.h"
-#include "page/calibration_desk.h"
+#include "page/calibration_session.h"
 #include "page/playback.h"
 #include "pipeline/recording_keeper.h"
 
 namespace huetrack::page {
 
 // thread-compatible; the page service's thread owns it.
-class ControlDesk {
+class ControlHandler {
  public:
   struct Actions {
     pipeline::RecordingKeeper* recording =
         nullptr;                             // outlives the desk; nullptr: nothing can be recorded, as of a replay
-    CalibrationDesk* calibration = nullptr;  // outlives the desk; nullptr: nothing can be calibrated
+    CalibrationSession* calibration = nullptr;  // outlives the desk; nullptr: nothing can be calibrated
     Playback* playback = nullptr;            // of a replay that can be held and stepped through; outlives the desk
     std::function<void()> close = nullptr;   // of such a replay: the cameras again; nullptr: there are none
     // Of live cameras: the recording in this folder is replayed instead, after the answer is out. nullptr: it cannot
@@ -37,7 +37,7 @@ class ControlDesk {
     // What was written needs a session of its own: it begins after the answer is out. nullptr: only a restart does.
     std::function<std::string()> begin_anew = nullptr;
   };
-  explicit ControlDesk(Actions actions) : actions_(std::move(actions)) {}
+  explicit ControlHandler(Actions actions) : actions_(std::move(actions)) {}
 
   msg::ControlReply answer(const msg::ControlRequest& request, const config::ServiceConfig& config) const;
 

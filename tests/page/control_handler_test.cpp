@@ -1,5 +1,5 @@
 // What is asked in words is done for who may, and answered with a sentence whatever it is.
-#include "page/control_desk.h"
+#include "page/control_handler.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -40,7 +40,7 @@ class Control : public Test {
 
   msg::ControlReply ask(std::vector<std::string> words) {
     const msg::ControlReply reply =
-        ControlDesk({.recording = keeper ? &*keeper : nullptr}).answer(asked(std::move(words)), config);
+        ControlHandler({.recording = keeper ? &*keeper : nullptr}).answer(asked(std::move(words)), config);
     EXPECT_EQ(reply.client(), "a page");
     EXPECT_EQ(reply.number(), 7u);
     return reply;
@@ -190,7 +190,7 @@ TEST_F(Control, WhatWasBeforeIsSavedAndGoesOnWhenAsked) {
   ASSERT_TRUE(ask({"record", "start"}).granted());  // it goes on
   EXPECT_EQ(state()["name"], name);
   std::this_thread::sleep_for(150ms);
-  keeper->look_after();
+  keeper->supervise();
   EXPECT_EQ(state()["state"], "recording");
   frames(2);
   std::this_thread::sleep_for(100ms);
@@ -230,7 +230,7 @@ class Targets : public Control {
     config = config::load_service_config(config.file);
   }
   msg::ControlReply ask(std::vector<std::string> words) {
-    return ControlDesk({.reload =
+    return ControlHandler({.reload =
                             [this] {
                               ++reloads;
                               config = config::load_service_config(config.file);
@@ -354,7 +354,7 @@ class Cameras : public Control {
     config = config::load_service_config(config.file);
   }
   msg::ControlReply ask(std::vector<std::string> words) {
-    return ControlDesk({.cameras = {{"cam0", fake}},
+    return ControlHandler({.cameras = {{"cam0", fake}},
                         .reload =
                             [this] {
                               ++reloads;
@@ -434,7 +434,7 @@ TEST_F(Control, ARecordingIsOpenedInsteadOfTheCameras) {
   const std::string name = state()["name"];
   fs::path opened;
   const auto told = [&](std::vector<std::string> words) {
-    return ControlDesk({.recording = &*keeper, .open_recording = [&](const fs::path& path) { opened = path; }})
+    return ControlHandler({.recording = &*keeper, .open_recording = [&](const fs::path& path) { opened = path; }})
         .answer(asked(std::move(words)), config);
   };
   EXPECT_THAT(told({"replay", "open", name}).reason(), HasSubstr("still being recorded"));
@@ -458,7 +458,7 @@ TEST_F(Control, AReplayIsPausedSteppedAndHurried) {
   config.control.allow_teach = true;
   FakePlayback playback;
   const auto told = [&](std::vector<std::string> words) {
-    return ControlDesk({.playback = &playback}).answer(asked(std::move(words)), config);
+    return ControlHandler({.playback = &playback}).answer(asked(std::move(words)), config);
   };
   EXPECT_EQ(told({"replay", "state"}).reason(), "Playing at 0.000 s.");
   EXPECT_EQ(told({"replay", "pause"}).rows().at(0).columns().at(1), "paused");

@@ -1,4 +1,4 @@
-#include "pipeline/colors_looked_for.h"
+#include "pipeline/remote_colors.h"
 
 #include <algorithm>
 
@@ -7,10 +7,10 @@
 namespace huetrack::pipeline {
 namespace {
 
-struct ColorsLookedForTuning {
+struct RemoteColorsTuning {
   std::size_t reload_sets = 100;  // frame sets after which a reload is in force even if it replaced no tracker
 };
-constexpr ColorsLookedForTuning colors_tuning{};
+constexpr RemoteColorsTuning remote_colors_tuning{};
 
 void add(std::vector<capture::MatchedColor>& colors, const capture::MatchedColor& color) {
   if (std::ranges::find(colors, color) == colors.end()) colors.push_back(color);
@@ -18,7 +18,7 @@ void add(std::vector<capture::MatchedColor>& colors, const capture::MatchedColor
 
 }  // namespace
 
-ColorsLookedFor::ColorsLookedFor(const config::ServiceConfig& config, std::span<const capture::LiveCamera> cameras) {
+RemoteColors::RemoteColors(const config::ServiceConfig& config, std::span<const capture::LiveCamera> cameras) {
   for (const auto& camera : cameras) {
     if (!camera.look_for) continue;
     const auto index = std::size_t(camera.camera);
@@ -26,52 +26,52 @@ ColorsLookedFor::ColorsLookedFor(const config::ServiceConfig& config, std::span<
                         .name = config.rig.cameras[index].name,
                         .look_for = camera.look_for,
                         .expect_outlines = camera.expect_outlines,
-                        .tell_outlines = camera.tell_outlines,
-                        .coming = {},
-                        .told = {}});
+                        .flush_outlines = camera.tell_outlines,
+                        .next = {},
+                        .sent = {}});
   }
   expect(config);
   for (Camera& camera : cameras_) {
-    camera.told = camera.coming;
-    camera.look_for(camera.told);
+    camera.sent = camera.next;
+    camera.look_for(camera.sent);
   }
 }
 
-void ColorsLookedFor::expect(const config::ServiceConfig& config) {
+void RemoteColors::expect(const config::ServiceConfig& config) {
   sets_ = 0;
   for (Camera& camera : cameras_) {
-    camera.coming.clear();
+    camera.next.clear();
     for (const auto& target : config.targets)
       for (const auto& range : object_trackers::first_colors_looked_for(target, config.object_tracking, camera.name))
-        add(camera.coming, color::matched_color(range));
+        add(camera.next, color::matched_color(range));
   }
 }
 
-void ColorsLookedFor::on_config(const config::ServiceConfig& config) noexcept {
+void RemoteColors::on_config(const config::ServiceConfig& config) noexcept {
   const std::scoped_lock lock(mutex_);
   expect(config);
   for (Camera& camera : cameras_) {
-    for (const auto& color : camera.coming) add(camera.told, color);  // beside what is in force until then
-    camera.look_for(camera.told);
+    for (const auto& color : camera.next) add(camera.sent, color);  // in addition to those still in use
+    camera.look_for(camera.sent);
   }
 }
 
-void ColorsLookedFor::on_set(const TrackedSet& set) {
+void RemoteColors::on_set(const TrackedSet& set) {
   if (cameras_.empty()) return;
   const std::scoped_lock lock(mutex_);
-  if (!set.reloaded.empty()) sets_ = colors_tuning.reload_sets;
-  const bool is_taken_over = sets_++ >= colors_tuning.reload_sets;
+  if (!set.reloaded.empty()) sets_ = remote_colors_tuning.reload_sets;
+  const bool is_taken_over = sets_++ >= remote_colors_tuning.reload_sets;
   for (Camera& camera : cameras_) {
     wanted_.clear();
-    if (!is_taken_over) wanted_ = camera.coming;
+    if (!is_taken_over) wanted_ = camera.next;
     for (const auto& tracker : set.trackers) {
       ranges_.clear();
       tracker.colors_looked_for(camera.index, ranges_);
       for (const auto& range : ranges_) add(wanted_, color::matched_color(range));
     }
-    if (wanted_ != camera.told) {
-      camera.told = wanted_;
-      camera.look_for(camera.told);
+    if (wanted_ != camera.sent) {
+      camera.sent = wanted_;
+      camera.look_for(camera.sent);
     }
     const auto& frame = set.frames.frames[camera.index];
     if (!frame || !camera.expect_outlines) continue;
@@ -80,7 +80,7 @@ void ColorsLookedFor::on_set(const TrackedSet& set) {
     if (!outlines_.empty()) camera.expect_outlines(frame->sequence, outlines_);
   }
   for (const Camera& camera : cameras_)
-    if (camera.tell_outlines) camera.tell_outlines();
+    if (camera.flush_outlines) camera.flush_outlines();
 }
 
 }  // namespace huetrack::pipeline

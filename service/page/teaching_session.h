@@ -19,7 +19,7 @@
 namespace huetrack::page {
 
 // thread-compatible; the page service's thread owns it.
-class TeachDesk {
+class TeachingSession {
  public:
   struct Actions {
     // What was taught stands in its file: take it over. Returns why that did not work, or an empty string.
@@ -29,7 +29,7 @@ class TeachDesk {
     // Empty: of live cameras, whose moments come by add_moment().
     std::function<std::vector<capture::FrameSet>(const std::stop_token&)> moments = {};
   };
-  explicit TeachDesk(Actions actions) : actions_(std::move(actions)) {}
+  explicit TeachingSession(Actions actions) : actions_(std::move(actions)) {}
 
   // Why nothing may be taught; empty: it may.
   static std::string why_not(const config::ServiceConfig& config);

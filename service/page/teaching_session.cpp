@@ -1,4 +1,4 @@
-#include "page/teach_desk.h"
+#include "page/teaching_session.h"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -157,7 +157,7 @@ std::string warnings(const color_teaching::Lesson& lesson, std::optional<double>
 
 }  // namespace
 
-std::string TeachDesk::why_not(const config::ServiceConfig& config) {
+std::string TeachingSession::why_not(const config::ServiceConfig& config) {
   if (!config.is_calibrated())
     return "The cameras are not calibrated yet: what is seen in one tells nothing of the others.";
   if (config.control.allow_teach) return "";
@@ -167,14 +167,14 @@ std::string TeachDesk::why_not(const config::ServiceConfig& config) {
       config.file.string(), ::getpid());
 }
 
-msg::TeachReply TeachDesk::refusal(const msg::TeachRequest& request, const std::string& reason) {
+msg::TeachReply TeachingSession::refusal(const msg::TeachRequest& request, const std::string& reason) {
   msg::TeachReply reply = reply_to(request);
   reply.granted(false);
   reply.reason(reason);
   return reply;
 }
 
-msg::TeachReply TeachDesk::freeze(const msg::TeachRequest& request, const config::ServiceConfig& config,
+msg::TeachReply TeachingSession::freeze(const msg::TeachRequest& request, const config::ServiceConfig& config,
                                   const capture::FrameSet& shown) {
   if (const std::string why = why_not(config); !why.empty()) return refusal(request, why);
   msg::TeachReply reply = reply_to(request);
@@ -205,7 +205,7 @@ msg::TeachReply TeachDesk::freeze(const msg::TeachRequest& request, const config
   return reply;
 }
 
-void TeachDesk::add_moment(const capture::FrameSet& set) {
+void TeachingSession::add_moment(const capture::FrameSet& set) {
   next_moment_ = std::chrono::steady_clock::now() + moments_apart;
   if (set.number == moment_number_) return;  // of a replay that is held
   moment_number_ = set.number;
@@ -213,7 +213,7 @@ void TeachDesk::add_moment(const capture::FrameSet& set) {
 }
 
 // Beside the pages, which go on meanwhile: a long recording takes its time.
-void TeachDesk::read_moments() {
+void TeachingSession::read_moments() {
   reading_ = {};  // of the pictures before
   read_.clear();
   why_not_read_.clear();
@@ -231,7 +231,7 @@ void TeachDesk::read_moments() {
 }
 
 // Returns why there are none; empty: nothing is wrong.
-std::string TeachDesk::take_read_moments() {
+std::string TeachingSession::take_read_moments() {
   std::vector<capture::FrameSet> moments;
   std::string why_not;
   {
@@ -243,7 +243,7 @@ std::string TeachDesk::take_read_moments() {
   return why_not;
 }
 
-msg::TeachReply TeachDesk::look(const msg::TeachRequest& request, const config::ServiceConfig& config, bool applies) {
+msg::TeachReply TeachingSession::look(const msg::TeachRequest& request, const config::ServiceConfig& config, bool applies) {
   if (!teacher_ || client_ != request.client())
     return refusal(request, "Somebody else took new pictures meanwhile. Take new ones, and point again.");
   const auto target = std::ranges::find(config.targets, request.target(), &object_tracking::TargetOptions::name);
@@ -288,7 +288,7 @@ msg::TeachReply TeachDesk::look(const msg::TeachRequest& request, const config::
   return reply;
 }
 
-msg::TeachReply TeachDesk::ignore(const msg::TeachRequest& request, const config::ServiceConfig& config) {
+msg::TeachReply TeachingSession::ignore(const msg::TeachRequest& request, const config::ServiceConfig& config) {
   const auto ignored = ignored_of(request, config.rig);
   if (!ignored) return refusal(request, "A rectangle is not in any camera's picture.");
   const std::string why_not = why_not_saved([&] { config::save_ignored(config.file, *ignored); });
@@ -298,7 +298,7 @@ msg::TeachReply TeachDesk::ignore(const msg::TeachRequest& request, const config
   return reply;
 }
 
-msg::TeachReply TeachDesk::undo(const msg::TeachRequest& request, const config::ServiceConfig& config) {
+msg::TeachReply TeachingSession::undo(const msg::TeachRequest& request, const config::ServiceConfig& config) {
   std::filesystem::path file;
   const std::string why_not = why_not_saved([&] { file = config::undo_taught(config.file); });
   if (!why_not.empty()) return refusal(request, why_not);
@@ -307,7 +307,7 @@ msg::TeachReply TeachDesk::undo(const msg::TeachRequest& request, const config::
   return reply;
 }
 
-std::string TeachDesk::why_not_saved(const std::function<void()>& save) const {
+std::string TeachingSession::why_not_saved(const std::function<void()>& save) const {
   try {
     save();
     const std::string problem = actions_.reload();
@@ -317,7 +317,7 @@ std::string TeachDesk::why_not_saved(const std::function<void()>& save) const {
   }
 }
 
-msg::TeachReply TeachDesk::answer(const msg::TeachRequest& request, const config::ServiceConfig& config) {
+msg::TeachReply TeachingSession::answer(const msg::TeachRequest& request, const config::ServiceConfig& config) {
   if (const std::string why = why_not(config); !why.empty()) return refusal(request, why);
   if (request.action() == msg::TEACH_ACTION_RESUME) {
     if (!actions_.resume) return refusal(request, "Nothing is held.");

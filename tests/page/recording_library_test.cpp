@@ -1,5 +1,5 @@
 // Recordings are listed and read as tar files, whatever pieces are asked for; and nothing else is, whatever name is.
-#include "page/recording_shelf.h"
+#include "page/recording_library.h"
 
 #include <fcntl.h>
 #include <gmock/gmock.h>
@@ -51,7 +51,7 @@ class Shelf : public Test {
   }
   const fs::path top = fs::path(TempDir()) / ("shelf_" + std::to_string(::getpid()));
   const fs::path folder = top / "recordings";
-  const RecordingShelf shelf{folder};
+  const RecordingLibrary shelf{folder};
 };
 
 TEST_F(Shelf, ARecordingIsDeletedAndNothingElse) {
@@ -86,7 +86,7 @@ TEST_F(Shelf, ListsTheNewestFirst) {
   EXPECT_EQ(list[2].cameras, 2u);
   EXPECT_GT(list[2].bytes, 5512u);
   EXPECT_EQ(shelf.list(1).size(), 1u);
-  EXPECT_THAT(RecordingShelf(top / "none").list(10), IsEmpty());
+  EXPECT_THAT(RecordingLibrary(top / "none").list(10), IsEmpty());
 }
 
 TEST_F(Shelf, AnyPiecesMakeTheTarThatTarUnpacks) {
