@@ -35,7 +35,7 @@ void log_where(const config::MetricsConfig& metrics) {
 
 // The road has threads of its own; this one looks after it, until it ends or is to end. Gives back what ended it.
 std::exception_ptr run_supervised(pipeline::Session& session, Supervisor& supervisor, std::optional<double> seconds,
-                                  const std::atomic<bool>& begin_anew, const std::stop_token& stop) {
+                                  const std::atomic<bool>& restart, const std::stop_token& stop) {
   std::stop_source ending;
   const std::stop_callback forward(stop, [&] { ending.request_stop(); });
   std::exception_ptr error;
@@ -56,10 +56,10 @@ std::exception_ptr run_supervised(pipeline::Session& session, Supervisor& superv
     supervisor.look_after();
     if (seconds && !end && supervisor.is_receiving()) end = Clock::now() + capture::duration_of(*seconds);
     if (end && Clock::now() >= *end) break;
-    if (begin_anew) break;
+    if (restart) break;
     std::this_thread::sleep_for(supervision_period);
   }
-  if (begin_anew && !stop.stop_requested()) {
+  if (restart && !stop.stop_requested()) {
     tell_reloading();
   } else {
     notify_service_manager("STOPPING=1\nSTATUS=Stopping");
@@ -97,7 +97,7 @@ void keep_what_was_learnt(const config::ServiceConfig& config, const pipeline::S
 }
 
 // Files would be begun anew, and what they hold be lost; a time that is given would begin again.
-bool may_begin_anew(const LiveCommand& options) {
+bool may_restart(const LiveCommand& options) {
   return options.tracks.empty() && options.poses.empty() && options.write_rig.empty() && options.record_to.empty() &&
          !options.seconds;
 }
@@ -163,12 +163,12 @@ page::PageServiceOptions page_options(const config::ServiceConfig& config,
   page.control.reload = ask_for(requests.reload);
   for (const auto& camera : cameras)
     if (camera.controls) page.control.cameras[config.rig.cameras[std::size_t(camera.camera)].name] = camera.controls;
-  if (may_begin_anew(options)) {
+  if (may_restart(options)) {
     page.control.calibration = calibration;
-    page.control.begin_anew = ask_for(requests.begin_anew);
+    page.control.restart = ask_for(requests.restart);
     page.control.open_recording = [&requests](const std::filesystem::path& folder) {
       requests.open_recording(folder);
-      requests.begin_anew = true;
+      requests.restart = true;
     };
   }
   return page;
@@ -196,7 +196,8 @@ LiveSummary run_live(const config::ServiceConfig& config, std::vector<pipeline::
   if (config.dds.enabled && !options.no_dds && options.track)
     session.add(bus.emplace(config.dds.publisher, session.time()));
   if (bus) tell_what_may_be_asked(config.control);
-  metrics::PipelineMeter meter(config.rig.cameras.size(), is_tracking ? config.targets.size() : 0, bus ? &*bus : nullptr);
+  metrics::PipelineMeter meter(config.rig.cameras.size(), is_tracking ? config.targets.size() : 0,
+                               bus ? &*bus : nullptr);
   session.add(meter);
   reports::Reports reports(session, {.write_rig = options.write_rig, .is_logging_times = true});
   TrackedFiles files(session, config, options);
@@ -223,7 +224,7 @@ LiveSummary run_live(const config::ServiceConfig& config, std::vector<pipeline::
                          .metrics_server = metrics_server.get()});
   session.add(supervisor);
 
-  const std::exception_ptr error = run_supervised(session, supervisor, options.seconds, requests.begin_anew, stop);
+  const std::exception_ptr error = run_supervised(session, supervisor, options.seconds, requests.restart, stop);
   recording.finish(stop.stop_requested() ? recorder_patience : longest_recorder_patience);
   supervisor.look_a_last_time();
   keep_what_was_learnt(config, session, reports.rig, recording.folder());
@@ -274,13 +275,14 @@ void replay_instead(const config::ServiceConfig& config, const std::filesystem::
 LiveSummary run_live_while_asked(config::ServiceConfig config, const CameraOpener& open, const LiveCommand& options,
                                  LiveRequests& requests, const std::stop_token& stop) {
   page::CalibrationSession calibration({.program = {}, .log = [](bool is_problem, const std::string& what) {
-                                       spdlog::log(is_problem ? spdlog::level::warn : spdlog::level::info, "{}", what);
-                                     }});
+                                          spdlog::log(is_problem ? spdlog::level::warn : spdlog::level::info, "{}",
+                                                      what);
+                                        }});
   for (;;) {
     set_log_level(config.log_level);
-    requests.begin_anew = false;
+    requests.restart = false;
     LiveSummary summary = run_live(config, open(config, stop), options, requests, stop, &calibration);
-    if (!requests.begin_anew || stop.stop_requested()) return summary;
+    if (!requests.restart || stop.stop_requested()) return summary;
     if (const auto recording = requests.take_recording(); !recording.empty())
       replay_instead(config, recording, requests, stop);
     if (stop.stop_requested()) return summary;

@@ -31,7 +31,7 @@ struct LiveSummary {
   std::uint64_t published = 0;
 };
 
-// Runs until the stop, or until every source has ended, or requests.begin_anew (which stays set; nobody can ask for it
+// Runs until the stop, or until every source has ended, or requests.restart (which stays set; nobody can ask for it
 // where a file is written that it would begin anew, or for a time that is given). calibration: asked from the page's
 // thread, and outlives the run; nullptr: nothing can be calibrated.
 // throws what the pipeline throws, and std::exceptions with one readable line when an output cannot be opened.

@@ -205,7 +205,7 @@ class ReloadRefusal final : public pipeline::Output {
 
 page::PageServiceOptions page_options(pipeline::Session& session, const ReplayCommand& command, PlayedSource* played,
                                       const std::atomic<bool>& has_begun) {
-  page::PageServiceOptions options{.keeps_frames = true, .time = &session.time(), .reload_asked = command.reload};
+  page::PageServiceOptions options{.keeps_frames = true, .time = &session.time(), .reload_requested = command.reload};
   options.actions.reload = [&session, &has_begun]() -> std::string {
     if (!has_begun) return "the replay has not begun yet";
     return reload(session);

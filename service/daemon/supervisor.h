@@ -30,8 +30,8 @@ struct LiveRequests {
   std::atomic<bool> save = false;    // SIGUSR1: the pre-roll
   // The page, or a command: a session of its own for what the configuration says now (other targets), or for a
   // recording.
-  std::atomic<bool> begin_anew = false;
-  // Instead of the cameras, once: the folder of a recording; empty: none. Before begin_anew is set.
+  std::atomic<bool> restart = false;
+  // Instead of the cameras, once: the folder of a recording; empty: none. Before restart is set.
   void open_recording(const std::filesystem::path& folder) {
     const std::scoped_lock lock(mutex_);
     recording_ = folder;

@@ -65,7 +65,7 @@ MistakeWatch::MistakeWatch(const calib::CameraRig& rig, std::span<const object_t
   for (const auto& target : targets) watches_.emplace_back(rig, target);
 }
 
-void MistakeWatch::begin_anew(std::size_t target, const object_tracking::TargetOptions& options) {
+void MistakeWatch::reset_target(std::size_t target, const object_tracking::TargetOptions& options) {
   watches_.at(target) = view_watch::ViewWatch(rig_, options);
   mistakes_[target].clear();
 }

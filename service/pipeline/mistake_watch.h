@@ -20,7 +20,7 @@ class MistakeWatch {
   MistakeWatch(const calib::CameraRig& rig, std::span<const object_tracking::TargetOptions> targets);
 
   // A target has another colour or radius: forgets its history.
-  void begin_anew(std::size_t target, const object_tracking::TargetOptions& options);
+  void reset_target(std::size_t target, const object_tracking::TargetOptions& options);
 
   // After the trackers' update with that set. moved: per camera of the rig, known to have been moved (room_watch), so
   // its inconsistencies are explained. Returns whether inflation() changed.

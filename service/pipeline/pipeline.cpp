@@ -446,7 +446,7 @@ bool Pipeline::take_replacements(capture::Timestamp at) {
     for (auto& [target, options, tracker] : replacements_.front().trackers) {
       tracker.take_the_place_of(trackers_.at(target));
       trackers_.at(target) = std::move(tracker);
-      if (mistakes_) mistakes_->begin_anew(target, options);
+      if (mistakes_) mistakes_->reset_target(target, options);
     }
     if (!replacements_.front().config.empty()) reloaded_.push_back(std::move(replacements_.front().config));
     is_any = true;

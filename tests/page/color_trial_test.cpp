@@ -28,11 +28,11 @@ TEST(ColorTrial, TheObjectIsTrackedWhereItWasSeen) {
   EXPECT_GT(trial.tracking, 140u);
   EXPECT_LT(trial.sigma_m, 0.01);
   ASSERT_TRUE(trial.is_found());
-  EXPECT_LT(trial.at_point->off_px, 1.5);
+  EXPECT_LT(trial.at_point->px, 1.5);
   EXPECT_THAT(
       words_of(trial, "left"),
       MatchesRegex("tried on the recording, it is `tracking` in 1[0-9]+ of 150 sets, "
-                   "stated to [0-9.]+ mm and in every tenth to [0-9.]+, [0-9.]+ px from where it was pointed at in "
+                   "with a sigma of [0-9.]+ mm, and in every tenth over [0-9.]+, [0-9.]+ px from the point in "
                    "left"));
 }
 
@@ -40,8 +40,8 @@ TEST(ColorTrial, SomethingElseIsNotWhatWasSeen) {
   const ColorTrial trial = trial_of(65, {60, 60});
   ASSERT_TRUE(trial.at_point);
   EXPECT_FALSE(trial.is_found());
-  EXPECT_NEAR(trial.at_point->off_px, std::hypot(159.07, 99.23), 1.5);
-  EXPECT_THAT(words_of(trial, "left"), ContainsRegex("but 18[78] px away from where it was pointed at in left"));
+  EXPECT_NEAR(trial.at_point->px, std::hypot(159.07, 99.23), 1.5);
+  EXPECT_THAT(words_of(trial, "left"), ContainsRegex("but 18[78] px away from the point in left"));
 }
 
 TEST(ColorTrial, AColourThatNothingHasTracksNothing) {
