@@ -1,5 +1,5 @@
-// A calibration is recorded, solved by another program, told, accepted, and ended well whatever that program does. The
-// other program is a shell script here.
+// A calibration is recorded, solved by a child process (here a shell script), reported and accepted, and ends well
+// whatever the child does.
 #include "page/calibration_session.h"
 
 #include <fcntl.h>
@@ -66,7 +66,7 @@ Said said_by(ChildProcess& child) {
 
 using Child = Scratch;
 
-TEST_F(Child, SaysItsLinesAndHowItEnded) {
+TEST_F(Child, ReportsItsLinesAndItsEnd) {
   ChildProcess child(script("echo one; echo two >&2; echo \"$2\"; printf last; exit 3"), {"a", "b c"});
   const Said said = said_by(child);
   EXPECT_THAT(said.lines, ElementsAre("one", "two", "b c", "last"));
@@ -94,7 +94,7 @@ TEST_F(Child, HasALowerPriorityNoOpenFilesAndItsSignals) {
   EXPECT_EQ(said_by(child).ended.signal, SIGTERM);
 }
 
-TEST_F(Child, IsEndedWithItsOwnerAlsoWhereItDoesNotWantTo) {
+TEST_F(Child, IsKilledWithItsOwner) {
   std::string pid;
   {
     ChildProcess child(script("trap '' TERM; echo $$; while :; do sleep 0.05; done"), {});
@@ -106,13 +106,13 @@ TEST_F(Child, IsEndedWithItsOwnerAlsoWhereItDoesNotWantTo) {
   EXPECT_FALSE(fs::exists("/proc/" + pid));
 }
 
-TEST_F(Child, ThatIsNotThereIsSaid) {
+TEST_F(Child, AMissingProgramIsAnError) {
   EXPECT_THROW(ChildProcess(folder / "none", {}), std::runtime_error);
   EXPECT_EQ(find_program("no-such-program-of-ours"), std::nullopt);
   EXPECT_NE(find_program("sh"), std::nullopt);
 }
 
-TEST_F(Child, WhoPrintsWithoutEndHoldsNobody) {
+TEST_F(Child, EndlessOutputDoesNotBlock) {
   ChildProcess child(script("exec yes aaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaa"), {});
   const auto began = std::chrono::steady_clock::now();
   for (int i = 0; i < 20; ++i) EXPECT_LT(child.take_lines().size(), 10'000u);
@@ -234,7 +234,7 @@ std::string fake(const fs::path& folder, const std::string& verdict = "usable", 
 }
 
 // It would be recorded for minutes, and refused then.
-TEST_F(Calibrating, WithoutPicturesNothingBegins) {
+TEST_F(Calibrating, NeedsPictures) {
   begin(fake(folder));
   config.cameras[1].host = "bench";
   EXPECT_TRUE(ask({"board"}).granted());  // with those of another host as well
@@ -243,8 +243,8 @@ TEST_F(Calibrating, WithoutPicturesNothingBegins) {
   for (const std::vector<std::string>& words : {std::vector<std::string>{"board"}, {"wave", "ball"}}) {
     const msg::ControlReply reply = ask(words);
     EXPECT_FALSE(reply.granted());
-    EXPECT_THAT(reply.reason(), AllOf(HasSubstr("Camera cam1 sends matches only"),
-                                      HasSubstr("set send: frames in "), HasSubstr("c.yaml")));
+    EXPECT_THAT(reply.reason(), AllOf(HasSubstr("Camera cam1 sends matches only"), HasSubstr("set send: frames in "),
+                                      HasSubstr("c.yaml")));
   }
   EXPECT_EQ(stage(), "cancelled");
 }
@@ -308,7 +308,7 @@ TEST_F(Calibrating, ABoardIsRecordedCoveredSolvedAndAccepted) {
   EXPECT_EQ(calib::rig_identity(config::load_service_config(folder / "c.yaml").rig), calib::rig_identity(config.rig));
 }
 
-TEST_F(Calibrating, NothingIsCalibratedBefore) {
+TEST_F(Calibrating, RefusesWithoutPreconditions) {
   calib::write_rig(config.rig, folder / "found.yaml");
   write("rig: none");
   begin(fake(folder));
@@ -327,7 +327,7 @@ TEST_F(Calibrating, NothingIsCalibratedBefore) {
   EXPECT_TRUE(config::load_service_config(folder / "c.yaml").is_calibrated());
 }
 
-TEST_F(Calibrating, ADoubtfulOneNeedsAWordMore) {
+TEST_F(Calibrating, ADoubtfulResultNeedsConfirmation) {
   calib::write_rig(config.rig, folder / "found.yaml");
   begin(fake(folder, "doubtful", 2));
   for (int i = 0; i < 30; ++i, std::this_thread::sleep_for(2ms)) frame();
@@ -446,7 +446,7 @@ TEST_F(Calibrating, ARigThatLacksACameraChangesNothing) {
     EXPECT_THAT(entry.path().filename().string(), Not(StartsWith("c.rig-")));
 }
 
-TEST_F(Calibrating, WhatGoesWrongIsToldWithItsLastLine) {
+TEST_F(Calibrating, AFailureIsReportedWithTheLastLine) {
   begin("case $2 in board) echo 'huetrack-calibrate: --type: hexagons not in {...}' >&2; exit 1 ;; esac");
   ASSERT_TRUE(ask({"board", "type=hexagons"}).granted());
   ASSERT_TRUE(becomes("failed"));
@@ -483,7 +483,7 @@ TEST_F(Calibrating, IsCancelledWhileItRecordsAndWhileItSolves) {
   EXPECT_TRUE(fs::exists(recording() / "recording.yaml")) << "what was recorded stays";
 }
 
-TEST_F(Calibrating, GoesOnWhenTheSessionBeginsAnew) {
+TEST_F(Calibrating, SurvivesARestartOfThePipeline) {
   calib::write_rig(config.rig, folder / "found.yaml");
   begin(fake(folder));
   ASSERT_TRUE(ask({"wave", "ball", "60"}).granted());
@@ -493,7 +493,7 @@ TEST_F(Calibrating, GoesOnWhenTheSessionBeginsAnew) {
   EXPECT_TRUE(becomes("usable")) << stage() << log;
 }
 
-TEST_F(Calibrating, WhatMakesNoSenseOrMayNotBeIsRefused) {
+TEST_F(Calibrating, RefusesInvalidRequests) {
   begin("exit 0");
   for (const std::vector<std::string>& words : {std::vector<std::string>{},
                                                 {"dance"},

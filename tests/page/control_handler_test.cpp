@@ -1,4 +1,4 @@
-// What is asked in words is done for who may, and answered with a sentence whatever it is.
+// Requests in words are executed if allowed, and always answered with a sentence.
 #include "page/control_handler.h"
 
 #include <gmock/gmock.h>
@@ -79,7 +79,7 @@ const std::vector<std::vector<std::string>> requests{
     {"record", "state"}, {"record", "start"},          {"record", "stop"},       {"record", "save"},
     {"record", "list"},  {"record", "read", "a", "0"}, {"record", "delete", "a"}};
 
-TEST_F(Control, NothingIsDoneForWhoMayNot) {
+TEST_F(Control, RefusesWithoutPermission) {
   config.control.allow_record = false;
   keep();
   for (const auto& words : requests) {
@@ -100,7 +100,7 @@ TEST_F(Control, WithoutAFolderNothingIsRecorded) {
   for (const auto& words : requests) EXPECT_THAT(ask(words).reason(), HasSubstr("set record: {folder: ...}"));
 }
 
-TEST_F(Control, NonsenseIsAnsweredWithASentence) {
+TEST_F(Control, AnswersNonsenseWithASentence) {
   keep();
   for (const std::vector<std::string>& words : {std::vector<std::string>{},
                                                 {""},
@@ -175,7 +175,7 @@ TEST_F(Control, ARecordingIsBegunEndedListedAndRead) {
   EXPECT_EQ(ask({"record", "list"}).rows().size(), 2u);
 }
 
-TEST_F(Control, WhatWasBeforeIsSavedAndGoesOnWhenAsked) {
+TEST_F(Control, ThePreRollIsSavedAndContinuedOnRequest) {
   config.record.pre_roll_s = 1;
   config.record.after_s = 0.05;
   keep();
@@ -201,7 +201,7 @@ TEST_F(Control, WhatWasBeforeIsSavedAndGoesOnWhenAsked) {
   EXPECT_EQ(times.back().second, capture::Timestamp(100s + 41 * 50ms));
 }
 
-TEST_F(Control, WhatTheConfigurationRecordsIsNotEndedByHand) {
+TEST_F(Control, AlwaysCannotBeStopped) {
   config.record.always = true;
   keep();
   keeper->begin();
@@ -391,7 +391,7 @@ TEST_F(Cameras, ControlsAreReadSetAndSaved) {
   EXPECT_EQ(config.cameras[0].controls[0].value, capture::ControlValue(3));
 }
 
-TEST_F(Cameras, WhatACameraDoesNotTakeIsNotSaved) {
+TEST_F(Cameras, RejectedControlsAreNotSaved) {
   for (const std::vector<std::string>& words : {std::vector<std::string>{"camera"},
                                                 {"camera", "controls"},
                                                 {"camera", "controls", "cam1"},
@@ -454,7 +454,7 @@ TEST_F(Control, ARecordingIsOpenedInsteadOfTheCameras) {
   EXPECT_THAT(told({"replay", "open", name}).reason(), HasSubstr("allow_record"));
 }
 
-TEST_F(Control, AReplayIsPausedSteppedAndHurried) {
+TEST_F(Control, AReplayIsPausedSteppedAndSpedUp) {
   config.control.allow_teach = true;
   FakePlayback playback;
   const auto told = [&](std::vector<std::string> words) {

@@ -1,4 +1,4 @@
-// Recordings are listed and read as tar files, whatever pieces are asked for; and nothing else is, whatever name is.
+// Recordings, and nothing else, are listed and read as tar files in parts.
 #include "page/recording_library.h"
 
 #include <fcntl.h>
@@ -89,7 +89,7 @@ TEST_F(Recordings, ListsTheNewestFirst) {
   EXPECT_THAT(RecordingLibrary(top / "none").list(10), IsEmpty());
 }
 
-TEST_F(Recordings, AnyPiecesMakeTheTarThatTarUnpacks) {
+TEST_F(Recordings, PartsMakeATarFileThatTarUnpacks) {
   const std::string tar = whole("20261123T070000Z", 256 * 1024);
   EXPECT_EQ(tar.size() % 512, 0u);
   for (const std::size_t piece : {1000, 512, 77}) EXPECT_EQ(whole("20261123T070000Z", piece), tar) << piece;

@@ -1,4 +1,4 @@
-// What pages ask is refused, whatever it is, where the configuration does not allow it.
+// Requests of pages are refused if the configuration does not allow them.
 #include "page/teaching_session.h"
 
 #include <gmock/gmock.h>
@@ -42,7 +42,7 @@ config::ServiceConfig config_that_allows(bool teaching) {
   return c;
 }
 
-TEST(TeachingSession, NothingIsDoneForWhoMayNotTeach) {
+TEST(TeachingSession, RefusesWithoutPermission) {
   for (const auto action : {msg::TEACH_ACTION_RESUME, msg::TEACH_ACTION_LOOK, msg::TEACH_ACTION_APPLY,
                             msg::TEACH_ACTION_IGNORE, msg::TEACH_ACTION_UNDO}) {
     Desk of;
@@ -54,7 +54,7 @@ TEST(TeachingSession, NothingIsDoneForWhoMayNotTeach) {
   }
 }
 
-TEST(TeachingSession, AReplayThatIsHeldGoesOnForWhoMay) {
+TEST(TeachingSession, AHeldReplayContinuesWithPermission) {
   Desk of;
   EXPECT_TRUE(of.session.answer(request_of(msg::TEACH_ACTION_RESUME), config_that_allows(true)).granted());
   EXPECT_TRUE(of.resumed);
@@ -92,7 +92,7 @@ TEST(TeachingSession, ASaveIsUndone) {
 
 // A replay that is held shows one moment. What rests and has the colour is told from the ball by others of the
 // recording.
-TEST(TeachingSession, WhatMovesIsKnownOfAReplayThatIsHeld) {
+TEST(TeachingSession, AHeldReplayKnowsWhatMoves) {
   const auto circling = [](double t) { return Eigen::Vector3d(0.5 * std::cos(3 * t), 0.5 * std::sin(3 * t), 1.2); };
   scene::SceneBuilder builder;
   builder.cameras_on_ring({.count = 3}).ball({.path = circling});
@@ -149,7 +149,7 @@ TEST(TeachingSession, WhatMovesIsKnownOfAReplayThatIsHeld) {
   EXPECT_GE(by_all, asked * 8 / 10);
 }
 
-TEST(TeachingSession, ARecordingThatCannotBeReadIsSaid) {
+TEST(TeachingSession, AnUnreadableRecordingIsReported) {
   const scene::Scene world = scene::SceneBuilder().cameras_on_ring({.count = 2}).ball({}).build();
   const auto sets = scene::render(world, {.set_count = 1});
   config::ServiceConfig config = config_that_allows(true);
