@@ -48,7 +48,7 @@ CameraExam exam_with(const std::vector<std::pair<std::string, std::int64_t>>& co
   return exam;
 }
 
-TEST(JudgeLight, ExposuresThatFitIntoLampsAreAllRight) {
+TEST(JudgeLight, ExposuresOfWholeFlickerPeriodsAreFine) {
   for (const std::int64_t time : {100, 200, 300, 83, 167})
     EXPECT_THAT(judge_light(exam_with({{"auto_exposure", 1}, {"exposure_time_absolute", time}})), IsEmpty()) << time;
   for (const std::int64_t time : {128, 50, 156})
@@ -62,7 +62,7 @@ TEST(JudgeLight, ExposuresThatFitIntoLampsAreAllRight) {
   EXPECT_THAT(judge_light(exam_with({{"auto_exposure", 3}, {"exposure_time_absolute", 128}})), IsEmpty());
 }
 
-TEST(JudgeLight, ControlsThatLetLightIn) {
+TEST(JudgeLight, AutomaticControlsAreNamed) {
   const auto findings = judge_light(exam_with({{"exposure_dynamic_framerate", 1}, {"power_line_frequency", 0}}));
   EXPECT_THAT(findings,
               says(doctor::Grade::warning, "exposure_dynamic_framerate is on", "exposure_dynamic_framerate: 0"));
@@ -72,7 +72,7 @@ TEST(JudgeLight, ControlsThatLetLightIn) {
   EXPECT_THAT(judge_light(set), IsEmpty());
 }
 
-TEST(JudgeLight, WhatThePicturesShow) {
+TEST(JudgeLight, FindingsInPicturesAreNamed) {
   CameraExam exam = exam_with({{"auto_exposure", 1}});
   exam.trial.emplace();
   EXPECT_THAT(judge_light(exam), IsEmpty());  // too few frames to say anything
@@ -123,10 +123,10 @@ TEST(ColorWarning, NamesDirectionAndMargin) {
   EXPECT_EQ(reports::color_warning(ball, "cam1", health, false), "");
   health.seen = object_trackers::SeenColor{{12.4, 0.35, 0.2}, {}, {}};
   health.near_end = object_trackers::NearEnd{object_trackers::ColorAxis::hue, true, 3.2};
-  EXPECT_EQ(
-      reports::color_warning(ball, "cam1", health, false),
-      "ball in cam1: the colour has moved by 12 degrees since it was taught, 3 degrees before the end of its range: fix "
-      "white balance and exposure, teach it again, or set color: {adapt: true}");
+  EXPECT_EQ(reports::color_warning(ball, "cam1", health, false),
+            "ball in cam1: the colour has moved by 12 degrees since it was taught, 3 degrees before the end of its "
+            "range: fix "
+            "white balance and exposure, teach it again, or set color: {adapt: true}");
   EXPECT_THAT(reports::color_warning(ball, "cam1", health, true),
               testing::EndsWith("end of its range: teach it again, or set color: {adapt: true}"));
   health.near_end = object_trackers::NearEnd{object_trackers::ColorAxis::intensity, false, 0.04};
@@ -219,13 +219,13 @@ TEST(ReplaySummary, AMistakeACameraAndALostColorAreTrouble) {
   for (const ReplaySummary& summary : {swapped, blinded, pale}) EXPECT_TRUE(has_trouble(summary));
 }
 
-TEST(ReplayText, WhatWasHeldIsNoneOfTheTimeThatItTook) {
+TEST(ReplayText, PausesDoNotCountAsWallTime) {
   ReplaySummary summary;
   summary.recorded_s = 5;
   summary.wall_s = 0.5;
   EXPECT_THAT(to_text(summary, {}), HasSubstr("5.000 s of recording in 0.500 s, 10.0x real time\n"));
   summary.held_s = 14.3;
-  EXPECT_THAT(to_text(summary, {}), HasSubstr("10.0x real time; held for 14.3 s beside that\n"));
+  EXPECT_THAT(to_text(summary, {}), HasSubstr("10.0x real time; paused for 14.3 s in addition\n"));
 }
 
 }  // namespace

@@ -571,7 +571,7 @@ TEST_F(Faults, ALockedUpCameraHoldsNobodyUp) {
   EXPECT_TRUE(says("camera cam0: does not answer, since it was to be "));
   EXPECT_TRUE(delivers("cam1"));
   end("while running");
-  EXPECT_THAT(service->err(), HasSubstr("camera cam0: it does not answer, the end does not wait for it"));
+  EXPECT_THAT(service->err(), HasSubstr("camera cam0: does not answer; ending without waiting for it"));
 
   const auto begun = std::chrono::steady_clock::now();
   run_preloaded();
