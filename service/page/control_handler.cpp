@@ -271,7 +271,8 @@ void ControlHandler::camera(Words words, const config::ServiceConfig& config, ms
     return;
   }
   const auto file = config::save_controls(config.file, words[1], settings);
-  reply.reason(fmt::format("Saved for camera {}; written into {}.{}", words[1], file.filename().string(), take_over(config)));
+  reply.reason(
+      fmt::format("Saved for camera {}; written into {}.{}", words[1], file.filename().string(), take_over(config)));
 }
 
 void ControlHandler::open(const std::string& name, const config::ServiceConfig& config,

@@ -143,7 +143,7 @@ void PageService::serve(const std::stop_token& stop) {
     if (now >= next_map) map_wanted_.store(true, std::memory_order_relaxed);
     if (now >= next_network) {
       next_network = now + network_period;
-      publisher_.look_after_network();
+      publisher_.check_network();
     }
   }
 }

@@ -435,7 +435,8 @@ int teach(const TeachCommand& command, std::stop_token stop) {
   const bool adds_ignored = !command.ignore.empty();
   const std::filesystem::path written = config::save_taught(
       config.file, lesson.target, adds_ignored ? std::optional(pointing.request.ignored) : std::nullopt, radius_m);
-  fmt::print("written into {}: the colour of {}{}\n", written.string(), target.name, radius_m ? ", and its radius" : "");
+  fmt::print("written into {}: the colour of {}{}\n", written.string(), target.name,
+             radius_m ? ", and its radius" : "");
   if (!radius_m && lesson.radius.radius_m && color_teaching::differs_clearly(lesson.radius, target.radius_m))
     fmt::print("radius_m is not changed; --radius uses the one above\n");
   tell_services(config);

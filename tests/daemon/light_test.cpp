@@ -53,7 +53,7 @@ TEST(JudgeLight, ExposuresOfWholeFlickerPeriodsAreFine) {
     EXPECT_THAT(judge_light(exam_with({{"auto_exposure", 1}, {"exposure_time_absolute", time}})), IsEmpty()) << time;
   for (const std::int64_t time : {128, 50, 156})
     EXPECT_THAT(judge_light(exam_with({{"auto_exposure", 1}, {"exposure_time_absolute", time}})),
-                says(doctor::Grade::note, "show lamps flicker", "100, 200 or 300"))
+                says(doctor::Grade::note, "show the flicker of lamps", "100, 200 or 300"))
         << time;
   // Where the camera is told which mains there are, only theirs count; an automatic exposure sees to it itself.
   EXPECT_THAT(
@@ -77,14 +77,14 @@ TEST(JudgeLight, FindingsInPicturesAreNamed) {
   exam.trial.emplace();
   EXPECT_THAT(judge_light(exam), IsEmpty());  // too few frames to say anything
   exam.trial->light = capture::LightFindings{};
-  EXPECT_THAT(judge_light(exam), says(doctor::Grade::ok, "no bands of flicker"));
+  EXPECT_THAT(judge_light(exam), says(doctor::Grade::ok, "no flicker, constant"));
   exam.trial->light->flicker = capture::Flicker{.light_hz = 100, .modulation = 0.032, .bands = 3};
   exam.trial->light->exposure_change = 0.13;
   const auto findings = judge_light(exam);
   EXPECT_THAT(findings,
               says(doctor::Grade::warning, "flickers at 100 Hz, in bands of 3.2 %", "power_line_frequency: 50 Hz"));
   EXPECT_THAT(findings, says(doctor::Grade::warning, "13 % brighter or darker", "auto_exposure: 1"));
-  EXPECT_THAT(findings, says(doctor::Grade::warning, "auto_exposure says that it is manual"));
+  EXPECT_THAT(findings, says(doctor::Grade::warning, "auto_exposure is manual, but"));
   exam.trial->light = capture::LightFindings{};
   exam.trial->light->flicker = capture::Flicker{.light_hz = 120, .modulation = 0.01, .bands = 2};
   exam.trial->light->balance_change = 0.1;
