@@ -668,10 +668,9 @@ std::vector<Finding> judge_hosted(const HostedExam& exam) {
         fmt::format("{} {}x{}: ", capture::name(health.stream->format), health.stream->width, health.stream->height) +
         what + (said > 0 ? fmt::format(" of {:.4g}", said) : std::string());
   const bool is_slow = said > 0 && exam.fps < slow * said;
-  findings.push_back({is_slow ? Grade::warning : Grade::ok, what,
-                      is_slow ? "run huetrackd doctor there to see the camera's own rate, and compare with the network "
-                                "is asked for"
-                              : ""});
+  findings.push_back(
+      {is_slow ? Grade::warning : Grade::ok, what,
+       is_slow ? "run huetrackd doctor there to see the camera's own rate, and check the network load below" : ""});
   if (health.dropped > 0 || health.corrupted > 0)
     findings.push_back(
         {Grade::warning,
