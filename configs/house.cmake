@@ -1,5 +1,5 @@
-# The house's floors: module() and program() make every target below calib, service, idl and clients, and an edge between them
-# leads strictly down, or the build does not configure. Included by the root; tests/floors plants faults in a house of its own.
+# Architecture check: module() and program() create every target below calib, service, idl and clients. Dependencies must lead to a
+# strictly lower floor, or configuration fails. Included by the root; tests/floors tests it with planted faults.
 
 # held_to_floors(NAME n modules...): NAME, on floor n, may use these modules.
 function(held_to_floors NAME floor_of_name)
@@ -20,7 +20,7 @@ endfunction()
 #        [PRIVATE_LIBS libs...])
 #
 # One folder, one target. The test floors/<module> holds the #includes to the same list.
-# KERNELS: its loops over pixels, particles or points are what a frame waits for. PRECOMPILED: a name given to precompiled().
+# KERNELS: contains time-critical loops over pixels, particles or points. PRECOMPILED: a name given to precompiled().
 function(module NAME)
   cmake_parse_arguments(M "KERNELS" "FLOOR;PRECOMPILED" "SOURCES;DEPENDS;LIBS;PRIVATE_LIBS" ${ARGN})
   if(M_UNPARSED_ARGUMENTS OR NOT DEFINED M_FLOOR)
@@ -61,7 +61,7 @@ function(program NAME)
   install(TARGETS ${NAME})
 endfunction()
 
-# check_floors(FOLDERS...): after all of them: what was made there, or linked, past module() and program() is found as well.
+# check_floors(FOLDERS...): call it last; also finds targets and links that bypass module() and program().
 function(check_floors)
   set(open ${ARGN})
   list(TRANSFORM open PREPEND ${PROJECT_SOURCE_DIR}/)

@@ -1,9 +1,9 @@
 #!/bin/bash
 # Builds huetrackd, huetrack and huetrack-calibrate and installs them, with their man pages, shell completion and systemd units: as a
 # Debian package, or, with a folder as argument, below that folder.
-#   bash configs/install.sh              # the package; `sudo apt-get remove huetrack` takes it away
-#   bash configs/install.sh ~/huetrack   # ~/huetrack/bin/huetrackd ...; nothing outside that folder but missing Debian packages
-#   bash configs/install.sh --build      # only builds the package, and says where it is
+#   bash configs/install.sh              # the package; remove it with `sudo apt-get remove huetrack`
+#   bash configs/install.sh ~/huetrack   # ~/huetrack/bin/huetrackd ...; nothing outside that folder except missing Debian packages
+#   bash configs/install.sh --build      # only builds the package, and prints its path
 set -euo pipefail
 [ $# = 0 ] || [ "$1" = --build ] || to=$(realpath -m "$1")
 cd "$(dirname "$0")/.."

@@ -16,10 +16,10 @@ packages_long="clang-tidy-16"   # HUETRACK_LONG=1 and HUETRACK_CHANGED=1 of test
 packages_arm64="g++-aarch64-linux-gnu qemu-user-static"   # configs/arm64/build.sh, tests/arm64/run.sh
 packages_benchmark="libbenchmark-dev"   # for -DHUETRACK_BENCHMARKS=ON
 
-# For the VM with real V4L2 drivers (tests/v4l2/run.sh): where its scripts are, and only then. Its tests are skipped without.
+# For the VM with real V4L2 drivers (tests/v4l2/run.sh), if its scripts exist; its tests are skipped otherwise.
 packages_vm="qemu-system-x86 cpio xz-utils binutils make gcc-12"
 
-# install_missing PACKAGES...: installs those that are not there. Asks nothing; says what it does.
+# install_missing PACKAGES...: installs missing ones without asking, and prints what it does.
 install_missing() {
   local missing="" package sudo=""
   for package in "$@"; do
@@ -51,8 +51,8 @@ install_missing() {
 
 # build_huetrack FOLDER "CMAKE OPTIONS" TARGETS...: configures and builds with Ninja; says how long it took. In a new
 # folder a module's files are compiled together, which halves the time, and GCC may have half a gigabyte before it looks for
-# what it can free, which is a sixteenth; who develops configures by himself first (cmake --preset release), for then only
-# the file that changed is compiled again.
+# what it can free, which saves a sixteenth. For development, configure first (cmake --preset release): then only changed
+# files are compiled again.
 build_huetrack() {
   local folder="$1" options="$2" root start=$SECONDS
   shift 2

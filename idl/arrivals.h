@@ -1,4 +1,4 @@
-// Takes what readers have, and waits until they have something.
+// Takes samples from readers and waits for new ones.
 #pragma once
 
 #include <array>
@@ -14,7 +14,7 @@
 
 namespace huetrack::idl {
 
-// The next sample that holds data, and what is said about it; false: there is none left.
+// Takes the next sample with valid data; false: none left.
 template <typename Sample>
 bool take_next(eprosima::fastdds::dds::DataReader& reader, Sample& sample, eprosima::fastdds::dds::SampleInfo& info) {
   while (reader.take_next_sample(&sample, &info) == eprosima::fastrtps::types::ReturnCode_t::RETCODE_OK)
@@ -27,14 +27,13 @@ bool take_next(eprosima::fastdds::dds::DataReader& reader, Sample& sample) {
   return take_next(reader, sample, info);
 }
 
-// For one thread: what came of all its readers while it was at work costs one wake-up. Take first, then wait: what came
-// before wait() and was not taken does not wake it. Not DataReader's own wait_for_unread_message(): it counts samples
-// that a newer one has replaced, unread, as unread ones for good (Fast DDS 2.9), and from then on never waits.
+// Waits for several readers with one wake-up. Take all samples first, then wait: earlier samples do not wake it. (Fast
+// DDS 2.9's wait_for_unread_message() counts replaced samples as unread for ever and then never waits.)
 // thread-compatible; the readers outlive it.
 class Arrivals {
  public:
   explicit Arrivals(eprosima::fastdds::dds::DataReader& reader) : Arrivals(std::array{&reader}) {}
-  // They are the numbers 0, 1, ... in this order.
+  // Numbered 0, 1, ... in this order.
   explicit Arrivals(std::span<eprosima::fastdds::dds::DataReader* const> readers) {
     for (auto* reader : readers) {
       auto& condition = reader->get_statuscondition();
@@ -46,7 +45,7 @@ class Arrivals {
   Arrivals(const Arrivals&) = delete;
   Arrivals& operator=(const Arrivals&) = delete;
 
-  // Until something comes, at most for so long. Returns the readers to take from, each until it has nothing more; valid
+  // Waits for samples, at most for `longest`. Returns the numbers of the readers with samples; take all of them. Valid
   // until the next call.
   const std::vector<std::size_t>& wait(std::chrono::nanoseconds longest) {
     const auto s = std::chrono::duration_cast<std::chrono::seconds>(longest);

@@ -14,8 +14,7 @@ sensor_msgs::msg::dds_::CameraInfo_ camera_info(std::uint32_t width, std::uint32
   if (model == "fisheye_kb") {
     info.distortion_model("equidistant");
   } else if (model == "stereographic") {
-    // ROS has no name for it: one that it does not know is better than numbers of another formula under one that it
-    // does.
+    // ROS has no name for it: an unknown name is better than a known name with other coefficients.
     info.distortion_model("stereographic");
   } else {
     const bool is_rational =

@@ -1,4 +1,4 @@
-// How a calibrated camera is said in ROS' words, of previews on the bus as of pictures in a bag. Pure functions.
+// CameraInfo of a calibrated camera, for DDS and bags. Pure functions.
 #pragma once
 
 #include <array>
@@ -10,9 +10,9 @@
 
 namespace huetrack::idl {
 
-// All but the header.
-//   model       as rig files name lenses: "pinhole_radtan", "fisheye_kb" or "stereographic"
-//   intrinsics  fx, fy, cx, cy of a picture of this size; the first pixel's centre is (0, 0)
+// All fields except the header.
+//   model       lens model of the rig file: "pinhole_radtan", "fisheye_kb" or "stereographic"
+//   intrinsics  fx, fy, cx, cy for this image size; the first pixel's centre is (0, 0)
 sensor_msgs::msg::dds_::CameraInfo_ camera_info(std::uint32_t width, std::uint32_t height, std::string_view model,
                                                 const std::array<double, 4>& intrinsics,
                                                 std::vector<double> distortion);

@@ -1,5 +1,4 @@
-// What both ends of a request in words (README.md) know of it. What it is held to: the service refuses the rest,
-// clients do not send it.
+// Requests in words (README.md): names and limits for both ends. The service refuses requests beyond the limits.
 #pragma once
 
 #include <algorithm>
@@ -9,11 +8,11 @@
 
 namespace huetrack::idl {
 
-// More than any request has; the sample's own limit (topics.h) is above what these make.
+// Together below the limit of the sample (topics.h).
 inline constexpr std::size_t most_control_words = 32, longest_control_word = 200;
-inline constexpr std::size_t longest_recording_name = 100;  // what a tar's header has room for
+inline constexpr std::size_t longest_recording_name = 100;  // fits a tar header
 
-// As README.md has them, without those that programs alone ask for.
+// As in README.md, without those for programs only.
 struct ControlGroup {
   std::string_view word, requests;
 };
@@ -26,7 +25,7 @@ inline constexpr std::array control_groups{
                  "camera_distance=CAMERA,CAMERA,METRES, state, stop, cancel, accept [doubtful]"},
     ControlGroup{"replay", "open NAME, close, state, pause, go, step [N], speed X"}};
 
-// Letters, digits, '.', '_' and '-', not beginning with '.': what can be a folder's name and nothing else.
+// Letters, digits, '.', '_' and '-', not beginning with '.': a plain folder name.
 inline bool is_recording_name(std::string_view name) {
   const auto is_allowed = [](char c) {
     return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '.' || c == '_' ||

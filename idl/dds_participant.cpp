@@ -25,8 +25,8 @@
 #include "idl/topics.h"
 
 #ifdef __SANITIZE_ADDRESS__
-// Debian's Fast DDS 2.9.1 deletes an object of its own with a wrong size (~RTPSReader). It is harmless, not ours, and
-// ends every program under AddressSanitizer that has ever joined the bus.
+// Debian's Fast DDS 2.9.1 deletes an object with a wrong size (~RTPSReader): harmless, but AddressSanitizer would
+// abort.
 extern "C" const char* __asan_default_options();
 extern "C" const char* __asan_default_options() {
   return "new_delete_type_mismatch=0";
@@ -40,9 +40,9 @@ using eprosima::fastrtps::types::ReturnCode_t;
 
 namespace {
 
-constexpr int max_domain = 232;  // above it, the RTPS port numbers end
+constexpr int max_domain = 232;  // the RTPS port numbers end there
 
-// Where Fast DDS' own messages go. By default it prints them on stdout, into the middle of a client's CSV.
+// Redirects Fast DDS' messages, which by default go to stdout, into a client's CSV.
 class FastDdsMessages {
  public:
   static FastDdsMessages& instance() {
@@ -50,7 +50,7 @@ class FastDdsMessages {
     return messages;
   }
 
-  // Runs what may fail, and returns what Fast DDS said meanwhile ("" when nothing), instead of printing it.
+  // Runs `call` and returns Fast DDS' messages meanwhile ("" if none) instead of printing them.
   template <typename Call>
   std::string during(Call call) {
     dds::Log::Flush();
@@ -81,7 +81,7 @@ class FastDdsMessages {
     if (collecting_) {
       collected_ += (collected_.empty() ? "" : "; ") + entry.message;
     } else {
-      std::string message = entry.message;  // it may name what a stranger calls his topics
+      std::string message = entry.message;  // may contain foreign topic names
       std::ranges::replace_if(
           message, [](unsigned char c) { return c < ' ' || c == 0x7F; }, ' ');
       std::fprintf(stderr, "Fast DDS: %s\n", message.c_str());
@@ -93,18 +93,18 @@ class FastDdsMessages {
   std::string collected_;    // guarded by mutex_
 };
 
-constexpr std::uintmax_t largest_profiles = 4U << 20U;  // bytes: written by hand
+constexpr std::uintmax_t largest_profiles = 4U << 20U;  // bytes
 
 void check_readable(const std::filesystem::path& file, const std::string& role) {
   if (!std::filesystem::is_regular_file(file))
     throw std::invalid_argument(file.string() + ": " + role + " does not exist or is not a file");
   if (!std::ifstream(file)) throw std::invalid_argument(file.string() + ": " + role + " cannot be read");
-  if (std::filesystem::file_size(file) > largest_profiles)  // Fast DDS would read them all
+  if (std::filesystem::file_size(file) > largest_profiles)  // Fast DDS has no limit
     throw std::invalid_argument(file.string() + ": " + role + " is larger than " +
                                 std::to_string(largest_profiles >> 20U) + " MiB: not a file of this kind");
 }
 
-// Fast DDS prints that a file is missing or wrong, and goes on without it, or with the half that it understood.
+// Fast DDS itself only prints an error and continues without the file, or with half of it.
 void load_profiles(const std::filesystem::path& profiles) {
   auto& factory = *dds::DomainParticipantFactory::get_instance();
   const char* environment = std::getenv("FASTRTPS_DEFAULT_PROFILES_FILE");
@@ -113,23 +113,23 @@ void load_profiles(const std::filesystem::path& profiles) {
   if (!profiles.empty()) check_readable(profiles, "the DDS profiles file");
 
   bool ok = true;
-  std::string said =
+  std::string errors =
       FastDdsMessages::instance().during([&] { ok = factory.load_profiles() == ReturnCode_t::RETCODE_OK; });
-  if (!ok || !said.empty())
+  if (!ok || !errors.empty())
     throw std::invalid_argument(std::string(has_environment ? environment : "DEFAULT_FASTRTPS_PROFILES.xml") +
-                                ": not a valid Fast DDS profiles file: " + said);
+                                ": not a valid Fast DDS profiles file: " + errors);
   if (profiles.empty()) return;
-  said = FastDdsMessages::instance().during(
+  errors = FastDdsMessages::instance().during(
       [&] { ok = factory.load_XML_profiles_file(profiles.string()) == ReturnCode_t::RETCODE_OK; });
-  if (!ok || !said.empty())
-    throw std::invalid_argument(profiles.string() + ": not a valid Fast DDS profiles file: " + said);
+  if (!ok || !errors.empty())
+    throw std::invalid_argument(profiles.string() + ": not a valid Fast DDS profiles file: " + errors);
 }
 
 // The user's participant profile, if there is one.
 bool participant_profile(dds::DomainParticipantQos& qos) {
   auto& factory = *dds::DomainParticipantFactory::get_instance();
   bool named = false;
-  // It complains when there is no such profile; that is the ordinary case.
+  // Discards the message about a missing profile, the usual case.
   FastDdsMessages::instance().during(
       [&] { named = factory.get_participant_qos_from_profile("huetrack", qos) == ReturnCode_t::RETCODE_OK; });
   if (named) return true;
@@ -137,7 +137,7 @@ bool participant_profile(dds::DomainParticipantQos& qos) {
   return !(qos == dds::PARTICIPANT_QOS_DEFAULT);
 }
 
-// lacking: one sentence for each that this host does not have
+// lacking: one sentence per interface that this host lacks
 std::vector<NetworkInterface> select(const std::vector<std::string>& wanted, std::vector<std::string>& lacking) {
   const std::vector<NetworkInterface> present = network_interfaces();
   std::vector<NetworkInterface> selected;
@@ -149,7 +149,7 @@ std::vector<NetworkInterface> select(const std::vector<std::string>& wanted, std
       lacking.push_back("DDS interface \"" + one +
                         "\": this host has no such interface or IPv4 address that is up; it has " + describe(present));
   }
-  // Between two programs of one host nothing arrives when one uses loopback and the other does not.
+  // Two programs of one host communicate only if both use loopback, or neither.
   const auto is_loopback = [](const NetworkInterface& i) { return i.address == "127.0.0.1"; };
   if (!selected.empty() && std::ranges::none_of(selected, is_loopback))
     std::ranges::copy_if(present, std::back_inserter(selected), is_loopback);
@@ -161,7 +161,7 @@ bool load_participant_profile(const ParticipantOptions& options, dds::DomainPart
   if (!participant_profile(qos)) return false;
   if (!options.interfaces.empty())
     throw std::invalid_argument(
-        "DDS interfaces are given, and the XML has a participant profile: write the interfaces there "
+        "DDS interfaces are set, but the XML has a participant profile: write the interfaces there "
         "(interfaceWhiteList of its transport), or remove one of the two");
   return true;
 }
@@ -183,9 +183,8 @@ std::vector<NetworkInterface> network_interfaces() {
   std::vector<NetworkInterface> list;
   for (const ::ifaddrs* i = first; i != nullptr; i = i->ifa_next) {
     if (i->ifa_addr == nullptr || i->ifa_addr->sa_family != AF_INET) continue;
-    if ((i->ifa_flags & IFF_RUNNING) == 0) continue;  // no cable: Fast DDS does not use it either
+    if ((i->ifa_flags & IFF_RUNNING) == 0) continue;  // no carrier: Fast DDS does not use it
     char text[INET_ADDRSTRLEN] = "";
-    // The address family says what the generic sockaddr is.
     const auto* address = static_cast<const ::sockaddr_in*>(static_cast<const void*>(i->ifa_addr));
     ::inet_ntop(AF_INET, &address->sin_addr, text, sizeof text);
     list.push_back({i->ifa_name, text});
@@ -243,7 +242,7 @@ DdsParticipant::DdsParticipant(const ParticipantOptions& options, dds::DomainPar
   }
   qos.name(options.name);
 
-  const std::string said = FastDdsMessages::instance().during([&] {
+  const std::string errors = FastDdsMessages::instance().during([&] {
     participant_ = dds::DomainParticipantFactory::get_instance()->create_participant(
         static_cast<dds::DomainId_t>(domain_), qos, listener, dds::StatusMask::none());
     if (participant_ == nullptr) return;
@@ -252,9 +251,9 @@ DdsParticipant::DdsParticipant(const ParticipantOptions& options, dds::DomainPar
   });
   if (publisher_ == nullptr || subscriber_ == nullptr) {
     if (participant_ != nullptr) leave();
-    throw std::runtime_error("cannot join DDS domain " + std::to_string(domain_) + ": " + said);
+    throw std::runtime_error("cannot join DDS domain " + std::to_string(domain_) + ": " + errors);
   }
-  if (!said.empty()) std::fprintf(stderr, "Fast DDS: %s\n", said.c_str());
+  if (!errors.empty()) std::fprintf(stderr, "Fast DDS: %s\n", errors.c_str());
 }
 
 DdsParticipant::~DdsParticipant() {
@@ -269,19 +268,19 @@ void DdsParticipant::leave() {
 
 dds::Topic* DdsParticipant::topic(const std::string& name, dds::TypeSupport type,
                                   std::optional<std::uint32_t> largest) {
-  // With them, Cyclone DDS rejects our writers as having invalid type information.
+  // Cyclone DDS would reject our writers for invalid type information.
   type->auto_fill_type_information(false);
   type->auto_fill_type_object(false);
   if (const auto known = largest_sample(name)) largest = known;
-  if (largest) type->m_typeSize = *largest;  // what a reader has room for
+  if (largest) type->m_typeSize = *largest;  // memory of a reader's sample
   type.register_type(participant_);
   return participant_->create_topic(name, type.get_type_name(), dds::TOPIC_QOS_DEFAULT);
 }
 
-std::string DdsParticipant::reason(const std::string& said) const {
-  if (is_access_controlled_ && said.find("not found in allow rule") != std::string::npos)
+std::string DdsParticipant::reason(const std::string& errors) const {
+  if (is_access_controlled_ && errors.find("not found in allow rule") != std::string::npos)
     return "the permissions of this participant (DDS Security, dds.sec.access in its profile) do not have it";
-  return said;
+  return errors;
 }
 
 dds::DataWriter& DdsParticipant::create_writer(const std::string& name, dds::TypeSupport type, dds::DataWriterQos qos,
@@ -289,24 +288,24 @@ dds::DataWriter& DdsParticipant::create_writer(const std::string& name, dds::Typ
   dds::DataWriter* writer = nullptr;
   dds::DataWriterQos profile;
   auto& messages = FastDdsMessages::instance();
-  // It complains when there is no such profile; that is the ordinary case.
+  // Discards the message about a missing profile, the usual case.
   messages.during([&] {
     if (publisher_->get_datawriter_qos_from_profile(name, profile) != ReturnCode_t::RETCODE_OK) return;
     qos = profile;
     profiled_topics_.push_back(name);
   });
   if (qos.user_data().empty()) qos.user_data().setValue({user_data.begin(), user_data.end()});
-  const std::string said = messages.during([&] {
+  const std::string errors = messages.during([&] {
     if (dds::Topic* t = topic(name, type)) writer = publisher_->create_datawriter(t, qos);
   });
-  if (writer == nullptr) throw std::runtime_error("cannot publish on DDS topic " + name + ": " + reason(said));
+  if (writer == nullptr) throw std::runtime_error("cannot publish on DDS topic " + name + ": " + reason(errors));
   return *writer;
 }
 
 void DdsParticipant::delete_writer(eprosima::fastdds::dds::DataWriter& writer) {
   eprosima::fastdds::dds::Topic* const topic = writer.get_topic();
   publisher_->delete_datawriter(&writer);
-  participant_->delete_topic(topic);  // refused, and rightly, where others still use it
+  participant_->delete_topic(topic);  // refused if still in use
 }
 
 dds::DataReader& DdsParticipant::create_reader(const std::string& name, dds::TypeSupport type, dds::DataReaderQos qos,
@@ -320,16 +319,16 @@ dds::DataReader& DdsParticipant::create_reader(const std::string& name, dds::Typ
     qos = profile;
     profiled_topics_.push_back(name);
   });
-  const std::string said = messages.during([&] {
+  const std::string errors = messages.during([&] {
     if (dds::Topic* t = topic(name, type, largest)) reader = subscriber_->create_datareader(t, qos);
   });
-  if (reader == nullptr) throw std::runtime_error("cannot subscribe to DDS topic " + name + ": " + reason(said));
+  if (reader == nullptr) throw std::runtime_error("cannot subscribe to DDS topic " + name + ": " + reason(errors));
   return *reader;
 }
 
 bool DdsParticipant::network_changed() {
   std::vector<NetworkInterface> now = network_interfaces();
-  const bool steady = now == last_seen_;  // not in the middle of a DHCP renewal
+  const bool steady = now == last_seen_;  // not during a DHCP renewal
   last_seen_ = std::move(now);
   return steady && last_seen_ != interfaces_;
 }

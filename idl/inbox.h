@@ -1,4 +1,4 @@
-// Samples for a program that looks only now and then.
+// A bounded queue of samples for a program that polls.
 #pragma once
 
 #include <cstddef>
@@ -14,19 +14,18 @@
 
 namespace huetrack::idl {
 
-// Takes samples as they come, in Fast DDS' threads: as long as it lives, a reader holds the room of the most samples
-// that ever waited in it, each as large as a sample of its topic may be, and anybody on the bus may send many at once.
-// What waits here is bounded, in the order in which it came; what comes when it is full is lost. thread-safe.
+// Takes samples on arrival, in Fast DDS' threads, because a reader never releases the memory of its fullest moment, and
+// every participant may flood it. Keeps the order of arrival; drops new samples when full. thread-safe.
 template <typename Sample>
 class Inbox : public eprosima::fastdds::dds::DataReaderListener {
  public:
   static constexpr std::size_t most_samples = 4096;
-  static constexpr std::size_t most_bytes = 2 << 20;  // as serialized; a larger one has room alone
+  static constexpr std::size_t most_bytes = 2 << 20;  // serialized; a single larger sample is accepted
 
-  // Once. The reader goes before this does: its participant is declared after this.
+  // Once. Declare the reader's participant after this, so that the reader is destroyed first.
   void attach(eprosima::fastdds::dds::DataReader& reader) {
     reader.set_listener(this, eprosima::fastdds::dds::StatusMask::data_available());
-    on_data_available(&reader);  // what came before
+    on_data_available(&reader);  // earlier samples
   }
 
   void on_data_available(eprosima::fastdds::dds::DataReader* reader) override {
@@ -45,7 +44,7 @@ class Inbox : public eprosima::fastdds::dds::DataReaderListener {
     Sample sample;
     eprosima::fastdds::dds::SampleInfo info;
   };
-  // The next one that waits. nullopt: none does.
+  // The next sample; nullopt: none.
   std::optional<Arrived> take() {
     const std::scoped_lock lock(mutex_);
     if (waiting_.empty()) return std::nullopt;

@@ -1,4 +1,4 @@
-// What a state is called, wherever people or other programs read it; "unknown" for a number that has no name yet.
+// Names of states, for people and programs; "unknown" for numbers of later versions.
 #pragma once
 
 #include <iterator>
@@ -9,7 +9,7 @@
 
 namespace huetrack::idl {
 
-// Of a target (TrackState) and of a tracked camera (CameraState), which have the same ones.
+// Of TrackState and CameraState, which are equal.
 inline std::string_view state_name(std::uint32_t state) {
   static constexpr std::string_view names[] = {"searching", "tracking", "coasting", "lost"};
   static_assert(msg::TRACK_STATE_LOST == 3 && msg::CAMERA_STATE_LOST == 3);

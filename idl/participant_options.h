@@ -1,4 +1,4 @@
-// How a program joins the bus (dds_participant.h), for those that only hand it on: without Fast DDS' headers.
+// Options of dds_participant.h, without Fast DDS' headers.
 #pragma once
 
 #include <filesystem>
@@ -9,8 +9,8 @@
 namespace huetrack::idl {
 
 struct ParticipantOptions {
-  std::string name{};                     // what DDS tools show
-  std::optional<int> domain{};            // 0..232; nullopt: ROS_DOMAIN_ID, and 0 without it
+  std::string name{};                     // shown by DDS tools
+  std::optional<int> domain{};            // 0..232; nullopt: ROS_DOMAIN_ID, or 0
   std::vector<std::string> interfaces{};  // use only these, and loopback: names or IPv4 addresses; empty: all
   std::filesystem::path profiles{};       // Fast DDS XML; empty: none. FASTRTPS_DEFAULT_PROFILES_FILE is honoured too.
 };

@@ -1,5 +1,5 @@
-// The fields that ROS 2's messages share, on the bus as in a bag. Pure functions. Vectors and quaternions are whatever
-// has [0], [1], ...
+// Fills common fields of ROS 2 messages, for DDS and bags. Pure functions. Vectors and quaternions: any type with [0],
+// [1], ...
 #pragma once
 
 #include <array>

@@ -17,19 +17,18 @@ namespace {
 
 constexpr std::uint32_t ms = 1'000'000;  // nanoseconds
 
-// Samples hold strings and sequences, so their size varies. A writer's payloads are allocated when they are needed and
-// used again.
+// Sample sizes vary. A writer allocates payloads when needed and reuses them.
 constexpr auto growing = eprosima::fastrtps::rtps::DYNAMIC_REUSABLE_MEMORY_MODE;
 
 constexpr std::uint32_t KiB = 1024;
-// What a reader of a topic takes. What cannot be given to its program yet, as one before it was lost on the way, waits
-// in it, and the room of the most that ever waited is kept: some 16 MB of each topic at most, where keys are few.
+// Limits of a topic's reader. Samples wait in it for lost earlier ones, and their memory is kept: at most about 16 MB
+// per topic with few keys.
 struct Room {
   std::string_view topic;
   std::uint32_t largest;   // bytes of a sample
-  std::int32_t instances;  // names of what is spoken of, at once; those of writers that have gone make room for others
+  std::int32_t instances;  // at once; those of writers that left are replaced
 };
-constexpr std::int32_t most_instances = 4000;  // one costs some hundred bytes
+constexpr std::int32_t most_instances = 4000;  // some hundred bytes each
 constexpr Room rooms[] = {
     {object_position_topic, 16 * KiB, most_instances},
     {camera_pose_topic, 4 * KiB, most_instances},
@@ -55,14 +54,13 @@ const Room* room_of(std::string_view topic) {
   return known == std::end(rooms) ? nullptr : known;
 }
 
-constexpr std::size_t longest_user_data = 16 * KiB;  // who a publisher is: some hundred targets
-constexpr int most_cameras_of_host = 32;             // that send what matches: more than a machine takes
-// Frames of each that wait for one that is sent again, which takes some 50 ms; of a camera of 120 frames a second four
-// would be replaced by then.
+constexpr std::size_t longest_user_data = 16 * KiB;  // of some hundred targets
+constexpr int most_cameras_of_host = 32;             // with `send: matches`
+// Frames per camera that wait for a retransmission, which takes some 50 ms: over four at 120 frames/s.
 constexpr int matches_kept = 8;
-constexpr int samples_from_the_start = 4;  // for which a reader has room at once; further ones as they come
+constexpr int samples_from_the_start = 4;  // allocated at the start; more on demand
 
-// Fast DDS' default is 10 instances, and the eleventh target would silently not be there.
+// Fast DDS' default is 10 instances, so an eleventh target would silently be missing.
 template <typename Qos>
 void without_instance_limit(Qos& qos) {
   qos.resource_limits().max_instances = 0;
@@ -73,13 +71,13 @@ void without_instance_limit(Qos& qos) {
 dds::DataWriterQos reliable_writer(int depth) {
   dds::DataWriterQos qos;
   qos.reliability().kind = dds::RELIABLE_RELIABILITY_QOS;
-  qos.reliability().max_blocking_time = Duration_t(0, 20 * ms);  // a full socket must not hold the tracking up
+  qos.reliability().max_blocking_time = Duration_t(0, 20 * ms);  // a full socket must not delay tracking
   qos.durability().kind = dds::VOLATILE_DURABILITY_QOS;
   qos.history().kind = dds::KEEP_LAST_HISTORY_QOS;
   qos.history().depth = depth;
   qos.publish_mode().kind = dds::SYNCHRONOUS_PUBLISH_MODE;
   qos.reliable_writer_qos().times.heartbeatPeriod = Duration_t(0, 200 * ms);
-  qos.data_sharing().off();  // shared memory only where the user's XML asks for it
+  qos.data_sharing().off();  // shared memory only by the user's XML
   qos.endpoint().history_memory_policy = growing;
   without_instance_limit(qos);
   return qos;
@@ -92,7 +90,7 @@ dds::DataReaderQos reliable_reader(int depth) {
   qos.history().kind = dds::KEEP_LAST_HISTORY_QOS;
   qos.history().depth = depth;
   qos.data_sharing().off();
-  // Every payload has the size that largest_sample() says: what is larger does not fit, and is refused.
+  // Every payload has largest_sample() bytes; larger samples are rejected.
   qos.endpoint().history_memory_policy = eprosima::fastrtps::rtps::PREALLOCATED_MEMORY_MODE;
   qos.resource_limits().allocated_samples = samples_from_the_start;
   qos.resource_limits().max_instances = most_instances;
@@ -247,13 +245,11 @@ dds::DataReaderQos teach_reader_qos() {
 dds::DataWriterQos camera_frames_writer_qos() {
   dds::DataWriterQos qos = reliable_writer(4);
   qos.publish_mode().kind = dds::ASYNCHRONOUS_PUBLISH_MODE;
-  // Not before it can have come: what still waits in the network's queue would be sent again and again, and nothing
-  // else.
+  // Not too early: frames that are still in the network's queue would be sent again and again.
   qos.reliable_writer_qos().times.heartbeatPeriod = Duration_t(0, 20 * ms);
   qos.reliable_writer_qos().times.nackResponseDelay = Duration_t(0, 10 * ms);
-  // As soon as a sample is replaced that is not acknowledged yet, Fast DDS adds a heartbeat to every fragment. The
-  // first one tells of a whole frame, whose rest is then asked for, and sent twice, by a network that is too slow
-  // already.
+  // When an unacknowledged sample is replaced, Fast DDS adds a heartbeat to every fragment. The first fragment then
+  // announces the whole frame, whose rest is requested and sent twice by a network that is already too slow.
   qos.reliable_writer_qos().disable_heartbeat_piggyback = true;
   return qos;
 }
@@ -289,7 +285,7 @@ dds::DataWriterQos clock_writer_qos() {
 }
 
 dds::DataReaderQos clock_reader_qos() {
-  dds::DataReaderQos qos = reliable_reader(64);  // all hosts answer at one moment
+  dds::DataReaderQos qos = reliable_reader(64);  // all hosts answer at the same time
   qos.reliability().kind = dds::BEST_EFFORT_RELIABILITY_QOS;
   return qos;
 }

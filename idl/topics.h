@@ -1,5 +1,5 @@
-// Topic names, type names, type hashes and QoS: the one place where the service and its clients agree. The table for
-// people is in README.md beside this file. Pure functions and constants; thread-safe.
+// Topic names, type hashes and QoS, for service and clients; table in README.md. Pure functions and constants;
+// thread-safe.
 #pragma once
 
 #include <cstddef>
@@ -22,10 +22,10 @@ inline constexpr const char* status_topic = "huetrack/status";            // hue
 // Native, the type of camera_times.idl.
 inline constexpr const char* camera_times_topic = "huetrack/camera_times";  // huetrack::msg::CameraTimes, keyed
 
-// Native, the type of object_set.idl: of targets that are several objects.
+// Native, the type of object_set.idl: of targets with `count`.
 inline constexpr const char* object_set_topic = "huetrack/object_set";  // huetrack::msg::ObjectSet, keyed
 
-// Native, types of huetrack_view.idl: what a page shows and asks for.
+// Native, types of huetrack_view.idl: for the web page.
 inline constexpr const char* scene_topic = "huetrack/scene";                      // huetrack::msg::Scene, keyed
 inline constexpr const char* preview_topic = "huetrack/preview";                  // huetrack::msg::Preview, keyed
 inline constexpr const char* camera_map_topic = "huetrack/camera_map";            // huetrack::msg::CameraMap, keyed
@@ -57,7 +57,7 @@ std::string ros2_image_topic(std::string_view camera);  // rt/huetrack/<camera>/
 std::string ros2_camera_info_topic(
     std::string_view camera);  // rt/huetrack/<camera>/camera_info: CameraInfo; of the image's size
 
-// REP-2011 type hashes, which ROS 2 Iron and later look for in an endpoint's USER_DATA.
+// REP-2011 type hashes, which ROS 2 Iron and later expect in an endpoint's USER_DATA.
 inline constexpr const char* ros2_pose_type_hash =
     "RIHS01_26432f9803e43727d3c8f668d1fdb3c630f548af631e2f4e31382371bfea3b6e";
 inline constexpr const char* ros2_poses_type_hash =
@@ -72,8 +72,8 @@ inline constexpr const char* ros2_markers_type_hash =
     "RIHS01_86cb8800b6fb05b5eff1abd7a56f62a5641d3ae9a1c29e78e67e704f1d067dcf";
 std::string ros2_user_data(std::string_view type_hash);  // "typehash=RIHS01_...;"
 
-// USER_DATA of the writers of object_position and camera_pose: who it is, readable before the first sample and without
-// one. On camera_pose its targets are the camera's name.
+// USER_DATA of the writers of object_position and camera_pose, readable before the first sample. On camera_pose,
+// targets is the camera's name.
 struct PublisherIdentity {
   std::string host;
   std::uint32_t pid = 0;
@@ -84,52 +84,45 @@ struct PublisherIdentity {
   static std::optional<PublisherIdentity> from(std::string_view user_data);  // nullopt: not written by user_data()
 };
 
-// A target's name is part of a ROS 2 topic's name: [A-Za-z][A-Za-z0-9_]*, without two underscores in a row, and so long
-// that it can be one, with what stands around it there and an object's number (Fast DDS' names have 255 characters).
+// A target's name is part of ROS 2 topic names: [A-Za-z][A-Za-z0-9_]* without "__", and short enough for topic names
+// with an object's number (Fast DDS: 255 characters).
 inline constexpr std::size_t longest_name = 64;
 bool is_target_name(std::string_view name);
 
-// The largest sample of a native topic that a reader of ours takes, in bytes; larger ones are refused on receipt,
-// before there is memory for them. The types have no bounds of their own, as a @final type never changes: without
-// these, anybody on the bus could make every reader hold what he sends. Each is several times what huetrackd sends with
-// 16 cameras and 100 targets. nullopt: a topic that we do not read.
+// The largest sample of a native topic that our readers accept, in bytes; larger ones are rejected before allocation.
+// The types are unbounded, so without this limit any participant could exhaust a reader's memory. Each limit is several
+// times what huetrackd sends with 16 cameras and 100 targets. nullopt: a topic that we do not read.
 std::optional<std::uint32_t> largest_sample(std::string_view topic);
 
-// How many instances of a native topic a reader knows at once, for the same reason: the more of them, the more samples
-// may wait in it. Leaves the QoS of another topic as it is.
+// Limits the instances of a native topic in a reader, for the same reason. Leaves the QoS of other topics unchanged.
 void limit_instances(std::string_view topic, eprosima::fastdds::dds::DataReaderQos& qos);
 
-// The QoS when the user's XML has no profile of the topic's name.
-//   object_position  reliable, volatile, keep-last 10; liveliness automatic, lease 1 s, so that the kill -9 of a
-//   service
-//                    is seen within 1.5 s. A reader keeps more, so that a slow terminal loses nothing.
+// The QoS unless the user's XML has a profile of the topic's name.
+//   object_position  reliable, volatile, keep-last 10; liveliness automatic, lease 1 s, so that a
+//                    killed service is noticed within 1.5 s. A reader keeps more samples, for slow terminals.
 //   object_set       as object_position
 //   camera_pose      as object_position
-//   status           reliable, transient-local, keep-last 1; heartbeat 200 ms: who comes late has it within that time.
+//   status           reliable, transient-local, keep-last 1; heartbeat 200 ms: late joiners have it within that time.
 //   camera_times     as status.
 //   scene            as status.
 //   camera_map       as status.
-//   preview          best effort, volatile, keep-last 1: a lost picture is not sent again. Large socket buffers are the
-//                    host's affair; our pictures fit into a few datagrams.
-//   teach_*          reliable, volatile, keep-last 10.
-//   control_*        as teach_*.
-//   camera_host      as status.
-//   host_clocks      as status.
-//   frames/...       reliable, volatile, keep-last 4, sent by a thread of Fast DDS' own (a frame is many datagrams);
-//                    what is lost is asked for again within 20 ms. How many are on their way is the writer's affair
-//                    (hosts/frame_window.h): of a network that is too slow for them nearly all would be lost.
-//   matches/...      as frames/..., keep-last 8, asked for again within 40 ms: each heartbeat and its answer cost a
-//                    tracker of many hosts a third of what a small frame does. Readers take 32 cameras of a host.
+//   preview          best effort, volatile, keep-last 1: a lost picture is not sent again; it fits into a few
+//   datagrams. teach_*          reliable, volatile, keep-last 10. control_*        as teach_*. camera_host      as
+//   status. host_clocks      as status. frames/...       reliable, volatile, keep-last 4, asynchronous (a frame is many
+//   datagrams); losses are requested
+//                    again within 20 ms. The writer limits the frames in flight (hosts/frame_window.h): a network that
+//                    is too slow would lose nearly all.
+//   matches/...      as frames/..., keep-last 8, losses requested again within 40 ms: a heartbeat with its answer costs
+//                    a third of a small frame. Readers accept 32 cameras of a host.
 //   looked_for       as status.
 //   outlines/...     as clock_probe: the next one comes with the next set.
-//   clock_*          best effort, volatile, keep-last 4, of readers 64: all hosts answer at one moment.
+//   clock_*          best effort, volatile, keep-last 4, readers 64: all hosts answer at the same time.
 //   ROS 2            reliable, volatile, keep-last 10: matches echo, RViz and best-effort readers.
-// A reader has room for samples of largest_sample() from its start and never takes more: what is not taken in time is
-// replaced by what comes, and of a keyed topic there are as many instances as limit_instances() says.
-// All are published synchronously: the measured latency and its tail are the best so, and the publishing thread is not
-// a capturing one. No deadline is offered: it would exclude readers.
+// A reader preallocates samples of largest_sample() bytes; new samples replace those that were not taken in time.
+// All but frames/... and matches/... are published synchronously, which measured the lowest latency. No deadline is
+// offered: it would exclude readers.
 eprosima::fastdds::dds::DataWriterQos object_position_writer_qos();
-// depth: what a program that looks now and then may miss of a target's; one that takes samples as they come needs some.
+// depth: samples per target between two polls; small for a program that takes samples on arrival.
 eprosima::fastdds::dds::DataReaderQos object_position_reader_qos(int depth = 1000);
 eprosima::fastdds::dds::DataWriterQos status_writer_qos();
 eprosima::fastdds::dds::DataReaderQos status_reader_qos();
@@ -139,7 +132,7 @@ eprosima::fastdds::dds::DataWriterQos teach_writer_qos();
 eprosima::fastdds::dds::DataReaderQos teach_reader_qos();
 eprosima::fastdds::dds::DataWriterQos camera_frames_writer_qos();
 eprosima::fastdds::dds::DataReaderQos camera_frames_reader_qos();
-// Of all of a host's cameras, each of which has a history of its own.
+// For all cameras of a host; each has its own history.
 eprosima::fastdds::dds::DataWriterQos camera_matches_writer_qos();
 eprosima::fastdds::dds::DataReaderQos camera_matches_reader_qos();
 eprosima::fastdds::dds::DataWriterQos clock_writer_qos();

@@ -1,17 +1,17 @@
 #!/bin/bash
-# DDS Security for huetrack: who is who (certificates), who may do what (permissions), and no data in clear on the network.
+# DDS Security for huetrack: certificates, permissions, and encryption of all data.
 #
-#   configs/dds/secure.sh FOLDER                     makes an authority of your own, and the members service, watcher, operator
-#   configs/dds/secure.sh FOLDER NAME:ROLE ...       members of the same authority: a name each, and what they may do:
+#   configs/dds/secure.sh FOLDER                     creates an authority, and the members service, watcher, operator
+#   configs/dds/secure.sh FOLDER NAME:ROLE ...       members of the same authority, each with a name and a role:
 #       service    huetrackd run, replay: everything
-#       host       huetrackd capture: gives its cameras and its clock, and no positions
-#       watcher    huetrack watch, log, status, view: sees everything, and sends nothing
-#       operator   huetrack view: sees everything, and may ask for what control: {allow_...: true} allows
+#       host       huetrackd capture: sends its cameras' frames and its clock, no positions
+#       watcher    huetrack watch, log, status, view: receives everything, sends nothing
+#       operator   huetrack view: receives everything, may request what control: {allow_...: true} allows
 #
-# A member is FOLDER/NAME with a profile, FOLDER/NAME/huetrack.xml: copy it to its machine, to the same path, and say
-# dds: {profile: FOLDER/NAME/huetrack.xml} to huetrackd, --profiles to huetrack. FOLDER/authority stays where it is: its key makes
-# members. Whoever has no certificate of this authority sees nothing and is not heard; who lets one in lets all in that the
-# certificates name, until they end in ten years. Needs openssl.
+# A member is FOLDER/NAME with a profile, FOLDER/NAME/huetrack.xml: copy it to its machine, to the same path, and use
+# it by dds: {profile: FOLDER/NAME/huetrack.xml} in huetrackd, --profiles in huetrack. Keep FOLDER/authority: its key creates
+# members. Participants without a certificate of this authority can neither read nor write. Certificates are valid for ten years.
+# Needs openssl.
 set -euo pipefail
 [ $# -gt 0 ] && [ "${1#-}" = "$1" ] || { sed -n 2,14p "$0"; exit 2; }
 command -v openssl >/dev/null || { echo "openssl is missing: apt-get install openssl" >&2; exit 1; }
@@ -24,7 +24,7 @@ shift
 authority=$folder/authority
 [ $# -gt 0 ] || set -- service:service watcher:watcher operator:operator
 
-# What was asked for is read before anything is made.
+# Validate all arguments first.
 names=' '
 for member in "$@"; do
   name="${member%%:*}" role="${member#*:}"

@@ -1,6 +1,6 @@
 #!/bin/bash
-# From a clean clone to the first DDS sample: installs what is missing, builds, replays the bundled recording at its real
-# speed through huetrackd, while `huetrack watch`, another process, receives the positions over DDS and prints them.
+# From a clean clone to the first DDS sample: installs missing packages, builds, and replays the bundled recording at its real
+# speed, while a second process, `huetrack watch`, prints the positions that arrive over DDS.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 . configs/packages.sh
@@ -12,7 +12,7 @@ recording=configs/demo/recording
 # shellcheck disable=SC2086
 install_missing $packages_demo
 mkdir -p build
-# What it does not run is left out: tests, calibration, page and the tracker of camera poses.
+# Without parts that it does not run: tests, calibration, page, camera tracker.
 build_huetrack "$build" "-DCMAKE_BUILD_TYPE=Release -DHUETRACK_TESTS=OFF -DHUETRACK_CALIBRATE=OFF -DHUETRACK_PAGE=OFF
   -DHUETRACK_CAMERA_TRACKER=OFF" huetrackd huetrack
 huetrackd=$build/service/daemon/huetrackd
@@ -26,7 +26,7 @@ trap '[ -z "$subscribers" ] || kill $subscribers 2>/dev/null || true' EXIT
 
 echo
 echo "== replaying $recording at its real speed; huetrack watch receives over DDS:"
-# One subscriber prints for people; a second one writes what it receives down, to be held to the truth below.
+# One subscriber prints for people; the second logs to a file, which is compared with the truth below.
 "$huetrack" watch > >(tee "$out/watch.txt") &
 subscribers="$!"
 "$huetrack" log "$out/received.csv" 2>"$out/log.txt" &
@@ -52,16 +52,16 @@ offset=$(sed -n "s/.*published capture times are the recording's plus \([0-9.-]*
 received=$("$huetrackd" compare "$out/received.csv" "$recording/groundtruth.csv" --clock-offset "$offset")
 
 echo
-echo "== huetrackd says:"
+echo "== summary of huetrackd"
 cat "$out/replay.txt"
 echo
 echo "== the received stream"
 echo "  $printed of $sent samples arrived at huetrack watch"
-echo "  against the truth: $received"
+echo "  compared with the truth: $received"
 echo
 echo "== pictures"
 echo "  every view with the particles and the estimate: $(find "$out/pictures" -name 'set_*.png' | wc -l) files $out/pictures/set_*.png"
-echo "  the track in 3-D against the truth:             $out/pictures/track_3d.png"
+echo "  the track in 3-D with the truth:                $out/pictures/track_3d.png"
 [ "$printed" -gt 0 ] || { echo "No sample arrived: see $out/replay.log" >&2; exit 1; }
 echo
 echo "== next: bash configs/install.sh builds all three programs (huetrack-calibrate and the live page, too) and installs them"

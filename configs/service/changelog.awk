@@ -1,6 +1,5 @@
-# Debian's changelog of our CHANGELOG.md: awk -v version=0.1.0 -v by="NAME <MAIL>" -f changelog.awk CHANGELOG.md
-# The package's version is the newest entry. What stands above its heading is in the package, too, as long as the
-# version has not been raised, so it belongs to that entry.
+# Makes Debian's changelog from CHANGELOG.md: awk -v version=0.2.0 -v by="NAME <MAIL>" -f changelog.awk CHANGELOG.md
+# "## Unreleased" may stand first: it is merged into the entry of `version`, which is the next heading.
 function begin(entry_version) {
   printf "%shuetrack (%s) unstable; urgency=medium\n\n", separator, entry_version
   separator = "\n"
@@ -19,7 +18,7 @@ function end(day,    command, date) {
     next
   }
   if ($2 == version) is_found = 1
-  else if (!is_found) exit  # the error is said below
+  else if (!is_found) exit  # reported in END
   if (is_open && $2 != version) end(day)
   if (!is_open) begin($2)
   day = $3

@@ -16,8 +16,7 @@ camera_tracking::FoundStart board_start(const std::filesystem::path& file) {
     if (!found.found()) return std::nullopt;
     camera_tracking::PointsStart start;
     start.pixels = found.px;
-    // The board's z points away from the viewer, the world's z up: turned by half about x, the board lies on the
-    // ground.
+    // The board's z points away from the viewer, the world's z up: a half turn about x.
     for (const int id : found.ids) {
       const Eigen::Vector3d p = detector->board().point(id);
       start.points.emplace_back(p.x(), -p.y(), -p.z());

@@ -1,4 +1,4 @@
-// Where a camera starts: found by a calibration board on the ground.
+// Start pose of a tracked camera from a calibration board on the ground.
 #pragma once
 
 #include <filesystem>
@@ -7,8 +7,7 @@
 
 namespace huetrack::config {
 
-// file: the board's (calib/board/board_yaml.h). The world is the board's: its first corner, z up. throws as
-// read_board()
+// file: board file (calib/board/board_yaml.h). World: origin at the board's first corner, z up. throws as read_board()
 camera_tracking::FoundStart board_start(const std::filesystem::path& file);
 
 }  // namespace huetrack::config

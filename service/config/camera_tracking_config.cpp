@@ -24,7 +24,7 @@ int CameraTrackingConfig::starts() const {
 
 NumberRows read_number_rows(const std::filesystem::path& file, const std::vector<CsvColumn>& columns,
                             std::size_t required) {
-  std::vector<std::string> names;  // as CsvTable takes them
+  std::vector<std::string> names;  // for CsvTable
   for (const CsvColumn& column : columns) {
     names.push_back(std::string(column.name) + "|" + column.other_name);
     if (names.size() > required) names.back() += "?";
@@ -58,8 +58,8 @@ std::optional<StartRowProblem> start_row_problem(const NumberRows& rows, const c
                          camera.name, camera.image_size.width, camera.image_size.height)};
     for (std::size_t j = 0; j < i; ++j)
       if (point_of(rows[i]) == point_of(rows[j]))
-        return StartRowProblem{i, fmt::format("the point ({:g}, {:g}, {:g}) is there twice, in row {} too", rows[i][0],
-                                              rows[i][1], rows[i][2], j + 1)};
+        return StartRowProblem{i, fmt::format("the point ({:g}, {:g}, {:g}) is repeated, it is in row {} too",
+                                              rows[i][0], rows[i][1], rows[i][2], j + 1)};
   }
   return std::nullopt;
 }
@@ -93,7 +93,7 @@ camera_tracking::CameraTrackerOptions tracker_options(const CameraTrackingConfig
     options.start = start;
   } else if (!config.board.empty()) {
     options.start = board_start(config.board);
-  } else if (config.leds.empty()) {  // nothing but the loaded map
+  } else if (config.leds.empty()) {  // only the loaded map
     options.start = camera_tracking::FoundStart{
         [](const capture::Image&) -> std::optional<camera_tracking::PointsStart> { return std::nullopt; }};
   } else {

@@ -17,8 +17,8 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::size_t most_targets = 100;
-constexpr double most_particles = 4e6;  // of all objects while they are searched: about a gigabyte
-constexpr std::size_t most_pairs = 3;   // of targets with one colour that are warned of one by one
+constexpr double most_particles = 4e6;  // of all objects during a search: about a gigabyte
+constexpr std::size_t most_pairs = 3;   // of targets with overlapping colours that get separate warnings
 
 std::string not_in_the_rig(const std::string& camera, const calib::CameraRig& rig) {
   const std::vector<std::string> names = rig.camera_names();
@@ -116,12 +116,12 @@ void check_live_cameras(const ServiceConfig& config, const yaml::YamlReader& roo
     }
     if (camera.send == Sent::matches && camera.name == config.camera_tracking.camera)
       live.map(camera.name).fail("send", "must be frames: camera_tracker needs its pictures");
-    // Each of two colours while it is new: its own, and as it would be in OpenCV's units.
+    // A new target has two colours: its own, and that in OpenCV's units.
     constexpr std::size_t most_targets = capture::Matches::most / 2;
     if (camera.send == Sent::matches && config.targets.size() > most_targets)
       live.map(camera.name)
-          .fail("send", fmt::format("must be frames: matches tell of {} targets at most, and there are {}",
-                                    most_targets, config.targets.size()));
+          .fail("send", fmt::format("must be frames: matches allow at most {} targets, and there are {}", most_targets,
+                                    config.targets.size()));
     if (camera.send == Sent::matches && !config.is_calibrated())
       live.map(camera.name).fail("send", "must be frames until the cameras are calibrated (rig: none)");
   }
@@ -134,7 +134,7 @@ void check_targets(const ServiceConfig& config, const yaml::YamlReader& root) {
   const double smallest_side_m = (volume.max - volume.min).minCoeff();
   const yaml::YamlReader targets = root.map_or_empty("targets");
   for (const auto& target : config.targets) {
-    publish::EstimatePublisherOptions topics;  // the name becomes part of theirs
+    publish::EstimatePublisherOptions topics;  // topic names contain it
     topics.targets = {target.name};
     if (const auto problems = topics.problems(); !problems.empty()) targets.fail(target.name, problems.front());
     const yaml::YamlReader yaml = targets.map(target.name);
@@ -155,7 +155,7 @@ void check_targets(const ServiceConfig& config, const yaml::YamlReader& root) {
   }
 }
 
-// The share of the first hue range that lies in the second, both on the circle.
+// Whether two colour ranges overlap.
 bool hues_overlap(const color::HsiRange& a, const color::HsiRange& b) {
   const auto inside = [](double hue, const color::HsiRange& r) {
     return r.hue_min_deg <= r.hue_max_deg ? hue >= r.hue_min_deg && hue <= r.hue_max_deg
@@ -187,7 +187,7 @@ void check(const ServiceConfig& config, const yaml::YamlReader& root) {
   if (!config.is_calibrated() && !config.camera_tracking.camera.empty())
     root.map("camera_tracking").fail("camera", "cannot be tracked yet: rig is none");
   check_camera_tracking(config, root.map_or_empty("camera_tracking"));
-  // Who may teach may add the first one, too.
+  // With allow_teach, the first target may be added later.
   if (config.targets.empty() && config.camera_tracking.camera.empty() && !config.control.allow_teach)
     root.fail("targets",
               "at least one target is needed: targets: {ball: {color: {hue_deg: [65, 115]}}}, or {ball: {}} to be "
@@ -204,9 +204,9 @@ void check(const ServiceConfig& config, const yaml::YamlReader& root) {
 
 namespace {
 
-constexpr double hall_m = 200;  // longer than any that cameras are put up in
+constexpr double hall_m = 200;  // longer than any room for this purpose
 
-// From the middle of the volume.
+// Distance of the nearest camera from the middle of the volume.
 double nearest_camera_m(const ServiceConfig& config) {
   const Eigen::Vector3d middle = (config.object_tracking.volume.min + config.object_tracking.volume.max) / 2;
   double nearest_m = std::numeric_limits<double>::infinity();
@@ -214,7 +214,7 @@ double nearest_camera_m(const ServiceConfig& config) {
   return nearest_m;
 }
 
-// Between the two cameras that are furthest apart.
+// Largest distance between two cameras.
 double rig_width_m(const calib::CameraRig& rig) {
   double widest_m = 0;
   for (const auto& a : rig.cameras)
@@ -222,10 +222,10 @@ double rig_width_m(const calib::CameraRig& rig) {
   return widest_m;
 }
 
-// What speaks against a rig by what its file says of it; empty: nothing.
+// Evidence against the rig in its own file; empty: none.
 std::string rig_warning(const calib::CameraRig& rig) {
   using namespace std::chrono;
-  // Mounts sag and lenses are touched within months; before, somebody has looked.
+  // Mounts sag and lenses are touched within months.
   constexpr auto old = days(180);
   const sys_seconds now = floor<seconds>(system_clock::now());
   const calib::RigHistory& made = rig.made;
@@ -234,14 +234,13 @@ std::string rig_warning(const calib::CameraRig& rig) {
     return "the rig was found " + made.checks.back().verdict + " when it was last checked: " + made.text(now);
   const auto seen = made.checks.empty() ? made.at : std::optional(made.checks.back().at);
   if (seen && now - *seen > old)
-    return "nobody has checked the rig for long: " + made.text(now) +
-           "; huetrack-calibrate check tells whether it fits";
+    return "the rig has not been checked for long: " + made.text(now) + "; check it with huetrack-calibrate check";
   return {};
 }
 
-// What no camera could see for its smallness. Empty: nothing.
+// A target that is too small to be seen; empty: none.
 std::string size_warning(const ServiceConfig& config) {
-  constexpr double least_seen_px = 0.25;  // radius: a smaller ball colours no pixel
+  constexpr double least_seen_px = 0.25;  // radius of a ball that colours no pixel
   const double nearest_m = nearest_camera_m(config);
   double px_per_rad = 0;
   for (const auto& camera : config.rig.cameras)
@@ -251,14 +250,14 @@ std::string size_warning(const ServiceConfig& config) {
     if (px < least_seen_px)
       return fmt::format(
           "target {}: a ball of radius {:g} m would be {:.2g} pixels large in the middle of the volume, {:.0f} m from "
-          "the nearest camera: is the rig, or the volume, in another unit than metres?",
+          "the nearest camera: is the rig, or the volume, not in metres?",
           target.name, target.radius_m, 2 * px, nearest_m);
   }
   return {};
 }
 
-// What a range that is wider than any paint was meant to be: written the wrong way round, or in OpenCV's units of two
-// degrees each, in which red is from 170 to 10. The narrower one of the two is.
+// The probable meaning of a range that is wider than any paint: reversed, or in OpenCV's units of two degrees, in which
+// red is 170 to 10; the narrower of the two.
 std::string meant_hue(const color::HsiRange& range) {
   const double low = range.hue_max_deg, high = range.hue_min_deg;
   const double turned_deg = high - low, doubled_deg = 360 - 2 * turned_deg;
@@ -272,24 +271,23 @@ std::string meant_hue(const color::HsiRange& range) {
 
 std::string teach_advice(const ServiceConfig& config, const object_tracking::TargetOptions& target,
                          const std::string& recording) {
-  return fmt::format(
-      "click on it on the page of huetrack view, or teach it: huetrackd teach {} {} {}--at CAMERA,FRAME,U,V",
-      config.file.string(), recording, config.targets.size() > 1 ? "--target " + target.name + " " : "");
+  return fmt::format("click on it on the page of huetrack view, or run huetrackd teach {} {} {}--at CAMERA,FRAME,U,V",
+                     config.file.string(), recording, config.targets.size() > 1 ? "--target " + target.name + " " : "");
 }
 
 std::string unit_mistake(const ServiceConfig& config) {
   if (!config.is_calibrated()) return {};
   if (const double widest_m = rig_width_m(config.rig); widest_m > hall_m)
-    return fmt::format("the cameras stand up to {:.0f} m apart: is the rig in millimetres? Metres are the unit",
+    return fmt::format("the cameras stand up to {:.0f} m apart: is the rig in millimetres? Write it in metres",
                        widest_m);
   if (config.targets.empty()) return {};
   const object_tracking::Volume& volume = config.object_tracking.volume;
   if (const double longest_m = (volume.max - volume.min).maxCoeff(); longest_m > hall_m)
-    return fmt::format("object_tracking.volume is {:.0f} m long: is it in millimetres? Metres are the unit", longest_m);
+    return fmt::format("object_tracking.volume is {:.0f} m long: is it in millimetres? Write it in metres", longest_m);
   if (const double nearest_m = nearest_camera_m(config); nearest_m > hall_m)
     return fmt::format(
         "the nearest camera stands {:.0f} m from the middle of object_tracking.volume: is the rig, or the volume, in "
-        "millimetres? Metres are the unit",
+        "millimetres? Write them in metres",
         nearest_m);
   return {};
 }
@@ -306,13 +304,13 @@ std::vector<std::string> warnings_of(const ServiceConfig& config) {
   for (const auto& camera : config.rig.cameras) {
     if (!config.cameras.empty() &&
         std::ranges::find(config.cameras, camera.name, &LiveCameraConfig::name) == config.cameras.end())
-      warnings.push_back("camera " + camera.name + " of the rig is not among the live cameras, and not used by run");
+      warnings.push_back("camera " + camera.name + " of the rig is not among the live cameras, so run does not use it");
   }
   if (std::string warning = rig_warning(config.rig); !warning.empty()) warnings.push_back(std::move(warning));
   const RecordConfig& record = config.record;
   if (!record.folder.empty() && !record.always && !(record.pre_roll_s > 0) && !config.control.allow_record)
     warnings.push_back(
-        "record.folder is given, but nothing will be recorded: set record.always, record.pre_roll_s, or "
+        "record.folder is set, but nothing will be recorded: set record.always, record.pre_roll_s, or "
         "control.allow_record");
   if (config.targets.empty()) return warnings;
   const auto coverage = volume_coverage(config.rig, config.object_tracking.volume);
@@ -329,7 +327,6 @@ std::vector<std::string> warnings_of(const ServiceConfig& config) {
   if (!unit.empty()) warnings.push_back(std::move(unit));
   for (const auto& target : config.targets) {
     const color::HsiRange& c = target.color;
-    // No paint is so many colours; a range that was written the wrong way round is.
     constexpr double widest_paint_deg = 180;
     if (c.hue_min_deg > c.hue_max_deg && hue_width_deg(c) > widest_paint_deg)
       warnings.push_back(fmt::format("target {}: its hue runs from {:g} through red to {:g}, {:g} degrees in all; {}",

@@ -1,4 +1,4 @@
-// What one key of a configuration alone cannot tell.
+// Checks that involve several keys, or the rig.
 #pragma once
 
 #include "calib/yaml/yaml_reader.h"
@@ -6,12 +6,12 @@
 
 namespace huetrack::config {
 
-// throws ConfigError: keys contradict each other or the rig. root: what the configuration was read from; it knows the
-// file and line of each key.
+// throws ConfigError if keys contradict each other or the rig. root: source of the configuration, for file and line of
+// each key.
 void check(const ServiceConfig& config, const yaml::YamlReader& root);
 
-// throws ConfigError: of a camera that is reached by an address, what such a camera cannot have. at: the camera's part
-// of the file. Says nothing of others.
+// throws ConfigError if a network camera has settings that such a camera cannot have. at: the camera's part of the
+// file. Accepts other cameras.
 void check_network_camera(const LiveCameraConfig& camera, calib::ImageSize size, const yaml::YamlReader& at);
 
 }  // namespace huetrack::config

@@ -65,9 +65,9 @@ void write_room(const std::filesystem::path& file, const std::vector<KeptRoom>& 
 
 std::string room_to_yaml(const std::vector<KeptRoom>& room, const std::string& rig_identity) {
   std::string text =
-      "# What the cameras saw of the still room when they stood where the rig says. huetrackd writes and reads it; "
-      "who\n"
-      "# deletes it has the room learnt anew.\nversion: 1\n";
+      "# The still room as the cameras saw it at the poses of the rig. Written and read by huetrackd; delete it to "
+      "learn\n"
+      "# the room again.\nversion: 1\n";
   text += fmt::format("rig: \"{}\"  # this one only\ncameras:\n", rig_identity);
   for (const KeptRoom& kept : room) {
     text +=

@@ -1,5 +1,5 @@
-// The file in which the still room around the cameras is kept over restarts, so that a camera that was turned while
-// nobody looked is noticed. It belongs to one rig: with another one it is as if it were not there.
+// The file that keeps the learnt still room over restarts, so that a camera that was turned meanwhile is detected. It
+// belongs to one rig and is ignored with another one.
 #pragma once
 
 #include <filesystem>
@@ -15,9 +15,9 @@ struct KeptRoom {
   std::vector<room_watch::KeptPatch> patches;
 };
 
-// Empty where there is no such file, or it is of another rig. throws ConfigError: it is there and cannot be read.
+// Empty if there is no such file, or it belongs to another rig. throws ConfigError if it is invalid.
 std::vector<KeptRoom> read_room(const std::filesystem::path& file, const std::string& rig_identity);
-// As a whole or not at all. throws std::system_error
+// Atomic. throws std::system_error
 void write_room(const std::filesystem::path& file, const std::vector<KeptRoom>& room, const std::string& rig_identity);
 std::string room_to_yaml(const std::vector<KeptRoom>& room, const std::string& rig_identity);
 

@@ -29,7 +29,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// false, too, of a name that is too long to be asked about.
+// Also false for a name that is too long for the system.
 bool is_file(const fs::path& file) {
   std::error_code unknown;
   return fs::is_regular_file(file, unknown);
@@ -37,10 +37,10 @@ bool is_file(const fs::path& file) {
 
 std::string no_file(const fs::path& file) {
   std::error_code unknown;
-  if (file.native().find(": ") != std::string::npos)  // so is a text that goes on to the next quotation mark
-    return file.string() + " is no file: is a quotation mark missing behind the name?";
+  if (file.native().find(": ") != std::string::npos)  // probably a text up to the next quotation mark
+    return file.string() + " is no file: is a quotation mark missing after the name?";
   if (files::has_control_characters(file.native()))
-    return file.string() + " is no file: in double quotes a backslash begins something else; write / for it";
+    return file.string() + " is no file: a backslash in double quotes is an escape; write / instead";
   return fs::exists(file, unknown) ? file.string() + " is no file, but a folder, a device or a pipe"
                                    : "there is no file " + file.string();
 }
@@ -78,15 +78,15 @@ constexpr std::pair<std::string_view, camera_tracking::CameraMethod> camera_meth
     {"herranz", camera_tracking::CameraMethod::herranz}};
 constexpr yaml::Range share{.min = 0, .max = 1};
 constexpr yaml::Range degrees{.min = 0, .max = 360};
-// From the clock's microsecond to more than any two cameras are apart.
+// From the clock's microsecond to more than the offset of any two cameras.
 constexpr yaml::Range tolerance{.min = 1e-6, .max = 10};
 constexpr yaml::Range at_least_one{.min = 1, .max = 1e6};
 
 enum class Need : std::uint8_t { optional, required };
 
 // ---------------------------------------------------------------------------------------------------------------------
-// The keys. ONE description serves reading and printing: `io` is a Reader, which fills the structs from a mapping, or a
-// Printer, which writes them out. A new option is one line here (and one in configs/huetrackd.yaml).
+// The keys, described once for reading and printing: `io` is a Reader, which fills the structs, or a Printer. A new
+// option is one line here (and one in configs/huetrackd.yaml).
 
 template <typename Io, typename Color>
 void describe_color(Io& io, Color& color, Need need) {
@@ -94,13 +94,13 @@ void describe_color(Io& io, Color& color, Need need) {
               "[from, to]; from > to goes through 0, as in [340, 20] for red");
   io.interval("saturation", color.saturation_min, color.saturation_max, share, Need::optional, "[min, max], 0..1");
   io.interval("intensity", color.intensity_min, color.intensity_max, share, Need::optional,
-              "[min, max], 0..1; darker and brighter pixels match nothing");
+              "[min, max], 0..1; darker and brighter pixels never match");
 }
 
 template <typename Io, typename Options>
 void describe_object_tracking(Io& io, Options& o) {
   io.choice("observation", o.observation, Words<object_tracking::Observation>(observation_words),
-            "the filter: huetrack (ours), or paper (Barrera et al., eqs. (1)-(6), nothing else)");
+            "the filter: huetrack (ours), or paper (Barrera et al., eqs. (1)-(6) only)");
   io.group("volume", "where targets may be; world frame, metres", [&](auto& in) {
     in.point("min", o.volume.min, "[x, y, z]");
     in.point("max", o.volume.max, "[x, y, z]");
@@ -112,73 +112,72 @@ void describe_object_tracking(Io& io, Options& o) {
   io.number("position_noise_m", o.position_noise_m, yaml::positive,
             "paper only: sigma_m of the random walk, metres per frame set");
   io.choice("timing", o.timing, Words<object_tracking::TimingMode>(timing_words),
-            "huetrack only: learn (each camera's latency and readout, from the motion), or fixed (the rig's hold)");
+            "huetrack only: learn (latency and readout of each camera, from motion), or fixed (the rig's)");
   io.number("acceleration_m_s2", o.acceleration_m_s2, yaml::positive,
-            "huetrack only: the hardest usual acceleration, m/s^2");
+            "huetrack only: the largest usual acceleration, m/s^2");
   io.number("start_speed_m_s", o.start_speed_m_s, yaml::positive, "huetrack only: the highest usual speed, m/s");
   io.number("pixel_noise_px", o.pixel_noise_px, yaml::positive,
             "huetrack only: std. dev. of a colour region's centre in a view, pixels");
-  io.number(
-      "max_tracking_sigma_m", o.max_tracking_sigma_m, yaml::positive,
-      "huetrack only: a position that its views leave less sure than this is coasting, metres; what is open of the "
-      "cameras' times does not count");
-  io.number("coast_s", o.coast_s, yaml::positive, "coasting for longer than this is lost, seconds");
+  io.number("max_tracking_sigma_m", o.max_tracking_sigma_m, yaml::positive,
+            "huetrack only: a position with a larger sigma is coasting, metres; the uncertainty of the cameras' timing "
+            "does not "
+            "count");
+  io.number("coast_s", o.coast_s, yaml::positive, "an object that coasts for longer is lost, seconds");
   io.number("max_coast_sigma_m", o.max_coast_sigma_m, yaml::positive,
-            "less sure of the position than this is lost, metres");
+            "an object with a larger position sigma is lost, metres");
 }
 
 template <typename Io, typename Tracking>
 void describe_camera_tracking(Io& io, Tracking& t) {
-  io.text_or("camera", "none", t.camera, "whose pose is tracked, named as in the rig; none");
+  io.text_or("camera", "none", t.camera, "name of the tracked camera in the rig; none");
   io.choice("method", t.method, Words<camera_tracking::CameraMethod>(camera_method_words),
             "huetrack (ours), or pupilli, lee, herranz (as in their papers)");
   io.integer_or("particle_count", "auto", t.particle_count, at_least_one, "auto: the method's own");
   io.boolean("as_printed", t.as_printed, "pupilli and lee: the paper's filter without our additions");
   io.integer("seed", t.seed, yaml::Range{.min = 0, .max = 9e15},
              "same seed, recording and configuration: the same poses");
-  io.path_or("load_map", "none", t.load_map,
-             "a map that was saved: the camera is found in it, and start may be left out");
-  io.folder_or("save_map", "none", t.save_map, "where the map is written at the end");
-  io.group("start", "what the first pose is known from: exactly one of rectangle, points, board, leds", [&](auto& in) {
+  io.path_or("load_map", "none", t.load_map, "a saved map in which the camera is localised; start may be left out");
+  io.folder_or("save_map", "none", t.save_map, "file for the map at the end");
+  io.group("start", "source of the first pose: exactly one of rectangle, points, board, leds", [&](auto& in) {
     const std::vector<CsvColumn> xyz{{"X", "x"}, {"Y", "y"}, {"Z", "z"}, {"u", "u_frame0"}, {"v", "v_frame0"}};
     in.table_or("rectangle", t.rectangle, xyz, 3, 5,
-                "4 corners: CSV file, or [[x, y, z], ...]; with u, v: where in frame 0");
+                "4 corners: CSV file, or [[x, y, z], ...]; with u, v: pixels in frame 0");
     in.table_or("points", t.points, xyz, 5, 5, "known points in frame 0: CSV file, or [[x, y, z, u, v], ...]");
-    in.path_or("board", "none", t.board, "a board file (calib/README.md): found by itself in the view");
+    in.path_or("board", "none", t.board, "a board file (calib/README.md): detected automatically");
     in.table_or("leds", t.leds, {xyz[0], xyz[1], xyz[2]}, 3, 3, "LED positions: CSV file, or [[x, y, z], ...]");
     in.table_or("led_schedule", t.led_schedule, {{"led", "led"}}, 1, 1,
                 "which LED is lit, per slot (-1: none): CSV file, or [[0], [1], ...]; none: not identified");
     in.number("led_slot_s", t.led_slot_s, yaml::non_negative,
-              "0: a slot is a frame; else its length by capture time, seconds");
+              "0: a slot is a frame; otherwise its length in capture time, seconds");
     in.point("led_room_min", t.led_room_min, "[x, y, z]: where the camera may be, metres");
     in.point("led_room_max", t.led_room_max, "[x, y, z]");
   });
 }
 
-// Of a camera that another host has.
+// Of a remote camera.
 template <typename Io, typename Camera>
 void describe_hosted(Io& io, Camera& camera) {
-  io.text_or("host", "this one", camera.host, "the camera host that has it, where `huetrackd capture` runs");
-  io.text_or("camera", "same", camera.camera_there, "its name on that host; same: as here");
+  io.text_or("host", "this one", camera.host, "the camera host with this camera, where `huetrackd capture` runs");
+  io.text_or("camera", "same", camera.camera_there, "its name on that host; same: the name here");
   io.choice("send", camera.send, Words<Sent>(sent_words),
-            "what that host sends: frames, or matches: only which pixels have a target's colour");
+            "what that host sends: frames, or matches (pixels of the targets' colours)");
   io.number("picture_every_s", camera.picture_every_s, yaml::Range{.min = 0, .max = 60},
-            "of matches: seconds between pictures for the page and for who watches the room; 0: none");
+            "with matches: seconds between pictures, for the page and for the room watch; 0: none");
 }
 
 template <typename Io, typename Camera>
 void describe_device(Io& io, Camera& camera) {
   io.device("device", camera.device, camera.host,
-            "/dev/v4l/by-path/... (a port), by-id/... (a camera), or an index (not stable); none: its host knows");
+            "/dev/v4l/by-path/... (a port), by-id/... (a camera), or an index (not stable); none: remote");
   io.choice_or("format", "auto", camera.format, Words<capture::CaptureFormat>(format_words),
-               "auto, yuyv, nv12, mjpeg or grey; auto: the first of these that reaches size and fps, else the fastest");
-  io.size_or("size", "rig", camera.size, "[width, height]; rig: as the rig was calibrated");
+               "auto, yuyv, nv12, mjpeg or grey; auto: the first of these with this size and fps, else the fastest");
+  io.size_or("size", "rig", camera.size, "[width, height]; rig: that of the calibration");
   io.number_or("fps", "auto", camera.fps, yaml::Range{.min = 0, .max = 10000, .min_is_open = true},
                "frames per second; auto: the driver's choice");
-  io.controls("controls", camera.controls, "by their V4L2 names; automatic ones are switched first");
+  io.controls("controls", camera.controls, "by their V4L2 names; automatic controls are set first");
   io.number_or("latency_offset_s", "rig", camera.latency_offset_s, yaml::Range{.min = -1, .max = 1},
                "from mid-exposure to the driver's time stamp, seconds; rig: the rig's timing.latency_s");
-  io.boolean("restore_controls", camera.restore_controls, "put the camera's own values back at the end");
+  io.boolean("restore_controls", camera.restore_controls, "restore the camera's own values at the end");
 }
 
 template <typename Io, typename Camera>
@@ -192,63 +191,61 @@ void describe_dds(Io& io, Dds& dds) {
   io.boolean("enabled", dds.enabled, "publish at all");
   io.integer_or("domain", "auto", dds.publisher.domain, yaml::Range{.min = 0, .max = 232},
                 "DDS domain; auto: ROS_DOMAIN_ID, else 0");
-  io.path_or("profile", "none", dds.publisher.profiles, "Fast DDS XML profiles that replace our transport and QoS");
+  io.path_or("profile", "none", dds.publisher.profiles, "Fast DDS XML profiles that replace transport and QoS");
   io.strings("interfaces", dds.publisher.interfaces, "network interfaces to use (names or IPv4 addresses); empty: all");
-  io.boolean("ros2", dds.publisher.ros2, "also publish rt/huetrack/<target>/pose and rt/tf, which ROS 2 reads");
+  io.boolean("ros2", dds.publisher.ros2, "also publish rt/huetrack/<target>/pose and rt/tf for ROS 2");
   io.text("frame_id", dds.publisher.frame_id, "name of the world frame in the ROS 2 messages");
 }
 
 template <typename Io, typename Record>
 void describe_record(Io& io, Record& record) {
   io.folder_or("folder", "none", record.folder,
-               "recordings become folders in it, named by their time; none: no recording");
-  io.boolean("always", record.always, "record everything that `run` sees");
+               "recordings are folders in it, named by their time; none: no recording");
+  io.boolean("always", record.always, "record the whole run");
   io.choice("raw_storage", record.raw_storage, Words<recordings::RawStorage>(raw_storage_words),
-            "of cameras that do not compress: uncompressed or huffyuv (half the size, more time); both lossless");
-  io.integer("queue_frames", record.queue_frames, at_least_one, "per camera, may wait for the disk; then drops");
+            "for raw cameras: uncompressed or huffyuv (half the size, more time); both lossless");
+  io.integer("queue_frames", record.queue_frames, at_least_one, "per camera, waiting for the disk; beyond it, drops");
   io.number("pre_roll_s", record.pre_roll_s, yaml::Range{.min = 0, .max = 3600},
-            "keep so much in memory, and save it on SIGUSR1; seconds, 0: none");
-  io.integer("pre_roll_mb", record.pre_roll_mb, at_least_one, "megabytes that the pre-roll may take, all cameras");
-  io.number("after_s", record.after_s, yaml::Range{.min = 0, .max = 3600},
-            "record so long after the pre-roll, seconds");
-  io.boolean("on_lost", record.on_lost, "save the pre-roll when a target is lost, too");
+            "length kept in memory, saved on SIGUSR1; seconds, 0: none");
+  io.integer("pre_roll_mb", record.pre_roll_mb, at_least_one, "memory of the pre-roll, all cameras, megabytes");
+  io.number("after_s", record.after_s, yaml::Range{.min = 0, .max = 3600}, "recorded after the pre-roll, seconds");
+  io.boolean("on_lost", record.on_lost, "also save the pre-roll when a target is lost");
 }
 
 template <typename Io, typename Config>
 void describe(Io& io, Config& config) {
   io.version(1);
-  io.rig("rig", config.rig_file, "the calibrated cameras; none: they are not calibrated yet, and `run` shows them");
+  io.rig("rig", config.rig_file, "the calibrated cameras; none: not calibrated yet, `run` only shows them");
   io.named("targets", config.targets, "what to track: name, size and colour of each", [&](auto& in, auto& target) {
     in.number("radius_m", target.radius_m, yaml::positive,
-              "of the ball, or of a ball of about the object's size, metres");
+              "of the ball (or of a ball about as large as the object), metres");
     in.choice(
         "shape", target.shape, Words<object_tracking::TargetShape>(shape_words),
-        "huetrack only: ball: its outline is fitted; blob: its colour's centre; auto: a ball until it shows otherwise");
-    in.object_count("count", target, "3, or up to 8: how many of them there may be at once");
-    in.color("color", target.color, "HSI as in the paper; without it the target is to be taught", [&](auto& color) {
+        "huetrack only: ball: fits the outline; blob: centre of the colour; auto: ball, unless outlines do not fit");
+    in.object_count("count", target, "number of objects: 3, or up to 8");
+    in.color("color", target.color, "HSI as in the paper; none: to be taught", [&](auto& color) {
       describe_color(color, target.color, Need::required);
-      color.boolean("adapt", target.adapts_color, "huetrack only: the ranges follow the object's colour slowly");
+      color.boolean("adapt", target.adapts_color, "huetrack only: the ranges slowly follow the object's colour");
     });
     in.named("camera_colors", target.camera_colors, "per-camera overrides of color", [&](auto& color, auto& range) {
       if constexpr (!std::is_const_v<std::remove_reference_t<decltype(range)>>)
-        range = target.color == untaught_color ? color::HsiRange{} : target.color;  // for what is not given
+        range = target.color == untaught_color ? color::HsiRange{} : target.color;  // defaults for missing values
       describe_color(color, range, Need::optional);
     });
   });
-  io.boxes("ignore", config.ignored,
-           "per camera, [u_min, v_min, u_max, v_max, ...]: rectangles in which nothing matches");
+  io.boxes("ignore", config.ignored, "per camera, [u_min, v_min, u_max, v_max, ...]: rectangles that are ignored");
   io.group("camera_tracking", "the pose of one moving camera",
            [&](auto& in) { describe_camera_tracking(in, config.camera_tracking); });
   io.named("cameras", config.cameras, "the live cameras, for `run`; names as in the rig",
            [&](auto& in, auto& camera) { describe_camera(in, camera); });
   io.integer_or("quorum", "all", config.quorum, yaml::Range{.min = 0, .max = 1000},
-                "how many cameras must deliver before the service says that it is ready");
+                "number of cameras that must deliver before the service is ready");
   io.group("object_tracking", "", [&](auto& in) { describe_object_tracking(in, config.object_tracking); });
-  io.group("calibration", "whether the cameras still stand where the rig says", [&](auto& in) {
+  io.group("calibration", "detection of cameras that moved", [&](auto& in) {
     in.choice("watch", config.calibration.watch, Words<CalibrationMode>(calibration_words),
-              "tell; leave out: do not use a camera that was moved; mend: let its pose follow");
+              "tell: report a moved camera; leave out: do not use it; mend: track its pose");
     in.folder_or("room", "none", config.calibration.room_file,
-                 "file in which `run` keeps the still room over restarts; none: it is as it is at the start");
+                 "file that keeps the still room over restarts; none: learnt at each start");
   });
   io.group("frame_sets", "which frames belong together", [&](auto& in) {
     in.number_or("tolerance_s", "auto", config.set_tolerance_s, tolerance,
@@ -263,24 +260,25 @@ void describe(Io& io, Config& config) {
                   "GET /metrics; none: no endpoint");
     in.text("address", config.metrics.address, "to listen on; 127.0.0.1: this host only");
   });
-  io.group("preview", "small pictures for people who watch; made only while somebody subscribes", [&](auto& in) {
+  io.group("preview", "small pictures, made only while there are subscribers", [&](auto& in) {
     in.boolean("enabled", config.preview.enabled, "publish huetrack/preview at all");
     in.number("rate_hz", config.preview.rate_hz, yaml::Range{.min = 0, .max = 120, .min_is_open = true},
-              "at most so many pictures per camera and second");
+              "maximum pictures per camera and second");
     in.integer("width", config.preview.width, yaml::Range{.min = 16, .max = 4096},
                "pixels; larger images are scaled down");
     in.integer("quality", config.preview.quality, yaml::Range{.min = 1, .max = 100}, "of the JPEGs");
-    in.integer("particles", config.preview.particles, yaml::Range{.min = 0, .max = 10000}, "drawn per target, about");
+    in.integer("particles", config.preview.particles, yaml::Range{.min = 0, .max = 10000},
+               "approximate number drawn per target");
   });
-  io.group("control", "what may be asked of the running service over DDS", [&](auto& in) {
-    in.boolean("allow_teach", config.control.allow_teach, "teach colours: writes a file beside this one");
+  io.group("control", "what clients may request over DDS", [&](auto& in) {
+    in.boolean("allow_teach", config.control.allow_teach, "teach colours: writes the taught file next to this one");
     in.boolean("allow_record", config.control.allow_record,
-               "record, and download what was: needs record: {folder: ...}");
+               "make and download recordings: needs record: {folder: ...}");
   });
   io.choice("log_level", config.log_level, Words<LogLevel>(log_level_words), "debug, info, warning or error");
 }
 
-// The name that a mapping of named entries gives to an entry, and the rest of the entry.
+// Splits an entry of a mapping into its name and the rest.
 template <typename Entry>
 auto& name_of(Entry& entry) {
   if constexpr (requires { entry.name; }) {
@@ -303,17 +301,17 @@ class Printer {
  public:
   enum class Show : std::uint8_t {
     all,          // every value
-    all_origins,  // and which of them come from the configuration, and which from the taught file
-    taught        // only what stands in the taught file
+    all_origins,  // with its file of origin
+    taught        // only those of the taught file
   };
   struct Style {
     Show show = Show::all;
     const TaughtKeys& taught;
-    const std::set<yaml::KeyPath>* written = nullptr;  // what the configuration says, of all_origins
+    const std::set<yaml::KeyPath>* written = nullptr;  // keys of the configuration, for all_origins
     std::string written_name{}, taught_name{};         // of their files
-    std::vector<yaml::KeyPath>* keys = nullptr;        // what is printed is added to them
+    std::vector<yaml::KeyPath>* keys = nullptr;        // receives the printed keys
   };
-  // path: of the mapping that is printed, empty at the root. style stays alive.
+  // path: of the printed mapping, empty at the root. style: outlives this.
   Printer(std::string& out, const Style& style, yaml::KeyPath path = {})
       : out_(out), style_(style), path_(std::move(path)) {}
 
@@ -414,9 +412,9 @@ class Printer {
   }
   template <typename F>
   void color(std::string_view key, const color::HsiRange& range, std::string_view doc, F&& describe_range) {
-    // For people: the ranges that nothing has look as if somebody had given them.
+    // Ranges that match nothing would look like a given colour.
     if (style_.show == Show::all_origins && range == untaught_color) {
-      out_ += fmt::format("{}# {}: none yet; huetrackd teach, or a click on the page, writes it\n", indentation(), key);
+      out_ += fmt::format("{}# {}: not taught yet (huetrackd teach, or a click on the page)\n", indentation(), key);
       return;
     }
     mapping(key, doc, describe_range);
@@ -469,7 +467,7 @@ class Printer {
     }
     out_ += inside;
   }
-  // The entries of this mapping that the taught file takes away are not among those that are there.
+  // Entries that the taught file removes are not among the existing ones.
   void names_taken_away() {
     if (style_.show == Show::all) return;
     for (const yaml::KeyPath& removed : style_.taught.removed) {
@@ -510,7 +508,7 @@ class Printer {
   bool has_entries_ = false;
 };
 
-// The keys that are printed, those of a mapping before its own.
+// The printed keys, those of a mapping before its own.
 template <typename F>
 std::vector<yaml::KeyPath> keys_of(F&& print) {
   std::string text;
@@ -522,7 +520,7 @@ std::vector<yaml::KeyPath> keys_of(F&& print) {
   return keys;
 }
 
-// "its keys belong below it, indented: min, max"; of what prints keys.
+// "its keys belong below it, indented: min, max"; for a function that prints keys.
 template <typename F>
 std::string keys_below(F&& print) {
   std::vector<std::string> names;
@@ -532,11 +530,11 @@ std::string keys_below(F&& print) {
 }
 
 // ---------------------------------------------------------------------------------------------------------------------
-// One mapping of the file; what it lacks keeps its default, or is an error where it is required.
+// One mapping of the file; missing optional keys keep their defaults.
 class Reader {
  public:
-  // folder: where relative paths start, whichever file they stand in
-  // elsewhere: all keys of such a file, for who writes one in the wrong place; outlives this
+  // folder: start of relative paths
+  // elsewhere: all keys, to recognise misplaced ones; outlives this
   Reader(yaml::YamlReader yaml, fs::path folder, std::span<const yaml::KeyPath> elsewhere = {})
       : yaml_(std::move(yaml)), folder_(std::move(folder)), elsewhere_(elsewhere) {}
 
@@ -589,22 +587,21 @@ class Reader {
     if (given != none) value = std::ranges::find(words, given, [](const auto& w) { return w.first; })->second;
   }
   void rig(std::string_view key, fs::path& value, std::string_view) {
-    if (!yaml_.has(key) && !files::nearest_word(key, yaml_.keys()))  // of a misspelt one string() knows more
-      yaml_.fail("", "rig is missing: write rig: FILE, which huetrack-calibrate writes; or rig: none before that");
+    if (!yaml_.has(key) && !files::nearest_word(key, yaml_.keys()))  // string() explains a misspelt key
+      yaml_.fail("", "rig is missing: write rig: FILE (from huetrack-calibrate), or rig: none before the calibration");
     const std::string given = yaml_.string(key);
     value = given == "none" ? fs::path() : resolved(given);
   }
-  // 0 is /dev/video0.
-  // host: that has it, empty: this one.
+  // 0 is /dev/video0. host: empty: this machine.
   void device(std::string_view key, fs::path& value, const std::string& host, std::string_view) {
     if (!host.empty()) {
       if (yaml_.string(key, "none") != "none")
-        yaml_.fail(key, "is a matter of the camera's host: give it in the configuration of `huetrackd capture` there");
+        yaml_.fail(key, "belongs to the camera's host: give it in the configuration of `huetrackd capture` there");
       return;
     }
     for (const std::string_view said : {"source", "path", "url", "address", "video", "index", "id"})
       if (!yaml_.has(key) && yaml_.has(said))
-        yaml_.fail(said, "is not a known key: the camera is device: /dev/v4l/by-path/..., an index, or rtsp://...");
+        yaml_.fail(said, "is not a known key: write device: /dev/v4l/by-path/..., an index, or rtsp://...");
     const std::string given = yaml_.string(key);
     const bool is_index = given.size() < 4 && std::ranges::all_of(given, [](char c) { return c >= '0' && c <= '9'; });
     value = is_index ? fs::path("/dev/video" + given) : fs::path(given);
@@ -630,7 +627,7 @@ class Reader {
     value = calib::ImageSize{static_cast<int>(sides[0]), static_cast<int>(sides[1])};
   }
   void controls(std::string_view key, std::vector<capture::ControlSetting>& settings, std::string_view) {
-    // As people say it; what a camera calls it stands in `huetrackd doctor`.
+    // Common names of V4L2 controls.
     static constexpr std::pair<std::string_view, std::string_view> misplaced[] = {
         {"exposure", "exposure_time_absolute"},
         {"exposure_time_absolute", "exposure_time_absolute"},
@@ -641,7 +638,7 @@ class Reader {
     const std::vector<std::string> given = yaml_.keys();
     for (const auto& [said, control] : misplaced)
       if (std::ranges::find(given, said) != given.end())
-        yaml_.fail(said, fmt::format("is a control of the camera's: write controls: {{{}: ...}} (`huetrackd doctor` "
+        yaml_.fail(said, fmt::format("is a control of the camera: write controls: {{{}: ...}} (`huetrackd doctor` "
                                      "lists those that it has)",
                                      control));
     const auto map = yaml_.optional_map(key);
@@ -668,7 +665,7 @@ class Reader {
                   std::string_view) {
     if (!is_word(key, word)) value = static_cast<int>(yaml_.integer(key, range));
   }
-  // A number, or "up to" one.
+  // A number, or "up to" a number.
   void object_count(std::string_view key, object_tracking::TargetOptions& target, std::string_view) {
     if (!yaml_.has(key)) return;
     static constexpr int most = object_tracking::TargetOptions::most_count;
@@ -721,11 +718,11 @@ class Reader {
   void group(std::string_view key, std::string_view, F&& describe_group) {
     if (yaml_.has(key) && !yaml_.is_mapping(key)) yaml_.fail(key, "is a group of keys: " + keys_below(describe_group));
     Reader inner(yaml_.map_or_empty(key), folder_,
-                 elsewhere_);  // even when it is absent: something in it may be required
+                 elsewhere_);  // even if absent: something in it may be required
     describe_group(inner);
     inner.finish();
   }
-  // Of a target: absent, it is the one that matches nothing.
+  // If absent, the colour that matches nothing.
   template <typename F>
   void color(std::string_view key, color::HsiRange& range, std::string_view doc, F&& describe_range) {
     if (yaml_.has(key)) {
@@ -761,7 +758,7 @@ class Reader {
 
  private:
   fs::path resolved(const std::string& path) const { return fs::absolute(folder_ / path).lexically_normal(); }
-  // Of two numbers, from and to: in per cent, in 256 steps, or around the circle the other way.
+  // Explains out-of-range values: per cent, 256 steps, or beyond the circle.
   void refuse_other_scale(std::string_view key, const std::vector<double>& values, yaml::Range range) const {
     const auto [low, high] = std::ranges::minmax(values);
     if (low >= range.min && high <= range.max) return;
@@ -779,7 +776,7 @@ class Reader {
     yaml_.fail(key, fmt::format("must be from {:g} to {:g}, got [{:g}, {:g}]{}", range.min, range.max, values[0],
                                 values[1], instead));
   }
-  // Absent, or the word that stands for "not a number".
+  // Absent, or the word for "not a number".
   bool is_word(std::string_view key, std::string_view word) const {
     if (!yaml_.has(key)) return true;
     const std::string given = yaml_.string(key);
@@ -796,7 +793,7 @@ class Reader {
 };
 
 // ---------------------------------------------------------------------------------------------------------------------
-// Of every configuration that there can be; a name that people choose is NAME.
+// All possible keys; NAME stands for user-defined names.
 std::vector<yaml::KeyPath> all_keys() {
   ServiceConfig one_of_all;
   one_of_all.targets.emplace_back().name = "NAME";
@@ -815,8 +812,8 @@ ServiceConfig described(const yaml::YamlReader& root, const fs::path& file) {
   return config;
 }
 
-// Somebody renamed a target, or took it out, and what it was taught is still there: only a person knows which.
-// Objects of a target that is several are told as its name and a number (object_tracking::object_name()).
+// A target was renamed or removed, and its taught values are left: only the user knows which.
+// Objects of a target with `count` are named by its name and a number (object_tracking::object_name()).
 void check_object_names(const yaml::YamlReader& root, const std::vector<object_tracking::TargetOptions>& targets) {
   for (const auto& several : targets) {
     if (several.count == 1) continue;
@@ -824,8 +821,8 @@ void check_object_names(const yaml::YamlReader& root, const std::vector<object_t
       if (!other.name.starts_with(several.name + "_")) continue;
       const std::string_view number = std::string_view(other.name).substr(several.name.size() + 1);
       if (number.empty() || !std::ranges::all_of(number, [](char c) { return c >= '0' && c <= '9'; })) continue;
-      root.map("targets").fail(other.name, fmt::format("is what an object of {0} is called, of which there are several "
-                                                       "(count): give it a name that is not {0} and a number",
+      root.map("targets").fail(other.name, fmt::format("is the name of an object of {0}, which has a count: choose a "
+                                                       "name other than {0} and a number",
                                                        several.name));
     }
   }
@@ -837,14 +834,14 @@ void check_taught_targets(const yaml::YamlReader& written, const yaml::YamlReade
   for (const std::string& name : targets.keys()) {
     if (std::ranges::find(known, name) != known.end()) continue;
     const yaml::YamlReader target = targets.map(name);
-    if (target.has("shape") && target.has("count")) continue;  // added by hand (taught_file.h)
+    if (target.has("shape") && target.has("count")) continue;  // added by an edit (taught_file.h)
     const auto nearest = files::nearest_word(name, known);
     targets.fail(name, fmt::format("{} has no such target{}: rename it here too, or take it out of this file",
                                    written.path().string(), nearest ? " (did you mean " + *nearest + "?)" : ""));
   }
 }
 
-// latency_offset_s is the rig's latency, for a rig that lacks it: there are never two.
+// latency_offset_s replaces a missing latency of the rig; there are never two.
 void take_latencies(ServiceConfig& config, const yaml::YamlReader& root) {
   for (const LiveCameraConfig& camera : config.cameras) {
     const auto index = config.rig.index_of(camera.name);
@@ -862,7 +859,7 @@ void take_latencies(ServiceConfig& config, const yaml::YamlReader& root) {
   }
 }
 
-// The cameras of the configuration with lenses that are nobody's: of it names and sizes are used, and nothing else.
+// A rig of the configuration's cameras with invented lenses; only names and sizes are used.
 calib::CameraRig rig_before_calibration(const std::vector<LiveCameraConfig>& cameras) {
   constexpr calib::ImageSize usual{640, 480};
   calib::CameraRig rig;
@@ -876,8 +873,7 @@ calib::CameraRig rig_before_calibration(const std::vector<LiveCameraConfig>& cam
   return rig;
 }
 
-// The configuration must be right by itself: so a mistake in it is not hidden by what is read over it, and whoever
-// deletes the taught file has it back.
+// The configuration must be valid by itself, so that the taught file hides no mistake and can be deleted.
 ServiceConfig read_config(const fs::path& file, const yaml::YamlReader& written,
                           const std::optional<yaml::YamlReader>& taught) {
   ServiceConfig config = described(written, file);
@@ -921,12 +917,12 @@ ServiceConfig read_config(const fs::path& file, const yaml::YamlReader& written,
   return config;
 }
 
-// Of a camera host.
+// A camera host's configuration.
 template <typename Io, typename Config, typename OfCamera>
 void describe_capture(Io& io, Config& config, const OfCamera& of_camera) {
   io.version(1);
-  io.text_or("host", "auto", config.host, "how trackers call this host; auto: as the machine is called");
-  io.named("cameras", config.cameras, "its cameras, as trackers call them", of_camera);
+  io.text_or("host", "auto", config.host, "name of this host for trackers; auto: the machine's name");
+  io.named("cameras", config.cameras, "its cameras, by their names for trackers", of_camera);
   io.group("dds", "", [&](auto& in) { describe_dds(in, config.dds); });
   io.choice("log_level", config.log_level, Words<LogLevel>(log_level_words), "");
 }
@@ -943,8 +939,8 @@ std::string printed(const ServiceConfig& config, Printer::Show show) {
   return out;
 }
 
-// Names of what a recording holds beside its configuration.
-constexpr std::size_t largest_beside = 1U << 30;  // bytes: a map has pictures in it
+// Names of the files next to a recording's configuration.
+constexpr std::size_t largest_beside = 1U << 30;  // bytes: a map contains pictures
 constexpr const char *board_beside = "camera_board.yaml", *map_beside = "camera.map", *room_beside = "room.yaml";
 
 }  // namespace
@@ -961,8 +957,8 @@ bool is_taught(const object_tracking::TargetOptions& target) {
 void require_rig(const ServiceConfig& config) {
   if (config.is_calibrated()) return;
   throw files::ConfigError(config.file, 0,
-                           "rig is none: calibrate the cameras first (huetrack-calibrate, calib/tutorial.md), and name "
-                           "the rig that it writes; until then huetrackd run shows them");
+                           "rig is none: calibrate the cameras first (huetrack-calibrate, calib/tutorial.md), and set "
+                           "rig to the file that it writes; until then, huetrackd run shows them");
 }
 
 std::vector<capture::FrameTiming> frame_timing(const calib::CameraRig& rig) {
@@ -975,7 +971,7 @@ std::vector<capture::FrameTiming> frame_timing(const calib::CameraRig& rig) {
 
 namespace {
 
-// A rig or a recording has `cameras`, too, and is easily given for the configuration that names them.
+// A rig or a recording has `cameras`, too, and is easily mistaken for a configuration.
 void refuse_other_files(const yaml::YamlReader& written) {
   if (written.has("rig") || !written.has("cameras")) return;
   for (const auto& [name, camera] : written.named_maps("cameras")) {
@@ -985,7 +981,7 @@ void refuse_other_files(const yaml::YamlReader& written) {
                            ") and the targets; configs/huetrackd.yaml has every key");
     if (camera.has("device"))
       written.fail(
-          "", "this is a camera host's configuration, for huetrackd capture; a tracker's has rig and targets, too");
+          "", "this is a camera host's configuration, for huetrackd capture; a tracker's also has rig and targets");
     if (camera.has("frames"))
       written.fail("", "this is a recording, not a configuration: huetrackd replay CONFIGURATION RECORDING");
   }
@@ -1022,16 +1018,16 @@ CaptureConfig load_capture_config(const fs::path& file) {
   CaptureConfig config;
   config.file = fs::absolute(file).lexically_normal();
   Reader reader(root, root.path().parent_path());
-  // A tracker's keys are read, too, to say what they are.
+  // Also reads a tracker's keys, for better messages.
   describe_capture(reader, config, [](auto& in, auto& camera) { describe_camera(in, camera); });
   reader.finish();
   if (config.cameras.empty()) root.fail("cameras", "is missing: name the cameras of this host");
   for (const LiveCameraConfig& camera : config.cameras) {
     const yaml::YamlReader yaml = root.map("cameras").map(camera.name);
-    if (!camera.host.empty()) yaml.fail("host", "is not for a camera host, whose cameras are its own");
-    if (camera.send != Sent::frames) yaml.fail("send", "is the tracker's: it says what it wants");
-    if (!camera.size) yaml.fail("size", "is missing: a camera host knows no rig; give [width, height] as calibrated");
-    if (camera.latency_offset_s) yaml.fail("latency_offset_s", "is the tracker's: give it there, or in the rig");
+    if (!camera.host.empty()) yaml.fail("host", "is not for a camera host: its cameras are local");
+    if (camera.send != Sent::frames) yaml.fail("send", "belongs to the tracker's configuration");
+    if (!camera.size) yaml.fail("size", "is missing: a camera host has no rig; give [width, height] as calibrated");
+    if (camera.latency_offset_s) yaml.fail("latency_offset_s", "belongs to the tracker's configuration or the rig");
     for (const LiveCameraConfig& other : config.cameras) {
       if (&other == &camera) break;
       if (other.device == camera.device) yaml.fail("device", "is the device of " + other.name + " already");
@@ -1044,7 +1040,7 @@ CaptureConfig load_capture_config(const fs::path& file) {
 ServiceConfig load_service_config(const fs::path& file) {
   if (recordings::is_video_or_picture(file))
     throw files::ConfigError(file, 0,
-                             "is a video or a picture, not a configuration, which names rig and targets "
+                             "is a video or a picture, not a configuration with rig and targets "
                              "(configs/huetrackd.yaml has every key): huetrackd replay my.yaml left=a.mp4 right=b.mp4");
   const yaml::YamlReader written = yaml::YamlReader::file(file);
   refuse_other_files(written);
@@ -1081,13 +1077,13 @@ std::string to_portable_yaml(const ServiceConfig& config) {
   ServiceConfig portable = config;
   if (config.is_calibrated()) portable.rig_file = "rig.yaml";
   portable.dds.publisher.profiles.clear();
-  for (LiveCameraConfig& camera : portable.cameras)  // recordings are given away, and an address may hold a password
+  for (LiveCameraConfig& camera : portable.cameras)  // recordings are shared, and an address may contain a password
     if (capture::is_network_address(camera.device.native())) camera.device = "rtsp://" + camera.name;
   CameraTrackingConfig& tracking = portable.camera_tracking;
   if (!tracking.board.empty()) tracking.board = board_beside;
   if (!tracking.load_map.empty()) tracking.load_map = map_beside;
   tracking.save_map.clear();
-  // What was known at the start: a replay begins with the same.
+  // The initial knowledge, from which a replay starts, too.
   portable.calibration.room_file = portable.calibration.room.empty() ? "" : room_beside;
   return to_yaml(portable);
 }
@@ -1107,14 +1103,14 @@ std::vector<std::pair<std::string, std::string>> files_beside(const ServiceConfi
 
 std::string config_identity(const ServiceConfig& config) {
   ServiceConfig anywhere = config;
-  anywhere.rig_file.clear();                 // where the rig lies changes nothing; what it says has its own identity
+  anywhere.rig_file.clear();                 // the rig's path does not matter; its content has its own identity
   std::uint64_t hash = 0xcbf29ce484222325u;  // FNV-1a 64
   for (const char c : to_yaml(anywhere)) hash = (hash ^ static_cast<unsigned char>(c)) * 0x100000001b3u;
   return fmt::format("{:016x}", hash);
 }
 
 std::vector<std::string> differing_keys(const ServiceConfig& a, const ServiceConfig& b) {
-  using Sections = std::vector<std::pair<std::string, std::string>>;  // key of the first level, its text
+  using Sections = std::vector<std::pair<std::string, std::string>>;  // top-level key and its text
   const auto sections_of = [](const ServiceConfig& config) {
     Sections sections;
     const std::string yaml = to_yaml(config);
@@ -1127,7 +1123,7 @@ std::vector<std::string> differing_keys(const ServiceConfig& a, const ServiceCon
     }
     return sections;
   };
-  const Sections of_a = sections_of(a), of_b = sections_of(b);  // the same keys in the same order
+  const Sections of_a = sections_of(a), of_b = sections_of(b);  // same keys in the same order
   std::vector<std::string> keys;
   for (std::size_t i = 0; i < of_a.size(); ++i) {
     const bool is_rig = of_a[i].first == "rig";

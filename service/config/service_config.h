@@ -24,27 +24,27 @@ enum class LogLevel : std::uint8_t { debug, info, warning, error };
 
 struct DdsConfig {
   bool enabled = true;
-  publish::EstimatePublisherOptions publisher;  // targets and cameras are those of the configuration and the rig
+  publish::EstimatePublisherOptions publisher;  // targets and cameras: of the configuration and the rig
 };
 
-// What a camera host sends of a camera.
+// What a camera host sends.
 enum class Sent : std::uint8_t {
-  frames,   // its own bytes
-  matches,  // which pixels have a target's colour, and now and then a picture
+  frames,   // the camera's own bytes
+  matches,  // matching pixels, and at intervals a picture
 };
 
-// How `run` reaches one camera of the rig.
+// A live camera of the rig, for `run`.
 struct LiveCameraConfig {
-  std::string name;  // in the rig
-  std::string host;  // the camera host that has it (`huetrackd capture`), as it calls itself; empty: this machine
+  std::string name;          // in the rig
+  std::string host;          // name of the camera host (`huetrackd capture`); empty: this machine
   std::string camera_there;  // its name there; empty: the same
   const std::string& name_on_host() const { return camera_there.empty() ? name : camera_there; }
-  Sent send = Sent::frames;      // of a camera that a host has
+  Sent send = Sent::frames;      // for remote cameras
   double picture_every_s = 1;    // >= 0; with send: matches; 0: none
-  std::filesystem::path device;  // as written, but an index: /dev/videoN; empty: there is a host
+  std::filesystem::path device;  // as written (an index as /dev/videoN); empty: remote
   std::optional<capture::CaptureFormat>
-      format;                            // nullopt: the first of yuyv, nv12, mjpeg, grey that reaches size and rate
-  std::optional<calib::ImageSize> size;  // nullopt: the rig's; another one is refused
+      format;                            // nullopt: the first of yuyv, nv12, mjpeg, grey with this size and rate
+  std::optional<calib::ImageSize> size;  // nullopt: the rig's, the only valid size
   std::optional<double> fps;             // > 0, <= 10000; nullopt: the driver's choice
   std::vector<capture::ControlSetting> controls;  // in the order of the file
   std::optional<double> latency_offset_s;         // read into the rig: Camera::timing.latency_s
@@ -53,13 +53,13 @@ struct LiveCameraConfig {
 
 // What `run` records.
 struct RecordConfig {
-  std::filesystem::path folder;  // absolute; recordings become folders in it, named by their time; empty: none
-  bool always = false;           // from the start to the end
+  std::filesystem::path folder;  // absolute; recordings are folders in it, named by their time; empty: none
+  bool always = false;           // the whole run
   recordings::RawStorage raw_storage = recordings::RawStorage::uncompressed;
-  int queue_frames = 32;  // >= 1, per camera: may wait for the disk
+  int queue_frames = 32;  // >= 1, per camera, waiting for the disk
   double pre_roll_s = 0;  // 0: none
   int pre_roll_mb = 256;  // >= 1, of all cameras
-  double after_s = 2;     // >= 0; what follows the pre-roll
+  double after_s = 2;     // >= 0; recorded after the pre-roll
   bool on_lost = true;    // save the pre-roll when a target is lost, not only on SIGUSR1
 };
 
@@ -68,56 +68,55 @@ struct MetricsConfig {
   std::string address = "127.0.0.1";  // of this host
 };
 
-// Small pictures for people who watch (`huetrack view`, RViz); made only while somebody subscribes.
+// Small pictures for `huetrack view` and RViz, made only while there are subscribers.
 struct PreviewConfig {
   bool enabled = true;
-  double rate_hz = 8;   // > 0; at most so many per camera and second
+  double rate_hz = 8;   // > 0; maximum per camera and second
   int width = 480;      // 16..4096 pixels; larger images are scaled down to it
   int quality = 70;     // 1..100, JPEG's
-  int particles = 100;  // >= 0; at most about so many per target are drawn
+  int particles = 100;  // >= 0; approximate maximum per target
 };
 
-// What may be asked of the running service over the bus.
+// What clients may request over DDS.
 struct ControlConfig {
-  bool allow_teach = false;   // teach colours and ignore regions: changes what the taught file says
-  bool allow_record = false;  // start and stop recordings in record.folder, list and read them
+  bool allow_teach = false;   // teach colours and ignored regions: changes the taught file
+  bool allow_record = false;  // make, list and read recordings in record.folder
 };
 
 enum class CalibrationMode : std::uint8_t {
-  tell,       // when a camera no longer stands where the rig says
-  leave_out,  // and do not use it until it does again
-  mend,       // and let its pose follow what it sees of the room and of the others' objects
+  tell,       // report a moved camera
+  leave_out,  // and do not use it until it stands where the rig says
+  mend,       // and track its pose by the room and by objects that the others see
 };
 
-// What is done about a calibration that is no longer right.
 struct CalibrationConfig {
   CalibrationMode watch = CalibrationMode::tell;
-  std::filesystem::path room_file;  // absolute; where the still room is kept over restarts; empty: nowhere
-  std::vector<KeptRoom> room;       // what room_file says; empty: it is as at the start
+  std::filesystem::path room_file;  // absolute; keeps the still room over restarts; empty: none
+  std::vector<KeptRoom> room;       // read from room_file; empty: learnt at the start
 };
 
-// What `huetrackd capture` reads: a camera host's own settings. It knows no rig and no targets.
+// The configuration of a camera host (`huetrackd capture`): without rig and targets.
 struct CaptureConfig {
   std::filesystem::path file;             // absolute
-  std::string host;                       // how trackers call it; empty: as the machine is called
-  std::vector<LiveCameraConfig> cameras;  // at least one; each with a size, none with a host
+  std::string host;                       // its name for trackers; empty: the machine's name
+  std::vector<LiveCameraConfig> cameras;  // at least one; each has a size and no host
   DdsConfig dds;                          // of the publisher: domain, interfaces, profiles
   LogLevel log_level = LogLevel::info;
 };
 
-// Of which values the taught file says what they are, and which of the configuration's it takes away.
+// Keys that the taught file sets, and keys of the configuration that it removes.
 struct TaughtKeys {
   std::set<yaml::KeyPath> given, removed;
 };
 
 struct ServiceConfig {
-  std::filesystem::path file;                           // absolute
-  std::filesystem::path rig_file;                       // absolute; empty: the cameras are not calibrated yet
-  calib::CameraRig rig;                                 // what rig_file says; before, names and sizes alone are true
-  std::vector<object_tracking::TargetOptions> targets;  // in the order of the file; none only where a camera is tracked
-  CameraTrackingConfig camera_tracking;                 // of one moving camera of the rig
+  std::filesystem::path file;      // absolute
+  std::filesystem::path rig_file;  // absolute; empty: not calibrated yet
+  calib::CameraRig rig;            // from rig_file; if not calibrated, only names and sizes are valid
+  std::vector<object_tracking::TargetOptions> targets;  // in the order of the file
+  CameraTrackingConfig camera_tracking;                 // one moving camera of the rig
   std::vector<LiveCameraConfig> cameras;                // for `run`, in the order of the file; empty: replay only
-  std::optional<int> quorum;  // 0..cameras: how many must deliver before the service is ready; nullopt: all
+  std::optional<int> quorum;  // 0..cameras: number that must deliver before the service is ready; nullopt: all
   object_tracking::ObjectTrackerOptions object_tracking;  // the same for every target
   CalibrationConfig calibration;
   std::optional<double> set_tolerance_s;  // > 0; FrameSynchronizerOptions::tolerance; nullopt: from the frame rates
@@ -129,91 +128,86 @@ struct ServiceConfig {
   ControlConfig control;
   object_tracking::IgnoredRegions ignored;  // also in every target
   LogLevel log_level = LogLevel::info;
-  // Where values come from, for people: no value, and nothing that compares configurations looks at it.
-  std::set<yaml::KeyPath> written;  // what `file` itself says
+  // Origin of values, for people; not compared.
+  std::set<yaml::KeyPath> written;  // keys that `file` itself sets
   TaughtKeys taught;
-  std::set<std::string> unsized_targets;  // whose radius_m nobody has said, so that it is the default; no value either
+  std::set<std::string> unsized_targets;  // targets with the default radius_m
 
-  // Nothing can be tracked before: `run` shows the cameras, so that they can be set up, and the rest refuses.
+  // If not, only `run` works: it shows the cameras.
   bool is_calibrated() const { return !rig_file.empty(); }
 };
 
-// The colour of a target to which nobody has given one: it matches nothing, as no pixel is at once as bright and as
-// colourful as can be.
+// The colour of a target without one: it matches nothing, because no pixel has saturation 1 and intensity 1.
 inline constexpr color::HsiRange untaught_color{.saturation_min = 1, .intensity_min = 1, .intensity_max = 1};
 bool is_taught(const object_tracking::TargetOptions& target);
-// What to do about a target that is not, for people. recording: to teach it from, as a word of the command line.
+// Advice for an untaught target. recording: command-line argument to teach from.
 std::string teach_advice(const ServiceConfig& config, const object_tracking::TargetOptions& target,
                          const std::string& recording = "RECORDING");
 
-// throws ConfigError for a configuration whose cameras are not calibrated yet.
+// throws ConfigError if the cameras are not calibrated yet.
 void require_rig(const ServiceConfig& config);
 
-// The file of what was taught to this configuration, whether there is one or not: my.taught.yaml beside my.yaml, where
-// that lies itself when `config` is a link. It has the same keys, of which it needs none but version, and is read over
-// the configuration as a JSON merge patch (RFC 7396): what it says takes the place of what the configuration says for
-// that key, mappings are merged, and null takes a key away. Programs write it (taught_file.h), as a whole; whoever
-// deletes it has the configuration alone again.
+// Path of the taught file, existing or not: my.taught.yaml next to my.yaml (links are followed). It has the same keys,
+// all optional except version, and is applied to the configuration as a JSON merge patch (RFC 7396): its values replace
+// those of the configuration, mappings are merged, null removes a key. Programs write it as a whole (taught_file.h).
 std::filesystem::path taught_file(const std::filesystem::path& config);
 
-// The configuration, with the taught file read over it where there is one. throws ConfigError, for both files:
-// unreadable, unknown key, wrong type, out of range, keys that contradict each other or the rig; or the taught file
-// speaks of a target that the configuration does not have, and does not add it whole (taught_file.h). Relative paths
-// start at the configuration's folder.
+// Loads the configuration and applies the taught file if there is one. throws ConfigError, for both files: unreadable,
+// unknown key, wrong type, out of range, keys that contradict each other or the rig, or a taught target that the
+// configuration does not have (unless added completely, taught_file.h). Relative paths start at the configuration's
+// folder.
 ServiceConfig load_service_config(const std::filesystem::path& file);
-// load_service_config(), as if the taught file held this text.
+// As if the taught file had this text.
 ServiceConfig load_service_config(const std::filesystem::path& file, const std::string& taught);
 
-// Whether this camera of the rig is one whose host sends which pixels match.
+// Whether this camera of the rig has `send: matches`.
 bool sends_matches(const ServiceConfig& config, std::string_view camera);
-// The configuration, but every camera sends its frames: for who needs pictures, to record, teach or calibrate.
+// The configuration with `send: frames` for every camera: to record, teach or calibrate.
 ServiceConfig with_frames(ServiceConfig config);
 
-// By what it names: cameras with devices, and neither rig nor targets. No for what cannot be read.
+// Whether the file has cameras with devices, and neither rig nor targets; false if unreadable.
 bool is_capture_config(const std::filesystem::path& file);
 // throws ConfigError as load_service_config() does.
 CaptureConfig load_capture_config(const std::filesystem::path& file);
 std::string to_yaml(const CaptureConfig& config);  // every key, as load_capture_config() reads it
 
-// Beside the rig's cameras: when their rows are exposed, as the sources need it.
+// Row timing of the rig's cameras, for the sources.
 std::vector<capture::FrameTiming> frame_timing(const calib::CameraRig& rig);
 
 // Every key, default or given, as YAML that loads back to the same configuration from any folder (paths are absolute).
 std::string to_yaml(const ServiceConfig& config);
-// to_yaml() with a comment at every value that comes from the taught file, and for a colour that a target does not
-// have.
+// to_yaml() with comments on values of the taught file and on missing colours.
 std::string to_yaml_with_origins(const ServiceConfig& config);
-// What the taught file says, from version on: the values of config.taught.
+// The taught file from version on: the values of config.taught.
 std::string to_taught_yaml(const ServiceConfig& config);
 
-// to_yaml() for another machine: `rig` is rig.yaml beside it, and what else is referred to are files_beside(). What a
-// recording holds. A replay of it writes no map and no room.
+// to_yaml() for recordings, valid on any machine: `rig` is rig.yaml next to it, other references are files_beside(). A
+// replay of it writes no map and no room.
 std::string to_portable_yaml(const ServiceConfig& config);
-// Name and content of the other files that to_portable_yaml() refers to: the board and the map of camera_tracking, the
-// room. throws std::runtime_error: one cannot be read.
+// Name and content of the files that to_portable_yaml() refers to: board and map of camera_tracking, and the room.
+// throws std::runtime_error if one cannot be read.
 std::vector<std::pair<std::string, std::string>> files_beside(const ServiceConfig& config);
 
-// Of what to_yaml() says but the rig's path: FNV-1a 64 as 16 hex digits. Published in the status sample.
+// FNV-1a 64 of to_yaml() without the rig's path, as 16 hex digits. Published in the status sample.
 std::string config_identity(const ServiceConfig& config);
 
-// The targets, as indices, that have to be searched for anew when `after` takes the place of `before`: those whose
-// options differ, or all. The configurations have the same targets.
+// Indices of the targets that need new trackers when `after` replaces `before`: those with other options, or all. Both
+// have the same targets.
 std::vector<std::size_t> targets_that_differ(const ServiceConfig& before, const ServiceConfig& after);
 
-// The keys of the first level whose values differ, in the order of to_yaml(); "rig" too when the rigs themselves do.
+// Top-level keys with different values, in the order of to_yaml(); includes "rig" if the rigs differ.
 std::vector<std::string> differing_keys(const ServiceConfig& a, const ServiceConfig& b);
 
-// What is allowed but probably not meant, one sentence each: targets of overlapping colours, much of the volume in
-// nobody's sight, ...
+// Valid but probably unintended settings, one sentence each: overlapping colours, a volume that few cameras see, ...
 std::vector<std::string> warnings_of(const ServiceConfig& config);
-// Why its lengths cannot be metres, one sentence, which is one of the warnings, too; empty: they can.
+// Why its lengths cannot be metres, one sentence, also one of the warnings; empty: they can.
 std::string unit_mistake(const ServiceConfig& config);
 
-// How much of the volume is seen by how many cameras, on a grid.
+// Visibility of the volume, sampled on a grid.
 struct VolumeCoverage {
   std::vector<double> per_camera;  // share of the volume inside each camera's image
-  double by_one = 0;               // share that one or more cameras see
-  double by_two = 0;               // share that two or more see: where a position is fixed
+  double by_one = 0;               // share seen by at least one camera
+  double by_two = 0;               // share seen by at least two: positions are determined there
 };
 VolumeCoverage volume_coverage(const calib::CameraRig& rig, const object_tracking::Volume& volume);
 

@@ -31,10 +31,10 @@ bool is_below(const yaml::KeyPath& path, const yaml::KeyPath& above) {
   return path.size() >= above.size() && std::equal(above.begin(), above.end(), path.begin());
 }
 
-// The configuration as the two files have it now, and as it is to be.
+// The configuration of the two files, to be edited.
 struct Draft {
   ServiceConfig config;
-  std::vector<yaml::YamlReader::Leaf> written;  // what the configuration says itself
+  std::vector<yaml::YamlReader::Leaf> written;  // set by the configuration itself
 
   bool is_written(const yaml::KeyPath& path) const {
     return std::ranges::any_of(written, [&](const auto& leaf) { return is_below(leaf.path, path); });
@@ -54,7 +54,7 @@ struct Draft {
 void set_color(Draft& draft, const object_tracking::TargetOptions& taught) {
   const auto target = std::ranges::find(draft.config.targets, taught.name, &object_tracking::TargetOptions::name);
   if (target == draft.config.targets.end())
-    throw std::runtime_error(fmt::format("{} has no target {} any more", draft.config.file.string(), taught.name));
+    throw std::runtime_error(fmt::format("{} no longer has a target {}", draft.config.file.string(), taught.name));
   const yaml::KeyPath color = {"targets", taught.name, "color"}, cameras = {"targets", taught.name, "camera_colors"};
   const auto key_of = [](yaml::KeyPath path, const char* key) {
     path.emplace_back(key);
@@ -68,8 +68,7 @@ void set_color(Draft& draft, const object_tracking::TargetOptions& taught) {
   for (const auto& [camera, old] : target->camera_colors)
     if (std::ranges::none_of(taught.camera_colors, is_of(camera))) draft.take_away(key_of(cameras, camera.c_str()));
   for (const auto& [camera, range] : taught.camera_colors) {
-    // What nobody taught stays where it is said. What is said nowhere was the target's colour, which is another one
-    // now.
+    // Untaught values stay in their file. Values of neither file were those of the target's colour, which has changed.
     const auto old = std::ranges::find_if(target->camera_colors, is_of(camera));
     const bool is_new = old == target->camera_colors.end();
     const HsiRange was = is_new ? HsiRange{} : old->second;
@@ -85,7 +84,7 @@ void set_color(Draft& draft, const object_tracking::TargetOptions& taught) {
   target->camera_colors = taught.camera_colors;
 }
 
-// In tenths of a millimetre: nobody can tell more.
+// Rounds to tenths of a millimetre.
 void set_radius(Draft& draft, const std::string& name, double radius_m) {
   std::ranges::find(draft.config.targets, name, &object_tracking::TargetOptions::name)->radius_m =
       std::max(1.0, std::round(radius_m * 1e4)) / 1e4;
@@ -105,7 +104,7 @@ void set_ignored(Draft& draft, object_tracking::IgnoredRegions ignored) {
   draft.config.ignored = std::move(ignored);
 }
 
-// Everything that a configuration says, whatever the order in which its files name cameras.
+// All values of a configuration, independent of the order of cameras in its files.
 std::string all_of(ServiceConfig config) {
   for (auto& target : config.targets)
     std::ranges::sort(target.camera_colors, {}, [](const auto& entry) { return entry.first; });
@@ -117,7 +116,7 @@ std::runtime_error cannot_write(const fs::path& file) {
   return std::runtime_error(fmt::format("cannot write {}: {}", file.string(), std::strerror(errno)));
 }
 
-// To the disk, with the rights of `like`. throws before anything has happened to `file`.
+// Writes to disk with the permissions of `like`. throws before `file` is changed.
 void write_all(const fs::path& fresh, const std::string& text, const fs::path& like, const fs::path& file) {
   struct stat rights {};
   if (::stat(like.c_str(), &rights) != 0) throw cannot_write(file);
@@ -126,12 +125,12 @@ void write_all(const fs::path& fresh, const std::string& text, const fs::path& l
   if (to.get() < 0) throw cannot_write(file);
   if (files::write_all(to.get(), text) < text.size()) throw cannot_write(file);
   if (::fchmod(to.get(), rights.st_mode & 07777) != 0) throw cannot_write(file);
-  // Only root may give files away; who may not keeps the file as its own.
+  // Only root may change the owner.
   if (::geteuid() == 0 && ::fchown(to.get(), rights.st_uid, rights.st_gid) != 0) throw cannot_write(file);
-  if (::fsync(to.get()) != 0) throw cannot_write(file);  // before the rename: a power cut must not leave an empty file
+  if (::fsync(to.get()) != 0) throw cannot_write(file);  // before the rename, so that a power cut leaves no empty file
 }
 
-// Files that were there before, the newest first: <file>.before, .before.2, ...
+// Earlier versions, the newest first: <file>.before, .before.2, ...
 class FileStack {
  public:
   FileStack(const fs::path& file, const char* suffix) : name_(file.string() + suffix) {}
@@ -141,7 +140,7 @@ class FileStack {
     while (n < most && fs::exists(at(n))) ++n;
     return n;
   }
-  // Makes room for the newest, and gives its name. The oldest is forgotten when there are too many.
+  // Shifts the versions and returns the name for the newest. Deletes the oldest if there are too many.
   fs::path push() const {
     for (int n = std::min(size(), most - 1); n > 0; --n) fs::rename(at(n - 1), at(n));
     return at(0);
@@ -170,7 +169,7 @@ FileStack undone(const fs::path& file) {
 
 void keep(const fs::path& file) {
   undone(file).clear();
-  // What was there before is nothing, then, and no older file: the save is undone to nothing.
+  // There was no file before: the save is undone to nothing.
   if (!fs::exists(file)) return before(file).clear();
   const fs::path kept = before(file).push();
   std::error_code error;
@@ -197,8 +196,8 @@ fs::path save(const fs::path& config_file, const std::function<void(Draft&)>& ch
   change(draft);
   const std::string name = fs::weakly_canonical(config_file).filename().string();
   const std::string text = fmt::format(
-      "# What huetrackd was taught. It is read over {0}: what stands here takes the place of what stands there for\n"
-      "# the same key, and null takes the key away. `huetrackd check {0}` shows what comes from here.\n"
+      "# What huetrackd was taught. It replaces the values of {0} for the same keys; null removes a key.\n"
+      "# `huetrackd check {0}` shows which values come from here.\n"
       "# Written by `huetrackd teach` and by the page, every time as a whole: comments of yours would be lost. Delete "
       "a key\n"
       "# to have it as {0} says, or delete this file; then reload (SIGHUP).\n"
@@ -207,11 +206,11 @@ fs::path save(const fs::path& config_file, const std::function<void(Draft&)>& ch
   std::string why_not;
   try {
     if (all_of(load_service_config(config_file, text)) != all_of(draft.config))
-      why_not = "the new one would not say what was meant";
-  } catch (const files::ConfigError& error) {  // more rectangles than may be, for example
+      why_not = "the new file would not have the intended values";
+  } catch (const files::ConfigError& error) {  // for example too many rectangles
     why_not = error.what();
   }
-  if (!why_not.empty()) throw std::runtime_error(fmt::format("{} was left as it is ({})", file.string(), why_not));
+  if (!why_not.empty()) throw std::runtime_error(fmt::format("{} was not changed: {}", file.string(), why_not));
   replace(file, text, config_file);
   return file;
 }
@@ -231,7 +230,7 @@ fs::path undo_taught(const fs::path& config) {
   const fs::path file = taught_file(config);
   const bool has_older = before(file).size() > 0;
   if (!fs::exists(file) && !has_older)
-    throw std::runtime_error(fmt::format("{}: nothing was taught, so there is nothing to undo", config.string()));
+    throw std::runtime_error(fmt::format("{}: there is nothing to undo", config.string()));
   if (fs::exists(file)) fs::rename(file, undone(file).push());
   if (has_older) before(file).pop_into(file);
   return file;
@@ -239,8 +238,7 @@ fs::path undo_taught(const fs::path& config) {
 
 fs::path redo_taught(const fs::path& config) {
   const fs::path file = taught_file(config);
-  if (undone(file).size() == 0)
-    throw std::runtime_error(fmt::format("{}: nothing was undone, so there is nothing to redo", config.string()));
+  if (undone(file).size() == 0) throw std::runtime_error(fmt::format("{}: there is nothing to redo", config.string()));
   if (fs::exists(file)) fs::rename(file, before(file).push());
   undone(file).pop_into(file);
   return file;
@@ -267,10 +265,10 @@ Targets::iterator target_in(Draft& draft, const std::string& name) {
   return target;
 }
 
-// A name is part of topics' names on the bus, and one of a hundred at most.
+// Names are part of topic names; at most a hundred targets.
 void refuse_name(Draft& draft, const std::string& name) {
   if (find_target(draft.config.targets, name) != draft.config.targets.end())
-    throw std::runtime_error(fmt::format("there is a target {} already", name));
+    throw std::runtime_error(fmt::format("there already is a target {}", name));
   publish::EstimatePublisherOptions published = draft.config.dds.publisher;
   published.targets.push_back(name);
   published.counts.push_back(1);
@@ -310,8 +308,8 @@ void set_target(Draft& draft, const TargetEdit& edit) {
   set_color(draft, taught);
 }
 
-// All that is said of it is said by the taught file from now on. Where the configuration has a target of that name,
-// which was taken away before, nothing of it is to come back, and it stands in that one's place.
+// From now on the taught file has all values of the target. They replace a removed target of the same name in the
+// configuration completely.
 void give_whole(Draft& draft, const object_tracking::TargetOptions& target) {
   const yaml::KeyPath path = {"targets", target.name};
   const auto place = [&](const object_tracking::TargetOptions& one) {
@@ -336,7 +334,7 @@ void give_whole(Draft& draft, const object_tracking::TargetOptions& target) {
   for (const auto& leaf : draft.written) {
     if (!is_below(leaf.path, path) || draft.config.taught.given.contains(leaf.path)) continue;
     yaml::KeyPath gone = leaf.path;
-    if (gone.size() > 4 && gone[2] == "camera_colors") {  // a camera with no colour of its own, as a whole
+    if (gone.size() > 4 && gone[2] == "camera_colors") {  // a camera without its own colour, completely
       const auto is_its = [&](const auto& own) { return own.first == gone[3]; };
       if (std::ranges::none_of(target.camera_colors, is_its)) gone.resize(4);
     }
@@ -400,7 +398,7 @@ fs::path save_rig(const fs::path& config, const fs::path& rig) {
 }
 
 std::optional<object_tracking::Volume> box_seen_by_two(const calib::CameraRig& rig) {
-  constexpr double reach = 1.5;  // of the cameras' mean distance from the origin, which a board's places lie around
+  constexpr double reach = 1.5;  // times the cameras' mean distance from the origin
   constexpr int steps = 32;      // along each axis of a cube
   double distance_m = 0;
   for (const calib::Camera& camera : rig.cameras) distance_m += camera.centre().norm() / double(rig.cameras.size());

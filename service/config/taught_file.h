@@ -1,8 +1,8 @@
-// Writes what was taught into the taught file (service_config.h), beside the configuration, whose own text stays as its
-// author left it. Every file is read anew, so that what somebody changed in the meantime stays; what was written is
-// read back, and must say what was meant, before it takes the place of the old file. Atomic: that is the old one or the
-// new one, with its rights, or the configuration's where it is the first. Returns its path. throws std::runtime_error
-// of one readable line: the configuration is not right as it stands now, or the taught file cannot be written.
+// Writes taught values into the taught file (service_config.h); the configuration itself is never changed. Both files
+// are read again first, to keep concurrent changes. The new text is read back and compared with the intended values
+// before it replaces the old file, atomically and with the old file's permissions (at first, those of the
+// configuration). All functions return the taught file's path and throw std::runtime_error with one readable line if
+// the configuration is invalid at that time, or the file cannot be written.
 #pragma once
 
 #include <filesystem>
@@ -17,45 +17,44 @@
 
 namespace huetrack::config {
 
-// A target's colours, its radius and the ignored rectangles of all cameras when they are given. What the configuration
-// says of them is no longer in force; what it says of the target's other keys is.
+// Saves a target's colours, and its radius and the ignored rectangles of all cameras if given. They replace the
+// configuration's values; the target's other keys stay in force.
 std::filesystem::path save_taught(const std::filesystem::path& config, const object_tracking::TargetOptions& target,
                                   const std::optional<object_tracking::IgnoredRegions>& ignored,
                                   std::optional<double> radius_m = {});
 std::filesystem::path save_ignored(const std::filesystem::path& config, const object_tracking::IgnoredRegions& ignored);
 
-// ---- Targets by hand. A target that the configuration does not have stands in the taught file with its shape and
-// count, which nothing else writes there: by them it is told from what is left of one that somebody renamed.
+// ---- Editing targets. A target that exists only in the taught file has its shape and count there; these distinguish
+// it from leftovers of a target that was renamed in the configuration.
 
 struct TargetEdit {
   std::string target;
-  std::optional<double> radius_m = {};  // of a target that is added, and not given: teaching it proposes one
-  // What is not given stays; of a target that nobody has taught yet, what a configuration without these keys says.
+  std::optional<double> radius_m = {};  // not given for a new target: teaching proposes one
+  // Missing values stay, or are the defaults for an untaught target.
   std::optional<std::pair<double, double>> hue_deg = {}, saturation = {}, intensity = {};
-  std::string camera = {};  // the colour is this camera's own from now on; empty: it is that of all cameras
+  std::string camera = {};  // colour for this camera only; empty: for all cameras
 };
 std::filesystem::path save_target(const std::filesystem::path& config, const TargetEdit& edit);
-// throw std::runtime_error as well: there is one of that name already, or none; that can be no name.
+// Also throw std::runtime_error for an existing, unknown or invalid name.
 std::filesystem::path add_target(const std::filesystem::path& config, const TargetEdit& edit);
 std::filesystem::path rename_target(const std::filesystem::path& config, const std::string& from,
                                     const std::string& to);
 std::filesystem::path remove_target(const std::filesystem::path& config, const std::string& target);
 
-// The rig that was found takes the place of the one that the configuration names, or of none. Where there was none, and
-// neither file says where targets may be, that is where two of its cameras see from then on: its world is one that
-// nobody has thought of.
+// Replaces the configuration's rig, or `rig: none`. If there was none and no volume is set, the volume becomes
+// box_seen_by_two(), because the new world frame is arbitrary.
 std::filesystem::path save_rig(const std::filesystem::path& config, const std::filesystem::path& rig);
-// The box around what two cameras or more see, to half as far again as they are from the world's origin, in whole
-// centimetres. nullopt: nothing that way.
+// Bounding box of the points that at least two cameras see, up to 1.5 times their mean distance from the world's
+// origin, in whole centimetres. nullopt: no such points.
 std::optional<object_tracking::Volume> box_seen_by_two(const calib::CameraRig& rig);
 
-// Controls of a live camera of the configuration: what is given, beside what it says of the others.
+// Saves the given controls of a live camera; others stay.
 std::filesystem::path save_controls(const std::filesystem::path& config, const std::string& camera,
                                     std::span<const capture::ControlSetting> settings);
 
-// ---- What is left of earlier saves: the last twenty, as <taught file>.before, .before.2, ...; before the first one
-// there was none. Those that were undone are <taught file>.undone, ..., until the next save.
-// Each returns the taught file's path. throws std::runtime_error: there is nothing to undo, or to redo.
+// ---- History: the last twenty versions as <taught file>.before, .before.2, ...; undone versions as <taught
+// file>.undone,
+// ..., until the next save. throws std::runtime_error if there is nothing to undo or redo.
 std::filesystem::path undo_taught(const std::filesystem::path& config);
 std::filesystem::path redo_taught(const std::filesystem::path& config);
 struct TaughtHistory {

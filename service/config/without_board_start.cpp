@@ -1,6 +1,5 @@
-// In the place of board_start.cpp where the methods of the camera tracker are left out (HUETRACK_CAMERA_TRACKER=OFF),
-// and the detector of boards with them. The file is read all the same, for its mistakes; no tracker comes to ask for
-// the start.
+// Replaces board_start.cpp if built with HUETRACK_CAMERA_TRACKER=OFF, without the board detector. Still validates the
+// file.
 #include <stdexcept>
 
 #include "calib/board/board_yaml.h"

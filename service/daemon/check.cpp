@@ -23,14 +23,14 @@
 namespace huetrack::daemon {
 namespace {
 
-// Of the twelve that every thirty degrees have a name.
+// Twelve names, one per 30 degrees.
 const char* hue_name(double hue_deg) {
   constexpr std::array names{"red",  "orange", "yellow", "lime",   "green",   "mint",
                              "cyan", "azure",  "blue",   "violet", "magenta", "rose"};
   return names[std::size_t(std::lround(hue_deg / 30)) % names.size()];
 }
 
-// Numbers of hue are in degrees here and in half degrees in OpenCV, and either may be meant: words tell which.
+// Names show whether degrees or OpenCV's half degrees were meant.
 void print_hues(const object_tracking::TargetOptions& target) {
   const double low = target.color.hue_min_deg, high = target.color.hue_max_deg;
   std::printf("# %s: hue_deg %.0f to %.0f is %s to %s", target.name.c_str(), low, high, hue_name(low), hue_name(high));
@@ -40,7 +40,7 @@ void print_hues(const object_tracking::TargetOptions& target) {
   std::printf("\n");
 }
 
-// Of the targets, below the YAML: what nobody has said of them, and what the numbers mean.
+// Comments on the targets, after the YAML: missing values, and names of hues.
 void print_targets(const config::ServiceConfig& config) {
   for (const auto& target : config.targets) {
     if (config::is_taught(target)) {
@@ -50,17 +50,17 @@ void print_targets(const config::ServiceConfig& config) {
                   config::teach_advice(config, target).c_str());
     }
     if (config.unsized_targets.contains(target.name))
-      std::printf("# %s: nobody has said its radius: %g m is the default\n", target.name.c_str(), target.radius_m);
+      std::printf("# %s: no radius is set: %g m is the default\n", target.name.c_str(), target.radius_m);
   }
 }
 
-// Of the rig and the volume.
+// Comments on rig and volume.
 void print_room(const config::ServiceConfig& config) {
   const std::string age =
       config.rig.made.text(std::chrono::floor<std::chrono::seconds>(std::chrono::system_clock::now()));
-  std::printf("# the rig: %s; %s\n", age.empty() ? "its file does not say when it was made" : age.c_str(),
+  std::printf("# the rig: %s; %s\n", age.empty() ? "of unknown age" : age.c_str(),
               config.rig.uncertainty ? "with its uncertainty, which is in every position's covariance"
-                                     : "without uncertainty: its cameras count as exactly known");
+                                     : "without uncertainty: its cameras are taken as exact");
   if (config.targets.empty()) return;
   const auto coverage = config::volume_coverage(config.rig, config.object_tracking.volume);
   std::printf("# of the volume are seen: by two or more cameras %.0f %%, by one or more %.0f %%", 100 * coverage.by_two,
@@ -71,7 +71,7 @@ void print_room(const config::ServiceConfig& config) {
   std::printf("\n");
 }
 
-// What replay and run would say of it when they begin: the trackers, the map that is loaded. throws, naming the file
+// Checks of replay and run at their start: trackers and map. throws, naming the file
 void require_session(const config::ServiceConfig& config) {
   try {
     const pipeline::Session session(
@@ -87,7 +87,7 @@ void warn_of(const std::filesystem::path& file, const std::vector<std::string>& 
   for (const auto& warning : warnings) spdlog::warn("{}: {}", file.string(), warning);
 }
 
-// Of a camera host, for huetrackd capture.
+// For a camera host.
 void check_host(const std::filesystem::path& file) {
   const config::CaptureConfig config = config::load_capture_config(file);
   const std::string host = config.host.empty() ? hosts::name_of_this_machine() : config.host;
@@ -114,7 +114,7 @@ void check(const std::filesystem::path& file) {
               config::config_identity(config).c_str(), config::to_yaml_with_origins(config).c_str());
   print_targets(config);
   if (!config.rig.cameras.empty() && config.is_calibrated()) print_room(config);
-  // Nothing can be tracked with it, and ninety lines above it is easily overlooked.
+  // Repeated at the end, because nothing can be tracked with it.
   if (const std::string mistake = config::unit_mistake(config); !mistake.empty()) {
     std::fflush(stdout);
     throw files::ConfigError(config.file, 0, mistake);

@@ -22,14 +22,13 @@ namespace {
 
 constexpr int mistakes_status = 3;  // of replay --strict
 constexpr auto config_help = "huetrackd.yaml";
-constexpr auto recording_help =
-    "recording.yaml, or the folder that holds it, or the cameras' videos: left=a.mp4 right=b.mp4";
+constexpr auto recording_help = "recording.yaml, or its folder, or the cameras' videos: left=a.mp4 right=b.mp4";
 constexpr auto write_rig_help =
-    "write the rig here at the end, with the cameras' times (latency, readout) as learnt and those that were moved "
-    "where they stand now; not over an existing file";
-constexpr auto poses_help = "write the tracked camera's poses to this file, as TUM text: those of state tracking only";
+    "write the rig to this new file at the end, with the estimated timing (latency, readout) and the current poses of "
+    "moved cameras";
+constexpr auto poses_help = "write the tracked camera's poses in state tracking to this file, as TUM text";
 
-// One of these words, as its value. (CLI11's own transformer names the choices by their numbers when a word is wrong.)
+// Maps words to values. (CLI11's own transformer shows numbers in its error message.)
 template <typename Value>
 CLI::Validator word_of(const std::map<std::string, Value>& words) {
   return CLI::Validator(
@@ -40,12 +39,12 @@ CLI::Validator word_of(const std::map<std::string, Value>& words) {
         }
         std::vector<std::string> choices;
         for (const auto& [word, _] : words) choices.push_back(word);
-        return fmt::format("it is {}, not '{}'", fmt::join(choices, " or "), text);
+        return fmt::format("must be {}, not '{}'", fmt::join(choices, " or "), text);
       },
       "");
 }
 
-// Nothing ends, but something is asked for.
+// A signal handler that sets a flag and does not stop the program.
 std::function<bool(int)> ask(std::atomic<bool>& what) {
   return [&what](int) {
     what = true;
@@ -55,8 +54,7 @@ std::function<bool(int)> ask(std::atomic<bool>& what) {
 
 }  // namespace
 
-// What is done when it is this command that was given, and what signals do meanwhile. run(stop) returns the exit
-// status, or nothing: 0.
+// Sets the action of a command and its signal handlers. run(stop) returns the exit status, or void for 0.
 template <typename Run>
 void on_choice(CLI::App& command, Command& chosen, Run run, const Signals::Others& on_signal = {}) {
   command.callback([run, on_signal, &chosen] {
@@ -72,7 +70,7 @@ void on_choice(CLI::App& command, Command& chosen, Run run, const Signals::Other
 void add_check_command(CLI::App& app, Command& chosen) {
   const auto config = std::make_shared<std::filesystem::path>();
   CLI::App* command =
-      app.add_subcommand("check", "validate a configuration and print every key's value, and where it comes from");
+      app.add_subcommand("check", "validate a configuration and print every key with its value and origin");
   command->add_option("config", *config, config_help)->required();
   on_choice(*command, chosen, [config](const std::stop_token&) { check(*config); });
 }
@@ -92,14 +90,14 @@ void add_replay_command(CLI::App& app, Command& chosen) {
   const std::map<std::string, ReplaySpeed> speeds{{"real", ReplaySpeed::real}, {"max", ReplaySpeed::max}};
   command
       ->add_option("--speed", replay_options.speed,
-                   "real: as it was recorded; max (default): as fast as possible, never dropping a frame")
+                   "real: as recorded; max (default): as fast as possible, never dropping a frame")
       ->transform(word_of(speeds))
       ->type_name("max|real");
   command->add_option("--tracks", replay_options.tracks, "write the tracks to this CSV file");
   command->add_option("--poses", replay_options.poses, poses_help);
   command->add_option("--pictures", replay_options.pictures,
-                      "draw every view of every frame set, and the track, into this folder");
-  command->add_option("--pictures-every", replay_options.pictures_every, "only every so many-th frame set")
+                      "draw every view of every frame set, and the track, to this folder");
+  command->add_option("--pictures-every", replay_options.pictures_every, "draw only every n-th frame set")
       ->check(CLI::Range(1, 1'000'000));
   command->add_option("--truth", replay_options.truth,
                       "compare with this CSV file (columns ball or target, t, x, y, z)");
@@ -107,30 +105,29 @@ void add_replay_command(CLI::App& app, Command& chosen) {
   const std::map<std::string, ReplayStamps> stamps{{"now", ReplayStamps::now}, {"recording", ReplayStamps::recording}};
   command
       ->add_option("--stamps", replay_options.stamps,
-                   "published capture times: now (default at speed real), as if captured in this moment, or recording "
+                   "published capture times: now (default at speed real), as if captured now, or recording "
                    "(default at speed max)")
       ->transform(word_of(stamps))
       ->type_name("now|recording");
   command->add_option("--threads", replay_options.threads, "instead of the configuration's")->check(CLI::Range(1, 64));
   command
       ->add_option("--wait-for-subscriber", replay_options.wait_for_subscriber_s,
-                   "wait up to so many seconds for a DDS subscriber before the first frame")
+                   "wait up to this many seconds for a DDS subscriber before the first frame")
       ->check(CLI::Range(0.0, 86400.0));
-  command
-      ->add_option("--subscribers", replay_options.subscribers, "how many subscribers --wait-for-subscriber waits for")
+  command->add_option("--subscribers", replay_options.subscribers, "number of subscribers for --wait-for-subscriber")
       ->check(CLI::Range(1, 1000));
   command->add_flag(
       "--hold", replay_options.hold,
-      "hold after the first frame set of all cameras, until Go on is pressed on the page: colours may be taught");
+      "pause after the first frame set of all cameras, to teach colours, until Go on is pressed on the page");
   command->add_flag("--no-dds", replay_options.no_dds, "do not publish");
   command->add_flag("--quiet", options->quiet,
                     "no progress bar, and of the summary only warnings and mistakes, to stderr");
   command->add_flag(
       "--strict", options->is_strict,
-      "exit status 3 when the tracks show a mistake in rig or configuration (lines `mistake` of the summary), a camera "
-      "was moved, blinded or hidden (lines `cameras told`), or a colour left what is looked for (lines `light`)");
+      "exit status 3 if the tracks show a mistake in rig or configuration (lines `mistake` of the summary), a camera "
+      "was moved, blinded or hidden (lines `cameras`), or a colour left its range (lines `light`)");
   const auto reload = [options](int code) {
-    if (code == SI_KERNEL) return true;  // nobody's kill -HUP: its terminal is gone
+    if (code == SI_KERNEL) return true;  // not kill -HUP: its terminal is gone
     options->reload = true;
     return false;
   };
@@ -150,7 +147,7 @@ void add_replay_command(CLI::App& app, Command& chosen) {
 
 namespace {
 
-// What run and record share.
+// Options of run and record.
 struct Service {
   std::filesystem::path config;
   LiveCommand live = {};
@@ -179,10 +176,10 @@ void add_setup_command(CLI::App& app, Command& chosen) {
   };
   const auto options = std::make_shared<Options>();
   CLI::App* command = app.add_subcommand(
-      "setup", "begin: write a configuration of this host's cameras, run it, and show the page that leads from there");
-  command->add_option("config", options->setup.config, "the file to write; one that is there is run as it stands")
+      "setup", "start here: write a configuration of this host's cameras, run it, and open the page, which guides you");
+  command->add_option("config", options->setup.config, "the file to write; an existing file is run unchanged")
       ->capture_default_str();
-  command->add_flag("!--only-write", options->setup.with_page, "write the file, and run nothing");
+  command->add_flag("!--only-write", options->setup.with_page, "only write the file");
   on_choice(*command, chosen,
             [options](const std::stop_token& stop) { set_up(options->setup, options->requests, stop); },
             {{SIGHUP, ask(options->requests.reload)}, {SIGUSR1, ask(options->requests.save)}});
@@ -190,8 +187,8 @@ void add_setup_command(CLI::App& app, Command& chosen) {
 
 void add_capture_command(CLI::App& app, Command& chosen) {
   const auto config = std::make_shared<std::filesystem::path>();
-  CLI::App* command =
-      app.add_subcommand("capture", "give this host's cameras to trackers on other hosts, which name them by host:");
+  CLI::App* command = app.add_subcommand(
+      "capture", "export this host's cameras to trackers on other hosts, which refer to them by host:");
   command->add_option("config", *config, "a camera host's configuration: cameras, host, dds, log_level")->required();
   on_choice(*command, chosen, [config](const std::stop_token& stop) { capture_cameras(*config, stop); });
 }
@@ -201,9 +198,9 @@ void add_record_command(CLI::App& app, Command& chosen) {
   CLI::App* command = app.add_subcommand("record", "record the live cameras of the configuration");
   command->add_option("config", service->config, config_help)->required();
   command->add_option("out", service->live.record_to, "a new folder for the recording")->required();
-  command->add_option("--seconds", service->live.seconds, "end so long after the first frame")
+  command->add_option("--seconds", service->live.seconds, "end this long after the first frame")
       ->check(CLI::Range(0.001, 1e9));
-  const auto end = [](int) { return true; };  // its terminal is gone: the recording is ended well
+  const auto end = [](int) { return true; };  // its terminal is gone: end the recording properly
   const auto go_on = [](int) { return false; };
   on_choice(*command, chosen,
             [service](const std::stop_token& stop) { record(service->config, service->live, service->requests, stop); },
@@ -213,11 +210,11 @@ void add_record_command(CLI::App& app, Command& chosen) {
 void add_doctor_command(CLI::App& app, Command& chosen) {
   const auto options = std::make_shared<doctor::DoctorOptions>();
   CLI::App* command = app.add_subcommand(
-      "doctor", "examine this host's cameras, USB, permissions and network, and say what to do about what is wrong");
-  command->add_option("config", options->config, "huetrackd.yaml, or a camera host's: examine what it says, too");
+      "doctor", "examine this host's cameras, USB, permissions and network, with advice for each problem");
+  command->add_option("config", options->config, "huetrackd.yaml, or that of a camera host: examine it, too");
   command->add_option("--seconds", options->seconds, "how long all cameras stream at once (3)")
       ->check(CLI::Range(0.5, 3600.0));
-  command->add_flag("!--no-stream", options->streams, "look at the cameras without starting them");
+  command->add_flag("!--no-stream", options->streams, "examine the cameras without streaming");
   on_choice(*command, chosen,
             [options](const std::stop_token& stop) { return doctor::doctor(*options, stop) > 0 ? 1 : 0; });
 }
@@ -228,11 +225,11 @@ void add_compare_command(CLI::App& app, Command& chosen) {
     double clock_offset_s = 0;
   };
   const auto options = std::make_shared<Options>();
-  CLI::App* command = app.add_subcommand("compare", "hold a track CSV (of replay or of huetrack watch) to the truth");
+  CLI::App* command =
+      app.add_subcommand("compare", "compare a track CSV (of replay or huetrack watch) with ground truth");
   command->add_option("tracks", options->tracks, "CSV of tracks")->required();
   command->add_option("truth", options->truth, "CSV with columns ball or target, t, x, y, z")->required();
-  command->add_option("--clock-offset", options->clock_offset_s,
-                      "seconds that the tracks' clock is ahead of the truth's");
+  command->add_option("--clock-offset", options->clock_offset_s, "the tracks' clock minus the truth's, seconds");
   on_choice(*command, chosen,
             [options](const std::stop_token&) { compare(options->tracks, options->truth, options->clock_offset_s); });
 }
@@ -240,29 +237,29 @@ void add_compare_command(CLI::App& app, Command& chosen) {
 void add_teach_command(CLI::App& app, Command& chosen) {
   const auto teaching = std::make_shared<page::TeachCommand>();
   CLI::App* command = app.add_subcommand(
-      "teach", "learn a target's colour from where you point, and write it into a file beside the configuration");
+      "teach", "learn a target's colour from a point on it, and save it in a file next to the configuration");
   command->add_option("config", teaching->config, config_help)->required();
   command->add_option("recording", teaching->recording, recording_help + std::string("; or the word live"));
   command->add_option("--at", teaching->at, "the object: CAMERA,FRAME,U,V (frames from 0, pixels); once per camera")
       ->allow_extra_args(false);
-  command->add_option("--target", teaching->target, "which one, where there are several");
-  command->add_flag("--accept", teaching->accept, "where you did not point, take the place that is suggested");
+  command->add_option("--target", teaching->target, "the target, if there are several");
+  command->add_flag("--accept", teaching->accept, "accept the suggested places in views without --at");
   command->add_flag("--radius", teaching->radius,
-                    "take the radius that the pictures tell, though the configuration says another one");
+                    "use the radius measured in the pictures instead of the configured one");
   command->add_flag("--only", teaching->only,
-                    "write it though a suggestion in another camera is neither confirmed nor taken");
-  command->add_option("--wider", teaching->wider, "widen the ranges by so many steps; negative: narrow them")
+                    "save it although a suggestion in another camera is neither confirmed nor accepted");
+  command->add_option("--wider", teaching->wider, "widen the ranges by this many steps; negative: narrow them")
       ->check(CLI::Range(-50, 50));
   command
       ->add_option("--ignore", teaching->ignore,
-                   "CAMERA,U_MIN,V_MIN,U_MAX,V_MAX: nothing matches in there; may be repeated; without --at and a "
+                   "CAMERA,U_MIN,V_MIN,U_MAX,V_MAX: a rectangle to ignore; may be repeated; without --at and a "
                    "recording, only these rectangles are saved")
       ->allow_extra_args(false);
-  command->add_option("--pictures", teaching->pictures, "draw what matches, one picture per camera, into this folder");
-  command->add_flag("--dry-run", teaching->dry_run, "only say what would be learnt");
-  CLI::Option* const undo = command->add_flag(
-      "--undo", teaching->undo, "what was there before the last save takes its place again; the last twenty are kept");
-  command->add_flag("--redo", teaching->redo, "what was undone last is done again")->excludes(undo);
+  command->add_option("--pictures", teaching->pictures,
+                      "draw the matching pixels, one picture per camera, to this folder");
+  command->add_flag("--dry-run", teaching->dry_run, "only print what would be learnt");
+  CLI::Option* const undo = command->add_flag("--undo", teaching->undo, "undo the last save; the last twenty are kept");
+  command->add_flag("--redo", teaching->redo, "redo the last undone save")->excludes(undo);
 
   on_choice(*command, chosen, [teaching](const std::stop_token& stop) { return page::teach(*teaching, stop); });
 }

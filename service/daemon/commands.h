@@ -1,6 +1,6 @@
-// The sub-commands of huetrackd. Each adds itself to the program; the one that was asked for sets `chosen`.
+// The sub-commands of huetrackd. Each adds itself to the program; the selected one sets `chosen`.
 //
-// To add one: declare it here, define it in commands.cpp, which alone knows the argument parser besides main(), and
+// To add one: declare it here, define it in commands.cpp (the only user of the argument parser besides main()), and
 // list it in main.cpp.
 #pragma once
 
@@ -16,9 +16,9 @@ class App;
 namespace huetrack::daemon {
 
 struct Command {
-  // Does the work, and returns the exit status. throws std::exceptions with one readable line.
+  // Returns the exit status. throws std::exceptions with one readable line.
   std::function<int(const std::stop_token& stop)> run;
-  Signals::Others on_signal = {};  // what signals besides SIGINT and SIGTERM do
+  Signals::Others on_signal = {};  // handlers of signals other than SIGINT and SIGTERM
 };
 
 void add_check_command(CLI::App& app, Command& chosen);

@@ -24,7 +24,7 @@ using Clock = std::chrono::steady_clock;
 using namespace std::chrono_literals;
 
 constexpr auto supervision_period = 50ms;
-constexpr capture::Duration recorder_patience = 400ms;  // whoever stops us waits a second, and the disk may be slow
+constexpr capture::Duration recorder_patience = 400ms;  // a stop may take about a second, and the disk may be slow
 constexpr capture::Duration longest_recorder_patience = 10s;
 
 void log_where(const config::MetricsConfig& metrics) {
@@ -33,9 +33,9 @@ void log_where(const config::MetricsConfig& metrics) {
                *metrics.port);
 }
 
-// The road has threads of its own; this one looks after it, until it ends or is to end. Gives back what ended it.
+// Supervises the pipeline, which has its own threads, until its end or a stop. Returns the exception that ended it.
 std::exception_ptr run_supervised(pipeline::Session& session, Supervisor& supervisor, std::optional<double> seconds,
-                                  const std::atomic<bool>& begin_anew, const std::stop_token& stop) {
+                                  const std::atomic<bool>& restart, const std::stop_token& stop) {
   std::stop_source ending;
   const std::stop_callback forward(stop, [&] { ending.request_stop(); });
   std::exception_ptr error;
@@ -43,24 +43,24 @@ std::exception_ptr run_supervised(pipeline::Session& session, Supervisor& superv
   std::jthread running([&] {
     try {
       session.run(ending.get_token());
-    } catch (const std::exception&) {  // thrown again by the thread that waits
+    } catch (const std::exception&) {  // rethrown by the waiting thread
       error = std::current_exception();
     }
     has_ended = true;
   });
-  // Whatever ends the watch ends the road: it is waited for below, or where an exception destroys `running`.
+  // The end of supervision ends the pipeline, which is joined below, or by the destructor of `running`.
   const std::unique_ptr<std::stop_source, void (*)(std::stop_source*)> guard(&ending,
                                                                              [](auto* s) { s->request_stop(); });
   std::optional<Clock::time_point> end;
   while (!has_ended && !ending.stop_requested()) {
-    supervisor.look_after();
+    supervisor.poll();
     if (seconds && !end && supervisor.is_receiving()) end = Clock::now() + capture::duration_of(*seconds);
     if (end && Clock::now() >= *end) break;
-    if (begin_anew) break;
+    if (restart) break;
     std::this_thread::sleep_for(supervision_period);
   }
-  if (begin_anew && !stop.stop_requested()) {
-    tell_reloading();
+  if (restart && !stop.stop_requested()) {
+    notify_reloading();
   } else {
     notify_service_manager("STOPPING=1\nSTATUS=Stopping");
   }
@@ -69,15 +69,15 @@ std::exception_ptr run_supervised(pipeline::Session& session, Supervisor& superv
   return error;
 }
 
-// Beside the rig, which stays as it is: where the cameras stand now, for huetrack-calibrate accept; and the room, for
-// the next start. A disk that is full or read-only is told; it ends nothing.
+// Saves the corrected rig next to the rig, for huetrack-calibrate accept, and the room, for the next start. A disk
+// error is only logged.
 void keep_what_was_learnt(const config::ServiceConfig& config, const pipeline::Session& session,
                           const reports::RigReport& rig_report, const std::filesystem::path& recording) {
   const auto attempt = [](auto&& step) {
     try {
       step();
     } catch (const std::exception& error) {
-      spdlog::warn("what was learnt of the calibration is not kept: {}", error.what());
+      spdlog::warn("the corrected rig and the room are not saved: {}", error.what());
     }
   };
   calib::CameraRig mended = config.rig;
@@ -86,7 +86,7 @@ void keep_what_was_learnt(const config::ServiceConfig& config, const pipeline::S
                                                                         config.rig_file.extension().string());
     attempt([&] {
       calib::write_rig(mended, file);
-      spdlog::info("{}: the rig with the cameras where they stand now; huetrack-calibrate accept {} takes it over",
+      spdlog::info("{}: the rig with the current poses of the cameras; huetrack-calibrate accept {} makes it the rig",
                    file.string(), config.rig_file.string());
     });
     if (!recording.empty()) attempt([&] { calib::write_rig(mended, recording / "rig.mended.yaml"); });
@@ -96,34 +96,34 @@ void keep_what_was_learnt(const config::ServiceConfig& config, const pipeline::S
       attempt([&] { config::write_room(file, room, calib::rig_identity(config.rig)); });
 }
 
-// Files would be begun anew, and what they hold be lost; a time that is given would begin again.
-bool may_begin_anew(const LiveCommand& options) {
+// A restart would overwrite output files, or restart a given duration.
+bool may_restart(const LiveCommand& options) {
   return options.tracks.empty() && options.poses.empty() && options.write_rig.empty() && options.record_to.empty() &&
          !options.seconds;
 }
 
-// Before anything is opened or written.
+// Checks before anything is opened or written.
 void refuse_what_cannot_be(const config::ServiceConfig& config, std::span<const pipeline::LiveCamera> cameras,
                            const LiveCommand& options) {
   if (cameras.empty())
     throw std::runtime_error(config.file.string() +
-                             ": cameras: none is given: name the live cameras; "
-                             "ls -l /dev/v4l/by-path/ lists those that there are");
+                             ": cameras: there are none: name the live cameras; "
+                             "ls -l /dev/v4l/by-path/ lists them");
   pipeline::refuse_outputs({.files = {options.tracks, options.poses, options.write_rig}}, pipeline::files_of(config));
-  // Whose lenses are nobody's, nothing of them is to be kept.
+  // Without a calibration there is nothing to save.
   if (!options.record_to.empty() || !options.write_rig.empty()) config::require_rig(config);
 }
 
-// The bus is open to everybody on its network, unless the configuration closes it: what that means is said.
+// Logs what every participant of the domain may request.
 void tell_what_may_be_asked(const config::ControlConfig& control) {
   if (!control.allow_teach && !control.allow_record) return;
-  spdlog::info("control: whoever is on that bus may {}", control.allow_teach && control.allow_record
-                                                             ? "teach colours, calibrate and record"
-                                                         : control.allow_teach ? "teach colours"
-                                                                               : "record");
+  spdlog::info("control: every participant of this DDS domain may {}", control.allow_teach && control.allow_record
+                                                                           ? "teach colours, calibrate and record"
+                                                                       : control.allow_teach ? "teach colours"
+                                                                                             : "record");
 }
 
-// The files that were asked for. A disk that is full does not end the service: what there is to say comes at its end.
+// The output files. A full disk does not end the service; it is reported at the end.
 struct TrackedFiles {
   TrackedFiles(pipeline::Session& session, const config::ServiceConfig& config, const LiveCommand& options) {
     constexpr auto when = pipeline::WhenFileFails::go_on;
@@ -146,7 +146,7 @@ struct TrackedFiles {
   }
 };
 
-// What the page may ask of live cameras. Its thread sets requests; who supervises takes them.
+// Actions of the page on live cameras. Its thread sets requests; the supervisor executes them.
 page::PageServiceOptions page_options(const config::ServiceConfig& config,
                                       std::span<const pipeline::LiveCamera> cameras, const LiveCommand& options,
                                       LiveRequests& requests, pipeline::RecordingKeeper& recording,
@@ -163,12 +163,12 @@ page::PageServiceOptions page_options(const config::ServiceConfig& config,
   page.control.reload = ask_for(requests.reload);
   for (const auto& camera : cameras)
     if (camera.controls) page.control.cameras[config.rig.cameras[std::size_t(camera.camera)].name] = camera.controls;
-  if (may_begin_anew(options)) {
+  if (may_restart(options)) {
     page.control.calibration = calibration;
-    page.control.begin_anew = ask_for(requests.begin_anew);
+    page.control.restart = ask_for(requests.restart);
     page.control.open_recording = [&requests](const std::filesystem::path& folder) {
       requests.open_recording(folder);
-      requests.begin_anew = true;
+      requests.restart = true;
     };
   }
   return page;
@@ -191,7 +191,7 @@ LiveSummary run_live(const config::ServiceConfig& config, std::vector<pipeline::
   pipeline::Session session(config, pipeline::sources_of(config, cameras),
                             {.when_full = pipeline::WhenFull::drop_oldest, .is_tracking = is_tracking});
 
-  // Where the results go, in this order.
+  // The outputs, in order.
   std::optional<pipeline::Bus> bus;
   if (config.dds.enabled && !options.no_dds && options.track)
     session.add(bus.emplace(config.dds.publisher, session.time()));
@@ -201,7 +201,7 @@ LiveSummary run_live(const config::ServiceConfig& config, std::vector<pipeline::
   session.add(meter);
   reports::Reports reports(session, {.write_rig = options.write_rig, .is_logging_times = true});
   TrackedFiles files(session, config, options);
-  // Before the page, which asks it; it records after all that may yet end the program: no empty recording stays behind.
+  // Before the page, which uses it; started after everything that can fail, so that no empty recording remains.
   pipeline::RecordingKeeper recording(
       session.config(), {.record_to = options.record_to, .cameras_in_use = cameras.size(), .is_tracking = is_tracking});
   std::optional<pipeline::RemoteColors> colors;
@@ -224,14 +224,14 @@ LiveSummary run_live(const config::ServiceConfig& config, std::vector<pipeline::
                          .metrics_server = metrics_server.get()});
   session.add(supervisor);
 
-  const std::exception_ptr error = run_supervised(session, supervisor, options.seconds, requests.begin_anew, stop);
+  const std::exception_ptr error = run_supervised(session, supervisor, options.seconds, requests.restart, stop);
   recording.finish(stop.stop_requested() ? recorder_patience : longest_recorder_patience);
-  supervisor.look_a_last_time();
+  supervisor.poll_last();
   keep_what_was_learnt(config, session, reports.rig, recording.folder());
-  session.close_sources();  // before bus and page, which may take their time: the cameras get their controls back
+  session.close_sources();  // before bus and page, which may be slow: restores the cameras' controls
   if (error) std::rethrow_exception(error);
   session.save_camera_map();
-  files.refuse_failed();  // after all that is to be kept
+  files.refuse_failed();  // after everything is saved
   return {.figures = session.figures(),
           .status = supervisor.last_status(),
           .recorded = recording.figures(),
@@ -240,7 +240,7 @@ LiveSummary run_live(const config::ServiceConfig& config, std::vector<pipeline::
 
 namespace {
 
-// Instead of the cameras, as the page asked for it; whoever watches over the service is told that it lives.
+// Replays instead of the live cameras, as the page requested; keeps notifying the watchdog.
 void replay_instead(const config::ServiceConfig& config, const std::filesystem::path& recording, LiveRequests& requests,
                     const std::stop_token& stop) {
   std::stop_source closing;
@@ -264,10 +264,10 @@ void replay_instead(const config::ServiceConfig& config, const std::filesystem::
   command.progress = false;
   try {
     replay(command, closing.get_token());
-  } catch (const std::exception& error) {  // then with the cameras again
+  } catch (const std::exception& error) {  // return to the cameras
     spdlog::error("the replay ended: {}", error.what());
   }
-  if (!stop.stop_requested()) tell_reloading();
+  if (!stop.stop_requested()) notify_reloading();
 }
 
 }  // namespace
@@ -280,17 +280,17 @@ LiveSummary run_live_while_asked(config::ServiceConfig config, const CameraOpene
                                         }});
   for (;;) {
     set_log_level(config.log_level);
-    requests.begin_anew = false;
+    requests.restart = false;
     LiveSummary summary = run_live(config, open(config, stop), options, requests, stop, &calibration);
-    if (!requests.begin_anew || stop.stop_requested()) return summary;
+    if (!requests.restart || stop.stop_requested()) return summary;
     if (const auto recording = requests.take_recording(); !recording.empty())
       replay_instead(config, recording, requests, stop);
     if (stop.stop_requested()) return summary;
     try {
       config = config::load_service_config(config.file);
-      spdlog::info("beginning anew with {}", config.file.string());
-    } catch (const std::exception& error) {  // somebody has changed it since it was asked for
-      spdlog::error("beginning anew with the old configuration: {}", error.what());
+      spdlog::info("restarting with {}", config.file.string());
+    } catch (const std::exception& error) {  // changed since the request
+      spdlog::error("restarting with the old configuration: {}", error.what());
     }
   }
 }
@@ -324,7 +324,7 @@ void record(const std::filesystem::path& file, LiveCommand options, LiveRequests
   if (summary.recorded.failure) throw std::runtime_error(*summary.recorded.failure);
   if (std::ranges::all_of(summary.recorded.cameras, [](const auto& camera) { return camera.frames == 0; }))
     throw std::runtime_error(options.record_to.string() +
-                             ": no camera has delivered a frame: the recording is empty; huetrackd doctor says why");
+                             ": no camera has delivered a frame, so the recording is empty: run huetrackd doctor");
 }
 
 }  // namespace huetrack::daemon

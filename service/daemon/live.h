@@ -1,4 +1,4 @@
-// The service on live cameras, what `run` and `record` do.
+// The service on live cameras: `run` and `record`.
 #pragma once
 
 #include <filesystem>
@@ -15,13 +15,13 @@
 namespace huetrack::daemon {
 
 struct LiveCommand {
-  bool track = true;                     // false: only record, and do not publish
-  std::filesystem::path record_to;       // record everything into this folder; empty: what the configuration says
-  bool no_dds = false;                   // whatever the configuration says
+  bool track = true;                     // false: only record
+  std::filesystem::path record_to;       // record everything into this folder; empty: by the configuration
+  bool no_dds = false;                   // overrides the configuration
   std::filesystem::path tracks;          // CSV of the estimates; empty: none
-  std::filesystem::path write_rig = {};  // the rig as learnt: the cameras' times, and where they stand; empty: none
+  std::filesystem::path write_rig = {};  // rig with estimated timing and current poses; empty: none
   std::filesystem::path poses = {};      // TUM file of the tracked camera's poses, see PoseFileWriter; empty: none
-  std::optional<double> seconds;         // > 0; end so long after the first frame
+  std::optional<double> seconds;         // > 0; end this long after the first frame
 };
 
 struct LiveSummary {
@@ -31,24 +31,22 @@ struct LiveSummary {
   std::uint64_t published = 0;
 };
 
-// Runs until the stop, or until every source has ended, or requests.begin_anew (which stays set; nobody can ask for it
-// where a file is written that it would begin anew, or for a time that is given). calibration: asked from the page's
-// thread, and outlives the run; nullptr: nothing can be calibrated.
-// throws what the pipeline throws, and std::exceptions with one readable line when an output cannot be opened.
+// Runs until the stop, the end of every source, or requests.restart (which stays set; clients cannot request it if
+// files are written or a duration is given). calibration: used by the page's thread, outlives the run; nullptr: none.
+// throws what the pipeline throws, and std::exceptions with one readable line if an output cannot be opened.
 LiveSummary run_live(const config::ServiceConfig& config, std::vector<pipeline::LiveCamera> cameras,
                      const LiveCommand& options, LiveRequests& requests, const std::stop_token& stop,
                      page::CalibrationSession* calibration = nullptr);
 
-// run_live(), and once more with the configuration as it stands then, with its cameras opened again, whenever that is
-// asked for; between two of them a recording, where that is asked for, until it is over or closed. What is not right
-// then is left alone, with a line in the log.
+// Repeats run_live() on each request to restart, with the configuration read and the cameras opened again; between two
+// runs replays a recording if requested. If the new configuration is invalid, logs that and keeps the old one.
 using CameraOpener =
     std::function<std::vector<pipeline::LiveCamera>(const config::ServiceConfig& config, const std::stop_token& stop)>;
 LiveSummary run_live_while_asked(config::ServiceConfig config, const CameraOpener& open, const LiveCommand& options,
                                  LiveRequests& requests, const std::stop_token& stop);
 
-// `huetrackd run CONFIG` and `huetrackd record CONFIG OUT`: with the cameras of the configuration. What came of it goes
-// to the log, and of a recording to stdout, too. throw as run_live(), and when nothing has been recorded.
+// `huetrackd run CONFIG` and `huetrackd record CONFIG OUT`. Log a summary; record() also prints it. throw as
+// run_live(), and if nothing was recorded.
 void run(const std::filesystem::path& config, const LiveCommand& options, LiveRequests& requests,
          const std::stop_token& stop);
 void record(const std::filesystem::path& config, LiveCommand options, LiveRequests& requests,

@@ -18,11 +18,11 @@ namespace {
 
 using namespace huetrack;
 
-// The status to end with; or the end, when a thread still hangs in the driver of a camera that has locked up.
+// Returns the status, or exits at once if a thread hangs in a camera's driver.
 int end_with(int status) {
   const auto names = capture::abandoned_cameras();
   if (names.empty()) return status;
-  for (const auto& name : names) spdlog::warn("camera {}: it does not answer, the end does not wait for it", name);
+  for (const auto& name : names) spdlog::warn("camera {}: does not answer; ending without waiting for it", name);
   spdlog::default_logger()->flush();
   std::fflush(nullptr);
   std::_Exit(status);
@@ -33,7 +33,7 @@ int end_with(int status) {
 int main(int argc, char** argv) {
   daemon::Signals::hold();
   daemon::set_up_log();
-  signal(SIGXFSZ, SIG_IGN);  // a recording that meets the limit of file sizes ends with a message, the program does not
+  signal(SIGXFSZ, SIG_IGN);  // the limit of file sizes is an error message, not the end of the program
 
   CLI::App app("huetrackd: tracks coloured objects in 3-D with calibrated cameras, and publishes them over DDS");
   app.set_version_flag("--version", "huetrackd " HUETRACK_VERSION);
@@ -55,7 +55,7 @@ int main(int argc, char** argv) {
   int status = 0;
   try {
     status = chosen.run(signals.token());
-  } catch (const std::exception& error) {  // the user's input or the outside world: said once, in one line, here
+  } catch (const std::exception& error) {  // errors of input or environment: one line
     std::fprintf(stderr, "%shuetrackd: %s\n", daemon::journal_prefix(),
                  files::printable(error.what(), files::longest_message).c_str());
     return end_with(1);

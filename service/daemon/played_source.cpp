@@ -29,14 +29,14 @@ std::optional<capture::Frame> PlayedSource::next(std::stop_token stop) {
 }
 
 void PlayedSource::wait_for_turn(const capture::Frame& frame, const std::stop_token& stop) {
-  constexpr auto look_again_after = 200ms;  // whoever changes something wakes this at once
+  constexpr auto poll_period = 200ms;  // for a stop; other changes notify
   const auto camera = std::size_t(frame.camera);
   const auto began = Clock::now();
   std::unique_lock lock(mutex_);
   bool was_paused = false;
   while (!stop.stop_requested()) {
     const auto now = Clock::now();
-    auto until = now + look_again_after;
+    auto until = now + poll_period;
     was_paused |= is_paused_;
     if (is_paused_) {
       if (held_beyond_ || !seen_.at(camera)) break;
@@ -53,7 +53,7 @@ void PlayedSource::wait_for_turn(const capture::Frame& frame, const std::stop_to
       if (now >= due) break;
       until = std::min(until, due);
     }
-    news_.wait_until(lock, stop, until, [this, asked = asked_] { return asked_ != asked; });
+    news_.wait_until(lock, stop, until, [this, asked = requests_] { return requests_ != asked; });
   }
   // Published times stay as even as the recording's: it is later by what was waited for while it was paused, and by
   // what it is played slower. As fast as possible, time is the recording's own.
@@ -90,7 +90,7 @@ void PlayedSource::pause() {
   if (!is_paused_) seen_.assign(seen_.size(), true);  // the next frame of any camera waits
   is_paused_ = true;
   steps_ = 0;
-  ++asked_;
+  ++requests_;
   news_.notify_all();
 }
 
@@ -100,7 +100,7 @@ void PlayedSource::go_on() {
   held_beyond_.reset();
   steps_ = 0;
   anchor_.reset();
-  ++asked_;
+  ++requests_;
   news_.notify_all();
 }
 
@@ -109,7 +109,7 @@ void PlayedSource::step(int sets) {
   if (!is_paused_) seen_.assign(seen_.size(), true);
   is_paused_ = true;
   steps_ = std::min(steps_ + std::max(sets, 1), most_steps);
-  ++asked_;
+  ++requests_;
   news_.notify_all();
 }
 
@@ -117,7 +117,7 @@ void PlayedSource::set_speed(double speed) {
   const std::scoped_lock lock(mutex_);
   speed_ = std::max(speed, 0.0);
   anchor_.reset();
-  ++asked_;
+  ++requests_;
   news_.notify_all();
 }
 

@@ -1,4 +1,4 @@
-// The configuration read again while the program runs: on SIGHUP, and when a colour has been taught.
+// Reloads the configuration while the program runs: on SIGHUP, and when a colour was taught.
 #pragma once
 
 #include <string>
@@ -7,8 +7,8 @@
 
 namespace huetrack::daemon {
 
-// Puts the file into force as far as that is possible now, and says in the log what came of it. Returns why it was
-// refused, and nothing has changed; empty: it was not. One thread at a time, as Session::take_over().
+// Applies the file as far as possible while running, and logs the result. Returns the reason if it was refused and
+// nothing has changed; empty: applied. One thread at a time, as Session::take_over().
 std::string reload(pipeline::Session& session);
 
 }  // namespace huetrack::daemon

@@ -37,7 +37,7 @@ namespace {
 using Clock = std::chrono::steady_clock;
 using namespace std::chrono_literals;
 
-// ---- What goes in
+// ---- Inputs
 
 config::ServiceConfig configuration_of(const ReplayCommand& command) {
   config::ServiceConfig config = config::load_service_config(command.config);
@@ -45,10 +45,10 @@ config::ServiceConfig configuration_of(const ReplayCommand& command) {
   set_log_level(config.log_level);
   for (const auto& warning : config::warnings_of(config)) spdlog::warn("{}: {}", config.file.string(), warning);
   if (command.hold && (command.no_dds || !config.dds.enabled))
-    throw std::runtime_error("--hold needs DDS: a page says when to go on");
+    throw std::runtime_error("--hold needs DDS, because the page continues the replay: remove --no-dds");
   if (command.hold && !config.control.allow_teach)
     throw std::runtime_error(config.file.string() +
-                             ": --hold needs control: {allow_teach: true}: a page says when to go on, and may not");
+                             ": --hold needs control: {allow_teach: true}, because the page continues the replay");
   return config;
 }
 
@@ -61,12 +61,12 @@ void refuse_outputs_over_inputs(const ReplayCommand& command, const config::Serv
                            read);
 }
 
-// A recording, opened. The sources are the session's; source and played stay valid as long as it lives.
+// An opened recording. The session owns the sources; source and played are valid as long as the session.
 struct OpenedRecording {
   recordings::Recording recording;
   pipeline::SessionSources sources;
   recordings::ReplaySource* source = nullptr;
-  PlayedSource* played = nullptr;  // null: nobody can hold it, or step through it
+  PlayedSource* played = nullptr;  // null: cannot be paused
 };
 
 OpenedRecording open_recording(const config::ServiceConfig& config, const ReplayCommand& command) {
@@ -91,8 +91,7 @@ OpenedRecording open_recording(const config::ServiceConfig& config, const Replay
   return playback;
 }
 
-// Where a replay is held to begin with: when the first set with every camera is over, which a frame beyond its span
-// shows. Cameras that begin later than a second after the first are not waited for.
+// The time for --hold: end of the first set with every camera that starts within a second of the first.
 capture::Timestamp first_whole_set(const recordings::ReplaySource& source, capture::Duration set_span) {
   const capture::Timestamp first = source.first_at().value_or(capture::Timestamp{});
   capture::Timestamp last = first;
@@ -101,7 +100,7 @@ capture::Timestamp first_whole_set(const recordings::ReplaySource& source, captu
   return last + set_span;
 }
 
-// With the configuration that lies in the recording, what happened while it was made happens again.
+// Replayed with its own configuration, a recording repeats its changes.
 pipeline::RecordedChanges changes_to_repeat(const config::ServiceConfig& config,
                                             const recordings::Recording& recording) {
   if (std::error_code none; !std::filesystem::exists(recording.file, none)) return {};  // videos
@@ -109,7 +108,7 @@ pipeline::RecordedChanges changes_to_repeat(const config::ServiceConfig& config,
   if (std::error_code none; !std::filesystem::equivalent(config.file, folder / "huetrackd.yaml", none)) return {};
   pipeline::RecordedChanges changes = pipeline::read_changes(folder);
   if (!changes.left_out.empty() || !changes.reloads.empty())
-    spdlog::info("as when it was recorded, {} sets are left out and {} reloads repeated", changes.left_out.size(),
+    spdlog::info("repeating the live run: skipping {} dropped sets, repeating {} reloads", changes.left_out.size(),
                  changes.reloads.size());
   return changes;
 }
@@ -122,9 +121,9 @@ std::optional<tracks::Truth> truth_of(const config::ServiceConfig& config, const
   return truth;
 }
 
-// ---- Where results go, besides the pipeline's outputs
+// ---- Outputs besides the pipeline's
 
-// The status sample: on the road, as a replay may be over before anybody else would look.
+// The status sample, as an output, because a replay may be short.
 class ReplayStatus final : public pipeline::Output {
  public:
   ReplayStatus(const config::ServiceConfig& config, pipeline::Bus& bus, const pipeline::PublishedTime& time,
@@ -142,7 +141,7 @@ class ReplayStatus final : public pipeline::Output {
     std::ranges::copy(reports_.warnings(), std::back_inserter(status.warnings));
     if (played_ != nullptr && played_->state().is_paused) status.mode = "held";
     bus_.publisher().publish_status(status);
-    bus_.publisher().publish_times(status.at, reports_.times.told());
+    bus_.publisher().publish_times(status.at, reports_.times.timing());
   }
   void on_config(const config::ServiceConfig& config) noexcept override {
     const std::scoped_lock lock(mutex_);
@@ -158,7 +157,7 @@ class ReplayStatus final : public pipeline::Output {
   StatusReporter reporter_;  // guarded by mutex_: the page's thread reloads
 };
 
-// The bar on the terminal.
+// The progress bar.
 class ReplayProgress final : public pipeline::Output {
  public:
   ReplayProgress(bool wanted, const pipeline::Session& session, const recordings::ReplaySource& source)
@@ -191,7 +190,7 @@ class ReplayProgress final : public pipeline::Output {
   Clock::time_point began_{};
 };
 
-// Who asks for a reload where nobody would do it is told so.
+// Explains why SIGHUP has no effect.
 class ReloadRefusal final : public pipeline::Output {
  public:
   explicit ReloadRefusal(std::atomic<bool>& asked) : asked_(asked) {}
@@ -205,9 +204,9 @@ class ReloadRefusal final : public pipeline::Output {
 
 page::PageServiceOptions page_options(pipeline::Session& session, const ReplayCommand& command, PlayedSource* played,
                                       const std::atomic<bool>& has_begun) {
-  page::PageServiceOptions options{.keeps_frames = true, .time = &session.time(), .reload_asked = command.reload};
+  page::PageServiceOptions options{.keeps_frames = true, .time = &session.time(), .reload_requested = command.reload};
   options.actions.reload = [&session, &has_begun]() -> std::string {
-    if (!has_begun) return "the replay has not begun yet";
+    if (!has_begun) return "the replay has not started yet";
     return reload(session);
   };
   options.control.reload = options.actions.reload;
@@ -235,12 +234,12 @@ void wait_for_subscribers(const publish::EstimatePublisher& publisher, const Rep
   }
 }
 
-// When the first frame is published as captured, and let through.
+// Start of the first frame, as published and as released.
 void begin_time(pipeline::Session& session, const OpenedRecording& playback, const ReplayCommand& command,
                 Clock::time_point now) {
   const bool is_paced = command.speed == ReplaySpeed::real;
   const capture::Timestamp first_at = playback.source->first_at().value_or(capture::Timestamp{});
-  // While nothing is let through, time stands still for the recording too.
+  // Pauses shift the published times.
   const auto* lag_ns = playback.played != nullptr ? &playback.played->lag_ns() : nullptr;
   if (is_paced && playback.played == nullptr) session.hold_to({now, first_at});
   if (command.stamps.value_or(is_paced ? ReplayStamps::now : ReplayStamps::recording) == ReplayStamps::now) {
@@ -250,9 +249,9 @@ void begin_time(pipeline::Session& session, const OpenedRecording& playback, con
   }
 }
 
-// ---- What came of it
+// ---- Summary
 
-// Of the cameras whose frames end before those of others do.
+// Cameras whose frames end before those of others.
 std::vector<std::string> early_ends(const std::vector<recordings::ReplayCamera>& cameras,
                                     const std::vector<pipeline::CameraFigures>& figures) {
   const auto last = std::ranges::max(figures, {}, &pipeline::CameraFigures::last_captured).last_captured;
@@ -261,24 +260,24 @@ std::vector<std::string> early_ends(const std::vector<recordings::ReplayCamera>&
     if (!figures[c].last_captured || cameras[c].frame_period <= 0ns) continue;
     const double short_s = capture::seconds(*last - *figures[c].last_captured);
     const long frames = std::lround(short_s / capture::seconds(cameras[c].frame_period));
-    if (frames < 2) continue;  // one more or less is how cameras happen to be stopped
+    if (frames < 2) continue;  // a difference of one frame is usual
     sentences.push_back(
         fmt::format("{} ended early: {} frames ({:.3f} s) short of the others", cameras[c].name, frames, short_s));
   }
   return sentences;
 }
 
-// Its folder's name, with the folder around it: many are named just "recording".
+// Folder name with its parent, because many are named just "recording".
 std::string shown_name(const recordings::Recording& recording) {
   if (std::error_code none; !std::filesystem::exists(recording.file, none)) return recording.file.string();  // videos
   const auto folder = std::filesystem::absolute(recording.file).lexically_normal().parent_path();
   return (folder.parent_path().filename() / folder.filename()).string();
 }
 
-// A target that is in view is found in two sets; what takes longer has a reason.
+// A visible target is usually found in two sets; a longer search has a reason.
 constexpr double usual_search_s = 0.5;
 
-// config: as it was in force last. figures: when the road was empty
+// config: in force at the end. figures: after the run
 ReplaySummary summary_of(const config::ServiceConfig& config, const ReplayCommand& command,
                          const pipeline::PipelineFigures& figures, const recordings::ReplaySource& source,
                          const Tally& tally, Clock::time_point began, bool is_stopped) {
@@ -316,7 +315,7 @@ ReplaySummary summary_of(const config::ServiceConfig& config, const ReplayComman
 }  // namespace
 
 ReplaySummary replay(const ReplayCommand& command, const std::stop_token& stop) {
-  // Everything that may be wrong with the user's files is found before anything is written.
+  // Validate all files before anything is written.
   const config::ServiceConfig config = configuration_of(command);
   OpenedRecording playback = open_recording(config, command);
   refuse_outputs_over_inputs(command, config, playback.recording);
@@ -330,7 +329,7 @@ ReplaySummary replay(const ReplayCommand& command, const std::stop_token& stop) 
     playback.played->hold_beyond(
         first_whole_set(*playback.source, capture::duration_of(*session.config().set_tolerance_s)));
 
-  // Where the results go, in this order.
+  // The outputs, in order.
   std::optional<pipeline::Bus> bus;
   if (config.dds.enabled && !command.no_dds) session.add(bus.emplace(config.dds.publisher, session.time()));
   reports::Reports reports(session, {.write_rig = command.write_rig, .is_recorded = true});
@@ -348,7 +347,7 @@ ReplaySummary replay(const ReplayCommand& command, const std::stop_token& stop) 
   session.add(progress);
   std::optional<ReloadRefusal> refusal;
   if (!bus && command.reload != nullptr) session.add(refusal.emplace(*command.reload));
-  std::atomic<bool> has_begun = false;  // the page's thread runs before, and may not reload yet
+  std::atomic<bool> has_begun = false;  // the page's thread already runs, but must not reload yet
   std::optional<page::PageService> page_service;
   if (bus)
     session.add(page_service.emplace(session.config(), page_options(session, command, playback.played, has_begun)));
@@ -370,8 +369,7 @@ ReplaySummary replay(const ReplayCommand& command, const std::stop_token& stop) 
   summary.mistakes = reports.mistakes.summary();
   const std::string unit_mistake = config::unit_mistake(config);
   if (!unit_mistake.empty()) summary.mistakes.push_back(unit_mistake);
-  // What a search suspects is said where nothing is known; beside a mistake that was found it would lead astray. Of
-  // what was found, though late, any mistake tells more.
+  // Advice about the search would mislead next to a mistake that explains the problem.
   for (TargetSummary& target : summary.targets) {
     const auto says_it = [&](const std::string& sentence) { return sentence.find(target.advice) != std::string::npos; };
     const bool is_tracked = target.first_tracking_set.has_value();
@@ -379,8 +377,8 @@ ReplaySummary replay(const ReplayCommand& command, const std::stop_token& stop) 
         std::ranges::any_of(summary.mistakes, says_it))
       target.advice.clear();
   }
-  summary.taken_back = reports.mistakes.taken_back();
-  summary.left_out = reports.objects.summary();
+  summary.cleared = reports.mistakes.cleared();
+  summary.clutter = reports.objects.summary();
   summary.light = reports.light.summary();
   summary.times = reports.times.summary();
   summary.calibration = reports.rig.summary();

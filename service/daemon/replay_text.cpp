@@ -25,16 +25,16 @@ std::string frames_text(const ReplaySummary& s) {
       fmt::format("{}{} frame sets of {} frames: {:.3f} s of recording in {:.3f} s, {:.1f}x real time{}\n",
                   s.stopped ? "stopped: " : "", s.figures.sets_tracked, frames, s.recorded_s, s.wall_s,
                   s.wall_s > 0 ? s.recorded_s / s.wall_s : 0,
-                  s.held_s > 0 ? fmt::format("; held for {:.1f} s beside that", s.held_s) : "");
+                  s.held_s > 0 ? fmt::format("; paused for {:.1f} s in addition", s.held_s) : "");
   text += fmt::format("  frames  {} missing, {} corrupted, {} late; {} sets without every camera\n", s.missing_frames,
                       s.corrupted_frames, sets.late_frames, sets.incomplete_sets);
   if (repeated > 0)
-    text += fmt::format("          {} show their camera's picture before once more, and were not used\n", repeated);
+    text += fmt::format("          {} repeat their camera's previous picture and were not used\n", repeated);
   for (const auto& sentence : s.ended_early) text += "          " + sentence + "\n";
   return text;
 }
 
-// "track 0.120 (0.118)": seconds by the wall clock, and of the processor.
+// "track 0.120 (0.118)": wall clock (processor) seconds.
 std::string stage_text(const char* stage, const pipeline::StageTime& time) {
   return fmt::format("{} {:.3f} ({:.3f})", stage, capture::seconds(time.wall), capture::seconds(time.cpu));
 }
@@ -47,14 +47,14 @@ std::string times_text(const ReplaySummary& s) {
   if (f.watch.wall.count() > 0) text += ", " + stage_text("watch the calibration", f.watch);
   if (s.camera) text += ", " + stage_text("camera", f.camera_track);
   if (s.pictures > 0) text += ", " + stage_text("draw", f.draw);
-  // The camera's thread runs beside the tracking thread: together this is what one core would need.
+  // The camera's thread runs in parallel: the sum is what one core would need.
   const double own_s =
       capture::seconds(f.synchronise.wall + f.watch.wall + f.track.wall + f.camera_track.wall + f.publish.wall);
-  text += fmt::format("\n          with decoding{} left out: {} real time", s.pictures > 0 ? " and drawing" : "",
+  text += fmt::format("\n          without decoding{}: {} real time", s.pictures > 0 ? " and drawing" : "",
                       times_real_time(s.recorded_s, own_s));
   if (!s.targets.empty()) {
     const double first_s = capture::seconds(f.track_first.wall);
-    text += fmt::format("; without the first set too ({:.3f} s, colour tables): {}", first_s,
+    text += fmt::format("; also without the first set ({:.3f} s, colour tables): {}", first_s,
                         times_real_time(s.recorded_s, own_s - first_s));
   }
   return text + "\n";
@@ -78,10 +78,10 @@ std::string target_text(const TargetSummary& target) {
               : "never tracking;";
   text += shares_text(target.sets) + "\n";
   if (target.objects > 0)
-    text += fmt::format("          objects found: {}, at once at most {}\n", target.objects, target.most_objects);
+    text += fmt::format("          objects found: {}, at most {} at once\n", target.objects, target.most_objects);
   if (target.outlines.radius_m)
-    text += fmt::format("          its outlines have a radius of {:.1f} +- {:.1f} mm\n",
-                        1e3 * *target.outlines.radius_m, 1e3 * target.outlines.radius_sigma_m);
+    text += fmt::format("          radius by its outlines: {:.1f} +- {:.1f} mm\n", 1e3 * *target.outlines.radius_m,
+                        1e3 * target.outlines.radius_sigma_m);
   if (target.truth) text += "          " + tracks::to_text(*target.truth) + "\n";
   if (target.clock_offset) text += "          " + tracks::to_text(*target.clock_offset, 0) + "\n";
   return text;
@@ -137,12 +137,12 @@ bool has_trouble(const ReplaySummary& s) {
   return !s.mistakes.empty() || s.has_camera_trouble || s.has_lost_color;
 }
 
-// What explains most stands last.
+// The most important explanation is last.
 std::string problems_text(const ReplaySummary& s) {
   std::string text;
   for (const auto& sentence : s.light) text += "  light   " + sentence + "\n";
-  for (const auto& sentence : s.taken_back) text += "  undone  " + sentence + "\n";
-  for (const auto& sentence : s.left_out) text += "  room    " + sentence + "\n";
+  for (const auto& sentence : s.cleared) text += "  cleared " + sentence + "\n";
+  for (const auto& sentence : s.clutter) text += "  room    " + sentence + "\n";
   for (const auto& sentence : s.calibration) text += "  cameras " + sentence + "\n";
   for (const auto& target : s.targets)
     if (!target.advice.empty()) text += fmt::format("  search  {}: {}\n", target.name, target.advice);

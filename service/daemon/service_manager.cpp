@@ -16,7 +16,7 @@
 namespace huetrack::daemon {
 namespace {
 
-// Whether stderr is the journal's, and not a file that a child of a service writes: systemd.exec(5), $JOURNAL_STREAM.
+// Whether stderr is the journal: systemd.exec(5), $JOURNAL_STREAM.
 bool stderr_is_journal() {
   const char* stream = std::getenv("JOURNAL_STREAM");
   struct stat status {};
@@ -24,7 +24,7 @@ bool stderr_is_journal() {
   return std::to_string(status.st_dev) + ":" + std::to_string(status.st_ino) == stream;
 }
 
-// %J: the level as sd-daemon(3) writes it in front of a line.
+// %J: the level prefix of sd-daemon(3).
 class JournalPriority final : public spdlog::custom_flag_formatter {
  public:
   void format(const spdlog::details::log_msg& message, const std::tm&, spdlog::memory_buf_t& out) override {
@@ -50,7 +50,7 @@ class JournalPriority final : public spdlog::custom_flag_formatter {
   }
 };
 
-// %P: the message on one line, without what a terminal would obey: a part of it may be from a file or from the bus.
+// %P: the message on one line without control characters, because parts may come from files or DDS.
 class PrintableMessage final : public spdlog::custom_flag_formatter {
  public:
   void format(const spdlog::details::log_msg& message, const std::tm&, spdlog::memory_buf_t& out) override {
@@ -63,10 +63,10 @@ class PrintableMessage final : public spdlog::custom_flag_formatter {
 }  // namespace
 
 void notify_service_manager(const std::string& assignments) {
-  sd_notify(0, assignments.c_str());  // its failure is the service manager's: there is nobody else to tell
+  sd_notify(0, assignments.c_str());  // a failure cannot be reported
 }
 
-void tell_reloading() {
+void notify_reloading() {
   const auto since_boot =
       std::chrono::duration_cast<std::chrono::microseconds>(std::chrono::steady_clock::now().time_since_epoch());
   notify_service_manager("RELOADING=1\nMONOTONIC_USEC=" + std::to_string(since_boot.count()));

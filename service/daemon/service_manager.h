@@ -1,4 +1,4 @@
-// What a service manager (systemd) is told, and how the log looks under it. Without one, nothing happens.
+// Notifications to a service manager (systemd), and the log's format under it. Without one, no effect.
 #pragma once
 
 #include <chrono>
@@ -12,15 +12,16 @@ namespace huetrack::daemon {
 // Assignments as in sd_notify(3), "READY=1\nSTATUS=...", to $NOTIFY_SOCKET. thread-safe.
 void notify_service_manager(const std::string& assignments);
 
-// What is not ready for a while, and says READY=1 then.
-void tell_reloading();
+// Reloading begins; READY=1 ends it.
+void notify_reloading();
 
-// How often WATCHDOG=1 is wanted at the latest (WatchdogSec= of the unit); nullopt: not at all.
+// Longest allowed period of WATCHDOG=1 (WatchdogSec= of the unit); nullopt: no watchdog.
 std::optional<std::chrono::microseconds> watchdog_period();
 
-// The default logger: to the journal with its priority prefixes ("<4>..."), to a terminal in colour, to a file plainly.
+// Sets the default logger: with priority prefixes ("<4>...") for the journal, in colour for a terminal, plain for a
+// file.
 void set_up_log();
-// What makes a line on stderr an error to the journal; empty where stderr is something else.
+// Prefix of an error line for the journal; empty if stderr is not the journal.
 const char* journal_prefix();
 void set_log_level(config::LogLevel level);
 

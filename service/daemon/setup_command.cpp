@@ -26,16 +26,16 @@ using namespace std::chrono_literals;
 constexpr std::size_t least_cameras = 2, max_cameras = 8;
 constexpr double wanted_fps = 30;
 constexpr double pre_roll_s = 60;
-constexpr double bytes_per_mb = 1e6;  // as record.pre_roll_mb counts
+constexpr double bytes_per_mb = 1e6;  // unit of record.pre_roll_mb
 
 double memory_of_this_host() {
   return double(::sysconf(_SC_PHYS_PAGES)) * double(::sysconf(_SC_PAGESIZE));
 }
 
-// The page, as long as this lives. What it says is printed here: its address first.
-class PageBeside {
+// Runs the page while this exists, and prints its output: first its address.
+class PageProcess {
  public:
-  explicit PageBeside(const fs::path& program)
+  explicit PageProcess(const fs::path& program)
       : child_(program, {"view"}), thread_([this](const std::stop_token& stop) {
           while (!stop.stop_requested()) {
             const auto ended = child_.ended();
@@ -48,7 +48,7 @@ class PageBeside {
 
  private:
   page::ChildProcess child_;
-  std::jthread thread_;  // last: ends before the rest goes
+  std::jthread thread_;  // last: joined first
 };
 
 void write_first_configuration(const fs::path& file, const std::stop_token& stop) {
@@ -57,20 +57,22 @@ void write_first_configuration(const fs::path& file, const std::stop_token& stop
   for (const std::string& camera : left_out)
     fmt::print("left out: {}\n", files::printable(camera, files::longest_message));
   if (cameras.size() < least_cameras)
-    throw std::runtime_error(fmt::format(
-        "{} is not written: positions take two cameras or more, and {} can be used here. huetrackd doctor says what is "
-        "wrong with the others; a camera of the network is written by hand (service/daemon/live.md)",
-        file.string(), cameras.empty() ? "none" : "one"));
+    throw std::runtime_error(
+        fmt::format("{} was not written: positions need at least two cameras, and {} can be used here. Run huetrackd "
+                    "doctor to examine "
+                    "the others; add network cameras manually (service/daemon/live.md)",
+                    file.string(), cameras.empty() ? "none" : "one"));
   files::write_whole_file(file, first_configuration(cameras, memory_of_this_host()));
   fmt::print("written: {}, with {} cameras\n", file.string(), cameras.size());
   for (const SetUpCamera& camera : cameras)
     fmt::print("  {} ({}x{}{}, {})\n", camera.device.string(), camera.width, camera.height,
                camera.fps > 0 ? fmt::format(" at {:.4g} frames/s", camera.fps) : "",
-               files::printable(camera.model));  // the camera says it itself
+               files::printable(camera.model));  // text from the device
   fmt::print(
-      "The page may teach colours, calibrate and record; so may whoever is on this DDS domain's network. When all "
-      "is set up, take the line `control:` out of the file, or keep the bus on this host: dds: {{interfaces: [lo]}}, "
-      "and huetrack view --interface lo\n");
+      "The page may teach colours, calibrate and record, and so may every participant of this DDS domain. When all is "
+      "set up, remove the line `control:` from the file, or keep DDS on this host: dds: {{interfaces: [lo]}}, and "
+      "huetrack "
+      "view --interface lo\n");
 }
 
 }  // namespace
@@ -86,8 +88,7 @@ std::vector<SetUpCamera> cameras_of_this_host(std::vector<std::string>& left_out
     const capture::V4l2Identity& of = exam.node.identity;
     const auto stream = doctor::suitable_stream(exam.formats);
     if (!stream) {
-      left_out.push_back(of.node.string() + ": " +
-                         (exam.problem.empty() ? "no format that can be used" : exam.problem));
+      left_out.push_back(of.node.string() + ": " + (exam.problem.empty() ? "no usable format" : exam.problem));
     } else if (cameras.size() == max_cameras) {
       left_out.push_back(fmt::format("{}: {} are enough", of.node.string(), max_cameras));
     } else {
@@ -103,7 +104,7 @@ std::vector<SetUpCamera> cameras_of_this_host(std::vector<std::string>& left_out
 }
 
 void choose_rate(std::span<const capture::OfferedFormat> formats, SetUpCamera& camera) {
-  constexpr double jpeg_bytes_per_pixel = 0.25;  // of a picture full of detail; webcams' are a tenth to a fifth
+  constexpr double jpeg_bytes_per_pixel = 0.25;  // of a detailed picture; webcams: 0.1 to 0.2
   double raw_fps = 0, any_fps = 0;
   const auto take = [](double fps, double& best) {
     if (best == 0 || std::abs(fps - wanted_fps) < std::abs(best - wanted_fps)) best = fps;
@@ -121,15 +122,15 @@ void choose_rate(std::span<const capture::OfferedFormat> formats, SetUpCamera& c
     }
   }
   camera.fps = any_fps;
-  const bool is_raw = raw_fps > 0 && raw_fps >= any_fps;  // as the driver's own choice is (StreamRequest::format)
+  const bool is_raw = raw_fps > 0 && raw_fps >= any_fps;  // as the driver chooses (StreamRequest::format)
   camera.bytes_per_s =
       (any_fps > 0 ? any_fps : wanted_fps) * camera.width * camera.height * (is_raw ? 2 : jpeg_bytes_per_pixel);
 }
 
 std::string first_configuration(std::span<const SetUpCamera> cameras, double memory_bytes) {
   std::string text =
-      "# Written by huetrackd setup: the cameras of this host. The page of `huetrack view` leads from here: exposure,\n"
-      "# calibration, what to track. What it changes goes into a file beside this one, which is yours to edit: every "
+      "# Written by huetrackd setup: the cameras of this host. The page of `huetrack view` guides you: exposure,\n"
+      "# calibration, targets. It saves changes in a separate file; edit this one as you like: every "
       "key\n"
       "# is in configs/huetrackd.yaml (/etc/huetrack/huetrackd.yaml of the package).\n"
       "version: 1\n"
@@ -144,12 +145,12 @@ std::string first_configuration(std::span<const SetUpCamera> cameras, double mem
                         model.empty() ? "" : "   # " + model);
     bytes_per_s += camera.bytes_per_s;
   }
-  // The default is enough for some cameras that send JPEGs, and for a few seconds of those that do not.
+  // The default suffices for some cameras with JPEG, or for a few seconds of raw cameras.
   const int usual_mb = config::RecordConfig().pre_roll_mb;
   const double wanted_mb = std::min(pre_roll_s * bytes_per_s, memory_bytes / 4) / bytes_per_mb;
   return text +
          fmt::format(
-             "record: {{folder: recordings, pre_roll_s: {:g}, pre_roll_mb: {:.0f}}}   # the last minute is kept in "
+             "record: {{folder: recordings, pre_roll_s: {:g}, pre_roll_mb: {:.0f}}}   # keeps the last minute in "
              "memory\n",
              pre_roll_s, std::max(double(usual_mb), std::ceil(wanted_mb))) +
          "control: {allow_teach: true, allow_record: true}\n";
@@ -159,20 +160,20 @@ void set_up(const SetUpCommand& command, LiveRequests& requests, const std::stop
   std::error_code none;
   if (fs::exists(command.config, none)) {
     files::open_text_file(command.config);
-    fmt::print("{} is there already, and is used as it stands\n", command.config.string());
+    fmt::print("using the existing {}\n", command.config.string());
   } else {
     write_first_configuration(command.config, stop);
   }
   if (!command.with_page) {
-    fmt::print("next: huetrackd run {}, and beside it: huetrack view\n", command.config.string());
+    fmt::print("next: huetrackd run {}, and in a second terminal: huetrack view\n", command.config.string());
     return;
   }
   constexpr const char* pages = "huetrack";
-  std::optional<PageBeside> page;
+  std::optional<PageProcess> page;
   if (const auto program = page::find_program(pages))
     page.emplace(*program);
   else
-    fmt::print("there is no {}, neither beside huetrackd nor on the PATH: the page is not shown\n", pages);
+    fmt::print("{} was not found next to huetrackd or on the PATH: continuing without the page\n", pages);
   std::fflush(stdout);
   run(command.config, {}, requests, stop);
 }

@@ -1,5 +1,4 @@
-// `huetrackd setup`: from cameras alone to the page, which leads from there. The first configuration is written, for
-// whoever has none; then it is run, with the page beside it.
+// `huetrackd setup`: writes a first configuration for this host's cameras, runs it, and starts the web page.
 #pragma once
 
 #include <filesystem>
@@ -13,29 +12,29 @@
 
 namespace huetrack::daemon {
 
-// A camera of this host, as a configuration names it.
+// A camera of this host, for the configuration.
 struct SetUpCamera {
-  std::filesystem::path device;  // its port's name where udev gives one: it stays the same
+  std::filesystem::path device;  // by-path name if udev gives one
   int width = 0, height = 0;
   std::string model;       // for people
-  double fps = 0;          // to ask for; 0: it does not say which it has
-  double bytes_per_s = 0;  // about what its frames take at that rate, as they come from it
+  double fps = 0;          // requested; 0: unknown
+  double bytes_per_s = 0;  // approximate data rate of its frames
 };
 
-// Those that can be used, by their device files' numbers; what is left out, and why, is added to `left_out`.
+// The usable cameras, by device number; adds the others, with reasons, to `left_out`.
 std::vector<SetUpCamera> cameras_of_this_host(std::vector<std::string>& left_out, const std::stop_token& stop);
 
-// At this size: the rate nearest to 30 frames/s that a format of ours has, as whoever asks for no rate gets what the
-// driver happens to be set to; and what it takes. Pure.
+// Sets the rate nearest to 30 frames/s that a usable format has at this size (drivers have arbitrary defaults), and its
+// data rate. Pure.
 void choose_rate(std::span<const capture::OfferedFormat> formats, SetUpCamera& camera);
 
-// A configuration of these cameras, not calibrated, without a target, that the page may change. memory_bytes: of this
-// host; the last minute, which the page calibrates from, is kept in as much as a quarter of it.
+// A configuration of these cameras without calibration and targets, which the page may change. memory_bytes: of this
+// host; the pre-roll of a minute takes at most a quarter of it.
 std::string first_configuration(std::span<const SetUpCamera> cameras, double memory_bytes);
 
 struct SetUpCommand {
   std::filesystem::path config;
-  bool with_page = true;  // false: it is only written, and nothing runs
+  bool with_page = true;  // false: only write the file
 };
 
 // An existing configuration is run as it stands. throws std::exceptions of one readable line: there are not two

@@ -16,8 +16,7 @@ constexpr std::array held{SIGINT, SIGTERM, SIGHUP, SIGUSR1};
 
 namespace {
 
-// The dynamic linker calls it when the program's libraries are loaded and before their constructors run, which take
-// longer than all else until main(): a signal that comes meanwhile waits as well.
+// Called by the dynamic linker before the libraries' constructors, which take long.
 [[gnu::section(".preinit_array"), gnu::used]] void (*const before_all_constructors)() = &Signals::hold;
 
 }  // namespace
@@ -35,7 +34,7 @@ Signals::Signals(Others others) : others_(std::move(others)) {
   sigaddset(&signals_, SIGTERM);
   for (const auto& [signal, _] : others_) sigaddset(&signals_, signal);
   pthread_sigmask(SIG_BLOCK, &signals_, nullptr);
-  ::signal(SIGUSR1, SIG_IGN);  // "keep what came just now", for whom it is mapped: others have nothing to keep
+  ::signal(SIGUSR1, SIG_IGN);  // ignored unless mapped
   sigset_t unwanted;
   sigemptyset(&unwanted);
   for (const int signal : held)

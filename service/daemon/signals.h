@@ -1,4 +1,4 @@
-// How signals reach the program.
+// Signal handling.
 #pragma once
 
 #include <signal.h>
@@ -10,15 +10,15 @@
 
 namespace huetrack::daemon {
 
-// SIGINT and SIGTERM become a stop request, others what they are mapped to, taken by a thread that waits for them:
-// nothing runs inside a signal handler. A second SIGINT or SIGTERM ends the program at once. Create it before any other
-// thread, so that all inherit the blocked signals.
+// A thread waits for signals; no code runs in signal handlers. SIGINT and SIGTERM request a stop, others call their
+// mapped functions. A second SIGINT or SIGTERM ends the program at once. Create it before any other thread, so that all
+// inherit the blocked signals.
 class Signals {
  public:
-  // Until there is one, a signal waits: one of the first milliseconds is not lost, nor does it end the program.
+  // Blocks signals until a Signals exists, so that early signals are neither lost nor end the program.
   static void hold();
 
-  // code: the signal's si_code. True: stop.
+  // code: the signal's si_code. Return true to stop.
   using Others = std::map<int, std::function<bool(int code)>>;
   explicit Signals(Others others);
   std::stop_token token() const { return stop_.get_token(); }

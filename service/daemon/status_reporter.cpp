@@ -12,7 +12,7 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr auto stalled_after = 1s;
-// A second or two: longer than a camera takes to warm up, when some show one picture of their own.
+// 1 to 2 s, because some cameras show a fixed picture while they warm up.
 constexpr std::uint64_t frames_of_one_picture = 60;
 constexpr auto shortest_rate_window = 500ms;
 
@@ -34,7 +34,7 @@ double rate(std::uint64_t now, std::uint64_t then, capture::Duration window) {
   return window.count() > 0 ? static_cast<double>(now - then) / capture::seconds(window) : 0;
 }
 
-// Once for all cameras of the host.
+// One for all cameras of the host.
 void add_clock(const capture::HostClock& clock, const std::string& camera, publish::ServiceStatus& status) {
   const auto known =
       std::ranges::find(status.clocks, clock.host, [](const publish::HostClockStatus& c) { return c.clock.host; });
@@ -43,7 +43,7 @@ void add_clock(const capture::HostClock& clock, const std::string& camera, publi
   if (!clock.advice.empty()) status.warnings.push_back(clock.advice);
 }
 
-// Frames that come and show nothing new are none. past: of about a second ago.
+// Repeated frames do not count as delivered. past: about a second ago.
 void add_repeats(const pipeline::CameraFigures& camera, const pipeline::CameraFigures& past, publish::CameraStatus& out,
                  std::vector<std::string>& warnings) {
   const capture::Duration lasting = camera.repeated_since ? *camera.last_captured - *camera.repeated_since : 0ns;
@@ -51,18 +51,19 @@ void add_repeats(const pipeline::CameraFigures& camera, const pipeline::CameraFi
   if (out.health == publish::CameraStatus::Health::delivering && lasting > stalled_after) {
     out.health = publish::CameraStatus::Health::stalled;
     out.message = fmt::format(
-        "it has shown one and the same picture for {:.1f} s: the camera, its driver or its cable hangs: restart it, or "
+        "it has repeated one picture for {:.1f} s: the camera, its driver or its cable hangs: restart it, or "
         "plug it in anew",
         capture::seconds(lasting));
   } else if (!camera.has_changed && camera.frames >= frames_of_one_picture) {
+    warnings.push_back(
+        fmt::format("camera {}: it has repeated one picture since the start: it hangs, or its lens is covered: restart "
+                    "it, or clear "
+                    "its view",
+                    out.name));
+  } else if (5 * times > frames) {  // each picture several times
     warnings.push_back(fmt::format(
-        "camera {}: it has shown one and the same picture since the start: it hangs, or its lens is covered; "
-        "nothing that it sees is to be trusted",
-        out.name));
-  } else if (5 * times > frames) {  // each picture two, three or four times
-    warnings.push_back(fmt::format(
-        "camera {}: it shows its pictures more than once: {} of its {} frames were not used: set fps to the "
-        "pictures that it really takes in a second",
+        "camera {}: it repeats its pictures: {} of its {} frames were not used: set fps to the rate at which it really "
+        "takes pictures",
         out.name, camera.repeated, camera.frames));
   }
 }
@@ -128,7 +129,7 @@ publish::ServiceStatus StatusReporter::report(const pipeline::PipelineFigures& f
       out.health = said ? health_of(said->state) : publish::CameraStatus::Health::absent;
       if (!said) {
         out.is_used = false;
-        out.message = "not used: it is not among the cameras of the configuration";
+        out.message = "not used: add it to cameras in the configuration";
       } else if (said->state != capture::CaptureState::delivering) {
         out.message = said->message.empty() ? "no frame yet" : said->message;
       }

@@ -1,4 +1,4 @@
-// Turns the pipeline's figures into the status sample: rates, health of the cameras, warnings.
+// Computes the status sample from the pipeline's figures: rates, health of the cameras, warnings.
 #pragma once
 
 #include <chrono>
@@ -21,18 +21,18 @@ class StatusReporter {
   // mode: "replay" or "run"
   StatusReporter(const config::ServiceConfig& config, std::string mode, capture::Duration clock_offset);
 
-  // Another configuration of the same cameras is in force; rates go on.
+  // Applies another configuration of the same cameras; rates continue.
   void take_over(const config::ServiceConfig& config);
 
-  // live: what the live cameras say of themselves, by rig camera, nullopt for one that is not used; empty in a replay.
-  // Rates are over the time since a report at least half a second ago.
+  // live: health of the live cameras, per camera of the rig, nullopt: not used; empty in a replay. Rates are averaged
+  // since a report at least half a second ago.
   publish::ServiceStatus report(const pipeline::PipelineFigures& figures, std::chrono::steady_clock::time_point now,
                                 capture::Timestamp unix_now,
                                 std::span<const std::optional<capture::CameraHealth>> live = {});
 
  private:
   calib::RigHistory rig_history_;
-  publish::ServiceStatus fixed_;  // what does not change
+  publish::ServiceStatus fixed_;  // constant fields
   std::vector<object_tracking::TargetOptions> targets_;
   std::string tracked_camera_;
   struct Past {

@@ -20,7 +20,7 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr auto status_period = 1s;
-constexpr capture::Duration least_patience = 3s;  // several heartbeats of a camera, and of the tracking thread
+constexpr capture::Duration least_patience = 3s;  // several heartbeats of each thread
 constexpr capture::Duration told_clock_step = 500ms;
 
 }  // namespace
@@ -36,9 +36,9 @@ bool Supervisor::is_receiving() const {
   return std::ranges::any_of(the_.session.figures().cameras, [](const auto& camera) { return camera.frames > 0; });
 }
 
-void Supervisor::look(bool is_last) {
+void Supervisor::check(bool is_last) {
   if (the_.requests.reload.exchange(false) && !is_last) reload_configuration();
-  the_.recording.look_after();
+  the_.recording.supervise();
   if (the_.requests.save.exchange(false)) the_.recording.save_pre_roll("signal");
   const bool has_events = log_events();
   const Healths cameras = healths();
@@ -50,25 +50,24 @@ void Supervisor::look(bool is_last) {
     targets[t].most = the_.session.config().targets[t].count;
     states.push_back(targets[t].state);
   }
-  if (is_last || has_events || states != told_states_ || now >= next_status_) {
+  if (is_last || has_events || states != logged_states_ || now >= next_status_) {
     next_status_ = now + status_period;
-    told_states_ = states;
-    tell_status(figures, cameras, targets, now, is_last);
+    logged_states_ = states;
+    publish_status(figures, cameras, targets, now, is_last);
   }
-  if (!is_last) tell_service_manager(figures, cameras, now);
+  if (!is_last) notify_manager(figures, cameras, now);
 }
 
 void Supervisor::reload_configuration() {
-  if (watchdog_) notify_service_manager("WATCHDOG=1");  // the new colour tables may take a slow machine seconds
-  if (is_ready_) tell_reloading();
+  if (watchdog_) notify_service_manager("WATCHDOG=1");  // new colour tables may take seconds on a slow machine
+  if (is_ready_) notify_reloading();
   const std::vector<config::LiveCameraConfig> before = the_.session.config().cameras;
   if (reload(the_.session).empty()) apply_controls(before);
   if (is_ready_) notify_service_manager("READY=1");
   next_status_ = {};
 }
 
-// Of cameras whose controls the configuration says otherwise now. What the page has set already is set once more, which
-// changes nothing.
+// Applies changed controls. Repeats what the page has already set, without effect.
 void Supervisor::apply_controls(const std::vector<config::LiveCameraConfig>& before) {
   const auto differ = [](const capture::ControlSetting& a, const capture::ControlSetting& b) {
     return a.name != b.name || a.value != b.value;
@@ -84,8 +83,8 @@ void Supervisor::apply_controls(const std::vector<config::LiveCameraConfig>& bef
     try {
       for (const auto& result : camera.controls->set(now->controls))
         if (!result.problem.empty()) spdlog::warn("camera {}: {}", name, to_string(result));
-    } catch (const capture::CaptureError& error) {  // absent: they are applied when it comes back
-      spdlog::info("camera {}: its controls wait for it: {}", name, error.what());
+    } catch (const capture::CaptureError& error) {  // absent: applied on its return
+      spdlog::info("camera {}: its controls are set when it returns: {}", name, error.what());
     }
   }
 }
@@ -112,16 +111,16 @@ Supervisor::Healths Supervisor::healths() const {
   return healths;
 }
 
-void Supervisor::tell_status(const pipeline::PipelineFigures& figures, const Healths& cameras,
-                             std::span<const metrics::TargetFigures> targets, Clock::time_point now, bool is_last) {
+void Supervisor::publish_status(const pipeline::PipelineFigures& figures, const Healths& cameras,
+                                std::span<const metrics::TargetFigures> targets, Clock::time_point now, bool is_last) {
   status_ = reporter_.report(figures, now, std::chrono::system_clock::now(), cameras.by_rig);
   add_warnings(status_);
   log_new(status_.warnings, figures.tracked_camera);
   std::ranges::copy(the_.reports.warnings(),
-                    std::back_inserter(status_.warnings));  // which have logged them themselves
+                    std::back_inserter(status_.warnings));  // already logged by the reports
   if (the_.bus != nullptr) {
     the_.bus->publisher().publish_status(status_);
-    the_.bus->publisher().publish_times(status_.at, the_.reports.times.told());
+    the_.bus->publisher().publish_times(status_.at, the_.reports.times.timing());
   }
   if (the_.metrics_server != nullptr) show_metrics();
   if (!is_last)
@@ -135,23 +134,23 @@ void Supervisor::add_warnings(publish::ServiceStatus& status) const {
   for (const auto* file : the_.files)
     if (const std::string problem = file->problem(); !problem.empty()) status.warnings.push_back(problem);
   if (const capture::Duration step = capture::wall_clock_step(); std::chrono::abs(step) >= told_clock_step)
-    status.warnings.push_back(
-        fmt::format("the wall clock was set by {:.1f} s since the start, and published times are off by that: restart "
-                    "the service",
-                    capture::seconds(step)));
+    status.warnings.push_back(fmt::format(
+        "the wall clock was changed by {:.1f} s since the start, and published times are wrong by that: restart "
+        "the service",
+        capture::seconds(step)));
 }
 
-// Each once, and not again for every further frame that it counts.
+// Each once, ignoring changes of its figures.
 void Supervisor::log_new(const std::vector<std::string>& all, const pipeline::TrackedCameraFigures& camera) {
-  no_pose_log_.tell(tracked_camera_, camera);
+  no_pose_log_.log(tracked_camera_, camera);
   std::set<std::string> warnings(all.begin(), all.end());
   warnings.erase(pipeline::no_pose_warning(tracked_camera_, camera));
-  std::set<std::string> told;
+  std::set<std::string> logged;
   for (const auto& warning : warnings) {
-    if (!told_warnings_.contains(pipeline::without_numbers(warning))) spdlog::warn("{}", warning);
-    told.insert(pipeline::without_numbers(warning));
+    if (!logged_warnings_.contains(pipeline::without_numbers(warning))) spdlog::warn("{}", warning);
+    logged.insert(pipeline::without_numbers(warning));
   }
-  told_warnings_ = std::move(told);
+  logged_warnings_ = std::move(logged);
 }
 
 void Supervisor::show_metrics() const {
@@ -174,8 +173,8 @@ void Supervisor::show_metrics() const {
                                                    calibration));
 }
 
-void Supervisor::tell_service_manager(const pipeline::PipelineFigures& figures, const Healths& cameras,
-                                      Clock::time_point now) {
+void Supervisor::notify_manager(const pipeline::PipelineFigures& figures, const Healths& cameras,
+                                Clock::time_point now) {
   const auto delivering =
       std::ranges::count(cameras.in_use, capture::CaptureState::delivering, &capture::CameraHealth::state);
   if (!is_ready_ && std::size_t(delivering) >= quorum_) {

@@ -1,4 +1,4 @@
-// Watches over a session on live cameras, and tells the log, the bus, the metrics and the service manager how it goes.
+// Supervises a session on live cameras: log, status, metrics, service manager, reloads.
 #pragma once
 
 #include <atomic>
@@ -24,14 +24,13 @@
 
 namespace huetrack::daemon {
 
-// What is asked of a running service from outside. thread-safe: signals set them, the service clears them.
+// Requests to a running service. thread-safe: set by signals and the page, cleared by the service.
 struct LiveRequests {
   std::atomic<bool> reload = false;  // SIGHUP
   std::atomic<bool> save = false;    // SIGUSR1: the pre-roll
-  // The page, or a command: a session of its own for what the configuration says now (other targets), or for a
-  // recording.
-  std::atomic<bool> begin_anew = false;
-  // Instead of the cameras, once: the folder of a recording; empty: none. Before begin_anew is set.
+  // A new session with the current configuration (other targets), or for a recording.
+  std::atomic<bool> restart = false;
+  // A recording to replay once instead of the cameras; empty: none. Set it before restart.
   void open_recording(const std::filesystem::path& folder) {
     const std::scoped_lock lock(mutex_);
     recording_ = folder;
@@ -59,17 +58,17 @@ struct Supervised {
   metrics::MetricsServer* metrics_server = nullptr;  // null: no endpoint
 };
 
-// thread-compatible. It is an output of the session for a reload only, which it asks for itself.
+// thread-compatible. An output only to receive on_config().
 class Supervisor final : public pipeline::Output {
  public:
   explicit Supervisor(Supervised supervised);
 
-  // Every few tens of milliseconds, and once more when the road is empty.
-  void look_after() { look(false); }
-  void look_a_last_time() { look(true); }
+  // Every few tens of milliseconds, and once after the run.
+  void poll() { check(false); }
+  void poll_last() { check(true); }
 
-  bool is_receiving() const;                                             // some camera has delivered
-  const publish::ServiceStatus& last_status() const { return status_; }  // what was told last
+  bool is_receiving() const;                                             // a camera has delivered
+  const publish::ServiceStatus& last_status() const { return status_; }  // last published
 
   void on_config(const config::ServiceConfig& config) noexcept override { reporter_.take_over(config); }
 
@@ -80,39 +79,39 @@ class Supervisor final : public pipeline::Output {
     std::vector<std::optional<capture::CameraHealth>> by_rig;
   };
 
-  void look(bool is_last);
+  void check(bool is_last);
   void reload_configuration();
   void apply_controls(const std::vector<config::LiveCameraConfig>& before);
   bool log_events();  // whether there were any
   Healths healths() const;
-  void tell_status(const pipeline::PipelineFigures& figures, const Healths& cameras,
-                   std::span<const metrics::TargetFigures> targets, Clock::time_point now, bool is_last);
+  void publish_status(const pipeline::PipelineFigures& figures, const Healths& cameras,
+                      std::span<const metrics::TargetFigures> targets, Clock::time_point now, bool is_last);
   void add_warnings(publish::ServiceStatus& status) const;
   void log_new(const std::vector<std::string>& warnings, const pipeline::TrackedCameraFigures& camera);
   void show_metrics() const;
-  void tell_service_manager(const pipeline::PipelineFigures& figures, const Healths& cameras, Clock::time_point now);
+  void notify_manager(const pipeline::PipelineFigures& figures, const Healths& cameras, Clock::time_point now);
 
   const Supervised the_;
   const std::string tracked_camera_;  // its name; empty: none
   const std::size_t quorum_;
   StatusReporter reporter_;
   publish::ServiceStatus status_;
-  std::vector<object_tracking::TrackState> told_states_;
-  std::set<std::string> told_warnings_;
+  std::vector<object_tracking::TrackState> logged_states_;
+  std::set<std::string> logged_warnings_;
   pipeline::NoPoseLog no_pose_log_;
   Clock::time_point next_status_{}, next_watchdog_{};
   const std::optional<std::chrono::microseconds> watchdog_;
   bool is_ready_ = false;
 };
 
-// ---- What it decides by, pure
+// ---- Pure functions
 
-// Whether frames, or deliberate waiting for them, go on everywhere: no thread has been away for longer than `patience`.
+// Whether all capture threads and the tracking thread were active within `patience`.
 bool is_progressing(std::span<const capture::CameraHealth> cameras, const pipeline::PipelineFigures& figures,
                     std::chrono::steady_clock::time_point now, capture::Duration patience);
 
 // For `systemctl status`: "2 of 3 cameras deliver: left 30.0, right 29.9 Hz, back absent; 29.9 sets/s; ball tracking".
-// targets: one for each of the status'. tracked_camera: its name, empty for none; then "cam0's pose lost" comes last.
+// targets: as in status. tracked_camera: its name, empty for none; then "cam0's pose lost" comes last.
 std::string status_line(const publish::ServiceStatus& status, std::span<const metrics::TargetFigures> targets,
                         const std::string& tracked_camera = {},
                         camera_tracking::PoseState camera_state = camera_tracking::PoseState::searching);

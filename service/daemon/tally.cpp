@@ -39,7 +39,7 @@ void Tally::on_set(const pipeline::TrackedSet& set) {
 void Tally::on_camera_pose(const pipeline::TrackedFrame& frame) {
   ++camera_->frames[frame.estimate.state];
   if (frame.estimate.has_pose() && !camera_->first_pose_frame) camera_->first_pose_frame = frame.estimate.frame_number;
-  no_pose_log_.tell(camera_->name, frame.camera);
+  no_pose_log_.log(camera_->name, frame.camera);
   camera_until_ = Clock::now();
 }
 

@@ -1,4 +1,4 @@
-// The output that counts what a replay's summary says of the targets and of the tracked camera.
+// The output that collects the figures of a replay's summary.
 #pragma once
 
 #include <chrono>
@@ -16,14 +16,14 @@ namespace huetrack::daemon {
 struct TargetSummary {
   std::string name;
   std::map<object_tracking::TrackState, std::uint64_t> sets;  // per state
-  // Of a target of several objects: sets counts each of them, these are how many were found, and at once.
+  // With `count`, sets counts each object; these are the number found, and the most at once.
   std::uint64_t objects = 0, most_objects = 0;
-  std::optional<std::uint64_t> first_tracking_set;  // 1 = the first
+  std::optional<std::uint64_t> first_tracking_set;  // from 1
   double first_tracking_s = 0;                      // capture time from the first set to that one
   std::optional<tracks::TruthFigures> truth;
-  std::optional<truth::TrackOffset> clock_offset;  // that explains most of its error
-  object_tracking::OutlineFindings outlines;       // how large they say it is
-  std::string advice;                              // when it was never tracked, or late: what to try
+  std::optional<truth::TrackOffset> clock_offset;  // explains most of its error
+  object_tracking::OutlineFindings outlines;       // radius by its outlines
+  std::string advice;                              // if it was never tracked, or late
 };
 
 struct CameraSummary {
@@ -32,7 +32,7 @@ struct CameraSummary {
   std::optional<std::uint64_t> first_pose_frame;               // from 0
 };
 
-// The getters: when the road is empty.
+// Getters: after the run.
 class Tally final : public pipeline::Output {
  public:
   // truth: null for none; outlives this
@@ -42,9 +42,9 @@ class Tally final : public pipeline::Output {
   void on_camera_pose(const pipeline::TrackedFrame& frame) override;
 
   std::vector<TargetSummary> targets() const;
-  const std::optional<CameraSummary>& camera() const { return camera_; }         // nullopt: none is tracked
+  const std::optional<CameraSummary>& camera() const { return camera_; }         // nullopt: none
   const std::optional<capture::Timestamp>& last_at() const { return last_at_; }  // capture time of the last set
-  std::chrono::steady_clock::time_point last_out() const;  // when the last estimate came; begin() if none
+  std::chrono::steady_clock::time_point last_out() const;  // of the last estimate; begin() if none
   void begin(std::chrono::steady_clock::time_point at) { sets_until_ = camera_until_ = at; }
 
  private:
@@ -55,11 +55,11 @@ class Tally final : public pipeline::Output {
     std::uint64_t objects_now = 0;
     void add(const object_tracking::ObjectEstimate& estimate, std::uint64_t set);
   };
-  std::vector<Target> targets_;  // this and what follows to sets_until_: the tracking thread's
+  std::vector<Target> targets_;  // this and all up to sets_until_: the tracking thread's
   std::uint64_t sets_ = 0;
   std::optional<capture::Timestamp> last_at_;
   std::chrono::steady_clock::time_point sets_until_;
-  std::optional<CameraSummary> camera_;  // this and all that follows: the camera thread's
+  std::optional<CameraSummary> camera_;  // this and all below: the camera thread's
   pipeline::NoPoseLog no_pose_log_;
   std::chrono::steady_clock::time_point camera_until_;
 };

@@ -15,9 +15,9 @@ namespace {
 using Clock = std::chrono::steady_clock;
 using namespace std::chrono_literals;
 
-constexpr auto first_frame_patience = 3s;  // some cameras take their time to start
+constexpr auto first_frame_patience = 3s;  // some cameras start slowly
 
-// What disturbs tracking when it cannot be held still. Others (pan, zoom, LEDs) are not moved for a test.
+// Controls that disturb tracking if they change. Others (pan, zoom, LEDs) are not tested.
 constexpr std::array<std::string_view, 8> controls_that_matter{
     "exposure_time_absolute", "exposure",  "gain", "analogue_gain", "white_balance_temperature", "focus_absolute",
     "power_line_frequency",   "brightness"};
@@ -28,7 +28,7 @@ struct Examined {
   bool is_streaming = false;
 };
 
-// One step away from where it is.
+// One step from its value.
 std::optional<capture::ControlSetting> moved(const capture::Control& control) {
   if (control.is_read_only || control.is_button || !control.value) return std::nullopt;
   if (!control.menu.empty()) {
@@ -58,7 +58,7 @@ Examined begin(const ExamRequest& request) {
     auto stream = request.stream;
     if (!stream) stream = suitable_stream(exam.formats);
     if (!stream) {
-      exam.problem = "it offers no format that huetrackd can use (yuyv, nv12, mjpeg, grey)";
+      exam.problem = "it offers no usable format (yuyv, nv12, mjpeg, grey)";
       return examined;
     }
     exam.asked_fps = stream->fps;
@@ -66,7 +66,8 @@ Examined begin(const ExamRequest& request) {
     trial.agreed = examined.device->start(*stream);
     exam.trial = trial;
     examined.is_streaming = true;
-    exam.configured = examined.device->set_controls(request.controls);  // not before: another program may be using it
+    exam.configured =
+        examined.device->set_controls(request.controls);  // not earlier, because another program may use it
   } catch (const capture::CaptureError& error) {
     exam.problem = error.what();
   }
@@ -112,7 +113,7 @@ void watch(Examined& examined, Clock::time_point end, const std::stop_token& sto
   trial.mean_age_s = ages_s / double(trial.frames);
 }
 
-// After the trial: whether the controls stayed, and whether others can be moved; then everything as it was found.
+// After the trial: checks whether controls kept their values and whether others can be changed; restores all.
 void finish(Examined& examined) {
   if (!examined.is_streaming) return;
   capture::V4l2Device& device = *examined.device;
@@ -122,7 +123,7 @@ void finish(Examined& examined) {
     if (!set.problem.empty()) continue;
     capture::ControlResult now = set;
     if (const capture::Control* control = capture::find_control(controls, set.name)) now.got = control->value;
-    if (now.got != set.got) now.problem = "it did not stay so while the camera streamed";
+    if (now.got != set.got) now.problem = "it changed while the camera streamed";
     exam.stayed.push_back(std::move(now));
   }
   if (exam.node.identity.usb) exam.trial->usb = capture::usb_reservation(*exam.node.identity.usb);

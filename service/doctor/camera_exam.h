@@ -1,5 +1,5 @@
-// What `huetrackd doctor` finds out about the cameras of this host: all that V4L2 says of them, and how they really
-// behave while all of them stream at once for a few seconds.
+// Examines the local cameras for `huetrackd doctor`: their V4L2 properties, and a trial with all of them streaming at
+// once.
 #pragma once
 
 #include <optional>
@@ -17,8 +17,8 @@ namespace huetrack::doctor {
 // A few seconds of frames.
 struct StreamTrial {
   capture::StreamFormat agreed;
-  std::uint64_t frames = 0;     // that came
-  double seconds = 0;           // from the first one's time stamp to the last one's
+  std::uint64_t frames = 0;     // received
+  double seconds = 0;           // from the first time stamp to the last
   std::uint64_t dropped = 0;    // gaps in the driver's numbering
   std::uint64_t corrupted = 0;  // flagged by the driver
   std::uint64_t bytes = 0;      // of all frames
@@ -26,39 +26,37 @@ struct StreamTrial {
   double mean_age_s = 0;        // from the time stamp to the dequeue
   capture::StampKind stamp = capture::StampKind::dequeued;
   std::optional<capture::UsbReservation> usb;   // while it streamed
-  std::optional<capture::LightFindings> light;  // nullopt: too few sound frames to say
-  std::string failure;                          // why it ended early; empty: it did not
+  std::optional<capture::LightFindings> light;  // nullopt: too few valid frames
+  std::string failure;                          // why it ended early; empty: it completed
   double fps() const { return frames > 1 && seconds > 0 ? double(frames - 1) / seconds : 0; }
 };
 
 struct CameraExam {
   capture::V4l2Node node;
-  std::string name;      // in the configuration; empty: not in it, or there is none
-  double asked_fps = 0;  // by the configuration, else what was chosen for the trial; 0: the driver's choice
+  std::string name;      // in the configuration; empty: none
+  double asked_fps = 0;  // by the configuration or for the trial; 0: the driver's choice
   std::vector<capture::OfferedFormat> formats;
   std::vector<capture::Control> controls;          // as found
   std::vector<capture::ControlResult> configured;  // after set_controls() as `run` does it
-  std::vector<capture::ControlResult> stayed;  // those that stuck, read again after the trial: problem when they moved
-  std::vector<capture::ControlResult> tried;   // others that matter, moved by one step and back
-  std::string problem;                         // why it could not be examined; empty: it was
-  std::optional<StreamTrial> trial;            // nullopt: it did not start (problem), or was not to
+  std::vector<capture::ControlResult> stayed;      // accepted ones, read again after the trial
+  std::vector<capture::ControlResult> tried;       // others, changed by one step and restored
+  std::string problem;                             // why it could not be examined; empty: examined
+  std::optional<StreamTrial> trial;                // nullopt: not started (problem), or not requested
 };
 
-// What to ask of a camera.
 struct ExamRequest {
   capture::V4l2Node node;
   std::string name;
-  std::optional<capture::StreamRequest> stream;  // nullopt: what suits it
+  std::optional<capture::StreamRequest> stream;  // nullopt: suitable_stream()
   std::vector<capture::ControlSetting> controls;
   bool streams = true;
 };
 
-// 640x480, or the nearest below it that the camera has, at 30 frames/s or the nearest; nullopt: nothing that we can
-// use.
+// 640x480, or the nearest smaller size, at 30 frames/s or the nearest rate; nullopt: no usable format.
 std::optional<capture::StreamRequest> suitable_stream(std::span<const capture::OfferedFormat> formats);
 
-// Examines all of them; those that stream do it at the same time, as they share the USB. The controls are put back. A
-// camera that another program streams from is left alone. No exception.
+// Examines all cameras; they stream at the same time, because they share the USB. Restores the controls. Does not
+// disturb a camera that another program uses. No exceptions.
 std::vector<CameraExam> examine_cameras(const std::vector<ExamRequest>& requests, std::chrono::duration<double> length,
                                         const std::stop_token& stop);
 

@@ -31,7 +31,7 @@ namespace fs = std::filesystem;
 
 using files::joined;
 
-constexpr double slow = 0.95;  // of the rate that a camera agreed to: less is said
+constexpr double slow = 0.95;  // of the agreed rate; below it is a finding
 
 std::string name_of(const CameraExam& exam) {
   const std::string node = exam.node.identity.node.filename().string();
@@ -63,13 +63,13 @@ void judge_names(const CameraExam& exam, bool is_expected, std::vector<Finding>&
   if (identity.by_path.empty()) {
     findings.push_back({is_expected ? Grade::warning : Grade::note, "no name in /dev/v4l/by-path",
                         "udev makes these names; without them only " + identity.node.string() +
-                            " is left, which the next boot may give to another camera"});
+                            " is left, which may be another camera after the next boot"});
   } else {
     findings.push_back({Grade::ok, "by path (the port): " + joined(identity.by_path), ""});
   }
   if (identity.by_id.empty()) {
-    findings.push_back({Grade::note, "no name in /dev/v4l/by-id: it has no serial number of its own",
-                        identity.by_path.empty() ? "" : "name it by its port, in /dev/v4l/by-path"});
+    findings.push_back({Grade::note, "no name in /dev/v4l/by-id: the camera has no serial number",
+                        identity.by_path.empty() ? "" : "use its port, in /dev/v4l/by-path"});
   } else {
     findings.push_back({Grade::ok, "by id (the camera): " + joined(identity.by_id), ""});
   }
@@ -87,10 +87,9 @@ void judge_formats(const CameraExam& exam, std::vector<Finding>& findings) {
     }
   }
   if (!has_any)
-    findings.push_back(
-        {Grade::problem,
-         "no format that huetrackd can use" + (others.empty() ? std::string() : ", only " + joined(others)),
-         "huetrackd reads yuyv, nv12, mjpeg and grey: use another camera"});
+    findings.push_back({Grade::problem,
+                        "no usable format" + (others.empty() ? std::string() : ", only " + joined(others)),
+                        "huetrackd reads yuyv, nv12, mjpeg and grey: use another camera"});
   else if (!others.empty())
     findings.push_back({Grade::note, "not used by huetrackd: " + joined(others), ""});
 }
@@ -117,8 +116,8 @@ void judge_stream(const CameraExam& exam, std::vector<Finding>& findings) {
                : ""});
   if (exam.asked_fps > 0 && agreed.fps > 0 && std::abs(agreed.fps - exam.asked_fps) > 0.02 * exam.asked_fps)
     findings.push_back({Grade::warning,
-                        fmt::format("asked for {:.4g} frames/s, it does {:.4g}", exam.asked_fps, agreed.fps),
-                        "give fps one of the rates above"});
+                        fmt::format("requested {:.4g} frames/s, the camera chose {:.4g}", exam.asked_fps, agreed.fps),
+                        "set fps to one of the rates above"});
   if (trial.dropped > 0 || trial.corrupted > 0)
     findings.push_back({Grade::warning,
                         fmt::format("{} frames dropped, {} damaged of {}", trial.dropped, trial.corrupted,
@@ -127,23 +126,22 @@ void judge_stream(const CameraExam& exam, std::vector<Finding>& findings) {
   else
     findings.push_back({Grade::ok, fmt::format("no frame of {} dropped or damaged", trial.frames), ""});
   const std::string stamp = "time stamps: " + std::string(capture::name(trial.stamp)) +
-                            fmt::format(", {:.1f} ms before the frame is taken", 1000 * trial.mean_age_s);
+                            fmt::format(", {:.1f} ms before the dequeue", 1000 * trial.mean_age_s);
   if (trial.stamp == capture::StampKind::dequeued)
-    findings.push_back({Grade::warning, "time stamps: the driver gives none; the time of taking the frame is used",
+    findings.push_back({Grade::warning, "time stamps: none by the driver; the time of the dequeue is used",
                         "several ms of jitter: track slowly moving objects only, or use another camera"});
   else if (trial.mean_age_s < 0)
     findings.push_back(
-        {Grade::warning, stamp + ": they lie in the future", "give latency_offset_s, or update the driver"});
+        {Grade::warning, stamp + ": they are in the future", "give latency_offset_s, or update the driver"});
   else if (trial.stamp == capture::StampKind::end_of_frame)
-    findings.push_back({Grade::note, stamp, "they are late by exposure and transfer: latency_offset_s takes that off"});
+    findings.push_back({Grade::note, stamp, "they are late by exposure and transfer: set latency_offset_s"});
   else
     findings.push_back({Grade::ok, stamp, ""});
   if (agreed.is_interlaced)
-    findings.push_back(
-        {Grade::warning, "interlaced frames: moving objects come out as combs", "use a progressive mode"});
+    findings.push_back({Grade::warning, "interlaced frames: moving objects look like combs", "use a progressive mode"});
 }
 
-// What is left automatic changes colours and rates while tracking.
+// Automatic controls change colours and rates while tracking.
 void judge_automatics(const CameraExam& exam, std::vector<Finding>& findings) {
   struct Automatic {
     const char *control, *manual;
@@ -161,7 +159,7 @@ void judge_automatics(const CameraExam& exam, std::vector<Finding>& findings) {
       if (set.name == a.control) value = set.got;
     if (value && *value != a.off)
       findings.push_back({exam.name.empty() ? Grade::note : Grade::warning, a.what,
-                          std::string("controls: {") + a.manual + ": ...} in the configuration switches that off"});
+                          std::string("controls: {") + a.manual + ": ...} in the configuration switches it off"});
   }
 }
 
@@ -170,38 +168,38 @@ void judge_controls(const CameraExam& exam, std::vector<Finding>& findings) {
   for (const auto& set : exam.configured)
     if (!set.problem.empty())
       findings.push_back(
-          {Grade::warning, capture::to_string(set), "give a value that the camera takes, or leave it out"});
+          {Grade::warning, capture::to_string(set), "give a value that the camera accepts, or remove it"});
   for (const auto& set : exam.stayed) {
     if (set.problem.empty())
       good.push_back(set.name + " " + std::to_string(set.got.value_or(0)));
     else
       findings.push_back(
-          {Grade::warning, capture::to_string(set), "something else rules it: switch its automatic control off"});
+          {Grade::warning, capture::to_string(set), "another control changes it: switch its automatic control off"});
   }
-  if (!good.empty()) findings.push_back({Grade::ok, "controls of the configuration that stuck: " + joined(good), ""});
+  if (!good.empty()) findings.push_back({Grade::ok, "accepted controls of the configuration: " + joined(good), ""});
   good.clear();
   for (const auto& set : exam.tried) {
     if (set.problem.empty() && !set.is_implied) good.push_back(set.name);
     if (!set.problem.empty())
       findings.push_back(
-          {Grade::note, "cannot be set: " + capture::to_string(set), "leave it out of the configuration"});
+          {Grade::note, "cannot be set: " + capture::to_string(set), "do not use it in the configuration"});
   }
   if (!good.empty())
     findings.push_back(
-        {Grade::ok, "controls that stuck when moved by one step, and were put back: " + joined(good), ""});
+        {Grade::ok, "controls that accept a change (tested by one step, then restored): " + joined(good), ""});
   std::vector<std::string> others;
   for (const auto& control : exam.controls) {
     const auto is_it = [&](const capture::ControlResult& set) { return set.name == control.name; };
     if (control.is_read_only || control.is_button || std::ranges::any_of(exam.tried, is_it) ||
         std::ranges::any_of(exam.configured, is_it))
       continue;
-    others.push_back(control.name + (control.is_inactive ? " (ruled by an automatic one now)" : ""));
+    others.push_back(control.name + (control.is_inactive ? " (under automatic control)" : ""));
   }
   if (!others.empty())
-    findings.push_back({Grade::note, "controls not tried: " + joined(others),
-                        "those that the configuration sets are tried, and said to stick or not"});
+    findings.push_back(
+        {Grade::note, "controls not tried: " + joined(others), "only controls of the configuration are tested"});
   if (exam.controls.empty())
-    findings.push_back({Grade::note, "no controls", "exposure and white balance stay as the camera likes"});
+    findings.push_back({Grade::note, "no controls", "exposure and white balance are up to the camera"});
 }
 
 // ---- The host
@@ -270,8 +268,8 @@ class Doctor {
       std::error_code ignored;
       say({Grade::problem, error.what(),
            fs::is_regular_file(*options_.config, ignored)
-               ? "correct that; huetrackd check prints the whole configuration once it is valid"
-               : "give the configuration that the service is started with; the package has "
+               ? "correct it; huetrackd check prints the whole configuration if it is valid"
+               : "give the service's configuration; that of the package is "
                  "/etc/huetrack/huetrackd.yaml"});
       return;
     }
@@ -280,33 +278,33 @@ class Doctor {
                      config_->is_calibrated() ? "rig " + config_->rig_file.string() : "no rig yet",
                      config_->rig.cameras.size(), config_->targets.size()),
          ""});
-    // Nothing can be tracked with it: check ends with it, too.
+    // Nothing can be tracked with it.
     const std::string unit = config::unit_mistake(*config_);
     for (const auto& warning : config::warnings_of(*config_))
       say({warning == unit ? Grade::problem : Grade::warning, warning, ""});
     if (const auto both = pipeline::one_under_two_names(config_->cameras))
-      say({Grade::problem, "cameras: " + *both, "give each its own device: run refuses to start so"});
+      say({Grade::problem, "cameras: " + *both, "give each its own device: run refuses to start otherwise"});
     if (config_->cameras.empty())
-      say({Grade::warning, "cameras: names none: it is for replay only", "name the devices that are listed below"});
+      say({Grade::warning, "cameras: none, so it is for replay only", "add the devices listed below"});
   }
 
-  // Of a camera host, for huetrackd capture.
+  // For a camera host.
   void look_at_host(const fs::path& file) {
     host_ = config::load_capture_config(file);
     const std::string name = host_->host.empty() ? hosts::name_of_this_machine() : host_->host;
     if (!hosts::is_host_name(name))
-      say({Grade::problem, "host: \"" + name + "\" is no name of a camera host: letters, digits, '_', '-', '.'",
+      say({Grade::problem, "host: \"" + name + "\" is not a valid name: use letters, digits, '_', '-', '.'",
            "correct host: in the configuration"});
     else
       say({Grade::ok,
-           fmt::format("it is valid; camera host {} with {} camera{}: trackers name them by host: {}", name,
+           fmt::format("it is valid; camera host {} with {} camera{}: trackers use host: {}", name,
                        host_->cameras.size(), host_->cameras.size() == 1 ? "" : "s", name),
            ""});
     for (const auto& camera : host_->cameras)
       if (!hosts::is_host_name(camera.name))
         say({Grade::problem, "cameras: \"" + camera.name + "\": letters, digits, '_', '-' and '.' only", "rename it"});
     if (const auto both = pipeline::one_under_two_names(host_->cameras))
-      say({Grade::problem, "cameras: " + *both, "give each its own device: capture refuses to start so"});
+      say({Grade::problem, "cameras: " + *both, "give each its own device: capture refuses to start otherwise"});
   }
 
   std::span<const config::LiveCameraConfig> cameras() const {
@@ -319,7 +317,7 @@ class Doctor {
     return config_->rig.cameras[std::size_t(config_->rig.index_of(camera.name).value())].image_size;
   }
 
-  // What the frames ask of the network between camera hosts and trackers, and who keeps the clocks of both.
+  // Network load between camera hosts and trackers, and clock synchronisation.
   void look_at_hosts() {
     std::vector<std::string> elsewhere;
     std::vector<SentCamera> sent;
@@ -340,19 +338,19 @@ class Doctor {
   }
 
   void look_at_network_camera(const config::LiveCameraConfig& camera) {
-    if (!options_.streams) return say({Grade::note, "it is a camera of the network, and not asked", ""});
+    if (!options_.streams) return say({Grade::note, "network camera, not tested", ""});
     const calib::ImageSize size = size_of(camera);
     const capture::NetworkSourceOptions source{
         .name = camera.name, .address = camera.device, .width = size.width, .height = size.height};
     say(judge_network_camera(try_network_camera(source, std::chrono::duration<double>(options_.seconds), stop_)));
   }
 
-  // Of the configuration, with the node that its device is; those whose device is not there are said to be so.
+  // Cameras of the configuration with their device nodes; reports missing devices.
   std::vector<ExamRequest> requests(const std::vector<capture::V4l2Node>& nodes) {
     std::vector<ExamRequest> requests;
     std::set<fs::path> taken;
     for (const auto& camera : cameras()) {
-      if (!camera.host.empty()) continue;  // look_at_hosted()
+      if (!camera.host.empty()) continue;  // remote
       if (capture::is_network_address(camera.device.native())) {
         title("camera " + camera.name);
         look_at_network_camera(camera);
@@ -370,10 +368,10 @@ class Doctor {
           say({Grade::warning, warning->second, ""});
         if (error)
           say({Grade::problem, camera.device.string() + " is not there",
-               "plug it in, or name one of those below; the service starts without it and takes it when it comes"});
+               "plug it in, or use one of those below; the service starts without it and uses it when it appears"});
         else
           say({Grade::problem, camera.device.string() + " is not a video device",
-               "name one of those below: run refuses to start so"});
+               "use one of those below: run refuses to start otherwise"});
         continue;
       }
       const calib::ImageSize size = size_of(camera);
@@ -388,7 +386,7 @@ class Doctor {
       taken.insert(node);
     }
     const bool has_cameras = !cameras().empty();
-    for (const auto& node : nodes)  // the others; they stream only when nothing was configured
+    for (const auto& node : nodes)  // others; stream only without a configuration
       if ((node.is_capture || !node.problem.empty()) && !taken.contains(node.identity.node))
         requests.push_back({.node = node,
                             .name = {},
@@ -411,20 +409,20 @@ class Doctor {
       ++examined_;
       busy_ += is_busy(exam) ? 1 : 0;
     }
-    // With cameras of the network, or of other hosts, none needs to be plugged in here.
+    // With network or remote cameras, no local camera is needed.
     const bool wants_none = has_cameras && std::ranges::none_of(cameras(), [](const auto& camera) {
                               return camera.host.empty() && !capture::is_network_address(camera.device.native());
                             });
     if (exams.empty() && !wants_none) {
       title("cameras");
       say({config_ && config_->cameras.empty() ? Grade::note : Grade::warning, "no camera is plugged in",
-           "lsusb lists what the USB sees; dmesg says why a camera has no /dev/video"});
+           "lsusb lists USB devices; dmesg explains why a camera has no /dev/video"});
     }
     title("USB");
     say(judge_usb(exams, bus_speeds(exams)));
   }
 
-  // Cameras of other hosts, as far as they are heard of here.
+  // Remote cameras.
   void look_at_hosted() {
     if (!config_ || std::ranges::all_of(config_->cameras, [](const auto& camera) { return camera.host.empty(); }))
       return;
@@ -432,14 +430,14 @@ class Doctor {
       for (const auto& camera : config_->cameras) {
         if (camera.host.empty()) continue;
         title("camera " + camera.name);
-        say({Grade::note, "it is a camera of the host " + camera.host + ", not asked for now", ""});
+        say({Grade::note, "remote camera of host " + camera.host + ", not tested", ""});
       }
       return;
     }
     try {
       hosted_ = examine_hosted(*config_, std::chrono::duration<double>(options_.seconds), stop_);
     } catch (const std::exception& error) {
-      title("cameras of other hosts");
+      title("remote cameras");
       say({Grade::problem, error.what(), "correct dds: in the configuration, or the environment"});
     }
     for (const HostedExam& exam : hosted_) {
@@ -483,11 +481,11 @@ class Doctor {
     fs::path there = record.folder;
     while (!there.empty() && !fs::exists(there, error) && there != there.root_path()) there = there.parent_path();
     if (::access(there.c_str(), W_OK | X_OK) != 0) {
-      say({Grade::problem, "this user may not write to " + there.string(), "give it another owner, or another folder"});
+      say({Grade::problem, "this user may not write to " + there.string(), "change its owner, or use another folder"});
       return;
     }
     const auto space = fs::space(there, error);
-    double bytes_per_s = 0;  // as if nothing were compressed
+    double bytes_per_s = 0;  // of raw images
     for (const auto& camera : config_->cameras) {
       const calib::ImageSize size = size_of(camera);
       bytes_per_s += 2.0 * size.width * size.height * camera.fps.value_or(30);
@@ -497,7 +495,7 @@ class Doctor {
     say({is_short ? Grade::warning : Grade::ok,
          record.folder.string() + fmt::format(": {:.1f} GB free, room for {:.0f} minutes of raw images of all cameras",
                                               double(space.available) / 1e9, minutes),
-         is_short ? "make room, or use format: mjpeg or raw_storage: huffyuv" : ""});
+         is_short ? "free some space, or use format: mjpeg or raw_storage: huffyuv" : ""});
   }
 
   void look_at_metrics() {
@@ -507,15 +505,15 @@ class Doctor {
       const metrics::MetricsServer server(config_->metrics.address, *config_->metrics.port);
       say({Grade::ok, fmt::format("{}:{} is free", config_->metrics.address, *config_->metrics.port), ""});
     } catch (const std::runtime_error& error) {
-      say({Grade::warning, error.what(), "when it is huetrackd itself that runs there, all is well"});
+      say({Grade::warning, error.what(), "no problem if a running huetrackd uses it"});
     }
   }
 
   const DoctorOptions& options_;
   const std::stop_token& stop_;
   std::optional<config::ServiceConfig> config_;  // of a tracker,
-  std::optional<config::CaptureConfig> host_;    // or of a camera host; neither: the host and its cameras only
-  std::vector<HostedExam> hosted_;               // empty: none, or not asked
+  std::optional<config::CaptureConfig> host_;    // or of a camera host; neither: only the host and its cameras
+  std::vector<HostedExam> hosted_;               // empty: none, or not tested
   std::map<std::string, std::string> unstable_;  // by camera
   int problems_ = 0, warnings_ = 0;
   int examined_ = 0, busy_ = 0;  // cameras
@@ -543,7 +541,7 @@ std::vector<Finding> judge_camera(const CameraExam& exam, bool is_expected) {
   if (!exam.problem.empty()) {
     findings.push_back(
         {is_busy(exam) || !is_expected ? Grade::warning : Grade::problem, exam.problem,
-         is_busy(exam) ? "is the service running? Stop it (systemctl stop huetrackd) to examine the camera" : ""});
+         is_busy(exam) ? "if the service is running, stop it (systemctl stop huetrackd) to examine the camera" : ""});
     return findings;
   }
   if (exam.trial) judge_stream(exam, findings);
@@ -563,7 +561,7 @@ std::vector<Finding> judge_usb(std::span<const CameraExam> exams, const std::map
     std::string text_of_camera = name_of(exam) + " in port " + usb.port;
     if (exam.trial && exam.trial->seconds > 0) {
       const StreamTrial& trial = *exam.trial;
-      // What it should send, where it is raw; what it sent, where it compresses.
+      // Nominal rate of raw formats, measured rate of compressed ones.
       const double per_frame = double(trial.bytes) / double(trial.frames);
       const double fps =
           trial.agreed.format == capture::CaptureFormat::mjpeg ? trial.fps() : std::max(trial.fps(), trial.agreed.fps);
@@ -575,7 +573,7 @@ std::vector<Finding> judge_usb(std::span<const CameraExam> exams, const std::map
     cameras[usb.bus].push_back(text_of_camera);
     if (usb.speed_mbps > 0 && usb.speed_mbps < 100)
       findings.push_back({Grade::problem, name_of(exam) + fmt::format(" runs at {:.4g} Mbit/s", usb.speed_mbps),
-                          "it hangs on a USB 1 hub or a bad cable: plug it in directly"});
+                          "it is behind a USB 1 hub or a bad cable: plug it in directly"});
   }
   for (const auto& [bus, names] : cameras) {
     const auto speed = bus_mbps.find(bus);
@@ -585,10 +583,10 @@ std::vector<Finding> judge_usb(std::span<const CameraExam> exams, const std::map
     const Grade verdict = wanted > budget ? Grade::problem : wanted > 0.7 * budget ? Grade::warning : Grade::ok;
     findings.push_back({verdict,
                         fmt::format("bus {}, {:.4g} Mbit/s: ", bus, mbps) + joined(names) +
-                            fmt::format("; together {:.0f} of the {:.0f} Mbit/s that cameras may have", wanted, budget),
+                            fmt::format("; together {:.0f} of the available {:.0f} Mbit/s", wanted, budget),
                         verdict == Grade::ok
                             ? ""
-                            : "drivers reserve more than is sent, and then say \"No space left on device\": format: "
+                            : "drivers reserve more than is sent, and then report \"No space left on device\": format: "
                               "mjpeg, a lower rate, or a port of another bus (lsusb -t)"});
   }
   if (cameras.empty()) findings.push_back({Grade::note, "no camera on it", ""});
@@ -602,16 +600,17 @@ std::vector<Finding> judge_network(int domain, const std::string& domain_from,
   for (const auto& interface : interfaces)
     if (interface.find(" 127.") == std::string::npos) outside.push_back(interface);
   if (interfaces.empty())
-    findings.push_back({Grade::problem, "no network interface is up", "ip link set lo up; DDS needs one at least"});
+    findings.push_back({Grade::problem, "no network interface is up", "DDS needs at least one: ip link set lo up"});
   else if (outside.empty())
     findings.push_back({Grade::note, "only " + joined(interfaces) + ": subscribers on this host only",
                         are_chosen
-                            ? "for others, name their network, too, in dds: {interfaces: [...]}, or leave that out"
-                            : "for others, bring a network up; it is taken by itself"});
+                            ? "for other hosts, add their network to dds: {interfaces: [...]}, or remove that key"
+                            : "for other hosts, bring a network up; it is used automatically"});
   else if (outside.size() > 1)
-    findings.push_back({Grade::note, "several networks: " + joined(interfaces),
-                        "when subscribers do not find the service, name theirs: dds: {interfaces: [...]}; and let "
-                        "multicast 239.255.0.1 through"});
+    findings.push_back(
+        {Grade::note, "several networks: " + joined(interfaces),
+         "if subscribers do not find the service, set their network in dds: {interfaces: [...]}, and allow "
+         "multicast to 239.255.0.1"});
   else
     findings.push_back({Grade::ok, "networks: " + joined(interfaces), ""});
   return findings;
@@ -620,14 +619,14 @@ std::vector<Finding> judge_network(int domain, const std::string& domain_from,
 std::vector<Finding> judge_sending(std::span<const SentCamera> cameras, std::optional<double> receive_buffer,
                                    bool is_tracker) {
   constexpr double gigabit = 125e6, shared = 0.6;
-  constexpr double in_memory = 1.6;  // a packet of 1472 bytes takes 2304 of the kernel's,
-  constexpr double granted = 2;      // which grants twice what it calls the most
+  constexpr double in_memory = 1.6;  // a packet of 1472 bytes takes 2304 in the kernel,
+  constexpr double granted = 2;      // which grants twice its limit
   std::vector<std::string> raw;
   double bytes_per_s = 0, at_one_moment = 0;
   for (const SentCamera& camera : cameras) {
     const double pixels = double(camera.width) * camera.height;
     const bool is_compressed = !camera.format || *camera.format == capture::CaptureFormat::mjpeg;
-    // JPEGs of webcams take some 1.5 bit a pixel.
+    // Webcams' JPEGs have about 1.5 bit per pixel.
     const double bytes = is_compressed                                    ? 1.5 / 8 * pixels
                          : *camera.format == capture::CaptureFormat::grey ? pixels
                          : *camera.format == capture::CaptureFormat::nv12 ? 1.5 * pixels
@@ -642,17 +641,17 @@ std::vector<Finding> judge_sending(std::span<const SentCamera> cameras, std::opt
                       : raw.empty() ? Grade::ok
                                     : Grade::note,
                       fmt::format("{} about {:.1f} MB/s of frames{}", is_tracker ? "receives" : "sends",
-                                  1e-6 * bytes_per_s, raw.empty() ? "" : ", uncompressed those of " + joined(raw)),
+                                  1e-6 * bytes_per_s, raw.empty() ? "" : ", uncompressed from " + joined(raw)),
                       is_much       ? "more than 60 % of a gigabit: format: mjpeg, fewer frames, or another network"
                       : raw.empty() ? ""
-                                    : "format: mjpeg takes a tenth of it"});
+                                    : "format: mjpeg needs a tenth of it"});
   if (is_tracker && receive_buffer && in_memory * at_one_moment > granted * *receive_buffer)
     findings.push_back(
         {Grade::warning,
-         fmt::format("{:.0f} kB of frames may come at one moment, more than the {:.0f} kB that a socket may hold here: "
-                     "they are sent again, and late",
+         fmt::format("{:.0f} kB of frames may arrive at once, more than the {:.0f} kB of a socket buffer: "
+                     "they are retransmitted, and late",
                      1e-3 * at_one_moment, 1e-3 * granted * *receive_buffer / in_memory),
-         "sysctl -w net.core.rmem_max=4194304, and that line in /etc/sysctl.d"});
+         "sysctl -w net.core.rmem_max=4194304, and add it to /etc/sysctl.d"});
   return findings;
 }
 
@@ -660,23 +659,22 @@ std::vector<Finding> judge_hosted(const HostedExam& exam) {
   const capture::CameraHealth& health = exam.health;
   if (health.state != capture::CaptureState::delivering)
     return {{Grade::problem, health.message.empty() ? "no frame came from " + exam.host : health.message,
-             "huetrackd doctor there says what it lacks; the service starts without it and takes it when it comes"}};
+             "run huetrackd doctor there; the service starts without it and uses it when it appears"}};
   std::vector<Finding> findings;
   const double said = health.stream ? health.stream->fps : 0;
-  std::string what = fmt::format("{:.1f} frames/s came", exam.fps);
+  std::string what = fmt::format("{:.1f} frames/s received", exam.fps);
   if (health.stream)
     what =
         fmt::format("{} {}x{}: ", capture::name(health.stream->format), health.stream->width, health.stream->height) +
         what + (said > 0 ? fmt::format(" of {:.4g}", said) : std::string());
   const bool is_slow = said > 0 && exam.fps < slow * said;
-  findings.push_back({is_slow ? Grade::warning : Grade::ok, what,
-                      is_slow ? "huetrackd doctor there says what the camera reaches, and below is what the network "
-                                "is asked for"
-                              : ""});
+  findings.push_back(
+      {is_slow ? Grade::warning : Grade::ok, what,
+       is_slow ? "run huetrackd doctor there to see the camera's own rate, and check the network load below" : ""});
   if (health.dropped > 0 || health.corrupted > 0)
     findings.push_back(
         {Grade::warning,
-         fmt::format("{} frames were lost on the way, {} came damaged", health.dropped, health.corrupted),
+         fmt::format("{} frames were lost on the way, {} were damaged", health.dropped, health.corrupted),
          "format: mjpeg there, a wired network, or larger socket buffers"});
   if (!health.warning.empty()) findings.push_back({Grade::warning, health.warning, ""});
   return findings;
@@ -684,22 +682,23 @@ std::vector<Finding> judge_hosted(const HostedExam& exam) {
 
 Finding judge_clock(const capture::HostClock& clock) {
   if (!clock.is_known) return {Grade::note, "the clock of " + clock.host + " could not be compared with ours", ""};
-  if (clock.is_ours) return {Grade::ok, "the clock of " + clock.host + " is ours: it is this machine", ""};
+  if (clock.is_ours) return {Grade::ok, "the clock of " + clock.host + " is ours: same machine", ""};
   return {clock.advice.empty() ? Grade::ok : Grade::warning,
-          fmt::format("the clock of {} is {:.3f} ms {} ours, known to {:.3f} ms; it is taken off", clock.host,
+          fmt::format("the clock of {} is {:.3f} ms {} ours, known to {:.3f} ms; corrected", clock.host,
                       1e3 * std::abs(clock.offset_s), clock.offset_s < 0 ? "behind" : "ahead of", 1e3 * clock.sigma_s),
           clock.advice};
 }
 
 std::vector<Finding> judge_clock(const std::optional<double>& kept_s) {
-  if (kept_s) return {{Grade::ok, fmt::format("NTP or PTP keeps this host's clock to {:.2f} ms", 1e3 * *kept_s), ""}};
-  return {{Grade::note, "nobody keeps this host's clock: trackers measure how far the hosts' clocks are apart",
-           "over a cable that is enough (huetrack status says how well); otherwise apt install chrony on all of them"}};
+  if (kept_s)
+    return {{Grade::ok, fmt::format("NTP or PTP synchronises this host's clock to {:.2f} ms", 1e3 * *kept_s), ""}};
+  return {{Grade::note, "this host's clock is not synchronised: trackers measure the offsets of the hosts' clocks",
+           "with a cable that is sufficient (see huetrack status); otherwise apt install chrony on all hosts"}};
 }
 
 std::string to_text(const Finding& finding) {
   static constexpr std::array<const char*, 4> words{"ok  ", "note", "WARN", "FAIL"};
-  // A camera says its name itself, and a file what it is called.
+  // Names may come from devices and files.
   const auto line = [](const std::string& text) { return files::printable(text, files::longest_message) + "\n"; };
   return std::string("  ") + words[std::size_t(finding.verdict)] + "  " + line(finding.what) +
          (finding.advice.empty() ? "" : "        -> " + line(finding.advice));

@@ -1,4 +1,4 @@
-// `huetrackd doctor [CONFIG]`: what is wrong before it hurts. Every line has a verdict, and what to do about it.
+// `huetrackd doctor [CONFIG]`: examines host, cameras and configuration. Every finding has a grade and advice.
 #pragma once
 
 #include <cstdint>
@@ -17,53 +17,49 @@ namespace huetrack::doctor {
 
 enum class Grade : std::uint8_t {
   ok,
-  note,     // good to know
-  warning,  // tracking suffers, or will
-  problem,  // it does not work so
+  note,     // information
+  warning,  // reduces quality
+  problem,  // does not work
 };
 
 struct Finding {
   Grade verdict = Grade::ok;
   std::string what;
-  std::string advice;  // what to do; empty where nothing is to be done
+  std::string advice;  // what to do; empty: nothing
 };
 
 struct DoctorOptions {
-  std::optional<std::filesystem::path> config;  // nullopt: the host and its cameras only
-  double seconds = 3;                           // > 0; how long the cameras stream
-  bool streams = true;                          // false: cameras are looked at, not streamed from
+  std::optional<std::filesystem::path> config;  // nullopt: only the host and its cameras
+  double seconds = 3;                           // > 0; duration of the stream
+  bool streams = true;                          // false: do not stream
 };
 
-// Prints its findings to stdout as it goes. The number of problems. No exception: what goes wrong is a finding.
+// Prints findings to stdout. Returns the number of problems. No exceptions: errors are findings.
 int doctor(const DoctorOptions& options, const std::stop_token& stop);
 
-// ---- What it judges by, pure
+// ---- Judgement: pure functions
 
-// is_expected: the configuration names this camera, or there is none.
+// is_expected: the camera is in the configuration, or there is none.
 std::vector<Finding> judge_camera(const CameraExam& exam, bool is_expected);
 
-// The cameras that stream, per USB bus, against what such a bus may give to cameras. bus_mbps: of each bus's root hub.
+// Data rate of the streaming cameras per USB bus, against its limit. bus_mbps: of each root hub.
 std::vector<Finding> judge_usb(std::span<const CameraExam> exams, const std::map<int, double>& bus_mbps);
 
-// interfaces: "eth0 192.168.0.5", as the bus would be joined. are_chosen: the configuration says which
-// (dds.interfaces).
+// interfaces: "eth0 192.168.0.5", those that DDS would use. are_chosen: set by dds.interfaces.
 std::vector<Finding> judge_network(int domain, const std::string& domain_from,
                                    const std::vector<std::string>& interfaces, bool are_chosen);
 
-// A camera whose frames travel between hosts.
+// A remote camera.
 struct SentCamera {
   std::string name;
   int width = 0, height = 0;
   double fps = 30;
-  std::optional<capture::CaptureFormat> format;  // nullopt: not known here, taken for mjpeg
+  std::optional<capture::CaptureFormat> format;  // nullopt: unknown, assumed mjpeg
 };
-// Between a camera host and its trackers, as seen from one of them. receive_buffer: what a socket of a tracker may ask
-// for, bytes (net.core.rmem_max); nullopt: not known.
+// Network load between a camera host and its trackers. receive_buffer: net.core.rmem_max, bytes; nullopt: unknown.
 std::vector<Finding> judge_sending(std::span<const SentCamera> cameras, std::optional<double> receive_buffer,
                                    bool is_tracker);
-// A camera of another host.
 std::vector<Finding> judge_hosted(const HostedExam& exam);
-// How the clock of such a host compares with ours.
 Finding judge_clock(const capture::HostClock& clock);
 // kept_s: hosts::MachineClock::kept_s.
 std::vector<Finding> judge_clock(const std::optional<double>& kept_s);

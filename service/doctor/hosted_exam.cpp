@@ -14,7 +14,7 @@ using Clock = std::chrono::steady_clock;
 constexpr std::chrono::duration<double> least_duration = 5500ms;  // clocks are judged after 5 s (remote_camera.cpp)
 constexpr auto look_period = 50ms;
 
-// Frames of one camera, as they come, until the stop.
+// Takes the frames of one camera until the stop.
 double fps_of(capture::FrameSource& source, const std::stop_token& stop) {
   Clock::time_point first, last;
   int frames = 0;
@@ -29,7 +29,7 @@ double fps_of(capture::FrameSource& source, const std::stop_token& stop) {
 
 std::vector<HostedExam> examine_hosted(const config::ServiceConfig& config, std::chrono::duration<double> duration,
                                        const std::stop_token& stop) {
-  config::ServiceConfig hosted = config::with_frames(config);  // each with a source of its own
+  config::ServiceConfig hosted = config::with_frames(config);  // each with its own source
   std::erase_if(hosted.cameras, [](const auto& camera) { return camera.host.empty(); });
   if (hosted.cameras.empty()) return {};
   const auto cameras = pipeline::open_cameras(hosted, stop);

@@ -1,4 +1,4 @@
-// What `huetrackd doctor` finds out about the cameras of other hosts: over the bus, as a tracker would have them.
+// Examines remote cameras for `huetrackd doctor`, as a tracker would receive them.
 #pragma once
 
 #include <chrono>
@@ -13,13 +13,12 @@ namespace huetrack::doctor {
 
 struct HostedExam {
   std::string name, host;
-  capture::CameraHealth health;  // with the clock of its host
-  double fps = 0;                // of what came, from its first frame on
+  capture::CameraHealth health;  // with its host's clock
+  double fps = 0;                // received, from the first frame on
 };
 
-// Takes the frames of all cameras of the configuration that other hosts have, in real time, whatever they are to send
-// otherwise: for `duration`, and at least until hosts are known to be silent and their clocks were compared. In the
-// order of the configuration; none when there are none. throws what joining the bus throws.
+// Receives frames (regardless of `send`) of all remote cameras of the configuration, for `duration`, at least until
+// silent hosts are detected and clocks compared. In the order of the configuration. throws as joining DDS.
 std::vector<HostedExam> examine_hosted(const config::ServiceConfig& config, std::chrono::duration<double> duration,
                                        const std::stop_token& stop);
 

@@ -12,10 +12,10 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr auto settling = 300ms;        // cameras begin dark, or find their exposure first
-constexpr double share_of_trial = 0.5;  // samples need somewhat longer than is asked for, and frames may come late
+constexpr auto settling = 300ms;        // cameras start dark, or adjust their exposure first
+constexpr double share_of_trial = 0.5;  // of the trial suffices, because frames may be late
 
-// After set_controls(), else as found.
+// After set_controls(), or as found.
 std::optional<std::int64_t> value_of(const CameraExam& exam, std::string_view name) {
   const auto set = std::ranges::find(exam.configured, name, &capture::ControlResult::name);
   if (set != exam.configured.end()) return set->got;
@@ -32,7 +32,7 @@ capture::PixelFormat pixels_of(capture::CaptureFormat raw) {
 // uvcvideo's power_line_frequency.
 enum PowerLine : std::int64_t { disabled = 0, hz_50 = 1, hz_60 = 2 };
 
-// Under lamps that flicker at this rate, exposures of whole periods show none of it.
+// Exposures of whole flicker periods show no flicker.
 bool is_whole(double exposure_ms, double light_hz) {
   const double periods = exposure_ms * light_hz / 1000;
   return periods > 0.5 && std::abs(periods - std::round(periods)) < 0.02 * periods;
@@ -46,9 +46,9 @@ void judge_exposure_time(const CameraExam& exam, std::vector<Finding>& findings)
   const auto mains = value_of(exam, "power_line_frequency");
   const bool fits_50 = is_whole(ms, 100), fits_60 = is_whole(ms, 120);
   if (mains == hz_50 ? fits_50 : mains == hz_60 ? fits_60 : fits_50 || fits_60) return;
-  findings.push_back({Grade::note, fmt::format("exposures of {:.4g} ms show lamps flicker, where lamps do", ms),
-                      "exposure_time_absolute: 100, 200 or 300 (10, 20, 30 ms) where mains have 50 Hz, 83, 167 or 250 "
-                      "where they have 60 Hz; daylight needs none of that"});
+  findings.push_back({Grade::note, fmt::format("exposures of {:.4g} ms show the flicker of lamps", ms),
+                      "exposure_time_absolute: 100, 200 or 300 (10, 20, 30 ms) with 50 Hz mains, 83, 167 or 250 with "
+                      "60 Hz; any value in daylight"});
 }
 
 }  // namespace
@@ -91,19 +91,19 @@ std::vector<Finding> judge_light(const CameraExam& exam) {
                         "exposure_dynamic_framerate is on: the frame rate falls in the dark",
                         "controls: {exposure_dynamic_framerate: 0}"});
   if (value_of(exam, "power_line_frequency") == disabled)
-    findings.push_back({Grade::note, "power_line_frequency is off: automatic exposure does not heed lamps that flicker",
-                        "controls: {power_line_frequency: 50 Hz}, or 60 Hz where mains have that"});
+    findings.push_back({Grade::note, "power_line_frequency is off: automatic exposure ignores flicker",
+                        "controls: {power_line_frequency: 50 Hz}, or 60 Hz as your mains"});
   judge_exposure_time(exam, findings);
   if (!exam.trial || !exam.trial->light) return findings;
   const capture::LightFindings& light = *exam.trial->light;
   for (const auto& remark : reports::light_remarks(light))
     findings.push_back({Grade::warning, "pictures: " + remark.what, remark.advice});
   if (light.exposure_change && value_of(exam, "auto_exposure") == 1)
-    findings.push_back({Grade::warning, "auto_exposure says that it is manual, and still the brightness changes",
-                        "when the light itself is still, the camera does not keep to it: set gain, too"});
+    findings.push_back({Grade::warning, "auto_exposure is manual, but the brightness changes",
+                        "if the light is constant, the camera ignores the setting: set gain, too"});
   if (light == capture::LightFindings{})
     findings.push_back(
-        {Grade::ok, fmt::format("pictures: no bands of flicker, brightness and colours stay"), std::string()});
+        {Grade::ok, fmt::format("pictures: no flicker, constant brightness and colours"), std::string()});
   return findings;
 }
 

@@ -1,4 +1,4 @@
-// What `huetrackd doctor` says about light: from a camera's controls, and from its pictures while it streams.
+// Examines light for `huetrackd doctor`: a camera's controls, and its pictures while it streams.
 #pragma once
 
 #include <vector>
@@ -11,12 +11,12 @@
 
 namespace huetrack::doctor {
 
-// The pictures of one trial, as the driver gives them. thread-compatible.
+// Analyses the pictures of one trial. thread-compatible.
 class LightExam {
  public:
   explicit LightExam(double trial_s);
   void look(const capture::Dequeued& frame, const capture::StreamFormat& format);
-  std::optional<capture::LightFindings> findings() const;  // nullopt: it has not seen enough
+  std::optional<capture::LightFindings> findings() const;  // nullopt: too few pictures
 
  private:
   capture::LightWatch watch_;
@@ -24,7 +24,7 @@ class LightExam {
   std::optional<std::chrono::nanoseconds> first_;
 };
 
-// What it judges by, pure: automatics that are on, exposures that lamps do not fit into, and what the pictures say.
+// Pure: automatic controls, exposures that show flicker, findings in the pictures.
 std::vector<Finding> judge_light(const CameraExam& exam);
 
 }  // namespace huetrack::doctor

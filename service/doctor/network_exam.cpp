@@ -15,7 +15,7 @@ NetworkTrial try_network_camera(const capture::NetworkSourceOptions& options, st
   capture::NetworkSource source(options);
   std::stop_source enough;
   const std::stop_callback forward(stop, [&] { enough.request_stop(); });
-  // It tries again and again; here the first failure is the answer.
+  // The source retries; here the first failure is the result.
   const std::jthread watch([&](const std::stop_token& done) {
     std::optional<Clock::time_point> first;
     while (!done.stop_requested()) {
@@ -48,10 +48,10 @@ NetworkTrial try_network_camera(const capture::NetworkSourceOptions& options, st
 
 Finding judge_network_camera(const NetworkTrial& trial) {
   if (trial.failure.empty())
-    return {Grade::ok, fmt::format("it answers: {} pictures, {:.1f} a second", trial.pictures, trial.fps()), ""};
+    return {Grade::ok, fmt::format("it delivers: {} pictures, {:.1f} per second", trial.pictures, trial.fps()), ""};
   return {Grade::problem, trial.failure,
-          "look whether the camera is on, and whether ffplay shows that address; the service starts without it and "
-          "takes it when it comes"};
+          "check whether the camera is on, and whether ffplay shows that address; the service starts without it and "
+          "uses it when it appears"};
 }
 
 }  // namespace huetrack::doctor

@@ -1,4 +1,4 @@
-// What a camera of the network gives, asked as `run` would ask it.
+// Examines a network camera for `huetrackd doctor`, as `run` would open it.
 #pragma once
 
 #include <chrono>
@@ -14,12 +14,12 @@ namespace huetrack::doctor {
 struct NetworkTrial {
   std::uint64_t pictures = 0;
   double seconds = 0;   // from the first picture to the last
-  std::string failure;  // why it gives none; empty: it does
+  std::string failure;  // why there are none; empty: it works
 
   double fps() const { return seconds > 0 ? double(pictures - 1) / seconds : 0; }
 };
 
-// Waits as long for the first picture as options.patience says, and then takes pictures for so many seconds.
+// Waits up to options.patience for the first picture, then takes pictures for `seconds`.
 NetworkTrial try_network_camera(const capture::NetworkSourceOptions& options, std::chrono::duration<double> seconds,
                                 const std::stop_token& stop);
 

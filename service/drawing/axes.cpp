@@ -10,13 +10,13 @@ namespace huetrack::drawing {
 namespace {
 
 constexpr double label_size = 11, title_size = 12.5;
-constexpr double x_label_room = 90, y_label_room = 32;  // pixels from tick to tick at least
+constexpr double x_label_room = 90, y_label_room = 32;  // minimum pixels between ticks
 
 double x_step(const Axes& axes) {
   return tick_step(axes.x.size(), static_cast<int>(axes.box.width / x_label_room));
 }
 
-// In the middle of a pixel, where a line of one pixel is sharp.
+// The middle of a pixel, where a line of one pixel is sharp.
 double sharp(double value) {
   return std::floor(value) + 0.5;
 }

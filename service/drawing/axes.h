@@ -1,4 +1,4 @@
-// A rectangle of a picture with linear axes: where values lie in it, its grid, ticks and titles.
+// Linear axes in a rectangle of a picture: mapping, grid, ticks and titles.
 #pragma once
 
 #include <cmath>
@@ -16,12 +16,12 @@ inline constexpr Color white{255, 255, 255}, black{0, 0, 0};
 struct Span {
   double low = std::numeric_limits<double>::infinity(), high = -std::numeric_limits<double>::infinity();
   double size() const { return high - low; }
-  void add(double value);  // what is not finite is left out
-  // More on both sides: a share of the size, and as much as makes it at least `least` wide. Empty becomes 0 to 1 first.
+  void add(double value);  // ignores non-finite values
+  // Widens both sides by a share of the size, and to at least `least`. An empty span becomes 0 to 1 first.
   void pad(double share, double least);
 };
 
-// A step of 1, 2 or 5 times a power of ten that makes at most `most` steps in the range.
+// 1, 2 or 5 times a power of ten, for at most `most` steps in the range.
 double tick_step(double range, int most);
 std::string tick_label(double value, double step);  // with as many decimals as the step needs; never "-0"
 // Calls f with every multiple of the step in the span, ends included.
@@ -48,7 +48,7 @@ void draw_x_labels(Canvas& canvas, const Axes& axes, const std::string& x_title)
 
 template <typename F>
 void for_each_tick(const Span& span, double step, F&& f) {
-  constexpr double rounding = 1e-9;  // of a step: an end that is a multiple of the step counts, whatever its last bit
+  constexpr double rounding = 1e-9;  // of a step: an end that is a multiple of the step counts
   const double last = span.high + rounding * step;
   for (double value = std::ceil(span.low / step - rounding) * step; value <= last; value += step) f(value);
 }

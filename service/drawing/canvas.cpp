@@ -60,7 +60,7 @@ Canvas::Canvas(int width, int height, Color background, Kind kind) : width_(widt
   } else if (kind == Kind::pdf) {
     file_ = std::make_unique<std::string>();
     surface_.reset(cairo_pdf_surface_create_for_stream(&append, file_.get(), width, height));
-    // Otherwise the file says when it was written, and is another one every time.
+    // Otherwise the file contains the current time.
     cairo_pdf_surface_set_metadata(surface_.get(), CAIRO_PDF_METADATA_CREATE_DATE, "2000-01-01T00:00:00Z");
   } else {
     surface_.reset(cairo_image_surface_create(CAIRO_FORMAT_RGB24, width, height));
@@ -74,7 +74,7 @@ Canvas::Canvas(int width, int height, Color background, Kind kind) : width_(widt
 }
 
 void Canvas::outline(std::span<const Point> points, bool closed) {
-  for (const Point& p : points) cairo_line_to(cairo_.get(), p.x(), p.y());  // the first one moves
+  for (const Point& p : points) cairo_line_to(cairo_.get(), p.x(), p.y());  // the first is a move
   if (closed) cairo_close_path(cairo_.get());
 }
 
@@ -141,7 +141,7 @@ double Canvas::text_width(const std::string& text, double size, Weight weight) c
   return extents.x_advance;
 }
 
-// Sets the font, and moves to where the text begins.
+// Sets the font and moves to the start of the text.
 void Canvas::start_text(const Point& at, const std::string& text, double size, Align align, Weight weight) const {
   const double share = align == Align::left ? 0 : align == Align::centre ? 0.5 : 1;
   const double width = text_width(text, size, weight);

@@ -1,7 +1,6 @@
-// The one drawing surface of pictures and charts, as pixels, SVG or PDF. Coordinates and sizes are in pixels of the
-// finished picture (units of the SVG, points of the PDF), (0,0) is its top left corner, x runs to the right and y down;
-// lines and areas are smoothed, and what is outside is not drawn. thread-compatible; canvases know nothing of each
-// other.
+// Drawing surface of pictures and charts, for pixels, SVG or PDF. Coordinates and sizes are in pixels of the picture
+// (units of the SVG, points of the PDF); (0,0) is its top left corner, x right, y down. Antialiased, clipped to the
+// picture. thread-compatible.
 #pragma once
 
 #include <Eigen/Core>
@@ -11,7 +10,7 @@
 #include <span>
 #include <string>
 
-// cairo's own names for its types; its headers are behind canvas.cpp.
+// cairo's types; its headers are only in canvas.cpp.
 struct _cairo;          // NOLINT(bugprone-reserved-identifier)
 struct _cairo_surface;  // NOLINT(bugprone-reserved-identifier)
 
@@ -21,7 +20,7 @@ using Point = Eigen::Vector2d;
 
 struct Color {
   int r = 0, g = 0, b = 0;  // 0..255
-  double alpha = 1;         // 0: nothing is seen of it, 1: nothing of what is below
+  double alpha = 1;         // 0: transparent, 1: opaque
   constexpr Color faded(double to) const { return {r, g, b, to}; }
   bool operator==(const Color&) const = default;
 };
@@ -36,7 +35,7 @@ struct Box {
 enum class Align { left, centre, right };
 enum class Weight { normal, bold };
 
-// Somebody's pixels, 8-bit blue, green, red.
+// A view of 8-bit BGR pixels.
 struct BgrPixels {
   const std::uint8_t* data = nullptr;
   int width = 0, height = 0;
@@ -46,7 +45,7 @@ struct BgrPixels {
 class Canvas {
  public:
   enum class Kind { pixels, svg, pdf };
-  // throws std::runtime_error: no picture of that size can be made
+  // throws std::runtime_error for an impossible size
   Canvas(int width, int height, Color background, Kind kind = Kind::pixels);
 
   int width() const { return width_; }
@@ -64,16 +63,16 @@ class Canvas {
   // at: on the base line. size: of the font (DejaVu Sans); its capital letters are 0.73 of that high.
   void text(const Point& at, const std::string& text, double size, Color color, Align align = Align::left,
             Weight weight = Weight::normal);
-  // As text(), with a rim of another colour that keeps it readable over lines.
+  // As text(), with a rim of another colour for readability.
   void rimmed_text(const Point& at, const std::string& text, double size, Color color, Color rim,
                    Align align = Align::left);
   double text_width(const std::string& text, double size, Weight weight = Weight::normal) const;
 
-  // Only of and onto canvases of pixels, one to one, at the nearest whole pixel.
+  // For pixel canvases only, one to one, at the nearest whole pixel.
   void pixels(const Point& top_left, const BgrPixels& source);
   void paste(const Point& top_left, const Canvas& other);
 
-  // While it lives, nothing is drawn outside the box.
+  // Clips drawing to the box while it exists.
   class Clip {
    public:
     Clip(Canvas& canvas, const Box& box);
@@ -85,7 +84,7 @@ class Canvas {
     Canvas& canvas_;
   };
 
-  // While it lives, (0,0) is at `origin`, and all is drawn so many times as large.
+  // While it exists, (0,0) is at `origin`, and all is scaled.
   class Placed {
    public:
     Placed(Canvas& canvas, const Point& origin, double scale = 1);
@@ -97,13 +96,13 @@ class Canvas {
     Canvas& canvas_;
   };
 
-  void next_page();  // of a PDF: what is drawn from now on is on another page, white
+  void next_page();  // PDF: continues on a new white page
 
-  // What is drawn so far. throw std::runtime_error: memory is out
-  std::string png() const;  // of a canvas of pixels: a PNG file
-  std::string svg();        // of one of SVG: a file; nothing can be drawn afterwards
-  std::string pdf();  // of one of PDF: a file; nothing can be drawn afterwards. The same bytes for the same drawing
-  // Of a canvas of pixels: height() rows of width() times blue, green, red and a byte without meaning.
+  // The drawing so far. throw std::runtime_error if out of memory
+  std::string png() const;  // pixels: a PNG file
+  std::string svg();        // SVG: a file; ends the drawing
+  std::string pdf();        // PDF: a file, reproducible; ends the drawing
+  // Pixels: height() rows of width() times blue, green, red and an unused byte.
   const std::uint8_t* bgrx() const;
   std::size_t bgrx_stride() const;  // bytes from row to row
 
@@ -119,7 +118,7 @@ class Canvas {
     void operator()(_cairo_surface* surface) const;
   };
   int width_, height_;
-  std::unique_ptr<std::string> file_;  // where the surface of an SVG or a PDF writes; it outlives the surface
+  std::unique_ptr<std::string> file_;  // output of an SVG or PDF surface, which it outlives
   std::unique_ptr<_cairo_surface, End> surface_;
   std::unique_ptr<_cairo, End> cairo_;
 };

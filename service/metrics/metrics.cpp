@@ -89,7 +89,7 @@ void add_cameras(Text& text, const publish::ServiceStatus& status) {
           [](const auto& c) { return c.dropped; });
   cameras("huetrack_camera_corrupted_frames_total", "counter", "damaged frames, not used",
           [](const auto& c) { return c.corrupted; });
-  cameras("huetrack_camera_repeated_frames_total", "counter", "frames that showed the picture before again, not used",
+  cameras("huetrack_camera_repeated_frames_total", "counter", "frames that repeat the previous picture, not used",
           [](const auto& c) { return c.repeated; });
   cameras("huetrack_camera_rate_hertz", "gauge", "frames per second over the last seconds",
           [](const auto& c) { return c.rate_hz; });
@@ -105,17 +105,17 @@ void add_calibration(Text& text, const publish::ServiceStatus& status,
     for (std::size_t c = 0; c < calibration.size(); ++c)
       text.sample("camera=" + label(status.cameras[c].name), double(value(calibration[c])));
   };
-  calibrations("huetrack_camera_in_place", "1 when the camera stands where the rig says, as far as the room tells",
+  calibrations("huetrack_camera_in_place", "1 if the camera stands where the rig says, judged by the room",
                [](const auto& c) { return c.is_in_place ? 1 : 0; });
-  calibrations("huetrack_camera_turned_degrees", "by which the camera was turned since the rig was made",
+  calibrations("huetrack_camera_turned_degrees", "rotation of the camera since the calibration",
                [](const auto& c) { return c.turned_deg; });
-  calibrations("huetrack_camera_moved_meters", "by which the camera was moved since the rig was made",
+  calibrations("huetrack_camera_moved_meters", "shift of the camera since the calibration",
                [](const auto& c) { return c.moved_m; });
-  calibrations("huetrack_camera_effect_meters", "by which positions are off by that, if nothing is done about it",
+  calibrations("huetrack_camera_effect_meters", "resulting error of positions, if not corrected",
                [](const auto& c) { return c.effect_m; });
-  calibrations("huetrack_camera_blur_pixels", "by which its focus blurs it more than when its room was learnt",
+  calibrations("huetrack_camera_blur_pixels", "additional blur by a focus change since its room was learnt",
                [](const auto& c) { return c.blur_px; });
-  calibrations("huetrack_camera_room_changed_share", "of its picture that shows another room than was learnt",
+  calibrations("huetrack_camera_room_changed_share", "share of its picture with a changed room",
                [](const auto& c) { return c.changed_share; });
 }
 
@@ -126,9 +126,9 @@ void add_clocks(Text& text, const publish::ServiceStatus& status) {
     for (const auto& clock : status.clocks)
       if (clock.clock.is_known) text.sample("host=" + label(clock.clock.host), value(clock.clock));
   };
-  clocks("huetrack_host_clock_offset_seconds", "by which the clock of a camera host is ahead, which is taken off",
+  clocks("huetrack_host_clock_offset_seconds", "clock of a camera host minus ours, subtracted from its stamps",
          [](const auto& clock) { return clock.offset_s; });
-  clocks("huetrack_host_clock_uncertainty_seconds", "of what is left then, standard deviation",
+  clocks("huetrack_host_clock_uncertainty_seconds", "standard deviation of that offset",
          [](const auto& clock) { return clock.sigma_s; });
 }
 
@@ -142,7 +142,7 @@ void add_service(Text& text, const publish::ServiceStatus& status, const Recordi
   one("huetrack_incomplete_sets_total", "counter", "frame sets without every camera", double(status.incomplete_sets));
   one("huetrack_dropped_sets_total", "counter", "frame sets not tracked, because tracking was too slow",
       double(status.dropped_sets));
-  one("huetrack_late_frames_total", "counter", "frames that came after their set", double(status.late_frames));
+  one("huetrack_late_frames_total", "counter", "frames that arrived after their set", double(status.late_frames));
   one("huetrack_set_rate_hertz", "gauge", "frame sets tracked per second", status.set_rate_hz);
   one("huetrack_published_samples_total", "counter", "positions written to DDS", double(published));
   one("huetrack_warnings", "gauge", "sentences in the status sample's warnings", double(status.warnings.size()));
@@ -154,7 +154,7 @@ void add_service(Text& text, const publish::ServiceStatus& status, const Recordi
 }
 
 void add_targets(Text& text, const publish::ServiceStatus& status, std::span<const TargetFigures> targets) {
-  text.family("huetrack_target_state", "gauge", "1 for the state that the target is in");
+  text.family("huetrack_target_state", "gauge", "1 for the current state of the target");
   for (std::size_t t = 0; t < targets.size(); ++t) {
     for (const auto state : {object_tracking::TrackState::searching, object_tracking::TrackState::tracking,
                              object_tracking::TrackState::coasting, object_tracking::TrackState::lost}) {
@@ -165,19 +165,18 @@ void add_targets(Text& text, const publish::ServiceStatus& status, std::span<con
   text.family("huetrack_target_effective_sample_size", "gauge", "of the target's particles");
   for (std::size_t t = 0; t < targets.size(); ++t)
     text.sample("target=" + label(status.targets[t]), targets[t].effective_sample_size);
-  text.family("huetrack_target_particles", "gauge", "how many the target has");
+  text.family("huetrack_target_particles", "gauge", "particles of the target");
   for (std::size_t t = 0; t < targets.size(); ++t)
     text.sample("target=" + label(status.targets[t]), targets[t].particles);
-  text.family("huetrack_target_objects", "gauge", "of the target that are there, by state");
+  text.family("huetrack_target_objects", "gauge", "current objects of the target, by state");
   for (std::size_t t = 0; t < targets.size(); ++t) {
     text.sample("target=" + label(status.targets[t]) + ",state=\"tracking\"", targets[t].tracked);
     text.sample("target=" + label(status.targets[t]) + ",state=\"coasting\"", targets[t].coasting);
   }
-  text.family("huetrack_target_objects_found_total", "counter", "times that an object of the target was found");
+  text.family("huetrack_target_objects_found_total", "counter", "objects of the target found so far");
   for (std::size_t t = 0; t < targets.size(); ++t)
     text.sample("target=" + label(status.targets[t]), double(targets[t].found));
-  text.family("huetrack_target_mistake", "gauge",
-              "1 while the target's views show that mistake in rig or configuration");
+  text.family("huetrack_target_mistake", "gauge", "1 while this mistake in rig or configuration is detected");
   for (std::size_t t = 0; t < targets.size(); ++t)
     for (std::size_t kind = 0; kind < view_watch::mistake_kinds; ++kind)
       text.sample(
@@ -193,10 +192,10 @@ void add_latencies(Text& text, const publish::ServiceStatus& status, const Laten
               "from the dequeue of a set's last frame to the DDS write of its position");
   text.histogram("", latencies.dequeue_to_write);
   text.family("huetrack_dequeue_to_publish_seconds", "histogram",
-              "from the dequeue of a set's last frame until the DDS write is over and the position sent");
+              "from the dequeue of a set's last frame to the end of the DDS write");
   text.histogram("", latencies.dequeue_to_publish);
   text.family("huetrack_capture_to_publish_seconds", "histogram",
-              "from the newest capture in a set until its position is sent");
+              "from the newest capture in a set to the end of the DDS write");
   text.histogram("", latencies.capture_to_publish);
 }
 

@@ -1,5 +1,4 @@
-// With libmicrohttpd, whose connections end after so long without a byte. Ours end so long after they began, whatever
-// comes: so its events are waited for here.
+// libmicrohttpd only has a timeout without data. Here a connection has a total timeout, so events are polled here.
 #include <microhttpd.h>
 #include <netdb.h>
 #include <poll.h>
@@ -30,11 +29,10 @@ using Clock = std::chrono::steady_clock;
 using namespace std::chrono_literals;
 
 constexpr unsigned most_clients = 256;
-// When there are so many, the one that was there first is closed for the next: clients that stay silent take the room
-// from one another, and a request takes a millisecond of it.
+// Beyond this number, the oldest connection is closed: silent clients only displace one another.
 constexpr std::size_t most_open = most_clients - 16;
-constexpr std::size_t client_memory = 16 * 1024;  // bytes, of a request; a longer one is refused
-constexpr auto client_patience = 2s;              // from its connection until its answer is sent
+constexpr std::size_t client_memory = 16 * 1024;  // bytes per request; longer ones are refused
+constexpr auto client_patience = 2s;              // from connection to the end of the reply
 
 }  // namespace
 
@@ -44,12 +42,12 @@ struct MetricsServer::Impl {
   std::string text;  // guarded by mutex
   MHD_Daemon* daemon = nullptr;
   std::map<int, Clock::time_point> deadlines;  // the thread's; by the connection's descriptor
-  bool has_ended = false;                      // the thread's: a connection
+  bool has_ended = false;                      // the thread's: a connection ended
   std::jthread thread;
 
   // throws std::runtime_error
   Impl(const std::string& address, int port) {
-    const std::string where = "metrics: " + address + ":" + std::to_string(port) + " cannot be listened on: ";
+    const std::string where = "metrics: " + address + ":" + std::to_string(port) + " cannot be used: ";
     addrinfo hints{};
     hints.ai_flags = AI_PASSIVE | AI_NUMERICSERV;
     hints.ai_socktype = SOCK_STREAM;
@@ -72,23 +70,23 @@ struct MetricsServer::Impl {
     const std::uint64_t one = 1;
     [[maybe_unused]] const auto written = ::write(ending.get(), &one, sizeof one);
     if (thread.joinable()) thread.join();
-    MHD_stop_daemon(daemon);  // at once, whoever is connected
+    MHD_stop_daemon(daemon);  // closes all connections
   }
   Impl(const Impl&) = delete;
   Impl& operator=(const Impl&) = delete;
 
   // ---- All below: the server's thread.
 
-  // One thread waits for all sockets at once and for the end: no client, however silent, holds up another or the end.
+  // One thread waits for all sockets and for the end.
   void serve() {
     const int events = MHD_get_daemon_info(daemon, MHD_DAEMON_INFO_EPOLL_FD)->epoll_fd;
     for (;;) {
       std::array<pollfd, 2> waiting{{{ending.get(), POLLIN, 0}, {events, POLLIN, 0}}};
       if (::poll(waiting.data(), waiting.size(), patience_ms()) < 0 && errno != EINTR) return;
       if (waiting[0].revents != 0) return;
-      for (const auto& [fd, deadline] : deadlines)  // its end is then an event, on which it is forgotten
+      for (const auto& [fd, deadline] : deadlines)  // the shutdown is an event that removes it
         if (Clock::now() >= deadline) ::shutdown(fd, SHUT_RDWR);
-      do {  // again after an end: only then does it listen again, where there were too many
+      do {  // repeat after an end, to accept again
         has_ended = false;
         MHD_run(daemon);
       } while (has_ended);
@@ -132,7 +130,7 @@ struct MetricsServer::Impl {
     return result;
   }
 
-  // Called with the headers first, then once more; a body between, which no request of ours has, is not read.
+  // Called first with the headers, then again; ignores a body.
   static MHD_Result answer(void* closure, MHD_Connection* connection, const char* url, const char* method, const char*,
                            const char*, std::size_t* data_size, void** has_headers) {
     auto& self = *static_cast<Impl*>(closure);
@@ -140,7 +138,7 @@ struct MetricsServer::Impl {
     if (std::exchange(*data_size, 0) > 0) return MHD_YES;
     if (std::string_view(method) != "GET" && std::string_view(method) != "HEAD")
       return reply(connection, MHD_HTTP_METHOD_NOT_ALLOWED, "only GET\n");
-    if (std::string_view(url) != "/metrics") return reply(connection, MHD_HTTP_NOT_FOUND, "not here: /metrics\n");
+    if (std::string_view(url) != "/metrics") return reply(connection, MHD_HTTP_NOT_FOUND, "not found: use /metrics\n");
     const std::scoped_lock lock(self.mutex);
     return reply(connection, MHD_HTTP_OK, self.text);
   }

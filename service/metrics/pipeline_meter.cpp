@@ -13,7 +13,7 @@ void PipelineMeter::on_frame(const capture::Frame& frame, capture::Timestamp rec
 
 void PipelineMeter::on_set(const pipeline::TrackedSet& set) {
   if (set.estimates.empty()) return;
-  // Of several objects of a target, one that is tracked.
+  // With several objects, one that is tracked.
   const object_tracking::ObjectEstimate* before = nullptr;
   count_objects(set.estimates);
   for (const auto& estimate : set.estimates) {
@@ -45,7 +45,7 @@ void PipelineMeter::count_objects(std::span<const object_tracking::ObjectEstimat
       const auto& estimate = estimates[end];
       tracked += estimate.state == TrackState::tracking ? 1 : 0;
       coasting += estimate.state == TrackState::coasting ? 1 : 0;
-      const bool is_found_again =  // one object has no births: it is found when it has a position after having had none
+      const bool is_found_again =  // a single object has no births: it is found when it has a position again
           estimate.object == 0 && estimate.has_position() && target.tracked + target.coasting == 0;
       if (estimate.is_birth || is_found_again) ++target.found;
     }

@@ -1,4 +1,4 @@
-// What `run` measures on the road, for the metrics and the status.
+// Latencies and counts of `run`, for metrics and status.
 #pragma once
 
 #include <atomic>
@@ -11,10 +11,10 @@
 
 namespace huetrack::metrics {
 
-// Add it to the session after the bus. The getters: any thread.
+// Add it to the session after the bus. Getters: any thread.
 class PipelineMeter final : public pipeline::Output {
  public:
-  // cameras: of the rig; bus: null where nothing is published
+  // cameras: of the rig; bus: null without DDS
   PipelineMeter(std::size_t cameras, std::size_t targets, const pipeline::Bus* bus);
 
   void on_frame(const capture::Frame& frame, capture::Timestamp received_at) override;
@@ -32,7 +32,7 @@ class PipelineMeter final : public pipeline::Output {
     std::atomic<int> particles = 0;
     std::atomic<int> tracked = 0, coasting = 0;
     std::atomic<std::uint64_t> found = 0;
-    std::atomic<std::uint32_t> mistakes = 0;  // a bit per kind
+    std::atomic<std::uint32_t> mistakes = 0;  // one bit per kind
   };
   const pipeline::Bus* const bus_;
   std::vector<Target> targets_;

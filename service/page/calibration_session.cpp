@@ -29,13 +29,12 @@ constexpr const char *rig_name = "calibrated.yaml", *report_name = "calibrated.r
                      *log_name = "calibrated.log", *board_name = "board.yaml";
 constexpr double least_wave_s = 5, most_wave_s = 600;
 constexpr double least_distance_m = 0.05, most_distance_m = 200;  // between two cameras
-constexpr auto coverage_patience = 2s;                            // for the one that looks on to end
-// Who asks for a board to print waits for it, and the page's pictures with him: some tenths of a second.
+constexpr auto coverage_patience = 2s;                            // for the coverage analysis to end
+// Printing a board delays the page's pictures: some tenths of a second.
 constexpr auto print_patience = 5s;
-constexpr std::size_t report_piece_bytes = 256 * 1024;  // half of what a reply may hold
+constexpr std::size_t report_piece_bytes = 256 * 1024;  // half of the limit of a reply
 
-// As people say it: what `huetrack-calibrate board` calls it. Lengths there are in millimetres, too. The last one is
-// only of a board that is to be printed.
+// Keys of requests and the options of `huetrack-calibrate board`. The last is only for printing.
 constexpr std::array<std::pair<std::string_view, std::string_view>, 9> board_keys{{{"type", "type"},
                                                                                    {"columns", "columns"},
                                                                                    {"rows", "rows"},
@@ -55,7 +54,7 @@ std::vector<std::string> board_options(std::span<const std::string> words, bool 
                                          &std::pair<std::string_view, std::string_view>::first);
     if (equals == std::string::npos || known == board_keys.end() || (known->first == "paper" && !is_printed))
       throw std::runtime_error(fmt::format(
-          "{} is not known: type=, columns=, rows=, square_mm=, marker_mm=, gap_mm=, dictionary=, first_marker={} are",
+          "unknown key {}: use type=, columns=, rows=, square_mm=, marker_mm=, gap_mm=, dictionary=, first_marker={}",
           word, is_printed ? ", paper=" : ""));
     has_type |= known->first == "type";
     options.push_back(fmt::format("--{}={}", known->second, word.substr(equals + 1)));
@@ -64,7 +63,7 @@ std::vector<std::string> board_options(std::span<const std::string> words, bool 
   return options;
 }
 
-// What a program says of itself last: without its name.
+// The last line of a program's output, without its name.
 std::string without_name(std::string line) {
   constexpr std::string_view after_name = ": ";
   const std::size_t name = std::string_view(calibrator).size();
@@ -74,18 +73,17 @@ std::string without_name(std::string line) {
 }
 
 pipeline::RecordingKeeper& needed(pipeline::RecordingKeeper* recording) {
-  if (recording == nullptr) throw std::runtime_error("this is a replay: only live cameras are calibrated");
+  if (recording == nullptr) throw std::runtime_error("this is a replay: only live cameras can be calibrated");
   return *recording;
 }
 
-// A board, and the edge of a ball, are seen in whole pictures: somebody would carry it in vain. throws
-// std::runtime_error
+// Calibration needs whole pictures. throws std::runtime_error
 void require_pictures(const config::ServiceConfig& config) {
   const auto without = std::ranges::find(config.cameras, config::Sent::matches, &config::LiveCameraConfig::send);
   if (without != config.cameras.end())
     throw std::runtime_error(
-        fmt::format("of camera {} only what matches is sent, and a calibration takes pictures: write send: frames in "
-                    "{} while it is calibrated, and restart",
+        fmt::format("camera {} sends matches only, but a calibration needs pictures: set send: frames in {} for the "
+                    "calibration, and restart",
                     without->name, config.file.string()));
 }
 
@@ -93,31 +91,31 @@ void require_pictures(const config::ServiceConfig& config) {
 double number_between(const std::string& text, double least, double most, const char* wanted) {
   const auto value = finite_number(text);
   if (!value || *value < least || *value > most)
-    throw std::runtime_error(fmt::format("{} to {} {} are wanted, not {}", least, most, wanted, text));
+    throw std::runtime_error(fmt::format("must be {} to {} {}, not {}", least, most, wanted, text));
   return *value;
 }
 
 constexpr std::string_view distance_key = "camera_distance=";
 
-// "camera_distance=left,right,3.42", as it is said to the other program: "left", "right", "3.42".
+// "camera_distance=left,right,3.42": "left", "right", "3.42".
 // throws std::runtime_error
 std::vector<std::string> camera_distance_of(std::string_view word, const calib::CameraRig& rig) {
   std::vector<std::string> parts = split(word.substr(distance_key.size()), ',');
-  if (parts.size() != 3) throw std::runtime_error("camera_distance=CAMERA,CAMERA,METRES is wanted");
+  if (parts.size() != 3) throw std::runtime_error("write camera_distance=CAMERA,CAMERA,METRES");
   for (const std::string& camera : {parts[0], parts[1]})
     if (!rig.index_of(camera)) throw std::runtime_error(fmt::format("there is no camera {}", camera));
-  if (parts[0] == parts[1]) throw std::runtime_error("the distance is one between two cameras");
+  if (parts[0] == parts[1]) throw std::runtime_error("camera_distance needs two different cameras");
   number_between(parts[2], least_distance_m, most_distance_m, "metres");
   return parts;
 }
 
-// Of something that has so many bytes, some.
+// A part of so many bytes.
 struct Piece {
   std::uint64_t of_bytes = 0;
   std::vector<std::uint8_t> bytes = {};
 };
 
-// Of a file that is not there, as of an empty one. throws std::runtime_error
+// A missing file counts as empty. throws std::runtime_error
 Piece piece_of(const fs::path& path, std::uint64_t from, std::uint64_t most_bytes) {
   std::ifstream file(path, std::ios::binary | std::ios::ate);
   if (!file) return {};
@@ -137,17 +135,18 @@ Piece piece_of(std::span<const std::uint8_t> whole, std::uint64_t from, std::siz
   return {.of_bytes = whole.size(), .bytes = {piece.begin(), piece.end()}};
 }
 
-// identity: of which whole.
+// identity: of the whole.
 void add_piece(Piece piece, const std::string& identity, msg::ControlReply& reply) {
   reply.rows().emplace_back().columns({std::to_string(piece.of_bytes), identity});
   reply.bytes(std::move(piece.bytes));
 }
 
-// Gone with this, whatever happens: requests come as often as somebody likes.
+// Deleted with this.
 class PdfFolder {
  public:
   PdfFolder() {
-    if (::mkdtemp(path_.data()) == nullptr) throw std::runtime_error("there is no place for the board's PDF");
+    if (::mkdtemp(path_.data()) == nullptr)
+      throw std::runtime_error("no temporary folder for the board's PDF: is the disk full?");
   }
   ~PdfFolder() {
     std::error_code none;
@@ -176,7 +175,7 @@ void CalibrationSession::answer(Words words, const config::ServiceConfig& config
   } else if (verb == "print" && words.size() >= 2) {
     read_print(words.subspan(1), reply);
   } else if (verb == "state" && words.size() == 1) {
-    tell_state(config, reply);
+    reply_state(config, reply);
   } else if (verb == "stop" && words.size() == 1) {
     stop(recording, reply);
   } else if (verb == "cancel" && words.size() == 1) {
@@ -191,13 +190,13 @@ void CalibrationSession::answer(Words words, const config::ServiceConfig& config
 fs::path CalibrationSession::program() const {
   const auto program = options_.program.empty() ? find_program(calibrator) : std::optional(options_.program);
   if (!program)
-    throw std::runtime_error(fmt::format(
-        "there is no {}, neither beside huetrackd nor on its PATH: install it (configs/install.sh)", calibrator));
+    throw std::runtime_error(
+        fmt::format("{} was not found next to huetrackd or on its PATH: install it (configs/install.sh)", calibrator));
   return *program;
 }
 
 void CalibrationSession::begin(Kind kind, const config::ServiceConfig& config) {
-  if (is_busy()) throw std::runtime_error("a calibration goes on already: stop or cancel it first");
+  if (is_busy()) throw std::runtime_error("a calibration is in progress: stop or cancel it first");
   program_ = program();
   kind_ = kind;
   config_file_ = config.file;
@@ -207,7 +206,7 @@ void CalibrationSession::begin(Kind kind, const config::ServiceConfig& config) {
   camera_distance_.clear();
   end_at_.reset();
   for (std::string* text : {&says_, &last_line_, &step_, &done_, &total_, &details_, &verdict_}) text->clear();
-  coverage_.clear(), coming_coverage_.clear(), needs_.clear(), coming_needs_.clear();
+  coverage_.clear(), next_coverage_.clear(), needs_.clear(), next_needs_.clear();
   began_at_ = Clock::now();
 }
 
@@ -215,14 +214,14 @@ void CalibrationSession::begin_board(Words words, const config::ServiceConfig& c
                                      pipeline::RecordingKeeper* recording, msg::ControlReply& reply) {
   pipeline::RecordingKeeper& keeper = needed(recording);
   const std::vector<std::string> options = board_options(words, false);
-  if (config.cameras.size() < 2) throw std::runtime_error("two live cameras or more are needed");
+  if (config.cameras.size() < 2) throw std::runtime_error("at least two live cameras are needed");
   require_pictures(config);
   begin(Kind::board, config);
   folder_ = keeper.start_anew("board");
   stage_ = Stage::recording;
-  says_ = "carry the board before the cameras, and hold it still in many places";
+  says_ = "show the board to the cameras, and hold it still in many places";
   end_at_ = began_at_ + options_.longest_board;
-  // The paper is as large as there is: here it is only for the board file, which the same command writes.
+  // The paper size does not matter here: only the board file is used.
   std::vector<std::string> arguments{"board", "--paper=5000x5000", "--out=" + in_folder("board.pdf").string(),
                                      "--board=" + in_folder(board_name).string()};
   arguments.insert(arguments.end(), options.begin(), options.end());
@@ -233,7 +232,7 @@ void CalibrationSession::begin_board(Words words, const config::ServiceConfig& c
     keeper.stop_on_request();
     throw;
   }
-  reply.reason(fmt::format("Recording to {}: carry the board before the cameras; calibrate stop ends it, and solves.",
+  reply.reason(fmt::format("Recording to {}: show the board to the cameras; calibrate stop ends it and calibrates.",
                            folder_.string()));
 }
 
@@ -242,10 +241,9 @@ void CalibrationSession::begin_wave(Words words, const config::ServiceConfig& co
   pipeline::RecordingKeeper& keeper = needed(recording);
   const auto target = std::ranges::find(config.targets, words[0], &object_tracking::TargetOptions::name);
   if (target == config.targets.end()) throw std::runtime_error(fmt::format("there is no target {}", words[0]));
-  if (!config.is_calibrated())
-    throw std::runtime_error("nothing is known of the lenses yet: calibrate with a board first");
+  if (!config.is_calibrated()) throw std::runtime_error("the lenses are not known yet: calibrate with a board first");
   if (!config::is_taught(*target))
-    throw std::runtime_error(fmt::format("nobody has said yet which colour {} has", words[0]));
+    throw std::runtime_error(fmt::format("{} has no colour yet: teach it first", words[0]));
   require_pictures(config);
   std::vector<std::string> distance;
   if (words.back().starts_with(distance_key)) {
@@ -257,8 +255,8 @@ void CalibrationSession::begin_wave(Words words, const config::ServiceConfig& co
   if (words.size() > 1) seconds = number_between(words[1], least_wave_s, most_wave_s, "seconds");
   if (!seconds && !(config.record.pre_roll_s > 0))
     throw std::runtime_error(
-        "nothing is kept of what just happened: set record: {pre_roll_s: 60}, and restart; or say how many seconds "
-        "from now on are to be recorded");
+        "there is no pre-roll: set record: {pre_roll_s: 60} and restart, or give the number of seconds to record "
+        "from now on");
   begin(Kind::wave, config);
   target_ = words[0];
   camera_distance_ = std::move(distance);
@@ -268,12 +266,12 @@ void CalibrationSession::begin_wave(Words words, const config::ServiceConfig& co
     says_ = fmt::format("wave {} through the whole volume for {:g} s", target_, *seconds);
     try {
       start({"coverage", folder_.string(), "--config=" + config_file_.string(), "--target=" + target_});
-    } catch (const std::runtime_error& error) {  // nothing that the calibration itself needs
-      needs_ = {std::string("what is missing cannot be told: ") + error.what()};
+    } catch (const std::runtime_error& error) {  // optional for the calibration
+      needs_ = {std::string("the coverage cannot be analysed: ") + error.what()};
     }
   } else {
     folder_ = keeper.save_on_request("wave");
-    says_ = fmt::format("the last {:g} s are saved", config.record.pre_roll_s);
+    says_ = fmt::format("saving the last {:g} s", config.record.pre_roll_s);
   }
   stage_ = Stage::recording;
   reply.reason(
@@ -282,14 +280,13 @@ void CalibrationSession::begin_wave(Words words, const config::ServiceConfig& co
               : fmt::format("Calibrating from the last {:g} s, in {}.", config.record.pre_roll_s, folder_.string()));
 }
 
-// From the same recording once more, with what was measured since: nobody has to wave again.
+// From the same recording again, with the measured distance.
 void CalibrationSession::solve_again(Words words, const config::ServiceConfig& config, msg::ControlReply& reply) {
   if (!words[0].starts_with(distance_key)) throw unknown_request();
   std::vector<std::string> distance = camera_distance_of(words[0], config.rig);
-  if (is_busy()) throw std::runtime_error("a calibration goes on already: stop or cancel it first");
+  if (is_busy()) throw std::runtime_error("a calibration is in progress: stop or cancel it first");
   const bool is_there = stage_ == Stage::usable || stage_ == Stage::doubtful || stage_ == Stage::failed;
-  if (kind_ != Kind::wave || !is_there)
-    throw std::runtime_error("there is no wave that could be calibrated from again");
+  if (kind_ != Kind::wave || !is_there) throw std::runtime_error("there is no wave to calibrate from again");
   const fs::path folder = folder_;
   const std::string target = target_;
   begin(Kind::wave, config);
@@ -297,11 +294,11 @@ void CalibrationSession::solve_again(Words words, const config::ServiceConfig& c
   target_ = target;
   camera_distance_ = std::move(distance);
   stage_ = Stage::closing;
-  says_ = "it is calibrated from the same recording";
-  reply.reason(fmt::format("Calibrating from {} again, with the distance that was measured.", folder_.string()));
+  says_ = "calibrating from the same recording";
+  reply.reason(fmt::format("Calibrating from {} again, with the measured distance.", folder_.string()));
 }
 
-// The words of a board, and where in its PDF the piece begins. It is made once for all pieces.
+// words: the board, and the offset in its PDF, which is created once for all parts.
 void CalibrationSession::read_print(Words words, msg::ControlReply& reply) {
   const Words board = words.first(words.size() - 1);
   if (!std::ranges::equal(board, printed_for_) || print_.empty()) {
@@ -336,17 +333,18 @@ bool CalibrationSession::is_recorded_by(const pipeline::RecordingKeeper* recordi
 
 void CalibrationSession::stop(pipeline::RecordingKeeper* recording, msg::ControlReply& reply) {
   if (stage_ != Stage::recording)
-    throw std::runtime_error(is_busy() ? "it is not recorded any more: cancel ends it" : "no calibration goes on");
+    throw std::runtime_error(is_busy() ? "the recording has ended: calibrate cancel ends the rest"
+                                       : "no calibration is in progress");
   if (is_recorded_by(recording)) recording->stop_on_request();
-  look_at_recording(recording);
-  reply.reason(fmt::format("Recorded to {}: it is calibrated from that.", folder_.string()));
+  check_recording(recording);
+  reply.reason(fmt::format("Recorded to {}: calibrating from it.", folder_.string()));
 }
 
 void CalibrationSession::cancel(pipeline::RecordingKeeper* recording, msg::ControlReply& reply) {
-  if (!is_busy()) throw std::runtime_error("no calibration goes on");
+  if (!is_busy()) throw std::runtime_error("no calibration is in progress");
   if (is_recorded_by(recording)) recording->stop_on_request();
   end(Stage::cancelled, "it was cancelled");
-  reply.reason(fmt::format("Cancelled. What was recorded stays in {}.", folder_.string()));
+  reply.reason(fmt::format("Cancelled. The recording stays in {}.", folder_.string()));
 }
 
 void CalibrationSession::end(Stage stage, const std::string& says) {
@@ -363,54 +361,54 @@ void CalibrationSession::start(std::vector<std::string> arguments) {
   child_.emplace(program_, arguments);
 }
 
-void CalibrationSession::look_after(pipeline::RecordingKeeper* recording) {
+void CalibrationSession::poll(pipeline::RecordingKeeper* recording) {
   if (!is_busy()) return;
   try {
     hear();
-    const bool was_solving = stage_ == Stage::solving;  // what has ended may be what came before
+    const bool was_solving = stage_ == Stage::solving;  // the ended child may be an earlier one
     const auto ended = child_ ? child_->ended() : std::nullopt;
-    if (ended) hear();  // its last words
+    if (ended) read_output();  // the rest
     if (stage_ == Stage::recording && ended && kind_ == Kind::board && !has_board_) {
       if (ended->status != 0 || ended->signal != 0) {
         const std::string why = last_line_;
         if (is_recorded_by(recording)) recording->stop_on_request();
-        end(Stage::failed, why.empty() ? "the board cannot be described" : why);
+        end(Stage::failed, why.empty() ? "the board file cannot be written" : why);
         return;
       }
       has_board_ = true;
       start({"coverage", folder_.string(), "--board=" + in_folder(board_name).string()});
-    } else if (stage_ == Stage::recording && ended) {  // its end is nothing that a calibration needs
-      if (!last_line_.empty()) needs_ = {"what is missing cannot be told: " + last_line_};
+    } else if (stage_ == Stage::recording && ended) {  // not needed for the calibration
+      if (!last_line_.empty()) needs_ = {"the coverage cannot be analysed: " + last_line_};
       child_.reset();
     }
-    if (stage_ == Stage::recording) look_at_recording(recording);
+    if (stage_ == Stage::recording) check_recording(recording);
     if (stage_ == Stage::closing) solve_when_closed(recording);
     if (was_solving && ended) take_result(*ended);
-  } catch (const std::exception& error) {  // it cannot be started, the disk refuses
+  } catch (const std::exception& error) {  // for example a full disk
     end(Stage::failed, error.what());
   }
 }
 
-// Ends it when it is time, and sees when it has ended, by whatever: a request of its own, a full disk, another session.
-void CalibrationSession::look_at_recording(pipeline::RecordingKeeper* recording) {
+// Ends the recording when due, and notices if it has ended otherwise: by a request, a full disk, another session.
+void CalibrationSession::check_recording(pipeline::RecordingKeeper* recording) {
   if (is_recorded_by(recording)) {
     if (!end_at_ || Clock::now() < *end_at_) return;
     recording->stop_on_request();
   }
   if (kind_ == Kind::board && !has_board_) {
-    if (child_) return;  // a moment yet
-    return end(Stage::failed, "the board's description is not there");
+    if (child_) return;  // wait for the child
+    return end(Stage::failed, "the board file is missing");
   }
   stage_ = Stage::closing;
-  says_ = "what was recorded is written";
+  says_ = "writing the recording";
   if (child_) child_->ask_to_end();
-  asked_to_end_at_ = Clock::now();
+  end_requested_at_ = Clock::now();
 }
 
 void CalibrationSession::solve_when_closed(const pipeline::RecordingKeeper* recording) {
   if (recording != nullptr && recording->folder() == folder_ && recording->is_unfinished()) return;
   if (child_ && !child_->ended()) {
-    if (Clock::now() > asked_to_end_at_ + coverage_patience) child_->kill();
+    if (Clock::now() > end_requested_at_ + coverage_patience) child_->kill();
     return;
   }
   std::vector<std::string> arguments;
@@ -430,7 +428,7 @@ void CalibrationSession::solve_when_closed(const pipeline::RecordingKeeper* reco
   arguments.push_back("--rig=" + in_folder(rig_name).string());
   arguments.push_back("--report=" + in_folder(report_name).string());
   stage_ = Stage::solving;
-  says_ = "the cameras are calibrated from what was recorded";
+  says_ = "calibrating from the recording";
   start(std::move(arguments));
 }
 
@@ -444,16 +442,16 @@ void CalibrationSession::take_result(const ChildProcess::Ended& ended) {
   if (!fs::exists(in_folder(rig_name))) return end(Stage::failed, "it wrote no rig");
   const bool is_usable = ended.status == usable_status;
   end(is_usable ? Stage::usable : Stage::doubtful,
-      verdict_.empty() ? (is_usable ? "usable" : "doubtful: the report says why") : verdict_);
+      verdict_.empty() ? (is_usable ? "usable" : "doubtful: see the report") : verdict_);
 }
 
-void CalibrationSession::hear() {
+void CalibrationSession::read_output() {
   if (!child_) return;
   for (const std::string& line : child_->take_lines()) hear(line);
 }
 
-// Tagged lines are for this program; the others are for people, and are kept beside the recording.
-void CalibrationSession::hear(const std::string& line) {
+// Tagged lines are for this program; others are for people and are logged next to the recording.
+void CalibrationSession::parse(const std::string& line) {
   if (!line.starts_with('@')) {
     if (line.empty()) return;
     last_line_ = without_name(line);
@@ -463,22 +461,22 @@ void CalibrationSession::hear(const std::string& line) {
   std::vector<std::string> fields = split(std::string_view(line).substr(1), '\t');
   if (fields[0] == "progress" && fields.size() >= 5) {
     step_ = fields[1], done_ = fields[2], total_ = fields[3], details_ = fields[4];
-    if (stage_ == Stage::recording) {  // which ends a round of what is told of the coverage
-      coverage_ = std::exchange(coming_coverage_, {});
-      needs_ = std::exchange(coming_needs_, {});
+    if (stage_ == Stage::recording) {  // end of a round of coverage
+      coverage_ = std::exchange(next_coverage_, {});
+      needs_ = std::exchange(next_needs_, {});
     }
   } else if (fields[0] == "coverage" && fields.size() >= 9) {
     CameraCoverage camera{.camera = fields[1], .fields = {}};
     camera.fields.assign(fields.begin() + 2, fields.end());
-    coming_coverage_.push_back(std::move(camera));
+    next_coverage_.push_back(std::move(camera));
   } else if (fields[0] == "need" && fields.size() >= 2) {
-    coming_needs_.push_back(fields[1]);
+    next_needs_.push_back(fields[1]);
   } else if (fields[0] == "verdict" && fields.size() >= 3) {
     verdict_ = fields[2];
   }
 }
 
-void CalibrationSession::tell_state(const config::ServiceConfig& config, msg::ControlReply& reply) const {
+void CalibrationSession::reply_state(const config::ServiceConfig& config, msg::ControlReply& reply) const {
   constexpr std::array words{"idle",     "recording", "closing",   "solving", "usable",
                              "doubtful", "failed",    "cancelled", "accepted"};
   const auto add = [&](std::vector<std::string> columns) { reply.rows().emplace_back().columns(std::move(columns)); };
@@ -486,7 +484,7 @@ void CalibrationSession::tell_state(const config::ServiceConfig& config, msg::Co
   add({"state", state});
   add({"pre_roll_s", fmt::format("{}", config.record.always ? 0 : config.record.pre_roll_s)});
   if (stage_ == Stage::idle) {
-    reply.reason("Nothing was calibrated since the start.");
+    reply.reason("No calibration since the start.");
     return;
   }
   std::error_code none;
@@ -519,12 +517,12 @@ fs::path CalibrationSession::accept(Words words, const config::ServiceConfig& co
   const bool takes_doubtful = words.size() == 1 && words[0] == "doubtful";
   if (!words.empty() && !takes_doubtful) throw unknown_request();
   if (is_busy()) throw std::runtime_error("the calibration is not finished yet");
-  if (stage_ == Stage::accepted) throw std::runtime_error("it is accepted already");
+  if (stage_ == Stage::accepted) throw std::runtime_error("it was already accepted");
   if (stage_ != Stage::usable && stage_ != Stage::doubtful)
-    throw std::runtime_error("there is no calibration to be accepted");
+    throw std::runtime_error("there is no calibration to accept");
   if (stage_ == Stage::doubtful && !takes_doubtful)
-    throw std::runtime_error(fmt::format(
-        "it is doubtful ({}): calibrate anew, or say accept doubtful if it is to be used all the same", says_));
+    throw std::runtime_error(
+        fmt::format("it is doubtful ({}): calibrate again, or use it with accept doubtful", says_));
   const calib::CameraRig rig = calib::read_rig(in_folder(rig_name));
   const fs::path taught = config::taught_file(config.file);
   const fs::path place =
@@ -535,7 +533,7 @@ fs::path CalibrationSession::accept(Words words, const config::ServiceConfig& co
   calib::write_rig(rig, place);
   try {
     config::save_rig(config.file, place);
-  } catch (const std::exception&) {  // a camera of the configuration is not in it
+  } catch (const std::exception&) {  // it lacks a camera of the configuration
     fs::remove(place, none);
     throw;
   }

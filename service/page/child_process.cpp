@@ -24,18 +24,17 @@ namespace {
 namespace fs = std::filesystem;
 using namespace std::chrono_literals;
 
-constexpr int child_niceness = 10;             // of 19: below whatever tracks or captures
+constexpr int child_niceness = 10;             // of 19
 constexpr auto child_patience = 500ms;         // at the end
-constexpr std::size_t longest_line = 4000;     // what is beyond is cut off
-constexpr std::size_t most_read = 256 * 1024;  // at once: whoever prints without end does not hold us
+constexpr std::size_t longest_line = 4000;     // longer lines are cut
+constexpr std::size_t most_read = 256 * 1024;  // per call
 
 bool is_program(const fs::path& file) {
   std::error_code none;
   return fs::is_regular_file(file, none) && ::access(file.c_str(), X_OK) == 0;
 }
 
-// posix_spawn() copies no page tables as fork() does, which takes a large process milliseconds in which its threads
-// stand at every page fault.
+// posix_spawn() copies no page tables, which for a large process takes milliseconds with page faults in all threads.
 pid_t spawned(const fs::path& program, const std::vector<std::string>& arguments, int output) {
   std::vector<char*> words{const_cast<char*>(program.c_str())};
   for (const std::string& argument : arguments) words.push_back(const_cast<char*>(argument.c_str()));
@@ -45,25 +44,24 @@ pid_t spawned(const fs::path& program, const std::vector<std::string>& arguments
   posix_spawn_file_actions_addopen(&files, STDIN_FILENO, "/dev/null", O_RDONLY, 0);
   posix_spawn_file_actions_adddup2(&files, output, STDOUT_FILENO);
   posix_spawn_file_actions_adddup2(&files, output, STDERR_FILENO);
-  // Neither cameras nor the bus' sockets, which not every library closes by itself.
+  // Close cameras and DDS sockets, which are not all close-on-exec.
   posix_spawn_file_actions_addclosefrom_np(&files, STDERR_FILENO + 1);
   posix_spawnattr_t attributes;
   posix_spawnattr_init(&attributes);
   sigset_t none, all;
   sigemptyset(&none);
   sigfillset(&all);
-  // Signals as every program has them: this one blocks and ignores some. Where it is killed, the other one's next word
-  // goes into a pipe that nobody reads, and ends it.
+  // Default signals. If this program is killed, the child's next output into the broken pipe ends it.
   posix_spawnattr_setsigmask(&attributes, &none);
   posix_spawnattr_setsigdefault(&attributes, &all);
-  posix_spawnattr_setpgroup(&attributes, 0);  // Ctrl-C in a terminal is for the service, which ends it
+  posix_spawnattr_setpgroup(&attributes, 0);  // Ctrl-C is for the service, which ends the child
   posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF | POSIX_SPAWN_SETPGROUP);
   pid_t pid = -1;
   const int error = ::posix_spawn(&pid, program.c_str(), &files, &attributes, words.data(), environ);
   posix_spawnattr_destroy(&attributes);
   posix_spawn_file_actions_destroy(&files);
   if (error != 0) throw std::runtime_error(fmt::format("cannot start {}: {}", program.string(), std::strerror(error)));
-  ::setpriority(PRIO_PROCESS, id_t(pid), child_niceness);  // where it is refused, it has this thread's
+  ::setpriority(PRIO_PROCESS, id_t(pid), child_niceness);  // ignored if refused
   return pid;
 }
 
@@ -71,8 +69,8 @@ pid_t spawned(const fs::path& program, const std::vector<std::string>& arguments
 
 std::optional<fs::path> find_program(const std::string& name) {
   std::error_code none;
-  if (const fs::path beside = fs::read_symlink("/proc/self/exe", none).parent_path() / name; is_program(beside))
-    return beside;
+  if (const fs::path sibling = fs::read_symlink("/proc/self/exe", none).parent_path() / name; is_program(sibling))
+    return sibling;
   const char* const path = std::getenv("PATH");
   std::string_view rest = path != nullptr ? path : "/usr/local/bin:/usr/bin:/bin";
   while (!rest.empty()) {
@@ -99,7 +97,7 @@ ChildProcess::~ChildProcess() {
   ask_to_end();
   for (const auto end = std::chrono::steady_clock::now() + child_patience;
        !ended() && std::chrono::steady_clock::now() < end;) {
-    take_lines();  // it may be about to say something
+    take_lines();  // it may be blocked in a write
     std::this_thread::sleep_for(5ms);
   }
   if (pid_ < 0) return;
@@ -114,7 +112,7 @@ std::vector<std::string> ChildProcess::take_lines() {
   for (std::size_t got = 0; got < most_read;) {
     const ssize_t n = ::read(output_.get(), part.data(), part.size());
     if (n < 0 && errno == EINTR) continue;
-    if (n == 0 && !begun_.empty()) lines.push_back(std::exchange(begun_, {}));  // its last word had no line's end
+    if (n == 0 && !begun_.empty()) lines.push_back(std::exchange(begun_, {}));  // incomplete last line
     if (n <= 0) break;
     got += std::size_t(n);
     for (const char c : std::string_view(part.data(), std::size_t(n))) {

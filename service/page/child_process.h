@@ -1,5 +1,5 @@
-// Another program that works for the service, beside it: at a lower priority, with none of its files, sockets or
-// signals, and never longer than it.
+// A child process of the service: with lower priority, without inherited files, sockets or signal masks; it never
+// outlives the service.
 #pragma once
 
 #include <sys/types.h>
@@ -13,34 +13,33 @@
 
 namespace huetrack::page {
 
-// Where a program of ours is: beside this one, or where PATH says. nullopt: nowhere.
+// Finds a program next to this one or on PATH. nullopt: not found.
 std::optional<std::filesystem::path> find_program(const std::string& name);
 
-// thread-compatible. What it prints, on standard output and on the other one, is read by take_lines(): it waits, if
-// nobody does.
+// thread-compatible. Read its standard output and error by take_lines(); otherwise it blocks when the pipe is full.
 class ChildProcess {
  public:
-  // throws std::runtime_error of one readable line: it cannot be started.
+  // throws std::runtime_error with one readable line if it cannot be started.
   ChildProcess(const std::filesystem::path& program, const std::vector<std::string>& arguments);
-  ~ChildProcess();  // asks it to end, and half a second later does not ask
+  ~ChildProcess();  // SIGTERM, and half a second later SIGKILL
   ChildProcess(const ChildProcess&) = delete;
   ChildProcess& operator=(const ChildProcess&) = delete;
 
-  // The whole lines that have come since the last call, each of a bounded length. Does not wait.
+  // Complete lines since the last call, of bounded length. Does not wait.
   std::vector<std::string> take_lines();
 
   struct Ended {
-    int status = 0;  // that it gave
-    int signal = 0;  // that ended it; 0: it ended by itself
+    int status = 0;  // exit status
+    int signal = 0;  // that ended it; 0: none
   };
-  std::optional<Ended> ended();  // does not wait; take_lines() has its last words once more
+  std::optional<Ended> ended();  // does not wait; then call take_lines() once more
   void ask_to_end();             // SIGTERM; does not wait
-  void kill();                   // SIGKILL, which it cannot refuse; does not wait
+  void kill();                   // SIGKILL; does not wait
 
  private:
   capture::FileDescriptor output_;
-  std::string begun_;  // of the line that is not whole yet
-  pid_t pid_ = -1;     // -1: it has ended
+  std::string begun_;  // incomplete line
+  pid_t pid_ = -1;     // -1: ended
   Ended ended_;
 };
 

@@ -22,12 +22,12 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr capture::Duration enough = 60s;  // of the recording, beyond the moment: no more is learnt of the colour
-constexpr capture::Duration near = 250ms;  // a search needs two sets, and a slow camera a tenth of a second for each
+constexpr capture::Duration enough = 60s;  // of the recording, beyond the clicked frame
+constexpr capture::Duration near = 250ms;  // a search needs two sets, up to 0.1 s each
 constexpr double sigmas = 3;
-constexpr double rarely = 0.1;  // of the sets: until the cameras' times are learnt every colour is unsure
+constexpr double rarely = 0.1;  // of the sets: positions are uncertain until the timing is learnt
 
-// What is told of the object near the moment at which it was seen.
+// Compares the track with the clicked point.
 class TrialWatch final : public pipeline::Output {
  public:
   TrialWatch(const calib::Camera& camera, double radius_m, double acceleration_m_s2, const SeenAt& seen,
@@ -57,27 +57,25 @@ class TrialWatch final : public pipeline::Output {
   }
 
  private:
-  // In the set of that very frame: what was taken for the object in its picture counts, whatever the cameras' times
-  // are.
+  // In the set of the clicked frame, the object's region counts, independent of the cameras' timing.
   bool is_taken_for_it(const pipeline::TrackedSet& set) {
     const auto& frame = set.frames.frames[std::size_t(seen_.point.camera)];
     if (!frame || frame->captured_at != seen_.at) return false;
     for (const object_tracking::SeenRegion& region : set.trackers.front().regions()) {
       if (!region.is_target || region.camera != seen_.point.camera) continue;
-      const ColorTrial::Beside beside{.off_px = (region.px - seen_.point.px).norm(), .allowed_px = region.radius_px};
-      if (beside.off_px > beside.allowed_px) continue;
+      const ColorTrial::Distance distance{.px = (region.px - seen_.point.px).norm(), .limit_px = region.radius_px};
+      if (distance.px > distance.limit_px) continue;
       nearest_ = capture::Duration{0};
-      trial_.at_point = beside;
+      trial_.at_point = distance;
       return true;
     }
     return false;
   }
 
-  // Otherwise where it is told: the set that is nearest in time counts, and of several objects in it the one that is
-  // nearest to the point.
+  // Otherwise the position in the set nearest in time, of the object nearest to the point.
   void hold_to_point(const object_tracking::ObjectEstimate& estimate, capture::Duration apart) {
     if (apart > std::min(near, nearest_)) return;
-    // When the frame's row was exposed, as the motion has told by then.
+    // Exposure time of the frame's row, with the timing learnt by then.
     double at_s = capture::seconds(seen_.at - estimate.at), at_sigma_s = 0;
     const auto c = std::size_t(seen_.point.camera);
     if (c < estimate.times.size()) {
@@ -92,13 +90,13 @@ class TrialWatch final : public pipeline::Output {
     const double sigma_px = std::sqrt((there->jacobian * estimate.covariance * there->jacobian.transpose()).trace() +
                                       of_time.squaredNorm());
     const double swerve_px = 0.5 * acceleration_m_s2_ * at_s * at_s * there->radius_px / radius_m_;
-    // What may be anywhere within two of its diameters is not told from what is beside it.
+    // A larger uncertainty does not distinguish the object from its surroundings.
     const double open_px = std::min(sigmas * sigma_px + swerve_px, 3 * there->radius_px);
-    const ColorTrial::Beside beside{.off_px = (there->px - seen_.point.px).norm(),
-                                    .allowed_px = there->radius_px + open_px};
-    if (apart == nearest_ && trial_.at_point && trial_.at_point->off_px <= beside.off_px) return;
+    const ColorTrial::Distance distance{.px = (there->px - seen_.point.px).norm(),
+                                        .limit_px = there->radius_px + open_px};
+    if (apart == nearest_ && trial_.at_point && trial_.at_point->px <= distance.px) return;
     nearest_ = apart;
-    trial_.at_point = beside;
+    trial_.at_point = distance;
   }
 
   const calib::Camera& camera_;
@@ -135,16 +133,16 @@ std::string words_of(const ColorTrial& trial, const std::string& camera) {
   if (trial.tracking == 0)
     return fmt::format("tried on the recording, nothing is tracked in any of {} sets", trial.sets);
   const std::string how_often =
-      fmt::format("`tracking` in {} of {} sets, stated to {:.1f} mm and in every tenth to {:.1f}", trial.tracking,
-                  trial.sets, 1e3 * trial.sigma_m, 1e3 * trial.rare_sigma_m);
+      fmt::format("`tracking` in {} of {} sets, with a sigma of {:.1f} mm, and in every tenth over {:.1f}",
+                  trial.tracking, trial.sets, 1e3 * trial.sigma_m, 1e3 * trial.rare_sigma_m);
   if (!trial.at_point)
-    return fmt::format("tried on the recording, it is {}, but not when it was pointed at in {}", how_often, camera);
+    return fmt::format("tried on the recording, it is {}, but not at the time of the point in {}", how_often, camera);
   if (!trial.is_found())
-    return fmt::format("tried on the recording, it is {}, but {:.0f} px away from where it was pointed at in {}",
-                       how_often, trial.at_point->off_px, camera);
-  const std::string where =
-      fmt::format("{}, {:.1f} px from where it was pointed at in {}", how_often, trial.at_point->off_px, camera);
-  if (!trial.is_sure) return fmt::format("tried on the recording, it is {}, which may be beside the object", where);
+    return fmt::format("tried on the recording, it is {}, but {:.0f} px away from the point in {}", how_often,
+                       trial.at_point->px, camera);
+  const std::string where = fmt::format("{}, {:.1f} px from the point in {}", how_often, trial.at_point->px, camera);
+  if (!trial.is_sure)
+    return fmt::format("tried on the recording, it is {}, too uncertain to be the object for sure", where);
   return fmt::format("tried on the recording, it is {}", where);
 }
 

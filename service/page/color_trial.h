@@ -1,6 +1,6 @@
-// A colour that was learnt from a recording, tried on it before it is written: the recording is tracked by it, and what
-// comes of that is held to where somebody pointed. A place that was suggested and that nobody has looked at may be
-// something else; where it is, the views contradict one another, and the object is not tracked where it was seen.
+// Tests a colour learnt from a recording before it is saved: tracks the recording with it and compares the track with
+// the place that the user clicked on. If an unconfirmed suggestion in another view was wrong, the object is not tracked
+// there.
 #pragma once
 
 #include <cstdint>
@@ -15,36 +15,36 @@
 
 namespace huetrack::page {
 
-// Where somebody saw the object, and when: of that camera's frame.
+// The clicked point and the time of its frame.
 struct SeenAt {
   color_teaching::TeachPoint point;
   capture::Timestamp at;
 };
 
 struct ColorTrial {
-  std::uint64_t sets = 0, tracking = 0;  // of the recording; and those in which an object of the target was `tracking`
-  // What was stated then, sqrt of the covariance's trace, metres: the median, and what every tenth is above.
+  std::uint64_t sets = 0, tracking = 0;  // of the recording; with an object of the target in `tracking`
+  // sqrt of the covariance's trace while tracking, metres: median and 90th percentile.
   double sigma_m = 0, rare_sigma_m = 0;
-  // Three of the first are within the object's radius, and one of the second: it is usually known to be no thing beside
-  // it, and hardly ever may be anywhere.
+  // Three times the median and one time the percentile are within the object's radius: the object is distinguished from
+  // its surroundings.
   bool is_sure = false;
-  // How far from where it was seen something is told, and how far it may be, px; nullopt: nothing is `tracking` within
-  // a quarter of a second. In that very picture the region that is taken for it must hold the point; in others its
-  // radius, three sigmas and what it may swerve until then are allowed.
-  struct Beside {
-    double off_px = 0, allowed_px = 0;
+  // Distance of the track from the clicked point, and its limit, px; nullopt: not `tracking` within a quarter of a
+  // second. In the clicked frame, the object's region must contain the point; in others the limit is the radius, three
+  // sigmas and the possible manoeuvre meanwhile.
+  struct Distance {
+    double px = 0, limit_px = 0;
   };
-  std::optional<Beside> at_point;
+  std::optional<Distance> at_point;
 
-  bool is_found() const { return at_point && at_point->off_px <= at_point->allowed_px; }
+  bool is_found() const { return at_point && at_point->px <= at_point->limit_px; }
 };
 
-// Tracks the recording up to a minute beyond the moment at which the object was seen, without outputs. words: as of
-// recordings::read_recording(); target: with the colours to try. throws std::runtime_error, as a replay does.
+// Tracks the recording up to a minute beyond the clicked frame. words: as for recordings::read_recording(); target:
+// with the colours to test. throws std::runtime_error, as a replay.
 ColorTrial try_color(config::ServiceConfig config, std::span<const std::string> words,
                      const object_tracking::TargetOptions& target, const SeenAt& seen, const std::stop_token& stop);
 
-// A sentence for people; camera: that was pointed into.
+// A sentence for people; camera: that of the click.
 std::string words_of(const ColorTrial& trial, const std::string& camera);
 
 }  // namespace huetrack::page

@@ -21,7 +21,7 @@ namespace huetrack::page {
 namespace {
 
 constexpr std::size_t most_listed = 200;         // recordings
-constexpr std::size_t piece_bytes = 256 * 1024;  // of a recording: half of what a reply may hold
+constexpr std::size_t piece_bytes = 256 * 1024;  // of a recording: half of the limit of a reply
 
 void add_row(msg::ControlReply& reply, std::vector<std::string> columns) {
   reply.rows().emplace_back().columns(std::move(columns));
@@ -49,7 +49,7 @@ std::string pair_text(double from, double to) {
 // "340,20". throws std::runtime_error
 std::pair<double, double> pair_of(std::string_view text) {
   const std::size_t comma = text.find(',');
-  if (comma == std::string_view::npos) throw std::runtime_error(fmt::format("FROM,TO is wanted, not {}", text));
+  if (comma == std::string_view::npos) throw std::runtime_error(fmt::format("write FROM,TO, not {}", text));
   return {real_of(text.substr(0, comma)), real_of(text.substr(comma + 1))};
 }
 
@@ -72,13 +72,13 @@ config::TargetEdit edit_of(const std::string& target, std::span<const std::strin
       edit.camera = value;
     } else {
       throw std::runtime_error(fmt::format(
-          "{} is not known: radius_m=, hue_deg=, saturation=, intensity= (FROM,TO each) and camera= are", word));
+          "unknown key {}: use radius_m=, hue_deg=, saturation=, intensity= (FROM,TO each) and camera=", word));
     }
   }
   return edit;
 }
 
-// name, value, least, most, step, default, kind, menu, who rules it. Values of a menu: "1=Manual Mode;3=Auto".
+// name, value, minimum, maximum, step, default, kind, menu, controlling automatic. A menu: "1=Manual Mode;3=Auto".
 std::vector<std::string> columns_of(const capture::Control& control) {
   std::vector<std::string> menu;
   for (const auto& item : control.menu) menu.push_back(fmt::format("{}={}", item.value, item.name));
@@ -103,7 +103,7 @@ std::vector<capture::ControlSetting> settings_of(std::span<const std::string> wo
   for (const std::string& word : words) {
     const std::size_t equals = word.find('=');
     if (equals == 0 || equals == std::string::npos || equals + 1 == word.size())
-      throw std::runtime_error(fmt::format("CONTROL=VALUE is wanted, not {}", word));
+      throw std::runtime_error(fmt::format("write CONTROL=VALUE, not {}", word));
     settings.push_back(capture::control_setting(word.substr(0, equals), word.substr(equals + 1)));
   }
   return settings;
@@ -159,14 +159,14 @@ msg::ControlReply ControlHandler::answer(const msg::ControlRequest& request,
     reply.granted(true);
   } catch (const UnknownRequest& error) {
     refuse(reply, sentence(fmt::format("{}: {}", error.what(), known_requests(words))));
-  } catch (const std::exception& error) {  // what was asked makes no sense, may not be, or the disk refuses
+  } catch (const std::exception& error) {  // invalid, not allowed, or a disk error
     refuse(reply, sentence(error.what()));
   }
   return reply;
 }
 
 pipeline::RecordingKeeper& ControlHandler::recording() const {
-  if (actions_.recording == nullptr) throw std::runtime_error("this is a replay: it records nothing");
+  if (actions_.recording == nullptr) throw std::runtime_error("this is a replay: it cannot record");
   return *actions_.recording;
 }
 
@@ -186,11 +186,11 @@ std::string ControlHandler::take_over(const config::ServiceConfig& config) const
   const bool is_same_set = std::ranges::equal(fresh.targets, config.targets, {}, kind, kind) &&
                            fresh.is_calibrated() == config.is_calibrated() &&
                            calib::rig_identity(fresh.rig) == calib::rig_identity(config.rig);
-  const auto& act = is_same_set ? actions_.reload : actions_.begin_anew;
+  const auto& act = is_same_set ? actions_.reload : actions_.restart;
   if (!act) return " It takes effect at the next start.";
   if (const std::string why_not = act(); !why_not.empty())
     return fmt::format(" It takes effect at the next start: {}.", why_not);
-  return is_same_set ? "" : " The service begins anew with it.";
+  return is_same_set ? "" : " The service restarts with it.";
 }
 
 void ControlHandler::target(Words words, const config::ServiceConfig& config, msg::ControlReply& reply) const {
@@ -212,7 +212,7 @@ void ControlHandler::target(Words words, const config::ServiceConfig& config, ms
   std::string done;
   if (verb == "set" && words.size() > 2) {
     file = config::save_target(config.file, edit_of(name, words.subspan(2)));
-    done = fmt::format("Saved: {} is tracked so from now on", name);
+    done = fmt::format("Saved: {} is now tracked like this", name);
   } else if (verb == "add") {
     file = config::add_target(config.file, edit_of(name, words.subspan(2)));
     done = fmt::format("Added: {}", name);
@@ -225,7 +225,7 @@ void ControlHandler::target(Words words, const config::ServiceConfig& config, ms
   } else {
     throw unknown_request();
   }
-  reply.reason(fmt::format("{}; it is written into {}.{}", done, file.filename().string(), take_over(config)));
+  reply.reason(fmt::format("{}; written into {}.{}", done, file.filename().string(), take_over(config)));
 }
 
 void ControlHandler::camera(Words words, const config::ServiceConfig& config, msg::ControlReply& reply) const {
@@ -233,7 +233,7 @@ void ControlHandler::camera(Words words, const config::ServiceConfig& config, ms
   if (are(words, {"list"})) {
     for (const auto& one : config.cameras)
       add_row(reply, {one.name, actions_.cameras.contains(one.name) ? "reached" : "not reached"});
-    reply.reason(fmt::format("{} of {} cameras have controls that are reached from here.", actions_.cameras.size(),
+    reply.reason(fmt::format("The controls of {} of {} cameras are reachable from here.", actions_.cameras.size(),
                              config.cameras.size()));
     return;
   }
@@ -241,8 +241,8 @@ void ControlHandler::camera(Words words, const config::ServiceConfig& config, ms
   const auto found = actions_.cameras.find(words[1]);
   if (found == actions_.cameras.end())
     throw std::runtime_error(
-        fmt::format("there is no camera {} whose controls are reached from here: camera list says "
-                    "which are; those of another host are set in that host's configuration",
+        fmt::format("no controls of a camera {} are reachable from here: camera list shows which are; set controls of "
+                    "remote cameras in their host's configuration",
                     words[1]));
   capture::CameraControls& controls = *found->second;
   if (words[0] == "controls" && words.size() == 2) {
@@ -255,7 +255,7 @@ void ControlHandler::camera(Words words, const config::ServiceConfig& config, ms
   if (!saves && words[0] != "set") throw unknown_request();
   if (words.size() < 3)
     throw std::runtime_error(
-        fmt::format("say which controls, and what they shall be: camera {} {} CONTROL=VALUE ...; camera controls {} "
+        fmt::format("give controls and values: camera {} {} CONTROL=VALUE ...; camera controls {} "
                     "lists them",
                     words[0], words[1], words[1]));
   const std::vector<capture::ControlSetting> settings = settings_of(words.subspan(2));
@@ -267,25 +267,25 @@ void ControlHandler::camera(Words words, const config::ServiceConfig& config, ms
   if (refused != results.end()) throw std::runtime_error(to_string(*refused));
   if (!saves) {
     reply.reason(
-        fmt::format("Set, and not saved: camera save {} {} keeps it.", words[1], fmt::join(words.subspan(2), " ")));
+        fmt::format("Set, but not saved: camera save {} {} keeps it.", words[1], fmt::join(words.subspan(2), " ")));
     return;
   }
   const auto file = config::save_controls(config.file, words[1], settings);
-  reply.reason(fmt::format("Saved: camera {} keeps that; it is written into {}.{}", words[1], file.filename().string(),
-                           take_over(config)));
+  reply.reason(
+      fmt::format("Saved for camera {}; written into {}.{}", words[1], file.filename().string(), take_over(config)));
 }
 
 void ControlHandler::open(const std::string& name, const config::ServiceConfig& config,
                           msg::ControlReply& reply) const {
   if (!config.control.allow_record) throw forbidden("allow_record", config);
   if (!actions_.open_recording)
-    throw std::runtime_error("only huetrackd run on live cameras, which writes no files, opens a recording");
+    throw std::runtime_error("only huetrackd run on live cameras without output files can open a recording");
   if (!config.is_calibrated()) throw std::runtime_error("the cameras are not calibrated yet");
   require_finished(name);
-  RecordingLibrary(config.record.folder).read(name, 0, 0);  // that there is one of that name, and nothing else
-  recordings::read_recording(config.record.folder / name);  // and that it can be read
+  RecordingLibrary(config.record.folder).read(name, 0, 0);  // checks that it exists
+  recordings::read_recording(config.record.folder / name);  // checks that it is readable
   actions_.open_recording(config.record.folder / name);
-  reply.reason(fmt::format("{} is replayed instead of the cameras, until it is over, or closed.", name));
+  reply.reason(fmt::format("Replaying {} instead of the cameras, until it ends or is closed.", name));
 }
 
 void ControlHandler::replay(Words words, const config::ServiceConfig& config, msg::ControlReply& reply) const {
@@ -294,11 +294,11 @@ void ControlHandler::replay(Words words, const config::ServiceConfig& config, ms
     open(words[1], config, reply);
     return;
   }
-  if (actions_.playback == nullptr) throw std::runtime_error("this is no replay: there is nothing to pause");
+  if (actions_.playback == nullptr) throw std::runtime_error("this is not a replay");
   Playback& playback = *actions_.playback;
   constexpr double slowest = 0.01, fastest = 100;
   if (are(words, {"close"})) {
-    if (!actions_.close) throw std::runtime_error("this replay has no cameras to go back to");
+    if (!actions_.close) throw std::runtime_error("this replay has no live cameras to return to");
     actions_.close();
     reply.reason("The cameras again.");
     return;
@@ -312,12 +312,12 @@ void ControlHandler::replay(Words words, const config::ServiceConfig& config, ms
   } else if (words.size() == 2 && words[0] == "step") {
     constexpr std::uint64_t most_sets = 100'000;
     const std::uint64_t sets = whole_number_of(words[1]);
-    if (sets < 1 || sets > most_sets) throw std::runtime_error(fmt::format("1 to {} frame sets are wanted", most_sets));
+    if (sets < 1 || sets > most_sets) throw std::runtime_error(fmt::format("write 1 to {} frame sets", most_sets));
     playback.step(int(sets));
   } else if (words.size() == 2 && words[0] == "speed") {
     const double speed = words[1] == "max" ? 0 : real_of(words[1]);
     if (words[1] != "max" && !(speed >= slowest && speed <= fastest))
-      throw std::runtime_error(fmt::format("a speed of {} to {}, or max, is wanted", slowest, fastest));
+      throw std::runtime_error(fmt::format("write a speed of {} to {}, or max", slowest, fastest));
     playback.set_speed(speed);
   } else if (!are(words, {"state"})) {
     throw unknown_request();
@@ -336,7 +336,7 @@ void ControlHandler::history(const std::string& word, const config::ServiceConfi
   if (word != "history") {
     const bool is_undo = word == "undo";
     const std::string file = (is_undo ? config::undo_taught(config.file) : config::redo_taught(config.file)).filename();
-    reply.reason(fmt::format("{}: {} is as it was {}.{}", is_undo ? "Undone" : "Done again", file,
+    reply.reason(fmt::format("{}: {} is as it was {}.{}", is_undo ? "Undone" : "Redone", file,
                              is_undo ? "before the save" : "after it", take_over(config)));
   }
   const config::TaughtHistory left = config::taught_history(config.file);
@@ -350,7 +350,7 @@ void ControlHandler::record(Words words, const config::ServiceConfig& config, ms
     throw std::runtime_error("there is no folder for recordings: set record: {folder: ...} in " + config.file.string() +
                              ", and restart");
   if (are(words, {"state"})) {
-    tell_state(config.record, reply);
+    reply_state(config.record, reply);
   } else if (are(words, {"start"})) {
     reply.reason(fmt::format("Recording to {}.", recording().start_on_request().string()));
   } else if (are(words, {"stop"})) {
@@ -370,35 +370,35 @@ void ControlHandler::record(Words words, const config::ServiceConfig& config, ms
   }
 }
 
-// What it makes is written beside the configuration, as what is taught; and what it makes it from into record.folder.
+// The result is saved next to the configuration like taught values; the recording is in record.folder.
 void ControlHandler::calibrate(Words words, const config::ServiceConfig& config, msg::ControlReply& reply) const {
   require_teaching(config);
   if (!config.control.allow_record) throw forbidden("allow_record", config);
   if (actions_.calibration == nullptr)
-    throw std::runtime_error("only huetrackd run on live cameras, which writes no files, calibrates them");
+    throw std::runtime_error("only huetrackd run on live cameras without output files can calibrate");
   if (!words.empty() && words[0] == "accept") {
     const auto rig = actions_.calibration->accept(words.subspan(1), config);
-    reply.reason(fmt::format("Accepted: {} is the rig from now on.{}", rig.filename().string(), take_over(config)));
+    reply.reason(fmt::format("Accepted: {} is now the rig.{}", rig.filename().string(), take_over(config)));
   } else {
     actions_.calibration->answer(words, config, actions_.recording, reply);
   }
 }
 
-void ControlHandler::look_after() const {
-  if (actions_.calibration != nullptr) actions_.calibration->look_after(actions_.recording);
+void ControlHandler::poll() const {
+  if (actions_.calibration != nullptr) actions_.calibration->poll(actions_.recording);
 }
 
 void ControlHandler::remove(const std::string& name, const config::RecordConfig& record,
                             msg::ControlReply& reply) const {
-  recording();  // that this is no replay, perhaps of this one
+  recording();  // refuses in a replay
   require_finished(name);
   if (idl::is_recording_name(name) && actions_.calibration != nullptr && name == actions_.calibration->busy_with())
-    throw std::runtime_error(name + " is being calibrated from: cancel that first");
+    throw std::runtime_error(name + " is being used for a calibration: cancel that first");
   RecordingLibrary(record.folder).remove(name);
   reply.reason(fmt::format("Deleted: {}.", name));
 }
 
-void ControlHandler::tell_state(const config::RecordConfig& record, msg::ControlReply& reply) const {
+void ControlHandler::reply_state(const config::RecordConfig& record, msg::ControlReply& reply) const {
   const bool is_recording = actions_.recording != nullptr && actions_.recording->is_recording();
   const std::string folder = is_recording ? actions_.recording->folder().string() : "";
   add_row(reply, {"state", actions_.recording == nullptr ? "replay" : is_recording ? "recording" : "idle"});
@@ -412,7 +412,7 @@ void ControlHandler::tell_state(const config::RecordConfig& record, msg::Control
 void ControlHandler::list(const config::RecordConfig& record, msg::ControlReply& reply) const {
   const std::string going_on = unfinished();
   const auto recordings = RecordingLibrary(record.folder).list(most_listed);
-  for (const ShelvedRecording& one : recordings)
+  for (const ListedRecording& one : recordings)
     add_row(reply, {one.name, one.begun_at_s ? fmt::format("{:.3f}", *one.begun_at_s) : "",
                     fmt::format("{:.3f}", one.length_s), std::to_string(one.bytes), std::to_string(one.cameras),
                     one.name == going_on ? "recording" : "done"});

@@ -1,5 +1,5 @@
-// Answers what pages and `huetrack control` ask in words: idl/README.md lists them. A request is checked here, word by
-// word, before anything is done; whoever may not ask is told why.
+// Executes requests in words from the page and `huetrack control` (idl/README.md). Checks a request completely,
+// including permissions, before anything changes.
 #pragma once
 
 #include <filesystem>
@@ -22,29 +22,27 @@ namespace huetrack::page {
 class ControlHandler {
  public:
   struct Actions {
-    pipeline::RecordingKeeper* recording =
-        nullptr;                                // outlives the desk; nullptr: nothing can be recorded, as of a replay
-    CalibrationSession* calibration = nullptr;  // outlives the desk; nullptr: nothing can be calibrated
-    Playback* playback = nullptr;               // of a replay that can be held and stepped through; outlives the desk
-    std::function<void()> close = nullptr;      // of such a replay: the cameras again; nullptr: there are none
-    // Of live cameras: the recording in this folder is replayed instead, after the answer is out. nullptr: it cannot
-    // be.
+    pipeline::RecordingKeeper* recording = nullptr;  // outlives this; nullptr: no recording (replay)
+    CalibrationSession* calibration = nullptr;       // outlives this; nullptr: no calibration
+    Playback* playback = nullptr;                    // of a replay; outlives this; nullptr: live
+    std::function<void()> close = nullptr;           // ends the replay, back to cameras; nullptr: none
+    // Replays the recording in this folder instead of live cameras, after the reply. nullptr: not possible.
     std::function<void(const std::filesystem::path& folder)> open_recording = nullptr;
-    // By the camera's name: those that are reached from here.
+    // By camera name: controls that are reachable from here.
     std::map<std::string, std::shared_ptr<capture::CameraControls>> cameras = {};
-    // What was written stands in its file: take it over. Returns why that did not work, or an empty string.
+    // Reloads the saved configuration. Returns the reason of a failure, or an empty string.
     std::function<std::string()> reload = nullptr;
-    // What was written needs a session of its own: it begins after the answer is out. nullptr: only a restart does.
-    std::function<std::string()> begin_anew = nullptr;
+    // Restarts the session with the saved configuration, after the reply. nullptr: not possible.
+    std::function<std::string()> restart = nullptr;
   };
   explicit ControlHandler(Actions actions) : actions_(std::move(actions)) {}
 
   msg::ControlReply answer(const msg::ControlRequest& request, const config::ServiceConfig& config) const;
 
-  // Now and then, some times a second: what was asked for and takes its time goes on.
-  void look_after() const;
+  // Call it some times a second: continues long requests.
+  void poll() const;
 
-  // "record read", "calibrate report": pieces follow each other quickly, and each can be asked for again.
+  // "record read", "calibrate report": fast sequences of parts, which may be repeated.
   static bool is_read(const msg::ControlRequest& request);
 
  private:
@@ -57,13 +55,13 @@ class ControlHandler {
   void open(const std::string& name, const config::ServiceConfig& config, msg::ControlReply& reply) const;
   void replay(Words words, const config::ServiceConfig& config, msg::ControlReply& reply) const;
   void history(const std::string& word, const config::ServiceConfig& config, msg::ControlReply& reply) const;
-  // What was just written is taken over; where that is not at once, when it is, as a sentence after a blank.
+  // Applies what was just saved. Returns a sentence, after a blank, if that is not immediate.
   std::string take_over(const config::ServiceConfig& config) const;
-  void tell_state(const config::RecordConfig& record, msg::ControlReply& reply) const;
+  void reply_state(const config::RecordConfig& record, msg::ControlReply& reply) const;
   void list(const config::RecordConfig& record, msg::ControlReply& reply) const;
   void read(Words words, const config::RecordConfig& record, msg::ControlReply& reply) const;
-  pipeline::RecordingKeeper& recording() const;  // throws std::runtime_error: there is none
-  // The recording that is being written, or whose files are not closed yet; empty: none.
+  pipeline::RecordingKeeper& recording() const;  // throws std::runtime_error if there is none
+  // The recording whose files are not complete yet; empty: none.
   std::string unfinished() const;
   void require_finished(const std::string& name) const;  // throws std::runtime_error
 

@@ -14,19 +14,19 @@ namespace {
 using Clock = std::chrono::steady_clock;
 using namespace std::chrono_literals;
 
-constexpr int niceness = 10;               // of 19
-constexpr auto look_round_period = 100ms;  // for subscribers
-constexpr auto fetch_period = 10ms;        // for the set that was asked for
-// Who downloads a recording asks for its next piece when it has one: not every one of thousands waits for long.
+constexpr int niceness = 10;         // of 19
+constexpr auto poll_period = 100ms;  // for subscribers
+constexpr auto fetch_period = 10ms;  // for a requested set
+// A download requests thousands of parts one after the other.
 constexpr auto reading_period = 2ms;
 constexpr auto reads_on_for = 500ms;
 constexpr auto network_period = 1s;
 constexpr auto map_period = 1s;
 constexpr auto freeze_patience = 3s;          // for a set to freeze
-constexpr auto kept_freeze_patience = 300ms;  // for a set to freeze, when there is one that was kept
-constexpr auto repeat_after = 1s;             // a set that is kept is shown again: who comes late sees it too
+constexpr auto kept_freeze_patience = 300ms;  // likewise, if a set was kept
+constexpr auto repeat_after = 1s;             // a kept set is shown again, for late joiners
 
-// Of two requests, or a request and a reply.
+// For two requests, or a request and a reply.
 bool is_same(const auto& a, const auto& b) {
   return a.client() == b.client() && a.number() == b.number();
 }
@@ -37,8 +37,8 @@ PageService::PageService(const config::ServiceConfig& config, PageServiceOptions
     : options_(std::move(options)),
       particles_(std::size_t(std::max(1, config.preview.particles))),
       publisher_(config.dds.publisher),
-      desk_(options_.actions),
-      control_desk_(options_.control),
+      teaching_(options_.actions),
+      control_(options_.control),
       wanted_(options_.keeps_frames),
       config_(config),
       thread_([this](const std::stop_token& stop) { serve(stop); }) {}
@@ -49,11 +49,11 @@ void PageService::offer(pictures::PictureJob job) {
   wanted_.store(false, std::memory_order_relaxed);
   const std::scoped_lock lock(mutex_);
   offered_ = std::move(job);
-  // Nobody is woken: that costs the tracking thread more than all the rest of this, and the other one looks by itself.
+  // No notification: it would cost the tracking thread more than all the rest, and this thread polls.
 }
 
 void PageService::on_set(const pipeline::TrackedSet& set) {
-  // What a replay is held at stays to be seen, also by who opens the page later.
+  // The set at which a replay is held stays visible, also for pages that are opened later.
   const Playback* const playback = options_.control.playback;
   if (wants() || (playback != nullptr && playback->state().is_paused)) offer(set.picture(particles_));
 }
@@ -68,7 +68,7 @@ capture::Duration PageService::clock_offset() const {
 
 void PageService::offer(camera_tracking::CameraMap map) {
   map_wanted_.store(false, std::memory_order_relaxed);
-  const std::scoped_lock lock(mutex_);  // the thread comes round in time: no reason to wake it
+  const std::scoped_lock lock(mutex_);  // no notification: the thread polls
   map_ = std::move(map);
 }
 
@@ -82,10 +82,10 @@ void PageService::take_over(const config::ServiceConfig& config) {
 
 void PageService::serve(const std::stop_token& stop) {
   ::prctl(PR_SET_NAME, "view");
-  // Whoever tracks or captures comes first. In Linux this is the thread's own; where it is refused, nothing is lost.
+  // Lower priority than tracking and capture; per thread in Linux; ignored if refused.
   ::setpriority(PRIO_PROCESS, static_cast<id_t>(::gettid()), niceness);
   publish_scene();
-  std::optional<pictures::PictureJob> last;  // only where frames may be kept
+  std::optional<pictures::PictureJob> last;  // only if keeps_frames
   Clock::time_point next_preview{}, next_network = Clock::now() + network_period, next_map{}, shown_at{};
   const auto period =
       std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(1 / config_.preview.rate_hz));
@@ -96,7 +96,7 @@ void PageService::serve(const std::stop_token& stop) {
     std::optional<config::ServiceConfig> fresh;
     {
       std::unique_lock lock(mutex_);
-      auto until = Clock::now() + look_round_period;
+      auto until = Clock::now() + poll_period;
       if (is_watched && next_preview > Clock::now()) until = std::min(until, next_preview);
       if (wants()) until = Clock::now() + fetch_period;
       if (Clock::now() < read_at_ + reads_on_for) until = std::min(until, Clock::now() + reading_period);
@@ -110,20 +110,20 @@ void PageService::serve(const std::stop_token& stop) {
       publish_scene();
     }
     const auto now = Clock::now();
-    if (options_.reload_asked != nullptr && options_.reload_asked->exchange(false)) options_.actions.reload();
+    if (options_.reload_requested != nullptr && options_.reload_requested->exchange(false)) options_.actions.reload();
     take_requests();
     take_control_requests();
-    control_desk_.look_after();
+    control_.poll();
     if (to_freeze_ && job) {
       freeze(job->set);
-    } else if (to_freeze_ && last && now > asked_to_freeze_ + kept_freeze_patience) {
+    } else if (to_freeze_ && last && now > freeze_requested_at_ + kept_freeze_patience) {
       freeze(last->set);
-    } else if (to_freeze_ && now > asked_to_freeze_ + freeze_patience) {
-      reply(TeachingSession::refusal(*to_freeze_, "No pictures come from the cameras."));
+    } else if (to_freeze_ && now > freeze_requested_at_ + freeze_patience) {
+      reply(TeachingSession::refusal(*to_freeze_, "The cameras deliver no pictures."));
       to_freeze_.reset();
     }
-    const bool wants_moment = desk_.wants_moment(now);
-    if (job && wants_moment) desk_.add_moment(job->set);
+    const bool wants_moment = teaching_.wants_moment(now);
+    if (job && wants_moment) teaching_.add_moment(job->set);
     is_watched = config_.preview.enabled && publisher_.picture_subscribers() + publisher_.marker_subscribers() > 0;
     if (job && is_watched) {
       publish_previews(*job);
@@ -143,7 +143,7 @@ void PageService::serve(const std::stop_token& stop) {
     if (now >= next_map) map_wanted_.store(true, std::memory_order_relaxed);
     if (now >= next_network) {
       next_network = now + network_period;
-      publisher_.look_after_network();
+      publisher_.check_network();
     }
   }
 }
@@ -156,7 +156,7 @@ void PageService::publish_scene() {
 
 void PageService::take_requests() {
   while (const auto request = publisher_.next_request()) {
-    // Who waits for long asks again. It is answered once: pictures taken twice would not be those that the page shows.
+    // A repeated request is answered once: new pictures would not be those that the page shows.
     if (to_freeze_ && is_same(*to_freeze_, *request)) continue;
     if (last_reply_ && is_same(*last_reply_, *request)) {
       publisher_.publish(*last_reply_);
@@ -165,13 +165,13 @@ void PageService::take_requests() {
     if (!options_.actions.reload) {
       reply(TeachingSession::refusal(*request, "This service cannot be taught."));
     } else if (request->action() != msg::TEACH_ACTION_FREEZE) {
-      reply(desk_.answer(*request, config_));
+      reply(teaching_.answer(*request, config_));
     } else if (const std::string why = TeachingSession::why_not(config_); !why.empty()) {
       reply(TeachingSession::refusal(*request, why));
     } else {
       if (to_freeze_)
-        reply(TeachingSession::refusal(*to_freeze_, "Somebody else asked for pictures after that: ask again."));
-      if (!to_freeze_) asked_to_freeze_ = Clock::now();
+        reply(TeachingSession::refusal(*to_freeze_, "Another client requested pictures later: request them again."));
+      if (!to_freeze_) freeze_requested_at_ = Clock::now();
       to_freeze_ = *request;
     }
   }
@@ -181,18 +181,18 @@ void PageService::take_control_requests() {
   while (const auto request = publisher_.next_control_request()) {
     if (ControlHandler::is_read(*request)) {
       read_at_ = Clock::now();
-      publisher_.publish(control_desk_.answer(*request, config_));
+      publisher_.publish(control_.answer(*request, config_));
       continue;
     }
-    // Who asks again has not had the reply; what was done is not done twice.
+    // A repeated request gets the same reply and is not executed twice.
     if (!last_control_reply_ || !is_same(*last_control_reply_, *request))
-      last_control_reply_ = control_desk_.answer(*request, config_);
+      last_control_reply_ = control_.answer(*request, config_);
     publisher_.publish(*last_control_reply_);
   }
 }
 
 void PageService::freeze(const capture::FrameSet& set) {
-  reply(desk_.freeze(*to_freeze_, config_, set));
+  reply(teaching_.freeze(*to_freeze_, config_, set));
   to_freeze_.reset();
 }
 

@@ -1,6 +1,5 @@
-// Serves the pages: previews at their own rate while somebody subscribes, the scene, and the teaching of colours. It
-// stands beside the road of the frames: the tracking thread asks one atomic flag per set, and hands over a set only
-// when this thread waits for one.
+// Serves web pages: previews while there are subscribers, the scene, teaching, requests in words. Works in its own
+// thread: the tracking thread checks one atomic flag per set, and passes a set only when it is wanted.
 #pragma once
 
 #include <atomic>
@@ -20,32 +19,32 @@
 namespace huetrack::page {
 
 struct PageServiceOptions {
-  // Of a replay: a set that is held may be kept, no driver waits for its buffers. The first set is always taken, and
-  // each while it is paused; the newest one is shown again while none comes.
+  // For a replay, where sets may be kept (no driver waits for buffers): takes the first set, and each while paused, and
+  // shows the newest again while there is no other.
   bool keeps_frames = false;
-  // How published times are made; outlives the server. nullptr: they are the capture times.
+  // Published time; outlives this. nullptr: the capture time.
   const pipeline::PublishedTime* time = nullptr;
-  // Set by somebody: the configuration is to be read again, by actions.reload. nullptr: somebody else does that.
-  std::atomic<bool>* reload_asked = nullptr;
-  // Called from the server's thread. Without reload, nothing can be taught.
+  // Flag that requests a reload by actions.reload; nullptr: not handled here.
+  std::atomic<bool>* reload_requested = nullptr;
+  // Called from this thread. Without reload, nothing can be taught.
   TeachingSession::Actions actions = {};
   ControlHandler::Actions control = {};
 };
 
-// thread-safe as said per function. Has a thread of its own, ended by the destructor.
+// Thread rules per function. Has its own thread, ended by the destructor.
 class PageService final : public pipeline::Output {
  public:
-  // throws as PagePublisher's constructor does.
+  // throws as PagePublisher's constructor.
   PageService(const config::ServiceConfig& config, PageServiceOptions options);
   ~PageService() override;
   PageService(const PageService&) = delete;
   PageService& operator=(const PageService&) = delete;
 
-  // The tracking thread, for every set: does somebody wait for one?
+  // The tracking thread, for every set: whether a set is wanted.
   bool wants() const noexcept { return wanted_.load(std::memory_order_relaxed); }
-  // The tracking thread, when wants(). Never waits for anything but a lock that is held for a swap.
+  // The tracking thread, if wants(). Takes a lock that is held only for a swap.
   void offer(pictures::PictureJob job);
-  // The camera thread, for every frame of a tracked camera: the same for its map, about once a second.
+  // The same for the tracked camera's map; the camera thread, about once a second.
   bool wants_map() const noexcept { return map_wanted_.load(std::memory_order_relaxed); }
   void offer(camera_tracking::CameraMap map);
 
@@ -71,14 +70,14 @@ class PageService final : public pipeline::Output {
 
   const PageServiceOptions options_;
   const std::size_t particles_;       // of each target in a picture, about
-  publish::PagePublisher publisher_;  // this and all that follows to wanted_: the server's thread's
-  TeachingSession desk_;
-  const ControlHandler control_desk_;
+  publish::PagePublisher publisher_;  // this and all members up to wanted_: this thread's
+  TeachingSession teaching_;
+  const ControlHandler control_;
   std::optional<msg::TeachRequest> to_freeze_;  // waits for a set
-  std::chrono::steady_clock::time_point asked_to_freeze_{};
+  std::chrono::steady_clock::time_point freeze_requested_at_{};
   std::optional<msg::TeachReply> last_reply_;
   std::optional<msg::ControlReply> last_control_reply_;
-  std::chrono::steady_clock::time_point read_at_{};  // when a piece of a recording was asked for
+  std::chrono::steady_clock::time_point read_at_{};  // last request for a part of a recording
   std::atomic<bool> wanted_ = false, map_wanted_ = true;
   std::atomic<std::uint64_t> previews_ = 0;
 
@@ -86,9 +85,9 @@ class PageService final : public pipeline::Output {
   std::condition_variable_any news_;
   std::optional<pictures::PictureJob> offered_;    // guarded by mutex_
   std::optional<camera_tracking::CameraMap> map_;  // guarded by mutex_
-  std::optional<config::ServiceConfig> fresh_;     // guarded by mutex_; to be taken over
+  std::optional<config::ServiceConfig> fresh_;     // guarded by mutex_; to be applied
   config::ServiceConfig config_;                   // the thread's own
-  std::jthread thread_;                            // last: ends before the rest goes
+  std::jthread thread_;                            // last: joined first
 };
 
 }  // namespace huetrack::page

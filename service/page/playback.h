@@ -1,12 +1,12 @@
-// What may be asked of a replay while it plays.
+// Interface to control a running replay.
 #pragma once
 
 namespace huetrack::page {
 
 struct PlaybackState {
   bool is_paused = false;
-  double speed = 0;       // times as fast as it was recorded; 0: as fast as possible
-  double position_s = 0;  // of the last frame that was let through, from the first one
+  double speed = 0;       // multiple of the recorded speed; 0: as fast as possible
+  double position_s = 0;  // of the last released frame, from the first one
 };
 
 // thread-safe.
@@ -15,7 +15,7 @@ class Playback {
   virtual PlaybackState state() const = 0;
   virtual void pause() = 0;
   virtual void go_on() = 0;
-  virtual void step(int sets) = 0;           // >= 1; pauses, and lets so many frames of every camera through
+  virtual void step(int sets) = 0;           // >= 1; releases so many frames of every camera, then pauses
   virtual void set_speed(double speed) = 0;  // >= 0, as PlaybackState::speed
 
  protected:

@@ -1,5 +1,4 @@
-// Some moments of a recording, spread over all of it, for a colour that is taught from another one of them: so it is
-// known what moves, how large the object is, and in which light it comes.
+// Frame sets spread over a recording, for teaching: they show what moves, the object's size, and its light.
 #pragma once
 
 #include <span>
@@ -12,8 +11,8 @@
 
 namespace huetrack::page {
 
-// No more than a ColorTeacher takes. It reads the whole recording, as fast as that decodes; what was found so far when
-// it is asked to stop. words: as of recordings::read_recording(). throws std::runtime_error, as a replay does.
+// At most as many as a ColorTeacher takes. Decodes the whole recording; after a stop, returns what it has. words: as
+// for recordings::read_recording(). throws std::runtime_error, as a replay.
 std::vector<capture::FrameSet> recorded_moments(const config::ServiceConfig& config, std::span<const std::string> words,
                                                 const std::stop_token& stop);
 

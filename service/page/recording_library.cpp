@@ -28,8 +28,8 @@ using idl::is_recording_name;
 constexpr std::size_t most_files = 200;                 // of a recording: two per camera, and five
 constexpr std::uint64_t block = 512;                    // of a tar
 constexpr std::uint64_t end_of_tar = 2 * block;         // zeros
-constexpr std::string_view times_header = "frame,t_s";  // how the times of a camera's frames begin
-constexpr std::size_t longest_row = 256;                // of those times
+constexpr std::string_view times_header = "frame,t_s";  // begin of a file of frame times
+constexpr std::size_t longest_row = 256;                // of such a file
 
 struct File {
   std::string name;
@@ -40,12 +40,12 @@ struct File {
 FileDescriptor open_folder(const fs::path& folder) {
   return FileDescriptor(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
 }
-// Beside others in a folder, and nothing that a link leads to.
+// Opens an entry of a folder, without following links.
 FileDescriptor open_inside(const FileDescriptor& folder, const std::string& name, int flags) {
   return FileDescriptor(::openat(folder.get(), name.c_str(), O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC | flags));
 }
 
-// All that is in a folder, by name.
+// All entries of a folder, by name.
 std::vector<std::string> all_names_in(const FileDescriptor& folder) {
   const auto close = [](DIR* open) { ::closedir(open); };
   const int own = ::openat(folder.get(), ".", O_RDONLY | O_DIRECTORY | O_CLOEXEC);  // closedir() closes it
@@ -61,14 +61,14 @@ std::vector<std::string> all_names_in(const FileDescriptor& folder) {
   return names;
 }
 
-// Those that can be a recording's, or a file's of one.
+// Names that a recording, or a file of one, may have.
 std::vector<std::string> names_in(const FileDescriptor& folder) {
   std::vector<std::string> names = all_names_in(folder);
   std::erase_if(names, [](const std::string& name) { return !is_recording_name(name); });
   return names;
 }
 
-// The regular files right in it, by name.
+// Its regular files, by name.
 std::vector<File> files_in(const FileDescriptor& folder) {
   std::vector<File> files;
   for (const std::string& name : names_in(folder)) {
@@ -84,7 +84,7 @@ bool has_recording(const std::vector<File>& files) {
   return std::ranges::any_of(files, [](const File& file) { return file.name == "recording.yaml"; });
 }
 
-// What stands there of a file; less at its end.
+// Bytes of a file at an offset; fewer at its end.
 std::string part_of(const FileDescriptor& file, std::uint64_t from, std::size_t most) {
   std::string part(most, '\0');
   std::size_t got = 0;
@@ -98,7 +98,7 @@ std::string part_of(const FileDescriptor& file, std::uint64_t from, std::size_t 
   return part;
 }
 
-// The second column of a row; nullopt: it is no number.
+// The second column of a row; nullopt: not a number.
 std::optional<double> time_of(std::string_view row) {
   const std::size_t comma = row.find(',');
   if (comma == std::string_view::npos) return std::nullopt;
@@ -108,7 +108,7 @@ std::optional<double> time_of(std::string_view row) {
   return time;
 }
 
-// The first time and the last of a camera's; nullopt: the file has none. Only its two ends are read.
+// First and last time of a camera; nullopt: none. Reads only both ends of the file.
 std::optional<std::pair<double, double>> times_of(const FileDescriptor& folder, const File& file) {
   const FileDescriptor times = open_inside(folder, file.name, 0);
   const std::string begin = part_of(times, 0, 2 * longest_row);
@@ -122,8 +122,8 @@ std::optional<std::pair<double, double>> times_of(const FileDescriptor& folder, 
   return std::pair(*first, *last);
 }
 
-ShelvedRecording described(const std::string& name, const FileDescriptor& folder, const std::vector<File>& files) {
-  ShelvedRecording recording{.name = name};
+ListedRecording described(const std::string& name, const FileDescriptor& folder, const std::vector<File>& files) {
+  ListedRecording recording{.name = name};
   std::optional<double> ended_at_s;
   for (const File& file : files) {
     recording.bytes += file.bytes;
@@ -138,7 +138,7 @@ ShelvedRecording described(const std::string& name, const FileDescriptor& folder
   return recording;
 }
 
-// ---- The tar: POSIX ustar, which every system reads. One header per file, its content, filled up to whole blocks.
+// ---- The tar file: POSIX ustar. Per file a header and its content, padded to whole blocks.
 
 constexpr std::uint64_t whole_blocks(std::uint64_t bytes) {
   return (bytes + block - 1) / block * block;
@@ -150,7 +150,7 @@ std::uint64_t tar_size(const std::vector<File>& files) {
   return size;
 }
 
-// Octal digits and a zero; or, where they do not suffice (8 GiB), the number itself behind a high bit, as GNU tar does.
+// Octal digits and a zero; above 8 GiB the binary number with the high bit set, as in GNU tar.
 void put_number(std::span<char> field, std::uint64_t value) {
   const std::string octal = fmt::format("{:0{}o}", value, field.size() - 1);
   if (octal.size() < field.size()) {
@@ -167,11 +167,11 @@ std::array<char, block> header_of(const std::string& recording, const File& file
   const auto put = [&](std::size_t at, std::string_view text) { std::ranges::copy(text, header.begin() + long(at)); };
   put(0, file.name);
   put_number(field(100, 8), 0644);
-  put_number(field(108, 8), 0);  // whose it is: who unpacks it
+  put_number(field(108, 8), 0);  // owner: the unpacking user
   put_number(field(116, 8), 0);
   put_number(field(124, 12), file.bytes);
   put_number(field(136, 12), std::uint64_t(std::max<std::int64_t>(file.changed_at_s, 0)));
-  put(148, "        ");  // the checksum is of the header with blanks in its place
+  put(148, "        ");  // checksum over the header with blanks here
   put(156, "0");         // a regular file
   put(257, std::string_view("ustar\00000", 8));
   put(345, recording);  // the folder
@@ -191,11 +191,11 @@ std::string identity_of(const std::vector<File>& files) {
   return fmt::format("{:016x}", hash);
 }
 
-// Bytes [from, from + bytes.size()) of the tar; what is not said is zero. throws std::runtime_error
+// Bytes [from, from + bytes.size()) of the tar file; the rest is zero. throws std::runtime_error
 void fill(std::span<std::uint8_t> bytes, std::uint64_t from, const std::string& recording, const FileDescriptor& folder,
           const std::vector<File>& files) {
   const std::uint64_t to = from + bytes.size();
-  const auto put = [&](std::uint64_t at, std::string_view text) {  // the part of it that is in [from, to)
+  const auto put = [&](std::uint64_t at, std::string_view text) {  // its part in [from, to)
     const std::uint64_t first = std::max(at, from), last = std::min(at + text.size(), to);
     if (first < last) std::memcpy(bytes.data() + (first - from), text.data() + (first - at), last - first);
   };
@@ -220,15 +220,15 @@ void fill(std::span<std::uint8_t> bytes, std::uint64_t from, const std::string& 
 
 }  // namespace
 
-std::vector<ShelvedRecording> RecordingLibrary::list(std::size_t most) const {
-  std::vector<ShelvedRecording> recordings;
-  const FileDescriptor shelf = open_folder(folder_);
-  if (shelf.get() < 0) return recordings;
-  std::vector<std::string> names = names_in(shelf);
+std::vector<ListedRecording> RecordingLibrary::list(std::size_t most) const {
+  std::vector<ListedRecording> recordings;
+  const FileDescriptor library = open_folder(folder_);
+  if (library.get() < 0) return recordings;
+  std::vector<std::string> names = names_in(library);
   std::ranges::reverse(names);
   for (const std::string& name : names) {
     if (recordings.size() == most) break;
-    const FileDescriptor folder = open_inside(shelf, name, O_DIRECTORY);
+    const FileDescriptor folder = open_inside(library, name, O_DIRECTORY);
     if (folder.get() < 0) continue;
     const std::vector<File> files = files_in(folder);
     if (has_recording(files)) recordings.push_back(described(name, folder, files));
@@ -238,10 +238,10 @@ std::vector<ShelvedRecording> RecordingLibrary::list(std::size_t most) const {
 
 namespace {
 
-// throws std::runtime_error: there is none of that name.
-FileDescriptor open_recording(const FileDescriptor& shelf, const std::string& name) {
-  if (!is_recording_name(name)) throw std::runtime_error("that is no recording's name");
-  FileDescriptor folder = shelf.get() < 0 ? FileDescriptor() : open_inside(shelf, name, O_DIRECTORY);
+// throws std::runtime_error if there is none.
+FileDescriptor open_recording(const FileDescriptor& library, const std::string& name) {
+  if (!is_recording_name(name)) throw std::runtime_error("that is not a valid name of a recording");
+  FileDescriptor folder = library.get() < 0 ? FileDescriptor() : open_inside(library, name, O_DIRECTORY);
   if (folder.get() < 0 || !has_recording(files_in(folder)))
     throw std::runtime_error(fmt::format("there is no recording {}", name));
   return folder;
@@ -250,8 +250,8 @@ FileDescriptor open_recording(const FileDescriptor& shelf, const std::string& na
 }  // namespace
 
 void RecordingLibrary::remove(const std::string& name) const {
-  const FileDescriptor shelf = open_folder(folder_);
-  const FileDescriptor folder = open_recording(shelf, name);
+  const FileDescriptor library = open_folder(folder_);
+  const FileDescriptor folder = open_recording(library, name);
   const auto refused = [&] {
     return std::runtime_error(fmt::format("{} cannot be deleted: {}", name, std::strerror(errno)));
   };
@@ -260,18 +260,18 @@ void RecordingLibrary::remove(const std::string& name) const {
     struct stat about {};
     if (::fstatat(folder.get(), file.c_str(), &about, AT_SYMLINK_NOFOLLOW) == 0 && S_ISDIR(about.st_mode))
       throw std::runtime_error(
-          fmt::format("{} holds a folder, {}, which no recording of ours has: delete it by hand", name, file));
+          fmt::format("{} contains a folder, {}, so it is not only a recording: delete it manually", name, file));
   }
-  // What makes it a recording goes last: a deletion that was interrupted can be asked for again.
+  // recording.yaml is deleted last, so that an interrupted deletion can be repeated.
   std::ranges::stable_partition(files, [](const std::string& file) { return file != "recording.yaml"; });
   for (const std::string& file : files)
     if (::unlinkat(folder.get(), file.c_str(), 0) != 0) throw refused();
-  if (::unlinkat(shelf.get(), name.c_str(), AT_REMOVEDIR) != 0) throw refused();
+  if (::unlinkat(library.get(), name.c_str(), AT_REMOVEDIR) != 0) throw refused();
 }
 
 RecordingPiece RecordingLibrary::read(const std::string& name, std::uint64_t from, std::size_t most_bytes) const {
-  const FileDescriptor shelf = open_folder(folder_);
-  const FileDescriptor folder = open_recording(shelf, name);
+  const FileDescriptor library = open_folder(folder_);
+  const FileDescriptor folder = open_recording(library, name);
   const std::vector<File> files = files_in(folder);
   RecordingPiece piece{.tar_bytes = tar_size(files), .identity = identity_of(files)};
   if (from >= piece.tar_bytes) return piece;

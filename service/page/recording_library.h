@@ -1,6 +1,6 @@
-// The recordings that lie in one folder, for who is on the other side of the network: which there are, and each as one
-// tar file, piece by piece. Whatever is asked for, nothing outside that folder is opened: a recording is a folder right
-// in it, of a plain name, and its files are regular ones right in that; links are not followed.
+// The recordings in one folder, for remote clients: list, deletion, and download as a tar file in parts. Never opens
+// anything outside that folder: a recording is a direct subfolder with a plain name and regular files; links are not
+// followed.
 #pragma once
 
 #include <cstddef>
@@ -12,9 +12,9 @@
 
 namespace huetrack::page {
 
-struct ShelvedRecording {
+struct ListedRecording {
   std::string name;                       // of its folder
-  std::optional<double> begun_at_s = {};  // UNIX time of the first frame; nullopt: there is none, or it is not known
+  std::optional<double> begun_at_s = {};  // UNIX time of the first frame; nullopt: unknown
   double length_s = 0;                    // from its first frame to its last, of all cameras
   std::uint64_t bytes = 0;                // of all its files
   std::size_t cameras = 0;
@@ -23,24 +23,23 @@ struct ShelvedRecording {
 // A part of the tar file of a recording.
 struct RecordingPiece {
   std::uint64_t tar_bytes = 0;  // of the whole
-  std::string identity;         // changes when any file of the recording does: then earlier pieces are of another whole
+  std::string identity;         // changes if any file changes: earlier parts are then invalid
   std::vector<std::uint8_t> bytes = {};
 };
 
-// Reads the disk with each call. thread-compatible.
+// Each call reads the disk. thread-compatible.
 class RecordingLibrary {
  public:
   explicit RecordingLibrary(std::filesystem::path folder) : folder_(std::move(folder)) {}
 
-  // Newest first, by name, which begins with the time; at most so many. What is no recording is not there.
-  std::vector<ShelvedRecording> list(std::size_t most) const;
+  // Newest first by name, which begins with the time; at most so many. Skips other folders.
+  std::vector<ListedRecording> list(std::size_t most) const;
 
-  // Takes it and all its files away. throws std::runtime_error of one readable line: there is no such recording; it
-  // holds something that is no file of a recording, and then nothing has happened; or the disk refuses.
+  // Deletes it with all its files. throws std::runtime_error with one readable line if there is no such recording, it
+  // contains anything else (then nothing is deleted), or on a disk error.
   void remove(const std::string& name) const;
 
-  // At most so many bytes from there on; none at the end and beyond. throws std::runtime_error of one readable line:
-  // there is no such recording, or it cannot be read.
+  // At most most_bytes from that offset; none at the end. throws std::runtime_error with one readable line.
   RecordingPiece read(const std::string& name, std::uint64_t from, std::size_t most_bytes) const;
 
  private:

@@ -26,12 +26,12 @@ std::optional<double> finite_number(std::string_view text) {
 
 double real_of(std::string_view text) {
   if (const auto number = finite_number(text)) return *number;
-  throw std::runtime_error(fmt::format("a number is wanted, not {}", text));
+  throw std::runtime_error(fmt::format("write a number, not {}", text));
 }
 
 std::uint64_t whole_number_of(std::string_view text) {
   if (const auto number = files::number_of<std::uint64_t>(text)) return *number;
-  throw std::runtime_error(fmt::format("a whole number is wanted, not {}", text));
+  throw std::runtime_error(fmt::format("write a whole number, not {}", text));
 }
 
 UnknownRequest unknown_request() {
@@ -44,7 +44,7 @@ std::string known_requests(std::span<const std::string> words) {
   if (group != groups.end()) return fmt::format("after {} it knows {}", group->word, group->requests);
   std::string all;
   for (const idl::ControlGroup& known : groups) all += fmt::format("{}, ", known.word);
-  return "it knows those that begin with " + all + "undo, redo, history";
+  return "known requests begin with " + all + "undo, redo, history";
 }
 
 }  // namespace huetrack::page

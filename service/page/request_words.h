@@ -1,4 +1,4 @@
-// The words in which something is asked for, on the bus or on the command line, taken apart.
+// Parses words of requests, from DDS or the command line.
 #pragma once
 
 #include <cstdint>
@@ -11,25 +11,24 @@
 
 namespace huetrack::page {
 
-// What is between the separators; one part at least, and as many empty ones as there are.
+// The parts between separators, including empty ones; at least one.
 std::vector<std::string> split(std::string_view text, char separator);
 
-// A finite number and nothing else; nullopt: it is none.
+// A finite number; nullopt: not one.
 std::optional<double> finite_number(std::string_view text);
 
-// throw std::runtime_error, which says what is wanted
+// throw std::runtime_error with the expected form
 double real_of(std::string_view text);  // as finite_number()
 std::uint64_t whole_number_of(std::string_view text);
 
-// To be thrown: there is no such request.
+// Thrown for an unknown request.
 class UnknownRequest : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
 };
 UnknownRequest unknown_request();
 
-// What is known instead, a sentence without its full stop: requests that begin as these words do; or with what they
-// begin.
+// A sentence, without full stop, that lists the known requests with these first words, or all first words.
 std::string known_requests(std::span<const std::string> words);
 
 }  // namespace huetrack::page

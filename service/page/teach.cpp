@@ -98,13 +98,13 @@ std::pair<std::string, color::PixelBox> ignored_of(const calib::CameraRig& rig, 
   return {parts[0], box};
 }
 
-// What the command line points at, and in which frame of each camera.
+// The points of the command line, with their frames.
 struct Pointing {
   color_teaching::TeachRequestOptions request;
   std::map<int, std::int64_t> frames;
 };
 
-// The rectangles of the configuration, and those of the command.
+// The rectangles of the configuration and of the command.
 object_tracking::IgnoredRegions with_ignored(const TeachCommand& command, const config::ServiceConfig& config) {
   object_tracking::IgnoredRegions ignored = config.ignored;
   for (const std::string& text : command.ignore) {
@@ -115,7 +115,7 @@ object_tracking::IgnoredRegions with_ignored(const TeachCommand& command, const 
 }
 
 Pointing pointing_of(const TeachCommand& command, const config::ServiceConfig& config) {
-  if (command.at.empty()) throw std::runtime_error("point at the object: --at CAMERA,FRAME,U,V");
+  if (command.at.empty()) throw std::runtime_error("give the object's place: --at CAMERA,FRAME,U,V");
   Pointing pointing;
   pointing.request.wider = command.wider;
   pointing.request.accepts_suggestions = command.accept;
@@ -130,8 +130,8 @@ Pointing pointing_of(const TeachCommand& command, const config::ServiceConfig& c
   return pointing;
 }
 
-// A moment's pictures, one slot per camera, and which of its camera's frames each is; per camera some of other moments,
-// and some other moments of all cameras.
+// Pictures of one moment with their frame numbers, one slot per camera; pictures of other moments, per camera and of
+// all.
 struct Pictures {
   capture::FrameSet set;
   std::vector<std::int64_t> numbers;
@@ -139,8 +139,7 @@ struct Pictures {
   std::vector<capture::FrameSet> moments = {};
 };
 
-// One picture of every camera: where somebody pointed, the frame of that number; of the others, the one captured
-// nearest to the first of those.
+// One picture of every camera: the clicked frame, or the frame captured nearest to the first clicked one.
 Pictures recorded_pictures(const config::ServiceConfig& config, std::span<const std::string> words,
                            const std::map<int, std::int64_t>& wanted, const std::stop_token& stop) {
   const calib::CameraRig& rig = config.rig;
@@ -161,11 +160,11 @@ Pictures recorded_pictures(const config::ServiceConfig& config, std::span<const 
     const auto c = std::size_t(frame->camera);
     const std::int64_t number = count[c]++;
     if (frame->status == capture::FrameStatus::ok &&
-        !take_picture(*frame, own_picture_of(*frame))) {  // of a camera with send: matches
+        !take_picture(*frame, own_picture_of(*frame))) {  // with send: matches
       if (const auto it = wanted.find(frame->camera); it != wanted.end() && it->second == number)
         throw std::runtime_error(
-            fmt::format("{}: frame {} of camera {} has no picture, only which pixels matched: "
-                        "with send: matches one comes every picture_every_s",
+            fmt::format("{}: frame {} of camera {} has no picture, only matches: with "
+                        "send: matches, take a frame with a picture (every picture_every_s)",
                         recording.file.string(), number, names[c]));
       continue;
     }
@@ -182,8 +181,7 @@ Pictures recorded_pictures(const config::ServiceConfig& config, std::span<const 
       continue;
     }
     auto& slot = set.frames[c];
-    // Before the leader's frame is known, the newest one is the nearest; after it, the first that is later ends the
-    // search.
+    // Before the reference frame, the newest frame is the nearest; after it, the first later one ends the search.
     const bool is_nearer =
         !leader_at || !slot ||
         std::chrono::abs(frame->captured_at - *leader_at) < std::chrono::abs(slot->captured_at - *leader_at);
@@ -200,12 +198,12 @@ Pictures recorded_pictures(const config::ServiceConfig& config, std::span<const 
   return pictures;
 }
 
-// The live cameras one after the other: the object has to hold still.
+// One live camera after the other: the object must not move.
 capture::FrameSet live_pictures(const config::ServiceConfig& config, const std::map<int, std::int64_t>& wanted,
                                 const std::stop_token& stop) {
   constexpr std::int64_t settled = 30;  // frames until exposure and white balance have settled
   constexpr auto patience = 10s;        // for a camera's frames
-  if (config.cameras.empty()) throw std::runtime_error(config.file.string() + ": cameras: none is given to teach from");
+  if (config.cameras.empty()) throw std::runtime_error(config.file.string() + ": there are no cameras to teach from");
   capture::FrameSet set;
   set.frames.resize(config.rig.cameras.size());
   for (auto& camera : pipeline::open_cameras(config::with_frames(config), stop)) {
@@ -237,7 +235,7 @@ std::filesystem::path picture_of(const std::filesystem::path& folder, const cali
   return folder / (camera.name + ".png");
 }
 
-// throws std::runtime_error: a picture would replace what is read, or stand among a recording's own
+// throws std::runtime_error if a picture would replace an input, or be among a recording's own pictures
 void refuse_pictures_over_what_is_read(const TeachCommand& command, const config::ServiceConfig& config) {
   if (command.pictures.empty()) return;
   std::vector<std::filesystem::path> read = pipeline::files_of(config), written;
@@ -266,10 +264,10 @@ void draw(const std::filesystem::path& folder, const calib::CameraRig& rig, cons
   }
 }
 
-// A service on this host that runs with this file, or replays with it, reloads it.
+// Makes services on this host with this configuration reload it.
 void tell_services(const config::ServiceConfig& config) {
   if (!config.dds.enabled) return;
-  bool told = false;
+  bool is_running = false;
   const auto is_same_file = [](const std::string& a, const std::filesystem::path& b) {
     std::error_code ignored;
     return a == b || std::filesystem::equivalent(a, b, ignored);
@@ -278,25 +276,24 @@ void tell_services(const config::ServiceConfig& config) {
     if (!service.is_on_this_host || !is_same_file(service.config_file, config.file)) continue;
     const bool runs = service.mode == "run";
     if (::kill(pid_t(service.pid), SIGHUP) == 0) {
-      fmt::print("huetrackd (process {}{}) has been told to take it over\n", service.pid,
+      fmt::print("huetrackd (process {}{}) reloads it\n", service.pid,
                  runs                     ? ""
-                 : service.mode == "held" ? ", a replay that is held: Go on on the page lets it run"
+                 : service.mode == "held" ? ", a held replay: \"Go on\" on the page continues it"
                                           : ", a replay");
     } else {
-      fmt::print("huetrackd runs as another user: tell it with  kill -HUP {}{}\n", service.pid,
+      fmt::print("huetrackd runs as another user: reload it with  kill -HUP {}{}\n", service.pid,
                  runs ? "  or  systemctl reload huetrackd" : "");
     }
-    told = true;
+    is_running = true;
   }
-  if (!told) fmt::print("no huetrackd runs with this file on this host: it takes effect at the next start\n");
+  if (!is_running) fmt::print("no huetrackd runs with this file on this host: it takes effect at the next start\n");
 }
 
-// Without a colour being taught, as the page saves them.
 void save_rectangles(const TeachCommand& command, const config::ServiceConfig& config) {
   const object_tracking::IgnoredRegions ignored = with_ignored(command, config);
   if (command.dry_run) return;
   const std::filesystem::path written = config::save_ignored(config.file, ignored);
-  fmt::print("written into {}: nothing matches in these rectangles any more\n", written.string());
+  fmt::print("written into {}: these rectangles are now ignored\n", written.string());
   tell_services(config);
 }
 
@@ -311,32 +308,31 @@ void print_lesson(const color_teaching::Lesson& lesson, const calib::CameraRig& 
                  view.color.hue_max_deg, view.color.saturation_min, view.color.saturation_max, view.color.intensity_min,
                  view.color.intensity_max);
     } else if (view.region) {
-      fmt::print("  confirm it with  --at {},{},{},{}  or take all that is suggested with --accept\n",
-                 rig.cameras[c].name, numbers[c], std::lround(view.region->centre.x()),
-                 std::lround(view.region->centre.y()));
+      fmt::print("  confirm it with  --at {},{},{},{}  or accept all suggestions with --accept\n", rig.cameras[c].name,
+                 numbers[c], std::lround(view.region->centre.x()), std::lround(view.region->centre.y()));
     }
   }
   if (lesson.narrowed_to)
-    fmt::print("Narrower ranges are taken (--wider {}), as those of the object held something else, too\n",
+    fmt::print("Narrower ranges are used (--wider {}), because wider ones include something else\n",
                *lesson.narrowed_to);
   if (lesson.taught.any()) fmt::print("{}\n", color_teaching::radius_words(lesson.radius, said_radius_m));
   for (const std::string& name : lesson.namesakes)
-    fmt::print("Warning: the object has the colour of the target {}, too: nothing tells the two apart\n", name);
+    fmt::print("Warning: the object also has the colour of target {}: they cannot be distinguished\n", name);
 }
 
-// May it be written? What speaks against it is said.
+// Whether it may be saved; prints the reason if not.
 bool is_worth_writing(const color_teaching::Lesson& lesson, const TeachCommand& command) {
   if (!lesson.why_useless.empty()) {
-    fmt::print(stderr, "huetrackd: nothing is written: {}\n", lesson.why_useless);
+    fmt::print(stderr, "huetrackd: nothing is saved: {}\n", lesson.why_useless);
     return false;
   }
   if (lesson.unconfirmed.empty()) return true;
   const std::string where =
-      fmt::format("nobody has confirmed where the object is in {}", fmt::join(lesson.unconfirmed, ", "));
+      fmt::format("the object's place is not confirmed in {}", fmt::join(lesson.unconfirmed, ", "));
   if (!command.only && !command.dry_run) {
     fmt::print(stderr,
-               "huetrackd: nothing is written: {}. Confirm it with the --at above, take what is suggested with "
-               "--accept, or leave it so with --only\n",
+               "huetrackd: nothing is saved: {}. Confirm it with the --at above, accept the suggestions with "
+               "--accept, or save without with --only\n",
                where);
     return false;
   }
@@ -344,44 +340,44 @@ bool is_worth_writing(const color_teaching::Lesson& lesson, const TeachCommand& 
   return true;
 }
 
-// A radius that nobody has said is a default, and anything that was measured is better: but not by places that nobody
-// has looked at. Over one that was said, only when that is asked for.
+// A measured radius replaces the default, unless it is based on unconfirmed places; it replaces a configured radius
+// only with
+// --radius.
 std::optional<double> radius_to_write(const color_teaching::Lesson& lesson, const TeachCommand& command,
                                       bool is_sized) {
   if (command.radius && !lesson.radius.radius_m)
-    throw std::runtime_error("nothing is written: --radius: " + color_teaching::radius_words(lesson.radius, {}));
+    throw std::runtime_error("nothing is saved: --radius: " + color_teaching::radius_words(lesson.radius, {}));
   const bool is_taken = command.radius || (!is_sized && lesson.unconfirmed.empty());
   return is_taken ? lesson.radius.radius_m : std::nullopt;
 }
 
-// Of a colour that does not hold. lesson: its target has the radius that was tried. is_sized: somebody has said that.
+// Advice for a colour that fails the trial. lesson: has the tried radius. is_sized: the radius is configured.
 std::string what_to_try(const color_teaching::Lesson& lesson, bool is_sized) {
   constexpr double mm = 1e3;
   const double tried_mm = mm * lesson.target.radius_m;
   if (color_teaching::differs_clearly(lesson.radius, lesson.target.radius_m))
     return fmt::format(
-        "the search takes only what has about the radius that is said, {:g} mm, and the pictures tell {:.0f} mm: take "
+        "the search accepts only objects of about the configured radius, {:g} mm, but the pictures show {:.0f} mm: use "
         "that with --radius, or correct radius_m",
         tried_mm, mm * *lesson.radius.radius_m);
-  return "point at the object in every camera (--at), or where it is larger, or in another frame" +
-         (is_sized ? fmt::format("; or radius_m, {:g} mm, is wrong: --radius takes what the pictures tell", tried_mm)
+  return "give its place in every camera (--at), or where it is larger, or in another frame" +
+         (is_sized ? fmt::format("; or radius_m, {:g} mm, is wrong: --radius uses the measured one", tried_mm)
                    : std::string());
 }
 
-// Tried before it is written. With --accept nobody has looked at the other views: what was suggested there counts only
-// if the object is tracked where it was seen, and where nothing was suggested, because it is hidden then, the colour
-// only if anything is tracked by it as surely as it must be. Where somebody pointed into all of them it is only said.
+// Tests the colour on the recording before saving. With --accept the suggestions in other views are unconfirmed: a
+// failed test prevents saving. If all views were clicked, it is only a warning.
 bool holds_on_recording(const color_teaching::Lesson& lesson, const TeachCommand& command,
                         const config::ServiceConfig& config, const SeenAt& seen, const std::stop_token& stop) {
   const ColorTrial trial = try_color(config, command.recording, lesson.target, seen, stop);
   const std::string words = words_of(trial, config.rig.cameras[std::size_t(seen.point.camera)].name);
   const bool holds = trial.is_sure && (trial.is_found() || lesson.accepted.empty());
   if (command.accept && !holds) {
-    fmt::print(stderr, "huetrackd: nothing is written: by the colour that was learnt, {}: {}\n", words,
+    fmt::print(stderr, "huetrackd: nothing is saved: with the learnt colour, {}: {}\n", words,
                what_to_try(lesson, !config.unsized_targets.contains(lesson.target.name)));
     return false;
   }
-  fmt::print("{} the colour that was learnt, {}\n", trial.is_sure && trial.is_found() ? "By" : "Warning: by", words);
+  fmt::print("{} the learnt colour, {}\n", trial.is_sure && trial.is_found() ? "With" : "Warning: with", words);
   return true;
 }
 
@@ -395,8 +391,7 @@ int teach(const TeachCommand& command, std::stop_token stop) {
     return 0;
   }
   if (command.undo) {
-    fmt::print("{} is as it was before the last save; --redo takes this back\n",
-               config::undo_taught(config.file).string());
+    fmt::print("{} is as it was before the last save; --redo redoes it\n", config::undo_taught(config.file).string());
     tell_services(config);
     return 0;
   }
@@ -405,7 +400,7 @@ int teach(const TeachCommand& command, std::stop_token stop) {
     save_rectangles(command, config);
     return 0;
   }
-  if (command.recording.empty()) throw std::runtime_error("teach from what? Give a recording, or the word live");
+  if (command.recording.empty()) throw std::runtime_error("give a recording to teach from, or the word live");
   const object_tracking::TargetOptions& target = target_of(config, command.target);
   refuse_pictures_over_what_is_read(command, config);
   const Pointing pointing = pointing_of(command, config);
@@ -424,7 +419,7 @@ int teach(const TeachCommand& command, std::stop_token stop) {
   print_lesson(lesson, config.rig, pictures.numbers, is_sized ? std::optional(target.radius_m) : std::nullopt);
   if (!command.pictures.empty()) {
     draw(command.pictures, config.rig, pictures.set, lesson.taught);
-    fmt::print("pictures with what matches in pink: {}\n", command.pictures.string());
+    fmt::print("pictures with matching pixels in pink: {}\n", command.pictures.string());
   }
   if (!is_worth_writing(lesson, command)) return 1;
   if (command.dry_run && !command.accept) return 0;
@@ -443,7 +438,7 @@ int teach(const TeachCommand& command, std::stop_token stop) {
   fmt::print("written into {}: the colour of {}{}\n", written.string(), target.name,
              radius_m ? ", and its radius" : "");
   if (!radius_m && lesson.radius.radius_m && color_teaching::differs_clearly(lesson.radius, target.radius_m))
-    fmt::print("radius_m is left as it is; --radius takes the one above\n");
+    fmt::print("radius_m is not changed; --radius uses the one above\n");
   tell_services(config);
   return 0;
 }

@@ -15,10 +15,10 @@
 namespace huetrack::page {
 namespace {
 
-constexpr int picture_width = 960;  // larger than a preview's: people point into it
+constexpr int picture_width = 960;  // larger than a preview, for precise clicks
 constexpr int picture_quality = 85;
-constexpr std::size_t most_marks = 64;  // points, or rectangles, of a request; each costs a look at all pictures
-// For the object's size: it is carried on, and nobody waits for more.
+constexpr std::size_t most_marks = 64;  // points or rectangles of a request; each costs time for all pictures
+// For the object's size, while it is moved.
 constexpr std::chrono::milliseconds moments_apart(300), moments_until(15'000);
 constexpr double none = std::numeric_limits<double>::quiet_NaN();
 
@@ -31,7 +31,7 @@ msg::TeachReply reply_to(const msg::TeachRequest& request) {
   return reply;
 }
 
-// At the picture's size: a pixel of it matches when the pixel in its middle does.
+// At the picture's size, sampled at the middle of each pixel.
 std::vector<std::uint8_t> packed(const color_teaching::PixelMask& mask, int width, int height) {
   const int stride = (width + 7) / 8;
   std::vector<std::uint8_t> bits(std::size_t(stride) * std::size_t(height), 0);
@@ -63,7 +63,7 @@ std::optional<object_tracking::IgnoredRegions> ignored_of(const msg::TeachReques
   return regions;
 }
 
-// What the page points at; or why that makes no sense.
+// The page's points, or the reason why they are invalid.
 struct PointedAt {
   color_teaching::TeachRequestOptions request;
   std::string problem;
@@ -73,21 +73,21 @@ PointedAt pointing_of(const msg::TeachRequest& request, const calib::CameraRig& 
   PointedAt pointing;
   if (request.points().size() > most_marks) return {{}, fmt::format("More than {} points.", most_marks)};
   const auto ignored = ignored_of(request, rig);
-  if (!ignored) return {{}, "A rectangle is not in any camera's picture."};
+  if (!ignored) return {{}, "A rectangle is outside every camera's picture."};
   pointing.request.ignored = *ignored;
   pointing.request.wider = std::clamp(request.wider(), -50, 50);
   for (const auto& point : request.points()) {
     const auto index = rig.index_of(point.camera());
     if (!index || !std::isfinite(point.pixel()[0]) || !std::isfinite(point.pixel()[1]) ||
         !rig.cameras[std::size_t(*index)].contains({{point.pixel()[0], point.pixel()[1]}}))
-      return {{}, "A point is not in any camera's picture."};
+      return {{}, "A point is outside every camera's picture."};
     pointing.request.points.push_back({*index, {point.pixel()[0], point.pixel()[1]}});
   }
-  if (pointing.request.points.empty()) return {{}, "Point at the object first."};
+  if (pointing.request.points.empty()) return {{}, "Click on the object first."};
   return pointing;
 }
 
-// With the mask at this size; 0: none.
+// With a mask of this size; 0: none.
 msg::TeachCamera camera_of(const color_teaching::TaughtView& view, const std::string& name,
                            std::pair<std::uint32_t, std::uint32_t> mask_size) {
   msg::TeachCamera camera;
@@ -114,13 +114,13 @@ msg::TeachCamera camera_of(const color_teaching::TaughtView& view, const std::st
   return camera;
 }
 
-// Why there is no lesson in it.
+// The reason why nothing was learnt.
 std::string why_nothing(const color_teaching::Taught& taught) {
   const auto failed = std::ranges::find_if(taught.views, [](const auto& view) { return !view.problem.empty(); });
-  return failed == taught.views.end() ? "Point at the object first." : failed->verdict;
+  return failed == taught.views.end() ? "Click on the object first." : failed->verdict;
 }
 
-// As people see it: of a camera that says which pixels match the latest picture that came beside these.
+// For display: with `send: matches`, the latest picture.
 capture::FrameSet pictures_of(capture::FrameSet set) {
   for (auto& frame : set.frames) {
     if (frame && !take_picture(*frame, picture_of(*frame))) frame.reset();
@@ -138,10 +138,10 @@ std::string learnt(const color_teaching::Lesson& lesson) {
 }
 
 std::string saved(const color_teaching::Lesson& lesson, const std::filesystem::path& file, bool with_radius) {
-  std::string text = fmt::format("Saved: {} is tracked by this colour{} now, and it is written into {}.",
-                                 lesson.target.name, with_radius ? " and with this radius" : "", file.string());
+  std::string text = fmt::format("Saved: {} is now tracked by this colour{}, written into {}.", lesson.target.name,
+                                 with_radius ? " and with this radius" : "", file.string());
   if (!lesson.unconfirmed.empty())
-    text += fmt::format(" Nobody has confirmed where it is in {}: it may not be seen there.",
+    text += fmt::format(" Its place in {} is not confirmed: it may not be seen there.",
                         fmt::join(lesson.unconfirmed, ", "));
   if (lesson.is_faint) text += " Less than half of the object matches: widen the ranges.";
   return text;
@@ -150,7 +150,7 @@ std::string saved(const color_teaching::Lesson& lesson, const std::filesystem::p
 std::string warnings(const color_teaching::Lesson& lesson, std::optional<double> said_radius_m) {
   std::string text;
   if (!lesson.namesakes.empty())
-    text += fmt::format(" The object has the colour of {}, too: nothing tells them apart.",
+    text += fmt::format(" The object also has the colour of {}: they cannot be distinguished.",
                         fmt::join(lesson.namesakes, ", "));
   return text + " " + color_teaching::radius_words(lesson.radius, said_radius_m);
 }
@@ -158,8 +158,7 @@ std::string warnings(const color_teaching::Lesson& lesson, std::optional<double>
 }  // namespace
 
 std::string TeachingSession::why_not(const config::ServiceConfig& config) {
-  if (!config.is_calibrated())
-    return "The cameras are not calibrated yet: what is seen in one tells nothing of the others.";
+  if (!config.is_calibrated()) return "The cameras are not calibrated yet: calibrate them first.";
   if (config.control.allow_teach) return "";
   return fmt::format(
       "The configuration does not allow it. Set control: {{allow_teach: true}} in {}, then reload it: kill -HUP {} (or "
@@ -207,14 +206,14 @@ msg::TeachReply TeachingSession::freeze(const msg::TeachRequest& request, const 
 
 void TeachingSession::add_moment(const capture::FrameSet& set) {
   next_moment_ = std::chrono::steady_clock::now() + moments_apart;
-  if (set.number == moment_number_) return;  // of a replay that is held
+  if (set.number == moment_number_) return;  // a held replay
   moment_number_ = set.number;
   takes_moments_ = teacher_->add_moment(pictures_of(set));
 }
 
-// Beside the pages, which go on meanwhile: a long recording takes its time.
+// In a separate thread, because a long recording takes long.
 void TeachingSession::read_moments() {
-  reading_ = {};  // of the pictures before
+  reading_ = {};  // for earlier pictures
   read_.clear();
   why_not_read_.clear();
   if (!actions_.moments) return;
@@ -225,12 +224,12 @@ void TeachingSession::read_moments() {
       read_ = std::move(moments);
     } catch (const std::exception& error) {
       const std::scoped_lock lock(read_mutex_);
-      why_not_read_ = fmt::format(" What moves is not known: {}.", error.what());
+      why_not_read_ = fmt::format(" Motion is unknown: {}.", error.what());
     }
   });
 }
 
-// Returns why there are none; empty: nothing is wrong.
+// Returns the reason if there are none; empty: no error.
 std::string TeachingSession::take_read_moments() {
   std::vector<capture::FrameSet> moments;
   std::string why_not;
@@ -246,7 +245,7 @@ std::string TeachingSession::take_read_moments() {
 msg::TeachReply TeachingSession::look(const msg::TeachRequest& request, const config::ServiceConfig& config,
                                       bool applies) {
   if (!teacher_ || client_ != request.client())
-    return refusal(request, "Somebody else took new pictures meanwhile. Take new ones, and point again.");
+    return refusal(request, "Another client has taken new pictures. Take new ones and click again.");
   const auto target = std::ranges::find(config.targets, request.target(), &object_tracking::TargetOptions::name);
   if (target == config.targets.end()) return refusal(request, "There is no target \"" + request.target() + "\".");
   const PointedAt pointing = pointing_of(request, config.rig);
@@ -258,8 +257,7 @@ msg::TeachReply TeachingSession::look(const msg::TeachRequest& request, const co
       color_teaching::learn(*teacher_, pointing.request, config.targets, *target, config.object_tracking.volume);
   msg::TeachReply reply = reply_to(request);
   reply.set_number(set_number_);
-  // A radius that nobody has said is a default: what was measured is better. One that was said is changed by hand,
-  // where what was measured is clearly another one.
+  // A measured radius replaces the default. A configured radius is only changed by the user.
   const bool is_sized = !config.unsized_targets.contains(target->name);
   const auto said_radius_m = is_sized ? std::optional(target->radius_m) : std::nullopt;
   const bool agrees =
@@ -291,11 +289,11 @@ msg::TeachReply TeachingSession::look(const msg::TeachRequest& request, const co
 
 msg::TeachReply TeachingSession::ignore(const msg::TeachRequest& request, const config::ServiceConfig& config) {
   const auto ignored = ignored_of(request, config.rig);
-  if (!ignored) return refusal(request, "A rectangle is not in any camera's picture.");
+  if (!ignored) return refusal(request, "A rectangle is outside every camera's picture.");
   const std::string why_not = why_not_saved([&] { config::save_ignored(config.file, *ignored); });
   if (!why_not.empty()) return refusal(request, why_not);
   msg::TeachReply reply = reply_to(request);
-  reply.reason("Saved: nothing matches in these rectangles any more.");
+  reply.reason("Saved: these rectangles are now ignored.");
   return reply;
 }
 
@@ -312,8 +310,8 @@ std::string TeachingSession::why_not_saved(const std::function<void()>& save) co
   try {
     save();
     const std::string problem = actions_.reload();
-    return problem.empty() ? "" : "It is written, but not taken over: " + problem;
-  } catch (const std::exception& error) {  // the file cannot be written, or the configuration is not right as it stands
+    return problem.empty() ? "" : "It is saved, but not in use: " + problem;
+  } catch (const std::exception& error) {  // write error, or an invalid configuration
     return std::string("Not saved: ") + error.what();
   }
 }

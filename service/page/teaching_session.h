@@ -1,4 +1,4 @@
-// Answers what pages ask when a colour is taught: holds the frozen pictures, and writes what was learnt.
+// Executes the page's teaching requests: keeps the frozen pictures and saves what was learnt.
 #pragma once
 
 #include <chrono>
@@ -22,25 +22,25 @@ namespace huetrack::page {
 class TeachingSession {
  public:
   struct Actions {
-    // What was taught stands in its file: take it over. Returns why that did not work, or an empty string.
+    // Reloads the saved configuration. Returns the reason of a failure, or an empty string.
     std::function<std::string()> reload;
-    std::function<void()> resume;  // of a replay that was started to be held; empty: nothing is held
-    // Of a replay: other moments of its recording, read until it is asked to stop. Called from a thread of its own.
-    // Empty: of live cameras, whose moments come by add_moment().
+    std::function<void()> resume;  // of a held replay; empty: none
+    // Reads other moments of a replayed recording, until a stop. Called from a separate thread. Empty: live cameras,
+    // which use add_moment().
     std::function<std::vector<capture::FrameSet>(const std::stop_token&)> moments = {};
   };
   explicit TeachingSession(Actions actions) : actions_(std::move(actions)) {}
 
-  // Why nothing may be taught; empty: it may.
+  // The reason why teaching is not allowed; empty: it is.
   static std::string why_not(const config::ServiceConfig& config);
 
-  // Everything but TEACH_ACTION_FREEZE.
+  // All actions except TEACH_ACTION_FREEZE.
   msg::TeachReply answer(const msg::TeachRequest& request, const config::ServiceConfig& config);
-  // TEACH_ACTION_FREEZE: these are the pictures from now on.
+  // TEACH_ACTION_FREEZE with these pictures.
   msg::TeachReply freeze(const msg::TeachRequest& request, const config::ServiceConfig& config,
                          const capture::FrameSet& set);
 
-  // Another moment for the object's size, while that is of use: after freeze(), some times a second.
+  // Whether another moment is useful for the object's size: after freeze(), some times a second.
   bool wants_moment(std::chrono::steady_clock::time_point now) const {
     return takes_moments_ && now >= next_moment_ && now < last_moment_;
   }
@@ -54,11 +54,11 @@ class TeachingSession {
   msg::TeachReply look(const msg::TeachRequest& request, const config::ServiceConfig& config, bool applies);
   msg::TeachReply ignore(const msg::TeachRequest& request, const config::ServiceConfig& config);
   msg::TeachReply undo(const msg::TeachRequest& request, const config::ServiceConfig& config);
-  std::string why_not_saved(const std::function<void()>& save) const;  // empty: it is, and taken over
+  std::string why_not_saved(const std::function<void()>& save) const;  // empty: saved and reloaded
 
   const Actions actions_;
   std::optional<color_teaching::ColorTeacher> teacher_;
-  std::string client_;  // whose pictures they are
+  std::string client_;  // owner of the pictures
   std::uint64_t set_number_ = 0, moment_number_ = 0;
   bool takes_moments_ = false;
   std::chrono::steady_clock::time_point next_moment_{}, last_moment_{};

@@ -28,7 +28,7 @@ using Eigen::Vector3d;
 constexpr Color found_color{90, 220, 120}, missed_color{255, 96, 88}, given_color{110, 180, 255},
     particle_color{255, 220, 90};
 
-// The world's, whatever way the start lies in it.
+// The axes of the world, independent of the start.
 struct Axis {
   Vector3d direction;
   Color in_picture, on_paper;
@@ -64,7 +64,7 @@ class Panel {
     return (*this)(px->px);
   }
 
-  // In pieces: the lens bends it, and a part of it may be behind the camera.
+  // In pieces, because of distortion, and because a part may be behind the camera.
   void segment(const calib::Rigid3d& camera_from_world, const Vector3d& a, const Vector3d& b, Color color,
                double width) {
     constexpr int pieces = 16;
@@ -113,9 +113,9 @@ std::vector<Segment> house_on(const StartPlane& plane) {
 }
 
 void draw_features(Panel& panel, const calib::Camera& camera, const CameraPictureJob& job) {
-  if (!job.estimate.has_pose()) return;  // features are where a pose projects them
+  if (!job.estimate.has_pose()) return;  // without a pose, features cannot be projected
   Canvas& canvas = panel.canvas();
-  // Where the particles have some of the features.
+  // Some features, projected by the particles.
   constexpr std::size_t shown = 12;
   const auto& features = job.inside.features;
   std::vector<Point> dots;
@@ -271,9 +271,9 @@ void draw_map_points(Canvas& canvas, const Oblique& oblique, const std::vector<c
   }
 }
 
-void draw_way(Canvas& canvas, const Oblique& oblique, const std::vector<camera_tracking::CameraEstimate>& way) {
+void draw_way(Canvas& canvas, const Oblique& oblique, const std::vector<camera_tracking::CameraEstimate>& path) {
   const camera_tracking::CameraEstimate* before = nullptr;
-  for (const auto& e : way) {
+  for (const auto& e : path) {
     if (e.has_pose() && before != nullptr)
       canvas.line(oblique(before->world_from_camera.translation), oblique(e.world_from_camera.translation),
                   e.state == camera_tracking::PoseState::tracking ? way_color : coasting_way_color, 2.8);
@@ -281,13 +281,13 @@ void draw_way(Canvas& canvas, const Oblique& oblique, const std::vector<camera_t
   }
 }
 
-// The camera itself, a dozen times on its way. reach: of its corners' rays, metres
+// The camera itself, a dozen times on its path. reach: of its corners' rays, metres
 void draw_cameras(Canvas& canvas, const Oblique& oblique, const calib::Camera& camera,
-                  const std::vector<camera_tracking::CameraEstimate>& way, double reach) {
-  const std::size_t every = std::max<std::size_t>(1, way.size() / 12);
-  for (std::size_t i = 0; i < way.size(); i += every) {
-    if (!way[i].has_pose()) continue;
-    const calib::Rigid3d& pose = way[i].world_from_camera;
+                  const std::vector<camera_tracking::CameraEstimate>& path, double reach) {
+  const std::size_t every = std::max<std::size_t>(1, path.size() / 12);
+  for (std::size_t i = 0; i < path.size(); i += every) {
+    if (!path[i].has_pose()) continue;
+    const calib::Rigid3d& pose = path[i].world_from_camera;
     std::vector<Point> front;
     for (const auto& [u, v] : {std::pair{0, 0}, {1, 0}, {1, 1}, {0, 1}}) {
       const auto ray = camera.model.ray(
@@ -324,18 +324,18 @@ void draw_map_key(Canvas& canvas, double zoom) {
 }  // namespace
 
 cv::Mat draw_camera_map(const calib::Camera& camera, const StartPlane& plane, const std::string& title,
-                        const std::vector<camera_tracking::CameraEstimate>& way,
+                        const std::vector<camera_tracking::CameraEstimate>& path,
                         const std::vector<camera_tracking::CameraMapPoint>& map) {
   Canvas canvas(map_width, map_height, map_paper);
   Oblique oblique = Oblique::from(-60, 32);
 
-  // What is fitted: the start, the way, and of the map what is not far out.
+  // What is fitted: the start, the path, and of the map what is not far out.
   std::vector<Vector2d> all;
   std::vector<Vector3d> ground;  // the start's corners, going round
   for (const auto& [sx, sy] : {std::pair{-0.5, -0.5}, {0.5, -0.5}, {0.5, 0.5}, {-0.5, 0.5}})
     ground.emplace_back(plane.origin + sx * plane.size_x * plane.x + sy * plane.size_y * plane.y);
   for (const Vector3d& p : ground) all.push_back(oblique.flat(p));
-  for (const auto& e : way)
+  for (const auto& e : path)
     if (e.has_pose()) all.push_back(oblique.flat(e.world_from_camera.translation));
   Vector2d low = all.front(), high = low;
   for (const auto& p : all) low = low.cwiseMin(p), high = high.cwiseMax(p);
@@ -354,11 +354,11 @@ cv::Mat draw_camera_map(const calib::Camera& camera, const StartPlane& plane, co
   oblique.fit(wide_low - edge, wide_high + edge, {60, 110, map_width - 120, map_height - 170});
 
   canvas.text({36, 46}, title, 22, ink, Align::left, Weight::bold);
-  const auto poses = std::ranges::count_if(way, &camera_tracking::CameraEstimate::has_pose);
+  const auto poses = std::ranges::count_if(path, &camera_tracking::CameraEstimate::has_pose);
   canvas.text({36, 76},
-              fmt::format("{} frames, {} with a pose; {} map points with their 95 % ellipsoids{}{}", way.size(), poses,
-                          map.size(), outside > 0 ? fmt::format(", {} of them beyond the picture", outside) : "",
-                          shows_origin ? "" : "; the world's origin is beyond the picture"),
+              fmt::format("{} frames, {} with a pose; {} map points with their 95 % ellipsoids{}{}", path.size(), poses,
+                          map.size(), outside > 0 ? fmt::format(", {} of them outside the picture", outside) : "",
+                          shows_origin ? "" : "; the world's origin is outside the picture"),
               text_size, ink);
 
   std::vector<Point> outline;
@@ -373,8 +373,8 @@ cv::Mat draw_camera_map(const calib::Camera& camera, const StartPlane& plane, co
   }
 
   draw_map_points(canvas, oblique, map, wide_low, wide_high);
-  draw_way(canvas, oblique, way);
-  draw_cameras(canvas, oblique, camera, way, 0.07 * (wide_high - wide_low).maxCoeff());
+  draw_way(canvas, oblique, path);
+  draw_cameras(canvas, oblique, camera, path, 0.07 * (wide_high - wide_low).maxCoeff());
   draw_map_key(canvas, oblique.zoom);
   canvas.line({36, 92}, {map_width - 36.0, 92}, rule, 0.8);
   return image_of(canvas);
@@ -391,9 +391,9 @@ void CameraPictureWriter::write(const CameraPictureJob& job) {
   save(fmt::format("camera_{:06}.png", job.estimate.frame_number), draw_camera(camera_, plane_, job));
 }
 
-void CameraPictureWriter::finish(const std::string& title, const std::vector<camera_tracking::CameraEstimate>& way,
+void CameraPictureWriter::finish(const std::string& title, const std::vector<camera_tracking::CameraEstimate>& path,
                                  const std::vector<camera_tracking::CameraMapPoint>& map) {
-  save("camera_3d.png", draw_camera_map(camera_, plane_, title, way, map));
+  save("camera_3d.png", draw_camera_map(camera_, plane_, title, path, map));
 }
 
 void CameraPictureWriter::save(const std::string& name, const cv::Mat& picture) {

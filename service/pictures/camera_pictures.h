@@ -1,7 +1,6 @@
-// Pictures of what a camera tracker saw and thought: per frame one PNG with the features, their search regions and the
-// particles on the left, and on the right the same frame with the world's axes at its origin and a wireframe house that
-// stands on the start's plane: it stands still if the pose holds. At the end one PNG of the map and the way of the
-// camera in 3-D. For people only.
+// Pictures of the camera tracker, for people: per frame one PNG, left with features, search regions and particles,
+// right with the world's axes and a wireframe house on the start's plane, which stands still if the pose is right; at
+// the end one PNG with map and trajectory in 3-D.
 #pragma once
 
 #include <Eigen/Core>
@@ -14,7 +13,7 @@
 
 namespace huetrack::pictures {
 
-// Where the start lies, and so where the house stands. World frame, metres.
+// The start's plane, for the house. World frame, metres.
 struct StartPlane {
   Eigen::Vector3d origin{0, 0, 0};  // its centre
   Eigen::Vector3d x{1, 0, 0}, y{0, 1, 0}, up{0, 0, 1};
@@ -24,19 +23,19 @@ StartPlane start_plane(const config::CameraTrackingConfig& config);
 
 cv::Mat draw_camera(const calib::Camera& camera, const StartPlane& plane, const CameraPictureJob& job);
 
-// The map with its 95 % ellipsoids, the way, and the world's axes where its origin is not far from them.
+// The map with 95 % ellipsoids, the trajectory, and the world's axes if its origin is near.
 cv::Mat draw_camera_map(const calib::Camera& camera, const StartPlane& plane, const std::string& title,
-                        const std::vector<camera_tracking::CameraEstimate>& way,
+                        const std::vector<camera_tracking::CameraEstimate>& path,
                         const std::vector<camera_tracking::CameraMapPoint>& map);
 
 // thread-compatible: write() by the camera's picture thread, finish() afterwards.
 class CameraPictureWriter {
  public:
-  // Makes the folder if needed. throws std::runtime_error, naming it; so do the others
+  // Creates the folder if needed. All functions throw std::runtime_error, naming it.
   CameraPictureWriter(const config::ServiceConfig& config, std::filesystem::path folder);
 
   void write(const CameraPictureJob& job);  // <folder>/camera_<number>.png
-  void finish(const std::string& title, const std::vector<camera_tracking::CameraEstimate>& way,
+  void finish(const std::string& title, const std::vector<camera_tracking::CameraEstimate>& path,
               const std::vector<camera_tracking::CameraMapPoint>& map);  // camera_3d.png
   std::size_t written() const { return written_; }
 

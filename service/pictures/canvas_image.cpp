@@ -12,7 +12,7 @@ drawing::Canvas canvas_over(const cv::Mat& bgr, const drawing::Point& top_left, 
                             drawing::Color background) {
   drawing::Canvas canvas(size.width, size.height, background);
   if (bgr.empty()) return canvas;
-  // The nearest pixel at twice the size, then averaged down: squares with smooth edges at any zoom.
+  // Nearest pixel at twice the size, then averaged: squares with smooth edges at any zoom.
   constexpr int scale = 2;
   cv::Mat large, small;
   cv::resize(bgr, large, {}, zoom * scale, zoom * scale, cv::INTER_NEAREST);
@@ -26,7 +26,7 @@ drawing::Canvas canvas_over(const cv::Mat& bgr, const drawing::Point& top_left, 
 }
 
 cv::Mat image_of(const drawing::Canvas& canvas) {
-  // OpenCV has no view of pixels that must not be changed; it only reads these.
+  // OpenCV has no const view; it only reads these pixels.
   const cv::Mat bgrx(canvas.height(), canvas.width(), CV_8UC4, const_cast<std::uint8_t*>(canvas.bgrx()),
                      canvas.bgrx_stride());
   cv::Mat bgr;
@@ -41,7 +41,7 @@ void make_picture_folder(const std::filesystem::path& folder) {
 }
 
 void write_png(const std::filesystem::path& file, const cv::Mat& bgr) {
-  constexpr int compression = 2;  // of 9: fast, for files that are looked at and thrown away
+  constexpr int compression = 2;  // of 9: fast
   bool written = false;
   std::string why;
   try {

@@ -1,4 +1,4 @@
-// Between OpenCV's images, the canvas and files.
+// Conversions between OpenCV images, canvases and files.
 #pragma once
 
 #include <filesystem>
@@ -8,8 +8,7 @@
 
 namespace huetrack::pictures {
 
-// A canvas with an image on it: its pixels stay visible as squares. top_left: of the image on the canvas; where the
-// image does not reach, the background.
+// A canvas with a magnified image, whose pixels stay visible as squares. top_left: of the image on the canvas.
 //   bgr    8-bit; empty: only the background
 drawing::Canvas canvas_over(const cv::Mat& bgr, const drawing::Point& top_left, double zoom, cv::Size size,
                             drawing::Color background);

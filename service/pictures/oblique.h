@@ -1,4 +1,4 @@
-// Looking at a scene from above and aside, without perspective.
+// Oblique parallel projection of a scene.
 #pragma once
 
 #include <Eigen/Core>
@@ -35,7 +35,7 @@ struct Oblique {
   }
   drawing::Point operator()(const Eigen::Vector3d& p) const { return at(flat(p)); }
 
-  // Makes what lies between these two points of the plane fill the box.
+  // Fits the rectangle between these two points of the plane into the box.
   void fit(const Eigen::Vector2d& low, const Eigen::Vector2d& high, const drawing::Box& box) {
     const Eigen::Vector2d size = (high - low).cwiseMax(1e-3), middle = (low + high) / 2;
     zoom = std::min(box.width / size.x(), box.height / size.y());

@@ -1,4 +1,4 @@
-// What pictures are made of: the pipeline puts it together, the drawing surfaces and the previews read it.
+// Data of pictures: filled by the pipeline, drawn by pictures and previews.
 #pragma once
 
 #include <Eigen/Core>
@@ -12,14 +12,14 @@
 
 namespace huetrack::pictures {
 
-// A patch of a target's colour that never moves, and is left out (ObjectTracker::color_shares()).
+// Static clutter of a target's colour (ObjectTracker::color_shares()).
 struct StillPatch {
   std::size_t target = 0;
   int camera = 0;            // in the rig
   std::array<int, 4> box{};  // u_min v_min u_max v_max, raw pixels
 };
 
-// What a picture of one set needs. A plain value; images are shared, not copied.
+// Data of a picture of one set. Images are shared, not copied.
 struct PictureJob {
   capture::FrameSet set;
   std::vector<object_tracking::ObjectEstimate> estimates;  // in target order, one or more of each
@@ -27,12 +27,12 @@ struct PictureJob {
   std::vector<StillPatch> still = {};
 };
 
-// What a picture shows of one frame of a tracked camera.
+// Data of a picture of one frame of a tracked camera.
 struct CameraPictureJob {
   capture::Frame frame;
   camera_tracking::CameraEstimate estimate;
   camera_tracking::CameraTrackerInside inside;
-  std::vector<camera_tracking::CameraMapPoint> start_map;  // in the frame of the start, where no feature is sought yet
+  std::vector<camera_tracking::CameraMapPoint> start_map;  // in the frame of the start
 };
 
 }  // namespace huetrack::pictures

@@ -20,19 +20,19 @@ Color target_color(const object_tracking::TargetOptions& target) {
   return color_of(target.color, 0.75, 1);
 }
 
-// How a camera's pixels lie on a canvas.
+// Placement of a camera's pixels on a canvas.
 struct Placement {
   Point top_left;  // of the image; pixel (0,0) is the CENTRE of the top-left pixel
   double zoom;
   Point operator()(const Eigen::Vector2d& px) const { return top_left + zoom * (px + Point(0.5, 0.5)); }
 };
 
-// Of the target's outline, by its distance; both axes of the lens taken as one.
+// Radius of the target in the image, with the mean focal length.
 double outline_radius_px(const calib::Camera& camera, const Eigen::Vector3d& p_world, double radius_m) {
   return radius_m / (camera.cam_from_world * p_world).norm() * 0.5 * (camera.model.fx() + camera.model.fy());
 }
 
-// The target's outline where it is thought to be.
+// The target's outline at its estimate.
 void draw_outline(Canvas& canvas, const calib::Camera& camera, const Placement& placement,
                   const Eigen::Vector3d& position, double radius_m, Color color) {
   const auto pixel = camera.project_world(position);
@@ -42,7 +42,7 @@ void draw_outline(Canvas& canvas, const calib::Camera& camera, const Placement& 
   canvas.circle(placement(pixel->px), radius_px * placement.zoom, color, 2);
 }
 
-// The 95 % ellipse of where its centre is.
+// The 95 % ellipse of its centre.
 void draw_ellipse(Canvas& canvas, const calib::Camera& camera, const Placement& placement,
                   const object_tracking::ObjectEstimate& estimate) {
   const auto pixel = camera.project_world(estimate.position);
@@ -54,7 +54,7 @@ void draw_ellipse(Canvas& canvas, const calib::Camera& camera, const Placement& 
   canvas.polyline(ring, white, 1.5, true);
 }
 
-// Everything that is drawn into an image, at any magnification.
+// All overlays of an image, at any magnification.
 void draw_findings(Canvas& canvas, const config::ServiceConfig& config, const PictureJob& job,
                    const calib::Camera& camera, const Placement& placement, double dot_radius) {
   for (std::size_t t = 0; t < config.targets.size(); ++t) {
@@ -77,7 +77,7 @@ void draw_findings(Canvas& canvas, const config::ServiceConfig& config, const Pi
   }
 }
 
-// Magnified squares around the targets, along the edge of the view that they are farther from.
+// Magnified squares around the targets, along the farther edge of the view.
 void draw_magnifiers(Canvas& canvas, const config::ServiceConfig& config, const PictureJob& job,
                      const calib::Camera& camera, const cv::Mat& image) {
   constexpr double side = 168, gap = 10;
@@ -94,12 +94,12 @@ void draw_magnifiers(Canvas& canvas, const config::ServiceConfig& config, const 
   const bool at_bottom = mean_v / double(seen.size()) < camera.image_size.height / 2.0;
   Point at(gap, at_bottom ? canvas.height() - side - gap : gap);
   for (const auto& [e, px] : seen) {
-    if (at.x() + side + gap > canvas.width()) break;  // of many objects only as many as there is room for
+    if (at.x() + side + gap > canvas.width()) break;  // only as many objects as fit
     const auto& target = config.targets[job.estimates[e].target];
     const double radius_px = outline_radius_px(camera, job.estimates[e].position, target.radius_m);
     const double zoom = side / (2 * std::max(6.0, 1.8 * radius_px));
     const Placement placement{Point(side / 2, side / 2) - zoom * (px + Point(0.5, 0.5)), zoom};
-    // Only the part of the image that shows: magnified whole it would be huge.
+    // Only the visible part of the image.
     const int half = int(std::ceil(side / 2 / zoom)) + 1;
     const cv::Rect part = cv::Rect(int(px.x()) - half, int(px.y()) - half, 2 * half + 1, 2 * half + 1) &
                           cv::Rect(cv::Point(), image.size());

@@ -1,5 +1,5 @@
-// Pictures of what the tracker saw and thought: one PNG per frame set with every view, the particles and the estimate
-// drawn in, and one PNG of the whole track in 3-D. For people only: nothing that tracks reads a converted image.
+// Pictures of the object tracker, for people: one PNG per frame set with every view, particles and estimate, and one
+// PNG of the whole track in 3-D.
 #pragma once
 
 #include <filesystem>
@@ -14,18 +14,16 @@
 
 namespace huetrack::pictures {
 
-// A colour to draw a target with: the middle of its hues.
+// A drawing colour for a target: the middle of its hues.
 drawing::Color color_of(const color::HsiRange& range, double saturation, double value);
 
 // The whole image in 8-bit BGR (BT.601).
 cv::Mat bgr_of(const capture::Image& image);
 
-// All views side by side: particles in the target's colour, the estimate with the outline of the target and the 95 %
-// ellipse of its position.
+// All views side by side: particles in the target's colour, the target's estimated outline and 95 % ellipse.
 cv::Mat draw_views(const config::ServiceConfig& config, const PictureJob& job);
 
-// The tracks over everything else: a 3-D view with the cameras and the volume, a plan, the coordinates over time, and
-// the error against the truth where there is one.
+// The tracks: a 3-D view with cameras and volume, a plan, coordinates over time, and the error if there is a truth.
 //   title    the headline
 //   tracks   per target (in the order of config.targets), the estimates object by object, each in time order
 cv::Mat draw_track_3d(const config::ServiceConfig& config, const std::string& title,
@@ -35,7 +33,7 @@ cv::Mat draw_track_3d(const config::ServiceConfig& config, const std::string& ti
 // thread-compatible.
 class PictureWriter {
  public:
-  // Makes the folder if needed. throws std::runtime_error, naming it
+  // Creates the folder if needed. throws std::runtime_error, naming it
   PictureWriter(const config::ServiceConfig& config, std::filesystem::path folder);
 
   void write(const PictureJob& job);                                       // <folder>/set_<number>.png

@@ -11,10 +11,10 @@
 namespace huetrack::pictures {
 namespace {
 
-constexpr std::uint32_t left_out_state = 100;  // PreviewTarget::state
+constexpr std::uint32_t clutter_state = 100;  // PreviewTarget::state
 constexpr float none = std::numeric_limits<float>::quiet_NaN();
 
-// A colour to draw a target with: the middle of its hues, bright and strong enough to be seen on any picture.
+// A drawing colour for a target: the middle of its hues, bright and saturated.
 std::array<float, 3> drawing_rgb(const color::HsiRange& range) {
   const double to = range.hue_max_deg < range.hue_min_deg ? range.hue_max_deg + 360 : range.hue_max_deg;
   const double hue = std::fmod((range.hue_min_deg + to) / 2, 360) / 60;
@@ -88,7 +88,7 @@ std::vector<msg::Preview> make_previews(const config::ServiceConfig& config, con
       if (patch.camera != static_cast<int>(c)) continue;
       msg::PreviewTarget& out = preview.targets().emplace_back();
       out.target(config.targets[patch.target].name);
-      out.state(left_out_state);
+      out.state(clutter_state);
       out.pixel({none, none});
       out.ellipse({none, none, none});
       out.radius_px(0);
@@ -97,7 +97,7 @@ std::vector<msg::Preview> make_previews(const config::ServiceConfig& config, con
     for (std::size_t e = 0; e < job.estimates.size(); ++e) {
       const auto& estimate = job.estimates[e];
       const auto& target = config.targets[estimate.target];
-      // Particles are of all objects of a target: the first of these brings them along.
+      // Particles of all objects of a target are in the entry of its first object.
       const bool is_first = e == 0 || job.estimates[e - 1].target != estimate.target;
       preview.targets().push_back(drawn(
           camera, object_tracking::object_name(target.name, estimate.object), target.radius_m, estimate,
@@ -122,7 +122,7 @@ msg::Scene make_scene(const config::ServiceConfig& config, bool may_teach, const
     out.name(camera.name);
     out.width(std::uint32_t(camera.image_size.width));
     out.height(std::uint32_t(camera.image_size.height));
-    if (!config.is_calibrated()) continue;  // of it, nothing else is known
+    if (!config.is_calibrated()) continue;  // nothing else is known
     out.model(std::string(camera.model.name()));
     out.intrinsics({camera.model.fx(), camera.model.fy(), camera.model.cx(), camera.model.cy()});
     std::visit([&](const auto& lens) { out.distortion().assign(lens.distortion.begin(), lens.distortion.end()); },

@@ -24,7 +24,7 @@ constexpr Color truth_color{70, 76, 86}, coasting_color{232, 130, 0}, bad_color{
 constexpr double name_size = 14, figures_size = 12.5, label_size = 11;
 constexpr double page_margin = 36;
 
-// What is drawn of one target.
+// Drawing data of one target.
 struct Target {
   std::string name;
   Color color;
@@ -42,7 +42,7 @@ Target target_of(const object_tracking::TargetOptions& options, std::span<const 
     const auto count = std::ranges::count(track, state, &ObjectEstimate::state);
     return track.empty() ? 0.0 : 100.0 * double(count) / double(track.size());
   };
-  // Of several objects each has an estimate per frame set.
+  // With several objects, each has an estimate per frame set.
   target.figures =
       fmt::format("{} {}: tracking {:.0f} %, coasting {:.0f} %", track.size(),
                   options.count > 1 ? "estimates of its objects" : "frame sets",
@@ -56,11 +56,11 @@ Target target_of(const object_tracking::TargetOptions& options, std::span<const 
   target.rms_mm = 1e3 * f.rms_m;
   target.figures += f.lock_set ? fmt::format("; locked in set {}; error after it {:.1f} mm rms, {:.1f} mm at most",
                                              *f.lock_set, 1e3 * f.rms_m, 1e3 * f.max_m)
-                               : "; never near the truth";
+                               : "; never locked";
   return target;
 }
 
-// The track where it has positions, in the colours of its states. at: where an estimate is drawn.
+// The track in the colours of its states. at: maps an estimate to a point.
 template <typename At>
 void draw_track(Canvas& canvas, const Target& target, double width, At&& at) {
   std::vector<Point> run;
@@ -103,15 +103,14 @@ class World {
     draw_volume();
     draw_labels();
     for (const auto& camera : rig_.cameras) draw_camera(camera);
-    for (const Target& target : targets) draw_shadow(target);  // on the floor, it gives the eye the depth
+    for (const Target& target : targets) draw_shadow(target);  // on the floor, shows the depth
     for (const Target& target : targets) draw_target(target);
   }
 
  private:
-  static constexpr double frustum_m = 0.32;  // how deep cameras are drawn
+  static constexpr double frustum_m = 0.32;  // depth of drawn cameras
 
-  // From the side where no camera stands before the volume: opposite to where the cameras are, turned a little so that
-  // neither horizontal axis is seen end on.
+  // From the side opposite to the cameras, turned so that neither horizontal axis is seen end on.
   Oblique from_behind_the_cameras() const {
     Vector3d cameras_at = Vector3d::Zero();
     for (const auto& camera : rig_.cameras) cameras_at += (camera.centre() - (box_.min + box_.max) / 2).normalized();
@@ -151,7 +150,7 @@ class World {
         if ((i & bit) == 0) canvas_.line(oblique_(corner(i)), oblique_(corner(i | bit)), rule, 1.2);
   }
 
-  // The three edges nearest to the viewer carry the ticks; z the vertical one that is leftmost in the picture.
+  // Ticks are on the three edges nearest to the viewer; z on the leftmost vertical edge.
   void draw_labels() {
     const bool far_x_is_near = oblique_.towards.x() > 0, far_y_is_near = oblique_.towards.y() > 0;
     const double near_x = far_x_is_near ? box_.max.x() : box_.min.x(),
@@ -162,7 +161,7 @@ class World {
     for (int i = 1; i < 4; ++i)
       if (oblique_(corner(i)).x() < oblique_(corner(left_edge)).x()) left_edge = i;
     const Vector3d foot = corner(left_edge);
-    const auto is_foot = [&](const Point& p) { return (p - oblique_(foot)).norm() < 1; };  // it has a label of z
+    const auto is_foot = [&](const Point& p) { return (p - oblique_(foot)).norm() < 1; };  // it has a z label
 
     const double step = floor_step(), z_step = drawing::tick_step(box_.max.z() - box_.min.z(), 8);
     drawing::for_each_tick({box_.min.x(), box_.max.x()}, step, [&](double x) {
@@ -190,7 +189,7 @@ class World {
                                   : Align::centre);
   }
 
-  // In the picture, away from the box along this axis.
+  // In the picture, away from the box.
   Point outward(const Vector3d& direction) const {
     const Point d = oblique_(direction) - oblique_(Vector3d::Zero());
     return d / std::max(1e-9, d.norm());
@@ -261,14 +260,14 @@ void draw_coordinate(Canvas& canvas, const Axes& axes, std::span<const Target> t
 
 void draw_errors(Canvas& canvas, const Box& box, const drawing::Span& time, std::span<const Target> targets) {
   constexpr double longest_gap_s = 0.2;
-  // Up to what nearly all errors are; the few beyond are clipped and marked.
+  // Up to nearly all errors; the few larger ones are clipped and marked.
   std::vector<double> all;
   for (const Target& target : targets)
     for (const Point& error : target.errors) all.push_back(error.y());
   std::ranges::sort(all);
   const double high = std::max(5.0, 1.25 * all[std::size_t(0.98 * double(all.size() - 1))]);
   const Axes axes{box, time, {0, high}};
-  draw_axes(canvas, axes, {"distance to the truth, mm", true, "t, s"});
+  draw_axes(canvas, axes, {"error, mm", true, "t, s"});
   for (const Target& target : targets) {
     std::vector<Point> inside, beyond, run;
     for (std::size_t k = 0; k < target.errors.size(); ++k) {
@@ -293,7 +292,7 @@ void draw_errors(Canvas& canvas, const Box& box, const drawing::Span& time, std:
                        fmt::format("rms {:.1f}", target.rms_mm), figures_size, ink, white, Align::right);
   }
   if (all.back() > high)
-    canvas.text({box.x + box.width, box.y - 8}, fmt::format("red: beyond the scale, up to {:.0f} mm", all.back()),
+    canvas.text({box.x + box.width, box.y - 8}, fmt::format("red: outside the scale, up to {:.0f} mm", all.back()),
                 label_size, bad_color, Align::right);
 }
 

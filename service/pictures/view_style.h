@@ -1,4 +1,4 @@
-// How the pictures of what cameras see look: colours and sizes of text, pixels. Private to this module.
+// Style of pictures: colours and text sizes in pixels. Private to this module.
 #pragma once
 
 #include "drawing/canvas.h"
@@ -8,7 +8,7 @@ namespace huetrack::pictures {
 inline constexpr drawing::Color background{24, 26, 30}, no_image{44, 47, 53}, faint{150, 156, 166},
     bright{238, 240, 244};
 
-// Of a target (object_tracking::TrackState) as of a tracked camera (camera_tracking::PoseState).
+// For object_tracking::TrackState and camera_tracking::PoseState.
 template <typename State>
 drawing::Color state_color(State state) {
   constexpr drawing::Color searching{150, 190, 255}, tracking{90, 220, 120}, coasting{255, 176, 40}, lost{255, 96, 88};

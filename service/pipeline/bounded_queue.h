@@ -1,4 +1,4 @@
-// The queue between threads: bounded, says what it does when it is full, and closes.
+// Bounded queue between threads, with a policy for a full queue and an end.
 #pragma once
 
 #include <chrono>
@@ -12,7 +12,7 @@
 
 namespace huetrack::pipeline {
 
-// Live: the newest frame matters most. Replay: every frame counts.
+// Live data drops the oldest; a replay waits.
 enum class WhenFull { drop_oldest, wait };
 
 // thread-safe: any number of producers and consumers.
@@ -24,8 +24,8 @@ class BoundedQueue {
     if (capacity == 0) throw std::invalid_argument("BoundedQueue: capacity must be at least 1");
   }
 
-  // False once the queue is closed: the item is not taken, and the producer may end. pushed_out (may be null) gets the
-  // item that was dropped for it.
+  // False once the queue is closed: the item is not added, and the producer may end. pushed_out (may be null) receives
+  // the item that was dropped to make room.
   bool push(T item, std::optional<T>* pushed_out = nullptr) {
     {
       std::unique_lock lock(mutex_);
@@ -50,11 +50,11 @@ class BoundedQueue {
     return take(lock);
   }
 
-  // As pop(), but gives up after `patience`; tell the two kinds of nullopt apart with ended().
+  // As pop(), but also returns nullopt after `patience`; ended() distinguishes the two.
   std::optional<T> pop_for(std::chrono::nanoseconds patience) {
     std::unique_lock lock(mutex_);
     const auto is_due = [&] { return closed_ || !items_.empty(); };
-#ifdef __SANITIZE_THREAD__  // that of GCC 12 does not know pthread_cond_clockwait, which wait_for stands on
+#ifdef __SANITIZE_THREAD__  // GCC 12's does not know pthread_cond_clockwait, which wait_for uses
     arrived_.wait_until(lock, std::chrono::system_clock::now() + patience, is_due);
 #else
     arrived_.wait_for(lock, patience, is_due);
@@ -62,7 +62,7 @@ class BoundedQueue {
     return take(lock);
   }
 
-  // Wakes everybody. What is in the queue can still be popped.
+  // Wakes all waiting threads. Items in the queue can still be popped.
   void close() {
     {
       const std::scoped_lock lock(mutex_);
@@ -72,7 +72,7 @@ class BoundedQueue {
     room_.notify_all();
   }
 
-  // Closes, and throws away what nobody has popped.
+  // Closes and discards all items.
   void abandon() {
     {
       const std::scoped_lock lock(mutex_);

@@ -13,7 +13,7 @@ Bus::Bus(const publish::EstimatePublisherOptions& options, const PublishedTime& 
 
 void Bus::on_set(const TrackedSet& set) {
   const capture::Timestamp now = capture::unix_now();
-  writing_ = {now, now};  // it stays so where nothing can be written
+  writing_ = {now, now};  // kept if nothing is written
   for (const auto& estimate : set.estimates)
     publisher_.publish(estimate.target, estimate, time_.of(estimate.at), set.received_at, &writing_);
   for (std::size_t t = 0, begin = 0; t < counts_.size(); ++t) {

@@ -1,4 +1,4 @@
-// The output to DDS: positions and poses, as they come.
+// The output to DDS: publishes positions and poses.
 #pragma once
 
 #include <vector>
@@ -11,7 +11,7 @@ namespace huetrack::pipeline {
 
 class Bus final : public Output {
  public:
-  // Joins the bus, and says so in the log. throws as EstimatePublisher's constructor does. time: outlives this.
+  // Joins the domain and logs it. time: outlives this. throws as EstimatePublisher's constructor.
   Bus(const publish::EstimatePublisherOptions& options, const PublishedTime& time);
 
   void on_set(const TrackedSet& set) override;
@@ -19,7 +19,7 @@ class Bus final : public Output {
 
   publish::EstimatePublisher& publisher() { return publisher_; }
   const publish::EstimatePublisher& publisher() const { return publisher_; }
-  // Of the last native sample of the last set. The tracking thread's.
+  // Write times of the last native sample of the last set. The tracking thread's.
   const publish::EstimatePublisher::Writing& last_writing() const { return writing_; }
 
  private:

@@ -9,46 +9,50 @@
 namespace huetrack::pipeline {
 namespace {
 
-using namespace std::chrono_literals;
 using config::CalibrationMode;
 using object_tracking::CameraTrust;
 using room_watch::RoomState;
 
-// The room around the volume is seen farther away than the volume's centre: walls behind it, the floor below it.
-constexpr double room_beyond_centre = 1.5;
-// How far a camera's centre goes when it is turned: about something so far away, on a tripod and on a mount that gives
-// way, and by so much anyhow.
-constexpr double knocked_lever_m = 0.3, knocked_shift_m = 0.004, sagged_lever_m = 0.1, sagged_shift_m = 0.002;
+struct CalibrationWatchTuning {
+  double room_depth_ratio = 1.5;   // depth of the background over that of the volume's centre, which is before it
+  double knocked_lever_m = 0.3;    // m, pivot to optical centre on a tripod: shift per radian of a sudden rotation
+  double knocked_shift_m = 0.004;  // m, 1 sigma of the shift that a sudden rotation of zero may have
+  double sagged_lever_m = 0.1;     // m, the same of a mount that gives way slowly
+  double sagged_shift_m = 0.002;   // m, the same of a mount that gives way slowly
+  double resend_share = 0.3;  // a change below this share of the sigma is not sent: trackers restart learning on each
+  double resend_rotation_rad = 1e-4;  // rad, and neither is a rotation below this
+  double resend_shift_m = 3e-4;       // m, nor a shift below this
+  double tolerated_effect_m = 0.01;   // m, rms of positions: error of an ordinary calibration
+  double update_pause_s = 0.5;        // s, between two updates of one camera's trust, and of its effect
+  double small_turn_nis = 16.3;       // chi-square, 3 dof, 99.9 %; largest in good recordings: 12
+};
+constexpr CalibrationWatchTuning calibration_tuning{};
 
-// A pose that changed by less than this share of what is known of it is not told to the trackers anew, which forget
-// then what they learnt of the camera; nor more often than so.
-constexpr double news_share = 0.3;
-constexpr double news_rotation_rad = 1e-4, news_shift_m = 3e-4;
-constexpr double still_good_m = 0.01;  // as much as an ordinary calibration is off by
-constexpr capture::Duration trust_pause = 500ms, effect_pause = 500ms;
+const capture::Duration update_pause = capture::duration_of(calibration_tuning.update_pause_s);
 
-// A pose that would be told once more, or one that the trackers need.
+// Whether the trackers need the new pose or covariance.
 bool differs(const CameraTrust& wanted, const CameraTrust& given) {
   const double before = given.pose_covariance.trace(), after = wanted.pose_covariance.trace();
-  if (after < (1 - news_share) * before || before < (1 - news_share) * after) return true;
+  if (after < (1 - calibration_tuning.resend_share) * before || before < (1 - calibration_tuning.resend_share) * after)
+    return true;
   if (!wanted.cam_from_world || !given.cam_from_world) return false;
   const calib::Tangent6d change = calib::log(*wanted.cam_from_world * calib::inverse(*given.cam_from_world));
   const double rotation_sigma = std::sqrt(given.pose_covariance.topLeftCorner<3, 3>().trace());
   const double shift_sigma = std::sqrt(given.pose_covariance.bottomRightCorner<3, 3>().trace());
-  return change.head<3>().norm() > std::max(news_rotation_rad, news_share * rotation_sigma) ||
-         change.tail<3>().norm() > std::max(news_shift_m, news_share * shift_sigma);
+  return change.head<3>().norm() >
+             std::max(calibration_tuning.resend_rotation_rad, calibration_tuning.resend_share * rotation_sigma) ||
+         change.tail<3>().norm() >
+             std::max(calibration_tuning.resend_shift_m, calibration_tuning.resend_share * shift_sigma);
 }
 
 bool has_moved(RoomState state) {
   return state == RoomState::knocked || state == RoomState::sagging;
 }
 
-// By so little that it is not told yet, or not at all, but surely: chi-square, 3 degrees of freedom, once in a
-// thousand. In good recordings the largest was 12.
+// A significant rotation that is below the threshold for reporting the camera as moved.
 bool has_turned_a_little(const room_watch::RoomCondition& room) {
-  constexpr double surely = 16.3;
   if (room.state != RoomState::still || room.rotation.isZero(0)) return false;
-  return room.rotation.dot(room.covariance.llt().solve(room.rotation)) > surely;
+  return room.rotation.dot(room.covariance.llt().solve(room.rotation)) > calibration_tuning.small_turn_nis;
 }
 
 bool is_of_no_use(RoomState state) {
@@ -83,7 +87,7 @@ bool CalibrationWatch::look(const capture::FrameSet& set) {
   return is_news;
 }
 
-// The pose, from what the room says.
+// Updates the pose estimate by the state of the room.
 void CalibrationWatch::follow(std::size_t camera) {
   Watched& w = watched_[camera];
   const room_watch::RoomCondition& room = w.watch.condition();
@@ -95,10 +99,11 @@ void CalibrationWatch::follow(std::size_t camera) {
     w.turns = room.turns;
     if (!w.pose || (is_new && !room.turn->is_slow)) {
       const Eigen::Vector3d centre = (volume_.min + volume_.max) / 2;
-      const double distance_m = room_beyond_centre * (rig_.cameras[camera].centre() - centre).norm();
+      const double distance_m = calibration_tuning.room_depth_ratio * (rig_.cameras[camera].centre() - centre).norm();
       const double turned_rad = room_watch::rotation_between(room.turn->before, room.turn->after).norm();
-      const double shift_m = room.turn->is_slow ? sagged_shift_m + sagged_lever_m * turned_rad
-                                                : knocked_shift_m + knocked_lever_m * turned_rad;
+      const double shift_m = room.turn->is_slow
+                                 ? calibration_tuning.sagged_shift_m + calibration_tuning.sagged_lever_m * turned_rad
+                                 : calibration_tuning.knocked_shift_m + calibration_tuning.knocked_lever_m * turned_rad;
       w.pose.emplace(rig_.cameras[camera], distance_m, shift_m);
       w.rotation.setZero();
     }
@@ -115,84 +120,83 @@ void CalibrationWatch::note(std::size_t camera, capture::Timestamp at) {
   facts.room = w.watch.condition();
   facts.moved = w.pose ? std::optional(w.pose->estimate()) : std::nullopt;
   if (!facts.moved) facts.effect_m = 0, w.effect_at.reset();
-  if (facts.moved && (!w.effect_at || at - *w.effect_at >= effect_pause)) {
+  if (facts.moved && (!w.effect_at || at - *w.effect_at >= update_pause)) {
     w.effect_at = at;
     facts.effect_m = effect_of(camera, facts.moved->cam_from_world);
   }
 }
 
-// Two cameras fix a position. Before there would be fewer, one that is off by little is used all the same, where it
-// stands now (trust_camera).
+// A position needs two cameras. If fewer would remain, moved cameras with a small effect are used at their current pose
+// (trust_camera).
 std::vector<bool> CalibrationWatch::used_cameras() const {
   std::vector<bool> used(facts_.size(), true);
-  std::vector<std::size_t> spared;
+  std::vector<std::size_t> usable;
   for (std::size_t c = 0; c < facts_.size(); ++c) {
     const bool is_left_out = config_.watch == CalibrationMode::leave_out && facts_[c].moved;
     const bool is_useless = config_.watch != CalibrationMode::tell && is_of_no_use(facts_[c].room.state);
     used[c] = watched_[c].is_still && !is_left_out && !is_useless;
-    if (is_left_out && !is_useless && facts_[c].effect_m < still_good_m) spared.push_back(c);
+    if (is_left_out && !is_useless && facts_[c].effect_m < calibration_tuning.tolerated_effect_m) usable.push_back(c);
   }
-  std::ranges::stable_sort(spared, {}, [&](std::size_t c) { return facts_[c].effect_m; });
-  for (const std::size_t c : spared)
+  std::ranges::stable_sort(usable, {}, [&](std::size_t c) { return facts_[c].effect_m; });
+  for (const std::size_t c : usable)
     if (std::ranges::count(used, true) < 2) used[c] = true;
   for (std::size_t c = 0; c < facts_.size(); ++c)
-    if (!watched_[c].is_still) used[c] = true;  // nothing is known of it
+    if (!watched_[c].is_still) used[c] = true;  // not monitored
   return used;
 }
 
-// True: that is news for the trackers.
+// Returns whether the trackers need an update.
 bool CalibrationWatch::trust_camera(std::size_t camera, bool is_used, capture::Timestamp at) {
   Watched& w = watched_[camera];
   CameraCalibration& facts = facts_[camera];
   CameraTrust wanted;
   wanted.is_used = is_used;
   wanted.has_moved = facts.moved.has_value();
-  const bool is_spared = config_.watch == CalibrationMode::leave_out && is_used;
-  if (facts.moved && (config_.watch == CalibrationMode::mend || is_spared)) {
+  const bool is_kept = config_.watch == CalibrationMode::leave_out && is_used;
+  if (facts.moved && (config_.watch == CalibrationMode::mend || is_kept)) {
     wanted.cam_from_world = facts.moved->cam_from_world;
     wanted.pose_covariance = facts.moved->covariance;
   } else if (facts.moved) {
-    // It is held to stand where the rig says, which is off by this.
-    const calib::Tangent6d off =
+    const calib::Tangent6d error =  // of the rig's pose, which the trackers keep
         calib::log(facts.moved->cam_from_world * calib::inverse(rig_.cameras[camera].cam_from_world));
-    wanted.pose_covariance = facts.moved->covariance + off * off.transpose();
+    wanted.pose_covariance = facts.moved->covariance + error * error.transpose();
   } else if (has_turned_a_little(facts.room)) {
     const Eigen::Vector3d& turn = facts.room.rotation;
     wanted.pose_covariance.topLeftCorner<3, 3>() = facts.room.covariance + turn * turn.transpose();
   }
-  const bool is_off = !wanted.pose_covariance.isZero(0);
+  const bool is_inflated = !wanted.pose_covariance.isZero(0);
   CameraTrust& given = trust_[camera];
   bool is_news =
-      wanted.is_used != given.is_used || wanted.has_moved != given.has_moved || is_off != w.trusted_at.has_value();
-  if (!is_news && is_off && at - *w.trusted_at >= trust_pause) is_news = differs(wanted, given);
+      wanted.is_used != given.is_used || wanted.has_moved != given.has_moved || is_inflated != w.trusted_at.has_value();
+  if (!is_news && is_inflated && at - *w.trusted_at >= update_pause) is_news = differs(wanted, given);
   if (!is_news) return false;
   given = wanted;
-  w.trusted_at = is_off ? std::optional(at) : std::nullopt;
+  w.trusted_at = is_inflated ? std::optional(at) : std::nullopt;
   facts.is_used = given.is_used;
   facts.is_mended = given.cam_from_world.has_value();
   return true;
 }
 
 void CalibrationWatch::learn(std::span<const object_tracking::ObjectEstimate> estimates) {
-  // What the others fix is worth nothing where one of them is off itself; and two that were mended by one another would
-  // drift away together.
-  const auto is_off = [&](const CameraCalibration& facts) { return facts.moved && facts.is_used; };
-  const auto off = std::ranges::count_if(facts_, is_off);
+  // The others localise the object only if none of them has moved itself. Two cameras corrected by each other would
+  // drift.
+  const auto has_moved_in_use = [&](const CameraCalibration& facts) { return facts.moved && facts.is_used; };
+  const auto moved_in_use = std::ranges::count_if(facts_, has_moved_in_use);
   for (std::size_t c = 0; c < watched_.size(); ++c) {
     Watched& w = watched_[c];
-    const bool others_fit = off - (is_off(facts_[c]) ? 1 : 0) == 0;
+    const bool others_are_right = moved_in_use - (has_moved_in_use(facts_[c]) ? 1 : 0) == 0;
     w.objects.clear();
     for (const auto& estimate : estimates) {
       if (!estimate.has_position() || c >= estimate.per_view.size()) continue;
       const object_tracking::ViewSupport& view = estimate.per_view[c];
       if (view.in_view) w.objects.push_back({view.px.cast<double>(), double(view.radius_px)});
-      if (!others_fit || !w.pose || !view.leave_one_out || !has_moved(facts_[c].room.state)) continue;
-      const object_tracking::LeaveOneOut& said = *view.leave_one_out;
-      w.pose->add({.at = said.at,
-                   .px = said.px,
-                   .covariance = said.covariance,
-                   .position = said.position,
-                   .position_covariance = said.position_covariance});
+      if (!others_are_right || !w.pose || !view.leave_one_out || !has_moved(facts_[c].room.state)) continue;
+      const object_tracking::LeaveOneOut& seen = *view.leave_one_out;
+      w.pose->add({.at = seen.at,
+                   .px = seen.px,
+                   .covariance = seen.covariance,
+                   .position = seen.position,
+                   .position_covariance = seen.position_covariance});
     }
   }
 }
@@ -205,10 +209,10 @@ std::vector<config::KeptRoom> CalibrationWatch::room() const {
   return room;
 }
 
-// What triangulating with the rig's pose does to positions when the camera stands elsewhere: over a grid in the volume,
-// of the places that this camera and another one see.
+// RMS error of positions that are triangulated with the rig's pose while the camera has pose `now`: over those nodes of
+// a grid in the volume that this camera and another one see.
 double CalibrationWatch::effect_of(std::size_t camera, const calib::Rigid3d& now) const {
-  constexpr std::array<double, 3> shares{0.2, 0.5, 0.8};
+  constexpr std::array<double, 3> shares{0.2, 0.5, 0.8};  // layout: nodes of the grid on each axis
   double sum = 0;
   int places = 0;
   for (int k = 0; k < 27; ++k) {

@@ -1,6 +1,6 @@
-// Watches on the road whether every camera still stands where the rig says: what each of them sees of the still room,
-// and what it sees of an object whose position the others fix. Says what is to be held of each camera, by the
-// configuration: nothing, that it is left out, or that its pose follows. Facts for the outputs; no sentences.
+// Monitors whether each still camera stands where the rig says, by the still room and by objects that the other cameras
+// localise. According to the configuration, the trackers get an inflated covariance for a moved camera, ignore it, or
+// get its corrected pose. Facts for the outputs; no sentences.
 #pragma once
 
 #include <Eigen/Core>
@@ -18,30 +18,30 @@
 
 namespace huetrack::pipeline {
 
-// What is known of one camera's calibration at the moment.
+// Current state of one camera's calibration.
 struct CameraCalibration {
   room_watch::RoomCondition room;
-  std::optional<room_watch::MovedPoseEstimate> moved;  // where it stands now; nullopt: where the rig says
-  double effect_m = 0;                                 // by how much positions are off by that, if nothing is done, rms
+  std::optional<room_watch::MovedPoseEstimate> moved;  // current pose; nullopt: that of the rig
+  double effect_m = 0;                                 // m, rms error of positions if it is not corrected
   bool is_used = true;                                 // by the trackers
-  bool is_mended = false;                              // they hold it to stand where `moved` says
+  bool is_mended = false;                              // the trackers use `moved`
 };
 
-// thread-compatible: the tracking thread's. Deterministic: by the sets alone.
+// thread-compatible: the tracking thread's. Deterministic: depends on the sets only.
 class CalibrationWatch {
  public:
-  // volume: where targets may be. still: per camera of the rig, false of one that moves and is not watched.
+  // volume: where targets may be. still: per camera of the rig; false: it moves and is not monitored.
   CalibrationWatch(const calib::CameraRig& rig, const object_tracking::Volume& volume, config::CalibrationConfig config,
                    std::vector<bool> still);
 
-  // Before the trackers' update with that set. True: trust() has changed.
+  // Before the trackers' update with that set. Returns whether trust() has changed.
   bool look(const capture::FrameSet& set);
   // After it.
   void learn(std::span<const object_tracking::ObjectEstimate> estimates);
 
   const std::vector<object_tracking::CameraTrust>& trust() const { return trust_; }  // per camera of the rig
   const std::vector<CameraCalibration>& cameras() const { return facts_; }           // per camera of the rig
-  // As it is known by now, to be kept; cameras of which nothing is known are absent.
+  // The learnt room, to be saved; cameras without one are absent.
   std::vector<config::KeptRoom> room() const;
 
  private:
@@ -49,9 +49,9 @@ class CalibrationWatch {
     room_watch::CameraWatch watch;
     bool is_still;
     std::optional<room_watch::MovedPose> pose = {};
-    int turns = 0;                                       // of the condition, that `pose` knows
-    Eigen::Vector3d rotation = Eigen::Vector3d::Zero();  // of the room, that `pose` knows
-    std::optional<capture::Timestamp> trusted_at = {};   // when trust() was last said of it
+    int turns = 0;                                       // of the room's condition, already in `pose`
+    Eigen::Vector3d rotation = Eigen::Vector3d::Zero();  // of the room, already in `pose`
+    std::optional<capture::Timestamp> trusted_at = {};   // last change of trust()
     std::optional<capture::Timestamp> effect_at = {};
     std::vector<room_watch::Occluder> objects = {};
   };

@@ -17,7 +17,7 @@ namespace fs = std::filesystem;
 const std::filesystem::path& with_tracked_camera(const std::filesystem::path& file,
                                                  const config::ServiceConfig& config) {
   if (config.camera_tracking.camera.empty())
-    throw std::runtime_error("--poses needs a camera to track: give camera_tracking in " + config.file.string());
+    throw std::runtime_error("--poses needs a tracked camera: set camera_tracking in " + config.file.string());
   return file;
 }
 
@@ -29,8 +29,8 @@ FileOutput::FileOutput(std::string content, const fs::path& file, WhenFileFails 
         return fs::is_regular_file(file, none) && fs::file_size(file, none) > 0;
       }()) {}
 
-void FileOutput::tell_replaced(const fs::path& file) const {
-  if (was_there_) spdlog::info("{}: the {} of before are replaced", file.string(), content_);
+void FileOutput::log_replaced(const fs::path& file) const {
+  if (was_there_) spdlog::info("{}: replaced the earlier {}", file.string(), content_);
 }
 
 std::string FileOutput::problem() const {
@@ -47,7 +47,7 @@ void FileOutput::attempt(Write&& write) {
     if (when_ == WhenFileFails::stop) throw;
     has_failed_ = true;
     const std::scoped_lock lock(mutex_);
-    problem_ = std::string(error.what()) + ": the " + content_ + " are written no further";
+    problem_ = std::string(error.what()) + ": no more " + content_ + " are written: free some space and restart";
   }
 }
 
@@ -79,27 +79,27 @@ void refuse_outputs(const WrittenFiles& outputs, const std::vector<fs::path>& re
     if (file.empty()) continue;
     const fs::path at = real(file);
     if (!known.insert(at).second)
-      throw std::runtime_error(file.string() + " is to be written twice: give each output a file of its own");
+      throw std::runtime_error(file.string() + " would be written twice: give each output its own file");
     if (!pictures.empty() && at.parent_path() == pictures && at.extension() == ".png")
-      throw std::runtime_error(file.string() + " has the name of a picture, in the folder of the pictures: give " +
-                               "each output a file of its own");
+      throw std::runtime_error(file.string() + " could be overwritten by a picture of --pictures: give each output " +
+                               "its own file");
     std::error_code none;
     const bool is_read = std::ranges::any_of(
         read, [&](const fs::path& input) { return real(input) == at || fs::equivalent(input, file, none); });
     if (is_read)
-      throw std::runtime_error(file.string() + " is read by this run: it is not replaced. Give another name");
+      throw std::runtime_error(file.string() + " is read by this run and is not replaced: give another name");
   }
   for (const fs::path& input : read) {
     std::error_code none;
     const bool is_pictures = !fs::is_regular_file(input, none) && input.has_extension();  // cam0/%06d.png
     if (!pictures.empty() && is_pictures && real(input.parent_path()) == pictures)
-      throw std::runtime_error(outputs.pictures.string() + " has the recording's own pictures: give another folder");
+      throw std::runtime_error(outputs.pictures.string() + " holds the recording's own pictures: give another folder");
   }
 }
 
 TrackFile::TrackFile(const std::filesystem::path& file, const config::ServiceConfig& config, WhenFileFails when)
     : FileOutput("tracks", file, when), writer_(file) {
-  tell_replaced(file);
+  log_replaced(file);
   for (const auto& target : config.targets) targets_.push_back(target.name);
 }
 
@@ -116,7 +116,7 @@ void TrackFile::flush() {
 
 PoseFile::PoseFile(const std::filesystem::path& file, const config::ServiceConfig& config, WhenFileFails when)
     : FileOutput("poses", file, when), writer_(with_tracked_camera(file, config)) {
-  tell_replaced(file);
+  log_replaced(file);
 }
 
 void PoseFile::on_camera_pose(const TrackedFrame& frame) {

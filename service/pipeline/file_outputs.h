@@ -1,4 +1,4 @@
-// The outputs that are text files: the tracks of the targets as CSV, the poses of the tracked camera as TUM text.
+// Outputs to text files: tracks of the targets (CSV) and poses of the tracked camera (TUM).
 #pragma once
 
 #include <cstdint>
@@ -14,22 +14,22 @@
 
 namespace huetrack::pipeline {
 
-// What a disk that takes no more of a file does to the rest.
+// What a write error (a full disk) does to the run.
 enum class WhenFileFails : std::uint8_t {
-  stop,   // the run ends with the error: a replay is there for its files
-  go_on,  // the file ends, and problem() says so: what happens live happens once
+  stop,   // the run ends with the error (replay)
+  go_on,  // the file ends and problem() says so; tracking continues (live)
 };
 
 class FileOutput : public Output {
  public:
-  // Why the file is written no further, one line; empty: it is. Any thread.
+  // Why the file ended early, one line; empty: it is being written. Any thread.
   std::string problem() const;
 
  protected:
   FileOutput(std::string content, const std::filesystem::path& file, WhenFileFails when);
-  void tell_replaced(const std::filesystem::path& file) const;  // once it is open; nothing if there was none before
+  void log_replaced(const std::filesystem::path& file) const;  // after opening; if the file existed before
   template <typename Write>
-  void attempt(Write&& write);  // the road's thread, and flush()
+  void attempt(Write&& write);  // the output's thread, and flush()
 
  private:
   const std::string content_;  // "tracks"
@@ -40,15 +40,15 @@ class FileOutput : public Output {
   std::string problem_;  // guarded by mutex_
 };
 
-// The files that a run writes, where they are given (not empty), and a folder of pictures (empty: none).
+// The files that a run writes (empty paths are skipped), and its folder of pictures (empty: none).
 struct WrittenFiles {
   std::vector<std::filesystem::path> files;
   std::filesystem::path pictures = {};
 };
-// What a configuration and a recording are made of.
+// All files that a configuration, or a recording, consists of.
 std::vector<std::filesystem::path> files_of(const config::ServiceConfig& config);
 std::vector<std::filesystem::path> files_of(const recordings::Recording& recording);
-// throws std::runtime_error, naming the file: two outputs are one file, or one is what the run reads.
+// throws std::runtime_error, naming the file, if two outputs are the same file or an output is an input of the run.
 void refuse_outputs(const WrittenFiles& outputs, const std::vector<std::filesystem::path>& read);
 
 class TrackFile final : public FileOutput {

@@ -15,7 +15,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr auto opening_patience = 3s;  // with a camera that does not answer; it is waited for later
+constexpr auto opening_patience = 3s;  // capacity: wait at the start for a camera that does not answer
 
 std::optional<SessionCamera::Pixels> pixels_of(const capture::StreamFormat& stream) {
   switch (stream.format) {
@@ -81,8 +81,8 @@ std::vector<LiveCamera> open_here(std::vector<capture::V4l2SourceOptions> asked,
   for (const auto& options : asked)
     opening.push_back(std::async(std::launch::async,
                                  [options, stop] { return std::make_unique<capture::V4l2Source>(options, stop); }));
-  // One that cannot do what is asked, or another model in its port, does not keep the others from running: it is
-  // absent. When there is no other, it is the configuration that is wrong.
+  // A camera that cannot do what is asked (perhaps another model in its port) counts as absent. If that is true of all
+  // cameras, the configuration is wrong.
   std::vector<std::pair<int, std::unique_ptr<capture::V4l2Source>>> sources;
   std::vector<std::size_t> wrong;
   std::exception_ptr first_wrong;
@@ -103,13 +103,13 @@ std::vector<LiveCamera> open_here(std::vector<capture::V4l2SourceOptions> asked,
   }
   std::vector<LiveCamera> cameras;
   for (auto& [index, source] : sources) {
-    const capture::V4l2Source* said_by = source.get();
-    capture::V4l2Source* told_by = source.get();
+    const capture::V4l2Source* health_of = source.get();
+    capture::V4l2Source* events_of = source.get();
     cameras.push_back({.camera = index,
                        .source = std::move(source),
-                       .health = [said_by] { return said_by->health(); },
-                       .take_events = [told_by] { return told_by->take_events(); },
-                       .controls = said_by->controls()});
+                       .health = [health_of] { return health_of->health(); },
+                       .take_events = [events_of] { return events_of->take_events(); },
+                       .controls = health_of->controls()});
   }
   return cameras;
 }
@@ -180,7 +180,7 @@ std::vector<LiveCamera> open_cameras(const config::CaptureConfig& config, const 
     if (capture::is_network_address(camera.device.native()))
       on_the_network.push_back(open_network_camera(camera, int(c), *camera.size, {}));
     else
-      here.emplace_back(options_of(camera, int(c), *camera.size, {})).decodes = false;  // trackers do, who need it
+      here.emplace_back(options_of(camera, int(c), *camera.size, {})).decodes = false;  // the trackers decode
   }
   std::vector<LiveCamera> cameras = open_here(std::move(here), stop);
   std::ranges::move(on_the_network, std::back_inserter(cameras));

@@ -1,4 +1,4 @@
-// The cameras of the configuration, as the service and the calibration take frames from them.
+// Opens the cameras of a configuration, for the service and for huetrack-calibrate.
 #pragma once
 
 #include <functional>
@@ -17,18 +17,17 @@ namespace huetrack::pipeline {
 
 using capture::LiveCamera;
 
-// The cameras of the configuration, opened as far as they are there and answer, all at once; until a stop. Those of
-// other hosts are waited for later. throws CaptureError: one is there, but cannot do what is asked of it, or is there
-// under two names.
+// Opens all cameras in parallel. Cameras that are absent or do not answer, and remote cameras, may start to deliver
+// later. throws CaptureError if a camera cannot do what the configuration asks, or is listed under two names.
 std::vector<LiveCamera> open_cameras(const config::ServiceConfig& config, const std::stop_token& stop = {});
-// The cameras of a camera host, by their order in the configuration.
+// The cameras of a camera host, in the order of the configuration.
 std::vector<LiveCamera> open_cameras(const config::CaptureConfig& config, const std::stop_token& stop = {});
 
-// "left and right are one camera: /dev/v4l/by-path/... and /dev/video0 are both /dev/video0"; nullopt: no two are.
+// "left and right are one camera: /dev/v4l/by-path/... and /dev/video0 are both /dev/video0"; nullopt: all differ.
 std::optional<std::string> one_under_two_names(std::span<const config::LiveCameraConfig> cameras);
 
-// Takes the sources out of the cameras. What is known of the frames is what a camera has agreed to, else what it is
-// asked for; a camera that is absent may agree later.
+// Moves the sources out of the cameras. Frame period and pixel format are those that a camera has accepted, or else
+// those that the configuration requests.
 SessionSources sources_of(const config::ServiceConfig& config, std::vector<LiveCamera>& cameras);
 
 }  // namespace huetrack::pipeline

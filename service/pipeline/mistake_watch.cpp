@@ -7,14 +7,14 @@
 namespace huetrack::pipeline {
 namespace {
 
-// How far from the middle of the picture a pixel of it usually is, as a tangent.
+// RMS distance of a pixel from the image centre, as a tangent.
 double usual_tangent(const calib::Camera& camera) {
   const double diagonal_px = std::hypot(camera.image_size.width, camera.image_size.height);
   return diagonal_px / std::sqrt(12.0) / view_watch::focal_px(camera);
 }
 
-// What moved is known with its size, and no mistake of the rig any more. Before that was known, views contradicted one
-// another because of it, and any camera may have been blamed; the room tells of the others' turns, too.
+// The size of a moved camera's error is known. Before it was detected, its inconsistency may have been attributed to
+// any camera; rotations of the others would be detected by room_watch, too.
 bool is_explained_by(const std::vector<bool>& moved, const view_watch::Mistake& mistake) {
   using view_watch::MistakeKind;
   if (std::ranges::none_of(moved, std::identity{})) return false;
@@ -37,8 +37,8 @@ double inflation_rad(const view_watch::Mistake& mistake, const calib::Camera& ca
     case MistakeKind::mirrored:
     case MistakeKind::other_rig:
     case MistakeKind::contradiction: {
-      // off_px is a median, across the epipolar lines; along them nobody knows, and it is taken to be as much.
-      constexpr double median_of_sigma = 0.6745;
+      // off_px is a median across the epipolar lines; the error along them is unknown and taken to be as large.
+      constexpr double median_of_sigma = 0.6745;  // maths: median of |x| of a standard normal x
       return mistake.off_px / median_of_sigma / view_watch::focal_px(camera);
     }
     case MistakeKind::radius:
@@ -49,33 +49,33 @@ double inflation_rad(const view_watch::Mistake& mistake, const calib::Camera& ca
   return 0;
 }
 
-void add_inflation(std::span<const double> doubts, std::vector<object_tracking::CameraTrust>& trust) {
-  trust.resize(std::max(trust.size(), doubts.size()));
-  for (std::size_t c = 0; c < doubts.size(); ++c)
-    trust[c].pose_covariance.diagonal().head<3>().array() += doubts[c] * doubts[c];
+void add_inflation(std::span<const double> inflation, std::vector<object_tracking::CameraTrust>& trust) {
+  trust.resize(std::max(trust.size(), inflation.size()));
+  for (std::size_t c = 0; c < inflation.size(); ++c)
+    trust[c].pose_covariance.diagonal().head<3>().array() += inflation[c] * inflation[c];
 }
 
 MistakeWatch::MistakeWatch(const calib::CameraRig& rig, std::span<const object_tracking::TargetOptions> targets)
     : rig_(rig),
       mistakes_(targets.size()),
       late_s_(targets.size()),
-      doubts_(rig.cameras.size(), 0.0),
-      doubts_before_(doubts_) {
+      inflation_(rig.cameras.size(), 0.0),
+      previous_inflation_(inflation_) {
   watches_.reserve(targets.size());
   for (const auto& target : targets) watches_.emplace_back(rig, target);
 }
 
-void MistakeWatch::begin_anew(std::size_t target, const object_tracking::TargetOptions& options) {
+void MistakeWatch::reset_target(std::size_t target, const object_tracking::TargetOptions& options) {
   watches_.at(target) = view_watch::ViewWatch(rig_, options);
   mistakes_[target].clear();
 }
 
 bool MistakeWatch::look(const capture::FrameSet& set, std::span<const object_tracking::ObjectEstimate> estimates,
                         std::span<const object_trackers::ObjectTracker> trackers, const std::vector<bool>& moved) {
-  std::swap(doubts_, doubts_before_);
-  std::ranges::fill(doubts_, 0.0);
+  std::swap(inflation_, previous_inflation_);
+  std::ranges::fill(inflation_, 0.0);
   for (std::size_t t = 0; t < watches_.size() && t < trackers.size(); ++t) {
-    // Of several objects the tracker shows the views of one (ObjectTracker::regions()); times are those of any.
+    // ObjectTracker::regions() are those of one object, even if there are several; timing is common to all.
     const auto estimate = std::ranges::find(estimates, t, &object_tracking::ObjectEstimate::target);
     late_s_[t].clear();
     if (estimate != estimates.end()) {
@@ -86,18 +86,17 @@ bool MistakeWatch::look(const capture::FrameSet& set, std::span<const object_tra
     mistakes_[t] = watches_[t].mistakes();
     std::erase_if(mistakes_[t], is_explained);
     for (const view_watch::Mistake& mistake : watches_[t].suspected_mistakes())
-      if (!is_explained(mistake)) doubt(mistake);
+      if (!is_explained(mistake)) inflate(mistake);
   }
-  return doubts_ != doubts_before_;
+  return inflation_ != previous_inflation_;
 }
 
-void MistakeWatch::doubt(const view_watch::Mistake& mistake) {
-  // Where some agree, the others are doubted already by the target's own views
-  // (object_tracking/epipolar_consistency.h).
+void MistakeWatch::inflate(const view_watch::Mistake& mistake) {
+  // If some views are consistent, object_tracking has already inflated the others.
   if (mistake.do_some_agree) return;
-  for (std::size_t c = 0; c < doubts_.size(); ++c)
+  for (std::size_t c = 0; c < inflation_.size(); ++c)
     if (mistake.cameras.empty() || std::ranges::find(mistake.cameras, int(c)) != mistake.cameras.end())
-      doubts_[c] = std::max(doubts_[c], inflation_rad(mistake, rig_.cameras[c]));
+      inflation_[c] = std::max(inflation_[c], inflation_rad(mistake, rig_.cameras[c]));
 }
 
 }  // namespace huetrack::pipeline

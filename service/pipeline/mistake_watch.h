@@ -1,6 +1,5 @@
-// Looks on the road for mistakes that tracks show (view_watch), and says what the trackers are to hold of the cameras
-// because of them: a rig that is known to be wrong tells no position with the sigma of a good one. What one target
-// shows of a camera holds for all targets. Facts for the outputs; no sentences.
+// Detects setup mistakes from the tracks (view_watch) and inflates the pose covariance of the cameras that they affect,
+// for the trackers of all targets. Facts for the outputs; no sentences.
 #pragma once
 
 #include <cstddef>
@@ -14,46 +13,43 @@
 
 namespace huetrack::pipeline {
 
-// thread-compatible: the tracking thread's. Deterministic: by the sets alone.
+// thread-compatible: the tracking thread's. Deterministic: depends on the sets only.
 class MistakeWatch {
  public:
-  // Per target of the road.
+  // targets: in the order of the trackers.
   MistakeWatch(const calib::CameraRig& rig, std::span<const object_tracking::TargetOptions> targets);
 
-  // A target has another colour or radius: what was seen of it is forgotten.
-  void begin_anew(std::size_t target, const object_tracking::TargetOptions& options);
+  // A target has another colour or radius: forgets its history.
+  void reset_target(std::size_t target, const object_tracking::TargetOptions& options);
 
-  // After the trackers' update with that set. moved: per camera of the rig, that it is known to have been moved, which
-  // explains what it contradicts: of the rig only what the others say is looked at.
-  // True: doubts() has changed.
+  // After the trackers' update with that set. moved: per camera of the rig, known to have been moved (room_watch), so
+  // its inconsistencies are explained. Returns whether inflation() changed.
   bool look(const capture::FrameSet& set, std::span<const object_tracking::ObjectEstimate> estimates,
             std::span<const object_trackers::ObjectTracker> trackers, const std::vector<bool>& moved);
 
-  // Of the last look(), per target: ViewWatch::late_s().
+  // By the last look(), per target: ViewWatch::late_s().
   std::span<const std::vector<double>> late_s() const { return late_s_; }
 
   // In force now, per target.
   std::span<const std::vector<view_watch::Mistake>> mistakes() const { return mistakes_; }
 
-  // Per camera of the rig: how far it is held to be turned, standard deviation on each of its axes, radians. 0: as the
-  // rig's own uncertainty has it.
-  const std::vector<double>& doubts() const { return doubts_; }
+  // Per camera of the rig: additional rotation sigma on each axis, rad; 0: the rig's own uncertainty suffices.
+  const std::vector<double>& inflation() const { return inflation_; }
 
  private:
-  void doubt(const view_watch::Mistake& mistake);
+  void inflate(const view_watch::Mistake& mistake);
 
   calib::CameraRig rig_;
   std::vector<view_watch::ViewWatch> watches_;
   std::vector<std::vector<view_watch::Mistake>> mistakes_;
   std::vector<std::vector<double>> late_s_;
-  std::vector<double> doubts_, doubts_before_;
+  std::vector<double> inflation_, previous_inflation_;
 };
 
-// By how much a camera that a mistake names looks elsewhere than the rig says, radians: what was found, as the error of
-// any direction, for of a few places its direction is hardly known. 0: nothing that a turn could stand for.
+// Size of a mistake as an equivalent rotation error of a camera, rad, in any direction; 0: it implies none.
 double inflation_rad(const view_watch::Mistake& mistake, const calib::Camera& camera);
 
-// Adds it to what is held of the cameras. trust: per camera of the rig.
+// Adds the inflation to the rotation covariances. trust: per camera of the rig.
 void add_inflation(std::span<const double> doubts, std::vector<object_tracking::CameraTrust>& trust);
 
 }  // namespace huetrack::pipeline

@@ -18,7 +18,7 @@ void PictureFolder::on_set(const TrackedSet& set) {
 }
 
 void PictureFolder::on_camera_pose(const TrackedFrame& frame) {
-  way_.push_back(frame.estimate);
+  path_.push_back(frame.estimate);
 }
 
 void PictureFolder::on_picture(const pictures::PictureJob& job) {
@@ -37,7 +37,7 @@ void PictureFolder::finish(const std::string& name, const tracks::Truth* truth,
     written_ += sets_->written() + 1;
   }
   if (camera_ && tracker != nullptr) {
-    camera_->finish("The way of " + config_.camera_tracking.camera + ": " + name, way_, tracker->map());
+    camera_->finish("The path of " + config_.camera_tracking.camera + ": " + name, path_, tracker->map());
     written_ += camera_->written();
   }
 }

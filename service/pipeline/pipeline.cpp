@@ -18,7 +18,7 @@ namespace {
 using Clock = std::chrono::steady_clock;
 using namespace std::chrono_literals;
 
-constexpr auto status_period = 1s;
+constexpr auto status_period = 1s;  // layout: of the status, idl/huetrack.idl
 
 capture::Duration thread_cpu() {
   timespec t{};
@@ -26,10 +26,10 @@ capture::Duration thread_cpu() {
   return std::chrono::seconds(t.tv_sec) + std::chrono::nanoseconds(t.tv_nsec);
 }
 
-// Of the thread that asks.
+// For the calling thread.
 class Stopwatch {
  public:
-  // Since the last one, or since it was made.
+  // Since the last lap(), or the constructor.
   StageTime lap() {
     const Clock::time_point wall = Clock::now();
     const capture::Duration cpu = thread_cpu();
@@ -47,7 +47,7 @@ StageTime& operator+=(StageTime& sum, const StageTime& lap) {
   return sum;
 }
 
-// False when stopped before. In slices: a stop is seen at once, without a condition variable that nobody notifies.
+// Returns false if stopped. Sleeps in slices to react to a stop.
 bool sleep_until(Clock::time_point when, const std::stop_token& stop) {
   for (auto now = Clock::now(); now < when; now = Clock::now()) {
     if (stop.stop_requested()) return false;
@@ -58,8 +58,8 @@ bool sleep_until(Clock::time_point when, const std::stop_token& stop) {
 
 }  // namespace
 
-// Updates all trackers with one set, distributed over threads: the calling one and helpers that live as long as this.
-// Every tracker has its own state and randomness, so who updates it changes nothing.
+// Updates all trackers with one set, distributed over the calling thread and permanent helpers. Every tracker has its
+// own state and random numbers, so the distribution does not change results.
 class Pipeline::TrackingTeam {
  public:
   TrackingTeam(std::vector<object_trackers::ObjectTracker>& trackers, int threads)
@@ -88,7 +88,7 @@ class Pipeline::TrackingTeam {
   TrackingTeam(const TrackingTeam&) = delete;
   TrackingTeam& operator=(const TrackingTeam&) = delete;
 
-  // estimates: of all targets, one after the other. The processor time of the helpers.
+  // estimates: of all targets, in order. Returns the helpers' processor time.
   capture::Duration update(const capture::FrameSet& set, std::vector<object_tracking::ObjectEstimate>& estimates) {
     set_ = &set;
     next_ = 0;
@@ -114,11 +114,11 @@ class Pipeline::TrackingTeam {
   std::vector<object_trackers::ObjectTracker>& trackers_;
   std::vector<std::vector<object_tracking::ObjectEstimate>> per_target_;  // of this set
   const int helpers_;
-  std::barrier<> start_, done_;             // what follows is handed over through them
-  const capture::FrameSet* set_ = nullptr;  // nullptr at start_: the end
+  std::barrier<> start_, done_;             // synchronise the members below
+  const capture::FrameSet* set_ = nullptr;  // nullptr at start_: end
   std::atomic<std::size_t> next_ = 0;
   std::atomic<std::int64_t> helpers_cpu_ns_ = 0;
-  std::vector<std::jthread> threads_;  // last: joined before the rest goes
+  std::vector<std::jthread> threads_;  // last: joined first
 };
 
 Pipeline::Pipeline(const calib::CameraRig& rig, std::vector<std::unique_ptr<capture::FrameSource>> sources,
@@ -142,14 +142,14 @@ Pipeline::~Pipeline() {
 }
 
 void Pipeline::close_sources() {
-  std::vector<std::jthread> ending;  // all at once: each camera may take its time
+  std::vector<std::jthread> ending;  // in parallel: each camera may be slow
   for (auto& source : sources_) ending.emplace_back([&source] { source.reset(); });
 }
 
 void Pipeline::run(std::stop_token stop) {
   const std::stop_callback forward(stop, [this] {
     stop_.request_stop();
-    pictures_.abandon();  // a picture takes long: those that are not drawn yet would hold up the end
+    pictures_.abandon();  // drawing is slow: drop what is not drawn yet
     camera_pictures_.abandon();
   });
   std::jthread drawing([this] { guarded([this] { draw(); }); });
@@ -164,7 +164,7 @@ void Pipeline::run(std::stop_token stop) {
     for (auto& source : sources_) {
       capturing.emplace_back([this, &source] { guarded([&] { capture(*source, stop_.get_token()); }); });
     }
-  }  // joined: no more frames, whether stopped or at the end
+  }  // joined: no more frames
   {
     const std::scoped_lock lock(synchronizer_mutex_);
     while (auto set = synchronizer_.flush()) put_in_queue({std::move(*set), capture::unix_now()});
@@ -200,7 +200,7 @@ template <typename F>
 void Pipeline::guarded(F&& thread_body) {
   try {
     thread_body();
-  } catch (...) {  // not swallowed: run() throws it again, in the thread that waits for it
+  } catch (...) {  // rethrown by run()
     {
       const std::scoped_lock lock(figures_mutex_);
       if (!error_) error_ = std::current_exception();
@@ -225,7 +225,7 @@ void Pipeline::capture(capture::FrameSource& source, std::stop_token stop) {
       const std::scoped_lock lock(figures_mutex_);
       figures_.decode += lap;
       for (std::size_t c = 0; c < mine.size(); ++c)
-        if (mine[c] && source.ended(int(c))) note_end(c);
+        if (mine[c] && source.ended(int(c))) set_ended(c);
     }
     if (!frame) break;
     mine.at(std::size_t(frame->camera)) = true;
@@ -236,10 +236,10 @@ void Pipeline::capture(capture::FrameSource& source, std::stop_token stop) {
   }
   const std::scoped_lock lock(figures_mutex_);
   for (std::size_t c = 0; c < mine.size(); ++c)
-    if (mine[c]) note_end(c);
+    if (mine[c]) set_ended(c);
 }
 
-void Pipeline::note_end(std::size_t camera) {
+void Pipeline::set_ended(std::size_t camera) {
   if (!std::exchange(figures_.cameras[camera].ended, true)) ++camera_news_;
 }
 
@@ -281,13 +281,12 @@ void Pipeline::receive(capture::Frame frame) {
     }
     if (frame.camera == tracked_camera_ && !capture::has_pixels(frame.pixels))
       throw std::runtime_error("camera " + expected.name +
-                               ": its frames say which pixels match, and tracking the camera needs pictures: "
-                               "send: frames");
+                               ": it sends matches, but tracking the camera needs pictures: set send: frames for it");
     size_checked_[camera] = true;
   }
   frame.arrival = ++arrivals_;
   for (Output* output : outputs_) output->on_frame(frame, received_at);
-  if (is_repeated) frame.status = capture::FrameStatus::repeated;  // after the recorder, whose replay finds it again
+  if (is_repeated) frame.status = capture::FrameStatus::repeated;  // after the recorder; a replay detects it again
   if (frame.camera == tracked_camera_ && frame.status == capture::FrameStatus::ok)
     put_in_camera_queue({frame, received_at});  // the image is shared, not copied
   Stopwatch watch;
@@ -317,11 +316,11 @@ void Pipeline::put_in_camera_queue(ReadyFrame ready) {
 }
 
 void Pipeline::track() {
-  ::prctl(PR_SET_NAME, "tracking");  // for top -H, and for who measures
+  ::prctl(PR_SET_NAME, "tracking");  // for top -H
   TrackingTeam team(trackers_, options_.threads);
   std::vector<object_tracking::ObjectEstimate> estimates;
   auto next_status = Clock::now() + status_period;
-  int told_camera_news = -1;
+  int reported_camera_news = -1;
 
   for (;;) {
     {
@@ -340,19 +339,19 @@ void Pipeline::track() {
       const std::scoped_lock lock(figures_mutex_);
       camera_news = camera_news_;
     }
-    if (!is_due && camera_news == told_camera_news) continue;
-    if (is_due) note_searches();
-    tell_status();
-    told_camera_news = camera_news;
+    if (!is_due && camera_news == reported_camera_news) continue;
+    if (is_due) update_searches();
+    output_status();
+    reported_camera_news = camera_news;
     next_status = Clock::now() + status_period;
   }
-  note_searches();
-  tell_status();
+  update_searches();
+  output_status();
 }
 
 void Pipeline::update(ReadySet ready, TrackingTeam& team, std::vector<object_tracking::ObjectEstimate>& estimates) {
   const bool has_new_trackers = take_replacements(ready.set.at);
-  // Object tracking is for still cameras: a camera that moves is absent from its sets.
+  // Object tracking uses still cameras only.
   std::optional<capture::FrameSet> of_still_cameras;
   if (tracked_camera_ >= 0) {
     of_still_cameras = ready.set;  // images are shared
@@ -366,7 +365,7 @@ void Pipeline::update(ReadySet ready, TrackingTeam& team, std::vector<object_tra
   StageTime tracked = stages.lap();
   tracked.cpu += helpers_cpu;
   if (calibration_) calibration_->learn(estimates);
-  if (mistakes_) look_for_mistakes(still, estimates);
+  if (mistakes_) watch_mistakes(still, estimates);
   watched += stages.lap();
   const TrackedSet result{
       .frames = ready.set,
@@ -393,21 +392,20 @@ void Pipeline::update(ReadySet ready, TrackingTeam& team, std::vector<object_tra
 
 void Pipeline::watch(const capture::FrameSet& set, bool has_new_trackers) {
   const bool is_trust_new = calibration_ && calibration_->look(set);
-  if (is_trust_new || has_new_trackers || are_doubts_new_) trust_cameras();
-  are_doubts_new_ = false;
+  if (is_trust_new || has_new_trackers || is_inflation_new_) trust_cameras();
+  is_inflation_new_ = false;
 }
 
-// What the still room says of each camera, and what the views of the targets say of it beside that.
 void Pipeline::trust_cameras() {
   std::vector<object_tracking::CameraTrust> trust;
   if (calibration_) trust = calibration_->trust();
-  if (mistakes_) add_inflation(mistakes_->doubts(), trust);
+  if (mistakes_) add_inflation(mistakes_->inflation(), trust);
   for (auto& tracker : trackers_) tracker.trust(trust);
 }
 
-void Pipeline::look_for_mistakes(const capture::FrameSet& set,
-                                 std::span<const object_tracking::ObjectEstimate> estimates) {
-  are_doubts_new_ |= mistakes_->look(set, estimates, trackers_, moved_cameras());
+void Pipeline::watch_mistakes(const capture::FrameSet& set,
+                              std::span<const object_tracking::ObjectEstimate> estimates) {
+  is_inflation_new_ |= mistakes_->look(set, estimates, trackers_, moved_cameras());
   for (std::size_t t = 0; t < trackers_.size(); ++t)
     if (!mistakes_->late_s()[t].empty()) trackers_[t].correct_times(mistakes_->late_s()[t]);
 }
@@ -423,12 +421,12 @@ bool Pipeline::is_picture(std::uint64_t index) const {
   return options_.pictures_every > 0 && index % std::uint64_t(options_.pictures_every) == 0;
 }
 
-void Pipeline::tell_status() {
+void Pipeline::output_status() {
   const PipelineFigures now = figures();
   for (Output* output : outputs_) output->on_status(now);
 }
 
-void Pipeline::note_searches() {
+void Pipeline::update_searches() {
   std::vector<objects::SearchFindings> searches;
   for (const auto& tracker : trackers_) searches.push_back(tracker.search_findings());
   const std::scoped_lock lock(figures_mutex_);
@@ -448,7 +446,7 @@ bool Pipeline::take_replacements(capture::Timestamp at) {
     for (auto& [target, options, tracker] : replacements_.front().trackers) {
       tracker.take_over_from(trackers_.at(target));
       trackers_.at(target) = std::move(tracker);
-      if (mistakes_) mistakes_->begin_anew(target, options);
+      if (mistakes_) mistakes_->reset_target(target, options);
     }
     if (!replacements_.front().config.empty()) reloaded_.push_back(std::move(replacements_.front().config));
     is_any = true;
@@ -472,7 +470,7 @@ void Pipeline::track_camera_frames() {
       figures_.tracked_camera.add(estimate, why);
     }
     Stopwatch publishing;
-    // These figures are read without the lock: nobody but this thread changes them.
+    // Read without the lock: only this thread writes them.
     const TrackedFrame result{estimate, ready->received_at, figures_.tracked_camera, *camera_tracker_};
     for (Output* output : outputs_) output->on_camera_pose(result);
     const StageTime published = publishing.lap();

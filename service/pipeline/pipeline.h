@@ -1,10 +1,10 @@
-// The road of a frame, and every thread of the road:
+// The path of a frame, with all threads:
 //
 //   capture threads (one per source)      tracking thread                              picture thread
 //   source -> [pace] -> synchroniser -> queue -> trackers (+ workers) -> outputs -> queue -> outputs' pictures
 //                    `-> queue -> camera tracker -> outputs       (camera thread) -> queue -> outputs' pictures
 //
-// Nothing calls back up. Stopping goes from upstream down: the sources end, the queue closes, tracking drains it.
+// Data flows one way. A stop propagates downstream: the sources end, the queue closes, tracking drains it.
 #pragma once
 
 #include <atomic>
@@ -34,7 +34,7 @@
 
 namespace huetrack::pipeline {
 
-// Frames are held back until their capture time: `first` is let through at `start`.
+// Releases frames at the pace of their capture times: `first` at `start`.
 struct Pace {
   std::chrono::steady_clock::time_point start;
   capture::Timestamp first;
@@ -44,11 +44,11 @@ struct PipelineOptions {
   capture::FrameSynchronizerOptions frame_sets = {};
   WhenFull when_full = WhenFull::wait;
   std::size_t queue_capacity = 8;  // frame sets between capture and tracking
-  int threads = 1;                 // that track; the result does not depend on it
-  // Sets (FrameSet::at) and frames of the tracked camera (captured_at) that are not tracked, ascending: a replay of
-  // what live dropped.
+  int threads = 1;                 // for tracking; the result does not depend on it
+  // Sets (FrameSet::at) and frames of the tracked camera (captured_at) to skip, ascending: those that were dropped
+  // live.
   std::vector<capture::Timestamp> left_out = {}, camera_left_out = {};
-  // Every how many-th set, and frame of the tracked camera, goes to the outputs as a picture; 0: none.
+  // Every n-th set and frame of the tracked camera goes to the outputs as a picture; 0: none.
   int pictures_every = 0;
 };
 
@@ -60,46 +60,45 @@ class Pipeline {
            std::vector<object_trackers::ObjectTracker> trackers, PipelineOptions options);
   ~Pipeline();
 
-  // After run(): the cameras are given back now, not only when this is destroyed.
+  // After run(): closes the cameras before destruction.
   void close_sources();
 
-  // Before run(). The output is called after those that were added before it, and outlives run().
+  // Before run(). Outputs are called in the order of add(), and outlive run().
   void add(Output& output) { outputs_.push_back(&output); }
-  // Before run(): frames come no sooner than this; without it, as fast as the sources give them.
+  // Before run(): limits the pace; by default, as fast as the sources deliver.
   void hold_to(const Pace& pace) { pace_ = pace; }
 
-  // Returns when every source has ended, or soon after a stop: every set that was tracked is then out, none in part.
-  // What had been received when the stop came is tracked, too: a recording of the same frames gives the same track.
-  // throws what an output or a source threw, or std::runtime_error when a camera's frames have not the rig's size.
+  // Returns when every source has ended, or soon after a stop. All frames received before the stop are tracked and
+  // output, so a recording of them gives the same track. Rethrows exceptions of outputs and sources; throws
+  // std::runtime_error if a camera's frames do not have the rig's size.
   void run(std::stop_token stop);
 
-  // Before run(): the calibration is watched on the tracking thread, before each set's trackers, which hold of the
-  // cameras what it says.
+  // Before run(): called on the tracking thread before each set's trackers, which use its trust().
   void watch_calibration(CalibrationWatch watch) { calibration_.emplace(std::move(watch)); }
-  // Before run(): mistakes are looked for on the tracking thread, after each set's trackers, which from the next set on
-  // doubt the cameras that it names.
+  // Before run(): called on the tracking thread after each set's trackers, which use its inflation() from the next set
+  // on.
   void watch_mistakes(MistakeWatch watch) { mistakes_.emplace(std::move(watch)); }
-  const CalibrationWatch* calibration() const { return calibration_ ? &*calibration_ : nullptr; }  // when run() is over
+  const CalibrationWatch* calibration() const { return calibration_ ? &*calibration_ : nullptr; }  // after run()
 
-  // Call it before run(): frames of this camera of the rig go to the tracker, too, whatever frame sets they are in.
+  // Before run(): all frames of this camera of the rig go to the tracker, independent of frame sets.
   void track_camera(int camera, std::unique_ptr<camera_tracking::CameraTracker> tracker);
-  const camera_tracking::CameraTracker* camera_tracker() const { return camera_tracker_.get(); }  // when run() is over
+  const camera_tracking::CameraTracker* camera_tracker() const { return camera_tracker_.get(); }  // after run()
 
   PipelineFigures figures() const;              // thread-safe
   TrackedCameraFigures tracked_camera() const;  // thread-safe; of figures()
 
-  // Trackers that take the place of those of their targets.
+  // New trackers for some targets.
   struct Replacement {
     struct OfTarget {
-      std::size_t target;  // its index
+      std::size_t target;  // index
       object_tracking::TargetOptions options;
       object_trackers::ObjectTracker tracker;
     };
     std::vector<OfTarget> trackers;
     std::optional<capture::Timestamp> from;  // the first set (FrameSet::at); nullopt: the next one
-    std::string config = {};                 // TrackedSet::reloaded of that set; empty: nothing is said of it
+    std::string config = {};                 // for TrackedSet::reloaded of that set; empty: none
   };
-  void replace_trackers(Replacement replacement);  // no set is lost. thread-safe
+  void replace_trackers(Replacement replacement);  // skips no set. thread-safe
 
  private:
   struct ReadySet {
@@ -121,19 +120,19 @@ class Pipeline {
   void track();
   void update(ReadySet ready, TrackingTeam& team, std::vector<object_tracking::ObjectEstimate>& estimates);
   bool is_picture(std::uint64_t index) const;
-  void tell_status();
-  void note_searches();
-  void note_end(std::size_t camera);              // figures_mutex_ is held
-  bool take_replacements(capture::Timestamp at);  // whether there were any
+  void output_status();
+  void update_searches();
+  void set_ended(std::size_t camera);             // figures_mutex_ is held
+  bool take_replacements(capture::Timestamp at);  // returns whether there were any
   void watch(const capture::FrameSet& set, bool has_new_trackers);
   void trust_cameras();
-  void look_for_mistakes(const capture::FrameSet& set, std::span<const object_tracking::ObjectEstimate> estimates);
+  void watch_mistakes(const capture::FrameSet& set, std::span<const object_tracking::ObjectEstimate> estimates);
   std::vector<bool> moved_cameras() const;
   void draw();
   void track_camera_frames();
   void draw_camera();
   template <typename F>
-  void guarded(F&& thread_body);  // an exception stops everything
+  void guarded(F&& thread_body);  // an exception stops the pipeline
 
   const calib::CameraRig& rig_;
   std::vector<std::unique_ptr<capture::FrameSource>> sources_;
@@ -142,7 +141,7 @@ class Pipeline {
   std::optional<Pace> pace_;
   std::optional<CalibrationWatch> calibration_;  // the tracking thread's while it runs
   std::optional<MistakeWatch> mistakes_;         // the tracking thread's while it runs
-  bool are_doubts_new_ = false;                  // the tracking thread's: the trackers do not know them yet
+  bool is_inflation_new_ = false;                // the tracking thread's: not passed to the trackers yet
   std::vector<Output*> outputs_;
   std::stop_source stop_;
   BoundedQueue<ReadySet> frame_sets_;
@@ -153,9 +152,9 @@ class Pipeline {
   BoundedQueue<ReadyFrame> camera_frames_;
   BoundedQueue<pictures::CameraPictureJob> camera_pictures_;
 
-  std::mutex synchronizer_mutex_;              // held while sets go into the queue too, which keeps their order
+  std::mutex synchronizer_mutex_;              // also held while sets enter the queue, which keeps their order
   capture::FrameSynchronizer synchronizer_;    // guarded by synchronizer_mutex_
-  std::vector<capture::RepeatWatch> repeats_;  // per camera, each its capture thread's
+  std::vector<capture::RepeatWatch> repeats_;  // per camera, used by its capture thread
   std::vector<bool> size_checked_;             // guarded by synchronizer_mutex_
   std::uint64_t arrivals_ = 0;                 // guarded by synchronizer_mutex_
 
@@ -165,7 +164,7 @@ class Pipeline {
 
   mutable std::mutex figures_mutex_;  // never held while waiting
   PipelineFigures figures_;           // guarded by figures_mutex_
-  int camera_news_ = 0;               // guarded by figures_mutex_; how often a camera has started or ended
+  int camera_news_ = 0;               // guarded by figures_mutex_; number of camera starts and ends
   std::exception_ptr error_;          // guarded by figures_mutex_; the first one
 };
 

@@ -1,4 +1,4 @@
-// How capture time becomes published time.
+// Converts capture time to published time.
 #pragma once
 
 #include <atomic>
@@ -8,11 +8,11 @@
 
 namespace huetrack::pipeline {
 
-// Live, both are UNIX time. A replay adds an offset to the recording's clock. begin() once, before the first frame; the
-// rest: any thread.
+// Live, both are UNIX time. A replay adds an offset to the recording's clock. begin() once, before the first frame; all
+// else: any thread.
 class PublishedTime {
  public:
-  // held_ns: is added, and may grow while no frame is let through; nullptr: nothing is held.
+  // held_ns: added to the offset; may grow while the replay is held; nullptr: none.
   void begin(capture::Duration offset, const std::atomic<std::int64_t>* held_ns = nullptr) {
     offset_ = offset;
     held_ns_ = held_ns;

@@ -6,7 +6,6 @@
 namespace huetrack::pipeline {
 
 SessionSources recorded_cameras(const recordings::Recording& recording, const recordings::ReplaySource& source) {
-  // Known before the first frame, and for good.
   std::vector<SessionCamera> known;
   for (const auto& camera : source.cameras())
     known.push_back({.camera = int(known.size()),
@@ -14,7 +13,7 @@ SessionSources recorded_cameras(const recordings::Recording& recording, const re
                      .pixels = SessionCamera::Pixels{camera.format, camera.range}});
   SessionSources sources;
   sources.cameras = [known = std::move(known)] { return known; };
-  // Merged by capture time, but our own recordings repeat the order of arrival, and with it the live sets.
+  // Our own recordings repeat the order of arrival, and so the live sets; others are merged by capture time.
   sources.is_ascending = std::ranges::all_of(
       recording.cameras, [](const auto& camera) { return camera.received.empty() && camera.corrupted.empty(); });
   return sources;

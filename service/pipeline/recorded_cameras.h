@@ -1,4 +1,4 @@
-// What a session knows of a recording's cameras before their frames come.
+// Describes a recording's cameras to a session before frames arrive.
 #pragma once
 
 #include "pipeline/session.h"
@@ -7,7 +7,7 @@
 
 namespace huetrack::pipeline {
 
-// The sources of a session that tracks a recording, without the one that delivers its frames: whoever calls adds that.
+// SessionSources of a recording, without the frame source itself, which the caller adds.
 SessionSources recorded_cameras(const recordings::Recording& recording, const recordings::ReplaySource& source);
 
 }  // namespace huetrack::pipeline

@@ -10,8 +10,8 @@ namespace {
 using Clock = std::chrono::steady_clock;
 using namespace std::chrono_literals;
 
-constexpr auto pre_roll_of_a_silent_camera_waits = 200ms;
-constexpr auto pre_roll_is_awaited = 5s;  // beyond its end, by a thread that has no time to write it
+constexpr auto frame_patience = 200ms;  // capacity: wait for a frame before a camera's pre-roll is written
+constexpr auto pre_roll_patience = 5s;  // capacity: wait beyond the end for a slow writing thread
 
 }  // namespace
 
@@ -54,10 +54,10 @@ bool Recorder::save_pre_roll(const std::filesystem::path& folder, capture::Durat
 
 void Recorder::end_when_due() {
   if (!until_ || Clock::now() < *until_ || !is_recording()) return;
-  // However short `after` is, what was kept is written.
+  // The pre-roll is written however short `after` is.
   const bool is_written =
       std::ranges::all_of(cameras_, [&](const auto& camera) { return camera->has_begun == opened_; });
-  if (is_written || Clock::now() >= *until_ + pre_roll_is_awaited) close();
+  if (is_written || Clock::now() >= *until_ + pre_roll_patience) close();
 }
 
 bool Recorder::is_recording() const {
@@ -69,7 +69,7 @@ void Recorder::stop() {
 }
 
 void Recorder::offer(const capture::Frame& frame) {
-  if (!has_writer_.load(std::memory_order_relaxed) && !options_.pre_roll) return;  // nobody wants it
+  if (!has_writer_.load(std::memory_order_relaxed) && !options_.pre_roll) return;  // not needed
   cameras_[std::size_t(frame.camera)]->waiting.push(frame);
 }
 
@@ -107,8 +107,8 @@ void Recorder::finish(capture::Duration patience) {
 
 void Recorder::write(Camera& camera) {
   while (!camera.waiting.ended()) {
-    const auto frame = camera.waiting.pop_for(pre_roll_of_a_silent_camera_waits);
-    const int opened = opened_;  // before the writer is looked at: of that one, or an older one
+    const auto frame = camera.waiting.pop_for(frame_patience);
+    const int opened = opened_;  // read before writer(): of that writer or an older one
     if (const auto to = writer()) {
       if (camera.pre_roll && camera.pre_roll->size() > 0)
         for (const capture::Frame& earlier : camera.pre_roll->take())
@@ -142,7 +142,7 @@ void Recorder::open(const std::filesystem::path& folder) {
     auto writer = std::make_unique<recordings::RecordingWriter>(std::move(recording));
     ++unfinished_;
     fresh = std::shared_ptr<recordings::RecordingWriter>(writer.release(), finish);
-  } catch (const capture::CaptureError&) {  // a full disk: no folder of empty files stays behind
+  } catch (const capture::CaptureError&) {  // a full disk: leave no folder of empty files
     if (is_ours) std::filesystem::remove_all(folder, ignored);
     throw;
   }

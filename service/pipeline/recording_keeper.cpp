@@ -17,7 +17,7 @@ RecordingKeeper::RecordingKeeper(const config::ServiceConfig& config, RecordingK
       states_(config.targets.size(), object_tracking::TrackState::searching) {
   for (const auto& camera : config.cameras)
     if (camera.send == config::Sent::matches) without_pictures_ = camera.name;
-  // With a folder, somebody may ask for a recording at any time.
+  // With a folder, a recording may be requested at any time.
   if (is_always() || has_pre_roll() || !record_.folder.empty()) make_recorder(config);
 }
 
@@ -29,8 +29,8 @@ void RecordingKeeper::begin() {
   }
   try {
     start(new_folder(""));
-  } catch (const std::exception& error) {  // of the disk, whatever it is: that ends no tracking, nor keeps it from it
-    problem_ = std::string("nothing is recorded: ") + error.what();
+  } catch (const std::exception& error) {  // whatever the disk's error is, tracking goes on
+    problem_ = std::string("nothing is being recorded: ") + error.what();
   }
 }
 
@@ -45,7 +45,7 @@ void RecordingKeeper::make_recorder(const config::ServiceConfig& config) {
   recorder.recording.raw_storage = record_.raw_storage;
   recorder.queue_frames = std::size_t(record_.queue_frames);
   if (has_pre_roll()) {
-    // The recorder shares it out over all cameras of the rig, of which some may not be used.
+    // The recorder divides it by all cameras of the rig, some of which may not be in use.
     const double share = double(cameras_.size()) / double(options_.cameras_in_use);
     recorder.pre_roll =
         recordings::PreRollOptions{.length = capture::duration_of(record_.pre_roll_s),
@@ -78,7 +78,7 @@ void RecordingKeeper::on_left_out(const LeftOut& left_out) {
   if (left_out.is_of_camera) {
     camera_left_out_.push_back(left_out.at);
   } else {
-    happened_.push_back({left_out.at, {}});
+    changes_to_write_.push_back({left_out.at, {}});
   }
 }
 
@@ -93,7 +93,7 @@ void RecordingKeeper::on_set(const TrackedSet& set) {
   }
   if (!changes_ || set.reloaded.empty()) return;
   const std::scoped_lock lock(mutex_);
-  for (const auto& config : set.reloaded) happened_.push_back({set.frames.at, config});
+  for (const auto& config : set.reloaded) changes_to_write_.push_back({set.frames.at, config});
 }
 
 void RecordingKeeper::on_config(const config::ServiceConfig& config) noexcept {
@@ -101,7 +101,7 @@ void RecordingKeeper::on_config(const config::ServiceConfig& config) noexcept {
   if (recorder_) recorder_->take_over(config::to_portable_yaml(config));
 }
 
-void RecordingKeeper::look_after() {
+void RecordingKeeper::supervise() {
   const std::scoped_lock lock(supervised_);
   if (!recorder_) return;
   if (!is_finished_) recorder_->end_when_due();
@@ -109,14 +109,14 @@ void RecordingKeeper::look_after() {
   write_changes();
 }
 
-// Away from the road, which only notes them.
+// Not on the pipeline's threads, which only note the changes.
 void RecordingKeeper::write_changes() {
   if (!changes_) return;
-  std::vector<Happening> happened;
+  std::vector<Change> happened;
   std::vector<capture::Timestamp> camera_left_out;
   {
     const std::scoped_lock lock(mutex_);
-    happened.swap(happened_);
+    happened.swap(changes_to_write_);
     camera_left_out.swap(camera_left_out_);
   }
   for (const capture::Timestamp at : camera_left_out) changes_->camera_left_out(at);
@@ -126,7 +126,7 @@ void RecordingKeeper::write_changes() {
 void RecordingKeeper::save_pre_roll(const std::string& why) {
   const std::scoped_lock lock(supervised_);
   if (!has_pre_roll() && !is_always()) {
-    spdlog::warn("there is no pre-roll to save: give record.folder and record.pre_roll_s");
+    spdlog::warn("there is no pre-roll to save: set record.folder and record.pre_roll_s");
     return;
   }
   if (recorder_) save(why);
@@ -141,37 +141,37 @@ void RecordingKeeper::save(const std::string& why) {
       problem_.clear();
       spdlog::info("saving the pre-roll to {}", folder.string());
     } else if (why == "signal") {
-      spdlog::info("it is all in the recording that is being made: {}", folder_.string());
+      spdlog::info("it is already in the current recording: {}", folder_.string());
     }
-  } catch (const std::exception& error) {  // a full or read-only disk ends no tracking; told with the status, once
+  } catch (
+      const std::exception& error) {  // a full or read-only disk does not end tracking; it is a warning of the status
     problem_ = std::string("the pre-roll was not saved: ") + error.what();
   }
 }
 
-Recorder& RecordingKeeper::recorder_for_who_asks() {
+Recorder& RecordingKeeper::requested_recorder() {
   if (record_.folder.empty())
-    throw std::runtime_error("there is no folder for recordings: set record: {folder: ...}, and restart");
-  if (is_finished_ || !recorder_) throw std::runtime_error("the service ends");
+    throw std::runtime_error("there is no folder for recordings: set record: {folder: ...} and restart");
+  if (is_finished_ || !recorder_) throw std::runtime_error("the service is stopping");
   return *recorder_;
 }
 
 std::filesystem::path RecordingKeeper::start_on_request() {
   const std::scoped_lock lock(supervised_);
-  Recorder& recorder = recorder_for_who_asks();
+  Recorder& recorder = requested_recorder();
   if (recorder.is_ending_by_itself()) {
     recorder.go_on();
-    spdlog::info("recording on to {}, as asked", folder_.string());
+    spdlog::info("continuing to record to {}, as requested", folder_.string());
   } else {
-    start_as_asked(recorder, "", true);
+    start_new(recorder, "", true);
   }
   return folder_;
 }
 
 std::filesystem::path RecordingKeeper::stop_on_request() {
   const std::scoped_lock lock(supervised_);
-  Recorder& recorder = recorder_for_who_asks();
-  if (is_always())
-    throw std::runtime_error("it is recorded from the start to the end: the configuration says record: {always: true}");
+  Recorder& recorder = requested_recorder();
+  if (is_always()) throw std::runtime_error("the whole run is recorded: remove record: {always: true} and restart");
   if (!recorder.is_recording()) throw std::runtime_error("nothing is being recorded");
   recorder.stop();
   spdlog::info("recorded to {}", folder_.string());
@@ -180,30 +180,29 @@ std::filesystem::path RecordingKeeper::stop_on_request() {
 
 std::filesystem::path RecordingKeeper::start_anew(const std::string& why) {
   const std::scoped_lock lock(supervised_);
-  Recorder& recorder = recorder_for_who_asks();
+  Recorder& recorder = requested_recorder();
   if (!without_pictures_.empty())
-    throw std::runtime_error("of camera " + without_pictures_ +
-                             " there are no pictures to calibrate it by: set send: frames for it, and restart");
-  start_as_asked(recorder, "-" + why, false);
+    throw std::runtime_error("camera " + without_pictures_ +
+                             " sends no pictures to calibrate with: set send: frames for it and restart");
+  start_new(recorder, "-" + why, false);
   return folder_;
 }
 
-void RecordingKeeper::start_as_asked(Recorder& recorder, const std::string& why, bool with_pre_roll) {
-  if (recorder.is_recording()) throw std::runtime_error("it is being recorded already, to " + folder_.string());
+void RecordingKeeper::start_new(Recorder& recorder, const std::string& why, bool with_pre_roll) {
+  if (recorder.is_recording()) throw std::runtime_error("already recording to " + folder_.string());
   const auto folder = new_folder(why);
   recorder.start(folder, with_pre_roll);
   folder_ = folder;
   problem_.clear();
-  spdlog::info("recording to {}, as asked", folder.string());
+  spdlog::info("recording to {}, as requested", folder.string());
 }
 
 std::filesystem::path RecordingKeeper::save_on_request(const std::string& why) {
   const std::scoped_lock lock(supervised_);
-  Recorder& recorder = recorder_for_who_asks();
-  if (recorder.is_recording())
-    throw std::runtime_error("it is all in the recording that is being made: " + folder_.string());
+  Recorder& recorder = requested_recorder();
+  if (recorder.is_recording()) throw std::runtime_error("it is already in the current recording: " + folder_.string());
   if (!has_pre_roll())
-    throw std::runtime_error("nothing is kept to be saved: set record: {pre_roll_s: ...}, and restart");
+    throw std::runtime_error("there is no pre-roll to save: set record: {pre_roll_s: ...} and restart");
   save(why);
   if (!problem_.empty()) throw std::runtime_error(problem_);
   return folder_;
@@ -224,19 +223,20 @@ std::vector<std::string> RecordingKeeper::warnings() const {
   if (!problem_.empty()) warnings.push_back(problem_);
   std::error_code ignored;
   if (recorder_->is_recording() && !std::filesystem::exists(folder_, ignored))
-    warnings.push_back(folder_.string() + " is gone: nothing of the recording is kept; restart to record again");
+    warnings.push_back(folder_.string() + " was deleted during the recording: restart to record again");
   const RecorderFigures figures = recorder_->figures();
   if (figures.failure) warnings.push_back(*figures.failure);
   if (figures.pre_roll_that_fits)
-    warnings.push_back(fmt::format("only the last {:.1f} s of the pre-roll's {:.1f} s fit into record.pre_roll_mb",
-                                   capture::seconds(*figures.pre_roll_that_fits), record_.pre_roll_s));
+    warnings.push_back(
+        fmt::format("only the last {:.1f} s of the pre-roll's {:.1f} s fit into memory: raise record.pre_roll_mb",
+                    capture::seconds(*figures.pre_roll_that_fits), record_.pre_roll_s));
   if (changes_ && !changes_->failure().empty()) warnings.push_back(changes_->failure());
   std::vector<std::string> dropped;
   for (std::size_t c = 0; c < figures.dropped.size(); ++c)
     if (figures.dropped[c] > 0) dropped.push_back(fmt::format("{} {}", cameras_[c], figures.dropped[c]));
   if (!dropped.empty())
     warnings.push_back(
-        fmt::format("the disk is too slow for the recording, frames are missing in it: {}", fmt::join(dropped, ", ")));
+        fmt::format("the disk is too slow, frames are missing in the recording: {}", fmt::join(dropped, ", ")));
   return warnings;
 }
 

@@ -7,8 +7,10 @@
 namespace huetrack::pipeline {
 namespace {
 
-// New trackers are there with one of the next sets, if there are new ones.
-constexpr std::size_t sets_until_taken_over = 100;
+struct RemoteColorsTuning {
+  std::size_t reload_sets = 100;  // frame sets after which a reload is in force even if it replaced no tracker
+};
+constexpr RemoteColorsTuning remote_colors_tuning{};
 
 void add(std::vector<capture::MatchedColor>& colors, const capture::MatchedColor& color) {
   if (std::ranges::find(colors, color) == colors.end()) colors.push_back(color);
@@ -24,24 +26,24 @@ RemoteColors::RemoteColors(const config::ServiceConfig& config, std::span<const 
                         .name = config.rig.cameras[index].name,
                         .look_for = camera.look_for,
                         .expect_outlines = camera.expect_outlines,
-                        .send_outlines = camera.send_outlines,
-                        .coming = {},
-                        .told = {}});
+                        .flush_outlines = camera.send_outlines,
+                        .next = {},
+                        .sent = {}});
   }
   expect(config);
   for (Camera& camera : cameras_) {
-    camera.told = camera.coming;
-    camera.look_for(camera.told);
+    camera.sent = camera.next;
+    camera.look_for(camera.sent);
   }
 }
 
 void RemoteColors::expect(const config::ServiceConfig& config) {
   sets_ = 0;
   for (Camera& camera : cameras_) {
-    camera.coming.clear();
+    camera.next.clear();
     for (const auto& target : config.targets)
       for (const auto& range : object_trackers::first_colors_looked_for(target, config.object_tracking, camera.name))
-        add(camera.coming, color::matched_color(range));
+        add(camera.next, color::matched_color(range));
   }
 }
 
@@ -49,27 +51,27 @@ void RemoteColors::on_config(const config::ServiceConfig& config) noexcept {
   const std::scoped_lock lock(mutex_);
   expect(config);
   for (Camera& camera : cameras_) {
-    for (const auto& color : camera.coming) add(camera.told, color);  // beside what is in force until then
-    camera.look_for(camera.told);
+    for (const auto& color : camera.next) add(camera.sent, color);  // in addition to those still in use
+    camera.look_for(camera.sent);
   }
 }
 
 void RemoteColors::on_set(const TrackedSet& set) {
   if (cameras_.empty()) return;
   const std::scoped_lock lock(mutex_);
-  if (!set.reloaded.empty()) sets_ = sets_until_taken_over;
-  const bool is_taken_over = sets_++ >= sets_until_taken_over;
+  if (!set.reloaded.empty()) sets_ = remote_colors_tuning.reload_sets;
+  const bool is_taken_over = sets_++ >= remote_colors_tuning.reload_sets;
   for (Camera& camera : cameras_) {
     wanted_.clear();
-    if (!is_taken_over) wanted_ = camera.coming;
+    if (!is_taken_over) wanted_ = camera.next;
     for (const auto& tracker : set.trackers) {
       ranges_.clear();
       tracker.colors_looked_for(camera.index, ranges_);
       for (const auto& range : ranges_) add(wanted_, color::matched_color(range));
     }
-    if (wanted_ != camera.told) {
-      camera.told = wanted_;
-      camera.look_for(camera.told);
+    if (wanted_ != camera.sent) {
+      camera.sent = wanted_;
+      camera.look_for(camera.sent);
     }
     const auto& frame = set.frames.frames[camera.index];
     if (!frame || !camera.expect_outlines) continue;
@@ -78,7 +80,7 @@ void RemoteColors::on_set(const TrackedSet& set) {
     if (!outlines_.empty()) camera.expect_outlines(frame->sequence, outlines_);
   }
   for (const Camera& camera : cameras_)
-    if (camera.send_outlines) camera.send_outlines();
+    if (camera.flush_outlines) camera.flush_outlines();
 }
 
 }  // namespace huetrack::pipeline

@@ -1,5 +1,5 @@
-// Tells cameras whose hosts say which pixels match (`send: matches`) what the trackers look for in them, and where they
-// expect outlines.
+// The output that sends the trackers' colours, and the places where they expect outlines, to remote cameras with `send:
+// matches`.
 #pragma once
 
 #include <cstddef>
@@ -15,11 +15,11 @@
 
 namespace huetrack::pipeline {
 
-// The colours of the configuration from the start, and of another one from when it is in force; the trackers' own when
-// these change them (`color: adapt`). A frame tells of which colours it is, so none is taken for what it is not.
+// Sends the colours of the configuration, after a reload the old and new ones until the new trackers are in use, and
+// the trackers' own when these change (`color: adapt`). Each frame names the colours that it was matched with.
 class RemoteColors final : public Output {
  public:
-  // Tells the first ones. cameras: of `config`'s rig; of those with look_for, which it keeps.
+  // Sends the first colours. cameras: of `config`'s rig; uses (and copies) the functions of those with look_for.
   RemoteColors(const config::ServiceConfig& config, std::span<const capture::LiveCamera> cameras);
 
   void on_set(const TrackedSet& set) override;
@@ -31,15 +31,15 @@ class RemoteColors final : public Output {
     std::string name;
     std::function<void(std::span<const capture::MatchedColor>)> look_for;
     std::function<void(std::uint32_t, std::span<const capture::ExpectedOutline>)> expect_outlines;
-    std::function<void()> send_outlines;
-    std::vector<capture::MatchedColor> coming, told;  // of the configuration whose trackers may not be there yet
+    std::function<void()> flush_outlines;
+    std::vector<capture::MatchedColor> next, sent;  // next: of a configuration whose trackers may not be in use yet
   };
   void expect(const config::ServiceConfig& config);
 
   std::mutex mutex_;
   std::vector<Camera> cameras_;  // guarded by mutex_
-  std::size_t sets_ = 0;         // guarded by mutex_; since that configuration
-  // Work space of on_set().
+  std::size_t sets_ = 0;         // guarded by mutex_; since the configuration changed
+  // Buffers of on_set().
   std::vector<color::HsiRange> ranges_;
   std::vector<capture::MatchedColor> wanted_;
   std::vector<capture::ExpectedOutline> outlines_;

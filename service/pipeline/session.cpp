@@ -15,7 +15,7 @@
 namespace huetrack::pipeline {
 namespace {
 
-// What a reload may change, by the configuration's first level.
+// Top-level keys that a reload may change.
 constexpr std::array<std::string_view, 5> reloadable{"targets", "object_tracking", "log_level", "ignore", "control"};
 
 bool has_same_targets(const config::ServiceConfig& a, const config::ServiceConfig& b) {
@@ -23,13 +23,12 @@ bool has_same_targets(const config::ServiceConfig& a, const config::ServiceConfi
                             &object_tracking::TargetOptions::name);
 }
 
-// What is published of a target depends on how many objects it may be.
+// The topics of a target depend on `count`.
 bool has_same_counts(const config::ServiceConfig& a, const config::ServiceConfig& b) {
   return std::ranges::equal(a.targets, b.targets, {}, &object_tracking::TargetOptions::count,
                             &object_tracking::TargetOptions::count);
 }
 
-// Of a configuration with the same cameras otherwise.
 void take_controls(config::ServiceConfig& config, const config::ServiceConfig& from) {
   for (config::LiveCameraConfig& camera : config.cameras) {
     const auto same = std::ranges::find(from.cameras, camera.name, &config::LiveCameraConfig::name);
@@ -37,7 +36,7 @@ void take_controls(config::ServiceConfig& config, const config::ServiceConfig& f
   }
 }
 
-// What a reload may change, from `fresh`; the rest stays.
+// `config` with the reloadable keys of `fresh`.
 config::ServiceConfig merged(config::ServiceConfig config, const config::ServiceConfig& fresh) {
   config.targets = fresh.targets;
   config.object_tracking = fresh.object_tracking;
@@ -48,7 +47,7 @@ config::ServiceConfig merged(config::ServiceConfig config, const config::Service
   return config;
 }
 
-// Known once and for all, as a track depends on it.
+// The tolerance is fixed for the run because the track depends on it.
 config::ServiceConfig with_tolerance(config::ServiceConfig config, const std::vector<SessionCamera>& cameras) {
   std::vector<capture::Duration> periods;
   for (const auto& camera : cameras) periods.push_back(camera.period);
@@ -69,13 +68,12 @@ Session::Session(config::ServiceConfig config, SessionSources sources, SessionOp
   repeat(options.repeats.reloads);
   watch_calibration();
   if (!is_tracking_ || config_.camera_tracking.camera.empty()) return;
-  if (!save_map_.empty()) camera_tracking::refuse_other_than_map(save_map_);  // now, and not when all the work is done
+  if (!save_map_.empty()) camera_tracking::refuse_other_than_map(save_map_);  // now, not after the run
   const int camera = rig_.index_of(config_.camera_tracking.camera).value();
   pipeline_.track_camera(camera, camera_methods::make_camera_tracker(rig_.cameras[std::size_t(camera)],
                                                                      config::tracker_options(config_.camera_tracking)));
 }
 
-// Of the still cameras, which is what objects are tracked with.
 void Session::watch_calibration() {
   if (!is_tracking_ || config_.targets.empty()) return;
   std::vector<bool> still;
@@ -87,7 +85,7 @@ void Session::watch_calibration() {
 
 object_trackers::ObjectTracker Session::tracker_of(const config::ServiceConfig& config, std::size_t target) const {
   object_trackers::ObjectTracker tracker(rig_, config.targets[target], config.object_tracking);
-  // The tracking thread would need some 5 ms for each colour table.
+  // Here, because each colour table would delay the tracking thread by about 5 ms.
   for (const auto& camera : cameras_())
     if (camera.pixels) tracker.expect(camera.camera, camera.pixels->format, camera.pixels->range);
   return tracker;
@@ -100,17 +98,17 @@ std::vector<object_trackers::ObjectTracker> Session::trackers() const {
 }
 
 PipelineOptions Session::pipeline_options(const SessionOptions& options, bool is_ascending) const {
-  PipelineOptions road;
-  road.frame_sets.camera_count = int(rig_.cameras.size());
-  road.frame_sets.cameras_in_use = int(cameras_().size());
-  road.frame_sets.tolerance = capture::duration_of(*config_.set_tolerance_s);
-  road.frame_sets.ascending_input = is_ascending;
-  road.when_full = options.when_full;
-  road.threads = options.threads.value_or(config_.threads);
-  road.left_out = options.repeats.left_out;
-  road.camera_left_out = options.repeats.camera_left_out;
-  road.pictures_every = options.pictures_every;
-  return road;
+  PipelineOptions pipeline;
+  pipeline.frame_sets.camera_count = int(rig_.cameras.size());
+  pipeline.frame_sets.cameras_in_use = int(cameras_().size());
+  pipeline.frame_sets.tolerance = capture::duration_of(*config_.set_tolerance_s);
+  pipeline.frame_sets.ascending_input = is_ascending;
+  pipeline.when_full = options.when_full;
+  pipeline.threads = options.threads.value_or(config_.threads);
+  pipeline.left_out = options.repeats.left_out;
+  pipeline.camera_left_out = options.repeats.camera_left_out;
+  pipeline.pictures_every = options.pictures_every;
+  return pipeline;
 }
 
 void Session::add(Output& output) {
@@ -123,7 +121,7 @@ void Session::run(std::stop_token stop) {
   const auto attempt = [&error](auto&& step) {
     try {
       step();
-    } catch (...) {  // not swallowed: the first one is thrown again below
+    } catch (...) {  // the first is rethrown below
       if (!error) error = std::current_exception();
     }
   };
@@ -140,7 +138,7 @@ void Session::save_camera_map() const {
 Pipeline::Replacement Session::replacement(const std::vector<std::size_t>& targets,
                                            const config::ServiceConfig& after) const {
   Pipeline::Replacement replacement;
-  if (!is_tracking_) return replacement;  // there are no trackers whose place they could take
+  if (!is_tracking_) return replacement;  // no trackers to replace
   for (const auto t : targets) replacement.trackers.push_back({t, after.targets[t], tracker_of(after, t)});
   return replacement;
 }
@@ -150,7 +148,8 @@ void Session::repeat(const std::vector<RecordedReload>& reloads) {
   for (const auto& reload : reloads) {
     const config::ServiceConfig fresh = config::load_service_config(reload.config);
     if (!has_same_targets(fresh, before))
-      throw files::ConfigError(reload.config, 0, "has other targets than the recording's huetrackd.yaml");
+      throw files::ConfigError(reload.config, 0,
+                               "has other targets than the recording's huetrackd.yaml: it cannot be replayed");
     config::ServiceConfig after = merged(before, fresh);
     Pipeline::Replacement next = replacement(config::targets_that_differ(before, after), after);
     next.from = reload.at;
@@ -161,8 +160,8 @@ void Session::repeat(const std::vector<RecordedReload>& reloads) {
 
 Session::TakenOver Session::take_over(const config::ServiceConfig& fresh) {
   if (!has_same_targets(fresh, config_))
-    throw std::runtime_error("targets were added, removed, renamed or reordered: that needs a restart");
-  if (!has_same_counts(fresh, config_)) throw std::runtime_error("a target's count was changed: that needs a restart");
+    throw std::runtime_error("targets were added, removed, renamed or reordered: restart to apply");
+  if (!has_same_counts(fresh, config_)) throw std::runtime_error("a target's count was changed: restart to apply");
   TakenOver result;
   config::ServiceConfig compared = fresh;
   take_controls(compared, config_);

@@ -1,5 +1,5 @@
-// One run of the program, on live cameras or on a recording: the trackers, the road and its outputs, made from the
-// configuration by the same rules for both.
+// One run of the program, live or on a recording: creates trackers, pipeline and outputs from the configuration by the
+// same rules for both.
 #pragma once
 
 #include <filesystem>
@@ -21,90 +21,85 @@
 
 namespace huetrack::pipeline {
 
-// A camera that delivers frames, and what is known of them before they come.
+// A camera that delivers frames, and their known properties.
 struct SessionCamera {
   struct Pixels {
     capture::PixelFormat format;
     capture::ColorRange range;
   };
   int camera = 0;                     // in the rig
-  capture::Duration period{0};        // the usual time between two frames; 0: unknown
+  capture::Duration period{0};        // between two frames; 0: unknown
   std::optional<Pixels> pixels = {};  // nullopt: unknown
 };
 
 struct SessionSources {
   std::vector<std::unique_ptr<capture::FrameSource>> sources;
-  // Those that deliver, and what is known by now: asked at the start, and again by take_over().
+  // The delivering cameras as known by now: called at the start and by take_over().
   std::function<std::vector<SessionCamera>()> cameras;
   bool is_ascending = false;  // FrameSynchronizerOptions::ascending_input
 };
 
 struct SessionOptions {
   WhenFull when_full = WhenFull::wait;
-  bool is_tracking = true;          // false: frames and sets only, whatever the configuration says
+  bool is_tracking = true;          // false: frames and sets only
   std::optional<int> threads = {};  // instead of the configuration's
   int pictures_every = 0;           // PipelineOptions::pictures_every
-  RecordedChanges repeats = {};     // what happened when the recording was made happens again
+  RecordedChanges repeats = {};     // changes of the recorded run to repeat
 };
 
-// thread-compatible; run() once. What says so may be called by another thread while it runs.
+// thread-compatible; run() once. Functions marked "any thread" may be called while it runs.
 class Session {
  public:
-  // Makes the trackers, with their colour tables as far as the pixels are known, and decides what the configuration
-  // leaves open: the tolerance of sets, by the periods of the cameras.
-  // throws std::invalid_argument: trackers that cannot be made so; ConfigError: a recorded reload has other targets;
-  // std::runtime_error: where the map is to be saved another kind of file lies.
+  // Creates the trackers, with colour tables for the known pixel formats, and the default tolerance of sets from the
+  // cameras' periods. throws std::invalid_argument: invalid tracker options; ConfigError: a recorded reload has other
+  // targets; std::runtime_error: the map would replace another kind of file.
   Session(config::ServiceConfig config, SessionSources sources, SessionOptions options);
 
-  // Before run(). The output is called after those that were added before it, and outlives run().
+  // Before run(). Outputs are called in the order of add(), and outlive run().
   void add(Output& output);
-  // Before run(): how published times are made. What outputs hold of time() stays valid.
+  // Set it before run(). References stay valid.
   PublishedTime& time() { return time_; }
-  // Before run(): frames come no sooner than this.
+  // Before run(): frames are not released earlier than this.
   void hold_to(const Pace& pace) { pipeline_.hold_to(pace); }
 
-  // As Pipeline::run(); then the outputs are flushed, whatever has ended it. throws the first of what went wrong.
+  // As Pipeline::run(); then flushes the outputs in any case. throws the first error.
   void run(std::stop_token stop);
-  // After run(). The tracked camera's map, where the configuration says so; it may lie on a slow disk, so whoever
-  // records ends the recording before. throws std::runtime_error, naming the file.
+  // After run(): saves the tracked camera's map if configured. May be slow: end recordings before. throws
+  // std::runtime_error, naming the file.
   void save_camera_map() const;
   void close_sources() { pipeline_.close_sources(); }
 
-  // What came of a configuration that was read again.
+  // Result of a reloaded configuration.
   struct TakenOver {
-    std::vector<std::string> searched_anew;  // targets: they differ, and have new trackers from the next set on
-    std::vector<std::string> waiting;        // keys that changed, too: that takes effect at the next start
+    std::vector<std::string> searched_anew;  // targets that changed and have new trackers from the next set on
+    std::vector<std::string> waiting;        // changed keys that need a restart
   };
-  // Puts into force what may change while running: the targets' colours and radii, how they are tracked, what of the
-  // images is ignored, the cameras' controls (whoever has the cameras applies them), the log's level, and what may be
-  // asked over the bus. Then tells the outputs. While it runs: one
-  // thread at a time, which is also the only one that may use config().
-  // throws std::runtime_error: the targets are not the same; then nothing has changed.
+  // Applies what may change while running: targets' colours and radii, object_tracking, ignored image regions, camera
+  // controls (applied by the owner of the cameras), the log level, and control. Then calls the outputs' on_config(). By
+  // one thread at a time, the only one that may use config(). throws std::runtime_error if the targets are not the
+  // same; then nothing has changed.
   TakenOver take_over(const config::ServiceConfig& fresh);
 
-  const config::ServiceConfig& config() const { return config_; }  // in force, with the tolerance that was decided on
+  const config::ServiceConfig& config() const { return config_; }  // in force, with the chosen tolerance
   const calib::CameraRig& rig() const { return rig_; }             // any thread
   PipelineFigures figures() const { return pipeline_.figures(); }  // any thread
-  const CalibrationWatch* calibration() const { return pipeline_.calibration(); }  // not while it runs
-  const camera_tracking::CameraTracker* camera_tracker() const {
-    return pipeline_.camera_tracker();
-  }  // not while it runs
+  const CalibrationWatch* calibration() const { return pipeline_.calibration(); }                      // after run()
+  const camera_tracking::CameraTracker* camera_tracker() const { return pipeline_.camera_tracker(); }  // after run()
 
  private:
   object_trackers::ObjectTracker tracker_of(const config::ServiceConfig& config, std::size_t target) const;
   std::vector<object_trackers::ObjectTracker> trackers() const;
   PipelineOptions pipeline_options(const SessionOptions& options, bool is_ascending) const;
   Pipeline::Replacement replacement(const std::vector<std::size_t>& targets, const config::ServiceConfig& after) const;
-  // throws ConfigError: one has other targets
   void repeat(const std::vector<RecordedReload>& reloads);
   void watch_calibration();
 
   const std::function<std::vector<SessionCamera>()> cameras_;
   const bool is_tracking_, tolerance_is_given_;
-  const std::filesystem::path save_map_;  // empty: no map is saved
+  const std::filesystem::path save_map_;  // empty: none
   config::ServiceConfig config_;
-  std::vector<config::ServiceConfig> repeated_;  // of recorded reloads: each of them is, or will be, in force
-  const calib::CameraRig rig_;                   // the road reads it, while config_ may change
+  std::vector<config::ServiceConfig> repeated_;  // recorded reloads, in order
+  const calib::CameraRig rig_;                   // read by the pipeline while config_ may change
   PublishedTime time_;
   std::vector<Output*> outputs_;
   Pipeline pipeline_;

@@ -8,10 +8,11 @@
 namespace huetrack::pipeline {
 namespace {
 
-using namespace std::chrono_literals;
-
-constexpr capture::Duration longest_start = 3s;  // a start or a return takes less
-constexpr double told_readout_s = 0.002;         // a tenth of a usual rolling shutter's
+struct TrackedCameraTuning {
+  double longest_start_s = 3;          // s; a start or a re-detection takes less
+  double max_readout_sigma_s = 0.002;  // s, 1 sigma; a tenth of a usual rolling shutter's readout
+};
+constexpr TrackedCameraTuning tracked_camera_tuning{};
 
 }  // namespace
 
@@ -30,21 +31,23 @@ void TrackedCameraFigures::add(const camera_tracking::CameraEstimate& estimate, 
 }
 
 std::string no_pose_warning(const std::string& camera, const TrackedCameraFigures& figures) {
-  if (!figures.without_since || figures.at - *figures.without_since < longest_start) return {};
+  if (!figures.without_since ||
+      figures.at - *figures.without_since < capture::duration_of(tracked_camera_tuning.longest_start_s))
+    return {};
   return fmt::format("camera {}: no pose for {:.0f} s ({}){}{}", camera,
                      capture::seconds(figures.at - *figures.without_since), camera_tracking::name(figures.state),
                      figures.why.empty() ? "" : ": ", figures.why);
 }
 
 std::string readout_text(const TrackedCameraFigures& figures) {
-  if (!(figures.readout_sigma_s < told_readout_s)) return {};
-  return fmt::format("rows over {:.1f} ms +- {:.1f}", 1e3 * figures.readout_s, 1e3 * figures.readout_sigma_s);
+  if (!(figures.readout_sigma_s < tracked_camera_tuning.max_readout_sigma_s)) return {};
+  return fmt::format("readout {:.1f} ms +- {:.1f}", 1e3 * figures.readout_s, 1e3 * figures.readout_sigma_s);
 }
 
-void NoPoseLog::tell(const std::string& camera, const TrackedCameraFigures& figures) {
-  if (!figures.without_since) told_.clear();
+void NoPoseLog::log(const std::string& camera, const TrackedCameraFigures& figures) {
+  if (!figures.without_since) logged_.clear();
   const std::string warning = no_pose_warning(camera, figures);
-  if (!warning.empty() && told_.insert(without_numbers(warning)).second) spdlog::warn("{}", warning);
+  if (!warning.empty() && logged_.insert(without_numbers(warning)).second) spdlog::warn("{}", warning);
 }
 
 void save_map(const camera_tracking::CameraTracker& tracker, const TrackedCameraFigures& figures,
@@ -52,7 +55,7 @@ void save_map(const camera_tracking::CameraTracker& tracker, const TrackedCamera
   if (figures.had_pose) {
     tracker.save_map(file);
   } else {
-    spdlog::warn("{}: map not saved: there never was a pose", file.string());
+    spdlog::warn("{}: map not saved, because the camera never had a pose", file.string());
   }
 }
 

@@ -34,7 +34,7 @@ std::int64_t unix_ns(capture::Timestamp t) {
   return t.time_since_epoch().count();
 }
 
-// The enums go over the wire by number; these keep both lists in step.
+// Enums are sent as numbers; these checks keep both lists equal.
 static_assert(static_cast<std::uint32_t>(object_tracking::TrackState::searching) == msg::TRACK_STATE_SEARCHING &&
               static_cast<std::uint32_t>(object_tracking::TrackState::tracking) == msg::TRACK_STATE_TRACKING &&
               static_cast<std::uint32_t>(object_tracking::TrackState::coasting) == msg::TRACK_STATE_COASTING &&
@@ -54,8 +54,8 @@ std::array<double, 3> array_of(const Eigen::Vector3d& v) {
   return {v.x(), v.y(), v.z()};
 }
 
-// Everything but the names, which do not change, and published_at, which is set last.
-// Whatever the estimate holds: where the state says that there is no position, none goes out.
+// All fields except the constant names, and published_at, which is set last.
+// Without a position by its state, the fields are NaN, whatever the estimate contains.
 template <typename Sample>
 void fill_motion(Sample& sample, const object_tracking::ObjectEstimate& estimate) {
   const Eigen::Vector3d none = Eigen::Vector3d::Constant(std::numeric_limits<double>::quiet_NaN());
@@ -177,8 +177,8 @@ void fill(msg::HostClocks& sample, const ServiceStatus& status) {
   }
 }
 
-// Hears through discovery of other writers of our topics. Two services with the same target on one domain are two
-// answers to one question; readers get both, interleaved. thread-safe: called from Fast DDS' threads.
+// Discovers other writers of our topics: readers would get the positions of both services, interleaved. thread-safe:
+// called from Fast DDS' threads.
 class Rivals : public dds::DomainParticipantListener {
  public:
   explicit Rivals(idl::PublisherIdentity self) : self_(std::move(self)) {}
@@ -193,7 +193,7 @@ class Rivals : public dds::DomainParticipantListener {
     }
     const auto& bytes = info.info.m_qos.m_userData;
     auto other = idl::PublisherIdentity::from(std::string(bytes.begin(), bytes.end()));
-    if (!other || (other->host == self_.host && other->pid == self_.pid)) return;  // we, while joining anew
+    if (!other || (other->host == self_.host && other->pid == self_.pid)) return;  // this process, while joining again
     others_[guid] = std::move(*other);
   }
 
@@ -203,9 +203,9 @@ class Rivals : public dds::DomainParticipantListener {
     for (const auto& [guid, other] : others_)
       for (const std::string& target : self_.targets)
         if (std::ranges::find(other.targets, target) != other.targets.end())
-          sentences.push_back("target " + target + " is published by a second huetrackd too (process " +
+          sentences.push_back("target " + target + " is also published by a second huetrackd (process " +
                               std::to_string(other.pid) + " on " + other.host +
-                              "): subscribers get both; stop one, or give it another domain or target name");
+                              "): stop one of them, or give it another domain or target name");
     return sentences;
   }
 
@@ -225,7 +225,7 @@ bool has_several(const EstimatePublisherOptions& options) {
   return std::ranges::any_of(options.counts, [](int count) { return count > 1; });
 }
 
-// Our place on the bus: one participant and its writers. Made anew when the network changes.
+// A participant with its writers; replaced when the network changes.
 struct Connection {
   Connection(const EstimatePublisherOptions& options, Rivals& rivals)
       : participant(options.transport("huetrackd"), &rivals),
@@ -264,7 +264,7 @@ struct Connection {
                                             idl::ros2_user_data(idl::ros2_tf_type_hash));
   }
 
-  // Lets the last samples arrive.
+  // Waits for the last samples to arrive.
   ~Connection() {
     position.wait_for_acknowledgments(eprosima::fastrtps::Duration_t(0, 500'000'000));
     if (camera != nullptr) camera->wait_for_acknowledgments(eprosima::fastrtps::Duration_t(0, 500'000'000));
@@ -277,7 +277,7 @@ struct Connection {
     return participant.create_writer<PoseType>(idl::ros2_pose_topic(name), idl::ros2_writer_qos(),
                                                idl::ros2_user_data(idl::ros2_pose_type_hash));
   }
-  // Of an object of several, which has one from its first pose on.
+  // Of one object of several; created with its first pose.
   dds::DataWriter& pose_writer_of(const std::string& object) {
     const std::lock_guard lock(objects_mutex);
     const auto [at, is_new] = object_poses.try_emplace(object, nullptr);
@@ -296,12 +296,12 @@ struct Connection {
   dds::DataWriter& position;
   dds::DataWriter& status;
   dds::DataWriter& times;
-  // By target, empty without ROS 2; null for a target of several objects, and those of arrays for one that is one.
+  // By target, empty without ROS 2; poses: null for targets with count > 1, arrays: null for others.
   std::vector<dds::DataWriter*> poses, pose_arrays;
   std::mutex objects_mutex;
   std::map<std::string, dds::DataWriter*> object_poses;  // guarded by objects_mutex; by the object's name
-  dds::DataWriter* sets = nullptr;                       // null where every target is one object
-  dds::DataWriter* clocks = nullptr;                     // null where all cameras are of this host
+  dds::DataWriter* sets = nullptr;                       // null without targets with count > 1
+  dds::DataWriter* clocks = nullptr;                     // null without remote cameras
   dds::DataWriter* tf = nullptr;                         // null without ROS 2
   dds::DataWriter* camera = nullptr;                     // null without a tracked camera
   dds::DataWriter* ros_camera = nullptr;
@@ -322,7 +322,7 @@ std::vector<std::string> EstimatePublisherOptions::problems() const {
   if (!tracked_camera.empty()) check_name("camera", tracked_camera);
   if (std::ranges::find(targets, tracked_camera) != targets.end())
     sentences.push_back("target " + tracked_camera +
-                        " has the name of the tracked camera: both are frames of ROS 2's /tf");
+                        " has the name of the tracked camera, but both are frames on /tf: rename the target");
   for (const std::string& target : targets) check_name("target", target);
   if (std::set(targets.begin(), targets.end()).size() != targets.size())
     sentences.push_back("two targets have the same name");
@@ -331,10 +331,10 @@ std::vector<std::string> EstimatePublisherOptions::problems() const {
 
 struct EstimatePublisher::Impl {
   struct Target {
-    msg::ObjectPosition position;  // the names in it are set once
+    msg::ObjectPosition position;  // its names are set once
     geometry_msgs::msg::dds_::PoseWithCovarianceStamped_ pose;
     tf2_msgs::msg::dds_::TFMessage_ tf;
-    msg::ObjectSet set;  // the name in it is set once
+    msg::ObjectSet set;  // its name is set once
     geometry_msgs::msg::dds_::PoseArray_ poses;
   };
 
@@ -358,8 +358,8 @@ struct EstimatePublisher::Impl {
     clocks.pid(rivals.self().pid);
   }
 
-  // The status thread only. The new connection is there before the old one goes, so that publish() hardly waits.
-  void join_anew() {
+  // The status thread only. Creates the new connection first, so that publish() hardly waits.
+  void rejoin() {
     std::string why_not;
     try {
       auto fresh = std::make_unique<Connection>(options, rivals);
@@ -371,7 +371,8 @@ struct EstimatePublisher::Impl {
       why_not = error.what();
     }
     const std::lock_guard lock(problem_mutex);
-    network_problem = why_not.empty() ? "" : "the network has changed, and DDS goes on as it was: " + why_not;
+    network_problem =
+        why_not.empty() ? "" : "the network has changed, but DDS still uses the old addresses: " + why_not;
   }
 
   bool count(bool ok) {
@@ -380,18 +381,18 @@ struct EstimatePublisher::Impl {
   }
 
   const EstimatePublisherOptions options;
-  Rivals rivals;  // before connection: it outlives it
+  Rivals rivals;  // declared before connection, which it outlives
   mutable std::shared_mutex connection_mutex;
   std::unique_ptr<Connection>
       connection;  // guarded by connection_mutex: shared to write to it, exclusive to replace it
   std::vector<Target> targets;
-  // Samples of the camera's thread, and of no other.
-  msg::CameraPose camera_sample;  // the name in it is set once
+  // The camera's thread only.
+  msg::CameraPose camera_sample;  // its name is set once
   geometry_msgs::msg::dds_::PoseWithCovarianceStamped_ camera_pose;
   tf2_msgs::msg::dds_::TFMessage_ camera_tf;
-  msg::ServiceStatus status;  // the names in it are set once
-  msg::CameraTimes times;     // the names in it are set once
-  msg::HostClocks clocks;     // the names in it are set once
+  msg::ServiceStatus status;  // its names are set once
+  msg::CameraTimes times;     // its names are set once
+  msg::HostClocks clocks;     // its names are set once
   std::atomic<std::uint64_t> published = 0;
   std::atomic<std::uint64_t> failures = 0;
   mutable std::mutex problem_mutex;
@@ -448,13 +449,13 @@ bool EstimatePublisher::publish(std::size_t target, const object_tracking::Objec
       ok = bus.tf->write(&to.tf) && ok;
     }
     if (estimate.is_end) {
-      // Also disposed of: readers hear of the end, and nobody keeps room for what does not come again.
+      // Dispose the instance: informs readers and frees memory.
       using eprosima::fastrtps::types::ReturnCode_t;
       ok = bus.position.unregister_instance(&to.position, dds::HANDLE_NIL) == ReturnCode_t::RETCODE_OK && ok;
       if (impl_->options.ros2) bus.end(to.position.target());
     }
     return impl_->count(ok);
-  } catch (const std::exception&) {  // Fast DDS refuses an object's topic; Fast CDR's are no std::runtime_error
+  } catch (const std::exception&) {  // a refused topic, or an exception of Fast CDR
     return impl_->count(false);
   }
 }
@@ -469,7 +470,7 @@ bool EstimatePublisher::publish_set(std::size_t target, std::span<const object_t
   to.set.most(static_cast<std::uint32_t>(count_of(impl_->options, target)));
   to.set.objects().clear();
   for (const auto& estimate : estimates) {
-    if (estimate.object == 0) continue;  // none is known
+    if (estimate.object == 0) continue;  // no object
     fill(to.set.objects().emplace_back(), estimate,
          object_tracking::object_name(impl_->options.targets[target], estimate.object));
   }
@@ -503,7 +504,7 @@ bool EstimatePublisher::publish(const camera_tracking::CameraEstimate& estimate,
 }
 
 bool EstimatePublisher::publish_status(const ServiceStatus& status) noexcept {
-  if (impl_->connection->participant.network_changed()) impl_->join_anew();  // nobody else replaces it
+  if (impl_->connection->participant.network_changed()) impl_->rejoin();  // only this thread replaces it
   fill(impl_->status, status);
   const Counters now = counters();
   impl_->status.published(now.published);

@@ -21,7 +21,7 @@ namespace {
 
 int readers_of(const dds::DataWriter& writer) {
   dds::PublicationMatchedStatus matched;
-  // Not const in Fast DDS, though it changes nothing but "since the last call".
+  // Not const in Fast DDS.
   const_cast<dds::DataWriter&>(writer).get_publication_matched_status(matched);
   return matched.current_count;
 }
@@ -34,7 +34,7 @@ static_assert(static_cast<std::uint32_t>(camera_tracking::CameraMapPoint::State:
 
 constexpr std::size_t most_map_points = 1000;  // 45 kB: one UDP datagram
 
-// All but whose it is.
+// All fields except camera, host and pid.
 msg::CameraMap to_message(const camera_tracking::CameraMap& map, capture::Timestamp captured) {
   msg::CameraMap out;
   out.captured_at(captured.time_since_epoch().count());
@@ -89,7 +89,7 @@ struct PageConnection {
                                                    idl::ros2_user_data(idl::ros2_tf_type_hash));
   }
 
-  // Lets the last replies arrive: the service may begin anew with what was just asked for.
+  // Waits for the last replies to arrive: the service may restart on a request.
   ~PageConnection() {
     for (dds::DataWriter* writer : {&reply, &control_reply})
       writer->wait_for_acknowledgments(eprosima::fastrtps::Duration_t(0, 500'000'000));
@@ -145,7 +145,7 @@ bool PagePublisher::publish(msg::Scene scene) noexcept {
 
 bool PagePublisher::publish(const msg::Preview& preview) noexcept {
   PageConnection& bus = *impl_->connection;
-  bool ok = bus.preview.write(const_cast<msg::Preview*>(&preview));  // write() takes void*, and only reads
+  bool ok = bus.preview.write(const_cast<msg::Preview*>(&preview));  // write() takes void*, but only reads
   for (std::size_t c = 0; impl_->scene && c < bus.images.size(); ++c) {
     if (impl_->options.cameras[c] != preview.camera() || readers_of(*bus.images[c]) + readers_of(*bus.infos[c]) == 0)
       continue;
@@ -215,13 +215,13 @@ int PagePublisher::marker_subscribers() const {
   return markers != nullptr ? readers_of(*markers) : 0;
 }
 
-void PagePublisher::look_after_network() {
+void PagePublisher::check_network() {
   if (!impl_->connection->participant.network_changed()) return;
   try {
     impl_->connection = std::make_unique<PageConnection>(impl_->options, impl_->identity.user_data());
     if (impl_->scene) impl_->write_scene();
     if (impl_->map) impl_->connection->map->write(&*impl_->map);
-  } catch (const std::invalid_argument&) {  // a configured interface is gone: EstimatePublisher warns of the same
+  } catch (const std::invalid_argument&) {  // a configured interface is gone: EstimatePublisher warns
   } catch (const std::runtime_error&) {     // Fast DDS refuses
   }
 }

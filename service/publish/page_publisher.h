@@ -1,6 +1,5 @@
-// What a page shows beside positions and status: the scene, previews, and the teaching of colours asked for over the
-// bus. The messages are those of idl/huetrack_view.idl. It has its own place on the bus, apart from that of the
-// positions, so that nothing here can hold those up.
+// Publishes scene, previews and maps for web pages, and receives their requests (idl/huetrack_view.idl). Its
+// participant is separate from that of the positions, so that it cannot delay them.
 #pragma once
 
 #include <memory>
@@ -12,32 +11,32 @@
 
 namespace huetrack::publish {
 
-// thread-compatible: one thread, which is not the tracking one.
+// thread-compatible; not for the tracking thread.
 class PagePublisher {
  public:
-  // Of the options: domain, interfaces, profiles, frame_id, ros2, cameras (names in rig order), tracked_camera.
-  // throws as EstimatePublisher's constructor does.
+  // Uses of the options: domain, interfaces, profiles, frame_id, ros2, cameras (names in rig order), tracked_camera.
+  // throws as EstimatePublisher's constructor.
   explicit PagePublisher(EstimatePublisherOptions options);
   ~PagePublisher();
 
-  // Each fills in what identifies this process where the message has it. False when it could not be written.
-  bool publish(msg::Scene scene) noexcept;  // kept, and sent to who comes late
+  // Each adds the identity of this process if the message has it. Returns false on a write error.
+  bool publish(msg::Scene scene) noexcept;  // late joiners receive it
   bool publish(const msg::Preview& preview) noexcept;
   bool publish(const camera_tracking::CameraMap& map,
-               capture::Timestamp captured) noexcept;  // of options.tracked_camera, which must be given
+               capture::Timestamp captured) noexcept;  // of options.tracked_camera
   bool publish(const msg::TeachReply& reply) noexcept;
   bool publish(const msg::ControlReply& reply) noexcept;
-  // For RViz: the markers of these targets (those of the last scene, in its order). Nothing without ROS 2.
+  // Markers of the targets for RViz (in the order of the last scene). No effect without ROS 2.
   bool publish(std::span<const object_tracking::ObjectEstimate> estimates, capture::Timestamp captured) noexcept;
 
-  std::optional<msg::TeachRequest> next_request();            // those to this process; does not wait
+  std::optional<msg::TeachRequest> next_request();            // to this process; does not wait
   std::optional<msg::ControlRequest> next_control_request();  // to this process; does not wait
 
   int picture_subscribers() const;  // of previews, and of ROS 2's images and camera_info
   int marker_subscribers() const;   // of ROS 2's markers
 
-  // About once a second: joins anew when the host's addresses have changed, as EstimatePublisher does.
-  void look_after_network();
+  // Call it about once a second: joins again if the host's addresses have changed.
+  void check_network();
 
  private:
   struct Impl;

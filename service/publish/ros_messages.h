@@ -12,25 +12,24 @@
 
 namespace huetrack::publish {
 
-// A position is all that is known. The orientation is the identity with a variance of 1e6 rad^2 about each axis, which
-// readers take as "unknown"; position and orientation are uncorrelated.
-// Both require estimate.has_position(): without a position there is no message, and never a zero pose.
+// The orientation of a target is unknown: the identity with a variance of 1e6 rad^2 about each axis, uncorrelated with
+// the position. Both require estimate.has_position().
 //   captured   capture time, UNIX: the header's stamp
 //   frame_id   the world frame; child frame of the transform: the target's name
-// They fill an existing message, so that a publisher that keeps one does not allocate.
+// They reuse an existing message, to avoid allocation.
 void to_ros(const object_tracking::ObjectEstimate& estimate, capture::Timestamp captured, const std::string& frame_id,
             geometry_msgs::msg::dds_::PoseWithCovarianceStamped_& message);
 void to_ros(const object_tracking::ObjectEstimate& estimate, capture::Timestamp captured, const std::string& frame_id,
             const std::string& target, tf2_msgs::msg::dds_::TFMessage_& message);
 
-// A camera's pose, of its optical frame (x right, y down, z forward); they require estimate.has_pose(). Child frame:
-// the camera's name.
+// Pose of a camera's optical frame (x right, y down, z forward); require estimate.has_pose(). Child frame: the camera's
+// name.
 void to_ros(const camera_tracking::CameraEstimate& estimate, capture::Timestamp captured, const std::string& frame_id,
             geometry_msgs::msg::dds_::PoseWithCovarianceStamped_& message);
 void to_ros(const camera_tracking::CameraEstimate& estimate, capture::Timestamp captured, const std::string& frame_id,
             const std::string& camera, tf2_msgs::msg::dds_::TFMessage_& message);
 
-// Of those that have a position, in their order; captured: of the frame set, UNIX.
+// Poses of the estimates with a position, in order; captured: of the frame set, UNIX.
 void to_ros(std::span<const object_tracking::ObjectEstimate> estimates, capture::Timestamp captured,
             const std::string& frame_id, geometry_msgs::msg::dds_::PoseArray_& message);
 

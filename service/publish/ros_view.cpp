@@ -56,7 +56,7 @@ void set_ellipsoid(Marker& m, const Eigen::Matrix3d& covariance) {
   idl::set_xyz(m.scale(), diameter);
 }
 
-// Of one time; in the world's frame, but for a camera that moves.
+// Markers of one time, in the world frame except for a moving camera.
 class MarkersOfScene {
  public:
   MarkersOfScene(std::int64_t unix_ns, const std::string& frame_id) : at_(unix_ns), frame_id_(frame_id) {}
@@ -69,7 +69,7 @@ class MarkersOfScene {
     if (estimate.has_position()) {
       idl::set_xyz(ball.pose().position(), estimate.position);
       idl::set_xyz(ball.scale(), Eigen::Vector3d::Constant(2 * target.radius_m()));
-      // Translucent: the ellipsoid mostly is inside.
+      // Translucent, because the ellipsoid is usually inside.
       set_color(ball, target.rgb(), estimate.state == object_tracking::TrackState::tracking ? 0.45F : 0.2F);
       idl::set_xyz(ellipsoid.pose().position(), estimate.position);
       set_ellipsoid(ellipsoid, estimate.covariance);
@@ -81,17 +81,17 @@ class MarkersOfScene {
     } else {
       for (Marker* m : {&ball, &ellipsoid, &name}) m->action(remove);
     }
-    // RViz forgets them when nothing comes any more.
+    // RViz deletes them after this time.
     for (Marker* m : {&ball, &ellipsoid, &name}) {
       m->lifetime().sec(target_lifetime_s);
       array_.markers().push_back(std::move(*m));
     }
   }
 
-  // Its view to that depth, and its name. number: of the camera in the scene.
+  // Its field of view up to that depth, and its name. number: in the scene.
   void add_camera(const msg::SceneCamera& camera, std::int32_t number, double depth, bool moves) {
     const Eigen::Vector3d eye = moves ? Eigen::Vector3d::Zero() : Eigen::Vector3d(camera.position().data());
-    const Eigen::Quaterniond to_frame =  // of the border's rays, which are in the world by the rig file
+    const Eigen::Quaterniond to_frame =  // of the border's rays, which are in the world frame of the rig file
         moves ? Eigen::Quaterniond(camera.orientation_xyzw().data()).conjugate() : Eigen::Quaterniond::Identity();
     const std::string& frame = moves ? camera.name() : frame_id_;
     Marker view = marker(at_, frame, "cameras", 2 * number, line_list);
@@ -171,7 +171,7 @@ visualization_msgs::msg::dds_::MarkerArray_ to_markers(const msg::Scene& scene,
   const Eigen::Vector3d low(scene.volume_min().data()), high(scene.volume_max().data());
   const double depth = 0.12 * (high - low).norm();
   for (std::size_t c = 0; c < scene.cameras().size(); ++c)
-    if (const msg::SceneCamera& camera = scene.cameras()[c]; !camera.model().empty())  // it is known where it stands
+    if (const msg::SceneCamera& camera = scene.cameras()[c]; !camera.model().empty())  // calibrated
       markers.add_camera(camera, static_cast<std::int32_t>(c), depth, camera.name() == tracked_camera);
   markers.add_box(low, high);
   return markers.take();
@@ -187,14 +187,14 @@ sensor_msgs::msg::dds_::CompressedImage_ to_ros_image(const msg::Preview& previe
 
 sensor_msgs::msg::dds_::CameraInfo_ to_camera_info(const msg::Preview& preview, const msg::SceneCamera& camera) {
   sensor_msgs::msg::dds_::CameraInfo_ info;
-  if (camera.model().empty()) {  // zeros, as ROS says it of a camera that is not calibrated
+  if (camera.model().empty()) {  // zeros: ROS' convention for an uncalibrated camera
     info.width(preview.width());
     info.height(preview.height());
   } else {
     const double sx = static_cast<double>(preview.width()) / preview.image_width();
     const double sy = static_cast<double>(preview.height()) / preview.image_height();
     const auto& [fx, fy, cx, cy] = camera.intrinsics();
-    // Pixel centres are whole numbers at both sizes; what scales is the distance from the image's edge at -0.5.
+    // Pixel centres are integers at both sizes; distances scale from the image's edge at -0.5.
     info = idl::camera_info(preview.width(), preview.height(), camera.model(),
                             {fx * sx, fy * sy, (cx + 0.5) * sx - 0.5, (cy + 0.5) * sy - 0.5}, camera.distortion());
   }

@@ -1,4 +1,4 @@
-// Which services there are on the bus: from their status, which each publishes and keeps for who comes late.
+// Discovers running services by their status samples.
 #pragma once
 
 #include <chrono>
@@ -14,10 +14,10 @@ struct RunningService {
   std::uint32_t pid = 0;
   bool is_on_this_host = false;
   std::string mode;         // "run" or "replay"
-  std::string config_file;  // as it says
+  std::string config_file;  // by its status
 };
 
-// Listens for so long. Of the options: domain, interfaces, profiles. throws as EstimatePublisher's constructor does.
+// Listens for `patience`. Uses of the options: domain, interfaces, profiles. throws as EstimatePublisher's constructor.
 std::vector<RunningService> running_services(const EstimatePublisherOptions& options,
                                              std::chrono::milliseconds patience);
 

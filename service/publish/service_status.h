@@ -1,5 +1,4 @@
-// What the service says about itself, published on the status topic about once a second and on every change. A plain
-// value.
+// The service's status, published about once a second and on every change. A plain value.
 #pragma once
 
 #include <cstdint>
@@ -15,20 +14,20 @@ struct CameraStatus {
   std::string name;
   enum class Health : std::uint8_t { waiting, delivering, stalled, absent, ended };
   Health health = Health::waiting;
-  std::string message;        // what is wrong and what to do; empty when all is well
+  std::string message;        // problem and remedy; empty: none
   std::uint64_t frames = 0;   // since the start
   std::uint64_t dropped = 0;  // sequence gaps
   std::uint64_t corrupted = 0;
-  std::uint64_t repeated = 0;  // of frames: showed the picture before once more
+  std::uint64_t repeated = 0;  // part of `frames`: repeats the previous picture
   double rate_hz = 0;          // over the last seconds
   double age_s = 0;            // since the last frame was received
-  bool is_used = true;         // false: a camera of the rig that the configuration leaves out
+  bool is_used = true;         // false: not in the configuration
 };
 
-// The clock of another host whose cameras are used.
+// The clock of a remote host.
 struct HostClockStatus {
   capture::HostClock clock;
-  std::vector<std::string> cameras;  // of the rig, that are its
+  std::vector<std::string> cameras;  // of the rig, on this host
 };
 
 struct ServiceStatus {
@@ -38,15 +37,15 @@ struct ServiceStatus {
   std::string config_file;
   std::string config_identity;  // hash of the resolved configuration
   std::string rig_identity;     // rig_identity() of the rig in use
-  std::string rig_history;      // RigHistory::text(); empty: nothing is known
+  std::string rig_history;      // RigHistory::text(); empty: unknown
   double clock_offset_s = 0;    // published capture time minus the recording's own clock; 0 live
   double set_rate_hz = 0;       // frame sets tracked per second, over the last seconds
   std::uint64_t sets = 0;
   std::uint64_t incomplete_sets = 0;
   std::uint64_t late_frames = 0;
-  std::uint64_t dropped_sets = 0;  // by the queue, because tracking was too slow
+  std::uint64_t dropped_sets = 0;  // by the queue: tracking was too slow
   std::vector<CameraStatus> cameras;
-  std::vector<HostClockStatus> clocks;  // by the host's name; empty: all cameras are of this host
+  std::vector<HostClockStatus> clocks;  // by host name; empty: no remote cameras
   std::vector<std::string> targets;     // names
   std::vector<std::string> warnings;    // one sentence each
 };

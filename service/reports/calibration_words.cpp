@@ -15,10 +15,10 @@ using config::CalibrationMode;
 using room_watch::RoomState;
 
 constexpr double degrees = 180 / std::numbers::pi;
-constexpr double unix_times_from_s = 1e9;  // of 2001; a recording's own clock begins near 0
+constexpr double unix_times_from_s = 1e9;  // unit: the year 2001; a recording's own clock begins near 0
 
 std::string consequence(const pipeline::CameraCalibration& facts, CalibrationMode mode) {
-  const double off_mm = 1e3 * facts.effect_m;
+  const double error_mm = 1e3 * facts.effect_m;
   const auto followed = [&] {
     return fmt::format("to {:.0f} mm and {:.2f} degrees", std::max(1.0, 1e3 * facts.moved->shift_sigma),
                        degrees * facts.moved->rotation_sigma);
@@ -28,17 +28,18 @@ std::string consequence(const pipeline::CameraCalibration& facts, CalibrationMod
       break;
     case CalibrationMode::leave_out:
       if (!facts.is_used)
-        return fmt::format("it is left out until it fits again; with it positions would be off by about {:.0f} mm",
-                           off_mm);
+        return fmt::format("it is left out until it fits again; with it, positions would be wrong by about {:.0f} mm",
+                           error_mm);
       if (facts.is_mended && facts.moved)
-        return fmt::format("too few would be left without it: its pose is followed, {}", followed());
+        return fmt::format("too few cameras would remain without it, so its pose is followed, {}", followed());
       break;
     case CalibrationMode::mend:
       if (facts.is_mended && facts.moved)
-        return fmt::format("positions would be off by about {:.0f} mm; its pose is followed, {}", off_mm, followed());
+        return fmt::format("positions would be wrong by about {:.0f} mm, so its pose is followed, {}", error_mm,
+                           followed());
       break;
   }
-  return fmt::format("positions are off by about {:.0f} mm until it is mended", off_mm);
+  return fmt::format("positions are wrong by about {:.0f} mm until it is corrected", error_mm);
 }
 
 std::string by_how_much(const pipeline::CameraCalibration& facts) {
@@ -47,7 +48,7 @@ std::string by_how_much(const pipeline::CameraCalibration& facts) {
                      1e3 * moved.shift.norm(), std::max(1.0, 1e3 * moved.shift_sigma));
 }
 
-// Of a picture's place, given as a share of its width and height.
+// middle: share of the picture's width and height.
 std::string where(const Eigen::Vector2d& middle) {
   const auto of_three = [](double share, const char* low, const char* high) {
     return share < 1.0 / 3 ? low : share > 2.0 / 3 ? high : "";
@@ -61,9 +62,9 @@ std::string focus_text(const std::string& camera, const pipeline::CameraCalibrat
   const double blur_px = facts.room.blur_px;
   const std::string by = blur_px < 0 ? "sharper" : fmt::format("blurred by {:.1f} px more", blur_px);
   return fmt::format(
-      "{}'s focus has changed: since {} its pictures are {} than when its room was learnt{}: set it back, or calibrate "
-      "its lens again",
-      camera, since, by, blur_px < 0 ? "" : ", or all of its lens is smeared");
+      "{}'s focus has changed: since {} its pictures are {} than when its room was learnt{}: restore the focus, or "
+      "calibrate the lens again",
+      camera, since, by, blur_px < 0 ? "" : ", or its whole lens is smeared");
 }
 
 std::string change_text(const std::string& camera, const room_watch::RoomCondition& room, const std::string& since) {
@@ -71,20 +72,24 @@ std::string change_text(const std::string& camera, const room_watch::RoomConditi
   const std::string place = where(room.change.middle);
   if (room.change.is_plain)
     return fmt::format(
-        "a part of {}'s picture (about {:.0f} % of it, {}) shows nothing any more, as found at {}: its lens is dirty "
-        "there, or something plain stands before it: that part is not used to watch it until it is learnt anew",
+        "a part of {}'s picture (about {:.0f} % of it, {}) has shown no structure since {}: the lens is dirty there, "
+        "or "
+        "something plain is in front of it: clean the lens or clear the view; meanwhile that part is not used to "
+        "detect "
+        "motion",
         camera, percent, place, since);
   return fmt::format(
-      "the room has changed in {}'s view (about {:.0f} % of it, {}), as found at {}: that part is not used to watch it "
-      "until it is learnt anew",
+      "the room has changed in {}'s view (about {:.0f} % of it, {}) at {}: that part is not used to detect motion "
+      "until "
+      "it is learnt again",
       camera, percent, place, since);
 }
 
-// Of a turn that a zoom explains as well.
+// For a rotation that a zoom explains equally well.
 std::string or_zoom(const room_watch::RoomCondition& room) {
   if (room.zoom_instead == 0) return {};
   return fmt::format(
-      " (or its zoom was changed by {:+.1f} %: what it sees of the room is too much on one side to tell)",
+      " (or its zoom was changed by {:+.1f} %: it sees structure on one side only, which cannot distinguish the two)",
       100 * room.zoom_instead);
 }
 
@@ -116,8 +121,7 @@ std::string calibration_warning(const std::string& camera, const pipeline::Camer
                          by_how_much(facts), consequence(facts, mode));
     case RoomState::zoomed:
       return fmt::format(
-          "{}'s picture {} by {:.1f} % at {}: its zoom or focus was changed: set it back, or calibrate its lens "
-          "again{}",
+          "{}'s picture {} by {:.1f} % at {}: its zoom or focus was changed: restore it, or calibrate the lens again{}",
           camera, facts.room.zoom > 0 ? "grew" : "shrank", 100 * std::abs(facts.room.zoom), since,
           facts.is_used ? "" : "; it is left out until then");
     case RoomState::defocused:
@@ -125,12 +129,14 @@ std::string calibration_warning(const std::string& camera, const pipeline::Camer
     case RoomState::changed:
       return change_text(camera, facts.room, since);
     case RoomState::blinded:
-      return fmt::format("{} has seen next to nothing since {}: it is covered, in the dark, or its lens is dirty",
-                         camera, since);
+      return fmt::format(
+          "{} has seen next to nothing since {}: it is covered, in the dark, or its lens is dirty: clear its view",
+          camera, since);
     case RoomState::hidden:
       return fmt::format(
-          "{} has seen nothing of the room as it was since {}: it was turned far away, or something large is "
-          "before it",
+          "{} has seen nothing of the known room since {}: it was turned far away, or something large is in front of "
+          "it: "
+          "clear its view, or calibrate again",
           camera, since);
   }
   return {};

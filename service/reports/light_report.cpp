@@ -13,7 +13,7 @@
 namespace huetrack::reports {
 namespace {
 
-constexpr std::uint64_t sets_until_told_again = 30;  // figures of what is in force are as new as that
+constexpr std::uint64_t update_sets = 30;  // sets between two updates of the figures in a warning
 
 }  // namespace
 
@@ -21,12 +21,12 @@ LightReport::LightReport(const config::ServiceConfig& config, bool is_recorded)
     : cameras_(config.rig.camera_names()),
       is_recorded_(is_recorded),
       watches_(cameras_.size()),
-      of_cameras_(cameras_.size()),
+      logged_(cameras_.size()),
       briefs_(cameras_.size()),
-      told_(config.targets.size()),
+      colors_(config.targets.size()),
       targets_(config.targets),
       camera_warnings_(cameras_.size()) {
-  for (Told& told : told_) told.warnings.resize(cameras_.size()), told.followed.resize(cameras_.size());
+  for (TargetColors& colors : colors_) colors.warnings.resize(cameras_.size()), colors.followed.resize(cameras_.size());
 }
 
 void LightReport::on_frame(const capture::Frame& frame, capture::Timestamp /*received_at*/) {
@@ -36,15 +36,15 @@ void LightReport::on_frame(const capture::Frame& frame, capture::Timestamp /*rec
   std::vector<std::string> warnings;
   for (const Remark& remark : light_remarks(watches_[c].findings())) {
     warnings.push_back(fmt::format("camera {}: {}: {}{}", cameras_[c], remark.what,
-                                   is_recorded_ ? "the next recording is better with " : "", remark.advice));
+                                   is_recorded_ ? "for the next recording, set " : "set ", remark.advice));
     if (std::ranges::find(briefs_[c], remark.brief) == briefs_[c].end()) briefs_[c].push_back(remark.brief);
   }
   for (const std::string& warning : warnings) {
-    const auto is_it = [&](const std::string& other) {
+    const auto is_same = [&](const std::string& other) {
       return pipeline::without_numbers(other) == pipeline::without_numbers(warning);
     };
-    if (std::ranges::any_of(of_cameras_[c], is_it)) continue;
-    of_cameras_[c].push_back(warning);
+    if (std::ranges::any_of(logged_[c], is_same)) continue;
+    logged_[c].push_back(warning);
     spdlog::warn("{}", warning);
   }
   if (is_recorded_) return;
@@ -54,31 +54,31 @@ void LightReport::on_frame(const capture::Frame& frame, capture::Timestamp /*rec
 
 void LightReport::on_set(const pipeline::TrackedSet& set) {
   if (!first_at_) first_at_ = set.frames.at;
-  const bool is_due = ++sets_ % sets_until_told_again == 0;
-  for (std::size_t t = 0; t < set.trackers.size() && t < told_.size(); ++t)
-    if (is_due || set.trackers[t].color_change_count() != told_[t].news) tell_colors(t, set);
+  const bool is_due = ++sets_ % update_sets == 0;
+  for (std::size_t t = 0; t < set.trackers.size() && t < colors_.size(); ++t)
+    if (is_due || set.trackers[t].color_change_count() != colors_[t].news) report_colors(t, set);
 }
 
-void LightReport::tell_colors(std::size_t target, const pipeline::TrackedSet& set) {
-  Told& told = told_[target];
-  told.news = set.trackers[target].color_change_count();
+void LightReport::report_colors(std::size_t target, const pipeline::TrackedSet& set) {
+  TargetColors& colors = colors_[target];
+  colors.news = set.trackers[target].color_change_count();
   const auto healths = set.trackers[target].color_health();
   const auto estimate = std::ranges::find(set.estimates, target, &object_tracking::ObjectEstimate::target);
   const auto state = estimate != set.estimates.end() ? estimate->state : object_tracking::TrackState::searching;
   const std::scoped_lock lock(mutex_);
   for (std::size_t c = 0; c < healths.size(); ++c) {
     has_lost_color_ = has_lost_color_ || is_lost(healths[c], state);
-    told.followed[c] = followed_text(cameras_[c], healths[c]);
+    colors.followed[c] = followed_text(cameras_[c], healths[c]);
     std::string warning = color_warning(targets_[target], cameras_[c], healths[c], is_recorded_);
     if (!warning.empty()) {
       const std::string kind = cameras_[c] + pipeline::without_numbers(warning);
-      if (told.warnings[c].empty() || kind != cameras_[c] + pipeline::without_numbers(told.warnings[c]))
+      if (colors.warnings[c].empty() || kind != cameras_[c] + pipeline::without_numbers(colors.warnings[c]))
         spdlog::warn("{}", warning);
-      if (std::ranges::find(told.ever, kind, &Told::Warning::kind) == told.ever.end())
-        told.ever.push_back(
+      if (std::ranges::find(colors.ever, kind, &TargetColors::Warning::kind) == colors.ever.end())
+        colors.ever.push_back(
             {kind, fmt::format("from {:.3f} s on: {}", capture::seconds(set.frames.at - *first_at_), warning), c});
     }
-    told.warnings[c] = std::move(warning);
+    colors.warnings[c] = std::move(warning);
   }
 }
 
@@ -90,26 +90,27 @@ void LightReport::on_config(const config::ServiceConfig& config) noexcept {
 std::vector<std::string> LightReport::warnings() const {
   const std::scoped_lock lock(mutex_);
   std::vector<std::string> all;
-  for (const Told& told : told_)
-    std::ranges::copy_if(told.warnings, std::back_inserter(all), [](const auto& warning) { return !warning.empty(); });
+  for (const TargetColors& colors : colors_)
+    std::ranges::copy_if(colors.warnings, std::back_inserter(all),
+                         [](const auto& warning) { return !warning.empty(); });
   for (const auto& of_camera : camera_warnings_) std::ranges::copy(of_camera, std::back_inserter(all));
   return all;
 }
 
 std::vector<std::string> LightReport::summary() const {
   std::vector<std::string> all;
-  if (const std::string of_pictures = brief_of_pictures(); !of_pictures.empty())
-    all.push_back(of_pictures + ": what to set stands in the log");
-  for (std::size_t t = 0; t < told_.size(); ++t) {
+  if (const std::string pictures = pictures_summary(); !pictures.empty())
+    all.push_back(pictures + ": the log says what to set");
+  for (std::size_t t = 0; t < colors_.size(); ++t) {
     std::vector<std::string> parts;
-    const auto& ever = told_[t].ever;
+    const auto& ever = colors_[t].ever;
     if (!ever.empty()) parts.push_back(ever.front().sentence);
     std::vector<std::string> others;
-    for (const Told::Warning& warning : ever)
+    for (const TargetColors::Warning& warning : ever)
       if (warning.camera != ever.front().camera && std::ranges::find(others, cameras_[warning.camera]) == others.end())
         others.push_back(cameras_[warning.camera]);
-    if (!others.empty()) parts.push_back(fmt::format("the log has more, of {}", fmt::join(others, ", ")));
-    for (const std::string& sentence : told_[t].followed)
+    if (!others.empty()) parts.push_back(fmt::format("the log has more, about {}", fmt::join(others, ", ")));
+    for (const std::string& sentence : colors_[t].followed)
       if (!sentence.empty())
         parts.push_back(ever.empty() && parts.empty() ? targets_[t].name + ": " + sentence : sentence);
     if (!parts.empty()) all.push_back(fmt::format("{}", fmt::join(parts, "; ")));
@@ -118,7 +119,7 @@ std::vector<std::string> LightReport::summary() const {
 }
 
 // "flicker at 100 Hz in cam0, cam1; automatic exposure or changing light in cam0"
-std::string LightReport::brief_of_pictures() const {
+std::string LightReport::pictures_summary() const {
   std::vector<std::string> kinds, parts;
   for (const auto& of_camera : briefs_)
     for (const std::string& brief : of_camera)

@@ -1,5 +1,5 @@
-// The output that says what light does: where an object's colour wanders in a camera, and where a camera's picture
-// flickers or its automatics work. Each is a warning as long as it lasts.
+// The output that reports effects of light: a target's colour that drifts in a camera; flicker, automatic exposure and
+// automatic white balance in a camera's pictures. Each is a warning while it lasts.
 #pragma once
 
 #include <cstdint>
@@ -16,8 +16,8 @@ namespace huetrack::reports {
 
 class LightReport final : public pipeline::Output {
  public:
-  // What is new goes into the log, too. is_recorded: what pictures show is done, and nobody can set a camera any more:
-  // no warning, then, but in log and summary.
+  // New findings are also logged. is_recorded: cameras cannot be adjusted any more, so findings about pictures are in
+  // the log and the summary but are no warnings.
   LightReport(const config::ServiceConfig& config, bool is_recorded);
 
   void on_frame(const capture::Frame& frame, capture::Timestamp received_at) override;
@@ -27,14 +27,14 @@ class LightReport final : public pipeline::Output {
   // In force now, one sentence each. thread-safe
   std::vector<std::string> warnings() const;
 
-  // What there was since the start, in one sentence for all cameras' pictures and one for each target, whose colour is
-  // told with the time since the first set; all of it stands in the log. When the road is empty.
+  // Everything since the start, shortened: one sentence for all cameras' pictures and one per target, with the time
+  // since the first set. The log has it all. After the run.
   std::vector<std::string> summary() const;
-  // A target's colour was beyond what is looked for, in some camera. When the road is empty.
+  // A target's colour left its range in some camera. After the run.
   bool has_lost_color() const { return has_lost_color_; }
 
  private:
-  struct Told {
+  struct TargetColors {
     std::uint64_t news = 0;
     std::vector<std::string> warnings = {};  // per camera of the rig; empty: none
     struct Warning {
@@ -45,18 +45,18 @@ class LightReport final : public pipeline::Output {
     std::vector<Warning> ever = {};
     std::vector<std::string> followed = {};
   };
-  std::string brief_of_pictures() const;
-  void tell_colors(std::size_t target, const pipeline::TrackedSet& set);
+  std::string pictures_summary() const;
+  void report_colors(std::size_t target, const pipeline::TrackedSet& set);
 
   const std::vector<std::string> cameras_;
   const bool is_recorded_;
-  std::vector<capture::LightWatch> watches_;          // the capture threads', one at a time
-  std::vector<std::vector<std::string>> of_cameras_;  // the capture threads'; per camera, all that there were
-  std::vector<std::vector<std::string>> briefs_;      // the capture threads'; per camera, each once
-  std::vector<Told> told_;                            // the tracking thread's; warnings are guarded by mutex_
-  std::optional<capture::Timestamp> first_at_;        // the tracking thread's
-  std::uint64_t sets_ = 0;                            // the tracking thread's
-  bool has_lost_color_ = false;                       // the tracking thread's
+  std::vector<capture::LightWatch> watches_;      // the capture threads', one at a time
+  std::vector<std::vector<std::string>> logged_;  // the capture threads'; per camera, all warnings so far
+  std::vector<std::vector<std::string>> briefs_;  // the capture threads'; per camera, each once
+  std::vector<TargetColors> colors_;              // the tracking thread's; warnings are guarded by mutex_
+  std::optional<capture::Timestamp> first_at_;    // the tracking thread's
+  std::uint64_t sets_ = 0;                        // the tracking thread's
+  bool has_lost_color_ = false;                   // the tracking thread's
   mutable std::mutex mutex_;
   std::vector<object_tracking::TargetOptions> targets_;    // guarded by mutex_
   std::vector<std::vector<std::string>> camera_warnings_;  // guarded by mutex_; per camera

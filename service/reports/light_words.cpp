@@ -14,9 +14,9 @@ using object_trackers::ColorAxis;
 using object_trackers::ColorHealth;
 using object_trackers::NearEnd;
 
-// As far as the object's median is from the end of its range.
-std::string what_is_left(double left, const std::string& amount) {
-  return left > 0 ? amount + " are left" : amount + " beyond what is looked for";
+// left: distance from the object's median to the end of its range.
+std::string margin_text(double left, const std::string& amount) {
+  return amount + (left > 0 ? " before the end of its range" : " beyond its range");
 }
 
 std::string movement(const NearEnd& end, const ColorHealth& health) {
@@ -24,17 +24,17 @@ std::string movement(const NearEnd& end, const ColorHealth& health) {
   switch (end.axis) {
     case ColorAxis::hue:
       return fmt::format("the colour has moved by {:.0f} degrees since it was taught, {}", std::abs(median[0]),
-                         what_is_left(end.left, fmt::format("{:.0f} degrees", std::abs(end.left))));
+                         margin_text(end.left, fmt::format("{:.0f} degrees", std::abs(end.left))));
     case ColorAxis::saturation:
       return fmt::format("the colour has become {} than it was taught (saturation {:.2f}), {}",
                          end.is_upper ? "stronger" : "paler", median[1],
-                         what_is_left(end.left, fmt::format("{:.2f}", std::abs(end.left))));
+                         margin_text(end.left, fmt::format("{:.2f}", std::abs(end.left))));
     case ColorAxis::intensity:
       break;
   }
   return fmt::format("the colour has become {} than it was taught (intensity {:.2f}), {}",
                      end.is_upper ? "brighter" : "darker", median[2],
-                     what_is_left(end.left, fmt::format("{:.2f}", std::abs(end.left))));
+                     margin_text(end.left, fmt::format("{:.2f}", std::abs(end.left))));
 }
 
 }  // namespace
@@ -54,14 +54,14 @@ std::vector<Remark> light_remarks(const capture::LightFindings& findings) {
   }
   if (findings.exposure_change)
     remarks.push_back({fmt::format("the whole picture becomes {:.0f} % brighter or darker within seconds: automatic "
-                                   "exposure is at work, or the light itself changes",
+                                   "exposure is on, or the light changes",
                                    100 * *findings.exposure_change),
                        "controls: {auto_exposure: 1, exposure_time_absolute: 100, gain: ...} (1: manual), and "
                        "exposure_dynamic_framerate: 0",
                        "automatic exposure or changing light"});
   if (findings.balance_change)
-    remarks.push_back({fmt::format("all colours of the picture move, by {:.0f} % of red or blue within seconds: "
-                                   "automatic white balance is at work, or the light itself changes",
+    remarks.push_back({fmt::format("all colours of the picture shift, by {:.0f} % of red or blue within seconds: "
+                                   "automatic white balance is on, or the light changes",
                                    100 * *findings.balance_change),
                        "controls: {white_balance_automatic: 0, white_balance_temperature: 4600}",
                        "automatic white balance or changing light"});
@@ -76,9 +76,10 @@ std::string color_warning(const object_tracking::TargetOptions& target, const st
   const bool is_at_limit = std::abs(health.followed[axis]) > 0.95 * object_trackers::furthest_followed[axis];
   const char* const fix = is_recorded ? "" : is_light ? "fix exposure and gain, " : "fix white balance and exposure, ";
   return fmt::format("{} in {}: {}: {}", target.name, camera, movement(*health.near_end, health),
-                     target.adapts_color && is_at_limit ? "color: adapt follows no further; teach it anew in this light"
-                     : target.adapts_color              ? "color: adapt follows it"
-                                           : fmt::format("{}teach it anew, or color: {{adapt: true}}", fix));
+                     target.adapts_color && is_at_limit
+                         ? "color: adapt has reached its limit: teach the colour again in this light"
+                     : target.adapts_color ? "color: adapt follows it"
+                                           : fmt::format("{}teach it again, or set color: {{adapt: true}}", fix));
 }
 
 bool is_lost(const ColorHealth& health, object_tracking::TrackState state) {

@@ -1,4 +1,4 @@
-// What light does to cameras and colours, in sentences for people.
+// Sentences about the effect of light on pictures and colours. Pure.
 #pragma once
 
 #include <string>
@@ -12,21 +12,20 @@ namespace huetrack::reports {
 struct Remark {
   std::string what;    // "the light flickers at 100 Hz: ..."
   std::string advice;  // what to set
-  std::string brief;   // "flicker at 100 Hz"; the same for all cameras that have it
+  std::string brief;   // "flicker at 100 Hz"; equal for all cameras that have it
 };
-// Of one camera's pictures; none where they are still.
+// About one camera's pictures; empty if they are steady.
 std::vector<Remark> light_remarks(const capture::LightFindings& findings);
 
-// "ball in cam1: the colour has moved by 12 degrees since it was taught; ..."; empty when all is well. is_recorded: no
-// camera can be set any more.
+// "ball in cam1: the colour has moved by 12 degrees since it was taught; ..."; empty if the colour is well inside its
+// range. is_recorded: advice about camera controls is left out.
 std::string color_warning(const object_tracking::TargetOptions& target, const std::string& camera,
                           const object_trackers::ColorHealth& health, bool is_recorded);
 
-// The object's colour is beyond what is looked for, or was at its end when the object was lost: nothing is seen of it
-// from then on, and its colour as known stays what it was.
+// The object's colour is outside its range, or was at the end of the range when the object was lost.
 bool is_lost(const object_trackers::ColorHealth& health, object_tracking::TrackState state);
 
-// "its colour in cam1 was followed by 12 degrees of hue"; empty when it is looked for as it was taught.
+// "its colour in cam1 was followed, at the end by +12 degrees of hue"; empty if the range is still the taught one.
 std::string followed_text(const std::string& camera, const object_trackers::ColorHealth& health);
 
 }  // namespace huetrack::reports

@@ -1,5 +1,5 @@
-// The output that names the mistakes that tracks show: swapped videos, a late camera, a camera that was turned, another
-// room's rig, a wrong radius or colour. Each is logged once, and a warning as long as it lasts.
+// The output that reports setup mistakes found in the tracks: swapped videos, a late or turned camera, another room's
+// rig, a wrong radius or colour. Each is logged once and is a warning while it lasts.
 #pragma once
 
 #include <map>
@@ -21,28 +21,30 @@ class MistakeReport final : public pipeline::Output {
 
   // In force now, one sentence each. thread-safe
   std::vector<std::string> warnings() const;
-  // All that were named since the start and were not taken back, one sentence each, with the time since the first set.
-  // When the road is empty.
+  // All mistakes since the start that were not cleared, one sentence each, with the time since the first set. After the
+  // run.
   std::vector<std::string> summary() const;
-  // Those that were: the same.
-  std::vector<std::string> taken_back() const;
-  // Was there one that says which camera is wrong, or that the rig is? Then a search had no chance, whatever it found.
+  // Those that were cleared: false alarms. As summary().
+  std::vector<std::string> cleared() const;
+  // A mistake explains that the search could not succeed: a camera or the rig is wrong. After the run.
   bool has_explained_rig() const { return has_explained_rig_; }
 
  private:
-  std::vector<std::string> cameras_;
-  std::optional<capture::Timestamp> first_at_;  // the tracking thread's
   struct Named {
     double at_s;
     std::string sentence;  // the latest
-    bool may_be_wrong;     // when it is no longer seen, it never was
-    std::optional<double> taken_back_s = {};
+    bool may_be_cleared;   // a false alarm if it disappears by itself
+    std::optional<double> cleared_s = {};
   };
-  void take_back(const std::vector<std::string>& kinds_now, double now_s);
+  void clear_all_but(const std::vector<std::string>& kinds_now, double now_s);
+  // "... from 1.0 s on" of the mistakes that were cleared, or of those that were not.
+  std::vector<std::string> sentences(bool are_cleared) const;
 
-  std::map<std::string, Named> ever_;  // guarded by mutex_; by target, kind and cameras
+  std::vector<std::string> cameras_;
+  std::optional<capture::Timestamp> first_at_;  // the tracking thread's
+  std::map<std::string, Named> ever_;           // guarded by mutex_; by target, kind and cameras
   bool has_explained_rig_ = false;
-  std::vector<std::string> order_;  // the tracking thread's; the keys of ever_ as they came
+  std::vector<std::string> order_;  // the tracking thread's; keys of ever_ in order of appearance
   mutable std::mutex mutex_;
   std::vector<object_tracking::TargetOptions> targets_;  // guarded by mutex_
   std::vector<std::string> warnings_;                    // guarded by mutex_

@@ -1,4 +1,4 @@
-// What tracks show of mistakes in rig and configuration, in sentences for people.
+// Sentences about setup mistakes. Pure.
 #pragma once
 
 #include <string>
@@ -9,8 +9,8 @@
 
 namespace huetrack::reports {
 
-// "cam1 disagrees with the others by 8 px and by more the faster ball moves: it is some 0.20 s late: ...". cameras:
-// their names, in the order of the rig.
+// "cam1 disagrees with the others by 8 px, and by more the faster ball moves: it is about 0.20 s late: ...".
+// cameras: names, in the order of the rig.
 std::string mistake_text(const view_watch::Mistake& mistake, const object_tracking::TargetOptions& target,
                          const std::vector<std::string>& cameras);
 

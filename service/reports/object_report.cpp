@@ -10,12 +10,12 @@
 namespace huetrack::reports {
 namespace {
 
-constexpr std::uint64_t looked_at_every = 15;  // sets; views are sampled twice a second
-// Of a picture: a ball of ten pixels covers as much of 640x480. Less is told no more, but not at once.
-constexpr double told_share = 0.001, not_told_share = 0.0005;
-// Where objects come and go all the time, the log does not.
-constexpr int most_in_a_row = 40;
-constexpr double in_a_row_s = 10;
+constexpr std::uint64_t check_sets = 15;  // sets between two checks: half a second
+// Share of a picture, with hysteresis: a ball of ten pixels in 640x480.
+constexpr double clutter_share = 0.001, no_clutter_share = 0.0005;
+// Limit of log lines about objects that appear and end.
+constexpr int max_lines = 40;
+constexpr double lines_period_s = 10;
 
 std::string text_of(const Eigen::Vector3d& p) {
   return fmt::format("{:.2f}, {:.2f}, {:.2f} m", p.x(), p.y(), p.z());
@@ -23,46 +23,45 @@ std::string text_of(const Eigen::Vector3d& p) {
 
 }  // namespace
 
-std::string left_out_text(const std::string& camera, const std::string& target,
-                          const object_tracking::ColorShare& share) {
-  if (share.still < told_share) return {};
+std::string clutter_text(const std::string& camera, const std::string& target,
+                         const object_tracking::ColorShare& share) {
+  if (share.still < clutter_share) return {};
   const auto& box = share.still_box;
   return fmt::format(
       "{}: {:.1f} % of the picture has the colour of {} and never moves, most of it around {:.0f}, {:.0f} "
-      "(from {}, {} to {}, {}): it is left out, and so is an object before it; a narrower colour sees both",
+      "(from {}, {} to {}, {}): it is ignored, and so is an object in front of it: narrow the colour, or cover it",
       camera, 100 * share.still, target, share.still_px.x(), share.still_px.y(), box[0], box[1], box[2], box[3]);
 }
 
-std::string further_text(const object_tracking::TargetOptions& target, const Eigen::Vector3d& at) {
+std::string extra_object_text(const object_tracking::TargetOptions& target, const Eigen::Vector3d& at) {
   if (target.count > 1)
     return fmt::format(
-        "{}: there are more than the {} of its count, one at {}, and which of them are told is chance: raise count, or "
-        "narrow the colour",
+        "{}: there are more objects than the {} of its count, one at {}, and which of them are published is arbitrary: "
+        "raise count, or narrow the colour",
         target.name, target.count, text_of(at));
   return fmt::format(
-      "{}: something else has its colour and its size, at {}, and may be taken for it: if there are several, write "
+      "{}: something else has its colour and its size, at {}, and may be tracked instead: if there are several "
+      "objects, write "
       "count: up to 2 (or more); if not, narrow the colour, or ignore the place",
       target.name, text_of(at));
 }
 
 std::string other_colors_text(const std::string& camera, const std::string& target) {
   return fmt::format(
-      "{}: its frames say which pixels match other colours than that of {}, and so nothing of it: a recording of such "
-      "a "
-      "camera (send: matches) can be replayed with the colours only that it was made with, which its huetrackd.yaml "
-      "has",
+      "{}: its frames hold matches of other colours, none for {}: replay a recording with `send: matches` with the "
+      "colours that it was made with, which are in its huetrackd.yaml",
       camera, target);
 }
 
 ObjectReport::ObjectReport(const config::ServiceConfig& config)
     : cameras_(config.rig.camera_names()), targets_(config.targets.size()), options_(config.targets) {
   for (Target& target : targets_) {
-    target.left_out.resize(cameras_.size()), target.untold.resize(cameras_.size());
-    target.other_colors.resize(cameras_.size()), target.in_a_row.resize(cameras_.size());
+    target.clutter.resize(cameras_.size()), target.other_colors.resize(cameras_.size());
+    target.frames_of_others.resize(cameras_.size()), target.bad_checks.resize(cameras_.size());
   }
 }
 
-void ObjectReport::Told::say(std::string sentence, const std::string& when_gone) {
+void ObjectReport::Finding::set(std::string sentence, const std::string& when_gone) {
   if (now.empty() && !sentence.empty()) spdlog::warn("{}", sentence);
   if (!now.empty() && sentence.empty() && !when_gone.empty()) spdlog::info("{}", when_gone);
   if (!sentence.empty()) ever = sentence;
@@ -70,24 +69,24 @@ void ObjectReport::Told::say(std::string sentence, const std::string& when_gone)
 }
 
 void ObjectReport::on_set(const pipeline::TrackedSet& set) {
-  tell_objects(set);
-  if (sets_++ % looked_at_every != 0) return;
-  tell_left_out(set);
-  tell_further(set);
-  tell_other_colors(set);
+  log_objects(set);
+  if (sets_++ % check_sets != 0) return;
+  check_clutter(set);
+  check_extra_objects(set);
+  check_other_colors(set);
 }
 
-bool ObjectReport::may_tell(capture::Timestamp at) {
-  if (capture::seconds(at - told_since_) > in_a_row_s || at < told_since_) {
-    if (not_told_ > 0) spdlog::info("{} more objects came or went meanwhile", not_told_);
-    told_since_ = at, told_ = 0, not_told_ = 0;
+bool ObjectReport::may_log(capture::Timestamp at) {
+  if (capture::seconds(at - log_since_) > lines_period_s || at < log_since_) {
+    if (suppressed_ > 0) spdlog::info("{} more objects appeared or ended meanwhile", suppressed_);
+    log_since_ = at, logged_ = 0, suppressed_ = 0;
   }
-  if (told_ < most_in_a_row) return ++told_ > 0;
-  ++not_told_;
+  if (logged_ < max_lines) return ++logged_ > 0;
+  ++suppressed_;
   return false;
 }
 
-void ObjectReport::tell_objects(const pipeline::TrackedSet& set) {
+void ObjectReport::log_objects(const pipeline::TrackedSet& set) {
   for (const auto& estimate : set.estimates) {
     if (estimate.object == 0) continue;
     Target& target = targets_[estimate.target];
@@ -97,8 +96,8 @@ void ObjectReport::tell_objects(const pipeline::TrackedSet& set) {
     };
     if (estimate.is_end) {
       const auto known = target.objects.extract(estimate.object);
-      if (known && may_tell(estimate.at))
-        spdlog::info("{} is gone after {:.1f} s, last at {}; there now: {}", name(),
+      if (known && may_log(estimate.at))
+        spdlog::info("{} ended after {:.1f} s, last at {}; objects now: {}", name(),
                      capture::seconds(estimate.at - known.mapped().since), text_of(known.mapped().last),
                      target.objects.size());
       continue;
@@ -106,50 +105,49 @@ void ObjectReport::tell_objects(const pipeline::TrackedSet& set) {
     const auto [it, is_new] = target.objects.try_emplace(estimate.object);
     if (is_new) it->second.since = estimate.at;
     if (estimate.has_position()) it->second.last = estimate.position;
-    if (is_new && may_tell(estimate.at))
-      spdlog::info("{} is found at {}, seen by {} cameras; there now: {}", name(), text_of(estimate.position),
+    if (is_new && may_log(estimate.at))
+      spdlog::info("{} found at {}, seen by {} cameras; objects now: {}", name(), text_of(estimate.position),
                    estimate.views, target.objects.size());
   }
 }
 
-void ObjectReport::tell_left_out(const pipeline::TrackedSet& set) {
+void ObjectReport::check_clutter(const pipeline::TrackedSet& set) {
   for (std::size_t t = 0; t < set.trackers.size() && t < targets_.size(); ++t) {
     const auto shares = set.trackers[t].color_shares();
     Target& target = targets_[t];
     const std::scoped_lock lock(mutex_);
     for (std::size_t c = 0; c < shares.size() && c < cameras_.size(); ++c) {
-      std::string now = left_out_text(cameras_[c], options_[t].name, shares[c]);
-      if (now.empty() && !target.left_out[c].now.empty() && shares[c].still > not_told_share) continue;
-      target.left_out[c].say(std::move(now),
-                             fmt::format("{}: what had the colour of {} and never moved is gone, or has moved",
-                                         cameras_[c], options_[t].name));
+      std::string now = clutter_text(cameras_[c], options_[t].name, shares[c]);
+      if (now.empty() && !target.clutter[c].now.empty() && shares[c].still > no_clutter_share) continue;
+      target.clutter[c].set(std::move(now), fmt::format("{}: the clutter of the colour of {} is gone, or has moved",
+                                                        cameras_[c], options_[t].name));
     }
   }
 }
 
-void ObjectReport::tell_further(const pipeline::TrackedSet& set) {
+void ObjectReport::check_extra_objects(const pipeline::TrackedSet& set) {
   for (std::size_t t = 0; t < set.trackers.size() && t < targets_.size(); ++t) {
     const auto at = set.trackers[t].further_object();
     const std::scoped_lock lock(mutex_);
-    targets_[t].further.say(at ? further_text(options_[t], *at) : std::string(),
-                            options_[t].name + ": what was one too many of its colour is gone");
+    targets_[t].extra_object.set(at ? extra_object_text(options_[t], *at) : std::string(),
+                                 options_[t].name + ": the extra object of its colour is gone");
   }
 }
 
-// A change of colour takes a host some tenths of a second; what lasts for a second is told.
-void ObjectReport::tell_other_colors(const pipeline::TrackedSet& set) {
-  constexpr std::uint64_t most_of_them = looked_at_every / 2 + 1;
-  constexpr int looks_until_told = 3;
+// A host needs some tenths of a second to apply new colours: only what lasts for over a second is reported.
+void ObjectReport::check_other_colors(const pipeline::TrackedSet& set) {
+  constexpr std::uint64_t most_frames = check_sets / 2 + 1;
+  constexpr int min_checks = 3;
   for (std::size_t t = 0; t < set.trackers.size() && t < targets_.size(); ++t) {
     Target& target = targets_[t];
     for (std::size_t c = 0; c < cameras_.size(); ++c) {
-      const std::uint64_t before = std::exchange(target.other_colors[c], set.trackers[t].frames_of_other_colors(c));
+      const std::uint64_t before = std::exchange(target.frames_of_others[c], set.trackers[t].frames_of_other_colors(c));
       // A new tracker counts from 0.
-      const bool is_most = target.other_colors[c] >= before && target.other_colors[c] - before >= most_of_them;
-      target.in_a_row[c] = is_most ? target.in_a_row[c] + 1 : 0;
-      const bool is_told = target.in_a_row[c] >= looks_until_told;
+      const bool is_most = target.frames_of_others[c] >= before && target.frames_of_others[c] - before >= most_frames;
+      target.bad_checks[c] = is_most ? target.bad_checks[c] + 1 : 0;
+      const bool is_lasting = target.bad_checks[c] >= min_checks;
       const std::scoped_lock lock(mutex_);
-      target.untold[c].say(is_told ? other_colors_text(cameras_[c], options_[t].name) : std::string(), "");
+      target.other_colors[c].set(is_lasting ? other_colors_text(cameras_[c], options_[t].name) : std::string(), "");
     }
   }
 }
@@ -159,26 +157,26 @@ void ObjectReport::on_config(const config::ServiceConfig& config) noexcept {
   options_ = config.targets;
 }
 
-std::vector<std::string> ObjectReport::all(std::string Told::*which) const {
+std::vector<std::string> ObjectReport::all(std::string Finding::*which) const {
   std::vector<std::string> sentences;
-  const auto add = [&](const Told& told) {
-    if (!(told.*which).empty()) sentences.push_back(told.*which);
+  const auto add = [&](const Finding& finding) {
+    if (!(finding.*which).empty()) sentences.push_back(finding.*which);
   };
   for (const Target& target : targets_) {
-    std::ranges::for_each(target.left_out, add);
-    std::ranges::for_each(target.untold, add);
-    add(target.further);
+    std::ranges::for_each(target.clutter, add);
+    std::ranges::for_each(target.other_colors, add);
+    add(target.extra_object);
   }
   return sentences;
 }
 
 std::vector<std::string> ObjectReport::warnings() const {
   const std::scoped_lock lock(mutex_);
-  return all(&Told::now);
+  return all(&Finding::now);
 }
 
 std::vector<std::string> ObjectReport::summary() const {
-  return all(&Told::ever);
+  return all(&Finding::ever);
 }
 
 }  // namespace huetrack::reports

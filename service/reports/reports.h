@@ -1,4 +1,4 @@
-// All that looks at every set and says in words what is not well: the same ones, in the same order, live and in replay.
+// All reports of a session, in the same order live and in replay.
 #pragma once
 
 #include <filesystem>
@@ -15,16 +15,16 @@
 namespace huetrack::reports {
 
 struct ReportsOptions {
-  std::filesystem::path write_rig = {};  // CameraTimes: the rig as learnt; empty: no file
+  std::filesystem::path write_rig = {};  // CameraTimes: rig with estimated timing; empty: no file
   bool is_logging_times = false;         // CameraTimes
   bool is_recorded = false;              // LightReport
 };
 
-// Each logs by itself what it finds. Outlives the session's run, into which it is put when it is made.
+// The constructor adds all reports to the session. Outlives the session's run.
 struct Reports {
   Reports(pipeline::Session& session, const ReportsOptions& options);  // throws as CameraTimes
 
-  std::vector<std::string> warnings() const;  // of all of them, in force now. thread-safe
+  std::vector<std::string> warnings() const;  // of all reports, in force now. thread-safe
 
   LightReport light;
   MistakeReport mistakes;

@@ -14,19 +14,19 @@ namespace {
 using namespace std::chrono_literals;
 using room_watch::RoomState;
 
-constexpr capture::Duration figures_pause = 500ms;  // of the figures in warnings
-// A knock is told when its shift is known as well, or else so long after it was noticed: within two seconds of it.
+constexpr capture::Duration figures_pause = 500ms;  // between two updates of the figures in warnings
+// A moved camera is reported once its shift is known (m, 1 sigma), or this long after detection: within 2 s of the
+// event.
 constexpr capture::Duration waits_for_shift = 700ms;
 constexpr double known_shift_sigma_m = 0.004;
 
-// Whether there is a sentence for people.
-bool is_told(RoomState state) {
+bool is_reportable(RoomState state) {
   return is_trouble(state) || state == RoomState::changed;
 }
 
 std::string all_clear(const std::string& camera, RoomState before) {
-  if (before == RoomState::changed) return "what " + camera + " sees of the room is known again";
-  if (before == RoomState::defocused) return camera + "'s focus is again as it was";
+  if (before == RoomState::changed) return "the changed part of " + camera + "'s view is learnt again";
+  if (before == RoomState::defocused) return camera + "'s focus is as it was";
   return camera + " stands again where the rig says";
 }
 
@@ -40,29 +40,28 @@ bool is_trouble(RoomState state) {
 RigReport::RigReport(const config::ServiceConfig& config)
     : cameras_(config.rig.camera_names()),
       mode_(config.calibration.watch),
-      told_(cameras_.size()),
+      reported_(cameras_.size()),
       warnings_(cameras_.size()),
       facts_(cameras_.size()) {}
 
-// Whether there is something new of that camera, and enough is known of it.
+// Whether the camera has a new state that is known well enough to be reported; notes it as reported.
 bool RigReport::is_news(std::size_t camera, const pipeline::CameraCalibration& facts, capture::Timestamp at) {
-  Told& told = told_[camera];
+  Reported& reported = reported_[camera];
   const RoomState state = facts.room.state;
-  if (state == RoomState::moving) return false;  // what comes of it is told
-  const bool is_same = state == told.state && facts.room.turns == told.turns;
+  if (state == RoomState::moving) return false;  // the state after the motion is reported
+  const bool is_same = state == reported.state && facts.room.turns == reported.turns;
   if (is_same) {
-    told.seen_at.reset();
+    reported.pending_since.reset();
     return false;
   }
-  if (!is_told(state)) {
-    told = {.state = state, .turns = facts.room.turns, .seen_at = {}};
-    return state == RoomState::still &&
-           std::ranges::any_of(happenings_, [&](const auto& h) { return h.camera == camera; });
+  if (!is_reportable(state)) {
+    reported = {.state = state, .turns = facts.room.turns, .pending_since = {}};
+    return state == RoomState::still && std::ranges::any_of(events_, [&](const auto& h) { return h.camera == camera; });
   }
-  if (!told.seen_at) told.seen_at = at;
+  if (!reported.pending_since) reported.pending_since = at;
   const bool may_be_better_known = facts.moved && facts.moved->shift_sigma > known_shift_sigma_m;
-  if (may_be_better_known && at - *told.seen_at < waits_for_shift) return false;
-  told = {.state = state, .turns = facts.room.turns, .seen_at = {}};
+  if (may_be_better_known && at - *reported.pending_since < waits_for_shift) return false;
+  reported = {.state = state, .turns = facts.room.turns, .pending_since = {}};
   return true;
 }
 
@@ -72,13 +71,13 @@ void RigReport::on_set(const pipeline::TrackedSet& set) {
   bool has_news = !next_at_ || at >= *next_at_;
   for (std::size_t c = 0; c < cameras_.size(); ++c) {
     const pipeline::CameraCalibration& facts = set.calibration[c];
-    const RoomState before = told_[c].state;
+    const RoomState before = reported_[c].state;
     if (is_news(c, facts, at)) {
       has_news = true;
-      if (is_told(facts.room.state)) {
+      if (is_reportable(facts.room.state)) {
         spdlog::warn("{}", calibration_warning(cameras_[c], facts, mode_));
-        happenings_.push_back(
-            {.camera = c, .state = facts.room.state, .turns = facts.room.turns, .told_at = at, .facts = facts});
+        events_.push_back(
+            {.camera = c, .state = facts.room.state, .turns = facts.room.turns, .reported_at = at, .facts = facts});
       } else {
         spdlog::info("{}", all_clear(cameras_[c], before));
       }
@@ -86,15 +85,15 @@ void RigReport::on_set(const pipeline::TrackedSet& set) {
   }
   if (!has_news) return;
   next_at_ = at + figures_pause;
-  for (Happening& h : happenings_) {
+  for (Event& h : events_) {
     const pipeline::CameraCalibration& facts = set.calibration[h.camera];
     if (facts.room.state == h.state && facts.room.turns == h.turns) h.facts = facts;
   }
   const std::scoped_lock lock(mutex_);
   std::ranges::copy(set.calibration, facts_.begin());
   for (std::size_t c = 0; c < cameras_.size(); ++c) {
-    const bool is_out = told_[c].state == facts_[c].room.state && told_[c].turns == facts_[c].room.turns;
-    warnings_[c] = is_out ? calibration_warning(cameras_[c], facts_[c], mode_) : std::string();
+    const bool is_current = reported_[c].state == facts_[c].room.state && reported_[c].turns == facts_[c].room.turns;
+    warnings_[c] = is_current ? calibration_warning(cameras_[c], facts_[c], mode_) : std::string();
   }
 }
 
@@ -112,17 +111,17 @@ std::vector<pipeline::CameraCalibration> RigReport::cameras() const {
 
 std::vector<std::string> RigReport::summary() const {
   std::vector<std::string> all;
-  for (const Happening& h : happenings_)
-    all.push_back(
-        fmt::format("told at {}: {}", moment_text(h.told_at), calibration_warning(cameras_[h.camera], h.facts, mode_)));
+  for (const Event& h : events_)
+    all.push_back(fmt::format("reported at {}: {}", moment_text(h.reported_at),
+                              calibration_warning(cameras_[h.camera], h.facts, mode_)));
   for (std::size_t c = 0; c < cameras_.size(); ++c)
     if (facts_[c].room.state == RoomState::plain)
-      all.push_back("too little of what " + cameras_[c] + " sees has structure: whether it was moved is not watched");
+      all.push_back("the view of " + cameras_[c] + " has too little structure to detect whether it is moved");
   return all;
 }
 
 bool RigReport::has_had_trouble() const {
-  return std::ranges::any_of(happenings_, is_trouble, &Happening::state);
+  return std::ranges::any_of(events_, is_trouble, &Event::state);
 }
 
 int RigReport::mend(calib::CameraRig& rig) const {
@@ -136,10 +135,8 @@ int RigReport::mend(calib::CameraRig& rig) const {
     const std::string key = "mended_" + cameras_[c];
     std::erase_if(rig.made_by, [&](const auto& entry) { return entry.first == key; });
     rig.made_by.emplace_back(
-        key,
-        fmt::format(
-            "by huetrackd, from what it saw while tracking: turned by {:.2f} degrees, moved by {:.0f} mm (+- {:.0f})",
-            m.rotation.norm() * 180 / std::numbers::pi, 1e3 * m.shift.norm(), 1e3 * m.shift_sigma));
+        key, fmt::format("by huetrackd while tracking: turned by {:.2f} degrees, moved by {:.0f} mm (+- {:.0f})",
+                         m.rotation.norm() * 180 / std::numbers::pi, 1e3 * m.shift.norm(), 1e3 * m.shift_sigma));
   }
   return moved;
 }

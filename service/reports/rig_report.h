@@ -1,5 +1,5 @@
-// Tells when a camera no longer stands where the rig says: in the log once, in the status while it lasts, in a replay's
-// summary; and gives the rig as it is now.
+// The output that reports cameras that no longer stand where the rig says: in the log once, as a warning while it
+// lasts, and in the summary. It also supplies the corrected rig.
 #pragma once
 
 #include <mutex>
@@ -12,7 +12,7 @@
 
 namespace huetrack::reports {
 
-// Whether the camera gives wrong positions, or none.
+// Whether the camera yields wrong positions, or none.
 bool is_trouble(room_watch::RoomState state);
 
 class RigReport final : public pipeline::Output {
@@ -23,37 +23,37 @@ class RigReport final : public pipeline::Output {
 
   // In force now, one sentence each. thread-safe
   std::vector<std::string> warnings() const;
-  // Per camera of the rig, as it is now. thread-safe
+  // Current state per camera of the rig. thread-safe
   std::vector<pipeline::CameraCalibration> cameras() const;
 
-  // What there was since the start, one sentence each. When the road is empty.
+  // All events since the start, one sentence each. After the run.
   std::vector<std::string> summary() const;
-  // A camera gave wrong positions, or none, at any time (is_trouble). When the road is empty.
+  // is_trouble() held for some camera at any time. After the run.
   bool has_had_trouble() const;
 
-  // The rig with those cameras where they stand now; how many were moved. When the road is empty.
+  // Sets the poses of moved cameras in `rig` to their current estimates; returns how many. After the run.
   int mend(calib::CameraRig& rig) const;
 
  private:
-  struct Happening {
+  struct Event {
     std::size_t camera;
     room_watch::RoomState state;
     int turns;  // RoomCondition::turns
-    capture::Timestamp told_at;
-    pipeline::CameraCalibration facts;  // as known last, while it lasted
+    capture::Timestamp reported_at;
+    pipeline::CameraCalibration facts;  // the latest, while it lasted
   };
-  struct Told {
+  struct Reported {
     room_watch::RoomState state = room_watch::RoomState::learning;
     int turns = 0;
-    std::optional<capture::Timestamp> seen_at = {};  // what is to be told; nullopt: it is told
+    std::optional<capture::Timestamp> pending_since = {};  // a new state was seen then and is not reported yet
   };
   bool is_news(std::size_t camera, const pipeline::CameraCalibration& facts, capture::Timestamp at);
 
   const std::vector<std::string> cameras_;
   const config::CalibrationMode mode_;
-  std::vector<Told> told_;                     // the tracking thread's
-  std::vector<Happening> happenings_;          // the tracking thread's
-  std::optional<capture::Timestamp> next_at_;  // the tracking thread's; when figures are told anew
+  std::vector<Reported> reported_;             // the tracking thread's
+  std::vector<Event> events_;                  // the tracking thread's
+  std::optional<capture::Timestamp> next_at_;  // the tracking thread's; next update of the figures in warnings
   mutable std::mutex mutex_;
   std::vector<std::string> warnings_;               // guarded by mutex_; per camera, empty: none
   std::vector<pipeline::CameraCalibration> facts_;  // guarded by mutex_

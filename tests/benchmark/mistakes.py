@@ -273,13 +273,13 @@ def named_mistakes(summary):
 
 def reported_cameras(summary):
     """The cameras that the summary reports as moved or sagging."""
-    return re.findall(r"^  cameras told at [\d.]+ s: (\w+) (?:was turned|sags)", summary, re.M)
+    return re.findall(r"^  cameras reported at [\d.]+ s: (\w+) (?:was turned|sags)", summary, re.M)
 
 
 def verdict(patterns, named):
     """Whether all patterns are named, and what else is blamed."""
     is_right = bool(patterns) and all(any(re.search(p, s) for s in named) for p in patterns)
-    blames = [s for s in named if not patterns or "cannot be told" not in s]
+    blames = [s for s in named if not patterns or "cannot be determined" not in s]
     return is_right, [s for s in blames if not any(re.search(p, s) for p in patterns)]
 
 
@@ -292,7 +292,7 @@ def run(huetrackd, case, scratch):
     if done.returncode not in (0, 3):
         sys.exit(done.stdout + done.stderr)
     named = named_mistakes(done.stdout)
-    trouble = re.search(r"^  cameras told .*(turned|sags|zoom|focus|seen)", done.stdout, re.M)
+    trouble = re.search(r"^  cameras reported .*(turned|sags|zoom|focus|seen)", done.stdout, re.M)
     may_be_lost = re.search(r"^  light .*the colour has (moved|become)", done.stdout, re.M)
     if not may_be_lost and (done.returncode == 3) != bool(named or trouble):
         sys.exit(f"exit status {done.returncode}, named: {named}")

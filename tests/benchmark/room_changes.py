@@ -19,7 +19,7 @@ import cv2
 import numpy as np
 import yaml
 
-TOLD = re.compile(r"^  cameras told at ([\d.]+) s: (.*)$", re.M)
+TOLD = re.compile(r"^  cameras reported at ([\d.]+) s: (.*)$", re.M)
 
 
 class Change:

@@ -16,9 +16,9 @@ import tempfile
 import numpy as np
 import yaml
 
-TOLD = re.compile(r"told at ([\d.]+) s: (\w+) (was turned by|sags: since ([\d.]+) s it has slowly turned by) ([\d.]+) degrees"
+TOLD = re.compile(r"reported at ([\d.]+) s: (\w+) (was turned by|sags: since ([\d.]+) s it has slowly turned by) ([\d.]+) degrees"
                   r"(?: and moved by ([\d.]+) mm)?(?: at ([\d.]+) s)?")
-ALARM = re.compile(r"^  (?:cameras told at|mistake from) (.*)$", re.M)
+ALARM = re.compile(r"^  (?:cameras reported at|mistake from) (.*)$", re.M)
 
 
 def replay(huetrackd, scene, watch, without=None):

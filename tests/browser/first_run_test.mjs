@@ -119,7 +119,7 @@ async function test() {
     assert.match(await page.textContent("#calibrate-accept"), /^Yes/);
     await page.click("#calibrate-accept");
   }
-  await until("it is accepted", async () => /my\.rig-.*-board\.yaml is the rig from now on/.test(await says()));
+  await until("it is accepted", async () => /my\.rig-.*-board\.yaml is now the rig/.test(await says()));
   await until("the step is done", async () => /Colour.*Nothing is looked for yet/s.test(await current()), 30000);
 
   // ---- Colour: a target, and which colour it has.

@@ -125,7 +125,7 @@ async function test() {
   await slide("hue_deg-1", 220);
   await slide("radius", 55);
   await page.click("#adjust-save");
-  await until("it is saved", async () => /^Saved: lime is tracked so/.test(await says()));
+  await until("it is saved", async () => /^Saved: lime is now tracked/.test(await says()));
   await until("it is not seen any more", async () => ["searching", "lost"].includes(await state("lime")));
   assert.match(readFileSync(join(folder, "my.taught.yaml"), "utf8"), /radius_m: 0\.055[\s\S]*hue_deg: \[200, 220\]/);
   await page.click("#adjust-undo");
@@ -139,7 +139,7 @@ async function test() {
   assert.equal(await page.isDisabled("#adjust-add"), true);
   await page.fill("#adjust-name", "second");
   await page.click("#adjust-add");
-  await until("it is added", async () => /^Added: second; .* The service begins anew/.test(await says()));
+  await until("it is added", async () => /^Added: second; .* The service restarts/.test(await says()));
   await until("it is there", async () => (await page.locator("#adjust-target option[value=second]").count()) === 1);
   await page.selectOption("#adjust-target", "second");
   await slide("hue_deg-0", 65);
@@ -174,7 +174,7 @@ async function test() {
   await control("power_line_frequency", "select").selectOption("1");
   await until("the mains are set", async () => (await said()) === "Set, and not saved yet.");
   await page.click("#controls-save");
-  await until("it is kept", async () => /^Saved: camera cam0 keeps that/.test(await said()));
+  await until("it is kept", async () => /^Saved for camera cam0/.test(await said()));
   assert.match(readFileSync(join(folder, "my.taught.yaml"), "utf8"), /cam0:\n\s+controls:\n\s+exposure_time_absolute: 150\n\s+power_line_frequency: 1\n/);
   await page.click("#controls-close");
 

@@ -74,7 +74,7 @@ TEST_F(ServiceConfigFile, ATargetMayBeSeveralObjects) {
   // An object of theirs would have another target's name.
   const std::string two =
       head + "targets: {ball: {count: 3, color: {hue_deg: [65, 115]}}, ball_1: {color: {hue_deg: [5, 15]}}}\n";
-  EXPECT_THAT(error(two), HasSubstr("targets.ball_1: is what an object of ball is called"));
+  EXPECT_THAT(error(two), HasSubstr("targets.ball_1: is the name of an object of ball"));
   for (const std::string wrong : {"0", "-1", "17", "up to 1000", "up to", "many", "2.5", "3 balls"}) {
     const std::string message = error(with(wrong));
     EXPECT_THAT(message, HasSubstr("c.yaml:3: targets.ball.count: must be a number from 1 to 16, or \"up to\""));
@@ -327,7 +327,8 @@ INSTANTIATE_TEST_SUITE_P(
         Mistake{"NoVersion", "rig: rig.yaml\n",
                 "c.yaml:1: version is missing: write version: 1, the version of the file format"},
         Mistake{"NoRig", "version: 1\n",
-                "c.yaml:1: rig is missing: write rig: FILE, which huetrack-calibrate writes; or rig: none before that"},
+                "c.yaml:1: rig is missing: write rig: FILE (from huetrack-calibrate), or rig: none before the "
+                "calibration"},
         Mistake{"RigMisspelt", "version: 1\nrgi: rig.yaml\n",
                 "c.yaml:1: rig is missing (is rgi in line 2 a misspelling of it?)"},
         Mistake{"VersionMisspelt", "verson: 1\nrig: rig.yaml\n",
@@ -380,9 +381,8 @@ INSTANTIATE_TEST_SUITE_P(
         Mistake{"CameraWithoutDevice", ball + "cameras:\n  cam1: {fps: 30}\n",
                 "c.yaml:5: cameras.cam1.device is missing"},
         Mistake{"DeviceUnderAnotherName", ball + "cameras:\n  cam1: {source: /dev/video0}\n",
-                "c.yaml:5: cameras.cam1.source: is not a known key: the camera is device: /dev/v4l/by-path/..., an "
-                "index, or "
-                "rtsp://..."},
+                "c.yaml:5: cameras.cam1.source: is not a known key: write device: /dev/v4l/by-path/..., an index, "
+                "or rtsp://..."},
         Mistake{"DeviceNotBelowDev", ball + "cameras:\n  cam1: {device: webcam}\n",
                 "c.yaml:5: cameras.cam1.device: must be a path below /dev, an index, or an address like rtsp://..., "
                 "got \"webcam\": "
@@ -407,7 +407,7 @@ INSTANTIATE_TEST_SUITE_P(
                 "c.yaml:5: cameras.cam0.size: must be two numbers, as [640, 480], or the word rig, got \"320x240\": "
                 "write [320, 240]"},
         Mistake{"ExposureBesideTheControls", ball + "cameras:\n  cam0: {device: 0, exposure: 100}\n",
-                "c.yaml:5: cameras.cam0.exposure: is a control of the camera's: write controls: "
+                "c.yaml:5: cameras.cam0.exposure: is a control of the camera: write controls: "
                 "{exposure_time_absolute: ...} (`huetrackd doctor` lists those that it has)"},
         Mistake{
             "FormatInCapitals", ball + "cameras:\n  cam0: {device: 0, format: MJPG}\n",
@@ -500,7 +500,7 @@ TEST_F(ServiceConfigFile, LengthsThatCannotBeMetresAreAMistake) {
   ServiceConfig in_millimetres = right;
   for (ServiceConfig* const config : {&both, &in_millimetres})
     for (auto& camera : config->rig.cameras) camera.cam_from_world.translation *= 1000;
-  EXPECT_THAT(unit_mistake(both), HasSubstr("in millimetres? Metres are the unit"));
+  EXPECT_THAT(unit_mistake(both), HasSubstr("in millimetres? Write"));
   EXPECT_THAT(unit_mistake(in_millimetres), testing::ContainsRegex("cameras stand up to [0-9]+ m apart"));
   EXPECT_THAT(warnings_of(in_millimetres), testing::Contains(unit_mistake(in_millimetres)));
   in_millimetres.rig.cameras.resize(1);
@@ -512,7 +512,7 @@ TEST_F(ServiceConfigFile, WarnsOfABallThatIsTooSmallToBeSeen) {
   ServiceConfig far = load(ball);
   for (auto& camera : far.rig.cameras) camera.cam_from_world.translation *= 50;
   EXPECT_THAT(unit_mistake(far), IsEmpty());
-  EXPECT_THAT(warnings_of(far), testing::Contains(HasSubstr("in another unit than metres?")));
+  EXPECT_THAT(warnings_of(far), testing::Contains(HasSubstr("not in metres?")));
 }
 
 TEST(VolumeCoverage, IsWholeWhereTheWholeVolumeIsSeen) {
@@ -651,7 +651,7 @@ TEST_F(CameraTrackingConfigTest, PixelsOutsideTheImageAndPointsThatAreThereTwice
               HasSubstr("outside.csv:5: row 3: the pixel (319.6, 6) is outside the image of cam0, which is 320x240"));
   write("twice.csv", "X,Y,Z,u,v\n0,0,0,1,2\n1,0,0,3,4\n0,1,0,319,6\n1,0,0,7,8\n");
   EXPECT_THAT(mistake("  camera: cam0\n  start: {points: twice.csv}\n"),
-              HasSubstr("twice.csv:5: row 4: the point (1, 0, 0) is there twice, in row 2 too"));
+              HasSubstr("twice.csv:5: row 4: the point (1, 0, 0) is repeated, it is in row 2 too"));
   EXPECT_THAT(mistake("  camera: cam0\n  start:\n    rectangle: [[0, 0, 0, 1, 2], [1, 0, 0, 3, 4], "
                       "[1, 1, 0, 5, -6], [0, 1, 0, 7, 8]]\n"),
               HasSubstr("c.yaml:6: camera_tracking.start.rectangle: row 3: the pixel (5, -6) is outside the image"));

@@ -271,7 +271,7 @@ TEST_F(TaughtFile, HoldsColoursAndRectanglesAndIsReadOverTheConfiguration) {
   target.camera_colors = {{"cam1", {.hue_min_deg = 340, .hue_max_deg = 5}}};
   const IgnoredRegions ignored = {{"cam1", {{1, 2, 30, 40}, {5, 6, 7, 8}}}};
   save_taught(file, target, ignored);
-  EXPECT_THAT(text(taught), StartsWith("# What huetrackd was taught. It is read over lab.yaml: "));
+  EXPECT_THAT(text(taught), StartsWith("# What huetrackd was taught. It replaces the values of lab.yaml "));
   EXPECT_EQ(said(),
             "version: 1\ntargets:\n  ball:\n    color:\n      hue_deg: [350, 10]\n      saturation: [0.25, 1]\n"
             "      intensity: [0.1, 0.95]\n    camera_colors:\n      cam1:\n        hue_deg: [340, 5]\n"
@@ -504,12 +504,12 @@ TEST_F(TaughtFile, WhatCannotBeSaidIsNotWritten) {
       [&] {
         save_ignored(file, {{"cam0", too_many}});
       },
-      ThrowsMessage<std::runtime_error>(AllOf(StartsWith(taught.string() + " was left as it is ("),
-                                              HasSubstr("must be a list of 4 to 400 numbers"))));
+      ThrowsMessage<std::runtime_error>(
+          AllOf(StartsWith(taught.string() + " was not changed: "), HasSubstr("must be a list of 4 to 400 numbers"))));
   TargetOptions gone = config.targets[0];
   gone.name = "gone";
   EXPECT_THAT([&] { save_taught(file, gone, {}); },
-              ThrowsMessage<std::runtime_error>(HasSubstr("lab.yaml has no target gone any more")));
+              ThrowsMessage<std::runtime_error>(HasSubstr("lab.yaml no longer has a target gone")));
   std::ofstream(file) << "version: 1\nrig: rig.yaml\ntargets: &t\n";  // somebody is writing it just now
   EXPECT_THAT([&] { save_ignored(file, {}); },
               ThrowsMessage<std::runtime_error>(HasSubstr("lab.yaml:3: targets: is a group of names")));

@@ -48,12 +48,12 @@ CameraExam exam_with(const std::vector<std::pair<std::string, std::int64_t>>& co
   return exam;
 }
 
-TEST(JudgeLight, ExposuresThatFitIntoLampsAreAllRight) {
+TEST(JudgeLight, ExposuresOfWholeFlickerPeriodsAreFine) {
   for (const std::int64_t time : {100, 200, 300, 83, 167})
     EXPECT_THAT(judge_light(exam_with({{"auto_exposure", 1}, {"exposure_time_absolute", time}})), IsEmpty()) << time;
   for (const std::int64_t time : {128, 50, 156})
     EXPECT_THAT(judge_light(exam_with({{"auto_exposure", 1}, {"exposure_time_absolute", time}})),
-                says(doctor::Grade::note, "show lamps flicker", "100, 200 or 300"))
+                says(doctor::Grade::note, "show the flicker of lamps", "100, 200 or 300"))
         << time;
   // Where the camera is told which mains there are, only theirs count; an automatic exposure sees to it itself.
   EXPECT_THAT(
@@ -62,7 +62,7 @@ TEST(JudgeLight, ExposuresThatFitIntoLampsAreAllRight) {
   EXPECT_THAT(judge_light(exam_with({{"auto_exposure", 3}, {"exposure_time_absolute", 128}})), IsEmpty());
 }
 
-TEST(JudgeLight, ControlsThatLetLightIn) {
+TEST(JudgeLight, AutomaticControlsAreNamed) {
   const auto findings = judge_light(exam_with({{"exposure_dynamic_framerate", 1}, {"power_line_frequency", 0}}));
   EXPECT_THAT(findings,
               says(doctor::Grade::warning, "exposure_dynamic_framerate is on", "exposure_dynamic_framerate: 0"));
@@ -72,19 +72,19 @@ TEST(JudgeLight, ControlsThatLetLightIn) {
   EXPECT_THAT(judge_light(set), IsEmpty());
 }
 
-TEST(JudgeLight, WhatThePicturesShow) {
+TEST(JudgeLight, FindingsInPicturesAreNamed) {
   CameraExam exam = exam_with({{"auto_exposure", 1}});
   exam.trial.emplace();
   EXPECT_THAT(judge_light(exam), IsEmpty());  // too few frames to say anything
   exam.trial->light = capture::LightFindings{};
-  EXPECT_THAT(judge_light(exam), says(doctor::Grade::ok, "no bands of flicker"));
+  EXPECT_THAT(judge_light(exam), says(doctor::Grade::ok, "no flicker, constant"));
   exam.trial->light->flicker = capture::Flicker{.light_hz = 100, .modulation = 0.032, .bands = 3};
   exam.trial->light->exposure_change = 0.13;
   const auto findings = judge_light(exam);
   EXPECT_THAT(findings,
               says(doctor::Grade::warning, "flickers at 100 Hz, in bands of 3.2 %", "power_line_frequency: 50 Hz"));
   EXPECT_THAT(findings, says(doctor::Grade::warning, "13 % brighter or darker", "auto_exposure: 1"));
-  EXPECT_THAT(findings, says(doctor::Grade::warning, "auto_exposure says that it is manual"));
+  EXPECT_THAT(findings, says(doctor::Grade::warning, "auto_exposure is manual, but"));
   exam.trial->light = capture::LightFindings{};
   exam.trial->light->flicker = capture::Flicker{.light_hz = 120, .modulation = 0.01, .bands = 2};
   exam.trial->light->balance_change = 0.1;
@@ -116,28 +116,28 @@ TEST(LightExam, SeesFlickerInATrialOfThreeSeconds) {
   EXPECT_EQ(exam.findings()->flicker->light_hz, 100);
 }
 
-TEST(ColorWarning, SaysWhichWayAndHowMuchIsLeft) {
+TEST(ColorWarning, NamesDirectionAndMargin) {
   object_tracking::TargetOptions ball;
   ball.name = "ball";
   object_trackers::ColorHealth health;
   EXPECT_EQ(reports::color_warning(ball, "cam1", health, false), "");
   health.seen = object_trackers::SeenColor{{12.4, 0.35, 0.2}, {}, {}};
   health.near_end = object_trackers::NearEnd{object_trackers::ColorAxis::hue, true, 3.2};
-  EXPECT_EQ(
-      reports::color_warning(ball, "cam1", health, false),
-      "ball in cam1: the colour has moved by 12 degrees since it was taught, 3 degrees are left: fix white balance "
-      "and exposure, teach it anew, or color: {adapt: true}");
+  EXPECT_EQ(reports::color_warning(ball, "cam1", health, false),
+            "ball in cam1: the colour has moved by 12 degrees since it was taught, 3 degrees before the end of its "
+            "range: fix "
+            "white balance and exposure, teach it again, or set color: {adapt: true}");
   EXPECT_THAT(reports::color_warning(ball, "cam1", health, true),
-              testing::EndsWith("3 degrees are left: teach it anew, or color: {adapt: true}"));
+              testing::EndsWith("end of its range: teach it again, or set color: {adapt: true}"));
   health.near_end = object_trackers::NearEnd{object_trackers::ColorAxis::intensity, false, 0.04};
   EXPECT_THAT(reports::color_warning(ball, "cam1", health, false),
               HasSubstr("darker than it was taught (intensity 0.20)"));
   health.near_end = object_trackers::NearEnd{object_trackers::ColorAxis::saturation, false, -0.04};
-  EXPECT_THAT(reports::color_warning(ball, "cam1", health, false), HasSubstr("0.04 beyond what is looked for"));
+  EXPECT_THAT(reports::color_warning(ball, "cam1", health, false), HasSubstr("0.04 beyond its range"));
   ball.adapts_color = true;
   EXPECT_THAT(reports::color_warning(ball, "cam1", health, false), HasSubstr("color: adapt follows it"));
   health.followed[1] = -0.15;
-  EXPECT_THAT(reports::color_warning(ball, "cam1", health, false), HasSubstr("follows no further"));
+  EXPECT_THAT(reports::color_warning(ball, "cam1", health, false), HasSubstr("has reached its limit"));
 }
 
 // ---- A replay
@@ -175,7 +175,7 @@ class WanderingReplay : public testing::Test {
   const fs::path folder_;
 };
 
-TEST_F(WanderingReplay, WarnsAndHoldsWhereItAdapts) {
+TEST_F(WanderingReplay, WarnsAndKeepsTrackingIfItAdapts) {
   film();
   const ReplaySummary plain = play("false"), adapted = play("true");
   EXPECT_GT(plain.targets[0].sets.count(TrackState::lost), 0u);
@@ -191,7 +191,7 @@ TEST_F(WanderingReplay, WarnsAndHoldsWhereItAdapts) {
               ElementsAre(AllOf(HasSubstr("lime"), HasSubstr("its colour in cam1 was followed, at the end by +"))));
 }
 
-TEST(ReplayText, WhatIsNotWellStandsLastAndMistakesAtTheEnd) {
+TEST(ReplayText, ProblemsAreLastWithMistakesAtTheEnd) {
   ReplaySummary summary;
   summary.times = {"a time"};
   summary.light = {"a lamp"};
@@ -207,11 +207,11 @@ TEST(ReplayText, WhatIsNotWellStandsLastAndMistakesAtTheEnd) {
   EXPECT_EQ(problems_text({}), "");
 }
 
-// What ended well stands in the summary all the same.
+// Even if it is over.
 TEST(ReplaySummary, AMistakeACameraAndALostColorAreTrouble) {
-  ReplaySummary told;
-  told.light = {"a lamp"}, told.calibration = {"a box"};
-  EXPECT_FALSE(has_trouble(told));
+  ReplaySummary reported;
+  reported.light = {"a lamp"}, reported.calibration = {"a box"};
+  EXPECT_FALSE(has_trouble(reported));
   ReplaySummary swapped, blinded, pale;
   swapped.mistakes = {"two videos"};
   blinded.has_camera_trouble = true;
@@ -219,13 +219,13 @@ TEST(ReplaySummary, AMistakeACameraAndALostColorAreTrouble) {
   for (const ReplaySummary& summary : {swapped, blinded, pale}) EXPECT_TRUE(has_trouble(summary));
 }
 
-TEST(ReplayText, WhatWasHeldIsNoneOfTheTimeThatItTook) {
+TEST(ReplayText, PausesDoNotCountAsWallTime) {
   ReplaySummary summary;
   summary.recorded_s = 5;
   summary.wall_s = 0.5;
   EXPECT_THAT(to_text(summary, {}), HasSubstr("5.000 s of recording in 0.500 s, 10.0x real time\n"));
   summary.held_s = 14.3;
-  EXPECT_THAT(to_text(summary, {}), HasSubstr("10.0x real time; held for 14.3 s beside that\n"));
+  EXPECT_THAT(to_text(summary, {}), HasSubstr("10.0x real time; paused for 14.3 s in addition\n"));
 }
 
 }  // namespace

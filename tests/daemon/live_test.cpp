@@ -76,7 +76,7 @@ class Live : public testing::Test {
   LiveRequests requests_;
 };
 
-TEST_F(Live, TracksInRealTimeAndSaysSo) {
+TEST_F(Live, TracksInRealTimeAndReportsIt) {
   const auto before = capture::unix_now();
   const LiveSummary summary = run_live(config_, cameras(30), options_, requests_, {});
   EXPECT_EQ(summary.figures.cameras.at(0).frames, 30u);
@@ -88,7 +88,7 @@ TEST_F(Live, TracksInRealTimeAndSaysSo) {
   EXPECT_GT(tracks.at("lime").front().at, before);  // UNIX time, not the recording's
 }
 
-TEST_F(Live, AStopEndsItWithinASecondEvenWhenNoFrameComes) {
+TEST_F(Live, AStopEndsItWithinASecondWithoutFrames) {
   std::stop_source stop;
   std::atomic<std::chrono::steady_clock::time_point> asked;
   std::jthread stopper([&] {
@@ -102,7 +102,7 @@ TEST_F(Live, AStopEndsItWithinASecondEvenWhenNoFrameComes) {
   EXPECT_EQ(summary.status.cameras.at(0).health, publish::CameraStatus::Health::delivering);
 }
 
-TEST_F(Live, EndsSoManySecondsAfterTheFirstFrame) {
+TEST_F(Live, EndsAfterTheGivenSeconds) {
   options_.seconds = 0.3;
   const auto start = std::chrono::steady_clock::now();
   run_live(config_, cameras(60, true), options_, requests_, {});
@@ -130,7 +130,7 @@ TEST_F(Live, AReloadChangesTheColourAndLosesNoFrame) {
   EXPECT_NE(summary.status.config_identity, before);
 }
 
-TEST_F(Live, AReloadOfABadFileIsRefusedAndTheOldOneGoesOn) {
+TEST_F(Live, AReloadOfABadFileIsRefused) {
   std::string identity;
   std::jthread reloader([&] {
     std::this_thread::sleep_for(500ms);
@@ -162,7 +162,7 @@ TEST_F(Live, ARecordingReplaysToTheSameTrackByteForByte) {
 
 // A camera is knocked 7 s after the beginning of `bumped`: what goes before is left out but for the second in which the
 // room is learnt.
-TEST_F(Live, AMendedRigLiesBesideTheOldOneAndInTheRecordingWhichRepeatsIt) {
+TEST_F(Live, ACorrectedRigIsSavedNextToTheRigAndRepeatedByAReplay) {
   const fs::path bumped = fs::path(HUETRACK_SHARED_DATA) / "rendered/bumped";
   if (!fs::exists(bumped)) GTEST_SKIP() << bumped;
   constexpr std::size_t first = 165, count = 165;
@@ -243,7 +243,7 @@ TEST_F(Live, RecordWithoutTrackingReplays) {
   EXPECT_THAT(replayed(folder_ / "out"), HasSubstr("tracking"));
 }
 
-TEST_F(Live, ADiskThatTakesNoRecordingKeepsNobodyFromTracking) {
+TEST_F(Live, TracksWithoutRecordingOnADiskError) {
   rewrite("65, 115", "record: {folder: /proc/huetrack, always: true}\n");
   config_ = config::load_service_config(folder_ / "c.yaml");
   const LiveSummary summary = run_live(config_, cameras(30), options_, requests_, {});
@@ -260,7 +260,7 @@ TEST_F(Live, APreRollThatCannotBeSavedIsAWarningInTheStatus) {
   EXPECT_THAT(summary.status.warnings, testing::Contains(HasSubstr("the pre-roll was not saved: /proc/huetrack")));
 }
 
-TEST_F(Live, AFullDiskEndsTheTracksFileAndSaysSoAtTheEnd) {
+TEST_F(Live, AFullDiskEndsTheTracksFileAndIsReported) {
   options_.tracks = "/dev/full";
   EXPECT_THAT([&] { run_live(config_, cameras(90), options_, requests_, {}); },
               testing::ThrowsMessage<std::runtime_error>(HasSubstr("the tracks are written no further")));
@@ -354,12 +354,12 @@ TEST_F(Live, SavesThePreRollWhenATargetIsLost) {
   EXPECT_THAT(recordings[0].filename().string(), testing::EndsWith("Z-lost"));
 }
 
-TEST_F(Live, WithoutCamerasItSaysWhatToDo) {
+TEST_F(Live, WithoutCamerasTheErrorSaysWhatToDo) {
   EXPECT_THAT([&] { run_live(config_, {}, options_, requests_, {}); },
-              testing::ThrowsMessage<std::runtime_error>(HasSubstr("cameras: none is given")));
+              testing::ThrowsMessage<std::runtime_error>(HasSubstr("cameras: there are none")));
 }
 
-TEST_F(Live, CamerasWithoutARigAreShownAndNothingIsTracked) {
+TEST_F(Live, CamerasWithoutARigAreOnlyShown) {
   std::ofstream(folder_ / "c.yaml") << "version: 1\nrig: none\ntargets: {lime: {radius_m: 0.04}}\ncameras:\n"
                                        "  cam0: {device: 0, fps: 30, size: [320, 240]}\n"
                                        "  cam1: {device: 1, fps: 30, size: [320, 240]}\n";

@@ -74,7 +74,7 @@ class Played : public Test {
 // The second camera's first frame is over.
 constexpr capture::Timestamp first_set_until(100s + 10ms);
 
-TEST_F(Played, IsHeldAndSteppedThrough) {
+TEST_F(Played, IsPausedAndStepped) {
   play({.cameras = 2}, first_set_until);
   ASSERT_TRUE(comes_to(3));
   EXPECT_TRUE(stays_at(3));  // the first frame of each, and one that shows that their set is whole
@@ -98,7 +98,7 @@ TEST_F(Played, IsHeldAndSteppedThrough) {
   EXPECT_LT(source->waited() - source->paused(), 100ms);
 }
 
-TEST_F(Played, IsPacedPausedAndHurried) {
+TEST_F(Played, IsPacedPausedAndSpedUp) {
   const auto began = PlayClock::now();
   play({.cameras = 2, .speed = 1});
   ASSERT_TRUE(comes_to(20));  // 183 ms
@@ -124,7 +124,7 @@ TEST_F(Played, IsPacedPausedAndHurried) {
 }
 
 // One camera may begin some frames after the other.
-TEST_F(Played, IsHeldNoSoonerThanItIsAskedTo) {
+TEST_F(Played, PausesNotBeforeTheGivenTime) {
   play({.cameras = 2}, first_set_until + 40ms);
   ASSERT_TRUE(comes_to(7));
   EXPECT_TRUE(stays_at(7));
@@ -133,7 +133,7 @@ TEST_F(Played, IsHeldNoSoonerThanItIsAskedTo) {
 }
 
 // Of cameras in step no further frame needs to show that their set is whole.
-TEST_F(Played, IsHeldAtTheFirstFramesOfCamerasInStep) {
+TEST_F(Played, PausesAtTheFirstFramesOfSynchronisedCameras) {
   play({.cameras = 2}, first_set_until, 0ms);
   ASSERT_TRUE(comes_to(2));
   EXPECT_TRUE(stays_at(2));
@@ -144,7 +144,7 @@ TEST_F(Played, IsHeldAtTheFirstFramesOfCamerasInStep) {
   EXPECT_NEAR(source->state().position_s, 0.02, 1e-9);
 }
 
-TEST_F(Played, EndsWhileItIsHeld) {
+TEST_F(Played, EndsWhilePaused) {
   play({.cameras = 2}, first_set_until);
   ASSERT_TRUE(comes_to(3));
   const auto asked = PlayClock::now();

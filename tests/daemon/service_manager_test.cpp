@@ -91,7 +91,7 @@ class Service : public testing::Test {
   std::jthread listening;
 };
 
-TEST_F(Service, TellsReadyStatusWatchdogReloadingAndStopping) {
+TEST_F(Service, NotifiesReadyStatusWatchdogReloadingAndStopping) {
   listen();
   ::setenv("WATCHDOG_USEC", "400000", 1);
   const config::ServiceConfig config = configure();
@@ -162,7 +162,7 @@ TEST_F(Service, AStuckCameraStarvesTheWatchdog) {
 
 // ---- The disk
 
-TEST_F(Service, AFullDiskEndsTheRecordingAndNotTheTracking) {
+TEST_F(Service, AFullDiskEndsOnlyTheRecording) {
   const config::ServiceConfig config =
       configure("record: {folder: " + (folder / "recordings").string() + ", always: true}\n");
   auto list = cameras(60);
@@ -198,7 +198,7 @@ TEST(Recorder, FramesThatTheDiskDoesNotTakeAreDroppedAndCounted) {
     frame.captured_at = capture::Timestamp(capture::Duration(i * 1ms));
     recorder.offer(frame);
   }
-  EXPECT_LT(std::chrono::steady_clock::now() - start, 1s) << "it held the road up";
+  EXPECT_LT(std::chrono::steady_clock::now() - start, 1s) << "it delayed the pipeline";
   recorder.finish();
   const pipeline::RecorderFigures figures = recorder.figures();
   EXPECT_GT(figures.dropped.at(0), 0u);

@@ -29,7 +29,7 @@ class SetUp : public Test {
   const fs::path folder = fs::path(TempDir()) / ("setup_" + std::to_string(::getpid()));
 };
 
-TEST_F(SetUp, TheFirstConfigurationIsOneThatThePageMayChange) {
+TEST_F(SetUp, ThePageMayChangeTheFirstConfiguration) {
   const std::vector<SetUpCamera> cameras{
       {"/dev/v4l/by-path/pci-0000:00:14.0-usb-0:1:1.0-video-index0", 640, 480, "HD Webcam: C525 #1", 29.97, 18e6},
       {"/dev/video2", 640, 360, "evil\nrig: other.yaml"},
@@ -91,7 +91,7 @@ TEST(SetUpRate, IsTheOneNearestTo30OfAnyFormat) {
   EXPECT_EQ(chosen(320, 240).fps, 0);                         // it does not say
 }
 
-TEST_F(SetUp, WhatIsThereIsLeftAsItIs) {
+TEST_F(SetUp, AnExistingFileIsKept) {
   const fs::path file = folder / "my.yaml";
   std::ofstream(file) << "mine";
   LiveRequests requests;
@@ -99,7 +99,7 @@ TEST_F(SetUp, WhatIsThereIsLeftAsItIs) {
   EXPECT_EQ(text_of(file), "mine");
 }
 
-TEST_F(SetUp, WhatIsThereAndNoFileIsRefused) {
+TEST_F(SetUp, AFolderIsRefused) {
   LiveRequests requests;
   EXPECT_THROW(set_up({.config = folder, .with_page = false}, requests, {}), std::runtime_error);
   const fs::path pipe = folder / "pipe";

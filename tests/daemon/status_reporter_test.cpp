@@ -24,7 +24,7 @@ class Reporter : public testing::Test {
   }();
 };
 
-TEST_F(Reporter, SaysWhoItIs) {
+TEST_F(Reporter, HasTheIdentityOfTheProcess) {
   const publish::ServiceStatus status = reporter_.report(figures_, start_, capture::Timestamp(7s));
   EXPECT_EQ(status.at, capture::Timestamp(7s));
   EXPECT_EQ(status.mode, "replay");
@@ -38,7 +38,7 @@ TEST_F(Reporter, SaysWhoItIs) {
 }
 
 // At the time of the report: a service that runs for days has a rig that grows older.
-TEST_F(Reporter, SaysHowOldTheRigIs) {
+TEST_F(Reporter, HasTheAgeOfTheRig) {
   config::ServiceConfig config = config_;
   config.rig.made.at = calib::UtcTime(0s);
   config.rig.made.checks = {{calib::UtcTime(48h), "usable", ""}};
@@ -47,7 +47,7 @@ TEST_F(Reporter, SaysHowOldTheRigIs) {
             "calibrated 3 days ago; last checked 24 hours ago: usable");
   EXPECT_EQ(reporter.report(figures_, start_ + 1h, capture::Timestamp(24h * 5)).rig_history.substr(0, 21),
             "calibrated 5 days ago");
-  EXPECT_EQ(reporter_.report(figures_, start_, capture::Timestamp(72h)).rig_history, "") << "its file does not say";
+  EXPECT_EQ(reporter_.report(figures_, start_, capture::Timestamp(72h)).rig_history, "") << "its file has no date";
 }
 
 TEST_F(Reporter, HealthFollowsTheFrames) {
@@ -65,7 +65,7 @@ TEST_F(Reporter, HealthFollowsTheFrames) {
   EXPECT_EQ(reporter_.report(figures_, start_ + 3s, {}).cameras[0].health, publish::CameraStatus::Health::ended);
 }
 
-TEST_F(Reporter, RatesGoOnAfterAReload) {
+TEST_F(Reporter, RatesContinueAfterAReload) {
   reporter_.report(figures_, start_, {});
   figures_.sets_tracked = 25;
   config::ServiceConfig other = config_;
@@ -100,7 +100,7 @@ TEST_F(Reporter, ManyDamagedFramesAreAWarning) {
               testing::Contains("camera cam1: 31 % of its frames are damaged"));
 }
 
-TEST_F(Reporter, ACameraThatHangsOnItsLastPictureIsStalled) {
+TEST_F(Reporter, ACameraThatRepeatsItsLastPictureIsStalled) {
   pipeline::CameraFigures& camera = figures_.cameras[0];
   camera.frames = 1000;
   camera.repeated = 60;
@@ -110,7 +110,7 @@ TEST_F(Reporter, ACameraThatHangsOnItsLastPictureIsStalled) {
   camera.repeated_since = capture::Timestamp(31s);
   const auto hangs = reporter_.report(figures_, start_, {});
   EXPECT_EQ(hangs.cameras[0].health, publish::CameraStatus::Health::stalled);
-  EXPECT_THAT(hangs.cameras[0].message, testing::HasSubstr("one and the same picture for 2.0 s"));
+  EXPECT_THAT(hangs.cameras[0].message, testing::HasSubstr("it has repeated one picture for 2.0 s"));
   capture::CameraHealth live;
   live.state = capture::CaptureState::delivering;
   const std::vector<std::optional<capture::CameraHealth>> both{live, live};
@@ -121,31 +121,30 @@ TEST_F(Reporter, ACameraThatHangsOnItsLastPictureIsStalled) {
   EXPECT_THAT(well.warnings, testing::Not(testing::Contains(testing::HasSubstr("more than once"))));
 }
 
-TEST_F(Reporter, FramesThatAreShownTwiceAreAWarning) {
+TEST_F(Reporter, RepeatedFramesAreAWarning) {
   figures_.cameras[1].frames = 1000;
   figures_.cameras[1].repeated = figures_.cameras[1].times_repeated = 480;
   figures_.cameras[1].last_received = start_;
-  const auto is_told =
-      testing::Contains(testing::HasSubstr("cam1: it shows its pictures more than once: 480 of its 1000"));
-  EXPECT_THAT(reporter_.report(figures_, start_, {}).warnings, is_told);
+  const auto is_reported = testing::Contains(testing::HasSubstr("cam1: it repeats its pictures: 480 of its 1000"));
+  EXPECT_THAT(reporter_.report(figures_, start_, {}).warnings, is_reported);
   // A second later it shows each once: what was is told no more.
   figures_.cameras[1].frames = 1030;
-  EXPECT_THAT(reporter_.report(figures_, start_ + 1s, {}).warnings, testing::Not(is_told));
+  EXPECT_THAT(reporter_.report(figures_, start_ + 1s, {}).warnings, testing::Not(is_reported));
 }
 
-TEST_F(Reporter, ACameraThatHangsFromItsFirstPictureIsAWarning) {
-  const auto is_told = testing::Contains(testing::HasSubstr("cam1: it has shown one and the same picture since"));
+TEST_F(Reporter, ACameraThatRepeatsItsFirstPictureIsAWarning) {
+  const auto is_reported = testing::Contains(testing::HasSubstr("cam1: it has repeated one picture since"));
   figures_.cameras[1].last_received = start_;
   figures_.cameras[1].has_changed = false;
   figures_.cameras[1].frames = 20;
-  EXPECT_THAT(reporter_.report(figures_, start_, {}).warnings, testing::Not(is_told));
+  EXPECT_THAT(reporter_.report(figures_, start_, {}).warnings, testing::Not(is_reported));
   figures_.cameras[1].frames = 200;
-  EXPECT_THAT(reporter_.report(figures_, start_, {}).warnings, is_told);
+  EXPECT_THAT(reporter_.report(figures_, start_, {}).warnings, is_reported);
   figures_.cameras[1].has_changed = true;
-  EXPECT_THAT(reporter_.report(figures_, start_, {}).warnings, testing::Not(is_told));
+  EXPECT_THAT(reporter_.report(figures_, start_, {}).warnings, testing::Not(is_reported));
 }
 
-TEST_F(Reporter, CountersAreHandedOn) {
+TEST_F(Reporter, CountersAreCopied) {
   figures_.frame_sets.incomplete_sets = 3;
   figures_.frame_sets.late_frames = 4;
   figures_.sets_dropped = 5;
@@ -176,7 +175,7 @@ TEST_F(Reporter, WarnsOfATrackedCameraWithoutAPose) {
   EXPECT_THAT(fine.warnings, testing::Not(testing::Contains(testing::HasSubstr("no pose"))));
 }
 
-TEST_F(Reporter, ClocksOfOtherHostsAreToldOncePerHost) {
+TEST_F(Reporter, ClocksOfRemoteHostsAreReportedOncePerHost) {
   capture::CameraHealth health;
   health.state = capture::CaptureState::delivering;
   health.clock = capture::HostClock{

@@ -101,7 +101,7 @@ TEST(JudgeCamera, DropsDamageAndStampsAreSaid) {
   poor.trial->stamp = capture::StampKind::end_of_frame;
   EXPECT_THAT(judge_camera(poor, true), says(Grade::note, "time stamps: end of frame"));
   poor.trial->mean_age_s = -0.02;
-  EXPECT_THAT(judge_camera(poor, true), says(Grade::warning, "they lie in the future"));
+  EXPECT_THAT(judge_camera(poor, true), says(Grade::warning, "they are in the future"));
   poor.trial->frames = 0;
   poor.trial->failure = "no frame came";
   findings = judge_camera(poor, true);
@@ -115,11 +115,11 @@ TEST(JudgeCamera, ControlsThatDidNotStick) {
                      {"exposure_time_absolute", "100", 157, "the camera refuses it", false},
                      {"white_balance_temperature", "4600", 4600, "", false}};
   exam.stayed = {{"gain", "30", 30, "", false},
-                 {"white_balance_temperature", "4600", 5000, "it did not stay so while the camera streamed", false}};
+                 {"white_balance_temperature", "4600", 5000, "it changed while the camera streamed", false}};
   const auto findings = judge_camera(exam, true);
-  EXPECT_THAT(findings, says(Grade::ok, "controls of the configuration that stuck: gain 30"));
+  EXPECT_THAT(findings, says(Grade::ok, "accepted controls of the configuration: gain 30"));
   EXPECT_THAT(findings, says(Grade::warning, "exposure_time_absolute: asked 100, got 157: the camera refuses it"));
-  EXPECT_THAT(findings, says(Grade::warning, "white_balance_temperature: asked 4600, got 5000: it did not stay"));
+  EXPECT_THAT(findings, says(Grade::warning, "white_balance_temperature: asked 4600, got 5000: it changed"));
   EXPECT_THAT(findings, says(Grade::warning, "exposure is automatic"));
   EXPECT_THAT(findings, says(Grade::note, "controls not tried: auto_exposure, sharpness"));
 }
@@ -144,7 +144,7 @@ TEST(JudgeCamera, WithoutStableNamesItWarns) {
   exam.node.identity.by_id.clear();
   EXPECT_THAT(judge_camera(exam, true), says(Grade::warning, "no name in /dev/v4l/by-path"));
   EXPECT_THAT(judge_camera(exam, true), says(Grade::note, "no serial number"));
-  EXPECT_THAT(judge_camera(exam, true), Not(advises("name it by its port"))) << "it has no such name";
+  EXPECT_THAT(judge_camera(exam, true), Not(advises("use its port"))) << "it has no such name";
 }
 
 TEST(JudgeCamera, TheSumSaysWhatWasNotExamined) {
@@ -200,7 +200,7 @@ TEST_F(DoctorsConfig, ACameraOfTheNetworkIsAskedAndNoneNeedsToBePluggedIn) {
   EXPECT_THAT(text, HasSubstr("FAIL  http://127.0.0.1:1: Connection refused\n        -> look whether"));
   EXPECT_THAT(text, Not(HasSubstr("plugged in")));
   EXPECT_THAT(text, HasSubstr("2 problems"));
-  EXPECT_THAT(said_of("http://127.0.0.1:1/a", "http://127.0.0.1:1/b"), HasSubstr("and not asked"));
+  EXPECT_THAT(said_of("http://127.0.0.1:1/a", "http://127.0.0.1:1/b"), HasSubstr("network camera, not tested"));
 }
 
 TEST(TryNetworkCamera, TakesPicturesForAsLongAsIsAsked) {
@@ -220,7 +220,7 @@ TEST(TryNetworkCamera, TakesPicturesForAsLongAsIsAsked) {
 
 TEST(JudgeNetworkCamera, SaysHowManyPicturesCome) {
   EXPECT_EQ(judge_network_camera({.pictures = 31, .seconds = 1, .failure = {}}).what,
-            "it answers: 31 pictures, 30.0 a second");
+            "it delivers: 31 pictures, 30.0 per second");
   EXPECT_EQ(judge_network_camera({.pictures = 1, .seconds = 0, .failure = {}}).verdict, Grade::ok);
 }
 
@@ -234,8 +234,8 @@ TEST_F(DoctorsConfig, AVolumeInMillimetresIsAProblemAsOfCheck) {
 
 TEST_F(DoctorsConfig, AMissingFileIsNoLineToCorrect) {
   const std::string text = said(folder / "none.yaml");
-  EXPECT_THAT(text,
-              testing::AllOf(HasSubstr("FAIL"), HasSubstr("give the configuration"), Not(HasSubstr("correct that"))));
+  EXPECT_THAT(text, testing::AllOf(HasSubstr("FAIL"), HasSubstr("give the service's configuration"),
+                                   Not(HasSubstr("correct it"))));
 }
 
 TEST_F(DoctorsConfig, OfACameraHost) {
@@ -285,11 +285,11 @@ TEST_F(DoctorsConfig, CamerasOfOtherHostsAreAskedForOnTheBus) {
   const std::string text = said(folder / "tracker.yaml", true);
   EXPECT_THAT(text, HasSubstr("camera cam0 of the host pi-3\n")) << text;
   EXPECT_THAT(text, HasSubstr("grey 320x240: ")) << text;
-  EXPECT_THAT(text, HasSubstr(" frames/s came of 30")) << text;
+  EXPECT_THAT(text, HasSubstr(" frames/s received of 30")) << text;
   EXPECT_THAT(text, HasSubstr("ok    the clock of pi-3 is ours")) << text;
   EXPECT_THAT(text, HasSubstr("camera cam1 of the host pi-4\n  FAIL  its host pi-4 is not found")) << text;
   EXPECT_THAT(text, HasSubstr("note  the clock of pi-4 could not be compared")) << text;
-  EXPECT_THAT(said(folder / "tracker.yaml"), HasSubstr("note  it is a camera of the host pi-4, not asked for now"));
+  EXPECT_THAT(said(folder / "tracker.yaml"), HasSubstr("note  remote camera of host pi-4, not tested"));
 }
 
 TEST(JudgeHosted, WhatIsSlowLostOrAmissThereIsAWarning) {
@@ -297,9 +297,9 @@ TEST(JudgeHosted, WhatIsSlowLostOrAmissThereIsAWarning) {
   exam.health.state = capture::CaptureState::delivering;
   exam.health.stream = {.format = capture::CaptureFormat::mjpeg, .width = 640, .height = 480, .fps = 30};
   EXPECT_THAT(judge_hosted(exam), testing::ElementsAre(Field(&Finding::verdict, Grade::ok)));
-  EXPECT_THAT(judge_hosted(exam), says(Grade::ok, "640x480: 29.9 frames/s came of 30"));
+  EXPECT_THAT(judge_hosted(exam), says(Grade::ok, "640x480: 29.9 frames/s received of 30"));
   exam.fps = 20;
-  EXPECT_THAT(judge_hosted(exam), says(Grade::warning, "20.0 frames/s came of 30"));
+  EXPECT_THAT(judge_hosted(exam), says(Grade::warning, "20.0 frames/s received of 30"));
   exam.health.dropped = 7;
   exam.health.warning = "pi-3 says: it wanders";
   EXPECT_THAT(judge_hosted(exam),
@@ -332,7 +332,7 @@ TEST(JudgeSending, WhatComesAtOneMomentWantsRoom) {
   EXPECT_THAT(judge_sending(std::vector{small}, std::nullopt, false), says(Grade::ok, "sends about 1.7 MB/s"));
   EXPECT_THAT(judge_sending(std::vector(4, small), 212992.0, true), Not(says(Grade::warning, "")));
   EXPECT_THAT(judge_sending(std::vector(5, small), 212992.0, true),
-              AllOf(says(Grade::warning, "288 kB of frames may come at one moment"), advises("net.core.rmem_max")));
+              AllOf(says(Grade::warning, "288 kB of frames may arrive at once"), advises("net.core.rmem_max")));
   EXPECT_THAT(judge_sending(std::vector{small, large}, 212992.0, true),
               AllOf(says(Grade::note, "uncompressed those of b"), says(Grade::warning, "at one moment")));
   EXPECT_THAT(judge_sending(std::vector{small, large}, 4194304.0, true), Not(says(Grade::warning, "")));

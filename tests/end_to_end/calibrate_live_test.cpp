@@ -106,11 +106,11 @@ TEST_F(CalibrateLive, FromWhatWasWavedJustNow) {
   ASSERT_EQ(control({"calibrate", "report", "--out", (folder / "report.html").string()}).status, 0);
   EXPECT_THAT(contents(folder / "report.html"), AllOf(StartsWith("<!doctype html>"), HasSubstr("waved object")));
 
-  EXPECT_THAT(control({"calibrate", "accept"}).err, HasSubstr("say accept doubtful"));
+  EXPECT_THAT(control({"calibrate", "accept"}).err, HasSubstr("use it with accept doubtful"));
   EXPECT_FALSE(fs::exists(folder / "c.taught.yaml"));
   const Result accepted = control({"calibrate", "accept", "doubtful"});
   ASSERT_EQ(accepted.status, 0) << accepted.err;
-  EXPECT_THAT(accepted.err, AllOf(HasSubstr("Accepted: c.rig-"), HasSubstr("begins anew")));
+  EXPECT_THAT(accepted.err, AllOf(HasSubstr("Accepted: c.rig-"), HasSubstr("restarts")));
   fs::path found;
   for (const auto& entry : fs::directory_iterator(folder))
     if (entry.path().filename().string().starts_with("c.rig-")) found = entry.path();
@@ -120,7 +120,7 @@ TEST_F(CalibrateLive, FromWhatWasWavedJustNow) {
   EXPECT_LT(off_m(calib::read_rig(found)), 0.006);
   EXPECT_THAT(contents(folder / "c.taught.yaml"), HasSubstr(found.string()));
   EXPECT_EQ(contents(folder / "rig.yaml"), calib::to_yaml(spoiled)) << "the old one is kept";
-  ASSERT_TRUE(comes_true([&] { return contents(folder / "service.err").find("beginning anew") != std::string::npos; }));
+  ASSERT_TRUE(comes_true([&] { return contents(folder / "service.err").find("restarting with") != std::string::npos; }));
   ASSERT_TRUE(comes_true([&] { return control({"calibrate", "state"}).status == 0; })) << service->err();
   EXPECT_THAT(control({"calibrate", "state"}).out, HasSubstr("state\taccepted\n"));
 

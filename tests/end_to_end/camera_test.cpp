@@ -152,7 +152,7 @@ TEST_F(CameraEndToEnd, PosesWithoutACameraAreRefused) {
   const auto process =
       start({HUETRACKD, "replay", folder_ / "none.yaml", folder_, "--no-dds", "--poses", folder_ / "p.tum"});
   EXPECT_EQ(process->wait(), 1);
-  EXPECT_THAT(process->err(), HasSubstr("--poses needs a camera to track: give camera_tracking in"));
+  EXPECT_THAT(process->err(), HasSubstr("--poses needs a tracked camera: set camera_tracking in"));
 }
 
 }  // namespace

@@ -259,7 +259,7 @@ TEST_F(EndToEnd, SeveralObjectsOfOneColorHaveNamesOfTheirOwn) {
   ASSERT_EQ(tracked.size(), 3u) << "no fourth one, and nobody's name changes";
   for (const char* name : {"ball_1", "ball_2", "ball_3"}) EXPECT_GT(tracked[name], 200) << name;
   EXPECT_THAT(run({HUETRACKD, "replay", three, juggling, "--no-dds"}).out,
-              HasSubstr("objects found: 3, at once at most 3"));
+              HasSubstr("objects found: 3, at most 3 at once"));
 }
 
 // The one file of clients/python, as somebody would use it, against the bridge.

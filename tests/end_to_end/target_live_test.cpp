@@ -29,7 +29,7 @@ TEST_F(TargetLive, TheServiceGoesOnWithOtherTargets) {
   ASSERT_TRUE(is_tracked("lime")) << service->err();
   const Result added = huetrack({"control", "target", "add", "second", "radius_m=0.04", "hue_deg=65,115"});
   ASSERT_EQ(added.status, 0) << added.err;
-  EXPECT_THAT(added.err, HasSubstr("The service begins anew with it."));
+  EXPECT_THAT(added.err, HasSubstr("The service restarts with it."));
   EXPECT_TRUE(is_tracked("second")) << service->err();
   EXPECT_TRUE(is_tracked("lime")) << service->err();
   // What nothing has is not found; and undone it is.

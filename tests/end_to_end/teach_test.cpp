@@ -69,7 +69,7 @@ TEST_F(Teach, OnePointSuggestsTheOtherAndTheColourThenTracks) {
                              HasSubstr("confirm it with  --at cam1,0,")));
   const Result unconfirmed = run({"teach", config, recording, "--at", at("cam0")});
   EXPECT_EQ(unconfirmed.status, 1);
-  EXPECT_THAT(unconfirmed.err, HasSubstr("nothing is written: nobody has confirmed where the object is in cam1"));
+  EXPECT_THAT(unconfirmed.err, HasSubstr("nothing is saved: the object's place is not confirmed in cam1"));
   EXPECT_EQ(config::load_service_config(config).targets[0].color.hue_min_deg, 200);
   EXPECT_FALSE(fs::exists(taught));  // nothing was written
 
@@ -79,8 +79,8 @@ TEST_F(Teach, OnePointSuggestsTheOtherAndTheColourThenTracks) {
   EXPECT_THAT(
       all.out,
       ContainsRegex(
-          "By the colour that was learnt, tried on the recording, it is `tracking` in 1[0-9]+ "
-          "of 150 sets, stated to [0-9.]+ mm and in every tenth to [0-9.]+, [0-9.]+ px from where it was pointed at in "
+          "With the learnt colour, tried on the recording, it is `tracking` in 1[0-9]+ "
+          "of 150 sets, with a sigma of [0-9.]+ mm, and in every tenth over [0-9.]+, [0-9.]+ px from the point in "
           "cam0\n"));
   EXPECT_THAT(all.out, AllOf(HasSubstr("written into " + taught + ": the colour of lime"),
                              HasSubstr("no huetrackd runs with this file")));
@@ -99,7 +99,7 @@ TEST_F(Teach, OnePointSuggestsTheOtherAndTheColourThenTracks) {
   EXPECT_THAT(over.err, HasSubstr("stills/cam0.png is read by this run: it is not replaced"));
   EXPECT_EQ(contents(stills / "cam0.png"), still);
   EXPECT_EQ(contents(config), by_hand);
-  EXPECT_THAT(contents(taught), AllOf(StartsWith("# What huetrackd was taught. It is read over huetrackd.yaml"),
+  EXPECT_THAT(contents(taught), AllOf(StartsWith("# What huetrackd was taught. It replaces the values of huetrackd.yaml"),
                                       HasSubstr("\n    camera_colors:\n      cam0:\n        hue_deg: [")));
   const Result check = run({"check", config});
   ASSERT_EQ(check.status, 0) << check.err;
@@ -120,7 +120,7 @@ TEST_F(Teach, OnePointSuggestsTheOtherAndTheColourThenTracks) {
 TEST_F(Teach, RectanglesAreSavedAlone) {
   const Result saved = run({"teach", config, "--ignore", "cam1,10,20,30,40"});
   ASSERT_EQ(saved.status, 0) << saved.err;
-  EXPECT_THAT(saved.out, HasSubstr("nothing matches in these rectangles any more"));
+  EXPECT_THAT(saved.out, HasSubstr("these rectangles are now ignored"));
   const config::ServiceConfig now = config::load_service_config(config);
   ASSERT_EQ(now.ignored.size(), 1U);
   EXPECT_EQ(now.ignored[0].first, "cam1");
@@ -133,7 +133,7 @@ TEST_F(Teach, RectanglesAreSavedAlone) {
 
 TEST_F(Teach, MistakesAreOneReadableLine) {
   for (const auto& [arguments, message] : std::vector<std::pair<std::vector<std::string>, std::string>>{
-           {{}, "point at the object: --at CAMERA,FRAME,U,V"},
+           {{}, "give the object's place: --at CAMERA,FRAME,U,V"},
            {{"--at", "cam0,0,1"}, "is not of the form CAMERA,FRAME,U,V"},
            {{"--at", "cam0,0,x,1"}, "is not of the form CAMERA,FRAME,U,V"},
            {{"--at", "cma0,0,1,1"}, "did you mean cam0?"},
@@ -156,9 +156,9 @@ TEST_F(Teach, MistakesAreOneReadableLine) {
 TEST_F(Teach, AcceptTriesTheColourBeforeItIsWritten) {
   const Result result = run({"teach", config, recording, "--at", "cam0,60,100,100", "--accept"});
   EXPECT_EQ(result.status, 1);
-  EXPECT_THAT(result.err, AllOf(StartsWith("huetrackd: nothing is written: by the colour that was learnt, "),
+  EXPECT_THAT(result.err, AllOf(StartsWith("huetrackd: nothing is saved: with the learnt colour, "),
                                 HasSubstr("nothing is tracked in any of 150 sets"), HasSubstr("(--at)"),
-                                HasSubstr("or radius_m, 40 mm, is wrong: --radius takes what the pictures tell")));
+                                HasSubstr("or radius_m, 40 mm, is wrong: --radius uses the measured one")));
   EXPECT_FALSE(fs::exists(taught));
 }
 
@@ -170,7 +170,7 @@ TEST_F(Teach, AWrongRadiusIsNamedWhereNothingIsTrackedByIt) {
   const Result refused = run(teach);
   EXPECT_EQ(refused.status, 1) << refused.out;
   EXPECT_THAT(refused.err,
-              ContainsRegex("that is said, 80 mm, and the pictures tell (3[6-9]|4[0-3]) mm: take that with "
+              ContainsRegex("configured radius, 80 mm, but the pictures show (3[6-9]|4[0-3]) mm: use that with "
                             "--radius, or correct radius_m\n$"));
   std::vector<std::string> with_radius = teach;
   with_radius.push_back("--radius");

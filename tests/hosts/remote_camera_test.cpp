@@ -375,7 +375,7 @@ TEST_F(RemoteCamera, WrongConfigurationsAreExplained) {
     return "";
   };
   EXPECT_EQ(refusal("{cam0: {host: a}, cam1: {device: 1}}"), "");
-  EXPECT_THAT(refusal("{cam0: {host: a, device: 0}}"), HasSubstr("is a matter of the camera's host"));
+  EXPECT_THAT(refusal("{cam0: {host: a, device: 0}}"), HasSubstr("belongs to the camera's host"));
   EXPECT_THAT(refusal("{cam0: {host: a, fps: 30}}"), HasSubstr("has the camera, and its settings"));
   EXPECT_THAT(refusal("{cam0: {device: 0, camera: x}}"), HasSubstr("give host, too"));
   EXPECT_THAT(refusal("{cam0: {host: a, camera: x}, cam1: {host: a, camera: x}}"),

@@ -1,5 +1,5 @@
-// A calibration is recorded, solved by another program, told, accepted, and ended well whatever that program does. The
-// other program is a shell script here.
+// A calibration is recorded, solved by a child process (here a shell script), reported and accepted, and ends well
+// whatever the child does.
 #include "page/calibration_session.h"
 
 #include <fcntl.h>
@@ -66,7 +66,7 @@ Said said_by(ChildProcess& child) {
 
 using Child = Scratch;
 
-TEST_F(Child, SaysItsLinesAndHowItEnded) {
+TEST_F(Child, ReportsItsLinesAndItsEnd) {
   ChildProcess child(script("echo one; echo two >&2; echo \"$2\"; printf last; exit 3"), {"a", "b c"});
   const Said said = said_by(child);
   EXPECT_THAT(said.lines, ElementsAre("one", "two", "b c", "last"));
@@ -94,7 +94,7 @@ TEST_F(Child, HasALowerPriorityNoOpenFilesAndItsSignals) {
   EXPECT_EQ(said_by(child).ended.signal, SIGTERM);
 }
 
-TEST_F(Child, IsEndedWithItsOwnerAlsoWhereItDoesNotWantTo) {
+TEST_F(Child, IsKilledWithItsOwner) {
   std::string pid;
   {
     ChildProcess child(script("trap '' TERM; echo $$; while :; do sleep 0.05; done"), {});
@@ -106,20 +106,20 @@ TEST_F(Child, IsEndedWithItsOwnerAlsoWhereItDoesNotWantTo) {
   EXPECT_FALSE(fs::exists("/proc/" + pid));
 }
 
-TEST_F(Child, ThatIsNotThereIsSaid) {
+TEST_F(Child, AMissingProgramIsAnError) {
   EXPECT_THROW(ChildProcess(folder / "none", {}), std::runtime_error);
   EXPECT_EQ(find_program("no-such-program-of-ours"), std::nullopt);
   EXPECT_NE(find_program("sh"), std::nullopt);
 }
 
-TEST_F(Child, WhoPrintsWithoutEndHoldsNobody) {
+TEST_F(Child, EndlessOutputDoesNotBlock) {
   ChildProcess child(script("exec yes aaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaa"), {});
   const auto began = std::chrono::steady_clock::now();
   for (int i = 0; i < 20; ++i) EXPECT_LT(child.take_lines().size(), 10'000u);
   EXPECT_LT(std::chrono::steady_clock::now() - began, 2s);
 }
 
-// ---- The desk
+// ---- The session
 
 const char* const unknown_calibration =
     "This service does not know that request: after calibrate it knows board [KEY=VALUE ...], wave TARGET [SECONDS] "
@@ -139,13 +139,13 @@ class Calibrating : public Scratch {
         << rig << "\n"
         << "cameras: {cam0: {device: 0, size: [320, 240]}, cam1: {device: 1, size: [320, 240]}}\n"
            "targets: {ball: {radius_m: 0.04, color: {hue_deg: [65, 115]}}, new: {}}\n"
-           "record: {folder: shelf, pre_roll_s: 3, after_s: 0, on_lost: false}\n"
+           "record: {folder: recordings, pre_roll_s: 3, after_s: 0, on_lost: false}\n"
            "control: {allow_teach: true, allow_record: true}\n";
     config = config::load_service_config(folder / "c.yaml");
     keeper.emplace(config, pipeline::RecordingKeeperOptions{.record_to = {}, .cameras_in_use = 2});
   }
   void begin(const std::string& text) {
-    desk.emplace(
+    session.emplace(
         CalibrationSession::Options{.program = script("echo \"$*\" >> " + (folder / "asked").string() + "\n" + text),
                                     .log = [this](bool, const std::string& what) { log += what + "\n"; }});
   }
@@ -153,8 +153,8 @@ class Calibrating : public Scratch {
     words.insert(words.begin(), "calibrate");
     msg::ControlRequest request;
     request.words(std::move(words));
-    ControlHandler::Actions actions{.recording = &*keeper, .calibration = &*desk};
-    actions.begin_anew = [this] {
+    ControlHandler::Actions actions{.recording = &*keeper, .calibration = &*session};
+    actions.restart = [this] {
       ++begun_anew;
       return std::string();
     };
@@ -170,8 +170,8 @@ class Calibrating : public Scratch {
   bool becomes(const std::string& wanted) {
     return comes([&] {
       frame();
-      desk->look_after(&*keeper);
-      keeper->look_after();
+      session->poll(&*keeper);
+      keeper->supervise();
       return stage() == wanted;
     });
   }
@@ -192,12 +192,12 @@ class Calibrating : public Scratch {
     return text.str();
   }
   fs::path recording() const {
-    for (const auto& entry : fs::directory_iterator(folder / "shelf")) return entry.path();
+    for (const auto& entry : fs::directory_iterator(folder / "recordings")) return entry.path();
     return {};
   }
   config::ServiceConfig config;
   std::optional<pipeline::RecordingKeeper> keeper;
-  std::optional<CalibrationSession> desk;
+  std::optional<CalibrationSession> session;
   std::string log;
   int number = 0, begun_anew = 0;
 };
@@ -234,7 +234,7 @@ std::string fake(const fs::path& folder, const std::string& verdict = "usable", 
 }
 
 // It would be recorded for minutes, and refused then.
-TEST_F(Calibrating, WithoutPicturesNothingBegins) {
+TEST_F(Calibrating, NeedsPictures) {
   begin(fake(folder));
   config.cameras[1].host = "bench";
   EXPECT_TRUE(ask({"board"}).granted());  // with those of another host as well
@@ -243,8 +243,8 @@ TEST_F(Calibrating, WithoutPicturesNothingBegins) {
   for (const std::vector<std::string>& words : {std::vector<std::string>{"board"}, {"wave", "ball"}}) {
     const msg::ControlReply reply = ask(words);
     EXPECT_FALSE(reply.granted());
-    EXPECT_THAT(reply.reason(), AllOf(HasSubstr("Of camera cam1 only what matches is sent"),
-                                      HasSubstr("write send: frames in "), HasSubstr("c.yaml")));
+    EXPECT_THAT(reply.reason(), AllOf(HasSubstr("Camera cam1 sends matches only"), HasSubstr("set send: frames in "),
+                                      HasSubstr("c.yaml")));
   }
   EXPECT_EQ(stage(), "cancelled");
 }
@@ -255,23 +255,23 @@ TEST_F(Calibrating, ABoardIsRecordedCoveredSolvedAndAccepted) {
   calib::write_rig(found, folder / "found.yaml");
   begin(fake(folder));
   EXPECT_EQ(stage(), "idle");
-  EXPECT_THAT(ask({"accept"}).reason(), HasSubstr("no calibration to be accepted"));
+  EXPECT_THAT(ask({"accept"}).reason(), HasSubstr("no calibration to accept"));
   const msg::ControlReply begun = ask({"board", "type=chessboard", "columns=7", "square_mm=80"});
   ASSERT_TRUE(begun.granted()) << begun.reason();
   EXPECT_EQ(stage(), "recording");
-  EXPECT_THAT(ask({"board"}).reason(), HasSubstr("goes on already"));
-  EXPECT_THAT(ask({"wave", "ball"}).reason(), HasSubstr("goes on already"));
+  EXPECT_THAT(ask({"board"}).reason(), HasSubstr("is in progress"));
+  EXPECT_THAT(ask({"wave", "ball"}).reason(), HasSubstr("is in progress"));
   EXPECT_THAT(ask({"accept"}).reason(), HasSubstr("not finished yet"));
   ASSERT_TRUE(comes([&] {
     frame();
-    desk->look_after(&*keeper);
+    session->poll(&*keeper);
     return state().contains("need");
   }));
   EXPECT_THAT(state()["coverage"], ElementsAre("cam0", "3", "15", "40", "60", "1,0,2", "1,0,1,0,0", "no board"));
   EXPECT_THAT(state()["need"], ElementsAre("cam0: show it in the top left"));
   EXPECT_THAT(state()["progress"], ElementsAre("hold it still", "3", "", ""));
   // It is not deleted under its feet.
-  EXPECT_THAT(desk->busy_with(), EndsWith("-board"));
+  EXPECT_THAT(session->busy_with(), EndsWith("-board"));
   ASSERT_TRUE(ask({"stop"}).granted());
   EXPECT_FALSE(ask({"stop"}).granted());
   ASSERT_TRUE(becomes("usable")) << stage() << log;
@@ -285,7 +285,7 @@ TEST_F(Calibrating, ABoardIsRecordedCoveredSolvedAndAccepted) {
   EXPECT_EQ(std::string(report.bytes().begin(), report.bytes().end()), "fine</html>\n");
   EXPECT_EQ(report.rows().at(0).columns().at(0), "18");
   EXPECT_TRUE(ask({"report", "18"}).bytes().empty());
-  EXPECT_EQ(ask({"report", "-1"}).reason(), "A whole number is wanted, not -1.");
+  EXPECT_EQ(ask({"report", "-1"}).reason(), "Write a whole number, not -1.");
   // Of one that is larger than any memory a piece is read, and no more.
   constexpr std::uint64_t huge = 1ULL << 40;
   fs::resize_file(recording() / "calibrated.report.html", huge);
@@ -297,7 +297,7 @@ TEST_F(Calibrating, ABoardIsRecordedCoveredSolvedAndAccepted) {
 
   const msg::ControlReply accepted = ask({"accept"});
   ASSERT_TRUE(accepted.granted()) << accepted.reason();
-  EXPECT_THAT(accepted.reason(), AllOf(StartsWith("Accepted: c.rig-"), HasSubstr("begins anew")));
+  EXPECT_THAT(accepted.reason(), AllOf(StartsWith("Accepted: c.rig-"), HasSubstr("restarts")));
   EXPECT_EQ(begun_anew, 1);
   EXPECT_EQ(stage(), "accepted");
   EXPECT_FALSE(ask({"accept"}).granted());
@@ -308,7 +308,7 @@ TEST_F(Calibrating, ABoardIsRecordedCoveredSolvedAndAccepted) {
   EXPECT_EQ(calib::rig_identity(config::load_service_config(folder / "c.yaml").rig), calib::rig_identity(config.rig));
 }
 
-TEST_F(Calibrating, NothingIsCalibratedBefore) {
+TEST_F(Calibrating, RefusesWithoutPreconditions) {
   calib::write_rig(config.rig, folder / "found.yaml");
   write("rig: none");
   begin(fake(folder));
@@ -316,7 +316,7 @@ TEST_F(Calibrating, NothingIsCalibratedBefore) {
   ASSERT_TRUE(ask({"board"}).granted());
   ASSERT_TRUE(comes([&] {
     frame();
-    desk->look_after(&*keeper);
+    session->poll(&*keeper);
     return state().contains("need");
   }));
   EXPECT_FALSE(fs::exists(recording() / "rig.yaml"));
@@ -327,7 +327,7 @@ TEST_F(Calibrating, NothingIsCalibratedBefore) {
   EXPECT_TRUE(config::load_service_config(folder / "c.yaml").is_calibrated());
 }
 
-TEST_F(Calibrating, ADoubtfulOneNeedsAWordMore) {
+TEST_F(Calibrating, ADoubtfulResultNeedsConfirmation) {
   calib::write_rig(config.rig, folder / "found.yaml");
   begin(fake(folder, "doubtful", 2));
   for (int i = 0; i < 30; ++i, std::this_thread::sleep_for(2ms)) frame();
@@ -337,7 +337,7 @@ TEST_F(Calibrating, ADoubtfulOneNeedsAWordMore) {
   ASSERT_TRUE(becomes("doubtful")) << stage() << log;
   EXPECT_THAT(text_of(folder / "asked"), AllOf(HasSubstr("--tell-program wave " + recording().string()),
                                                HasSubstr("--target=ball"), HasSubstr("--config=")));
-  EXPECT_THAT(ask({"accept"}).reason(), HasSubstr("say accept doubtful"));
+  EXPECT_THAT(ask({"accept"}).reason(), HasSubstr("use it with accept doubtful"));
   EXPECT_FALSE(ask({"accept", "it"}).granted());
   EXPECT_FALSE(fs::exists(folder / "c.taught.yaml"));
   EXPECT_TRUE(ask({"accept", "doubtful"}).granted());
@@ -357,7 +357,7 @@ TEST_F(Calibrating, AWaveIsCoveredAndCalibratedAgainWithADistance) {
   // What it lacks is told while it is made.
   ASSERT_TRUE(comes([&] {
     frame();
-    desk->look_after(&*keeper);
+    session->poll(&*keeper);
     return state().contains("need");
   }));
   EXPECT_THAT(state()["coverage"], Contains("cam0"));
@@ -425,7 +425,7 @@ TEST_F(Calibrating, ABoardIsPrinted) {
   const fs::path scratch = folder / "scratch";
   fs::create_directory(scratch);
   ::setenv("TMPDIR", scratch.c_str(), 1);
-  desk.emplace(CalibrationSession::Options{.program = folder / "no_such_program"});
+  session.emplace(CalibrationSession::Options{.program = folder / "no_such_program"});
   EXPECT_THAT(ask({"print", "0"}).reason(), StartsWith("Cannot start"));
   ::unsetenv("TMPDIR");
   EXPECT_TRUE(fs::is_empty(scratch));
@@ -446,7 +446,7 @@ TEST_F(Calibrating, ARigThatLacksACameraChangesNothing) {
     EXPECT_THAT(entry.path().filename().string(), Not(StartsWith("c.rig-")));
 }
 
-TEST_F(Calibrating, WhatGoesWrongIsToldWithItsLastLine) {
+TEST_F(Calibrating, AFailureIsReportedWithTheLastLine) {
   begin("case $2 in board) echo 'huetrack-calibrate: --type: hexagons not in {...}' >&2; exit 1 ;; esac");
   ASSERT_TRUE(ask({"board", "type=hexagons"}).granted());
   ASSERT_TRUE(becomes("failed"));
@@ -483,7 +483,7 @@ TEST_F(Calibrating, IsCancelledWhileItRecordsAndWhileItSolves) {
   EXPECT_TRUE(fs::exists(recording() / "recording.yaml")) << "what was recorded stays";
 }
 
-TEST_F(Calibrating, GoesOnWhenTheSessionBeginsAnew) {
+TEST_F(Calibrating, SurvivesARestartOfThePipeline) {
   calib::write_rig(config.rig, folder / "found.yaml");
   begin(fake(folder));
   ASSERT_TRUE(ask({"wave", "ball", "60"}).granted());
@@ -493,7 +493,7 @@ TEST_F(Calibrating, GoesOnWhenTheSessionBeginsAnew) {
   EXPECT_TRUE(becomes("usable")) << stage() << log;
 }
 
-TEST_F(Calibrating, WhatMakesNoSenseOrMayNotBeIsRefused) {
+TEST_F(Calibrating, RefusesInvalidRequests) {
   begin("exit 0");
   for (const std::vector<std::string>& words : {std::vector<std::string>{},
                                                 {"dance"},
@@ -506,16 +506,16 @@ TEST_F(Calibrating, WhatMakesNoSenseOrMayNotBeIsRefused) {
   EXPECT_THAT(ask({"wave", "none"}).reason(), HasSubstr("no target none"));
   EXPECT_THAT(ask({"wave", "new"}).reason(), HasSubstr("which colour new has"));
   for (const char* seconds : {"", "4", "601", "nan", "5s", "-5"})
-    EXPECT_THAT(ask({"wave", "ball", seconds}).reason(), HasSubstr("seconds are wanted")) << seconds;
+    EXPECT_THAT(ask({"wave", "ball", seconds}).reason(), HasSubstr("seconds, not")) << seconds;
   EXPECT_THAT(ask({"board", "colour=red"}).reason(), HasSubstr("olour=red is not known"));
   EXPECT_THAT(ask({"report", "0"}).reason(), HasSubstr("no report"));
-  EXPECT_THAT(ask({"stop"}).reason(), HasSubstr("No calibration goes on"));
+  EXPECT_THAT(ask({"stop"}).reason(), HasSubstr("No calibration is in progress"));
   config.control.allow_record = false;
   EXPECT_THAT(ask({"state"}).reason(), HasSubstr("allow_record"));
   config.control = {.allow_teach = false, .allow_record = true};
   EXPECT_THAT(ask({"state"}).reason(), HasSubstr("allow_teach"));
   config.control.allow_teach = true;
-  desk.emplace(CalibrationSession::Options{.program = folder / "gone"});
+  session.emplace(CalibrationSession::Options{.program = folder / "gone"});
   EXPECT_THAT(ask({"wave", "ball", "5"}).reason(), AnyOf(HasSubstr("Recording"), HasSubstr("cannot start")));
   ASSERT_TRUE(ask({"stop"}).granted());
   EXPECT_TRUE(becomes("failed"));

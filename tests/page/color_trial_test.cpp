@@ -22,36 +22,35 @@ ColorTrial trial_of(double least_hue, const Eigen::Vector2d& px) {
   return try_color(config, words, target, {.point = {0, px}, .at = capture::Timestamp(std::chrono::seconds(2))}, {});
 }
 
-TEST(ColorTrial, TheObjectIsTrackedWhereItWasSeen) {
+TEST(ColorTrial, FindsTheObjectAtThePoint) {
   const ColorTrial trial = trial_of(65, {219, 159});
   EXPECT_EQ(trial.sets, 150u);
   EXPECT_GT(trial.tracking, 140u);
   EXPECT_LT(trial.sigma_m, 0.01);
   ASSERT_TRUE(trial.is_found());
-  EXPECT_LT(trial.at_point->off_px, 1.5);
-  EXPECT_THAT(
-      words_of(trial, "left"),
-      MatchesRegex("tried on the recording, it is `tracking` in 1[0-9]+ of 150 sets, "
-                   "stated to [0-9.]+ mm and in every tenth to [0-9.]+, [0-9.]+ px from where it was pointed at in "
-                   "left"));
+  EXPECT_LT(trial.at_point->px, 1.5);
+  EXPECT_THAT(words_of(trial, "left"),
+              MatchesRegex("tried on the recording, it is `tracking` in 1[0-9]+ of 150 sets, "
+                           "with a sigma of [0-9.]+ mm, and in every tenth over [0-9.]+, [0-9.]+ px from the point in "
+                           "left"));
 }
 
-TEST(ColorTrial, SomethingElseIsNotWhatWasSeen) {
+TEST(ColorTrial, RejectsAnotherObject) {
   const ColorTrial trial = trial_of(65, {60, 60});
   ASSERT_TRUE(trial.at_point);
   EXPECT_FALSE(trial.is_found());
-  EXPECT_NEAR(trial.at_point->off_px, std::hypot(159.07, 99.23), 1.5);
-  EXPECT_THAT(words_of(trial, "left"), ContainsRegex("but 18[78] px away from where it was pointed at in left"));
+  EXPECT_NEAR(trial.at_point->px, std::hypot(159.07, 99.23), 1.5);
+  EXPECT_THAT(words_of(trial, "left"), ContainsRegex("but 18[78] px away from the point in left"));
 }
 
-TEST(ColorTrial, AColourThatNothingHasTracksNothing) {
+TEST(ColorTrial, AnUnseenColourTracksNothing) {
   const ColorTrial trial = trial_of(180, {219, 159});
   EXPECT_EQ(trial.tracking, 0u);
   EXPECT_FALSE(trial.at_point);
   EXPECT_EQ(words_of(trial, "left"), "tried on the recording, nothing is tracked in any of 150 sets");
 }
 
-TEST(ColorTrial, EndsWhenItIsAskedTo) {
+TEST(ColorTrial, EndsOnAStop) {
   std::stop_source stop;
   stop.request_stop();
   const config::ServiceConfig config = config::load_service_config(demo / "huetrackd.yaml");

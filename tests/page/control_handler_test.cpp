@@ -1,4 +1,4 @@
-// What is asked in words is done for who may, and answered with a sentence whatever it is.
+// Requests in words are executed if allowed, and always answered with a sentence.
 #include "page/control_handler.h"
 
 #include <gmock/gmock.h>
@@ -79,7 +79,7 @@ const std::vector<std::vector<std::string>> requests{
     {"record", "state"}, {"record", "start"},          {"record", "stop"},       {"record", "save"},
     {"record", "list"},  {"record", "read", "a", "0"}, {"record", "delete", "a"}};
 
-TEST_F(Control, NothingIsDoneForWhoMayNot) {
+TEST_F(Control, RefusesWithoutPermission) {
   config.control.allow_record = false;
   keep();
   for (const auto& words : requests) {
@@ -100,7 +100,7 @@ TEST_F(Control, WithoutAFolderNothingIsRecorded) {
   for (const auto& words : requests) EXPECT_THAT(ask(words).reason(), HasSubstr("set record: {folder: ...}"));
 }
 
-TEST_F(Control, NonsenseIsAnsweredWithASentence) {
+TEST_F(Control, AnswersNonsenseWithASentence) {
   keep();
   for (const std::vector<std::string>& words : {std::vector<std::string>{},
                                                 {""},
@@ -125,11 +125,11 @@ TEST_F(Control, NonsenseIsAnsweredWithASentence) {
   EXPECT_EQ(ask({"record", "read", "../secret", "0"}).reason(), "That is no recording's name.");
   EXPECT_EQ(ask({"record", "read", "none", "0"}).reason(), "There is no recording none.");
   for (const char* text : {"", "-1", "1e3", "0x10", "99999999999999999999999"})
-    EXPECT_THAT(ask({"record", "read", "none", text}).reason(), StartsWith("A whole number is wanted")) << text;
+    EXPECT_THAT(ask({"record", "read", "none", text}).reason(), StartsWith("Write a whole number")) << text;
   EXPECT_EQ(ask({"record", "delete", "../secret"}).reason(), "That is no recording's name.");
   EXPECT_EQ(ask({"record", "delete", "none"}).reason(), "There is no recording none.");
   EXPECT_EQ(ask({"record", "stop"}).reason(), "Nothing is being recorded.");
-  EXPECT_THAT(ask({"record", "save"}).reason(), StartsWith("Nothing is kept to be saved: set record: {pre_roll_s"));
+  EXPECT_THAT(ask({"record", "save"}).reason(), StartsWith("There is no pre-roll to save: set record: {pre_roll_s"));
 }
 
 TEST_F(Control, ARecordingIsBegunEndedListedAndRead) {
@@ -142,7 +142,7 @@ TEST_F(Control, ARecordingIsBegunEndedListedAndRead) {
   EXPECT_EQ(state()["state"], "recording");
   const std::string name = state()["name"];
   frames(11);
-  EXPECT_THAT(ask({"record", "start"}).reason(), HasSubstr("is being recorded already"));
+  EXPECT_THAT(ask({"record", "start"}).reason(), HasSubstr("already recording"));
   EXPECT_EQ(ask({"record", "read", name, "0"}).reason(), name + " is still being recorded: stop it first.");
   EXPECT_EQ(ask({"record", "delete", name}).reason(), name + " is still being recorded: stop it first.");
   ASSERT_EQ(ask({"record", "list"}).rows().at(0).columns().at(5), "recording");
@@ -175,7 +175,7 @@ TEST_F(Control, ARecordingIsBegunEndedListedAndRead) {
   EXPECT_EQ(ask({"record", "list"}).rows().size(), 2u);
 }
 
-TEST_F(Control, WhatWasBeforeIsSavedAndGoesOnWhenAsked) {
+TEST_F(Control, ThePreRollIsSavedAndContinuedOnRequest) {
   config.record.pre_roll_s = 1;
   config.record.after_s = 0.05;
   keep();
@@ -190,7 +190,7 @@ TEST_F(Control, WhatWasBeforeIsSavedAndGoesOnWhenAsked) {
   ASSERT_TRUE(ask({"record", "start"}).granted());  // it goes on
   EXPECT_EQ(state()["name"], name);
   std::this_thread::sleep_for(150ms);
-  keeper->look_after();
+  keeper->supervise();
   EXPECT_EQ(state()["state"], "recording");
   frames(2);
   std::this_thread::sleep_for(100ms);
@@ -201,7 +201,7 @@ TEST_F(Control, WhatWasBeforeIsSavedAndGoesOnWhenAsked) {
   EXPECT_EQ(times.back().second, capture::Timestamp(100s + 41 * 50ms));
 }
 
-TEST_F(Control, WhatTheConfigurationRecordsIsNotEndedByHand) {
+TEST_F(Control, AlwaysCannotBeStopped) {
   config.record.always = true;
   keep();
   keeper->begin();
@@ -212,9 +212,9 @@ TEST_F(Control, WhatTheConfigurationRecordsIsNotEndedByHand) {
 
 TEST_F(Control, AReplayListsAndRecordsNothing) {
   EXPECT_EQ(state()["state"], "replay");
-  EXPECT_EQ(ask({"record", "start"}).reason(), "This is a replay: it records nothing.");
+  EXPECT_EQ(ask({"record", "start"}).reason(), "This is a replay: it cannot record.");
   EXPECT_TRUE(ask({"record", "list"}).granted());
-  EXPECT_EQ(ask({"record", "delete", "any"}).reason(), "This is a replay: it records nothing.");
+  EXPECT_EQ(ask({"record", "delete", "any"}).reason(), "This is a replay: it cannot record.");
 }
 
 // ---- Targets
@@ -236,14 +236,14 @@ class Targets : public Control {
                               config = config::load_service_config(config.file);
                               return std::string();
                             },
-                        .begin_anew = can_begin_anew ? [this] {
+                        .restart = can_restart ? [this] {
                               ++begun_anew;
                               config = config::load_service_config(config.file);
                               return std::string();
                             } : std::function<std::string()>()})
         .answer(asked(std::move(words)), config);
   }
-  bool can_begin_anew = true;
+  bool can_restart = true;
   int reloads = 0, begun_anew = 0;
 };
 
@@ -251,25 +251,25 @@ TEST_F(Targets, AreChangedAddedRenamedAndUndone) {
   EXPECT_THAT(ask({"target", "list"}).rows().at(0).columns(),
               ElementsAre("ball", "0.04", "1", "10,30", "0.3,1", "0.1,0.95"));
   msg::ControlReply reply = ask({"target", "set", "ball", "hue_deg=340,20", "radius_m=0.05"});
-  EXPECT_EQ(reply.reason(), "Saved: ball is tracked so from now on; it is written into c.taught.yaml.");
+  EXPECT_EQ(reply.reason(), "Saved: ball is now tracked like this; written into c.taught.yaml.");
   EXPECT_EQ(reloads, 1);
   EXPECT_EQ(config.targets[0].radius_m, 0.05);
   reply = ask({"target", "add", "wand", "radius_m=0.02"});
-  EXPECT_EQ(reply.reason(), "Added: wand; it is written into c.taught.yaml. The service begins anew with it.");
+  EXPECT_EQ(reply.reason(), "Added: wand; written into c.taught.yaml. The service restarts with it.");
   EXPECT_EQ(begun_anew, 1);
   EXPECT_EQ(ask({"target", "list"}).rows().at(1).columns().at(3), "");  // to be taught
   EXPECT_TRUE(ask({"target", "rename", "wand", "stick"}).granted());
   EXPECT_EQ(begun_anew, 2);
-  can_begin_anew = false;
+  can_restart = false;
   EXPECT_EQ(ask({"target", "remove", "stick"}).reason(),
-            "Removed: stick; it is written into c.taught.yaml. It takes effect at the next start.");
-  can_begin_anew = true;
+            "Removed: stick; written into c.taught.yaml. It takes effect at the next start.");
+  can_restart = true;
   reply = ask({"undo"});
   EXPECT_EQ(reply.reason(), "Undone: c.taught.yaml is as it was before the save.");
   EXPECT_THAT(reply.rows().at(0).columns(), ElementsAre("undoable", "3"));
   EXPECT_THAT(reply.rows().at(1).columns(), ElementsAre("redoable", "1"));
   EXPECT_EQ(ask({"undo"}).reason(),
-            "Undone: c.taught.yaml is as it was before the save. The service begins anew with it.");
+            "Undone: c.taught.yaml is as it was before the save. The service restarts with it.");
   EXPECT_TRUE(ask({"redo"}).granted());
   EXPECT_EQ(config.targets.at(1).name, "stick");
   EXPECT_THAT(ask({"history"}).rows().at(1).columns(), ElementsAre("redoable", "1"));
@@ -381,7 +381,7 @@ TEST_F(Cameras, ControlsAreReadSetAndSaved) {
   EXPECT_EQ(fake->value, 50);
   EXPECT_EQ(config::load_service_config(config.file).cameras[0].controls[0].value, capture::ControlValue(3));
   const msg::ControlReply saved = ask({"camera", "save", "cam0", "gain=60"});
-  EXPECT_EQ(saved.reason(), "Saved: camera cam0 keeps that; it is written into c.taught.yaml.");
+  EXPECT_EQ(saved.reason(), "Saved for camera cam0; written into c.taught.yaml.");
   EXPECT_THAT(saved.rows().at(0).columns(), ElementsAre("gain", "60", "60", ""));
   EXPECT_EQ(reloads, 1);
   ASSERT_EQ(config.cameras[0].controls.size(), 2u);
@@ -391,7 +391,7 @@ TEST_F(Cameras, ControlsAreReadSetAndSaved) {
   EXPECT_EQ(config.cameras[0].controls[0].value, capture::ControlValue(3));
 }
 
-TEST_F(Cameras, WhatACameraDoesNotTakeIsNotSaved) {
+TEST_F(Cameras, RejectedControlsAreNotSaved) {
   for (const std::vector<std::string>& words : {std::vector<std::string>{"camera"},
                                                 {"camera", "controls"},
                                                 {"camera", "controls", "cam1"},
@@ -454,7 +454,7 @@ TEST_F(Control, ARecordingIsOpenedInsteadOfTheCameras) {
   EXPECT_THAT(told({"replay", "open", name}).reason(), HasSubstr("allow_record"));
 }
 
-TEST_F(Control, AReplayIsPausedSteppedAndHurried) {
+TEST_F(Control, AReplayIsPausedSteppedAndSpedUp) {
   config.control.allow_teach = true;
   FakePlayback playback;
   const auto told = [&](std::vector<std::string> words) {
@@ -481,7 +481,7 @@ TEST_F(Control, AReplayIsPausedSteppedAndHurried) {
   EXPECT_THAT(told({"replay", "close"}).reason(), HasSubstr("no cameras"));
   EXPECT_EQ(playback.now.position_s, 11);
   EXPECT_EQ(playback.now.speed, 0);
-  EXPECT_EQ(ask({"replay", "pause"}).reason(), "This is no replay: there is nothing to pause.");
+  EXPECT_EQ(ask({"replay", "pause"}).reason(), "This is not a replay.");
   config.control.allow_teach = false;
   EXPECT_THAT(told({"replay", "pause"}).reason(), HasSubstr("allow_teach"));
 }

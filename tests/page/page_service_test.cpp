@@ -1,4 +1,4 @@
-// Previews leave the road of the frames only while somebody subscribes, and never hold it up.
+// Previews are made only while there are subscribers, and never delay tracking.
 #include "page/page_service.h"
 
 #include <gmock/gmock.h>
@@ -61,7 +61,7 @@ bool until(const std::function<bool()>& condition, std::chrono::milliseconds at_
   return false;
 }
 
-TEST(PreviewMaker, HoldsWhatIsDrawnAsData) {
+TEST(PreviewMaker, ContainsOverlaysAsData) {
   config::ServiceConfig c = config();
   c.preview.width = 100;
   c.preview.particles = 50;
@@ -118,7 +118,7 @@ TEST(PreviewMaker, TheSceneNeedsNoLensModel) {
   EXPECT_EQ(scene.targets()[0].colors()[0].hue_deg()[0], c.targets[0].color.hue_min_deg);
 }
 
-TEST(PageService, MakesNothingWhileNobodySubscribes) {
+TEST(PageService, DoesNothingWithoutSubscribers) {
   const config::ServiceConfig c = config();
   PageService server(c, {});
   for (int i = 0; i < 100; ++i) {
@@ -154,7 +154,7 @@ TEST(PageService, MakesNothingWhileNobodySubscribes) {
   EXPECT_EQ(server.previews(), made);
 }
 
-TEST(PageService, TheSceneIsThereForWhoComesLateAndFollowsTheConfiguration) {
+TEST(PageService, LateJoinersGetTheSceneAndItFollowsTheConfiguration) {
   config::ServiceConfig c = config();
   PageService server(c, {});
   idl::DdsParticipant participant({.name = "test", .domain = publish::test_domain(), .interfaces = {"lo"}});
@@ -172,7 +172,7 @@ TEST(PageService, TheSceneIsThereForWhoComesLateAndFollowsTheConfiguration) {
   }));
 }
 
-TEST(PageService, AMapOfATrackedCameraIsThereForWhoComesLate) {
+TEST(PageService, LateJoinersGetTheMapOfATrackedCamera) {
   config::ServiceConfig c = config();
   c.dds.publisher.tracked_camera = "hand";
   pipeline::PublishedTime time;

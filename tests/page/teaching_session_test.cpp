@@ -1,4 +1,4 @@
-// What pages ask is refused, whatever it is, where the configuration does not allow it.
+// Requests of pages are refused if the configuration does not allow them.
 #include "page/teaching_session.h"
 
 #include <gmock/gmock.h>
@@ -20,12 +20,12 @@ using namespace testing;
 
 struct Desk {
   bool resumed = false, reloaded = false;
-  TeachingSession desk{{.reload =
-                            [this] {
-                              reloaded = true;
-                              return std::string();
-                            },
-                        .resume = [this] { resumed = true; }}};
+  TeachingSession session{{.reload =
+                               [this] {
+                                 reloaded = true;
+                                 return std::string();
+                               },
+                           .resume = [this] { resumed = true; }}};
 };
 
 msg::TeachRequest request_of(msg::TeachAction action) {
@@ -42,11 +42,11 @@ config::ServiceConfig config_that_allows(bool teaching) {
   return c;
 }
 
-TEST(TeachingSession, NothingIsDoneForWhoMayNotTeach) {
+TEST(TeachingSession, RefusesWithoutPermission) {
   for (const auto action : {msg::TEACH_ACTION_RESUME, msg::TEACH_ACTION_LOOK, msg::TEACH_ACTION_APPLY,
                             msg::TEACH_ACTION_IGNORE, msg::TEACH_ACTION_UNDO}) {
     Desk of;
-    const msg::TeachReply reply = of.desk.answer(request_of(action), config_that_allows(false));
+    const msg::TeachReply reply = of.session.answer(request_of(action), config_that_allows(false));
     EXPECT_FALSE(reply.granted()) << int(action);
     EXPECT_THAT(reply.reason(), HasSubstr("allow_teach")) << int(action);
     EXPECT_FALSE(of.resumed) << int(action);
@@ -54,21 +54,22 @@ TEST(TeachingSession, NothingIsDoneForWhoMayNotTeach) {
   }
 }
 
-TEST(TeachingSession, AReplayThatIsHeldGoesOnForWhoMay) {
+TEST(TeachingSession, AHeldReplayContinuesWithPermission) {
   Desk of;
-  EXPECT_TRUE(of.desk.answer(request_of(msg::TEACH_ACTION_RESUME), config_that_allows(true)).granted());
+  EXPECT_TRUE(of.session.answer(request_of(msg::TEACH_ACTION_RESUME), config_that_allows(true)).granted());
   EXPECT_TRUE(of.resumed);
 }
 
 TEST(TeachingSession, ASaveIsUndone) {
-  const std::filesystem::path folder = std::filesystem::path(TempDir()) / ("teach_desk_" + std::to_string(::getpid()));
+  const std::filesystem::path folder =
+      std::filesystem::path(TempDir()) / ("teaching_session_" + std::to_string(::getpid()));
   std::filesystem::create_directories(folder);
   config::ServiceConfig config = config_that_allows(true);
   config.file = folder / "c.yaml";
   std::ofstream(config.file) << "version: 1\nrig: " << config.rig_file.string()
                              << "\ntargets: {ball: {radius_m: 0.04, color: {hue_deg: [10, 30]}}}\n";
   Desk nothing;
-  const msg::TeachReply refused = nothing.desk.answer(request_of(msg::TEACH_ACTION_UNDO), config);
+  const msg::TeachReply refused = nothing.session.answer(request_of(msg::TEACH_ACTION_UNDO), config);
   EXPECT_FALSE(refused.granted());
   EXPECT_THAT(refused.reason(), HasSubstr("nothing to undo"));
   EXPECT_FALSE(nothing.reloaded);
@@ -79,7 +80,7 @@ TEST(TeachingSession, ASaveIsUndone) {
   config::save_taught(config.file, target, {});
   ASSERT_EQ(hue(), 20);
   Desk of;
-  const msg::TeachReply reply = of.desk.answer(request_of(msg::TEACH_ACTION_UNDO), config);
+  const msg::TeachReply reply = of.session.answer(request_of(msg::TEACH_ACTION_UNDO), config);
   EXPECT_TRUE(reply.granted()) << reply.reason();
   EXPECT_THAT(reply.reason(), HasSubstr("c.taught.yaml is as it was before the last save"));
   EXPECT_TRUE(of.reloaded);
@@ -91,7 +92,7 @@ TEST(TeachingSession, ASaveIsUndone) {
 
 // A replay that is held shows one moment. What rests and has the colour is told from the ball by others of the
 // recording.
-TEST(TeachingSession, WhatMovesIsKnownOfAReplayThatIsHeld) {
+TEST(TeachingSession, AHeldReplayKnowsWhatMoves) {
   const auto circling = [](double t) { return Eigen::Vector3d(0.5 * std::cos(3 * t), 0.5 * std::sin(3 * t), 1.2); };
   scene::SceneBuilder builder;
   builder.cameras_on_ring({.count = 3}).ball({.path = circling});
@@ -113,8 +114,8 @@ TEST(TeachingSession, WhatMovesIsKnownOfAReplayThatIsHeld) {
         return moments;
       };
     }
-    TeachingSession desk{actions};
-    EXPECT_TRUE(desk.freeze(request_of(msg::TEACH_ACTION_FREEZE), config, sets[of]).granted());
+    TeachingSession session{actions};
+    EXPECT_TRUE(session.freeze(request_of(msg::TEACH_ACTION_FREEZE), config, sets[of]).granted());
     msg::TeachRequest look = request_of(msg::TEACH_ACTION_LOOK);
     look.target(config.targets[0].name);
     msg::TeachPoint& point = look.points().emplace_back();
@@ -123,7 +124,7 @@ TEST(TeachingSession, WhatMovesIsKnownOfAReplayThatIsHeld) {
     point.camera(world.rig.cameras[0].name);
     point.pixel({px.x(), px.y()});
     const auto right_now = [&] {
-      const msg::TeachReply reply = desk.answer(look, config);
+      const msg::TeachReply reply = session.answer(look, config);
       int right = 0;
       for (std::size_t c = 1; c < 3; ++c) {
         const auto& at = reply.cameras()[c].region_pixel();
@@ -148,7 +149,7 @@ TEST(TeachingSession, WhatMovesIsKnownOfAReplayThatIsHeld) {
   EXPECT_GE(by_all, asked * 8 / 10);
 }
 
-TEST(TeachingSession, ARecordingThatCannotBeReadIsSaid) {
+TEST(TeachingSession, AnUnreadableRecordingIsReported) {
   const scene::Scene world = scene::SceneBuilder().cameras_on_ring({.count = 2}).ball({}).build();
   const auto sets = scene::render(world, {.set_count = 1});
   config::ServiceConfig config = config_that_allows(true);
@@ -157,18 +158,18 @@ TEST(TeachingSession, ARecordingThatCannotBeReadIsSaid) {
   actions.moments = [](const std::stop_token&) -> std::vector<capture::FrameSet> {
     throw std::runtime_error("a.mkv is gone");
   };
-  TeachingSession desk{actions};
-  ASSERT_TRUE(desk.freeze(request_of(msg::TEACH_ACTION_FREEZE), config, sets[0]).granted());
+  TeachingSession session{actions};
+  ASSERT_TRUE(session.freeze(request_of(msg::TEACH_ACTION_FREEZE), config, sets[0]).granted());
   msg::TeachRequest look = request_of(msg::TEACH_ACTION_LOOK);
   look.target(config.targets[0].name);
   const Eigen::Vector2d px = world.rig.cameras[0].project_world(world.ball_at(0, sets[0].at))->px;
   msg::TeachPoint& point = look.points().emplace_back();
   point.camera(world.rig.cameras[0].name);
   point.pixel({px.x(), px.y()});
-  std::string reason = desk.answer(look, config).reason();
+  std::string reason = session.answer(look, config).reason();
   for (int i = 0; reason.find("a.mkv is gone") == std::string::npos && i < 100; ++i) {
     std::this_thread::sleep_for(std::chrono::milliseconds(10));
-    reason = desk.answer(look, config).reason();
+    reason = session.answer(look, config).reason();
   }
   EXPECT_THAT(reason, HasSubstr("What moves is not known: a.mkv is gone."));
 }

@@ -41,7 +41,7 @@ TEST(BoundedQueue, ReplayWaitsAndLosesNothing) {
   EXPECT_EQ(queue.dropped(), 0u);
 }
 
-TEST(BoundedQueue, AProducerThatWaitsForRoomIsWokenByClose) {
+TEST(BoundedQueue, CloseWakesAWaitingProducer) {
   BoundedQueue<int> queue(1, WhenFull::wait);
   ASSERT_TRUE(queue.push(1));
   bool taken = true;
@@ -53,7 +53,7 @@ TEST(BoundedQueue, AProducerThatWaitsForRoomIsWokenByClose) {
   EXPECT_THAT(drain(queue), ElementsAre(1));  // what was in the queue before is still handed out
 }
 
-TEST(BoundedQueue, AConsumerThatWaitsIsWokenByClose) {
+TEST(BoundedQueue, CloseWakesAWaitingConsumer) {
   BoundedQueue<int> queue(1, WhenFull::wait);
   std::optional<int> got = 7;
   std::jthread consumer([&] { got = queue.pop(); });
@@ -63,7 +63,7 @@ TEST(BoundedQueue, AConsumerThatWaitsIsWokenByClose) {
   EXPECT_EQ(got, std::nullopt);
 }
 
-TEST(BoundedQueue, AbandonThrowsAwayWhatNobodyPopped) {
+TEST(BoundedQueue, AbandonDiscardsTheItems) {
   BoundedQueue<int> queue(4, WhenFull::wait);
   queue.push(1);
   queue.abandon();
@@ -72,7 +72,7 @@ TEST(BoundedQueue, AbandonThrowsAwayWhatNobodyPopped) {
   EXPECT_FALSE(queue.push(2));
 }
 
-TEST(BoundedQueue, PopForGivesUpAndTellsWhy) {
+TEST(BoundedQueue, PopForTimesOutAndDistinguishesTheEnd) {
   BoundedQueue<int> queue(1, WhenFull::wait);
   EXPECT_EQ(queue.pop_for(1ms), std::nullopt);
   EXPECT_FALSE(queue.ended());
@@ -83,7 +83,7 @@ TEST(BoundedQueue, PopForGivesUpAndTellsWhy) {
   EXPECT_TRUE(queue.ended());
 }
 
-TEST(BoundedQueue, CarriesWhatCanOnlyBeMoved) {
+TEST(BoundedQueue, CarriesMoveOnlyItems) {
   BoundedQueue<std::unique_ptr<int>> queue(1, WhenFull::wait);
   queue.push(std::make_unique<int>(5));
   EXPECT_EQ(**queue.pop(), 5);
@@ -113,7 +113,7 @@ TEST(BoundedQueue, ManyProducersAndConsumersPassEveryItemOnce) {
   EXPECT_EQ(seen, expected);
 }
 
-TEST(BoundedQueue, RefusesToHoldNothing) {
+TEST(BoundedQueue, RefusesCapacityZero) {
   EXPECT_THROW(BoundedQueue<int>(0, WhenFull::wait), std::invalid_argument);
 }
 

@@ -20,7 +20,7 @@ using testing::HasSubstr;
 const Eigen::Vector3d axis = Eigen::Vector3d(-0.5, 0.75, -0.4).normalized();
 const object_tracking::Volume volume{.min = {-1, -1, 0.1}, .max = {1, 1, 2.1}};
 
-// The camera that films, and others in other corners of the room, which deliver nothing.
+// The filming camera, and others in other corners of the room that deliver nothing.
 calib::CameraRig watched_rig(int cameras) {
   calib::CameraRig rig;
   for (int c = 0; c < cameras; ++c) {
@@ -33,7 +33,7 @@ calib::CameraRig watched_rig(int cameras) {
   return rig;
 }
 
-// After a turn of the first camera by so much at 3 s, seen until then.
+// After the first camera turned at 3 s.
 CalibrationWatch after_turn(double deg, CalibrationMode mode, int cameras = 3, int* news = nullptr,
                             double until_s = 6) {
   Film film;
@@ -55,7 +55,7 @@ CalibrationWatch after_turn(double deg, CalibrationMode mode, int cameras = 3, i
   return watch;
 }
 
-TEST(CalibrationWatch, SaysNothingOfCamerasThatStandStill) {
+TEST(CalibrationWatch, ReportsNothingOfStillCameras) {
   for (const auto mode : {CalibrationMode::tell, CalibrationMode::leave_out, CalibrationMode::mend}) {
     int news = 0;
     const CalibrationWatch watch = after_turn(0, mode, 3, &news);
@@ -66,7 +66,7 @@ TEST(CalibrationWatch, SaysNothingOfCamerasThatStandStill) {
   }
 }
 
-TEST(CalibrationWatch, TellsByHowMuchPositionsAreOffAndWidensThem) {
+TEST(CalibrationWatch, ReportsTheEffectAndInflatesTheCovariance) {
   const CalibrationWatch watch = after_turn(0.8, CalibrationMode::tell);
   const CameraCalibration& camera = watch.cameras()[0];
   ASSERT_TRUE(camera.moved);
@@ -79,12 +79,12 @@ TEST(CalibrationWatch, TellsByHowMuchPositionsAreOffAndWidensThem) {
   EXPECT_FALSE(trust.cam_from_world);
   EXPECT_GT(std::sqrt((trust.pose_covariance.topLeftCorner<3, 3>().trace())), 0.75 * degree);
   EXPECT_THAT(calibration_warning("cam0", camera, CalibrationMode::tell),
-              testing::AllOf(HasSubstr("cam0 was turned by 0.8"), HasSubstr("until it is mended")));
+              testing::AllOf(HasSubstr("cam0 was turned by 0.8"), HasSubstr("until it is corrected")));
   EXPECT_EQ(watch.trust()[1].pose_covariance.norm(), 0);
 }
 
-// Less than is told, but surely turned: nothing is said, and positions are as unsure as that.
-TEST(CalibrationWatch, WidensPositionsByATurnThatIsTooSmallToBeTold) {
+// Below the threshold for reporting, but significant.
+TEST(CalibrationWatch, InflatesTheCovarianceByAnUnreportedTurn) {
   const CalibrationWatch watch = after_turn(0.045, CalibrationMode::tell, 3, nullptr, 12);
   EXPECT_FALSE(watch.cameras()[0].moved);
   EXPECT_EQ(calibration_warning("cam0", watch.cameras()[0], CalibrationMode::tell), "");
@@ -102,22 +102,22 @@ TEST(CalibrationWatch, LeavesOutOnlyThatCamera) {
   EXPECT_TRUE(watch.trust()[2].is_used);
 }
 
-TEST(CalibrationWatch, KeepsTheSecondCameraWhereItIsOffByLittle) {
+TEST(CalibrationWatch, KeepsTheLastButOneCameraIfItsEffectIsSmall) {
   const CalibrationWatch little = after_turn(0.1, CalibrationMode::leave_out, 2);
   ASSERT_TRUE(little.cameras()[0].moved);
   EXPECT_TRUE(little.trust()[0].is_used);
-  // Where it stands now, not where the rig says.
+  // At its current pose, not the rig's.
   ASSERT_TRUE(little.trust()[0].cam_from_world);
   const calib::Rigid3d truth = room_watch::moved(watched_rig(1).cameras[0].cam_from_world, 0.1 * degree * axis);
   const calib::Tangent6d off = calib::log(truth * calib::inverse(*little.trust()[0].cam_from_world));
   EXPECT_LT(off.head<3>().norm(), 0.05 * degree);
   EXPECT_THAT(calibration_warning("cam0", little.cameras()[0], CalibrationMode::leave_out),
-              HasSubstr("too few would be left without it"));
+              HasSubstr("too few cameras would remain without it"));
   const CalibrationWatch much = after_turn(2, CalibrationMode::leave_out, 2);
   EXPECT_FALSE(much.trust()[0].is_used);
 }
 
-TEST(CalibrationWatch, MendsThePoseWithWhatItLeavesOpen) {
+TEST(CalibrationWatch, CorrectsThePoseWithItsCovariance) {
   const CalibrationWatch watch = after_turn(0.8, CalibrationMode::mend);
   const object_tracking::CameraTrust& trust = watch.trust()[0];
   ASSERT_TRUE(trust.cam_from_world);

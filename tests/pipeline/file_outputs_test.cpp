@@ -28,20 +28,20 @@ class RefuseOutputs : public testing::Test {
   const fs::path folder_ = fs::path(testing::TempDir()) / ("outputs_" + std::to_string(::getpid()));
 };
 
-TEST_F(RefuseOutputs, TakesFilesOfTheirOwn) {
+TEST_F(RefuseOutputs, AcceptsDistinctFiles) {
   EXPECT_NO_THROW(
       refuse_outputs({.files = {folder_ / "tracks.csv", folder_ / "poses.tum", {}}, .pictures = folder_ / "pictures"},
                      {made("truth.csv"), folder_ / "film" / "%06d.png", made("cam0.mkv")}));
 }
 
-TEST_F(RefuseOutputs, OneFileForTwoByAnyName) {
+TEST_F(RefuseOutputs, RefusesOneFileTwiceByAnyName) {
   refuses({.files = {folder_ / "a.csv", folder_ / "pictures" / ".." / "a.csv"}}, {}, "written twice");
   fs::create_symlink("a.csv", folder_ / "later.csv");  // a link to what is not there yet
   refuses({.files = {folder_ / "a.csv", folder_ / "later.csv"}}, {}, "written twice");
   refuses({.files = {folder_ / "pictures" / "track_3d.png"}, .pictures = folder_ / "pictures"}, {}, "of a picture");
 }
 
-TEST_F(RefuseOutputs, WhatTheRunReads) {
+TEST_F(RefuseOutputs, RefusesInputs) {
   const fs::path truth = made("truth.csv");
   refuses({.files = {truth}}, {truth}, "is read by this run");
   fs::create_hard_link(truth, folder_ / "same.csv");

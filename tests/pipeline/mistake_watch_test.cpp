@@ -1,4 +1,4 @@
-// What a mistake that views show makes of the positions that are told.
+// Inflation by setup mistakes, and its effect on published positions.
 #include "pipeline/mistake_watch.h"
 
 #include <gmock/gmock.h>
@@ -26,14 +26,14 @@ using view_watch::MistakeKind;
 constexpr double rad = std::numbers::pi / 180;
 
 struct Followed {
-  double nees = 0;  // mean, of the second half of the sets
-  int told = 0;     // positions in it
+  double nees = 0;    // mean, of the second half of the sets
+  int published = 0;  // positions in it
   std::size_t changes = 0;
-  std::vector<double> doubts;
+  std::vector<double> inflation;
 };
 
-// As the road does it; is_heard: the trackers are told of the doubts.
-Followed follow(const scene::Scene& scene, const calib::CameraRig& rig, bool is_heard) {
+// As the pipeline does it; is_applied: the trackers get the inflation.
+Followed follow(const scene::Scene& scene, const calib::CameraRig& rig, bool is_applied) {
   const auto sets = scene::render(scene, {.set_count = 150, .pixel_noise_stddev = 3, .seed = 4});
   const std::vector targets{lime()};
   std::vector<object_trackers::ObjectTracker> trackers;
@@ -46,52 +46,52 @@ Followed follow(const scene::Scene& scene, const calib::CameraRig& rig, bool is_
     if (watch.look(sets[k], estimates, trackers, {})) {
       ++out.changes;
       std::vector<object_tracking::CameraTrust> trust;
-      add_inflation(watch.doubts(), trust);
-      if (is_heard) trackers[0].trust(trust);
+      add_inflation(watch.inflation(), trust);
+      if (is_applied) trackers[0].trust(trust);
     }
     if (k < sets.size() / 2 || !estimates[0].has_position()) continue;
     const Vector3d off = estimates[0].position - scene.balls[0].path(capture::seconds(sets[k].at - sets.front().at));
     out.nees += truth::nees(off, estimates[0].covariance);
-    ++out.told;
+    ++out.published;
   }
-  out.nees /= std::max(1, out.told);
-  out.doubts = watch.doubts();
+  out.nees /= std::max(1, out.published);
+  out.inflation = watch.inflation();
   return out;
 }
 
-TEST(MistakeWatch, ATurnedCameraIsDoubtedByItsTurn) {
+TEST(MistakeWatch, ATurnedCameraIsInflatedByItsTurn) {
   const scene::Scene scene = scene::lime_that_flies();
   calib::CameraRig rig = scene.rig;
   turn(rig.cameras[1], 2 * rad, {1, -0.6, 0.3});
-  const Followed heard = follow(scene, rig, true);
-  EXPECT_GT(heard.changes, 0u);
-  EXPECT_NEAR(heard.doubts[1] / rad, 2, 0.4);
-  EXPECT_EQ(heard.doubts[0], 0);
-  EXPECT_EQ(heard.doubts[2], 0);
-  EXPECT_GT(heard.told, 40);
-  EXPECT_LT(heard.nees, 6) << "what is told is as unsure as the rig";
+  const Followed inflated = follow(scene, rig, true);
+  EXPECT_GT(inflated.changes, 0u);
+  EXPECT_NEAR(inflated.inflation[1] / rad, 2, 0.4);
+  EXPECT_EQ(inflated.inflation[0], 0);
+  EXPECT_EQ(inflated.inflation[2], 0);
+  EXPECT_GT(inflated.published, 40);
+  EXPECT_LT(inflated.nees, 6) << "the covariance must include the rig's error";
 }
 
-TEST(MistakeWatch, ARigThatFitsNowhereTellsNothingSurely) {
+TEST(MistakeWatch, AWrongRigPublishesNothingConfident) {
   const scene::Scene scene = scene::lime_that_flies();
   calib::CameraRig rig = scene.rig;
   turn(rig.cameras[0], 3 * rad, {0.2, 1, 0.4});
   turn(rig.cameras[2], 3 * rad, {1, 0.3, -0.8});
-  const Followed heard = follow(scene, rig, true), unheard = follow(scene, rig, false);
-  EXPECT_GT(heard.doubts[0], 0);
-  EXPECT_LT(heard.nees, 6);
-  EXPECT_LT(heard.nees, 0.5 * unheard.nees) << "by the trackers' own doubts alone";
+  const Followed inflated = follow(scene, rig, true), plain = follow(scene, rig, false);
+  EXPECT_GT(inflated.inflation[0], 0);
+  EXPECT_LT(inflated.nees, 6);
+  EXPECT_LT(inflated.nees, 0.5 * uninflated.nees) << "by the trackers' own inflation alone";
 }
 
-TEST(MistakeWatch, AGoodRigIsNotDoubted) {
+TEST(MistakeWatch, AGoodRigIsNotInflated) {
   const scene::Scene scene = scene::lime_that_flies();
-  const Followed heard = follow(scene, scene.rig, true);
-  EXPECT_EQ(heard.changes, 0u);
-  EXPECT_THAT(heard.doubts, Each(DoubleEq(0)));
+  const Followed inflated = follow(scene, scene.rig, true);
+  EXPECT_EQ(inflated.changes, 0u);
+  EXPECT_THAT(inflated.inflation, Each(DoubleEq(0)));
 }
 
-// Furniture of the ball's colour, of which every camera sees another piece as the largest one before the ball comes.
-TEST(MistakeWatch, ARoomOfTheColourIsNoMistake) {
+// Clutter of the ball's colour; each camera sees another piece as the largest before the ball appears.
+TEST(MistakeWatch, ClutterOfTheColourIsNoMistake) {
   scene::SceneBuilder builder;
   builder.cameras_on_ring({.count = 3});
   builder.ball({.path = [](double t) {
@@ -105,13 +105,13 @@ TEST(MistakeWatch, ARoomOfTheColourIsNoMistake) {
                     return Vector3d((1.3 + sway_m) * std::cos(angle), (1.3 - sway_m) * std::sin(angle), 0.5 + sway_m);
                   }});
   const scene::Scene scene = builder.build();
-  const Followed heard = follow(scene, scene.rig, true);
-  EXPECT_EQ(heard.changes, 0u);
-  EXPECT_GT(heard.told, 70);
+  const Followed inflated = follow(scene, scene.rig, true);
+  EXPECT_EQ(inflated.changes, 0u);
+  EXPECT_GT(inflated.published, 70);
 }
 
-// The room has told that a camera moved: nothing is said of it, nor of the others.
-TEST(MistakeWatch, WhatMovedIsNoMistake) {
+// room_watch has detected the moved camera: neither it nor the others are named.
+TEST(MistakeWatch, AMovedCameraIsNoMistake) {
   const scene::Scene scene = scene::lime_that_flies();
   calib::CameraRig rig = scene.rig;
   turn(rig.cameras[1], 2 * rad, {1, -0.6, 0.3});
@@ -127,8 +127,8 @@ TEST(MistakeWatch, WhatMovedIsNoMistake) {
   EXPECT_THAT(watch.mistakes()[0], testing::IsEmpty());
 }
 
-// A knock is no excuse for what others do: a camera that is late, and a radius that is wrong.
-TEST(MistakeWatch, OtherMistakesAreNamedBesideACameraThatMoved) {
+// A moved camera does not hide a late camera and a wrong radius.
+TEST(MistakeWatch, OtherMistakesAreNamedBesideAMovedCamera) {
   scene::Scene scene = scene::SceneBuilder{}.cameras_on_ring({.count = 4}).build();
   scene.balls = scene::lime_that_flies().balls;
   calib::CameraRig rig = scene.rig;
@@ -155,7 +155,7 @@ TEST(MistakeWatch, OtherMistakesAreNamedBesideACameraThatMoved) {
   }
 }
 
-TEST(MistakeWatch, DoubtIsAsLargeAsTheMistake) {
+TEST(MistakeWatch, InflationIsAsLargeAsTheMistake) {
   const scene::Scene scene = scene::lime_that_flies();
   const calib::Camera& camera = scene.rig.cameras[0];
   const double f = camera.model.fx();

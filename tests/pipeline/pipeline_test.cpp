@@ -137,7 +137,7 @@ class DamagedSource final : public capture::FrameSource {
   GreySource all_{{1}, 20};
 };
 
-TEST(Pipeline, DamagedFramesAreNoDelivery) {
+TEST(Pipeline, DamagedFramesDoNotCountAsDelivered) {
   const calib::CameraRig rig = rig_of(2);
   PipelineTo pipeline(rig, sources(GreySource({0}, 20), DamagedSource()), trackers_for(rig, 1), options_for(rig), {});
   pipeline.run({});
@@ -149,7 +149,7 @@ TEST(Pipeline, DamagedFramesAreNoDelivery) {
   EXPECT_FALSE(figures.cameras[1].last_received);
 }
 
-// Noise, as a live camera's; from a turn on camera 1 hangs: frames come, with its last picture.
+// Noise, as from a live camera; from some turn on camera 1 repeats its last picture.
 class HangingSource final : public capture::FrameSource {
  public:
   explicit HangingSource(std::uint32_t hangs_from) : hangs_from_(hangs_from) {}
@@ -237,7 +237,7 @@ TEST(Pipeline, ACameraThatIsCutShortHasEndedWhileTheOtherGoesOn) {
   EXPECT_EQ(pipeline.figures().cameras[0].last_captured, capture::Timestamp(190ms));
 }
 
-TEST(Pipeline, OneSourcePerCameraWorksToo) {
+TEST(Pipeline, OneSourcePerCameraWorks) {
   const calib::CameraRig rig = rig_of(2);
   std::uint64_t last = 0, sets = 0;
   PipelineTo pipeline(rig, sources(GreySource({0}, 40), GreySource({1}, 40)), trackers_for(rig, 1), options_for(rig),
@@ -255,7 +255,7 @@ TEST(Pipeline, OneSourcePerCameraWorksToo) {
   EXPECT_GE(sets, 1u);
 }
 
-TEST(Pipeline, AStopEndsItSoonAndLeavesNothingInPart) {
+TEST(Pipeline, AStopEndsSoonWithCompleteSets) {
   const calib::CameraRig rig = rig_of(2);
   for (const bool paced : {false, true}) {
     PipelineOptions options = options_for(rig);
@@ -295,7 +295,7 @@ TEST(Pipeline, PacedFramesComeAtTheirTime) {
   EXPECT_GE(std::chrono::steady_clock::now() - start, 200ms);
 }
 
-TEST(Pipeline, FramesOfAnotherSizeThanTheRigsAreAnErrorThatNamesBoth) {
+TEST(Pipeline, FramesOfAnotherSizeAreAnErrorThatNamesBothSizes) {
   const calib::CameraRig rig = rig_of(2);
   PipelineTo pipeline(rig, sources(GreySource({0, 1}, 10, {64, 48})), trackers_for(rig, 1), options_for(rig), {});
   try {
@@ -306,7 +306,7 @@ TEST(Pipeline, FramesOfAnotherSizeThanTheRigsAreAnErrorThatNamesBoth) {
   }
 }
 
-TEST(Pipeline, WhatAnOutputThrowsComesOutOfRun) {
+TEST(Pipeline, RunRethrowsAnOutputsException) {
   const calib::CameraRig rig = rig_of(1);
   const auto fails = [](const char* why) { throw std::runtime_error(why); };
   PipelineTo estimates(rig, sources(GreySource({0}, 0)), trackers_for(rig, 1), options_for(rig),
@@ -335,7 +335,7 @@ class RenderedSource final : public capture::FrameSource {
   std::size_t next_ = 0;
 };
 
-TEST(Pipeline, AReplacedTrackersObjectsEndAndTheirNumbersDoNotComeAgain) {
+TEST(Pipeline, AReplacedTrackersObjectsEndAndTheirNumbersAreNotReused) {
   scene::SceneBuilder builder;
   builder.cameras_on_ring({.count = 3});
   builder.ball({.path = [](double t) { return Eigen::Vector3d(0.3 * t, 0, 1.0); }});

@@ -22,7 +22,7 @@ class Changes : public testing::Test {
   const fs::path folder;
 };
 
-TEST_F(Changes, NoneWhenNothingHappened) {
+TEST_F(Changes, NoneWithoutAFile) {
   const RecordedChanges none = read_changes(folder);
   EXPECT_TRUE(none.reloads.empty() && none.left_out.empty());
 }
@@ -44,7 +44,7 @@ TEST_F(Changes, AreReadAsTheyWereWritten) {
   EXPECT_EQ(text, "second");
 }
 
-TEST_F(Changes, WhatCannotBeWrittenIsSaid) {
+TEST_F(Changes, AWriteErrorIsReported) {
   ChangesWriter writer(folder / "not_there");
   writer.left_out(capture::Timestamp{});
   EXPECT_THAT(writer.failure(), testing::HasSubstr("not_there/changes.csv: No such file or directory"));

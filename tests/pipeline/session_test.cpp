@@ -77,7 +77,7 @@ TEST_F(SessionOfTheDemo, TheToleranceIsThatOfTheCameras) {
   EXPECT_EQ(session().config().set_tolerance_s, 0.02);
 }
 
-TEST_F(SessionOfTheDemo, AReloadReplacesTheTrackersOfTargetsThatDifferAndSaysWhatWaits) {
+TEST_F(SessionOfTheDemo, AReloadReplacesTrackersOfChangedTargetsAndListsWaitingKeys) {
   Session session = this->session();
   NotingOutput output;
   session.add(output);
@@ -94,8 +94,8 @@ TEST_F(SessionOfTheDemo, AReloadReplacesTheTrackersOfTargetsThatDifferAndSaysWha
   EXPECT_THAT(output.reloaded, ElementsAre(1, 0, 0, 0, 0));
 }
 
-// A replay repeats what was reloaded when it was recorded; back to the first configuration is then a change.
-TEST_F(SessionOfTheDemo, AReloadIsHeldToWhatRecordedReloadsHavePutIntoForceToo) {
+// A replay repeats recorded reloads; back to the first configuration is then a change.
+TEST_F(SessionOfTheDemo, AReloadIsComparedWithRecordedReloads) {
   const std::filesystem::path folder = testing::TempDir() + "session_test.repeats";
   std::filesystem::create_directories(folder);
   config::ServiceConfig recorded = config_;
@@ -126,7 +126,7 @@ TEST_F(SessionOfTheDemo, AnotherCountIsRefused) {
   EXPECT_EQ(session.config().targets[0].count, 1);
 }
 
-TEST_F(SessionOfTheDemo, WhateverEndsItEveryOutputIsFlushedAndTheFirstErrorComesOut) {
+TEST_F(SessionOfTheDemo, EveryOutputIsFlushedAndTheFirstErrorIsThrown) {
   Session session = this->session();
   NotingOutput failing, other;
   failing.fails = true;

@@ -35,7 +35,7 @@ std::string contents(const fs::path& file) {
   return out.str();
 }
 
-TEST(NoPoseWarning, ComesAfterThreeSecondsOfCaptureTimeWithTheLastReasonAndGoesWithAPose) {
+TEST(NoPoseWarning, AppearsAfterThreeSecondsWithTheLastReason) {
   TrackedCameraFigures figures;
   figures.add(estimate(camera_tracking::PoseState::searching, 10s), "too dark");
   figures.add(estimate(camera_tracking::PoseState::searching, 12900ms), "");
@@ -48,22 +48,22 @@ TEST(NoPoseWarning, ComesAfterThreeSecondsOfCaptureTimeWithTheLastReasonAndGoesW
   EXPECT_TRUE(figures.had_pose);
   figures.add(estimate(camera_tracking::PoseState::lost, 16s), "");
   figures.add(estimate(camera_tracking::PoseState::lost, 21s), "");
-  EXPECT_EQ(no_pose_warning("cam0", figures), "camera cam0: no pose for 5 s (lost)");  // the old reason is none of it
+  EXPECT_EQ(no_pose_warning("cam0", figures), "camera cam0: no pose for 5 s (lost)");  // without the old reason
 }
 
-TEST(ReadoutText, IsSaidOnceTheMotionHasToldIt) {
+TEST(ReadoutText, AppearsOnceTheReadoutIsKnown) {
   TrackedCameraFigures figures;
-  EXPECT_EQ(readout_text(figures), "");  // a method that does not ask
+  EXPECT_EQ(readout_text(figures), "");  // a method without readout
   auto known = estimate(camera_tracking::PoseState::tracking, 1s);
   known.readout_s = 0.0188, known.readout_sigma_s = 0.0126;
   figures.add(known, "");
   EXPECT_EQ(readout_text(figures), "");
   known.readout_s = 0.02952, known.readout_sigma_s = 0.00047;
   figures.add(known, "");
-  EXPECT_EQ(readout_text(figures), "rows over 29.5 ms +- 0.5");
+  EXPECT_EQ(readout_text(figures), "readout 29.5 ms +- 0.5");
 }
 
-TEST(NoPoseLog, SaysEachThingOnceUntilThereIsAPoseAgain) {
+TEST(NoPoseLog, LogsEachWarningOnceUntilThereIsAPose) {
   std::ostringstream log;
   const auto before = spdlog::default_logger();
   spdlog::set_default_logger(
@@ -73,7 +73,7 @@ TEST(NoPoseLog, SaysEachThingOnceUntilThereIsAPoseAgain) {
   TrackedCameraFigures figures;
   const auto frame = [&](camera_tracking::PoseState state, int s, const std::string& why) {
     figures.add(estimate(state, std::chrono::seconds(s)), why);
-    no_pose_log.tell("cam0", figures);
+    no_pose_log.log("cam0", figures);
   };
   for (int s = 0; s < 20; ++s)
     frame(camera_tracking::PoseState::searching, s, s % 2 == 0 ? "too dark" : "wrong by 3." + std::to_string(s));
@@ -86,7 +86,7 @@ TEST(NoPoseLog, SaysEachThingOnceUntilThereIsAPoseAgain) {
       "camera cam0: no pose for 3 s (lost): too dark\n");
 }
 
-TEST(WithoutNumbers, TwoFiguresOfOneSentenceAreTheSame) {
+TEST(WithoutNumbers, IgnoresTheFiguresOfASentence) {
   EXPECT_EQ(without_numbers("37.5 px rms for 12 s"), without_numbers("-4 px rms for 3 s"));
   EXPECT_NE(without_numbers("37 px"), without_numbers("37 mm"));
 }
@@ -105,7 +105,7 @@ TEST(PoseFile, HoldsTrackingPosesOnly) {
   fs::remove(file);
 }
 
-TEST(PoseFile, ReplacesPosesAndNothingElse) {
+TEST(PoseFile, ReplacesOnlyPoseFiles) {
   const fs::path file = fs::path(testing::TempDir()) / ("poses_kind_" + std::to_string(getpid()));
   for (const char* other : {"# made by a calibration\nversion: 1\ncameras: {}\n", "# my notes\n", "# no end"}) {
     std::ofstream(file) << other;
@@ -183,7 +183,7 @@ class TrackedCamera : public testing::Test {
   std::optional<PipelineTo> pipeline_;
 };
 
-TEST_F(TrackedCamera, TheReasonIsHandedOverWithItsFrame) {
+TEST_F(TrackedCamera, TheReasonComesWithItsFrame) {
   std::vector<std::string> reasons;
   run(2, 4, {.camera_poses = [&](const TrackedFrame& frame) { reasons.push_back(frame.camera.why); }});
   EXPECT_THAT(reasons,
@@ -195,7 +195,7 @@ TEST_F(TrackedCamera, TheReasonIsHandedOverWithItsFrame) {
   EXPECT_EQ(no_pose_warning("cam0", figures), "camera cam0: no pose for 4 s (lost): frame 9 is grey");
 }
 
-TEST_F(TrackedCamera, AMapIsKeptWhereThereNeverWasAPose) {
+TEST_F(TrackedCamera, AnEarlierMapIsKeptIfThereNeverWasAPose) {
   Pipeline& never = run(20, 20, {});
   save_map(*never.camera_tracker(), never.tracked_camera(), map_);
   EXPECT_EQ(contents(map_), "old");

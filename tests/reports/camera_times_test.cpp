@@ -24,8 +24,7 @@ config::ServiceConfig two_cameras() {
   return config;
 }
 
-// Of a target at this speed.
-ObjectEstimate told(double speed_m_s, std::vector<CameraTimingEstimate> times) {
+ObjectEstimate target_at(double speed_m_s, std::vector<CameraTimingEstimate> times) {
   ObjectEstimate e;
   e.state = object_tracking::TrackState::tracking;
   e.position = e.velocity = Eigen::Vector3d::Zero();
@@ -39,44 +38,44 @@ void take(CameraTimes& times, std::vector<ObjectEstimate> estimates) {
   times.on_set({.frames = frames, .estimates = estimates, .received_at = {}, .trackers = {}, .reloaded = {}});
 }
 
-const CameraTimingEstimate held{.readout_s = 0.025, .readout_sigma_s = 0.001};
+const CameraTimingEstimate reference{.readout_s = 0.025, .readout_sigma_s = 0.001};
 const CameraTimingEstimate open{.latency_s = 0.010, .latency_sigma_s = 0.015, .readout_sigma_s = 0.02};
 const CameraTimingEstimate known{
     .latency_s = 0.012, .latency_sigma_s = 3e-4, .readout_s = 0.03, .readout_sigma_s = 1e-3};
 
-TEST(CameraTimes, WarnsOnlyWhileSomethingMovesAndNobodyKnows) {
+TEST(CameraTimes, WarnsOnlyWhileSomethingMovesAndLatencyIsUnknown) {
   CameraTimes times(two_cameras(), {}, false);
-  EXPECT_THAT(times.told(), IsEmpty());
-  take(times, {told(0.1, {held, open})});
+  EXPECT_THAT(times.timing(), IsEmpty());
+  take(times, {target_at(0.1, {reference, open})});
   EXPECT_THAT(times.warnings(), IsEmpty());
-  take(times, {told(1, {held, open})});
+  take(times, {target_at(1, {reference, open})});
   EXPECT_THAT(times.warnings(), ElementsAre(HasSubstr("not known yet of cam1 (+- 15 ms)")));
-  take(times, {told(1, {held, known})});
+  take(times, {target_at(1, {reference, known})});
   EXPECT_THAT(times.warnings(), IsEmpty());
-  take(times, {told(1, {held, open})});
+  take(times, {target_at(1, {reference, open})});
   config::ServiceConfig fixed = two_cameras();
   fixed.object_tracking.timing = object_tracking::TimingMode::fixed;
   times.on_config(fixed);
   EXPECT_THAT(times.warnings(), IsEmpty());
 }
 
-TEST(CameraTimes, BelievesTheSurestTarget) {
+TEST(CameraTimes, UsesTheMostCertainTarget) {
   CameraTimes times(two_cameras(), {}, false);
-  take(times, {told(1, {held, open}), told(1, {held, known})});
-  ASSERT_EQ(times.told().size(), 2u);
-  EXPECT_EQ(times.told()[1].latency_s, known.latency_s);
-  EXPECT_THAT(times.summary(), ElementsAre(HasSubstr("cam0: latency 0.0 ms (held"),
+  take(times, {target_at(1, {reference, open}), target_at(1, {reference, known})});
+  ASSERT_EQ(times.timing().size(), 2u);
+  EXPECT_EQ(times.timing()[1].latency_s, known.latency_s);
+  EXPECT_THAT(times.summary(), ElementsAre(HasSubstr("cam0: latency 0.0 ms (reference"),
                                            HasSubstr("cam1: latency 12.0 ms +- 0.3, readout 30.0 ms +- 1.0")));
 }
 
-TEST(CameraTimes, WritesWhatIsKnownIntoARigOfItsOwn) {
+TEST(CameraTimes, WritesKnownTimingIntoANewRigFile) {
   const fs::path file = fs::path(testing::TempDir()) / "camera_times_test_rig.yaml";
   fs::remove(file);
   {
     CameraTimes times(two_cameras(), file, false);
-    take(times, {told(1, {held, open})});
+    take(times, {target_at(1, {reference, open})});
     EXPECT_FALSE(times.rig().cameras[1].timing.latency_s);
-    take(times, {told(1, {held, known})});
+    take(times, {target_at(1, {reference, known})});
     times.flush();
   }
   EXPECT_NEAR(calib::read_rig(file).cameras[1].timing.latency_s.value(), 0.012, 1e-9);
@@ -84,18 +83,18 @@ TEST(CameraTimes, WritesWhatIsKnownIntoARigOfItsOwn) {
   fs::remove(file);
 }
 
-// Otherwise times that nobody looked at stood in the rig as known to be exactly 0.
-TEST(CameraTimes, FixedOnesAreNotLearntAndStayOutOfTheRig) {
+// Regression: unused timing was written to the rig as exactly 0.
+TEST(CameraTimes, FixedTimingIsNotLearntAndNotWritten) {
   config::ServiceConfig fixed = two_cameras();
   fixed.object_tracking.timing = object_tracking::TimingMode::fixed;
   fixed.rig.cameras[1].timing = {
       .latency_s = 0.02, .latency_sigma_s = 1e-3, .readout_s = 0.03, .readout_sigma_s = 2e-3};
   CameraTimes times(fixed, {}, false);
-  take(times, {told(1, {{}, {.latency_s = 0.02, .readout_s = 0.03}})});
+  take(times, {target_at(1, {{}, {.latency_s = 0.02, .readout_s = 0.03}})});
   EXPECT_FALSE(times.rig().cameras[0].timing.latency_s);
   EXPECT_EQ(times.rig().cameras[1].timing.latency_sigma_s, 1e-3);
   EXPECT_THAT(times.summary(),
-              ElementsAre("cam0: latency 0.0 ms, readout 0.0 ms (timing: fixed; 0 where the rig says nothing)",
+              ElementsAre("cam0: latency 0.0 ms, readout 0.0 ms (timing: fixed; 0 because the rig has none)",
                           "cam1: latency 20.0 ms, readout 30.0 ms (timing: fixed)"));
 }
 

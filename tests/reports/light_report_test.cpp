@@ -1,4 +1,4 @@
-// What light does to pictures is a warning while a camera can be set, and history in a recording.
+// Findings about pictures are warnings live, and only part of the summary in a replay.
 #include "reports/light_report.h"
 
 #include <gmock/gmock.h>
@@ -29,7 +29,7 @@ void show(LightReport& report) {
   }
 }
 
-TEST(LightReport, IsAWarningOnlyWhereACameraCanBeSet) {
+TEST(LightReport, WarnsOnlyWhereACameraCanBeAdjusted) {
   config::ServiceConfig config;
   config.rig.cameras.resize(1);
   config.rig.cameras[0].name = "left";

@@ -1,4 +1,4 @@
-// What is told of mistakes, and what of those that were none.
+// Mistakes that last, and false alarms that are cleared.
 #include "reports/mistake_report.h"
 
 #include <gmock/gmock.h>
@@ -33,26 +33,26 @@ class MistakeReportOfLime : public testing::Test {
   MistakeReport report{config};
 };
 
-TEST_F(MistakeReportOfLime, AHueThatIsTakenBackStandsNoLonger) {
+TEST_F(MistakeReportOfLime, AFalseAlarmAboutTheHueIsCleared) {
   see(0, {});
   see(1, {{.kind = MistakeKind::opencv_hue}});
   EXPECT_THAT(report.summary(), ElementsAre(HasSubstr("from 1.0 s on: lime: ")));
   see(2.5, {});
   EXPECT_THAT(report.summary(), IsEmpty());
-  EXPECT_THAT(report.taken_back(),
-              ElementsAre(AllOf(HasSubstr("named at 1.0 s and taken back at 2.5 s: lime: "), HasSubstr("OpenCV"))));
+  EXPECT_THAT(report.cleared(),
+              ElementsAre(AllOf(HasSubstr("named at 1.0 s and cleared at 2.5 s: lime: "), HasSubstr("OpenCV"))));
   see(3, {{.kind = MistakeKind::opencv_hue}});
   EXPECT_THAT(report.summary(), ElementsAre(HasSubstr("OpenCV")));
-  EXPECT_THAT(report.taken_back(), IsEmpty());
+  EXPECT_THAT(report.cleared(), IsEmpty());
 }
 
-TEST_F(MistakeReportOfLime, WhatWasMendedOrIsOverWasAMistakeAllTheSame) {
+TEST_F(MistakeReportOfLime, ACorrectedMistakeStaysInTheSummary) {
   see(0, {{.kind = MistakeKind::opencv_hue}});
   report.on_config(config);
   see(1, {{.kind = MistakeKind::shared_color, .cameras = {1}, .size = 0.2}});
   see(2, {});
   EXPECT_EQ(report.summary().size(), 2u);
-  EXPECT_THAT(report.taken_back(), IsEmpty());
+  EXPECT_THAT(report.cleared(), IsEmpty());
 }
 
 }  // namespace

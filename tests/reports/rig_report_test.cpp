@@ -46,7 +46,7 @@ void take(RigReport& report, const config::ServiceConfig& config, RoomState stat
   }
 }
 
-TEST(RigReport, ACameraThatWasMovedIsTrouble) {
+TEST(RigReport, AMovedCameraIsTrouble) {
   const config::ServiceConfig config = watched_cameras();
   RigReport report(config);
   EXPECT_FALSE(report.has_had_trouble());
@@ -55,8 +55,8 @@ TEST(RigReport, ACameraThatWasMovedIsTrouble) {
   EXPECT_THAT(report.summary(), SizeIs(1));
 }
 
-// Also when it sees again: there were no positions of it.
-TEST(RigReport, ACameraThatSeesNothingIsTroubleThoughTheRigIsRight) {
+// Even after it recovered: it contributed nothing meanwhile.
+TEST(RigReport, ABlindCameraIsTrouble) {
   for (const RoomState state : {RoomState::hidden, RoomState::blinded}) {
     const config::ServiceConfig config = watched_cameras();
     RigReport report(config);
@@ -67,7 +67,7 @@ TEST(RigReport, ACameraThatSeesNothingIsTroubleThoughTheRigIsRight) {
   }
 }
 
-TEST(RigReport, AnotherFocusIsToldOnceByItsBlurAndIsTrouble) {
+TEST(RigReport, AFocusChangeIsReportedOnceWithItsBlurAndIsTrouble) {
   const config::ServiceConfig config = watched_cameras();
   RigReport report(config);
   take(report, config, RoomState::defocused);
@@ -79,7 +79,7 @@ TEST(RigReport, AnotherFocusIsToldOnceByItsBlurAndIsTrouble) {
   EXPECT_THAT(report.warnings(), testing::IsEmpty());
 }
 
-TEST(RigReport, ARoomThatHasChangedIsToldAndLeavesTheCameraInItsPlace) {
+TEST(RigReport, AChangedRoomIsReportedAndIsNoTrouble) {
   const config::ServiceConfig config = watched_cameras();
   RigReport report(config);
   take(report, config, RoomState::changed);
@@ -89,8 +89,8 @@ TEST(RigReport, ARoomThatHasChangedIsToldAndLeavesTheCameraInItsPlace) {
   EXPECT_THAT(report.warnings(), SizeIs(1));
 }
 
-// Also of a rig that was taken as exact: what the mended pose leaves open is known.
-TEST(RigReport, AMendedRigHasTheUncertaintyOfWhatWasMended) {
+// Even if the rig had no uncertainty before.
+TEST(RigReport, ACorrectedPoseHasItsUncertainty) {
   const config::ServiceConfig config = watched_cameras();
   RigReport report(config);
   take(report, config, RoomState::knocked);

@@ -459,9 +459,9 @@ TEST_F(Webcams, DoctorDescribesThem) {
         std::string("note  no name in /dev/v4l/by-id"), std::string("ok    yuyv: 320x240@15"),
         std::string("ok    mjpeg: 320x240@15"), std::string("yuyv 320x240: "), std::string("frames/s reached of 15"),
         std::string("time stamps: start of exposure"),
-        std::string("controls of the configuration that stuck: exposure_time_absolute 200, auto_exposure 1"),
+        std::string("accepted controls of the configuration: exposure_time_absolute 200, auto_exposure 1"),
         std::string("WARN  white_balance_temperature: asked 99"), std::string("is not stable"),
-        std::string("controls that stuck when moved by one step, and were put back: "), std::string("Mbit/s"),
+        std::string("controls that accept a change (tested by one step, then restored): "), std::string("Mbit/s"),
         std::string("domain 30, from ROS_DOMAIN_ID"), std::string("WARN  white balance is automatic")})
     EXPECT_THAT(said, HasSubstr(line));
   EXPECT_THAT(end_to_end::contents(log(0)), HasSubstr("exposure_time_absolute 157\n")) << "as it was found";
@@ -571,7 +571,7 @@ TEST_F(Faults, LockedUpCameraBlocksNothing) {
   EXPECT_TRUE(says("camera cam0: does not answer, since it was to be "));
   EXPECT_TRUE(delivers("cam1"));
   end("while running");
-  EXPECT_THAT(service->err(), HasSubstr("camera cam0: it does not answer, the end does not wait for it"));
+  EXPECT_THAT(service->err(), HasSubstr("camera cam0: does not answer; ending without waiting for it"));
 
   const auto begun = std::chrono::steady_clock::now();
   run_preloaded();

@@ -1,6 +1,6 @@
 // What is asked of the running service over the bus, as far as it is answered without cameras: nothing may leave the
-// desks but a reply. The first byte chooses: words, a request a line, tabs between them; or a serialized TeachRequest
-// after a look at pictures of a green ball.
+// handlers but a reply. The first byte chooses: words, a request a line, tabs between them; or a serialized
+// TeachRequest after a look at pictures of a green ball.
 #include <fastdds/rtps/common/SerializedPayload.h>
 
 #include <array>
@@ -100,22 +100,22 @@ void ask_in_words(std::string_view input) {
   const config::ServiceConfig& config = fresh_config();
   Playing playing;
   page::CalibrationSession calibration({.program = fuzz::folder() / "no_such_program"});
-  const page::ControlHandler desk({.calibration = &calibration,
-                                   .playback = &playing,
-                                   .close = [] {},
-                                   .open_recording = [](const fs::path&) {},
-                                   .cameras = {{"a", std::make_shared<Controls>()}},
-                                   .reload = no_problem,
-                                   .begin_anew = no_problem});
+  const page::ControlHandler handler({.calibration = &calibration,
+                                      .playback = &playing,
+                                      .close = [] {},
+                                      .open_recording = [](const fs::path&) {},
+                                      .cameras = {{"a", std::make_shared<Controls>()}},
+                                      .reload = no_problem,
+                                      .restart = no_problem});
   std::vector<std::string> lines = page::split(input, '\n');
   constexpr std::size_t most = 8;  // each may write a file
   if (lines.size() > most) lines.resize(most);
   msg::ControlRequest request;
   for (const std::string& line : lines) {
     request.words(page::split(line, '\t'));
-    const msg::ControlReply reply = desk.answer(request, config);
+    const msg::ControlReply reply = handler.answer(request, config);
     if (!reply.granted() && reply.reason().empty()) throw std::logic_error("refused, and nobody is told why");
-    desk.look_after();
+    handler.poll();
   }
   read_what_was_taught(config);
 }
@@ -142,15 +142,15 @@ void ask_to_teach(std::string_view input) {
   payload.length = static_cast<std::uint32_t>(input.size());
   if (!type.deserialize(&payload, &request)) return;
   const config::ServiceConfig& config = fresh_config();
-  page::TeachingSession desk({.reload = no_problem, .resume = [] {}});
+  page::TeachingSession session({.reload = no_problem, .resume = [] {}});
   capture::FrameSet set{.number = 1, .at = {}, .frames = {}};
   for (int c = 0; c < 2; ++c) {
     capture::Frame& frame = set.frames.emplace_back(std::in_place).value();
     frame.camera = c;
     frame.pixels = ball();
   }
-  if (!desk.freeze(request, config, set).granted()) throw std::logic_error("no pictures to point at");
-  const msg::TeachReply reply = desk.answer(request, config);
+  if (!session.freeze(request, config, set).granted()) throw std::logic_error("no pictures to point at");
+  const msg::TeachReply reply = session.answer(request, config);
   if (!reply.granted() && reply.reason().empty()) throw std::logic_error("refused, and nobody is told why");
   read_what_was_taught(config);
 }
