@@ -153,7 +153,7 @@ Errors simulate(const Setting& setting, std::uint64_t seed) {
   options.seed = seed;
   if (paper_filter) {
     options.pixel_noise_px = setting.noise_px;
-    options.tell_unproven = setting.near_start;
+    options.report_unproven = setting.near_start;
     if (setting.near_start) {
       const Vector3d start = setting.way(0).translation;
       options.start.room_min = start - Vector3d::Constant(0.3);
