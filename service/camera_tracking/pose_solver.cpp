@@ -71,8 +71,8 @@ PoseFit refine_pose(const calib::CameraModel& lens, std::span<const PoseObservat
       known.push_back(fit.error[i]);
     }
     if (known.size() < 3) return fit;
-    fit.scale = calib::median(known) / 1.1774;              // median of a Rayleigh distribution of sigma 1
-    const double width = 4.685 * std::max(fit.scale, 0.5);  // Tukey's constant: 95 % efficiency for normal residuals
+    fit.scale = calib::median(known) / rayleigh_median;
+    const double width = tukey * std::max(fit.scale, least_scale);
     Matrix6d h = Matrix6d::Zero();
     Vector6d b = Vector6d::Zero();
     fit.inliers = 0;
@@ -81,7 +81,7 @@ PoseFit refine_pose(const calib::CameraModel& lens, std::span<const PoseObservat
       const double w = x < 1 ? (1 - x * x) * (1 - x * x) : 0;
       fit.weight[i] = w;
       if (w <= 0) continue;
-      fit.inliers += w > 0.1;
+      fit.inliers += w > inlier_weight;
       h += w * jacobian[i].transpose() * jacobian[i];
       b += w * jacobian[i].transpose() * residual[i];
     }

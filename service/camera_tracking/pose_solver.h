@@ -26,9 +26,14 @@ struct PoseFit {
   Eigen::Matrix<double, 6, 6> information = Eigen::Matrix<double, 6, 6>::Zero();  // of Tangent6d, at the given sigmas
   std::vector<double> error;   // per observation: norm of residual / sigma; infinity without a pixel
   std::vector<double> weight;  // 0..1, of the robust loss
-  int inliers = 0;             // weight > 0.1
+  int inliers = 0;             // weight > inlier_weight
   double scale = 1;            // robust standard deviation of residual / sigma per axis: 1 where the sigmas are right
 };
+
+inline constexpr double rayleigh_median = 1.1774;  // maths: median norm of two normal residuals of sigma 1
+inline constexpr double tukey = 4.685;             // maths: width of Tukey's loss with 95 % efficiency
+inline constexpr double least_scale = 0.5;         // of PoseFit::scale in the loss: a few residuals may fit by chance
+inline constexpr double inlier_weight = 0.1;
 
 // Gauss-Newton with Tukey's loss, its width from the median residual. At least 3 observations.
 //   start  within the basin of convergence

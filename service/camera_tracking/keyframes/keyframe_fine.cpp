@@ -28,8 +28,7 @@ constexpr int first_fit_inliers = 5, corner_fit_inliers = 6, rough_iterations = 
 // Search width for the rectangle's edges, with and without enough points that predict them.
 constexpr std::size_t enough_points = 12;
 constexpr double near_edge_px = 3, far_edge_px = 7;
-constexpr double inlier_weight = 0.1;  // as PoseFit::inliers
-constexpr double least_pivot = 1e-9;   // of the information: below, a direction is undetermined
+constexpr double least_pivot = 1e-9;  // of the information: below, a direction is undetermined
 
 // The smaller standard deviation over the image.
 double spread_px(const std::vector<PointSighting>& sightings) {

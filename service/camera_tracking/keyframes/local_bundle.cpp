@@ -23,8 +23,7 @@ constexpr double first_damping = 1e-4, least_damping = 1e-7, good_step = 0.2, ba
 constexpr int attempts_per_iteration = 4;
 constexpr double converged_share = 1e-4;                 // relative decrease of the cost that ends the iteration
 constexpr double point_ridge = 1e-6, pose_ridge = 1e-9;  // against singular blocks
-// Median of a Rayleigh distribution of sigma 1; least robust scale, against a scale that few observations define.
-constexpr double median_of_length = 1.1774, least_scale = 0.7, outlier_scales = 3.5;
+constexpr double least_outlier_scale = 0.7, outlier_scales = 3.5;  // of the residuals of outliers
 
 struct Linear {  // one observation, whitened and weighted
   Eigen::Vector2d r;
@@ -219,7 +218,7 @@ double Adjustment::try_step(const Eigen::VectorXd& pose_step, BundleProblem& tri
 }
 
 double Adjustment::mark_outliers() {
-  const double scale = length_.empty() ? 1 : std::max(least_scale, calib::median(length_) / median_of_length);
+  const double scale = length_.empty() ? 1 : std::max(least_outlier_scale, calib::median(length_) / rayleigh_median);
   double sum = 0;
   int inliers = 0;
   for (std::size_t i = 0; i < p_.observations.size(); ++i) {

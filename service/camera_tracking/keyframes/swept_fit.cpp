@@ -19,7 +19,6 @@ using Vector6d = Eigen::Matrix<double, 6, 1>;
 using Matrix12d = Eigen::Matrix<double, 12, 12>;
 using Vector12d = Eigen::Matrix<double, 12, 1>;
 
-constexpr double tukey = 4.685, median_of_length = 1.1774, least_scale = 0.5, inlier_weight = 0.1;  // as refine_pose()
 constexpr double most_step_rad = 1, most_step_m = 10;  // a larger step has diverged
 constexpr double done_rad = 1e-7, done_m = 1e-7;
 
@@ -95,7 +94,7 @@ bool Fit::linearise() {
     if (o.line_sigma_px.isZero(0)) lengths_.push_back(fit.error[i]);
   }
   if (lengths_.size() < 3) return false;
-  fit.scale = calib::median_in_place(std::span(lengths_)) / median_of_length;
+  fit.scale = calib::median_in_place(std::span(lengths_)) / rayleigh_median;
   return true;
 }
 

@@ -12,15 +12,15 @@ namespace huetrack::papers {
 
 namespace {
 
-constexpr double most_half_px = 44;  // of a correlation field
-constexpr double narrow_px = 6;      // largest sigma of a converged cloud's projection
+constexpr double most_field_half_px = 44;  // of a correlation field
+constexpr double narrow_cloud_px = 6;      // largest sigma of a converged cloud's projection
 // A point with more misses than this, and than this multiple of its matches, is removed; both counts are halved after
 // counted_frames.
 constexpr int wrong_after = 30, wrong_missed_of_found = 4, counted_frames = 60;
 constexpr float least_weighted_rho = 0.2f;  // after eq. (7)'s weights
 // Candidates: most frames, most frames without a match, and search width on either side of the epipolar line.
-constexpr int most_attempts = 60, most_missed = 8;
-constexpr double line_reach_px = 5, epipolar_sigma_px = 2, ray_sigma_px = 1.5;
+constexpr int most_tries = 60, most_failed = 8;
+constexpr double epipolar_reach_px = 5, epipolar_sigma_px = 2, ray_sigma_px = 1.5;
 constexpr std::size_t drawn_rays = 40;  // of particles
 
 }  // namespace
@@ -58,7 +58,7 @@ PupilliFilter::Result PupilliFilter::track(const std::shared_ptr<const Pyramid>&
   out.matched = measure(out.cam_from_world);
   // A dispersed cloud matches anything.
   const auto narrow = std::ranges::count_if(
-      measured_, [](const Measured& x) { return x.cloud.covariance.trace() < 2 * narrow_px * narrow_px; });
+      measured_, [](const Measured& x) { return x.cloud.covariance.trace() < 2 * narrow_cloud_px * narrow_cloud_px; });
   out.supported = out.matched >= 4 && 3 * out.matched >= 2 * out.active && 2 * narrow > out.active;
   supported_ = out.supported;
   if (out.supported && options_.polish) {
@@ -100,10 +100,10 @@ void PupilliFilter::correlate(const GreyImage& image) {
   for (std::size_t k = 0; k < m; ++k) {
     project(k);
     const CloudMoments cloud = cloud_moments(u_[k], v_[k], particles_.weight);
-    const double left = std::max(static_cast<double>(cloud.u_min), cloud.mean.x() - most_half_px),
-                 right = std::min(static_cast<double>(cloud.u_max), cloud.mean.x() + most_half_px);
-    const double top = std::max(static_cast<double>(cloud.v_min), cloud.mean.y() - most_half_px),
-                 bottom = std::min(static_cast<double>(cloud.v_max), cloud.mean.y() + most_half_px);
+    const double left = std::max(static_cast<double>(cloud.u_min), cloud.mean.x() - most_field_half_px),
+                 right = std::min(static_cast<double>(cloud.u_max), cloud.mean.x() + most_field_half_px);
+    const double top = std::max(static_cast<double>(cloud.v_min), cloud.mean.y() - most_field_half_px),
+                 bottom = std::min(static_cast<double>(cloud.v_max), cloud.mean.y() + most_field_half_px);
     const Eigen::Vector2d centre(0.5 * (left + right), 0.5 * (top + bottom));
     const double margin = static_cast<double>(options_.epsilon_d_px[0]);
     fields_[k].correlate(image, points_[active_[k]].templ,
@@ -195,7 +195,7 @@ void PupilliFilter::map(const std::shared_ptr<const Pyramid>& pyramid, const Res
       p.templ = std::move(c.templ);
       p.source = std::move(c.source);
       add(std::move(p));
-    } else if (c.attempts < most_attempts && c.missed < most_missed) {
+    } else if (c.attempts < most_tries && c.missed < most_failed) {
       kept.push_back(std::move(c));
     }
   }
@@ -206,7 +206,7 @@ void PupilliFilter::map(const std::shared_ptr<const Pyramid>& pyramid, const Res
 
 // Section 5: as LeeMapping::sharpen().
 bool PupilliFilter::sharpen(FeatureCandidate& c, const GreyImage& image, const calib::Rigid3d& pose) {
-  const auto segment = project_ray(camera_.model, c.ray, pose, line_reach_px);
+  const auto segment = project_ray(camera_.model, c.ray, pose, epipolar_reach_px);
   if (!segment || !camera_.contains(segment->b)) return false;
   candidate_field_.correlate(image, c.templ, segment->box);
   const PixelRegion& region = candidate_field_.region();
