@@ -1,4 +1,4 @@
-// What can be wrong with a start.
+// Validation of CameraTrackerOptions.
 #include <algorithm>
 #include <cmath>
 #include <set>
@@ -55,7 +55,7 @@ void check(const PointsStart& start, Problems& out) {
 }
 
 void check(const FoundStart& start, Problems& out) {
-  if (!start.find) out.emplace_back("start: there is nothing that finds the board");
+  if (!start.find) out.emplace_back("start: a board detector is missing");
 }
 
 void check(const LedStart& start, Problems& out) {
@@ -71,8 +71,7 @@ void check(const LedStart& start, Problems& out) {
     out.push_back("start: the schedule names LEDs 0 to " + std::to_string(n - 1) + ", or -1 for none");
   if (start.schedule.empty() && start.leds.size() == 4)
     out.emplace_back(
-        "start: 4 LEDs of which it is not known which is which leave more than one pose: give led_schedule, or a fifth "
-        "LED");
+        "start: with 4 LEDs that are not identified more than one pose fits: give led_schedule, or a fifth LED");
   if (!start.schedule.empty()) {
     std::set<int> lit(start.schedule.begin(), start.schedule.end());
     lit.erase(-1);
@@ -90,7 +89,7 @@ void check(const LedStart& start, Problems& out) {
 
 std::vector<std::string> CameraTrackerOptions::problems() const {
   Problems out;
-  if (particle_count < 0) out.emplace_back("particle_count must be >= 0 (0: the method's own)");
+  if (particle_count < 0) out.emplace_back("particle_count must be >= 0 (0: the method's default)");
   const bool leds = std::holds_alternative<LedStart>(start);
   if (method == CameraMethod::herranz && !leds)
     out.emplace_back("the method herranz needs LEDs at known positions to start from");

@@ -26,24 +26,23 @@ Eigen::Vector3d plane_normal(const std::vector<Eigen::Vector3d>& points, const c
 
 constexpr double points_sigma_px = 0.5;
 
-// Whoever fits; whether it is enough is for accepted() to say.
-std::optional<Started> from_points(const calib::Camera& camera, const PointsStart& known) {
+// Without a test of its quality: see rejection_reason().
+std::optional<StartResult> from_points(const calib::Camera& camera, const PointsStart& known) {
   std::vector<PoseObservation> observations;
   for (std::size_t i = 0; i < known.points.size(); ++i)
     observations.push_back({known.points[i], known.pixels[i], points_sigma_px});
   const auto pose = solve_pose(camera.model, observations);
   if (!pose) return std::nullopt;
-  Started out{*pose, {}, {}, points_sigma_px, 1e-4, Eigen::Vector3d::Zero(), false, false};
+  StartResult out{*pose, {}, {}, points_sigma_px, 1e-4, Eigen::Vector3d::Zero(), false, false};
   std::vector<double> depth;
   for (std::size_t i = 0; i < known.points.size(); ++i) {
-    if (!(pose->weight[i] > 0)) continue;  // a wrong one among the others
+    if (!(pose->weight[i] > 0)) continue;  // outlier
     out.points.push_back(known.points[i]);
     out.px.push_back(known.pixels[i]);
     depth.push_back((pose->cam_from_world * known.points[i]).norm());
   }
   if (out.points.empty()) return std::nullopt;
-  // With few points the residuals say little; with many, a scale well above 1 says that the points are not where they
-  // are said to be, by so many pixels at their distance.
+  // Large residuals of many points: their given positions have an error of so many pixels at their distance.
   if (observations.size() >= 6 && pose->scale > 2)
     out.given_sigma_m = std::max(out.given_sigma_m,
                                  pose->scale * points_sigma_px / camera.model.fx() * calib::median(std::move(depth)));
@@ -51,52 +50,46 @@ std::optional<Started> from_points(const calib::Camera& camera, const PointsStar
   return out;
 }
 
-std::optional<PointsStart> seen(const FoundStart& board, const capture::Image& image) {
+std::optional<PointsStart> detect(const FoundStart& board, const capture::Image& image) {
   auto known = board.find(image);
   if (known && (known->points.size() < 4 || known->points.size() != known->pixels.size())) known.reset();
   return known;
 }
 
-Started from_rectangle(const FoundRectangle& found, const std::vector<Eigen::Vector3d>& corners) {
-  Started out{found.pose, corners, {}, 0.1, 1e-4, Eigen::Vector3d::Zero(), true, found.dark};
+StartResult from_rectangle(const FoundRectangle& found, const std::vector<Eigen::Vector3d>& corners) {
+  StartResult out{found.pose, corners, {}, 0.1, 1e-4, Eigen::Vector3d::Zero(), true, found.dark};
   out.px.assign(found.corners.px.begin(), found.corners.px.end());
   out.normal = plane_normal(out.points, found.pose.cam_from_world);
   return out;
 }
 
-double distance_m(const Started& started) {
+double distance_m(const StartResult& started) {
   double sum = 0;
   for (const Eigen::Vector3d& p : started.points) sum += (started.pose.cam_from_world * p).norm();
   return sum / static_cast<double>(started.points.size());
 }
 
-// Standard deviation of the camera's position, as the residuals have it.
-double open_m(const PoseFit& pose) {
-  const double scale = std::max(1.0, pose.scale);
-  const Eigen::Matrix<double, 6, 6> covariance = scale * scale * pose.information.inverse();
-  return std::sqrt(world_covariance(pose.cam_from_world, covariance).topLeftCorner<3, 3>().trace());
-}
-
-// Why that is no start; empty: it is one. A wrong one would become the world: it must explain most of what was given,
-// and leave little open.
-std::string objection(const std::optional<Started>& started, std::size_t given) {
-  constexpr double share = 0.6, open = 0.03;
+// Empty: accepted. A wrong start would define a wrong world.
+std::string rejection_reason(const std::optional<StartResult>& started, std::size_t given) {
+  constexpr double least_share = 0.6, most_sigma = 0.03;  // of the given points; of the distance
   if (!started) return "no pose of the camera fits them";
   const int agree = started->pose.inliers;
-  if (agree < 4 || agree < share * static_cast<double>(given))
+  if (agree < 4 || agree < least_share * static_cast<double>(given))
     return fmt::format("only {} of {} points fit one pose of the camera", agree, given);
-  const double distance = distance_m(*started), left = open_m(started->pose);
-  if (!(left < open * distance))
-    return fmt::format("the view leaves {:.0f} mm open from {:.2f} m away, more than {:.0f} % of that", 1e3 * left,
-                       distance, 100 * open);
+  const double distance = distance_m(*started), sigma = position_sigma_m(started->pose);
+  if (!(sigma < most_sigma * distance))
+    return fmt::format(
+        "the camera's position is uncertain by {:.0f} mm from {:.2f} m away, more than {:.0f} % of that: go nearer, or "
+        "view it from another side",
+        1e3 * sigma, distance, 100 * most_sigma);
   return {};
 }
 
 }  // namespace
 
-std::optional<Started> CameraStarter::find(const capture::Image& image, const GreyImage& grey) {
+std::optional<StartResult> CameraStarter::find(const capture::Image& image, const GreyImage& grey) {
   const bool is_first = frames_++ == 0;
-  if (const auto* points = std::get_if<PointsStart>(&start_)) {  // why they were none stays
+  if (const auto* points = std::get_if<PointsStart>(&start_)) {  // the reason of the first frame stays
     if (!is_first) return std::nullopt;
     return accepted(from_points(camera_, *points), points->points.size(), "the known points in the first frame");
   }
@@ -112,17 +105,17 @@ std::optional<Started> CameraStarter::find(const capture::Image& image, const Gr
     if (found) return confirmed(accepted(from_rectangle(*found, corners), 4, "what looks like the rectangle"));
     why_not_ = "no rectangle of the given proportions is seen whole, clear and over 1 % of the image";
   } else if (const auto* board = std::get_if<FoundStart>(&start_)) {
-    if (const auto known = seen(*board, image))
+    if (const auto known = detect(*board, image))
       return confirmed(accepted(from_points(camera_, *known), known->points.size(), "what looks like the board"));
     why_not_ = "the board is not seen";
   }
   return confirmed(std::nullopt);
 }
 
-// One frame may show by chance what many in a row do not; a large and clear view leaves chance no room.
-std::optional<Started> CameraStarter::confirmed(std::optional<Started> started) {
+// Rejects false detections, which seldom repeat with consistent poses.
+std::optional<StartResult> CameraStarter::confirmed(std::optional<StartResult> started) {
   constexpr int frames_in_a_row = 3;
-  constexpr double sure = 0.005;                    // leaves less open, of the distance: at once
+  constexpr double sure = 0.005;                    // position sigma below which one frame is enough; of the distance
   constexpr double moved = 0.1, turned_rad = 0.15;  // from frame to frame; of the distance
   if (!started) {
     last_found_.reset();
@@ -134,14 +127,15 @@ std::optional<Started> CameraStarter::confirmed(std::optional<Started> started) 
                            moved * distance_m(*started);
   last_found_ = pose;
   found_in_a_row_ = goes_on ? found_in_a_row_ + 1 : 1;
-  if (found_in_a_row_ >= frames_in_a_row || open_m(started->pose) < sure * distance_m(*started)) return started;
-  why_not_ = "what it starts from has yet to be seen in some frames in a row";
+  if (found_in_a_row_ >= frames_in_a_row || position_sigma_m(started->pose) < sure * distance_m(*started))
+    return started;
+  why_not_ = "the start must be seen in some frames in a row; keep it in view";
   return std::nullopt;
 }
 
-std::optional<Started> CameraStarter::accepted(std::optional<Started> started, std::size_t given,
-                                               const std::string& what) {
-  if (const std::string why = objection(started, given); !why.empty()) {
+std::optional<StartResult> CameraStarter::accepted(std::optional<StartResult> started, std::size_t given,
+                                                   const std::string& what) {
+  if (const std::string why = rejection_reason(started, given); !why.empty()) {
     why_not_ = what + ": " + why;
     started.reset();
   }
@@ -154,10 +148,10 @@ std::optional<calib::Rigid3d> CameraStarter::find_again(const capture::Image& im
     if (const auto found = find_rectangle(grey, camera_.model, rectangle->corners, &near))
       return found->pose.cam_from_world;
   } else if (const auto* board = std::get_if<FoundStart>(&start_)) {
-    const auto known = seen(*board, image);
+    const auto known = detect(*board, image);
     if (!known) return std::nullopt;
     const auto started = from_points(camera_, *known);
-    if (objection(started, known->points.size()).empty()) return started->pose.cam_from_world;
+    if (rejection_reason(started, known->points.size()).empty()) return started->pose.cam_from_world;
   }
   return std::nullopt;
 }

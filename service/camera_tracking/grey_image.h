@@ -1,4 +1,4 @@
-// The brightness of an image, and smaller copies of it.
+// Grey images and image pyramids.
 #pragma once
 
 #include <Eigen/Core>
@@ -18,7 +18,7 @@ struct GreyImage {
   std::ptrdiff_t stride = 0;  // bytes from one row to the next
   const std::uint8_t* data = nullptr;
   std::shared_ptr<const void> owner;                      // keeps data alive
-  capture::ColorRange range = capture::ColorRange::full;  // what black and white are
+  capture::ColorRange range = capture::ColorRange::full;  // the values of black and white
 
   const std::uint8_t* row(int v) const { return data + v * stride; }
   // Whether all pixels within margin of (u, v) exist.
@@ -27,8 +27,7 @@ struct GreyImage {
   }
 };
 
-// Formats with a plane of luma are read where they lie; yuyv and bgr are packed into one. Limited range stays as it is:
-// all who compare brightness here do not mind gain and offset.
+// Shares the luma plane where the format has one; copies yuyv and bgr. Limited range is not expanded.
 GreyImage grey_of(const capture::Image& image);
 GreyImage make_grey(int width, int height, std::uint8_t*& pixels);  // owned, zero, full range
 GreyImage half_size(const GreyImage& image);  // means of 2x2; an odd last row or column is dropped
@@ -51,7 +50,7 @@ struct Pyramid {
   std::vector<GreyImage> levels;
   int count() const { return static_cast<int>(levels.size()); }
 };
-Pyramid make_pyramid(GreyImage image, int max_levels = 4);  // stops before a side gets below 30 pixels
+Pyramid make_pyramid(GreyImage image, int max_levels = 4);  // no side falls below 30 pixels
 
 inline double scale_of(int level) {
   return static_cast<double>(1 << level);

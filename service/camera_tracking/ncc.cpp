@@ -50,7 +50,7 @@ HUETRACK_CLONES void finish_row(const std::int32_t* __restrict product, const st
   }
   const float count = static_cast<float>(side * side);
   for (int u = 0; u < n; ++u) {
-    // Differences of large numbers: scaled by the count they are exact in double.
+    // Scaled by the count, the differences of large numbers are exact in double.
     const double s = sum[u];
     const double top = static_cast<double>(count) * product[u] - static_cast<double>(t_sum) * s;
     const double var = static_cast<double>(count) * square[u] - s * s;  // count^2 times the variance

@@ -1,4 +1,4 @@
-// Normalised cross-correlation of a small template with an image, only where it is asked for.
+// Normalised cross-correlation (NCC) of a small template with a region of an image.
 #pragma once
 
 #include <Eigen/Core>
@@ -9,16 +9,15 @@
 
 namespace huetrack::camera_tracking {
 
-// A square of brightness, side x side, row by row; 1 <= side <= 16. Its anchor is the pixel ((side - 1) / 2, (side - 1)
-// / 2), rounded down; centre_offset() leads from there to its true centre.
+// A square of grey levels, row by row; 1 <= side <= 16. Its anchor is pixel ((side - 1) / 2, (side - 1) / 2), rounded
+// down; its centre lies at anchor + centre_offset().
 struct NccTemplate {
   int side = 0;
   std::vector<std::uint8_t> pixels;
   float centre_offset() const { return side % 2 == 0 ? 0.5f : 0.0f; }
-  // What it needs of itself, computed once.
   std::int32_t sum = 0;
-  float norm = 0;  // sqrt(sum of (T - mean)^2); 0: it has no texture, and correlates with nothing
-  void finish();   // after pixels are set
+  float norm = 0;  // sqrt(sum of (T - mean)^2); 0: no texture, it correlates with nothing
+  void finish();   // sets sum and norm from the pixels
 };
 
 // Columns u0..u1 and rows v0..v1, both inclusive, of anchors.
@@ -28,12 +27,12 @@ struct PixelRegion {
   int height() const { return v1 - v0 + 1; }
   bool empty() const { return u1 < u0 || v1 < v0; }
 };
-// The part of the region in which the template lies inside the image.
+// The anchors of the region at which the template lies inside the image.
 PixelRegion clip(const PixelRegion& region, const GreyImage& image, int side);
 
-// rho(u, v) in [-1, 1] for every anchor of the region (which must be clipped), row by row; 0 where the image is flat.
+// rho(u, v) in [-1, 1] at every anchor of a clipped region, row by row; 0 where the image is flat.
 //   field  (width x height,) out
-// Sums are exact integers, so that it is the same bits on every machine. Cost: side^2 multiply-adds per anchor.
+// Integer sums: the same bits on every machine. Cost: side^2 multiply-adds per anchor.
 void ncc_field(const GreyImage& image, const NccTemplate& t, const PixelRegion& region, std::vector<float>& field);
 
 struct NccPeak {
@@ -41,8 +40,7 @@ struct NccPeak {
   int u = 0, v = 0;  // anchor
 };
 NccPeak best_of(const std::vector<float>& field, const PixelRegion& region);
-// Where the top of the field is between the pixels: parabolas through the peak's neighbours; the anchor itself at the
-// border.
+// Sub-pixel position of the peak by parabolas through its neighbours; at the region's border the anchor itself.
 Eigen::Vector2d refined(const NccPeak& peak, const std::vector<float>& field, const PixelRegion& region);
 
 }  // namespace huetrack::camera_tracking

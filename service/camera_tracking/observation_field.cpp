@@ -13,18 +13,17 @@ HUETRACK_CLONES void take_larger(const float* __restrict in, int n, float* __res
   for (int i = 0; i < n; ++i) out[i] = in[i] > out[i] ? in[i] : out[i];
 }
 
-// value += gain where a projection falls on a marked pixel. Projections outside the region (or without a pixel: hugely
-// negative) are held at a border cell that is empty.
+// Adds the marked value at each projection; 0 outside of the region (a projection without a pixel is hugely negative).
 HUETRACK_CLONES void look_up(const float* __restrict marked, float left, float top, int width, int height,
-                             const float* __restrict u, const float* __restrict v, std::size_t n, float gain,
-                             bool binary, float* __restrict out) {
+                             const float* __restrict u, const float* __restrict v, std::size_t n, bool binary,
+                             float* __restrict out) {
   const float w = static_cast<float>(width), h = static_cast<float>(height);
   for (std::size_t i = 0; i < n; ++i) {
     const float x = u[i] - left, y = v[i] - top;
     const bool inside = x >= 0 && y >= 0 && x < w && y < h;
     const int at = inside ? static_cast<int>(y) * width + static_cast<int>(x) : 0;
     const float m = inside ? marked[at] : 0.0f;
-    out[i] += gain * (binary ? (m > 0 ? 1.0f : 0.0f) : m);
+    out[i] += binary ? (m > 0 ? 1.0f : 0.0f) : m;
   }
 }
 
@@ -67,13 +66,13 @@ void ObservationField::mark(float epsilon_rho, float epsilon_d) {
   }
 }
 
-void ObservationField::score(std::span<const float> u, std::span<const float> v, float gain, bool binary,
+void ObservationField::score(std::span<const float> u, std::span<const float> v, bool binary,
                              std::span<float> log_weight) const {
   if (marked_.empty()) return;
-  // The pixel that a projection rounds to, seen from the template's centre.
+  // Shifted so that truncation rounds to the nearest anchor.
   look_up(marked_.data(), static_cast<float>(region_.u0) + offset_ - 0.5f,
           static_cast<float>(region_.v0) + offset_ - 0.5f, region_.width(), region_.height(), u.data(), v.data(),
-          u.size(), gain, binary, log_weight.data());
+          u.size(), binary, log_weight.data());
 }
 
 void ObservationField::reweight(std::span<const float> u, std::span<const float> v, std::span<const float> weight,

@@ -1,5 +1,4 @@
-// One task at a time, beside the caller: how tracking and mapping run in parallel and yet give the same result every
-// time.
+// One background task at a time: tracking and mapping run in parallel with a deterministic result.
 #pragma once
 
 #include <condition_variable>
@@ -9,8 +8,8 @@
 
 namespace huetrack::camera_tracking {
 
-// thread-compatible: start() and wait() by one thread. The task shares nothing with what the caller does in between;
-// what it made is the caller's after wait(). So the result does not depend on who is faster.
+// thread-compatible: start() and wait() by one thread. Between the two, the task and the caller must not share data, so
+// that the result does not depend on timing.
 class ParallelTask {
  public:
   ParallelTask() : worker_([this](std::stop_token stop) { run(stop); }) {}
@@ -18,7 +17,7 @@ class ParallelTask {
   ParallelTask(const ParallelTask&) = delete;
   ParallelTask& operator=(const ParallelTask&) = delete;
 
-  void start(std::function<void()> task) {  // the one before was waited for; the task does not throw
+  void start(std::function<void()> task) {  // call wait() before the next one; the task must not throw
     std::lock_guard lock(mutex_);
     task_ = std::move(task);
     changed_.notify_all();
@@ -42,7 +41,7 @@ class ParallelTask {
 
   std::mutex mutex_;
   std::condition_variable_any changed_;
-  std::function<void()> task_;  // guarded by mutex_; while it runs, nobody else touches it
+  std::function<void()> task_;  // guarded by mutex_, except while it runs
   std::jthread worker_;         // last: it uses the others
 };
 

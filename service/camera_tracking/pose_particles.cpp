@@ -68,7 +68,7 @@ void PoseParticles::reset(std::size_t count, const calib::Rigid3d& cam_from_worl
   std::ranges::fill(cy, static_cast<float>(centre.y()));
   std::ranges::fill(cz, static_cast<float>(centre.z()));
   std::ranges::fill(weight, 1.0f / static_cast<float>(count));
-  rotations_hold_ = false;
+  rotation_is_valid_ = false;
 }
 
 void PoseParticles::walk_uniform(float rotation_rad, float position_m, particle_filter::Rng& rng) {
@@ -85,30 +85,14 @@ void PoseParticles::walk_normal(float rotation_rad, float position_m, particle_f
   walk(size(), rotation_rad, position_m);
 }
 
-void PoseParticles::walk(std::size_t apart, float rotation_rad, float position_m) {
+void PoseParticles::walk(std::size_t stride, float rotation_rad, float position_m) {
   const std::size_t n = size();
   const float* d = scratch_.data();
-  step(n, d, d + apart, d + 2 * apart, rotation_rad, qw.data(), qx.data(), qy.data(), qz.data());
-  add_scaled(n, d + 3 * apart, position_m, cx.data());
-  add_scaled(n, d + 4 * apart, position_m, cy.data());
-  add_scaled(n, d + 5 * apart, position_m, cz.data());
-  rotations_hold_ = false;
-}
-
-void PoseParticles::move(const calib::Rigid3d& by) {
-  // c' = c + R^T (dR^T (-dt)), R' = dR R
-  const Eigen::Vector3d back = by.rotation.inverse() * -by.translation;
-  for (std::size_t i = 0; i < size(); ++i) {
-    const Eigen::Quaterniond q(static_cast<double>(qw[i]), static_cast<double>(qx[i]), static_cast<double>(qy[i]),
-                               static_cast<double>(qz[i]));
-    const Eigen::Vector3d shift = q.inverse() * back;
-    const Eigen::Quaterniond next = (by.rotation * q).normalized();
-    qw[i] = static_cast<float>(next.w()), qx[i] = static_cast<float>(next.x());
-    qy[i] = static_cast<float>(next.y()), qz[i] = static_cast<float>(next.z());
-    cx[i] += static_cast<float>(shift.x()), cy[i] += static_cast<float>(shift.y()),
-        cz[i] += static_cast<float>(shift.z());
-  }
-  rotations_hold_ = false;
+  step(n, d, d + stride, d + 2 * stride, rotation_rad, qw.data(), qx.data(), qy.data(), qz.data());
+  add_scaled(n, d + 3 * stride, position_m, cx.data());
+  add_scaled(n, d + 4 * stride, position_m, cy.data());
+  add_scaled(n, d + 5 * stride, position_m, cz.data());
+  rotation_is_valid_ = false;
 }
 
 void PoseParticles::resample(particle_filter::Rng& rng, std::size_t count) {
@@ -123,19 +107,19 @@ void PoseParticles::resample(particle_filter::Rng& rng, std::size_t count) {
   weight.assign(count, 1.0f / static_cast<float>(count));
   for (auto* array : {&x_, &y_, &z_}) array->resize(count);
   for (auto& array : rotation_) array.resize(count);
-  rotations_hold_ = false;
+  rotation_is_valid_ = false;
 }
 
 void PoseParticles::update_rotations() {
   auto& r = rotation_;
   rotation_of(size(), qw.data(), qx.data(), qy.data(), qz.data(), r[0].data(), r[1].data(), r[2].data(), r[3].data(),
               r[4].data(), r[5].data(), r[6].data(), r[7].data(), r[8].data());
-  rotations_hold_ = true;
+  rotation_is_valid_ = true;
 }
 
 void PoseParticles::project(const calib::BatchProjector& lens, const Eigen::Vector3d& p, std::span<float> u,
                             std::span<float> v) {
-  if (!rotations_hold_) update_rotations();
+  if (!rotation_is_valid_) update_rotations();
   const auto& r = rotation_;
   const Eigen::Vector3f z = p.cast<float>();
   float* out[3] = {x_.data(), y_.data(), z_.data()};
@@ -152,9 +136,14 @@ calib::Rigid3d PoseParticles::pose(std::size_t i) const {
   return {q, -(q * Eigen::Vector3d(d(cx), d(cy), d(cz)))};
 }
 
+std::vector<calib::Rigid3d> PoseParticles::world_from_cameras(std::size_t most) const {
+  std::vector<calib::Rigid3d> out;
+  for (std::size_t i = 0; i < std::min(size(), most); ++i) out.push_back(calib::inverse(pose(i)));
+  return out;
+}
+
 calib::Rigid3d PoseParticles::mean() const {
-  // A cloud of camera poses is narrow, so the normalised sum of its quaternions (brought to one hemisphere) is its
-  // mean.
+  // The cloud is narrow: the normalised sum of its quaternions, brought to one hemisphere, is the mean rotation.
   const auto best = static_cast<std::size_t>(std::ranges::max_element(weight) - weight.begin());
   Eigen::Vector4d q = Eigen::Vector4d::Zero();
   Eigen::Vector3d c = Eigen::Vector3d::Zero();
@@ -188,7 +177,7 @@ CloudMoments cloud_moments(std::span<const float> u, std::span<const float> v, s
   CloudMoments m;
   m.u_min = m.v_min = 1e9f, m.u_max = m.v_max = -1e9f;
   double su = 0, sv = 0, suu = 0, suv = 0, svv = 0, sw = 0;
-  double ou = 0, ov = 0;  // sums about the first pixel, so that single precision differences stay exact
+  double ou = 0, ov = 0;  // the first pixel, about which is summed: no cancellation
   bool first = true;
   for (std::size_t i = 0; i < u.size(); ++i) {
     if (!(u[i] > 0.5f * calib::BatchProjector::outside)) continue;

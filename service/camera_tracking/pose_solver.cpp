@@ -24,7 +24,7 @@ calib::Rigid3d rigid_of(const cv::Mat& rvec, const cv::Mat& tvec) {
           {tvec.at<double>(0), tvec.at<double>(1), tvec.at<double>(2)}};
 }
 
-// Sum of squared residuals, in sigmas; infinity when a point is not before the camera.
+// Sum of squared residuals, in sigmas; infinity if a point is not in front of the camera.
 double cost(const calib::CameraModel& lens, std::span<const PoseObservation> observations, const calib::Rigid3d& pose) {
   double sum = 0;
   for (const PoseObservation& o : observations) {
@@ -71,9 +71,8 @@ PoseFit refine_pose(const calib::CameraModel& lens, std::span<const PoseObservat
       known.push_back(fit.error[i]);
     }
     if (known.size() < 3) return fit;
-    // The length of two normal residuals of deviation s has its median at 1.1774 s.
-    fit.scale = calib::median(known) / 1.1774;
-    const double width = 4.685 * std::max(fit.scale, 0.5);
+    fit.scale = calib::median(known) / rayleigh_median;
+    const double width = tukey * std::max(fit.scale, least_scale);
     Matrix6d h = Matrix6d::Zero();
     Vector6d b = Vector6d::Zero();
     fit.inliers = 0;
@@ -82,7 +81,7 @@ PoseFit refine_pose(const calib::CameraModel& lens, std::span<const PoseObservat
       const double w = x < 1 ? (1 - x * x) * (1 - x * x) : 0;
       fit.weight[i] = w;
       if (w <= 0) continue;
-      fit.inliers += w > 0.1;
+      fit.inliers += w > inlier_weight;
       h += w * jacobian[i].transpose() * jacobian[i];
       b += w * jacobian[i].transpose() * residual[i];
     }
@@ -120,14 +119,14 @@ std::optional<PoseFit> solve_pose(const calib::CameraModel& lens, std::span<cons
   try {
     cv::solvePnPGeneric(points, rays, identity, cv::noArray(), rvecs, tvecs, false,
                         plane ? cv::SOLVEPNP_IPPE : cv::SOLVEPNP_SQPNP);
-  } catch (const cv::Exception&) {  // points in one line, for instance: no pose
+  } catch (const cv::Exception&) {  // points in one line, for instance
     return std::nullopt;
   }
   std::optional<PoseFit> best;
   double best_cost = std::numeric_limits<double>::infinity();
   for (std::size_t i = 0; i < rvecs.size(); ++i) {
     const PoseFit fit = refine_pose(lens, observations, rigid_of(rvecs[i], tvecs[i]), 20);
-    double robust = 0;  // an outlier costs as much as one that is 5 sigmas off
+    double robust = 0;  // truncated at 5 sigmas
     for (const double e : fit.error) robust += std::min(e * e, 25.0);
     const double c = observations.size() <= 6 ? cost(lens, observations, fit.cam_from_world) : robust;
     if (c < best_cost) best_cost = c, best = fit;
@@ -201,9 +200,19 @@ std::optional<PoseFit> solve_pose_ransac(const calib::CameraModel& lens, std::sp
   return fit;
 }
 
+Covariance6d tangent_covariance(const PoseFit& fit) {
+  const double scale = std::max(1.0, fit.scale);
+  const Covariance6d inverse = fit.information.inverse();
+  return scale * scale * inverse;
+}
+
+double position_sigma_m(const PoseFit& fit) {
+  return std::sqrt(world_covariance(fit.cam_from_world, tangent_covariance(fit)).topLeftCorner<3, 3>().trace());
+}
+
 Covariance6d world_covariance(const calib::Rigid3d& cam_from_world,
                               const Eigen::Matrix<double, 6, 6>& tangent_covariance) {
-  // With exp((omega, v)) cam_from_world: dt = -R^T v, w = -R^T omega, R the rotation of cam_from_world, to first order.
+  // exp((omega, v)) cam_from_world: dt = -R^T v, w = -R^T omega, R of cam_from_world.
   const Eigen::Matrix3d back = -cam_from_world.rotation.toRotationMatrix().transpose();
   Matrix6d m = Matrix6d::Zero();
   m.topRightCorner<3, 3>() = back;

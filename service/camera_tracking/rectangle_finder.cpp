@@ -20,7 +20,7 @@ using Quad = std::array<Eigen::Vector2d, 4>;
 struct Line {  // n . p = d, in ideal pixels; n unit
   Eigen::Vector2d n = Eigen::Vector2d::Zero();
   double d = 0;
-  double from = 0, to = 0;  // which part of the edge was seen, 0..1
+  double from = 0, to = 0;  // the visible part of the edge, 0..1
   bool good = false;
 };
 
@@ -30,9 +30,8 @@ std::optional<Eigen::Vector2d> raw_of(const calib::CameraModel& lens, const Eige
   return px->px;
 }
 
-// Brightness to light: what sRGB and BT.601 cameras put into 8 bits is about its square root. A blurred edge's middle
-// is where half of the light is; in brightness it seems to lie on the dark side of that, by 0.3 px on
-// data/rendered/desk.
+// Linear light of a gamma-coded grey level (sRGB, approximately BT.601, too). A blurred edge lies where half of the
+// light is; located in grey levels it has a bias towards the dark side (EXPERIMENTS.md: 0.3 px).
 const std::array<float, 256>& light_of(capture::ColorRange range) {
   static const auto table = [](double black, double white) {
     std::array<float, 256> t{};
@@ -56,7 +55,7 @@ double light_at(const GreyImage& image, const std::array<float, 256>& light, con
   return (1 - fv) * ((1 - fu) * l(a[0]) + fu * l(a[1])) + fv * ((1 - fu) * l(b[0]) + fu * l(b[1]));
 }
 
-// The steepest step of the right sign along a normal, to a fraction of a pixel; nullopt: none that is clear.
+// Sub-pixel offset of the steepest step of the expected sign along a normal; nullopt: no clear one.
 std::optional<double> steepest(const GreyImage& image, const Eigen::Vector2d& at, const Eigen::Vector2d& outward,
                                double search_px, bool dark) {
   constexpr double spacing = 0.5;
@@ -92,7 +91,7 @@ struct EdgePoint {
   double part;  // of the edge, 0..1
 };
 
-// Where the edge from a to b is seen, in ideal pixels; asked: at how many places it was looked for.
+// Measured points of the edge from a along `along`; asked: the number of places that were tried.
 std::vector<EdgePoint> points_of_edge(const GreyImage& image, const calib::CameraModel& lens, const Eigen::Vector2d& a,
                                       const Eigen::Vector2d& along, const Eigen::Vector2d& outward, double search_px,
                                       bool dark, int& asked) {
@@ -100,12 +99,12 @@ std::vector<EdgePoint> points_of_edge(const GreyImage& image, const calib::Camer
   std::vector<EdgePoint> points;
   asked = 0;
   for (int i = 0; i < samples; ++i) {
-    const double part = 0.06 + 0.88 * (i + 0.5) / samples;  // not too near to the corners
+    const double part = 0.06 + 0.88 * (i + 0.5) / samples;  // not near the corners
     const auto raw = raw_of(lens, a + part * along);
-    const auto beside = raw_of(lens, a + part * along + outward);
-    if (!raw || !beside || !image.contains(raw->x(), raw->y(), 3)) continue;
+    const auto outside = raw_of(lens, a + part * along + outward);
+    if (!raw || !outside || !image.contains(raw->x(), raw->y(), 3)) continue;
     ++asked;
-    const Eigen::Vector2d normal = (*beside - *raw).normalized();
+    const Eigen::Vector2d normal = (*outside - *raw).normalized();
     const auto offset = steepest(image, *raw, normal, search_px, dark);
     if (!offset) continue;
     if (const auto ideal = lens.undistort({*raw + *offset * normal})) points.push_back({ideal->px, part});
@@ -113,7 +112,7 @@ std::vector<EdgePoint> points_of_edge(const GreyImage& image, const calib::Camer
   return points;
 }
 
-// Those that lie near the line through two of them that most of them agree with.
+// The largest consensus set of a line through two of the points.
 std::vector<EdgePoint> most_in_a_line(const std::vector<EdgePoint>& points) {
   std::vector<EdgePoint> best;
   const std::size_t n = points.size();
@@ -170,7 +169,7 @@ std::optional<PoseFit> pose_of(const calib::CameraModel& lens, std::span<const E
   return solve_pose(lens, observations);
 }
 
-// How much the inside differs from a ring around it, over how unlike itself each of them is.
+// Contrast between the inside and a ring around it, over the standard deviations of both.
 double contrast(const GreyImage& image, const Quad& px, bool dark) {
   const Eigen::Vector2d centre = (px[0] + px[1] + px[2] + px[3]) / 4;
   double sum[2] = {}, square[2] = {};
@@ -196,7 +195,7 @@ double contrast(const GreyImage& image, const Quad& px, bool dark) {
   return step < 20 ? 0 : step / (noise + 4);
 }
 
-// The corners of a contour that is a convex quadrangle, clockwise; nullopt: it is none.
+// The corners of a convex quadrangular contour, clockwise; nullopt: another shape.
 std::optional<Quad> quad_of(const std::vector<cv::Point>& contour) {
   std::vector<cv::Point> corners;
   for (const double tolerance : {0.02, 0.035, 0.05}) {  // of its length
@@ -213,7 +212,7 @@ std::optional<Quad> quad_of(const std::vector<cv::Point>& contour) {
   return quad;
 }
 
-// Whichever corner comes first.
+// Up to the choice of the first corner.
 bool are_the_same(const Quad& a, const Quad& b) {
   return std::ranges::any_of(std::array<std::size_t, 4>{0, 1, 2, 3}, [&](std::size_t turn) {
     double far = 0;
@@ -222,7 +221,7 @@ bool are_the_same(const Quad& a, const Quad& b) {
   });
 }
 
-// Quadrangles that are not too small, at several thresholds about Otsu's: light falls unevenly.
+// Quadrangles at several thresholds about Otsu's, for uneven illumination.
 std::vector<Quad> quads_in(const GreyImage& image) {
   const cv::Mat grey(image.height, image.width, CV_8UC1, const_cast<std::uint8_t*>(image.data),
                      static_cast<std::size_t>(image.stride));
@@ -243,25 +242,25 @@ std::vector<Quad> quads_in(const GreyImage& image) {
   return quads;
 }
 
-struct WayRound {  // which of the four corners is the first
+struct CornerOrder {  // one choice of the first corner
   PoseFit pose;
   Quad px;
   double rms_px;
 };
-// Of all four the one that fits best; those that fit equally well differ by half a turn.
-std::optional<WayRound> best_way_round(const calib::CameraModel& lens, std::span<const Eigen::Vector3d> corners_world,
-                                       const Quad& seen, const calib::Rigid3d* near) {
-  std::vector<WayRound> ways;
+// The best fitting one; of two that differ by half a turn, and fit equally well, as documented at find_rectangle().
+std::optional<CornerOrder> best_order(const calib::CameraModel& lens, std::span<const Eigen::Vector3d> corners_world,
+                                      const Quad& seen, const calib::Rigid3d* near) {
+  std::vector<CornerOrder> orders;
   for (std::size_t turn = 0; turn < 4; ++turn) {
     Quad px;
     for (std::size_t i = 0; i < 4; ++i) px[i] = seen[(i + turn) % 4];
     if (auto pose = pose_of(lens, corners_world, px); pose && rms_px(*pose) < fits_px)
-      ways.push_back({*pose, px, rms_px(*pose)});
+      orders.push_back({*pose, px, rms_px(*pose)});
   }
-  if (ways.empty()) return std::nullopt;
-  const double least = std::ranges::min(ways, {}, &WayRound::rms_px).rms_px;
-  std::erase_if(ways, [least](const WayRound& w) { return w.rms_px > least + 0.25 * fits_px; });
-  return *std::ranges::min_element(ways, {}, [near](const WayRound& w) {
+  if (orders.empty()) return std::nullopt;
+  const double least = std::ranges::min(orders, {}, &CornerOrder::rms_px).rms_px;
+  std::erase_if(orders, [least](const CornerOrder& w) { return w.rms_px > least + 0.25 * fits_px; });
+  return *std::ranges::min_element(orders, {}, [near](const CornerOrder& w) {
     return near != nullptr ? w.pose.cam_from_world.rotation.angularDistance(near->rotation) : w.px[0].sum();
   });
 }
@@ -330,10 +329,10 @@ std::optional<FoundRectangle> find_rectangle(const GreyImage& image, const calib
       if (measured.count() < 4) continue;
       const double clear = contrast(image, measured.px, dark);
       if (!(clear > best_contrast)) continue;
-      const auto way = best_way_round(lens, corners_world, measured.px, near);
-      if (!way) continue;
+      const auto order = best_order(lens, corners_world, measured.px, near);
+      if (!order) continue;
       best_contrast = clear;
-      best = FoundRectangle{{way->px, {true, true, true, true}}, way->pose, dark};
+      best = FoundRectangle{{order->px, {true, true, true, true}}, order->pose, dark};
     }
   }
   return best;

@@ -5,20 +5,20 @@
 namespace huetrack::camera_tracking {
 
 std::optional<PoseFit> relocalize(const calib::Camera& camera, const Pyramid& pyramid, const SceneMap& map,
-                                  std::uint64_t seed, double max_error_px, int min_inliers) {
+                                  std::uint64_t seed, double max_error_px) {
   constexpr std::size_t corners_per_level = 600;
-  constexpr int max_distance = 72;
-  struct Look {
+  constexpr int max_distance = 72, min_inliers = 10;
+  struct View {
     const Descriptor* descriptor;
     int point;
   };
-  std::vector<Look> looks;
+  std::vector<View> views;
   for (std::size_t i = 0; i < map.points.size(); ++i) {
     const MapPoint& p = map.points[i];
     if (!p.alive) continue;
-    for (int k = 0; k < p.look_count; ++k) {
-      const PointLook& l = p.looks[static_cast<std::size_t>(k)];
-      if (l.described) looks.push_back({&l.descriptor, static_cast<int>(i)});
+    for (int k = 0; k < p.view_count; ++k) {
+      const PointView& l = p.views[static_cast<std::size_t>(k)];
+      if (l.has_descriptor) views.push_back({&l.descriptor, static_cast<int>(i)});
     }
   }
   struct Match {
@@ -33,7 +33,7 @@ std::optional<PoseFit> relocalize(const calib::Camera& camera, const Pyramid& py
     for (const Corner& c : corners) {
       const Descriptor d = describe(image, c.px);
       int best = 257, second = 257, point = -1;
-      for (const Look& l : looks) {
+      for (const View& l : views) {
         const int x = distance(d, *l.descriptor);
         if (x < best) {
           if (l.point != point) second = best;

@@ -1,4 +1,4 @@
-// Where a camera may be that has lost its way: corners of the image matched with the looks of the map's points.
+// Relocalisation of a lost camera: matches corners of the image with the descriptors of the map's points.
 #pragma once
 
 #include <optional>
@@ -9,9 +9,9 @@
 
 namespace huetrack::camera_tracking {
 
-// A proposal, to be proven by whoever asks: descriptors, then P3P in a random sample consensus. nullopt: too few agree.
-// Cost: corners x looks comparisons of 256 bits. seed: same seed, same answer.
+// Descriptor matches, then solve_pose_ransac(). The caller has to verify the pose. nullopt: fewer than 10 inliers.
+// Cost: corners x views comparisons of 256 bits. Deterministic for a seed.
 std::optional<PoseFit> relocalize(const calib::Camera& camera, const Pyramid& pyramid, const SceneMap& map,
-                                  std::uint64_t seed, double max_error_px = 3, int min_inliers = 10);
+                                  std::uint64_t seed, double max_error_px = 3);
 
 }  // namespace huetrack::camera_tracking

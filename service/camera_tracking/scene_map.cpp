@@ -93,6 +93,13 @@ int SceneMap::alive_count() const {
   return static_cast<int>(std::ranges::count_if(points, [](const MapPoint& p) { return p.alive; }));
 }
 
+void describe(PointView& view, const Pyramid& pyramid) {
+  const GreyImage& image = pyramid.levels[static_cast<std::size_t>(view.level)];
+  const Eigen::Vector2d px = to_level(view.px, view.level);
+  view.has_descriptor = image.contains(px.x(), px.y(), descriptor_margin);
+  if (view.has_descriptor) view.descriptor = describe(image, px);
+}
+
 void write_map(const std::filesystem::path& file, const StoredMap& stored) {
   Writer w;
   w.put(stored.image_size);
@@ -114,9 +121,9 @@ void write_map(const std::filesystem::path& file, const StoredMap& stored) {
     w.put(p.normal);
     w.put(static_cast<std::uint8_t>(p.given));
     w.put(static_cast<std::uint8_t>(p.alive));
-    w.put(static_cast<std::int32_t>(p.look_count));
-    for (int i = 0; i < p.look_count; ++i) {
-      const PointLook& l = p.looks[static_cast<std::size_t>(i)];
+    w.put(static_cast<std::int32_t>(p.view_count));
+    for (int i = 0; i < p.view_count; ++i) {
+      const PointView& l = p.views[static_cast<std::size_t>(i)];
       w.put(static_cast<std::int32_t>(l.keyframe));
       w.put(static_cast<std::int32_t>(l.level));
       w.put(l.px);
@@ -162,7 +169,7 @@ StoredMap read_map(const std::filesystem::path& file) {
       r.get(k.sweep.motion);
       r.get(k.sweep.bend);
     }
-    // Before there is room for them: what a damaged file promises may be more than there is memory.
+    // Checked before the allocation: a damaged file may claim more than there is memory.
     const auto bytes =
         r.take(static_cast<std::size_t>(out.image_size.x()) * static_cast<std::size_t>(out.image_size.y()));
     std::uint8_t* pixels = nullptr;
@@ -181,17 +188,14 @@ StoredMap read_map(const std::filesystem::path& file) {
     r.get(given);
     r.get(alive);
     p.given = given != 0, p.alive = alive != 0;
-    p.look_count = r.count(static_cast<int>(p.looks.size()), "the number of a point's looks");
-    for (int k = 0; k < p.look_count; ++k) {
-      PointLook& l = p.looks[static_cast<std::size_t>(k)];
+    p.view_count = r.count(static_cast<int>(p.views.size()), "the number of a point's views");
+    for (int k = 0; k < p.view_count; ++k) {
+      PointView& l = p.views[static_cast<std::size_t>(k)];
       l.keyframe = r.index(keyframes, "a key frame");
       const Pyramid& pyramid = *out.map.keyframes[static_cast<std::size_t>(l.keyframe)].pyramid;
       l.level = r.index(pyramid.count(), "a level");
       r.get(l.px);
-      const GreyImage& image = pyramid.levels[static_cast<std::size_t>(l.level)];
-      const Eigen::Vector2d px = to_level(l.px, l.level);
-      l.described = image.contains(px.x(), px.y(), descriptor_margin);
-      if (l.described) l.descriptor = describe(image, px);
+      describe(l, pyramid);
     }
     out.map.points.push_back(p);
   }
@@ -206,6 +210,15 @@ StoredMap read_map(const std::filesystem::path& file) {
     out.sightings.push_back(s);
   }
   if (!r.done()) r.fail("has more in it than it should; it is damaged");
+  return out;
+}
+
+StoredMap read_map(const std::filesystem::path& file, const calib::ImageSize& size) {
+  StoredMap out = read_map(file);
+  if (out.image_size != Eigen::Vector2i(size.width, size.height))
+    throw std::runtime_error(file.string() + ": is a map of images of " + std::to_string(out.image_size.x()) + "x" +
+                             std::to_string(out.image_size.y()) + ", the camera's are " + std::to_string(size.width) +
+                             "x" + std::to_string(size.height));
   return out;
 }
 

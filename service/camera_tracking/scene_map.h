@@ -1,4 +1,4 @@
-// What a camera tracker knows of the scene: points with their covariance and their looks in stored key frames.
+// The map of a camera tracker: points with their covariance and their appearance in stored key frames.
 #pragma once
 
 #include <Eigen/Core>
@@ -7,6 +7,7 @@
 #include <memory>
 #include <vector>
 
+#include "calib/model/camera_rig.h"
 #include "calib/model/rigid3.h"
 #include "camera_tracking/corners.h"
 #include "camera_tracking/grey_image.h"
@@ -14,7 +15,6 @@
 
 namespace huetrack::camera_tracking {
 
-// A view that is kept.
 struct Keyframe {
   std::shared_ptr<const Pyramid> pyramid;
   calib::Rigid3d cam_from_world;  // of its middle row
@@ -23,27 +23,27 @@ struct Keyframe {
   SweptPose pose() const { return {cam_from_world, sweep}; }
 };
 
-// How a point looked in a key frame.
-struct PointLook {
+// A point's appearance in a key frame.
+struct PointView {
   int keyframe = -1;                             // index into SceneMap::keyframes
   int level = 0;                                 // of the pyramid, at which it was found
   Eigen::Vector2d px = Eigen::Vector2d::Zero();  // raw, level 0
   Descriptor descriptor{};
-  bool described = false;  // else it was too near to the image's border
+  bool has_descriptor = false;  // false: too near to the image's border
 };
 
 struct MapPoint {
   Eigen::Vector3d position = Eigen::Vector3d::Zero();    // world, metres
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  // m^2
-  Eigen::Vector3d normal = Eigen::Vector3d::Zero();      // of its surface, world, unit; zero: towards looks[0]'s camera
-  std::array<PointLook, 4> looks;                        // the first one is where it was first seen
-  int look_count = 0;
+  Eigen::Vector3d normal = Eigen::Vector3d::Zero();      // of its surface, world, unit; zero: towards views[0]'s camera
+  std::array<PointView, 4> views;                        // views[0] is its first sighting
+  int view_count = 0;
   bool given = false;                              // a start point
-  bool alive = true;                               // false: a wrong one that was removed; indices stay
-  std::array<std::uint16_t, 2> found_of_sought{};  // how often, lately
+  bool alive = true;                               // false: removed as wrong; indices stay
+  std::array<std::uint16_t, 2> found_of_sought{};  // recent counts: found, searched for
 };
 
-// Where a key frame saw a point of the map.
+// A measurement of a map point in a key frame.
 struct PointSighting {
   int keyframe = 0;
   int point = 0;
@@ -51,30 +51,30 @@ struct PointSighting {
   double sigma_px = 1;
 };
 
-// A corner of a key frame whose distance is still being found: where it is seen says nothing of a motion towards or
-// past it, and all of how the camera turned.
+// A corner of a key frame with a Gaussian inverse depth that is still being estimated (depth filter).
 struct PointSeed {
-  PointLook look;                                  // not described
-  Eigen::Vector3d ray = Eigen::Vector3d::UnitZ();  // unit, in the frame of its row of the key frame
+  PointView view;                                  // without a descriptor
+  Eigen::Vector3d ray = Eigen::Vector3d::UnitZ();  // unit, camera frame at the exposure of its row
   double inverse_depth = 1, sigma = 1;             // along the ray, 1/m
-  double row_px_per_s = 0;                         // how fast the image moved there and then, times its row's part
+  double row_px_per_s = 0;                         // d px / d readout: image speed times Sweep::fraction(row)
 };
 
 struct SceneMap {
   std::vector<MapPoint> points;
   std::vector<PointSeed> seeds;  // not stored
   std::vector<Keyframe> keyframes;
-  // The world's place is only as sure as the first pose was, however many points agree with each other later: that
-  // pose's covariance (as CameraEstimate has it), and the camera's centre to which it refers.
+  // The first pose's covariance (as CameraEstimate::covariance) and camera centre. Its error is common to all poses, so
+  // that no number of points reduces it.
   Eigen::Matrix<double, 6, 6> start_covariance = Eigen::Matrix<double, 6, 6>::Zero();
   Eigen::Vector3d start_centre = Eigen::Vector3d::Zero();
 
   int alive_count() const;
 };
+// Sets the descriptor of a view at view.px and view.level.
+void describe(PointView& view, const Pyramid& pyramid);
 
-// A map as a file: little-endian, with a version and a check sum; the points, the key frames' images, poses and sweeps,
-// and the sightings. Version 1, which has no sweeps, is read, too.  throws std::runtime_error naming the file and what
-// is wrong with it.
+// The map file: little-endian, with version and check sum; points, key frames (image, pose, sweep), sightings. Version
+// 1, without sweeps, can be read.  Throws std::runtime_error naming the file and the problem.
 struct StoredMap {
   SceneMap map;
   std::vector<PointSighting> sightings;
@@ -82,5 +82,6 @@ struct StoredMap {
 };
 void write_map(const std::filesystem::path& file, const StoredMap& stored);  // atomic: temporary file, then rename
 StoredMap read_map(const std::filesystem::path& file);
+StoredMap read_map(const std::filesystem::path& file, const calib::ImageSize& size);  // throws for another image size
 
 }  // namespace huetrack::camera_tracking

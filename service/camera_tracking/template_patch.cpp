@@ -20,7 +20,7 @@ std::optional<Eigen::Vector2d> through(const calib::CameraModel& lens, const Eig
 
 constexpr int max_side = 16;
 
-// One row of a window at a sub-pixel position: the four weights are the same for all of its pixels.
+// One row of a window at a sub-pixel position.
 HUETRACK_CLONES void interpolate(const std::uint8_t* __restrict a, const std::uint8_t* __restrict b, float w00,
                                  float w01, float w10, float w11, int n, float* __restrict out) {
   for (int i = 0; i < n; ++i) {
@@ -54,9 +54,9 @@ std::optional<PatchTransfer> transfer_patch(const calib::CameraModel& lens, cons
   PatchTransfer patch{*centre, Eigen::Matrix2d::Zero()};
   constexpr double step = 1.0;
   for (int k = 0; k < 2; ++k) {
-    const auto beside = through(lens, h, px0 + step * Eigen::Vector2d::Unit(k));
-    if (!beside) return std::nullopt;
-    patch.affine.col(k) = (*beside - *centre) / step;
+    const auto shifted = through(lens, h, px0 + step * Eigen::Vector2d::Unit(k));
+    if (!shifted) return std::nullopt;
+    patch.affine.col(k) = (*shifted - *centre) / step;
   }
   return patch;
 }
@@ -79,7 +79,6 @@ bool warp_patch(const Pyramid& source, const Eigen::Vector2d& source_px, const E
   const Eigen::Matrix2f m = (back / scale_of(from)).cast<float>();
   const int wide = side + 2;
   const float half = 0.5f * static_cast<float>(wide - 1);
-  // A convex region: all of it lies inside when its corners do.
   for (const float a : {-half, half}) {
     for (const float b : {-half, half}) {
       const Eigen::Vector2f p = centre + m * Eigen::Vector2f(a, b);
@@ -125,7 +124,7 @@ std::optional<Refined> refine(const GreyImage& image, const WarpedPatch& patch, 
   float mean_gu = 0, mean_gv = 0;
   for (int k = 0; k < n; ++k) mean_gu += gu[k], mean_gv += gv[k];
   mean_gu /= static_cast<float>(n), mean_gv /= static_cast<float>(n);
-  float huu = 0, huv = 0, hvv = 0;  // offset is free: gradients about their mean
+  float huu = 0, huv = 0, hvv = 0;  // free offset: gradients about their mean
   for (int k = 0; k < n; ++k) {
     gu[k] -= mean_gu, gv[k] -= mean_gv;
     huu += gu[k] * gu[k], huv += gu[k] * gv[k], hvv += gv[k] * gv[k];

@@ -23,12 +23,12 @@ std::vector<std::string> problems(CameraMethod method, const CameraStart& start)
   return options.problems();
 }
 
-TEST(CameraStart, goodOnesHaveNoProblem) {
+TEST(CameraStart, AcceptsValidStarts) {
   EXPECT_THAT(problems(CameraMethod::huetrack, rectangle()), IsEmpty());
   EXPECT_THAT(problems(CameraMethod::herranz, leds()), IsEmpty());
 }
 
-TEST(CameraStart, rectangleMustBeOne) {
+TEST(CameraStart, RejectsOtherShapesThanRectangles) {
   RectangleStart crossed = rectangle();
   std::swap(crossed.corners[1], crossed.corners[2]);
   EXPECT_THAT(problems(CameraMethod::lee, crossed), Contains(HasSubstr("in order around it")));
@@ -36,20 +36,20 @@ TEST(CameraStart, rectangleMustBeOne) {
   EXPECT_THAT(problems(CameraMethod::lee, crossed), Contains(HasSubstr("not 3")));
 }
 
-TEST(CameraStart, pointsMustBeEnoughAndNotInALine) {
+TEST(CameraStart, RejectsCollinearPointsAndMissingPixels) {
   PointsStart line{{{0, 0, 0}, {1, 1, 1}, {2, 2, 2}, {3, 3, 3}}, {{0, 0}, {1, 1}, {2, 2}, {3, 3}}};
   EXPECT_THAT(problems(CameraMethod::pupilli, line), Contains(HasSubstr("one line")));
   line.pixels.pop_back();
   EXPECT_THAT(problems(CameraMethod::pupilli, line), Contains(HasSubstr("4 points, but 3 pixels")));
 }
 
-TEST(CameraStart, methodAndStartMustFit) {
+TEST(CameraStart, RejectsAStartThatTheMethodCannotUse) {
   EXPECT_THAT(problems(CameraMethod::huetrack, leds()), IsEmpty());
   EXPECT_THAT(problems(CameraMethod::lee, leds()), Contains(HasSubstr("herranz")));
   EXPECT_THAT(problems(CameraMethod::herranz, rectangle()), Contains(HasSubstr("needs LEDs")));
 }
 
-TEST(CameraStart, onlyThePapersFiltersCanBeAsPrinted) {
+TEST(CameraStart, AsPrintedNeedsAPapersMethod) {
   CameraTrackerOptions options;
   options.start = rectangle();
   options.as_printed = true;
@@ -58,7 +58,7 @@ TEST(CameraStart, onlyThePapersFiltersCanBeAsPrinted) {
   EXPECT_THAT(options.problems(), IsEmpty());
 }
 
-TEST(CameraStart, fewerThanFourLedsAreRefused) {
+TEST(CameraStart, RejectsFewerThanFourLeds) {
   LedStart three = leds();
   three.leds.pop_back();
   EXPECT_THAT(problems(CameraMethod::herranz, three), Contains(HasSubstr("at least 4 LEDs")));

@@ -1,4 +1,4 @@
-// What counts as a start, and what is said of what does not.
+// Which starts are accepted, and the reasons for rejections.
 #include "camera_tracking/camera_starter.h"
 
 #include <gmock/gmock.h>
@@ -20,46 +20,46 @@ std::vector<Eigen::Vector2d> pixels(const calib::Rigid3d& cam_from_world, const 
   return px;
 }
 
-double off_m(const Started& started, const calib::Rigid3d& truth) {
+double error_m(const StartResult& started, const calib::Rigid3d& truth) {
   return (calib::inverse(started.pose.cam_from_world).translation - calib::inverse(truth).translation).norm();
 }
 
-TEST(Starter, aLargeViewOfTheRectangleIsAStartAtOnce) {
+TEST(Starter, AcceptsALargeRectangleInOneFrame) {
   const calib::Rigid3d truth = look_at(near_by, {0, 0, 0});
   CameraStarter starter(camera(), RectangleStart{rectangle_corners(), {}});
   const auto started = starter.find({}, view_of_rectangle(camera(), truth));
   ASSERT_TRUE(started);
   EXPECT_THAT(starter.why_not(), IsEmpty());
-  EXPECT_LT(off_m(*started, truth), 0.002);
+  EXPECT_LT(error_m(*started, truth), 0.002);
 }
 
-TEST(Starter, aSmallViewHasToBeSeenThreeTimesInARow) {
+TEST(Starter, AcceptsASmallRectangleInThreeConsecutiveFrames) {
   const auto from = [](double x) { return look_at({x, -0.7, 0.8}, {0, 0, 0}); };
   CameraStarter starter(camera(), RectangleStart{rectangle_corners(), {}});
   EXPECT_FALSE(starter.find({}, view_of_rectangle(camera(), from(-0.1))));
   EXPECT_THAT(starter.why_not(), HasSubstr("some frames in a row"));
-  EXPECT_FALSE(starter.find({}, view_of_rectangle(camera(), from(0.3))));  // no camera goes there in a frame's time
+  EXPECT_FALSE(starter.find({}, view_of_rectangle(camera(), from(0.3))));  // too far for one frame
   EXPECT_FALSE(starter.find({}, view_of_rectangle(camera(), from(0.31))));
   const auto started = starter.find({}, view_of_rectangle(camera(), from(0.32)));
   ASSERT_TRUE(started) << starter.why_not();
-  EXPECT_LT(off_m(*started, from(0.32)), 0.05);
+  EXPECT_LT(error_m(*started, from(0.32)), 0.05);
 }
 
-TEST(Starter, aSpeckIsNoRectangle) {
+TEST(Starter, RejectsATinyRectangle) {
   CameraStarter starter(camera(), RectangleStart{rectangle_corners(), {}});
   const GreyImage far_off = view_of_rectangle(camera(), look_at({0.2, -2.5, 2.5}, {0, 0, 0}));
   for (int i = 0; i < 5; ++i) EXPECT_FALSE(starter.find({}, far_off));
   EXPECT_THAT(starter.why_not(), HasSubstr("no rectangle of the given proportions"));
 }
 
-TEST(Starter, aRectangleThatIsNotWhereItWasPointedAtIsLookedForInLaterFrames) {
+TEST(Starter, FindsARectangleInALaterFrameThanItsPixels) {
   const calib::Rigid3d truth = look_at(near_by, {0, 0, 0});
   CameraStarter starter(camera(), RectangleStart{rectangle_corners(), pixels(truth, rectangle_corners())});
   EXPECT_FALSE(starter.find({}, view_of_rectangle(camera(), look_at({3, 3, 0.3}, {6, 6, 0}))));
   EXPECT_TRUE(starter.find({}, view_of_rectangle(camera(), truth)));
 }
 
-TEST(Starter, ARectangleSeenAgainIsTurnedAsTheCameraLastWas) {
+TEST(Starter, ResolvesTheHalfTurnByTheLastPose) {
   const calib::Rigid3d truth =
       look_at({0.05, 0.35, 0.42}, {0, 0, 0});  // from behind: its first corner is at the bottom right
   const CameraStarter starter(camera(), RectangleStart{rectangle_corners(), {}});
@@ -69,18 +69,18 @@ TEST(Starter, ARectangleSeenAgainIsTurnedAsTheCameraLastWas) {
   EXPECT_LT((calib::inverse(*again).translation - calib::inverse(truth).translation).norm(), 0.002);
 }
 
-TEST(Starter, knownPointsMustFitOnePose) {
+TEST(Starter, RejectsPointsThatFitNoPose) {
   const calib::Rigid3d truth = look_at(near_by, {0, 0, 0});
   PointsStart known;
   particle_filter::Rng rng(3);
   for (int i = 0; i < 16; ++i)
     known.points.emplace_back(0.3 * (rng.uniform() - 0.5), 0.2 * (rng.uniform() - 0.5), 0.1 * rng.uniform());
   known.pixels = pixels(truth, known.points);
-  known.pixels[3] += Eigen::Vector2d(30, 20);  // one that is wrong harms nobody
+  known.pixels[3] += Eigen::Vector2d(30, 20);  // an outlier
   const GreyImage any = view_of_rectangle(camera(), truth);
   const auto started = CameraStarter(camera(), known).find({}, any);
   ASSERT_TRUE(started);
-  EXPECT_LT(off_m(*started, truth), 0.002);
+  EXPECT_LT(error_m(*started, truth), 0.002);
 
   for (auto& px : known.pixels) std::swap(px.x(), px.y());
   CameraStarter swapped(camera(), known);
@@ -90,7 +90,7 @@ TEST(Starter, knownPointsMustFitOnePose) {
   EXPECT_THAT(swapped.why_not(), HasSubstr("in the first frame: "));
 }
 
-TEST(Starter, aBoardOfWhichAThirdFitsIsNone) {
+TEST(Starter, RejectsABoardWithTwoThirdsOutliers) {
   const calib::Rigid3d truth = look_at(near_by, {0, 0, 0});
   PointsStart corners;
   for (int i = 0; i < 54; ++i) corners.points.emplace_back(0.02 * (i % 9 - 4), 0.02 * (i / 9 - 2.5), 0);

@@ -1,4 +1,4 @@
-// The parts that the camera trackers are made of, each in a small known world.
+// The building blocks of the camera trackers, each in a small synthetic scene.
 #include <gmock/gmock.h>
 #include <unistd.h>
 
@@ -47,7 +47,7 @@ NccTemplate cut(const GreyImage& image, int u, int v, int side) {
   return t;
 }
 
-// The obvious way, of one place: the truth that ncc_field() is held to.
+// Reference implementation for one anchor.
 float ncc_reference(const GreyImage& image, const NccTemplate& t, int u, int v) {
   const int before = (t.side - 1) / 2;
   const double n = t.side * t.side;
@@ -69,7 +69,7 @@ float ncc_reference(const GreyImage& image, const NccTemplate& t, int u, int v) 
   return ii <= 0.25 * n || tt < 0.25 * n ? 0.0f : static_cast<float>(cross / std::sqrt(ii * tt));
 }
 
-TEST(Ncc, fieldIsTheReference) {
+TEST(Ncc, FieldMatchesTheReference) {
   const GreyImage a = textured(70, 50), b = textured(70, 50, 3, 2);
   for (const int side : {8, 11}) {
     const NccTemplate t = cut(a, 30, 25, side);
@@ -89,7 +89,7 @@ TEST(Ncc, fieldIsTheReference) {
   }
 }
 
-TEST(Ncc, flatPlacesCorrelateWithNothing) {
+TEST(Ncc, FlatImagesDoNotCorrelate) {
   std::uint8_t* px = nullptr;
   const GreyImage flat = make_grey(40, 40, px);
   std::vector<float> field;
@@ -98,7 +98,7 @@ TEST(Ncc, flatPlacesCorrelateWithNothing) {
   EXPECT_EQ(cut(flat, 20, 20, 8).norm, 0.0f);
 }
 
-TEST(PoseParticles, projectAsTheCameraDoes) {
+TEST(PoseParticles, ProjectsAsTheCameraModel) {
   const calib::Camera c = camera();
   const calib::Rigid3d pose = look_at({0.3, -0.5, 0.4}, {0, 0, 0});
   PoseParticles particles(100, pose);
@@ -115,7 +115,7 @@ TEST(PoseParticles, projectAsTheCameraDoes) {
   }
 }
 
-TEST(PoseParticles, walksAreAsWideAsTheySay) {
+TEST(PoseParticles, WalksHaveTheGivenWidth) {
   const calib::Rigid3d pose = look_at({0.3, -0.5, 0.4}, {0, 0, 0});
   PoseParticles particles(4000, pose);
   particle_filter::Rng rng(2);
@@ -136,25 +136,14 @@ TEST(PoseParticles, walksAreAsWideAsTheySay) {
   EXPECT_NEAR(normal(4, 4), 0.01 * 0.01, 0.1 * 0.01 * 0.01);
 }
 
-TEST(PoseParticles, moveIsAStepOfEachPose) {
-  PoseParticles particles(50, look_at({0.3, -0.5, 0.4}, {0, 0, 0}));
-  particle_filter::Rng rng(3);
-  particles.walk_normal(0.05f, 0.02f, rng);
-  const calib::Rigid3d before = particles.pose(7);
-  calib::Tangent6d step;
-  step << 0.02, -0.01, 0.03, 0.01, 0.02, -0.01;
-  particles.move(calib::exp(step));
-  EXPECT_LT(calib::log(particles.pose(7) * calib::inverse(calib::exp(step) * before)).norm(), 1e-6);
-}
-
-TEST(ObservationField, particlesNearAnObservationAreInliers) {
+TEST(ObservationField, ScoresParticlesNearAPeak) {
   const GreyImage image = textured(80, 60);
   ObservationField field;
   field.correlate(image, cut(image, 40, 30, 11), {30, 20, 50, 40});
   field.mark(0.98f, 2.0f);
   const std::vector<float> u{40, 41.4f, 43.2f, 40, -1e9f}, v{30, 31.0f, 30, 26, 0};
   std::vector<float> score(5, 0.0f);
-  field.score(u, v, 1, true, score);
+  field.score(u, v, true, score);
   EXPECT_THAT(score, testing::ElementsAre(1, 1, 0, 0, 0));  // eqs. (5), (6)
   field.threshold(0.98f);
   const std::vector<float> ru{44}, rv{30}, rw{1};
@@ -162,7 +151,7 @@ TEST(ObservationField, particlesNearAnObservationAreInliers) {
   EXPECT_EQ(field.strongest(40, 30, 1, 0).rho, 0.0f);
 }
 
-TEST(TemplatePatch, refineFindsTheSubPixelShift) {
+TEST(TemplatePatch, RefinesToSubPixels) {
   const Pyramid source{{textured(120, 90)}};
   WarpedPatch patch;
   ASSERT_TRUE(warp_patch(source, {60, 45}, Eigen::Matrix2d::Identity(), 0, 8, patch));
@@ -174,7 +163,7 @@ TEST(TemplatePatch, refineFindsTheSubPixelShift) {
   EXPECT_GT(found->ncc, 0.99f);
 }
 
-TEST(TemplatePatch, viewOfAPlaneIsWhatTheCamerasSee) {
+TEST(TemplatePatch, TransfersPatchesOfAPlane) {
   const calib::Camera c = camera();
   const calib::Rigid3d first = look_at({0, -0.5, 0.5}, {0, 0, 0}), second = look_at({0.2, -0.45, 0.5}, {0, 0, 0});
   const Eigen::Vector3d point(0.05, 0.03, 0);
@@ -189,7 +178,7 @@ TEST(TemplatePatch, viewOfAPlaneIsWhatTheCamerasSee) {
   EXPECT_LT((view->affine * d0 - d1).norm(), 0.02 * d1.norm());
 }
 
-TEST(PoseSolver, findsThePoseOfPlanesAndOfRooms) {
+TEST(PoseSolver, SolvesPlanarAndSpatialPoints) {
   const calib::Camera c = camera();
   const calib::Rigid3d truth = look_at({0.2, -0.5, 0.45}, {0, 0, 0});
   for (const double height : {0.0, 0.1}) {
@@ -208,7 +197,7 @@ TEST(PoseSolver, findsThePoseOfPlanesAndOfRooms) {
   }
 }
 
-TEST(PoseSolver, ransacBearsHalfOfThemWrong) {
+TEST(PoseSolver, RansacToleratesHalfOutliers) {
   const calib::Camera c = camera();
   const calib::Rigid3d truth = look_at({0.2, -0.5, 0.45}, {0, 0, 0});
   particle_filter::Rng rng(5);
@@ -225,7 +214,7 @@ TEST(PoseSolver, ransacBearsHalfOfThemWrong) {
   EXPECT_FALSE(solve_pose_ransac(c.model, seen, 3, 12, 9));
 }
 
-TEST(PoseSolver, worldCovarianceIsThatOfPerturbedPoses) {
+TEST(PoseSolver, WorldCovarianceMatchesPerturbedPoses) {
   const calib::Rigid3d pose = look_at({0.2, -0.5, 0.45}, {0, 0, 0});
   calib::Tangent6d small;
   small << 1e-4, -2e-4, 3e-4, 2e-4, 1e-4, -3e-4;
@@ -237,7 +226,7 @@ TEST(PoseSolver, worldCovarianceIsThatOfPerturbedPoses) {
   EXPECT_LT((world_covariance(pose, small * small.transpose()) - expected).norm(), 1e-2 * expected.norm());
 }
 
-TEST(RectangleFinder, measuresADrawnOneInLight) {
+TEST(RectangleFinder, MeasuresADrawnRectangle) {
   const calib::Camera c = camera();
   const calib::Rigid3d truth = look_at({0.05, -0.35, 0.42}, {0, 0, 0});
   const calib::Rigid3d back = calib::inverse(truth);
@@ -262,8 +251,8 @@ class MapFile : public testing::Test {
     stored.map.keyframes.push_back(
         {std::make_shared<const Pyramid>(make_pyramid(textured(80, 64))), look_at({0, -0.5, 0.4}, {0, 0, 0})});
     MapPoint p;
-    p.position = {1, 2, 3}, p.given = true, p.look_count = 1;
-    p.looks[0].keyframe = 0, p.looks[0].px = {40, 30};
+    p.position = {1, 2, 3}, p.given = true, p.view_count = 1;
+    p.views[0].keyframe = 0, p.views[0].px = {40, 30};
     stored.map.points.push_back(p);
     stored.sightings.push_back({0, 0, {40, 30}, 0.5});
   }
@@ -274,20 +263,20 @@ class MapFile : public testing::Test {
   StoredMap stored;
 };
 
-TEST_F(MapFile, readsBack) {
+TEST_F(MapFile, RoundTrips) {
   write_map(file, stored);
   const StoredMap back = read_map(file);
   ASSERT_EQ(back.map.points.size(), 1u);
   EXPECT_EQ(back.map.points[0].position, stored.map.points[0].position);
   EXPECT_TRUE(back.map.points[0].given);
-  EXPECT_TRUE(back.map.points[0].looks[0].described);
+  EXPECT_TRUE(back.map.points[0].views[0].has_descriptor);
   EXPECT_EQ(back.map.keyframes[0].cam_from_world.translation, stored.map.keyframes[0].cam_from_world.translation);
   EXPECT_EQ(back.map.keyframes[0].pyramid->levels[0].row(20)[33],
             stored.map.keyframes[0].pyramid->levels[0].row(20)[33]);
   EXPECT_EQ(back.sightings[0].px, stored.sightings[0].px);
 }
 
-TEST_F(MapFile, keepsHowAKeyFrameWasSwept) {
+TEST_F(MapFile, KeepsTheSweepOfKeyFrames) {
   Keyframe& k = stored.map.keyframes[0];
   k.sweep.motion << 0.01, -0.03, 0.002, 0.004, 0, -0.001;
   k.sweep.bend << 0.001, 0, 0, 0, 0.002, 0;
@@ -300,7 +289,7 @@ TEST_F(MapFile, keepsHowAKeyFrameWasSwept) {
   }
 }
 
-TEST_F(MapFile, damageIsNamed) {
+TEST_F(MapFile, ReportsDamage) {
   write_map(file, stored);
   std::string bytes;
   {
@@ -325,7 +314,7 @@ TEST_F(MapFile, damageIsNamed) {
   EXPECT_THROW(write_map(folder / "no folder" / "a.map", stored), std::runtime_error);
 }
 
-TEST(ParallelTask, eachStartIsDoneByWait) {
+TEST(ParallelTask, WaitFinishesEachTask) {
   ParallelTask task;
   int sum = 0;
   for (int i = 0; i < 200; ++i) {

@@ -169,8 +169,8 @@ std::string map() {
   keyframe.pyramid = std::make_shared<const camera_tracking::Pyramid>(camera_tracking::make_pyramid(std::move(image)));
   stored.map.keyframes.push_back(keyframe);
   camera_tracking::MapPoint point;
-  point.look_count = 1;
-  point.looks[0].keyframe = 0;
+  point.view_count = 1;
+  point.views[0].keyframe = 0;
   stored.map.points.push_back(point);
   stored.sightings.push_back({.keyframe = 0, .point = 0, .px = {1, 2}, .sigma_px = 1});
   camera_tracking::write_map(folder() / "seed.map", stored);

@@ -25,7 +25,7 @@ double turn_sigma(const MotionPrior& prior) {
   return std::sqrt(prior.velocity_covariance(1, 1));
 }
 
-TEST(CameraMotion, velocityIsThatOfTheMiddleRow) {
+TEST(CameraMotion, VelocityRefersToTheMiddleRow) {
   CameraMotion motion;  // an even acceleration of 4 rad/s^2; a frame is missing
   const auto pose = [](double t) { return calib::exp(turning(2 * t * t)); };
   for (int i = 0; i < 12; ++i) motion.add(at(i / 30.0), pose(i / 30.0), exact);
@@ -38,7 +38,7 @@ TEST(CameraMotion, velocityIsThatOfTheMiddleRow) {
   EXPECT_LT(calib::log(last_row * calib::inverse(pose(t + 0.015))).norm(), 3e-4);
 }
 
-TEST(CameraMotion, aPauseOrALossLeavesItUnknown) {
+TEST(CameraMotion, AGapOrALossForgetsTheVelocity) {
   CameraMotion motion;
   EXPECT_GT(turn_sigma(motion.prior(at(0), {})), 0.3);
   motion.add(at(0), {}, exact), motion.add(at(0.033), calib::exp(turning(0.05)), exact);
@@ -48,7 +48,7 @@ TEST(CameraMotion, aPauseOrALossLeavesItUnknown) {
   EXPECT_EQ(motion.prior(at(0.066), {}).velocity({}).norm(), 0);
 }
 
-TEST(CameraMotion, jerksMakeItLessSure) {
+TEST(CameraMotion, JerksInflateTheCovariance) {
   CameraMotion even, jerky;
   const Matrix6d seen = 1e-6 * Matrix6d::Identity();
   for (int i = 0; i < 20; ++i) {
@@ -60,7 +60,7 @@ TEST(CameraMotion, jerksMakeItLessSure) {
 
 // Poses of a hand that sways once a second, each a milliradian off, stated as three: what they share, only the map's
 // errors, is not known. Going on from two differences of poses would be 62 mrad/s off, were this frame's pose known.
-TEST(CameraMotion, velocitiesAreBetterThanDifferencesOfPosesAndStateWhatTheyAreOff) {
+TEST(CameraMotion, VelocitiesBeatPoseDifferencesAndAreConsistent) {
   std::mt19937_64 random(5);
   std::normal_distribution<double> noise(0, 1e-3);
   const auto angle = [](double t) { return 0.2 * std::sin(2 * M_PI * t); };
@@ -84,7 +84,7 @@ TEST(CameraMotion, velocitiesAreBetterThanDifferencesOfPosesAndStateWhatTheyAreO
 }
 
 // The covariance of a filter that knows poses by a millionth of what it knows of accelerations stays one.
-TEST(CameraMotion, aLongRestLeavesItACovariance) {
+TEST(CameraMotion, StaysPositiveDefiniteAtRest) {
   CameraMotion motion;
   for (int i = 0; i < 2000; ++i) motion.add(at(i / 30.0), {}, exact);
   const MotionPrior prior = motion.prior(at(2000 / 30.0), {0.03, 0});
@@ -92,7 +92,7 @@ TEST(CameraMotion, aLongRestLeavesItACovariance) {
   EXPECT_LT(prior.velocity({}).norm(), 1e-6);
 }
 
-TEST(MotionPrior, anUnknownReadoutLeavesTheSweepOpenAlongTheMotion) {
+TEST(MotionPrior, UnknownReadoutWidensTheSweepAlongTheVelocity) {
   MotionPrior prior;
   prior.readout = {0, 0.02}, prior.velocity_covariance = 1e-4 * Matrix6d::Identity();
   const Matrix6d c = prior.covariance(turning(2));
@@ -100,7 +100,7 @@ TEST(MotionPrior, anUnknownReadoutLeavesTheSweepOpenAlongTheMotion) {
   EXPECT_LT(std::sqrt(c(0, 0)), 1e-3);
 }
 
-TEST(ReadoutLearner, learnsAndStaysHonest) {
+TEST(ReadoutLearner, ConvergesWithAConsistentSigma) {
   ReadoutLearner unknown({});
   EXPECT_EQ(unknown.readout().mean_s, 0);
   EXPECT_NEAR(unknown.readout().sigma_s, 0.02, 1e-9);
@@ -115,7 +115,7 @@ TEST(ReadoutLearner, learnsAndStaysHonest) {
   EXPECT_NEAR(known.readout().mean_s, 0.02, 1e-4);
 }
 
-TEST(ReadoutLearner, oneWrongFrameIsNothing) {
+TEST(ReadoutLearner, DownWeightsAnOutlier) {
   ReadoutLearner learner({});
   for (int i = 0; i < 40; ++i) learner.add({0.028, 0.001});
   const double before = learner.readout().mean_s;

@@ -11,7 +11,7 @@ namespace {
 using camera_tracking::camera;
 using camera_tracking::look_at;
 
-TEST(LocalBundle, putsPosesAndPointsRight) {
+TEST(LocalBundle, CorrectsPosesAndPoints) {
   const calib::Camera c = camera();
   particle_filter::Rng rng(6);
   BundleProblem problem;
@@ -40,7 +40,7 @@ TEST(LocalBundle, putsPosesAndPointsRight) {
   EXPECT_LT((problem.points[20].position - points[20]).norm(), 2e-3);
 }
 
-TEST(LocalBundle, eachRowCountsAtItsOwnTime) {
+TEST(LocalBundle, UsesThePoseOfEachRow) {
   const calib::Camera c = camera();
   particle_filter::Rng rng(7);
   BundleProblem problem;

@@ -21,16 +21,16 @@ PoseEvidence guess(PoseEvidence e) {
   return e;
 }
 
-TEST(PoseProof, manyPointsAllOverTheImageProve) {
+TEST(PoseProof, ManySpreadPointsProve) {
   EXPECT_EQ(proof_of(good()), Proof::by_points);
   EXPECT_EQ(proof_of(guess(good())), Proof::by_points);
 }
 
-TEST(PoseProof, nothingIsNoProof) {
+TEST(PoseProof, NoEvidenceIsNoProof) {
   EXPECT_EQ(proof_of({}), Proof::none);
 }
 
-TEST(PoseProof, whatLeavesTooMuchOpenIsNoPose) {
+TEST(PoseProof, LargeSigmasAreNoProof) {
   PoseEvidence e = good();
   e.position_sigma_m = 0.0101;  // of 0.5 m
   EXPECT_EQ(proof_of(e), Proof::none);
@@ -42,7 +42,7 @@ TEST(PoseProof, whatLeavesTooMuchOpenIsNoPose) {
   EXPECT_EQ(proof_of(e), Proof::none);
 }
 
-TEST(PoseProof, residualsMustBeThoseOfNoise) {
+TEST(PoseProof, LargeResidualsAreNoProof) {
   PoseEvidence e = good();
   e.scale = 3.4;
   EXPECT_EQ(proof_of(e), Proof::by_points);
@@ -50,7 +50,7 @@ TEST(PoseProof, residualsMustBeThoseOfNoise) {
   EXPECT_EQ(proof_of(e), Proof::none);
 }
 
-TEST(PoseProof, eachOfNumberShareAndSpreadIsNeeded) {
+TEST(PoseProof, NumberShareAndSpreadAreAllNeeded) {
   PoseEvidence few = good();
   few.sought = 50, few.found = 15;
   EXPECT_EQ(proof_of(few), Proof::by_points);
@@ -72,7 +72,7 @@ TEST(PoseProof, eachOfNumberShareAndSpreadIsNeeded) {
   EXPECT_EQ(proof_of(heap), Proof::none);
 }
 
-TEST(PoseProof, aGuessNeedsMore) {
+TEST(PoseProof, AGuessNeedsMoreEvidence) {
   PoseEvidence e = good();
   e.sought = 50, e.found = 24;
   EXPECT_EQ(proof_of(e), Proof::by_points);
@@ -85,7 +85,7 @@ TEST(PoseProof, aGuessNeedsMore) {
   EXPECT_EQ(proof_of(guess(e)), Proof::none);
 }
 
-TEST(PoseProof, aYoungMapHasFewPointsButNearlyAllAreThere) {
+TEST(PoseProof, AYoungMapNeedsFewerPointsButNearlyAll) {
   PoseEvidence e = good();
   e.keyframes = 3, e.sought = 11, e.found = 7;
   EXPECT_EQ(proof_of(e), Proof::by_few);
@@ -107,7 +107,7 @@ TEST(PoseProof, aYoungMapHasFewPointsButNearlyAllAreThere) {
   EXPECT_EQ(proof_of(most), Proof::by_few);
 }
 
-TEST(PoseProof, allOfTheGivenPointsAreEnoughWhileThereIsNothingElse) {
+TEST(PoseProof, AllGivenPointsProveInABareMap) {
   PoseEvidence e = good();
   e.keyframes = 1, e.map_points = 4, e.sought = 4, e.found = 4, e.spread_px = 5;
   EXPECT_EQ(proof_of(e), Proof::by_all_given);
@@ -122,7 +122,7 @@ TEST(PoseProof, allOfTheGivenPointsAreEnoughWhileThereIsNothingElse) {
   EXPECT_EQ(proof_of(e), Proof::none);
 }
 
-TEST(PoseProof, aRectangleProvesUnlessThePointsObject) {
+TEST(PoseProof, ARectangleProvesUnlessPointsContradict) {
   PoseEvidence e = good();
   e.sought = 7, e.found = 0, e.corners = 4, e.spread_px = 5;
   EXPECT_EQ(proof_of(e), Proof::by_rectangle);

@@ -52,8 +52,8 @@ struct Flight {
       const Eigen::Vector3d p(0.5 * rng.uniform() - 0.25, 0.4 * rng.uniform() - 0.2, 0.1 * rng.uniform());
       const auto px = project_swept(c.model, swept(), p);
       const auto k = static_cast<std::size_t>(2 * i);
-      const Eigen::Vector2d off = Eigen::Vector2f(noise[k], noise[k + 1]).cast<double>();
-      out.push_back({p, px->px + noise_px * off, noise_px > 0 ? noise_px : 0.3});
+      const Eigen::Vector2d error = Eigen::Vector2f(noise[k], noise[k + 1]).cast<double>();
+      out.push_back({p, px->px + noise_px * error, noise_px > 0 ? noise_px : 0.3});
     }
     return out;
   }
@@ -63,11 +63,11 @@ SweptPose still(const calib::Rigid3d& cam_from_world) {
   return {cam_from_world, {calib::Tangent6d::Zero(), calib::Tangent6d::Zero(), last_row}};
 }
 
-double off(const calib::Rigid3d& a, const calib::Rigid3d& b) {
+double pose_error(const calib::Rigid3d& a, const calib::Rigid3d& b) {
   return calib::log(a * calib::inverse(b)).norm();
 }
 
-TEST(SweptPose, aPointIsSeenInTheRowThatIsExposedThen) {
+TEST(SweptPose, ProjectionIsConsistentWithItsRow) {
   const calib::Camera c = camera();
   const SweptPose pose = Flight{}.swept();
   for (const Eigen::Vector3d& p :
@@ -75,7 +75,7 @@ TEST(SweptPose, aPointIsSeenInTheRowThatIsExposedThen) {
     const auto seen = project_swept(c.model, pose, p);
     ASSERT_TRUE(seen);
     EXPECT_LT((c.model.project(pose.at(seen->px.y()) * p)->px - seen->px).norm(), 0.01);
-    EXPECT_LT(off(seen->cam_from_world, pose.at(seen->px.y())), 1e-4);
+    EXPECT_LT(pose_error(seen->cam_from_world, pose.at(seen->px.y())), 1e-4);
   }
   EXPECT_GT((project_swept(c.model, pose, {0.1, 0.12, 0.05})->px -
              c.model.project(pose.cam_from_world * Eigen::Vector3d(0.1, 0.12, 0.05))->px)
@@ -83,18 +83,18 @@ TEST(SweptPose, aPointIsSeenInTheRowThatIsExposedThen) {
             1.5);
 }
 
-TEST(SweptFit, knownReadoutGivesTheMiddleRowsPose) {
+TEST(SweptFit, KnownReadoutGivesTheMiddleRowsPose) {
   const Flight flight;
   const SweptFit fit =
       refine_swept_pose(camera().model, flight.seen(), still(flight.pose(-1)), flight.prior({0.03, 1e-4}), 15);
-  EXPECT_LT(off(fit.pose.cam_from_world, flight.middle), 1e-4);
+  EXPECT_LT(pose_error(fit.pose.cam_from_world, flight.middle), 1e-4);
   EXPECT_LT((fit.pose.sweep.motion - flight.readout_s * flight.velocity).norm(), 1e-4);
   // As if all rows were of one moment, the same points mislead by a hundred times that.
   const auto global = camera_tracking::refine_pose(camera().model, flight.seen(), flight.pose(-1), 15);
-  EXPECT_GT(off(global.cam_from_world, flight.middle), 1e-2);
+  EXPECT_GT(pose_error(global.cam_from_world, flight.middle), 1e-2);
 }
 
-TEST(SweptFit, unknownReadoutCostsSomeCertaintyAndIsTold) {
+TEST(SweptFit, EstimatesAnUnknownReadout) {
   for (const double readout_s : {-0.02, 0.0, 0.015, 0.03}) {
     Flight flight;
     flight.readout_s = readout_s, flight.noise_px = 0.3;
@@ -102,7 +102,7 @@ TEST(SweptFit, unknownReadoutCostsSomeCertaintyAndIsTold) {
     MotionPrior prior = flight.prior({0, 0.02});
     const SweptPose start{flight.pose(0), prior.sweep(flight.pose(0), last_row)};
     const SweptFit fit = refine_swept_pose(camera().model, seen, start, prior, 15);
-    EXPECT_LT(off(fit.pose.cam_from_world, flight.middle), 0.004) << readout_s;
+    EXPECT_LT(pose_error(fit.pose.cam_from_world, flight.middle), 0.004) << readout_s;
     ASSERT_TRUE(fit.readout);
     EXPECT_LT(std::abs(fit.readout->mean_s - readout_s), 3 * fit.readout->sigma_s) << readout_s;
     EXPECT_LT(fit.readout->sigma_s, 2e-3);
@@ -112,7 +112,7 @@ TEST(SweptFit, unknownReadoutCostsSomeCertaintyAndIsTold) {
   }
 }
 
-TEST(SweptFit, theCovarianceIsThatOfTheErrors) {
+TEST(SweptFit, CovarianceIsConsistent) {
   double nees = 0;
   constexpr int runs = 60;
   for (int i = 0; i < runs; ++i) {
@@ -127,11 +127,10 @@ TEST(SweptFit, theCovarianceIsThatOfTheErrors) {
   EXPECT_LT(nees, 7.5);
 }
 
-// Points of unknown distance beside four known ones: where each is thought to be along its line misleads nobody, and
-// across it they hold the pose.
-TEST(SweptFit, whatIsOpenAlongALineCountsAcrossIt) {
+// Besides four known points, points with a wrong depth and a large sigma along their line: they improve the pose.
+TEST(SweptFit, UncertainDepthsConstrainAcrossTheirLine) {
   const auto cam = camera().model;
-  double with = 0, without = 0, misled = 0;
+  double with = 0, without = 0, ignored = 0;
   constexpr int runs = 20;
   for (int run = 0; run < runs; ++run) {
     Flight flight;
@@ -139,31 +138,33 @@ TEST(SweptFit, whatIsOpenAlongALineCountsAcrossIt) {
     auto seen = flight.seen(64);
     const MotionPrior prior = flight.prior({0.03, 1e-4});
     const auto error = [&](const std::vector<PoseObservation>& o) {
-      return off(refine_swept_pose(cam, o, still(flight.pose(0)), prior, 15).pose.cam_from_world, flight.middle) / runs;
+      return pose_error(refine_swept_pose(cam, o, still(flight.pose(0)), prior, 15).pose.cam_from_world,
+                        flight.middle) /
+             runs;
     };
     without += error({seen.begin(), seen.begin() + 4});
-    for (std::size_t i = 4; i < seen.size(); ++i) {  // thought to be nearer or further, seen from 0.1 m aside
+    for (std::size_t i = 4; i < seen.size(); ++i) {  // too near or too far along the ray of a camera 0.1 m aside
       const Eigen::Vector3d from = calib::inverse(flight.middle).translation + Eigen::Vector3d(0.1, 0.02, 0);
-      const Eigen::Vector3d open = 0.3 * (seen[i].p_world - from);
+      const Eigen::Vector3d along = 0.3 * (seen[i].p_world - from);
       const auto swept = project_swept(cam, flight.swept(), seen[i].p_world);
-      const auto further = cam.project(swept->cam_from_world * (seen[i].p_world + open));
+      const auto further = cam.project(swept->cam_from_world * (seen[i].p_world + along));
       ASSERT_TRUE(further);
-      seen[i].p_world += (i % 2 ? 0.5 : -0.5) * open;
-      seen[i].open_px = further->px - swept->px;
+      seen[i].p_world += (i % 2 ? 0.5 : -0.5) * along;
+      seen[i].line_sigma_px = further->px - swept->px;
     }
     with += error(seen);
-    for (PoseObservation& o : seen) o.open_px.setZero();
-    misled += error(seen);
+    for (PoseObservation& o : seen) o.line_sigma_px.setZero();
+    ignored += error(seen);
   }
   EXPECT_LT(with, 0.6 * without);
-  EXPECT_GT(misled, 3 * with);
+  EXPECT_GT(ignored, 3 * with);
 }
 
-TEST(SweptFit, aCameraAtRestSaysNothingOfItsReadout) {
+TEST(SweptFit, ReadoutIsUnobservableAtRest) {
   Flight flight;
   flight.velocity.setZero(), flight.noise_px = 0.3;
   const SweptFit fit = refine_swept_pose(camera().model, flight.seen(), flight.swept(), flight.prior({0, 0.02}), 15);
-  EXPECT_LT(off(fit.pose.cam_from_world, flight.middle), 0.003);
+  EXPECT_LT(pose_error(fit.pose.cam_from_world, flight.middle), 0.003);
   EXPECT_GT(fit.readout.value_or(Readout{0, 1}).sigma_s, 0.02);
 }
 

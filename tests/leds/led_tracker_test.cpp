@@ -23,7 +23,7 @@ using testing::HasSubstr;
 
 class LedBlobs : public testing::TestWithParam<capture::PixelFormat> {};
 
-TEST_P(LedBlobs, CentresAreFoundToASmallPartOfAPixel) {
+TEST_P(LedBlobs, FindsCentresToSubPixels) {
   const scene::LedScene scene = scene::led_scene();
   const std::vector<Vector2d> dots{{40.3, 50.7}, {200.25, 120.5}, {300.9, 230.1}};
   const auto found = find_led_blobs(scene::led_image(scene, dots, 1, GetParam()));
@@ -38,7 +38,7 @@ INSTANTIATE_TEST_SUITE_P(Formats, LedBlobs,
                          testing::Values(capture::PixelFormat::grey, capture::PixelFormat::yuyv,
                                          capture::PixelFormat::i420, capture::PixelFormat::bgr));
 
-TEST(LedBlobs, NothingIsFoundInTheDarkAtTheEdgeOrInALamp) {
+TEST(LedBlobs, IgnoresDarkImagesCutDotsAndLamps) {
   const scene::LedScene scene = scene::led_scene();
   EXPECT_TRUE(find_led_blobs(scene::led_image(scene, {}, 1)).empty());
   EXPECT_TRUE(find_led_blobs(scene::led_image(scene, {{0.4, 100}}, 1)).empty());
@@ -60,14 +60,14 @@ LedMotionState some_state() {
   return s;
 }
 
-TEST(LedMotion, ThereAndBackIsWhereItWas) {
+TEST(LedMotion, ForwardAndBackwardPredictionCancel) {
   const LedMotionState s = some_state();
   EXPECT_LT(difference(moved(moved(s, 0.02), -0.02), s).norm(), 3e-4);
   const LedTangent d = LedTangent::Constant(0.01);
   EXPECT_LT((difference(corrected(s, d), s) - d).norm(), 1e-9);
 }
 
-TEST(LedMotion, TheJacobianIsTheDerivative) {
+TEST(LedMotion, JacobianMatchesDifferences) {
   const scene::LedScene scene = scene::led_scene();
   for (const double dt : {0.0, -0.03}) {
     LedJacobian j;
@@ -162,7 +162,7 @@ LedFilterOptions options_for(const scene::LedScene& scene) {
 }
 const std::vector<int> in_turn{0, 1, 2, 3, 4, 5, 6, 7};
 
-TEST(LedFilter, FindsTheCameraFromOneLedPerFrameAndFollowsIt) {
+TEST(LedFilter, TracksFromOneLedPerFrame) {
   const scene::LedScene scene = scene::led_scene();
   const auto filter = LedFilter::huetrack(scene.camera, options_for(scene));
   const Course run = follow(*filter, scene, in_turn, 140, 24);
@@ -175,7 +175,7 @@ TEST(LedFilter, FindsTheCameraFromOneLedPerFrameAndFollowsIt) {
   EXPECT_LT(run.nees, 15);
 }
 
-TEST(LedFilter, FindsTheCameraFromLedsThatAreNotIdentified) {
+TEST(LedFilter, TracksFromUnidentifiedLeds) {
   const scene::LedScene scene = scene::led_scene();
   const auto filter = LedFilter::huetrack(scene.camera, options_for(scene));
   const Course run = follow(*filter, scene, {}, 60, 20);
@@ -185,7 +185,7 @@ TEST(LedFilter, FindsTheCameraFromLedsThatAreNotIdentified) {
   EXPECT_EQ(run.wrong, 0);
 }
 
-TEST(LedFilter, CountsEachLedAtItsRowsTime) {
+TEST(LedFilter, UsesTheTimeOfEachRow) {
   scene::LedScene scene = scene::led_scene();
   scene.fps = 30;
   const auto ignorant = LedFilter::huetrack(scene.camera, options_for(scene));
@@ -198,7 +198,7 @@ TEST(LedFilter, CountsEachLedAtItsRowsTime) {
   EXPECT_GT(misled.rms_mm, 2 * run.rms_mm);
 }
 
-TEST(LedFilter, FourLedsAreEnoughAndThreeNeverGiveAPose) {
+TEST(LedFilter, NeedsFourLeds) {
   const scene::LedScene scene = scene::led_scene();
   const Course four = follow(*LedFilter::huetrack(scene.camera, options_for(scene)), scene, {0, 2, 4, 6}, 140, 40);
   EXPECT_GT(four.poses, 90);
@@ -207,7 +207,7 @@ TEST(LedFilter, FourLedsAreEnoughAndThreeNeverGiveAPose) {
   EXPECT_EQ(follow(*LedFilter::huetrack(scene.camera, options_for(scene)), scene, {0, 2, 4}, 100, 0).poses, 0);
 }
 
-TEST(LedFilter, CoveredItCoastsThenIsLostAndFoundAgain) {
+TEST(LedFilter, CoastsIsLostAndRecovers) {
   const scene::LedScene scene = scene::led_scene();
   const auto filter = LedFilter::huetrack(scene.camera, options_for(scene));
   const Course run = follow(*filter, scene, in_turn, 300, 0, [](int i) { return i >= 60 && i < 180; });
@@ -216,7 +216,7 @@ TEST(LedFilter, CoveredItCoastsThenIsLostAndFoundAgain) {
   EXPECT_LT(run.poses, 250);  // 120 frames are covered, 1.3 s
 }
 
-TEST(LedFilter, ThePapersFilterGivesNoFalsePose) {
+TEST(LedFilter, PaperFilterGivesNoFalsePose) {
   const scene::LedScene scene = scene::led_scene();
   LedFilterOptions options = options_for(scene);
   options.start.room_min = {0.4, -0.4, 0.3};
@@ -227,7 +227,7 @@ TEST(LedFilter, ThePapersFilterGivesNoFalsePose) {
   EXPECT_EQ(run.wrong, 0);
 }
 
-TEST(LedFilter, ThePapersFilterFindsTheCameraFromLedsThatAreNotIdentified) {
+TEST(LedFilter, PaperFilterTracksFromUnidentifiedLeds) {
   const scene::LedScene scene = scene::led_scene();
   for (const std::uint64_t seed : {1, 2}) {
     LedFilterOptions options = options_for(scene);
@@ -266,7 +266,7 @@ TEST(LedFilter, SameSeedSameBits) {
 
 // ---- The tracker: images in
 
-TEST(LedTracker, ImagesAndAScheduleBySequenceOrTime) {
+TEST(LedTracker, TracksInImagesWithASchedule) {
   const scene::LedScene scene = scene::led_scene();
   camera_tracking::CameraTrackerOptions options;
   camera_tracking::LedStart start{.leds = scene.leds, .schedule = in_turn};
@@ -349,7 +349,7 @@ camera_tracking::LedStart start_for(const std::vector<int>& schedule) {
   return start;
 }
 
-TEST(LedTracker, AScheduleCountsTheFramesOfTheStreamWhateverIsPlayed) {
+TEST(LedTracker, ScheduleCountsFramesOfTheStream) {
   const Outcome third = play(start_for(in_turn), {.lit = in_turn, .frames = 120, .every = 3});
   EXPECT_GE(third.first, 0);
   EXPECT_GT(third.poses, 15);
@@ -357,7 +357,7 @@ TEST(LedTracker, AScheduleCountsTheFramesOfTheStreamWhateverIsPlayed) {
   EXPECT_EQ(third.most_in_view, 8) << "LEDs are counted, not sightings";
 }
 
-TEST(LedTracker, ItFindsByHowManySlotsTheScheduleIsOff) {
+TEST(LedTracker, EstimatesTheScheduleOffset) {
   for (const int off : {1, 4}) {  // by 4 a wrong pose fits to some pixels
     std::vector<int> lit = in_turn;
     std::rotate(lit.begin(), lit.begin() + off, lit.end());
@@ -369,7 +369,7 @@ TEST(LedTracker, ItFindsByHowManySlotsTheScheduleIsOff) {
   }
 }
 
-TEST(LedTracker, AScheduleByTimeMayBeginAnywhereInASlot) {
+TEST(LedTracker, ScheduleByTimeMayBeginWithinASlot) {
   camera_tracking::LedStart start = start_for(in_turn);
   for (const double slot_s : {0.011111111, 0.0111111112})  // of frames every 1/90 s
     for (const int late_ms : {0, 10, 37}) {
@@ -381,7 +381,7 @@ TEST(LedTracker, AScheduleByTimeMayBeginAnywhereInASlot) {
     }
 }
 
-TEST(LedTracker, ItSaysWhyThereIsNoPose) {
+TEST(LedTracker, ExplainsWhyThereIsNoPose) {
   const Outcome reversed = play(start_for(in_turn), {.lit = {7, 6, 5, 4, 3, 2, 1, 0}});
   EXPECT_EQ(reversed.poses, 0);
   EXPECT_THAT(reversed.why, HasSubstr("no pose explains them: are led_schedule"));
@@ -391,7 +391,7 @@ TEST(LedTracker, ItSaysWhyThereIsNoPose) {
   EXPECT_THAT(play(start_for({}), {.lit = {0}, .frames = 5}).why, HasSubstr("only 1 bright dot is seen at once"));
 }
 
-TEST(LedTracker, FourLedsWithoutAScheduleAreRefused) {
+TEST(LedTracker, RejectsFourUnidentifiedLeds) {
   camera_tracking::LedStart start = start_for({});
   start.leds.resize(4);
   camera_tracking::CameraTrackerOptions options;
@@ -399,7 +399,7 @@ TEST(LedTracker, FourLedsWithoutAScheduleAreRefused) {
   EXPECT_THAT(options.problems(), testing::Contains(HasSubstr("give led_schedule, or a fifth LED")));
 }
 
-TEST(LedTracker, ThreeLedsAreRefused) {
+TEST(LedTracker, RejectsThreeLeds) {
   camera_tracking::CameraTrackerOptions options;
   options.start = camera_tracking::LedStart{.leds = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}}, .schedule = {}};
   try {

@@ -39,7 +39,7 @@ class Desk : public testing::Test {
   }
 };
 
-TEST_F(Desk, huetrackFollowsFromTheFirstFrameAndThroughTheCover) {
+TEST_F(Desk, HuetrackTracksFromTheFirstFrameAndAfterTheCover) {
   const auto tracker = camera_methods::make_camera_tracker(desk().camera, options(CameraMethod::huetrack));
   const auto estimates = figures::run(*tracker, desk());
   EXPECT_EQ(estimates[0].state, PoseState::tracking);
@@ -48,7 +48,7 @@ TEST_F(Desk, huetrackFollowsFromTheFirstFrameAndThroughTheCover) {
   EXPECT_LT(e.max_m, 0.02);
   EXPECT_LT(e.rms_deg, 0.4);
   EXPECT_GT(figures::errors_of(estimates, desk(), 0, 40).tracked, 39);
-  EXPECT_EQ(figures::errors_of(estimates, desk(), 50, 60).tracked, 0);  // nothing to be seen, and it says so
+  EXPECT_EQ(figures::errors_of(estimates, desk(), 50, 60).tracked, 0);  // covered
   for (std::size_t i = 50; i < 61; ++i)
     EXPECT_EQ(estimates[i].has_pose(), estimates[i].world_from_camera.translation.allFinite());
   EXPECT_LE(figures::frames_until_tracked(estimates, 65).value_or(99), 5);
@@ -63,7 +63,7 @@ TEST_F(Desk, huetrackFollowsFromTheFirstFrameAndThroughTheCover) {
   EXPECT_GT(map.back().covariance.trace(), 0);
 }
 
-TEST_F(Desk, fourKnownPointsAreEnoughToGoOnFrom) {
+TEST_F(Desk, HuetrackStartsFromFourKnownPoints) {
   const figures::CameraSequence s = part(0, 24);
   PointsStart start;
   start.points = {{-0.1, 0.075, 0}, {0.1, 0.075, 0}, {0.1, -0.075, 0}, {-0.1, -0.075, 0}};  // rectangle.csv
@@ -77,7 +77,7 @@ TEST_F(Desk, fourKnownPointsAreEnoughToGoOnFrom) {
   EXPECT_LT(e.max_m, 0.02);
 }
 
-TEST_F(Desk, sameSeedSameBits) {
+TEST_F(Desk, SameSeedSameBits) {
   const figures::CameraSequence s = part(0, 24);
   for (const CameraMethod method : {CameraMethod::huetrack, CameraMethod::lee, CameraMethod::pupilli}) {
     const auto first = figures::run(*camera_methods::make_camera_tracker(s.camera, options(method)), s),
@@ -96,7 +96,7 @@ TEST_F(Desk, sameSeedSameBits) {
   }
 }
 
-TEST_F(Desk, thePapersMethodsFollowTheRectangle) {
+TEST_F(Desk, PapersMethodsTrack) {
   const figures::CameraSequence s = part(0, 30);
   for (const CameraMethod method : {CameraMethod::lee, CameraMethod::pupilli}) {
     const auto estimates = figures::run(*camera_methods::make_camera_tracker(s.camera, options(method)), s);
@@ -107,7 +107,7 @@ TEST_F(Desk, thePapersMethodsFollowTheRectangle) {
   }
 }
 
-TEST_F(Desk, relocalisesInALoadedMap) {
+TEST_F(Desk, RelocalisesInALoadedMap) {
   const std::filesystem::path file =
       std::filesystem::temp_directory_path() / ("huetrack_desk_" + std::to_string(::getpid()) + ".map");
   {
@@ -128,7 +128,7 @@ TEST_F(Desk, relocalisesInALoadedMap) {
   std::filesystem::remove(file);
 }
 
-TEST_F(Desk, aDamagedFrameIsNoFrame) {
+TEST_F(Desk, CoastsOverADamagedFrame) {
   figures::CameraSequence s = part(0, 12);
   s.frames[6].status = capture::FrameStatus::corrupted;
   s.frames[6].pixels = {};

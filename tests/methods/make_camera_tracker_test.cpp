@@ -7,7 +7,7 @@
 namespace huetrack::camera_methods {
 namespace {
 
-TEST(MakeCameraTracker, namesTheProblems) {
+TEST(MakeCameraTracker, ThrowsForInvalidOptions) {
   camera_tracking::CameraTrackerOptions options;
   options.start = camera_tracking::FoundStart{};
   EXPECT_THROW(

@@ -38,7 +38,7 @@ calib::CameraTiming readout(double mean_s) {
   return timing;
 }
 
-TEST(RollingShutter, aKnownReadoutCostsNothing) {
+TEST(RollingShutter, KnownReadoutIsAsAccurateAsAGlobalShutter) {
   const figures::PoseErrors known = figures::errors_of(track(readout(readout_s)), swept_desk()),
                             ignored = figures::errors_of(track(readout(0)), swept_desk());
   EXPECT_EQ(known.tracked, 36);
@@ -47,7 +47,7 @@ TEST(RollingShutter, aKnownReadoutCostsNothing) {
   EXPECT_GT(ignored.rms_m, 4 * known.rms_m);
 }
 
-TEST(RollingShutter, anUnknownOneIsLearntAndTold) {
+TEST(RollingShutter, UnknownReadoutIsEstimated) {
   const auto estimates = track({});
   const figures::PoseErrors e = figures::errors_of(estimates, swept_desk());
   EXPECT_EQ(e.tracked, 36);

@@ -7,7 +7,7 @@
 namespace huetrack::papers {
 namespace {
 
-TEST(DepthRay, convergesOnTheDepthAndNotOnNoise) {
+TEST(DepthRay, ConvergesOnOnePeakOnly) {
   const Eigen::Vector3d origin(0, 0, 0), direction(0, 0, 1), truth(0, 0, 0.7);
   particle_filter::Rng rng(8);
   DepthRay ray(origin, direction, 0.2, 5);

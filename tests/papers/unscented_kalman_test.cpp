@@ -13,7 +13,7 @@ namespace {
 using camera_tracking::camera;
 using camera_tracking::look_at;
 
-TEST(FeatureFilter, convergesOnThePoint) {
+TEST(FeatureFilter, ConvergesAndRejectsOutliers) {
   const calib::Camera c = camera();
   const Eigen::Vector3d truth(0.05, 0.04, 0.03);
   const calib::Rigid3d first = look_at({0, -0.5, 0.4}, {0, 0, 0});

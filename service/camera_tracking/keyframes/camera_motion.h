@@ -1,5 +1,5 @@
-// What a camera's last poses say about how fast it moves, and its readout time, of which the motion within a frame is
-// the product.
+// The camera's velocity and acceleration from its last poses, and its readout time: together they give the motion
+// within a frame.
 #pragma once
 
 #include <Eigen/Core>
@@ -13,6 +13,8 @@
 
 namespace huetrack::keyframes {
 
+using namespace camera_tracking;
+
 using Matrix6d = Eigen::Matrix<double, 6, 6>;
 
 // From the first row's mid-exposure to the last one's, seconds.
@@ -20,56 +22,55 @@ struct Readout {
   double mean_s = 0, sigma_s = 0;
 };
 
-// A frame's motion as it is known before its own rows are asked, given where its middle row is seen from.
+// The prior of a frame's motion, conditioned on the pose of its middle row: velocity and acceleration are linear in the
+// pose's difference from the expected one. Tangents of cam_from_world, per second.
 struct MotionPrior {
   Readout readout;
-  calib::Rigid3d expected;                                     // cam_from_world
-  calib::Tangent6d velocity_there = calib::Tangent6d::Zero(),  // of the middle row, were it seen from there; per second
-      acceleration_there = calib::Tangent6d::Zero();
-  // By how much they are others for a pose beside the one expected, d / d tangent of it.
-  Matrix6d velocity_by_pose = Matrix6d::Zero(), acceleration_by_pose = Matrix6d::Zero();
-  Matrix6d velocity_covariance = Matrix6d::Zero();  // of what the pose leaves open
+  calib::Rigid3d expected;  // cam_from_world of the middle row
+  calib::Tangent6d expected_velocity = calib::Tangent6d::Zero(), expected_acceleration = calib::Tangent6d::Zero();
+  Matrix6d d_velocity_d_pose = Matrix6d::Zero(), d_acceleration_d_pose = Matrix6d::Zero();
+  Matrix6d velocity_covariance = Matrix6d::Zero();  // given the pose
 
-  // When the middle row is exposed.
   calib::Tangent6d velocity(const calib::Rigid3d& cam_from_world) const;
   calib::Tangent6d bend(const calib::Rigid3d& cam_from_world, double readout_s) const;  // Sweep::bend
-  camera_tracking::Sweep sweep(const calib::Rigid3d& cam_from_world, double last_row) const;
-  MotionPrior held() const;  // as if it were sure
-  // Of a sweep's motion about sweep().motion, the readout's included.
+  Sweep sweep(const calib::Rigid3d& cam_from_world, double last_row) const;
+  MotionPrior without_uncertainty() const;
+  // Of a sweep's motion about sweep().motion, the readout's uncertainty included.
   Matrix6d covariance(const calib::Tangent6d& velocity) const;
 };
 
-// Kalman filters of pose, velocity and acceleration, each of another restlessness of the hand; the one that the last
-// poses make likeliest is believed. thread-compatible. A pure function of the poses added since the last forget().
+// Four Kalman filters of pose, velocity and acceleration (Singer 1970) with different process noise; the prior comes
+// from the one with the largest recent likelihood. A pure function of the poses since the last forget().
+// thread-compatible.
 class CameraMotion {
  public:
-  void forget();                                                            // it was lost, or set down elsewhere
-  void begin(capture::Timestamp at, const calib::Rigid3d& cam_from_world);  // nothing but this start is known
-  // covariance: of the pose's tangent. As begin() when there is none before, or not lately.
+  void forget();                                                            // the camera was lost, or moved unseen
+  void begin(capture::Timestamp at, const calib::Rigid3d& cam_from_world);  // initialises without a velocity
+  // covariance: of the pose's tangent. Calls begin() if the last pose is missing or too old.
   void add(capture::Timestamp at, const calib::Rigid3d& cam_from_world, const Matrix6d& covariance);
   MotionPrior prior(capture::Timestamp at, const Readout& readout) const;
-  // Of the first of two frames, by the second one.
+  // For the first of two frames, from the second one.
   static MotionPrior prior_from_next(capture::Timestamp at, capture::Timestamp next_at, const calib::Rigid3d& next,
                                      const Readout& readout);
 
  private:
   using Vector18d = Eigen::Matrix<double, 18, 1>;
   using Matrix18d = Eigen::Matrix<double, 18, 18>;
-  struct Hand {
+  struct Filter {
     calib::Rigid3d pose;
     calib::Tangent6d velocity = calib::Tangent6d::Zero(), acceleration = calib::Tangent6d::Zero();
-    Matrix18d covariance = Matrix18d::Zero();  // of the three
-    double surprise = 1;                       // fading mean square of what poses were off, per axis, in sigmas
-    double log_likelihood = 0;                 // fading
+    Matrix18d covariance = Matrix18d::Zero();  // of the three, up to the factor mean_nis
+    double mean_nis = 1;                       // fading mean of the normalised innovation squared, per axis
+    double log_likelihood = 0;                 // fading sum
   };
-  static Hand ahead(const Hand& hand, std::size_t which, double length_s);
-  static void observe(Hand& hand, const calib::Rigid3d& cam_from_world, const Matrix6d& covariance);
+  static Filter predicted(const Filter& filter, std::size_t index, double dt_s);
+  static void update(Filter& filter, const calib::Rigid3d& cam_from_world, const Matrix6d& covariance);
 
   std::optional<capture::Timestamp> last_at_;
-  std::array<Hand, 4> hands_;  // from the calmest one on
+  std::array<Filter, 4> filters_;  // by increasing process noise
 };
 
-// Learns a camera's readout time from what single frames say. thread-compatible.
+// Estimates a camera's readout time from the measurements of single frames. thread-compatible.
 class ReadoutLearner {
  public:
   explicit ReadoutLearner(const calib::CameraTiming& timing);
@@ -77,7 +78,7 @@ class ReadoutLearner {
   Readout readout() const;
 
  private:
-  Readout told_, averaged_;
+  Readout prior_, averaged_;
 };
 
 }  // namespace huetrack::keyframes

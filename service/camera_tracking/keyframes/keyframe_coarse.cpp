@@ -9,26 +9,23 @@
 
 namespace huetrack::keyframes {
 
-using namespace camera_tracking;
-
 namespace {
 
-constexpr int widest_px = 100;  // of the copy that is searched
+constexpr int widest_px = 100;  // of the searched copy of the image
 constexpr std::size_t most_points = 40, fewest_points = 4;
-constexpr int columns = 10, rows = 8;  // cells of the image, of each of which one point is taken
-// The walk: what a hand does from one frame to the next, and a share of what it did before; wider, up to a limit, with
-// each frame that proved nothing. Positions are in parts of the scene's distance.
+constexpr int columns = 10, rows = 8;  // cells of the image, with one point each
+// Random walk, 1 sigma: a constant plus a share of the last step, wider with each frame without a proven pose.
+// Positions as shares of the scene's depth.
 constexpr double still_rad = 0.012, still_of_depth = 0.010, share_of_step = 0.4;
 constexpr double wider_per_frame = 0.35, widest = 4;
-constexpr float field_reach_px = 24;  // of a correlation field to either side of the cloud's middle
+constexpr float field_reach_px = 24;  // of a correlation field to either side of the cloud's mean
 constexpr float least_ncc = 0.65f;
-// Annealing: how near a particle must come to a place that correlates, px, and the walk halves with every step.
+// Annealing: epsilon_d of ObservationField::mark() per step, px; the walk halves with every step.
 constexpr std::array narrowing_px{2.5f, 1.8f, 1.2f, 1.2f};
-// Gauss-Newton on the strongest answers within so many px of where the pose has the points: twice, to let those go that
-// the first fit contradicts.
+// Gauss-Newton on the best matches within so many px of the points' projections, twice.
 constexpr std::array fit_within_px{2.5f, 1.8f};
 constexpr double fit_sigma_px = 0.4;
-constexpr std::size_t fewest_answers = 6;
+constexpr std::size_t fewest_matches = 6;
 constexpr int fewest_inliers = 5, fit_iterations = 8;
 
 int level_to_search(const Pyramid& pyramid) {
@@ -43,7 +40,7 @@ SweptPose KeyframeTracking::coarse(const SweptPose& predicted, const Pyramid& py
   const int level = level_to_search(pyramid);
   const Walk walk = scatter(predicted.cam_from_world);
   std::vector<Visible> chosen = one_per_cell(visible(predicted, map, pyramid.count()), map);
-  thin_out(chosen, most_points);
+  subsample(chosen, most_points);
   correlate(chosen, pyramid, level, map);
   if (chosen.size() < fewest_points) {
     const std::size_t n = particles_.size();
@@ -55,14 +52,15 @@ SweptPose KeyframeTracking::coarse(const SweptPose& predicted, const Pyramid& py
   return fit_to_fields({particles_.mean(), predicted.sweep}, chosen, level, map);
 }
 
-// Particles about the predicted pose and about the last one; without a last one, about where they were.
+// Half of the particles about the predicted pose, half about the last one; after an unproven frame, all where they
+// were.
 KeyframeTracking::Walk KeyframeTracking::scatter(const calib::Rigid3d& predicted) {
   const double moved = step_.translation.norm() / depth_m_, turned = Eigen::AngleAxisd(step_.rotation).angle();
   const double wider = std::min(widest, 1 + wider_per_frame * unproven_);
   const Walk walk{static_cast<float>(wider * (still_rad + share_of_step * turned)),
                   static_cast<float>(wider * depth_m_ * (still_of_depth + share_of_step * moved))};
   if (unproven_ == 0) particles_.reset(particle_count_, predicted);
-  if (unproven_ == 0 && particle_count_ > 1) {  // half of them: it stopped, or turned about
+  if (unproven_ == 0 && particle_count_ > 1) {  // the camera stopped or reversed
     PoseParticles still(particle_count_ / 2, pose_);
     for (auto [to, from] : {std::pair{&particles_.qw, &still.qw},
                             {&particles_.qx, &still.qx},
@@ -77,7 +75,7 @@ KeyframeTracking::Walk KeyframeTracking::scatter(const calib::Rigid3d& predicted
   return walk;
 }
 
-// The one that is found most reliably; among equals, at the coarser level.
+// The point with the best detection rate; coarser levels are preferred.
 std::vector<KeyframeTracking::Visible> KeyframeTracking::one_per_cell(const std::vector<Visible>& seen,
                                                                       const SceneMap& map) const {
   std::vector<int> best(columns * rows, -1);
@@ -87,7 +85,7 @@ std::vector<KeyframeTracking::Visible> KeyframeTracking::one_per_cell(const std:
         std::clamp(static_cast<int>(seen[i].px.y()) * rows / camera_.image_size.height, 0, rows - 1) * columns +
         std::clamp(static_cast<int>(seen[i].px.x()) * columns / camera_.image_size.width, 0, columns - 1));
     const auto& counts = map.points[static_cast<std::size_t>(seen[i].point)].found_of_sought;
-    const double w = (1.0 + counts[0]) / (2.0 + counts[1]) + 0.5 * seen[i].look->level;
+    const double w = (1.0 + counts[0]) / (2.0 + counts[1]) + 0.5 * seen[i].view->level;
     if (w > worth[cell]) worth[cell] = w, best[cell] = static_cast<int>(i);
   }
   std::vector<Visible> chosen;
@@ -97,7 +95,7 @@ std::vector<KeyframeTracking::Visible> KeyframeTracking::one_per_cell(const std:
   return chosen;
 }
 
-// Each particle's view of the point, in pixels of the level: u_, v_. All of them are swept alike.
+// The point's projection for each particle, pixels of the level: u_, v_. The same sweep for all.
 void KeyframeTracking::project(const Visible& seen, const SceneMap& map, int level) {
   const std::size_t n = particles_.size();
   u_.resize(n), v_.resize(n);
@@ -107,7 +105,7 @@ void KeyframeTracking::project(const Visible& seen, const SceneMap& map, int lev
   for (std::size_t i = 0; i < n; ++i) u_[i] = (u_[i] + du) * shrink - 0.5f, v_[i] = (v_[i] + dv) * shrink - 0.5f;
 }
 
-// Leaves the points that have a field, fields_[i] being that of chosen[i].
+// Keeps the points that have a field; fields_[i] belongs to chosen[i].
 void KeyframeTracking::correlate(std::vector<Visible>& chosen, const Pyramid& pyramid, int level, const SceneMap& map) {
   const GreyImage& image = pyramid.levels[static_cast<std::size_t>(level)];
   fields_.resize(std::max(fields_.size(), chosen.size()));
@@ -131,7 +129,6 @@ void KeyframeTracking::correlate(std::vector<Visible>& chosen, const Pyramid& py
 }
 
 void KeyframeTracking::anneal(const std::vector<Visible>& chosen, int level, const SceneMap& map, const Walk& walk) {
-  constexpr float gain = 1.0f;
   constexpr bool binary = false;
   log_weight_.resize(particles_.size());
   for (std::size_t step = 0; step < narrowing_px.size(); ++step) {
@@ -139,7 +136,7 @@ void KeyframeTracking::anneal(const std::vector<Visible>& chosen, int level, con
     for (std::size_t i = 0; i < chosen.size(); ++i) {
       project(chosen[i], map, level);
       fields_[i].mark(least_ncc, narrowing_px[step]);
-      fields_[i].score(u_, v_, gain, binary, log_weight_);
+      fields_[i].score(u_, v_, binary, log_weight_);
     }
     particle_filter::normalize_log_weights(log_weight_, particles_.weight);
     if (step == 0) effective_sample_size_ = particle_filter::effective_sample_size(particles_.weight);
@@ -166,7 +163,7 @@ SweptPose KeyframeTracking::fit_to_fields(SweptPose pose, const std::vector<Visi
         observations.push_back(
             {p, from_level(Eigen::Vector2d(peak.u + offset, peak.v + offset), level), fit_sigma_px * scale_of(level)});
     }
-    if (observations.size() < fewest_answers) break;
+    if (observations.size() < fewest_matches) break;
     const SweptFit fit = rough_fit(observations, pose, fit_iterations);
     if (fit.fit.inliers < fewest_inliers) break;
     pose = fit.pose;

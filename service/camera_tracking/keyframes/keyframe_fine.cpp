@@ -11,28 +11,24 @@
 
 namespace huetrack::keyframes {
 
-using namespace camera_tracking;
-
 namespace {
 
 constexpr std::size_t first_points = 60, most_fine_points = 220;
-// Between the pixels a template matches better than on the best of them: so much less is enough to look there, and less
-// is asked of a patch that is sought one level above its own.
+// The NCC that sub-pixel refinement gains, and that a patch loses one level above its own.
 constexpr float refined_gains = 0.1f, blurred_loses = 0.05f;
-// What a template's match is worth, at its own level, in pixels of that level: on the best pixel, and refined.
+// Standard deviations of a match, pixels of its level: at the best pixel, and refined.
 constexpr double pixel_sigma_px = 0.4, match_sigma_px = 0.25, corner_sigma_px = 0.12;
-// Of a seed, times that: its corner was seen but once. And what frames that ask seeds say of the readout.
-constexpr double seed_px = 1.41, seeds_alike = 2;
+// Factors of a seed's sigma (its corner was measured once, too) and of the readout's sigma in frames that use seeds.
+constexpr double seed_px = 1.41, correlated_seeds = 2;
 constexpr int first_reach_px = 4, least_reach_px = 3, most_reach_px = 8;  // of the search, pixels of the level
-constexpr double margin_px = 6;                                           // of a point to its level's border
-// Fewer points than this are no fit to go on from; and so many of them must agree.
+constexpr double margin_px = 6;                                           // to the level's border
+// Fewest observations and inliers of a fit.
 constexpr std::size_t first_fit_points = 6, corner_fit_points = 8, fewest_observations = 4;
 constexpr int first_fit_inliers = 5, corner_fit_inliers = 6, rough_iterations = 8, iterations = 15;
-// How far off the rectangle's edges may be, where the points say where it is and where they do not.
-constexpr std::size_t points_that_tell = 12;
+// Search width for the rectangle's edges, with and without enough points that predict them.
+constexpr std::size_t enough_points = 12;
 constexpr double near_edge_px = 3, far_edge_px = 7;
-constexpr double inlier_weight = 0.1;  // as PoseFit::inliers
-constexpr double least_pivot = 1e-9;   // of the information: else it leaves a direction open
+constexpr double least_pivot = 1e-9;  // of the information: below, a direction is undetermined
 
 // The smaller standard deviation over the image.
 double spread_px(const std::vector<PointSighting>& sightings) {
@@ -56,7 +52,7 @@ double median_depth_m(const calib::Rigid3d& cam_from_world, const std::vector<Po
   return calib::median(std::move(depths));
 }
 
-std::optional<Covariance6d> tangent_covariance(const PoseFit& fit) {
+std::optional<Covariance6d> checked_covariance(const PoseFit& fit) {
   const Eigen::LDLT<Covariance6d> solver(fit.information);
   if (!solver.isPositive() || !(solver.vectorD().minCoeff() > least_pivot)) return std::nullopt;
   const double scale = std::max(1.0, fit.scale);
@@ -70,7 +66,7 @@ ProvenPose KeyframeTracking::fine(const SweptPose& start, const Pyramid& pyramid
   ProvenPose out;
   out.pose = is_near ? start : first_fit(start, pyramid, map);
   std::vector<Visible> seen = visible(out.pose, map, pyramid.count());
-  thin_out(seen, most_fine_points);
+  subsample(seen, most_fine_points);
   Matches matches = match(seen, pyramid, map);
   if (rectangle_ && map.points.size() >= 4) out.pose = add_corners(out.pose, pyramid, map, matches);
   if (is_guess || static_cast<std::size_t>(map.alive_count()) >= most_fine_points)
@@ -80,8 +76,8 @@ ProvenPose KeyframeTracking::fine(const SweptPose& start, const Pyramid& pyramid
   if (with_seeds.observations.size() == matches.observations.size()) return proof_by(matches, out.pose, map, is_guess);
   ProvenPose by_seeds = proof_by(with_seeds, out.pose, map, is_guess);
   if (by_seeds.proven) {
-    // The next frames ask the same seeds, of whose depth they think the same.
-    if (by_seeds.readout) by_seeds.readout->sigma_s *= seeds_alike;
+    // The next frames use the same seeds: their measurements are correlated.
+    if (by_seeds.readout) by_seeds.readout->sigma_s *= correlated_seeds;
     return by_seeds;
   }
   return proof_by(matches, out.pose, map, is_guess);
@@ -98,9 +94,9 @@ ProvenPose KeyframeTracking::proof_by(const Matches& matches, const SweptPose& s
   const PoseFit& fit = refined.fit;
   out.pose = refined.pose;
   out.readout = refined.readout;
-  sort_out(fit, matches, out);
+  classify(fit, matches, out);
   if (out.sightings.size() < fewest_observations) return out;
-  const auto covariance = tangent_covariance(fit);
+  const auto covariance = checked_covariance(fit);
   if (!covariance) return out;
   out.tangent_covariance = *covariance;
 
@@ -133,7 +129,7 @@ PixelRegion KeyframeTracking::around(const Eigen::Vector2d& at, int reach_u, int
   return clip({u - reach_u, v - reach_v, u + reach_u, v + reach_v}, image, patch_side);
 }
 
-// With some well-spread points at one level above their own, over a wide region.
+// From some well-spread points, searched one level above their own in a wide region.
 SweptPose KeyframeTracking::first_fit(const SweptPose& pose, const Pyramid& pyramid, const SceneMap& map) {
   const std::vector<Visible> seen = visible(pose, map, pyramid.count());
   std::vector<PoseObservation> observations;
@@ -158,7 +154,7 @@ SweptPose KeyframeTracking::first_fit(const SweptPose& pose, const Pyramid& pyra
   return fit.fit.inliers >= first_fit_inliers ? fit.pose : pose;
 }
 
-// Each point near where the pose has it, to a fraction of a pixel. What was sought is kept in sought_, for pictures.
+// Sub-pixel matches near the projections. Fills sought_.
 KeyframeTracking::Matches KeyframeTracking::match(const std::vector<Visible>& seen, const Pyramid& pyramid,
                                                   const SceneMap& map) {
   Matches out;
@@ -203,36 +199,36 @@ std::optional<Eigen::Vector2d> KeyframeTracking::find_patch(const GreyImage& ima
   return from_level(refined->px, level);
 }
 
-// While few points are known: what will become some says how the camera turned, and how it moved across them. They are
-// no evidence, for one of them is found wherever its line crosses something like it.
+// While the map has few points, its seeds constrain the rotation, and the motion across their epipolar lines. They are
+// no evidence for the pose: along such a line a match is easily found by chance.
 void KeyframeTracking::add_seeds(const SweptPose& pose, const Pyramid& pyramid, const SceneMap& map, std::size_t most,
                                  Matches& matches) {
   if (matches.observations.size() < fewest_observations) return;
   const SweptFit about = refine_swept_pose(camera_.model, matches.observations, pose, prior_, rough_iterations);
   if (about.fit.inliers < static_cast<int>(fewest_observations)) return;
-  const auto covariance = tangent_covariance(about.fit);
+  const auto covariance = checked_covariance(about.fit);
   if (!covariance) return;
   const double moved_m = std::sqrt(covariance->bottomRightCorner<3, 3>().trace() / 3);
   std::vector<Visible> seen = visible_seeds(about.pose, moved_m, map, pyramid.count());
-  thin_out(seen, most);
+  subsample(seen, most);
   for (const Visible& s : seen) {
     if (!warp(s, map, s.level)) continue;
     const GreyImage& image = pyramid.levels[static_cast<std::size_t>(s.level)];
     const Eigen::Vector2d at = to_level(s.px, s.level);
     if (!image.contains(at.x(), at.y(), margin_px)) continue;
-    const Eigen::Vector2d open = 2 / scale_of(s.level) * s.reach_px.cwiseAbs();
-    const PixelRegion region = around(at, least_reach_px + static_cast<int>(std::ceil(open.x())),
-                                      least_reach_px + static_cast<int>(std::ceil(open.y())), image);
+    const Eigen::Vector2d reach = 2 / scale_of(s.level) * s.reach_px.cwiseAbs();
+    const PixelRegion region = around(at, least_reach_px + static_cast<int>(std::ceil(reach.x())),
+                                      least_reach_px + static_cast<int>(std::ceil(reach.y())), image);
     if (region.empty()) continue;
     const auto found = find_patch(image, region, s.level);
     if (!found) continue;
     const double sigma = match_sigma_px * scale_of(s.level);
-    matches.add(-1, {s.position, *found, std::hypot(seed_px * sigma, s.map_sigma_px), s.open_px}, sigma);
+    matches.add(-1, {s.position, *found, std::hypot(seed_px * sigma, s.map_sigma_px), s.line_sigma_px}, sigma);
   }
 }
 
-// Those of the start's rectangle, by its edges, which lie where the pose has them: the pose that the points say, if
-// there are enough, which is returned.
+// The corners of the start rectangle, by its edges. Returns the pose by which they were predicted: fitted to the points
+// if there are enough.
 SweptPose KeyframeTracking::add_corners(const SweptPose& start, const Pyramid& pyramid, const SceneMap& map,
                                         Matches& matches) {
   SweptPose pose = start;
@@ -247,9 +243,8 @@ SweptPose KeyframeTracking::add_corners(const SweptPose& start, const Pyramid& p
     if (!px) return pose;
     about[i] = px->px;
   }
-  const RectangleCorners corners =
-      measure_rectangle(pyramid.levels.front(), camera_.model, about,
-                        points >= points_that_tell ? near_edge_px : far_edge_px, *rectangle_);
+  const RectangleCorners corners = measure_rectangle(pyramid.levels.front(), camera_.model, about,
+                                                     points >= enough_points ? near_edge_px : far_edge_px, *rectangle_);
   for (std::size_t i = 0; i < 4; ++i) {
     if (!corners.measured[i]) continue;
     matches.add(static_cast<int>(i), {map.points[i].position, corners.px[i], corner_sigma_px}, corner_sigma_px);
@@ -258,8 +253,7 @@ SweptPose KeyframeTracking::add_corners(const SweptPose& start, const Pyramid& p
   return pose;
 }
 
-// The matches that the fit holds for right, and the points that it does not.
-void KeyframeTracking::sort_out(const PoseFit& fit, const Matches& matches, ProvenPose& out) const {
+void KeyframeTracking::classify(const PoseFit& fit, const Matches& matches, ProvenPose& out) const {
   for (std::size_t i = 0; i < matches.observations.size(); ++i) {
     const int point = matches.point[i];
     if (point < 0) continue;  // a seed

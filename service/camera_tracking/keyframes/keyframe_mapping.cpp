@@ -9,53 +9,43 @@
 
 namespace huetrack::keyframes {
 
-using namespace camera_tracking;
-
 namespace {
 
-// A point that was sought so often is judged by what share of that was found, and both are halved: what counts is
-// lately.
+// A point is judged by its detection rate after so many searches; then both counts are halved.
 constexpr int judged_after = 20;
-constexpr int least_found_share = 4;  // one in so many
-// A frame maps points only where most were found, for else its pose is weak, and where it moved by less than these
-// shares of the image's width, for a fast frame is a blurred one.
+constexpr int least_found_share = 4;  // fewer than one in so many: removed
+// A frame updates the map only if more than this share of the points was found (else its pose is weak) and its flow is
+// below these shares of the image's width (else it is blurred).
 constexpr double enough_found = 0.5, sharp_for_seeds = 0.06, sharp_for_keyframe = 0.03;
-// So much may an unknown readout leave open over the image, in a frame that maps.
-constexpr double seeds_bear_px = 1.5, keyframes_bear_px = 1.5;
-// A key frame is new where the camera has moved by so much of the scene's distance, or turned by so much, from all
-// others.
+constexpr double most_readout_sigma_px = 1.5;  // PosedFrame::readout_sigma_px of a frame that updates the map
+// A new key frame: distance from all others as a share of the depth, or rotation.
 constexpr double keyframe_moved = 0.05, keyframe_turned_rad = 0.2;
 constexpr std::uint64_t frames_between_keyframes = 3;
-// A look is new from another side than all others: radians plus the logarithm of the distances' ratio.
-constexpr double new_look = 0.25;
-constexpr int window = 7;                     // key frames that an adjustment moves
+constexpr double new_view = 0.25;  // dissimilarity from all other views: radians plus |log| of the distances' ratio
+constexpr int window = 7;          // key frames of an adjustment
 constexpr std::size_t fewest_to_adjust = 12;  // observations
 constexpr int adjust_iterations = 6;
-// A key frame is fitted anew once the readout is known by so much better.
+// A key frame is refitted when the readout's sigma has fallen to this share.
 constexpr double refit_at_share = 0.6;
 constexpr std::size_t fewest_to_refit = 4;  // observations
-constexpr std::size_t most_kept_up = 14;    // in one frame, the oldest first
+constexpr std::size_t most_refitted = 14;   // per frame, the oldest first
 constexpr double seed_sigma_px = 0.4;       // of a seed's corner, pixels of its level
 
 }  // namespace
 
 KeyframeMapping::KeyframeMapping(const calib::Camera& camera) : camera_(camera) {}
 
-void KeyframeMapping::add_look(MapPoint& point, int keyframe, int level, const Eigen::Vector2d& px) {
-  PointLook look;
-  look.keyframe = keyframe, look.level = level, look.px = px;
-  const GreyImage& image =
-      map_.keyframes[static_cast<std::size_t>(keyframe)].pyramid->levels[static_cast<std::size_t>(level)];
-  const Eigen::Vector2d at = to_level(px, level);
-  look.described = image.contains(at.x(), at.y(), descriptor_margin);
-  if (look.described) look.descriptor = describe(image, at);
-  // The first look stays; of the others the oldest goes.
-  const auto n = static_cast<int>(point.looks.size());
-  if (point.look_count < n) {
-    point.looks[static_cast<std::size_t>(point.look_count++)] = look;
+void KeyframeMapping::add_view(MapPoint& point, int keyframe, int level, const Eigen::Vector2d& px) {
+  PointView view;
+  view.keyframe = keyframe, view.level = level, view.px = px;
+  describe(view, *map_.keyframes[static_cast<std::size_t>(keyframe)].pyramid);
+  // The first view stays; of the others the oldest is replaced.
+  const auto n = static_cast<int>(point.views.size());
+  if (point.view_count < n) {
+    point.views[static_cast<std::size_t>(point.view_count++)] = view;
   } else {
-    std::move(point.looks.begin() + 2, point.looks.end(), point.looks.begin() + 1);
-    point.looks.back() = look;
+    std::move(point.views.begin() + 2, point.views.end(), point.views.begin() + 1);
+    point.views.back() = view;
   }
 }
 
@@ -79,7 +69,7 @@ void KeyframeMapping::start(const PosedFrame& frame, std::span<const Eigen::Vect
     given_position_.push_back(points[i]);
   }
   add_keyframe(frame);
-  show_seeds();
+  export_seeds();
 }
 
 void KeyframeMapping::start(StoredMap stored) {
@@ -118,16 +108,16 @@ double KeyframeMapping::median_depth(const calib::Rigid3d& cam_from_world) const
 
 void KeyframeMapping::map(const PosedFrame& frame) {
   if (!frame.tracked) return;
-  count_finds(frame);
-  keep_up_with(frame.readout);
-  if (frame.flow_px < sharp_for_seeds * camera_.image_size.width && frame.readout_open_px < seeds_bear_px)
+  count_detections(frame);
+  refit_outdated(frame.readout);
+  if (frame.flow_px < sharp_for_seeds * camera_.image_size.width && frame.readout_sigma_px < most_readout_sigma_px)
     update_seeds(frame);
   if (is_new_keyframe(frame)) add_keyframe(frame);
-  show_seeds();
+  export_seeds();
 }
 
-// Which points are found where they are sought; those that hardly ever are were mapped wrongly, and go.
-void KeyframeMapping::count_finds(const PosedFrame& frame) {
+// Updates the detection rates and removes points that are seldom found.
+void KeyframeMapping::count_detections(const PosedFrame& frame) {
   for (const PointSighting& s : frame.sightings) {
     auto& counts = map_.points[static_cast<std::size_t>(s.point)].found_of_sought;
     ++counts[0], ++counts[1];
@@ -145,7 +135,8 @@ void KeyframeMapping::count_finds(const PosedFrame& frame) {
 
 bool KeyframeMapping::is_new_keyframe(const PosedFrame& frame) const {
   if (frame.number < last_keyframe_frame_ + frames_between_keyframes || !(frame.share_found > enough_found) ||
-      !(frame.flow_px < sharp_for_keyframe * camera_.image_size.width) || !(frame.readout_open_px < keyframes_bear_px))
+      !(frame.flow_px < sharp_for_keyframe * camera_.image_size.width) ||
+      !(frame.readout_sigma_px < most_readout_sigma_px))
     return false;
   const double depth = median_depth(frame.pose.cam_from_world);
   const Eigen::Vector3d centre = calib::inverse(frame.pose.cam_from_world).translation;
@@ -161,7 +152,7 @@ void KeyframeMapping::add_keyframe(const PosedFrame& frame) {
   map_.keyframes.push_back({frame.pyramid, frame.pose.cam_from_world, frame.pose.sweep});
   priors_.push_back(frame.prior);
   is_sharp_.push_back(frame.flow_px < sharp_for_keyframe * camera_.image_size.width);
-  speed_px_s_.push_back(frame.readout.sigma_s > 0 ? frame.readout_open_px / frame.readout.sigma_s : 0);
+  speed_px_s_.push_back(frame.readout.sigma_s > 0 ? frame.readout_sigma_px / frame.readout.sigma_s : 0);
   last_keyframe_frame_ = frame.number;
   const Eigen::Vector3d centre = calib::inverse(frame.pose.cam_from_world).translation;
   for (PointSighting s : frame.sightings) {
@@ -169,37 +160,36 @@ void KeyframeMapping::add_keyframe(const PosedFrame& frame) {
     MapPoint& p = map_.points[static_cast<std::size_t>(s.point)];
     if (!p.alive) continue;
     by_point_[static_cast<std::size_t>(s.point)].push_back(s);
-    // A new look where the point is seen from another side than in all others.
     double nearest = 1e9;
-    for (int k = 0; k < p.look_count; ++k) {
-      const Keyframe& other = map_.keyframes[static_cast<std::size_t>(p.looks[static_cast<std::size_t>(k)].keyframe)];
+    for (int k = 0; k < p.view_count; ++k) {
+      const Keyframe& other = map_.keyframes[static_cast<std::size_t>(p.views[static_cast<std::size_t>(k)].keyframe)];
       const Eigen::Vector3d from = calib::inverse(other.cam_from_world).translation - p.position,
                             now = centre - p.position;
       nearest = std::min(nearest, angle_between(from, now) + std::abs(std::log(now.norm() / from.norm())));
     }
-    if (nearest < new_look) continue;
-    const int level = p.look_count == 0 ? 0 : p.looks[0].level;
-    add_look(p, index, level, s.px);
+    if (nearest < new_view) continue;
+    const int level = p.view_count == 0 ? 0 : p.views[0].level;
+    add_view(p, index, level, s.px);
   }
-  if (index > 0) adjust_moved(to_be_moved(index), index);
+  if (index > 0) adjust_window(window_of(index), index);
   add_seeds(index);
 }
 
 void KeyframeMapping::promote(const Seed& seed) {
   MapPoint p;
-  const Keyframe& k = map_.keyframes[static_cast<std::size_t>(seed.look.keyframe)];
-  const calib::Rigid3d world_from_cam = calib::inverse(k.pose().at(seed.look.px.y()));
+  const Keyframe& k = map_.keyframes[static_cast<std::size_t>(seed.view.keyframe)];
+  const calib::Rigid3d world_from_cam = calib::inverse(k.pose().at(seed.view.px.y()));
   const Eigen::Vector3d ray = world_from_cam.rotation * seed.ray;
   p.position = world_from_cam * (seed.ray / seed.inverse_depth);
   const double along = seed.sigma / (seed.inverse_depth * seed.inverse_depth);
-  const double across = 0.5 * scale_of(seed.look.level) / camera_.model.fx() / seed.inverse_depth;
+  const double across = 0.5 * scale_of(seed.view.level) / camera_.model.fx() / seed.inverse_depth;
   p.covariance =
       across * across * Eigen::Matrix3d::Identity() + (along * along - across * across) * ray * ray.transpose();
   const auto index = static_cast<int>(map_.points.size());
-  add_look(p, seed.look.keyframe, seed.look.level, seed.look.px);
+  add_view(p, seed.view.keyframe, seed.view.level, seed.view.px);
   map_.points.push_back(p);
   by_point_.push_back(std::vector<PointSighting>{
-      PointSighting{seed.look.keyframe, index, seed.look.px, seed_sigma_px * scale_of(seed.look.level)}});
+      PointSighting{seed.view.keyframe, index, seed.view.px, seed_sigma_px * scale_of(seed.view.level)}});
   given_sigma_m_.push_back(0);
   given_position_.push_back(Eigen::Vector3d::Zero());
 }
@@ -209,15 +199,15 @@ void KeyframeMapping::remove(int point) {
   by_point_[static_cast<std::size_t>(point)].clear();
 }
 
-// The new key frame, and those that share most points with it.
-std::set<int> KeyframeMapping::to_be_moved(int keyframe) const {
+// The key frame, and those that share most points with it.
+std::set<int> KeyframeMapping::window_of(int keyframe) const {
   std::map<int, int> shared;
   for (const auto& sightings : by_point_) {
     if (std::ranges::none_of(sightings, [keyframe](const PointSighting& s) { return s.keyframe == keyframe; }))
       continue;
     for (const PointSighting& s : sightings) ++shared[s.keyframe];
   }
-  std::vector<std::pair<int, int>> order;  // (- how many, - which): newest first among equals
+  std::vector<std::pair<int, int>> order;  // (- shared points, - key frame): newest first among equals
   for (const auto& [k, count] : shared) order.emplace_back(-count, -k);
   std::ranges::sort(order);
   std::set<int> moved{keyframe};
@@ -227,7 +217,7 @@ std::set<int> KeyframeMapping::to_be_moved(int keyframe) const {
   return moved;
 }
 
-// All that they see; other key frames that see these points are held.
+// All points that they see; other key frames that see these points are fixed.
 KeyframeMapping::LocalProblem KeyframeMapping::problem_of(const std::set<int>& moved, int keyframe) const {
   LocalProblem local;
   BundleProblem& problem = local.bundle;
@@ -255,18 +245,18 @@ KeyframeMapping::LocalProblem KeyframeMapping::problem_of(const std::set<int>& m
       local.source.emplace_back(i, k);
     }
   }
-  const auto held = std::ranges::count_if(problem.poses, &BundlePose::fixed);
-  if (!anchored && held < 2) {  // nothing else holds the scale: hold the oldest two
-    int hold = 2 - static_cast<int>(held);
+  const auto fixed = std::ranges::count_if(problem.poses, &BundlePose::fixed);
+  if (!anchored && fixed < 2) {  // gauge and scale: fix the oldest two
+    int to_fix = 2 - static_cast<int>(fixed);
     for (const int k : moved) {
-      if (hold-- > 0 && k != keyframe && local.pose_of.contains(k))
+      if (to_fix-- > 0 && k != keyframe && local.pose_of.contains(k))
         problem.poses[static_cast<std::size_t>(local.pose_of[k])].fixed = true;
     }
   }
   return local;
 }
 
-void KeyframeMapping::take_over(const LocalProblem& local) {
+void KeyframeMapping::apply(const LocalProblem& local) {
   for (const auto& [k, at] : local.pose_of)
     map_.keyframes[static_cast<std::size_t>(k)].cam_from_world =
         local.bundle.poses[static_cast<std::size_t>(at)].cam_from_world;
@@ -275,7 +265,7 @@ void KeyframeMapping::take_over(const LocalProblem& local) {
     p.position = local.bundle.points[j].position;
     p.covariance = local.bundle.points[j].covariance;
   }
-  // From the last one on, so that the places of those before stay what they are.
+  // Backwards, so that the remaining indices stay valid.
   for (std::size_t j = local.source.size(); j-- > 0;) {
     const auto [point, place] = local.source[j];
     if (!local.bundle.observations[j].outlier || given_sigma_m_[point] > 0) continue;
@@ -286,18 +276,18 @@ void KeyframeMapping::take_over(const LocalProblem& local) {
   }
 }
 
-// Those whose motion was fitted when less was known of the readout: their rows are elsewhere than was thought.
-void KeyframeMapping::keep_up_with(const Readout& readout) {
+// Refits the key frames whose motion was fitted with a less certain readout.
+void KeyframeMapping::refit_outdated(const Readout& readout) {
   std::set<int> outdated;
-  for (std::size_t k = 0; k < priors_.size() && outdated.size() < most_kept_up; ++k) {
+  for (std::size_t k = 0; k < priors_.size() && outdated.size() < most_refitted; ++k) {
     if (!priors_[k] || !(readout.sigma_s < refit_at_share * priors_[k]->readout.sigma_s)) continue;
     priors_[k]->readout = readout;
     outdated.insert(static_cast<int>(k));
   }
-  if (!outdated.empty()) adjust_moved(outdated, *outdated.rbegin());
+  if (!outdated.empty()) adjust_window(outdated, *outdated.rbegin());
 }
 
-// Pose and motion, to the points as they are now.
+// Fits pose and motion to the current points.
 void KeyframeMapping::refit(const std::set<int>& keyframes) {
   std::map<int, std::vector<PoseObservation>> seen;
   for (std::size_t i = 0; i < by_point_.size(); ++i) {
@@ -314,12 +304,12 @@ void KeyframeMapping::refit(const std::set<int>& keyframes) {
   }
 }
 
-void KeyframeMapping::adjust_moved(const std::set<int>& moved, int keyframe) {
-  refit(moved);  // the adjustment holds their motion
+void KeyframeMapping::adjust_window(const std::set<int>& moved, int keyframe) {
+  refit(moved);  // the adjustment does not change their motion
   LocalProblem local = problem_of(moved, keyframe);
   if (local.bundle.observations.size() < fewest_to_adjust) return;
   adjust(camera_.model, local.bundle, adjust_iterations);
-  take_over(local);
+  apply(local);
 }
 
 }  // namespace huetrack::keyframes

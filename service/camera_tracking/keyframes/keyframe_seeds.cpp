@@ -6,8 +6,6 @@
 
 namespace huetrack::keyframes {
 
-using namespace camera_tracking;
-
 namespace {
 
 constexpr std::size_t max_seeds = 350;
@@ -15,42 +13,40 @@ constexpr int corner_levels = 3;
 constexpr int cell_px = 18, least_cell_px = 8;  // of a 320 px wide image: at most one new corner per cell
 constexpr int corner_threshold = 12, corner_margin_px = 10;
 constexpr float least_corner_score = 40;
-// The depth of a seed is first thought to be the scene's, and no less than these shares of it and of its nearest point.
+// Initial depth of a seed: the scene's median, at least these shares of it and of the nearest point.
 constexpr double nearest_of_depth = 0.5, nearest_of_nearest = 0.7;
 constexpr double least_inverse_depth = 1e-3;  // 1/m: as good as infinity
 
-// A seed becomes a point once its depth is as sure as that (sigma over inverse depth), and not by chance: found so
-// often, and seen from as far aside.
+// A seed becomes a point below this relative sigma, with enough parallax and detections.
 constexpr double converged = 0.035, enough_parallax_rad = 0.025;
 constexpr int often_found = 4;
 
-constexpr double longest_line_px = 80;  // of a search: longer, and anything may be found on it
-constexpr double reach_px = 1.5;        // from the epipolar line: noise of the poses
-// A second place that matches nearly as well, and is not the first one's neighbour, leaves open which one it is.
+constexpr double longest_line_px = 80;  // of an epipolar search: longer ones are ambiguous
+constexpr double reach_px = 1.5;        // from the epipolar line: errors of the poses
+// A second peak within this NCC of the best one, and at least so far from it, makes the match ambiguous.
 constexpr float rival_loses = 0.08f;
 constexpr double rival_px = 2.9;
 
-// At which failure a seed is given up: what is out of view may return, and what has a rival may lose it.
+// Failures after which a seed is abandoned: more patience for seeds out of view and for ambiguous matches.
 constexpr int failures_hidden = 41, failures_distorted = 10, failures_missed = 8;
 
-constexpr double seen_sigma_px = 0.7;  // of the corner here, there, and of both poses; pixels of the level
-constexpr double contradicted_sigmas = 3;
-// Errors of neighbouring frames' poses are alike, so that no number of frames makes a depth surer than this share of
-// what one of them says.
+constexpr double seen_sigma_px = 0.7;  // of both corners and both poses; pixels of the level
+constexpr double gate_sigmas = 3;
+// Least sigma of a depth as a share of one measurement's: the errors of neighbouring poses are correlated.
 constexpr double least_share_of_sigma = 0.25;
 
-// The image of a part of a seed's ray, pixels of a level.
+// The projection of a segment of a seed's ray, pixels of a level.
 struct EpipolarLine {
   EpipolarLine(const Eigen::Vector2d& a, const Eigen::Vector2d& b) : from(a), to(b), length((b - a).norm()) {
     if (length > 0) along = (to - from) / length;
   }
-  double off(const Eigen::Vector2d& p) const {
+  double distance(const Eigen::Vector2d& p) const {
     const Eigen::Vector2d d = p - from;
     return std::abs(along.x() * d.y() - along.y() * d.x());
   }
   bool is_near(const Eigen::Vector2d& p) const {
     const double t = along.dot(p - from);
-    return !(t < -reach_px || t > length + reach_px || off(p) > reach_px);
+    return !(t < -reach_px || t > length + reach_px || distance(p) > reach_px);
   }
   Eigen::Vector2d from, to;
   double length;
@@ -70,16 +66,17 @@ struct Strongest {
   Eigen::Vector2d px;  // of ncc
   bool is_ambiguous() const { return rival_ncc > good_ncc && rival_ncc > ncc - rival_loses; }
 };
-// Near the line.
+// Of the anchors near the line.
 Strongest strongest(const std::vector<float>& field, const PixelRegion& region, const EpipolarLine& line,
                     double offset) {
   Strongest out;
   out.px = line.from;
-  const auto each = [&](const auto& look) {
+  const auto each = [&](const auto& visit) {
     for (int v = region.v0; v <= region.v1; ++v) {
       for (int u = region.u0; u <= region.u1; ++u) {
         const Eigen::Vector2d p(u + offset, v + offset);
-        if (line.is_near(p)) look(field[static_cast<std::size_t>((v - region.v0) * region.width() + u - region.u0)], p);
+        if (line.is_near(p))
+          visit(field[static_cast<std::size_t>((v - region.v0) * region.width() + u - region.u0)], p);
       }
     }
   };
@@ -112,10 +109,10 @@ void KeyframeMapping::add_seeds(int keyframe) {
     taken[cell_of(seen->px)] = 1;
     depths.push_back((k.cam_from_world * p.position).norm());
   }
-  for (const Seed& s : seeds_) {  // those that are on their way, about where they will be
-    const Keyframe& from = map_.keyframes[static_cast<std::size_t>(s.look.keyframe)];
+  for (const Seed& s : seeds_) {
+    const Keyframe& from = map_.keyframes[static_cast<std::size_t>(s.view.keyframe)];
     const auto seen = project_swept(camera_.model, k.pose(),
-                                    calib::inverse(from.pose().at(s.look.px.y())) * (s.ray / s.inverse_depth));
+                                    calib::inverse(from.pose().at(s.view.px.y())) * (s.ray / s.inverse_depth));
     if (seen && camera_.contains({seen->px})) taken[cell_of(seen->px)] = 1;
   }
 
@@ -130,7 +127,7 @@ void KeyframeMapping::add_seeds(int keyframe) {
     for (const Corner& c : detect_corners(image, corner_threshold, corner_margin_px, least_corner_score)) {
       const Eigen::Vector2d px = from_level(c.px, level);
       const std::size_t at = cell_of(px);
-      // Fine corners locate better, coarse ones survive blur: a coarse one must be clearly stronger.
+      // Fine corners are more precise, coarse ones survive blur: a coarse one must be clearly stronger.
       const float score = c.score / static_cast<float>(1 + level);
       if (!taken[at] && score > best[at].score) best[at] = {px, level, score};
     }
@@ -144,20 +141,20 @@ void KeyframeMapping::add_seeds(int keyframe) {
     if (c.level < 0 || seeds_.size() >= max_seeds) continue;
     const auto ray = camera_.model.ray({c.px});
     if (!ray) continue;
-    // From nearer than all that is known to infinity: 2 sigmas on either side.
+    // 2 sigmas reach from nearer than all known points to infinity.
     Seed seed;
-    seed.look.keyframe = keyframe, seed.look.level = c.level, seed.look.px = c.px, seed.ray = *ray;
-    seed.row_px_per_s = k.sweep.part(c.px.y()) * speed_px_s_[static_cast<std::size_t>(keyframe)];
+    seed.view.keyframe = keyframe, seed.view.level = c.level, seed.view.px = c.px, seed.ray = *ray;
+    seed.row_px_per_s = k.sweep.fraction(c.px.y()) * speed_px_s_[static_cast<std::size_t>(keyframe)];
     seed.inverse_depth = 1 / depth;
     seed.sigma = std::max(1 / nearest - 1 / depth, 1 / depth) / 2;
     seeds_.push_back(seed);
   }
 }
 
-void KeyframeMapping::show_seeds() {
+void KeyframeMapping::export_seeds() {
   map_.seeds.clear();
   std::ranges::copy_if(seeds_, std::back_inserter(map_.seeds),
-                       [this](const Seed& s) { return is_sharp_[static_cast<std::size_t>(s.look.keyframe)]; });
+                       [this](const Seed& s) { return is_sharp_[static_cast<std::size_t>(s.view.keyframe)]; });
 }
 
 void KeyframeMapping::update_seeds(const PosedFrame& frame) {
@@ -175,67 +172,59 @@ void KeyframeMapping::update_seeds(const PosedFrame& frame) {
 }
 
 bool KeyframeMapping::update(Seed& seed, const PosedFrame& frame) {
-  const SeedSeen seen = seek(seed, frame);
-  bool is_explained = seen.how == SeedSeen::How::found;
-  if (is_explained) {
+  using Result = SeedMeasurement::Result;
+  const SeedMeasurement seen = search(seed, frame);
+  if (seen.result == Result::found) {
     ++seed.found;
-    is_explained = narrow(seed, seen, frame);
+    if (update_depth(seed, seen, frame)) return true;
   }
-  if (is_explained) return true;
-  switch (seen.how) {
-    case SeedSeen::How::out_of_view:
-    case SeedSeen::How::ambiguous:
-      return ++seed.failed < failures_hidden;
-    case SeedSeen::How::distorted:
-      return ++seed.failed < failures_distorted;
-    case SeedSeen::How::not_found:
-    case SeedSeen::How::found:
-      break;
-  }
-  return ++seed.failed < failures_missed;
+  const bool is_hidden = seen.result == Result::out_of_view || seen.result == Result::ambiguous;
+  return ++seed.failed < (is_hidden                          ? failures_hidden
+                          : seen.result == Result::distorted ? failures_distorted
+                                                             : failures_missed);
 }
 
-// Along the epipolar line, as far as its depth is open.
-KeyframeMapping::SeedSeen KeyframeMapping::seek(const Seed& seed, const PosedFrame& frame) {
-  using How = SeedSeen::How;
-  const Keyframe& k = map_.keyframes[static_cast<std::size_t>(seed.look.keyframe)];
-  const calib::Rigid3d world_from_then = calib::inverse(k.pose().at(seed.look.px.y()));
+// Along the epipolar line, within 2 sigmas of its depth.
+KeyframeMapping::SeedMeasurement KeyframeMapping::search(const Seed& seed, const PosedFrame& frame) {
+  using Result = SeedMeasurement::Result;
+  const Keyframe& k = map_.keyframes[static_cast<std::size_t>(seed.view.keyframe)];
+  const calib::Rigid3d world_from_then = calib::inverse(k.pose().at(seed.view.px.y()));
   const auto at = [&](double inverse_depth) {
     return project_swept(camera_.model, frame.pose, world_from_then * (seed.ray / inverse_depth));
   };
   const auto far = at(std::max(seed.inverse_depth - 2 * seed.sigma, least_inverse_depth)),
              near = at(seed.inverse_depth + 2 * seed.sigma), middle = at(seed.inverse_depth);
-  if (!far || !near || !middle || !camera_.contains({middle->px})) return {How::out_of_view};
+  if (!far || !near || !middle || !camera_.contains({middle->px})) return {Result::out_of_view};
 
   const Eigen::Matrix3d h =
       plane_homography(middle->cam_from_world * world_from_then, seed.ray, 1 / seed.inverse_depth);
-  const auto patch = transfer_patch(camera_.model, seed.look.px, h);
-  if (!patch) return {How::distorted};
-  const int level = search_level(patch->affine, seed.look.level, frame.pyramid->count());
-  if (!warp_patch(*k.pyramid, seed.look.px, patch->affine, level, patch_side, patch_)) return {How::distorted};
+  const auto patch = transfer_patch(camera_.model, seed.view.px, h);
+  if (!patch) return {Result::distorted};
+  const int level = search_level(patch->affine, seed.view.level, frame.pyramid->count());
+  if (!warp_patch(*k.pyramid, seed.view.px, patch->affine, level, patch_side, patch_)) return {Result::distorted};
   const EpipolarLine line(to_level(far->px, level), to_level(near->px, level));
-  if (line.length > longest_line_px) return {How::distorted};
+  if (line.length > longest_line_px) return {Result::distorted};
   const GreyImage& image = frame.pyramid->levels[static_cast<std::size_t>(level)];
   const double offset = static_cast<double>(patch_.inner.centre_offset());
   const PixelRegion region = clip(box_of(line, offset), image, patch_side);
-  if (region.empty()) return {How::distorted};
+  if (region.empty()) return {Result::distorted};
 
   ncc_field(image, patch_.inner, region, field_);
   const Strongest best = strongest(field_, region, line, offset);
-  if (best.ncc < good_ncc) return {How::not_found};
-  if (best.is_ambiguous()) return {How::ambiguous};
+  if (best.ncc < good_ncc) return {Result::not_found};
+  if (best.is_ambiguous()) return {Result::ambiguous};
   const auto refined = refine(image, patch_, best.px, most_shift_px);
-  if (!refined || refined->ncc < good_ncc) return {How::not_found};
-  if (line.length > 1 && line.off(refined->px) > reach_px) return {How::not_found};  // something else
-  const SeedSeen seen{How::found, from_level(refined->px, level), level};
-  return camera_.model.ray({seen.px}) ? seen : SeedSeen{};
+  if (!refined || refined->ncc < good_ncc) return {Result::not_found};
+  if (line.length > 1 && line.distance(refined->px) > reach_px) return {Result::not_found};
+  const SeedMeasurement seen{Result::found, from_level(refined->px, level), level};
+  return camera_.model.ray({seen.px}) ? seen : SeedMeasurement{};
 }
 
-// One more measurement of its depth.
-bool KeyframeMapping::narrow(Seed& seed, const SeedSeen& seen, const PosedFrame& frame) const {
+// Kalman update of the inverse depth.
+bool KeyframeMapping::update_depth(Seed& seed, const SeedMeasurement& seen, const PosedFrame& frame) const {
   const calib::Rigid3d now = frame.pose.at(seen.px.y());
-  const Keyframe& k = map_.keyframes[static_cast<std::size_t>(seed.look.keyframe)];
-  const calib::Rigid3d now_from_then = now * calib::inverse(k.pose().at(seed.look.px.y()));
+  const Keyframe& k = map_.keyframes[static_cast<std::size_t>(seed.view.keyframe)];
+  const calib::Rigid3d now_from_then = now * calib::inverse(k.pose().at(seed.view.px.y()));
   const auto at = [&](double inverse_depth) {
     return camera_.model.project(now_from_then * (seed.ray / inverse_depth));
   };
@@ -246,7 +235,7 @@ bool KeyframeMapping::narrow(Seed& seed, const SeedSeen& seen, const PosedFrame&
   if (!middle || !next) return false;
   const double px_per_inverse_depth = ((next->px - middle->px) / step).norm();
   if (px_per_inverse_depth < 1e-6) return true;  // no baseline yet
-  // The image of the ray is hyperbolic in the inverse depth: some steps of Newton's method on it.
+  // The measured inverse depth: some Gauss-Newton steps, since the projection is hyperbolic in it.
   double rho = seed.inverse_depth;
   for (int i = 0; i < 3; ++i) {
     const auto p0 = at(rho), p1 = at(rho + step);
@@ -255,10 +244,10 @@ bool KeyframeMapping::narrow(Seed& seed, const SeedSeen& seen, const PosedFrame&
     if (slope.squaredNorm() < 1e-12) break;
     rho = std::max(least_inverse_depth, rho + slope.dot(seen.px - p0->px) / slope.squaredNorm());
   }
-  const double row_open_px = frame.pose.sweep.part(seen.px.y()) * frame.readout_open_px;
-  const double sigma = std::hypot(seen_sigma_px * scale_of(seen.level), row_open_px) / px_per_inverse_depth;
+  const double row_sigma_px = frame.pose.sweep.fraction(seen.px.y()) * frame.readout_sigma_px;
+  const double sigma = std::hypot(seen_sigma_px * scale_of(seen.level), row_sigma_px) / px_per_inverse_depth;
   const double sum = std::sqrt(sigma * sigma + seed.sigma * seed.sigma);
-  if (std::abs(rho - seed.inverse_depth) > contradicted_sigmas * sum) return false;
+  if (std::abs(rho - seed.inverse_depth) > gate_sigmas * sum) return false;
   const double gain = seed.sigma * seed.sigma / (sum * sum);
   seed.inverse_depth = std::max(least_inverse_depth, seed.inverse_depth + gain * (rho - seed.inverse_depth));
   seed.sigma *= std::sqrt(1 - gain);

@@ -2,7 +2,6 @@
 
 #include <Eigen/LU>
 #include <algorithm>
-#include <stdexcept>
 
 #include "calib/model/median.h"
 #include "camera_tracking/camera_starter.h"
@@ -13,17 +12,14 @@
 
 namespace huetrack::keyframes {
 
-using namespace camera_tracking;
-
 namespace {
 
 constexpr std::size_t default_particles = 250;
 constexpr double coast_s = 0.4;
-// How far a hand-held camera gets that nobody sees: the covariance grows by this, per second.
+// Growth of the standard deviation while coasting, per second: a hand-held camera.
 constexpr double coast_m_s = 0.25, coast_rad_s = 0.6;
 
-// Frame n is tracked with the map as frame n - 2 left it, while frame n - 1 is being mapped: two tasks in parallel
-// whose result does not depend on who is faster.
+// Frame n is tracked with the map of frame n - 2, while frame n - 1 is mapped in parallel: deterministic.
 class KeyframeTracker final : public CameraTracker {
  public:
   KeyframeTracker(const calib::Camera& camera, const CameraTrackerOptions& options)
@@ -35,13 +31,7 @@ class KeyframeTracker final : public CameraTracker {
         mapping_(camera),
         particle_count_(options.particle_count > 0 ? options.particle_count : static_cast<int>(default_particles)) {
     if (!options.load_map.empty()) {
-      StoredMap stored = read_map(options.load_map);
-      if (stored.image_size != Eigen::Vector2i(camera.image_size.width, camera.image_size.height))
-        throw std::runtime_error(options.load_map.string() + ": is a map of images of " +
-                                 std::to_string(stored.image_size.x()) + "x" + std::to_string(stored.image_size.y()) +
-                                 ", the camera's are " + std::to_string(camera.image_size.width) + "x" +
-                                 std::to_string(camera.image_size.height));
-      mapping_.start(std::move(stored));
+      mapping_.start(read_map(options.load_map, camera.image_size));
       map_ = mapping_.scene();
       started_ = is_map_unproven_ = true;
       state_ = PoseState::lost;
@@ -66,19 +56,18 @@ class KeyframeTracker final : public CameraTracker {
       fill(estimate, last_);
       return estimate;
     }
-    if (handed_over_) mapper_.start([this] { mapping_.map(*handed_over_); });
-    std::optional<calib::Rigid3d> proposed;  // what was started from, seen again
-    if (state_ == PoseState::lost && estimate.frame_number % 5 == 0) {
+    if (to_map_) mapper_.start([this] { mapping_.map(*to_map_); });
+    std::optional<calib::Rigid3d> proposed;
+    if (state_ == PoseState::lost && estimate.frame_number % 5 == 0)
       proposed = starter_.find_again(frame.pixels, grey, pose_);
-    }
     const capture::Timestamp before = tracked_at_;
     last_ = tracking_.track(frame.captured_at, pyramid, map_, state_ == PoseState::lost, proposed);
     mapper_.wait();
-    if (handed_over_) map_ = mapping_.scene();
-    handed_over_.reset();
-    if (started_from_) {
-      if (last_.proven) settle_start(before, frame.captured_at);
-      started_from_.reset();
+    if (to_map_) map_ = mapping_.scene();
+    to_map_.reset();
+    if (pending_start_) {
+      if (last_.proven) refine_start(before, frame.captured_at);
+      pending_start_.reset();
     }
     if (last_.proven) {
       const double flow = flow_px(last_.pose.cam_from_world);
@@ -86,22 +75,22 @@ class KeyframeTracker final : public CameraTracker {
       is_map_unproven_ = false;
       tracked_at_ = frame.captured_at;
       pose_ = last_.pose.cam_from_world;
-      covariance_ = world_covariance(pose_, last_.tangent_covariance) + of_the_world(pose_);
+      covariance_ = world_covariance(pose_, last_.tangent_covariance) + start_covariance_at(pose_);
       const PoseEvidence& e = last_.evidence;
-      // With so few points sought nothing is mapped yet, and it is the rectangle that was seen.
+      // With so few points nothing is mapped yet: the pose is that of the start rectangle.
       const double share_found = e.sought < 8 ? 1.0 : static_cast<double>(e.found) / e.sought;
       const double frame_s = std::max(1e-3, capture::seconds(frame.captured_at - before));
-      handed_over_ = PosedFrame{.number = estimate.frame_number,
-                                .pyramid = pyramid,
-                                .pose = last_.pose,
-                                .tracked = true,
-                                .share_found = share_found,
-                                .flow_px = flow,
-                                .sightings = last_.sightings,
-                                .missed = last_.missed,
-                                .prior = tracking_.prior(),
-                                .readout = tracking_.readout(),
-                                .readout_open_px = tracking_.readout().sigma_s * flow / frame_s};
+      to_map_ = PosedFrame{.number = estimate.frame_number,
+                           .pyramid = pyramid,
+                           .pose = last_.pose,
+                           .tracked = true,
+                           .share_found = share_found,
+                           .flow_px = flow,
+                           .sightings = last_.sightings,
+                           .missed = last_.missed,
+                           .prior = tracking_.prior(),
+                           .readout = tracking_.readout(),
+                           .readout_sigma_px = tracking_.readout().sigma_s * flow / frame_s};
     } else {
       coast(frame.captured_at);
     }
@@ -112,8 +101,8 @@ class KeyframeTracker final : public CameraTracker {
   std::string why_no_pose() const override {
     if (state_ == PoseState::searching) return starter_.why_not();
     if (state_ != PoseState::lost) return {};
-    return is_map_unproven_ ? "nothing of the loaded map is recognised in the view"
-                            : "nothing of what was mapped is recognised in the view";
+    return is_map_unproven_ ? "nothing of the loaded map is recognised in the view: look at what it shows"
+                            : "nothing of what was mapped is recognised in the view: look at where it was before";
   }
 
   CameraTrackerInside inside() const override {
@@ -123,9 +112,7 @@ class KeyframeTracker final : public CameraTracker {
       out.features.push_back(
           {s.px.cast<float>(), s.found_px.cast<float>(), s.search.cast<float>(), p.position, p.covariance, p.given});
     }
-    const std::size_t n = tracking_.particles().size();
-    for (std::size_t i = 0; i < std::min<std::size_t>(n, 300); ++i)
-      out.particles.push_back(calib::inverse(tracking_.particles().pose(i)));
+    out.particles = tracking_.particles().world_from_cameras(300);
     return out;
   }
 
@@ -154,56 +141,50 @@ class KeyframeTracker final : public CameraTracker {
     if (started->rectangle) tracking_.set_rectangle(started->dark);
     pose_ = started->pose.cam_from_world;
     tracking_.set_pose(frame.captured_at, pose_);
-    const double scale = std::max(1.0, started->pose.scale);
-    const Covariance6d inverse_information = started->pose.information.inverse();
-    started_from_ = StartedFrom{{.number = frames_ - 1,
-                                 .pyramid = pyramid,
-                                 .pose = {pose_},
-                                 .tracked = true,
-                                 .share_found = 1,
-                                 .sightings = {},
-                                 .missed = {},
-                                 .prior = {},
-                                 .readout = tracking_.readout()},
-                                *started};
+    pending_start_ = PendingStart{{.number = frames_ - 1,
+                                   .pyramid = pyramid,
+                                   .pose = {pose_},
+                                   .tracked = true,
+                                   .share_found = 1,
+                                   .sightings = {},
+                                   .missed = {},
+                                   .prior = {},
+                                   .readout = tracking_.readout()},
+                                  *started};
     for (std::size_t i = 0; i < started->points.size(); ++i)
-      started_from_->frame.sightings.push_back({0, static_cast<int>(i), started->px[i], started->sigma_px});
-    map_from_start(scale * scale * inverse_information);
+      pending_start_->frame.sightings.push_back({0, static_cast<int>(i), started->px[i], started->sigma_px});
+    map_from_start(started->pose);
     covariance_ = map_.start_covariance;
     last_ = {};
     last_.pose.cam_from_world = pose_;
     last_.proven = true;
     last_.evidence.sought = last_.evidence.found = static_cast<int>(started->points.size());
-    last_.sightings = started_from_->frame.sightings;
+    last_.sightings = pending_start_->frame.sightings;
     state_ = PoseState::tracking;
     tracked_at_ = frame.captured_at;
   }
 
-  void map_from_start(const Covariance6d& tangent_covariance) {
-    const auto& [first, started] = *started_from_;
+  void map_from_start(const PoseFit& fit) {
+    const auto& [first, started] = *pending_start_;
     mapping_.start(first, started.points, started.normal, started.given_sigma_m,
-                   world_covariance(first.pose.cam_from_world, tangent_covariance));
+                   world_covariance(first.pose.cam_from_world, tangent_covariance(fit)));
     map_ = mapping_.scene();
   }
 
-  // The start was taken for a view at rest. What the next frame says of its motion puts it right, before anything else
-  // is mapped.
-  void settle_start(capture::Timestamp started_at, capture::Timestamp at) {
-    auto& [first, started] = *started_from_;
+  // The start frame was fitted as if at rest: refits it with the motion that the next frame implies.
+  void refine_start(capture::Timestamp started_at, capture::Timestamp at) {
+    auto& [first, started] = *pending_start_;
     std::vector<PoseObservation> seen;
     for (const PointSighting& s : first.sightings)
       seen.push_back({started.points[static_cast<std::size_t>(s.point)], s.px, s.sigma_px});
-    first.prior = tracking_.motion_of(started_at, at);
+    first.prior = tracking_.motion_from_next(started_at, at);
     first.pose.sweep.last_row = camera_.image_size.height - 1;
     first.readout = tracking_.readout();
     first.flow_px = flow_px(last_.pose.cam_from_world);
-    first.readout_open_px = first.readout.sigma_s * first.flow_px / std::max(1e-3, capture::seconds(at - started_at));
-    const auto settled = tracking_.with_motion(*first.prior, started_at, first.pose.cam_from_world, seen, at);
-    const PoseFit& fit = settled ? settled->fit : started.pose;
-    if (settled) first.pose = settled->pose;
-    const double scale = std::max(1.0, fit.scale);
-    const Covariance6d inverse_information = fit.information.inverse();
-    map_from_start(scale * scale * inverse_information);
+    first.readout_sigma_px = first.readout.sigma_s * first.flow_px / std::max(1e-3, capture::seconds(at - started_at));
+    const auto refitted = tracking_.refit_with_motion(*first.prior, started_at, first.pose.cam_from_world, seen, at);
+    if (refitted) first.pose = refitted->pose;
+    map_from_start(refitted ? refitted->fit : started.pose);
   }
 
   void coast(capture::Timestamp at) {
@@ -223,16 +204,15 @@ class KeyframeTracker final : public CameraTracker {
     covariance_.diagonal().tail<3>().array() += coast_rad_s * coast_rad_s * t * t;
   }
 
-  // The start's error, as it shows here: all poses have it, turned about the start, for the first view's points and
-  // seeds hold them to it.
-  Covariance6d of_the_world(const calib::Rigid3d& cam_from_world) const {
+  // The start's error, common to all poses, transferred to this camera position.
+  Covariance6d start_covariance_at(const calib::Rigid3d& cam_from_world) const {
     const Eigen::Vector3d arm = calib::inverse(cam_from_world).translation - map_.start_centre;
     Covariance6d carry = Covariance6d::Identity();
     carry.topRightCorner<3, 3>() << 0, arm.z(), -arm.y(), -arm.z(), 0, arm.x(), arm.y(), -arm.x(), 0;
     return carry * map_.start_covariance * carry.transpose();
   }
 
-  // How far the image's middle moved since the last pose.
+  // Median image motion of the points since the last pose.
   double flow_px(const calib::Rigid3d& now) const {
     std::vector<double> flow;
     for (const PointSighting& s : last_.sightings) {
@@ -257,28 +237,28 @@ class KeyframeTracker final : public CameraTracker {
       estimate.confidence = static_cast<double>(estimate.features_matched) / estimate.features_in_view;
   }
 
-  struct StartedFrom {
+  struct PendingStart {
     PosedFrame frame;
-    Started start;
+    StartResult start;
   };
 
   calib::Camera camera_;
   CameraStarter starter_;
-  std::optional<StartedFrom> started_from_;  // until the frame after the start
+  std::optional<PendingStart> pending_start_;  // until the frame after the start
   KeyframeTracking tracking_;
-  KeyframeMapping mapping_;  // while mapper_ works: its alone
-  SceneMap map_;             // what tracking sees
-  std::optional<PosedFrame> handed_over_;
+  KeyframeMapping mapping_;  // used by mapper_ only while it runs
+  SceneMap map_;             // the copy for tracking_
+  std::optional<PosedFrame> to_map_;
   int particle_count_;
   std::uint64_t frames_ = 0;
   bool started_ = false;
-  bool is_map_unproven_ = false;  // it was loaded, and nothing of it was recognised yet
+  bool is_map_unproven_ = false;  // a loaded map without a proven pose so far
   PoseState state_ = PoseState::searching;
   capture::Timestamp tracked_at_{};
   calib::Rigid3d pose_;
   Covariance6d covariance_ = Covariance6d::Zero(), coasting_covariance_ = Covariance6d::Zero();
   ProvenPose last_;
-  ParallelTask mapper_;  // last: it ends before what it works on
+  ParallelTask mapper_;  // last: destroyed first
 };
 
 }  // namespace

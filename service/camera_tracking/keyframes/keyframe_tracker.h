@@ -1,4 +1,4 @@
-// Our camera tracker: CameraMethod::huetrack. How it works: ../README.md.
+// Our camera tracker: CameraMethod::huetrack. Model: ../design.md.
 #pragma once
 
 #include <memory>
@@ -7,7 +7,7 @@
 
 namespace huetrack::keyframes {
 
-// options: checked. throws std::runtime_error naming the map file when it cannot be loaded or is of another image size.
+// options: valid. Throws std::runtime_error naming the map file if it cannot be loaded or has another image size.
 std::unique_ptr<camera_tracking::CameraTracker> make_keyframe_tracker(
     const calib::Camera& camera, const camera_tracking::CameraTrackerOptions& options);
 

@@ -11,8 +11,6 @@
 
 namespace huetrack::keyframes {
 
-using namespace camera_tracking;
-
 namespace {
 
 using Matrix6d = Eigen::Matrix<double, 6, 6>;
@@ -20,14 +18,12 @@ using Vector6d = Eigen::Matrix<double, 6, 1>;
 using Matrix63d = Eigen::Matrix<double, 6, 3>;
 
 constexpr double huber = 1.5;  // sigmas
-// Levenberg-Marquardt: the damping to begin with, its floor, and by what it changes after a good and a bad step.
+// Levenberg-Marquardt: initial and least damping, and its factors after a good and a bad step.
 constexpr double first_damping = 1e-4, least_damping = 1e-7, good_step = 0.2, bad_step = 10;
 constexpr int attempts_per_iteration = 4;
-constexpr double converged_share = 1e-4;                 // a step that gains less of the cost is the last one
-constexpr double point_ridge = 1e-6, pose_ridge = 1e-9;  // so that what nobody sees twice stays invertible
-// A residual's length over the standard deviation of its two axes, when it is the median; a robust scale below 0.7
-// would mean that few observations fit by chance.
-constexpr double median_of_length = 1.1774, least_scale = 0.7, outlier_scales = 3.5;
+constexpr double converged_share = 1e-4;                 // relative decrease of the cost that ends the iteration
+constexpr double point_ridge = 1e-6, pose_ridge = 1e-9;  // against singular blocks
+constexpr double least_outlier_scale = 0.7, outlier_scales = 3.5;  // of the residuals of outliers
 
 struct Linear {  // one observation, whitened and weighted
   Eigen::Vector2d r;
@@ -47,20 +43,20 @@ class Adjustment {
   void eliminate_points(double damping);
   void eliminate(std::size_t point);
   double try_step(const Eigen::VectorXd& pose_step, BundleProblem& trial);
-  double mark_outliers();  // returns the rms of the others
+  double mark_outliers();  // returns the rms of the inliers
   int column_of(std::size_t observation) const {
     return column_[static_cast<std::size_t>(p_.observations[observation].pose)];
   }
 
   const calib::CameraModel& lens_;
   BundleProblem& p_;
-  std::vector<int> column_;  // of each pose among the free ones; -1: it is held
+  std::vector<int> column_;  // of each pose among the free ones; -1: fixed
   int free_poses_ = 0;
-  std::vector<std::size_t> first_;               // observation of each point; those of a point lie side by side
+  std::vector<std::size_t> first_;               // observation of each point
   std::vector<calib::Rigid3d> row_from_middle_;  // per observation, of its pose
   std::vector<Linear> linear_;                   // per observation
   std::vector<double> length_, trial_length_;    // of the residuals, sigmas
-  // The normal equations with the points eliminated (Schur complement): what is needed to find the points' steps.
+  // The reduced normal equations s_ x = b_, and what is needed to back-substitute the points.
   std::vector<Eigen::Matrix3d> v_inverse_;  // per point
   std::vector<Eigen::Vector3d> bx_;         // per point
   std::vector<Matrix63d> w_;                // per observation
@@ -153,7 +149,7 @@ void Adjustment::linearise() {
   }
 }
 
-// Fills s_ and b_, of the poses alone.
+// Fills s_ and b_.
 void Adjustment::eliminate_points(double damping) {
   s_.setZero(), b_.setZero();
   for (std::size_t k = 0; k < p_.points.size(); ++k) {
@@ -177,7 +173,7 @@ void Adjustment::eliminate_points(double damping) {
   for (Eigen::Index d = 0; d < s_.rows(); ++d) s_(d, d) *= 1 + damping, s_(d, d) += pose_ridge;
 }
 
-// One point: what its observations say to the free poses that see it, less what the point itself will take up.
+// The contribution of one point's observations, less its Schur complement.
 void Adjustment::eliminate(std::size_t k) {
   const Eigen::Vector3d vb = v_inverse_[k] * bx_[k];
   for (std::size_t i = first_[k]; i < first_[k + 1]; ++i) {
@@ -199,7 +195,7 @@ void Adjustment::eliminate(std::size_t k) {
   }
 }
 
-// The poses and points after the step, without the observations; returns their cost.
+// Applies the step to trial's poses and points; returns their cost.
 double Adjustment::try_step(const Eigen::VectorXd& pose_step, BundleProblem& trial) {
   trial.poses = p_.poses, trial.points = p_.points;
   for (std::size_t i = 0; i < p_.poses.size(); ++i) {
@@ -215,14 +211,14 @@ double Adjustment::try_step(const Eigen::VectorXd& pose_step, BundleProblem& tri
     }
     trial.points[k].position -= v_inverse_[k] * rhs;
   }
-  trial.observations.swap(p_.observations);  // lent, for they do not change
+  trial.observations.swap(p_.observations);  // lent: they are constant
   const double cost = cost_of(trial, trial_length_);
   p_.observations.swap(trial.observations);
   return cost;
 }
 
 double Adjustment::mark_outliers() {
-  const double scale = length_.empty() ? 1 : std::max(least_scale, calib::median(length_) / median_of_length);
+  const double scale = length_.empty() ? 1 : std::max(least_outlier_scale, calib::median(length_) / rayleigh_median);
   double sum = 0;
   int inliers = 0;
   for (std::size_t i = 0; i < p_.observations.size(); ++i) {

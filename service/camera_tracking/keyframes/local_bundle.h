@@ -1,4 +1,5 @@
-// A small bundle adjustment: some poses and points at once, by Levenberg-Marquardt with the points eliminated.
+// Bundle adjustment of some poses and points: Levenberg-Marquardt with the points eliminated (Schur complement),
+// Huber's loss. Each observation refers to the pose of its row.
 #pragma once
 
 #include <Eigen/Core>
@@ -10,27 +11,29 @@
 
 namespace huetrack::keyframes {
 
+using namespace camera_tracking;
+
 struct BundlePose {
   calib::Rigid3d cam_from_world;  // of the middle row
   bool fixed = false;
-  camera_tracking::Sweep sweep = {};  // held
+  Sweep sweep = {};  // constant
 };
 struct BundlePoint {
   Eigen::Vector3d position = Eigen::Vector3d::Zero();
-  double prior_sigma_m = 0;  // > 0: it is known to be at `prior`, about so well
+  double prior_sigma_m = 0;  // > 0: of a prior at `prior`, per axis
   Eigen::Vector3d prior = Eigen::Vector3d::Zero();
-  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  // out, with the poses held
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  // out, given the poses
 };
 struct BundleObservation {
   int pose = 0;
   int point = 0;
   Eigen::Vector2d px = Eigen::Vector2d::Zero();  // raw
   double sigma_px = 1;
-  bool outlier = false;  // out: more than 3.5 robust sigmas off, or it has no pixel
+  bool outlier = false;  // out: residual above 3.5 robust sigmas, or no pixel
 };
 struct BundleProblem {
   std::vector<BundlePose> poses;
-  std::vector<BundlePoint> points;              // each seen by 2 poses or with a prior
+  std::vector<BundlePoint> points;              // each seen by 2 poses, or with a prior
   std::vector<BundleObservation> observations;  // sorted by point
 };
 struct BundleResult {

@@ -3,32 +3,28 @@
 namespace huetrack::keyframes {
 namespace {
 
-// A pose that leaves more open than this is none, whatever agrees with it: 2 % of the distance, and 0.02 rad, by which
-// the image moves by 5 px at an image width of 320.
-constexpr double most_open_of_depth = 0.02, most_open_rad = 0.02;
-// Residuals so many times what they should be are not those of noise.
-constexpr double most_scale = 3.5;
+// Largest sigmas of a pose: as a share of the distance, and an angle that moves a 320 px wide image by 5 px.
+constexpr double max_sigma_of_depth = 0.02, max_sigma_rad = 0.02;
+constexpr double most_scale = 3.5;  // of the residuals, over their sigmas
 
-// Chance finds some share of points anywhere. That they agree on a pose, are many, are a fair share of what should be
-// seen, and lie all over the place is not chance.
+// Least evidence that chance matches do not reach.
 struct Enough {
   int found;         // at least
-  double share;      // more than so much of what was sought
-  double spread_px;  // more than that, at an image width of 320
+  double share;      // of sought; more than
+  double spread_px;  // at an image width of 320; more than
 };
 constexpr Enough when_followed{15, 0.25, 11};
-// Of many guesses some look right by chance, and nothing before speaks for them.
+// A guess is one of many hypotheses without a predecessor.
 constexpr Enough when_guessed{25, 0.35, 16};
-// At the beginning there are few points, but nothing is in doubt either: nearly all of them must be there.
+// A young map has few points, and nearly all of them must be found.
 constexpr Enough when_young{7, 0.6, 16};
-constexpr int young_keyframes = 4, young_sought = 30;  // fewer key frames; at most so many points to be seen
-// Started from 4 to 6 known points: while the map has hardly more than those, all of them are enough.
-constexpr int bare_map_points = 12;  // fewer
-constexpr int fewest_given = 4;      // leave a pose no freedom
-// A rectangle alone is proof while nothing else is known; later, another one of this shape may lie about, so that a
-// good share of the points must be there, too.
-constexpr int points_that_can_object = 8;
-constexpr double share_beside_rectangle = 0.4;
+constexpr int young_keyframes = 4, young_sought = 30;  // fewer than; at most
+// Started from known points, with hardly any others in the map.
+constexpr int bare_map_points = 12;  // fewer than
+constexpr int fewest_given = 4;      // determine a pose
+// With a grown map another rectangle of this shape may be in view: the points must support the pose, too.
+constexpr int enough_to_contradict = 8;
+constexpr double share_with_rectangle = 0.4;
 
 double share_of(const PoseEvidence& e) {
   return e.sought > 0 ? static_cast<double>(e.found) / e.sought : 0;
@@ -40,13 +36,13 @@ bool has(const PoseEvidence& e, const Enough& enough) {
 }
 
 bool is_sure(const PoseEvidence& e) {
-  return e.position_sigma_m < most_open_of_depth * e.depth_m && e.rotation_sigma_rad < most_open_rad &&
+  return e.position_sigma_m < max_sigma_of_depth * e.depth_m && e.rotation_sigma_rad < max_sigma_rad &&
          e.scale < most_scale;
 }
 
 bool shows_rectangle(const PoseEvidence& e) {
   if (e.corners < 4) return false;
-  if (e.sought >= points_that_can_object) return share_of(e) > share_beside_rectangle;
+  if (e.sought >= enough_to_contradict) return share_of(e) > share_with_rectangle;
   return !e.is_guess || e.map_points < bare_map_points;
 }
 

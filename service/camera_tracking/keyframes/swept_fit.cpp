@@ -13,19 +13,16 @@
 
 namespace huetrack::keyframes {
 
-using namespace camera_tracking;
-
 namespace {
 
 using Vector6d = Eigen::Matrix<double, 6, 1>;
 using Matrix12d = Eigen::Matrix<double, 12, 12>;
 using Vector12d = Eigen::Matrix<double, 12, 1>;
 
-constexpr double tukey = 4.685, median_of_length = 1.1774, least_scale = 0.5, inlier_weight = 0.1;  // as refine_pose()
-constexpr double most_step_rad = 1, most_step_m = 10;  // further, and the step leads nowhere
+constexpr double most_step_rad = 1, most_step_m = 10;  // a larger step has diverged
 constexpr double done_rad = 1e-7, done_m = 1e-7;
 
-// The normal equations of the pose and the motion: of the observations at unit scale, and of the prior.
+// Normal equations of pose and motion: of the observations (at unit scale) or of the prior.
 struct Normal {
   Matrix12d h = Matrix12d::Zero();
   Vector12d b = Vector12d::Zero();
@@ -43,9 +40,9 @@ class Fit {
 
  private:
   void iterate(int iterations);
-  bool look();     // residuals and their derivatives; false: too few points are before the camera
-  Normal seen();   // what the observations say
-  Normal known();  // what the prior says
+  bool linearise();  // residuals and Jacobians; false: too few points in front of the camera
+  Normal of_observations();
+  Normal of_prior();
   std::optional<Readout> readout_of(const Matrix12d& covariance) const;
 
   const calib::CameraModel& lens_;
@@ -53,10 +50,10 @@ class Fit {
   const MotionPrior& prior_;
   SweptFit out_;
   std::vector<Eigen::Vector2d> residual_;
-  std::vector<Eigen::Matrix<double, 2, 6>> jacobian_;  // by the pose of the row
-  std::vector<double> part_, lengths_;
-  // The prior, at the present pose.
-  Vector6d velocity_ = Vector6d::Zero(), off_ = Vector6d::Zero();  // off_: the motion less what the prior expects
+  std::vector<Eigen::Matrix<double, 2, 6>> jacobian_;  // of the row's pose
+  std::vector<double> fraction_, lengths_;
+  // The prior, at the current pose.
+  Vector6d velocity_ = Vector6d::Zero();
   Matrix6d prior_information_ = Matrix6d::Zero();
   double readout_s_ = 0;
 };
@@ -68,14 +65,14 @@ Fit::Fit(const calib::CameraModel& lens, std::span<const PoseObservation> observ
   out_.pose = start;
   out_.fit.error.assign(n, std::numeric_limits<double>::infinity());
   out_.fit.weight.assign(n, 0);
-  residual_.resize(n), jacobian_.resize(n), part_.resize(n);
-  for (std::size_t i = 0; i < n; ++i) part_[i] = start.sweep.part(observations[i].px.y());
+  residual_.resize(n), jacobian_.resize(n), fraction_.resize(n);
+  for (std::size_t i = 0; i < n; ++i) fraction_[i] = start.sweep.fraction(observations[i].px.y());
 }
 
-bool Fit::look() {
+bool Fit::linearise() {
   PoseFit& fit = out_.fit;
   const Sweep& sweep = out_.pose.sweep;
-  const bool is_swept = !sweep.is_none();
+  const bool is_swept = !sweep.is_zero();
   lengths_.clear();
   for (std::size_t i = 0; i < observations_.size(); ++i) {
     const PoseObservation& o = observations_[i];
@@ -87,22 +84,22 @@ bool Fit::look() {
     if (!seen) continue;
     residual_[i] = (seen->px - o.px) / o.sigma_px;
     jacobian_[i] = pose_jacobian(j, p) / o.sigma_px;
-    if (const double open2 = o.open_px.squaredNorm(); open2 > 0) {  // in that direction it says less
-      const double left = 1 / std::sqrt(1 + open2 / (o.sigma_px * o.sigma_px));
-      const Eigen::Matrix2d less = Eigen::Matrix2d::Identity() - (1 - left) / open2 * o.open_px * o.open_px.transpose();
+    if (const double line2 = o.line_sigma_px.squaredNorm(); line2 > 0) {  // larger sigma in that direction
+      const double left = 1 / std::sqrt(1 + line2 / (o.sigma_px * o.sigma_px));
+      const Eigen::Matrix2d less =
+          Eigen::Matrix2d::Identity() - (1 - left) / line2 * o.line_sigma_px * o.line_sigma_px.transpose();
       residual_[i] = less * residual_[i], jacobian_[i] = less * jacobian_[i];
     }
     fit.error[i] = residual_[i].norm();
-    if (o.open_px.isZero(0)) lengths_.push_back(fit.error[i]);
+    if (o.line_sigma_px.isZero(0)) lengths_.push_back(fit.error[i]);
   }
   if (lengths_.size() < 3) return false;
-  fit.scale = calib::median_in_place(std::span(lengths_)) / median_of_length;
+  fit.scale = calib::median_in_place(std::span(lengths_)) / rayleigh_median;
   return true;
 }
 
-// A motion between the rows moves a point by the row's part of what a motion of the whole pose does, the two directions
-// being alike to first order of the sweep.
-Normal Fit::seen() {
+// To first order, d residual / d motion = fraction(row) * d residual / d pose.
+Normal Fit::of_observations() {
   PoseFit& fit = out_.fit;
   const double width = tukey * std::max(fit.scale, least_scale);
   Normal n;
@@ -116,22 +113,22 @@ Normal Fit::seen() {
     fit.inliers += w > inlier_weight;
     const Matrix6d h = w * jacobian_[i].transpose() * jacobian_[i];
     const Vector6d b = w * jacobian_[i].transpose() * residual_[i];
-    pose += h, both += part_[i] * h, motion += part_[i] * part_[i] * h;
-    n.b.head<6>() += b, n.b.tail<6>() += part_[i] * b;
+    pose += h, both += fraction_[i] * h, motion += fraction_[i] * fraction_[i] * h;
+    n.b.head<6>() += b, n.b.tail<6>() += fraction_[i] * b;
   }
   n.h << pose, both, both, motion;
   return n;
 }
 
-Normal Fit::known() {
+Normal Fit::of_prior() {
   velocity_ = prior_.velocity(out_.pose.cam_from_world);
-  off_ = out_.pose.sweep.motion - prior_.readout.mean_s * velocity_;
+  const Vector6d residual = out_.pose.sweep.motion - prior_.readout.mean_s * velocity_;
   prior_information_ = prior_.covariance(velocity_).llt().solve(Matrix6d::Identity());
-  const Vector6d b = prior_information_ * off_;
-  // The readout that goes best with this motion is what couples it to the pose.
+  const Vector6d b = prior_information_ * residual;
+  // The readout's posterior mean given this motion; it couples motion and pose.
   readout_s_ = prior_.readout.mean_s + prior_.readout.sigma_s * prior_.readout.sigma_s * velocity_.dot(b);
   out_.pose.sweep.bend = prior_.bend(out_.pose.cam_from_world, readout_s_);
-  const Matrix6d by_pose = readout_s_ * prior_.velocity_by_pose;
+  const Matrix6d by_pose = readout_s_ * prior_.d_velocity_d_pose;
   const Matrix6d coupled = by_pose.transpose() * prior_information_;
   Normal n;
   n.h << coupled * by_pose, -coupled, -coupled.transpose(), prior_information_;
@@ -139,18 +136,17 @@ Normal Fit::known() {
   return n;
 }
 
-// How the prior's expectation and what came out differ along the velocity is the readout's doing; what the frame alone
-// says of it is what the fit knows less what the prior knew.
+// The readout's posterior (from the motion's residual along the velocity), with its prior removed.
 std::optional<Readout> Fit::readout_of(const Matrix12d& covariance) const {
   constexpr double least_information = 1e-3;  // of the prior's
   const double variance = prior_.readout.sigma_s * prior_.readout.sigma_s;
   if (!(variance > 0)) return std::nullopt;
-  const Matrix6d by_pose = readout_s_ * prior_.velocity_by_pose;
+  const Matrix6d by_pose = readout_s_ * prior_.d_velocity_d_pose;
   const Vector6d gain = variance * prior_information_ * velocity_;
   const Matrix6d of_both = by_pose * covariance.topRightCorner<6, 6>();
-  const Matrix6d of_off = by_pose * covariance.topLeftCorner<6, 6>() * by_pose.transpose() - of_both -
-                          of_both.transpose() + covariance.bottomRightCorner<6, 6>();
-  const double left = variance - variance * gain.dot(velocity_) + gain.dot(of_off * gain);
+  const Matrix6d of_residual = by_pose * covariance.topLeftCorner<6, 6>() * by_pose.transpose() - of_both -
+                               of_both.transpose() + covariance.bottomRightCorner<6, 6>();
+  const double left = variance - variance * gain.dot(velocity_) + gain.dot(of_residual * gain);
   if (!(left > 0) || !(1 / left - 1 / variance > least_information / variance)) return std::nullopt;
   const double own = 1 / (1 / left - 1 / variance);
   return Readout{prior_.readout.mean_s + (readout_s_ - prior_.readout.mean_s) * own / left, std::sqrt(own)};
@@ -158,8 +154,8 @@ std::optional<Readout> Fit::readout_of(const Matrix12d& covariance) const {
 
 void Fit::iterate(int iterations) {
   for (int iteration = 0; iteration <= iterations; ++iteration) {
-    if (!look()) return;
-    const Normal seen = this->seen(), known = this->known();
+    if (!linearise()) return;
+    const Normal seen = of_observations(), known = of_prior();
     const double scale = std::max(1.0, out_.fit.scale), scale2 = scale * scale;
     Matrix12d h = seen.h / scale2 + known.h;
     if (iteration == iterations) {

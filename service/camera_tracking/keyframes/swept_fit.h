@@ -1,5 +1,4 @@
-// The pose of a frame's middle row from points that are seen in rows of other times, together with the motion between
-// the rows.
+// The pose of a rolling-shutter frame's middle row, estimated together with the motion during the readout.
 #pragma once
 
 #include <optional>
@@ -13,17 +12,14 @@
 namespace huetrack::keyframes {
 
 struct SweptFit {
-  camera_tracking::SweptPose pose;
-  // As refine_pose()'s. `information` is what is known of the middle row's pose when the motion is not, but for the
-  // prior.
-  camera_tracking::PoseFit fit;
-  std::optional<Readout> readout;  // what this frame alone says; nullopt: nothing
+  SweptPose pose;
+  PoseFit fit;                     // as refine_pose(); `information` of the pose, with the motion marginalised
+  std::optional<Readout> readout;  // measured by this frame alone, without the prior; nullopt: no information
 };
 
-// Gauss-Newton with Tukey's loss over the pose and the motion, which the prior holds. Each observation counts at the
-// time of the row where it is seen. At least 3 observations.
-SweptFit refine_swept_pose(const calib::CameraModel& lens,
-                           std::span<const camera_tracking::PoseObservation> observations,
-                           const camera_tracking::SweptPose& start, const MotionPrior& prior, int iterations = 10);
+// Gauss-Newton with Tukey's loss over pose and motion, with the prior of the motion. Each observation refers to the
+// pose of its row. At least 3 observations.
+SweptFit refine_swept_pose(const calib::CameraModel& lens, std::span<const PoseObservation> observations,
+                           const SweptPose& start, const MotionPrior& prior, int iterations = 10);
 
 }  // namespace huetrack::keyframes

@@ -12,11 +12,11 @@ namespace huetrack::leds {
 namespace {
 
 constexpr int least_contrast = 25;       // grey levels that a LED's brightest pixel is above the dark around it
-constexpr double threshold = 0.25;       // the "dynamic threshold": how far from the dark to the peak a pixel must be
-constexpr int largest_diameter_px = 40;  // what is larger is a lamp or a window
-constexpr std::size_t most_blobs = 16;   // the brightest so many
+constexpr double threshold = 0.25;       // the paper's "dynamic threshold", between the dark (0) and the peak (1)
+constexpr int largest_diameter_px = 40;  // larger ones are lamps or windows
+constexpr std::size_t most_blobs = 16;   // the brightest ones
 
-// Brightness where it lies: every `step` bytes from `offset` of a row on.
+// The image's brightness without a copy.
 class Brightness {
  public:
   explicit Brightness(const capture::Image& image)
@@ -39,8 +39,7 @@ class Brightness {
   bool is_bgr_;
 };
 
-// Of every row of 64 pixels: whole images are read once, at memory speed.
-constexpr int tile = 64;
+constexpr int tile = 64;  // layout: pixels whose maximum is computed at once
 
 HUETRACK_CLONES int brightest_of(const std::uint8_t* p, int bytes) {
   std::uint8_t most = 0;
@@ -62,7 +61,7 @@ int brightest(const Brightness& y, int u0, int u1, int v) {
   return most;
 }
 
-// The dark of the room: the median of a sparse sample.
+// The dark level: the median of a sparse sample.
 int dark_of(const Brightness& y, const capture::Image& image) {
   std::array<int, 256> histogram{};
   int samples = 0;
@@ -80,9 +79,9 @@ struct Peak {
   int brightness, u, v;
 };
 
-// The brightest first: none of the eight pixels around one is brighter; of equals the last in reading order counts.
+// Local maxima of the 8-neighbourhood, the brightest first; of equals the last in reading order.
 std::vector<Peak> find_peaks(const Brightness& y, const capture::Image& image, int least) {
-  constexpr std::size_t most = 4096;  // more is a lit room, no dark one: there is nothing to find
+  constexpr std::size_t most = 4096;  // more: the room is lit
   const int columns = (image.width + tile - 1) / tile;
   std::vector<Peak> peaks;
   for (int v = 0; v < image.height && peaks.size() <= most; ++v) {
@@ -106,7 +105,7 @@ std::vector<Peak> find_peaks(const Brightness& y, const capture::Image& image, i
   return peaks;
 }
 
-// Grows what is bright around a peak, with memory of its own for all of them. thread-compatible.
+// Region growing around peaks, with reused buffers. thread-compatible.
 class Growth {
  public:
   Growth(const Brightness& y, const capture::Image& image, int reach) : y_(y), image_(image), reach_(reach) {}
@@ -117,11 +116,11 @@ class Growth {
     double weight = 0;
     Eigen::Vector2d weighted{0, 0};
 
-    bool holds(const Peak& peak) const {
+    bool contains(const Peak& peak) const {
       return peak.u >= left && peak.u <= right && peak.v >= top && peak.v <= bottom;
     }
   };
-  // The connected pixels above the threshold, in a square around the peak that is too small for what is no LED.
+  // The connected pixels above the threshold within `reach` of the peak.
   Spot around(const Peak& peak, double threshold) {
     const int side = 2 * reach_ + 1;
     seen_.assign(static_cast<std::size_t>(side * side), 0);
@@ -167,12 +166,11 @@ std::vector<LedBlob> find_led_blobs(const capture::Image& image) {
   std::vector<Growth::Spot> taken;
   for (const Peak& peak : find_peaks(y, image, dark + least_contrast)) {
     if (blobs.size() >= 4 * most_blobs) break;
-    if (std::ranges::any_of(taken, [&](const Growth::Spot& spot) { return spot.holds(peak); })) continue;
+    if (std::ranges::any_of(taken, [&](const Growth::Spot& spot) { return spot.contains(peak); })) continue;
     const auto& spot = taken.emplace_back(growth.around(peak, dark + threshold * (peak.brightness - dark)));
     const bool too_large =
         spot.right - spot.left >= largest_diameter_px || spot.bottom - spot.top >= largest_diameter_px;
-    // Cut off by the image's edge: its centre would be wrong.
-    const bool cut =
+    const bool cut =  // by the image's border: the centroid is biased
         spot.left == 0 || spot.top == 0 || spot.right == image.width - 1 || spot.bottom == image.height - 1;
     if (too_large || cut || !(spot.weight > 0)) continue;
     blobs.push_back({spot.weighted / spot.weight, peak.brightness, spot.area});

@@ -9,23 +9,21 @@
 
 namespace huetrack::leds {
 
-using namespace camera_tracking;
-
 namespace {
 
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 using namespace std::chrono_literals;
 
-constexpr std::size_t window_sightings = 20;  // for the search: two rounds of the paper's 8 LEDs, and some
+constexpr std::size_t window_sightings = 20;  // of the search: more than two rounds of the paper's 8 LEDs
 constexpr capture::Duration window_length = 600ms;
 constexpr capture::Duration evidence_length = 400ms;
 constexpr capture::Duration longest_coasting = 500ms;
-constexpr double gate = 20;    // squared distance over its covariance, 2 dimensions: 1 in 20000 is beyond
-constexpr int confirming = 3;  // LEDs that must be where a new pose has them before it counts
+constexpr double gate = 20;    // chi-square, 2 dof, 99.995 %
+constexpr int confirming = 3;  // matches that confirm a new pose
 constexpr double tracking_sigma_m = 0.1, tracking_sigma_rad = 0.1;
-constexpr int misses_in_a_row = 3;  // where the LED of each frame is known: the pose has slipped
-// Four LEDs leave two equations over: one that is measured wrongly hardly shows but in how noisy the pixels seem.
+constexpr int misses_in_a_row = 3;  // of identified LEDs: the pose is wrong
+// Four LEDs give only two redundant equations: a wrongly measured LED shows in the estimated noise only.
 constexpr double tracking_sigma_of_four_m = 0.04;
 constexpr double lost_sigma_m = 0.3, lost_sigma_rad = 0.3;
 
@@ -47,9 +45,9 @@ class HuetrackLedFilter final : public LedFilter {
   CameraEstimate update(const LedFrame& frame) override {
     found_.clear();
     if (pose_) {
-      follow(frame);
+      track(frame);
     } else {
-      look_for(frame);
+      find_pose(frame);
     }
     last_at_ = frame.at;
     return estimate(frame);
@@ -73,13 +71,12 @@ class HuetrackLedFilter final : public LedFilter {
     return sigma_px * sigma_px * Eigen::Matrix2d::Identity();
   }
 
-  // When a row is exposed, from the middle row's time on, which is the frame's.
+  // Exposure of a row relative to the middle row, whose time is the frame's.
   double row_dt_s(double row) const {
     return camera_.timing.readout_s.value_or(0) * (row / (camera_.image_size.height - 1) - 0.5);
   }
 
-  // ---- No pose yet, or none any more.
-  void look_for(const LedFrame& frame) {
+  void find_pose(const LedFrame& frame) {
     std::vector<LedSighting> sightings;
     if (!frame.lit) {
       for (const Vector2d& px : frame.dots) sightings.push_back({-1, px, 0, options_.pixel_noise_px});
@@ -103,8 +100,8 @@ class HuetrackLedFilter final : public LedFilter {
     particles_.draw(*pose_);
   }
 
-  // ---- Prediction, sightings, polish.
-  void follow(const LedFrame& frame) {
+  // Prediction, data association, update.
+  void track(const LedFrame& frame) {
     const double dt_s = std::max(0.0, capture::seconds(frame.at - last_at_));
     models_->predict(dt_s);
     const LedGaussian prior = models_->state();
@@ -131,7 +128,7 @@ class HuetrackLedFilter final : public LedFilter {
     }
   }
 
-  // Particles have no velocities: the sightings as they would be, were all rows exposed at the frame's time.
+  // The sightings as if all rows were exposed at the frame's time, for particles, which have no velocities.
   std::vector<LedSighting> at_frame_time(std::vector<LedSighting> sightings, const LedMotionState& state) const {
     for (LedSighting& s : sightings) {
       const Vector3d& led = leds()[static_cast<std::size_t>(s.led)];
@@ -150,16 +147,16 @@ class HuetrackLedFilter final : public LedFilter {
     evidence_.clear();
   }
 
-  // Which dot is which LED, where the prediction says.
+  // Nearest-neighbour association within the gate.
   std::vector<LedSighting> match(const LedFrame& frame, const LedGaussian& prior) {
     std::vector<LedSighting> sightings;
     std::vector<bool> used(frame.dots.size(), false);
-    const auto seek = [&](int led) {
+    const auto associate = [&](int led) {
       LedJacobian j;
       const Vector3d& position = leds()[static_cast<std::size_t>(led)];
       auto px = led_pixel(camera_.model, prior.mean, position, 0, &j);
       if (px) px = led_pixel(camera_.model, prior.mean, position, row_dt_s(px->y()), &j);
-      // A LED that is seen where the pose has it out of view speaks against the pose.
+      // An identified LED that is seen although it should be out of view is a miss.
       const bool is_seen = frame.lit && !frame.dots.empty();
       if (!is_seen && (!px || !camera_.contains(calib::RawPixel{*px}))) return;
       if (!px) {
@@ -170,8 +167,8 @@ class HuetrackLedFilter final : public LedFilter {
       double nearest = gate;
       std::size_t best = frame.dots.size();
       for (std::size_t d = 0; d < frame.dots.size(); ++d) {
-        const Vector2d off = frame.dots[d] - *px;
-        const double distance = off.dot(information * off);
+        const Vector2d innovation = frame.dots[d] - *px;
+        const double distance = innovation.dot(information * innovation);
         if (!used[d] && distance < nearest) nearest = distance, best = d;
       }
       const bool matched = best < frame.dots.size();
@@ -182,9 +179,9 @@ class HuetrackLedFilter final : public LedFilter {
       found_.emplace_back(led, frame.dots[best]);
     };
     if (!frame.lit) {
-      for (std::size_t l = 0; l < leds().size(); ++l) seek(static_cast<int>(l));
+      for (std::size_t l = 0; l < leds().size(); ++l) associate(static_cast<int>(l));
     } else if (*frame.lit >= 0) {
-      seek(*frame.lit);
+      associate(*frame.lit);
     }
     return sightings;
   }
@@ -209,12 +206,12 @@ class HuetrackLedFilter final : public LedFilter {
                            (!frame.lit || evidence_.missed_in_a_row() < misses_in_a_row);
     const double enough_m = evidence_.distinct() > 4 ? tracking_sigma_m : tracking_sigma_of_four_m;
     const bool sure = sigma.x() < enough_m && sigma.y() < tracking_sigma_rad;
-    // A new pose must have been right several times before it is said at all.
+    // A new pose is published only after it was explained and certain once,
     if (explained && sure) {
       explained_once_ = true;
       last_explained_ = frame.at;
     }
-    // And when it has not been for long, it is no longer said: chance matches could carry it on.
+    // and not if that was long ago: chance matches could keep it alive.
     if (!explained_once_ || frame.at - last_explained_ > longest_coasting) {
       e.state = was_found_ ? PoseState::lost : PoseState::searching;
       e.features_in_view = e.features_matched = 0;
@@ -253,9 +250,7 @@ class HuetrackLedFilter final : public LedFilter {
 }  // namespace
 
 std::unique_ptr<LedFilter> LedFilter::huetrack(const calib::Camera& camera, const LedFilterOptions& options) {
-  LedFilterOptions resolved = options;
-  if (resolved.particle_count == 0) resolved.particle_count = 5000;
-  return std::make_unique<HuetrackLedFilter>(camera, resolved);
+  return std::make_unique<HuetrackLedFilter>(camera, options);
 }
 
 void LedEvidence::add(capture::Timestamp at, int led, bool matched) {

@@ -9,27 +9,27 @@ namespace huetrack::leds {
 
 namespace {
 
-struct Liveliness {  // of the liveliest camera's
+struct NoiseLevel {  // relative to the largest noise
   double acceleration, angular_acceleration, correlation;
 };
-// A camera that is moved gently also keeps its accelerations for longer. The last two: one that is carried or driven
-// about while it looks steadily where it goes, and one on a turntable or a rail.
-constexpr std::array liveliness{Liveliness{1.0, 1.0, 1.0},    Liveliness{0.2, 0.2, 1.0},
-                                Liveliness{0.05, 0.05, 3.0},  Liveliness{0.02, 0.02, 3.0},
-                                Liveliness{0.02, 0.004, 6.0}, Liveliness{0.001, 0.001, 3.0}};
+// Gentle motion also keeps its accelerations for longer. The last two: carried or driven while it looks steadily ahead;
+// on a turntable or a rail.
+constexpr std::array noise_levels{NoiseLevel{1.0, 1.0, 1.0},    NoiseLevel{0.2, 0.2, 1.0},
+                                  NoiseLevel{0.05, 0.05, 3.0},  NoiseLevel{0.02, 0.02, 3.0},
+                                  NoiseLevel{0.02, 0.004, 6.0}, NoiseLevel{0.001, 0.001, 3.0}};
 constexpr std::array pixel_scales{1.0, 4.0, 16.0, 64.0};  // of the sightings' sigma_px
 struct Scale {
-  Liveliness motion;
+  NoiseLevel motion;
   double pixel;
 };
 constexpr auto scales = [] {
-  std::array<Scale, liveliness.size() * pixel_scales.size()> all{};
+  std::array<Scale, noise_levels.size() * pixel_scales.size()> all{};
   for (std::size_t i = 0; i < all.size(); ++i)
-    all[i] = {liveliness[i / pixel_scales.size()], pixel_scales[i % pixel_scales.size()]};
+    all[i] = {noise_levels[i / pixel_scales.size()], pixel_scales[i % pixel_scales.size()]};
   return all;
 }();
-// How often a camera changes its way of moving. With 2 per second the states that are wrong keep half of the weight,
-// and the error of a steady camera grows by half (tests/benchmark/led_tables particles).
+// Rate of changes of the model. With 2 per second the wrong models keep half of the weight, and the error of a steady
+// camera grows by half (tests/benchmark/led_tables particles).
 constexpr double switching_per_s = 0.1;
 constexpr double least_probability = 1e-4;
 
@@ -53,12 +53,11 @@ LedGaussian mixture(std::span<const LedGaussian> states, std::span<const double>
 
 }  // namespace
 
-LedModels::LedModels(const LedGaussian& start, const LedMotionNoise& liveliest)
-    : states_(scales.size(), start), probability_(scales.size(), 1.0 / scales.size()), liveliest_(liveliest) {}
+LedModels::LedModels(const LedGaussian& start, const LedMotionNoise& largest_noise)
+    : states_(scales.size(), start), probability_(scales.size(), 1.0 / scales.size()), largest_noise_(largest_noise) {}
 
 void LedModels::predict(double dt_s) {
   const std::size_t n = states_.size();
-  // A state goes on as it is, or takes over from the others.
   const double stay = std::exp(-switching_per_s * dt_s);
   std::vector<LedGaussian> mixed;
   std::vector<double> probability(n, 0), weight(n);
@@ -74,9 +73,9 @@ void LedModels::predict(double dt_s) {
   for (std::size_t j = 0; j < n; ++j)
     states_[j] =
         predicted(mixed[j], dt_s,
-                  {.acceleration = scales[j].motion.acceleration * liveliest_.acceleration,
-                   .angular_acceleration = scales[j].motion.angular_acceleration * liveliest_.angular_acceleration,
-                   .correlation_s = scales[j].motion.correlation * liveliest_.correlation_s});
+                  {.acceleration = scales[j].motion.acceleration * largest_noise_.acceleration,
+                   .angular_acceleration = scales[j].motion.angular_acceleration * largest_noise_.angular_acceleration,
+                   .correlation_s = scales[j].motion.correlation * largest_noise_.correlation_s});
 }
 
 void LedModels::update(const calib::CameraModel& model, std::span<const Eigen::Vector3d> leds,
@@ -94,8 +93,8 @@ void LedModels::update(const calib::CameraModel& model, std::span<const Eigen::V
       if (!px) continue;
       const Eigen::Matrix2d spread =
           j * state.covariance * j.transpose() + s.sigma_px * s.sigma_px * Eigen::Matrix2d::Identity();
-      const Eigen::Vector2d off = s.px - *px;
-      sum -= 0.5 * (off.dot(spread.inverse() * off) + std::log(spread.determinant()));
+      const Eigen::Vector2d innovation = s.px - *px;
+      sum -= 0.5 * (innovation.dot(spread.inverse() * innovation) + std::log(spread.determinant()));
     }
     log_likelihood.push_back(sum);
     if (const auto fit = fit_leds(model, leds, state, from, scaled, 8)) state = fit->posterior;

@@ -1,6 +1,5 @@
-// A camera on a rail and one in a hand do not move alike, and nobody knows beforehand: several Gaussian states side by
-// side that expect quieter or livelier motion, weighed by how well each foretold the LEDs' pixels (interacting multiple
-// models: Blom and Bar-Shalom 1988).
+// Interacting multiple models (Blom and Bar-Shalom 1988) of different process and pixel noise: from a camera on a rail
+// to one in a hand.
 #pragma once
 
 #include <span>
@@ -13,19 +12,19 @@ namespace huetrack::leds {
 // thread-compatible.
 class LedModels {
  public:
-  LedModels(const LedGaussian& start, const LedMotionNoise& liveliest);
+  LedModels(const LedGaussian& start, const LedMotionNoise& largest_noise);
 
   void predict(double dt_s);
-  // Each state by Gauss-Newton from `from` on, with its prediction as the prior.
+  // Each state by Gauss-Newton from `from`, with its prediction as prior.
   void update(const calib::CameraModel& model, std::span<const Eigen::Vector3d> leds,
               std::span<const LedSighting> sightings, const LedMotionState& from);
   LedGaussian state() const;   // mean and covariance of the mixture
-  double pixel_scale() const;  // rms, of the sightings' sigma_px: how noisy the image seems
+  double pixel_scale() const;  // estimated pixel noise over the sightings' sigma_px
 
  private:
   std::vector<LedGaussian> states_;
   std::vector<double> probability_;
-  LedMotionNoise liveliest_;
+  LedMotionNoise largest_noise_;
 };
 
 }  // namespace huetrack::leds

@@ -30,7 +30,7 @@ Eigen::Quaterniond turn(const Vector3d& w) {
   return calib::exp(twist).rotation;
 }
 
-// d error(t + dt) / d error(t); of second order in omega dt.
+// d error(t + dt) / d error(t), to second order in omega dt.
 LedCovariance transition(const LedMotionState& s, double dt_s) {
   const calib::Rigid3d d = step(s, dt_s);
   const Matrix3d r = s.world_from_camera.rotation.toRotationMatrix();
@@ -90,8 +90,7 @@ LedGaussian predicted(const LedGaussian& state, double dt_s, const LedMotionNois
   LedCovariance f = transition(state.mean, dt_s);
   f.bottomRightCorner<6, 6>() *= kept;
   next.covariance.noalias() = f * state.covariance * f.transpose();
-  // White noise that drives the accelerations, integrated over dt; all but the pose is in camera axes, the pose in the
-  // world's.
+  // White jerk integrated over dt; pose errors in world axes, all others in camera axes.
   const Matrix3d r = next.mean.world_from_camera.rotation.toRotationMatrix();
   const double d2 = dt * dt, d3 = d2 * dt, d4 = d3 * dt, d5 = d4 * dt;
   for (const auto& [pose, rate, acceleration, sigma] :
@@ -169,7 +168,6 @@ std::optional<LedFit> fit_leds(const calib::CameraModel& model, std::span<const 
     return n;
   };
 
-  // Levenberg-Marquardt: from a poor start a whole step may lead away.
   LedMotionState at = start;
   Normal normal = linearise(at);
   double damping = 0;

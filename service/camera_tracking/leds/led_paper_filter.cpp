@@ -1,4 +1,4 @@
-// Herranz et al., section III, as it stands.
+// LedFilter::paper(): Herranz et al., section III.
 #include <algorithm>
 #include <cmath>
 
@@ -6,32 +6,29 @@
 
 namespace huetrack::leds {
 
-using namespace camera_tracking;
-
 namespace {
 
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 using namespace std::chrono_literals;
 
-// While the cloud comes together, the Gaussian is so wide that so many of the particles survive, and their copies part
-// so far (of the cloud's own spread): fewer, or nearer, and 5000 particles end in a wrong place. Once enough survive
-// the Gaussian of the paper, it is that one.
+// While the cloud converges, the Gaussian is widened until this share of the particles survives, with this jitter (in
+// units of the cloud's standard deviation); with less of either 5000 particles converge to a wrong place. The paper's
+// Gaussian is used once enough_share survives it.
 constexpr double gathering_share = 0.4, gathering_jitter = 0.2;
 constexpr double enough_share = 0.05, gathered_jitter = 0.03;
-// Several LEDs at once that are not identified: LedParticles::anneal() in each frame until it ends in a place where all
-// dots are LEDs; then the Gaussian is narrowed to that of the paper within each frame, in so many steps at most, so
-// that the cloud of velocities, of which one frame tells nothing, does not lead it away.
+// Unidentified LEDs: LedParticles::anneal() in each frame until all dots are explained; then the Gaussian is narrowed
+// to the paper's within each frame, so that the still unknown velocities do not move the cloud away.
 constexpr std::size_t least_dots = 5;
 constexpr double annealed_rms = 2;  // of the sightings' sigma
 constexpr double narrowing_share = 0.1, narrowing_jitter = 0.3;
 constexpr int narrowing_steps = 6;
 constexpr double least_sigma_px = 1;  // Table I; a narrower Gaussian leaves too few of 5000
-constexpr double own_motion = 0.25;   // of LedFilterOptions::motion, which is that of the liveliest cameras
-constexpr double narrow = 1.5;        // up to this widening the particles are where the measurements are
+constexpr double own_motion = 0.25;   // of LedFilterOptions::motion
+constexpr double narrow = 1.5;        // largest widening of a converged cloud
 constexpr int gathered_frames = 12;
 constexpr double small_sigma_m = 0.05, small_sigma_rad = 0.06;
-constexpr double explained_px = 6;  // a LED so near to where the pose has it supports the pose
+constexpr double explained_px = 6;  // largest residual of a LED that supports the pose
 constexpr capture::Duration gathered_length = 400ms;
 
 class PaperLedFilter final : public LedFilter {
@@ -111,7 +108,7 @@ class PaperLedFilter final : public LedFilter {
     return sightings;
   }
 
-  // The paper does not say when a pose is valid. Here: the cloud is small, and LEDs are where the pose has them.
+  // Valid (which the paper does not define): the cloud is small, and the LEDs are near their projections.
   void judge(const LedFrame& frame, const std::vector<LedSighting>& sightings) {
     found_.clear();
     const auto check = [&](int led) {
@@ -135,19 +132,19 @@ class PaperLedFilter final : public LedFilter {
     const Vector2d sigma = largest_sigmas(pose_.covariance);
     small_ = sigma.x() < small_sigma_m && sigma.y() < small_sigma_rad;
     const bool explained = evidence_.distinct() >= 4 && 4 * evidence_.matched() > 3 * evidence_.in_view();
-    // For some frames: a cloud that is just coming together may pass by.
+    // For some frames: a converging cloud may only pass through this place.
     gathered_ = widening_ < narrow ? gathered_ + static_cast<int>(!sightings.empty()) : 0;
     if (explained) explained_at_ = frame.at;
     if (small_ && explained && gathered_ >= gathered_frames) {
       state_ = PoseState::tracking;
     } else if (state_ == PoseState::tracking || state_ == PoseState::coasting) {
-      // Of dots that are not identified, one lies near some LED by chance.
+      // One unidentified dot may lie near a LED by chance.
       const capture::Timestamp supported =
           frame.lit ? evidence_.last_match().value_or(capture::Timestamp{}) : explained_at_;
       state_ = small_ && frame.at - supported < gathered_length ? PoseState::coasting : PoseState::lost;
     }
     if (!frame.lit && sightings.size() >= least_dots && frame.at - explained_at_ > gathered_length) to_gather_ = true;
-    // A small cloud that no LED supports holds on to nothing: from the whole room again.
+    // A small cloud without support: start again from the whole room.
     if (small_ && evidence_.in_view() >= 12 && evidence_.matched() == 0) {
       evidence_.clear();
       scatter();
@@ -181,7 +178,7 @@ class PaperLedFilter final : public LedFilter {
   std::vector<FoundLed> found_;
   PoseState state_ = PoseState::searching;
   double widening_ = 1;
-  bool small_ = false, to_gather_ = true;  // to_gather_: of LEDs that are not identified
+  bool small_ = false, to_gather_ = true;  // to_gather_: unidentified LEDs
   capture::Timestamp explained_at_{};
   int gathered_ = 0;  // frames in a row
   std::uint64_t number_ = 0;
@@ -191,9 +188,7 @@ class PaperLedFilter final : public LedFilter {
 }  // namespace
 
 std::unique_ptr<LedFilter> LedFilter::paper(const calib::Camera& camera, const LedFilterOptions& options) {
-  LedFilterOptions resolved = options;
-  if (resolved.particle_count == 0) resolved.particle_count = 5000;
-  return std::make_unique<PaperLedFilter>(camera, resolved);
+  return std::make_unique<PaperLedFilter>(camera, options);
 }
 
 }  // namespace huetrack::leds

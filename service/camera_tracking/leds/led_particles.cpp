@@ -23,8 +23,8 @@ Vector3d three(const float* z) {
   return {static_cast<double>(z[0]), static_cast<double>(z[1]), static_cast<double>(z[2])};
 }
 
-// The sum of squared distances, over sigma, when each dot is another LED: the nearest pair first, then the nearest of
-// what is left. Were two dots allowed to be one LED, a camera far away, for which all LEDs are one dot, would do well.
+// Sum of squared normalised distances of a greedy one-to-one assignment. If two dots could share a LED, a camera far
+// away, which sees all LEDs as one dot, would fit.
 double sum_of_pairs(std::span<const LedSighting> dots, std::span<const std::optional<Eigen::Vector2d>> leds,
                     double miss2) {
   std::vector<bool> dot_used(dots.size(), false), led_used(leds.size(), false);
@@ -90,12 +90,11 @@ void LedParticles::draw(const LedGaussian& from) {
   std::ranges::fill(weight_, 1.0f / static_cast<float>(n));
 }
 
-// x and R move with the particle's velocities, and the velocities are disturbed.
 void LedParticles::predict(double dt_s, const LedMotionNoise& noise) {
   const std::size_t n = states_.size();
   noise_.resize(6 * n);
   rng_.fill_normal(noise_);
-  // White noise that does to the velocities what the accelerations do in the long run.
+  // White noise with the long-term effect of the accelerations on the velocities.
   const double root = std::sqrt(2 * noise.correlation_s * dt_s);
   for (std::size_t i = 0; i < n; ++i) {
     LedMotionState& s = states_[i];
@@ -166,7 +165,7 @@ double LedParticles::weigh(const calib::CameraModel& model, std::span<const Vect
 double LedParticles::anneal(const calib::CameraModel& model, std::span<const Vector3d> leds,
                             std::span<const LedSighting> sightings, const Vector3d& room_min, const Vector3d& room_max,
                             const LedStartVelocity& velocity, double miss_px) {
-  // With a faster shrinking, or copies that part by more or less, fewer frames lead to the right place.
+  // Faster shrinking, or another jitter, converges in fewer frames (EXPERIMENTS.md).
   constexpr double shrinking = 0.85, parting = 0.2;
   const std::size_t n = states_.size();
   Vector3d middle(0, 0, 0);
@@ -178,13 +177,13 @@ double LedParticles::anneal(const calib::CameraModel& model, std::span<const Vec
   double rms_px = miss_px;
   for (double width = miss_px / 2;; width = std::max(last, shrinking * width)) {
     for (LedSighting& s : wide) s.sigma_px = width;
-    constexpr double one = 1e-9;  // the widening is told here, not sought
-    weigh(model, leds, wide, one, one, miss_px);
+    constexpr double none = 1e-9;  // no further widening
+    weigh(model, leds, wide, none, none, miss_px);
     rms_px = width * std::sqrt(*std::ranges::min_element(squared_) / static_cast<double>(wide.size()));
     particle_filter::systematic_ancestors(weight_, rng_.uniform(), ancestor_);
     noise_.resize(12 * n);
     rng_.fill_normal(noise_);
-    // What moves a LED in the middle by so much of the width.
+    // Moves the LEDs by this share of the width.
     const double turn = std::min(0.3, parting * width / model.fx());
     for (std::size_t i = 0; i < n; ++i) {
       const float* const z = &noise_[12 * i];
@@ -195,7 +194,7 @@ double LedParticles::anneal(const calib::CameraModel& model, std::span<const Vec
       LedMotionState& to = resampled_[i];
       to = corrected(from, off);
       to.world_from_camera.translation = to.world_from_camera.translation.cwiseMax(room_min).cwiseMin(room_max);
-      // One frame tells nothing of them, and the survivors are copies of few.
+      // Not observable from one frame: drawn anew.
       to.velocity = velocity.velocity * three(z + 6);
       to.angular_rate = velocity.angular_rate * three(z + 9);
     }
@@ -220,8 +219,7 @@ void LedParticles::resample(double jitter) {
   std::ranges::fill(weight_, 1.0f / static_cast<float>(n));
 }
 
-// About a particle first, then about the mean: rotations have no other mean. Twice is enough for a cloud below a
-// radian.
+// Iterated mean in the tangent space; two rounds are enough for a cloud below a radian.
 LedMotionState LedParticles::mean() const {
   LedMotionState about = states_[static_cast<std::size_t>(std::ranges::max_element(weight_) - weight_.begin())];
   for (int round = 0; round < 2; ++round) {

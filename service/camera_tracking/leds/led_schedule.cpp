@@ -11,12 +11,12 @@ using Eigen::Vector2d;
 using namespace std::chrono_literals;
 
 constexpr double early_slots = 0.1;
-constexpr std::size_t sightings_wanted = 16;  // 32 equations for 12 unknowns, and one offset of many to be told
+constexpr std::size_t sightings_wanted = 16;  // 32 equations for 12 unknowns and the offset
 constexpr capture::Duration schedule_window = 600ms;
-constexpr int tries_per_frame = 1;  // of 10 to 30 ms when no pose fits
+constexpr int tries_per_frame = 1;  // 10 to 30 ms each
 constexpr double pixel_noise_px = 0.06;
 
-double slots_of(const camera_tracking::LedStart& start, const LedMoment& moment, int offset) {
+double slots_of(const LedStart& start, const LedMoment& moment, int offset) {
   if (start.slot_s > 0) return capture::seconds(moment.at) / start.slot_s + early_slots + 0.5 * offset;
   return static_cast<double>(moment.index) + 0.5 + 0.5 * offset;
 }
@@ -27,15 +27,15 @@ LedMoment moment_of(const capture::Frame& frame) {
   return {frame.captured_at, frame.stream_index.value_or(static_cast<std::int64_t>(frame.sequence))};
 }
 
-std::optional<int> lit_led(const camera_tracking::LedStart& start, const LedMoment& moment, int offset) {
+std::optional<int> lit_led(const LedStart& start, const LedMoment& moment, int offset) {
   if (start.schedule.empty()) return std::nullopt;
   const auto n = static_cast<std::int64_t>(start.schedule.size());
   const auto slot = static_cast<std::int64_t>(std::floor(slots_of(start, moment, offset)));
   return start.schedule[static_cast<std::size_t>(((slot % n) + n) % n)];
 }
 
-LedOffsetSearch::LedOffsetSearch(const calib::Camera& camera, const camera_tracking::LedStart& start,
-                                 int particle_count, particle_filter::Rng rng)
+LedOffsetSearch::LedOffsetSearch(const calib::Camera& camera, const LedStart& start, int particle_count,
+                                 particle_filter::Rng rng)
     : start_(start),
       search_(camera,
               {.leds = start.leds,
@@ -51,7 +51,7 @@ void LedOffsetSearch::forget() {
   explained_by_.clear();
 }
 
-// Offsets that name the same LEDs are one: of them the one whose slots have the frames most in their middle.
+// Of the offsets that imply the same LEDs, the one with the largest margin.
 std::vector<LedOffsetSearch::OffsetTrial> LedOffsetSearch::trials() const {
   std::vector<OffsetTrial> all;
   const int step = start_.slot_s > 0 ? 1 : 2;
@@ -62,7 +62,7 @@ std::vector<LedOffsetSearch::OffsetTrial> LedOffsetSearch::trials() const {
       c.margin = std::min({c.margin, part, 1 - part});
       c.lit.push_back(*lit_led(start_, s.moment, offset));
     }
-    if (std::ranges::find(c.lit, -1) != c.lit.end()) continue;  // a LED was seen where none is lit
+    if (std::ranges::find(c.lit, -1) != c.lit.end()) continue;  // a LED was seen while none is lit
     const auto same = std::ranges::find(all, c.lit, &OffsetTrial::lit);
     if (same == all.end())
       all.push_back(c);
@@ -90,7 +90,7 @@ std::optional<int> LedOffsetSearch::update(const LedMoment& moment, const std::o
     for (std::size_t i = 0; i < tried_on_.size(); ++i)
       sightings.push_back({c.lit[i], tried_on_[i].px,
                            capture::seconds(tried_on_[i].moment.at - tried_on_.back().moment.at), pixel_noise_px});
-    // Where several poses explain them, this offset is as good as one where one does.
+    // An ambiguous pose explains the sightings, too.
     if (search_.find(sightings) || search_.is_ambiguous()) explained_by_.emplace_back(search_.noise_scale(), c.offset);
   }
   if (!untried_.empty()) return std::nullopt;

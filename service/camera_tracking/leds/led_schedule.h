@@ -1,4 +1,4 @@
-// Which LED the schedule lights in a frame, and where the schedule really begins.
+// The LED that the schedule lights in a frame, and the search for the schedule's offset.
 #pragma once
 
 #include <cstdint>
@@ -11,30 +11,29 @@
 
 namespace huetrack::leds {
 
-// When a frame was taken, as a schedule counts.
+using namespace camera_tracking;
+
+// A frame's position in a schedule, by time or by count.
 struct LedMoment {
   capture::Timestamp at;
   std::int64_t index = 0;  // of the frame in its camera's stream
 };
 LedMoment moment_of(const capture::Frame& frame);
 
-// nullopt: there is no schedule; -1: no LED. offset: half slots by which the schedule is ahead of what the
-// configuration says. By time, a frame counts to the next slot from a tenth of a slot before its beginning on: capture
-// times that are multiples of the slot must not fall to either side by their last digits.
-std::optional<int> lit_led(const camera_tracking::LedStart& start, const LedMoment& moment, int offset = 0);
+// nullopt: no schedule; -1: no LED. offset: half slots by which the schedule is ahead of the configured one. By time, a
+// slot begins 0.1 slots early, so that rounding does not matter for capture times that are multiples of the slot.
+std::optional<int> lit_led(const LedStart& start, const LedMoment& moment, int offset = 0);
 
-// The offset of a schedule whose beginning is not known: the LEDs' controller and the camera were not started together.
-// Over some sightings all offsets are tried, a few per frame; the one by which a pose explains them counts, if by every
-// other one the pixels would have to be four times as noisy (half way round a ring of LEDs a pose may fit to some px).
-// thread-compatible.
+// Estimates the offset of a schedule that was not started together with the camera: tries all offsets on some
+// sightings, one per frame. The offset must explain them at a quarter of the pixel noise of any other one (with a ring
+// of LEDs, half a round may fit to some px). thread-compatible.
 class LedOffsetSearch {
  public:
-  LedOffsetSearch(const calib::Camera& camera, const camera_tracking::LedStart& start, int particle_count,
-                  particle_filter::Rng rng);
+  LedOffsetSearch(const calib::Camera& camera, const LedStart& start, int particle_count, particle_filter::Rng rng);
 
-  // Of frames in time order that have no pose. dot: the brightest one. Returns the offset when it is clear.
+  // Frames without a pose, in time order. dot: the brightest one. Returns the offset when it is unambiguous.
   std::optional<int> update(const LedMoment& moment, const std::optional<Eigen::Vector2d>& dot);
-  void forget();  // there is a pose: what was gathered is not needed
+  void forget();
 
  private:
   struct TimedDot {
@@ -43,15 +42,15 @@ class LedOffsetSearch {
   };
   struct OffsetTrial {
     int offset;
-    double margin;  // slots, from the frame that lies nearest to a slot's end
+    double margin;  // slots; least distance of a frame from its slot's borders
     std::vector<int> lit;
   };
   std::vector<OffsetTrial> trials() const;
 
-  camera_tracking::LedStart start_;
+  LedStart start_;
   LedSearch search_;
   std::deque<TimedDot> window_;
-  std::vector<TimedDot> tried_on_;                    // empty: the window is not full yet
+  std::vector<TimedDot> tried_on_;                    // empty: window_ is not full yet
   std::vector<OffsetTrial> untried_;                  // on tried_on_
   std::vector<std::pair<double, int>> explained_by_;  // LedSearch::noise_scale(), offset
 };

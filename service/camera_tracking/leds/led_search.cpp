@@ -15,19 +15,17 @@ using Eigen::Vector2d;
 using Eigen::Vector3d;
 
 constexpr int least_leds = 4;
-constexpr std::size_t least_sightings = 8;  // 16 equations for 12 unknowns
-constexpr std::size_t polished = 48;        // of the best positions
-constexpr double coarse_sigma_px = 4;       // of LEDs that were seen at several times, brought to one time
+constexpr std::size_t least_sightings = 8;                // 16 equations for 12 unknowns
+constexpr std::size_t polished = 48;                      // best positions that are refined
+constexpr double coarse_sigma_px = 4;                     // of sightings extrapolated to one time
 constexpr std::array noise_scales{1.0, 4.0, 16.0, 64.0};  // of the sightings' sigma_px, as in LedModels
-constexpr double unique_by_chi2 = 25;                     // a second pose must fit so much worse
-// Of dots that are not identified: how near the angle between two LEDs must be to that between two dots, and how near a
-// LED to its dot, at first and each time that the pose was fitted anew.
+constexpr double unique_by_chi2 = 25;                     // least margin of the second best pose
+// Unidentified dots: tolerance of the angle between two LEDs, and gates of the matches in each iteration.
 constexpr double angle_tolerance_rad = 0.03, match_px = 12;
 constexpr std::array match_reaches_px{8 * match_px, 3 * match_px, match_px, 0.4 * match_px};
-constexpr double unexplained_chi2 = 100;  // what a dot that is no LED costs
+constexpr double unexplained_chi2 = 100;  // cost of a dot that matches no LED
 
-// All sightings at one time: each LED's pixel on the straight line that its sightings follow; of LEDs that were seen
-// once, along with the others.
+// Extrapolates each LED's pixels linearly to one time; LEDs that were seen once by the mean flow of the others.
 std::vector<LedSighting> at_one_time(std::span<const LedSighting> sightings, double dt_s) {
   struct Line {
     double n = 0, t = 0, tt = 0;
@@ -62,7 +60,7 @@ std::vector<LedSighting> at_one_time(std::span<const LedSighting> sightings, dou
   return now;
 }
 
-// Wahba's problem: the rotation that turns the rays onto the directions (Markley 1988).
+// Wahba's problem: the rotation from rays to directions (Markley 1988).
 Eigen::Quaterniond rotation_between(std::span<const Vector3d> rays, std::span<const Vector3d> directions) {
   Eigen::Matrix3d b = Eigen::Matrix3d::Zero();
   for (std::size_t i = 0; i < rays.size(); ++i) b += directions[i] * rays[i].transpose();
@@ -149,8 +147,8 @@ std::optional<LedGaussian> LedSearch::find(std::span<const LedSighting> sighting
   return polish(candidates_, coarse, sightings, reference);
 }
 
-// Every start to its optimum at the reference time, as if the camera stood still; then, with the velocities, over all
-// sightings at their own times. The pose must be the only one that fits.
+// Fits every start at the reference time as if the camera stood still, then the best ones with velocities to all
+// sightings at their own times. Only one pose may fit.
 std::optional<LedGaussian> LedSearch::polish(std::span<const calib::Rigid3d> starts,
                                              std::span<const LedSighting> coarse, std::span<const LedSighting> fine,
                                              double reference_dt_s) {
@@ -174,10 +172,9 @@ std::optional<LedGaussian> LedSearch::polish(std::span<const calib::Rigid3d> sta
   std::ranges::stable_sort(coarse_fits, {}, [](const auto& f) { return f.first; });
   if (coarse_fits.size() > 8) coarse_fits.resize(8);
 
-  // How noisy the image is, is not known: the least noise at which a pose fits counts, and at which it is the only one.
+  // The pixel noise is unknown: the least one at which a pose fits.
   for (const double noise : noise_scales) {
-    // A camera does not keep its accelerations over the whole window: the farther from the reference time, the less is
-    // known.
+    // Accelerations are not constant over the window: the sigma grows with the distance from the reference time.
     std::vector<LedSighting> timed(fine.begin(), fine.end());
     for (LedSighting& s : timed) {
       s.dt_s -= reference_dt_s;
@@ -237,10 +234,10 @@ double LedSearch::match(const calib::Rigid3d& pose, std::span<const Dot> dots, d
   return sum;
 }
 
-// From every position, turned by each pair of LEDs that is as far apart as two of the dots: those that explain the dots
-// best.
+// The poses that explain the dots best: from every position, with the rotations by pairs of LEDs that subtend the angle
+// of two dots.
 std::vector<calib::Rigid3d> LedSearch::turned_by_pairs(std::span<const Dot> dots) {
-  // The two dots that are farthest apart say most about how the camera is turned.
+  // The two dots that are farthest apart determine the rotation best.
   std::size_t a = 0, b = 1;
   for (std::size_t i = 0; i < dots.size(); ++i)
     for (std::size_t j = i + 1; j < dots.size(); ++j)
@@ -272,7 +269,7 @@ std::vector<calib::Rigid3d> LedSearch::turned_by_pairs(std::span<const Dot> dots
   return poses;
 }
 
-// Fitted, matched anew, and again; nullopt: it does not explain all of the dots but one.
+// Alternates fits and matches. nullopt: more than one dot is unexplained.
 std::optional<LedSearch::Explanation> LedSearch::explain(const calib::Rigid3d& start, std::span<const Dot> dots) const {
   const LedGaussian prior =
       open_prior(start, LedStartVelocity{.velocity = 1e-3, .angular_rate = 1e-3}, options_.motion);
@@ -319,7 +316,7 @@ std::optional<LedGaussian> LedSearch::find_unidentified(std::span<const LedSight
   noise_scale_ = *fitting;
   is_ambiguous_ = found.size() > 1 && found[1].cost - found[0].cost < unique_by_chi2 * *fitting * *fitting;
   if (is_ambiguous_) return std::nullopt;
-  LedGaussian now = first.posterior;  // how it moves is not known from one frame
+  LedGaussian now = first.posterior;  // its velocities are undetermined by one frame
   const LedGaussian open = open_prior({}, options_.start_velocity, options_.motion);
   now.covariance *= *fitting * *fitting;
   now.covariance.rightCols<12>().setZero();

@@ -1,10 +1,6 @@
-// Where a camera may be that sees these LEDs, when nothing is known of its pose: particles uniform over the room.
-//
-// Beyond Herranz et al.: a particle here is a position only. The angles between the rays to two LEDs do not depend on
-// how the camera is turned, so a position can be weighed without its rotation; the rotation that fits best follows from
-// it in closed form (Wahba's problem). That leaves three dimensions of the paper's twelve to be filled with particles.
-// The best of them are polished by Gauss-Newton, with the velocities, over the sightings of the last fraction of a
-// second.
+// Global search for the camera's pose from LEDs. Particles are positions only, uniform over the room: the angles
+// between the rays to the LEDs do not depend on the rotation, which follows in closed form (Wahba's problem). The best
+// ones are refined by Gauss-Newton, with velocities, over the sightings of the last fraction of a second.
 #pragma once
 
 #include <optional>
@@ -30,31 +26,32 @@ class LedSearch {
  public:
   LedSearch(const calib::Camera& camera, LedSearchOptions options, particle_filter::Rng rng);
 
-  // nullopt: too few LEDs or sightings, nothing fits, or more than one pose does.
-  //   sightings   identified ones of the last fraction of a second, in time order; dt_s from now, the state's time
+  // nullopt: too few LEDs or sightings, no pose fits, or more than one does.
+  //   sightings   identified, of the last fraction of a second, in time order; dt_s relative to the returned state
   std::optional<LedGaussian> find(std::span<const LedSighting> sightings);
 
-  // From bright dots of one frame, of which it is not known which LEDs they are (led is not read). At least 5: four
-  // have too many ways to be four LEDs.
+  // From at least 5 unidentified dots of one frame (led is not used): four can be assigned in too many ways.
   std::optional<LedGaussian> find_unidentified(std::span<const LedSighting> sightings);
 
-  double noise_scale() const { return noise_scale_; }  // of the sightings' sigma, by which the last call's pose fits
-  bool is_ambiguous() const { return is_ambiguous_; }  // of the last call: more than one pose fits
-  std::span<const calib::Rigid3d> candidates() const { return candidates_; }  // of the last call, best first
+  // Of the last call: the factor of the sightings' sigma at which its pose fits; whether more than one pose fits; all
+  // candidates, best first.
+  double noise_scale() const { return noise_scale_; }
+  bool is_ambiguous() const { return is_ambiguous_; }
+  std::span<const calib::Rigid3d> candidates() const { return candidates_; }
 
  private:
   void scatter();
   std::optional<LedGaussian> polish(std::span<const calib::Rigid3d> starts, std::span<const LedSighting> coarse,
                                     std::span<const LedSighting> fine, double reference_dt_s);
 
-  // ---- Of dots that are not identified.
+  // ---- Unidentified dots.
   struct Dot {
-    LedSighting sighting;  // its led is not known
+    LedSighting sighting;  // led is not set
     Eigen::Vector3d ray;   // unit, camera
   };
   struct Explanation {
     LedFit fit;
-    double cost = 0;  // the fit's chi2, and what the dots cost that it leaves unexplained
+    double cost = 0;  // the fit's chi2 plus that of the unexplained dots
   };
   double match(const calib::Rigid3d& pose, std::span<const Dot> dots, double reach_px,
                std::vector<LedSighting>& out) const;

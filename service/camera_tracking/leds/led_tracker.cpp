@@ -11,20 +11,18 @@
 
 namespace huetrack::leds {
 
-using namespace camera_tracking;
-
 namespace {
 
 class LedTracker final : public CameraTracker {
  public:
   LedTracker(const calib::Camera& camera, const CameraTrackerOptions& options)
       : start_(std::get<LedStart>(options.start)) {
-    const LedFilterOptions filter{.start = start_, .particle_count = options.particle_count, .seed = options.seed};
+    LedFilterOptions filter{.start = start_, .seed = options.seed};
+    if (options.particle_count > 0) filter.particle_count = options.particle_count;
     filter_ = options.method == CameraMethod::herranz ? LedFilter::paper(camera, filter)
                                                       : LedFilter::huetrack(camera, filter);
     if (options.method == CameraMethod::huetrack && !start_.schedule.empty())
-      offset_search_.emplace(camera, start_, options.particle_count > 0 ? options.particle_count : 5000,
-                             particle_filter::Rng(options.seed, 2));
+      offset_search_.emplace(camera, start_, filter.particle_count, particle_filter::Rng(options.seed, 2));
   }
 
   CameraEstimate update(const capture::Frame& frame) override {
@@ -37,13 +35,13 @@ class LedTracker final : public CameraTracker {
     if (!dark) seen.dots = dots;
     CameraEstimate estimate = filter_->update(seen);
     if (offset_search_) {
-      // Such noise may be the price of a wrong offset.
+      // A wrong offset fits only with a larger noise.
       if (estimate.has_pose() && !offset_is_proven_ && filter_->start_noise_px() < proving_noise_px)
         offset_is_proven_ = true;
       if (estimate.has_pose() && offset_is_proven_) {
         offset_search_->forget();
       } else {
-        look_for_offset(moment, dots);
+        search_offset(moment, dots);
         if (estimate.has_pose()) estimate = without_pose(estimate);
       }
     }
@@ -62,10 +60,10 @@ class LedTracker final : public CameraTracker {
       const std::size_t most = std::ranges::max(recent_, {}, &Recent::dots).dots;
       if (most < 5)
         return count_of(most, "bright dot is", "bright dots are") +
-               " seen at once, and without led_schedule 5 are needed to tell which LED is which";
+               " seen at once, and without led_schedule 5 are needed to identify the LEDs";
       if (filter_->is_ambiguous()) return ambiguous;
-      return "bright dots are seen, but no pose makes LEDs of them: are the LEDs' positions, the room (led_room_min, "
-             "led_room_max) and the rig right, and is every dot a LED?";
+      return "bright dots are seen, but no pose explains them as LEDs: check the LEDs' positions, the room "
+             "(led_room_min, led_room_max) and the rig; is every dot a LED?";
     }
     std::set<int> lit;
     for (const Recent& r : recent_)
@@ -73,8 +71,8 @@ class LedTracker final : public CameraTracker {
     if (lit.size() < 4)
       return count_of(lit.size(), "LED was", "different LEDs were") + " seen in the last 0.6 s, and 4 are needed";
     if (filter_->is_ambiguous()) return ambiguous;
-    return "LEDs are seen, but no pose explains them: are led_schedule, the LEDs' positions, the room (led_room_min, "
-           "led_room_max) and the rig right?";
+    return "LEDs are seen, but no pose explains them: check led_schedule, the LEDs' positions, the room (led_room_min, "
+           "led_room_max) and the rig";
   }
   CameraTrackerInside inside() const override { return filter_->inside(); }
   std::vector<CameraMapPoint> map() const override {
@@ -82,7 +80,7 @@ class LedTracker final : public CameraTracker {
     for (const Eigen::Vector3d& led : start_.leds)
       out.push_back({.id = static_cast<std::uint32_t>(out.size()), .position = led, .given = true});
     for (const CameraTrackerInside::Feature& f : filter_->inside().features) {
-      if (!f.found_px.allFinite()) continue;  // not lit, perhaps: nobody can say that it was missed
+      if (!f.found_px.allFinite()) continue;  // it may not be lit
       const auto led = std::ranges::find(out, f.position, &CameraMapPoint::position);
       if (led != out.end()) led->state = CameraMapPoint::State::found;
     }
@@ -96,12 +94,12 @@ class LedTracker final : public CameraTracker {
   static constexpr const char* ambiguous =
       "more than one pose explains the LEDs that are seen: more LEDs are needed, or not all in one plane";
   static constexpr double proving_noise_px = 0.3;
-  static constexpr capture::Duration together = std::chrono::milliseconds(600);  // as the search's window
+  static constexpr capture::Duration together = std::chrono::milliseconds(600);  // the search's window
 
   static std::string count_of(std::size_t n, const char* one, const char* many) {
     return n == 1 ? "only 1 " + std::string(one) : "only " + std::to_string(n) + " " + many;
   }
-  void look_for_offset(const LedMoment& moment, const std::vector<Eigen::Vector2d>& dots) {
+  void search_offset(const LedMoment& moment, const std::vector<Eigen::Vector2d>& dots) {
     const auto offset = offset_search_->update(moment, dots.empty() ? std::nullopt : std::optional(dots.front()));
     if (!offset) return;
     offset_is_proven_ = true;
@@ -126,7 +124,7 @@ class LedTracker final : public CameraTracker {
   struct Recent {
     capture::Timestamp at;
     std::size_t dots;
-    int lit;  // -1: none, or not known
+    int lit;  // -1: none, or unknown
   };
 
   LedStart start_;

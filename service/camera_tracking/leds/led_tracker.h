@@ -1,4 +1,4 @@
-// LED markers in images: the tracker of the methods herranz and, with a LedStart, huetrack.
+// The tracker of the methods herranz and, with a LedStart, huetrack: detects LEDs in images.
 #pragma once
 
 #include <memory>
@@ -7,7 +7,7 @@
 
 namespace huetrack::leds {
 
-// options: valid, with a LedStart. Throws nothing that make_camera_tracker() has not thrown.
+// options: valid, with a LedStart.
 std::unique_ptr<camera_tracking::CameraTracker> make_led_tracker(const calib::Camera& camera,
                                                                  const camera_tracking::CameraTrackerOptions& options);
 

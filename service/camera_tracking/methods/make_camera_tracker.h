@@ -1,4 +1,4 @@
-// The tracker of the method that the options name.
+// Creates the tracker of the configured method.
 #pragma once
 
 #include <memory>
@@ -7,7 +7,7 @@
 
 namespace huetrack::camera_methods {
 
-// throws std::invalid_argument, naming the problems.
+// Throws std::invalid_argument with all problems of the camera and the options.
 std::unique_ptr<camera_tracking::CameraTracker> make_camera_tracker(
     const calib::Camera& camera, const camera_tracking::CameraTrackerOptions& options);
 

@@ -1,4 +1,4 @@
-// In the place of make_camera_tracker.cpp where the methods are left out (HUETRACK_CAMERA_TRACKER=OFF).
+// Replaces make_camera_tracker.cpp in builds without the methods (HUETRACK_CAMERA_TRACKER=OFF).
 #include <stdexcept>
 
 #include "camera_tracking/methods/make_camera_tracker.h"

@@ -29,7 +29,7 @@ void DepthRay::add(const Eigen::Vector3d& origin, const Eigen::Vector3d& directi
   const double p = (between + depth * direction_ - other * direction).norm(), sigma = sigma_rad * other;
   const double w = weight * std::exp(-0.5 * p * p / (sigma * sigma));
   const double at = (1 / depth - least_) / step_ - 0.5;
-  // A pixel's error along the ray, in bins, which is what one ray can tell at most.
+  // The error of one pixel along the ray: the resolution of one crossing ray.
   const double error = sigma_rad / std::sqrt(nearest->sin2) * other / (depth * depth);
   const double blur = std::max(1.0, error / step_);
   if (p < 2 * sigma) finest_ = std::min(finest_, error);
@@ -50,6 +50,16 @@ bool DepthRay::end() {
   for (double& w : weight_) w /= sum;
   ++frames_;
   return true;
+}
+
+std::pair<double, double> DepthRay::interval(double tail) const {
+  double first = 0, last = 0, cumulative = 0;
+  for (std::size_t b = 0; b < weight_.size(); ++b) {
+    if (cumulative <= tail) first = inverse_depth(b);
+    cumulative += weight_[b];
+    if (cumulative <= 1 - tail) last = inverse_depth(b);
+  }
+  return {first, std::max(last, first)};
 }
 
 std::optional<DepthRay::Estimate> DepthRay::converged() const {

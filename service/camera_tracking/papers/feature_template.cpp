@@ -7,8 +7,6 @@
 
 namespace huetrack::papers {
 
-using namespace camera_tracking;
-
 std::optional<NccTemplate> cut_template(const GreyImage& image, const Eigen::Vector2d& px) {
   const int half = feature_side / 2;
   const int u = static_cast<int>(std::floor(px.x())), v = static_cast<int>(std::floor(px.y()));
@@ -39,6 +37,26 @@ bool predict_template(const calib::CameraModel& lens, const FeatureSource& sourc
 PixelRegion box_around(const Eigen::Vector2d& centre, double half_u, double half_v) {
   return {static_cast<int>(std::floor(centre.x() - half_u)), static_cast<int>(std::floor(centre.y() - half_v)),
           static_cast<int>(std::ceil(centre.x() + half_u)), static_cast<int>(std::ceil(centre.y() + half_v))};
+}
+
+double EpipolarSegment::distance(const Eigen::Vector2d& px) const {
+  const Eigen::Vector2d d = px - a.px;
+  return along.x() * d.y() - along.y() * d.x();
+}
+
+std::optional<EpipolarSegment> project_ray(const calib::CameraModel& lens, const DepthRay& ray,
+                                           const calib::Rigid3d& cam_from_world, double reach_px) {
+  constexpr double tail = 0.02, longest_px = 120;
+  const auto [first, last] = ray.interval(tail);
+  const auto a = lens.project(cam_from_world * (ray.origin() + ray.direction() / first));
+  const auto b = lens.project(cam_from_world * (ray.origin() + ray.direction() / last));
+  if (!a || !b || !((a->px - b->px).norm() < longest_px)) return std::nullopt;
+  const Eigen::Vector2d along =
+      (b->px - a->px).norm() > 0.5 ? Eigen::Vector2d((b->px - a->px).normalized()) : Eigen::Vector2d(1, 0);
+  const Eigen::Vector2d middle = 0.5 * (a->px + b->px);
+  return EpipolarSegment{*a, *b, along,
+                         box_around(middle, 0.5 * std::abs(a->px.x() - b->px.x()) + reach_px,
+                                    0.5 * std::abs(a->px.y() - b->px.y()) + reach_px)};
 }
 
 std::optional<Eigen::Vector2d> corner_in_random_box(const GreyImage& image, std::span<const Eigen::Vector2d> features,

@@ -8,14 +8,11 @@
 
 namespace huetrack::papers {
 
-using namespace camera_tracking;
-
 namespace {
 
-// New features: how long and how often in vain their depth is sought, what share of the weights at either end of the
-// ray counts for nothing, and how far to the side of its image the template is sought.
+// Candidates: most frames, most frames without a match, and search width on either side of the epipolar line.
 constexpr int most_attempts = 60, most_missed = 10;
-constexpr double weightless = 0.02, longest_line_px = 120, line_reach_px = 4;
+constexpr double line_reach_px = 4;
 constexpr float least_rho = 0.75f;
 
 }  // namespace
@@ -23,7 +20,7 @@ constexpr float least_rho = 0.75f;
 LeeMapping::LeeMapping(const calib::Camera& camera, const Options& options, std::uint64_t seed)
     : camera_(camera), options_(options), rng_(seed, 12) {}
 
-void LeeMapping::start(const LeeFrame& first, const Started& started) {
+void LeeMapping::start(const LeeFrame& first, const StartResult& started) {
   double depth = 0;
   for (std::size_t i = 0; i < started.points.size(); ++i) {
     LeeFeature f;
@@ -60,7 +57,7 @@ void LeeMapping::map(const LeeFrame& frame) {
   detect(frame);
 }
 
-// Section 3.4: one UKF per feature. Matches and features are both in the order of their ids.
+// Section 3.4: one UKF per feature. Matches and features are ordered by id.
 void LeeMapping::update_features(const LeeFrame& frame) {
   const Eigen::Matrix2d rp = options_.pixel_sigma * options_.pixel_sigma * Eigen::Matrix2d::Identity();
   const auto at = [this](int id) {
@@ -87,7 +84,7 @@ void LeeMapping::update_features(const LeeFrame& frame) {
       features_[i].depth = e.filter->depth();
     }
   }
-  // Wrong features: not found where they should be, rejected by their own filter, or not converging.
+  // Wrong features: seldom found, rejected by their own filter, or not converging.
   for (std::size_t i = features_.size(); i-- > 0;) {
     const Estimator& e = estimators_[i];
     if (!e.filter) continue;
@@ -119,27 +116,12 @@ void LeeMapping::update_candidates(const LeeFrame& frame) {
   candidates_.swap(kept);
 }
 
-// Section 3.3: the template is sought along the image of the part of the ray that still has weight, and the depths
-// where the particles' rays pass gain weight. false: it is nowhere.
+// Section 3.3: searches the template along the ray's projection and adds weight at the depths of the intersections with
+// the particles' rays. false: not found.
 bool LeeMapping::sharpen(FeatureCandidate& c, const LeeFrame& frame) {
-  double first = 0, last = 0, cumulative = 0;
-  bool begun = false;
-  for (std::size_t b = 0; b < c.ray.weights().size(); ++b) {
-    cumulative += c.ray.weights()[b];
-    if (!begun && cumulative > weightless) first = c.ray.inverse_depth(b), begun = true;
-    if (cumulative <= 1 - weightless) last = c.ray.inverse_depth(b);
-  }
-  last = std::max(last, first);
-  const auto a = camera_.model.project(frame.cam_from_world * (c.ray.origin() + c.ray.direction() / first));
-  const auto b = camera_.model.project(frame.cam_from_world * (c.ray.origin() + c.ray.direction() / last));
-  if (!a || !b || !(camera_.contains(*a) || camera_.contains(*b)) || !((a->px - b->px).norm() < longest_line_px))
-    return false;
-  const Eigen::Vector2d along =
-      (b->px - a->px).norm() > 0.5 ? Eigen::Vector2d((b->px - a->px).normalized()) : Eigen::Vector2d(1, 0);
-  const Eigen::Vector2d middle = 0.5 * (a->px + b->px);
-  const PixelRegion region = clip(box_around(middle, 0.5 * std::abs(a->px.x() - b->px.x()) + line_reach_px,
-                                             0.5 * std::abs(a->px.y() - b->px.y()) + line_reach_px),
-                                  frame.pyramid->levels.front(), feature_side);
+  const auto segment = project_ray(camera_.model, c.ray, frame.cam_from_world, line_reach_px);
+  if (!segment || !(camera_.contains(segment->a) || camera_.contains(segment->b))) return false;
+  const PixelRegion region = clip(segment->box, frame.pyramid->levels.front(), feature_side);
   ncc_field(frame.pyramid->levels.front(), c.templ, region, field_);
   const auto rho_at = [&](int u, int v) {
     return u < region.u0 || u > region.u1 || v < region.v0 || v > region.v1
@@ -156,8 +138,7 @@ bool LeeMapping::sharpen(FeatureCandidate& c, const LeeFrame& frame) {
   for (int v = region.v0; v <= region.v1; ++v) {
     for (int u = region.u0; u <= region.u1; ++u) {
       if (!is_peak(u, v)) continue;
-      const Eigen::Vector2d d = Eigen::Vector2d(u, v) - a->px;
-      if (std::abs(along.x() * d.y() - along.y() * d.x()) > line_reach_px) continue;
+      if (std::abs(segment->distance(Eigen::Vector2d(u, v))) > line_reach_px) continue;
       const auto ray = camera_.model.ray({Eigen::Vector2d(u, v)});
       if (!ray) continue;
       found = true;
@@ -200,19 +181,16 @@ void LeeMapping::detect(const LeeFrame& frame) {
 
 SceneMap scene_of(const std::vector<LeeFeature>& features) {
   SceneMap out;
-  std::map<std::pair<const Pyramid*, double>, int> frames;  // a frame may have been used by several features
+  std::map<std::pair<const Pyramid*, double>, int> frames;  // shared by several features
   for (const LeeFeature& f : features) {
     const auto [it, fresh] = frames.try_emplace({f.source.pyramid.get(), f.source.cam_from_world.translation.x()},
                                                 static_cast<int>(out.keyframes.size()));
     if (fresh) out.keyframes.push_back({f.source.pyramid, f.source.cam_from_world});
     MapPoint p;
     p.position = f.position, p.covariance = f.covariance, p.given = f.given;
-    PointLook& look = p.looks[0];
-    look.keyframe = it->second, look.px = f.source.px;
-    const GreyImage& image = f.source.pyramid->levels.front();
-    look.described = image.contains(look.px.x(), look.px.y(), descriptor_margin);
-    if (look.described) look.descriptor = describe(image, look.px);
-    p.look_count = 1;
+    p.views[0].keyframe = it->second, p.views[0].px = f.source.px;
+    describe(p.views[0], *f.source.pyramid);
+    p.view_count = 1;
     out.points.push_back(p);
   }
   return out;
@@ -220,11 +198,11 @@ SceneMap scene_of(const std::vector<LeeFeature>& features) {
 
 void LeeMapping::start(const StoredMap& stored) {
   for (const MapPoint& p : stored.map.points) {
-    if (!p.alive || p.look_count == 0) continue;
-    const Keyframe& k = stored.map.keyframes[static_cast<std::size_t>(p.looks[0].keyframe)];
+    if (!p.alive || p.view_count == 0) continue;
+    const Keyframe& k = stored.map.keyframes[static_cast<std::size_t>(p.views[0].keyframe)];
     LeeFeature f;
     f.position = p.position, f.covariance = p.covariance, f.given = p.given;
-    f.source = {k.pyramid, k.cam_from_world, p.looks[0].px};
+    f.source = {k.pyramid, k.cam_from_world, p.views[0].px};
     f.depth = (k.cam_from_world * p.position).norm();
     const double sigma = std::sqrt(p.covariance.trace()) / (f.depth * f.depth);
     add(f, std::max(sigma, 1e-3 / f.depth), Eigen::Matrix<double, 7, 7>::Zero());

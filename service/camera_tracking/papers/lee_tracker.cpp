@@ -9,12 +9,9 @@
 
 namespace huetrack::papers {
 
-using namespace camera_tracking;
-
 namespace {
 
-// Frame n is tracked with the features as frame n - 2 left them, while frame n - 1 is being mapped: section 3.6's two
-// parallel processes, with a result that does not depend on who is faster.
+// Section 3.6: frame n is tracked with the features of frame n - 2, while frame n - 1 is mapped in parallel.
 class LeeTracker final : public PaperTrackerBase {
  public:
   LeeTracker(const calib::Camera& camera, const CameraTrackerOptions& options)
@@ -46,8 +43,7 @@ class LeeTracker final : public PaperTrackerBase {
       }
       out.features.push_back(x);
     }
-    for (std::size_t i = 0; i < std::min<std::size_t>(particles().size(), 300); ++i)
-      out.particles.push_back(calib::inverse(particles().pose(i)));
+    out.particles = particles().world_from_cameras(300);
     return out;
   }
 
@@ -71,7 +67,7 @@ class LeeTracker final : public PaperTrackerBase {
     return o;
   }
 
-  void start(const std::shared_ptr<const Pyramid>& pyramid, const Started& started, std::uint64_t number) override {
+  void start(const std::shared_ptr<const Pyramid>& pyramid, const StartResult& started, std::uint64_t number) override {
     last_ = {};
     last_.number = number, last_.pyramid = pyramid, last_.cam_from_world = started.pose.cam_from_world;
     mapping_.start(last_, started);
@@ -112,10 +108,10 @@ class LeeTracker final : public PaperTrackerBase {
   }
 
   LeeTracking tracking_;
-  LeeMapping mapping_;  // while mapper_ works: its alone, as is last_
+  LeeMapping mapping_;  // used by mapper_ only while it runs, as is last_
   LeeFrame last_;
-  std::vector<LeeFeature> features_;  // what tracking sees
-  ParallelTask mapper_;               // last: it ends before what it works on
+  std::vector<LeeFeature> features_;  // the copy for tracking_
+  ParallelTask mapper_;               // last: destroyed first
 };
 
 }  // namespace

@@ -9,14 +9,11 @@
 
 namespace huetrack::papers {
 
-using namespace camera_tracking;
-
 namespace {
 
 constexpr double least_half_px = 4, most_half_px = 28, most_half_lost_px = 56;  // of a search region
-// A cloud supports a pose when most of its projections are narrower than that, for a wide one finds something
-// everywhere; and when so many features, and two in five of those that were sought, lie within so many of its sigmas
-// (squared; 2 dimensions, 99.8 %).
+// A pose is supported if most projections of the cloud are narrower than this (a wide one matches anything), and at
+// least 4 features and 40 % of those searched for lie within this chi-square gate (2 dof, 99.8 %).
 constexpr double narrow_px = 8, agreeing_distance2 = 12;
 constexpr std::size_t fewest_seen = 4;
 
@@ -24,7 +21,7 @@ constexpr std::size_t fewest_seen = 4;
 HUETRACK_CLONES void add_log_likelihood(const float* __restrict u, const float* __restrict v, std::size_t n, float yu,
                                         float yv, float a, float b, float c, float* __restrict out) {
   for (std::size_t i = 0; i < n; ++i) {
-    // A projection without a pixel is as far as any can be.
+    // A projection without a pixel is clamped to a large distance.
     const float du = std::max(-1e4f, u[i] - yu), dv = std::max(-1e4f, v[i] - yv);
     out[i] -= 0.5f * (a * du * du + 2 * b * du * dv + c * dv * dv);
   }
@@ -40,7 +37,7 @@ void LeeTracking::start(const calib::Rigid3d& cam_from_world) {
   supported_ = true;
 }
 
-// Eq. (4): the cloud's covariance is that of the particles before they are weighed.
+// Eq. (4), with the cloud's covariance before the weighting.
 void LeeTracking::weigh(const Cloud& cloud, const Eigen::Vector2d& px) {
   const Eigen::Matrix2d c =
       (options_.cloud_share * cloud.moments.covariance + 0.25 * Eigen::Matrix2d::Identity()).inverse();
@@ -91,7 +88,7 @@ std::vector<LeeTracking::Visible> LeeTracking::project(const std::vector<LeeFeat
   return visible;
 }
 
-// NCC in the search regions, with the predicted templates (section 3.5). Those that are found.
+// NCC in the search regions with predicted templates (section 3.5). Returns the matched ones.
 std::vector<LeeTracking::Visible> LeeTracking::measure(const GreyImage& image, const std::vector<LeeFeature>& features,
                                                        const calib::Rigid3d& predicted,
                                                        const std::vector<Visible>& visible, LeeFrame& out) {
@@ -116,7 +113,7 @@ std::vector<LeeTracking::Visible> LeeTracking::measure(const GreyImage& image, c
   return seen;
 }
 
-// Whether the weighted cloud and the measurements agree, and it is a cloud still: eq. (9)'s covariance is that of it.
+// Whether the weighted cloud is narrow and consistent with the measurements. Sets the covariances of eq. (9).
 bool LeeTracking::is_supported(const std::vector<Visible>& seen, LeeFrame& out) const {
   const std::size_t total = seen.size() + out.missed.size();
   std::size_t agree = 0, narrow = 0;
@@ -124,8 +121,8 @@ bool LeeTracking::is_supported(const std::vector<Visible>& seen, LeeFrame& out) 
     const Cloud& cloud = clouds_[seen[i].cloud];
     const CloudMoments m = cloud_moments(cloud.u, cloud.v, particles_.weight);
     out.matches[i].projected = m.mean, out.matches[i].cloud = m.covariance;
-    const Eigen::Vector2d off = out.matches[i].found - m.mean;
-    agree += off.dot((m.covariance + Eigen::Matrix2d::Identity()).inverse() * off) < agreeing_distance2;
+    const Eigen::Vector2d error = out.matches[i].found - m.mean;
+    agree += error.dot((m.covariance + Eigen::Matrix2d::Identity()).inverse() * error) < agreeing_distance2;
     narrow += m.covariance.trace() < 2 * narrow_px * narrow_px;
   }
   return agree >= fewest_seen && 5 * agree >= 2 * total && 2 * narrow > seen.size();
@@ -165,7 +162,7 @@ LeeFrame LeeTracking::track(std::uint64_t number, const std::shared_ptr<const Py
   particle_filter::normalize_log_weights(log_weight_, particles_.weight);
   out.cam_from_world = particles_.mean();
   out.tracked = supported_ = is_supported(seen, out);
-  // What does not support the pose weighs nothing, or chance matches would hold the cloud together at a wrong place.
+  // Too few matches are ignored: chance matches would hold the cloud together at a wrong place.
   const std::size_t total = seen.size() + out.missed.size();
   if (seen.size() < fewest_seen || 5 * seen.size() < 2 * total)
     particles_.weight.assign(n, 1.0f / static_cast<float>(n));

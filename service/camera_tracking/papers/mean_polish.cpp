@@ -5,20 +5,18 @@
 
 namespace huetrack::papers {
 
-using namespace camera_tracking;
-
 std::optional<PoseFit> polish_mean(const calib::CameraModel& lens, const PoseParticles& cloud,
                                    const calib::Rigid3d& mean, std::span<const PoseObservation> seen) {
   constexpr int least = 4;
-  constexpr double gate = 30;  // squared distance over the cloud's covariance, 6 dimensions
+  constexpr double gate = 30;  // chi-square, 6 dof
   PoseFit fit = refine_pose(lens, seen, mean);
   if (fit.inliers < least || 2 * fit.inliers < static_cast<int>(seen.size())) return std::nullopt;
   const calib::Rigid3d back = calib::inverse(fit.cam_from_world), world_from_mean = calib::inverse(mean);
   const Eigen::AngleAxisd turn((back.rotation * world_from_mean.rotation.inverse()).normalized());
-  Eigen::Matrix<double, 6, 1> off;
-  off << back.translation - world_from_mean.translation, turn.angle() * turn.axis();
+  Eigen::Matrix<double, 6, 1> error;
+  error << back.translation - world_from_mean.translation, turn.angle() * turn.axis();
   const Covariance6d covariance = cloud.covariance(mean) + 1e-6 * Covariance6d::Identity();
-  if (!(off.dot(covariance.inverse() * off) < gate)) return std::nullopt;
+  if (!(error.dot(covariance.inverse() * error) < gate)) return std::nullopt;
   return fit;
 }
 

@@ -1,4 +1,4 @@
-// Beyond the papers by Lee and by Pupilli and Calway, whose pose is the particles' mean.
+// Least-squares refinement of the particles' mean, which is the pose in the papers by Lee and by Pupilli and Calway.
 #pragma once
 
 #include <optional>
@@ -9,17 +9,16 @@
 
 namespace huetrack::papers {
 
-// A few hundred particles over six dimensions leave their mean some centimetres off where turning and shifting the
-// camera look alike; the points that the filter matched say more. Gauss-Newton from the mean over them, which must stay
-// within what the cloud holds possible.
-//   seen  the matched points, where the image shows them, with their sigmas
-// nullopt: too few agree, or not there; the mean is then all there is.
-std::optional<camera_tracking::PoseFit> polish_mean(const calib::CameraModel& lens,
-                                                    const camera_tracking::PoseParticles& cloud,
-                                                    const calib::Rigid3d& mean,
-                                                    std::span<const camera_tracking::PoseObservation> seen);
+using namespace camera_tracking;
 
-// The sigma of a matched point: its pixel's, and the point's own as it looks from there.
+// Gauss-Newton from the mean over the matched points; the result must lie within the cloud. (A few hundred particles in
+// six dimensions leave centimetres of error where rotation and translation are hard to distinguish.)
+//   seen  the matched points with their measured pixels and sigmas
+// nullopt: too few inliers, or outside the cloud.
+std::optional<PoseFit> polish_mean(const calib::CameraModel& lens, const PoseParticles& cloud,
+                                   const calib::Rigid3d& mean, std::span<const PoseObservation> seen);
+
+// The sigma of a matched point: of its pixel and of its projected position.
 double sigma_px_of(const calib::CameraModel& lens, double pixel_sigma, double position_sigma_m, double depth_m);
 
 }  // namespace huetrack::papers

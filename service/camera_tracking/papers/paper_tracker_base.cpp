@@ -9,31 +9,24 @@
 
 namespace huetrack::papers {
 
-using namespace camera_tracking;
-
 namespace {
 
-// A proposal needs so many features within so many pixels (their maps are coarser than ours); the filter then judges
-// it.
-constexpr double map_error_px = 6;
-constexpr int agreeing = 10;
-constexpr int probation = 3;  // frames in a row that have to prove the pose, once it was lost, before it is told
-// A proof, whatever the filter makes of it: a pose that is fitted to what was matched, without the filter, has so many
-// points within so many pixels, most of those that should be seen, leaves so little open, and is where the filter says.
+constexpr double map_error_px = 6;  // of the relocalisation: these maps are coarser than ours
+constexpr int probation = 3;        // consecutive frames that have to prove a pose after a loss
+// Proof, independent of the filter: a pose fitted to the matches has so many points within proven_px, most of those in
+// view, a small sigma, and is near the filter's pose.
 constexpr int proving = 8;
 constexpr double proven_px = 2.5, proven_share = 0.65, proven_sigma_m = 0.02, proven_off_m = 0.05;
-constexpr double told_sigma_m = 0.05;  // a pose that leaves more open is no claim
-constexpr int patience = 4;            // frames
-constexpr double coast_s = 1.0;        // the particles disperse meanwhile, and say how far
+constexpr double published_sigma_m = 0.05;  // largest sigma of a `tracking` pose, all axes
+constexpr int patience = 4;                 // unsupported frames before a relocalisation
+constexpr double coast_s = 1.0;             // meanwhile the particles disperse
 
 }  // namespace
 
 PaperTrackerBase::PaperTrackerBase(const calib::Camera& camera, const CameraTrackerOptions& options)
     : camera_(camera), starter_(camera, options.start), seed_(options.seed), as_printed_(options.as_printed) {
   if (options.load_map.empty()) return;
-  loaded_ = read_map(options.load_map);
-  if (loaded_->image_size != Eigen::Vector2i(camera.image_size.width, camera.image_size.height))
-    throw std::runtime_error(options.load_map.string() + ": is a map of images of another size than the camera's");
+  loaded_ = read_map(options.load_map, camera.image_size);
   has_map_ = true;
 }
 
@@ -42,7 +35,7 @@ void PaperTrackerBase::save_map(const std::filesystem::path& file) const {
 }
 
 std::optional<PoseFit> PaperTrackerBase::proposal(const Pyramid& pyramid, std::uint64_t number) const {
-  return relocalize(camera_, pyramid, scene(), seed_ + number, map_error_px, agreeing);
+  return relocalize(camera_, pyramid, scene(), seed_ + number, map_error_px);
 }
 
 bool PaperTrackerBase::proven(const FilteredPose& pose) const {
@@ -50,24 +43,16 @@ bool PaperTrackerBase::proven(const FilteredPose& pose) const {
   const PoseFit fit = refine_pose(camera_.model, pose.seen, pose.cam_from_world);
   const auto agree = static_cast<int>(std::ranges::count_if(fit.error, [](double e) { return e < proven_px; }));
   if (agree < proving || agree < proven_share * pose.in_view) return false;
-  const double scale = std::max(1.0, fit.scale);
-  const Eigen::Matrix<double, 6, 6> covariance = scale * scale * fit.information.inverse();
-  const double sigma_m = std::sqrt(world_covariance(fit.cam_from_world, covariance).topLeftCorner<3, 3>().trace());
   const double off_m =
       (calib::inverse(fit.cam_from_world).translation - calib::inverse(pose.cam_from_world).translation).norm();
-  return sigma_m < proven_sigma_m && off_m < proven_off_m;
+  return position_sigma_m(fit) < proven_sigma_m && off_m < proven_off_m;
 }
 
-// The fit's or the particles' own, about their mean, and what the map and the world's start leave open.
+// Of the fit or the particles, plus that of the map and of the start.
 Covariance6d PaperTrackerBase::covariance_of(const FilteredPose& pose, const calib::Rigid3d& cam_from_world) const {
   Covariance6d covariance = start_covariance_;
-  if (pose.polished) {
-    const double scale = std::max(1.0, pose.polished->scale);
-    const Eigen::Matrix<double, 6, 6> own = scale * scale * pose.polished->information.inverse();
-    covariance += world_covariance(cam_from_world, own);
-  } else {
-    covariance += particles().covariance(cam_from_world);
-  }
+  covariance += pose.polished ? world_covariance(cam_from_world, tangent_covariance(*pose.polished))
+                              : particles().covariance(cam_from_world);
   const double shared = pose.map_sigma_m * pose.map_sigma_m;
   covariance.diagonal().head<3>().array() += 1e-8 + shared;
   covariance.diagonal().tail<3>().array() += 1e-8 + shared / (pose.depth_m * pose.depth_m);
@@ -91,14 +76,14 @@ CameraEstimate PaperTrackerBase::update(const capture::Frame& frame) {
   if (usable) {
     const GreyImage grey = grey_of(frame.pixels);
     const auto pyramid = std::make_shared<const Pyramid>(make_pyramid(grey));
-    if (!started_ && has_map_) find_way_in(*pyramid, estimate.frame_number);
+    if (!started_ && has_map_) relocalise_into_map(*pyramid, estimate.frame_number);
     pose = started_ ? follow(frame, grey, pyramid, estimate.frame_number)
                     : begin(frame, grey, pyramid, estimate.frame_number);
   }
   if (!started_) return estimate;
   const calib::Rigid3d cam_from_world = usable ? pose.cam_from_world : particles().mean();
   const Covariance6d covariance = covariance_of(pose, cam_from_world);
-  settle_state(pose, covariance, frame.captured_at);
+  update_state(pose, covariance, frame.captured_at);
   estimate.state = state_;
   estimate.particle_count = static_cast<int>(particles().size());
   estimate.effective_sample_size = std::clamp(particle_filter::effective_sample_size(particles().weight), 1.0,
@@ -113,8 +98,7 @@ CameraEstimate PaperTrackerBase::update(const capture::Frame& frame) {
   return estimate;
 }
 
-// Into a loaded map, by the looks of its features.
-void PaperTrackerBase::find_way_in(const Pyramid& pyramid, std::uint64_t number) {
+void PaperTrackerBase::relocalise_into_map(const Pyramid& pyramid, std::uint64_t number) {
   const auto found = proposal(pyramid, number);
   if (!found) return;
   restart(found->cam_from_world);
@@ -129,7 +113,7 @@ FilteredPose PaperTrackerBase::begin(const capture::Frame& frame, const GreyImag
   started_ = true;
   const Eigen::Matrix<double, 6, 6> inverse_information = found->pose.information.inverse();
   start_covariance_ = world_covariance(found->pose.cam_from_world, inverse_information);
-  if (has_map_) {  // is it the map's world? That is to be proven
+  if (has_map_) {  // not necessarily the map's world: to be proven
     restart(found->pose.cam_from_world);
     probation_ = probation;
     FilteredPose pose;
@@ -143,22 +127,21 @@ FilteredPose PaperTrackerBase::begin(const capture::Frame& frame, const GreyImag
 
 FilteredPose PaperTrackerBase::follow(const capture::Frame& frame, const GreyImage& grey,
                                       const std::shared_ptr<const Pyramid>& pyramid, std::uint64_t number) {
-  // Not in the papers, whose particles only disperse until they happen upon the features again: after some frames
-  // without support the stored looks of the features propose a pose, and now and then what was started from is
-  // looked for. The filter has to agree in the frames that follow.
+  // Not in the papers, whose particles only disperse: after some unsupported frames the relocaliser or the start,
+  // detected again, proposes a pose, which the filter has to confirm in the frames that follow.
   if (unsupported_ >= patience && !as_printed_) {
     if (const auto found = proposal(*pyramid, number)) {
       restart(found->cam_from_world);
     } else if (unsupported_ % 5 == 0) {
       if (const auto again = starter_.find_again(frame.pixels, grey, particles().mean())) {
         restart(*again);
-        probation_ = has_map_ ? probation : 0;  // a proof in itself, where it is what the map began with
+        probation_ = has_map_ ? probation : 0;  // the start proves a pose of the map that began with it
       }
     }
   }
   FilteredPose pose = track(pyramid, number);
   unsupported_ = pose.tracked ? 0 : unsupported_ + 1;
-  // A filter that lost the features may happen upon something else: from then on it has to be proven.
+  // A filter that lost its features may converge to something else.
   if (unsupported_ >= patience) probation_ = probation;
   if (probation_ > 0 && pose.tracked) {
     probation_ = proven(pose) ? probation_ - 1 : probation;
@@ -167,14 +150,14 @@ FilteredPose PaperTrackerBase::follow(const capture::Frame& frame, const GreyIma
   return pose;
 }
 
-void PaperTrackerBase::settle_state(const FilteredPose& pose, const Covariance6d& covariance, capture::Timestamp at) {
-  if (pose.tracked && covariance.topLeftCorner<3, 3>().trace() < told_sigma_m * told_sigma_m) {
+void PaperTrackerBase::update_state(const FilteredPose& pose, const Covariance6d& covariance, capture::Timestamp at) {
+  if (pose.tracked && covariance.topLeftCorner<3, 3>().trace() < published_sigma_m * published_sigma_m) {
     state_ = PoseState::tracking;
     tracked_at_ = at;
   } else if (state_ == PoseState::tracking || state_ == PoseState::coasting) {
     state_ = capture::seconds(at - tracked_at_) > coast_s ? PoseState::lost : PoseState::coasting;
   } else if (state_ == PoseState::searching) {
-    state_ = PoseState::lost;  // a map was loaded, and the way in was not right
+    state_ = PoseState::lost;  // in a loaded map, after a wrong relocalisation
   }
 }
 

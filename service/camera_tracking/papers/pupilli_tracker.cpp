@@ -10,20 +10,17 @@
 
 namespace huetrack::papers {
 
-using namespace camera_tracking;
-
 namespace {
 
-constexpr double most_half_px = 44;  // of a correlation field
-constexpr double narrow_px = 6;      // a cloud's projection that says where a point is
-// A point that was missed so often, and so much more often than it was found, was mapped wrongly; both counts are
-// halved after so many frames, for what counts is lately.
+constexpr double most_field_half_px = 44;  // of a correlation field
+constexpr double narrow_cloud_px = 6;      // largest sigma of a converged cloud's projection
+// A point with more misses than this, and than this multiple of its matches, is removed; both counts are halved after
+// counted_frames.
 constexpr int wrong_after = 30, wrong_missed_of_found = 4, counted_frames = 60;
 constexpr float least_weighted_rho = 0.2f;  // after eq. (7)'s weights
-// New points: how long and how often in vain their depth is sought, what share of the weights at either end of the ray
-// counts for nothing, and how far to the side of its image the template is sought.
-constexpr int most_attempts = 60, most_missed = 8;
-constexpr double weightless = 0.02, longest_line_px = 120, line_reach_px = 5, line_sigma_px = 2, ray_sigma_px = 1.5;
+// Candidates: most frames, most frames without a match, and search width on either side of the epipolar line.
+constexpr int most_tries = 60, most_failed = 8;
+constexpr double epipolar_reach_px = 5, epipolar_sigma_px = 2, ray_sigma_px = 1.5;
 constexpr std::size_t drawn_rays = 40;  // of particles
 
 }  // namespace
@@ -42,7 +39,7 @@ void PupilliFilter::add(PupilliPoint point) {
 }
 
 PupilliFilter::Result PupilliFilter::track(const std::shared_ptr<const Pyramid>& pyramid) {
-  // Points that were mapped wrongly are never found. (What was measured refers to the others by their place.)
+  // Before measured_ is filled, which has indices into points_.
   std::erase_if(points_, [](const PupilliPoint& p) {
     return !p.given && p.missed > wrong_after && p.missed > wrong_missed_of_found * p.found;
   });
@@ -59,9 +56,9 @@ PupilliFilter::Result PupilliFilter::track(const std::shared_ptr<const Pyramid>&
   out.cam_from_world = particles_.mean();
   out.active = static_cast<int>(active_.size());
   out.matched = measure(out.cam_from_world);
-  // A dispersed cloud finds something everywhere: it supports nothing until it has gathered.
+  // A dispersed cloud matches anything.
   const auto narrow = std::ranges::count_if(
-      measured_, [](const Measured& x) { return x.cloud.covariance.trace() < 2 * narrow_px * narrow_px; });
+      measured_, [](const Measured& x) { return x.cloud.covariance.trace() < 2 * narrow_cloud_px * narrow_cloud_px; });
   out.supported = out.matched >= 4 && 3 * out.matched >= 2 * out.active && 2 * narrow > out.active;
   supported_ = out.supported;
   if (out.supported && options_.polish) {
@@ -71,8 +68,7 @@ PupilliFilter::Result PupilliFilter::track(const std::shared_ptr<const Pyramid>&
   return out;
 }
 
-// Active points: in view; the ones found most reliably, if there are many. Points that are not found go on being
-// sought.
+// Active points: those in view, or of many the ones with the best detection rates.
 void PupilliFilter::choose_active(const calib::Rigid3d& predicted) {
   active_.clear();
   for (std::size_t i = 0; i < points_.size(); ++i) {
@@ -90,7 +86,7 @@ void PupilliFilter::choose_active(const calib::Rigid3d& predicted) {
   }
 }
 
-// Each particle's view of an active point: u_, v_.
+// An active point's projection for each particle: u_, v_.
 void PupilliFilter::project(std::size_t active) {
   u_[active].resize(particles_.size()), v_[active].resize(particles_.size());
   particles_.project(lens_, points_[active_[active]].position, u_[active], v_[active]);
@@ -104,10 +100,10 @@ void PupilliFilter::correlate(const GreyImage& image) {
   for (std::size_t k = 0; k < m; ++k) {
     project(k);
     const CloudMoments cloud = cloud_moments(u_[k], v_[k], particles_.weight);
-    const double left = std::max(static_cast<double>(cloud.u_min), cloud.mean.x() - most_half_px),
-                 right = std::min(static_cast<double>(cloud.u_max), cloud.mean.x() + most_half_px);
-    const double top = std::max(static_cast<double>(cloud.v_min), cloud.mean.y() - most_half_px),
-                 bottom = std::min(static_cast<double>(cloud.v_max), cloud.mean.y() + most_half_px);
+    const double left = std::max(static_cast<double>(cloud.u_min), cloud.mean.x() - most_field_half_px),
+                 right = std::min(static_cast<double>(cloud.u_max), cloud.mean.x() + most_field_half_px);
+    const double top = std::max(static_cast<double>(cloud.v_min), cloud.mean.y() - most_field_half_px),
+                 bottom = std::min(static_cast<double>(cloud.v_max), cloud.mean.y() + most_field_half_px);
     const Eigen::Vector2d centre(0.5 * (left + right), 0.5 * (top + bottom));
     const double margin = static_cast<double>(options_.epsilon_d_px[0]);
     fields_[k].correlate(image, points_[active_[k]].templ,
@@ -132,11 +128,11 @@ void PupilliFilter::anneal(float rotation_rad, float position_m) {
     for (std::size_t k = 0; k < active_.size(); ++k) {
       if (step > 0) project(k);
       fields_[k].mark(epsilon_rho, epsilon_d);
-      fields_[k].score(u_[k], v_[k], 1.0f, true, log_weight_);  // eqs. (5), (6)
+      fields_[k].score(u_[k], v_[k], true, log_weight_);  // eqs. (5), (6)
     }
     particle_filter::normalize_log_weights(log_weight_, particles_.weight);
     if (step + 1 == options_.annealing_steps) break;
-    // Eq. (7), from a subset that is drawn by the weights.
+    // Eq. (7), from a subset drawn by the weights.
     std::vector<std::uint32_t> drawn(std::min(options_.reweighting_particles, n));
     particle_filter::systematic_ancestors(particles_.weight, rng_.uniform(), drawn);
     std::vector<float> su(drawn.size()), sv(drawn.size()), equal(drawn.size(), 1.0f / static_cast<float>(drawn.size()));
@@ -148,7 +144,7 @@ void PupilliFilter::anneal(float rotation_rad, float position_m) {
   }
 }
 
-// Where the active points are found, near where the pose has them. How many are.
+// Measures the active points near their projections; returns the number of matches.
 int PupilliFilter::measure(const calib::Rigid3d& cam_from_world) {
   int matched = 0;
   for (std::size_t k = 0; k < active_.size(); ++k) {
@@ -199,34 +195,20 @@ void PupilliFilter::map(const std::shared_ptr<const Pyramid>& pyramid, const Res
       p.templ = std::move(c.templ);
       p.source = std::move(c.source);
       add(std::move(p));
-    } else if (c.attempts < most_attempts && c.missed < most_missed) {
+    } else if (c.attempts < most_tries && c.missed < most_failed) {
       kept.push_back(std::move(c));
-    }  // else: abandoned
+    }
   }
   candidates_.swap(kept);
   if (candidates_.size() < options_.introduced_at_once && in_view < options_.wanted_in_view)
     introduce(pyramid, result.cam_from_world);
 }
 
-// Section 5: the template is sought along the image of the part of the ray that still has weight, and the depths where
-// the particles' rays pass gain weight. false: it is nowhere.
+// Section 5: as LeeMapping::sharpen().
 bool PupilliFilter::sharpen(FeatureCandidate& c, const GreyImage& image, const calib::Rigid3d& pose) {
-  double first = 0, last = 0, cumulative = 0;
-  for (std::size_t b = 0; b < c.ray.weights().size(); ++b) {
-    if (cumulative <= weightless) first = c.ray.inverse_depth(b);
-    cumulative += c.ray.weights()[b];
-    if (cumulative <= 1 - weightless) last = c.ray.inverse_depth(b);
-  }
-  last = std::max(last, first);
-  const auto a = camera_.model.project(pose * (c.ray.origin() + c.ray.direction() / first));
-  const auto b = camera_.model.project(pose * (c.ray.origin() + c.ray.direction() / last));
-  if (!a || !b || !camera_.contains(*b) || !((a->px - b->px).norm() < longest_line_px)) return false;
-  const Eigen::Vector2d along =
-      (b->px - a->px).norm() > 0.5 ? Eigen::Vector2d((b->px - a->px).normalized()) : Eigen::Vector2d(1, 0);
-  const Eigen::Vector2d middle = 0.5 * (a->px + b->px);
-  candidate_field_.correlate(image, c.templ,
-                             box_around(middle, 0.5 * std::abs(a->px.x() - b->px.x()) + line_reach_px,
-                                        0.5 * std::abs(a->px.y() - b->px.y()) + line_reach_px));
+  const auto segment = project_ray(camera_.model, c.ray, pose, epipolar_reach_px);
+  if (!segment || !camera_.contains(segment->b)) return false;
+  candidate_field_.correlate(image, c.templ, segment->box);
   const PixelRegion& region = candidate_field_.region();
   std::vector<std::uint32_t> drawn(drawn_rays);
   particle_filter::systematic_ancestors(particles_.weight, rng_.uniform(), drawn);
@@ -237,16 +219,14 @@ bool PupilliFilter::sharpen(FeatureCandidate& c, const GreyImage& image, const c
       const float rho =
           candidate_field_.rho()[static_cast<std::size_t>((v - region.v0) * region.width() + u - region.u0)];
       if (rho < options_.epsilon_rho) continue;
-      // Re-weighted by the distance from the epipolar line.
-      const Eigen::Vector2d d = Eigen::Vector2d(u, v) - a->px;
-      const double off = (along.x() * d.y() - along.y() * d.x()) / line_sigma_px;
+      const double distance = segment->distance(Eigen::Vector2d(u, v)) / epipolar_sigma_px;
       const auto ray = camera_.model.ray({Eigen::Vector2d(u, v)});
       if (!ray) continue;
       found = true;
       const double rho2 = static_cast<double>(rho * rho);
       for (const std::uint32_t i : drawn) {
         const calib::Rigid3d back = calib::inverse(particles_.pose(i));
-        c.ray.add(back.translation, back.rotation * *ray, rho2 * rho2 * std::exp(-0.5 * off * off),
+        c.ray.add(back.translation, back.rotation * *ray, rho2 * rho2 * std::exp(-0.5 * distance * distance),
                   ray_sigma_px / camera_.model.fx());
       }
     }
@@ -282,9 +262,9 @@ class PupilliTracker final : public PaperTrackerBase {
       : PaperTrackerBase(camera, options), filter_(camera, filter_options(options), options.seed) {
     if (auto stored = take_loaded()) {
       for (const MapPoint& p : stored->map.points) {
-        if (!p.alive || p.look_count == 0) continue;
-        const Keyframe& k = stored->map.keyframes[static_cast<std::size_t>(p.looks[0].keyframe)];
-        add(p.position, std::sqrt(p.covariance.trace()), {k.pyramid, k.cam_from_world, p.looks[0].px}, p.given);
+        if (!p.alive || p.view_count == 0) continue;
+        const Keyframe& k = stored->map.keyframes[static_cast<std::size_t>(p.views[0].keyframe)];
+        add(p.position, std::sqrt(p.covariance.trace()), {k.pyramid, k.cam_from_world, p.views[0].px}, p.given);
       }
     }
   }
@@ -296,8 +276,7 @@ class PupilliTracker final : public PaperTrackerBase {
       out.features.push_back({m.cloud.mean.cast<float>(), m.found.cast<float>(), m.cloud.covariance.cast<float>(),
                               p.position, covariance_of(p), p.given});
     }
-    for (std::size_t i = 0; i < std::min<std::size_t>(particles().size(), 300); ++i)
-      out.particles.push_back(calib::inverse(particles().pose(i)));
+    out.particles = particles().world_from_cameras(300);
     return out;
   }
 
@@ -329,7 +308,7 @@ class PupilliTracker final : public PaperTrackerBase {
     filter_.add(p);
   }
 
-  void start(const std::shared_ptr<const Pyramid>& pyramid, const Started& started, std::uint64_t) override {
+  void start(const std::shared_ptr<const Pyramid>& pyramid, const StartResult& started, std::uint64_t) override {
     filter_.start(started.pose.cam_from_world);
     for (std::size_t i = 0; i < started.points.size(); ++i)
       add(started.points[i], started.given_sigma_m, {pyramid, started.pose.cam_from_world, started.px[i]}, true);
@@ -342,16 +321,11 @@ class PupilliTracker final : public PaperTrackerBase {
     for (const PupilliPoint& p : filter_.points()) {
       MapPoint x;
       x.position = p.position, x.covariance = covariance_of(p), x.given = p.given;
-      PointLook& look = x.looks[0];
-      look.keyframe = static_cast<int>(out.keyframes.size()), look.px = p.source.px;
-      if (!out.keyframes.empty() && out.keyframes.back().pyramid == p.source.pyramid)
-        --look.keyframe;
-      else
+      if (out.keyframes.empty() || out.keyframes.back().pyramid != p.source.pyramid)
         out.keyframes.push_back({p.source.pyramid, p.source.cam_from_world});
-      const GreyImage& image = p.source.pyramid->levels.front();
-      look.described = image.contains(look.px.x(), look.px.y(), descriptor_margin);
-      if (look.described) look.descriptor = describe(image, look.px);
-      x.look_count = 1;
+      x.views[0].keyframe = static_cast<int>(out.keyframes.size()) - 1, x.views[0].px = p.source.px;
+      describe(x.views[0], *p.source.pyramid);
+      x.view_count = 1;
       out.points.push_back(x);
     }
     return out;

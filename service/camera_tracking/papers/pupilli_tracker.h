@@ -16,15 +16,17 @@
 
 namespace huetrack::papers {
 
+using namespace camera_tracking;
+
 // A scene point z_i with its template T_i.
 struct PupilliPoint {
-  std::uint32_t id = 0;                                // given by PupilliFilter::add()
+  std::uint32_t id = 0;                                // set by PupilliFilter::add()
   Eigen::Vector3d position = Eigen::Vector3d::Zero();  // world
   double sigma_m = 0;                                  // along its ray; 0: given
-  camera_tracking::NccTemplate templ;
+  NccTemplate templ;
   FeatureSource source;
   bool given = false;
-  int found = 0, missed = 0;  // lately
+  int found = 0, missed = 0;  // recent counts
 };
 
 // thread-compatible.
@@ -34,37 +36,37 @@ class PupilliFilter {
     std::size_t particle_count = 500;
     float rotation_rad = 0.03f;  // v of eq. (2): half widths of the uniform walk
     float position_m = 0.018f;
-    int annealing_steps = 3;                 // of which each has half the v of the one before
+    int annealing_steps = 3;                 // each with half the v of the one before
     float epsilon_d_px[3] = {5, 3, 1.2f};    // of eq. (6)
     float epsilon_rho = 0.75f;               // of eq. (4)
-    float wider_unseen = 1.5f;               // of v, while too few points support the cloud
-    std::size_t reweighting_particles = 60;  // of eq. (7): a subset
+    float wider_unseen = 1.5f;               // factor of v while too few points support the cloud
+    std::size_t reweighting_particles = 60;  // of eq. (7)
     std::size_t max_active = 24;             // points that are measured in one frame
-    std::size_t wanted_in_view = 40;         // fewer: new ones are introduced,
-    std::size_t introduced_at_once = 12;     // so many at a time (the paper: one)
-    bool polish = true;                      // the mean (the paper: not)
+    std::size_t wanted_in_view = 40;         // with fewer, new points are introduced
+    std::size_t introduced_at_once = 12;     // 1 in the paper
+    bool polish = true;                      // the mean; not in the paper
   };
   PupilliFilter(const calib::Camera& camera, const Options& options, std::uint64_t seed);
   void start(const calib::Rigid3d& cam_from_world);
-  void add(PupilliPoint point);  // gets an id
+  void add(PupilliPoint point);  // sets its id
 
   struct Result {
-    calib::Rigid3d cam_from_world;                     // the weighted mean, polished
-    std::optional<camera_tracking::PoseFit> polished;  // of which this is the fit
+    calib::Rigid3d cam_from_world;  // the weighted mean, or the polished fit
+    std::optional<PoseFit> polished;
     bool supported = false;
     int active = 0, matched = 0;
   };
   // One frame of the particle filter, sections 3 and 4.
-  Result track(const std::shared_ptr<const camera_tracking::Pyramid>& pyramid);
-  // The auxiliary process of section 5, for the frame that was just tracked.
-  void map(const std::shared_ptr<const camera_tracking::Pyramid>& pyramid, const Result& result);
+  Result track(const std::shared_ptr<const Pyramid>& pyramid);
+  // The auxiliary process of section 5, for the frame of the last track().
+  void map(const std::shared_ptr<const Pyramid>& pyramid, const Result& result);
 
-  const camera_tracking::PoseParticles& particles() const { return particles_; }
+  const PoseParticles& particles() const { return particles_; }
   const std::vector<PupilliPoint>& points() const { return points_; }
-  // What was measured in the last frame: which point, where the cloud is and where its strongest observation.
+  // The measurements of the last frame.
   struct Measured {
     std::size_t point;
-    camera_tracking::CloudMoments cloud;
+    CloudMoments cloud;
     Eigen::Vector2d found;  // NaN: none
   };
   const std::vector<Measured>& measured() const { return measured_; }
@@ -72,39 +74,38 @@ class PupilliFilter {
  private:
   struct FeatureCandidate {
     FeatureSource source;
-    camera_tracking::NccTemplate templ;
+    NccTemplate templ;
     DepthRay ray;
     int attempts = 0, missed = 0;
   };
   void choose_active(const calib::Rigid3d& predicted);
   void project(std::size_t active);
-  void correlate(const camera_tracking::GreyImage& image);
+  void correlate(const GreyImage& image);
   void anneal(float rotation_rad, float position_m);
   int measure(const calib::Rigid3d& cam_from_world);
-  std::optional<camera_tracking::PoseFit> polished(const calib::Rigid3d& mean) const;
-  bool sharpen(FeatureCandidate& candidate, const camera_tracking::GreyImage& image, const calib::Rigid3d& pose);
-  void introduce(const std::shared_ptr<const camera_tracking::Pyramid>& pyramid, const calib::Rigid3d& pose);
+  std::optional<PoseFit> polished(const calib::Rigid3d& mean) const;
+  bool sharpen(FeatureCandidate& candidate, const GreyImage& image, const calib::Rigid3d& pose);
+  void introduce(const std::shared_ptr<const Pyramid>& pyramid, const calib::Rigid3d& pose);
 
   calib::Camera camera_;
   Options options_;
   calib::BatchProjector lens_;
   particle_filter::Rng rng_;
-  camera_tracking::PoseParticles particles_;
+  PoseParticles particles_;
   std::vector<PupilliPoint> points_;
   std::uint32_t next_id_ = 0;
   std::vector<FeatureCandidate> candidates_;  // at most introduced_at_once
   double depth_m_ = 1;
   bool supported_ = true;
-  std::vector<camera_tracking::ObservationField> fields_;
+  std::vector<ObservationField> fields_;
   std::vector<std::size_t> active_;
   std::vector<std::vector<float>> u_, v_;  // projections of each active point
   std::vector<float> log_weight_;
   std::vector<Measured> measured_;
-  camera_tracking::ObservationField candidate_field_;
+  ObservationField candidate_field_;
 };
 
-// options: checked. throws std::runtime_error naming the map file.
-std::unique_ptr<camera_tracking::CameraTracker> make_pupilli_tracker(
-    const calib::Camera& camera, const camera_tracking::CameraTrackerOptions& options);
+// options: valid. Throws std::runtime_error naming the map file.
+std::unique_ptr<CameraTracker> make_pupilli_tracker(const calib::Camera& camera, const CameraTrackerOptions& options);
 
 }  // namespace huetrack::papers

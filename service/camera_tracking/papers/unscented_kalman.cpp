@@ -13,7 +13,7 @@ FeatureFilter::FeatureFilter(const calib::CameraModel& lens, const calib::Rigid3
   const Eigen::Quaterniond& q = cam_from_world.rotation;
   state_ << calib::inverse(cam_from_world).translation, q.w(), q.x(), q.y(), q.z(), inverse_depth, px;
   covariance_.topLeftCorner<7, 7>() = camera_covariance;
-  covariance_.diagonal().head<7>().array() += 1e-10;  // a quaternion's covariance has no width along itself
+  covariance_.diagonal().head<7>().array() += 1e-10;  // a quaternion's covariance is singular
   covariance_(7, 7) = inverse_depth_sigma * inverse_depth_sigma;
   covariance_.bottomRightCorner<2, 2>() = px_covariance;
 }
@@ -55,7 +55,7 @@ bool FeatureFilter::update(const calib::Rigid3d& cam_from_world, const Eigen::Ve
   };
   const Eigen::Vector2d innovation = px - seen->px;
   if (!unscented_update<10, 2>(x, p, px, r, measure)) return false;
-  // The gate, with what the state itself leaves open: S is at least R.
+  // Gate with the innovation covariance S = R + D P D^T.
   Eigen::Matrix3d spread = position_covariance();
   calib::CameraModel::Jacobian j;
   lens_.project(cam_from_world * *at, j);

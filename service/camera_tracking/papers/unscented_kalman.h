@@ -1,5 +1,4 @@
-// Unscented Kalman filters (Simon, Optimal State Estimation, 2006): one small one per feature, as Lee's mapping has
-// them, and of any size, so that a monolithic one can be measured beside them.
+// Unscented Kalman filters (Simon, Optimal State Estimation, 2006): the update for any size, and Lee's feature filter.
 #pragma once
 
 #include <Eigen/Cholesky>
@@ -11,9 +10,9 @@
 
 namespace huetrack::papers {
 
-// x, P after a measurement y = h(x) + n, n ~ N(0, R): 2 n sigma points at +- the columns of sqrt(n P), equal weights.
+// Updates x, P with y = h(x) + n, n ~ N(0, R): 2 n sigma points at +- the columns of sqrt(n P), equal weights.
 //   h(x, y) -> bool     false: this sigma point has no measurement
-// false: P is not positive, or a sigma point has none; x and P are as before.
+// false: P is not positive definite, or a sigma point has no measurement; x and P are unchanged.
 template <int N, int M, typename Measure>
 bool unscented_update(Eigen::Matrix<double, N, 1>& x, Eigen::Matrix<double, N, N>& p,
                       const Eigen::Matrix<double, M, 1>& y, const Eigen::Matrix<double, M, M>& r, const Measure& h) {
@@ -62,13 +61,13 @@ class FeatureFilter {
                 const Eigen::Matrix<double, 7, 7>& camera_covariance, double inverse_depth, double inverse_depth_sigma,
                 const Eigen::Vector2d& px, const Eigen::Matrix2d& px_covariance);
 
-  // Eq. (7): where it is in the world; nullopt: the state has no ray.
+  // Eq. (7), world; nullopt: the state has no ray.
   std::optional<Eigen::Vector3d> position() const { return position_of(state_); }
   Eigen::Matrix3d position_covariance() const;    // by the same sigma points
   double depth() const { return 1 / state_[7]; }  // metres, along the reference ray
 
-  // Eqs. (8), (9): seen at px by a camera at this pose, r = R_p + cov of its projections under the particles.
-  // false: rejected (5 sigmas off, or not before the camera).
+  // Eqs. (8), (9): measured at px from this pose, r = R_p + covariance of its projections under the particles.
+  // false: rejected (above 5 sigmas, or behind the camera).
   bool update(const calib::Rigid3d& cam_from_world, const Eigen::Vector2d& px, const Eigen::Matrix2d& r);
   const State& state() const { return state_; }
   const Covariance& covariance() const { return covariance_; }
