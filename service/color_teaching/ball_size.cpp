@@ -161,7 +161,7 @@ Outlines outlines_of(const calib::CameraRig& rig, std::span<const BallMoment> mo
                      std::span<const std::optional<RegionRadii>> radii) {
   Outlines out;
   const auto fit = std::make_unique<outline::OutlineFit>();
-  std::vector<outline::Look> looks(rig.cameras.size());
+  std::vector<outline::AppearanceModel> looks(rig.cameras.size());
   for (std::size_t m = 0; m < moments.size(); ++m) {
     const auto begun = radii[m] ? radii[m]->median() : std::nullopt;
     if (!begun) continue;

@@ -118,15 +118,15 @@ bool OutlineSighter::sharpen(const TargetView& view, const MotionBelief& belief,
                               ? std::log(std::max(1.0, sighting.radius_px) / expected.at.radius_px)
                               : of.log_size;
   options.log_size = {log_size, std::hypot(is_size_known ? known_log_size : unknown_log_size, depth_sigma / distance)};
-  options.same_light = std::exp(-(there - of.lit_at).norm() / same_light_m -
+  options.light_correlation = std::exp(-(there - of.lit_at).norm() / same_light_m -
                                 capture::seconds(expected.row.at - of.lit_when) / same_light_s);
-  options.may_hold_light = is_size_known && options.same_light >= same_enough;
+  options.may_hold_light = is_size_known && options.light_correlation >= same_enough;
   const auto picture = picture_around(view, ellipse.centre);
   if (!picture) return false;
   const outline::Fit fit = fit_.fit(*picture, *of.behind, ellipse, {motion.velocity, motion.row_s}, of.look, options);
   if (fit.outcome == outline::FitOutcome::misfit || fit.outcome == outline::FitOutcome::lost) ++not_fitted_;
   if (fit.outcome != outline::FitOutcome::fits) {
-    of.look.left.reset();  // in the next picture all is fitted at once
+    of.look.promise.reset();  // in the next picture all is fitted at once
     of.begins_at_region = !of.begins_at_region;
     if (shape_ == TargetShape::automatic && not_fitted_ + fitted_ >= least_tries &&
         static_cast<double>(fitted_) < least_fitted * static_cast<double>(fitted_ + not_fitted_))

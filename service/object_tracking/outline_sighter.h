@@ -38,7 +38,7 @@ class OutlineSighter {
  private:
   struct PerView {
     std::optional<outline::Background> behind;
-    outline::Look look;
+    outline::AppearanceModel look;
     Eigen::Vector3d lit_at = Eigen::Vector3d::Zero();  // where its light was learnt last, world, and when
     capture::Timestamp lit_when{};
     double log_size = 0, log_size_weight = 0;  // of the outline over that of the target's radius: mean, and of how much

@@ -24,7 +24,7 @@ std::vector<std::vector<OutlineView>> fit_outlines(const Sequence& sequence,
   color::RegionFinder finder;
   outline::OutlineFit fit;
   std::vector<outline::Background> backgrounds;
-  std::vector<outline::Look> looks(sequence.rig.cameras.size());
+  std::vector<outline::AppearanceModel> looks(sequence.rig.cameras.size());
   std::vector<Eigen::Vector3d> lit_at(looks.size(), Eigen::Vector3d::Zero());
   for (const calib::Camera& camera : sequence.rig.cameras)
     backgrounds.emplace_back(camera.image_size.width, camera.image_size.height);
@@ -60,7 +60,7 @@ std::vector<std::vector<OutlineView>> fit_outlines(const Sequence& sequence,
         const auto before = std::chrono::steady_clock::now();
         const double way_m = (row->position - lit_at[c]).norm();
         one.fit = fit.fit(picture, backgrounds[c], start, {velocity, row_s}, looks[c],
-                          {.same_light = std::exp(-way_m / same_light_m)});
+                          {.light_correlation = std::exp(-way_m / same_light_m)});
         one.took_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - before).count();
         one.off_px = one.fit.centre - ball->ellipse.centre;
         if (one.fit.outcome == outline::FitOutcome::fits && fit.learn(looks[c])) lit_at[c] = row->position;
