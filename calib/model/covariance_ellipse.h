@@ -11,6 +11,7 @@ namespace huetrack::calib {
 
 // 95 % quantiles of the chi-square distribution with 2 and 3 degrees of freedom.
 inline constexpr double chi2_95_in_2d = 5.991, chi2_95_in_3d = 7.815;
+inline constexpr double chi2_999_in_1d = 10.8, chi2_999_in_3d = 16.3;  // the same at 99.9 %, for gates
 inline constexpr double chi_95_in_3d = 2.7955;  // square root of the second, rounded
 
 struct CovarianceEllipse {

@@ -9,93 +9,103 @@
 namespace huetrack::outline {
 namespace {
 
-constexpr int most_looks = 16;  // then the mean forgets: half a second of light that changes, or as much as noise asks
-// What is seen is what was seen before, if it is no further off than noise may be; what is off again and again uses up
-// the looks of what was there.
-constexpr float usual_sigmas = 5, least_usual = 8;
-constexpr int forgotten_per_look = 2;
-constexpr float least_light_noise = 0.7f, least_chroma_noise = 0.5f;
-constexpr double noise_kept = 0.98;  // of what was seen of the noise, from look to look
-constexpr int settled_looks = 8;
-constexpr int margin_px = 8;                 // around the object, of what is learnt first
-constexpr int rare_pictures_each = 4;        // of which one tells a tile that is well known
-constexpr std::uint32_t looks_at_start = 4;  // a tile with fewer is hardly known
-// Per picture: of those that the object is about to reach, and more while some of them are hardly known; beside these
-// of the whole picture, so that in a second it was seen once, until none is hardly known.
-constexpr int least_tiles = 2, largest_tiles = 5, tiles_hardly_known = 16;
-constexpr int pictures_to_see_all = 30;
+struct BackgroundTuning {
+  int max_count = 16;              // pictures; then the mean forgets exponentially: 0.5 s at 30 Hz (experiment)
+  float gate_sigmas = 5;           // a value within so many standard deviations of the mean is the same background
+  float min_gate = 8;              // grey values; the gate's lower limit (experiment)
+  int count_lost_per_outlier = 2;  // pictures by which a value beyond the gate lowers the count (experiment)
+  float min_light_noise = 0.7f;    // grey values, 1 sigma; quantisation alone is 0.3
+  float min_chroma_noise = 0.5f;   // grey values, 1 sigma
+  double noise_kept = 0.98;        // of the noise statistics, from tile to tile
+  double min_noise_samples = 500;  // before the noise is estimated: 4 % of it, 1 sigma
+  int rare_period = 4;             // learn_all(): a well known tile is updated in one of so many pictures
+  std::uint32_t known_count = 4;   // updates of a tile; with fewer it is hardly known
+  int min_tiles = 2;               // updated near the object, per picture
+  int max_tiles = 5;               // the same, of a large object
+  int disc_px2_per_tile = 32;      // squared radius for which one tile is updated (experiment)
+  int hardly_known_tiles = 16;     // updated at once while tiles near the object are hardly known
+  int pictures_to_see_all = 30;    // after which every tile was updated once: 1 s at 30 Hz
+};
+constexpr BackgroundTuning background_tuning{};
+constexpr int settled_count = background_tuning.max_count / 2;  // the mean is good enough to measure the noise
+constexpr int margin_px = Background::tile_px / 2;              // around the object, of what is learnt first
+constexpr double tile_reach_px = 0.7 * Background::tile_px;     // maths: half a tile's diagonal
+constexpr double mean_abs_of_normal = 0.798;                    // maths: E|x| = sqrt(2 / pi) sigma
+constexpr int full_share = 1 << 15;                             // layout: shares of 16 bits
 
 constexpr int size = Background::tile_px;
-constexpr int most_samples = size * size;
+constexpr int tile_samples = size * size;
 
-struct Off {
+// Deviations of settled samples from their mean.
+struct Deviations {
   std::int32_t sum, count;
 };
 template <int n>
-inline __attribute__((always_inline)) Off step_of(const std::int16_t* __restrict seen,
-                                                  const std::int16_t* __restrict hidden, int usual,
-                                                  std::int16_t* __restrict mean, const std::uint8_t* __restrict looks,
-                                                  std::int16_t* __restrict looks_now) {
-  // By what a mean of so many looks, this one among them, goes on towards it, in 2^15ths; of two or more.
+inline __attribute__((always_inline)) Deviations update_of(const std::int16_t* __restrict seen,
+                                                           const std::int16_t* __restrict hidden, int gate,
+                                                           std::int16_t* __restrict mean,
+                                                           const std::uint8_t* __restrict counts,
+                                                           std::int16_t* __restrict count_now) {
+  // Gain of a mean over so many pictures, this one included, in 2^-15; at most 1/2.
   alignas(64) std::int16_t share[n], off[n], settled[n];
   alignas(64) std::int32_t whole[n];
-  std::uint8_t fewest = most_looks;
-  for (int i = 0; i < n; ++i) fewest = looks[i] < fewest ? looks[i] : fewest;
-  if (fewest + 1 >= most_looks) {  // of a place that is known
-    for (int i = 0; i < n; ++i) share[i] = 32768 / most_looks;
+  std::uint8_t fewest = background_tuning.max_count;
+  for (int i = 0; i < n; ++i) fewest = counts[i] < fewest ? counts[i] : fewest;
+  if (fewest + 1 >= background_tuning.max_count) {  // all samples are known
+    for (int i = 0; i < n; ++i) share[i] = full_share / background_tuning.max_count;
   } else {
-    for (int i = 0; i < n; ++i) whole[i] = looks[i];
+    for (int i = 0; i < n; ++i) whole[i] = counts[i];
     for (int i = 0; i < n; ++i) {
-      const int more = whole[i] + 1 < most_looks ? whole[i] + 1 : most_looks;
-      whole[i] = static_cast<std::int32_t>(32768 / static_cast<float>(more < 2 ? 2 : more));
+      const int more = whole[i] + 1 < background_tuning.max_count ? whole[i] + 1 : background_tuning.max_count;
+      whole[i] = static_cast<std::int32_t>(full_share / static_cast<float>(more < 2 ? 2 : more));
     }
     for (int i = 0; i < n; ++i) share[i] = static_cast<std::int16_t>(whole[i]);
   }
-  // Numbers of one kind, and all bits of one that is true, as compilers make vectors of these.
+  // One number type, and all bits set for true, so that compilers vectorise the loop.
   using Number = std::int16_t;
-  const auto near = static_cast<Number>(usual < 32767 ? usual : 32767);
-  for (int i = 0; i < n; ++i) looks_now[i] = looks[i];
+  const auto near = static_cast<Number>(gate < 32767 ? gate : 32767);
+  for (int i = 0; i < n; ++i) count_now[i] = counts[i];
   for (int i = 0; i < n; ++i) {
-    const Number before = mean[i], of = looks_now[i], is_hidden = hidden[i];
+    const Number before = mean[i], of = count_now[i], is_hidden = hidden[i];
     const auto by = static_cast<Number>(seen[i] - before);
     const auto far = static_cast<Number>(by < 0 ? -by : by);
     const Number is_near = far < near ? -1 : 0, is_known = of > 0 ? -1 : 0;
     const auto is_same = static_cast<Number>(is_near & is_known);
-    const auto more = static_cast<Number>(of + 1 < most_looks ? of + 1 : most_looks);
-    const auto fewer = static_cast<Number>(of - forgotten_per_look);
+    const auto more = static_cast<Number>(of + 1 < background_tuning.max_count ? of + 1 : background_tuning.max_count);
+    const auto fewer = static_cast<Number>(of - background_tuning.count_lost_per_outlier);
     const Number is_gone = fewer <= 0 ? -1 : 0;
     const auto is_new = static_cast<Number>(~is_same & is_gone);
     const auto part = static_cast<Number>(((by * share[i] >> 14) + 1) >> 1);
     const auto moved = static_cast<Number>(((part & is_same) | (by & is_new)) & ~is_hidden);
     const auto then = static_cast<Number>((more & is_same) | (is_new & 1) | (fewer & ~is_same & ~is_new));
     mean[i] = static_cast<Number>(before + moved);
-    looks_now[i] = static_cast<Number>((then & ~is_hidden) | (of & is_hidden));
-    const Number is_settled = of >= settled_looks ? -1 : 0;
+    count_now[i] = static_cast<Number>((then & ~is_hidden) | (of & is_hidden));
+    const Number is_settled = of >= settled_count ? -1 : 0;
     settled[i] = static_cast<Number>(is_settled & is_same & ~is_hidden & 1);
     off[i] = static_cast<Number>(far & -settled[i]);
   }
-  Off out{0, 0};
+  Deviations out{0, 0};
   for (int i = 0; i < n; ++i) out.sum += off[i];
   for (int i = 0; i < n; ++i) out.count += settled[i];
   return out;
 }
 
-// One step of the mean of each sample. hidden: -1: not looked at; 0. n: of a tile, 64, 128 or 256. Sets how many looks
-// there are then. Returns how far settled samples were off, in units, and how many there were.
-HUETRACK_CLONES Off step(const std::int16_t* seen, const std::int16_t* hidden, int usual, int n, std::int16_t* mean,
-                         const std::uint8_t* looks, std::int16_t* looks_now) {
-  if (n == 256) return step_of<256>(seen, hidden, usual, mean, looks, looks_now);
-  if (n == 128) return step_of<128>(seen, hidden, usual, mean, looks, looks_now);
-  return step_of<64>(seen, hidden, usual, mean, looks, looks_now);
+// Updates the mean of each of n samples (64, 128 or 256). hidden: -1 (skipped) or 0. Sets the new counts. Returns the
+// absolute deviations of settled samples, in units.
+HUETRACK_CLONES Deviations update(const std::int16_t* seen, const std::int16_t* hidden, int gate, int n,
+                                  std::int16_t* mean, const std::uint8_t* counts, std::int16_t* count_now) {
+  if (n == 256) return update_of<256>(seen, hidden, gate, mean, counts, count_now);
+  if (n == 128) return update_of<128>(seen, hidden, gate, mean, counts, count_now);
+  return update_of<64>(seen, hidden, gate, mean, counts, count_now);
 }
 
-// The fewer of both, where there are two.
-HUETRACK_CLONES void keep_looks(const std::int16_t* __restrict a, const std::int16_t* __restrict b, int n,
+// The smaller of both.
+HUETRACK_CLONES void keep_count(const std::int16_t* __restrict a, const std::int16_t* __restrict b, int n,
                                 std::uint8_t* __restrict out) {
   for (int i = 0; i < n; ++i) out[i] = static_cast<std::uint8_t>(a[i] < b[i] ? a[i] : b[i]);
 }
 
-// Samples whose centres lie within the discs; one sample is columns x rows pixels.
+// Marks the samples whose centres lie within the discs; one sample is columns x rows pixels.
 void hide(const ObjectDisc* discs, std::size_t count, int u0, int v0, int columns, int rows, int across, int down,
           std::int16_t* hidden) {
   std::fill(hidden, hidden + across * down, std::int16_t{0});
@@ -119,7 +129,7 @@ void hide(const ObjectDisc* discs, std::size_t count, int u0, int v0, int column
   }
 }
 
-// From which column to which one something may lie less than `beside` px from the way, so far below its start.
+// The columns that lie less than `beside` px from the segment `way`, on a row `below` px below its start.
 std::pair<double, double> columns_beside(const Eigen::Vector2d& way, double below, double beside, double start_u) {
   const double first = (below - beside) / way.y(), last = (below + beside) / way.y();  // shares of the way
   const bool is_level = !(std::isfinite(first) && std::isfinite(last));
@@ -137,50 +147,50 @@ Background::Background(int width, int height)
       across_((width + tile_px - 1) / tile_px),
       down_((height + tile_px - 1) / tile_px),
       slots_(static_cast<std::size_t>(across_ * down_), std::int16_t{-1}),
-      looked_(slots_.size()) {
-  tiles_.reserve(std::min(most_tiles, slots_.size()));
+      updates_(slots_.size()) {
+  tiles_.reserve(std::min(max_tiles, slots_.size()));
   chosen_.reserve(slots_.size());
   unknown_tiles_ = static_cast<int>(slots_.size());
 }
 
 void Background::forget() {
   std::ranges::fill(slots_, std::int16_t{-1});
-  std::ranges::fill(looked_, Looked{});
+  std::ranges::fill(updates_, Updates{});
   tiles_.clear();
   unknown_tiles_ = static_cast<int>(slots_.size());
 }
 
-void Background::Noise::add(double sum_of_off, double of, float least) {
-  sum = noise_kept * sum + sum_of_off;
-  count = noise_kept * count + of;
-  // Half of the normal distribution is nearer than 0.67, its mean 0.80 standard deviations.
-  if (count > 500) noise = std::max(least, static_cast<float>(sum / count / 0.798));
+void Background::Noise::add(double sum_of_deviations, double of, float min_noise) {
+  sum = background_tuning.noise_kept * sum + sum_of_deviations;
+  count = background_tuning.noise_kept * count + of;
+  if (count > background_tuning.min_noise_samples)
+    noise = std::max(min_noise, static_cast<float>(sum / count / mean_abs_of_normal));
 }
 
 Background::Tile& Background::tile_for(int index) {
   std::int16_t& slot = slots_[static_cast<std::size_t>(index)];
   if (slot >= 0) return tiles_[static_cast<std::size_t>(slot)];
-  if (tiles_.size() < std::min(most_tiles, slots_.size())) {
+  if (tiles_.size() < std::min(max_tiles, slots_.size())) {
     slot = static_cast<std::int16_t>(tiles_.size());
     tiles_.emplace_back();
   } else {
-    const auto looked = [&](const Tile& tile) -> Looked& { return looked_[static_cast<std::size_t>(tile.index)]; };
-    const auto oldest = std::ranges::min_element(tiles_, {}, [&](const Tile& tile) { return looked(tile).at; });
+    const auto updates = [&](const Tile& tile) -> Updates& { return updates_[static_cast<std::size_t>(tile.index)]; };
+    const auto oldest = std::ranges::min_element(tiles_, {}, [&](const Tile& tile) { return updates(tile).last; });
     slots_[static_cast<std::size_t>(oldest->index)] = -1;
-    unknown_tiles_ += looked(*oldest).looks >= looks_at_start ? 1 : 0;
-    looked(*oldest) = {};
+    unknown_tiles_ += updates(*oldest).count >= background_tuning.known_count ? 1 : 0;
+    updates(*oldest) = {};
     slot = static_cast<std::int16_t>(oldest - tiles_.begin());
   }
   Tile& tile = tiles_[static_cast<std::size_t>(slot)];
   tile.index = index;
-  tile.light_looks.fill(0);
-  tile.chroma_looks.fill(0);
+  tile.light_count.fill(0);
+  tile.chroma_count.fill(0);
   tile.light.fill(0), tile.blue.fill(0), tile.red.fill(0);
   return tile;
 }
 
-// What was learnt of pictures that share chroma otherwise says nothing of this one.
-bool Background::is_such(const Picture& picture) {
+// Forgets everything when pictures begin to share chroma in another way.
+bool Background::accepts(const Picture& picture) {
   if (picture.width != width_ || picture.height != height_) return false;
   if (picture.columns != columns_ || picture.rows != rows_) {
     forget();
@@ -190,22 +200,23 @@ bool Background::is_such(const Picture& picture) {
 }
 
 void Background::learn_all(const Picture& picture, const ObjectDisc* hidden, std::size_t hidden_count) {
-  if (!is_such(picture)) return;
+  if (!accepts(picture)) return;
   ++pictures_;
   ++rare_pictures_;
-  const std::size_t count = std::min(slots_.size(), most_tiles);  // more are not kept: another part each time
+  const std::size_t count = std::min(slots_.size(), max_tiles);  // capacity; another part each time
   for (std::size_t i = 0; i < count; ++i) {
     next_ = (next_ + 1) % static_cast<int>(slots_.size());
-    const bool is_known = looked_[static_cast<std::size_t>(next_)].looks >= static_cast<std::uint32_t>(settled_looks);
-    // Of rows, as neighbours share what the processor fetches at once.
-    const bool is_its_turn = next_ / across_ % rare_pictures_each == rare_pictures_ % rare_pictures_each;
-    if (!is_known || is_its_turn) look(picture, next_, hidden, hidden_count);
+    const bool is_known = updates_[static_cast<std::size_t>(next_)].count >= static_cast<std::uint32_t>(settled_count);
+    // By rows of tiles, because neighbours share cache lines.
+    const bool is_its_turn =
+        next_ / across_ % background_tuning.rare_period == rare_pictures_ % background_tuning.rare_period;
+    if (!is_known || is_its_turn) update_tile(picture, next_, hidden, hidden_count);
   }
 }
 
 void Background::learn(const Picture& picture, const ObjectDisc& object, const Eigen::Vector2d& ahead_px,
                        const ObjectDisc* hidden, std::size_t hidden_count) {
-  if (!is_such(picture)) return;
+  if (!accepts(picture)) return;
   ++pictures_;
   const double reach = object.radius_px + margin_px;
   const auto tile_of = [](double px, int count) {
@@ -215,8 +226,7 @@ void Background::learn(const Picture& picture, const ObjectDisc& object, const E
   const int u_max = tile_of(object.px.x() + std::max(0.0, ahead_px.x()) + reach, across_);
   const int v_min = tile_of(object.px.y() + std::min(0.0, ahead_px.y()) - reach, down_);
   const int v_max = tile_of(object.px.y() + std::max(0.0, ahead_px.y()) + reach, down_);
-  // Of those that the way crosses.
-  const double way = ahead_px.norm(), beside = reach + 0.7 * tile_px;
+  const double way = ahead_px.norm(), beside = reach + tile_reach_px;
   chosen_.clear();
   for (int v = v_min; v <= v_max; ++v) {
     const double off_v = tile_px * (v + 0.5) - object.px.y();
@@ -229,44 +239,47 @@ void Background::learn(const Picture& picture, const ObjectDisc& object, const E
           tile_px * (v + 1) <= picture.part_v)
         continue;
       const int index = v * across_ + u;
-      const Looked& looked = looked_[static_cast<std::size_t>(index)];
-      const std::uint64_t looks = std::min<std::uint64_t>(looked.looks, most_samples);
-      // The ones with the fewest looks, and of these the ones that are reached first.
+      const Updates& updates = updates_[static_cast<std::size_t>(index)];
+      const std::uint64_t count = std::min<std::uint64_t>(updates.count, tile_samples);
+      // Fewest updates first, and among these the tile that the object reaches first.
       const auto when = static_cast<std::uint64_t>(255 * along);
-      const bool is_known = looks >= static_cast<std::uint64_t>(most_looks);
-      chosen_.push_back({index, is_known ? (std::uint64_t{1} << 60) + looked.at : (looks / 2 << 8) + when});
+      const bool is_known = count >= static_cast<std::uint64_t>(background_tuning.max_count);
+      chosen_.push_back({index, is_known ? (std::uint64_t{1} << 60) + updates.last : (count / 2 << 8) + when});
     }
   }
   const auto is_hardly_known = [&](int index) {
-    return looked_[static_cast<std::size_t>(index)].looks < looks_at_start;
+    return updates_[static_cast<std::size_t>(index)].count < background_tuning.known_count;
   };
   const auto hardly_known = std::ranges::count_if(chosen_, is_hardly_known, &Chosen::index);
-  const int usual = std::clamp(static_cast<int>(object.radius_px * object.radius_px / 32), least_tiles, largest_tiles);
-  const auto count = std::min(chosen_.size(), static_cast<std::size_t>(std::max<std::ptrdiff_t>(
-                                                  usual, std::min<std::ptrdiff_t>(hardly_known, tiles_hardly_known))));
+  const int by_size =
+      std::clamp(static_cast<int>(object.radius_px * object.radius_px / background_tuning.disc_px2_per_tile),
+                 background_tuning.min_tiles, background_tuning.max_tiles);
+  const auto count = std::min(
+      chosen_.size(), static_cast<std::size_t>(std::max<std::ptrdiff_t>(
+                          by_size, std::min<std::ptrdiff_t>(hardly_known, background_tuning.hardly_known_tiles))));
   std::ranges::partial_sort(chosen_, chosen_.begin() + static_cast<std::ptrdiff_t>(count), {},
                             [](const Chosen& c) { return std::pair(c.rank, c.index); });
-  for (std::size_t i = 0; i < count; ++i) look(picture, chosen_[i].index, hidden, hidden_count);
-  if (slots_.size() > most_tiles || !picture.is_whole()) return;
-  // The others in turn: while some are hardly known only these.
-  int left = unknown_tiles_ > 0 ? 1 + static_cast<int>(slots_.size()) / pictures_to_see_all : 1;
+  for (std::size_t i = 0; i < count; ++i) update_tile(picture, chosen_[i].index, hidden, hidden_count);
+  if (slots_.size() > max_tiles || !picture.is_whole()) return;
+  // The others in turn; while some are hardly known, only these.
+  int left = unknown_tiles_ > 0 ? 1 + static_cast<int>(slots_.size()) / background_tuning.pictures_to_see_all : 1;
   for (std::size_t i = 0; i < slots_.size() && left > 0; ++i) {
     next_ = (next_ + 1) % static_cast<int>(slots_.size());
     if (unknown_tiles_ > 0 && !is_hardly_known(next_)) continue;
     --left;
-    look(picture, next_, hidden, hidden_count);
+    update_tile(picture, next_, hidden, hidden_count);
   }
 }
 
-void Background::look(const Picture& picture, int index, const ObjectDisc* hidden, std::size_t hidden_count) {
-  Looked& looked = looked_[static_cast<std::size_t>(index)];
-  if (looked.at == pictures_) return;
+void Background::update_tile(const Picture& picture, int index, const ObjectDisc* hidden, std::size_t hidden_count) {
+  Updates& updates = updates_[static_cast<std::size_t>(index)];
+  if (updates.last == pictures_) return;
   Tile& tile = tile_for(index);
-  looked.at = pictures_;
-  if (++looked.looks == looks_at_start) --unknown_tiles_;
+  updates.last = pictures_;
+  if (++updates.count == background_tuning.known_count) --unknown_tiles_;
   const int u0 = index % across_ * tile_px, v0 = index / across_ * tile_px;
-  alignas(64) std::int16_t seen[most_samples], red[most_samples], mask[most_samples], looks[most_samples];
-  // Beyond the picture, or the part of it that is there, nothing is seen.
+  alignas(64) std::int16_t seen[tile_samples], red[tile_samples], mask[tile_samples], counts[tile_samples];
+  // Masks what lies outside the picture, or outside the part of it that is there.
   const auto read_tile = [&](int columns, int rows, auto&& read) {
     const int across = tile_px / columns, down = tile_px / rows;
     hide(hidden, hidden_count, u0, v0, columns, rows, across, down, mask);
@@ -286,47 +299,48 @@ void Background::look(const Picture& picture, int index, const ObjectDisc* hidde
       read(Rows{u0 / columns + first, v0 / rows + top, end - first, bottom - top, across}, top * across + first);
     return across * down;
   };
-  const auto usual = [](const Noise& noise) {
-    return static_cast<int>(std::max(least_usual, usual_sigmas * noise.noise) * units);
+  const auto gate = [](const Noise& noise) {
+    return static_cast<int>(std::max(background_tuning.min_gate, background_tuning.gate_sigmas * noise.noise) * units);
   };
-  const auto add = [](Noise& to, const Off& off, float least) {
-    to.add(static_cast<double>(off.sum) / units, static_cast<double>(off.count), least);
+  const auto add = [](Noise& to, const Deviations& of, float min_noise) {
+    to.add(static_cast<double>(of.sum) / units, static_cast<double>(of.count), min_noise);
   };
   int n = read_tile(1, 1, [&](const Rows& rows, int at) { read_light(picture, rows, seen + at); });
-  add(light_, step(seen, mask, usual(light_), n, tile.light.data(), tile.light_looks.data(), looks), least_light_noise);
-  keep_looks(looks, looks, n, tile.light_looks.data());
+  add(light_, update(seen, mask, gate(light_), n, tile.light.data(), tile.light_count.data(), counts),
+      background_tuning.min_light_noise);
+  keep_count(counts, counts, n, tile.light_count.data());
   if (picture.is_grey) return;
   n = read_tile(columns_, rows_, [&](const Rows& rows, int at) { read_chroma(picture, rows, seen + at, red + at); });
-  const int usual_chroma = usual(chroma_);
-  alignas(64) std::int16_t looks_of_red[most_samples];
-  add(chroma_, step(seen, mask, usual_chroma, n, tile.blue.data(), tile.chroma_looks.data(), looks),
-      least_chroma_noise);
-  add(chroma_, step(red, mask, usual_chroma, n, tile.red.data(), tile.chroma_looks.data(), looks_of_red),
-      least_chroma_noise);
-  keep_looks(looks, looks_of_red, n, tile.chroma_looks.data());
+  const int chroma_gate = gate(chroma_);
+  alignas(64) std::int16_t counts_of_red[tile_samples];
+  add(chroma_, update(seen, mask, chroma_gate, n, tile.blue.data(), tile.chroma_count.data(), counts),
+      background_tuning.min_chroma_noise);
+  add(chroma_, update(red, mask, chroma_gate, n, tile.red.data(), tile.chroma_count.data(), counts_of_red),
+      background_tuning.min_chroma_noise);
+  keep_count(counts, counts_of_red, n, tile.chroma_count.data());
 }
 
 namespace {
 
-// As they are kept, of some places.
-constexpr int at_once = 64;
+// Stored values of some places.
+constexpr int at_once = 64;  // layout
 struct Kept {
   alignas(64) std::int16_t light[at_once], blue[at_once], red[at_once];
-  alignas(64) std::uint8_t light_looks[at_once], chroma_looks[at_once];
+  alignas(64) std::uint8_t light_count[at_once], chroma_count[at_once];
 };
 HUETRACK_CLONES void to_values(const Kept& kept, int n, const Background::Values& out) {
   float* __restrict light = out.light, * __restrict blue = out.blue, * __restrict red = out.red;
-  float* __restrict light_looks = out.light_looks, * __restrict chroma_looks = out.chroma_looks;
+  float* __restrict light_count = out.light_count, * __restrict chroma_count = out.chroma_count;
   for (int i = 0; i < n; ++i) {
     light[i] = static_cast<float>(kept.light[i]) * (1.f / units);
     blue[i] = static_cast<float>(kept.blue[i]) * (1.f / units);
     red[i] = static_cast<float>(kept.red[i]) * (1.f / units);
-    light_looks[i] = static_cast<float>(kept.light_looks[i]);
-    chroma_looks[i] = static_cast<float>(kept.chroma_looks[i]);
+    light_count[i] = static_cast<float>(kept.light_count[i]);
+    chroma_count[i] = static_cast<float>(kept.chroma_count[i]);
   }
 }
 
-// take: what is kept of the i-th place.
+// take: reads the stored values of the i-th place.
 template <typename Take>
 inline __attribute__((always_inline)) void some_at_once(const Places& at, const Background::Values& out, Take&& take) {
   Kept kept;
@@ -335,61 +349,62 @@ inline __attribute__((always_inline)) void some_at_once(const Places& at, const 
     const int *u = at.u + from, *v = at.v + from;
     for (int i = 0; i < n; ++i) take(static_cast<unsigned>(u[i]), static_cast<unsigned>(v[i]), i, kept);
     to_values(kept, n,
-              {out.light + from, out.blue + from, out.red + from, out.light_looks + from, out.chroma_looks + from});
+              {out.light + from, out.blue + from, out.red + from, out.light_count + from, out.chroma_count + from});
   }
 }
 
-// Of 16 pixels 8 or 16 samples: the power of two.
+// A tile has 8 or 16 samples a row: the power of two.
 unsigned power_of(int shared) {
   return shared == 2 ? 3 : 4;
 }
 
 }  // namespace
 
-void Background::light(const Places& at, float* light, float* looks) const {
+void Background::light(const Places& at, float* light, float* count) const {
+  const TileMap tiles = all_tiles();
   for (int i = 0; i < at.n; ++i) {
     const auto u = static_cast<unsigned>(at.u[i]), v = static_cast<unsigned>(at.v[i]);
-    const Tile& tile = known_at(u / tile_px, v / tile_px);
+    const Tile& tile = tiles(u / tile_px, v / tile_px);
     const std::size_t k = v % tile_px * tile_px + u % tile_px;
     light[i] = static_cast<float>(tile.light[k]) * (1.f / units);
-    looks[i] = static_cast<float>(tile.light_looks[k]);
+    count[i] = static_cast<float>(tile.light_count[k]);
   }
 }
 
 void Background::at_pixels(const Picture& picture, const Places& at, const Values& out) const {
-  const Known known = known_of(picture);
+  const TileMap tiles = tiles_of(picture);
   const unsigned across = power_of(picture.columns), columns = 4 - across, rows = 4 - power_of(picture.rows);
   some_at_once(
       at, out, [=](unsigned u, unsigned v, int i, Kept& kept) __attribute__((always_inline)) {
-        const Tile& tile = known(u / tile_px, v / tile_px);
+        const Tile& tile = tiles(u / tile_px, v / tile_px);
         const unsigned in_u = u % tile_px, in_v = v % tile_px, k = in_v * tile_px + in_u;
         const unsigned sample = ((in_v >> rows) << across) + (in_u >> columns);
-        kept.light[i] = tile.light[k], kept.light_looks[i] = tile.light_looks[k];
+        kept.light[i] = tile.light[k], kept.light_count[i] = tile.light_count[k];
         kept.blue[i] = tile.blue[sample], kept.red[i] = tile.red[sample];
-        kept.chroma_looks[i] = tile.chroma_looks[sample];
+        kept.chroma_count[i] = tile.chroma_count[sample];
       });
 }
 
 void Background::at_chroma(const Picture& picture, const Places& at, const Values& out) const {
-  const Known known = known_of(picture);
+  const TileMap tiles = tiles_of(picture);
   const unsigned across = power_of(picture.columns), down = power_of(picture.rows);
   const unsigned columns = 4 - across, rows = 4 - down;
-  // Of its one, two or four pixels, each as often as makes it four.
+  // Its one, two or four pixels, each repeated to make four.
   const unsigned right = columns, below = rows * tile_px;
   some_at_once(
       at, out, [=](unsigned u, unsigned v, int i, Kept& kept) __attribute__((always_inline)) {
-        const Tile& tile = known(u >> across, v >> down);
+        const Tile& tile = tiles(u >> across, v >> down);
         const unsigned in_u = u & ((1u << across) - 1), in_v = v & ((1u << down) - 1);
         const unsigned sample = (in_v << across) + in_u;
         const unsigned first = ((in_v << rows) * tile_px) + (in_u << columns);
         const int sum = tile.light[first] + tile.light[first + right] + tile.light[first + below] +
                         tile.light[first + right + below];
-        const std::uint8_t above_looks = std::min(tile.light_looks[first], tile.light_looks[first + right]);
-        const std::uint8_t below_looks =
-            std::min(tile.light_looks[first + below], tile.light_looks[first + right + below]);
-        kept.light[i] = static_cast<std::int16_t>(sum >> 2), kept.light_looks[i] = std::min(above_looks, below_looks);
+        const std::uint8_t above_count = std::min(tile.light_count[first], tile.light_count[first + right]);
+        const std::uint8_t below_count =
+            std::min(tile.light_count[first + below], tile.light_count[first + right + below]);
+        kept.light[i] = static_cast<std::int16_t>(sum >> 2), kept.light_count[i] = std::min(above_count, below_count);
         kept.blue[i] = tile.blue[sample], kept.red[i] = tile.red[sample];
-        kept.chroma_looks[i] = tile.chroma_looks[sample];
+        kept.chroma_count[i] = tile.chroma_count[sample];
       });
 }
 

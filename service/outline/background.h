@@ -1,6 +1,6 @@
-// What stands behind the object in one view, learnt while it is tracked: in tiles around the object and where it goes,
-// from pixels that it does not cover. A mean per sample, of so many looks; what is seen otherwise again and again
-// replaces it, so that it follows the light and the scene.
+// Background of one view: per sample the running mean of the pictures in which the object did not cover it, learnt
+// while the object is tracked. A value that is repeatedly different replaces the mean, so the model follows light and
+// scene. Units: grey values (0..255); samples of chroma as the picture shares them.
 #pragma once
 
 #include <Eigen/Core>
@@ -13,42 +13,45 @@
 
 namespace huetrack::outline {
 
-// Where pixels are the object's, or may be.
+// Pixels that belong to the object, or may.
 struct ObjectDisc {
   Eigen::Vector2d px;
   double radius_px = 0;
 };
 
-// thread-compatible; one per view. Its memory is bounded: 2 KB for a tile of 16x16 pixels, and no more than most_tiles
-// of them, of which the one that was not looked at for longest gives way.
+struct BackgroundNoiseTuning {
+  float initial_noise = 2.f;  // grey values, 1 sigma of one picture, until it was measured; a webcam in room light
+};
+inline constexpr BackgroundNoiseTuning background_noise{};
+
+// thread-compatible; one per view. Bounded memory: 2 KB per tile of 16x16 pixels, at most max_tiles of them; the tile
+// that was updated longest ago is replaced.
 class Background {
  public:
-  static constexpr int tile_px = 16;
-  static constexpr std::size_t most_tiles = 1200;
+  static constexpr int tile_px = 16;              // layout: bytes of a tile
+  static constexpr std::size_t max_tiles = 1200;  // capacity: 2.4 MB
 
   Background(int width, int height);
 
-  // A few tiles of this picture: of those between `object` and where it will be after `ahead_px`, the ones that are
-  // known least, and some of all others in turn; of a part of a picture none of these, and what lies beyond it remains
-  // as it was. hidden: what is not background.
+  // Updates a few tiles: of those between `object` and its position after `ahead_px` the least known, and some of the
+  // others in turn. Of a partial picture only the first kind; what lies outside the part keeps its mean.
+  // hidden: discs that are not background.
   void learn(const Picture& picture, const ObjectDisc& object, const Eigen::Vector2d& ahead_px,
              const ObjectDisc* hidden, std::size_t hidden_count);
-  // For pictures that come rarely: all tiles, and of those that are well known by now one of four. hidden: as in
-  // learn().
+  // For pictures that come rarely: updates all tiles, and a quarter of those that are well known.
   void learn_all(const Picture& picture, const ObjectDisc* hidden, std::size_t hidden_count);
   void forget();
 
-  // What is behind these pixels, as read_light() gives what is seen. looks: how many pictures it is the mean of; 0: not
-  // known.
-  void light(const Places& at, float* light, float* looks) const;
-  // All of it. Of pixels the chroma is that of the sample in which each lies; of samples of chroma the light is the
-  // mean of their pixels', and known where all of these are. picture: how chroma is shared.
+  // Light of the background at these pixels. count: pictures in the mean; 0: unknown.
+  void light(const Places& at, float* light, float* count) const;
+  // Light and chroma. A pixel has the chroma of the sample in which it lies; a sample of chroma has the mean light of
+  // its pixels, known where all of them are. picture: how chroma is shared.
   struct Values {
-    float *light, *blue, *red, *light_looks, *chroma_looks;
+    float *light, *blue, *red, *light_count, *chroma_count;
   };
   void at_pixels(const Picture& picture, const Places& at, const Values& out) const;
   void at_chroma(const Picture& picture, const Places& at, const Values& out) const;
-  // Of a single picture, standard deviation in grey values.
+  // Noise of a single picture, standard deviation in grey values.
   float light_noise() const { return light_.noise; }
   float chroma_noise() const { return chroma_.noise; }
 
@@ -58,35 +61,24 @@ class Background {
   struct Tile {
     int index = -1;  // in the picture
     Means light{}, blue{}, red{};
-    std::array<std::uint8_t, samples> light_looks{}, chroma_looks{};
+    std::array<std::uint8_t, samples> light_count{}, chroma_count{};
   };
-  // Of a tile of the picture; by themselves, as many are compared with one another for each that is looked at.
-  struct Looked {
-    std::uint32_t looks = 0;
-    std::uint64_t at = 0;
+  // Kept apart from the tiles, because the choice of tiles compares many of them.
+  struct Updates {
+    std::uint32_t count = 0;
+    std::uint64_t last = 0;  // picture number
   };
   struct Noise {
     float noise;
     double sum = 0, count = 0;
-    void add(double sum_of_off, double of, float least);
+    void add(double sum_of_deviations, double of, float min_noise);
   };
   struct Chosen {
     int index;
     std::uint64_t rank;
   };
-  const Tile* tile_at(int index) const {
-    const std::int16_t slot = slots_[static_cast<std::size_t>(index)];
-    return slot < 0 ? nullptr : &tiles_[static_cast<std::size_t>(slot)];
-  }
-  bool is_such(const Picture& picture);
-  Tile& tile_for(int index);
-  void look(const Picture& picture, int index, const ObjectDisc* hidden, std::size_t hidden_count);
-  const Tile& known_at(unsigned tile_u, unsigned tile_v) const {
-    const Tile* tile = tile_at(static_cast<int>(tile_v) * across_ + static_cast<int>(tile_u));
-    return tile == nullptr ? unknown_ : *tile;
-  }
-  // The same for many places of pictures that share chroma so, from values at hand.
-  struct Known {
+  // Access to the tiles of pictures that share chroma in the same way.
+  struct TileMap {
     const std::int16_t* slots;
     const Tile *tiles, *unknown;
     unsigned across;
@@ -96,21 +88,26 @@ class Background {
       return slot < 0 ? *unknown : tiles[slot];
     }
   };
-  Known known_of(const Picture& picture) const {
-    const bool has_learnt_such = picture.columns == columns_ && picture.rows == rows_;
-    return {has_learnt_such ? slots_.data() : nullptr, tiles_.data(), &unknown_, static_cast<unsigned>(across_)};
+  TileMap all_tiles() const { return {slots_.data(), tiles_.data(), &unknown_, static_cast<unsigned>(across_)}; }
+  TileMap tiles_of(const Picture& picture) const {
+    TileMap tiles = all_tiles();
+    if (picture.columns != columns_ || picture.rows != rows_) tiles.slots = nullptr;
+    return tiles;
   }
+  bool accepts(const Picture& picture);
+  Tile& tile_for(int index);
+  void update_tile(const Picture& picture, int index, const ObjectDisc* hidden, std::size_t hidden_count);
 
   int width_, height_, across_, down_;
   int columns_ = 0, rows_ = 0;       // that share chroma
   std::vector<std::int16_t> slots_;  // per tile of the picture, -1: none
-  std::vector<Looked> looked_;       // per tile of the picture
+  std::vector<Updates> updates_;     // per tile of the picture
   std::vector<Tile> tiles_;
-  Tile unknown_;  // of no looks
+  Tile unknown_;  // of count 0
   std::vector<Chosen> chosen_;
   std::uint64_t pictures_ = 0;
   int next_ = 0, unknown_tiles_ = 0, rare_pictures_ = 0;
-  Noise light_{2.f}, chroma_{2.f};
+  Noise light_{background_noise.initial_noise}, chroma_{background_noise.initial_noise};
 };
 
 }  // namespace huetrack::outline

@@ -1,4 +1,4 @@
-// The camera's curve, sRGB, from grey values 0..1 to light and back: a cubic, and its inverse by one step of Newton's.
+// The camera's tone curve, sRGB, between grey values 0..1 and linear light 0..1: a cubic, inverted by one Newton step.
 #pragma once
 
 #include <cmath>
@@ -7,13 +7,14 @@
 
 namespace huetrack::outline {
 
-inline constexpr float white = 255;  // grey values of an R G B of 1
-// Linear light is as sharp as the lens; what colors add to it is softer: a sensor has one color per pixel.
+inline constexpr float white = 255;  // unit: grey values of R' = 1
+// layout: shares of a Bayer mosaic. The edge of this grey is as sharp as the lens; what colour adds is softer.
 inline constexpr float grey_red = 0.25f, grey_green = 0.5f, grey_blue = 0.25f;
-inline constexpr float darkest = 1e-4f;  // linear
-
+// maths: range in which the curve is inverted, linear light and grey values.
+inline constexpr float darkest = 1e-4f, brightest_grey = 1.2f;
+// maths: least-squares cubic of sRGB, and a polynomial of the square root from which the Newton step starts.
 inline constexpr float curve1 = 0.012522878f, curve2 = 0.682171111f, curve3 = 0.305306011f;
-inline constexpr float root1 = 1.17f, root2 = -0.17f;  // of light's square root: near enough for Newton's step
+inline constexpr float root1 = 1.17f, root2 = -0.17f;
 
 [[gnu::always_inline]] inline float light_of(float grey) {
   return grey * (curve1 + grey * (curve2 + grey * curve3));
@@ -33,15 +34,15 @@ struct LightChroma {
   return {y, by_blue * (b - y), by_red * (r - y)};
 }
 
-// Of grey values.
 struct LinearLight {
   float red, green, blue;
 };
+// Of light and chroma in grey values.
 [[gnu::always_inline]] inline LinearLight linear_light(float light, float blue, float red) {
   const float gr = (light + red / by_red) / white, gb = (light + blue / by_blue) / white;
   const float gg = (light / white - y_red * gr - y_blue * gb) / y_green;
   const auto lit = [](float grey) __attribute__((always_inline)) {
-    const float c = grey < 0 ? 0 : grey > 1.2f ? 1.2f : grey;
+    const float c = grey < 0 ? 0 : grey > brightest_grey ? brightest_grey : grey;
     const float l = light_of(c);
     return l < darkest ? darkest : l;
   };

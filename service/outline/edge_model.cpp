@@ -11,9 +11,14 @@ namespace huetrack::outline {
 namespace {
 
 using Lanes = EdgeSums::Lanes;
-constexpr float least_weight = 1e-20f;  // of what counts
+constexpr float least_weight = 1e-20f;  // maths: keeps 1 / weight finite
 
-// Adds up the products of three columns with three others, n of each: as many sums as registers hold.
+struct EdgeVisibilityTuning {
+  float per_variance = 0.1f;  // an edge sample counts as 1 / (1 + this * the background's variance in variances)
+};
+constexpr EdgeVisibilityTuning edge_visibility{};
+
+// Adds the products of three columns with three others, n of each: as many sums as registers hold.
 template <int stride>
 inline __attribute__((always_inline)) void add_products(const float* a, const float* b, int n, Lanes* sums) {
   const auto *a0 = reinterpret_cast<const Lanes*>(a), *a1 = reinterpret_cast<const Lanes*>(a + stride),
@@ -32,7 +37,7 @@ inline __attribute__((always_inline)) void add_products(const float* a, const fl
   sums[6] = s20, sums[7] = s21, sums[8] = s22;
 }
 
-// Of three columns with one.
+// The same of three columns with one.
 template <int stride>
 inline __attribute__((always_inline)) void add_products_with(const float* a, const float* b, int n, Lanes* sums) {
   const auto *a0 = reinterpret_cast<const Lanes*>(a), *a1 = reinterpret_cast<const Lanes*>(a + stride),
@@ -56,8 +61,7 @@ using Block = EdgeSamples::Block;
 }  // namespace
 
 InverseRoot::InverseRoot(double least, double most) {
-  // Through the values at Chebyshev's nodes of [-1, 1], to which x is taken: its four polynomials give the
-  // coefficients.
+  // Interpolation at the Chebyshev nodes of [-1, 1], to which x is mapped.
   constexpr double outer = 0.9238795325112867, inner = 0.3826834323650898;
   const double middle = 0.5 * (most + least), half = std::max(0.5 * (most - least), 1e-6 * middle);
   const auto at = [&](double node) { return 1 / std::sqrt(std::max(middle + half * node, 1e-12)); };
@@ -74,7 +78,7 @@ InverseRoot::InverseRoot(double least, double most) {
 }
 
 void EdgeModel::finish() {
-  // Least and most of |g|^2, the square of the disc's slope, and of what is quadratic in the normal.
+  // Bounds of the quadratic forms in the edge's normal: |g|^2 of the disc map, and the edge's variance.
   const auto bounds = [](double uu, double uv, double vv, auto&& use) {
     const double mean = 0.5 * (uu + vv), apart = std::hypot(0.5 * (uu - vv), uv);
     use(std::max(mean - apart, 1e-3 * mean), mean + apart);
@@ -90,35 +94,35 @@ void EdgeModel::finish() {
          });
 }
 
-// A block of samples on its way into the sums, one step after the other. Each step is a loop over all of them, which a
-// compiler makes vectors of; forced into its caller, as it must be compiled for the same instructions.
+// The steps by which a block of samples goes into the sums. Each is a loop that vectorises, and is forced inline,
+// because it must be compiled for its caller's instruction set.
 struct EdgeSums::Chunk {
   static constexpr int most = EdgeSamples::block;
   const EdgeModel& k;
   Block& of;
   Slopes& slopes;
   const int n;  // a multiple of EdgeSamples::group, so that no loop has a rest
-  // Nothing else is set: each step sets what it hands on.
+  // All other members are set by the steps.
   Chunk(const EdgeModel& model, EdgeSamples& samples, int b, Slopes& to)
       : k(model),
         of(samples.blocks[b]),
         slopes(to),
         n(samples.filled_in(b) / EdgeSamples::group * EdgeSamples::group) {}
 
-  // How much of each is covered, and by what that changes: with the edge's distance, and with its variance.
+  // Covered share and its derivatives by the distance from the edge and by the edge's variance.
   struct Covered {
     alignas(64) float a[most], by_off[most], by_variance[most];
   };
-  // Summed up over the exposure of what moves: by what that changes with the place, the size and the exposure.
+  // Derivatives of the covered share by place, size and exposure, averaged over the exposure.
   struct Smeared {
     alignas(64) float by_u[most], by_v[most], by_size[most], by_exposure[most];
   };
   Covered light, color;
   Smeared smeared_light, smeared_color;
-  // Of the edge: its normal, by how much it moves as the outline grows, and as time goes on.
+  // The edge's normal, its motion per unit of log size, and its velocity along the normal.
   alignas(64) float nu[most], nv[most], grow[most], across[most];
 
-  // The nearest piece of the outline at one moment of the exposure.
+  // The nearest point of the outline at one moment of the exposure.
   struct Edge {
     float nu, nv, off, grow, across, inv_light, inv_color;
   };
@@ -136,7 +140,7 @@ struct EdgeSums::Chunk {
     e.inv_light = m.per_width(width), e.inv_color = m.per_color_width(width + m.more2);
     return e;
   }
-  // (1 - s^2)^3 has the normal distribution's shape and ends at three standard deviations.
+  // The edge profile is the integral of (1 - s^2)^3, a normal distribution that ends at three standard deviations.
   [[gnu::always_inline]] static float to_three_sigmas(float t) {
     const float s = t * (1.f / 3);
     return s < -1 ? -1 : s > 1 ? 1 : s;
@@ -196,7 +200,7 @@ struct EdgeSums::Chunk {
     for (int m = 1; m < k.moments; ++m) add_covered<false>(k.moment[static_cast<std::size_t>(m)]);
   }
 
-  // The share alone.
+  // The covered share without derivatives.
   [[gnu::always_inline]] void cover_only() {
     const EdgeModel m = k;
     const float e2 = m.exposure * m.exposure * m.smear2;
@@ -214,8 +218,7 @@ struct EdgeSums::Chunk {
     }
   }
 
-  // Where it is on the ball's surface, where its light is looked up: across, down, towards the camera; and the lights
-  // there.
+  // Direction of the ball's surface (x right, y down, z towards the camera), and the light there.
   struct Lights {
     float x, y, z, object, front, lit, grey_behind, back;
   };
@@ -234,8 +237,7 @@ struct EdgeSums::Chunk {
     l.front = m.grey * l.object + pale, l.back = l.lit * l.grey_behind;
     return l;
   }
-  // One of red, green and blue mixed, and on its way through the camera's curve. own: by how much the object's exceeds
-  // its grey.
+  // One colour mixed and prepared for the tone curve. own: the object's colour less its grey.
   struct Mixed {
     float colored, front_color, back_color, lights, is_lit, first, curve;
   };
@@ -254,7 +256,7 @@ struct EdgeSums::Chunk {
   struct Slope {
     float red, green, blue;
   };
-  // One division for the three slopes of the curve's inverse.
+  // Derivatives of the inverse curve, with one division.
   [[gnu::always_inline]] static Slope slopes_of(const Mixed& red, const Mixed& green, const Mixed& blue) {
     const float red_green = red.curve * green.curve, per_all = 1 / (red_green * blue.curve);
     const float per_two = per_all * blue.curve;
@@ -265,7 +267,7 @@ struct EdgeSums::Chunk {
   }
 
   struct Weighed {
-    float residual, variance, weight, r2;  // r2: as the loss has it
+    float residual, variance, weight, r2;  // r2: after the robust loss
   };
   [[gnu::always_inline]] Weighed weighed(const EdgeModel& m, int i, float al, float value) const {
     Weighed out;
@@ -273,24 +275,24 @@ struct EdgeSums::Chunk {
     out.residual = of.measured[i] - value - open * of.offset[i];
     out.variance = m.sigma * m.sigma * (1 + open * open * of.unsure[i]);
     const float square = out.residual * out.residual;
-    out.weight = 1 / (out.variance + square * (1 / loss2));
+    out.weight = 1 / (out.variance + square * (1 / outlier.loss2));
     out.r2 = square * out.weight;
     return out;
   }
-  // What is summed up of each beside products.
+  // Summed over samples beside the products.
   struct Sums {
-    alignas(64) float r2[most], weight[most], seen[most], odd[most];
+    alignas(64) float r2[most], weight[most], seen[most], candidate[most];
   };
   [[gnu::always_inline]] void judge(const EdgeModel& m, int i, float ac, float edge, const Weighed& w, Sums& sums) {
     const float trust = of.trust[i], hidden = of.hidden[i], off = std::copysign(w.r2, w.residual);
     of.covered[i] = ac, of.off[i] = off;
     sums.r2[i] = trust * w.r2, sums.weight[i] = edge * trust * w.weight * w.variance;
-    sums.seen[i] = edge * trust / (1 + 0.1f * of.unsure[i]);
-    // Judged by itself: StrangePixels.
-    const float beside = ac <= outside && w.r2 >= robust(strange_sigmas2) ? 1.f : 0.f;
-    const float inner = ac >= inside ? hidden : 0.f;
-    const float shining = ac > within && off > robust(glint_sigmas2) ? m.counts_glints : 0.f;
-    sums.odd[i] = beside + inner + shining;
+    sums.seen[i] = edge * trust / (1 + edge_visibility.per_variance * of.unsure[i]);
+    // Confirmed by OutlierPixels.
+    const float beside = ac <= outlier.outside && w.r2 >= robust(outlier.other_sigmas2) ? 1.f : 0.f;
+    const float inner = ac >= outlier.inside ? hidden : 0.f;
+    const float glint = ac > outlier.well_inside && off > robust(outlier.glint_sigmas2) ? m.counts_glints : 0.f;
+    sums.candidate[i] = beside + inner + glint;
   }
   [[gnu::always_inline]] void sum_up(const Sums& sums, const float* edge, EdgeSums& out) const {
     Lanes of_all[6] = {};
@@ -299,12 +301,13 @@ struct EdgeSums::Chunk {
       for (int i = 0; i < n / 8; ++i) sum += lanes[i];
     };
     add_up(sums.r2, of_all[0]), add_up(of.trust, of_all[1]), add_up(edge, of_all[2]), add_up(sums.seen, of_all[3]);
-    add_up(sums.odd, of_all[4]), add_up(sums.weight, of_all[5]);
+    add_up(sums.candidate, of_all[4]), add_up(sums.weight, of_all[5]);
     out.residual2 += sum_of(of_all[0]), out.trusted += sum_of(of_all[1]), out.edge += sum_of(of_all[2]);
-    out.seen_edge += sum_of(of_all[3]), out.strange += sum_of(of_all[4]), out.edge_weight += sum_of(of_all[5]);
+    out.seen_edge += sum_of(of_all[3]), out.outlier_candidates += sum_of(of_all[4]),
+        out.edge_weight += sum_of(of_all[5]);
   }
 
-  // The columns: the root of the weight times the residual, and times what the value that is shown changes by.
+  // Columns: the derivatives of the predicted value and the residual, times the root of the weight.
   template <bool is_smeared, bool is_light_held>
   [[gnu::always_inline]] void show_and_weigh(EdgeSums& out) {
     const EdgeModel m = k;
@@ -390,7 +393,7 @@ struct EdgeSums::Chunk {
     sum_up(sums, slopes.edge, out);
   }
 
-  // Of the first columns, three times as many as count.
+  // Of the first 3 * count columns.
   template <int count>
   [[gnu::always_inline]] void add_products_to(EdgeSums& out) const {
     int pair = 0;
@@ -447,7 +450,7 @@ HUETRACK_CLONES void EdgeSums::renew_blocks(const EdgeModel& model, EdgeSamples&
 }
 
 void EdgeSums::begin() {
-  residual2 = trusted = edge_weight = edge = seen_edge = strange = 0;
+  residual2 = trusted = edge_weight = edge = seen_edge = outlier_candidates = 0;
   blocks_ = 0;
 }
 
@@ -478,7 +481,7 @@ void EdgeSums::renew_residuals(const EdgeModel& model, EdgeSamples& samples) {
   renew_blocks(model, samples, *this);
 }
 
-// Of so many unknowns, in columns by threes.
+// From the products of columns by threes.
 template <int size>
 void EdgeSums::normal_of(Eigen::Matrix<double, size, size>& out) const {
   double* const to = out.data();

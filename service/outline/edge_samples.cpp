@@ -13,25 +13,37 @@
 namespace huetrack::outline {
 namespace {
 
-// Samples around the edge, evenly chosen. A ball's model is off by a share of its radius, samples by what they are: the
-// larger it is, the fewer are enough, down to what tells what hides it.
-constexpr double most_of_edge = 320, least_of_edge = 128, small_radius_px = 16;
-// So far beyond as the edge is soft what is behind is seen alone, of which fewer are enough.
-constexpr float beyond_soft_px = 1.2f;
-constexpr int every_beyond = 3;
-constexpr float unknown_behind = 400;  // the variance of a background that is not known, in those of a pixel
-constexpr double least_guessed = 4;    // one that is guessed from what is around
+struct EdgeSamplingTuning {
+  double most_of_edge = 320;        // samples; more add no accuracy (experiment)
+  double least_of_edge = 128;       // samples of a large ball; fewer miss what hides a part of it (experiment)
+  double large_radius_px = 16;      // from here on fewer samples do: the model's error grows with the radius
+  float blur_reach_px = 1.2f;       // of the band's reach; further out only the background is seen
+  int outer_step = 3;               // one of so many samples there
+  int inner_step = 5;               // one of so many samples well inside a ball of medium size
+  int large_inner_step = 11;        // and well inside a large ball
+  float unknown_variance = 400;     // of an unknown background, in variances of a picture, at most
+  double min_guessed_variance = 4;  // of a background that is guessed from the rim, at least
+};
+constexpr EdgeSamplingTuning edge_sampling{};
+
+struct OcclusionTuning {
+  float distinct_sigmas2 = 64;   // squared distance of the background from the object's colour: 8 sigma
+  float nearer2 = 0.5f;          // hidden: squared distance from the background, in that from the object's colour
+  float darkest_light = 0.25f;   // the object's colour under any light: from a quarter of its own brightness
+  float brightest_light = 1.6f;  // to so much
+};
+constexpr OcclusionTuning occlusion{};
 constexpr int block = EdgeSamples::block;
 using Block = EdgeSamples::Block;
 
-// How samples of light, or of chroma, lie in the box around the object.
+// The rim of the grid, in samples of light or of chroma.
 struct Rim {
   int u0, v0, across, down;
   float u_centre, v_centre;
+  static constexpr int most = 512;  // capacity
   // Some of its samples, all around.
-  static constexpr int most = 512;
   int walk(std::int32_t* us, std::int32_t* vs) const {
-    const int some = 1 + (across + down) / 64;
+    const int some = 1 + (across + down) / 64;  // layout: at most 128 of them
     int n = 0;
     for (int v = 0; v < down && n < most; v += v + some < down ? some : std::max(1, down - 1 - v)) {
       for (int u = 0; u < across && n < most; u += v == 0 || v == down - 1 ? some : std::max(1, across - 1))
@@ -62,7 +74,7 @@ HUETRACK_CLONES void find_beyond(const Rim& rim, int n, const int* __restrict at
   }
 }
 
-// Variance, in those of a single picture; half of it is what a neighbour does not tell.
+// Variance in variances of a single picture; half of it, because the nearest sample of the rim explains the rest.
 float variance_of(const float* values, int n, float sigma) {
   double sum = 0, squares = 0;
   for (int i = 0; i < n; ++i) {
@@ -70,11 +82,12 @@ float variance_of(const float* values, int n, float sigma) {
     sum += x, squares += x * x;
   }
   const double all = squares / n - sum * sum / (static_cast<double>(n) * n);
-  return static_cast<float>(
-      std::clamp(0.5 * all / static_cast<double>(sigma * sigma), least_guessed, static_cast<double>(unknown_behind)));
+  return static_cast<float>(std::clamp(0.5 * all / static_cast<double>(sigma * sigma),
+                                       edge_sampling.min_guessed_variance,
+                                       static_cast<double>(edge_sampling.unknown_variance)));
 }
 
-// Where the samples of a block lie, from the start's centre.
+// Positions relative to the start's centre.
 HUETRACK_CLONES void place(int n, const std::int32_t* __restrict at_u, const std::int32_t* __restrict at_v,
                            float columns, float rows, float u_off, float v_off, float* __restrict u,
                            float* __restrict v) {
@@ -97,12 +110,13 @@ HUETRACK_CLONES void make_linear_block(int n, float blue_part, float red_part, f
 }
 
 HUETRACK_CLONES void find_hidden_block(int n, const float* object, float per_light, float per_chroma, Block& of) {
-  constexpr float telling_sigmas2 = 64, nearer2 = 0.5f, darker = 0.25f, brighter = 1.6f;
   const float o0 = object[0] * per_light, o1 = object[1] * per_chroma, o2 = object[2] * per_chroma;
   const float per_object2 = 1 / (o0 * o0 + o1 * o1 + o2 * o2);
   const auto from_object2 = [&](float c0, float c1, float c2) __attribute__((always_inline)) {
     float as = (c0 * o0 + c1 * o1 + c2 * o2) * per_object2;
-    as = as < darker ? darker : as > brighter ? brighter : as;
+    as = as < occlusion.darkest_light     ? occlusion.darkest_light
+         : as > occlusion.brightest_light ? occlusion.brightest_light
+                                          : as;
     const float d0 = c0 - as * o0, d1 = c1 - as * o1, d2 = c2 - as * o2;
     return d0 * d0 + d1 * d1 + d2 * d2;
   };
@@ -111,15 +125,15 @@ HUETRACK_CLONES void find_hidden_block(int n, const float* object, float per_lig
     const float b0 = behind.light[k] * per_light, b1 = behind.blue[k] * per_chroma, b2 = behind.red[k] * per_chroma;
     const float s0 = seen.light[k] * per_light, s1 = seen.blue[k] * per_chroma, s2 = seen.red[k] * per_chroma;
     const float d0 = s0 - b0, d1 = s1 - b1, d2 = s2 - b2;
-    const float telling = from_object2(b0, b1, b2) >= telling_sigmas2 ? 1.f : 0.f;
-    const float nearer = d0 * d0 + d1 * d1 + d2 * d2 <= nearer2 * from_object2(s0, s1, s2) ? 1.f : 0.f;
-    of.hidden[k] = telling * nearer;
+    const float distinct = from_object2(b0, b1, b2) >= occlusion.distinct_sigmas2 ? 1.f : 0.f;
+    const float nearer = d0 * d0 + d1 * d1 + d2 * d2 <= occlusion.nearer2 * from_object2(s0, s1, s2) ? 1.f : 0.f;
+    of.hidden[k] = distinct * nearer;
   }
 }
 
-// From the first sample of each row that is within an ellipse to beyond the last one; the same, where none is.
+// Per row the half-open range of samples within an ellipse; empty where from == to.
 struct RowSpans {
-  static constexpr int most = 128;
+  static constexpr int most = 128;  // capacity: OutlierPixels::largest_grid
   int from[most], to[most];
 };
 // a u^2 + 2 b u v + c v^2 is the square of the distance from the centre, in radii.
@@ -148,10 +162,9 @@ HUETRACK_CLONES void find_spans(const SpannedRows& of, float rho2, RowSpans& out
   }
 }
 
-// Where the samples that were taken are on the ball, with nothing before them yet; (u_off, v_off): from the grid to its
-// centre.
+// Positions of the samples taken, all trusted. (u_off, v_off): from the grid to the centre.
 void place_all(const EdgeBand& band, int columns, int rows, float u_off, float v_off, EdgeSamples& out) {
-  // What fills the last block up lies far outside, where nothing is covered.
+  // Padding lies far outside, where nothing is covered.
   const auto far = static_cast<float>(1e3 * (band.radius_px + band.reach_px));
   for (int n = 0; n < out.block_count(); ++n) {
     Block& of = out.blocks[n];
@@ -169,15 +182,16 @@ void select_samples(const EdgeBand& band, const PixelGrid& grid, int columns, in
   out.n = 0;
   const auto radius = static_cast<float>(band.radius_px), reach = static_cast<float>(band.reach_px);
   const auto squared = [](float x) { return x > 0 ? x * x : 0; };
-  // Squared radii: as far as samples count, as far as the edge is soft, and where only the ball is seen.
-  const float outer = squared(1 + reach / radius), soft = squared(1 + (reach - beyond_soft_px) / radius),
+  // Squared radii: of the band, of the blurred edge, and inside which only the ball is seen.
+  const float outer = squared(1 + reach / radius), soft = squared(1 + (reach - edge_sampling.blur_reach_px) / radius),
               inner = squared(1 - reach / radius);
   const Eigen::Matrix2f m = band.disc_from_px.cast<float>();
   const float m00 = m(0, 0), m01 = m(0, 1), m10 = m(1, 0), m11 = m(1, 1);
   const float all = std::numbers::pi_v<float> * radius * radius *
-                    (soft - inner + (outer - soft) / static_cast<float>(every_beyond)) /
+                    (soft - inner + (outer - soft) / static_cast<float>(edge_sampling.outer_step)) /
                     static_cast<float>(columns * rows);
-  const double enough = std::clamp(most_of_edge * small_radius_px / band.radius_px, least_of_edge, most_of_edge);
+  const double enough = std::clamp(edge_sampling.most_of_edge * edge_sampling.large_radius_px / band.radius_px,
+                                   edge_sampling.least_of_edge, edge_sampling.most_of_edge);
   const int some = std::max(1, static_cast<int>(std::ceil(static_cast<double>(all) / enough)));
   const int across = grid.width / columns, down = grid.height / rows;
   const int u_first = grid.u0 / columns, v_first = grid.v0 / rows;
@@ -194,7 +208,7 @@ void select_samples(const EdgeBand& band, const PixelGrid& grid, int columns, in
                             static_cast<float>(rows),
                             down};
   find_spans(spanned, outer, of_outer), find_spans(spanned, soft, of_soft);
-  const bool has_some_within = band.radius_px > 8;
+  const bool has_some_within = band.radius_px > edge_sampling.large_radius_px / 2;
   if (has_some_within) find_spans(spanned, inner, of_inner);
   const auto take = [&](int i, int j) {
     if (out.n == EdgeSamples::most) return;
@@ -202,10 +216,10 @@ void select_samples(const EdgeBand& band, const PixelGrid& grid, int columns, in
     const auto k = static_cast<unsigned>(out.n++) % block;
     to.at_u[k] = u_first + i, to.at_v[k] = v_first + j;
   };
-  // As many as are told when this is compiled, as processors divide slowly.
+  // Steps are compile-time constants, because division is slow.
   const auto take_rows = [&](auto within) {
-    int wait = 0;  // for the next one that is taken
-    // Every step-th, staggered from row to row; and some of these.
+    int wait = 0;  // steps until the next sample is taken
+    // Every step-th sample, staggered from row to row, and of these one of `some`.
     const auto take_some = [&](auto step, int j, int from, int to, int stagger) {
       if (from >= to) return;
       int i = from + (step - (from + stagger * j) % step) % step + wait * step;
@@ -213,7 +227,7 @@ void select_samples(const EdgeBand& band, const PixelGrid& grid, int columns, in
       wait = (i - to) / step;
     };
     constexpr std::integral_constant<int, 1> each;
-    constexpr std::integral_constant<int, every_beyond> beyond;
+    constexpr std::integral_constant<int, edge_sampling.outer_step> beyond;
     for (int j = 0; j < down; ++j) {
       const int from = of_outer.from[j], to = of_outer.to[j];
       const bool has_soft = of_soft.from[j] < of_soft.to[j];
@@ -227,10 +241,10 @@ void select_samples(const EdgeBand& band, const PixelGrid& grid, int columns, in
       take_some(beyond, j, soft_to, to, 1);
     }
   };
-  if (band.radius_px > 16)
-    take_rows(std::integral_constant<int, 11>{});
+  if (band.radius_px > edge_sampling.large_radius_px)
+    take_rows(std::integral_constant<int, edge_sampling.large_inner_step>{});
   else if (has_some_within)
-    take_rows(std::integral_constant<int, 5>{});
+    take_rows(std::integral_constant<int, edge_sampling.inner_step>{});
   else
     take_rows(std::integral_constant<int, 1>{});
   place_all(band, columns, rows, u_off, v_off, out);
@@ -238,7 +252,7 @@ void select_samples(const EdgeBand& band, const PixelGrid& grid, int columns, in
 
 namespace {
 
-// What is not known of what is behind a block's samples is guessed from the rim of the grid.
+// Guesses an unknown background from the rim of the grid.
 class Guess {
  public:
   Guess(const Picture& picture, const EdgeBand& band, const PixelGrid& grid, const PictureNoise& noise)
@@ -257,47 +271,47 @@ class Guess {
                  pixels_.u_centre / static_cast<float>(grid.columns),
                  pixels_.v_centre / static_cast<float>(grid.rows)} {}
 
-  // Of those of n places of which there are no looks. n: at most 4 blocks.
-  void light(const Places& at, const float* looks, float* light) const {
-    const Rest rest = rest_of(pixels_, at, looks);
+  // Sets the light of those places whose count is 0. At most 4 blocks of places.
+  void light(const Places& at, const float* count, float* light) const {
+    const Unknown rest = unknown_of(pixels_, at, count);
     float values[most];
     read_light(picture_, {rest.u, rest.v, rest.n}, values);
     for (int i = 0; i < rest.n; ++i) light[rest.of[i]] = values[i];
   }
-  void chroma(const Places& at, const float* looks, float* blue, float* red) const {
-    const Rest rest = rest_of(samples_, at, looks);
+  void chroma(const Places& at, const float* count, float* blue, float* red) const {
+    const Unknown rest = unknown_of(samples_, at, count);
     float blues[most], reds[most];
     read_chroma(picture_, {rest.u, rest.v, rest.n}, blues, reds);
     for (int i = 0; i < rest.n; ++i) blue[rest.of[i]] = blues[i], red[rest.of[i]] = reds[i];
   }
-  float unsure_light() {
-    if (unsure_light_ > 0) return unsure_light_;
+  float light_variance() {
+    if (light_variance_ > 0) return light_variance_;
     std::int32_t us[Rim::most], vs[Rim::most];
     float light[Rim::most];
     const int n = pixels_.walk(us, vs);
     read_light(picture_, {us, vs, n}, light);
-    return unsure_light_ = variance_of(light, n, noise_.light);
+    return light_variance_ = variance_of(light, n, noise_.light);
   }
-  float unsure_chroma() {
-    if (unsure_chroma_ > 0) return unsure_chroma_;
+  float chroma_variance() {
+    if (chroma_variance_ > 0) return chroma_variance_;
     std::int32_t us[Rim::most], vs[Rim::most];
     float blue[Rim::most], red[Rim::most];
     const int n = samples_.walk(us, vs);
     read_chroma(picture_, {us, vs, n}, blue, red);
-    return unsure_chroma_ = std::max(variance_of(blue, n, noise_.chroma), variance_of(red, n, noise_.chroma));
+    return chroma_variance_ = std::max(variance_of(blue, n, noise_.chroma), variance_of(red, n, noise_.chroma));
   }
 
  private:
   static constexpr int most = 4 * block;
-  struct Rest {
+  struct Unknown {
     int n = 0, of[most], u[most], v[most];
   };
-  static Rest rest_of(const Rim& rim, const Places& at, const float* looks) {
-    Rest out;
+  static Unknown unknown_of(const Rim& rim, const Places& at, const float* count) {
+    Unknown out;
     int us[most], vs[most];
     for (int k = 0; k < at.n; ++k) {
       out.of[out.n] = k, us[out.n] = at.u[k], vs[out.n] = at.v[k];
-      out.n += looks[k] > 0 ? 0 : 1;
+      out.n += count[k] > 0 ? 0 : 1;
     }
     find_beyond(rim, out.n, us, vs, out.u, out.v);
     return out;
@@ -305,10 +319,10 @@ class Guess {
   const Picture& picture_;
   PictureNoise noise_;
   Rim pixels_, samples_;
-  float unsure_light_ = 0, unsure_chroma_ = 0;  // 0: not asked yet
+  float light_variance_ = 0, chroma_variance_ = 0;  // 0: not computed yet
 };
 
-// What is behind samples of chroma, as the mean of their pixels' light.
+// Background light of samples of chroma: the mean over their pixels.
 void light_of_parts(const Background& behind, const Guess& guess, const PixelGrid& grid, const Places& samples,
                     float* light) {
   constexpr int most = 4 * block;
@@ -317,17 +331,17 @@ void light_of_parts(const Background& behind, const Guess& guess, const PixelGri
     for (int j = 0; j < grid.rows; ++j)
       for (int i = 0; i < grid.columns; ++i)
         us[n] = samples.u[k] * grid.columns + i, vs[n++] = samples.v[k] * grid.rows + j;
-  float of_parts[most], looks[most];
-  behind.light({us, vs, n}, of_parts, looks);
-  guess.light({us, vs, n}, looks, of_parts);
+  float of_parts[most], count[most];
+  behind.light({us, vs, n}, of_parts, count);
+  guess.light({us, vs, n}, count, of_parts);
   const int parts = grid.columns * grid.rows;
   for (int k = 0; k < samples.n; ++k)
     light[k] = std::accumulate(of_parts + k * parts, of_parts + (k + 1) * parts, 0.f) / static_cast<float>(parts);
 }
 
-bool are_all_known(const float* looks, int n) {
+bool are_all_known(const float* count, int n) {
   int unknown = 0;
-  for (int k = 0; k < n; ++k) unknown += looks[k] > 0 ? 0 : 1;
+  for (int k = 0; k < n; ++k) unknown += count[k] > 0 ? 0 : 1;
   return unknown == 0;
 }
 
@@ -335,8 +349,8 @@ void fill_up(EdgeSamples::GreyValues& values, int from, int to) {
   for (int k = from; k < to; ++k) values.light[k] = values.blue[k] = values.red[k] = 0;
 }
 
-void set_unsure(Block& of, int n, const float* looks, float guessed) {
-  for (int k = 0; k < n; ++k) of.unsure[k] = looks[k] > 0 ? 1 / looks[k] : guessed;
+void set_variance(Block& of, int n, const float* count, float guessed) {
+  for (int k = 0; k < n; ++k) of.unsure[k] = count[k] > 0 ? 1 / count[k] : guessed;
 }
 
 }  // namespace
@@ -345,9 +359,9 @@ void read_samples(const Picture& picture, const Background& behind, const EdgeBa
                   const PictureNoise& noise, EdgeSamples& light, EdgeSamples& chroma) {
   Guess guess(picture, band, grid, noise);
   alignas(64) std::int32_t us[block], vs[block];
-  alignas(64) float light_looks[block], chroma_looks[block];
-  // Of a pixel the chroma is that of the sample in which it lies.
-  const int columns = grid.columns - 1, rows = grid.rows - 1;  // one or two of them: no binary place, or one
+  alignas(64) float light_count[block], chroma_count[block];
+  // A pixel has the chroma of the sample in which it lies.
+  const int columns = grid.columns - 1, rows = grid.rows - 1;  // binary shifts: 1 or 2 pixels
   for (int b = 0; b < light.block_count(); ++b) {
     Block& of = light.blocks[b];
     const int n = light.count_in(b), filled = light.filled_in(b);
@@ -355,26 +369,25 @@ void read_samples(const Picture& picture, const Background& behind, const EdgeBa
     read_light(picture, {of.at_u, of.at_v, n}, of.seen.light);
     read_chroma(picture, {us, vs, n}, of.seen.blue, of.seen.red);
     behind.at_pixels(picture, {of.at_u, of.at_v, n},
-                     {of.behind.light, of.behind.blue, of.behind.red, light_looks, chroma_looks});
-    if (!are_all_known(chroma_looks, n)) guess.chroma({us, vs, n}, chroma_looks, of.behind.blue, of.behind.red);
-    const bool is_known = are_all_known(light_looks, n);
-    if (!is_known) guess.light({of.at_u, of.at_v, n}, light_looks, of.behind.light);
-    fill_up(of.seen, n, filled), fill_up(of.behind, n, filled), std::fill(light_looks + n, light_looks + filled, 1.f);
-    set_unsure(of, filled, light_looks, is_known ? 0 : guess.unsure_light());
+                     {of.behind.light, of.behind.blue, of.behind.red, light_count, chroma_count});
+    if (!are_all_known(chroma_count, n)) guess.chroma({us, vs, n}, chroma_count, of.behind.blue, of.behind.red);
+    const bool is_known = are_all_known(light_count, n);
+    if (!is_known) guess.light({of.at_u, of.at_v, n}, light_count, of.behind.light);
+    fill_up(of.seen, n, filled), fill_up(of.behind, n, filled), std::fill(light_count + n, light_count + filled, 1.f);
+    set_variance(of, filled, light_count, is_known ? 0 : guess.light_variance());
   }
-  // Of a sample of chroma the light is the mean of its pixels'.
   for (int b = 0; b < chroma.block_count(); ++b) {
     Block& of = chroma.blocks[b];
     const int n = chroma.count_in(b), filled = chroma.filled_in(b);
     read_chroma(picture, {of.at_u, of.at_v, n}, of.seen.blue, of.seen.red);
     std::fill_n(of.seen.light, n, 0.f);
     behind.at_chroma(picture, {of.at_u, of.at_v, n},
-                     {of.behind.light, of.behind.blue, of.behind.red, light_looks, chroma_looks});
-    if (!are_all_known(light_looks, n)) light_of_parts(behind, guess, grid, {of.at_u, of.at_v, n}, of.behind.light);
-    const bool is_known = are_all_known(chroma_looks, n);
-    if (!is_known) guess.chroma({of.at_u, of.at_v, n}, chroma_looks, of.behind.blue, of.behind.red);
-    fill_up(of.seen, n, filled), fill_up(of.behind, n, filled), std::fill(chroma_looks + n, chroma_looks + filled, 1.f);
-    set_unsure(of, filled, chroma_looks, is_known ? 0 : guess.unsure_chroma());
+                     {of.behind.light, of.behind.blue, of.behind.red, light_count, chroma_count});
+    if (!are_all_known(light_count, n)) light_of_parts(behind, guess, grid, {of.at_u, of.at_v, n}, of.behind.light);
+    const bool is_known = are_all_known(chroma_count, n);
+    if (!is_known) guess.chroma({of.at_u, of.at_v, n}, chroma_count, of.behind.blue, of.behind.red);
+    fill_up(of.seen, n, filled), fill_up(of.behind, n, filled), std::fill(chroma_count + n, chroma_count + filled, 1.f);
+    set_variance(of, filled, chroma_count, is_known ? 0 : guess.chroma_variance());
   }
 }
 

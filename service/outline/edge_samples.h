@@ -1,5 +1,5 @@
-// Pixels, or samples of chroma, around a ball's edge in one picture: where they are, what is seen there and what is
-// behind it, in grey values and in linear light.
+// Samples around a ball's edge in one picture, pixels or samples of chroma: place, measured value and background, in
+// grey values and in linear light.
 #pragma once
 
 #include <Eigen/Core>
@@ -10,27 +10,26 @@
 
 namespace huetrack::outline {
 
-// In blocks of columns, so that many samples are done at once and what belongs together lies together.
+// Structure of arrays in blocks, so that loops vectorise and a block stays in the cache.
 struct EdgeSamples {
-  static constexpr int block = 64;  // samples
-  static constexpr int group = 16;  // of as many the last block's columns are filled: what is beyond n counts nothing
-  static constexpr int most = 2048;
+  static constexpr int block = 64;   // layout: samples
+  static constexpr int group = 16;   // layout: the last block is filled to a multiple; what is beyond n has no weight
+  static constexpr int most = 2048;  // capacity
 
   struct alignas(64) GreyValues {
     float light[block], blue[block], red[block];
   };
   struct alignas(64) Block {
     float u[block], v[block];                     // from the start's centre, pixels
-    float measured[block];                        // of what is seen
-    float red[block], green[block], blue[block];  // linear light, behind
-    float offset[block];                          // of what is behind from what the camera's curve makes of that
-    float unsure[block];                          // its variance, in variances of a picture
+    float measured[block];                        // the value that is fitted
+    float red[block], green[block], blue[block];  // background, linear light
+    float offset[block];                          // background's value less what the tone curve makes of its light
+    float unsure[block];                          // the background's variance, in variances of a picture
     float trust[block];                           // 0..1
-    float hidden[block];                          // 1: were it within the outline, it would show what is behind
-    float covered[block];                         // when assembled last: the share,
-    float off[block];         // and the residual's square in variances, as the robust loss has it, with its sign
-    GreyValues seen, behind;  // what is behind it, or what that is guessed to be
-    float looks[block];       // of how many pictures that is the mean; 0: guessed
+    float hidden[block];                          // 1: inside the outline this sample would show the background
+    float covered[block];                         // share, when assembled last,
+    float off[block];         // and the residual's square in variances after the robust loss, with the residual's sign
+    GreyValues seen, behind;  // behind: the background, or a guess
     std::int32_t at_u[block], at_v[block];  // in the picture, or in its chroma
   };
 
@@ -38,7 +37,7 @@ struct EdgeSamples {
   Block blocks[most / block];
 
   int block_count() const { return (n + block - 1) / block; }
-  // Of block b: samples, and as many with what fills them up.
+  // Samples of block b, and the same with its padding.
   int count_in(int b) const { return b + 1 < block_count() ? block : n - b * block; }
   int filled_in(int b) const { return (count_in(b) + group - 1) / group * group; }
   // visit(block, index in it) for every sample.
@@ -49,36 +48,34 @@ struct EdgeSamples {
   }
 };
 
-// The pixels of a picture in which an outline is looked for; even numbers of them where chroma is shared.
+// The pixels of a picture around an outline; an even number of them where chroma is shared.
 struct PixelGrid {
   int u0 = 0, v0 = 0, width = 0, height = 0;
   int columns = 1, rows = 1;  // that share chroma
 };
 
-// Which samples count: those whose centres lie within reach of the edge, and some of those further inside.
+// Where samples count: within reach of the edge, and some further inside.
 struct EdgeBand {
   Eigen::Vector2d centre;        // of the outline, pixels
-  Eigen::Matrix2d disc_from_px;  // it is the unit circle there
+  Eigen::Matrix2d disc_from_px;  // maps the outline to the unit circle
   double radius_px = 0, reach_px = 0;
 };
-// One sample for so many columns and rows of pixels: their own, 1, or those that share chroma.
+// columns, rows: pixels per sample; 1 for light, otherwise those that share chroma.
 void select_samples(const EdgeBand& band, const PixelGrid& grid, int columns, int rows, EdgeSamples& out);
 
-// By how much a single picture's values are off, standard deviations in grey values.
+// Standard deviations of a single picture's values, grey values.
 struct PictureNoise {
-  float light = 2, chroma = 2;
+  float light = 0, chroma = 0;
 };
-// What is seen there, and what is behind it. Where that is not known, it is taken for what is seen beyond it at the rim
-// of the grid, as unsure as that differs all around.
+// Reads values and background. An unknown background is guessed from the grid's rim, with the rim's variance.
 void read_samples(const Picture& picture, const Background& behind, const EdgeBand& band, const PixelGrid& grid,
                   const PictureNoise& noise, EdgeSamples& light, EdgeSamples& chroma);
 
-// As linear light R G B, and what the camera's curve does not explain of it. blue_part and red_part: what is measured
-// of chroma; both 0: light is.
+// Sets the background's linear light, the measured value and the offset. blue_part, red_part: the direction in chroma
+// that is measured; both 0: light is.
 void make_linear(EdgeSamples& samples, float blue_part, float red_part);
 
-// Of samples of light that lie within the outline: is what is seen there rather what is behind, which no light on the
-// object could be mistaken for? object: light, blue, red as it is seen.
+// Sets `hidden`: the value is the background's rather than the object's under any light. object: light, blue, red.
 void find_hidden(EdgeSamples& light, const float* object, const PictureNoise& noise);
 
 }  // namespace huetrack::outline

@@ -5,13 +5,13 @@
 namespace huetrack::outline {
 namespace {
 
-constexpr int lanes = 8;
+constexpr int lanes = 8;  // layout
 constexpr int columns_for(int size) {
   return (size + lanes - 1) / lanes * lanes;
 }
 
-// Of a symmetric matrix the rows up to the diagonal, in so many columns that no loop has a rest. false: not positive
-// definite. Row k of the factors says by how much of equation k those before it are less.
+// rows: lower triangle of a symmetric matrix, padded to whole vectors. Row k of the factors holds the multiples of
+// equation k that are subtracted from those before it. false: not positive definite.
 template <int size, int width>
 inline __attribute__((always_inline)) bool eliminate_rows(double (*__restrict rows)[width],
                                                           double (*__restrict factors)[width],
@@ -33,8 +33,8 @@ inline __attribute__((always_inline)) bool eliminate_rows(double (*__restrict ro
   return true;
 }
 
-// What is left of the first equations is the inverse of their part of the inverse: from that of k of them that of k + 1
-// follows by the factors of the next one.
+// After elimination the first equations are the inverse of their block of the inverse: the block of k + 1 follows from
+// that of k by the factors of equation k.
 template <int width>
 inline __attribute__((always_inline)) void invert_rows(int count, const double (*__restrict factors)[width],
                                                        const double* __restrict pivots,
@@ -75,7 +75,7 @@ HUETRACK_CLONES bool invert_light(double (*rows)[columns_for(lights)], double (*
   return true;
 }
 
-// Few equations are solved before the best instructions are chosen.
+// For few equations, choosing an instruction set would take longer.
 template <int width>
 bool eliminate_all(double (*rows)[width], double (*factors)[width], double* pivots) {
   return eliminate_rows<held_count, width>(rows, factors, pivots);
@@ -88,8 +88,8 @@ void invert_first(int count, const double (*factors)[width], const double* pivot
 
 }  // namespace
 
-template <int size, int told>
-void NormalEquations<size, told>::eliminate(const Matrix& normal, const Matrix& information) {
+template <int size, int reported>
+void NormalEquations<size, reported>::eliminate(const Matrix& normal, const Matrix& information) {
   static_assert(width == columns_for(size));
   alignas(64) double rows[size][width];
   const double *from = normal.data(), *before = information.data();
@@ -99,14 +99,14 @@ void NormalEquations<size, told>::eliminate(const Matrix& normal, const Matrix& 
   }
   is_sound_ = eliminate_all(rows, factors_, pivots_);
   if (!is_sound_) return;
-  alignas(64) double inverse[told][width];
-  invert_first(told, factors_, pivots_, inverse);
-  for (int i = 0; i < told; ++i)
-    for (int k = 0; k < told; ++k) covariance_(i, k) = inverse[i][k];
+  alignas(64) double inverse[reported][width];
+  invert_first(reported, factors_, pivots_, inverse);
+  for (int i = 0; i < reported; ++i)
+    for (int k = 0; k < reported; ++k) covariance_(i, k) = inverse[i][k];
 }
 
-template <int size, int told>
-LightMatrix NormalEquations<size, told>::covariance_of_light() const requires(size == unknowns) {
+template <int size, int reported>
+LightMatrix NormalEquations<size, reported>::covariance_of_light() const requires(size == unknowns) {
   alignas(64) double inverse[lit_][width];
   invert_first(lit_, factors_, pivots_, inverse);
   LightMatrix out;
@@ -115,8 +115,8 @@ LightMatrix NormalEquations<size, told>::covariance_of_light() const requires(si
   return out;
 }
 
-template <int size, int told>
-void NormalEquations<size, told>::solve(const Vector& right, Vector& out) const {
+template <int size, int reported>
+void NormalEquations<size, reported>::solve(const Vector& right, Vector& out) const {
   alignas(64) double x[width] = {};
   for (int i = 0; i < size; ++i) x[i] = right.data()[i];
   for (int k = size - 1; k > 0; --k) {
@@ -132,7 +132,7 @@ void NormalEquations<size, told>::solve(const Vector& right, Vector& out) const 
   for (int i = 0; i < size; ++i) out.data()[i] = x[i];
 }
 
-template class NormalEquations<unknowns, told_unknowns>;
+template class NormalEquations<unknowns, reported_unknowns>;
 template class NormalEquations<held_count, placed>;
 
 std::optional<LightMatrix> inverse_of(const LightMatrix& matrix) {

@@ -1,5 +1,5 @@
-// The equations of a step of Gauss and Newton, solved by elimination from the last unknown to the first, so that what
-// is told of the first ones remains when the others are gone. Symmetric and positive definite, or is_sound() is false.
+// Normal equations of a Gauss-Newton step, eliminated from the last unknown to the first, so that the covariance of the
+// first ones is marginal over the others. Not positive definite: is_sound() is false.
 #pragma once
 
 #include <optional>
@@ -10,33 +10,33 @@ namespace huetrack::outline {
 
 using LightMatrix = Eigen::Matrix<double, lights, lights>;
 
-// size: unknowns, of which so many are told.
-template <int size, int told>
+// size: unknowns; reported: how many of the first ones get a covariance.
+template <int size, int reported>
 class NormalEquations {
  public:
   using Matrix = Eigen::Matrix<double, size, size>;
   using Vector = Eigen::Matrix<double, size, 1>;
-  using Told = Eigen::Matrix<double, told, told>;
+  using Reported = Eigen::Matrix<double, reported, reported>;
 
-  // information: of what is known beforehand.
+  // information: of the prior.
   void eliminate(const Matrix& normal, const Matrix& information);
   bool is_sound() const { return is_sound_; }
-  // For another right side of the same equations, too.
+  // May be repeated with other right sides.
   void solve(const Vector& right, Vector& out) const;
-  // Of those unknowns that are told, whatever the others are.
-  const Told& covariance() const { return covariance_; }
-  // And of the light over the ball, which takes as long as the equations themselves.
+  // Marginal covariance of the reported unknowns.
+  const Reported& covariance() const { return covariance_; }
+  // Marginal covariance of shading and paleness; takes as long as eliminate().
   LightMatrix covariance_of_light() const requires(size == unknowns);
 
  private:
-  static constexpr int width = (size + 7) / 8 * 8;  // so that no loop over a row has a rest
+  static constexpr int width = (size + 7) / 8 * 8;  // layout: whole vectors
   alignas(64) double factors_[size][width] = {};
   double pivots_[size] = {};
-  Told covariance_ = Told::Identity();
+  Reported covariance_ = Reported::Identity();
   bool is_sound_ = false;
 };
 
-// nullopt: it is not positive definite.
+// nullopt: not positive definite.
 std::optional<LightMatrix> inverse_of(const LightMatrix& matrix);
 
 }  // namespace huetrack::outline

@@ -1,5 +1,5 @@
-// Pixels near an outline that are not what a dull ball before its background shows: what hides it, what else is there,
-// and glints. None of them counts, nor do their neighbours, which they may have softened.
+// Outlier pixels near an outline: occluders in front of the ball, other things beside it, and glints. Outliers and
+// their neighbours, into which they may be blurred, get zero weight.
 #pragma once
 
 #include <cstdint>
@@ -9,30 +9,30 @@
 
 namespace huetrack::outline {
 
-class StrangePixels {
+class OutlierPixels {
  public:
-  static constexpr int largest_grid = 128;  // of pixels, on either side
+  static constexpr int largest_grid = 128;  // capacity: pixels, on either side
 
-  StrangePixels();
+  OutlierPixels();
   void begin() { is_judged_ = had_glints_ = has_map_ = false, marks_.clear(); }
-  // Which samples count from now on.
-  enum class Count : std::uint8_t { the_same, others, others_at_the_edge };
-  // After samples were compared with what is expected of them. might_be: so many of them ask for it
-  // (EdgeSums::strange). Sets their trust.
-  Count judge(double might_be, const PixelGrid& grid, EdgeSamples& light, EdgeSamples& chroma);
+  // How the set of samples that count has changed.
+  enum class Change : std::uint8_t { none, some, at_the_edge };
+  // Call after the samples were compared with the model. candidates: number of samples that may be outliers
+  // (EdgeSums::outlier_candidates). Sets the samples' trust.
+  Change judge(double candidates, const PixelGrid& grid, EdgeSamples& light, EdgeSamples& chroma);
 
  private:
-  enum class Strange : std::uint8_t { is_else, hides, shines };
+  enum class Kind : std::uint8_t { other_thing, occluder, glint };
   struct Mark {
     int u, v;  // in the picture
-    Strange as;
+    Kind kind;
   };
   bool find_glints(EdgeSamples& light);
-  void find_strange(const PixelGrid& grid, EdgeSamples& light, EdgeSamples& chroma);
-  Count distrust_marked(const PixelGrid& grid, EdgeSamples& light, EdgeSamples& chroma);
+  void find_outliers(const PixelGrid& grid, EdgeSamples& light, EdgeSamples& chroma);
+  Change distrust_marked(const PixelGrid& grid, EdgeSamples& light, EdgeSamples& chroma);
 
   bool had_glints_ = false, is_judged_ = false;
-  bool has_map_ = false;  // trust is by near_marks_
+  bool has_map_ = false;  // the samples' trust follows near_marks_
   std::vector<Mark> marks_;
   std::vector<std::uint8_t> near_marks_, near_marks_before_;  // of the grid, row by row
 };

@@ -1,13 +1,12 @@
-// A ball's outline in one picture to some hundredths of a pixel: by how much of each pixel it covers of what is behind
-// it.
+// Fits a ball's outline in one picture to some hundredths of a pixel, from the share of each pixel that the ball
+// covers.
 //
-// A pixel is the object's light as far as the ellipse covers it, over the background's, mixed in light as sensors count
-// it and given by the camera's curve (sRGB). The edge is as soft as lens and sensor make it, and as motion during the
-// exposure smears it; rows are exposed one after the other. The object's light is a quadratic polynomial over the disc,
-// its paleness (highlights) a linear one; the background may be lit a little otherwise than when it was learnt. All of
-// it is one least-squares fit (Gauss-Newton) with robust weights, to light and to the chroma that separates the two
-// best. Where the background shows in the object's place, something that stands still hides the object; what is neither
-// the object nor the background is another thing; what is brighter than a dull ball is a glint. None of them counts.
+// A pixel is a mixture of the ball's light and the background's in linear light, weighted by the covered share and
+// given by the camera's tone curve (sRGB). The edge is softened by lens, sensor and motion during the exposure; rows
+// are exposed one after the other. The ball's light is a quadratic polynomial over its surface, its paleness
+// (highlights) a linear one; the background's gain may have changed. One robust least-squares fit (Gauss-Newton) of 20
+// unknowns to light and to the direction of chroma that separates both best. Occluders, other things and glints are
+// left out. Model, priors and approximations: design.md.
 #pragma once
 
 #include <Eigen/Core>
@@ -29,61 +28,74 @@ struct Ellipse {
   Eigen::Matrix2d axes;
 };
 
-// How the outline moves over the rows and during the exposure.
 struct Movement {
-  Eigen::Vector2d velocity = Eigen::Vector2d::Zero();  // of its centre, px/s
+  Eigen::Vector2d velocity = Eigen::Vector2d::Zero();  // of the centre, px/s
   double row_s = 0;                                    // between the exposures of two rows; < 0: upwards
 };
 
-// With its standard deviation.
-struct Known {
+// Mean and standard deviation of a number.
+struct Estimate {
   double value = 0, sigma = 0;
 };
 
-// What hardly changes from picture to picture of one camera: what the next fit begins with. Learnt by each.
-struct Look {
-  Known log_blur_light{-0.25, 0.35};                 // of the edge's standard deviation in pixels: the camera's mean
-  Known log_blur_chroma{-0.3, 0.6};                  // of what color has on top of it: demosaicing
-  Known exposure_s{0.006, 0.004};                    // only told by what moves
-  Eigen::Vector3f object = Eigen::Vector3f::Zero();  // its light, linear R G B; 0: not known yet
-  struct Light {                                     // over the ball: shading and paleness, as EdgeModel has them
+// Priors of a camera whose appearance is not known yet.
+struct AppearancePriorTuning {
+  double log_blur_light = -0.25;       // of pixels, 1 sigma of the edge: 0.78 px; webcams have 0.5 to 1.1 (experiment)
+  double log_blur_light_sigma = 0.35;  // natural logarithm
+  double log_blur_chroma = -0.3;       // of pixels, what demosaicing adds: 0.74 px
+  double log_blur_chroma_sigma = 0.6;  // natural logarithm
+  double exposure_s = 0.006;           // seconds, indoors
+  double exposure_sigma_s = 0.004;     // seconds
+  double log_size_sigma = 0.1;         // of the radius, where the caller has no better prior
+};
+inline constexpr AppearancePriorTuning appearance_prior{};
+
+// BallProjection model: what changes little from picture to picture of one camera. Prior of the next fit.
+struct AppearanceModel {
+  // log of the edge's standard deviation in pixels, the camera's mean; and of what demosaicing adds.
+  Estimate log_blur_light{appearance_prior.log_blur_light, appearance_prior.log_blur_light_sigma};
+  Estimate log_blur_chroma{appearance_prior.log_blur_chroma, appearance_prior.log_blur_chroma_sigma};
+  Estimate exposure_s{appearance_prior.exposure_s, appearance_prior.exposure_sigma_s};  // observable in motion only
+  Eigen::Vector3f object = Eigen::Vector3f::Zero();  // its light, linear R G B; 0: unknown
+  struct Light {                                     // shading and paleness, as in EdgeModel
     Eigen::Matrix<double, lights, 1> mean;
     LightMatrix covariance;
   };
-  std::optional<Light> light;  // as the last fit that fits has it, by all before
-  struct Left {                // by the last fit of all unknowns
-    Eigen::Matrix3d open;      // of the place and the logarithm of the size, by what is held when the light is
+  std::optional<Light> light;  // filtered over all fits so far
+  // By the last fit of all unknowns:
+  struct Promise {
+    Eigen::Matrix3d open;  // covariance of place and log size that is due to what is held when the light is
     double misfit = 1;
   };
-  std::optional<Left> left;  // nullopt: it says nothing of the next picture, where all is fitted, too
+  std::optional<Promise> promise;  // nullopt: the next picture is fitted with all unknowns
 };
 
 struct FitOptions {
-  Known log_size{0, 0.1};        // of the outline over `axes`
-  double light_correlation = 0;  // 0..1: how much of what Look::light departs from what is usual is still so
-  // The light over the ball as the last fit left it, edges' softness and the exposure as they are known may be held,
-  // which is less work. They are fitted, too, where a picture is not as the last one promised.
+  Estimate log_size{0, appearance_prior.log_size_sigma};  // prior of the scale over `axes`
+  double light_correlation = 0;  // 0..1, of the ball's light with that of the last fit (Gauss-Markov)
+  // Shading, blur and exposure may be held at their means, which is less work. They are fitted all the same where the
+  // picture does not fit as the last one promised.
   bool may_hold_light = false;
-  int most_steps = 6;
+  int most_steps = 6;  // Gauss-Newton
 };
 
 enum class FitOutcome : std::uint8_t {
   fits,
   too_small,    // or too large, or out of the picture
-  unknown,      // too little of what is behind the edge is known, or seen
-  no_contrast,  // the object does not differ from what is behind it
-  lost,         // it went too far away, or changed its size
-  misfit,       // this is no ball's outline
+  unknown,      // too little of the edge, or of the background, is known or visible
+  no_contrast,  // the object looks like its background
+  lost,         // the fit left the start, or changed the size, too far
+  misfit,       // not the outline of a ball
 };
 
 struct Fit {
   FitOutcome outcome = FitOutcome::unknown;
   Eigen::Vector2d centre = Eigen::Vector2d::Zero();          // of the ellipse, in the row where it lies
-  Eigen::Matrix2d covariance = Eigen::Matrix2d::Identity();  // px^2, by the pixels' noise and what is fitted beside it
-  Eigen::Matrix2d bound = Eigen::Matrix2d::Identity();       // px^2, were all but the centre known
-  Known log_size;                                            // as found, without what was expected of it
-  double misfit = 0;   // mean square of the residuals in their standard deviations
-  double visible = 0;  // share of the edge that counted
+  Eigen::Matrix2d covariance = Eigen::Matrix2d::Identity();  // px^2, of noise and nuisances
+  Eigen::Matrix2d bound = Eigen::Matrix2d::Identity();       // px^2, if all but the centre were known
+  Estimate log_size;                                         // by the pixels alone, without its prior
+  double misfit = 0;                                         // mean squared residual in variances
+  double visible = 0;                                        // share of the edge that counted
   bool is_light_held = false;
   int steps = 0, pixels = 0;
 };
@@ -91,21 +103,21 @@ struct Fit {
 // Work space for fits, one after the other. thread-compatible.
 class OutlineFit {
  public:
-  // start: where the outline is expected, to about half its radius. The look is read; learn_look() gives what it is
-  // after the fit.
+  // start: prediction, right to about half the radius. model: read only; learn() updates it after the fit.
   Fit fit(const Picture& picture, const Background& behind, const Ellipse& start, const Movement& movement,
-          const Look& look, const FitOptions& options);
-  bool learn(Look& look) const;  // after a fit that fits; whether of its light, too. Nothing, where it was held
+          const AppearanceModel& model, const FitOptions& options);
+  // After a fit with outcome `fits`. Returns whether the ball's light was learnt, too; nothing is where it was held.
+  bool learn(AppearanceModel& model) const;
 
  private:
-  void lay_out(const Ellipse& start, const Movement& movement, const Look& look);
+  void lay_out(const Ellipse& start, const Movement& movement, const AppearanceModel& model);
   bool find_grid(const Picture& picture);
-  bool know_object(const Look& look);
-  bool sample(const Picture& picture, const Background& behind, const Look& look, Fit& out);
+  bool find_object_color(const AppearanceModel& model);
+  bool sample(const Picture& picture, const Background& behind, const AppearanceModel& model, Fit& out);
   void make_samples();
-  void begin(const Look& look, const FitOptions& options);
-  bool step_down(const Look& look, const FitOptions& options, Fit& out);
-  bool is_as_promised(const Look& look) const;
+  void begin(const AppearanceModel& model, const FitOptions& options);
+  bool iterate(const AppearanceModel& model, const FitOptions& options, Fit& out);
+  bool is_as_promised(const AppearanceModel& model) const;
   void trust_all();
   bool has_other_size() const;
   EdgeModel model_of_light() const;
@@ -114,40 +126,40 @@ class OutlineFit {
   void renew();
   template <typename Add>
   void add_up(Add&& add);
-  bool are_weights_others() const;
+  bool have_weights_changed() const;
   Unknowns next_step() const;
   Unknowns next_held_step(const Unknowns& off) const;
   Unknowns limited(Unknowns step) const;
   bool is_lost() const;
   double product_of(const Unknowns& step, const Unknowns& other) const;
   bool is_far(const Unknowns& step) const;
-  std::optional<Known> told_by_itself(int unknown) const;
+  std::optional<Estimate> without_prior(int unknown) const;
   HeldNormal held_information() const;
   Eigen::Matrix3d left_open() const;
-  void tell(Fit& out) const;
+  void report(Fit& out) const;
 
   Ellipse start_;
   Movement movement_;
-  EdgeBand band_;  // of size 1, as the rows see it
+  EdgeBand band_;  // of scale 1, sheared by the rolling shutter
   PixelGrid grid_;
   PictureNoise noise_;
   bool has_chroma_ = true;
   Eigen::Vector3f object_ = Eigen::Vector3f::Zero();       // linear R G B
   Eigen::Vector3f object_seen_ = Eigen::Vector3f::Zero();  // light, blue, red
-  float chroma_blue_ = 1, chroma_red_ = 0;                 // the direction in which chroma tells most
+  float chroma_blue_ = 1, chroma_red_ = 0;                 // direction of chroma with most contrast
   float contrast_ = 0;
   Unknowns x_, expected_, gradient_;
-  Normal information_, normal_;  // beforehand; of the samples
+  Normal information_, normal_;  // of the prior; of the samples
   HeldNormal held_normal_;
   bool is_light_held_ = false;
-  NormalEquations<unknowns, told_unknowns> equations_;
+  NormalEquations<unknowns, reported_unknowns> equations_;
   NormalEquations<held_count, placed> held_equations_;
-  Eigen::Matrix3d place_covariance_, held_open_;  // of the place and the size; of it what is held leaves open
+  Eigen::Matrix3d place_covariance_, held_open_;  // of place and log size; its part due to what is held
   double misfit_ = 0, visible_ = 0;
-  double assembled_weight_ = 0;  // EdgeSums::edge_weight, when it was assembled
+  double assembled_weight_ = 0;  // EdgeSums::edge_weight at assembly
   EdgeSamples light_, chroma_;
   EdgeSums sums_;
-  StrangePixels strange_pixels_;
+  OutlierPixels outliers_;
 };
 
 }  // namespace huetrack::outline

@@ -9,9 +9,10 @@
 namespace huetrack::outline {
 namespace {
 
+// unit: steps of the limited range
 constexpr float limited_light = 255.f / 219, limited_chroma = 255.f / 224;
 
-// Black and grey, and what a step of the samples is of a grey value.
+// A byte less `zero`, times `by`, is a grey value.
 struct Scale {
   float zero, by;
 };
@@ -37,25 +38,24 @@ std::int16_t whole(float grey_values) {
   return static_cast<std::int16_t>(std::lround(grey_values * units));
 }
 
-// (byte - zero) * scale in units, rounded: a product of 2^15ths, which processors have of 16 numbers at once.
+// (byte - zero) * scale in units, rounded, as the product of 16-bit numbers that vectorises (pmulhrsw).
 struct WholeScale {
   std::int16_t zero, by;
   explicit WholeScale(Scale of)
       : zero(static_cast<std::int16_t>(of.zero)),
         by(static_cast<std::int16_t>(std::lround(of.by * units * (1 << 15 >> before)))) {}
-  static constexpr int before = 7;
+  static constexpr int before = 7;  // layout: bits
   std::int16_t operator()(int byte) const {
     const auto from_zero = static_cast<std::int16_t>((byte - zero) * (1 << before));
     return static_cast<std::int16_t>(((from_zero * by >> 14) + 1) >> 1);
   }
 };
 
-// Of rows of so many bytes that lie `step` apart, as many as a tile has. Copied first, as no byte beyond the last one
-// may be read.
+// Rows of a tile, of bytes that lie `step` apart. Copied first, because no byte beyond the last one may be read.
 template <int step, int across>
 inline __attribute__((always_inline)) void read_tile_rows(const std::uint8_t* from, std::ptrdiff_t row_bytes, int down,
                                                           WholeScale scale, int stride, std::int16_t* __restrict out) {
-  constexpr int most_down = 16;
+  constexpr int most_down = 16;  // layout: a tile
   alignas(64) std::uint8_t bytes[most_down][across * step];
   for (int j = 0; j < down; ++j) std::memcpy(bytes[j], from + j * row_bytes, (across - 1) * step + 1);
   for (int j = 0; j < down; ++j)
@@ -88,7 +88,7 @@ HUETRACK_CLONES void to_grey_values(const std::int16_t* __restrict bytes, int n,
 }
 
 void read(const Samples& samples, const Places& at, Scale scale, float* out) {
-  constexpr int at_once = 64;
+  constexpr int at_once = 64;  // layout
   alignas(64) std::int16_t bytes[at_once];
   const std::uint8_t* const first = samples.at(0, 0);
   const std::ptrdiff_t row_bytes = samples.row_bytes, step = samples.step;

@@ -1,5 +1,5 @@
-// How the bytes of a picture lie, whatever its format: light per pixel, and chroma that some columns and rows share.
-// Values that come out of it: light 0..255 (0 is black), chroma about 0 (grey), in grey values of the full range.
+// Access to the bytes of a picture in any format: light per pixel, and chroma that 1 or 2 columns and rows share.
+// Values: light 0..255 (0 is black), chroma about 0 (grey), in grey values of the full range.
 #pragma once
 
 #include <cstddef>
@@ -7,10 +7,10 @@
 
 namespace huetrack::outline {
 
-// ITU-R BT.601: luma of R' G' B', and what B' - Y and R' - Y are of chroma.
+// maths: ITU-R BT.601. Luma of R' G' B', and the factors of B' - Y and R' - Y in chroma.
 inline constexpr float y_red = 0.299f, y_green = 0.587f, y_blue = 0.114f, by_blue = 0.564f, by_red = 0.713f;
 
-// Bytes that lie in a grid.
+// Bytes in a grid.
 struct Samples {
   const std::uint8_t* data = nullptr;
   std::ptrdiff_t row_bytes = 0, step = 1;  // from a row to the next, from a sample to the next
@@ -19,15 +19,15 @@ struct Samples {
   const std::uint8_t* at(int u, int v) const { return data + (v - first_v) * row_bytes + (u - first_u) * step; }
 };
 
-// Read-only; the bytes live as long as whoever gives them says.
+// Read-only view; the caller keeps the bytes alive.
 struct Picture {
   int width = 0, height = 0;  // pixels
-  Samples light, blue, red;   // of chroma there is one sample for so many columns and rows:
+  Samples light, blue, red;   // one sample of chroma for so many columns and rows:
   int columns = 1, rows = 1;  // 1 or 2
   bool is_bgr = false;        // then `light` is the blue byte of packed B G R, and the others are not used
   bool is_grey = false;       // without chroma
   bool is_limited = false;    // light 16..235, chroma 16..240; otherwise 0..255
-  // Of a picture of which only a part is there: its first pixel (even numbers) and its size; otherwise 0.
+  // Of a partial picture: its first pixel (even numbers) and its size; otherwise 0.
   int part_u = 0, part_v = 0, part_width = 0, part_height = 0;
 
   bool is_whole() const { return part_width == 0; }
@@ -35,16 +35,16 @@ struct Picture {
   int end_v() const { return is_whole() ? height : part_v + part_height; }
 };
 
-// As whole numbers, of which so many are a grey value: as exact as a mean of pictures is.
-inline constexpr int units = 64;
-// Rows of pixels, or of samples of chroma, inside the picture; `stride` values from a row to the next where they go.
+inline constexpr int units = 64;  // layout: fixed-point steps of a grey value in 16 bits
+// Rows of pixels, or of samples of chroma, inside the picture, as fixed-point numbers; the output has `stride` values
+// from a row to the next.
 struct Rows {
   int u, v, across, down, stride;
 };
 void read_light(const Picture& picture, const Rows& rows, std::int16_t* light);
 void read_chroma(const Picture& picture, const Rows& rows, std::int16_t* blue, std::int16_t* red);
 
-// Pixels, or samples of chroma, here and there in a picture.
+// Scattered pixels, or samples of chroma, of a picture.
 struct Places {
   const int *u, *v;
   int n;

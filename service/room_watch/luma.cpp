@@ -5,7 +5,10 @@
 namespace huetrack::room_watch {
 namespace {
 
-constexpr int usual_width = 480;  // blocks: at 60 to 90 degrees a tenth of one is 0.01 to 0.02 degrees
+struct LumaTuning {
+  int usual_width = 480;  // blocks across an image: a tenth of a block is 0.01 to 0.02 degrees at 60 to 90 degrees
+};
+constexpr LumaTuning luma_tuning{};
 
 int step_of(capture::PixelFormat format) {
   if (format == capture::PixelFormat::yuyv) return 2;
@@ -15,7 +18,7 @@ int step_of(capture::PixelFormat format) {
 }  // namespace
 
 int scale_for(int image_width) {
-  return std::max(1, (image_width + usual_width / 2) / usual_width);
+  return std::max(1, (image_width + luma_tuning.usual_width / 2) / luma_tuning.usual_width);
 }
 
 Luma::Luma(const capture::Image& image, int scale)

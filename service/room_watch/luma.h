@@ -1,6 +1,6 @@
-// The brightness of an image in the camera's own pixel format, read where it lies; nothing is converted whole.
-// Large images are read in blocks: block (i, j) of scale s covers the pixels s i .. s i + s - 1, so its centre is the
-// pixel s i + (s - 1) / 2. Pure views; the image outlives them.
+// Brightness of an image in the camera's own pixel format, read in place. Large images are read in blocks: block (i, j)
+// of scale s is the mean of the pixels s i .. s i + s - 1; its centre is the pixel s i + (s - 1) / 2. The image
+// outlives the view.
 #pragma once
 
 #include <cstdint>
@@ -11,15 +11,15 @@ namespace huetrack::room_watch {
 
 class Luma {
  public:
-  // Of bgr images it is the green channel, which is most of the brightness and has least noise.
+  // Of bgr images the green channel: most of the brightness, least noise.
   Luma(const capture::Image& image, int scale);
 
   int columns() const { return columns_; }  // whole blocks
   int rows() const { return rows_; }
 
-  // The mean of a block, 0..255. Inside.
+  // Mean of a block inside the image, 0..255.
   float at(int column, int row) const;
-  // The window of columns x rows blocks from (column, row) on, into out, row by row. False, and nothing is written,
+  // Writes the window of columns x rows blocks from (column, row) to out, row by row. False, and nothing is written,
   // where it is not wholly inside.
   bool read(int column, int row, int columns, int rows, float* out) const;
 
@@ -30,8 +30,7 @@ class Luma {
   int scale_, columns_, rows_;
 };
 
-// Blocks of about the size of a pixel of a small image: what is found in them is found to a tenth of one, and costs the
-// same whatever the image's size.
+// Side of a block in pixels, so that cost and precision are the same for images of any size.
 int scale_for(int image_width);
 
 }  // namespace huetrack::room_watch

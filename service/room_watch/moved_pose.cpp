@@ -11,16 +11,16 @@
 namespace huetrack::room_watch {
 namespace {
 
-// An object's sightings have errors that last for as long as it takes to come elsewhere: so many seconds of them count
-// as one.
-constexpr double errors_last_s = 0.25;
-constexpr capture::Duration shortest_between_sightings =
-    std::chrono::milliseconds(90);        // what is nearer tells little, and costs as much
-constexpr double forgotten_after_s = 20;  // a camera that was knocked may go on moving by a little
-constexpr double others_off_m = 0.002;    // positions that two cameras fix, all alike, by how these were calibrated
-constexpr double distance_share = 0.4;    // how well the room's distance is known, of itself
-constexpr double agreeing = 2.5;          // sigmas; what is farther off counts by its distance (Huber)
-constexpr double contradicting = 8;       // sigmas; not the same object
+struct MovedPoseTuning {
+  double correlated_s = 0.25;    // seconds of sightings that count as one: their errors last while the object is there
+  int min_pause_ms = 90;         // between sightings; nearer ones are redundant and cost as much
+  double time_constant_s = 20;   // of forgetting: a knocked camera may go on creeping
+  double others_bias_m = 0.002;  // 1 sigma, common to all positions of the other cameras: their calibration
+  double distance_share = 0.4;   // 1 sigma of the room's distance, of itself
+  double huber_sigmas = 2.5;     // farther away a sighting counts by its distance
+  double gate_sigmas = 8;        // farther away it is another object
+};
+constexpr MovedPoseTuning moved_pose{};
 
 Eigen::Matrix3d rotation_matrix(const Eigen::Vector3d& rotation) {
   Eigen::Matrix3d out;
@@ -40,10 +40,10 @@ void MovedPose::set_room(const RoomRotation& room) {
   solve();
 }
 
-void MovedPose::add(const Witness& witness) {
-  if (last_at_ && witness.at - *last_at_ < shortest_between_sightings) return;
+void MovedPose::add(const ReferenceSighting& sighting) {
+  if (last_at_ && sighting.at - *last_at_ < std::chrono::milliseconds(moved_pose.min_pause_ms)) return;
   const Eigen::Vector3d turned_then =
-      turned(room_.rotation, camera_.cam_from_world * (witness.position + state_.tail<3>()));
+      turned(room_.rotation, camera_.cam_from_world * (sighting.position + state_.tail<3>()));
   const Eigen::Matrix3d b = rotation_matrix(state_.head<3>());
   const Eigen::Vector3d q = b * turned_then;
   calib::CameraModel::Jacobian jacobian;
@@ -54,16 +54,17 @@ void MovedPose::add(const Witness& witness) {
   Eigen::Matrix<double, 2, 9> by_state;
   by_state << -jacobian * calib::cross_matrix(q), jacobian, by_position;
   const Eigen::Matrix2d noise =
-      witness.covariance + by_position * witness.position_covariance * by_position.transpose();
+      sighting.covariance + by_position * sighting.position_covariance * by_position.transpose();
   const Eigen::Matrix2d expected = noise + by_state * covariance_ * by_state.transpose();
-  const Eigen::Vector2d difference = witness.px - px->px;
+  const Eigen::Vector2d difference = sighting.px - px->px;
   const double sigmas = std::sqrt(difference.dot(expected.inverse() * difference));
-  if (!(sigmas < contradicting)) return;
-  const double since_s = last_at_ ? capture::seconds(witness.at - *last_at_) : errors_last_s;
+  if (!(sigmas < moved_pose.gate_sigmas)) return;
+  const double since_s = last_at_ ? capture::seconds(sighting.at - *last_at_) : moved_pose.correlated_s;
   if (since_s < 0) return;
-  last_at_ = witness.at;
-  const double weight = std::min(1.0, since_s / errors_last_s) * std::min(1.0, agreeing / std::max(sigmas, 1e-9));
-  const double kept = std::exp(-since_s / forgotten_after_s);
+  last_at_ = sighting.at;
+  const double weight = std::min(1.0, since_s / moved_pose.correlated_s) *
+                        std::min(1.0, moved_pose.huber_sigmas / std::max(sigmas, 1e-9));
+  const double kept = std::exp(-since_s / moved_pose.time_constant_s);
   const Eigen::Matrix<double, 9, 2> gain = weight * by_state.transpose() * noise.inverse();
   information_ = kept * information_ + gain * by_state;
   weighted_ = kept * weighted_ + gain * (difference + by_state * state_);
@@ -73,8 +74,9 @@ void MovedPose::add(const Witness& witness) {
 void MovedPose::solve() {
   Matrix9 information = information_;
   information.block<3, 3>(3, 3) += Eigen::Matrix3d::Identity() / (shift_sigma_m_ * shift_sigma_m_);
-  information.bottomRightCorner<3, 3>() += Eigen::Matrix3d::Identity() / (others_off_m * others_off_m);
-  // What the room leaves open of the rotation: its own noise, and how far away it is times what the shift may be.
+  information.bottomRightCorner<3, 3>() +=
+      Eigen::Matrix3d::Identity() / (moved_pose.others_bias_m * moved_pose.others_bias_m);
+  // Covariance of the room's rotation: its noise, and the uncertain distance times the possible shift.
   const Eigen::Matrix3d by_shift = room_.shift_to_rotation / room_distance_m_;
   const Eigen::Vector3d shift = state_.segment<3>(3);
   const Eigen::Matrix3d shift_known = covariance_.block<3, 3>(3, 3);
@@ -82,11 +84,12 @@ void MovedPose::solve() {
   const Eigen::Matrix3d shift_square =
       is_first ? Eigen::Matrix3d(shift_sigma_m_ * shift_sigma_m_ * Eigen::Matrix3d::Identity())
                : Eigen::Matrix3d(shift_known + shift * shift.transpose());
-  const Eigen::Matrix3d open = room_.covariance + 1e-12 * Eigen::Matrix3d::Identity() +
-                               distance_share * distance_share * by_shift * shift_square * by_shift.transpose();
-  Eigen::Matrix<double, 3, 6> says;
-  says << Eigen::Matrix3d::Identity(), by_shift;
-  information.topLeftCorner<6, 6>() += says.transpose() * open.inverse() * says;
+  const Eigen::Matrix3d open =
+      room_.covariance + 1e-12 * Eigen::Matrix3d::Identity() +
+      moved_pose.distance_share * moved_pose.distance_share * by_shift * shift_square * by_shift.transpose();
+  Eigen::Matrix<double, 3, 6> by_pose;
+  by_pose << Eigen::Matrix3d::Identity(), by_shift;
+  information.topLeftCorner<6, 6>() += by_pose.transpose() * open.inverse() * by_pose;
   covariance_ = information.llt().solve(Matrix9::Identity());
   covariance_ = (covariance_ + covariance_.transpose()).eval() / 2;
   state_ = covariance_ * weighted_;
@@ -96,7 +99,7 @@ void MovedPose::solve() {
   const calib::Rigid3d now_from_then{now.normalized(), state_.segment<3>(3)};
   estimate_.cam_from_world = now_from_then * camera_.cam_from_world;
   estimate_.rotation = calib::log({now_from_then.rotation, Eigen::Vector3d::Zero()}).head<3>();
-  // The centre c goes to where p_now is 0: its shift in the new axes is -v.
+  // The new centre has p_now = 0: its shift in the new axes is -v.
   estimate_.shift = -state_.segment<3>(3);
   estimate_.rotation_sigma = std::sqrt(estimate_.covariance.topLeftCorner<3, 3>().diagonal().maxCoeff());
   estimate_.shift_sigma = std::sqrt(estimate_.covariance.bottomRightCorner<3, 3>().diagonal().maxCoeff());

@@ -1,10 +1,9 @@
-// Where a camera stands that was turned or moved: by the room, which fixes its rotation, and by what it sees of an
-// object whose position the other cameras fix, which tells a shift from a rotation.
+// Pose of a camera that was turned or shifted, from two sources: the room, which determines the rotation, and sightings
+// of an object whose position the other cameras determine, which separate shift from rotation.
 //
-// The room alone cannot: far walls move in the picture alike when the camera turns and when it is shifted. So the state
-// is (b, v): p_now = Exp(b) Exp(room's rotation) p_then + v in the camera's axes, with v unknown to some centimetres,
-// and the room says b = -shift_to_rotation v / distance, with the distance of the room known to a share of itself. An
-// object at another depth than the room then tells both.
+// The room alone cannot separate them: far walls move alike in the picture for both. State: (b, v) with
+// p_now = Exp(b) Exp(room's rotation) p_then + v in the camera's axes, and a bias o common to the others' positions.
+// Room: b = -shift_to_rotation v / distance, the distance uncertain by a share of itself. See design.md.
 #pragma once
 
 #include <Eigen/Core>
@@ -15,8 +14,8 @@
 
 namespace huetrack::room_watch {
 
-// A camera's sight of an object whose position others fix.
-struct Witness {
+// One camera's sighting of an object, and the object's position by the other cameras.
+struct ReferenceSighting {
   capture::Timestamp at;
   Eigen::Vector2d px = Eigen::Vector2d::Zero();                   // raw pixels
   Eigen::Matrix2d covariance = Eigen::Matrix2d::Zero();           // px^2
@@ -24,7 +23,7 @@ struct Witness {
   Eigen::Matrix3d position_covariance = Eigen::Matrix3d::Zero();  // m^2
 };
 
-// What the room says of the camera's rotation since the rig was made (RoomCondition).
+// The camera's rotation since the rig was made, by the room (RoomCondition).
 struct RoomRotation {
   Eigen::Vector3d rotation = Eigen::Vector3d::Zero();
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
@@ -34,20 +33,19 @@ struct RoomRotation {
 struct MovedPoseEstimate {
   calib::Rigid3d cam_from_world;
   Eigen::Matrix<double, 6, 6> covariance;  // of e: true = exp(e) * cam_from_world, e = (rotation, shift), camera axes
-  Eigen::Vector3d rotation;                // by which it was turned: rotation vector, radians, camera axes
+  Eigen::Vector3d rotation;                // since the rig was made: rotation vector, radians, camera axes
   Eigen::Vector3d shift;                   // of its centre, metres, camera axes
-  double rotation_sigma = 0, shift_sigma = 0;  // of the least sure direction
+  double rotation_sigma = 0, shift_sigma = 0;  // of the least certain direction
 };
 
 // thread-compatible. A plain value; never throws.
 class MovedPose {
  public:
-  // room_distance_m: of what is seen of the room, as far as that is known. shift_sigma_m: how far it may have been
-  // shifted.
+  // room_distance_m: mean distance of the visible room. shift_sigma_m: prior of the shift.
   MovedPose(const calib::Camera& camera, double room_distance_m, double shift_sigma_m);
 
   void set_room(const RoomRotation& room);
-  void add(const Witness& witness);
+  void add(const ReferenceSighting& sighting);
   const MovedPoseEstimate& estimate() const { return estimate_; }
 
  private:
@@ -58,7 +56,7 @@ class MovedPose {
   calib::Camera camera_;
   double room_distance_m_, shift_sigma_m_;
   RoomRotation room_;
-  Matrix9 information_ = Matrix9::Zero();  // of the witnesses, about (b, v, o)
+  Matrix9 information_ = Matrix9::Zero();  // of the sightings, about (b, v, o)
   Vector9 weighted_ = Vector9::Zero();     // information times value
   Vector9 state_ = Vector9::Zero();
   Matrix9 covariance_ = Matrix9::Zero();

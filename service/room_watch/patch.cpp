@@ -8,24 +8,15 @@
 namespace huetrack::room_watch {
 namespace {
 
-constexpr int lanes = 8;  // sums that are added side by side, so that the order of additions is written down
+constexpr int lanes = 8;  // layout: partial sums, so that the order of additions is fixed
 static_assert(patch_pixels % lanes == 0);
 
-constexpr int margin = 3;  // blocks around the patch in which it may be found without reading again
+constexpr int margin = 3;  // layout: blocks around the patch that are read with it
 constexpr int window_side = patch_side + 1 + 2 * margin;
-constexpr int most_steps = 8, most_readings = 3;
-constexpr float settled = 0.02f;            // blocks: a fifth of what noise does
-constexpr float least_correlation = 0.75f;  // of a patch that is there: noise as strong as 0.9 of its contrast
-constexpr float least_contrast = 0.25f;     // share of the patch's own: fog, a hand on the lens
-// Between two blocks the mean of both is read. Half-way that takes 0.25 squared blocks of blur, and 1 - cos(w / 2) of a
-// wave of w radians per block, where one block of blur takes 1 - exp(-w * w / 2): in waves of four to six blocks, which
-// most detail is of, that is 1.4 times what 0.25 is.
-constexpr float loss_by_reading = 1.4f;
-constexpr float farthest = 4.f;  // blocks from the start: else it is another one
-
-// In a search several places of one edge are alike; places this near to each other are one.
-constexpr int same_place = 2;  // steps
-constexpr float searched_correlation = 0.65f, less_alike = 0.08f;
+// maths: bilinear interpolation half-way between blocks blurs by 0.25 squared blocks and removes 1 - cos(w / 2) of a
+// wave of w radians per block, where a blur of one block removes 1 - exp(-w^2 / 2): for waves of 4 to 6 blocks, which
+// most detail consists of, 1.4 times 0.25.
+constexpr float loss_by_interpolation = 1.4f;
 
 float sum_of(const std::array<float, lanes>& partial) {
   float sum = 0;
@@ -47,11 +38,11 @@ float product(const Pixels& a, const Pixels& b) {
   return sum_of(partial);
 }
 
-// By a Gaussian; what is beyond the border is held to be as the border. In pictures of rooms a patch of twelve blocks
-// that is blurred so is as like to what a blurred picture shows (0.97 to 1) up to 6 blocks.
+// Gaussian blur with a replicated border. In pictures of rooms a patch blurred so correlates with the blurred picture
+// by 0.97 to 1 up to 6 blocks.
 SeenPixels blurred_pixels(const SeenPixels& seen, double sigma) {
   using Square = Eigen::Matrix<float, seen_side, seen_side, Eigen::RowMajor>;
-  Square kernel = Square::Zero();  // of one line: what every place takes of every other one
+  Square kernel = Square::Zero();  // of one line
   const int reach = int(std::ceil(3 * sigma));
   for (int k = -reach; k <= reach; ++k) {
     const auto weight = float(std::exp(-0.5 * k * k / (sigma * sigma)));
@@ -76,7 +67,6 @@ Pixels inner(const SeenPixels& seen) {
   return pixels;
 }
 
-// The patch's detail, from its values and gradients.
 void set_detail(Patch& patch) {
   const SeenPixels seen = pixels_of(patch.seen);
   const Pixels sharp = inner(seen), soft = inner(blurred_pixels(seen, 1));
@@ -95,14 +85,14 @@ void set_detail(Patch& patch) {
   patch.detail_energy = std::max(product(patch.detail, patch.detail), 1e-3f);
 }
 
-// now = gain (values - loss detail) + a shift's share: of that, the loss. `detail` is what is left of the whole detail
-// when its share of the values is taken out, which lowers the gain that is seen.
-float loss_of(const Patch& patch, const Pixels& now, float seen_gain) {
-  const float lost = -product(now, patch.detail) / (patch.detail_energy * seen_gain);
+// The loss in: now = gain (values - loss * whole detail) + shift. Patch::detail lacks the whole detail's share of the
+// values, which lowers the measured gain.
+float loss_of(const Patch& patch, const Pixels& now, float measured_gain) {
+  const float lost = -product(now, patch.detail) / (patch.detail_energy * measured_gain);
   return lost / std::max(0.1f, 1 + lost * patch.detail_of_values);
 }
 
-// Of the window that begins `from` blocks after the buffer's corner, which is `now`.
+// Sums over `now`, the window that begins `from` blocks after the buffer's corner.
 Sums sums_at(const Patch& patch, const float* buffer, const Eigen::Vector2f& from, Pixels& now) {
   const int u = int(from.x()), v = int(from.y());
   const float du = from.x() - float(u), dv = from.y() - float(v);
@@ -188,10 +178,10 @@ Found find(const Patch& patch, const Luma& luma, const Eigen::Vector2d& start) {
   Sums sums;
   alignas(64) Pixels now;
   Eigen::Vector2f read_at = Eigen::Vector2f::Zero();
-  for (int step = 0; step < most_steps; ++step) {
+  for (int step = 0; step < patch_fit.most_steps; ++step) {
     Eigen::Vector2f from = (centre - corner.cast<double>()).cast<float>() - Eigen::Vector2f::Constant(half);
     if (!is_read || from.minCoeff() < 0 || from.maxCoeff() >= float(2 * margin + 1)) {
-      if (readings++ == most_readings) return found;
+      if (readings++ == patch_fit.most_readings) return found;
       corner = (centre.array() - double(half)).floor().cast<int>().matrix() - Eigen::Vector2i::Constant(margin);
       if (!luma.read(corner.x(), corner.y(), window_side, window_side, buffer.data())) return found;
       is_read = true;
@@ -199,19 +189,21 @@ Found find(const Patch& patch, const Luma& luma, const Eigen::Vector2d& start) {
     }
     sums = sums_at(patch, buffer.data(), from, now);
     read_at = from;
-    if (sums.with_patch <= 0) break;  // it is dark where the patch is bright
+    if (sums.with_patch <= 0) break;  // negative correlation
     const float gain = sums.with_patch / patch.energy;
     const Eigen::Vector2f change = patch.from_gradient * Eigen::Vector2f(sums.with_x, sums.with_y) / gain;
     const float length = change.norm();
-    centre -= (length > 2 ? Eigen::Vector2f(change * (2 / length)) : change).cast<double>();
-    if (!((centre - start).norm() <= double(farthest))) break;
-    is_settled = length < settled;
+    const float limit = patch_fit.max_step_blocks;
+    centre -= (length > limit ? Eigen::Vector2f(change * (limit / length)) : change).cast<double>();
+    if (!((centre - start).norm() <= double(patch_fit.max_shift_blocks))) break;
+    is_settled = length < float(patch_fit.settled_blocks);
     if (is_settled) break;
   }
   const float energy = std::max(sums.square - sums.value * sums.value / float(patch_pixels), 1e-3f);
   found.contrast = std::sqrt(energy / float(patch_pixels));
   found.correlation = sums.with_patch / std::sqrt(energy * patch.energy);
-  if (!is_settled || found.correlation < least_correlation || found.contrast < least_contrast * patch.contrast()) {
+  if (!is_settled || found.correlation < patch_fit.min_correlation ||
+      found.contrast < patch_fit.min_contrast * patch.contrast()) {
     found.outcome = Found::Outcome::differs;
     return found;
   }
@@ -221,7 +213,8 @@ Found find(const Patch& patch, const Luma& luma, const Eigen::Vector2d& start) {
   const float noise = patch.energy * unexplained / float(patch_pixels);
   found.sigma = std::sqrt(noise * patch.from_gradient.trace() / 2);
   const Eigen::Array2f between = read_at.array() - read_at.array().floor();
-  found.loss = loss_of(patch, now, sums.with_patch / patch.energy) - loss_by_reading * (between * (1 - between)).mean();
+  found.loss =
+      loss_of(patch, now, sums.with_patch / patch.energy) - loss_by_interpolation * (between * (1 - between)).mean();
   found.loss_sigma = std::sqrt(noise / patch.detail_energy);
   return found;
 }
@@ -244,7 +237,7 @@ std::optional<Patch> blurred(const Patch& patch, double sigma_blocks) {
 }
 
 double blur_of(const Patch& patch, double loss) {
-  // The loss grows with the blur; between two of these it does so nearly evenly.
+  // maths: nodes between which the loss is nearly linear in the blur
   constexpr std::array blurs{0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0};
   if (loss <= 0) return 0;
   const SeenPixels seen = pixels_of(patch.seen);
@@ -268,8 +261,7 @@ std::optional<Eigen::Vector2d> search(const Patch& patch, const Luma& luma, cons
   const int columns = right - left + patch_side, rows = bottom - top + patch_side;
   std::vector<float> area(std::size_t(columns) * std::size_t(rows));
   if (!luma.read(left, top, columns, rows, area.data())) return std::nullopt;
-  // Every second place in both directions: find() does the rest.
-  constexpr int stride = 2;
+  constexpr int stride = 2;  // layout: every second place in both directions; find() does the rest
   const int places = (right - left) / stride + 1, lines = (bottom - top) / stride + 1;
   std::vector<float> alike(std::size_t(places) * std::size_t(lines));
   std::vector<float> with_patch(static_cast<std::size_t>(places)), value(with_patch), square(with_patch);
@@ -290,17 +282,18 @@ std::optional<Eigen::Vector2d> search(const Patch& patch, const Luma& luma, cons
     for (int u = 0; u < places; ++u) {
       const auto k = std::size_t(u);
       const float energy = square[k] - value[k] * value[k] / float(patch_pixels);
-      const bool has_contrast = energy > least_contrast * least_contrast * patch.energy;
+      const bool has_contrast = energy > patch_fit.min_contrast * patch_fit.min_contrast * patch.energy;
       alike[std::size_t(v) * std::size_t(places) + k] =
           has_contrast ? with_patch[k] / std::sqrt(energy * patch.energy) : 0.f;
     }
   }
   const auto best = std::ranges::max_element(alike);
-  if (*best < searched_correlation) return std::nullopt;
+  if (*best < patch_fit.search_correlation) return std::nullopt;
   const int at = int(best - alike.begin()), u = at % places, v = at / places;
   for (int k = 0; k < int(alike.size()); ++k) {
-    const bool is_apart = std::abs(k % places - u) > same_place || std::abs(k / places - v) > same_place;
-    if (is_apart && alike[std::size_t(k)] > *best - less_alike) return std::nullopt;
+    const bool is_apart = std::abs(k % places - u) > patch_fit.search_neighbour_steps ||
+                          std::abs(k / places - v) > patch_fit.search_neighbour_steps;
+    if (is_apart && alike[std::size_t(k)] > *best - patch_fit.search_margin) return std::nullopt;
   }
   return Eigen::Vector2d(left + stride * u, top + stride * v) + Eigen::Vector2d::Constant(double(patch_side - 1) / 2);
 }

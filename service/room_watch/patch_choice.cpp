@@ -10,11 +10,13 @@
 namespace huetrack::room_watch {
 namespace {
 
-// Gradients are summed in bins of so many blocks; a patch is three by three of them, and begins where a bin does.
-constexpr int bin = 4;
+constexpr int bin = 4;  // layout: blocks, in which gradients are summed; a patch is 3 x 3 bins
 static_assert(patch_side % bin == 0);
 constexpr int bins_of_patch = patch_side / bin;
-constexpr float some_texture = 1;  // squared grey levels per squared block: what is less is the noise of one image
+struct PatchChoiceTuning {
+  float min_texture = 1;  // squared grey levels per squared block; less is the noise of one image
+};
+constexpr PatchChoiceTuning patch_choice{};
 
 struct Gradients {
   float xx = 0, xy = 0, yy = 0;
@@ -25,7 +27,7 @@ struct Gradients {
   float least() const { return (xx + yy) / 2 - std::sqrt((xx - yy) * (xx - yy) / 4 + xy * xy); }
 };
 
-// Of every second block in every fourth row: a corner is larger than that.
+// Sampled at every second block of every fourth row: a corner is larger.
 std::vector<Gradients> gradients_of(const Luma& luma, int bin_columns, int bin_rows) {
   std::vector<Gradients> bins(std::size_t(bin_columns) * std::size_t(bin_rows));
   const int columns = bin_columns * bin;
@@ -47,7 +49,7 @@ std::vector<Gradients> gradients_of(const Luma& luma, int bin_columns, int bin_r
   return bins;
 }
 
-// Of every bin, with the two that follow it at that distance: in place.
+// Adds to every bin the two that follow at that distance, in place.
 void add_the_next(std::vector<Gradients>& bins, std::size_t distance) {
   static_assert(bins_of_patch == 3);
   for (std::size_t k = 0; k + 2 * distance < bins.size(); ++k)
@@ -59,11 +61,11 @@ void add_the_next(std::vector<Gradients>& bins, std::size_t distance) {
 std::vector<ChosenPatch> choose_patches(const Luma& luma, int margin) {
   const int bin_columns = luma.columns() / bin, bin_rows = luma.rows() / bin;
   if (bin_columns < 2 * bins_of_patch || bin_rows < 2 * bins_of_patch) return {};
-  std::vector<Gradients> of_patch = gradients_of(luma, bin_columns, bin_rows);  // that begins in that bin
+  std::vector<Gradients> of_patch = gradients_of(luma, bin_columns, bin_rows);  // beginning in that bin
   add_the_next(of_patch, 1);
   add_the_next(of_patch, std::size_t(bin_columns));
   struct Best {
-    float texture = some_texture * float(patch_pixels) / 8;  // an eighth of the blocks is looked at
+    float texture = patch_choice.min_texture * float(patch_pixels) / 8;  // an eighth of the blocks is sampled
     Eigen::Vector2i corner = Eigen::Vector2i::Zero();
     bool is_any = false;
   };

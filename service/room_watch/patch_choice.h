@@ -1,5 +1,4 @@
-// Which pieces of a picture can be found again: corners, one at most in each cell of a grid, so that they are spread
-// over it. Pure.
+// Choice of patches that can be found again: corners, at most one in each cell of a grid. Pure.
 #pragma once
 
 #include <Eigen/Core>
@@ -9,15 +8,15 @@
 
 namespace huetrack::room_watch {
 
-constexpr int cell_columns = 8, cell_rows = 6;  // 48 patches give a rotation to some hundredths of a block
+constexpr int cell_columns = 8, cell_rows = 6;  // layout: 48 patches determine a rotation to some 0.01 blocks
 
 struct ChosenPatch {
-  Eigen::Vector2i corner;  // the block at which what is seen of it begins, border included
+  Eigen::Vector2i corner;  // first block of SeenPatch, border included
   int cell = 0;            // row by row
 };
 
-// One per cell that has some texture, by cell. margin: so many blocks at the image's edge are left out, as a patch that
-// leaves the image when the camera is turned tells nothing.
+// One per cell that has texture, by cell. margin: blocks left out at the image's edge, because a patch that leaves the
+// image when the camera turns cannot be measured.
 std::vector<ChosenPatch> choose_patches(const Luma& luma, int margin);
 
 }  // namespace huetrack::room_watch

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <span>
 
+#include "calib/model/covariance_ellipse.h"
 #include "calib/model/cross_matrix.h"
 #include "calib/model/median.h"
 #include "calib/model/rigid3.h"
@@ -12,19 +13,23 @@
 namespace huetrack::room_watch {
 namespace {
 
-constexpr int most_rounds = 6;
-constexpr double same_gate = 0.9;     // a gate that is narrowed by less is what it will be
-constexpr double tukey_sigmas = 4.5;  // beyond, a ray has no say; usual for 95 % efficiency: 4.685
-// Patches have errors that stay: JPEG blocks, interpolation, a lens that is not quite its model. As a share of a pixel.
-constexpr double bias_sigma_px = 0.05;
-constexpr double least_gate_px = 0.3;
-constexpr std::size_t least_rays = 4;
+struct RotationFitTuning {
+  int most_rounds = 6;        // of reweighting
+  double settled_gate = 0.9;  // a gate that narrows by less has converged
+  double tukey_sigmas = 4.5;  // zero weight beyond; 95 % efficiency is at 4.685
+  double bias_px = 0.05;      // 1 sigma per patch of JPEG blocks, interpolation and lens model
+  double min_gate_px = 0.3;   // the narrowest gate
+};
+constexpr RotationFitTuning rotation_tuning{};
+constexpr std::size_t least_rays = 4;  // maths: unknowns
 
-// A guess: two rays so many gates apart fix a rotation, or a zoom as well, to 2 %. What is searched for is like the
-// patch that was kept up to a tenth of zoom. One number more has to be paid for by so many rays: by chance one or two
-// of sixteen agree.
-constexpr double rotation_fixed_by = 20, zoom_fixed_by = 50, most_zoom = 0.1;
-constexpr int zoom_needs = 3;
+struct AimGuessTuning {
+  double rotation_base = 20;  // gates by which two rays must be apart to fix a rotation to 5 %
+  double zoom_base = 50;      // gates by which they must be apart to fix a zoom to 2 %
+  double max_zoom = 0.1;      // beyond it a patch no longer correlates with its picture
+  int zoom_votes = 3;         // more rays that must agree with a zoom: by chance 1 or 2 of 16 do
+};
+constexpr AimGuessTuning aim_guess{};
 
 using Row = Eigen::Matrix<double, 2, 4>;
 using Matrix4 = Eigen::Matrix4d;
@@ -42,7 +47,7 @@ Eigen::Vector3d vector_of(const Eigen::Quaterniond& rotation) {
 struct Linear {
   Row derivative;                        // of the pixel by rotation and zoom
   Eigen::Matrix<double, 2, 3> by_shift;  // by p_now - R p_then in units of the room's distance
-  Eigen::Vector2d difference;            // seen less expected
+  Eigen::Vector2d difference;            // measured less predicted
   double variance;
   double weight = 0;
 };
@@ -67,7 +72,7 @@ std::vector<Linear> linearised(const calib::CameraModel& lens, std::span<const S
     added.derivative.col(3) = px->px - centre;
     added.by_shift = (1 + zoom) * jacobian;
     added.difference = s.px - centre - (1 + zoom) * (px->px - centre);
-    added.variance = s.sigma_px * s.sigma_px + bias_sigma_px * bias_sigma_px;
+    added.variance = s.sigma_px * s.sigma_px + rotation_tuning.bias_px * rotation_tuning.bias_px;
   }
   return all;
 }
@@ -102,7 +107,7 @@ std::optional<RotationFit> fit_rotation(const calib::CameraModel& lens, std::spa
   Matrix4 normal = Matrix4::Zero();
   double gate = gate_px;
   std::vector<double> distances;
-  for (int round = 0; round < most_rounds; ++round) {
+  for (int round = 0; round < rotation_tuning.most_rounds; ++round) {
     distances.clear();
     for (Linear& l : all) {
       const double r = (l.difference - l.derivative * x).norm();
@@ -120,10 +125,11 @@ std::optional<RotationFit> fit_rotation(const calib::CameraModel& lens, std::spa
     const Eigen::LLT<Matrix4> solver(normal);
     if (solver.info() != Eigen::Success) return std::nullopt;
     x = solver.solve(right);
-    // Rayleigh: the median distance is 1.177 sigma of each axis.
+    // maths: the median of a Rayleigh distribution is 1.177 sigma.
     const double middle = calib::median_in_place(std::span(distances));
-    const double narrower = std::clamp(tukey_sigmas * middle / 1.177, least_gate_px, gate);
-    const bool is_settled = round > 0 && narrower > same_gate * gate;
+    const double narrower =
+        std::clamp(rotation_tuning.tukey_sigmas * middle / 1.177, rotation_tuning.min_gate_px, gate);
+    const bool is_settled = round > 0 && narrower > rotation_tuning.settled_gate * gate;
     gate = narrower;
     if (is_settled) break;
   }
@@ -133,15 +139,15 @@ std::optional<RotationFit> fit_rotation(const calib::CameraModel& lens, std::spa
   for (const Linear& l : all) {
     const double r2 = (l.difference - l.derivative * x).squaredNorm();
     if (r2 >= gate * gate) continue;
-    ++fit.held;
+    ++fit.inliers;
     sum += r2;
     chi2 += r2 / l.variance;
     by_shift += l.weight * l.derivative.transpose() * l.by_shift;
   }
-  if (fit.held < int(least_rays)) return std::nullopt;
-  fit.rms_px = std::sqrt(sum / fit.held);
+  if (fit.inliers < int(least_rays)) return std::nullopt;
+  fit.rms_px = std::sqrt(sum / fit.inliers);
   const Matrix4 inverse = normal.llt().solve(Matrix4::Identity());
-  const double scale = std::max(1.0, chi2 / (2.0 * fit.held - 4));
+  const double scale = std::max(1.0, chi2 / (2.0 * fit.inliers - 4));
   fit.covariance = scale * inverse.topLeftCorner<3, 3>();
   fit.zoom = start.zoom + x(3);
   fit.with_zoom = scale * inverse.topRightCorner<3, 1>();
@@ -161,22 +167,20 @@ RotationFit without_zoom(const RotationFit& fit) {
 }
 
 std::optional<double> zoom_instead(const RotationFit& fit, const Eigen::Vector3d& rotation) {
-  constexpr double once_in_thousand = 16.3;  // chi-square of the three numbers that are then not free
   const Eigen::Vector3d off = rotation_between(rotation, fit.rotation);
   const Eigen::Vector3d weighted = fit.covariance.llt().solve(off);
-  if (off.dot(weighted) > once_in_thousand) return std::nullopt;
+  if (off.dot(weighted) > calib::chi2_999_in_3d) return std::nullopt;
   return fit.zoom - fit.with_zoom.dot(weighted);
 }
 
 namespace {
 
-// Of which most rays agree with what two of them say.
 struct Guess {
   Aim aim;
   int agree = 2;
 };
 
-// is_zooming: by how much two rays are farther apart than they were is zoom, and not a reason to leave them out.
+// The hypothesis of two rays with most inliers. is_zooming: a changed angle between them is zoom, not an error.
 Guess best_guess(const calib::CameraModel& lens, std::span<const SeenRay> seen, double gate_px, bool is_zooming) {
   const Eigen::Vector2d centre(lens.cx(), lens.cy());
   const auto frame = [](const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
@@ -196,14 +200,13 @@ Guess best_guess(const calib::CameraModel& lens, std::span<const SeenRay> seen, 
   for (std::size_t i = 0; i < seen.size(); ++i) {
     for (std::size_t j = i + 1; j < seen.size(); ++j) {
       const double apart = (seen[i].ray - seen[j].ray).norm();
-      // Two that are near each other fix no rotation; a zoom is fixed by those only that are farther apart.
-      if (apart < (is_zooming ? zoom_fixed_by : rotation_fixed_by) * gate_rad) continue;
+      if (apart < (is_zooming ? aim_guess.zoom_base : aim_guess.rotation_base) * gate_rad) continue;
       auto first = now[i], second = now[j];
       if (!first || !second) continue;
       const double zoom = is_zooming ? (*first - *second).norm() / apart - 1 : 0;
-      if (std::abs(zoom) > most_zoom) continue;
+      if (std::abs(zoom) > aim_guess.max_zoom) continue;
       if (is_zooming) first = unzoomed(i, zoom), second = unzoomed(j, zoom);
-      // A turned camera keeps the angle between two rays.
+      // A rotation keeps the angle between two rays.
       if (!first || !second || std::abs(apart - (*first - *second).norm()) > 2 * gate_rad) continue;
       const Eigen::Matrix3d rotation = frame(*first, *second) * frame(seen[i].ray, seen[j].ray).transpose();
       const Aim aim{vector_of(Eigen::Quaterniond(rotation)), zoom};
@@ -222,8 +225,9 @@ Guess best_guess(const calib::CameraModel& lens, std::span<const SeenRay> seen, 
 
 std::optional<Aim> guess_aim(const calib::CameraModel& lens, std::span<const SeenRay> seen, double gate_px) {
   const Guess turned = best_guess(lens, seen, gate_px, false);
-  const Guess best = int(seen.size()) >= turned.agree + zoom_needs ? best_guess(lens, seen, gate_px, true) : turned;
-  const Guess& better = best.agree >= turned.agree + zoom_needs ? best : turned;
+  const Guess best =
+      int(seen.size()) >= turned.agree + aim_guess.zoom_votes ? best_guess(lens, seen, gate_px, true) : turned;
+  const Guess& better = best.agree >= turned.agree + aim_guess.zoom_votes ? best : turned;
   if (better.agree <= 2) return std::nullopt;
   return better.aim;
 }

@@ -15,11 +15,27 @@
 namespace huetrack::view_watch {
 namespace {
 
-// What a good rig and a lens leave: a fraction of a pixel.
-constexpr double sigma_of_rig_px = 0.25;
-constexpr double longest_gap_s = 0.15;  // between two samples, to tell what was between them
-constexpr double largest_off = 5;       // in standard deviations: further off is as bad
-constexpr double nowhere_px = 60;       // rays that meet behind a camera
+struct PairNoiseTuning {
+  double rig_px = 0.25;          // 1 sigma of a good rig and lens model
+  double edge_px = 0.25;         // 1 sigma of a region's centre by its coarse edge
+  double shade_radii = 0.06;     // 1 sigma of a region's centre by light from one side, in its radius
+  double max_sigmas = 5;         // robust cost: farther off is as bad
+  double behind_px = 60;         // residual of rays that meet behind a camera
+  double min_depth_m = 0.05;     // nearer counts as behind
+  double same_time_s = 0.002;    // of triggered cameras: nothing is interpolated, however far apart their samples are
+  double acceleration_m_s2 = 5;  // of the target, by which interpolation errs
+  double distance_m = 3;         // of the target, for that
+};
+constexpr PairNoiseTuning pair_noise{};
+
+struct LatenessSearchTuning {
+  double max_s = 0.6;             // seconds, either way
+  double step_s = 0.02;           // of the first grid: half a frame period
+  std::size_t most_compared = 4;  // earlier cameras that one is compared with: all pairs of many would take too long
+};
+constexpr LatenessSearchTuning lateness_search{};
+
+constexpr double parallel = 1e-3;  // maths: squared sine of the smallest angle of two rays
 
 }  // namespace
 
@@ -29,12 +45,11 @@ double focal_px(const calib::Camera& camera) {
 }
 
 double sigma_of_region_px(double radius_px) {
-  constexpr double of_edge_px = 0.25, of_radius = 0.06;
-  return std::hypot(of_edge_px, of_radius * radius_px);
+  return std::hypot(pair_noise.edge_px, pair_noise.shade_radii * radius_px);
 }
 
 double PairResiduals::usual() const {
-  if (off_px.size() < PairComparison::least_samples) return std::numeric_limits<double>::infinity();
+  if (off_px.size() < pair_sampling.least_samples) return std::numeric_limits<double>::infinity();
   std::vector<double> in_sigmas(off_px.size());
   std::ranges::transform(off_px, expected, in_sigmas.begin(),
                          [](double off, double sigma) { return std::abs(off) / sigma; });
@@ -52,9 +67,9 @@ PairComparison::PairComparison(const calib::CameraRig& rig) : rig_(rig) {
     focal_px_.push_back(focal_px(camera)), centres_.push_back(camera.centre());
 }
 
-// The sample k of the frames that are taken for camera `slot`'s, as the camera sees it that really took them.
+// Sample k of the frames assigned to camera `slot`, through the camera that really took them.
 PairComparison::Placed PairComparison::placed(const std::vector<Track>& tracks, std::size_t slot, std::size_t k,
-                                              const Supposition& with) const {
+                                              const FaultHypothesis& with) const {
   const Track& track = tracks[slot];
   const SeenPoint& s = track[k];
   const std::size_t real = with.really.empty() ? slot : with.really[slot];
@@ -83,12 +98,13 @@ PairComparison::Placed PairComparison::placed(const std::vector<Track>& tracks, 
   out.direction = camera.cam_from_world.rotation.conjugate() * out.direction;
   const std::size_t before = k > 0 ? k - 1 : k, after = k + 1 < track.size() ? k + 1 : k;
   const double span_s = track[after].t_s - track[before].t_s;
-  if (span_s > 0 && span_s < 2 * longest_gap_s) out.px_per_s = (track[after].px - track[before].px).norm() / span_s;
+  if (span_s > 0 && span_s < 2 * pair_sampling.longest_gap_s)
+    out.px_per_s = (track[after].px - track[before].px).norm() / span_s;
   return out;
 }
 
 PairComparison::PlacedTrack PairComparison::placed(const std::vector<Track>& tracks, std::size_t slot,
-                                                   const Supposition& with) const {
+                                                   const FaultHypothesis& with) const {
   PlacedTrack out;
   out.reserve(tracks[slot].size());
   for (std::size_t k = 0; k < tracks[slot].size(); ++k) out.push_back(placed(tracks, slot, k, with));
@@ -96,19 +112,19 @@ PairComparison::PlacedTrack PairComparison::placed(const std::vector<Track>& tra
 }
 
 std::vector<PairComparison::PlacedTrack> PairComparison::all_placed(const std::vector<Track>& tracks,
-                                                                    const Supposition& with) const {
+                                                                    const FaultHypothesis& with) const {
   std::vector<PlacedTrack> out;
   for (std::size_t slot = 0; slot < tracks.size(); ++slot) out.push_back(placed(tracks, slot, with));
   return out;
 }
 
 PairResiduals PairComparison::residuals(const std::vector<Track>& tracks, std::size_t i, std::size_t j,
-                                        const Supposition& with, const TimeSigmas& times) const {
+                                        const FaultHypothesis& with, const TimeSigmas& times) const {
   return residuals(placed(tracks, i, with), placed(tracks, j, with), i, j, with, times);
 }
 
 PairResiduals PairComparison::residuals(const PlacedTrack& of_i, const PlacedTrack& of_j, std::size_t i, std::size_t j,
-                                        const Supposition& with, const TimeSigmas& times) const {
+                                        const FaultHypothesis& with, const TimeSigmas& times) const {
   const auto real = [&](std::size_t slot) { return with.really.empty() ? slot : with.really[slot]; };
   PairResiduals out;
   const std::vector<Moment> both = moments(of_i, of_j, i, j, times);
@@ -124,14 +140,14 @@ PairResiduals PairComparison::residuals(const PlacedTrack& of_i, const PlacedTra
   return out;
 }
 
-// The one that is seen less often says when, the other one is told between its samples.
+// At the samples of the camera that has fewer; the other one is interpolated.
 std::vector<PairComparison::Moment> PairComparison::moments(const PlacedTrack& of_i, const PlacedTrack& of_j,
                                                             std::size_t i, std::size_t j,
                                                             const TimeSigmas& times) const {
   std::vector<Moment> out;
   const bool is_i_less_often = of_i.size() <= of_j.size();
   const PlacedTrack &at_samples = is_i_less_often ? of_i : of_j, &between = is_i_less_often ? of_j : of_i;
-  if (at_samples.size() < least_samples) return out;
+  if (at_samples.size() < pair_sampling.least_samples) return out;
   out.reserve(at_samples.size());
   const double time_variance_s2 = times[i] * times[i] + times[j] * times[j];
   const double focal_px = focal_px_[is_i_less_often ? j : i];
@@ -140,23 +156,20 @@ std::vector<PairComparison::Moment> PairComparison::moments(const PlacedTrack& o
     while (next + 1 < between.size() && between[next].t_s < a.t_s) ++next;
     const Placed &before = between[next - 1], &after = between[next];
     const double gap_s = after.t_s - before.t_s;
-    // In-step cameras have the same moments: nothing is to be told between samples, however far apart they are.
-    constexpr double same_s = 0.002;
-    Placed b = std::abs(a.t_s - before.t_s) < same_s ? before : after;
+    Placed b = std::abs(a.t_s - before.t_s) < pair_noise.same_time_s ? before : after;
     double interpolated_px = 0;
-    if (std::abs(a.t_s - b.t_s) >= same_s) {
-      if (!(gap_s > 0 && gap_s < longest_gap_s) || a.t_s < before.t_s || a.t_s > after.t_s) continue;
+    if (std::abs(a.t_s - b.t_s) >= pair_noise.same_time_s) {
+      if (!(gap_s > 0 && gap_s < pair_sampling.longest_gap_s) || a.t_s < before.t_s || a.t_s > after.t_s) continue;
       const double share = (a.t_s - before.t_s) / gap_s;
       b.direction = (before.direction + share * (after.direction - before.direction)).normalized();
       b.radius_px = before.radius_px + share * (after.radius_px - before.radius_px);
       b.sigma_px = std::max(before.sigma_px, after.sigma_px);
       b.px_per_s = before.px_per_s + share * (after.px_per_s - before.px_per_s);
-      // A curve between two samples: of some 5 m/s^2 at some 3 m.
-      constexpr double acceleration_m_s2 = 5, distance_m = 3;
-      interpolated_px = focal_px * acceleration_m_s2 / distance_m * gap_s * gap_s / 8;
+      // maths: largest distance of a parabola from its chord
+      interpolated_px = focal_px * pair_noise.acceleration_m_s2 / pair_noise.distance_m * gap_s * gap_s / 8;
     }
     const double px_per_s = std::max(a.px_per_s, b.px_per_s);
-    const double elsewhere_px2 = sigma_of_rig_px * sigma_of_rig_px + interpolated_px * interpolated_px +
+    const double elsewhere_px2 = pair_noise.rig_px * pair_noise.rig_px + interpolated_px * interpolated_px +
                                  time_variance_s2 * px_per_s * px_per_s / 2;
     const Placed &in_i = is_i_less_often ? a : b, &in_j = is_i_less_often ? b : a;
     out.push_back(
@@ -168,20 +181,20 @@ std::vector<PairComparison::Moment> PairComparison::moments(const PlacedTrack& o
 std::optional<PairComparison::Passing> PairComparison::passing(const Moment& moment, const Placement& placement) {
   const Eigen::Vector3d& base = placement.j_from_i_m;
   const Eigen::Vector3d &di = moment.of_i, &dj = moment.of_j;
-  const auto nearest = calib::closest_approach(base, di, dj, 1e-3);
+  const auto nearest = calib::closest_approach(base, di, dj, parallel);
   if (!nearest) return std::nullopt;
   const double along_i = nearest->along_0, along_j = nearest->along_1;
-  // Metres a pixel where both rays pass each other; a view counts by them.
+  // Metres per pixel where the rays pass each other.
   const double scale_i = std::abs(along_i) / placement.focal_i_px, scale_j = std::abs(along_j) / placement.focal_j_px;
   const double scale2 = scale_i * scale_i + scale_j * scale_j;
   const double by_i_m = scale_i * moment.sigma_i_px, by_j_m = scale_j * moment.sigma_j_px;
-  Passing out{.off_px = nowhere_px,
+  Passing out{.off_px = pair_noise.behind_px,
               .expected_px = std::sqrt(moment.elsewhere_px2 + (by_i_m * by_i_m + by_j_m * by_j_m) / scale2),
               .radius_m = 0,
               .slope_of_i_px = Eigen::Vector3d::Zero()};
-  if (along_i <= 0.05 || along_j <= 0.05) return out;
-  // The determinant of base, di and dj is how far the rays pass each other. What a rotation of di does to where they
-  // come nearest is of second order where they agree.
+  if (along_i <= pair_noise.min_depth_m || along_j <= pair_noise.min_depth_m) return out;
+  // The distance of the rays is det(base, di, dj) / |di x dj|. Its derivative neglects the motion of the nearest
+  // points, which is of second order where the rays agree.
   const double per_px = 1 / std::sqrt(nearest->sin2 * scale2);
   const Eigen::Vector3d across = dj.cross(base);
   out.off_px = di.dot(across) * per_px;
@@ -198,7 +211,7 @@ std::vector<PairComparison::WithOther> PairComparison::moments_of(const std::vec
   for (std::size_t other = 0; other < tracks.size(); ++other) {
     if (other == camera) continue;
     auto both = moments(as_is[camera], as_is[other], camera, other, times);
-    if (both.size() < least_samples) continue;
+    if (both.size() < pair_sampling.least_samples) continue;
     for (Moment& moment : both) {
       moment.of_i = cam_from_world * moment.of_i;
       moment.of_j = cam_from_world * moment.of_j;
@@ -210,50 +223,54 @@ std::vector<PairComparison::WithOther> PairComparison::moments_of(const std::vec
 }
 
 void PairComparison::add(Agreement& agreement, const PairResiduals& pair) {
-  if (pair.off_px.size() < least_samples) return;
+  if (pair.off_px.size() < pair_sampling.least_samples) return;
   const double usual = pair.usual();
   if (usual > agreement.worst) agreement.worst_px = pair.usual_px();
   agreement.worst = std::max(agreement.worst, usual);
   double sum = 0;
   for (std::size_t k = 0; k < pair.off_px.size(); ++k) {
-    const double in_sigmas = std::min(largest_off, std::abs(pair.off_px[k]) / pair.expected[k]);
+    const double in_sigmas = std::min(pair_noise.max_sigmas, std::abs(pair.off_px[k]) / pair.expected[k]);
     sum += in_sigmas * in_sigmas;
   }
   const double mean = sum / double(pair.off_px.size());
   agreement.score += (mean - agreement.score) / double(++agreement.pairs);
 }
 
-PairComparison::Agreement PairComparison::agreement(const std::vector<Track>& tracks, const Supposition& with,
-                                                    const TimeSigmas& times) const {
-  Agreement out;
-  const std::vector<PlacedTrack> seen = all_placed(tracks, with);
-  for (std::size_t j = 1; j < tracks.size(); ++j)
-    for (std::size_t i = 0; i < j; ++i) add(out, residuals(seen[i], seen[j], i, j, with, times));
-  return out;
-}
-
-PairComparison::Agreement PairComparison::agreement_of(const std::vector<Track>& tracks, std::size_t camera,
-                                                       bool with_it, const Supposition& with,
-                                                       const TimeSigmas& times) const {
+template <typename Use>
+PairComparison::Agreement PairComparison::agreement_over(const std::vector<Track>& tracks, const FaultHypothesis& with,
+                                                         const TimeSigmas& times, Use use) const {
   Agreement out;
   const std::vector<PlacedTrack> seen = all_placed(tracks, with);
   for (std::size_t j = 1; j < tracks.size(); ++j)
     for (std::size_t i = 0; i < j; ++i)
-      if ((i == camera || j == camera) == with_it) add(out, residuals(seen[i], seen[j], i, j, with, times));
+      if (use(i, j)) add(out, residuals(seen[i], seen[j], i, j, with, times));
   return out;
+}
+
+PairComparison::Agreement PairComparison::agreement(const std::vector<Track>& tracks, const FaultHypothesis& with,
+                                                    const TimeSigmas& times) const {
+  return agreement_over(tracks, with, times, [](std::size_t, std::size_t) { return true; });
+}
+
+PairComparison::Agreement PairComparison::agreement_of(const std::vector<Track>& tracks, std::size_t camera,
+                                                       bool with_it, const FaultHypothesis& with,
+                                                       const TimeSigmas& times) const {
+  return agreement_over(tracks, with, times,
+                        [&](std::size_t i, std::size_t j) { return (i == camera || j == camera) == with_it; });
 }
 
 namespace {
 
-// Of -0.6..0.6 s and of the best of these: the one of the least cost.
+// Minimum of the cost on a grid that is refined twice.
 template <typename Cost>
 double least_costly_lateness(Cost cost_of) {
-  constexpr double furthest_s = 0.6, coarse_s = 0.02, fine_s = 0.004, finest_s = 0.001;
+  constexpr double fine_s = lateness_search.step_s / 5, finest_s = fine_s / 4;  // maths: nested grids
   double best_s = 0, best = std::numeric_limits<double>::infinity();
   const auto consider = [&](double late_s) {
     if (const double cost = cost_of(late_s); cost < best) best = cost, best_s = late_s;
   };
-  for (int k = 0; k <= int(furthest_s / coarse_s); ++k) consider(k * coarse_s), consider(-k * coarse_s);
+  for (int k = 0; k <= int(lateness_search.max_s / lateness_search.step_s); ++k)
+    consider(k * lateness_search.step_s), consider(-k * lateness_search.step_s);
   for (const double step_s : {fine_s, finest_s}) {
     const double about_s = best_s;
     for (int k = -4; k <= 4; ++k) consider(about_s + k * step_s);
@@ -265,7 +282,7 @@ double least_costly_lateness(Cost cost_of) {
 
 double best_lateness(const PairComparison& comparison, const std::vector<Track>& tracks, std::size_t camera,
                      const TimeSigmas& times) {
-  Supposition with{.late_s = std::vector(tracks.size(), 0.0)};
+  FaultHypothesis with{.late_s = std::vector(tracks.size(), 0.0)};
   return least_costly_lateness([&](double late_s) {
     with.late_s[camera] = late_s;
     const auto agreement = comparison.agreement_of(tracks, camera, true, with, times);
@@ -275,13 +292,12 @@ double best_lateness(const PairComparison& comparison, const std::vector<Track>&
 
 std::vector<double> best_latenesses(const PairComparison& comparison, const std::vector<Track>& tracks,
                                     const TimeSigmas& times) {
-  constexpr std::size_t most_compared = 4;  // that were fitted before it: of many cameras all pairs would take too long
-  Supposition with{.late_s = std::vector(tracks.size(), 0.0)};
+  FaultHypothesis with{.late_s = std::vector(tracks.size(), 0.0)};
   for (std::size_t c = 1; c < tracks.size(); ++c) {
     with.late_s[c] = least_costly_lateness([&](double late_s) {
       with.late_s[c] = late_s;
       PairComparison::Agreement with_earlier;
-      for (std::size_t earlier = c - std::min(c, most_compared); earlier < c; ++earlier)
+      for (std::size_t earlier = c - std::min(c, lateness_search.most_compared); earlier < c; ++earlier)
         PairComparison::add(with_earlier, comparison.residuals(tracks, earlier, c, with, times));
       return with_earlier.pairs > 0 ? with_earlier.score : std::numeric_limits<double>::infinity();
     });

@@ -6,6 +6,7 @@
 #include <numeric>
 #include <utility>
 
+#include "calib/model/covariance_ellipse.h"
 #include "calib/model/median.h"
 #include "view_watch/camera_fit.h"
 
@@ -14,73 +15,94 @@ namespace {
 
 using object_tracking::SeenRegion;
 
-constexpr double window_s = 3, longest_rate_hz = 16, judged_every_s = 0.5;
-constexpr double forgotten_after_s = 6;  // what was found once and not again
-constexpr double suspected_for_s = 1;
+// Which samples are compared.
+struct ViewSamplesTuning {
+  double window_s = 3;           // seconds
+  double max_rate_hz = 16;       // of samples; more are correlated
+  double period_s = 0.5;         // between judgements; also the time within which clutter must move
+  double region_noise_px = 3;    // of a region that does not move, at most; twice that is motion, four times a path
+  double swerve = 0.35;          // of its step by which one thing changes direction between samples
+  double still_px = 2;           // static clutter stays within
+  double still_after_s = 1;      // for so long
+  int still_count = 5;           // and is seen so often
+  double still_forgotten_s = 5;  // after which it is no longer static clutter
+  double max_interval_s = 0.25;  // of frames, to measure their period
+  int period_intervals = 64;     // averaged: rows make one longer, the next one shorter
+};
+constexpr ViewSamplesTuning view_samples{};
+constexpr double moves_px = 2 * view_samples.region_noise_px, path_px = 4 * view_samples.region_noise_px;
+constexpr std::size_t most_spots = 16;              // capacity
+constexpr std::size_t most_cameras_at_a_time = 16;  // capacity: more would take too long
+constexpr double jitter = 0.9;                      // maths: of a period, so that no turn is missed
 
-// Good recordings have a robust cost of 0.05 to 1 and a worst pair of 0.2 to 1.2, in which cameras' own errors and
-// light are (README.md). A supposition is the answer when all pairs then agree as well, and cost much less than before.
-constexpr double agrees = 1.4, much_better = 0.45, least_gain = 0.25;
-// Below the first nothing is supposed; from the last on all that there is, and in between a small turn, but not often:
-// it takes a millisecond. From the second on the views contradict one another, whatever explains it.
-constexpr double turned_score = 0.4, suspicious_score = 0.9, disagrees = 2;
-constexpr double turns_tried_every_s = 1;
-// What was supposed so often is supposed ever more rarely: it explains, or it does not.
-constexpr int tries_at_once = 4;
-constexpr double longest_pause_s = 16;
-// Of two suppositions one is named only where it explains more than the other one: a turn has three numbers to fit.
-constexpr double clearly_better = 0.8;
-constexpr double nothing_explains = 6;
-// A mistake is named when it was found so often, half a second apart.
-constexpr int least_times = 2;
-// What nothing explains is told when the worst pair is off by so much, two to three times the worst of good recordings,
-// and was found so often: times that are being learnt, and a ball that comes from behind something, last less long.
-constexpr double contradicts = 3;
-constexpr int least_contradictions = 4;
-// What time learning can do by itself is no mistake (motion_state.cpp: standard deviation 20 ms). What it has not done
-// is one, from a frame of 30 Hz on: by as much drivers and people are off, and less is what exposures leave open.
-constexpr double least_late_s = 0.07, least_unlearnt_s = 0.03, surely_unlearnt = 4;
-// Rolling shutters take 10 to 33 ms, and what is seen is usually so far from the middle row.
-constexpr double unknown_readout_s = 0.02, usual_below_middle = 0.3;
-// What was learnt is said in hundredths of a second.
-constexpr double said_to_s = 0.005;
-// One-sided: once in a thousand.
-constexpr double surely_too_long = 3;
-// Found twice, half a second apart, times are what they are: not further apart than they can be told.
-constexpr double same_times_s = 0.015;
-// Of what jumped lately, less is known than of what lasts; at 16 Hz this is more samples than a comparison needs.
-constexpr double since_jump_s = 1.2;
-constexpr std::size_t most_cameras_at_a_time = 16;  // more would take too long
-constexpr double least_turn_rad = 0.0052;
-// Chi-square, 3 degrees of freedom: light and shade do as much in one camera and place of a thousand.
-constexpr double surely_turned = 16.3;
-// Chi-square, 1 degree of freedom; and cheap lenses' focal lengths follow the focus by a per cent or two.
-constexpr double surely_zoomed = 10.8, least_zoom = 0.03;
-// Of a picture.
-constexpr double least_shared = 0.03, times_the_target = 4;
-constexpr int least_shared_looks = 3;
-// A region is smaller than the disc by a dark side, larger by what else has the colour.
-constexpr double smallest_ratio = 0.78, largest_ratio = 1.3;
-// An outline is exact to a few per cent, and blur and light that darkens towards the edge make it smaller: by 6 % in
-// the worst of good recordings, of which this is more than twice.
-constexpr double smallest_by_outlines = 0.86, largest_by_outlines = 1.1;
-constexpr double least_motion_px = 12;  // in an image
+// When views are inconsistent, and when a hypothesis explains it. Good recordings have a robust cost of 0.05 to 1 and a
+// worst pair of 0.2 to 1.2 (EXPERIMENTS.md); PairComparison::Agreement has the units.
+struct ConsistencyTuning {
+  double agrees = 1.4;            // worst pair, at most, under the hypothesis
+  double much_better = 0.45;      // cost under the hypothesis in that of the rig, at most
+  double min_gain = 0.25;         // decrease of the cost, at least
+  double turned_score = 0.4;      // cost from which a small turn is tested, once a second
+  double suspicious_score = 0.9;  // cost from which the views are inconsistent
+  double disagrees = 2;           // worst pair from which they are, and all hypotheses are tested
+  double contradicts = 3;       // worst pair from which it is reported without explanation; best pair, twice: other rig
+  double clearly_better = 0.8;  // cost of the best hypothesis in that of the second
+  double many_parameters = 1.3;  // factor of the cost of a hypothesis with three or more parameters
+  double one_parameter = 1.1;    // factor of the cost of a hypothesis with one
+  double cost_floor = 0.2;       // added to costs that are compared: below, all hypotheses are good
+  int tries_at_once = 4;         // then the tests become rarer
+  double max_pause_s = 16;       // between tests
+  int min_times = 2;             // a mistake was found so often before it is named; an unexplained one twice as often
+};
+constexpr ConsistencyTuning consistency{};
+constexpr double forgotten_after_s = 2 * view_samples.window_s;  // what was found once
+constexpr double suspected_for_s = 2 * view_samples.period_s;
+
+struct TimingFaultTuning {
+  double min_late_s = 0.07;         // a stamp's error; up to that the tracker estimates latency (prior 20 ms, 1 sigma)
+  double min_unlearnt_s = 0.03;     // what it has not estimated: a frame at 30 Hz; twice the precision of both
+  double sure_sigmas = 4;           // of a latency
+  double readout_s = 0.02;          // of an unknown rolling shutter: 10 to 33 ms
+  double usual_below_middle = 0.3;  // row, 1 sigma: 1 / sqrt(12) of the picture's height
+  double report_sigma_s = 0.005;    // a latency is reported when it is known to that
+  double too_long_sigmas = 3;       // of a readout beyond the frame period: 1 in 1000
+  double since_jump_s = 1.2;        // seconds that are compared after a jump: 19 samples
+  double initial_sigma_s = 0.001;   // of times before the first estimate
+};
+constexpr TimingFaultTuning timing_fault{};
+constexpr double same_times_s = timing_fault.min_unlearnt_s / 2;
+
+struct CameraFaultTuning {
+  double min_turn_rad = 0.0052;  // 0.3 degrees
+  double min_zoom = 0.03;        // cheap lenses change by 1 to 2 % with the focus
+};
+constexpr CameraFaultTuning camera_fault{};
+
+struct TargetFaultTuning {
+  double min_shared = 0.03;         // of a picture that has the target's colour
+  double times_the_target = 4;      // of what the target can cover
+  int min_shared_count = 3;         // consecutive judgements
+  double min_region_ratio = 0.78;   // of radii by regions: shade makes them smaller
+  double max_region_ratio = 1.3;    // other things of the colour make them larger
+  double min_outline_ratio = 0.86;  // of radii by outlines: blur and shade make them smaller by up to 6 % (experiment)
+  double max_outline_ratio = 1.1;   // the same
+};
+constexpr TargetFaultTuning target_fault{};
 
 std::size_t most_samples() {
-  return std::size_t(window_s * longest_rate_hz);
+  return std::size_t(view_samples.window_s * view_samples.max_rate_hz);
 }
 
-// One thing that moves, and not now this and now that: it swerves by less than it goes.
+// One thing that moves, as opposed to alternating ones: it swerves by less than it goes.
 bool is_smooth(const SeenPoint& before, const SeenPoint& at, const SeenPoint& after) {
-  constexpr double longest_gap_s = 0.15, noise_px = 3, swerve = 0.35;
-  if (after.t_s - before.t_s > 2 * longest_gap_s) return false;
+  if (after.t_s - before.t_s > 2 * pair_sampling.longest_gap_s) return false;
   const Eigen::Vector2d in = (at.px - before.px) / (at.t_s - before.t_s);
   const Eigen::Vector2d out = (after.px - at.px) / (after.t_s - at.t_s);
   const double step_s = 0.5 * (after.t_s - before.t_s);
-  return (out - in).norm() * step_s < noise_px + swerve * (out.norm() + in.norm()) * step_s;
+  return (out - in).norm() * step_s <
+         view_samples.region_noise_px + view_samples.swerve * (out.norm() + in.norm()) * step_s;
 }
 
-// Of stamps that jump: of all cameras that do.
+// Uneven times of both.
 Mistake joined(const Mistake& before, Mistake now) {
   for (const int camera : before.cameras)
     if (std::ranges::find(now.cameras, camera) == now.cameras.end()) now.cameras.push_back(camera);
@@ -89,12 +111,12 @@ Mistake joined(const Mistake& before, Mistake now) {
   return now;
 }
 
-// What would make the views agree, supposed one after the other; an answer is what does.
-class Suppositions {
+// Tests fault hypotheses one after the other; those that make the views consistent are answers.
+class FaultHypotheses {
  public:
   // All outlive it.
-  Suppositions(const calib::CameraRig& rig, const std::vector<Track>& tracks, const TimeSigmas& time_sigmas,
-               const PairComparison::Agreement& as_is)
+  FaultHypotheses(const calib::CameraRig& rig, const std::vector<Track>& tracks, const TimeSigmas& time_sigmas,
+                  const PairComparison::Agreement& as_is)
       : rig_(rig), tracks_(tracks), time_sigmas_(time_sigmas), as_is_(as_is), comparison_(rig) {
     for (std::size_t j = 1; j < rig.cameras.size(); ++j)
       for (std::size_t i = 0; i < j; ++i)
@@ -102,7 +124,7 @@ class Suppositions {
           pairs_.push_back({i, j, usual});
   }
 
-  // Whose frames are whose: every exchange of two, and of three or four all orders.
+  // Frames exchanged: all orders of up to four cameras, otherwise all exchanges of two.
   void try_orders() {
     const std::size_t n = rig_.cameras.size();
     std::vector<std::size_t> really(n);
@@ -116,38 +138,38 @@ class Suppositions {
     }
   }
 
-  // It disagrees with two that agree with each other: fewer could be explained by anything.
+  // It is inconsistent with two that are consistent with each other: fewer could be explained by anything.
   bool could_be_fault_of(std::size_t camera) const {
     if (rig_.cameras.size() <= 2) return true;
     const auto is_of_it = [&](const Pair& pair) { return pair.i == camera || pair.j == camera; };
-    const auto is_bad = [&](const Pair& pair) { return !is_of_it(pair) && pair.usual > disagrees; };
+    const auto is_bad = [&](const Pair& pair) { return !is_of_it(pair) && pair.usual > consistency.disagrees; };
     const auto with_it = std::size_t(std::ranges::count_if(pairs_, is_of_it));
     return with_it >= 2 && with_it < pairs_.size() && std::ranges::none_of(pairs_, is_bad);
   }
 
-  // learnt_s: how late it was learnt to be, which the tracks' times hold.
+  // learnt_s: the estimated latency beyond the rig's, which the tracks' times contain.
   void try_lateness(std::size_t camera, double learnt_s) {
     const double late_s = best_lateness(comparison_, tracks_, camera, time_sigmas_);
-    const double in_all_s = late_s - learnt_s;  // beside what the rig says
+    const double in_all_s = late_s - learnt_s;  // beyond the rig's
     std::vector<double> extra_latency_s(rig_.cameras.size(), 0.0);
     extra_latency_s[camera] = late_s;
     judge({.kind = MistakeKind::late, .cameras = {int(camera)}, .size = in_all_s, .extra_latency_s = extra_latency_s},
           {.late_s = extra_latency_s}, true);
   }
 
-  // The times of all cameras: of videos that did not begin together, and of frames that were dropped and not counted.
-  // One camera that is late alone is the simpler answer.
+  // The times of all cameras: videos that did not begin together, or frames that were dropped and not counted. One late
+  // camera alone is the simpler answer.
   void try_times_of_all(const TimeSigmas& learnt_s) {
     const auto is_of_times = [](const Answer& a) { return a.mistake.kind == MistakeKind::late; };
     const std::size_t n = rig_.cameras.size();
     if (n < 3 || n > most_cameras_at_a_time || std::ranges::any_of(answers_, is_of_times)) return;
-    // Cameras whose times are others are in no step, and nobody knows their readouts but who states them: what is seen
-    // above or below the middle of a picture is off by as much.
+    // Such cameras are not triggered: unless the rig states their readouts, these add to the uncertainty of times.
     TimeSigmas sigmas = time_sigmas_;
     for (std::size_t c = 0; c < n; ++c)
-      if (!rig_.cameras[c].timing.readout_s) sigmas[c] = std::hypot(sigmas[c], usual_below_middle * unknown_readout_s);
+      if (!rig_.cameras[c].timing.readout_s)
+        sigmas[c] = std::hypot(sigmas[c], timing_fault.usual_below_middle * timing_fault.readout_s);
     const PairComparison::Agreement as_is = comparison_.agreement(tracks_, {}, sigmas);
-    if (as_is.worst < disagrees) return;
+    if (as_is.worst < consistency.disagrees) return;
     std::vector<double> late_s = best_latenesses(comparison_, tracks_, sigmas);
     Mistake mistake{.kind = MistakeKind::uneven_times, .off_px = as_is_.worst_px};
     const double in_time_s = calib::median(late_s);
@@ -162,7 +184,7 @@ class Suppositions {
       mistake.kind = MistakeKind::late;
       mistake.size = late_s[camera] - in_time_s - learnt_s[camera];
     }
-    for (double& s : mistake.extra_latency_s) s -= in_time_s;  // most cameras' clock is the right one
+    for (double& s : mistake.extra_latency_s) s -= in_time_s;  // the median camera's clock is taken as right
     const auto agreement = comparison_.agreement(tracks_, {.late_s = std::move(late_s)}, sigmas);
     if (explains(agreement, as_is)) answers_.push_back({std::move(mistake), agreement.score, true});
   }
@@ -174,35 +196,36 @@ class Suppositions {
     if (!turn) return;
     judge({.kind = MistakeKind::turned, .cameras = {int(camera)}, .size = turn->turn_rad.norm()},
           {.camera = camera, .turn_rad = turn->turn_rad},
-          turn->turn_rad.norm() >= least_turn_rad && turn->gain >= surely_turned);
+          turn->turn_rad.norm() >= camera_fault.min_turn_rad && turn->gain >= calib::chi2_999_in_3d);
   }
 
   void try_zoom(std::size_t camera) {
     const auto [zoom, gain] = best_zoom(comparison_, tracks_, camera, time_sigmas_);
     judge({.kind = MistakeKind::zoomed, .cameras = {int(camera)}, .size = zoom}, {.camera = camera, .zoom = zoom},
-          std::abs(zoom - 1) >= least_zoom && gain >= surely_zoomed);
+          std::abs(zoom - 1) >= camera_fault.min_zoom && gain >= calib::chi2_999_in_1d);
   }
 
   void try_mirror(std::size_t camera) {
     judge({.kind = MistakeKind::mirrored, .cameras = {int(camera)}}, {.camera = camera, .is_mirrored = true}, true);
   }
 
-  // The one that explains more than the others do, if it is surely so; or another room's rig, where nothing does. What
-  // explains best and is not sure yet leaves the others unsaid: they would be named for what it did.
+  // The answer with the lowest cost, if it is significant; without answers another rig or a contradiction. While the
+  // best answer is not significant yet, no other one is returned: it would be blamed for the best one's effect.
   std::optional<Mistake> best() {
     if (answers_.empty()) {
       const auto other = of_other_rig();
-      return other || as_is_.worst < contradicts ? other
-                                                 : Mistake{.kind = MistakeKind::contradiction,
-                                                           .off_px = as_is_.worst_px,
-                                                           .do_some_agree = best_pair() < agrees};
+      return other || as_is_.worst < consistency.contradicts
+                 ? other
+                 : Mistake{.kind = MistakeKind::contradiction,
+                           .off_px = as_is_.worst_px,
+                           .do_some_agree = best_pair() < consistency.agrees};
     }
     std::ranges::stable_sort(answers_, {}, cost);
     join_turn_and_zoom();
     Answer& best = answers_.front();
     if (!best.is_sure) return std::nullopt;
-    if (answers_.size() > 1 && cost(best) > clearly_better * cost(answers_[1])) {
-      // Two cameras of one rig, alike in all else: that one of them is so is known.
+    if (answers_.size() > 1 && cost(best) > consistency.clearly_better * cost(answers_[1])) {
+      // Of two cameras it is known that one of them is at fault.
       const Mistake& other = answers_[1].mistake;
       if (rig_.cameras.size() > 2 || other.kind != best.mistake.kind || best.mistake.kind == MistakeKind::swapped)
         return std::nullopt;
@@ -213,7 +236,7 @@ class Suppositions {
   }
 
  private:
-  struct Pair {  // that can be compared, as things are
+  struct Pair {  // with enough samples, as the rig is
     std::size_t i, j;
     double usual;
   };
@@ -223,19 +246,19 @@ class Suppositions {
     bool is_sure;
   };
 
-  // A supposition without numbers to fit is the better one where both explain.
+  // Parameters are penalised.
   static double cost(const Answer& a) {
     const MistakeKind kind = a.mistake.kind;
-    const double fitted = kind == MistakeKind::turned || kind == MistakeKind::uneven_times ? 1.3
-                          : kind == MistakeKind::late || kind == MistakeKind::zoomed       ? 1.1
-                                                                                           : 1.0;
-    return fitted * (a.score + 0.2);
+    const bool has_many = kind == MistakeKind::turned || kind == MistakeKind::uneven_times;
+    const bool has_one = kind == MistakeKind::late || kind == MistakeKind::zoomed;
+    const double penalty = has_many ? consistency.many_parameters : has_one ? consistency.one_parameter : 1.0;
+    return penalty * (a.score + consistency.cost_floor);
   }
 
-  // Of one camera seen in few places, another focal length looks like a turn. That it is one of the two is known, and
-  // is one answer, as sure as the turn is: a focal length that is off by a little is no mistake by itself.
+  // In few places another focal length of a camera looks like its turn: both become one answer, as significant as the
+  // turn, because a small error of the focal length is no mistake by itself.
   void join_turn_and_zoom() {
-    if (answers_.size() < 2 || cost(answers_[0]) <= clearly_better * cost(answers_[1])) return;
+    if (answers_.size() < 2 || cost(answers_[0]) <= consistency.clearly_better * cost(answers_[1])) return;
     Answer &first = answers_[0], &second = answers_[1];
     const bool is_turn_first = first.mistake.kind == MistakeKind::turned;
     const Answer &turn = is_turn_first ? first : second, &zoom = is_turn_first ? second : first;
@@ -248,13 +271,13 @@ class Suppositions {
     answers_.front() = std::move(joined);
   }
 
-  static bool explains(const PairComparison::Agreement& supposed, const PairComparison::Agreement& as_is) {
-    return supposed.pairs >= as_is.pairs && supposed.worst <= agrees && supposed.score <= much_better * as_is.score &&
-           as_is.score - supposed.score >= least_gain;
+  static bool explains(const PairComparison::Agreement& with, const PairComparison::Agreement& as_is) {
+    return with.pairs >= as_is.pairs && with.worst <= consistency.agrees &&
+           with.score <= consistency.much_better * as_is.score && as_is.score - with.score >= consistency.min_gain;
   }
 
-  void judge(Mistake mistake, const Supposition& supposition, bool is_sure) {
-    const auto agreement = comparison_.agreement(tracks_, supposition, time_sigmas_);
+  void judge(Mistake mistake, const FaultHypothesis& hypothesis, bool is_sure) {
+    const auto agreement = comparison_.agreement(tracks_, hypothesis, time_sigmas_);
     if (!explains(agreement, as_is_)) return;
     mistake.off_px = as_is_.worst_px;
     answers_.push_back({std::move(mistake), agreement.score, is_sure});
@@ -274,11 +297,11 @@ class Suppositions {
     const std::size_t n = rig_.cameras.size();
     if (as_is_.pairs < n * (n - 1) / 2) return std::nullopt;
     const double best = best_pair();
-    if (best < nothing_explains || best == std::numeric_limits<double>::infinity()) return std::nullopt;
+    if (best < 2 * consistency.contradicts || best == std::numeric_limits<double>::infinity()) return std::nullopt;
     return Mistake{.kind = MistakeKind::other_rig, .off_px = as_is_.worst_px};
   }
 
-  // As things are, how far the two cameras are apart that agree best; infinity: none can be compared.
+  // usual() of the most consistent pair; infinity: none has enough samples.
   double best_pair() const {
     const auto best = std::ranges::min_element(pairs_, {}, &Pair::usual);
     return best == pairs_.end() ? std::numeric_limits<double>::infinity() : best->usual;
@@ -314,23 +337,23 @@ ViewWatch::ViewWatch(const calib::CameraRig& rig, const object_tracking::TargetO
       target_(target),
       cameras_(rig.cameras.size()),
       tracks_(rig.cameras.size()),
-      time_sigmas_(rig.cameras.size(), 0.001),
+      time_sigmas_(rig.cameras.size(), timing_fault.initial_sigma_s),
       time_shifts_(rig.cameras.size(), 0),
-      latency_sigmas_(rig.cameras.size(), 1) {}
+      latency_sigmas_(rig.cameras.size(), unknown_sigma_s) {}
 
 void ViewWatch::look(const object_tracking::ObjectEstimate& estimate, const object_trackers::ObjectTracker& tracker,
                      capture::Timestamp set_at, const std::vector<bool>& moved) {
   if (!first_at_ || set_at < *first_at_) {
     first_at_ = set_at;
-    next_s_ = judged_every_s;
+    next_s_ = view_samples.period_s;
     for (PerCamera& camera : cameras_) camera = {};
   }
   const double now_s = capture::seconds(set_at - *first_at_);
   late_s_.clear();
   keep(estimate, tracker.regions(), now_s);
-  forget_what_was_not_it(estimate, now_s);
+  forget_clutter(estimate, now_s);
   if (now_s < next_s_) return;
-  next_s_ = now_s + judged_every_s;
+  next_s_ = now_s + view_samples.period_s;
   std::vector<Mistake> now;
   if (auto mistake = of_rig(now_s, moved)) {
     now.push_back(std::move(*mistake));
@@ -346,25 +369,26 @@ void ViewWatch::look(const object_tracking::ObjectEstimate& estimate, const obje
   if (uneven && now.empty() && std::ranges::none_of(suspected_, is_explained)) now.push_back(std::move(*uneven));
   const auto shares = tracker.color_shares();
   for (std::size_t c = 0; c < shares.size(); ++c) {
-    const bool is_shared = shares[c].of_picture > std::max(least_shared, times_the_target * shares[c].of_target);
-    cameras_[c].shared_looks = is_shared ? cameras_[c].shared_looks + 1 : 0;
-    if (cameras_[c].shared_looks >= least_shared_looks)
+    const bool is_shared =
+        shares[c].of_picture > std::max(target_fault.min_shared, target_fault.times_the_target * shares[c].of_target);
+    cameras_[c].shared_count = is_shared ? cameras_[c].shared_count + 1 : 0;
+    if (cameras_[c].shared_count >= target_fault.min_shared_count)
       now.push_back({.kind = MistakeKind::shared_color, .cameras = {int(c)}, .size = shares[c].of_picture});
   }
   if (tracker.search_findings().is_found_at_twice_the_hue)
-    now = {{.kind = MistakeKind::opencv_hue}};  // all else was seen of something else
-  else  // never found, or taken back by the tracker: it is not one of those that come and go
+    now = {{.kind = MistakeKind::opencv_hue}};  // all other findings are about something else
+  else                                          // withdrawn by the tracker: no hysteresis
     std::erase_if(suspected_, [](const Suspected& s) { return s.mistake.kind == MistakeKind::opencv_hue; });
   confirm(now, now_s);
 }
 
-// Of every camera what is taken for the target; where that is not seen, the largest region that does not stand still.
+// Keeps per camera the region assigned to the target; without one, the largest region that is not static clutter.
 void ViewWatch::keep(const object_tracking::ObjectEstimate& estimate, std::span<const SeenRegion> regions,
                      double now_s) {
   for (std::size_t c = 0; c < cameras_.size() && c < estimate.times.size(); ++c) {
     const calib::CameraTiming& timing = rig_.cameras[c].timing;
-    time_sigmas_[c] =
-        std::hypot(estimate.times[c].latency_sigma_s, usual_below_middle * estimate.times[c].readout_sigma_s);
+    time_sigmas_[c] = std::hypot(estimate.times[c].latency_sigma_s,
+                                 timing_fault.usual_below_middle * estimate.times[c].readout_sigma_s);
     latency_sigmas_[c] = estimate.times[c].latency_sigma_s;
     time_shifts_[c] = timing.latency_s.value_or(0) - estimate.times[c].latency_s;
     cameras_[c].readout_s = std::abs(estimate.times[c].readout_s);
@@ -372,7 +396,8 @@ void ViewWatch::keep(const object_tracking::ObjectEstimate& estimate, std::span<
   }
   for (std::size_t c = 0; c < cameras_.size(); ++c) {
     PerCamera& camera = cameras_[c];
-    while (!camera.track.empty() && camera.track.front().t_s < now_s - window_s - 1) camera.track.pop_front();
+    while (!camera.track.empty() && camera.track.front().t_s < now_s - view_samples.window_s - 1)
+      camera.track.pop_front();
     const SeenRegion* chosen = nullptr;
     for (const SeenRegion& region : regions) {
       if (std::size_t(region.camera) != c) continue;
@@ -384,7 +409,7 @@ void ViewWatch::keep(const object_tracking::ObjectEstimate& estimate, std::span<
     if (chosen == nullptr) continue;
     const double t_s = capture::seconds(chosen->at - *first_at_);
     note_period(camera, t_s);
-    if (!camera.track.empty() && t_s < camera.track.back().t_s + 0.9 / longest_rate_hz) continue;
+    if (!camera.track.empty() && t_s < camera.track.back().t_s + jitter / view_samples.max_rate_hz) continue;
     const auto ray = rig_.cameras[c].model.ray({chosen->px});
     if (!ray) continue;
     if (camera.track.size() >= most_samples()) camera.track.pop_front();
@@ -399,38 +424,35 @@ void ViewWatch::keep(const object_tracking::ObjectEstimate& estimate, std::span<
   }
 }
 
-// Of a camera that sees the target in every frame now and again at least.
 void ViewWatch::note_period(PerCamera& camera, double t_s) {
-  constexpr double longest_s = 0.25, least_share = 1.0 / 64;
+  constexpr double min_share = 1.0 / view_samples.period_intervals;
   const double since_s = t_s - std::exchange(camera.seen_s, t_s);
-  if (since_s <= 0 || since_s > longest_s) return;
-  camera.period_s += std::max(least_share, 1.0 / ++camera.intervals) * (since_s - camera.period_s);
+  if (since_s <= 0 || since_s > view_samples.max_interval_s) return;
+  camera.period_s += std::max(min_share, 1.0 / ++camera.intervals) * (since_s - camera.period_s);
 }
 
-// Views that have agreed for a while about where the target is tell that what they showed before, elsewhere, was
-// something else of its colour: furniture, of a room that shares it.
-void ViewWatch::forget_what_was_not_it(const object_tracking::ObjectEstimate& estimate, double now_s) {
+// Once the target has been tracked for a while, earlier regions that were not assigned to it were clutter of its
+// colour.
+void ViewWatch::forget_clutter(const object_tracking::ObjectEstimate& estimate, double now_s) {
   if (estimate.state != object_tracking::TrackState::tracking || estimate.views < 2) {
     found_s_.reset();
     return;
   }
   if (!found_s_) found_s_ = now_s;
-  if (now_s - *found_s_ < judged_every_s) return;
+  if (now_s - *found_s_ < view_samples.period_s) return;
   for (PerCamera& camera : cameras_)
     std::erase_if(camera.track, [&](const SeenPoint& sample) { return !sample.is_target && sample.t_s < *found_s_; });
 }
 
 bool ViewWatch::is_still(PerCamera& camera, const Eigen::Vector2d& px, double now_s) const {
-  constexpr double same_px = 2, still_after_s = 1, forgotten_s = 5;
-  constexpr int least_count = 5;
-  constexpr std::size_t most = 16;
-  std::erase_if(camera.spots, [&](const PerCamera::Spot& spot) { return spot.last_s < now_s - forgotten_s; });
+  std::erase_if(camera.spots,
+                [&](const PerCamera::Spot& spot) { return spot.last_s < now_s - view_samples.still_forgotten_s; });
   for (PerCamera::Spot& spot : camera.spots) {
-    if ((spot.px - px).norm() > same_px) continue;
+    if ((spot.px - px).norm() > view_samples.still_px) continue;
     spot.last_s = now_s;
-    return ++spot.count >= least_count && now_s - spot.first_s > still_after_s;
+    return ++spot.count >= view_samples.still_count && now_s - spot.first_s > view_samples.still_after_s;
   }
-  if (camera.spots.size() >= most) camera.spots.erase(camera.spots.begin());
+  if (camera.spots.size() >= most_spots) camera.spots.erase(camera.spots.begin());
   camera.spots.push_back({px, now_s, now_s, 1});
   return false;
 }
@@ -438,24 +460,23 @@ bool ViewWatch::is_still(PerCamera& camera, const Eigen::Vector2d& px, double no
 bool ViewWatch::has_moved() const {
   int moving = 0;
   for (const Track& track : tracks_) {
-    if (track.size() < PairComparison::least_samples) continue;
+    if (track.size() < pair_sampling.least_samples) continue;
     Eigen::Vector2d low = track.front().px, high = low;
     for (const SeenPoint& sample : track) low = low.cwiseMin(sample.px), high = high.cwiseMax(sample.px);
-    moving += (high - low).norm() > least_motion_px ? 1 : 0;
+    moving += (high - low).norm() > path_px ? 1 : 0;
   }
   return moving >= 2;
 }
 
-// What is one thing; and of what the tracker does not take for the target, only what moves. Furniture of its colour
-// flickers at its edges too much to be known by where it is, now one piece is the largest and now another one, and
-// tells of no camera.
+// Samples of one thing in smooth motion; of what is not assigned to the target, only what moves. (Clutter whose edges
+// flicker, or alternates with other clutter, is not recognised as static by its place.)
 void ViewWatch::choose(const Track& all, double now_s, double shift_s, Track& chosen) {
   chosen.clear();
   smooth_.assign(all.size(), false);
   for (std::size_t k = 1; k + 1 < all.size(); ++k) smooth_[k] = is_smooth(all[k - 1], all[k], all[k + 1]);
   const auto moves = [&](std::size_t k) {
-    constexpr double within_s = 0.5, least_px = 6;  // twice what noise may make of a region that does not
-    const auto is_far = [&](std::size_t j) { return (all[j].px - all[k].px).norm() > least_px; };
+    constexpr double within_s = view_samples.period_s;
+    const auto is_far = [&](std::size_t j) { return (all[j].px - all[k].px).norm() > moves_px; };
     for (std::size_t j = k; j > 0 && smooth_[j] && all[j].t_s > all[k].t_s - within_s; --j)
       if (is_far(j)) return true;
     for (std::size_t j = k; j < all.size() && smooth_[j] && all[j].t_s < all[k].t_s + within_s; ++j)
@@ -463,7 +484,7 @@ void ViewWatch::choose(const Track& all, double now_s, double shift_s, Track& ch
     return false;
   };
   for (std::size_t k = 0; k < all.size(); ++k) {
-    if (!smooth_[k] || all[k].t_s < now_s - window_s || !(all[k].is_target || moves(k))) continue;
+    if (!smooth_[k] || all[k].t_s < now_s - view_samples.window_s || !(all[k].is_target || moves(k))) continue;
     chosen.push_back(all[k]);
     chosen.back().t_s += shift_s;
   }
@@ -480,15 +501,15 @@ std::optional<Mistake> ViewWatch::of_rig(double now_s, const std::vector<bool>& 
   if (!has_moved()) return std::nullopt;
   const PairComparison comparison(rig_);
   const PairComparison::Agreement as_is = comparison.agreement(tracks_, {}, time_sigmas_);
-  is_wrong_ = as_is.pairs > 0 && (as_is.worst >= disagrees || as_is.score >= suspicious_score);
-  const bool is_clear = as_is.worst >= disagrees;
+  is_wrong_ = as_is.pairs > 0 && (as_is.worst >= consistency.disagrees || as_is.score >= consistency.suspicious_score);
+  const bool is_clear = as_is.worst >= consistency.disagrees;
   if (!is_clear) tries_ = 0;
-  if ((!is_wrong_ && as_is.score < turned_score) || now_s < (is_clear ? next_try_s_ : next_turn_s_))
+  if ((!is_wrong_ && as_is.score < consistency.turned_score) || now_s < (is_clear ? next_try_s_ : next_turn_s_))
     return std::nullopt;
-  next_turn_s_ = now_s + turns_tried_every_s;
+  next_turn_s_ = now_s + 2 * view_samples.period_s;
   if (is_clear) {
-    const int paused = std::max(0, ++tries_ - tries_at_once);
-    next_try_s_ = now_s + std::min(longest_pause_s, 0.9 * judged_every_s * std::pow(2, paused));
+    const int paused = std::max(0, ++tries_ - consistency.tries_at_once);
+    next_try_s_ = now_s + std::min(consistency.max_pause_s, jitter * view_samples.period_s * std::pow(2, paused));
   }
   auto found = explained(as_is, is_clear, false);
   const bool is_unexplained =
@@ -496,45 +517,43 @@ std::optional<Mistake> ViewWatch::of_rig(double now_s, const std::vector<bool>& 
   if (is_clear && is_unexplained)
     if (auto jump = of_jump(now_s)) found = std::move(jump);
   if (!found) return std::nullopt;
-  next_turn_s_ = now_s;  // is it so half a second later, too?
+  next_turn_s_ = now_s;  // to be confirmed at the next judgement
   if (!found->extra_latency_s.empty() && !correct_times(*found, now_s)) return std::nullopt;
   return found;
 }
 
-// Nothing explains the whole window: stamps that jumped a moment ago were others before. What else happened a moment
-// ago will have the whole window soon.
+// Where nothing explains the whole window, stamps may have jumped within it. Other faults will fill the window soon.
 std::optional<Mistake> ViewWatch::of_jump(double now_s) {
-  const double since_s = now_s - since_jump_s;
+  const double since_s = now_s - timing_fault.since_jump_s;
   for (Track& track : tracks_) std::erase_if(track, [&](const SeenPoint& s) { return s.t_s < since_s; });
   if (!has_moved()) return std::nullopt;
   const PairComparison::Agreement as_is = PairComparison(rig_).agreement(tracks_, {}, time_sigmas_);
-  if (as_is.worst < disagrees) return std::nullopt;
+  if (as_is.worst < consistency.disagrees) return std::nullopt;
   auto found = explained(as_is, true, true);
   if (!found || found->extra_latency_s.empty()) return std::nullopt;
   found->since_s = since_s;
   return found;
 }
 
-// Has the tracker correct its cameras' times when they were found twice to be the same others. Whether it is a mistake,
-// besides: drivers do as much, and a trigger that there is none of is no mistake of people. But stamps that are right
-// do not jump.
+// Corrects the tracker's times when the same ones were found twice. Returns whether it is also a mistake: drivers cause
+// smaller latencies, and cameras that are not triggered are none; but correct stamps do not jump.
 bool ViewWatch::correct_times(Mistake& found, double now_s) {
-  double extra_latency_s = 0, surely_s = least_unlearnt_s;
+  double largest_s = 0, surely_s = timing_fault.min_unlearnt_s;
   for (std::size_t c = 0; c < cameras_.size(); ++c) {
-    extra_latency_s = std::max(extra_latency_s, std::abs(found.extra_latency_s[c]));
-    if (found.extra_latency_s[c] != 0) surely_s = std::max(surely_s, surely_unlearnt * time_sigmas_[c]);
+    largest_s = std::max(largest_s, std::abs(found.extra_latency_s[c]));
+    if (found.extra_latency_s[c] != 0) surely_s = std::max(surely_s, timing_fault.sure_sigmas * time_sigmas_[c]);
   }
-  const bool is_unlearnt = extra_latency_s >= surely_s;
+  const bool is_unlearnt = largest_s >= surely_s;
   const bool is_jump = corrections_ > 0 && is_unlearnt && time_shifts_ != shifts_when_corrected_;
-  if (is_jump) found.kind = MistakeKind::uneven_times, found.size = extra_latency_s;
+  if (is_jump) found.kind = MistakeKind::uneven_times, found.size = largest_s;
   const bool is_mistake =
-      is_jump || std::abs(found.size) >= least_late_s || (found.kind == MistakeKind::late && is_unlearnt);
+      is_jump || std::abs(found.size) >= timing_fault.min_late_s || (found.kind == MistakeKind::late && is_unlearnt);
   const auto is_near = [](double a, double b) { return std::abs(a - b) < same_times_s; };
   if (other_times_ && now_s - other_times_->found_s < forgotten_after_s &&
       std::ranges::equal(other_times_->late_s, found.extra_latency_s, is_near)) {
     late_s_ = found.extra_latency_s;
     shifts_when_corrected_ = time_shifts_;
-    for (PerCamera& camera : cameras_) camera.surest_sigma_s = nothing_known_s;
+    for (PerCamera& camera : cameras_) camera.surest_sigma_s = unknown_sigma_s;
     ++corrections_;
     tries_ = 0;
     for (std::size_t c = 0; c < cameras_.size(); ++c)
@@ -546,26 +565,26 @@ bool ViewWatch::correct_times(Mistake& found, double now_s) {
   return is_mistake;
 }
 
-// Of few samples several things explain much: then the times of all cameras compete with what explains them, too.
+// are_few: few samples, which several hypotheses explain; the times of all cameras then compete with other answers.
 std::optional<Mistake> ViewWatch::explained(const PairComparison::Agreement& as_is, bool is_clear, bool are_few) const {
-  Suppositions suppositions(rig_, tracks_, time_sigmas_, as_is);
-  if (is_clear) suppositions.try_orders();  // exchanged or late cameras are not that near
+  FaultHypotheses hypotheses(rig_, tracks_, time_sigmas_, as_is);
+  if (is_clear) hypotheses.try_orders();  // exchanged or late cameras are clearly inconsistent
   for (std::size_t c = 0; c < rig_.cameras.size(); ++c) {
-    if (!suppositions.could_be_fault_of(c)) continue;
-    if (is_clear) suppositions.try_lateness(c, time_shifts_[c]);
-    if (is_clear) suppositions.try_mirror(c);
-    suppositions.try_turn(c);
-    suppositions.try_zoom(c);
+    if (!hypotheses.could_be_fault_of(c)) continue;
+    if (is_clear) hypotheses.try_lateness(c, time_shifts_[c]);
+    if (is_clear) hypotheses.try_mirror(c);
+    hypotheses.try_turn(c);
+    hypotheses.try_zoom(c);
   }
-  if (is_clear && (are_few || !suppositions.has_answer())) suppositions.try_times_of_all(time_shifts_);
-  return suppositions.best();
+  if (is_clear && (are_few || !hypotheses.has_answer())) hypotheses.try_times_of_all(time_shifts_);
+  return hypotheses.best();
 }
 
-// Views agree because it was learnt how late a camera is, and that is more than drivers do: a time stamp that is wrong.
+// Views are consistent because the tracker has estimated a latency that is more than drivers cause: a wrong time stamp.
 std::optional<Mistake> ViewWatch::of_learnt_times() const {
   const std::size_t n = cameras_.size();
-  const auto is_known = [&](std::size_t c) { return latency_sigmas_[c] <= said_to_s; };
-  // Only differences are learnt, from one camera that is held: the one that the others have in common is in time.
+  const auto is_known = [&](std::size_t c) { return latency_sigmas_[c] <= timing_fault.report_sigma_s; };
+  // Only differences are observable: the median camera is taken as in time.
   std::vector<double> late_s;
   for (std::size_t c = 0; c < n; ++c)
     if (is_known(c)) late_s.push_back(-time_shifts_[c]);
@@ -574,8 +593,8 @@ std::optional<Mistake> ViewWatch::of_learnt_times() const {
   std::optional<Mistake> worst;
   for (std::size_t c = 0; c < n; ++c) {
     const double off_s = -time_shifts_[c] - in_time_s;
-    // What the rig states is not anything that drivers do.
-    const double least_s = rig_.cameras[c].timing.latency_s ? least_unlearnt_s : least_late_s;
+    // A latency that the rig states leaves less to drivers.
+    const double least_s = rig_.cameras[c].timing.latency_s ? timing_fault.min_unlearnt_s : timing_fault.min_late_s;
     if (!is_known(c) || std::abs(off_s) < least_s) continue;
     if (worst && std::abs(worst->size) >= std::abs(off_s)) continue;
     worst = Mistake{.kind = MistakeKind::late, .cameras = {int(c)}, .size = off_s};
@@ -584,24 +603,23 @@ std::optional<Mistake> ViewWatch::of_learnt_times() const {
   return worst;
 }
 
-// Stamps that are when frames were exposed, but for what lasts, leave what was learnt of them where it was; and no
-// sensor reads its rows out for longer than it takes from one frame to the next.
+// With correct stamps an estimated latency stays within its uncertainty, and a readout is shorter than the frame
+// period.
 std::optional<Mistake> ViewWatch::of_uneven_times() {
-  constexpr int enough = 64;  // intervals, of which rows make now a longer and now a shorter one
   std::optional<Mistake> out;
-  if (!late_s_.empty()) return out;  // what was believed until now is known to be wrong
+  if (!late_s_.empty()) return out;  // the estimates are being corrected
   for (std::size_t c = 0; c < cameras_.size(); ++c) {
     PerCamera& camera = cameras_[c];
     const double latency_s = -time_shifts_[c], sigma_s = latency_sigmas_[c];
     const double moved_s = std::abs(latency_s - camera.surest_latency_s);
     const bool has_moved =
-        moved_s > std::max(same_times_s, surely_unlearnt * std::hypot(sigma_s, camera.surest_sigma_s));
-    camera.moved_looks = has_moved ? camera.moved_looks + 1 : 0;
-    if (camera.moved_looks >= least_times || sigma_s < camera.surest_sigma_s)
+        moved_s > std::max(same_times_s, timing_fault.sure_sigmas * std::hypot(sigma_s, camera.surest_sigma_s));
+    camera.moved_count = has_moved ? camera.moved_count + 1 : 0;
+    if (camera.moved_count >= consistency.min_times || sigma_s < camera.surest_sigma_s)
       camera.surest_latency_s = latency_s, camera.surest_sigma_s = sigma_s;
     const double too_long_s = camera.readout_s - camera.period_s;
-    const bool is_too_long = !rig_.cameras[c].timing.readout_s && camera.intervals >= enough &&
-                             too_long_s > surely_too_long * camera.readout_sigma_s;
+    const bool is_too_long = !rig_.cameras[c].timing.readout_s && camera.intervals >= view_samples.period_intervals &&
+                             too_long_s > timing_fault.too_long_sigmas * camera.readout_sigma_s;
     if (!has_moved && !is_too_long) continue;
     const double size_s = std::max(has_moved ? moved_s : 0, is_too_long ? camera.readout_s : 0);
     if (!out) out = Mistake{.kind = MistakeKind::uneven_times};
@@ -611,11 +629,11 @@ std::optional<Mistake> ViewWatch::of_uneven_times() {
   return out;
 }
 
-// By the outlines in all views, where there are; by regions of cameras that agree about where it is otherwise.
+// By the outlines of all views; without them by the regions of consistent pairs.
 std::optional<Mistake> ViewWatch::of_radius(const object_tracking::OutlineFindings& outlines) const {
   if (outlines.radius_m) {
-    const bool is_wrong = outlines.largest_radius_m < smallest_by_outlines * target_.radius_m ||
-                          outlines.least_radius_m > largest_by_outlines * target_.radius_m;
+    const bool is_wrong = outlines.largest_radius_m < target_fault.min_outline_ratio * target_.radius_m ||
+                          outlines.least_radius_m > target_fault.max_outline_ratio * target_.radius_m;
     if (!is_wrong) return std::nullopt;
     return Mistake{.kind = MistakeKind::radius, .size = *outlines.radius_m, .is_of_outlines = true};
   }
@@ -624,27 +642,26 @@ std::optional<Mistake> ViewWatch::of_radius(const object_tracking::OutlineFindin
   for (std::size_t j = 1; j < tracks_.size(); ++j) {
     for (std::size_t i = 0; i < j; ++i) {
       const PairResiduals pair = comparison.residuals(tracks_, i, j, {}, time_sigmas_);
-      if (!(pair.usual() < disagrees)) continue;
+      if (!(pair.usual() < consistency.disagrees)) continue;
       radii_m.insert(radii_m.end(), pair.radius_m.begin(), pair.radius_m.end());
     }
   }
-  constexpr std::size_t least = 24;
-  if (radii_m.size() < least || !has_moved()) return std::nullopt;
+  if (radii_m.size() < 2 * pair_sampling.least_samples || !has_moved()) return std::nullopt;
   std::ranges::sort(radii_m);
-  // What hides a part of it makes it smaller, what is beside it of its colour larger: most of what was seen must say
-  // so.
+  // Occluders make regions smaller, neighbours of the colour larger: three quarters of the samples must agree.
   const double low_m = radii_m[radii_m.size() / 4], high_m = radii_m[3 * radii_m.size() / 4];
   const double radius_m = target_.radius_m;
-  if (high_m > smallest_ratio * radius_m && low_m < largest_ratio * radius_m) return std::nullopt;
+  if (high_m > target_fault.min_region_ratio * radius_m && low_m < target_fault.max_region_ratio * radius_m)
+    return std::nullopt;
   return Mistake{.kind = MistakeKind::radius, .size = radii_m[radii_m.size() / 2]};
 }
 
-// Named when it was found twice, and as long as it is found now and again.
+// A mistake is named when it was found often enough, and as long as it is found again within some seconds.
 void ViewWatch::confirm(const std::vector<Mistake>& found, double now_s) {
   const auto explains = [](const Mistake& m) { return is_of_rig(m.kind) && m.kind != MistakeKind::contradiction; };
   if (std::ranges::any_of(found, explains))
     std::erase_if(suspected_, [](const Suspected& s) { return s.mistake.kind == MistakeKind::contradiction; });
-  if (is_wrong_)  // and has not been looked into again: it is as it was
+  if (is_wrong_)  // not tested again: unchanged
     for (Suspected& s : suspected_)
       if (is_of_rig(s.mistake.kind)) s.last_s = now_s;
   for (const Mistake& mistake : found) {
@@ -662,7 +679,8 @@ void ViewWatch::confirm(const std::vector<Mistake>& found, double now_s) {
   mistakes_.clear();
   suspected_mistakes_.clear();
   for (const Suspected& s : suspected_) {
-    const bool is_sure = s.times >= (s.mistake.kind == MistakeKind::contradiction ? least_contradictions : least_times);
+    const int needed = (s.mistake.kind == MistakeKind::contradiction ? 2 : 1) * consistency.min_times;
+    const bool is_sure = s.times >= needed;
     if (is_sure) mistakes_.push_back(s.mistake);
     if (is_sure || s.last_s > now_s - suspected_for_s) suspected_mistakes_.push_back(s.mistake);
   }

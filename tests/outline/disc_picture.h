@@ -1,4 +1,4 @@
-// Pictures of a ball's disc before a room, with exact truth: light is mixed as a sensor counts it.
+// Pictures of a ball's disc in front of a room, with exact truth: light is mixed as a sensor counts it.
 #pragma once
 
 #include <Eigen/Core>
@@ -16,13 +16,15 @@ namespace huetrack::outline {
 struct DiscScene {
   Eigen::Vector2d centre{60.3, 44.8};
   double radius_px = 7, blur_px = 0.7;
-  double smear_px = 0;  // its way along u during the exposure
+  double smear_px = 0;  // motion along u during the exposure
+  double shear_px = 0;  // rolling shutter: motion along u per row
   bool has_disc = true;
-  int pillar_from = -1;  // columns from here on hide the disc
+  int pillar_from = -1;  // columns from here on occlude the disc
   double noise = 1;      // grey values
   double light = 1;      // of the room
-  double bent = 0;       // of its light: by how much it is stronger on one side, but at the rim
-  double glint = 0;      // linear, white: where a lamp shines on it, near the upper right of its edge
+  double gain = 1;       // of everything: the exposure
+  double bent = 0;       // shading that is stronger on one side, but not at the rim
+  double glint = 0;      // linear, white: a lamp's reflection near the upper right of the edge
 };
 
 class DiscPicture {
@@ -33,19 +35,10 @@ class DiscPicture {
     std::mt19937 rng(seed);
     std::normal_distribution<double> normal(0, scene.noise);
     for (auto* plane : {&light_, &blue_, &red_}) plane->resize(width * height);
-    const auto grey = [](double x) { return x <= 0.0031308 ? 12.92 * x : 1.055 * std::pow(x, 1 / 2.4) - 0.055; };
     for (int v = 0; v < height; ++v) {
       for (int u = 0; u < width; ++u) {
-        const double cover = u >= scene.pillar_from && scene.pillar_from >= 0 ? 0.0 : covered(scene, u, v);
-        const double room = scene.light * (0.18 + 0.05 * std::sin(0.13 * u) + 0.04 * std::cos(0.21 * v));
-        const double x = (u - scene.centre.x()) / scene.radius_px, y = (v - scene.centre.y()) / scene.radius_px;
-        const double z = std::sqrt(std::max(0.0, 1 - x * x - y * y));
-        const double lit = 1 + 0.3 * x - 0.2 * y + scene.bent * (x + y) * z;  // from one side
         double rgb[3];
-        const double glint = scene.glint * std::exp(-18 * ((x - 0.6) * (x - 0.6) + (y + 0.5) * (y + 0.5)));
-        const double object[3] = {0.10, 0.45, 0.03}, behind[3] = {1.04 * room, room, 0.92 * room};
-        for (int c = 0; c < 3; ++c)
-          rgb[c] = 255 * grey(std::clamp(cover * (lit * object[c] + glint) + (1 - cover) * behind[c], 0.0, 1.0));
+        mix(scene, u, v, rgb);
         const double luma = 0.299 * rgb[0] + 0.587 * rgb[1] + 0.114 * rgb[2];
         const auto at = static_cast<std::size_t>(v * width + u);
         const auto byte = [](double value) {
@@ -56,25 +49,63 @@ class DiscPicture {
         red_[at] = byte(128 + 0.713 * (rgb[0] - luma) + normal(rng));
       }
     }
+    return view();
+  }
+
+  // The last picture moved by whole pixels, cyclically; mirrored from left to right before that.
+  Picture moved(int right, int down, bool is_mirrored = false) {
+    for (auto* plane : {&light_, &blue_, &red_}) {
+      const std::vector<std::uint8_t> before = *plane;
+      for (int v = 0; v < height; ++v) {
+        for (int u = 0; u < width; ++u) {
+          const int from_u = ((u - right) % width + width) % width, from_v = ((v - down) % height + height) % height;
+          (*plane)[static_cast<std::size_t>(v * width + u)] =
+              before[static_cast<std::size_t>(from_v * width + (is_mirrored ? width - 1 - from_u : from_u))];
+        }
+      }
+    }
+    return view();
+  }
+
+ private:
+  static double grey(double x) { return x <= 0.0031308 ? 12.92 * x : 1.055 * std::pow(x, 1 / 2.4) - 0.055; }
+
+  static void mix(const DiscScene& scene, int u, int v, double* rgb) {
+    const double cover = scene.pillar_from >= 0 && u >= scene.pillar_from ? 0.0 : covered(scene, u, v);
+    const double room = scene.light * (0.18 + 0.05 * std::sin(0.13 * u) + 0.04 * std::cos(0.21 * v));
+    const double x = (u - scene.centre.x()) / scene.radius_px, y = (v - scene.centre.y()) / scene.radius_px;
+    const double z = std::sqrt(std::max(0.0, 1 - x * x - y * y));
+    const double lit = 1 + 0.3 * x - 0.2 * y + scene.bent * (x + y) * z;  // from one side
+    const double glint = scene.glint * std::exp(-18 * ((x - 0.6) * (x - 0.6) + (y + 0.5) * (y + 0.5)));
+    const double object[3] = {0.10, 0.45, 0.03}, behind[3] = {1.04 * room, room, 0.92 * room};
+    for (int c = 0; c < 3; ++c) {
+      const double light = cover * (lit * object[c] + glint) + (1 - cover) * behind[c];
+      rgb[c] = 255 * grey(std::clamp(scene.gain * light, 0.0, 1.0));
+    }
+  }
+
+  static double covered(const DiscScene& scene, int u, int v) {
+    if (!scene.has_disc) return 0;
+    const double centre_u = scene.centre.x() + scene.shear_px * (v - scene.centre.y());
+    const double nearest = std::hypot(u - centre_u, v - scene.centre.y()) - scene.radius_px;
+    if (std::abs(nearest) > 6 * scene.blur_px + scene.smear_px) return nearest < 0 ? 1 : 0;
+    const int moments = scene.smear_px > 0 ? 9 : 1;
+    double sum = 0;
+    for (int m = 0; m < moments; ++m) {
+      const double along = ((m + 0.5) / moments - 0.5) * scene.smear_px;
+      const double off = std::hypot(u - centre_u - along, v - scene.centre.y()) - scene.radius_px;
+      sum += 0.5 * std::erfc(off / (scene.blur_px * std::sqrt(2.0)));
+    }
+    return sum / moments;
+  }
+
+  Picture view() const {
     Picture out;
     out.width = width, out.height = height;
     out.light = {light_.data(), width, 1};
     out.blue = {blue_.data(), width, 1};
     out.red = {red_.data(), width, 1};
     return out;
-  }
-
- private:
-  static double covered(const DiscScene& scene, int u, int v) {
-    if (!scene.has_disc) return 0;
-    constexpr int moments = 9;
-    double sum = 0;
-    for (int m = 0; m < moments; ++m) {
-      const double along = ((m + 0.5) / moments - 0.5) * scene.smear_px;
-      const double off = std::hypot(u - scene.centre.x() - along, v - scene.centre.y()) - scene.radius_px;
-      sum += 0.5 * std::erfc(off / (scene.blur_px * std::sqrt(2.0)));
-    }
-    return sum / moments;
   }
 
   std::vector<std::uint8_t> light_, blue_, red_;

@@ -45,7 +45,7 @@ TEST(CameraWatch, FlickerAndSwitchedLightsAreNoKnock) {
   EXPECT_THAT(states_of(film, 8), testing::ElementsAre(RoomState::still));
 }
 
-TEST(CameraWatch, SomebodyWhoWalksThroughIsNoKnock) {
+TEST(CameraWatch, APersonWalkingThroughIsNoKnock) {
   Film film;
   film.person = [](double t) {
     const double left = -0.45 + 0.25 * (t - 2);
@@ -60,20 +60,20 @@ struct Knock {
 };
 class KnockOf : public testing::TestWithParam<Knock> {};
 
-TEST_P(KnockOf, IsToldWithinASecondByItsAngle) {
+TEST_P(KnockOf, IsReportedWithinASecondWithItsAngle) {
   Film film;
   film.format = GetParam().format;
   film.pose = knocked_at(3, GetParam().deg);
   FilmedRoom room(film);
   CameraWatch watch(room.camera());
-  std::optional<double> told_at;
+  std::optional<double> reported_at;
   room.show(watch, 0, 6, [&](double t) {
-    if (!told_at && watch.condition().state == RoomState::knocked) told_at = t;
+    if (!reported_at && watch.condition().state == RoomState::knocked) reported_at = t;
   });
-  ASSERT_TRUE(told_at) << name(watch.condition().state);
-  // Small ones are watched for a while longer, as sagging begins small.
-  EXPECT_LT(*told_at - 3, GetParam().deg < 0.25 ? 2.0 : 1.2);
-  EXPECT_GE(*told_at, 3);
+  ASSERT_TRUE(reported_at) << name(watch.condition().state);
+  // Small ones are observed longer, because sagging begins small.
+  EXPECT_LT(*reported_at - 3, GetParam().deg < 0.25 ? 2.0 : 1.2);
+  EXPECT_GE(*reported_at, 3);
   const RoomCondition& condition = watch.condition();
   EXPECT_EQ(condition.turns, 1);
   EXPECT_LT(degrees_of(condition.rotation - GetParam().deg * degree * axis), 0.03);
@@ -88,7 +88,7 @@ INSTANTIATE_TEST_SUITE_P(Knocks, KnockOf,
                                          Knock{0.4, capture::PixelFormat::yuyv}, Knock{0.8, capture::PixelFormat::nv12},
                                          Knock{1.5, capture::PixelFormat::i420}, Knock{3, capture::PixelFormat::bgr}));
 
-TEST(CameraWatch, AKnockIsToldWhileSomebodyWalksThrough) {
+TEST(CameraWatch, AKnockIsReportedWhileAPersonWalksThrough) {
   Film film;
   film.pose = knocked_at(4, 0.8);
   film.person = [](double t) { return std::pair(0.15 * t - 0.4, 0.15 * t - 0.1); };
@@ -99,7 +99,7 @@ TEST(CameraWatch, AKnockIsToldWhileSomebodyWalksThrough) {
   EXPECT_LT(degrees_of(watch.condition().rotation - 0.8 * degree * axis), 0.04);
 }
 
-TEST(CameraWatch, WhoPutsItBackHasAStillCamera) {
+TEST(CameraWatch, ACameraPutBackIsStill) {
   Film film;
   film.pose = [](double t) { return t > 3 && t < 6 ? knocked_at(0, 0.6)(t) : camera_in_room().cam_from_world; };
   FilmedRoom room(film);
@@ -109,10 +109,10 @@ TEST(CameraWatch, WhoPutsItBackHasAStillCamera) {
   room.show(watch, 5.5, 10);
   EXPECT_EQ(watch.condition().state, RoomState::still);
   EXPECT_FALSE(watch.condition().turn);
-  EXPECT_EQ(watch.condition().turns, 1) << "that it is back is told as a turn by nothing";
+  EXPECT_EQ(watch.condition().turns, 1) << "turning back is no turn of its own";
 }
 
-TEST(CameraWatch, SaggingIsToldOnceAndBeforeItIsLarge) {
+TEST(CameraWatch, SaggingIsReportedOnceAndEarly) {
   Film film;
   film.pose = [](double t) {
     const double share = std::clamp((t - 3) / 8, 0.0, 1.0);
@@ -120,13 +120,14 @@ TEST(CameraWatch, SaggingIsToldOnceAndBeforeItIsLarge) {
   };
   FilmedRoom room(film);
   CameraWatch watch(room.camera());
-  std::optional<double> told_deg;
+  std::optional<double> reported_deg;
   room.show(watch, 0, 13, [&](double) {
     EXPECT_NE(watch.condition().state, RoomState::knocked);
-    if (!told_deg && watch.condition().state == RoomState::sagging) told_deg = degrees_of(watch.condition().rotation);
+    if (!reported_deg && watch.condition().state == RoomState::sagging)
+      reported_deg = degrees_of(watch.condition().rotation);
   });
-  ASSERT_TRUE(told_deg);
-  EXPECT_LT(*told_deg, 0.18);
+  ASSERT_TRUE(reported_deg);
+  EXPECT_LT(*reported_deg, 0.18);
   EXPECT_EQ(watch.condition().turns, 1);
   EXPECT_NEAR(degrees_of(watch.condition().rotation), 0.35, 0.03);
 }
@@ -141,28 +142,28 @@ TEST(CameraWatch, ZoomIsNoKnock) {
   EXPECT_NEAR(watch.condition().zoom, 0.015, 0.003);
 }
 
-// Outer patches are then farther away than they are looked for.
+// Outer patches are then outside their search range.
 TEST(CameraWatch, ALargerZoomIsNoTurnEither) {
   for (const double by : {0.02, 0.03, -0.03, 0.06}) {
     Film film;
     film.zoom = [by](double t) { return t < 3 ? 1.0 : 1 + by; };
     FilmedRoom room(film);
     CameraWatch watch(room.camera());
-    std::optional<double> told_at;
+    std::optional<double> reported_at;
     room.show(watch, 0, 6, [&](double t) {
       EXPECT_THAT(watch.condition().state,
                   testing::AnyOf(RoomState::learning, RoomState::still, RoomState::moving, RoomState::zoomed))
           << by;
-      if (!told_at && watch.condition().state == RoomState::zoomed) told_at = t;
+      if (!reported_at && watch.condition().state == RoomState::zoomed) reported_at = t;
     });
-    ASSERT_TRUE(told_at) << by;
-    EXPECT_LT(*told_at, 5);
+    ASSERT_TRUE(reported_at) << by;
+    EXPECT_LT(*reported_at, 5);
     EXPECT_NEAR(watch.condition().zoom, by, 0.003);
   }
 }
 
-// Painted walls, out of focus by so many pixels from 3 s to 8 s; `columns`: the share of the picture that is. What is
-// blurred by more than its spots is gone.
+// Painted walls, out of focus by so many pixels from 3 s to 8 s, in this share of the columns. Spots are larger than
+// the blur.
 Film focused(double blur_px, double columns = 1) {
   Film film;
   film.spot_m = 0.05 * std::max(1.6, blur_px);
@@ -172,19 +173,19 @@ Film focused(double blur_px, double columns = 1) {
   return film;
 }
 
-TEST(CameraWatch, AnotherFocusIsToldByItsBlurAndWithdrawn) {
+TEST(CameraWatch, DefocusIsReportedWithItsBlurAndWithdrawn) {
   for (const double blur_px : {1.5, 3.0, 5.0}) {
     FilmedRoom room(focused(blur_px));
     CameraWatch watch(room.camera());
-    std::optional<double> told_at;
+    std::optional<double> reported_at;
     std::set<RoomState> states;
     room.show(watch, 0, 7, [&](double t) {
       states.insert(watch.condition().state);
-      if (!told_at && watch.condition().state == RoomState::defocused) told_at = t;
+      if (!reported_at && watch.condition().state == RoomState::defocused) reported_at = t;
     });
-    ASSERT_TRUE(told_at) << blur_px;
-    EXPECT_GT(*told_at, 3);
-    EXPECT_LT(*told_at, 5.5) << blur_px;
+    ASSERT_TRUE(reported_at) << blur_px;
+    EXPECT_GT(*reported_at, 3);
+    EXPECT_LT(*reported_at, 5.5) << blur_px;
     EXPECT_THAT(states, testing::ElementsAre(RoomState::learning, RoomState::still, RoomState::defocused));
     EXPECT_NEAR(watch.condition().blur_px, blur_px, 0.35 * blur_px);
     room.show(watch, 7, 11);
@@ -193,32 +194,32 @@ TEST(CameraWatch, AnotherFocusIsToldByItsBlurAndWithdrawn) {
   }
 }
 
-TEST(CameraWatch, ALensThatIsSmearedOnOneSideIsNotOutOfFocus) {
+TEST(CameraWatch, ASmearOnOneSideIsNoDefocus) {
   EXPECT_THAT(states_of(focused(2, 0.5), 8), testing::Not(testing::Contains(RoomState::defocused)));
 }
 
-TEST(CameraWatch, LessLightIsNoOtherFocus) {
+TEST(CameraWatch, DimmerLightIsNoDefocus) {
   Film film = focused(0);
   film.light = [](double t, double row) { return t < 3 ? 1.0 : 0.5 - 0.1 * row; };
   EXPECT_THAT(states_of(film, 7), testing::ElementsAre(RoomState::still));
 }
 
-// It has the paint of Film::person, and hides a quarter of the picture.
-TEST(CameraWatch, ABoxThatStaysIsAnotherRoomUntilItIsLearnt) {
+// With the paint of Film::person, over a quarter of the picture.
+TEST(CameraWatch, AStandingBoxIsAChangeUntilItIsLearnt) {
   Film film;
   film.fps = 8;
   film.person = [](double t) { return t < 3 ? std::pair(0.0, 0.0) : std::pair(0.7, 0.95); };
   FilmedRoom room(film);
   CameraWatch watch(room.camera());
-  std::optional<double> told_at;
+  std::optional<double> reported_at;
   std::set<RoomState> states;
   room.show(watch, 0, 14, [&](double t) {
     states.insert(watch.condition().state);
-    if (!told_at && watch.condition().state == RoomState::changed) told_at = t;
+    if (!reported_at && watch.condition().state == RoomState::changed) reported_at = t;
   });
-  ASSERT_TRUE(told_at);
-  EXPECT_GT(*told_at, 6);
-  EXPECT_LT(*told_at, 11);
+  ASSERT_TRUE(reported_at);
+  EXPECT_GT(*reported_at, 6);
+  EXPECT_LT(*reported_at, 11);
   EXPECT_THAT(states, testing::ElementsAre(RoomState::learning, RoomState::still, RoomState::changed));
   const Change& change = watch.condition().change;
   EXPECT_NEAR(change.share, 0.25, 0.15);
@@ -228,7 +229,7 @@ TEST(CameraWatch, ABoxThatStaysIsAnotherRoomUntilItIsLearnt) {
   EXPECT_EQ(watch.condition().state, RoomState::still);
 }
 
-TEST(CameraWatch, SomebodyWhoStandsThereIsNoOtherRoom) {
+TEST(CameraWatch, AStandingPersonIsNoChange) {
   Film film;
   film.person = [](double t) {
     const double sway = 1.5 / 240 * std::sin(2 * std::numbers::pi * 0.4 * t);
@@ -237,19 +238,19 @@ TEST(CameraWatch, SomebodyWhoStandsThereIsNoOtherRoom) {
   EXPECT_THAT(states_of(film, 14), testing::ElementsAre(RoomState::still));
 }
 
-TEST(CameraWatch, ACoveredCameraIsBlind) {
+TEST(CameraWatch, ACoveredCameraIsBlinded) {
   Film film;
   film.light = [](double t, double) { return t > 3 && t < 7 ? 0.03 : 1.0; };
   FilmedRoom room(film);
   CameraWatch watch(room.camera());
   room.show(watch, 0, 6);
   EXPECT_EQ(watch.condition().state, RoomState::blinded);
-  EXPECT_NEAR(capture::seconds(watch.condition().since), 3.3, 0.4) << "since it is so, and not since it is told";
+  EXPECT_NEAR(capture::seconds(watch.condition().since), 3.3, 0.4) << "the moment of the event, not of the report";
   room.show(watch, 6, 12);
   EXPECT_EQ(watch.condition().state, RoomState::still);
 }
 
-TEST(CameraWatch, TurnedFarAwayItSeesNothingOfTheRoom) {
+TEST(CameraWatch, TurnedFarAwayIsHidden) {
   Film film;
   film.pose = knocked_at(3, 40);
   FilmedRoom room(film);
@@ -258,13 +259,13 @@ TEST(CameraWatch, TurnedFarAwayItSeesNothingOfTheRoom) {
   EXPECT_EQ(watch.condition().state, RoomState::hidden);
 }
 
-TEST(CameraWatch, PlainWallsTellNothing) {
+TEST(CameraWatch, PlainWallsArePlain) {
   Film film;
   film.texture = 0;
   EXPECT_THAT(states_of(film, 3), testing::ElementsAre(RoomState::plain));
 }
 
-TEST(CameraWatch, AKeptRoomTellsWhatHappenedInBetween) {
+TEST(CameraWatch, AKeptRoomRevealsTurnsInBetween) {
   FilmedRoom before;
   CameraWatch first(before.camera());
   before.show(first, 0, 2);
@@ -292,7 +293,7 @@ TEST(CameraWatch, AKeptRoomTellsWhatHappenedInBetween) {
   EXPECT_TRUE(elsewhere.has_forgotten());
 }
 
-TEST(CameraWatch, ObjectsAreNoPartOfTheRoom) {
+TEST(CameraWatch, PatchesAvoidObjects) {
   FilmedRoom room;
   CameraWatch watch(room.camera());
   const Occluder object{.px = {120, 90}, .radius_px = 60};

@@ -1,5 +1,5 @@
-// A room of 4 x 4 x 3 metres with painted walls, filmed by a camera that may stand anywhere in it: what it sees is
-// right for every pose, near walls and far ones. What happens to light and lens is a function of the time.
+// A room of 4 x 4 x 3 metres with painted walls, filmed by a camera at any pose in it, with correct parallax. Light and
+// lens are functions of the time.
 #pragma once
 
 #include <Eigen/Core>
@@ -60,7 +60,7 @@ struct Film {
   std::function<double(double, double)> light = [](double, double) { return 1.0; };  // at a time, in a row (0..1)
   // Gaussian sigma in pixels at a time, in a column (0..1).
   std::function<double(double, double)> blur = {};
-  // Columns that somebody is before, [from, to) as shares of the width; of a texture that moves along.
+  // Columns occluded by a person, [from, to) as shares of the width; the texture moves along.
   std::function<std::pair<double, double>(double)> person = [](double) { return std::pair(0.0, 0.0); };
 };
 

@@ -10,9 +10,9 @@
 namespace huetrack::room_watch {
 namespace {
 
-// What the room says of a camera that was turned and shifted: by directions to walls at different distances.
-RoomRotation said_by_room(const calib::Camera& camera, const Eigen::Vector3d& rotation, const Eigen::Vector3d& shift,
-                          std::mt19937& random) {
+// Rotation by the room of a camera that was turned and shifted, from walls at different distances.
+RoomRotation rotation_by_room(const calib::Camera& camera, const Eigen::Vector3d& rotation,
+                              const Eigen::Vector3d& shift, std::mt19937& random) {
   std::vector<SeenRay> rays;
   std::normal_distribution<double> noise(0, 0.1);
   std::uniform_real_distribution<double> distance(2.8, 4.6);
@@ -39,7 +39,7 @@ Outcome outcome(unsigned seed, bool has_object) {
   const Eigen::Vector3d rotation = 0.8 * degree * vector().normalized(), shift = 0.004 * vector();
   const calib::Rigid3d truth = moved(camera.cam_from_world, rotation, shift);
   MovedPose pose(camera, 3.6, 0.006);
-  pose.set_room(said_by_room(camera, rotation, shift, random));
+  pose.set_room(rotation_by_room(camera, rotation, shift, random));
   const Eigen::Vector3d others_off = 0.0015 * vector();
   std::uniform_real_distribution<double> place(-0.8, 0.8);
   for (int k = 0; has_object && k < 120; ++k) {
@@ -58,7 +58,7 @@ Outcome outcome(unsigned seed, bool has_object) {
   return {(found.rotation - rotation).norm() / degree, (found.shift - shift).norm(), off.dot(information * off)};
 }
 
-TEST(MovedPose, RoomAndObjectTellRotationAndShift) {
+TEST(MovedPose, RoomAndObjectDetermineRotationAndShift) {
   double nees = 0;
   constexpr int seeds = 30;
   for (unsigned seed = 1; seed <= seeds; ++seed) {
@@ -71,7 +71,7 @@ TEST(MovedPose, RoomAndObjectTellRotationAndShift) {
   EXPECT_LT(nees, 9);
 }
 
-TEST(MovedPose, TheRoomAloneLeavesTheShiftOpenAndSaysSo) {
+TEST(MovedPose, TheRoomAloneIsConsistentAboutTheShift) {
   double nees = 0;
   constexpr int seeds = 30;
   for (unsigned seed = 1; seed <= seeds; ++seed) nees += outcome(seed, false).nees / seeds;
@@ -79,11 +79,11 @@ TEST(MovedPose, TheRoomAloneLeavesTheShiftOpenAndSaysSo) {
   EXPECT_LT(nees, 9);
 }
 
-TEST(MovedPose, AnotherObjectIsNotBelieved) {
+TEST(MovedPose, AnotherObjectIsGated) {
   const calib::Camera camera = camera_in_room();
   MovedPose pose(camera, 3.6, 0.006);
   std::mt19937 random(1);
-  pose.set_room(said_by_room(camera, Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero(), random));
+  pose.set_room(rotation_by_room(camera, Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero(), random));
   const calib::Rigid3d before = pose.estimate().cam_from_world;
   pose.add({.at = capture::Timestamp{},
             .px = {10, 10},

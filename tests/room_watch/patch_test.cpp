@@ -36,7 +36,7 @@ Patch patch_at(const capture::Image& image, int column, int row, int scale = 1) 
   return make_patch(Eigen::Vector2d(column, row).array() + double(seen_side - 1) / 2, seen).value();
 }
 
-TEST(Patch, IsFoundToATwentiethOfAPixelInAnotherLight) {
+TEST(Patch, IsFoundToATwentiethOfABlockInAnotherLight) {
   const Patch patch = patch_at(picture(spots), 30, 30);
   for (const Eigen::Vector2d& shift : {Eigen::Vector2d(0.37, -0.61), Eigen::Vector2d(-1.4, 1.2)}) {
     const auto dimmed = picture([&](double u, double v) { return 0.6 * spots(u - shift.x(), v - shift.y()) + 25; });
@@ -56,7 +56,7 @@ Brightness spots_out_of_focus(double sigma) {
   };
 }
 
-TEST(Patch, SaysByHowMuchALensIsOutOfFocus) {
+TEST(Patch, MeasuresTheBlurOfDefocus) {
   const Patch patch = patch_at(picture(spots_out_of_focus(0)), 30, 30);
   for (const double sigma : {0.0, 0.7, 1.0, 1.3}) {
     const auto soft = spots_out_of_focus(sigma);
@@ -67,7 +67,7 @@ TEST(Patch, SaysByHowMuchALensIsOutOfFocus) {
   }
 }
 
-TEST(Patch, BetweenTwoBlocksNoDetailIsLost) {
+TEST(Patch, InterpolationLosesNoDetail) {
   const Patch patch = patch_at(picture(spots_out_of_focus(0)), 30, 30);
   const auto soft = spots_out_of_focus(0);
   const auto moved = picture([&](double u, double v) { return soft(u - 0.5, v + 0.5); });
@@ -76,7 +76,7 @@ TEST(Patch, BetweenTwoBlocksNoDetailIsLost) {
   EXPECT_LT(std::abs(found.loss), 0.15f);
 }
 
-TEST(Patch, SaysHowUnsureNoiseMakesIt) {
+TEST(Patch, ReportsTheSigmaOfNoise) {
   const Patch patch = patch_at(picture(spots), 30, 30);
   const Found found = find(patch, Luma(picture(spots, 8), 1), patch.centre);
   ASSERT_EQ(found.outcome, Found::Outcome::found);
@@ -94,7 +94,7 @@ TEST(Patch, IsNotFoundInSomethingElse) {
   EXPECT_LT(found.contrast, 0.1f * patch.contrast());
 }
 
-TEST(Patch, OutsideTheImageSaysNothing) {
+TEST(Patch, IsOutsideAtTheImagesEdge) {
   const Patch patch = patch_at(picture(spots), 30, 30);
   EXPECT_EQ(find(patch, Luma(picture(spots), 1), {2, 40}).outcome, Found::Outcome::outside);
 }
@@ -105,7 +105,7 @@ TEST(Patch, NeedsTextureInBothDirections) {
   EXPECT_FALSE(make_patch({20, 20}, stripes));
 }
 
-TEST(Patch, IsSearchedFarAway) {
+TEST(Patch, IsFoundFarAwayBySearch) {
   const auto spot = [](double du, double dv) {
     return [=](double u, double v) {
       const double a = u - 40 - du, b = v - 40 - dv;
@@ -120,7 +120,7 @@ TEST(Patch, IsSearchedFarAway) {
   EXPECT_FALSE(search(patch, Luma(picture([](double, double) { return 100.0; }, 2), 1), patch.centre, 15));
 }
 
-TEST(Luma, BlocksOfALargeImageAreMeansWhateverTheFormat) {
+TEST(Luma, BlocksAreMeansInAllFormats) {
   for (const auto format : {capture::PixelFormat::grey, capture::PixelFormat::yuyv}) {
     const auto image = picture([](double u, double v) { return 2 * u + v; }, 0, format);
     const Luma luma(image, 4);

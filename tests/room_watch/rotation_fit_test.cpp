@@ -14,7 +14,7 @@ struct Seen {
   Eigen::Vector3d rotation;
 };
 
-// Of a grid of directions; `strays` of 10 show another rotation, as something does that moves through the picture.
+// A grid of directions; `strays` of 10 have another rotation, like something that moves through the picture.
 Seen seen_by(const calib::CameraModel& lens, const Eigen::Vector3d& rotation, int strays, double zoom = 0,
              double noise_px = 0.1) {
   Seen seen{.rays = {}, .rotation = rotation};
@@ -33,7 +33,7 @@ Seen seen_by(const calib::CameraModel& lens, const Eigen::Vector3d& rotation, in
   return seen;
 }
 
-TEST(RotationFit, FindsTheRotationAndHowSureItIs) {
+TEST(RotationFit, FindsTheRotationWithItsCovariance) {
   const auto lens = camera_in_room().model;
   const Seen seen = seen_by(lens, Eigen::Vector3d(0.008, -0.011, 0.006), 0);
   const auto fit = fit_rotation(lens, seen.rays, {.rotation = {0.006, -0.01, 0.006}}, 2);
@@ -41,7 +41,7 @@ TEST(RotationFit, FindsTheRotationAndHowSureItIs) {
   const Eigen::Vector3d off = fit->rotation - seen.rotation;
   EXPECT_LT(off.norm(), 0.02 * degree);
   EXPECT_LT(off.dot(fit->covariance.inverse() * off), 16);  // of 3 degrees of freedom, 1 in 1000
-  EXPECT_GT(fit->held, 50);
+  EXPECT_GT(fit->inliers, 50);
   EXPECT_LT(std::abs(fit->zoom), 4 * fit->zoom_sigma);
 }
 
@@ -53,7 +53,7 @@ TEST(RotationFit, OutvotesWhatMovesByItself) {
   EXPECT_LT((fit->rotation - seen.rotation).norm(), 0.015 * degree);
 }
 
-TEST(RotationFit, TellsZoomFromRotation) {
+TEST(RotationFit, SeparatesZoomFromRotation) {
   const auto lens = camera_in_room().model;
   const Seen seen = seen_by(lens, Eigen::Vector3d(0.002, 0, 0.001), 0, 0.008);
   const auto fit = fit_rotation(lens, seen.rays, {}, 3);
@@ -62,7 +62,7 @@ TEST(RotationFit, TellsZoomFromRotation) {
   EXPECT_LT((fit->rotation - seen.rotation).norm(), 0.02 * degree);
 }
 
-TEST(RotationFit, SaysWhichRotationAShiftPassesFor) {
+TEST(RotationFit, ReportsTheRotationThatAShiftResembles) {
   const calib::Camera camera = camera_in_room();
   const Eigen::Vector3d shift(0.004, -0.003, 0.001);
   constexpr double distance = 3;
@@ -81,7 +81,7 @@ TEST(RotationFit, GuessesWithoutAStart) {
   EXPECT_LT((guess->rotation - seen.rotation).norm(), 0.5 * degree);
 }
 
-TEST(RotationFit, GuessesAZoomThatMovesMostThingsFarAway) {
+TEST(RotationFit, GuessesALargeZoom) {
   const auto lens = camera_in_room().model;
   const Seen seen = seen_by(lens, Eigen::Vector3d(0.01, -0.02, 0), 2, 0.06, 0.5);
   const auto guess = guess_aim(lens, seen.rays, 2);
@@ -93,7 +93,7 @@ TEST(RotationFit, GuessesAZoomThatMovesMostThingsFarAway) {
   EXPECT_LT((fit->rotation - seen.rotation).norm(), 0.12 * degree);
 }
 
-TEST(RotationFit, OnOneSideAZoomMayBeATurn) {
+TEST(RotationFit, ZoomAndTurnAreConfusedOnOneSide) {
   const auto lens = camera_in_room().model;
   Seen seen = seen_by(lens, Eigen::Vector3d::Zero(), 0, 0.01, 0.5);
   const auto all = fit_rotation(lens, seen.rays, {}, 3);
@@ -116,7 +116,7 @@ TEST(RotationFit, ATurnIsNoZoom) {
   EXPECT_FALSE(zoom_instead(*fit, Eigen::Vector3d::Zero()));
 }
 
-TEST(RotationFit, FewRaysAreNone) {
+TEST(RotationFit, RefusesFewRays) {
   const auto lens = camera_in_room().model;
   const Seen seen = seen_by(lens, Eigen::Vector3d::Zero(), 0);
   EXPECT_FALSE(fit_rotation(lens, std::span(seen.rays).first(3), {}, 2));

@@ -1,4 +1,4 @@
-// Mistakes made with a rendered scene: each is named, and nothing else.
+// Mistakes made in a rendered scene: each is named, and nothing else.
 #include "view_watch/view_watch.h"
 
 #include <gmock/gmock.h>
@@ -26,7 +26,7 @@ class ViewWatchOfScene : public testing::Test {
     scene = scene::lime_that_flies();
     rig = scene.rig;
   }
-  // What is named at the end, and that it is by then.
+  // The mistakes named at the end.
   std::vector<Mistake> watch(double seconds = 4, double pixel_noise_stddev = 3) {
     auto sets = scene::render(
         scene,
@@ -63,7 +63,7 @@ class ViewWatchOfScene : public testing::Test {
 };
 
 // Something of twice its hue moves first.
-TEST_F(ViewWatchOfScene, OpenCVsHueIsTakenBackWhenTheObjectItselfComes) {
+TEST_F(ViewWatchOfScene, openCvHueIsWithdrawnWhenTheObjectItselfComes) {
   const auto flight = scene.balls[0].path;
   scene.balls[0].path = [flight](double t) -> Vector3d { return t < 3 ? Vector3d(0, 0, 50) : flight(t); };
   scene::BallOptions other{.name = "cyan", .rgb = {0.1, 0.7, 0.7}};
@@ -81,7 +81,7 @@ TEST_F(ViewWatchOfScene, nothingIsWrong) {
   EXPECT_FALSE(named_at_s);
 }
 
-TEST_F(ViewWatchOfScene, nothingIsSaidOfAnObjectAtRest) {
+TEST_F(ViewWatchOfScene, nothingIsNamedOfAnObjectAtRest) {
   scene.balls[0].path = [](double) { return Vector3d(0.2, 0.1, 1); };
   turn(1, 2, {1, 1, 0});
   EXPECT_THAT(watch(), IsEmpty());
@@ -112,7 +112,6 @@ TEST_F(ViewWatchOfScene, aTurnedCamera) {
   }
 }
 
-// Neither a turn nor times that are off: the focal length of one camera is not what the rig says.
 TEST_F(ViewWatchOfScene, anotherFocalLength) {
   for (const double factor : {1.1, 0.88}) {
     SetUp();
@@ -148,8 +147,8 @@ TEST_F(ViewWatchOfScene, mirroredPictures) {
   EXPECT_THAT(mistakes[0].cameras, ElementsAre(2));
 }
 
-// A camera whose lateness was learnt agrees with the others, and is late all the same.
-TEST_F(ViewWatchOfScene, aLatenessThatWasLearntIsSaid) {
+// A camera whose latency the tracker has estimated is consistent, and late nevertheless.
+TEST_F(ViewWatchOfScene, anEstimatedLatencyIsNamed) {
   spoil = [](std::vector<capture::FrameSet>& sets) {
     constexpr std::size_t frames = 3;
     for (std::size_t i = sets.size(); i-- > 0;)
@@ -162,9 +161,9 @@ TEST_F(ViewWatchOfScene, aLatenessThatWasLearntIsSaid) {
   EXPECT_NEAR(mistakes[0].size, 0.1, 0.025);
 }
 
-// Before the right one is sure, a camera that is none is not named for it: a ball that moves little can be explained by
-// a larger turn of another one, worse.
-TEST_F(ViewWatchOfScene, nobodyElseIsBlamed) {
+// Before the right camera is certain no other one is named: a larger turn of another camera explains a ball that moves
+// little, too, but worse.
+TEST_F(ViewWatchOfScene, noOtherCameraIsBlamed) {
   for (const double reach_m : {0.1, 0.2}) {
     for (const Vector3d& axis : {Vector3d(1, -0.6, 0.3), Vector3d(0.3, 1, 0.2)}) {
       SetUp();
@@ -181,7 +180,7 @@ TEST_F(ViewWatchOfScene, nobodyElseIsBlamed) {
   }
 }
 
-// What it shows was two frames ago, or six: where the rig says when it was, none of it is learnt away.
+// Two frames late, or six. The rig states the latencies, so the tracker does not estimate them.
 TEST_F(ViewWatchOfScene, aLateCamera) {
   for (const std::size_t frames : {2u, 6u}) {
     SetUp();
@@ -199,14 +198,14 @@ TEST_F(ViewWatchOfScene, aLateCamera) {
   }
 }
 
-// Videos of one rate that did not begin together: by their stamps they are triggered, and no two of them agree. The
-// tracker is told, and so learns what it was sure to know.
+// Videos of one rate that did not begin together: by their stamps they are triggered, and no two are consistent. The
+// correction makes the tracker estimate latencies again.
 TEST_F(ViewWatchOfScene, videosThatDidNotBeginTogether) {
   spoil = [](std::vector<capture::FrameSet>& sets) {
     for (std::size_t i = sets.size(); i-- > 0;)
       for (const std::size_t c : {1u, 2u}) sets[i].frames[c]->pixels = sets[i < c ? 0 : i - c].frames[c]->pixels;
   };
-  EXPECT_THAT(watch(12), IsEmpty());  // as much as that drivers do
+  EXPECT_THAT(watch(12), IsEmpty());  // drivers cause as much
   EXPECT_GE(corrections, 1);
   ASSERT_EQ(last.times.size(), 3u);
   EXPECT_NEAR(last.times[1].latency_s - last.times[0].latency_s, 1 / 30., 0.004);
@@ -214,7 +213,7 @@ TEST_F(ViewWatchOfScene, videosThatDidNotBeginTogether) {
   EXPECT_EQ(last.state, object_tracking::TrackState::tracking);
 }
 
-// Frames that are dropped and not counted: all that follows is of later than its stamps say.
+// Frames that are dropped and not counted: all later frames are newer than their stamps.
 TEST_F(ViewWatchOfScene, stampsThatJump) {
   spoil = [](std::vector<capture::FrameSet>& sets) {
     const auto before = sets;
@@ -236,8 +235,8 @@ TEST_F(ViewWatchOfScene, anotherRoom) {
   EXPECT_EQ(mistakes[0].kind, MistakeKind::other_rig);
 }
 
-// Two cameras that stand elsewhere than the rig says, each in a way that no turn of one of them undoes.
-TEST_F(ViewWatchOfScene, aRigThatIsOffInSeveralWays) {
+// Two cameras are shifted and turned: no turn of one of them explains it.
+TEST_F(ViewWatchOfScene, aRigWithSeveralErrors) {
   rig.cameras[1].cam_from_world.translation += Vector3d(0.04, -0.02, 0.02);
   rig.cameras[2].cam_from_world.translation += Vector3d(-0.02, 0.04, -0.02);
   turn(1, 0.4, {1, 0.3, 0.5});
@@ -248,7 +247,7 @@ TEST_F(ViewWatchOfScene, aRigThatIsOffInSeveralWays) {
   EXPECT_GT(mistakes[0].off_px, 3);
 }
 
-// A fifth too small or too large is told by outlines, whichever the radius that fits were begun with.
+// By outlines, whatever the configured radius.
 TEST_F(ViewWatchOfScene, aWrongRadius) {
   for (const double factor : {0.7, 0.8, 1.25, 1.45}) {
     named_at_s.reset();
@@ -262,14 +261,14 @@ TEST_F(ViewWatchOfScene, aWrongRadius) {
   }
 }
 
-TEST_F(ViewWatchOfScene, aRadiusThatIsOffByLittle) {
+TEST_F(ViewWatchOfScene, aSmallErrorOfTheRadius) {
   for (const double factor : {0.95, 1.07}) {
     target.radius_m = 0.04 * factor;
     EXPECT_THAT(watch(), IsEmpty()) << factor;
   }
 }
 
-// What is no ball has no outline: its regions tell.
+// Without outlines, by regions.
 TEST_F(ViewWatchOfScene, aWrongRadiusOfABlob) {
   target.shape = object_tracking::TargetShape::blob;
   target.radius_m = 0.04 * 1.45;
@@ -288,8 +287,8 @@ TEST_F(ViewWatchOfScene, huesOfOpenCv) {
   EXPECT_LT(named_at_s.value_or(99), 3);
 }
 
-// What one camera sees of a ball that hardly moves is a pixel and a half too high, by its shade: any turn about the ray
-// to it would explain that as well as a small one across, and one place is not enough for either.
+// Shade shifts a ball that hardly moves by a pixel and a half in one camera: a turn would explain it, but one place is
+// not significant.
 TEST(PairComparison, OnePlaceIsNotEnoughForATurn) {
   const scene::Scene scene = scene::SceneBuilder{}.cameras_on_ring({.count = 3}).build();
   std::vector<Track> tracks(3);
@@ -304,14 +303,13 @@ TEST(PairComparison, OnePlaceIsNotEnoughForATurn) {
   }
   const PairComparison comparison(scene.rig);
   const TimeSigmas times(3, 0.0);
-  EXPECT_GT(comparison.agreement(tracks, {}, times).worst, 1.4) << "they do disagree";
+  EXPECT_GT(comparison.agreement(tracks, {}, times).worst, 1.4) << "they are inconsistent";
   const auto found = best_turn(comparison, tracks, 0, times);
   ASSERT_TRUE(found);
   EXPECT_LT(found->turn_rad.norm() / rad, 1);
   EXPECT_LT(found->gain, 16.3);
 }
 
-// A moment that nobody shows: the comparison is pure, and knows the turn that was made to the last digit.
 TEST(PairComparison, aTurnIsFoundExactly) {
   scene::Scene scene = scene::SceneBuilder{}.cameras_on_ring({.count = 3}).build();
   std::vector<Track> tracks(3);
@@ -342,7 +340,7 @@ TEST(PairComparison, aTurnIsFoundExactly) {
   EXPECT_LT(wrong.agreement_of(tracks, 2, false, {}, times).worst, 1e-3);
 }
 
-// The same of a focal length, of a mistake and of one that anybody's rig may have.
+// Large errors, and one that any rig may have.
 TEST(PairComparison, aFocalLengthIsFoundExactly) {
   scene::Scene scene = scene::SceneBuilder{}.cameras_on_ring({.count = 3}).build();
   const TimeSigmas times(3, 0.0);
