@@ -26,9 +26,25 @@
 
 namespace huetrack::object_trackers {
 
-// White balance of a webcam moves a hue by some 20 degrees from daylight to lamp light; what is further away is another
-// colour.
-constexpr PerColorAxis furthest_followed{20, 0.15, 0.2};
+struct ColorFollowerTuning {
+  double furthest_hue_deg = 20;       // white balance of a webcam from daylight to lamp light; beyond is another colour
+  double furthest_saturation = 0.15;  // likewise
+  double furthest_intensity = 0.2;    // likewise
+  double least_saturation = 0.15;     // a range below it would hold greys
+  double least_step_hue_deg = 1.5;    // smaller changes are not worth a table
+  double least_step_share = 0.015;    // likewise, of saturation and of intensity
+  double largest_step_hue_deg = 6;    // of one table: some degrees in a second
+  double largest_step_saturation = 0.06;
+  double largest_step_intensity = 0.07;
+  double longest_unseen_s = 1;    // what was seen before does not say what the colour is now
+  double forgotten_after_s = 10;  // of a lost object, the taught range is used again
+  double well_inside = 2;    // where a range moves to: ends this much further from the median than ColorWatch warns at
+  double just_inside = 1.3;  // from where on it moves, likewise
+  double steps_back = 4;     // least steps by which a range that is off too far goes back
+};
+inline constexpr ColorFollowerTuning color_follower{};
+inline constexpr PerColorAxis furthest_followed{color_follower.furthest_hue_deg, color_follower.furthest_saturation,
+                                                color_follower.furthest_intensity};
 
 // The range moved by so much: the same width, but where the axis itself ends.
 color::HsiRange moved(const color::HsiRange& range, const PerColorAxis& shift);

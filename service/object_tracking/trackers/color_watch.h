@@ -55,8 +55,14 @@ AxisRange axis_range(const color::HsiRange& range, ColorAxis axis, double hue_or
 double middle_hue_deg(const color::HsiRange& range);     // [0, 360)
 double degrees_between(double from_deg, double to_deg);  // counterclockwise, -180..180
 
-// What moves by itself from frame to frame (noise, JPEG), and what light moves in a second or two.
-constexpr PerColorAxis color_noise{3.5, 0.03, 0.03};
+// What noise, JPEG, and light within a second or two change.
+struct ColorNoiseTuning {
+  double hue_deg = 3.5;
+  double share = 0.03;  // of saturation and of intensity
+};
+inline constexpr ColorNoiseTuning color_noise_tuning{};
+inline constexpr PerColorAxis color_noise{color_noise_tuning.hue_deg, color_noise_tuning.share,
+                                          color_noise_tuning.share};
 
 // Of the pixels within inner_px; nullopt: they are too few, or not all in the image.
 std::optional<SeenColor> color_inside(const capture::Image& image, const Eigen::Vector2f& px, float inner_px,

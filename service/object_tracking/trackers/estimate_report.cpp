@@ -11,7 +11,11 @@ using namespace object_tracking;
 
 namespace {
 
-constexpr auto as_good_as_the_sets_time = std::chrono::milliseconds(2);  // a line is exact enough for as long
+struct EstimateReportTuning {
+  int set_time_ms = 2;                // an estimate this near to the set's time is extrapolated to it along a line
+  double confirmation_by_view = 0.9;  // how far a view that shows the whole disc confirms the object
+};
+constexpr EstimateReportTuning reporting{};
 
 // What one view says to the estimate. Is it seen there?
 bool add_support(const TargetView& view, const ToReport& what, ObjectEstimate& estimate) {
@@ -56,7 +60,8 @@ ObjectEstimate report(const ToReport& what, RigError& rig_error, capture::Timest
     e.per_view[c].doubt_px = static_cast<float>(std::sqrt(what.agreement.doubt_px2(c)));
   if (!e.has_position()) return e;
   // Frames of one moment are told at that moment, whatever a few rows' uncertain times make of it.
-  const bool is_of_the_set = std::chrono::abs(set.at - belief.at) <= as_good_as_the_sets_time && set.at > last_reported;
+  const bool is_of_the_set = std::chrono::abs(set.at - belief.at) <= std::chrono::milliseconds(reporting.set_time_ms) &&
+                             set.at > last_reported;
   e.at = is_of_the_set ? set.at : std::max(belief.at, last_reported + capture::Duration(1));
   last_reported = e.at;
   e.position = belief.position_at(e.at);
@@ -76,7 +81,7 @@ ObjectEstimate report(const ToReport& what, RigError& rig_error, capture::Timest
   for (const Sighting& s : what.sightings) {
     // A view that contradicts the others by as much as its gate allows is worth half.
     const double usual_px2 = s.covariance.trace() / 2 + s.lasting_px * s.lasting_px;
-    doubt *= 1 - 0.9 * s.support / (1 + s.doubt_px2 / (region_gate * usual_px2));
+    doubt *= 1 - reporting.confirmation_by_view * s.support / (1 + s.doubt_px2 / (region_gate * usual_px2));
   }
   e.confidence = 1 - doubt;
   return e;

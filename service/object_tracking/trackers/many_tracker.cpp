@@ -16,17 +16,15 @@ using namespace objects;
 
 namespace {
 
-// An object that is not seen and turns up where it may be by now is taken up again: chi-square, 3 degrees of freedom,
-// 99.7 %.
-constexpr double take_up_gate = 14.2;
-// Two centres nearer than this share of a diameter are of one object; a touch measured with an error is not.
-constexpr double one_object_share = 0.6;
-
-constexpr double elsewhere_radii = 6;  // so far off a view of a camera that was turned is looked for
-constexpr double apart_radii = 2;      // of both discs: from so far apart on, no region is of two
-
-// Who has left the volume is told so long at most, as a share of the time that coasting may take: he may turn back.
-constexpr double longest_outside = 0.5;
+struct ManyTrackerTuning {
+  double take_up_gate = 14.2;         // chi-square, 3 dof, 99.7 %: a detection near a coasting track continues it
+  double one_object_diameters = 0.6;  // nearer centres are one object; two that touch are one diameter apart
+  double elsewhere_radii = 6;         // a region this near may be the object in a camera that was turned (experiment)
+  double apart_radii = 2;             // of both discs: further apart, no region is of two objects
+  double probe_radii = 0.6;           // regions are also searched here around an expected centre (experiment)
+  double longest_outside_of_coast = 0.5;  // an object outside of the volume ends after this share of coast_s
+};
+constexpr ManyTrackerTuning many_tracker{};
 
 }  // namespace
 
@@ -115,7 +113,7 @@ void ManyTracker::find_regions(const std::vector<TargetView>& views) {
     // What is left to be seen of a known object may be.
     also.clear();
     for (const ExpectedObject& e : expected_[i]) {
-      const double half = 0.6 * e.at.radius_px;
+      const double half = many_tracker.probe_radii * e.at.radius_px;
       for (const auto& [du, dv] : {std::pair(0.0, 0.0), {half, 0.0}, {-half, 0.0}, {0.0, half}, {0.0, -half}})
         also.push_back(
             {static_cast<int>(std::lround(e.at.px.x() + du)), static_cast<int>(std::lround(e.at.px.y() + dv))});
@@ -179,7 +177,7 @@ std::optional<Sighting> ManyTracker::seen_elsewhere(const TargetView& view, std:
     return std::nullopt;
   const double disc = std::numbers::pi * own->at.radius_px * own->at.radius_px;
   const color::ColorRegion* nearest = nullptr;
-  double distance_px = elsewhere_radii * own->at.radius_px;
+  double distance_px = many_tracker.elsewhere_radii * own->at.radius_px;
   for (const color::ColorRegion& region : unexplained_[i]) {
     const double off_px = (region.centre - own->at.px).norm();
     if (region.area < least_far_share * disc || region.area > largest_far_share * disc || off_px > distance_px)
@@ -216,7 +214,7 @@ void ManyTracker::compare_views(const std::vector<TargetView>& views) {
     const auto own = std::ranges::find(expected_[i], which, &ExpectedObject::object);
     if (own == expected_[i].end()) continue;
     for (const ExpectedObject& other : expected_[i]) {
-      const double apart_px = apart_radii * (own->at.radius_px + other.at.radius_px);
+      const double apart_px = many_tracker.apart_radii * (own->at.radius_px + other.at.radius_px);
       if (other.object != which && (other.at.px - own->at.px).norm() < apart_px) return;
     }
   }
@@ -273,7 +271,7 @@ void ManyTracker::judge(Object& object, const capture::FrameSet& set) {
 
 // One object that is told twice: the older one stays.
 void ManyTracker::end_what_is_one() {
-  const double least_m = one_object_share * 2 * target_.radius_m;
+  const double least_m = many_tracker.one_object_diameters * 2 * target_.radius_m;
   for (std::size_t i = 0; i < objects_.size(); ++i) {
     for (std::size_t j = i + 1; j < objects_.size(); ++j) {
       Object &a = *objects_[i], &b = *objects_[j];
@@ -307,8 +305,8 @@ void ManyTracker::note_births(const capture::FrameSet& set, const std::vector<Ta
   for (const Birth& birth : births) {
     if (take_up(birth, views, set.at)) continue;
     const bool is_taken = std::ranges::any_of(objects_, [&](const auto& o) {
-      return o->state != TrackState::lost &&
-             (o->filter.belief().position_at(set.at) - birth.now.position).norm() < 1.5 * target_.radius_m;
+      return o->state != TrackState::lost && (o->filter.belief().position_at(set.at) - birth.now.position).norm() <
+                                                 object_gates.same_object_radii * target_.radius_m;
     });
     if (is_taken || std::ssize(objects_) >= 2 * TargetOptions::most_count) continue;
     auto fresh = std::make_unique<Object>(rig_, target_.radius_m, options_,
@@ -324,7 +322,7 @@ void ManyTracker::note_births(const capture::FrameSet& set, const std::vector<Ta
 // was first seen bounced, or was caught: it is wherever its speed, changed by as much, takes it.
 bool ManyTracker::take_up(const Birth& birth, const std::vector<TargetView>& views, capture::Timestamp set_at) {
   Object* best = nullptr;
-  double best_d2 = take_up_gate;
+  double best_d2 = many_tracker.take_up_gate;
   const double first_seen_s = (birth.now.sets + 0.5) * birth.dt;  // ago, up to the set before
   for (const auto& object : objects_) {
     if (object->state != TrackState::coasting || object->sightings.size() >= 2) continue;
@@ -434,8 +432,9 @@ void ManyTracker::report(const capture::FrameSet& set, std::vector<ObjectEstimat
       object->is_told = true;
       object->number = ++last_number_;
     }
-    const bool is_end = object->state == TrackState::lost ||
-                        capture::seconds(set.at - object->last_inside) > longest_outside * options_.coast_s;
+    const bool is_end =
+        object->state == TrackState::lost ||
+        capture::seconds(set.at - object->last_inside) > many_tracker.longest_outside_of_coast * options_.coast_s;
     seen = object->sightings;
     seen.insert(seen.end(), object->watched.begin(), object->watched.end());
     const TrackState state = is_end ? TrackState::lost : is_inside ? object->state : TrackState::coasting;

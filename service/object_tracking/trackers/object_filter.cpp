@@ -16,12 +16,23 @@ using namespace object_tracking;
 
 namespace {
 
-// White acceleration has a power density a^2 tau: an acceleration of a that lasts for about tau.
-constexpr double acceleration_time_s = 0.1;
-constexpr double least_acceleration_m_s2 = 3;  // nothing moves more evenly than this for long
-constexpr double floor_likelihood = 1.0 / 25;  // the paper's, eqs. (5), (6): tolerates occlusion and locks nothing out
-// Mean squared innovation in its standard deviations; 1 is usual.
-constexpr double usual_surprise = 3, bounce_surprise = 6;
+// Normalised innovation squared (NIS) here is per degree of freedom: its mean is 1.
+struct ObjectFilterTuning {
+  double acceleration_time_s = 0.1;        // an acceleration a lasts about this long: power density a^2 tau
+  double least_acceleration_m_s2 = 3;      // nothing moves more evenly than this for long
+  double highest_acceleration_factor = 4;  // of the configured acceleration
+  double acceleration_growth = 1.5;        // of one step of covariance matching
+  double acceleration_settling = 0.05;     // logarithm of its change per unit of NIS and set (experiment)
+  double usual_nis = 3;                    // above it the acceleration is raised
+  double bounce_nis = 6;                   // above it at the highest acceleration: a bounce, a hit or a throw
+  double outlier_nis_ratio = 3;            // by which leaving out one inconsistent view must reduce the NIS
+  float farthest_d2 = 50;                  // of the linearised likelihood: keeps weights of far particles finite
+  double least_ess_share = 0.1;            // of the particles; below it their weights are not used
+  double least_variance_m2 = 1e-10;        // added to the position's variance: keeps its covariance invertible
+};
+constexpr ObjectFilterTuning object_filter{};
+
+constexpr double floor_likelihood = 1.0 / window_pixels;  // the paper's, eqs. (5), (6): no view can veto
 
 // out = a0 x + a1 y + a2 z + m
 struct Affine {
@@ -47,7 +58,7 @@ struct ViewWeights {
 HUETRACK_CLONES void add_weights(const ViewWeights& by, std::size_t n, const float* __restrict x,
                                  const float* __restrict y, const float* __restrict z, const float* __restrict u,
                                  const float* __restrict v, float* __restrict log_weight) {
-  constexpr float farthest = 50;
+  constexpr float farthest = object_filter.farthest_d2;
   const ViewWeights w = by;
   const auto d2_of = [=](float du, float dv) __attribute__((always_inline)) {
     return w.i_uu * du * du + w.i_uv * du * dv + w.i_vv * dv * dv;
@@ -107,7 +118,7 @@ void ObjectFilter::scatter() {
 }
 
 double ObjectFilter::power_density() const {
-  return acceleration_ * acceleration_ * acceleration_time_s;
+  return acceleration_ * acceleration_ * object_filter.acceleration_time_s;
 }
 
 void ObjectFilter::adopt_times(const ObjectFilter& other) {
@@ -165,11 +176,11 @@ void ObjectFilter::correct_times(std::span<const double> late_s) {
 // Of three views or more, one that contradicts what all others agree on with the motion: it shows a frame once more, or
 // something else of this colour. A bounce contradicts all of them.
 void ObjectFilter::leave_out_what_contradicts(std::vector<Sighting>& sightings) {
-  if (sightings.size() < 3 || surprise() <= usual_surprise) return;
+  if (sightings.size() < 3 || surprise() <= object_filter.usual_nis) return;
   const std::vector<Sighting> all = sightings;
   std::vector<Sighting> best;
   // The others must agree; and much better than all did, as a swerve surprises some views more than others.
-  double least_surprise = std::min(usual_surprise, surprise() / 3);
+  double least_surprise = std::min(object_filter.usual_nis, surprise() / object_filter.outlier_nis_ratio);
   for (std::size_t i = 0; i < all.size(); ++i) {
     sightings = all;
     sightings.erase(sightings.begin() + static_cast<std::ptrdiff_t>(i));
@@ -181,17 +192,17 @@ void ObjectFilter::leave_out_what_contradicts(std::vector<Sighting>& sightings) 
 }
 
 void ObjectFilter::raise_acceleration(std::vector<Sighting>& sightings) {
-  const double ceiling = 4 * options_.acceleration_m_s2;
+  const double ceiling = object_filter.highest_acceleration_factor * options_.acceleration_m_s2;
   if (!sightings.empty()) observer_.observed(belief_, nullptr, sightings, power_density());
   leave_out_what_contradicts(sightings);
-  while (!sightings.empty() && surprise() > usual_surprise && acceleration_ < ceiling) {
-    acceleration_ = std::min(ceiling, 1.5 * acceleration_);
+  while (!sightings.empty() && surprise() > object_filter.usual_nis && acceleration_ < ceiling) {
+    acceleration_ = std::min(ceiling, object_filter.acceleration_growth * acceleration_);
     observer_.observed(belief_, nullptr, sightings, power_density());
   }
 }
 
 bool ObjectFilter::is_unexplained(std::span<const Sighting> sightings) const {
-  return sightings.size() >= 2 && surprise() > bounce_surprise;
+  return sightings.size() >= 2 && surprise() > object_filter.bounce_nis;
 }
 
 double ObjectFilter::kick_m_s() const {
@@ -202,10 +213,11 @@ void ObjectFilter::settle_acceleration(std::span<const Sighting> sightings) {
   if (sightings.empty()) return;
   // While the times are open, small innovations do not tell calm motion: nearly all of what is expected of them is the
   // times'. And a motion that is taken for too calm passes for cameras that are late.
-  const double usual = (belief_.velocity().norm() > at_rest_m_s ? 2 : 1) * options_.acceleration_m_s2;
-  const double least = are_times_open(sightings, belief_) ? usual : least_acceleration_m_s2;
-  acceleration_ = std::clamp(acceleration_ * std::exp(0.05 * (std::min(surprise(), usual_surprise) - 1)), least,
-                             4 * options_.acceleration_m_s2);
+  const double usual = (belief_.velocity().norm() > timing_tuning.at_rest_m_s ? 2 : 1) * options_.acceleration_m_s2;
+  const double least = are_times_open(sightings, belief_) ? usual : object_filter.least_acceleration_m_s2;
+  acceleration_ = std::clamp(acceleration_ * std::exp(object_filter.acceleration_settling *
+                                                      (std::min(surprise(), object_filter.usual_nis) - 1)),
+                             least, object_filter.highest_acceleration_factor * options_.acceleration_m_s2);
 }
 
 // Rows of two sets may overlap in time, but positions are told in the order of time; and an object that nobody sees is
@@ -306,7 +318,8 @@ void ObjectFilter::weigh(const MotionBelief& proposal, double power_density) {
   // The floor gives the target heavier tails than the proposal has, so that a few particles far out can outweigh all
   // others; a handful of particles is a worse answer than the linearised one, which equal weights are.
   effective_sample_size_ = particle_filter::effective_sample_size(weight_);
-  if (effective_sample_size_ < 0.1 * static_cast<double>(n)) weight_.assign(n, 1.0f / static_cast<float>(n));
+  if (effective_sample_size_ < object_filter.least_ess_share * static_cast<double>(n))
+    weight_.assign(n, 1.0f / static_cast<float>(n));
 }
 
 // The weighted particles' mean and covariance are the position's; velocity and times follow by regression on it.
@@ -315,7 +328,8 @@ void ObjectFilter::estimate(MotionBelief&& proposal) {
       particle_filter::weighted_moments(particles_.x.data(), particles_.y.data(), particles_.z.data(), weight_.data(),
                                         particles_.size(), proposal.position().cast<float>());
   belief_ = std::move(proposal);
-  belief_.set_position(moments.mean, moments.covariance + 1e-10 * Eigen::Matrix3d::Identity());
+  belief_.set_position(moments.mean,
+                       moments.covariance + object_filter.least_variance_m2 * Eigen::Matrix3d::Identity());
   map_ = Eigen::Vector3f(particles_.x[moments.best], particles_.y[moments.best], particles_.z[moments.best])
              .cast<double>();
 }

@@ -12,10 +12,19 @@ using namespace object_tracking;
 
 namespace {
 
-// The power density is of a kick at any moment since the last set. One just after it takes the object further, by its
-// whole velocity: as far as a density of three times as much.
+struct ObjectSighterTuning {
+  double contradicting_px2 =
+      1;                     // inflation of a view above which no outline is fitted: far above shading and a good rig
+  double widest_radii = 2;   // half width of the narrow axis of a region; the taught radius and the range are unsure
+  double near_radii = 1.5;   // nearly all of the object lies within this of its centre
+  double far_radii = 2;      // a region that the near box cuts is searched as far as this
+  double parts_radii = 1.3;  // parts of one object are nearer to one another (experiment)
+};
+constexpr ObjectSighterTuning sighter{};
+
+// maths: a kick at any moment of dt is a white acceleration of power density kick^2 / dt, variance kick^2 dt^2 / 3. A
+// kick at its beginning has kick^2 dt^2.
 constexpr double at_once_share = 3;
-constexpr double contradicting_px2 = 1;  // doubt of a view, far above what light and a good calibration leave open
 
 // Beyond the box, at a side that is not the image's.
 bool goes_on(const color::ColorRegion& region, const color::PixelBox& box, const color::MatchBits& image) {
@@ -26,16 +35,10 @@ bool goes_on(const color::ColorRegion& region, const color::PixelBox& box, const
 
 // Along both of its axes the region is far wider than the object, and no smear makes it so.
 bool is_wider_than_object(const color::ColorRegion& region, double radius_px) {
-  constexpr double widest_radii = 2;  // the taught radius may be wrong, and so may the distance
   const double half_trace = region.spread.trace() / 2;
   const double narrow = half_trace - std::sqrt(std::max(0.0, half_trace * half_trace - region.spread.determinant()));
-  return 2 * std::sqrt(std::max(0.0, narrow)) > widest_radii * radius_px;
+  return 2 * std::sqrt(std::max(0.0, narrow)) > sighter.widest_radii * radius_px;
 }
-
-// Nearly all that is the object's lies within the first of these; what goes on beyond it is looked at as far as the
-// second.
-constexpr double looked_at_radii[] = {1.5, 2};
-constexpr double parts_radii = 1.3;  // that are so near one another are one region
 
 }  // namespace
 
@@ -63,16 +66,18 @@ std::span<const color::ColorRegion> ObjectSighter::regions_near(const TargetView
   if (!(std::abs(at.px.x()) < 2 * limit && std::abs(at.px.y()) < 2 * limit)) return {};
   const double disc = std::numbers::pi * at.radius_px * at.radius_px;
   const int min_area = std::max(2, static_cast<int>(least_support * disc));
-  for (const double radii : looked_at_radii) {
-    const double reach_u = std::min(limit, 3 * std::sqrt(spread(0, 0)) + radii * at.radius_px + 2);
-    const double reach_v = std::min(limit, 3 * std::sqrt(spread(1, 1)) + radii * at.radius_px + 2);
+  for (const double radii : {sighter.near_radii, sighter.far_radii}) {
+    const double reach_u =
+        std::min(limit, object_gates.prediction_sigmas * std::sqrt(spread(0, 0)) + radii * at.radius_px + 2);
+    const double reach_v =
+        std::min(limit, object_gates.prediction_sigmas * std::sqrt(spread(1, 1)) + radii * at.radius_px + 2);
     const color::PixelBox box{
         static_cast<int>(std::floor(at.px.x() - reach_u)), static_cast<int>(std::floor(at.px.y() - reach_v)),
         static_cast<int>(std::ceil(at.px.x() + reach_u)), static_cast<int>(std::ceil(at.px.y() + reach_v))};
     near_.clear();
     bool is_cut = false;
     for (const color::ColorRegion& region : finders_[static_cast<std::size_t>(view.index)].find(
-             *view.matches, box, min_area, parts_radii * at.radius_px)) {
+             *view.matches, box, min_area, sighter.parts_radii * at.radius_px)) {
       if (goes_on(region, box, *view.matches))
         is_cut = true;
       else if (!is_wider_than_object(region, at.radius_px))
@@ -102,7 +107,8 @@ void ObjectSighter::sight(const std::vector<TargetView>& views, const ObjectFilt
                           const ViewAgreement& agreement, std::vector<Sighting>& out) {
   const MotionBelief& belief = filter.belief();
   bool is_doubted = false;
-  for (std::size_t c = 0; c < last_.size(); ++c) is_doubted = is_doubted || agreement.doubt_px2(c) > contradicting_px2;
+  for (std::size_t c = 0; c < last_.size(); ++c)
+    is_doubted = is_doubted || agreement.doubt_px2(c) > sighter.contradicting_px2;
   for (const TargetView& view : views) {
     const auto expected = expected_in(view, belief, radius_m_);
     if (!expected) continue;
@@ -163,8 +169,8 @@ bool ObjectSighter::sight_after_bounce(const std::vector<TargetView>& views, con
     regions_[i].assign(near.begin(), near.end());
   }
   const Eigen::Vector3d expected = belief.position() + dt * belief.velocity();
-  const double reach_m =
-      3 * (std::sqrt(reach_density * dt * dt * dt / 3) + std::sqrt(largest_variance(belief.position_covariance())));
+  const double reach_m = object_gates.prediction_sigmas * (std::sqrt(reach_density * dt * dt * dt / 3) +
+                                                           std::sqrt(largest_variance(belief.position_covariance())));
   for (const PositionCandidate& c :
        cross_rays(views, std::span(regions_).first(views.size()), target, options_, belief, most_crossings)) {
     if ((c.position - expected).norm() > reach_m || c.sightings.size() <= least) continue;

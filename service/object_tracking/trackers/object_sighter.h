@@ -17,6 +17,12 @@
 
 namespace huetrack::object_trackers {
 
+struct ObjectGateTuning {
+  double prediction_sigmas = 3;    // reach of a prediction: 99.7 % on one axis
+  double same_object_radii = 1.5;  // a detection nearer than this to a track is the track's object (experiment)
+};
+inline constexpr ObjectGateTuning object_gates{};
+
 // How far from there the view may show the object, px^2: by what is believed of it, and by twice the hardest usual
 // acceleration, whatever the filter has learnt, so that a throw does not lose it.
 Eigen::Matrix2d spread_in(const object_tracking::TargetView& view, const object_tracking::ExpectedView& expected,

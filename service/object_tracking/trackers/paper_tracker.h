@@ -19,6 +19,8 @@ struct PositionParticles {
   void resize(std::size_t n) { x.resize(n), y.resize(n), z.resize(n); }
 };
 
+inline constexpr int window_pixels = 25;  // layout: the paper's window of 5x5
+
 // Eqs. (4)-(6): weight[i] becomes the product over the views of p_m(s_i | img_m), times 25^M (a constant that the
 // normalisation takes out again, so that the product stays in the range of a float for up to 27 views).
 //   inside the image:  k / 25, k = pixels of the target's colour in the 5x5 window around the projection, at least 1

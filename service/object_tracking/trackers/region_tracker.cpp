@@ -12,6 +12,11 @@ using namespace objects;
 
 namespace {
 
+struct RegionTrackerTuning {
+  int confirming_detections = 3;  // out of reach, one after the other, that replace the track (experiment)
+};
+constexpr RegionTrackerTuning region_tracker{};
+
 // Does it show whole discs of its size in two views? An outline is as round as the disc that was fitted to it, whatever
 // is there.
 bool shows_discs(std::span<const Sighting> sightings) {
@@ -197,7 +202,7 @@ void RegionTracker::search(const capture::FrameSet& set, const std::vector<Targe
   }
   // It is what is followed already, and not sure yet.
   if (is_shared && state_ == TrackState::coasting && sightings_.size() >= 2 &&
-      (find->now.position - filter_.belief().position()).norm() < 1.5 * target_.radius_m)
+      (find->now.position - filter_.belief().position()).norm() < object_gates.same_object_radii * target_.radius_m)
     return;
   if (is_out_of_reach(*find, set.at)) return;
   MotionBelief about = filter_.belief();
@@ -233,14 +238,13 @@ void RegionTracker::search(const capture::FrameSet& set, const std::vector<Targe
 // What is followed, and was tracked a moment ago, cannot have come there. One of the two is something else: the find,
 // unless it is found again and again.
 bool RegionTracker::is_out_of_reach(const ObjectSearch::Find& find, capture::Timestamp set_at) {
-  constexpr double sigmas = 3;
-  constexpr unsigned sure_finds = 3;
   const MotionBelief& belief = filter_.belief();
   const double sigma_m = std::hypot(largest_sigma(belief.position_covariance()), largest_sigma(find.now.covariance));
-  const double reach_m = sigmas * sigma_m + filter_.kick_m_s() * capture::seconds(set_at - last_tracking_);
+  const double reach_m =
+      object_gates.prediction_sigmas * sigma_m + filter_.kick_m_s() * capture::seconds(set_at - last_tracking_);
   const bool is_near = (find.now.position - belief.position()).norm() <= reach_m;
   finds_out_of_reach_ = state_ != TrackState::coasting || is_near ? 0 : finds_out_of_reach_ + 1;
-  return finds_out_of_reach_ > 0 && finds_out_of_reach_ < sure_finds;
+  return finds_out_of_reach_ > 0 && finds_out_of_reach_ < region_tracker.confirming_detections;
 }
 
 // The belief as it is while nothing is known of how far the views agree tells when they saw it, and so how far they do.

@@ -112,7 +112,7 @@ class RegionTracker {
   Eigen::Vector3d found_at_ = Eigen::Vector3d::Zero();
   object_tracking::TrackState told_ = object_tracking::TrackState::searching;  // in the last set
   capture::Timestamp last_at_{}, last_tracking_{};                             // of the sets
-  unsigned finds_out_of_reach_ = 0;                                            // in the last sets, one after the other
+  int finds_out_of_reach_ = 0;                                                 // in the last sets, one after the other
   std::size_t sets_apart_ = 0;  // whose frames were not taken at one moment
   capture::Timestamp last_reported_ = capture::Timestamp::min();
 };

@@ -1,7 +1,6 @@
 #include "object_tracking/trackers/times_learner.h"
 
 #include <algorithm>
-#include <cstddef>
 
 namespace huetrack::object_trackers {
 
@@ -9,22 +8,14 @@ using namespace object_tracking;
 
 namespace {
 
-// At usual speeds, some metres a second, this is some millimetres of way: as much as what else is not known.
-constexpr double open_time_s = 2e-3;
-
-// Ten seconds of motion at 30 sets a second tell all that there is to tell of times; and a pass over them takes no
-// longer than some ten milliseconds.
-constexpr std::size_t most_seen_sets = 300;
-constexpr int passes = 3;
-constexpr std::size_t sets_of_a_start = 2;  // that say where the object is and how it moves
-// Half of what is told in ten seconds is told anew.
-constexpr int sets_until_again = 75;
+constexpr std::size_t sets_of_a_start = 2;  // maths: fewer fix no position and velocity
 
 }  // namespace
 
 bool are_times_open(std::span<const Sighting> sightings, const MotionBelief& belief) {
-  return std::ranges::any_of(
-      sightings, [&](const Sighting& s) { return belief.row_sigma_s(s.row.camera, s.row.below_middle) > open_time_s; });
+  return std::ranges::any_of(sightings, [&](const Sighting& s) {
+    return belief.row_sigma_s(s.row.camera, s.row.below_middle) > timing_tuning.open_time_s;
+  });
 }
 
 TimesLearner::TimesLearner(double radius_m, const ObjectTrackerOptions& options)
@@ -52,17 +43,17 @@ void TimesLearner::forget_seen() {
 
 bool TimesLearner::remember(const MotionBelief& belief, std::span<const Sighting> sightings, double power_density) {
   if (!is_learning_ || is_forgetting_motion_ || sightings.empty()) return false;
-  if (seen_sets_.size() == most_seen_sets) {
+  if (seen_sets_.size() == timing_tuning.most_sets) {
     // What an object at rest showed told nothing of times. Without what a moving one did, less would be known.
-    is_forgetting_motion_ = seen_sets_.front().velocity.norm() > at_rest_m_s;
+    is_forgetting_motion_ = seen_sets_.front().velocity.norm() > timing_tuning.at_rest_m_s;
     seen_sets_.pop_front();
     if (is_forgetting_motion_) seen_sets_.clear();
     if (is_forgetting_motion_) return false;
   }
   seen_sets_.push_back(
       {power_density, {sightings.begin(), sightings.end()}, belief.at, belief.position(), belief.velocity()});
-  moving_sets_ += belief.velocity().norm() > at_rest_m_s ? 1 : 0;
-  if (moving_sets_ < sets_until_again && !belief.are_times_far()) return false;
+  moving_sets_ += belief.velocity().norm() > timing_tuning.at_rest_m_s ? 1 : 0;
+  if (moving_sets_ < timing_tuning.sets_until_again && !belief.are_times_far()) return false;
   moving_sets_ = 0;
   return seen_sets_.size() > sets_of_a_start;
 }
@@ -76,8 +67,9 @@ std::vector<Eigen::Vector3d> TimesLearner::smooth_velocities() const {
     const SeenSet& before = seen_sets_[std::size_t(std::max<std::ptrdiff_t>(0, i - 2))];
     const SeenSet& after = seen_sets_[std::size_t(std::min(count - 1, i + 2))];
     const double dt = capture::seconds(after.believed_at - before.believed_at);
-    out.push_back(dt > 0 && dt < 0.3 ? Eigen::Vector3d((after.position - before.position) / dt)
-                                     : seen_sets_[std::size_t(i)].velocity);
+    out.push_back(dt > 0 && dt < timing_tuning.longest_smoothing_s
+                      ? Eigen::Vector3d((after.position - before.position) / dt)
+                      : seen_sets_[std::size_t(i)].velocity);
   }
   return out;
 }
@@ -85,7 +77,7 @@ std::vector<Eigen::Vector3d> TimesLearner::smooth_velocities() const {
 void TimesLearner::linearise_again(MotionBelief& belief, double power_density) {
   MotionBelief about = belief;
   std::vector<Sighting> sightings;
-  for (int pass = 0; pass < passes; ++pass) {
+  for (int pass = 0; pass < timing_tuning.passes; ++pass) {
     const MotionBelief known = belief;
     MotionBelief again = *begun_;
     again.linearise_times_at(known);

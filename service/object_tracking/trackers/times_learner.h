@@ -3,6 +3,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstddef>
 #include <deque>
 #include <span>
 #include <vector>
@@ -14,8 +15,15 @@
 
 namespace huetrack::object_trackers {
 
-// Slower than this, times hardly matter: 6 mm at 20 ms.
-inline constexpr double at_rest_m_s = 0.3;
+struct TimingEstimatorTuning {
+  double at_rest_m_s = 0.3;          // slower, times hardly matter: 6 mm at 20 ms
+  double open_time_s = 2e-3;         // 1 sigma; at usual speeds, some m/s, as many mm as all else leaves open
+  std::size_t most_sets = 300;       // ten seconds at 30 sets a second; a pass over them takes some 10 ms
+  int passes = 3;                    // of the iterated filter (experiment)
+  int sets_until_again = 75;         // moving ones after which it is linearised again
+  double longest_smoothing_s = 0.3;  // of path over which velocities are averaged
+};
+inline constexpr TimingEstimatorTuning timing_tuning{};
 
 // Some of these rows were exposed at times that are not known: nobody knows where a moving object is.
 bool are_times_open(std::span<const object_tracking::Sighting> sightings, const object_tracking::MotionBelief& belief);
