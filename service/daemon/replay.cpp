@@ -15,6 +15,7 @@
 #include <utility>
 
 #include "calib/yaml/terminal_line.h"
+#include "color/color_name.h"
 #include "config/service_config.h"
 #include "daemon/played_source.h"
 #include "daemon/reloader.h"
@@ -299,6 +300,7 @@ ReplaySummary summary_of(const config::ServiceConfig& config, const ReplayComman
   const std::vector<std::string> cameras = config.rig.camera_names();
   for (std::size_t t = 0; t < summary.targets.size(); ++t) {
     TargetSummary& target = summary.targets[t];
+    if (config::is_taught(config.targets[t])) target.color = color::hue_text(config.targets[t].color);
     if (target.first_tracking_set) {
       if (target.first_tracking_s > usual_search_s) target.advice = figures.searches[t].late_advice(config.targets[t]);
       continue;
@@ -373,13 +375,10 @@ ReplaySummary replay(const ReplayCommand& command, const std::stop_token& stop) 
   // What a search suspects is said where nothing is known; beside a mistake that was found it would lead astray. Of
   // what was found, though late, any mistake tells more.
   for (TargetSummary& target : summary.targets) {
-    const auto says_it = [&](const std::string& sentence) { return sentence.find(target.advice) != std::string::npos; };
     const bool is_tracked = target.first_tracking_set.has_value();
-    if (!unit_mistake.empty() || (is_tracked && !summary.mistakes.empty()) || reports.mistakes.has_explained_rig() ||
-        std::ranges::any_of(summary.mistakes, says_it))
+    if (!unit_mistake.empty() || (is_tracked && !summary.mistakes.empty()) || reports.mistakes.has_explained_rig())
       target.advice.clear();
   }
-  summary.taken_back = reports.mistakes.taken_back();
   summary.left_out = reports.objects.summary();
   summary.light = reports.light.summary();
   summary.times = reports.times.summary();

@@ -58,7 +58,6 @@ struct ReplaySummary {
   double held_s = 0;                     // while it was held, or paused
   std::vector<TargetSummary> targets;
   std::vector<std::string> mistakes;     // in rig and configuration that the tracks show, one sentence each
-  std::vector<std::string> taken_back;   // mistakes that were none, as was found later, one sentence each
   std::vector<std::string> left_out;     // what has a target's colour and never moves, one sentence each
   std::vector<std::string> times;        // when the cameras' rows are exposed, one sentence each
   std::vector<std::string> calibration;  // cameras that no longer stand where the rig says, one sentence each

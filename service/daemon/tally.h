@@ -15,6 +15,7 @@ namespace huetrack::daemon {
 
 struct TargetSummary {
   std::string name;
+  std::string color;                                          // what its hue_deg means; empty: it has none yet
   std::map<object_tracking::TrackState, std::uint64_t> sets;  // per state
   // Of a target of several objects: sets counts each of them, these are how many were found, and at once.
   std::uint64_t objects = 0, most_objects = 0;

@@ -39,9 +39,7 @@ void ColorsLookedFor::expect(const config::ServiceConfig& config) {
   sets_ = 0;
   for (Camera& camera : cameras_) {
     camera.coming.clear();
-    for (const auto& target : config.targets)
-      for (const auto& range : object_trackers::first_colors_looked_for(target, config.object_tracking, camera.name))
-        add(camera.coming, color::matched_color(range));
+    for (const auto& target : config.targets) add(camera.coming, color::matched_color(target.color_in(camera.name)));
   }
 }
 
@@ -62,11 +60,7 @@ void ColorsLookedFor::on_set(const TrackedSet& set) {
   for (Camera& camera : cameras_) {
     wanted_.clear();
     if (!is_taken_over) wanted_ = camera.coming;
-    for (const auto& tracker : set.trackers) {
-      ranges_.clear();
-      tracker.colors_looked_for(camera.index, ranges_);
-      for (const auto& range : ranges_) add(wanted_, color::matched_color(range));
-    }
+    for (const auto& tracker : set.trackers) add(wanted_, color::matched_color(tracker.color_in(camera.index)));
     if (wanted_ != camera.told) {
       camera.told = wanted_;
       camera.look_for(camera.told);

@@ -43,7 +43,6 @@ double doubt_of(const view_watch::Mistake& mistake, const calib::Camera& camera)
     }
     case MistakeKind::radius:
     case MistakeKind::shared_color:
-    case MistakeKind::opencv_hue:
       return 0;
   }
   return 0;

@@ -18,45 +18,31 @@ void MistakeReport::on_set(const pipeline::TrackedSet& set) {
   const std::scoped_lock lock(mutex_);
   const double now_s = capture::seconds(set.frames.at - *first_at_);
   std::vector<std::string> now, kinds;
-  std::vector<bool> may_be_wrong;
   for (std::size_t t = 0; t < set.mistakes.size() && t < targets_.size(); ++t) {
     for (const auto& mistake : set.mistakes[t]) {
       if (view_watch::is_of_rig(mistake.kind) && mistake.kind != view_watch::MistakeKind::contradiction)
         has_explained_rig_ = true;
       now.push_back(mistake_text(mistake, targets_[t], cameras_));
       kinds.push_back(fmt::format("{} {} {}", t, int(mistake.kind), fmt::join(mistake.cameras, " ")));
-      // Something of twice the hue moved before the object came. All others were as they were found, while it lasted.
-      may_be_wrong.push_back(mistake.kind == view_watch::MistakeKind::opencv_hue);
     }
   }
   if (now == warnings_) return;
-  take_back(kinds, now_s);
   for (std::size_t i = 0; i < now.size(); ++i) {
     const std::string &sentence = now[i], &kind = kinds[i];
     if (const auto known = ever_.find(kind); known != ever_.end()) {
       known->second.sentence = sentence;
-      known->second.taken_back_s.reset();
       continue;
     }
     spdlog::warn("{}", sentence);
-    ever_.emplace(kind, Named{now_s, sentence, may_be_wrong[i]});
+    ever_.emplace(kind, Named{now_s, sentence});
     order_.push_back(kind);
   }
   warnings_ = std::move(now);
 }
 
-void MistakeReport::take_back(const std::vector<std::string>& kinds_now, double now_s) {
-  for (auto& [kind, named] : ever_) {
-    if (!named.may_be_wrong || named.taken_back_s || std::ranges::find(kinds_now, kind) != kinds_now.end()) continue;
-    named.taken_back_s = now_s;
-    spdlog::info("taken back, as it is tracked where it looks like itself: {}", named.sentence);
-  }
-}
-
 void MistakeReport::on_config(const config::ServiceConfig& config) noexcept {
   const std::scoped_lock lock(mutex_);
   targets_ = config.targets;
-  for (auto& [_, named] : ever_) named.may_be_wrong = false;  // what is no longer seen may have been mended
 }
 
 std::vector<std::string> MistakeReport::warnings() const {
@@ -68,18 +54,7 @@ std::vector<std::string> MistakeReport::summary() const {
   std::vector<std::string> all;
   for (const std::string& kind : order_) {
     const Named& named = ever_.at(kind);
-    if (!named.taken_back_s) all.push_back(fmt::format("from {:.1f} s on: {}", named.at_s, named.sentence));
-  }
-  return all;
-}
-
-std::vector<std::string> MistakeReport::taken_back() const {
-  std::vector<std::string> all;
-  for (const std::string& kind : order_) {
-    const Named& named = ever_.at(kind);
-    if (named.taken_back_s)
-      all.push_back(fmt::format("named at {:.1f} s and taken back at {:.1f} s: {}", named.at_s, *named.taken_back_s,
-                                named.sentence));
+    all.push_back(fmt::format("from {:.1f} s on: {}", named.at_s, named.sentence));
   }
   return all;
 }

@@ -21,11 +21,8 @@ class MistakeReport final : public pipeline::Output {
 
   // In force now, one sentence each. thread-safe
   std::vector<std::string> warnings() const;
-  // All that were named since the start and were not taken back, one sentence each, with the time since the first set.
-  // When the road is empty.
+  // All that were named since the start, one sentence each, with the time since the first set. When the road is empty.
   std::vector<std::string> summary() const;
-  // Those that were: the same.
-  std::vector<std::string> taken_back() const;
   // Was there one that says which camera is wrong, or that the rig is? Then a search had no chance, whatever it found.
   bool has_explained_rig() const { return has_explained_rig_; }
 
@@ -35,10 +32,7 @@ class MistakeReport final : public pipeline::Output {
   struct Named {
     double at_s;
     std::string sentence;  // the latest
-    bool may_be_wrong;     // when it is no longer seen, it never was
-    std::optional<double> taken_back_s = {};
   };
-  void take_back(const std::vector<std::string>& kinds_now, double now_s);
 
   std::map<std::string, Named> ever_;  // guarded by mutex_; by target, kind and cameras
   bool has_explained_rig_ = false;

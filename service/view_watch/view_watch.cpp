@@ -296,9 +296,8 @@ class Suppositions {
 }  // namespace
 
 std::string_view name(MistakeKind kind) {
-  static constexpr std::string_view names[] = {"swapped", "late",         "uneven_times", "turned",
-                                               "zoomed",  "mirrored",     "other_rig",    "contradiction",
-                                               "radius",  "shared_color", "opencv_hue"};
+  static constexpr std::string_view names[] = {"swapped",  "late",      "uneven_times",  "turned", "zoomed",
+                                               "mirrored", "other_rig", "contradiction", "radius", "shared_color"};
   static_assert(std::size(names) == mistake_kinds);
   return names[std::size_t(kind)];
 }
@@ -351,10 +350,6 @@ void ViewWatch::look(const object_tracking::ObjectEstimate& estimate, const obje
     if (cameras_[c].shared_looks >= least_shared_looks)
       now.push_back({.kind = MistakeKind::shared_color, .cameras = {int(c)}, .size = shares[c].of_picture});
   }
-  if (tracker.search_findings().is_found_at_twice_the_hue)
-    now = {{.kind = MistakeKind::opencv_hue}};  // all else was seen of something else
-  else  // never found, or taken back by the tracker: it is not one of those that come and go
-    std::erase_if(suspected_, [](const Suspected& s) { return s.mistake.kind == MistakeKind::opencv_hue; });
   confirm(now, now_s);
 }
 

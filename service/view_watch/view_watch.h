@@ -31,10 +31,9 @@ enum class MistakeKind : std::uint8_t {
   contradiction,  // views do not agree, and nothing above explains it
   radius,         // size: the radius that the views agree about, metres
   shared_color,   // one camera; size: share of its picture that has the colour, 0..1
-  opencv_hue,     // hue_deg was written in OpenCV's units
 };
 
-inline constexpr std::size_t mistake_kinds = std::size_t(MistakeKind::opencv_hue) + 1;
+inline constexpr std::size_t mistake_kinds = std::size_t(MistakeKind::shared_color) + 1;
 std::string_view name(MistakeKind kind);  // "swapped", ...
 
 // Of how the cameras stand, and of when and whose their frames are.

@@ -752,6 +752,15 @@ TEST(SearchFindings, sayThatTheColorIsNotThere) {
   EXPECT_THAT(found.advice(lime(), {"a", "b"}), HasSubstr("no camera shows a region of its colour"));
 }
 
+TEST(SearchFindings, sayWhatTheHueMeansAlsoInOpenCvsUnits) {
+  TargetOptions target = lime();
+  target.color.hue_min_deg = 33, target.color.hue_max_deg = 57;
+  const SearchFindings found = findings_of(ring(2).ball({}).build(), target, 12);
+  EXPECT_EQ(found.sets, 12u);
+  EXPECT_THAT(found.advice(target, {"a", "b"}), AllOf(HasSubstr("hue_deg [33, 57] is orange to yellow"),
+                                                      HasSubstr("OpenCV"), HasSubstr("write [66, 114]")));
+}
+
 TEST(SearchFindings, sayOfATargetThatWasFoundLateWhichRadiusItShowed) {
   SearchFindings found;
   EXPECT_EQ(found.late_advice(lime()), "");
@@ -765,150 +774,6 @@ TEST(SearchFindings, areForgottenWhenTheTargetIsFound) {
   const SearchFindings found = findings_of(ring(2).ball({}).build(), lime(), 12);
   EXPECT_EQ(found.sets, 0u);
   EXPECT_EQ(found.advice(lime(), {"a", "b"}), "");
-}
-
-// In OpenCV's units of two degrees; and a range in degrees whose double the ball's own hues are in, in a room that
-// shares it, where what stands is found late.
-TEST(ObjectTracker, HuesInOpenCvsUnitsAreFoundOutAndOthersAreNot) {
-  const auto found_at_twice = [](double min_deg, double max_deg, bool has_furniture) {
-    scene::SceneBuilder builder;
-    builder.cameras_on_ring({.count = 3, .image_size = {320, 240}, .focal_px = 240});
-    builder.ball({.path = [](double t) { return Vector3d(-0.3 + 0.6 * std::max(0.0, t - 0.6), 0.1, 1.0); }});
-    if (has_furniture)
-      for (const double x : {-0.5, 0.5})
-        builder.ball({.name = "yellow", .radius_m = 0.14, .rgb = {0.8, 0.75, 0.1}, .path = [x](double) {
-                        return Vector3d(x, 0.9, 0.4);
-                      }});
-    const scene::Scene scene = builder.build();
-    TargetOptions target = lime();
-    target.color.hue_min_deg = min_deg, target.color.hue_max_deg = max_deg;
-    ObjectTracker tracker(scene.rig, target, options_with());
-    for (const capture::FrameSet& set : render(scene, {.set_count = 60})) tracker.update(set);
-    return tracker.search_findings().is_found_at_twice_the_hue;
-  };
-  EXPECT_TRUE(found_at_twice(33, 57, false));
-  EXPECT_FALSE(found_at_twice(65, 115, false));
-  EXPECT_FALSE(found_at_twice(45, 105, true));
-}
-
-// Two small balls that stick together are as large as the object, and no disc: while something of another colour looks
-// more like the object, they are not told. A ball is, whatever else there is.
-TEST(RegionTracker, TellsOfTwoThatMayBeTheObjectTheOneThatLooksLikeIt) {
-  const auto positions = [](bool is_lump, bool has_rival) {
-    scene::SceneBuilder builder;
-    builder.cameras_on_ring({.count = 3, .image_size = {640, 480}, .focal_px = 700});
-    if (!is_lump) builder.ball({.path = [](double) { return Vector3d(0.1, 0.1, 1.0); }});
-    for (const double z : {1.0, 1.05})
-      if (is_lump) builder.ball({.radius_m = 0.03, .path = [z](double) { return Vector3d(0.1, 0.1, z); }});
-    const scene::Scene scene = builder.build();
-    RegionTracker tracker(scene.rig, lime(), options_with(), particle_filter::Rng(1, 0));
-    tracker.set_rival(has_rival);
-    int positions = 0;
-    for (const capture::FrameSet& set : render(scene, {.set_count = 20}))
-      positions += tracker.update(set).has_position() ? 1 : 0;
-    return positions;
-  };
-  EXPECT_GT(positions(true, false), 10);
-  EXPECT_EQ(positions(true, true), 0);
-  EXPECT_GT(positions(false, true), 17);
-}
-
-// Furniture of the hue that was written, and the ball at twice that.
-TEST(ObjectTracker, FurnitureOfHalfTheHueIsNotTold) {
-  scene::SceneBuilder builder;
-  builder.cameras_on_ring({.count = 3, .image_size = {640, 480}, .focal_px = 700});
-  builder.ball({.path = [](double t) { return Vector3d(-0.5 + 0.4 * t, 0.1, 1.0); }});
-  for (const double z : {0.8, 0.85})
-    builder.ball({.name = "yellow", .radius_m = 0.03, .rgb = {0.8, 0.75, 0.1}, .path = [z](double) {
-                    return Vector3d(0.3, 0.4, z);
-                  }});
-  const scene::Scene scene = builder.build();
-  TargetOptions target = lime();
-  const auto positions = [&](double min_deg, double max_deg) {
-    target.color.hue_min_deg = min_deg, target.color.hue_max_deg = max_deg;
-    ObjectTracker tracker(scene.rig, target, options_with());
-    int positions = 0;
-    for (const capture::FrameSet& set : render(scene, {.set_count = 60}))
-      positions += tracker.update(set).has_position() ? 1 : 0;
-    return positions;
-  };
-  EXPECT_EQ(positions(33, 57), 0);
-  EXPECT_GT(positions(65, 115), 55);
-}
-
-// A yellow object, and a green ball moves beside it: neither a ball of its own hue, nor what is no ball and moves, is
-// taken for furniture because of that.
-TEST(ObjectTracker, WhatLooksLikeTheObjectIsToldWhateverMovesAtTwiceItsHue) {
-  const auto sets_told = [](bool is_ball, bool moves) {
-    scene::SceneBuilder builder;
-    builder.cameras_on_ring({.count = 3, .image_size = {640, 480}, .focal_px = 700});
-    builder.ball({.path = [](double t) { return Vector3d(-0.5 + 0.4 * t, 0.1, 1.0); }});
-    const std::array<double, 2> lump{0.8, 0.85};
-    const std::array<double, 1> ball{0.8};
-    const auto heights = is_ball ? std::span<const double>(ball) : std::span<const double>(lump);
-    for (const double z : heights)
-      builder.ball(
-          {.name = "yellow", .radius_m = is_ball ? 0.04 : 0.03, .rgb = {0.8, 0.62, 0.1}, .path = [z, moves](double t) {
-             return Vector3d(0.3 - (moves ? 0.4 * t : 0), 0.4, z);
-           }});
-    const scene::Scene scene = builder.build();
-    TargetOptions target = lime();
-    target.color.hue_min_deg = 33, target.color.hue_max_deg = 57;
-    ObjectTracker tracker(scene.rig, target, options_with());
-    int told = 0;
-    for (const capture::FrameSet& set : render(scene, {.set_count = 60}))
-      told += tracker.update(set).has_position() ? 1 : 0;
-    EXPECT_FALSE(tracker.search_findings().is_found_at_twice_the_hue);
-    return told;
-  };
-  EXPECT_GT(sets_told(true, false), 55);
-  EXPECT_GT(sets_told(true, true), 55);
-  EXPECT_GT(sets_told(false, true), 40);
-}
-
-// The yellow object comes when the green ball has moved for two seconds, and was taken for it.
-TEST(ObjectTracker, TwiceTheHueIsTakenBackWhenTheObjectComes) {
-  scene::SceneBuilder builder;
-  builder.cameras_on_ring({.count = 3, .image_size = {640, 480}, .focal_px = 700});
-  builder.ball({.path = [](double t) { return Vector3d(-0.5 + 0.2 * t, 0.1, 1.0); }});
-  builder.ball({.name = "yellow", .rgb = {0.8, 0.62, 0.1}, .path = [](double t) {
-                  return t < 2 ? Vector3d(0, 0, -50) : Vector3d(0.5 - 0.4 * (t - 2), 0.4, 0.8);
-                }});
-  const scene::Scene scene = builder.build();
-  TargetOptions target = lime();
-  target.color.hue_min_deg = 33, target.color.hue_max_deg = 57;
-  ObjectTracker tracker(scene.rig, target, options_with());
-  bool was_found = false;
-  for (const capture::FrameSet& set : render(scene, {.set_count = 135})) {
-    tracker.update(set);
-    if (set.number == 55) was_found = tracker.search_findings().is_found_at_twice_the_hue;
-  }
-  EXPECT_TRUE(was_found);
-  EXPECT_FALSE(tracker.search_findings().is_found_at_twice_the_hue);
-}
-
-// What is tracked of a colour that turned out to be another's is let go of: what stands is no object from then on, and
-// what moves is found again.
-TEST(RegionTracker, WhoseColorIsDistrustedFindsOnlyWhatMoves) {
-  const auto positions_after = [](double speed_m_s) {
-    scene::SceneBuilder builder;
-    builder.cameras_on_ring({.count = 3, .image_size = {320, 240}, .focal_px = 240});
-    builder.ball({.path = [speed_m_s](double t) { return Vector3d(-0.5 + speed_m_s * t, 0.1, 1.0); }});
-    const scene::Scene scene = builder.build();
-    RegionTracker tracker(scene.rig, lime(), options_with(), particle_filter::Rng(1, 0));
-    constexpr int before = 15;
-    int sets = 0, positions = 0;
-    for (const capture::FrameSet& set : render(scene, {.set_count = 50})) {
-      const ObjectEstimate estimate = tracker.update(set);
-      if (++sets > before) positions += estimate.has_position() ? 1 : 0;
-      if (sets != before) continue;
-      EXPECT_EQ(estimate.state, TrackState::tracking);
-      tracker.distrust_color(set.at);
-    }
-    return positions;
-  };
-  EXPECT_EQ(positions_after(0), 0);
-  EXPECT_GE(positions_after(0.7), 25);  // of 35: it must first have moved
 }
 
 }  // namespace

@@ -6,8 +6,6 @@
 #include <memory>
 #include <optional>
 #include <span>
-#include <string>
-#include <string_view>
 #include <vector>
 
 #include "calib/model/camera_rig.h"
@@ -31,9 +29,8 @@ class ObjectTracker {
   ObjectTracker(ObjectTracker&&) noexcept;
   ObjectTracker& operator=(ObjectTracker&&) noexcept;
 
-  // The ranges of colour that are looked for in this camera by now, appended to `out`: of the target, and for as long
-  // as it may turn out that its hues were given in other units, of those. For who has what matches found elsewhere.
-  void colors_looked_for(std::size_t camera, std::vector<color::HsiRange>& out) const;
+  // The colour range in force in this camera: the target's, or what `color: adapt` made of it.
+  color::HsiRange color_in(std::size_t camera) const;
   // Where the outline was in this camera's frame of the last update(), and how it moves, appended to `out`; nothing
   // where none would be fitted. For who has the pixels elsewhere. Of one object (count: 1; observation: huetrack).
   void expected_outlines(std::size_t camera, std::vector<capture::ExpectedOutline>& out) const;
@@ -94,10 +91,5 @@ class ObjectTracker {
   struct Impl;
   std::unique_ptr<Impl> impl_;
 };
-
-// ObjectTracker::colors_looked_for() of one that has just been made.
-std::vector<color::HsiRange> first_colors_looked_for(const object_tracking::TargetOptions& target,
-                                                     const object_tracking::ObjectTrackerOptions& options,
-                                                     std::string_view camera);
 
 }  // namespace huetrack::object_trackers

@@ -17,12 +17,6 @@ struct RegionTrackerTuning {
 };
 constexpr RegionTrackerTuning region_tracker{};
 
-// Does it show whole discs of its size in two views? An outline is as round as the disc that was fitted to it, whatever
-// is there.
-bool shows_discs(std::span<const Sighting> sightings) {
-  return std::ranges::count_if(sightings, [](const Sighting& s) { return !s.is_outline && is_whole_disc(s); }) >= 2;
-}
-
 }  // namespace
 
 RegionTracker::RegionTracker(const calib::CameraRig& rig, const TargetOptions& target,
@@ -114,12 +108,6 @@ void RegionTracker::trust(std::span<const CameraTrust> cameras) {
 void RegionTracker::correct_times(std::span<const double> late_s) {
   filter_.correct_times(late_s);
   agreement_.forget();
-}
-
-void RegionTracker::distrust_color(capture::Timestamp set_at) {
-  if (state_ == TrackState::tracking || state_ == TrackState::coasting) forget();
-  sightings_.clear();
-  still_color_.doubt(set_at);
 }
 
 // Returns the power density to use for this set: a bounce needs one that is not learnt, as what comes after it is as
@@ -262,31 +250,18 @@ void RegionTracker::start_compared(const ObjectSearch::Find& find, capture::Time
 void RegionTracker::start_at(const ObjectSearch::Find& find, capture::Timestamp set_at) {
   last_reported_ = capture::Timestamp::min();
   is_known_ = false;
-  shows_discs_ = has_moved_ = false;
   sightings_ = filter_.start(find.earlier, find.now, agreement_, set_at, find.dt, sets_apart_ == 0, last_reported_);
-  found_at_ = filter_.belief().position();
   seen_ = sightings_;
   still_color_.mark_cut(sightings_);
 }
 
-// Furniture is seldom a disc in two views, and its parts are less than a dozen radii apart.
-void RegionTracker::note_looks() {
-  constexpr double furthest_parts_radii = 12;
-  shows_discs_ = shows_discs_ || shows_discs(sightings_);
-  has_moved_ = has_moved_ || (state_ == TrackState::tracking && (filter_.belief().position() - found_at_).norm() >
-                                                                    furthest_parts_radii * target_.radius_m);
-}
-
 // What was found in a room of its colour, and may be a part of the room as well, is followed but not told: of nobody it
-// is known where he is. So is what was found by views that contradict one another, none of which is to be believed, and
-// what something else that may be the object looks more like than this does.
+// is known where he is. So is what was found by views that contradict one another, none of which is to be believed.
 TrackState RegionTracker::told_state() {
-  if (state_ == TrackState::tracking || state_ == TrackState::coasting) note_looks();
-  const bool is_another_likelier = has_rival_ && !looks_like_object();
-  is_known_ = is_known_ || (state_ == TrackState::tracking && !is_another_likelier);
+  is_known_ = is_known_ || state_ == TrackState::tracking;
   const bool may_be_furniture =
       state_ == TrackState::coasting && (still_color_.is_room_shared() || agreement_.is_nobody_believed());
-  const bool is_tentative = !is_known_ && (may_be_furniture || is_another_likelier);
+  const bool is_tentative = !is_known_ && may_be_furniture;
   const bool was_told = told_ == TrackState::tracking || told_ == TrackState::coasting;
   if (!is_tentative)
     told_ = state_;

@@ -52,15 +52,6 @@ class RegionTracker {
 
   object_tracking::ObjectEstimate update(const capture::FrameSet& set);
   void trust(std::span<const object_tracking::CameraTrust> cameras);
-  // The colour is not the object's (SearchFindings::is_found_at_twice_the_hue): what was found is something else, and
-  // from now on only what moves is.
-  void distrust_color(capture::Timestamp set_at);
-  bool has_moved() const { return has_moved_; }  // since it was found, while it was tracked
-  // Since it was found it moved, or showed whole discs of its size in two views of one set, which what is no ball
-  // rarely does.
-  bool looks_like_object() const { return shows_discs_ || has_moved_; }
-  // Something else looks like the object: before this one does, it is not told.
-  void set_rival(bool has_rival) { has_rival_ = has_rival; }
   void correct_times(std::span<const double> late_s);
   object_tracking::TargetViews& views() { return views_; }
   const object_tracking::TargetViews& views() const { return views_; }
@@ -82,7 +73,6 @@ class RegionTracker {
   void search(const capture::FrameSet& set, const std::vector<object_tracking::TargetView>& views);
   void start_compared(const objects::ObjectSearch::Find& find, capture::Timestamp set_at);
   void start_at(const objects::ObjectSearch::Find& find, capture::Timestamp set_at);
-  void note_looks();
   object_tracking::TrackState told_state();
   object_tracking::ObjectEstimate report(const capture::FrameSet& set);
 
@@ -107,9 +97,6 @@ class RegionTracker {
 
   object_tracking::TrackState state_ = object_tracking::TrackState::searching;
   bool is_known_ = false;  // it was told as tracked since it was found
-  bool has_rival_ = false;
-  bool shows_discs_ = false, has_moved_ = false;
-  Eigen::Vector3d found_at_ = Eigen::Vector3d::Zero();
   object_tracking::TrackState told_ = object_tracking::TrackState::searching;  // in the last set
   capture::Timestamp last_at_{}, last_tracking_{};                             // of the sets
   int finds_out_of_reach_ = 0;                                                 // in the last sets, one after the other
