@@ -446,7 +446,7 @@ bool Pipeline::take_replacements(capture::Timestamp at) {
   const std::scoped_lock lock(replacements_mutex_);
   for (; !replacements_.empty() && replacements_.front().from.value_or(at) <= at; replacements_.pop_front()) {
     for (auto& [target, options, tracker] : replacements_.front().trackers) {
-      tracker.take_the_place_of(trackers_.at(target));
+      tracker.take_over_from(trackers_.at(target));
       trackers_.at(target) = std::move(tracker);
       if (mistakes_) mistakes_->begin_anew(target, options);
     }

@@ -56,12 +56,12 @@ void LightReport::on_set(const pipeline::TrackedSet& set) {
   if (!first_at_) first_at_ = set.frames.at;
   const bool is_due = ++sets_ % sets_until_told_again == 0;
   for (std::size_t t = 0; t < set.trackers.size() && t < told_.size(); ++t)
-    if (is_due || set.trackers[t].color_news() != told_[t].news) tell_colors(t, set);
+    if (is_due || set.trackers[t].color_change_count() != told_[t].news) tell_colors(t, set);
 }
 
 void LightReport::tell_colors(std::size_t target, const pipeline::TrackedSet& set) {
   Told& told = told_[target];
-  told.news = set.trackers[target].color_news();
+  told.news = set.trackers[target].color_change_count();
   const auto healths = set.trackers[target].color_health();
   const auto estimate = std::ranges::find(set.estimates, target, &object_tracking::ObjectEstimate::target);
   const auto state = estimate != set.estimates.end() ? estimate->state : object_tracking::TrackState::searching;

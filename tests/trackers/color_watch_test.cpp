@@ -89,15 +89,15 @@ TEST(AxisRange, CountsHuesFromTheMiddleAndKnowsWhereAxesEnd) {
 }
 
 TEST(ColorFollower, ARangeMovesAndKeepsItsWidth) {
-  EXPECT_EQ(moved({350, 20, 0.3, 0.8, 0.1, 0.9}, {15, 0.1, -0.05}), (color::HsiRange{5, 35, 0.4, 0.9, 0.05, 0.85}));
-  EXPECT_EQ(moved({5, 35, 0.3, 1, 0, 0.9}, {-15, -0.1, 0.05}).hue_min_deg, 350);
-  EXPECT_EQ(moved({5, 35, 0.3, 1, 0, 0.9}, {-15, -0.1, 0.05}).saturation_max, 1);  // nothing is beyond it
-  EXPECT_EQ(moved({5, 35, 0.3, 1, 0, 0.9}, {-15, -0.1, 0.05}).intensity_min, 0);
-  EXPECT_EQ(moved({0, 360, 0.3, 1, 0, 1}, {10, 0, 0}).hue_max_deg, 360);
+  EXPECT_EQ(shifted({350, 20, 0.3, 0.8, 0.1, 0.9}, {15, 0.1, -0.05}), (color::HsiRange{5, 35, 0.4, 0.9, 0.05, 0.85}));
+  EXPECT_EQ(shifted({5, 35, 0.3, 1, 0, 0.9}, {-15, -0.1, 0.05}).hue_min_deg, 350);
+  EXPECT_EQ(shifted({5, 35, 0.3, 1, 0, 0.9}, {-15, -0.1, 0.05}).saturation_max, 1);  // nothing is beyond it
+  EXPECT_EQ(shifted({5, 35, 0.3, 1, 0, 0.9}, {-15, -0.1, 0.05}).intensity_min, 0);
+  EXPECT_EQ(shifted({0, 360, 0.3, 1, 0, 1}, {10, 0, 0}).hue_max_deg, 360);
   for (const double degrees : {-20.0, -7.5, 0.0, 13.0, 20.0})
     for (const color::HsiRange& range : {color::HsiRange{340, 20, 0.3, 1, 0.1, 0.9},
                                          color::HsiRange{300, 360, 0, 1, 0, 1}, color::HsiRange{0, 60, 0, 1, 0, 1}})
-      EXPECT_TRUE(moved(range, {degrees, 0.15, -0.2}).problems().empty()) << range.hue_min_deg << " by " << degrees;
+      EXPECT_TRUE(shifted(range, {degrees, 0.15, -0.2}).problems().empty()) << range.hue_min_deg << " by " << degrees;
 }
 
 SeenColor seen_at(double hue, double saturation, double intensity) {
@@ -206,7 +206,7 @@ TEST_F(Wandering, IsSaidOfTheCameraWhereItIsAndWithdrawn) {
   }
   EXPECT_TRUE(was_near);
   EXPECT_FALSE(tracker.color_health()[1].near_end);
-  EXPECT_EQ(tracker.color_news(), 2u);
+  EXPECT_EQ(tracker.color_change_count(), 2u);
 }
 
 TEST_F(Wandering, NothingIsSaidOfAColourThatStays) {

@@ -142,9 +142,9 @@ TEST(ManyTracker, inAnothersPlaceEndsItsObjectsAndUsesNoNumberOfThem) {
   ASSERT_EQ(told.size(), 2u);
   // Twice before the next set comes.
   ObjectTracker between(scene.rig, limes(3), ObjectTrackerOptions{});
-  between.take_the_place_of(tracker);
+  between.take_over_from(tracker);
   ObjectTracker next(scene.rig, limes(3), ObjectTrackerOptions{});
-  next.take_the_place_of(between);
+  next.take_over_from(between);
   next.update(sets[4], told);
   ASSERT_EQ(told.size(), 2u);
   for (std::uint32_t i = 0; i < 2; ++i) {

@@ -18,7 +18,7 @@ constexpr PerColorAxis least_step{color_follower.least_step_hue_deg, color_follo
 constexpr PerColorAxis largest_step{color_follower.largest_step_hue_deg, color_follower.largest_step_saturation,
                                     color_follower.largest_step_intensity};
 
-// The shift nearest to `from` with which the object is so far inside.
+// The shift nearest to `from` with which the object is `inside` times ColorWatch's distance from both ends.
 PerColorAxis shift_between(const color::HsiRange& taught, const SeenColor& seen, double inside,
                            const PerColorAxis& from) {
   PerColorAxis shift = from;
@@ -40,7 +40,7 @@ PerColorAxis shift_between(const color::HsiRange& taught, const SeenColor& seen,
 
 }  // namespace
 
-color::HsiRange moved(const color::HsiRange& range, const PerColorAxis& shift) {
+color::HsiRange shifted(const color::HsiRange& range, const PerColorAxis& shift) {
   color::HsiRange out = range;
   const bool is_any_hue = range.hue_min_deg == 0 && range.hue_max_deg == 360;
   if (!is_any_hue && shift[0] != 0) {
@@ -85,7 +85,7 @@ void ColorFollower::follow(const capture::FrameSet& set, const ObjectEstimate& e
   put_in_force(done.camera, done.shift, done.color, done.builder.table(), views);
 }
 
-// For the camera that is furthest behind.
+// Begins a table for the camera whose range is furthest from the wanted one.
 void ColorFollower::begin_next(const capture::FrameSet& set, const ColorWatch& watch) {
   double most = 1;  // least steps
   std::optional<std::size_t> next;
@@ -97,7 +97,7 @@ void ColorFollower::begin_next(const capture::FrameSet& set, const ColorWatch& w
       continue;
     const PerColorAxis wanted = wanted_shift(cameras_[i].taught, *seen);
     PerColorAxis shift = cameras_[i].shift;
-    // Only what must move does: a ball that goes from the window into the shade is no change of light.
+    // Only axes that must move do: a ball that goes from the window into the shade is no change of light.
     const PerColorAxis nearest = shift_between(cameras_[i].taught, *seen, color_follower.just_inside, shift);
     double behind = 0;
     for (std::size_t a = 0; a < shift.size(); ++a) {
@@ -113,7 +113,7 @@ void ColorFollower::begin_next(const capture::FrameSet& set, const ColorWatch& w
     next_shift = shift;
   }
   if (!next) return;
-  const color::HsiRange color = moved(cameras_[*next].taught, next_shift);
+  const color::HsiRange color = shifted(cameras_[*next].taught, next_shift);
   const capture::Image& image = set.frames[*next]->pixels;
   building_.emplace(Building{*next, next_shift, color, color::ColorTableBuilder(color, image.format, image.range)});
 }

@@ -40,7 +40,7 @@ constexpr std::size_t tail = 6;  // maths: of a Gaussian, about a sixth lies bey
 struct Distribution {
   double median, below, above;
 };
-// Sorts what is given. What is far from the median is not the object's, but before it or a highlight on it.
+// Sorts the values. Outliers are what hides the object, or a highlight on it.
 Distribution robust(std::span<double> values, double noise) {
   std::ranges::sort(values);
   const std::size_t n = values.size();
@@ -118,14 +118,14 @@ ColorWatch::ColorWatch(const calib::CameraRig& rig, const TargetOptions& target)
     cameras_.push_back({.hue_origin_deg = middle_hue_deg(target.color_in(camera.name))});
 }
 
-void ColorWatch::look(const capture::FrameSet& set, const ObjectEstimate& estimate,
-                      std::span<const color::HsiRange> in_force) {
+void ColorWatch::update(const capture::FrameSet& set, const ObjectEstimate& estimate,
+                        std::span<const color::HsiRange> in_force) {
   const bool is_due = sets_++ % color_watch.sets_per_look == 0;
   if (estimate.state != TrackState::tracking || estimate.views < 2 || estimate.velocity.norm() > fastest_m_s_) return;
   for (std::size_t i = 0; i < cameras_.size(); ++i) {
     const ViewSupport& view = estimate.per_view[i];
     if (!set.frames[i] || !sees_it_well(view)) continue;
-    // Pictures that come beside matches are few: none is left out.
+    // Pictures that come with matches are rare: all are used.
     const capture::Image* const picture = own_picture_of(*set.frames[i]);
     if (picture == nullptr || !(is_due || set.frames[i]->matches)) continue;
     PerCamera& camera = cameras_[i];
@@ -155,16 +155,16 @@ void ColorWatch::look(const capture::FrameSet& set, const ObjectEstimate& estima
 
 void ColorWatch::judge(PerCamera& camera, const color::HsiRange& in_force) {
   const SeenColor& seen = *camera.health.seen;
-  std::optional<NearEnd>& told = camera.health.near_end;
+  std::optional<NearEnd>& warning = camera.health.near_end;
   double least = std::numeric_limits<double>::infinity();
   std::optional<NearEnd> nearest;
-  bool is_told_far = true;
+  bool is_cleared = true;
   const auto look_at_end = [&](ColorAxis axis, bool is_upper, double left, double reach) {
     const double share = left / reach;
-    const bool is_told = told && told->axis == axis && told->is_upper == is_upper;
-    if (is_told) {
-      told->left = left;
-      is_told_far = share > color_watch.cleared_at;
+    const bool is_warned = warning && warning->axis == axis && warning->is_upper == is_upper;
+    if (is_warned) {
+      warning->left = left;
+      is_cleared = share > color_watch.cleared_at;
     }
     if (share < least) least = share, nearest = NearEnd{axis, is_upper, left};
   };
@@ -175,10 +175,10 @@ void ColorWatch::judge(PerCamera& camera, const color::HsiRange& in_force) {
     if (range.has_min) look_at_end(axis, false, seen.median[a] - range.min, seen.below[a] + color_noise[a]);
     if (range.has_max) look_at_end(axis, true, range.max - seen.median[a], seen.above[a] + color_noise[a]);
   }
-  if (told && !is_told_far) return;  // one end at a time, until that is far again
-  const bool had = told.has_value();
-  told = least < 1 ? nearest : std::nullopt;
-  if (had || told) ++news_;
+  if (warning && !is_cleared) return;  // one end at a time
+  const bool had = warning.has_value();
+  warning = least < 1 ? nearest : std::nullopt;
+  if (had || warning) ++changes_;
 }
 
 }  // namespace huetrack::object_trackers

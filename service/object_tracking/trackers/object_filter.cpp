@@ -48,7 +48,7 @@ HUETRACK_CLONES void transform(const Affine& by, std::size_t n, const float* __r
   for (std::size_t i = 0; i < n; ++i) out[i] = a0 * x[i] + a1 * y[i] + a2 * z[i] + m;
 }
 
-// What a view adds to the logarithms of the weights.
+// One view's contribution to the logarithms of the weights.
 struct ViewWeights {
   float i_uu, i_uv, i_vv;  // the information; i_uv counts twice
   float cu, cv;            // where the object is measured
@@ -86,19 +86,25 @@ ObjectFilter::ObjectFilter(const calib::CameraRig& rig, double radius_m, const O
   scatter();
 }
 
-// The linearised belief of motion and sightings together is what particles are drawn from; what the linearisation and
-// the floor change, their weights say.
-void ObjectFilter::update(std::span<const Sighting> sightings, capture::Timestamp set_at, capture::Timestamp told,
-                          double power_density) {
-  MotionBelief proposal = propose(sightings, set_at, told, power_density);
+// Particles are drawn from the linearised posterior of motion and measurements; their weights correct for the
+// linearisation and the floor.
+void ObjectFilter::update(std::span<const Sighting> sightings, capture::Timestamp set_at,
+                          capture::Timestamp last_published, double power_density) {
+  MotionBelief proposal = observer_.observed_in_passes(belief_, sightings, power_density);
+  predict_to_output(proposal, set_at, last_published, power_density);
   proposal.work_out_views();
-  // Particles are positions, for views as they are believed to be.
+  // Particles are positions, conditioned on the nuisance states.
   MotionBelief at_views = proposal.given_views();
   draw_particles(at_views);
   weigh(at_views, power_density);
   estimate(std::move(at_views));
   belief_.open_views_as(proposal);
   if (times_.remember(belief_, sightings, power_density)) times_.linearise_again(belief_, this->power_density());
+}
+
+void ObjectFilter::reset_weights() {
+  weight_.assign(particles_.size(), 1.0f / static_cast<float>(particles_.size()));
+  effective_sample_size_ = static_cast<double>(particles_.size());
 }
 
 void ObjectFilter::scatter() {
@@ -113,8 +119,7 @@ void ObjectFilter::scatter() {
     particles_.y[i] = min.y() + extent.y() * unit_[n + i];
     particles_.z[i] = min.z() + extent.z() * unit_[2 * n + i];
   }
-  weight_.assign(n, 1.0f / static_cast<float>(n));
-  effective_sample_size_ = static_cast<double>(n);
+  reset_weights();
 }
 
 double ObjectFilter::power_density() const {
@@ -144,7 +149,7 @@ void ObjectFilter::begin(const PositionCandidate& earlier, const PositionCandida
 
 std::vector<Sighting> ObjectFilter::start(const PositionCandidate& earlier, const PositionCandidate& found,
                                           const ViewAgreement& agreement, capture::Timestamp set_at, double dt,
-                                          bool is_in_step, capture::Timestamp told) {
+                                          bool is_in_step, capture::Timestamp last_published) {
   begin(earlier, found, set_at, dt, is_in_step);
   std::vector<Sighting> sightings;
   for (const std::vector<Sighting>* of_set : {&earlier.sightings, &found.sightings}) {
@@ -152,13 +157,12 @@ std::vector<Sighting> ObjectFilter::start(const PositionCandidate& earlier, cons
     sort_by_time(sightings);
     agreement.doubt(belief_, sightings);
     belief_ = observer_.observed(belief_, &about_, sightings, power_density());
-    predict_to_be_told(belief_, set_at, told, power_density());
+    predict_to_output(belief_, set_at, last_published, power_density());
     times_.remember(belief_, sightings, power_density());
   }
   times_.settle(belief_);
   draw_particles(belief_.given_views());
-  weight_.assign(particles_.size(), 1.0f / static_cast<float>(particles_.size()));
-  effective_sample_size_ = static_cast<double>(particles_.size());
+  reset_weights();
   map_ = belief_.position();
   return sightings;
 }
@@ -173,13 +177,13 @@ void ObjectFilter::correct_times(std::span<const double> late_s) {
   times_.begin(belief_);
 }
 
-// Of three views or more, one that contradicts what all others agree on with the motion: it shows a frame once more, or
-// something else of this colour. A bounce contradicts all of them.
-void ObjectFilter::leave_out_what_contradicts(std::vector<Sighting>& sightings) {
+// Of three or more views, one may be inconsistent with the motion and all others: it repeats a frame, or shows
+// something else of this colour. With a bounce all of them are inconsistent with the motion.
+void ObjectFilter::remove_inconsistent_view(std::vector<Sighting>& sightings) {
   if (sightings.size() < 3 || surprise() <= object_filter.usual_nis) return;
   const std::vector<Sighting> all = sightings;
   std::vector<Sighting> best;
-  // The others must agree; and much better than all did, as a swerve surprises some views more than others.
+  // The others must be consistent, and much more so than with it: a swerve affects some views more than others.
   double least_surprise = std::min(object_filter.usual_nis, surprise() / object_filter.outlier_nis_ratio);
   for (std::size_t i = 0; i < all.size(); ++i) {
     sightings = all;
@@ -194,7 +198,7 @@ void ObjectFilter::leave_out_what_contradicts(std::vector<Sighting>& sightings) 
 void ObjectFilter::raise_acceleration(std::vector<Sighting>& sightings) {
   const double ceiling = object_filter.highest_acceleration_factor * options_.acceleration_m_s2;
   if (!sightings.empty()) observer_.observed(belief_, nullptr, sightings, power_density());
-  leave_out_what_contradicts(sightings);
+  remove_inconsistent_view(sightings);
   while (!sightings.empty() && surprise() > object_filter.usual_nis && acceleration_ < ceiling) {
     acceleration_ = std::min(ceiling, object_filter.acceleration_growth * acceleration_);
     observer_.observed(belief_, nullptr, sightings, power_density());
@@ -211,8 +215,8 @@ double ObjectFilter::kick_m_s() const {
 
 void ObjectFilter::settle_acceleration(std::span<const Sighting> sightings) {
   if (sightings.empty()) return;
-  // While the times are open, small innovations do not tell calm motion: nearly all of what is expected of them is the
-  // times'. And a motion that is taken for too calm passes for cameras that are late.
+  // While the timing is uncertain it explains nearly all of the innovations, so that small ones do not show a calm
+  // motion; and with too low an acceleration a motion would be explained by late cameras.
   const double usual = (belief_.velocity().norm() > timing_tuning.at_rest_m_s ? 2 : 1) * options_.acceleration_m_s2;
   const double least = are_times_open(sightings, belief_) ? usual : object_filter.least_acceleration_m_s2;
   acceleration_ = std::clamp(acceleration_ * std::exp(object_filter.acceleration_settling *
@@ -220,23 +224,16 @@ void ObjectFilter::settle_acceleration(std::span<const Sighting> sightings) {
                              least, object_filter.highest_acceleration_factor * options_.acceleration_m_s2);
 }
 
-// Rows of two sets may overlap in time, but positions are told in the order of time; and an object that nobody sees is
+// Rows of two sets may overlap in time, but output stamps strictly increase. Without measurements the state is
 // predicted to the set's time.
-void ObjectFilter::predict_to_be_told(MotionBelief& belief, capture::Timestamp set_at, capture::Timestamp told,
-                                      double power_density) const {
-  if (observer_.views().empty() || belief.at <= told)
-    belief.predict_to(std::max(set_at, told + capture::Duration(1)), power_density);
+void ObjectFilter::predict_to_output(MotionBelief& belief, capture::Timestamp set_at, capture::Timestamp last_published,
+                                     double power_density) const {
+  if (observer_.views().empty() || belief.at <= last_published)
+    belief.predict_to(std::max(set_at, last_published + capture::Duration(1)), power_density);
 }
 
-MotionBelief ObjectFilter::propose(std::span<const Sighting> sightings, capture::Timestamp set_at,
-                                   capture::Timestamp told, double power_density) {
-  MotionBelief out = observer_.observed_in_passes(belief_, sightings, power_density);
-  predict_to_be_told(out, set_at, told, power_density);
-  return out;
-}
-
-// Antithetic pairs, shaped to the proposal's covariance exactly: where everything is Gaussian the filter is then
-// exactly the Kalman filter, and the only Monte Carlo noise left is in what is not.
+// Antithetic pairs, transformed so that their covariance is exactly the proposal's: in the Gaussian case the filter is
+// then exactly the Kalman filter, without Monte Carlo noise.
 void ObjectFilter::draw_particles(const MotionBelief& proposal) {
   const auto n = static_cast<std::size_t>(options_.particle_count);
   const std::size_t pairs = (n + 1) / 2;
@@ -284,8 +281,7 @@ void ObjectFilter::weigh(const MotionBelief& proposal, double power_density) {
   for (const LinearView& view : observer_.views()) {
     const Sighting& sighting = *view.sighting;
     const LinearSighting& linear = view.linear;
-    // What is not of the position (velocity, times) is that of the regression on it, and what that leaves open counts
-    // as the view's noise.
+    // Velocity and timing follow by regression on the position; the remaining variance counts as the view's noise.
     const MotionBelief::SeenPosition seen = proposal.seen_given_position(linear.row, power_density);
     const Eigen::Matrix3f b = seen.slope.cast<float>();
     const Eigen::Vector3f c = seen.offset.cast<float>();
@@ -315,14 +311,14 @@ void ObjectFilter::weigh(const MotionBelief& proposal, double power_density) {
   }
   weight_.resize(n);
   particle_filter::normalize_log_weights(log_weight_, weight_);
-  // The floor gives the target heavier tails than the proposal has, so that a few particles far out can outweigh all
-  // others; a handful of particles is a worse answer than the linearised one, which equal weights are.
+  // The floor gives the posterior heavier tails than the proposal, so that a few far particles can outweigh all others.
+  // A handful of particles is a worse estimate than the linearised one, which equal weights give.
   effective_sample_size_ = particle_filter::effective_sample_size(weight_);
   if (effective_sample_size_ < object_filter.least_ess_share * static_cast<double>(n))
     weight_.assign(n, 1.0f / static_cast<float>(n));
 }
 
-// The weighted particles' mean and covariance are the position's; velocity and times follow by regression on it.
+// Mean and covariance of the weighted particles; velocity and timing follow by regression on the position.
 void ObjectFilter::estimate(MotionBelief&& proposal) {
   const particle_filter::WeightedMoments moments =
       particle_filter::weighted_moments(particles_.x.data(), particles_.y.data(), particles_.z.data(), weight_.data(),
@@ -335,28 +331,28 @@ void ObjectFilter::estimate(MotionBelief&& proposal) {
 }
 
 double judged_sigma(const MotionBelief& belief, std::span<const Sighting> sightings) {
-  const double believed_m = largest_sigma(belief.position_covariance_given_views());
-  if (sightings.size() < 2) return believed_m;
+  const double estimated_m = largest_sigma(belief.position_covariance_given_views());
+  if (sightings.size() < 2) return estimated_m;
   const PositionInformation seen = information_of(sightings, belief.position());
-  return std::min(believed_m, largest_sigma(seen.information.inverse()));
+  return std::min(estimated_m, largest_sigma(seen.information.inverse()));
 }
 
-bool is_somewhere(const ObjectTrackerOptions& options, const MotionBelief& belief) {
+bool is_localized(const ObjectTrackerOptions& options, const MotionBelief& belief) {
   return largest_sigma(belief.position_covariance()) <= options.max_coast_sigma_m;
 }
 
 Judged judged(const ObjectTrackerOptions& options, const MotionBelief& belief, std::span<const Sighting> sightings,
-              double doubted_m, double unseen_s, bool may_be_tracked) {
+              double inconsistency_m, double unseen_s, bool may_be_tracked) {
   const double sigma_m = judged_sigma(belief, sightings);
   if (may_be_tracked && !sightings.empty() && sigma_m <= options.max_tracking_sigma_m &&
-      doubted_m <= options.max_coast_sigma_m)
-    return {doubted_m <= options.max_tracking_sigma_m && is_somewhere(options, belief) ? TrackState::tracking
-                                                                                       : TrackState::coasting,
+      inconsistency_m <= options.max_coast_sigma_m)
+    return {inconsistency_m <= options.max_tracking_sigma_m && is_localized(options, belief) ? TrackState::tracking
+                                                                                             : TrackState::coasting,
             true};
-  // Nobody sees it, and it is not expected to be where it may be.
+  // No view sees it, and its prediction has left the volume.
   const bool is_gone = sightings.empty() && !inside(options.volume, belief.position(), 0);
   const bool is_lost =
-      is_gone || std::max(sigma_m, doubted_m) > options.max_coast_sigma_m || unseen_s > options.coast_s;
+      is_gone || std::max(sigma_m, inconsistency_m) > options.max_coast_sigma_m || unseen_s > options.coast_s;
   return {is_lost ? TrackState::lost : TrackState::coasting, false};
 }
 

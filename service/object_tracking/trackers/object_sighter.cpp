@@ -26,14 +26,14 @@ constexpr ObjectSighterTuning sighter{};
 // kick at its beginning has kick^2 dt^2.
 constexpr double at_once_share = 3;
 
-// Beyond the box, at a side that is not the image's.
+// The box cuts the region, at a side that is not the image's.
 bool goes_on(const color::ColorRegion& region, const color::PixelBox& box, const color::MatchBits& image) {
   return (region.box.u_min == box.u_min && box.u_min > 0) || (region.box.v_min == box.v_min && box.v_min > 0) ||
          (region.box.u_max == box.u_max && box.u_max < image.width() - 1) ||
          (region.box.v_max == box.v_max && box.v_max < image.height() - 1);
 }
 
-// Along both of its axes the region is far wider than the object, and no smear makes it so.
+// The narrow axis of the region is far wider than the object, which no motion blur explains.
 bool is_wider_than_object(const color::ColorRegion& region, double radius_px) {
   const double half_trace = region.spread.trace() / 2;
   const double narrow = half_trace - std::sqrt(std::max(0.0, half_trace * half_trace - region.spread.determinant()));
@@ -42,8 +42,8 @@ bool is_wider_than_object(const color::ColorRegion& region, double radius_px) {
 
 }  // namespace
 
-Eigen::Matrix2d spread_in(const TargetView& view, const ExpectedView& expected, const ObjectFilter& filter,
-                          const ViewAgreement& agreement, double acceleration_m_s2) {
+Eigen::Matrix2d predicted_spread(const TargetView& view, const ExpectedView& expected, const ObjectFilter& filter,
+                                 const ViewAgreement& agreement, double acceleration_m_s2) {
   const MotionBelief& belief = filter.belief();
   const Appearance& at = expected.at;
   const double dt = capture::seconds(expected.row.at - belief.at);
@@ -55,13 +55,12 @@ Eigen::Matrix2d spread_in(const TargetView& view, const ExpectedView& expected, 
   return out;
 }
 
-// The regions large enough to be the object within three standard deviations of where it is expected, and its disc.
-// None where that is nowhere near the image. Valid until the next call.
-// What is larger than the object is none: as much as is looked at of it lies around where the object was expected,
-// wherever that is, and would confirm any expectation.
+// Regions large enough to be the object, within the gate around its predicted disc. A region much larger than the
+// object is left out: the part of it inside of the box lies around the prediction, and would confirm any prediction.
+// Valid until the next call.
 std::span<const color::ColorRegion> ObjectSighter::regions_near(const TargetView& view, const Appearance& at,
                                                                 const Eigen::Matrix2d& spread) {
-  // Not beyond the image's own size around it: a box is clipped to the image anyway, and an int must hold it.
+  // The box is clipped to the image anyway; its corners must fit an int.
   const double limit = view.matches->width() + view.matches->height();
   if (!(std::abs(at.px.x()) < 2 * limit && std::abs(at.px.y()) < 2 * limit)) return {};
   const double disc = std::numbers::pi * at.radius_px * at.radius_px;
@@ -88,9 +87,9 @@ std::span<const color::ColorRegion> ObjectSighter::regions_near(const TargetView
   return near_;
 }
 
-// Cameras, drivers and cables show a frame once more now and then, with a new stamp. No two frames have the same noise:
-// one in which the region of a moving object is the same to its last pixel is the frame before, and says nothing of
-// now. Twice in a row the object stands still, in pictures without noise.
+// Cameras and drivers sometimes deliver a frame again with a new stamp. As no two frames have the same noise, a frame
+// in which a moving object's region is the same to the last pixel is the one before. Twice in a row means that the
+// object is at rest, in pictures without noise.
 bool ObjectSighter::is_repeated(const TargetView& view, std::span<const color::ColorRegion> regions,
                                 const Appearance& at, const MotionBelief& belief) {
   LastRegion& last = last_[static_cast<std::size_t>(view.index)];
@@ -106,14 +105,14 @@ bool ObjectSighter::is_repeated(const TargetView& view, std::span<const color::C
 void ObjectSighter::sight(const std::vector<TargetView>& views, const ObjectFilter& filter,
                           const ViewAgreement& agreement, std::vector<Sighting>& out) {
   const MotionBelief& belief = filter.belief();
-  bool is_doubted = false;
+  bool is_inconsistent = false;
   for (std::size_t c = 0; c < last_.size(); ++c)
-    is_doubted = is_doubted || agreement.doubt_px2(c) > sighter.contradicting_px2;
+    is_inconsistent = is_inconsistent || agreement.doubt_px2(c) > sighter.contradicting_px2;
   for (const TargetView& view : views) {
     const auto expected = expected_in(view, belief, radius_m_);
     if (!expected) continue;
     const Appearance& at = expected->at;
-    const Eigen::Matrix2d s = spread_in(view, *expected, filter, agreement, options_.acceleration_m_s2);
+    const Eigen::Matrix2d s = predicted_spread(view, *expected, filter, agreement, options_.acceleration_m_s2);
     double best = -std::numeric_limits<double>::infinity();
     std::optional<Sighting> chosen;
     color::ColorRegion chosen_region;
@@ -132,8 +131,8 @@ void ObjectSighter::sight(const std::vector<TargetView>& views, const ObjectFilt
     }
     if (!chosen) continue;
     last_[static_cast<std::size_t>(view.index)] = {chosen_region, view.frame->captured_at};
-    // Views that contradict one another are not made sharper: which of them is wrong, their outlines do not say.
-    if (!is_doubted) outlines_.sharpen(view, belief, *expected, s, *chosen);
+    // Inconsistent views are not refined: outlines do not show which view is wrong.
+    if (!is_inconsistent) outlines_.sharpen(view, belief, *expected, s, *chosen);
     chosen->row = row_of(view, chosen->px.y(), belief);
     out.push_back(*chosen);
   }

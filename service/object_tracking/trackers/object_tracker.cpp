@@ -35,11 +35,11 @@ struct ObjectTracker::Impl {
     return Tracker(std::in_place_type<ManyTracker>, rig, target, options, stream);
   }
 
-  // One of several objects stands for the colour of all: the first one that is tracked.
+  // Of several objects, the first that is tracked.
   void learn_colour(const capture::FrameSet& set, std::span<const ObjectEstimate> estimates) {
     const auto tracked = std::ranges::find(estimates, TrackState::tracking, &ObjectEstimate::state);
     const ObjectEstimate& estimate = tracked != estimates.end() ? *tracked : estimates.front();
-    watch.look(set, estimate, follower.in_force());
+    watch.update(set, estimate, follower.in_force());
     if (adapts) std::visit([&](auto& t) { follower.follow(set, estimate, watch, t.views()); }, tracker);
   }
 
@@ -108,10 +108,10 @@ void ObjectTracker::correct_times(std::span<const double> late_s) {
     many->correct_times(late_s);
 }
 
-void ObjectTracker::take_the_place_of(const ObjectTracker& before) {
+void ObjectTracker::take_over_from(const ObjectTracker& before) {
   auto* many = std::get_if<ManyTracker>(&impl_->tracker);
   const auto* many_before = std::get_if<ManyTracker>(&before.impl_->tracker);
-  if (many != nullptr && many_before != nullptr) many->take_the_place_of(*many_before);
+  if (many != nullptr && many_before != nullptr) many->take_over_from(*many_before);
 }
 
 void ObjectTracker::update(const capture::FrameSet& set, std::vector<ObjectEstimate>& out) {
@@ -155,8 +155,8 @@ std::vector<ColorHealth> ObjectTracker::color_health() const {
   return all;
 }
 
-std::uint64_t ObjectTracker::color_news() const {
-  return impl_->watch.news();
+std::uint64_t ObjectTracker::color_change_count() const {
+  return impl_->watch.change_count();
 }
 
 SearchFindings ObjectTracker::search_findings() const {

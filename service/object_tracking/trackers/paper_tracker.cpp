@@ -126,8 +126,7 @@ ObjectEstimate PaperTracker::estimate(const capture::FrameSet& set, const std::v
   e.effective_sample_size = particle_filter::effective_sample_size(weight_);
   e.per_view.resize(views_.camera_count());
 
-  // Seen: around the best particle more than half of the window has the target's colour, in two views (in the only one,
-  // where there is but one).
+  // Seen: more than half of the window around the best particle has the target's colour, in two views or the only one.
   for (std::size_t m = 0; m < views.size(); ++m) {
     ViewSupport& support = e.per_view[static_cast<std::size_t>(views[m].index)];
     const PaperObservation::Window window = observation_.window(m, best);
@@ -146,7 +145,7 @@ ObjectEstimate PaperTracker::estimate(const capture::FrameSet& set, const std::v
     state_ = TrackState::tracking;
     last_seen_ = set.at;
   } else if (state_ == TrackState::tracking || state_ == TrackState::coasting) {
-    const double unseen_s = capture::seconds(set.at - last_seen_);  // negative: the clock was put back
+    const double unseen_s = capture::seconds(set.at - last_seen_);  // negative: the clock was set back
     state_ = unseen_s < 0 || unseen_s > options_.coast_s ? TrackState::lost : TrackState::coasting;
   }
   e.state = state_;

@@ -1,4 +1,4 @@
-#include "object_tracking/trackers/times_learner.h"
+#include "object_tracking/trackers/timing_estimator.h"
 
 #include <algorithm>
 
@@ -18,33 +18,34 @@ bool are_times_open(std::span<const Sighting> sightings, const MotionBelief& bel
   });
 }
 
-TimesLearner::TimesLearner(double radius_m, const ObjectTrackerOptions& options)
+TimingEstimator::TimingEstimator(double radius_m, const ObjectTrackerOptions& options)
     : is_learning_(options.timing == TimingMode::learn),
       speed_m_s_(options.start_speed_m_s),
       anywhere_m_((options.volume.max - options.volume.min).norm()),
       observer_(radius_m) {}
 
-void TimesLearner::begin(const MotionBelief& belief) {
+void TimingEstimator::begin(const MotionBelief& belief) {
   begun_ = belief;
   seen_sets_.clear();
   is_forgetting_motion_ = false;
   moving_sets_ = 0;
 }
 
-void TimesLearner::settle(const MotionBelief& belief) {
+void TimingEstimator::settle(const MotionBelief& belief) {
   for (SeenSet& seen : seen_sets_)
-    seen.believed_at = belief.at, seen.position = belief.position(), seen.velocity = belief.velocity();
+    seen.estimated_at = belief.at, seen.position = belief.position(), seen.velocity = belief.velocity();
 }
 
-void TimesLearner::forget_seen() {
+void TimingEstimator::forget_seen() {
   seen_sets_.clear();
   is_forgetting_motion_ = true;
 }
 
-bool TimesLearner::remember(const MotionBelief& belief, std::span<const Sighting> sightings, double power_density) {
+bool TimingEstimator::remember(const MotionBelief& belief, std::span<const Sighting> sightings, double power_density) {
   if (!is_learning_ || is_forgetting_motion_ || sightings.empty()) return false;
   if (seen_sets_.size() == timing_tuning.most_sets) {
-    // What an object at rest showed told nothing of times. Without what a moving one did, less would be known.
+    // Sets of an object at rest have no information on the timing. When one of a moving object would be dropped, all
+    // are, as a replay without it would lose its information.
     is_forgetting_motion_ = seen_sets_.front().velocity.norm() > timing_tuning.at_rest_m_s;
     seen_sets_.pop_front();
     if (is_forgetting_motion_) seen_sets_.clear();
@@ -58,15 +59,15 @@ bool TimesLearner::remember(const MotionBelief& belief, std::span<const Sighting
   return seen_sets_.size() > sets_of_a_start;
 }
 
-// Velocities at the seen sets as the path around each of them tells them: less noisy than those of the filter, and not
-// of the noise of that set's own sightings, with which they are multiplied.
-std::vector<Eigen::Vector3d> TimesLearner::smooth_velocities() const {
+// Velocities at the remembered sets from the path around each: less noisy than the filter's, and hardly correlated with
+// the noise of that set's own measurements, with which they are multiplied.
+std::vector<Eigen::Vector3d> TimingEstimator::smooth_velocities() const {
   std::vector<Eigen::Vector3d> out;
   const auto count = std::ptrdiff_t(seen_sets_.size());
   for (std::ptrdiff_t i = 0; i < count; ++i) {
     const SeenSet& before = seen_sets_[std::size_t(std::max<std::ptrdiff_t>(0, i - 2))];
     const SeenSet& after = seen_sets_[std::size_t(std::min(count - 1, i + 2))];
-    const double dt = capture::seconds(after.believed_at - before.believed_at);
+    const double dt = capture::seconds(after.estimated_at - before.estimated_at);
     out.push_back(dt > 0 && dt < timing_tuning.longest_smoothing_s
                       ? Eigen::Vector3d((after.position - before.position) / dt)
                       : seen_sets_[std::size_t(i)].velocity);
@@ -74,7 +75,7 @@ std::vector<Eigen::Vector3d> TimesLearner::smooth_velocities() const {
   return out;
 }
 
-void TimesLearner::linearise_again(MotionBelief& belief, double power_density) {
+void TimingEstimator::linearise_again(MotionBelief& belief, double power_density) {
   MotionBelief about = belief;
   std::vector<Sighting> sightings;
   for (int pass = 0; pass < timing_tuning.passes; ++pass) {
@@ -96,9 +97,9 @@ void TimesLearner::linearise_again(MotionBelief& belief, double power_density) {
         again.begin(sightings.front().row.at, seen.position, anywhere_m_ * anywhere_m_, Eigen::Vector3d::Zero(),
                     speed_m_s_ * speed_m_s_);
       }
-      about.begin(seen.believed_at, seen.position, 0, velocities[i], 0);
+      about.begin(seen.estimated_at, seen.position, 0, velocities[i], 0);
       again = observer_.observed(again, &about, sightings, seen.power_density);
-      seen.believed_at = again.at, seen.position = again.position(), seen.velocity = again.velocity();
+      seen.estimated_at = again.at, seen.position = again.position(), seen.velocity = again.velocity();
     }
     again.predict_to(known.at, power_density);
     belief = again;
