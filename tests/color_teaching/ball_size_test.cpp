@@ -1,4 +1,4 @@
-// How large a ball is, and when nobody can tell.
+// A ball's radius, and when it cannot be measured.
 #include "color_teaching/ball_size.h"
 
 #include <gmock/gmock.h>

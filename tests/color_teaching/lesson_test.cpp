@@ -80,8 +80,8 @@ TEST(Lesson, WhatIsSaidOfTheSize) {
   EXPECT_FALSE(differs_clearly({.radius_m = 0.03724, .sigma_m = 0.004}, 0.042));
   const RadiusProposal unknown{.why_not = "only one camera shows the object"};
   EXPECT_FALSE(differs_clearly(unknown, 1));
-  EXPECT_EQ(radius_words(unknown, 0.04), "How large it is cannot be told: only one camera shows the object.");
-  EXPECT_THAT(radius_words(unknown, {}), HasSubstr("it is taken for the default, 40 mm."));
+  EXPECT_EQ(radius_words(unknown, 0.04), "Its radius cannot be measured: only one camera shows the object.");
+  EXPECT_THAT(radius_words(unknown, {}), HasSubstr("the default is used, 40 mm."));
 }
 
 TEST(Lesson, RectanglesAreAddedPerCamera) {
