@@ -40,7 +40,7 @@ void RegionFinder::label_runs(MatchBits& view, const PixelBox& box, std::span<co
   above_.clear();
   for (int v = box.v_min; v <= box.v_max; ++v) {
     current_.clear();
-    // Most of a box is not the object: of eight rows at once, words without any match are told.
+    // Most of a box is background: words without any match are found for eight rows at once.
     if (v == box.v_min || v % TileAt::size == 0) {
       words_.clear();
       for (int u0 = box.u_min; u0 <= box.u_max; u0 += word)
