@@ -80,11 +80,10 @@ class Matcher {
            intensity >= range_.intensity_min && intensity <= range_.intensity_max;
   }
 
-  // The luma that match at one chroma. As y rises, I rises and S falls, and the hue goes one way only: clipped at 0 it
-  // is nearer to the primary of the sextant, clipped at 1 to the secondary. So there is a y below which all are too
-  // dark, too saturated or have not come into the range of hues yet, and one above which they are too bright, too pale
-  // or beyond that range. Both are found by bisection, slack counts as inside, and the formula has the last word at the
-  // ends.
+  // The luma that match at one chroma. As y rises, I rises and S falls, and the hue moves one way only: clipped at 0 it
+  // is nearer to the primary of the sextant, clipped at 1 to the secondary. So below one y all are too dark, too
+  // saturated or not yet in the range of hues, and above another too bright, too pale or beyond that range. Both are
+  // found by bisection, where slack counts as inside; the formula decides at the ends.
   ColorTable::Interval luma_at(std::uint8_t u, std::uint8_t v, capture::ColorRange range) const {
     const auto rgb = [&](int y) { return rgb_of(capture::Yuv{static_cast<std::uint8_t>(y), u, v}, range); };
     int first = 0, last = 255;
@@ -101,7 +100,7 @@ class Matcher {
   }
 
  private:
-  static constexpr double slack = 1e-9;  // far above rounding; inside it the formula decides
+  static constexpr double slack = 1e-9;  // maths: far above rounding; within it the formula decides
   struct Direction {
     double x, y;
   };
@@ -112,8 +111,8 @@ class Matcher {
     std::optional<Direction> begin, end;
   };
 
-  // nullopt where bisection does not do: a grey, whose hue leaps, a range that greys belong to, and one that leaves out
-  // the middle of the sextant.
+  // nullopt where bisection fails: a grey, whose hue jumps; a range that contains greys; one without the middle of the
+  // sextant.
   std::optional<WayOfHue> way_of_hue(const Rgb& chroma) const {
     const double smallest = std::min({chroma.r, chroma.g, chroma.b}),
                  largest = std::max({chroma.r, chroma.g, chroma.b});

@@ -1,6 +1,5 @@
-// The target's colour in HSI, as in the paper (section 2.2): a range of hue and of saturation; pixels that are very
-// dark or very bright match nothing. Beside the plain formula stands a table that makes a raw pixel one look-up; the
-// exhaustive test tests/color/color_model_test.cpp holds every entry of the table to the formula.
+// The target's colour in HSI, as in the paper (section 2.2): ranges of hue, saturation and intensity. A table makes it
+// one look-up per raw pixel; tests/color/color_model_test.cpp compares every entry with the formula.
 #pragma once
 
 #include <algorithm>
@@ -24,7 +23,7 @@ struct HsiRange {
   bool operator==(const HsiRange&) const = default;
 };
 
-// From hue_min_deg on to hue_max_deg, through 360 where that is less.
+// Counterclockwise from hue_min_deg to hue_max_deg.
 double hue_width_deg(const HsiRange& range);
 
 struct Rgb {
@@ -41,12 +40,12 @@ struct Hsi {
 // The definitions. Pure.
 Rgb rgb_of(capture::Yuv pixel, capture::ColorRange range);  // ITU-R BT.601, clamped to [0, 1]
 Rgb rgb_of(capture::Bgr pixel);
-// Gonzalez and Woods: I = (r+g+b)/3, S = 1 - min/I, H = the angle of the chroma; the arc cosine of the textbook written
-// as atan2, which is the same angle and exact near the axis.
+// Gonzalez and Woods: I = (r+g+b)/3, S = 1 - min/I, H = the angle of the chroma, by atan2, which is exact near the
+// axis.
 Hsi hsi_of(Rgb rgb);
 bool contains(const HsiRange& range, const Hsi& hsi);  // a grey matches only the whole circle of hues
 
-// For one target and one kind of pixel: does a raw pixel have the target's colour? Immutable; safe from any thread.
+// Which raw pixels of one format match a range. Immutable; safe from any thread.
 //
 // YUV family: at one (u, v) the pixels that match are an interval of y. Away from the gamut's edge hue does not depend
 // on y at all, S falls and I rises with it; where r, g or b clip, the hue moves one way only, towards a primary below
@@ -57,11 +56,12 @@ class ColorTable {
   struct Interval {
     std::uint8_t y_min, y_max;
   };  // empty: y_min 255, y_max 0
-  // A pixel brighter than of_u[u / 4] or than of_v[v / 4] does not match: what most of a background can be told by.
+  // A pixel brighter than of_u[u / 4] or than of_v[v / 4] does not match: a quick test that rejects most of a
+  // background.
   struct LumaCeiling {
     std::array<std::uint8_t, 64> of_u{}, of_v{};
-    // The same in as many steps as a shuffle of bytes looks up: as fine near grey, where most of a background is, while
-    // the first and the last step have all that is beyond.
+    // layout: in as many steps as one byte shuffle looks up: as fine near grey, where most of a background is; the
+    // first and the last step include all beyond.
     static constexpr int first_near_grey = 96, last_near_grey = 159;
     static constexpr std::size_t near_grey_step(int chroma) {
       return static_cast<std::size_t>(std::clamp(chroma, first_near_grey, last_near_grey) - first_near_grey) / 4;
@@ -99,7 +99,7 @@ class ColorTable {
   std::vector<std::uint64_t> bgr_bits_;
 };
 
-// Makes a ColorTable in small pieces of work: for who must not be held up. thread-compatible.
+// Builds a ColorTable in small pieces, so that no frame is delayed. thread-compatible.
 class ColorTableBuilder {
  public:
   // throws std::invalid_argument

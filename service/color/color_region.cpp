@@ -5,6 +5,15 @@
 
 namespace huetrack::color {
 
+namespace {
+
+struct RegionFinderTuning {
+  std::size_t most_regions = 200;  // of one image; with more the colour is everywhere, and the time is bounded
+};
+constexpr RegionFinderTuning region_finder{};
+
+}  // namespace
+
 void RegionFinder::Moments::add(const Moments& o) {
   n += o.n, u += o.u, v += o.v, uu += o.uu, uv += o.uv, vv += o.vv;
   box = {std::min(box.u_min, o.box.u_min), std::min(box.v_min, o.box.v_min), std::max(box.u_max, o.box.u_max),
@@ -23,7 +32,7 @@ int RegionFinder::root(int label) {
 // Connected components in one pass over runs of matching pixels (He, Chao and Suzuki 2008): a run takes the label of
 // the runs that it touches in the row above, and joins them when they are several.
 void RegionFinder::label_runs(MatchBits& view, const PixelBox& box, std::span<const PixelAt> probes) {
-  constexpr int word = 56;  // row() gives at least 57 pixels
+  constexpr int word = 56;  // layout: row() gives at least 57 pixels
   probed_.assign(probes.size(), -1);
   std::size_t next = 0;  // of the probes
   parent_.clear();
@@ -31,7 +40,7 @@ void RegionFinder::label_runs(MatchBits& view, const PixelBox& box, std::span<co
   above_.clear();
   for (int v = box.v_min; v <= box.v_max; ++v) {
     current_.clear();
-    // Most of a box is not the object: of eight rows at once, words without any match are told.
+    // Most of a box is background: words without any match are found for eight rows at once.
     if (v == box.v_min || v % TileAt::size == 0) {
       words_.clear();
       for (int u0 = box.u_min; u0 <= box.u_max; u0 += word)
@@ -144,7 +153,6 @@ const std::vector<ColorRegion>& RegionFinder::find(MatchBits& view, PixelBox box
 
 const std::vector<ColorRegion>& RegionFinder::components(MatchBits& view, int step_px, std::span<const PixelAt> also,
                                                          int extent_px, int largest_px, int min_area) {
-  constexpr std::size_t max_regions = 200;
   found_.clear();
   view.grid(step_px, hits_);
   for (const PixelAt p : also) {
@@ -152,7 +160,7 @@ const std::vector<ColorRegion>& RegionFinder::components(MatchBits& view, int st
   }
   if (!also.empty()) std::ranges::sort(hits_, {}, [](const PixelAt& p) { return std::pair(p.v, p.u); });
   is_taken_.assign(hits_.size(), 0);
-  for (std::size_t i = 0; i < hits_.size() && found_.size() < max_regions; ++i) {
+  for (std::size_t i = 0; i < hits_.size() && found_.size() < region_finder.most_regions; ++i) {
     if (is_taken_[i] != 0) continue;
     const auto [u, v] = hits_[i];
     PixelBox box{u - extent_px, v - extent_px, u + extent_px, v + extent_px};
@@ -195,7 +203,6 @@ const std::vector<ColorRegion>& RegionFinder::components(MatchBits& view, int st
 
 const std::vector<ColorRegion>& RegionFinder::search(MatchBits& view, int step_px, int max_extent_px, int min_area,
                                                      double reach_px) {
-  constexpr std::size_t max_regions = 200;
   found_.clear();
   const auto covered = [this](int u, int v) {
     return std::ranges::any_of(found_, [&](const Moments& m) {
@@ -205,7 +212,7 @@ const std::vector<ColorRegion>& RegionFinder::search(MatchBits& view, int step_p
   view.grid(step_px, hits_);
   for (const auto [u, v] : hits_) {
     if (covered(u, v)) continue;
-    if (found_.size() >= max_regions) break;  // the colour is everywhere: no use in more
+    if (found_.size() >= region_finder.most_regions) break;
     const PixelBox box{std::max(u - max_extent_px, 0), std::max(v - max_extent_px, 0),
                        std::min(u + max_extent_px, view.width() - 1), std::min(v + max_extent_px, view.height() - 1)};
     view.look(box);

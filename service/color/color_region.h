@@ -1,6 +1,5 @@
-// Regions of the target's colour in one view: what the proposal of our own observation is drawn from. Found only where
-// the target may be (the box around the particles' projections), or by a coarse grid over the image while it is
-// searched for.
+// Connected regions of the target's colour in one view: in a box around its predicted position, or by a coarse grid
+// over the whole image during a search.
 #pragma once
 
 #include <Eigen/Core>
@@ -19,24 +18,23 @@ struct ColorRegion {
   PixelBox box{0, 0, -1, -1};  // of its pixels; of a region of several parts: of all of them
 };
 
-// thread-compatible: keeps its work space, so that a frame costs no allocation once it has grown.
+// thread-compatible. Keeps its work space between frames.
 class RegionFinder {
  public:
-  // The 8-connected regions of at least min_area pixels in the box, largest first. Regions whose centres lie within
-  // reach_px of a larger one are counted as parts of it: a thin pole in front of a ball cuts it in two. Regions that
-  // the box cuts are as they appear in the box. The reference is valid until the next call.
+  // All references that are returned are valid until the next call; regions are sorted, largest first.
+
+  // The 8-connected regions of at least min_area pixels in the box, cut at its border. Regions whose centres lie within
+  // reach_px of a larger one are its parts: a thin pole in front of a ball cuts it in two.
   const std::vector<ColorRegion>& find(MatchBits& view, PixelBox box, int min_area, double reach_px);
 
-  // Regions of the whole image, looked at through a grid of step_px: a region is not found when no grid point hits
-  // it, or only such as lie in the bounding box of another one that was found before. Regions wider than max_extent_px
-  // on either side are background and left out.
+  // Regions of the whole image that a grid of step_px hits outside of the bounding boxes of those found before. Regions
+  // wider than max_extent_px on either side are background and left out.
   const std::vector<ColorRegion>& search(MatchBits& view, int step_px, int max_extent_px, int min_area,
                                          double reach_px);
 
-  // All 8-connected regions of at least min_area pixels that a grid of step_px or one of `also` hits, each whole and by
-  // itself, largest first: for who tells apart several objects of one colour. extent_px: about as far as a region
-  // reaches from any of its pixels; larger ones take longer. Those wider than largest_px on either side are background
-  // and left out.
+  // All 8-connected regions of at least min_area pixels that a grid of step_px or one of `also` hits, each whole,
+  // without joining parts: for several objects of one colour. extent_px: usual reach of a region from any of its
+  // pixels; larger ones take longer. Those wider than largest_px on either side are background and left out.
   const std::vector<ColorRegion>& components(MatchBits& view, int step_px, std::span<const PixelAt> also, int extent_px,
                                              int largest_px, int min_area);
 
@@ -50,8 +48,7 @@ class RegionFinder {
     void add(const Moments& other);
   };
   int root(int label);
-  // Fills moments_, per label, and probed_: the label of the component that has each of the probes (row by row, from
-  // the left); -1 when none has.
+  // Fills moments_, per label, and probed_: the label of each probe's component (row by row, from the left); -1: none.
   void label_runs(MatchBits& view, const PixelBox& box, std::span<const PixelAt> probes);
   void collect(int min_area, double reach_px);
 

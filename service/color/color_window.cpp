@@ -99,7 +99,7 @@ void MatchBits::look_anew() {
 }
 
 void MatchBits::fill(std::span<const TileAt> tiles) {
-  constexpr std::size_t group = 64;
+  constexpr std::size_t group = 64;  // capacity:
   std::array<TileAt, group> inside;
   std::size_t n = 0;
   const auto flush = [&] { fill_inside({inside.data(), std::exchange(n, 0)}); };
@@ -119,7 +119,7 @@ void MatchBits::fill(std::span<const TileAt> tiles) {
 
 // In groups: their pixels come from memory together, and their bits stay in the nearest cache.
 void MatchBits::fill_inside(std::span<const TileAt> tiles) {
-  constexpr std::size_t group = 64;
+  constexpr std::size_t group = 64;  // capacity:
   std::array<std::uint64_t, group> bits;
   tiles_looked_at_ += tiles.size();
   for (; !tiles.empty(); tiles = tiles.subspan(std::min(group, tiles.size()))) {
@@ -216,8 +216,7 @@ HUETRACK_CLONES CellBox locate(const float* __restrict u, const float* __restric
 
 }  // namespace
 
-// Looks at the tiles that the marked windows touch, and clears the marks. First all of them are told apart from what is
-// known already, then looked at together.
+// Classifies the tiles that the marked windows touch, all unknown ones together, and clears the marks.
 void MatchBits::look_at_marked(int cell_u_min, int cell_v_min, int cell_u_max, int cell_v_max) {
   // A tile is touched by windows that begin in its four cells, or in those to the left of and above them.
   const int first = cell_u_min / 2, count = (cell_u_max + 1) / 2 - first + 1;
@@ -303,7 +302,7 @@ void fetch_bytes(const std::uint8_t* row, std::size_t bytes) {
   for (std::size_t at = 0; at < bytes; at += line) __builtin_prefetch(row + at);
 }
 
-// Of a picture most is too bright for the colour, which two short tables tell: the long one is seldom read.
+// Most of a picture is too bright for the colour, which two short tables show: the long one is seldom read.
 bool is_below_ceiling(const ColorTable::LumaCeiling& ceiling, capture::Yuv p) {
   return p.y <= ceiling.of_u[p.u / 4] && p.y <= ceiling.of_v[p.v / 4];
 }
@@ -320,7 +319,7 @@ void MatchBits::fetch_row(int v) const {
 }
 
 void MatchBits::scan_grid(int step, const std::vector<std::uint64_t>& ignored, std::vector<PixelAt>& hits) const {
-  constexpr int rows_ahead = 2;
+  constexpr int rows_ahead = 2;  // layout: of prefetching
   hits.clear();
   const capture::Image& image = image_;
   const auto scan = [&](auto matches_at) {

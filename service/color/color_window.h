@@ -1,12 +1,11 @@
-// Which pixels of an image have the target's colour, looked at only where somebody asks: the paper's 5x5 windows
-// (section 2.2) and, for our own observation, larger boxes.
+// Which pixels of an image have the target's colour, evaluated only where asked: the paper's 5x5 windows (section 2.2)
+// and larger boxes.
 //
-// The image is cut into tiles of 8x8 pixels. A tile is classified by table look-up when a window first touches it, and
-// kept as the 64 bits of one word, so that overlapping windows (particles crowd around the object) do not look a pixel
-// up twice. The words lie in bands, columns of bytes: a byte is eight pixels of one row, and below it lies the row
-// below. The bands overlap by half, so that every 5x5 window lies within one of them, and its count is one load, one
-// shift and the popcount of 25 bits. Nothing is done for the rest of the image: the cost does not grow with the image's
-// size. tests/benchmark/speed measures it.
+// The image is cut into tiles of 8x8 pixels. A tile is classified by table look-up when it is first touched, and kept
+// as the 64 bits of one word, so that overlapping windows look up no pixel twice. The words lie in bands, columns of
+// bytes: a byte is eight pixels of one row, the byte after it those of the row below. Bands overlap by half, so that
+// every 5x5 window lies within one of them: its count is one load, one shift and the popcount of 25 bits. The cost does
+// not grow with the image's size. tests/benchmark/speed measures it.
 #pragma once
 
 #include <cstddef>
@@ -31,7 +30,7 @@ struct PixelBox {
 // thread-compatible. One per camera and target; lives as long as the tracker, so that a frame costs no allocation.
 class MatchBits {
  public:
-  // Bits to the left of, right of, above and below the image that are always 0, so that no window needs clipping.
+  // layout: bits around the image that are always 0, so that no window needs clipping
   static constexpr int margin = 8;
 
   MatchBits(int width, int height, const WindowKernels& kernels = best_window_kernels());  // pixels, >= 1
@@ -39,21 +38,20 @@ class MatchBits {
   // Pixels in these boxes (which may reach beyond the image) match nothing from the next frame on.
   void ignore(const std::vector<PixelBox>& boxes);
 
-  // Beside those boxes, until it is said anew: pixels of a tile (counted row by row, tile_stride() a row, margin
-  // included; bit 8 r + c) that match nothing in what is classified from now on.
+  // Pixels of a tile (counted row by row, tile_stride() a row, margin included; bit 8 r + c) that match nothing in what
+  // is classified from now on, besides the boxes; until the next such call.
   void leave_out(std::size_t tile, std::uint64_t pixels);
   void leave_out_nothing();
-  // What would match but for that, with the boxes left out: of one tile, and of a grid of pixels as grid() has it.
+  // Matches with leave_out() ignored: of one tile, and of a grid of pixels like grid().
   std::uint64_t tile_with_left_out(TileAt tile) const;
   void grid_with_left_out(int step, std::vector<PixelAt>& hits) const;
 
   // The next frame. The image must have the size that the constructor was given, and `table` must be for its format;
-  // both must live until the next call. Forgets everything that was known of the frame before.
+  // both must live until the next call. The last frame's bits are forgotten.
   void look_at(const capture::Image& image, const ColorTable& table);
-  // The next frame, of which somebody else has found what matches (match_tiles.h), of that size, too; it must live
-  // until the next call. The same bits give the same everywhere.
+  // The next frame, given as its matches (match_tiles.h) instead of pixels; they must live until the next call.
   void look_at(const capture::Matches::OfColor& matches);
-  // The frame of the last call once more, as if nothing had been looked at yet.
+  // The frame of the last call again, with nothing classified yet.
   void look_anew();
 
   // k of eq. (6) for n windows: how many of the 5x5 pixels around the pixel that (u, v) rounds to have the target's
@@ -78,11 +76,11 @@ class MatchBits {
   int height() const { return height_; }
   int tile_stride() const { return tile_stride_; }
   int tile_rows() const { return tile_rows_; }
-  std::uint64_t tiles_looked_at() const { return tiles_looked_at_; }  // since the start: the honest cost of it all
+  std::uint64_t tiles_looked_at() const { return tiles_looked_at_; }  // since the start: the cost
 
  private:
-  // Band b has the columns 4 b .. 4 b + 7 (margin included), bit c of a byte is column 4 b + c. Of an odd band a nibble
-  // is only as new as the tile that it is of; even bands are the tiles themselves.
+  // Band b has the columns 4 b .. 4 b + 7 (margin included), bit c of a byte is column 4 b + c. Even bands are the
+  // tiles themselves; a nibble of an odd band is as new as its tile.
   std::uint8_t* band(int b, int padded_row) { return &bands_[static_cast<std::size_t>(b * band_rows_ + padded_row)]; }
   const std::uint8_t* band(int b, int padded_row) const {
     return &bands_[static_cast<std::size_t>(b * band_rows_ + padded_row)];
@@ -107,10 +105,10 @@ class MatchBits {
   }
   void classify(std::span<const TileAt> tiles, std::uint64_t* bits) const;  // inside the image
   std::uint64_t classify_edge(int u, int v) const;
-  // Of the tile whose top left pixel this is, where somebody else has found it.
+  // The given matches of the tile with this top left pixel.
   std::uint64_t found(int u, int v) const { return found_[v / TileAt::size * found_stride_ + u / TileAt::size]; }
 
-  static constexpr int mark_front = 64;  // bytes that the kernels may read before and behind the cells
+  static constexpr int mark_front = 64;  // layout: bytes that the kernels may read before and behind the cells
 
   const WindowKernels& kernels_;
   int width_, height_;

@@ -1,5 +1,4 @@
-// The colour of one pixel of an image in any format: for looks at a few pixels, and for people's questions, not for the
-// road of a frame (color_window.h).
+// The colour of one pixel of an image in any format. For a few pixels; the tracking pipeline uses color_window.h.
 #pragma once
 
 #include "capture/frames/frame.h"

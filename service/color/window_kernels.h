@@ -1,5 +1,5 @@
-// The inner loops of MatchBits, for every machine, for those with AVX2 and for those with AVX-512: the same bits from
-// all, which tests/color/color_window_test holds to the plain reference.
+// The inner loops of MatchBits: portable, for AVX2, and for AVX-512. All give the same bits as the plain reference,
+// which tests/color/color_window_test verifies.
 #pragma once
 
 #include <bit>
@@ -56,15 +56,13 @@ void for_chroma_of(capture::PixelFormat format, const Pairs& pairs, const Alone&
 }
 
 struct WindowKernels {
-  // Of the tiles first .. first + count - 1 of row tile_v: appends to `tiles` those that are touched by a marked window
-  // and not yet known for this frame, makes them known, and returns how many they are. A window is marked where it
-  // begins, in cells of 4x4 pixels, two per tile: it touches the tile if it begins in one of its cells or in those to
-  // the left of and above them.
-  //   marked      the tile's upper row of cells; the rows above and below are cell_stride bytes away. Readable from one
-  //   byte
-  //               before the first tile's cells to 32 bytes after the last one's.
-  //   known       per tile of the row, the frame that it is known for; readable and writable 64 bytes on, where all
-  //   stays as it is tiles       has room for count + 16
+  // Of the tiles first .. first + count - 1 of row tile_v: appends to `tiles` those that a marked window touches and
+  // that are unknown in this frame, makes them known, and returns their number. A window is marked in the cell of 4x4
+  // pixels in which it begins; it touches a tile if that is one of the tile's four cells, or left of or above them.
+  //   marked  the tile's upper row of cells, the others cell_stride bytes away; readable from one byte before the first
+  //           tile's cells to 32 bytes after the last one's
+  //   known   per tile of the row, the frame that it is known for; readable and writable 64 bytes on, which stay
+  //   unchanged tiles   room for count + 16
   std::size_t (*touched)(const std::uint8_t* marked, std::ptrdiff_t cell_stride, std::uint32_t* known,
                          std::uint32_t frame, int first, int count, int tile_v, TileAt* tiles);
   // Of each tile, which must lie wholly inside the image: bit 8 r + c says whether the pixel in row r and column c has

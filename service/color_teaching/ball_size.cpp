@@ -16,8 +16,8 @@ namespace {
 
 using object_tracking::outline_of;
 
-// Two regions are of one ball when their rays meet to so many pixels, or so much of their radius: frames of nearly one
-// moment, thresholds that cut off the dark side.
+// Two regions are of one ball if their rays meet to so many pixels, or so much of their radius: the frames may not be
+// of one moment, and thresholds cut off the dark side.
 constexpr double meets_px = 3, meets_radii = 0.5;
 constexpr double same_size = 0.3;    // of logarithms: two views of one ball, by regions
 constexpr double about_size = 0.45;  // of logarithms: one moment's size against another's
@@ -30,33 +30,29 @@ constexpr double most_stretched = 1.45, least_filled = 0.75, most_filled = 1.2;
 constexpr double least_visible = 0.75, least_sure = 0.08;
 constexpr int rounds = 3;              // of fit and distance, each beginning with the radius of the one before
 constexpr double settled_log = 0.003;  // of the logarithm
-constexpr double ahead_px = 0;         // where the object goes is nobody's business here
+constexpr double ahead_px = 0;         // no motion is predicted here
 constexpr double hidden_radii = 1.15, hidden_px = 4;  // around the ball, which is not what is behind it there
 constexpr double least_fitted = 0.3;                  // of a ball's outlines, that fit
 constexpr std::size_t enough_tried = 4;               // to say that it is no ball
 
-// What is left in every outline of a camera and hangs on its light and its lens' blur: seen as the spread of proposals
-// about the truth (tests/benchmark/teach_figures.py --radius).
+// What remains in every outline of a camera, from its light and its lens' blur: the spread of proposals about the truth
+// (EXPERIMENTS.md).
 constexpr double lasting = 0.012, bias_sigma_px = 0.12;
-// Light that falls from one side darkens the other one, and of a small ball's dark edge a fit to single pictures cannot
-// tell that from an edge further inside (OutlineFit believes in the edge): in all views it is too small. Seen in balls
-// of 30 to 60 mm in sixteen scenes of scenes.py (seeds 7701 to 7716): by 0.22 px of 2.5 px, 0.19 of 3.5, 0.17 of 4.5,
-// 0.1 of 6.5, 0.04 of 9.5. An evenly lit one has nothing of it. The light is that of all cameras, however many vote:
-// half of it is expected, and half of it is what nobody knows.
+// Light from one side makes small balls too small (design.md, "Size"; EXPERIMENTS.md). It is that of all cameras,
+// however many vote: half of the error is corrected, half is in the sigma.
 constexpr double too_small_px = 0.3, too_small_less = 0.03, expected_of_light = 0.5, unknown_of_light = 0.5;
 
 double too_small_by_px(double radius_px) {
   return std::max(0.0, too_small_px - too_small_less * radius_px);
 }
 
-// Of regions: their thresholds, which take some of the edge or leave it.
+// Of regions, whose thresholds remove or leave some of the edge.
 constexpr double of_regions = 0.1, of_regions_px = 0.6;
-// Of one moment's alone nothing else shows whether they are whole, and of one place: 20 % off as a rule where hands
-// hide a part (teach_figures.py --radius, juggling).
+// Of one moment nothing shows whether the regions are whole: an error of 20 % is usual where hands hide a part.
 constexpr double of_one_moment = 0.15;
-constexpr double most_apart = 0.2;  // of logarithms: views that contradict one another
+constexpr double most_apart = 0.2;  // of logarithms: views that are inconsistent
 
-// A proposal is compared by three of its sigmas, and a ruler laid on a ball is right to some percent.
+// A clear difference: three sigmas of the proposal, and the error of a ruler laid on a ball.
 constexpr double clear_sigmas = 3, ruler = 0.05;
 
 double log_ratio(double a, double b) {
@@ -108,7 +104,7 @@ struct RegionRadii {
   Eigen::Vector3d at;                           // where the views meet
   std::vector<std::optional<double>> of_views;  // nullopt: a ball there has no outline in it
 
-  // nullopt: fewer than two views tell it
+  // nullopt: fewer than two views have one
   std::optional<double> median() const {
     std::vector<double> known;
     for (const auto& radius : of_views)
@@ -128,7 +124,7 @@ std::optional<RegionRadii> radii_of_regions(const calib::CameraRig& rig, std::sp
   return radii;
 }
 
-// What is behind the ball in one view of one moment, by the same camera's pictures of all others.
+// The background behind the ball in one view, from the same camera's pictures of all other moments.
 outline::Background behind_in(std::span<const BallMoment> moments, std::size_t moment, const ColoredRegion& view) {
   const capture::Image& image = *moments[moment].pictures[view.camera];
   outline::Background behind(image.width, image.height);
@@ -137,7 +133,7 @@ outline::Background behind_in(std::span<const BallMoment> moments, std::size_t m
     const capture::Image* other = moments[m].pictures[view.camera];
     if (other == nullptr || m == moment) continue;
     const auto own = std::ranges::find(moments[m].views, view.camera, &ColoredRegion::camera);
-    if (own == moments[m].views.end()) continue;  // nobody knows where the ball is in it
+    if (own == moments[m].views.end()) continue;  // it is unknown where the ball hides it
     const outline::ObjectDisc hidden{own->region.centre, hidden_radii * own->region.radius_px() + hidden_px};
     behind.learn(object_tracking::picture_of(*other), there, Eigen::Vector2d::Constant(ahead_px), &hidden, 1);
   }
@@ -147,7 +143,7 @@ outline::Background behind_in(std::span<const BallMoment> moments, std::size_t m
 struct Vote {
   std::size_t moment, camera;
   double log_radius, sigma;
-  double of_light = 0;  // what the light of all cameras may have made of it, of the logarithm
+  double of_light = 0;  // 1 sigma of the effect of light from one side, of the logarithm
 };
 
 struct Outlines {
@@ -155,7 +151,7 @@ struct Outlines {
   std::size_t tried = 0, misfits = 0;
 };
 
-// Of one camera after the other: how soft its edges are is learnt from each for the next.
+// Each fit teaches the next of the same camera how soft its edges are.
 //   radii  per moment, by its regions
 Outlines outlines_of(const calib::CameraRig& rig, std::span<const BallMoment> moments,
                      std::span<const std::optional<RegionRadii>> radii) {
@@ -213,8 +209,8 @@ Median median_of(std::vector<double> values) {
   return out;
 }
 
-// Cameras first, as what is wrong in one is wrong in all of its pictures; then they vote.
-RadiusProposal told(const calib::CameraRig& rig, std::span<const Vote> votes, double usual) {
+// The median of each camera first, as its errors are the same in all of its pictures; then the mean over cameras.
+RadiusProposal combined(const calib::CameraRig& rig, std::span<const Vote> votes, double usual) {
   RadiusProposal out;
   std::vector<std::size_t> moments;
   std::vector<Median> of_cameras;
@@ -242,8 +238,8 @@ RadiusProposal told(const calib::CameraRig& rig, std::span<const Vote> votes, do
     const auto name = [&](auto at) { return rig.cameras[cameras[std::size_t(at - of_cameras.begin())]].name; };
     out.why_not = fmt::format(
         "by {} the ball has a radius of {:.0f} mm, by {} of {:.0f} mm: in one of them a part of it is in shade, glares "
-        "or is hidden; or it moved between the pictures of cameras that are not in step, or whose times are not known "
-        "yet; or the calibration is not right. Choose a moment at which it rests in even light{}",
+        "or is hidden; or it moved between the pictures of cameras that are not synchronised, or whose timing is not "
+        "known yet; or the calibration is not right. Choose a moment at which it rests in even light{}",
         name(least), 1e3 * std::exp(least->middle), name(most), 1e3 * std::exp(most->middle),
         moments.size() == 1 ? ", or let it be seen at more moments than this one" : "");
     return out;
@@ -262,7 +258,6 @@ RadiusProposal told(const calib::CameraRig& rig, std::span<const Vote> votes, do
   return out;
 }
 
-// What regions of one moment may be of.
 struct Ball {
   Eigen::Vector3d at;
   std::vector<ColoredRegion> views;
@@ -356,7 +351,7 @@ RadiusProposal voted_radius(const calib::CameraRig& rig, std::span<const BallMom
     out.why_not = "only one camera shows the object: how far it is, and so how large, takes a second view";
     return out;
   }
-  // One view may show it cut off, or beside something of its colour.
+  // In one view it may be cut off, or merged with something of its colour.
   const auto edged = std::ranges::find_if_not(moments.front().views, has_disc_shape, &ColoredRegion::region);
   if (std::ranges::count_if(moments.front().views, has_disc_shape, &ColoredRegion::region) < 2) {
     out.why_not = fmt::format("what {} shows is not round", rig.cameras[edged->camera].name);
@@ -367,8 +362,9 @@ RadiusProposal voted_radius(const calib::CameraRig& rig, std::span<const BallMom
   if (!radii.front() || !radii.front()->median()) {
     out.why_not =
         "the views do not meet in one place: another thing was pointed at, the calibration is not right, or the object "
-        "moved between the pictures of cameras that are not in step, as webcams are not: let it rest, or choose a "
-        "moment at which it rests";
+        "moved between the pictures of cameras that are not synchronised, like webcams: let it rest, or choose a "
+        "moment "
+        "at which it rests";
     return out;
   }
   const Outlines outlines = outlines_of(rig, moments, radii);
@@ -379,7 +375,7 @@ RadiusProposal voted_radius(const calib::CameraRig& rig, std::span<const BallMom
   std::vector<std::size_t> cameras;
   for (const Vote& vote : outlines.votes)
     if (std::ranges::find(cameras, vote.camera) == cameras.end()) cameras.push_back(vote.camera);
-  if (cameras.size() >= 2) return told(rig, outlines.votes, lasting);
+  if (cameras.size() >= 2) return combined(rig, outlines.votes, lasting);
   // Outlines are too small, or have too little contrast: regions, then.
   std::vector<Vote> votes;
   for (std::size_t m = 0; m < moments.size(); ++m) {
@@ -391,7 +387,7 @@ RadiusProposal voted_radius(const calib::CameraRig& rig, std::span<const BallMom
   }
   const auto has_radius = [](const auto& of_moment) { return of_moment && of_moment->median(); };
   const bool is_rough = std::ranges::count_if(radii, has_radius) == 1;
-  out = told(rig, votes, is_rough ? of_one_moment : of_regions);
+  out = combined(rig, votes, is_rough ? of_one_moment : of_regions);
   out.is_rough = is_rough && out.radius_m;
   return out;
 }

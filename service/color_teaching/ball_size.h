@@ -1,5 +1,5 @@
-// How large a ball is, by calibrated cameras that see it: its outline in pixels and its distance give the radius in
-// every view, and views of many moments vote. Pure functions.
+// Measures a ball's radius with calibrated cameras: its outline and its distance give the radius in every view, and the
+// views of many moments vote. Pure functions. Model: design.md, "Size".
 #pragma once
 
 #include <cstddef>
@@ -30,36 +30,33 @@ struct BallMoment {
 };
 
 struct RadiusProposal {
-  std::optional<double> radius_m = {};  // nullopt: it cannot be told
-  // Standard deviation, as far as the rig's own scale is right: a rig that is 3 % too large has every ball so.
-  double sigma_m = 0;
-  // By coloured regions of one moment alone: a hand or a shade may have hidden a part in all views.
-  bool is_rough = false;
+  std::optional<double> radius_m = {};   // nullopt: it cannot be measured
+  double sigma_m = 0;                    // 1 sigma, without the error of the rig's scale
+  bool is_rough = false;                 // from regions of one moment: parts may be hidden or in shade in all views
   std::size_t moments = 0, cameras = 0;  // that voted
-  std::string why_not = {};              // it cannot be told, for people; empty: it can
+  std::string why_not = {};              // for the user: why it cannot be measured; empty: it can
 };
 
-// Do this proposal and a radius that somebody has said contradict each other, by more than both are usually off?
+// The proposal and a configured radius differ by more than their usual errors.
 bool differs_clearly(const RadiusProposal& proposal, double radius_m);
 
-// The ball that regions of one moment are of, where exactly one of about this radius explains them; otherwise none.
-// candidates: of all cameras, in any order.
+// The regions of the one ball of about this radius that explains them; empty: none, or more than one.
+// candidates: of one moment, of all cameras, in any order.
 std::vector<ColoredRegion> one_ball_of(const calib::CameraRig& rig, std::span<const ColoredRegion> candidates,
                                        const object_tracking::Volume& volume, double about_m);
 
-// All of them, none of which shares a region with another one: those that most views show count first. Rays of
-// different balls may meet, too: what is found is of that colour and that size, and need not be one ball.
+// The regions of each ball; balls in more views first; no two share a region. Rays of different balls may meet, too: a
+// result has the colour and the size, and need not be one ball.
 std::vector<std::vector<ColoredRegion>> balls_of(const calib::CameraRig& rig, std::span<const ColoredRegion> candidates,
                                                  const object_tracking::Volume& volume, double about_m);
 
-// By regions alone, which are off by what their thresholds leave of the edge. nullopt: less than two views, or views
-// that are no ball's.
+// From regions alone, whose thresholds leave or remove some of the edge. nullopt: fewer than two views, or no ball.
 std::optional<double> radius_of_regions(const calib::CameraRig& rig, std::span<const ColoredRegion> views);
 
-// Is it as wide as it is high, and as full as a disc?
+// About as wide as high, and filled like a disc.
 bool has_disc_shape(const MaskRegion& region);
 
-// moments: the first one is the one somebody has pointed into. names: of the cameras.
+// moments: the first one is that of the points.
 RadiusProposal voted_radius(const calib::CameraRig& rig, std::span<const BallMoment> moments);
 
 }  // namespace huetrack::color_teaching

@@ -152,8 +152,7 @@ color::HsiRange fit_range(std::span<const std::vector<color::Hsi>> seen, const H
     if (hue.empty()) continue;
     saturations.insert(saturations.end(), saturation.begin(), saturation.end());
     intensities.insert(intensities.end(), intensity.begin(), intensity.end());
-    // Without the few pixels that are the edge's or a highlight's, and with what noise adds to a picture of other
-    // light.
+    // Without the few pixels of the edge or a highlight, and with a margin for noise.
     constexpr double least_hue = 0.02, least_rest = 0.03, hue_margin_deg = 4, margin = 0.04;
     const auto from = [](std::vector<double>& of, double share, double by) { return quantile(of, share) - by; };
     const auto to = [](std::vector<double>& of, double share, double by) { return quantile(of, 1 - share) + by; };

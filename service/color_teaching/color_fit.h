@@ -10,18 +10,16 @@
 
 namespace huetrack::color_teaching {
 
-// The region around the pixel whose colour is like its own. How alike it must be is not a parameter: it is grown with
-// ever larger tolerances, and the one is taken around which its area changes least (the idea of maximally stable
-// regions, Matas et al. 2002, here over distance in chroma). nullopt: the pixel is grey, too dark, or the region never
-// settles. within: nothing but these pixels, of the image's size; null: all of them.
+// The region around the pixel whose chroma is like its own: grown with ever larger tolerances, the one around which its
+// area changes least (maximally stable regions, Matas et al. 2002, over distance in chroma). nullopt: the pixel is
+// grey, too dark, or the region never settles. within: only these pixels, of the image's size; null: all.
 std::optional<PixelMask> grow_region(const HsiImage& image, color::PixelAt seed, const PixelMask* within = nullptr);
 
-// Ranges that hold the region with a margin, and then as much more as the rest of the image leaves free: what is taught
-// on one frame has to hold under other light. background: pixels that must not match (1); steps > 0 widens them
-// further, < 0 narrows them.
+// Ranges that hold the region with a margin, and as much more for other light as the background leaves free.
+// background: pixels that must not match (1). steps: > 0 widens further, < 0 narrows.
 color::HsiRange fit_range(const HsiImage& image, const PixelMask& region, const PixelMask& background, int steps);
-// The ranges that hold an object as it was seen in several places, or at several moments: each one's pixels. One in
-// twenty may be something else.
+// The same for an object that was seen in several places or moments, each with its pixels; one in twenty of them may be
+// something else.
 color::HsiRange fit_range(std::span<const std::vector<color::Hsi>> seen, const HsiImage& image,
                           const PixelMask& background, int steps);
 

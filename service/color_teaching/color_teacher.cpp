@@ -18,8 +18,8 @@ namespace {
 
 constexpr int soft_edge_px = 3;          // blur, and chroma that neighbours share
 constexpr double notable_share = 0.005;  // of the background
-// Frames that no trigger has started are of one moment to half a period, and stamps are late by up to 45 ms: at a
-// stroll's or a hand's two metres a second that is a decimetre.
+// Frames of cameras that are not synchronised are of one moment to half a period, and stamps are late by up to 45 ms:
+// at 2 m/s (a stroll, a hand) that is a decimetre.
 constexpr auto in_step = std::chrono::milliseconds(2);
 constexpr double moved_between_frames_m = 0.1;
 constexpr int most_narrowing = 5;            // steps; further ones leave nothing of a shaded ball
@@ -49,7 +49,7 @@ std::size_t bytes_of(const capture::FrameSet& set) {
   return bytes;
 }
 
-// Of the region's pixels, how many have the colour.
+// Share of the region's pixels that match.
 double share_of(const HsiImage& image, const PixelMask& region, const color::HsiRange& range) {
   const PixelMask mask = matching(image, range, {});
   std::size_t both = 0;
@@ -63,11 +63,11 @@ color::PixelBox around(const MaskRegion& region) {
   return {region.box.u_min - reach, region.box.v_min - reach, region.box.u_max + reach, region.box.v_max + reach};
 }
 
-// A round region that the colour alone, whatever the light on it, gives around a pixel; nullopt: none, or not whole.
 struct GrownRegion {
   MaskRegion region;
   std::vector<color::Hsi> pixels;
 };
+// The round region that grow_region() gives around the middle of `found`; nullopt: none, or not whole.
 std::optional<GrownRegion> grown_around(const capture::Image& image, const color::ColorRegion& found) {
   const int u = static_cast<int>(std::lround(found.centre.x())), v = static_cast<int>(std::lround(found.centre.y()));
   const int reach =
@@ -89,8 +89,8 @@ std::optional<GrownRegion> grown_around(const capture::Image& image, const color
   return out;
 }
 
-// Around the pixel. What moves is told from furniture of nearly its colour that it is seen before: where the pixel has
-// moved, and the region of its colour has not, that is the furniture, and the object is what moved of it.
+// The region around the pixel. Where the pixel moved and its region did not, the region is furniture of nearly the
+// object's colour behind it, and the object is what moved of it.
 std::optional<PixelMask> pointed_region(const HsiImage& image, color::PixelAt at,
                                         const std::optional<PixelMask>& moving) {
   constexpr double moving_share = 0.6;
@@ -100,7 +100,7 @@ std::optional<PixelMask> pointed_region(const HsiImage& image, color::PixelAt at
   int moved_here = 0;
   for (int v = at.v - 1; v <= at.v + 1; ++v)
     for (int u = at.u - 1; u <= at.u + 1; ++u) moved_here += moving->at(u, v);
-  if (moving->at(at.u, at.v) == 0 || moved_here < 5) return region;  // of nine
+  if (moving->at(at.u, at.v) == 0 || moved_here < 5) return region;  // 5 of 9
   if (region) {
     std::size_t moved = 0;
     for (std::size_t i = 0; i < region->pixels.size(); ++i) moved += region->pixels[i] & moving->pixels[i];
@@ -110,14 +110,14 @@ std::optional<PixelMask> pointed_region(const HsiImage& image, color::PixelAt at
   return of_it ? of_it : region;
 }
 
-// Light, noise and a JPEG's coarse chroma may leave the object's colour on a part of it. Where that part is a part of
-// something round that moved, much larger than itself but not by more than light does, that is where the object is, and
-// how large. An arm that carries it is not round. What has its hue all over is it, however small the part: of a shaded
-// ball the saturated core may be a third of it across.
+// Light, noise and a JPEG's coarse chroma may leave the object's colour on only a part of it. If something round that
+// moved, and is larger than the part but by no more than light explains, has the part in it, that is the object. (An
+// arm that carries it is not round.) What has its hue all over is the object however small the part: the saturated core
+// of a shaded ball may be a third of it across.
 MaskRegion whole_of(const MaskRegion& part, const PixelMask& object, const HsiImage& image,
                     const std::optional<PixelMask>& moving) {
   constexpr double least_larger = 1.35, most_larger = 2.2, least_held = 0.8;  // of radii; of the part's area
-  constexpr double soft_px = 1;  // an edge that is blurred has moved, too, on both sides
+  constexpr double soft_px = 1;  // a blurred edge has moved, too, on both sides
   if (!moving) return part;
   const auto round_around = [&](const PixelMask& mask, double most) -> std::optional<MaskRegion> {
     for (const MaskRegion& whole : regions_of(mask, part.area)) {
@@ -159,8 +159,8 @@ bool Taught::any() const {
 }
 
 ColorTeacher::ColorTeacher(const calib::CameraRig& rig, const capture::FrameSet& set,
-                           const std::vector<std::vector<capture::Image>>& elsewhen)
-    : rig_(rig), images_(rig.cameras.size()), moving_(rig.cameras.size()), knows_elsewhen_(!elsewhen.empty()) {
+                           const std::vector<std::vector<capture::Image>>& others)
+    : rig_(rig), images_(rig.cameras.size()), moving_(rig.cameras.size()), has_others_(!others.empty()) {
   std::optional<capture::Timestamp> first_at;
   for (std::size_t c = 0; c < images_.size() && c < set.frames.size(); ++c) {
     const auto& frame = set.frames[c];
@@ -169,7 +169,7 @@ ColorTeacher::ColorTeacher(const calib::CameraRig& rig, const capture::FrameSet&
       images_[c] = hsi_image(frame->pixels);
       if (!first_at) first_at = frame->captured_at;
       if (std::chrono::abs(frame->captured_at - *first_at) > in_step) moved_m_ = moved_between_frames_m;
-      if (c < elsewhen.size()) moving_[c] = moving_pixels(frame->pixels, elsewhen[c]);
+      if (c < others.size()) moving_[c] = moving_pixels(frame->pixels, others[c]);
     }
   }
   add_moment(set);
@@ -201,9 +201,8 @@ bool ColorTeacher::add_moment(const capture::FrameSet& set) {
 
 void ColorTeacher::learn_motion() {
   constexpr std::size_t most_others = 15;
-  // Others so many that they tell it better.
   const std::size_t known = std::min(moments_.size(), 1 + most_others);
-  if (knows_elsewhen_ || known < 2 * moments_of_motion_ || known == moments_of_motion_) return;
+  if (has_others_ || known < 2 * moments_of_motion_ || known == moments_of_motion_) return;
   bool is_any = false;
   for (std::size_t c = 0; c < images_.size(); ++c) {
     if (!images_[c] || !moments_.front().frames[c]) continue;
@@ -225,17 +224,12 @@ std::vector<ColoredRegion> ColorTeacher::ball_of(const Taught& taught) const {
   return ball;
 }
 
-// Around the region everything counts as the object: its soft edge, its shadow, its glint; and so around others like
-// it.
+// Everything but the object and others like it, with what is around them: soft edge, shadow, glint.
 PixelMask ColorTeacher::background_of(const TaughtView& view, const std::vector<color::PixelBox>& ignored) const {
   PixelMask background = grown(view.object, soft_edge_px + static_cast<int>(view.region->radius_px() / 3));
   for (auto& pixel : background.pixels) pixel = pixel == 0 ? 1 : 0;
-  const auto clear = [&](const color::PixelBox& box) {
-    for (int v = std::max(0, box.v_min); v <= std::min(box.v_max, background.height - 1); ++v)
-      for (int u = std::max(0, box.u_min); u <= std::min(box.u_max, background.width - 1); ++u) background.at(u, v) = 0;
-  };
-  for (const color::PixelBox& box : ignored) clear(box);
-  for (const MaskRegion& other : view.alike) clear(around(other));
+  for (const color::PixelBox& box : ignored) fill(background, box, 0);
+  for (const MaskRegion& other : view.alike) fill(background, around(other), 0);
   return background;
 }
 
@@ -333,8 +327,8 @@ std::vector<ColorTeacher::SeenElsewhere> ColorTeacher::seen_elsewhere(const Taug
   std::vector<SeenElsewhere> out;
   const std::vector<ColoredRegion> pointed = ball_of(taught);
   const auto about = radius_of_regions(rig_, pointed);
-  if (!about) return out;  // nobody knows how large it should be elsewhere
-  // As far as light may change its colour, whatever else has it: by its size and its place it is told from that.
+  if (!about) return out;  // its size is unknown
+  // As far as light may change its colour, whatever else has it: size and position distinguish the object from that.
   Taught in_any_light = taught;
   for (std::size_t c = 0; c < in_any_light.views.size(); ++c) {
     TaughtView& view = in_any_light.views[c];
@@ -383,7 +377,7 @@ Taught ColorTeacher::held_elsewhere(Taught taught, const TeachRequestOptions& re
                                     const object_tracking::Volume& volume, bool several) const {
   if (!taught.any()) return taught;
   std::vector<SeenElsewhere> all = seen_elsewhere(taught, request, volume, several);
-  if (all.empty()) return taught;  // judged as it is
+  if (all.empty()) return taught;
   for (SeenElsewhere& seen : all) {
     TaughtView& view = taught.views[seen.view.camera];
     if (seen.moment == 0) view.alike.push_back(seen.view.region);
@@ -433,7 +427,7 @@ std::optional<TaughtView::Narrower> ColorTeacher::narrower(const TaughtView& vie
   for (int steps = first; steps > first - most_narrowing; --steps) {
     TaughtView::Narrower next{.wider = steps, .color = fit_range(seen, image, background, steps)};
     next.object_share = share_of(image, view.object, next.color);
-    if (next.object_share < least_object_share) break;  // it would be lost in the next shadow
+    if (next.object_share < least_object_share) break;  // the tracker would lose it in the next shadow
     next.background_share = share_of(image, background, next.color);
     const bool is_better = next.background_share < worth_narrowing * view.background_share;
     if (is_better && (!best || next.background_share < worth_narrowing * best->background_share)) best = next;
@@ -449,14 +443,8 @@ void ColorTeacher::judge(TaughtView& view, std::size_t camera, const std::string
   view.patch.reset(), view.narrower.reset();
   PixelMask object(image.width, image.height);
   if (view.region) {
-    // Of what matches, the part that is the object itself: connected to its region, or in its immediate neighbourhood.
-    std::vector<MaskRegion> objects = view.alike;
-    objects.push_back(*view.region);
-    for (const MaskRegion& region : objects) {
-      const color::PixelBox box = around(region);
-      for (int v = std::max(0, box.v_min); v <= std::min(box.v_max, image.height - 1); ++v)
-        for (int u = std::max(0, box.u_min); u <= std::min(box.u_max, image.width - 1); ++u) object.at(u, v) = 1;
-    }
+    fill(object, around(*view.region), 1);
+    for (const MaskRegion& other : view.alike) fill(object, around(other), 1);
   }
   PixelMask beside = view.mask;
   for (std::size_t i = 0; i < beside.pixels.size(); ++i)
@@ -481,11 +469,11 @@ void ColorTeacher::judge(TaughtView& view, std::size_t camera, const std::string
                 ? fmt::format("the object is probably at {}, {}: point at it to confirm",
                               std::lround(view.region->centre.x()), std::lround(view.region->centre.y()))
                 : "no region fits what was pointed at in the other views; point at the object if it is in this picture";
-    // Where nobody knows the object's place, what matches may be it.
-    const bool is_known = view.region.has_value();
+    // Where the object's place is unknown, what matches may be it.
+    const bool is_placed = view.region.has_value();
     text += ". By what was learnt in " + color_of + ", " + percent(view.background_share) + " of the " +
-            (is_known ? "background" : "picture") + " matches here" + (is_rival ? patch_text() : "") +
-            (is_rival && !is_known ? ": is that the object?" : "");
+            (is_placed ? "background" : "picture") + " matches here" + (is_rival ? patch_text() : "") +
+            (is_rival && !is_placed ? ": is that the object?" : "");
     view.verdict = text;
     return;
   }

@@ -38,12 +38,13 @@ PixelMask matching(const HsiImage& image, const color::HsiRange& range, const st
   PixelMask mask(image.width, image.height);
   for (std::size_t i = 0; i < image.pixels.size(); ++i)
     mask.pixels[i] = color::contains(range, image.pixels[i]) ? 1 : 0;
-  for (const color::PixelBox& box : ignored) {
-    for (int v = std::max(0, box.v_min); v <= std::min(box.v_max, image.height - 1); ++v) {
-      for (int u = std::max(0, box.u_min); u <= std::min(box.u_max, image.width - 1); ++u) mask.at(u, v) = 0;
-    }
-  }
+  for (const color::PixelBox& box : ignored) fill(mask, box, 0);
   return mask;
+}
+
+void fill(PixelMask& mask, const color::PixelBox& box, std::uint8_t value) {
+  for (int v = std::max(0, box.v_min); v <= std::min(box.v_max, mask.height - 1); ++v)
+    for (int u = std::max(0, box.u_min); u <= std::min(box.u_max, mask.width - 1); ++u) mask.at(u, v) = value;
 }
 
 std::vector<MaskRegion> regions_of(const PixelMask& mask, int min_area) {

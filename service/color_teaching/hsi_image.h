@@ -39,7 +39,7 @@ HsiImage hsi_image(const capture::Image& image, const color::PixelBox& box);
 // S and hue as a point: distances in it mean the same for every hue, and do not depend on intensity.
 Eigen::Vector2d chroma(const color::Hsi& pixel);
 
-// The pixels that have the colour, but those in the boxes.
+// The pixels that match, except in the boxes.
 PixelMask matching(const HsiImage& image, const color::HsiRange& range, const std::vector<color::PixelBox>& ignored);
 
 struct MaskRegion {
@@ -53,5 +53,8 @@ std::vector<MaskRegion> regions_of(const PixelMask& mask, int min_area);
 
 // Everything within `px` pixels (in u or in v) of what is set.
 PixelMask grown(const PixelMask& mask, int px);
+
+// Sets the pixels of the box, which may reach beyond the mask.
+void fill(PixelMask& mask, const color::PixelBox& box, std::uint8_t value);
 
 }  // namespace huetrack::color_teaching

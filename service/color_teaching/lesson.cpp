@@ -16,7 +16,7 @@ double middle_hue(const color::HsiRange& range) {
   return range.hue_min_deg + std::fmod(range.hue_max_deg - range.hue_min_deg + 720, 360) / 2;
 }
 
-// What speaks against places that nobody has looked at. Empty: nothing.
+// Why suggestions must not be accepted unseen. Empty: they may be.
 std::string why_not_accepted(const Taught& taught, const calib::CameraRig& rig, std::size_t first,
                              const std::vector<std::size_t>& accepted) {
   for (const std::size_t c : accepted) {
@@ -37,7 +37,7 @@ std::string why_not_accepted(const Taught& taught, const calib::CameraRig& rig, 
   return "";
 }
 
-// Ranges by which all cameras' objects are told from what else has their colour, where narrower ones do it.
+// The narrowing that leaves a patch in no camera; nullopt: no camera needs or has one.
 std::optional<int> narrower_steps(const Taught& taught) {
   std::optional<int> steps;
   for (const TaughtView& view : taught.views)
@@ -61,7 +61,7 @@ Lesson learn(const ColorTeacher& teacher, const TeachRequestOptions& request,
     std::vector<std::size_t>& accepted = lesson.accepted;
     const auto first = static_cast<std::size_t>(std::ranges::find_if(lesson.taught.views, &TaughtView::pointed) -
                                                 lesson.taught.views.begin());
-    // What is taken helps to find the object in further views: those are suggested then, and taken, too.
+    // An accepted suggestion helps to find the object in further views, which are accepted, too.
     for (std::size_t before = 0;;) {
       for (std::size_t c = 0; c < lesson.taught.views.size(); ++c) {
         const TaughtView& view = lesson.taught.views[c];
@@ -74,8 +74,7 @@ Lesson learn(const ColorTeacher& teacher, const TeachRequestOptions& request,
       lesson.taught = teacher.teach(confirmed, volume);
     }
     lesson.taught = held(std::move(lesson.taught));
-    // Nobody looks at what else has the colour either: where narrower ranges leave it out, and nobody has said how wide
-    // they are to be, they are taken.
+    // No user checks what else has the colour: narrower ranges that leave it out are used, unless a width is requested.
     if (const auto steps = narrower_steps(lesson.taught); steps && request.wider == 0) {
       confirmed.wider = *steps;
       lesson.taught = held(teacher.teach(confirmed, volume));
@@ -96,12 +95,12 @@ Lesson learn(const ColorTeacher& teacher, const TeachRequestOptions& request,
   return lesson;
 }
 
-std::string radius_words(const RadiusProposal& proposal, std::optional<double> said_m) {
+std::string radius_words(const RadiusProposal& proposal, std::optional<double> configured_m) {
   constexpr double mm = 1e3;
   if (!proposal.radius_m) {
-    const std::string why = "How large it is cannot be told: " + proposal.why_not + ".";
-    if (said_m) return why;
-    return why + fmt::format(" Until radius_m is given, it is taken for the default, {:g} mm.",
+    const std::string why = "Its radius cannot be measured: " + proposal.why_not + ".";
+    if (configured_m) return why;
+    return why + fmt::format(" Until radius_m is given, the default is used, {:g} mm.",
                              mm * object_tracking::TargetOptions().radius_m);
   }
   // Two sigmas, and no more digits than they allow.
@@ -110,13 +109,13 @@ std::string radius_words(const RadiusProposal& proposal, std::optional<double> s
                                  mm * *proposal.radius_m, off_mm < 2 ? 1 : 0, off_mm, off_mm < 2 ? 1 : 0,
                                  proposal.moments, proposal.moments == 1 ? "moment" : "moments", proposal.cameras);
   if (proposal.is_rough) text += "; roughly, by its coloured regions alone: better measure it";
-  if (!said_m) return text + "), as far as the rig's scale is right.";
-  if (!differs_clearly(proposal, *said_m))
-    return text + fmt::format("); radius_m says {:g} mm, which agrees.", mm * *said_m);
+  if (!configured_m) return text + "), as far as the rig's scale is right.";
+  if (!differs_clearly(proposal, *configured_m))
+    return text + fmt::format("); radius_m says {:g} mm, which agrees.", mm * *configured_m);
   return text + fmt::format(
                     "), but radius_m says {:g} mm: take the one that is right; where a ruler says {:g} mm, the rig's "
                     "distances are wrong.",
-                    mm * *said_m, mm * *said_m);
+                    mm * *configured_m, mm * *configured_m);
 }
 
 void add_ignored(object_tracking::IgnoredRegions& regions, const std::string& camera, const color::PixelBox& box) {

@@ -18,7 +18,7 @@ void SpreadMoments::add(const capture::Frame& frame) {
     bytes_[camera] = bytes;
     const std::size_t of_set = std::reduce(bytes_.begin(), bytes_.end());
     const std::size_t taken = std::min(ColorTeacher::most_moments, ColorTeacher::most_moment_bytes / of_set);
-    sets_.bound(taken > 0 ? taken - 1 : 0);  // one is what somebody points into
+    sets_.bound(taken > 0 ? taken - 1 : 0);  // one is that of the points
   }
   if (camera == 0 && newest_.frames[0]) sets_.add(newest_);
   newest_.frames[camera] = frame;

@@ -1,4 +1,4 @@
-// Of a recording however long, some moments: spread over all of it, and no more than a ColorTeacher takes.
+// Selects moments of a recording of any length, spread over all of it, as many as a ColorTeacher keeps.
 #pragma once
 
 #include <cstddef>
@@ -10,7 +10,7 @@
 
 namespace huetrack::color_teaching {
 
-// Some of what comes, evenly spread over all of it, however much that is. thread-compatible.
+// Keeps some of what is added, evenly spread, however many that is. thread-compatible.
 template <typename T>
 class Spread {
  public:
@@ -21,7 +21,7 @@ class Spread {
     kept_.push_back(one);
     bound(most_);
   }
-  // From now on, and of what was kept.
+  // Also thins out what was kept.
   void bound(std::size_t most) {
     most_ = most;
     if (most_ == 0) kept_.clear();
@@ -39,9 +39,8 @@ class Spread {
   std::uint64_t count_ = 0, every_ = 8;  // neighbours show nearly the same
 };
 
-// Frames of one moment, as far as a recording has them: a frame of the first camera with the newest of the others'.
-// Beside the pictures that somebody points into they are all taken by ColorTeacher::add_moment(), and they never hold
-// more memory than it has for them. thread-compatible.
+// Sets of a recording's frames: a frame of the first camera with the newest ones of the others.
+// ColorTeacher::add_moment() takes all of them, besides the pictures with points. thread-compatible.
 class SpreadMoments {
  public:
   explicit SpreadMoments(std::size_t cameras);

@@ -12,35 +12,31 @@
 namespace huetrack::color_teaching {
 namespace {
 
-// From one camera to the next, white balance, shading and chroma that neighbours share move a hue by so many degrees,
-// and a saturation by such a factor. Twice that, or more, is another colour.
+// From one camera to the next, white balance, shading and chroma subsampling move a hue by so many degrees, and a
+// saturation by such a factor. The most is another colour.
 constexpr double usual_hue_deg = 10, most_hue_deg = 25;
 const double usual_saturation = std::log(1.5), most_saturation = std::log(2.5);
-// Where nothing fits so, wood or a wall of nearly its colour may be around it: then it is looked for as of twice what
-// is usual in one room, half of the most.
-constexpr double beside_its_like = 0.5;
-// A ball that is half hidden or smeared still fills so much of its disc; and what has more of its colour around it
-// than this is a larger thing of that colour.
+constexpr double beside_its_like = 0.5;  // of the most: for an object before wood or a wall of nearly its colour
+// A half hidden or smeared ball still fills so much of its disc; with more of its colour around it than this it is a
+// part of something larger.
 constexpr double least_fill = 0.6, most_around = 0.4;
-// By what the true one is usually off: of its disc what has not its colour, or of the ring around it what has; aside,
-// of the slack that the ray and the moment leave; and its size, as a natural logarithm.
+// Usual residuals (1 sigma) of the true candidate: gaps in its disc and colour in the ring around it, as shares;
+// offset, of the slack of ray and moment; size, as a natural logarithm.
 constexpr double usual_gap = 0.15, usual_aside = 0.5, usual_size = 0.25;
-// The colour's region is looked for in a disc that is so much larger than expected, for its middle is not known yet.
-constexpr double settling_reach = 1.25;
-// Cheap looks, before that: how much of the colour has to be near, over the radius squared, of which a full disc has
-// pi; then, of the square that fits into the disc (its half side is 0.7 of the radius), less than least_fill. Steps of
-// less than a few pixels would find the same once more.
+constexpr double settling_reach =
+    1.25;  // of the expected radius: where the region is searched, as its centre is unknown
+// Cheap tests before that: pixels of the colour nearby, over the radius squared (pi for a full disc); share of the
+// square inside of the disc (half side 0.7 radii), less than least_fill. Steps of less than some pixels would find the
+// same again.
 constexpr double least_pixels = 0.5, inner_square = 0.7, least_inner_share = 0.4, least_step_px = 4;
-// Where light falls from one side, what has the colour that was pointed at may be a part of the object: in another view
-// it is larger by up to so much.
+// With light from one side the region may be a part of the object, which is larger by up to so much in another view.
 constexpr std::array larger_elsewhere{1.0, 1.5};
-constexpr double usual_larger = 0.35;  // its natural logarithm
-// Costs are squares of what is off in units of what is usual, so that these two are standard deviations, squared: as
-// much as a suggestion may cost, and as much as the next best must cost more.
+constexpr double usual_larger = 0.35;  // its natural logarithm, 1 sigma
+// Costs are squared normalised residuals: the most that a suggestion may cost, and the least lead over the next best.
 constexpr double largest_cost = 12, clear_lead = 4;
-// What another view says of a candidate that it should see: it may be hidden there.
-constexpr double seen_elsewhere = -4, unseen_elsewhere = 2;
-// A region of which so much has moved moves; of which less than that has, stands still. Between them nobody can tell.
+constexpr double seen_elsewhere = -4,
+                 unseen_elsewhere = 2;  // cost of another view, which may not see it if it is hidden
+// Share of a region's pixels that moved, above which it moves, and below which it rests; between them it is unknown.
 constexpr double moving_share = 0.6, still_share = 0.25;
 constexpr double least_radius_px = 1.5;
 
@@ -76,7 +72,7 @@ struct LikePixels {
   Sums sums;
 };
 
-// Of the pixels in the box that are set and within the disc.
+// Of the set pixels in the box and the disc.
 Eigen::Vector2d median_chroma_in_disc(const HsiImage& image, const PixelMask& pixels, const color::PixelBox& box,
                                       const Eigen::Vector2d& centre, double radius) {
   std::vector<double> x, y;
@@ -91,7 +87,7 @@ Eigen::Vector2d median_chroma_in_disc(const HsiImage& image, const PixelMask& pi
                    : Eigen::Vector2d(calib::median(std::move(x)), calib::median(std::move(y)));
 }
 
-// Of one colour against another: how far the hue is off in degrees, and the logarithm of the saturations' ratio.
+// From one colour to another: the change of hue in degrees, and the logarithm of the saturations' ratio.
 struct ColorStep {
   double hue_deg, saturation;
 };
@@ -112,19 +108,19 @@ PixelMask like(const HsiImage& image, const Eigen::Vector2d& color, double as_li
   return mask;
 }
 
-// Where the object would appear in a picture, if it were at this depth.
+// Where the object would appear in a picture at one depth.
 struct Expected {
   Eigen::Vector3d position;
   Eigen::Vector2d px;
   double radius_px;
-  double slack_px;  // how far it may be beside that
+  double slack_px;  // how far from there it may be
 };
 
 double radius_px_of(const calib::Camera& camera, const Eigen::Vector3d& position, double radius_m) {
   return radius_m * camera.model.fx() / (camera.cam_from_world * position).norm();
 }
 
-// The click and the lens' calibration are off by some pixels, and frames of nearly one moment by a radius.
+// The click and the calibration have errors of some pixels, and frames of nearly one moment of a radius.
 double slack_px_of(const calib::Camera& camera, const Eigen::Vector3d& position, double radius_px, double moved_m) {
   return std::max(6.0, radius_px) + radius_px_of(camera, position, moved_m);
 }
@@ -215,7 +211,7 @@ double share_inside(const PixelMask& mask, const Eigen::Vector2d& centre, double
   return filling_of(mask, centre, radius).inside;
 }
 
-// nullopt: it is nothing like the object.
+// nullopt: not like the object.
 std::optional<Candidate> judged(const TaughtPicture& picture, const LikePixels& pixels, const Expected& expected,
                                 const Eigen::Vector2d& color, const std::optional<bool>& is_moving) {
   const double radius = expected.radius_px;
@@ -239,7 +235,7 @@ std::optional<Candidate> judged(const TaughtPicture& picture, const LikePixels& 
   return out;
 }
 
-// Local bests along the ray; of each region in the picture one.
+// Local optima along the ray, one per region in the picture.
 std::vector<Candidate> candidates_in(const TaughtPicture& picture, const LikePixels& pixels,
                                      const std::vector<Expected>& ray, const Eigen::Vector2d& color,
                                      const std::optional<bool>& is_moving) {
@@ -325,14 +321,13 @@ std::vector<std::optional<MaskRegion>> suggested_regions(const std::vector<Point
       if (candidates.back().empty())
         candidates.back() = candidates_in(other, LikePixels(like(*other.image, color, as_like)), ray, color, is_moving);
   }
-  // Does the region in picture j lie where a candidate would be in it? nullopt: that is not in the picture.
+  // Whether the region in picture j lies where the candidate would be; nullopt: the candidate is not in that picture.
   const auto meets = [&](const Candidate& candidate, std::size_t j, const MaskRegion& region) -> std::optional<bool> {
     const calib::Camera& camera = *others[j].camera;
     const auto at = camera.project_world(candidate.position);
     if (!at || !camera.contains({at->px})) return std::nullopt;
     return (region.centre - at->px).norm() < 1.5 * slack_px_of(camera, candidate.position, region.radius_px(), moved_m);
   };
-  // What the other pictures show where a candidate would be in them.
   struct Chosen {
     const Candidate* candidate;
     double cost;
@@ -356,16 +351,16 @@ std::vector<std::optional<MaskRegion>> suggested_regions(const std::vector<Point
     const bool is_clear = std::ranges::count_if(costs, [&](double cost) { return cost < *best + clear_lead; }) == 1;
     if (is_clear) chosen[i] = {&candidates[i][std::size_t(best - costs.begin())], *best};
   }
-  // The object is in one place: of two that contradict each other the clearly likelier one remains, or none.
+  // Of two inconsistent choices the clearly likelier one remains, or none.
   for (std::size_t i = 0; i < others.size(); ++i) {
-    const bool is_contradicted = chosen[i] && std::ranges::any_of(chosen, [&](const auto& other) {
+    const bool is_inconsistent = chosen[i] && std::ranges::any_of(chosen, [&](const auto& other) {
                                    if (!other || &other == &chosen[i] || chosen[i]->cost + clear_lead < other->cost)
                                      return false;
                                    const auto j = std::size_t(&other - chosen.data());
                                    return meets(*chosen[i]->candidate, j, other->candidate->region) == false &&
                                           meets(*other->candidate, i, chosen[i]->candidate->region) == false;
                                  });
-    if (chosen[i] && !is_contradicted) out[i] = chosen[i]->candidate->region;
+    if (chosen[i] && !is_inconsistent) out[i] = chosen[i]->candidate->region;
   }
   return out;
 }
@@ -395,7 +390,7 @@ std::optional<PixelMask> moving_pixels(const capture::Image& picture, const std:
       differences[std::size_t(v) * std::size_t(picture.width) + std::size_t(u)] = float(most);
     }
   }
-  // Most of a picture stands still: half of it says how much noise, flicker and exposure change a pixel.
+  // Most of a picture is at rest: its median shows how much noise, flicker and exposure change a pixel.
   std::vector<float> sorted = differences;
   const float usual = calib::median_in_place(std::span(sorted));
   const float least = std::max(0.06f, 5 * usual);

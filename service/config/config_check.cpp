@@ -116,7 +116,7 @@ void check_live_cameras(const ServiceConfig& config, const yaml::YamlReader& roo
     }
     if (camera.send == Sent::matches && camera.name == config.camera_tracking.camera)
       live.map(camera.name).fail("send", "must be frames: camera_tracker needs its pictures");
-    // A new target has two colours: its own, and that in OpenCV's units.
+    // Each of two colours while a new configuration is taken over.
     constexpr std::size_t most_targets = capture::Matches::most / 2;
     if (camera.send == Sent::matches && config.targets.size() > most_targets)
       live.map(camera.name)

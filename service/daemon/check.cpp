@@ -1,9 +1,9 @@
 #include "daemon/check.h"
 
 #include <spdlog/spdlog.h>
+#include <unistd.h>
 
 #include <algorithm>
-#include <array>
 #include <chrono>
 #include <cmath>
 #include <cstdio>
@@ -13,6 +13,7 @@
 
 #include "calib/files/config_error.h"
 #include "calib/files/text_file.h"
+#include "color/color_name.h"
 #include "config/service_config.h"
 #include "hosts/camera_host.h"
 #include "pipeline/session.h"
@@ -23,28 +24,22 @@
 namespace huetrack::daemon {
 namespace {
 
-// Twelve names, one per 30 degrees.
-const char* hue_name(double hue_deg) {
-  constexpr std::array names{"red",  "orange", "yellow", "lime",   "green",   "mint",
-                             "cyan", "azure",  "blue",   "violet", "magenta", "rose"};
-  return names[std::size_t(std::lround(hue_deg / 30)) % names.size()];
-}
-
-// Names show whether degrees or OpenCV's half degrees were meant.
-void print_hues(const object_tracking::TargetOptions& target) {
-  const double low = target.color.hue_min_deg, high = target.color.hue_max_deg;
-  std::printf("# %s: hue_deg %.0f to %.0f is %s to %s", target.name.c_str(), low, high, hue_name(low), hue_name(high));
-  if (low <= high && high <= 180)
-    std::printf(" (if these are OpenCV's 0 to 180, write %.0f to %.0f: %s to %s)", 2 * low, 2 * high, hue_name(2 * low),
-                hue_name(2 * high));
-  std::printf("\n");
+// In a terminal, after a swatch of it.
+void print_hue(const object_tracking::TargetOptions& target) {
+  const color::Rgb middle = color::middle_of(target.color);
+  const auto byte = [](double share) { return int(std::lround(255 * share)); };
+  std::printf("# %s: ", target.name.c_str());
+  if (isatty(STDOUT_FILENO) != 0)
+    std::printf("\033[48;2;%d;%d;%dm    \033[0m ", byte(middle.r), byte(middle.g), byte(middle.b));
+  const std::string opencv = color::opencv_hue_text(target.color);
+  std::printf("%s%s%s\n", color::hue_text(target.color).c_str(), opencv.empty() ? "" : "; ", opencv.c_str());
 }
 
 // Comments on the targets, after the YAML: missing values, and names of hues.
 void print_targets(const config::ServiceConfig& config) {
   for (const auto& target : config.targets) {
     if (config::is_taught(target)) {
-      print_hues(target);
+      print_hue(target);
     } else {
       std::printf("# %s: it has no colour yet: %s\n", target.name.c_str(),
                   config::teach_advice(config, target).c_str());

@@ -15,6 +15,7 @@
 #include <utility>
 
 #include "calib/files/terminal_line.h"
+#include "color/color_name.h"
 #include "config/service_config.h"
 #include "daemon/played_source.h"
 #include "daemon/reloader.h"
@@ -298,6 +299,7 @@ ReplaySummary summary_of(const config::ServiceConfig& config, const ReplayComman
   const std::vector<std::string> cameras = config.rig.camera_names();
   for (std::size_t t = 0; t < summary.targets.size(); ++t) {
     TargetSummary& target = summary.targets[t];
+    if (config::is_taught(config.targets[t])) target.color = color::hue_text(config.targets[t].color);
     if (target.first_tracking_set) {
       if (target.first_tracking_s > usual_search_s) target.advice = figures.searches[t].late_advice(config.targets[t]);
       continue;
@@ -371,13 +373,10 @@ ReplaySummary replay(const ReplayCommand& command, const std::stop_token& stop) 
   if (!unit_mistake.empty()) summary.mistakes.push_back(unit_mistake);
   // Advice about the search would mislead next to a mistake that explains the problem.
   for (TargetSummary& target : summary.targets) {
-    const auto says_it = [&](const std::string& sentence) { return sentence.find(target.advice) != std::string::npos; };
     const bool is_tracked = target.first_tracking_set.has_value();
-    if (!unit_mistake.empty() || (is_tracked && !summary.mistakes.empty()) || reports.mistakes.has_explained_rig() ||
-        std::ranges::any_of(summary.mistakes, says_it))
+    if (!unit_mistake.empty() || (is_tracked && !summary.mistakes.empty()) || reports.mistakes.has_explained_rig())
       target.advice.clear();
   }
-  summary.cleared = reports.mistakes.cleared();
   summary.clutter = reports.objects.summary();
   summary.light = reports.light.summary();
   summary.times = reports.times.summary();

@@ -58,7 +58,6 @@ struct ReplaySummary {
   double held_s = 0;                     // while paused
   std::vector<TargetSummary> targets;
   std::vector<std::string> mistakes;     // in rig and configuration, one sentence each
-  std::vector<std::string> cleared;      // mistakes that were false alarms, one sentence each
   std::vector<std::string> clutter;      // static clutter of a target's colour and extra objects, one sentence each
   std::vector<std::string> times;        // timing of the cameras, one sentence each
   std::vector<std::string> calibration;  // moved cameras, one sentence each

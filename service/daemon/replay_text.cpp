@@ -77,6 +77,7 @@ std::string target_text(const TargetSummary& target) {
               ? fmt::format("tracking from set {} on ({:.3f} s);", *target.first_tracking_set, target.first_tracking_s)
               : "never tracking;";
   text += shares_text(target.sets) + "\n";
+  if (!target.color.empty()) text += "          " + target.color + "\n";
   if (target.objects > 0)
     text += fmt::format("          objects found: {}, at most {} at once\n", target.objects, target.most_objects);
   if (target.outlines.radius_m)
@@ -141,7 +142,6 @@ bool has_trouble(const ReplaySummary& s) {
 std::string problems_text(const ReplaySummary& s) {
   std::string text;
   for (const auto& sentence : s.light) text += "  light   " + sentence + "\n";
-  for (const auto& sentence : s.cleared) text += "  cleared " + sentence + "\n";
   for (const auto& sentence : s.clutter) text += "  room    " + sentence + "\n";
   for (const auto& sentence : s.calibration) text += "  cameras " + sentence + "\n";
   for (const auto& target : s.targets)

@@ -15,6 +15,7 @@ namespace huetrack::daemon {
 
 struct TargetSummary {
   std::string name;
+  std::string color;                                          // what its hue_deg means; empty: it has none yet
   std::map<object_tracking::TrackState, std::uint64_t> sets;  // per state
   // With `count`, sets counts each object; these are the number found, and the most at once.
   std::uint64_t objects = 0, most_objects = 0;

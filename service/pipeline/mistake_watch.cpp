@@ -43,7 +43,6 @@ double inflation_rad(const view_watch::Mistake& mistake, const calib::Camera& ca
     }
     case MistakeKind::radius:
     case MistakeKind::shared_color:
-    case MistakeKind::opencv_hue:
       return 0;
   }
   return 0;

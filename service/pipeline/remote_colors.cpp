@@ -41,9 +41,7 @@ void RemoteColors::expect(const config::ServiceConfig& config) {
   sets_ = 0;
   for (Camera& camera : cameras_) {
     camera.next.clear();
-    for (const auto& target : config.targets)
-      for (const auto& range : object_trackers::first_colors_looked_for(target, config.object_tracking, camera.name))
-        add(camera.next, color::matched_color(range));
+    for (const auto& target : config.targets) add(camera.next, color::matched_color(target.color_in(camera.name)));
   }
 }
 
@@ -64,11 +62,7 @@ void RemoteColors::on_set(const TrackedSet& set) {
   for (Camera& camera : cameras_) {
     wanted_.clear();
     if (!is_taken_over) wanted_ = camera.next;
-    for (const auto& tracker : set.trackers) {
-      ranges_.clear();
-      tracker.colors_looked_for(camera.index, ranges_);
-      for (const auto& range : ranges_) add(wanted_, color::matched_color(range));
-    }
+    for (const auto& tracker : set.trackers) add(wanted_, color::matched_color(tracker.color_in(camera.index)));
     if (wanted_ != camera.sent) {
       camera.sent = wanted_;
       camera.look_for(camera.sent);

@@ -10,7 +10,6 @@
 #include <vector>
 
 #include "capture/live_camera.h"
-#include "color/color_model.h"
 #include "pipeline/output.h"
 
 namespace huetrack::pipeline {
@@ -40,7 +39,6 @@ class RemoteColors final : public Output {
   std::vector<Camera> cameras_;  // guarded by mutex_
   std::size_t sets_ = 0;         // guarded by mutex_; since the configuration changed
   // Buffers of on_set().
-  std::vector<color::HsiRange> ranges_;
   std::vector<capture::MatchedColor> wanted_;
   std::vector<capture::ExpectedOutline> outlines_;
 };

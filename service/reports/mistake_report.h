@@ -21,11 +21,8 @@ class MistakeReport final : public pipeline::Output {
 
   // In force now, one sentence each. thread-safe
   std::vector<std::string> warnings() const;
-  // All mistakes since the start that were not cleared, one sentence each, with the time since the first set. After the
-  // run.
+  // All mistakes since the start, one sentence each, with the time since the first set. After the run.
   std::vector<std::string> summary() const;
-  // Those that were cleared: false alarms. As summary().
-  std::vector<std::string> cleared() const;
   // A mistake explains that the search could not succeed: a camera or the rig is wrong. After the run.
   bool has_explained_rig() const { return has_explained_rig_; }
 
@@ -33,12 +30,7 @@ class MistakeReport final : public pipeline::Output {
   struct Named {
     double at_s;
     std::string sentence;  // the latest
-    bool may_be_cleared;   // a false alarm if it disappears by itself
-    std::optional<double> cleared_s = {};
   };
-  void clear_all_but(const std::vector<std::string>& kinds_now, double now_s);
-  // "... from 1.0 s on" of the mistakes that were cleared, or of those that were not.
-  std::vector<std::string> sentences(bool are_cleared) const;
 
   std::vector<std::string> cameras_;
   std::optional<capture::Timestamp> first_at_;  // the tracking thread's

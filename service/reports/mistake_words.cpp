@@ -86,11 +86,6 @@ std::string mistake_text(const view_watch::Mistake& mistake, const object_tracki
           "ignore "
           "what shares it",
           target.name, 100 * mistake.size, which);
-    case MistakeKind::opencv_hue: {
-      objects::SearchFindings findings;
-      findings.is_found_at_twice_the_hue = true;
-      return fmt::format("{}: {}", target.name, findings.advice(target, cameras));
-    }
   }
   return {};
 }

@@ -319,9 +319,8 @@ class FaultHypotheses {
 }  // namespace
 
 std::string_view name(MistakeKind kind) {
-  static constexpr std::string_view names[] = {"swapped", "late",         "uneven_times", "turned",
-                                               "zoomed",  "mirrored",     "other_rig",    "contradiction",
-                                               "radius",  "shared_color", "opencv_hue"};
+  static constexpr std::string_view names[] = {"swapped",  "late",      "uneven_times",  "turned", "zoomed",
+                                               "mirrored", "other_rig", "contradiction", "radius", "shared_color"};
   static_assert(std::size(names) == mistake_kinds);
   return names[std::size_t(kind)];
 }
@@ -375,10 +374,6 @@ void ViewWatch::look(const object_tracking::ObjectEstimate& estimate, const obje
     if (cameras_[c].shared_count >= target_fault.min_shared_count)
       now.push_back({.kind = MistakeKind::shared_color, .cameras = {int(c)}, .size = shares[c].of_picture});
   }
-  if (tracker.search_findings().is_found_at_twice_the_hue)
-    now = {{.kind = MistakeKind::opencv_hue}};  // all other findings are about something else
-  else                                          // withdrawn by the tracker: no hysteresis
-    std::erase_if(suspected_, [](const Suspected& s) { return s.mistake.kind == MistakeKind::opencv_hue; });
   confirm(now, now_s);
 }
 

@@ -29,10 +29,9 @@ enum class MistakeKind : std::uint8_t {
   contradiction,  // views are inconsistent, and nothing above explains it
   radius,         // size: the radius that the views agree on, metres
   shared_color,   // one camera; size: share of its picture that has the colour, 0..1
-  opencv_hue,     // hue_deg was written in OpenCV's units
 };
 
-inline constexpr std::size_t mistake_kinds = std::size_t(MistakeKind::opencv_hue) + 1;
+inline constexpr std::size_t mistake_kinds = std::size_t(MistakeKind::shared_color) + 1;
 std::string_view name(MistakeKind kind);  // "swapped", ...
 
 // In the cameras' poses, lenses, timing or assignment, as opposed to the target's configuration.

@@ -164,7 +164,7 @@ def radii(huetrackd, folders, every):
                         if abs(told[-1][0]) > 8:
                             print(f"    {folder.name} {ball} {at}: {said[0]}")
                     else:
-                        why = re.search(r"cannot be told: ([^.]*)", run.stdout)
+                        why = re.search(r"cannot be measured: ([^.]*)", run.stdout)
                         why = why[1] if why else (run.stdout + run.stderr).strip()[-200:]
                         reasons[why] = reasons.get(why, 0) + 1
             row(folder.name, ball, f"{radius:g} mm", clicked, told)

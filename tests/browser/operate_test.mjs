@@ -118,6 +118,7 @@ async function test() {
   await slide("hue_deg-0", 200);
   await slide("hue_deg-1", 220);
   assert.equal(await page.textContent("#adjust-hue_deg-says"), "200 to 220°");
+  assert.equal(await page.getAttribute("#adjust-swatch", "title"), "azure");
   await until("nothing matches", async () => (await shares()).length === 2 && (await shares()).every((s) => s < 0.02));
   await page.click("#adjust-reset");
   await until("as it is in force", async () => (await page.textContent("#adjust-hue_deg-says")) === "65 to 115°");

@@ -176,7 +176,7 @@ TEST(Contains, hueIsACircle) {
   const HsiRange through_zero{340, 20, 0, 1, 0, 1}, up_to_360{340, 360, 0, 1, 0, 1}, any{0, 360, 0, 1, 0, 1};
   for (const double in : {340.0, 359.9, 0.0, 20.0}) EXPECT_TRUE(contains(through_zero, {in, 0.5, 0.5, true})) << in;
   for (const double out : {339.9, 20.1, 180.0}) EXPECT_FALSE(contains(through_zero, {out, 0.5, 0.5, true})) << out;
-  // Pure red has hue 0, which is 360: who writes 340..360 means it too.
+  // Pure red has hue 0, which is 360: a range 340..360 includes it.
   EXPECT_TRUE(contains(up_to_360, hsi_of({0.8, 0.1, 0.1})));
   EXPECT_FALSE(contains(up_to_360, hsi_of({0.8, 0.11, 0.1})));
   EXPECT_TRUE(contains(any, {0, 0, 0.5, false}));

@@ -289,7 +289,7 @@ TEST(MatchBits, ignoredBoxesMatchNothing) {
   EXPECT_GT(inside, 0u);
 }
 
-TEST(MatchBits, rowsThatNobodyLookedAtAreEmpty) {
+TEST(MatchBits, RowsThatWereNotClassifiedAreEmpty) {
   const ColorTable any({0, 360, 0, 1, 0, 1}, capture::PixelFormat::grey, capture::ColorRange::limited);
   const capture::Image image = random_image(capture::PixelFormat::grey, 64, 64, 1);
   MatchBits bits(64, 64);
@@ -304,9 +304,9 @@ TEST(MatchBits, rowsThatNobodyLookedAtAreEmpty) {
   EXPECT_EQ(bits.tiles_looked_at(), 1u);
 }
 
-// One pixel that matches is told of wherever its tile is among those that a row reads, and nowhere else; nor of the
+// One pixel that matches is reported wherever its tile is among those that a row reads, and nowhere else; nor of the
 // picture before.
-TEST(MatchBits, tellsWhereNoRowHasAMatch) {
+TEST(MatchBits, ReportsWhereNoRowHasAMatch) {
   constexpr int width = 150, height = 70;
   for (const auto& [match_u, match_v] : {std::pair{0, 0}, {77, 31}, {149, 69}}) {
     const capture::Image image =

@@ -1,4 +1,4 @@
-// How large a ball is, and when nobody can tell.
+// A ball's radius, and when it cannot be measured.
 #include "color_teaching/ball_size.h"
 
 #include <gmock/gmock.h>
@@ -51,13 +51,13 @@ TEST(BallSize, OneBallIsFoundAmongOtherThings) {
   // Nor are two views that a larger ball and a smaller one make.
   const std::vector<ColoredRegion> unlike{seen(rig, 0, at, 0.04), seen(rig, 1, at, 0.06)};
   EXPECT_THAT(one_ball_of(rig, unlike, the_room, 0.05), IsEmpty());
-  // Of two such balls nobody can tell which one it is.
+  // Two such balls are ambiguous.
   for (std::size_t c = 1; c < 3; ++c) candidates.push_back(seen(rig, c, elsewhere, 0.05));
   EXPECT_THAT(one_ball_of(rig, candidates, the_room, 0.05), IsEmpty());
   EXPECT_THAT(one_ball_of(rig, {}, the_room, 0.05), IsEmpty());
 }
 
-TEST(BallSize, RoundIsToldFromSquareAndLong) {
+TEST(BallSize, DistinguishesRoundFromSquareAndLong) {
   const auto region = [](int width, int height, double filled) {
     return MaskRegion{.area = int(filled * width * height), .centre = {50, 50}, .box = {0, 0, width - 1, height - 1}};
   };
@@ -68,7 +68,7 @@ TEST(BallSize, RoundIsToldFromSquareAndLong) {
   EXPECT_FALSE(has_disc_shape(region(20, 20, 0.5)));
 }
 
-// Pictures in which nothing is seen of an edge: what is told is told by regions.
+// Pictures in which nothing is seen of an edge: the radius comes from regions.
 struct Grey {
   capture::Image image = capture::make_image(capture::PixelFormat::grey, capture::ColorRange::full, 320, 240).image;
   BallMoment moment(std::vector<ColoredRegion> views) const {
@@ -76,33 +76,33 @@ struct Grey {
   }
 };
 
-TEST(BallSize, RegionsAloneTellItRoughly) {
+TEST(BallSize, RegionsAloneMeasureRoughly) {
   const calib::CameraRig rig = ring();
   const Grey grey;
   const Eigen::Vector3d at(0.2, -0.1, 1.1);
-  const RadiusProposal told =
+  const RadiusProposal proposal =
       voted_radius(rig, std::vector{grey.moment({seen(rig, 0, at, 0.05), seen(rig, 1, at, 0.05)})});
-  ASSERT_TRUE(told.radius_m) << told.why_not;
-  EXPECT_NEAR(*told.radius_m, 0.05, 0.003);
-  EXPECT_GT(told.sigma_m, 0.15 * 0.05);  // nothing shows whether a part of it was hidden in both
-  EXPECT_TRUE(told.is_rough);
-  EXPECT_EQ(told.cameras, 2u);
+  ASSERT_TRUE(proposal.radius_m) << proposal.why_not;
+  EXPECT_NEAR(*proposal.radius_m, 0.05, 0.003);
+  EXPECT_GT(proposal.sigma_m, 0.15 * 0.05);  // nothing shows whether a part of it was hidden in both
+  EXPECT_TRUE(proposal.is_rough);
+  EXPECT_EQ(proposal.cameras, 2u);
   const Eigen::Vector3d later(0.1, 0.2, 1);
   const RadiusProposal twice =
       voted_radius(rig, std::vector{grey.moment({seen(rig, 0, at, 0.05), seen(rig, 1, at, 0.05)}),
                                     grey.moment({seen(rig, 0, later, 0.05), seen(rig, 1, later, 0.05)})});
   EXPECT_FALSE(twice.is_rough);
-  EXPECT_LT(twice.sigma_m, told.sigma_m);
+  EXPECT_LT(twice.sigma_m, proposal.sigma_m);
 }
 
-TEST(BallSize, WhatContradictsItselfIsNotTold) {
+TEST(BallSize, InconsistentViewsMeasureNothing) {
   const calib::CameraRig rig = ring();
   const Grey grey;
   const Eigen::Vector3d at(0.2, -0.1, 1.1);
   const auto why_not = [&](std::vector<ColoredRegion> views) {
-    const RadiusProposal told = voted_radius(rig, std::vector{grey.moment(std::move(views))});
-    EXPECT_FALSE(told.radius_m);
-    return told.why_not;
+    const RadiusProposal proposal = voted_radius(rig, std::vector{grey.moment(std::move(views))});
+    EXPECT_FALSE(proposal.radius_m);
+    return proposal.why_not;
   };
   EXPECT_THAT(why_not({seen(rig, 0, at, 0.05)}), HasSubstr("only one camera"));
   EXPECT_THAT(why_not({seen(rig, 0, at, 0.05), seen(rig, 1, at, 0.065)}),
@@ -118,7 +118,7 @@ TEST(BallSize, WhatContradictsItselfIsNotTold) {
 }
 
 // From two clicks in a rendered room, over moments in which the ball goes about.
-TEST(BallSize, ManyMomentsTellItWell) {
+TEST(BallSize, ManyMomentsMeasureWell) {
   for (const double radius_m : {0.025, 0.04, 0.07}) {
     const scene::Scene scene = scene::SceneBuilder{}
                                    .cameras_on_ring({.count = 3, .image_size = {640, 480}, .focal_px = 480})
@@ -131,14 +131,14 @@ TEST(BallSize, ManyMomentsTellItWell) {
     const Taught taught = teacher.teach(
         {.points = {{0, scene.rig.cameras[0].project_world(at)->px}, {1, scene.rig.cameras[1].project_world(at)->px}}},
         the_room);
-    const RadiusProposal told = teacher.radius(taught, {}, the_room);
-    ASSERT_TRUE(told.radius_m) << told.why_not;
-    std::printf("%.0f mm: %.2f mm, sigma %.2f, by %zu moments of %zu cameras\n", 1e3 * radius_m, 1e3 * *told.radius_m,
-                1e3 * told.sigma_m, told.moments, told.cameras);
-    EXPECT_NEAR(*told.radius_m, radius_m, 0.04 * radius_m);
-    EXPECT_NEAR(*told.radius_m, radius_m, 2.5 * told.sigma_m);
-    EXPECT_LT(told.sigma_m, 0.05 * radius_m);
-    EXPECT_GE(told.moments, 10u);
+    const RadiusProposal proposal = teacher.radius(taught, {}, the_room);
+    ASSERT_TRUE(proposal.radius_m) << proposal.why_not;
+    std::printf("%.0f mm: %.2f mm, sigma %.2f, by %zu moments of %zu cameras\n", 1e3 * radius_m,
+                1e3 * *proposal.radius_m, 1e3 * proposal.sigma_m, proposal.moments, proposal.cameras);
+    EXPECT_NEAR(*proposal.radius_m, radius_m, 0.04 * radius_m);
+    EXPECT_NEAR(*proposal.radius_m, radius_m, 2.5 * proposal.sigma_m);
+    EXPECT_LT(proposal.sigma_m, 0.05 * radius_m);
+    EXPECT_GE(proposal.moments, 10u);
   }
 }
 

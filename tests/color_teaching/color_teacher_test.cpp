@@ -112,7 +112,7 @@ TEST(ColorTeacher, TheRedSquareFromTheFirstPair) {
     std::printf("%s: hue %g..%g saturation %g..%g intensity %g..%g\n", view.verdict.c_str(), view.color.hue_min_deg,
                 view.color.hue_max_deg, view.color.saturation_min, view.color.saturation_max, view.color.intensity_min,
                 view.color.intensity_max);
-  // By one moment a square that is seen aslant may be a ball: what is told of it, if anything, is rough.
+  // By one moment a square that is seen aslant may be a ball: its radius, if there is one, is rough.
   const RadiusProposal radius = teacher.radius(both, {}, options.volume);
   if (radius.radius_m) {
     EXPECT_GT(radius.sigma_m, 0.08 * *radius.radius_m);
@@ -124,7 +124,7 @@ TEST(ColorTeacher, TheRedSquareFromTheFirstPair) {
   EXPECT_GE(inside, 110u);
 }
 
-TEST(ColorTeacher, CamerasThatNobodyPointedIntoKeepTheirColour) {
+TEST(ColorTeacher, CamerasWithoutAPointKeepTheirColour) {
   calib::CameraRig rig;
   for (const char* name : {"a", "b", "c"}) rig.cameras.emplace_back().name = name;
   const color::HsiRange old{.hue_min_deg = 10, .hue_max_deg = 20}, fresh{.hue_min_deg = 100, .hue_max_deg = 120};
@@ -146,7 +146,7 @@ TEST(ColorTeacher, CamerasThatNobodyPointedIntoKeepTheirColour) {
   EXPECT_EQ(why_useless({}, rig), "nothing was learnt");
 }
 
-TEST(ColorTeacher, SaysWhatIsInTheWay) {
+TEST(ColorTeacher, NamesAPatch) {
   SKIP_WITHOUT("rendered/two_cams");
   const figures::Sequence s = figures::load_sequence(figures::shared_data() / "rendered/two_cams");
   const object_tracking::Volume volume = figures::rendered_options(object_tracking::Observation::huetrack, 1).volume;
@@ -174,7 +174,7 @@ TEST(ColorTeacher, SaysWhatIsInTheWay) {
   EXPECT_LT(ignored.views[0].mask.count(), wide.views[0].mask.count());
 }
 
-TEST(ColorTeacher, NothingToLearnIsSaid) {
+TEST(ColorTeacher, ReportsThatNothingCanBeLearnt) {
   SKIP_WITHOUT("rendered/two_cams");
   figures::Sequence s = figures::load_sequence(figures::shared_data() / "rendered/two_cams");
   s.sets[0].frames[1].reset();

@@ -64,24 +64,24 @@ TEST(Lesson, FromOneClickToTheTargetsColour) {
   EXPECT_EQ(nothing.target.color, lime.color);
 }
 
-TEST(Lesson, WhatIsSaidOfTheSize) {
-  const RadiusProposal told{.radius_m = 0.03724, .sigma_m = 0.0004, .moments = 12, .cameras = 3};
+TEST(Lesson, WordsOfTheRadius) {
+  const RadiusProposal proposal{.radius_m = 0.03724, .sigma_m = 0.0004, .moments = 12, .cameras = 3};
   EXPECT_EQ(
-      radius_words(told, {}),
+      radius_words(proposal, {}),
       "It has a radius of 37.2 mm, give or take 0.8 (by 12 moments of 3 cameras), as far as the rig's scale is right.");
   const RadiusProposal rough{.radius_m = 0.029, .sigma_m = 0.0044, .is_rough = true, .moments = 1, .cameras = 2};
   EXPECT_THAT(radius_words(rough, {}), HasSubstr("give or take 9 (by 1 moment of 2 cameras; roughly, by its coloured "
                                                  "regions alone: better measure it), as far as"));
-  EXPECT_FALSE(differs_clearly(told, 0.039));
-  EXPECT_TRUE(differs_clearly(told, 0.042));
-  EXPECT_TRUE(differs_clearly(told, 0.033));
-  EXPECT_THAT(radius_words(told, 0.042), HasSubstr("but radius_m says 42 mm"));
+  EXPECT_FALSE(differs_clearly(proposal, 0.039));
+  EXPECT_TRUE(differs_clearly(proposal, 0.042));
+  EXPECT_TRUE(differs_clearly(proposal, 0.033));
+  EXPECT_THAT(radius_words(proposal, 0.042), HasSubstr("but radius_m says 42 mm"));
   // As unsure as that, nothing contradicts it.
   EXPECT_FALSE(differs_clearly({.radius_m = 0.03724, .sigma_m = 0.004}, 0.042));
   const RadiusProposal unknown{.why_not = "only one camera shows the object"};
   EXPECT_FALSE(differs_clearly(unknown, 1));
-  EXPECT_EQ(radius_words(unknown, 0.04), "How large it is cannot be told: only one camera shows the object.");
-  EXPECT_THAT(radius_words(unknown, {}), HasSubstr("it is taken for the default, 40 mm."));
+  EXPECT_EQ(radius_words(unknown, 0.04), "Its radius cannot be measured: only one camera shows the object.");
+  EXPECT_THAT(radius_words(unknown, {}), HasSubstr("the default is used, 40 mm."));
 }
 
 TEST(Lesson, RectanglesAreAddedPerCamera) {
@@ -178,7 +178,7 @@ TEST(Lesson, OfAcceptedSuggestionsNarrowerRangesLeaveAnotherThingOut) {
     EXPECT_FALSE(color::contains(view.color, other));
     EXPECT_GE(view.object_share, least_object_share);
   }
-  // Who says how wide they are to be has it so.
+  // A requested width is used.
   request.wider = 1;
   EXPECT_FALSE(learn(teacher, request, {target}, target, {}).narrowed_to);
 }

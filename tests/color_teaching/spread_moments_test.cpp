@@ -36,7 +36,7 @@ struct Filmed {
         if (n >= from[c]) moments.add(frame(int(c), n));
     return moments.take();
   }
-  // How many of these the teacher takes, who has one such set already.
+  // How many of these the teacher takes, which has one such set already.
   std::size_t taken(const std::vector<capture::FrameSet>& moments) const {
     capture::FrameSet pointed_into;
     for (std::size_t c = 0; c < rig.cameras.size(); ++c) pointed_into.frames.emplace_back(frame(int(c), 0));

@@ -25,14 +25,14 @@ scene::Scene room(std::vector<Vector3d> resting_of_its_color) {
 }
 
 // What is suggested in the other views for one click at the moving ball, the first or another one, in camera 0.
-struct Told {
+struct Suggested {
   std::vector<bool> any;
   double furthest_px = 0;  // of those that are suggested
 };
 
-// is_live: what moves is told by moments that come after the click's.
-Told click(const scene::Scene& world, const std::vector<capture::FrameSet>& sets, std::size_t of, bool knows_what_moves,
-           std::size_t ball = 0, bool is_live = false) {
+// is_live: what moves is known from moments after the click's.
+Suggested click(const scene::Scene& world, const std::vector<capture::FrameSet>& sets, std::size_t of,
+                bool knows_what_moves, std::size_t ball = 0, bool is_live = false) {
   std::vector<std::vector<capture::Image>> elsewhen(is_live ? 0 : world.rig.cameras.size());
   for (std::size_t i = 0; knows_what_moves && !is_live && i < sets.size(); i += 4)
     for (std::size_t c = 0; c < elsewhen.size(); ++c) elsewhen[c].push_back(sets[i].frames[c]->pixels);
@@ -42,23 +42,23 @@ Told click(const scene::Scene& world, const std::vector<capture::FrameSet>& sets
   const Vector3d at = world.ball_at(ball, sets[of].at);
   const Taught taught = teacher.teach({.points = {{0, world.rig.cameras[0].project_world(at)->px}}}, volume);
   EXPECT_TRUE(taught.views[0].pointed) << taught.views[0].problem;
-  Told told;
+  Suggested result;
   for (std::size_t c = 1; c < world.rig.cameras.size(); ++c) {
-    told.any.push_back(taught.views[c].region.has_value());
+    result.any.push_back(taught.views[c].region.has_value());
     if (!taught.views[c].region) continue;
     const Eigen::Vector2d truth = world.rig.cameras[c].project_world(at)->px;
-    told.furthest_px = std::max(told.furthest_px, (taught.views[c].region->centre - truth).norm());
+    result.furthest_px = std::max(result.furthest_px, (taught.views[c].region->centre - truth).norm());
   }
-  return told;
+  return result;
 }
 
 TEST(Suggestion, IsWhereTheBallIs) {
   const scene::Scene world = room({});
   const auto sets = scene::render(world, {.set_count = 40});
   for (std::size_t of = 0; of < sets.size(); of += 8) {
-    const Told told = click(world, sets, of, false);
-    EXPECT_EQ(told.any, (std::vector{true, true})) << of;
-    EXPECT_LT(told.furthest_px, 3) << of;
+    const Suggested result = click(world, sets, of, false);
+    EXPECT_EQ(result.any, (std::vector{true, true})) << of;
+    EXPECT_LT(result.furthest_px, 3) << of;
   }
 }
 
@@ -115,16 +115,16 @@ TEST(Suggestion, IsTheWholeWhereASmallCoreWasPointedAt) {
     const auto grown =
         grow_region(hsi_image(sets[of].frames[0]->pixels), {int(std::lround(px.x())), int(std::lround(px.y()))});
     of_the_core += grown && double(grown->count()) < 0.5 * radius_px * radius_px ? 1 : 0;
-    const Told told = click(world, sets, of, true);
-    EXPECT_EQ(told.any, (std::vector{true, true})) << of;
-    EXPECT_LT(told.furthest_px, 3) << of;
+    const Suggested result = click(world, sets, of, true);
+    EXPECT_EQ(result.any, (std::vector{true, true})) << of;
+    EXPECT_LT(result.furthest_px, 3) << of;
   }
   EXPECT_GE(of_the_core, 2);  // or this tests nothing
 }
 
-// One thing is in one place. Of two views that show it at different depths of the click's ray one is wrong, and nobody
-// knows which.
-TEST(Suggestion, OfTwoThatContradictEachOtherNoneIsMade) {
+// One thing is in one place. Of two views that show it at different depths of the click's ray one is wrong, and it is
+// unknown knows which.
+TEST(Suggestion, OfTwoInconsistentOnesNoneIsMade) {
   const Vector3d here = circling(0), from = room({}).rig.cameras[0].centre();
   const auto pictures_of = [](const Vector3d& at) {
     scene::SceneBuilder builder;
@@ -157,9 +157,9 @@ TEST(Suggestion, OfBallsThatRestNoneIsTakenForTheOneThatMoves) {
   for (const bool is_live : {false, true}) {
     int suggested = 0, asked = 0;
     for (std::size_t of = 0; of < sets.size(); of += 6) {
-      const Told told = click(world, sets, of, true, 0, is_live);
-      EXPECT_LT(told.furthest_px, 4) << of;
-      for (const bool any : told.any) suggested += any ? 1 : 0, ++asked;
+      const Suggested result = click(world, sets, of, true, 0, is_live);
+      EXPECT_LT(result.furthest_px, 4) << of;
+      for (const bool any : result.any) suggested += any ? 1 : 0, ++asked;
     }
     EXPECT_GE(suggested, asked * 8 / 10) << is_live;
   }
@@ -184,14 +184,14 @@ TEST(Suggestion, IsTheBallThatMovesBeforeFurnitureOfNearlyItsColour) {
     const auto grown_blindly = grow_region(image, {int(std::lround(px.x())), int(std::lround(px.y()))});
     const double radius = 0.04 * world.rig.cameras[0].model.fx() / (is - from).norm();
     if (!grown_blindly || double(grown_blindly->count()) > 6 * radius * radius) ++before_it;
-    const Told told = click(world, sets, of, true, 1);
-    EXPECT_LT(told.furthest_px, 4) << of;
+    const Suggested result = click(world, sets, of, true, 1);
+    EXPECT_LT(result.furthest_px, 4) << of;
   }
   EXPECT_GE(before_it, 2);  // or this tests nothing
 }
 
-// Two that could be it, and nobody knows what moves: a wrong suggestion costs more than none.
-TEST(Suggestion, WhatCannotBeToldIsNotSuggested) {
+// Two that could be it, and it is unknown what moves: a wrong suggestion costs more than none.
+TEST(Suggestion, AmbiguousOnesAreNotMade) {
   const scene::Scene alone = room({});
   const Vector3d at = circling(0), from = alone.rig.cameras[0].centre();
   // Farther along the ray of the click, and so hidden behind the ball in camera 0, but beside it in the others.

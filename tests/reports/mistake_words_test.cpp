@@ -49,7 +49,6 @@ TEST(MistakeWords, NameCameraSizeAndRemedy) {
                     HasSubstr("not 0.04: measure it, and correct radius_m")));
   EXPECT_THAT(text({MistakeKind::shared_color, {2}, 0.12, 0}),
               HasSubstr("the colour of orange covers 12 % of top's picture"));
-  EXPECT_THAT(text({MistakeKind::opencv_hue, {}, 0, 0}), AllOf(HasSubstr("OpenCV"), HasSubstr("write [20, 44]")));
 }
 
 }  // namespace

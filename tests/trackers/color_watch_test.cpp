@@ -37,7 +37,7 @@ capture::WritableImage disc(color::Rgb color, double u0, double v0, double radiu
   return image;
 }
 
-TEST(ColorInside, IsTheDiscsWhateverItsColour) {
+TEST(ColorInside, MeasuresTheDiscWhateverItsColour) {
   const auto image = disc({0.2, 0.6, 0.1}, 30, 30, 8);
   const color::Hsi expected = color::hsi_of({51 / 255.0, 153 / 255.0, 25 / 255.0});
   const auto seen = color_inside(image.image, {30, 30}, 5, 90);
@@ -47,11 +47,11 @@ TEST(ColorInside, IsTheDiscsWhateverItsColour) {
   EXPECT_NEAR(seen->median[2], expected.intensity, 1e-9);
   EXPECT_THAT(seen->below, Each(testing::DoubleNear(0, 1e-9)));
   EXPECT_THAT(seen->above, Each(testing::DoubleNear(0, 1e-9)));
-  // The hue counts from where it is told to, through 0.
+  // The hue is relative to its origin, through 0.
   EXPECT_NEAR(color_inside(image.image, {30, 30}, 5, 350)->median[0], expected.hue_deg + 10, 1e-9);
 }
 
-TEST(ColorInside, WhatHidesLessThanHalfMovesNothing) {
+TEST(ColorInside, IgnoresWhatHidesLessThanHalf) {
   auto image = disc({0.2, 0.6, 0.1}, 30, 30, 8);
   for (int v = 0; v < 64; ++v)
     for (int u = 32; u < 64; ++u) image.data[0][v * image.image.planes[0].stride + 3 * u] = 200;  // blue
@@ -61,7 +61,7 @@ TEST(ColorInside, WhatHidesLessThanHalfMovesNothing) {
   EXPECT_NEAR(seen->above[0], 0, 1e-9);
 }
 
-TEST(ColorInside, NothingIsSaidAtTheBorderNorOfGreys) {
+TEST(ColorInside, MeasuresNothingAtTheBorderNorOfGreys) {
   const auto image = disc({0.2, 0.6, 0.1}, 3, 30, 8);
   EXPECT_FALSE(color_inside(image.image, {3, 30}, 5, 90));
   EXPECT_FALSE(color_inside(image.image, {std::nanf(""), 30}, 5, 90));
@@ -89,15 +89,15 @@ TEST(AxisRange, CountsHuesFromTheMiddleAndKnowsWhereAxesEnd) {
 }
 
 TEST(ColorFollower, ARangeMovesAndKeepsItsWidth) {
-  EXPECT_EQ(moved({350, 20, 0.3, 0.8, 0.1, 0.9}, {15, 0.1, -0.05}), (color::HsiRange{5, 35, 0.4, 0.9, 0.05, 0.85}));
-  EXPECT_EQ(moved({5, 35, 0.3, 1, 0, 0.9}, {-15, -0.1, 0.05}).hue_min_deg, 350);
-  EXPECT_EQ(moved({5, 35, 0.3, 1, 0, 0.9}, {-15, -0.1, 0.05}).saturation_max, 1);  // nothing is beyond it
-  EXPECT_EQ(moved({5, 35, 0.3, 1, 0, 0.9}, {-15, -0.1, 0.05}).intensity_min, 0);
-  EXPECT_EQ(moved({0, 360, 0.3, 1, 0, 1}, {10, 0, 0}).hue_max_deg, 360);
+  EXPECT_EQ(shifted({350, 20, 0.3, 0.8, 0.1, 0.9}, {15, 0.1, -0.05}), (color::HsiRange{5, 35, 0.4, 0.9, 0.05, 0.85}));
+  EXPECT_EQ(shifted({5, 35, 0.3, 1, 0, 0.9}, {-15, -0.1, 0.05}).hue_min_deg, 350);
+  EXPECT_EQ(shifted({5, 35, 0.3, 1, 0, 0.9}, {-15, -0.1, 0.05}).saturation_max, 1);  // nothing is beyond it
+  EXPECT_EQ(shifted({5, 35, 0.3, 1, 0, 0.9}, {-15, -0.1, 0.05}).intensity_min, 0);
+  EXPECT_EQ(shifted({0, 360, 0.3, 1, 0, 1}, {10, 0, 0}).hue_max_deg, 360);
   for (const double degrees : {-20.0, -7.5, 0.0, 13.0, 20.0})
     for (const color::HsiRange& range : {color::HsiRange{340, 20, 0.3, 1, 0.1, 0.9},
                                          color::HsiRange{300, 360, 0, 1, 0, 1}, color::HsiRange{0, 60, 0, 1, 0, 1}})
-      EXPECT_TRUE(moved(range, {degrees, 0.15, -0.2}).problems().empty()) << range.hue_min_deg << " by " << degrees;
+      EXPECT_TRUE(shifted(range, {degrees, 0.15, -0.2}).problems().empty()) << range.hue_min_deg << " by " << degrees;
 }
 
 SeenColor seen_at(double hue, double saturation, double intensity) {
@@ -176,7 +176,7 @@ double turning(double t) {
   return 3 * std::clamp(t - 1, 0.0, 12.0);  // to 36 degrees
 }
 
-TEST_F(Wandering, IsSaidBeforeTheObjectIsLost) {
+TEST_F(Wandering, WarnsBeforeTheObjectIsLost) {
   const Course course = follow(lime(false), scene::wandering(second, fps, 12, turning));
   EXPECT_LT(course.lost_at(), 11.5);
   for (std::size_t camera = 0; camera < 3; ++camera) {
@@ -191,7 +191,7 @@ TEST_F(Wandering, IsSaidBeforeTheObjectIsLost) {
   EXPECT_NEAR(health.seen->median[0], 92 - 90 + turning(course.warned_at(1)), 6);  // smoothed: it lags
 }
 
-TEST_F(Wandering, IsSaidOfTheCameraWhereItIsAndWithdrawn) {
+TEST_F(Wandering, WarnsForThatCameraAndClears) {
   const auto there_and_back = [](double t) {  // to 22 degrees, where 1 is left
     return std::clamp(t < 6 ? 5 * (t - 1) : 5 * (12 - t), 0.0, 22.0);
   };
@@ -209,7 +209,7 @@ TEST_F(Wandering, IsSaidOfTheCameraWhereItIsAndWithdrawn) {
   EXPECT_EQ(tracker.color_change_count(), 2u);
 }
 
-TEST_F(Wandering, NothingIsSaidOfAColourThatStays) {
+TEST_F(Wandering, DoesNotWarnOfAConstantColour) {
   const Course course = follow(lime(true), scene::wandering(second, fps, 4, [](double) { return 0.0; }));
   for (const auto& healths : course.healths) {
     for (const ColorHealth& health : healths) {
@@ -220,7 +220,7 @@ TEST_F(Wandering, NothingIsSaidOfAColourThatStays) {
   EXPECT_TRUE(course.healths.back()[0].seen);
 }
 
-TEST_F(Wandering, WhatAdaptsHoldsTheObject) {
+TEST_F(Wandering, AdaptingKeepsTheObject) {
   const auto film = scene::wandering(second, fps, 15, turning);
   const Course course = follow(lime(true), film);
   EXPECT_EQ(course.lost_at(), std::numeric_limits<double>::infinity());
@@ -233,7 +233,7 @@ TEST_F(Wandering, WhatAdaptsHoldsTheObject) {
 }
 
 TEST_F(Wandering, BackgroundOfOneViewIsNotLearnt) {
-  // Only one camera sees the ball, and its colour turns: nobody confirms where it is.
+  // Only one camera sees the ball, and its colour turns: no view confirms its position.
   auto film = scene::wandering(second, fps, 8, [](double t) { return t < 3 ? 0 : 3 * (t - 3); });
   for (auto& set : film)
     if (capture::seconds(set.at) > 3) set.frames[1].reset(), set.frames[2].reset();
@@ -241,7 +241,7 @@ TEST_F(Wandering, BackgroundOfOneViewIsNotLearnt) {
   for (const ColorHealth& health : course.healths.back()) EXPECT_THAT(health.followed, Each(0));
 }
 
-TEST_F(Wandering, WhatIsLostForLongIsLookedForAsTaught) {
+TEST_F(Wandering, UsesTheTaughtRangeAfterALongLoss) {
   auto film = scene::wandering(second, fps, 21, [](double t) { return std::min(turning(t), 20.0); });
   const double gone_s = 9;
   for (auto& set : film) {

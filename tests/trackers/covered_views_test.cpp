@@ -1,5 +1,5 @@
 // Something larger of the target's colour comes into the pictures while the object is tracked: a person, a curtain, a
-// light. What it hides is not told, and what it shows is not the object.
+// light. What it hides is not published, and what it shows is not the object.
 #include <gtest/gtest.h>
 
 #include <Eigen/Cholesky>
@@ -82,7 +82,7 @@ class CoveredViews : public testing::TestWithParam<int> {  // how many cameras
       : scene_(scene::SceneBuilder{}.cameras_on_ring({.count = GetParam()}).ball({}).build()),
         film_(scene::render(scene_, {.set_count = int(30 * from_s) + sets_after, .fps = 30})) {}
 
-  // Of one object and of up to two, as blob and as ball: nothing is told that is not so. Returns the fewest sets in
+  // Of one object and of up to two, as blob and as ball: nothing wrong is published. Returns the fewest sets in
   // which it was tracked.
   int expect_honest(const IsCovered& is_covered, const char* what) const {
     const auto film = covered(film_, is_covered);

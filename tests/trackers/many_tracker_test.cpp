@@ -34,8 +34,8 @@ scene::Scene scene_of(const std::vector<Path>& paths, int cameras = 3) {
   return builder.build();
 }
 
-// What is told, held to the truth: of each object the ball that it is, once and for all.
-struct Told {
+// Published estimates compared with the truth: per object the ball that it is, assigned once.
+struct TrackRun {
   std::map<std::uint32_t, std::size_t> ball_of;  // by the object's number
   std::vector<std::size_t> tracked;              // per set
   std::vector<std::vector<ObjectEstimate>> all;
@@ -43,10 +43,10 @@ struct Told {
   double worst_m = 0;
 };
 
-Told told_of(const scene::Scene& scene, const std::vector<capture::FrameSet>& sets, int count,
-             std::size_t balls_that_count) {
+TrackRun track(const scene::Scene& scene, const std::vector<capture::FrameSet>& sets, int count,
+               std::size_t balls_that_count) {
   ObjectTracker tracker(scene.rig, limes(count), ObjectTrackerOptions{});
-  Told out;
+  TrackRun out;
   std::vector<ObjectEstimate> estimates;
   std::set<std::uint32_t> ended;
   for (const capture::FrameSet& set : sets) {
@@ -79,42 +79,42 @@ Told told_of(const scene::Scene& scene, const std::vector<capture::FrameSet>& se
   return out;
 }
 
-TEST(ManyTracker, findsAllInTwoSetsAndKeepsWhoIsWho) {
+TEST(ManyTracker, FindsAllInTwoSetsAndKeepsTheirNumbers) {
   // Two that cross in the middle, a diameter and a half apart, and one that stands.
   const scene::Scene scene = scene_of({[](double t) { return Vector3d(-0.6 + 0.8 * t, 0.06, 1.0); },
                                        [](double t) { return Vector3d(0.6 - 0.8 * t, -0.06, 1.0); },
                                        [](double) { return Vector3d(0, 0.5, 1.3); }});
-  const Told told = told_of(scene, render(scene, {.set_count = 45}), 3, 3);
-  for (std::size_t i = 1; i < told.tracked.size(); ++i) EXPECT_EQ(told.tracked[i], 3u) << i;
-  EXPECT_EQ(told.ball_of.size(), 3u);
-  EXPECT_EQ(told.swaps, 0u);
-  EXPECT_LT(told.worst_m, 0.02);
+  const TrackRun run = track(scene, render(scene, {.set_count = 45}), 3, 3);
+  for (std::size_t i = 1; i < run.tracked.size(); ++i) EXPECT_EQ(run.tracked[i], 3u) << i;
+  EXPECT_EQ(run.ball_of.size(), 3u);
+  EXPECT_EQ(run.swaps, 0u);
+  EXPECT_LT(run.worst_m, 0.02);
 }
 
 // Both cameras and both balls are at one height: every ray of one meets every ray of the other camera.
-TEST(ManyTracker, claimsNothingWhereTwoViewsCannotTellGhosts) {
+TEST(ManyTracker, PublishesNothingWhereTwoViewsLeaveGhosts) {
   scene::SceneBuilder builder;
   builder.cameras_on_ring({.count = 4, .height_m = 1.0, .image_size = {320, 240}, .focal_px = 240});
   scene::Scene scene = builder.build();
   scene.rig.cameras.resize(2);  // at right angles
   scene.balls.push_back({.path = [](double) { return Vector3d(0.2, 0.15, 1.0); }});
   scene.balls.push_back({.path = [](double) { return Vector3d(-0.2, -0.1, 1.0); }});
-  const Told told = told_of(scene, render(scene, {.set_count = 30}), 4, 2);
-  EXPECT_EQ(told.wrong, 0u);
+  const TrackRun run = track(scene, render(scene, {.set_count = 30}), 4, 2);
+  EXPECT_EQ(run.wrong, 0u);
 }
 
-TEST(ManyTracker, tellsBirthsAndEndsAndUsesNoNumberTwice) {
+TEST(ManyTracker, PublishesBirthsAndEndsAndUsesNoNumberTwice) {
   // One leaves through the side of the volume; another one comes in there later.
   const scene::Scene scene = scene_of(
       {[](double) { return Vector3d(-0.3, 0, 1.0); }, [](double t) { return Vector3d(0.5 + 0.8 * t, 0.2, 1.0); },
        [](double t) { return Vector3d(3.3 - 0.8 * t, -0.2, 1.0); }},
       4);
-  const Told told = told_of(scene, render(scene, {.set_count = 105}), 3, 3);
-  EXPECT_EQ(told.wrong, 0u);
-  ASSERT_EQ(told.ball_of.size(), 3u);
-  EXPECT_EQ(told.ball_of.at(3), 2u);
+  const TrackRun run = track(scene, render(scene, {.set_count = 105}), 3, 3);
+  EXPECT_EQ(run.wrong, 0u);
+  ASSERT_EQ(run.ball_of.size(), 3u);
+  EXPECT_EQ(run.ball_of.at(3), 2u);
   std::map<std::uint32_t, int> births, ends;
-  for (const auto& estimates : told.all) {
+  for (const auto& estimates : run.all) {
     for (const ObjectEstimate& e : estimates) {
       births[e.object] += e.is_birth ? 1 : 0;
       ends[e.object] += e.is_end ? 1 : 0;
@@ -128,47 +128,47 @@ TEST(ManyTracker, tellsBirthsAndEndsAndUsesNoNumberTwice) {
   }
   EXPECT_EQ(births[1] * births[2] * births[3], 1);
   EXPECT_EQ(ends[1] + ends[2] + ends[3], 1);
-  EXPECT_EQ(ends[told.ball_of.at(1) == 1 ? 1 : 2], 1);
+  EXPECT_EQ(ends[run.ball_of.at(1) == 1 ? 1 : 2], 1);
 }
 
 // As when a colour is taught while a service runs: whoever reads knows objects by their names alone.
-TEST(ManyTracker, inAnothersPlaceEndsItsObjectsAndUsesNoNumberOfThem) {
+TEST(ManyTracker, TakeOverEndsTheOthersObjectsAndUsesNewNumbers) {
   const scene::Scene scene =
       scene_of({[](double t) { return Vector3d(-0.4, 0.2 * t, 1.0); }, [](double) { return Vector3d(0.3, 0.4, 1.2); }});
   const std::vector<capture::FrameSet> sets = render(scene, {.set_count = 8});
   ObjectTracker tracker(scene.rig, limes(3), ObjectTrackerOptions{});
-  std::vector<ObjectEstimate> told;
-  for (std::size_t s = 0; s < 4; ++s) tracker.update(sets[s], told);
-  ASSERT_EQ(told.size(), 2u);
+  std::vector<ObjectEstimate> run;
+  for (std::size_t s = 0; s < 4; ++s) tracker.update(sets[s], run);
+  ASSERT_EQ(run.size(), 2u);
   // Twice before the next set comes.
   ObjectTracker between(scene.rig, limes(3), ObjectTrackerOptions{});
   between.take_over_from(tracker);
   ObjectTracker next(scene.rig, limes(3), ObjectTrackerOptions{});
   next.take_over_from(between);
-  next.update(sets[4], told);
-  ASSERT_EQ(told.size(), 2u);
+  next.update(sets[4], run);
+  ASSERT_EQ(run.size(), 2u);
   for (std::uint32_t i = 0; i < 2; ++i) {
-    EXPECT_EQ(told[i].object, i + 1);
-    EXPECT_EQ(told[i].state, TrackState::lost);
-    EXPECT_TRUE(told[i].is_end);
+    EXPECT_EQ(run[i].object, i + 1);
+    EXPECT_EQ(run[i].state, TrackState::lost);
+    EXPECT_TRUE(run[i].is_end);
   }
-  next.update(sets[5], told);
-  ASSERT_EQ(told.size(), 2u);
+  next.update(sets[5], run);
+  ASSERT_EQ(run.size(), 2u);
   for (std::uint32_t i = 0; i < 2; ++i) {
-    EXPECT_EQ(told[i].object, i + 3);
-    EXPECT_TRUE(told[i].is_birth);
+    EXPECT_EQ(run[i].object, i + 3);
+    EXPECT_TRUE(run[i].is_birth);
   }
 }
 
-TEST(ManyTracker, findsWhatWasThrownHarderThanUsualInTwoSets) {
+TEST(ManyTracker, FindsAHardThrowInTwoSets) {
   const scene::Scene scene = scene_of({[](double t) { return Vector3d(-0.6 + 5 * t, 0.1, 1.2); }});
-  const Told told = told_of(scene, render(scene, {.set_count = 6}), 3, 1);
-  for (std::size_t i = 1; i < told.tracked.size(); ++i) EXPECT_EQ(told.tracked[i], 1u) << i;
-  EXPECT_EQ(told.wrong, 0u);
+  const TrackRun run = track(scene, render(scene, {.set_count = 6}), 3, 1);
+  for (std::size_t i = 1; i < run.tracked.size(); ++i) EXPECT_EQ(run.tracked[i], 1u) << i;
+  EXPECT_EQ(run.wrong, 0u);
 }
 
-// It is where nobody expects it in the next sets, and as many as there may be are known.
-TEST(ManyTracker, whatIsCaughtInFlightKeepsItsName) {
+// In the next sets it is far from its prediction, and as many objects as the count allows are known.
+TEST(ManyTracker, ABallCaughtInFlightKeepsItsNumber) {
   const scene::Scene scene = scene_of({[](double t) { return Vector3d(-0.6 + 2.95 * std::min(t, 0.302), 0.1, 1.2); },
                                        [](double t) { return Vector3d(-0.2 + 0.1 * t, -0.4, 1.0); }});
   ObjectTrackerOptions options;
@@ -190,29 +190,30 @@ TEST(ManyTracker, whatIsCaughtInFlightKeepsItsName) {
   EXPECT_LE(untracked, 2u);
 }
 
-TEST(ManyTracker, isNeverMoreThanWereSaid) {
+TEST(ManyTracker, PublishesNoMoreThanTheCount) {
   const scene::Scene scene =
       scene_of({[](double) { return Vector3d(-0.3, 0, 1.0); }, [](double) { return Vector3d(0.3, 0, 1.0); },
                 [](double) { return Vector3d(0, 0.3, 1.2); }});
-  const Told told = told_of(scene, render(scene, {.set_count = 12}), 2, 3);
-  for (std::size_t i = 1; i < told.tracked.size(); ++i) EXPECT_EQ(told.tracked[i], 2u) << i;
+  const TrackRun run = track(scene, render(scene, {.set_count = 12}), 2, 3);
+  for (std::size_t i = 1; i < run.tracked.size(); ++i) EXPECT_EQ(run.tracked[i], 2u) << i;
 }
 
 // Cameras and cables show a frame once more now and then, with a new stamp: where all objects were before.
-TEST(ManyTracker, leavesAFrameOutThatIsShownOnceMore) {
+TEST(ManyTracker, IgnoresARepeatedFrame) {
   const scene::Scene scene = scene_of({[](double t) { return Vector3d(-0.7 + 1.8 * t, 0.2, 1.0); },
                                        [](double t) { return Vector3d(0.7 - 1.8 * t, -0.2, 1.2); }});
   std::vector<capture::FrameSet> sets = render(scene, {.set_count = 20});
   for (const std::size_t repeated : {8U, 13U})
     sets[repeated].frames[1]->pixels = capture::Image(sets[repeated - 1].frames[1]->pixels);
-  const Told told = told_of(scene, sets, 2, 2);
-  EXPECT_EQ(told.swaps, 0u);
-  EXPECT_LT(told.worst_m, 0.012);  // it moves by 60 mm from frame to frame
-  for (std::size_t i = 1; i < told.tracked.size(); ++i) EXPECT_EQ(told.tracked[i], 2u) << i;
+  const TrackRun run = track(scene, sets, 2, 2);
+  EXPECT_EQ(run.swaps, 0u);
+  EXPECT_LT(run.worst_m, 0.012);  // it moves by 60 mm from frame to frame
+  for (std::size_t i = 1; i < run.tracked.size(); ++i) EXPECT_EQ(run.tracked[i], 2u) << i;
 }
 
-// A camera that has been turned shows all of them elsewhere: the views contradict one another, and it is told which.
-TEST(ManyTracker, doubtsACameraThatWasTurned) {
+// A camera that has been turned shows all of them elsewhere: the views are inconsistent, and the turned one is
+// identified.
+TEST(ManyTracker, InflatesATurnedCamera) {
   scene::Scene scene = scene_of({[](double t) { return Vector3d(-0.6 + 0.5 * t, 0.3, 1.0); },
                                  [](double t) { return Vector3d(0.6 - 0.5 * t, -0.3, 1.2); }},
                                 4);
@@ -232,7 +233,7 @@ TEST(ManyTracker, doubtsACameraThatWasTurned) {
         << camera;
 }
 
-TEST(ManyTracker, saysThatNoneIsThere) {
+TEST(ManyTracker, SearchesWhereThereIsNone) {
   const scene::Scene scene = scene_of({});
   ObjectTracker tracker(scene.rig, limes(3), ObjectTrackerOptions{});
   std::vector<ObjectEstimate> estimates;
@@ -244,7 +245,7 @@ TEST(ManyTracker, saysThatNoneIsThere) {
   }
 }
 
-TEST(ManyTracker, refusesCountsThatItCannotTrack) {
+TEST(ManyTracker, RejectsCountsThatItCannotTrack) {
   const scene::Scene scene = scene_of({});
   for (const int count : {0, -1, 17, 1000})
     EXPECT_THAT([&] { ObjectTracker(scene.rig, limes(count), ObjectTrackerOptions{}); },
@@ -256,7 +257,7 @@ TEST(ManyTracker, refusesCountsThatItCannotTrack) {
 }
 
 // A cupboard of the ball's colour stands there from the start; the ball comes after a second, passes it and rests.
-TEST(StaticClutterMask, isNoObjectAndARestingOneStays) {
+TEST(StaticClutterMask, IsNoObjectAndARestingObjectStaysTracked) {
   scene::SceneBuilder builder;
   builder.cameras_on_ring({.count = 3});
   builder.ball({.path = [](double t) {
@@ -269,13 +270,13 @@ TEST(StaticClutterMask, isNoObjectAndARestingOneStays) {
   const scene::Scene scene = builder.build();
   const std::vector<capture::FrameSet> sets = render(scene, {.set_count = 115});  // it rests for two seconds
   for (const int count : {1, 3}) {
-    const Told told = told_of(scene, sets, count, 1);
-    EXPECT_EQ(told.wrong, 0u) << count;
+    const TrackRun run = track(scene, sets, count, 1);
+    EXPECT_EQ(run.wrong, 0u) << count;
     std::size_t found = 0;
-    while (found < told.tracked.size() && told.tracked[found] == 0) ++found;
+    while (found < run.tracked.size() && run.tracked[found] == 0) ++found;
     EXPECT_GE(found, 15u) << count;
     EXPECT_LE(found, 18u) << count;
-    for (std::size_t i = 50; i < told.tracked.size(); ++i) EXPECT_EQ(told.tracked[i], 1u) << i << " of " << count;
+    for (std::size_t i = 50; i < run.tracked.size(); ++i) EXPECT_EQ(run.tracked[i], 1u) << i << " of " << count;
   }
 }
 
@@ -292,15 +293,15 @@ TEST(StaticClutterMask, isForgottenWhenTheSceneChanges) {
   const scene::Scene scene = builder.build();
   const std::vector<capture::FrameSet> sets = render(scene, {.set_count = 170});
   for (const int count : {1, 3}) {
-    const Told told = told_of(scene, sets, count, 1);
-    for (std::size_t i = 0; i < 150; ++i) EXPECT_EQ(told.tracked[i], 0u) << i << " of " << count;
-    for (std::size_t i = 153; i < told.tracked.size(); ++i) EXPECT_EQ(told.tracked[i], 1u) << i << " of " << count;
+    const TrackRun run = track(scene, sets, count, 1);
+    for (std::size_t i = 0; i < 150; ++i) EXPECT_EQ(run.tracked[i], 0u) << i << " of " << count;
+    for (std::size_t i = 153; i < run.tracked.size(); ++i) EXPECT_EQ(run.tracked[i], 1u) << i << " of " << count;
   }
 }
 
 // In a room that has its colour a ball that rests from the start is found as soon as anywhere: two views see it whole
 // and as large as it must be there.
-TEST(StaticClutterMask, aBallThatRestsFromTheStartIsFoundAtOnce) {
+TEST(StaticClutterMask, ABallAtRestFromTheStartIsFoundAtOnce) {
   scene::SceneBuilder builder;
   builder.cameras_on_ring({.count = 3});
   builder.ball({.path = [](double) { return Vector3d(0.1, 0.1, 1.2); }});
@@ -309,9 +310,9 @@ TEST(StaticClutterMask, aBallThatRestsFromTheStartIsFoundAtOnce) {
                   .path = [=](double) { return Vector3d(1.7 * std::cos(angle), 1.7 * std::sin(angle), 0.6); }});
   const scene::Scene scene = builder.build();
   const std::vector<capture::FrameSet> sets = render(scene, {.set_count = 30});
-  const Told told = told_of(scene, sets, 1, 1);
-  EXPECT_EQ(told.wrong, 0u);
-  for (std::size_t i = 3; i < told.tracked.size(); ++i) EXPECT_EQ(told.tracked[i], 1u) << i;
+  const TrackRun run = track(scene, sets, 1, 1);
+  EXPECT_EQ(run.wrong, 0u);
+  for (std::size_t i = 3; i < run.tracked.size(); ++i) EXPECT_EQ(run.tracked[i], 1u) << i;
 }
 
 // Two views that show a disc of nearly its size, none of them all of it: its dark side is not of the colour.
@@ -324,13 +325,13 @@ TEST(StaticClutterMask, aBallWithADarkSideIsFoundAtOnce) {
                   .path = [=](double) { return Vector3d(1.7 * std::cos(angle), 1.7 * std::sin(angle), 0.6); }});
   scene::Scene scene = builder.build();
   scene.rig.cameras.erase(scene.rig.cameras.begin());  // two that do not face each other
-  const Told told = told_of(scene, render(scene, {.set_count = 30}), 1, 1);
-  EXPECT_EQ(told.wrong, 0u);
-  for (std::size_t i = 3; i < told.tracked.size(); ++i) EXPECT_EQ(told.tracked[i], 1u) << i;
+  const TrackRun run = track(scene, render(scene, {.set_count = 30}), 1, 1);
+  EXPECT_EQ(run.wrong, 0u);
+  for (std::size_t i = 3; i < run.tracked.size(); ++i) EXPECT_EQ(run.tracked[i], 1u) << i;
 }
 
-// What may be an object as well as a part of the room is followed until that is known, and not told before.
-TEST(StaticClutterMask, whatMayBeFurnitureIsNotTold) {
+// What may be an object as well as a part of the room is followed but not published until that is known.
+TEST(StaticClutterMask, APossiblePartOfTheRoomIsNotPublished) {
   scene::SceneBuilder builder;
   builder.cameras_on_ring({.count = 2});
   builder.ball({.path = [](double t) { return Vector3d(0.1, 0.1 + 0.3 * std::max(0.0, t - 1), 1.0); }});
@@ -350,9 +351,9 @@ TEST(StaticClutterMask, whatMayBeFurnitureIsNotTold) {
   EXPECT_TRUE(has_been_tracked);
 }
 
-// A camera that was turned is doubted, so that nobody is sure enough to be told; when it stands as it should again, the
-// views say so by what they see all the same.
-TEST(ManyTracker, doubtsOfThePastDoNotHideObjectsForEver) {
+// The covariance of a turned camera is inflated, so that no object is certain enough to be published; when it stands as
+// it should again, the views say so by what they see all the same.
+TEST(ManyTracker, InflationEndsAndObjectsArePublishedAgain) {
   scene::Scene scene = scene_of({[](double t) { return Vector3d(-0.3 + 0.2 * std::sin(2 * t), 0.3, 1.0); },
                                  [](double t) { return Vector3d(0.3, -0.3 + 0.2 * std::cos(2 * t), 1.2); }},
                                 2);
@@ -362,25 +363,25 @@ TEST(ManyTracker, doubtsOfThePastDoNotHideObjectsForEver) {
       Eigen::AngleAxisd(0.15, Vector3d::UnitX()) * turned.rig.cameras[1].cam_from_world.rotation;
   const std::vector<capture::FrameSet> bad = render(turned, {.set_count = 75});
   for (std::size_t i = 45; i < 75; ++i) sets[i] = bad[i];
-  const Told told = told_of(scene, sets, 2, 2);
-  EXPECT_EQ(told.wrong, 0u);
-  for (std::size_t i = 180; i < told.tracked.size(); ++i) EXPECT_EQ(told.tracked[i], 2u) << i;
+  const TrackRun run = track(scene, sets, 2, 2);
+  EXPECT_EQ(run.wrong, 0u);
+  for (std::size_t i = 180; i < run.tracked.size(); ++i) EXPECT_EQ(run.tracked[i], 2u) << i;
 }
 
-// Something stands before it in one of three views, and nobody knows of that.
-TEST(ManyTracker, findsWhatRestsBehindSomethingInOneView) {
+// Something unknown hides it in one of three views.
+TEST(ManyTracker, FindsABallAtRestThatOneViewDoesNotSee) {
   scene::Scene scene = scene_of({[](double) { return Vector3d(0.1, 0.1, 1.0); }});
   const Vector3d camera = scene.rig.cameras[2].centre(), ball = scene.ball_at(0, {});
   const Vector3d before = ball + 0.3 * (camera - ball).normalized();
   const Vector3d aside = 0.1 * (camera - ball).cross(Vector3d::UnitZ()).normalized();
   scene.walls.push_back(
       {.corner = before - aside - Vector3d(0, 0, 0.1), .along = 2 * aside, .up = Vector3d(0, 0, 0.2)});
-  const Told told = told_of(scene, render(scene, {.set_count = 30}), 3, 1);
-  EXPECT_EQ(told.wrong, 0u);
-  for (std::size_t i = 10; i < told.tracked.size(); ++i) EXPECT_EQ(told.tracked[i], 1u) << i;
+  const TrackRun run = track(scene, render(scene, {.set_count = 30}), 3, 1);
+  EXPECT_EQ(run.wrong, 0u);
+  for (std::size_t i = 10; i < run.tracked.size(); ++i) EXPECT_EQ(run.tracked[i], 1u) << i;
 }
 
-TEST(FurtherObject, isToldWhenItStaysAndNotForAMoment) {
+TEST(FurtherObject, IsReportedWhenItStays) {
   FurtherObject further;
   const auto at = [](double s) { return capture::Timestamp{} + capture::duration_of(s); };
   const Vector3d there(0.3, 0.1, 1);
@@ -398,22 +399,22 @@ TEST(FurtherObject, isToldWhenItStaysAndNotForAMoment) {
   EXPECT_FALSE(further.published());
 }
 
-TEST(FurtherObject, isGoneWithTheObjectsThemselves) {
+TEST(FurtherObject, EndsWithTheObjectsThemselves) {
   const auto until = [](double end_s, double x) {
     return [=](double t) { return t < end_s ? Vector3d(x, 0.1, 1.0) : Vector3d(0, 0, 20); };
   };
   const scene::Scene scene = scene_of({until(2.5, -0.4), until(2.5, 0.4)});
   ObjectTracker tracker(scene.rig, limes(1), ObjectTrackerOptions{});
-  bool was_told = false;
+  bool was_reported = false;
   for (const capture::FrameSet& set : render(scene, {.set_count = 150})) {
     tracker.update(set);
-    was_told = was_told || tracker.further_object().has_value();
+    was_reported = was_reported || tracker.further_object().has_value();
   }
-  EXPECT_TRUE(was_told);
+  EXPECT_TRUE(was_reported);
   EXPECT_FALSE(tracker.further_object());
 }
 
-TEST(FurtherObject, isSeenBesideWhatIsTrackedAndMovesNothing) {
+TEST(FurtherObject, IsReportedBesideTheTargetAndDoesNotAffectIt) {
   const Path first = [](double t) { return Vector3d(-0.4 + 0.2 * std::sin(t), 0, 1.0); },
              second = [](double) { return Vector3d(0.4, 0.2, 1.1); };
   const auto further_beside = [&](const std::vector<Path>& paths, int count) {
@@ -435,7 +436,7 @@ TEST(FurtherObject, isSeenBesideWhatIsTrackedAndMovesNothing) {
 }
 
 // Two cameras miss the sets in which it would be looked for once more.
-TEST(FurtherObject, isToldThoughTheTargetIsHiddenForAMoment) {
+TEST(FurtherObject, IsReportedThoughTheTargetIsHiddenForAMoment) {
   const scene::Scene scene = scene_of({[](double t) { return Vector3d(-0.4 + 0.2 * std::sin(3 * t), 0, 1.0); },
                                        [](double) { return Vector3d(0.4, 0.2, 1.1); }});
   std::vector<capture::FrameSet> sets = render(scene, {.set_count = 75});

@@ -133,7 +133,7 @@ std::vector<std::vector<std::uint64_t>> bits_of(const std::vector<ObjectEstimate
   return out;
 }
 
-TEST(ObjectTracker, locksByTheThirdSetAndIsHonest) {
+TEST(ObjectTracker, TracksByTheThirdSetWithAConsistentCovariance) {
   double nees = 0, inside = 0;
   int runs = 0;
   for (const int cameras : {2, 3}) {
@@ -164,7 +164,7 @@ TEST(ObjectTracker, readsEveryFormat) {
   }
 }
 
-TEST(ObjectTracker, findsNothingWhereNothingIs) {
+TEST(ObjectTracker, FindsNothingInAnEmptyRoom) {
   scene::Scene scene = ring(3).build();
   ObjectTracker tracker(scene.rig, lime(), options_with());
   for (const capture::FrameSet& set : scene::render(scene, {.set_count = 20})) {
@@ -182,7 +182,7 @@ TEST(ObjectTracker, findsNothingWhereNothingIs) {
 // Through a chimney without a roof, 40 cm wide, whose walls hide the ball from all cameras for a second.
 class BehindWalls : public testing::TestWithParam<int> {};
 
-TEST_P(BehindWalls, coastsIsLostAndComesBack) {
+TEST_P(BehindWalls, CoastsIsLostAndComesBack) {
   const double a = 0.2;
   const Vector3d up(0, 0, 2.5), x(2 * a, 0, 0), y(0, 2 * a, 0);
   scene::SceneBuilder builder = ring(GetParam());
@@ -214,9 +214,9 @@ TEST_P(BehindWalls, coastsIsLostAndComesBack) {
 }
 INSTANTIATE_TEST_SUITE_P(Cameras, BehindWalls, testing::Values(2, 3));
 
-// When nobody sees the object for a moment, two views show something of its colour where it cannot have come: for two
+// While no view sees the object, two views show something of its colour where it cannot have come: for two
 // sets it is not taken for it, and for good it is.
-TEST(ObjectTracker, whatItCannotHaveReachedIsNotTakenForIt) {
+TEST(ObjectTracker, RejectsADetectionOutOfReach) {
   constexpr std::size_t hidden_from = 55, elsewhere_from = 60, seen_from = 62, sets = 75;
   const auto along = [](double t) { return Vector3d(-0.5 + 0.3 * t, 0.3, 1); };
   const Vector3d elsewhere(0.3, -0.6, 1.2);
@@ -269,8 +269,8 @@ scene::Scene with_known_times(scene::Scene scene) {
   return scene;
 }
 
-// The same, but nobody says that the stamps are right. What the times leave open is said, and then learnt.
-TEST(ObjectTracker, camerasWhoseTimesNobodyKnows) {
+// The same with unknown timing: its uncertainty is published, and then estimated.
+TEST(ObjectTracker, EstimatesUnknownTiming) {
   const scene::Scene scene =
       ring(3)
           .ball({.path =
@@ -303,11 +303,11 @@ TEST(ObjectTracker, camerasWhoseTimesNobodyKnows) {
   EXPECT_EQ(e.times[0].latency_sigma_s, 0);
 }
 
-// Two of three cameras are of another host, whose clock is off by some milliseconds that nobody can tell from the
+// Two of three cameras are of another host, whose clock is off by some milliseconds that cannot be determined from the
 // stamps. How well it is known comes with the frames, and is a part of the covariance.
-TEST(ObjectTracker, whatIsNotKnownOfAnotherHostsClockIsInTheCovariance) {
+TEST(ObjectTracker, CovarianceContainsAnotherHostsClock) {
   constexpr double sigma_s = 3e-3;
-  double nees_told = 0, nees_untold = 0;
+  double nees_known = 0, nees_unknown = 0;
   int runs = 0;
   for (unsigned seed = 1; seed <= 8; ++seed) {
     scene::Scene scene =
@@ -322,13 +322,13 @@ TEST(ObjectTracker, whatIsNotKnownOfAnotherHostsClockIsInTheCovariance) {
     std::mt19937 random(seed);
     const double off_s = std::normal_distribution<double>(0, sigma_s)(random);
     std::vector<capture::FrameSet> sets = scene::render(scene, {.set_count = 45, .offset_s = {0, 0.011, 0.022}});
-    for (const bool is_told : {false, true}) {
+    for (const bool is_known : {false, true}) {
       for (capture::FrameSet& set : sets) {
         for (auto& frame : set.frames) {
           if (!frame || frame->camera == 0) continue;
-          if (!is_told)
+          if (!is_known)
             frame->captured_at += capture::duration_of(off_s), set.at = std::max(set.at, frame->captured_at);
-          frame->clock = {.of = 1, .sigma = capture::duration_of(is_told ? sigma_s : 0)};
+          frame->clock = {.of = 1, .sigma = capture::duration_of(is_known ? sigma_s : 0)};
         }
       }
       ObjectTracker tracker(scene.rig, lime(), options_with(seed));
@@ -341,17 +341,17 @@ TEST(ObjectTracker, whatIsNotKnownOfAnotherHostsClockIsInTheCovariance) {
         sum += truth::nees(error, e.covariance), ++n;
       }
       ASSERT_GT(n, 35) << seed;
-      (is_told ? nees_told : nees_untold) += sum / n;
+      (is_known ? nees_known : nees_unknown) += sum / n;
     }
     ++runs;
   }
-  EXPECT_LT(nees_told / runs, 5) << "3 is honest";
-  EXPECT_GT(nees_untold / runs, 2 * nees_told / runs);
+  EXPECT_LT(nees_known / runs, 5) << "3 is honest";
+  EXPECT_GT(nees_unknown / runs, 2 * nees_known / runs);
 }
 
 // All cameras are of one other host: what its clock is off moves nothing that views could show, and the position as a
 // whole along its way.
-TEST(ObjectTracker, aClockThatAllCamerasShareLeavesTheTimeOfThePositionOpen) {
+TEST(ObjectTracker, CovarianceContainsASharedClock) {
   const scene::Scene scene = ring(3).ball({}).build();
   std::vector<capture::FrameSet> sets = scene::render(scene, {.set_count = 30});
   ObjectTracker exact(scene.rig, lime(), options_with()), unsure(scene.rig, lime(), options_with());
@@ -371,7 +371,7 @@ TEST(ObjectTracker, aClockThatAllCamerasShareLeavesTheTimeOfThePositionOpen) {
 }
 
 // It falls at 5 m/s and comes back as fast: between two frames at 60 fps its velocity changes by 10 m/s.
-TEST(ObjectTracker, whatTheCalibrationLeftOpenIsInTheCovarianceAndMovesNothing) {
+TEST(ObjectTracker, CovarianceContainsTheCalibrationWhichDoesNotMoveTheTrack) {
   scene::Scene scene = ring(3).ball({}).build();
   const auto sets = scene::render(scene, {.set_count = 30});
   TargetOptions regions_only = lime();  // sightings that are as sure in each view: outlines come to one before another
@@ -406,7 +406,7 @@ TEST(ObjectTracker, whatTheCalibrationLeftOpenIsInTheCovarianceAndMovesNothing) 
 
 // When it bounces between two sets decides how far it is from where it was expected: just after a set, by the change of
 // its velocity, which is more than twice its speed where it is hit.
-TEST(ObjectTracker, aBounceLosesNothing) {
+TEST(ObjectTracker, FollowsABounce) {
   struct Bounce {
     double at_s, up_m_s;
   };
@@ -427,8 +427,8 @@ TEST(ObjectTracker, aBounceLosesNothing) {
   }
 }
 
-// A camera that shows a frame once more contradicts the others, which are believed.
-TEST(ObjectTracker, aFrameThatIsShownAgainIsNotABounce) {
+// A camera that repeats a frame is inconsistent with the others, which count.
+TEST(ObjectTracker, ARepeatedFrameIsNoBounce) {
   const scene::Scene scene = ring(3).ball({}).build();
   std::vector<capture::FrameSet> sets = scene::render(scene, {.set_count = 80});
   for (std::size_t i = 20; i < 80; i += 7) sets[i].frames[1]->pixels = sets[i - 2].frames[1]->pixels;
@@ -438,7 +438,7 @@ TEST(ObjectTracker, aFrameThatIsShownAgainIsNotABounce) {
 }
 
 // How large it really is, and how sure that is, whatever the configuration says.
-TEST(ObjectTracker, outlinesTellTheRadius) {
+TEST(ObjectTracker, OutlinesMeasureTheRadius) {
   for (const double true_m : {0.035, 0.055}) {
     scene::BallOptions ball;
     ball.radius_m = true_m;
@@ -458,8 +458,8 @@ TEST(ObjectTracker, outlinesTellTheRadius) {
   }
 }
 
-// Of two cameras nobody could tell which one is wrong; but no two frames of a moving object are the same.
-TEST(ObjectTracker, aFrameThatIsShownAgainSaysNothing) {
+// Of two inconsistent cameras either may be wrong; but no two frames of a moving object are the same.
+TEST(ObjectTracker, IgnoresARepeatedFrame) {
   const scene::Scene scene = ring(2).ball({}).build();
   std::vector<capture::FrameSet> sets = scene::render(scene, {.set_count = 80});
   for (std::size_t i = 20; i < 80; i += 7) sets[i].frames[1]->pixels = sets[i - 1].frames[1]->pixels;
@@ -512,7 +512,7 @@ TEST(ObjectTracker, camerasOfDifferentRates) {
   }
 }
 
-TEST(ObjectTracker, oneOfThreeCamerasStaysAway) {
+TEST(ObjectTracker, OneOfThreeCamerasDeliversNothing) {
   const scene::Scene scene = ring(3).ball({}).build();
   std::vector<capture::FrameSet> sets = scene::render(scene, {.set_count = 80});
   for (std::size_t i = 20; i < 60; ++i) sets[i].frames[1].reset();
@@ -542,7 +542,7 @@ TEST(ObjectTracker, oneViewIsNotEnoughForLong) {
   EXPECT_EQ(o.estimates[104].state, TrackState::tracking);
 }
 
-TEST(ObjectTracker, unusableFramesAreAsIfTheyWereNotThere) {
+TEST(ObjectTracker, IgnoresUnusableFrames) {
   const scene::Scene scene = ring(3).ball({}).build();
   const std::vector<capture::FrameSet> sets = scene::render(scene, {.set_count = 20});
   std::vector<capture::FrameSet> absent = sets, small = sets, corrupted = sets;
@@ -663,7 +663,7 @@ TEST(ObjectTracker, fisheyeCameras) {
   EXPECT_LT(o.rms_m, 0.008);
 }
 
-TEST(ObjectTracker, refusesWhatIsInvalidAndSaysAllOfIt) {
+TEST(ObjectTracker, RejectsInvalidOptionsAndNamesAll) {
   const scene::Scene scene = ring(2).build();
   TargetOptions target = lime();
   target.radius_m = 0;
@@ -733,7 +733,7 @@ SearchFindings findings_of(const scene::Scene& scene, const TargetOptions& targe
   return tracker.search_findings();
 }
 
-TEST(SearchFindings, sayWhichRadiusTheRegionsHave) {
+TEST(SearchFindings, AdviseTheRadiusOfTheRegions) {
   const scene::Scene scene = ring(3).ball({}).build();  // of 4 cm
   TargetOptions target = lime();
   target.radius_m = 0.1;
@@ -745,14 +745,23 @@ TEST(SearchFindings, sayWhichRadiusTheRegionsHave) {
   EXPECT_THAT(found.advice(target, {"a", "b", "c"}), HasSubstr("not 0.1: correct radius_m"));
 }
 
-TEST(SearchFindings, sayThatTheColorIsNotThere) {
+TEST(SearchFindings, AdviseWhereTheColourIsMissing) {
   const SearchFindings found = findings_of(ring(2).ball(pink_ball()).build(), lime(), 12);
   EXPECT_EQ(found.sets, 12u);
   EXPECT_FALSE(found.radius_m);
   EXPECT_THAT(found.advice(lime(), {"a", "b"}), HasSubstr("no camera shows a region of its colour"));
 }
 
-TEST(SearchFindings, sayOfATargetThatWasFoundLateWhichRadiusItShowed) {
+TEST(SearchFindings, AdviseWhatTheHueMeansAlsoInOpenCvsUnits) {
+  TargetOptions target = lime();
+  target.color.hue_min_deg = 33, target.color.hue_max_deg = 57;
+  const SearchFindings found = findings_of(ring(2).ball({}).build(), target, 12);
+  EXPECT_EQ(found.sets, 12u);
+  EXPECT_THAT(found.advice(target, {"a", "b"}), AllOf(HasSubstr("hue_deg [33, 57] is orange to yellow"),
+                                                      HasSubstr("OpenCV"), HasSubstr("write [66, 114]")));
+}
+
+TEST(SearchFindings, AdviseTheRadiusOfATargetThatWasFoundLate) {
   SearchFindings found;
   EXPECT_EQ(found.late_advice(lime()), "");
   found.radius_before_m = 0.04;
@@ -761,154 +770,10 @@ TEST(SearchFindings, sayOfATargetThatWasFoundLateWhichRadiusItShowed) {
   EXPECT_THAT(found.late_advice(lime()), HasSubstr("it was found late: what has its colour has the size of a ball"));
 }
 
-TEST(SearchFindings, areForgottenWhenTheTargetIsFound) {
+TEST(SearchFindings, AreClearedWhenTheTargetIsFound) {
   const SearchFindings found = findings_of(ring(2).ball({}).build(), lime(), 12);
   EXPECT_EQ(found.sets, 0u);
   EXPECT_EQ(found.advice(lime(), {"a", "b"}), "");
-}
-
-// In OpenCV's units of two degrees; and a range in degrees whose double the ball's own hues are in, in a room that
-// shares it, where what stands is found late.
-TEST(ObjectTracker, HuesInOpenCvsUnitsAreFoundOutAndOthersAreNot) {
-  const auto found_at_twice = [](double min_deg, double max_deg, bool has_furniture) {
-    scene::SceneBuilder builder;
-    builder.cameras_on_ring({.count = 3, .image_size = {320, 240}, .focal_px = 240});
-    builder.ball({.path = [](double t) { return Vector3d(-0.3 + 0.6 * std::max(0.0, t - 0.6), 0.1, 1.0); }});
-    if (has_furniture)
-      for (const double x : {-0.5, 0.5})
-        builder.ball({.name = "yellow", .radius_m = 0.14, .rgb = {0.8, 0.75, 0.1}, .path = [x](double) {
-                        return Vector3d(x, 0.9, 0.4);
-                      }});
-    const scene::Scene scene = builder.build();
-    TargetOptions target = lime();
-    target.color.hue_min_deg = min_deg, target.color.hue_max_deg = max_deg;
-    ObjectTracker tracker(scene.rig, target, options_with());
-    for (const capture::FrameSet& set : render(scene, {.set_count = 60})) tracker.update(set);
-    return tracker.search_findings().is_found_at_twice_the_hue;
-  };
-  EXPECT_TRUE(found_at_twice(33, 57, false));
-  EXPECT_FALSE(found_at_twice(65, 115, false));
-  EXPECT_FALSE(found_at_twice(45, 105, true));
-}
-
-// Two small balls that stick together are as large as the object, and no disc: while something of another colour looks
-// more like the object, they are not told. A ball is, whatever else there is.
-TEST(RegionTracker, TellsOfTwoThatMayBeTheObjectTheOneThatLooksLikeIt) {
-  const auto positions = [](bool is_lump, bool has_rival) {
-    scene::SceneBuilder builder;
-    builder.cameras_on_ring({.count = 3, .image_size = {640, 480}, .focal_px = 700});
-    if (!is_lump) builder.ball({.path = [](double) { return Vector3d(0.1, 0.1, 1.0); }});
-    for (const double z : {1.0, 1.05})
-      if (is_lump) builder.ball({.radius_m = 0.03, .path = [z](double) { return Vector3d(0.1, 0.1, z); }});
-    const scene::Scene scene = builder.build();
-    RegionTracker tracker(scene.rig, lime(), options_with(), particle_filter::Rng(1, 0));
-    tracker.set_rival(has_rival);
-    int positions = 0;
-    for (const capture::FrameSet& set : render(scene, {.set_count = 20}))
-      positions += tracker.update(set).has_position() ? 1 : 0;
-    return positions;
-  };
-  EXPECT_GT(positions(true, false), 10);
-  EXPECT_EQ(positions(true, true), 0);
-  EXPECT_GT(positions(false, true), 17);
-}
-
-// Furniture of the hue that was written, and the ball at twice that.
-TEST(ObjectTracker, FurnitureOfHalfTheHueIsNotTold) {
-  scene::SceneBuilder builder;
-  builder.cameras_on_ring({.count = 3, .image_size = {640, 480}, .focal_px = 700});
-  builder.ball({.path = [](double t) { return Vector3d(-0.5 + 0.4 * t, 0.1, 1.0); }});
-  for (const double z : {0.8, 0.85})
-    builder.ball({.name = "yellow", .radius_m = 0.03, .rgb = {0.8, 0.75, 0.1}, .path = [z](double) {
-                    return Vector3d(0.3, 0.4, z);
-                  }});
-  const scene::Scene scene = builder.build();
-  TargetOptions target = lime();
-  const auto positions = [&](double min_deg, double max_deg) {
-    target.color.hue_min_deg = min_deg, target.color.hue_max_deg = max_deg;
-    ObjectTracker tracker(scene.rig, target, options_with());
-    int positions = 0;
-    for (const capture::FrameSet& set : render(scene, {.set_count = 60}))
-      positions += tracker.update(set).has_position() ? 1 : 0;
-    return positions;
-  };
-  EXPECT_EQ(positions(33, 57), 0);
-  EXPECT_GT(positions(65, 115), 55);
-}
-
-// A yellow object, and a green ball moves beside it: neither a ball of its own hue, nor what is no ball and moves, is
-// taken for furniture because of that.
-TEST(ObjectTracker, WhatLooksLikeTheObjectIsToldWhateverMovesAtTwiceItsHue) {
-  const auto sets_told = [](bool is_ball, bool moves) {
-    scene::SceneBuilder builder;
-    builder.cameras_on_ring({.count = 3, .image_size = {640, 480}, .focal_px = 700});
-    builder.ball({.path = [](double t) { return Vector3d(-0.5 + 0.4 * t, 0.1, 1.0); }});
-    const std::array<double, 2> lump{0.8, 0.85};
-    const std::array<double, 1> ball{0.8};
-    const auto heights = is_ball ? std::span<const double>(ball) : std::span<const double>(lump);
-    for (const double z : heights)
-      builder.ball(
-          {.name = "yellow", .radius_m = is_ball ? 0.04 : 0.03, .rgb = {0.8, 0.62, 0.1}, .path = [z, moves](double t) {
-             return Vector3d(0.3 - (moves ? 0.4 * t : 0), 0.4, z);
-           }});
-    const scene::Scene scene = builder.build();
-    TargetOptions target = lime();
-    target.color.hue_min_deg = 33, target.color.hue_max_deg = 57;
-    ObjectTracker tracker(scene.rig, target, options_with());
-    int told = 0;
-    for (const capture::FrameSet& set : render(scene, {.set_count = 60}))
-      told += tracker.update(set).has_position() ? 1 : 0;
-    EXPECT_FALSE(tracker.search_findings().is_found_at_twice_the_hue);
-    return told;
-  };
-  EXPECT_GT(sets_told(true, false), 55);
-  EXPECT_GT(sets_told(true, true), 55);
-  EXPECT_GT(sets_told(false, true), 40);
-}
-
-// The yellow object comes when the green ball has moved for two seconds, and was taken for it.
-TEST(ObjectTracker, TwiceTheHueIsTakenBackWhenTheObjectComes) {
-  scene::SceneBuilder builder;
-  builder.cameras_on_ring({.count = 3, .image_size = {640, 480}, .focal_px = 700});
-  builder.ball({.path = [](double t) { return Vector3d(-0.5 + 0.2 * t, 0.1, 1.0); }});
-  builder.ball({.name = "yellow", .rgb = {0.8, 0.62, 0.1}, .path = [](double t) {
-                  return t < 2 ? Vector3d(0, 0, -50) : Vector3d(0.5 - 0.4 * (t - 2), 0.4, 0.8);
-                }});
-  const scene::Scene scene = builder.build();
-  TargetOptions target = lime();
-  target.color.hue_min_deg = 33, target.color.hue_max_deg = 57;
-  ObjectTracker tracker(scene.rig, target, options_with());
-  bool was_found = false;
-  for (const capture::FrameSet& set : render(scene, {.set_count = 135})) {
-    tracker.update(set);
-    if (set.number == 55) was_found = tracker.search_findings().is_found_at_twice_the_hue;
-  }
-  EXPECT_TRUE(was_found);
-  EXPECT_FALSE(tracker.search_findings().is_found_at_twice_the_hue);
-}
-
-// What is tracked of a colour that turned out to be another's is let go of: what stands is no object from then on, and
-// what moves is found again.
-TEST(RegionTracker, WhoseColorIsDistrustedFindsOnlyWhatMoves) {
-  const auto positions_after = [](double speed_m_s) {
-    scene::SceneBuilder builder;
-    builder.cameras_on_ring({.count = 3, .image_size = {320, 240}, .focal_px = 240});
-    builder.ball({.path = [speed_m_s](double t) { return Vector3d(-0.5 + speed_m_s * t, 0.1, 1.0); }});
-    const scene::Scene scene = builder.build();
-    RegionTracker tracker(scene.rig, lime(), options_with(), particle_filter::Rng(1, 0));
-    constexpr int before = 15;
-    int sets = 0, positions = 0;
-    for (const capture::FrameSet& set : render(scene, {.set_count = 50})) {
-      const ObjectEstimate estimate = tracker.update(set);
-      if (++sets > before) positions += estimate.has_position() ? 1 : 0;
-      if (sets != before) continue;
-      EXPECT_EQ(estimate.state, TrackState::tracking);
-      tracker.distrust_color(set.at);
-    }
-    return positions;
-  };
-  EXPECT_EQ(positions_after(0), 0);
-  EXPECT_GE(positions_after(0.7), 25);  // of 35: it must first have moved
 }
 
 }  // namespace

@@ -140,7 +140,7 @@ INSTANTIATE_TEST_SUITE_P(, TurnedCamera,
                          });
 
 // A pair of cameras cannot see what turns one of them along the epipolar lines: here it is turned across them.
-TEST_P(TurnedCamera, isSaidInTheCovariance) {
+TEST_P(TurnedCamera, IsInTheCovariance) {
   double nees = 0;
   int runs = 0;
   for (const Vector3d& axis : {Vector3d(1, 0.2, 0), Vector3d(1, -0.5, 0.5)}) {
@@ -154,9 +154,8 @@ TEST_P(TurnedCamera, isSaidInTheCovariance) {
   EXPECT_LE(nees / runs, 8);
 }
 
-// Two of three agree when it is found: what the third one says is not believed in the first set either, nor for as long
-// as what was believed then holds.
-TEST(Trust, whatIsFoundIsWhereTheViewsAgree) {
+// Two of three views are consistent when it is found: the third one does not count, from the first set on.
+TEST(Trust, FindsTheObjectWhereViewsAreConsistent) {
   const scene::Scene scene = ring_scene(3);
   for (const Vector3d& axis : {Vector3d(1, 0.2, 0), Vector3d(1, -0.5, 0.5), Vector3d(0.3, 1, 0)}) {
     ObjectTracker tracker(turned(scene.rig, 2, 3, axis), lime_target(), {});
@@ -171,7 +170,7 @@ TEST(Trust, whatIsFoundIsWhereTheViewsAgree) {
   }
 }
 
-TEST(Trust, aPoseTakesTheRigsPlace) {
+TEST(Trust, APoseReplacesTheRigs) {
   const scene::Scene scene = ring_scene(3);
   const auto sets = scene::render(scene, {.set_count = 90});
   ObjectTracker tracker(turned(scene.rig, 1, 2, {1, 1, 0}), lime_target(), {});
@@ -188,7 +187,7 @@ TEST(Trust, aPoseTakesTheRigsPlace) {
   EXPECT_GT(inflation_px, 3);  // 2 degrees are 8 px
 }
 
-TEST(Trust, doubtOfThePastGoesWithAPose) {
+TEST(Trust, ANewPoseResetsInflation) {
   const scene::Scene scene = ring_scene(3);
   const auto sets = scene::render(scene, {.set_count = 120});
   ObjectTracker tracker(turned(scene.rig, 1, 2, {1, 1, 0}), lime_target(), {});
@@ -207,8 +206,8 @@ TEST(Trust, doubtOfThePastGoesWithAPose) {
 }
 
 // What views contradicted of a camera is explained once it is known to have moved: its pose is held to be as unsure as
-// that, and nobody is doubted beside.
-TEST(Trust, doubtOfThePastGoesWithWhatExplainsIt) {
+// that, and no other view is inflated.
+TEST(Trust, AnExplanationResetsInflation) {
   const scene::Scene scene = ring_scene(3);
   const auto sets = scene::render(scene, {.set_count = 70});
   for (const bool has_moved : {false, true}) {
@@ -233,7 +232,7 @@ TEST(Trust, doubtOfThePastGoesWithWhatExplainsIt) {
 
 // What contradicts the others and is left out from then on says nothing more, though the others' own past is forgotten
 // as one of them was posed anew.
-TEST(Trust, doubtOfThePastGoesWithACameraThatIsLeftOut) {
+TEST(Trust, LeavingACameraOutResetsInflation) {
   const scene::Scene scene = ring_scene(3);
   const auto sets = scene::render(scene, {.set_count = 90});
   ObjectTracker tracker(turned(scene.rig, 1, 2, {1, 1, 0}), lime_target(), {});
@@ -254,7 +253,7 @@ TEST(Trust, doubtOfThePastGoesWithACameraThatIsLeftOut) {
 }
 
 // However long an object rests: what a pose leaves open is not averaged away.
-TEST(Trust, whatAPoseLeavesOpenLasts) {
+TEST(Trust, APosesUncertaintyIsNotAveragedOut) {
   const scene::Scene scene = scene::SceneBuilder{}
                                  .cameras_on_ring({.count = 3})
                                  .ball({.path = [](double) { return Vector3d(0.1, 0.2, 1); }})
@@ -278,7 +277,7 @@ TEST(Trust, whatAPoseLeavesOpenLasts) {
   }
 }
 
-TEST(Trust, anUnusedCameraMovesNothingAndIsStillAWitness) {
+TEST(Trust, AnUnusedCameraDoesNotMoveTheTrackAndIsStillCompared) {
   const scene::Scene scene = ring_scene(3);
   const auto sets = scene::render(scene, {.set_count = 60});
   std::vector<capture::FrameSet> without = sets;
@@ -307,7 +306,7 @@ TEST(Trust, anUnusedCameraMovesNothingAndIsStillAWitness) {
   EXPECT_GT(witnessed, 50);
 }
 
-TEST(Trust, refusesWhatIsNotFinite) {
+TEST(Trust, RejectsWhatIsNotFinite) {
   const scene::Scene scene = ring_scene(2);
   ObjectTracker tracker(scene.rig, lime_target(), {});
   std::vector<CameraTrust> trust(1);
@@ -344,7 +343,7 @@ void prove(EpipolarConsistency& doubts, std::initializer_list<int> cameras) {
   }
 }
 
-TEST(EpipolarConsistency, twoViewsSayNothingAlongTheirEpipolarLines) {
+TEST(EpipolarConsistency, TwoViewsAreNotComparedAlongTheirEpipolarLines) {
   EpipolarResidual seen;
   ASSERT_TRUE(epipolar_residual(beside(0, 5, 0), beside(1, -7, 0), 0, seen));
   EXPECT_NEAR(seen.off_px, 0, 1e-9);
@@ -355,7 +354,7 @@ TEST(EpipolarConsistency, twoViewsSayNothingAlongTheirEpipolarLines) {
   EXPECT_FALSE(epipolar_residual(beside(0, 0, 0), beside(0, 0, 0), 0, seen));
 }
 
-TEST(EpipolarConsistency, oneOfThreeIsFoundAndOneOfTwoIsNot) {
+TEST(EpipolarConsistency, IdentifiesOneOfThreeAndNotOneOfTwo) {
   EpipolarConsistency three(3, radius_m), two(2, radius_m);
   prove(three, {0, 2});
   prove(two, {0, 1});
@@ -374,7 +373,7 @@ TEST(EpipolarConsistency, oneOfThreeIsFoundAndOneOfTwoIsNot) {
 }
 
 // Two of three that agree may do so by chance, along their epipolar lines: in one place they do, and hardly in two.
-TEST(EpipolarConsistency, whoAgreesInOnePlaceIsNotCleared) {
+TEST(EpipolarConsistency, ConsistencyInOnePlaceClearsNoView) {
   EpipolarConsistency doubts(3, radius_m);
   const auto contradict = [&] {
     for (int i = 0; i < 40; ++i) doubts.compare(std::vector{beside(0, 0, 0), beside(1, 0, 5), beside(2, 0, 0)}, 0, 0);
@@ -389,7 +388,7 @@ TEST(EpipolarConsistency, whoAgreesInOnePlaceIsNotCleared) {
 }
 
 // Half a ball is off by a little, and by one view alone, in any rig.
-TEST(EpipolarConsistency, aSmallContradictionNeedsNoProof) {
+TEST(EpipolarConsistency, ASmallInconsistencyNeedsNoProof) {
   EpipolarConsistency doubts(3, radius_m);
   for (int i = 0; i < 40; ++i) doubts.compare(std::vector{beside(0, 0, 0), beside(1, 0, 0.7), beside(2, 0, 0)}, 0, 0);
   EXPECT_NEAR(std::sqrt(doubts.variance_px2(1)), 0.7, 0.4);
@@ -397,8 +396,8 @@ TEST(EpipolarConsistency, aSmallContradictionNeedsNoProof) {
   EXPECT_EQ(doubts.variance_px2(2), 0);
 }
 
-// Where nobody knows the times of what moves, views agree with anything.
-TEST(EpipolarConsistency, whatCouldNotContradictProvesNothing) {
+// With unknown timing, views of a moving object are consistent with anything.
+TEST(EpipolarConsistency, AViewThatCannotBeInconsistentProvesNothing) {
   EpipolarConsistency doubts(2, radius_m);
   for (int place = 0; place < 5; ++place) {
     std::vector views{beside(0, 0, 0), beside(1, 0, 0)};
@@ -411,7 +410,7 @@ TEST(EpipolarConsistency, whatCouldNotContradictProvesNothing) {
 }
 
 // Of two cameras that could be wrong, each by what it would take, however well the third one sees them.
-TEST(EpipolarConsistency, eachOfTwoThatCouldBeWrongIsDoubted) {
+TEST(EpipolarConsistency, InflatesEachOfTwoThatMayBeWrong) {
   EpipolarConsistency doubts(3, radius_m);
   prove(doubts, {0, 2});
   for (int i = 0; i < 40; ++i) {
@@ -454,7 +453,7 @@ TEST(EpipolarConsistency, anErrorAlongTheLinesIsAsLargeAsItTakes) {
 }
 
 // A frame that is shown once more, something else of the colour: as long as it is rare.
-TEST(EpipolarConsistency, rareOnesMoveNothing) {
+TEST(EpipolarConsistency, RareOnesInflateNothing) {
   EpipolarConsistency doubts(2, radius_m);
   for (int i = 0; i < 100; ++i) {
     doubts.compare(std::vector{beside(0, 0, 0.1 * ((i % 5) - 2)), beside(1, 0, i % 6 == 5 && i > 8 ? 20 : 0)}, 0, 0);
@@ -462,8 +461,8 @@ TEST(EpipolarConsistency, rareOnesMoveNothing) {
   }
 }
 
-// A region of furniture that was taken for the object in three frames is believed then, and not for long after.
-TEST(EpipolarConsistency, whatWasBriefIsForgotten) {
+// A region of furniture that was taken for the object in three frames counts then, and not for long after.
+TEST(EpipolarConsistency, ABriefInconsistencyIsForgotten) {
   EpipolarConsistency doubts(2, radius_m);
   for (int i = 0; i < 60; ++i) {
     doubts.compare(std::vector{beside(0, 0, 0.1 * ((i % 5) - 2)), beside(1, 0, i >= 20 && i < 23 ? 90 : 0)}, 0, 0);

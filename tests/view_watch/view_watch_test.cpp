@@ -62,20 +62,6 @@ class ViewWatchOfScene : public testing::Test {
   object_tracking::ObjectEstimate last;
 };
 
-// Something of twice its hue moves first.
-TEST_F(ViewWatchOfScene, openCvHueIsWithdrawnWhenTheObjectItselfComes) {
-  const auto flight = scene.balls[0].path;
-  scene.balls[0].path = [flight](double t) -> Vector3d { return t < 3 ? Vector3d(0, 0, 50) : flight(t); };
-  scene::BallOptions other{.name = "cyan", .rgb = {0.1, 0.7, 0.7}};
-  other.path = [flight](double t) -> Vector3d { return flight(t + 5); };
-  scene.balls.push_back(other);
-  const auto is_hue = [](const Mistake& mistake) { return mistake.kind == MistakeKind::opencv_hue; };
-  const auto left = watch(6);
-  EXPECT_TRUE(std::ranges::any_of(ever, is_hue));
-  EXPECT_EQ(last.state, object_tracking::TrackState::tracking);
-  EXPECT_TRUE(std::ranges::none_of(left, is_hue));
-}
-
 TEST_F(ViewWatchOfScene, nothingIsWrong) {
   for (seed = 1; seed <= 3; ++seed) EXPECT_THAT(watch(), IsEmpty()) << seed;
   EXPECT_FALSE(named_at_s);
@@ -277,14 +263,6 @@ TEST_F(ViewWatchOfScene, aWrongRadiusOfABlob) {
   EXPECT_EQ(mistakes[0].kind, MistakeKind::radius);
   EXPECT_FALSE(mistakes[0].is_of_outlines);
   EXPECT_NEAR(mistakes[0].size, 0.04, 0.004);
-}
-
-TEST_F(ViewWatchOfScene, huesOfOpenCv) {
-  target.color.hue_min_deg /= 2, target.color.hue_max_deg /= 2;
-  const auto mistakes = watch();
-  ASSERT_EQ(mistakes.size(), 1u);
-  EXPECT_EQ(mistakes[0].kind, MistakeKind::opencv_hue);
-  EXPECT_LT(named_at_s.value_or(99), 3);
 }
 
 // Shade shifts a ball that hardly moves by a pixel and a half in one camera: a turn would explain it, but one place is

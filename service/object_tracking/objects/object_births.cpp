@@ -78,8 +78,7 @@ ObjectTrackerOptions looking_within(ObjectTrackerOptions options, const Volume& 
 }  // namespace
 
 MustMove must_move(const StaticClutterMask& still, capture::Timestamp set_at) {
-  if (!still.is_starting(set_at)) return MustMove::no;
-  return still.is_room_suspected() ? MustMove::yes : MustMove::unless_clear;
+  return still.is_starting(set_at) ? MustMove::unless_clear : MustMove::no;
 }
 
 Volume looked_through(const Volume& volume) {
@@ -175,7 +174,7 @@ std::vector<Birth> ObjectBirths::look(const std::vector<TargetView>& views,
     // Two views may be of two pieces of furniture, set by set. Where as many others contradict them only what moves is
     // told; a single one may have something before it that nobody knows of.
     const bool is_contested = c.missing > 0 && c.at.sightings.size() < 3;
-    bool stands = (is_contested && c.missing >= std::ssize(c.at.sightings)) || must_move_ == MustMove::yes ||
+    bool stands = (is_contested && c.missing >= std::ssize(c.at.sightings)) ||
                   (must_move_ == MustMove::unless_clear && !is_clear);
     if (earlier != nullptr) {
       c.at.sets = earlier->at.sets + 1;

@@ -38,7 +38,6 @@ struct CoveredDisc {
 enum class MustMove : std::uint8_t {
   no,
   unless_clear,  // not what is beyond chance: two views show a whole disc of the right size, or three show it
-  yes,           // what stands is none, however clear it is
 };
 MustMove must_move(const StaticClutterMask& still, capture::Timestamp set_at);
 

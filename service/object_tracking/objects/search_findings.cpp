@@ -6,6 +6,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "color/color_name.h"
 #include "object_tracking/sighting.h"
 
 namespace huetrack::objects {
@@ -24,6 +25,20 @@ std::string size_advice(const std::optional<double>& radius_m, const TargetOptio
   return fmt::format(
       "what has its colour has the size of a ball of radius {:.3g} m, not {:.3g}: correct radius_m, or {} its colour",
       *radius_m, target.radius_m, *radius_m > target.radius_m ? "narrow" : "widen");
+}
+
+std::string what_to_try(const SearchFindings& found, const TargetOptions& target,
+                        const std::vector<std::string>& cameras) {
+  std::vector<std::string> seeing, blind;
+  for (std::size_t c = 0; c < found.sets_with_color.size() && c < cameras.size(); ++c)
+    (10 * found.sets_with_color[c] >= found.sets ? seeing : blind).push_back(cameras[c]);
+  if (std::string of_size = size_advice(found.radius_m, target); !of_size.empty()) return of_size;
+  if (seeing.empty()) return "no camera shows a region of its colour: widen its colour, or check the volume";
+  if (!blind.empty())
+    return fmt::format("its colour is seen by {} but hardly ever by {}: set camera_colors for these",
+                       fmt::join(seeing, ", "), fmt::join(blind, ", "));
+  return "all cameras show regions of its colour, but their rays do not meet in the volume where a ball of its radius "
+         "would look so: check the calibration and the radius, or narrow its colour";
 }
 
 // The radius of the ball that shows this region at p; 0: none.
@@ -83,23 +98,10 @@ SearchFindings SearchLog::findings() const {
 }
 
 std::string SearchFindings::advice(const TargetOptions& target, const std::vector<std::string>& cameras) const {
-  if (is_found_at_twice_the_hue)
-    return fmt::format(
-        "something of twice its hue moves as it would: are hue_deg [{:.0f}, {:.0f}] OpenCV's units (0 to 180)? Here "
-        "they "
-        "are degrees (0 to 360): write [{:.0f}, {:.0f}]",
-        target.color.hue_min_deg, target.color.hue_max_deg, 2 * target.color.hue_min_deg, 2 * target.color.hue_max_deg);
   if (sets == 0) return {};
-  std::vector<std::string> seeing, blind;
-  for (std::size_t c = 0; c < sets_with_color.size() && c < cameras.size(); ++c)
-    (10 * sets_with_color[c] >= sets ? seeing : blind).push_back(cameras[c]);
-  if (std::string of_size = size_advice(radius_m, target); !of_size.empty()) return of_size;
-  if (seeing.empty()) return "no camera shows a region of its colour: widen its colour, or check the volume";
-  if (!blind.empty())
-    return fmt::format("its colour is seen by {} but hardly ever by {}: set camera_colors for these",
-                       fmt::join(seeing, ", "), fmt::join(blind, ", "));
-  return "all cameras show regions of its colour, but their rays do not meet in the volume where a ball of its radius "
-         "would look so: check the calibration and the radius, or narrow its colour";
+  const std::string opencv = color::opencv_hue_text(target.color);
+  return what_to_try(*this, target, cameras) + "; " + color::hue_text(target.color) + (opencv.empty() ? "" : "; ") +
+         opencv;
 }
 
 std::string SearchFindings::late_advice(const TargetOptions& target) const {

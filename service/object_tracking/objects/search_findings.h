@@ -21,9 +21,6 @@ struct SearchFindings {
   std::optional<double> radius_m;            // that the regions of two views agree on, if they do; > 0
   // The same of the search before the target was first found; nullopt also where it never was.
   std::optional<double> radius_before_m;
-  // Something moves through the volume as the target would, of twice the hue: hue_deg was given in OpenCV's units, of
-  // which there are 180.
-  bool is_found_at_twice_the_hue = false;
   // What a user should try, one sentence; empty when nothing was searched. `cameras`: their names, in the order of the
   // rig.
   std::string advice(const object_tracking::TargetOptions& target, const std::vector<std::string>& cameras) const;

@@ -143,17 +143,6 @@ void StaticClutterMask::look(const std::vector<TargetView>& views, std::span<con
   sample(views[next_++ % views.size()], tracked);
 }
 
-void StaticClutterMask::doubt(capture::Timestamp set_at) {
-  is_doubted_ = is_room_shared_ = true;
-  first_at_ = set_at;
-  for (PerCamera& camera : cameras_) {
-    camera.tiles.clear();
-    camera.listed.clear();
-    camera.sampled = 0;
-    camera.is_learning = true;
-  }
-}
-
 bool StaticClutterMask::is_starting(capture::Timestamp set_at) const {
   return is_room_shared_ && first_at_ && capture::seconds(set_at - *first_at_) < samples * every_s;
 }
@@ -205,7 +194,7 @@ void StaticClutterMask::sample(const TargetView& view, std::span<const Sighting>
   PerCamera& camera = cameras_[static_cast<std::size_t>(view.index)];
   // Of several objects, what stands still and is none of those that are tracked is none; one alone may be lost, and
   // rest.
-  is_room_shared_ = is_doubted_ || std::ranges::any_of(cameras_, &PerCamera::is_above);
+  is_room_shared_ = std::ranges::any_of(cameras_, &PerCamera::is_above);
   const bool is_learning = is_room_shared_ || (count_ > 1 && camera.sampled > 0);
   if (!is_learning && camera.is_learning) {
     view.matches->leave_out_nothing();

@@ -40,16 +40,12 @@ class StaticClutterMask {
   void look(const std::vector<object_tracking::TargetView>& views, std::span<const object_tracking::Sighting> tracked,
             capture::Timestamp set_at);
   void forget(std::size_t camera);  // it stands elsewhere
-  // What was found was of the room, though it shows little of the colour: from now on as in a room that shares it, as
-  // at its first set.
-  void doubt(capture::Timestamp set_at);
 
   // The room may show the colour in this camera: what moves in it may be noise at the edges of what is left out.
   bool is_shared(std::size_t camera) const { return cameras_[camera].is_learning; }
   // It was found to do so at the first set, a moment ago: what stands still and what moves is only being learnt, and
   // what looks like an object counts as one that may be.
   bool is_starting(capture::Timestamp set_at) const;
-  bool is_room_suspected() const { return is_doubted_; }
   bool is_room_shared() const { return is_room_shared_; }  // some view shows more of it than objects could cover
   // Something that is left out lies so near to this pixel that a region of this radius there may be cut by it.
   bool may_clip(std::size_t camera, const Eigen::Vector2d& px, double radius_px) const;
@@ -92,7 +88,7 @@ class StaticClutterMask {
   std::vector<object_tracking::Sighting> covering_;  // work space: what covers the room in a view
   std::vector<std::uint32_t> open_;                  // work space: tiles of a patch
   std::vector<char> is_told_;                        // work space: per tile
-  bool is_room_shared_ = false, is_doubted_ = false;
+  bool is_room_shared_ = false;
   std::size_t next_ = 0;
   std::optional<capture::Timestamp> last_at_ = {}, first_at_ = {};
 };

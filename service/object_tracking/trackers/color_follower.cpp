@@ -13,17 +13,12 @@ using namespace object_tracking;
 namespace {
 
 constexpr PerColorAxis furthest = furthest_followed;
-constexpr double least_saturation = 0.15;  // a range below it would hold greys
-// A table is made for at least so much, and for at most so much at once: some degrees in a second.
-constexpr PerColorAxis least_step{1.5, 0.015, 0.015}, largest_step{6, 0.06, 0.07};
-constexpr double longest_time_unseen_s = 1;  // what was seen before does not say what the colour is now
-constexpr double forgotten_after_s = 10;
-// From the object's median to either end of the range, of what ColorWatch warns at: where a range moves to, and from
-// where on it moves.
-constexpr double well_inside = 2, just_inside = 1.3;
-constexpr double steps_back = 4;  // least steps: a range that is further off than it must be goes back
+constexpr PerColorAxis least_step{color_follower.least_step_hue_deg, color_follower.least_step_share,
+                                  color_follower.least_step_share};
+constexpr PerColorAxis largest_step{color_follower.largest_step_hue_deg, color_follower.largest_step_saturation,
+                                    color_follower.largest_step_intensity};
 
-// The shift nearest to `from` with which the object is so far inside.
+// The shift nearest to `from` with which the object is `inside` times ColorWatch's distance from both ends.
 PerColorAxis shift_between(const color::HsiRange& taught, const SeenColor& seen, double inside,
                            const PerColorAxis& from) {
   PerColorAxis shift = from;
@@ -38,14 +33,14 @@ PerColorAxis shift_between(const color::HsiRange& taught, const SeenColor& seen,
     const double most = range.has_min ? seen.median[a] - below - range.min : furthest[a];
     shift[a] = std::clamp(std::max(std::min(from[a], most), least), -furthest[a], furthest[a]);
   }
-  const double lowest = std::min(taught.saturation_min, least_saturation);
+  const double lowest = std::min(taught.saturation_min, color_follower.least_saturation);
   shift[1] = std::max(shift[1], lowest - taught.saturation_min);
   return shift;
 }
 
 }  // namespace
 
-color::HsiRange moved(const color::HsiRange& range, const PerColorAxis& shift) {
+color::HsiRange shifted(const color::HsiRange& range, const PerColorAxis& shift) {
   color::HsiRange out = range;
   const bool is_any_hue = range.hue_min_deg == 0 && range.hue_max_deg == 360;
   if (!is_any_hue && shift[0] != 0) {
@@ -63,7 +58,7 @@ color::HsiRange moved(const color::HsiRange& range, const PerColorAxis& shift) {
 }
 
 PerColorAxis wanted_shift(const color::HsiRange& taught, const SeenColor& seen) {
-  return shift_between(taught, seen, well_inside, {});
+  return shift_between(taught, seen, color_follower.well_inside, {});
 }
 
 ColorFollower::ColorFollower(const calib::CameraRig& rig, const TargetOptions& target) {
@@ -77,7 +72,7 @@ void ColorFollower::follow(const capture::FrameSet& set, const ObjectEstimate& e
                            TargetViews& views) {
   if (estimate.state == TrackState::tracking) {
     last_tracking_ = set.at;
-  } else if (last_tracking_ && capture::seconds(set.at - *last_tracking_) > forgotten_after_s) {
+  } else if (last_tracking_ && capture::seconds(set.at - *last_tracking_) > color_follower.forgotten_after_s) {
     forget(views);
     return;
   }
@@ -90,23 +85,23 @@ void ColorFollower::follow(const capture::FrameSet& set, const ObjectEstimate& e
   put_in_force(done.camera, done.shift, done.color, done.builder.table(), views);
 }
 
-// For the camera that is furthest behind.
+// Begins a table for the camera whose range is furthest from the wanted one.
 void ColorFollower::begin_next(const capture::FrameSet& set, const ColorWatch& watch) {
   double most = 1;  // least steps
   std::optional<std::size_t> next;
   PerColorAxis next_shift{};
   for (std::size_t i = 0; i < cameras_.size(); ++i) {
     const auto& seen = watch.in(i).seen;
-    if (!seen || capture::seconds(set.at - watch.in(i).seen_at) > longest_time_unseen_s || !set.frames[i] ||
+    if (!seen || capture::seconds(set.at - watch.in(i).seen_at) > color_follower.longest_unseen_s || !set.frames[i] ||
         set.frames[i]->status != capture::FrameStatus::ok)
       continue;
     const PerColorAxis wanted = wanted_shift(cameras_[i].taught, *seen);
     PerColorAxis shift = cameras_[i].shift;
-    // Only what must move does: a ball that goes from the window into the shade is no change of light.
-    const PerColorAxis nearest = shift_between(cameras_[i].taught, *seen, just_inside, shift);
+    // Only axes that must move do: a ball that goes from the window into the shade is no change of light.
+    const PerColorAxis nearest = shift_between(cameras_[i].taught, *seen, color_follower.just_inside, shift);
     double behind = 0;
     for (std::size_t a = 0; a < shift.size(); ++a) {
-      const bool is_back = std::abs(shift[a]) - std::abs(wanted[a]) >= steps_back * least_step[a];
+      const bool is_back = std::abs(shift[a]) - std::abs(wanted[a]) >= color_follower.steps_back * least_step[a];
       if (nearest[a] == shift[a] && !is_back) continue;
       const double step = wanted[a] - shift[a];
       behind = std::max(behind, std::abs(step) / least_step[a]);
@@ -118,7 +113,7 @@ void ColorFollower::begin_next(const capture::FrameSet& set, const ColorWatch& w
     next_shift = shift;
   }
   if (!next) return;
-  const color::HsiRange color = moved(cameras_[*next].taught, next_shift);
+  const color::HsiRange color = shifted(cameras_[*next].taught, next_shift);
   const capture::Image& image = set.frames[*next]->pixels;
   building_.emplace(Building{*next, next_shift, color, color::ColorTableBuilder(color, image.format, image.range)});
 }

@@ -1,14 +1,12 @@
-// `color: adapt: true`: the range that a camera looks for follows the object's colour (ColorWatch) when exposure or
-// white balance move it. A range only moves, as far as the object needs to lie well inside, and stays near the taught
-// one:
-//   shift = the one nearest to 0 with which the ends are twice as far from the object's median as where ColorWatch
-//   warns
-// So nothing moves while the object is well inside, and the range comes back with the light. Background is never
-// learnt: what counts is what ColorWatch measures, in a view that sees the object whole, while another one confirms
-// where it is. When the object is lost for long, what was taught is in force again.
+// `color: adapt: true`: a camera's colour range follows the object's colour (ColorWatch) when exposure or white balance
+// move it. The range is only shifted, no further than needed, and within limits around the taught one:
+//   shift = the one nearest to 0 with which both ends are twice as far from the object's median as ColorWatch warns at
+// So it stays while the object is well inside, and comes back with the light. The background is never learnt:
+// ColorWatch measures only a view that sees the whole object while another one confirms its position. When the object
+// is lost for long, the taught range is used again.
 //
-// A new table of colours takes some 5 ms, which the road of the frames has not got: it is made in pieces, one per set,
-// one table at a time, and is in force when it is done. The same sets give the same ranges.
+// A colour table takes some 5 ms. It is built in pieces, one per set, one table at a time, so that no set is delayed.
+// The same sets give the same ranges.
 #pragma once
 
 #include <cstddef>
@@ -26,14 +24,30 @@
 
 namespace huetrack::object_trackers {
 
-// White balance of a webcam moves a hue by some 20 degrees from daylight to lamp light; what is further away is another
-// colour.
-constexpr PerColorAxis furthest_followed{20, 0.15, 0.2};
+struct ColorFollowerTuning {
+  double furthest_hue_deg = 20;       // white balance of a webcam from daylight to lamp light; beyond is another colour
+  double furthest_saturation = 0.15;  // likewise
+  double furthest_intensity = 0.2;    // likewise
+  double least_saturation = 0.15;     // a range below it would hold greys
+  double least_step_hue_deg = 1.5;    // smaller changes are not worth a table
+  double least_step_share = 0.015;    // likewise, of saturation and of intensity
+  double largest_step_hue_deg = 6;    // of one table: some degrees in a second
+  double largest_step_saturation = 0.06;  // likewise
+  double largest_step_intensity = 0.07;   // likewise
+  double longest_unseen_s = 1;            // older measurements of the colour are not used
+  double forgotten_after_s = 10;          // of a lost object, the taught range is used again
+  double well_inside = 2;    // where a range moves to: ends this much further from the median than ColorWatch warns at
+  double just_inside = 1.3;  // from where on it moves, likewise
+  double steps_back = 4;     // least steps by which a range that is off too far goes back
+};
+inline constexpr ColorFollowerTuning color_follower{};
+inline constexpr PerColorAxis furthest_followed{color_follower.furthest_hue_deg, color_follower.furthest_saturation,
+                                                color_follower.furthest_intensity};
 
-// The range moved by so much: the same width, but where the axis itself ends.
-color::HsiRange moved(const color::HsiRange& range, const PerColorAxis& shift);
+// The range shifted by so much, of the same width; clipped where the axis ends.
+color::HsiRange shifted(const color::HsiRange& range, const PerColorAxis& shift);
 
-// By how much the taught range is to move for an object that looks like that.
+// The shift of the taught range that an object of this colour needs.
 PerColorAxis wanted_shift(const color::HsiRange& taught, const SeenColor& seen);
 
 // thread-compatible; one per target.
@@ -41,7 +55,7 @@ class ColorFollower {
  public:
   ColorFollower(const calib::CameraRig& rig, const object_tracking::TargetOptions& target);
 
-  // After watch.look() at the same set; changes what `views` will match from the next set on.
+  // After watch.update() with the same set; changes what `views` match from the next set on.
   void follow(const capture::FrameSet& set, const object_tracking::ObjectEstimate& estimate, const ColorWatch& watch,
               object_tracking::TargetViews& views);
 
@@ -52,7 +66,7 @@ class ColorFollower {
   struct PerCamera {
     color::HsiRange taught;
     PerColorAxis shift{};                                        // of the range in force
-    std::shared_ptr<const color::ColorTable> taught_table = {};  // once another one is in force
+    std::shared_ptr<const color::ColorTable> taught_table = {};  // while another one is in force
   };
   struct Building {
     std::size_t camera;

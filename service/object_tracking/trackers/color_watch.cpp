@@ -14,49 +14,49 @@ using namespace object_tracking;
 
 namespace {
 
-// Light changes over seconds: a look at every third set of 30 frames/s is ten looks a second.
-constexpr std::uint64_t sets_per_look = 3;
-constexpr double smoothing_s = 0.7;
-constexpr double longest_pause_s = 5;  // what was seen before is of another time
-constexpr int least_looks = 5;         // before anything is said
+struct ColorWatchTuning {
+  std::uint64_t sets_per_look = 3;      // light changes over seconds: at 30 sets/s this is ten looks a second
+  double smoothing_s = 0.7;             // time constant of the measured colour
+  double longest_pause_s = 5;           // what was measured before a longer one is forgotten
+  int least_looks = 5;                  // before a warning
+  float least_radius_px = 4;            // below it, half of the blurred and shared chroma is the background's
+  float least_support = 0.5f;           // share of the disc that a view must show
+  float largest_residual_radii = 0.5f;  // from the estimate to the region in that view
+  float inner_radii = 0.6f;             // of the disc: what is measured
+  float whole_radii = 0.9f;             // measured pixels lie within this also if the estimate is off by its residual
+  double usual_exposure_s = 1.0 / 60;   // the object moves by at most a radius in it: its middle shows only itself
+  int steps_per_radius = 5;             // of the grid of pixels that are measured
+  std::size_t least_pixels = 9;
+  double outlier_mad = 4.5;               // median absolute deviations: three standard deviations
+  double least_saturation_of_hue = 0.08;  // below it a hue is noise
+  double cleared_at = 1.5;  // a warning ends when the end of the range is this much further off than it began
+};
+constexpr ColorWatchTuning color_watch{};
 
-// A view that sees the object whole and where it is.
-constexpr float least_radius_px = 4;  // below it, chroma that is shared and blurred is half the background's
-constexpr float least_support = 0.5f;
-// Radii: the inner part of the disc is looked at, less of it where the estimate is aside of what is seen.
-constexpr float largest_residual = 0.5f, inner_disc = 0.6f, whole_disc = 0.9f;
-constexpr double usual_exposure_s =
-    1.0 / 60;  // in which the object moves by a radius at most: the middle stays its own
-
-constexpr int steps_per_radius = 5;  // of the grid of pixels that are looked at
-constexpr std::size_t most_pixels = 121, least_pixels = 9;
-constexpr double outlier = 4.5;                   // median absolute deviations: three standard deviations
-constexpr double least_saturation_of_hue = 0.08;  // below it a hue is noise
-
-// An end of the range is near when a sixth of the object's pixels are within the noise of it or beyond; the object is
-// lost when nearly all are. It is far again half as much further away.
-constexpr double far_again = 1.5;
+// capacity: of the grid
+constexpr std::size_t most_pixels = (2 * color_watch.steps_per_radius + 1) * (2 * color_watch.steps_per_radius + 1);
+constexpr std::size_t tail = 6;  // maths: of a Gaussian, about a sixth lies beyond one sigma on one side
 
 struct Distribution {
   double median, below, above;
 };
-// Sorts what is given. What is far from the median is not the object's, but before it or a highlight on it.
+// Sorts the values. Outliers are what hides the object, or a highlight on it.
 Distribution robust(std::span<double> values, double noise) {
   std::ranges::sort(values);
   const std::size_t n = values.size();
   const double median = values[n / 2];
   std::array<double, most_pixels> deviations;
   std::ranges::transform(values, deviations.begin(), [&](double value) { return std::abs(value - median); });
-  const double reach = outlier * calib::median_in_place(std::span(deviations).first(n)) + noise;
+  const double reach = color_watch.outlier_mad * calib::median_in_place(std::span(deviations).first(n)) + noise;
   const auto first = std::ranges::lower_bound(values, median - reach),
              last = std::ranges::upper_bound(values, median + reach);
   const auto own = std::span(first, last);
-  return {median, median - own[own.size() / 6], own[own.size() - 1 - own.size() / 6] - median};
+  return {median, median - own[own.size() / tail], own[own.size() - 1 - own.size() / tail] - median};
 }
 
 bool sees_it_well(const ViewSupport& view) {
-  return view.seen && view.support >= least_support && view.radius_px >= least_radius_px &&
-         view.residual_px <= largest_residual * view.radius_px;
+  return view.seen && view.support >= color_watch.least_support && view.radius_px >= color_watch.least_radius_px &&
+         view.residual_px <= color_watch.largest_residual_radii * view.radius_px;
 }
 
 }  // namespace
@@ -88,7 +88,7 @@ std::optional<SeenColor> color_inside(const capture::Image& image, const Eigen::
   if (!(px.x() >= inner && px.y() >= inner && px.x() + inner < static_cast<float>(image.width) - 1 &&
         px.y() + inner < static_cast<float>(image.height) - 1))
     return std::nullopt;
-  const int step = std::max(1, static_cast<int>(std::ceil(inner / steps_per_radius)));
+  const int step = std::max(1, static_cast<int>(std::ceil(inner / color_watch.steps_per_radius)));
   const int reach = static_cast<int>(inner) / step;
   const int middle_u = static_cast<int>(std::lround(px.x())), middle_v = static_cast<int>(std::lround(px.y()));
   std::array<double, most_pixels> hues, saturations, intensities;
@@ -99,11 +99,11 @@ std::optional<SeenColor> color_inside(const capture::Image& image, const Eigen::
       const color::Hsi pixel = color::hsi_of(color::rgb_at(image, middle_u + du, middle_v + dv));
       saturations[n] = pixel.saturation;
       intensities[n++] = pixel.intensity;
-      if (pixel.has_hue && pixel.saturation >= least_saturation_of_hue)
+      if (pixel.has_hue && pixel.saturation >= color_watch.least_saturation_of_hue)
         hues[with_hue++] = degrees_between(hue_origin_deg, pixel.hue_deg);
     }
   }
-  if (n < least_pixels) return std::nullopt;
+  if (n < color_watch.least_pixels) return std::nullopt;
   constexpr double nan = std::numeric_limits<double>::quiet_NaN();
   const Distribution h =
       2 * with_hue > n ? robust(std::span(hues).first(with_hue), color_noise[0]) : Distribution{nan, nan, nan};
@@ -113,33 +113,34 @@ std::optional<SeenColor> color_inside(const capture::Image& image, const Eigen::
 }
 
 ColorWatch::ColorWatch(const calib::CameraRig& rig, const TargetOptions& target)
-    : fastest_m_s_(target.radius_m / usual_exposure_s) {
+    : fastest_m_s_(target.radius_m / color_watch.usual_exposure_s) {
   for (const calib::Camera& camera : rig.cameras)
     cameras_.push_back({.hue_origin_deg = middle_hue_deg(target.color_in(camera.name))});
 }
 
-void ColorWatch::look(const capture::FrameSet& set, const ObjectEstimate& estimate,
-                      std::span<const color::HsiRange> in_force) {
-  const bool is_due = sets_++ % sets_per_look == 0;
+void ColorWatch::update(const capture::FrameSet& set, const ObjectEstimate& estimate,
+                        std::span<const color::HsiRange> in_force) {
+  const bool is_due = sets_++ % color_watch.sets_per_look == 0;
   if (estimate.state != TrackState::tracking || estimate.views < 2 || estimate.velocity.norm() > fastest_m_s_) return;
   for (std::size_t i = 0; i < cameras_.size(); ++i) {
     const ViewSupport& view = estimate.per_view[i];
     if (!set.frames[i] || !sees_it_well(view)) continue;
-    // Pictures that come beside matches are few: none is left out.
+    // Pictures that come with matches are rare: all are used.
     const capture::Image* const picture = own_picture_of(*set.frames[i]);
     if (picture == nullptr || !(is_due || set.frames[i]->matches)) continue;
     PerCamera& camera = cameras_[i];
-    const float inner_px = std::min(inner_disc * view.radius_px, whole_disc * view.radius_px - view.residual_px);
+    const float inner_px =
+        std::min(color_watch.inner_radii * view.radius_px, color_watch.whole_radii * view.radius_px - view.residual_px);
     const auto seen = color_inside(*picture, view.px, inner_px, camera.hue_origin_deg);
     if (!seen) continue;
     const double pause_s = capture::seconds(set.at - std::exchange(camera.health.seen_at, set.at));
-    if (!camera.health.seen || pause_s < 0 || pause_s > longest_pause_s) {
+    if (!camera.health.seen || pause_s < 0 || pause_s > color_watch.longest_pause_s) {
       camera.health.seen = seen;
       camera.looks = 1;
       continue;
     }
     ++camera.looks;
-    const double share = std::max(1 - std::exp(-pause_s / smoothing_s), 1.0 / camera.looks);
+    const double share = std::max(1 - std::exp(-pause_s / color_watch.smoothing_s), 1.0 / camera.looks);
     for (std::size_t axis = 0; axis < 3; ++axis) {
       if (std::isnan(seen->median[axis])) continue;
       for (PerColorAxis SeenColor::*figure : {&SeenColor::median, &SeenColor::below, &SeenColor::above}) {
@@ -148,22 +149,22 @@ void ColorWatch::look(const capture::FrameSet& set, const ObjectEstimate& estima
         smoothed = std::isnan(smoothed) ? fresh : smoothed + share * (fresh - smoothed);
       }
     }
-    if (camera.looks >= least_looks) judge(camera, in_force[i]);
+    if (camera.looks >= color_watch.least_looks) judge(camera, in_force[i]);
   }
 }
 
 void ColorWatch::judge(PerCamera& camera, const color::HsiRange& in_force) {
   const SeenColor& seen = *camera.health.seen;
-  std::optional<NearEnd>& told = camera.health.near_end;
+  std::optional<NearEnd>& warning = camera.health.near_end;
   double least = std::numeric_limits<double>::infinity();
   std::optional<NearEnd> nearest;
-  bool is_told_far = true;
+  bool is_cleared = true;
   const auto look_at_end = [&](ColorAxis axis, bool is_upper, double left, double reach) {
     const double share = left / reach;
-    const bool is_told = told && told->axis == axis && told->is_upper == is_upper;
-    if (is_told) {
-      told->left = left;
-      is_told_far = share > far_again;
+    const bool is_warned = warning && warning->axis == axis && warning->is_upper == is_upper;
+    if (is_warned) {
+      warning->left = left;
+      is_cleared = share > color_watch.cleared_at;
     }
     if (share < least) least = share, nearest = NearEnd{axis, is_upper, left};
   };
@@ -174,10 +175,10 @@ void ColorWatch::judge(PerCamera& camera, const color::HsiRange& in_force) {
     if (range.has_min) look_at_end(axis, false, seen.median[a] - range.min, seen.below[a] + color_noise[a]);
     if (range.has_max) look_at_end(axis, true, range.max - seen.median[a], seen.above[a] + color_noise[a]);
   }
-  if (told && !is_told_far) return;  // one end at a time, until that is far again
-  const bool had = told.has_value();
-  told = least < 1 ? nearest : std::nullopt;
-  if (had || told) ++news_;
+  if (warning && !is_cleared) return;  // one end at a time
+  const bool had = warning.has_value();
+  warning = least < 1 ? nearest : std::nullopt;
+  if (had || warning) ++changes_;
 }
 
 }  // namespace huetrack::object_trackers

@@ -1,9 +1,9 @@
-// Whether the cameras still show an object in the colour that it was taught with. Exposure and white balance move all
-// colours of a picture, and an object that leaves its range is lost; here that is known beforehand, per camera.
+// Whether the cameras still show the object in the colour that it was taught with. Exposure and white balance move all
+// colours, and an object that leaves its range is lost; this warns per camera before that.
 //
-// What is measured is the object, not what matches: pixels of the inner part of its disc, whatever their colour, and of
-// them the median and what lies around it, which less than half of a disc (a highlight, a hand before it) do not move.
-// Only a view is asked that sees the object whole, while another one confirms where it is.
+// Measured are the object's pixels, not the matching ones: the inner part of its disc, whatever its colour; the median
+// and the spread around it, which outliers on less than half of the disc (a highlight, a hand) do not move. Only in
+// views that see the whole object while another view confirms its position.
 #pragma once
 
 #include <Eigen/Core>
@@ -25,14 +25,14 @@ namespace huetrack::object_trackers {
 enum class ColorAxis : std::uint8_t { hue, saturation, intensity };
 using PerColorAxis = std::array<double, 3>;  // by ColorAxis; hue in degrees, the others 0..1
 
-// Of an object's pixels in one image. The hue counts from the middle of the taught ones, -180..180; NaN where too few
+// Of an object's pixels in one image. Hue is relative to the middle of the taught range, -180..180; NaN where too few
 // pixels have one.
 struct SeenColor {
   PerColorAxis median{};
-  PerColorAxis below{}, above{};  // >= 0; so far from the median a sixth of the pixels are below it, and above it
+  PerColorAxis below{}, above{};  // >= 0; distance from the median to the lower and the upper sixth of the pixels
 };
 
-// The end of the range in force that the object's colour has come near to.
+// An end of the range in force that the object's colour is near to.
 struct NearEnd {
   ColorAxis axis = ColorAxis::hue;
   bool is_upper = false;
@@ -40,13 +40,13 @@ struct NearEnd {
 };
 
 struct ColorHealth {
-  std::optional<SeenColor> seen;    // over about the last second in which it was seen well; nullopt: never yet
+  std::optional<SeenColor> seen;    // smoothed over about a second of good views; nullopt: never yet
   capture::Timestamp seen_at;       // the last time
-  std::optional<NearEnd> near_end;  // it will be lost in this camera when its colour moves on; nullopt: all is well
-  PerColorAxis followed{};          // by how much the range in force has moved from the taught one (color_follower.h)
+  std::optional<NearEnd> near_end;  // a warning: the camera loses the object if its colour moves on; nullopt: none
+  PerColorAxis followed{};          // shift of the range in force from the taught one (color_follower.h)
 };
 
-// One range of a colour on one axis. Where an axis itself ends, a range has no end: nothing is beyond it.
+// A range on one axis. Where the axis itself ends, a range has no end.
 struct AxisRange {
   double min = 0, max = 0;
   bool has_min = true, has_max = true;
@@ -55,25 +55,31 @@ AxisRange axis_range(const color::HsiRange& range, ColorAxis axis, double hue_or
 double middle_hue_deg(const color::HsiRange& range);     // [0, 360)
 double degrees_between(double from_deg, double to_deg);  // counterclockwise, -180..180
 
-// What moves by itself from frame to frame (noise, JPEG), and what light moves in a second or two.
-constexpr PerColorAxis color_noise{3.5, 0.03, 0.03};
+// What noise, JPEG, and light within a second or two change.
+struct ColorNoiseTuning {
+  double hue_deg = 3.5;
+  double share = 0.03;  // of saturation and of intensity
+};
+inline constexpr ColorNoiseTuning color_noise_tuning{};
+inline constexpr PerColorAxis color_noise{color_noise_tuning.hue_deg, color_noise_tuning.share,
+                                          color_noise_tuning.share};
 
-// Of the pixels within inner_px; nullopt: they are too few, or not all in the image.
+// Of the pixels within inner_px of px; nullopt: too few, or not all inside of the image.
 std::optional<SeenColor> color_inside(const capture::Image& image, const Eigen::Vector2f& px, float inner_px,
                                       double hue_origin_deg);
 
-// thread-compatible; one per target. look() allocates nothing.
+// thread-compatible; one per target. update() does not allocate.
 class ColorWatch {
  public:
   ColorWatch(const calib::CameraRig& rig, const object_tracking::TargetOptions& target);
 
-  // After the target was looked for in this set. in_force: the ranges that were used, per camera of the rig.
-  void look(const capture::FrameSet& set, const object_tracking::ObjectEstimate& estimate,
-            std::span<const color::HsiRange> in_force);
+  // After the tracker's update with this set. in_force: the ranges that it used, per camera of the rig.
+  void update(const capture::FrameSet& set, const object_tracking::ObjectEstimate& estimate,
+              std::span<const color::HsiRange> in_force);
 
   const ColorHealth& in(std::size_t camera) const { return cameras_[camera].health; }
   std::size_t camera_count() const { return cameras_.size(); }
-  std::uint64_t news() const { return news_; }  // how often a near_end has come, gone or become another one
+  std::uint64_t change_count() const { return changes_; }  // how often a near_end came, went or became another one
 
  private:
   struct PerCamera {
@@ -85,7 +91,7 @@ class ColorWatch {
 
   std::vector<PerCamera> cameras_;
   double fastest_m_s_;
-  std::uint64_t sets_ = 0, news_ = 0;
+  std::uint64_t sets_ = 0, changes_ = 0;
 };
 
 }  // namespace huetrack::object_trackers

@@ -11,18 +11,22 @@ using namespace object_tracking;
 
 namespace {
 
-constexpr auto as_good_as_the_sets_time = std::chrono::milliseconds(2);  // a line is exact enough for as long
+struct EstimateReportTuning {
+  int set_time_ms = 2;                // an estimate this near to the set's time is extrapolated to it along a line
+  double confirmation_by_view = 0.9;  // how far a view that shows the whole disc confirms the object
+};
+constexpr EstimateReportTuning reporting{};
 
-// What one view says to the estimate. Is it seen there?
-bool add_support(const TargetView& view, const ToReport& what, ObjectEstimate& estimate) {
+// Fills in one view. Returns whether it sees the object.
+bool add_support(const TargetView& view, const ToReport& in, ObjectEstimate& estimate) {
   ViewSupport& support = estimate.per_view[static_cast<std::size_t>(view.index)];
-  const auto expected = expected_in(view, what.filter.belief(), what.radius_m);
+  const auto expected = expected_in(view, in.filter.belief(), in.radius_m);
   if (!expected || !view.camera->contains({expected->at.px})) return false;
   const BallProjection& at = expected->at;
   support.in_view = true;
   support.px = at.px.cast<float>();
   support.radius_px = static_cast<float>(at.radius_px);
-  for (const Sighting& s : what.sightings) {
+  for (const Sighting& s : in.sightings) {
     if (s.row.camera != view.index) continue;
     support.seen = true;
     support.support = static_cast<float>(s.support);
@@ -46,39 +50,40 @@ ObjectEstimate without_position(const capture::FrameSet& set, const TargetViews&
   return e;
 }
 
-ObjectEstimate report(const ToReport& what, RigError& rig_error, capture::Timestamp& last_reported) {
-  const MotionState& belief = what.filter.belief();
-  const capture::FrameSet& set = what.set;
-  ObjectEstimate e = without_position(set, what.views, belief, what.state);
-  e.particle_count = static_cast<int>(what.filter.particles().size());
-  e.effective_sample_size = what.filter.effective_sample_size();
+ObjectEstimate report(const ToReport& in, RigError& rig_error, capture::Timestamp& last_published) {
+  const MotionState& belief = in.filter.belief();
+  const capture::FrameSet& set = in.set;
+  ObjectEstimate e = without_position(set, in.views, belief, in.state);
+  e.particle_count = static_cast<int>(in.filter.particles().size());
+  e.effective_sample_size = in.filter.effective_sample_size();
   for (std::size_t c = 0; c < e.per_view.size(); ++c)
-    e.per_view[c].inflation_px = static_cast<float>(std::sqrt(what.agreement.inflation_px2(c)));
+    e.per_view[c].inflation_px = static_cast<float>(std::sqrt(in.agreement.inflation_px2(c)));
   if (!e.has_position()) return e;
-  // Frames of one moment are told at that moment, whatever a few rows' uncertain times make of it.
-  const bool is_of_the_set = std::chrono::abs(set.at - belief.at) <= as_good_as_the_sets_time && set.at > last_reported;
-  e.at = is_of_the_set ? set.at : std::max(belief.at, last_reported + capture::Duration(1));
-  last_reported = e.at;
+  // A set of one moment gets the stamp of that moment, whatever the uncertain times of a few rows say.
+  const bool is_of_the_set = std::chrono::abs(set.at - belief.at) <= std::chrono::milliseconds(reporting.set_time_ms) &&
+                             set.at > last_published;
+  e.at = is_of_the_set ? set.at : std::max(belief.at, last_published + capture::Duration(1));
+  last_published = e.at;
   e.position = belief.position_at(e.at);
   e.velocity = belief.velocity();
-  rig_error.add(what.sightings);
+  rig_error.add(in.sightings);
   e.covariance = belief.position_covariance() + rig_error.left_open(e.position, e.at) +
                  belief.clock_variance_s2() * e.velocity * e.velocity.transpose();
-  e.map_position = what.filter.map_position();
-  for (const auto* some : {&what.views.used(), &what.views.unused()}) {
-    for (const TargetView& view : *some) e.views += add_support(view, what, e) ? 1 : 0;
+  e.map_position = in.filter.map_position();
+  for (const auto* some : {&in.views.used(), &in.views.unused()}) {
+    for (const TargetView& view : *some) e.views += add_support(view, in, e) ? 1 : 0;
   }
-  add_leave_one_out(belief, what.radius_m, what.options.acceleration_m_s2,
-                    (what.options.volume.max - what.options.volume.min).norm(), what.seen, what.sightings, e);
-  // How sure we are that this is the object, not where it is (the covariance says that): that not all supports are
-  // chance.
-  double doubt = 1;
-  for (const Sighting& s : what.sightings) {
-    // A view that contradicts the others by as much as its gate allows is worth half.
+  add_leave_one_out(belief, in.radius_m, in.options.acceleration_m_s2,
+                    (in.options.volume.max - in.options.volume.min).norm(), in.seen, in.sightings, e);
+  // Probability that not all views' supports are clutter. It says nothing of the position's accuracy.
+  double all_clutter = 1;
+  for (const Sighting& s : in.sightings) {
+    // A view that is inconsistent by as much as its gate allows counts half.
     const double usual_px2 = s.covariance.trace() / 2 + s.bias_sigma_px * s.bias_sigma_px;
-    doubt *= 1 - 0.9 * s.support / (1 + s.inflation_px2 / (sighting_tuning.gate_nis * usual_px2));
+    all_clutter *=
+        1 - reporting.confirmation_by_view * s.support / (1 + s.inflation_px2 / (sighting_tuning.gate_nis * usual_px2));
   }
-  e.confidence = 1 - doubt;
+  e.confidence = 1 - all_clutter;
   return e;
 }
 

@@ -1,4 +1,4 @@
-// What is told of one object after a set, from what is believed of it.
+// The published estimate of one object after a set.
 #pragma once
 
 #include <span>
@@ -21,19 +21,18 @@ struct ToReport {
   object_tracking::TrackState state;
   const ObjectFilter& filter;
   const object_tracking::ViewConsistency& agreement;
-  std::span<const object_tracking::Sighting> sightings;  // of this set, by the times of their rows
-  std::span<const object_tracking::Sighting>
-      seen;  // also those that contradict, and those of cameras that are not used
+  std::span<const object_tracking::Sighting> sightings;  // of this set, sorted by the time of their rows
+  std::span<const object_tracking::Sighting> seen;       // with inconsistent views and cameras that are not used
 };
 
-// Of a set after which nothing is told but which cameras delivered, and their times.
+// An estimate without a position: which cameras delivered, and their timing.
 object_tracking::ObjectEstimate without_position(const capture::FrameSet& set,
                                                  const object_tracking::TargetViews& views,
                                                  const object_tracking::MotionState& belief,
                                                  object_tracking::TrackState state);
 
-// last_reported: of the object, updated. Positions are told in the order of time.
-object_tracking::ObjectEstimate report(const ToReport& what, object_tracking::RigError& rig_error,
-                                       capture::Timestamp& last_reported);
+// last_published: of this object; updated. Output stamps strictly increase.
+object_tracking::ObjectEstimate report(const ToReport& in, object_tracking::RigError& rig_error,
+                                       capture::Timestamp& last_published);
 
 }  // namespace huetrack::object_trackers

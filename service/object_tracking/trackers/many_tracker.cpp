@@ -16,17 +16,15 @@ using namespace objects;
 
 namespace {
 
-// An object that is not seen and turns up where it may be by now is taken up again: chi-square, 3 degrees of freedom,
-// 99.7 %.
-constexpr double take_up_gate = 14.2;
-// Two centres nearer than this share of a diameter are of one object; a touch measured with an error is not.
-constexpr double one_object_share = 0.6;
-
-constexpr double elsewhere_radii = 6;  // so far off a view of a camera that was turned is looked for
-constexpr double apart_radii = 2;      // of both discs: from so far apart on, no region is of two
-
-// Who has left the volume is told so long at most, as a share of the time that coasting may take: he may turn back.
-constexpr double longest_outside = 0.5;
+struct ManyTrackerTuning {
+  double take_up_gate = 14.2;         // chi-square, 3 dof, 99.7 %: a detection near a coasting track continues it
+  double one_object_diameters = 0.6;  // nearer centres are one object; two that touch are one diameter apart
+  double elsewhere_radii = 6;         // a region this near may be the object in a camera that was turned (experiment)
+  double apart_radii = 2;             // of both discs: further apart, no region is of two objects
+  double probe_radii = 0.6;           // regions are also searched here around an expected centre (experiment)
+  double longest_outside_of_coast = 0.5;  // an object outside of the volume ends after this share of coast_s
+};
+constexpr ManyTrackerTuning many_tracker{};
 
 }  // namespace
 
@@ -65,27 +63,26 @@ void ManyTracker::update(const capture::FrameSet& set, std::vector<ObjectEstimat
   }
   clutter_mask_.look(views, tracked, set.at);
   sets_apart_ += is_apart(views) ? 1 : 0;
-  if (set.at < last_at_) forget_all();  // the clock was put back: what was known is of another time
+  if (set.at < last_at_) forget_all();  // the clock was set back: the states are of another time
   times_.belief().open_clocks(set);
   for (const auto& object : objects_) object->filter.belief().open_clocks(set);
   if (!views_.unused().empty()) {
-    expect(views_.unused());
+    predict(views_.unused());
     find_regions(views_.unused());
-    sight(views_.unused(), &Object::watched);
+    associate(views_.unused(), &Object::watched);
   }
-  expect(views);
+  predict(views);
   find_regions(views);
-  sight(views, &Object::sightings);
+  associate(views, &Object::sightings);
   compare_views(views);
   for (const auto& object : objects_) follow(*object, set, views);
-  end_what_is_one();
+  end_duplicates();
   if (views.size() >= 2) note_births(set, views);
   last_at_ = set.at;
   report(set, out);
 }
 
-// Where each view may show each object.
-void ManyTracker::expect(const std::vector<TargetView>& views) {
+void ManyTracker::predict(const std::vector<TargetView>& views) {
   for (std::size_t i = 0; i < views.size(); ++i) {
     const TargetView& view = views[i];
     expected_[i].clear();
@@ -99,7 +96,7 @@ void ManyTracker::expect(const std::vector<TargetView>& views) {
       if (!(at.px.x() > -margin && at.px.y() > -margin && at.px.x() < view.image->width + margin &&
             at.px.y() < view.image->height + margin))
         continue;
-      expected_[i].push_back({o, at, spread_in(view, *in_view, filter, consistency_, options_.acceleration_m_s2),
+      expected_[i].push_back({o, at, predicted_spread(view, *in_view, filter, consistency_, options_.acceleration_m_s2),
                               image_motion(view, at, belief)});
     }
   }
@@ -112,10 +109,10 @@ void ManyTracker::find_regions(const std::vector<TargetView>& views) {
     const SizeInView& size = size_in_view_[camera];
     regions_[i].clear();
     if (size.largest_px == 0) continue;  // no part of the volume is in view
-    // What is left to be seen of a known object may be.
+    // Also the visible rest of a known object that is mostly hidden.
     also.clear();
     for (const ExpectedObject& e : expected_[i]) {
-      const double half = 0.6 * e.at.radius_px;
+      const double half = many_tracker.probe_radii * e.at.radius_px;
       for (const auto& [du, dv] : {std::pair(0.0, 0.0), {half, 0.0}, {-half, 0.0}, {0.0, half}, {0.0, -half}})
         also.push_back(
             {static_cast<int>(std::lround(e.at.px.x() + du)), static_cast<int>(std::lround(e.at.px.y() + dv))});
@@ -124,9 +121,7 @@ void ManyTracker::find_regions(const std::vector<TargetView>& views) {
   }
 }
 
-// As of one object (object_sighter.cpp): no two frames have the same noise, and where all regions of a view are those
-// of its frame before to the last pixel, though an object must have moved, it is that frame. Twice in a row they stand
-// still, in pictures without noise.
+// As ObjectSighter::is_repeated(), by all regions of the view.
 bool ManyTracker::is_repeated(const TargetView& view, std::span<const color::ColorRegion> regions,
                               std::span<const ExpectedObject> expected) {
   LastRegions& last = last_regions_[static_cast<std::size_t>(view.index)];
@@ -143,8 +138,7 @@ bool ManyTracker::is_repeated(const TargetView& view, std::span<const color::Col
   return last.is_repeated;
 }
 
-// Which region of which view is of which object.
-void ManyTracker::sight(const std::vector<TargetView>& views, std::vector<Sighting> Object::*sightings) {
+void ManyTracker::associate(const std::vector<TargetView>& views, std::vector<Sighting> Object::*sightings) {
   for (const auto& object : objects_) (*object.*sightings).clear();
   for (std::size_t i = 0; i < views.size(); ++i) {
     const TargetView& view = views[i];
@@ -169,8 +163,8 @@ void ManyTracker::sight(const std::vector<TargetView>& views, std::vector<Sighti
   }
 }
 
-// A view that should show the object, and does not where the others have it: the nearest region of its size that no
-// object explains, if it is not nearer to where another one should be. Of a camera that was turned it is the object's.
+// For a view that does not show the object where it is predicted: the nearest unassigned region of its size, unless
+// that is nearer to another object's prediction. In a camera that was turned it is the object.
 std::optional<Sighting> ManyTracker::seen_elsewhere(const TargetView& view, std::size_t i, std::size_t which) const {
   const auto own = std::ranges::find(expected_[i], which, &ExpectedObject::object);
   const bool is_seen =
@@ -179,7 +173,7 @@ std::optional<Sighting> ManyTracker::seen_elsewhere(const TargetView& view, std:
     return std::nullopt;
   const double disc = std::numbers::pi * own->at.radius_px * own->at.radius_px;
   const color::ColorRegion* nearest = nullptr;
-  double distance_px = elsewhere_radii * own->at.radius_px;
+  double distance_px = many_tracker.elsewhere_radii * own->at.radius_px;
   for (const color::ColorRegion& region : unexplained_[i]) {
     const double off_px = (region.centre - own->at.px).norm();
     if (region.area < least_far_share * disc || region.area > largest_far_share * disc || off_px > distance_px)
@@ -195,16 +189,17 @@ std::optional<Sighting> ManyTracker::seen_elsewhere(const TargetView& view, std:
   return s;
 }
 
-// By one object, the same for as long as it is tracked, and only where it is apart from all others: what two views say
-// of different objects is no contradiction.
+// By one object, the same one while it is tracked, and only where it is apart from all others: views of different
+// objects are not inconsistent.
 void ManyTracker::compare_views(const std::vector<TargetView>& views) {
   const auto is_lead = [&](const auto& object) { return object.get() == lead_; };
   auto lead = std::ranges::find_if(objects_, is_lead);
   if (lead == objects_.end() || (*lead)->state != TrackState::tracking) {
-    lead = std::ranges::find_if(objects_, [](const auto& o) { return o->is_told && o->state == TrackState::tracking; });
-    // Where doubts let nobody be tracked, only who is seen all the same can tell that they are of the past.
+    lead = std::ranges::find_if(objects_,
+                                [](const auto& o) { return o->is_published && o->state == TrackState::tracking; });
+    // While inflated covariances keep all objects from being tracked, one that is seen shows when that is over.
     if (lead == objects_.end())
-      lead = std::ranges::find_if(objects_, [](const auto& o) { return o->is_told && o->sightings.size() >= 2; });
+      lead = std::ranges::find_if(objects_, [](const auto& o) { return o->is_published && o->sightings.size() >= 2; });
     if (lead == objects_.end())
       lead = std::ranges::find_if(objects_, [](const auto& o) { return o->sightings.size() >= 2; });
     lead_ = lead == objects_.end() ? nullptr : lead->get();
@@ -216,7 +211,7 @@ void ManyTracker::compare_views(const std::vector<TargetView>& views) {
     const auto own = std::ranges::find(expected_[i], which, &ExpectedObject::object);
     if (own == expected_[i].end()) continue;
     for (const ExpectedObject& other : expected_[i]) {
-      const double apart_px = apart_radii * (own->at.radius_px + other.at.radius_px);
+      const double apart_px = many_tracker.apart_radii * (own->at.radius_px + other.at.radius_px);
       if (other.object != which && (other.at.px - own->at.px).norm() < apart_px) return;
     }
   }
@@ -231,8 +226,7 @@ void ManyTracker::compare_views(const std::vector<TargetView>& views) {
   consistency_.compare_sightings(object.filter.belief(), seen);
 }
 
-// Returns the power density to use for this set: a bounce needs one that is not learnt, as what comes after it is as
-// calm as what went before.
+// Returns the power density for this set. That of a bounce is not learnt: the motion after it is as calm as before.
 double ManyTracker::learn_acceleration(Object& object, const capture::FrameSet& set) {
   ObjectFilter& filter = object.filter;
   const double before = filter.acceleration();
@@ -256,11 +250,11 @@ void ManyTracker::follow(Object& object, const capture::FrameSet& set, const std
                             clutter_, clutter_mask_);
   else
     object.existence.assume();
-  object.filter.update(object.sightings, set.at, object.last_reported, power_density);
+  object.filter.update(object.sightings, set.at, object.last_published, power_density);
   judge(object, set);
 }
 
-// Outside the volume, too: report() says who is told.
+// Also of an object outside of the volume: report() decides what is published.
 void ManyTracker::judge(Object& object, const capture::FrameSet& set) {
   const MotionState& belief = object.filter.belief();
   const Judged now = judged(options_, belief, object.sightings, consistency_.inflated_sigma(belief, object.sightings),
@@ -271,15 +265,15 @@ void ManyTracker::judge(Object& object, const capture::FrameSet& set) {
   if (now.is_seen) object.last_tracking = set.at;
 }
 
-// One object that is told twice: the older one stays.
-void ManyTracker::end_what_is_one() {
-  const double least_m = one_object_share * 2 * target_.radius_m;
+// Of two tracks of one object, the one that more views see stays; of equal ones the older.
+void ManyTracker::end_duplicates() {
+  const double least_m = many_tracker.one_object_diameters * 2 * target_.radius_m;
   for (std::size_t i = 0; i < objects_.size(); ++i) {
     for (std::size_t j = i + 1; j < objects_.size(); ++j) {
       Object &a = *objects_[i], &b = *objects_[j];
       if (a.state == TrackState::lost || b.state == TrackState::lost) continue;
       if ((a.filter.belief().position() - b.filter.belief().position()).norm() > least_m) continue;
-      // What is not seen may have been predicted to where it cannot be.
+      // A coasting object's prediction may be where it cannot be.
       if (a.state == TrackState::tracking && b.state == TrackState::coasting) continue;
       if (b.state == TrackState::tracking && a.state == TrackState::coasting) continue;
       const bool is_a_better = a.sightings.size() >= b.sightings.size();
@@ -305,10 +299,10 @@ void ManyTracker::note_births(const capture::FrameSet& set, const std::vector<Ta
   const std::vector<Birth> births =
       births_.look(views, std::span(unexplained_).first(views.size()), covered, clutter_mask_, set.at, times());
   for (const Birth& birth : births) {
-    if (take_up(birth, views, set.at)) continue;
+    if (continue_track(birth, views, set.at)) continue;
     const bool is_taken = std::ranges::any_of(objects_, [&](const auto& o) {
-      return o->state != TrackState::lost &&
-             (o->filter.belief().position_at(set.at) - birth.now.position).norm() < 1.5 * target_.radius_m;
+      return o->state != TrackState::lost && (o->filter.belief().position_at(set.at) - birth.now.position).norm() <
+                                                 object_gates.same_object_radii * target_.radius_m;
     });
     if (is_taken || std::ssize(objects_) >= 2 * TargetOptions::most_count) continue;
     auto fresh = std::make_unique<Object>(rig_, target_.radius_m, options_,
@@ -320,11 +314,11 @@ void ManyTracker::note_births(const capture::FrameSet& set, const std::vector<Ta
   if (objects_.empty()) search_log_.add(views, std::span(regions_).first(views.size()), options_.volume);
 }
 
-// An object that was not seen for a while is where it may be by now. One that nobody saw any more when what was found
-// was first seen bounced, or was caught: it is wherever its speed, changed by as much, takes it.
-bool ManyTracker::take_up(const Birth& birth, const std::vector<TargetView>& views, capture::Timestamp set_at) {
+// Whether a detection is a coasting object. One that was lost after the detection was first seen has bounced, or was
+// caught: it may be wherever its speed, changed by as much, takes it.
+bool ManyTracker::continue_track(const Birth& birth, const std::vector<TargetView>& views, capture::Timestamp set_at) {
   Object* best = nullptr;
-  double best_d2 = take_up_gate;
+  double best_d2 = many_tracker.take_up_gate;
   const double first_seen_s = (birth.now.sets + 0.5) * birth.dt;  // ago, up to the set before
   for (const auto& object : objects_) {
     if (object->state != TrackState::coasting || object->sightings.size() >= 2) continue;
@@ -343,7 +337,6 @@ bool ManyTracker::take_up(const Birth& birth, const std::vector<TargetView>& vie
   return true;
 }
 
-// The belief that the sightings of two sets give, from nothing but what is usual.
 void ManyTracker::start(Object& object, const Birth& birth, const std::vector<TargetView>& views,
                         capture::Timestamp set_at) {
   if (clutter_mask_.is_room_shared())
@@ -352,11 +345,11 @@ void ManyTracker::start(Object& object, const Birth& birth, const std::vector<Ta
   else
     object.existence.assume();
   object.sightings = object.filter.start(birth.earlier, birth.now, consistency_, set_at, birth.dt, sets_apart_ == 0,
-                                         object.last_reported);
+                                         object.last_published);
   if (lead_ == nullptr) consistency_.compare_found(object.filter.belief(), object.sightings);
-  const double doubted_m = consistency_.inflated_sigma(object.filter.belief(), object.sightings);
-  const double sigma_m = std::max(judged_sigma(object.filter.belief(), object.sightings), doubted_m);
-  object.state = doubted_m > options_.max_coast_sigma_m ? TrackState::lost
+  const double inconsistency_m = consistency_.inflated_sigma(object.filter.belief(), object.sightings);
+  const double sigma_m = std::max(judged_sigma(object.filter.belief(), object.sightings), inconsistency_m);
+  object.state = inconsistency_m > options_.max_coast_sigma_m ? TrackState::lost
                  : sigma_m <= options_.max_tracking_sigma_m && object.existence.is_sure() &&
                          is_localized(options_, object.filter.belief())
                      ? TrackState::tracking
@@ -386,12 +379,12 @@ void ManyTracker::correct_times(std::span<const double> late_s) {
   consistency_.forget();
 }
 
-// Readers know objects by their numbers alone: one that nobody follows any more ends, and its number is not another's.
+// Subscribers know objects by their numbers alone, so a number ends with its tracker and is not used again.
 void ManyTracker::take_over_from(const ManyTracker& before) {
   number_before_ = last_number_ = before.last_number_;
-  left_behind_ = before.left_behind_;
+  ended_ = before.ended_;
   for (const auto& object : before.objects_)
-    if (object->is_told) left_behind_.push_back(object->number);
+    if (object->is_published) ended_.push_back(object->number);
 }
 
 PositionParticles ManyTracker::particles() const {
@@ -406,8 +399,8 @@ PositionParticles ManyTracker::particles() const {
   return all;
 }
 
-// What is known of the cameras' times. Before anything is, frames of the same times are of cameras that are triggered
-// together: otherwise nearly any two rays would meet.
+// The timing's estimate. Until there is one, cameras with equal stamps count as synchronised: with open timing nearly
+// any two rays would meet.
 MotionState ManyTracker::times() const {
   MotionState out = objects_.empty() ? times_.belief() : objects_.front()->filter.belief();
   if (started_ == 0 && sets_apart_ == 0) out.expect_synchronised();
@@ -416,26 +409,27 @@ MotionState ManyTracker::times() const {
 
 void ManyTracker::report(const capture::FrameSet& set, std::vector<ObjectEstimate>& out) {
   out.clear();
-  report_left_behind(set, out);
-  std::vector<Sighting> seen;  // also by cameras that are not used
+  report_ended(set, out);
+  std::vector<Sighting> seen;  // also of cameras that are not used
   std::optional<Eigen::Vector3d> further_at;
-  auto told = std::ranges::count_if(objects_, [](const auto& o) { return o->is_told; });
+  auto published = std::ranges::count_if(objects_, [](const auto& o) { return o->is_published; });
   for (const auto& object : objects_) {
     const bool is_inside = inside(options_.volume, object->filter.belief().position(), target_.radius_m);
     if (is_inside) object->last_inside = set.at;
-    const bool is_birth = !object->is_told;
-    if (is_birth) {  // is it to be told now?
+    const bool is_birth = !object->is_published;
+    if (is_birth) {
       if (object->state != TrackState::tracking || !is_inside) continue;
-      if (told >= target_.count) {
+      if (published >= target_.count) {
         further_at = object->filter.belief().position();
         continue;
       }
-      ++told;
-      object->is_told = true;
+      ++published;
+      object->is_published = true;
       object->number = ++last_number_;
     }
-    const bool is_end = object->state == TrackState::lost ||
-                        capture::seconds(set.at - object->last_inside) > longest_outside * options_.coast_s;
+    const bool is_end =
+        object->state == TrackState::lost ||
+        capture::seconds(set.at - object->last_inside) > many_tracker.longest_outside_of_coast * options_.coast_s;
     seen = object->sightings;
     seen.insert(seen.end(), object->watched.begin(), object->watched.end());
     const TrackState state = is_end ? TrackState::lost : is_inside ? object->state : TrackState::coasting;
@@ -448,11 +442,11 @@ void ManyTracker::report(const capture::FrameSet& set, std::vector<ObjectEstimat
                                            .agreement = consistency_,
                                            .sightings = object->sightings,
                                            .seen = seen},
-                                          object->rig_error, object->last_reported));
+                                          object->rig_error, object->last_published));
     out.back().object = object->number;
     out.back().is_birth = is_birth;
     out.back().is_end = is_end;
-    if (is_end) object->is_told = false;  // if it goes on, outside: who comes in again is new
+    if (is_end) object->is_published = false;  // outside it is still followed; when it comes in it gets a new number
   }
   further_.note(set.at, further_at);
   std::ranges::sort(out, {}, &ObjectEstimate::object);
@@ -461,22 +455,22 @@ void ManyTracker::report(const capture::FrameSet& set, std::vector<ObjectEstimat
     return object->state == TrackState::lost;
   });
   if (out.empty())
-    out.push_back(none_known(set));
+    out.push_back(no_object(set));
   else
     search_log_.clear();
 }
 
-void ManyTracker::report_left_behind(const capture::FrameSet& set, std::vector<ObjectEstimate>& out) {
-  for (const std::uint32_t number : left_behind_) {
+void ManyTracker::report_ended(const capture::FrameSet& set, std::vector<ObjectEstimate>& out) {
+  for (const std::uint32_t number : ended_) {
     out.push_back(without_position(set, views_, times_.belief(), TrackState::lost));
     out.back().object = number;
     out.back().is_end = true;
   }
-  left_behind_.clear();
+  ended_.clear();
 }
 
-// What is told then is that of the target.
-ObjectEstimate ManyTracker::none_known(const capture::FrameSet& set) const {
+// One estimate, of the target itself.
+ObjectEstimate ManyTracker::no_object(const capture::FrameSet& set) const {
   const bool was_found = last_number_ != number_before_;
   return without_position(set, views_, times_.belief(), was_found ? TrackState::lost : TrackState::searching);
 }

@@ -16,12 +16,23 @@ using namespace object_tracking;
 
 namespace {
 
-// White acceleration has a power density a^2 tau: an acceleration of a that lasts for about tau.
-constexpr double acceleration_time_s = 0.1;
-constexpr double least_acceleration_m_s2 = 3;  // nothing moves more evenly than this for long
-constexpr double floor_likelihood = 1.0 / 25;  // the paper's, eqs. (5), (6): tolerates occlusion and locks nothing out
-// Mean squared innovation in its standard deviations; 1 is usual.
-constexpr double usual_surprise = 3, bounce_surprise = 6;
+// Normalised innovation squared (NIS) here is per degree of freedom: its mean is 1.
+struct ObjectFilterTuning {
+  double acceleration_time_s = 0.1;        // an acceleration a lasts about this long: power density a^2 tau
+  double least_acceleration_m_s2 = 3;      // nothing moves more evenly than this for long
+  double highest_acceleration_factor = 4;  // of the configured acceleration
+  double acceleration_growth = 1.5;        // of one step of covariance matching
+  double acceleration_settling = 0.05;     // logarithm of its change per unit of NIS and set (experiment)
+  double usual_nis = 3;                    // above it the acceleration is raised
+  double bounce_nis = 6;                   // above it at the highest acceleration: a bounce, a hit or a throw
+  double outlier_nis_ratio = 3;            // by which leaving out one inconsistent view must reduce the NIS
+  float farthest_d2 = 50;                  // of the linearised likelihood: keeps weights of far particles finite
+  double least_ess_share = 0.1;            // of the particles; below it their weights are not used
+  double least_variance_m2 = 1e-10;        // added to the position's variance: keeps its covariance invertible
+};
+constexpr ObjectFilterTuning object_filter{};
+
+constexpr double floor_likelihood = 1.0 / window_pixels;  // the paper's, eqs. (5), (6): no view can veto
 
 // out = a0 x + a1 y + a2 z + m
 struct Affine {
@@ -37,7 +48,7 @@ HUETRACK_CLONES void transform(const Affine& by, std::size_t n, const float* __r
   for (std::size_t i = 0; i < n; ++i) out[i] = a0 * x[i] + a1 * y[i] + a2 * z[i] + m;
 }
 
-// What a view adds to the logarithms of the weights.
+// One view's contribution to the logarithms of the weights.
 struct ViewWeights {
   float i_uu, i_uv, i_vv;  // the information; i_uv counts twice
   float cu, cv;            // where the object is measured
@@ -47,7 +58,7 @@ struct ViewWeights {
 HUETRACK_CLONES void add_weights(const ViewWeights& by, std::size_t n, const float* __restrict x,
                                  const float* __restrict y, const float* __restrict z, const float* __restrict u,
                                  const float* __restrict v, float* __restrict log_weight) {
-  constexpr float farthest = 50;
+  constexpr float farthest = object_filter.farthest_d2;
   const ViewWeights w = by;
   const auto d2_of = [=](float du, float dv) __attribute__((always_inline)) {
     return w.i_uu * du * du + w.i_uv * du * dv + w.i_vv * dv * dv;
@@ -75,19 +86,25 @@ ObjectFilter::ObjectFilter(const calib::CameraRig& rig, double radius_m, const O
   scatter();
 }
 
-// The linearised belief of motion and sightings together is what particles are drawn from; what the linearisation and
-// the floor change, their weights say.
-void ObjectFilter::update(std::span<const Sighting> sightings, capture::Timestamp set_at, capture::Timestamp told,
-                          double power_density) {
-  MotionState proposal = propose(sightings, set_at, told, power_density);
+// Particles are drawn from the linearised posterior of motion and measurements; their weights correct for the
+// linearisation and the floor.
+void ObjectFilter::update(std::span<const Sighting> sightings, capture::Timestamp set_at,
+                          capture::Timestamp last_published, double power_density) {
+  MotionState proposal = observer_.observed_in_passes(belief_, sightings, power_density);
+  predict_to_output(proposal, set_at, last_published, power_density);
   proposal.cache_nuisance_part();
-  // Particles are positions, for views as they are believed to be.
+  // Particles are positions, conditioned on the nuisance states.
   MotionState at_views = proposal.conditioned_on_nuisances();
   draw_particles(at_views);
   weigh(at_views, power_density);
   estimate(std::move(at_views));
   belief_.reinflate_nuisances(proposal);
   if (times_.remember(belief_, sightings, power_density)) times_.linearise_again(belief_, this->power_density());
+}
+
+void ObjectFilter::reset_weights() {
+  weight_.assign(particles_.size(), 1.0f / static_cast<float>(particles_.size()));
+  effective_sample_size_ = static_cast<double>(particles_.size());
 }
 
 void ObjectFilter::scatter() {
@@ -102,12 +119,11 @@ void ObjectFilter::scatter() {
     particles_.y[i] = min.y() + extent.y() * unit_[n + i];
     particles_.z[i] = min.z() + extent.z() * unit_[2 * n + i];
   }
-  weight_.assign(n, 1.0f / static_cast<float>(n));
-  effective_sample_size_ = static_cast<double>(n);
+  reset_weights();
 }
 
 double ObjectFilter::power_density() const {
-  return acceleration_ * acceleration_ * acceleration_time_s;
+  return acceleration_ * acceleration_ * object_filter.acceleration_time_s;
 }
 
 void ObjectFilter::adopt_times(const ObjectFilter& other) {
@@ -133,7 +149,7 @@ void ObjectFilter::begin(const PositionCandidate& earlier, const PositionCandida
 
 std::vector<Sighting> ObjectFilter::start(const PositionCandidate& earlier, const PositionCandidate& found,
                                           const ViewConsistency& agreement, capture::Timestamp set_at, double dt,
-                                          bool is_in_step, capture::Timestamp told) {
+                                          bool is_in_step, capture::Timestamp last_published) {
   begin(earlier, found, set_at, dt, is_in_step);
   std::vector<Sighting> sightings;
   for (const std::vector<Sighting>* of_set : {&earlier.sightings, &found.sightings}) {
@@ -141,13 +157,12 @@ std::vector<Sighting> ObjectFilter::start(const PositionCandidate& earlier, cons
     sort_by_time(sightings);
     agreement.inflate(belief_, sightings);
     belief_ = observer_.observed(belief_, &about_, sightings, power_density());
-    predict_to_be_told(belief_, set_at, told, power_density());
+    predict_to_output(belief_, set_at, last_published, power_density());
     times_.remember(belief_, sightings, power_density());
   }
   times_.settle(belief_);
   draw_particles(belief_.conditioned_on_nuisances());
-  weight_.assign(particles_.size(), 1.0f / static_cast<float>(particles_.size()));
-  effective_sample_size_ = static_cast<double>(particles_.size());
+  reset_weights();
   map_ = belief_.position();
   return sightings;
 }
@@ -162,14 +177,14 @@ void ObjectFilter::correct_times(std::span<const double> late_s) {
   times_.begin(belief_);
 }
 
-// Of three views or more, one that contradicts what all others agree on with the motion: it shows a frame once more, or
-// something else of this colour. A bounce contradicts all of them.
-void ObjectFilter::leave_out_what_contradicts(std::vector<Sighting>& sightings) {
-  if (sightings.size() < 3 || surprise() <= usual_surprise) return;
+// Of three or more views, one may be inconsistent with the motion and all others: it repeats a frame, or shows
+// something else of this colour. With a bounce all of them are inconsistent with the motion.
+void ObjectFilter::remove_inconsistent_view(std::vector<Sighting>& sightings) {
+  if (sightings.size() < 3 || surprise() <= object_filter.usual_nis) return;
   const std::vector<Sighting> all = sightings;
   std::vector<Sighting> best;
-  // The others must agree; and much better than all did, as a swerve surprises some views more than others.
-  double least_surprise = std::min(usual_surprise, surprise() / 3);
+  // The others must be consistent, and much more so than with it: a swerve affects some views more than others.
+  double least_surprise = std::min(object_filter.usual_nis, surprise() / object_filter.outlier_nis_ratio);
   for (std::size_t i = 0; i < all.size(); ++i) {
     sightings = all;
     sightings.erase(sightings.begin() + static_cast<std::ptrdiff_t>(i));
@@ -181,17 +196,17 @@ void ObjectFilter::leave_out_what_contradicts(std::vector<Sighting>& sightings) 
 }
 
 void ObjectFilter::raise_acceleration(std::vector<Sighting>& sightings) {
-  const double ceiling = 4 * options_.acceleration_m_s2;
+  const double ceiling = object_filter.highest_acceleration_factor * options_.acceleration_m_s2;
   if (!sightings.empty()) observer_.observed(belief_, nullptr, sightings, power_density());
-  leave_out_what_contradicts(sightings);
-  while (!sightings.empty() && surprise() > usual_surprise && acceleration_ < ceiling) {
-    acceleration_ = std::min(ceiling, 1.5 * acceleration_);
+  remove_inconsistent_view(sightings);
+  while (!sightings.empty() && surprise() > object_filter.usual_nis && acceleration_ < ceiling) {
+    acceleration_ = std::min(ceiling, object_filter.acceleration_growth * acceleration_);
     observer_.observed(belief_, nullptr, sightings, power_density());
   }
 }
 
 bool ObjectFilter::is_unexplained(std::span<const Sighting> sightings) const {
-  return sightings.size() >= 2 && surprise() > bounce_surprise;
+  return sightings.size() >= 2 && surprise() > object_filter.bounce_nis;
 }
 
 double ObjectFilter::kick_m_s() const {
@@ -200,31 +215,25 @@ double ObjectFilter::kick_m_s() const {
 
 void ObjectFilter::settle_acceleration(std::span<const Sighting> sightings) {
   if (sightings.empty()) return;
-  // While the times are open, small innovations do not tell calm motion: nearly all of what is expected of them is the
-  // times'. And a motion that is taken for too calm passes for cameras that are late.
-  const double usual = (belief_.velocity().norm() > at_rest_m_s ? 2 : 1) * options_.acceleration_m_s2;
-  const double least = are_times_open(sightings, belief_) ? usual : least_acceleration_m_s2;
-  acceleration_ = std::clamp(acceleration_ * std::exp(0.05 * (std::min(surprise(), usual_surprise) - 1)), least,
-                             4 * options_.acceleration_m_s2);
+  // While the timing is uncertain it explains nearly all of the innovations, so that small ones do not show a calm
+  // motion; and with too low an acceleration a motion would be explained by late cameras.
+  const double usual = (belief_.velocity().norm() > timing_tuning.at_rest_m_s ? 2 : 1) * options_.acceleration_m_s2;
+  const double least = are_times_open(sightings, belief_) ? usual : object_filter.least_acceleration_m_s2;
+  acceleration_ = std::clamp(acceleration_ * std::exp(object_filter.acceleration_settling *
+                                                      (std::min(surprise(), object_filter.usual_nis) - 1)),
+                             least, object_filter.highest_acceleration_factor * options_.acceleration_m_s2);
 }
 
-// Rows of two sets may overlap in time, but positions are told in the order of time; and an object that nobody sees is
+// Rows of two sets may overlap in time, but output stamps strictly increase. Without measurements the state is
 // predicted to the set's time.
-void ObjectFilter::predict_to_be_told(MotionState& belief, capture::Timestamp set_at, capture::Timestamp told,
-                                      double power_density) const {
-  if (observer_.views().empty() || belief.at <= told)
-    belief.predict_to(std::max(set_at, told + capture::Duration(1)), power_density);
+void ObjectFilter::predict_to_output(MotionState& belief, capture::Timestamp set_at, capture::Timestamp last_published,
+                                     double power_density) const {
+  if (observer_.views().empty() || belief.at <= last_published)
+    belief.predict_to(std::max(set_at, last_published + capture::Duration(1)), power_density);
 }
 
-MotionState ObjectFilter::propose(std::span<const Sighting> sightings, capture::Timestamp set_at,
-                                  capture::Timestamp told, double power_density) {
-  MotionState out = observer_.observed_in_passes(belief_, sightings, power_density);
-  predict_to_be_told(out, set_at, told, power_density);
-  return out;
-}
-
-// Antithetic pairs, shaped to the proposal's covariance exactly: where everything is Gaussian the filter is then
-// exactly the Kalman filter, and the only Monte Carlo noise left is in what is not.
+// Antithetic pairs, transformed so that their covariance is exactly the proposal's: in the Gaussian case the filter is
+// then exactly the Kalman filter, without Monte Carlo noise.
 void ObjectFilter::draw_particles(const MotionState& proposal) {
   const auto n = static_cast<std::size_t>(options_.particle_count);
   const std::size_t pairs = (n + 1) / 2;
@@ -272,8 +281,7 @@ void ObjectFilter::weigh(const MotionState& proposal, double power_density) {
   for (const LinearView& view : observer_.views()) {
     const Sighting& sighting = *view.sighting;
     const LinearSighting& linear = view.linear;
-    // What is not of the position (velocity, times) is that of the regression on it, and what that leaves open counts
-    // as the view's noise.
+    // Velocity and timing follow by regression on the position; the remaining variance counts as the view's noise.
     const MotionState::ConditionalMeasurement seen = proposal.measurement_given_position(linear.row, power_density);
     const Eigen::Matrix3f b = seen.slope.cast<float>();
     const Eigen::Vector3f c = seen.offset.cast<float>();
@@ -304,28 +312,30 @@ void ObjectFilter::weigh(const MotionState& proposal, double power_density) {
   }
   weight_.resize(n);
   particle_filter::normalize_log_weights(log_weight_, weight_);
-  // The floor gives the target heavier tails than the proposal has, so that a few particles far out can outweigh all
-  // others; a handful of particles is a worse answer than the linearised one, which equal weights are.
+  // The floor gives the posterior heavier tails than the proposal, so that a few far particles can outweigh all others.
+  // A handful of particles is a worse estimate than the linearised one, which equal weights give.
   effective_sample_size_ = particle_filter::effective_sample_size(weight_);
-  if (effective_sample_size_ < 0.1 * static_cast<double>(n)) weight_.assign(n, 1.0f / static_cast<float>(n));
+  if (effective_sample_size_ < object_filter.least_ess_share * static_cast<double>(n))
+    weight_.assign(n, 1.0f / static_cast<float>(n));
 }
 
-// The weighted particles' mean and covariance are the position's; velocity and times follow by regression on it.
+// Mean and covariance of the weighted particles; velocity and timing follow by regression on the position.
 void ObjectFilter::estimate(MotionState&& proposal) {
   const particle_filter::WeightedMoments moments =
       particle_filter::weighted_moments(particles_.x.data(), particles_.y.data(), particles_.z.data(), weight_.data(),
                                         particles_.size(), proposal.position().cast<float>());
   belief_ = std::move(proposal);
-  belief_.set_position(moments.mean, moments.covariance + 1e-10 * Eigen::Matrix3d::Identity());
+  belief_.set_position(moments.mean,
+                       moments.covariance + object_filter.least_variance_m2 * Eigen::Matrix3d::Identity());
   map_ = Eigen::Vector3f(particles_.x[moments.best], particles_.y[moments.best], particles_.z[moments.best])
              .cast<double>();
 }
 
 double judged_sigma(const MotionState& belief, std::span<const Sighting> sightings) {
-  const double believed_m = largest_sigma(belief.position_covariance_conditioned());
-  if (sightings.size() < 2) return believed_m;
+  const double estimated_m = largest_sigma(belief.position_covariance_conditioned());
+  if (sightings.size() < 2) return estimated_m;
   const PositionInformation seen = information_of(sightings, belief.position());
-  return std::min(believed_m, largest_sigma(seen.information.inverse()));
+  return std::min(estimated_m, largest_sigma(seen.information.inverse()));
 }
 
 bool is_localized(const ObjectTrackerOptions& options, const MotionState& belief) {
@@ -333,17 +343,17 @@ bool is_localized(const ObjectTrackerOptions& options, const MotionState& belief
 }
 
 Judged judged(const ObjectTrackerOptions& options, const MotionState& belief, std::span<const Sighting> sightings,
-              double doubted_m, double unseen_s, bool may_be_tracked) {
+              double inconsistency_m, double unseen_s, bool may_be_tracked) {
   const double sigma_m = judged_sigma(belief, sightings);
   if (may_be_tracked && !sightings.empty() && sigma_m <= options.max_tracking_sigma_m &&
-      doubted_m <= options.max_coast_sigma_m)
-    return {doubted_m <= options.max_tracking_sigma_m && is_localized(options, belief) ? TrackState::tracking
-                                                                                       : TrackState::coasting,
+      inconsistency_m <= options.max_coast_sigma_m)
+    return {inconsistency_m <= options.max_tracking_sigma_m && is_localized(options, belief) ? TrackState::tracking
+                                                                                             : TrackState::coasting,
             true};
-  // Nobody sees it, and it is not expected to be where it may be.
+  // No view sees it, and its prediction has left the volume.
   const bool is_gone = sightings.empty() && !inside(options.volume, belief.position(), 0);
   const bool is_lost =
-      is_gone || std::max(sigma_m, doubted_m) > options.max_coast_sigma_m || unseen_s > options.coast_s;
+      is_gone || std::max(sigma_m, inconsistency_m) > options.max_coast_sigma_m || unseen_s > options.coast_s;
   return {is_lost ? TrackState::lost : TrackState::coasting, false};
 }
 

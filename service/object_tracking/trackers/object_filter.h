@@ -1,6 +1,5 @@
-// What is believed of one object, given the sightings of each set: a Gaussian particle filter (Kotecha and Djuric 2003)
-// over the position, with the velocity, the cameras' times and what lasts of their errors marginalised. Which sighting
-// is of which object, and whether it is tracked, is decided by those who call it.
+// State of one object: a Gaussian particle filter (Kotecha and Djuric 2003) over the position; velocity, the cameras'
+// timing and their slowly varying biases are marginalised. Association and existence are decided by the callers.
 #pragma once
 
 #include <Eigen/Core>
@@ -18,7 +17,7 @@
 
 namespace huetrack::object_trackers {
 
-// thread-compatible. Sightings come by the times of their rows.
+// thread-compatible. Measurements are sorted by the time of their rows.
 class ObjectFilter {
  public:
   ObjectFilter(const calib::CameraRig& rig, double radius_m, const object_tracking::ObjectTrackerOptions& options,
@@ -30,63 +29,58 @@ class ObjectFilter {
   double effective_sample_size() const { return effective_sample_size_; }
   const Eigen::Vector3d& map_position() const { return map_; }
 
-  // What `other` has learnt of the cameras' times, for an object that is new.
-  void adopt_times(const ObjectFilter& other);
+  void adopt_times(const ObjectFilter& other);  // for a new object: the timing that `other` has estimated
+  void scatter();                               // position unknown: particles uniform in the volume
 
-  // Nothing is known of the position: particles anywhere in the volume.
-  void scatter();
-
-  // A new object, from what two sets saw of it, dt apart, and nothing but what is usual. is_in_step: the cameras are
-  // triggered together, as far as is known. Returns the second set's sightings, doubted as the views are.
+  // Initialises a new object from measurements of two sets, dt apart. is_in_step: the cameras are synchronised, as far
+  // as is known. Returns the second set's measurements, with the inflation of `agreement`.
   std::vector<object_tracking::Sighting> start(const object_tracking::PositionCandidate& earlier,
                                                const object_tracking::PositionCandidate& found,
                                                const object_tracking::ViewConsistency& agreement,
                                                capture::Timestamp set_at, double dt, bool is_in_step,
-                                               capture::Timestamp told);
+                                               capture::Timestamp last_published);
 
-  // Covariance matching, before update(): raises the acceleration until the innovations of all sightings together are
-  // ones that it explains. Of three views, one that contradicts the others is left out.
+  // Covariance matching, before update(): raises the acceleration until the innovations of all measurements together
+  // are consistent with it. Removes one of three or more views if it is inconsistent with the others.
   void raise_acceleration(std::vector<object_tracking::Sighting>& sightings);
-  // And lowers it slowly while they are smaller than they need be.
-  void settle_acceleration(std::span<const object_tracking::Sighting> sightings);
-  double acceleration() const { return acceleration_; }  // m/s^2
+  void settle_acceleration(std::span<const object_tracking::Sighting> sightings);  // lowers it slowly
+  double acceleration() const { return acceleration_; }                            // m/s^2
   void set_acceleration(double m_s2) { acceleration_ = m_s2; }
   double power_density() const;                             // of it, m^2/s^3
-  double surprise() const { return observer_.mean_nis(); }  // of the sightings that were looked at last
-  // The hardest acceleration does not explain these, which were looked at last: a bounce, a hit or a throw.
+  double surprise() const { return observer_.mean_nis(); }  // of the last measurements
+  // The highest acceleration does not explain the last measurements: a bounce, a hit or a throw.
   bool is_unexplained(std::span<const object_tracking::Sighting> sightings) const;
-  // By as much its velocity may change then, on each axis. At any moment within dt that is as good as white
-  // acceleration of a power density of its square over dt.
+  // 1 sigma per axis of the change of velocity then. At an unknown moment within dt it acts like white acceleration of
+  // power density kick^2 / dt.
   double kick_m_s() const;
 
-  // One set. Positions are told in the order of time: what is believed after it is later than `told`.
-  void update(std::span<const object_tracking::Sighting> sightings, capture::Timestamp set_at, capture::Timestamp told,
-              double power_density);
+  // One set. The state afterwards is later than `last_published`: published stamps strictly increase.
+  void update(std::span<const object_tracking::Sighting> sightings, capture::Timestamp set_at,
+              capture::Timestamp last_published, double power_density);
 
-  void forget_camera(int camera);                      // it stands elsewhere
+  void forget_camera(int camera);                      // its pose changed
   void correct_times(std::span<const double> late_s);  // MotionState::correct_times()
 
  private:
   void begin(const object_tracking::PositionCandidate& earlier, const object_tracking::PositionCandidate& found,
              capture::Timestamp set_at, double dt, bool is_in_step);
-  void predict_to_be_told(object_tracking::MotionState& belief, capture::Timestamp set_at, capture::Timestamp told,
-                          double power_density) const;
-  void leave_out_what_contradicts(std::vector<object_tracking::Sighting>& sightings);
-  object_tracking::MotionState propose(std::span<const object_tracking::Sighting> sightings, capture::Timestamp set_at,
-                                       capture::Timestamp told, double power_density);
+  void predict_to_output(object_tracking::MotionState& belief, capture::Timestamp set_at,
+                         capture::Timestamp last_published, double power_density) const;
+  void remove_inconsistent_view(std::vector<object_tracking::Sighting>& sightings);
   void draw_particles(const object_tracking::MotionState& proposal);
   void weigh(const object_tracking::MotionState& proposal, double power_density);
   void estimate(object_tracking::MotionState&& proposal);
+  void reset_weights();
 
   object_tracking::ObjectTrackerOptions options_;
   particle_filter::Rng rng_;
 
   object_tracking::MotionState belief_;  // after the last set
-  object_tracking::MotionState about_;   // while an object starts: a motion near its own
+  object_tracking::MotionState about_;   // while an object is initialised: the motion to linearise at
   double acceleration_ = 0;              // m/s^2, learnt
   object_tracking::MotionObserver observer_;
   TimingEstimator times_;
-  bool has_begun_ = false;  // an object was found: times are being learnt
+  bool has_begun_ = false;  // an object was initialised: timing is being estimated
 
   PositionParticles particles_;
   std::vector<float> weight_, log_weight_, unit_, u_, v_;
@@ -95,26 +89,24 @@ class ObjectFilter {
   Eigen::Vector3d map_ = Eigen::Vector3d::Zero();
 };
 
-// Of what fixes the position: the belief for the views as they are believed to be, or the views of this set alone where
-// they are surer (a belief that allows for anything between two sets of slow cameras is not). Standard deviation along
-// the largest axis, metres.
+// What decides about the state: 1 sigma of the position along its worst axis, metres; the smaller one of the
+// estimate's, conditioned on the nuisance states, and that of this set's measurements alone (of slow cameras the
+// prediction is wide).
 double judged_sigma(const object_tracking::MotionState& belief, std::span<const object_tracking::Sighting> sightings);
 
-// Whatever leaves it open, also that nobody knows the cameras' times: what may be anywhere is not tracked.
+// The position is known well enough to publish, all uncertainty included, that of the timing as well.
 bool is_localized(const object_tracking::ObjectTrackerOptions& options, const object_tracking::MotionState& belief);
 
-// An object that was known before this set. A view or more must see it, and together they must say where. What is open
-// because nobody knows the cameras' times does not count here, but for is_localized(): the covariance tells it, and
-// motion will. What is open because views contradict one another does: such an object is seen, and where it is nobody
-// knows well enough. lost: it is to be forgotten, and looked for.
+// The state of an object that was known before this set. It is seen if a view or more see it and together fix its
+// position; the timing's uncertainty counts only in is_localized(), inconsistent views count here. lost: end the track.
 struct Judged {
   object_tracking::TrackState state;
-  bool is_seen;  // as well as an object must be to be tracked, were it not for what is doubted
+  bool is_seen;  // well enough for `tracking`, inconsistency aside
 };
-// doubted_m: ViewConsistency::inflated_sigma(). unseen_s: since it was seen so last. may_be_tracked: false, and it is
-// followed for a while, but not tracked.
+// inconsistency_m: ViewConsistency::inflated_sigma(). unseen_s: since is_seen. may_be_tracked: false limits it to
+// coasting.
 Judged judged(const object_tracking::ObjectTrackerOptions& options, const object_tracking::MotionState& belief,
-              std::span<const object_tracking::Sighting> sightings, double doubted_m, double unseen_s,
+              std::span<const object_tracking::Sighting> sightings, double inconsistency_m, double unseen_s,
               bool may_be_tracked);
 
 }  // namespace huetrack::object_trackers

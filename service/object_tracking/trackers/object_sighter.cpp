@@ -12,35 +12,38 @@ using namespace object_tracking;
 
 namespace {
 
-// The power density is of a kick at any moment since the last set. One just after it takes the object further, by its
-// whole velocity: as far as a density of three times as much.
-constexpr double at_once_share = 3;
-constexpr double contradicting_px2 = 1;  // doubt of a view, far above what light and a good calibration leave open
+struct ObjectSighterTuning {
+  double contradicting_px2 =
+      1;                     // inflation of a view above which no outline is fitted: far above shading and a good rig
+  double widest_radii = 2;   // half width of the narrow axis of a region; the taught radius and the range are unsure
+  double near_radii = 1.5;   // nearly all of the object lies within this of its centre
+  double far_radii = 2;      // a region that the near box cuts is searched as far as this
+  double parts_radii = 1.3;  // parts of one object are nearer to one another (experiment)
+};
+constexpr ObjectSighterTuning sighter{};
 
-// Beyond the box, at a side that is not the image's.
+// maths: a kick at any moment of dt is a white acceleration of power density kick^2 / dt, variance kick^2 dt^2 / 3. A
+// kick at its beginning has kick^2 dt^2.
+constexpr double at_once_share = 3;
+
+// The box cuts the region, at a side that is not the image's.
 bool goes_on(const color::ColorRegion& region, const color::PixelBox& box, const color::MatchBits& image) {
   return (region.box.u_min == box.u_min && box.u_min > 0) || (region.box.v_min == box.v_min && box.v_min > 0) ||
          (region.box.u_max == box.u_max && box.u_max < image.width() - 1) ||
          (region.box.v_max == box.v_max && box.v_max < image.height() - 1);
 }
 
-// Along both of its axes the region is far wider than the object, and no smear makes it so.
+// The narrow axis of the region is far wider than the object, which no motion blur explains.
 bool is_wider_than_object(const color::ColorRegion& region, double radius_px) {
-  constexpr double widest_radii = 2;  // the taught radius may be wrong, and so may the distance
   const double half_trace = region.spread.trace() / 2;
   const double narrow = half_trace - std::sqrt(std::max(0.0, half_trace * half_trace - region.spread.determinant()));
-  return 2 * std::sqrt(std::max(0.0, narrow)) > widest_radii * radius_px;
+  return 2 * std::sqrt(std::max(0.0, narrow)) > sighter.widest_radii * radius_px;
 }
-
-// Nearly all that is the object's lies within the first of these; what goes on beyond it is looked at as far as the
-// second.
-constexpr double looked_at_radii[] = {1.5, 2};
-constexpr double parts_radii = 1.3;  // that are so near one another are one region
 
 }  // namespace
 
-Eigen::Matrix2d spread_in(const TargetView& view, const ExpectedView& expected, const ObjectFilter& filter,
-                          const ViewConsistency& agreement, double acceleration_m_s2) {
+Eigen::Matrix2d predicted_spread(const TargetView& view, const ExpectedView& expected, const ObjectFilter& filter,
+                                 const ViewConsistency& agreement, double acceleration_m_s2) {
   const MotionState& belief = filter.belief();
   const BallProjection& at = expected.at;
   const double dt = capture::seconds(expected.row.at - belief.at);
@@ -53,27 +56,28 @@ Eigen::Matrix2d spread_in(const TargetView& view, const ExpectedView& expected, 
   return out;
 }
 
-// The regions large enough to be the object within three standard deviations of where it is expected, and its disc.
-// None where that is nowhere near the image. Valid until the next call.
-// What is larger than the object is none: as much as is looked at of it lies around where the object was expected,
-// wherever that is, and would confirm any expectation.
+// Regions large enough to be the object, within the gate around its predicted disc. A region much larger than the
+// object is left out: the part of it inside of the box lies around the prediction, and would confirm any prediction.
+// Valid until the next call.
 std::span<const color::ColorRegion> ObjectSighter::regions_near(const TargetView& view, const BallProjection& at,
                                                                 const Eigen::Matrix2d& spread) {
-  // Not beyond the image's own size around it: a box is clipped to the image anyway, and an int must hold it.
+  // The box is clipped to the image anyway; its corners must fit an int.
   const double limit = view.matches->width() + view.matches->height();
   if (!(std::abs(at.px.x()) < 2 * limit && std::abs(at.px.y()) < 2 * limit)) return {};
   const double disc = std::numbers::pi * at.radius_px * at.radius_px;
   const int min_area = std::max(2, static_cast<int>(least_support * disc));
-  for (const double radii : looked_at_radii) {
-    const double reach_u = std::min(limit, 3 * std::sqrt(spread(0, 0)) + radii * at.radius_px + 2);
-    const double reach_v = std::min(limit, 3 * std::sqrt(spread(1, 1)) + radii * at.radius_px + 2);
+  for (const double radii : {sighter.near_radii, sighter.far_radii}) {
+    const double reach_u =
+        std::min(limit, object_gates.prediction_sigmas * std::sqrt(spread(0, 0)) + radii * at.radius_px + 2);
+    const double reach_v =
+        std::min(limit, object_gates.prediction_sigmas * std::sqrt(spread(1, 1)) + radii * at.radius_px + 2);
     const color::PixelBox box{
         static_cast<int>(std::floor(at.px.x() - reach_u)), static_cast<int>(std::floor(at.px.y() - reach_v)),
         static_cast<int>(std::ceil(at.px.x() + reach_u)), static_cast<int>(std::ceil(at.px.y() + reach_v))};
     near_.clear();
     bool is_cut = false;
     for (const color::ColorRegion& region : finders_[static_cast<std::size_t>(view.index)].find(
-             *view.matches, box, min_area, parts_radii * at.radius_px)) {
+             *view.matches, box, min_area, sighter.parts_radii * at.radius_px)) {
       if (goes_on(region, box, *view.matches))
         is_cut = true;
       else if (!is_wider_than_object(region, at.radius_px))
@@ -84,9 +88,9 @@ std::span<const color::ColorRegion> ObjectSighter::regions_near(const TargetView
   return near_;
 }
 
-// Cameras, drivers and cables show a frame once more now and then, with a new stamp. No two frames have the same noise:
-// one in which the region of a moving object is the same to its last pixel is the frame before, and says nothing of
-// now. Twice in a row the object stands still, in pictures without noise.
+// Cameras and drivers sometimes deliver a frame again with a new stamp. As no two frames have the same noise, a frame
+// in which a moving object's region is the same to the last pixel is the one before. Twice in a row means that the
+// object is at rest, in pictures without noise.
 bool ObjectSighter::is_repeated(const TargetView& view, std::span<const color::ColorRegion> regions,
                                 const BallProjection& at, const MotionState& belief) {
   LastRegion& last = last_[static_cast<std::size_t>(view.index)];
@@ -102,14 +106,14 @@ bool ObjectSighter::is_repeated(const TargetView& view, std::span<const color::C
 void ObjectSighter::sight(const std::vector<TargetView>& views, const ObjectFilter& filter,
                           const ViewConsistency& agreement, std::vector<Sighting>& out) {
   const MotionState& belief = filter.belief();
-  bool is_room_suspected = false;
+  bool is_inconsistent = false;
   for (std::size_t c = 0; c < last_.size(); ++c)
-    is_room_suspected = is_room_suspected || agreement.inflation_px2(c) > contradicting_px2;
+    is_inconsistent = is_inconsistent || agreement.inflation_px2(c) > sighter.contradicting_px2;
   for (const TargetView& view : views) {
     const auto expected = expected_in(view, belief, radius_m_);
     if (!expected) continue;
     const BallProjection& at = expected->at;
-    const Eigen::Matrix2d s = spread_in(view, *expected, filter, agreement, options_.acceleration_m_s2);
+    const Eigen::Matrix2d s = predicted_spread(view, *expected, filter, agreement, options_.acceleration_m_s2);
     double best = -std::numeric_limits<double>::infinity();
     std::optional<Sighting> chosen;
     color::ColorRegion chosen_region;
@@ -128,8 +132,8 @@ void ObjectSighter::sight(const std::vector<TargetView>& views, const ObjectFilt
     }
     if (!chosen) continue;
     last_[static_cast<std::size_t>(view.index)] = {chosen_region, view.frame->captured_at};
-    // Views that contradict one another are not made sharper: which of them is wrong, their outlines do not say.
-    if (!is_room_suspected) outlines_.sharpen(view, belief, *expected, s, *chosen);
+    // Inconsistent views are not refined: outlines do not show which view is wrong.
+    if (!is_inconsistent) outlines_.sharpen(view, belief, *expected, s, *chosen);
     chosen->row = row_of(view, chosen->px.y(), belief);
     out.push_back(*chosen);
   }
@@ -165,8 +169,8 @@ bool ObjectSighter::sight_after_bounce(const std::vector<TargetView>& views, con
     regions_[i].assign(near.begin(), near.end());
   }
   const Eigen::Vector3d expected = belief.position() + dt * belief.velocity();
-  const double reach_m =
-      3 * (std::sqrt(reach_density * dt * dt * dt / 3) + std::sqrt(largest_variance(belief.position_covariance())));
+  const double reach_m = object_gates.prediction_sigmas * (std::sqrt(reach_density * dt * dt * dt / 3) +
+                                                           std::sqrt(largest_variance(belief.position_covariance())));
   for (const PositionCandidate& c : cross_rays(views, std::span(regions_).first(views.size()), target, options_, belief,
                                                sighting_tuning.max_crossings)) {
     if ((c.position - expected).norm() > reach_m || c.sightings.size() <= least) continue;

@@ -1,4 +1,4 @@
-// What the views show of one object, near where it is expected.
+// Measures one object in each view, near its predicted position.
 #pragma once
 
 #include <Eigen/Core>
@@ -17,13 +17,19 @@
 
 namespace huetrack::object_trackers {
 
-// How far from there the view may show the object, px^2: by what is believed of it, and by twice the hardest usual
-// acceleration, whatever the filter has learnt, so that a throw does not lose it.
-Eigen::Matrix2d spread_in(const object_tracking::TargetView& view, const object_tracking::ExpectedView& expected,
-                          const ObjectFilter& filter, const object_tracking::ViewConsistency& agreement,
-                          double acceleration_m_s2);
+struct ObjectGateTuning {
+  double prediction_sigmas = 3;    // reach of a prediction: 99.7 % on one axis
+  double same_object_radii = 1.5;  // a detection nearer than this to a track is the track's object (experiment)
+};
+inline constexpr ObjectGateTuning object_gates{};
 
-// thread-compatible.
+// Covariance of the predicted image position, px^2: the state's, and twice the configured acceleration, whatever the
+// filter has learnt, so that a throw stays inside of the gate.
+Eigen::Matrix2d predicted_spread(const object_tracking::TargetView& view, const object_tracking::ExpectedView& expected,
+                                 const ObjectFilter& filter, const object_tracking::ViewConsistency& agreement,
+                                 double acceleration_m_s2);
+
+// thread-compatible. Measurements that it returns are sorted by the time of their rows.
 class ObjectSighter {
  public:
   ObjectSighter(const calib::CameraRig& rig, const object_tracking::TargetOptions& target,
@@ -35,22 +41,20 @@ class ObjectSighter {
         finders_(rig.cameras.size()),
         regions_(rig.cameras.size()) {}
 
-  // In each view the region near the prediction that explains it best, if there is one, or the outline there; by the
-  // times of their rows.
+  // In each view the region that best explains the prediction, refined by the outline where one can be fitted.
   void sight(const std::vector<object_tracking::TargetView>& views, const ObjectFilter& filter,
              const object_tracking::ViewConsistency& agreement, std::vector<object_tracking::Sighting>& out);
-  // The object bounced, or was hit or thrown, since the last set: it may be wherever an acceleration of this power
-  // density takes it. More views than `least` that see it in one such place are believed at once; fewer are not.
-  // Returns whether there are; after sight() in the same set.
+  // After sight() in the same set, if the object may have bounced, been hit or thrown: searches wherever an
+  // acceleration of this power density takes it. Replaces `out` and returns true if more than `least` views see it in
+  // one place.
   bool sight_after_bounce(const std::vector<object_tracking::TargetView>& views,
                           const object_tracking::TargetOptions& target, const object_tracking::MotionState& belief,
                           double power_density, std::size_t least, std::vector<object_tracking::Sighting>& out);
 
-  // Sightings that were made from regions where nothing was expected, once it is known what they are of. about: as far
-  // as that is known by them.
+  // Refines measurements made without a prediction by their outlines. about: the state that they give.
   void sharpen(const std::vector<object_tracking::TargetView>& views, const object_tracking::MotionState& about,
                std::vector<object_tracking::Sighting>& sightings);
-  // After a set in which the object is tracked: what is behind it, for outlines to come.
+  // After a set in which the object is tracked: learns the background around it, for later outlines.
   void learn_behind(const std::vector<object_tracking::TargetView>& views, const object_tracking::MotionState& belief) {
     outlines_.learn(views, belief);
   }
@@ -71,10 +75,10 @@ class ObjectSighter {
   double radius_m_;
   object_tracking::ObjectTrackerOptions options_;
   object_tracking::OutlineSighter outlines_;
-  std::vector<LastRegion> last_;                          // per camera: what was sighted last
+  std::vector<LastRegion> last_;                          // per camera
   std::vector<color::RegionFinder> finders_;              // per camera
-  std::vector<color::ColorRegion> near_;                  // of the view looked at
-  std::vector<std::vector<color::ColorRegion>> regions_;  // of the views of this set, after a bounce
+  std::vector<color::ColorRegion> near_;                  // work space of regions_near()
+  std::vector<std::vector<color::ColorRegion>> regions_;  // work space of sight_after_bounce(), per view
 };
 
 }  // namespace huetrack::object_trackers

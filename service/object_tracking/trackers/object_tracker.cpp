@@ -18,99 +18,13 @@ namespace huetrack::object_trackers {
 using namespace object_tracking;
 using namespace objects;
 
-namespace {
-
-// The same target, if its hues were written in OpenCV's units, of two degrees each; nullopt: they cannot be, for there
-// are only 180 of them. Without what the hues as written have, too: what is seen there says nothing of the units, and
-// the middle of the right hues is always beyond.
-std::optional<TargetOptions> at_twice_the_hue(TargetOptions target) {
-  std::vector<color::HsiRange*> ranges{&target.color};
-  for (auto& [_, range] : target.camera_colors) ranges.push_back(&range);
-  for (color::HsiRange* range : ranges) {
-    if (range->hue_max_deg > 180 || range->hue_min_deg > range->hue_max_deg) return std::nullopt;
-    range->hue_min_deg = std::max(2 * range->hue_min_deg, range->hue_max_deg);
-    range->hue_max_deg = std::min(2 * range->hue_max_deg, 359.9);
-    if (range->hue_min_deg >= range->hue_max_deg) return std::nullopt;
-  }
-  return target;
-}
-
-// Looks for the target at twice its hue, while it is not found at its own, or what was found there may be anything: for
-// some seconds, and once, as it takes as long as the search itself.
-class TwiceTheHue {
- public:
-  TwiceTheHue(const calib::CameraRig& rig, const TargetOptions& target, const ObjectTrackerOptions& options)
-      : target_(options.observation == Observation::huetrack ? at_twice_the_hue(target) : std::nullopt) {
-    if (target_) rig_ = rig, options_ = options;
-  }
-
-  // Before the tracker looks at the set. state: of what was found at its own hue, in the last one; is_sure: it looks
-  // like the object. has_moved: since it was found.
-  void look(const capture::FrameSet& set, TrackState state, bool is_sure, bool has_moved) {
-    // The object has come, and what moved was something else.
-    if (state == TrackState::tracking && is_sure && has_moved) is_found_ = false;
-    if (!target_) return;
-    if (!began_at_) began_at_ = set.at;
-    if (state != TrackState::tracking || !tracking_since_) tracking_since_ = set.at;
-    const double in_use_s = capture::seconds(set.at - *began_at_);
-    if (capture::seconds(set.at - *tracking_since_) > found_after_s || in_use_s > longest_s) return end();
-    // What looks like it there is its own hue's, whatever else moves; for good where it moves.
-    if (state == TrackState::tracking && has_moved) return end();
-    if (state == TrackState::tracking && is_sure) {
-      is_tracked_ = false;
-      sets_ = 0;
-      return;
-    }
-    if (!tracker_) {
-      tracker_ = std::make_unique<RegionTracker>(rig_, *target_, options_, particle_filter::Rng(options_.seed, 0x48));
-    }
-    const ObjectEstimate estimate = tracker_->update(set);
-    is_tracked_ = estimate.state == TrackState::tracking;
-    if (!is_tracked_) {
-      sets_ = 0;
-      return;
-    }
-    if (sets_++ == 0) from_ = estimate.position;
-    is_found_ = sets_ >= least_sets && (estimate.position - from_).norm() > least_way_m;
-    if (is_found_) end();
-  }
-  // It looks like the object as well, there.
-  bool is_rival() const { return is_found_ || (tracker_ && is_tracked_ && tracker_->looks_like_object()); }
-  bool is_found() const { return is_found_; }
-  // nullptr: it looks for nothing (any more).
-  const TargetOptions* target() const { return target_ ? &*target_ : nullptr; }
-
- private:
-  static constexpr double found_after_s = 1, longest_s = 8;
-  static constexpr int least_sets = 10;
-  static constexpr double least_way_m = 0.1;  // furniture does not move
-
-  void end() {
-    tracker_.reset();
-    target_.reset();
-  }
-
-  std::optional<TargetOptions> target_;  // nullopt: nothing is looked for (any more)
-  calib::CameraRig rig_;
-  ObjectTrackerOptions options_;
-  std::unique_ptr<RegionTracker> tracker_;
-  std::optional<capture::Timestamp> began_at_, tracking_since_;
-  int sets_ = 0;  // of tracking, one after the other
-  Eigen::Vector3d from_ = Eigen::Vector3d::Zero();
-  bool is_tracked_ = false, is_found_ = false;
-};
-
-}  // namespace
-
 struct ObjectTracker::Impl {
   Impl(const calib::CameraRig& rig, const TargetOptions& target, const ObjectTrackerOptions& options,
        std::uint64_t stream)
       : tracker(made(rig, target, options, stream)),
         adapts(target.adapts_color && options.observation == Observation::huetrack),
-        is_ball(target.shape != TargetShape::blob),
         watch(rig, target),
-        follower(rig, target),
-        twice_the_hue(rig, target, options) {}
+        follower(rig, target) {}
   using Tracker = std::variant<PaperTracker, RegionTracker, ManyTracker>;
   static Tracker made(const calib::CameraRig& rig, const TargetOptions& target, const ObjectTrackerOptions& options,
                       std::uint64_t stream) {
@@ -121,33 +35,18 @@ struct ObjectTracker::Impl {
     return Tracker(std::in_place_type<ManyTracker>, rig, target, options, stream);
   }
 
-  // By what was found at the colour's own hue so far.
-  void look_at_twice_the_hue(const capture::FrameSet& set) {
-    auto* one = std::get_if<RegionTracker>(&tracker);
-    const bool was_found = twice_the_hue.is_found();
-    twice_the_hue.look(set, last_state, one == nullptr || one->looks_like_object(), one != nullptr && one->has_moved());
-    if (one == nullptr) return;
-    one->set_rival(is_ball && twice_the_hue.is_rival());
-    // A target that has not come yet is not doubted because something else moves.
-    const bool has_track = last_state == TrackState::tracking || last_state == TrackState::coasting;
-    if (has_track && twice_the_hue.is_found() && !was_found) one->distrust_color(set.at);
-  }
-
-  // One of several objects stands for the colour of all: the first one that is tracked.
+  // Of several objects, the first that is tracked.
   void learn_colour(const capture::FrameSet& set, std::span<const ObjectEstimate> estimates) {
     const auto tracked = std::ranges::find(estimates, TrackState::tracking, &ObjectEstimate::state);
     const ObjectEstimate& estimate = tracked != estimates.end() ? *tracked : estimates.front();
-    watch.look(set, estimate, follower.in_force());
-    last_state = estimate.state;
+    watch.update(set, estimate, follower.in_force());
     if (adapts) std::visit([&](auto& t) { follower.follow(set, estimate, watch, t.views()); }, tracker);
   }
 
   Tracker tracker;
-  bool adapts, is_ball;
+  bool adapts;
   ColorWatch watch;
   ColorFollower follower;
-  TwiceTheHue twice_the_hue;
-  TrackState last_state = TrackState::searching;  // of the estimate that stands for the colour
 };
 
 ObjectTracker::ObjectTracker(const calib::CameraRig& rig, const TargetOptions& target,
@@ -174,22 +73,8 @@ ObjectTracker::~ObjectTracker() = default;
 ObjectTracker::ObjectTracker(ObjectTracker&&) noexcept = default;
 ObjectTracker& ObjectTracker::operator=(ObjectTracker&&) noexcept = default;
 
-std::vector<color::HsiRange> first_colors_looked_for(const TargetOptions& target, const ObjectTrackerOptions& options,
-                                                     std::string_view camera) {
-  std::vector<color::HsiRange> out{target.color_in(camera)};
-  if (options.observation == Observation::huetrack)
-    if (const auto twice = at_twice_the_hue(target)) out.push_back(twice->color_in(camera));
-  return out;
-}
-
-void ObjectTracker::colors_looked_for(std::size_t camera, std::vector<color::HsiRange>& out) const {
-  std::visit(
-      [&](const auto& tracker) {
-        out.push_back(tracker.views().color_in(camera));
-        if (const TargetOptions* twice = impl_->twice_the_hue.target(); twice != nullptr)
-          out.push_back(twice->color_in(tracker.views().camera(camera).name));
-      },
-      impl_->tracker);
+color::HsiRange ObjectTracker::color_in(std::size_t camera) const {
+  return std::visit([camera](const auto& tracker) { return tracker.views().color_in(camera); }, impl_->tracker);
 }
 
 void ObjectTracker::expected_outlines(std::size_t camera, std::vector<capture::ExpectedOutline>& out) const {
@@ -230,7 +115,6 @@ void ObjectTracker::take_over_from(const ObjectTracker& before) {
 }
 
 void ObjectTracker::update(const capture::FrameSet& set, std::vector<ObjectEstimate>& out) {
-  impl_->look_at_twice_the_hue(set);
   if (auto* many = std::get_if<ManyTracker>(&impl_->tracker)) {
     many->update(set, out);
   } else {
@@ -272,14 +156,13 @@ std::vector<ColorHealth> ObjectTracker::color_health() const {
 }
 
 std::uint64_t ObjectTracker::color_change_count() const {
-  return impl_->watch.news();
+  return impl_->watch.change_count();
 }
 
 SearchFindings ObjectTracker::search_findings() const {
   SearchFindings findings;
   if (const auto* one = std::get_if<RegionTracker>(&impl_->tracker)) findings = one->search_findings();
   if (const auto* many = std::get_if<ManyTracker>(&impl_->tracker)) findings = many->search_findings();
-  findings.is_found_at_twice_the_hue = impl_->twice_the_hue.is_found();
   return findings;
 }
 

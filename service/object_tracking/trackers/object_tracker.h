@@ -1,4 +1,4 @@
-// WHERE IS THE OBJECT: still, calibrated cameras; the target's position in the world.
+// Tracks one target: the position of its object or objects in the world, from still, calibrated cameras.
 #pragma once
 
 #include <Eigen/Core>
@@ -6,8 +6,6 @@
 #include <memory>
 #include <optional>
 #include <span>
-#include <string>
-#include <string_view>
 #include <vector>
 
 #include "calib/model/camera_rig.h"
@@ -20,8 +18,7 @@
 
 namespace huetrack::object_trackers {
 
-// thread-compatible; one per target; the pipeline's tracking threads own them. Never throws after
-// construction, but for trust().
+// thread-compatible; one per target. After construction only trust() throws. World frame, metres.
 class ObjectTracker {
  public:
   // Copies what it needs of the rig. throws std::invalid_argument, naming the problems.
@@ -31,73 +28,59 @@ class ObjectTracker {
   ObjectTracker(ObjectTracker&&) noexcept;
   ObjectTracker& operator=(ObjectTracker&&) noexcept;
 
-  // The ranges of colour that are looked for in this camera by now, appended to `out`: of the target, and for as long
-  // as it may turn out that its hues were given in other units, of those. For who has what matches found elsewhere.
-  void colors_looked_for(std::size_t camera, std::vector<color::HsiRange>& out) const;
-  // Where the outline was in this camera's frame of the last update(), and how it moves, appended to `out`; nothing
-  // where none would be fitted. For who has the pixels elsewhere. Of one object (count: 1; observation: huetrack).
+  // The colour range in force in this camera: the target's, or what `color: adapt` made of it.
+  color::HsiRange color_in(std::size_t camera) const;
+  // Appends where the outline was in this camera's frame of the last update(), and how it moves; nothing where no
+  // outline would be fitted. For cameras whose pixels are on another host. count: 1 and observation: huetrack only.
   void expected_outlines(std::size_t camera, std::vector<capture::ExpectedOutline>& out) const;
-  // How many frames of this camera told nothing of the target: they say what matches other colours (Frame::matches).
+  // How many frames of this camera came with matches of other colours only (Frame::matches), and were not used.
   std::uint64_t frames_of_other_colors(std::size_t camera) const;
 
-  // What a camera is going to deliver, where that is known beforehand: makes its colour table now, which otherwise
-  // holds the first set up for some 5 ms.
+  // Makes the colour table of a camera whose format is known in advance; otherwise the first set waits some 5 ms for
+  // it.
   void expect(int camera, capture::PixelFormat format, capture::ColorRange range);
 
-  // From the next update() on: per camera of the rig what is held of its calibration; fewer entries: the remaining
-  // cameras are as the rig says. Replaces what was said before. The target is not searched anew, and what its views'
-  // contradictions have told of a camera is forgotten where its pose becomes another one. observation: paper takes
-  // is_used and the pose, and knows no covariance. throws std::invalid_argument: a value is not finite.
+  // From the next update() on, how far each camera's calibration is trusted; cameras beyond the end of the span are as
+  // the rig says. Replaces the last call. Tracking goes on; what was learnt of a camera's inconsistency is reset where
+  // its pose changes. observation: paper uses is_used and the pose only. throws std::invalid_argument: a value is not
+  // finite.
   void trust(std::span<const object_tracking::CameraTrust> cameras);
 
-  // Per camera of the rig: its frames were found to be later than this tracker believes by so much, seconds, from what
-  // cannot be learnt as it goes (view_watch.h); 0: as it is believed. The target is followed on, and as unsure as that
-  // leaves it. observation: paper, and timing: fixed, take the rig's times for what they are.
+  // Per camera of the rig: its frames are later than this tracker estimates, seconds (ViewWatch::late_s()). Tracking
+  // goes on with the uncertainty that this leaves. No effect with observation: paper, and with timing: fixed.
   void correct_times(std::span<const double> late_s);
 
-  // This one, which has not been updated yet, follows the target from now on, in the place of `before`: of a target of
-  // several objects those that `before` told end with the next update(), and no number of theirs comes again.
+  // Before the first update(): continues the numbering of `before`, whose objects end with the next update().
   void take_over_from(const ObjectTracker& before);
 
-  // set.frames has one slot per camera of the rig; a frame whose size is not the rig's is not used (the caller checks
-  // sizes at start). Sets come in time order.
-  // Of a target with a count of 1.
-  object_tracking::ObjectEstimate update(const capture::FrameSet& set);
-  // Of any target, one estimate or more: of a count of 1 that of the object; of a larger one those of all objects that
-  // are known, by ascending numbers, and of those that have just ended; where there are none, one of the target itself.
+  // Sets come in time order, with one slot per camera of the rig. A frame whose size is not the rig's is not used.
+  object_tracking::ObjectEstimate update(const capture::FrameSet& set);  // count: 1
+  // Any count. Several objects: one estimate per known object, by ascending number, and per object that has just ended;
+  // where there is none, one estimate of the target itself.
   void update(const capture::FrameSet& set, std::vector<object_tracking::ObjectEstimate>& out);
 
-  // The particles after the last update, world frame, metres: for pictures and previews. about: every how many-th, so
-  // that there are at least so many of them, but fewer than twice that; 0: all.
+  // The particles after the last update, for pictures. about: at least so many of them, but fewer than twice as many,
+  // by a regular step; 0: all.
   std::vector<Eigen::Vector3f> particles(std::size_t about = 0) const;
 
   objects::SearchFindings search_findings() const;
   object_tracking::OutlineFindings outline_findings() const;
 
-  // What the last update() looked at: nothing of views in which the target is neither expected nor searched. Of several
-  // objects one stands for all, where it is apart from the others. Valid until the next update(). observation:
-  // huetrack.
+  // Regions that the last update() used, in views in which the target is expected or searched. Of several objects only
+  // one that is apart from the others. Valid until the next update(). observation: huetrack.
   std::span<const object_tracking::SeenRegion> regions() const;
   std::vector<object_tracking::ColorShare> color_shares() const;  // per camera of the rig; observation: huetrack
 
-  // Where something is that would be one object more than the target's count, seen for more than a second: another one,
-  // or something that looks like one. World frame, metres; nullopt: there is none, or, of a count of 1, the room has
-  // the colour anyway. observation: huetrack.
+  // Where one more object than the target's count, or something that looks like one, has been seen for more than a
+  // second. nullopt: none; also where count is 1 and the room has the target's colour. observation: huetrack.
   std::optional<Eigen::Vector3d> further_object() const;
 
-  // Per camera of the rig: how the object's colour lies in the range that is looked for (color_watch.h).
-  // color_change_count() counts what there is to tell of it.
-  std::vector<ColorHealth> color_health() const;
-  std::uint64_t color_change_count() const;
+  std::vector<ColorHealth> color_health() const;  // per camera of the rig
+  std::uint64_t color_change_count() const;       // increases whenever a warning of color_health() changes
 
  private:
   struct Impl;
   std::unique_ptr<Impl> impl_;
 };
-
-// ObjectTracker::colors_looked_for() of one that has just been made.
-std::vector<color::HsiRange> first_colors_looked_for(const object_tracking::TargetOptions& target,
-                                                     const object_tracking::ObjectTrackerOptions& options,
-                                                     std::string_view camera);
 
 }  // namespace huetrack::object_trackers

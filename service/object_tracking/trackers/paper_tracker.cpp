@@ -13,6 +13,11 @@ using namespace object_tracking;
 
 namespace {
 
+struct PaperTrackerTuning {
+  double population_step = 0.2;  // of the population, per set, that it grows or shrinks by; the paper gives no rate
+};
+constexpr PaperTrackerTuning paper_tracker{};
+
 // weight *= k, eqs. (5) and (6) times 25: k at least 1, and 1 outside the image.
 HUETRACK_CLONES void multiply(const std::uint8_t* __restrict k, std::size_t n, float* __restrict weight) {
   for (std::size_t i = 0; i < n; ++i) {
@@ -85,15 +90,16 @@ void PaperObservation::weigh(const PositionParticles& particles, const std::vect
 
 void PaperTracker::resample() {
   // "When the system cannot see the object in the images it grows the particle population to widen the search area
-  // until it finds the object again" (section 3). The paper gives no rates. Here: a fifth more per frame set, drawn as
-  // at the start, uniform in the volume; at the largest population they take the place of a fifth of it, or a cloud
-  // that sits on something else would never search again. Found, the population shrinks by a fifth per set.
+  // until it finds the object again" (section 3). Here: a fifth more per frame set, drawn as at the start, uniform in
+  // the volume; at the largest population they replace a fifth of it, or a cloud that sits on something else would
+  // never search again. When the object is found, the population shrinks by a fifth per set.
+  constexpr double grown = 1 + paper_tracker.population_step, shrunk = 1 - paper_tracker.population_step;
   const auto n = static_cast<double>(particles_.size());
   const auto wanted =
-      static_cast<std::size_t>(seen_ ? std::max(options_.particle_count, static_cast<int>(0.8 * n))
-                                     : std::min(options_.max_particle_count, static_cast<int>(std::ceil(1.2 * n))));
+      static_cast<std::size_t>(seen_ ? std::max(options_.particle_count, static_cast<int>(shrunk * n))
+                                     : std::min(options_.max_particle_count, static_cast<int>(std::ceil(grown * n))));
   const std::size_t survivors =
-      seen_ ? wanted : std::min(particles_.size(), static_cast<std::size_t>(0.8 * static_cast<double>(wanted)));
+      seen_ ? wanted : std::min(particles_.size(), static_cast<std::size_t>(shrunk * static_cast<double>(wanted)));
   resampled_.resize(survivors + particle_filter::spread_beyond);
   particle_filter::systematic_resample(weight_, rng_.uniform(), survivors,
                                        {particles_.x.data(), particles_.y.data(), particles_.z.data()},
@@ -120,8 +126,7 @@ ObjectEstimate PaperTracker::estimate(const capture::FrameSet& set, const std::v
   e.effective_sample_size = particle_filter::effective_sample_size(weight_);
   e.per_view.resize(views_.camera_count());
 
-  // Seen: around the best particle more than half of the window has the target's colour, in two views (in the only one,
-  // where there is but one).
+  // Seen: more than half of the window around the best particle has the target's colour, in two views or the only one.
   for (std::size_t m = 0; m < views.size(); ++m) {
     ViewSupport& support = e.per_view[static_cast<std::size_t>(views[m].index)];
     const PaperObservation::Window window = observation_.window(m, best);
@@ -129,8 +134,8 @@ ObjectEstimate PaperTracker::estimate(const capture::FrameSet& set, const std::v
     support.in_view = window.k != color::MatchBits::outside;
     if (!support.in_view) continue;
     support.px = window.px;
-    support.support = static_cast<float>(window.k) / 25;
-    support.seen = window.k > 12;
+    support.support = static_cast<float>(window.k) / window_pixels;
+    support.seen = 2 * window.k > window_pixels;
     support.radius_px = 2.5f;
     e.views += support.seen ? 1 : 0;
     e.confidence += static_cast<double>(support.support) / static_cast<double>(views.size());
@@ -140,7 +145,7 @@ ObjectEstimate PaperTracker::estimate(const capture::FrameSet& set, const std::v
     state_ = TrackState::tracking;
     last_seen_ = set.at;
   } else if (state_ == TrackState::tracking || state_ == TrackState::coasting) {
-    const double unseen_s = capture::seconds(set.at - last_seen_);  // negative: the clock was put back
+    const double unseen_s = capture::seconds(set.at - last_seen_);  // negative: the clock was set back
     state_ = unseen_s < 0 || unseen_s > options_.coast_s ? TrackState::lost : TrackState::coasting;
   }
   e.state = state_;

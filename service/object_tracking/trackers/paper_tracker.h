@@ -1,5 +1,5 @@
-// Barrera, Canas, Matellan, Martin: "Multi-camera 3-D tracking using particle filter". All of it and nothing else; the
-// user selects it with `observation: paper`.
+// `observation: paper`: Barrera, Canas, Matellan, Martin: "Multi-camera 3-D tracking using particle filter", as
+// published.
 #pragma once
 
 #include <cstdint>
@@ -19,11 +19,13 @@ struct PositionParticles {
   void resize(std::size_t n) { x.resize(n), y.resize(n), z.resize(n); }
 };
 
+inline constexpr int window_pixels = 25;  // layout: the paper's window of 5x5
+
 // Eqs. (4)-(6): weight[i] becomes the product over the views of p_m(s_i | img_m), times 25^M (a constant that the
-// normalisation takes out again, so that the product stays in the range of a float for up to 27 views).
+// normalisation removes, so that the product stays in the range of a float for up to 27 views).
 //   inside the image:  k / 25, k = pixels of the target's colour in the 5x5 window around the projection, at least 1
 //   outside:           1 / 25
-// The paper assumes lenses without distortion; here the projection has the whole lens in it.
+// The paper assumes lenses without distortion; this projection includes it.
 class PaperObservation {
  public:
   void weigh(const PositionParticles& particles, const std::vector<object_tracking::TargetView>& views,

@@ -12,12 +12,10 @@ using namespace objects;
 
 namespace {
 
-// Does it show whole discs of its size in two views? An outline is as round as the disc that was fitted to it, whatever
-// is there.
-bool shows_discs(std::span<const Sighting> sightings) {
-  return std::ranges::count_if(sightings, [](const Sighting& s) { return !s.is_outline && is_unoccluded_disc(s); }) >=
-         2;
-}
+struct RegionTrackerTuning {
+  int confirming_detections = 3;  // out of reach, one after the other, that replace the track (experiment)
+};
+constexpr RegionTrackerTuning region_tracker{};
 
 }  // namespace
 
@@ -39,11 +37,14 @@ RegionTracker::RegionTracker(const calib::CameraRig& rig, const TargetOptions& t
                             rig.cameras[c].image_size);
 }
 
+bool RegionTracker::is_followed() const {
+  return state_ == TrackState::tracking || state_ == TrackState::coasting;
+}
+
 ObjectEstimate RegionTracker::update(const capture::FrameSet& set) {
   const std::vector<TargetView>& views = views_.look_at(set);
   seen_ = sightings_;  // of the last set
-  if (clutter_mask_.is_room_shared() && (state_ == TrackState::tracking || state_ == TrackState::coasting))
-    add_expected(views, filter_.belief(), target_.radius_m, seen_);
+  if (clutter_mask_.is_room_shared() && is_followed()) add_expected(views, filter_.belief(), target_.radius_m, seen_);
   clutter_mask_.look(views, seen_, set.at);
   for (std::size_t c = 0; c < views_.camera_count(); ++c) consistency_.set_shared(c, clutter_mask_.is_shared(c));
   search_.set_shared(clutter_mask_.is_room_shared(), must_move(clutter_mask_, set.at));
@@ -52,31 +53,9 @@ ObjectEstimate RegionTracker::update(const capture::FrameSet& set) {
   watched_.clear();
   seen_regions_.clear();
   sets_apart_ += is_apart(views) ? 1 : 0;
-  if (set.at < last_at_) forget();  // the clock was put back: what was known is of another time
+  if (set.at < last_at_) forget();  // the clock was set back: the state is of another time
   filter_.belief().open_clocks(set);
-  if (state_ == TrackState::tracking || state_ == TrackState::coasting) {
-    sighter_.sight(views, filter_, consistency_,
-                   sightings_);  // colour regions near the prediction, one per view at most
-    sighter_.sight(views_.unused(), filter_, consistency_, watched_);
-    clutter_mask_.mark_clipped(sightings_);
-    consistency_.compare(views, set.at, filter_.belief(), sightings_, watched_, seen_regions_);
-    seen_ = sightings_;
-    seen_.insert(seen_.end(), watched_.begin(), watched_.end());
-    const double acceleration_before = filter_.acceleration();
-    double power_density = learn_acceleration(set, views);
-    weigh_existence(set.at, power_density, views);
-    if (existence_.is_chance()) {  // followed, furniture would lead it away
-      sightings_.clear();
-      filter_.set_acceleration(acceleration_before);
-      power_density = filter_.power_density();
-    }
-    filter_.update(sightings_, set.at, last_reported_, power_density);
-    judge(set);
-    if (state_ == TrackState::tracking || state_ == TrackState::coasting) {
-      sighter_.learn_behind(views, filter_.belief());
-      sighter_.learn_behind(views_.unused(), filter_.belief());
-    }
-  }
+  if (is_followed()) follow(set, views);
   if (state_ != TrackState::tracking) search(set, views);
   if (state_ == TrackState::tracking && !clutter_mask_.is_room_shared())
     further_.look(views, sightings_, filter_.belief(), clutter_mask_, set.at);
@@ -86,8 +65,30 @@ ObjectEstimate RegionTracker::update(const capture::FrameSet& set) {
   return report(set);
 }
 
+void RegionTracker::follow(const capture::FrameSet& set, const std::vector<TargetView>& views) {
+  sighter_.sight(views, filter_, consistency_, sightings_);
+  sighter_.sight(views_.unused(), filter_, consistency_, watched_);
+  clutter_mask_.mark_clipped(sightings_);
+  consistency_.compare(views, set.at, filter_.belief(), sightings_, watched_, seen_regions_);
+  seen_ = sightings_;
+  seen_.insert(seen_.end(), watched_.begin(), watched_.end());
+  const double acceleration_before = filter_.acceleration();
+  double power_density = learn_acceleration(set, views);
+  update_existence(set.at, power_density, views);
+  if (existence_.is_chance()) {  // clutter would lead the track away
+    sightings_.clear();
+    filter_.set_acceleration(acceleration_before);
+    power_density = filter_.power_density();
+  }
+  filter_.update(sightings_, set.at, last_published_, power_density);
+  judge(set);
+  if (!is_followed()) return;
+  sighter_.learn_behind(views, filter_.belief());
+  sighter_.learn_behind(views_.unused(), filter_.belief());
+}
+
 void RegionTracker::expected_outlines(std::size_t camera, std::vector<capture::ExpectedOutline>& out) const {
-  if (!sighter_.outlines().is_enabled() || (state_ != TrackState::tracking && state_ != TrackState::coasting)) return;
+  if (!sighter_.outlines().is_enabled() || !is_followed()) return;
   const auto view = std::ranges::find(views_.used(), static_cast<int>(camera), &TargetView::index);
   if (view == views_.used().end()) return;
   const auto expected = expected_in(*view, filter_.belief(), target_.radius_m);
@@ -113,14 +114,7 @@ void RegionTracker::correct_times(std::span<const double> late_s) {
   consistency_.forget();
 }
 
-void RegionTracker::distrust_color(capture::Timestamp set_at) {
-  if (state_ == TrackState::tracking || state_ == TrackState::coasting) forget();
-  sightings_.clear();
-  clutter_mask_.suspect_room(set_at);
-}
-
-// Returns the power density to use for this set: a bounce needs one that is not learnt, as what comes after it is as
-// calm as what went before.
+// Returns the power density for this set. That of a bounce is not learnt: the motion after it is as calm as before.
 double RegionTracker::learn_acceleration(const capture::FrameSet& set, const std::vector<TargetView>& views) {
   const double before = filter_.acceleration();
   filter_.raise_acceleration(sightings_);
@@ -132,7 +126,7 @@ double RegionTracker::learn_acceleration(const capture::FrameSet& set, const std
     const double q = kick * kick / dt;
     const bool is_seen = sighter_.sight_after_bounce(views, target_, belief, q, sightings_.size(), sightings_);
     if (is_seen) {
-      // Where it is now, nobody knows but they.
+      // Only these measurements fix the position now.
       const PositionInformation seen = information_of(sightings_, belief.position());
       const Eigen::Matrix3d covariance = seen.information.inverse();
       const Eigen::Vector3d position = covariance * seen.vector;
@@ -160,8 +154,8 @@ void RegionTracker::forget() {
   filter_.scatter();
 }
 
-void RegionTracker::weigh_existence(capture::Timestamp set_at, double power_density,
-                                    const std::vector<TargetView>& views) {
+void RegionTracker::update_existence(capture::Timestamp set_at, double power_density,
+                                     const std::vector<TargetView>& views) {
   if (!clutter_mask_.is_room_shared()) return existence_.assume();
   existence_.update(set_at, filter_.belief(), power_density, sightings_, views, target_.radius_m, clutter_,
                     clutter_mask_);
@@ -171,7 +165,7 @@ void RegionTracker::judge(const capture::FrameSet& set) {
   const MotionState& belief = filter_.belief();
   const Judged now = judged(options_, belief, sightings_, consistency_.inflated_sigma(belief, sightings_),
                             capture::seconds(set.at - last_tracking_),
-                            // What has left the volume may turn back, and is not told to be there.
+                            // An object outside of the volume may come back, and is not published as tracking.
                             inside(options_.volume, belief.position(), target_.radius_m));
   if (now.state == TrackState::lost || existence_.is_refuted()) return forget();
   state_ = existence_.is_sure() ? now.state : TrackState::coasting;
@@ -179,7 +173,7 @@ void RegionTracker::judge(const capture::FrameSet& set) {
 }
 
 void RegionTracker::search(const capture::FrameSet& set, const std::vector<TargetView>& views) {
-  if (views.size() < 2) return;  // of cameras of different rates: such a set neither confirms nor refutes
+  if (views.size() < 2) return;  // a set of cameras of different rates: it neither confirms nor refutes
   search_.look(views);
   for (std::size_t i = 0; i < views.size(); ++i)
     if (!seen_regions_.has(views[i].index)) seen_regions_.add_others(views[i], search_.regions()[i]);
@@ -188,8 +182,8 @@ void RegionTracker::search(const capture::FrameSet& set, const std::vector<Targe
   }
   const bool is_shared = clutter_mask_.is_room_shared();
   if (is_shared) clutter_.add(views, search_.regions());
-  // Before anything is known of the cameras' times, frames of the same times are of cameras that are triggered
-  // together: among the regions of a room nearly any two rays would meet otherwise.
+  // Until the timing is estimated, cameras with equal stamps count as synchronised: with open timing nearly any two
+  // rays of a room's regions would meet.
   MotionState times = filter_.belief();
   if (is_shared && sets_apart_ == 0 && last_tracking_ == capture::Timestamp{}) times.expect_synchronised();
   auto find = search_.find(views, set.at, times, clutter_mask_);
@@ -197,9 +191,9 @@ void RegionTracker::search(const capture::FrameSet& set, const std::vector<Targe
     finds_out_of_reach_ = 0;
     return;
   }
-  // It is what is followed already, and not sure yet.
+  // The detection is the track that is not confirmed yet.
   if (is_shared && state_ == TrackState::coasting && sightings_.size() >= 2 &&
-      (find->now.position - filter_.belief().position()).norm() < 1.5 * target_.radius_m)
+      (find->now.position - filter_.belief().position()).norm() < object_gates.same_object_radii * target_.radius_m)
     return;
   if (is_out_of_reach(*find, set.at)) return;
   MotionState about = filter_.belief();
@@ -216,15 +210,15 @@ void RegionTracker::search(const capture::FrameSet& set, const std::vector<Targe
   const double doubted_m = consistency_.inflated_sigma(filter_.belief(), sightings_);
   if (doubted_m <= options_.max_coast_sigma_m) {
     const double sigma_m = std::max(judged_sigma(filter_.belief(), sightings_), doubted_m);
-    const bool is_told = existence_.is_sure() && is_localized(options_, filter_.belief()) &&
-                         sigma_m <= options_.max_tracking_sigma_m &&
-                         inside(options_.volume, filter_.belief().position(), target_.radius_m);
-    state_ = is_told ? TrackState::tracking : TrackState::coasting;
+    const bool is_tracking = existence_.is_sure() && is_localized(options_, filter_.belief()) &&
+                             sigma_m <= options_.max_tracking_sigma_m &&
+                             inside(options_.volume, filter_.belief().position(), target_.radius_m);
+    state_ = is_tracking ? TrackState::tracking : TrackState::coasting;
     last_tracking_ = set.at;
     search_.found();
     return;
   }
-  sightings_.clear();  // views that contradict one another so much have found nothing
+  sightings_.clear();  // views this inconsistent have detected nothing
   seen_.clear();
   if (state_ == TrackState::coasting) {
     state_ = TrackState::lost;
@@ -232,21 +226,19 @@ void RegionTracker::search(const capture::FrameSet& set, const std::vector<Targe
   }
 }
 
-// What is followed, and was tracked a moment ago, cannot have come there. One of the two is something else: the find,
-// unless it is found again and again.
+// A detection that a coasting track cannot have reached is clutter, unless it is found again and again.
 bool RegionTracker::is_out_of_reach(const ObjectSearch::Find& find, capture::Timestamp set_at) {
-  constexpr double sigmas = 3;
-  constexpr unsigned sure_finds = 3;
   const MotionState& belief = filter_.belief();
   const double sigma_m = std::hypot(largest_sigma(belief.position_covariance()), largest_sigma(find.now.covariance));
-  const double reach_m = sigmas * sigma_m + filter_.kick_m_s() * capture::seconds(set_at - last_tracking_);
+  const double reach_m =
+      object_gates.prediction_sigmas * sigma_m + filter_.kick_m_s() * capture::seconds(set_at - last_tracking_);
   const bool is_near = (find.now.position - belief.position()).norm() <= reach_m;
   finds_out_of_reach_ = state_ != TrackState::coasting || is_near ? 0 : finds_out_of_reach_ + 1;
-  return finds_out_of_reach_ > 0 && finds_out_of_reach_ < sure_finds;
+  return finds_out_of_reach_ > 0 && finds_out_of_reach_ < region_tracker.confirming_detections;
 }
 
-// The belief as it is while nothing is known of how far the views agree tells when they saw it, and so how far they do.
-// Where they do not, it begins once more with that: who was believed in the first sets would hold for long.
+// The first initialisation gives the rows' times, and with them how consistent the views are. If they are not, it is
+// repeated with inflated covariances: what the first sets claim would last for long.
 void RegionTracker::start_compared(const ObjectSearch::Find& find, capture::Timestamp set_at) {
   const ObjectFilter before = filter_;
   start_at(find, set_at);
@@ -256,41 +248,26 @@ void RegionTracker::start_compared(const ObjectSearch::Find& find, capture::Time
   start_at(find, set_at);
 }
 
-// The belief that the sightings of two sets give, from nothing but what is usual.
 void RegionTracker::start_at(const ObjectSearch::Find& find, capture::Timestamp set_at) {
-  last_reported_ = capture::Timestamp::min();
-  is_known_ = false;
-  shows_discs_ = has_moved_ = false;
-  sightings_ = filter_.start(find.earlier, find.now, consistency_, set_at, find.dt, sets_apart_ == 0, last_reported_);
-  found_at_ = filter_.belief().position();
+  last_published_ = capture::Timestamp::min();
+  was_tracked_ = false;
+  sightings_ = filter_.start(find.earlier, find.now, consistency_, set_at, find.dt, sets_apart_ == 0, last_published_);
   seen_ = sightings_;
   clutter_mask_.mark_clipped(sightings_);
 }
 
-// Furniture is seldom a disc in two views, and its parts are less than a dozen radii apart.
-void RegionTracker::note_looks() {
-  constexpr double furthest_parts_radii = 12;
-  shows_discs_ = shows_discs_ || shows_discs(sightings_);
-  has_moved_ = has_moved_ || (state_ == TrackState::tracking && (filter_.belief().position() - found_at_).norm() >
-                                                                    furthest_parts_radii * target_.radius_m);
-}
-
-// What was found in a room of its colour, and may be a part of the room as well, is followed but not told: of nobody it
-// is known where he is. So is what was found by views that contradict one another, none of which is to be believed, and
-// what something else that may be the object looks more like than this does.
-TrackState RegionTracker::told_state() {
-  if (state_ == TrackState::tracking || state_ == TrackState::coasting) note_looks();
-  const bool is_another_likelier = has_rival_ && !looks_like_object();
-  is_known_ = is_known_ || (state_ == TrackState::tracking && !is_another_likelier);
-  const bool may_be_furniture =
-      state_ == TrackState::coasting && (clutter_mask_.is_room_shared() || consistency_.no_consistent_pair());
-  const bool is_tentative = !is_known_ && (may_be_furniture || is_another_likelier);
-  const bool was_told = told_ == TrackState::tracking || told_ == TrackState::coasting;
+// A track that was initialised among clutter of the target's colour, or from views of which no two are consistent,
+// stays unpublished until it has been tracking once.
+TrackState RegionTracker::published_state() {
+  was_tracked_ = was_tracked_ || state_ == TrackState::tracking;
+  const bool is_tentative = !was_tracked_ && state_ == TrackState::coasting &&
+                            (clutter_mask_.is_room_shared() || consistency_.no_consistent_pair());
+  const bool was_published = published_ == TrackState::tracking || published_ == TrackState::coasting;
   if (!is_tentative)
-    told_ = state_;
-  else if (was_told)
-    told_ = TrackState::lost;
-  return told_;
+    published_ = state_;
+  else if (was_published)
+    published_ = TrackState::lost;
+  return published_;
 }
 
 ObjectEstimate RegionTracker::report(const capture::FrameSet& set) {
@@ -298,12 +275,12 @@ ObjectEstimate RegionTracker::report(const capture::FrameSet& set) {
                                   .views = views_,
                                   .radius_m = target_.radius_m,
                                   .options = options_,
-                                  .state = told_state(),
+                                  .state = published_state(),
                                   .filter = filter_,
                                   .agreement = consistency_,
                                   .sightings = sightings_,
                                   .seen = seen_},
-                                 rig_error_, last_reported_);
+                                 rig_error_, last_published_);
 }
 
 }  // namespace huetrack::object_trackers

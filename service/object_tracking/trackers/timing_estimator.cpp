@@ -1,7 +1,6 @@
 #include "object_tracking/trackers/timing_estimator.h"
 
 #include <algorithm>
-#include <cstddef>
 
 namespace huetrack::object_trackers {
 
@@ -9,22 +8,14 @@ using namespace object_tracking;
 
 namespace {
 
-// At usual speeds, some metres a second, this is some millimetres of way: as much as what else is not known.
-constexpr double open_time_s = 2e-3;
-
-// Ten seconds of motion at 30 sets a second tell all that there is to tell of times; and a pass over them takes no
-// longer than some ten milliseconds.
-constexpr std::size_t most_seen_sets = 300;
-constexpr int passes = 3;
-constexpr std::size_t sets_of_a_start = 2;  // that say where the object is and how it moves
-// Half of what is told in ten seconds is told anew.
-constexpr int sets_until_again = 75;
+constexpr std::size_t sets_of_a_start = 2;  // maths: fewer fix no position and velocity
 
 }  // namespace
 
 bool are_times_open(std::span<const Sighting> sightings, const MotionState& belief) {
-  return std::ranges::any_of(
-      sightings, [&](const Sighting& s) { return belief.row_sigma_s(s.row.camera, s.row.below_middle) > open_time_s; });
+  return std::ranges::any_of(sightings, [&](const Sighting& s) {
+    return belief.row_sigma_s(s.row.camera, s.row.below_middle) > timing_tuning.open_time_s;
+  });
 }
 
 TimingEstimator::TimingEstimator(double radius_m, const ObjectTrackerOptions& options)
@@ -42,7 +33,7 @@ void TimingEstimator::begin(const MotionState& belief) {
 
 void TimingEstimator::settle(const MotionState& belief) {
   for (SeenSet& seen : seen_sets_)
-    seen.believed_at = belief.at, seen.position = belief.position(), seen.velocity = belief.velocity();
+    seen.estimated_at = belief.at, seen.position = belief.position(), seen.velocity = belief.velocity();
 }
 
 void TimingEstimator::forget_seen() {
@@ -52,32 +43,34 @@ void TimingEstimator::forget_seen() {
 
 bool TimingEstimator::remember(const MotionState& belief, std::span<const Sighting> sightings, double power_density) {
   if (!is_learning_ || is_forgetting_motion_ || sightings.empty()) return false;
-  if (seen_sets_.size() == most_seen_sets) {
-    // What an object at rest showed told nothing of times. Without what a moving one did, less would be known.
-    is_forgetting_motion_ = seen_sets_.front().velocity.norm() > at_rest_m_s;
+  if (seen_sets_.size() == timing_tuning.most_sets) {
+    // Sets of an object at rest have no information on the timing. When one of a moving object would be dropped, all
+    // are, as a replay without it would lose its information.
+    is_forgetting_motion_ = seen_sets_.front().velocity.norm() > timing_tuning.at_rest_m_s;
     seen_sets_.pop_front();
     if (is_forgetting_motion_) seen_sets_.clear();
     if (is_forgetting_motion_) return false;
   }
   seen_sets_.push_back(
       {power_density, {sightings.begin(), sightings.end()}, belief.at, belief.position(), belief.velocity()});
-  moving_sets_ += belief.velocity().norm() > at_rest_m_s ? 1 : 0;
-  if (moving_sets_ < sets_until_again && !belief.needs_relinearisation()) return false;
+  moving_sets_ += belief.velocity().norm() > timing_tuning.at_rest_m_s ? 1 : 0;
+  if (moving_sets_ < timing_tuning.sets_until_again && !belief.needs_relinearisation()) return false;
   moving_sets_ = 0;
   return seen_sets_.size() > sets_of_a_start;
 }
 
-// Velocities at the seen sets as the path around each of them tells them: less noisy than those of the filter, and not
-// of the noise of that set's own sightings, with which they are multiplied.
+// Velocities at the remembered sets from the path around each: less noisy than the filter's, and hardly correlated with
+// the noise of that set's own measurements, with which they are multiplied.
 std::vector<Eigen::Vector3d> TimingEstimator::smooth_velocities() const {
   std::vector<Eigen::Vector3d> out;
   const auto count = std::ptrdiff_t(seen_sets_.size());
   for (std::ptrdiff_t i = 0; i < count; ++i) {
     const SeenSet& before = seen_sets_[std::size_t(std::max<std::ptrdiff_t>(0, i - 2))];
     const SeenSet& after = seen_sets_[std::size_t(std::min(count - 1, i + 2))];
-    const double dt = capture::seconds(after.believed_at - before.believed_at);
-    out.push_back(dt > 0 && dt < 0.3 ? Eigen::Vector3d((after.position - before.position) / dt)
-                                     : seen_sets_[std::size_t(i)].velocity);
+    const double dt = capture::seconds(after.estimated_at - before.estimated_at);
+    out.push_back(dt > 0 && dt < timing_tuning.longest_smoothing_s
+                      ? Eigen::Vector3d((after.position - before.position) / dt)
+                      : seen_sets_[std::size_t(i)].velocity);
   }
   return out;
 }
@@ -85,7 +78,7 @@ std::vector<Eigen::Vector3d> TimingEstimator::smooth_velocities() const {
 void TimingEstimator::linearise_again(MotionState& belief, double power_density) {
   MotionState about = belief;
   std::vector<Sighting> sightings;
-  for (int pass = 0; pass < passes; ++pass) {
+  for (int pass = 0; pass < timing_tuning.passes; ++pass) {
     const MotionState known = belief;
     MotionState again = *begun_;
     again.relinearise_times_at(known);
@@ -104,9 +97,9 @@ void TimingEstimator::linearise_again(MotionState& belief, double power_density)
         again.begin(sightings.front().row.at, seen.position, anywhere_m_ * anywhere_m_, Eigen::Vector3d::Zero(),
                     speed_m_s_ * speed_m_s_);
       }
-      about.begin(seen.believed_at, seen.position, 0, velocities[i], 0);
+      about.begin(seen.estimated_at, seen.position, 0, velocities[i], 0);
       again = observer_.observed(again, &about, sightings, seen.power_density);
-      seen.believed_at = again.at, seen.position = again.position(), seen.velocity = again.velocity();
+      seen.estimated_at = again.at, seen.position = again.position(), seen.velocity = again.velocity();
     }
     again.predict_to(known.at, power_density);
     belief = again;

@@ -1,8 +1,9 @@
-// When each camera's rows are exposed, learnt from one object's motion: what was seen of it since it was found is kept,
-// and gone through again when the times turn out to be others than those that it was linearised at.
+// Estimates each camera's latency and readout time from one object's motion: its measurements since it was initialised
+// are kept, and filtered again when the timing has moved away from where it was linearised.
 #pragma once
 
 #include <Eigen/Core>
+#include <cstddef>
 #include <deque>
 #include <span>
 #include <vector>
@@ -14,10 +15,17 @@
 
 namespace huetrack::object_trackers {
 
-// Slower than this, times hardly matter: 6 mm at 20 ms.
-inline constexpr double at_rest_m_s = 0.3;
+struct TimingEstimatorTuning {
+  double at_rest_m_s = 0.3;          // slower, timing hardly matters: 6 mm at 20 ms
+  double open_time_s = 2e-3;         // 1 sigma; at usual speeds, some m/s, as many mm as all else leaves open
+  std::size_t most_sets = 300;       // ten seconds at 30 sets a second; a pass over them takes some 10 ms
+  int passes = 3;                    // of the iterated filter (experiment)
+  int sets_until_again = 75;         // moving ones after which it is linearised again
+  double longest_smoothing_s = 0.3;  // of path over which velocities are averaged
+};
+inline constexpr TimingEstimatorTuning timing_tuning{};
 
-// Some of these rows were exposed at times that are not known: nobody knows where a moving object is.
+// The time of some of these rows is so uncertain that a moving object is not localised.
 bool are_times_open(std::span<const object_tracking::Sighting> sightings, const object_tracking::MotionState& belief);
 
 // thread-compatible.
@@ -25,19 +33,15 @@ class TimingEstimator {
  public:
   TimingEstimator(double radius_m, const object_tracking::ObjectTrackerOptions& options);
 
-  // A new object, found in two sets. What is believed of the times now is known without it.
-  void begin(const object_tracking::MotionState& belief);
-  // All that has been remembered since begin() is best told by what is believed now.
-  void settle(const object_tracking::MotionState& belief);
-  // The sightings of a set, and what came of them. Returns whether what is remembered now tells more of the times than
-  // was made of it.
+  void begin(const object_tracking::MotionState& belief);   // a new object; belief: the timing without it
+  void settle(const object_tracking::MotionState& belief);  // sets all remembered states to this one
+  // Keeps a set's measurements and the state after it. Returns whether to call linearise_again().
   bool remember(const object_tracking::MotionState& belief, std::span<const object_tracking::Sighting> sightings,
                 double power_density);
-  // All that was seen since the object was found is gone through once more, with rows' times as they are known now: an
-  // iterated extended Kalman filter (Bell and Cathey 1993), whose every pass begins where the one before has ended.
+  // Filters all remembered sets again with the timing known now: an iterated extended Kalman filter (Bell and Cathey
+  // 1993), each pass linearised where the one before ended.
   void linearise_again(object_tracking::MotionState& belief, double power_density);
-  // A camera stands elsewhere: what was seen so far was seen by another rig.
-  void forget_seen();
+  void forget_seen();  // a camera's pose changed: what was measured is of another rig
 
  private:
   std::vector<Eigen::Vector3d> smooth_velocities() const;
@@ -45,16 +49,16 @@ class TimingEstimator {
   bool is_learning_;
   double speed_m_s_, anywhere_m_;
   object_tracking::MotionObserver observer_;
-  std::optional<object_tracking::MotionState> begun_;  // what was known of the times before the object was found
+  std::optional<object_tracking::MotionState> begun_;  // the timing before the object was found
   struct SeenSet {
     double power_density;
     std::vector<object_tracking::Sighting> sightings;
-    capture::Timestamp believed_at;  // what was believed of the motion after it
+    capture::Timestamp estimated_at;  // of the state after it
     Eigen::Vector3d position, velocity;
   };
-  std::deque<SeenSet> seen_sets_;      // as long as the times may turn out to be others
-  int moving_sets_ = 0;                // among them, since the times were linearised again
-  bool is_forgetting_motion_ = false;  // seen_sets_ had to be given up: what they told of times is only in the belief
+  std::deque<SeenSet> seen_sets_;      // while the timing may change
+  int moving_sets_ = 0;                // among them, since linearise_again()
+  bool is_forgetting_motion_ = false;  // seen_sets_ was given up: its information on timing is only in the state
 };
 
 }  // namespace huetrack::object_trackers

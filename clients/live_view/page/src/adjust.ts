@@ -43,12 +43,24 @@ function fill(): void {
   show();
 }
 
+// What the hues mean: a swatch and names, as huetrackd says them (service/color/color_name.cpp).
+const names = ["red", "orange", "yellow", "lime", "green", "mint", "cyan", "azure", "blue", "violet", "magenta", "rose"];
+function showSwatch([low, high]: [number, number]): void {
+  const width = high - low + (low > high ? 360 : 0);
+  const [first, last] = [low, high].map((hue) => names[Math.round(hue / 30) % names.length]);
+  const swatch = $("adjust-swatch");
+  swatch.style.background = `linear-gradient(to right, ${[0, 1, 2, 3, 4].map((i) => `hsl(${low + (width * i) / 4} 80% 50%)`)})`;
+  swatch.title = first === last ? first! : `${first} to ${last}`;
+  swatch.setAttribute("aria-label", swatch.title);
+}
+
 // The sliders' values beside them, and in the pictures.
 function show(): void {
   for (const kind of kinds) {
     const [low, high] = valuesOf(kind).map((v) => Math.round(v * scales[kind]));
     $(`adjust-${kind}-says`).textContent = `${low} to ${high}${units[kind]}${kind === "hue_deg" && low > high ? ", through 0" : ""}`;
   }
+  showSwatch(valuesOf("hue_deg"));
   if (panel.hidden) return;
   const edited = Object.fromEntries(kinds.map((kind) => [kind, valuesOf(kind)])) as unknown as Omit<Color, "camera">;
   const cameras = (store.scene?.cameras ?? []).map((c) => c.name);
