@@ -5,21 +5,25 @@
 namespace huetrack::object_tracking {
 namespace {
 
-// An exposure smears a moving object. Indoors, one period of the light of lamps is the shortest one without flicker,
-// and the longest one before motion blurs what colour is.
-constexpr double longest_exposure_s = 0.010;
+struct ExpectedViewTuning {
+  double max_exposure_s = 0.010;  // s, one period of lamps at 50 Hz: the shortest exposure without flicker
+  int row_steps = 3;              // fixed-point steps from the object's row to its time and back
+  double row_margin = 0.5;        // image heights beyond the image to which a row's time is extrapolated
+};
+constexpr ExpectedViewTuning expected_view{};
 
 }  // namespace
 
 std::optional<ExpectedView> expected_in(const TargetView& view, const MotionBelief& belief, double radius_m) {
   ExpectedView out;
   double row = (view.image->height - 1) / 2.0;
-  for (int step = 0; step < 3; ++step) {
+  for (int step = 0; step < expected_view.row_steps; ++step) {
     out.row = row_of(view, row, belief);
     const auto at = appearance_of(*view.camera, belief.position_at(out.row.at), radius_m);
     if (!at) return std::nullopt;
     out.at = *at;
-    row = std::clamp(at->px.y(), -0.5 * view.image->height, 1.5 * view.image->height);
+    row = std::clamp(at->px.y(), -expected_view.row_margin * view.image->height,
+                     (1 + expected_view.row_margin) * view.image->height);
   }
   return out;
 }
@@ -41,7 +45,7 @@ ImageMotion image_motion(const TargetView& view, const Appearance& at, const Mot
                            belief.row_shift_s(view.index, -0.5);
   return {.velocity = at.jacobian * belief.velocity(),
           .row_s = view.image->height > 1 ? readout_s / (view.image->height - 1) : 0.0,
-          .longest_exposure_s = longest_exposure_s};
+          .longest_exposure_s = expected_view.max_exposure_s};
 }
 
 }  // namespace huetrack::object_tracking

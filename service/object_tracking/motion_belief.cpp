@@ -16,35 +16,27 @@
 namespace huetrack::object_tracking {
 namespace {
 
-// Of a camera of which the rig tells nothing. Drivers stamp 0 to 45 ms after mid-exposure, evenly spread that is 13 ms
-// of standard deviation, and the difference of two cameras 18.
-constexpr double unknown_latency_sigma_s = 0.020;
-// Rolling shutters take 10 to 33 ms, global ones nothing, and either may be mounted upside down.
-constexpr double unknown_readout_sigma_s = 0.020;
-// Of cameras whose frames' times are the same: a trigger starts them within microseconds, and their exposures are set
-// alike, so that mid-exposures differ by half of what is left; cameras that can be triggered have global shutters.
-constexpr double in_step_latency_sigma_s = 0.0002, in_step_readout_sigma_s = 0.0005;
-// Of a number that somebody wrote into the rig without saying how well it is known.
-constexpr double unstated_sigma_s = 0.002;
-// Mid-exposure moves with the exposure time, which lamps and clouds make a camera change: a millisecond in a minute or
-// two. A sensor's readout stays what it is.
-constexpr double latency_walk_s2_per_s = 1e-4 * 1e-4;
-// However long one looks, the errors of a view's sightings are not all new: light from one side and the flicker of
-// lamps shift what is seen by up to 0.3 ms of way, the same again and again (flicker weighs the moments of an
-// exposure).
-constexpr double least_latency_sigma_s = 3e-4, least_readout_sigma_s = 8e-4;
+struct MotionTuning {
+  // Prior of a camera that the rig says nothing of. Latency: drivers stamp 0 to 45 ms after mid-exposure, uniform 13 ms
+  // rms, 18 ms for a difference of two. Readout: 10 to 33 ms for rolling shutters, 0 for global ones, either sign.
+  double unknown_time_sigma_s = 0.020;         // s
+  double synced_latency_sigma_s = 0.0002;      // s, cameras with one trigger: exposures are set alike
+  double synced_readout_sigma_s = 0.0005;      // s, the same: mostly global shutters
+  double unstated_sigma_s = 0.002;             // s, of a latency or readout that the rig states without a sigma
+  double latency_walk_s2_per_s = 1e-4 * 1e-4;  // s^2/s, exposure time follows the light: 1 ms in one or two minutes
+  // Floors: shading and lamp flicker shift what is seen by up to 0.3 ms of motion, the same in every frame.
+  double min_latency_sigma_s = 3e-4;  // s
+  double min_readout_sigma_s = 8e-4;  // s
+  double bias_length_m = 0.5;         // m, correlation length of the image bias: half a metre on, the light is another
+  double relinearize_s = 0.005;       // s, error of a time from which velocity times time must be linearised again
+};
+constexpr MotionTuning motion_tuning{};
 
-// An object of a room's size passes its lamps and windows within metres: half a metre on, it is lit in another way.
-constexpr double lasting_way_m = 0.5;
+constexpr Eigen::Index most_states_near = 128;  // layout: 128 kB of covariance
+constexpr std::ptrdiff_t most_open = 8;         // layout: columns of four observations
 
-constexpr Eigen::Index most_states_near = 128;  // 128 kB of covariance
-constexpr std::ptrdiff_t most_open = 8;         // columns: of four observations
-
-// A ball at 3 m/s is 15 mm from where it is taken to be; in so much time its usual swerves are a tenth of a millimetre.
-constexpr double far_s = 0.005;
-
-double variance_of(const std::optional<double>& value, const std::optional<double>& sigma, double unknown_sigma_s) {
-  const double s = sigma.value_or(value ? unstated_sigma_s : unknown_sigma_s);
+double variance_of(const std::optional<double>& value, const std::optional<double>& sigma) {
+  const double s = sigma.value_or(value ? motion_tuning.unstated_sigma_s : motion_tuning.unknown_time_sigma_s);
   return s * s;
 }
 
@@ -76,8 +68,8 @@ MotionBelief::MotionBelief(const calib::CameraRig& rig, bool times_are_learnt) :
     if (times_are_learnt) {
       const Eigen::Index latency = latency_of(static_cast<int>(c));
       if (static_cast<int>(c) != reference_camera)
-        covariance_(latency, latency) = variance_of(timing.latency_s, timing.latency_sigma_s, unknown_latency_sigma_s);
-      given.readout_prior_s2 = variance_of(timing.readout_s, timing.readout_sigma_s, unknown_readout_sigma_s);
+        covariance_(latency, latency) = variance_of(timing.latency_s, timing.latency_sigma_s);
+      given.readout_prior_s2 = variance_of(timing.readout_s, timing.readout_sigma_s);
       covariance_(latency + 1, latency + 1) = given.readout_prior_s2;
     } else {
       given.latency_variance_s2 = std::pow(timing.latency_sigma_s.value_or(0), 2);
@@ -135,8 +127,8 @@ void MotionBelief::expect_in_step() {
     const auto at_most = [&](Eigen::Index i, double sigma) {
       covariance_(i, i) = std::min(covariance_(i, i), sigma * sigma);
     };
-    at_most(l, in_step_latency_sigma_s);
-    at_most(r, in_step_readout_sigma_s);
+    at_most(l, motion_tuning.synced_latency_sigma_s);
+    at_most(r, motion_tuning.synced_readout_sigma_s);
   }
 }
 
@@ -156,7 +148,8 @@ void MotionBelief::correct_times(std::span<const double> late_s) {
     const Eigen::Index latency = latency_of(c);
     mean_(latency) += late_s[camera];
     const bool is_other = late_s[camera] != late_s[reference_camera];
-    if (c != reference_camera && (is_in_step_ || is_other)) open(latency, std::pow(unknown_latency_sigma_s, 2));
+    if (c != reference_camera && (is_in_step_ || is_other))
+      open(latency, std::pow(motion_tuning.unknown_time_sigma_s, 2));
     if (is_in_step_) open(latency + 1, given_[camera].readout_prior_s2);
   }
   is_in_step_ = false;
@@ -166,7 +159,8 @@ void MotionBelief::correct_times(std::span<const double> late_s) {
 
 bool MotionBelief::are_times_far() const {
   if (!times_are_learnt_) return false;
-  return (mean_.segment(6, times_linearised_.size()) - times_linearised_).cwiseAbs().maxCoeff() > far_s;
+  return (mean_.segment(6, times_linearised_.size()) - times_linearised_).cwiseAbs().maxCoeff() >
+         motion_tuning.relinearize_s;
 }
 
 void MotionBelief::linearise_times_at(const MotionBelief& known) {
@@ -245,7 +239,7 @@ void MotionBelief::predict_to(capture::Timestamp when, double power_density) {
   covariance_.block<3, 3>(3, 0).diagonal().array() += q * dt * dt / 2;
   if (!times_are_learnt_) return;
   for (int c = 0; c < static_cast<int>(given_.size()); ++c) {
-    if (c != reference_camera) covariance_(latency_of(c), latency_of(c)) += latency_walk_s2_per_s * dt;
+    if (c != reference_camera) covariance_(latency_of(c), latency_of(c)) += motion_tuning.latency_walk_s2_per_s * dt;
   }
 }
 
@@ -376,7 +370,7 @@ void MotionBelief::renew_lasting(int camera, double lasting_px, const Eigen::Mat
   const Eigen::Index lasting = lasting_of(camera);
   Lasting& last = lasting_[static_cast<std::size_t>(camera)];
   const double before_px = last.px;
-  const double faded = std::exp(-last.way_m / lasting_way_m);
+  const double faded = std::exp(-last.way_m / motion_tuning.bias_length_m);
   double kept = 0;
   Eigen::Matrix2d added;
   if (before_px > 0 && (doubt.diagonal().any() || last.doubt.diagonal().any())) {
@@ -390,7 +384,7 @@ void MotionBelief::renew_lasting(int camera, double lasting_px, const Eigen::Mat
     added = axes.eigenvectors() * axes.eigenvalues().cwiseMax(0).asDiagonal() * axes.eigenvectors().transpose();
   } else {
     kept = faded * (before_px > 0 ? lasting_px / before_px : 0.0);
-    const double renewed = -std::expm1(-2 * last.way_m / lasting_way_m);
+    const double renewed = -std::expm1(-2 * last.way_m / motion_tuning.bias_length_m);
     added = (before_px > 0 ? renewed : 1.0) * lasting_px * lasting_px * Eigen::Matrix2d::Identity();
     if (before_px == 0) added += doubt;
   }
@@ -444,8 +438,8 @@ double MotionBelief::observe(const LinearSighting& sighting, const Eigen::Vector
       covariance_(i, i) = std::max(covariance_(i, i), std::min(variance_before(i), least_sigma * least_sigma));
     };
     for (int c = 0; c < static_cast<int>(given_.size()); ++c) {
-      keep(latency_of(c), least_latency_sigma_s);
-      keep(latency_of(c) + 1, least_readout_sigma_s);
+      keep(latency_of(c), motion_tuning.min_latency_sigma_s);
+      keep(latency_of(c) + 1, motion_tuning.min_readout_sigma_s);
     }
   }
   return innovation.dot(information * innovation);
@@ -460,7 +454,7 @@ Eigen::Matrix<double, 6, 6> MotionBelief::by_views() const {
   }
   const Eigen::Index n = size() - 6;
   Eigen::MatrixXd views = covariance_.bottomRightCorner(n, n);
-  views.diagonal().array() += 1e-16;  // s^2, px^2: of what is held
+  views.diagonal().array() += 1e-16;  // maths: s^2, px^2, keeps the fixed reference latency positive definite
   const Eigen::LLT<Eigen::Ref<Eigen::MatrixXd>> root(views);
   Eigen::Matrix<double, Eigen::Dynamic, 6, Eigen::ColMajor, most_states, 6> with_motion =
       covariance_.bottomLeftCorner(n, 6);

@@ -1,6 +1,16 @@
 #include "object_tracking/motion_observer.h"
 
 namespace huetrack::object_tracking {
+namespace {
+
+struct MotionObserverTuning {
+  int max_passes = 3;        // repeated linearisations after the first
+  double first_radii = 0.1;  // radii that the first pass must have moved the position by to linearise again
+  double next_radii = 0.01;  // the same of a later pass
+};
+constexpr MotionObserverTuning motion_observer{};
+
+}  // namespace
 
 MotionBelief MotionObserver::observed(const MotionBelief& from, const MotionBelief* linearised_about,
                                       std::span<const Sighting> sightings, double power_density) {
@@ -32,9 +42,9 @@ MotionBelief MotionObserver::observed_in_passes(const MotionBelief& from, std::s
                                                 double power_density) {
   MotionBelief out = observed(from, nullptr, sightings, power_density);
   Eigen::Vector3d before = from.position() + capture::seconds(out.at - from.at) * from.velocity();
-  for (int iteration = 0; iteration < 3; ++iteration) {
+  for (int iteration = 0; iteration < motion_observer.max_passes; ++iteration) {
     const double moved_m = (out.position() - before).norm();
-    if (moved_m < (iteration == 0 ? 0.1 : 0.01) * radius_m_) break;
+    if (moved_m < (iteration == 0 ? motion_observer.first_radii : motion_observer.next_radii) * radius_m_) break;
     before = out.position();
     const MotionBelief about = out;
     out = observed(from, &about, sightings, power_density);

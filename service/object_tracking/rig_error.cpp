@@ -6,9 +6,11 @@
 namespace huetrack::object_tracking {
 namespace {
 
-// As long as a position hangs on a view that has ended: the filter follows what is new within some tenths of a second.
-constexpr double memory_s = 0.2;
-constexpr double least_share = 1e-3;  // of a view's weight; below, it says nothing any more
+struct RigErrorTuning {
+  double memory_s = 0.2;    // s, decay time of a view that lost the object: the filter's own memory
+  double min_share = 1e-3;  // of a view's weight, below which it is dropped
+};
+constexpr RigErrorTuning rig_error{};
 
 }  // namespace
 
@@ -40,8 +42,8 @@ Eigen::Matrix3d RigError::left_open(const Eigen::Vector3d& position, capture::Ti
   std::vector<calib::PlaceView> views;
   for (std::size_t c = 0; c < last_views_.size(); ++c) {
     if (!last_views_[c].any) continue;
-    const double share = std::exp(-std::abs(capture::seconds(at - last_views_[c].at)) / memory_s);
-    if (share > least_share) views.push_back({static_cast<int>(c), share * last_views_[c].information});
+    const double share = std::exp(-std::abs(capture::seconds(at - last_views_[c].at)) / rig_error.memory_s);
+    if (share > rig_error.min_share) views.push_back({static_cast<int>(c), share * last_views_[c].information});
   }
   return calib::left_open_by_rig(rig_, position, views, elsewhere_);
 }

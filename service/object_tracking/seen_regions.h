@@ -14,6 +14,11 @@
 
 namespace huetrack::object_tracking {
 
+struct SeenRegionsTuning {
+  std::size_t max_others = 4;  // per view, the largest ones: cost of those that read them
+};
+inline constexpr SeenRegionsTuning seen_regions{};
+
 // thread-compatible.
 class SeenRegions {
  public:
@@ -30,8 +35,7 @@ class SeenRegions {
           std::sqrt(sighting.covariance.trace() / 2 + sighting.lasting_px * sighting.lasting_px);
   }
   void add_others(const TargetView& view, std::span<const color::ColorRegion> regions) {
-    constexpr std::size_t most = 4;  // of a view, the largest
-    for (const color::ColorRegion& region : regions.first(std::min(most, regions.size())))
+    for (const color::ColorRegion& region : regions.first(std::min(seen_regions.max_others, regions.size())))
       all_.push_back(seen(view, region.centre, std::sqrt(region.area / std::numbers::pi), false));
   }
 

@@ -55,18 +55,19 @@ void sort_by_time(std::vector<Sighting>& sightings);  // of their rows; stable
 bool is_round(const Sighting& sighting);
 bool is_whole_disc(const Sighting& sighting);
 
-// A region counts as an object's within this: chi-square, 2 degrees of freedom, 99.97 %; and from so much of its disc
-// on.
-inline constexpr double region_gate = 16, least_support = 0.15;
-// A candidate for an object that is looked for and is older than this confirms nothing.
-inline constexpr double longest_confirmation_s = 0.5;
-// In so many sets a candidate must be seen that a view contradicts, which should show it: by chance rays meet once and
-// again, but not for as long.
-inline constexpr int contested_sets = 8;
-// So many crossings of rays are weighed where one object is looked for.
-inline constexpr std::size_t most_crossings = 4;
-// By as much a region of some hundred pixels moves and changes visibly: a frame that shows none of it was shown before.
-inline constexpr double surely_moved_px = 1;
+struct SightingTuning {
+  double gate_nis = 16;           // chi-square, 2 dof, 99.97 %: a region within it may be the object's
+  double min_disc_share = 0.15;   // share of the expected disc's area that a tracked object's region must cover
+  double start_disc_share = 0.3;  // the same where nothing is tracked yet, or its place is not known (experiment)
+  double max_disc_share = 4;      // the same, largest region that may still be the object there (experiment)
+  double confirmation_s = 0.5;    // s, an unconfirmed candidate older than this is dropped
+  int contested_sets = 8;         // frame sets that confirm a candidate against a view that should show it and does not
+  std::size_t max_crossings = 4;  // candidates kept per frame set where one object is searched
+  double repeat_px = 1;           // px, motion that changes a region of 100 px visibly: else the frame is a repeat
+  double misfit_share = 0.2;      // of the radius, 1 sigma: shape noise of a small disc's outline (experiment)
+  double whole_share = 0.9;       // share of the expected area from which a disc counts as unoccluded
+};
+inline constexpr SightingTuning sighting_tuning{};
 
 // How far a place in a view is off by what is not seen in a region's shape, px^2, as sighting_of() has it: new in every
 // frame, and what lasts.

@@ -5,6 +5,14 @@
 #include "color/match_tiles.h"
 
 namespace huetrack::object_tracking {
+namespace {
+
+struct TargetViewsTuning {
+  int trigger_jitter_ns = 50000;  // ns, capture times of triggered cameras differ by less
+};
+constexpr TargetViewsTuning target_views{};
+
+}  // namespace
 
 TargetViews::TargetViews(const calib::CameraRig& rig, const TargetOptions& target) {
   for (const calib::Camera& camera : rig.cameras) {
@@ -49,7 +57,7 @@ const color::ColorTable& TargetViews::table_for(PerCamera& camera, capture::Pixe
 }
 
 bool is_apart(const std::vector<TargetView>& views) {
-  constexpr auto trigger_jitter = capture::Duration(50'000);
+  constexpr capture::Duration trigger_jitter(target_views.trigger_jitter_ns);
   return std::ranges::any_of(views, [&](const TargetView& view) {
     return std::chrono::abs(view.frame->captured_at - views.front().frame->captured_at) > trigger_jitter;
   });

@@ -57,6 +57,7 @@ enum class TimingMode : std::uint8_t {
 };
 
 struct ObjectTrackerOptions {
+  static constexpr double default_pixel_noise_px = 0.2;
   Observation observation = Observation::huetrack;
   TimingMode timing = TimingMode::learn;  // observation: huetrack
   Volume volume;                          // where targets may be; the particles start uniformly in it
@@ -68,7 +69,8 @@ struct ObjectTrackerOptions {
   // --- observation: huetrack
   double acceleration_m_s2 = 8;  // > 0; the hardest usual acceleration; the filter finds what is needed below it
   double start_speed_m_s = 3;    // > 0; the highest usual speed: how far an object may be between two sets of a lock
-  double pixel_noise_px = 0.2;   // > 0; std. dev. of a colour region's centre in a view; add a poor calibration's error
+  double pixel_noise_px =
+      default_pixel_noise_px;  // > 0; std. dev. of a colour region's centre in a view; add a poor calibration's error
   // > 0; a position less sure than this (largest axis) by what its views say is coasting, not tracking. What is not
   // known of the cameras' times and poses is in the covariance beside that, and may be more.
   double max_tracking_sigma_m = 0.03;

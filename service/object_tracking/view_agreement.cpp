@@ -11,12 +11,22 @@
 namespace huetrack::object_tracking {
 namespace {
 
-// A view that should show the object is looked through as a whole in every so many-th set in which it does not: that
-// takes longer than all else.
-constexpr unsigned far_looks_every = 4;
-constexpr double excused_share_of_speed = 0.25;
-constexpr unsigned sets_until_known = 8;  // since it was found
-constexpr double nowhere_px = 50;         // how far apart views are whose rays do not meet
+struct ViewAgreementTuning {
+  unsigned search_every = 4;   // frame sets between searches of the whole image of a view that lost the object: cost
+  double speed_share = 0.25;   // of start_speed_m_s: largest velocity error that excuses an inconsistency
+  unsigned settling_sets = 8;  // frame sets after a start in which all of start_speed_m_s excuses it
+  double no_crossing_px = 50;  // px, residual of rays that do not meet in front of both cameras
+  double min_age_s = 0.08;     // s, of the regions that motion is measured against
+  double max_age_s = 0.5;      // s, the same
+  double still_px = 2;         // px, a region that moved less stands still
+  double still_radii = 0.2;    // radii, the same of large regions
+  double extent_radii = 3;     // radii, largest extent of a region that a search joins
+};
+constexpr ViewAgreementTuning view_agreement{};
+
+double still_px(double radius_px) {
+  return std::max(view_agreement.still_px, view_agreement.still_radii * radius_px);
+}
 
 }  // namespace
 
@@ -62,23 +72,23 @@ std::optional<SeenBeside> ViewAgreement::beside(const Sighting& sighting, const 
 // Of what a whole image shows, the only region that may be the object and is not where one was a tenth of a second ago.
 // What stands still is furniture. Several that move are several objects, and tell nothing.
 const color::ColorRegion* ViewAgreement::only_moving(int camera, std::span<const color::ColorRegion> regions,
-                                                     double disc_px2, double still_px, capture::Timestamp at) {
-  constexpr double least_age_s = 0.08, largest_age_s = 0.5;
+                                                     double radius_px, capture::Timestamp at) {
+  const double disc_px2 = std::numbers::pi * radius_px * radius_px;
   Unseen& unseen = unseen_[static_cast<std::size_t>(camera)];
-  if (capture::seconds(at - unseen.newer_at) >= least_age_s) {
+  if (capture::seconds(at - unseen.newer_at) >= view_agreement.min_age_s) {
     std::swap(unseen.older, unseen.newer);
     unseen.older_at = unseen.newer_at;
     unseen.newer.assign(regions.begin(), regions.end());
     unseen.newer_at = at;
   }
   const double age_s = capture::seconds(at - unseen.older_at);
-  if (age_s < least_age_s || age_s > largest_age_s) return nullptr;
+  if (age_s < view_agreement.min_age_s || age_s > view_agreement.max_age_s) return nullptr;
   const color::ColorRegion* moved = nullptr;
   for (const color::ColorRegion& region : regions) {
-    if (region.area < least_far_share * disc_px2) continue;
-    if (region.area > largest_far_share * disc_px2) return nullptr;
+    if (region.area < sighting_tuning.start_disc_share * disc_px2) continue;
+    if (region.area > sighting_tuning.max_disc_share * disc_px2) return nullptr;
     const bool was_there = std::ranges::any_of(unseen.older, [&](const color::ColorRegion& before) {
-      return (before.centre - region.centre).norm() < still_px;
+      return (before.centre - region.centre).norm() < still_px(radius_px);
     });
     if (was_there) continue;
     if (moved != nullptr) return nullptr;
@@ -95,14 +105,15 @@ std::optional<SeenBeside> ViewAgreement::far_off(const TargetView& view, capture
   const auto expected = expected_in(view, belief, radius_m_);
   if (is_shared_[static_cast<std::size_t>(view.index)] || !expected || !view.camera->contains({expected->at.px}))
     return std::nullopt;
-  if (unseen.sets++ % far_looks_every != 0 && !unseen.is_suspicious) return std::nullopt;
+  if (unseen.sets++ % view_agreement.search_every != 0 && !unseen.is_suspicious) return std::nullopt;
   const Appearance& at = expected->at;
   const double disc = std::numbers::pi * at.radius_px * at.radius_px;
   const auto& regions = finders_[static_cast<std::size_t>(view.index)].search(
-      *view.matches, std::max(1, static_cast<int>(at.radius_px)), static_cast<int>(std::ceil(3 * at.radius_px)) + 2,
-      std::max(2, static_cast<int>(least_far_share * disc)), at.radius_px);
+      *view.matches, std::max(1, static_cast<int>(at.radius_px)),
+      static_cast<int>(std::ceil(view_agreement.extent_radii * at.radius_px)) + 2,
+      std::max(2, static_cast<int>(sighting_tuning.start_disc_share * disc)), at.radius_px);
   seen.add_others(view, regions);
-  const color::ColorRegion* moved = only_moving(view.index, regions, disc, std::max(2.0, 0.2 * at.radius_px), set_at);
+  const color::ColorRegion* moved = only_moving(view.index, regions, at.radius_px, set_at);
   unseen.is_suspicious = moved != nullptr;
   if (moved == nullptr) return std::nullopt;
   Sighting sighting = sighting_of(view, *moved, at.radius_px, options_.pixel_noise_px, image_motion(view, at, belief));
@@ -118,8 +129,7 @@ void ViewAgreement::compare_searched(const std::vector<TargetView>& views,
   for (std::size_t i = 0; i < views.size(); ++i) {
     if (is_shared_[static_cast<std::size_t>(views[i].index)]) continue;
     const double radius_px = expected_px[i];
-    const color::ColorRegion* moved = only_moving(views[i].index, regions[i], std::numbers::pi * radius_px * radius_px,
-                                                  std::max(2.0, 0.2 * radius_px), set_at);
+    const color::ColorRegion* moved = only_moving(views[i].index, regions[i], radius_px, set_at);
     if (moved == nullptr) continue;
     moving.push_back(
         sighting_of(views[i], *moved, std::sqrt(moved->area / std::numbers::pi), options_.pixel_noise_px, {}));
@@ -142,7 +152,7 @@ void ViewAgreement::compare_searched(const std::vector<TargetView>& views,
 std::optional<Disagreement> ViewAgreement::disagreement_of(const Sighting& i, const Sighting& j,
                                                            const MotionBelief& belief) const {
   // Rays that do not meet before both cameras are as far apart as can be.
-  Disagreement seen{.off_px = nowhere_px, .expected_px2 = 1, .share_i = 0.5, .share_j = 0.5};
+  Disagreement seen{.off_px = view_agreement.no_crossing_px, .expected_px2 = 1, .share_i = 0.5, .share_j = 0.5};
   const auto p = crossing(*i.camera, {i.px}, *j.camera, {j.px});
   if (!p) return seen;
   const auto beside_p = [&](const Sighting& s) -> std::optional<SeenBeside> {
@@ -206,7 +216,7 @@ void ViewAgreement::compare_sightings(const MotionBelief& belief, std::span<cons
 void ViewAgreement::compare_besides(const MotionBelief& belief) {
   // A velocity that is not known any more, as the views contradict one another, is no excuse for them; one that is not
   // known yet is.
-  const double excused = ++compared_sets_ > sets_until_known ? excused_share_of_speed : 1.0;
+  const double excused = ++compared_sets_ > view_agreement.settling_sets ? view_agreement.speed_share : 1.0;
   const double velocity_sigma =
       std::min(largest_sigma(belief.velocity_covariance()), excused * options_.start_speed_m_s);
   doubts_.compare(besides_, velocity_sigma, options_.acceleration_m_s2);

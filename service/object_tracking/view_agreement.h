@@ -17,10 +17,6 @@
 
 namespace huetrack::object_tracking {
 
-// A region may be an object that is seen through another calibration than the rig's if it covers so much of the disc
-// that would be there.
-inline constexpr double least_far_share = 0.3, largest_far_share = 4;
-
 // thread-compatible.
 class ViewAgreement {
  public:
@@ -68,8 +64,8 @@ class ViewAgreement {
     bool is_suspicious = false;  // something moved in it when it was last looked at
   };
   std::optional<SeenBeside> beside(const Sighting& sighting, const MotionBelief& belief) const;
-  const color::ColorRegion* only_moving(int camera, std::span<const color::ColorRegion> regions, double disc_px2,
-                                        double still_px, capture::Timestamp at);
+  const color::ColorRegion* only_moving(int camera, std::span<const color::ColorRegion> regions, double radius_px,
+                                        capture::Timestamp at);
   std::optional<SeenBeside> far_off(const TargetView& view, capture::Timestamp set_at, const MotionBelief& belief,
                                     SeenRegions& seen);
   std::optional<Disagreement> disagreement_of(const Sighting& i, const Sighting& j, const MotionBelief& belief) const;

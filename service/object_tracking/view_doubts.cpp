@@ -10,28 +10,30 @@
 namespace huetrack::object_tracking {
 namespace {
 
-// Of the ring, this quantile is compared with that of chi-square with one degree of freedom. A contradiction that
-// begins is noticed when it has a quarter of the ring, some 0.3 s later; what is wrong more rarely moves nothing.
-constexpr double quantile = 0.75, chi_square_there = 1.3233;
-constexpr std::size_t enough = 8;  // comparisons, for a quantile
-// What a good calibration's own error, light from one side and a colour's seams make of it on good recordings
-// (README.md): a pair below this agrees.
-constexpr double usual_scale2 = 4;
-constexpr double agreeing_scale2 = 2;  // and below this nothing but noise is in it
-// What half a ball, or colour that sticks to it, makes of a pair is less than this; what a wrong rig does is mostly
-// more.
-constexpr double gross_scale2 = 25;
-constexpr double usual_of_two = 12;      // (3.5 standard deviations)^2, twice
-constexpr double forgetting = 1.0 / 16;  // of the means, per comparison
-// A disagreement that has lasted for a second is believed to be there for some 20 s more, fading: where the object is
-// now, the cameras' error may lie along the epipolar lines.
-constexpr double believed_per_comparison = 1.0 / 30, kept_of_excess = 1 - 1.0 / 600;
-constexpr double negligible_of_expected = 0.25;
-constexpr double most_raised = 3;
-// Of a camera that is much further away than the other one, or sees hardly across: what it sees is hardly compared.
-constexpr double least_compared_share = 0.1;
-// What pairs say together is of now: the error of a camera that is late turns with the motion.
-constexpr double kept_of_alone = 0.75;
+constexpr double quantile = 0.75;            // maths: of the window; the one below belongs to it
+constexpr double chi_square_there = 1.3233;  // maths: 75 % quantile of chi-square with 1 dof
+
+struct ViewDoubtsTuning {
+  std::size_t min_residuals = 8;  // of a pair, from which the quantile is used
+  double consistent_scale2 = 4;   // variance ratio up to which a pair is consistent: rig, shading, seams (experiment)
+  double noise_scale2 = 2;        // variance ratio up to which a pair shows noise alone (experiment)
+  double gross_scale2 = 25;       // variance ratio above what occlusion or adhering colour causes (experiment)
+  double gross_nis = 12;          // 1 dof, 3.5 sigma: two such residuals in a row count at once
+  double mean_share = 1.0 / 16;   // of a new residual in a pair's running means
+  double rise_share = 1.0 / 30;   // of an excess that a residual adds to the lasting one: about 1 s at 30 fps
+  double lasting_decay =
+      1 - 1.0 / 600;               // per residual, of the lasting excess: 20 s, as it may hide along epipolar lines
+  double negligible_share = 0.25;  // of the expected variance, below which an excess is zero
+  double max_raise = 3;            // factor by which all inflations are raised at most to cover every pair
+  double min_share = 0.1;          // of a pair's residual that a camera has at least: far away, or along the baseline
+  double single_decay = 0.75;      // per frame set, of a camera's own error: a late camera's turns with the motion
+  double max_along = 10;           // variance along over across the epipolar lines: within 20 degrees of them
+  double min_sine = 0.1;           // between two rays, below which they cannot be compared
+  double discriminating_radii = 0.5;  // radii up to which an expected residual can tell anything
+  double place_radii = 8;             // radii between two places at which a pair was consistent
+  int steps = 40;                     // multiplicative updates of the least squares
+};
+constexpr ViewDoubtsTuning view_doubts{};
 
 }  // namespace
 
@@ -41,8 +43,7 @@ bool disagreement(const SeenBeside& i, const SeenBeside& j, double way_variance_
     return jacobian.row(0).cross(jacobian.row(1)).normalized();
   };
   const Eigen::Vector3d across = ray_of(i.jacobian).cross(ray_of(j.jacobian));
-  constexpr double least_sine = 0.1;  // cameras that face each other see hardly anything across both rays
-  if (!(across.squaredNorm() > least_sine * least_sine)) return false;
+  if (!(across.squaredNorm() > view_doubts.min_sine * view_doubts.min_sine)) return false;
   Eigen::Vector2d u = (i.jacobian * i.jacobian.transpose()).inverse() * (i.jacobian * across);
   Eigen::Vector2d w = -((j.jacobian * j.jacobian.transpose()).inverse() * (j.jacobian * across));
   const double norm = std::sqrt(u.squaredNorm() + w.squaredNorm());
@@ -56,7 +57,7 @@ bool disagreement(const SeenBeside& i, const SeenBeside& j, double way_variance_
 }
 
 bool could_contradict(const Disagreement& seen, double radius_i_px, double radius_j_px) {
-  const double telling_px = 0.5 * std::min(radius_i_px, radius_j_px);
+  const double telling_px = view_doubts.discriminating_radii * std::min(radius_i_px, radius_j_px);
   return seen.expected_px2 <= telling_px * telling_px;
 }
 
@@ -77,7 +78,7 @@ const ViewDoubts::Pair& ViewDoubts::pair(std::size_t i, std::size_t j) const {
 void ViewDoubts::compare(std::span<const SeenBeside> views, double velocity_sigma_m_s, double acceleration_m_s2) {
   for (const SeenBeside& view : views) {
     Alone& alone = alone_[std::size_t(view.camera)];
-    alone.information *= kept_of_alone, alone.vector *= kept_of_alone;
+    alone.information *= view_doubts.single_decay, alone.vector *= view_doubts.single_decay;
   }
   for (std::size_t a = 0; a < views.size(); ++a) {
     for (std::size_t b = a + 1; b < views.size(); ++b) {
@@ -106,10 +107,10 @@ void ViewDoubts::add(std::size_t i, std::size_t j, const Disagreement& seen) {
 }
 
 void ViewDoubts::keep(Pair& p, float square) {
-  float* const end = p.sorted + std::min(p.count, kept);
-  float& oldest = p.squares[p.count % kept];
+  float* const end = p.sorted + std::min(p.count, pair_history.kept);
+  float& oldest = p.squares[p.count % pair_history.kept];
   // Where the oldest one was, or behind all; and from there to its place.
-  float* at = p.count < kept ? end : std::min(std::lower_bound(p.sorted, end, oldest), end - 1);
+  float* at = p.count < pair_history.kept ? end : std::min(std::lower_bound(p.sorted, end, oldest), end - 1);
   for (; at > p.sorted && at[-1] > square; --at) *at = at[-1];
   for (; at + 1 < end && at[1] < square; ++at) *at = at[1];
   *at = oldest = square;
@@ -117,43 +118,44 @@ void ViewDoubts::keep(Pair& p, float square) {
 
 void ViewDoubts::note(Pair& p, const Disagreement& seen) {
   keep(p, float(seen.off_px * seen.off_px / seen.expected_px2));
-  const double share = p.count == 0 ? 1 : std::max(forgetting, 1 / double(p.count + 1));
+  const double share = p.count == 0 ? 1 : std::max(view_doubts.mean_share, 1 / double(p.count + 1));
   ++p.count;
   p.expected_px2 += share * (seen.expected_px2 - p.expected_px2);
   p.share_i += share * (seen.share_i - p.share_i);
   p.share_j += share * (seen.share_j - p.share_j);
   p.scale2 = scale2_of(p);
-  double excess_px2 = p.scale2 > usual_scale2 ? (p.scale2 - 1) * p.expected_px2 : 0;
+  double excess_px2 = p.scale2 > view_doubts.consistent_scale2 ? (p.scale2 - 1) * p.expected_px2 : 0;
   // Only what a good part of the ring says has lasted: a furniture's region that was taken for the object in two frames
   // is off by a hundred pixels, and would be believed for long.
-  const double rise =
-      p.count >= enough && excess_px2 > p.lasting_px2 ? believed_per_comparison * (excess_px2 - p.lasting_px2) : 0;
-  p.lasting_px2 = kept_of_excess * p.lasting_px2 + rise;
+  const double rise = p.count >= view_doubts.min_residuals && excess_px2 > p.lasting_px2
+                          ? view_doubts.rise_share * (excess_px2 - p.lasting_px2)
+                          : 0;
+  p.lasting_px2 = view_doubts.lasting_decay * p.lasting_px2 + rise;
   // Before it is usual: what two comparisons say, one after the other, is no frame that was shown once more.
   if (p.count > 1) {
-    const double of_both = double(std::min(p.squares[(p.count - 1) % kept], p.squares[(p.count - 2) % kept]));
-    if (of_both > usual_of_two) excess_px2 = std::max(excess_px2, of_both * p.expected_px2);
+    const double of_both =
+        double(std::min(p.squares[(p.count - 1) % pair_history.kept], p.squares[(p.count - 2) % pair_history.kept]));
+    if (of_both > view_doubts.gross_nis) excess_px2 = std::max(excess_px2, of_both * p.expected_px2);
   }
   p.excess_px2 = std::max(excess_px2, p.lasting_px2);
-  if (p.excess_px2 < negligible_of_expected * p.expected_px2) p.excess_px2 = 0;
+  if (p.excess_px2 < view_doubts.negligible_share * p.expected_px2) p.excess_px2 = 0;
 }
 
 // Two views that are wrong agree along their epipolar lines: at one place by chance, and not at the next ones, where
 // these lie otherwise.
 void ViewDoubts::note_place(Pair& p, const Disagreement& seen, const SeenBeside& i, const SeenBeside& j) const {
-  constexpr double radii_apart = 8;
-  if (p.scale2 > usual_scale2) {
+  if (p.scale2 > view_doubts.consistent_scale2) {
     p.place_count = 0;
     return;
   }
   const auto radius_px = [&](const SeenBeside& view) { return radius_m_ * view.jacobian.norm() / std::numbers::sqrt2; };
   const double ri_px = radius_px(i), rj_px = radius_px(j);
   if (p.is_sure() || !could_contradict(seen, ri_px, rj_px)) return;
-  if (seen.off_px * seen.off_px > seen.expected_px2 || p.scale2 > agreeing_scale2) return;
+  if (seen.off_px * seen.off_px > seen.expected_px2 || p.scale2 > view_doubts.noise_scale2) return;
   const Eigen::Vector4d place(i.px.x(), i.px.y(), j.px.x(), j.px.y());
   const auto is_near = [&](const Eigen::Vector4d& other) {
     const Eigen::Vector4d way = other - place;
-    return std::max(way.head<2>().norm() / ri_px, way.tail<2>().norm() / rj_px) < radii_apart;
+    return std::max(way.head<2>().norm() / ri_px, way.tail<2>().norm() / rj_px) < view_doubts.place_radii;
   };
   if (std::none_of(p.places, p.places + p.place_count, is_near)) p.places[p.place_count++] = place;
   p.was_sure = p.was_sure || p.is_sure();
@@ -161,8 +163,8 @@ void ViewDoubts::note_place(Pair& p, const Disagreement& seen, const SeenBeside&
 
 // Of so few that a quantile says nothing: their mean, with two more that are as expected.
 double ViewDoubts::scale2_of(const Pair& p) {
-  const std::size_t n = std::min(p.count, kept);
-  if (n < enough) {
+  const std::size_t n = std::min(p.count, pair_history.kept);
+  if (n < view_doubts.min_residuals) {
     double sum = 2;
     for (std::size_t k = 0; k < n; ++k) sum += double(p.squares[k]);
     return sum / double(n + 2);
@@ -182,10 +184,10 @@ bool ViewDoubts::lay_on_one() {
   bool any_gross = false;
   for_each_pair([&](const Pair& p, std::size_t i, std::size_t j) {
     if (p.is_usual()) faded_px2 = std::max(faded_px2, p.excess_px2);
-    any_gross = any_gross || p.excess_px2 > (gross_scale2 - 1) * p.expected_px2;
+    any_gross = any_gross || p.excess_px2 > (view_doubts.gross_scale2 - 1) * p.expected_px2;
     for (std::size_t c = 0; c < cameras_; ++c) up_[c] += c != i && c != j && !p.is_usual() ? p.excess_px2 : 0;
-    down_[i] = std::max(down_[i], p.excess_px2 / std::max(least_compared_share, p.share_i));
-    down_[j] = std::max(down_[j], p.excess_px2 / std::max(least_compared_share, p.share_j));
+    down_[i] = std::max(down_[i], p.excess_px2 / std::max(view_doubts.min_share, p.share_i));
+    down_[j] = std::max(down_[j], p.excess_px2 / std::max(view_doubts.min_share, p.share_j));
   });
   const auto suspects = std::ranges::count(up_, 0.0);
   if (suspects == 0) return false;
@@ -203,7 +205,7 @@ bool ViewDoubts::lay_on_one() {
 }
 
 bool ViewDoubts::Pair::is_usual() const {
-  return excess_px2 <= (usual_scale2 - 1) * expected_px2;
+  return excess_px2 <= (view_doubts.consistent_scale2 - 1) * expected_px2;
 }
 
 // By what they showed of one another; of a camera that only this one could be compared with, by what the two did.
@@ -217,7 +219,7 @@ bool ViewDoubts::are_others_proven(std::size_t without) const {
       places += pair(c, other).place_count;
       is_compared = is_compared || pair(c, other).scale2 > 0;
     }
-    if (places < sure_places && (is_compared || (pair(c, without).scale2 > 0 && !pair(c, without).was_sure)))
+    if (places < pair_history.places && (is_compared || (pair(c, without).scale2 > 0 && !pair(c, without).was_sure)))
       return false;
   }
   return true;
@@ -238,12 +240,11 @@ void ViewDoubts::doubt_all() {
 // they do not differ, what is across the lines is all that is seen.
 double ViewDoubts::error_px2(std::size_t camera, double usual_px2) const {
   if (!(usual_px2 > 0)) return 0;
-  // An error rarely is more than three times what is seen of it across: it would lie within 20 degrees of the lines.
-  constexpr double widest = 10;  // as a variance
   // What good rigs and light leave in a pair lasts over comparisons: they count as one, of a pair that is usual.
-  constexpr double as_one = (1 - kept_of_alone) / usual_scale2;
+  constexpr double as_one = (1 - view_doubts.single_decay) / view_doubts.consistent_scale2;
   const Alone& alone = alone_[camera];
-  const Eigen::Matrix2d information = as_one * alone.information + Eigen::Matrix2d::Identity() / (widest * usual_px2);
+  const Eigen::Matrix2d information =
+      as_one * alone.information + Eigen::Matrix2d::Identity() / (view_doubts.max_along * usual_px2);
   return (as_one * information.inverse() * alone.vector).squaredNorm();
 }
 
@@ -261,8 +262,7 @@ void ViewDoubts::share_out() {
   if (lay_on_one()) return;
   const auto may_be_right = [](const Pair& p) { return p.was_sure || (p.scale2 > 0 && p.is_usual()); };
   if (std::ranges::none_of(pairs_, may_be_right)) return doubt_all();
-  constexpr int steps = 40;
-  for (int step = 0; step < steps; ++step) {
+  for (int step = 0; step < view_doubts.steps; ++step) {
     std::ranges::fill(up_, 0.0);
     std::ranges::fill(down_, 0.0);
     for_each_pair([&](const Pair& p, std::size_t i, std::size_t j) {
@@ -278,7 +278,7 @@ void ViewDoubts::share_out() {
     const double modelled_px2 = p.share_i * variance_px2_[i] + p.share_j * variance_px2_[j];
     if (p.excess_px2 > raise * modelled_px2 && modelled_px2 > 0) raise = p.excess_px2 / modelled_px2;
   });
-  for (double& variance : variance_px2_) variance *= std::min(raise, most_raised);
+  for (double& variance : variance_px2_) variance *= std::min(raise, view_doubts.max_raise);
   // And whoever agrees with nobody is doubted by as much as with whom it agrees best, whatever explains it otherwise.
   std::ranges::fill(up_, largest_px2);
   std::ranges::fill(down_, 0.0);

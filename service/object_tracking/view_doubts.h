@@ -48,6 +48,14 @@ bool disagreement(const SeenBeside& i, const SeenBeside& j, double way_variance_
 // apart than half of it agrees with anything.
 bool could_contradict(const Disagreement& seen, double radius_i_px, double radius_j_px);
 
+struct PairHistoryTuning {
+  std::size_t kept = 32;  // residuals in a pair's window: about 1 s
+  // Places at which a pair must be consistent to count as right: wrong views are consistent where the object crosses
+  // what their error leaves of an epipolar line, once by chance, hardly twice without being inconsistent in between.
+  std::size_t places = 2;
+};
+inline constexpr PairHistoryTuning pair_history{};
+
 // thread-compatible. Allocates only when it is made.
 class ViewDoubts {
  public:
@@ -71,13 +79,9 @@ class ViewDoubts {
   double scale2(std::size_t i, std::size_t j) const { return pair(i, j).scale2; }
 
  private:
-  // Views that are wrong agree where the way of the object crosses what their error leaves of an epipolar line: in one
-  // place by chance, and hardly in another one without having contradicted one another between the two.
-  static constexpr std::size_t sure_places = 2;
-  static constexpr std::size_t kept = 32;  // comparisons of a pair: about a second
   struct Pair {
-    float squares[kept];  // off_px^2 / expected_px2, a ring
-    float sorted[kept];   // the ring's values, ascending
+    float squares[pair_history.kept];  // off_px^2 / expected_px2, a ring
+    float sorted[pair_history.kept];   // the ring's values, ascending
     std::size_t count = 0;
     double expected_px2 = 0, share_i = 0, share_j = 0;  // means over the recent past
     double scale2 = 0;
@@ -85,10 +89,10 @@ class ViewDoubts {
     double lasting_px2 = 0;  // what of excess_px2 has lasted
     // Where the two agreed, since they last contradicted one another: in the pictures of both, for a rig that is wrong
     // does not know the place.
-    Eigen::Vector4d places[sure_places];
+    Eigen::Vector4d places[pair_history.places];
     std::size_t place_count = 0;
     bool was_sure = false;
-    bool is_sure() const { return place_count == sure_places; }
+    bool is_sure() const { return place_count == pair_history.places; }
     bool is_usual() const;
   };
   void note_place(Pair& pair, const Disagreement& seen, const SeenBeside& i, const SeenBeside& j) const;

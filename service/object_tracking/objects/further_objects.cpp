@@ -8,11 +8,13 @@ using namespace object_tracking;
 
 namespace {
 
-constexpr double looked_every_s = 1;   // it takes a set as long as a search does
-constexpr double told_after_s = 1.5;   // seen, or gone: what crosses a room by chance does not stay
-constexpr double of_a_moment_s = 0.5;  // who is hidden for so long says nothing of the others
-// So far from the target's middle a region is its own, or touches it and says nothing.
-constexpr double own_radii = 3;
+struct FurtherObjectTuning {
+  double period_s = 1;   // s, between searches: a frame set with one takes as long as a search
+  double delay_s = 1.5;  // s, seen or gone for as long before it is published: what crosses the room does not stay
+  double pause_s = 0.5;  // s, an interruption of the track up to which the finding stands
+  double own_radii = 3;  // radii around the target in which a region is its own or touches it
+};
+constexpr FurtherObjectTuning further_object{};
 
 }  // namespace
 
@@ -23,7 +25,7 @@ void FurtherObject::note(capture::Timestamp set_at, const std::optional<Eigen::V
     return;
   }
   if (!since_ || set_at < *since_) since_ = set_at;
-  if (capture::seconds(set_at - *since_) < told_after_s) return;
+  if (capture::seconds(set_at - *since_) < further_object.delay_s) return;
   told_ = seen_at;
   since_.reset();
 }
@@ -44,7 +46,8 @@ void FurtherObjectWatch::find_others(const std::vector<TargetView>& views, const
     const auto own = appearance_of(*views[i].camera, belief.position(), target_.radius_m);
     for (const color::ColorRegion& region :
          whole_regions(finders_[camera], *views[i].matches, size_in_view_[camera], target_.count, {})) {
-      if (!own || (region.centre - own->px).norm() > own_radii * own->radius_px) regions_[i].push_back(region);
+      if (!own || (region.centre - own->px).norm() > further_object.own_radii * own->radius_px)
+        regions_[i].push_back(region);
     }
   }
 }
@@ -52,7 +55,7 @@ void FurtherObjectWatch::find_others(const std::vector<TargetView>& views, const
 void FurtherObjectWatch::look_at_nothing(capture::Timestamp set_at) {
   is_second_ = false;
   if (!nothing_since_ || set_at < *nothing_since_) nothing_since_ = set_at;
-  if (capture::seconds(set_at - *nothing_since_) > of_a_moment_s) further_.note(set_at, std::nullopt);
+  if (capture::seconds(set_at - *nothing_since_) > further_object.pause_s) further_.note(set_at, std::nullopt);
 }
 
 void FurtherObjectWatch::look(const std::vector<TargetView>& views, std::span<const Sighting> sightings,
@@ -60,7 +63,7 @@ void FurtherObjectWatch::look(const std::vector<TargetView>& views, std::span<co
   nothing_since_.reset();
   if (views.size() < 2) return;
   if (looked_at_ && set_at < *looked_at_) looked_at_.reset(), is_second_ = false;
-  if (!is_second_ && looked_at_ && capture::seconds(set_at - *looked_at_) < looked_every_s) return;
+  if (!is_second_ && looked_at_ && capture::seconds(set_at - *looked_at_) < further_object.period_s) return;
   find_others(views, belief);
   std::vector<CoveredDisc> covered;
   for (const Sighting& s : sightings) {
@@ -77,7 +80,7 @@ void FurtherObjectWatch::look(const std::vector<TargetView>& views, std::span<co
   }
   is_second_ = false;
   const auto other = std::ranges::find_if(births, [&](const Birth& birth) {
-    return (birth.now.position - belief.position()).norm() > own_radii * target_.radius_m;
+    return (birth.now.position - belief.position()).norm() > further_object.own_radii * target_.radius_m;
   });
   further_.note(set_at, other == births.end() ? std::nullopt : std::optional(other->now.position));
 }

@@ -16,8 +16,10 @@
 
 namespace huetrack::objects {
 
-// A view sees what should be seen in nine of ten cases; else something hides it that nobody knows of.
-inline constexpr double detection_probability = 0.9;
+struct DetectionTuning {
+  double probability = 0.9;  // P_D: a view detects an object that should be visible; else something unknown hides it
+};
+inline constexpr DetectionTuning detection{};
 
 struct Birth {
   object_tracking::PositionCandidate earlier, now;

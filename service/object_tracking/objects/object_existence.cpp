@@ -11,15 +11,25 @@ using namespace object_tracking;
 
 namespace {
 
-// At most one that is none in an hour: some fifty pairs of regions in each of 10^5 sets meet by chance.
-constexpr double sure = 16;
-// What an object has been seen for is not held against what it shows now for longer than some sets.
-constexpr double most = 2 * sure;
-// What a room shows that shares the colour, before anything is known of it: as of half a second.
-constexpr double usual_regions = 8, sets_of_usual = 15;
-constexpr double remembered_sets = 100;
-// What was found though chance explains that as well must have moved by then.
-constexpr double longest_at_rest_s = 0.25;
+struct ExistenceTuning {
+  double confirmed = 16;  // log-odds: one false track an hour, of 50 pairs of regions in each of 1e5 frame sets
+  double max_factor = 2;  // times `confirmed`, upper bound of the log-odds: the past outweighs some frame sets at most
+  double max_rest_s = 0.25;  // s, an object found although clutter explains it as well must have moved by then
+  int whole_views = 2;       // views that must show an object uncut by static clutter
+};
+constexpr ExistenceTuning existence{};
+
+struct ClutterMapTuning {
+  double prior_regions = 8;  // regions per frame set and image of a room that shares the colour
+  double prior_sets = 15;    // frame sets that this prior is worth: 0.5 s
+  double memory_sets = 100;  // frame sets in the means
+  double min_regions = 0.5;  // per frame set and image: none were seen, but there may be some
+};
+constexpr ClutterMapTuning clutter_map{};
+
+double max_log_odds() {
+  return existence.max_factor * existence.confirmed;
+}
 
 double log_density(const Eigen::Vector2d& d, const Eigen::Matrix2d& covariance) {
   return -std::log(2 * std::numbers::pi) - 0.5 * std::log(covariance.determinant()) -
@@ -44,7 +54,7 @@ Evidence evidence_of(ExpectedPlace at, std::span<const Sighting> sightings, cons
     const Eigen::Matrix2d expected = by * at.covariance * by.transpose() + of_sighting;
     const Eigen::Vector2d d = s.px - in_view->px;
     evidence.of_seen +=
-        std::log(detection_probability / clutter.density(static_cast<std::size_t>(s.row.camera), s.px)) +
+        std::log(detection.probability / clutter.density(static_cast<std::size_t>(s.row.camera), s.px)) +
         log_density(d, expected);
     const Eigen::Matrix<double, 3, 2> gain = at.covariance * by.transpose() * expected.inverse();
     at.position += gain * d;
@@ -56,7 +66,7 @@ Evidence evidence_of(ExpectedPlace at, std::span<const Sighting> sightings, cons
     const auto in_view = appearance_of(*view.camera, at.position, radius_m);
     if (!in_view || !view.camera->contains({in_view->px})) continue;
     if (still.may_cut(static_cast<std::size_t>(view.index), in_view->px, in_view->radius_px)) continue;
-    evidence.of_missing += std::log(1 - detection_probability);
+    evidence.of_missing += std::log(1 - detection.probability);
   }
   return evidence;
 }
@@ -78,14 +88,14 @@ ClutterMap::ClutterMap(const calib::CameraRig& rig) {
     of.columns = camera.image_size.width / cell_px + 1, of.rows = camera.image_size.height / cell_px + 1;
     of.pixels = static_cast<double>(camera.image_size.width) * camera.image_size.height;
     of.around.resize(static_cast<std::size_t>(of.columns * of.rows));
-    of.sets = sets_of_usual, of.regions = usual_regions;
+    of.sets = clutter_map.prior_sets, of.regions = clutter_map.prior_regions;
   }
 }
 
 void ClutterMap::add(const std::vector<TargetView>& views, std::span<const std::vector<color::ColorRegion>> regions) {
   for (std::size_t i = 0; i < views.size(); ++i) {
     PerCamera& of = cameras_[static_cast<std::size_t>(views[i].index)];
-    of.sets = std::min(of.sets + 1, remembered_sets);
+    of.sets = std::min(of.sets + 1, clutter_map.memory_sets);
     of.regions += (static_cast<double>(regions[i].size()) - of.regions) / of.sets;
     const auto fresh = static_cast<float>(1 / of.sets);
     for (float& cell : of.around) cell -= fresh * cell;
@@ -106,8 +116,7 @@ double ClutterMap::density(std::size_t camera, const Eigen::Vector2d& px) const 
     for (int i = std::max(0, u - 1); i <= std::min(of.columns - 1, u + 1); ++i)
       near += static_cast<double>(of.around[static_cast<std::size_t>(j * of.columns + i)]), ++cells;
   }
-  constexpr double least_regions = 0.5;  // in a picture: it is not known that there are none
-  return near / (cells * cell_px * cell_px) + std::max(least_regions, of.regions) / of.pixels;
+  return near / (cells * cell_px * cell_px) + std::max(clutter_map.min_regions, of.regions) / of.pixels;
 }
 
 void ObjectExistence::begin(capture::Timestamp set_at, const Birth& birth, const std::vector<TargetView>& views,
@@ -119,11 +128,12 @@ void ObjectExistence::begin(capture::Timestamp set_at, const Birth& birth, const
   const ExpectedPlace near{birth.earlier.position,
                            birth.earlier.covariance + way_m * way_m * Eigen::Matrix3d::Identity()};
   has_been_sure_ = false;
-  whole_at_ = set_at, on_cut_s_ = whole_of(birth.now.sightings, still) >= 2 ? 0 : 2 * longest_on_cut_s_;
+  whole_at_ = set_at,
+  on_cut_s_ = whole_of(birth.now.sightings, still) >= existence.whole_views ? 0 : 2 * longest_on_cut_s_;
   of_set_ = evidence_of(near, birth.now.sightings, views, radius_m, clutter, still).all();
   is_chance_ = false;
-  evidence_ =
-      std::min(most, of_set_ + evidence_of(anywhere, birth.earlier.sightings, {}, radius_m, clutter, still).all());
+  evidence_ = std::min(max_log_odds(),
+                       of_set_ + evidence_of(anywhere, birth.earlier.sightings, {}, radius_m, clutter, still).all());
   at_first_ = std::min(0.0, evidence_);
   has_moved_ = at_first_ >= 0, is_overdue_ = false;
   found_at_ = birth.now.position, found_when_ = set_at;
@@ -137,23 +147,23 @@ void ObjectExistence::update(capture::Timestamp set_at, const MotionBelief& beli
     at.position = belief.position_at(sightings.front().row.at);
     at.covariance = belief.seen_covariance(sightings.front().row, power_density);
   }
-  if (whole_of(sightings, still) >= 2) whole_at_ = set_at, on_cut_s_ = 0;
+  if (whole_of(sightings, still) >= existence.whole_views) whole_at_ = set_at, on_cut_s_ = 0;
   if (set_at > whole_at_) on_cut_s_ = std::max(on_cut_s_, capture::seconds(set_at - whole_at_));
   has_moved_ = has_moved_ || (at.position - found_at_).norm() > 2 * radius_m;
-  is_overdue_ = !has_moved_ && capture::seconds(set_at - found_when_) > longest_at_rest_s;
+  is_overdue_ = !has_moved_ && capture::seconds(set_at - found_when_) > existence.max_rest_s;
   const Evidence evidence = evidence_of(at, sightings, views, radius_m, clutter, still);
   of_set_ = evidence.all(), is_chance_ = evidence.of_seen < 0;
-  evidence_ = std::min(most, evidence_ + of_set_);
+  evidence_ = std::min(max_log_odds(), evidence_ + of_set_);
   has_been_sure_ = has_been_sure_ || is_sure();
   if (has_been_sure_) evidence_ = std::max(0.0, evidence_);
 }
 
 void ObjectExistence::assume() {
-  evidence_ = most, of_set_ = 0, is_chance_ = false, on_cut_s_ = 0, has_been_sure_ = has_moved_ = true;
+  evidence_ = max_log_odds(), of_set_ = 0, is_chance_ = false, on_cut_s_ = 0, has_been_sure_ = has_moved_ = true;
 }
 
 bool ObjectExistence::is_sure() const {
-  return evidence_ >= sure && has_moved_ && of_set_ >= 0 && on_cut_s_ <= longest_on_cut_s_;
+  return evidence_ >= existence.confirmed && has_moved_ && of_set_ >= 0 && on_cut_s_ <= longest_on_cut_s_;
 }
 
 bool ObjectExistence::is_refuted() const {

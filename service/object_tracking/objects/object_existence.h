@@ -28,7 +28,7 @@ class ClutterMap {
   double density(std::size_t camera, const Eigen::Vector2d& px) const;  // per px^2 and set, > 0
 
  private:
-  static constexpr int cell_px = 16;
+  static constexpr int cell_px = 16;  // layout: of the map
   struct PerCamera {
     int columns = 0, rows = 0;
     double pixels = 1;

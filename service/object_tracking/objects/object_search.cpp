@@ -2,19 +2,34 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 #include <utility>
-
-#include "object_tracking/view_agreement.h"
 
 namespace huetrack::objects {
 
 using namespace object_tracking;
 
+namespace {
+
+struct SearchTuning {
+  int volume_steps = 12;        // grid of the volume on which an object's size in a view is computed
+  int background_discs = 2;     // discs in a row: a region is one object and what else of the colour touches it
+  int max_discs = 4;            // discs in a row that one region may be of
+  double min_area_share = 0.3;  // of the square of the smallest radius that a region must have where one is searched
+  double extent_radii = 3;      // largest radii, extent of a region where one object is searched
+  double gap_radii = 2;         // smallest radii, gap that a region may have there
+  double contest_radii = 2;     // radii around the candidate's projection in which a region is no other object
+  double spread_sigmas = 3;     // of both positions, in addition to the way between two candidates
+};
+constexpr SearchTuning search_tuning{};
+
+}  // namespace
+
 // How small and how large the target appears in a view anywhere in the volume: on a grid, of which only what is in the
 // image counts (a corner of the volume may be beside or behind the camera).
 SizeInView size_in(const calib::Camera& camera, const Volume& volume, double radius_m) {
-  constexpr int steps = 12;
+  constexpr int steps = search_tuning.volume_steps;
   SizeInView out;
   for (int i = 0; i <= steps; ++i) {
     for (int j = 0; j <= steps; ++j) {
@@ -36,9 +51,9 @@ const std::vector<color::ColorRegion>& whole_regions(color::RegionFinder& finder
                                                      std::span<const color::PixelAt> also) {
   const double usual = std::sqrt(size.smallest_px * size.largest_px);
   const int step = std::max(1, static_cast<int>(std::numbers::sqrt2 * size.smallest_px));  // no disc is between points
-  const int min_area =
-      std::max(2, static_cast<int>(least_support * std::numbers::pi * size.smallest_px * size.smallest_px));
-  const int largest = static_cast<int>(std::ceil(2 * size.largest_px * std::min(count, 4))) + 2;
+  const int min_area = std::max(
+      2, static_cast<int>(sighting_tuning.min_disc_share * std::numbers::pi * size.smallest_px * size.smallest_px));
+  const int largest = static_cast<int>(std::ceil(2 * size.largest_px * std::min(count, search_tuning.max_discs))) + 2;
   return finder.components(matches, step, also, static_cast<int>(2 * usual) + 2, largest, min_area);
 }
 
@@ -64,16 +79,16 @@ void ObjectSearch::look(const std::vector<TargetView>& views) {
       continue;
     }
     if (is_shared_) {
-      constexpr int with_background = 2;  // one object, and what else of the colour touches it
-      regions_[i] =
-          whole_regions(finders_[static_cast<std::size_t>(view.index)], *view.matches, size, with_background, {});
+      regions_[i] = whole_regions(finders_[static_cast<std::size_t>(view.index)], *view.matches, size,
+                                  search_tuning.background_discs, {});
       continue;
     }
     const int step = std::max(1, static_cast<int>(size.smallest_px));
-    const int extent = static_cast<int>(std::ceil(3 * size.largest_px)) + 2;
-    const int min_area = std::max(2, static_cast<int>(0.3 * size.smallest_px * size.smallest_px));
+    const int extent = static_cast<int>(std::ceil(search_tuning.extent_radii * size.largest_px)) + 2;
+    const int min_area =
+        std::max(2, static_cast<int>(search_tuning.min_area_share * size.smallest_px * size.smallest_px));
     regions_[i] = finders_[static_cast<std::size_t>(view.index)].search(*view.matches, step, extent, min_area,
-                                                                        2 * size.smallest_px);
+                                                                        search_tuning.gap_radii * size.smallest_px);
   }
 }
 
@@ -90,7 +105,8 @@ std::vector<double> ObjectSearch::usual_radii_px(const std::vector<TargetView>& 
 std::optional<ObjectSearch::Find> ObjectSearch::find(const std::vector<TargetView>& views, capture::Timestamp set_at,
                                                      const MotionBelief& times, const StillColor& still) {
   if (is_shared_) return find_among_others(views, set_at, times, still);
-  std::vector<PositionCandidate> now = cross_rays(views, regions(), target_, options_, times, most_crossings);
+  std::vector<PositionCandidate> now =
+      cross_rays(views, regions(), target_, options_, times, sighting_tuning.max_crossings);
   if (now.empty()) {  // nor does one in which too few of these views see it
     log_.add(views, regions(), options_.volume);
     return std::nullopt;
@@ -98,14 +114,14 @@ std::optional<ObjectSearch::Find> ObjectSearch::find(const std::vector<TargetVie
   const double dt = capture::seconds(set_at - candidates_at_);
   const PositionCandidate* found = nullptr;
   const PositionCandidate* earlier = nullptr;
-  double best = -1e30;
-  if (dt > 0 && dt < longest_confirmation_s) {
+  double best = -std::numeric_limits<double>::infinity();
+  if (dt > 0 && dt < sighting_tuning.confirmation_s) {
     for (PositionCandidate& c : now) {
       for (const PositionCandidate& e : candidates_) {
-        const double spread = 3 * (largest_sigma(c.covariance) + largest_sigma(e.covariance));
+        const double spread = search_tuning.spread_sigmas * (largest_sigma(c.covariance) + largest_sigma(e.covariance));
         if ((c.position - e.position).norm() > options_.start_speed_m_s * dt + spread) continue;
         c.sets = std::max(c.sets, e.sets + 1);
-        if (c.sets < contested_sets && is_contested(c, views, times)) continue;
+        if (c.sets < sighting_tuning.contested_sets && is_contested(c, views, times)) continue;
         if (c.score + e.score > best) best = c.score + e.score, found = &c, earlier = &e;
       }
     }
@@ -152,10 +168,11 @@ bool ObjectSearch::is_contested(const PositionCandidate& candidate, const std::v
     const SeenRow row = row_of(views[i], at->px.y(), times);
     const double apart_s = std::hypot(capture::seconds(candidate.sightings.front().row.at - row.at),
                                       times.row_sigma_s(row.camera, row.below_middle));
-    const double slack_px = at->radius_px * (2 + options_.start_speed_m_s * apart_s / target_.radius_m);
+    const double slack_px =
+        at->radius_px * (search_tuning.contest_radii + options_.start_speed_m_s * apart_s / target_.radius_m);
     if (std::ranges::any_of(regions_[i], [&](const color::ColorRegion& region) {
-          return region.area > least_far_share * disc && region.area < largest_far_share * disc &&
-                 (region.centre - at->px).norm() > slack_px;
+          return region.area > sighting_tuning.start_disc_share * disc &&
+                 region.area < sighting_tuning.max_disc_share * disc && (region.centre - at->px).norm() > slack_px;
         }))
       return true;
   }

@@ -15,13 +15,25 @@ using namespace object_tracking;
 
 namespace {
 
-constexpr double largest_share = 1.4;   // of the disc, that is still one object's region alone
-constexpr double part_reach = 1.3;      // radii: so near to a region's centre, another one is a part of the object
-constexpr double not_assigned = 60;     // dearer than any region within the gate
-constexpr double least_outline = 0.15;  // share of the outline that is believed
-// Where the colour goes on across more of the outline, what ends may be the edge of that other thing. A ball of its
-// size that touches passes a tenth.
-constexpr double most_passed = 0.25;
+struct RegionAssignmentTuning {
+  double max_disc_share = 1.4;     // of the disc's area, of a region that is one object alone
+  double part_radii = 1.3;         // radii from a region's centre in which another one is a part of the object
+  double miss_cost = 60;           // of an object without a region: above that of any region in the gate
+  double cost_offset = 20;         // keeps the log-likelihood costs positive
+  double max_cost_share = 0.9;     // of miss_cost, upper bound of a region's cost
+  double min_outline = 0.15;       // share of the outline that must be seen
+  double max_passed = 0.25;        // share across which the colour goes on: a ball of its size that touches passes 0.1
+  double support_per_seen = 1.5;   // support of an outline over its visible share
+  double near_sigmas = 6;          // of the predicted place, to a region's centre: coarse gate
+  double near_radii = 3;           // radii, in addition
+  double overlap_sigmas = 2;       // of both places, from which two discs overlap
+  double overlap_px = 2;           // px, in addition
+  double max_overlap_radii = 0.5;  // mean radii, upper bound of that slack
+  double whole_variance = 3;       // times the usual variance up to which a region has a disc's shape
+  double max_reach_radii = 0.5;    // radii, upper bound of the predicted place's sigma in a disc fit
+  double inside_radii = 0.5;       // radii around an object that a region must touch to be explained by it
+};
+constexpr RegionAssignmentTuning assignment_tuning{};
 
 double sigma_px(const Eigen::Matrix2d& covariance) {
   return std::sqrt(std::max(0.0, 0.5 * covariance.trace()));
@@ -46,7 +58,9 @@ double disc_area(const Appearance& at) {
 
 bool overlap(const ExpectedObject& a, const ExpectedObject& b) {
   const double radii = a.at.radius_px + b.at.radius_px;
-  const double slack = std::min(2 * (sigma_px(a.covariance) + sigma_px(b.covariance)) + 2, 0.5 * radii);
+  const double slack = std::min(assignment_tuning.overlap_sigmas * (sigma_px(a.covariance) + sigma_px(b.covariance)) +
+                                    assignment_tuning.overlap_px,
+                                assignment_tuning.max_overlap_radii * radii);
   return (a.at.px - b.at.px).norm() < radii + slack;
 }
 
@@ -87,26 +101,29 @@ void RegionSharing::assign(const TargetView& view, std::span<const color::ColorR
     const ExpectedObject& e = expected[i];
     for (std::size_t r = 0; r < regions.size(); ++r) {
       const double share = regions[r].area / disc_area(e.at);
-      if (share < least_support ||
-          (regions[r].centre - e.at.px).norm() > 6 * sigma_px(e.covariance) + 3 * e.at.radius_px)
+      if (share < sighting_tuning.min_disc_share ||
+          (regions[r].centre - e.at.px).norm() >
+              assignment_tuning.near_sigmas * sigma_px(e.covariance) + assignment_tuning.near_radii * e.at.radius_px)
         continue;
       const Sighting s = sighting_of(view, regions[r], e.at.radius_px, pixel_noise_px_, e.motion);
       const double d2 = d2_of(s, e);
-      if (d2 > region_gate) continue;
-      costs(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(r)) = std::min(
-          0.9 * not_assigned, std::max(0.0, 20 + d2 + std::log(s.covariance.determinant()) - 2 * std::log(s.support)));
+      if (d2 > sighting_tuning.gate_nis) continue;
+      costs(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(r)) =
+          std::min(assignment_tuning.max_cost_share * assignment_tuning.miss_cost,
+                   std::max(0.0, assignment_tuning.cost_offset + d2 + std::log(s.covariance.determinant()) -
+                                     2 * std::log(s.support)));
     }
   }
   bool is_shared = false;
   std::vector<char> is_taken(regions.size(), 0);
   for (std::size_t i = 0; i < expected.size() && m > 0; ++i) {
     Eigen::Index best = 0;
-    if (!(costs.row(static_cast<Eigen::Index>(i)).minCoeff(&best) < not_assigned)) continue;
+    if (!(costs.row(static_cast<Eigen::Index>(i)).minCoeff(&best) < assignment_tuning.miss_cost)) continue;
     region_of[i] = static_cast<int>(best);
     is_shared = is_shared || is_taken[static_cast<std::size_t>(best)] != 0;
     is_taken[static_cast<std::size_t>(best)] = 1;
   }
-  if (is_shared) region_of = assignment_of(costs, not_assigned);
+  if (is_shared) region_of = assignment_of(costs, assignment_tuning.miss_cost);
   for (const int r : region_of) {
     if (r >= 0) out.is_explained[static_cast<std::size_t>(r)] = 1;
   }
@@ -114,7 +131,8 @@ void RegionSharing::assign(const TargetView& view, std::span<const color::ColorR
 
 std::optional<Sighting> RegionSharing::by_outline(const TargetView& view, const ExpectedObject& expected,
                                                   const std::optional<FittedDisc>& fitted) const {
-  if (!fitted || fitted->seen < least_outline || fitted->passed > most_passed) return std::nullopt;
+  if (!fitted || fitted->seen < assignment_tuning.min_outline || fitted->passed > assignment_tuning.max_passed)
+    return std::nullopt;
   const double radius_px = expected.at.radius_px;
   const UsualError usual = usual_error(radius_px, pixel_noise_px_, sample_px(*view.image));
   Sighting s;
@@ -124,9 +142,9 @@ std::optional<Sighting> RegionSharing::by_outline(const TargetView& view, const 
   s.px = fitted->px;
   s.covariance = fitted->covariance + usual.fresh_px2 * Eigen::Matrix2d::Identity();
   s.lasting_px = std::sqrt(usual.lasting_px2);
-  s.support = std::min(1.0, fitted->seen * 1.5);
+  s.support = std::min(1.0, fitted->seen * assignment_tuning.support_per_seen);
   s.radius_px = radius_px;
-  if (d2_of(s, expected) > region_gate) return std::nullopt;
+  if (d2_of(s, expected) > sighting_tuning.gate_nis) return std::nullopt;
   return s;
 }
 
@@ -135,8 +153,9 @@ Sighting RegionSharing::by_region(const TargetView& view, std::span<const color:
                                   std::size_t which, const ExpectedObject& expected, SharedSightings& out) const {
   color::ColorRegion region = regions[which];
   for (std::size_t r = 0; r < regions.size(); ++r) {
-    if (out.is_explained[r] != 0 || (regions[r].centre - region.centre).norm() > part_reach * expected.at.radius_px ||
-        region.area + regions[r].area > largest_share * disc_area(expected.at))
+    if (out.is_explained[r] != 0 ||
+        (regions[r].centre - region.centre).norm() > assignment_tuning.part_radii * expected.at.radius_px ||
+        region.area + regions[r].area > assignment_tuning.max_disc_share * disc_area(expected.at))
       continue;
     region = joined(region, regions[r]);
     out.is_explained[r] = 1;
@@ -147,8 +166,9 @@ Sighting RegionSharing::by_region(const TargetView& view, std::span<const color:
 // A region of the size and the shape of the object's disc.
 bool RegionSharing::is_whole(const TargetView& view, const Sighting& by_region, const ExpectedObject& expected) const {
   const double radius_px = expected.at.radius_px;
-  return by_region.covariance.trace() < 3 * usual_error(radius_px, pixel_noise_px_, sample_px(*view.image)).fresh_px2 &&
-         by_region.radius_px * by_region.radius_px < largest_share * radius_px * radius_px;
+  return by_region.covariance.trace() < assignment_tuning.whole_variance *
+                                            usual_error(radius_px, pixel_noise_px_, sample_px(*view.image)).fresh_px2 &&
+         by_region.radius_px * by_region.radius_px < assignment_tuning.max_disc_share * radius_px * radius_px;
 }
 
 SharedSightings RegionSharing::share(const TargetView& view, std::span<const color::ColorRegion> regions,
@@ -180,8 +200,9 @@ SharedSightings RegionSharing::share(const TargetView& view, std::span<const col
     // What is seen of discs that touch, or that something hides in part: all outlines of the group together.
     discs.clear();
     for (const std::size_t i : group)
-      discs.push_back({expected[i].at.px, expected[i].at.radius_px,
-                       std::min(sigma_px(expected[i].covariance), 0.5 * expected[i].at.radius_px)});
+      discs.push_back(
+          {expected[i].at.px, expected[i].at.radius_px,
+           std::min(sigma_px(expected[i].covariance), assignment_tuning.max_reach_radii * expected[i].at.radius_px)});
     const auto fitted = fit_discs(*view.matches, discs);
     for (const std::size_t i : in_part) {
       const auto place = static_cast<std::size_t>(std::ranges::find(group, i) - group.begin());
@@ -200,8 +221,8 @@ SharedSightings RegionSharing::share(const TargetView& view, std::span<const col
       const Eigen::Vector2d& px = out.of_objects[i]->px;
       const Eigen::Vector2d nearest(std::clamp(px.x(), regions[r].box.u_min - 0.5, regions[r].box.u_max + 0.5),
                                     std::clamp(px.y(), regions[r].box.v_min - 0.5, regions[r].box.v_max + 0.5));
-      const bool is_near = (regions[r].centre - px).norm() < part_reach * expected[i].at.radius_px;
-      const bool is_around = (nearest - px).norm() < 0.5 * expected[i].at.radius_px;
+      const bool is_near = (regions[r].centre - px).norm() < assignment_tuning.part_radii * expected[i].at.radius_px;
+      const bool is_around = (nearest - px).norm() < assignment_tuning.inside_radii * expected[i].at.radius_px;
       if (is_near || is_around) out.is_explained[r] = 1;
     }
   }

@@ -31,6 +31,11 @@ struct SearchFindings {
   std::string late_advice(const object_tracking::TargetOptions& target) const;
 };
 
+struct SearchLogTuning {
+  std::size_t kept_radii = 300;  // pairs of regions in the median of the radius
+};
+inline constexpr SearchLogTuning search_log{};
+
 // thread-compatible.
 class SearchLog {
  public:
@@ -43,7 +48,6 @@ class SearchLog {
   SearchFindings findings() const;
 
  private:
-  static constexpr std::size_t kept_radii = 300;
   bool was_found_ = false;
   SearchFindings findings_;
   std::vector<double> radii_m_;  // of pairs of regions that one ball can explain; a ring once it is full

@@ -12,38 +12,33 @@ using namespace object_tracking;
 
 namespace {
 
-constexpr double every_s = 0.5;  // each view
-constexpr int grid_px = color::TileAt::size;
-constexpr double enough_points = 4800;  // to say how much of a picture has the colour: 15 of the least share
-// Of the share that objects could cover: more is the room's, as a radius may be wrong by half. Below the lower one it
-// is not any more.
-constexpr double shared_above = 2.5, shared_below = 1.5;
-constexpr double least_shared = 0.003;  // of a picture; fewer grid points than some ten are chance
-// Of the last four samples: what is there for a second and a half, but for a flicker, is there.
-constexpr int least_matched = 3;
-// An object that is tracked covers so much more than its disc: blur, and it moves on before the next set.
-constexpr double covered_radii = 1.4, covered_more_px = 3;
+struct StaticClutterTuning {
+  double period_s = 0.5;        // s, between samples of a view
+  double share_points = 4800;   // grid points that measure the colour's share of an image: 15 of min_share
+  double shared_above = 2.5;    // times the share that the objects could cover: more is the room's; radii may be wrong
+  double shared_below = 1.5;    // hysteresis of shared_above
+  double min_share = 0.003;     // of an image; fewer than ten grid points are chance
+  double covered_radii = 1.4;   // radii around a tracked object in which nothing is learnt: blur, motion
+  double covered_px = 3;        // px, in addition
+  double surrounded = 0.5;      // share of an object's surroundings of its colour from which it counts as clutter
+  int around_points = 24;       // points at which these are sampled
+  double min_disc = 0.6;        // area of a disc over the smallest one of an object, and of the largest over its area
+  double min_roundness = 0.75;  // of its half widths
+  double min_filled = 0.85;     // of the ellipse of these half widths
+  double cut_radii = 1.5;       // radii from a region's centre in which masked clutter may have cut it
+  double cut_error = 0.85;      // radii of error per missing share: an edge leaves 0.42 at half, 0.65 at a quarter
+};
+constexpr StaticClutterTuning static_clutter{};
 
-// Where so much of what is around it has its colour, too, nobody sees an object there, and what would be left of the
-// room's colour in its place would look like one.
-constexpr double surrounded = 0.5;
-constexpr int around = 24;  // points that are looked at
-
-// A disc, by its area against the smallest and the largest that an object may have, by its half widths, and by how much
-// of the ellipse of these it fills.
-constexpr double least_disc = 0.6, roundest = 0.75, least_filled = 0.85;
-// What is left out so near to a region's middle may have cut it.
-constexpr double cut_reach = 1.5;  // radii
-// The middle of what a straight edge leaves of a disc, by the share that is left: 0.42 radii of a half, 0.65 of a
-// quarter.
-constexpr double off_by_cut = 0.85;  // radii, times the share that is missing
+constexpr int grid_px = color::TileAt::size;  // layout: a point per tile
+constexpr double tile_half_px = 3.5;          // layout: from a tile's first pixel to its centre
+constexpr double tile_reach_px = 6;           // layout: more than from there to its corner
 
 constexpr std::uint64_t left_column = 0x0101010101010101u, right_column = left_column << 7;
 constexpr std::uint64_t top_row = 0xff, bottom_row = top_row << 56;
 
-// Pixels that are set in at least least_matched of four words.
+// Pixels that are set in at least three of four words: a flicker in one of them is ignored.
 std::uint64_t mostly(const std::array<std::uint64_t, 4>& words) {
-  static_assert(least_matched == 3);
   const auto& [a, b, c, d] = words;
   return (a & b & (c | d)) | (c & d & (a | b));
 }
@@ -58,10 +53,10 @@ std::uint64_t heightened(std::uint64_t w) {
 
 // By the target's colour.
 bool is_surrounded(const TargetView& view, const Sighting& s) {
-  const double reach = covered_radii * s.radius_px + covered_more_px + 1;
+  const double reach = static_clutter.covered_radii * s.radius_px + static_clutter.covered_px + 1;
   int seen = 0, matching = 0;
-  for (int i = 0; i < around; ++i) {
-    const double angle = 2 * std::numbers::pi * i / around;
+  for (int i = 0; i < static_clutter.around_points; ++i) {
+    const double angle = 2 * std::numbers::pi * i / static_clutter.around_points;
     const double u = s.px.x() + reach * std::cos(angle), v = s.px.y() + reach * std::sin(angle);
     if (!(u >= 0 && v >= 0 && u < view.image->width && v < view.image->height)) continue;
     const int column = static_cast<int>(u), row = static_cast<int>(v);
@@ -71,7 +66,7 @@ bool is_surrounded(const TargetView& view, const Sighting& s) {
     ++seen;
     matching += (view.matches->tile_with_left_out(tile) >> bit & 1) != 0 ? 1 : 0;
   }
-  return matching > surrounded * seen;
+  return matching > static_clutter.surrounded * seen;
 }
 
 }  // namespace
@@ -88,7 +83,7 @@ void StillColor::forget(std::size_t camera) {
 }
 
 bool StillColor::may_cut(std::size_t camera, const Eigen::Vector2d& px, double radius_px) const {
-  const double reach_px = cut_reach * radius_px;
+  const double reach_px = static_clutter.cut_radii * radius_px;
   const PerCamera& in = cameras_[camera];
   if (in.listed.empty() || !px.allFinite()) return false;
   const int rows = static_cast<int>(in.tiles.size()) / in.stride;
@@ -115,7 +110,7 @@ void StillColor::mark_cut(std::vector<Sighting>& sightings) const {
     if (!may_cut(static_cast<std::size_t>(s.row.camera), s.px, radius_px)) continue;
     s.is_cut = true;
     if (s.is_outline) continue;
-    const double off_px = off_by_cut * (1 - s.support) * radius_px;
+    const double off_px = static_clutter.cut_error * (1 - s.support) * radius_px;
     s.covariance.diagonal().array() += off_px * off_px;
   }
 }
@@ -138,7 +133,8 @@ void StillColor::look(const std::vector<TargetView>& views, std::span<const Sigh
     const PerCamera& camera = cameras_[static_cast<std::size_t>(view.index)];
     if (camera.is_learning && camera.sampled < samples) sample(view, tracked);
   }
-  if (std::abs(capture::seconds(set_at - *last_at_)) < every_s / static_cast<double>(views.size())) return;
+  if (std::abs(capture::seconds(set_at - *last_at_)) < static_clutter.period_s / static_cast<double>(views.size()))
+    return;
   last_at_ = set_at;
   sample(views[next_++ % views.size()], tracked);
 }
@@ -155,7 +151,7 @@ void StillColor::doubt(capture::Timestamp set_at) {
 }
 
 bool StillColor::is_starting(capture::Timestamp set_at) const {
-  return is_room_shared_ && first_at_ && capture::seconds(set_at - *first_at_) < samples * every_s;
+  return is_room_shared_ && first_at_ && capture::seconds(set_at - *first_at_) < samples * static_clutter.period_s;
 }
 
 // Whole discs of an object's size: as they are at the first set, before anything is left out.
@@ -166,16 +162,16 @@ void StillColor::find_what_may_be_objects(const TargetView& view, PerCamera& cam
   const int step = std::max(1, static_cast<int>(std::numbers::sqrt2 * camera.smallest_px));
   const int usual = static_cast<int>(2 * std::sqrt(camera.smallest_px * camera.largest_px)) + 2;
   const int largest = static_cast<int>(4 * camera.largest_px) + 2;
-  for (const color::ColorRegion& region : camera.finder.components(*view.matches, step, {}, usual, largest,
-                                                                   static_cast<int>(least_disc * smallest_disc))) {
+  for (const color::ColorRegion& region : camera.finder.components(
+           *view.matches, step, {}, usual, largest, static_cast<int>(static_clutter.min_disc * smallest_disc))) {
     const Eigen::Vector2d half = 2 * Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>()
                                          .computeDirect(region.spread)
                                          .eigenvalues()
                                          .cwiseMax(0)
                                          .cwiseSqrt();  // ascending
     const double filled = region.area / (std::numbers::pi * half.x() * half.y());
-    if (region.area < least_disc * smallest_disc || region.area > largest_disc / least_disc ||
-        half.x() < roundest * half.y() || filled < least_filled)
+    if (region.area < static_clutter.min_disc * smallest_disc || region.area > largest_disc / static_clutter.min_disc ||
+        half.x() < static_clutter.min_roundness * half.y() || filled < static_clutter.min_filled)
       continue;
     Sighting& s = camera.may_be_objects.emplace_back();
     s.row.camera = view.index;
@@ -190,14 +186,14 @@ void StillColor::measure(const TargetView& view) {
   ColorShare& share = shares_[static_cast<std::size_t>(view.index)];
   // Where only the share is asked for, no more points than tell it.
   const double pixels = static_cast<double>(view.image->width) * view.image->height;
-  const int wide_px = static_cast<int>(std::sqrt(pixels / enough_points));
+  const int wide_px = static_cast<int>(std::sqrt(pixels / static_clutter.share_points));
   hits_px_ = camera.is_learning ? grid_px : std::max(grid_px, wide_px);
   view.matches->grid_with_left_out(hits_px_, hits_);
   const double probed = std::max(1.0, std::floor((view.image->width + hits_px_ / 2.0) / hits_px_) *
                                           std::floor((view.image->height + hits_px_ / 2.0) / hits_px_));
   share.of_picture = std::min(1.0, static_cast<double>(hits_.size()) / probed);
-  const double bound = (camera.is_above ? shared_below : shared_above) * share.of_target;
-  camera.is_above = share.of_picture > std::max(least_shared, bound);
+  const double bound = (camera.is_above ? static_clutter.shared_below : static_clutter.shared_above) * share.of_target;
+  camera.is_above = share.of_picture > std::max(static_clutter.min_share, bound);
 }
 
 void StillColor::sample(const TargetView& view, std::span<const Sighting> tracked) {
@@ -256,9 +252,9 @@ void StillColor::learn(const TargetView& view, PerCamera& camera, std::span<cons
                               static_cast<std::uint16_t>(static_cast<int>(at) / stride)};
     std::uint64_t covered = 0;
     for (const Sighting& s : covering_) {
-      const double reach = covered_radii * s.radius_px + covered_more_px;
-      const double du = where.pixel_u() + 3.5 - s.px.x(), dv = where.pixel_v() + 3.5 - s.px.y();
-      if (std::hypot(du, dv) > reach + 6) continue;
+      const double reach = static_clutter.covered_radii * s.radius_px + static_clutter.covered_px;
+      const double du = where.pixel_u() + tile_half_px - s.px.x(), dv = where.pixel_v() + tile_half_px - s.px.y();
+      if (std::hypot(du, dv) > reach + tile_reach_px) continue;
       for (int bit = 0; bit < 64; ++bit) {
         const int column = bit % 8, row = bit / 8;
         const double u = where.pixel_u() + column - s.px.x(), v = where.pixel_v() + row - s.px.y();
@@ -334,7 +330,7 @@ void StillColor::describe(const TargetView& view, const PerCamera& camera) {
       const int u = color::TileAt::size * (at % camera.stride - 1), v = color::TileAt::size * (at / camera.stride - 1);
       const int here = std::popcount(camera.tiles[static_cast<std::size_t>(at)].still);
       pixels += here;
-      sum += here * Eigen::Vector2d(u + 3.5, v + 3.5);
+      sum += here * Eigen::Vector2d(u + tile_half_px, v + tile_half_px);
       box = {std::min(box[0], u), std::min(box[1], v), std::max(box[2], u + color::TileAt::size - 1),
              std::max(box[3], v + color::TileAt::size - 1)};
       for (int dv = -1; dv <= 1; ++dv) {

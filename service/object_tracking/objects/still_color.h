@@ -26,6 +26,11 @@
 
 namespace huetrack::objects {
 
+struct ClutterHistoryTuning {
+  int kept_samples = 12;  // samples in which a pixel that matches again counts as static: 6 s
+};
+inline constexpr ClutterHistoryTuning clutter_history{};
+
 // thread-compatible; one per target.
 class StillColor {
  public:
@@ -58,8 +63,8 @@ class StillColor {
   const std::vector<object_tracking::ColorShare>& shares() const { return shares_; }  // per camera of the rig
 
  private:
-  static constexpr int samples = 4;        // of which most must match: two seconds
-  static constexpr int kept_samples = 12;  // in which what comes again is noticed: six seconds
+  static constexpr int samples = 4;  // layout: of mostly(), three of which must match: 2 s
+  static constexpr int kept_samples = clutter_history.kept_samples;
   struct Tile {
     std::array<std::uint64_t, kept_samples> matched{};  // the last ones, a ring
     std::uint64_t still = 0;

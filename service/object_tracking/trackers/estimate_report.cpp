@@ -76,7 +76,7 @@ ObjectEstimate report(const ToReport& what, RigError& rig_error, capture::Timest
   for (const Sighting& s : what.sightings) {
     // A view that contradicts the others by as much as its gate allows is worth half.
     const double usual_px2 = s.covariance.trace() / 2 + s.lasting_px * s.lasting_px;
-    doubt *= 1 - 0.9 * s.support / (1 + s.doubt_px2 / (region_gate * usual_px2));
+    doubt *= 1 - 0.9 * s.support / (1 + s.doubt_px2 / (sighting_tuning.gate_nis * usual_px2));
   }
   e.confidence = 1 - doubt;
   return e;

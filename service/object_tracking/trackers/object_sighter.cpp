@@ -62,7 +62,7 @@ std::span<const color::ColorRegion> ObjectSighter::regions_near(const TargetView
   const double limit = view.matches->width() + view.matches->height();
   if (!(std::abs(at.px.x()) < 2 * limit && std::abs(at.px.y()) < 2 * limit)) return {};
   const double disc = std::numbers::pi * at.radius_px * at.radius_px;
-  const int min_area = std::max(2, static_cast<int>(least_support * disc));
+  const int min_area = std::max(2, static_cast<int>(sighting_tuning.min_disc_share * disc));
   for (const double radii : looked_at_radii) {
     const double reach_u = std::min(limit, 3 * std::sqrt(spread(0, 0)) + radii * at.radius_px + 2);
     const double reach_v = std::min(limit, 3 * std::sqrt(spread(1, 1)) + radii * at.radius_px + 2);
@@ -91,7 +91,7 @@ bool ObjectSighter::is_repeated(const TargetView& view, std::span<const color::C
   LastRegion& last = last_[static_cast<std::size_t>(view.index)];
   const double moved_px =
       (at.jacobian * belief.velocity()).norm() * capture::seconds(view.frame->captured_at - last.captured_at);
-  last.is_repeated = !last.is_repeated && moved_px > surely_moved_px &&
+  last.is_repeated = !last.is_repeated && moved_px > sighting_tuning.repeat_px &&
                      std::ranges::any_of(regions, [&](const color::ColorRegion& region) {
                        return region.area == last.region.area && region.centre == last.region.centre;
                      });
@@ -120,7 +120,7 @@ void ObjectSighter::sight(const std::vector<TargetView>& views, const ObjectFilt
           s + sighting.covariance + sighting.lasting_px * sighting.lasting_px * Eigen::Matrix2d::Identity();
       const Eigen::Vector2d d = sighting.px - at.px;
       const double d2 = d.dot(total.inverse() * d);
-      if (d2 > region_gate) continue;
+      if (d2 > sighting_tuning.gate_nis) continue;
       const double score = std::log(sighting.support) - 0.5 * d2 - 0.5 * std::log(sighting.covariance.determinant());
       if (score > best) best = score, chosen = sighting, chosen_region = region;
     }
@@ -165,8 +165,8 @@ bool ObjectSighter::sight_after_bounce(const std::vector<TargetView>& views, con
   const Eigen::Vector3d expected = belief.position() + dt * belief.velocity();
   const double reach_m =
       3 * (std::sqrt(reach_density * dt * dt * dt / 3) + std::sqrt(largest_variance(belief.position_covariance())));
-  for (const PositionCandidate& c :
-       cross_rays(views, std::span(regions_).first(views.size()), target, options_, belief, most_crossings)) {
+  for (const PositionCandidate& c : cross_rays(views, std::span(regions_).first(views.size()), target, options_, belief,
+                                               sighting_tuning.max_crossings)) {
     if ((c.position - expected).norm() > reach_m || c.sightings.size() <= least) continue;
     out = c.sightings;
     sort_by_time(out);
