@@ -285,12 +285,12 @@ WaveAdjustmentOptions WaveSolution::adjustment_options() const {
   return o;
 }
 
-std::optional<object_tracking::Appearance> WaveSolution::appearance(const BallFrame& frame,
+std::optional<object_tracking::BallProjection> WaveSolution::appearance(const BallFrame& frame,
                                                                     const color::ColorRegion& region) const {
   calib::Camera camera = rig_.cameras[index(frame.camera)];
   camera.cam_from_world = state_.cam_from_world[index(frame.camera)];
   const Vector3d p = state_.path.at(exposed_s(frame, region));
-  auto at = object_tracking::appearance_of(camera, p, options_.radius_m);
+  auto at = object_tracking::project_ball(camera, p, options_.radius_m);
   if (!at) return at;
   if (const auto px = outline_centre(camera.model, camera.cam_from_world * p, options_.radius_m)) at->px = *px;
   return at;
@@ -353,7 +353,7 @@ void WaveSolution::learn_shapes() {
 // A region that is narrower than a whole ball is partly hidden, one that is wider has something else in it, and its
 // centre is off by as much: of little use here, where there are many others. nullopt: of none.
 std::optional<Eigen::Matrix2d> WaveSolution::covariance_of(std::size_t f, const color::ColorRegion& region,
-                                                           const object_tracking::Appearance& at) const {
+                                                           const object_tracking::BallProjection& at) const {
   if (rough_) return Eigen::Matrix2d(Eigen::Matrix2d::Identity());
   const Shape shape = shape_of(region);
   const double r2 = at.radius_px * at.radius_px;

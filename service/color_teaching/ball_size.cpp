@@ -37,7 +37,7 @@ constexpr std::size_t enough_tried = 4;               // to say that it is no ba
 
 // What is left in every outline of a camera and hangs on its light and its lens' blur: seen as the spread of proposals
 // about the truth (tests/benchmark/teach_figures.py --radius).
-constexpr double lasting = 0.012, lasting_px = 0.12;
+constexpr double lasting = 0.012, bias_sigma_px = 0.12;
 // Light that falls from one side darkens the other one, and of a small ball's dark edge a fit to single pictures cannot
 // tell that from an edge further inside (OutlineFit believes in the edge): in all views it is too small. Seen in balls
 // of 30 to 60 mm in sixteen scenes of scenes.py (seeds 7701 to 7716): by 0.22 px of 2.5 px, 0.19 of 3.5, 0.17 of 4.5,
@@ -191,7 +191,7 @@ Outlines outlines_of(const calib::CameraRig& rig, std::span<const BallMoment> mo
             std::max(1.0, std::sqrt(std::abs(ball->ellipse.axes.determinant())) * std::exp(found.log_size.value));
         const double too_small = too_small_by_px(radius_px) / radius_px;
         out.votes.push_back({m, view.camera, std::log(radius_m * (1 + expected_of_light * too_small)),
-                             std::hypot(found.log_size.sigma, lasting_px / radius_px), unknown_of_light * too_small});
+                             std::hypot(found.log_size.sigma, bias_sigma_px / radius_px), unknown_of_light * too_small});
         break;
       }
     }
@@ -309,7 +309,7 @@ bool differs_clearly(const RadiusProposal& proposal, double radius_m) {
   return std::abs(*proposal.radius_m - radius_m) > clear_sigmas * proposal.sigma_m + ruler * radius_m;
 }
 
-bool is_round(const MaskRegion& region) {
+bool has_disc_shape(const MaskRegion& region) {
   const double width = region.box.u_max - region.box.u_min + 1, height = region.box.v_max - region.box.v_min + 1;
   const double filled = region.area / (0.785 * width * height);
   const double coarse = 1 / std::min(width, height);  // of a few pixels every shape is a square
@@ -356,8 +356,8 @@ RadiusProposal voted_radius(const calib::CameraRig& rig, std::span<const BallMom
     return out;
   }
   // One view may show it cut off, or beside something of its colour.
-  const auto edged = std::ranges::find_if_not(moments.front().views, is_round, &ColoredRegion::region);
-  if (std::ranges::count_if(moments.front().views, is_round, &ColoredRegion::region) < 2) {
+  const auto edged = std::ranges::find_if_not(moments.front().views, has_disc_shape, &ColoredRegion::region);
+  if (std::ranges::count_if(moments.front().views, has_disc_shape, &ColoredRegion::region) < 2) {
     out.why_not = fmt::format("what {} shows is not round", rig.cameras[edged->camera].name);
     return out;
   }

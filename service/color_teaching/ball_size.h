@@ -57,7 +57,7 @@ std::vector<std::vector<ColoredRegion>> balls_of(const calib::CameraRig& rig, st
 std::optional<double> radius_of_regions(const calib::CameraRig& rig, std::span<const ColoredRegion> views);
 
 // Is it as wide as it is high, and as full as a disc?
-bool is_round(const MaskRegion& region);
+bool has_disc_shape(const MaskRegion& region);
 
 // moments: the first one is the one somebody has pointed into. names: of the cameras.
 RadiusProposal voted_radius(const calib::CameraRig& rig, std::span<const BallMoment> moments);

@@ -81,7 +81,7 @@ std::optional<GrownRegion> grown_around(const capture::Image& image, const color
   GrownRegion out{.region = regions_of(*mask, 1).front(), .pixels = pixels_of(part, *mask)};
   const color::PixelBox& own = out.region.box;
   if (own.u_min == 0 || own.v_min == 0 || own.u_max == part.width - 1 || own.v_max == part.height - 1 ||
-      !is_round(out.region))
+      !has_disc_shape(out.region))
     return std::nullopt;
   const Eigen::Vector2i at(box.u_min, box.v_min);
   out.region.centre += at.cast<double>();
@@ -122,7 +122,7 @@ MaskRegion whole_of(const MaskRegion& part, const PixelMask& object, const HsiIm
   const auto round_around = [&](const PixelMask& mask, double most) -> std::optional<MaskRegion> {
     for (const MaskRegion& whole : regions_of(mask, part.area)) {
       const double larger = (whole.radius_px() - soft_px) / part.radius_px();
-      if (larger < least_larger || larger > most || !is_round(whole)) continue;
+      if (larger < least_larger || larger > most || !has_disc_shape(whole)) continue;
       int held = 0;
       for (int v = whole.box.v_min; v <= whole.box.v_max; ++v)
         for (int u = whole.box.u_min; u <= whole.box.u_max; ++u) held += mask.at(u, v) & object.at(u, v);
@@ -261,7 +261,7 @@ RadiusProposal ColorTeacher::radius(const Taught& taught, const object_tracking:
         const MaskRegion region{.area = found[i].area, .centre = found[i].centre, .box = found[i].box};
         const bool is_whole = region.box.u_min > 0 && region.box.v_min > 0 &&
                               region.box.u_max < view.image->width - 1 && region.box.v_max < view.image->height - 1;
-        if (is_whole && is_round(region)) candidates.push_back({std::size_t(view.index), region});
+        if (is_whole && has_disc_shape(region)) candidates.push_back({std::size_t(view.index), region});
       }
     }
     auto ball = one_ball_of(rig_, candidates, volume, *about);

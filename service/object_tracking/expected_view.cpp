@@ -14,12 +14,12 @@ constexpr ExpectedViewTuning expected_view{};
 
 }  // namespace
 
-std::optional<ExpectedView> expected_in(const TargetView& view, const MotionBelief& belief, double radius_m) {
+std::optional<ExpectedView> expected_in(const TargetView& view, const MotionState& state, double radius_m) {
   ExpectedView out;
   double row = (view.image->height - 1) / 2.0;
   for (int step = 0; step < expected_view.row_steps; ++step) {
-    out.row = row_of(view, row, belief);
-    const auto at = appearance_of(*view.camera, belief.position_at(out.row.at), radius_m);
+    out.row = row_of(view, row, state);
+    const auto at = project_ball(*view.camera, state.position_at(out.row.at), radius_m);
     if (!at) return std::nullopt;
     out.at = *at;
     row = std::clamp(at->px.y(), -expected_view.row_margin * view.image->height,
@@ -28,10 +28,10 @@ std::optional<ExpectedView> expected_in(const TargetView& view, const MotionBeli
   return out;
 }
 
-void add_expected(const std::vector<TargetView>& views, const MotionBelief& belief, double radius_m,
+void add_expected(const std::vector<TargetView>& views, const MotionState& state, double radius_m,
                   std::vector<Sighting>& out) {
   for (const TargetView& view : views) {
-    const auto expected = expected_in(view, belief, radius_m);
+    const auto expected = expected_in(view, state, radius_m);
     if (!expected) continue;
     Sighting& s = out.emplace_back();
     s.row.camera = view.index;
@@ -40,10 +40,10 @@ void add_expected(const std::vector<TargetView>& views, const MotionBelief& beli
   }
 }
 
-ImageMotion image_motion(const TargetView& view, const Appearance& at, const MotionBelief& belief) {
-  const double readout_s = capture::seconds(view.frame->readout) + belief.row_shift_s(view.index, 0.5) -
-                           belief.row_shift_s(view.index, -0.5);
-  return {.velocity = at.jacobian * belief.velocity(),
+ImageMotion image_motion(const TargetView& view, const BallProjection& at, const MotionState& state) {
+  const double readout_s = capture::seconds(view.frame->readout) + state.row_offset_s(view.index, 0.5) -
+                           state.row_offset_s(view.index, -0.5);
+  return {.velocity = at.jacobian * state.velocity(),
           .row_s = view.image->height > 1 ? readout_s / (view.image->height - 1) : 0.0,
           .longest_exposure_s = expected_view.max_exposure_s};
 }

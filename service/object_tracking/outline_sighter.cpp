@@ -50,8 +50,7 @@ struct OutlineSighterTuning {
 };
 constexpr OutlineSighterTuning outline_sighter{};
 
-// What there is of the view's pixels around this place: all of them, or of a frame that says what matches the patch
-// that has it in its middle best. nullopt: none.
+// The view's pixels around this place: the image, or of a frame of matches the patch in which it is most central.
 std::optional<outline::Picture> picture_around(const TargetView& view, const Eigen::Vector2d& px) {
   if (capture::has_pixels(*view.image)) return picture_of(*view.image);
   if (!view.frame->matches) return std::nullopt;
@@ -66,8 +65,8 @@ std::optional<outline::Picture> picture_around(const TargetView& view, const Eig
   return picture_of(*best, view.image->width, view.image->height);
 }
 
-// The whole picture that came with a frame that says what matches, if it has the format of the patches: of another one,
-// chroma is shared otherwise, and its light is not the same.
+// The whole image that came with a frame of matches, if it has the patches' format: another one subsamples chroma
+// differently.
 const capture::Image* rare_picture(const TargetView& view) {
   if (capture::has_pixels(*view.image)) return nullptr;
   const capture::Image* own = capture::own_picture_of(*view.frame);
@@ -83,30 +82,30 @@ OutlineSighter::OutlineSighter(const calib::CameraRig& rig, const TargetOptions&
       pixel_noise_px_(options.pixel_noise_px),
       views_(rig.cameras.size()) {}
 
-bool OutlineSighter::sharpen(const TargetView& view, const MotionBelief& belief, const ExpectedView& expected,
+bool OutlineSighter::sharpen(const TargetView& view, const MotionState& state, const ExpectedView& expected,
                              const Eigen::Matrix2d& spread, Sighting& sighting) {
   PerView& of = views_[static_cast<std::size_t>(view.index)];
   const bool was_sharp = std::exchange(of.is_sharp, false);
-  if (!is_sought() || !of.behind) return false;
-  const Eigen::Vector3d there = belief.position_at(expected.row.at);
+  if (!is_enabled() || !of.behind) return false;
+  const Eigen::Vector3d there = state.position_at(expected.row.at);
   const auto ball = outline_of(*view.camera, there, radius_m_);
   if (!ball) return false;
-  const ImageMotion motion = image_motion(view, expected.at, belief);
+  const ImageMotion motion = image_motion(view, expected.at, state);
 
-  // Where motion and region together say it is.
+  // Initial centre: prediction and region, fused.
   Eigen::Matrix2d of_region = sighting.covariance;
-  of_region.diagonal().array() += sighting.lasting_px * sighting.lasting_px;
+  of_region.diagonal().array() += sighting.bias_sigma_px * sighting.bias_sigma_px;
   const Eigen::Vector2d start =
       expected.at.px + spread * (spread + of_region).inverse() * (sighting.px - expected.at.px);
   outline::Ellipse ellipse = ball->ellipse;
   ellipse.centre += start - expected.at.px;
   const Eigen::Vector3d ray = there - view.camera->centre();
   const double distance = ray.norm();
-  const double depth_sigma = std::sqrt(std::max(0.0, ray.dot(belief.position_covariance() * ray))) / distance;
+  const double depth_sigma = std::sqrt(std::max(0.0, ray.dot(state.position_covariance() * ray))) / distance;
   const bool is_size_known = of.log_size_weight >= outline_sighter.min_sizes;
   outline::FitOptions options;
   options.most_steps = outline_sighter.max_steps;
-  // As long as nothing has fitted, the target's radius may be wrong, or the region's: each is tried in turn.
+  // Until a fit succeeds, the target's radius and the region's are tried in turn: either may be wrong.
   const double log_size = of.log_size_weight == 0 && of.begins_at_region
                               ? std::log(std::max(1.0, sighting.radius_px) / expected.at.radius_px)
                               : of.log_size;
@@ -121,7 +120,7 @@ bool OutlineSighter::sharpen(const TargetView& view, const MotionBelief& belief,
   const outline::Fit fit = fit_.fit(*picture, *of.behind, ellipse, {motion.velocity, motion.row_s}, of.look, options);
   if (fit.outcome == outline::FitOutcome::misfit || fit.outcome == outline::FitOutcome::lost) ++not_fitted_;
   if (fit.outcome != outline::FitOutcome::fits) {
-    of.look.left.reset();  // in the next picture all is fitted at once
+    of.look.left.reset();  // the next fit starts from scratch
     of.begins_at_region = !of.begins_at_region;
     if (shape_ == TargetShape::automatic && not_fitted_ + fitted_ >= outline_sighter.min_tries &&
         static_cast<double>(fitted_) < outline_sighter.min_fitted * static_cast<double>(fitted_ + not_fitted_))
@@ -146,13 +145,13 @@ bool OutlineSighter::sharpen(const TargetView& view, const MotionBelief& belief,
   sharp.covariance.diagonal().array() += (1 - of.still) * new_px2 + by_size * by_size + rig_px2;
   const double wrong_px = radius_px * std::abs(is_size_known ? of.log_size : fit.log_size.value);
   const double one_sided_px = std::max(0.0, wrong_px - e.even_size_px);
-  sharp.lasting_px =
+  sharp.bias_sigma_px =
       std::sqrt(e.bias_px * e.bias_px + e.bias_share * e.bias_share * radius_px * radius_px + of.still * new_px2 +
                 e.bias_of_fit * e.bias_of_fit * fit.covariance.trace() / 2 + one_sided_px * one_sided_px);
 
-  // What neither the motion nor the region would explain is something else's edge.
+  // An outline outside the gate of prediction or region is another object's edge.
   Eigen::Matrix2d total = spread + sharp.covariance;
-  total.diagonal().array() += sharp.lasting_px * sharp.lasting_px;
+  total.diagonal().array() += sharp.bias_sigma_px * sharp.bias_sigma_px;
   const Eigen::Vector2d off = sharp.px - expected.at.px, beside = sharp.px - sighting.px;
   if (off.dot(total.inverse() * off) > sighting_tuning.gate_nis ||
       beside.dot((of_region + sharp.covariance).inverse() * beside) > sighting_tuning.gate_nis)
@@ -163,7 +162,7 @@ bool OutlineSighter::sharpen(const TargetView& view, const MotionBelief& belief,
     const double lasting = std::hypot(e.size_bias_px / radius_px, e.bias_of_fit * fit.log_size.sigma);
     of.size_variance += (lasting * lasting - of.size_variance) / of.log_size_weight;
   }
-  if ((sharp.covariance.trace() + 2 * sharp.lasting_px * sharp.lasting_px) >
+  if ((sharp.covariance.trace() + 2 * sharp.bias_sigma_px * sharp.bias_sigma_px) >
       (was_sharp ? e.stay_gain : e.start_gain) * of_region.trace())
     return false;
 
@@ -175,19 +174,19 @@ bool OutlineSighter::sharpen(const TargetView& view, const MotionBelief& belief,
   return true;
 }
 
-void OutlineSighter::learn(const std::vector<TargetView>& views, const MotionBelief& belief) {
-  if (!is_sought()) return;
+void OutlineSighter::learn(const std::vector<TargetView>& views, const MotionState& state) {
+  if (!is_enabled()) return;
   for (const TargetView& view : views) {
-    const auto expected = expected_in(view, belief, radius_m_);
+    const auto expected = expected_in(view, state, radius_m_);
     if (!expected) continue;
-    const Appearance& at = expected->at;
+    const BallProjection& at = expected->at;
     const capture::Image* const rare = rare_picture(view);
     const auto around = rare == nullptr ? picture_around(view, at.px) : std::nullopt;
     if (rare == nullptr && !around) continue;
     PerView& of = views_[static_cast<std::size_t>(view.index)];
     if (!of.behind) of.behind.emplace(view.image->width, view.image->height);
-    const ImageMotion motion = image_motion(view, at, belief);
-    const double sigma_px = std::sqrt((at.jacobian * belief.position_covariance() * at.jacobian.transpose()).trace());
+    const ImageMotion motion = image_motion(view, at, state);
+    const double sigma_px = std::sqrt((at.jacobian * state.position_covariance() * at.jacobian.transpose()).trace());
     const double smear_px = 0.5 * motion.velocity.norm() * motion.longest_exposure_s;
     const outline::ObjectDisc hidden{at.px, outline_sighter.hidden_radii * at.radius_px + outline_sighter.hidden_px +
                                                 outline_sighter.hidden_sigmas * sigma_px + smear_px};
@@ -200,7 +199,7 @@ void OutlineSighter::learn(const std::vector<TargetView>& views, const MotionBel
 
 OutlineFindings OutlineSighter::findings() const {
   OutlineFindings out{.fitted = fitted_, .not_fitted = not_fitted_};
-  // The more exact views say more, but all are lit by the same lamps: together they are no surer than in the mean.
+  // Weighted mean; its variance is the views' mean one, as all are lit by the same lamps.
   double sum = 0, weight = 0, views = 0;
   double least = std::numeric_limits<double>::infinity(), largest = -least;
   for (const PerView& of : views_) {

@@ -23,13 +23,13 @@ RigError::RigError(const calib::CameraRig& rig, double position_sigma_m)
 void RigError::add(std::span<const Sighting> sightings) {
   if (!rig_.uncertainty) return;
   for (const Sighting& s : sightings) {
-    Eigen::Matrix2d covariance = s.covariance + s.doubt();
-    covariance.diagonal().array() += s.lasting_px * s.lasting_px;
+    Eigen::Matrix2d covariance = s.covariance + s.inflation();
+    covariance.diagonal().array() += s.bias_sigma_px * s.bias_sigma_px;
     last_views_[static_cast<std::size_t>(s.row.camera)] = {true, s.row.at, covariance.inverse()};
   }
 }
 
-void RigError::leave_out_poses(std::span<const CameraTrust> cameras) {
+void RigError::exclude_poses(std::span<const CameraTrust> cameras) {
   rig_.uncertainty = as_found_;
   for (std::size_t c = 0; rig_.uncertainty && c < cameras.size(); ++c) {
     if (cameras[c].cam_from_world)

@@ -1,4 +1,4 @@
-// The regions of the target's colour that were looked at in one set, for whoever asks what views show.
+// Log of the colour regions that were examined in one frame set, for diagnostics.
 #pragma once
 
 #include <algorithm>
@@ -32,7 +32,7 @@ class SeenRegions {
     all_.push_back(seen(view, sighting.px, sighting.radius_px, true));
     if (sighting.is_outline)
       all_.back().outline_sigma_px =
-          std::sqrt(sighting.covariance.trace() / 2 + sighting.lasting_px * sighting.lasting_px);
+          std::sqrt(sighting.covariance.trace() / 2 + sighting.bias_sigma_px * sighting.bias_sigma_px);
   }
   void add_others(const TargetView& view, std::span<const color::ColorRegion> regions) {
     for (const color::ColorRegion& region : regions.first(std::min(seen_regions.max_others, regions.size())))

@@ -57,16 +57,15 @@ struct RegionRay {
   Eigen::Vector3d direction;
 };
 
-// What the views say to one target. Nothing is known of its velocity yet.
+// For one target of unknown velocity.
 class RayCrosser {
  public:
   RayCrosser(const std::vector<TargetView>& views, std::span<const std::vector<color::ColorRegion>> regions,
-             const TargetOptions& target, const ObjectTrackerOptions& options, const MotionBelief& times)
+             const TargetOptions& target, const ObjectTrackerOptions& options, const MotionState& times)
       : views_(views), regions_(regions), target_(target), options_(options), times_(times) {
     for (const TargetView& view : views) newest_ = std::max(newest_, view.frame->captured_at);
   }
 
-  // Of the view's largest regions.
   std::vector<RegionRay> rays_of(std::size_t view) const {
     std::vector<RegionRay> rays;
     const calib::Camera& camera = *views_[view].camera;
@@ -77,22 +76,21 @@ class RayCrosser {
     return rays;
   }
 
-  // Where the rays of two views' regions meet; nullopt: nowhere, outside of the volume, or at a distance at which the
-  // target would not have their size.
+  // nullopt: no crossing, outside of the volume, or at a distance that does not fit the regions' sizes.
   std::optional<Eigen::Vector3d> meeting(std::size_t i, const RegionRay& a, std::size_t j, const RegionRay& b) const {
     const calib::Camera& ci = *views_[i].camera;
     const calib::Camera& cj = *views_[j].camera;
     const auto p = crossing(ci.centre(), a.direction, cj.centre(), b.direction);
     if (!p || !inside(options_.volume, *p, target_.radius_m)) return std::nullopt;
-    const auto in_i = appearance_of(ci, *p, target_.radius_m);
-    const auto in_j = appearance_of(cj, *p, target_.radius_m);
+    const auto in_i = project_ball(ci, *p, target_.radius_m);
+    const auto in_j = project_ball(cj, *p, target_.radius_m);
     if (!in_i || !in_j || !fits(i, *a.region, *in_i, sighting_tuning.start_disc_share) ||
         !fits(j, *b.region, *in_j, sighting_tuning.start_disc_share))
       return std::nullopt;
     return p;
   }
 
-  // Refined over, and scored by, all views that agree; nullopt: fewer than two do.
+  // nullopt: fewer than two views are consistent with it.
   std::optional<PositionCandidate> refined(const Eigen::Vector3d& start) const {
     PositionCandidate c;
     c.position = start;
@@ -108,30 +106,30 @@ class RayCrosser {
   }
 
  private:
-  Sighting sighting_at(std::size_t view, const color::ColorRegion& region, const Appearance& at) const {
+  Sighting sighting_at(std::size_t view, const color::ColorRegion& region, const BallProjection& at) const {
     Sighting s = sighting_of(views_[view], region, at.radius_px, options_.pixel_noise_px, {});
     s.row = row_of(views_[view], region.centre.y(), times_);
     return s;
   }
 
-  // A view that looked earlier or later, or nobody knows when, saw the object up to so far away.
-  Sighting set_apart(Sighting s, const Appearance& at) const {
+  // Adds the object's unknown motion between this row and the newest frame, and the bias.
+  Sighting set_apart(Sighting s, const BallProjection& at) const {
     const double apart_s =
         std::hypot(capture::seconds(newest_ - s.row.at), times_.row_sigma_s(s.row.camera, s.row.below_middle));
     const double way_m = options_.start_speed_m_s * apart_s;
     s.covariance += way_m * way_m * at.jacobian * at.jacobian.transpose();
-    s.covariance.diagonal().array() += s.lasting_px * s.lasting_px;
+    s.covariance.diagonal().array() += s.bias_sigma_px * s.bias_sigma_px;
     return s;
   }
 
-  bool fits(std::size_t view, const color::ColorRegion& region, const Appearance& at, double least_support) const {
+  bool fits(std::size_t view, const color::ColorRegion& region, const BallProjection& at, double least_support) const {
     const double share = region.area / (std::numbers::pi * at.radius_px * at.radius_px);
     if (share < least_support || share > ray_crossing.max_disc_share) return false;
     const Sighting s = set_apart(sighting_at(view, region, at), at);
     return mahalanobis2(s.px - at.px, s.covariance) <= ray_crossing.gate_nis;
   }
 
-  const color::ColorRegion* nearest_fitting(std::size_t view, const Appearance& at) const {
+  const color::ColorRegion* nearest_fitting(std::size_t view, const BallProjection& at) const {
     const color::ColorRegion* nearest = nullptr;
     for (const color::ColorRegion& region : regions_[view]) {
       if (!fits(view, region, at, ray_crossing.min_disc_share)) continue;
@@ -140,13 +138,13 @@ class RayCrosser {
     return nearest;
   }
 
-  // Sightings and score, of all views that should see the position. Returns the sightings as of one time.
+  // Sets the candidate's sightings and score; returns the sightings with set_apart() applied.
   std::vector<Sighting> look(PositionCandidate& c) const {
     std::vector<Sighting> apart;
     c.sightings.clear();
     c.score = 0;
     for (std::size_t v = 0; v < views_.size(); ++v) {
-      const std::optional<Appearance> at = appearance_of(*views_[v].camera, c.position, target_.radius_m);
+      const std::optional<BallProjection> at = project_ball(*views_[v].camera, c.position, target_.radius_m);
       if (!at || !views_[v].camera->contains({at->px})) continue;
       const color::ColorRegion* region = nearest_fitting(v, *at);
       if (region == nullptr) {
@@ -164,7 +162,7 @@ class RayCrosser {
   std::span<const std::vector<color::ColorRegion>> regions_;
   const TargetOptions& target_;
   const ObjectTrackerOptions& options_;
-  const MotionBelief& times_;
+  const MotionState& times_;
   capture::Timestamp newest_ = capture::Timestamp::min();
 };
 
@@ -174,22 +172,23 @@ bool inside(const Volume& volume, const Eigen::Vector3d& p, double margin_m) {
   return ((p - volume.min).array() >= -margin_m).all() && ((volume.max - p).array() >= -margin_m).all();
 }
 
-std::optional<Appearance> appearance_of(const calib::Camera& camera, const Eigen::Vector3d& p_world, double radius_m) {
+std::optional<BallProjection> project_ball(const calib::Camera& camera, const Eigen::Vector3d& p_world,
+                                           double radius_m) {
   const Eigen::Vector3d p_cam = camera.cam_from_world * p_world;
   calib::CameraModel::Jacobian px_from_cam;
   const std::optional<calib::RawPixel> px = camera.model.project(p_cam, px_from_cam);
   if (!px) return std::nullopt;
-  Appearance a;
+  BallProjection a;
   a.px = px->px;
   a.jacobian = px_from_cam * camera.cam_from_world.rotation.toRotationMatrix();
-  // The mean scale across the line of sight: the square root of the area that a unit square there covers.
+  // Mean scale across the line of sight: square root of the image area of a unit square there.
   const Eigen::Matrix2d across = px_from_cam * px_from_cam.transpose();
   a.radius_px = radius_m * std::sqrt(std::sqrt(std::max(0.0, across.determinant())));
   return a;
 }
 
-Eigen::Matrix2d px_covariance_of_pose(const calib::Camera& camera, const Eigen::Vector3d& p_world, const Appearance& at,
-                                      const Eigen::Matrix<double, 6, 6>& pose_covariance) {
+Eigen::Matrix2d px_covariance_of_pose(const calib::Camera& camera, const Eigen::Vector3d& p_world,
+                                      const BallProjection& at, const Eigen::Matrix<double, 6, 6>& pose_covariance) {
   const Eigen::Matrix<double, 2, 3> px_from_cam =
       at.jacobian * camera.cam_from_world.rotation.toRotationMatrix().transpose();
   // exp(e) p = p + rotation x p + shift, to first order.
@@ -214,12 +213,12 @@ double sample_px(const capture::Image& image) {
   return 1;
 }
 
-UsualError usual_error(double radius_px, double pixel_noise_px, double sample_px) {
-  // Around the edge each sample of color is in or out, wherever in it the edge is: as many errors as there are samples.
+BaseError base_error(double radius_px, double pixel_noise_px, double sample_px) {
+  // Each chroma sample on the edge is in or out as a whole: independent errors, as many as samples.
   const double rounding = std::pow(sample_px, 3) / (12 * std::numbers::pi * std::max(1.0, radius_px));
   const double error2 =
       pixel_noise_px * pixel_noise_px + region_error.shading_variance * radius_px * radius_px + rounding;
-  return {.fresh_px2 = (1 - region_error.bias_share) * error2, .lasting_px2 = region_error.bias_share * error2};
+  return {.noise_px2 = (1 - region_error.bias_share) * error2, .bias_px2 = region_error.bias_share * error2};
 }
 
 Sighting sighting_of(const TargetView& view, const color::ColorRegion& region, double radius_px, double pixel_noise_px,
@@ -230,24 +229,22 @@ Sighting sighting_of(const TargetView& view, const color::ColorRegion& region, d
   s.projector = view.projector;
   s.px = region.centre;
   s.radius_px = std::sqrt(region.area / std::numbers::pi);
-  const UsualError usual = usual_error(radius_px, pixel_noise_px, sample_px(*view.image));
-  s.lasting_px = std::sqrt(usual.lasting_px2);
-  // A row that is dv below the centre's shows the ball where it is dv row_s later: the outline is the disc's image
-  // under the inverse of d -> d - velocity row_s d.v. Never faster than the rows themselves, as far as the shape goes.
+  const BaseError usual = base_error(radius_px, pixel_noise_px, sample_px(*view.image));
+  s.bias_sigma_px = std::sqrt(usual.bias_px2);
+  // Rolling shutter: a row dv below the centre shows the ball dv row_s later, so the outline is the disc's image under
+  // the inverse of d -> d - velocity row_s d.v.
   const Eigen::Vector2d shear =
       (motion.row_s * motion.velocity).cwiseMax(-region_error.max_shear).cwiseMin(region_error.max_shear);
   Eigen::Matrix2d outline_from_disc = Eigen::Matrix2d::Identity();
   outline_from_disc.col(1) += shear / (1 - shear.y());
-  // Along each axis of the region: 2 sqrt(eigenvalue) is the half width of the disc that is as wide.
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> axes =
       Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>().computeDirect(region.spread);
-  Eigen::Vector2d variance = Eigen::Vector2d::Constant(usual.fresh_px2);
+  Eigen::Vector2d variance = Eigen::Vector2d::Constant(usual.noise_px2);
   for (int i = 0; i < 2; ++i) {
     const Eigen::Vector2d axis = axes.eigenvectors().col(i);
     const double expected_px = radius_px * (outline_from_disc.transpose() * axis).norm();
     const double smear_px = 0.5 * std::abs(axis.dot(motion.velocity)) * motion.longest_exposure_s;
     const double too_wide_px = 2 * std::sqrt(std::max(0.0, axes.eigenvalues()(i))) - expected_px;
-    // What hides a part of it makes a region narrow, too, and is the more usual reason.
     const double smeared_px = too_wide_px > 0 ? smear_px : smear_px / region_error.occlusion_smear;
     const double excess_px =
         region_error.misfit_gain *
@@ -263,17 +260,17 @@ void sort_by_time(std::vector<Sighting>& sightings) {
   std::ranges::stable_sort(sightings, {}, [](const Sighting& s) { return s.row.at; });
 }
 
-bool is_round(const Sighting& s) {
+bool has_disc_shape(const Sighting& s) {
   return std::sqrt(s.covariance.trace() / 2) <= sighting_tuning.misfit_share * s.radius_px / std::sqrt(s.support);
 }
 
-bool is_whole_disc(const Sighting& s) {
-  return s.support >= sighting_tuning.whole_share && is_round(s);
+bool is_unoccluded_disc(const Sighting& s) {
+  return s.support >= sighting_tuning.whole_share && has_disc_shape(s);
 }
 
-SeenRow row_of(const TargetView& view, double row, const MotionBelief& times) {
+SeenRow row_of(const TargetView& view, double row, const MotionState& times) {
   SeenRow out{.camera = view.index, .below_middle = view.below_middle(row)};
-  out.shift_s = times.row_shift_s(view.index, out.below_middle);
+  out.shift_s = times.row_offset_s(view.index, out.below_middle);
   out.at = view.frame->row_time(row) + capture::duration_of(out.shift_s);
   return out;
 }
@@ -281,7 +278,7 @@ SeenRow row_of(const TargetView& view, double row, const MotionBelief& times) {
 PositionInformation information_of(std::span<const Sighting> sightings, const Eigen::Vector3d& p_world) {
   PositionInformation out;
   for (const Sighting& s : sightings) {
-    const std::optional<Appearance> a = appearance_of(*s.camera, p_world, 1);
+    const std::optional<BallProjection> a = project_ball(*s.camera, p_world, 1);
     if (!a) continue;
     const Eigen::Matrix<double, 3, 2> weighted = a->jacobian.transpose() * s.covariance.inverse();
     out.information += weighted * a->jacobian;
@@ -301,7 +298,7 @@ std::optional<Eigen::Vector3d> crossing(const calib::Camera& camera0, const cali
 std::vector<PositionCandidate> cross_rays(const std::vector<TargetView>& views,
                                           std::span<const std::vector<color::ColorRegion>> regions,
                                           const TargetOptions& target, const ObjectTrackerOptions& options,
-                                          const MotionBelief& times, std::size_t max_count) {
+                                          const MotionState& times, std::size_t max_count) {
   const RayCrosser crosser(views, regions, target, options, times);
   std::vector<std::vector<RegionRay>> rays;
   for (std::size_t i = 0; i < views.size(); ++i) rays.push_back(crosser.rays_of(i));

@@ -86,7 +86,7 @@ class TrialWatch final : public pipeline::Output {
       at_s += below_middle * time.readout_s - time.latency_s;
       at_sigma_s = std::hypot(time.latency_sigma_s, below_middle * time.readout_sigma_s);
     }
-    const auto there = object_tracking::appearance_of(camera_, estimate.position + at_s * estimate.velocity, radius_m_);
+    const auto there = object_tracking::project_ball(camera_, estimate.position + at_s * estimate.velocity, radius_m_);
     if (!there) return;
     const Eigen::Vector2d of_time = at_sigma_s * there->jacobian * estimate.velocity;
     const double sigma_px = std::sqrt((there->jacobian * estimate.covariance * there->jacobian.transpose()).trace() +

@@ -186,8 +186,8 @@ void CalibrationWatch::learn(std::span<const object_tracking::ObjectEstimate> es
       if (!estimate.has_position() || c >= estimate.per_view.size()) continue;
       const object_tracking::ViewSupport& view = estimate.per_view[c];
       if (view.in_view) w.objects.push_back({view.px.cast<double>(), double(view.radius_px)});
-      if (!others_fit || !w.pose || !view.witness || !has_moved(facts_[c].room.state)) continue;
-      const object_tracking::ViewWitness& said = *view.witness;
+      if (!others_fit || !w.pose || !view.leave_one_out || !has_moved(facts_[c].room.state)) continue;
+      const object_tracking::LeaveOneOut& said = *view.leave_one_out;
       w.pose->add({.at = said.at,
                    .px = said.px,
                    .covariance = said.covariance,

@@ -6,6 +6,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "reports/search_advice.h"
+
 namespace huetrack::reports {
 
 std::string mistake_text(const view_watch::Mistake& mistake, const object_tracking::TargetOptions& target,
@@ -94,7 +96,7 @@ std::string mistake_text(const view_watch::Mistake& mistake, const object_tracki
     case MistakeKind::opencv_hue: {
       objects::SearchFindings findings;
       findings.is_found_at_twice_the_hue = true;
-      return fmt::format("{}: {}", target.name, findings.advice(target, cameras));
+      return fmt::format("{}: {}", target.name, search_advice(findings, target, cameras));
     }
   }
   return {};

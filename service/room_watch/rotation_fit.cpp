@@ -16,7 +16,7 @@ constexpr int most_rounds = 6;
 constexpr double same_gate = 0.9;     // a gate that is narrowed by less is what it will be
 constexpr double tukey_sigmas = 4.5;  // beyond, a ray has no say; usual for 95 % efficiency: 4.685
 // Patches have errors that stay: JPEG blocks, interpolation, a lens that is not quite its model. As a share of a pixel.
-constexpr double lasting_px = 0.05;
+constexpr double bias_sigma_px = 0.05;
 constexpr double least_gate_px = 0.3;
 constexpr std::size_t least_rays = 4;
 
@@ -67,7 +67,7 @@ std::vector<Linear> linearised(const calib::CameraModel& lens, std::span<const S
     added.derivative.col(3) = px->px - centre;
     added.by_shift = (1 + zoom) * jacobian;
     added.difference = s.px - centre - (1 + zoom) * (px->px - centre);
-    added.variance = s.sigma_px * s.sigma_px + lasting_px * lasting_px;
+    added.variance = s.sigma_px * s.sigma_px + bias_sigma_px * bias_sigma_px;
   }
   return all;
 }

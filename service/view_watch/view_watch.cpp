@@ -37,7 +37,7 @@ constexpr int least_times = 2;
 // and was found so often: times that are being learnt, and a ball that comes from behind something, last less long.
 constexpr double contradicts = 3;
 constexpr int least_contradictions = 4;
-// What time learning can do by itself is no mistake (motion_belief.cpp: standard deviation 20 ms). What it has not done
+// What time learning can do by itself is no mistake (motion_state.cpp: standard deviation 20 ms). What it has not done
 // is one, from a frame of 30 Hz on: by as much drivers and people are off, and less is what exposures leave open.
 constexpr double least_late_s = 0.07, least_unlearnt_s = 0.03, surely_unlearnt = 4;
 // Rolling shutters take 10 to 33 ms, and what is seen is usually so far from the middle row.

@@ -46,7 +46,7 @@ std::vector<std::vector<OutlineView>> fit_outlines(const Sequence& sequence,
       }
       const outline::Picture picture = object_tracking::picture_of(view.frame->pixels);
       const double visible = row->visible.empty() ? 1 : row->visible[c];
-      const auto appearance = object_tracking::appearance_of(*view.camera, row->position, target.radius_m);
+      const auto appearance = object_tracking::project_ball(*view.camera, row->position, target.radius_m);
       if (capture::seconds(at - sequence.sets.front().at) > learning_s && visible > least_visible && appearance) {
         OutlineView& one = out.back().emplace_back();
         one.camera = view.index;

@@ -61,11 +61,11 @@ TEST(BallSize, RoundIsToldFromSquareAndLong) {
   const auto region = [](int width, int height, double filled) {
     return MaskRegion{.area = int(filled * width * height), .centre = {50, 50}, .box = {0, 0, width - 1, height - 1}};
   };
-  EXPECT_TRUE(is_round(region(20, 20, 0.785)));
-  EXPECT_TRUE(is_round(region(24, 20, 0.785)));  // stretched by motion
-  EXPECT_FALSE(is_round(region(20, 20, 1)));
-  EXPECT_FALSE(is_round(region(40, 20, 0.785)));
-  EXPECT_FALSE(is_round(region(20, 20, 0.5)));
+  EXPECT_TRUE(has_disc_shape(region(20, 20, 0.785)));
+  EXPECT_TRUE(has_disc_shape(region(24, 20, 0.785)));  // stretched by motion
+  EXPECT_FALSE(has_disc_shape(region(20, 20, 1)));
+  EXPECT_FALSE(has_disc_shape(region(40, 20, 0.785)));
+  EXPECT_FALSE(has_disc_shape(region(20, 20, 0.5)));
 }
 
 // Pictures in which nothing is seen of an edge: what is told is told by regions.

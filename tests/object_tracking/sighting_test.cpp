@@ -51,7 +51,7 @@ TEST(SightingOf, wholeDiscIsAsSureAsThePixelNoise) {
     EXPECT_LT(s.px.norm(), 0.3) << r;
     const double variance = 0.04 + 0.0016 * r * r + rounding(r);
     EXPECT_LT((s.covariance - 0.8 * variance * Eigen::Matrix2d::Identity()).norm(), 1e-9) << r;
-    EXPECT_NEAR(s.lasting_px * s.lasting_px, 0.2 * variance, 1e-9) << r;
+    EXPECT_NEAR(s.bias_sigma_px * s.bias_sigma_px, 0.2 * variance, 1e-9) << r;
   }
   EXPECT_NEAR(sighting_of_disc(8, 0, -100, 2.0).covariance(0, 0), 0.8 * (4 + 0.0016 * 64 + rounding(8)), 1e-9);
 }
@@ -78,7 +78,7 @@ TEST(SightingOf, covarianceHoldsTheTruth) {
     for (double angle = 0; angle < 6.2; angle += 0.7) {
       for (int tenths = -8; tenths < 8; ++tenths) {
         const Sighting s = sighting_of_disc(r, angle, tenths / 10.0 * r);
-        const double d2 = mahalanobis2(s.px, s.covariance + s.lasting_px * s.lasting_px * Eigen::Matrix2d::Identity());
+        const double d2 = mahalanobis2(s.px, s.covariance + s.bias_sigma_px * s.bias_sigma_px * Eigen::Matrix2d::Identity());
         EXPECT_LT(d2, 18) << "radius " << r << ", cut at " << tenths / 10.0 << " r, " << angle;
         ++all, beyond_three += d2 > 9 ? 1 : 0;
       }
@@ -132,7 +132,7 @@ TEST(AppearanceOf, agreesWithTheCameraAndItsDifferences) {
   const scene::Scene scene = scene::SceneBuilder{}.cameras_on_ring({.count = 3}).build();
   for (const calib::Camera& camera : scene.rig.cameras) {
     for (const Vector3d& p : {Vector3d(0, 0, 1), Vector3d(0.3, -0.2, 1.2), Vector3d(-0.4, 0.3, 0.7)}) {
-      const auto at = appearance_of(camera, p, 0.04);
+      const auto at = project_ball(camera, p, 0.04);
       ASSERT_TRUE(at);
       EXPECT_EQ(at->px, camera.project_world(p)->px);
       const double h = 1e-6;
@@ -144,7 +144,7 @@ TEST(AppearanceOf, agreesWithTheCameraAndItsDifferences) {
       const double distance = (p - camera.centre()).norm();
       EXPECT_NEAR(at->radius_px, 0.04 * camera.model.fx() / distance, 0.12 * at->radius_px);
     }
-    EXPECT_FALSE(appearance_of(camera, 3 * camera.centre(), 0.04));  // behind it
+    EXPECT_FALSE(project_ball(camera, 3 * camera.centre(), 0.04));  // behind it
   }
 }
 
@@ -174,7 +174,7 @@ class Rig : public testing::Test {
   }
   // The region that a ball would give.
   color::ColorRegion region(std::size_t view, const Vector3d& centre, double radius_m = 0.04) const {
-    const auto at = appearance_of(scene.rig.cameras[view], centre, radius_m);
+    const auto at = project_ball(scene.rig.cameras[view], centre, radius_m);
     color::ColorRegion r;
     r.area = static_cast<int>(std::numbers::pi * at->radius_px * at->radius_px);
     r.centre = at->px;
@@ -183,7 +183,7 @@ class Rig : public testing::Test {
   }
   std::vector<PositionCandidate> cross(const std::vector<std::vector<color::ColorRegion>>& regions,
                                        std::size_t most = 10) const {
-    return cross_rays(views, regions, target, options, MotionBelief(scene.rig, false), most);
+    return cross_rays(views, regions, target, options, MotionState(scene.rig, false), most);
   }
 
   scene::Scene scene;

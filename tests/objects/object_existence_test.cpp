@@ -19,7 +19,7 @@ struct Room {
     return builder.build();
   }();
   ClutterMap clutter{scene.rig};
-  StillColor still{scene.rig.cameras.size(), 1};
+  StaticClutterMask still{scene.rig.cameras.size(), 1};
 
   std::vector<Sighting> sightings(const Eigen::Vector3d& p, double off_px = 0) const {
     std::vector<Sighting> all;
@@ -27,7 +27,7 @@ struct Room {
       Sighting& s = all.emplace_back();
       s.row.camera = static_cast<int>(c);
       s.camera = &scene.rig.cameras[c];
-      s.px = appearance_of(*s.camera, p, radius_m)->px + Eigen::Vector2d(off_px, -off_px);
+      s.px = project_ball(*s.camera, p, radius_m)->px + Eigen::Vector2d(off_px, -off_px);
       s.covariance = 0.25 * Eigen::Matrix2d::Identity();
     }
     return all;
@@ -79,12 +79,12 @@ TEST(ObjectExistence, TwoViewsAreNotEnoughAtOnce) {
 TEST(ObjectExistence, WhatLiesBesideWhereItIsExpectedIsChance) {
   const Room room;
   ObjectExistence existence = room.begun(room.birth({0, 0, 1}, {0.02, 0, 1}));
-  MotionBelief belief(room.scene.rig, false);
-  belief.begin({}, {0.02, 0, 1}, 1e-5, {0.6, 0, 0}, 0.1);
-  existence.update({}, belief, 1.0, room.sightings({0.02, 0, 1}), {}, radius_m, room.clutter, room.still);
+  MotionState state(room.scene.rig, false);
+  state.begin({}, {0.02, 0, 1}, 1e-5, {0.6, 0, 0}, 0.1);
+  existence.update({}, state, 1.0, room.sightings({0.02, 0, 1}), {}, radius_m, room.clutter, room.still);
   EXPECT_TRUE(existence.is_sure());
   EXPECT_FALSE(existence.is_chance());
-  existence.update({}, belief, 1.0, room.sightings({0.02, 0, 1}, 40), {}, radius_m, room.clutter, room.still);
+  existence.update({}, state, 1.0, room.sightings({0.02, 0, 1}, 40), {}, radius_m, room.clutter, room.still);
   EXPECT_FALSE(existence.is_sure());
   EXPECT_TRUE(existence.is_chance());
   EXPECT_FALSE(existence.is_refuted());  // it was there
@@ -101,23 +101,23 @@ TEST(ObjectExistence, WhatBeganUnlikelyIsNotRefutedByWhatSpeaksForIt) {
   ObjectExistence existence = room.begun(birth);
   ASSERT_FALSE(existence.is_sure());
   EXPECT_FALSE(existence.is_refuted());
-  MotionBelief belief(room.scene.rig, false);
-  belief.begin({}, {0.02, 0, 1}, 1e-5, {0.6, 0, 0}, 0.1);
+  MotionState state(room.scene.rig, false);
+  state.begin({}, {0.02, 0, 1}, 1e-5, {0.6, 0, 0}, 0.1);
   ObjectExistence contradicted = existence;
-  contradicted.update({}, belief, 1.0, room.sightings({0.02, 0, 1}, 40), {}, radius_m, room.clutter, room.still);
+  contradicted.update({}, state, 1.0, room.sightings({0.02, 0, 1}, 40), {}, radius_m, room.clutter, room.still);
   EXPECT_TRUE(contradicted.is_refuted());
-  existence.update({}, belief, 1.0, room.sightings({0.02, 0, 1}), {}, radius_m, room.clutter, room.still);
+  existence.update({}, state, 1.0, room.sightings({0.02, 0, 1}), {}, radius_m, room.clutter, room.still);
   EXPECT_FALSE(existence.is_refuted());
   // But furniture goes on as expected, too, where it is.
   const auto later = capture::Timestamp{} + capture::duration_of(0.3);
   ObjectExistence moving = existence;
-  existence.update(later, belief, 1.0, room.sightings({0.02, 0, 1}), {}, radius_m, room.clutter, room.still);
+  existence.update(later, state, 1.0, room.sightings({0.02, 0, 1}), {}, radius_m, room.clutter, room.still);
   EXPECT_FALSE(existence.is_sure());
   EXPECT_TRUE(existence.is_refuted());
-  belief.begin(later, {0.2, 0, 1}, 1e-5, {0.6, 0, 0}, 0.1);
+  state.begin(later, {0.2, 0, 1}, 1e-5, {0.6, 0, 0}, 0.1);
   auto further = room.sightings({0.2, 0, 1});
   for (Sighting& s : further) s.row.at = later;
-  moving.update(later, belief, 1.0, further, {}, radius_m, room.clutter, room.still);
+  moving.update(later, state, 1.0, further, {}, radius_m, room.clutter, room.still);
   EXPECT_TRUE(moving.is_sure());
   EXPECT_FALSE(moving.is_refuted());
 }

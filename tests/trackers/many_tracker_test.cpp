@@ -226,9 +226,9 @@ TEST(ManyTracker, doubtsACameraThatWasTurned) {
   for (const capture::FrameSet& set : sets) tracker.update(set, estimates);
   ASSERT_FALSE(estimates.empty());
   // The one that is turned more than any other, which share it where two see little of each other's contradiction.
-  EXPECT_GT(estimates.front().per_view[2].doubt_px, 1);
+  EXPECT_GT(estimates.front().per_view[2].inflation_px, 1);
   for (const std::size_t camera : {0U, 1U, 3U})
-    EXPECT_LT(estimates.front().per_view[camera].doubt_px, 0.9F * estimates.front().per_view[2].doubt_px) << camera;
+    EXPECT_LT(estimates.front().per_view[camera].inflation_px, 0.9F * estimates.front().per_view[2].inflation_px) << camera;
 }
 
 TEST(ManyTracker, saysThatNoneIsThere) {
@@ -255,7 +255,7 @@ TEST(ManyTracker, refusesCountsThatItCannotTrack) {
 }
 
 // A cupboard of the ball's colour stands there from the start; the ball comes after a second, passes it and rests.
-TEST(StillColor, isNoObjectAndARestingOneStays) {
+TEST(StaticClutterMask, isNoObjectAndARestingOneStays) {
   scene::SceneBuilder builder;
   builder.cameras_on_ring({.count = 3});
   builder.ball({.path = [](double t) {
@@ -279,7 +279,7 @@ TEST(StillColor, isNoObjectAndARestingOneStays) {
 }
 
 // A piece of furniture is carried away; seconds later a ball rests where it stood.
-TEST(StillColor, isForgottenWhenTheSceneChanges) {
+TEST(StaticClutterMask, isForgottenWhenTheSceneChanges) {
   const Vector3d place(0.2, 0.3, 1.0);
   scene::SceneBuilder builder;
   builder.cameras_on_ring({.count = 3});
@@ -299,7 +299,7 @@ TEST(StillColor, isForgottenWhenTheSceneChanges) {
 
 // In a room that has its colour a ball that rests from the start is found as soon as anywhere: two views see it whole
 // and as large as it must be there.
-TEST(StillColor, aBallThatRestsFromTheStartIsFoundAtOnce) {
+TEST(StaticClutterMask, aBallThatRestsFromTheStartIsFoundAtOnce) {
   scene::SceneBuilder builder;
   builder.cameras_on_ring({.count = 3});
   builder.ball({.path = [](double) { return Vector3d(0.1, 0.1, 1.2); }});
@@ -314,7 +314,7 @@ TEST(StillColor, aBallThatRestsFromTheStartIsFoundAtOnce) {
 }
 
 // Two views that show a disc of nearly its size, none of them all of it: its dark side is not of the colour.
-TEST(StillColor, aBallWithADarkSideIsFoundAtOnce) {
+TEST(StaticClutterMask, aBallWithADarkSideIsFoundAtOnce) {
   scene::SceneBuilder builder;
   builder.cameras_on_ring({.count = 3});
   builder.ball({.radius_m = 0.034, .path = [](double) { return Vector3d(-0.2, 0.1, 1.5); }});
@@ -329,7 +329,7 @@ TEST(StillColor, aBallWithADarkSideIsFoundAtOnce) {
 }
 
 // What may be an object as well as a part of the room is followed until that is known, and not told before.
-TEST(StillColor, whatMayBeFurnitureIsNotTold) {
+TEST(StaticClutterMask, whatMayBeFurnitureIsNotTold) {
   scene::SceneBuilder builder;
   builder.cameras_on_ring({.count = 2});
   builder.ball({.path = [](double t) { return Vector3d(0.1, 0.1 + 0.3 * std::max(0.0, t - 1), 1.0); }});
@@ -387,14 +387,14 @@ TEST(FurtherObject, isToldWhenItStaysAndNotForAMoment) {
   further.note(at(0.5), std::nullopt);
   further.note(at(1), there);
   further.note(at(2), there);
-  EXPECT_FALSE(further.told());
+  EXPECT_FALSE(further.published());
   further.note(at(2.6), there);
-  ASSERT_TRUE(further.told());
-  EXPECT_EQ(*further.told(), there);
+  ASSERT_TRUE(further.published());
+  EXPECT_EQ(*further.published(), there);
   further.note(at(3), std::nullopt);
-  EXPECT_TRUE(further.told());
+  EXPECT_TRUE(further.published());
   further.note(at(4.6), std::nullopt);
-  EXPECT_FALSE(further.told());
+  EXPECT_FALSE(further.published());
 }
 
 TEST(FurtherObject, isGoneWithTheObjectsThemselves) {

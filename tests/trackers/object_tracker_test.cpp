@@ -733,7 +733,7 @@ SearchFindings findings_of(const scene::Scene& scene, const TargetOptions& targe
   return tracker.search_findings();
 }
 
-TEST(SearchFindings, sayWhichRadiusTheRegionsHave) {
+TEST(SearchFindings, RadiusIsThatOfTheRegions) {
   const scene::Scene scene = ring(3).ball({}).build();  // of 4 cm
   TargetOptions target = lime();
   target.radius_m = 0.1;
@@ -742,29 +742,19 @@ TEST(SearchFindings, sayWhichRadiusTheRegionsHave) {
   EXPECT_THAT(found.sets_with_color, testing::Each(20u));
   ASSERT_TRUE(found.radius_m);
   EXPECT_NEAR(*found.radius_m, 0.04, 0.004);
-  EXPECT_THAT(found.advice(target, {"a", "b", "c"}), HasSubstr("not 0.1: correct radius_m"));
+  EXPECT_TRUE(found.shows_color(2));
 }
 
-TEST(SearchFindings, sayThatTheColorIsNotThere) {
+TEST(SearchFindings, NoCameraShowsAnAbsentColor) {
   const SearchFindings found = findings_of(ring(2).ball(pink_ball()).build(), lime(), 12);
   EXPECT_EQ(found.sets, 12u);
   EXPECT_FALSE(found.radius_m);
-  EXPECT_THAT(found.advice(lime(), {"a", "b"}), HasSubstr("no camera shows a region of its colour"));
+  EXPECT_FALSE(found.shows_color(0) || found.shows_color(1));
 }
 
-TEST(SearchFindings, sayOfATargetThatWasFoundLateWhichRadiusItShowed) {
-  SearchFindings found;
-  EXPECT_EQ(found.late_advice(lime()), "");
-  found.radius_before_m = 0.04;
-  EXPECT_EQ(found.late_advice(lime()), "");
-  found.radius_before_m = 0.08;
-  EXPECT_THAT(found.late_advice(lime()), HasSubstr("it was found late: what has its colour has the size of a ball"));
-}
-
-TEST(SearchFindings, areForgottenWhenTheTargetIsFound) {
+TEST(SearchFindings, AreClearedWhenTheTargetIsFound) {
   const SearchFindings found = findings_of(ring(2).ball({}).build(), lime(), 12);
   EXPECT_EQ(found.sets, 0u);
-  EXPECT_EQ(found.advice(lime(), {"a", "b"}), "");
 }
 
 // In OpenCV's units of two degrees; and a range in degrees whose double the ball's own hues are in, in a room that

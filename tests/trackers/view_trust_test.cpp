@@ -11,7 +11,7 @@
 #include <stdexcept>
 
 #include "object_tracking/trackers/object_tracker.h"
-#include "object_tracking/view_doubts.h"
+#include "object_tracking/epipolar_consistency.h"
 #include "scene/scene.h"
 #include "truth/truth.h"
 
@@ -72,8 +72,8 @@ Honesty run(ObjectTracker& tracker, const scene::Scene& scene, const std::vector
   return out;
 }
 
-// d' S^-1 d as the header of ViewWitness says.
-double squared_contradiction(const ViewWitness& w, const calib::Camera& camera) {
+// d' S^-1 d as the header of LeaveOneOut says.
+double squared_contradiction(const LeaveOneOut& w, const calib::Camera& camera) {
   const Vector3d p = w.position;
   const auto at = [&](const Vector3d& q) { return camera.project_world(q)->px; };
   Eigen::Matrix<double, 2, 3> jacobian;
@@ -94,11 +94,11 @@ TEST_P(Witness, ofGoodViewsIsChiSquare) {
   int n = 0;
   run(tracker, scene, scene::render(scene, {.set_count = 90}), [&](const ObjectEstimate& e) {
     for (std::size_t c = 0; c < e.per_view.size(); ++c) {
-      if (!e.per_view[c].witness) continue;
-      EXPECT_EQ(e.per_view[c].witness->others, e.views - 1);
-      sum += squared_contradiction(*e.per_view[c].witness, scene.rig.cameras[c]), ++n;
+      if (!e.per_view[c].leave_one_out) continue;
+      EXPECT_EQ(e.per_view[c].leave_one_out->others, e.views - 1);
+      sum += squared_contradiction(*e.per_view[c].leave_one_out, scene.rig.cameras[c]), ++n;
     }
-    EXPECT_EQ(e.per_view[0].doubt_px, 0);
+    EXPECT_EQ(e.per_view[0].inflation_px, 0);
   });
   ASSERT_GT(n, 80 * GetParam());
   const double degrees_of_freedom = GetParam() == 2 ? 1 : 2;
@@ -116,14 +116,14 @@ TEST(WitnessOfThree, showsWhichCameraIsTurned) {
   run(tracker, scene, scene::render(scene, {.set_count = 150}), [&](const ObjectEstimate& e) {
     last = e;
     for (std::size_t c = 0; c < 3; ++c)
-      if (e.per_view[c].witness) sum[c] += squared_contradiction(*e.per_view[c].witness, rig.cameras[c]), ++n[c];
+      if (e.per_view[c].leave_one_out) sum[c] += squared_contradiction(*e.per_view[c].leave_one_out, rig.cameras[c]), ++n[c];
   });
   for (std::size_t c : {0, 1}) {
     EXPECT_GT(sum[c] / n[c], 5.99) << c;  // in 1 of 20 by chance: each stands on the wrong one, or is it
-    EXPECT_GT(last.per_view[2].doubt_px, last.per_view[c].doubt_px) << c;
+    EXPECT_GT(last.per_view[2].inflation_px, last.per_view[c].inflation_px) << c;
   }
-  EXPECT_GT(last.per_view[2].doubt_px, 1);  // 0.5 degrees are 2.1 px
-  EXPECT_LT(last.per_view[2].doubt_px, 4);
+  EXPECT_GT(last.per_view[2].inflation_px, 1);  // 0.5 degrees are 2.1 px
+  EXPECT_LT(last.per_view[2].inflation_px, 4);
 }
 
 struct Wrong {
@@ -182,10 +182,10 @@ TEST(Trust, aPoseTakesTheRigsPlace) {
   EXPECT_GT(o.tracking, 85);
   EXPECT_LT(o.rms_m, 0.006);
   tracker.trust({});  // as the rig says, again
-  double doubt_px = 0;
+  double inflation_px = 0;
   run(tracker, scene, scene::render(scene, {.set_count = 60}),
-      [&](const ObjectEstimate& e) { doubt_px = e.per_view[1].doubt_px; });
-  EXPECT_GT(doubt_px, 3);  // 2 degrees are 8 px
+      [&](const ObjectEstimate& e) { inflation_px = e.per_view[1].inflation_px; });
+  EXPECT_GT(inflation_px, 3);  // 2 degrees are 8 px
 }
 
 TEST(Trust, doubtOfThePastGoesWithAPose) {
@@ -222,9 +222,9 @@ TEST(Trust, doubtOfThePastGoesWithWhatExplainsIt) {
     for (const auto& set : all.subspan(60)) {
       const ObjectEstimate e = tracker.update(set);
       if (has_moved)
-        EXPECT_LT(e.per_view[1].doubt_px, 1) << set.number;
+        EXPECT_LT(e.per_view[1].inflation_px, 1) << set.number;
       else
-        EXPECT_GT(e.per_view[1].doubt_px, 3) << set.number;
+        EXPECT_GT(e.per_view[1].inflation_px, 3) << set.number;
       EXPECT_EQ(e.state, TrackState::tracking) << set.number;
       EXPECT_LT((e.position - scene.ball_at(0, e.at)).norm(), 0.02) << set.number;
     }
@@ -297,12 +297,12 @@ TEST(Trust, anUnusedCameraMovesNothingAndIsStillAWitness) {
     EXPECT_EQ(a.covariance, b.covariance);
     EXPECT_TRUE(a.per_view[1].delivered);
     EXPECT_FALSE(a.per_view[1].seen);
-    if (!a.per_view[1].witness) continue;
+    if (!a.per_view[1].leave_one_out) continue;
     ++witnessed;
-    EXPECT_EQ(a.per_view[1].witness->others, 2);
-    EXPECT_LT((a.per_view[1].witness->position - scene.ball_at(0, a.at)).norm(), 0.03);
-    ASSERT_TRUE(a.per_view[0].witness);
-    EXPECT_EQ(a.per_view[0].witness->others, 1);
+    EXPECT_EQ(a.per_view[1].leave_one_out->others, 2);
+    EXPECT_LT((a.per_view[1].leave_one_out->position - scene.ball_at(0, a.at)).norm(), 0.03);
+    ASSERT_TRUE(a.per_view[0].leave_one_out);
+    EXPECT_EQ(a.per_view[0].leave_one_out->others, 1);
   }
   EXPECT_GT(witnessed, 50);
 }
@@ -316,8 +316,8 @@ TEST(Trust, refusesWhatIsNotFinite) {
 }
 
 // Two cameras side by side that look the same way, at a point before them.
-SeenBeside beside(int camera, double off_u, double off_v) {
-  SeenBeside out;
+PathResidual beside(int camera, double off_u, double off_v) {
+  PathResidual out;
   out.camera = camera;
   out.px = {100, 100};
   out.off_px = {off_u, off_v};
@@ -333,9 +333,9 @@ SeenBeside beside(int camera, double off_u, double off_v) {
 constexpr double radius_m = 0.04;
 
 // The views of these cameras agree in two places.
-void prove(ViewDoubts& doubts, std::initializer_list<int> cameras) {
+void prove(EpipolarConsistency& doubts, std::initializer_list<int> cameras) {
   for (int place = 0; place < 2; ++place) {
-    std::vector<SeenBeside> views;
+    std::vector<PathResidual> views;
     for (const int camera : cameras) {
       views.push_back(beside(camera, 0, 0));
       views.back().px = {100.0 * place, 50};
@@ -344,19 +344,19 @@ void prove(ViewDoubts& doubts, std::initializer_list<int> cameras) {
   }
 }
 
-TEST(ViewDoubts, twoViewsSayNothingAlongTheirEpipolarLines) {
-  Disagreement seen;
-  ASSERT_TRUE(disagreement(beside(0, 5, 0), beside(1, -7, 0), 0, seen));
+TEST(EpipolarConsistency, twoViewsSayNothingAlongTheirEpipolarLines) {
+  EpipolarResidual seen;
+  ASSERT_TRUE(epipolar_residual(beside(0, 5, 0), beside(1, -7, 0), 0, seen));
   EXPECT_NEAR(seen.off_px, 0, 1e-9);
-  ASSERT_TRUE(disagreement(beside(0, 5, 3), beside(1, -7, 0), 0, seen));
+  ASSERT_TRUE(epipolar_residual(beside(0, 5, 3), beside(1, -7, 0), 0, seen));
   EXPECT_NEAR(std::abs(seen.off_px), 3 / std::sqrt(2), 1e-9);
   EXPECT_NEAR(seen.expected_px2, 0.04, 1e-9);
   EXPECT_NEAR(seen.share_i + seen.share_j, 1, 1e-9);
-  EXPECT_FALSE(disagreement(beside(0, 0, 0), beside(0, 0, 0), 0, seen));
+  EXPECT_FALSE(epipolar_residual(beside(0, 0, 0), beside(0, 0, 0), 0, seen));
 }
 
-TEST(ViewDoubts, oneOfThreeIsFoundAndOneOfTwoIsNot) {
-  ViewDoubts three(3, radius_m), two(2, radius_m);
+TEST(EpipolarConsistency, oneOfThreeIsFoundAndOneOfTwoIsNot) {
+  EpipolarConsistency three(3, radius_m), two(2, radius_m);
   prove(three, {0, 2});
   prove(two, {0, 1});
   for (int i = 0; i < 40; ++i) {
@@ -374,14 +374,14 @@ TEST(ViewDoubts, oneOfThreeIsFoundAndOneOfTwoIsNot) {
 }
 
 // Two of three that agree may do so by chance, along their epipolar lines: in one place they do, and hardly in two.
-TEST(ViewDoubts, whoAgreesInOnePlaceIsNotCleared) {
-  ViewDoubts doubts(3, radius_m);
+TEST(EpipolarConsistency, whoAgreesInOnePlaceIsNotCleared) {
+  EpipolarConsistency doubts(3, radius_m);
   const auto contradict = [&] {
     for (int i = 0; i < 40; ++i) doubts.compare(std::vector{beside(0, 0, 0), beside(1, 0, 5), beside(2, 0, 0)}, 0, 0);
   };
   contradict();
   for (std::size_t c = 0; c < 3; ++c) EXPECT_GE(std::sqrt(doubts.variance_px2(c)), 5) << c;
-  EXPECT_FALSE(doubts.is_nobody_believed()) << "two agree here";
+  EXPECT_FALSE(doubts.no_consistent_pair()) << "two agree here";
   prove(doubts, {0, 2});
   contradict();
   EXPECT_EQ(doubts.variance_px2(0), 0);
@@ -389,8 +389,8 @@ TEST(ViewDoubts, whoAgreesInOnePlaceIsNotCleared) {
 }
 
 // Half a ball is off by a little, and by one view alone, in any rig.
-TEST(ViewDoubts, aSmallContradictionNeedsNoProof) {
-  ViewDoubts doubts(3, radius_m);
+TEST(EpipolarConsistency, aSmallContradictionNeedsNoProof) {
+  EpipolarConsistency doubts(3, radius_m);
   for (int i = 0; i < 40; ++i) doubts.compare(std::vector{beside(0, 0, 0), beside(1, 0, 0.7), beside(2, 0, 0)}, 0, 0);
   EXPECT_NEAR(std::sqrt(doubts.variance_px2(1)), 0.7, 0.4);
   EXPECT_EQ(doubts.variance_px2(0), 0);
@@ -398,25 +398,25 @@ TEST(ViewDoubts, aSmallContradictionNeedsNoProof) {
 }
 
 // Where nobody knows the times of what moves, views agree with anything.
-TEST(ViewDoubts, whatCouldNotContradictProvesNothing) {
-  ViewDoubts doubts(2, radius_m);
+TEST(EpipolarConsistency, whatCouldNotContradictProvesNothing) {
+  EpipolarConsistency doubts(2, radius_m);
   for (int place = 0; place < 5; ++place) {
     std::vector views{beside(0, 0, 0), beside(1, 0, 0)};
-    for (SeenBeside& view : views) view.px.x() = 100.0 * place, view.covariance *= 25 * 25;
+    for (PathResidual& view : views) view.px.x() = 100.0 * place, view.covariance *= 25 * 25;
     doubts.compare(views, 0, 0);
   }
   for (int i = 0; i < 40; ++i) doubts.compare(std::vector{beside(0, 0, 0), beside(1, 0, 5)}, 0, 0);
-  EXPECT_TRUE(doubts.is_nobody_believed());
+  EXPECT_TRUE(doubts.no_consistent_pair());
   for (std::size_t c = 0; c < 2; ++c) EXPECT_GE(std::sqrt(doubts.variance_px2(c)), 5) << c;
 }
 
 // Of two cameras that could be wrong, each by what it would take, however well the third one sees them.
-TEST(ViewDoubts, eachOfTwoThatCouldBeWrongIsDoubted) {
-  ViewDoubts doubts(3, radius_m);
+TEST(EpipolarConsistency, eachOfTwoThatCouldBeWrongIsDoubted) {
+  EpipolarConsistency doubts(3, radius_m);
   prove(doubts, {0, 2});
   for (int i = 0; i < 40; ++i) {
-    Disagreement apart{.off_px = 4, .expected_px2 = 0.04, .share_i = 0.5, .share_j = 0.5};
-    Disagreement together{.off_px = 0.1, .expected_px2 = 0.04, .share_i = 0.8, .share_j = 0.2};
+    EpipolarResidual apart{.off_px = 4, .expected_px2 = 0.04, .share_i = 0.5, .share_j = 0.5};
+    EpipolarResidual together{.off_px = 0.1, .expected_px2 = 0.04, .share_i = 0.8, .share_j = 0.2};
     doubts.add(0, 1, apart);
     doubts.add(0, 2, together);
     std::swap(together.share_i, together.share_j);
@@ -429,21 +429,21 @@ TEST(ViewDoubts, eachOfTwoThatCouldBeWrongIsDoubted) {
 
 // An error that lies almost along both other cameras' epipolar lines shows in how little they say apart from each
 // other.
-TEST(ViewDoubts, anErrorAlongTheLinesIsAsLargeAsItTakes) {
+TEST(EpipolarConsistency, anErrorAlongTheLinesIsAsLargeAsItTakes) {
   const auto tilted = [](int camera, const Vector2d& off) {
-    SeenBeside out = beside(camera, off.x(), off.y());
+    PathResidual out = beside(camera, off.x(), off.y());
     const Vector3d level = out.jacobian.row(0).normalized();
     out.jacobian = (out.jacobian * Eigen::AngleAxisd(-0.2 - 0.1 * camera, level).toRotationMatrix()).eval();
     return out;
   };
-  Disagreement first, second;
-  ASSERT_TRUE(disagreement(tilted(0, {0, 0}), tilted(1, {0, 0}), 0, first));
-  ASSERT_TRUE(disagreement(tilted(0, {0, 0}), tilted(2, {0, 0}), 0, second));
+  EpipolarResidual first, second;
+  ASSERT_TRUE(epipolar_residual(tilted(0, {0, 0}), tilted(1, {0, 0}), 0, first));
+  ASSERT_TRUE(epipolar_residual(tilted(0, {0, 0}), tilted(2, {0, 0}), 0, second));
   Vector2d across_both = first.across_i.normalized();
   if (across_both.dot(second.across_i) < 0) second.across_i = -second.across_i;
   across_both = (across_both + second.across_i.normalized()).normalized();
   const Vector2d error = 20 * Vector2d(-across_both.y(), across_both.x());
-  ViewDoubts doubts(3, radius_m);
+  EpipolarConsistency doubts(3, radius_m);
   prove(doubts, {1, 2});
   for (int i = 0; i < 40; ++i)
     doubts.compare(std::vector{tilted(0, error), tilted(1, {0, 0}), tilted(2, {0, 0})}, 0, 0);
@@ -454,8 +454,8 @@ TEST(ViewDoubts, anErrorAlongTheLinesIsAsLargeAsItTakes) {
 }
 
 // A frame that is shown once more, something else of the colour: as long as it is rare.
-TEST(ViewDoubts, rareOnesMoveNothing) {
-  ViewDoubts doubts(2, radius_m);
+TEST(EpipolarConsistency, rareOnesMoveNothing) {
+  EpipolarConsistency doubts(2, radius_m);
   for (int i = 0; i < 100; ++i) {
     doubts.compare(std::vector{beside(0, 0, 0.1 * ((i % 5) - 2)), beside(1, 0, i % 6 == 5 && i > 8 ? 20 : 0)}, 0, 0);
     EXPECT_FALSE(doubts.any()) << i;
@@ -463,8 +463,8 @@ TEST(ViewDoubts, rareOnesMoveNothing) {
 }
 
 // A region of furniture that was taken for the object in three frames is believed then, and not for long after.
-TEST(ViewDoubts, whatWasBriefIsForgotten) {
-  ViewDoubts doubts(2, radius_m);
+TEST(EpipolarConsistency, whatWasBriefIsForgotten) {
+  EpipolarConsistency doubts(2, radius_m);
   for (int i = 0; i < 60; ++i) {
     doubts.compare(std::vector{beside(0, 0, 0.1 * ((i % 5) - 2)), beside(1, 0, i >= 20 && i < 23 ? 90 : 0)}, 0, 0);
     EXPECT_EQ(doubts.any(), i == 21 || i == 22) << i;

@@ -6,16 +6,16 @@ namespace huetrack::objects {
 
 std::vector<int> assignment_of(const Eigen::MatrixXd& costs, double none) {
   const auto rows = static_cast<int>(costs.rows()), real = static_cast<int>(costs.cols());
-  const int columns = real + rows;  // and for each row a column of its own for `none`
+  const int columns = real + rows;  // each row has a column of its own for `none`
   const double never = 1e3 * (none + 1);
   const auto cost = [&](int row, int column) {
     if (column < real) return costs(row, column) < none ? costs(row, column) : never;
     return column - real == row ? none : never;
   };
   constexpr double far = std::numeric_limits<double>::infinity();
-  // Potentials, and the row that has a column: counted from 1, 0 is nobody.
+  // Potentials, and the row of each column; counted from 1, 0 is none.
   std::vector<double> u(static_cast<std::size_t>(rows) + 1, 0), v(static_cast<std::size_t>(columns) + 1, 0);
-  std::vector<int> row_of(static_cast<std::size_t>(columns) + 1, 0), way(row_of.size(), 0);
+  std::vector<int> row_of(static_cast<std::size_t>(columns) + 1, 0), previous(row_of.size(), 0);
   for (int row = 1; row <= rows; ++row) {
     row_of[0] = row;
     std::size_t at = 0;
@@ -29,7 +29,7 @@ std::vector<int> assignment_of(const Eigen::MatrixXd& costs, double none) {
       for (std::size_t j = 1; j < row_of.size(); ++j) {
         if (is_used[j] != 0) continue;
         const double reduced = cost(static_cast<int>(from) - 1, static_cast<int>(j) - 1) - u[from] - v[j];
-        if (reduced < least[j]) least[j] = reduced, way[j] = static_cast<int>(at);
+        if (reduced < least[j]) least[j] = reduced, previous[j] = static_cast<int>(at);
         if (least[j] < delta) delta = least[j], next = j;
       }
       for (std::size_t j = 0; j < row_of.size(); ++j) {
@@ -41,7 +41,7 @@ std::vector<int> assignment_of(const Eigen::MatrixXd& costs, double none) {
       at = next;
     } while (row_of[at] != 0);
     while (at != 0) {
-      const auto before = static_cast<std::size_t>(way[at]);
+      const auto before = static_cast<std::size_t>(previous[at]);
       row_of[at] = row_of[before];
       at = before;
     }

@@ -35,7 +35,7 @@ struct Normal {
   double off_px;  // of the outline point from the disc's own
 };
 
-// nullopt: beyond the image, where nobody knows.
+// nullopt: outside the image.
 std::optional<bool> is_matching(color::MatchBits& bits, const Eigen::Vector2d& px) {
   const double u = std::floor(px.x() + 0.5), v = std::floor(px.y() + 0.5);
   if (!(u >= 0 && v >= 0 && u < bits.width() && v < bits.height())) return std::nullopt;
@@ -44,11 +44,11 @@ std::optional<bool> is_matching(color::MatchBits& bits, const Eigen::Vector2d& p
 
 struct Outline {
   std::vector<Normal> normals;
-  int passed = 0;  // directions in which the colour goes on beyond the outline
+  int passed = 0;  // normals along which the colour continues
 };
 
-// Where the colour ends along a normal of the disc, counted from its outline; nullopt: not near it, and `passed` is
-// counted where it goes on. Two misses in a row are an end, one is noise.
+// Where the colour ends along a normal, from the disc's outline. nullopt: not near it; `passed` is incremented where
+// the colour continues. Two misses in a row are an end, one is noise.
 std::optional<double> colour_ends(color::MatchBits& bits, const ExpectedDisc& disc, const Eigen::Vector2d& normal,
                                   double window_px, int& passed) {
   const int steps = static_cast<int>(std::ceil(2 * window_px / disc_fit.step_px));
@@ -89,7 +89,7 @@ void outline_of(color::MatchBits& bits, std::span<const ExpectedDisc> discs, std
   }
 }
 
-// Unknowns: the centre's shift, and what the radius differs by.
+// Unknowns: shift of the centre, change of the radius.
 struct Solution {
   Eigen::Vector2d shift;
   Eigen::Matrix2d covariance;
@@ -98,9 +98,9 @@ Solution solve(std::span<const Normal> outline, const ExpectedDisc& disc) {
   const double radius_sigma = disc_fit.radius_sigma_px + disc_fit.radius_sigma_share * disc.radius_px;
   Eigen::Vector3d x = Eigen::Vector3d::Zero();
   Eigen::Matrix3d information;
-  for (int pass = 0; pass < 2; ++pass) {  // the second one with less of what does not fit (Huber)
+  for (int pass = 0; pass < 2; ++pass) {  // the second one with Huber weights
     information.setZero();
-    // An unseen side says nothing; a disc's radius keeps what is open finite.
+    // Prior: 1 sigma of a radius for the shift.
     information.diagonal() << Eigen::Vector2d::Constant(1 / (disc.radius_px * disc.radius_px)),
         1 / (radius_sigma * radius_sigma);
     Eigen::Vector3d vector = Eigen::Vector3d::Zero();
@@ -138,7 +138,7 @@ std::vector<std::optional<FittedDisc>> fit_discs(color::MatchBits& bits, std::sp
                 static_cast<double>(outline.passed) / disc_fit.directions};
     }
   }
-  for (std::size_t i = 0; i < discs.size(); ++i) {  // it ran away: what was seen is not its outline
+  for (std::size_t i = 0; i < discs.size(); ++i) {  // a fit far from the prediction is of another edge
     if (out[i] && (discs[i].px - expected[i].px).norm() >
                       disc_fit.max_shift_radii * discs[i].radius_px + disc_fit.max_shift_sigmas * discs[i].reach_px)
       out[i].reset();

@@ -62,20 +62,20 @@ bool share_a_region(const PositionCandidate& a, const PositionCandidate& b) {
   });
 }
 
-// From `from` to `now` in so many sets, the last of which was `step`: it has surely moved, and goes on as it went. What
-// stands and was mistaken for something beside it, once, does not.
+// It has surely moved since `from`, and the last step continues that motion: a resting object that was confused once
+// fails.
 bool moves(const Eigen::Vector3d& from, const PositionCandidate& now, const Eigen::Vector3d& step, int sets) {
   const Eigen::Vector3d way = now.position - from;
   return sets >= 2 && way.dot((2 * now.covariance).inverse() * way) > birth_tuning.moved_nis &&
          step.dot(way) > birth_tuning.min_step_share * way.squaredNorm() / sets;
 }
 
-// What the shapes say: views that show a disc as large as the object is there. Furniture has any size and any shape.
+// Log-likelihood ratio of discs of the object's size; static regions have any size and shape.
 double evidence_of_discs(const PositionCandidate& c, double radius_m) {
   double evidence = 0;
   for (const Sighting& s : c.sightings) {
-    const auto at = appearance_of(*s.camera, c.position, radius_m);
-    if (!at || !is_round(s) || s.radius_px > birth_tuning.max_size * at->radius_px) continue;
+    const auto at = project_ball(*s.camera, c.position, radius_m);
+    if (!at || !has_disc_shape(s) || s.radius_px > birth_tuning.max_size * at->radius_px) continue;
     const double size = std::log(s.radius_px / at->radius_px) / birth_tuning.size_sigma;
     evidence += std::max(0.0, llr_round() + llr_of_size() - 0.5 * size * size);
   }
@@ -89,9 +89,9 @@ ObjectTrackerOptions looking_within(ObjectTrackerOptions options, const Volume& 
 
 }  // namespace
 
-MustMove must_move(const StillColor& still, capture::Timestamp set_at) {
+MustMove must_move(const StaticClutterMask& still, capture::Timestamp set_at) {
   if (!still.is_starting(set_at)) return MustMove::no;
-  return still.is_doubted() ? MustMove::yes : MustMove::unless_clear;
+  return still.is_room_suspected() ? MustMove::yes : MustMove::unless_clear;
 }
 
 Volume looked_through(const Volume& volume) {
@@ -104,12 +104,13 @@ ObjectBirths::ObjectBirths(const TargetOptions& target, const ObjectTrackerOptio
 
 ObjectBirths::Candidate ObjectBirths::weighed(PositionCandidate at, const std::vector<TargetView>& views,
                                               std::span<const std::vector<color::ColorRegion>> regions,
-                                              std::span<const CoveredDisc> covered, const StillColor& still) const {
+                                              std::span<const CoveredDisc> covered,
+                                              const StaticClutterMask& still) const {
   Candidate out{.at = std::move(at)};
   out.evidence = llr_on_line() - llr_at_place();  // the first two views make the place
   out.evidence -= llr_at_place();
   for (std::size_t v = 0; v < views.size(); ++v) {
-    const auto in_view = appearance_of(*views[v].camera, out.at.position, target_.radius_m);
+    const auto in_view = project_ball(*views[v].camera, out.at.position, target_.radius_m);
     if (!in_view || !views[v].camera->contains({in_view->px})) continue;
     const auto seen =
         std::ranges::find(out.at.sightings, views[v].index, [](const Sighting& s) { return s.row.camera; });
@@ -122,13 +123,13 @@ ObjectBirths::Candidate ObjectBirths::weighed(PositionCandidate at, const std::v
       return disc.view == v &&
              (disc.px - in_view->px).norm() < disc.radius_px + birth_tuning.covered_radii * in_view->radius_px;
     });
-    // A part of something larger, of several objects that nobody has told apart yet.
+    // Part of a larger region: of several objects that are not separated yet.
     const bool is_in_region = std::ranges::any_of(regions[v], [&](const color::ColorRegion& r) {
       return r.area > disc_area(in_view->radius_px) && in_view->px.x() > r.box.u_min && in_view->px.x() < r.box.u_max &&
              in_view->px.y() > r.box.v_min && in_view->px.y() < r.box.v_max;
     });
     if (is_covered || is_in_region ||
-        still.may_cut(static_cast<std::size_t>(views[v].index), in_view->px, in_view->radius_px))
+        still.may_clip(static_cast<std::size_t>(views[v].index), in_view->px, in_view->radius_px))
       continue;
     out.evidence += llr_missed();
     ++out.missing;
@@ -136,12 +137,12 @@ ObjectBirths::Candidate ObjectBirths::weighed(PositionCandidate at, const std::v
   return out;
 }
 
-// Best first; those whose regions are of better ones are left out.
+// Best first, without candidates whose regions belong to better ones.
 std::vector<ObjectBirths::Candidate> ObjectBirths::candidates(const std::vector<TargetView>& views,
                                                               std::span<const std::vector<color::ColorRegion>> regions,
                                                               std::span<const CoveredDisc> covered,
-                                                              const StillColor& still,
-                                                              const MotionBelief& times) const {
+                                                              const StaticClutterMask& still,
+                                                              const MotionState& times) const {
   std::vector<Candidate> all;
   for (PositionCandidate& c : cross_rays(views, regions, target_, options_, times,
                                          birth_tuning.crossings_per_object * TargetOptions::most_count))
@@ -167,11 +168,11 @@ std::vector<ObjectBirths::Candidate> ObjectBirths::candidates(const std::vector<
 
 std::vector<Birth> ObjectBirths::look(const std::vector<TargetView>& views,
                                       std::span<const std::vector<color::ColorRegion>> regions,
-                                      std::span<const CoveredDisc> covered, const StillColor& still,
-                                      capture::Timestamp set_at, const MotionBelief& times) {
+                                      std::span<const CoveredDisc> covered, const StaticClutterMask& still,
+                                      capture::Timestamp set_at, const MotionState& times) {
   std::vector<Birth> out;
   const auto with_regions = std::ranges::count_if(regions, [](const auto& some) { return !some.empty(); });
-  if (with_regions < 2) return out;  // nor does a set in which too few of these views see it refute anything
+  if (with_regions < 2) return out;  // no evidence against the candidates either
   std::vector<Candidate> now = candidates(views, regions, covered, still, times);
   const double dt = capture::seconds(set_at - before_at_);
   std::vector<Candidate> kept;
@@ -188,8 +189,8 @@ std::vector<Birth> ObjectBirths::look(const std::vector<TargetView>& views,
         if (earlier == nullptr || apart_m < (c.at.position - earlier->at.position).norm()) earlier = &e;
       }
     }
-    // Two views may be of two pieces of furniture, set by set. Where as many others contradict them only what moves is
-    // told; a single one may have something before it that nobody knows of.
+    // Two views may see two pieces of static clutter in every set. Contradicted by as many others, only a moving
+    // candidate is confirmed; a single other view may be occluded.
     const bool is_contested = c.missing > 0 && c.at.sightings.size() < 3;
     bool stands = (is_contested && c.missing >= std::ssize(c.at.sightings)) || must_move_ == MustMove::yes ||
                   (must_move_ == MustMove::unless_clear && !is_clear);

@@ -41,15 +41,15 @@ struct Evidence {
   double all() const { return of_seen + of_missing; }
 };
 
-// Sightings one after the other: what one says is where the next is expected.
+// Sequential: each sighting updates the prediction of the next.
 Evidence evidence_of(ExpectedPlace at, std::span<const Sighting> sightings, const std::vector<TargetView>& views,
-                     double radius_m, const ClutterMap& clutter, const StillColor& still) {
+                     double radius_m, const ClutterMap& clutter, const StaticClutterMask& still) {
   Evidence evidence;
   for (const Sighting& s : sightings) {
-    const auto in_view = appearance_of(*s.camera, at.position, radius_m);
+    const auto in_view = project_ball(*s.camera, at.position, radius_m);
     if (!in_view) continue;
     Eigen::Matrix2d of_sighting = s.covariance + s.doubt();
-    of_sighting.diagonal().array() += s.lasting_px * s.lasting_px;
+    of_sighting.diagonal().array() += s.bias_sigma_px * s.bias_sigma_px;
     const Eigen::Matrix<double, 2, 3>& by = in_view->jacobian;
     const Eigen::Matrix2d expected = by * at.covariance * by.transpose() + of_sighting;
     const Eigen::Vector2d d = s.px - in_view->px;
@@ -63,20 +63,20 @@ Evidence evidence_of(ExpectedPlace at, std::span<const Sighting> sightings, cons
   for (const TargetView& view : views) {
     const bool is_seen = std::ranges::any_of(sightings, [&](const Sighting& s) { return s.row.camera == view.index; });
     if (is_seen) continue;
-    const auto in_view = appearance_of(*view.camera, at.position, radius_m);
+    const auto in_view = project_ball(*view.camera, at.position, radius_m);
     if (!in_view || !view.camera->contains({in_view->px})) continue;
-    if (still.may_cut(static_cast<std::size_t>(view.index), in_view->px, in_view->radius_px)) continue;
+    if (still.may_clip(static_cast<std::size_t>(view.index), in_view->px, in_view->radius_px)) continue;
     evidence.of_missing += std::log(1 - detection.probability);
   }
   return evidence;
 }
 
-// Sightings of which nothing that is left out has cut a part: there is nothing beside them, or they have the size and
-// the shape of the whole disc; and outlines, which do not ask for the colour.
-std::ptrdiff_t whole_of(std::span<const Sighting> sightings, const StillColor& still) {
+// Sightings that the static clutter mask has not cut: none nearby, a whole disc, or an outline fit.
+std::ptrdiff_t whole_of(std::span<const Sighting> sightings, const StaticClutterMask& still) {
   return std::ranges::count_if(sightings, [&](const Sighting& s) {
     const double radius_px = s.support > 0 ? s.radius_px / std::sqrt(s.support) : s.radius_px;
-    return s.is_outline || is_whole_disc(s) || !still.may_cut(static_cast<std::size_t>(s.row.camera), s.px, radius_px);
+    return s.is_outline || is_unoccluded_disc(s) ||
+           !still.may_clip(static_cast<std::size_t>(s.row.camera), s.px, radius_px);
   });
 }
 
@@ -121,7 +121,7 @@ double ClutterMap::density(std::size_t camera, const Eigen::Vector2d& px) const 
 
 void ObjectExistence::begin(capture::Timestamp set_at, const Birth& birth, const std::vector<TargetView>& views,
                             double radius_m, double largest_m, const ObjectTrackerOptions& options,
-                            const ClutterMap& clutter, const StillColor& still) {
+                            const ClutterMap& clutter, const StaticClutterMask& still) {
   const ExpectedPlace anywhere{birth.earlier.position, largest_m * largest_m / 12 * Eigen::Matrix3d::Identity()};
   const double way_m = options.start_speed_m_s * birth.dt;
   longest_on_cut_s_ = std::sqrt(2 * 2 * radius_m / options.acceleration_m_s2);
@@ -139,13 +139,13 @@ void ObjectExistence::begin(capture::Timestamp set_at, const Birth& birth, const
   found_at_ = birth.now.position, found_when_ = set_at;
 }
 
-void ObjectExistence::update(capture::Timestamp set_at, const MotionBelief& belief, double power_density,
+void ObjectExistence::update(capture::Timestamp set_at, const MotionState& state, double power_density,
                              std::span<const Sighting> sightings, const std::vector<TargetView>& views, double radius_m,
-                             const ClutterMap& clutter, const StillColor& still) {
-  ExpectedPlace at{belief.position(), belief.position_covariance()};
+                             const ClutterMap& clutter, const StaticClutterMask& still) {
+  ExpectedPlace at{state.position(), state.position_covariance()};
   if (!sightings.empty()) {
-    at.position = belief.position_at(sightings.front().row.at);
-    at.covariance = belief.seen_covariance(sightings.front().row, power_density);
+    at.position = state.position_at(sightings.front().row.at);
+    at.covariance = state.seen_covariance(sightings.front().row, power_density);
   }
   if (whole_of(sightings, still) >= existence.whole_views) whole_at_ = set_at, on_cut_s_ = 0;
   if (set_at > whole_at_) on_cut_s_ = std::max(on_cut_s_, capture::seconds(set_at - whole_at_));

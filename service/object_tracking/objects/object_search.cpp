@@ -26,8 +26,7 @@ constexpr SearchTuning search_tuning{};
 
 }  // namespace
 
-// How small and how large the target appears in a view anywhere in the volume: on a grid, of which only what is in the
-// image counts (a corner of the volume may be beside or behind the camera).
+// On a grid over the volume, of which the points in the image count.
 SizeInView size_in(const calib::Camera& camera, const Volume& volume, double radius_m) {
   constexpr int steps = search_tuning.volume_steps;
   SizeInView out;
@@ -36,7 +35,7 @@ SizeInView size_in(const calib::Camera& camera, const Volume& volume, double rad
       for (int k = 0; k <= steps; ++k) {
         const Eigen::Array3d share = Eigen::Array3d(i, j, k) / steps;
         const Eigen::Vector3d p = volume.min.array() + share * (volume.max - volume.min).array();
-        const auto at = appearance_of(camera, p, radius_m);
+        const auto at = project_ball(camera, p, radius_m);
         if (!at || !camera.contains({at->px})) continue;
         out.smallest_px = out.largest_px == 0 ? at->radius_px : std::min(out.smallest_px, at->radius_px);
         out.largest_px = std::max(out.largest_px, at->radius_px);
@@ -101,13 +100,13 @@ std::vector<double> ObjectSearch::usual_radii_px(const std::vector<TargetView>& 
   return out;
 }
 
-// One candidate alone never is a find: a chance match of background pixels does not move like an object.
+// A single candidate is no find: a chance match of background pixels does not move like an object.
 std::optional<ObjectSearch::Find> ObjectSearch::find(const std::vector<TargetView>& views, capture::Timestamp set_at,
-                                                     const MotionBelief& times, const StillColor& still) {
+                                                     const MotionState& times, const StaticClutterMask& still) {
   if (is_shared_) return find_among_others(views, set_at, times, still);
   std::vector<PositionCandidate> now =
       cross_rays(views, regions(), target_, options_, times, sighting_tuning.max_crossings);
-  if (now.empty()) {  // nor does one in which too few of these views see it
+  if (now.empty()) {
     log_.add(views, regions(), options_.volume);
     return std::nullopt;
   }
@@ -134,8 +133,8 @@ std::optional<ObjectSearch::Find> ObjectSearch::find(const std::vector<TargetVie
 }
 
 std::optional<ObjectSearch::Find> ObjectSearch::find_among_others(const std::vector<TargetView>& views,
-                                                                  capture::Timestamp set_at, const MotionBelief& times,
-                                                                  const StillColor& still) {
+                                                                  capture::Timestamp set_at, const MotionState& times,
+                                                                  const StaticClutterMask& still) {
   const std::vector<Birth> births = births_.look(views, regions(), {}, still, set_at, times);
   const auto find = std::ranges::find_if(
       births, [&](const Birth& birth) { return inside(options_.volume, birth.now.position, target_.radius_m); });
@@ -155,14 +154,14 @@ void ObjectSearch::forget() {
   candidates_.clear();
 }
 
-// Does a view that should show it show something of its size elsewhere? Near where it would be is not elsewhere: the
-// frame is of another moment, up to a usual speed's way from the candidate's.
+// A view that should show the candidate shows something of its size elsewhere: further away than the object moves
+// between the frames.
 bool ObjectSearch::is_contested(const PositionCandidate& candidate, const std::vector<TargetView>& views,
-                                const MotionBelief& times) const {
+                                const MotionState& times) const {
   for (std::size_t i = 0; i < views.size(); ++i) {
     const bool agrees =
         std::ranges::any_of(candidate.sightings, [&](const Sighting& s) { return s.row.camera == views[i].index; });
-    const auto at = appearance_of(*views[i].camera, candidate.position, target_.radius_m);
+    const auto at = project_ball(*views[i].camera, candidate.position, target_.radius_m);
     if (agrees || !at || !views[i].camera->contains({at->px})) continue;
     const double disc = std::numbers::pi * at->radius_px * at->radius_px;
     const SeenRow row = row_of(views[i], at->px.y(), times);

@@ -1,7 +1,5 @@
 #include "object_tracking/objects/search_findings.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <cmath>
 #include <numbers>
@@ -25,19 +23,9 @@ struct SearchEvidenceTuning {
 };
 constexpr SearchEvidenceTuning search_evidence{};
 
-// What to do about the radius, or the colour, of what was searched for and showed a radius; empty: they are alike.
-std::string size_advice(const std::optional<double>& radius_m, const TargetOptions& target) {
-  if (!radius_m ||
-      (*radius_m <= search_evidence.alike * target.radius_m && *radius_m >= target.radius_m / search_evidence.alike))
-    return {};
-  return fmt::format(
-      "what has its colour has the size of a ball of radius {:.3g} m, not {:.3g}: correct radius_m, or {} its colour",
-      *radius_m, target.radius_m, *radius_m > target.radius_m ? "narrow" : "widen");
-}
-
-// The radius of the ball that shows this region at p; 0: none.
+// Radius of a ball at p that this region is the image of; 0: none.
 double radius_of(const calib::Camera& camera, const color::ColorRegion& region, const Eigen::Vector3d& p) {
-  const auto at = appearance_of(camera, p, 1.0);
+  const auto at = project_ball(camera, p, 1.0);
   if (!at || at->radius_px <= 0) return 0;
   const double radius_px = std::sqrt(region.area / std::numbers::pi);
   if ((at->px - region.centre).norm() > search_evidence.meeting_px + search_evidence.meeting_radii * radius_px)
@@ -89,29 +77,12 @@ SearchFindings SearchLog::findings() const {
   return out;
 }
 
-std::string SearchFindings::advice(const TargetOptions& target, const std::vector<std::string>& cameras) const {
-  if (is_found_at_twice_the_hue)
-    return fmt::format(
-        "something of twice its hue moves as it would: are hue_deg [{:.0f}, {:.0f}] OpenCV's units (0 to 180)? Here "
-        "they "
-        "are degrees (0 to 360): write [{:.0f}, {:.0f}]",
-        target.color.hue_min_deg, target.color.hue_max_deg, 2 * target.color.hue_min_deg, 2 * target.color.hue_max_deg);
-  if (sets == 0) return {};
-  std::vector<std::string> seeing, blind;
-  for (std::size_t c = 0; c < sets_with_color.size() && c < cameras.size(); ++c)
-    (search_evidence.min_sets_divisor * sets_with_color[c] >= sets ? seeing : blind).push_back(cameras[c]);
-  if (std::string of_size = size_advice(radius_m, target); !of_size.empty()) return of_size;
-  if (seeing.empty()) return "no camera shows a region of its colour: widen its colour, or check the volume";
-  if (!blind.empty())
-    return fmt::format("its colour is seen by {} but hardly ever by {}: set camera_colors for these",
-                       fmt::join(seeing, ", "), fmt::join(blind, ", "));
-  return "all cameras show regions of its colour, but their rays do not meet in the volume where a ball of its radius "
-         "would look so: check the calibration and the radius, or narrow its colour";
+bool SearchFindings::shows_color(std::size_t camera) const {
+  return search_evidence.min_sets_divisor * sets_with_color[camera] >= sets;
 }
 
-std::string SearchFindings::late_advice(const TargetOptions& target) const {
-  const std::string of_size = size_advice(radius_before_m, target);
-  return of_size.empty() ? "" : "it was found late: " + of_size;
+bool are_radii_alike(double a_m, double b_m) {
+  return a_m <= search_evidence.alike * b_m && a_m >= b_m / search_evidence.alike;
 }
 
 }  // namespace huetrack::objects

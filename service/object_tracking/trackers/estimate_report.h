@@ -9,7 +9,7 @@
 #include "object_tracking/sighting.h"
 #include "object_tracking/target_views.h"
 #include "object_tracking/trackers/object_filter.h"
-#include "object_tracking/view_agreement.h"
+#include "object_tracking/view_consistency.h"
 
 namespace huetrack::object_trackers {
 
@@ -20,7 +20,7 @@ struct ToReport {
   const object_tracking::ObjectTrackerOptions& options;
   object_tracking::TrackState state;
   const ObjectFilter& filter;
-  const object_tracking::ViewAgreement& agreement;
+  const object_tracking::ViewConsistency& agreement;
   std::span<const object_tracking::Sighting> sightings;  // of this set, by the times of their rows
   std::span<const object_tracking::Sighting>
       seen;  // also those that contradict, and those of cameras that are not used
@@ -29,7 +29,7 @@ struct ToReport {
 // Of a set after which nothing is told but which cameras delivered, and their times.
 object_tracking::ObjectEstimate without_position(const capture::FrameSet& set,
                                                  const object_tracking::TargetViews& views,
-                                                 const object_tracking::MotionBelief& belief,
+                                                 const object_tracking::MotionState& belief,
                                                  object_tracking::TrackState state);
 
 // last_reported: of the object, updated. Positions are told in the order of time.

@@ -37,10 +37,10 @@ ManyTracker::ManyTracker(const calib::CameraRig& rig, const TargetOptions& targe
       options_(options),
       stream_(stream),
       views_(rig, target),
-      sharing_(options.pixel_noise_px),
-      agreement_(rig.cameras.size(), target.radius_m, options),
+      association_(options.pixel_noise_px),
+      consistency_(rig.cameras.size(), target.radius_m, options),
       births_(target, options, looked_through(options.volume)),
-      still_color_(rig.cameras.size(), target.count),
+      clutter_mask_(rig.cameras.size(), target.count),
       clutter_(rig),
       search_log_(rig.cameras.size()),
       times_(rig, target.radius_m, options, particle_filter::Rng(options.seed, stream)),
@@ -52,7 +52,7 @@ ManyTracker::ManyTracker(const calib::CameraRig& rig, const TargetOptions& targe
   for (const calib::Camera& camera : rig.cameras)
     size_in_view_.push_back(size_in(camera, options.volume, target.radius_m));
   for (std::size_t c = 0; c < rig.cameras.size(); ++c)
-    still_color_.set_sizes(c, size_in_view_[c].smallest_px, size_in_view_[c].largest_px, rig.cameras[c].image_size);
+    clutter_mask_.set_sizes(c, size_in_view_[c].smallest_px, size_in_view_[c].largest_px, rig.cameras[c].image_size);
 }
 
 void ManyTracker::update(const capture::FrameSet& set, std::vector<ObjectEstimate>& out) {
@@ -61,9 +61,9 @@ void ManyTracker::update(const capture::FrameSet& set, std::vector<ObjectEstimat
   std::vector<Sighting> tracked;  // in the last set
   for (const auto& object : objects_) tracked.insert(tracked.end(), object->sightings.begin(), object->sightings.end());
   for (const auto& object : objects_) {
-    if (still_color_.is_room_shared()) add_expected(views, object->filter.belief(), target_.radius_m, tracked);
+    if (clutter_mask_.is_room_shared()) add_expected(views, object->filter.belief(), target_.radius_m, tracked);
   }
-  still_color_.look(views, tracked, set.at);
+  clutter_mask_.look(views, tracked, set.at);
   sets_apart_ += is_apart(views) ? 1 : 0;
   if (set.at < last_at_) forget_all();  // the clock was put back: what was known is of another time
   times_.belief().open_clocks(set);
@@ -91,15 +91,15 @@ void ManyTracker::expect(const std::vector<TargetView>& views) {
     expected_[i].clear();
     for (std::size_t o = 0; o < objects_.size(); ++o) {
       const ObjectFilter& filter = objects_[o]->filter;
-      const MotionBelief& belief = filter.belief();
+      const MotionState& belief = filter.belief();
       const auto in_view = expected_in(view, belief, target_.radius_m);
       if (!in_view) continue;
-      const Appearance& at = in_view->at;
+      const BallProjection& at = in_view->at;
       const double margin = 2 * at.radius_px;
       if (!(at.px.x() > -margin && at.px.y() > -margin && at.px.x() < view.image->width + margin &&
             at.px.y() < view.image->height + margin))
         continue;
-      expected_[i].push_back({o, at, spread_in(view, *in_view, filter, agreement_, options_.acceleration_m_s2),
+      expected_[i].push_back({o, at, spread_in(view, *in_view, filter, consistency_, options_.acceleration_m_s2),
                               image_motion(view, at, belief)});
     }
   }
@@ -152,7 +152,7 @@ void ManyTracker::sight(const std::vector<TargetView>& views, std::vector<Sighti
     const std::vector<ExpectedObject>& expected = expected_[i];
     unexplained_[i].clear();
     if (is_repeated(view, regions_[i], expected)) continue;
-    SharedSightings shared = sharing_.share(view, regions_[i], expected);
+    AssociatedSightings shared = association_.associate(view, regions_[i], expected);
     for (std::size_t e = 0; e < expected.size(); ++e) {
       Object& object = *objects_[expected[e].object];
       if (auto& s = shared.of_objects[e]) {
@@ -165,7 +165,7 @@ void ManyTracker::sight(const std::vector<TargetView>& views, std::vector<Sighti
     }
   }
   for (const auto& object : objects_) {
-    still_color_.mark_cut(*object.*sightings);
+    clutter_mask_.mark_clipped(*object.*sightings);
     sort_by_time(*object.*sightings);
   }
 }
@@ -230,7 +230,7 @@ void ManyTracker::compare_views(const std::vector<TargetView>& views) {
     const auto view = std::ranges::find(views, s.row.camera, &TargetView::index);
     if (!s.is_cut && view != views.end()) seen_regions_.add_target(*view, s);
   }
-  agreement_.compare_sightings(object.filter.belief(), seen);
+  consistency_.compare_sightings(object.filter.belief(), seen);
 }
 
 // Returns the power density to use for this set: a bounce needs one that is not learnt, as what comes after it is as
@@ -250,12 +250,12 @@ double ManyTracker::learn_acceleration(Object& object, const capture::FrameSet& 
 }
 
 void ManyTracker::follow(Object& object, const capture::FrameSet& set, const std::vector<TargetView>& views) {
-  agreement_.doubt(object.filter.belief(), object.sightings);
-  agreement_.doubt(object.filter.belief(), object.watched);
+  consistency_.inflate(object.filter.belief(), object.sightings);
+  consistency_.inflate(object.filter.belief(), object.watched);
   const double power_density = learn_acceleration(object, set);
-  if (still_color_.is_room_shared())
+  if (clutter_mask_.is_room_shared())
     object.existence.update(set.at, object.filter.belief(), power_density, object.sightings, views, target_.radius_m,
-                            clutter_, still_color_);
+                            clutter_, clutter_mask_);
   else
     object.existence.assume();
   object.filter.update(object.sightings, set.at, object.last_reported, power_density);
@@ -264,8 +264,8 @@ void ManyTracker::follow(Object& object, const capture::FrameSet& set, const std
 
 // Outside the volume, too: report() says who is told.
 void ManyTracker::judge(Object& object, const capture::FrameSet& set) {
-  const MotionBelief& belief = object.filter.belief();
-  const Judged now = judged(options_, belief, object.sightings, agreement_.doubted_sigma(belief, object.sightings),
+  const MotionState& belief = object.filter.belief();
+  const Judged now = judged(options_, belief, object.sightings, consistency_.inflated_sigma(belief, object.sightings),
                             capture::seconds(set.at - object.last_tracking), true);
   object.state = object.existence.is_refuted()                                      ? TrackState::lost
                  : now.state == TrackState::tracking && !object.existence.is_sure() ? TrackState::coasting
@@ -297,15 +297,15 @@ void ManyTracker::note_births(const capture::FrameSet& set, const std::vector<Ta
       for (std::size_t v = 0; v < views.size(); ++v)
         if (views[v].index == s.row.camera)
           covered.push_back({v, s.px,
-                             appearance_of(*s.camera, object->filter.belief().position(), target_.radius_m)
-                                 .value_or(Appearance{})
+                             project_ball(*s.camera, object->filter.belief().position(), target_.radius_m)
+                                 .value_or(BallProjection{})
                                  .radius_px});
     }
   }
-  if (still_color_.is_room_shared()) clutter_.add(views, std::span(unexplained_).first(views.size()));
-  births_.set_must_move(must_move(still_color_, set.at));
+  if (clutter_mask_.is_room_shared()) clutter_.add(views, std::span(unexplained_).first(views.size()));
+  births_.set_must_move(must_move(clutter_mask_, set.at));
   const std::vector<Birth> births =
-      births_.look(views, std::span(unexplained_).first(views.size()), covered, still_color_, set.at, times());
+      births_.look(views, std::span(unexplained_).first(views.size()), covered, clutter_mask_, set.at, times());
   for (const Birth& birth : births) {
     if (take_up(birth, views, set.at)) continue;
     const bool is_taken = std::ranges::any_of(objects_, [&](const auto& o) {
@@ -330,7 +330,7 @@ bool ManyTracker::take_up(const Birth& birth, const std::vector<TargetView>& vie
   const double first_seen_s = (birth.now.sets + 0.5) * birth.dt;  // ago, up to the set before
   for (const auto& object : objects_) {
     if (object->state != TrackState::coasting || object->sightings.size() >= 2) continue;
-    const MotionBelief& belief = object->filter.belief();
+    const MotionState& belief = object->filter.belief();
     const Eigen::Vector3d d = birth.now.position - belief.position_at(set_at);
     Eigen::Matrix3d s = belief.position_covariance() + birth.now.covariance +
                         target_.radius_m * target_.radius_m * Eigen::Matrix3d::Identity();
@@ -348,15 +348,15 @@ bool ManyTracker::take_up(const Birth& birth, const std::vector<TargetView>& vie
 // The belief that the sightings of two sets give, from nothing but what is usual.
 void ManyTracker::start(Object& object, const Birth& birth, const std::vector<TargetView>& views,
                         capture::Timestamp set_at) {
-  if (still_color_.is_room_shared())
+  if (clutter_mask_.is_room_shared())
     object.existence.begin(set_at, birth, views, target_.radius_m,
-                           (options_.volume.max - options_.volume.min).maxCoeff(), options_, clutter_, still_color_);
+                           (options_.volume.max - options_.volume.min).maxCoeff(), options_, clutter_, clutter_mask_);
   else
     object.existence.assume();
-  object.sightings = object.filter.start(birth.earlier, birth.now, agreement_, set_at, birth.dt, sets_apart_ == 0,
+  object.sightings = object.filter.start(birth.earlier, birth.now, consistency_, set_at, birth.dt, sets_apart_ == 0,
                                          object.last_reported);
-  if (lead_ == nullptr) agreement_.compare_found(object.filter.belief(), object.sightings);
-  const double doubted_m = agreement_.doubted_sigma(object.filter.belief(), object.sightings);
+  if (lead_ == nullptr) consistency_.compare_found(object.filter.belief(), object.sightings);
+  const double doubted_m = consistency_.inflated_sigma(object.filter.belief(), object.sightings);
   const double sigma_m = std::max(judged_sigma(object.filter.belief(), object.sightings), doubted_m);
   object.state = doubted_m > options_.max_coast_sigma_m ? TrackState::lost
                  : sigma_m <= options_.max_tracking_sigma_m && object.existence.is_sure() &&
@@ -375,17 +375,17 @@ void ManyTracker::trust(std::span<const CameraTrust> cameras) {
   const std::vector<std::size_t> changed = views_.trust(cameras);
   for (const auto& object : objects_) {
     for (const std::size_t c : changed) object->filter.forget_camera(static_cast<int>(c));
-    object->rig_error.leave_out_poses(cameras);
+    object->rig_error.exclude_poses(cameras);
   }
-  agreement_.trust(changed, cameras);
-  for (const std::size_t c : changed) still_color_.forget(c);
+  consistency_.trust(changed, cameras);
+  for (const std::size_t c : changed) clutter_mask_.forget(c);
   if (!changed.empty()) births_.forget();
 }
 
 void ManyTracker::correct_times(std::span<const double> late_s) {
   times_.correct_times(late_s);
   for (const auto& object : objects_) object->filter.correct_times(late_s);
-  agreement_.forget();
+  consistency_.forget();
 }
 
 // Readers know objects by their numbers alone: one that nobody follows any more ends, and its number is not another's.
@@ -410,9 +410,9 @@ PositionParticles ManyTracker::particles() const {
 
 // What is known of the cameras' times. Before anything is, frames of the same times are of cameras that are triggered
 // together: otherwise nearly any two rays would meet.
-MotionBelief ManyTracker::times() const {
-  MotionBelief out = objects_.empty() ? times_.belief() : objects_.front()->filter.belief();
-  if (started_ == 0 && sets_apart_ == 0) out.expect_in_step();
+MotionState ManyTracker::times() const {
+  MotionState out = objects_.empty() ? times_.belief() : objects_.front()->filter.belief();
+  if (started_ == 0 && sets_apart_ == 0) out.expect_synchronised();
   return out;
 }
 
@@ -447,7 +447,7 @@ void ManyTracker::report(const capture::FrameSet& set, std::vector<ObjectEstimat
                                            .options = options_,
                                            .state = state,
                                            .filter = object->filter,
-                                           .agreement = agreement_,
+                                           .agreement = consistency_,
                                            .sightings = object->sightings,
                                            .seen = seen},
                                           object->rig_error, object->last_reported));

@@ -1,7 +1,7 @@
 // A target that is several objects of one colour: how many there are, where each of them is, and which is which. The
 // road of one set through the same steps that one object goes through (region_tracker.h), with two of its own:
 //   - every view's regions are found once, over the whole image, and shared out among the objects that are expected
-//     (region_sharing.h): global nearest neighbour, view by view. Objects keep who they are by their motion.
+//     (region_association.h): global nearest neighbour, view by view. Objects keep who they are by their motion.
 //   - what no object explains may be new ones (object_births.h).
 // In the field's terms: global nearest neighbour association over views; births by exclusion and confirmation (track
 // initiation 2 of 2, and 8 of 8 where a view contradicts), as multi-hypothesis trackers do it within a window;
@@ -23,15 +23,15 @@
 #include "object_tracking/objects/object_births.h"
 #include "object_tracking/objects/object_existence.h"
 #include "object_tracking/objects/object_search.h"
-#include "object_tracking/objects/region_sharing.h"
+#include "object_tracking/objects/region_association.h"
 #include "object_tracking/objects/search_findings.h"
-#include "object_tracking/objects/still_color.h"
+#include "object_tracking/objects/static_clutter_mask.h"
 #include "object_tracking/rig_error.h"
 #include "object_tracking/seen_regions.h"
 #include "object_tracking/target_views.h"
 #include "object_tracking/tracker_options.h"
 #include "object_tracking/trackers/object_filter.h"
-#include "object_tracking/view_agreement.h"
+#include "object_tracking/view_consistency.h"
 
 namespace huetrack::object_trackers {
 
@@ -51,8 +51,8 @@ class ManyTracker {
   const object_tracking::TargetViews& views() const { return views_; }
   PositionParticles particles() const;  // of all objects
   std::span<const object_tracking::SeenRegion> regions() const { return seen_regions_.all(); }
-  const std::vector<object_tracking::ColorShare>& color_shares() const { return still_color_.shares(); }
-  const std::optional<Eigen::Vector3d>& further_object() const { return further_.told(); }
+  const std::vector<object_tracking::ColorShare>& color_shares() const { return clutter_mask_.shares(); }
+  const std::optional<Eigen::Vector3d>& further_object() const { return further_.published(); }
   objects::SearchFindings search_findings() const { return search_log_.findings(); }
 
  private:
@@ -92,7 +92,7 @@ class ManyTracker {
              capture::Timestamp set_at);
   void end_what_is_one();
   void forget_all();
-  object_tracking::MotionBelief times() const;
+  object_tracking::MotionState times() const;
   void report(const capture::FrameSet& set, std::vector<object_tracking::ObjectEstimate>& out);
   void report_left_behind(const capture::FrameSet& set, std::vector<object_tracking::ObjectEstimate>& out);
   object_tracking::ObjectEstimate none_known(const capture::FrameSet& set) const;
@@ -102,10 +102,10 @@ class ManyTracker {
   object_tracking::ObjectTrackerOptions options_;
   std::uint64_t stream_;  // of randomness; each object has one of its own
   object_tracking::TargetViews views_;
-  objects::RegionSharing sharing_;
-  object_tracking::ViewAgreement agreement_;
+  objects::RegionAssociation association_;
+  object_tracking::ViewConsistency consistency_;
   objects::ObjectBirths births_;
-  objects::StillColor still_color_;
+  objects::StaticClutterMask clutter_mask_;
   objects::ClutterMap clutter_;  // while the room shares the colour
   objects::SearchLog search_log_;
   objects::FurtherObject further_;  // that is tracked, and would be one too many

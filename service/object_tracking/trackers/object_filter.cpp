@@ -79,14 +79,14 @@ ObjectFilter::ObjectFilter(const calib::CameraRig& rig, double radius_m, const O
 // the floor change, their weights say.
 void ObjectFilter::update(std::span<const Sighting> sightings, capture::Timestamp set_at, capture::Timestamp told,
                           double power_density) {
-  MotionBelief proposal = propose(sightings, set_at, told, power_density);
-  proposal.work_out_views();
+  MotionState proposal = propose(sightings, set_at, told, power_density);
+  proposal.cache_nuisance_part();
   // Particles are positions, for views as they are believed to be.
-  MotionBelief at_views = proposal.given_views();
+  MotionState at_views = proposal.conditioned_on_nuisances();
   draw_particles(at_views);
   weigh(at_views, power_density);
   estimate(std::move(at_views));
-  belief_.open_views_as(proposal);
+  belief_.reinflate_nuisances(proposal);
   if (times_.remember(belief_, sightings, power_density)) times_.linearise_again(belief_, this->power_density());
 }
 
@@ -122,9 +122,9 @@ void ObjectFilter::begin(const PositionCandidate& earlier, const PositionCandida
   const double speed = options_.start_speed_m_s;
   about_ = belief_;
   about_.begin(set_at, found.position, 0, (found.position - earlier.position) / dt, 0);
-  if (!has_begun_ && is_in_step) belief_.expect_in_step();
+  if (!has_begun_ && is_in_step) belief_.expect_synchronised();
   has_begun_ = true;
-  belief_.linearise_times_at(belief_);
+  belief_.relinearise_times_at(belief_);
   times_.begin(belief_);
   const auto row_time = [](const Sighting& s) { return s.row.at; };
   const capture::Timestamp first_at = std::ranges::min(earlier.sightings, {}, row_time).row.at;
@@ -132,20 +132,20 @@ void ObjectFilter::begin(const PositionCandidate& earlier, const PositionCandida
 }
 
 std::vector<Sighting> ObjectFilter::start(const PositionCandidate& earlier, const PositionCandidate& found,
-                                          const ViewAgreement& agreement, capture::Timestamp set_at, double dt,
+                                          const ViewConsistency& agreement, capture::Timestamp set_at, double dt,
                                           bool is_in_step, capture::Timestamp told) {
   begin(earlier, found, set_at, dt, is_in_step);
   std::vector<Sighting> sightings;
   for (const std::vector<Sighting>* of_set : {&earlier.sightings, &found.sightings}) {
     sightings = *of_set;
     sort_by_time(sightings);
-    agreement.doubt(belief_, sightings);
+    agreement.inflate(belief_, sightings);
     belief_ = observer_.observed(belief_, &about_, sightings, power_density());
     predict_to_be_told(belief_, set_at, told, power_density());
     times_.remember(belief_, sightings, power_density());
   }
   times_.settle(belief_);
-  draw_particles(belief_.given_views());
+  draw_particles(belief_.conditioned_on_nuisances());
   weight_.assign(particles_.size(), 1.0f / static_cast<float>(particles_.size()));
   effective_sample_size_ = static_cast<double>(particles_.size());
   map_ = belief_.position();
@@ -153,7 +153,7 @@ std::vector<Sighting> ObjectFilter::start(const PositionCandidate& earlier, cons
 }
 
 void ObjectFilter::forget_camera(int camera) {
-  belief_.forget_lasting(camera);
+  belief_.reset_bias(camera);
   times_.forget_seen();
 }
 
@@ -210,22 +210,22 @@ void ObjectFilter::settle_acceleration(std::span<const Sighting> sightings) {
 
 // Rows of two sets may overlap in time, but positions are told in the order of time; and an object that nobody sees is
 // predicted to the set's time.
-void ObjectFilter::predict_to_be_told(MotionBelief& belief, capture::Timestamp set_at, capture::Timestamp told,
+void ObjectFilter::predict_to_be_told(MotionState& belief, capture::Timestamp set_at, capture::Timestamp told,
                                       double power_density) const {
   if (observer_.views().empty() || belief.at <= told)
     belief.predict_to(std::max(set_at, told + capture::Duration(1)), power_density);
 }
 
-MotionBelief ObjectFilter::propose(std::span<const Sighting> sightings, capture::Timestamp set_at,
+MotionState ObjectFilter::propose(std::span<const Sighting> sightings, capture::Timestamp set_at,
                                    capture::Timestamp told, double power_density) {
-  MotionBelief out = observer_.observed_in_passes(belief_, sightings, power_density);
+  MotionState out = observer_.observed_in_passes(belief_, sightings, power_density);
   predict_to_be_told(out, set_at, told, power_density);
   return out;
 }
 
 // Antithetic pairs, shaped to the proposal's covariance exactly: where everything is Gaussian the filter is then
 // exactly the Kalman filter, and the only Monte Carlo noise left is in what is not.
-void ObjectFilter::draw_particles(const MotionBelief& proposal) {
+void ObjectFilter::draw_particles(const MotionState& proposal) {
   const auto n = static_cast<std::size_t>(options_.particle_count);
   const std::size_t pairs = (n + 1) / 2;
   unit_.resize(3 * pairs);
@@ -263,7 +263,7 @@ void ObjectFilter::draw_particles(const MotionBelief& proposal) {
 //   p_m(s_i | img_m) / Gauss_m(s_i),   p_m = max(1/25, support * exp(-d^2 / 2))
 // with d the distance from the particle's projection, through the whole lens and at the view's own time, to the centre
 // of the colour region, in the region's covariance.
-void ObjectFilter::weigh(const MotionBelief& proposal, double power_density) {
+void ObjectFilter::weigh(const MotionState& proposal, double power_density) {
   const std::size_t n = particles_.size();
   log_weight_.assign(n, 0.0f);
   u_.resize(n), v_.resize(n);
@@ -274,7 +274,7 @@ void ObjectFilter::weigh(const MotionBelief& proposal, double power_density) {
     const LinearSighting& linear = view.linear;
     // What is not of the position (velocity, times) is that of the regression on it, and what that leaves open counts
     // as the view's noise.
-    const MotionBelief::SeenPosition seen = proposal.seen_given_position(linear.row, power_density);
+    const MotionState::ConditionalMeasurement seen = proposal.measurement_given_position(linear.row, power_density);
     const Eigen::Matrix3f b = seen.slope.cast<float>();
     const Eigen::Vector3f c = seen.offset.cast<float>();
     float *px = seen_at_.x.data(), *py = seen_at_.y.data(), *pz = seen_at_.z.data();
@@ -284,8 +284,8 @@ void ObjectFilter::weigh(const MotionBelief& proposal, double power_density) {
     sighting.projector->project(px, py, pz, n, u_.data(), v_.data());
 
     const Eigen::Matrix2d noise = linear.covariance + linear.jacobian * seen.covariance * linear.jacobian.transpose() +
-                                  linear.lasting_px * linear.lasting_px * Eigen::Matrix2d::Identity() + linear.doubt;
-    const Eigen::Vector2d measured = linear.px - proposal.lasting_error(linear.row.camera);
+                                  linear.bias_sigma_px * linear.bias_sigma_px * Eigen::Matrix2d::Identity() + linear.inflation;
+    const Eigen::Vector2d measured = linear.px - proposal.bias(linear.row.camera);
     const Eigen::Matrix2f information = noise.inverse().cast<float>();
     const auto floor = static_cast<float>(std::log(floor_likelihood / sighting.support));
     // The linearisation: du = j p + k.
@@ -310,7 +310,7 @@ void ObjectFilter::weigh(const MotionBelief& proposal, double power_density) {
 }
 
 // The weighted particles' mean and covariance are the position's; velocity and times follow by regression on it.
-void ObjectFilter::estimate(MotionBelief&& proposal) {
+void ObjectFilter::estimate(MotionState&& proposal) {
   const particle_filter::WeightedMoments moments =
       particle_filter::weighted_moments(particles_.x.data(), particles_.y.data(), particles_.z.data(), weight_.data(),
                                         particles_.size(), proposal.position().cast<float>());
@@ -320,18 +320,18 @@ void ObjectFilter::estimate(MotionBelief&& proposal) {
              .cast<double>();
 }
 
-double judged_sigma(const MotionBelief& belief, std::span<const Sighting> sightings) {
-  const double believed_m = largest_sigma(belief.position_covariance_given_views());
+double judged_sigma(const MotionState& belief, std::span<const Sighting> sightings) {
+  const double believed_m = largest_sigma(belief.position_covariance_conditioned());
   if (sightings.size() < 2) return believed_m;
   const PositionInformation seen = information_of(sightings, belief.position());
   return std::min(believed_m, largest_sigma(seen.information.inverse()));
 }
 
-bool is_somewhere(const ObjectTrackerOptions& options, const MotionBelief& belief) {
+bool is_somewhere(const ObjectTrackerOptions& options, const MotionState& belief) {
   return largest_sigma(belief.position_covariance()) <= options.max_coast_sigma_m;
 }
 
-Judged judged(const ObjectTrackerOptions& options, const MotionBelief& belief, std::span<const Sighting> sightings,
+Judged judged(const ObjectTrackerOptions& options, const MotionState& belief, std::span<const Sighting> sightings,
               double doubted_m, double unseen_s, bool may_be_tracked) {
   const double sigma_m = judged_sigma(belief, sightings);
   if (may_be_tracked && !sightings.empty() && sigma_m <= options.max_tracking_sigma_m &&

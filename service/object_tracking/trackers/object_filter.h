@@ -7,13 +7,13 @@
 #include <span>
 #include <vector>
 
-#include "object_tracking/motion_belief.h"
+#include "object_tracking/motion_state.h"
 #include "object_tracking/motion_observer.h"
 #include "object_tracking/sighting.h"
 #include "object_tracking/tracker_options.h"
 #include "object_tracking/trackers/paper_tracker.h"
 #include "object_tracking/trackers/times_learner.h"
-#include "object_tracking/view_agreement.h"
+#include "object_tracking/view_consistency.h"
 #include "particle_filter/random.h"
 
 namespace huetrack::object_trackers {
@@ -24,8 +24,8 @@ class ObjectFilter {
   ObjectFilter(const calib::CameraRig& rig, double radius_m, const object_tracking::ObjectTrackerOptions& options,
                particle_filter::Rng rng);
 
-  const object_tracking::MotionBelief& belief() const { return belief_; }
-  object_tracking::MotionBelief& belief() { return belief_; }
+  const object_tracking::MotionState& belief() const { return belief_; }
+  object_tracking::MotionState& belief() { return belief_; }
   const PositionParticles& particles() const { return particles_; }
   double effective_sample_size() const { return effective_sample_size_; }
   const Eigen::Vector3d& map_position() const { return map_; }
@@ -40,7 +40,7 @@ class ObjectFilter {
   // triggered together, as far as is known. Returns the second set's sightings, doubted as the views are.
   std::vector<object_tracking::Sighting> start(const object_tracking::PositionCandidate& earlier,
                                                const object_tracking::PositionCandidate& found,
-                                               const object_tracking::ViewAgreement& agreement,
+                                               const object_tracking::ViewConsistency& agreement,
                                                capture::Timestamp set_at, double dt, bool is_in_step,
                                                capture::Timestamp told);
 
@@ -52,7 +52,7 @@ class ObjectFilter {
   double acceleration() const { return acceleration_; }  // m/s^2
   void set_acceleration(double m_s2) { acceleration_ = m_s2; }
   double power_density() const;                             // of it, m^2/s^3
-  double surprise() const { return observer_.surprise(); }  // of the sightings that were looked at last
+  double surprise() const { return observer_.mean_nis(); }  // of the sightings that were looked at last
   // The hardest acceleration does not explain these, which were looked at last: a bounce, a hit or a throw.
   bool is_unexplained(std::span<const object_tracking::Sighting> sightings) const;
   // By as much its velocity may change then, on each axis. At any moment within dt that is as good as white
@@ -64,25 +64,25 @@ class ObjectFilter {
               double power_density);
 
   void forget_camera(int camera);                      // it stands elsewhere
-  void correct_times(std::span<const double> late_s);  // MotionBelief::correct_times()
+  void correct_times(std::span<const double> late_s);  // MotionState::correct_times()
 
  private:
   void begin(const object_tracking::PositionCandidate& earlier, const object_tracking::PositionCandidate& found,
              capture::Timestamp set_at, double dt, bool is_in_step);
-  void predict_to_be_told(object_tracking::MotionBelief& belief, capture::Timestamp set_at, capture::Timestamp told,
+  void predict_to_be_told(object_tracking::MotionState& belief, capture::Timestamp set_at, capture::Timestamp told,
                           double power_density) const;
   void leave_out_what_contradicts(std::vector<object_tracking::Sighting>& sightings);
-  object_tracking::MotionBelief propose(std::span<const object_tracking::Sighting> sightings, capture::Timestamp set_at,
+  object_tracking::MotionState propose(std::span<const object_tracking::Sighting> sightings, capture::Timestamp set_at,
                                         capture::Timestamp told, double power_density);
-  void draw_particles(const object_tracking::MotionBelief& proposal);
-  void weigh(const object_tracking::MotionBelief& proposal, double power_density);
-  void estimate(object_tracking::MotionBelief&& proposal);
+  void draw_particles(const object_tracking::MotionState& proposal);
+  void weigh(const object_tracking::MotionState& proposal, double power_density);
+  void estimate(object_tracking::MotionState&& proposal);
 
   object_tracking::ObjectTrackerOptions options_;
   particle_filter::Rng rng_;
 
-  object_tracking::MotionBelief belief_;  // after the last set
-  object_tracking::MotionBelief about_;   // while an object starts: a motion near its own
+  object_tracking::MotionState belief_;  // after the last set
+  object_tracking::MotionState about_;   // while an object starts: a motion near its own
   double acceleration_ = 0;               // m/s^2, learnt
   object_tracking::MotionObserver observer_;
   TimesLearner times_;
@@ -98,10 +98,10 @@ class ObjectFilter {
 // Of what fixes the position: the belief for the views as they are believed to be, or the views of this set alone where
 // they are surer (a belief that allows for anything between two sets of slow cameras is not). Standard deviation along
 // the largest axis, metres.
-double judged_sigma(const object_tracking::MotionBelief& belief, std::span<const object_tracking::Sighting> sightings);
+double judged_sigma(const object_tracking::MotionState& belief, std::span<const object_tracking::Sighting> sightings);
 
 // Whatever leaves it open, also that nobody knows the cameras' times: what may be anywhere is not tracked.
-bool is_somewhere(const object_tracking::ObjectTrackerOptions& options, const object_tracking::MotionBelief& belief);
+bool is_somewhere(const object_tracking::ObjectTrackerOptions& options, const object_tracking::MotionState& belief);
 
 // An object that was known before this set. A view or more must see it, and together they must say where. What is open
 // because nobody knows the cameras' times does not count here, but for is_somewhere(): the covariance tells it, and
@@ -111,9 +111,9 @@ struct Judged {
   object_tracking::TrackState state;
   bool is_seen;  // as well as an object must be to be tracked, were it not for what is doubted
 };
-// doubted_m: ViewAgreement::doubted_sigma(). unseen_s: since it was seen so last. may_be_tracked: false, and it is
+// doubted_m: ViewConsistency::inflated_sigma(). unseen_s: since it was seen so last. may_be_tracked: false, and it is
 // followed for a while, but not tracked.
-Judged judged(const object_tracking::ObjectTrackerOptions& options, const object_tracking::MotionBelief& belief,
+Judged judged(const object_tracking::ObjectTrackerOptions& options, const object_tracking::MotionState& belief,
               std::span<const object_tracking::Sighting> sightings, double doubted_m, double unseen_s,
               bool may_be_tracked);
 

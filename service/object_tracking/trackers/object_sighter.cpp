@@ -40,15 +40,15 @@ constexpr double parts_radii = 1.3;  // that are so near one another are one reg
 }  // namespace
 
 Eigen::Matrix2d spread_in(const TargetView& view, const ExpectedView& expected, const ObjectFilter& filter,
-                          const ViewAgreement& agreement, double acceleration_m_s2) {
-  const MotionBelief& belief = filter.belief();
-  const Appearance& at = expected.at;
+                          const ViewConsistency& agreement, double acceleration_m_s2) {
+  const MotionState& belief = filter.belief();
+  const BallProjection& at = expected.at;
   const double dt = capture::seconds(expected.row.at - belief.at);
   const double reach_m = acceleration_m_s2 * dt * dt;
   const Eigen::Matrix3d spread =
       belief.seen_covariance(expected.row, filter.power_density()) + reach_m * reach_m * Eigen::Matrix3d::Identity();
   Eigen::Matrix2d out = at.jacobian * spread * at.jacobian.transpose();
-  agreement.open(static_cast<std::size_t>(view.index), *view.camera, belief.position_at(expected.row.at), at, out);
+  agreement.inflate_prediction(static_cast<std::size_t>(view.index), *view.camera, belief.position_at(expected.row.at), at, out);
   return out;
 }
 
@@ -56,7 +56,7 @@ Eigen::Matrix2d spread_in(const TargetView& view, const ExpectedView& expected, 
 // None where that is nowhere near the image. Valid until the next call.
 // What is larger than the object is none: as much as is looked at of it lies around where the object was expected,
 // wherever that is, and would confirm any expectation.
-std::span<const color::ColorRegion> ObjectSighter::regions_near(const TargetView& view, const Appearance& at,
+std::span<const color::ColorRegion> ObjectSighter::regions_near(const TargetView& view, const BallProjection& at,
                                                                 const Eigen::Matrix2d& spread) {
   // Not beyond the image's own size around it: a box is clipped to the image anyway, and an int must hold it.
   const double limit = view.matches->width() + view.matches->height();
@@ -87,7 +87,7 @@ std::span<const color::ColorRegion> ObjectSighter::regions_near(const TargetView
 // one in which the region of a moving object is the same to its last pixel is the frame before, and says nothing of
 // now. Twice in a row the object stands still, in pictures without noise.
 bool ObjectSighter::is_repeated(const TargetView& view, std::span<const color::ColorRegion> regions,
-                                const Appearance& at, const MotionBelief& belief) {
+                                const BallProjection& at, const MotionState& belief) {
   LastRegion& last = last_[static_cast<std::size_t>(view.index)];
   const double moved_px =
       (at.jacobian * belief.velocity()).norm() * capture::seconds(view.frame->captured_at - last.captured_at);
@@ -99,14 +99,14 @@ bool ObjectSighter::is_repeated(const TargetView& view, std::span<const color::C
 }
 
 void ObjectSighter::sight(const std::vector<TargetView>& views, const ObjectFilter& filter,
-                          const ViewAgreement& agreement, std::vector<Sighting>& out) {
-  const MotionBelief& belief = filter.belief();
-  bool is_doubted = false;
-  for (std::size_t c = 0; c < last_.size(); ++c) is_doubted = is_doubted || agreement.doubt_px2(c) > contradicting_px2;
+                          const ViewConsistency& agreement, std::vector<Sighting>& out) {
+  const MotionState& belief = filter.belief();
+  bool is_room_suspected = false;
+  for (std::size_t c = 0; c < last_.size(); ++c) is_room_suspected = is_room_suspected || agreement.inflation_px2(c) > contradicting_px2;
   for (const TargetView& view : views) {
     const auto expected = expected_in(view, belief, radius_m_);
     if (!expected) continue;
-    const Appearance& at = expected->at;
+    const BallProjection& at = expected->at;
     const Eigen::Matrix2d s = spread_in(view, *expected, filter, agreement, options_.acceleration_m_s2);
     double best = -std::numeric_limits<double>::infinity();
     std::optional<Sighting> chosen;
@@ -117,7 +117,7 @@ void ObjectSighter::sight(const std::vector<TargetView>& views, const ObjectFilt
       const Sighting sighting =
           sighting_of(view, region, at.radius_px, options_.pixel_noise_px, image_motion(view, at, belief));
       const Eigen::Matrix2d total =
-          s + sighting.covariance + sighting.lasting_px * sighting.lasting_px * Eigen::Matrix2d::Identity();
+          s + sighting.covariance + sighting.bias_sigma_px * sighting.bias_sigma_px * Eigen::Matrix2d::Identity();
       const Eigen::Vector2d d = sighting.px - at.px;
       const double d2 = d.dot(total.inverse() * d);
       if (d2 > sighting_tuning.gate_nis) continue;
@@ -127,14 +127,14 @@ void ObjectSighter::sight(const std::vector<TargetView>& views, const ObjectFilt
     if (!chosen) continue;
     last_[static_cast<std::size_t>(view.index)] = {chosen_region, view.frame->captured_at};
     // Views that contradict one another are not made sharper: which of them is wrong, their outlines do not say.
-    if (!is_doubted) outlines_.sharpen(view, belief, *expected, s, *chosen);
+    if (!is_room_suspected) outlines_.sharpen(view, belief, *expected, s, *chosen);
     chosen->row = row_of(view, chosen->px.y(), belief);
     out.push_back(*chosen);
   }
   sort_by_time(out);
 }
 
-void ObjectSighter::sharpen(const std::vector<TargetView>& views, const MotionBelief& about,
+void ObjectSighter::sharpen(const std::vector<TargetView>& views, const MotionState& about,
                             std::vector<Sighting>& sightings) {
   for (Sighting& sighting : sightings) {
     const auto view = std::ranges::find(views, sighting.row.camera, &TargetView::index);
@@ -148,7 +148,7 @@ void ObjectSighter::sharpen(const std::vector<TargetView>& views, const MotionBe
 }
 
 bool ObjectSighter::sight_after_bounce(const std::vector<TargetView>& views, const TargetOptions& target,
-                                       const MotionBelief& belief, double power_density, std::size_t least,
+                                       const MotionState& belief, double power_density, std::size_t least,
                                        std::vector<Sighting>& out) {
   const double reach_density = at_once_share * power_density;
   double dt = 0;
@@ -157,7 +157,7 @@ bool ObjectSighter::sight_after_bounce(const std::vector<TargetView>& views, con
     const auto expected = expected_in(views[i], belief, radius_m_);
     if (!expected || last_[static_cast<std::size_t>(views[i].index)].is_repeated) continue;
     dt = std::max(dt, capture::seconds(expected->row.at - belief.at));
-    const Appearance& at = expected->at;
+    const BallProjection& at = expected->at;
     const Eigen::Matrix3d spread = belief.seen_covariance(expected->row, reach_density);
     const auto near = regions_near(views[i], at, at.jacobian * spread * at.jacobian.transpose());
     regions_[i].assign(near.begin(), near.end());

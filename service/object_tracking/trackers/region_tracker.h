@@ -11,8 +11,8 @@
 //     that calm motion is smoothed and a thrown ball followed. A bounce, which none of it explains, is followed within
 //     the set, when two views or more see where the object went.
 //   - time: a sighting counts when the row was exposed in which it lies. When that is, per camera, is part of what is
-//     believed and learnt (motion_belief.h).
-//   - trust: views that contradict one another are doubted by as much as they do (view_doubts.h). What is doubted is an
+//     believed and learnt (motion_state.h).
+//   - trust: views that contradict one another are doubted by as much as they do (epipolar_consistency.h). What is doubted is an
 //     error that lasts, like a pose that is not quite known, so that no number of frames averages it away; it is in the
 //     covariance, and what it leaves too open is not `tracking`.
 //   - search: rays crossed between views through matching pixels of a coarse grid, confirmed by a second frame set.
@@ -31,7 +31,7 @@
 #include "object_tracking/objects/further_objects.h"
 #include "object_tracking/objects/object_existence.h"
 #include "object_tracking/objects/object_search.h"
-#include "object_tracking/objects/still_color.h"
+#include "object_tracking/objects/static_clutter_mask.h"
 #include "object_tracking/rig_error.h"
 #include "object_tracking/seen_regions.h"
 #include "object_tracking/sighting.h"
@@ -39,7 +39,7 @@
 #include "object_tracking/tracker_options.h"
 #include "object_tracking/trackers/object_filter.h"
 #include "object_tracking/trackers/object_sighter.h"
-#include "object_tracking/view_agreement.h"
+#include "object_tracking/view_consistency.h"
 #include "particle_filter/random.h"
 
 namespace huetrack::object_trackers {
@@ -66,8 +66,8 @@ class RegionTracker {
   const object_tracking::TargetViews& views() const { return views_; }
   const PositionParticles& particles() const { return filter_.particles(); }
   std::span<const object_tracking::SeenRegion> regions() const { return seen_regions_.all(); }
-  const std::vector<object_tracking::ColorShare>& color_shares() const { return still_color_.shares(); }
-  const std::optional<Eigen::Vector3d>& further_object() const { return further_.told(); }
+  const std::vector<object_tracking::ColorShare>& color_shares() const { return clutter_mask_.shares(); }
+  const std::optional<Eigen::Vector3d>& further_object() const { return further_.published(); }
   objects::SearchFindings search_findings() const { return search_.findings(); }
   object_tracking::OutlineFindings outline_findings() const { return sighter_.outlines().findings(); }
   void expected_outlines(std::size_t camera, std::vector<capture::ExpectedOutline>& out) const;
@@ -90,11 +90,11 @@ class RegionTracker {
   object_tracking::ObjectTrackerOptions options_;
   object_tracking::TargetViews views_;
   ObjectSighter sighter_;
-  object_tracking::ViewAgreement agreement_;
+  object_tracking::ViewConsistency consistency_;
   ObjectFilter filter_;
   objects::ObjectSearch search_;
   object_tracking::RigError rig_error_;
-  objects::StillColor still_color_;
+  objects::StaticClutterMask clutter_mask_;
   objects::ClutterMap clutter_;         // while the room shares the colour
   objects::ObjectExistence existence_;  // while the room shares the colour
   objects::FurtherObjectWatch further_;

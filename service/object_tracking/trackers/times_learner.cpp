@@ -22,7 +22,7 @@ constexpr int sets_until_again = 75;
 
 }  // namespace
 
-bool are_times_open(std::span<const Sighting> sightings, const MotionBelief& belief) {
+bool are_times_open(std::span<const Sighting> sightings, const MotionState& belief) {
   return std::ranges::any_of(
       sightings, [&](const Sighting& s) { return belief.row_sigma_s(s.row.camera, s.row.below_middle) > open_time_s; });
 }
@@ -33,14 +33,14 @@ TimesLearner::TimesLearner(double radius_m, const ObjectTrackerOptions& options)
       anywhere_m_((options.volume.max - options.volume.min).norm()),
       observer_(radius_m) {}
 
-void TimesLearner::begin(const MotionBelief& belief) {
+void TimesLearner::begin(const MotionState& belief) {
   begun_ = belief;
   seen_sets_.clear();
   is_forgetting_motion_ = false;
   moving_sets_ = 0;
 }
 
-void TimesLearner::settle(const MotionBelief& belief) {
+void TimesLearner::settle(const MotionState& belief) {
   for (SeenSet& seen : seen_sets_)
     seen.believed_at = belief.at, seen.position = belief.position(), seen.velocity = belief.velocity();
 }
@@ -50,7 +50,7 @@ void TimesLearner::forget_seen() {
   is_forgetting_motion_ = true;
 }
 
-bool TimesLearner::remember(const MotionBelief& belief, std::span<const Sighting> sightings, double power_density) {
+bool TimesLearner::remember(const MotionState& belief, std::span<const Sighting> sightings, double power_density) {
   if (!is_learning_ || is_forgetting_motion_ || sightings.empty()) return false;
   if (seen_sets_.size() == most_seen_sets) {
     // What an object at rest showed told nothing of times. Without what a moving one did, less would be known.
@@ -62,7 +62,7 @@ bool TimesLearner::remember(const MotionBelief& belief, std::span<const Sighting
   seen_sets_.push_back(
       {power_density, {sightings.begin(), sightings.end()}, belief.at, belief.position(), belief.velocity()});
   moving_sets_ += belief.velocity().norm() > at_rest_m_s ? 1 : 0;
-  if (moving_sets_ < sets_until_again && !belief.are_times_far()) return false;
+  if (moving_sets_ < sets_until_again && !belief.needs_relinearisation()) return false;
   moving_sets_ = 0;
   return seen_sets_.size() > sets_of_a_start;
 }
@@ -82,20 +82,20 @@ std::vector<Eigen::Vector3d> TimesLearner::smooth_velocities() const {
   return out;
 }
 
-void TimesLearner::linearise_again(MotionBelief& belief, double power_density) {
-  MotionBelief about = belief;
+void TimesLearner::linearise_again(MotionState& belief, double power_density) {
+  MotionState about = belief;
   std::vector<Sighting> sightings;
   for (int pass = 0; pass < passes; ++pass) {
-    const MotionBelief known = belief;
-    MotionBelief again = *begun_;
-    again.linearise_times_at(known);
+    const MotionState known = belief;
+    MotionState again = *begun_;
+    again.relinearise_times_at(known);
     again.adopt_clocks(known);
     const std::vector<Eigen::Vector3d> velocities = smooth_velocities();
     for (std::size_t i = 0; i < seen_sets_.size(); ++i) {
       SeenSet& seen = seen_sets_[i];
       sightings = seen.sightings;
       for (Sighting& s : sightings) {
-        const double shift_s = known.row_shift_s(s.row.camera, s.row.below_middle);
+        const double shift_s = known.row_offset_s(s.row.camera, s.row.below_middle);
         s.row.at += capture::duration_of(shift_s - s.row.shift_s);
         s.row.shift_s = shift_s;
       }

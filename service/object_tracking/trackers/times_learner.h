@@ -7,7 +7,7 @@
 #include <span>
 #include <vector>
 
-#include "object_tracking/motion_belief.h"
+#include "object_tracking/motion_state.h"
 #include "object_tracking/motion_observer.h"
 #include "object_tracking/sighting.h"
 #include "object_tracking/tracker_options.h"
@@ -18,7 +18,7 @@ namespace huetrack::object_trackers {
 inline constexpr double at_rest_m_s = 0.3;
 
 // Some of these rows were exposed at times that are not known: nobody knows where a moving object is.
-bool are_times_open(std::span<const object_tracking::Sighting> sightings, const object_tracking::MotionBelief& belief);
+bool are_times_open(std::span<const object_tracking::Sighting> sightings, const object_tracking::MotionState& belief);
 
 // thread-compatible.
 class TimesLearner {
@@ -26,16 +26,16 @@ class TimesLearner {
   TimesLearner(double radius_m, const object_tracking::ObjectTrackerOptions& options);
 
   // A new object, found in two sets. What is believed of the times now is known without it.
-  void begin(const object_tracking::MotionBelief& belief);
+  void begin(const object_tracking::MotionState& belief);
   // All that has been remembered since begin() is best told by what is believed now.
-  void settle(const object_tracking::MotionBelief& belief);
+  void settle(const object_tracking::MotionState& belief);
   // The sightings of a set, and what came of them. Returns whether what is remembered now tells more of the times than
   // was made of it.
-  bool remember(const object_tracking::MotionBelief& belief, std::span<const object_tracking::Sighting> sightings,
+  bool remember(const object_tracking::MotionState& belief, std::span<const object_tracking::Sighting> sightings,
                 double power_density);
   // All that was seen since the object was found is gone through once more, with rows' times as they are known now: an
   // iterated extended Kalman filter (Bell and Cathey 1993), whose every pass begins where the one before has ended.
-  void linearise_again(object_tracking::MotionBelief& belief, double power_density);
+  void linearise_again(object_tracking::MotionState& belief, double power_density);
   // A camera stands elsewhere: what was seen so far was seen by another rig.
   void forget_seen();
 
@@ -45,7 +45,7 @@ class TimesLearner {
   bool is_learning_;
   double speed_m_s_, anywhere_m_;
   object_tracking::MotionObserver observer_;
-  std::optional<object_tracking::MotionBelief> begun_;  // what was known of the times before the object was found
+  std::optional<object_tracking::MotionState> begun_;  // what was known of the times before the object was found
   struct SeenSet {
     double power_density;
     std::vector<object_tracking::Sighting> sightings;

@@ -1,4 +1,4 @@
-#include "object_tracking/objects/still_color.h"
+#include "object_tracking/objects/static_clutter_mask.h"
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>
@@ -51,7 +51,6 @@ std::uint64_t heightened(std::uint64_t w) {
   return w | w << 8 | w >> 8;
 }
 
-// By the target's colour.
 bool is_surrounded(const TargetView& view, const Sighting& s) {
   const double reach = static_clutter.covered_radii * s.radius_px + static_clutter.covered_px + 1;
   int seen = 0, matching = 0;
@@ -71,18 +70,18 @@ bool is_surrounded(const TargetView& view, const Sighting& s) {
 
 }  // namespace
 
-void StillColor::set_sizes(std::size_t camera, double smallest_px, double largest_px, calib::ImageSize size) {
+void StaticClutterMask::set_sizes(std::size_t camera, double smallest_px, double largest_px, calib::ImageSize size) {
   cameras_[camera].smallest_px = smallest_px, cameras_[camera].largest_px = largest_px;
   const double area = std::numbers::pi * (largest_px * largest_px + (count_ - 1) * smallest_px * largest_px);
   shares_[camera].of_target = std::min(1.0, area / (size.width * size.height));
 }
 
-void StillColor::forget(std::size_t camera) {
+void StaticClutterMask::forget(std::size_t camera) {
   cameras_[camera] = {};
   shares_[camera].still = 0, shares_[camera].still_box = {};
 }
 
-bool StillColor::may_cut(std::size_t camera, const Eigen::Vector2d& px, double radius_px) const {
+bool StaticClutterMask::may_clip(std::size_t camera, const Eigen::Vector2d& px, double radius_px) const {
   const double reach_px = static_clutter.cut_radii * radius_px;
   const PerCamera& in = cameras_[camera];
   if (in.listed.empty() || !px.allFinite()) return false;
@@ -103,11 +102,11 @@ bool StillColor::may_cut(std::size_t camera, const Eigen::Vector2d& px, double r
   return false;
 }
 
-void StillColor::mark_cut(std::vector<Sighting>& sightings) const {
+void StaticClutterMask::mark_clipped(std::vector<Sighting>& sightings) const {
   if (!is_room_shared_) return;
   for (Sighting& s : sightings) {
     const double radius_px = s.support > 0 ? s.radius_px / std::sqrt(s.support) : s.radius_px;  // of its whole disc
-    if (!may_cut(static_cast<std::size_t>(s.row.camera), s.px, radius_px)) continue;
+    if (!may_clip(static_cast<std::size_t>(s.row.camera), s.px, radius_px)) continue;
     s.is_cut = true;
     if (s.is_outline) continue;
     const double off_px = static_clutter.cut_error * (1 - s.support) * radius_px;
@@ -115,11 +114,11 @@ void StillColor::mark_cut(std::vector<Sighting>& sightings) const {
   }
 }
 
-void StillColor::look(const std::vector<TargetView>& views, std::span<const Sighting> tracked,
-                      capture::Timestamp set_at) {
+void StaticClutterMask::look(const std::vector<TargetView>& views, std::span<const Sighting> tracked,
+                             capture::Timestamp set_at) {
   if (views.empty()) return;
   if (!last_at_) {
-    for (const TargetView& view : views) measure(view);  // one view tells it of the room, and so of all
+    for (const TargetView& view : views) measure(view);  // one view decides for all
     if (std::ranges::any_of(cameras_, &PerCamera::is_above)) {
       first_at_ = set_at;
       for (const TargetView& view : views)
@@ -129,7 +128,7 @@ void StillColor::look(const std::vector<TargetView>& views, std::span<const Sigh
     last_at_ = set_at;
     return;
   }
-  for (const TargetView& view : views) {  // the first ones at once: noise is another one in each
+  for (const TargetView& view : views) {  // the first samples in consecutive sets
     const PerCamera& camera = cameras_[static_cast<std::size_t>(view.index)];
     if (camera.is_learning && camera.sampled < samples) sample(view, tracked);
   }
@@ -139,8 +138,8 @@ void StillColor::look(const std::vector<TargetView>& views, std::span<const Sigh
   sample(views[next_++ % views.size()], tracked);
 }
 
-void StillColor::doubt(capture::Timestamp set_at) {
-  is_doubted_ = is_room_shared_ = true;
+void StaticClutterMask::suspect_room(capture::Timestamp set_at) {
+  is_room_suspected_ = is_room_shared_ = true;
   first_at_ = set_at;
   for (PerCamera& camera : cameras_) {
     camera.tiles.clear();
@@ -150,12 +149,12 @@ void StillColor::doubt(capture::Timestamp set_at) {
   }
 }
 
-bool StillColor::is_starting(capture::Timestamp set_at) const {
+bool StaticClutterMask::is_starting(capture::Timestamp set_at) const {
   return is_room_shared_ && first_at_ && capture::seconds(set_at - *first_at_) < samples * static_clutter.period_s;
 }
 
-// Whole discs of an object's size: as they are at the first set, before anything is left out.
-void StillColor::find_what_may_be_objects(const TargetView& view, PerCamera& camera) {
+// Whole discs of an object's size at the first set.
+void StaticClutterMask::find_what_may_be_objects(const TargetView& view, PerCamera& camera) {
   if (camera.largest_px == 0) return;
   const double smallest_disc = std::numbers::pi * camera.smallest_px * camera.smallest_px;
   const double largest_disc = std::numbers::pi * camera.largest_px * camera.largest_px;
@@ -178,13 +177,13 @@ void StillColor::find_what_may_be_objects(const TargetView& view, PerCamera& cam
     s.px = region.centre;
     s.radius_px = std::sqrt(region.area / std::numbers::pi);
   }
-  view.matches->look_anew();  // classified anew, with what is left out by then
+  view.matches->look_anew();  // classified again, with the mask
 }
 
-void StillColor::measure(const TargetView& view) {
+void StaticClutterMask::measure(const TargetView& view) {
   PerCamera& camera = cameras_[static_cast<std::size_t>(view.index)];
   ColorShare& share = shares_[static_cast<std::size_t>(view.index)];
-  // Where only the share is asked for, no more points than tell it.
+  // Coarser where only the share is needed.
   const double pixels = static_cast<double>(view.image->width) * view.image->height;
   const int wide_px = static_cast<int>(std::sqrt(pixels / static_clutter.share_points));
   hits_px_ = camera.is_learning ? grid_px : std::max(grid_px, wide_px);
@@ -196,16 +195,15 @@ void StillColor::measure(const TargetView& view) {
   camera.is_above = share.of_picture > std::max(static_clutter.min_share, bound);
 }
 
-void StillColor::sample(const TargetView& view, std::span<const Sighting> tracked) {
+void StaticClutterMask::sample(const TargetView& view, std::span<const Sighting> tracked) {
   measure(view);
   PerCamera& camera = cameras_[static_cast<std::size_t>(view.index)];
-  // Of several objects, what stands still and is none of those that are tracked is none; one alone may be lost, and
-  // rest.
-  is_room_shared_ = is_doubted_ || std::ranges::any_of(cameras_, &PerCamera::is_above);
+  // With several objects, what rests and is not tracked is clutter; a single one may be lost and at rest.
+  is_room_shared_ = is_room_suspected_ || std::ranges::any_of(cameras_, &PerCamera::is_above);
   const bool is_learning = is_room_shared_ || (count_ > 1 && camera.sampled > 0);
   if (!is_learning && camera.is_learning) {
     view.matches->leave_out_nothing();
-    camera = {.tiles = {}, .listed = {}, .sampled = 1};  // there is a past, and it had nothing
+    camera = {.tiles = {}, .listed = {}, .sampled = 1};  // a past without matches
     ColorShare& share = shares_[static_cast<std::size_t>(view.index)];
     share.still = 0, share.still_box = {}, share.still_px.setZero();
     return;
@@ -220,12 +218,12 @@ void StillColor::sample(const TargetView& view, std::span<const Sighting> tracke
   leave_out(view, camera);
 }
 
-void StillColor::learn(const TargetView& view, PerCamera& camera, std::span<const Sighting> tracked) {
+void StaticClutterMask::learn(const TargetView& view, PerCamera& camera, std::span<const Sighting> tracked) {
   const int stride = view.matches->tile_stride();
   if (camera.tiles.empty()) {
     camera.tiles.resize(static_cast<std::size_t>(stride * view.matches->tile_rows()));
     camera.stride = stride;
-    // A room that came to share the colour later has not been still for so long: its past had none of it.
+    // A room that shares the colour only now: its past had no matches.
     if (camera.sampled > 0) camera.sampled = kept_samples;
   }
   const auto list = [&](int u, int v) {
@@ -277,8 +275,8 @@ void StillColor::learn(const TargetView& view, PerCamera& camera, std::span<cons
       if (i > 0) known |= now;
     }
     const std::uint64_t ever = last[0] | last[1] | last[2] | last[3];
-    // What was still stays so as long as it is seen at all: noise decides at edges, and would be what moves. Of the
-    // first samples what is there for the first time is new: it moves, or will come again.
+    // A static pixel stays so while it matches at all: at edges noise decides. Among the first samples, a pixel that
+    // matches for the first time is moving, or will match again.
     if (camera.sampled == 0)
       tile.still = last[0];
     else if (camera.sampled < samples)
@@ -288,11 +286,11 @@ void StillColor::learn(const TargetView& view, PerCamera& camera, std::span<cons
     tile.is_listed = matched != 0;
     return !tile.is_listed;
   });
-  if (++camera.sampled == samples) camera.may_be_objects.clear();  // from now on what stands still is known
+  if (++camera.sampled == samples) camera.may_be_objects.clear();
 }
 
-// With a pixel more on each side: at an edge noise decides.
-void StillColor::leave_out(const TargetView& view, PerCamera& camera) {
+// Dilated by a pixel: at edges noise decides.
+void StaticClutterMask::leave_out(const TargetView& view, PerCamera& camera) {
   const int stride = view.matches->tile_stride();
   view.matches->leave_out_nothing();
   const auto add = [&](std::uint32_t at, int du, int dv, std::uint64_t bits) {
@@ -311,19 +309,19 @@ void StillColor::leave_out(const TargetView& view, PerCamera& camera) {
   describe(view, camera);
 }
 
-// How much it is, and where the largest of its patches is, as tiles touch.
-void StillColor::describe(const TargetView& view, const PerCamera& camera) {
+// Share and largest patch (8-connected tiles) of the clutter.
+void StaticClutterMask::describe(const TargetView& view, const PerCamera& camera) {
   ColorShare& share = shares_[static_cast<std::size_t>(view.index)];
   share.still = 0, share.still_box = {}, share.still_px.setZero();
-  is_told_.assign(camera.tiles.size(), 0);
+  is_visited_.assign(camera.tiles.size(), 0);
   int all = 0, largest = 0;
   for (const std::uint32_t first : camera.listed) {
-    if (camera.tiles[first].still == 0 || is_told_[first] != 0) continue;
+    if (camera.tiles[first].still == 0 || is_visited_[first] != 0) continue;
     int pixels = 0;
     Eigen::Vector2d sum = Eigen::Vector2d::Zero();
     std::array<int, 4> box{view.image->width, view.image->height, 0, 0};
     open_.assign(1, first);
-    is_told_[first] = 1;
+    is_visited_[first] = 1;
     while (!open_.empty()) {
       const int at = static_cast<int>(open_.back());
       open_.pop_back();
@@ -336,8 +334,8 @@ void StillColor::describe(const TargetView& view, const PerCamera& camera) {
       for (int dv = -1; dv <= 1; ++dv) {
         for (int du = -1; du <= 1; ++du) {  // there is a margin tile on each side
           const auto next = static_cast<std::size_t>(at + dv * camera.stride + du);
-          if (next >= camera.tiles.size() || is_told_[next] != 0 || camera.tiles[next].still == 0) continue;
-          is_told_[next] = 1;
+          if (next >= camera.tiles.size() || is_visited_[next] != 0 || camera.tiles[next].still == 0) continue;
+          is_visited_[next] = 1;
           open_.push_back(static_cast<std::uint32_t>(next));
         }
       }

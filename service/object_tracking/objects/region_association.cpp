@@ -1,4 +1,4 @@
-#include "object_tracking/objects/region_sharing.h"
+#include "object_tracking/objects/region_association.h"
 
 #include <Eigen/LU>
 #include <algorithm>
@@ -52,7 +52,7 @@ color::ColorRegion joined(const color::ColorRegion& a, const color::ColorRegion&
   return out;
 }
 
-double disc_area(const Appearance& at) {
+double disc_area(const BallProjection& at) {
   return std::numbers::pi * at.radius_px * at.radius_px;
 }
 
@@ -64,7 +64,7 @@ bool overlap(const ExpectedObject& a, const ExpectedObject& b) {
   return (a.at.px - b.at.px).norm() < radii + slack;
 }
 
-// Those whose discs overlap, directly or by others between them.
+// Connected components of overlapping discs.
 std::vector<std::vector<std::size_t>> groups_of(std::span<const ExpectedObject> expected) {
   std::vector<std::vector<std::size_t>> out;
   std::vector<char> is_in(expected.size(), 0);
@@ -83,17 +83,17 @@ std::vector<std::vector<std::size_t>> groups_of(std::span<const ExpectedObject> 
 
 double d2_of(const Sighting& s, const ExpectedObject& expected) {
   const Eigen::Matrix2d total =
-      expected.covariance + s.covariance + s.lasting_px * s.lasting_px * Eigen::Matrix2d::Identity();
+      expected.covariance + s.covariance + s.bias_sigma_px * s.bias_sigma_px * Eigen::Matrix2d::Identity();
   const Eigen::Vector2d d = s.px - expected.at.px;
   return d.dot(total.inverse() * d);
 }
 
 }  // namespace
 
-// Each object the region that explains it best, no region twice.
-void RegionSharing::assign(const TargetView& view, std::span<const color::ColorRegion> regions,
-                           std::span<const ExpectedObject> expected, SharedSightings& out,
-                           std::vector<int>& region_of) const {
+// Global nearest neighbour.
+void RegionAssociation::assign(const TargetView& view, std::span<const color::ColorRegion> regions,
+                               std::span<const ExpectedObject> expected, AssociatedSightings& out,
+                               std::vector<int>& region_of) const {
   const auto n = static_cast<Eigen::Index>(expected.size()), m = static_cast<Eigen::Index>(regions.size());
   Eigen::MatrixXd costs = Eigen::MatrixXd::Constant(n, m, std::numeric_limits<double>::infinity());
   region_of.assign(expected.size(), -1);
@@ -129,28 +129,29 @@ void RegionSharing::assign(const TargetView& view, std::span<const color::ColorR
   }
 }
 
-std::optional<Sighting> RegionSharing::by_outline(const TargetView& view, const ExpectedObject& expected,
-                                                  const std::optional<FittedDisc>& fitted) const {
+std::optional<Sighting> RegionAssociation::by_outline(const TargetView& view, const ExpectedObject& expected,
+                                                      const std::optional<FittedDisc>& fitted) const {
   if (!fitted || fitted->seen < assignment_tuning.min_outline || fitted->passed > assignment_tuning.max_passed)
     return std::nullopt;
   const double radius_px = expected.at.radius_px;
-  const UsualError usual = usual_error(radius_px, pixel_noise_px_, sample_px(*view.image));
+  const BaseError usual = base_error(radius_px, pixel_noise_px_, sample_px(*view.image));
   Sighting s;
   s.row.camera = view.index;
   s.camera = view.camera;
   s.projector = view.projector;
   s.px = fitted->px;
-  s.covariance = fitted->covariance + usual.fresh_px2 * Eigen::Matrix2d::Identity();
-  s.lasting_px = std::sqrt(usual.lasting_px2);
+  s.covariance = fitted->covariance + usual.noise_px2 * Eigen::Matrix2d::Identity();
+  s.bias_sigma_px = std::sqrt(usual.bias_px2);
   s.support = std::min(1.0, fitted->seen * assignment_tuning.support_per_seen);
   s.radius_px = radius_px;
   if (d2_of(s, expected) > sighting_tuning.gate_nis) return std::nullopt;
   return s;
 }
 
-// The region with what else lies so near to it: a thin pole in front of a ball cuts it in two.
-Sighting RegionSharing::by_region(const TargetView& view, std::span<const color::ColorRegion> regions,
-                                  std::size_t which, const ExpectedObject& expected, SharedSightings& out) const {
+// The region joined with its neighbours: a pole in front of a ball cuts it in two.
+Sighting RegionAssociation::by_region(const TargetView& view, std::span<const color::ColorRegion> regions,
+                                      std::size_t which, const ExpectedObject& expected,
+                                      AssociatedSightings& out) const {
   color::ColorRegion region = regions[which];
   for (std::size_t r = 0; r < regions.size(); ++r) {
     if (out.is_explained[r] != 0 ||
@@ -163,17 +164,18 @@ Sighting RegionSharing::by_region(const TargetView& view, std::span<const color:
   return sighting_of(view, region, expected.at.radius_px, pixel_noise_px_, expected.motion);
 }
 
-// A region of the size and the shape of the object's disc.
-bool RegionSharing::is_whole(const TargetView& view, const Sighting& by_region, const ExpectedObject& expected) const {
+// The region has the size and shape of the object's disc.
+bool RegionAssociation::is_whole(const TargetView& view, const Sighting& by_region,
+                                 const ExpectedObject& expected) const {
   const double radius_px = expected.at.radius_px;
   return by_region.covariance.trace() < assignment_tuning.whole_variance *
-                                            usual_error(radius_px, pixel_noise_px_, sample_px(*view.image)).fresh_px2 &&
+                                            base_error(radius_px, pixel_noise_px_, sample_px(*view.image)).noise_px2 &&
          by_region.radius_px * by_region.radius_px < assignment_tuning.max_disc_share * radius_px * radius_px;
 }
 
-SharedSightings RegionSharing::share(const TargetView& view, std::span<const color::ColorRegion> regions,
-                                     std::span<const ExpectedObject> expected) const {
-  SharedSightings out;
+AssociatedSightings RegionAssociation::associate(const TargetView& view, std::span<const color::ColorRegion> regions,
+                                                 std::span<const ExpectedObject> expected) const {
+  AssociatedSightings out;
   out.of_objects.resize(expected.size());
   out.is_explained.assign(regions.size(), 0);
   if (expected.empty()) return out;
@@ -187,7 +189,7 @@ SharedSightings RegionSharing::share(const TargetView& view, std::span<const col
       bool is_by_region = false;
       if (region_of[i] >= 0) {
         out.of_objects[i] = by_region(view, regions, static_cast<std::size_t>(region_of[i]), expected[i], out);
-        // Another one may be in front of it, and the region that one's.
+        // Not if another object may occlude it, whose region this would be.
         const bool is_alone = std::ranges::none_of(group, [&](std::size_t o) {
           return o != i && (expected[o].at.px - expected[i].at.px).norm() <
                                std::max(expected[o].at.radius_px, expected[i].at.radius_px);
@@ -197,7 +199,7 @@ SharedSightings RegionSharing::share(const TargetView& view, std::span<const col
       if (!is_by_region) in_part.push_back(i);
     }
     if (in_part.empty()) continue;
-    // What is seen of discs that touch, or that something hides in part: all outlines of the group together.
+    // Touching or occluded discs: all outlines of the group together.
     discs.clear();
     for (const std::size_t i : group)
       discs.push_back(
@@ -210,11 +212,11 @@ SharedSightings RegionSharing::share(const TargetView& view, std::span<const col
       if (auto outline = by_outline(view, expected[i], fitted[place])) {
         sighting = std::move(outline);
       } else if (group.size() > 1 && !(sighting && is_whole(view, *sighting, expected[i]))) {
-        sighting.reset();  // the region is not, or not only, of this object
+        sighting.reset();  // the region is not this object's alone
       }
     }
   }
-  // What lies within an object that is seen is of it, or is shared by it.
+  // Regions within a detected object are explained by it.
   for (std::size_t r = 0; r < regions.size(); ++r) {
     for (std::size_t i = 0; i < expected.size() && out.is_explained[r] == 0; ++i) {
       if (!out.of_objects[i]) continue;

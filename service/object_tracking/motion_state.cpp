@@ -1,4 +1,4 @@
-#include "object_tracking/motion_belief.h"
+#include "object_tracking/motion_state.h"
 
 #include <fmt/format.h>
 #include <Eigen/Cholesky>
@@ -17,7 +17,7 @@ namespace huetrack::object_tracking {
 namespace {
 
 struct MotionTuning {
-  // Prior of a camera that the rig says nothing of. Latency: drivers stamp 0 to 45 ms after mid-exposure, uniform 13 ms
+  // Prior of a camera that the rig has no timing of. Latency: drivers stamp 0 to 45 ms after mid-exposure, uniform 13 ms
   // rms, 18 ms for a difference of two. Readout: 10 to 33 ms for rolling shutters, 0 for global ones, either sign.
   double unknown_time_sigma_s = 0.020;         // s
   double synced_latency_sigma_s = 0.0002;      // s, cameras with one trigger: exposures are set alike
@@ -43,7 +43,7 @@ double variance_of(const std::optional<double>& value, const std::optional<doubl
 }  // namespace
 
 double largest_variance(const Eigen::Matrix3d& covariance) {
-  // In closed form: it is asked several times a set, and only ever held to a bound.
+  // Closed form: fast, and exact enough for a bound.
   const auto axes = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>().computeDirect(covariance, Eigen::EigenvaluesOnly);
   return std::max(0.0, axes.eigenvalues()(2));
 }
@@ -52,7 +52,7 @@ double largest_sigma(const Eigen::Matrix3d& covariance) {
   return std::sqrt(largest_variance(covariance));
 }
 
-MotionBelief::MotionBelief(const calib::CameraRig& rig, bool times_are_learnt) : times_are_learnt_(times_are_learnt) {
+MotionState::MotionState(const calib::CameraRig& rig, bool times_are_learnt) : times_are_learnt_(times_are_learnt) {
   if (rig.cameras.size() > most_cameras)
     throw std::invalid_argument(
         fmt::format("a tracker takes at most {} cameras, this rig has {}", most_cameras, rig.cameras.size()));
@@ -77,16 +77,16 @@ MotionBelief::MotionBelief(const calib::CameraRig& rig, bool times_are_learnt) :
     }
     given_.push_back(given);
   }
-  lasting_.resize(given_.size());
+  biases_.resize(given_.size());
   clocks_.resize(given_.size());
 }
 
-double MotionBelief::relative_clock_variance_s2(int camera) const {
+double MotionState::relative_clock_variance_s2(int camera) const {
   const Clock &clock = clocks_[static_cast<std::size_t>(camera)], &reference = clocks_[reference_camera];
   return clock.of == reference.of ? 0 : clock.variance_s2 + reference.variance_s2;
 }
 
-void MotionBelief::open_clocks(const capture::FrameSet& set) {
+void MotionState::open_clocks(const capture::FrameSet& set) {
   bool is_ours = true;
   for (std::size_t c = 0; c < clocks_.size() && c < set.frames.size(); ++c) {
     if (set.frames[c]) {
@@ -96,7 +96,7 @@ void MotionBelief::open_clocks(const capture::FrameSet& set) {
     is_ours = is_ours && clocks_[c].of == clocks_[reference_camera].of;
   }
   if (is_ours || !times_are_learnt_) return;
-  by_views_.reset();
+  by_nuisances_.reset();
   const int cameras = static_cast<int>(clocks_.size());
   for (int first = 0; first < cameras; ++first) {
     const auto is_of = [&](int c) {
@@ -118,10 +118,10 @@ void MotionBelief::open_clocks(const capture::FrameSet& set) {
   }
 }
 
-void MotionBelief::expect_in_step() {
-  by_views_.reset();
+void MotionState::expect_synchronised() {
+  by_nuisances_.reset();
   if (!times_are_learnt_ || are_times_corrected_) return;
-  is_in_step_ = true;
+  is_synchronised_ = true;
   for (int c = 0; c < static_cast<int>(given_.size()); ++c) {
     const Eigen::Index l = latency_of(c), r = l + 1;
     const auto at_most = [&](Eigen::Index i, double sigma) {
@@ -132,9 +132,9 @@ void MotionBelief::expect_in_step() {
   }
 }
 
-void MotionBelief::correct_times(std::span<const double> late_s) {
+void MotionState::correct_times(std::span<const double> late_s) {
   if (!times_are_learnt_) return;
-  by_views_.reset();
+  by_nuisances_.reset();
   settle();
   const auto open = [&](Eigen::Index i, double variance_s2) {
     covariance_.row(i).setZero();
@@ -148,32 +148,32 @@ void MotionBelief::correct_times(std::span<const double> late_s) {
     const Eigen::Index latency = latency_of(c);
     mean_(latency) += late_s[camera];
     const bool is_other = late_s[camera] != late_s[reference_camera];
-    if (c != reference_camera && (is_in_step_ || is_other))
+    if (c != reference_camera && (is_synchronised_ || is_other))
       open(latency, std::pow(motion_tuning.unknown_time_sigma_s, 2));
-    if (is_in_step_) open(latency + 1, given_[camera].readout_prior_s2);
+    if (is_synchronised_) open(latency + 1, given_[camera].readout_prior_s2);
   }
-  is_in_step_ = false;
+  is_synchronised_ = false;
   are_times_corrected_ = true;
   covariance_.diagonal().head<3>().array() += std::pow(furthest_s * velocity().norm(), 2);
 }
 
-bool MotionBelief::are_times_far() const {
+bool MotionState::needs_relinearisation() const {
   if (!times_are_learnt_) return false;
   return (mean_.segment(6, times_linearised_.size()) - times_linearised_).cwiseAbs().maxCoeff() >
          motion_tuning.relinearize_s;
 }
 
-void MotionBelief::linearise_times_at(const MotionBelief& known) {
+void MotionState::relinearise_times_at(const MotionState& known) {
   times_linearised_ = known.mean_.segment(6, times_linearised_.size());
 }
 
-double MotionBelief::row_shift_s(int camera, double below_middle) const {
+double MotionState::row_offset_s(int camera, double below_middle) const {
   if (!times_are_learnt_) return 0;
   const Eigen::Index latency = latency_of(camera);
   return below_middle * mean_(latency + 1) - mean_(latency);
 }
 
-double MotionBelief::row_sigma_s(int camera, double below_middle) const {
+double MotionState::row_sigma_s(int camera, double below_middle) const {
   const Given& given = given_[static_cast<std::size_t>(camera)];
   double variance = given.latency_variance_s2 + below_middle * below_middle * given.readout_variance_s2;
   if (!times_are_learnt_) variance += relative_clock_variance_s2(camera);
@@ -185,7 +185,7 @@ double MotionBelief::row_sigma_s(int camera, double below_middle) const {
   return std::sqrt(std::max(0.0, variance));
 }
 
-CameraTimingEstimate MotionBelief::timing(int camera) const {
+CameraTimingEstimate MotionState::timing(int camera) const {
   const Given& given = given_[static_cast<std::size_t>(camera)];
   if (!times_are_learnt_)
     return {given.latency_s, std::sqrt(given.latency_variance_s2), given.readout_s,
@@ -195,9 +195,9 @@ CameraTimingEstimate MotionBelief::timing(int camera) const {
           std::sqrt(covariance_(r, r))};
 }
 
-void MotionBelief::begin(capture::Timestamp when, const Eigen::Vector3d& position, double position_variance,
-                         const Eigen::Vector3d& velocity, double velocity_variance) {
-  by_views_.reset();
+void MotionState::begin(capture::Timestamp when, const Eigen::Vector3d& position, double position_variance,
+                        const Eigen::Vector3d& velocity, double velocity_variance) {
+  by_nuisances_.reset();
   settle();
   at = when;
   mean_.head<3>() = position;
@@ -205,33 +205,32 @@ void MotionBelief::begin(capture::Timestamp when, const Eigen::Vector3d& positio
   covariance_.leftCols<6>().setZero();
   covariance_.diagonal().head<3>().setConstant(position_variance);
   covariance_.diagonal().segment<3>(3).setConstant(velocity_variance);
-  // What lasted, lasted with the object of before. Not known until a sighting says how large it may be.
-  const Eigen::Index lasting = 2 * static_cast<Eigen::Index>(given_.size());
-  mean_.tail(lasting).setZero();
-  covariance_.bottomRows(lasting).setZero();
-  lasting_.assign(given_.size(), {});
+  const Eigen::Index biases = 2 * static_cast<Eigen::Index>(given_.size());
+  mean_.tail(biases).setZero();
+  covariance_.bottomRows(biases).setZero();
+  biases_.assign(given_.size(), {});
 }
 
-void MotionBelief::forget_lasting(int camera) {
-  by_views_.reset();
+void MotionState::reset_bias(int camera) {
+  by_nuisances_.reset();
   settle();
-  const Eigen::Index lasting = lasting_of(camera);
-  mean_.segment<2>(lasting).setZero();
-  covariance_.middleRows<2>(lasting).setZero();
-  covariance_.middleCols<2>(lasting).setZero();
-  lasting_[static_cast<std::size_t>(camera)] = {};
+  const Eigen::Index bias = bias_of(camera);
+  mean_.segment<2>(bias).setZero();
+  covariance_.middleRows<2>(bias).setZero();
+  covariance_.middleCols<2>(bias).setZero();
+  biases_[static_cast<std::size_t>(camera)] = {};
 }
 
-void MotionBelief::predict_to(capture::Timestamp when, double power_density) {
+void MotionState::predict_to(capture::Timestamp when, double power_density) {
   const double dt = capture::seconds(when - at);
   if (dt <= 0) return;
-  by_views_.reset();
+  by_nuisances_.reset();
   at = when;
   mean_.head<3>() += dt * mean_.segment<3>(3);
   covariance_.topLeftCorner<3, 6>() += dt * covariance_.block<3, 6>(3, 0);
   covariance_.leftCols<3>() += dt * covariance_.middleCols<3>(3);
-  const double way_m = dt * velocity().norm();
-  for (Lasting& lasting : lasting_) lasting.way_m += way_m;
+  const double path_m = dt * velocity().norm();
+  for (Bias& bias : biases_) bias.path_m += path_m;
   const double q = power_density;
   covariance_.diagonal().head<3>().array() += q * dt * dt * dt / 3;
   covariance_.diagonal().segment<3>(3).array() += q * dt;
@@ -245,8 +244,7 @@ void MotionBelief::predict_to(capture::Timestamp when, double power_density) {
 
 namespace {
 
-// From the first columns of an n x n matrix, below the diagonal and on it, the product of a0, a1 (n x 2) and b0, b1
-// (2 x n), which is symmetric but for rounding.
+// Subtracts (a0 a1) (b0 b1)^T from the first columns of an n x n matrix, on and below the diagonal.
 HUETRACK_CLONES void take_off(double* __restrict matrix, std::ptrdiff_t n, std::ptrdiff_t columns,
                               const double* __restrict a0, const double* __restrict a1, const double* __restrict b0,
                               const double* __restrict b1) {
@@ -257,8 +255,8 @@ HUETRACK_CLONES void take_off(double* __restrict matrix, std::ptrdiff_t n, std::
   }
 }
 
-// Takes most_open off at once, all below the diagonal. stride: from one column of the matrix to the next; of_a: of a
-// and b. With 64 cameras this is most of what a sighting costs.
+// Subtracts a b^T, most_open columns each, below the diagonal. stride: of the matrix's columns; of_a: of a's and b's.
+// With 64 cameras this is most of an update's time.
 HUETRACK_CLONES void take_off_all(double* __restrict matrix, std::ptrdiff_t stride, std::ptrdiff_t n,
                                   const double* __restrict a, const double* __restrict b, std::ptrdiff_t of_a) {
   static_assert(most_open == 8);
@@ -268,7 +266,7 @@ HUETRACK_CLONES void take_off_all(double* __restrict matrix, std::ptrdiff_t stri
     return ((a0[j] * b_there[0] + a1[j] * b_there[1]) + (a2[j] * b_there[2] + a3[j] * b_there[3])) +
            ((a4[j] * b_there[4] + a5[j] * b_there[5]) + (a6[j] * b_there[6] + a7[j] * b_there[7]));
   };
-  // Two columns at a time: what is read of a serves both. The last one has nothing below the diagonal.
+  // Two columns at a time share the reads of a. The last one has nothing below the diagonal.
   for (std::ptrdiff_t i = 0; i + 1 < n; i += 2) {
     double* const column = matrix + i * stride;
     double* const next_column = column + stride;
@@ -292,7 +290,7 @@ HUETRACK_CLONES void add_product(double* __restrict sums, std::ptrdiff_t n, cons
 
 }  // namespace
 
-void MotionBelief::settle() {
+void MotionState::settle() {
   if (open_ == 0) return;
   gains_.rightCols(most_open - open_).setZero();
   seen_.rightCols(most_open - open_).setZero();
@@ -301,13 +299,13 @@ void MotionBelief::settle() {
   open_ = 0;
 }
 
-double MotionBelief::below_diagonal(Eigen::Index row, Eigen::Index column) const {
+double MotionState::below_diagonal(Eigen::Index row, Eigen::Index column) const {
   double value = covariance_(row, column);
   for (Eigen::Index k = 0; k < open_; ++k) value -= gains_(row, k) * seen_(column, k);
   return value;
 }
 
-MotionBelief::WithState<2> MotionBelief::two_rows(Eigen::Index i) const {
+MotionState::WithState<2> MotionState::two_rows(Eigen::Index i) const {
   WithState<2> out(2, size());
   out.leftCols(i) = covariance_.block(i, 0, 2, i);
   out.rightCols(size() - i) = covariance_.block(i, i, size() - i, 2).transpose();
@@ -325,7 +323,7 @@ MotionBelief::WithState<2> MotionBelief::two_rows(Eigen::Index i) const {
   return out;
 }
 
-MotionBelief::WithState<3> MotionBelief::covariance_with_state(const SeenBy& by) const {
+MotionState::WithState<3> MotionState::covariance_with_state(const SeenBy& by) const {
   const Eigen::Index rest = size() - 6;
   WithState<3> out(3, size());
   out.leftCols<6>() = covariance_.topLeftCorner<3, 6>() + by.dt * covariance_.block<3, 6>(3, 0);
@@ -338,7 +336,7 @@ MotionBelief::WithState<3> MotionBelief::covariance_with_state(const SeenBy& by)
 }
 
 template <int rows>
-Eigen::Matrix<double, rows, 3> MotionBelief::onto(const SeenBy& by, const WithState<rows>& with_state) const {
+Eigen::Matrix<double, rows, 3> MotionState::onto(const SeenBy& by, const WithState<rows>& with_state) const {
   Eigen::Matrix<double, rows, 3> out = with_state.template leftCols<3>() + by.dt * with_state.template middleCols<3>(3);
   if (times_are_learnt_) {
     const Eigen::Index latency = latency_of(by.row.camera);
@@ -347,74 +345,73 @@ Eigen::Matrix<double, rows, 3> MotionBelief::onto(const SeenBy& by, const WithSt
   return out;
 }
 
-Eigen::Matrix3d MotionBelief::unmodelled(const SeenBy& by, double power_density) const {
+Eigen::Matrix3d MotionState::unmodelled(const SeenBy& by, double power_density) const {
   const Given& given = given_[static_cast<std::size_t>(by.row.camera)];
   const double given_variance_s2 = given.latency_variance_s2 +
                                    by.row.below_middle * by.row.below_middle * given.readout_variance_s2 +
                                    (times_are_learnt_ ? 0.0 : relative_clock_variance_s2(by.row.camera));
   const double time_sigma_s = row_sigma_s(by.row.camera, by.row.below_middle);
-  // Velocity times time is a product of two unknowns. Its second order: were it left out, the noise of the velocity of
-  // an object at rest would pass for motion, from which times can be learnt.
+  // The second order of velocity * time. Without it the noise of a resting object's velocity would pass for motion,
+  // from which times are learnt.
   return given_variance_s2 * by.v * by.v.transpose() + time_sigma_s * time_sigma_s * covariance_.block<3, 3>(3, 3) +
          power_density * std::abs(by.dt * by.dt * by.dt) / 3 * Eigen::Matrix3d::Identity();
 }
 
-Eigen::Matrix3d MotionBelief::seen_covariance(const SeenRow& row, double power_density) const {
+Eigen::Matrix3d MotionState::seen_covariance(const SeenRow& row, double power_density) const {
   const SeenBy by{row, capture::seconds(row.at - at), velocity()};
   return onto(by, covariance_with_state(by)) + unmodelled(by, power_density);
 }
 
-// A first-order Gauss-Markov process along the way that the object has gone since the camera saw it last, of the
-// standard deviation that it has now (a near object is larger, and so is what shifts its centre).
-void MotionBelief::renew_lasting(int camera, double lasting_px, const Eigen::Matrix2d& doubt) {
-  const Eigen::Index lasting = lasting_of(camera);
-  Lasting& last = lasting_[static_cast<std::size_t>(camera)];
-  const double before_px = last.px;
-  const double faded = std::exp(-last.way_m / motion_tuning.bias_length_m);
+// First-order Gauss-Markov process along the object's path since the camera's last sighting, scaled to the standard
+// deviation of now (a near object is larger, and so is its bias).
+void MotionState::propagate_bias(int camera, double bias_sigma_px, const Eigen::Matrix2d& inflation) {
+  const Eigen::Index bias = bias_of(camera);
+  Bias& last = biases_[static_cast<std::size_t>(camera)];
+  const double before_px = last.sigma_px;
+  const double faded = std::exp(-last.path_m / motion_tuning.bias_length_m);
   double kept = 0;
   Eigen::Matrix2d added;
-  if (before_px > 0 && (doubt.diagonal().any() || last.doubt.diagonal().any())) {
-    // Doubt that comes leaves what is believed as it is and opens it; doubt that goes takes its share along.
+  if (before_px > 0 && (inflation.diagonal().any() || last.inflation.diagonal().any())) {
+    // A growing inflation keeps the mean and opens it; a shrinking one takes its share of the mean along.
     const Eigen::Matrix2d one = Eigen::Matrix2d::Identity();
-    const Eigen::Matrix2d now = doubt + lasting_px * lasting_px * one;
-    const Eigen::Matrix2d before = last.doubt + before_px * before_px * one;
+    const Eigen::Matrix2d now = inflation + bias_sigma_px * bias_sigma_px * one;
+    const Eigen::Matrix2d before = last.inflation + before_px * before_px * one;
     kept = faded * std::sqrt(std::min(1.0, now.trace() / before.trace()));
     const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> axes =
         Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>().computeDirect(now - kept * kept * before);
     added = axes.eigenvectors() * axes.eigenvalues().cwiseMax(0).asDiagonal() * axes.eigenvectors().transpose();
   } else {
-    kept = faded * (before_px > 0 ? lasting_px / before_px : 0.0);
-    const double renewed = -std::expm1(-2 * last.way_m / motion_tuning.bias_length_m);
-    added = (before_px > 0 ? renewed : 1.0) * lasting_px * lasting_px * Eigen::Matrix2d::Identity();
-    if (before_px == 0) added += doubt;
+    kept = faded * (before_px > 0 ? bias_sigma_px / before_px : 0.0);
+    const double renewed = -std::expm1(-2 * last.path_m / motion_tuning.bias_length_m);
+    added = (before_px > 0 ? renewed : 1.0) * bias_sigma_px * bias_sigma_px * Eigen::Matrix2d::Identity();
+    if (before_px == 0) added += inflation;
   }
-  mean_.segment<2>(lasting) *= kept;
-  covariance_.block(lasting, 0, 2, lasting + 2) *= kept;
-  covariance_.block(lasting, lasting, size() - lasting, 2) *= kept;
-  covariance_.block<2, 2>(lasting, lasting) += added;
+  mean_.segment<2>(bias) *= kept;
+  covariance_.block(bias, 0, 2, bias + 2) *= kept;
+  covariance_.block(bias, bias, size() - bias, 2) *= kept;
+  covariance_.block<2, 2>(bias, bias) += added;
   if (open_ > 0) {
-    gains_.block(lasting, 0, 2, open_) *= kept;
-    seen_.block(lasting, 0, 2, open_) *= kept;
+    gains_.block(bias, 0, 2, open_) *= kept;
+    seen_.block(bias, 0, 2, open_) *= kept;
   }
-  last = {.px = lasting_px, .doubt = doubt};
+  last = {.sigma_px = bias_sigma_px, .inflation = inflation};
 }
 
-double MotionBelief::observe(const LinearSighting& sighting, const Eigen::Vector3d& velocity, double power_density) {
-  by_views_.reset();
+double MotionState::observe(const LinearSighting& sighting, const Eigen::Vector3d& velocity, double power_density) {
+  by_nuisances_.reset();
   const SeenRow& row = sighting.row;
-  renew_lasting(row.camera, sighting.lasting_px, sighting.doubt);
-  const Eigen::Index lasting = lasting_of(row.camera);
+  propagate_bias(row.camera, sighting.bias_sigma_px, sighting.inflation);
+  const Eigen::Index bias_at = bias_of(row.camera);
   const SeenBy by{row, capture::seconds(row.at - at), velocity};
-  const double later_s = row_shift_s(row.camera, row.below_middle) - row.shift_s;
+  const double later_s = row_offset_s(row.camera, row.below_middle) - row.shift_s;
   const Eigen::Vector3d position_then = position() + by.dt * this->velocity() + later_s * velocity;
-  const Eigen::Vector2d innovation = sighting.px - sighting.px_expected - lasting_error(row.camera) -
+  const Eigen::Vector2d innovation = sighting.px - sighting.px_expected - bias(row.camera) -
                                      sighting.jacobian * (position_then - sighting.linearised_at);
   const Eigen::Matrix<double, 2, 3>& j = sighting.jacobian;
-  const WithState<2> px_with_state = j.lazyProduct(covariance_with_state(by)) + two_rows(lasting);
-  const Eigen::Matrix2d s = onto(by, px_with_state) * j.transpose() + px_with_state.middleCols<2>(lasting) +
+  const WithState<2> px_with_state = j.lazyProduct(covariance_with_state(by)) + two_rows(bias_at);
+  const Eigen::Matrix2d s = onto(by, px_with_state) * j.transpose() + px_with_state.middleCols<2>(bias_at) +
                             j * unmodelled(by, power_density) * j.transpose() + sighting.covariance;
   const Eigen::Matrix2d information = s.inverse();
-  // Transposed, and each row by itself in memory.
   using Row = Eigen::Matrix<double, Eigen::Dynamic, 2, Eigen::ColMajor, most_states, 2>;
   const Row gain = information.lazyProduct(px_with_state).transpose();
   const Row px_of_state = px_with_state.transpose();
@@ -445,12 +442,12 @@ double MotionBelief::observe(const LinearSighting& sighting, const Eigen::Vector
   return innovation.dot(information * innovation);
 }
 
-Eigen::Matrix<double, 6, 6> MotionBelief::by_views() const {
-  if (by_views_) return *by_views_;
+Eigen::Matrix<double, 6, 6> MotionState::by_nuisances() const {
+  if (by_nuisances_) return *by_nuisances_;
   if (open_ > 0) {
-    MotionBelief settled = *this;
+    MotionState settled = *this;
     settled.settle();
-    return settled.by_views();
+    return settled.by_nuisances();
   }
   const Eigen::Index n = size() - 6;
   Eigen::MatrixXd views = covariance_.bottomRightCorner(n, n);
@@ -465,33 +462,33 @@ Eigen::Matrix<double, 6, 6> MotionBelief::by_views() const {
   return with_motion.transpose().lazyProduct(with_motion);
 }
 
-void MotionBelief::work_out_views() {
-  by_views_ = by_views();
+void MotionState::cache_nuisance_part() {
+  by_nuisances_ = by_nuisances();
 }
 
-Eigen::Matrix3d MotionBelief::position_covariance_given_views() const {
-  return position_covariance() - by_views().topLeftCorner<3, 3>();
+Eigen::Matrix3d MotionState::position_covariance_conditioned() const {
+  return position_covariance() - by_nuisances().topLeftCorner<3, 3>();
 }
 
-MotionBelief MotionBelief::given_views() const {
-  MotionBelief out = *this;
-  out.by_views_.reset();
-  out.covariance_.topLeftCorner<6, 6>() -= by_views();
+MotionState MotionState::conditioned_on_nuisances() const {
+  MotionState out = *this;
+  out.by_nuisances_.reset();
+  out.covariance_.topLeftCorner<6, 6>() -= by_nuisances();
   out.covariance_.bottomRows(size() - 6).setZero();
   out.open_ = 0;
   return out;
 }
 
-void MotionBelief::open_views_as(const MotionBelief& other) {
-  by_views_ = other.by_views();
-  covariance_.topLeftCorner<6, 6>() += *by_views_;
+void MotionState::reinflate_nuisances(const MotionState& other) {
+  by_nuisances_ = other.by_nuisances();
+  covariance_.topLeftCorner<6, 6>() += *by_nuisances_;
   const Eigen::Index n = size() - 6;
   covariance_.bottomRows(n) = other.covariance_.bottomRows(n);
   gains_ = other.gains_, seen_ = other.seen_, open_ = other.open_;
 }
 
-void MotionBelief::set_position(const Eigen::Vector3d& mean, const Eigen::Matrix3d& covariance) {
-  by_views_.reset();
+void MotionState::set_position(const Eigen::Vector3d& mean, const Eigen::Matrix3d& covariance) {
+  by_nuisances_.reset();
   settle();
   const Eigen::Matrix3d before = position_covariance();
   const Eigen::Index rest = size() - 3;
@@ -512,11 +509,12 @@ void MotionBelief::set_position(const Eigen::Vector3d& mean, const Eigen::Matrix
   covariance_.block<3, 3>(0, 3) = covariance_.block<3, 3>(3, 0).transpose();
 }
 
-MotionBelief::SeenPosition MotionBelief::seen_given_position(const SeenRow& row, double power_density) const {
+MotionState::ConditionalMeasurement MotionState::measurement_given_position(const SeenRow& row,
+                                                                            double power_density) const {
   const SeenBy by{row, capture::seconds(row.at - at), velocity()};
   const WithState<3> with_state = covariance_with_state(by);
-  const double later_s = row_shift_s(row.camera, row.below_middle) - row.shift_s;
-  SeenPosition out;
+  const double later_s = row_offset_s(row.camera, row.below_middle) - row.shift_s;
+  ConditionalMeasurement out;
   out.slope = with_state.leftCols<3>() * position_covariance().inverse();
   out.offset = position() + (by.dt + later_s) * by.v - out.slope * position();
   out.covariance =

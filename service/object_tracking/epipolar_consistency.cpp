@@ -1,4 +1,4 @@
-#include "object_tracking/view_doubts.h"
+#include "object_tracking/epipolar_consistency.h"
 
 #include <Eigen/Geometry>
 #include <Eigen/LU>
@@ -13,7 +13,7 @@ namespace {
 constexpr double quantile = 0.75;            // maths: of the window; the one below belongs to it
 constexpr double chi_square_there = 1.3233;  // maths: 75 % quantile of chi-square with 1 dof
 
-struct ViewDoubtsTuning {
+struct EpipolarConsistencyTuning {
   std::size_t min_residuals = 8;  // of a pair, from which the quantile is used
   double consistent_scale2 = 4;   // variance ratio up to which a pair is consistent: rig, shading, seams (experiment)
   double noise_scale2 = 2;        // variance ratio up to which a pair shows noise alone (experiment)
@@ -33,35 +33,35 @@ struct ViewDoubtsTuning {
   double place_radii = 8;             // radii between two places at which a pair was consistent
   int steps = 40;                     // multiplicative updates of the least squares
 };
-constexpr ViewDoubtsTuning view_doubts{};
+constexpr EpipolarConsistencyTuning epipolar_consistency{};
 
 }  // namespace
 
-bool disagreement(const SeenBeside& i, const SeenBeside& j, double way_variance_m2, Disagreement& out) {
-  // What a view sees along its ray is nothing: the two see together only what is across both rays.
+bool epipolar_residual(const PathResidual& i, const PathResidual& j, double path_variance_m2, EpipolarResidual& out) {
+  // Errors along a ray are invisible: the residual is across both rays.
   const auto ray_of = [](const Eigen::Matrix<double, 2, 3>& jacobian) -> Eigen::Vector3d {
     return jacobian.row(0).cross(jacobian.row(1)).normalized();
   };
   const Eigen::Vector3d across = ray_of(i.jacobian).cross(ray_of(j.jacobian));
-  if (!(across.squaredNorm() > view_doubts.min_sine * view_doubts.min_sine)) return false;
+  if (!(across.squaredNorm() > epipolar_consistency.min_sine * epipolar_consistency.min_sine)) return false;
   Eigen::Vector2d u = (i.jacobian * i.jacobian.transpose()).inverse() * (i.jacobian * across);
   Eigen::Vector2d w = -((j.jacobian * j.jacobian.transpose()).inverse() * (j.jacobian * across));
   const double norm = std::sqrt(u.squaredNorm() + w.squaredNorm());
   u /= norm, w /= norm;
   out.off_px = u.dot(i.off_px) + w.dot(j.off_px);
   out.expected_px2 =
-      u.dot(i.covariance * u) + w.dot(j.covariance * w) + (i.jacobian.transpose() * u).squaredNorm() * way_variance_m2;
+      u.dot(i.covariance * u) + w.dot(j.covariance * w) + (i.jacobian.transpose() * u).squaredNorm() * path_variance_m2;
   out.share_i = u.squaredNorm(), out.share_j = w.squaredNorm();
   out.across_i = u, out.across_j = w;
   return true;
 }
 
-bool could_contradict(const Disagreement& seen, double radius_i_px, double radius_j_px) {
-  const double telling_px = view_doubts.discriminating_radii * std::min(radius_i_px, radius_j_px);
-  return seen.expected_px2 <= telling_px * telling_px;
+bool is_discriminating(const EpipolarResidual& seen, double radius_i_px, double radius_j_px) {
+  const double limit_px = epipolar_consistency.discriminating_radii * std::min(radius_i_px, radius_j_px);
+  return seen.expected_px2 <= limit_px * limit_px;
 }
 
-ViewDoubts::ViewDoubts(std::size_t cameras, double radius_m)
+EpipolarConsistency::EpipolarConsistency(std::size_t cameras, double radius_m)
     : cameras_(cameras),
       radius_m_(radius_m),
       pairs_(cameras * (cameras - std::min<std::size_t>(cameras, 1)) / 2),
@@ -70,24 +70,25 @@ ViewDoubts::ViewDoubts(std::size_t cameras, double radius_m)
       up_(cameras),
       down_(cameras) {}
 
-const ViewDoubts::Pair& ViewDoubts::pair(std::size_t i, std::size_t j) const {
+const EpipolarConsistency::Pair& EpipolarConsistency::pair(std::size_t i, std::size_t j) const {
   if (i > j) std::swap(i, j);
   return pairs_[j * (j - 1) / 2 + i];
 }
 
-void ViewDoubts::compare(std::span<const SeenBeside> views, double velocity_sigma_m_s, double acceleration_m_s2) {
-  for (const SeenBeside& view : views) {
+void EpipolarConsistency::compare(std::span<const PathResidual> views, double velocity_sigma_m_s,
+                                  double acceleration_m_s2) {
+  for (const PathResidual& view : views) {
     Alone& alone = alone_[std::size_t(view.camera)];
-    alone.information *= view_doubts.single_decay, alone.vector *= view_doubts.single_decay;
+    alone.information *= epipolar_consistency.single_decay, alone.vector *= epipolar_consistency.single_decay;
   }
   for (std::size_t a = 0; a < views.size(); ++a) {
     for (std::size_t b = a + 1; b < views.size(); ++b) {
-      const SeenBeside& i = views[a].camera < views[b].camera ? views[a] : views[b];
-      const SeenBeside& j = views[a].camera < views[b].camera ? views[b] : views[a];
+      const PathResidual& i = views[a].camera < views[b].camera ? views[a] : views[b];
+      const PathResidual& j = views[a].camera < views[b].camera ? views[b] : views[a];
       const double apart_s = i.at_s - j.at_s;
-      const double way_m = std::hypot(apart_s * velocity_sigma_m_s, 0.5 * apart_s * apart_s * acceleration_m_s2);
-      Disagreement seen;
-      if (!disagreement(i, j, way_m * way_m, seen)) continue;
+      const double path_m = std::hypot(apart_s * velocity_sigma_m_s, 0.5 * apart_s * apart_s * acceleration_m_s2);
+      EpipolarResidual seen;
+      if (!epipolar_residual(i, j, path_m * path_m, seen)) continue;
       Pair& p = pair(std::size_t(i.camera), std::size_t(j.camera));
       note(p, seen);
       note_place(p, seen, i, j);
@@ -98,73 +99,73 @@ void ViewDoubts::compare(std::span<const SeenBeside> views, double velocity_sigm
       }
     }
   }
-  share_out();
+  explain();
 }
 
-void ViewDoubts::add(std::size_t i, std::size_t j, const Disagreement& seen) {
+void EpipolarConsistency::add(std::size_t i, std::size_t j, const EpipolarResidual& seen) {
   note(pair(i, j), seen);
-  share_out();
+  explain();
 }
 
-void ViewDoubts::keep(Pair& p, float square) {
+void EpipolarConsistency::keep(Pair& p, float square) {
   float* const end = p.sorted + std::min(p.count, pair_history.kept);
   float& oldest = p.squares[p.count % pair_history.kept];
-  // Where the oldest one was, or behind all; and from there to its place.
   float* at = p.count < pair_history.kept ? end : std::min(std::lower_bound(p.sorted, end, oldest), end - 1);
   for (; at > p.sorted && at[-1] > square; --at) *at = at[-1];
   for (; at + 1 < end && at[1] < square; ++at) *at = at[1];
   *at = oldest = square;
 }
 
-void ViewDoubts::note(Pair& p, const Disagreement& seen) {
+void EpipolarConsistency::note(Pair& p, const EpipolarResidual& seen) {
   keep(p, float(seen.off_px * seen.off_px / seen.expected_px2));
-  const double share = p.count == 0 ? 1 : std::max(view_doubts.mean_share, 1 / double(p.count + 1));
+  const double share = p.count == 0 ? 1 : std::max(epipolar_consistency.mean_share, 1 / double(p.count + 1));
   ++p.count;
   p.expected_px2 += share * (seen.expected_px2 - p.expected_px2);
   p.share_i += share * (seen.share_i - p.share_i);
   p.share_j += share * (seen.share_j - p.share_j);
   p.scale2 = scale2_of(p);
-  double excess_px2 = p.scale2 > view_doubts.consistent_scale2 ? (p.scale2 - 1) * p.expected_px2 : 0;
-  // Only what a good part of the ring says has lasted: a furniture's region that was taken for the object in two frames
-  // is off by a hundred pixels, and would be believed for long.
-  const double rise = p.count >= view_doubts.min_residuals && excess_px2 > p.lasting_px2
-                          ? view_doubts.rise_share * (excess_px2 - p.lasting_px2)
+  double excess_px2 = p.scale2 > epipolar_consistency.consistent_scale2 ? (p.scale2 - 1) * p.expected_px2 : 0;
+  // Only once the quantile is in use: two wrong regions are 100 px off and would last for 20 s.
+  const double rise = p.count >= epipolar_consistency.min_residuals && excess_px2 > p.lasting_px2
+                          ? epipolar_consistency.rise_share * (excess_px2 - p.lasting_px2)
                           : 0;
-  p.lasting_px2 = view_doubts.lasting_decay * p.lasting_px2 + rise;
-  // Before it is usual: what two comparisons say, one after the other, is no frame that was shown once more.
+  p.lasting_px2 = epipolar_consistency.lasting_decay * p.lasting_px2 + rise;
+  // Fast reaction: two gross residuals in a row are no repeated frame.
   if (p.count > 1) {
     const double of_both =
         double(std::min(p.squares[(p.count - 1) % pair_history.kept], p.squares[(p.count - 2) % pair_history.kept]));
-    if (of_both > view_doubts.gross_nis) excess_px2 = std::max(excess_px2, of_both * p.expected_px2);
+    if (of_both > epipolar_consistency.gross_nis) excess_px2 = std::max(excess_px2, of_both * p.expected_px2);
   }
   p.excess_px2 = std::max(excess_px2, p.lasting_px2);
-  if (p.excess_px2 < view_doubts.negligible_share * p.expected_px2) p.excess_px2 = 0;
+  if (p.excess_px2 < epipolar_consistency.negligible_share * p.expected_px2) p.excess_px2 = 0;
 }
 
-// Two views that are wrong agree along their epipolar lines: at one place by chance, and not at the next ones, where
-// these lie otherwise.
-void ViewDoubts::note_place(Pair& p, const Disagreement& seen, const SeenBeside& i, const SeenBeside& j) const {
-  if (p.scale2 > view_doubts.consistent_scale2) {
+// Wrong views are consistent along their epipolar lines: at one place by chance, but hardly at another.
+void EpipolarConsistency::note_place(Pair& p, const EpipolarResidual& seen, const PathResidual& i,
+                                     const PathResidual& j) const {
+  if (p.scale2 > epipolar_consistency.consistent_scale2) {
     p.place_count = 0;
     return;
   }
-  const auto radius_px = [&](const SeenBeside& view) { return radius_m_ * view.jacobian.norm() / std::numbers::sqrt2; };
+  const auto radius_px = [&](const PathResidual& view) {
+    return radius_m_ * view.jacobian.norm() / std::numbers::sqrt2;
+  };
   const double ri_px = radius_px(i), rj_px = radius_px(j);
-  if (p.is_sure() || !could_contradict(seen, ri_px, rj_px)) return;
-  if (seen.off_px * seen.off_px > seen.expected_px2 || p.scale2 > view_doubts.noise_scale2) return;
+  if (p.is_sure() || !is_discriminating(seen, ri_px, rj_px)) return;
+  if (seen.off_px * seen.off_px > seen.expected_px2 || p.scale2 > epipolar_consistency.noise_scale2) return;
   const Eigen::Vector4d place(i.px.x(), i.px.y(), j.px.x(), j.px.y());
   const auto is_near = [&](const Eigen::Vector4d& other) {
     const Eigen::Vector4d way = other - place;
-    return std::max(way.head<2>().norm() / ri_px, way.tail<2>().norm() / rj_px) < view_doubts.place_radii;
+    return std::max(way.head<2>().norm() / ri_px, way.tail<2>().norm() / rj_px) < epipolar_consistency.place_radii;
   };
   if (std::none_of(p.places, p.places + p.place_count, is_near)) p.places[p.place_count++] = place;
   p.was_sure = p.was_sure || p.is_sure();
 }
 
-// Of so few that a quantile says nothing: their mean, with two more that are as expected.
-double ViewDoubts::scale2_of(const Pair& p) {
+// Of few residuals: their mean, with two as expected added.
+double EpipolarConsistency::scale2_of(const Pair& p) {
   const std::size_t n = std::min(p.count, pair_history.kept);
-  if (n < view_doubts.min_residuals) {
+  if (n < epipolar_consistency.min_residuals) {
     double sum = 2;
     for (std::size_t k = 0; k < n; ++k) sum += double(p.squares[k]);
     return sum / double(n + 2);
@@ -172,29 +173,27 @@ double ViewDoubts::scale2_of(const Pair& p) {
   return double(p.sorted[std::size_t(quantile * double(n))]) / chi_square_there;
 }
 
-// One camera that is wrong is likelier than two at a time. Where one alone could explain what disagrees, as all pairs
-// without it agree, it is off by what that takes; where any of several could, as pairs agree along their epipolar
-// lines by chance, each is with equal odds. As long as pairs without it have agreed in so few places that this may be
-// chance, too, everybody may be off that is off by much. A doubt of the past that has faded to what is usual hinders no
-// explanation, and is anybody's. false: none could.
-bool ViewDoubts::lay_on_one() {
-  std::ranges::fill(up_, 0.0);    // per camera: what disagrees without it
-  std::ranges::fill(down_, 0.0);  // and what it must be off by to explain the rest
+// Hypothesis: one camera is wrong, and all pairs without it are consistent. Several such cameras have equal odds. While
+// the pairs without it were consistent at too few places, which may be chance, a gross error inflates all cameras.
+// Faded excess excludes no hypothesis and inflates every camera. false: no such camera.
+bool EpipolarConsistency::explain_by_one() {
+  std::ranges::fill(up_, 0.0);    // per camera: excess of the pairs without it
+  std::ranges::fill(down_, 0.0);  // and its variance that explains the others
   double faded_px2 = 0;
   bool any_gross = false;
   for_each_pair([&](const Pair& p, std::size_t i, std::size_t j) {
-    if (p.is_usual()) faded_px2 = std::max(faded_px2, p.excess_px2);
-    any_gross = any_gross || p.excess_px2 > (view_doubts.gross_scale2 - 1) * p.expected_px2;
-    for (std::size_t c = 0; c < cameras_; ++c) up_[c] += c != i && c != j && !p.is_usual() ? p.excess_px2 : 0;
-    down_[i] = std::max(down_[i], p.excess_px2 / std::max(view_doubts.min_share, p.share_i));
-    down_[j] = std::max(down_[j], p.excess_px2 / std::max(view_doubts.min_share, p.share_j));
+    if (p.is_consistent()) faded_px2 = std::max(faded_px2, p.excess_px2);
+    any_gross = any_gross || p.excess_px2 > (epipolar_consistency.gross_scale2 - 1) * p.expected_px2;
+    for (std::size_t c = 0; c < cameras_; ++c) up_[c] += c != i && c != j && !p.is_consistent() ? p.excess_px2 : 0;
+    down_[i] = std::max(down_[i], p.excess_px2 / std::max(epipolar_consistency.min_share, p.share_i));
+    down_[j] = std::max(down_[j], p.excess_px2 / std::max(epipolar_consistency.min_share, p.share_j));
   });
   const auto suspects = std::ranges::count(up_, 0.0);
   if (suspects == 0) return false;
   bool is_proven = !any_gross;
   for (std::size_t c = 0; c < cameras_; ++c) is_proven = is_proven || (up_[c] == 0 && are_others_proven(c));
   if (!is_proven) {
-    doubt_all();
+    inflate_all();
     return true;
   }
   for (std::size_t c = 0; c < cameras_; ++c) {
@@ -204,12 +203,12 @@ bool ViewDoubts::lay_on_one() {
   return true;
 }
 
-bool ViewDoubts::Pair::is_usual() const {
-  return excess_px2 <= (view_doubts.consistent_scale2 - 1) * expected_px2;
+bool EpipolarConsistency::Pair::is_consistent() const {
+  return excess_px2 <= (epipolar_consistency.consistent_scale2 - 1) * expected_px2;
 }
 
-// By what they showed of one another; of a camera that only this one could be compared with, by what the two did.
-bool ViewDoubts::are_others_proven(std::size_t without) const {
+// Each by its pairs without that camera, or, if it has none, by its pair with it.
+bool EpipolarConsistency::are_others_proven(std::size_t without) const {
   for (std::size_t c = 0; c < cameras_; ++c) {
     if (c == without) continue;
     std::size_t places = 0;
@@ -225,44 +224,42 @@ bool ViewDoubts::are_others_proven(std::size_t without) const {
   return true;
 }
 
-// By the largest error that pairs show. They see it across their lines alone, and what k samples of a variance tell of
-// it has the variance of Student's distribution of k.
-void ViewDoubts::doubt_all() {
+// By the largest error of a pair. Pairs measure it across their lines only: k samples, Student's t with k degrees of
+// freedom.
+void EpipolarConsistency::inflate_all() {
   double samples = 0;
   for_each_pair([&](const Pair&, std::size_t, std::size_t) { ++samples; });
   samples = std::max(samples, 3.0);
   std::ranges::fill(variance_px2_, samples / (samples - 2) * *std::ranges::max_element(down_));
-  is_nobody_believed_ = std::ranges::all_of(pairs_, [](const Pair& p) { return p.place_count == 0; });
+  no_consistent_pair_ = std::ranges::all_of(pairs_, [](const Pair& p) { return p.place_count == 0; });
 }
 
-// The square of the error that a camera alone must have for its pairs to be as far apart as they are now. Where its
-// epipolar lines are nearly parallel a large error along them shows in how the pairs differ, and in nothing else; where
-// they do not differ, what is across the lines is all that is seen.
-double ViewDoubts::error_px2(std::size_t camera, double usual_px2) const {
+// Squared error of a camera that alone explains its pairs' residuals now, by least squares. With nearly parallel
+// epipolar lines the prior bounds the component along them.
+double EpipolarConsistency::error_px2(std::size_t camera, double usual_px2) const {
   if (!(usual_px2 > 0)) return 0;
-  // What good rigs and light leave in a pair lasts over comparisons: they count as one, of a pair that is usual.
-  constexpr double as_one = (1 - view_doubts.single_decay) / view_doubts.consistent_scale2;
+  // Biases of a consistent pair persist over residuals: these count as one.
+  constexpr double as_one = (1 - epipolar_consistency.single_decay) / epipolar_consistency.consistent_scale2;
   const Alone& alone = alone_[camera];
   const Eigen::Matrix2d information =
-      as_one * alone.information + Eigen::Matrix2d::Identity() / (view_doubts.max_along * usual_px2);
+      as_one * alone.information + Eigen::Matrix2d::Identity() / (epipolar_consistency.max_along * usual_px2);
   return (as_one * information.inverse() * alone.vector).squaredNorm();
 }
 
-// Least squares with S >= 0, by multiplicative steps (Lee and Seung 2001) from equal shares: cameras that the pairs
-// treat alike stay alike. Least squares, and not the likelihood of the pairs' scales: a pair that agrees says nothing
-// of an error along its epipolar lines, and must not lay all of another pair's on the third camera. Then all S are
-// raised until each pair's disagreement is covered.
-void ViewDoubts::share_out() {
+// Least squares with S >= 0 by multiplicative updates (Lee and Seung 2001) from equal shares, which keeps equivalent
+// cameras equal. Not the likelihood of the pairs' variances: a consistent pair is no evidence against an error along
+// its epipolar lines. Then all S are raised until each pair's excess is covered.
+void EpipolarConsistency::explain() {
   double largest_px2 = 0;
   for (const Pair& p : pairs_) largest_px2 = std::max(largest_px2, p.excess_px2);
   any_ = largest_px2 > 0;
-  is_nobody_believed_ = false;
+  no_consistent_pair_ = false;
   std::ranges::fill(variance_px2_, largest_px2);
   if (!any_) return;
-  if (lay_on_one()) return;
-  const auto may_be_right = [](const Pair& p) { return p.was_sure || (p.scale2 > 0 && p.is_usual()); };
-  if (std::ranges::none_of(pairs_, may_be_right)) return doubt_all();
-  for (int step = 0; step < view_doubts.steps; ++step) {
+  if (explain_by_one()) return;
+  const auto may_be_right = [](const Pair& p) { return p.was_sure || (p.scale2 > 0 && p.is_consistent()); };
+  if (std::ranges::none_of(pairs_, may_be_right)) return inflate_all();
+  for (int step = 0; step < epipolar_consistency.steps; ++step) {
     std::ranges::fill(up_, 0.0);
     std::ranges::fill(down_, 0.0);
     for_each_pair([&](const Pair& p, std::size_t i, std::size_t j) {
@@ -278,8 +275,8 @@ void ViewDoubts::share_out() {
     const double modelled_px2 = p.share_i * variance_px2_[i] + p.share_j * variance_px2_[j];
     if (p.excess_px2 > raise * modelled_px2 && modelled_px2 > 0) raise = p.excess_px2 / modelled_px2;
   });
-  for (double& variance : variance_px2_) variance *= std::min(raise, view_doubts.max_raise);
-  // And whoever agrees with nobody is doubted by as much as with whom it agrees best, whatever explains it otherwise.
+  for (double& variance : variance_px2_) variance *= std::min(raise, epipolar_consistency.max_raise);
+  // At least the smallest excess among a camera's pairs.
   std::ranges::fill(up_, largest_px2);
   std::ranges::fill(down_, 0.0);
   for_each_pair([&](const Pair& p, std::size_t i, std::size_t j) {
@@ -290,18 +287,18 @@ void ViewDoubts::share_out() {
 }
 
 template <typename F>
-void ViewDoubts::for_each_pair(F&& each) const {
+void EpipolarConsistency::for_each_pair(F&& each) const {
   for (std::size_t j = 1; j < cameras_; ++j) {
     for (std::size_t i = 0; i < j; ++i)
       if (pair(i, j).scale2 > 0) each(pair(i, j), i, j);
   }
 }
 
-void ViewDoubts::forget(std::size_t camera) {
+void EpipolarConsistency::forget(std::size_t camera) {
   for (std::size_t other = 0; other < cameras_; ++other)
     if (other != camera) pair(camera, other) = {};
   std::ranges::fill(alone_, Alone{});
-  share_out();
+  explain();
 }
 
 }  // namespace huetrack::object_tracking

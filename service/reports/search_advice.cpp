@@ -1,0 +1,43 @@
+#include "reports/search_advice.h"
+
+#include <fmt/format.h>
+
+namespace huetrack::reports {
+
+namespace {
+
+std::string size_advice(const std::optional<double>& radius_m, const object_tracking::TargetOptions& target) {
+  if (!radius_m || objects::are_radii_alike(*radius_m, target.radius_m)) return {};
+  return fmt::format(
+      "what has its colour has the size of a ball of radius {:.3g} m, not {:.3g}: correct radius_m, or {} its colour",
+      *radius_m, target.radius_m, *radius_m > target.radius_m ? "narrow" : "widen");
+}
+
+}  // namespace
+
+std::string search_advice(const objects::SearchFindings& findings, const object_tracking::TargetOptions& target,
+                          const std::vector<std::string>& cameras) {
+  if (findings.is_found_at_twice_the_hue)
+    return fmt::format(
+        "something of twice its hue moves as it would: are hue_deg [{:.0f}, {:.0f}] OpenCV's units (0 to 180)? Here "
+        "they are degrees (0 to 360): write [{:.0f}, {:.0f}]",
+        target.color.hue_min_deg, target.color.hue_max_deg, 2 * target.color.hue_min_deg, 2 * target.color.hue_max_deg);
+  if (findings.sets == 0) return {};
+  std::vector<std::string> seeing, blind;
+  for (std::size_t c = 0; c < findings.sets_with_color.size() && c < cameras.size(); ++c)
+    (findings.shows_color(c) ? seeing : blind).push_back(cameras[c]);
+  if (std::string of_size = size_advice(findings.radius_m, target); !of_size.empty()) return of_size;
+  if (seeing.empty()) return "no camera shows a region of its colour: widen its colour, or check the volume";
+  if (!blind.empty())
+    return fmt::format("its colour is seen by {} but hardly ever by {}: set camera_colors for these",
+                       fmt::join(seeing, ", "), fmt::join(blind, ", "));
+  return "all cameras show regions of its colour, but their rays do not meet in the volume where a ball of its radius "
+         "would look so: check the calibration and the radius, or narrow its colour";
+}
+
+std::string late_advice(const objects::SearchFindings& findings, const object_tracking::TargetOptions& target) {
+  const std::string of_size = size_advice(findings.radius_before_m, target);
+  return of_size.empty() ? "" : "it was found late: " + of_size;
+}
+
+}  // namespace huetrack::reports
