@@ -33,7 +33,7 @@ calib::Camera camera_at(const std::string& name, const Vector3d& centre) {
   return camera;
 }
 
-// Free-running cameras around an object that goes round, up and down.
+// Free-running cameras around an object on a looping path.
 struct Scene {
   std::mt19937 random;
   calib::CameraRig rig;
@@ -46,7 +46,7 @@ struct Scene {
   static Vector3d position(double t) {
     return {0.6 * std::cos(3 * t), 0.5 * std::sin(3.7 * t), 1 + 0.6 * std::sin(2.3 * t)};
   }
-  // A second of sightings, as they come: (seconds of the frame's time, sighting) with times by the state.
+  // Sightings of one second in order: (frame time in seconds, sighting), timed by the state.
   void run(MotionState& state, double from_s, double to_s) {
     struct Coming {
       double middle_s;
@@ -84,7 +84,7 @@ struct Scene {
   }
 };
 
-TEST(MotionState, MotionTellsLatenciesAndReadouts) {
+TEST(MotionState, LearnsLatenciesAndReadoutsFromMotion) {
   int inside = 0, all = 0;
   for (unsigned seed = 0; seed < 8; ++seed) {
     Scene scene(seed);
@@ -95,8 +95,7 @@ TEST(MotionState, MotionTellsLatenciesAndReadouts) {
       const auto i = static_cast<std::size_t>(c);
       const CameraTimingEstimate t = state.timing(c);
       EXPECT_NEAR(t.latency_s, scene.latency_s[i] - scene.latency_s[0], 0.0015) << seed << " camera " << c;
-      // What all readouts have in common is nearly a matter of how the path is run through, and the views tell little
-      // of it; what they differ by is seen.
+      // A common readout is nearly a different motion along the path and hardly observable; differences are.
       EXPECT_NEAR(t.readout_s, scene.readout_s[i], 0.013) << seed << " camera " << c;
       EXPECT_NEAR(t.readout_s - state.timing(0).readout_s, scene.readout_s[i] - scene.readout_s[0], 0.004);
       all += c == 0 ? 0 : 1;
@@ -107,9 +106,9 @@ TEST(MotionState, MotionTellsLatenciesAndReadouts) {
   EXPECT_GE(inside, all * 8 / 10);
 }
 
-// Cameras that are believed to be in step and are not: what is believed so surely is not learnt otherwise, until
-// somebody says so; then it is, from where it was put.
-TEST(MotionState, TimesThatAreCorrectedAreLearntAnew) {
+// Cameras wrongly taken as synchronised: the tight prior is not left until correct_times(), then timing is learnt from
+// the corrected values.
+TEST(MotionState, CorrectedTimesAreLearntAgain) {
   Scene scene(1);
   scene.latency_s = {0.02, 0.12, 0.05}, scene.readout_s = {0.02, 0.02, 0.02};
   MotionState state(scene.rig, true);
@@ -118,12 +117,12 @@ TEST(MotionState, TimesThatAreCorrectedAreLearntAnew) {
   scene.run(state, 0, 2);
   EXPECT_LT(std::abs(state.timing(1).latency_s), 0.01);
   EXPECT_LT(state.timing(1).latency_sigma_s, 0.001);
-  state.correct_times(std::vector{-0.03, 0.06, 0.0});  // by one clock for all, and not quite right
+  state.correct_times(std::vector{-0.03, 0.06, 0.0});  // one correction for all, not exact
   EXPECT_NEAR(state.timing(0).latency_s, -0.03, 1e-12);
   EXPECT_EQ(state.timing(0).latency_sigma_s, 0) << "it is held where it was put";
   EXPECT_GT(state.timing(1).latency_sigma_s, 0.015);
   EXPECT_GT(largest_sigma(state.position_covariance()), 0.03) << "it was seen by wrong times";
-  state.expect_synchronised();  // of stamps that are the same still
+  state.expect_synchronised();  // without effect
   EXPECT_GT(state.timing(1).latency_sigma_s, 0.015);
   scene.run(state, 2, 8);
   for (int c = 1; c < 3; ++c)
@@ -131,20 +130,20 @@ TEST(MotionState, TimesThatAreCorrectedAreLearntAnew) {
                 scene.latency_s[std::size_t(c)] - scene.latency_s[0], 0.004);
 }
 
-TEST(MotionState, TimesThatAreGivenAreNotCorrected) {
+TEST(MotionState, FixedTimesAreNotCorrected) {
   Scene scene(1);
   MotionState state(scene.rig, false);
   state.correct_times(std::vector{0.1, 0.0, 0.0});
   EXPECT_EQ(state.timing(0).latency_s, 0);
 }
 
-TEST(MotionState, AnObjectAtRestTellsNoTimes) {
+TEST(MotionState, LearnsNoTimesFromARestingObject) {
   Scene scene(3);
   MotionState state(scene.rig, true);
   state.begin(at(0), {0, 0, 1}, 1, Vector3d::Zero(), 9);
   std::normal_distribution<double> noise(0, 0.2);
   for (int k = 0; k < 600; ++k) {
-    const bool is_start = k < 6;  // of which the tracker knows where it was in two sets, and so how fast it is
+    const bool is_start = k < 6;  // the two sets of a start
     const int c = k % 3;
     const calib::Camera& camera = scene.rig.cameras[static_cast<std::size_t>(c)];
     LinearSighting seen;
@@ -153,7 +152,7 @@ TEST(MotionState, AnObjectAtRestTellsNoTimes) {
     seen.px = camera.project_world({0, 0, 1})->px + Vector2d(noise(scene.random), noise(scene.random));
     seen.covariance = 0.04 * Eigen::Matrix2d::Identity();
     seen.bias_sigma_px = 0.3;
-    constexpr double q = 16 * 16 * 0.1;  // while the times are open, the tracker takes twice the hardest acceleration
+    constexpr double q = 16 * 16 * 0.1;  // as the tracker while timing is unknown
     state.predict_to(seen.row.at, q);
     seen.linearised_at = state.position();
     const auto appearance = project_ball(camera, seen.linearised_at, 0.04);
@@ -169,7 +168,7 @@ TEST(MotionState, AnObjectAtRestTellsNoTimes) {
   EXPECT_LT((state.position() - Vector3d(0, 0, 1)).norm(), 0.006);
 }
 
-TEST(MotionState, WhatTheTimesLeaveOpenLiesAlongThePath) {
+TEST(MotionState, TimeUncertaintyLiesAlongThePath) {
   Scene scene(5);
   scene.rig.cameras[1].timing = {.latency_s = 0.03, .latency_sigma_s = 0.01, .readout_s = 0, .readout_sigma_s = 0};
   for (const int c : {0, 2})
@@ -184,8 +183,8 @@ TEST(MotionState, WhatTheTimesLeaveOpenLiesAlongThePath) {
   EXPECT_NEAR(std::sqrt(of_a(0, 0)), 0.001, 1e-4);
 }
 
-// Two cameras are of another host: their error is one, and what motion has told of it does not stay known.
-TEST(MotionState, AnotherHostsClockIsOpenAsOne) {
+// Two cameras of another host share one clock error, which does not stay known.
+TEST(MotionState, AnotherHostsClockIsOneCommonError) {
   Scene scene(2);
   MotionState state(scene.rig, true);
   state.begin(at(0), Scene::position(0), 1, Vector3d::Zero(), 9);
@@ -208,7 +207,7 @@ TEST(MotionState, AnotherHostsClockIsOpenAsOne) {
   EXPECT_NEAR(state.clock_variance_s2(), 16e-6, 1e-12);
 }
 
-TEST(MotionState, GivenViewsAndBackAgainIsTheSame) {
+TEST(MotionState, ConditioningAndReinflatingIsTheIdentity) {
   Scene scene(1);
   MotionState state(scene.rig, true);
   state.begin(at(0), Scene::position(0), 1, Vector3d::Zero(), 9);
@@ -221,9 +220,9 @@ TEST(MotionState, GivenViewsAndBackAgainIsTheSame) {
   for (int c = 0; c < 3; ++c) EXPECT_NEAR(back.timing(c).readout_sigma_s, state.timing(c).readout_sigma_s, 1e-6) << c;
 }
 
-// With many cameras what sightings take off is put aside for a while; it must be in all that is asked meanwhile. Those
-// that see nothing change nothing, so that the state is that of the three that do.
-TEST(MotionState, CamerasThatSeeNothingChangeNothing) {
+// With many cameras updates are collected before they are applied to the covariance; every query must include them.
+// Cameras without sightings change nothing, so the state is that of the three with sightings.
+TEST(MotionState, CamerasWithoutSightingsChangeNothing) {
   Scene scene(4), same_scene(4);
   same_scene.rig.cameras.resize(50, scene.rig.cameras[2]);
   MotionState few(scene.rig, true), many(same_scene.rig, true);
@@ -247,7 +246,7 @@ TEST(MotionState, CamerasThatSeeNothingChangeNothing) {
     }
   };
   for (MotionState* state : {&few, &many}) state->begin(at(0), Scene::position(0), 1, Vector3d::Zero(), 9);
-  for (int i = 1; i <= 12; ++i) {  // 0.15 s: now after the first of four sightings, now after another one
+  for (int i = 1; i <= 12; ++i) {  // 0.15 s: after a varying one of four sightings
     scene.run(few, 0.15 * (i - 1), 0.15 * i);
     same_scene.run(many, 0.15 * (i - 1), 0.15 * i);
     compare("after sightings");
@@ -265,7 +264,7 @@ TEST(MotionState, CamerasThatSeeNothingChangeNothing) {
   compare("of a new object");
 }
 
-TEST(MotionState, FixedTimesStayAndTheirUncertaintyCounts) {
+TEST(MotionState, FixedTimesAddTheirUncertainty) {
   Scene scene(2);
   for (auto& camera : scene.rig.cameras)
     camera.timing = {.latency_s = 0.01, .latency_sigma_s = 0.003, .readout_s = 0.02, .readout_sigma_s = 0};
