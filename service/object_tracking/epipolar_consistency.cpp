@@ -21,17 +21,15 @@ struct EpipolarConsistencyTuning {
   double gross_nis = 12;          // 1 dof, 3.5 sigma: two such residuals in a row count at once
   double mean_share = 1.0 / 16;   // of a new residual in a pair's running means
   double rise_share = 1.0 / 30;   // of an excess that a residual adds to the lasting one: about 1 s at 30 fps
-  double lasting_decay =
-      1 - 1.0 / 600;               // per residual, of the lasting excess: 20 s, as it may hide along epipolar lines
-  double negligible_share = 0.25;  // of the expected variance, below which an excess is zero
-  double max_raise = 3;            // factor by which all inflations are raised at most to cover every pair
-  double min_share = 0.1;          // of a pair's residual that a camera has at least: far away, or along the baseline
-  double single_decay = 0.75;      // per frame set, of a camera's own error: a late camera's turns with the motion
-  double max_along = 10;           // variance along over across the epipolar lines: within 20 degrees of them
-  double min_sine = 0.1;           // between two rays, below which they cannot be compared
-  double discriminating_radii = 0.5;  // radii up to which an expected residual can tell anything
-  double place_radii = 8;             // radii between two places at which a pair was consistent
-  int steps = 40;                     // multiplicative updates of the least squares
+  double lasting_decay = 1 - 1.0 / 600;  // per residual, of the lasting excess: 20 s at 30 fps
+  double negligible_share = 0.25;        // of the expected variance, below which an excess is zero
+  double max_raise = 3;                  // factor by which all inflations are raised at most to cover every pair
+  double min_share = 0.1;      // of a pair's residual that a camera has at least: far away, or along the baseline
+  double single_decay = 0.75;  // per frame set, of a camera's own error: a late camera's turns with the motion
+  double max_along = 10;       // variance along over across the epipolar lines: within 20 degrees of them
+  double min_sine = 0.1;       // between two rays, below which they cannot be compared
+  double place_radii = 8;      // radii between two places at which a pair was consistent
+  int steps = 40;              // multiplicative updates of the least squares
 };
 constexpr EpipolarConsistencyTuning epipolar_consistency{};
 
@@ -57,7 +55,7 @@ bool epipolar_residual(const PathResidual& i, const PathResidual& j, double path
 }
 
 bool is_discriminating(const EpipolarResidual& seen, double radius_i_px, double radius_j_px) {
-  const double limit_px = epipolar_consistency.discriminating_radii * std::min(radius_i_px, radius_j_px);
+  const double limit_px = 0.5 * std::min(radius_i_px, radius_j_px);
   return seen.expected_px2 <= limit_px * limit_px;
 }
 

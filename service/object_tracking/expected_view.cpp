@@ -8,7 +8,6 @@ namespace {
 struct ExpectedViewTuning {
   double max_exposure_s = 0.010;  // s, one period of lamps at 50 Hz: the shortest exposure without flicker
   int row_steps = 3;              // fixed-point steps from the object's row to its time and back
-  double row_margin = 0.5;        // image heights beyond the image to which a row's time is extrapolated
 };
 constexpr ExpectedViewTuning expected_view{};
 
@@ -22,8 +21,7 @@ std::optional<ExpectedView> expected_in(const TargetView& view, const MotionStat
     const auto at = project_ball(*view.camera, state.position_at(out.row.at), radius_m);
     if (!at) return std::nullopt;
     out.at = *at;
-    row = std::clamp(at->px.y(), -expected_view.row_margin * view.image->height,
-                     (1 + expected_view.row_margin) * view.image->height);
+    row = std::clamp(at->px.y(), -0.5 * view.image->height, 1.5 * view.image->height);
   }
   return out;
 }

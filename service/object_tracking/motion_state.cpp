@@ -17,8 +17,8 @@ namespace huetrack::object_tracking {
 namespace {
 
 struct MotionTuning {
-  // Prior of a camera that the rig has no timing of. Latency: drivers stamp 0 to 45 ms after mid-exposure, uniform 13 ms
-  // rms, 18 ms for a difference of two. Readout: 10 to 33 ms for rolling shutters, 0 for global ones, either sign.
+  // Prior of a camera that the rig has no timing of. Latency: drivers stamp 0 to 45 ms after mid-exposure, uniform 13
+  // ms rms, 18 ms for a difference of two. Readout: 10 to 33 ms for rolling shutters, 0 for global ones, either sign.
   double unknown_time_sigma_s = 0.020;         // s
   double synced_latency_sigma_s = 0.0002;      // s, cameras with one trigger: exposures are set alike
   double synced_readout_sigma_s = 0.0005;      // s, the same: mostly global shutters

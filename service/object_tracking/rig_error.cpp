@@ -7,10 +7,11 @@ namespace huetrack::object_tracking {
 namespace {
 
 struct RigErrorTuning {
-  double memory_s = 0.2;    // s, decay time of a view that lost the object: the filter's own memory
-  double min_share = 1e-3;  // of a view's weight, below which it is dropped
+  double memory_s = 0.2;  // s, decay time of a view that lost the object: the filter's own memory
 };
 constexpr RigErrorTuning rig_error{};
+
+constexpr double negligible = 1e-3;  // maths: of a view's weight, taken as zero
 
 }  // namespace
 
@@ -43,7 +44,7 @@ Eigen::Matrix3d RigError::left_open(const Eigen::Vector3d& position, capture::Ti
   for (std::size_t c = 0; c < last_views_.size(); ++c) {
     if (!last_views_[c].any) continue;
     const double share = std::exp(-std::abs(capture::seconds(at - last_views_[c].at)) / rig_error.memory_s);
-    if (share > rig_error.min_share) views.push_back({static_cast<int>(c), share * last_views_[c].information});
+    if (share > negligible) views.push_back({static_cast<int>(c), share * last_views_[c].information});
   }
   return calib::left_open_by_rig(rig_, position, views, elsewhere_);
 }

@@ -14,11 +14,6 @@
 
 namespace huetrack::object_tracking {
 
-struct SeenRegionsTuning {
-  std::size_t max_others = 4;  // per view, the largest ones: cost of those that read them
-};
-inline constexpr SeenRegionsTuning seen_regions{};
-
 // thread-compatible.
 class SeenRegions {
  public:
@@ -35,11 +30,12 @@ class SeenRegions {
           std::sqrt(sighting.covariance.trace() / 2 + sighting.bias_sigma_px * sighting.bias_sigma_px);
   }
   void add_others(const TargetView& view, std::span<const color::ColorRegion> regions) {
-    for (const color::ColorRegion& region : regions.first(std::min(seen_regions.max_others, regions.size())))
-      all_.push_back(seen(view, region.centre, std::sqrt(region.area / std::numbers::pi), false));
+    for (const color::ColorRegion& region : regions.first(std::min(max_others, regions.size())))
+      all_.push_back(seen(view, region.centre, disc_radius(region.area), false));
   }
 
  private:
+  static constexpr std::size_t max_others = 4;  // capacity: per view, the largest ones
   static SeenRegion seen(const TargetView& view, const Eigen::Vector2d& px, double radius_px, bool is_target) {
     return {.camera = view.index,
             .at = view.frame->row_time(px.y()),

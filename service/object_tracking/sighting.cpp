@@ -12,12 +12,9 @@ namespace huetrack::object_tracking {
 namespace {
 
 struct RegionErrorTuning {
-  double shading_variance =
-      0.0016;                  // of radius^2: (0.04 radius)^2, a ball's bright side matches further out (experiment)
   double bias_share = 0.2;     // of the variance: constant while the object rests (wave::OutlineCorrelation)
   double misfit_gain = 1.3;    // centre error per pixel of misfit in width (experiment)
   double occlusion_smear = 3;  // a smear explains only 1/3 of it of a region that is too narrow: it may be occluded
-  double max_shear = 0.5;      // px/px, rolling shutter: as far as the shape model holds
 };
 constexpr RegionErrorTuning region_error{};
 
@@ -28,7 +25,6 @@ struct RayCrossingTuning {
   std::size_t max_regions = 8;   // per view, the largest ones
   double missed_penalty = 0.25;  // of the score, per view that should see it and does not
   int refinements = 2;           // Gauss-Newton steps of a candidate's position
-  double same_radii = 0.5;       // radii, candidates closer than this are the same one
 };
 constexpr RayCrossingTuning ray_crossing{};
 
@@ -123,7 +119,7 @@ class RayCrosser {
   }
 
   bool fits(std::size_t view, const color::ColorRegion& region, const BallProjection& at, double least_support) const {
-    const double share = region.area / (std::numbers::pi * at.radius_px * at.radius_px);
+    const double share = region.area / disc_area(at.radius_px);
     if (share < least_support || share > ray_crossing.max_disc_share) return false;
     const Sighting s = set_apart(sighting_at(view, region, at), at);
     return mahalanobis2(s.px - at.px, s.covariance) <= ray_crossing.gate_nis;
@@ -216,8 +212,9 @@ double sample_px(const capture::Image& image) {
 BaseError base_error(double radius_px, double pixel_noise_px, double sample_px) {
   // Each chroma sample on the edge is in or out as a whole: independent errors, as many as samples.
   const double rounding = std::pow(sample_px, 3) / (12 * std::numbers::pi * std::max(1.0, radius_px));
-  const double error2 =
-      pixel_noise_px * pixel_noise_px + region_error.shading_variance * radius_px * radius_px + rounding;
+  const double error2 = pixel_noise_px * pixel_noise_px +
+                        sighting_tuning.shading_share * sighting_tuning.shading_share * radius_px * radius_px +
+                        rounding;
   return {.noise_px2 = (1 - region_error.bias_share) * error2, .bias_px2 = region_error.bias_share * error2};
 }
 
@@ -228,13 +225,12 @@ Sighting sighting_of(const TargetView& view, const color::ColorRegion& region, d
   s.camera = view.camera;
   s.projector = view.projector;
   s.px = region.centre;
-  s.radius_px = std::sqrt(region.area / std::numbers::pi);
+  s.radius_px = disc_radius(region.area);
   const BaseError usual = base_error(radius_px, pixel_noise_px, sample_px(*view.image));
   s.bias_sigma_px = std::sqrt(usual.bias_px2);
   // Rolling shutter: a row dv below the centre shows the ball dv row_s later, so the outline is the disc's image under
   // the inverse of d -> d - velocity row_s d.v.
-  const Eigen::Vector2d shear =
-      (motion.row_s * motion.velocity).cwiseMax(-region_error.max_shear).cwiseMin(region_error.max_shear);
+  const Eigen::Vector2d shear = (motion.row_s * motion.velocity).cwiseMax(-0.5).cwiseMin(0.5);
   Eigen::Matrix2d outline_from_disc = Eigen::Matrix2d::Identity();
   outline_from_disc.col(1) += shear / (1 - shear.y());
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> axes =
@@ -309,9 +305,8 @@ std::vector<PositionCandidate> cross_rays(const std::vector<TargetView>& views,
     if (!start) return;
     auto c = crosser.refined(*start);
     if (!c) return;
-    const bool again = std::ranges::any_of(out, [&](const PositionCandidate& o) {
-      return (o.position - c->position).norm() < ray_crossing.same_radii * target.radius_m;
-    });
+    const bool again = std::ranges::any_of(
+        out, [&](const PositionCandidate& o) { return (o.position - c->position).norm() < 0.5 * target.radius_m; });
     if (!again) out.push_back(std::move(*c));
   };
   for (std::size_t i = 0; i < views.size(); ++i) {

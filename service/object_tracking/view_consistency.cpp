@@ -17,10 +17,8 @@ struct ViewConsistencyTuning {
   unsigned settling_sets = 8;  // frame sets after a start in which all of start_speed_m_s excuses it
   double no_crossing_px = 50;  // px, residual of rays that do not meet in front of both cameras
   double min_age_s = 0.08;     // s, of the regions that motion is measured against
-  double max_age_s = 0.5;      // s, the same
   double still_px = 2;         // px, a region that moved less stands still
   double still_radii = 0.2;    // radii, the same of large regions
-  double extent_radii = 3;     // radii, largest extent of a region that a search joins
 };
 constexpr ViewConsistencyTuning view_consistency{};
 
@@ -81,7 +79,7 @@ const color::ColorRegion* ViewConsistency::only_moving(int camera, std::span<con
     unseen.newer_at = at;
   }
   const double age_s = capture::seconds(at - unseen.older_at);
-  if (age_s < view_consistency.min_age_s || age_s > view_consistency.max_age_s) return nullptr;
+  if (age_s < view_consistency.min_age_s || age_s > sighting_tuning.confirmation_s) return nullptr;
   const color::ColorRegion* moved = nullptr;
   for (const color::ColorRegion& region : regions) {
     if (region.area < sighting_tuning.start_disc_share * disc_px2) continue;
@@ -105,10 +103,10 @@ std::optional<PathResidual> ViewConsistency::residual_elsewhere(const TargetView
     return std::nullopt;
   if (unseen.sets++ % view_consistency.search_every != 0 && !unseen.is_suspicious) return std::nullopt;
   const BallProjection& at = expected->at;
-  const double disc = std::numbers::pi * at.radius_px * at.radius_px;
+  const double disc = disc_area(at.radius_px);
   const auto& regions = finders_[static_cast<std::size_t>(view.index)].search(
       *view.matches, std::max(1, static_cast<int>(at.radius_px)),
-      static_cast<int>(std::ceil(view_consistency.extent_radii * at.radius_px)) + 2,
+      static_cast<int>(std::ceil(sighting_tuning.extent_radii * at.radius_px)) + 2,
       std::max(2, static_cast<int>(sighting_tuning.start_disc_share * disc)), at.radius_px);
   seen.add_others(view, regions);
   const color::ColorRegion* moved = only_moving(view.index, regions, at.radius_px, set_at);
@@ -129,8 +127,7 @@ void ViewConsistency::compare_moving(const std::vector<TargetView>& views,
     const double radius_px = expected_px[i];
     const color::ColorRegion* moved = only_moving(views[i].index, regions[i], radius_px, set_at);
     if (moved == nullptr) continue;
-    moving.push_back(
-        sighting_of(views[i], *moved, std::sqrt(moved->area / std::numbers::pi), options_.pixel_noise_px, {}));
+    moving.push_back(sighting_of(views[i], *moved, disc_radius(moved->area), options_.pixel_noise_px, {}));
     moving.back().row = row_of(views[i], moving.back().px.y(), state);
   }
   for (std::size_t a = 0; a < moving.size(); ++a) {

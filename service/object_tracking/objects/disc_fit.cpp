@@ -6,27 +6,22 @@
 #include <cmath>
 #include <numbers>
 
+#include "object_tracking/sighting.h"
+
 namespace huetrack::objects {
 namespace {
 
 struct DiscFitTuning {
-  int directions = 28;               // normals on which the outline is sampled; more changes nothing (experiment)
-  int min_seen = 4;                  // outline points that a fit needs: three unknowns
-  int passes = 3;                    // Gauss-Newton steps over all discs
-  double step_px = 0.5;              // px, sampling along a normal
-  double edge_sigma_px = 0.5;        // px, 1 sigma of one outline point: pixel grid, noise, blur
-  double point_weight = 0.5;         // neighbouring points share pixels: two are worth one
-  double huber_sigmas = 2;           // residual from which a point's weight falls
-  double radius_sigma_px = 0.3;      // px, 1 sigma of the radius: thresholds
-  double radius_sigma_share = 0.04;  // of the radius, the same: shading
-  double inside_px = 1.5;            // px, an outline point this near to another disc is hidden by it
-  double window_px = 2;              // px, half width of the search along a normal
-  double window_share = 0.1;         // of the radius, the same
-  double next_slack_px = 1;          // px, the same of all passes but the first
-  double reach_sigmas = 2;           // of the predicted place, the same in the first pass
-  double max_window_share = 0.7;     // of the radius, upper bound of that half width
-  double max_shift_radii = 0.5;      // radii from the prediction at which a fit is rejected
-  double max_shift_sigmas = 3;       // of the predicted place, in addition
+  int directions = 28;            // normals on which the outline is sampled; more changes nothing (experiment)
+  int min_seen = 4;               // outline points that a fit needs: three unknowns
+  int passes = 3;                 // Gauss-Newton steps over all discs
+  double step_px = 0.5;           // px, sampling along a normal
+  double edge_sigma_px = 0.5;     // px, 1 sigma of one outline point: pixel grid, noise, blur
+  double radius_sigma_px = 0.3;   // px, 1 sigma of the radius: thresholds
+  double inside_px = 1.5;         // px, an outline point this near to another disc is hidden by it
+  double window_share = 0.1;      // of the radius, half width of the search along a normal beyond 2 px and the slack
+  double max_window_share = 0.7;  // of the radius, upper bound of that half width
+  double max_shift_sigmas = 3;    // of the predicted place, to which a fit may move beyond half a radius
 };
 constexpr DiscFitTuning disc_fit{};
 
@@ -95,7 +90,8 @@ struct Solution {
   Eigen::Matrix2d covariance;
 };
 Solution solve(std::span<const Normal> outline, const ExpectedDisc& disc) {
-  const double radius_sigma = disc_fit.radius_sigma_px + disc_fit.radius_sigma_share * disc.radius_px;
+  const double radius_sigma =
+      disc_fit.radius_sigma_px + object_tracking::sighting_tuning.shading_share * disc.radius_px;
   Eigen::Vector3d x = Eigen::Vector3d::Zero();
   Eigen::Matrix3d information;
   for (int pass = 0; pass < 2; ++pass) {  // the second one with Huber weights
@@ -107,9 +103,9 @@ Solution solve(std::span<const Normal> outline, const ExpectedDisc& disc) {
     for (const Normal& n : outline) {
       const Eigen::Vector3d row(n.direction.x(), n.direction.y(), 1);
       const double residual = std::abs(n.off_px - row.dot(x));
-      const double weight =
-          pass == 0 ? 1.0 : std::min(1.0, disc_fit.huber_sigmas * disc_fit.edge_sigma_px / std::max(residual, 1e-9));
-      const double w = disc_fit.point_weight * weight / (disc_fit.edge_sigma_px * disc_fit.edge_sigma_px);
+      const double weight = pass == 0 ? 1.0 : std::min(1.0, 2 * disc_fit.edge_sigma_px / std::max(residual, 1e-9));
+      // Neighbouring points share pixels: two are worth one.
+      const double w = 0.5 * weight / (disc_fit.edge_sigma_px * disc_fit.edge_sigma_px);
       information += w * row * row.transpose();
       vector += w * n.off_px * row;
     }
@@ -126,9 +122,9 @@ std::vector<std::optional<FittedDisc>> fit_discs(color::MatchBits& bits, std::sp
   Outline outline;
   for (int pass = 0; pass < disc_fit.passes; ++pass) {
     for (std::size_t i = 0; i < discs.size(); ++i) {
-      const double slack_px = pass == 0 ? disc_fit.reach_sigmas * discs[i].reach_px : disc_fit.next_slack_px;
+      const double slack_px = pass == 0 ? 2 * discs[i].reach_px : 1.0;
       const double window_px = std::min(disc_fit.max_window_share * discs[i].radius_px,
-                                        disc_fit.window_px + disc_fit.window_share * discs[i].radius_px + slack_px);
+                                        2 + disc_fit.window_share * discs[i].radius_px + slack_px);
       outline_of(bits, discs, i, window_px, outline);
       out[i].reset();
       if (static_cast<int>(outline.normals.size()) < disc_fit.min_seen) continue;
@@ -140,7 +136,7 @@ std::vector<std::optional<FittedDisc>> fit_discs(color::MatchBits& bits, std::sp
   }
   for (std::size_t i = 0; i < discs.size(); ++i) {  // a fit far from the prediction is of another edge
     if (out[i] && (discs[i].px - expected[i].px).norm() >
-                      disc_fit.max_shift_radii * discs[i].radius_px + disc_fit.max_shift_sigmas * discs[i].reach_px)
+                      0.5 * discs[i].radius_px + disc_fit.max_shift_sigmas * discs[i].reach_px)
       out[i].reset();
   }
   return out;

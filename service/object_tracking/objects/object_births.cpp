@@ -30,8 +30,6 @@ struct BirthTuning {
   int path_sets = 6;            // frame sets over which a motion is measured
   double ambiguity = 2;         // log-likelihood ratio up to which two candidates are equally good
   double same_radii = 1.5;      // radii, candidates closer than this are of one object
-  double covered_radii = 0.5;   // radii of overlap with a tracked disc from which an object may be hidden by it
-  double spread_sigmas = 3;     // of both positions, in addition to the way
 };
 constexpr BirthTuning birth_tuning{};
 
@@ -49,10 +47,6 @@ double llr_round() {
 }
 double llr_of_size() {
   return std::log(birth_tuning.clutter_log_sizes / (birth_tuning.size_sigma * std::sqrt(2 * std::numbers::pi)));
-}
-
-double disc_area(double radius_px) {
-  return std::numbers::pi * radius_px * radius_px;
 }
 
 bool share_a_region(const PositionCandidate& a, const PositionCandidate& b) {
@@ -120,8 +114,7 @@ ObjectBirths::Candidate ObjectBirths::weighed(PositionCandidate at, const std::v
       continue;
     }
     const bool is_covered = std::ranges::any_of(covered, [&](const CoveredDisc& disc) {
-      return disc.view == v &&
-             (disc.px - in_view->px).norm() < disc.radius_px + birth_tuning.covered_radii * in_view->radius_px;
+      return disc.view == v && (disc.px - in_view->px).norm() < disc.radius_px + 0.5 * in_view->radius_px;
     });
     // Part of a larger region: of several objects that are not separated yet.
     const bool is_in_region = std::ranges::any_of(regions[v], [&](const color::ColorRegion& r) {
@@ -183,7 +176,7 @@ std::vector<Birth> ObjectBirths::look(const std::vector<TargetView>& views,
     if (dt > 0 && dt < sighting_tuning.confirmation_s) {
       for (const Candidate& e : before_) {
         const double spread =
-            birth_tuning.spread_sigmas * (largest_sigma(c.at.covariance) + largest_sigma(e.at.covariance));
+            sighting_tuning.confirmation_sigmas * (largest_sigma(c.at.covariance) + largest_sigma(e.at.covariance));
         const double apart_m = (c.at.position - e.at.position).norm();
         if (apart_m > way_m + spread) continue;
         if (earlier == nullptr || apart_m < (c.at.position - earlier->at.position).norm()) earlier = &e;

@@ -12,10 +12,8 @@ using namespace object_tracking;
 namespace {
 
 struct ExistenceTuning {
-  double confirmed = 16;  // log-odds: one false track an hour, of 50 pairs of regions in each of 1e5 frame sets
-  double max_factor = 2;  // times `confirmed`, upper bound of the log-odds: the past outweighs some frame sets at most
+  double confirmed = 16;     // log-odds: one false track an hour, of 50 pairs of regions in each of 1e5 frame sets
   double max_rest_s = 0.25;  // s, an object found although clutter explains it as well must have moved by then
-  int whole_views = 2;       // views that must show an object uncut by static clutter
 };
 constexpr ExistenceTuning existence{};
 
@@ -28,7 +26,7 @@ struct ClutterMapTuning {
 constexpr ClutterMapTuning clutter_map{};
 
 double max_log_odds() {
-  return existence.max_factor * existence.confirmed;
+  return 2 * existence.confirmed;
 }
 
 double log_density(const Eigen::Vector2d& d, const Eigen::Matrix2d& covariance) {
@@ -128,8 +126,7 @@ void ObjectExistence::begin(capture::Timestamp set_at, const Birth& birth, const
   const ExpectedPlace near{birth.earlier.position,
                            birth.earlier.covariance + way_m * way_m * Eigen::Matrix3d::Identity()};
   has_been_sure_ = false;
-  whole_at_ = set_at,
-  on_cut_s_ = whole_of(birth.now.sightings, still) >= existence.whole_views ? 0 : 2 * longest_on_cut_s_;
+  whole_at_ = set_at, on_cut_s_ = whole_of(birth.now.sightings, still) >= 2 ? 0 : 2 * longest_on_cut_s_;
   of_set_ = evidence_of(near, birth.now.sightings, views, radius_m, clutter, still).all();
   is_chance_ = false;
   evidence_ = std::min(max_log_odds(),
@@ -147,7 +144,7 @@ void ObjectExistence::update(capture::Timestamp set_at, const MotionState& state
     at.position = state.position_at(sightings.front().row.at);
     at.covariance = state.seen_covariance(sightings.front().row, power_density);
   }
-  if (whole_of(sightings, still) >= existence.whole_views) whole_at_ = set_at, on_cut_s_ = 0;
+  if (whole_of(sightings, still) >= 2) whole_at_ = set_at, on_cut_s_ = 0;
   if (set_at > whole_at_) on_cut_s_ = std::max(on_cut_s_, capture::seconds(set_at - whole_at_));
   has_moved_ = has_moved_ || (at.position - found_at_).norm() > 2 * radius_m;
   is_overdue_ = !has_moved_ && capture::seconds(set_at - found_when_) > existence.max_rest_s;

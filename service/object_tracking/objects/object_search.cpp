@@ -17,10 +17,6 @@ struct SearchTuning {
   int background_discs = 2;     // discs in a row: a region is one object and what else of the colour touches it
   int max_discs = 4;            // discs in a row that one region may be of
   double min_area_share = 0.3;  // of the square of the smallest radius that a region must have where one is searched
-  double extent_radii = 3;      // largest radii, extent of a region where one object is searched
-  double gap_radii = 2;         // smallest radii, gap that a region may have there
-  double contest_radii = 2;     // radii around the candidate's projection in which a region is no other object
-  double spread_sigmas = 3;     // of both positions, in addition to the way between two candidates
 };
 constexpr SearchTuning search_tuning{};
 
@@ -83,11 +79,11 @@ void ObjectSearch::look(const std::vector<TargetView>& views) {
       continue;
     }
     const int step = std::max(1, static_cast<int>(size.smallest_px));
-    const int extent = static_cast<int>(std::ceil(search_tuning.extent_radii * size.largest_px)) + 2;
+    const int extent = static_cast<int>(std::ceil(sighting_tuning.extent_radii * size.largest_px)) + 2;
     const int min_area =
         std::max(2, static_cast<int>(search_tuning.min_area_share * size.smallest_px * size.smallest_px));
     regions_[i] = finders_[static_cast<std::size_t>(view.index)].search(*view.matches, step, extent, min_area,
-                                                                        search_tuning.gap_radii * size.smallest_px);
+                                                                        2 * size.smallest_px);
   }
 }
 
@@ -117,7 +113,8 @@ std::optional<ObjectSearch::Find> ObjectSearch::find(const std::vector<TargetVie
   if (dt > 0 && dt < sighting_tuning.confirmation_s) {
     for (PositionCandidate& c : now) {
       for (const PositionCandidate& e : candidates_) {
-        const double spread = search_tuning.spread_sigmas * (largest_sigma(c.covariance) + largest_sigma(e.covariance));
+        const double spread =
+            sighting_tuning.confirmation_sigmas * (largest_sigma(c.covariance) + largest_sigma(e.covariance));
         if ((c.position - e.position).norm() > options_.start_speed_m_s * dt + spread) continue;
         c.sets = std::max(c.sets, e.sets + 1);
         if (c.sets < sighting_tuning.contested_sets && is_contested(c, views, times)) continue;
@@ -163,12 +160,11 @@ bool ObjectSearch::is_contested(const PositionCandidate& candidate, const std::v
         std::ranges::any_of(candidate.sightings, [&](const Sighting& s) { return s.row.camera == views[i].index; });
     const auto at = project_ball(*views[i].camera, candidate.position, target_.radius_m);
     if (agrees || !at || !views[i].camera->contains({at->px})) continue;
-    const double disc = std::numbers::pi * at->radius_px * at->radius_px;
+    const double disc = disc_area(at->radius_px);
     const SeenRow row = row_of(views[i], at->px.y(), times);
     const double apart_s = std::hypot(capture::seconds(candidate.sightings.front().row.at - row.at),
                                       times.row_sigma_s(row.camera, row.below_middle));
-    const double slack_px =
-        at->radius_px * (search_tuning.contest_radii + options_.start_speed_m_s * apart_s / target_.radius_m);
+    const double slack_px = at->radius_px * (2 + options_.start_speed_m_s * apart_s / target_.radius_m);
     if (std::ranges::any_of(regions_[i], [&](const color::ColorRegion& region) {
           return region.area > sighting_tuning.start_disc_share * disc &&
                  region.area < sighting_tuning.max_disc_share * disc && (region.centre - at->px).norm() > slack_px;

@@ -16,22 +16,17 @@ using namespace object_tracking;
 namespace {
 
 struct RegionAssignmentTuning {
-  double max_disc_share = 1.4;     // of the disc's area, of a region that is one object alone
-  double part_radii = 1.3;         // radii from a region's centre in which another one is a part of the object
-  double miss_cost = 60;           // of an object without a region: above that of any region in the gate
-  double cost_offset = 20;         // keeps the log-likelihood costs positive
-  double max_cost_share = 0.9;     // of miss_cost, upper bound of a region's cost
-  double min_outline = 0.15;       // share of the outline that must be seen
-  double max_passed = 0.25;        // share across which the colour goes on: a ball of its size that touches passes 0.1
-  double support_per_seen = 1.5;   // support of an outline over its visible share
-  double near_sigmas = 6;          // of the predicted place, to a region's centre: coarse gate
-  double near_radii = 3;           // radii, in addition
-  double overlap_sigmas = 2;       // of both places, from which two discs overlap
-  double overlap_px = 2;           // px, in addition
-  double max_overlap_radii = 0.5;  // mean radii, upper bound of that slack
-  double whole_variance = 3;       // times the usual variance up to which a region has a disc's shape
-  double max_reach_radii = 0.5;    // radii, upper bound of the predicted place's sigma in a disc fit
-  double inside_radii = 0.5;       // radii around an object that a region must touch to be explained by it
+  double max_disc_share = 1.4;    // of the disc's area, of a region that is one object alone
+  double part_radii = 1.3;        // radii from a region's centre in which another one is a part of the object
+  double miss_cost = 60;          // of an object without a region: above that of any region in the gate
+  double cost_offset = 20;        // keeps the log-likelihood costs positive
+  double max_cost_share = 0.9;    // of miss_cost, upper bound of a region's cost
+  double min_outline = 0.15;      // share of the outline that must be seen
+  double max_passed = 0.25;       // share across which the colour goes on: a ball of its size that touches passes 0.1
+  double support_per_seen = 1.5;  // support of an outline over its visible share
+  double near_sigmas = 6;         // of the predicted place, to a region's centre: coarse gate
+  double near_radii = 3;          // radii, in addition
+  double whole_variance = 3;      // times the usual variance up to which a region has a disc's shape
 };
 constexpr RegionAssignmentTuning assignment_tuning{};
 
@@ -52,15 +47,9 @@ color::ColorRegion joined(const color::ColorRegion& a, const color::ColorRegion&
   return out;
 }
 
-double disc_area(const BallProjection& at) {
-  return std::numbers::pi * at.radius_px * at.radius_px;
-}
-
 bool overlap(const ExpectedObject& a, const ExpectedObject& b) {
   const double radii = a.at.radius_px + b.at.radius_px;
-  const double slack = std::min(assignment_tuning.overlap_sigmas * (sigma_px(a.covariance) + sigma_px(b.covariance)) +
-                                    assignment_tuning.overlap_px,
-                                assignment_tuning.max_overlap_radii * radii);
+  const double slack = std::min(2 * (sigma_px(a.covariance) + sigma_px(b.covariance)) + 2, 0.5 * radii);
   return (a.at.px - b.at.px).norm() < radii + slack;
 }
 
@@ -100,7 +89,7 @@ void RegionAssociation::assign(const TargetView& view, std::span<const color::Co
   for (std::size_t i = 0; i < expected.size(); ++i) {
     const ExpectedObject& e = expected[i];
     for (std::size_t r = 0; r < regions.size(); ++r) {
-      const double share = regions[r].area / disc_area(e.at);
+      const double share = regions[r].area / disc_area(e.at.radius_px);
       if (share < sighting_tuning.min_disc_share ||
           (regions[r].centre - e.at.px).norm() >
               assignment_tuning.near_sigmas * sigma_px(e.covariance) + assignment_tuning.near_radii * e.at.radius_px)
@@ -156,7 +145,7 @@ Sighting RegionAssociation::by_region(const TargetView& view, std::span<const co
   for (std::size_t r = 0; r < regions.size(); ++r) {
     if (out.is_explained[r] != 0 ||
         (regions[r].centre - region.centre).norm() > assignment_tuning.part_radii * expected.at.radius_px ||
-        region.area + regions[r].area > assignment_tuning.max_disc_share * disc_area(expected.at))
+        region.area + regions[r].area > assignment_tuning.max_disc_share * disc_area(expected.at.radius_px))
       continue;
     region = joined(region, regions[r]);
     out.is_explained[r] = 1;
@@ -202,9 +191,8 @@ AssociatedSightings RegionAssociation::associate(const TargetView& view, std::sp
     // Touching or occluded discs: all outlines of the group together.
     discs.clear();
     for (const std::size_t i : group)
-      discs.push_back(
-          {expected[i].at.px, expected[i].at.radius_px,
-           std::min(sigma_px(expected[i].covariance), assignment_tuning.max_reach_radii * expected[i].at.radius_px)});
+      discs.push_back({expected[i].at.px, expected[i].at.radius_px,
+                       std::min(sigma_px(expected[i].covariance), 0.5 * expected[i].at.radius_px)});
     const auto fitted = fit_discs(*view.matches, discs);
     for (const std::size_t i : in_part) {
       const auto place = static_cast<std::size_t>(std::ranges::find(group, i) - group.begin());
@@ -224,7 +212,7 @@ AssociatedSightings RegionAssociation::associate(const TargetView& view, std::sp
       const Eigen::Vector2d nearest(std::clamp(px.x(), regions[r].box.u_min - 0.5, regions[r].box.u_max + 0.5),
                                     std::clamp(px.y(), regions[r].box.v_min - 0.5, regions[r].box.v_max + 0.5));
       const bool is_near = (regions[r].centre - px).norm() < assignment_tuning.part_radii * expected[i].at.radius_px;
-      const bool is_around = (nearest - px).norm() < assignment_tuning.inside_radii * expected[i].at.radius_px;
+      const bool is_around = (nearest - px).norm() < 0.5 * expected[i].at.radius_px;
       if (is_near || is_around) out.is_explained[r] = 1;
     }
   }

@@ -27,7 +27,7 @@ constexpr SearchEvidenceTuning search_evidence{};
 double radius_of(const calib::Camera& camera, const color::ColorRegion& region, const Eigen::Vector3d& p) {
   const auto at = project_ball(camera, p, 1.0);
   if (!at || at->radius_px <= 0) return 0;
-  const double radius_px = std::sqrt(region.area / std::numbers::pi);
+  const double radius_px = disc_radius(region.area);
   if ((at->px - region.centre).norm() > search_evidence.meeting_px + search_evidence.meeting_radii * radius_px)
     return 0;  // the rays pass each other
   return radius_px / at->radius_px;
@@ -49,10 +49,10 @@ void SearchLog::add(const std::vector<TargetView>& views, std::span<const std::v
           if (!p || !inside(volume, *p, 0)) continue;
           const double r = radius_of(first, a, *p), s = radius_of(second, b, *p);
           if (r <= 0 || s <= 0 || std::max(r, s) > search_evidence.alike * std::min(r, s)) continue;
-          if (radii_m_.size() < search_log.kept_radii)
+          if (radii_m_.size() < kept_radii)
             radii_m_.push_back(std::sqrt(r * s));
           else
-            radii_m_[next_++ % search_log.kept_radii] = std::sqrt(r * s);
+            radii_m_[next_++ % kept_radii] = std::sqrt(r * s);
         }
       }
     }

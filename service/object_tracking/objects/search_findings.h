@@ -28,11 +28,6 @@ struct SearchFindings {
 // Two radii that one ball may have, as measured or configured: regions' areas are wrong by up to a half.
 bool are_radii_alike(double a_m, double b_m);
 
-struct SearchLogTuning {
-  std::size_t kept_radii = 300;  // pairs of regions in the median of the radius
-};
-inline constexpr SearchLogTuning search_log{};
-
 // thread-compatible.
 class SearchLog {
  public:
@@ -45,6 +40,7 @@ class SearchLog {
   SearchFindings findings() const;
 
  private:
+  static constexpr std::size_t kept_radii = 300;  // capacity: pairs of regions in the median
   bool was_found_ = false;
   SearchFindings findings_;
   std::vector<double> radii_m_;  // of pairs of regions that one ball explains; a ring once it is full

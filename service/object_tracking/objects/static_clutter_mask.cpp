@@ -156,8 +156,8 @@ bool StaticClutterMask::is_starting(capture::Timestamp set_at) const {
 // Whole discs of an object's size at the first set.
 void StaticClutterMask::find_what_may_be_objects(const TargetView& view, PerCamera& camera) {
   if (camera.largest_px == 0) return;
-  const double smallest_disc = std::numbers::pi * camera.smallest_px * camera.smallest_px;
-  const double largest_disc = std::numbers::pi * camera.largest_px * camera.largest_px;
+  const double smallest_disc = disc_area(camera.smallest_px);
+  const double largest_disc = disc_area(camera.largest_px);
   const int step = std::max(1, static_cast<int>(std::numbers::sqrt2 * camera.smallest_px));
   const int usual = static_cast<int>(2 * std::sqrt(camera.smallest_px * camera.largest_px)) + 2;
   const int largest = static_cast<int>(4 * camera.largest_px) + 2;
@@ -175,7 +175,7 @@ void StaticClutterMask::find_what_may_be_objects(const TargetView& view, PerCame
     Sighting& s = camera.may_be_objects.emplace_back();
     s.row.camera = view.index;
     s.px = region.centre;
-    s.radius_px = std::sqrt(region.area / std::numbers::pi);
+    s.radius_px = disc_radius(region.area);
   }
   view.matches->look_anew();  // classified again, with the mask
 }
