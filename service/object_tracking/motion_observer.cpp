@@ -34,7 +34,7 @@ MotionState MotionObserver::observed(const MotionState& from, const MotionState*
                        .jacobian = at->jacobian}});
     nis += out.observe(views_.back().linear, near.velocity(), power_density);
   }
-  mean_nis_ = views_.empty() ? 1 : nis / (2 * static_cast<double>(views_.size()));
+  mean_nis_ = views_.empty() ? 1 : nis / (2 * double(views_.size()));
   return out;
 }
 

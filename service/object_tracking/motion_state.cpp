@@ -66,8 +66,8 @@ MotionState::MotionState(const calib::CameraRig& rig, bool times_are_learnt) : t
     const calib::CameraTiming& timing = rig.cameras[c].timing;
     Given given{.latency_s = timing.latency_s.value_or(0), .readout_s = timing.readout_s.value_or(0)};
     if (times_are_learnt) {
-      const Eigen::Index latency = latency_of(static_cast<int>(c));
-      if (static_cast<int>(c) != reference_camera)
+      const Eigen::Index latency = latency_of(int(c));
+      if (int(c) != reference_camera)
         covariance_(latency, latency) = variance_of(timing.latency_s, timing.latency_sigma_s);
       given.readout_prior_s2 = variance_of(timing.readout_s, timing.readout_sigma_s);
       covariance_(latency + 1, latency + 1) = given.readout_prior_s2;
@@ -82,7 +82,7 @@ MotionState::MotionState(const calib::CameraRig& rig, bool times_are_learnt) : t
 }
 
 double MotionState::relative_clock_variance_s2(int camera) const {
-  const Clock &clock = clocks_[static_cast<std::size_t>(camera)], &reference = clocks_[reference_camera];
+  const Clock &clock = clocks_[std::size_t(camera)], &reference = clocks_[reference_camera];
   return clock.of == reference.of ? 0 : clock.variance_s2 + reference.variance_s2;
 }
 
@@ -97,11 +97,9 @@ void MotionState::open_clocks(const capture::FrameSet& set) {
   }
   if (is_ours || !times_are_learnt_) return;
   by_nuisances_.reset();
-  const int cameras = static_cast<int>(clocks_.size());
+  const int cameras = int(clocks_.size());
   for (int first = 0; first < cameras; ++first) {
-    const auto is_of = [&](int c) {
-      return clocks_[static_cast<std::size_t>(c)].of == clocks_[static_cast<std::size_t>(first)].of;
-    };
+    const auto is_of = [&](int c) { return clocks_[std::size_t(c)].of == clocks_[std::size_t(first)].of; };
     bool is_counted = is_of(reference_camera);
     for (int c = 0; c < first; ++c) is_counted = is_counted || is_of(c);
     if (is_counted) continue;
@@ -122,7 +120,7 @@ void MotionState::expect_synchronised() {
   by_nuisances_.reset();
   if (!times_are_learnt_ || are_times_corrected_) return;
   is_synchronised_ = true;
-  for (int c = 0; c < static_cast<int>(given_.size()); ++c) {
+  for (int c = 0; c < int(given_.size()); ++c) {
     const Eigen::Index l = latency_of(c), r = l + 1;
     const auto at_most = [&](Eigen::Index i, double sigma) {
       covariance_(i, i) = std::min(covariance_(i, i), sigma * sigma);
@@ -142,8 +140,8 @@ void MotionState::correct_times(std::span<const double> late_s) {
     covariance_(i, i) = variance_s2;
   };
   double furthest_s = 0;
-  for (int c = 0; c < static_cast<int>(given_.size()); ++c) {
-    const auto camera = static_cast<std::size_t>(c);
+  for (int c = 0; c < int(given_.size()); ++c) {
+    const auto camera = std::size_t(c);
     furthest_s = std::max(furthest_s, std::abs(late_s[camera]));
     const Eigen::Index latency = latency_of(c);
     mean_(latency) += late_s[camera];
@@ -174,7 +172,7 @@ double MotionState::row_offset_s(int camera, double below_middle) const {
 }
 
 double MotionState::row_sigma_s(int camera, double below_middle) const {
-  const Given& given = given_[static_cast<std::size_t>(camera)];
+  const Given& given = given_[std::size_t(camera)];
   double variance = given.latency_variance_s2 + below_middle * below_middle * given.readout_variance_s2;
   if (!times_are_learnt_) variance += relative_clock_variance_s2(camera);
   if (times_are_learnt_) {
@@ -186,7 +184,7 @@ double MotionState::row_sigma_s(int camera, double below_middle) const {
 }
 
 CameraTimingEstimate MotionState::timing(int camera) const {
-  const Given& given = given_[static_cast<std::size_t>(camera)];
+  const Given& given = given_[std::size_t(camera)];
   if (!times_are_learnt_)
     return {given.latency_s, std::sqrt(given.latency_variance_s2), given.readout_s,
             std::sqrt(given.readout_variance_s2)};
@@ -218,7 +216,7 @@ void MotionState::reset_bias(int camera) {
   mean_.segment<2>(bias).setZero();
   covariance_.middleRows<2>(bias).setZero();
   covariance_.middleCols<2>(bias).setZero();
-  biases_[static_cast<std::size_t>(camera)] = {};
+  biases_[std::size_t(camera)] = {};
 }
 
 void MotionState::predict_to(capture::Timestamp when, double power_density) {
@@ -237,7 +235,7 @@ void MotionState::predict_to(capture::Timestamp when, double power_density) {
   covariance_.block<3, 3>(0, 3).diagonal().array() += q * dt * dt / 2;
   covariance_.block<3, 3>(3, 0).diagonal().array() += q * dt * dt / 2;
   if (!times_are_learnt_) return;
-  for (int c = 0; c < static_cast<int>(given_.size()); ++c) {
+  for (int c = 0; c < int(given_.size()); ++c) {
     if (c != reference_camera) covariance_(latency_of(c), latency_of(c)) += motion_tuning.latency_walk_s2_per_s * dt;
   }
 }
@@ -272,8 +270,8 @@ HUETRACK_CLONES void take_off_all(double* __restrict matrix, std::ptrdiff_t stri
     double* const next_column = column + stride;
     std::array<double, most_open> b_there{}, next_b{};
     for (std::ptrdiff_t k = 0; k < most_open; ++k) {
-      b_there[static_cast<std::size_t>(k)] = b[i + k * of_a];
-      next_b[static_cast<std::size_t>(k)] = b[i + 1 + k * of_a];
+      b_there[std::size_t(k)] = b[i + k * of_a];
+      next_b[std::size_t(k)] = b[i + 1 + k * of_a];
     }
     column[i + 1] -= sum(i + 1, b_there);
     for (std::ptrdiff_t j = i + 2; j < n; ++j) {
@@ -346,7 +344,7 @@ Eigen::Matrix<double, rows, 3> MotionState::onto(const SeenBy& by, const WithSta
 }
 
 Eigen::Matrix3d MotionState::unmodelled(const SeenBy& by, double power_density) const {
-  const Given& given = given_[static_cast<std::size_t>(by.row.camera)];
+  const Given& given = given_[std::size_t(by.row.camera)];
   const double given_variance_s2 = given.latency_variance_s2 +
                                    by.row.below_middle * by.row.below_middle * given.readout_variance_s2 +
                                    (times_are_learnt_ ? 0.0 : relative_clock_variance_s2(by.row.camera));
@@ -366,7 +364,7 @@ Eigen::Matrix3d MotionState::seen_covariance(const SeenRow& row, double power_de
 // deviation of now (a near object is larger, and so is its bias).
 void MotionState::propagate_bias(int camera, double bias_sigma_px, const Eigen::Matrix2d& inflation) {
   const Eigen::Index bias = bias_of(camera);
-  Bias& last = biases_[static_cast<std::size_t>(camera)];
+  Bias& last = biases_[std::size_t(camera)];
   const double before_px = last.sigma_px;
   const double faded = std::exp(-last.path_m / motion_tuning.bias_length_m);
   double kept = 0;
@@ -434,7 +432,7 @@ double MotionState::observe(const LinearSighting& sighting, const Eigen::Vector3
     const auto keep = [&](Eigen::Index i, double least_sigma) {
       covariance_(i, i) = std::max(covariance_(i, i), std::min(variance_before(i), least_sigma * least_sigma));
     };
-    for (int c = 0; c < static_cast<int>(given_.size()); ++c) {
+    for (int c = 0; c < int(given_.size()); ++c) {
       keep(latency_of(c), motion_tuning.min_latency_sigma_s);
       keep(latency_of(c) + 1, motion_tuning.min_readout_sigma_s);
     }

@@ -84,7 +84,7 @@ OutlineSighter::OutlineSighter(const calib::CameraRig& rig, const TargetOptions&
 
 bool OutlineSighter::sharpen(const TargetView& view, const MotionState& state, const ExpectedView& expected,
                              const Eigen::Matrix2d& spread, Sighting& sighting) {
-  PerView& of = views_[static_cast<std::size_t>(view.index)];
+  PerView& of = views_[std::size_t(view.index)];
   const bool was_sharp = std::exchange(of.is_sharp, false);
   if (!is_enabled() || !of.behind) return false;
   const Eigen::Vector3d there = state.position_at(expected.row.at);
@@ -123,7 +123,7 @@ bool OutlineSighter::sharpen(const TargetView& view, const MotionState& state, c
     of.look.left.reset();  // the next fit starts from scratch
     of.begins_at_region = !of.begins_at_region;
     if (shape_ == TargetShape::automatic && not_fitted_ + fitted_ >= outline_sighter.min_tries &&
-        static_cast<double>(fitted_) < outline_sighter.min_fitted * static_cast<double>(fitted_ + not_fitted_))
+        double(fitted_) < outline_sighter.min_fitted * double(fitted_ + not_fitted_))
       is_blob_ = true;
     return false;
   }
@@ -183,7 +183,7 @@ void OutlineSighter::learn(const std::vector<TargetView>& views, const MotionSta
     const capture::Image* const rare = rare_picture(view);
     const auto around = rare == nullptr ? picture_around(view, at.px) : std::nullopt;
     if (rare == nullptr && !around) continue;
-    PerView& of = views_[static_cast<std::size_t>(view.index)];
+    PerView& of = views_[std::size_t(view.index)];
     if (!of.behind) of.behind.emplace(view.image->width, view.image->height);
     const ImageMotion motion = image_motion(view, at, state);
     const double sigma_px = std::sqrt((at.jacobian * state.position_covariance() * at.jacobian.transpose()).trace());

@@ -26,7 +26,7 @@ void RigError::add(std::span<const Sighting> sightings) {
   for (const Sighting& s : sightings) {
     Eigen::Matrix2d covariance = s.covariance + s.inflation();
     covariance.diagonal().array() += s.bias_sigma_px * s.bias_sigma_px;
-    last_views_[static_cast<std::size_t>(s.row.camera)] = {true, s.row.at, covariance.inverse()};
+    last_views_[std::size_t(s.row.camera)] = {true, s.row.at, covariance.inverse()};
   }
 }
 
@@ -34,7 +34,7 @@ void RigError::exclude_poses(std::span<const CameraTrust> cameras) {
   rig_.uncertainty = as_found_;
   for (std::size_t c = 0; rig_.uncertainty && c < cameras.size(); ++c) {
     if (cameras[c].cam_from_world)
-      rig_.uncertainty = calib::with_pose_covariance(rig_, static_cast<int>(c), calib::Covariance6d::Zero());
+      rig_.uncertainty = calib::with_pose_covariance(rig_, int(c), calib::Covariance6d::Zero());
   }
 }
 
@@ -44,7 +44,7 @@ Eigen::Matrix3d RigError::left_open(const Eigen::Vector3d& position, capture::Ti
   for (std::size_t c = 0; c < last_views_.size(); ++c) {
     if (!last_views_[c].any) continue;
     const double share = std::exp(-std::abs(capture::seconds(at - last_views_[c].at)) / rig_error.memory_s);
-    if (share > negligible) views.push_back({static_cast<int>(c), share * last_views_[c].information});
+    if (share > negligible) views.push_back({int(c), share * last_views_[c].information});
   }
   return calib::left_open_by_rig(rig_, position, views, elsewhere_);
 }

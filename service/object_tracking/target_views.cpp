@@ -90,7 +90,7 @@ const std::vector<TargetView>& TargetViews::look_at(const capture::FrameSet& set
     const color::ColorTable* table = nullptr;
     if (!look_at(c, frame, table)) continue;
     (c.is_used ? views_ : unused_)
-        .push_back({static_cast<int>(i), &c.camera, &c.projector, &c.matches, &frame.pixels, table, &frame,
+        .push_back({int(i), &c.camera, &c.projector, &c.matches, &frame.pixels, table, &frame,
                     capture::seconds(set.at - frame.captured_at)});
   }
   return views_;

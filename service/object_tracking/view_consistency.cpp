@@ -71,7 +71,7 @@ std::optional<PathResidual> ViewConsistency::residual_of(const Sighting& sightin
 const color::ColorRegion* ViewConsistency::only_moving(int camera, std::span<const color::ColorRegion> regions,
                                                        double radius_px, capture::Timestamp at) {
   const double disc_px2 = std::numbers::pi * radius_px * radius_px;
-  Unseen& unseen = unseen_[static_cast<std::size_t>(camera)];
+  Unseen& unseen = unseen_[std::size_t(camera)];
   if (capture::seconds(at - unseen.newer_at) >= view_consistency.min_age_s) {
     std::swap(unseen.older, unseen.newer);
     unseen.older_at = unseen.newer_at;
@@ -97,17 +97,16 @@ const color::ColorRegion* ViewConsistency::only_moving(int camera, std::span<con
 // Of a moving region elsewhere in the image: with a wrong calibration the object may be anywhere in it.
 std::optional<PathResidual> ViewConsistency::residual_elsewhere(const TargetView& view, capture::Timestamp set_at,
                                                                 const MotionState& state, SeenRegions& seen) {
-  Unseen& unseen = unseen_[static_cast<std::size_t>(view.index)];
+  Unseen& unseen = unseen_[std::size_t(view.index)];
   const auto expected = expected_in(view, state, radius_m_);
-  if (is_shared_[static_cast<std::size_t>(view.index)] || !expected || !view.camera->contains({expected->at.px}))
+  if (is_shared_[std::size_t(view.index)] || !expected || !view.camera->contains({expected->at.px}))
     return std::nullopt;
   if (unseen.sets++ % view_consistency.search_every != 0 && !unseen.is_suspicious) return std::nullopt;
   const BallProjection& at = expected->at;
   const double disc = disc_area(at.radius_px);
-  const auto& regions = finders_[static_cast<std::size_t>(view.index)].search(
-      *view.matches, std::max(1, static_cast<int>(at.radius_px)),
-      static_cast<int>(std::ceil(sighting_tuning.extent_radii * at.radius_px)) + 2,
-      std::max(2, static_cast<int>(sighting_tuning.start_disc_share * disc)), at.radius_px);
+  const auto& regions = finders_[std::size_t(view.index)].search(
+      *view.matches, std::max(1, int(at.radius_px)), int(std::ceil(sighting_tuning.extent_radii * at.radius_px)) + 2,
+      std::max(2, int(sighting_tuning.start_disc_share * disc)), at.radius_px);
   seen.add_others(view, regions);
   const color::ColorRegion* moved = only_moving(view.index, regions, at.radius_px, set_at);
   unseen.is_suspicious = moved != nullptr;
@@ -123,7 +122,7 @@ void ViewConsistency::compare_moving(const std::vector<TargetView>& views,
                                      const MotionState& state) {
   std::vector<Sighting> moving;
   for (std::size_t i = 0; i < views.size(); ++i) {
-    if (is_shared_[static_cast<std::size_t>(views[i].index)]) continue;
+    if (is_shared_[std::size_t(views[i].index)]) continue;
     const double radius_px = expected_px[i];
     const color::ColorRegion* moved = only_moving(views[i].index, regions[i], radius_px, set_at);
     if (moved == nullptr) continue;
@@ -136,9 +135,7 @@ void ViewConsistency::compare_moving(const std::vector<TargetView>& views,
       // With unknown timing a moving region is consistent with anything: then only inconsistency is evidence.
       const bool is_evidence = seen && (is_discriminating(*seen, moving[a].radius_px, moving[b].radius_px) ||
                                         seen->off_px * seen->off_px > seen->expected_px2);
-      if (is_evidence)
-        epipolar_.add(static_cast<std::size_t>(moving[a].row.camera), static_cast<std::size_t>(moving[b].row.camera),
-                      *seen);
+      if (is_evidence) epipolar_.add(std::size_t(moving[a].row.camera), std::size_t(moving[b].row.camera), *seen);
     }
   }
 }
@@ -175,8 +172,8 @@ void ViewConsistency::compare(const std::vector<TargetView>& views, capture::Tim
   residuals_.clear();
   inflate(state, sightings);
   for (const Sighting& s : sightings) {
-    unseen_[static_cast<std::size_t>(s.row.camera)].sets = 0;
-    unseen_[static_cast<std::size_t>(s.row.camera)].is_suspicious = false;
+    unseen_[std::size_t(s.row.camera)].sets = 0;
+    unseen_[std::size_t(s.row.camera)].is_suspicious = false;
     if (s.is_cut) continue;
     if (const auto residual = residual_of(s, state)) residuals_.push_back(*residual);
   }
@@ -218,7 +215,7 @@ void ViewConsistency::compare_residuals(const MotionState& state) {
 
 void ViewConsistency::inflate(const MotionState& state, std::vector<Sighting>& sightings) const {
   for (Sighting& s : sightings) {
-    const auto c = static_cast<std::size_t>(s.row.camera);
+    const auto c = std::size_t(s.row.camera);
     s.inflation_px2 = epipolar_.variance_px2(c);
     if (!has_pose_covariance_) continue;
     const Eigen::Vector3d then = state.position_at(s.row.at);
@@ -293,7 +290,7 @@ void add_leave_one_out(const MotionState& state, double radius_m, double acceler
     leave_one_out.position_covariance = others.information.inverse();
     leave_one_out.position = path(seen[i]) + leave_one_out.position_covariance * others.vector;
     leave_one_out.velocity = velocity;
-    estimate.per_view[static_cast<std::size_t>(seen[i].row.camera)].leave_one_out = leave_one_out;
+    estimate.per_view[std::size_t(seen[i].row.camera)].leave_one_out = leave_one_out;
   }
 }
 

@@ -34,7 +34,7 @@ struct Normal {
 std::optional<bool> is_matching(color::MatchBits& bits, const Eigen::Vector2d& px) {
   const double u = std::floor(px.x() + 0.5), v = std::floor(px.y() + 0.5);
   if (!(u >= 0 && v >= 0 && u < bits.width() && v < bits.height())) return std::nullopt;
-  return bits.at(static_cast<int>(u), static_cast<int>(v));
+  return bits.at(int(u), int(v));
 }
 
 struct Outline {
@@ -46,7 +46,7 @@ struct Outline {
 // the colour continues. Two misses in a row are an end, one is noise.
 std::optional<double> colour_ends(color::MatchBits& bits, const ExpectedDisc& disc, const Eigen::Vector2d& normal,
                                   double window_px, int& passed) {
-  const int steps = static_cast<int>(std::ceil(2 * window_px / disc_fit.step_px));
+  const int steps = int(std::ceil(2 * window_px / disc_fit.step_px));
   int hits = 0, misses = 0;
   for (int i = 0; i < steps; ++i) {
     const double off = -window_px + (i + 0.5) * disc_fit.step_px;
@@ -127,11 +127,11 @@ std::vector<std::optional<FittedDisc>> fit_discs(color::MatchBits& bits, std::sp
                                         2 + disc_fit.window_share * discs[i].radius_px + slack_px);
       outline_of(bits, discs, i, window_px, outline);
       out[i].reset();
-      if (static_cast<int>(outline.normals.size()) < disc_fit.min_seen) continue;
+      if (int(outline.normals.size()) < disc_fit.min_seen) continue;
       const Solution found = solve(outline.normals, discs[i]);
       discs[i].px += found.shift;
-      out[i] = {discs[i].px, found.covariance, static_cast<double>(outline.normals.size()) / disc_fit.directions,
-                static_cast<double>(outline.passed) / disc_fit.directions};
+      out[i] = {discs[i].px, found.covariance, double(outline.normals.size()) / disc_fit.directions,
+                double(outline.passed) / disc_fit.directions};
     }
   }
   for (std::size_t i = 0; i < discs.size(); ++i) {  // a fit far from the prediction is of another edge

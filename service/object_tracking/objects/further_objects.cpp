@@ -40,7 +40,7 @@ FurtherObjectWatch::FurtherObjectWatch(const TargetOptions& target, const Object
 
 void FurtherObjectWatch::find_others(const std::vector<TargetView>& views, const MotionState& state) {
   for (std::size_t i = 0; i < views.size(); ++i) {
-    const auto camera = static_cast<std::size_t>(views[i].index);
+    const auto camera = std::size_t(views[i].index);
     regions_[i].clear();
     if (size_in_view_[camera].largest_px == 0) continue;  // no part of the volume is in view
     const auto own = project_ball(*views[i].camera, state.position(), target_.radius_m);

@@ -121,8 +121,7 @@ ObjectBirths::Candidate ObjectBirths::weighed(PositionCandidate at, const std::v
       return r.area > disc_area(in_view->radius_px) && in_view->px.x() > r.box.u_min && in_view->px.x() < r.box.u_max &&
              in_view->px.y() > r.box.v_min && in_view->px.y() < r.box.v_max;
     });
-    if (is_covered || is_in_region ||
-        still.may_clip(static_cast<std::size_t>(views[v].index), in_view->px, in_view->radius_px))
+    if (is_covered || is_in_region || still.may_clip(std::size_t(views[v].index), in_view->px, in_view->radius_px))
       continue;
     out.evidence += llr_missed();
     ++out.missing;

@@ -52,8 +52,7 @@ Evidence evidence_of(ExpectedPlace at, std::span<const Sighting> sightings, cons
     const Eigen::Matrix2d expected = by * at.covariance * by.transpose() + of_sighting;
     const Eigen::Vector2d d = s.px - in_view->px;
     evidence.of_seen +=
-        std::log(detection.probability / clutter.density(static_cast<std::size_t>(s.row.camera), s.px)) +
-        log_density(d, expected);
+        std::log(detection.probability / clutter.density(std::size_t(s.row.camera), s.px)) + log_density(d, expected);
     const Eigen::Matrix<double, 3, 2> gain = at.covariance * by.transpose() * expected.inverse();
     at.position += gain * d;
     at.covariance = ((Eigen::Matrix3d::Identity() - gain * by) * at.covariance).eval();
@@ -63,7 +62,7 @@ Evidence evidence_of(ExpectedPlace at, std::span<const Sighting> sightings, cons
     if (is_seen) continue;
     const auto in_view = project_ball(*view.camera, at.position, radius_m);
     if (!in_view || !view.camera->contains({in_view->px})) continue;
-    if (still.may_clip(static_cast<std::size_t>(view.index), in_view->px, in_view->radius_px)) continue;
+    if (still.may_clip(std::size_t(view.index), in_view->px, in_view->radius_px)) continue;
     evidence.of_missing += std::log(1 - detection.probability);
   }
   return evidence;
@@ -73,8 +72,7 @@ Evidence evidence_of(ExpectedPlace at, std::span<const Sighting> sightings, cons
 std::ptrdiff_t whole_of(std::span<const Sighting> sightings, const StaticClutterMask& still) {
   return std::ranges::count_if(sightings, [&](const Sighting& s) {
     const double radius_px = s.support > 0 ? s.radius_px / std::sqrt(s.support) : s.radius_px;
-    return s.is_outline || is_unoccluded_disc(s) ||
-           !still.may_clip(static_cast<std::size_t>(s.row.camera), s.px, radius_px);
+    return s.is_outline || is_unoccluded_disc(s) || !still.may_clip(std::size_t(s.row.camera), s.px, radius_px);
   });
 }
 
@@ -84,35 +82,35 @@ ClutterMap::ClutterMap(const calib::CameraRig& rig) {
   for (const calib::Camera& camera : rig.cameras) {
     PerCamera& of = cameras_.emplace_back();
     of.columns = camera.image_size.width / cell_px + 1, of.rows = camera.image_size.height / cell_px + 1;
-    of.pixels = static_cast<double>(camera.image_size.width) * camera.image_size.height;
-    of.around.resize(static_cast<std::size_t>(of.columns * of.rows));
+    of.pixels = double(camera.image_size.width) * camera.image_size.height;
+    of.around.resize(std::size_t(of.columns * of.rows));
     of.sets = clutter_map.prior_sets, of.regions = clutter_map.prior_regions;
   }
 }
 
 void ClutterMap::add(const std::vector<TargetView>& views, std::span<const std::vector<color::ColorRegion>> regions) {
   for (std::size_t i = 0; i < views.size(); ++i) {
-    PerCamera& of = cameras_[static_cast<std::size_t>(views[i].index)];
+    PerCamera& of = cameras_[std::size_t(views[i].index)];
     of.sets = std::min(of.sets + 1, clutter_map.memory_sets);
-    of.regions += (static_cast<double>(regions[i].size()) - of.regions) / of.sets;
-    const auto fresh = static_cast<float>(1 / of.sets);
+    of.regions += (double(regions[i].size()) - of.regions) / of.sets;
+    const auto fresh = float(1 / of.sets);
     for (float& cell : of.around) cell -= fresh * cell;
     for (const color::ColorRegion& region : regions[i]) {
-      const int u = std::clamp(static_cast<int>(region.centre.x()) / cell_px, 0, of.columns - 1);
-      const int v = std::clamp(static_cast<int>(region.centre.y()) / cell_px, 0, of.rows - 1);
-      of.around[static_cast<std::size_t>(v * of.columns + u)] += fresh;
+      const int u = std::clamp(int(region.centre.x()) / cell_px, 0, of.columns - 1);
+      const int v = std::clamp(int(region.centre.y()) / cell_px, 0, of.rows - 1);
+      of.around[std::size_t(v * of.columns + u)] += fresh;
     }
   }
 }
 
 double ClutterMap::density(std::size_t camera, const Eigen::Vector2d& px) const {
   const PerCamera& of = cameras_[camera];
-  const int u = std::clamp(static_cast<int>(px.x()) / cell_px, 0, of.columns - 1);
-  const int v = std::clamp(static_cast<int>(px.y()) / cell_px, 0, of.rows - 1);
+  const int u = std::clamp(int(px.x()) / cell_px, 0, of.columns - 1);
+  const int v = std::clamp(int(px.y()) / cell_px, 0, of.rows - 1);
   double near = 0, cells = 0;
   for (int j = std::max(0, v - 1); j <= std::min(of.rows - 1, v + 1); ++j) {
     for (int i = std::max(0, u - 1); i <= std::min(of.columns - 1, u + 1); ++i)
-      near += static_cast<double>(of.around[static_cast<std::size_t>(j * of.columns + i)]), ++cells;
+      near += double(of.around[std::size_t(j * of.columns + i)]), ++cells;
   }
   return near / (cells * cell_px * cell_px) + std::max(clutter_map.min_regions, of.regions) / of.pixels;
 }

@@ -45,11 +45,11 @@ const std::vector<color::ColorRegion>& whole_regions(color::RegionFinder& finder
                                                      const SizeInView& size, int count,
                                                      std::span<const color::PixelAt> also) {
   const double usual = std::sqrt(size.smallest_px * size.largest_px);
-  const int step = std::max(1, static_cast<int>(std::numbers::sqrt2 * size.smallest_px));  // no disc is between points
-  const int min_area = std::max(
-      2, static_cast<int>(sighting_tuning.min_disc_share * std::numbers::pi * size.smallest_px * size.smallest_px));
-  const int largest = static_cast<int>(std::ceil(2 * size.largest_px * std::min(count, search_tuning.max_discs))) + 2;
-  return finder.components(matches, step, also, static_cast<int>(2 * usual) + 2, largest, min_area);
+  const int step = std::max(1, int(std::numbers::sqrt2 * size.smallest_px));  // no disc is between points
+  const int min_area =
+      std::max(2, int(sighting_tuning.min_disc_share * std::numbers::pi * size.smallest_px * size.smallest_px));
+  const int largest = int(std::ceil(2 * size.largest_px * std::min(count, search_tuning.max_discs))) + 2;
+  return finder.components(matches, step, also, int(2 * usual) + 2, largest, min_area);
 }
 
 ObjectSearch::ObjectSearch(const calib::CameraRig& rig, const TargetOptions& target,
@@ -68,29 +68,27 @@ void ObjectSearch::look(const std::vector<TargetView>& views) {
   view_count_ = views.size();
   for (std::size_t i = 0; i < views.size(); ++i) {
     const TargetView& view = views[i];
-    const SizeInView& size = size_in_view_[static_cast<std::size_t>(view.index)];
+    const SizeInView& size = size_in_view_[std::size_t(view.index)];
     if (size.largest_px == 0) {  // no part of the volume is in view
       regions_[i].clear();
       continue;
     }
     if (is_shared_) {
-      regions_[i] = whole_regions(finders_[static_cast<std::size_t>(view.index)], *view.matches, size,
-                                  search_tuning.background_discs, {});
+      regions_[i] =
+          whole_regions(finders_[std::size_t(view.index)], *view.matches, size, search_tuning.background_discs, {});
       continue;
     }
-    const int step = std::max(1, static_cast<int>(size.smallest_px));
-    const int extent = static_cast<int>(std::ceil(sighting_tuning.extent_radii * size.largest_px)) + 2;
-    const int min_area =
-        std::max(2, static_cast<int>(search_tuning.min_area_share * size.smallest_px * size.smallest_px));
-    regions_[i] = finders_[static_cast<std::size_t>(view.index)].search(*view.matches, step, extent, min_area,
-                                                                        2 * size.smallest_px);
+    const int step = std::max(1, int(size.smallest_px));
+    const int extent = int(std::ceil(sighting_tuning.extent_radii * size.largest_px)) + 2;
+    const int min_area = std::max(2, int(search_tuning.min_area_share * size.smallest_px * size.smallest_px));
+    regions_[i] = finders_[std::size_t(view.index)].search(*view.matches, step, extent, min_area, 2 * size.smallest_px);
   }
 }
 
 std::vector<double> ObjectSearch::usual_radii_px(const std::vector<TargetView>& views) const {
   std::vector<double> out;
   for (const TargetView& view : views) {
-    const SizeInView& size = size_in_view_[static_cast<std::size_t>(view.index)];
+    const SizeInView& size = size_in_view_[std::size_t(view.index)];
     out.push_back(std::sqrt(size.smallest_px * size.largest_px));
   }
   return out;

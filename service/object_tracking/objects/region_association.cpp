@@ -108,13 +108,13 @@ void RegionAssociation::assign(const TargetView& view, std::span<const color::Co
   for (std::size_t i = 0; i < expected.size() && m > 0; ++i) {
     Eigen::Index best = 0;
     if (!(costs.row(static_cast<Eigen::Index>(i)).minCoeff(&best) < assignment_tuning.miss_cost)) continue;
-    region_of[i] = static_cast<int>(best);
-    is_shared = is_shared || is_taken[static_cast<std::size_t>(best)] != 0;
-    is_taken[static_cast<std::size_t>(best)] = 1;
+    region_of[i] = int(best);
+    is_shared = is_shared || is_taken[std::size_t(best)] != 0;
+    is_taken[std::size_t(best)] = 1;
   }
   if (is_shared) region_of = assignment_of(costs, assignment_tuning.miss_cost);
   for (const int r : region_of) {
-    if (r >= 0) out.is_explained[static_cast<std::size_t>(r)] = 1;
+    if (r >= 0) out.is_explained[std::size_t(r)] = 1;
   }
 }
 
@@ -177,7 +177,7 @@ AssociatedSightings RegionAssociation::associate(const TargetView& view, std::sp
     for (const std::size_t i : group) {
       bool is_by_region = false;
       if (region_of[i] >= 0) {
-        out.of_objects[i] = by_region(view, regions, static_cast<std::size_t>(region_of[i]), expected[i], out);
+        out.of_objects[i] = by_region(view, regions, std::size_t(region_of[i]), expected[i], out);
         // Not if another object may occlude it, whose region this would be.
         const bool is_alone = std::ranges::none_of(group, [&](std::size_t o) {
           return o != i && (expected[o].at.px - expected[i].at.px).norm() <
@@ -195,7 +195,7 @@ AssociatedSightings RegionAssociation::associate(const TargetView& view, std::sp
                        std::min(sigma_px(expected[i].covariance), 0.5 * expected[i].at.radius_px)});
     const auto fitted = fit_discs(*view.matches, discs);
     for (const std::size_t i : in_part) {
-      const auto place = static_cast<std::size_t>(std::ranges::find(group, i) - group.begin());
+      const auto place = std::size_t(std::ranges::find(group, i) - group.begin());
       std::optional<Sighting>& sighting = out.of_objects[i];
       if (auto outline = by_outline(view, expected[i], fitted[place])) {
         sighting = std::move(outline);

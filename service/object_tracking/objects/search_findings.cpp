@@ -40,7 +40,7 @@ void SearchLog::add(const std::vector<TargetView>& views, std::span<const std::v
   constexpr std::size_t largest = search_evidence.max_regions;
   ++findings_.sets;
   for (std::size_t i = 0; i < views.size(); ++i) {
-    if (!regions[i].empty()) ++findings_.sets_with_color[static_cast<std::size_t>(views[i].index)];
+    if (!regions[i].empty()) ++findings_.sets_with_color[std::size_t(views[i].index)];
     for (std::size_t j = i + 1; j < views.size(); ++j) {
       const calib::Camera &first = *views[i].camera, &second = *views[j].camera;
       for (const color::ColorRegion& a : std::span(regions[i]).first(std::min(largest, regions[i].size()))) {

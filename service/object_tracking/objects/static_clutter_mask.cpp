@@ -58,7 +58,7 @@ bool is_surrounded(const TargetView& view, const Sighting& s) {
     const double angle = 2 * std::numbers::pi * i / static_clutter.around_points;
     const double u = s.px.x() + reach * std::cos(angle), v = s.px.y() + reach * std::sin(angle);
     if (!(u >= 0 && v >= 0 && u < view.image->width && v < view.image->height)) continue;
-    const int column = static_cast<int>(u), row = static_cast<int>(v);
+    const int column = int(u), row = int(v);
     const color::TileAt tile{static_cast<std::uint16_t>(column / color::TileAt::size + 1),
                              static_cast<std::uint16_t>(row / color::TileAt::size + 1)};
     const int bit = row % color::TileAt::size * 8 + column % color::TileAt::size;
@@ -85,13 +85,13 @@ bool StaticClutterMask::may_clip(std::size_t camera, const Eigen::Vector2d& px, 
   const double reach_px = static_clutter.cut_radii * radius_px;
   const PerCamera& in = cameras_[camera];
   if (in.listed.empty() || !px.allFinite()) return false;
-  const int rows = static_cast<int>(in.tiles.size()) / in.stride;
+  const int rows = int(in.tiles.size()) / in.stride;
   const auto tile_of = [](double at, int count) {
-    return static_cast<int>(std::clamp(std::floor(at / color::TileAt::size) + 1, 0.0, count - 1.0));
+    return int(std::clamp(std::floor(at / color::TileAt::size) + 1, 0.0, count - 1.0));
   };
   for (int v = tile_of(px.y() - reach_px, rows); v <= tile_of(px.y() + reach_px, rows); ++v) {
     for (int u = tile_of(px.x() - reach_px, in.stride); u <= tile_of(px.x() + reach_px, in.stride); ++u) {
-      std::uint64_t still = in.tiles[static_cast<std::size_t>(v * in.stride + u)].still;
+      std::uint64_t still = in.tiles[std::size_t(v * in.stride + u)].still;
       for (; still != 0; still &= still - 1) {
         const int bit = std::countr_zero(still);
         const Eigen::Vector2d at(color::TileAt::size * (u - 1) + bit % 8, color::TileAt::size * (v - 1) + bit / 8);
@@ -106,7 +106,7 @@ void StaticClutterMask::mark_clipped(std::vector<Sighting>& sightings) const {
   if (!is_room_shared_) return;
   for (Sighting& s : sightings) {
     const double radius_px = s.support > 0 ? s.radius_px / std::sqrt(s.support) : s.radius_px;  // of its whole disc
-    if (!may_clip(static_cast<std::size_t>(s.row.camera), s.px, radius_px)) continue;
+    if (!may_clip(std::size_t(s.row.camera), s.px, radius_px)) continue;
     s.is_cut = true;
     if (s.is_outline) continue;
     const double off_px = static_clutter.cut_error * (1 - s.support) * radius_px;
@@ -121,19 +121,17 @@ void StaticClutterMask::look(const std::vector<TargetView>& views, std::span<con
     for (const TargetView& view : views) measure(view);  // one view decides for all
     if (std::ranges::any_of(cameras_, &PerCamera::is_above)) {
       first_at_ = set_at;
-      for (const TargetView& view : views)
-        find_what_may_be_objects(view, cameras_[static_cast<std::size_t>(view.index)]);
+      for (const TargetView& view : views) find_what_may_be_objects(view, cameras_[std::size_t(view.index)]);
     }
     for (const TargetView& view : views) sample(view, tracked);
     last_at_ = set_at;
     return;
   }
   for (const TargetView& view : views) {  // the first samples in consecutive sets
-    const PerCamera& camera = cameras_[static_cast<std::size_t>(view.index)];
+    const PerCamera& camera = cameras_[std::size_t(view.index)];
     if (camera.is_learning && camera.sampled < samples) sample(view, tracked);
   }
-  if (std::abs(capture::seconds(set_at - *last_at_)) < static_clutter.period_s / static_cast<double>(views.size()))
-    return;
+  if (std::abs(capture::seconds(set_at - *last_at_)) < static_clutter.period_s / double(views.size())) return;
   last_at_ = set_at;
   sample(views[next_++ % views.size()], tracked);
 }
@@ -158,11 +156,11 @@ void StaticClutterMask::find_what_may_be_objects(const TargetView& view, PerCame
   if (camera.largest_px == 0) return;
   const double smallest_disc = disc_area(camera.smallest_px);
   const double largest_disc = disc_area(camera.largest_px);
-  const int step = std::max(1, static_cast<int>(std::numbers::sqrt2 * camera.smallest_px));
-  const int usual = static_cast<int>(2 * std::sqrt(camera.smallest_px * camera.largest_px)) + 2;
-  const int largest = static_cast<int>(4 * camera.largest_px) + 2;
-  for (const color::ColorRegion& region : camera.finder.components(
-           *view.matches, step, {}, usual, largest, static_cast<int>(static_clutter.min_disc * smallest_disc))) {
+  const int step = std::max(1, int(std::numbers::sqrt2 * camera.smallest_px));
+  const int usual = int(2 * std::sqrt(camera.smallest_px * camera.largest_px)) + 2;
+  const int largest = int(4 * camera.largest_px) + 2;
+  for (const color::ColorRegion& region : camera.finder.components(*view.matches, step, {}, usual, largest,
+                                                                   int(static_clutter.min_disc * smallest_disc))) {
     const Eigen::Vector2d half = 2 * Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>()
                                          .computeDirect(region.spread)
                                          .eigenvalues()
@@ -181,30 +179,30 @@ void StaticClutterMask::find_what_may_be_objects(const TargetView& view, PerCame
 }
 
 void StaticClutterMask::measure(const TargetView& view) {
-  PerCamera& camera = cameras_[static_cast<std::size_t>(view.index)];
-  ColorShare& share = shares_[static_cast<std::size_t>(view.index)];
+  PerCamera& camera = cameras_[std::size_t(view.index)];
+  ColorShare& share = shares_[std::size_t(view.index)];
   // Coarser where only the share is needed.
-  const double pixels = static_cast<double>(view.image->width) * view.image->height;
-  const int wide_px = static_cast<int>(std::sqrt(pixels / static_clutter.share_points));
+  const double pixels = double(view.image->width) * view.image->height;
+  const int wide_px = int(std::sqrt(pixels / static_clutter.share_points));
   hits_px_ = camera.is_learning ? grid_px : std::max(grid_px, wide_px);
   view.matches->grid_with_left_out(hits_px_, hits_);
   const double probed = std::max(1.0, std::floor((view.image->width + hits_px_ / 2.0) / hits_px_) *
                                           std::floor((view.image->height + hits_px_ / 2.0) / hits_px_));
-  share.of_picture = std::min(1.0, static_cast<double>(hits_.size()) / probed);
+  share.of_picture = std::min(1.0, double(hits_.size()) / probed);
   const double bound = (camera.is_above ? static_clutter.shared_below : static_clutter.shared_above) * share.of_target;
   camera.is_above = share.of_picture > std::max(static_clutter.min_share, bound);
 }
 
 void StaticClutterMask::sample(const TargetView& view, std::span<const Sighting> tracked) {
   measure(view);
-  PerCamera& camera = cameras_[static_cast<std::size_t>(view.index)];
+  PerCamera& camera = cameras_[std::size_t(view.index)];
   // With several objects, what rests and is not tracked is clutter; a single one may be lost and at rest.
   is_room_shared_ = is_room_suspected_ || std::ranges::any_of(cameras_, &PerCamera::is_above);
   const bool is_learning = is_room_shared_ || (count_ > 1 && camera.sampled > 0);
   if (!is_learning && camera.is_learning) {
     view.matches->leave_out_nothing();
     camera = {.tiles = {}, .listed = {}, .sampled = 1};  // a past without matches
-    ColorShare& share = shares_[static_cast<std::size_t>(view.index)];
+    ColorShare& share = shares_[std::size_t(view.index)];
     share.still = 0, share.still_box = {}, share.still_px.setZero();
     return;
   }
@@ -221,7 +219,7 @@ void StaticClutterMask::sample(const TargetView& view, std::span<const Sighting>
 void StaticClutterMask::learn(const TargetView& view, PerCamera& camera, std::span<const Sighting> tracked) {
   const int stride = view.matches->tile_stride();
   if (camera.tiles.empty()) {
-    camera.tiles.resize(static_cast<std::size_t>(stride * view.matches->tile_rows()));
+    camera.tiles.resize(std::size_t(stride * view.matches->tile_rows()));
     camera.stride = stride;
     // A room that shares the colour only now: its past had no matches.
     if (camera.sampled > 0) camera.sampled = kept_samples;
@@ -237,17 +235,17 @@ void StaticClutterMask::learn(const TargetView& view, PerCamera& camera, std::sp
     for (int dv = -1; dv <= 1; ++dv)
       for (int du = -1; du <= 1; ++du) list(hit.u / color::TileAt::size + 1 + du, hit.v / color::TileAt::size + 1 + dv);
   }
-  const auto place = static_cast<std::size_t>(camera.sampled % kept_samples);
+  const auto place = std::size_t(camera.sampled % kept_samples);
   const auto before = [&](int sets) {  // in the ring; 0: now
-    return static_cast<std::size_t>((camera.sampled + kept_samples - sets) % kept_samples);
+    return std::size_t((camera.sampled + kept_samples - sets) % kept_samples);
   };
   covering_.assign(camera.may_be_objects.begin(), camera.may_be_objects.end());
   for (const Sighting& s : tracked)
     if (s.row.camera == view.index && !is_surrounded(view, s)) covering_.push_back(s);
   for (const std::uint32_t at : camera.listed) {
     Tile& tile = camera.tiles[at];
-    const color::TileAt where{static_cast<std::uint16_t>(static_cast<int>(at) % stride),
-                              static_cast<std::uint16_t>(static_cast<int>(at) / stride)};
+    const color::TileAt where{static_cast<std::uint16_t>(int(at) % stride),
+                              static_cast<std::uint16_t>(int(at) / stride)};
     std::uint64_t covered = 0;
     for (const Sighting& s : covering_) {
       const double reach = static_clutter.covered_radii * s.radius_px + static_clutter.covered_px;
@@ -265,7 +263,7 @@ void StaticClutterMask::learn(const TargetView& view, PerCamera& camera, std::sp
   std::erase_if(camera.listed, [&](std::uint32_t at) {
     Tile& tile = camera.tiles[at];
     std::array<std::uint64_t, samples> last;
-    for (int i = 0; i < samples; ++i) last[static_cast<std::size_t>(i)] = tile.matched[before(i)];
+    for (int i = 0; i < samples; ++i) last[std::size_t(i)] = tile.matched[before(i)];
     std::uint64_t matched = 0, gone = 0, again = 0, known = 0;
     for (int i = kept_samples - 1; i >= 0; --i) {  // from the oldest one on
       const std::uint64_t now = tile.matched[before(i)];
@@ -294,7 +292,7 @@ void StaticClutterMask::leave_out(const TargetView& view, PerCamera& camera) {
   const int stride = view.matches->tile_stride();
   view.matches->leave_out_nothing();
   const auto add = [&](std::uint32_t at, int du, int dv, std::uint64_t bits) {
-    if (bits != 0) view.matches->leave_out(static_cast<std::size_t>(static_cast<int>(at) + dv * stride + du), bits);
+    if (bits != 0) view.matches->leave_out(std::size_t(int(at) + dv * stride + du), bits);
   };
   for (const std::uint32_t at : camera.listed) {
     const std::uint64_t w = camera.tiles[at].still;
@@ -311,7 +309,7 @@ void StaticClutterMask::leave_out(const TargetView& view, PerCamera& camera) {
 
 // Share and largest patch (8-connected tiles) of the clutter.
 void StaticClutterMask::describe(const TargetView& view, const PerCamera& camera) {
-  ColorShare& share = shares_[static_cast<std::size_t>(view.index)];
+  ColorShare& share = shares_[std::size_t(view.index)];
   share.still = 0, share.still_box = {}, share.still_px.setZero();
   is_visited_.assign(camera.tiles.size(), 0);
   int all = 0, largest = 0;
@@ -323,17 +321,17 @@ void StaticClutterMask::describe(const TargetView& view, const PerCamera& camera
     open_.assign(1, first);
     is_visited_[first] = 1;
     while (!open_.empty()) {
-      const int at = static_cast<int>(open_.back());
+      const int at = int(open_.back());
       open_.pop_back();
       const int u = color::TileAt::size * (at % camera.stride - 1), v = color::TileAt::size * (at / camera.stride - 1);
-      const int here = std::popcount(camera.tiles[static_cast<std::size_t>(at)].still);
+      const int here = std::popcount(camera.tiles[std::size_t(at)].still);
       pixels += here;
       sum += here * Eigen::Vector2d(u + tile_half_px, v + tile_half_px);
       box = {std::min(box[0], u), std::min(box[1], v), std::max(box[2], u + color::TileAt::size - 1),
              std::max(box[3], v + color::TileAt::size - 1)};
       for (int dv = -1; dv <= 1; ++dv) {
         for (int du = -1; du <= 1; ++du) {  // there is a margin tile on each side
-          const auto next = static_cast<std::size_t>(at + dv * camera.stride + du);
+          const auto next = std::size_t(at + dv * camera.stride + du);
           if (next >= camera.tiles.size() || is_visited_[next] != 0 || camera.tiles[next].still == 0) continue;
           is_visited_[next] = 1;
           open_.push_back(static_cast<std::uint32_t>(next));
@@ -347,7 +345,7 @@ void StaticClutterMask::describe(const TargetView& view, const PerCamera& camera
     share.still_box = {box[0], box[1], std::min(box[2], view.image->width - 1),
                        std::min(box[3], view.image->height - 1)};
   }
-  share.still = static_cast<double>(all) / (view.image->width * view.image->height);
+  share.still = double(all) / (view.image->width * view.image->height);
 }
 
 }  // namespace huetrack::objects
