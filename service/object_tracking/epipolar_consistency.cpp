@@ -153,8 +153,8 @@ void EpipolarConsistency::note_place(Pair& p, const EpipolarResidual& seen, cons
   if (seen.off_px * seen.off_px > seen.expected_px2 || p.scale2 > epipolar_consistency.noise_scale2) return;
   const Eigen::Vector4d place(i.px.x(), i.px.y(), j.px.x(), j.px.y());
   const auto is_near = [&](const Eigen::Vector4d& other) {
-    const Eigen::Vector4d way = other - place;
-    return std::max(way.head<2>().norm() / ri_px, way.tail<2>().norm() / rj_px) < epipolar_consistency.place_radii;
+    const Eigen::Vector4d path = other - place;
+    return std::max(path.head<2>().norm() / ri_px, path.tail<2>().norm() / rj_px) < epipolar_consistency.place_radii;
   };
   if (std::none_of(p.places, p.places + p.place_count, is_near)) p.places[p.place_count++] = place;
   p.was_sure = p.was_sure || p.is_sure();

@@ -152,9 +152,9 @@ bool OutlineSighter::sharpen(const TargetView& view, const MotionState& state, c
   // An outline outside the gate of prediction or region is another object's edge.
   Eigen::Matrix2d total = spread + sharp.covariance;
   total.diagonal().array() += sharp.bias_sigma_px * sharp.bias_sigma_px;
-  const Eigen::Vector2d off = sharp.px - expected.at.px, beside = sharp.px - sighting.px;
+  const Eigen::Vector2d off = sharp.px - expected.at.px, to_region = sharp.px - sighting.px;
   if (off.dot(total.inverse() * off) > sighting_tuning.gate_nis ||
-      beside.dot((of_region + sharp.covariance).inverse() * beside) > sighting_tuning.gate_nis)
+      to_region.dot((of_region + sharp.covariance).inverse() * to_region) > sighting_tuning.gate_nis)
     return false;
   if (fit.visible > outline_sighter.size_visible_share && fit.log_size.sigma < outline_sighter.size_sigma) {
     of.log_size_weight = std::min(outline_sighter.size_memory, of.log_size_weight + 1);

@@ -112,8 +112,8 @@ class RayCrosser {
   Sighting set_apart(Sighting s, const BallProjection& at) const {
     const double apart_s =
         std::hypot(capture::seconds(newest_ - s.row.at), times_.row_sigma_s(s.row.camera, s.row.below_middle));
-    const double way_m = options_.start_speed_m_s * apart_s;
-    s.covariance += way_m * way_m * at.jacobian * at.jacobian.transpose();
+    const double travel_m = options_.start_speed_m_s * apart_s;
+    s.covariance += travel_m * travel_m * at.jacobian * at.jacobian.transpose();
     s.covariance.diagonal().array() += s.bias_sigma_px * s.bias_sigma_px;
     return s;
   }

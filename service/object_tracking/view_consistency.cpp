@@ -277,10 +277,10 @@ void add_leave_one_out(const MotionState& state, double radius_m, double acceler
       if (j == i || !on_path[j] || !is_in_use(seen[j].row.camera)) continue;
       const double apart_s = capture::seconds(seen[j].row.at - seen[i].row.at);
       const double swerve_m = 0.5 * apart_s * apart_s * acceleration_m_s2;
-      const Eigen::Matrix3d way =
+      const Eigen::Matrix3d drift =
           apart_s * apart_s * velocity_covariance + swerve_m * swerve_m * Eigen::Matrix3d::Identity();
       const auto& jacobian = on_path[j]->at.jacobian;
-      const Eigen::Matrix2d covariance = on_path[j]->covariance + jacobian * way * jacobian.transpose();
+      const Eigen::Matrix2d covariance = on_path[j]->covariance + jacobian * drift * jacobian.transpose();
       const Eigen::Matrix<double, 3, 2> weighted = jacobian.transpose() * covariance.inverse();
       others.information += weighted * jacobian;
       others.vector += weighted * (seen[j].px - on_path[j]->at.px);

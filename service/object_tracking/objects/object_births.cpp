@@ -59,9 +59,9 @@ bool share_a_region(const PositionCandidate& a, const PositionCandidate& b) {
 // It has surely moved since `from`, and the last step continues that motion: a resting object that was confused once
 // fails.
 bool moves(const Eigen::Vector3d& from, const PositionCandidate& now, const Eigen::Vector3d& step, int sets) {
-  const Eigen::Vector3d way = now.position - from;
-  return sets >= 2 && way.dot((2 * now.covariance).inverse() * way) > birth_tuning.moved_nis &&
-         step.dot(way) > birth_tuning.min_step_share * way.squaredNorm() / sets;
+  const Eigen::Vector3d path = now.position - from;
+  return sets >= 2 && path.dot((2 * now.covariance).inverse() * path) > birth_tuning.moved_nis &&
+         step.dot(path) > birth_tuning.min_step_share * path.squaredNorm() / sets;
 }
 
 // Log-likelihood ratio of discs of the object's size; static regions have any size and shape.
@@ -170,14 +170,14 @@ std::vector<Birth> ObjectBirths::look(const std::vector<TargetView>& views,
   std::vector<Candidate> kept;
   for (Candidate& c : now) {
     const bool is_clear = c.evidence + evidence_of_discs(c.at, target_.radius_m) >= birth_tuning.clear_evidence;
-    const double way_m = (is_clear ? birth_tuning.throw_factor : 1) * options_.start_speed_m_s * dt;
+    const double travel_m = (is_clear ? birth_tuning.throw_factor : 1) * options_.start_speed_m_s * dt;
     const Candidate* earlier = nullptr;
     if (dt > 0 && dt < sighting_tuning.confirmation_s) {
       for (const Candidate& e : before_) {
         const double spread =
             sighting_tuning.confirmation_sigmas * (largest_sigma(c.at.covariance) + largest_sigma(e.at.covariance));
         const double apart_m = (c.at.position - e.at.position).norm();
-        if (apart_m > way_m + spread) continue;
+        if (apart_m > travel_m + spread) continue;
         if (earlier == nullptr || apart_m < (c.at.position - earlier->at.position).norm()) earlier = &e;
       }
     }

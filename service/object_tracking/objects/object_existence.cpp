@@ -119,10 +119,10 @@ void ObjectExistence::begin(capture::Timestamp set_at, const Birth& birth, const
                             double radius_m, double largest_m, const ObjectTrackerOptions& options,
                             const ClutterMap& clutter, const StaticClutterMask& still) {
   const ExpectedPlace anywhere{birth.earlier.position, largest_m * largest_m / 12 * Eigen::Matrix3d::Identity()};
-  const double way_m = options.start_speed_m_s * birth.dt;
+  const double travel_m = options.start_speed_m_s * birth.dt;
   longest_on_cut_s_ = std::sqrt(2 * 2 * radius_m / options.acceleration_m_s2);
   const ExpectedPlace near{birth.earlier.position,
-                           birth.earlier.covariance + way_m * way_m * Eigen::Matrix3d::Identity()};
+                           birth.earlier.covariance + travel_m * travel_m * Eigen::Matrix3d::Identity()};
   has_been_sure_ = false;
   whole_at_ = set_at, on_cut_s_ = whole_of(birth.now.sightings, still) >= 2 ? 0 : 2 * longest_on_cut_s_;
   of_set_ = evidence_of(near, birth.now.sightings, views, radius_m, clutter, still).all();
