@@ -286,7 +286,7 @@ WaveAdjustmentOptions WaveSolution::adjustment_options() const {
 }
 
 std::optional<object_tracking::BallProjection> WaveSolution::appearance(const BallFrame& frame,
-                                                                    const color::ColorRegion& region) const {
+                                                                        const color::ColorRegion& region) const {
   calib::Camera camera = rig_.cameras[index(frame.camera)];
   camera.cam_from_world = state_.cam_from_world[index(frame.camera)];
   const Vector3d p = state_.path.at(exposed_s(frame, region));

@@ -77,7 +77,8 @@ class WaveSolution {
   void find_span();
   const color::ColorRegion& region(std::size_t f) const;
   WaveAdjustmentOptions adjustment_options() const;
-  std::optional<object_tracking::BallProjection> appearance(const BallFrame& frame, const color::ColorRegion& region) const;
+  std::optional<object_tracking::BallProjection> appearance(const BallFrame& frame,
+                                                            const color::ColorRegion& region) const;
   void learn_jerk();
   void learn_shapes();
   std::optional<Eigen::Matrix2d> covariance_of(std::size_t f, const color::ColorRegion& region,

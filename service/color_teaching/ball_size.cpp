@@ -191,7 +191,8 @@ Outlines outlines_of(const calib::CameraRig& rig, std::span<const BallMoment> mo
             std::max(1.0, std::sqrt(std::abs(ball->ellipse.axes.determinant())) * std::exp(found.log_size.value));
         const double too_small = too_small_by_px(radius_px) / radius_px;
         out.votes.push_back({m, view.camera, std::log(radius_m * (1 + expected_of_light * too_small)),
-                             std::hypot(found.log_size.sigma, bias_sigma_px / radius_px), unknown_of_light * too_small});
+                             std::hypot(found.log_size.sigma, bias_sigma_px / radius_px),
+                             unknown_of_light * too_small});
         break;
       }
     }

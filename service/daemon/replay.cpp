@@ -301,7 +301,8 @@ ReplaySummary summary_of(const config::ServiceConfig& config, const ReplayComman
   for (std::size_t t = 0; t < summary.targets.size(); ++t) {
     TargetSummary& target = summary.targets[t];
     if (target.first_tracking_set) {
-      if (target.first_tracking_s > usual_search_s) target.advice = reports::late_advice(figures.searches[t], config.targets[t]);
+      if (target.first_tracking_s > usual_search_s)
+        target.advice = reports::late_advice(figures.searches[t], config.targets[t]);
       continue;
     }
     target.advice =

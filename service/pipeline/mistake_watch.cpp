@@ -92,7 +92,8 @@ bool MistakeWatch::look(const capture::FrameSet& set, std::span<const object_tra
 }
 
 void MistakeWatch::doubt(const view_watch::Mistake& mistake) {
-  // Where some agree, the others are doubted already by the target's own views (object_tracking/epipolar_consistency.h).
+  // Where some agree, the others are doubted already by the target's own views
+  // (object_tracking/epipolar_consistency.h).
   if (mistake.do_some_agree) return;
   for (std::size_t c = 0; c < doubts_.size(); ++c)
     if (mistake.cameras.empty() || std::ranges::find(mistake.cameras, int(c)) != mistake.cameras.end())
