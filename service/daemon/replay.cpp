@@ -31,6 +31,7 @@
 #include "recordings/recording.h"
 #include "recordings/replay_source.h"
 #include "reports/reports.h"
+#include "reports/search_advice.h"
 
 namespace huetrack::daemon {
 namespace {
@@ -301,12 +302,13 @@ ReplaySummary summary_of(const config::ServiceConfig& config, const ReplayComman
     TargetSummary& target = summary.targets[t];
     if (config::is_taught(config.targets[t])) target.color = color::hue_text(config.targets[t].color);
     if (target.first_tracking_set) {
-      if (target.first_tracking_s > usual_search_s) target.advice = figures.searches[t].late_advice(config.targets[t]);
+      if (target.first_tracking_s > usual_search_s)
+        target.advice = reports::late_advice(figures.searches[t], config.targets[t]);
       continue;
     }
     target.advice =
         config::is_taught(config.targets[t])
-            ? figures.searches[t].advice(config.targets[t], cameras)
+            ? reports::search_advice(figures.searches[t], config.targets[t], cameras)
             : "it has no colour yet: " +
                   config::teach_advice(config, config.targets[t], fmt::format("{}", fmt::join(command.recording, " ")));
   }

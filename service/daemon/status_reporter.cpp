@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "calib/model/rig_yaml.h"
+#include "reports/search_advice.h"
 
 namespace huetrack::daemon {
 namespace {
@@ -151,8 +152,8 @@ publish::ServiceStatus StatusReporter::report(const pipeline::PipelineFigures& f
   constexpr std::size_t long_search = 60;  // sets
   for (std::size_t t = 0; t < std::min(targets_.size(), figures.searches.size()); ++t) {
     if (figures.searches[t].sets < long_search || !config::is_taught(targets_[t])) continue;
-    status.warnings.push_back("target " + targets_[t].name +
-                              " is not found: " + figures.searches[t].advice(targets_[t], camera_names(status)));
+    status.warnings.push_back("target " + targets_[t].name + " is not found: " +
+                              reports::search_advice(figures.searches[t], targets_[t], camera_names(status)));
   }
   if (figures.camera_frames_dropped > 0)
     status.warnings.push_back("camera tracking is too slow: " + std::to_string(figures.camera_frames_dropped) +

@@ -1,4 +1,4 @@
-// What a ball's outline is in a view, and how a frame's pixels lie for the fit to it (outline/outline_fit.h).
+// The image of a ball's outline, and a frame's pixels as the outline fit reads them (outline/outline_fit.h).
 #pragma once
 
 #include <Eigen/Core>
@@ -10,18 +10,17 @@
 
 namespace huetrack::object_tracking {
 
-// The bytes stay the image's.
-outline::Picture picture_of(const capture::Image& image);
-// Of a picture of that size, of which only a part is there.
+outline::Picture picture_of(const capture::Image& image);  // refers to the image's bytes
+// Of a patch, the only part that is there of an image of this size.
 outline::Picture picture_of(const capture::Matches::Patch& patch, int width, int height);
 
-// A ball's outline is where the cone that touches it meets the image: an ellipse, as far as the lens is the same all
-// over it. Its centre is not where the ball's centre is seen, but further out.
+// The tangent cone's image: an ellipse, as far as the lens is locally affine. Its centre lies further out than the
+// ball's projected centre.
 struct BallOutline {
   outline::Ellipse ellipse;
-  Eigen::Vector2d centre_px;  // of the ball, projected
+  Eigen::Vector2d centre_px;  // the ball's centre, projected
 };
-// nullopt: not all of it is where the lens is known.
+// nullopt: a part of it is outside the lens model.
 std::optional<BallOutline> outline_of(const calib::Camera& camera, const Eigen::Vector3d& p_world, double radius_m);
 
 }  // namespace huetrack::object_tracking

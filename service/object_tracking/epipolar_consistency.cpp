@@ -10,54 +10,53 @@
 namespace huetrack::object_tracking {
 namespace {
 
-// Of the ring, this quantile is compared with that of chi-square with one degree of freedom. A contradiction that
-// begins is noticed when it has a quarter of the ring, some 0.3 s later; what is wrong more rarely moves nothing.
-constexpr double quantile = 0.75, chi_square_there = 1.3233;
-constexpr std::size_t enough = 8;  // comparisons, for a quantile
-// What a good calibration's own error, light from one side and a colour's seams make of it on good recordings
-// (README.md): a pair below this agrees.
-constexpr double usual_scale2 = 4;
-constexpr double agreeing_scale2 = 2;  // and below this nothing but noise is in it
-// What half a ball, or colour that sticks to it, makes of a pair is less than this; what a wrong rig does is mostly
-// more.
-constexpr double gross_scale2 = 25;
-constexpr double usual_of_two = 12;      // (3.5 standard deviations)^2, twice
-constexpr double forgetting = 1.0 / 16;  // of the means, per comparison
-// A epipolar_residual that has lasted for a second is believed to be there for some 20 s more, fading: where the object
-// is now, the cameras' error may lie along the epipolar lines.
-constexpr double believed_per_comparison = 1.0 / 30, kept_of_excess = 1 - 1.0 / 600;
-constexpr double negligible_of_expected = 0.25;
-constexpr double most_raised = 3;
-// Of a camera that is much further away than the other one, or sees hardly across: what it sees is hardly compared.
-constexpr double least_compared_share = 0.1;
-// What pairs say together is of now: the error of a camera that is late turns with the motion.
-constexpr double kept_of_alone = 0.75;
+constexpr double quantile = 0.75;            // maths: of the window; the one below belongs to it
+constexpr double chi_square_there = 1.3233;  // maths: 75 % quantile of chi-square with 1 dof
+
+struct EpipolarConsistencyTuning {
+  std::size_t min_residuals = 8;  // of a pair, from which the quantile is used
+  double consistent_scale2 = 4;   // variance ratio up to which a pair is consistent: rig, shading, seams (experiment)
+  double noise_scale2 = 2;        // variance ratio up to which a pair shows noise alone (experiment)
+  double gross_scale2 = 25;       // variance ratio above what occlusion or adhering colour causes (experiment)
+  double gross_nis = 12;          // 1 dof, 3.5 sigma: two such residuals in a row count at once
+  double mean_share = 1.0 / 16;   // of a new residual in a pair's running means
+  double rise_share = 1.0 / 30;   // of an excess that a residual adds to the lasting one: about 1 s at 30 fps
+  double lasting_decay = 1 - 1.0 / 600;  // per residual, of the lasting excess: 20 s at 30 fps
+  double negligible_share = 0.25;        // of the expected variance, below which an excess is zero
+  double max_raise = 3;                  // factor by which all inflations are raised at most to cover every pair
+  double min_share = 0.1;      // of a pair's residual that a camera has at least: far away, or along the baseline
+  double single_decay = 0.75;  // per frame set, of a camera's own error: a late camera's turns with the motion
+  double max_along = 10;       // variance along over across the epipolar lines: within 20 degrees of them
+  double min_sine = 0.1;       // between two rays, below which they cannot be compared
+  double place_radii = 8;      // radii between two places at which a pair was consistent
+  int steps = 40;              // multiplicative updates of the least squares
+};
+constexpr EpipolarConsistencyTuning epipolar_consistency{};
 
 }  // namespace
 
-bool epipolar_residual(const PathResidual& i, const PathResidual& j, double way_variance_m2, EpipolarResidual& out) {
-  // What a view sees along its ray is nothing: the two see together only what is across both rays.
+bool epipolar_residual(const PathResidual& i, const PathResidual& j, double path_variance_m2, EpipolarResidual& out) {
+  // Errors along a ray are invisible: the residual is across both rays.
   const auto ray_of = [](const Eigen::Matrix<double, 2, 3>& jacobian) -> Eigen::Vector3d {
     return jacobian.row(0).cross(jacobian.row(1)).normalized();
   };
   const Eigen::Vector3d across = ray_of(i.jacobian).cross(ray_of(j.jacobian));
-  constexpr double least_sine = 0.1;  // cameras that face each other see hardly anything across both rays
-  if (!(across.squaredNorm() > least_sine * least_sine)) return false;
+  if (!(across.squaredNorm() > epipolar_consistency.min_sine * epipolar_consistency.min_sine)) return false;
   Eigen::Vector2d u = (i.jacobian * i.jacobian.transpose()).inverse() * (i.jacobian * across);
   Eigen::Vector2d w = -((j.jacobian * j.jacobian.transpose()).inverse() * (j.jacobian * across));
   const double norm = std::sqrt(u.squaredNorm() + w.squaredNorm());
   u /= norm, w /= norm;
   out.off_px = u.dot(i.off_px) + w.dot(j.off_px);
   out.expected_px2 =
-      u.dot(i.covariance * u) + w.dot(j.covariance * w) + (i.jacobian.transpose() * u).squaredNorm() * way_variance_m2;
+      u.dot(i.covariance * u) + w.dot(j.covariance * w) + (i.jacobian.transpose() * u).squaredNorm() * path_variance_m2;
   out.share_i = u.squaredNorm(), out.share_j = w.squaredNorm();
   out.across_i = u, out.across_j = w;
   return true;
 }
 
 bool is_discriminating(const EpipolarResidual& seen, double radius_i_px, double radius_j_px) {
-  const double telling_px = 0.5 * std::min(radius_i_px, radius_j_px);
-  return seen.expected_px2 <= telling_px * telling_px;
+  const double limit_px = 0.5 * std::min(radius_i_px, radius_j_px);
+  return seen.expected_px2 <= limit_px * limit_px;
 }
 
 EpipolarConsistency::EpipolarConsistency(std::size_t cameras, double radius_m)
@@ -78,16 +77,16 @@ void EpipolarConsistency::compare(std::span<const PathResidual> views, double ve
                                   double acceleration_m_s2) {
   for (const PathResidual& view : views) {
     Alone& alone = alone_[std::size_t(view.camera)];
-    alone.information *= kept_of_alone, alone.vector *= kept_of_alone;
+    alone.information *= epipolar_consistency.single_decay, alone.vector *= epipolar_consistency.single_decay;
   }
   for (std::size_t a = 0; a < views.size(); ++a) {
     for (std::size_t b = a + 1; b < views.size(); ++b) {
       const PathResidual& i = views[a].camera < views[b].camera ? views[a] : views[b];
       const PathResidual& j = views[a].camera < views[b].camera ? views[b] : views[a];
       const double apart_s = i.at_s - j.at_s;
-      const double way_m = std::hypot(apart_s * velocity_sigma_m_s, 0.5 * apart_s * apart_s * acceleration_m_s2);
+      const double path_m = std::hypot(apart_s * velocity_sigma_m_s, 0.5 * apart_s * apart_s * acceleration_m_s2);
       EpipolarResidual seen;
-      if (!epipolar_residual(i, j, way_m * way_m, seen)) continue;
+      if (!epipolar_residual(i, j, path_m * path_m, seen)) continue;
       Pair& p = pair(std::size_t(i.camera), std::size_t(j.camera));
       note(p, seen);
       note_place(p, seen, i, j);
@@ -98,19 +97,18 @@ void EpipolarConsistency::compare(std::span<const PathResidual> views, double ve
       }
     }
   }
-  share_out();
+  explain();
 }
 
 void EpipolarConsistency::add(std::size_t i, std::size_t j, const EpipolarResidual& seen) {
   note(pair(i, j), seen);
-  share_out();
+  explain();
 }
 
 void EpipolarConsistency::keep(Pair& p, float square) {
-  float* const end = p.sorted + std::min(p.count, kept);
-  float& oldest = p.squares[p.count % kept];
-  // Where the oldest one was, or behind all; and from there to its place.
-  float* at = p.count < kept ? end : std::min(std::lower_bound(p.sorted, end, oldest), end - 1);
+  float* const end = p.sorted + std::min(p.count, pair_history.kept);
+  float& oldest = p.squares[p.count % pair_history.kept];
+  float* at = p.count < pair_history.kept ? end : std::min(std::lower_bound(p.sorted, end, oldest), end - 1);
   for (; at > p.sorted && at[-1] > square; --at) *at = at[-1];
   for (; at + 1 < end && at[1] < square; ++at) *at = at[1];
   *at = oldest = square;
@@ -118,33 +116,32 @@ void EpipolarConsistency::keep(Pair& p, float square) {
 
 void EpipolarConsistency::note(Pair& p, const EpipolarResidual& seen) {
   keep(p, float(seen.off_px * seen.off_px / seen.expected_px2));
-  const double share = p.count == 0 ? 1 : std::max(forgetting, 1 / double(p.count + 1));
+  const double share = p.count == 0 ? 1 : std::max(epipolar_consistency.mean_share, 1 / double(p.count + 1));
   ++p.count;
   p.expected_px2 += share * (seen.expected_px2 - p.expected_px2);
   p.share_i += share * (seen.share_i - p.share_i);
   p.share_j += share * (seen.share_j - p.share_j);
   p.scale2 = scale2_of(p);
-  double excess_px2 = p.scale2 > usual_scale2 ? (p.scale2 - 1) * p.expected_px2 : 0;
-  // Only what a good part of the ring says has lasted: a furniture's region that was taken for the object in two frames
-  // is off by a hundred pixels, and would be believed for long.
-  const double rise =
-      p.count >= enough && excess_px2 > p.lasting_px2 ? believed_per_comparison * (excess_px2 - p.lasting_px2) : 0;
-  p.lasting_px2 = kept_of_excess * p.lasting_px2 + rise;
-  // Before it is usual: what two comparisons say, one after the other, is no frame that was shown once more.
+  double excess_px2 = p.scale2 > epipolar_consistency.consistent_scale2 ? (p.scale2 - 1) * p.expected_px2 : 0;
+  // Only once the quantile is in use: two wrong regions are 100 px off and would last for 20 s.
+  const double rise = p.count >= epipolar_consistency.min_residuals && excess_px2 > p.lasting_px2
+                          ? epipolar_consistency.rise_share * (excess_px2 - p.lasting_px2)
+                          : 0;
+  p.lasting_px2 = epipolar_consistency.lasting_decay * p.lasting_px2 + rise;
+  // Fast reaction: two gross residuals in a row are no repeated frame.
   if (p.count > 1) {
-    const double of_both = double(std::min(p.squares[(p.count - 1) % kept], p.squares[(p.count - 2) % kept]));
-    if (of_both > usual_of_two) excess_px2 = std::max(excess_px2, of_both * p.expected_px2);
+    const double of_both =
+        double(std::min(p.squares[(p.count - 1) % pair_history.kept], p.squares[(p.count - 2) % pair_history.kept]));
+    if (of_both > epipolar_consistency.gross_nis) excess_px2 = std::max(excess_px2, of_both * p.expected_px2);
   }
   p.excess_px2 = std::max(excess_px2, p.lasting_px2);
-  if (p.excess_px2 < negligible_of_expected * p.expected_px2) p.excess_px2 = 0;
+  if (p.excess_px2 < epipolar_consistency.negligible_share * p.expected_px2) p.excess_px2 = 0;
 }
 
-// Two views that are wrong agree along their epipolar lines: at one place by chance, and not at the next ones, where
-// these lie otherwise.
+// Wrong views are consistent along their epipolar lines: at one place by chance, but hardly at another.
 void EpipolarConsistency::note_place(Pair& p, const EpipolarResidual& seen, const PathResidual& i,
                                      const PathResidual& j) const {
-  constexpr double radii_apart = 8;
-  if (p.scale2 > usual_scale2) {
+  if (p.scale2 > epipolar_consistency.consistent_scale2) {
     p.place_count = 0;
     return;
   }
@@ -153,20 +150,20 @@ void EpipolarConsistency::note_place(Pair& p, const EpipolarResidual& seen, cons
   };
   const double ri_px = radius_px(i), rj_px = radius_px(j);
   if (p.is_sure() || !is_discriminating(seen, ri_px, rj_px)) return;
-  if (seen.off_px * seen.off_px > seen.expected_px2 || p.scale2 > agreeing_scale2) return;
+  if (seen.off_px * seen.off_px > seen.expected_px2 || p.scale2 > epipolar_consistency.noise_scale2) return;
   const Eigen::Vector4d place(i.px.x(), i.px.y(), j.px.x(), j.px.y());
   const auto is_near = [&](const Eigen::Vector4d& other) {
-    const Eigen::Vector4d way = other - place;
-    return std::max(way.head<2>().norm() / ri_px, way.tail<2>().norm() / rj_px) < radii_apart;
+    const Eigen::Vector4d path = other - place;
+    return std::max(path.head<2>().norm() / ri_px, path.tail<2>().norm() / rj_px) < epipolar_consistency.place_radii;
   };
   if (std::none_of(p.places, p.places + p.place_count, is_near)) p.places[p.place_count++] = place;
   p.was_sure = p.was_sure || p.is_sure();
 }
 
-// Of so few that a quantile says nothing: their mean, with two more that are as expected.
+// Of few residuals: their mean, with two as expected added.
 double EpipolarConsistency::scale2_of(const Pair& p) {
-  const std::size_t n = std::min(p.count, kept);
-  if (n < enough) {
+  const std::size_t n = std::min(p.count, pair_history.kept);
+  if (n < epipolar_consistency.min_residuals) {
     double sum = 2;
     for (std::size_t k = 0; k < n; ++k) sum += double(p.squares[k]);
     return sum / double(n + 2);
@@ -174,29 +171,27 @@ double EpipolarConsistency::scale2_of(const Pair& p) {
   return double(p.sorted[std::size_t(quantile * double(n))]) / chi_square_there;
 }
 
-// One camera that is wrong is likelier than two at a time. Where one alone could explain what disagrees, as all pairs
-// without it agree, it is off by what that takes; where any of several could, as pairs agree along their epipolar
-// lines by chance, each is with equal odds. As long as pairs without it have agreed in so few places that this may be
-// chance, too, everybody may be off that is off by much. A doubt of the past that has faded to what is usual hinders no
-// explanation, and is anybody's. false: none could.
-bool EpipolarConsistency::lay_on_one() {
-  std::ranges::fill(up_, 0.0);    // per camera: what disagrees without it
-  std::ranges::fill(down_, 0.0);  // and what it must be off by to explain the rest
+// Hypothesis: one camera is wrong, and all pairs without it are consistent. Several such cameras have equal odds. While
+// the pairs without it were consistent at too few places, which may be chance, a gross error inflates all cameras.
+// Faded excess excludes no hypothesis and inflates every camera. false: no such camera.
+bool EpipolarConsistency::explain_by_one() {
+  std::ranges::fill(up_, 0.0);    // per camera: excess of the pairs without it
+  std::ranges::fill(down_, 0.0);  // and its variance that explains the others
   double faded_px2 = 0;
   bool any_gross = false;
   for_each_pair([&](const Pair& p, std::size_t i, std::size_t j) {
-    if (p.is_usual()) faded_px2 = std::max(faded_px2, p.excess_px2);
-    any_gross = any_gross || p.excess_px2 > (gross_scale2 - 1) * p.expected_px2;
-    for (std::size_t c = 0; c < cameras_; ++c) up_[c] += c != i && c != j && !p.is_usual() ? p.excess_px2 : 0;
-    down_[i] = std::max(down_[i], p.excess_px2 / std::max(least_compared_share, p.share_i));
-    down_[j] = std::max(down_[j], p.excess_px2 / std::max(least_compared_share, p.share_j));
+    if (p.is_consistent()) faded_px2 = std::max(faded_px2, p.excess_px2);
+    any_gross = any_gross || p.excess_px2 > (epipolar_consistency.gross_scale2 - 1) * p.expected_px2;
+    for (std::size_t c = 0; c < cameras_; ++c) up_[c] += c != i && c != j && !p.is_consistent() ? p.excess_px2 : 0;
+    down_[i] = std::max(down_[i], p.excess_px2 / std::max(epipolar_consistency.min_share, p.share_i));
+    down_[j] = std::max(down_[j], p.excess_px2 / std::max(epipolar_consistency.min_share, p.share_j));
   });
   const auto suspects = std::ranges::count(up_, 0.0);
   if (suspects == 0) return false;
   bool is_proven = !any_gross;
   for (std::size_t c = 0; c < cameras_; ++c) is_proven = is_proven || (up_[c] == 0 && are_others_proven(c));
   if (!is_proven) {
-    doubt_all();
+    inflate_all();
     return true;
   }
   for (std::size_t c = 0; c < cameras_; ++c) {
@@ -206,11 +201,11 @@ bool EpipolarConsistency::lay_on_one() {
   return true;
 }
 
-bool EpipolarConsistency::Pair::is_usual() const {
-  return excess_px2 <= (usual_scale2 - 1) * expected_px2;
+bool EpipolarConsistency::Pair::is_consistent() const {
+  return excess_px2 <= (epipolar_consistency.consistent_scale2 - 1) * expected_px2;
 }
 
-// By what they showed of one another; of a camera that only this one could be compared with, by what the two did.
+// Each by its pairs without that camera, or, if it has none, by its pair with it.
 bool EpipolarConsistency::are_others_proven(std::size_t without) const {
   for (std::size_t c = 0; c < cameras_; ++c) {
     if (c == without) continue;
@@ -221,52 +216,48 @@ bool EpipolarConsistency::are_others_proven(std::size_t without) const {
       places += pair(c, other).place_count;
       is_compared = is_compared || pair(c, other).scale2 > 0;
     }
-    if (places < sure_places && (is_compared || (pair(c, without).scale2 > 0 && !pair(c, without).was_sure)))
+    if (places < pair_history.places && (is_compared || (pair(c, without).scale2 > 0 && !pair(c, without).was_sure)))
       return false;
   }
   return true;
 }
 
-// By the largest error that pairs show. They see it across their lines alone, and what k samples of a variance tell of
-// it has the variance of Student's distribution of k.
-void EpipolarConsistency::doubt_all() {
+// By the largest error of a pair. Pairs measure it across their lines only: k samples, Student's t with k degrees of
+// freedom.
+void EpipolarConsistency::inflate_all() {
   double samples = 0;
   for_each_pair([&](const Pair&, std::size_t, std::size_t) { ++samples; });
   samples = std::max(samples, 3.0);
   std::ranges::fill(variance_px2_, samples / (samples - 2) * *std::ranges::max_element(down_));
-  is_nobody_believed_ = std::ranges::all_of(pairs_, [](const Pair& p) { return p.place_count == 0; });
+  no_consistent_pair_ = std::ranges::all_of(pairs_, [](const Pair& p) { return p.place_count == 0; });
 }
 
-// The square of the error that a camera alone must have for its pairs to be as far apart as they are now. Where its
-// epipolar lines are nearly parallel a large error along them shows in how the pairs differ, and in nothing else; where
-// they do not differ, what is across the lines is all that is seen.
+// Squared error of a camera that alone explains its pairs' residuals now, by least squares. With nearly parallel
+// epipolar lines the prior bounds the component along them.
 double EpipolarConsistency::error_px2(std::size_t camera, double usual_px2) const {
   if (!(usual_px2 > 0)) return 0;
-  // An error rarely is more than three times what is seen of it across: it would lie within 20 degrees of the lines.
-  constexpr double widest = 10;  // as a variance
-  // What good rigs and light leave in a pair lasts over comparisons: they count as one, of a pair that is usual.
-  constexpr double as_one = (1 - kept_of_alone) / usual_scale2;
+  // Biases of a consistent pair persist over residuals: these count as one.
+  constexpr double as_one = (1 - epipolar_consistency.single_decay) / epipolar_consistency.consistent_scale2;
   const Alone& alone = alone_[camera];
-  const Eigen::Matrix2d information = as_one * alone.information + Eigen::Matrix2d::Identity() / (widest * usual_px2);
+  const Eigen::Matrix2d information =
+      as_one * alone.information + Eigen::Matrix2d::Identity() / (epipolar_consistency.max_along * usual_px2);
   return (as_one * information.inverse() * alone.vector).squaredNorm();
 }
 
-// Least squares with S >= 0, by multiplicative steps (Lee and Seung 2001) from equal shares: cameras that the pairs
-// treat alike stay alike. Least squares, and not the likelihood of the pairs' scales: a pair that agrees says nothing
-// of an error along its epipolar lines, and must not lay all of another pair's on the third camera. Then all S are
-// raised until each pair's epipolar_residual is covered.
-void EpipolarConsistency::share_out() {
+// Least squares with S >= 0 by multiplicative updates (Lee and Seung 2001) from equal shares, which keeps equivalent
+// cameras equal. Not the likelihood of the pairs' variances: a consistent pair is no evidence against an error along
+// its epipolar lines. Then all S are raised until each pair's excess is covered.
+void EpipolarConsistency::explain() {
   double largest_px2 = 0;
   for (const Pair& p : pairs_) largest_px2 = std::max(largest_px2, p.excess_px2);
   any_ = largest_px2 > 0;
-  is_nobody_believed_ = false;
+  no_consistent_pair_ = false;
   std::ranges::fill(variance_px2_, largest_px2);
   if (!any_) return;
-  if (lay_on_one()) return;
-  const auto may_be_right = [](const Pair& p) { return p.was_sure || (p.scale2 > 0 && p.is_usual()); };
-  if (std::ranges::none_of(pairs_, may_be_right)) return doubt_all();
-  constexpr int steps = 40;
-  for (int step = 0; step < steps; ++step) {
+  if (explain_by_one()) return;
+  const auto may_be_right = [](const Pair& p) { return p.was_sure || (p.scale2 > 0 && p.is_consistent()); };
+  if (std::ranges::none_of(pairs_, may_be_right)) return inflate_all();
+  for (int step = 0; step < epipolar_consistency.steps; ++step) {
     std::ranges::fill(up_, 0.0);
     std::ranges::fill(down_, 0.0);
     for_each_pair([&](const Pair& p, std::size_t i, std::size_t j) {
@@ -282,8 +273,8 @@ void EpipolarConsistency::share_out() {
     const double modelled_px2 = p.share_i * variance_px2_[i] + p.share_j * variance_px2_[j];
     if (p.excess_px2 > raise * modelled_px2 && modelled_px2 > 0) raise = p.excess_px2 / modelled_px2;
   });
-  for (double& variance : variance_px2_) variance *= std::min(raise, most_raised);
-  // And whoever agrees with nobody is doubted by as much as with whom it agrees best, whatever explains it otherwise.
+  for (double& variance : variance_px2_) variance *= std::min(raise, epipolar_consistency.max_raise);
+  // At least the smallest excess among a camera's pairs.
   std::ranges::fill(up_, largest_px2);
   std::ranges::fill(down_, 0.0);
   for_each_pair([&](const Pair& p, std::size_t i, std::size_t j) {
@@ -305,7 +296,7 @@ void EpipolarConsistency::forget(std::size_t camera) {
   for (std::size_t other = 0; other < cameras_; ++other)
     if (other != camera) pair(camera, other) = {};
   std::ranges::fill(alone_, Alone{});
-  share_out();
+  explain();
 }
 
 }  // namespace huetrack::object_tracking

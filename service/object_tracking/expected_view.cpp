@@ -5,18 +5,20 @@
 namespace huetrack::object_tracking {
 namespace {
 
-// An exposure smears a moving object. Indoors, one period of the light of lamps is the shortest one without flicker,
-// and the longest one before motion blurs what colour is.
-constexpr double longest_exposure_s = 0.010;
+struct ExpectedViewTuning {
+  double max_exposure_s = 0.010;  // s, one period of lamps at 50 Hz: the shortest exposure without flicker
+  int row_steps = 3;              // fixed-point steps from the object's row to its time and back
+};
+constexpr ExpectedViewTuning expected_view{};
 
 }  // namespace
 
-std::optional<ExpectedView> expected_in(const TargetView& view, const MotionState& belief, double radius_m) {
+std::optional<ExpectedView> expected_in(const TargetView& view, const MotionState& state, double radius_m) {
   ExpectedView out;
   double row = (view.image->height - 1) / 2.0;
-  for (int step = 0; step < 3; ++step) {
-    out.row = row_of(view, row, belief);
-    const auto at = project_ball(*view.camera, belief.position_at(out.row.at), radius_m);
+  for (int step = 0; step < expected_view.row_steps; ++step) {
+    out.row = row_of(view, row, state);
+    const auto at = project_ball(*view.camera, state.position_at(out.row.at), radius_m);
     if (!at) return std::nullopt;
     out.at = *at;
     row = std::clamp(at->px.y(), -0.5 * view.image->height, 1.5 * view.image->height);
@@ -24,10 +26,10 @@ std::optional<ExpectedView> expected_in(const TargetView& view, const MotionStat
   return out;
 }
 
-void add_expected(const std::vector<TargetView>& views, const MotionState& belief, double radius_m,
+void add_expected(const std::vector<TargetView>& views, const MotionState& state, double radius_m,
                   std::vector<Sighting>& out) {
   for (const TargetView& view : views) {
-    const auto expected = expected_in(view, belief, radius_m);
+    const auto expected = expected_in(view, state, radius_m);
     if (!expected) continue;
     Sighting& s = out.emplace_back();
     s.row.camera = view.index;
@@ -36,12 +38,12 @@ void add_expected(const std::vector<TargetView>& views, const MotionState& belie
   }
 }
 
-ImageMotion image_motion(const TargetView& view, const BallProjection& at, const MotionState& belief) {
-  const double readout_s = capture::seconds(view.frame->readout) + belief.row_offset_s(view.index, 0.5) -
-                           belief.row_offset_s(view.index, -0.5);
-  return {.velocity = at.jacobian * belief.velocity(),
+ImageMotion image_motion(const TargetView& view, const BallProjection& at, const MotionState& state) {
+  const double readout_s = capture::seconds(view.frame->readout) + state.row_offset_s(view.index, 0.5) -
+                           state.row_offset_s(view.index, -0.5);
+  return {.velocity = at.jacobian * state.velocity(),
           .row_s = view.image->height > 1 ? readout_s / (view.image->height - 1) : 0.0,
-          .longest_exposure_s = longest_exposure_s};
+          .longest_exposure_s = expected_view.max_exposure_s};
 }
 
 }  // namespace huetrack::object_tracking

@@ -1,4 +1,4 @@
-// Where a view shows an object that goes on as it does, and how it moves there.
+// Where a view shows an object that keeps its velocity, and how it moves in the image.
 #pragma once
 
 #include <optional>
@@ -14,14 +14,14 @@ struct ExpectedView {
   SeenRow row;
   BallProjection at;
 };
-// Where a view shows the object, if it goes on as it does: at the time of the row on which it is seen, which depends on
-// where it is seen. nullopt: behind the camera.
-std::optional<ExpectedView> expected_in(const TargetView& view, const MotionState& belief, double radius_m);
+// At the time of the row in which it is seen, which depends on where it is seen (fixed point). nullopt: behind the
+// camera.
+std::optional<ExpectedView> expected_in(const TargetView& view, const MotionState& state, double radius_m);
 
-// Where the views may show an object by now, as sightings that say no more than that.
-void add_expected(const std::vector<TargetView>& views, const MotionState& belief, double radius_m,
+// Appends the object's expected places in the views, as sightings with px and radius_px only.
+void add_expected(const std::vector<TargetView>& views, const MotionState& state, double radius_m,
                   std::vector<Sighting>& out);
 
-ImageMotion image_motion(const TargetView& view, const BallProjection& at, const MotionState& belief);
+ImageMotion image_motion(const TargetView& view, const BallProjection& at, const MotionState& state);
 
 }  // namespace huetrack::object_tracking

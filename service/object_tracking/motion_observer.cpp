@@ -1,12 +1,22 @@
 #include "object_tracking/motion_observer.h"
 
 namespace huetrack::object_tracking {
+namespace {
+
+struct MotionObserverTuning {
+  int max_passes = 3;        // repeated linearisations after the first
+  double first_radii = 0.1;  // radii that the first pass must have moved the position by to linearise again
+  double next_radii = 0.01;  // the same of a later pass
+};
+constexpr MotionObserverTuning motion_observer{};
+
+}  // namespace
 
 MotionState MotionObserver::observed(const MotionState& from, const MotionState* linearised_about,
                                      std::span<const Sighting> sightings, double power_density) {
   MotionState out = from;
   views_.clear();
-  double surprise = 0;
+  double nis = 0;
   for (const Sighting& sighting : sightings) {
     out.predict_to(sighting.row.at, power_density);
     const MotionState& near = linearised_about != nullptr ? *linearised_about : out;
@@ -18,13 +28,13 @@ MotionState MotionObserver::observed(const MotionState& from, const MotionState*
                        .px = sighting.px,
                        .covariance = sighting.covariance,
                        .bias_sigma_px = sighting.bias_sigma_px,
-                       .doubt = sighting.doubt(),
+                       .inflation = sighting.inflation(),
                        .linearised_at = then,
                        .px_expected = at->px,
                        .jacobian = at->jacobian}});
-    surprise += out.observe(views_.back().linear, near.velocity(), power_density);
+    nis += out.observe(views_.back().linear, near.velocity(), power_density);
   }
-  surprise_ = views_.empty() ? 1 : surprise / (2 * static_cast<double>(views_.size()));
+  mean_nis_ = views_.empty() ? 1 : nis / (2 * double(views_.size()));
   return out;
 }
 
@@ -32,9 +42,9 @@ MotionState MotionObserver::observed_in_passes(const MotionState& from, std::spa
                                                double power_density) {
   MotionState out = observed(from, nullptr, sightings, power_density);
   Eigen::Vector3d before = from.position() + capture::seconds(out.at - from.at) * from.velocity();
-  for (int iteration = 0; iteration < 3; ++iteration) {
+  for (int iteration = 0; iteration < motion_observer.max_passes; ++iteration) {
     const double moved_m = (out.position() - before).norm();
-    if (moved_m < (iteration == 0 ? 0.1 : 0.01) * radius_m_) break;
+    if (moved_m < (iteration == 0 ? motion_observer.first_radii : motion_observer.next_radii) * radius_m_) break;
     before = out.position();
     const MotionState about = out;
     out = observed(from, &about, sightings, power_density);

@@ -1,4 +1,4 @@
-// A belief of motion, and the sightings of one set: the Kalman update in the order of the rows' times.
+// Kalman update of a motion state by the sightings of one frame set, in the order of their rows' times.
 #pragma once
 
 #include <span>
@@ -20,23 +20,23 @@ class MotionObserver {
  public:
   explicit MotionObserver(double radius_m) : radius_m_(radius_m) {}
 
-  // The belief after the sightings (by the times of their rows), each at its own time. linearised_about: a motion near
-  // the object's; nullptr: as it is expected to go on. power_density: of the acceleration, m^2/s^3.
+  // The state after the sightings, which are sorted by time. linearised_about: a motion near the object's; nullptr: the
+  // prediction. power_density: of the acceleration, m^2/s^3.
   MotionState observed(const MotionState& from, const MotionState* linearised_about,
                        std::span<const Sighting> sightings, double power_density);
-  // Linearised again where the object turns out to be, when that is not where it was expected (Bell and Cathey 1993).
-  // What a single view leaves open must be the ray through its pixel, to a fraction of the pixel over all of the open
-  // depth, or particles along the wrong line make the filter sure of a depth that nobody measured.
+  // Iterated (Bell and Cathey 1993) while the position moves: a single view's open direction must be the ray through
+  // its pixel over the whole depth, or particles along a wrong line reduce the variance of a depth that was not
+  // measured.
   MotionState observed_in_passes(const MotionState& from, std::span<const Sighting> sightings, double power_density);
 
   // Of the last call. The views point into its sightings.
   const std::vector<LinearView>& views() const { return views_; }
-  double surprise() const { return surprise_; }  // mean squared innovation in its standard deviations; usually 1
+  double mean_nis() const { return mean_nis_; }  // mean NIS per degree of freedom; 1 if the model holds
 
  private:
   double radius_m_;
   std::vector<LinearView> views_;
-  double surprise_ = 0;
+  double mean_nis_ = 0;
 };
 
 }  // namespace huetrack::object_tracking

@@ -16,42 +16,34 @@
 namespace huetrack::object_tracking {
 namespace {
 
-// Of a camera of which the rig tells nothing. Drivers stamp 0 to 45 ms after mid-exposure, evenly spread that is 13 ms
-// of standard deviation, and the difference of two cameras 18.
-constexpr double unknown_latency_sigma_s = 0.020;
-// Rolling shutters take 10 to 33 ms, global ones nothing, and either may be mounted upside down.
-constexpr double unknown_readout_sigma_s = 0.020;
-// Of cameras whose frames' times are the same: a trigger starts them within microseconds, and their exposures are set
-// alike, so that mid-exposures differ by half of what is left; cameras that can be triggered have global shutters.
-constexpr double in_step_latency_sigma_s = 0.0002, in_step_readout_sigma_s = 0.0005;
-// Of a number that somebody wrote into the rig without saying how well it is known.
-constexpr double unstated_sigma_s = 0.002;
-// Mid-exposure moves with the exposure time, which lamps and clouds make a camera change: a millisecond in a minute or
-// two. A sensor's readout stays what it is.
-constexpr double latency_walk_s2_per_s = 1e-4 * 1e-4;
-// However long one looks, the errors of a view's sightings are not all new: light from one side and the flicker of
-// lamps shift what is seen by up to 0.3 ms of way, the same again and again (flicker weighs the moments of an
-// exposure).
-constexpr double least_latency_sigma_s = 3e-4, least_readout_sigma_s = 8e-4;
+struct MotionTuning {
+  // Prior of a camera that the rig has no timing of. Latency: drivers stamp 0 to 45 ms after mid-exposure, uniform 13
+  // ms rms, 18 ms for a difference of two. Readout: 10 to 33 ms for rolling shutters, 0 for global ones, either sign.
+  double unknown_time_sigma_s = 0.020;         // s
+  double synced_latency_sigma_s = 0.0002;      // s, cameras with one trigger: exposures are set alike
+  double synced_readout_sigma_s = 0.0005;      // s, the same: mostly global shutters
+  double unstated_sigma_s = 0.002;             // s, of a latency or readout that the rig states without a sigma
+  double latency_walk_s2_per_s = 1e-4 * 1e-4;  // s^2/s, exposure time follows the light: 1 ms in one or two minutes
+  // Floors: shading and lamp flicker shift what is seen by up to 0.3 ms of motion, the same in every frame.
+  double min_latency_sigma_s = 3e-4;  // s
+  double min_readout_sigma_s = 8e-4;  // s
+  double bias_length_m = 0.5;         // m, correlation length of the image bias: half a metre on, the light is another
+  double relinearize_s = 0.005;       // s, error of a time from which velocity times time must be linearised again
+};
+constexpr MotionTuning motion_tuning{};
 
-// An object of a room's size passes its lamps and windows within metres: half a metre on, it is lit in another way.
-constexpr double lasting_way_m = 0.5;
+constexpr Eigen::Index most_states_near = 128;  // layout: 128 kB of covariance
+constexpr std::ptrdiff_t most_open = 8;         // layout: columns of four observations
 
-constexpr Eigen::Index most_states_near = 128;  // 128 kB of covariance
-constexpr std::ptrdiff_t most_open = 8;         // columns: of four observations
-
-// A ball at 3 m/s is 15 mm from where it is taken to be; in so much time its usual swerves are a tenth of a millimetre.
-constexpr double far_s = 0.005;
-
-double variance_of(const std::optional<double>& value, const std::optional<double>& sigma, double unknown_sigma_s) {
-  const double s = sigma.value_or(value ? unstated_sigma_s : unknown_sigma_s);
+double variance_of(const std::optional<double>& value, const std::optional<double>& sigma) {
+  const double s = sigma.value_or(value ? motion_tuning.unstated_sigma_s : motion_tuning.unknown_time_sigma_s);
   return s * s;
 }
 
 }  // namespace
 
 double largest_variance(const Eigen::Matrix3d& covariance) {
-  // In closed form: it is asked several times a set, and only ever held to a bound.
+  // Closed form: fast, and exact enough for a bound.
   const auto axes = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>().computeDirect(covariance, Eigen::EigenvaluesOnly);
   return std::max(0.0, axes.eigenvalues()(2));
 }
@@ -74,10 +66,10 @@ MotionState::MotionState(const calib::CameraRig& rig, bool times_are_learnt) : t
     const calib::CameraTiming& timing = rig.cameras[c].timing;
     Given given{.latency_s = timing.latency_s.value_or(0), .readout_s = timing.readout_s.value_or(0)};
     if (times_are_learnt) {
-      const Eigen::Index latency = latency_of(static_cast<int>(c));
-      if (static_cast<int>(c) != reference_camera)
-        covariance_(latency, latency) = variance_of(timing.latency_s, timing.latency_sigma_s, unknown_latency_sigma_s);
-      given.readout_prior_s2 = variance_of(timing.readout_s, timing.readout_sigma_s, unknown_readout_sigma_s);
+      const Eigen::Index latency = latency_of(int(c));
+      if (int(c) != reference_camera)
+        covariance_(latency, latency) = variance_of(timing.latency_s, timing.latency_sigma_s);
+      given.readout_prior_s2 = variance_of(timing.readout_s, timing.readout_sigma_s);
       covariance_(latency + 1, latency + 1) = given.readout_prior_s2;
     } else {
       given.latency_variance_s2 = std::pow(timing.latency_sigma_s.value_or(0), 2);
@@ -85,12 +77,12 @@ MotionState::MotionState(const calib::CameraRig& rig, bool times_are_learnt) : t
     }
     given_.push_back(given);
   }
-  lasting_.resize(given_.size());
+  biases_.resize(given_.size());
   clocks_.resize(given_.size());
 }
 
 double MotionState::relative_clock_variance_s2(int camera) const {
-  const Clock &clock = clocks_[static_cast<std::size_t>(camera)], &reference = clocks_[reference_camera];
+  const Clock &clock = clocks_[std::size_t(camera)], &reference = clocks_[reference_camera];
   return clock.of == reference.of ? 0 : clock.variance_s2 + reference.variance_s2;
 }
 
@@ -104,12 +96,10 @@ void MotionState::open_clocks(const capture::FrameSet& set) {
     is_ours = is_ours && clocks_[c].of == clocks_[reference_camera].of;
   }
   if (is_ours || !times_are_learnt_) return;
-  by_views_.reset();
-  const int cameras = static_cast<int>(clocks_.size());
+  by_nuisances_.reset();
+  const int cameras = int(clocks_.size());
   for (int first = 0; first < cameras; ++first) {
-    const auto is_of = [&](int c) {
-      return clocks_[static_cast<std::size_t>(c)].of == clocks_[static_cast<std::size_t>(first)].of;
-    };
+    const auto is_of = [&](int c) { return clocks_[std::size_t(c)].of == clocks_[std::size_t(first)].of; };
     bool is_counted = is_of(reference_camera);
     for (int c = 0; c < first; ++c) is_counted = is_counted || is_of(c);
     if (is_counted) continue;
@@ -127,22 +117,22 @@ void MotionState::open_clocks(const capture::FrameSet& set) {
 }
 
 void MotionState::expect_synchronised() {
-  by_views_.reset();
+  by_nuisances_.reset();
   if (!times_are_learnt_ || are_times_corrected_) return;
-  is_in_step_ = true;
-  for (int c = 0; c < static_cast<int>(given_.size()); ++c) {
+  is_synchronised_ = true;
+  for (int c = 0; c < int(given_.size()); ++c) {
     const Eigen::Index l = latency_of(c), r = l + 1;
     const auto at_most = [&](Eigen::Index i, double sigma) {
       covariance_(i, i) = std::min(covariance_(i, i), sigma * sigma);
     };
-    at_most(l, in_step_latency_sigma_s);
-    at_most(r, in_step_readout_sigma_s);
+    at_most(l, motion_tuning.synced_latency_sigma_s);
+    at_most(r, motion_tuning.synced_readout_sigma_s);
   }
 }
 
 void MotionState::correct_times(std::span<const double> late_s) {
   if (!times_are_learnt_) return;
-  by_views_.reset();
+  by_nuisances_.reset();
   settle();
   const auto open = [&](Eigen::Index i, double variance_s2) {
     covariance_.row(i).setZero();
@@ -150,23 +140,25 @@ void MotionState::correct_times(std::span<const double> late_s) {
     covariance_(i, i) = variance_s2;
   };
   double furthest_s = 0;
-  for (int c = 0; c < static_cast<int>(given_.size()); ++c) {
-    const auto camera = static_cast<std::size_t>(c);
+  for (int c = 0; c < int(given_.size()); ++c) {
+    const auto camera = std::size_t(c);
     furthest_s = std::max(furthest_s, std::abs(late_s[camera]));
     const Eigen::Index latency = latency_of(c);
     mean_(latency) += late_s[camera];
     const bool is_other = late_s[camera] != late_s[reference_camera];
-    if (c != reference_camera && (is_in_step_ || is_other)) open(latency, std::pow(unknown_latency_sigma_s, 2));
-    if (is_in_step_) open(latency + 1, given_[camera].readout_prior_s2);
+    if (c != reference_camera && (is_synchronised_ || is_other))
+      open(latency, std::pow(motion_tuning.unknown_time_sigma_s, 2));
+    if (is_synchronised_) open(latency + 1, given_[camera].readout_prior_s2);
   }
-  is_in_step_ = false;
+  is_synchronised_ = false;
   are_times_corrected_ = true;
   covariance_.diagonal().head<3>().array() += std::pow(furthest_s * velocity().norm(), 2);
 }
 
 bool MotionState::needs_relinearisation() const {
   if (!times_are_learnt_) return false;
-  return (mean_.segment(6, times_linearised_.size()) - times_linearised_).cwiseAbs().maxCoeff() > far_s;
+  return (mean_.segment(6, times_linearised_.size()) - times_linearised_).cwiseAbs().maxCoeff() >
+         motion_tuning.relinearize_s;
 }
 
 void MotionState::relinearise_times_at(const MotionState& known) {
@@ -180,7 +172,7 @@ double MotionState::row_offset_s(int camera, double below_middle) const {
 }
 
 double MotionState::row_sigma_s(int camera, double below_middle) const {
-  const Given& given = given_[static_cast<std::size_t>(camera)];
+  const Given& given = given_[std::size_t(camera)];
   double variance = given.latency_variance_s2 + below_middle * below_middle * given.readout_variance_s2;
   if (!times_are_learnt_) variance += relative_clock_variance_s2(camera);
   if (times_are_learnt_) {
@@ -192,7 +184,7 @@ double MotionState::row_sigma_s(int camera, double below_middle) const {
 }
 
 CameraTimingEstimate MotionState::timing(int camera) const {
-  const Given& given = given_[static_cast<std::size_t>(camera)];
+  const Given& given = given_[std::size_t(camera)];
   if (!times_are_learnt_)
     return {given.latency_s, std::sqrt(given.latency_variance_s2), given.readout_s,
             std::sqrt(given.readout_variance_s2)};
@@ -203,7 +195,7 @@ CameraTimingEstimate MotionState::timing(int camera) const {
 
 void MotionState::begin(capture::Timestamp when, const Eigen::Vector3d& position, double position_variance,
                         const Eigen::Vector3d& velocity, double velocity_variance) {
-  by_views_.reset();
+  by_nuisances_.reset();
   settle();
   at = when;
   mean_.head<3>() = position;
@@ -211,48 +203,46 @@ void MotionState::begin(capture::Timestamp when, const Eigen::Vector3d& position
   covariance_.leftCols<6>().setZero();
   covariance_.diagonal().head<3>().setConstant(position_variance);
   covariance_.diagonal().segment<3>(3).setConstant(velocity_variance);
-  // What lasted, lasted with the object of before. Not known until a sighting says how large it may be.
-  const Eigen::Index lasting = 2 * static_cast<Eigen::Index>(given_.size());
-  mean_.tail(lasting).setZero();
-  covariance_.bottomRows(lasting).setZero();
-  lasting_.assign(given_.size(), {});
+  const Eigen::Index biases = 2 * static_cast<Eigen::Index>(given_.size());
+  mean_.tail(biases).setZero();
+  covariance_.bottomRows(biases).setZero();
+  biases_.assign(given_.size(), {});
 }
 
 void MotionState::reset_bias(int camera) {
-  by_views_.reset();
+  by_nuisances_.reset();
   settle();
-  const Eigen::Index lasting = lasting_of(camera);
-  mean_.segment<2>(lasting).setZero();
-  covariance_.middleRows<2>(lasting).setZero();
-  covariance_.middleCols<2>(lasting).setZero();
-  lasting_[static_cast<std::size_t>(camera)] = {};
+  const Eigen::Index bias = bias_of(camera);
+  mean_.segment<2>(bias).setZero();
+  covariance_.middleRows<2>(bias).setZero();
+  covariance_.middleCols<2>(bias).setZero();
+  biases_[std::size_t(camera)] = {};
 }
 
 void MotionState::predict_to(capture::Timestamp when, double power_density) {
   const double dt = capture::seconds(when - at);
   if (dt <= 0) return;
-  by_views_.reset();
+  by_nuisances_.reset();
   at = when;
   mean_.head<3>() += dt * mean_.segment<3>(3);
   covariance_.topLeftCorner<3, 6>() += dt * covariance_.block<3, 6>(3, 0);
   covariance_.leftCols<3>() += dt * covariance_.middleCols<3>(3);
-  const double way_m = dt * velocity().norm();
-  for (Lasting& lasting : lasting_) lasting.way_m += way_m;
+  const double path_m = dt * velocity().norm();
+  for (Bias& bias : biases_) bias.path_m += path_m;
   const double q = power_density;
   covariance_.diagonal().head<3>().array() += q * dt * dt * dt / 3;
   covariance_.diagonal().segment<3>(3).array() += q * dt;
   covariance_.block<3, 3>(0, 3).diagonal().array() += q * dt * dt / 2;
   covariance_.block<3, 3>(3, 0).diagonal().array() += q * dt * dt / 2;
   if (!times_are_learnt_) return;
-  for (int c = 0; c < static_cast<int>(given_.size()); ++c) {
-    if (c != reference_camera) covariance_(latency_of(c), latency_of(c)) += latency_walk_s2_per_s * dt;
+  for (int c = 0; c < int(given_.size()); ++c) {
+    if (c != reference_camera) covariance_(latency_of(c), latency_of(c)) += motion_tuning.latency_walk_s2_per_s * dt;
   }
 }
 
 namespace {
 
-// From the first columns of an n x n matrix, below the diagonal and on it, the product of a0, a1 (n x 2) and b0, b1
-// (2 x n), which is symmetric but for rounding.
+// Subtracts (a0 a1) (b0 b1)^T from the first columns of an n x n matrix, on and below the diagonal.
 HUETRACK_CLONES void take_off(double* __restrict matrix, std::ptrdiff_t n, std::ptrdiff_t columns,
                               const double* __restrict a0, const double* __restrict a1, const double* __restrict b0,
                               const double* __restrict b1) {
@@ -263,8 +253,8 @@ HUETRACK_CLONES void take_off(double* __restrict matrix, std::ptrdiff_t n, std::
   }
 }
 
-// Takes most_open off at once, all below the diagonal. stride: from one column of the matrix to the next; of_a: of a
-// and b. With 64 cameras this is most of what a sighting costs.
+// Subtracts a b^T, most_open columns each, below the diagonal. stride: of the matrix's columns; of_a: of a's and b's.
+// With 64 cameras this is most of an update's time.
 HUETRACK_CLONES void take_off_all(double* __restrict matrix, std::ptrdiff_t stride, std::ptrdiff_t n,
                                   const double* __restrict a, const double* __restrict b, std::ptrdiff_t of_a) {
   static_assert(most_open == 8);
@@ -274,14 +264,14 @@ HUETRACK_CLONES void take_off_all(double* __restrict matrix, std::ptrdiff_t stri
     return ((a0[j] * b_there[0] + a1[j] * b_there[1]) + (a2[j] * b_there[2] + a3[j] * b_there[3])) +
            ((a4[j] * b_there[4] + a5[j] * b_there[5]) + (a6[j] * b_there[6] + a7[j] * b_there[7]));
   };
-  // Two columns at a time: what is read of a serves both. The last one has nothing below the diagonal.
+  // Two columns at a time share the reads of a. The last one has nothing below the diagonal.
   for (std::ptrdiff_t i = 0; i + 1 < n; i += 2) {
     double* const column = matrix + i * stride;
     double* const next_column = column + stride;
     std::array<double, most_open> b_there{}, next_b{};
     for (std::ptrdiff_t k = 0; k < most_open; ++k) {
-      b_there[static_cast<std::size_t>(k)] = b[i + k * of_a];
-      next_b[static_cast<std::size_t>(k)] = b[i + 1 + k * of_a];
+      b_there[std::size_t(k)] = b[i + k * of_a];
+      next_b[std::size_t(k)] = b[i + 1 + k * of_a];
     }
     column[i + 1] -= sum(i + 1, b_there);
     for (std::ptrdiff_t j = i + 2; j < n; ++j) {
@@ -354,13 +344,13 @@ Eigen::Matrix<double, rows, 3> MotionState::onto(const SeenBy& by, const WithSta
 }
 
 Eigen::Matrix3d MotionState::unmodelled(const SeenBy& by, double power_density) const {
-  const Given& given = given_[static_cast<std::size_t>(by.row.camera)];
+  const Given& given = given_[std::size_t(by.row.camera)];
   const double given_variance_s2 = given.latency_variance_s2 +
                                    by.row.below_middle * by.row.below_middle * given.readout_variance_s2 +
                                    (times_are_learnt_ ? 0.0 : relative_clock_variance_s2(by.row.camera));
   const double time_sigma_s = row_sigma_s(by.row.camera, by.row.below_middle);
-  // Velocity times time is a product of two unknowns. Its second order: were it left out, the noise of the velocity of
-  // an object at rest would pass for motion, from which times can be learnt.
+  // The second order of velocity * time. Without it the noise of a resting object's velocity would pass for motion,
+  // from which times are learnt.
   return given_variance_s2 * by.v * by.v.transpose() + time_sigma_s * time_sigma_s * covariance_.block<3, 3>(3, 3) +
          power_density * std::abs(by.dt * by.dt * by.dt) / 3 * Eigen::Matrix3d::Identity();
 }
@@ -370,57 +360,56 @@ Eigen::Matrix3d MotionState::seen_covariance(const SeenRow& row, double power_de
   return onto(by, covariance_with_state(by)) + unmodelled(by, power_density);
 }
 
-// A first-order Gauss-Markov process along the way that the object has gone since the camera saw it last, of the
-// standard deviation that it has now (a near object is larger, and so is what shifts its centre).
-void MotionState::renew_lasting(int camera, double bias_sigma_px, const Eigen::Matrix2d& doubt) {
-  const Eigen::Index lasting = lasting_of(camera);
-  Lasting& last = lasting_[static_cast<std::size_t>(camera)];
-  const double before_px = last.px;
-  const double faded = std::exp(-last.way_m / lasting_way_m);
+// First-order Gauss-Markov process along the object's path since the camera's last sighting, scaled to the standard
+// deviation of now (a near object is larger, and so is its bias).
+void MotionState::propagate_bias(int camera, double bias_sigma_px, const Eigen::Matrix2d& inflation) {
+  const Eigen::Index bias = bias_of(camera);
+  Bias& last = biases_[std::size_t(camera)];
+  const double before_px = last.sigma_px;
+  const double faded = std::exp(-last.path_m / motion_tuning.bias_length_m);
   double kept = 0;
   Eigen::Matrix2d added;
-  if (before_px > 0 && (doubt.diagonal().any() || last.doubt.diagonal().any())) {
-    // Doubt that comes leaves what is believed as it is and opens it; doubt that goes takes its share along.
+  if (before_px > 0 && (inflation.diagonal().any() || last.inflation.diagonal().any())) {
+    // A growing inflation keeps the mean and opens it; a shrinking one takes its share of the mean along.
     const Eigen::Matrix2d one = Eigen::Matrix2d::Identity();
-    const Eigen::Matrix2d now = doubt + bias_sigma_px * bias_sigma_px * one;
-    const Eigen::Matrix2d before = last.doubt + before_px * before_px * one;
+    const Eigen::Matrix2d now = inflation + bias_sigma_px * bias_sigma_px * one;
+    const Eigen::Matrix2d before = last.inflation + before_px * before_px * one;
     kept = faded * std::sqrt(std::min(1.0, now.trace() / before.trace()));
     const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> axes =
         Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>().computeDirect(now - kept * kept * before);
     added = axes.eigenvectors() * axes.eigenvalues().cwiseMax(0).asDiagonal() * axes.eigenvectors().transpose();
   } else {
     kept = faded * (before_px > 0 ? bias_sigma_px / before_px : 0.0);
-    const double renewed = -std::expm1(-2 * last.way_m / lasting_way_m);
+    const double renewed = -std::expm1(-2 * last.path_m / motion_tuning.bias_length_m);
     added = (before_px > 0 ? renewed : 1.0) * bias_sigma_px * bias_sigma_px * Eigen::Matrix2d::Identity();
-    if (before_px == 0) added += doubt;
+    if (before_px == 0) added += inflation;
   }
-  mean_.segment<2>(lasting) *= kept;
-  covariance_.block(lasting, 0, 2, lasting + 2) *= kept;
-  covariance_.block(lasting, lasting, size() - lasting, 2) *= kept;
-  covariance_.block<2, 2>(lasting, lasting) += added;
+  mean_.segment<2>(bias) *= kept;
+  covariance_.block(bias, 0, 2, bias + 2) *= kept;
+  covariance_.block(bias, bias, size() - bias, 2) *= kept;
+  covariance_.block<2, 2>(bias, bias) += added;
   if (open_ > 0) {
-    gains_.block(lasting, 0, 2, open_) *= kept;
-    seen_.block(lasting, 0, 2, open_) *= kept;
+    gains_.block(bias, 0, 2, open_) *= kept;
+    seen_.block(bias, 0, 2, open_) *= kept;
   }
-  last = {.px = bias_sigma_px, .doubt = doubt};
+  last = {.sigma_px = bias_sigma_px, .inflation = inflation};
 }
 
 double MotionState::observe(const LinearSighting& sighting, const Eigen::Vector3d& velocity, double power_density) {
-  by_views_.reset();
+  by_nuisances_.reset();
   const SeenRow& row = sighting.row;
-  renew_lasting(row.camera, sighting.bias_sigma_px, sighting.doubt);
-  const Eigen::Index lasting = lasting_of(row.camera);
+  propagate_bias(row.camera, sighting.bias_sigma_px, sighting.inflation);
+  const Eigen::Index bias_at = bias_of(row.camera);
   const SeenBy by{row, capture::seconds(row.at - at), velocity};
   const double later_s = row_offset_s(row.camera, row.below_middle) - row.shift_s;
   const Eigen::Vector3d position_then = position() + by.dt * this->velocity() + later_s * velocity;
   const Eigen::Vector2d innovation = sighting.px - sighting.px_expected - bias(row.camera) -
                                      sighting.jacobian * (position_then - sighting.linearised_at);
   const Eigen::Matrix<double, 2, 3>& j = sighting.jacobian;
-  const WithState<2> px_with_state = j.lazyProduct(covariance_with_state(by)) + two_rows(lasting);
-  const Eigen::Matrix2d s = onto(by, px_with_state) * j.transpose() + px_with_state.middleCols<2>(lasting) +
+  const WithState<2> px_with_state = j.lazyProduct(covariance_with_state(by)) + two_rows(bias_at);
+  const Eigen::Matrix2d s = onto(by, px_with_state) * j.transpose() + px_with_state.middleCols<2>(bias_at) +
                             j * unmodelled(by, power_density) * j.transpose() + sighting.covariance;
   const Eigen::Matrix2d information = s.inverse();
-  // Transposed, and each row by itself in memory.
   using Row = Eigen::Matrix<double, Eigen::Dynamic, 2, Eigen::ColMajor, most_states, 2>;
   const Row gain = information.lazyProduct(px_with_state).transpose();
   const Row px_of_state = px_with_state.transpose();
@@ -443,24 +432,24 @@ double MotionState::observe(const LinearSighting& sighting, const Eigen::Vector3
     const auto keep = [&](Eigen::Index i, double least_sigma) {
       covariance_(i, i) = std::max(covariance_(i, i), std::min(variance_before(i), least_sigma * least_sigma));
     };
-    for (int c = 0; c < static_cast<int>(given_.size()); ++c) {
-      keep(latency_of(c), least_latency_sigma_s);
-      keep(latency_of(c) + 1, least_readout_sigma_s);
+    for (int c = 0; c < int(given_.size()); ++c) {
+      keep(latency_of(c), motion_tuning.min_latency_sigma_s);
+      keep(latency_of(c) + 1, motion_tuning.min_readout_sigma_s);
     }
   }
   return innovation.dot(information * innovation);
 }
 
-Eigen::Matrix<double, 6, 6> MotionState::by_views() const {
-  if (by_views_) return *by_views_;
+Eigen::Matrix<double, 6, 6> MotionState::by_nuisances() const {
+  if (by_nuisances_) return *by_nuisances_;
   if (open_ > 0) {
     MotionState settled = *this;
     settled.settle();
-    return settled.by_views();
+    return settled.by_nuisances();
   }
   const Eigen::Index n = size() - 6;
   Eigen::MatrixXd views = covariance_.bottomRightCorner(n, n);
-  views.diagonal().array() += 1e-16;  // s^2, px^2: of what is held
+  views.diagonal().array() += 1e-16;  // maths: s^2, px^2, keeps the fixed reference latency positive definite
   const Eigen::LLT<Eigen::Ref<Eigen::MatrixXd>> root(views);
   Eigen::Matrix<double, Eigen::Dynamic, 6, Eigen::ColMajor, most_states, 6> with_motion =
       covariance_.bottomLeftCorner(n, 6);
@@ -472,32 +461,32 @@ Eigen::Matrix<double, 6, 6> MotionState::by_views() const {
 }
 
 void MotionState::cache_nuisance_part() {
-  by_views_ = by_views();
+  by_nuisances_ = by_nuisances();
 }
 
 Eigen::Matrix3d MotionState::position_covariance_conditioned() const {
-  return position_covariance() - by_views().topLeftCorner<3, 3>();
+  return position_covariance() - by_nuisances().topLeftCorner<3, 3>();
 }
 
 MotionState MotionState::conditioned_on_nuisances() const {
   MotionState out = *this;
-  out.by_views_.reset();
-  out.covariance_.topLeftCorner<6, 6>() -= by_views();
+  out.by_nuisances_.reset();
+  out.covariance_.topLeftCorner<6, 6>() -= by_nuisances();
   out.covariance_.bottomRows(size() - 6).setZero();
   out.open_ = 0;
   return out;
 }
 
 void MotionState::reinflate_nuisances(const MotionState& other) {
-  by_views_ = other.by_views();
-  covariance_.topLeftCorner<6, 6>() += *by_views_;
+  by_nuisances_ = other.by_nuisances();
+  covariance_.topLeftCorner<6, 6>() += *by_nuisances_;
   const Eigen::Index n = size() - 6;
   covariance_.bottomRows(n) = other.covariance_.bottomRows(n);
   gains_ = other.gains_, seen_ = other.seen_, open_ = other.open_;
 }
 
 void MotionState::set_position(const Eigen::Vector3d& mean, const Eigen::Matrix3d& covariance) {
-  by_views_.reset();
+  by_nuisances_.reset();
   settle();
   const Eigen::Matrix3d before = position_covariance();
   const Eigen::Index rest = size() - 3;

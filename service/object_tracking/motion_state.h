@@ -1,6 +1,5 @@
-// What is believed of a target's motion, and of when each camera's rows were exposed: one Gaussian over both, since
-// neither is known without the other. A moving object that two cameras see at unknown times is at an unknown place; how
-// its sightings disagree while it moves tells the times.
+// Kalman filter over one object's motion and, as nuisance states, each camera's timing and image bias. Model and
+// equations: design.md.
 #pragma once
 
 #include <Eigen/Core>
@@ -14,135 +13,116 @@
 
 namespace huetrack::object_tracking {
 
-// The row of a view in which something is seen.
+// The image row in which something is seen.
 struct SeenRow {
   int camera = 0;
   double below_middle = 0;  // r / (H - 1) - 1/2
-  capture::Timestamp at{};  // when it was exposed, with the camera's times as they were believed
-  double shift_s = 0;       // when the set came: what they added to the frame's own time
+  capture::Timestamp at{};  // when it was exposed, by the timing estimated when the frame set came
+  double shift_s = 0;       // what that estimate added to the frame's own time
 };
 
-// A measurement of the object's projected centre, and how its projection moves with it.
+// A measurement of the object's projected centre, and the linearised projection.
 struct LinearSighting {
   SeenRow row;
-  Eigen::Vector2d px;          // measured, raw pixels
-  Eigen::Matrix2d covariance;  // px^2, of what is new in every frame
-  double bias_sigma_px = 0;    // standard deviation of what lasts: see MotionState
-  // px^2, of what lasts besides: the camera's pose is not quite known, or views contradict it.
-  Eigen::Matrix2d doubt = Eigen::Matrix2d::Zero();
-  Eigen::Vector3d linearised_at;         // a position near the object's when the row was exposed, metres
-  Eigen::Vector2d px_expected;           // its projection
-  Eigen::Matrix<double, 2, 3> jacobian;  // d px / d p_world there, px/m
+  Eigen::Vector2d px;                                   // measured, raw pixels
+  Eigen::Matrix2d covariance;                           // px^2, independent in every frame
+  double bias_sigma_px = 0;                             // 1 sigma of the slowly varying bias
+  Eigen::Matrix2d inflation = Eigen::Matrix2d::Zero();  // px^2, of the bias in addition: pose, inconsistent views
+  Eigen::Vector3d linearised_at;                        // a position near the object's at row.at, metres
+  Eigen::Vector2d px_expected;                          // its projection
+  Eigen::Matrix<double, 2, 3> jacobian;                 // d px / d p_world there, px/m
 };
 
-// Variance, and standard deviation, along the axis on which least is known; 0 and above.
+// Variance and standard deviation along the least certain axis; >= 0.
 double largest_variance(const Eigen::Matrix3d& covariance);
 double largest_sigma(const Eigen::Matrix3d& covariance);
 
-// State: position (m) and velocity (m/s) in the world at `at`, then for each camera what its latency and its readout
-// differ from those that its frames' times were made with (s). Motion: constant velocity with white acceleration of a
-// power density q (m^2/s^3; Bar-Shalom, Li, Kirubarajan 2001, section 6.2.2). Times: as good as constant.
-// And for each camera how far the object is seen beside where it is (px, two coordinates): it is lit from one side, and
-// its bright side matches further out than its dark one. Such an error lasts while the object rests and changes as it
-// moves through the light. Left out, it would pass for noise, which many frames average away, and what remains of it in
-// a slow motion would be taken for latencies. The same holds, pixels instead of fractions of one, where the camera does
-// not quite stand where the rig says (LinearSighting::doubt). A sighting sees position + (t - at) velocity at its row's
-// time t, which is later by -latency + below_middle * readout. thread-compatible.
+// Mean and covariance of
+//   position (m), velocity (m/s)    world frame, at time `at`; constant velocity, white acceleration of power density
+//                                   q (m^2/s^3; Bar-Shalom, Li, Kirubarajan 2001, section 6.2.2)
+//   per camera, latency, readout    s, corrections to the frames' own times; only where times are learnt
+//   per camera, image bias          px, 2 coordinates: shading, pose error; a Gauss-Markov process along the object's
+//   path
+// A sighting in row r measures position + (t - at) velocity at t = its time - latency + below_middle * readout.
+// thread-compatible.
 class MotionState {
  public:
-  // One of the rig's cameras gives the time on which all hangs: its latency is held, as one shift of all latencies
-  // moves the object along its path and changes no picture. It is the first one.
+  // Its latency is fixed: a common shift of all latencies moves the object along its path and changes no image.
   static constexpr int reference_camera = 0;
-  // So that what a sighting says fits on the stack: nothing is allocated while a set is worked on.
-  static constexpr int max_cameras = 64;
+  static constexpr int max_cameras = 64;  // capacity: a measurement's row of the covariance fits on the stack
 
-  // Throws std::invalid_argument for more cameras than that.
-  // times_are_learnt: otherwise the rig's hold, and what it states of their uncertainty counts as noise of a sighting.
+  // times_are_learnt: false takes the rig's timing; its stated uncertainty is then measurement noise.
+  // Throws std::invalid_argument for more than max_cameras.
   MotionState(const calib::CameraRig& rig, bool times_are_learnt);
 
   capture::Timestamp at{};
   Eigen::Vector3d position() const { return mean_.head<3>(); }
   Eigen::Vector3d velocity() const { return mean_.segment<3>(3); }
-  // If it goes on, or came, as it moves now.
+  // Along the velocity, forwards or backwards.
   Eigen::Vector3d position_at(capture::Timestamp when) const {
     return position() + capture::seconds(when - at) * velocity();
   }
   Eigen::Matrix3d position_covariance() const { return covariance_.topLeftCorner<3, 3>(); }
   Eigen::Matrix3d velocity_covariance() const { return covariance_.block<3, 3>(3, 3); }
-  // The whole belief, if what is believed of the views, their times and what lasts, were known to be so; and of it the
-  // position's covariance. With many cameras it costs as much as all else: who asks more than once, or hands it to
-  // reinflate_nuisances(), has it worked out beforehand.
+
+  // The state conditioned on the nuisance states at their means. With many cameras this costs as much as an update;
+  // cache_nuisance_part() computes it once for several calls.
   MotionState conditioned_on_nuisances() const;
   Eigen::Matrix3d position_covariance_conditioned() const;
   void cache_nuisance_part();
-  // Undoes it: what the views leave open, of all, is as it is in `other`, of which this was conditioned_on_nuisances()
-  // and may have been moved since.
+  // Adds the nuisance covariance of `other` back; this was other.conditioned_on_nuisances() and may have been moved.
   void reinflate_nuisances(const MotionState& other);
 
-  // The frames of this set, before anything is observed in them: those whose stamps are of another host's clock are
-  // known in time no better than that clock is, next to the one that stamps the reference camera's. It is one error of
-  // all cameras of a host; it wanders, so that nothing that was learnt of it in earlier sets makes it smaller again.
+  // Before the first measurement of a set. Where frames are stamped by another host's clock, opens the latencies of its
+  // cameras by that clock's uncertainty: one error per host, which wanders and so cannot be averaged away.
   void open_clocks(const capture::FrameSet& set);
   void adopt_clocks(const MotionState& known) { clocks_ = known.clocks_; }
-  // What that leaves open of the time itself to which positions refer, s^2: of the clock that stamps the reference
-  // camera's frames next to ours. No view can tell it.
+  // Variance of the reference camera's clock against this host's, s^2. No view can measure it.
   double clock_variance_s2() const { return clocks_[reference_camera].variance_s2; }
 
-  // The cameras are triggered together: their frames' times have been the same. Before anything is learnt only, and
-  // not after correct_times(). Then
-  // latencies hardly differ, and such cameras mostly have global shutters.
+  // The cameras share a trigger: tightens the priors of latency and readout. Before anything is learnt; without effect
+  // after correct_times().
   void expect_synchronised();
-  // Per camera of the rig: its frames were found to be later than is believed by so much, by something that this belief
-  // cannot see: times that jumped, or were held to be known. 0: as it is believed. The reference camera's is held
-  // thereafter where it is put. The latencies of those that differ from it are open again, as of cameras of which
-  // nothing is known; that the cameras are in step is believed no longer; and the motion, which was seen by wrong
-  // times, is open as far as these move it. Nothing where times are not learnt.
+  // Adds late_s, one per camera, to the latencies: an error found by something else (jumped stamps, a wrong rig).
+  // Reopens the latencies of cameras that differ from the reference camera, and the position by the motion in that
+  // time. Without effect where times are not learnt.
   void correct_times(std::span<const double> late_s);
-  // What is to be added to the frame's time for this row of this camera, and how well that is known (standard
-  // deviation).
+  // To add to the frame's time for this row, and its standard deviation.
   double row_offset_s(int camera, double below_middle) const;
   double row_sigma_s(int camera, double below_middle) const;
   CameraTimingEstimate timing(int camera) const;
 
-  // A new object: what was learnt of the cameras stays.
+  // A new object. Timing is kept, biases are reset.
   void begin(capture::Timestamp when, const Eigen::Vector3d& position, double position_variance,
              const Eigen::Vector3d& velocity, double velocity_variance);
   // Forward only.
   void predict_to(capture::Timestamp when, double power_density);
-  // The camera stands elsewhere: what lasted there, lasts no more.
-  void reset_bias(int camera);
-  // Kalman update. Returns the squared innovation in its own standard deviations: 2 on average. A sighting from before
-  // `at` is compared with where the object was then, swerves included. velocity: that of the linearisation.
+  void reset_bias(int camera);  // the camera was moved
+  // Kalman update; returns the normalised innovation squared (2 dof). A sighting from before `at` is compared with the
+  // position then, process noise included. velocity: at which position and time are linearised.
   double observe(const LinearSighting& sighting, const Eigen::Vector3d& velocity, double power_density);
-  // Velocity times time is a product of two unknowns, which observe() takes at the times' means of then. They are far
-  // from those by now: what was learnt on the way was linearised at wrong times, and is surer than it should be.
+  // The timing has moved far from where velocity * time was linearised: the covariance is too small.
   bool needs_relinearisation() const;
-  // What is observed from now on is linearised at the times' means of `known`.
-  void relinearise_times_at(const MotionState& known);
-  // The position's mean and covariance are replaced; all else follows by regression on the position.
+  void relinearise_times_at(const MotionState& known);  // at its means, from the next observe() on
+  // Replaces the position's mean and covariance; everything else follows by regression.
   void set_position(const Eigen::Vector3d& mean, const Eigen::Matrix3d& covariance);
 
-  // What the camera of the sighting sees is y, a position. E[y | position] = slope * position + offset, and what is
-  // left open of it.
+  // Where this row's camera sees the object (a position y) given the position at `at`:
+  // E[y | position] = slope * position + offset.
   struct ConditionalMeasurement {
     Eigen::Matrix3d slope;
     Eigen::Vector3d offset;
     Eigen::Matrix3d covariance;
   };
   ConditionalMeasurement measurement_given_position(const SeenRow& row, double power_density) const;
-  // How far the camera is believed to see the object beside where it is, px.
-  Eigen::Vector2d bias(int camera) const { return mean_.segment<2>(lasting_of(camera)); }
-  // Of y itself; the row may be later or earlier than `at`.
-  Eigen::Matrix3d seen_covariance(const SeenRow& row, double power_density) const;
+  Eigen::Vector2d bias(int camera) const { return mean_.segment<2>(bias_of(camera)); }  // px
+  Eigen::Matrix3d seen_covariance(const SeenRow& row, double power_density) const;      // of y; any row time
 
  private:
   Eigen::Index size() const { return mean_.size(); }
   Eigen::Index latency_of(int camera) const { return 6 + 2 * camera; }
-  Eigen::Index lasting_of(int camera) const {
-    return size() - 2 * static_cast<Eigen::Index>(given_.size()) + 2 * camera;
-  }
-  // y = position + dt velocity + v (below_middle readout - latency) is linear in the state; v is the velocity that it
-  // is linearised at.
+  Eigen::Index bias_of(int camera) const { return size() - 2 * static_cast<Eigen::Index>(given_.size()) + 2 * camera; }
+  // y = position + dt velocity + v (below_middle readout - latency), linear in the state.
   struct SeenBy {
     const SeenRow& row;
     double dt;
@@ -151,40 +131,37 @@ class MotionState {
   static constexpr int most_states = 6 + 4 * max_cameras;
   template <int rows>
   using WithState = Eigen::Matrix<double, rows, Eigen::Dynamic, Eigen::ColMajor, rows, most_states>;
-  WithState<2> two_rows(Eigen::Index i) const;  // of the covariance, from the i-th on, which is none of the motion's
+  WithState<2> two_rows(Eigen::Index i) const;                         // of the covariance, i >= 6 and i + 1
   double below_diagonal(Eigen::Index row, Eigen::Index column) const;  // of the covariance
-  // Takes off what is open.
-  void settle();
-  WithState<3> covariance_with_state(const SeenBy& by) const;
-  template <int rows>  // the product with the transpose of y's coefficients
+  void settle();                                                       // applies gains_ and seen_
+  WithState<3> covariance_with_state(const SeenBy& by) const;          // of y
+  template <int rows>                                                  // times the transpose of y's coefficients
   Eigen::Matrix<double, rows, 3> onto(const SeenBy& by, const WithState<rows>& with_state) const;
-  // The part of the motion's covariance that follows from that of the times and of what lasts.
-  Eigen::Matrix<double, 6, 6> by_views() const;
-  // What is not in the state: swerves between the row and `at`, and times that are given with an uncertainty.
+  // The part of the motion's covariance that the nuisance states explain.
+  Eigen::Matrix<double, 6, 6> by_nuisances() const;
+  // Process noise between the row and `at`, second order of velocity * time, and uncertain given times.
   Eigen::Matrix3d unmodelled(const SeenBy& by, double power_density) const;
-
-  void renew_lasting(int camera, double bias_sigma_px, const Eigen::Matrix2d& doubt);
-  // Of the clock that stamps a camera's frames next to that of the reference camera; 0 where it is the same one.
+  void propagate_bias(int camera, double bias_sigma_px, const Eigen::Matrix2d& inflation);
+  // Of the clock that stamps a camera's frames against that of the reference camera; 0 where it is the same one.
   double relative_clock_variance_s2(int camera) const;
 
   bool times_are_learnt_;
-  bool is_in_step_ = false;           // it is held that the cameras are triggered together
-  bool are_times_corrected_ = false;  // they are not
-  Eigen::VectorXd times_linearised_;  // their means when they were last linearised at
+  bool is_synchronised_ = false;
+  bool are_times_corrected_ = false;
+  Eigen::VectorXd times_linearised_;  // the timing at which velocity * time was linearised
   Eigen::VectorXd mean_;
-  // Below the diagonal and on it, and all of the motion's own 6 x 6; what is not kept is the mirror of what is.
+  // Valid on and below the diagonal, and in all of the motion's own 6 x 6.
   Eigen::MatrixXd covariance_;
-  // With so many cameras that the matrix is larger than what a processor keeps near itself, going through it is what an
-  // observation costs. So that it is done once for several of them, what they take off is put aside: off what is below
-  // the diagonal and right of the motion's columns, gains_ times the transpose of seen_, as far as their first open_
-  // columns go. All else is as it is.
+  // With many cameras the covariance exceeds the cache, and passing over it dominates an update. So several updates are
+  // applied at once: below the diagonal and right of the motion's columns, the covariance is covariance_ less
+  // gains_ seen_^T, of which open_ columns are in use.
   Eigen::MatrixXd gains_, seen_;
   Eigen::Index open_ = 0;
-  std::optional<Eigen::Matrix<double, 6, 6>> by_views_;  // of this covariance; nullopt: not worked out
-  struct Given {                                         // by the rig
+  std::optional<Eigen::Matrix<double, 6, 6>> by_nuisances_;  // cache
+  struct Given {                                             // by the rig
     double latency_s = 0, readout_s = 0;
     double latency_variance_s2 = 0, readout_variance_s2 = 0;  // where times are not learnt
-    double readout_prior_s2 = 0;                              // where they are, before anything was
+    double readout_prior_s2 = 0;                              // where they are
   };
   std::vector<Given> given_;  // per camera
   struct Clock {
@@ -192,12 +169,12 @@ class MotionState {
     double variance_s2 = 0;
   };
   std::vector<Clock> clocks_;  // per camera, of its last frame
-  struct Lasting {
-    double px = 0;     // the standard deviation that what lasts had at the last sighting; 0: there was none,
-    double way_m = 0;  // the way since then,
-    Eigen::Matrix2d doubt = Eigen::Matrix2d::Zero();  // and the variance of the doubt that was a part of it
+  struct Bias {
+    double sigma_px = 0;                                  // at the last sighting; 0: there was none
+    double path_m = 0;                                    // since then
+    Eigen::Matrix2d inflation = Eigen::Matrix2d::Zero();  // at the last sighting
   };
-  std::vector<Lasting> lasting_;  // per camera
+  std::vector<Bias> biases_;  // per camera
 };
 
 }  // namespace huetrack::object_tracking

@@ -1,5 +1,5 @@
-// Sightings by the object's outline, where what is behind it is known: five times as right as the centre of its
-// colour's region, which remains where it is not.
+// Measures an object's centre by fitting its outline where the background is known: about five times as accurate as the
+// centroid of its colour region, which is used elsewhere.
 #pragma once
 
 #include <Eigen/Core>
@@ -17,21 +17,20 @@
 
 namespace huetrack::object_tracking {
 
-// thread-compatible; one per target. Allocates when a view is first seen, and not after that.
+// thread-compatible; one per target. Allocates only when a view is first seen.
 class OutlineSighter {
  public:
   OutlineSighter(const calib::CameraRig& rig, const TargetOptions& target, const ObjectTrackerOptions& options);
 
-  // The outline near a sighting that was made from a region, in its place. spread: of where the object is expected,
-  // px^2. false: there is none, and the sighting is as it was.
-  bool sharpen(const TargetView& view, const MotionState& belief, const ExpectedView& expected,
+  // Replaces a region's sighting by the outline near it, if that is better. spread: covariance of the predicted place,
+  // px^2. false: the sighting is unchanged.
+  bool sharpen(const TargetView& view, const MotionState& state, const ExpectedView& expected,
                const Eigen::Matrix2d& spread, Sighting& sighting);
 
-  // Whether there is anything to be gained from the pixels around the object.
   bool is_enabled() const { return shape_ != TargetShape::blob && !is_blob_; }
 
-  // What is behind it in these views, where the object is by now and where it goes.
-  void learn(const std::vector<TargetView>& views, const MotionState& belief);
+  // Learns the background around the object and ahead of it.
+  void learn(const std::vector<TargetView>& views, const MotionState& state);
 
   OutlineFindings findings() const;
 
@@ -39,14 +38,14 @@ class OutlineSighter {
   struct PerView {
     std::optional<outline::Background> behind;
     outline::AppearanceModel look;
-    Eigen::Vector3d lit_at = Eigen::Vector3d::Zero();  // where its light was learnt last, world, and when
+    Eigen::Vector3d lit_at = Eigen::Vector3d::Zero();  // where its shading was learnt last, world; and when
     capture::Timestamp lit_when{};
-    double log_size = 0, log_size_weight = 0;  // of the outline over that of the target's radius: mean, and of how much
-    double size_variance = 0;                  // of the mean: what of one outline's error lasts
-    Eigen::Vector2d px = Eigen::Vector2d::Zero();  // of the last one
-    double still = 0;                              // how much of its error is that of the one before
-    bool is_sharp = false;
-    bool begins_at_region = false;  // a fit, where no size is known
+    double log_size = 0, log_size_weight = 0;      // of the outline over the target's radius: mean, number of outlines
+    double size_variance = 0;                      // of the mean: bias does not average out
+    Eigen::Vector2d px = Eigen::Vector2d::Zero();  // of the last outline
+    double still = 0;                              // correlation of its error with that of the one before
+    bool is_sharp = false;                         // the last sighting was an outline
+    bool begins_at_region = false;                 // initial radius of a fit where no size is known
   };
   double radius_m_;
   TargetShape shape_;

@@ -6,9 +6,12 @@
 namespace huetrack::object_tracking {
 namespace {
 
-// As long as a position hangs on a view that has ended: the filter follows what is new within some tenths of a second.
-constexpr double memory_s = 0.2;
-constexpr double least_share = 1e-3;  // of a view's weight; below, it says nothing any more
+struct RigErrorTuning {
+  double memory_s = 0.2;  // s, decay time of a view that lost the object: the filter's own memory
+};
+constexpr RigErrorTuning rig_error{};
+
+constexpr double negligible = 1e-3;  // maths: of a view's weight, taken as zero
 
 }  // namespace
 
@@ -21,9 +24,9 @@ RigError::RigError(const calib::CameraRig& rig, double position_sigma_m)
 void RigError::add(std::span<const Sighting> sightings) {
   if (!rig_.uncertainty) return;
   for (const Sighting& s : sightings) {
-    Eigen::Matrix2d covariance = s.covariance + s.doubt();
+    Eigen::Matrix2d covariance = s.covariance + s.inflation();
     covariance.diagonal().array() += s.bias_sigma_px * s.bias_sigma_px;
-    last_views_[static_cast<std::size_t>(s.row.camera)] = {true, s.row.at, covariance.inverse()};
+    last_views_[std::size_t(s.row.camera)] = {true, s.row.at, covariance.inverse()};
   }
 }
 
@@ -31,7 +34,7 @@ void RigError::exclude_poses(std::span<const CameraTrust> cameras) {
   rig_.uncertainty = as_found_;
   for (std::size_t c = 0; rig_.uncertainty && c < cameras.size(); ++c) {
     if (cameras[c].cam_from_world)
-      rig_.uncertainty = calib::with_pose_covariance(rig_, static_cast<int>(c), calib::Covariance6d::Zero());
+      rig_.uncertainty = calib::with_pose_covariance(rig_, int(c), calib::Covariance6d::Zero());
   }
 }
 
@@ -40,8 +43,8 @@ Eigen::Matrix3d RigError::left_open(const Eigen::Vector3d& position, capture::Ti
   std::vector<calib::PlaceView> views;
   for (std::size_t c = 0; c < last_views_.size(); ++c) {
     if (!last_views_[c].any) continue;
-    const double share = std::exp(-std::abs(capture::seconds(at - last_views_[c].at)) / memory_s);
-    if (share > least_share) views.push_back({static_cast<int>(c), share * last_views_[c].information});
+    const double share = std::exp(-std::abs(capture::seconds(at - last_views_[c].at)) / rig_error.memory_s);
+    if (share > negligible) views.push_back({int(c), share * last_views_[c].information});
   }
   return calib::rig_covariance_at(rig_, position, views, elsewhere_);
 }

@@ -1,4 +1,4 @@
-// The regions of the target's colour that were looked at in one set, for whoever asks what views show.
+// Log of the colour regions that were examined in one frame set, for diagnostics.
 #pragma once
 
 #include <algorithm>
@@ -30,12 +30,12 @@ class SeenRegions {
           std::sqrt(sighting.covariance.trace() / 2 + sighting.bias_sigma_px * sighting.bias_sigma_px);
   }
   void add_others(const TargetView& view, std::span<const color::ColorRegion> regions) {
-    constexpr std::size_t most = 4;  // of a view, the largest
-    for (const color::ColorRegion& region : regions.first(std::min(most, regions.size())))
-      all_.push_back(seen(view, region.centre, std::sqrt(region.area / std::numbers::pi), false));
+    for (const color::ColorRegion& region : regions.first(std::min(max_others, regions.size())))
+      all_.push_back(seen(view, region.centre, disc_radius(region.area), false));
   }
 
  private:
+  static constexpr std::size_t max_others = 4;  // capacity: per view, the largest ones
   static SeenRegion seen(const TargetView& view, const Eigen::Vector2d& px, double radius_px, bool is_target) {
     return {.camera = view.index,
             .at = view.frame->row_time(px.y()),

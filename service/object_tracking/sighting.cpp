@@ -12,21 +12,29 @@
 namespace huetrack::object_tracking {
 namespace {
 
-// Shares of the disc that the ball would be in a view: of the two regions that a candidate starts from, of any other
-// region that agrees, and of all of them at most, for larger regions are something else.
-constexpr double min_start_support = 0.3, min_support = 0.1, max_support = 3;
-constexpr double gate = 11.8;  // chi-square, 2 degrees of freedom, 99.7 %
-constexpr std::size_t max_regions_per_view = 8;
-constexpr double not_seen_penalty = 0.25;  // of the score, for a view that should see it and does not
-// Of the variance of a region's centre: the same in all frames, as the light comes from one side. As measured on
-// outlines of rendered balls: wave::OutlineCorrelation.
-constexpr double lasting_share = 0.2;
-constexpr int refinements = 2;  // of a candidate's position, each by the sightings at the one before
+struct RegionErrorTuning {
+  double bias_share = 0.2;     // of the variance: constant while the object rests (wave::OutlineCorrelation)
+  double misfit_gain = 1.3;    // centre error per pixel of misfit in width (experiment)
+  double occlusion_smear = 3;  // a smear explains only 1/3 of it of a region that is too narrow: it may be occluded
+};
+constexpr RegionErrorTuning region_error{};
+
+struct RayCrossingTuning {
+  double min_disc_share = 0.1;   // share of the expected disc's area of a further region that agrees
+  double max_disc_share = 3;     // larger regions are something else
+  double gate_nis = 11.8;        // chi-square, 2 dof, 99.7 %
+  std::size_t max_regions = 8;   // per view, the largest ones
+  double missed_penalty = 0.25;  // of the score, per view that should see it and does not
+  int refinements = 2;           // Gauss-Newton steps of a candidate's position
+};
+constexpr RayCrossingTuning ray_crossing{};
+
+constexpr double parallel_sine2 = 1e-6;  // maths: below it two rays' crossing is ill-conditioned
 
 // Midpoint of the shortest line between two rays; nullopt when they are nearly parallel or meet behind a camera.
 std::optional<Eigen::Vector3d> crossing(const Eigen::Vector3d& c0, const Eigen::Vector3d& d0, const Eigen::Vector3d& c1,
                                         const Eigen::Vector3d& d1) {
-  const auto nearest = calib::closest_approach(c1 - c0, d0, d1, 1e-6);
+  const auto nearest = calib::closest_approach(c1 - c0, d0, d1, parallel_sine2);
   if (!nearest || nearest->along_0 <= 0 || nearest->along_1 <= 0) return std::nullopt;
   return (c0 + nearest->along_0 * d0 + c1 + nearest->along_1 * d1) / 2;
 }
@@ -41,7 +49,7 @@ struct RegionRay {
   Eigen::Vector3d direction;
 };
 
-// What the views say to one target. Nothing is known of its velocity yet.
+// For one target of unknown velocity.
 class RayCrosser {
  public:
   RayCrosser(const std::vector<TargetView>& views, std::span<const std::vector<color::ColorRegion>> regions,
@@ -50,19 +58,17 @@ class RayCrosser {
     for (const TargetView& view : views) newest_ = std::max(newest_, view.frame->captured_at);
   }
 
-  // Of the view's largest regions.
   std::vector<RegionRay> rays_of(std::size_t view) const {
     std::vector<RegionRay> rays;
     const calib::Camera& camera = *views_[view].camera;
-    for (std::size_t i = 0; i < std::min(regions_[view].size(), max_regions_per_view); ++i) {
+    for (std::size_t i = 0; i < std::min(regions_[view].size(), ray_crossing.max_regions); ++i) {
       if (const auto ray = camera.model.ray({regions_[view][i].centre}))
         rays.push_back({&regions_[view][i], camera.cam_from_world.rotation.conjugate() * *ray});
     }
     return rays;
   }
 
-  // Where the rays of two views' regions meet; nullopt: nowhere, outside of the volume, or at a distance at which the
-  // target would not have their size.
+  // nullopt: no crossing, outside of the volume, or at a distance that does not fit the regions' sizes.
   std::optional<Eigen::Vector3d> meeting(std::size_t i, const RegionRay& a, std::size_t j, const RegionRay& b) const {
     const calib::Camera& ci = *views_[i].camera;
     const calib::Camera& cj = *views_[j].camera;
@@ -70,17 +76,17 @@ class RayCrosser {
     if (!p || !inside(options_.volume, *p, target_.radius_m)) return std::nullopt;
     const auto in_i = project_ball(ci, *p, target_.radius_m);
     const auto in_j = project_ball(cj, *p, target_.radius_m);
-    if (!in_i || !in_j || !fits(i, *a.region, *in_i, min_start_support) ||
-        !fits(j, *b.region, *in_j, min_start_support))
+    if (!in_i || !in_j || !fits(i, *a.region, *in_i, sighting_tuning.start_disc_share) ||
+        !fits(j, *b.region, *in_j, sighting_tuning.start_disc_share))
       return std::nullopt;
     return p;
   }
 
-  // Refined over, and scored by, all views that agree; nullopt: fewer than two do.
+  // nullopt: fewer than two views are consistent with it.
   std::optional<PositionCandidate> refined(const Eigen::Vector3d& start) const {
     PositionCandidate c;
     c.position = start;
-    for (int i = 0; i < refinements; ++i) {
+    for (int i = 0; i < ray_crossing.refinements; ++i) {
       const std::vector<Sighting> apart = look(c);
       if (apart.size() < 2) return std::nullopt;
       const PositionInformation z = information_of(apart, c.position);
@@ -98,33 +104,33 @@ class RayCrosser {
     return s;
   }
 
-  // A view that looked earlier or later, or nobody knows when, saw the object up to so far away.
+  // Adds the object's unknown motion between this row and the newest frame, and the bias.
   Sighting set_apart(Sighting s, const BallProjection& at) const {
     const double apart_s =
         std::hypot(capture::seconds(newest_ - s.row.at), times_.row_sigma_s(s.row.camera, s.row.below_middle));
-    const double way_m = options_.start_speed_m_s * apart_s;
-    s.covariance += way_m * way_m * at.jacobian * at.jacobian.transpose();
+    const double travel_m = options_.start_speed_m_s * apart_s;
+    s.covariance += travel_m * travel_m * at.jacobian * at.jacobian.transpose();
     s.covariance.diagonal().array() += s.bias_sigma_px * s.bias_sigma_px;
     return s;
   }
 
   bool fits(std::size_t view, const color::ColorRegion& region, const BallProjection& at, double least_support) const {
-    const double share = region.area / (std::numbers::pi * at.radius_px * at.radius_px);
-    if (share < least_support || share > max_support) return false;
+    const double share = region.area / disc_area(at.radius_px);
+    if (share < least_support || share > ray_crossing.max_disc_share) return false;
     const Sighting s = set_apart(sighting_at(view, region, at), at);
-    return mahalanobis2(s.px - at.px, s.covariance) <= gate;
+    return mahalanobis2(s.px - at.px, s.covariance) <= ray_crossing.gate_nis;
   }
 
   const color::ColorRegion* nearest_fitting(std::size_t view, const BallProjection& at) const {
     const color::ColorRegion* nearest = nullptr;
     for (const color::ColorRegion& region : regions_[view]) {
-      if (!fits(view, region, at, min_support)) continue;
+      if (!fits(view, region, at, ray_crossing.min_disc_share)) continue;
       if (nearest == nullptr || (region.centre - at.px).norm() < (nearest->centre - at.px).norm()) nearest = &region;
     }
     return nearest;
   }
 
-  // Sightings and score, of all views that should see the position. Returns the sightings as of one time.
+  // Sets the candidate's sightings and score; returns the sightings with set_apart() applied.
   std::vector<Sighting> look(PositionCandidate& c) const {
     std::vector<Sighting> apart;
     c.sightings.clear();
@@ -134,7 +140,7 @@ class RayCrosser {
       if (!at || !views_[v].camera->contains({at->px})) continue;
       const color::ColorRegion* region = nearest_fitting(v, *at);
       if (region == nullptr) {
-        c.score -= not_seen_penalty;
+        c.score -= ray_crossing.missed_penalty;
         continue;
       }
       c.sightings.push_back(sighting_at(v, *region, *at));
@@ -167,7 +173,7 @@ std::optional<BallProjection> project_ball(const calib::Camera& camera, const Ei
   BallProjection a;
   a.px = px->px;
   a.jacobian = px_from_cam * camera.cam_from_world.rotation.toRotationMatrix();
-  // The mean scale across the line of sight: the square root of the area that a unit square there covers.
+  // Mean scale across the line of sight: square root of the image area of a unit square there.
   const Eigen::Matrix2d across = px_from_cam * px_from_cam.transpose();
   a.radius_px = radius_m * std::sqrt(std::sqrt(std::max(0.0, across.determinant())));
   return a;
@@ -200,10 +206,12 @@ double sample_px(const capture::Image& image) {
 }
 
 BaseError base_error(double radius_px, double pixel_noise_px, double sample_px) {
-  // Around the edge each sample of color is in or out, wherever in it the edge is: as many errors as there are samples.
+  // Each chroma sample on the edge is in or out as a whole: independent errors, as many as samples.
   const double rounding = std::pow(sample_px, 3) / (12 * std::numbers::pi * std::max(1.0, radius_px));
-  const double error2 = pixel_noise_px * pixel_noise_px + 0.0016 * radius_px * radius_px + rounding;
-  return {.fresh_px2 = (1 - lasting_share) * error2, .lasting_px2 = lasting_share * error2};
+  const double error2 = pixel_noise_px * pixel_noise_px +
+                        sighting_tuning.shading_share * sighting_tuning.shading_share * radius_px * radius_px +
+                        rounding;
+  return {.noise_px2 = (1 - region_error.bias_share) * error2, .bias_px2 = region_error.bias_share * error2};
 }
 
 Sighting sighting_of(const TargetView& view, const color::ColorRegion& region, double radius_px, double pixel_noise_px,
@@ -213,26 +221,26 @@ Sighting sighting_of(const TargetView& view, const color::ColorRegion& region, d
   s.camera = view.camera;
   s.projector = view.projector;
   s.px = region.centre;
-  s.radius_px = std::sqrt(region.area / std::numbers::pi);
+  s.radius_px = disc_radius(region.area);
   const BaseError usual = base_error(radius_px, pixel_noise_px, sample_px(*view.image));
-  s.bias_sigma_px = std::sqrt(usual.lasting_px2);
-  // A row that is dv below the centre's shows the ball where it is dv row_s later: the outline is the disc's image
-  // under the inverse of d -> d - velocity row_s d.v. Never faster than the rows themselves, as far as the shape goes.
+  s.bias_sigma_px = std::sqrt(usual.bias_px2);
+  // Rolling shutter: a row dv below the centre shows the ball dv row_s later, so the outline is the disc's image under
+  // the inverse of d -> d - velocity row_s d.v.
   const Eigen::Vector2d shear = (motion.row_s * motion.velocity).cwiseMax(-0.5).cwiseMin(0.5);
   Eigen::Matrix2d outline_from_disc = Eigen::Matrix2d::Identity();
   outline_from_disc.col(1) += shear / (1 - shear.y());
-  // Along each axis of the region: 2 sqrt(eigenvalue) is the half width of the disc that is as wide.
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> axes =
       Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>().computeDirect(region.spread);
-  Eigen::Vector2d variance = Eigen::Vector2d::Constant(usual.fresh_px2);
+  Eigen::Vector2d variance = Eigen::Vector2d::Constant(usual.noise_px2);
   for (int i = 0; i < 2; ++i) {
     const Eigen::Vector2d axis = axes.eigenvectors().col(i);
     const double expected_px = radius_px * (outline_from_disc.transpose() * axis).norm();
     const double smear_px = 0.5 * std::abs(axis.dot(motion.velocity)) * motion.longest_exposure_s;
     const double too_wide_px = 2 * std::sqrt(std::max(0.0, axes.eigenvalues()(i))) - expected_px;
-    // What hides a part of it makes a region narrow, too, and is the more usual reason.
-    const double smeared_px = too_wide_px > 0 ? smear_px : smear_px / 3;
-    const double excess_px = 1.3 * std::max(0.0, std::abs(too_wide_px) - 0.2 * radius_px - smeared_px);
+    const double smeared_px = too_wide_px > 0 ? smear_px : smear_px / region_error.occlusion_smear;
+    const double excess_px =
+        region_error.misfit_gain *
+        std::max(0.0, std::abs(too_wide_px) - sighting_tuning.misfit_share * radius_px - smeared_px);
     variance(i) += excess_px * excess_px;
   }
   s.covariance = axes.eigenvectors() * variance.asDiagonal() * axes.eigenvectors().transpose();
@@ -245,13 +253,11 @@ void sort_by_time(std::vector<Sighting>& sightings) {
 }
 
 bool has_disc_shape(const Sighting& s) {
-  constexpr double round_sigma = 0.2;  // of the radius: a misfit below it says nothing
-  return std::sqrt(s.covariance.trace() / 2) <= round_sigma * s.radius_px / std::sqrt(s.support);
+  return std::sqrt(s.covariance.trace() / 2) <= sighting_tuning.misfit_share * s.radius_px / std::sqrt(s.support);
 }
 
 bool is_unoccluded_disc(const Sighting& s) {
-  constexpr double whole_support = 0.9;
-  return s.support >= whole_support && has_disc_shape(s);
+  return s.support >= sighting_tuning.whole_share && has_disc_shape(s);
 }
 
 SeenRow row_of(const TargetView& view, double row, const MotionState& times) {
@@ -296,7 +302,7 @@ std::vector<PositionCandidate> cross_rays(const std::vector<TargetView>& views,
     auto c = crosser.refined(*start);
     if (!c) return;
     const bool again = std::ranges::any_of(
-        out, [&](const PositionCandidate& o) { return (o.position - c->position).norm() < target.radius_m / 2; });
+        out, [&](const PositionCandidate& o) { return (o.position - c->position).norm() < 0.5 * target.radius_m; });
     if (!again) out.push_back(std::move(*c));
   };
   for (std::size_t i = 0; i < views.size(); ++i) {

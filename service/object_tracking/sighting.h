@@ -1,8 +1,9 @@
-// What one view says about where the target is: a colour region as a measurement of the projected centre, with an
-// honest covariance. And from several views together: a position.
+// Measurements: a colour region as a measurement of the object's projected centre; positions from several views.
 #pragma once
 
 #include <Eigen/Core>
+#include <cmath>
+#include <numbers>
 #include <optional>
 #include <span>
 #include <vector>
@@ -14,10 +15,17 @@
 
 namespace huetrack::object_tracking {
 
-// margin_m: how far outside of it still counts.
+// margin_m: tolerance outside of it.
 bool inside(const Volume& volume, const Eigen::Vector3d& p, double margin_m);
 
-// Where a ball would appear in a view.
+inline double disc_area(double radius_px) {
+  return std::numbers::pi * radius_px * radius_px;
+}
+inline double disc_radius(double area_px2) {
+  return std::sqrt(area_px2 / std::numbers::pi);
+}
+
+// The image of a ball, to first order.
 struct BallProjection {
   Eigen::Vector2d px;                    // projection of its centre, raw pixels
   Eigen::Matrix<double, 2, 3> jacobian;  // d px / d p_world, pixels per metre
@@ -26,7 +34,7 @@ struct BallProjection {
 std::optional<BallProjection> project_ball(const calib::Camera& camera, const Eigen::Vector3d& p_world,
                                            double radius_m);
 
-// How far a pose that is not quite known (CameraTrust::pose_covariance) moves what is seen there, px^2.
+// Image covariance by a pose's uncertainty (CameraTrust::pose_covariance), px^2.
 Eigen::Matrix2d px_covariance_of_pose(const calib::Camera& camera, const Eigen::Vector3d& p_world,
                                       const BallProjection& at, const Eigen::Matrix<double, 6, 6>& pose_covariance);
 
@@ -34,48 +42,48 @@ struct Sighting {
   SeenRow row;
   const calib::Camera* camera = nullptr;
   const calib::BatchProjector* projector = nullptr;
-  Eigen::Vector2d px;          // measured centre, raw pixels
-  Eigen::Matrix2d covariance;  // px^2, of what is new in every frame
-  double bias_sigma_px = 0;    // standard deviation of what lasts while the object rests
-  double support = 0;          // 0..1, share of the expected disc that has the target's colour
-  double radius_px = 0;        // of the disc of the region's area
-  // px^2, of what lasts besides: by the pose that the camera is held to have, and by how far views contradict it.
-  Eigen::Matrix2d of_pose = Eigen::Matrix2d::Zero();
-  double inflation_px2 = 0;
-  // Furniture of the target's colour is at its edge, or behind it, and left out: how far it is off by that says nothing
-  // of whether views agree.
-  bool is_cut = false;
-  bool is_outline = false;  // it is not the middle of a region, but what its outline says
+  Eigen::Vector2d px;                                 // measured centre, raw pixels
+  Eigen::Matrix2d covariance;                         // px^2, independent in every frame
+  double bias_sigma_px = 0;                           // 1 sigma of the bias that stays while the object rests
+  double support = 0;                                 // 0..1, share of the expected disc that has the target's colour
+  double radius_px = 0;                               // of the disc of the region's area
+  Eigen::Matrix2d of_pose = Eigen::Matrix2d::Zero();  // px^2, bias by CameraTrust::pose_covariance
+  double inflation_px2 = 0;                           // px^2, bias by inconsistency with other views
+  bool is_cut = false;      // masked static clutter may hide a part of it: excluded from consistency tests
+  bool is_outline = false;  // measured by its outline, not by its region's centroid
 
-  Eigen::Matrix2d doubt() const { return of_pose + inflation_px2 * Eigen::Matrix2d::Identity(); }
+  Eigen::Matrix2d inflation() const { return of_pose + inflation_px2 * Eigen::Matrix2d::Identity(); }
 };
 
 void sort_by_time(std::vector<Sighting>& sightings);  // of their rows; stable
 
-// The region has the shape of a disc, if not its size; and its size, too: nothing hides or cuts a part of it.
+// By the region's shape alone; by its shape and size.
 bool has_disc_shape(const Sighting& sighting);
 bool is_unoccluded_disc(const Sighting& sighting);
 
-// A region counts as an object's within this: chi-square, 2 degrees of freedom, 99.97 %; and from so much of its disc
-// on.
-inline constexpr double sighting_tuning.gate_nis = 16, least_support = 0.15;
-// A candidate for an object that is looked for and is older than this confirms nothing.
-inline constexpr double longest_confirmation_s = 0.5;
-// In so many sets a candidate must be seen that a view contradicts, which should show it: by chance rays meet once and
-// again, but not for as long.
-inline constexpr int contested_sets = 8;
-// So many crossings of rays are weighed where one object is looked for.
-inline constexpr std::size_t sighting_tuning.max_crossings = 4;
-// By as much a region of some hundred pixels moves and changes visibly: a frame that shows none of it was shown before.
-inline constexpr double repeat_px = 1;
+struct SightingTuning {
+  double gate_nis = 16;            // chi-square, 2 dof, 99.97 %: a region within it may be the object's
+  double min_disc_share = 0.15;    // share of the expected disc's area that a tracked object's region must cover
+  double start_disc_share = 0.3;   // the same where nothing is tracked yet, or its place is not known (experiment)
+  double max_disc_share = 4;       // the same, largest region that may still be the object there (experiment)
+  double confirmation_s = 0.5;     // s, an unconfirmed candidate older than this is dropped
+  double confirmation_sigmas = 3;  // of both positions of two candidates of one object, beyond the usual motion
+  double extent_radii = 3;         // radii, largest extent of a region where one object is searched
+  double shading_share = 0.04;     // of the radius, 1 sigma: a ball's bright side matches further out (experiment)
+  int contested_sets = 8;         // frame sets that confirm a candidate against a view that should show it and does not
+  std::size_t max_crossings = 4;  // candidates kept per frame set where one object is searched
+  double repeat_px = 1;           // px, motion that changes a region of 100 px visibly: else the frame is a repeat
+  double misfit_share = 0.2;      // of the radius, 1 sigma: shape noise of a small disc's outline (experiment)
+  double whole_share = 0.9;       // share of the expected area from which a disc counts as unoccluded
+};
+inline constexpr SightingTuning sighting_tuning{};
 
-// How far a place in a view is off by what is not seen in a region's shape, px^2, as sighting_of() has it: new in every
-// frame, and what lasts.
+// Variance of a whole region's centre, px^2: independent in every frame, and bias. See sighting_of().
 struct BaseError {
-  double fresh_px2, lasting_px2;
+  double noise_px2, bias_px2;
 };
 BaseError base_error(double radius_px, double pixel_noise_px, double sample_px);
-// The side of a square that is as large as the pixels that share a sample of color.
+// Side of the square of pixels that share a chroma sample.
 double sample_px(const capture::Image& image);
 
 // How a ball's outline moves over the rows and during the exposure.
@@ -85,31 +93,23 @@ struct ImageMotion {
   double longest_exposure_s = 0;
 };
 
-// The region's centre measures the ball's centre, in the row where it lies. Along each axis of the region its variance
-// is
+// A region's centroid as a measurement of the ball's centre. Variance along each axis of the region:
 //   s^2 + (0.04 r)^2 + c^3 / (12 pi r) + (1.3 max(0, |e - w| - 0.2 r - b))^2
-// w = 2 sqrt(the region's second central moment along it) is the half width of the disc that would be as wide and e the
-// one that is expected: the radius r, but of a moving ball that is read row by row the disc is sheared and stretched.
-// b: exposure smears it by velocity times time, which makes a region longer (half of the smear matches) or shorter (a
-// third of that is granted, as what hides a part of the ball makes it shorter, too), and leaves its centre where it is.
-// Where something hides a part of the ball, the visible rest is narrower than expected in the direction in which it is
-// cut, and its centre is off by about as much; a region that is too wide (background of the same colour) is distrusted
-// the same way. Misfits below a fifth of the radius are the noise of a small disc's outline and say nothing.
-// s is options.pixel_noise_px; 0.04 r is the shading of a ball, whose bright side matches further out than its dark
-// side; c, sample_px(), is how coarse the region's edge is. Of these, 0.2 last while the object rests (bias_sigma_px),
-// the remainder is new in every frame and stands in `covariance` with the misfit. The figures were fitted on
-// data/rendered (README.md).
+// s: pixel_noise_px; 0.04 r: shading; c: sample_px(), the edge's coarseness; w: half width, 2 sqrt(second central
+// moment); e: expected half width, the radius r under the shear of a rolling shutter; b: motion blur, velocity *
+// exposure / 2, a third of it where the region is too narrow. The last term is misfit: a part is hidden, or background
+// is included, and the centroid is off by about as much. A fifth of the first three is bias. Fitted to rendered balls
+// (EXPERIMENTS.md).
 Sighting sighting_of(const TargetView& view, const color::ColorRegion& region, double radius_px, double pixel_noise_px,
                      const ImageMotion& motion);
 
-// Gaussian in the world, in information form: what linearised sightings say. Positive semidefinite; rank 2 for one
-// view.
+// Gaussian over a position in information form; positive semidefinite, rank 2 for one view.
 struct PositionInformation {
   Eigen::Matrix3d information = Eigen::Matrix3d::Zero();  // 1/m^2
   Eigen::Vector3d vector = Eigen::Vector3d::Zero();       // information * position, 1/m
 };
 
-// Linearised at p_world; as if all had been seen at one time.
+// Linearised at p_world; ignores the sightings' times.
 PositionInformation information_of(std::span<const Sighting> sightings, const Eigen::Vector3d& p_world);
 
 // Midpoint of the shortest line between the rays through two raw pixels; nullopt when they are nearly parallel, or meet
@@ -117,24 +117,24 @@ PositionInformation information_of(std::span<const Sighting> sightings, const Ei
 std::optional<Eigen::Vector3d> crossing(const calib::Camera& camera0, const calib::RawPixel& px0,
                                         const calib::Camera& camera1, const calib::RawPixel& px1);
 
-// A position that several views agree on.
+// A position that several views are consistent with.
 struct PositionCandidate {
   Eigen::Vector3d position;
   Eigen::Matrix3d covariance;
   std::vector<Sighting> sightings;  // two or more
-  double score = 0;                 // sum of supports, less 0.25 for each view that should see it and does not
-  int sets = 1;                     // one after the other, in which such a candidate was found
+  double score = 0;                 // sum of supports, less 0.25 per view that should see it and does not
+  int sets = 1;                     // consecutive frame sets in which it was found
 };
 
-// Rays crossed between views: each pair of regions in two views whose rays meet inside the volume, at a distance at
-// which the target would have about the size that they have; refined over, and scored by, all views that agree. Best
-// first, at most max_count. regions[i] belongs to views[i]. Of the belief only the cameras' times are used.
+// Triangulates each pair of regions in two views whose rays meet inside the volume at a distance that fits their sizes;
+// refines and scores it over all consistent views. Best first, at most max_count. regions[i] belongs to views[i]. Of
+// `times` only the cameras' timing is used.
 std::vector<PositionCandidate> cross_rays(const std::vector<TargetView>& views,
                                           std::span<const std::vector<color::ColorRegion>> regions,
                                           const TargetOptions& target, const ObjectTrackerOptions& options,
                                           const MotionState& times, std::size_t max_count);
 
-// The row of a view, when it was exposed as far as is known.
+// A row of a view, with its time by the estimated timing.
 SeenRow row_of(const TargetView& view, double row, const MotionState& times);
 
 }  // namespace huetrack::object_tracking

@@ -5,6 +5,14 @@
 #include "color/match_tiles.h"
 
 namespace huetrack::object_tracking {
+namespace {
+
+struct TargetViewsTuning {
+  int trigger_jitter_ns = 50000;  // ns, capture times of triggered cameras differ by less
+};
+constexpr TargetViewsTuning target_views{};
+
+}  // namespace
 
 TargetViews::TargetViews(const calib::CameraRig& rig, const TargetOptions& target) {
   for (const calib::Camera& camera : rig.cameras) {
@@ -49,7 +57,7 @@ const color::ColorTable& TargetViews::table_for(PerCamera& camera, capture::Pixe
 }
 
 bool is_apart(const std::vector<TargetView>& views) {
-  constexpr auto trigger_jitter = capture::Duration(50'000);
+  constexpr capture::Duration trigger_jitter(target_views.trigger_jitter_ns);
   return std::ranges::any_of(views, [&](const TargetView& view) {
     return std::chrono::abs(view.frame->captured_at - views.front().frame->captured_at) > trigger_jitter;
   });
@@ -82,7 +90,7 @@ const std::vector<TargetView>& TargetViews::look_at(const capture::FrameSet& set
     const color::ColorTable* table = nullptr;
     if (!look_at(c, frame, table)) continue;
     (c.is_used ? views_ : unused_)
-        .push_back({static_cast<int>(i), &c.camera, &c.projector, &c.matches, &frame.pixels, table, &frame,
+        .push_back({int(i), &c.camera, &c.projector, &c.matches, &frame.pixels, table, &frame,
                     capture::seconds(set.at - frame.captured_at)});
   }
   return views_;

@@ -1,5 +1,4 @@
-// One target in every camera: its colour tables, what was already looked at of the current frames, the projections.
-// What both observations stand on.
+// One target in every camera of a frame set: colour tables, matching pixels, projections.
 #pragma once
 
 #include <cstdint>
@@ -25,7 +24,7 @@ struct TargetView {
   const calib::BatchProjector* projector;
   color::MatchBits* matches;       // the pixels of the target's colour in this frame
   const capture::Image* image;     // of a frame of matches without planes
-  const color::ColorTable* table;  // nullptr: the frame is of matches
+  const color::ColorTable* table;  // nullptr: a frame of matches
   const capture::Frame* frame;
   double age_s;  // the set's time minus this frame's own capture time (its middle row's), >= 0
 
@@ -39,19 +38,18 @@ class TargetViews {
   TargetViews(const TargetViews&) = delete;
   TargetViews& operator=(const TargetViews&) = delete;
 
-  // The views of this set, in camera order; valid until the next call. A frame of another size than the rig's is left
-  // out, and so are cameras that are not used, and frames that tell what matches other colours only.
+  // The views of this set, in camera order; valid until the next call. Without frames of another size than the rig's,
+  // cameras that are not used, and frames of matches of other colours only.
   const std::vector<TargetView>& look_at(const capture::FrameSet& set);
-  // Those of this set that are not used.
   const std::vector<TargetView>& unused() const { return unused_; }
   const std::vector<TargetView>& used() const { return views_; }
 
-  // Makes the camera's colour table for this format before the first frame needs it.
+  // Builds the camera's colour table for this format in advance.
   void expect(std::size_t camera, capture::PixelFormat format, capture::ColorRange range) {
     table_for(*cameras_.at(camera), format, range);
   }
 
-  // From the next set on the camera looks for this colour, with its table. Returns the table that was in force.
+  // From the next set on. Returns the table in use until now.
   std::shared_ptr<const color::ColorTable> recolor(std::size_t camera, const color::HsiRange& color,
                                                    std::shared_ptr<const color::ColorTable> table) {
     PerCamera& c = *cameras_.at(camera);
@@ -60,13 +58,12 @@ class TargetViews {
     return std::exchange(c.table, std::move(table));
   }
 
-  // From the next set on; ObjectTracker::trust(). Returns the cameras whose past says nothing any more: they stand
-  // elsewhere than before, are not used from now on, or what they contradicted is explained.
+  // From the next set on; ObjectTracker::trust(). Returns the cameras whose history is void: their pose changed, they
+  // are not used any more, or their inconsistency is explained.
   std::vector<std::size_t> trust(std::span<const CameraTrust> cameras);
 
-  // In force by now.
   const color::HsiRange& color_in(std::size_t camera) const { return cameras_[camera]->color; }
-  // How many frames of this camera told nothing of the target, as they say what matches other colours.
+  // Frames of matches of other colours than the target's.
   std::uint64_t frames_of_other_colors(std::size_t camera) const { return cameras_[camera]->frames_of_other_colors; }
 
   std::size_t camera_count() const { return cameras_.size(); }
@@ -87,13 +84,12 @@ class TargetViews {
     color::MatchBits matches;
     bool is_used = true, has_moved = false;
     color::HsiRange color;
-    // Who finds what matches has it until he has heard of the new one.
-    std::optional<color::HsiRange> color_before = {};
+    std::optional<color::HsiRange> color_before = {};  // a remote camera matches it until it has the new one
     std::uint64_t frames_of_other_colors = 0;
-    std::shared_ptr<const color::ColorTable> table;  // of the format seen last; made when a format is first seen
+    std::shared_ptr<const color::ColorTable> table;  // of the last format; built when it is first seen
     std::shared_ptr<const color::ColorTable> table_before = {};
   };
-  // False: it tells nothing of the target. table: that was looked up in, or nullptr.
+  // false: matches of other colours only. table: the one in use, or nullptr.
   bool look_at(PerCamera& camera, const capture::Frame& frame, const color::ColorTable*& table);
   const color::ColorTable& table_for(PerCamera& camera, capture::PixelFormat format, capture::ColorRange range);
 
@@ -101,8 +97,7 @@ class TargetViews {
   std::vector<TargetView> views_, unused_;
 };
 
-// Frames that a trigger did not start at one moment. Stamps that agree by chance, camera by camera and set by set, do
-// not happen.
+// The frames were not started by one trigger.
 bool is_apart(const std::vector<TargetView>& views);
 
 }  // namespace huetrack::object_tracking

@@ -1,4 +1,4 @@
-// What is looked for, where and how, and what is held of a camera meanwhile. Plain values.
+// Targets, search volume, filter options, and the trust in each camera. Plain values.
 #pragma once
 
 #include <Eigen/Core>
@@ -24,23 +24,23 @@ struct Volume {  // axis-aligned, world frame, metres
 using IgnoredRegions = std::vector<std::pair<std::string, std::vector<color::PixelBox>>>;
 
 enum class TargetShape : std::uint8_t {
-  ball,       // its outline is fitted wherever what is behind it is known
-  blob,       // not round: the centre of its colour's region counts
-  automatic,  // a ball, until its outlines say that it is none
+  ball,       // its outline is fitted where the background is known
+  blob,       // not round: the centroid of its colour region is measured
+  automatic,  // a ball, until outline fits fail
 };
 
 // One target to track.
 struct TargetOptions {
-  std::string name;        // unique, not empty; where it is published, it is part of a topic's name (idl/topics.h)
-  double radius_m = 0.04;  // > 0; of the ball, or of a ball of about the object's size
+  std::string name;                            // unique, not empty; part of the topic's name (idl/topics.h)
+  double radius_m = 0.04;                      // > 0; of the ball, or of a ball of about the object's size
   TargetShape shape = TargetShape::automatic;  // observation: huetrack only
   // 1..most_count; how many objects of this colour there may be at once. More than 1: observation: huetrack only.
   int count = 1;
-  static constexpr int most_count = 16;  // pairs of regions in pairs of views are gone through: as measured up to here
-  bool is_up_to = false;                 // of a count: there may be fewer of them for long, and that is as it should be
+  static constexpr int most_count = 16;  // capacity: cost grows with pairs of regions in pairs of views
+  bool is_up_to = false;                 // of count: fewer objects are normal
   color::HsiRange color;
   std::vector<std::pair<std::string, color::HsiRange>> camera_colors;  // per-camera overrides: (camera name, range)
-  bool adapts_color = false;  // the ranges follow the object's colour (color_follower.h; observation: huetrack only)
+  bool adapts_color = false;  // the ranges are adapted (color_follower.h; observation: huetrack only)
   IgnoredRegions ignored;
   const color::HsiRange& color_in(std::string_view camera) const;  // its own there, else `color`
   std::vector<std::string> problems() const;
@@ -52,11 +52,12 @@ enum class Observation : std::uint8_t {
 };
 
 enum class TimingMode : std::uint8_t {
-  learn,  // each camera's latency and readout follow from the motion, from what the rig says of them or from nothing
-  fixed,  // the rig's hold; 0 where it has none
+  learn,  // each camera's latency and readout are estimated; prior: the rig's
+  fixed,  // the rig's; 0 where it has none
 };
 
 struct ObjectTrackerOptions {
+  static constexpr double default_pixel_noise_px = 0.2;
   Observation observation = Observation::huetrack;
   TimingMode timing = TimingMode::learn;  // observation: huetrack
   Volume volume;                          // where targets may be; the particles start uniformly in it
@@ -66,30 +67,29 @@ struct ObjectTrackerOptions {
   // --- observation: paper
   double position_noise_m = 0.06;  // > 0; sigma_m of eqs. (1)-(3), metres per frame set
   // --- observation: huetrack
-  double acceleration_m_s2 = 8;  // > 0; the hardest usual acceleration; the filter finds what is needed below it
-  double start_speed_m_s = 3;    // > 0; the highest usual speed: how far an object may be between two sets of a lock
-  double pixel_noise_px = 0.2;   // > 0; std. dev. of a colour region's centre in a view; add a poor calibration's error
-  // > 0; a position less sure than this (largest axis) by what its views say is coasting, not tracking. What is not
-  // known of the cameras' times and poses is in the covariance beside that, and may be more.
+  double acceleration_m_s2 = 8;  // > 0; upper bound of the usual acceleration; the filter adapts below it
+  double start_speed_m_s = 3;    // > 0; upper bound of the usual speed: gates a track's first two sets
+  double pixel_noise_px =
+      default_pixel_noise_px;  // > 0; std. dev. of a colour region's centre in a view; add a poor calibration's error
+  // > 0; upper bound of the sigma (largest axis) by measurement noise in `tracking`, else `coasting`. Uncertain timing
+  // and poses come on top of that in the covariance.
   double max_tracking_sigma_m = 0.03;
   // --- both
   double coast_s = 1.0;            // > 0; coasting longer than this is lost
-  double max_coast_sigma_m = 0.2;  // > 0; coasting less surely than this (largest axis) is lost
+  double max_coast_sigma_m = 0.2;  // > 0; sigma (largest axis) above which coasting is lost
   std::vector<std::string> problems() const;
 };
 
-// What is held of one camera's calibration at the moment, beside what the rig says.
+// Current trust in one camera's calibration, overriding the rig.
 struct CameraTrust {
-  // false: what this camera shows moves no estimate and starts none. It is still looked at where the target is
-  // expected, for its LeaveOneOut.
+  // false: its sightings are not used. It is still measured where the target is expected, for its LeaveOneOut.
   bool is_used = true;
-  // That it stands elsewhere than the rig says was seen otherwise: what views contradicted of it until now is
-  // explained.
+  // A move of the camera was detected otherwise: its inconsistency so far is explained.
   bool has_moved = false;
-  std::optional<calib::Rigid3d> cam_from_world = {};  // its pose in place of the rig's; nullopt: the rig's
+  std::optional<calib::Rigid3d> cam_from_world = {};  // replaces the rig's pose; nullopt: the rig's
   // Of that pose: cam_from_world_true = exp(e) * cam_from_world, e = (rotation vector in radians, shift in metres) in
-  // the camera's own axes. An error that lasts: it is in every position's covariance, and no number of frames averages
-  // it away. Symmetric, positive semidefinite.
+  // the camera's own axes. A bias: included in every position's covariance and never averaged away. Symmetric, positive
+  // semidefinite.
   Eigen::Matrix<double, 6, 6> pose_covariance = Eigen::Matrix<double, 6, 6>::Zero();
 };
 

@@ -11,26 +11,34 @@
 namespace huetrack::object_tracking {
 namespace {
 
-// A view that should show the object is looked through as a whole in every so many-th set in which it does not: that
-// takes longer than all else.
-constexpr unsigned far_looks_every = 4;
-constexpr double excused_share_of_speed = 0.25;
-constexpr unsigned sets_until_known = 8;  // since it was found
-constexpr double nowhere_px = 50;         // how far apart views are whose rays do not meet
+struct ViewConsistencyTuning {
+  unsigned search_every = 4;   // frame sets between searches of the whole image of a view that lost the object: cost
+  double speed_share = 0.25;   // of start_speed_m_s: largest velocity error that excuses an inconsistency
+  unsigned settling_sets = 8;  // frame sets after a start in which all of start_speed_m_s excuses it
+  double no_crossing_px = 50;  // px, residual of rays that do not meet in front of both cameras
+  double min_age_s = 0.08;     // s, of the regions that motion is measured against
+  double still_px = 2;         // px, a region that moved less stands still
+  double still_radii = 0.2;    // radii, the same of large regions
+};
+constexpr ViewConsistencyTuning view_consistency{};
+
+double still_px(double radius_px) {
+  return std::max(view_consistency.still_px, view_consistency.still_radii * radius_px);
+}
 
 }  // namespace
 
 ViewConsistency::ViewConsistency(std::size_t cameras, double radius_m, const ObjectTrackerOptions& options)
     : radius_m_(radius_m),
       options_(options),
-      doubts_(cameras, radius_m),
+      epipolar_(cameras, radius_m),
       pose_covariance_(cameras, Eigen::Matrix<double, 6, 6>::Zero()),
       unseen_(cameras),
       is_shared_(cameras, false),
       finders_(cameras) {}
 
 void ViewConsistency::trust(std::span<const std::size_t> changed, std::span<const CameraTrust> cameras) {
-  for (const std::size_t c : changed) doubts_.forget(c);
+  for (const std::size_t c : changed) epipolar_.forget(c);
   has_pose_covariance_ = false;
   for (std::size_t c = 0; c < pose_covariance_.size(); ++c) {
     pose_covariance_[c] = c < cameras.size() ? cameras[c].pose_covariance : Eigen::Matrix<double, 6, 6>::Zero();
@@ -39,17 +47,16 @@ void ViewConsistency::trust(std::span<const std::size_t> changed, std::span<cons
 }
 
 void ViewConsistency::forget() {
-  for (std::size_t c = 0; c < unseen_.size(); ++c) doubts_.forget(c);
+  for (std::size_t c = 0; c < unseen_.size(); ++c) epipolar_.forget(c);
 }
 
-// Beside where the object would be if it had gone on as it did.
-std::optional<PathResidual> ViewConsistency::beside(const Sighting& sighting, const MotionState& belief) const {
-  const auto at = project_ball(*sighting.camera, belief.position_at(sighting.row.at), radius_m_);
+std::optional<PathResidual> ViewConsistency::residual_of(const Sighting& sighting, const MotionState& state) const {
+  const auto at = project_ball(*sighting.camera, state.position_at(sighting.row.at), radius_m_);
   if (!at) return std::nullopt;
-  const Eigen::Vector2d px_per_s = at->jacobian * belief.velocity();
-  const double time_sigma_s = belief.row_sigma_s(sighting.row.camera, sighting.row.below_middle);
+  const Eigen::Vector2d px_per_s = at->jacobian * state.velocity();
+  const double time_sigma_s = state.row_sigma_s(sighting.row.camera, sighting.row.below_middle);
   PathResidual out{.camera = sighting.row.camera,
-                   .at_s = capture::seconds(sighting.row.at - belief.at),
+                   .at_s = capture::seconds(sighting.row.at - state.at),
                    .px = sighting.px,
                    .off_px = sighting.px - at->px,
                    .covariance = sighting.covariance + sighting.of_pose +
@@ -59,26 +66,26 @@ std::optional<PathResidual> ViewConsistency::beside(const Sighting& sighting, co
   return out;
 }
 
-// Of what a whole image shows, the only region that may be the object and is not where one was a tenth of a second ago.
-// What stands still is furniture. Several that move are several objects, and tell nothing.
+// The only region of a whole image that may be the object and has moved within the last tenth of a second; nullptr:
+// none, or several, which may be several objects.
 const color::ColorRegion* ViewConsistency::only_moving(int camera, std::span<const color::ColorRegion> regions,
-                                                       double disc_px2, double still_px, capture::Timestamp at) {
-  constexpr double least_age_s = 0.08, largest_age_s = 0.5;
-  Unseen& unseen = unseen_[static_cast<std::size_t>(camera)];
-  if (capture::seconds(at - unseen.newer_at) >= least_age_s) {
+                                                       double radius_px, capture::Timestamp at) {
+  const double disc_px2 = std::numbers::pi * radius_px * radius_px;
+  Unseen& unseen = unseen_[std::size_t(camera)];
+  if (capture::seconds(at - unseen.newer_at) >= view_consistency.min_age_s) {
     std::swap(unseen.older, unseen.newer);
     unseen.older_at = unseen.newer_at;
     unseen.newer.assign(regions.begin(), regions.end());
     unseen.newer_at = at;
   }
   const double age_s = capture::seconds(at - unseen.older_at);
-  if (age_s < least_age_s || age_s > largest_age_s) return nullptr;
+  if (age_s < view_consistency.min_age_s || age_s > sighting_tuning.confirmation_s) return nullptr;
   const color::ColorRegion* moved = nullptr;
   for (const color::ColorRegion& region : regions) {
-    if (region.area < least_far_share * disc_px2) continue;
-    if (region.area > largest_far_share * disc_px2) return nullptr;
+    if (region.area < sighting_tuning.start_disc_share * disc_px2) continue;
+    if (region.area > sighting_tuning.max_disc_share * disc_px2) return nullptr;
     const bool was_there = std::ranges::any_of(unseen.older, [&](const color::ColorRegion& before) {
-      return (before.centre - region.centre).norm() < still_px;
+      return (before.centre - region.centre).norm() < still_px(radius_px);
     });
     if (was_there) continue;
     if (moved != nullptr) return nullptr;
@@ -87,62 +94,57 @@ const color::ColorRegion* ViewConsistency::only_moving(int camera, std::span<con
   return moved;
 }
 
-// A view that should show the object, and does not where the others have it: shows it something like it elsewhere? Seen
-// through another calibration it may be anywhere in the image.
-std::optional<PathResidual> ViewConsistency::far_off(const TargetView& view, capture::Timestamp set_at,
-                                                     const MotionState& belief, SeenRegions& seen) {
-  Unseen& unseen = unseen_[static_cast<std::size_t>(view.index)];
-  const auto expected = expected_in(view, belief, radius_m_);
-  if (is_shared_[static_cast<std::size_t>(view.index)] || !expected || !view.camera->contains({expected->at.px}))
+// Of a moving region elsewhere in the image: with a wrong calibration the object may be anywhere in it.
+std::optional<PathResidual> ViewConsistency::residual_elsewhere(const TargetView& view, capture::Timestamp set_at,
+                                                                const MotionState& state, SeenRegions& seen) {
+  Unseen& unseen = unseen_[std::size_t(view.index)];
+  const auto expected = expected_in(view, state, radius_m_);
+  if (is_shared_[std::size_t(view.index)] || !expected || !view.camera->contains({expected->at.px}))
     return std::nullopt;
-  if (unseen.sets++ % far_looks_every != 0 && !unseen.is_suspicious) return std::nullopt;
+  if (unseen.sets++ % view_consistency.search_every != 0 && !unseen.is_suspicious) return std::nullopt;
   const BallProjection& at = expected->at;
-  const double disc = std::numbers::pi * at.radius_px * at.radius_px;
-  const auto& regions = finders_[static_cast<std::size_t>(view.index)].search(
-      *view.matches, std::max(1, static_cast<int>(at.radius_px)), static_cast<int>(std::ceil(3 * at.radius_px)) + 2,
-      std::max(2, static_cast<int>(least_far_share * disc)), at.radius_px);
+  const double disc = disc_area(at.radius_px);
+  const auto& regions = finders_[std::size_t(view.index)].search(
+      *view.matches, std::max(1, int(at.radius_px)), int(std::ceil(sighting_tuning.extent_radii * at.radius_px)) + 2,
+      std::max(2, int(sighting_tuning.start_disc_share * disc)), at.radius_px);
   seen.add_others(view, regions);
-  const color::ColorRegion* moved = only_moving(view.index, regions, disc, std::max(2.0, 0.2 * at.radius_px), set_at);
+  const color::ColorRegion* moved = only_moving(view.index, regions, at.radius_px, set_at);
   unseen.is_suspicious = moved != nullptr;
   if (moved == nullptr) return std::nullopt;
-  Sighting sighting = sighting_of(view, *moved, at.radius_px, options_.pixel_noise_px, image_motion(view, at, belief));
-  sighting.row = row_of(view, sighting.px.y(), belief);
-  return beside(sighting, belief);
+  Sighting sighting = sighting_of(view, *moved, at.radius_px, options_.pixel_noise_px, image_motion(view, at, state));
+  sighting.row = row_of(view, sighting.px.y(), state);
+  return residual_of(sighting, state);
 }
 
 void ViewConsistency::compare_moving(const std::vector<TargetView>& views,
                                      std::span<const std::vector<color::ColorRegion>> regions,
                                      std::span<const double> expected_px, capture::Timestamp set_at,
-                                     const MotionState& belief) {
+                                     const MotionState& state) {
   std::vector<Sighting> moving;
   for (std::size_t i = 0; i < views.size(); ++i) {
-    if (is_shared_[static_cast<std::size_t>(views[i].index)]) continue;
+    if (is_shared_[std::size_t(views[i].index)]) continue;
     const double radius_px = expected_px[i];
-    const color::ColorRegion* moved = only_moving(views[i].index, regions[i], std::numbers::pi * radius_px * radius_px,
-                                                  std::max(2.0, 0.2 * radius_px), set_at);
+    const color::ColorRegion* moved = only_moving(views[i].index, regions[i], radius_px, set_at);
     if (moved == nullptr) continue;
-    moving.push_back(
-        sighting_of(views[i], *moved, std::sqrt(moved->area / std::numbers::pi), options_.pixel_noise_px, {}));
-    moving.back().row = row_of(views[i], moving.back().px.y(), belief);
+    moving.push_back(sighting_of(views[i], *moved, disc_radius(moved->area), options_.pixel_noise_px, {}));
+    moving.back().row = row_of(views[i], moving.back().px.y(), state);
   }
   for (std::size_t a = 0; a < moving.size(); ++a) {
     for (std::size_t b = a + 1; b < moving.size(); ++b) {
-      const auto seen = disagreement_of(moving[a], moving[b], belief);
-      // Where times are not known yet, what moves agrees with anything, and that it does says nothing.
-      const bool tells = seen && (is_discriminating(*seen, moving[a].radius_px, moving[b].radius_px) ||
-                                  seen->off_px * seen->off_px > seen->expected_px2);
-      if (tells)
-        doubts_.add(static_cast<std::size_t>(moving[a].row.camera), static_cast<std::size_t>(moving[b].row.camera),
-                    *seen);
+      const auto seen = pair_residual(moving[a], moving[b], state);
+      // With unknown timing a moving region is consistent with anything: then only inconsistency is evidence.
+      const bool is_evidence = seen && (is_discriminating(*seen, moving[a].radius_px, moving[b].radius_px) ||
+                                        seen->off_px * seen->off_px > seen->expected_px2);
+      if (is_evidence) epipolar_.add(std::size_t(moving[a].row.camera), std::size_t(moving[b].row.camera), *seen);
     }
   }
 }
 
-// Of two views of something of which nothing else is known; nullopt: they tell nothing.
-std::optional<EpipolarResidual> ViewConsistency::disagreement_of(const Sighting& i, const Sighting& j,
-                                                                 const MotionState& belief) const {
-  // Rays that do not meet before both cameras are as far apart as can be.
-  EpipolarResidual seen{.off_px = nowhere_px, .expected_px2 = 1, .share_i = 0.5, .share_j = 0.5};
+// Of two views of an object of which nothing else is known.
+std::optional<EpipolarResidual> ViewConsistency::pair_residual(const Sighting& i, const Sighting& j,
+                                                               const MotionState& state) const {
+  // If the rays do not meet in front of both cameras.
+  EpipolarResidual seen{.off_px = view_consistency.no_crossing_px, .expected_px2 = 1, .share_i = 0.5, .share_j = 0.5};
   const auto p = crossing(*i.camera, {i.px}, *j.camera, {j.px});
   if (!p) return seen;
   const auto beside_p = [&](const Sighting& s) -> std::optional<PathResidual> {
@@ -157,109 +159,107 @@ std::optional<EpipolarResidual> ViewConsistency::disagreement_of(const Sighting&
     return out;
   };
   const double apart_s = std::hypot(capture::seconds(i.row.at - j.row.at),
-                                    std::hypot(belief.row_sigma_s(i.row.camera, i.row.below_middle),
-                                               belief.row_sigma_s(j.row.camera, j.row.below_middle)));
-  const double way_m = options_.start_speed_m_s * apart_s;
+                                    std::hypot(state.row_sigma_s(i.row.camera, i.row.below_middle),
+                                               state.row_sigma_s(j.row.camera, j.row.below_middle)));
+  const double path_m = options_.start_speed_m_s * apart_s;
   const auto of_i = beside_p(i), of_j = beside_p(j);
-  if (!of_i || !of_j || !epipolar_residual(*of_i, *of_j, way_m * way_m, seen)) return std::nullopt;
+  if (!of_i || !of_j || !epipolar_residual(*of_i, *of_j, path_m * path_m, seen)) return std::nullopt;
   return seen;
 }
 
-void ViewConsistency::compare(const std::vector<TargetView>& views, capture::Timestamp set_at,
-                              const MotionState& belief, std::vector<Sighting>& sightings,
-                              std::vector<Sighting>& watched, SeenRegions& seen) {
-  besides_.clear();
-  doubt(belief, sightings);
+void ViewConsistency::compare(const std::vector<TargetView>& views, capture::Timestamp set_at, const MotionState& state,
+                              std::vector<Sighting>& sightings, std::vector<Sighting>& watched, SeenRegions& seen) {
+  residuals_.clear();
+  inflate(state, sightings);
   for (const Sighting& s : sightings) {
-    unseen_[static_cast<std::size_t>(s.row.camera)].sets = 0;
-    unseen_[static_cast<std::size_t>(s.row.camera)].is_suspicious = false;
+    unseen_[std::size_t(s.row.camera)].sets = 0;
+    unseen_[std::size_t(s.row.camera)].is_suspicious = false;
     if (s.is_cut) continue;
-    if (const auto seen_beside = beside(s, belief)) besides_.push_back(*seen_beside);
+    if (const auto residual = residual_of(s, state)) residuals_.push_back(*residual);
   }
   for (const TargetView& view : views) {
     const auto by_view = std::ranges::find(sightings, view.index, [](const Sighting& s) { return s.row.camera; });
     if (by_view != sightings.end()) {
       seen.add_target(view, *by_view);
     } else if (!sightings.empty()) {
-      if (const auto far = far_off(view, set_at, belief, seen)) besides_.push_back(*far);
+      if (const auto far = residual_elsewhere(view, set_at, state, seen)) residuals_.push_back(*far);
     }
   }
-  compare_besides(belief);
-  doubt(belief, sightings);
-  doubt(belief, watched);
+  compare_residuals(state);
+  inflate(state, sightings);
+  inflate(state, watched);
 }
 
-void ViewConsistency::compare_found(const MotionState& belief, std::vector<Sighting>& sightings) {
+void ViewConsistency::compare_found(const MotionState& state, std::vector<Sighting>& sightings) {
   compared_sets_ = 0;
-  compare_sightings(belief, sightings);
-  doubt(belief, sightings);
+  compare_sightings(state, sightings);
+  inflate(state, sightings);
 }
 
-void ViewConsistency::compare_sightings(const MotionState& belief, std::span<const Sighting> sightings) {
-  besides_.clear();
+void ViewConsistency::compare_sightings(const MotionState& state, std::span<const Sighting> sightings) {
+  residuals_.clear();
   for (const Sighting& s : sightings) {
     if (s.is_cut) continue;
-    if (const auto seen = beside(s, belief)) besides_.push_back(*seen);
+    if (const auto seen = residual_of(s, state)) residuals_.push_back(*seen);
   }
-  compare_besides(belief);
+  compare_residuals(state);
 }
 
-void ViewConsistency::compare_besides(const MotionState& belief) {
-  // A velocity that is not known any more, as the views contradict one another, is no excuse for them; one that is not
-  // known yet is.
-  const double excused = ++compared_sets_ > sets_until_known ? excused_share_of_speed : 1.0;
+void ViewConsistency::compare_residuals(const MotionState& state) {
+  // An unknown velocity excuses inconsistency after a start, but not when inconsistency is why it is unknown.
+  const double excused = ++compared_sets_ > view_consistency.settling_sets ? view_consistency.speed_share : 1.0;
   const double velocity_sigma =
-      std::min(largest_sigma(belief.velocity_covariance()), excused * options_.start_speed_m_s);
-  doubts_.compare(besides_, velocity_sigma, options_.acceleration_m_s2);
+      std::min(largest_sigma(state.velocity_covariance()), excused * options_.start_speed_m_s);
+  epipolar_.compare(residuals_, velocity_sigma, options_.acceleration_m_s2);
 }
 
-// How far each of them may be off in every frame alike.
-void ViewConsistency::doubt(const MotionState& belief, std::vector<Sighting>& sightings) const {
+void ViewConsistency::inflate(const MotionState& state, std::vector<Sighting>& sightings) const {
   for (Sighting& s : sightings) {
-    const auto c = static_cast<std::size_t>(s.row.camera);
-    s.inflation_px2 = doubts_.variance_px2(c);
+    const auto c = std::size_t(s.row.camera);
+    s.inflation_px2 = epipolar_.variance_px2(c);
     if (!has_pose_covariance_) continue;
-    const Eigen::Vector3d then = belief.position_at(s.row.at);
+    const Eigen::Vector3d then = state.position_at(s.row.at);
     const auto at = project_ball(*s.camera, then, radius_m_);
     if (at) s.of_pose = px_covariance_of_pose(*s.camera, then, *at, pose_covariance_[c]);
   }
 }
 
-void ViewConsistency::open(std::size_t camera, const calib::Camera& in_view, const Eigen::Vector3d& position,
-                           const BallProjection& at, Eigen::Matrix2d& covariance) const {
-  covariance.diagonal().array() += doubts_.variance_px2(camera);
+void ViewConsistency::inflate_prediction(std::size_t camera, const calib::Camera& in_view,
+                                         const Eigen::Vector3d& position, const BallProjection& at,
+                                         Eigen::Matrix2d& covariance) const {
+  covariance.diagonal().array() += epipolar_.variance_px2(camera);
   if (has_pose_covariance_) covariance += px_covariance_of_pose(in_view, position, at, pose_covariance_[camera]);
 }
 
-double ViewConsistency::inflated_sigma(const MotionState& belief, std::span<const Sighting> sightings) const {
-  if (!has_pose_covariance_ && !doubts_.any()) return 0;
-  const double believed_m = largest_sigma(belief.position_covariance());
-  if (sightings.size() < 2) return believed_m;
+double ViewConsistency::inflated_sigma(const MotionState& state, std::span<const Sighting> sightings) const {
+  if (!has_pose_covariance_ && !epipolar_.any()) return 0;
+  const double filtered_m = largest_sigma(state.position_covariance());
+  if (sightings.size() < 2) return filtered_m;
   std::vector<Sighting> opened(sightings.begin(), sightings.end());
-  for (Sighting& s : opened) s.covariance += s.doubt();
-  const PositionInformation seen = information_of(opened, belief.position());
-  return std::min(believed_m, largest_sigma(seen.information.inverse()));
+  for (Sighting& s : opened) s.covariance += s.inflation();
+  const PositionInformation seen = information_of(opened, state.position());
+  return std::min(filtered_m, largest_sigma(seen.information.inverse()));
 }
 
-void add_leave_one_out(const MotionState& belief, double radius_m, double acceleration_m_s2, double anywhere_m,
+void add_leave_one_out(const MotionState& state, double radius_m, double acceleration_m_s2, double anywhere_m,
                        std::span<const Sighting> seen, std::span<const Sighting> used, ObjectEstimate& estimate) {
   if (seen.size() < 2) return;
-  const Eigen::Vector3d velocity = belief.velocity();
-  const Eigen::Matrix3d velocity_covariance = belief.velocity_covariance();
+  const Eigen::Vector3d velocity = state.velocity();
+  const Eigen::Matrix3d velocity_covariance = state.velocity_covariance();
   struct OnPath {
     BallProjection at;
-    Eigen::Matrix2d covariance;  // of all of its errors but what is only doubted
+    Eigen::Matrix2d covariance;  // without inflation by inconsistency
   };
   std::vector<std::optional<OnPath>> on_path;
   const auto path = [&](const Sighting& s) -> Eigen::Vector3d {
-    return belief.position() + capture::seconds(s.row.at - belief.at) * velocity;
+    return state.position() + capture::seconds(s.row.at - state.at) * velocity;
   };
   for (const Sighting& s : seen) {
     auto& out = on_path.emplace_back();
     const auto at = project_ball(*s.camera, path(s), radius_m);
     if (!at) continue;
     const Eigen::Vector2d px_per_s = at->jacobian * velocity;
-    const double time_sigma_s = belief.row_sigma_s(s.row.camera, s.row.below_middle);
+    const double time_sigma_s = state.row_sigma_s(s.row.camera, s.row.below_middle);
     out = {*at, s.covariance + s.of_pose + time_sigma_s * time_sigma_s * px_per_s * px_per_s.transpose()};
     out->covariance.diagonal().array() += s.bias_sigma_px * s.bias_sigma_px;
   }
@@ -268,30 +268,29 @@ void add_leave_one_out(const MotionState& belief, double radius_m, double accele
   };
   for (std::size_t i = 0; i < seen.size(); ++i) {
     if (!on_path[i]) continue;
-    // Along a single ray anything within the volume.
     PositionInformation others{.information = Eigen::Matrix3d::Identity() / (anywhere_m * anywhere_m)};
-    LeaveOneOut witness;
-    witness.at = seen[i].row.at;
-    witness.px = seen[i].px;
-    witness.covariance = on_path[i]->covariance;
+    LeaveOneOut leave_one_out;
+    leave_one_out.at = seen[i].row.at;
+    leave_one_out.px = seen[i].px;
+    leave_one_out.covariance = on_path[i]->covariance;
     for (std::size_t j = 0; j < seen.size(); ++j) {
       if (j == i || !on_path[j] || !is_in_use(seen[j].row.camera)) continue;
       const double apart_s = capture::seconds(seen[j].row.at - seen[i].row.at);
       const double swerve_m = 0.5 * apart_s * apart_s * acceleration_m_s2;
-      const Eigen::Matrix3d way =
+      const Eigen::Matrix3d drift =
           apart_s * apart_s * velocity_covariance + swerve_m * swerve_m * Eigen::Matrix3d::Identity();
       const auto& jacobian = on_path[j]->at.jacobian;
-      const Eigen::Matrix2d covariance = on_path[j]->covariance + jacobian * way * jacobian.transpose();
+      const Eigen::Matrix2d covariance = on_path[j]->covariance + jacobian * drift * jacobian.transpose();
       const Eigen::Matrix<double, 3, 2> weighted = jacobian.transpose() * covariance.inverse();
       others.information += weighted * jacobian;
       others.vector += weighted * (seen[j].px - on_path[j]->at.px);
-      ++witness.others;
+      ++leave_one_out.others;
     }
-    if (witness.others == 0) continue;
-    witness.position_covariance = others.information.inverse();
-    witness.position = path(seen[i]) + witness.position_covariance * others.vector;
-    witness.velocity = velocity;
-    estimate.per_view[static_cast<std::size_t>(seen[i].row.camera)].witness = witness;
+    if (leave_one_out.others == 0) continue;
+    leave_one_out.position_covariance = others.information.inverse();
+    leave_one_out.position = path(seen[i]) + leave_one_out.position_covariance * others.vector;
+    leave_one_out.velocity = velocity;
+    estimate.per_view[std::size_t(seen[i].row.camera)].leave_one_out = leave_one_out;
   }
 }
 

@@ -1,5 +1,5 @@
-// Whether the views of an object agree with one another, and what is held of each camera because of it: doubt, and the
-// poses that were found otherwise (CameraTrust). What doubts are made of: epipolar_consistency.h.
+// Tests whether an object's views are consistent, and inflates the covariance of those that are not: by their epipolar
+// residuals (epipolar_consistency.h) and by the pose uncertainty of CameraTrust.
 #pragma once
 
 #include <Eigen/Core>
@@ -17,69 +17,60 @@
 
 namespace huetrack::object_tracking {
 
-// A region may be an object that is seen through another calibration than the rig's if it covers so much of the disc
-// that would be there.
-inline constexpr double least_far_share = 0.3, largest_far_share = 4;
-
 // thread-compatible.
 class ViewConsistency {
  public:
   ViewConsistency(std::size_t cameras, double radius_m, const ObjectTrackerOptions& options);
 
-  // ObjectTracker::trust(): cameras whose past says nothing any more, and all that is held of poses.
+  // ObjectTracker::trust(): cameras whose history is void, and the pose covariances.
   void trust(std::span<const std::size_t> changed, std::span<const CameraTrust> cameras);
-  // What views showed of one another was seen by times that are known to be wrong by now.
-  void forget();
+  void forget();  // all history: it was seen with wrong timing
 
-  // Every view with every other one, before one of them is left out; then each sighting, and each of `watched` (by
-  // cameras that are not used), is doubted by what came of it. Notes in `seen` what was looked at.
-  void compare(const std::vector<TargetView>& views, capture::Timestamp set_at, const MotionState& belief,
+  // Compares every pair of views, before any is rejected; then inflates the sightings and `watched` (of cameras that
+  // are not used). A view without a sighting is searched for a moving region elsewhere. Logs regions in `seen`.
+  void compare(const std::vector<TargetView>& views, capture::Timestamp set_at, const MotionState& state,
                std::vector<Sighting>& sightings, std::vector<Sighting>& watched, SeenRegions& seen);
-  // compare() of one of several objects that is tracked: of what else views show nobody knows whether it is this one.
-  void compare_sightings(const MotionState& belief, std::span<const Sighting> sightings);
-  // The object was found just now by these.
-  void compare_found(const MotionState& belief, std::vector<Sighting>& sightings);
-  // What the views show of an object that is not found: where each has one thing that moves, they must agree about it.
-  // So the views of a rig that is another one are doubted before something is found that is not there. regions[i]
-  // belongs to views[i], expected_px[i] is about the object's radius in it.
+  // Without the search and the inflation: one of several objects, whose other regions may be other objects.
+  void compare_sightings(const MotionState& state, std::span<const Sighting> sightings);
+  // The sightings that an object was just found by.
+  void compare_found(const MotionState& state, std::vector<Sighting>& sightings);
+  // No object is tracked: compares the only moving region of each view, so that a wrong rig is detected before a false
+  // object is found. regions[i] and expected_px[i], the object's approximate radius, belong to views[i].
   void compare_moving(const std::vector<TargetView>& views, std::span<const std::vector<color::ColorRegion>> regions,
-                      std::span<const double> expected_px, capture::Timestamp set_at, const MotionState& belief);
+                      std::span<const double> expected_px, capture::Timestamp set_at, const MotionState& state);
 
-  // In this camera the room shares the colour: what moves in it as a whole says nothing of whether views agree.
+  // The room shares the colour in this camera: moving regions are no evidence.
   void set_shared(std::size_t camera, bool is_shared) { is_shared_[camera] = is_shared; }
 
-  // How far each of them may be off in every frame alike.
-  void doubt(const MotionState& belief, std::vector<Sighting>& sightings) const;
-  // Adds what doubt() knows to what is open of an object there.
-  void open(std::size_t camera, const calib::Camera& in_view, const Eigen::Vector3d& position, const BallProjection& at,
-            Eigen::Matrix2d& covariance) const;
-  // What doubted views leave open of the position, standard deviation along the largest axis; 0: no view is doubted.
-  double inflated_sigma(const MotionState& belief, std::span<const Sighting> sightings) const;
-  // Views contradict one another, and there is none to believe.
-  bool no_consistent_pair() const { return doubts_.no_consistent_pair(); }
-  double inflation_px2(std::size_t camera) const { return doubts_.variance_px2(camera); }
+  void inflate(const MotionState& state, std::vector<Sighting>& sightings) const;
+  // Adds the same to the covariance of a predicted place in a view, px^2.
+  void inflate_prediction(std::size_t camera, const calib::Camera& in_view, const Eigen::Vector3d& position,
+                          const BallProjection& at, Eigen::Matrix2d& covariance) const;
+  // Largest sigma of the position by these sightings with their inflation, m; 0: no view is inflated.
+  double inflated_sigma(const MotionState& state, std::span<const Sighting> sightings) const;
+  bool no_consistent_pair() const { return epipolar_.no_consistent_pair(); }
+  double inflation_px2(std::size_t camera) const { return epipolar_.variance_px2(camera); }
 
  private:
   // A view that should show the object and does not, or that is searched.
   struct Unseen {
-    unsigned sets = 0;                                       // one after the other
-    std::vector<color::ColorRegion> older = {}, newer = {};  // in the whole image, when it was looked at before
+    unsigned sets = 0;                                       // consecutive
+    std::vector<color::ColorRegion> older = {}, newer = {};  // of the whole image, earlier
     capture::Timestamp older_at{}, newer_at{};
-    bool is_suspicious = false;  // something moved in it when it was last looked at
+    bool is_suspicious = false;  // something moved in it in the last search
   };
-  std::optional<PathResidual> beside(const Sighting& sighting, const MotionState& belief) const;
-  const color::ColorRegion* only_moving(int camera, std::span<const color::ColorRegion> regions, double disc_px2,
-                                        double still_px, capture::Timestamp at);
-  std::optional<PathResidual> far_off(const TargetView& view, capture::Timestamp set_at, const MotionState& belief,
-                                      SeenRegions& seen);
-  std::optional<EpipolarResidual> disagreement_of(const Sighting& i, const Sighting& j,
-                                                  const MotionState& belief) const;
-  void compare_besides(const MotionState& belief);
+  std::optional<PathResidual> residual_of(const Sighting& sighting, const MotionState& state) const;
+  const color::ColorRegion* only_moving(int camera, std::span<const color::ColorRegion> regions, double radius_px,
+                                        capture::Timestamp at);
+  std::optional<PathResidual> residual_elsewhere(const TargetView& view, capture::Timestamp set_at,
+                                                 const MotionState& state, SeenRegions& seen);
+  std::optional<EpipolarResidual> pair_residual(const Sighting& i, const Sighting& j, const MotionState& state) const;
+  void compare_residuals(const MotionState& state);
 
   double radius_m_;
   ObjectTrackerOptions options_;
-  EpipolarConsistency doubts_;
-  std::vector<PathResidual> besides_;                         // while views are compared
+  EpipolarConsistency epipolar_;
+  std::vector<PathResidual> residuals_;                       // work space
   unsigned compared_sets_ = 0;                                // since the object was found
   std::vector<Eigen::Matrix<double, 6, 6>> pose_covariance_;  // per camera, CameraTrust
   bool has_pose_covariance_ = false;
@@ -88,9 +79,9 @@ class ViewConsistency {
   std::vector<color::RegionFinder> finders_;  // per camera
 };
 
-// Each view of `seen` that shows the object beside what those of `used` say without it, on the path that is believed
-// now: ViewSupport::witness of its camera in the estimate. anywhere_m: as far as anything can be.
-void add_leave_one_out(const MotionState& belief, double radius_m, double acceleration_m_s2, double anywhere_m,
+// Sets ViewSupport::leave_one_out of each view in `seen`, predicted by the other views in `used`. anywhere_m: sigma of
+// a position of which nothing is known.
+void add_leave_one_out(const MotionState& state, double radius_m, double acceleration_m_s2, double anywhere_m,
                        std::span<const Sighting> seen, std::span<const Sighting> used, ObjectEstimate& estimate);
 
 }  // namespace huetrack::object_tracking

@@ -6,6 +6,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "reports/search_advice.h"
+
 namespace huetrack::reports {
 
 std::string mistake_text(const view_watch::Mistake& mistake, const object_tracking::TargetOptions& target,

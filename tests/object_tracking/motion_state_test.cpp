@@ -33,7 +33,7 @@ calib::Camera camera_at(const std::string& name, const Vector3d& centre) {
   return camera;
 }
 
-// Free-running cameras around an object that goes round, up and down.
+// Free-running cameras around an object on a looping path.
 struct Scene {
   std::mt19937 random;
   calib::CameraRig rig;
@@ -46,8 +46,8 @@ struct Scene {
   static Vector3d position(double t) {
     return {0.6 * std::cos(3 * t), 0.5 * std::sin(3.7 * t), 1 + 0.6 * std::sin(2.3 * t)};
   }
-  // A second of sightings, as they come: (seconds of the frame's time, sighting) with times by the belief.
-  void run(MotionState& belief, double from_s, double to_s) {
+  // Sightings of one second in order: (frame time in seconds, sighting), timed by the state.
+  void run(MotionState& state, double from_s, double to_s) {
     struct Coming {
       double middle_s;
       int camera;
@@ -67,163 +67,162 @@ struct Scene {
       const auto px = camera.project_world(position(frame.middle_s + below * readout_s[c]))->px;
       LinearSighting seen;
       seen.row = {.camera = frame.camera, .below_middle = below};
-      seen.row.shift_s = belief.row_offset_s(frame.camera, below);
+      seen.row.shift_s = state.row_offset_s(frame.camera, below);
       seen.row.at = at(frame.middle_s + latency_s[c] - latency_s[0] + seen.row.shift_s);
       seen.px = px + Vector2d(noise(random), noise(random));
       seen.covariance = noise_px * noise_px * Eigen::Matrix2d::Identity();
       seen.bias_sigma_px = 0.1;
       constexpr double q = 40;
-      belief.predict_to(seen.row.at, q);
-      seen.linearised_at = belief.position() + capture::seconds(seen.row.at - belief.at) * belief.velocity();
+      state.predict_to(seen.row.at, q);
+      seen.linearised_at = state.position() + capture::seconds(seen.row.at - state.at) * state.velocity();
       const auto appearance = project_ball(camera, seen.linearised_at, 0.04);
       ASSERT_TRUE(appearance);
       seen.px_expected = appearance->px;
       seen.jacobian = appearance->jacobian;
-      belief.observe(seen, belief.velocity(), q);
+      state.observe(seen, state.velocity(), q);
     }
   }
 };
 
-TEST(MotionState, MotionTellsLatenciesAndReadouts) {
+TEST(MotionState, LearnsLatenciesAndReadoutsFromMotion) {
   int inside = 0, all = 0;
   for (unsigned seed = 0; seed < 8; ++seed) {
     Scene scene(seed);
-    MotionState belief(scene.rig, true);
-    belief.begin(at(0), Scene::position(0), 1, Vector3d::Zero(), 9);
-    scene.run(belief, 0, 6);
+    MotionState state(scene.rig, true);
+    state.begin(at(0), Scene::position(0), 1, Vector3d::Zero(), 9);
+    scene.run(state, 0, 6);
     for (int c = 0; c < 3; ++c) {
       const auto i = static_cast<std::size_t>(c);
-      const CameraTimingEstimate t = belief.timing(c);
+      const CameraTimingEstimate t = state.timing(c);
       EXPECT_NEAR(t.latency_s, scene.latency_s[i] - scene.latency_s[0], 0.0015) << seed << " camera " << c;
-      // What all readouts have in common is nearly a matter of how the path is run through, and the views tell little
-      // of it; what they differ by is seen.
+      // A common readout is nearly a different motion along the path and hardly observable; differences are.
       EXPECT_NEAR(t.readout_s, scene.readout_s[i], 0.013) << seed << " camera " << c;
-      EXPECT_NEAR(t.readout_s - belief.timing(0).readout_s, scene.readout_s[i] - scene.readout_s[0], 0.004);
+      EXPECT_NEAR(t.readout_s - state.timing(0).readout_s, scene.readout_s[i] - scene.readout_s[0], 0.004);
       all += c == 0 ? 0 : 1;
       inside += c != 0 && std::abs(t.latency_s - scene.latency_s[i] + scene.latency_s[0]) < 1.96 * t.latency_sigma_s;
     }
-    EXPECT_EQ(belief.timing(0).latency_sigma_s, 0) << "all others hang on it";
+    EXPECT_EQ(state.timing(0).latency_sigma_s, 0) << "all others hang on it";
   }
   EXPECT_GE(inside, all * 8 / 10);
 }
 
-// Cameras that are believed to be in step and are not: what is believed so surely is not learnt otherwise, until
-// somebody says so; then it is, from where it was put.
-TEST(MotionState, TimesThatAreCorrectedAreLearntAnew) {
+// Cameras wrongly taken as synchronised: the tight prior is not left until correct_times(), then timing is learnt from
+// the corrected values.
+TEST(MotionState, CorrectedTimesAreLearntAgain) {
   Scene scene(1);
   scene.latency_s = {0.02, 0.12, 0.05}, scene.readout_s = {0.02, 0.02, 0.02};
-  MotionState belief(scene.rig, true);
-  belief.expect_synchronised();
-  belief.begin(at(0), Scene::position(0), 1, Vector3d::Zero(), 9);
-  scene.run(belief, 0, 2);
-  EXPECT_LT(std::abs(belief.timing(1).latency_s), 0.01);
-  EXPECT_LT(belief.timing(1).latency_sigma_s, 0.001);
-  belief.correct_times(std::vector{-0.03, 0.06, 0.0});  // by one clock for all, and not quite right
-  EXPECT_NEAR(belief.timing(0).latency_s, -0.03, 1e-12);
-  EXPECT_EQ(belief.timing(0).latency_sigma_s, 0) << "it is held where it was put";
-  EXPECT_GT(belief.timing(1).latency_sigma_s, 0.015);
-  EXPECT_GT(largest_sigma(belief.position_covariance()), 0.03) << "it was seen by wrong times";
-  belief.expect_synchronised();  // of stamps that are the same still
-  EXPECT_GT(belief.timing(1).latency_sigma_s, 0.015);
-  scene.run(belief, 2, 8);
+  MotionState state(scene.rig, true);
+  state.expect_synchronised();
+  state.begin(at(0), Scene::position(0), 1, Vector3d::Zero(), 9);
+  scene.run(state, 0, 2);
+  EXPECT_LT(std::abs(state.timing(1).latency_s), 0.01);
+  EXPECT_LT(state.timing(1).latency_sigma_s, 0.001);
+  state.correct_times(std::vector{-0.03, 0.06, 0.0});  // one correction for all, not exact
+  EXPECT_NEAR(state.timing(0).latency_s, -0.03, 1e-12);
+  EXPECT_EQ(state.timing(0).latency_sigma_s, 0) << "it is held where it was put";
+  EXPECT_GT(state.timing(1).latency_sigma_s, 0.015);
+  EXPECT_GT(largest_sigma(state.position_covariance()), 0.03) << "it was seen by wrong times";
+  state.expect_synchronised();  // without effect
+  EXPECT_GT(state.timing(1).latency_sigma_s, 0.015);
+  scene.run(state, 2, 8);
   for (int c = 1; c < 3; ++c)
-    EXPECT_NEAR(belief.timing(c).latency_s - belief.timing(0).latency_s,
+    EXPECT_NEAR(state.timing(c).latency_s - state.timing(0).latency_s,
                 scene.latency_s[std::size_t(c)] - scene.latency_s[0], 0.004);
 }
 
-TEST(MotionState, TimesThatAreGivenAreNotCorrected) {
+TEST(MotionState, FixedTimesAreNotCorrected) {
   Scene scene(1);
-  MotionState belief(scene.rig, false);
-  belief.correct_times(std::vector{0.1, 0.0, 0.0});
-  EXPECT_EQ(belief.timing(0).latency_s, 0);
+  MotionState state(scene.rig, false);
+  state.correct_times(std::vector{0.1, 0.0, 0.0});
+  EXPECT_EQ(state.timing(0).latency_s, 0);
 }
 
-TEST(MotionState, AnObjectAtRestTellsNoTimes) {
+TEST(MotionState, LearnsNoTimesFromARestingObject) {
   Scene scene(3);
-  MotionState belief(scene.rig, true);
-  belief.begin(at(0), {0, 0, 1}, 1, Vector3d::Zero(), 9);
+  MotionState state(scene.rig, true);
+  state.begin(at(0), {0, 0, 1}, 1, Vector3d::Zero(), 9);
   std::normal_distribution<double> noise(0, 0.2);
   for (int k = 0; k < 600; ++k) {
-    const bool is_start = k < 6;  // of which the tracker knows where it was in two sets, and so how fast it is
+    const bool is_start = k < 6;  // the two sets of a start
     const int c = k % 3;
     const calib::Camera& camera = scene.rig.cameras[static_cast<std::size_t>(c)];
     LinearSighting seen;
     seen.row = {.camera = c, .below_middle = 0.2, .at = at(0.011 * k)};
-    seen.row.shift_s = belief.row_offset_s(c, 0.2);
+    seen.row.shift_s = state.row_offset_s(c, 0.2);
     seen.px = camera.project_world({0, 0, 1})->px + Vector2d(noise(scene.random), noise(scene.random));
     seen.covariance = 0.04 * Eigen::Matrix2d::Identity();
     seen.bias_sigma_px = 0.3;
-    constexpr double q = 16 * 16 * 0.1;  // while the times are open, the tracker takes twice the hardest acceleration
-    belief.predict_to(seen.row.at, q);
-    seen.linearised_at = belief.position();
+    constexpr double q = 16 * 16 * 0.1;  // as the tracker while timing is unknown
+    state.predict_to(seen.row.at, q);
+    seen.linearised_at = state.position();
     const auto appearance = project_ball(camera, seen.linearised_at, 0.04);
     ASSERT_TRUE(appearance);
     seen.px_expected = appearance->px;
     seen.jacobian = appearance->jacobian;
-    belief.observe(seen, is_start ? Vector3d(Vector3d::Zero()) : belief.velocity(), q);
+    state.observe(seen, is_start ? Vector3d(Vector3d::Zero()) : state.velocity(), q);
   }
   for (int c = 1; c < 3; ++c) {
-    EXPECT_LT(std::abs(belief.timing(c).latency_s), 0.02) << c;
-    EXPECT_GT(belief.timing(c).latency_sigma_s, 0.006) << c;
+    EXPECT_LT(std::abs(state.timing(c).latency_s), 0.02) << c;
+    EXPECT_GT(state.timing(c).latency_sigma_s, 0.006) << c;
   }
-  EXPECT_LT((belief.position() - Vector3d(0, 0, 1)).norm(), 0.006);
+  EXPECT_LT((state.position() - Vector3d(0, 0, 1)).norm(), 0.006);
 }
 
-TEST(MotionState, WhatTheTimesLeaveOpenLiesAlongThePath) {
+TEST(MotionState, TimeUncertaintyLiesAlongThePath) {
   Scene scene(5);
   scene.rig.cameras[1].timing = {.latency_s = 0.03, .latency_sigma_s = 0.01, .readout_s = 0, .readout_sigma_s = 0};
   for (const int c : {0, 2})
     scene.rig.cameras[static_cast<std::size_t>(c)].timing = {
         .latency_s = 0, .latency_sigma_s = 0, .readout_s = 0, .readout_sigma_s = 0};
-  MotionState belief(scene.rig, true);
-  belief.begin(at(0), {0, 0, 1}, 1e-6, {2, 0, 0}, 1e-8);
-  const Eigen::Matrix3d of_b = belief.seen_covariance({.camera = 1, .below_middle = 0, .at = at(0)}, 0);
+  MotionState state(scene.rig, true);
+  state.begin(at(0), {0, 0, 1}, 1e-6, {2, 0, 0}, 1e-8);
+  const Eigen::Matrix3d of_b = state.seen_covariance({.camera = 1, .below_middle = 0, .at = at(0)}, 0);
   EXPECT_NEAR(std::sqrt(of_b(0, 0)), 0.02, 2e-3);  // 2 m/s for 10 ms
   EXPECT_NEAR(std::sqrt(of_b(1, 1)), 0.001, 1e-4);
-  const Eigen::Matrix3d of_a = belief.seen_covariance({.camera = 0, .below_middle = 0, .at = at(0)}, 0);
+  const Eigen::Matrix3d of_a = state.seen_covariance({.camera = 0, .below_middle = 0, .at = at(0)}, 0);
   EXPECT_NEAR(std::sqrt(of_a(0, 0)), 0.001, 1e-4);
 }
 
-// Two cameras are of another host: their error is one, and what motion has told of it does not stay known.
-TEST(MotionState, AnotherHostsClockIsOpenAsOne) {
+// Two cameras of another host share one clock error, which does not stay known.
+TEST(MotionState, AnotherHostsClockIsOneCommonError) {
   Scene scene(2);
-  MotionState belief(scene.rig, true);
-  belief.begin(at(0), Scene::position(0), 1, Vector3d::Zero(), 9);
-  scene.run(belief, 0, 4);
+  MotionState state(scene.rig, true);
+  state.begin(at(0), Scene::position(0), 1, Vector3d::Zero(), 9);
+  scene.run(state, 0, 4);
   capture::FrameSet set;
   set.frames.resize(3);
   for (std::size_t c = 0; c < 3; ++c) set.frames[c].emplace();
-  MotionState same = belief;
+  MotionState same = state;
   same.open_clocks(set);
-  EXPECT_EQ(same.timing(1).latency_sigma_s, belief.timing(1).latency_sigma_s) << "all clocks are ours";
+  EXPECT_EQ(same.timing(1).latency_sigma_s, state.timing(1).latency_sigma_s) << "all clocks are ours";
   set.frames[1]->clock = set.frames[2]->clock = {.of = 1, .sigma = std::chrono::milliseconds(4)};
-  ASSERT_LT(belief.timing(1).latency_sigma_s, 2e-3);
-  for (int again = 0; again < 3; ++again) belief.open_clocks(set);
-  EXPECT_NEAR(std::min(belief.timing(1).latency_sigma_s, belief.timing(2).latency_sigma_s), 4e-3, 1e-6);
-  EXPECT_LT(std::max(belief.timing(1).latency_sigma_s, belief.timing(2).latency_sigma_s), 4.5e-3);
-  EXPECT_EQ(belief.timing(0).latency_sigma_s, 0);
-  EXPECT_EQ(belief.clock_variance_s2(), 0);
+  ASSERT_LT(state.timing(1).latency_sigma_s, 2e-3);
+  for (int again = 0; again < 3; ++again) state.open_clocks(set);
+  EXPECT_NEAR(std::min(state.timing(1).latency_sigma_s, state.timing(2).latency_sigma_s), 4e-3, 1e-6);
+  EXPECT_LT(std::max(state.timing(1).latency_sigma_s, state.timing(2).latency_sigma_s), 4.5e-3);
+  EXPECT_EQ(state.timing(0).latency_sigma_s, 0);
+  EXPECT_EQ(state.clock_variance_s2(), 0);
   set.frames[0]->clock = {.of = 1, .sigma = std::chrono::milliseconds(4)};
-  belief.open_clocks(set);
-  EXPECT_NEAR(belief.clock_variance_s2(), 16e-6, 1e-12);
+  state.open_clocks(set);
+  EXPECT_NEAR(state.clock_variance_s2(), 16e-6, 1e-12);
 }
 
-TEST(MotionState, GivenViewsAndBackAgainIsTheSame) {
+TEST(MotionState, ConditioningAndReinflatingIsTheIdentity) {
   Scene scene(1);
-  MotionState belief(scene.rig, true);
-  belief.begin(at(0), Scene::position(0), 1, Vector3d::Zero(), 9);
-  scene.run(belief, 0, 0.5);
-  MotionState back = belief.conditioned_on_nuisances();
-  EXPECT_LT(back.position_covariance().trace(), belief.position_covariance().trace());
-  back.reinflate_nuisances(belief);
-  EXPECT_LT((back.position_covariance() - belief.position_covariance()).norm(),
-            1e-9 * belief.position_covariance().norm() + 1e-12);
-  for (int c = 0; c < 3; ++c) EXPECT_NEAR(back.timing(c).readout_sigma_s, belief.timing(c).readout_sigma_s, 1e-6) << c;
+  MotionState state(scene.rig, true);
+  state.begin(at(0), Scene::position(0), 1, Vector3d::Zero(), 9);
+  scene.run(state, 0, 0.5);
+  MotionState back = state.conditioned_on_nuisances();
+  EXPECT_LT(back.position_covariance().trace(), state.position_covariance().trace());
+  back.reinflate_nuisances(state);
+  EXPECT_LT((back.position_covariance() - state.position_covariance()).norm(),
+            1e-9 * state.position_covariance().norm() + 1e-12);
+  for (int c = 0; c < 3; ++c) EXPECT_NEAR(back.timing(c).readout_sigma_s, state.timing(c).readout_sigma_s, 1e-6) << c;
 }
 
-// With many cameras what sightings take off is put aside for a while; it must be in all that is asked meanwhile. Those
-// that see nothing change nothing, so that the belief is that of the three that do.
-TEST(MotionState, CamerasThatSeeNothingChangeNothing) {
+// With many cameras updates are collected before they are applied to the covariance; every query must include them.
+// Cameras without sightings change nothing, so the state is that of the three with sightings.
+TEST(MotionState, CamerasWithoutSightingsChangeNothing) {
   Scene scene(4), same_scene(4);
   same_scene.rig.cameras.resize(50, scene.rig.cameras[2]);
   MotionState few(scene.rig, true), many(same_scene.rig, true);
@@ -246,8 +245,8 @@ TEST(MotionState, CamerasThatSeeNothingChangeNothing) {
       near(few.measurement_given_position(row, 40).covariance, many.measurement_given_position(row, 40).covariance);
     }
   };
-  for (MotionState* belief : {&few, &many}) belief->begin(at(0), Scene::position(0), 1, Vector3d::Zero(), 9);
-  for (int i = 1; i <= 12; ++i) {  // 0.15 s: now after the first of four sightings, now after another one
+  for (MotionState* state : {&few, &many}) state->begin(at(0), Scene::position(0), 1, Vector3d::Zero(), 9);
+  for (int i = 1; i <= 12; ++i) {  // 0.15 s: after a varying one of four sightings
     scene.run(few, 0.15 * (i - 1), 0.15 * i);
     same_scene.run(many, 0.15 * (i - 1), 0.15 * i);
     compare("after sightings");
@@ -255,26 +254,26 @@ TEST(MotionState, CamerasThatSeeNothingChangeNothing) {
     few_back.reinflate_nuisances(few), many_back.reinflate_nuisances(many);
     few = few_back, many = many_back;
     compare("after given views");
-    for (MotionState* belief : {&few, &many}) {
-      if (i % 3 == 0) belief->reset_bias(i % 2);
-      if (i % 4 == 0) belief->set_position(belief->position(), 1.1 * belief->position_covariance());
+    for (MotionState* state : {&few, &many}) {
+      if (i % 3 == 0) state->reset_bias(i % 2);
+      if (i % 4 == 0) state->set_position(state->position(), 1.1 * state->position_covariance());
     }
     compare("after changes");
   }
-  for (MotionState* belief : {&few, &many}) belief->begin(at(2), Scene::position(2), 1, Vector3d::Zero(), 9);
+  for (MotionState* state : {&few, &many}) state->begin(at(2), Scene::position(2), 1, Vector3d::Zero(), 9);
   compare("of a new object");
 }
 
-TEST(MotionState, FixedTimesStayAndTheirUncertaintyCounts) {
+TEST(MotionState, FixedTimesAddTheirUncertainty) {
   Scene scene(2);
   for (auto& camera : scene.rig.cameras)
     camera.timing = {.latency_s = 0.01, .latency_sigma_s = 0.003, .readout_s = 0.02, .readout_sigma_s = 0};
-  MotionState belief(scene.rig, false);
-  belief.begin(at(0), Scene::position(0), 1, Vector3d::Zero(), 9);
-  scene.run(belief, 0, 1);
-  EXPECT_EQ(belief.timing(2).latency_s, 0.01);
-  EXPECT_EQ(belief.row_offset_s(1, 0.4), 0);
-  EXPECT_NEAR(belief.row_sigma_s(1, 0), 0.003, 1e-12);
+  MotionState state(scene.rig, false);
+  state.begin(at(0), Scene::position(0), 1, Vector3d::Zero(), 9);
+  scene.run(state, 0, 1);
+  EXPECT_EQ(state.timing(2).latency_s, 0.01);
+  EXPECT_EQ(state.row_offset_s(1, 0.4), 0);
+  EXPECT_NEAR(state.row_sigma_s(1, 0), 0.003, 1e-12);
 }
 
 }  // namespace

@@ -20,8 +20,7 @@ double mahalanobis2(const Vector2d& d, const Eigen::Matrix2d& covariance) {
   return d.dot(covariance.inverse() * d);
 }
 
-// A disc of radius r at (50.3, 49.6), of which everything that lies less than `cut` along `angle` from its centre is
-// hidden.
+// A disc of radius r at (50.3, 49.6), hidden where its points lie less than `cut` along `angle` from its centre.
 Sighting sighting_of_disc(double r, double angle, double cut, double pixel_noise_px = 0.2) {
   const Vector2d centre(50.3, 49.6), axis(std::cos(angle), std::sin(angle));
   const capture::Image image = color::mask_image(100, 100, [&](int u, int v) {
@@ -35,16 +34,16 @@ Sighting sighting_of_disc(double r, double angle, double cut, double pixel_noise
   TargetView view{};
   view.image = &image;
   Sighting s = sighting_of(view, regions.at(0), r, pixel_noise_px, {});
-  s.px -= centre;  // from here on the error
+  s.px -= centre;  // now the error
   return s;
 }
 
-// Of the edge, by samples of one pixel.
+// Of the edge, with samples of one pixel.
 double rounding(double radius_px) {
   return 1 / (12 * std::numbers::pi * radius_px);
 }
 
-TEST(SightingOf, wholeDiscIsAsSureAsThePixelNoise) {
+TEST(SightingOf, WholeDiscHasThePixelNoise) {
   for (const double r : {3.0, 5.0, 8.0, 16.0, 30.0}) {
     const Sighting s = sighting_of_disc(r, 0, -100);
     EXPECT_NEAR(s.support, 1, 0.12) << r;
@@ -56,7 +55,7 @@ TEST(SightingOf, wholeDiscIsAsSureAsThePixelNoise) {
   EXPECT_NEAR(sighting_of_disc(8, 0, -100, 2.0).covariance(0, 0), 0.8 * (4 + 0.0016 * 64 + rounding(8)), 1e-9);
 }
 
-TEST(SightingOf, hiddenHalfIsUncertainAcrossTheCutOnly) {
+TEST(SightingOf, HiddenHalfIsUncertainAcrossTheCutOnly) {
   for (const double angle : {0.0, 0.5, 1.2, 2.0, 3.0, 4.5}) {
     const double r = 12;
     const Sighting s = sighting_of_disc(r, angle, 0);
@@ -70,9 +69,9 @@ TEST(SightingOf, hiddenHalfIsUncertainAcrossTheCutOnly) {
   }
 }
 
-// However much is hidden. The worst is a quarter hidden, a misfit that is just not yet told from a small disc's
-// outline: there the truth is four standard deviations away; everywhere else it is within three.
-TEST(SightingOf, covarianceHoldsTheTruth) {
+// Worst case: a quarter hidden, a misfit just within a small disc's shape noise; there the truth is four sigma away,
+// elsewhere within three.
+TEST(SightingOf, CovarianceContainsTheTruth) {
   int all = 0, beyond_three = 0;
   for (const double r : {4.0, 8.0, 16.0}) {
     for (double angle = 0; angle < 6.2; angle += 0.7) {
@@ -88,11 +87,11 @@ TEST(SightingOf, covarianceHoldsTheTruth) {
   EXPECT_LT(beyond_three, 0.08 * all);
 }
 
-TEST(SightingOf, distrustsWhatIsTooWide) {
+TEST(SightingOf, TooWideRegionIsUncertain) {
   color::ColorRegion region;
   region.area = 400;
   region.centre = {10, 10};
-  region.spread << 100, 0, 0, 16;  // as wide as discs of radius 20 and 8
+  region.spread << 100, 0, 0, 16;  // half widths of discs of radius 20 and 8
   const capture::Image image;
   TargetView view{};
   view.image = &image;
@@ -102,8 +101,8 @@ TEST(SightingOf, distrustsWhatIsTooWide) {
   EXPECT_EQ(s.support, 1);
 }
 
-// A ball that flies down is stretched by rows that are read downwards, and one that flies across is sheared.
-TEST(SightingOf, expectsTheShapeOfAMovingBall) {
+// Rolling shutter: downward motion stretches a ball, sideways motion shears it.
+TEST(SightingOf, ExpectsTheShapeOfAMovingBall) {
   const double r = 10, row_s = 6e-5, usual = 2 * 0.8 * (0.2 + rounding(r));
   const Vector2d velocity(900, 1500);
   Eigen::Matrix2d outline_from_disc = Eigen::Matrix2d::Identity();
@@ -121,7 +120,7 @@ TEST(SightingOf, expectsTheShapeOfAMovingBall) {
   const ImageMotion motion{.velocity = velocity, .row_s = row_s, .longest_exposure_s = 0};
   region.spread = r * r / 4 * outline_from_disc * outline_from_disc.transpose();
   EXPECT_NEAR(sighting_of(view, region, r, 0.2, motion).covariance.trace(), usual, 1e-9);
-  // Smeared by half of what it moves during the exposure, along its way only.
+  // Blur: half of the motion during the exposure, along the path only.
   ImageMotion smeared{.velocity = {600, 0}, .row_s = 0, .longest_exposure_s = 0.01};
   region.spread << 12.5 * 12.5 / 4, 0, 0, r * r / 4;
   EXPECT_NEAR(sighting_of(view, region, r, 0.2, smeared).covariance.trace(), usual, 1e-9);
@@ -129,7 +128,7 @@ TEST(SightingOf, expectsTheShapeOfAMovingBall) {
   EXPECT_GT(sighting_of(view, region, r, 0.2, smeared).covariance(0, 0), 0.3);
 }
 
-TEST(AppearanceOf, agreesWithTheCameraAndItsDifferences) {
+TEST(ProjectBall, MatchesTheCameraAndNumericDifferences) {
   const scene::Scene scene = scene::SceneBuilder{}.cameras_on_ring({.count = 3}).build();
   for (const calib::Camera& camera : scene.rig.cameras) {
     for (const Vector3d& p : {Vector3d(0, 0, 1), Vector3d(0.3, -0.2, 1.2), Vector3d(-0.4, 0.3, 0.7)}) {
@@ -173,7 +172,7 @@ class Rig : public testing::Test {
     s.support = 1;
     return s;
   }
-  // The region that a ball would give.
+  // The region of a ball.
   color::ColorRegion region(std::size_t view, const Vector3d& centre, double radius_m = 0.04) const {
     const auto at = project_ball(scene.rig.cameras[view], centre, radius_m);
     color::ColorRegion r;
@@ -195,7 +194,7 @@ class Rig : public testing::Test {
   const Vector3d p{0.2, -0.1, 1.1};
 };
 
-TEST_F(Rig, informationTriangulates) {
+TEST_F(Rig, InformationTriangulates) {
   Eigen::Matrix2d covariance;
   covariance << 0.3, 0.1, 0.1, 0.2;
   const std::vector<Sighting> sightings{exact(0, p, covariance), exact(1, p, 2 * covariance), exact(2, p, covariance)};
@@ -207,12 +206,12 @@ TEST_F(Rig, informationTriangulates) {
   EXPECT_LT((estimate - p).norm(), 1e-6);
 }
 
-TEST_F(Rig, informationIsTheSumOfSquaredSlopes) {
+TEST_F(Rig, InformationIsTheSumOfSquaredSlopes) {
   Eigen::Matrix2d covariance;
   covariance << 0.3, 0.1, 0.1, 0.2;
   const std::vector<Sighting> sightings{exact(0, p, covariance), exact(1, p, 2 * covariance)};
   const PositionInformation z = information_of(sightings, p);
-  // Half of the second derivatives of the misfit, which is 0 at p: sum of squared slopes by differences.
+  // Half of the second derivatives of the misfit, which is 0 at p, by numeric differences.
   const double h = 1e-5;
   Eigen::Matrix3d expected = Eigen::Matrix3d::Zero();
   for (const Sighting& s : sightings) {
@@ -226,7 +225,7 @@ TEST_F(Rig, informationIsTheSumOfSquaredSlopes) {
   EXPECT_LT((z.information - expected).norm(), 1e-5 * expected.norm());
 }
 
-TEST_F(Rig, oneViewLeavesItsRayOpen) {
+TEST_F(Rig, OneViewLeavesItsRayUncertain) {
   const std::vector<Sighting> one{exact(0, p, Eigen::Matrix2d::Identity())};
   const PositionInformation z = information_of(one, p);
   const Vector3d ray = (p - scene.rig.cameras[0].centre()).normalized();
@@ -234,7 +233,7 @@ TEST_F(Rig, oneViewLeavesItsRayOpen) {
   EXPECT_GT(Eigen::FullPivLU<Eigen::Matrix3d>(z.information).setThreshold(1e-9).rank(), 1);
 }
 
-TEST_F(Rig, crossesRaysToTheBall) {
+TEST_F(Rig, CrossesRaysAtTheBall) {
   const auto found = cross({{region(0, p)}, {region(1, p)}, {region(2, p)}});
   ASSERT_EQ(found.size(), 1u);
   EXPECT_LT((found[0].position - p).norm(), 1e-4);
@@ -243,7 +242,7 @@ TEST_F(Rig, crossesRaysToTheBall) {
   EXPECT_LT(found[0].covariance.trace(), 1e-4);
 }
 
-TEST_F(Rig, twoViewsAreEnoughAndTheThirdCountsAgainst) {
+TEST_F(Rig, TwoViewsSufficeAndAThirdThatMissesLowersTheScore) {
   const auto found = cross({{region(0, p)}, {region(1, p)}, {}});
   ASSERT_EQ(found.size(), 1u);
   EXPECT_LT((found[0].position - p).norm(), 1e-4);
@@ -252,7 +251,7 @@ TEST_F(Rig, twoViewsAreEnoughAndTheThirdCountsAgainst) {
   EXPECT_TRUE(cross({{}, {}, {}}).empty());
 }
 
-TEST_F(Rig, takesTheBallBeforeClutter) {
+TEST_F(Rig, PrefersTheBallToClutter) {
   const Vector3d other(-0.5, 0.4, 0.8);
   const auto found =
       cross({{region(0, other), region(0, p)}, {region(1, p)}, {region(2, p), region(2, {0.7, 0.7, 0.5})}});
@@ -269,19 +268,19 @@ TEST_F(Rig, takesTheBallBeforeClutter) {
       1u);
 }
 
-TEST_F(Rig, nothingOutsideOfTheVolume) {
+TEST_F(Rig, FindsNothingOutsideTheVolume) {
   options.volume = {{-1, -1, 0}, {1, 1, 1.05}};
   EXPECT_TRUE(cross({{region(0, p)}, {region(1, p)}, {region(2, p)}}).empty());
   options.volume.max.z() = 1.07;  // the ball reaches into it
   EXPECT_FALSE(cross({{region(0, p)}, {region(1, p)}, {region(2, p)}}).empty());
 }
 
-TEST_F(Rig, nothingOfAnotherSize) {
+TEST_F(Rig, FindsNothingOfAnotherSize) {
   EXPECT_TRUE(cross({{region(0, p, 0.12)}, {region(1, p, 0.12)}, {region(2, p, 0.12)}}).empty());
   EXPECT_TRUE(cross({{region(0, p, 0.01)}, {region(1, p, 0.01)}, {region(2, p, 0.01)}}).empty());
 }
 
-TEST_F(Rig, nothingWhereRaysDoNotMeet) {
+TEST_F(Rig, FindsNothingWhereRaysDoNotMeet) {
   EXPECT_TRUE(cross({{region(0, p)}, {region(1, p + Vector3d(0, 0, 0.3))}, {}}).empty());
 }
 

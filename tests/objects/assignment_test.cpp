@@ -17,7 +17,7 @@ double cost_of(const Eigen::MatrixXd& costs, const std::vector<int>& columns, do
   return sum;
 }
 
-// Every way to do it.
+// By enumeration.
 double least_cost(const Eigen::MatrixXd& costs, double none) {
   double best = std::numeric_limits<double>::infinity();
   std::vector<int> columns(static_cast<std::size_t>(costs.rows()), -1);
@@ -39,7 +39,7 @@ double least_cost(const Eigen::MatrixXd& costs, double none) {
   return best;
 }
 
-TEST(Assignment, isOfLeastCostOfAllWays) {
+TEST(Assignment, HasTheLeastCostOfAllAssignments) {
   std::mt19937 random(7);
   std::uniform_real_distribution<double> uniform(0, 80);
   for (int round = 0; round < 300; ++round) {

@@ -28,9 +28,9 @@ std::vector<std::optional<FittedDisc>> fitted(const std::vector<Vector2d>& about
   return fit_discs(bits, discs);
 }
 
-TEST(DiscFit, findsADiscThatIsHiddenInPart) {
+TEST(DiscFit, FindsAPartlyHiddenDisc) {
   const Vector2d centre(60.3, 44.6);
-  for (const double cut : {-12.0, -4.0, 0.0, 4.0}) {  // what is left of it begins there, beside the centre
+  for (const double cut : {-12.0, -4.0, 0.0, 4.0}) {  // where the visible part begins, from the centre
     const auto all =
         fitted({centre + Vector2d(1.5, -2)}, [&](int u, int v) { return is_in(centre, u, v) && u > centre.x() + cut; });
     ASSERT_TRUE(all[0]) << cut;
@@ -40,7 +40,7 @@ TEST(DiscFit, findsADiscThatIsHiddenInPart) {
   }
 }
 
-TEST(DiscFit, tellsTwoApartThatAreOneRegion) {
+TEST(DiscFit, SeparatesTwoDiscsInOneRegion) {
   const Vector2d a(50.2, 40.4);
   for (const double apart : {8.0, 12.0, 20.0}) {
     const Vector2d b = a + Vector2d(apart * 0.8, apart * 0.6);
@@ -52,7 +52,7 @@ TEST(DiscFit, tellsTwoApartThatAreOneRegion) {
   }
 }
 
-TEST(DiscFit, saysNothingOfWhatOthersHide) {
+TEST(DiscFit, ReturnsNothingForADiscBehindOthers) {
   const Vector2d front(60, 45);
   const auto all = fitted({front, front + Vector2d(0.5, 0.3)}, [&](int u, int v) { return is_in(front, u, v); });
   EXPECT_FALSE(all[0]);

@@ -45,7 +45,7 @@ struct Room {
   }
 };
 
-TEST(ClutterMap, KnowsWhereRegionsAreNobodys) {
+TEST(ClutterMap, DensityIsHighWhereRegionsAreUnassociated) {
   Room room;
   std::vector<TargetView> views(1);
   views[0].index = 1;
@@ -59,16 +59,16 @@ TEST(ClutterMap, KnowsWhereRegionsAreNobodys) {
     room.clutter.add(views, regions);
   }
   EXPECT_GT(room.clutter.density(1, {100, 60}), 4 * room.clutter.density(1, {200, 200}));
-  EXPECT_LT(room.clutter.density(1, {200, 200}), before);  // there is less than a room usually shows
-  EXPECT_EQ(room.clutter.density(0, {100, 60}), before);   // another camera was not looked at
+  EXPECT_LT(room.clutter.density(1, {200, 200}), before);  // less than the prior
+  EXPECT_EQ(room.clutter.density(0, {100, 60}), before);   // of another camera: unchanged
 }
 
-TEST(ObjectExistence, ThreeViewsThatAgreeTwiceAreAnObject) {
+TEST(ObjectExistence, IsConfirmedByThreeConsistentViewsTwice) {
   const Room room;
   EXPECT_TRUE(room.begun(room.birth({0, 0, 1}, {0.02, 0, 1})).is_sure());
 }
 
-TEST(ObjectExistence, TwoViewsAreNotEnoughAtOnce) {
+TEST(ObjectExistence, IsNotConfirmedByTwoViewsAtOnce) {
   const Room room;
   Birth birth = room.birth({0, 0, 1}, {0.02, 0, 1});
   birth.earlier.sightings.pop_back();
@@ -76,23 +76,23 @@ TEST(ObjectExistence, TwoViewsAreNotEnoughAtOnce) {
   EXPECT_FALSE(room.begun(birth).is_sure());
 }
 
-TEST(ObjectExistence, WhatLiesBesideWhereItIsExpectedIsChance) {
+TEST(ObjectExistence, SightingsFarFromThePredictionAreClutter) {
   const Room room;
   ObjectExistence existence = room.begun(room.birth({0, 0, 1}, {0.02, 0, 1}));
-  MotionState belief(room.scene.rig, false);
-  belief.begin({}, {0.02, 0, 1}, 1e-5, {0.6, 0, 0}, 0.1);
-  existence.update({}, belief, 1.0, room.sightings({0.02, 0, 1}), {}, radius_m, room.clutter, room.still);
+  MotionState state(room.scene.rig, false);
+  state.begin({}, {0.02, 0, 1}, 1e-5, {0.6, 0, 0}, 0.1);
+  existence.update({}, state, 1.0, room.sightings({0.02, 0, 1}), {}, radius_m, room.clutter, room.still);
   EXPECT_TRUE(existence.is_sure());
   EXPECT_FALSE(existence.is_chance());
-  existence.update({}, belief, 1.0, room.sightings({0.02, 0, 1}, 40), {}, radius_m, room.clutter, room.still);
+  existence.update({}, state, 1.0, room.sightings({0.02, 0, 1}, 40), {}, radius_m, room.clutter, room.still);
   EXPECT_FALSE(existence.is_sure());
   EXPECT_TRUE(existence.is_chance());
-  EXPECT_FALSE(existence.is_refuted());  // it was there
+  EXPECT_FALSE(existence.is_refuted());  // confirmed before
 }
 
-// Two sets far apart, of an object near slow cameras, may have it anywhere: chance explains them as well. What then
-// goes on as expected is an object all the same.
-TEST(ObjectExistence, WhatBeganUnlikelyIsNotRefutedByWhatSpeaksForIt) {
+// An object near slow cameras may be anywhere in the next set, so that clutter explains it as well. If its motion then
+// matches the prediction it is an object.
+TEST(ObjectExistence, AnUnlikelyStartIsNotRefutedBySupport) {
   const Room room;
   Birth birth = room.birth({0, 0, 1}, {0.02, 0, 1});
   birth.earlier.sightings.pop_back(), birth.earlier.sightings.pop_back();
@@ -101,23 +101,23 @@ TEST(ObjectExistence, WhatBeganUnlikelyIsNotRefutedByWhatSpeaksForIt) {
   ObjectExistence existence = room.begun(birth);
   ASSERT_FALSE(existence.is_sure());
   EXPECT_FALSE(existence.is_refuted());
-  MotionState belief(room.scene.rig, false);
-  belief.begin({}, {0.02, 0, 1}, 1e-5, {0.6, 0, 0}, 0.1);
+  MotionState state(room.scene.rig, false);
+  state.begin({}, {0.02, 0, 1}, 1e-5, {0.6, 0, 0}, 0.1);
   ObjectExistence contradicted = existence;
-  contradicted.update({}, belief, 1.0, room.sightings({0.02, 0, 1}, 40), {}, radius_m, room.clutter, room.still);
+  contradicted.update({}, state, 1.0, room.sightings({0.02, 0, 1}, 40), {}, radius_m, room.clutter, room.still);
   EXPECT_TRUE(contradicted.is_refuted());
-  existence.update({}, belief, 1.0, room.sightings({0.02, 0, 1}), {}, radius_m, room.clutter, room.still);
+  existence.update({}, state, 1.0, room.sightings({0.02, 0, 1}), {}, radius_m, room.clutter, room.still);
   EXPECT_FALSE(existence.is_refuted());
-  // But furniture goes on as expected, too, where it is.
+  // But static clutter matches its prediction, too.
   const auto later = capture::Timestamp{} + capture::duration_of(0.3);
   ObjectExistence moving = existence;
-  existence.update(later, belief, 1.0, room.sightings({0.02, 0, 1}), {}, radius_m, room.clutter, room.still);
+  existence.update(later, state, 1.0, room.sightings({0.02, 0, 1}), {}, radius_m, room.clutter, room.still);
   EXPECT_FALSE(existence.is_sure());
   EXPECT_TRUE(existence.is_refuted());
-  belief.begin(later, {0.2, 0, 1}, 1e-5, {0.6, 0, 0}, 0.1);
+  state.begin(later, {0.2, 0, 1}, 1e-5, {0.6, 0, 0}, 0.1);
   auto further = room.sightings({0.2, 0, 1});
   for (Sighting& s : further) s.row.at = later;
-  moving.update(later, belief, 1.0, further, {}, radius_m, room.clutter, room.still);
+  moving.update(later, state, 1.0, further, {}, radius_m, room.clutter, room.still);
   EXPECT_TRUE(moving.is_sure());
   EXPECT_FALSE(moving.is_refuted());
 }

@@ -10,8 +10,8 @@
 #include <numbers>
 #include <stdexcept>
 
-#include "object_tracking/epipolar_consistency.h"
 #include "object_tracking/trackers/object_tracker.h"
+#include "object_tracking/epipolar_consistency.h"
 #include "scene/scene.h"
 #include "truth/truth.h"
 
@@ -94,9 +94,9 @@ TEST_P(Witness, ofGoodViewsIsChiSquare) {
   int n = 0;
   run(tracker, scene, scene::render(scene, {.set_count = 90}), [&](const ObjectEstimate& e) {
     for (std::size_t c = 0; c < e.per_view.size(); ++c) {
-      if (!e.per_view[c].witness) continue;
-      EXPECT_EQ(e.per_view[c].witness->others, e.views - 1);
-      sum += squared_contradiction(*e.per_view[c].witness, scene.rig.cameras[c]), ++n;
+      if (!e.per_view[c].leave_one_out) continue;
+      EXPECT_EQ(e.per_view[c].leave_one_out->others, e.views - 1);
+      sum += squared_contradiction(*e.per_view[c].leave_one_out, scene.rig.cameras[c]), ++n;
     }
     EXPECT_EQ(e.per_view[0].inflation_px, 0);
   });
@@ -116,7 +116,7 @@ TEST(WitnessOfThree, showsWhichCameraIsTurned) {
   run(tracker, scene, scene::render(scene, {.set_count = 150}), [&](const ObjectEstimate& e) {
     last = e;
     for (std::size_t c = 0; c < 3; ++c)
-      if (e.per_view[c].witness) sum[c] += squared_contradiction(*e.per_view[c].witness, rig.cameras[c]), ++n[c];
+      if (e.per_view[c].leave_one_out) sum[c] += squared_contradiction(*e.per_view[c].leave_one_out, rig.cameras[c]), ++n[c];
   });
   for (std::size_t c : {0, 1}) {
     EXPECT_GT(sum[c] / n[c], 5.99) << c;  // in 1 of 20 by chance: each stands on the wrong one, or is it
@@ -296,12 +296,12 @@ TEST(Trust, AnUnusedCameraDoesNotMoveTheTrackAndIsStillCompared) {
     EXPECT_EQ(a.covariance, b.covariance);
     EXPECT_TRUE(a.per_view[1].delivered);
     EXPECT_FALSE(a.per_view[1].seen);
-    if (!a.per_view[1].witness) continue;
+    if (!a.per_view[1].leave_one_out) continue;
     ++witnessed;
-    EXPECT_EQ(a.per_view[1].witness->others, 2);
-    EXPECT_LT((a.per_view[1].witness->position - scene.ball_at(0, a.at)).norm(), 0.03);
-    ASSERT_TRUE(a.per_view[0].witness);
-    EXPECT_EQ(a.per_view[0].witness->others, 1);
+    EXPECT_EQ(a.per_view[1].leave_one_out->others, 2);
+    EXPECT_LT((a.per_view[1].leave_one_out->position - scene.ball_at(0, a.at)).norm(), 0.03);
+    ASSERT_TRUE(a.per_view[0].leave_one_out);
+    EXPECT_EQ(a.per_view[0].leave_one_out->others, 1);
   }
   EXPECT_GT(witnessed, 50);
 }

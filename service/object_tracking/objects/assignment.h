@@ -1,4 +1,4 @@
-// The assignment of least cost.
+// Linear assignment.
 #pragma once
 
 #include <Eigen/Core>
@@ -6,9 +6,9 @@
 
 namespace huetrack::objects {
 
-// One column for each row of the costs, no column twice, so that the sum is least; -1: none, at the cost of `none`.
-// Costs above `none` are never chosen. The Hungarian method with shortest augmenting paths (Jonker and Volgenant 1987):
-// rows^2 (rows + columns).
+// A column for each row, none twice, at the least sum of costs; -1: none, at the cost `none`, which also bounds the
+// costs chosen. Hungarian method with shortest augmenting paths (Jonker and Volgenant 1987): O(rows^2 (rows +
+// columns)).
 std::vector<int> assignment_of(const Eigen::MatrixXd& costs, double none);
 
 }  // namespace huetrack::objects

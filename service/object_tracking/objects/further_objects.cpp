@@ -8,23 +8,25 @@ using namespace object_tracking;
 
 namespace {
 
-constexpr double looked_every_s = 1;   // it takes a set as long as a search does
-constexpr double told_after_s = 1.5;   // seen, or gone: what crosses a room by chance does not stay
-constexpr double of_a_moment_s = 0.5;  // who is hidden for so long says nothing of the others
-// So far from the target's middle a region is its own, or touches it and says nothing.
-constexpr double own_radii = 3;
+struct FurtherObjectTuning {
+  double period_s = 1;   // s, between searches: a frame set with one takes as long as a search
+  double delay_s = 1.5;  // s, seen or gone for as long before it is published: what crosses the room does not stay
+  double pause_s = 0.5;  // s, an interruption of the track up to which the finding stands
+  double own_radii = 3;  // radii around the target in which a region is its own or touches it
+};
+constexpr FurtherObjectTuning further_object{};
 
 }  // namespace
 
 void FurtherObject::note(capture::Timestamp set_at, const std::optional<Eigen::Vector3d>& seen_at) {
-  if (seen_at && told_) told_ = seen_at;
-  if (seen_at.has_value() == told_.has_value()) {
+  if (seen_at && published_) published_ = seen_at;
+  if (seen_at.has_value() == published_.has_value()) {
     since_.reset();
     return;
   }
   if (!since_ || set_at < *since_) since_ = set_at;
-  if (capture::seconds(set_at - *since_) < told_after_s) return;
-  told_ = seen_at;
+  if (capture::seconds(set_at - *since_) < further_object.delay_s) return;
+  published_ = seen_at;
   since_.reset();
 }
 
@@ -36,15 +38,16 @@ FurtherObjectWatch::FurtherObjectWatch(const TargetOptions& target, const Object
       finders_(sizes.size()),
       regions_(sizes.size()) {}
 
-void FurtherObjectWatch::find_others(const std::vector<TargetView>& views, const MotionState& belief) {
+void FurtherObjectWatch::find_others(const std::vector<TargetView>& views, const MotionState& state) {
   for (std::size_t i = 0; i < views.size(); ++i) {
-    const auto camera = static_cast<std::size_t>(views[i].index);
+    const auto camera = std::size_t(views[i].index);
     regions_[i].clear();
     if (size_in_view_[camera].largest_px == 0) continue;  // no part of the volume is in view
-    const auto own = project_ball(*views[i].camera, belief.position(), target_.radius_m);
+    const auto own = project_ball(*views[i].camera, state.position(), target_.radius_m);
     for (const color::ColorRegion& region :
          whole_regions(finders_[camera], *views[i].matches, size_in_view_[camera], target_.count, {})) {
-      if (!own || (region.centre - own->px).norm() > own_radii * own->radius_px) regions_[i].push_back(region);
+      if (!own || (region.centre - own->px).norm() > further_object.own_radii * own->radius_px)
+        regions_[i].push_back(region);
     }
   }
 }
@@ -52,16 +55,16 @@ void FurtherObjectWatch::find_others(const std::vector<TargetView>& views, const
 void FurtherObjectWatch::note_untracked(capture::Timestamp set_at) {
   is_second_ = false;
   if (!nothing_since_ || set_at < *nothing_since_) nothing_since_ = set_at;
-  if (capture::seconds(set_at - *nothing_since_) > of_a_moment_s) further_.note(set_at, std::nullopt);
+  if (capture::seconds(set_at - *nothing_since_) > further_object.pause_s) further_.note(set_at, std::nullopt);
 }
 
 void FurtherObjectWatch::look(const std::vector<TargetView>& views, std::span<const Sighting> sightings,
-                              const MotionState& belief, const StaticClutterMask& still, capture::Timestamp set_at) {
+                              const MotionState& state, const StaticClutterMask& still, capture::Timestamp set_at) {
   nothing_since_.reset();
   if (views.size() < 2) return;
   if (looked_at_ && set_at < *looked_at_) looked_at_.reset(), is_second_ = false;
-  if (!is_second_ && looked_at_ && capture::seconds(set_at - *looked_at_) < looked_every_s) return;
-  find_others(views, belief);
+  if (!is_second_ && looked_at_ && capture::seconds(set_at - *looked_at_) < further_object.period_s) return;
+  find_others(views, state);
   std::vector<CoveredDisc> covered;
   for (const Sighting& s : sightings) {
     for (std::size_t v = 0; v < views.size(); ++v)
@@ -69,7 +72,7 @@ void FurtherObjectWatch::look(const std::vector<TargetView>& views, std::span<co
   }
   if (!is_second_) births_.forget();
   const std::vector<Birth> births =
-      births_.look(views, std::span(regions_).first(views.size()), covered, still, set_at, belief);
+      births_.look(views, std::span(regions_).first(views.size()), covered, still, set_at, state);
   if (!is_second_) {
     looked_at_ = set_at;
     is_second_ = true;
@@ -77,7 +80,7 @@ void FurtherObjectWatch::look(const std::vector<TargetView>& views, std::span<co
   }
   is_second_ = false;
   const auto other = std::ranges::find_if(births, [&](const Birth& birth) {
-    return (birth.now.position - belief.position()).norm() > own_radii * target_.radius_m;
+    return (birth.now.position - state.position()).norm() > further_object.own_radii * target_.radius_m;
   });
   further_.note(set_at, other == births.end() ? std::nullopt : std::optional(other->now.position));
 }

@@ -1,5 +1,4 @@
-// Whether there is more of the target's colour than its count says: one object more, or something else that looks like
-// one. It moves nothing; a user wants to know, as what is tracked may at any time be the other one.
+// Detects objects of the target's colour beyond its count. Diagnostic only: it does not affect the estimate.
 #pragma once
 
 #include <Eigen/Core>
@@ -18,44 +17,44 @@
 
 namespace huetrack::objects {
 
-// What was seen for a while and stays in force until it was gone for as long. thread-compatible.
+// Hysteresis: published once seen for some time, until gone for as long. thread-compatible.
 class FurtherObject {
  public:
-  // Whether it was seen, and where, each time it was looked for. Times ascend.
+  // The result of each search; times ascend.
   void note(capture::Timestamp set_at, const std::optional<Eigen::Vector3d>& seen_at);
-  const std::optional<Eigen::Vector3d>& told() const { return told_; }  // nullopt: there is none
+  const std::optional<Eigen::Vector3d>& published() const { return published_; }  // nullopt: none
 
  private:
-  std::optional<Eigen::Vector3d> told_;
-  std::optional<capture::Timestamp> since_;  // it is seen, or gone, against what is told
+  std::optional<Eigen::Vector3d> published_;
+  std::optional<capture::Timestamp> since_;  // seen or gone since then, unlike what is published
 };
 
-// Beside one object that is tracked, in a room that does not share its colour. Once a second the views are looked
-// through as a whole in two sets, for what would be a birth among several objects (object_births.h). thread-compatible.
+// While one object is tracked in a room that does not share its colour: once a second, searches whole images in two
+// frame sets for a birth as among several objects (object_births.h). thread-compatible.
 class FurtherObjectWatch {
  public:
   // sizes: of the target, per camera of the rig
   FurtherObjectWatch(const object_tracking::TargetOptions& target, const object_tracking::ObjectTrackerOptions& options,
                      std::span<const SizeInView> sizes);
 
-  // The target was tracked in this set, by these sightings.
+  // The target was tracked in this set by these sightings.
   void look(const std::vector<object_tracking::TargetView>& views, std::span<const object_tracking::Sighting> sightings,
-            const object_tracking::MotionState& belief, const StaticClutterMask& still, capture::Timestamp set_at);
-  // It was not, or the room shares the colour: nothing is known of others.
+            const object_tracking::MotionState& state, const StaticClutterMask& still, capture::Timestamp set_at);
+  // It was not tracked, or the room shares the colour.
   void note_untracked(capture::Timestamp set_at);
-  const std::optional<Eigen::Vector3d>& told() const { return further_.published(); }
+  const std::optional<Eigen::Vector3d>& published() const { return further_.published(); }
 
  private:
-  void find_others(const std::vector<object_tracking::TargetView>& views, const object_tracking::MotionState& belief);
+  void find_others(const std::vector<object_tracking::TargetView>& views, const object_tracking::MotionState& state);
 
   object_tracking::TargetOptions target_;
   ObjectBirths births_;
   std::vector<SizeInView> size_in_view_;                  // per camera
   std::vector<color::RegionFinder> finders_;              // per camera
-  std::vector<std::vector<color::ColorRegion>> regions_;  // of the views of this set, without the target's
+  std::vector<std::vector<color::ColorRegion>> regions_;  // of the views, without the target's
   std::optional<capture::Timestamp> looked_at_;
-  bool is_second_ = false;                           // the first of two sets was looked through
-  std::optional<capture::Timestamp> nothing_since_;  // nothing is known of others
+  bool is_second_ = false;  // the first of the two sets was searched
+  std::optional<capture::Timestamp> nothing_since_;
   FurtherObject further_;
 };
 

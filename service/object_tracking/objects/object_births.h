@@ -1,6 +1,6 @@
-// New objects among several of one colour: rays crossed between views through the regions that no known object
-// explains. The trap are ghosts, crossings of rays of different objects. What tells them apart: a third view sees them
-// or does not, regions have the size that an object has there, and one region is not of two objects that are apart.
+// Track initiation among several objects of one colour: triangulates regions that no known object explains. Ghosts,
+// crossings of rays of different objects, are rejected by further views, by the regions' sizes, and because a region
+// belongs to one object.
 #pragma once
 
 #include <cstdint>
@@ -16,40 +16,42 @@
 
 namespace huetrack::objects {
 
-// A view sees what should be seen in nine of ten cases; else something hides it that nobody knows of.
-inline constexpr double detection_probability = 0.9;
+struct DetectionTuning {
+  double probability = 0.9;  // P_D: a view detects an object that should be visible; else something unknown hides it
+};
+inline constexpr DetectionTuning detection{};
 
 struct Birth {
   object_tracking::PositionCandidate earlier, now;
   double dt;  // from one to the other, seconds
 };
 
-// Around a volume, half its largest extent: who comes in is known by then, and so is what he shows.
+// The volume enlarged by half its largest extent: objects about to enter are tracked, and explain their regions.
 object_tracking::Volume looked_through(const object_tracking::Volume& volume);
 
-// Where a known object covers a view: what is not seen there may be behind it.
+// A known object in a view; it may occlude others.
 struct CoveredDisc {
   std::size_t view;  // which of the views
   Eigen::Vector2d px;
   double radius_px;
 };
 
-// Whether one that stands where it was first seen may be an object (StaticClutterMask::is_starting()).
+// Whether a resting candidate may be an object (StaticClutterMask::is_starting()).
 enum class MustMove : std::uint8_t {
   no,
-  unless_clear,  // not what is beyond chance: two views show a whole disc of the right size, or three show it
+  unless_clear,  // unless two views show a whole disc of the right size, or three show it
 };
 MustMove must_move(const StaticClutterMask& still, capture::Timestamp set_at);
 
 // thread-compatible.
 class ObjectBirths {
  public:
-  // within: where objects are looked for.
+  // within: the volume that is searched.
   ObjectBirths(const object_tracking::TargetOptions& target, const object_tracking::ObjectTrackerOptions& options,
                const object_tracking::Volume& within);
 
-  // regions[i], unexplained, belong to views[i]. Of the belief only the cameras' times are used. still: where something
-  // is left out, a view need not show an object.
+  // Confirmed new objects. regions[i], unexplained, belong to views[i]. Of `times` only the timing is used. Where the
+  // mask `still` may cut an object, a missed detection is no evidence.
   std::vector<Birth> look(const std::vector<object_tracking::TargetView>& views,
                           std::span<const std::vector<color::ColorRegion>> regions,
                           std::span<const CoveredDisc> covered, const StaticClutterMask& still,
@@ -60,11 +62,11 @@ class ObjectBirths {
  private:
   struct Candidate {
     object_tracking::PositionCandidate at;
-    Eigen::Vector3d from = at.position;  // of the one so many sets ago, or of the first
+    Eigen::Vector3d from = at.position;  // its position sets_from sets ago
     int sets_from = 0;
     double evidence = 0;
-    int missing = 0;            // views that should see it, and do not
-    bool is_ambiguous = false;  // its regions may as well be of others
+    int missing = 0;            // views that should detect it and do not
+    bool is_ambiguous = false;  // its regions may belong to another candidate
   };
   std::vector<Candidate> candidates(const std::vector<object_tracking::TargetView>& views,
                                     std::span<const std::vector<color::ColorRegion>> regions,
@@ -75,7 +77,7 @@ class ObjectBirths {
                     const StaticClutterMask& still) const;
 
   object_tracking::TargetOptions target_;
-  object_tracking::ObjectTrackerOptions options_;  // with the volume in which objects are looked for
+  object_tracking::ObjectTrackerOptions options_;  // with the volume that is searched
   std::vector<Candidate> before_;
   MustMove must_move_ = MustMove::no;
   capture::Timestamp before_at_{};

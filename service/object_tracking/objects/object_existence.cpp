@@ -11,15 +11,23 @@ using namespace object_tracking;
 
 namespace {
 
-// At most one that is none in an hour: some fifty pairs of regions in each of 10^5 sets meet by chance.
-constexpr double sure = 16;
-// What an object has been seen for is not held against what it shows now for longer than some sets.
-constexpr double most = 2 * sure;
-// What a room shows that shares the colour, before anything is known of it: as of half a second.
-constexpr double usual_regions = 8, sets_of_usual = 15;
-constexpr double remembered_sets = 100;
-// What was found though chance explains that as well must have moved by then.
-constexpr double longest_at_rest_s = 0.25;
+struct ExistenceTuning {
+  double confirmed = 16;     // log-odds: one false track an hour, of 50 pairs of regions in each of 1e5 frame sets
+  double max_rest_s = 0.25;  // s, an object found although clutter explains it as well must have moved by then
+};
+constexpr ExistenceTuning existence{};
+
+struct ClutterMapTuning {
+  double prior_regions = 8;  // regions per frame set and image of a room that shares the colour
+  double prior_sets = 15;    // frame sets that this prior is worth: 0.5 s
+  double memory_sets = 100;  // frame sets in the means
+  double min_regions = 0.5;  // per frame set and image: none were seen, but there may be some
+};
+constexpr ClutterMapTuning clutter_map{};
+
+double max_log_odds() {
+  return 2 * existence.confirmed;
+}
 
 double log_density(const Eigen::Vector2d& d, const Eigen::Matrix2d& covariance) {
   return -std::log(2 * std::numbers::pi) - 0.5 * std::log(covariance.determinant()) -
@@ -31,7 +39,7 @@ struct Evidence {
   double all() const { return of_seen + of_missing; }
 };
 
-// Sightings one after the other: what one says is where the next is expected.
+// Sequential: each sighting updates the prediction of the next.
 Evidence evidence_of(ExpectedPlace at, std::span<const Sighting> sightings, const std::vector<TargetView>& views,
                      double radius_m, const ClutterMap& clutter, const StaticClutterMask& still) {
   Evidence evidence;
@@ -44,8 +52,7 @@ Evidence evidence_of(ExpectedPlace at, std::span<const Sighting> sightings, cons
     const Eigen::Matrix2d expected = by * at.covariance * by.transpose() + of_sighting;
     const Eigen::Vector2d d = s.px - in_view->px;
     evidence.of_seen +=
-        std::log(detection_probability / clutter.density(static_cast<std::size_t>(s.row.camera), s.px)) +
-        log_density(d, expected);
+        std::log(detection.probability / clutter.density(std::size_t(s.row.camera), s.px)) + log_density(d, expected);
     const Eigen::Matrix<double, 3, 2> gain = at.covariance * by.transpose() * expected.inverse();
     at.position += gain * d;
     at.covariance = ((Eigen::Matrix3d::Identity() - gain * by) * at.covariance).eval();
@@ -55,19 +62,17 @@ Evidence evidence_of(ExpectedPlace at, std::span<const Sighting> sightings, cons
     if (is_seen) continue;
     const auto in_view = project_ball(*view.camera, at.position, radius_m);
     if (!in_view || !view.camera->contains({in_view->px})) continue;
-    if (still.may_clip(static_cast<std::size_t>(view.index), in_view->px, in_view->radius_px)) continue;
-    evidence.of_missing += std::log(1 - detection_probability);
+    if (still.may_clip(std::size_t(view.index), in_view->px, in_view->radius_px)) continue;
+    evidence.of_missing += std::log(1 - detection.probability);
   }
   return evidence;
 }
 
-// Sightings of which nothing that is left out has cut a part: there is nothing beside them, or they have the size and
-// the shape of the whole disc; and outlines, which do not ask for the colour.
+// Sightings that the static clutter mask has not cut: none nearby, a whole disc, or an outline fit.
 std::ptrdiff_t whole_of(std::span<const Sighting> sightings, const StaticClutterMask& still) {
   return std::ranges::count_if(sightings, [&](const Sighting& s) {
     const double radius_px = s.support > 0 ? s.radius_px / std::sqrt(s.support) : s.radius_px;
-    return s.is_outline || is_unoccluded_disc(s) ||
-           !still.may_clip(static_cast<std::size_t>(s.row.camera), s.px, radius_px);
+    return s.is_outline || is_unoccluded_disc(s) || !still.may_clip(std::size_t(s.row.camera), s.px, radius_px);
   });
 }
 
@@ -77,84 +82,83 @@ ClutterMap::ClutterMap(const calib::CameraRig& rig) {
   for (const calib::Camera& camera : rig.cameras) {
     PerCamera& of = cameras_.emplace_back();
     of.columns = camera.image_size.width / cell_px + 1, of.rows = camera.image_size.height / cell_px + 1;
-    of.pixels = static_cast<double>(camera.image_size.width) * camera.image_size.height;
-    of.around.resize(static_cast<std::size_t>(of.columns * of.rows));
-    of.sets = sets_of_usual, of.regions = usual_regions;
+    of.pixels = double(camera.image_size.width) * camera.image_size.height;
+    of.around.resize(std::size_t(of.columns * of.rows));
+    of.sets = clutter_map.prior_sets, of.regions = clutter_map.prior_regions;
   }
 }
 
 void ClutterMap::add(const std::vector<TargetView>& views, std::span<const std::vector<color::ColorRegion>> regions) {
   for (std::size_t i = 0; i < views.size(); ++i) {
-    PerCamera& of = cameras_[static_cast<std::size_t>(views[i].index)];
-    of.sets = std::min(of.sets + 1, remembered_sets);
-    of.regions += (static_cast<double>(regions[i].size()) - of.regions) / of.sets;
-    const auto fresh = static_cast<float>(1 / of.sets);
+    PerCamera& of = cameras_[std::size_t(views[i].index)];
+    of.sets = std::min(of.sets + 1, clutter_map.memory_sets);
+    of.regions += (double(regions[i].size()) - of.regions) / of.sets;
+    const auto fresh = float(1 / of.sets);
     for (float& cell : of.around) cell -= fresh * cell;
     for (const color::ColorRegion& region : regions[i]) {
-      const int u = std::clamp(static_cast<int>(region.centre.x()) / cell_px, 0, of.columns - 1);
-      const int v = std::clamp(static_cast<int>(region.centre.y()) / cell_px, 0, of.rows - 1);
-      of.around[static_cast<std::size_t>(v * of.columns + u)] += fresh;
+      const int u = std::clamp(int(region.centre.x()) / cell_px, 0, of.columns - 1);
+      const int v = std::clamp(int(region.centre.y()) / cell_px, 0, of.rows - 1);
+      of.around[std::size_t(v * of.columns + u)] += fresh;
     }
   }
 }
 
 double ClutterMap::density(std::size_t camera, const Eigen::Vector2d& px) const {
   const PerCamera& of = cameras_[camera];
-  const int u = std::clamp(static_cast<int>(px.x()) / cell_px, 0, of.columns - 1);
-  const int v = std::clamp(static_cast<int>(px.y()) / cell_px, 0, of.rows - 1);
+  const int u = std::clamp(int(px.x()) / cell_px, 0, of.columns - 1);
+  const int v = std::clamp(int(px.y()) / cell_px, 0, of.rows - 1);
   double near = 0, cells = 0;
   for (int j = std::max(0, v - 1); j <= std::min(of.rows - 1, v + 1); ++j) {
     for (int i = std::max(0, u - 1); i <= std::min(of.columns - 1, u + 1); ++i)
-      near += static_cast<double>(of.around[static_cast<std::size_t>(j * of.columns + i)]), ++cells;
+      near += double(of.around[std::size_t(j * of.columns + i)]), ++cells;
   }
-  constexpr double least_regions = 0.5;  // in a picture: it is not known that there are none
-  return near / (cells * cell_px * cell_px) + std::max(least_regions, of.regions) / of.pixels;
+  return near / (cells * cell_px * cell_px) + std::max(clutter_map.min_regions, of.regions) / of.pixels;
 }
 
 void ObjectExistence::begin(capture::Timestamp set_at, const Birth& birth, const std::vector<TargetView>& views,
                             double radius_m, double largest_m, const ObjectTrackerOptions& options,
                             const ClutterMap& clutter, const StaticClutterMask& still) {
   const ExpectedPlace anywhere{birth.earlier.position, largest_m * largest_m / 12 * Eigen::Matrix3d::Identity()};
-  const double way_m = options.start_speed_m_s * birth.dt;
+  const double travel_m = options.start_speed_m_s * birth.dt;
   longest_on_cut_s_ = std::sqrt(2 * 2 * radius_m / options.acceleration_m_s2);
   const ExpectedPlace near{birth.earlier.position,
-                           birth.earlier.covariance + way_m * way_m * Eigen::Matrix3d::Identity()};
+                           birth.earlier.covariance + travel_m * travel_m * Eigen::Matrix3d::Identity()};
   has_been_sure_ = false;
   whole_at_ = set_at, on_cut_s_ = whole_of(birth.now.sightings, still) >= 2 ? 0 : 2 * longest_on_cut_s_;
   of_set_ = evidence_of(near, birth.now.sightings, views, radius_m, clutter, still).all();
   is_chance_ = false;
-  evidence_ =
-      std::min(most, of_set_ + evidence_of(anywhere, birth.earlier.sightings, {}, radius_m, clutter, still).all());
+  evidence_ = std::min(max_log_odds(),
+                       of_set_ + evidence_of(anywhere, birth.earlier.sightings, {}, radius_m, clutter, still).all());
   at_first_ = std::min(0.0, evidence_);
   has_moved_ = at_first_ >= 0, is_overdue_ = false;
   found_at_ = birth.now.position, found_when_ = set_at;
 }
 
-void ObjectExistence::update(capture::Timestamp set_at, const MotionState& belief, double power_density,
+void ObjectExistence::update(capture::Timestamp set_at, const MotionState& state, double power_density,
                              std::span<const Sighting> sightings, const std::vector<TargetView>& views, double radius_m,
                              const ClutterMap& clutter, const StaticClutterMask& still) {
-  ExpectedPlace at{belief.position(), belief.position_covariance()};
+  ExpectedPlace at{state.position(), state.position_covariance()};
   if (!sightings.empty()) {
-    at.position = belief.position_at(sightings.front().row.at);
-    at.covariance = belief.seen_covariance(sightings.front().row, power_density);
+    at.position = state.position_at(sightings.front().row.at);
+    at.covariance = state.seen_covariance(sightings.front().row, power_density);
   }
   if (whole_of(sightings, still) >= 2) whole_at_ = set_at, on_cut_s_ = 0;
   if (set_at > whole_at_) on_cut_s_ = std::max(on_cut_s_, capture::seconds(set_at - whole_at_));
   has_moved_ = has_moved_ || (at.position - found_at_).norm() > 2 * radius_m;
-  is_overdue_ = !has_moved_ && capture::seconds(set_at - found_when_) > longest_at_rest_s;
+  is_overdue_ = !has_moved_ && capture::seconds(set_at - found_when_) > existence.max_rest_s;
   const Evidence evidence = evidence_of(at, sightings, views, radius_m, clutter, still);
   of_set_ = evidence.all(), is_chance_ = evidence.of_seen < 0;
-  evidence_ = std::min(most, evidence_ + of_set_);
+  evidence_ = std::min(max_log_odds(), evidence_ + of_set_);
   has_been_sure_ = has_been_sure_ || is_sure();
   if (has_been_sure_) evidence_ = std::max(0.0, evidence_);
 }
 
 void ObjectExistence::assume() {
-  evidence_ = most, of_set_ = 0, is_chance_ = false, on_cut_s_ = 0, has_been_sure_ = has_moved_ = true;
+  evidence_ = max_log_odds(), of_set_ = 0, is_chance_ = false, on_cut_s_ = 0, has_been_sure_ = has_moved_ = true;
 }
 
 bool ObjectExistence::is_sure() const {
-  return evidence_ >= sure && has_moved_ && of_set_ >= 0 && on_cut_s_ <= longest_on_cut_s_;
+  return evidence_ >= existence.confirmed && has_moved_ && of_set_ >= 0 && on_cut_s_ <= longest_on_cut_s_;
 }
 
 bool ObjectExistence::is_refuted() const {

@@ -1,8 +1,6 @@
-// Is there an object at all, in a room that has its colour, too? Whatever is left of furniture flickers at its edges,
-// and something lies by chance where an object is expected, or where two rays meet. How much likelier what the views
-// show is with an object there than by chance is kept per object, as a logarithm: the integrated probabilistic data
-// association of Musicki, Evans and Stankovic (1994), with the association that was decided on. By chance means: as
-// often as regions that are nobody's have been seen around there (a clutter map, as radars keep them).
+// Existence probability of a track in a room that shares the target's colour: integrated probabilistic data association
+// (IPDA; Musicki, Evans, Stankovic 1994) with hard association. State: log-odds of target over clutter. The clutter
+// density comes from a map of the regions that no object explains.
 #pragma once
 
 #include <Eigen/Core>
@@ -18,28 +16,28 @@
 
 namespace huetrack::objects {
 
-// How many regions that are nobody's each camera shows, and where. thread-compatible; one per target.
+// Density of unassociated regions per camera and place. thread-compatible; one per target.
 class ClutterMap {
  public:
   explicit ClutterMap(const calib::CameraRig& rig);
-  // regions[i], which no object explains, belong to views[i], and are all that there are in its picture.
+  // regions[i]: all regions of views[i] that no object explains.
   void add(const std::vector<object_tracking::TargetView>& views,
            std::span<const std::vector<color::ColorRegion>> regions);
   double density(std::size_t camera, const Eigen::Vector2d& px) const;  // per px^2 and set, > 0
 
  private:
-  static constexpr int cell_px = 16;
+  static constexpr int cell_px = 16;  // layout: of the map
   struct PerCamera {
     int columns = 0, rows = 0;
     double pixels = 1;
-    double sets = 0;            // that the mean is of
-    double regions = 0;         // per set, in the whole picture
+    double sets = 0;            // in the means
+    double regions = 0;         // per set, in the image
     std::vector<float> around;  // per set, per cell
   };
   std::vector<PerCamera> cameras_;
 };
 
-// Where an object is expected, or what is known of it otherwise.
+// Predicted position.
 struct ExpectedPlace {
   Eigen::Vector3d position;
   Eigen::Matrix3d covariance;
@@ -48,38 +46,34 @@ struct ExpectedPlace {
 // thread-compatible; one per object.
 class ObjectExistence {
  public:
-  // What its first two sets say. largest_m: anywhere is so far away.
+  // From its first two sets. largest_m: extent of the searched volume.
   void begin(capture::Timestamp set_at, const Birth& birth, const std::vector<object_tracking::TargetView>& views,
              double radius_m, double largest_m, const object_tracking::ObjectTrackerOptions& options,
              const ClutterMap& clutter, const StaticClutterMask& still);
-  // What a set says: before the filter's update, with the power density of that.
-  void update(capture::Timestamp set_at, const object_tracking::MotionState& belief, double power_density,
+  // By one frame set, before the filter's update; power_density: that of the filter.
+  void update(capture::Timestamp set_at, const object_tracking::MotionState& state, double power_density,
               std::span<const object_tracking::Sighting> sightings,
               const std::vector<object_tracking::TargetView>& views, double radius_m, const ClutterMap& clutter,
               const StaticClutterMask& still);
-  // In a room of its own colour alone it is there: nobody asks.
-  void assume();
-  // It is there, this set's views show it rather than anything else, and where it is does not stand on what may be cut
-  // by furniture for longer than a usual motion leaves it within a diameter of where it was.
+  void assume();  // exists: in a room that does not share the colour
+  // Confirmed, supported by this set, and seen uncut by static clutter no longer ago than a usual motion keeps it
+  // within a diameter of where it was.
   bool is_sure() const;
-  // Chance explains what was sighted in the last set better than this object does: it says nothing of where that is.
+  // Clutter explains the last set's sightings better: they are no measurement of this object.
   bool is_chance() const { return is_chance_; }
-  // It never was sure, and chance explains it better: and than when it was found, for what moves. What was sure coasts,
-  // like all that is not seen any more.
+  // Never confirmed, and less likely than when it was found, or at rest for too long. A confirmed one coasts instead.
   bool is_refuted() const;
 
  private:
-  double evidence_ = 0;  // logarithm of the odds
-  // When it was found: below 0 chance explained that better. What moves as expected from there on is an object all the
-  // same, as furniture is not.
-  double at_first_ = 0;
+  double evidence_ = 0;  // log-odds
+  double at_first_ = 0;  // when it was found; < 0: clutter was likelier, and only a moving object can be confirmed
   Eigen::Vector3d found_at_ = Eigen::Vector3d::Zero();
   capture::Timestamp found_when_{};
   bool has_moved_ = true;  // by its diameter
   bool is_overdue_ = false;
   double of_set_ = 0;
   bool is_chance_ = false;
-  double on_cut_s_ = 0;  // since two views showed it whole, or its outline
+  double on_cut_s_ = 0;  // since two views showed it uncut
   double longest_on_cut_s_ = 0;
   capture::Timestamp whole_at_{};
   bool has_been_sure_ = false;

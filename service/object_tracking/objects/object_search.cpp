@@ -2,19 +2,29 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 #include <utility>
-
-#include "object_tracking/view_consistency.h"
 
 namespace huetrack::objects {
 
 using namespace object_tracking;
 
-// How small and how large the target appears in a view anywhere in the volume: on a grid, of which only what is in the
-// image counts (a corner of the volume may be beside or behind the camera).
+namespace {
+
+struct SearchTuning {
+  int volume_steps = 12;        // grid of the volume on which an object's size in a view is computed
+  int background_discs = 2;     // discs in a row: a region is one object and what else of the colour touches it
+  int max_discs = 4;            // discs in a row that one region may be of
+  double min_area_share = 0.3;  // of the square of the smallest radius that a region must have where one is searched
+};
+constexpr SearchTuning search_tuning{};
+
+}  // namespace
+
+// On a grid over the volume, of which the points in the image count.
 SizeInView size_in(const calib::Camera& camera, const Volume& volume, double radius_m) {
-  constexpr int steps = 12;
+  constexpr int steps = search_tuning.volume_steps;
   SizeInView out;
   for (int i = 0; i <= steps; ++i) {
     for (int j = 0; j <= steps; ++j) {
@@ -35,11 +45,11 @@ const std::vector<color::ColorRegion>& whole_regions(color::RegionFinder& finder
                                                      const SizeInView& size, int count,
                                                      std::span<const color::PixelAt> also) {
   const double usual = std::sqrt(size.smallest_px * size.largest_px);
-  const int step = std::max(1, static_cast<int>(std::numbers::sqrt2 * size.smallest_px));  // no disc is between points
+  const int step = std::max(1, int(std::numbers::sqrt2 * size.smallest_px));  // no disc is between points
   const int min_area =
-      std::max(2, static_cast<int>(least_support * std::numbers::pi * size.smallest_px * size.smallest_px));
-  const int largest = static_cast<int>(std::ceil(2 * size.largest_px * std::min(count, 4))) + 2;
-  return finder.components(matches, step, also, static_cast<int>(2 * usual) + 2, largest, min_area);
+      std::max(2, int(sighting_tuning.min_disc_share * std::numbers::pi * size.smallest_px * size.smallest_px));
+  const int largest = int(std::ceil(2 * size.largest_px * std::min(count, search_tuning.max_discs))) + 2;
+  return finder.components(matches, step, also, int(2 * usual) + 2, largest, min_area);
 }
 
 ObjectSearch::ObjectSearch(const calib::CameraRig& rig, const TargetOptions& target,
@@ -58,55 +68,54 @@ void ObjectSearch::look(const std::vector<TargetView>& views) {
   view_count_ = views.size();
   for (std::size_t i = 0; i < views.size(); ++i) {
     const TargetView& view = views[i];
-    const SizeInView& size = size_in_view_[static_cast<std::size_t>(view.index)];
+    const SizeInView& size = size_in_view_[std::size_t(view.index)];
     if (size.largest_px == 0) {  // no part of the volume is in view
       regions_[i].clear();
       continue;
     }
     if (is_shared_) {
-      constexpr int with_background = 2;  // one object, and what else of the colour touches it
       regions_[i] =
-          whole_regions(finders_[static_cast<std::size_t>(view.index)], *view.matches, size, with_background, {});
+          whole_regions(finders_[std::size_t(view.index)], *view.matches, size, search_tuning.background_discs, {});
       continue;
     }
-    const int step = std::max(1, static_cast<int>(size.smallest_px));
-    const int extent = static_cast<int>(std::ceil(3 * size.largest_px)) + 2;
-    const int min_area = std::max(2, static_cast<int>(0.3 * size.smallest_px * size.smallest_px));
-    regions_[i] = finders_[static_cast<std::size_t>(view.index)].search(*view.matches, step, extent, min_area,
-                                                                        2 * size.smallest_px);
+    const int step = std::max(1, int(size.smallest_px));
+    const int extent = int(std::ceil(sighting_tuning.extent_radii * size.largest_px)) + 2;
+    const int min_area = std::max(2, int(search_tuning.min_area_share * size.smallest_px * size.smallest_px));
+    regions_[i] = finders_[std::size_t(view.index)].search(*view.matches, step, extent, min_area, 2 * size.smallest_px);
   }
 }
 
 std::vector<double> ObjectSearch::usual_radii_px(const std::vector<TargetView>& views) const {
   std::vector<double> out;
   for (const TargetView& view : views) {
-    const SizeInView& size = size_in_view_[static_cast<std::size_t>(view.index)];
+    const SizeInView& size = size_in_view_[std::size_t(view.index)];
     out.push_back(std::sqrt(size.smallest_px * size.largest_px));
   }
   return out;
 }
 
-// One candidate alone never is a find: a chance match of background pixels does not move like an object.
+// A single candidate is no find: a chance match of background pixels does not move like an object.
 std::optional<ObjectSearch::Find> ObjectSearch::find(const std::vector<TargetView>& views, capture::Timestamp set_at,
                                                      const MotionState& times, const StaticClutterMask& still) {
   if (is_shared_) return find_among_others(views, set_at, times, still);
   std::vector<PositionCandidate> now =
       cross_rays(views, regions(), target_, options_, times, sighting_tuning.max_crossings);
-  if (now.empty()) {  // nor does one in which too few of these views see it
+  if (now.empty()) {
     log_.add(views, regions(), options_.volume);
     return std::nullopt;
   }
   const double dt = capture::seconds(set_at - candidates_at_);
   const PositionCandidate* found = nullptr;
   const PositionCandidate* earlier = nullptr;
-  double best = -1e30;
-  if (dt > 0 && dt < longest_confirmation_s) {
+  double best = -std::numeric_limits<double>::infinity();
+  if (dt > 0 && dt < sighting_tuning.confirmation_s) {
     for (PositionCandidate& c : now) {
       for (const PositionCandidate& e : candidates_) {
-        const double spread = 3 * (largest_sigma(c.covariance) + largest_sigma(e.covariance));
+        const double spread =
+            sighting_tuning.confirmation_sigmas * (largest_sigma(c.covariance) + largest_sigma(e.covariance));
         if ((c.position - e.position).norm() > options_.start_speed_m_s * dt + spread) continue;
         c.sets = std::max(c.sets, e.sets + 1);
-        if (c.sets < contested_sets && is_contested(c, views, times)) continue;
+        if (c.sets < sighting_tuning.contested_sets && is_contested(c, views, times)) continue;
         if (c.score + e.score > best) best = c.score + e.score, found = &c, earlier = &e;
       }
     }
@@ -140,8 +149,8 @@ void ObjectSearch::forget() {
   candidates_.clear();
 }
 
-// Does a view that should show it show something of its size elsewhere? Near where it would be is not elsewhere: the
-// frame is of another moment, up to a usual speed's way from the candidate's.
+// A view that should show the candidate shows something of its size elsewhere: further away than the object moves
+// between the frames.
 bool ObjectSearch::is_contested(const PositionCandidate& candidate, const std::vector<TargetView>& views,
                                 const MotionState& times) const {
   for (std::size_t i = 0; i < views.size(); ++i) {
@@ -149,14 +158,14 @@ bool ObjectSearch::is_contested(const PositionCandidate& candidate, const std::v
         std::ranges::any_of(candidate.sightings, [&](const Sighting& s) { return s.row.camera == views[i].index; });
     const auto at = project_ball(*views[i].camera, candidate.position, target_.radius_m);
     if (agrees || !at || !views[i].camera->contains({at->px})) continue;
-    const double disc = std::numbers::pi * at->radius_px * at->radius_px;
+    const double disc = disc_area(at->radius_px);
     const SeenRow row = row_of(views[i], at->px.y(), times);
     const double apart_s = std::hypot(capture::seconds(candidate.sightings.front().row.at - row.at),
                                       times.row_sigma_s(row.camera, row.below_middle));
     const double slack_px = at->radius_px * (2 + options_.start_speed_m_s * apart_s / target_.radius_m);
     if (std::ranges::any_of(regions_[i], [&](const color::ColorRegion& region) {
-          return region.area > least_far_share * disc && region.area < largest_far_share * disc &&
-                 (region.centre - at->px).norm() > slack_px;
+          return region.area > sighting_tuning.start_disc_share * disc &&
+                 region.area < sighting_tuning.max_disc_share * disc && (region.centre - at->px).norm() > slack_px;
         }))
       return true;
   }

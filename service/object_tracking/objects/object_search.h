@@ -1,7 +1,6 @@
-// Where an object is of which nothing is known: rays crossed between views through the regions that a coarse grid of
-// pixels finds. Two candidates in two frame sets that one object can explain are a find. In a room that shares the
-// colour many regions are nobody's, and any two of their rays may meet: there a find is what a birth among several
-// objects is (object_births.h), and what lies outside the volume explains what it shows.
+// Search for an object of unknown position: triangulates regions from a coarse grid of pixels; two candidates in two
+// frame sets that one object can explain are a find. In a room that shares the colour, a find is a birth as among
+// several objects (object_births.h), and objects outside the volume explain their regions.
 #pragma once
 
 #include <optional>
@@ -18,14 +17,14 @@
 
 namespace huetrack::objects {
 
-// How small and how large a target appears in a view anywhere in the volume; 0: it is never in view.
+// Range of the target's radius in a view over the volume; 0: never in view.
 struct SizeInView {
   double smallest_px = 0, largest_px = 0;  // radius
 };
 SizeInView size_in(const calib::Camera& camera, const object_tracking::Volume& volume, double radius_m);
 
-// All regions of a view that may be of objects, each whole and by itself, through a grid, and where `also` says.
-// `count`: of objects, which may be a row.
+// All connected regions of a view that may be objects, from a grid and the points `also`. count: objects that may be in
+// a row.
 const std::vector<color::ColorRegion>& whole_regions(color::RegionFinder& finder, color::MatchBits& matches,
                                                      const SizeInView& size, int count,
                                                      std::span<const color::PixelAt> also);
@@ -36,11 +35,11 @@ class ObjectSearch {
   ObjectSearch(const calib::CameraRig& rig, const object_tracking::TargetOptions& target,
                const object_tracking::ObjectTrackerOptions& options);
 
-  // Looks through the views' whole images.
+  // Finds regions in the whole images.
   void look(const std::vector<object_tracking::TargetView>& views);
   // Of the last look(), one for each of its views.
   std::span<const std::vector<color::ColorRegion>> regions() const { return std::span(regions_).first(view_count_); }
-  // Radius of the target somewhere in the volume, the geometric mean; one for each of these views.
+  // Geometric mean of the target's radius over the volume, one per view.
   std::vector<double> usual_radii_px(const std::vector<object_tracking::TargetView>& views) const;
   const SizeInView& size_in_view(std::size_t camera) const { return size_in_view_[camera]; }
   std::span<const SizeInView> sizes_in_view() const { return size_in_view_; }  // per camera of the rig
@@ -51,11 +50,11 @@ class ObjectSearch {
     is_shared_ = is_shared;
     births_.set_must_move(must_move);
   }
-  // After look(). nullopt: nothing, or not yet. Of the belief only the cameras' times are used.
+  // After look(). nullopt: none, or not confirmed yet. Of `times` only the timing is used.
   std::optional<Find> find(const std::vector<object_tracking::TargetView>& views, capture::Timestamp set_at,
                            const object_tracking::MotionState& times, const StaticClutterMask& still);
-  void found();   // the find was believed
-  void forget();  // what was seen before is of another time
+  void found();   // the find was accepted
+  void forget();  // the candidates are out of date
 
   SearchFindings findings() const { return log_.findings(); }
 
@@ -74,7 +73,7 @@ class ObjectSearch {
   std::vector<std::vector<color::ColorRegion>> regions_;  // of the views of this set
   std::size_t view_count_ = 0;
   SearchLog log_;
-  std::vector<object_tracking::PositionCandidate> candidates_;  // of the last set in which there were any
+  std::vector<object_tracking::PositionCandidate> candidates_;  // of the last set with any
   capture::Timestamp candidates_at_{};
   bool is_shared_ = false;
   ObjectBirths births_;  // while the room shares the colour

@@ -15,13 +15,20 @@ using namespace object_tracking;
 
 namespace {
 
-constexpr double largest_share = 1.4;   // of the disc, that is still one object's region alone
-constexpr double part_reach = 1.3;      // radii: so near to a region's centre, another one is a part of the object
-constexpr double not_assigned = 60;     // dearer than any region within the gate
-constexpr double least_outline = 0.15;  // share of the outline that is believed
-// Where the colour goes on across more of the outline, what ends may be the edge of that other thing. A ball of its
-// size that touches passes a tenth.
-constexpr double most_passed = 0.25;
+struct RegionAssignmentTuning {
+  double max_disc_share = 1.4;    // of the disc's area, of a region that is one object alone
+  double part_radii = 1.3;        // radii from a region's centre in which another one is a part of the object
+  double miss_cost = 60;          // of an object without a region: above that of any region in the gate
+  double cost_offset = 20;        // keeps the log-likelihood costs positive
+  double max_cost_share = 0.9;    // of miss_cost, upper bound of a region's cost
+  double min_outline = 0.15;      // share of the outline that must be seen
+  double max_passed = 0.25;       // share across which the colour goes on: a ball of its size that touches passes 0.1
+  double support_per_seen = 1.5;  // support of an outline over its visible share
+  double near_sigmas = 6;         // of the predicted place, to a region's centre: coarse gate
+  double near_radii = 3;          // radii, in addition
+  double whole_variance = 3;      // times the usual variance up to which a region has a disc's shape
+};
+constexpr RegionAssignmentTuning assignment_tuning{};
 
 double sigma_px(const Eigen::Matrix2d& covariance) {
   return std::sqrt(std::max(0.0, 0.5 * covariance.trace()));
@@ -40,17 +47,13 @@ color::ColorRegion joined(const color::ColorRegion& a, const color::ColorRegion&
   return out;
 }
 
-double disc_area(const BallProjection& at) {
-  return std::numbers::pi * at.radius_px * at.radius_px;
-}
-
 bool overlap(const ExpectedObject& a, const ExpectedObject& b) {
   const double radii = a.at.radius_px + b.at.radius_px;
   const double slack = std::min(2 * (sigma_px(a.covariance) + sigma_px(b.covariance)) + 2, 0.5 * radii);
   return (a.at.px - b.at.px).norm() < radii + slack;
 }
 
-// Those whose discs overlap, directly or by others between them.
+// Connected components of overlapping discs.
 std::vector<std::vector<std::size_t>> groups_of(std::span<const ExpectedObject> expected) {
   std::vector<std::vector<std::size_t>> out;
   std::vector<char> is_in(expected.size(), 0);
@@ -76,7 +79,7 @@ double d2_of(const Sighting& s, const ExpectedObject& expected) {
 
 }  // namespace
 
-// Each object the region that explains it best, no region twice.
+// Global nearest neighbour.
 void RegionAssociation::assign(const TargetView& view, std::span<const color::ColorRegion> regions,
                                std::span<const ExpectedObject> expected, AssociatedSightings& out,
                                std::vector<int>& region_of) const {
@@ -86,35 +89,39 @@ void RegionAssociation::assign(const TargetView& view, std::span<const color::Co
   for (std::size_t i = 0; i < expected.size(); ++i) {
     const ExpectedObject& e = expected[i];
     for (std::size_t r = 0; r < regions.size(); ++r) {
-      const double share = regions[r].area / disc_area(e.at);
-      if (share < least_support ||
-          (regions[r].centre - e.at.px).norm() > 6 * sigma_px(e.covariance) + 3 * e.at.radius_px)
+      const double share = regions[r].area / disc_area(e.at.radius_px);
+      if (share < sighting_tuning.min_disc_share ||
+          (regions[r].centre - e.at.px).norm() >
+              assignment_tuning.near_sigmas * sigma_px(e.covariance) + assignment_tuning.near_radii * e.at.radius_px)
         continue;
       const Sighting s = sighting_of(view, regions[r], e.at.radius_px, pixel_noise_px_, e.motion);
       const double d2 = d2_of(s, e);
       if (d2 > sighting_tuning.gate_nis) continue;
-      costs(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(r)) = std::min(
-          0.9 * not_assigned, std::max(0.0, 20 + d2 + std::log(s.covariance.determinant()) - 2 * std::log(s.support)));
+      costs(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(r)) =
+          std::min(assignment_tuning.max_cost_share * assignment_tuning.miss_cost,
+                   std::max(0.0, assignment_tuning.cost_offset + d2 + std::log(s.covariance.determinant()) -
+                                     2 * std::log(s.support)));
     }
   }
   bool is_shared = false;
   std::vector<char> is_taken(regions.size(), 0);
   for (std::size_t i = 0; i < expected.size() && m > 0; ++i) {
     Eigen::Index best = 0;
-    if (!(costs.row(static_cast<Eigen::Index>(i)).minCoeff(&best) < not_assigned)) continue;
-    region_of[i] = static_cast<int>(best);
-    is_shared = is_shared || is_taken[static_cast<std::size_t>(best)] != 0;
-    is_taken[static_cast<std::size_t>(best)] = 1;
+    if (!(costs.row(static_cast<Eigen::Index>(i)).minCoeff(&best) < assignment_tuning.miss_cost)) continue;
+    region_of[i] = int(best);
+    is_shared = is_shared || is_taken[std::size_t(best)] != 0;
+    is_taken[std::size_t(best)] = 1;
   }
-  if (is_shared) region_of = assignment_of(costs, not_assigned);
+  if (is_shared) region_of = assignment_of(costs, assignment_tuning.miss_cost);
   for (const int r : region_of) {
-    if (r >= 0) out.is_explained[static_cast<std::size_t>(r)] = 1;
+    if (r >= 0) out.is_explained[std::size_t(r)] = 1;
   }
 }
 
 std::optional<Sighting> RegionAssociation::by_outline(const TargetView& view, const ExpectedObject& expected,
                                                       const std::optional<FittedDisc>& fitted) const {
-  if (!fitted || fitted->seen < least_outline || fitted->passed > most_passed) return std::nullopt;
+  if (!fitted || fitted->seen < assignment_tuning.min_outline || fitted->passed > assignment_tuning.max_passed)
+    return std::nullopt;
   const double radius_px = expected.at.radius_px;
   const BaseError usual = base_error(radius_px, pixel_noise_px_, sample_px(*view.image));
   Sighting s;
@@ -122,22 +129,23 @@ std::optional<Sighting> RegionAssociation::by_outline(const TargetView& view, co
   s.camera = view.camera;
   s.projector = view.projector;
   s.px = fitted->px;
-  s.covariance = fitted->covariance + usual.fresh_px2 * Eigen::Matrix2d::Identity();
-  s.bias_sigma_px = std::sqrt(usual.lasting_px2);
-  s.support = std::min(1.0, fitted->seen * 1.5);
+  s.covariance = fitted->covariance + usual.noise_px2 * Eigen::Matrix2d::Identity();
+  s.bias_sigma_px = std::sqrt(usual.bias_px2);
+  s.support = std::min(1.0, fitted->seen * assignment_tuning.support_per_seen);
   s.radius_px = radius_px;
   if (d2_of(s, expected) > sighting_tuning.gate_nis) return std::nullopt;
   return s;
 }
 
-// The region with what else lies so near to it: a thin pole in front of a ball cuts it in two.
+// The region joined with its neighbours: a pole in front of a ball cuts it in two.
 Sighting RegionAssociation::by_region(const TargetView& view, std::span<const color::ColorRegion> regions,
                                       std::size_t which, const ExpectedObject& expected,
                                       AssociatedSightings& out) const {
   color::ColorRegion region = regions[which];
   for (std::size_t r = 0; r < regions.size(); ++r) {
-    if (out.is_explained[r] != 0 || (regions[r].centre - region.centre).norm() > part_reach * expected.at.radius_px ||
-        region.area + regions[r].area > largest_share * disc_area(expected.at))
+    if (out.is_explained[r] != 0 ||
+        (regions[r].centre - region.centre).norm() > assignment_tuning.part_radii * expected.at.radius_px ||
+        region.area + regions[r].area > assignment_tuning.max_disc_share * disc_area(expected.at.radius_px))
       continue;
     region = joined(region, regions[r]);
     out.is_explained[r] = 1;
@@ -145,16 +153,17 @@ Sighting RegionAssociation::by_region(const TargetView& view, std::span<const co
   return sighting_of(view, region, expected.at.radius_px, pixel_noise_px_, expected.motion);
 }
 
-// A region of the size and the shape of the object's disc.
+// The region has the size and shape of the object's disc.
 bool RegionAssociation::is_whole(const TargetView& view, const Sighting& by_region,
                                  const ExpectedObject& expected) const {
   const double radius_px = expected.at.radius_px;
-  return by_region.covariance.trace() < 3 * base_error(radius_px, pixel_noise_px_, sample_px(*view.image)).fresh_px2 &&
-         by_region.radius_px * by_region.radius_px < largest_share * radius_px * radius_px;
+  return by_region.covariance.trace() < assignment_tuning.whole_variance *
+                                            base_error(radius_px, pixel_noise_px_, sample_px(*view.image)).noise_px2 &&
+         by_region.radius_px * by_region.radius_px < assignment_tuning.max_disc_share * radius_px * radius_px;
 }
 
-AssociatedSightings RegionAssociation::share(const TargetView& view, std::span<const color::ColorRegion> regions,
-                                             std::span<const ExpectedObject> expected) const {
+AssociatedSightings RegionAssociation::associate(const TargetView& view, std::span<const color::ColorRegion> regions,
+                                                 std::span<const ExpectedObject> expected) const {
   AssociatedSightings out;
   out.of_objects.resize(expected.size());
   out.is_explained.assign(regions.size(), 0);
@@ -168,8 +177,8 @@ AssociatedSightings RegionAssociation::share(const TargetView& view, std::span<c
     for (const std::size_t i : group) {
       bool is_by_region = false;
       if (region_of[i] >= 0) {
-        out.of_objects[i] = by_region(view, regions, static_cast<std::size_t>(region_of[i]), expected[i], out);
-        // Another one may be in front of it, and the region that one's.
+        out.of_objects[i] = by_region(view, regions, std::size_t(region_of[i]), expected[i], out);
+        // Not if another object may occlude it, whose region this would be.
         const bool is_alone = std::ranges::none_of(group, [&](std::size_t o) {
           return o != i && (expected[o].at.px - expected[i].at.px).norm() <
                                std::max(expected[o].at.radius_px, expected[i].at.radius_px);
@@ -179,30 +188,30 @@ AssociatedSightings RegionAssociation::share(const TargetView& view, std::span<c
       if (!is_by_region) in_part.push_back(i);
     }
     if (in_part.empty()) continue;
-    // What is seen of discs that touch, or that something hides in part: all outlines of the group together.
+    // Touching or occluded discs: all outlines of the group together.
     discs.clear();
     for (const std::size_t i : group)
       discs.push_back({expected[i].at.px, expected[i].at.radius_px,
                        std::min(sigma_px(expected[i].covariance), 0.5 * expected[i].at.radius_px)});
     const auto fitted = fit_discs(*view.matches, discs);
     for (const std::size_t i : in_part) {
-      const auto place = static_cast<std::size_t>(std::ranges::find(group, i) - group.begin());
+      const auto place = std::size_t(std::ranges::find(group, i) - group.begin());
       std::optional<Sighting>& sighting = out.of_objects[i];
       if (auto outline = by_outline(view, expected[i], fitted[place])) {
         sighting = std::move(outline);
       } else if (group.size() > 1 && !(sighting && is_whole(view, *sighting, expected[i]))) {
-        sighting.reset();  // the region is not, or not only, of this object
+        sighting.reset();  // the region is not this object's alone
       }
     }
   }
-  // What lies within an object that is seen is of it, or is shared by it.
+  // Regions within a detected object are explained by it.
   for (std::size_t r = 0; r < regions.size(); ++r) {
     for (std::size_t i = 0; i < expected.size() && out.is_explained[r] == 0; ++i) {
       if (!out.of_objects[i]) continue;
       const Eigen::Vector2d& px = out.of_objects[i]->px;
       const Eigen::Vector2d nearest(std::clamp(px.x(), regions[r].box.u_min - 0.5, regions[r].box.u_max + 0.5),
                                     std::clamp(px.y(), regions[r].box.v_min - 0.5, regions[r].box.v_max + 0.5));
-      const bool is_near = (regions[r].centre - px).norm() < part_reach * expected[i].at.radius_px;
+      const bool is_near = (regions[r].centre - px).norm() < assignment_tuning.part_radii * expected[i].at.radius_px;
       const bool is_around = (nearest - px).norm() < 0.5 * expected[i].at.radius_px;
       if (is_near || is_around) out.is_explained[r] = 1;
     }

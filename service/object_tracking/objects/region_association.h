@@ -1,11 +1,7 @@
-// Which of a view's regions belong to which of several objects of one colour: the association of a view's measurements
-// with tracks. Objects whose predicted discs stay apart get a region each, by the assignment of least cost (global
-// nearest neighbour over the view); those whose discs overlap in the image share what is there, and their outlines are
-// fitted together (disc_fit.h).
-//
-// Why not JPDA: it averages over associations, and so pulls objects that come near to one another together
-// (coalescence); here the discs' sizes and the motion leave hardly more than one association that counts, and where two
-// objects are one region the question is not which of them it is.
+// Data association of a view's regions with several objects of one colour. Objects whose predicted discs are separate:
+// global nearest neighbour. Objects whose discs overlap: their outlines are fitted together (disc_fit.h). Not JPDA,
+// which pulls near objects together (coalescence), while discs' sizes and motion leave hardly more than one association
+// here.
 #pragma once
 
 #include <Eigen/Core>
@@ -22,17 +18,17 @@
 
 namespace huetrack::objects {
 
-// An object, as one view may show it.
+// An object as predicted in one view.
 struct ExpectedObject {
-  std::size_t object = 0;  // whose it is: the caller's
+  std::size_t object = 0;  // the caller's index
   object_tracking::BallProjection at;
-  Eigen::Matrix2d covariance;  // px^2, of where it is expected
+  Eigen::Matrix2d covariance;  // px^2, of at.px
   object_tracking::ImageMotion motion;
 };
 
 struct AssociatedSightings {
-  std::vector<std::optional<object_tracking::Sighting>> of_objects;  // one for each of those expected
-  std::vector<char> is_explained;  // one for each region: by an object that was expected
+  std::vector<std::optional<object_tracking::Sighting>> of_objects;  // one per expected object
+  std::vector<char> is_explained;                                    // per region: by an expected object
 };
 
 // thread-compatible.
@@ -40,8 +36,8 @@ class RegionAssociation {
  public:
   explicit RegionAssociation(double pixel_noise_px) : pixel_noise_px_(pixel_noise_px) {}
   // The sightings' rows have no time yet.
-  AssociatedSightings share(const object_tracking::TargetView& view, std::span<const color::ColorRegion> regions,
-                            std::span<const ExpectedObject> expected) const;
+  AssociatedSightings associate(const object_tracking::TargetView& view, std::span<const color::ColorRegion> regions,
+                                std::span<const ExpectedObject> expected) const;
 
  private:
   void assign(const object_tracking::TargetView& view, std::span<const color::ColorRegion> regions,

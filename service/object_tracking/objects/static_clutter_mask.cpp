@@ -12,38 +12,33 @@ using namespace object_tracking;
 
 namespace {
 
-constexpr double every_s = 0.5;  // each view
-constexpr int grid_px = color::TileAt::size;
-constexpr double enough_points = 4800;  // to say how much of a picture has the colour: 15 of the least share
-// Of the share that objects could cover: more is the room's, as a radius may be wrong by half. Below the lower one it
-// is not any more.
-constexpr double shared_above = 2.5, shared_below = 1.5;
-constexpr double least_shared = 0.003;  // of a picture; fewer grid points than some ten are chance
-// Of the last four samples: what is there for a second and a half, but for a flicker, is there.
-constexpr int least_matched = 3;
-// An object that is tracked covers so much more than its disc: blur, and it moves on before the next set.
-constexpr double covered_radii = 1.4, covered_more_px = 3;
+struct StaticClutterTuning {
+  double period_s = 0.5;        // s, between samples of a view
+  double share_points = 4800;   // grid points that measure the colour's share of an image: 15 of min_share
+  double shared_above = 2.5;    // times the share that the objects could cover: more is the room's; radii may be wrong
+  double shared_below = 1.5;    // hysteresis of shared_above
+  double min_share = 0.003;     // of an image; fewer than ten grid points are chance
+  double covered_radii = 1.4;   // radii around a tracked object in which nothing is learnt: blur, motion
+  double covered_px = 3;        // px, in addition
+  double surrounded = 0.5;      // share of an object's surroundings of its colour from which it counts as clutter
+  int around_points = 24;       // points at which these are sampled
+  double min_disc = 0.6;        // area of a disc over the smallest one of an object, and of the largest over its area
+  double min_roundness = 0.75;  // of its half widths
+  double min_filled = 0.85;     // of the ellipse of these half widths
+  double cut_radii = 1.5;       // radii from a region's centre in which masked clutter may have cut it
+  double cut_error = 0.85;      // radii of error per missing share: an edge leaves 0.42 at half, 0.65 at a quarter
+};
+constexpr StaticClutterTuning static_clutter{};
 
-// Where so much of what is around it has its colour, too, nobody sees an object there, and what would be left of the
-// room's colour in its place would look like one.
-constexpr double surrounded = 0.5;
-constexpr int around = 24;  // points that are looked at
-
-// A disc, by its area against the smallest and the largest that an object may have, by its half widths, and by how much
-// of the ellipse of these it fills.
-constexpr double least_disc = 0.6, roundest = 0.75, least_filled = 0.85;
-// What is left out so near to a region's middle may have cut it.
-constexpr double cut_reach = 1.5;  // radii
-// The middle of what a straight edge leaves of a disc, by the share that is left: 0.42 radii of a half, 0.65 of a
-// quarter.
-constexpr double off_by_cut = 0.85;  // radii, times the share that is missing
+constexpr int grid_px = color::TileAt::size;  // layout: a point per tile
+constexpr double tile_half_px = 3.5;          // layout: from a tile's first pixel to its centre
+constexpr double tile_reach_px = 6;           // layout: more than from there to its corner
 
 constexpr std::uint64_t left_column = 0x0101010101010101u, right_column = left_column << 7;
 constexpr std::uint64_t top_row = 0xff, bottom_row = top_row << 56;
 
-// Pixels that are set in at least least_matched of four words.
+// Pixels that are set in at least three of four words: a flicker in one of them is ignored.
 std::uint64_t mostly(const std::array<std::uint64_t, 4>& words) {
-  static_assert(least_matched == 3);
   const auto& [a, b, c, d] = words;
   return (a & b & (c | d)) | (c & d & (a | b));
 }
@@ -56,22 +51,21 @@ std::uint64_t heightened(std::uint64_t w) {
   return w | w << 8 | w >> 8;
 }
 
-// By the target's colour.
 bool is_surrounded(const TargetView& view, const Sighting& s) {
-  const double reach = covered_radii * s.radius_px + covered_more_px + 1;
+  const double reach = static_clutter.covered_radii * s.radius_px + static_clutter.covered_px + 1;
   int seen = 0, matching = 0;
-  for (int i = 0; i < around; ++i) {
-    const double angle = 2 * std::numbers::pi * i / around;
+  for (int i = 0; i < static_clutter.around_points; ++i) {
+    const double angle = 2 * std::numbers::pi * i / static_clutter.around_points;
     const double u = s.px.x() + reach * std::cos(angle), v = s.px.y() + reach * std::sin(angle);
     if (!(u >= 0 && v >= 0 && u < view.image->width && v < view.image->height)) continue;
-    const int column = static_cast<int>(u), row = static_cast<int>(v);
+    const int column = int(u), row = int(v);
     const color::TileAt tile{static_cast<std::uint16_t>(column / color::TileAt::size + 1),
                              static_cast<std::uint16_t>(row / color::TileAt::size + 1)};
     const int bit = row % color::TileAt::size * 8 + column % color::TileAt::size;
     ++seen;
     matching += (view.matches->tile_with_left_out(tile) >> bit & 1) != 0 ? 1 : 0;
   }
-  return matching > surrounded * seen;
+  return matching > static_clutter.surrounded * seen;
 }
 
 }  // namespace
@@ -88,16 +82,16 @@ void StaticClutterMask::forget(std::size_t camera) {
 }
 
 bool StaticClutterMask::may_clip(std::size_t camera, const Eigen::Vector2d& px, double radius_px) const {
-  const double reach_px = cut_reach * radius_px;
+  const double reach_px = static_clutter.cut_radii * radius_px;
   const PerCamera& in = cameras_[camera];
   if (in.listed.empty() || !px.allFinite()) return false;
-  const int rows = static_cast<int>(in.tiles.size()) / in.stride;
+  const int rows = int(in.tiles.size()) / in.stride;
   const auto tile_of = [](double at, int count) {
-    return static_cast<int>(std::clamp(std::floor(at / color::TileAt::size) + 1, 0.0, count - 1.0));
+    return int(std::clamp(std::floor(at / color::TileAt::size) + 1, 0.0, count - 1.0));
   };
   for (int v = tile_of(px.y() - reach_px, rows); v <= tile_of(px.y() + reach_px, rows); ++v) {
     for (int u = tile_of(px.x() - reach_px, in.stride); u <= tile_of(px.x() + reach_px, in.stride); ++u) {
-      std::uint64_t still = in.tiles[static_cast<std::size_t>(v * in.stride + u)].still;
+      std::uint64_t still = in.tiles[std::size_t(v * in.stride + u)].still;
       for (; still != 0; still &= still - 1) {
         const int bit = std::countr_zero(still);
         const Eigen::Vector2d at(color::TileAt::size * (u - 1) + bit % 8, color::TileAt::size * (v - 1) + bit / 8);
@@ -112,10 +106,10 @@ void StaticClutterMask::mark_clipped(std::vector<Sighting>& sightings) const {
   if (!is_room_shared_) return;
   for (Sighting& s : sightings) {
     const double radius_px = s.support > 0 ? s.radius_px / std::sqrt(s.support) : s.radius_px;  // of its whole disc
-    if (!may_clip(static_cast<std::size_t>(s.row.camera), s.px, radius_px)) continue;
+    if (!may_clip(std::size_t(s.row.camera), s.px, radius_px)) continue;
     s.is_cut = true;
     if (s.is_outline) continue;
-    const double off_px = off_by_cut * (1 - s.support) * radius_px;
+    const double off_px = static_clutter.cut_error * (1 - s.support) * radius_px;
     s.covariance.diagonal().array() += off_px * off_px;
   }
 }
@@ -124,82 +118,80 @@ void StaticClutterMask::look(const std::vector<TargetView>& views, std::span<con
                              capture::Timestamp set_at) {
   if (views.empty()) return;
   if (!last_at_) {
-    for (const TargetView& view : views) measure(view);  // one view tells it of the room, and so of all
+    for (const TargetView& view : views) measure(view);  // one view decides for all
     if (std::ranges::any_of(cameras_, &PerCamera::is_above)) {
       first_at_ = set_at;
-      for (const TargetView& view : views)
-        find_what_may_be_objects(view, cameras_[static_cast<std::size_t>(view.index)]);
+      for (const TargetView& view : views) find_what_may_be_objects(view, cameras_[std::size_t(view.index)]);
     }
     for (const TargetView& view : views) sample(view, tracked);
     last_at_ = set_at;
     return;
   }
-  for (const TargetView& view : views) {  // the first ones at once: noise is another one in each
-    const PerCamera& camera = cameras_[static_cast<std::size_t>(view.index)];
+  for (const TargetView& view : views) {  // the first samples in consecutive sets
+    const PerCamera& camera = cameras_[std::size_t(view.index)];
     if (camera.is_learning && camera.sampled < samples) sample(view, tracked);
   }
-  if (std::abs(capture::seconds(set_at - *last_at_)) < every_s / static_cast<double>(views.size())) return;
+  if (std::abs(capture::seconds(set_at - *last_at_)) < static_clutter.period_s / double(views.size())) return;
   last_at_ = set_at;
   sample(views[next_++ % views.size()], tracked);
 }
 
 bool StaticClutterMask::is_starting(capture::Timestamp set_at) const {
-  return is_room_shared_ && first_at_ && capture::seconds(set_at - *first_at_) < samples * every_s;
+  return is_room_shared_ && first_at_ && capture::seconds(set_at - *first_at_) < samples * static_clutter.period_s;
 }
 
-// Whole discs of an object's size: as they are at the first set, before anything is left out.
+// Whole discs of an object's size at the first set.
 void StaticClutterMask::find_what_may_be_objects(const TargetView& view, PerCamera& camera) {
   if (camera.largest_px == 0) return;
-  const double smallest_disc = std::numbers::pi * camera.smallest_px * camera.smallest_px;
-  const double largest_disc = std::numbers::pi * camera.largest_px * camera.largest_px;
-  const int step = std::max(1, static_cast<int>(std::numbers::sqrt2 * camera.smallest_px));
-  const int usual = static_cast<int>(2 * std::sqrt(camera.smallest_px * camera.largest_px)) + 2;
-  const int largest = static_cast<int>(4 * camera.largest_px) + 2;
+  const double smallest_disc = disc_area(camera.smallest_px);
+  const double largest_disc = disc_area(camera.largest_px);
+  const int step = std::max(1, int(std::numbers::sqrt2 * camera.smallest_px));
+  const int usual = int(2 * std::sqrt(camera.smallest_px * camera.largest_px)) + 2;
+  const int largest = int(4 * camera.largest_px) + 2;
   for (const color::ColorRegion& region : camera.finder.components(*view.matches, step, {}, usual, largest,
-                                                                   static_cast<int>(least_disc * smallest_disc))) {
+                                                                   int(static_clutter.min_disc * smallest_disc))) {
     const Eigen::Vector2d half = 2 * Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>()
                                          .computeDirect(region.spread)
                                          .eigenvalues()
                                          .cwiseMax(0)
                                          .cwiseSqrt();  // ascending
     const double filled = region.area / (std::numbers::pi * half.x() * half.y());
-    if (region.area < least_disc * smallest_disc || region.area > largest_disc / least_disc ||
-        half.x() < roundest * half.y() || filled < least_filled)
+    if (region.area < static_clutter.min_disc * smallest_disc || region.area > largest_disc / static_clutter.min_disc ||
+        half.x() < static_clutter.min_roundness * half.y() || filled < static_clutter.min_filled)
       continue;
     Sighting& s = camera.may_be_objects.emplace_back();
     s.row.camera = view.index;
     s.px = region.centre;
-    s.radius_px = std::sqrt(region.area / std::numbers::pi);
+    s.radius_px = disc_radius(region.area);
   }
-  view.matches->look_anew();  // classified anew, with what is left out by then
+  view.matches->look_anew();  // classified again, with the mask
 }
 
 void StaticClutterMask::measure(const TargetView& view) {
-  PerCamera& camera = cameras_[static_cast<std::size_t>(view.index)];
-  ColorShare& share = shares_[static_cast<std::size_t>(view.index)];
-  // Where only the share is asked for, no more points than tell it.
-  const double pixels = static_cast<double>(view.image->width) * view.image->height;
-  const int wide_px = static_cast<int>(std::sqrt(pixels / enough_points));
+  PerCamera& camera = cameras_[std::size_t(view.index)];
+  ColorShare& share = shares_[std::size_t(view.index)];
+  // Coarser where only the share is needed.
+  const double pixels = double(view.image->width) * view.image->height;
+  const int wide_px = int(std::sqrt(pixels / static_clutter.share_points));
   hits_px_ = camera.is_learning ? grid_px : std::max(grid_px, wide_px);
   view.matches->grid_with_left_out(hits_px_, hits_);
   const double probed = std::max(1.0, std::floor((view.image->width + hits_px_ / 2.0) / hits_px_) *
                                           std::floor((view.image->height + hits_px_ / 2.0) / hits_px_));
-  share.of_picture = std::min(1.0, static_cast<double>(hits_.size()) / probed);
-  const double bound = (camera.is_above ? shared_below : shared_above) * share.of_target;
-  camera.is_above = share.of_picture > std::max(least_shared, bound);
+  share.of_picture = std::min(1.0, double(hits_.size()) / probed);
+  const double bound = (camera.is_above ? static_clutter.shared_below : static_clutter.shared_above) * share.of_target;
+  camera.is_above = share.of_picture > std::max(static_clutter.min_share, bound);
 }
 
 void StaticClutterMask::sample(const TargetView& view, std::span<const Sighting> tracked) {
   measure(view);
-  PerCamera& camera = cameras_[static_cast<std::size_t>(view.index)];
-  // Of several objects, what stands still and is none of those that are tracked is none; one alone may be lost, and
-  // rest.
+  PerCamera& camera = cameras_[std::size_t(view.index)];
+  // With several objects, what rests and is not tracked is clutter; a single one may be lost and at rest.
   is_room_shared_ = std::ranges::any_of(cameras_, &PerCamera::is_above);
   const bool is_learning = is_room_shared_ || (count_ > 1 && camera.sampled > 0);
   if (!is_learning && camera.is_learning) {
     view.matches->leave_out_nothing();
-    camera = {.tiles = {}, .listed = {}, .sampled = 1};  // there is a past, and it had nothing
-    ColorShare& share = shares_[static_cast<std::size_t>(view.index)];
+    camera = {.tiles = {}, .listed = {}, .sampled = 1};  // a past without matches
+    ColorShare& share = shares_[std::size_t(view.index)];
     share.still = 0, share.still_box = {}, share.still_px.setZero();
     return;
   }
@@ -216,9 +208,9 @@ void StaticClutterMask::sample(const TargetView& view, std::span<const Sighting>
 void StaticClutterMask::learn(const TargetView& view, PerCamera& camera, std::span<const Sighting> tracked) {
   const int stride = view.matches->tile_stride();
   if (camera.tiles.empty()) {
-    camera.tiles.resize(static_cast<std::size_t>(stride * view.matches->tile_rows()));
+    camera.tiles.resize(std::size_t(stride * view.matches->tile_rows()));
     camera.stride = stride;
-    // A room that came to share the colour later has not been still for so long: its past had none of it.
+    // A room that shares the colour only now: its past had no matches.
     if (camera.sampled > 0) camera.sampled = kept_samples;
   }
   const auto list = [&](int u, int v) {
@@ -232,22 +224,22 @@ void StaticClutterMask::learn(const TargetView& view, PerCamera& camera, std::sp
     for (int dv = -1; dv <= 1; ++dv)
       for (int du = -1; du <= 1; ++du) list(hit.u / color::TileAt::size + 1 + du, hit.v / color::TileAt::size + 1 + dv);
   }
-  const auto place = static_cast<std::size_t>(camera.sampled % kept_samples);
+  const auto place = std::size_t(camera.sampled % kept_samples);
   const auto before = [&](int sets) {  // in the ring; 0: now
-    return static_cast<std::size_t>((camera.sampled + kept_samples - sets) % kept_samples);
+    return std::size_t((camera.sampled + kept_samples - sets) % kept_samples);
   };
   covering_.assign(camera.may_be_objects.begin(), camera.may_be_objects.end());
   for (const Sighting& s : tracked)
     if (s.row.camera == view.index && !is_surrounded(view, s)) covering_.push_back(s);
   for (const std::uint32_t at : camera.listed) {
     Tile& tile = camera.tiles[at];
-    const color::TileAt where{static_cast<std::uint16_t>(static_cast<int>(at) % stride),
-                              static_cast<std::uint16_t>(static_cast<int>(at) / stride)};
+    const color::TileAt where{static_cast<std::uint16_t>(int(at) % stride),
+                              static_cast<std::uint16_t>(int(at) / stride)};
     std::uint64_t covered = 0;
     for (const Sighting& s : covering_) {
-      const double reach = covered_radii * s.radius_px + covered_more_px;
-      const double du = where.pixel_u() + 3.5 - s.px.x(), dv = where.pixel_v() + 3.5 - s.px.y();
-      if (std::hypot(du, dv) > reach + 6) continue;
+      const double reach = static_clutter.covered_radii * s.radius_px + static_clutter.covered_px;
+      const double du = where.pixel_u() + tile_half_px - s.px.x(), dv = where.pixel_v() + tile_half_px - s.px.y();
+      if (std::hypot(du, dv) > reach + tile_reach_px) continue;
       for (int bit = 0; bit < 64; ++bit) {
         const int column = bit % 8, row = bit / 8;
         const double u = where.pixel_u() + column - s.px.x(), v = where.pixel_v() + row - s.px.y();
@@ -260,7 +252,7 @@ void StaticClutterMask::learn(const TargetView& view, PerCamera& camera, std::sp
   std::erase_if(camera.listed, [&](std::uint32_t at) {
     Tile& tile = camera.tiles[at];
     std::array<std::uint64_t, samples> last;
-    for (int i = 0; i < samples; ++i) last[static_cast<std::size_t>(i)] = tile.matched[before(i)];
+    for (int i = 0; i < samples; ++i) last[std::size_t(i)] = tile.matched[before(i)];
     std::uint64_t matched = 0, gone = 0, again = 0, known = 0;
     for (int i = kept_samples - 1; i >= 0; --i) {  // from the oldest one on
       const std::uint64_t now = tile.matched[before(i)];
@@ -270,8 +262,8 @@ void StaticClutterMask::learn(const TargetView& view, PerCamera& camera, std::sp
       if (i > 0) known |= now;
     }
     const std::uint64_t ever = last[0] | last[1] | last[2] | last[3];
-    // What was still stays so as long as it is seen at all: noise decides at edges, and would be what moves. Of the
-    // first samples what is there for the first time is new: it moves, or will come again.
+    // A static pixel stays so while it matches at all: at edges noise decides. Among the first samples, a pixel that
+    // matches for the first time is moving, or will match again.
     if (camera.sampled == 0)
       tile.still = last[0];
     else if (camera.sampled < samples)
@@ -281,15 +273,15 @@ void StaticClutterMask::learn(const TargetView& view, PerCamera& camera, std::sp
     tile.is_listed = matched != 0;
     return !tile.is_listed;
   });
-  if (++camera.sampled == samples) camera.may_be_objects.clear();  // from now on what stands still is known
+  if (++camera.sampled == samples) camera.may_be_objects.clear();
 }
 
-// With a pixel more on each side: at an edge noise decides.
+// Dilated by a pixel: at edges noise decides.
 void StaticClutterMask::leave_out(const TargetView& view, PerCamera& camera) {
   const int stride = view.matches->tile_stride();
   view.matches->leave_out_nothing();
   const auto add = [&](std::uint32_t at, int du, int dv, std::uint64_t bits) {
-    if (bits != 0) view.matches->leave_out(static_cast<std::size_t>(static_cast<int>(at) + dv * stride + du), bits);
+    if (bits != 0) view.matches->leave_out(std::size_t(int(at) + dv * stride + du), bits);
   };
   for (const std::uint32_t at : camera.listed) {
     const std::uint64_t w = camera.tiles[at].still;
@@ -304,33 +296,33 @@ void StaticClutterMask::leave_out(const TargetView& view, PerCamera& camera) {
   describe(view, camera);
 }
 
-// How much it is, and where the largest of its patches is, as tiles touch.
+// Share and largest patch (8-connected tiles) of the clutter.
 void StaticClutterMask::describe(const TargetView& view, const PerCamera& camera) {
-  ColorShare& share = shares_[static_cast<std::size_t>(view.index)];
+  ColorShare& share = shares_[std::size_t(view.index)];
   share.still = 0, share.still_box = {}, share.still_px.setZero();
-  is_told_.assign(camera.tiles.size(), 0);
+  is_visited_.assign(camera.tiles.size(), 0);
   int all = 0, largest = 0;
   for (const std::uint32_t first : camera.listed) {
-    if (camera.tiles[first].still == 0 || is_told_[first] != 0) continue;
+    if (camera.tiles[first].still == 0 || is_visited_[first] != 0) continue;
     int pixels = 0;
     Eigen::Vector2d sum = Eigen::Vector2d::Zero();
     std::array<int, 4> box{view.image->width, view.image->height, 0, 0};
     open_.assign(1, first);
-    is_told_[first] = 1;
+    is_visited_[first] = 1;
     while (!open_.empty()) {
-      const int at = static_cast<int>(open_.back());
+      const int at = int(open_.back());
       open_.pop_back();
       const int u = color::TileAt::size * (at % camera.stride - 1), v = color::TileAt::size * (at / camera.stride - 1);
-      const int here = std::popcount(camera.tiles[static_cast<std::size_t>(at)].still);
+      const int here = std::popcount(camera.tiles[std::size_t(at)].still);
       pixels += here;
-      sum += here * Eigen::Vector2d(u + 3.5, v + 3.5);
+      sum += here * Eigen::Vector2d(u + tile_half_px, v + tile_half_px);
       box = {std::min(box[0], u), std::min(box[1], v), std::max(box[2], u + color::TileAt::size - 1),
              std::max(box[3], v + color::TileAt::size - 1)};
       for (int dv = -1; dv <= 1; ++dv) {
         for (int du = -1; du <= 1; ++du) {  // there is a margin tile on each side
-          const auto next = static_cast<std::size_t>(at + dv * camera.stride + du);
-          if (next >= camera.tiles.size() || is_told_[next] != 0 || camera.tiles[next].still == 0) continue;
-          is_told_[next] = 1;
+          const auto next = std::size_t(at + dv * camera.stride + du);
+          if (next >= camera.tiles.size() || is_visited_[next] != 0 || camera.tiles[next].still == 0) continue;
+          is_visited_[next] = 1;
           open_.push_back(static_cast<std::uint32_t>(next));
         }
       }
@@ -342,7 +334,7 @@ void StaticClutterMask::describe(const TargetView& view, const PerCamera& camera
     share.still_box = {box[0], box[1], std::min(box[2], view.image->width - 1),
                        std::min(box[3], view.image->height - 1)};
   }
-  share.still = static_cast<double>(all) / (view.image->width * view.image->height);
+  share.still = double(all) / (view.image->width * view.image->height);
 }
 
 }  // namespace huetrack::objects

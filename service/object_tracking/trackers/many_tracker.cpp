@@ -126,8 +126,9 @@ bool ManyTracker::is_repeated(const TargetView& view, std::span<const color::Col
                               std::span<const ExpectedObject> expected) {
   LastRegions& last = last_regions_[static_cast<std::size_t>(view.index)];
   const double since_s = capture::seconds(view.frame->captured_at - last.captured_at);
-  const bool has_moved = std::ranges::any_of(
-      expected, [&](const ExpectedObject& e) { return e.motion.velocity.norm() * since_s > repeat_px; });
+  const bool has_moved = std::ranges::any_of(expected, [&](const ExpectedObject& e) {
+    return e.motion.velocity.norm() * since_s > sighting_tuning.repeat_px;
+  });
   last.is_repeated =
       !last.is_repeated && has_moved && !regions.empty() &&
       std::ranges::equal(regions, last.regions, [](const color::ColorRegion& a, const color::ColorRegion& b) {
@@ -176,7 +177,8 @@ std::optional<Sighting> ManyTracker::seen_elsewhere(const TargetView& view, std:
   double distance_px = many_tracker.elsewhere_radii * own->at.radius_px;
   for (const color::ColorRegion& region : unexplained_[i]) {
     const double off_px = (region.centre - own->at.px).norm();
-    if (region.area < least_far_share * disc || region.area > largest_far_share * disc || off_px > distance_px)
+    if (region.area < sighting_tuning.start_disc_share * disc || region.area > sighting_tuning.max_disc_share * disc ||
+        off_px > distance_px)
       continue;
     const bool is_anothers = std::ranges::any_of(expected_[i], [&](const ExpectedObject& other) {
       return other.object != which && (region.centre - other.at.px).norm() < off_px;

@@ -51,8 +51,7 @@ Eigen::Matrix2d predicted_spread(const TargetView& view, const ExpectedView& exp
   const Eigen::Matrix3d spread =
       belief.seen_covariance(expected.row, filter.power_density()) + reach_m * reach_m * Eigen::Matrix3d::Identity();
   Eigen::Matrix2d out = at.jacobian * spread * at.jacobian.transpose();
-  agreement.inflate_prediction(static_cast<std::size_t>(view.index), *view.camera, belief.position_at(expected.row.at),
-                               at, out);
+  agreement.inflate_prediction(static_cast<std::size_t>(view.index), *view.camera, belief.position_at(expected.row.at), at, out);
   return out;
 }
 
@@ -65,7 +64,7 @@ std::span<const color::ColorRegion> ObjectSighter::regions_near(const TargetView
   const double limit = view.matches->width() + view.matches->height();
   if (!(std::abs(at.px.x()) < 2 * limit && std::abs(at.px.y()) < 2 * limit)) return {};
   const double disc = std::numbers::pi * at.radius_px * at.radius_px;
-  const int min_area = std::max(2, static_cast<int>(least_support * disc));
+  const int min_area = std::max(2, static_cast<int>(sighting_tuning.min_disc_share * disc));
   for (const double radii : {sighter.near_radii, sighter.far_radii}) {
     const double reach_u =
         std::min(limit, object_gates.prediction_sigmas * std::sqrt(spread(0, 0)) + radii * at.radius_px + 2);
@@ -96,10 +95,10 @@ bool ObjectSighter::is_repeated(const TargetView& view, std::span<const color::C
   LastRegion& last = last_[static_cast<std::size_t>(view.index)];
   const double moved_px =
       (at.jacobian * belief.velocity()).norm() * capture::seconds(view.frame->captured_at - last.captured_at);
-  last.is_repeated =
-      !last.is_repeated && moved_px > repeat_px && std::ranges::any_of(regions, [&](const color::ColorRegion& region) {
-        return region.area == last.region.area && region.centre == last.region.centre;
-      });
+  last.is_repeated = !last.is_repeated && moved_px > sighting_tuning.repeat_px &&
+                     std::ranges::any_of(regions, [&](const color::ColorRegion& region) {
+                       return region.area == last.region.area && region.centre == last.region.centre;
+                     });
   return last.is_repeated;
 }
 
