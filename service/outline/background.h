@@ -26,7 +26,8 @@ class Background {
   static constexpr int tile_px = 16;
   static constexpr std::size_t most_tiles = 1200;
 
-  Background(int width, int height);
+  // tiles: how many of them are kept, of which the one that was not looked at for longest gives way
+  Background(int width, int height, std::size_t tiles = most_tiles);
 
   // A few tiles of this picture: of those between `object` and where it will be after `ahead_px`, the ones that are
   // known least, and some of all others in turn; of a part of a picture none of these, and what lies beyond it remains
@@ -102,6 +103,7 @@ class Background {
   }
 
   int width_, height_, across_, down_;
+  std::size_t tiles_kept_;
   int columns_ = 0, rows_ = 0;       // that share chroma
   std::vector<std::int16_t> slots_;  // per tile of the picture, -1: none
   std::vector<Looked> looked_;       // per tile of the picture
