@@ -80,17 +80,17 @@ std::string consistency_text(const Certificate& c) {
   std::string out = fmt::format(
       "The positions' covariances predict {} mm for a length (95 %); of the errors {:.0f} % lie within "
       "that (95 % would be consistent), and their mean normalised square is {:.2f} (1 would be consistent).",
-      in_mm(c.stated_expanded_m), 100 * c.inside_stated, c.surprise);
-  if (c.surprise > honest_surprise)
+      in_mm(c.stated_expanded_m), 100 * c.inside_stated, c.mean_nes);
+  if (c.mean_nes > honest_surprise)
     out +=
         " The covariances are too small: the rig has changed or its uncertainty is too small, or the cameras' "
         "timing is wrong. huetrack-calibrate check tests the first.";
-  else if (c.surprise > small_surprise)
+  else if (c.mean_nes > small_surprise)
     out += fmt::format(" The covariances are somewhat too small: errors are {:.1f} times as large as predicted.",
-                       std::sqrt(c.surprise));
-  else if (c.surprise < cautious_surprise)
+                       std::sqrt(c.mean_nes));
+  else if (c.mean_nes < cautious_surprise)
     out += fmt::format(" The covariances are conservative: errors are {:.2f} times as large as predicted.",
-                       std::sqrt(c.surprise));
+                       std::sqrt(c.mean_nes));
   else
     out += " The covariances are consistent.";
   return out;

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "capture/frames/frame.h"
+#include "outline/background.h"
 
 namespace huetrack::wave {
 
@@ -23,6 +24,11 @@ struct BackgroundImage {
   }
 };
 
+struct CameraBackground {
+  BackgroundImage mean;
+  outline::Background behind;  // the same for fits
+};
+
 // Keeps copies of a few frames of each camera, spread over all that it was given. thread-compatible.
 class BackgroundSamples {
  public:
@@ -32,7 +38,7 @@ class BackgroundSamples {
   void add(const capture::Frame& frame);
 
   // What most samples show: in each pixel the mean of the middle ones. nullopt: fewer than 8 samples.
-  std::optional<BackgroundImage> of(std::size_t camera) const;
+  std::optional<CameraBackground> of(std::size_t camera) const;
 
  private:
   struct PerCamera {

@@ -13,7 +13,7 @@ constexpr std::size_t most_regions = 6;       // per frame
 
 }  // namespace
 
-std::optional<BallFrame> BallFinder::look(const capture::Frame& frame) {
+std::optional<BallFrame> BallFinder::detect(const capture::Frame& frame) {
   capture::FrameSet set;
   set.at = frame.captured_at;
   set.frames.resize(views_.camera_count());
@@ -28,7 +28,7 @@ std::optional<BallFrame> BallFinder::look(const capture::Frame& frame) {
   const int width = matches.width(), height = matches.height();
   BallFrame out{frame.camera, capture::seconds(frame.captured_at + frame.latency), {}, {}};
   for (const color::ColorRegion& region : finder_.find(matches, {0, 0, width - 1, height - 1}, least_area_px, 0)) {
-    // Of a region that is as wide as it appears, 2 standard deviations reach to its edge.
+    // The edge of a disc is at 2 standard deviations.
     const double reach_u = 2 * std::sqrt(region.spread(0, 0)), reach_v = 2 * std::sqrt(region.spread(1, 1));
     if (2 * std::max(reach_u, reach_v) > largest_extent_share * height) continue;
     const Eigen::Vector2d& c = region.centre;
@@ -45,7 +45,7 @@ std::optional<BallFrame> BallFinder::look(const capture::Frame& frame) {
 
 namespace {
 
-// How a small ball that is seen at this pixel looks: pixels by angle, along two directions across the ray.
+// Image of a small ball at this pixel: px per radian along two directions across the ray.
 Eigen::Matrix2d shape_at(const calib::CameraModel& model, const Eigen::Vector2d& px) {
   const auto ray = model.ray(calib::RawPixel{px});
   if (!ray) return Eigen::Matrix2d::Identity();
@@ -57,20 +57,40 @@ Eigen::Matrix2d shape_at(const calib::CameraModel& model, const Eigen::Vector2d&
   return by_point * axes;
 }
 
+// px/s, from the nearest regions of the frames before and after; zero where there are none.
+Eigen::Vector2d velocity_at(const color::ColorRegion& region, const BallFrame& before, const BallFrame& after) {
+  const auto nearest = [&](const BallFrame& frame) {
+    return std::ranges::min_element(frame.regions, {},
+                                    [&](const auto& r) { return (r.centre - region.centre).norm(); });
+  };
+  if (before.regions.empty() || after.regions.empty()) return Eigen::Vector2d::Zero();
+  return (nearest(after)->centre - nearest(before)->centre) / (after.t_s - before.t_s);
+}
+
 }  // namespace
 
-void sharpen(std::vector<BallFrame>& frames, const BackgroundSamples& background, const calib::CameraRig& rig,
-             const solver::Progress& progress) {
+void refine_outlines(std::vector<BallFrame>& frames, const BackgroundSamples& background, const calib::CameraRig& rig,
+                     const solver::Progress& progress) {
   int done = 0;
-  for (std::size_t camera = 0; camera < rig.cameras.size(); ++camera) {
-    const std::optional<BackgroundImage> behind = background.of(camera);
+  for (std::size_t c = 0; c < rig.cameras.size(); ++c) {
+    const calib::Camera& camera = rig.cameras[c];
+    const auto behind = background.of(c);
+    std::optional<OutlineOverBackground> outlines;
+    if (behind) outlines.emplace(*behind);
+    std::vector<BallFrame*> own;
     for (BallFrame& frame : frames) {
-      if (static_cast<std::size_t>(frame.camera) != camera) continue;
+      if (static_cast<std::size_t>(frame.camera) == c) own.push_back(&frame);
+    }
+    for (std::size_t f = 0; f < own.size(); ++f) {
+      BallFrame& frame = *own[f];
       if (progress && done % 16 == 0) progress("the ball's outlines", done, static_cast<int>(frames.size()));
       ++done;
-      for (std::size_t r = 0; behind && r < frame.patches.size(); ++r) {
-        frame.regions[r] = outline_over_background(frame.patches[r], frame.regions[r], *behind,
-                                                   shape_at(rig.cameras[camera].model, frame.regions[r].centre));
+      for (std::size_t r = 0; outlines && r < frame.patches.size(); ++r) {
+        color::ColorRegion& region = frame.regions[r];
+        outline::Movement movement{Eigen::Vector2d::Zero(),
+                                   camera.timing.readout_s.value_or(0) / camera.image_size.height};
+        if (f > 0 && f + 1 < own.size()) movement.velocity = velocity_at(region, *own[f - 1], *own[f + 1]);
+        region = outlines->fit(frame.patches[r], region, shape_at(camera.model, region.centre), movement, frame.t_s);
       }
       frame.patches.clear();
       frame.patches.shrink_to_fit();
@@ -140,7 +160,7 @@ std::vector<BallFrame> one_after_the_other(std::vector<std::vector<BallFrame>> f
       to = std::max(to, frame.t_s);
     }
   }
-  constexpr double pause_s = 2;  // long enough for the path not to care
+  constexpr double pause_s = 2;  // gap of the path
   for (std::size_t ball = 0; ball < frames.size(); ++ball) {
     remove_still_regions(frames[ball], camera_count);
     for (BallFrame& frame : frames[ball]) {

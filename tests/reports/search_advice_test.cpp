@@ -5,6 +5,7 @@
 namespace huetrack::reports {
 namespace {
 
+using testing::AllOf;
 using testing::HasSubstr;
 
 object_tracking::TargetOptions target_of(double radius_m) {
