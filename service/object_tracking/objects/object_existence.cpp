@@ -46,7 +46,7 @@ Evidence evidence_of(ExpectedPlace at, std::span<const Sighting> sightings, cons
   for (const Sighting& s : sightings) {
     const auto in_view = project_ball(*s.camera, at.position, radius_m);
     if (!in_view) continue;
-    Eigen::Matrix2d of_sighting = s.covariance + s.doubt();
+    Eigen::Matrix2d of_sighting = s.covariance + s.inflation();
     of_sighting.diagonal().array() += s.bias_sigma_px * s.bias_sigma_px;
     const Eigen::Matrix<double, 2, 3>& by = in_view->jacobian;
     const Eigen::Matrix2d expected = by * at.covariance * by.transpose() + of_sighting;
