@@ -96,9 +96,7 @@ std::vector<MatchFinderOptions> looked_for_by(const ObjectTracker& tracker, std:
                                               capture::Duration picture_every = {}) {
   std::vector<MatchFinderOptions> asked(cameras);
   for (std::size_t c = 0; c < cameras; ++c) {
-    std::vector<color::HsiRange> ranges;
-    tracker.colors_looked_for(c, ranges);
-    for (const auto& range : ranges) asked[c].colors.push_back(color::matched_color(range));
+    asked[c].colors.push_back(color::matched_color(tracker.color_in(c)));
     asked[c].picture_every = picture_every;
   }
   return asked;
