@@ -13,8 +13,7 @@ using namespace object_tracking;
 namespace {
 
 struct ObjectSighterTuning {
-  double contradicting_px2 =
-      1;                     // inflation of a view above which no outline is fitted: far above shading and a good rig
+  double contradicting_px2 = 1;  // inflation of a view above which no outline is fitted; far above shading
   double widest_radii = 2;   // half width of the narrow axis of a region; the taught radius and the range are unsure
   double near_radii = 1.5;   // nearly all of the object lies within this of its centre
   double far_radii = 2;      // a region that the near box cuts is searched as far as this

@@ -6,6 +6,7 @@
 #include <memory>
 #include <optional>
 #include <stdexcept>
+#include <utility>
 #include <variant>
 
 #include "object_tracking/trackers/color_follower.h"
@@ -41,6 +42,14 @@ struct ObjectTracker::Impl {
     const ObjectEstimate& estimate = tracked != estimates.end() ? *tracked : estimates.front();
     watch.update(set, estimate, follower.in_force());
     if (adapts) std::visit([&](auto& t) { follower.follow(set, estimate, watch, t.views()); }, tracker);
+  }
+
+  // What both trackers of observation: huetrack have; by default nothing.
+  template <typename Get>
+  auto of_huetrack(Get get) const {
+    if (const auto* one = std::get_if<RegionTracker>(&tracker)) return get(*one);
+    if (const auto* many = std::get_if<ManyTracker>(&tracker)) return get(*many);
+    return decltype(get(std::declval<const RegionTracker&>())){};
   }
 
   Tracker tracker;
@@ -160,10 +169,7 @@ std::uint64_t ObjectTracker::color_change_count() const {
 }
 
 SearchFindings ObjectTracker::search_findings() const {
-  SearchFindings findings;
-  if (const auto* one = std::get_if<RegionTracker>(&impl_->tracker)) findings = one->search_findings();
-  if (const auto* many = std::get_if<ManyTracker>(&impl_->tracker)) findings = many->search_findings();
-  return findings;
+  return impl_->of_huetrack([](const auto& tracker) { return tracker.search_findings(); });
 }
 
 OutlineFindings ObjectTracker::outline_findings() const {
@@ -172,21 +178,15 @@ OutlineFindings ObjectTracker::outline_findings() const {
 }
 
 std::span<const SeenRegion> ObjectTracker::regions() const {
-  if (const auto* one = std::get_if<RegionTracker>(&impl_->tracker)) return one->regions();
-  if (const auto* many = std::get_if<ManyTracker>(&impl_->tracker)) return many->regions();
-  return {};
+  return impl_->of_huetrack([](const auto& tracker) { return tracker.regions(); });
 }
 
 std::optional<Eigen::Vector3d> ObjectTracker::further_object() const {
-  if (const auto* one = std::get_if<RegionTracker>(&impl_->tracker)) return one->further_object();
-  if (const auto* many = std::get_if<ManyTracker>(&impl_->tracker)) return many->further_object();
-  return std::nullopt;
+  return impl_->of_huetrack([](const auto& tracker) { return tracker.further_object(); });
 }
 
 std::vector<ColorShare> ObjectTracker::color_shares() const {
-  if (const auto* one = std::get_if<RegionTracker>(&impl_->tracker)) return one->color_shares();
-  if (const auto* many = std::get_if<ManyTracker>(&impl_->tracker)) return many->color_shares();
-  return {};
+  return impl_->of_huetrack([](const auto& tracker) { return tracker.color_shares(); });
 }
 
 }  // namespace huetrack::object_trackers
