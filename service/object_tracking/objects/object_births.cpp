@@ -83,10 +83,6 @@ ObjectTrackerOptions looking_within(ObjectTrackerOptions options, const Volume& 
 
 }  // namespace
 
-MustMove must_move(const StaticClutterMask& still, capture::Timestamp set_at) {
-  return still.is_starting(set_at) ? MustMove::unless_clear : MustMove::no;
-}
-
 Volume looked_through(const Volume& volume) {
   const double margin = birth_tuning.margin_share * (volume.max - volume.min).maxCoeff();
   return {volume.min.array() - margin, volume.max.array() + margin};
@@ -183,8 +179,7 @@ std::vector<Birth> ObjectBirths::look(const std::vector<TargetView>& views,
     // Two views may see two pieces of static clutter in every set. Contradicted by as many others, only a moving
     // candidate is confirmed; a single other view may be occluded.
     const bool is_contested = c.missing > 0 && c.at.sightings.size() < 3;
-    bool stands = (is_contested && c.missing >= std::ssize(c.at.sightings)) ||
-                  (must_move_ == MustMove::unless_clear && !is_clear);
+    bool stands = (is_contested && c.missing >= std::ssize(c.at.sightings)) || (must_move_ && !is_clear);
     if (earlier != nullptr) {
       c.at.sets = earlier->at.sets + 1;
       const bool is_long_ago = earlier->sets_from >= birth_tuning.path_sets;

@@ -3,7 +3,6 @@
 // belongs to one object.
 #pragma once
 
-#include <cstdint>
 #include <span>
 #include <vector>
 
@@ -36,13 +35,6 @@ struct CoveredDisc {
   double radius_px;
 };
 
-// Whether a resting candidate may be an object (StaticClutterMask::is_starting()).
-enum class MustMove : std::uint8_t {
-  no,
-  unless_clear,  // unless two views show a whole disc of the right size, or three show it
-};
-MustMove must_move(const StaticClutterMask& still, capture::Timestamp set_at);
-
 // thread-compatible.
 class ObjectBirths {
  public:
@@ -57,7 +49,9 @@ class ObjectBirths {
                           std::span<const CoveredDisc> covered, const StaticClutterMask& still,
                           capture::Timestamp set_at, const object_tracking::MotionState& times);
   void forget() { before_.clear(); }
-  void set_must_move(MustMove must_move) { must_move_ = must_move; }  // from now on
+  // From now on a resting candidate is none, unless two views show a whole disc of the right size, or three show it
+  // (StaticClutterMask::is_starting()).
+  void set_must_move(bool must_move) { must_move_ = must_move; }
 
  private:
   struct Candidate {
@@ -79,7 +73,7 @@ class ObjectBirths {
   object_tracking::TargetOptions target_;
   object_tracking::ObjectTrackerOptions options_;  // with the volume that is searched
   std::vector<Candidate> before_;
-  MustMove must_move_ = MustMove::no;
+  bool must_move_ = false;
   capture::Timestamp before_at_{};
 };
 

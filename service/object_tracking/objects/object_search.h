@@ -46,7 +46,7 @@ class ObjectSearch {
 
   using Find = Birth;
   // The room shares the colour (static_clutter_mask.h).
-  void set_shared(bool is_shared, MustMove must_move) {
+  void set_shared(bool is_shared, bool must_move) {
     is_shared_ = is_shared;
     births_.set_must_move(must_move);
   }

@@ -4,7 +4,6 @@
 #include <cmath>
 #include <numbers>
 
-#include "color/color_name.h"
 #include "object_tracking/sighting.h"
 
 namespace huetrack::objects {

@@ -297,7 +297,7 @@ void ManyTracker::note_births(const capture::FrameSet& set, const std::vector<Ta
     }
   }
   if (clutter_mask_.is_room_shared()) clutter_.add(views, std::span(unexplained_).first(views.size()));
-  births_.set_must_move(must_move(clutter_mask_, set.at));
+  births_.set_must_move(clutter_mask_.is_starting(set.at));
   const std::vector<Birth> births =
       births_.look(views, std::span(unexplained_).first(views.size()), covered, clutter_mask_, set.at, times());
   for (const Birth& birth : births) {

@@ -47,7 +47,7 @@ ObjectEstimate RegionTracker::update(const capture::FrameSet& set) {
   if (clutter_mask_.is_room_shared() && is_followed()) add_expected(views, filter_.belief(), target_.radius_m, seen_);
   clutter_mask_.look(views, seen_, set.at);
   for (std::size_t c = 0; c < views_.camera_count(); ++c) consistency_.set_shared(c, clutter_mask_.is_shared(c));
-  search_.set_shared(clutter_mask_.is_room_shared(), must_move(clutter_mask_, set.at));
+  search_.set_shared(clutter_mask_.is_room_shared(), clutter_mask_.is_starting(set.at));
   sightings_.clear();
   seen_.clear();
   watched_.clear();
