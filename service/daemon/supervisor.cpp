@@ -21,7 +21,7 @@ using namespace std::chrono_literals;
 
 constexpr auto status_period = 1s;
 constexpr capture::Duration least_patience = 3s;  // several heartbeats of each thread
-constexpr capture::Duration told_clock_step = 500ms;
+constexpr capture::Duration min_clock_step = 500ms;
 
 }  // namespace
 
@@ -133,7 +133,7 @@ void Supervisor::add_warnings(publish::ServiceStatus& status) const {
   std::ranges::copy(the_.recording.warnings(), std::back_inserter(status.warnings));
   for (const auto* file : the_.files)
     if (const std::string problem = file->problem(); !problem.empty()) status.warnings.push_back(problem);
-  if (const capture::Duration step = capture::wall_clock_step(); std::chrono::abs(step) >= told_clock_step)
+  if (const capture::Duration step = capture::wall_clock_step(); std::chrono::abs(step) >= min_clock_step)
     status.warnings.push_back(fmt::format(
         "the wall clock was changed by {:.1f} s since the start, and published times are wrong by that: restart "
         "the service",

@@ -364,7 +364,7 @@ void CalibrationSession::start(std::vector<std::string> arguments) {
 void CalibrationSession::poll(pipeline::RecordingKeeper* recording) {
   if (!is_busy()) return;
   try {
-    hear();
+    read_output();
     const bool was_solving = stage_ == Stage::solving;  // the ended child may be an earlier one
     const auto ended = child_ ? child_->ended() : std::nullopt;
     if (ended) read_output();  // the rest
@@ -447,7 +447,7 @@ void CalibrationSession::take_result(const ChildProcess::Ended& ended) {
 
 void CalibrationSession::read_output() {
   if (!child_) return;
-  for (const std::string& line : child_->take_lines()) hear(line);
+  for (const std::string& line : child_->take_lines()) parse(line);
 }
 
 // Tagged lines are for this program; others are for people and are logged next to the recording.

@@ -254,7 +254,7 @@ namespace {
 
 constexpr int map_width = 1280, map_height = 960;
 constexpr Color map_paper{252, 252, 250}, soft_line{120, 126, 136}, map_point_color{40, 90, 160},
-    given_point_color{206, 44, 44}, way_color{30, 140, 70}, coasting_way_color{232, 130, 0};
+    given_point_color{206, 44, 44}, path_color{30, 140, 70}, coasting_path_color{232, 130, 0};
 
 // Its points with their 95 % ellipsoids, those between low and high of the oblique plane.
 void draw_map_points(Canvas& canvas, const Oblique& oblique, const std::vector<camera_tracking::CameraMapPoint>& map,
@@ -271,17 +271,17 @@ void draw_map_points(Canvas& canvas, const Oblique& oblique, const std::vector<c
   }
 }
 
-void draw_way(Canvas& canvas, const Oblique& oblique, const std::vector<camera_tracking::CameraEstimate>& path) {
+void draw_path(Canvas& canvas, const Oblique& oblique, const std::vector<camera_tracking::CameraEstimate>& path) {
   const camera_tracking::CameraEstimate* before = nullptr;
   for (const auto& e : path) {
     if (e.has_pose() && before != nullptr)
       canvas.line(oblique(before->world_from_camera.translation), oblique(e.world_from_camera.translation),
-                  e.state == camera_tracking::PoseState::tracking ? way_color : coasting_way_color, 2.8);
+                  e.state == camera_tracking::PoseState::tracking ? path_color : coasting_path_color, 2.8);
     before = e.has_pose() ? &e : nullptr;
   }
 }
 
-// The camera itself, a dozen times on its path. reach: of its corners' rays, metres
+// The camera itself, at a dozen places of its trajectory. reach: of its corners' rays, metres
 void draw_cameras(Canvas& canvas, const Oblique& oblique, const calib::Camera& camera,
                   const std::vector<camera_tracking::CameraEstimate>& path, double reach) {
   const std::size_t every = std::max<std::size_t>(1, path.size() / 12);
@@ -297,7 +297,7 @@ void draw_cameras(Canvas& canvas, const Oblique& oblique, const calib::Camera& c
     const Point eye = oblique(pose.translation);
     canvas.polyline(front, soft_line, 1.3, true);
     for (const auto& p : front) canvas.line(eye, p, soft_line, 1.3);
-    canvas.disc(eye, 2.6, way_color);
+    canvas.disc(eye, 2.6, path_color);
   }
 }
 
@@ -310,8 +310,8 @@ void draw_map_key(Canvas& canvas, double zoom) {
   canvas.text({60 + bar * zoom + 10, map_height - 29.0},
               bar < 1 ? fmt::format("{:g} cm", bar * 100) : fmt::format("{:g} m", bar), small_text_size, ink);
   double x = map_width - 36;
-  for (const auto& [text, color] : {std::pair{"coasting", coasting_way_color},
-                                    {"tracking", way_color},
+  for (const auto& [text, color] : {std::pair{"coasting", coasting_path_color},
+                                    {"tracking", path_color},
                                     {"given points", given_point_color},
                                     {"map points", map_point_color}}) {
     canvas.text({x, map_height - 29.0}, text, small_text_size, ink, Align::right);
@@ -329,7 +329,7 @@ cv::Mat draw_camera_map(const calib::Camera& camera, const StartPlane& plane, co
   Canvas canvas(map_width, map_height, map_paper);
   Oblique oblique = Oblique::from(-60, 32);
 
-  // What is fitted: the start, the path, and of the map what is not far out.
+  // Fitted into the picture: start, trajectory, and map without far outliers.
   std::vector<Vector2d> all;
   std::vector<Vector3d> ground;  // the start's corners, going round
   for (const auto& [sx, sy] : {std::pair{-0.5, -0.5}, {0.5, -0.5}, {0.5, 0.5}, {-0.5, 0.5}})
@@ -373,7 +373,7 @@ cv::Mat draw_camera_map(const calib::Camera& camera, const StartPlane& plane, co
   }
 
   draw_map_points(canvas, oblique, map, wide_low, wide_high);
-  draw_way(canvas, oblique, path);
+  draw_path(canvas, oblique, path);
   draw_cameras(canvas, oblique, camera, path, 0.07 * (wide_high - wide_low).maxCoeff());
   draw_map_key(canvas, oblique.zoom);
   canvas.line({36, 92}, {map_width - 36.0, 92}, rule, 0.8);

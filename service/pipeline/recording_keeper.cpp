@@ -112,15 +112,15 @@ void RecordingKeeper::supervise() {
 // Not on the pipeline's threads, which only note the changes.
 void RecordingKeeper::write_changes() {
   if (!changes_) return;
-  std::vector<Change> happened;
+  std::vector<Change> changes;
   std::vector<capture::Timestamp> camera_left_out;
   {
     const std::scoped_lock lock(mutex_);
-    happened.swap(changes_to_write_);
+    changes.swap(changes_to_write_);
     camera_left_out.swap(camera_left_out_);
   }
   for (const capture::Timestamp at : camera_left_out) changes_->camera_left_out(at);
-  for (const auto& [at, config] : happened) config.empty() ? changes_->left_out(at) : changes_->reloaded(at, config);
+  for (const auto& [at, config] : changes) config.empty() ? changes_->left_out(at) : changes_->reloaded(at, config);
 }
 
 void RecordingKeeper::save_pre_roll(const std::string& why) {

@@ -120,7 +120,8 @@ TEST_F(CalibrateLive, FromWhatWasWavedJustNow) {
   EXPECT_LT(off_m(calib::read_rig(found)), 0.006);
   EXPECT_THAT(contents(folder / "c.taught.yaml"), HasSubstr(found.string()));
   EXPECT_EQ(contents(folder / "rig.yaml"), calib::to_yaml(spoiled)) << "the old one is kept";
-  ASSERT_TRUE(comes_true([&] { return contents(folder / "service.err").find("restarting with") != std::string::npos; }));
+  ASSERT_TRUE(
+      comes_true([&] { return contents(folder / "service.err").find("restarting with") != std::string::npos; }));
   ASSERT_TRUE(comes_true([&] { return control({"calibrate", "state"}).status == 0; })) << service->err();
   EXPECT_THAT(control({"calibrate", "state"}).out, HasSubstr("state\taccepted\n"));
 

@@ -99,8 +99,9 @@ TEST_F(Teach, OnePointSuggestsTheOtherAndTheColourThenTracks) {
   EXPECT_THAT(over.err, HasSubstr("stills/cam0.png is read by this run: it is not replaced"));
   EXPECT_EQ(contents(stills / "cam0.png"), still);
   EXPECT_EQ(contents(config), by_hand);
-  EXPECT_THAT(contents(taught), AllOf(StartsWith("# What huetrackd was taught. It replaces the values of huetrackd.yaml"),
-                                      HasSubstr("\n    camera_colors:\n      cam0:\n        hue_deg: [")));
+  EXPECT_THAT(contents(taught),
+              AllOf(StartsWith("# What huetrackd was taught. It replaces the values of huetrackd.yaml"),
+                    HasSubstr("\n    camera_colors:\n      cam0:\n        hue_deg: [")));
   const Result check = run({"check", config});
   ASSERT_EQ(check.status, 0) << check.err;
   EXPECT_THAT(check.out, ContainsRegex("\n      hue_deg: \\[[0-9.]+, [0-9.]+\\] +# from huetrackd.taught.yaml; "));
