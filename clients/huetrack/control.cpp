@@ -62,11 +62,11 @@ class ControlConnection {
     while (!has_ended() && ControlClock::now() < until && !services.contains(wanted)) {
       msg::ServiceStatus sample;
       while (idl::take_next(status_, sample)) {
-        const std::string who = sample.host() + "/" + std::to_string(sample.pid());
-        if (services.size() == most_services_named || services.contains(who)) continue;
+        const std::string id = sample.host() + "/" + std::to_string(sample.pid());
+        if (services.size() == most_services_named || services.contains(id)) continue;
         if (services.empty() && wanted.empty()) until = ControlClock::now() + second_service_after;
-        services[who] = {sample.host(), sample.pid()};
-        named.push_back(fmt::format("{} ({})", who, sample.config_file()));
+        services[id] = {sample.host(), sample.pid()};
+        named.push_back(fmt::format("{} ({})", id, sample.config_file()));
       }
       status_.wait_for_unread_message(eprosima::fastrtps::Duration_t(0, 20'000'000));
     }

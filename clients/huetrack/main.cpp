@@ -204,7 +204,7 @@ void CommandLine::add_export() {
 }  // namespace
 
 int main(int argc, char** argv) {
-  end_on_signals();  // first of all: whoever ends it early is answered, too
+  end_on_signals();  // first: also ends a slow start
   CommandLine line;
   CLI11_PARSE(line.app, argc, argv);
   try {

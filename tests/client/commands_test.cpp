@@ -165,7 +165,7 @@ TEST(Watch, NobodyListensByUdpIsSaidOnceAndSendingGoesOn) {
   ChildProcess client(huetrack({"watch", "--udp", address, "--format", "osc", "--count", "20"}));
   EXPECT_EQ(client.exit_status(10s), 0) << client.err();
   const std::string told = client.err();
-  const auto first = told.find("nobody listens at " + address);
+  const auto first = told.find("no receiver at " + address);
   ASSERT_NE(first, std::string::npos) << told;
   EXPECT_EQ(told.find("nobody listens", first + 1), std::string::npos) << told;
 }
@@ -228,7 +228,7 @@ TEST(Watch, SaysAtOnceThatAPublisherLeft) {
 TEST(Watch, UnknownTargetIsToldWhichOnesAreThere) {
   ChildProcess publisher(test_publisher());
   ChildProcess client(huetrack({"watch", "--target", "bal"}));
-  EXPECT_TRUE(client.says("nobody publishes target bal on domain " + domain + "; there are: ball, wand", 3s));
+  EXPECT_TRUE(client.says("no publisher of target bal on domain " + domain + "; there are: ball, wand", 3s));
   EXPECT_EQ(client.out(), "");
 }
 
@@ -239,7 +239,7 @@ TEST(Watch, KnownTargetIsFiltered) {
   EXPECT_EQ(ball.exit_status(5s), 0);
   EXPECT_EQ(wand.exit_status(5s), 1);
   EXPECT_EQ(wand.out(), "");
-  EXPECT_THAT(wand.err(), AllOf(HasSubstr("no sample for 1"), ::testing::Not(HasSubstr("nobody publishes target"))));
+  EXPECT_THAT(wand.err(), AllOf(HasSubstr("no sample for 1"), ::testing::Not(HasSubstr("no publisher of target"))));
 }
 
 TEST(Watch, TimeoutEndsItWithAnError) {

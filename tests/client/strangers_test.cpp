@@ -43,7 +43,7 @@ TEST(Strangers, ASecondPublisherOfATargetIsMarkedInTextAndLeftOutElsewhere) {
   const auto lines = [](const ChildProcess& client) { return std::ranges::count(client.out(), '\n'); };
   ASSERT_TRUE(ChildProcess::wait([&] { return lines(text) > 5 && lines(csv) > 5; }, 10s)) << text.err();
 
-  idl::DdsParticipant stranger({.name = "stranger", .domain = publish::test_domain()});
+  idl::DdsParticipant publisher_unless_accepted({.name = "stranger", .domain = publish::test_domain()});
   auto& writer = stranger.create_writer<msg::ObjectPositionPubSubType>(idl::object_position_topic,
                                                                        idl::object_position_writer_qos(), "");
   msg::ObjectPosition lie;
