@@ -272,7 +272,7 @@ int watch(const WatchOptions& options) {
 
 namespace {
 
-// What services say of themselves, and what `status` shows beside it: the newest of each.
+// Collects the latest samples that `status` shows.
 class StatusListener {
  public:
   explicit StatusListener(idl::DdsParticipant& participant)
@@ -289,8 +289,7 @@ class StatusListener {
         sets_in_(participant.create_reader<msg::ObjectSetPubSubType>(idl::object_set_topic,
                                                                      idl::object_position_reader_qos())) {}
 
-  // Until there is nothing more to wait for: after the first status a moment more, as a second service may be there,
-  // and the poses of a camera that is tracked.
+  // Until the first status, then a moment longer for a second service and the poses of a tracked camera.
   void listen() {
     constexpr auto a_moment = 300ms;
     Clock::time_point until = Clock::now() + no_publisher_after;
@@ -299,7 +298,7 @@ class StatusListener {
       const bool was_empty = statuses_.empty();
       take_all();
       if (was_empty && !statuses_.empty()) until = Clock::now() + a_moment;
-      dds::SubscriptionMatchedStatus matched;  // a slow camera's frame takes a while
+      dds::SubscriptionMatchedStatus matched;  // of a slow camera
       if (!statuses_.empty() && poses_.empty() && !waited_for_pose &&
           poses_in_.get_subscription_matched_status(matched) == ReturnCode_t::RETCODE_OK && matched.current_count > 0) {
         until += 3 * a_moment;
@@ -312,7 +311,7 @@ class StatusListener {
 
   bool has_status() const { return !statuses_.empty(); }
 
-  // True: they are all well.
+  // Returns whether all services are healthy.
   bool write(LineWriter& out, StatusFormat format) const {
     const auto poses = values_of(poses_);
     const auto sets = values_of(sets_);
@@ -386,7 +385,7 @@ class StatusListener {
   std::map<Process, msg::HostClocks> clocks_;
   std::map<std::string, msg::CameraHost> hosts_;
   std::map<std::string, msg::CameraPose> poses_;
-  std::map<std::string, msg::ObjectSet> sets_;  // by the target
+  std::map<std::string, msg::ObjectSet> sets_;  // by target
 };
 
 }  // namespace
