@@ -35,7 +35,7 @@ TEST(PrintableSample, NamesAreWordsAndSentencesAreLines) {
   EXPECT_EQ(status.warnings()[0], "one   warnings  none");
 }
 
-TEST(Strangers, ASecondPublisherOfATargetIsMarkedInTextAndLeftOutElsewhere) {
+TEST(SecondPublisher, MarksASecondPublisherInTextAndIgnoresItElsewhere) {
   const std::string domain = std::to_string(publish::test_domain());
   ChildProcess publisher({HUETRACK_TEST_PUBLISHER, domain});
   ChildProcess text({HUETRACK_CLIENT, "watch", "--domain", domain});
