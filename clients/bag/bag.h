@@ -1,4 +1,4 @@
-// What a bag holds: messages of ROS 2 as they go over the wire (CDR), by topic and time.
+// A bag: serialised ROS 2 messages (CDR) by topic and time, and its two file formats.
 #pragma once
 
 #include <cstdint>
@@ -12,12 +12,12 @@ namespace huetrack::bag {
 struct Topic {
   std::string name;        // "/huetrack/ball/pose"
   std::string type;        // "geometry_msgs/msg/PoseWithCovarianceStamped"
-  std::string definition;  // of the type and all that it is made of, as .msg files say it ("ros2msg" of MCAP)
-  // Who begins to listen later gets its last message, too (transient-local), also from `ros2 bag play`.
+  std::string definition;  // of the type and its members, as .msg files ("ros2msg" of MCAP)
+  // Transient-local: late joiners get the last message, also from `ros2 bag play`.
   bool is_kept_for_latecomers = false;
 };
 
-// As rosbag2 of Humble writes it (YAML, rmw's numbers): empty where play's own defaults will do.
+// As rosbag2 of Humble writes it (YAML, rmw's numbers); empty: the defaults of `play`.
 std::string offered_qos_profiles(const Topic& topic);
 
 struct Message {
@@ -31,22 +31,22 @@ struct Bag {
   std::vector<Message> messages;  // ascending in time
 };
 
-// Pictures of minutes are more than memory holds: messages go to the disk as they come. thread-compatible.
+// Streams messages to the disk. thread-compatible.
 class BagWriter {
  public:
   virtual ~BagWriter() = default;
-  // In ascending time. throws std::exception of one readable line: it cannot be written.
+  // In ascending time. Throws std::exception with a one-line message: cannot be written.
   virtual void add(const Message& message) = 0;
-  // After one message or more. Before, there is no bag yet, and where this is never called none is left behind.
+  // Completes the bag, after at least one message. Without this call nothing is left on the disk.
   virtual void finish() = 0;
 };
 
 // A rosbag2 of storage sqlite3: a new folder with metadata.yaml and a .db3, which `ros2 bag` reads from Foxy on.
-// throws std::runtime_error, one readable line: the folder is there and not empty, or cannot be written.
+// Throws std::runtime_error with a one-line message: the folder is not empty or cannot be written.
 std::unique_ptr<BagWriter> rosbag2_writer(std::vector<Topic> topics, const std::filesystem::path& folder);
 
-// One file, indexed, as https://mcap.dev/spec says; not compressed. By hand: Debian has no package of a writer. throws
-// std::runtime_error: what is there is no MCAP, or it cannot be written.
+// One indexed, uncompressed file (https://mcap.dev/spec). Own writer: Debian has no package. Throws std::runtime_error:
+// the existing file is no MCAP, or cannot be written.
 std::unique_ptr<BagWriter> mcap_writer(std::vector<Topic> topics, const std::filesystem::path& file);
 
 }  // namespace huetrack::bag

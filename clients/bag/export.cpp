@@ -26,7 +26,7 @@ void refuse_other_forms(const std::filesystem::path& out) {
                              "the other form is one file, --out FILE.mcap");
 }
 
-// A recording is easily given where the tracks belong.
+// A recording in place of the tracks: a common mistake.
 void refuse_recording(const std::filesystem::path& tracks) {
   std::error_code none;
   if (std::filesystem::is_directory(tracks, none) || tracks.extension() == ".yaml")
@@ -36,7 +36,7 @@ void refuse_recording(const std::filesystem::path& tracks) {
 
 using Tracks = std::map<std::string, std::vector<plot::TrackRow>>;
 
-// The cameras that the track is of.
+// The tracked cameras.
 std::set<std::string> moving_of(const Tracks& tracks) {
   std::set<std::string> moving;
   for (const auto& [name, rows] : tracks)
@@ -76,7 +76,7 @@ void export_track(const BagOptions& options) {
   const auto writer =
       options.out.extension() == ".mcap" ? mcap_writer(topics, options.out) : rosbag2_writer(topics, options.out);
   std::size_t messages = 0;
-  if (has_places) {  // first of all: they hold for all that follows
+  if (has_places) {  // first: valid for all that follow
     const std::int64_t from_ns = bag.messages.empty() ? picture->at_ns
                                  : picture            ? std::min(bag.messages.front().at_ns, picture->at_ns)
                                                       : bag.messages.front().at_ns;
@@ -94,7 +94,7 @@ void export_track(const BagOptions& options) {
       picture = pictures->next();
   }
   writer->finish();
-  if (was_there) std::fprintf(stderr, "note: %s: the file of before is replaced\n", options.out.c_str());
+  if (was_there) std::fprintf(stderr, "note: %s: the previous file is replaced\n", options.out.c_str());
   if (pictures)
     for (const std::string& warning : pictures->take_warnings()) std::fprintf(stderr, "note: %s\n", warning.c_str());
   if (pictures && options.clock_offset_s == 0 && pictures->started_at_s())

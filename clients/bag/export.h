@@ -12,11 +12,11 @@ struct BagOptions {
   std::filesystem::path rig;       // of the cameras; empty: the recording's own, if it has one
   std::filesystem::path out;       // FILE.mcap, or the folder of a rosbag2
   std::string frame_id = "world";  // the world's name
-  double clock_offset_s = 0;       // added to every time
+  double clock_offset_s = 0;       // added to all times
 };
 
-// Says on stdout what it wrote. throws std::runtime_error, one readable line: a file that is wrong (naming file and
-// line), or cannot be written.
+// Prints a summary on stdout. Throws std::runtime_error with a one-line message: an invalid file (with file and line),
+// or one that cannot be written.
 void export_track(const BagOptions& options);
 
 }  // namespace huetrack::bag

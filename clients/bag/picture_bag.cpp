@@ -18,8 +18,8 @@ namespace huetrack::bag {
 namespace {
 
 namespace sensor = sensor_msgs::msg::dds_;
-constexpr int quality = 95;  // of pictures that are no JPEGs in the recording
-// A replay may give frames in the order in which they came, which is not quite that of their times.
+constexpr int quality = 95;  // of pictures that are not recorded as JPEG
+// A replay delivers frames in order of arrival, which may differ from that of their times.
 constexpr std::chrono::seconds at_most_late{2};
 
 std::string image_definition() {
@@ -44,7 +44,7 @@ sensor::CameraInfo_ info_of(const calib::Camera& camera) {
                           {model.fx(), model.fy(), model.cx(), model.cy()}, std::move(distortion));
 }
 
-// Some webcams leave the Huffman tables out, which video files may and pictures may not (ITU-T T.81, B.2.4.2).
+// Some webcams omit the Huffman tables, which is not allowed in single pictures (ITU-T T.81, B.2.4.2).
 bool has_huffman_tables(std::span<const std::uint8_t> jpeg) {
   constexpr std::uint8_t marker = 0xff, table = 0xc4, scan = 0xda;
   for (std::size_t i = 2; i + 4 <= jpeg.size() && jpeg[i] == marker;) {
@@ -108,7 +108,7 @@ RecordedPictures::RecordedPictures(const std::filesystem::path& recording, std::
     impl_->names.push_back(camera.name);
     const auto in_rig = impl_->rig.index_of(camera.name);
     const calib::Camera* known = in_rig ? &impl_->rig.cameras[std::size_t(*in_rig)] : nullptr;
-    // At mid-exposure, as the track's positions are.
+    // Mid-exposure, as for the track's positions.
     options.timing.push_back({.latency = capture::duration_of(known ? known->timing.latency_s.value_or(0) : 0),
                               .readout = capture::duration_of(known ? known->timing.readout_s.value_or(0) : 0)});
     const std::string word = word_of(camera.name);

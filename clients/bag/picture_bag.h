@@ -1,5 +1,4 @@
-// A recording's pictures as ROS 2 has them: a CompressedImage of every frame, as the camera gave it, and with a rig its
-// CameraInfo.
+// A recording's pictures as ROS 2 messages: a CompressedImage of every frame and, with a rig, its CameraInfo.
 #pragma once
 
 #include <chrono>
@@ -17,8 +16,8 @@ namespace huetrack::bag {
 // thread-compatible.
 class RecordedPictures {
  public:
-  // recording: its folder, or its yaml file. rig: with the cameras' lenses and times; empty: rig.yaml beside the
-  // recording, or none. first_topic: of these, in the bag. throws files::ConfigError, std::runtime_error
+  // recording: its folder or yaml file. rig: empty: rig.yaml in the recording's folder, if any. first_topic: index of
+  // the first topic in the bag. Throws files::ConfigError, std::runtime_error.
   RecordedPictures(const std::filesystem::path& recording, std::filesystem::path rig, std::size_t first_topic,
                    std::chrono::nanoseconds offset);
   ~RecordedPictures();
@@ -26,13 +25,13 @@ class RecordedPictures {
   RecordedPictures& operator=(const RecordedPictures&) = delete;
 
   const std::vector<Topic>& topics() const;
-  const calib::CameraRig& rig() const;  // without cameras: none is known
+  const calib::CameraRig& rig() const;  // without cameras: no rig
 
-  // In ascending time; nullopt: that was all. throws as ros_time() does.
+  // In ascending time; nullopt: end. Throws as ros_time().
   std::optional<Message> next();
 
   std::vector<std::string> take_warnings();  // one line each
-  // UNIX time at which the recording's clock began, seconds; nullopt: it does not say.
+  // UNIX time of the recording's zero, seconds; nullopt: unknown.
   std::optional<double> started_at_s() const;
 
  private:

@@ -1,4 +1,4 @@
-// What all messages of a bag have in common: definitions, times, names, CDR. Only for who makes messages.
+// Shared by all messages of a bag: definitions, times, names, CDR. Internal to this module.
 #pragma once
 
 #include <fastcdr/Cdr.h>
@@ -14,15 +14,15 @@ namespace huetrack::bag {
 
 inline constexpr std::size_t rtps_prefix = 2;  // a ROS 2 topic /x is the DDS topic rt/x
 
-std::string separator();          // before a definition that another one refers to
-std::string header_definition();  // std_msgs/Header, and what it is made of
+std::string separator();          // before a nested definition
+std::string header_definition();  // std_msgs/Header and its members
 std::string quaternion_definition();
 std::string tf_definition();  // tf2_msgs/TFMessage
 
-// As a part of a topic's name, whoever wrote the file.
+// A valid part of a topic's name.
 std::string word_of(std::string name);
 
-// throws std::runtime_error: none that ROS 2 can say
+// Throws std::runtime_error: not representable in ROS 2.
 std::int64_t ros_time(std::chrono::nanoseconds since_epoch, std::chrono::nanoseconds offset);
 
 template <typename Ros>

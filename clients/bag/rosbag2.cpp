@@ -70,7 +70,7 @@ class Insertion {
   std::unique_ptr<sqlite3_stmt, Finalize> statement_;
 };
 
-// A YAML scalar in double quotes: of text without any.
+// A YAML scalar in double quotes; text must not contain any.
 std::string quoted(const std::string& text) {
   std::string out = "\"";
   for (const char c : text)
@@ -83,12 +83,12 @@ std::string quoted(const std::string& text) {
 
 constexpr const char* database = "track_0.db3";
 
-// What there is of a bag, until it is one: gone with this, however it ends.
+// Removes an unfinished bag.
 struct Unfinished {
   explicit Unfinished(std::filesystem::path of) : folder(std::move(of)) {}
   ~Unfinished() {
     if (is_finished) return;
-    std::error_code none;  // the folder was ours to make, or empty
+    std::error_code none;  // the folder is new, or was empty
     std::filesystem::remove(folder / database, none);
     std::filesystem::remove(folder, none);
   }
@@ -128,7 +128,7 @@ class Rosbag2Writer final : public BagWriter {
   void finish() override {
     messages_.reset();
     db_.run("CREATE INDEX timestamp_idx ON messages (timestamp ASC); COMMIT;");
-    files::write_whole_file(bag_.folder / "metadata.yaml", metadata());  // last: without it, it is no bag yet
+    files::write_whole_file(bag_.folder / "metadata.yaml", metadata());  // last: completes the bag
     bag_.is_finished = true;
   }
 

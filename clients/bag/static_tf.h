@@ -1,5 +1,5 @@
-// Where a rig's cameras stand, as ROS 2 has it in /tf_static: world from each camera's optical frame, which is named as
-// the camera's pictures name it. Pure.
+// The poses of a rig's cameras for /tf_static: world from each camera's optical frame, whose name is the frame_id of
+// its pictures. Pure.
 #pragma once
 
 #include <cstdint>
@@ -13,8 +13,7 @@ namespace huetrack::bag {
 
 Topic static_tf_topic();
 
-// One message with all of them. moving: cameras that are left out, as /tf says where they are, and a frame has but one
-// parent. Message::topic is 0.
+// One message with all of them. moving: cameras that are in /tf, and so left out here. Message::topic is 0.
 Message static_tf_of(const calib::CameraRig& rig, const std::set<std::string>& moving, const std::string& frame_id,
                      std::int64_t at_ns);
 

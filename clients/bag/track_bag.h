@@ -1,5 +1,5 @@
-// Tracks as the messages that huetrackd publishes for ROS 2 (service/publish): a pose with covariance for each
-// position, and where it is in /tf. Pure.
+// Tracks as the ROS 2 messages of huetrackd (service/publish): a pose with covariance and a transform in /tf for each
+// position. Pure.
 #pragma once
 
 #include <chrono>
@@ -12,11 +12,11 @@
 
 namespace huetrack::bag {
 
-// Rows without a position are no messages.
-//   tracks     as plot::read_tracks() gives them: by target, or by camera
+// Skips rows without a position.
+//   tracks     of plot::read_tracks(): by target, or by camera
 //   frame_id   the world's name in the headers
-//   offset     is added to every time
-// throws std::runtime_error: a time that ROS 2 cannot say (before 1970, after 2038); no row has a position.
+//   offset     added to all times
+// Throws std::runtime_error: a time outside of ROS 2's range (1970 to 2038); no row has a position.
 Bag bag_of(const std::map<std::string, std::vector<plot::TrackRow>>& tracks, const std::string& frame_id,
            std::chrono::nanoseconds offset);
 

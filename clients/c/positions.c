@@ -1,4 +1,4 @@
-/* Positions in C with Cyclone DDS (Debian: cyclonedds-dev, cyclonedds-tools), which is no part of huetrack:
+/* Positions in C with Cyclone DDS (Debian: cyclonedds-dev, cyclonedds-tools), which is not part of huetrack:
      idlc IDL/huetrack.idl                                 # idl/huetrack.idl of the source tree
      cc -o positions positions.c huetrack.c -lddsc
      ./positions                                           # ROS_DOMAIN_ID is the domain, as for the service; else 0 */
@@ -23,11 +23,11 @@ int main(void) {
     dds_sample_info_t info;
     while (dds_take(reader, sample, &info, 1, 1) == 1) {
       const huetrack_msg_ObjectPosition* p = sample[0];
-      /* The state is what makes a position valid; a sample that is not valid_data says that a target ended. */
+      /* The state tells whether the position is valid; a sample without valid_data: the target ended. */
       if (info.valid_data &&
           (p->state == huetrack_msg_TRACK_STATE_TRACKING || p->state == huetrack_msg_TRACK_STATE_COASTING)) {
         printf("%s %.4f %.4f %.4f m\n", p->target, p->position[0], p->position[1], p->position[2]);
-        fflush(stdout); /* a pipe has it at once, too */
+        fflush(stdout); /* also for pipes */
       }
       dds_return_loan(reader, sample, 1);
     }

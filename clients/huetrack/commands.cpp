@@ -38,25 +38,25 @@ namespace {
 
 volatile std::sig_atomic_t ended = 0;
 
-// Discovery takes 0.1 s on one host and well below 1 s on a network; what is silent for so long is not there.
-constexpr auto nobody_after = 1500ms;
+// Discovery takes 0.1 s on one host and well below 1 s on a network.
+constexpr auto no_publisher_after = 1500ms;
 constexpr std::size_t most_statuses = 50;
-constexpr auto poll = 50ms;  // how late a signal or a farewell may be noticed
+constexpr auto poll = 50ms;  // delay until a signal is noticed
 
 std::int64_t unix_now() {
   return std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::system_clock::now().time_since_epoch())
       .count();
 }
 
-// What a log may take the place of.
+// Files that a log may overwrite.
 constexpr files::FileKind log_kind{"log of huetrack's", [](std::string_view text) {
                                      return text.starts_with("target,t,") || text.starts_with("camera,t,");
                                    }};
 
-// Text to stdout, lines to a file, each one flushed, so that whoever reads has it at once, or datagrams.
+// Lines to stdout or a file, each one flushed, or datagrams.
 class LineWriter {
  public:
-  // throws std::runtime_error: the file exists, and may not be replaced, or cannot be written; udp is no address
+  // Throws std::runtime_error: the file exists or cannot be written; udp is no address.
   LineWriter(const std::filesystem::path& file, bool overwrite, const std::string& udp = "") {
     if (!udp.empty()) udp_.emplace(udp);
     if (file.empty()) return;
@@ -66,8 +66,7 @@ class LineWriter {
     file_.emplace(file, log_kind);
   }
 
-  // text: ends with the line's end. false: the reader of the pipe is gone, nobody wants more. throws std::runtime_error
-  // when the disk is full.
+  // text: ends with the line's end. false: the pipe was closed. Throws std::runtime_error if the disk is full.
   bool write(std::string_view text) {
     if (text.empty()) return true;
     if (udp_) {
@@ -91,18 +90,17 @@ class LineWriter {
 };
 
 struct Wording {
-  const char* samples;  // "no publisher of ..."
-  const char* one;      // "nobody publishes ..."
+  const char* samples;  // "no publisher of object positions ..."
+  const char* one;      // "no publisher of target ball ..."
   const char* others;   // "no ..., but there are ...", and how they are watched
   const char* how;
 };
 
-constexpr std::size_t most_names = 1000, most_strangers = 100;  // that are kept in mind: anybody may send any number
+constexpr std::size_t most_names = 1000, most_other_publishers = 100;  // bounds what a program can make us store
 
-// A line that people must not take for the service's.
-std::string mark_of(std::string text, const std::string& stranger) {
+std::string mark_of(std::string text, const std::string& publisher) {
   text.pop_back();
-  return text + "   NOT THE SAME PUBLISHER: " + stranger + "\n";
+  return text + "   NOT THE SAME PUBLISHER: " + publisher + "\n";
 }
 
 // "ball_3" is one of several objects of the target "ball".
@@ -142,8 +140,7 @@ bool has_ended() {
 
 namespace {
 
-// Every sample of a topic as a line, and beside it, on stderr, what there is to say while nothing comes, or something
-// else.
+// Prints every sample of a topic as a line, and on stderr what is wrong while none is received.
 template <typename Sample>
 class TopicWatch {
  public:
@@ -157,19 +154,19 @@ class TopicWatch {
   int run(const std::string& header_line) {
     if (options_.udp.empty() && !out_.write(header_line)) return 0;
     while (!ended && (!options_.count || lines_ < *options_.count)) {
-      const std::optional<Heard<Sample>> heard = subscription_->next(poll);
+      const std::optional<Received<Sample>> received = subscription_->next(poll);
       const Clock::time_point now = Clock::now();
-      if (heard && !take(*heard, now)) return finish(0);
+      if (received && !take(*received, now)) return finish(0);
       look_at_network(now);
       if (subscription_->publishers() > 0) {
-        said_nobody_ = true;  // its farewell will be said, and that is enough
-        say_what_there_is();
-      } else if (!said_nobody_ && now - start_ > nobody_after) {
+        said_no_publisher_ = true;  // its end will be reported
+        report_available_targets();
+      } else if (!said_no_publisher_ && now - start_ > no_publisher_after) {
         say("no publisher of " + std::string(words_.samples) + " " + what_to_check(subscription_->participant()) +
             ". Waiting for one");
-        said_nobody_ = true;
+        said_no_publisher_ = true;
       }
-      say_others(now);
+      report_other_kind(now);
       if (options_.timeout && now - last_line_ > *options_.timeout) {
         say("no sample for " +
             std::to_string(std::chrono::duration_cast<std::chrono::milliseconds>(now - last_line_).count()) +
@@ -181,14 +178,14 @@ class TopicWatch {
   }
 
  private:
-  // false: nobody reads any more.
-  bool take(const Heard<Sample>& heard, Clock::time_point now) {
-    const std::string& name = name_of(heard.sample);
+  // false: the output was closed.
+  bool take(const Received<Sample>& received, Clock::time_point now) {
+    const std::string& name = name_of(received.sample);
     if (seen_targets_.size() < most_names) seen_targets_.insert(name);
     if (!wanted_.empty() && name != wanted_ && !is_object_of(name, wanted_)) return true;
     target_width_ = std::max(target_width_, name.size());
-    std::string text = line(options_.format, heard.sample, unix_now(), target_width_);
-    if (!heard.stranger.empty()) return take_of_stranger(heard, std::move(text));
+    std::string text = line(options_.format, received.sample, unix_now(), target_width_);
+    if (!received.other_publisher.empty()) return take_of_other_publisher(received, std::move(text));
     if (text.empty()) return true;
     if (!out_.write(text)) return false;
     ++lines_;
@@ -196,12 +193,13 @@ class TopicWatch {
     return true;
   }
 
-  bool take_of_stranger(const Heard<Sample>& heard, std::string text) {
-    const std::string& name = name_of(heard.sample);
-    if (strangers_.size() < most_strangers && strangers_.insert(name + heard.stranger).second)
+  bool take_of_other_publisher(const Received<Sample>& received, std::string text) {
+    const std::string& name = name_of(received.sample);
+    if (other_publishers_.size() < most_other_publishers &&
+        other_publishers_.insert(name + received.other_publisher).second)
       say(fmt::format("{} {} comes from a second publisher, too, which is {} here: {}", words_.one, name,
-                      options_.format == Format::text ? "marked" : "left out", heard.stranger));
-    return options_.format != Format::text || out_.write(mark_of(std::move(text), heard.stranger));
+                      options_.format == Format::text ? "marked" : "left out", received.other_publisher));
+    return options_.format != Format::text || out_.write(mark_of(std::move(text), received.other_publisher));
   }
 
   void look_at_network(Clock::time_point now) {
@@ -214,29 +212,30 @@ class TopicWatch {
     }
   }
 
-  // Where ours is not among it.
-  void say_what_there_is() {
+  // If the wanted target is not among them.
+  void report_available_targets() {
     std::set<std::string> targets = subscription_->targets();
     targets.insert(seen_targets_.begin(), seen_targets_.end());
     const bool may_come = std::ranges::any_of(targets, [&](const auto& target) {
       return target == wanted_ || is_object_of(wanted_, target);  // an object of a target that is published
     });
-    if (wanted_.empty() || targets.empty() || may_come || targets == said_targets_) return;
-    say("nobody publishes " + std::string(words_.one) + " " + wanted_ + " on domain " +
+    if (wanted_.empty() || targets.empty() || may_come || targets == reported_targets_) return;
+    say("no publisher of " + std::string(words_.one) + " " + wanted_ + " on domain " +
         std::to_string(subscription_->participant().domain()) + "; there are: " + files::joined(targets));
-    said_targets_ = std::move(targets);
+    reported_targets_ = std::move(targets);
   }
 
-  // Nothing will come of what is asked for, but there is something to watch.
-  void say_others(Clock::time_point now) {
-    if (said_others_ || now - start_ <= nobody_after || !seen_targets_.empty() || !subscription_->targets().empty())
+  // Nothing is published on this topic, but on the other one.
+  void report_other_kind(Clock::time_point now) {
+    if (reported_other_kind_ || now - start_ <= no_publisher_after || !seen_targets_.empty() ||
+        !subscription_->targets().empty())
       return;
     const auto others = subscription_->others();
     if (others.empty()) return;
     say("no " + std::string(words_.one) + " is tracked on domain " +
         std::to_string(subscription_->participant().domain()) + ", but these " + words_.others + ": " +
         files::joined(others) + ". Watch them with " + words_.how);
-    said_others_ = true;
+    reported_other_kind_ = true;
   }
 
   int finish(int exit_status) const {
@@ -252,9 +251,9 @@ class TopicWatch {
   std::optional<SampleSubscription<Sample>> subscription_;  // made anew when the network changes
   std::uint64_t lines_ = 0;
   std::size_t target_width_ = 0;
-  std::set<std::string> seen_targets_, strangers_;
-  bool said_nobody_ = false, said_others_ = false;
-  std::set<std::string> said_targets_;  // those named when ours was not among them
+  std::set<std::string> seen_targets_, other_publishers_;
+  bool said_no_publisher_ = false, reported_other_kind_ = false;
+  std::set<std::string> reported_targets_;  // those named when ours was not among them
   const Clock::time_point start_ = Clock::now();
   Clock::time_point last_line_ = start_, last_look_at_network_ = start_;
 };
@@ -273,7 +272,7 @@ int watch(const WatchOptions& options) {
 
 namespace {
 
-// What services say of themselves, and what `status` shows beside it: the newest of each.
+// Collects the latest samples that `status` shows.
 class StatusListener {
  public:
   explicit StatusListener(idl::DdsParticipant& participant)
@@ -290,17 +289,16 @@ class StatusListener {
         sets_in_(participant.create_reader<msg::ObjectSetPubSubType>(idl::object_set_topic,
                                                                      idl::object_position_reader_qos())) {}
 
-  // Until there is nothing more to wait for: after the first status a moment more, as a second service may be there,
-  // and the poses of a camera that is tracked.
+  // Until the first status, then a moment longer for a second service and the poses of a tracked camera.
   void listen() {
     constexpr auto a_moment = 300ms;
-    Clock::time_point until = Clock::now() + nobody_after;
+    Clock::time_point until = Clock::now() + no_publisher_after;
     bool waited_for_pose = false;
     while (!ended && Clock::now() < until) {
       const bool was_empty = statuses_.empty();
       take_all();
       if (was_empty && !statuses_.empty()) until = Clock::now() + a_moment;
-      dds::SubscriptionMatchedStatus matched;  // a slow camera's frame takes a while
+      dds::SubscriptionMatchedStatus matched;  // of a slow camera
       if (!statuses_.empty() && poses_.empty() && !waited_for_pose &&
           poses_in_.get_subscription_matched_status(matched) == ReturnCode_t::RETCODE_OK && matched.current_count > 0) {
         until += 3 * a_moment;
@@ -311,9 +309,9 @@ class StatusListener {
     }
   }
 
-  bool has_heard() const { return !statuses_.empty(); }
+  bool has_status() const { return !statuses_.empty(); }
 
-  // True: they are all well.
+  // Returns whether all services are healthy.
   bool write(LineWriter& out, StatusFormat format) const {
     const auto poses = values_of(poses_);
     const auto sets = values_of(sets_);
@@ -333,7 +331,7 @@ class StatusListener {
     return is_healthy;
   }
 
-  // Camera hosts, whoever uses their cameras.
+  // All camera hosts.
   void write_hosts(LineWriter& out) const {
     for (const auto& [_, host] : hosts_)
       if (!out.write(text(host))) return;
@@ -382,24 +380,24 @@ class StatusListener {
   }
 
   dds::DataReader &statuses_in_, &times_in_, &clocks_in_, &hosts_in_, &poses_in_, &sets_in_;
-  std::vector<msg::ServiceStatus> statuses_;  // in the order in which the services were first heard
+  std::vector<msg::ServiceStatus> statuses_;  // in order of discovery
   std::map<Process, msg::CameraTimes> times_;
   std::map<Process, msg::HostClocks> clocks_;
   std::map<std::string, msg::CameraHost> hosts_;
   std::map<std::string, msg::CameraPose> poses_;
-  std::map<std::string, msg::ObjectSet> sets_;  // by the target
+  std::map<std::string, msg::ObjectSet> sets_;  // by target
 };
 
 }  // namespace
 
 int status(const idl::ParticipantOptions& options, StatusFormat format) {
   idl::DdsParticipant participant(options);
-  StatusListener heard(participant);
+  StatusListener listener(participant);
   LineWriter out({}, false);
-  heard.listen();
-  const bool is_healthy = heard.write(out, format);
-  if (format == StatusFormat::text) heard.write_hosts(out);
-  if (heard.has_heard()) return is_healthy ? 0 : unhealthy_status;
+  listener.listen();
+  const bool is_healthy = listener.write(out, format);
+  if (format == StatusFormat::text) listener.write_hosts(out);
+  if (listener.has_status()) return is_healthy ? 0 : unhealthy_status;
   const std::string why = "no huetrackd publishes its status " + what_to_check(participant);
   if (!ended) say(why);
   if (format == StatusFormat::json) out.write(no_status_json(why));

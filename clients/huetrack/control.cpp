@@ -33,10 +33,10 @@ using live_view::RecordingDownload;
 using namespace std::chrono_literals;
 using ControlClock = std::chrono::steady_clock;
 
-constexpr auto no_service_after = 2s;  // discovery takes well below a second on a network
+constexpr auto no_service_after = 2s;  // discovery takes well below 1 s on a network
 constexpr auto second_service_after = 300ms;
 constexpr auto asked_again_after = 1s;
-constexpr auto no_answer_after = 5s;
+constexpr auto no_reply_after = 5s;
 constexpr std::size_t most_services_named = 20;
 
 struct Addressed {
@@ -54,7 +54,7 @@ class ControlConnection {
         request_(participant_.create_writer<msg::ControlRequestPubSubType>(idl::control_request_topic,
                                                                            idl::teach_writer_qos(), "")) {}
 
-  // wanted: HOST/PID, or empty: the only one. throws std::runtime_error
+  // wanted: HOST/PID; empty: the only one. Throws std::runtime_error.
   Addressed service(const std::string& wanted) {
     std::map<std::string, Addressed> services;
     std::vector<std::string> named;
@@ -62,11 +62,11 @@ class ControlConnection {
     while (!has_ended() && ControlClock::now() < until && !services.contains(wanted)) {
       msg::ServiceStatus sample;
       while (idl::take_next(status_, sample)) {
-        const std::string who = sample.host() + "/" + std::to_string(sample.pid());
-        if (services.size() == most_services_named || services.contains(who)) continue;
+        const std::string id = sample.host() + "/" + std::to_string(sample.pid());
+        if (services.size() == most_services_named || services.contains(id)) continue;
         if (services.empty() && wanted.empty()) until = ControlClock::now() + second_service_after;
-        services[who] = {sample.host(), sample.pid()};
-        named.push_back(fmt::format("{} ({})", who, sample.config_file()));
+        services[id] = {sample.host(), sample.pid()};
+        named.push_back(fmt::format("{} ({})", id, sample.config_file()));
       }
       status_.wait_for_unread_message(eprosima::fastrtps::Duration_t(0, 20'000'000));
     }
@@ -75,13 +75,14 @@ class ControlConnection {
     if (!wanted.empty())
       throw std::runtime_error("there is no service " + wanted + "; there are: " + files::joined(named));
     if (services.size() > 1)
-      throw std::runtime_error("there are several; say which with --service HOST/PID: " + files::joined(named));
+      throw std::runtime_error("there are several services; select one with --service HOST/PID: " +
+                               files::joined(named));
     return services.begin()->second;
   }
 
   void send(msg::ControlRequest& request) { request_.write(&request); }
 
-  // What comes to this client, waited for a little.
+  // A reply to this client; waits shortly.
   std::optional<msg::ControlReply> next(const std::string& client) {
     msg::ControlReply reply;
     reply_.wait_for_unread_message(eprosima::fastrtps::Duration_t(0, 20'000'000));
@@ -96,10 +97,10 @@ class ControlConnection {
   dds::DataWriter& request_;
 };
 
-// A file that is there whole or not at all; or stdout.
+// Writes a file that appears only when it is complete, or stdout.
 class ControlOutput {
  public:
-  // throws std::runtime_error: it is there already, or cannot be made
+  // Throws std::runtime_error: the file exists or cannot be created.
   explicit ControlOutput(const std::filesystem::path& file) : file_(file), part_(file.string() + ".part") {
     if (file_ == "-") return;
     std::error_code none;
@@ -152,7 +153,7 @@ int fetch(ControlConnection& connection, const Addressed& service, const std::ve
     const auto state = download.state();
     if (state == RecordingDownload::State::failed) throw std::runtime_error(download.failure());
     if (state == RecordingDownload::State::awaited) continue;
-    if (!to) to.emplace(file);  // a recording that is not there leaves no file
+    if (!to) to.emplace(file);  // not before the first piece
     while (const std::size_t n = download.read(part.data(), part.size())) to->write(part.data(), n);
     if (download.state() != RecordingDownload::State::ended) continue;
     to->finish();
@@ -163,7 +164,7 @@ int fetch(ControlConnection& connection, const Addressed& service, const std::ve
   return 1;
 }
 
-// What the columns are, of those requests that answer with a list.
+// Column headings of the replies that are lists.
 std::string columns_of(const std::vector<std::string>& words) {
   if (words == std::vector<std::string>{"record", "list"})
     return "recording\tbegun_at_s\tlength_s\tbytes\tcameras\tstate\n";
@@ -183,9 +184,9 @@ int ask(ControlConnection& connection, const Addressed& service, const std::vect
   request.pid(service.pid);
   request.words(words);
   std::optional<msg::ControlReply> reply;
-  const auto end = ControlClock::now() + no_answer_after;
+  const auto end = ControlClock::now() + no_reply_after;
   for (auto again = ControlClock::now(); !reply && !has_ended() && ControlClock::now() < end;) {
-    // Asked again until it is answered: the first time they may not have met yet. It is done once, whatever comes.
+    // Repeated until there is a reply, since discovery may not be complete. The service executes it once.
     if (ControlClock::now() >= again) {
       connection.send(request);
       again = ControlClock::now() + asked_again_after;
@@ -193,7 +194,7 @@ int ask(ControlConnection& connection, const Addressed& service, const std::vect
     reply = connection.next(request.client());
   }
   if (!reply) {
-    if (!has_ended()) say("the service does not answer; an older one knows no such requests");
+    if (!has_ended()) say("no reply from the service; versions before requests in words do not answer");
     return 1;
   }
   std::string text = reply->rows().empty() ? "" : columns_of(words);

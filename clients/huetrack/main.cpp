@@ -81,12 +81,11 @@ void CommandLine::add_bus(CLI::App& command) {
 }
 
 void CommandLine::add_samples(CLI::App& command) {
-  command.add_option("--target", watch_.target,
-                     "only this target, with all its objects; or one of these, as in ball_3");
+  command.add_option("--target", watch_.target, "only this target with all its objects, or one object, as in ball_3");
   command.add_option("--camera", watch_.camera,
-                     "the pose of this tracked camera instead of positions; all: of every one");
-  command.add_option("--count", watch_.count, "end after so many lines")->check(CLI::Range(1, 1'000'000'000));
-  command.add_option("--timeout", timeout_s_, "end with exit status 1 when no line came for so many seconds")
+                     "poses of this tracked camera instead of positions; all: of all cameras");
+  command.add_option("--count", watch_.count, "end after this number of lines")->check(CLI::Range(1, 1'000'000'000));
+  command.add_option("--timeout", timeout_s_, "end with exit status 1 after this number of seconds without a line")
       ->check(CLI::Range(0.001, 1e9));
   add_bus(command);
 }
@@ -98,7 +97,7 @@ int CommandLine::watch_or_log(std::string_view usual_format) {
   if (timeout_s_ > 0) watch_.timeout = std::chrono::duration<double>(timeout_s_);
   watch_.format = formats.find(format_.empty() ? usual_format : format_)->second;
   if (watch_.format == Format::osc && watch_.udp.empty())
-    throw std::runtime_error("--format osc is for programs, by UDP: say where to with --udp HOST:PORT");
+    throw std::runtime_error("--format osc needs a UDP receiver: --udp HOST:PORT");
   return watch(watch_);
 }
 
@@ -127,7 +126,7 @@ void CommandLine::add_log() {
 
 void CommandLine::add_status() {
   CLI::App& command =
-      add("status", "print what the service says about itself; exit status 0: well, 3: not well, 1: there is none",
+      add("status", "print the service's status; exit status 0: healthy, 3: problems, 1: no service",
           [this] { return status(participant_, status_format_ == "json" ? StatusFormat::json : StatusFormat::text); });
   command.add_option("--format", status_format_, "text or json: one object per service")
       ->check(CLI::IsMember({"text", "json"}))
@@ -140,7 +139,7 @@ void CommandLine::add_view() {
     view_.participant = participant_;
     return live_view::view(view_, has_ended);
   });
-  command.add_option("--port", view_.server.port, "to listen on; 0: any free one")
+  command.add_option("--port", view_.server.port, "TCP port; 0: any free one")
       ->check(CLI::Range(0, 65535))
       ->capture_default_str();
   command
@@ -161,8 +160,8 @@ void CommandLine::add_control() {
         control_.participant = participant_;
         return control(control_);
       });
-  command.add_option("words", control_.words, "what is asked; idl/README.md lists it")->required();
-  command.add_option("--service", control_.service, "HOST/PID, where there are several");
+  command.add_option("words", control_.words, "the request; see idl/README.md")->required();
+  command.add_option("--service", control_.service, "HOST/PID, if there are several services");
   command.add_option("--out", control_.out, "of a download: the tar file; -: stdout; default: NAME.tar");
   add_bus(command);
   // The shell's completion reads them (configs/service/completion.bash).
@@ -181,7 +180,7 @@ void CommandLine::add_plot() {
   command.add_option("tracks", plot_.tracks, "CSV of `huetrackd replay --tracks` or `huetrack log`")->required();
   command.add_option("--truth", plot_.truth, "CSV with columns ball or target, t, x, y, z");
   command.add_option("--clock-offset", plot_.clock_offset_s, "seconds that the tracks' clock is ahead of the truth's");
-  command.add_option("--out", plot_.out, "FILE.png, FILE.svg or FILE.html (one file that needs no other)")->required();
+  command.add_option("--out", plot_.out, "FILE.png, FILE.svg or FILE.html (self-contained)")->required();
 }
 
 void CommandLine::add_export() {
@@ -193,18 +192,18 @@ void CommandLine::add_export() {
   command.add_option("tracks", export_.tracks, "CSV of `huetrackd replay --tracks` or `huetrack log`");
   command.add_option("--out", export_.out, "FILE.mcap, or a new folder for a rosbag2 (sqlite3)")->required();
   command.add_option("--pictures", export_.pictures,
-                     "a recording: with every frame as a CompressedImage, and its CameraInfo");
+                     "a recording: adds every frame as a CompressedImage, and its CameraInfo");
   command.add_option("--rig", export_.rig,
-                     "of the cameras: where they stand, and their lenses; default: rig.yaml beside the recording");
+                     "rig file: the cameras' poses and lenses; default: rig.yaml in the recording's folder");
   command.add_option("--frame", export_.frame_id, "the world's name in the messages")->capture_default_str();
   command.add_option("--clock-offset", export_.clock_offset_s,
-                     "seconds to add to every time: a replay's are its recording's own");
+                     "seconds to add to all times; a replay has its recording's times");
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
-  end_on_signals();  // first of all: whoever ends it early is answered, too
+  end_on_signals();  // first: also ends a slow start
   CommandLine line;
   CLI11_PARSE(line.app, argc, argv);
   try {

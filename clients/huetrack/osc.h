@@ -1,5 +1,4 @@
-// Samples as Open Sound Control 1.0 (opensoundcontrol.org), which programs for stage, light and music understand. By
-// hand: liblo and oscpack would be a package for fifty lines. Pure functions; thread-safe.
+// Samples as Open Sound Control 1.0 (opensoundcontrol.org), for stage, light and music. Pure functions; thread-safe.
 #pragma once
 
 #include <string>
@@ -8,12 +7,12 @@
 
 namespace huetrack::client {
 
-// One bundle, whose time tag is the capture time, with a message each for
+// One bundle with the capture time as its time tag and the messages
 //   /huetrack/TARGET/state     ,s    "tracking", "coasting", "searching", "lost"
-//   /huetrack/TARGET/position  ,fff  x y z, metres, and, as the two below, only while there is a position:
+//   /huetrack/TARGET/position  ,fff  x y z, metres; this and the next two only while there is a position
 //   /huetrack/TARGET/velocity  ,fff  m/s
 //   /huetrack/TARGET/sigma     ,fff  standard deviation along x, y, z, metres
-// What OSC does not allow in an address ( #*,/?[]{} and blanks) is an underscore in TARGET.
+// Characters that OSC does not allow in an address (#*,/?[]{} and blanks) become underscores in TARGET.
 std::string osc_bundle(const msg::ObjectPosition& sample);
 
 // A tracked camera's bundle, under /huetrack/camera/NAME: state, position, orientation (,ffff: x y z w), sigma.

@@ -33,7 +33,7 @@ struct Of<msg::CameraPose> {
   static constexpr const char* named = ", camera";
 };
 
-std::string who(const std::optional<idl::PublisherIdentity>& identity, const char* named) {
+std::string description_of(const std::optional<idl::PublisherIdentity>& identity, const char* named) {
   if (!identity) return "a program that is not huetrackd";
   std::string text = "process " + std::to_string(identity->pid) + " on " + files::printable(identity->host);
   if (!identity->targets.empty()) text += named;
@@ -94,20 +94,20 @@ std::set<std::string> SampleSubscription<Sample>::Announcements::names_on(const 
 }
 
 template <typename Sample>
-std::string SampleSubscription<Sample>::stranger(const std::string& name, const rtps::GUID_t& writer) {
+std::string SampleSubscription<Sample>::publisher_unless_accepted(const std::string& name, const rtps::GUID_t& writer) {
   const auto now = std::chrono::steady_clock::now();
   const auto identity = announcements_.find(writer);
-  const auto it = believed_.find(name);
-  if (it == believed_.end()) {
-    if (believed_.size() >= most_announced) return who(identity, "");
-    believed_[name] = {writer, identity, now};
+  const auto it = accepted_.find(name);
+  if (it == accepted_.end()) {
+    if (accepted_.size() >= most_announced) return description_of(identity, "");
+    accepted_[name] = {writer, identity, now};
     return "";
   }
-  Believed& believed = it->second;
-  const bool is_the_one = believed.writer == writer || is_same_process(believed.identity, identity);
-  const bool is_over = now - believed.heard > silent_after || announcements_.has_gone(believed.writer);
-  if (!is_the_one && !is_over && (believed.identity || !identity)) return who(identity, "");
-  believed = {writer, identity, now};
+  Accepted& accepted = it->second;
+  const bool is_the_one = accepted.writer == writer || is_same_process(accepted.identity, identity);
+  const bool is_over = now - accepted.last_sample > silent_after || announcements_.has_gone(accepted.writer);
+  if (!is_the_one && !is_over && (accepted.identity || !identity)) return description_of(identity, "");
+  accepted = {writer, identity, now};
   return "";
 }
 
@@ -119,14 +119,14 @@ SampleSubscription<Sample>::SampleSubscription(const idl::ParticipantOptions& op
       arrivals_(reader_) {}
 
 template <typename Sample>
-std::optional<Heard<Sample>> SampleSubscription<Sample>::next(std::chrono::milliseconds at_most) {
+std::optional<Received<Sample>> SampleSubscription<Sample>::next(std::chrono::milliseconds at_most) {
   const auto until = std::chrono::steady_clock::now() + at_most;
   Sample sample;
   dds::SampleInfo info;
   for (;;) {
     if (idl::take_next(reader_, sample, info)) {
       make_printable(sample);
-      return Heard<Sample>{sample, stranger(name_of(sample), info.sample_identity.writer_guid())};
+      return Received<Sample>{sample, publisher_unless_accepted(name_of(sample), info.sample_identity.writer_guid())};
     }
     const auto left = until - std::chrono::steady_clock::now();
     if (left <= std::chrono::steady_clock::duration::zero()) return std::nullopt;
@@ -144,7 +144,7 @@ std::vector<std::string> SampleSubscription<Sample>::news() {
     const bool more = liveliness.alive_count > publishers_;
     publishers_ = liveliness.alive_count;
     sentences.push_back((more ? "a publisher is there: " : "a publisher went away: ") +
-                        who(identity, Of<Sample>::named) +
+                        description_of(identity, Of<Sample>::named) +
                         (more              ? ""
                          : publishers_ > 0 ? "; " + std::to_string(publishers_) + " left"
                                            : "; waiting for one to come back"));

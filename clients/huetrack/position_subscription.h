@@ -1,4 +1,4 @@
-// The subscription to huetrack/object_position or huetrack/camera_pose, and who publishes there.
+// The subscription to huetrack/object_position or huetrack/camera_pose, with its publishers.
 #pragma once
 
 #include <chrono>
@@ -17,36 +17,35 @@
 
 namespace huetrack::client {
 
-// A sample, as terminals may show it. Anybody on the bus may publish under a name. The one that is believed is the
-// first that was heard under it, or a huetrackd that comes after a program that does not say who it is; when it ends or
-// falls silent, the next.
+// A sample with printable strings. Any program on the bus may publish under a name. The accepted publisher of a name is
+// the first one, or a huetrackd after an unidentified program; when it ends or is silent, the next one.
 template <typename Sample>
-struct Heard {
+struct Received {
   Sample sample;
-  std::string stranger;  // who sent it; empty: the one that is believed
+  std::string other_publisher;  // description of the sender; empty: the accepted one
 };
 
 // thread-compatible. Sample: msg::ObjectPosition or msg::CameraPose.
 template <typename Sample>
 class SampleSubscription {
  public:
-  explicit SampleSubscription(const idl::ParticipantOptions& options);  // throws what DdsParticipant throws
+  explicit SampleSubscription(const idl::ParticipantOptions& options);  // throws as DdsParticipant
 
-  // Waits for a sample, at most for the time given; nullopt when none came.
-  std::optional<Heard<Sample>> next(std::chrono::milliseconds at_most);
+  // Waits for a sample; nullopt: timeout.
+  std::optional<Received<Sample>> next(std::chrono::milliseconds at_most);
 
-  // What happened to the publishers since the last call, one sentence each: one appeared, went away (killed ones too,
-  // about 1 s later), or does not fit.
+  // Changes of the publishers since the last call, one sentence each: one appeared, went away (killed ones after about
+  // 1 s), or has an incompatible QoS.
   std::vector<std::string> news();
 
   int publishers() const { return publishers_; }                     // alive, as of the last news()
-  std::set<std::string> targets() const;                             // that publishers announce; cameras for poses
-  std::set<std::string> others() const;                              // cameras that are announced; targets for poses
+  std::set<std::string> targets() const;                             // announced targets; of poses: cameras
+  std::set<std::string> others() const;                              // announced cameras; of poses: targets
   bool network_changed() { return participant_.network_changed(); }  // see DdsParticipant
   const idl::DdsParticipant& participant() const { return participant_; }
 
  private:
-  // Reads who a writer is from its USER_DATA. thread-safe: called from Fast DDS' threads.
+  // Identifies writers by their USER_DATA. thread-safe: called by Fast DDS' threads.
   class Announcements : public eprosima::fastdds::dds::DomainParticipantListener {
    public:
     void on_publisher_discovery(eprosima::fastdds::dds::DomainParticipant* participant,
@@ -57,28 +56,29 @@ class SampleSubscription {
 
    private:
     struct Known {
-      std::optional<idl::PublisherIdentity> identity;  // nullopt: it does not say who it is
+      std::optional<idl::PublisherIdentity> identity;  // nullopt: unidentified
       std::string topic;                               // of positions or of poses
-      bool there = true;                               // kept when it is gone, so that its farewell can name it
+      bool there = true;                               // false: gone, kept for the message about it
     };
     mutable std::mutex mutex_;
     std::map<eprosima::fastrtps::rtps::GUID_t, Known> known_;  // guarded by mutex_
   };
 
-  // Who is believed, under one name.
-  struct Believed {
+  // The accepted publisher of a name.
+  struct Accepted {
     eprosima::fastrtps::rtps::GUID_t writer;
     std::optional<idl::PublisherIdentity> identity;
-    std::chrono::steady_clock::time_point heard;
+    std::chrono::steady_clock::time_point last_sample;
   };
-  std::string stranger(const std::string& name, const eprosima::fastrtps::rtps::GUID_t& writer);
+  // Description of the writer, or empty if it is the accepted publisher of the name.
+  std::string publisher_unless_accepted(const std::string& name, const eprosima::fastrtps::rtps::GUID_t& writer);
 
   Announcements announcements_;  // before participant_: it outlives it
   idl::DdsParticipant participant_;
   eprosima::fastdds::dds::DataReader& reader_;
   idl::Arrivals arrivals_;
   int publishers_ = 0;
-  std::map<std::string, Believed> believed_;  // by the target's or the camera's name
+  std::map<std::string, Accepted> accepted_;  // by target or camera
 };
 
 using PositionSubscription = SampleSubscription<msg::ObjectPosition>;

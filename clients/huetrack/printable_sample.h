@@ -1,5 +1,5 @@
-// What came over the bus, as a terminal, a CSV and a log may have it: anybody may have sent it. Every sample goes
-// through here when it is received, so that nothing below has to think of it. Pure functions; thread-safe.
+// Sanitises the strings of received samples for terminals, CSV and logs: any program may have sent them. Applied to
+// every sample on reception. Pure functions; thread-safe.
 #pragma once
 
 #include <string>
@@ -11,7 +11,7 @@
 
 namespace huetrack::client {
 
-// Names become one word, sentences one line; both are cut where no huetrackd would go.
+// Names become one word, sentences one line; both are cut beyond the lengths of huetrackd.
 void make_printable(msg::ObjectPosition& sample);
 void make_printable(msg::CameraPose& sample);
 void make_printable(msg::ServiceStatus& sample);

@@ -18,7 +18,7 @@ namespace {
 
 constexpr double ns_per_ms = 1e6;
 
-// Seconds with nine decimals, exactly: a double has not enough digits for UNIX nanoseconds.
+// Seconds with nine exact decimals: a double is not precise enough.
 std::string unix_seconds(std::int64_t ns) {
   return fmt::format("{}{}.{:09}", ns < 0 ? "-" : "", std::abs(ns / ns_per_s), std::abs(ns % ns_per_s));
 }
@@ -27,7 +27,7 @@ bool has_position(const msg::ObjectPosition& sample) {
   return sample.state() == msg::TRACK_STATE_TRACKING || sample.state() == msg::TRACK_STATE_COASTING;
 }
 
-// The shortest text that reads back as the same number; "nan" whatever its sign bit.
+// Shortest round-trip text; "nan" without a sign.
 std::string csv_number(double value) {
   return std::isnan(value) ? "nan" : fmt::format("{}", value);
 }
@@ -76,12 +76,12 @@ std::string json_line(const msg::ObjectPosition& s) {
       s.particle_count(), json_number(s.effective_sample_size()), fmt::join(views, ","));
 }
 
-// For people: "-" where there is no such number.
+// "-" for NaN and infinity.
 std::string number(double value, int decimals, int width = 0) {
   return std::isfinite(value) ? fmt::format("{:{}.{}f}", value, width, decimals) : fmt::format("{:>{}}", "-", width);
 }
 
-// "-" where the two are not of one clock: a replay may publish its recording's own times.
+// "-" for times of different clocks (a replay may publish its recording's times).
 std::string latency_ms(std::int64_t from, std::int64_t to, int decimals, int width = 0) {
   const double ns = static_cast<double>(to) - static_cast<double>(from);
   return number(std::abs(ns) < 3600.0 * ns_per_s ? ns / ns_per_ms : std::nan(""), decimals, width);
@@ -225,7 +225,7 @@ std::string text(const msg::ServiceStatus& s, std::int64_t now, const msg::Camer
   std::size_t width = 0;
   for (const msg::CameraStatus& camera : s.cameras()) width = std::max(width, camera.name().size());
   for (const msg::CameraStatus& camera : s.cameras()) {
-    // A replay that is held gives no frames, and its cameras are not to blame.
+    // A held replay delivers no frames: not a fault of its cameras.
     const bool is_held = s.mode() == "held" && (camera.health() == msg::CAMERA_HEALTH_WAITING ||
                                                 camera.health() == msg::CAMERA_HEALTH_STALLED);
     const std::string message = is_held ? "" : camera.message();

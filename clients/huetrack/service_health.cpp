@@ -13,7 +13,7 @@
 namespace huetrack::client {
 namespace {
 
-// A service says its status every second, and clocks of two hosts may differ by some.
+// The status is published every second; clocks of two hosts may differ by some seconds.
 constexpr double old_s = 10;
 
 std::string list_of(const std::vector<std::string>& sentences) {
@@ -27,7 +27,7 @@ std::string head(bool is_healthy, const std::vector<std::string>& problems) {
          list_of(problems);
 }
 
-// A recording's camera ends, and one that is held has not begun, or gives no more until it goes on: none is a fault.
+// A recording's camera may have ended, and a held one does not deliver: no faults.
 bool is_well(const msg::CameraStatus& camera, const std::string& mode) {
   if (camera.health() == msg::CAMERA_HEALTH_DELIVERING) return true;
   if (mode == "held")
@@ -44,7 +44,8 @@ std::vector<std::string> problems_of(const msg::ServiceStatus& status, std::int6
       problems.push_back("camera " + camera.name() + ": " + std::string(idl::name(camera.health())) +
                          (camera.message().empty() ? "" : ": " + camera.message()));
   std::ranges::copy(status.warnings(), std::back_inserter(problems));
-  const double age_s = (static_cast<double>(now) - static_cast<double>(status.at())) * 1e-9;  // of any time it may say
+  const double age_s =
+      (static_cast<double>(now) - static_cast<double>(status.at())) * 1e-9;  // in double: no overflow for any value
   if (age_s > old_s)
     problems.push_back(fmt::format("its last status is {:.0f} s old: it hangs, or the hosts' clocks differ", age_s));
   return problems;

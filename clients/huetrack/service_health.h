@@ -1,4 +1,4 @@
-// Is a service well? What `huetrack status` answers for programs: as JSON, and by its exit status. Pure functions.
+// A service's health for `huetrack status`: JSON and exit status. Pure functions.
 #pragma once
 
 #include <cstdint>
@@ -12,7 +12,7 @@
 
 namespace huetrack::client {
 
-// What is not well, one sentence each: its warnings, cameras that do not deliver, a status that is old. now: UNIX ns.
+// Problems, one sentence each: its warnings, cameras that do not deliver, an old status. now: UNIX ns.
 std::vector<std::string> problems_of(const msg::ServiceStatus& status, std::int64_t now);
 
 // One line: {"version":1,"healthy":...,"problems":[...],"status":{...},"times":{...} or
@@ -21,7 +21,7 @@ std::vector<std::string> problems_of(const msg::ServiceStatus& status, std::int6
 //   times, poses, clocks   as for text() of sample_format.h
 std::string status_json(const msg::ServiceStatus& status, std::int64_t now, const msg::CameraTimes* times,
                         std::span<const msg::CameraPose> poses, const msg::HostClocks* clocks = nullptr);
-// Where nobody says a status.
+// Without a service.
 std::string no_status_json(const std::string& why);
 
 }  // namespace huetrack::client

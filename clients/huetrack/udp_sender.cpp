@@ -35,7 +35,7 @@ UdpSender::UdpSender(const std::string& to) : to_(to) {
     }
     const int yes = 1;
     ::setsockopt(fd_, SOL_SOCKET, SO_BROADCAST, &yes, sizeof yes);
-    // Connected, so that the other host's refusal is heard.
+    // Connected, so that the other host's ICMP refusal is reported.
     if (::connect(fd_, address->ai_addr, address->ai_addrlen) == 0) break;
     why = errno;
     ::close(fd_);
@@ -54,8 +54,8 @@ std::string UdpSender::send(std::string_view datagram) {
   if (error == EMSGSIZE) throw std::runtime_error("--udp " + to_ + ": a sample is larger than a datagram can be");
   if (error == last_error_) return "";
   last_error_ = error;
-  if (error == ECONNREFUSED) return "nobody listens at " + to_ + " (UDP); sending goes on";
-  return "sending to " + to_ + ": " + std::strerror(error) + "; sending goes on";
+  if (error == ECONNREFUSED) return "no receiver at " + to_ + " (UDP: port closed); sending continues";
+  return "sending to " + to_ + ": " + std::strerror(error) + "; sending continues";
 }
 
 }  // namespace huetrack::client

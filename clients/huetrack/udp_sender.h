@@ -1,4 +1,4 @@
-// Datagrams to one address: each is sent or lost, and nothing is waited for.
+// Sends datagrams to one address, without waiting and without retries.
 #pragma once
 
 #include <string>
@@ -9,21 +9,21 @@ namespace huetrack::client {
 // thread-compatible.
 class UdpSender {
  public:
-  // to: HOST:PORT or [IPV6]:PORT; a name is looked up once, here. Broadcast and multicast addresses are as good as any
-  // (multicast stays on this network). throws std::runtime_error, one readable line.
+  // to: HOST:PORT or [IPV6]:PORT, also broadcast and multicast (which stays on this network); resolved once, here.
+  // Throws std::runtime_error with a one-line message.
   explicit UdpSender(const std::string& to);
   ~UdpSender();
   UdpSender(const UdpSender&) = delete;
   UdpSender& operator=(const UdpSender&) = delete;
 
-  // What is wrong with the way there, once for each trouble that is new; empty: nothing, or the same as before.
-  // throws std::runtime_error: larger than a datagram can be.
+  // Returns a message for each new error; empty: none, or the same as before. Throws std::runtime_error: too large for
+  // a datagram.
   std::string send(std::string_view datagram);
 
  private:
   std::string to_;
   int fd_ = -1;
-  int last_error_ = 0;  // that was told
+  int last_error_ = 0;  // that was reported
 };
 
 }  // namespace huetrack::client

@@ -25,22 +25,21 @@ using namespace std::chrono_literals;
 namespace {
 
 constexpr auto pulse_period = 1s;
-constexpr auto gone_after = 4s;         // a service that was not heard for so long; it speaks once a second
-constexpr auto keep_previews_for = 3s;  // after the last page: a reload is no reason to stop
+constexpr auto gone_after = 4s;         // without a status, which is published once a second
+constexpr auto keep_previews_for = 3s;  // after the last page closed: it may only reload
 constexpr auto keep_replies_for = 60s;
 constexpr std::size_t most_requests = 16;
 constexpr std::size_t most_downloads = 4;  // at once; each holds two pieces of a quarter of a megabyte
 constexpr std::size_t most_early = 200;
-// What anybody on the bus may make us keep, besides the limits of idl/topics.h on a sample and the hub's on all.
-constexpr int of_a_target = 16;  // positions that wait for one that was lost on the way
-constexpr std::size_t most_services = 8, most_maps = 4, most_replies = 32, most_strangers = 16;
+// Limits on what other programs on the bus can make us store, besides those of idl/topics.h and the hub.
+constexpr int of_a_target = 16;  // positions that wait for a lost one
+constexpr std::size_t most_services = 8, most_maps = 4, most_replies = 32, most_foreign = 16;
 
 double unix_now() {
   return std::chrono::duration<double>(std::chrono::system_clock::now().time_since_epoch()).count();
 }
 
-// Of the writer's GUID the part that all participants of one process share (vendor, host, process), as Fast DDS, which
-// the service is built with, forms it.
+// The part of a writer's GUID that all participants of one process share (vendor, host, process) in Fast DDS.
 BusReader::Process process_of(const dds::SampleInfo& info) {
   BusReader::Process process{};
   const auto& prefix = info.sample_identity.writer_guid().guidPrefix.value;
@@ -48,7 +47,7 @@ BusReader::Process process_of(const dds::SampleInfo& info) {
   return process;
 }
 
-// What waits, but no more than can wait: a flood must not hold the rest up.
+// Takes a bounded number of samples, so that a flood does not block the others.
 template <typename Sample, typename F>
 void take_all(idl::Inbox<Sample>& inbox, F&& use) {
   for (std::size_t left = idl::Inbox<Sample>::most_samples; left > 0; --left) {
@@ -59,7 +58,7 @@ void take_all(idl::Inbox<Sample>& inbox, F&& use) {
 }
 
 template <typename Sample>
-std::string who_of(const Sample& sample) {
+std::string id_of(const Sample& sample) {
   return sample.host() + "/" + std::to_string(sample.pid());
 }
 
@@ -102,8 +101,8 @@ struct BusReader::Connection {
   idl::Inbox<msg::ControlReply> control_reply;
   idl::DdsParticipant participant;  // its readers end before the inboxes
   dds::DataReader& position_reader;
-  std::string refused;                         // why there is no request; before them, which set this
-  dds::DataWriter *request, *control_request;  // null: who may watch need not be one who may ask
+  std::string refused;                         // why there is no writer; declared before the writers, which set it
+  dds::DataWriter *request, *control_request;  // null: not permitted
 
  private:
   template <typename Type>
@@ -124,7 +123,7 @@ struct BusReader::Connection {
   }
 };
 
-// A participant of its own: it comes and goes with the pages.
+// Has its own participant, which exists only while pages are open.
 struct BusReader::Previews {
   explicit Previews(const idl::ParticipantOptions& options) : participant(named(options, "huetrack view, previews")) {
     inbox.attach(participant.create_reader<msg::PreviewPubSubType>(idl::preview_topic, idl::preview_reader_qos()));
@@ -170,7 +169,7 @@ std::shared_ptr<RecordingDownload> BusReader::download(const std::vector<std::st
             : downloads_.size() >= most_downloads ? "Too many recordings are being downloaded at once."
                                                   : "";
   if (!why_not.empty()) return nullptr;
-  // Nobody else's requests carry this name, nor can a page guess it.
+  // Unique, and not guessable by a page.
   auto download = std::make_shared<RecordingDownload>(words, random_token(), shown_host_, shown_pid_);
   downloads_.push_back(download);
   return download;
@@ -195,11 +194,11 @@ void BusReader::poll(int pages) {
   go_on_with_downloads();
   if (now >= next_pulse_) {
     next_pulse_ = now + pulse_period;
-    tell_pulse();
+    publish_pulse();
     if (connection_->participant.network_changed()) {
       try {
         connection_ = std::make_unique<Connection>(options_);
-        previews_.reset();  // made anew by the next poll()
+        previews_.reset();  // recreated by the next poll()
         trouble_.clear();
       } catch (const std::invalid_argument& error) {  // a given interface is gone
         trouble_ = error.what();
@@ -210,40 +209,40 @@ void BusReader::poll(int pages) {
   }
 }
 
-BusReader::Service* BusReader::service(const std::string& who) {
-  if (services_.size() >= most_services && !services_.contains(who)) return nullptr;
-  const auto [it, is_new] = services_.try_emplace(who);
-  if (is_new) it->second.began = it->second.heard = Clock::now();
+BusReader::Service* BusReader::service(const std::string& id) {
+  if (services_.size() >= most_services && !services_.contains(id)) return nullptr;
+  const auto [it, is_new] = services_.try_emplace(id);
+  if (is_new) it->second.began = it->second.last_status = Clock::now();
   return &it->second;
 }
 
-// From now on pages see this one, and nothing of the one before.
-void BusReader::show(const std::string& who) {
+// Switches all pages to this service.
+void BusReader::show(const std::string& id) {
   if (const auto old = services_.find(shown_); old != services_.end()) {
     for (const auto& [key, event] : old->second.events) hub_.erase(key);
     for (const std::string& camera : old->second.cameras) hub_.erase(preview_key(camera));
   }
   hub_.forget_appended();
-  shown_ = who;
+  shown_ = id;
   {
     const std::scoped_lock lock(mutex_);
-    shown_host_ = who.empty() ? "" : services_.at(who).host;
-    shown_pid_ = who.empty() ? 0 : services_.at(who).pid;
+    shown_host_ = id.empty() ? "" : services_.at(id).host;
+    shown_pid_ = id.empty() ? 0 : services_.at(id).pid;
   }
-  if (who.empty()) return;
-  const Service& now = services_.at(who);
-  hub_.set("status", now.events.at("status"));  // first: it says whose the rest is
+  if (id.empty()) return;
+  const Service& now = services_.at(id);
+  hub_.set("status", now.events.at("status"));  // first: it identifies the service
   for (const auto& [key, event] : now.events)
     if (key != "status") hub_.set(key, event);
   for (const Early& early : early_)
-    if (early.process == now.process) hub_.append(early.event, early.is_told);
+    if (early.process == now.process) hub_.append(early.event, early.was_sent);
   early_.clear();
 }
 
-// The last that a service says, under a key of its own for each camera, if it says it by camera.
-void BusReader::keep(const std::string& who, const std::string& name, const std::string& json,
+// Stores the latest sample of a service, per camera where it is of one.
+void BusReader::keep(const std::string& id, const std::string& name, const std::string& json,
                      const std::string& camera) {
-  Service* const of = service(who);
+  Service* const of = service(id);
   if (of == nullptr) return;
   const std::string key = name + (camera.empty() ? "" : "/" + camera);
   const auto is_of_camera = [](const auto& event) { return event.first.find('/') != std::string::npos; };
@@ -251,27 +250,28 @@ void BusReader::keep(const std::string& who, const std::string& name, const std:
       std::size_t(std::ranges::count_if(of->events, is_of_camera)) >= most_maps)
     return;
   const std::string& event = of->events[key] = to_event(name, json);
-  if (is_shown(who)) hub_.set(key, event);
+  if (is_shown(id)) hub_.set(key, event);
 }
 
-// Positions and previews do not say whose they are, but DDS says which process wrote them. Once there is a service that
-// is shown, only what comes from its process is; the others are counted, and named by tell_pulse().
+// Positions and previews do not name their service, but DDS names the process that wrote them. Samples of other
+// processes than the shown service's are not shown, but counted for publish_pulse().
 bool BusReader::is_of_another(const Process& process) {
   if (shown_.empty() || services_.at(shown_).process == process) return false;
   const bool is_known =
       std::ranges::any_of(services_, [&](const auto& entry) { return entry.second.process == process; });
-  if (!is_known && (strangers_.size() < most_strangers || strangers_.contains(process))) ++strangers_[process];
+  if (!is_known && (foreign_samples_.size() < most_foreign || foreign_samples_.contains(process)))
+    ++foreign_samples_[process];
   return true;
 }
 
 void BusReader::append(const Process& process, std::string event) {
-  // Of one that has not said yet who it is. Of a replay that is held there are no others: they must outlive the change.
-  const bool is_told = !is_of_another(process);
+  // Before its service's first status: kept, since a held replay publishes no others.
+  const bool was_sent = !is_of_another(process);
   if (std::ranges::none_of(services_, [&](const auto& entry) { return entry.second.process == process; })) {
-    early_.push_back({process, event, is_told});
+    early_.push_back({process, event, was_sent});
     if (early_.size() > most_early) early_.pop_front();
   }
-  if (is_told) hub_.append(std::move(event));
+  if (was_sent) hub_.append(std::move(event));
 }
 
 void BusReader::take_positions() {
@@ -285,55 +285,55 @@ void BusReader::take_positions() {
 void BusReader::take_statuses() {
   const auto now = Clock::now();
   take_all(connection_->status, [&](const auto& sample, const Process& process) {
-    const std::string who = who_of(sample);
-    Service* const it = service(who);
+    const std::string id = id_of(sample);
+    Service* const it = service(id);
     if (it == nullptr) return;
-    it->heard = now;
+    it->last_status = now;
     it->process = process;
     it->host = sample.host();
     it->pid = sample.pid();
     it->config_file = sample.config_file();
     std::set<std::string> cameras;
     for (const auto& camera : sample.cameras()) cameras.insert(camera.name());
-    if (is_shown(who))
+    if (is_shown(id))
       for (const std::string& camera : it->cameras)
         if (!cameras.contains(camera)) hub_.erase(preview_key(camera));
     it->cameras = std::move(cameras);
-    keep(who, "status", to_json(sample, unix_now()));
+    keep(id, "status", to_json(sample, unix_now()));
   });
   bool has_gone = false;
   std::erase_if(services_, [&](const auto& entry) {
-    if (now - entry.second.heard < gone_after) return false;
+    if (now - entry.second.last_status < gone_after) return false;
     if (is_shown(entry.first)) show("");
     has_gone = true;
     return true;
   });
-  if (has_gone) ::malloc_trim(0);  // a service's pictures are megabytes, and the C library would keep them
-  // Of those that have said something of themselves.
+  if (has_gone) ::malloc_trim(0);  // returns megabytes of pictures to the system
+  // Of the services with a status.
   std::string newest;
-  for (const auto& [who, it] : services_)
+  for (const auto& [id, it] : services_)
     if (it.events.contains("status") &&
-        (newest.empty() || std::pair(it.began, who) > std::pair(services_.at(newest).began, newest)))
-      newest = who;
+        (newest.empty() || std::pair(it.began, id) > std::pair(services_.at(newest).began, newest)))
+      newest = id;
   if (newest != shown_) show(newest);
 }
 
 void BusReader::take_what_services_say() {
   take_all(connection_->camera_map, [&](const auto& sample, const Process&) {
-    keep(who_of(sample), "camera_map", to_json(sample), sample.camera());
+    keep(id_of(sample), "camera_map", to_json(sample), sample.camera());
   });
   take_all(connection_->scene,
-           [&](const auto& sample, const Process&) { keep(who_of(sample), "scene", to_json(sample)); });
+           [&](const auto& sample, const Process&) { keep(id_of(sample), "scene", to_json(sample)); });
   take_all(connection_->times,
-           [&](const auto& sample, const Process&) { keep(who_of(sample), "camera_times", to_json(sample)); });
+           [&](const auto& sample, const Process&) { keep(id_of(sample), "camera_times", to_json(sample)); });
   take_all(connection_->clocks,
-           [&](const auto& sample, const Process&) { keep(who_of(sample), "host_clocks", to_json(sample)); });
+           [&](const auto& sample, const Process&) { keep(id_of(sample), "host_clocks", to_json(sample)); });
 }
 
 void BusReader::take_replies() {
   const auto now = Clock::now();
   take_all(connection_->reply, [&](const auto& sample, const Process&) {
-    // The newest per client, only for that one, and not for long: replies hold pictures.
+    // The latest per client, for that client only, and for a short time: replies contain pictures.
     const std::string key =
         "teach/" + sample.client() + (sample.cameras().empty() || sample.cameras()[0].jpeg().empty() ? "" : "/frozen");
     if (replies_.size() >= most_replies && !replies_.contains(key)) return;
@@ -347,7 +347,7 @@ void BusReader::take_replies() {
   });
 }
 
-// Those that somebody still wants.
+// Those that are still shared.
 std::vector<std::shared_ptr<RecordingDownload>> BusReader::held_downloads() {
   const std::scoped_lock lock(mutex_);
   std::erase_if(downloads_, [](const auto& download) { return download.expired(); });
@@ -381,7 +381,7 @@ void BusReader::go_on_with_downloads() {
 
 void BusReader::take_previews() {
   take_all(previews_->inbox, [&](const msg::Preview& preview, const Process& process) {
-    // Of a camera that the service shown does not name, nobody would take a picture away again.
+    // Pictures of cameras that the shown service does not name would never be removed.
     if (is_of_another(process) || shown_.empty() || !services_.at(shown_).cameras.contains(preview.camera())) return;
     hub_.set(preview_key(preview.camera()), to_event("preview", to_json(preview)));
   });
@@ -401,21 +401,21 @@ void BusReader::send_all(std::deque<Request>& queue, dds::DataWriter* writer) {
   }
 }
 
-void BusReader::tell_pulse() {
+void BusReader::publish_pulse() {
   std::string trouble = trouble_;
   if (services_.size() > 1 && !shown_.empty()) {
     std::vector<std::string> others;
-    for (const auto& [who, it] : services_)
-      // One that has died before the shown one came is only not forgotten yet.
-      if (!is_shown(who) && it.events.contains("status") && it.heard > services_.at(shown_).began)
-        others.push_back(who + " (" + it.config_file + ")");
+    for (const auto& [id, it] : services_)
+      // Not one that ended before the shown one began.
+      if (!is_shown(id) && it.events.contains("status") && it.last_status > services_.at(shown_).began)
+        others.push_back(id + " (" + it.config_file + ")");
     if (!others.empty())
       trouble += fmt::format(
           "{}More than one service publishes here. Shown is the one that came last, {} ({}); not shown: {}. End one, "
           "or give them different dds: {{domain: ...}}",
           trouble.empty() ? "" : "; ", shown_, services_.at(shown_).config_file, fmt::join(others, ", "));
   }
-  for (const auto& [process, samples] : std::exchange(strangers_, {}))
+  for (const auto& [process, samples] : std::exchange(foreign_samples_, {}))
     trouble += fmt::format(
         "{}{} samples came from a program that is not the service shown: they are not shown. Without "
         "DDS Security, anybody on this network can send them",

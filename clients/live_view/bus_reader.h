@@ -1,4 +1,4 @@
-// What comes over DDS into the hub, and what pages ask for out onto the bus.
+// The DDS side of the bridge: samples into the hub, requests of pages onto the bus.
 #pragma once
 
 #include <array>
@@ -19,25 +19,25 @@
 
 namespace huetrack::live_view {
 
-// thread-compatible but for request(): poll() is one thread's.
+// poll() by one thread; request() and download() by any.
 class BusReader {
  public:
-  // throws as DdsParticipant does.
+  // Throws as DdsParticipant.
   BusReader(const idl::ParticipantOptions& options, EventHub& hub);
   ~BusReader();
 
-  // Takes everything that has come. pages: without any, pictures are not subscribed to, so that nobody makes them.
-  // Call it every few milliseconds; it does not wait.
+  // Takes all received samples; does not block. Call it every few milliseconds.
+  //   pages  number of open pages; 0: unsubscribes from the previews, so that the service makes none
   void poll(int pages);
 
-  // Any thread. Empty, or why it is not sent: too many wait already, or DDS Security does not let this program ask.
+  // Returns an empty string, or why it is not sent: queue full, or not permitted by DDS Security.
   std::string request(msg::TeachRequest request);
   std::string request(msg::ControlRequest request);
 
-  // Any thread: a recording of the service that is shown, or a report (RecordingDownload's words). It goes on while
-  // somebody holds it. nullptr: why_not says so.
+  // Starts a download from the shown service (words: of RecordingDownload); it continues while the pointer is shared.
+  // nullptr: refused, see why_not.
   std::shared_ptr<RecordingDownload> download(const std::vector<std::string>& words, std::string& why_not);
-  int downloads() const { return downloading_; }  // that go on
+  int downloads() const { return downloading_; }  // active
 
   std::string description() const;
 
@@ -46,7 +46,7 @@ class BusReader {
  private:
   struct Connection;
   struct Previews;
-  void take_positions();  // and poses
+  void take_positions();  // and camera poses
   void take_statuses();
   void take_what_services_say();
   void take_replies();
@@ -57,45 +57,44 @@ class BusReader {
   template <typename Request>
   std::string enqueue(std::deque<Request>& queue, Request request);  // as request()
   template <typename Request>
-  void send_all(std::deque<Request>& queue, eprosima::fastdds::dds::DataWriter* writer);  // nullptr: to nobody
-  void tell_pulse();
+  void send_all(std::deque<Request>& queue, eprosima::fastdds::dds::DataWriter* writer);  // nullptr: discards
+  void publish_pulse();
 
   const idl::ParticipantOptions options_;
   EventHub& hub_;
   std::unique_ptr<Connection> connection_;
-  const std::string refused_;           // why nothing may be asked; empty: it may
+  const std::string refused_;           // why requests are not permitted; empty: they are
   std::unique_ptr<Previews> previews_;  // null while there is no page
   std::chrono::steady_clock::time_point next_pulse_{}, no_page_since_{};
-  // Several may publish on one bus, by mistake: shown is the one that was heard first last, the others are named.
+  // If several services publish on one bus, the most recently discovered one is shown; the others are named.
   struct Service {
-    std::chrono::steady_clock::time_point began, heard;
+    std::chrono::steady_clock::time_point began, last_status;
     Process process{};
-    std::map<std::string, std::string> events;  // the last ones, by their keys in the hub
+    std::map<std::string, std::string> events;  // latest, by hub key
     std::string config_file;
     std::string host;
     std::uint32_t pid = 0;
     std::set<std::string> cameras;
   };
-  Service* service(const std::string& who);  // nullptr: there are too many
-  void show(const std::string& who);
+  Service* service(const std::string& id);  // nullptr: too many
+  void show(const std::string& id);
   bool is_of_another(const Process& process);
   void append(const Process& process, std::string event);
-  void keep(const std::string& who, const std::string& name, const std::string& json, const std::string& camera = "");
-  bool is_shown(const std::string& who) const { return who == shown_; }
+  void keep(const std::string& id, const std::string& name, const std::string& json, const std::string& camera = "");
+  bool is_shown(const std::string& id) const { return id == shown_; }
 
   std::map<std::string, Service> services_;  // by host/pid
   std::string shown_;                        // empty: none
-  // What came before its service had said who it is.
+  // Samples received before the first status of their service.
   struct Early {
     Process process;
     std::string event;
-    bool is_told;  // when it came, as nothing else was shown
+    bool was_sent;  // to the hub, because no service was shown
   };
   std::deque<Early> early_;
-  std::map<std::string, std::chrono::steady_clock::time_point> replies_;  // hub keys, when they came
+  std::map<std::string, std::chrono::steady_clock::time_point> replies_;  // hub key: time of reception
   std::string trouble_;
-  std::map<Process, std::uint64_t>
-      strangers_;  // samples since the last pulse that are not of the service that is shown
+  std::map<Process, std::uint64_t> foreign_samples_;  // since the last pulse, of other processes than the shown service
 
   std::atomic<int> downloading_ = 0;
 
@@ -103,7 +102,7 @@ class BusReader {
   std::deque<msg::TeachRequest> requests_;                   // guarded by mutex_
   std::deque<msg::ControlRequest> control_requests_;         // guarded by mutex_
   std::vector<std::weak_ptr<RecordingDownload>> downloads_;  // guarded by mutex_
-  std::string shown_host_;                                   // guarded by mutex_; of the service that is shown
+  std::string shown_host_;                                   // guarded by mutex_; of the shown service
   std::uint32_t shown_pid_ = 0;                              // guarded by mutex_
 };
 

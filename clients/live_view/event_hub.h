@@ -1,5 +1,5 @@
-// What pages are told, kept once for all of them. A page reads at its own pace: it holds one number, how far it has
-// come. A page that is too slow misses what is no longer kept; it costs nobody else anything.
+// The events for all pages, stored once. Each page reads at its own pace with a cursor; a slow page misses events that
+// are no longer stored, without an effect on others.
 #pragma once
 
 #include <cstddef>
@@ -18,18 +18,17 @@ using Text = std::shared_ptr<const std::string>;
 // As a server-sent event.
 std::string to_event(const std::string& name, const std::string& json);
 
-// Who reads: a page, or a program that asked for one kind of events.
+// A page, or a program that subscribed to one kind of events.
 struct EventReader {
-  std::string page = {};  // what is for one page is for this one; empty: for none
-  // The name of the events that it wants, beside the pulse, by which both sides know of each other; empty: all.
+  std::string page = {};  // receives the events addressed to this page; empty: none of these
+  // The name of the subscribed events, in addition to the pulse; empty: all.
   std::string only = {};
 };
 
 // thread-safe.
 class EventHub {
  public:
-  // stream_events, stream_bytes: how much of what was appended is kept, at most. keys, key_bytes: how much of what was
-  // set; the oldest goes first. A page of sixteen cameras has some 40 keys and 4 MB.
+  // Limits of what append() and set() store; the oldest is dropped first. Sixteen cameras need about 40 keys and 4 MB.
   struct Limits {
     std::size_t stream_events = 4000, stream_bytes = 4'000'000;
     std::size_t keys = 256, key_bytes = 8'000'000;
@@ -37,24 +36,22 @@ class EventHub {
   EventHub() : EventHub(Limits{}) {}
   explicit EventHub(const Limits& limits) : limits_(limits) {}
 
-  // Replaces the last one of this key: who is late sees only the newest. audience: only pages of this name see it;
-  // empty: all do.
+  // Replaces the event of this key: late joiners get the latest one. audience: the only page that gets it; empty: all.
   void set(const std::string& key, std::string event, const std::string& audience = "");
   void erase(const std::string& key);
-  // Every one counts, as long as it is kept. is_again: it was appended before, and is for pages that begin anew; who
-  // wants one kind of events alone has had it.
+  // Every event is delivered. is_again: a repetition for pages that start anew; not for subscribers of one kind.
   void append(std::string event, bool is_again = false);
-  // Pages begin anew; who wants one kind of events alone still gets what he has not had.
+  // Pages start anew; subscribers of one kind still get the events that they have not read.
   void forget_appended();
 
-  // What comes after `cursor` (0: the beginning) for this reader, and moves it there; nullptr: nothing yet.
+  // The next event after `cursor` (0: the beginning) for this reader; advances the cursor. nullptr: none yet.
   Text next(std::uint64_t& cursor, const EventReader& reader = {}) const;
-  std::uint64_t last() const;  // a cursor after which nothing is yet
+  std::uint64_t last() const;  // the cursor after the newest event
 
-  // Called after every change, under the hub's lock: must be quick, and must not call the hub. One listener.
+  // Called after every change, under the hub's lock: must be fast and must not call the hub. One listener.
   void on_news(std::function<void()> listener);
-  // Runs `what` under the hub's lock when there is nothing after the cursor (and returns true): so no news is missed
-  // between the look and the decision to wait.
+  // If there is nothing after the cursor, runs `what` under the hub's lock and returns true: no event is missed between
+  // the check and the decision to wait.
   bool if_nothing_after(std::uint64_t cursor, const std::function<void()>& what) const;
 
  private:
@@ -63,7 +60,7 @@ class EventHub {
     std::string audience;
     std::string key;            // empty: appended
     bool is_again = false;      // for pages alone
-    bool is_forgotten = false;  // not for pages any more
+    bool is_forgotten = false;  // no longer for pages
   };
   void put(std::string event, const std::string* key, const std::string& audience, bool is_again = false);
   void forget(const std::string& key);  // both: under mutex_

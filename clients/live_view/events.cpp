@@ -18,7 +18,7 @@ double unix_s(std::int64_t ns) {
   return static_cast<double>(ns) * 1e-9;
 }
 
-// Exact where a service says so; whatever else is sent, it is a number.
+// Any finite value fits a JSON number.
 double seconds_between(std::int64_t from, std::int64_t to) {
   return unix_s(static_cast<std::int64_t>(static_cast<std::uint64_t>(to) - static_cast<std::uint64_t>(from)));
 }
@@ -30,7 +30,7 @@ std::string base64(const std::vector<std::uint8_t>& bytes) {
   return out;
 }
 
-// For drawing: a tenth of a pixel is enough, and much shorter than the shortest exact digits.
+// For drawing: a tenth of a pixel, which is much shorter.
 Json tenth(float value) {
   if (!std::isfinite(value)) return nullptr;
   return std::round(static_cast<double>(value) * 10) / 10;
@@ -43,7 +43,7 @@ Json color_json(const msg::SceneColor& color) {
           {"intensity", color.intensity()}};
 }
 
-// Dumps what other programs sent: a string that is no UTF-8 must not end the bridge.
+// Invalid UTF-8 from other programs is replaced.
 std::string text(const Json& json) {
   return json.dump(-1, ' ', false, Json::error_handler_t::replace);
 }
@@ -88,7 +88,7 @@ std::string to_json(const msg::CameraPose& s) {
                {"latency", seconds_between(s.captured_at(), s.published_at())}});
 }
 
-// Of a thousand points: flat, and no finer than can be seen.
+// Flat and rounded, for a thousand points.
 std::string to_json(const msg::CameraMap& m) {
   constexpr const char* point_states[] = {"not_sought", "missed", "found"};
   const auto rounded = [](float value, double step) -> Json {
@@ -115,7 +115,7 @@ std::string to_json(const msg::CameraMap& m) {
                {"points", std::move(points)}});
 }
 
-std::string to_json(const msg::ServiceStatus& s, double heard) {
+std::string to_json(const msg::ServiceStatus& s, double received_at) {
   Json cameras = Json::array();
   for (const auto& c : s.cameras())
     cameras.push_back({{"name", c.name()},
@@ -128,7 +128,7 @@ std::string to_json(const msg::ServiceStatus& s, double heard) {
                        {"age_s", c.age_s()}});
   return text({{"host", s.host()},
                {"pid", s.pid()},
-               {"heard", heard},
+               {"heard", received_at},
                {"version", s.program_version()},
                {"mode", s.mode()},
                {"config_file", s.config_file()},
@@ -268,7 +268,7 @@ namespace {
 
 constexpr std::size_t longest_client = 64, longest_name = 256;
 
-// Who asks whom. throws Json::exception, std::invalid_argument
+// Client and service of a request. Throws Json::exception, std::invalid_argument.
 template <typename Request>
 Request addressed(const Json& j) {
   Request request;

@@ -1,4 +1,4 @@
-// The page's files, which are part of the program. Pure.
+// The page's files, linked into the program. Pure.
 #pragma once
 
 #include <optional>

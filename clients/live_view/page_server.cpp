@@ -49,7 +49,7 @@ constexpr std::string_view download_path = "/api/recordings/", download_kind = "
 constexpr std::string_view report_path = "/api/calibration.html", board_path = "/api/board.pdf";
 constexpr std::size_t download_block = 64 * 1024;
 
-// A recording that is sent while it comes. Owned by its request until it is answered, and by the answer from then on.
+// A download that is forwarded. Owned by its request until it is answered, then by the response.
 struct Transfer {
   Transfer(std::shared_ptr<RecordingDownload> what, MHD_Connection* where)
       : download(std::move(what)), connection(where) {
@@ -59,7 +59,7 @@ struct Transfer {
   Transfer(const Transfer&) = delete;
   Transfer& operator=(const Transfer&) = delete;
 
-  // The server's thread. Nothing happens on the connection until there is news; none is missed.
+  // The server's thread. Suspends the connection until there is data.
   void wait() {
     download->if_nothing([this] {
       is_waiting = true;
@@ -77,7 +77,7 @@ struct Transfer {
   bool is_waiting = false;  // guarded by the download's lock
 };
 
-// What is kept of a request while its body comes in, or its answer.
+// A request while its body or its response is pending.
 struct Request {
   std::string body;
   bool is_too_long = false;
@@ -96,7 +96,7 @@ std::string_view header(MHD_Connection* connection, const char* name) {
   return value == nullptr ? std::string_view() : std::string_view(value);
 }
 
-// Cookies do not know ports: another `huetrack view` on this host must not take this one's token away.
+// Cookies ignore ports: each `huetrack view` on this host needs its own.
 std::string cookie_name_of(int port) {
   return "huetrack_token_" + std::to_string(port);
 }
@@ -115,7 +115,7 @@ bool is_json(std::string_view content_type) {
   return rest == std::string_view::npos || content_type[rest] == ';';
 }
 
-// The connections that have not asked yet, or not again: each has until its deadline. thread-safe.
+// Connections without a pending request, with their deadlines. thread-safe.
 class SilentConnections {
  public:
   SilentConnections(std::chrono::seconds patience, std::size_t most) : patience_(patience), most_(most) {}
@@ -148,7 +148,7 @@ class SilentConnections {
   const std::size_t most_;
   std::mutex mutex_;
   std::map<int, Clock::time_point> deadlines_;  // guarded by mutex_; by socket. A socket in it is open: libmicrohttpd
-                                                // closes it after it has told, which is end()
+                                                // closes it after end()
 };
 
 int socket_of(MHD_Connection* connection) {
@@ -239,7 +239,7 @@ struct PageServer::Impl {
                                (errno == EADDRINUSE ? "; give another --port" : ""));
     const MHD_DaemonInfo* info = MHD_get_daemon_info(daemon, MHD_DAEMON_INFO_BIND_PORT);
     port = info != nullptr ? info->port : options.port;
-    if (options.port == 0) cookie_name = cookie_name_of(port);  // nobody knows the port yet
+    if (options.port == 0) cookie_name = cookie_name_of(port);  // the port was unknown
     hub.on_news([this] { wake(); });
     doorman = std::jthread([this](const std::stop_token& stop) {
       std::unique_lock lock(door);
@@ -276,8 +276,7 @@ struct PageServer::Impl {
     sockets.wake();
   }
 
-  // The doorman's. What many connections took is the system's again once most of them are gone: the C library would
-  // keep it.
+  // The doorman's. Returns the memory of many closed connections to the system.
   void give_back_memory() {
     most_at_once = std::max<int>(most_at_once, connections);
     if (most_at_once < many_connections || connections > most_at_once / 2) return;
@@ -352,15 +351,14 @@ struct PageServer::Impl {
     MHD_add_response_header(response, "Content-Security-Policy", policy);
   }
 
-  // A page of another origin whose name was made to point to us (DNS rebinding) says that name as the host.
+  // DNS rebinding: a page of another origin names that origin as the host.
   bool is_for_us(MHD_Connection* connection) const {
     if (!is_loopback(options.address)) return true;  // there the token decides
     const std::string_view host = host_name(header(connection, "Host"));
     return host == "localhost" || host == options.address || host == "127.0.0.1" || host == "[::1]";
   }
 
-  // What a browser says of the page that sends. Ours is served by us: its origin is the host that it asked. No browser,
-  // no origin: then the token decides, or that it is on this host.
+  // Our page's origin is the requested host. Programs send no origin: then the token decides, or loopback.
   static bool is_of_our_page(MHD_Connection* connection) {
     const std::string_view origin = header(connection, "Origin");
     return origin.empty() || origin == std::string("http://").append(header(connection, "Host"));
@@ -374,7 +372,7 @@ struct PageServer::Impl {
            (in_cookie != nullptr && equal_in_constant_time(in_cookie, options.token));
   }
 
-  // only: the events of this name, and those alone that come from now on; empty: all that a page is told.
+  // only: new events of this name; empty: all events of a page.
   MHD_Result stream(MHD_Connection* connection, const std::string& only = "") {
     if (pages + listeners >= options.most_pages)
       return refuse(connection, MHD_HTTP_SERVICE_UNAVAILABLE, "Too many pages are open.");
@@ -422,8 +420,7 @@ struct PageServer::Impl {
     });
   }
 
-  // The same stream as a WebSocket. Browsers ask nobody before they open one (no CORS), so that the origin is looked
-  // at.
+  // The same stream as a WebSocket. CORS does not apply to WebSockets: the origin is checked here.
   MHD_Result web_socket(MHD_Connection* connection, const std::string& only) {
     const std::string key(header(connection, "Sec-WebSocket-Key"));
     if (!is_of_our_page(connection) && !is_allowed_origin(header(connection, "Origin")))
@@ -485,7 +482,7 @@ struct PageServer::Impl {
     });
   }
 
-  // The report comes from the bus, where anybody may be: it is shown as a page that can do nothing, not even as ours.
+  // The report comes from the bus and is not trusted: sandboxed.
   MHD_Result show_report(MHD_Connection* connection, Request& request) {
     return download(connection, request, RecordingDownload::report_words(), [](MHD_Response* response) {
       add_safety(response, "sandbox; default-src 'none'; img-src data:; style-src 'unsafe-inline'");
@@ -493,7 +490,7 @@ struct PageServer::Impl {
     });
   }
 
-  // What the address says after its question mark are the service's words, which it checks one by one.
+  // The query's words are checked by the service.
   MHD_Result show_board(MHD_Connection* connection, Request& request) {
     std::vector<std::string> board;
     const auto add = [](void* words, MHD_ValueKind, const char* key, const char* value) -> MHD_Result {
@@ -509,7 +506,7 @@ struct PageServer::Impl {
     });
   }
 
-  // Called again when the first piece has come, or the service has refused: then it is known what to answer.
+  // Called again when the first piece was received, or the service has refused.
   template <typename AddHeaders>
   MHD_Result download(MHD_Connection* connection, Request& request, const std::vector<std::string>& words,
                       const AddHeaders& add_headers) {

@@ -28,7 +28,7 @@ int view(LiveViewOptions options, const std::function<bool()>& ended) {
     return [&bus, request_of](const std::string& body) -> std::string {
       try {
         return bus.request(request_of(body));
-      } catch (const std::invalid_argument& error) {  // what a page, or somebody else, sent
+      } catch (const std::invalid_argument& error) {  // a client's invalid request
         return error.what();
       }
     };
@@ -50,7 +50,7 @@ int view(LiveViewOptions options, const std::function<bool()>& ended) {
   std::fflush(stdout);
   std::fprintf(stderr, "huetrack: the page is at the address%s above, for %s; %s. Ctrl-C ends it\n",
                hosts.size() > 1 ? "es" : "",
-               options.server.token.empty() ? "this host only" : "everybody who has the token",
+               options.server.token.empty() ? "this host only" : "every host, with the token",
                bus.description().c_str());
   while (!ended()) {
     const int pages = server.pages();

@@ -1,4 +1,4 @@
-// `huetrack view`: the bridge from DDS to browsers. It starts before the service and outlives it.
+// `huetrack view`: the bridge from DDS to browsers. Does not need a running service.
 #pragma once
 
 #include <functional>
@@ -10,11 +10,11 @@ namespace huetrack::live_view {
 
 struct LiveViewOptions {
   idl::ParticipantOptions participant;
-  PageServerOptions server;  // its token is made here where the address needs one
+  PageServerOptions server;  // the token is generated here if the address needs one
 };
 
-// Says the page's address on stdout, and runs until `ended`. Returns the exit status.
-// throws std::exceptions with one readable line when the bus cannot be joined or the address not be listened on.
+// Prints the page's address on stdout and runs until `ended`. Returns the exit status. Throws std::exception with a
+// one-line message if the bus cannot be joined or the address cannot be used.
 int view(LiveViewOptions options, const std::function<bool()>& ended);
 
 }  // namespace huetrack::live_view

@@ -21,7 +21,7 @@ using Clock = std::chrono::steady_clock;
 
 constexpr std::size_t most_waiting = 64 * 1024;  // bytes of a socket's, not sent yet, until it gets no more
 constexpr std::size_t longest_control = 125;     // RFC 6455, 5.5
-constexpr std::size_t longest_input = 4096;      // of a frame: nobody has anything to say here
+constexpr std::size_t longest_input = 4096;      // of a frame: clients send only control frames
 
 enum Opcode : unsigned { continuation = 0, words = 1, binary = 2, farewell = 8, ping = 9, pong = 10 };
 constexpr unsigned last_frame = 0x80, masked = 0x80;
@@ -162,7 +162,7 @@ bool WebSockets::serve(Socket& socket, bool is_readable) const {
     if (n == 0 || (n < 0 && errno != EAGAIN && errno != EINTR)) return false;
     if (n < 0) break;
     if (!socket.is_leaving && !socket.input.take({buffer.data(), std::size_t(n)}, socket.out)) socket.is_leaving = true;
-    if (socket.out.size() - socket.sent > most_waiting) return false;  // who asks, and never reads
+    if (socket.out.size() - socket.sent > most_waiting) return false;  // it sends, but never reads
   }
   for (;;) {
     while (!socket.is_leaving && socket.out.size() - socket.sent < most_waiting) {

@@ -1,5 +1,5 @@
-// WebSockets (RFC 6455) beside the streams of /api/v1, for programs that have them and no server-sent events. Each
-// event is one text message, {"event":"position","data":{...}}. By hand: Debian builds libmicrohttpd without its own.
+// WebSockets (RFC 6455) for the streams of /api/v1: each event is one text message, {"event":"position","data":{...}}.
+// Own implementation: Debian builds libmicrohttpd without WebSockets.
 #pragma once
 
 #include <atomic>
@@ -15,13 +15,13 @@
 
 namespace huetrack::live_view {
 
-// What a server answers to Sec-WebSocket-Key.
+// Sec-WebSocket-Accept for a Sec-WebSocket-Key.
 std::string web_socket_accept(std::string_view key);
 
-// An event of the hub as a frame with a text message.
+// The text frame of an event.
 std::string web_socket_frame(const std::string& event);
 
-// What a client sends. Pure; wants nothing but pings and the farewell, and bounds everything else.
+// Parses a client's frames: answers pings and the close frame, ignores the rest within bounds. Pure.
 class WebSocketInput {
  public:
   // Takes bytes; what has to be sent because of them is appended to `answer`. False: the connection is over once that

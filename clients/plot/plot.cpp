@@ -22,7 +22,7 @@ using drawing::escaped;
 
 constexpr truth::Timestamp year_1973{std::chrono::seconds(100'000'000)};
 
-// Two drawings, of which the window's width chooses one: on a phone the wide one could not be read.
+// A wide drawing and a narrow one for phones, selected by the window's width.
 std::string html_of(const std::vector<ChartTarget>& targets, const ChartStyle& style) {
   std::string rows;
   for (const ChartTarget& target : targets) rows += "<li>" + escaped(to_text(figures_of(target))) + "</li>\n";
@@ -83,7 +83,7 @@ std::string span_of(const std::vector<truth::Timestamp>& times) {
       span_of(of_tracks), span_of(of_truth), is_shifted ? " with this --clock-offset" : ""));
 }
 
-// The truth of these targets, on their clock; says which have none.
+// The truth of these targets on their clock; reports targets without one.
 truth::Truth matched_truth(const PlotOptions& options, const std::vector<std::string>& targets) {
   truth::Truth truth = truth::Truth::read(options.truth);
   for (const std::string& sentence : truth.match(targets)) fmt::print(stderr, "huetrack: {}\n", sentence);
@@ -128,7 +128,7 @@ void plot(const PlotOptions& options) {
   ChartStyle style{.title = options.tracks.filename().string()};
   truth::Timestamp first = targets.front().rows.front().at;
   for (const ChartTarget& target : targets) first = std::min(first, target.rows.front().at);
-  if (first > year_1973) {  // no recording's clock: UNIX time, of which nobody reads ten digits off an axis
+  if (first > year_1973) {  // UNIX time: too many digits for an axis
     style.title += ", from " + utc(first);
     style.time_title = "capture time, s from the start";
     style.zero = first;

@@ -12,7 +12,8 @@ struct PlotOptions {
   double clock_offset_s = 0;     // the tracks' clock minus the truth's
 };
 
-// throws std::runtime_error, one readable line: a file that is wrong (naming file and line), or cannot be written.
+// Throws std::runtime_error with a one-line message: an invalid file (with file and line), or one that cannot be
+// written.
 void plot(const PlotOptions& options);
 
 }  // namespace huetrack::plot

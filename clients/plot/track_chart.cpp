@@ -54,7 +54,7 @@ double seconds(std::chrono::nanoseconds d) {
 }
 
 // ---------------------------------------------------------------------------------------------------------------------
-// What is drawn
+// Data
 
 std::optional<Eigen::Vector3d> truth_at(const ChartTarget& target, const TrackRow& row) {
   return target.truth != nullptr ? target.truth->position(target.name, row.at) : std::nullopt;
@@ -81,7 +81,7 @@ bool has_truth(const std::vector<ChartTarget>& targets) {
   return std::ranges::any_of(targets, [](const ChartTarget& t) { return t.truth != nullptr; });
 }
 
-// Rows that are farther apart than this do not belong together: a few times the usual step.
+// A longer gap breaks a line: a few times the usual step.
 std::chrono::nanoseconds longest_step(const std::vector<TrackRow>& rows) {
   constexpr std::chrono::nanoseconds shortest = std::chrono::milliseconds(1);
   std::vector<std::chrono::nanoseconds> steps;
@@ -97,7 +97,7 @@ struct Run {
 };
 
 // ---------------------------------------------------------------------------------------------------------------------
-// How
+// Layout
 
 bool is_narrow(const ChartStyle& style) {
   return style.width < 900;
@@ -232,13 +232,13 @@ class Chart {
     for (const ChartTarget& target : targets_) draw_ellipses(axes, a, b, target.rows);
     for (std::size_t k = 0; k < targets_.size(); ++k) {
       const std::vector<TrackRow>& rows = targets_[k].rows;
-      // The line says the state; with more than one target, its rim says whose it is.
+      // The line's colour is the state; with several targets its rim is the target's colour.
       if (targets_.size() > 1)
         for (const Run& run : runs_of(rows, at, [&](const TrackRow&) { return color_of(k).faded(0.45); }))
           canvas_.polyline(run.points, run.color, rim_width);
       for (const Run& run : runs_of(rows, at, [](const TrackRow& row) { return state_color(row.state); }))
         canvas_.polyline(run.points, run.color, track_width);
-      // Its name is where it was last, as on a map of what is where.
+      // The name at the last position.
       const auto backwards = std::views::reverse(rows);
       const auto last = std::ranges::find_if(backwards, &TrackRow::has_position);
       if (last == backwards.end()) continue;
@@ -267,7 +267,7 @@ class Chart {
     }
   }
 
-  // Where rows with a position follow each other without a gap; a line has the colour of the row that it leads to.
+  // Segments without a gap; a line has the colour of the row at its end.
   static std::vector<Run> runs_of(const std::vector<TrackRow>& rows,
                                   const std::function<Point(const Eigen::Vector3d&)>& at,
                                   const std::function<Color(const TrackRow&)>& color) {

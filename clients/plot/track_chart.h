@@ -19,18 +19,18 @@ struct ChartFigures {
   std::string name;
   std::size_t rows = 0, tracking = 0, coasting = 0, lost = 0, searching = 0;
   std::size_t positions = 0;    // rows that have one
-  std::size_t in_truth = 0;     // rows at whose time there is a truth
+  std::size_t in_truth = 0;     // rows with a truth at their time
   std::size_t compared = 0;     // rows with both
   double rms_m = 0, max_m = 0;  // of those
-  bool is_ever_near = false;    // within 50 mm of the truth while tracking, as `huetrackd compare` calls it locked
+  bool is_ever_near = false;    // within 50 mm of the truth while tracking (`huetrackd compare`: locked)
   double inside_95 = 0;         // share of those whose truth lies in the 95 % ellipsoid
 };
 ChartFigures figures_of(const ChartTarget& target);
 std::string to_text(const ChartFigures& figures);
 
 struct ChartStyle {
-  int width = 1500;         // pixels, or SVG units; below 900 the planes stand above each other
-  std::string title;        // empty: neither it nor the figures, they stand beside the picture
+  int width = 1500;         // pixels, or SVG units; below 900 the planes are stacked
+  std::string title;        // empty: neither title nor figures
   truth::Timestamp zero{};  // of the axis of time
   std::string time_title = "capture time, s";
 };

@@ -12,7 +12,7 @@
 namespace huetrack::plot {
 namespace {
 
-// What is farther from 0 is a mistake, and would flatten the rest of the picture.
+// Larger values are mistakes, and would flatten the rest of the picture.
 constexpr double farthest_m = 1e5, largest_variance_m2 = 1e8;
 
 double bounded(const files::CsvTable& table, std::size_t column, double most) {

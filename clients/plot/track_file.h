@@ -1,5 +1,4 @@
-// Tracks as `huetrackd replay --tracks` and `huetrack log` (of targets, and of a tracked camera) write them: CSV with a
-// header. Pure.
+// Reads the CSV files of `huetrackd replay --tracks` and `huetrack log` (of targets or of a tracked camera). Pure.
 #pragma once
 
 #include <Eigen/Core>
@@ -16,8 +15,8 @@ namespace huetrack::plot {
 
 struct TrackRow {
   truth::Timestamp at;
-  Eigen::Vector3d position;    // metres; NaN: there is none
-  Eigen::Matrix3d covariance;  // of the position, m^2; NaN: there is none
+  Eigen::Vector3d position;    // metres; NaN: none
+  Eigen::Matrix3d covariance;  // of the position, m^2; NaN: none
   std::string state;           // searching, tracking, coasting, lost
   // Of a camera's log, else NaN: its orientation, x y z w, and the upper triangle of the covariance of position (m) and
   // rotation (rad), row by row.
@@ -27,7 +26,7 @@ struct TrackRow {
   bool has_position() const { return position[0] == position[0]; }
 };
 
-// By target (or camera), in the order of time. throws ConfigError "file:line: what is wrong".
+// By target (or camera), in order of time. Throws ConfigError "file:line: problem".
 std::map<std::string, std::vector<TrackRow>> read_tracks(const std::filesystem::path& file);
 
 }  // namespace huetrack::plot

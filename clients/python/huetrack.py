@@ -4,8 +4,8 @@
     for p in huetrack.positions():
         print(p.target, p.t, p.position, p.sigma)
 
-They come from `huetrack view`, which must run on this host or on another one: huetrack.positions("http://pi-3:8765",
-token="..."). The stream is plain JSON over HTTP (server-sent events): README.md beside this file.
+Needs `huetrack view` on this host or on another one: huetrack.positions("http://pi-3:8765", token="..."). The stream is
+JSON over HTTP (server-sent events), see README.md in this folder.
 
 As a program: python3 huetrack.py [ADDRESS] prints a line for each position.
 """
@@ -22,17 +22,17 @@ from dataclasses import dataclass, field
 __all__ = ["Position", "CameraPose", "HuetrackError", "positions", "camera_poses"]
 
 DEFAULT_ADDRESS = "http://127.0.0.1:8765"
-# The bridge sends a pulse every second. What is silent for so long is gone, though its host did not say so.
+# The bridge sends a pulse every second; without one for this time the connection is dead.
 _SILENCE_S = 5.0
 
 
 class HuetrackError(Exception):
-    """The bridge refuses, is not there, or does not speak this version."""
+    """The bridge refuses the request, cannot be reached, or has another version."""
 
 
 @dataclass(frozen=True)
 class Position:
-    """Where a target is. position, velocity and covariance are None while it is searching or lost."""
+    """A target's estimate. position, velocity and covariance are None while it is searching or lost."""
 
     target: str
     t: float  # capture time that the position refers to, UNIX seconds
@@ -40,9 +40,9 @@ class Position:
     position: tuple  # x, y, z in the rig's world frame, metres
     velocity: tuple  # m/s
     covariance: tuple  # of the position, 9 numbers, row by row, m^2
-    confidence: float  # 0..1, that this is the object
+    confidence: float  # probability that it is the object, 0..1
     views: int  # cameras that see it
-    raw: dict = field(repr=False, compare=False)  # all that came
+    raw: dict = field(repr=False, compare=False)  # the whole event
 
     @property
     def sigma(self):
@@ -52,7 +52,7 @@ class Position:
 
 @dataclass(frozen=True)
 class CameraPose:
-    """Where a tracked camera is: p_world = R(orientation) p_camera + position. None while it has no pose."""
+    """A tracked camera's pose: p_world = R(orientation) p_camera + position. None without a pose."""
 
     camera: str
     t: float
@@ -64,8 +64,8 @@ class CameraPose:
 
 
 def positions(address=DEFAULT_ADDRESS, target=None, token=None, reconnect=True):
-    """Every position from now on, one per frame set and target. Waits for the bridge and comes back to it when it was
-    restarted; with reconnect=False it ends, or raises HuetrackError, instead."""
+    """Every position from now on, one per frame set and target. Waits for the bridge and reconnects after its restarts;
+    with reconnect=False it ends, or raises HuetrackError, instead."""
     for raw in _events(address, "/api/v1/positions", "position", token, reconnect):
         if target is not None and raw["target"] != target:
             continue
@@ -74,7 +74,7 @@ def positions(address=DEFAULT_ADDRESS, target=None, token=None, reconnect=True):
 
 
 def camera_poses(address=DEFAULT_ADDRESS, camera=None, token=None, reconnect=True):
-    """The same for the camera that is tracked (camera_tracking:)."""
+    """The same for tracked cameras (camera_tracking:)."""
     for raw in _events(address, "/api/v1/camera_poses", "camera_pose", token, reconnect):
         if camera is not None and raw["camera"] != camera:
             continue
@@ -92,7 +92,7 @@ def _events(address, path, name, token, reconnect):
         try:
             with urllib.request.urlopen(url, timeout=_SILENCE_S) as stream:
                 yield from _parsed(stream, name)
-        except urllib.error.HTTPError as error:  # it answers, and will say the same the next time
+        except urllib.error.HTTPError as error:  # a retry would fail, too
             why = error.read(1000).decode("utf-8", "replace").strip()
             if error.code == 503 and reconnect:
                 time.sleep(1)

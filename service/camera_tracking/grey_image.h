@@ -49,6 +49,7 @@ inline float sample(const GreyImage& image, float u, float v) {
 struct Pyramid {
   std::vector<GreyImage> levels;
   int count() const { return static_cast<int>(levels.size()); }
+  const GreyImage& level(int l) const { return levels[static_cast<std::size_t>(l)]; }
 };
 Pyramid make_pyramid(GreyImage image, int max_levels = 4);  // no side falls below 30 pixels
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstddef>
 #include <cstdint>
 #include <vector>
 
@@ -26,6 +27,7 @@ struct PixelRegion {
   int width() const { return u1 - u0 + 1; }
   int height() const { return v1 - v0 + 1; }
   bool empty() const { return u1 < u0 || v1 < v0; }
+  std::size_t index(int u, int v) const { return static_cast<std::size_t>((v - v0) * width() + u - u0); }  // row by row
 };
 // The anchors of the region at which the template lies inside the image.
 PixelRegion clip(const PixelRegion& region, const GreyImage& image, int side);

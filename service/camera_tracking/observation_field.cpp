@@ -106,7 +106,7 @@ std::optional<Eigen::Vector2d> ObservationField::best_match(const Eigen::Vector2
   bool any = false;
   for (int v = region_.v0; v <= region_.v1; ++v) {
     for (int u = region_.u0; u <= region_.u1; ++u) {
-      const float rho = field[static_cast<std::size_t>((v - region_.v0) * region_.width() + u - region_.u0)];
+      const float rho = field[region_.index(u, v)];
       const Eigen::Vector2d off = Eigen::Vector2d(u, v).array() + static_cast<double>(offset_) - px.array();
       if (rho > best.rho && off.squaredNorm() <= radius * radius) best = {rho, u, v}, any = true;
     }
@@ -125,7 +125,7 @@ NccPeak ObservationField::strongest(float u, float v, float radius, float epsilo
     for (int a = std::max(region_.u0, cu - reach); a <= std::min(region_.u1, cu + reach); ++a) {
       const float du = static_cast<float>(a) - x, dv = static_cast<float>(b) - y;
       if (du * du + dv * dv > radius * radius) continue;
-      const float rho = rho_[static_cast<std::size_t>((b - region_.v0) * region_.width() + a - region_.u0)];
+      const float rho = rho_[region_.index(a, b)];
       if (rho > epsilon_rho && rho > best.rho) best = {rho, a, b};
     }
   }

@@ -17,7 +17,7 @@ std::optional<PoseFit> relocalize(const calib::Camera& camera, const Pyramid& py
     const MapPoint& p = map.points[i];
     if (!p.alive) continue;
     for (int k = 0; k < p.view_count; ++k) {
-      const PointView& l = p.views[static_cast<std::size_t>(k)];
+      const PointView& l = p.view(k);
       if (l.has_descriptor) views.push_back({&l.descriptor, static_cast<int>(i)});
     }
   }
@@ -27,7 +27,7 @@ std::optional<PoseFit> relocalize(const calib::Camera& camera, const Pyramid& py
   };
   std::vector<Match> best_of_point(map.points.size());
   for (int level = 0; level < std::min(3, pyramid.count()); ++level) {
-    const GreyImage& image = pyramid.levels[static_cast<std::size_t>(level)];
+    const GreyImage& image = pyramid.level(level);
     std::vector<Corner> corners = detect_corners(image, 12, descriptor_margin + 1, 40);
     if (corners.size() > corners_per_level) corners.resize(corners_per_level);
     for (const Corner& c : corners) {
@@ -44,8 +44,7 @@ std::optional<PoseFit> relocalize(const calib::Camera& camera, const Pyramid& py
       }
       if (point < 0 || best > max_distance || best * 10 > second * 9) continue;
       Match& m = best_of_point[static_cast<std::size_t>(point)];
-      if (best < m.distance)
-        m = {best, {map.points[static_cast<std::size_t>(point)].position, from_level(c.px, level), scale_of(level)}};
+      if (best < m.distance) m = {best, {map.point(point).position, from_level(c.px, level), scale_of(level)}};
     }
   }
   std::vector<PoseObservation> observations;

@@ -94,7 +94,7 @@ int SceneMap::alive_count() const {
 }
 
 void describe(PointView& view, const Pyramid& pyramid) {
-  const GreyImage& image = pyramid.levels[static_cast<std::size_t>(view.level)];
+  const GreyImage& image = pyramid.level(view.level);
   const Eigen::Vector2d px = to_level(view.px, view.level);
   view.has_descriptor = image.contains(px.x(), px.y(), descriptor_margin);
   if (view.has_descriptor) view.descriptor = describe(image, px);
@@ -123,7 +123,7 @@ void write_map(const std::filesystem::path& file, const StoredMap& stored) {
     w.put(static_cast<std::uint8_t>(p.alive));
     w.put(static_cast<std::int32_t>(p.view_count));
     for (int i = 0; i < p.view_count; ++i) {
-      const PointView& l = p.views[static_cast<std::size_t>(i)];
+      const PointView& l = p.view(i);
       w.put(static_cast<std::int32_t>(l.keyframe));
       w.put(static_cast<std::int32_t>(l.level));
       w.put(l.px);
@@ -190,9 +190,9 @@ StoredMap read_map(const std::filesystem::path& file) {
     p.given = given != 0, p.alive = alive != 0;
     p.view_count = r.count(static_cast<int>(p.views.size()), "the number of a point's views");
     for (int k = 0; k < p.view_count; ++k) {
-      PointView& l = p.views[static_cast<std::size_t>(k)];
+      PointView& l = p.view(k);
       l.keyframe = r.index(keyframes, "a key frame");
-      const Pyramid& pyramid = *out.map.keyframes[static_cast<std::size_t>(l.keyframe)].pyramid;
+      const Pyramid& pyramid = *out.map.keyframe(l.keyframe).pyramid;
       l.level = r.index(pyramid.count(), "a level");
       r.get(l.px);
       describe(l, pyramid);

@@ -41,6 +41,9 @@ struct MapPoint {
   bool given = false;                              // a start point
   bool alive = true;                               // false: removed as wrong; indices stay
   std::array<std::uint16_t, 2> found_of_sought{};  // recent counts: found, searched for
+
+  PointView& view(int k) { return views[static_cast<std::size_t>(k)]; }
+  const PointView& view(int k) const { return views[static_cast<std::size_t>(k)]; }
 };
 
 // A measurement of a map point in a key frame.
@@ -69,6 +72,10 @@ struct SceneMap {
   Eigen::Vector3d start_centre = Eigen::Vector3d::Zero();
 
   int alive_count() const;
+  MapPoint& point(int i) { return points[static_cast<std::size_t>(i)]; }
+  const MapPoint& point(int i) const { return points[static_cast<std::size_t>(i)]; }
+  Keyframe& keyframe(int i) { return keyframes[static_cast<std::size_t>(i)]; }
+  const Keyframe& keyframe(int i) const { return keyframes[static_cast<std::size_t>(i)]; }
 };
 // Sets the descriptor of a view at view.px and view.level.
 void describe(PointView& view, const Pyramid& pyramid);

@@ -74,7 +74,7 @@ bool warp_patch(const Pyramid& source, const Eigen::Vector2d& source_px, const E
   if (back.norm() > 16 * scale_of(level)) return false;
   const double step = std::sqrt(std::abs(back.determinant()));
   const int from = std::clamp(static_cast<int>(std::lround(std::log2(step))), 0, source.count() - 1);
-  const GreyImage& image = source.levels[static_cast<std::size_t>(from)];
+  const GreyImage& image = source.level(from);
   const Eigen::Vector2f centre = to_level(source_px, from).cast<float>();
   const Eigen::Matrix2f m = (back / scale_of(from)).cast<float>();
   const int wide = side + 2;

@@ -283,7 +283,7 @@ try {
   refused(/a rosbag2 is a folder/, file("tracks.csv"), "--out", file("x.db3"));
   const again = huetrack("export", file("tracks.csv"), "--out", file("bag.mcap"));
   assert.equal(again.status, 0, again.stderr);
-  assert.match(again.stderr, /bag\.mcap: the file of before is replaced/);
+  assert.match(again.stderr, /bag\.mcap: the previous file is replaced/);
   assert.doesNotMatch(huetrack("export", file("tracks.csv"), "--out", file("new.mcap")).stderr, /replaced/);
   refused(/camera\.csv exists, and is no MCAP|camera\.csv.*MCAP|a rosbag2 is a folder/, file("tracks.csv"), "--out", file("camera.csv"));
   refused(/give a track CSV, or --pictures/, "--out", file("y.mcap"));

@@ -66,8 +66,8 @@ async function test() {
   const current = () => page.textContent("#steps-list [data-step=current]").catch(() => "");
   const picture = (name) => lookAt(page, name);
 
-  // ---- Cameras: none is heard of, and the page shows a file to begin with; then they come.
-  await until("a service is missed", async () => /Cameras.*No huetrackd is heard on DDS domain 76/.test(await current()));
+  // ---- Cameras: none is found, and the page shows a file to begin with; then they come.
+  await until("a service is missed", async () => /Cameras.*No huetrackd was found on DDS domain 76/.test(await current()));
   assert.match(await page.textContent("#steps-list pre"), /^version: 1\nrig: none[\s\S]*allow_teach: true, allow_record: true/m);
   await picture("1_cameras");
   const service = startWith({ PATH: `${dirname(options.calibrate)}:${process.env.PATH}` }, options.service, config, films,
@@ -120,14 +120,14 @@ async function test() {
     await page.click("#calibrate-accept");
   }
   await until("it is accepted", async () => /my\.rig-.*-board\.yaml is now the rig/.test(await says()));
-  await until("the step is done", async () => /Colour.*Nothing is looked for yet/s.test(await current()), 30000);
+  await until("the step is done", async () => /Colour.*No target yet/s.test(await current()), 30000);
 
   // ---- Colour: a target, and which colour it has.
   await page.click("#steps-list button");
   await page.fill("#adjust-name", "ball");
   assert.equal(await page.inputValue("#adjust-radius"), "", "its radius is left open");
   await page.click("#adjust-add");
-  await until("a colour is missed", async () => /Colour.*Which colour has ball\?/s.test(await current()), 30000);
+  await until("a colour is missed", async () => /Colour.*What colour is ball\?/s.test(await current()), 30000);
   await page.click("#adjust-close");
   await picture("6_colour");
   await page.click("#steps-list button");
@@ -189,7 +189,7 @@ async function test() {
   await page.click("#teach-undo");
   await until("it is undone", async () => /^Undone: my\.taught\.yaml is as it was before/.test(await page.textContent("#teach-says")));
   await until("it is not tracked any more", async () => (await state()) === "searching");
-  await until("its colour is missed", async () => /Which colour has ball/.test(await current()));
+  await until("its colour is missed", async () => /What colour is ball/.test(await current()));
   await page.click("#teach-redo");
   await until("it is tracked again", async () => (await state()) === "tracking");
   assert.equal(readFileSync(taught, "utf8"), saved);

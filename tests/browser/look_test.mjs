@@ -250,12 +250,12 @@ async function doubts(address) {
   standing.clear();
   tell("pulse", { now: now(), domain: 75, bus: "lo", publishers: 0, trouble: "" }, "pulse");
   const { page } = await visit(address);
-  await until("what is awaited", async () => /No huetrackd is heard on DDS domain 75\. Start one: huetrackd run/.test(await page.textContent("#no-targets")));
+  await until("what is awaited", async () => /No huetrackd was found on DDS domain 75\. Start one: huetrackd run/.test(await page.textContent("#no-targets")));
   await page.screenshot({ path: join(options.out, "look_empty.png") });
   room(sizes);
   const dead = (s) => Object.assign(s.cameras[1], { rate_hz: 0, health: "delivering", age_s: 5 });
   status(sizes, dead);
-  await until("a camera's picture is awaited", async () => /first picture is awaited/.test(await page.textContent("#cameras")));
+  await until("a camera's picture is awaited", async () => /Waiting for its first picture/.test(await page.textContent("#cameras")));
   const t = now();
   position("lime", t, { latency: 9.8 });
   position("pink", t, { covariance: [1e-2, 0, 0, 0, 1e-2, 0, 0, 0, 1e-2], views: 1, confidence: 0.2 });
@@ -265,10 +265,10 @@ async function doubts(address) {
   assert.equal(await card("lime").locator(".latency").getAttribute("data-level"), "bad");
   // The page may draw between two messages, so each is waited for.
   await until("what is wrong with pink is said", async () =>
-    /farther off than its own radius; cam0 alone sees it; the views hardly show it\./.test(await card("pink").textContent()));
+    /exceeds its own radius; only cam0 sees it; the cameras hardly see it\./.test(await card("pink").textContent()));
   assert.equal(await card("pink").locator(".sigma").getAttribute("data-level"), "warn");
-  await until("navy is lost", async () => /Lost: hidden for too long/.test(await card("navy").textContent()));
-  await until("the dead camera is said", async () => /no frame came in the last seconds/.test(await page.textContent("#cameras")));
+  await until("navy is lost", async () => /Lost: not seen for too long/.test(await card("navy").textContent()));
+  await until("the dead camera is said", async () => /no frame in the last seconds/.test(await page.textContent("#cameras")));
   assert.equal(await page.locator("#cameras figure .chip").nth(1).getAttribute("data-health"), "stalled");
   await page.screenshot({ path: join(options.out, "look_doubts.png") });
   position("lime", now() + 0.01, { latency: -5e8 });
@@ -305,7 +305,7 @@ async function tools(address) {
   const seconds = 400;
   for (let k = 0; k < 10 * seconds; k++) for (const target of ["lime", "pink"]) position(target, t + k / 10 - seconds);
   await until("pictures", async () => (await page.locator("#cameras .awaited:visible").count()) === 0);
-  await until("the patch is told", async () => /left out, as it never moves: from 400, 100/.test(await page.locator("#cameras canvas").nth(1).getAttribute("aria-label")));
+  await until("the patch is told", async () => /but static and ignored: from 400, 100/.test(await page.locator("#cameras canvas").nth(1).getAttribute("aria-label")));
 
   // The magnifier is in the corner that is farthest from all objects, and shows one in its middle.
   const pixel = (camera, x, y) => page.evaluate(([name, x, y]) => {
@@ -393,7 +393,7 @@ async function steps(address) {
   const { page } = await visit(address);
   const current = () => page.textContent("#steps-list [data-step=current]");
   const keep = (name) => page.screenshot({ path: join(options.out, `look_steps_${name}.png`) });
-  await until("no service", async () => /Cameras.*No huetrackd is heard.*rig: none/s.test(await current()));
+  await until("no service", async () => /Cameras.*No huetrackd was found.*rig: none/s.test(await current()));
   await keep("1_service");
   // A service that is silent for four seconds counts as gone.
   let change = () => {};
@@ -409,7 +409,7 @@ async function steps(address) {
   await until("a camera is missing", async () => /cam1 is absent: unplugged.*huetrackd doctor my\.yaml/.test(await current()));
   await keep("2_cameras");
   tellStatus();
-  await until("pictures are awaited", async () => /Exposure.*cam0, cam1 is awaited/.test(await current()));
+  await until("pictures are awaited", async () => /Exposure.*Waiting for the picture of cam0, cam1/.test(await current()));
   const even = (page, level) => page.evaluate((level) => {
     const canvas = Object.assign(document.createElement("canvas"), { width: 640, height: 480 });
     const g = canvas.getContext("2d");
@@ -433,10 +433,10 @@ async function steps(address) {
   scene.cameras = known.cameras;
   Object.assign(scene, { may_teach: false, why_not: "Set control: {allow_teach: true}." });
   tellScene();
-  await until("may not be taught", async () => /Colour.*lime: nobody has said which colour\. Set control/.test(await current()));
+  await until("may not be taught", async () => /Colour.*lime: no colour is configured\. Set control/.test(await current()));
   Object.assign(scene, { may_teach: true, why_not: "" });
   tellScene();
-  await until("to be taught", async () => /Which colour has lime/.test(await current()));
+  await until("to be taught", async () => /What colour is lime/.test(await current()));
   await keep("5_colour");
   await page.click("#steps-list button");
   assert.equal(await page.isVisible("#teach-panel"), true);
@@ -450,7 +450,7 @@ async function steps(address) {
   await until("they go", () => page.isHidden("#steps"));
   await page.click("#steps-open");
   await until("and come when they are asked for", async () => (await page.locator("#steps-list [data-step=done]").count()) === 5);
-  assert.match(await page.textContent("#steps-list"), /lime is tracked, give or take 3\.0 mm/);
+  assert.match(await page.textContent("#steps-list"), /lime is tracked, ± 3\.0 mm/);
   await keep("7_done");
   await page.click("#steps-close");
   assert.equal(await page.isHidden("#steps"), true);

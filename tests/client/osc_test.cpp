@@ -25,7 +25,7 @@ msg::ObjectPosition ball() {
   return s;
 }
 
-TEST(Osc, APositionIsABundleOfFourMessages) {
+TEST(Osc, PositionIsABundleOfFourMessages) {
   const OscBundle bundle = read_osc(osc_bundle(ball()));
   EXPECT_EQ(bundle.time_tag >> 32U, 2'208'988'801U);      // the specification's example: 1970 is 2208988800
   EXPECT_EQ(bundle.time_tag & 0xffffffffU, 0x80000000U);  // half a second
@@ -40,7 +40,7 @@ TEST(Osc, APositionIsABundleOfFourMessages) {
   EXPECT_THAT(bundle.messages[3].values, ElementsAre(FloatEq(1e-3F), FloatEq(2e-3F), FloatEq(3e-3F)));
 }
 
-TEST(Osc, WithoutAPositionThereIsTheStateAlone) {
+TEST(Osc, WithoutAPositionOnlyTheState) {
   msg::ObjectPosition lost = ball();
   constexpr double nan = std::numeric_limits<double>::quiet_NaN();
   lost.state(msg::TRACK_STATE_LOST);
@@ -51,7 +51,7 @@ TEST(Osc, WithoutAPositionThereIsTheStateAlone) {
 }
 
 // Byte by byte, as the specification has it: no reader of ours in between.
-TEST(Osc, TheBytesOfAMessage) {
+TEST(Osc, EncodesMessages) {
   msg::ObjectPosition lost = ball();
   lost.target("a");
   lost.state(msg::TRACK_STATE_LOST);
@@ -63,7 +63,7 @@ TEST(Osc, TheBytesOfAMessage) {
             "/huetrack/a/state\0\0\0,s\0\0lost\0\0\0\0"s);
 }
 
-TEST(Osc, ACameraHasItsOrientation) {
+TEST(Osc, CameraBundleHasAnOrientation) {
   msg::CameraPose pose;
   pose.camera("cam0");
   pose.state(msg::CAMERA_STATE_TRACKING);

@@ -56,7 +56,7 @@ msg::ObjectPosition lost() {
 
 constexpr std::int64_t received_at = 1'700'000'000'012'550'042;
 
-TEST(SampleFormat, CsvIsThatOfTheReplay) {
+TEST(SampleFormat, CsvMatchesTheReplays) {
   EXPECT_EQ(header(Format::csv), "target,t,x,y,z,vx,vy,vz,cxx,cxy,cxz,cyy,cyz,czz,state,views,confidence\n");
   EXPECT_EQ(line(Format::csv, tracking(), received_at, 0),
             "ball,1700000000.000000042,0.1,-1.25,1e-07,1,2.5,-3,1e-06,0.5,0.25,4e-06,0.125,9e-06,tracking,2,0.975\n");
@@ -70,13 +70,13 @@ TEST(SampleFormat, TimesBefore1970) {
   EXPECT_EQ(line(Format::tum, s, 0, 0), "-1.500000000 0.1 -1.25 1e-07 0 0 0 1\n");
 }
 
-TEST(SampleFormat, TumHasSamplesWithAPositionOnly) {
+TEST(SampleFormat, TumSkipsSamplesWithoutAPosition) {
   EXPECT_EQ(header(Format::tum), "");
   EXPECT_EQ(line(Format::tum, tracking(), received_at, 0), "1700000000.000000042 0.1 -1.25 1e-07 0 0 0 1\n");
   EXPECT_EQ(line(Format::tum, lost(), received_at, 0), "");
 }
 
-TEST(SampleFormat, JsonHasEveryFieldAndNullForWhatIsNotThere) {
+TEST(SampleFormat, JsonHasAllFieldsAndNullForNan) {
   EXPECT_EQ(line(Format::json, tracking(), received_at, 0),
             R"({"target":"ball","t":1700000000.000000042,"captured_at":1700000000000000042,)"
             R"("received_at":1700000000010000000,"published_at":1700000000012300042,)"
@@ -167,7 +167,7 @@ TEST(SampleFormat, StatusOfATrackedCamera) {
   EXPECT_EQ(out.find("of_another_service"), std::string::npos);
 }
 
-TEST(SampleFormat, StatusSaysWhenRowsAreExposed) {
+TEST(SampleFormat, StatusHasCameraTiming) {
   msg::ServiceStatus s;
   s.cameras().resize(2);
   s.cameras()[0].name("left"), s.cameras()[1].name("r");
@@ -181,7 +181,7 @@ TEST(SampleFormat, StatusSaysWhenRowsAreExposed) {
   EXPECT_NE(out.find("  times     r     latency -11.7 ms +- 0.3, readout 0.0 ms +- 0.0\n"), std::string::npos) << out;
 }
 
-TEST(SampleFormat, StatusSaysHowWellHostsClocksAreKnown) {
+TEST(SampleFormat, StatusHasHostClocks) {
   msg::HostClocks clocks;
   clocks.clocks().resize(4);
   for (msg::HostClock& clock : clocks.clocks()) clock.is_known(true), clock.kept_s(std::nan(""));
@@ -204,7 +204,7 @@ TEST(SampleFormat, StatusSaysHowWellHostsClocksAreKnown) {
   EXPECT_NE(out.find("  clock     new: not compared with ours yet\n"), std::string::npos) << out;
 }
 
-TEST(SampleFormat, OfACameraHost) {
+TEST(SampleFormat, CameraHost) {
   msg::CameraHost host;
   host.host("pi-3");
   host.program_version("0.1.0");
@@ -222,7 +222,7 @@ TEST(SampleFormat, OfACameraHost) {
             "  camera    right  absent      0 frames, 0 dropped, 0 corrupted: unplugged\n");
 }
 
-TEST(SampleFormat, StatusNamesWhatIsWrong) {
+TEST(SampleFormat, StatusHasProblems) {
   msg::ServiceStatus s;
   s.host("lab");
   s.pid(42);
@@ -264,7 +264,7 @@ TEST(SampleFormat, StatusNamesWhatIsWrong) {
             std::string::npos);
 }
 
-TEST(SampleFormat, ANumberThatIsNoStateOfOursIsNotOneOfThem) {
+TEST(SampleFormat, UnknownStateNumbersHaveNoName) {
   EXPECT_EQ(idl::state_name(99), "unknown");
   EXPECT_EQ(idl::name(static_cast<msg::CameraHealth>(99)), "unknown");
 }

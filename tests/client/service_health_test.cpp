@@ -29,7 +29,7 @@ msg::ServiceStatus status(const std::string& mode, std::vector<msg::CameraHealth
   return s;
 }
 
-TEST(ServiceHealth, CamerasAreJudgedByWhatTheServiceDoes) {
+TEST(ServiceHealth, CameraHealthDependsOnTheMode) {
   EXPECT_THAT(problems_of(status("run", {msg::CAMERA_HEALTH_DELIVERING, msg::CAMERA_HEALTH_DELIVERING}), now),
               IsEmpty());
   EXPECT_THAT(problems_of(status("run", {msg::CAMERA_HEALTH_DELIVERING, msg::CAMERA_HEALTH_STALLED}), now),

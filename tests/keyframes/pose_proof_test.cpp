@@ -2,7 +2,10 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <array>
 #include <limits>
+#include <random>
 
 namespace huetrack::keyframes {
 namespace {
@@ -139,6 +142,108 @@ TEST(PoseProof, ARectangleProvesUnlessPointsContradict) {
   objected.found = 5;
   EXPECT_EQ(proof_of(objected), Proof::by_rectangle);
   EXPECT_EQ(proof_of(guess(objected)), Proof::by_rectangle);
+}
+
+// ---- Properties, over random evidence near the thresholds.
+
+class RandomEvidence {
+ public:
+  explicit RandomEvidence(std::uint64_t seed) : random_(seed) {}
+  PoseEvidence draw() {
+    PoseEvidence e;
+    e.sought = integer(0, integer(0, 2) == 0 ? 220 : 40);
+    e.found = integer(0, 2) == 0 ? e.sought : integer(0, e.sought);
+    e.corners = integer(0, 4);
+    e.image_width_px = 160 << integer(0, 3);
+    e.spread_px = real(0, 40) * e.image_width_px / 320;
+    e.scale = real(0.5, 4);
+    e.depth_m = real(0.2, 5);
+    e.position_sigma_m = real(0, 0.03) * e.depth_m;
+    e.rotation_sigma_rad = real(0, 0.03);
+    e.map_points = integer(0, 1) == 0 ? integer(4, 16) : integer(17, 300);
+    e.keyframes = integer(1, 8);
+    e.is_guess = integer(0, 1) == 0;
+    return e;
+  }
+  int integer(int low, int high) { return std::uniform_int_distribution(low, high)(random_); }
+  double real(double low, double high) { return std::uniform_real_distribution(low, high)(random_); }
+
+ private:
+  std::mt19937_64 random_;
+};
+
+bool proven(const PoseEvidence& e) {
+  return proof_of(e) != Proof::none;
+}
+
+constexpr int draws = 20000;
+
+TEST(PoseProofProperties, EveryVerdictOccurs) {
+  RandomEvidence evidence(1);
+  std::array<int, 5> count{};
+  for (int i = 0; i < draws; ++i) ++count[static_cast<std::size_t>(proof_of(evidence.draw()))];
+  for (const int n : count) EXPECT_GT(n, draws / 2000);
+}
+
+TEST(PoseProofProperties, MoreMatchesNeverDisprove) {
+  RandomEvidence evidence(2);
+  for (int i = 0; i < draws; ++i) {
+    const PoseEvidence e = evidence.draw();
+    if (!proven(e)) continue;
+    PoseEvidence better = e;
+    better.found = evidence.integer(e.found, e.sought);
+    EXPECT_TRUE(proven(better));
+    better = e, better.corners = evidence.integer(e.corners, 4);
+    EXPECT_TRUE(proven(better));
+    better = e, better.spread_px *= evidence.real(1, 3);
+    EXPECT_TRUE(proven(better));
+  }
+}
+
+TEST(PoseProofProperties, LessUncertaintyNeverDisproves) {
+  RandomEvidence evidence(3);
+  for (int i = 0; i < draws; ++i) {
+    PoseEvidence e = evidence.draw();
+    if (!proven(e)) continue;
+    e.position_sigma_m *= evidence.real(0, 1);
+    e.rotation_sigma_rad *= evidence.real(0, 1);
+    e.scale *= evidence.real(0, 1);
+    EXPECT_TRUE(proven(e));
+  }
+}
+
+TEST(PoseProofProperties, AProvenGuessIsProvenWithAPredecessor) {
+  RandomEvidence evidence(4);
+  int guesses = 0;
+  for (int i = 0; i < draws; ++i) {
+    PoseEvidence e = evidence.draw();
+    if (!e.is_guess || !proven(e)) continue;
+    ++guesses;
+    e.is_guess = false;
+    EXPECT_TRUE(proven(e));
+  }
+  EXPECT_GT(guesses, 100);
+}
+
+TEST(PoseProofProperties, InvariantToTheUnitOfLengthAndTheImageSize) {
+  RandomEvidence evidence(5);
+  for (int i = 0; i < draws; ++i) {
+    const PoseEvidence e = evidence.draw();
+    PoseEvidence other = e;
+    other.position_sigma_m *= 8, other.depth_m *= 8;  // a power of two: exact
+    EXPECT_EQ(proof_of(other), proof_of(e));
+    other.image_width_px *= 4, other.spread_px *= 4;
+    EXPECT_EQ(proof_of(other), proof_of(e));
+  }
+}
+
+TEST(PoseProofProperties, NoVerdictWithoutThreeMatchesOrFourCorners) {
+  RandomEvidence evidence(6);
+  for (int i = 0; i < draws; ++i) {
+    PoseEvidence e = evidence.draw();
+    e.corners = std::min(e.corners, 3), e.found = std::min(e.found, 3);
+    EXPECT_FALSE(proven(e));
+  }
 }
 
 }  // namespace

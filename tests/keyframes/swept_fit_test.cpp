@@ -4,7 +4,7 @@
 
 #include <Eigen/LU>
 
-#include "camera_tracking/drawn_rectangle.h"
+#include "camera_tracking/random_scene.h"
 #include "particle_filter/random.h"
 
 namespace huetrack::keyframes {
@@ -166,6 +166,152 @@ TEST(SweptFit, ReadoutIsUnobservableAtRest) {
   const SweptFit fit = refine_swept_pose(camera().model, flight.seen(), flight.swept(), flight.prior({0, 0.02}), 15);
   EXPECT_LT(pose_error(fit.pose.cam_from_world, flight.middle), 0.003);
   EXPECT_GT(fit.readout.value_or(Readout{0, 1}).sigma_s, 0.02);
+}
+
+// ---- Properties
+
+using camera_tracking::distance;
+using camera_tracking::RandomScene;
+
+// A frame whose motion is drawn from its prior.
+struct RandomFrame {
+  RandomFrame(std::uint64_t seed, const Readout& readout, double sigma_px = 0.3, int points = 40) {
+    RandomScene scene(seed);
+    truth.cam_from_world = scene.pose();
+    prior.readout = readout;
+    prior.expected = truth.cam_from_world;
+    prior.expected_velocity = scene.tangent(1.5, 0.3);
+    for (int i = 0; i < 6; ++i) prior.velocity_covariance(i, i) = i < 3 ? 0.2 * 0.2 : 0.1 * 0.1;
+    readout_s = readout.mean_s + readout.sigma_s * scene.normal();
+    truth.sweep = {readout_s * (prior.expected_velocity + scene.tangent(0.2, 0.1)), calib::Tangent6d::Zero(), last_row};
+    seen = scene.observe(truth, points, sigma_px);
+    start = {calib::exp(scene.tangent(0.01, 0.005)) * truth.cam_from_world,
+             prior.sweep(truth.cam_from_world, last_row)};
+  }
+  SweptFit fit() const { return refine_swept_pose(camera().model, seen, start, prior, 15); }
+
+  SweptPose truth, start;
+  MotionPrior prior;
+  double readout_s = 0;
+  std::vector<PoseObservation> seen;
+};
+
+TEST(SweptFitProperties, AtRestItIsTheFitOfAGlobalShutter) {
+  RandomScene scene(1);
+  for (int run = 0; run < 10; ++run) {
+    const calib::Rigid3d truth = scene.pose(), start = calib::exp(scene.tangent(0.01, 0.005)) * truth;
+    const auto seen = scene.observe({truth}, 30, 0.3);
+    MotionPrior at_rest;
+    at_rest.readout = {0.03, 0};
+    const SweptFit swept = refine_swept_pose(camera().model, seen, still(start), at_rest, 15);
+    const auto global = camera_tracking::refine_pose(camera().model, seen, start, 15);
+    EXPECT_LT(distance(swept.pose.cam_from_world, global.cam_from_world), 1e-6);
+    EXPECT_LT((swept.fit.information - global.information).norm(), 1e-3 * global.information.norm());
+  }
+}
+
+TEST(SweptFitProperties, DoesNotDependOnTheOrder) {
+  RandomFrame frame(2, {0.02, 0.005});
+  const SweptFit a = frame.fit();
+  std::ranges::reverse(frame.seen);
+  const SweptFit b = frame.fit();
+  EXPECT_LT(distance(a.pose.cam_from_world, b.pose.cam_from_world), 1e-9);
+  EXPECT_LT((a.pose.sweep.motion - b.pose.sweep.motion).norm(), 1e-9);
+  ASSERT_TRUE(a.readout && b.readout);
+  EXPECT_NEAR(a.readout->mean_s, b.readout->mean_s, 1e-8);
+}
+
+TEST(SweptFitProperties, EquivariantToTheWorldFrame) {
+  RandomScene scene(3);
+  for (std::uint64_t run = 1; run <= 10; ++run) {
+    RandomFrame frame(run, {0.02, 0.005});
+    frame.prior.d_velocity_d_pose = 10 * Matrix6d::Identity();
+    const SweptFit a = frame.fit();
+    const calib::Rigid3d new_from_old = scene.transform(), old_from_new = calib::inverse(new_from_old);
+    frame.seen = camera_tracking::moved(frame.seen, new_from_old);
+    frame.start.cam_from_world = frame.start.cam_from_world * old_from_new;
+    frame.prior.expected = frame.prior.expected * old_from_new;
+    const SweptFit b = frame.fit();
+    EXPECT_LT(distance(a.pose.cam_from_world * old_from_new, b.pose.cam_from_world), 1e-7);
+    EXPECT_LT((a.pose.sweep.motion - b.pose.sweep.motion).norm(), 1e-7);
+    EXPECT_LT((a.fit.information - b.fit.information).norm(), 1e-5 * a.fit.information.norm());
+  }
+}
+
+TEST(SweptFitProperties, EquivariantToTheUnitOfLength) {
+  for (const double s : {0.2, 5.0}) {
+    RandomFrame frame(4, {0.02, 0.005});
+    const SweptFit a = frame.fit();
+    const Matrix6d unit = camera_tracking::unit_change(s);
+    frame.seen = camera_tracking::scaled(frame.seen, s);
+    frame.start.cam_from_world = camera_tracking::scaled(frame.start.cam_from_world, s);
+    frame.start.sweep.motion = unit * frame.start.sweep.motion;
+    frame.start.sweep.bend = unit * frame.start.sweep.bend;
+    frame.prior.expected = camera_tracking::scaled(frame.prior.expected, s);
+    frame.prior.expected_velocity = unit * frame.prior.expected_velocity;
+    frame.prior.velocity_covariance = unit * frame.prior.velocity_covariance * unit;
+    const SweptFit b = frame.fit();
+    EXPECT_LT(distance(camera_tracking::scaled(a.pose.cam_from_world, s), b.pose.cam_from_world),
+              1e-6 * std::max(1.0, s));
+    EXPECT_LT((unit * a.pose.sweep.motion - b.pose.sweep.motion).norm(), 1e-6 * std::max(1.0, s));
+    ASSERT_TRUE(a.readout && b.readout);
+    EXPECT_NEAR(a.readout->mean_s, b.readout->mean_s, 1e-6);
+    EXPECT_NEAR(a.readout->sigma_s, b.readout->sigma_s, 1e-3 * a.readout->sigma_s);
+  }
+}
+
+// 6 for normal residuals; Tukey's weights make the information some 15 % too small.
+TEST(SweptFitProperties, CovarianceMatchesMonteCarlo) {
+  for (const Readout& readout : {Readout{0.03, 1e-6}, Readout{0.02, 0.008}}) {
+    double nees = 0;
+    constexpr int runs = 200;
+    for (std::uint64_t run = 1; run <= runs; ++run) {
+      const RandomFrame frame(run, readout);
+      const SweptFit fit = frame.fit();
+      const calib::Tangent6d error = calib::log(frame.truth.cam_from_world * calib::inverse(fit.pose.cam_from_world));
+      nees += error.dot(fit.fit.information * error) / runs;
+    }
+    EXPECT_GT(nees, 4.0) << readout.mean_s;
+    EXPECT_LT(nees, 7.0) << readout.mean_s;
+  }
+}
+
+TEST(SweptFitProperties, ReadoutOfSingleFramesIsUnbiasedAndConsistent) {
+  double error = 0, square = 0;
+  int n = 0;
+  for (std::uint64_t run = 1; run <= 200; ++run) {
+    const RandomFrame frame(run, {0.02, 0.008});
+    const auto measured = frame.fit().readout;
+    if (!measured) continue;
+    const double normalised = (measured->mean_s - frame.readout_s) / measured->sigma_s;
+    error += normalised, square += normalised * normalised, ++n;
+  }
+  EXPECT_GT(n, 190);
+  EXPECT_NEAR(error / n, 0, 0.3);
+  EXPECT_GT(square / n, 0.4);
+  EXPECT_LT(square / n, 1.8);
+}
+
+TEST(SweptFitProperties, TheReadoutsPriorIsRemovedFromItsMeasurement) {
+  RandomFrame frame(5, {0.02, 0.008}, 0.1, 120);
+  const auto measured = frame.fit().readout;
+  frame.prior.readout.mean_s += 0.004;
+  const auto shifted = frame.fit().readout;
+  ASSERT_TRUE(measured && shifted);
+  EXPECT_NEAR(measured->mean_s, shifted->mean_s, 0.3 * 0.004);
+}
+
+TEST(SweptFitProperties, SigmaAcrossTheLineOnly) {
+  RandomFrame frame(6, {0.02, 0.001}, 0, 30);
+  RandomScene scene(7);
+  for (std::size_t i = 0; i < frame.seen.size(); i += 2) {  // displaced along a line of which that is the sigma
+    const Eigen::Vector2d line = Eigen::Vector2d(scene.normal(), scene.normal()).normalized();
+    frame.seen[i].px += 4 * line;
+    frame.seen[i].line_sigma_px = 1e4 * line;
+  }
+  EXPECT_LT(distance(frame.fit().pose.cam_from_world, frame.truth.cam_from_world), 2e-3);
+  for (PoseObservation& o : frame.seen) o.line_sigma_px.setZero();
+  EXPECT_GT(distance(frame.fit().pose.cam_from_world, frame.truth.cam_from_world), 4e-3);
 }
 
 }  // namespace

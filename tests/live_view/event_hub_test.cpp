@@ -25,7 +25,7 @@ TEST(EventHub, EveryPageReadsAtItsOwnPace) {
   EXPECT_THAT(all(hub, slow), ElementsAre("a", "b"));
 }
 
-TEST(EventHub, OfAKeyOnlyTheNewestIsTold) {
+TEST(EventHub, KeepsTheLatestEventOfAKey) {
   EventHub hub;
   std::uint64_t page = 0;
   hub.set("preview/a", "a1");
@@ -40,7 +40,7 @@ TEST(EventHub, OfAKeyOnlyTheNewestIsTold) {
   EXPECT_THAT(all(hub, late), ElementsAre("position", "a2"));
 }
 
-TEST(EventHub, WhatIsForOnePageOthersDoNotGet) {
+TEST(EventHub, DeliversAddressedEventsToOnePage) {
   EventHub hub;
   hub.set("teach/a", "for a", "a");
   hub.append("for all");
@@ -59,7 +59,7 @@ TEST(EventHub, WhatIsForOnePageOthersDoNotGet) {
   EXPECT_THAT(seen_by("a"), ElementsAre("more for a"));
 }
 
-TEST(EventHub, WhatIsToldAgainToPagesIsNotForWhoWantsPositionsAlone) {
+TEST(EventHub, RepetitionsAreForPagesOnly) {
   EventHub hub;
   const std::string position = to_event("position", "1");
   const EventReader program{.only = "position"};
@@ -73,11 +73,11 @@ TEST(EventHub, WhatIsToldAgainToPagesIsNotForWhoWantsPositionsAlone) {
   hub.append(position, true);
   EXPECT_EQ(*hub.next(page), position);
   EXPECT_EQ(hub.next(cursor, program), nullptr);
-  EXPECT_EQ(*hub.next(slow, program), position);  // who had not read it yet has not lost it
+  EXPECT_EQ(*hub.next(slow, program), position);  // still unread
   EXPECT_EQ(hub.next(slow, program), nullptr);
 }
 
-TEST(EventHub, KeepsOnlySoMuchOfTheStream) {
+TEST(EventHub, BoundsTheStream) {
   EventHub hub({.stream_events = 3, .stream_bytes = 1000});
   for (const char* text : {"1", "2", "3", "4", "5"}) hub.append(text);
   std::uint64_t page = 0;
@@ -87,11 +87,11 @@ TEST(EventHub, KeepsOnlySoMuchOfTheStream) {
   small.append(std::string(6, 'b'));  // together too much
   page = 0;
   EXPECT_THAT(all(small, page), ElementsAre("bbbbbb"));
-  small.append(std::string(60, 'c'));  // alone too much: kept all the same, or nobody would ever see it
+  small.append(std::string(60, 'c'));  // larger than the limit alone: kept nevertheless
   EXPECT_THAT(all(small, page), ElementsAre(std::string(60, 'c')));
 }
 
-TEST(EventHub, TellsItsListenerAndMissesNoNews) {
+TEST(EventHub, NotifiesItsListenerOfEveryChange) {
   EventHub hub;
   int news = 0;
   hub.on_news([&] { ++news; });
@@ -107,7 +107,7 @@ TEST(EventHub, TellsItsListenerAndMissesNoNews) {
   EXPECT_TRUE(waits);
 }
 
-TEST(EventHub, KeysThatAnybodyMayInventAreForgottenOldestFirst) {
+TEST(EventHub, BoundsTheKeysOldestFirst) {
   EventHub hub({.keys = 3, .key_bytes = 100});
   for (int i = 0; i < 1000; ++i) hub.set("preview/" + std::to_string(i), std::to_string(i));
   std::uint64_t cursor = 0;

@@ -12,7 +12,7 @@ namespace {
 using namespace testing;
 using Json = nlohmann::json;
 
-TEST(Events, WhatDoesNotExistIsNull) {
+TEST(Events, NanIsNull) {
   msg::ObjectPosition sample;
   sample.target("ball");
   sample.captured_at(1'700'000'000'250'000'000);
@@ -26,7 +26,7 @@ TEST(Events, WhatDoesNotExistIsNull) {
   EXPECT_NEAR(json["latency"], 0.01, 1e-9);
 }
 
-TEST(Events, ACameraThatMovesHasItsPoseAndItsUncertainty) {
+TEST(Events, TrackedCameraHasPoseAndSigma) {
   msg::CameraPose pose;
   pose.camera("hand");
   pose.state(msg::CAMERA_STATE_COASTING);
@@ -40,7 +40,7 @@ TEST(Events, ACameraThatMovesHasItsPoseAndItsUncertainty) {
   EXPECT_TRUE(json["sigma"][0].is_null());
 }
 
-TEST(Events, AMapIsListedPointByPoint) {
+TEST(Events, ListsTheMapsPoints) {
   msg::CameraMap map;
   map.camera("hand");
   map.captured_at(1'500'000'000);
@@ -60,7 +60,7 @@ TEST(Events, AMapIsListedPointByPoint) {
   EXPECT_EQ(point["state"], "missed");
 }
 
-TEST(Events, APictureIsBase64) {
+TEST(Events, PictureIsBase64) {
   msg::Preview preview;
   for (const auto& [bytes, text] :
        std::vector<std::pair<std::vector<std::uint8_t>, std::string>>{{{}, ""},
@@ -73,13 +73,13 @@ TEST(Events, APictureIsBase64) {
   }
 }
 
-TEST(Events, StringsThatAreNoUtf8DoNotEndTheBridge) {
+TEST(Events, ReplacesInvalidUtf8) {
   msg::ServiceStatus status;
   status.warnings({"\xff\xfe broken", "sound"});
   EXPECT_EQ(Json::parse(to_json(status, 0))["warnings"][1], "sound");
 }
 
-TEST(Events, ARequestIsReadStrictly) {
+TEST(Events, ParsesRequestsStrictly) {
   const std::string good = R"({"client":"c","number":3,"host":"h","pid":7,"action":"look","target":"ball","wider":-1,
     "points":[{"camera":"cam0","pixel":[10,20.5]}],"ignored":[{"camera":"cam1","box":[1,2,3,4]}]})";
   const msg::TeachRequest request = teach_request_of(good);
@@ -96,7 +96,7 @@ TEST(Events, ARequestIsReadStrictly) {
   EXPECT_THROW(teach_request_of(many + "]}"), std::invalid_argument);
 }
 
-TEST(Events, WordsAreReadStrictlyAndAnsweredInRows) {
+TEST(Events, ParsesWordsStrictlyAndRepliesInRows) {
   const msg::ControlRequest request =
       control_request_of(R"({"client":"c","number":3,"host":"h","pid":7,"words":["record","start"]})");
   EXPECT_EQ(request.pid(), 7u);

@@ -138,7 +138,7 @@ std::vector<std::string> serve_piece(RecordingDownload& download, const std::str
   return request->words();
 }
 
-TEST_F(Server, ARecordingIsSentAsItComes) {
+TEST_F(Server, ForwardsARecordingWhileItArrives) {
   start();
   const auto download = offer("run", RecordingDownload::recording_words("run"));
   std::string whole;
@@ -156,7 +156,7 @@ TEST_F(Server, ARecordingIsSentAsItComes) {
 }
 
 // It comes from the bus: as a page of ours it could ask the service for anything.
-TEST_F(Server, AReportIsShownAndCanDoNothing) {
+TEST_F(Server, SandboxesTheReport) {
   start();
   const auto download = offer("report", RecordingDownload::report_words());
   const std::string whole = "<html><script>alert(1)</script></html>";
@@ -171,7 +171,7 @@ TEST_F(Server, AReportIsShownAndCanDoNothing) {
 }
 
 // The address' words are the service's, in their order.
-TEST_F(Server, ABoardIsPrinted) {
+TEST_F(Server, SendsABoard) {
   start();
   const auto download = offer("columns=9", RecordingDownload::print_words({"type=charuco", "columns=9"}));
   const std::string whole = "%PDF-1.4 board";
@@ -186,7 +186,7 @@ TEST_F(Server, ABoardIsPrinted) {
   EXPECT_THAT(get("/api/board.pdf?square_mm=90"), AllOf(StartsWith("HTTP/1.1 404"), HasSubstr("does not fit on A4")));
 }
 
-TEST_F(Server, WhatIsNoRecordingIsNotSent) {
+TEST_F(Server, RefusesOtherFilesThanRecordings) {
   start();
   const auto refused = offer("none", RecordingDownload::recording_words("none"));
   refused->fail("There is no recording none.");
@@ -201,7 +201,7 @@ TEST_F(Server, WhatIsNoRecordingIsNotSent) {
   EXPECT_THAT(get("/api/recordings/none.tar", "Origin: http://evil.example\r\n"), StartsWith("HTTP/1.1 403"));
 }
 
-TEST_F(Server, ARecordingThatBreaksOffIsNotWhole) {
+TEST_F(Server, ReportsAnIncompleteRecording) {
   start();
   const auto download = offer("run", RecordingDownload::recording_words("run"));
   const std::string whole(200'000, 'x');
@@ -215,7 +215,7 @@ TEST_F(Server, ARecordingThatBreaksOffIsNotWhole) {
   EXPECT_LT(answer.size(), 150'000u);
 }
 
-TEST_F(Server, ItEndsWhileARecordingIsAwaited) {
+TEST_F(Server, EndsDuringADownload) {
   start();
   offer("run", RecordingDownload::recording_words("run"));
   Socket socket(server->port());
@@ -225,7 +225,7 @@ TEST_F(Server, ItEndsWhileARecordingIsAwaited) {
   EXPECT_THAT(socket.receive(""), AnyOf(IsEmpty(), StartsWith("HTTP/1.1 404")));
 }
 
-TEST_F(Server, APageOfAnAllowedOriginReadsPositionsAndNothingElse) {
+TEST_F(Server, AllowedOriginsReadPositionsOnly) {
   PageServerOptions o = options();
   o.allowed_origins = {"http://localhost:8000"};
   start(o);
@@ -243,7 +243,7 @@ TEST_F(Server, APageOfAnAllowedOriginReadsPositionsAndNothingElse) {
   EXPECT_THAT(post("{}", "application/json", "Origin: http://localhost:8000\r\n"), StartsWith("HTTP/1.1 403"));
 }
 
-TEST_F(Server, PositionsGoOverAWebSocketToo) {
+TEST_F(Server, StreamsPositionsOverAWebSocket) {
   PageServerOptions o = options();
   o.allowed_origins = {"http://localhost:8000"};
   start(o);
@@ -277,7 +277,7 @@ TEST_F(Server, PositionsGoOverAWebSocketToo) {
   EXPECT_EQ(stays.receive("x"), "");
 }
 
-TEST_F(Server, StreamsWhatIsThereAndWhatComes) {
+TEST_F(Server, StreamsStoredAndNewEvents) {
   start();
   hub.set("status", to_event("status", "{\"old\":1}"));
   Socket page(server->port());
@@ -288,7 +288,7 @@ TEST_F(Server, StreamsWhatIsThereAndWhatComes) {
   EXPECT_EQ(server->pages(), 1);
 }
 
-TEST_F(Server, AProgramGetsThePositionsFromNowOnAndNothingElse) {
+TEST_F(Server, ProgramsGetNewPositionsOnly) {
   start();
   hub.append(to_event("position", "{\"before\":1}"));
   Socket program(server->port());
@@ -304,7 +304,7 @@ TEST_F(Server, AProgramGetsThePositionsFromNowOnAndNothingElse) {
                                             Not(HasSubstr("other"))));
 }
 
-TEST_F(Server, TakesRequestsThatAPageOfOursSends) {
+TEST_F(Server, AcceptsRequestsOfOurPage) {
   start();
   EXPECT_THAT(post("{\"a\":1}"), StartsWith("HTTP/1.1 202"));
   EXPECT_THAT(bodies, ElementsAre("{\"a\":1}"));
@@ -333,7 +333,7 @@ TEST_F(Server, OtherAddressesNeedTheToken) {
               StartsWith("HTTP/1.1 200"));
 }
 
-TEST_F(Server, AddressesThatCannotBeListenedOnAreSaid) {
+TEST_F(Server, ReportsUnusableAddresses) {
   start();
   PageServerOptions taken = options();
   taken.port = server->port();
@@ -347,7 +347,7 @@ TEST_F(Server, AddressesThatCannotBeListenedOnAreSaid) {
   EXPECT_GT(PageServer(named, hub, {}).port(), 0);
 }
 
-TEST_F(Server, NonsenseAndHugeHeadersAreRefusedAndForgotten) {
+TEST_F(Server, RefusesNonsenseAndHugeHeaders) {
   start();
   for (const std::string& nonsense :
        {std::string("\r\n\r\n\r\n"), std::string("GET\r\n\r\n"), std::string("\x16\x03\x01\x02\x00\x01\x00\x01", 8),
@@ -369,7 +369,7 @@ TEST_F(Server, NonsenseAndHugeHeadersAreRefusedAndForgotten) {
 }
 
 // A page that never reads: the others get everything at once, and the slow one costs no more than its buffers.
-TEST_F(Server, APageThatDoesNotReadHoldsNobodyUp) {
+TEST_F(Server, AStalledPageDelaysNoOther) {
   start();
   std::vector<Socket> dead;
   for (int i = 0; i < 5; ++i) {
@@ -398,7 +398,7 @@ TEST_F(Server, APageThatDoesNotReadHoldsNobodyUp) {
   EXPECT_EQ(server->pages(), 1);
 }
 
-TEST_F(Server, AThousandConnectionsLeaveRoomForAPage) {
+TEST_F(Server, AcceptsAPageBesidesAThousandConnections) {
   rlimit files{};
   ASSERT_EQ(::getrlimit(RLIMIT_NOFILE, &files), 0);
   files.rlim_cur = std::min<rlim_t>(files.rlim_max, 8192);
@@ -422,7 +422,7 @@ TEST_F(Server, AThousandConnectionsLeaveRoomForAPage) {
   for (auto& page : pages) EXPECT_THAT(page.receive("to all"), HasSubstr("to all"));
 }
 
-TEST_F(Server, RequestsOfAnotherServersPageAreRefused) {
+TEST_F(Server, RefusesRequestsOfOtherOrigins) {
   start();
   for (const char* type : {"application/jsonx", "application/json-seq", "text/plain; application/json", ""})
     EXPECT_THAT(post("{}", type), StartsWith("HTTP/1.1 415")) << type;
@@ -435,7 +435,7 @@ TEST_F(Server, RequestsOfAnotherServersPageAreRefused) {
 }
 
 // A byte now and then is not silence, and yet no request.
-TEST_F(Server, AConnectionThatTricklesHasATotalTimeLimit) {
+TEST_F(Server, BoundsTheTotalTimeOfARequest) {
   PageServerOptions o = options();
   o.request_s = 2;
   start(o);
@@ -451,7 +451,7 @@ TEST_F(Server, AConnectionThatTricklesHasATotalTimeLimit) {
   EXPECT_THAT(page.receive("still"), HasSubstr("still"));
 }
 
-TEST_F(Server, TheNextPageOfTooManyIsRefused) {
+TEST_F(Server, RefusesTooManyPages) {
   PageServerOptions o = options();
   o.most_pages = 2;
   start(o);

@@ -34,7 +34,7 @@ std::string read_all(RecordingDownload& download) {
   return all;
 }
 
-TEST(RecordingDownload, ComesPieceByPiece) {
+TEST(RecordingDownload, ArrivesPieceByPiece) {
   const std::string whole = "abcdefghijklmnopqrstuvwxyz";
   RecordingDownload download({"record", "read", "run"}, "me", "host", 12);
   EXPECT_EQ(download.state(), State::awaited);
@@ -56,7 +56,7 @@ TEST(RecordingDownload, ComesPieceByPiece) {
   EXPECT_EQ(download.state(), State::ended);
 }
 
-TEST(RecordingDownload, WhoDoesNotReadIsNotSentMore) {
+TEST(RecordingDownload, RequestsNoMoreThanIsRead) {
   const std::string whole(100, 'x');
   RecordingDownload download({"record", "read", "run"}, "me", "host", 12);
   int asked = 0;
@@ -69,7 +69,7 @@ TEST(RecordingDownload, WhoDoesNotReadIsNotSentMore) {
   EXPECT_TRUE(download.next_request(begun_at));
 }
 
-TEST(RecordingDownload, IsAskedForAgainAndGivenUp) {
+TEST(RecordingDownload, RepeatsRequestsThenFails) {
   RecordingDownload download({"record", "read", "run"}, "me", "host", 12);
   const auto first = download.next_request(begun_at);
   EXPECT_FALSE(download.next_request(begun_at + 900ms));
@@ -88,7 +88,7 @@ TEST(RecordingDownload, IsAskedForAgainAndGivenUp) {
   EXPECT_EQ(news, 1);
 }
 
-TEST(RecordingDownload, WhatDoesNotFitEndsIt) {
+TEST(RecordingDownload, InconsistentPiecesEndIt) {
   const auto ended_by = [](const std::function<void(msg::ControlReply&)>& change) {
     RecordingDownload download({"record", "read", "run"}, "me", "host", 12);
     download.take(piece_of(*download.next_request(begun_at), "abcdef", 3));
@@ -112,7 +112,7 @@ TEST(RecordingDownload, WhatDoesNotFitEndsIt) {
             "There is no recording run.");
 }
 
-TEST(RecordingDownload, NoNewsIsMissed) {
+TEST(RecordingDownload, MissesNoChange) {
   RecordingDownload download({"record", "read", "run"}, "me", "host", 12);
   int waits = 0, news = 0;
   download.on_news([&] { ++news; });

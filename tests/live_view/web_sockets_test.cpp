@@ -30,7 +30,7 @@ std::string sent(unsigned first_byte, const std::string& payload) {
   return out;
 }
 
-TEST(WebSocket, TheHandshakeOfTheSpecification) {
+TEST(WebSocket, HandshakeOfTheSpecification) {
   EXPECT_EQ(web_socket_accept("dGhlIHNhbXBsZSBub25jZQ=="), "s3pPLMBiTxaQ9kYGzzhZRbK+xOo=");  // RFC 6455, 1.3
 }
 
@@ -44,7 +44,7 @@ TEST(WebSocket, EventsAreTextMessagesOfAnyLength) {
   EXPECT_EQ(large.substr(0, 10), "\x81\x7f\0\0\0\0\0\x01\x11\x85"s);
 }
 
-TEST(WebSocket, AnswersPingsAndFarewellsInAnyPieces) {
+TEST(WebSocket, AnswersPingAndCloseInAnyFragments) {
   const std::string bytes = sent(0x89, "are you there") + sent(0x81, "hello") + sent(0x88, "\x03\xe8 bye");
   for (const std::size_t piece : {1U, 3U, 1000U}) {
     WebSocketInput input;
@@ -59,7 +59,7 @@ TEST(WebSocket, AnswersPingsAndFarewellsInAnyPieces) {
   }
 }
 
-TEST(WebSocket, WhatBreaksTheRulesEndsIt) {
+TEST(WebSocket, ProtocolErrorsEndIt) {
   const std::string unmasked = "\x81\x02hi"s, reserved = sent(0xc1, "hi"), unknown = sent(0x83, "hi"),
                     long_ping = sent(0x89, std::string(200, 'x'));
   for (const std::string& bytes : {unmasked, reserved, unknown, long_ping}) {
@@ -72,7 +72,7 @@ TEST(WebSocket, WhatBreaksTheRulesEndsIt) {
   EXPECT_EQ(answer, "\x88\x02\x03\xf1"s);                                      // 1009
 }
 
-TEST(WebSockets, OneThatDoesNotReadHoldsNobodyUpAndIsEnded) {
+TEST(WebSockets, AStalledSocketDelaysNoOtherAndIsClosed) {
   EventHub hub;
   WebSockets sockets(hub, 1);
   std::array<int, 2> lazy{}, eager{};

@@ -30,7 +30,7 @@ class Plot : public Test {
     out << std::ifstream(file, std::ios::binary).rdbuf();
     return out.str();
   }
-  // A circle of 1 m, with a gap; 3 mm beside the truth in x.
+  // A circle of 1 m, with a gap; with an error of 3 mm in x.
   fs::path tracks() {
     std::ostringstream text;
     text << header << "ball,0,nan,nan,nan,nan,nan,nan,nan,nan,nan,nan,nan,nan,searching,0,0\n";
@@ -56,7 +56,7 @@ class Plot : public Test {
       fs::path(TempDir()) / (std::string("plot_") + UnitTest::GetInstance()->current_test_info()->name());
 };
 
-TEST_F(Plot, WritesEveryKindAndSaysTheFigures) {
+TEST_F(Plot, WritesEveryFormatAndPrintsTheFigures) {
   internal::CaptureStdout();
   plot({.tracks = tracks(), .truth = truth("ball"), .out = folder / "a.png"});
   EXPECT_THAT(internal::GetCapturedStdout(),
@@ -71,13 +71,13 @@ TEST_F(Plot, WritesEveryKindAndSaysTheFigures) {
               Not(AnyOf(HasSubstr("<script"), HasSubstr("src="), HasSubstr("href=\"http"))));  // needs no other file
 }
 
-TEST_F(Plot, OneTargetAndOneTruthBelongTogether) {
+TEST_F(Plot, MatchesASingleTargetAndTruth) {
   internal::CaptureStdout();
   plot({.tracks = tracks(), .truth = truth("lime"), .out = folder / "a.svg"});
   EXPECT_THAT(internal::GetCapturedStdout(), HasSubstr("error rms 3.0 mm"));
 }
 
-TEST_F(Plot, TheTruthMayHaveOtherTimes) {
+TEST_F(Plot, InterpolatesTheTruth) {
   std::ostringstream text;  // at 100 Hz, of the first half, on a clock 1000 s behind
   text << "t,ball,x,y,z\n";
   for (int i = 0; i < 160; ++i)
@@ -107,7 +107,7 @@ TEST_F(Plot, TheTruthMayHaveOtherTimes) {
                           HasSubstr("prefers-color-scheme:dark"), HasSubstr("svg class=\"narrow\"")));
 }
 
-TEST_F(Plot, AnOffsetThatExplainsTheErrorIsNamedAndNotTakenOff) {
+TEST_F(Plot, ReportsAClockOffsetWithoutApplyingIt) {
   std::ostringstream text;
   text << "t,ball,x,y,z\n";
   for (int i = 0; i < 400; ++i)
@@ -123,7 +123,7 @@ TEST_F(Plot, AnOffsetThatExplainsTheErrorIsNamedAndNotTakenOff) {
   EXPECT_THAT(internal::GetCapturedStdout(), AllOf(HasSubstr("error rms 3.0 mm"), Not(HasSubstr("explains"))));
 }
 
-TEST_F(Plot, AnotherBallsTruthIsNotTakenInSilence) {
+TEST_F(Plot, ReportsATruthOfAnotherTarget) {
   std::ostringstream text;
   text << "t,ball,x,y,z\n";
   for (int i = 0; i < 100; ++i) text << i / 30.0 << ",pink,3,3,3\n";
@@ -148,7 +148,7 @@ TEST_F(Plot, DrawsALogOfACamera) {
   EXPECT_THAT(internal::GetCapturedStdout(), HasSubstr("cam0: 2 samples; tracking 50.0 %"));
 }
 
-TEST_F(Plot, ReadsWhatIsThere) {
+TEST_F(Plot, ReadsTracks) {
   const auto rows = read_tracks(tracks()).at("ball");
   ASSERT_EQ(rows.size(), 100u);
   EXPECT_FALSE(rows[0].has_position());
@@ -156,7 +156,7 @@ TEST_F(Plot, ReadsWhatIsThere) {
   EXPECT_EQ(rows[99].covariance(2, 2), 1e-5);
 }
 
-TEST_F(Plot, MistakesNameFileAndLine) {
+TEST_F(Plot, ErrorsNameFileAndLine) {
   const auto message = [&](const std::string& text) {
     try {
       plot({.tracks = write("bad.csv", text), .truth = {}, .out = folder / "a.png"});

@@ -30,7 +30,7 @@ constexpr int fewest_inliers = 5, fit_iterations = 8;
 
 int level_to_search(const Pyramid& pyramid) {
   int level = 0;
-  while (level + 1 < pyramid.count() && pyramid.levels[static_cast<std::size_t>(level)].width > widest_px) ++level;
+  while (level + 1 < pyramid.count() && pyramid.level(level).width > widest_px) ++level;
   return level;
 }
 
@@ -84,7 +84,7 @@ std::vector<KeyframeTracking::Visible> KeyframeTracking::one_per_cell(const std:
     const auto cell = static_cast<std::size_t>(
         std::clamp(static_cast<int>(seen[i].px.y()) * rows / camera_.image_size.height, 0, rows - 1) * columns +
         std::clamp(static_cast<int>(seen[i].px.x()) * columns / camera_.image_size.width, 0, columns - 1));
-    const auto& counts = map.points[static_cast<std::size_t>(seen[i].point)].found_of_sought;
+    const auto& counts = map.point(seen[i].point).found_of_sought;
     const double w = (1.0 + counts[0]) / (2.0 + counts[1]) + 0.5 * seen[i].view->level;
     if (w > worth[cell]) worth[cell] = w, best[cell] = static_cast<int>(i);
   }
@@ -99,7 +99,7 @@ std::vector<KeyframeTracking::Visible> KeyframeTracking::one_per_cell(const std:
 void KeyframeTracking::project(const Visible& seen, const SceneMap& map, int level) {
   const std::size_t n = particles_.size();
   u_.resize(n), v_.resize(n);
-  particles_.project(lens_, map.points[static_cast<std::size_t>(seen.point)].position, u_, v_);
+  particles_.project(lens_, map.point(seen.point).position, u_, v_);
   const float shrink = 1 / static_cast<float>(scale_of(level));
   const float du = seen.swept_px.x() + 0.5f, dv = seen.swept_px.y() + 0.5f;
   for (std::size_t i = 0; i < n; ++i) u_[i] = (u_[i] + du) * shrink - 0.5f, v_[i] = (v_[i] + dv) * shrink - 0.5f;
@@ -107,7 +107,7 @@ void KeyframeTracking::project(const Visible& seen, const SceneMap& map, int lev
 
 // Keeps the points that have a field; fields_[i] belongs to chosen[i].
 void KeyframeTracking::correlate(std::vector<Visible>& chosen, const Pyramid& pyramid, int level, const SceneMap& map) {
-  const GreyImage& image = pyramid.levels[static_cast<std::size_t>(level)];
+  const GreyImage& image = pyramid.level(level);
   fields_.resize(std::max(fields_.size(), chosen.size()));
   std::size_t used = 0;
   for (std::size_t i = 0; i < chosen.size(); ++i) {
@@ -152,7 +152,7 @@ SweptPose KeyframeTracking::fit_to_fields(SweptPose pose, const std::vector<Visi
   for (const float within_px : fit_within_px) {
     std::vector<PoseObservation> observations;
     for (std::size_t i = 0; i < chosen.size(); ++i) {
-      const Eigen::Vector3d& p = map.points[static_cast<std::size_t>(chosen[i].point)].position;
+      const Eigen::Vector3d& p = map.point(chosen[i].point).position;
       const auto px = project_swept(camera_.model, pose, p);
       if (!px) continue;
       const Eigen::Vector2d at = to_level(px->px, level);

@@ -47,8 +47,7 @@ double spread_px(const std::vector<PointSighting>& sightings) {
 double median_depth_m(const calib::Rigid3d& cam_from_world, const std::vector<PointSighting>& sightings,
                       const SceneMap& map) {
   std::vector<double> depths;
-  for (const PointSighting& s : sightings)
-    depths.push_back((cam_from_world * map.points[static_cast<std::size_t>(s.point)].position).norm());
+  for (const PointSighting& s : sightings) depths.push_back((cam_from_world * map.point(s.point).position).norm());
   return calib::median(std::move(depths));
 }
 
@@ -138,7 +137,7 @@ SweptPose KeyframeTracking::first_fit(const SweptPose& pose, const Pyramid& pyra
     const Visible& s = seen[i];
     const int level = std::min(s.level + 1, std::min(2, pyramid.count() - 1));
     if (!warp(s, map, level)) continue;
-    const GreyImage& image = pyramid.levels[static_cast<std::size_t>(level)];
+    const GreyImage& image = pyramid.level(level);
     const PixelRegion region = around(to_level(s.px, level), first_reach_px, first_reach_px, image);
     if (region.empty()) continue;
     ncc_field(image, patch_.inner, region, field_);
@@ -146,8 +145,8 @@ SweptPose KeyframeTracking::first_fit(const SweptPose& pose, const Pyramid& pyra
     if (peak.rho < good_ncc - blurred_loses) continue;
     const double offset = static_cast<double>(patch_.inner.centre_offset());
     const Eigen::Vector2d px = from_level(Eigen::Vector2d(peak.u + offset, peak.v + offset), level);
-    observations.push_back({map.points[static_cast<std::size_t>(s.point)].position, px,
-                            std::hypot(pixel_sigma_px * scale_of(level), s.map_sigma_px)});
+    observations.push_back(
+        {map.point(s.point).position, px, std::hypot(pixel_sigma_px * scale_of(level), s.map_sigma_px)});
   }
   if (observations.size() < first_fit_points) return pose;
   const SweptFit fit = rough_fit(observations, pose, rough_iterations);
@@ -161,7 +160,7 @@ KeyframeTracking::Matches KeyframeTracking::match(const std::vector<Visible>& se
   sought_.clear();
   for (const Visible& s : seen) {
     if (!warp(s, map, s.level)) continue;
-    const GreyImage& image = pyramid.levels[static_cast<std::size_t>(s.level)];
+    const GreyImage& image = pyramid.level(s.level);
     const Eigen::Vector2d at = to_level(s.px, s.level);
     if (!image.contains(at.x(), at.y(), margin_px)) continue;
     const int reach = std::clamp(static_cast<int>(std::ceil(2 + 2 * s.map_sigma_px / scale_of(s.level))),
@@ -179,10 +178,7 @@ KeyframeTracking::Matches KeyframeTracking::match(const std::vector<Visible>& se
     }
     const double sigma = match_sigma_px * scale_of(s.level);
     sought_.back().found_px = *found;
-    out.add(s.point,
-            {map.points[static_cast<std::size_t>(s.point)].position, sought_.back().found_px,
-             std::hypot(sigma, s.map_sigma_px)},
-            sigma);
+    out.add(s.point, {map.point(s.point).position, sought_.back().found_px, std::hypot(sigma, s.map_sigma_px)}, sigma);
   }
   return out;
 }
@@ -213,7 +209,7 @@ void KeyframeTracking::add_seeds(const SweptPose& pose, const Pyramid& pyramid, 
   subsample(seen, most);
   for (const Visible& s : seen) {
     if (!warp(s, map, s.level)) continue;
-    const GreyImage& image = pyramid.levels[static_cast<std::size_t>(s.level)];
+    const GreyImage& image = pyramid.level(s.level);
     const Eigen::Vector2d at = to_level(s.px, s.level);
     if (!image.contains(at.x(), at.y(), margin_px)) continue;
     const Eigen::Vector2d reach = 2 / scale_of(s.level) * s.reach_px.cwiseAbs();

@@ -38,11 +38,11 @@ KeyframeMapping::KeyframeMapping(const calib::Camera& camera) : camera_(camera) 
 void KeyframeMapping::add_view(MapPoint& point, int keyframe, int level, const Eigen::Vector2d& px) {
   PointView view;
   view.keyframe = keyframe, view.level = level, view.px = px;
-  describe(view, *map_.keyframes[static_cast<std::size_t>(keyframe)].pyramid);
+  describe(view, *map_.keyframe(keyframe).pyramid);
   // The first view stays; of the others the oldest is replaced.
   const auto n = static_cast<int>(point.views.size());
   if (point.view_count < n) {
-    point.views[static_cast<std::size_t>(point.view_count++)] = view;
+    point.view(point.view_count++) = view;
   } else {
     std::move(point.views.begin() + 2, point.views.end(), point.views.begin() + 1);
     point.views.back() = view;
@@ -119,10 +119,10 @@ void KeyframeMapping::map(const PosedFrame& frame) {
 // Updates the detection rates and removes points that are seldom found.
 void KeyframeMapping::count_detections(const PosedFrame& frame) {
   for (const PointSighting& s : frame.sightings) {
-    auto& counts = map_.points[static_cast<std::size_t>(s.point)].found_of_sought;
+    auto& counts = map_.point(s.point).found_of_sought;
     ++counts[0], ++counts[1];
   }
-  for (const int i : frame.missed) ++map_.points[static_cast<std::size_t>(i)].found_of_sought[1];
+  for (const int i : frame.missed) ++map_.point(i).found_of_sought[1];
   for (std::size_t i = 0; i < map_.points.size(); ++i) {
     MapPoint& p = map_.points[i];
     if (!p.alive || p.given || p.found_of_sought[1] < judged_after) continue;
@@ -157,12 +157,12 @@ void KeyframeMapping::add_keyframe(const PosedFrame& frame) {
   const Eigen::Vector3d centre = calib::inverse(frame.pose.cam_from_world).translation;
   for (PointSighting s : frame.sightings) {
     s.keyframe = index;
-    MapPoint& p = map_.points[static_cast<std::size_t>(s.point)];
+    MapPoint& p = map_.point(s.point);
     if (!p.alive) continue;
     by_point_[static_cast<std::size_t>(s.point)].push_back(s);
     double nearest = 1e9;
     for (int k = 0; k < p.view_count; ++k) {
-      const Keyframe& other = map_.keyframes[static_cast<std::size_t>(p.views[static_cast<std::size_t>(k)].keyframe)];
+      const Keyframe& other = map_.keyframe(p.view(k).keyframe);
       const Eigen::Vector3d from = calib::inverse(other.cam_from_world).translation - p.position,
                             now = centre - p.position;
       nearest = std::min(nearest, angle_between(from, now) + std::abs(std::log(now.norm() / from.norm())));
@@ -177,7 +177,7 @@ void KeyframeMapping::add_keyframe(const PosedFrame& frame) {
 
 void KeyframeMapping::promote(const Seed& seed) {
   MapPoint p;
-  const Keyframe& k = map_.keyframes[static_cast<std::size_t>(seed.view.keyframe)];
+  const Keyframe& k = map_.keyframe(seed.view.keyframe);
   const calib::Rigid3d world_from_cam = calib::inverse(k.pose().at(seed.view.px.y()));
   const Eigen::Vector3d ray = world_from_cam.rotation * seed.ray;
   p.position = world_from_cam * (seed.ray / seed.inverse_depth);
@@ -195,7 +195,7 @@ void KeyframeMapping::promote(const Seed& seed) {
 }
 
 void KeyframeMapping::remove(int point) {
-  map_.points[static_cast<std::size_t>(point)].alive = false;
+  map_.point(point).alive = false;
   by_point_[static_cast<std::size_t>(point)].clear();
 }
 
@@ -224,7 +224,7 @@ KeyframeMapping::LocalProblem KeyframeMapping::problem_of(const std::set<int>& m
   bool anchored = false;
   const auto pose_index = [&](int k) {
     const auto [it, fresh] = local.pose_of.try_emplace(k, static_cast<int>(problem.poses.size()));
-    const Keyframe& frame = map_.keyframes[static_cast<std::size_t>(k)];
+    const Keyframe& frame = map_.keyframe(k);
     if (fresh) problem.poses.push_back({frame.cam_from_world, !moved.contains(k), frame.sweep});
     return it->second;
   };
@@ -258,10 +258,9 @@ KeyframeMapping::LocalProblem KeyframeMapping::problem_of(const std::set<int>& m
 
 void KeyframeMapping::apply(const LocalProblem& local) {
   for (const auto& [k, at] : local.pose_of)
-    map_.keyframes[static_cast<std::size_t>(k)].cam_from_world =
-        local.bundle.poses[static_cast<std::size_t>(at)].cam_from_world;
+    map_.keyframe(k).cam_from_world = local.bundle.poses[static_cast<std::size_t>(at)].cam_from_world;
   for (std::size_t j = 0; j < local.point_of.size(); ++j) {
-    MapPoint& p = map_.points[static_cast<std::size_t>(local.point_of[j])];
+    MapPoint& p = map_.point(local.point_of[j]);
     p.position = local.bundle.points[j].position;
     p.covariance = local.bundle.points[j].covariance;
   }
@@ -298,7 +297,7 @@ void KeyframeMapping::refit(const std::set<int>& keyframes) {
   for (const auto& [k, observations] : seen) {
     const std::optional<MotionPrior>& prior = priors_[static_cast<std::size_t>(k)];
     if (!prior || observations.size() < fewest_to_refit) continue;
-    Keyframe& keyframe = map_.keyframes[static_cast<std::size_t>(k)];
+    Keyframe& keyframe = map_.keyframe(k);
     const SweptFit fit = refine_swept_pose(camera_.model, observations, keyframe.pose(), *prior);
     keyframe.cam_from_world = fit.pose.cam_from_world, keyframe.sweep = fit.pose.sweep;
   }

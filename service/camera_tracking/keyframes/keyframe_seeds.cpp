@@ -75,8 +75,7 @@ Strongest strongest(const std::vector<float>& field, const PixelRegion& region, 
     for (int v = region.v0; v <= region.v1; ++v) {
       for (int u = region.u0; u <= region.u1; ++u) {
         const Eigen::Vector2d p(u + offset, v + offset);
-        if (line.is_near(p))
-          visit(field[static_cast<std::size_t>((v - region.v0) * region.width() + u - region.u0)], p);
+        if (line.is_near(p)) visit(field[region.index(u, v)], p);
       }
     }
   };
@@ -92,7 +91,7 @@ Strongest strongest(const std::vector<float>& field, const PixelRegion& region, 
 }  // namespace
 
 void KeyframeMapping::add_seeds(int keyframe) {
-  const Keyframe& k = map_.keyframes[static_cast<std::size_t>(keyframe)];
+  const Keyframe& k = map_.keyframe(keyframe);
   const int cell = std::max(least_cell_px, cell_px * camera_.image_size.width / 320);
   const int columns = (camera_.image_size.width + cell - 1) / cell,
             rows = (camera_.image_size.height + cell - 1) / cell;
@@ -110,7 +109,7 @@ void KeyframeMapping::add_seeds(int keyframe) {
     depths.push_back((k.cam_from_world * p.position).norm());
   }
   for (const Seed& s : seeds_) {
-    const Keyframe& from = map_.keyframes[static_cast<std::size_t>(s.view.keyframe)];
+    const Keyframe& from = map_.keyframe(s.view.keyframe);
     const auto seen = project_swept(camera_.model, k.pose(),
                                     calib::inverse(from.pose().at(s.view.px.y())) * (s.ray / s.inverse_depth));
     if (seen && camera_.contains({seen->px})) taken[cell_of(seen->px)] = 1;
@@ -123,7 +122,7 @@ void KeyframeMapping::add_seeds(int keyframe) {
   };
   std::vector<CellCorner> best(taken.size(), {Eigen::Vector2d::Zero(), -1, 0.0f});
   for (int level = 0; level < std::min(corner_levels, k.pyramid->count()); ++level) {
-    const GreyImage& image = k.pyramid->levels[static_cast<std::size_t>(level)];
+    const GreyImage& image = k.pyramid->level(level);
     for (const Corner& c : detect_corners(image, corner_threshold, corner_margin_px, least_corner_score)) {
       const Eigen::Vector2d px = from_level(c.px, level);
       const std::size_t at = cell_of(px);
@@ -187,7 +186,7 @@ bool KeyframeMapping::update(Seed& seed, const PosedFrame& frame) {
 // Along the epipolar line, within 2 sigmas of its depth.
 KeyframeMapping::SeedMeasurement KeyframeMapping::search(const Seed& seed, const PosedFrame& frame) {
   using Result = SeedMeasurement::Result;
-  const Keyframe& k = map_.keyframes[static_cast<std::size_t>(seed.view.keyframe)];
+  const Keyframe& k = map_.keyframe(seed.view.keyframe);
   const calib::Rigid3d world_from_then = calib::inverse(k.pose().at(seed.view.px.y()));
   const auto at = [&](double inverse_depth) {
     return project_swept(camera_.model, frame.pose, world_from_then * (seed.ray / inverse_depth));
@@ -204,7 +203,7 @@ KeyframeMapping::SeedMeasurement KeyframeMapping::search(const Seed& seed, const
   if (!warp_patch(*k.pyramid, seed.view.px, patch->affine, level, patch_side, patch_)) return {Result::distorted};
   const EpipolarLine line(to_level(far->px, level), to_level(near->px, level));
   if (line.length > longest_line_px) return {Result::distorted};
-  const GreyImage& image = frame.pyramid->levels[static_cast<std::size_t>(level)];
+  const GreyImage& image = frame.pyramid->level(level);
   const double offset = static_cast<double>(patch_.inner.centre_offset());
   const PixelRegion region = clip(box_of(line, offset), image, patch_side);
   if (region.empty()) return {Result::distorted};
@@ -223,7 +222,7 @@ KeyframeMapping::SeedMeasurement KeyframeMapping::search(const Seed& seed, const
 // Kalman update of the inverse depth.
 bool KeyframeMapping::update_depth(Seed& seed, const SeedMeasurement& seen, const PosedFrame& frame) const {
   const calib::Rigid3d now = frame.pose.at(seen.px.y());
-  const Keyframe& k = map_.keyframes[static_cast<std::size_t>(seed.view.keyframe)];
+  const Keyframe& k = map_.keyframe(seed.view.keyframe);
   const calib::Rigid3d now_from_then = now * calib::inverse(k.pose().at(seed.view.px.y()));
   const auto at = [&](double inverse_depth) {
     return camera_.model.project(now_from_then * (seed.ray / inverse_depth));

@@ -108,7 +108,7 @@ class KeyframeTracker final : public CameraTracker {
   CameraTrackerInside inside() const override {
     CameraTrackerInside out;
     for (const KeyframeTracking::Sought& s : tracking_.sought()) {
-      const MapPoint& p = map_.points[static_cast<std::size_t>(s.point)];
+      const MapPoint& p = map_.point(s.point);
       out.features.push_back(
           {s.px.cast<float>(), s.found_px.cast<float>(), s.search.cast<float>(), p.position, p.covariance, p.given});
     }
@@ -216,8 +216,8 @@ class KeyframeTracker final : public CameraTracker {
   double flow_px(const calib::Rigid3d& now) const {
     std::vector<double> flow;
     for (const PointSighting& s : last_.sightings) {
-      const auto before = camera_.model.project(pose_ * map_.points[static_cast<std::size_t>(s.point)].position);
-      const auto after = camera_.model.project(now * map_.points[static_cast<std::size_t>(s.point)].position);
+      const auto before = camera_.model.project(pose_ * map_.point(s.point).position);
+      const auto after = camera_.model.project(now * map_.point(s.point).position);
       if (before && after) flow.push_back((after->px - before->px).norm());
     }
     return calib::median(std::move(flow));

@@ -70,9 +70,8 @@ const PointView* KeyframeTracking::most_similar_view(const MapPoint& p, const Ei
   const PointView* best = nullptr;
   double least = most_dissimilar;
   for (int k = 0; k < p.view_count; ++k) {
-    const PointView& view = p.views[static_cast<std::size_t>(k)];
-    const Eigen::Vector3d then =
-        calib::inverse(map.keyframes[static_cast<std::size_t>(view.keyframe)].cam_from_world).translation;
+    const PointView& view = p.view(k);
+    const Eigen::Vector3d then = calib::inverse(map.keyframe(view.keyframe).cam_from_world).translation;
     const double dissimilarity = angle_between(then - p.position, centre - p.position) +
                                  std::abs(std::log((centre - p.position).norm() / (then - p.position).norm())) +
                                  (k > 0 ? later_view_penalty : 0.0);
@@ -85,7 +84,7 @@ const PointView* KeyframeTracking::most_similar_view(const MapPoint& p, const Ei
 std::optional<PatchTransfer> KeyframeTracking::patch_of(const SweptPose& pose, const SweptPixel& now,
                                                         const PointView& view, const Eigen::Vector3d& position,
                                                         const Eigen::Vector3d& normal, const SceneMap& map) const {
-  const Keyframe& frame_then = map.keyframes[static_cast<std::size_t>(view.keyframe)];
+  const Keyframe& frame_then = map.keyframe(view.keyframe);
   const calib::Rigid3d then = frame_then.pose().at(view.px.y());
   const Eigen::Vector3d source = then * position;
   const bool known = normal.squaredNorm() > 0.5;
@@ -134,7 +133,7 @@ std::vector<KeyframeTracking::Visible> KeyframeTracking::visible_seeds(const Swe
                                                                        const SceneMap& map, int levels) const {
   std::vector<Visible> out;
   for (const PointSeed& s : map.seeds) {
-    const Keyframe& frame_then = map.keyframes[static_cast<std::size_t>(s.view.keyframe)];
+    const Keyframe& frame_then = map.keyframe(s.view.keyframe);
     const calib::Rigid3d world_from_then = calib::inverse(frame_then.pose().at(s.view.px.y()));
     Visible seen;
     seen.point = -1, seen.view = &s.view;
@@ -173,7 +172,7 @@ void KeyframeTracking::subsample(std::vector<Visible>& seen, std::size_t most) {
 }
 
 bool KeyframeTracking::warp(const Visible& seen, const SceneMap& map, int level) {
-  const Pyramid& source = *map.keyframes[static_cast<std::size_t>(seen.view->keyframe)].pyramid;
+  const Pyramid& source = *map.keyframe(seen.view->keyframe).pyramid;
   return warp_patch(source, seen.view->px, seen.patch.affine, level, patch_side, patch_);
 }
 

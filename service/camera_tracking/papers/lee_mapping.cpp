@@ -124,9 +124,7 @@ bool LeeMapping::sharpen(FeatureCandidate& c, const LeeFrame& frame) {
   const PixelRegion region = clip(segment->box, frame.pyramid->levels.front(), feature_side);
   ncc_field(frame.pyramid->levels.front(), c.templ, region, field_);
   const auto rho_at = [&](int u, int v) {
-    return u < region.u0 || u > region.u1 || v < region.v0 || v > region.v1
-               ? -1.0f
-               : field_[static_cast<std::size_t>((v - region.v0) * region.width() + u - region.u0)];
+    return u < region.u0 || u > region.u1 || v < region.v0 || v > region.v1 ? -1.0f : field_[region.index(u, v)];
   };
   const auto is_peak = [&](int u, int v) {
     const float rho = rho_at(u, v);
@@ -199,7 +197,7 @@ SceneMap scene_of(const std::vector<LeeFeature>& features) {
 void LeeMapping::start(const StoredMap& stored) {
   for (const MapPoint& p : stored.map.points) {
     if (!p.alive || p.view_count == 0) continue;
-    const Keyframe& k = stored.map.keyframes[static_cast<std::size_t>(p.views[0].keyframe)];
+    const Keyframe& k = stored.map.keyframe(p.views[0].keyframe);
     LeeFeature f;
     f.position = p.position, f.covariance = p.covariance, f.given = p.given;
     f.source = {k.pyramid, k.cam_from_world, p.views[0].px};

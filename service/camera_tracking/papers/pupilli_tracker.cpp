@@ -216,8 +216,7 @@ bool PupilliFilter::sharpen(FeatureCandidate& c, const GreyImage& image, const c
   c.ray.begin();
   for (int v = region.v0; v <= region.v1; ++v) {
     for (int u = region.u0; u <= region.u1; ++u) {
-      const float rho =
-          candidate_field_.rho()[static_cast<std::size_t>((v - region.v0) * region.width() + u - region.u0)];
+      const float rho = candidate_field_.rho()[region.index(u, v)];
       if (rho < options_.epsilon_rho) continue;
       const double distance = segment->distance(Eigen::Vector2d(u, v)) / epipolar_sigma_px;
       const auto ray = camera_.model.ray({Eigen::Vector2d(u, v)});
@@ -263,7 +262,7 @@ class PupilliTracker final : public PaperTrackerBase {
     if (auto stored = take_loaded()) {
       for (const MapPoint& p : stored->map.points) {
         if (!p.alive || p.view_count == 0) continue;
-        const Keyframe& k = stored->map.keyframes[static_cast<std::size_t>(p.views[0].keyframe)];
+        const Keyframe& k = stored->map.keyframe(p.views[0].keyframe);
         add(p.position, std::sqrt(p.covariance.trace()), {k.pyramid, k.cam_from_world, p.views[0].px}, p.given);
       }
     }

@@ -1,4 +1,4 @@
-// Targets by hand: their colour by sliders, with what matches in the moving pictures, their radius, their names; new ones.
+// Targets by hand: colour by sliders with live matches, radius, name; new targets.
 import { drawLive, follow, liveFigures, matchingShare, showLiveMasks, showRadius } from "./cameras";
 import { ask } from "./control";
 import { updateHistory, whenStepped } from "./history";
@@ -10,7 +10,7 @@ const $ = <T extends HTMLElement>(id: string) => document.getElementById(id) as 
 const field = (id: string) => $<HTMLInputElement>(`adjust-${id}`);
 const choice = (id: string) => $<HTMLSelectElement>(`adjust-${id}`);
 
-// What a configuration says that names none of it (service/color/color_model.h).
+// The defaults of a configuration (service/color/color_model.h).
 const untaught: Omit<Color, "camera"> = { hue_deg: [0, 300], saturation: [0.3, 1], intensity: [0.1, 0.95] };
 const kinds = ["hue_deg", "saturation", "intensity"] as const;
 type Kind = (typeof kinds)[number];
@@ -18,9 +18,9 @@ const scales: Record<Kind, number> = { hue_deg: 1, saturation: 100, intensity: 1
 const units: Record<Kind, string> = { hue_deg: "°", saturation: " %", intensity: " %" };
 
 const panel = $("adjust-panel");
-let shown = ""; // what the sliders were filled from: another configuration fills them anew, unless somebody has moved one
+let shown = ""; // configuration shown by the sliders; a new one replaces it unless the user has moved one
 let isTouched = false;
-let isSized = false; // somebody has written a radius
+let isSized = false; // the user has typed a radius
 let isBusy = false;
 
 const sliders = (kind: Kind) => [0, 1].map((end) => field(`${kind}-${end}`)) as [HTMLInputElement, HTMLInputElement];
@@ -78,7 +78,7 @@ function show(): void {
   drawAdjust();
 }
 
-// Each camera's picture, with what matches, and how much of it does.
+// Each camera's picture with its matches and their share.
 export function drawAdjust(): void {
   if (panel.hidden) return;
   for (const figure of $("adjust-pictures").querySelectorAll<HTMLElement>("figure")) {
@@ -103,7 +103,7 @@ async function act(...words: string[]): Promise<ControlReply> {
   const reply = await ask(...words);
   isBusy = false;
   say(reply.reason, !reply.granted);
-  if (reply.granted) isTouched = isSized = false; // what is in force from now on
+  if (reply.granted) isTouched = isSized = false; // now the current values
   void updateHistory();
   update();
   return reply;
@@ -112,7 +112,7 @@ async function act(...words: string[]): Promise<ControlReply> {
 function save(): void {
   const pairs = kinds.map((kind) => `${kind}=${valuesOf(kind).map((v) => +v.toFixed(3)).join(",")}`);
   const camera = choice("camera").value ? [`camera=${choice("camera").value}`] : [];
-  // One that nobody has written is not said: the cameras may still tell it.
+  // A radius that was not typed is not sent: it is measured.
   const radius = isSized ? [`radius_m=${Number(field("radius").value) / 1000}`] : [];
   void act("target", "set", choice("target").value, ...pairs, ...radius, ...camera);
 }
@@ -201,7 +201,7 @@ $("adjust-close").addEventListener("click", () => {
 });
 $("adjust-save").addEventListener("click", save);
 $("adjust-reset").addEventListener("click", () => (fill(), update()));
-// What was written there is the new one's; what stands there of another target is not.
+// Uses the typed values for the new target, not those of another one.
 $("adjust-add").addEventListener("click", () => {
   const mm = isSized ? Number(field("radius").value) : 0;
   void act("target", "add", field("name").value.trim(), ...(mm > 0 ? [`radius_m=${mm / 1000}`] : []));

@@ -1,5 +1,5 @@
-// The cameras calibrated while the service runs: from a board that is carried before them, with what each picture still lacks, or
-// from the object that is waved. The service records, huetrack-calibrate solves; what comes of it is used when somebody accepts it.
+// Calibration while the service runs, from a board that is carried in front of the cameras or from the waved object. The service
+// records, huetrack-calibrate solves; the user accepts the result.
 import { drawLive, follow, liveFigures } from "./cameras";
 import { ask } from "./control";
 import { updateHistory, whenStepped } from "./history";
@@ -12,13 +12,13 @@ import { isHidden, watchVisibility } from "./visibility";
 const $ = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
 const field = (id: string) => $<HTMLInputElement>(`calibrate-${id}`);
 
-const askEvery = 1000; // ms, while the panel is open or something goes on
+const askEvery = 1000; // ms, while the panel is open or a calibration runs
 const askRarely = 10000;
 const [columns, rows] = [6, 4]; // parts of a picture (calib/gather/view_coverage.h)
-const mostNeeds = 4; // sentences that one who carries a board can keep in mind
+const mostNeeds = 4; // most sentences at once
 const remembered = "huetrack-board";
 
-// What is asked of a board, by its type: `huetrack-calibrate board --help`.
+// The parameters of a board by its type: `huetrack-calibrate board --help`.
 const sizes: Record<string, string[]> = {
   charuco: ["square_mm", "marker_mm"],
   chessboard: ["square_mm"],
@@ -33,19 +33,19 @@ interface Coverage {
   enoughImage: number;
   parts: number[]; // corners in each, row by row
   tilts: number;
-  now: string; // what is seen of the board
+  now: string; // visibility of the board
 }
 
 const panel = $("calibrate-panel");
 const section = $("calibrate");
-let state: Record<string, string[]> | null = null; // by key; null: not known, or not allowed
+let state: Record<string, string[]> | null = null; // by key; null: unknown or not allowed
 let coverage = new Map<string, Coverage>();
 let needs: string[] = [];
 let asked = -Infinity;
 let isAsking = false;
 let service = "";
 let why = ""; // why nothing can be calibrated
-let isSure = false; // that a doubtful one is to be used
+let isSure = false; // a doubtful result was confirmed once
 let isPrinting = false;
 
 export const calibrationRefused = (): string => why;
@@ -60,10 +60,10 @@ function say(text: string, isBad = false): void {
 
 async function look(): Promise<void> {
   isAsking = true;
-  const whose = service;
+  const asking = service;
   try {
     const reply = await ask("calibrate", "state");
-    if (whose === service) take(reply);
+    if (asking === service) take(reply);
   } finally {
     isAsking = false;
     asked = performance.now();
@@ -97,7 +97,7 @@ function take(reply: ControlReply): void {
   show();
 }
 
-// What came of it is said, and stays until something else is done.
+// Shows the result until the next action.
 function changed(before: string): void {
   isSure = false;
   const says = word("says").replace(/[.?!]?$/, (end) => end || "."); // a question stays one
@@ -116,7 +116,7 @@ function changed(before: string): void {
 const share = (done: string, total: string) => (Number(total) > 0 ? Math.min(1, Number(done) / Number(total)) : null);
 
 function show(): void {
-  // Without a lens no object can tell where it is.
+  // The object needs known lenses.
   const hasRig = (store.scene?.cameras ?? []).every((c) => c.model);
   const choices = [...document.querySelectorAll<HTMLInputElement>("input[name=calibrate-kind]")];
   for (const choice of choices) choice.disabled = choice.value === "wave" && !hasRig;
@@ -163,8 +163,8 @@ function show(): void {
   makePictures();
 }
 
-// A wave knows how large the room is by the ball's size, roughly: a distance between two cameras tells it. It can be said before,
-// and when the wave is doubtful, without waving again.
+// The scale of a wave is only roughly known from the ball's size. A measured distance between two cameras sets it, before the wave
+// or after a doubtful one.
 function showDistance(now: string): void {
   const cameras = (store.scene?.cameras ?? []).map((c): [string, string] => [c.name, c.name]);
   const [a, b] = ["a", "b"].map((end) => $<HTMLSelectElement>(`calibrate-${end}`));
@@ -180,7 +180,7 @@ function showDistance(now: string): void {
   again.disabled = distanceWords().length === 0;
 }
 
-// Nothing where nothing was measured, or what makes no sense.
+// Empty if nothing plausible was typed.
 function distanceWords(): string[] {
   const [a, b, metres] = [field("a").value, field("b").value, Number(field("metres").value)];
   return a && b && a !== b && metres > 0 ? [`camera_distance=${a},${b},${metres}`] : [];
@@ -227,7 +227,7 @@ function makePictures(): void {
   drawCalibration();
 }
 
-// With the page's cards: each camera's picture, and where in it corners of the board, or the ball, were seen.
+// Each camera's picture with the detected corners of the board, or positions of the ball.
 export function drawCalibration(): void {
   if (panel.hidden) return;
   for (const figure of $("calibrate-pictures").children as unknown as HTMLElement[]) {
@@ -276,7 +276,7 @@ function recall(): void {
       if (document.getElementById(`calibrate-${name}`)) field(name).value = value;
     }
   } catch {
-    // somebody else's
+    // of another client
   }
 }
 

@@ -1,4 +1,4 @@
-// The cameras' pictures, with what the tracker thinks drawn over them.
+// The cameras' pictures with the tracker's estimates drawn over them.
 import { colorOf, ringColorOf } from "./color";
 import { Labels, type Labelled } from "./labels";
 import type { CameraStatus, Color, Preview } from "./messages";
@@ -84,7 +84,7 @@ function viewOf(camera: string): View {
   return view;
 }
 
-// A picture that was drawn for another size is drawn again: cameras that come and go change it, not the window alone.
+// Redraws after a change of size, by the window or by other cameras.
 const resizes = new ResizeObserver((entries) => {
   for (const { target } of entries) for (const view of views.values()) if (view.canvas === target && !isHidden(target)) draw(view);
 });
@@ -172,7 +172,7 @@ function attach(view: View): void {
       zoomAt(view, (now[0] + other[0]) / 2, (now[1] + other[1]) / 2, distance(now) / distance(before));
       view.isDragged = true;
     } else if (view.zoom > 1) {
-      if (!view.isDragged && Math.hypot(now[0] - before[0], now[1] - before[1]) < 4) return; // a hand that trembles
+      if (!view.isDragged && Math.hypot(now[0] - before[0], now[1] - before[1]) < 4) return; // tremor
       if (!canvas.hasPointerCapture(event.pointerId)) canvas.setPointerCapture(event.pointerId);
       view.isDragged = true;
       move(view, now[0] - before[0], now[1] - before[1]);
@@ -204,15 +204,15 @@ addEventListener("keydown", (event) => {
   if (event.key === "Escape" && large) enlarge("");
 });
 
-// Pictures that come while one is being decoded replace each other: a slow page shows fewer, not later ones. One that nobody
-// sees is decoded when it is looked at, or asked for.
+// Pictures that arrive during a decoding replace each other: a slow page shows fewer, not later ones. Invisible ones are decoded
+// when they come into view or are requested.
 export async function showPreview(preview: Preview): Promise<void> {
   const view = viewOf(preview.camera);
   view.next = preview;
   if (!view.decoding && (!isHidden(view.canvas) || followed.has(preview.camera))) await decode(view);
 }
 
-// Asked for once a second by whoever tells the light of pictures that stand elsewhere on the page.
+// Requested once a second where the brightness of invisible pictures is shown.
 export function decodeAwaited(): void {
   for (const view of views.values()) if (view.next && !view.decoding) void decode(view);
 }
@@ -223,7 +223,7 @@ export function follow(cameras: string[]): void {
   followed = new Set(cameras);
 }
 
-// A figure for each of these cameras: a canvas, its name in bold, and a span for what a panel tells. False: they are there already.
+// A figure for each of these cameras: a canvas, its name in bold, and a span for a panel's text. False: they exist already.
 export function liveFigures(grid: HTMLElement, cameras: string[]): boolean {
   if ([...grid.children].map((figure) => (figure as HTMLElement).dataset.camera).join("\n") === cameras.join("\n")) return false;
   grid.replaceChildren(
@@ -264,9 +264,9 @@ export function drawLive(canvas: HTMLCanvasElement, camera: string): void {
   }
 }
 
-let tellNew = () => {};
-export function onNewPicture(tell: () => void): void {
-  tellNew = tell;
+let newPictureListener = () => {};
+export function onNewPicture(listener: () => void): void {
+  newPictureListener = listener;
 }
 export function drawNewPictures(): void {
   for (const view of views.values()) if (view.isNew && !isHidden(view.canvas)) draw(view);
@@ -285,7 +285,7 @@ async function decode(view: View): Promise<void> {
       view.awaited.hidden = true;
       shape(view, current.image);
       view.isNew = true;
-      tellNew();
+      newPictureListener();
     }
   } finally {
     view.decoding = false;
@@ -312,7 +312,7 @@ export function showRadius(target: string, factor: number): void {
   redrawCameras();
 }
 
-// How much of a camera's last picture matched while masks were shown; null: it was not looked at.
+// Matching share of a camera's last picture while masks are shown; null: unknown.
 const shares = new Map<string, number>();
 export const matchingShare = (camera: string): number | null => (liveMask?.has(camera) ? shares.get(camera) ?? null : null);
 
@@ -395,11 +395,11 @@ function draw(view: View): void {
         g.strokeRect(x0, y0, x1 - x0, y1 - y0);
       }
       g.setLineDash([]);
-      named.push({ text: `${target.target}: never moves, left out`, color, x: (x0 + x1) / 2, y: (y0 + y1) / 2, radius: (y1 - y0) / 2 + 2 * line });
-      seen.push(`of ${target.target}'s colour and left out, as it never moves: from ${u0}, ${v0} to ${u1}, ${v1}`);
+      named.push({ text: `${target.target}: static, ignored`, color, x: (x0 + x1) / 2, y: (y0 + y1) / 2, radius: (y1 - y0) / 2 + 2 * line });
+      seen.push(`of ${target.target}'s colour, but static and ignored: from ${u0}, ${v0} to ${u1}, ${v1}`);
       continue;
     }
-    // With a dark rim: of the object's own colour they would not be seen on it.
+    // With a dark rim, visible on the object's own colour.
     const dot = 2.6 * devicePixelRatio;
     for (const [size, style] of [[dot + 1.6 * devicePixelRatio, "rgb(0 0 0 / 0.55)"], [dot, color]] as const) {
       g.fillStyle = style;
@@ -458,11 +458,11 @@ const healthWords = {
   unknown: "unknown",
 };
 
-// Why the rate of a camera that delivers is not what it should be; empty: it is.
+// Why the rate of a delivering camera is too low; empty: it is not.
 export function slowness(camera: CameraStatus): string {
   if (camera.health !== "delivering") return "";
-  // Of a service that has just begun no rate is known yet.
-  if (camera.rate_hz < 0.05) return camera.age_s > 1 ? "no frame came in the last seconds" : "";
+  // The rate is unknown just after the start.
+  if (camera.rate_hz < 0.05) return camera.age_s > 1 ? "no frame in the last seconds" : "";
   const cameras = store.status?.cameras ?? [];
   const best = cameras.reduce((a, b) => (b.rate_hz > a.rate_hz ? b : a), camera);
   // Cameras of one rig may be twice as fast as others, not three times.
@@ -529,7 +529,7 @@ function drawMagnifier(g: CanvasRenderingContext2D, image: ImageBitmap, preview:
   const [u, v] = target.px as [number, number];
   g.fillStyle = "black";
   g.fillRect(left, top, side, side);
-  g.imageSmoothingEnabled = false; // whose pixels they are is to be seen
+  g.imageSmoothingEnabled = false; // shows single pixels
   g.drawImage(image, (u + 0.5 - reach) * scale, (v + 0.5 - reach) * scale, 2 * reach * scale, 2 * reach * scale, left, top, side, side);
   g.imageSmoothingEnabled = true;
   const color = ringColorOf(target.target);
@@ -583,7 +583,7 @@ export function updateCameras(serving: boolean): void {
       view.awaited.textContent = !serving
         ? "No service sends pictures."
         : health === "delivering" || isHeld
-          ? "Its first picture is awaited."
+          ? "Waiting for its first picture."
           : `No picture: the camera is ${healthWords[health] ?? health}.`;
     }
   }
@@ -601,7 +601,7 @@ export function updateCameras(serving: boolean): void {
   arrange();
 }
 
-// How many stand in a row: no hole, and beside the scene where there is room.
+// Columns without a hole; next to the scene if there is room.
 function arrange(): void {
   const count = views.size;
   const isTall = [...views.values()].every((view) => Number(view.card.style.getPropertyValue("--ratio")) < 1);
@@ -612,7 +612,7 @@ function arrange(): void {
   grid.classList.toggle("has-large", large !== "");
 }
 
-// Another service's pictures say nothing of this one's.
+// Removes the pictures of another service.
 export function forgetPictures(): void {
   for (const view of views.values()) view.card.remove();
   views.clear();

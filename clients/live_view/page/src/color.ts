@@ -1,4 +1,4 @@
-// Colours that can be seen: a target's own colour may be as pale as the page.
+// Visible variants of the targets' colours, which may be as pale as the page.
 import { store, targetOf } from "./store";
 
 export type Rgb = [number, number, number]; // 0..255
@@ -58,7 +58,7 @@ export function likeBefore(name: string): number {
   const own = rgbOf(name);
   const names = store.scene?.targets.map((t) => t.name) ?? [];
   const target = targetOf(name, names);
-  // Objects of one target have one colour: three shades of it tell neighbours apart.
+  // Objects of one target get three shades of its colour.
   if (target !== name) return Number(name.slice(target.length + 1)) % 3;
   const before = names.slice(0, Math.max(0, names.indexOf(name)));
   return before.filter((other) => Math.hypot(...rgbOf(other).map((c, i) => c - own[i])) < 60).length;

@@ -1,10 +1,9 @@
-// What the page asks a service in words, as `huetrack control` does (idl/README.md). One request at a time; the reply comes back
-// over the stream.
+// Requests in words, as `huetrack control` (idl/README.md). One at a time; the reply arrives over the stream.
 import type { ControlReply } from "./messages";
 import { client, store } from "./store";
 
 const patience = 3000; // ms, for a reply
-const attempts = 3; // a service that has just started may not have met the bridge yet
+const attempts = 3; // discovery may not be complete
 
 let number = 0;
 let waiting: { number: number; resolve: (reply: ControlReply) => void } | null = null;
@@ -12,7 +11,7 @@ let queue: Promise<unknown> = Promise.resolve();
 
 const refused = (reason: string): ControlReply => ({ client, number: 0, granted: false, reason, rows: [] });
 
-// Never throws: what goes wrong is a reply that is not granted.
+// Never throws: errors are replies that are not granted.
 export function ask(...words: string[]): Promise<ControlReply> {
   const mine = queue.then(() => send(words));
   queue = mine;

@@ -1,5 +1,4 @@
-// The cameras' controls: exposure, gain, white balance, mains frequency and the rest, with the picture and how bright it is. What is
-// moved is set at once, so that it is seen; Save keeps it beside the configuration.
+// The cameras' controls with the picture and its brightness. A change applies at once; Save writes it beside the configuration.
 import { drawLive, follow, lightOf } from "./cameras";
 import { ask } from "./control";
 import { updateHistory, whenStepped } from "./history";
@@ -16,17 +15,17 @@ interface Control {
   step: number;
   kind: string;
   menu: [number, string][];
-  ruled: string; // why it cannot be moved; empty: it can
+  ruled: string; // why it cannot be changed; empty: it can
 }
 
-// Those that decide what colours look like stand first, in the order in which they are set up.
+// First, in this order: those that affect colours.
 const first = [/^(auto_)?exposure(?!_.*metering)/, /gain/, /white_balance/, /power_line/, /brightness|contrast|saturation|hue|gamma/];
 const rank = (name: string) => first.findIndex((kind) => kind.test(name)) + (first.some((kind) => kind.test(name)) ? 0 : first.length + 1);
 
 const panel = $("controls-panel");
 const camera = () => $<HTMLSelectElement>("controls-camera").value;
 let changed = new Map<string, number>(); // since it was opened or saved, of this camera
-let wanted: { name: string; value: number } | null = null; // the last one that was moved, and is not sent yet
+let wanted: { name: string; value: number } | null = null; // the latest change that is not sent yet
 let isSending = false;
 
 function say(text: string, isBad = false): void {
@@ -35,9 +34,9 @@ function say(text: string, isBad = false): void {
 }
 
 async function read(): Promise<void> {
-  const whose = camera();
-  const reply = await ask("camera", "controls", whose);
-  if (whose !== camera()) return;
+  const asking = camera();
+  const reply = await ask("camera", "controls", asking);
+  if (asking !== camera()) return;
   if (!reply.granted) {
     $("controls-list").replaceChildren();
     return say(reply.reason, true);
@@ -90,7 +89,7 @@ function row(control: Control): HTMLElement {
   return label;
 }
 
-// While one is on its way, only the last of what comes meanwhile is sent.
+// While a request is pending, only the latest further change is kept.
 async function set(what: { name: string; value: number }): Promise<void> {
   wanted = what;
   update();
@@ -102,7 +101,7 @@ async function set(what: { name: string; value: number }): Promise<void> {
     const reply = await ask("camera", "set", camera(), `${name}=${value}`);
     say(reply.granted ? "Set, and not saved yet." : reply.reason, !reply.granted);
     if (!reply.granted) changed.delete(name);
-    // An automatic control and what it rules change together.
+    // An automatic control changes those that it rules.
     if (!wanted && (!reply.granted || /auto|exposure|white_balance|focus/.test(name))) await read();
   }
   isSending = false;
@@ -167,7 +166,7 @@ function open(): void {
   void updateHistory();
 }
 
-// From the first steps: the camera whose picture is too dark, or too bright.
+// From the first steps: the camera asking picture is too dark, or too bright.
 export function openControls(name: string): void {
   $<HTMLSelectElement>("controls-camera").value = name;
   open();

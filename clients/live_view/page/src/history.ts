@@ -1,4 +1,4 @@
-// What was saved into the taught file is undone, step by step, and done again: buttons with data-history="undo" and "redo".
+// Undo and redo of the saves into the taught file: buttons with data-history="undo" and "redo".
 import { ask } from "./control";
 import type { ControlReply } from "./messages";
 
@@ -14,11 +14,11 @@ function show(reply: ControlReply): void {
     const count = left[`${word}able`] ?? 0;
     button.disabled = !count;
     button.textContent = count > 1 ? `${words[word]} (${count})` : words[word];
-    button.setAttribute("aria-label", word === "undo" ? `Undo the last save; ${count} can be undone` : `Do again what was undone; ${count} can be`);
+    button.setAttribute("aria-label", word === "undo" ? `Undo the last save; ${count} can be undone` : `Redo the last undone save; ${count} can be redone`);
   }
 }
 
-// After whatever was saved, and when a panel with such buttons opens.
+// After a save, and when a panel with such buttons opens.
 export async function updateHistory(): Promise<void> {
   show(await ask("history"));
 }

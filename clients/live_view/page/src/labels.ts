@@ -1,4 +1,4 @@
-// Words beside what they name, in a picture: beside, not on it, nor on another one, nor on another word.
+// Places labels next to the objects in a picture, without covering objects or other labels.
 
 export interface Labelled {
   text: string;
@@ -17,7 +17,7 @@ export class Labels {
 
   constructor(private readonly g: CanvasRenderingContext2D) {}
 
-  // What no word may lie on. All of a picture, before the first word.
+  // Boxes that must stay free; all of a picture before its first label.
   keepFree({ x, y, radius }: Labelled): void {
     this.taken.push([x - radius, y - radius, x + radius, y + radius]);
   }
@@ -46,7 +46,7 @@ export class Labels {
     }
     const [left, top, right, bottom] = best!;
     this.taken.push(best!);
-    // Far from what it names, a line leads there.
+    // A line leads from a distant label to its object.
     const [cx, cy] = [Math.min(Math.max(x, left), right), Math.min(Math.max(y, top), bottom)];
     const away = Math.hypot(cx - x, cy - y);
     if (away > radius + 2 * h) {

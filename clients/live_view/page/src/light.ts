@@ -1,4 +1,4 @@
-// How the intensities of a picture are spread: what lies in the shaded ends shows no colour.
+// A histogram of a picture's intensities; the shaded ends show no colour.
 import type { Light } from "./cameras";
 import { variable } from "./color";
 

@@ -1,4 +1,4 @@
-// The page: listens to the bridge and shows what it says. Everything that is shown is in the store.
+// The page: receives the bridge's events into the store and shows it.
 import { drawNewPictures, forgetPictures, onNewPicture, redrawCameras, showPreview, slowness, updateCameras } from "./cameras";
 import { colorOf } from "./color";
 import type { CameraMap, CameraMapPoint, CameraPose, CameraTimes, ControlReply, HostClocks, Position, Pulse, Scene, State, Status, TeachReply } from "./messages";
@@ -29,7 +29,7 @@ import { isHidden, watchVisibility } from "./visibility";
 
 const $ = (id: string) => document.getElementById(id)!;
 
-// ---- Drawing: what is new and can be seen, no more often than an eye or this machine wants it.
+// ---- Drawing: only what is new and visible, at a bounded rate.
 interface Part {
   draw: () => void;
   period: () => number; // ms: it is drawn at multiples of it, so that parts that are due together make one picture of the page
@@ -94,7 +94,7 @@ function listen(): void {
       take(JSON.parse((event as MessageEvent<string>).data) as T);
     });
   events.onopen = () => {
-    forget(); // the bridge tells again what it still has
+    forget(); // the bridge repeats what it has
     store.connected = true;
     tick();
     renew(...parts);
@@ -147,21 +147,21 @@ document.addEventListener("visibilitychange", () => {
 // ---- Targets
 const stateText: Record<State, string> = {
   searching: "not found yet",
-  tracking: "seen and sure",
-  coasting: "predicted, or seen by too few",
-  lost: "hidden for too long, searched for",
+  tracking: "measured and certain",
+  coasting: "predicted, or seen by too few cameras",
+  lost: "not seen for too long; it is searched for",
 };
-const told = new Map<string, State>();
+const announced = new Map<string, State>();
 
-// What the figures of a card mean, for who rests on them.
+// Tooltips of a card's figures.
 const meanings: Record<string, string> = {
-  "1σ": "How unsure the position is, in the direction in which it is least sure: two times of three it is no farther off",
-  Speed: "How fast it moves",
-  Views: "How many cameras see it, of those that gave a frame",
-  Confidence: "How sure the cameras are that it is the object",
-  Latency: "From the moment when the picture was taken to the moment when the position was sent",
+  "1σ": "Standard deviation of the position along its most uncertain direction",
+  Speed: "Speed of the object",
+  Views: "Cameras that see it, of those that delivered a frame",
+  Confidence: "Probability that it is the object",
+  Latency: "From the capture of the picture to the publication of the position",
   Features: "Points of the map that were found in the last frame, of those in view",
-  "Map points": "How many points the map has",
+  "Map points": "Number of points in the map",
 };
 function explain(card: HTMLElement): void {
   for (const term of card.querySelectorAll("dt")) term.parentElement!.title = meanings[term.textContent!] ?? "";
@@ -183,16 +183,16 @@ function cardOf(name: string): HTMLElement {
   return card;
 }
 
-// ---- What is not well about a position: which figure, how much, and a sentence.
-interface Doubt {
+// ---- Problems of a position: the figure, its severity, and a sentence.
+interface Issue {
   figure: "sigma" | "views" | "confidence" | "latency" | "state";
   level: "warn" | "bad";
   why: string;
 }
-// A hand sees a picture that follows it a tenth of a second late; half a second later it is somewhere else.
+// A delay of 0.1 s is visible; after 0.5 s the object is elsewhere.
 const lateLatency = 0.1; // s
 const uselessLatency = 0.5;
-const otherClock = 3600; // beyond it is none: a replay may publish its recording's own times
+const otherClock = 3600; // larger: not the same clock (a replay publishes its recording's times)
 const lowConfidence = 0.5;
 
 const radiusOf = (name: string) => {
@@ -200,23 +200,23 @@ const radiusOf = (name: string) => {
   return targets.find((t) => t.name === targetOf(name, targets.map((t) => t.name)))?.radius ?? Infinity;
 };
 
-function doubtsOf(latest: Position, sigma: number): Doubt[] {
-  const doubts: Doubt[] = [];
-  if (latest.state !== "tracking") doubts.push({ figure: "state", level: latest.state === "lost" ? "bad" : "warn", why: `${latest.state}: ${stateText[latest.state]}` });
+function issuesOf(latest: Position, sigma: number): Issue[] {
+  const issues: Issue[] = [];
+  if (latest.state !== "tracking") issues.push({ figure: "state", level: latest.state === "lost" ? "bad" : "warn", why: `${latest.state}: ${stateText[latest.state]}` });
   if (Math.abs(latest.latency) < otherClock && latest.latency > lateLatency)
-    doubts.push({
+    issues.push({
       figure: "latency",
       level: latest.latency > uselessLatency ? "bad" : "warn",
-      why: `its positions come ${latest.latency.toFixed(2)} s late: the machine is too slow, or a camera's time stamps are wrong`,
+      why: `its positions are ${latest.latency.toFixed(2)} s late: the machine is too slow, or a camera's time stamps are wrong`,
     });
-  if (sigma > radiusOf(latest.target)) doubts.push({ figure: "sigma", level: "warn", why: "it may be farther off than its own radius" });
+  if (sigma > radiusOf(latest.target)) issues.push({ figure: "sigma", level: "warn", why: "its uncertainty exceeds its own radius" });
   const silent = latest.per_view.filter((v) => !v.delivered).map((v) => v.camera);
   if (latest.state === "tracking" && latest.views === 1)
-    doubts.push({ figure: "views", level: "warn", why: `${latest.per_view.find((v) => v.seen)?.camera ?? "one camera"} alone sees it` });
-  else if (silent.length) doubts.push({ figure: "views", level: "warn", why: `no frame from ${silent.join(", ")}` });
+    issues.push({ figure: "views", level: "warn", why: `only ${latest.per_view.find((v) => v.seen)?.camera ?? "one camera"} sees it` });
+  else if (silent.length) issues.push({ figure: "views", level: "warn", why: `no frame from ${silent.join(", ")}` });
   if (latest.state === "tracking" && latest.confidence < lowConfidence)
-    doubts.push({ figure: "confidence", level: "warn", why: "the views hardly show it" });
-  return doubts;
+    issues.push({ figure: "confidence", level: "warn", why: "the cameras hardly see it" });
+  return issues;
 }
 
 function updateTargets(): void {
@@ -226,7 +226,7 @@ function updateTargets(): void {
   for (const target of store.targets.values()) {
     const card = cardOf(target.name);
     const { latest } = target;
-    const fresh = isServing() && now - target.heard < 2000;
+    const fresh = isServing() && now - target.receivedAt < 2000;
     card.dataset.state = fresh ? latest.state : "none";
     const text = (selector: string, value: string) => {
       const element = card.querySelector(selector)!;
@@ -236,7 +236,7 @@ function updateTargets(): void {
     if (swatch.dataset.color !== colorOf(target.name)) swatch.style.background = swatch.dataset.color = colorOf(target.name);
     const isHeld = isServing() && store.status?.mode === "held";
     text(".state", fresh ? latest.state : isHeld ? "held" : "no news");
-    const title = fresh ? stateText[latest.state] : isHeld ? "a replay that waits for Go on" : "no sample for two seconds";
+    const title = fresh ? stateText[latest.state] : isHeld ? "a held replay: press Go on" : "no sample for two seconds";
     const state = card.querySelector(".state") as HTMLElement;
     if (state.title !== title) state.title = title;
     latest.position.forEach((value, i) => {
@@ -249,15 +249,15 @@ function updateTargets(): void {
     text(".views", fresh ? `${latest.views} of ${latest.per_view.length}` : "–");
     text(".confidence", fresh ? `${Math.round(latest.confidence * 100)} %` : "–");
     text(".latency", fresh && Math.abs(latest.latency) < otherClock ? `${(latest.latency * 1000).toFixed(1)} ms` : "–");
-    const doubts = fresh ? doubtsOf(latest, has ? sample.sigma : NaN) : [];
+    const issues = fresh ? issuesOf(latest, has ? sample.sigma : NaN) : [];
     for (const figure of ["sigma", "views", "confidence", "latency"] as const) {
-      const level = doubts.find((d) => d.figure === figure)?.level ?? "";
+      const level = issues.find((d) => d.figure === figure)?.level ?? "";
       const element = card.querySelector(`.${figure}`) as HTMLElement;
       if ((element.dataset.level ?? "") !== level) element.dataset.level = level;
     }
-    const sentence = doubts.map((d) => d.why).join("; ");
-    text(".why", sentence ? sentence[0].toUpperCase() + sentence.slice(1) + "." : fresh ? "" : isHeld ? "" : "Nothing has been heard of it for two seconds.");
-    if (fresh) tellState(target.name, latest.state);
+    const sentence = issues.map((d) => d.why).join("; ");
+    text(".why", sentence ? sentence[0].toUpperCase() + sentence.slice(1) + "." : fresh ? "" : isHeld ? "" : "No sample for two seconds.");
+    if (fresh) announceState(target.name, latest.state);
   }
   const list = $("targets");
   const inOrder = [...store.targets.keys()].map(cardOf);
@@ -265,11 +265,11 @@ function updateTargets(): void {
   if (inOrder.length) $("no-targets").hidden = true;
 }
 
-// Screen readers say it.
-function tellState(name: string, state: State): void {
-  if (told.get(name) === state) return;
-  if (told.has(name)) $("news").textContent = `${name} is ${state}`;
-  told.set(name, state);
+// For screen readers.
+function announceState(name: string, state: State): void {
+  if (announced.get(name) === state) return;
+  if (announced.has(name)) $("news").textContent = `${name} is ${state}`;
+  announced.set(name, state);
 }
 
 const mapStates: Record<CameraMapPoint["state"], string> = {
@@ -302,7 +302,7 @@ function updateTrackedCameras(): void {
       $("targets").append(card);
     }
     const { latest, map } = camera;
-    const fresh = isServing() && latest !== null && performance.now() - camera.heard < 2000;
+    const fresh = isServing() && latest !== null && performance.now() - camera.receivedAt < 2000;
     card.dataset.state = fresh ? latest.state : "none";
     const text = (selector: string, value: string) => {
       const element = card.querySelector(selector)!;
@@ -319,7 +319,7 @@ function updateTrackedCameras(): void {
     text(".map", fresh ? String(latest.map_points) : "–");
     text(".confidence", fresh ? `${Math.round(latest.confidence * 100)} %` : "–");
     text(".latency", fresh ? `${(latest.latency * 1000).toFixed(1)} ms` : "–");
-    if (fresh) tellState(`camera ${name}`, latest.state);
+    if (fresh) announceState(`camera ${name}`, latest.state);
     const details = card.querySelector("details")!;
     details.hidden = !map || map.points.length === 0;
     if (!map) continue;
@@ -364,7 +364,7 @@ function tick(): void {
       ? status!.mode === "held"
         ? `replay on ${status!.host}, held: colours may be taught; Go on lets it run`
         : `${status!.mode === "run" ? "live cameras" : "replay"} on ${status!.host}, ${isStuck ? "no frame sets: do all cameras deliver?" : `${status!.set_rate_hz.toFixed(1)} sets/s`}`
-      : `Waiting for huetrackd on ${pulse ? pulse.bus : "DDS"}. The page goes on by itself.`;
+      : `Waiting for huetrackd on ${pulse ? pulse.bus : "DDS"}. The page continues automatically.`;
   const warnings = [...(serving ? status!.warnings : []), ...(pulse?.trouble ? [pulse.trouble] : [])];
   const list = $("warnings");
   if (list.dataset.shown !== warnings.join("\n")) {
@@ -379,10 +379,10 @@ function tick(): void {
   $("no-targets").textContent = awaited(serving);
   const hasPlaces = store.scene !== null && (store.scene.targets.length > 0 || store.scene.cameras.some((c) => c.model) || store.trackedCameras.size > 0);
   $("no-scene").hidden = hasPlaces || canvas.hidden;
-  canvas.classList.toggle("bare", !hasPlaces); // an empty room takes no room
+  canvas.classList.toggle("bare", !hasPlaces); // hides an empty scene
   $("no-scene").textContent = store.scene
-    ? "Nobody knows yet where the cameras stand: they are drawn here once they are calibrated."
-    : "Cameras, volume and targets are drawn here once a service tells where they are.";
+    ? "The cameras' poses are unknown: they are drawn here after the calibration."
+    : "Cameras, volume and targets are drawn here once a service publishes them.";
   $("no-cameras").textContent = serving ? "Pictures are awaited; they come while this page is looked at." : "No service sends pictures.";
   updateCameras(serving);
   updateHealth(serving);
@@ -396,21 +396,21 @@ function tick(): void {
   updateSteps();
 }
 
-// What is missing until a position comes.
+// Why there is no position yet.
 function awaited(serving: boolean): string {
   const { status, pulse } = store;
-  if (!store.connected) return "Positions come again when the bridge does.";
+  if (!store.connected) return "Positions continue when the bridge is back.";
   if (!serving || !status)
-    return `No huetrackd is heard on DDS domain ${pulse?.domain ?? 0}. Start one: huetrackd run my.yaml, or huetrackd replay my.yaml RECORDING --speed real.`;
+    return `No huetrackd was found on DDS domain ${pulse?.domain ?? 0}. Start one: huetrackd run my.yaml, or huetrackd replay my.yaml RECORDING --speed real.`;
   if (status.mode === "held") return "The replay is held. Go on, above, lets it run.";
   const there = status.cameras.filter((c) => c.health === "delivering").length;
   if (status.cameras.length && there < status.cameras.length)
-    return `No position yet: ${there} of ${status.cameras.length} cameras deliver. Health, below, says what is wrong with the others.`;
+    return `No position yet: ${there} of ${status.cameras.length} cameras deliver. See Health, below, for the others.`;
   if (store.scene?.cameras.some((c) => !c.model)) return "Nothing is tracked before the cameras are calibrated.";
-  return status.targets.length ? `No position of ${status.targets.join(", ")} has come yet.` : "The configuration names no target.";
+  return status.targets.length ? `No position of ${status.targets.join(", ")} yet.` : "The configuration names no target.";
 }
 
-// When the camera exposes its rows, as the targets' motion has told so far.
+// The camera's timing, as estimated from the targets' motion.
 function timesOf(camera: string): string {
   const { status, times } = store;
   if (!status || !times || times.host !== status.host || times.pid !== status.pid) return "";
@@ -419,16 +419,16 @@ function timesOf(camera: string): string {
   const time = times.cameras[index];
   const ms = (seconds: number) => (Math.round(10000 * seconds) / 10 || 0).toFixed(1); // never "-0.0"
   const sure = index === 0 ? "(held)" : `± ${ms(time.latency_sigma_s)}`;
-  return `late by ${ms(time.latency_s)} ms ${sure}, rows over ${ms(time.readout_s)} ms ± ${ms(time.readout_sigma_s)}`;
+  return `latency ${ms(time.latency_s)} ms ${sure}, readout ${ms(time.readout_s)} ms ± ${ms(time.readout_sigma_s)}`;
 }
 
-// Of the clock of the camera's host, where that is another one.
+// The clock of a remote camera's host.
 function clockOf(camera: string): string {
   const { status, clocks } = store;
   if (!status || !clocks || clocks.host !== status.host || clocks.pid !== status.pid) return "";
   const clock = clocks.clocks.find((c) => c.cameras.includes(camera));
   if (!clock) return "";
-  if (!clock.known) return `clock of ${clock.host} not known yet`;
+  if (!clock.known) return `clock of ${clock.host} unknown`;
   if (clock.same_machine) return "clock is ours";
   const ahead = `${(1000 * Math.abs(clock.offset_s)).toFixed(2)} ms ${clock.offset_s < 0 ? "behind" : "ahead"}`;
   return `clock of ${clock.host} ${ahead} ± ${(1000 * clock.sigma_s).toFixed(2)}, drifts by ${clock.drift_ppm.toFixed(0)} ppm`;
@@ -493,7 +493,7 @@ function updateHealth(serving: boolean): void {
   );
 }
 
-// ---- Theme: the system's, unless somebody chose
+// ---- Theme: the system's, unless the user chose
 const theme = $("theme") as HTMLButtonElement;
 const systemDark = matchMedia("(prefers-color-scheme: dark)");
 function applyTheme(): void {
@@ -512,12 +512,12 @@ systemDark.addEventListener("change", applyTheme);
 applyTheme();
 
 // ---- The parts
-// Nobody reads figures that change more often. Without a graphics card every change of the page costs a good part of a core: then
-// all of it changes at once, no more often than shows the motion.
+// A readable rate of the figures. Without a graphics card every change costs much of a core: then all parts change at once, just often
+// enough to show the motion.
 const slowBeat = 160; // ms
 const isSlow = () => scene3d?.isSlow ?? false;
 let scene3d: Scene3d | null = null;
-// Not only where they are seen: they are read aloud, too.
+// Also while invisible: they are read aloud.
 const cards = addPart(document.body, () => (isSlow() ? slowBeat : 100), () => {
   updateTargets();
   updateTrackedCameras();
@@ -535,7 +535,7 @@ let turnedAt = -Infinity;
 try {
   const view = new Scene3d(canvas);
   scene3d = view;
-  // A hand that turns it sees more of it.
+  // Faster while the user turns it.
   const period = () => (!view.isSlow ? 0 : performance.now() - turnedAt < 400 ? 40 : slowBeat);
   scenePart = addPart(canvas, period, () => view.render());
   view.onTurned = () => {
@@ -553,7 +553,7 @@ try {
   console.warn("no 3-D view:", error);
 }
 
-let plotsAsked = false; // by a hand, which does not want to wait
+let plotsAsked = false; // by the user: without delay
 const plotsPart = addPart(
   $("plots").parentElement!,
   () => (plotsAsked ? 30 : Math.max(plotPeriod(), isSlow() ? 2 * slowBeat : 100)),
@@ -571,7 +571,7 @@ addEventListener("resize", () => {
   redrawCameras();
   renew(...parts);
 });
-// While there is silence, states grow old and the plots' time goes on, until there is nothing more to see.
+// Without samples, states become stale and the plots' time axis advances until they are empty.
 setInterval(() => {
   tick();
   if (secondsOfSilence() < plotSpan() + 3) renew(...parts.filter((part) => part !== plotsPart || !isPaused()));

@@ -1,5 +1,4 @@
-// The events that the bridge streams: the other half of clients/live_view/events.h. Times are UNIX seconds, lengths metres;
-// null stands for NaN: there is no such value.
+// The events of the bridge; see clients/live_view/events.h. Times are UNIX seconds, lengths metres; null stands for NaN.
 export type State = "searching" | "tracking" | "coasting" | "lost";
 export type N = number | null;
 
@@ -20,7 +19,7 @@ export interface Position {
   per_view: { camera: string; delivered: boolean; seen: boolean; support: number; residual_px: number }[];
 }
 
-// Of the one camera that moves, where the camera tracker runs.
+// The pose of a tracked camera.
 export interface CameraPose {
   camera: string;
   t: number;
@@ -48,7 +47,7 @@ export interface CameraMap {
   host: string;
   pid: number;
   t: number;
-  map_points: number; // that there are; points may be fewer
+  map_points: number; // total; points may be fewer
   points: CameraMapPoint[];
 }
 
@@ -91,7 +90,7 @@ export interface CameraTimes {
   cameras: { name: string; latency_s: number; latency_sigma_s: number; readout_s: number; readout_sigma_s: number }[];
 }
 
-// Of a service with cameras of other hosts: how well their clocks are known.
+// The clocks of remote cameras' hosts.
 export interface HostClocks {
   host: string;
   pid: number;
@@ -125,7 +124,7 @@ export interface Ignore {
 export interface SceneCamera {
   name: string;
   size: [number, number];
-  model: string; // empty: not calibrated yet, and what follows is nothing
+  model: string; // empty: not calibrated; the following fields are then invalid
   intrinsics: number[];
   position: [number, number, number];
   orientation: [number, number, number, number];
@@ -153,7 +152,7 @@ export interface Preview {
   image: [number, number];
   size: [number, number];
   jpeg: string;
-  // left_out: a patch that never moves; particles are u_min v_min u_max v_max
+  // left_out: a static patch; particles are u_min v_min u_max v_max
   targets: { target: string; state: State | "left_out"; px: [N, N]; radius: N; ellipse: [N, N, N]; particles: N[] }[];
 }
 
@@ -179,7 +178,7 @@ export interface TaughtCamera {
   mask: string;
 }
 
-// To words that were asked: idl/README.md.
+// The reply to a request in words: idl/README.md.
 export interface ControlReply {
   client: string;
   number: number;

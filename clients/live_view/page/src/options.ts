@@ -1,4 +1,4 @@
-// The choices of a list, as [value, text]: changed only where they are others, and what was chosen stays chosen if it still can be.
+// Sets the options of a list, as [value, text]; keeps the selection if it is still available.
 export function setOptions(select: HTMLSelectElement, options: [string, string][]): void {
   if ([...select.options].map((o) => o.value).join("\n") === options.map(([value]) => value).join("\n")) return;
   const chosen = select.value;

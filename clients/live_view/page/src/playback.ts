@@ -1,10 +1,10 @@
-// A replay: paused, stepped through, slowed down and hurried.
+// Controls of a replay: pause, step, speed.
 import { ask } from "./control";
 import { isServing, serviceOf, store } from "./store";
 
 const $ = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
 
-let service = ""; // whose state is shown
+let service = ""; // of the shown state
 let isAllowed = false;
 let isKnown = false; // whether it is
 let isPaused = false;
@@ -15,7 +15,7 @@ async function send(...words: string[]): Promise<void> {
   const reply = await ask("replay", ...words);
   asking--;
   isAllowed = reply.granted;
-  isKnown = reply.granted || reply.number > 0; // it was the service that refused
+  isKnown = reply.granted || reply.number > 0; // the service itself refused
   if (reply.granted) {
     const state = Object.fromEntries(reply.rows.map(([key, value]) => [key, value]));
     isPaused = state.state === "paused";
@@ -34,7 +34,7 @@ function show(): void {
   $("replay").hidden = !isReplay() || !isAllowed;
 }
 
-// Once a second: it moves on by itself, and others may have asked for something.
+// Once a second: the replay advances, and other clients may control it.
 export function updatePlayback(serving: boolean): void {
   const now = serving && store.scene && isReplay() ? serviceOf(store.scene) : "";
   if (now !== service) isAllowed = isKnown = false;

@@ -15,12 +15,12 @@ interface Series<S extends Timed = Timed> {
 interface Plot {
   title: string;
   unit: string;
-  means: string; // for who rests on the title
+  means: string; // the title's tooltip
   series: () => Series[];
   zero?: boolean; // the axis starts at 0
   least?: number; // the axis covers at least so much
   of?: "target" | "camera"; // only where there is one
-  isStatus?: boolean; // of what the status says, which has the bridge's clock
+  isStatus?: boolean; // of the status, with the bridge's clock
 }
 
 const height = 150; // CSS pixels
@@ -28,7 +28,7 @@ const stateColors = { tracking: "--good", coasting: "--warn", searching: "--info
 
 const colorOfTrack = (track: { name: string; isCamera: boolean }) => (track.isCamera ? "var(--accent)" : lineColorOf(track.name));
 
-// Targets of one colour are told apart by these.
+// Distinguish targets of the same colour.
 const sameHueDashes = [[], [7, 4], [2, 3], [9, 3, 2, 3]];
 const dashes = [[], [7, 4], [2, 3]]; // x, y, z
 
@@ -41,7 +41,7 @@ function perTrack(value: (s: Sample) => number): () => Series[] {
     tracks().map((t) => series(t.name, colorOfTrack(t), t.isCamera ? [] : sameHueDashes[Math.min(likeBefore(t.name), sameHueDashes.length - 1)], t.history, value));
 }
 
-// Cameras are told apart by four colours, which people who confuse red and green do not confuse, then by dashes.
+// Cameras: four colours that are distinguishable with red-green blindness, then dashes.
 function perCamera<S extends Timed>(what: (camera: string) => [S[], (sample: S) => number]): Series[] {
   return (store.status?.cameras ?? []).map(({ name }, i) => series(name, `var(--camera-${i % 4})`, dashes[Math.floor(i / 4) % dashes.length], ...what(name)));
 }
@@ -50,18 +50,18 @@ const plots: Plot[] = [
   {
     title: "Position",
     unit: "m",
-    means: "In the world that the calibration has set",
+    means: "In the calibration's world frame",
     least: 0.2,
     series: () =>
       tracks().flatMap((t) => ["x", "y", "z"].map((axis, i) => series(`${t.name} ${axis}`, colorOfTrack(t), dashes[i], t.history, (s) => (s.p ? s.p[i] : NaN)))),
   },
-  { title: "Uncertainty (1σ, largest axis)", unit: "mm", means: "Two times of three a position is no farther off, in the direction in which it is least sure", zero: true, least: 5, series: perTrack((s) => s.sigma * 1000) },
-  { title: "Speed", unit: "m/s", means: "How fast each moves", zero: true, least: 0.5, series: perTrack((s) => s.speed) },
-  { title: "Latency, capture to bus", unit: "ms", means: "From the moment when the picture was taken to the moment when the position was sent", zero: true, least: 5, series: perTrack((s) => s.latency * 1000) },
+  { title: "Uncertainty (1σ, largest axis)", unit: "mm", means: "Standard deviation along the most uncertain direction", zero: true, least: 5, series: perTrack((s) => s.sigma * 1000) },
+  { title: "Speed", unit: "m/s", means: "Speed of each object", zero: true, least: 0.5, series: perTrack((s) => s.speed) },
+  { title: "Latency, capture to bus", unit: "ms", means: "From the capture of the picture to the publication of the position", zero: true, least: 5, series: perTrack((s) => s.latency * 1000) },
   {
     title: "Residual of each camera",
     unit: "px",
-    means: "How far, in a camera's picture, the object is from where all cameras together say that it is: one that stands out was knocked, or is late",
+    means: "Distance in a camera's picture between the object and its position from all cameras: a camera that stands out was knocked, or is late",
     zero: true,
     least: 1,
     of: "target",
@@ -71,7 +71,7 @@ const plots: Plot[] = [
   {
     title: "Frames of each camera, and sets tracked",
     unit: "/s",
-    means: "A set has the frames of one moment, at most one of each camera; one position comes of each set",
+    means: "A frame set has at most one frame of each camera, captured at one moment; it gives one position",
     zero: true,
     least: 10,
     isStatus: true,
@@ -135,16 +135,16 @@ function step(range: number, count: number): number {
   return ([1, 2, 5].find((m) => m * power >= raw) ?? 10) * power;
 }
 
-// ---- Which time is shown: up to now, or what was when Pause was pressed.
+// ---- The shown time: up to now, or up to when Pause was pressed.
 let paused: { end: number; rates: number } | null = null;
 let cursor: number | null = null; // seconds before the end
-// Asked to draw again, by a hand.
+// Called when the user changes something.
 let changed = () => {};
-export function onPlotsChanged(tell: () => void): void {
-  changed = tell;
+export function onPlotsChanged(listener: () => void): void {
+  changed = listener;
 }
 
-// Where the time axis ends, on the samples' clock: while nothing comes it goes on, and what was is left behind.
+// The end of the time axis on the samples' clock; it advances while there are no samples.
 const pause = 1; // s that may lie between two samples
 function endTime(): number {
   if (paused) return paused.end;
@@ -159,14 +159,13 @@ function endOfRates(): number {
   return (store.rates.at(-1)?.t ?? 0) + (sinceStatus > 2 ? sinceStatus : 0);
 }
 const endOf = (plot: Plot, end: number) => (plot.isStatus ? endOfRates() : end);
-// Seconds since the last sample of all; 0 while they come.
+// Seconds since the last sample; 0 while they arrive.
 function silence(): number {
   const since = secondsOfSilence();
   return Number.isFinite(since) && since > pause ? since : 0;
 }
 
-// Spans and steps of the axis. Until somebody chooses, as long as there is something to show: a service that has just begun does
-// not draw into a corner.
+// Spans and steps of the axis. Until the user chooses, the span grows with the data.
 const ticks = [
   [10, 2],
   [20, 5],
@@ -177,7 +176,7 @@ const ticks = [
   [historySeconds, 120],
 ];
 const longestUnasked = 30;
-let chosen = 0; // s; 0: nobody chose
+let chosen = 0; // s; 0: not chosen
 let [span, tick] = ticks[0];
 function fitSpan(end: number): void {
   let wanted = chosen;
@@ -188,7 +187,7 @@ function fitSpan(end: number): void {
   }
   [span, tick] = ticks.find(([seconds]) => wanted <= seconds) ?? ticks[ticks.length - 1];
 }
-// Of a time that lies on a pixel nobody sees a part.
+// Rounded to pixels.
 export const plotPeriod = () => Math.min(1000, (1000 * span) / 400);
 export const plotSpan = () => span;
 export const isPaused = () => paused !== null;
@@ -254,7 +253,7 @@ function drawPlot({ plot, canvas }: Drawn, end: number): void {
   g.restore();
 }
 
-// Many samples may lie on one pixel: of those the first, the least, the greatest and the last are all that can be seen.
+// Of many samples on one pixel only the first, least, greatest and last are visible.
 function trace(g: CanvasRenderingContext2D, s: Series, from: number, to: number, x: (t: number) => number, y: (v: number) => number): void {
   const gap = 2.5; // s without a sample: the line breaks
   let open = false;
@@ -382,7 +381,7 @@ function valueAt(s: Series, end: number): number {
   return near.length ? s.value(near[0]) : NaN;
 }
 
-// Once a second, for who does not see the lines; and where the cursor is.
+// Once a second, for screen readers; and at the cursor.
 export function updatePlotTexts(): void {
   const quiet = silence();
   const end = endTime();
@@ -395,7 +394,7 @@ export function updatePlotTexts(): void {
       const v = isSilent ? NaN : valueAt(s, endOf(plot, end));
       return Number.isFinite(v) ? v.toFixed(Math.abs(v) < 10 ? (isPosition && isPast ? 3 : 2) : 1) : "–";
     };
-    // Of a target's three coordinates one line stands for its colour; which is which is said beside.
+    // One entry for a target's three coordinates.
     const shown = isPosition ? all.filter((_, i) => i % 3 === 0) : all;
     now.replaceChildren(
       ...shown.map((s, i) => {
@@ -406,10 +405,10 @@ export function updatePlotTexts(): void {
         entry.append(` ${isPosition ? s.name.slice(0, -2) : s.name}${values}`);
         return entry;
       }),
-      ...(isSilent && all.length ? [quiet > 2 ? `nothing for ${Math.floor(quiet)} s` : "nothing comes"] : []),
+      ...(isSilent && all.length ? [quiet > 2 ? `no samples for ${Math.floor(quiet)} s` : "no samples"] : []),
     );
     const texts = all.map((s) => `${s.name} ${valueOf(s)}`);
-    canvas.setAttribute("aria-label", `${plot.title} over the last ${span} seconds, ${cursor !== null ? `${cursor.toFixed(1)} s before the end` : "now"}: ${isSilent ? "nothing comes" : texts.join(", ") || "nothing"}`);
+    canvas.setAttribute("aria-label", `${plot.title} over the last ${span} seconds, ${cursor !== null ? `${cursor.toFixed(1)} s before the end` : "now"}: ${isSilent ? "no samples" : texts.join(", ") || "nothing"}`);
   }
   $("plot-cursor").textContent = cursor === null ? "" : `at −${cursor.toFixed(2)} s`;
 }
@@ -452,7 +451,7 @@ $("plot-pause").addEventListener("click", () => {
   changed();
 });
 
-// ---- What is shown, to take away
+// ---- Export
 $("plot-csv").addEventListener("click", () => {
   const end = endTime();
   const rows = ["name,t,state,x,y,z,sigma_m,speed_m_s,latency_s,residual_px"];

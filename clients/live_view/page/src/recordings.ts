@@ -1,4 +1,4 @@
-// Recordings of the service: begun, ended, saved after the fact, listed, downloaded.
+// Recordings of the service: start, stop, save the pre-roll, list, download.
 import { ask } from "./control";
 import type { ControlReply } from "./messages";
 import { isServing, serviceOf, store } from "./store";
@@ -7,11 +7,11 @@ import { isHidden, watchVisibility } from "./visibility";
 const $ = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
 
 const askEvery = 2000; // ms, while the panel is in view
-const askRarely = 10000; // ms, of a service that does not answer, or not allow it
+const askRarely = 10000; // ms, if the service does not answer or allow it
 let asked = -Infinity;
 let isAsking = false;
-let service = ""; // whose answers are shown
-let state: Record<string, string> | null = null; // null: not known, or not allowed
+let service = ""; // of the shown replies
+let state: Record<string, string> | null = null; // null: unknown or not allowed
 
 const panel = $("recordings");
 const says = $("recordings-says");
@@ -22,7 +22,7 @@ function say(reply: ControlReply): void {
   says.classList.toggle("bad", !reply.granted);
 }
 
-// Once a second, and after everything that was done.
+// Once a second, and after every action.
 export function updateRecordings(): void {
   const now = serviceNow();
   if (now !== service) {
@@ -35,20 +35,20 @@ export function updateRecordings(): void {
   }
   $("recordings-why").hidden = !$("recordings-why").textContent;
   const isDue = performance.now() - asked >= (state ? askEvery : askRarely);
-  if (now && isDue && !isAsking && !document.hidden && !isHidden(panel)) void look();
+  if (now && isDue && !isAsking && !document.hidden && !isHidden(panel)) void refresh();
   updateButtons();
 }
 
-async function look(): Promise<void> {
+async function refresh(): Promise<void> {
   isAsking = true;
-  const whose = service;
+  const asking = service;
   try {
-    const told = await ask("record", "state");
-    const listed = told.granted ? await ask("record", "list") : null;
-    if (whose !== service) return;
-    state = told.granted ? Object.fromEntries(told.rows.map(([key, value]) => [key, value])) : null;
-    $("recordings-why").textContent = told.granted ? "" : told.reason;
-    $("recordings-why").hidden = told.granted;
+    const reply = await ask("record", "state");
+    const listed = reply.granted ? await ask("record", "list") : null;
+    if (asking !== service) return;
+    state = reply.granted ? Object.fromEntries(reply.rows.map(([key, value]) => [key, value])) : null;
+    $("recordings-why").textContent = reply.granted ? "" : reply.reason;
+    $("recordings-why").hidden = reply.granted;
     if (listed) show(listed.granted ? listed.rows : []);
   } finally {
     isAsking = false;
@@ -68,12 +68,12 @@ function updateButtons(): void {
   $("record-save").textContent = preRoll ? `Save the last ${preRoll} s` : "Save the last seconds";
   const lamp = $("record-state");
   lamp.dataset.state = state?.state ?? "none";
-  lamp.textContent = state === null ? "" : isRecording ? `recording ${state.name}` : state.state === "replay" ? "a replay records nothing" : "not recording";
+  lamp.textContent = state === null ? "" : isRecording ? `recording ${state.name}` : state.state === "replay" ? "a replay is not recorded" : "not recording";
 }
 
 async function act(word: string): Promise<void> {
   say(await ask("record", word));
-  await look();
+  await refresh();
 }
 
 const duration = (seconds: number) =>
@@ -97,7 +97,7 @@ function show(rows: string[][]): void {
       cell(duration(Number(length)));
       cell(size(Number(bytes)));
       cell(cameras);
-      // Where no column says it: on a phone.
+      // On a phone, which has no column headings.
       row.lastElementChild!.append(Object.assign(document.createElement("span"), { className: "unit", textContent: cameras === "1" ? " camera" : " cameras" }));
       const last = row.insertCell();
       if (how === "recording") last.textContent = "being recorded";
@@ -111,9 +111,9 @@ function show(rows: string[][]): void {
         const remove = Object.assign(document.createElement("button"), { type: "button", textContent: "Delete…" });
         remove.setAttribute("aria-label", `Delete ${name}`);
         remove.addEventListener("click", async () => {
-          if (!confirm(`Delete the recording ${name}, ${size(Number(bytes))}? It cannot be had back.`)) return;
+          if (!confirm(`Delete the recording ${name}, ${size(Number(bytes))}? This cannot be undone.`)) return;
           say(await ask("record", "delete", name));
-          await look();
+          await refresh();
         });
         if (state?.state !== "replay") {
           const replay = Object.assign(document.createElement("button"), { type: "button", textContent: "Replay" });

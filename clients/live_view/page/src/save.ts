@@ -1,4 +1,4 @@
-// A file for whoever looks at the page: the browser puts it where downloads go.
+// Saves a file through the browser's downloads.
 export function save(content: Blob, name: string): void {
   const link = Object.assign(document.createElement("a"), { href: URL.createObjectURL(content), download: name });
   link.click();

@@ -1,5 +1,4 @@
-// The scene in three dimensions: cameras, volume, targets with their uncertainty and where they have been; of a camera that is
-// tracked, where it is and the map by which it knows that.
+// The scene in 3-D: cameras, volume, targets with their uncertainty and trails; tracked cameras with their maps.
 import * as THREE from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import { LineMaterial } from "three/addons/lines/LineMaterial.js";
@@ -11,7 +10,7 @@ import { lately, store, targetOf, type Target, type TrackedCamera } from "./stor
 
 const chi95 = Math.sqrt(7.815); // of three dimensions
 const trailSeconds = 10;
-const roamSeconds = 30; // where a camera was so lately has to fit in
+const roamSeconds = 30; // trail of a tracked camera that must fit into the view
 const labelHeight = 13; // CSS pixels, however far away
 
 // The matrix that makes the unit sphere the 95 % ellipsoid: the Cholesky factor of the covariance (xx xy xz yy yz zz).
@@ -34,14 +33,14 @@ interface Place {
   t: number;
   p: [number, number, number] | null;
 }
-const longestGap = 0.5; // s; the way there is not known
+const longestGap = 0.5; // s; the path in between is unknown
 const leastStep = 0.004; // m; less may be noise, and has no direction
 const leastTurn = Math.cos(0.15); // rad; an arc of a metre's radius is then drawn within 3 mm
 
-// The places where a way bends, its ends, and those beside a gap: a processor that draws has four times less to do.
+// Simplifies a path to its bends, its ends and its gaps: a quarter of the work without a graphics card.
 function bends(points: Place[]): (Place & { isAfterGap: boolean })[] {
   const way: (Place & { isAfterGap: boolean })[] = [];
-  let last: Place | null = null; // that was looked at
+  let last: Place | null = null; // the previous one
   let from: Place | null = null; // where the last step began
   let direction: number[] | null = null; // since the last bend
   for (const place of points) {
@@ -70,8 +69,7 @@ function bends(points: Place[]): (Place & { isAfterGap: boolean })[] {
   return way;
 }
 
-// A line that fades with age. Kept as segments: it may have gaps. Of some pixels' width, which a processor that draws needs twice
-// as long for: there it is of one.
+// A line that fades with age, as segments because it may have gaps. One pixel wide without a graphics card, which halves the cost.
 class Trail {
   readonly line: THREE.Object3D;
   private readonly thin: THREE.LineSegments<THREE.BufferGeometry, THREE.LineBasicMaterial> | null = null;
@@ -160,7 +158,7 @@ class TargetModel {
     this.ellipsoid.material.color.copy(lines);
     this.drop.material.color.copy(lines);
     const [x, y, z] = target.latest.position;
-    const there = x !== null && y !== null && z !== null && performance.now() - target.heard < 2000;
+    const there = x !== null && y !== null && z !== null && performance.now() - target.receivedAt < 2000;
     this.ball.visible = this.ellipsoid.visible = this.drop.visible = this.label.sprite.visible = there;
     if (there) {
       const at = new THREE.Vector3(x, y, z);
@@ -186,7 +184,7 @@ class TargetModel {
   }
 }
 
-// The camera that moves: its frustum where it is now, where it has been, and its map.
+// A tracked camera: frustum, trail and map.
 class TrackedCameraModel {
   readonly group = new THREE.Group();
   readonly label: Label;
@@ -227,7 +225,7 @@ class TrackedCameraModel {
   // size: of all that is shown, m.
   update(camera: TrackedCamera, color: THREE.Color, background: THREE.Color, size: number): void {
     const { latest } = camera;
-    const there = !!latest && latest.position.every((v) => v !== null) && performance.now() - camera.heard < 2000;
+    const there = !!latest && latest.position.every((v) => v !== null) && performance.now() - camera.receivedAt < 2000;
     this.frustum.visible = this.label.sprite.visible = there;
     if (there) {
       const at = new THREE.Vector3(...(latest.position as [number, number, number]));
@@ -256,7 +254,7 @@ class TrackedCameraModel {
     this.points.geometry = new THREE.BufferGeometry();
     this.points.geometry.setAttribute("position", new THREE.Float32BufferAttribute(known.flatMap((p) => p.position as number[]), 3));
     this.points.geometry.setAttribute("color", new THREE.Float32BufferAttribute(known.flatMap((p) => palette[p.state].toArray()), 3));
-    // Where a point is all but unknown, its ellipsoid would only hide the rest.
+    // A huge ellipsoid would only hide the rest.
     const sure = known.filter(
       (p) => p.covariance.every((v) => v !== null) && Math.max(p.covariance[0]!, p.covariance[3]!, p.covariance[5]!) < (0.07 * size) ** 2,
     );
@@ -293,7 +291,7 @@ class TrackedCameraModel {
   }
 }
 
-// A word that is as large from everywhere, with a rim that keeps it readable on lines.
+// A label of constant size on the screen, with a rim.
 class Label {
   readonly sprite: THREE.Sprite;
   private readonly canvas = document.createElement("canvas");
@@ -345,7 +343,7 @@ class Label {
   }
 }
 
-// Whether the processor draws, as in virtual machines and on hosts without a graphics card.
+// Whether WebGL is rendered by the processor (no graphics card).
 function hasSoftwareGraphics(): boolean {
   const gl = document.createElement("canvas").getContext("webgl2");
   if (!gl) return false; // then there is no view at all
@@ -370,17 +368,17 @@ export class Scene3d {
   // Of tracked cameras: their maps, and where they were.
   private readonly roamed = new Map<string, { map: CameraMap | null; cloud: THREE.Vector3[]; way: THREE.Vector3[] }>();
   private reach = 3;
-  private isTouched = false; // somebody turned it: it stays as they want it
+  private isTouched = false; // the user has turned it
   readonly isSlow = hasSoftwareGraphics();
-  onTurned: () => void = () => {}; // the view has changed, by a hand or a key
+  onTurned: () => void = () => {}; // called after the user changed the view
 
   // throws when the browser has no WebGL
   constructor(private readonly canvas: HTMLCanvasElement) {
     this.renderer = new THREE.WebGLRenderer({ canvas, antialias: !this.isSlow, alpha: true });
     this.camera.up.set(0, 0, 1);
     this.scene.add(new THREE.HemisphereLight(0xffffff, 0x667788, 2.4), this.still);
-    // The wheel and swipes up and down are the page's: who wants the scene clicks it first, or holds Ctrl. Must come before the
-    // controls' own listener.
+    // Wheel and vertical swipes scroll the page, unless the view was clicked or Ctrl is held. Must be registered before the controls'
+    // own listener.
     canvas.addEventListener(
       "wheel",
       (event) => {
@@ -522,7 +520,7 @@ export class Scene3d {
     this.renderer.render(this.scene, this.camera);
   }
 
-  // Labels that would cover each other go up, row by row: cameras may stand a hand apart.
+  // Labels that would cover each other move up, row by row.
   private spread(w: number, h: number): void {
     const row = labelHeight * 1.5;
     const taken: [number, number, number][] = []; // left, right, bottom
@@ -539,13 +537,13 @@ export class Scene3d {
     }
   }
 
-  // The view grows with where a camera went and what it mapped; with some room, so that it does not creep.
+  // Extends the view by a camera's trail and map, in steps.
   private follow(name: string, camera: TrackedCamera): void {
     const old = this.roamed.get(name);
     let cloud = old?.cloud ?? [];
     if (camera.map && camera.map !== old?.map) {
       const known = camera.map.points.filter((p) => p.position.every((v) => v !== null)).map((p) => p.position as number[]);
-      // A few points of a map are always astray.
+      // Ignores a map's outliers.
       const range = [0, 1, 2].map((i) => {
         const sorted = known.map((p) => p[i]).sort((a, b) => a - b);
         const cut = Math.floor(sorted.length * 0.02);
@@ -592,9 +590,8 @@ export class Scene3d {
 
   private build(scene: Scene, ink: THREE.Color): void {
     this.clear();
-    // A camera that is tracked is where it is tracked, not where the rig file has it. Without targets the volume, too,
-    // stands for nothing.
-    const cameras = scene.cameras.filter((c) => c.model && !store.trackedCameras.has(c.name)); // of others nobody knows where
+    // A tracked camera is not drawn at its pose in the rig file; without targets the volume has no meaning.
+    const cameras = scene.cameras.filter((c) => c.model && !store.trackedCameras.has(c.name)); // others have no pose
     const hasVolume = scene.targets.length > 0;
     const low = new THREE.Vector3(...scene.volume[0]);
     const high = new THREE.Vector3(...scene.volume[1]);
@@ -621,7 +618,7 @@ export class Scene3d {
       this.still.add(box, segments(grid, new THREE.LineBasicMaterial({ color: ink, transparent: true, opacity: 0.25 })));
     }
     const arm = hasVolume ? Math.min(size.x, size.y, size.z) / 5 : this.reach / 3;
-    const isEmpty = !hasVolume && !cameras.length && store.trackedCameras.size === 0; // then no world is known, either
+    const isEmpty = !hasVolume && !cameras.length && store.trackedCameras.size === 0; // then there is no world frame
     (isEmpty ? [] : ["x", "y", "z"]).forEach((name, i) => {
       const end = new THREE.Vector3().setComponent(i, arm);
       this.still.add(segments([new THREE.Vector3(), end], new THREE.LineBasicMaterial({ color: ink })));

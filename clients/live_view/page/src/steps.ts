@@ -1,5 +1,5 @@
-// The first steps: cameras, exposure, calibration, colour, track. Of each what is missing, and how it is done. They show
-// themselves until something was tracked for the first time, and to who asks for them.
+// The first steps: cameras, exposure, calibration, colour, track; for each what is missing and how to do it. Shown until something was
+// tracked for the first time, and on request.
 import { openTargets } from "./adjust";
 import { calibrationRefused, openCalibration } from "./calibrate";
 import { decodeAwaited, lightOf, type Light } from "./cameras";
@@ -13,12 +13,12 @@ const $ = <T extends HTMLElement>(id: string) => document.getElementById(id) as 
 interface Step {
   title: string;
   isDone: boolean;
-  says: string; // what was reached, or what is missing
+  says: string; // the result, or what is missing
   how?: string; // a command, or lines of a file
   button?: [string, () => void];
 }
 
-// What colours can be told in: by default a target's pixels have an intensity of 0.1 to 0.95 (configs/huetrackd.yaml).
+// By default a target's pixels have an intensity of 0.1 to 0.95 (configs/huetrackd.yaml).
 const mostDark = 0.5; // of a picture: more is too dark to find anything in
 const mostBright = 0.1;
 const goodSigma = 0.01; // m
@@ -30,7 +30,7 @@ function service(): Step {
   return {
     title: "Cameras",
     isDone: false,
-    says: `No huetrackd is heard on DDS domain ${store.pulse?.domain ?? 0}. On the computer with the cameras, huetrackd setup finds them and starts; huetrackd doctor says what is wrong with one that it leaves out. By hand it is a file:`,
+    says: `No huetrackd was found on DDS domain ${store.pulse?.domain ?? 0}. On the computer with the cameras, huetrackd setup finds them and starts; huetrackd doctor explains why it leaves one out. Or write the file yourself:`,
     how: "huetrackd setup\n\n# or my.yaml, started with huetrackd run my.yaml\nversion: 1\nrig: none                  # not calibrated yet\ncameras: {left: {device: 0}, right: {device: 2}}\nrecord: {folder: recordings, pre_roll_s: 60}\ncontrol: {allow_teach: true, allow_record: true}",
   };
 }
@@ -43,7 +43,7 @@ function cameras(): Step {
   return {
     title: "Cameras",
     isDone: false,
-    says: bad.map((c) => `${c.name} is ${c.health}${c.message ? `: ${c.message}` : ""}.`).join(" ") + " What is wrong, and what to do, says:",
+    says: bad.map((c) => `${c.name} is ${c.health}${c.message ? `: ${c.message}` : ""}.`).join(" ") + " For the cause and the remedy, run:",
     how: `huetrackd doctor ${status!.config_file}`,
   };
 }
@@ -52,10 +52,10 @@ function exposure(lights: [string, Light | null][]): Step {
   const title = "Exposure";
   if (store.status!.mode !== "run") return { title, isDone: true, says: "As it was recorded." };
   const awaited = lights.filter(([, light]) => !light).map(([name]) => name);
-  if (awaited.length) return { title, isDone: false, says: `The picture of ${join(awaited)} is awaited.` };
+  if (awaited.length) return { title, isDone: false, says: `Waiting for the picture of ${join(awaited)}.` };
   const dark = lights.filter(([, l]) => l!.dark > mostDark);
   const bright = lights.filter(([, l]) => l!.bright > mostBright);
-  if (!dark.length && !bright.length) return { title, isDone: true, says: "Neither too dark nor too bright. Hold it so, with the controls of each camera; one of the network has settings of its own." };
+  if (!dark.length && !bright.length) return { title, isDone: true, says: "Neither too dark nor too bright. Keep it so with each camera's controls; a network camera has its own settings." };
   const says = [
     ...dark.map(([name, l]) => `${name} is too dark: ${percent(l!.dark)} of its picture shows no colour.`),
     ...bright.map(([name, l]) => `${name} is too bright: ${percent(l!.bright)} of its picture is white.`),
@@ -66,7 +66,7 @@ function exposure(lights: [string, Light | null][]): Step {
   return {
     title,
     isDone: false,
-    says: `${says.join(" ")} Set its controls in ${store.status!.config_file}, and start again; huetrackd doctor says what it has:`,
+    says: `${says.join(" ")} Set its controls in ${store.status!.config_file}, and start again; huetrackd doctor lists them:`,
     how: `cameras:\n  ${name}:\n    controls: {exposure_time_absolute: ${dark.length ? "300, gain: 60" : "50, gain: 0"}, white_balance_temperature: 4600, power_line_frequency: 50 Hz}`,
   };
 }
@@ -75,14 +75,14 @@ function calibration(): Step {
   const title = "Calibration";
   const missing = store.scene!.cameras.filter((c) => !c.model).map((c) => c.name);
   if (!missing.length) return { title, isDone: true, says: `The rig has ${store.scene!.cameras.length} cameras.` };
-  const nothing = `Nothing says yet how ${join(missing)} see, and where they stand.`;
+  const nothing = `The lenses and poses of ${join(missing)} are unknown.`;
   const why = calibrationRefused();
   if (store.status!.mode === "run" && !why)
-    return { title, isDone: false, says: `${nothing} Carry a printed board before them: the page shows what each picture still lacks.`, button: ["Calibrate…", openCalibration] };
+    return { title, isDone: false, says: `${nothing} Carry a printed board in front of them: the page shows what is still missing in each picture.`, button: ["Calibrate…", openCalibration] };
   return {
     title,
     isDone: false,
-    says: `${nothing} ${why ? `From this page it cannot be done: ${why} Or stop` : "Stop"} huetrackd, carry a board before the cameras while the command below runs (its page shows what is still wanted), then write rig: rig.yaml into ${store.status!.config_file} and start again.`,
+    says: `${nothing} ${why ? `This page cannot do it: ${why} Or stop` : "Stop"} huetrackd, carry a board in front of the cameras while the command below runs (its page shows what is still missing), then write rig: rig.yaml into ${store.status!.config_file} and start again.`,
     how: `huetrack-calibrate extrinsics --board board.yaml ${missing.map((name) => `${name}=/dev/video…`).join(" ")} --rig rig.yaml --view view.html`,
   };
 }
@@ -91,22 +91,22 @@ function color(): Step {
   const title = "Colour";
   const scene = store.scene!;
   const missing = scene.targets.filter((t) => !t.colors.length).map((t) => t.name);
-  if (!scene.targets.length) return { title, isDone: false, says: "Nothing is looked for yet. What is it called, and what is its radius?", button: ["Add a target…", openTargets] };
+  if (!scene.targets.length) return { title, isDone: false, says: "No target yet. What is its name, and what is its radius?", button: ["Add a target…", openTargets] };
   if (!missing.length) return { title, isDone: true, says: `${join(scene.targets.map((t) => t.name))}: known.` };
-  if (!scene.may_teach) return { title, isDone: false, says: `${join(missing)}: nobody has said which colour. ${scene.why_not}` };
-  return { title, isDone: false, says: `Which colour has ${missing[0]}? Click on it in one picture, and confirm it in the others.`, button: [`Teach ${missing[0]}…`, () => openTeaching(missing[0])] };
+  if (!scene.may_teach) return { title, isDone: false, says: `${join(missing)}: no colour is configured. ${scene.why_not}` };
+  return { title, isDone: false, says: `What colour is ${missing[0]}? Click on it in one picture, and confirm it in the others.`, button: [`Teach ${missing[0]}…`, () => openTeaching(missing[0])] };
 }
 
 function track(): Step {
   const title = "Track";
   const found = [...store.targets.values()].filter((t) => t.latest.state === "tracking");
   const sure = found.filter((t) => (t.history.at(-1)?.sigma ?? NaN) < goodSigma);
-  if (sure.length) return { title, isDone: true, says: sure.map((t) => `${t.name} is tracked, give or take ${(1000 * t.history.at(-1)!.sigma).toFixed(1)} mm.`).join(" ") };
+  if (sure.length) return { title, isDone: true, says: sure.map((t) => `${t.name} is tracked, ± ${(1000 * t.history.at(-1)!.sigma).toFixed(1)} mm.`).join(" ") };
   const why = store.status!.warnings.find((w) => /^target /.test(w));
-  return { title, isDone: false, says: found.length ? "It is tracked, and not sure yet: let two cameras see it." : `Hold the object where two cameras see it. ${why ? `Now: ${why}.` : ""}` };
+  return { title, isDone: false, says: found.length ? "It is tracked, but not certain yet: let two cameras see it." : `Hold the object where two cameras see it. ${why ? `Now: ${why}.` : ""}` };
 }
 
-let isAsked = false; // somebody wants to see them
+let isAsked = false; // the user wants to see them
 let isHidden = false; // or not
 let hasTracked = false;
 
@@ -127,7 +127,7 @@ export function updateSteps(): void {
   $("steps-open").setAttribute("aria-expanded", String(isShown));
   $("steps-open").hidden = isShown;
   if (!isShown) return;
-  decodeAwaited(); // on a phone the pictures stand below, where nobody sees them yet
+  decodeAwaited(); // on a phone the pictures may be out of view
   const steps = stepsNow();
   const current = steps.findIndex((s) => !s.isDone);
   const list = $("steps-list");
@@ -156,7 +156,7 @@ function itemOf(step: Step, isCurrent: boolean): HTMLElement {
   return item;
 }
 
-// How the intensities of each picture are spread: what lies in the shaded ends shows no colour.
+// A histogram of each picture's intensities.
 function drawLights(item: HTMLElement): void {
   let row = item.querySelector<HTMLElement>(".lights");
   if (!row) row = item.appendChild(Object.assign(document.createElement("div"), { className: "lights" }));

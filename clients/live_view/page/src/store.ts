@@ -1,4 +1,4 @@
-// What the page knows. The views read it; nothing here touches the document.
+// The page's state. Views read it; nothing here touches the document.
 import type { CameraMap, CameraPose, CameraTimes, HostClocks, Position, Pulse, Scene, State, Status } from "./messages";
 
 export const historySeconds = 600;
@@ -10,7 +10,7 @@ export interface Sample {
   sigma: number; // largest axis, m; NaN without a position
   speed: number;
   latency: number;
-  residual: number; // px, of the view that fits worst; NaN where none does, and of a camera
+  residual: number; // px, of the worst view; NaN: none, or of a camera
   features: number; // matched; NaN of a target
 }
 
@@ -20,7 +20,7 @@ export interface ViewSample {
   residual: number; // px, of the object that fits worst
 }
 
-// What the status said, once a second.
+// From the status, once a second.
 export interface Rates {
   t: number;
   rate: number; // frame sets a second
@@ -30,13 +30,13 @@ export interface Rates {
 export interface Target {
   name: string;
   latest: Position;
-  heard: number; // performance.now()
+  receivedAt: number; // performance.now()
   history: Sample[];
 }
 
 export interface TrackedCamera {
   latest: CameraPose | null;
-  heard: number;
+  receivedAt: number;
   history: Sample[];
   map: CameraMap | null;
 }
@@ -77,7 +77,7 @@ export function largestSigma(c: (number | null)[]): number {
 export function takePosition(sample: Position): void {
   let target = store.targets.get(sample.target);
   if (!target) {
-    target = { name: sample.target, latest: sample, heard: 0, history: [] };
+    target = { name: sample.target, latest: sample, receivedAt: 0, history: [] };
     store.targets.set(sample.target, target);
   }
   const last = target.history.at(-1);
@@ -86,7 +86,7 @@ export function takePosition(sample: Position): void {
     target.history = []; // another service, another clock
   }
   target.latest = sample;
-  target.heard = performance.now();
+  target.receivedAt = performance.now();
   const [x, y, z] = sample.position;
   target.history.push({
     t: sample.t,
@@ -102,7 +102,7 @@ export function takePosition(sample: Position): void {
   takeViews(sample);
 }
 
-// Targets speak of the same frames one after the other: at each moment the one that fits worst stands.
+// Several targets have samples of the same frames: keeps the largest residual of each moment.
 function takeViews(sample: Position): void {
   for (const { camera, seen, residual_px: residual } of sample.per_view) {
     if (!seen || !Number.isFinite(residual)) continue;
@@ -146,7 +146,7 @@ function forgetOld(history: { t: number }[]): void {
 function trackedCamera(name: string): TrackedCamera {
   let camera = store.trackedCameras.get(name);
   if (!camera) {
-    camera = { latest: null, heard: 0, history: [], map: null };
+    camera = { latest: null, receivedAt: 0, history: [], map: null };
     store.trackedCameras.set(name, camera);
   }
   return camera;
@@ -162,7 +162,7 @@ export function takeCameraPose(sample: CameraPose): void {
   if (camera.history.length && sample.t === camera.history.at(-1)!.t) return; // again
   if (camera.history.length && sample.t < camera.history.at(-1)!.t) camera.history = [];
   camera.latest = sample;
-  camera.heard = performance.now();
+  camera.receivedAt = performance.now();
   const [x, y, z] = sample.position;
   const p: Sample["p"] = x === null || y === null || z === null ? null : [x, y, z];
   const before = camera.history.at(-1);
@@ -190,7 +190,7 @@ export function tracks(): { name: string; isCamera: boolean; history: Sample[] }
 
 const isOf = (status: Status, other: { host: string; pid: number }) => other.host === status.host && other.pid === status.pid;
 
-// Returns whether it is of another service, or of another rig: then nothing that was shown holds any more.
+// Returns whether it is of another service or rig, which invalidates everything shown.
 export function takeStatus(status: Status): boolean {
   const isOther = !!store.status && (!isOf(store.status, status) || store.status.rig_identity !== status.rig_identity);
   if (isOther) {
@@ -206,8 +206,7 @@ export function takeStatus(status: Status): boolean {
     const isEnded = !status.targets.includes(name) && target.latest.state === "lost";
     if (isEnded || !status.targets.includes(targetOf(name, status.targets))) store.targets.delete(name);
   }
-  // In the configuration's order, whoever spoke first. Of a target of several objects those that are known, by their numbers; the
-  // target itself speaks while there are none.
+  // In the configuration's order. For a target of several objects its objects by number, or the target itself while there are none.
   const order = status.targets.flatMap((target) => {
     const objects = [...store.targets.keys()].filter((name) => name !== target && targetOf(name, status.targets) === target);
     const number = (name: string) => Number(name.slice(target.length + 1));
@@ -225,10 +224,10 @@ export function targetOf(name: string, targets: string[]): string {
   return targets.includes(target) ? target : name;
 }
 
-// One run of a service: another one has another.
+// Identifies one run of a service.
 export const serviceOf = (scene: Scene): string => `${scene.host}/${scene.pid}`;
 
-// Whether the service may be asked to change something. Before it is calibrated it does not tell, and says so when it is asked.
+// Whether the service accepts changes; unknown before the calibration.
 export const mayChange = (): boolean => !!store.scene && (store.scene.may_teach || store.scene.cameras.some((c) => !c.model));
 
 export function isServing(): boolean {
@@ -237,8 +236,8 @@ export function isServing(): boolean {
 
 // Since the last position or pose of all; Infinity: there was none.
 export function secondsOfSilence(): number {
-  const heard = Math.max(-Infinity, ...[...store.targets.values(), ...store.trackedCameras.values()].map((track) => track.heard));
-  return (performance.now() - heard) / 1000;
+  const receivedAt = Math.max(-Infinity, ...[...store.targets.values(), ...store.trackedCameras.values()].map((track) => track.receivedAt));
+  return (performance.now() - receivedAt) / 1000;
 }
 
 export function forget(): void {

@@ -1,5 +1,5 @@
-// Teaching a colour: freeze the pictures, point at the object, look at what matches, save. The page keeps what the user did
-// and sends all of it with every request; replies come back over the stream.
+// Teaching a colour: freeze the pictures, point at the object, check the matches, save. Every request carries the whole state of the
+// page; replies arrive over the stream.
 import { bitmapOf, showLiveMasks } from "./cameras";
 import { ask as askService } from "./control";
 import { Labels } from "./labels";
@@ -25,7 +25,7 @@ interface Picture {
 }
 
 let number = 0;
-let pending = 0; // the request that is waited for
+let pending = 0; // number of the pending request
 let pictures: Picture[] = [];
 let points: { camera: string; pixel: [number, number] }[] = [];
 let ignored: Ignore[] = [];
@@ -33,12 +33,12 @@ let wider = 0;
 let isIgnoring = false;
 let hasLearnt = false;
 let unconfirmed: string[] = []; // cameras whose suggestion is not confirmed
-let saysAlone = false; // Save was pressed all the same: once more does it
-let least = -Infinity; // of `wider`: beyond, nothing changes any more
+let saysAlone = false; // Save was pressed once without all confirmations
+let least = -Infinity; // of `wider`: no change beyond
 let most = Infinity;
 let before = ""; // the ranges before the last step
-let service = ""; // whose pictures these are
-let radius: number | null = null; // that the pictures tell, m
+let service = ""; // of these pictures
+let radius: number | null = null; // measured, m
 let isUndoing = false; // the rectangles that come then are those of before
 
 const panel = $("teach-panel");
@@ -114,7 +114,7 @@ export async function takeTeachReply(reply: TeachReply): Promise<void> {
     picture.ranges.textContent = taught.pointed ? textOf(taught.color) : "";
     draw(picture);
   }
-  // Replies that say nothing of the cameras (rectangles saved, a replay resumed) change nothing here.
+  // Replies without cameras (rectangles saved, a replay resumed) change nothing here.
   if (reply.cameras.length) {
     hasLearnt = points.length > 0 && reply.cameras.some((c) => c.pointed);
     unconfirmed = reply.cameras.filter((c) => !c.pointed && c.region[0] !== null).map((c) => c.camera);
@@ -314,7 +314,7 @@ function draw(picture: Picture): void {
     rectangle(box, "rgb(0 0 0 / 0.7)", false);
     g.lineWidth = 2 * devicePixelRatio;
     rectangle(box, "#ff9f1c", false);
-    // Where nobody knows the object's place, what matches may be it.
+    // Without a known position, the matches may be the object.
     const isElsewhere = picture.taught!.pointed || picture.taught!.region[0] !== null;
     new Labels(g).add({ text: isElsewhere ? "matches, too" : "matches: the object?", color: "#ff9f1c", x: ((box[0] + box[2]) / 2) * s, y: ((box[1] + box[3]) / 2) * s, radius: ((box[3] - box[1]) / 2) * s });
   }
@@ -399,7 +399,7 @@ function save(): void {
   void ask("apply");
 }
 
-// The moving pictures show the mask, too, while there is one to look at.
+// Shows the mask in the live pictures, too.
 function updateLiveMasks(): void {
   const isShown = !panel.hidden && hasLearnt && $<HTMLInputElement>("teach-mask").checked;
   showLiveMasks(
@@ -429,8 +429,7 @@ function update(): void {
   $("teach-width").textContent = wider === 0 ? "as fitted" : wider > 0 ? `${wider} wider` : `${-wider} narrower`;
 }
 
-// What the pictures tell of the size is offered where it is another one than that in force; saving a colour takes it by itself
-// where nobody has said one yet.
+// Offers the measured radius if it differs from the current one; a save uses it by itself if none is configured.
 function updateRadius(): void {
   const button = $<HTMLButtonElement>("teach-radius");
   const inForce = store.scene?.targets.find((t) => t.name === $<HTMLSelectElement>("teach-target").value)?.radius;
@@ -449,7 +448,7 @@ async function takeRadius(): Promise<void> {
   updateRadius();
 }
 
-// The target that somebody chose: a service that starts again has the same one to teach, not its first.
+// Keeps the selected target when the service restarts.
 let chosenTarget = "";
 function updateTargets(): void {
   const select = $<HTMLSelectElement>("teach-target");
@@ -459,7 +458,7 @@ function updateTargets(): void {
   if (names.includes(chosenTarget)) select.value = chosenTarget;
 }
 
-// What is in force now. The rectangles that were drawn since are not.
+// The current values, without rectangles drawn since.
 export function takeSceneForTeaching(scene: Scene): void {
   if (!isUndoing) return;
   isUndoing = false;
@@ -482,7 +481,7 @@ export function updateTeach(serving: boolean): void {
   const allowed = serving && !!scene?.may_teach && scene.targets.length > 0;
   updateTargets();
   updateRadius();
-  // Another service knows nothing of these pictures.
+  // Another service does not have these pictures.
   if (!panel.hidden && serving && scene && service !== serviceOf(scene)) {
     pictures = [];
     $("teach-pictures").replaceChildren();

@@ -1,4 +1,4 @@
-// Which parts of the page can be seen: what nobody sees is not drawn.
+// Which parts of the page are visible; others are not drawn.
 const hidden = new WeakSet<Element>();
 const callbacks = new WeakMap<Element, () => void>();
 const observer = new IntersectionObserver(
@@ -19,5 +19,5 @@ export function watchVisibility(element: Element, onSeen: () => void): void {
   observer.observe(element);
 }
 
-// Until the browser has told, everything counts as seen.
+// Everything counts as visible until the browser reports.
 export const isHidden = (element: Element) => hidden.has(element);

@@ -35,7 +35,7 @@ TEST(PrintableSample, NamesAreWordsAndSentencesAreLines) {
   EXPECT_EQ(status.warnings()[0], "one   warnings  none");
 }
 
-TEST(Strangers, ASecondPublisherOfATargetIsMarkedInTextAndLeftOutElsewhere) {
+TEST(SecondPublisher, MarksASecondPublisherInTextAndIgnoresItElsewhere) {
   const std::string domain = std::to_string(publish::test_domain());
   ChildProcess publisher({HUETRACK_TEST_PUBLISHER, domain});
   ChildProcess text({HUETRACK_CLIENT, "watch", "--domain", domain});
@@ -43,7 +43,7 @@ TEST(Strangers, ASecondPublisherOfATargetIsMarkedInTextAndLeftOutElsewhere) {
   const auto lines = [](const ChildProcess& client) { return std::ranges::count(client.out(), '\n'); };
   ASSERT_TRUE(ChildProcess::wait([&] { return lines(text) > 5 && lines(csv) > 5; }, 10s)) << text.err();
 
-  idl::DdsParticipant stranger({.name = "stranger", .domain = publish::test_domain()});
+  idl::DdsParticipant publisher_unless_accepted({.name = "stranger", .domain = publish::test_domain()});
   auto& writer = stranger.create_writer<msg::ObjectPositionPubSubType>(idl::object_position_topic,
                                                                        idl::object_position_writer_qos(), "");
   msg::ObjectPosition lie;
