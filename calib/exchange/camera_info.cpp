@@ -1,5 +1,5 @@
-// ROS camera_info, as camera_calibration_parsers writes it. K, D and the size are imported; rectification and projection
-// matrix describe a rectified image, which huetrack does not use.
+// ROS camera_info, as camera_calibration_parsers writes it. K, D and the size are imported; rectification and
+// projection matrix describe a rectified image, which huetrack does not use.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -58,10 +58,10 @@ Imported import_camera_info(const std::filesystem::path& file, const ImportOptio
     const bool same =
         p.size() == 12 && p[0] == k[0] && p[2] == k[2] && p[5] == k[4] && p[6] == k[5] && p[3] == 0 && p[7] == 0;
     if (!same && p.size() == 12 && p[3] != 0) {
-      out.notes.push_back(fmt::format(
-          "projection_matrix is not taken over; this is the second camera of a rectified pair, "
-          "{:.4g} m from the first: estimate its pose anew with extrinsics or wave",
-          -p[3] / p[0]));
+      out.notes.push_back(
+          fmt::format("projection_matrix is not taken over; this is the second camera of a rectified pair, "
+                      "{:.4g} m from the first: estimate its pose anew with extrinsics or wave",
+                      -p[3] / p[0]));
     } else if (!same) {
       out.notes.emplace_back("projection_matrix is not taken over: it belongs to a rectified image");
     }
@@ -76,7 +76,8 @@ Imported import_camera_info(const std::filesystem::path& file, const ImportOptio
       whole = roi->integer(key, yaml::any_number, 0) == 0 && whole;
     if (roi->has("do_rectify")) roi->boolean("do_rectify");
     roi->finish();
-    if (!whole) reader.fail("roi", "is a part of the image: a rig needs the calibration of the image that the camera delivers");
+    if (!whole)
+      reader.fail("roi", "is a part of the image: a rig needs the calibration of the image that the camera delivers");
   }
   reader.finish();
   out.notes.emplace_back("camera_info holds no pose: the world is the camera's own frame");

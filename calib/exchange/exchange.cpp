@@ -22,7 +22,8 @@ constexpr double widest_rig_m = 50;  // a wider rig is probably in millimetres
 
 enum class Indent { none, any, some };
 
-// Whether a line begins with `word`, blanks and `mark` (0: anything). Not a std::regex, which recurses once per character.
+// Whether a line begins with `word`, blanks and `mark` (0: anything). Not a std::regex, which recurses once per
+// character.
 bool has_line(std::string_view text, Indent indent, std::string_view word, char mark = 0) {
   constexpr std::string_view blanks = " \t\n\v\f\r", line_ends = "\n\r";
   for (auto at = text.find(word); at != std::string_view::npos; at = text.find(word, at + 1)) {
@@ -76,8 +77,7 @@ ExchangeFormat detect_format(const std::filesystem::path& file) {
   if (has_line(text, Indent::none, "distortion_model", ':') && has_line(text, Indent::none, "camera_matrix", ':'))
     return ExchangeFormat::ros;
   throw files::ConfigError(
-      file, 0,
-      "has no known calibration format; give it with --from: ros, opencv, kalibr, aniposelib or caliscope");
+      file, 0, "has no known calibration format; give it with --from: ros, opencv, kalibr, aniposelib or caliscope");
 }
 
 Imported import_rig(std::span<const std::filesystem::path> files, const ImportOptions& options) {

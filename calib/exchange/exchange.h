@@ -1,9 +1,9 @@
 // Imports calibrations of other tools into a rig, and exports a rig to their formats.
 //
-// Nothing is dropped silently. Import: what a rig cannot hold is reported as a note; what is unsupported or wrong (distortion
-// model, number of coefficients, a matrix that is not a rotation) is a files::ConfigError with file and, if the parser
-// reports it, line. Export: what the format cannot hold and positions do not depend on (names, world frame) is a note; a
-// lens that it cannot hold is an ExchangeError.
+// Nothing is dropped silently. Import: what a rig cannot hold is reported as a note; what is unsupported or wrong
+// (distortion model, number of coefficients, a matrix that is not a rotation) is a files::ConfigError with file and, if
+// the parser reports it, line. Export: what the format cannot hold and positions do not depend on (names, world frame)
+// is a note; a lens that it cannot hold is an ExchangeError.
 #pragma once
 
 #include <filesystem>
@@ -37,7 +37,7 @@ struct ImportOptions {
   std::optional<ExchangeFormat> format{};        // nullopt: detected
   std::optional<calib::ImageSize> image_size{};  // of every camera, for files without it
   std::vector<std::string> cameras{};            // only these; empty: all
-  double metres_per_unit = 1;  // > 0; unit of the file's lengths: only Kalibr fixes it
+  double metres_per_unit = 1;                    // > 0; unit of the file's lengths: only Kalibr fixes it
 };
 
 struct Imported {
@@ -45,8 +45,8 @@ struct Imported {
   std::vector<std::string> notes;  // ignored content and other remarks, one line each
 };
 
-// files: one; opencv: one or more, together for one camera or a stereo pair, or one per camera. throws files::ConfigError,
-// ExchangeError
+// files: one; opencv: one or more, together for one camera or a stereo pair, or one per camera. throws
+// files::ConfigError, ExchangeError
 Imported import_rig(std::span<const std::filesystem::path> files, const ImportOptions& options = {});
 
 struct ExportOptions {

@@ -19,15 +19,15 @@ calib::CameraTiming read_timing(const yaml::YamlReader& cam, int height) {
   constexpr std::string_view shift = "timeshift_cam_imu", seconds = "line_delay",
                              nanoseconds = "line_delay_nanoseconds";
   calib::CameraTiming timing;
-  if (cam.has(seconds) && cam.has(nanoseconds)) cam.fail(seconds, "is given together with line_delay_nanoseconds: give one of them");
+  if (cam.has(seconds) && cam.has(nanoseconds))
+    cam.fail(seconds, "is given together with line_delay_nanoseconds: give one of them");
   const double longest = 1.0 / std::max(1, height - 1);  // a line's, of a readout of a second
   if (cam.has(nanoseconds))
     timing.readout_s = 1e-9 * cam.number(nanoseconds, {.min = 0, .max = 1e9 * longest}) * (height - 1);
   if (cam.has(seconds)) timing.readout_s = cam.number(seconds, {.min = -longest, .max = longest}) * (height - 1);
   if (cam.has(shift)) {
     const double shift_s = cam.number(shift, yaml::any_number), latency_s = -shift_s - timing.readout_s.value_or(0) / 2;
-    if (std::abs(latency_s) > 1)
-      cam.fail(shift, "is more than a second: the clocks are not related; remove it");
+    if (std::abs(latency_s) > 1) cam.fail(shift, "is more than a second: the clocks are not related; remove it");
     timing.latency_s = latency_s;
   }
   return timing;

@@ -284,10 +284,9 @@ Imported import_opencv(std::span<const std::filesystem::path> paths, const Impor
     right.name = in_r ? clean_name(*in_r->word({r_key})) : "right";
     const auto pose = read_pose(files, {"R"}, {"T"});
     if (!pose) {
-      throw files::ConfigError(
-          files.front()->path(), 0,
-          "has two cameras, but not their relative pose (R and T): also give the file with it "
-          "(extrinsics.yml)");
+      throw files::ConfigError(files.front()->path(), 0,
+                               "has two cameras, but not their relative pose (R and T): also give the file with it "
+                               "(extrinsics.yml)");
     }
     right.cam_from_world = *pose;  // stereoCalibrate: p_2 = R p_1 + T
     out.rig.cameras = {std::move(left), std::move(right)};

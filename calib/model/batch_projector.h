@@ -1,5 +1,5 @@
-// Projects many world points into one camera, lens distortion included, in single precision: for particle filters, which
-// project every particle into every view. Reference: Camera::project_world().
+// Projects many world points into one camera, lens distortion included, in single precision: for particle filters,
+// which project every particle into every view. Reference: Camera::project_world().
 #pragma once
 
 #include <cstddef>
@@ -11,17 +11,17 @@ namespace huetrack::calib {
 // Pure value; safe from any thread.
 class BatchProjector {
  public:
-  // u and v of a point without a pixel: behind the camera, beyond CameraModel::limit(), or not finite. Lies outside every
-  // image, so that a test for "in the image" suffices.
+  // u and v of a point without a pixel: behind the camera, beyond CameraModel::limit(), or not finite. Lies outside
+  // every image, so that a test for "in the image" suffices.
   static constexpr float outside = -1e9f;
 
   explicit BatchProjector(const Camera& camera);
 
   //   x, y, z   (n,) points in the world, metres
   //   u, v      (n,) out, raw pixels (may lie outside the image); must not overlap the inputs or each other
-  // Any n, any alignment. Error: some 1e-7 of the focal length and of the distance to the principal point, below 1e-3 px
-  // for images up to 2000 px. Bit-identical on every x86-64 machine. Pinhole: points more than 89.9 degrees off the axis
-  // are outside.
+  // Any n, any alignment. Error: some 1e-7 of the focal length and of the distance to the principal point, below 1e-3
+  // px for images up to 2000 px. Bit-identical on every x86-64 machine. Pinhole: points more than 89.9 degrees off the
+  // axis are outside.
   void project(const float* x, const float* y, const float* z, std::size_t n, float* u, float* v) const noexcept {
     kernel_(coefficients_, x, y, z, n, u, v);
   }

@@ -26,7 +26,7 @@ struct ImageSize {
 struct CameraTiming {
   std::optional<double> latency_s;        // -1..1; from mid-exposure of the middle row to the driver's time stamp
   std::optional<double> latency_sigma_s;  // 0..1
-  std::optional<double> readout_s;  // -1..1; from mid-exposure of the first row to the last; < 0: reads upwards
+  std::optional<double> readout_s;        // -1..1; from mid-exposure of the first row to the last; < 0: reads upwards
   std::optional<double> readout_sigma_s;  // 0..1
 
   bool is_known() const { return latency_s || readout_s; }
@@ -49,7 +49,7 @@ struct Camera {
     return model.project(cam_from_world * p_world);
   }
   Eigen::Vector3d centre() const { return inverse(cam_from_world).translation; }  // in the world, metres
-  bool contains(const RawPixel& p) const {  // the nearest pixel exists
+  bool contains(const RawPixel& p) const {                                        // the nearest pixel exists
     return p.px.x() >= -0.5 && p.px.y() >= -0.5 && p.px.x() < image_size.width - 0.5 &&
            p.px.y() < image_size.height - 0.5;
   }

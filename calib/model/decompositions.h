@@ -1,10 +1,10 @@
 // Explicit instantiations of Eigen's common decompositions and dynamic-size product kernels, compiled once in
-// decompositions.cpp: each saves a file up to three seconds of compile time. Part of the precompiled headers, so no file
-// includes it; without them (preset debug) every file instantiates its own, with the same values.
+// decompositions.cpp: each saves a file up to three seconds of compile time. Part of the precompiled headers, so no
+// file includes it; without them (preset debug) every file instantiates its own, with the same values.
 //
-// They are no specialisations: behaviour is Eigen's, and files with and without them may be linked together. The kernels'
-// names are internal to Eigen 3.4, because the public ones (A * B, A.solve(b)) have one type per expression; another
-// version of Eigen fails to compile.
+// They are no specialisations: behaviour is Eigen's, and files with and without them may be linked together. The
+// kernels' names are internal to Eigen 3.4, because the public ones (A * B, A.solve(b)) have one type per expression;
+// another version of Eigen fails to compile.
 #pragma once
 
 #include <Eigen/Cholesky>

@@ -12,8 +12,8 @@ struct NearestLens {
   bool covers_image = true;         // every ray of the image has a pixel in `model`
 };
 
-// Least squares over rays all over the image, without rotation. kind: selects the kind of lens, and fixes its parameters
-// from number `free` on (8 of 12: k1 k2 p1 p2 are fitted, the rest stays).
+// Least squares over rays all over the image, without rotation. kind: selects the kind of lens, and fixes its
+// parameters from number `free` on (8 of 12: k1 k2 p1 p2 are fitted, the rest stays).
 NearestLens nearest_lens(const CameraModel& lens, ImageSize size, const CameraModel& kind, int free);
 
 }  // namespace huetrack::calib

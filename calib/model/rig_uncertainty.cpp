@@ -48,7 +48,8 @@ struct ViewTerm {
   Eigen::Matrix<double, 2, 18> by_camera;  // lens (lens_count), then pose
 };
 
-std::optional<ViewTerm> view_term(const Camera& camera, const RigUncertainty::CameraParameters& of, const Eigen::Vector3d& p) {
+std::optional<ViewTerm> view_term(const Camera& camera, const RigUncertainty::CameraParameters& of,
+                                  const Eigen::Vector3d& p) {
   const Eigen::Vector3d p_cam = camera.cam_from_world * p;
   if (!camera.model.project(p_cam)) return std::nullopt;
   Eigen::Vector2d px;
@@ -127,9 +128,9 @@ std::vector<std::string> RigUncertainty::problems(const CameraRig& rig) const {
 }
 
 RigUncertainty with_pose_covariance(const CameraRig& rig, int camera, const Covariance6d& covariance) {
-  const RigUncertainty before = rig.uncertainty
-                                    ? *rig.uncertainty
-                                    : RigUncertainty{std::vector<RigUncertainty::CameraParameters>(rig.cameras.size()), {}, {}};
+  const RigUncertainty before =
+      rig.uncertainty ? *rig.uncertainty
+                      : RigUncertainty{std::vector<RigUncertainty::CameraParameters>(rig.cameras.size()), {}, {}};
   std::vector<RigUncertainty::CameraParameters> cameras = before.cameras;
   cameras[index(camera)].has_pose = true;
   std::vector<int> kept, at;  // old and new indices of the kept parameters
@@ -149,8 +150,9 @@ RigUncertainty with_pose_covariance(const CameraRig& rig, int camera, const Cova
   return RigUncertainty::of(std::move(cameras), all);
 }
 
-Eigen::Matrix3Xd position_gain_of_cameras(const CameraRig& rig, const RigUncertainty& uncertainty, const Eigen::Vector3d& p,
-                                  std::span<const PlaceView> views, const Eigen::Matrix3d& prior_information) {
+Eigen::Matrix3Xd position_gain_of_cameras(const CameraRig& rig, const RigUncertainty& uncertainty,
+                                          const Eigen::Vector3d& p, std::span<const PlaceView> views,
+                                          const Eigen::Matrix3d& prior_information) {
   Eigen::Matrix3d normal = prior_information;
   Eigen::Matrix3Xd moment = Eigen::Matrix3Xd::Zero(3, uncertainty.size());
   for (const PlaceView& view : views) {
@@ -166,8 +168,8 @@ Eigen::Matrix3Xd position_gain_of_cameras(const CameraRig& rig, const RigUncerta
   return -solver.solve(moment);
 }
 
-Eigen::Matrix3d rig_covariance_at(const CameraRig& rig, const Eigen::Vector3d& p_world, std::span<const PlaceView> views,
-                                 const Eigen::Matrix3d& prior_information) {
+Eigen::Matrix3d rig_covariance_at(const CameraRig& rig, const Eigen::Vector3d& p_world,
+                                  std::span<const PlaceView> views, const Eigen::Matrix3d& prior_information) {
   if (!rig.uncertainty || rig.uncertainty->size() == 0) return Eigen::Matrix3d::Zero();
   const Eigen::Matrix3Xd moved =
       position_gain_of_cameras(rig, *rig.uncertainty, p_world, views, prior_information) * rig.uncertainty->factor();

@@ -1,13 +1,13 @@
 // Joint covariance of a rig's calibration errors, and the covariance of a position that follows from it.
 //
-// Calibration errors are constant over time: no filter averages them away, and nearby positions share most of them. Frame:
-// cam_from_world_true = exp(error) * cam_from_world, with the error (rotation in radians, shift in metres) in the camera's
-// axes, so that it does not change when the world frame is moved.
+// Calibration errors are constant over time: no filter averages them away, and nearby positions share most of them.
+// Frame: cam_from_world_true = exp(error) * cam_from_world, with the error (rotation in radians, shift in metres) in
+// the camera's axes, so that it does not change when the world frame is moved.
 //
-// Gauge: a common rigid motion of all cameras is no error (`huetrack-calibrate world` chooses the world frame, and distances
-// do not depend on it). The writer of a RigUncertainty removes the common motion by least squares over the calibrated
-// volume; what remains is the error of shape, a little smaller in the middle of the volume than at its ends. The covariance
-// is therefore singular in six directions and must not be inverted.
+// Gauge: a common rigid motion of all cameras is no error (`huetrack-calibrate world` chooses the world frame, and
+// distances do not depend on it). The writer of a RigUncertainty removes the common motion by least squares over the
+// calibrated volume; what remains is the error of shape, a little smaller in the middle of the volume than at its ends.
+// The covariance is therefore singular in six directions and must not be inverted.
 //
 // Linear in the errors (valid to some degrees and centimetres). Pure values; thread-safe; nothing throws.
 #pragma once
@@ -28,9 +28,8 @@ using Covariance6d = Eigen::Matrix<double, 6, 6>;
 struct RigUncertainty {
   // The parameters of one camera: its lens (fx fy cx cy and distortion, in CameraModel's order), then its pose (6).
   struct CameraParameters {
-    int at = 0;  // index of the first
-    int lens_count =
-        0;  // 0: lens exact; 8, 9 or 12 (pinhole_radtan), 8 (fisheye_kb), 12 (stereographic)
+    int at = 0;          // index of the first
+    int lens_count = 0;  // 0: lens exact; 8, 9 or 12 (pinhole_radtan), 8 (fisheye_kb), 12 (stereographic)
     bool has_pose = false;
     int size() const { return lens_count + (has_pose ? 6 : 0); }
     int pose_at() const { return at + lens_count; }
@@ -42,8 +41,8 @@ struct RigUncertainty {
   Eigen::VectorXd sigma;  // standard deviations: pixels, 1, radians, metres
   Eigen::MatrixXd root;   // lower triangular, rows of length 1; root of the correlation matrix
 
-  // cameras: without `at`. covariance: symmetric, positive semidefinite. Rounded to the digits of the rig file (six of a
-  // sigma, six decimals of the root), so that it reads back to the same bits.
+  // cameras: without `at`. covariance: symmetric, positive semidefinite. Rounded to the digits of the rig file (six of
+  // a sigma, six decimals of the root), so that it reads back to the same bits.
   static RigUncertainty of(std::vector<CameraParameters> cameras, const Eigen::MatrixXd& covariance);
 
   int size() const { return static_cast<int>(sigma.size()); }
@@ -55,8 +54,8 @@ struct RigUncertainty {
 // Whether an uncertain lens of this kind may have `count` parameters.
 bool is_lens_count(const CameraModel& model, int count);
 
-// The rig's uncertainty with this camera's pose covariance replaced and its correlations removed: the pose was estimated
-// anew relative to the other cameras. A rig without uncertainty gets that of this pose alone.
+// The rig's uncertainty with this camera's pose covariance replaced and its correlations removed: the pose was
+// estimated anew relative to the other cameras. A rig without uncertainty gets that of this pose alone.
 RigUncertainty with_pose_covariance(const CameraRig& rig, int camera, const Covariance6d& covariance);
 
 // An observation of a position by one camera.
@@ -70,11 +69,12 @@ struct PlaceView {
 // with E = prior_information on the position (1/m^2; may be 0 for two views or more). Views that do not see p_world are
 // ignored; zero if the position is undetermined. Consider term of the Schmidt-Kalman filter (Schmidt 1966).
 Eigen::Matrix3Xd position_gain_of_cameras(const CameraRig& rig, const RigUncertainty& uncertainty,
-                                  const Eigen::Vector3d& p_world, std::span<const PlaceView> views,
-                                  const Eigen::Matrix3d& prior_information = Eigen::Matrix3d::Zero());
+                                          const Eigen::Vector3d& p_world, std::span<const PlaceView> views,
+                                          const Eigen::Matrix3d& prior_information = Eigen::Matrix3d::Zero());
 
 // Covariance of that position due to the rig: G covariance G^T, m^2. Zero for a rig without uncertainty.
-Eigen::Matrix3d rig_covariance_at(const CameraRig& rig, const Eigen::Vector3d& p_world, std::span<const PlaceView> views,
-                                 const Eigen::Matrix3d& prior_information = Eigen::Matrix3d::Zero());
+Eigen::Matrix3d rig_covariance_at(const CameraRig& rig, const Eigen::Vector3d& p_world,
+                                  std::span<const PlaceView> views,
+                                  const Eigen::Matrix3d& prior_information = Eigen::Matrix3d::Zero());
 
 }  // namespace huetrack::calib

@@ -371,7 +371,7 @@ class Judge {
     if (evidence_.alone_px > 0) {
       const double ratio = report_.noise_px / evidence_.alone_px;
       const CameraReport& worst = *std::ranges::max_element(report_.cameras, {}, &CameraReport::rms_px);
-      // A camera that moved explains the epipolar_residual.
+      // A camera that moved explains it.
       const bool explained = evidence_.extrinsics != nullptr && evidence_.extrinsics->moved_within.has_value();
       add(explained ? Verdict::usable : not_synchronised.judge(ratio), "agreement between the cameras",
           fmt::format("corners scatter by {:.2f} px for all cameras together, by {:.2f} px for each camera alone, most "
