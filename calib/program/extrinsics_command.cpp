@@ -67,7 +67,7 @@ void choose_world(solver::Extrinsics& result, const ExtrinsicsArguments& options
     }
   }
   result.adjustment = solver::in_world(std::move(result.adjustment), guess);
-  input.made_of.emplace_back("world", "a guess: z up in the images, origin at the centre of the board's places");
+  input.made_of.emplace_back("world", "a guess: z up as the cameras are held, origin amid the board's places");
 }
 
 // Removes the cameras that were left out.
