@@ -4,9 +4,10 @@
     tests/benchmark/sensitivity.py [--only REGEX] [--jobs N] [--build FOLDER] [--table FILE]
 
 A copy of the sources (build/sensitivity) is made in which the Tuning structs are read from the environment when the program starts, and
-built once. Each variation runs the oracle's object part (SWEEP in tests/oracle/oracle.py). What was run before, of the same sources, is
+built once. Each variation runs the cases of the oracle that its module is for (SWEEP in tests/oracle/oracle.py). What was run before, of the same sources, is
 not run again: the sweep goes on where it stopped. The table is written to tests/benchmark/sensitivity.md: per constant the figure that
-moves most, in margins of its band (tests/oracle/oracle.yaml). "nothing": the tracks are the same, byte for byte."""
+moves most, in margins of its band (tests/oracle/oracle.yaml). "nothing": all figures are
+the same to four decimals."""
 import argparse
 import concurrent.futures
 import hashlib
@@ -103,9 +104,9 @@ def build(source, folder):
     subprocess.run(["cmake", "--build", folder, "--target", "huetrackd"], check=True)
 
 
-def measure(programs):
+def measure(programs, cases):
     """case -> figures"""
-    return {name: oracle.measure(programs, name)[1] for name in oracle.SWEEP}
+    return {name: oracle.measure(programs, name)[1] for name in cases}
 
 
 def moved(base, varied, kinds):
@@ -154,7 +155,8 @@ def main():
         name, factor = job
         programs = oracle.Programs(options.build / "release")
         programs.environment = {"HUETRACK_VARY": f"{name}={factor}"}
-        return job, measure(programs)
+        cases = oracle.SWEEP[str(pathlib.Path(files[name.split(".")[0]]).parent)] if name else sorted(set().union(*oracle.SWEEP.values()))
+        return job, measure(programs, cases)
 
     jobs = [job for job in [("", 1.0), *asked] if job not in done]
     with concurrent.futures.ThreadPoolExecutor(options.jobs) as pool, done_file.open("a") as out:
@@ -165,8 +167,8 @@ def main():
             print(f"{n + 1} of {len(jobs)}: {job[0]} x {job[1]}: {moved(done.get(('', 1.0), figures), figures, kinds)}", flush=True)
     base = done["", 1.0]
     lines = ["# What each decision constant does", "",
-             "Written by `tests/benchmark/sensitivity.py`: each field of a `...Tuning` struct by -25 % and +25 %, and the figure of "
-             f"{', '.join(oracle.SWEEP)} that moves most, in margins of its band (`tests/oracle/oracle.yaml`); positive is worse.", "",
+             "Written by `tests/benchmark/sensitivity.py`: each field of a `...Tuning` struct by -25 % and +25 %, and the figure that "
+             "moves most, in margins of its band (`tests/oracle/oracle.yaml`); positive is worse. The cases: SWEEP in `tests/oracle/oracle.py`.", "",
              "| constant | value | module | -25 % | +25 % |", "|---|---|---|---|---|"]
     still = 0
     for name, value, file in names:

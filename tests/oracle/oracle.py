@@ -278,8 +278,16 @@ CASES = {
     "wave": wave,
 } | {"mistake " + make.__name__: mistake(make) for make in mistakes.MISTAKES}
 
-# What the sensitivity sweep runs: at most 20 s on one core, what the constants of the object path are for.
-SWEEP = ("two_cams", "occlusion", "webcams_wave", "wood", "hand_dark", "juggling", "bumped_mend")
+# What the sensitivity sweep (tests/benchmark/sensitivity.py) runs: what the constants of a module are for, some 5 s on one core each.
+SWEEP = {
+    "service/object_tracking": ("two_cams", "occlusion", "webcams", "wood", "hand_dark"),
+    "service/object_tracking/objects": ("occlusion", "wood", "juggling", "swarm", "mistake shared_colour"),
+    "service/object_tracking/trackers": ("occlusion", "fast_60fps", "webcams", "juggling", "hand_dark"),
+    "service/outline": ("two_cams", "fast_60fps", "webcams", "hand_dark"),
+    "service/room_watch": ("bumped_tell", "bumped_leave_out", "bumped_mend"),
+    "service/view_watch": tuple(f"mistake {name}" for name in ("none", "swap", "turned_1", "turned_5", "two_off_5cm", "late", "focal_1.1", "radius_1.3")),
+    "service/pipeline": ("bumped_tell", "bumped_leave_out", "bumped_mend", "mistake turned_2"),
+}
 
 
 # ---- bands
