@@ -43,8 +43,7 @@ struct OutlineSighterTuning {
   int max_steps = 4;                // Gauss-Newton steps: the second is mostly the last
   double ahead_s = 0.3;             // s, the background is learnt where the object will be then
   double hidden_radii = 1.1;        // radii around the object that the background is not learnt from
-  double hidden_px = 4;             // px, in addition: blur
-  double hidden_sigmas = 3;         // of the object's predicted place, in addition
+  double hidden_px = 4;             // px, in addition to that and to prediction_sigmas: blur
   std::size_t min_tries = 60;       // fits before a target counts as not round
   double min_fitted = 0.3;          // share of the fits that must succeed, else it is not round
 };
@@ -189,7 +188,7 @@ void OutlineSighter::learn(const std::vector<TargetView>& views, const MotionSta
     const double sigma_px = std::sqrt((at.jacobian * state.position_covariance() * at.jacobian.transpose()).trace());
     const double smear_px = 0.5 * motion.velocity.norm() * motion.longest_exposure_s;
     const outline::ObjectDisc hidden{at.px, outline_sighter.hidden_radii * at.radius_px + outline_sighter.hidden_px +
-                                                outline_sighter.hidden_sigmas * sigma_px + smear_px};
+                                                sighting_tuning.prediction_sigmas * sigma_px + smear_px};
     if (rare != nullptr)
       of.behind->learn_all(picture_of(*rare), &hidden, 1);
     else

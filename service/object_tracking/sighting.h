@@ -62,14 +62,14 @@ bool has_disc_shape(const Sighting& sighting);
 bool is_unoccluded_disc(const Sighting& sighting);
 
 struct SightingTuning {
-  double gate_nis = 16;            // chi-square, 2 dof, 99.97 %: a region within it may be the object's
-  double min_disc_share = 0.15;    // share of the expected disc's area that a tracked object's region must cover
-  double start_disc_share = 0.3;   // the same where nothing is tracked yet, or its place is not known (experiment)
-  double max_disc_share = 4;       // the same, largest region that may still be the object there (experiment)
-  double confirmation_s = 0.5;     // s, an unconfirmed candidate older than this is dropped
-  double confirmation_sigmas = 3;  // of both positions of two candidates of one object, beyond the usual motion
-  double extent_radii = 3;         // radii, largest extent of a region where one object is searched
-  double shading_share = 0.04;     // of the radius, 1 sigma: a ball's bright side matches further out (experiment)
+  double gate_nis = 16;           // chi-square, 2 dof, 99.97 %: a region within it may be the object's
+  double min_disc_share = 0.15;   // share of the expected disc's area that a tracked object's region must cover
+  double start_disc_share = 0.3;  // the same where nothing is tracked yet, or its place is not known (experiment)
+  double max_disc_share = 4;      // the same, largest region that may still be the object there (experiment)
+  double confirmation_s = 0.5;    // s, an unconfirmed candidate older than this is dropped
+  double prediction_sigmas = 3;   // reach of a predicted or measured place: 99.7 % on one axis
+  double extent_radii = 3;        // radii, largest extent of a region where one object is searched
+  double shading_share = 0.04;    // of the radius, 1 sigma: a ball's bright side matches further out (experiment)
   int contested_sets = 8;         // frame sets that confirm a candidate against a view that should show it and does not
   std::size_t max_crossings = 4;  // candidates kept per frame set where one object is searched
   double repeat_px = 1;           // px, motion that changes a region of 100 px visibly: else the frame is a repeat

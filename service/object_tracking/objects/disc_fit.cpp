@@ -21,7 +21,6 @@ struct DiscFitTuning {
   double inside_px = 1.5;         // px, an outline point this near to another disc is hidden by it
   double window_share = 0.1;      // of the radius, half width of the search along a normal beyond 2 px and the slack
   double max_window_share = 0.7;  // of the radius, upper bound of that half width
-  double max_shift_sigmas = 3;    // of the predicted place, to which a fit may move beyond half a radius
 };
 constexpr DiscFitTuning disc_fit{};
 
@@ -136,7 +135,7 @@ std::vector<std::optional<FittedDisc>> fit_discs(color::MatchBits& bits, std::sp
   }
   for (std::size_t i = 0; i < discs.size(); ++i) {  // a fit far from the prediction is of another edge
     if (out[i] && (discs[i].px - expected[i].px).norm() >
-                      0.5 * discs[i].radius_px + disc_fit.max_shift_sigmas * discs[i].reach_px)
+                      0.5 * discs[i].radius_px + object_tracking::sighting_tuning.prediction_sigmas * discs[i].reach_px)
       out[i].reset();
   }
   return out;

@@ -170,7 +170,7 @@ std::vector<Birth> ObjectBirths::look(const std::vector<TargetView>& views,
     if (dt > 0 && dt < sighting_tuning.confirmation_s) {
       for (const Candidate& e : before_) {
         const double spread =
-            sighting_tuning.confirmation_sigmas * (largest_sigma(c.at.covariance) + largest_sigma(e.at.covariance));
+            sighting_tuning.prediction_sigmas * (largest_sigma(c.at.covariance) + largest_sigma(e.at.covariance));
         const double apart_m = (c.at.position - e.at.position).norm();
         if (apart_m > travel_m + spread) continue;
         if (earlier == nullptr || apart_m < (c.at.position - earlier->at.position).norm()) earlier = &e;

@@ -14,7 +14,6 @@ namespace {
 
 struct SearchTuning {
   int volume_steps = 12;        // grid of the volume on which an object's size in a view is computed
-  int background_discs = 2;     // discs in a row: a region is one object and what else of the colour touches it
   int max_discs = 4;            // discs in a row that one region may be of
   double min_area_share = 0.3;  // of the square of the smallest radius that a region must have where one is searched
 };
@@ -74,8 +73,8 @@ void ObjectSearch::look(const std::vector<TargetView>& views) {
       continue;
     }
     if (is_shared_) {
-      regions_[i] =
-          whole_regions(finders_[std::size_t(view.index)], *view.matches, size, search_tuning.background_discs, {});
+      // Two discs in a row: one object and what else of the colour touches it.
+      regions_[i] = whole_regions(finders_[std::size_t(view.index)], *view.matches, size, 2, {});
       continue;
     }
     const int step = std::max(1, int(size.smallest_px));
@@ -112,7 +111,7 @@ std::optional<ObjectSearch::Find> ObjectSearch::find(const std::vector<TargetVie
     for (PositionCandidate& c : now) {
       for (const PositionCandidate& e : candidates_) {
         const double spread =
-            sighting_tuning.confirmation_sigmas * (largest_sigma(c.covariance) + largest_sigma(e.covariance));
+            sighting_tuning.prediction_sigmas * (largest_sigma(c.covariance) + largest_sigma(e.covariance));
         if ((c.position - e.position).norm() > options_.start_speed_m_s * dt + spread) continue;
         c.sets = std::max(c.sets, e.sets + 1);
         if (c.sets < sighting_tuning.contested_sets && is_contested(c, views, times)) continue;

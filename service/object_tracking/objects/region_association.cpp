@@ -24,7 +24,6 @@ struct RegionAssignmentTuning {
   double min_outline = 0.15;      // share of the outline that must be seen
   double max_passed = 0.25;       // share across which the colour goes on: a ball of its size that touches passes 0.1
   double support_per_seen = 1.5;  // support of an outline over its visible share
-  double near_sigmas = 6;         // of the predicted place, to a region's centre: coarse gate
   double near_radii = 3;          // radii, in addition
   double whole_variance = 3;      // times the usual variance up to which a region has a disc's shape
 };
@@ -91,8 +90,8 @@ void RegionAssociation::assign(const TargetView& view, std::span<const color::Co
     for (std::size_t r = 0; r < regions.size(); ++r) {
       const double share = regions[r].area / disc_area(e.at.radius_px);
       if (share < sighting_tuning.min_disc_share ||
-          (regions[r].centre - e.at.px).norm() >
-              assignment_tuning.near_sigmas * sigma_px(e.covariance) + assignment_tuning.near_radii * e.at.radius_px)
+          (regions[r].centre - e.at.px).norm() > 2 * sighting_tuning.prediction_sigmas * sigma_px(e.covariance) +
+                                                     assignment_tuning.near_radii * e.at.radius_px)
         continue;
       const Sighting s = sighting_of(view, regions[r], e.at.radius_px, pixel_noise_px_, e.motion);
       const double d2 = d2_of(s, e);
