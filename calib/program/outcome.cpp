@@ -61,10 +61,10 @@ report::ReportInput report_input(const gather::FoundBoards& found, const std::ve
   input.board_doubt = found.board_doubt;
   input.made_of.emplace_back("tool", "huetrack-calibrate " HUETRACK_VERSION);
   if (!inputs.empty()) input.made_of.emplace_back("inputs", fmt::to_string(fmt::join(inputs, " ")));
-  std::string sets = std::to_string(found.set_at_s.size()) + " frame sets used, " +
-                     std::to_string(found.sets_looked_at) + " of " + std::to_string(found.sets_seen) + " processed";
-  if (found.duplicates > 0) sets += "; " + std::to_string(found.duplicates) + " omitted: the board had not moved";
-  if (found.thinned > 0) sets += "; " + std::to_string(found.thinned) + " omitted: more than enough";
+  std::string sets = std::to_string(found.set_at_s.size()) + " moments used, " + std::to_string(found.sets_looked_at) +
+                     " of " + std::to_string(found.sets_seen) + " looked at";
+  if (found.duplicates > 0) sets += "; " + std::to_string(found.duplicates) + " left out: the board had not moved";
+  if (found.thinned > 0) sets += "; " + std::to_string(found.thinned) + " left out: there were more than enough";
   input.made_of.emplace_back("pictures", sets);
   return input;
 }
