@@ -37,7 +37,7 @@ constexpr std::size_t enough_tried = 4;               // to say that it is no ba
 
 // What remains in every outline of a camera, from its light and its lens' blur: the spread of proposals about the truth
 // (EXPERIMENTS.md).
-constexpr double lasting = 0.012, bias_sigma_px = 0.12;
+constexpr double bias_sigma = 0.012, bias_sigma_px = 0.12;
 // Light from one side makes small balls too small (design.md, "Size"; EXPERIMENTS.md). It is that of all cameras,
 // however many vote: half of the error is corrected, half is in the sigma.
 constexpr double too_small_px = 0.3, too_small_less = 0.03, expected_of_light = 0.5, unknown_of_light = 0.5;
@@ -375,7 +375,7 @@ RadiusProposal voted_radius(const calib::CameraRig& rig, std::span<const BallMom
   std::vector<std::size_t> cameras;
   for (const Vote& vote : outlines.votes)
     if (std::ranges::find(cameras, vote.camera) == cameras.end()) cameras.push_back(vote.camera);
-  if (cameras.size() >= 2) return combined(rig, outlines.votes, lasting);
+  if (cameras.size() >= 2) return combined(rig, outlines.votes, bias_sigma);
   // Outlines are too small, or have too little contrast: regions, then.
   std::vector<Vote> votes;
   for (std::size_t m = 0; m < moments.size(); ++m) {

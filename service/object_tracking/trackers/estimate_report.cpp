@@ -20,7 +20,7 @@ constexpr EstimateReportTuning reporting{};
 // Fills in one view. Returns whether it sees the object.
 bool add_support(const TargetView& view, const ToReport& in, ObjectEstimate& estimate) {
   ViewSupport& support = estimate.per_view[static_cast<std::size_t>(view.index)];
-  const auto expected = expected_in(view, in.filter.belief(), in.radius_m);
+  const auto expected = expected_in(view, in.filter.motion(), in.radius_m);
   if (!expected || !view.camera->contains({expected->at.px})) return false;
   const BallProjection& at = expected->at;
   support.in_view = true;
@@ -37,43 +37,43 @@ bool add_support(const TargetView& view, const ToReport& in, ObjectEstimate& est
 
 }  // namespace
 
-ObjectEstimate without_position(const capture::FrameSet& set, const TargetViews& views, const MotionState& belief,
+ObjectEstimate without_position(const capture::FrameSet& set, const TargetViews& views, const MotionState& motion,
                                 TrackState state) {
   ObjectEstimate e;
   e.at = set.at;
   e.set_number = set.number;
   e.state = state;
   e.per_view.resize(views.camera_count());
-  for (int c = 0; c < static_cast<int>(views.camera_count()); ++c) e.times.push_back(belief.timing(c));
+  for (int c = 0; c < static_cast<int>(views.camera_count()); ++c) e.times.push_back(motion.timing(c));
   for (const auto* some : {&views.used(), &views.unused()})
     for (const TargetView& view : *some) e.per_view[static_cast<std::size_t>(view.index)].delivered = true;
   return e;
 }
 
 ObjectEstimate report(const ToReport& in, RigError& rig_error, capture::Timestamp& last_published) {
-  const MotionState& belief = in.filter.belief();
+  const MotionState& motion = in.filter.motion();
   const capture::FrameSet& set = in.set;
-  ObjectEstimate e = without_position(set, in.views, belief, in.state);
+  ObjectEstimate e = without_position(set, in.views, motion, in.state);
   e.particle_count = static_cast<int>(in.filter.particles().size());
   e.effective_sample_size = in.filter.effective_sample_size();
   for (std::size_t c = 0; c < e.per_view.size(); ++c)
     e.per_view[c].inflation_px = static_cast<float>(std::sqrt(in.agreement.inflation_px2(c)));
   if (!e.has_position()) return e;
   // A set of one moment gets the stamp of that moment, whatever the uncertain times of a few rows say.
-  const bool is_of_the_set = std::chrono::abs(set.at - belief.at) <= std::chrono::milliseconds(reporting.set_time_ms) &&
+  const bool is_of_the_set = std::chrono::abs(set.at - motion.at) <= std::chrono::milliseconds(reporting.set_time_ms) &&
                              set.at > last_published;
-  e.at = is_of_the_set ? set.at : std::max(belief.at, last_published + capture::Duration(1));
+  e.at = is_of_the_set ? set.at : std::max(motion.at, last_published + capture::Duration(1));
   last_published = e.at;
-  e.position = belief.position_at(e.at);
-  e.velocity = belief.velocity();
+  e.position = motion.position_at(e.at);
+  e.velocity = motion.velocity();
   rig_error.add(in.sightings);
-  e.covariance = belief.position_covariance() + rig_error.left_open(e.position, e.at) +
-                 belief.clock_variance_s2() * e.velocity * e.velocity.transpose();
+  e.covariance = motion.position_covariance() + rig_error.left_open(e.position, e.at) +
+                 motion.clock_variance_s2() * e.velocity * e.velocity.transpose();
   e.map_position = in.filter.map_position();
   for (const auto* some : {&in.views.used(), &in.views.unused()}) {
     for (const TargetView& view : *some) e.views += add_support(view, in, e) ? 1 : 0;
   }
-  add_leave_one_out(belief, in.radius_m, in.options.acceleration_m_s2,
+  add_leave_one_out(motion, in.radius_m, in.options.acceleration_m_s2,
                     (in.options.volume.max - in.options.volume.min).norm(), in.seen, in.sightings, e);
   // Probability that not all views' supports are clutter. It says nothing of the position's accuracy.
   double all_clutter = 1;

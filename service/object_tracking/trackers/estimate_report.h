@@ -28,7 +28,7 @@ struct ToReport {
 // An estimate without a position: which cameras delivered, and their timing.
 object_tracking::ObjectEstimate without_position(const capture::FrameSet& set,
                                                  const object_tracking::TargetViews& views,
-                                                 const object_tracking::MotionState& belief,
+                                                 const object_tracking::MotionState& motion,
                                                  object_tracking::TrackState state);
 
 // last_published: of this object; updated. Output stamps strictly increase.

@@ -59,13 +59,13 @@ void ManyTracker::update(const capture::FrameSet& set, std::vector<ObjectEstimat
   std::vector<Sighting> tracked;  // in the last set
   for (const auto& object : objects_) tracked.insert(tracked.end(), object->sightings.begin(), object->sightings.end());
   for (const auto& object : objects_) {
-    if (clutter_mask_.is_room_shared()) add_expected(views, object->filter.belief(), target_.radius_m, tracked);
+    if (clutter_mask_.is_room_shared()) add_expected(views, object->filter.motion(), target_.radius_m, tracked);
   }
   clutter_mask_.look(views, tracked, set.at);
   sets_apart_ += is_apart(views) ? 1 : 0;
   if (set.at < last_at_) forget_all();  // the clock was set back: the states are of another time
-  times_.belief().open_clocks(set);
-  for (const auto& object : objects_) object->filter.belief().open_clocks(set);
+  times_.motion().open_clocks(set);
+  for (const auto& object : objects_) object->filter.motion().open_clocks(set);
   if (!views_.unused().empty()) {
     predict(views_.unused());
     find_regions(views_.unused());
@@ -88,8 +88,8 @@ void ManyTracker::predict(const std::vector<TargetView>& views) {
     expected_[i].clear();
     for (std::size_t o = 0; o < objects_.size(); ++o) {
       const ObjectFilter& filter = objects_[o]->filter;
-      const MotionState& belief = filter.belief();
-      const auto in_view = expected_in(view, belief, target_.radius_m);
+      const MotionState& motion = filter.motion();
+      const auto in_view = expected_in(view, motion, target_.radius_m);
       if (!in_view) continue;
       const BallProjection& at = in_view->at;
       const double margin = 2 * at.radius_px;
@@ -97,7 +97,7 @@ void ManyTracker::predict(const std::vector<TargetView>& views) {
             at.px.y() < view.image->height + margin))
         continue;
       expected_[i].push_back({o, at, predicted_spread(view, *in_view, filter, consistency_, options_.acceleration_m_s2),
-                              image_motion(view, at, belief)});
+                              image_motion(view, at, motion)});
     }
   }
 }
@@ -150,7 +150,7 @@ void ManyTracker::associate(const std::vector<TargetView>& views, std::vector<Si
     for (std::size_t e = 0; e < expected.size(); ++e) {
       Object& object = *objects_[expected[e].object];
       if (auto& s = shared.of_objects[e]) {
-        s->row = row_of(view, s->px.y(), object.filter.belief());
+        s->row = row_of(view, s->px.y(), object.filter.motion());
         (object.*sightings).push_back(std::move(*s));
       }
     }
@@ -187,7 +187,7 @@ std::optional<Sighting> ManyTracker::seen_elsewhere(const TargetView& view, std:
   }
   if (nearest == nullptr) return std::nullopt;
   Sighting s = sighting_of(view, *nearest, own->at.radius_px, options_.pixel_noise_px, own->motion);
-  s.row = row_of(view, s.px.y(), objects_[which]->filter.belief());
+  s.row = row_of(view, s.px.y(), objects_[which]->filter.motion());
   return s;
 }
 
@@ -225,7 +225,7 @@ void ManyTracker::compare_views(const std::vector<TargetView>& views) {
     const auto view = std::ranges::find(views, s.row.camera, &TargetView::index);
     if (!s.is_cut && view != views.end()) seen_regions_.add_target(*view, s);
   }
-  consistency_.compare_sightings(object.filter.belief(), seen);
+  consistency_.compare_sightings(object.filter.motion(), seen);
 }
 
 // Returns the power density for this set. That of a bounce is not learnt: the motion after it is as calm as before.
@@ -233,7 +233,7 @@ double ManyTracker::learn_acceleration(Object& object, const capture::FrameSet& 
   ObjectFilter& filter = object.filter;
   const double before = filter.acceleration();
   filter.raise_acceleration(object.sightings);
-  const double dt = capture::seconds(set.at - filter.belief().at);
+  const double dt = capture::seconds(set.at - filter.motion().at);
   if (dt > 0 && filter.is_unexplained(object.sightings)) {
     const double kick = filter.kick_m_s();
     filter.set_acceleration(before);
@@ -244,11 +244,11 @@ double ManyTracker::learn_acceleration(Object& object, const capture::FrameSet& 
 }
 
 void ManyTracker::follow(Object& object, const capture::FrameSet& set, const std::vector<TargetView>& views) {
-  consistency_.inflate(object.filter.belief(), object.sightings);
-  consistency_.inflate(object.filter.belief(), object.watched);
+  consistency_.inflate(object.filter.motion(), object.sightings);
+  consistency_.inflate(object.filter.motion(), object.watched);
   const double power_density = learn_acceleration(object, set);
   if (clutter_mask_.is_room_shared())
-    object.existence.update(set.at, object.filter.belief(), power_density, object.sightings, views, target_.radius_m,
+    object.existence.update(set.at, object.filter.motion(), power_density, object.sightings, views, target_.radius_m,
                             clutter_, clutter_mask_);
   else
     object.existence.assume();
@@ -258,8 +258,8 @@ void ManyTracker::follow(Object& object, const capture::FrameSet& set, const std
 
 // Also of an object outside of the volume: report() decides what is published.
 void ManyTracker::judge(Object& object, const capture::FrameSet& set) {
-  const MotionState& belief = object.filter.belief();
-  const Judged now = judged(options_, belief, object.sightings, consistency_.inflated_sigma(belief, object.sightings),
+  const MotionState& motion = object.filter.motion();
+  const Judged now = judged(options_, motion, object.sightings, consistency_.inflated_sigma(motion, object.sightings),
                             capture::seconds(set.at - object.last_tracking), true);
   object.state = object.existence.is_refuted()                                      ? TrackState::lost
                  : now.state == TrackState::tracking && !object.existence.is_sure() ? TrackState::coasting
@@ -274,7 +274,7 @@ void ManyTracker::end_duplicates() {
     for (std::size_t j = i + 1; j < objects_.size(); ++j) {
       Object &a = *objects_[i], &b = *objects_[j];
       if (a.state == TrackState::lost || b.state == TrackState::lost) continue;
-      if ((a.filter.belief().position() - b.filter.belief().position()).norm() > least_m) continue;
+      if ((a.filter.motion().position() - b.filter.motion().position()).norm() > least_m) continue;
       // A coasting object's prediction may be where it cannot be.
       if (a.state == TrackState::tracking && b.state == TrackState::coasting) continue;
       if (b.state == TrackState::tracking && a.state == TrackState::coasting) continue;
@@ -291,7 +291,7 @@ void ManyTracker::note_births(const capture::FrameSet& set, const std::vector<Ta
       for (std::size_t v = 0; v < views.size(); ++v)
         if (views[v].index == s.row.camera)
           covered.push_back({v, s.px,
-                             project_ball(*s.camera, object->filter.belief().position(), target_.radius_m)
+                             project_ball(*s.camera, object->filter.motion().position(), target_.radius_m)
                                  .value_or(BallProjection{})
                                  .radius_px});
     }
@@ -303,7 +303,7 @@ void ManyTracker::note_births(const capture::FrameSet& set, const std::vector<Ta
   for (const Birth& birth : births) {
     if (continue_track(birth, views, set.at)) continue;
     const bool is_taken = std::ranges::any_of(objects_, [&](const auto& o) {
-      return o->state != TrackState::lost && (o->filter.belief().position_at(set.at) - birth.now.position).norm() <
+      return o->state != TrackState::lost && (o->filter.motion().position_at(set.at) - birth.now.position).norm() <
                                                  object_gates.same_object_radii * target_.radius_m;
     });
     if (is_taken || std::ssize(objects_) >= 2 * TargetOptions::most_count) continue;
@@ -324,9 +324,9 @@ bool ManyTracker::continue_track(const Birth& birth, const std::vector<TargetVie
   const double first_seen_s = (birth.now.sets + 0.5) * birth.dt;  // ago, up to the set before
   for (const auto& object : objects_) {
     if (object->state != TrackState::coasting || object->sightings.size() >= 2) continue;
-    const MotionState& belief = object->filter.belief();
-    const Eigen::Vector3d d = birth.now.position - belief.position_at(set_at);
-    Eigen::Matrix3d s = belief.position_covariance() + birth.now.covariance +
+    const MotionState& motion = object->filter.motion();
+    const Eigen::Vector3d d = birth.now.position - motion.position_at(set_at);
+    Eigen::Matrix3d s = motion.position_covariance() + birth.now.covariance +
                         target_.radius_m * target_.radius_m * Eigen::Matrix3d::Identity();
     const double lost_s = capture::seconds(set_at - object->last_tracking);
     const double way_m = object->filter.kick_m_s() * lost_s;
@@ -348,12 +348,12 @@ void ManyTracker::start(Object& object, const Birth& birth, const std::vector<Ta
     object.existence.assume();
   object.sightings = object.filter.start(birth.earlier, birth.now, consistency_, set_at, birth.dt, sets_apart_ == 0,
                                          object.last_published);
-  if (lead_ == nullptr) consistency_.compare_found(object.filter.belief(), object.sightings);
-  const double inconsistency_m = consistency_.inflated_sigma(object.filter.belief(), object.sightings);
-  const double sigma_m = std::max(judged_sigma(object.filter.belief(), object.sightings), inconsistency_m);
+  if (lead_ == nullptr) consistency_.compare_found(object.filter.motion(), object.sightings);
+  const double inconsistency_m = consistency_.inflated_sigma(object.filter.motion(), object.sightings);
+  const double sigma_m = std::max(judged_sigma(object.filter.motion(), object.sightings), inconsistency_m);
   object.state = inconsistency_m > options_.max_coast_sigma_m ? TrackState::lost
                  : sigma_m <= options_.max_tracking_sigma_m && object.existence.is_sure() &&
-                         is_localized(options_, object.filter.belief())
+                         is_localized(options_, object.filter.motion())
                      ? TrackState::tracking
                      : TrackState::coasting;
   object.last_tracking = set_at;
@@ -404,7 +404,7 @@ PositionParticles ManyTracker::particles() const {
 // The timing's estimate. Until there is one, cameras with equal stamps count as synchronised: with open timing nearly
 // any two rays would meet.
 MotionState ManyTracker::times() const {
-  MotionState out = objects_.empty() ? times_.belief() : objects_.front()->filter.belief();
+  MotionState out = objects_.empty() ? times_.motion() : objects_.front()->filter.motion();
   if (started_ == 0 && sets_apart_ == 0) out.expect_synchronised();
   return out;
 }
@@ -416,13 +416,13 @@ void ManyTracker::report(const capture::FrameSet& set, std::vector<ObjectEstimat
   std::optional<Eigen::Vector3d> further_at;
   auto published = std::ranges::count_if(objects_, [](const auto& o) { return o->is_published; });
   for (const auto& object : objects_) {
-    const bool is_inside = inside(options_.volume, object->filter.belief().position(), target_.radius_m);
+    const bool is_inside = inside(options_.volume, object->filter.motion().position(), target_.radius_m);
     if (is_inside) object->last_inside = set.at;
     const bool is_birth = !object->is_published;
     if (is_birth) {
       if (object->state != TrackState::tracking || !is_inside) continue;
       if (published >= target_.count) {
-        further_at = object->filter.belief().position();
+        further_at = object->filter.motion().position();
         continue;
       }
       ++published;
@@ -464,7 +464,7 @@ void ManyTracker::report(const capture::FrameSet& set, std::vector<ObjectEstimat
 
 void ManyTracker::report_ended(const capture::FrameSet& set, std::vector<ObjectEstimate>& out) {
   for (const std::uint32_t number : ended_) {
-    out.push_back(without_position(set, views_, times_.belief(), TrackState::lost));
+    out.push_back(without_position(set, views_, times_.motion(), TrackState::lost));
     out.back().object = number;
     out.back().is_end = true;
   }
@@ -474,7 +474,7 @@ void ManyTracker::report_ended(const capture::FrameSet& set, std::vector<ObjectE
 // One estimate, of the target itself.
 ObjectEstimate ManyTracker::no_object(const capture::FrameSet& set) const {
   const bool was_found = last_number_ != number_before_;
-  return without_position(set, views_, times_.belief(), was_found ? TrackState::lost : TrackState::searching);
+  return without_position(set, views_, times_.motion(), was_found ? TrackState::lost : TrackState::searching);
 }
 
 }  // namespace huetrack::object_trackers

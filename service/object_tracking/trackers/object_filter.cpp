@@ -78,8 +78,8 @@ ObjectFilter::ObjectFilter(const calib::CameraRig& rig, double radius_m, const O
                            particle_filter::Rng rng)
     : options_(options),
       rng_(rng),
-      belief_(rig, options.timing == TimingMode::learn),
-      about_(belief_),
+      motion_(rig, options.timing == TimingMode::learn),
+      about_(motion_),
       acceleration_(options.acceleration_m_s2),
       observer_(radius_m),
       times_(radius_m, options) {
@@ -90,7 +90,7 @@ ObjectFilter::ObjectFilter(const calib::CameraRig& rig, double radius_m, const O
 // linearisation and the floor.
 void ObjectFilter::update(std::span<const Sighting> sightings, capture::Timestamp set_at,
                           capture::Timestamp last_published, double power_density) {
-  MotionState proposal = observer_.observed_in_passes(belief_, sightings, power_density);
+  MotionState proposal = observer_.observed_in_passes(motion_, sightings, power_density);
   predict_to_output(proposal, set_at, last_published, power_density);
   proposal.cache_nuisance_part();
   // Particles are positions, conditioned on the nuisance states.
@@ -98,8 +98,8 @@ void ObjectFilter::update(std::span<const Sighting> sightings, capture::Timestam
   draw_particles(at_views);
   weigh(at_views, power_density);
   estimate(std::move(at_views));
-  belief_.reinflate_nuisances(proposal);
-  if (times_.remember(belief_, sightings, power_density)) times_.linearise_again(belief_, this->power_density());
+  motion_.reinflate_nuisances(proposal);
+  if (times_.remember(motion_, sightings, power_density)) times_.linearise_again(motion_, this->power_density());
 }
 
 void ObjectFilter::reset_weights() {
@@ -127,7 +127,7 @@ double ObjectFilter::power_density() const {
 }
 
 void ObjectFilter::adopt_times(const ObjectFilter& other) {
-  belief_ = other.belief_;
+  motion_ = other.motion_;
   has_begun_ = other.has_begun_;
 }
 
@@ -136,15 +136,15 @@ void ObjectFilter::begin(const PositionCandidate& earlier, const PositionCandida
   acceleration_ = options_.acceleration_m_s2;
   const double anywhere_m = (options_.volume.max - options_.volume.min).norm();
   const double speed = options_.start_speed_m_s;
-  about_ = belief_;
+  about_ = motion_;
   about_.begin(set_at, found.position, 0, (found.position - earlier.position) / dt, 0);
-  if (!has_begun_ && is_in_step) belief_.expect_synchronised();
+  if (!has_begun_ && is_in_step) motion_.expect_synchronised();
   has_begun_ = true;
-  belief_.relinearise_times_at(belief_);
-  times_.begin(belief_);
+  motion_.relinearise_times_at(motion_);
+  times_.begin(motion_);
   const auto row_time = [](const Sighting& s) { return s.row.at; };
   const capture::Timestamp first_at = std::ranges::min(earlier.sightings, {}, row_time).row.at;
-  belief_.begin(first_at, earlier.position, anywhere_m * anywhere_m, Eigen::Vector3d::Zero(), speed * speed);
+  motion_.begin(first_at, earlier.position, anywhere_m * anywhere_m, Eigen::Vector3d::Zero(), speed * speed);
 }
 
 std::vector<Sighting> ObjectFilter::start(const PositionCandidate& earlier, const PositionCandidate& found,
@@ -155,81 +155,81 @@ std::vector<Sighting> ObjectFilter::start(const PositionCandidate& earlier, cons
   for (const std::vector<Sighting>* of_set : {&earlier.sightings, &found.sightings}) {
     sightings = *of_set;
     sort_by_time(sightings);
-    agreement.inflate(belief_, sightings);
-    belief_ = observer_.observed(belief_, &about_, sightings, power_density());
-    predict_to_output(belief_, set_at, last_published, power_density());
-    times_.remember(belief_, sightings, power_density());
+    agreement.inflate(motion_, sightings);
+    motion_ = observer_.observed(motion_, &about_, sightings, power_density());
+    predict_to_output(motion_, set_at, last_published, power_density());
+    times_.remember(motion_, sightings, power_density());
   }
-  times_.settle(belief_);
-  draw_particles(belief_.conditioned_on_nuisances());
+  times_.settle(motion_);
+  draw_particles(motion_.conditioned_on_nuisances());
   reset_weights();
-  map_ = belief_.position();
+  map_ = motion_.position();
   return sightings;
 }
 
 void ObjectFilter::forget_camera(int camera) {
-  belief_.reset_bias(camera);
+  motion_.reset_bias(camera);
   times_.forget_seen();
 }
 
 void ObjectFilter::correct_times(std::span<const double> late_s) {
-  belief_.correct_times(late_s);
-  times_.begin(belief_);
+  motion_.correct_times(late_s);
+  times_.begin(motion_);
 }
 
 // Of three or more views, one may be inconsistent with the motion and all others: it repeats a frame, or shows
 // something else of this colour. With a bounce all of them are inconsistent with the motion.
 void ObjectFilter::remove_inconsistent_view(std::vector<Sighting>& sightings) {
-  if (sightings.size() < 3 || surprise() <= object_filter.usual_nis) return;
+  if (sightings.size() < 3 || mean_nis() <= object_filter.usual_nis) return;
   const std::vector<Sighting> all = sightings;
   std::vector<Sighting> best;
   // The others must be consistent, and much more so than with it: a swerve affects some views more than others.
-  double least_surprise = std::min(object_filter.usual_nis, surprise() / object_filter.outlier_nis_ratio);
+  double least_nis = std::min(object_filter.usual_nis, mean_nis() / object_filter.outlier_nis_ratio);
   for (std::size_t i = 0; i < all.size(); ++i) {
     sightings = all;
     sightings.erase(sightings.begin() + static_cast<std::ptrdiff_t>(i));
-    observer_.observed(belief_, nullptr, sightings, power_density());
-    if (surprise() < least_surprise) least_surprise = surprise(), best = sightings;
+    observer_.observed(motion_, nullptr, sightings, power_density());
+    if (mean_nis() < least_nis) least_nis = mean_nis(), best = sightings;
   }
   sightings = best.empty() ? all : best;
-  observer_.observed(belief_, nullptr, sightings, power_density());
+  observer_.observed(motion_, nullptr, sightings, power_density());
 }
 
 void ObjectFilter::raise_acceleration(std::vector<Sighting>& sightings) {
   const double ceiling = object_filter.highest_acceleration_factor * options_.acceleration_m_s2;
-  if (!sightings.empty()) observer_.observed(belief_, nullptr, sightings, power_density());
+  if (!sightings.empty()) observer_.observed(motion_, nullptr, sightings, power_density());
   remove_inconsistent_view(sightings);
-  while (!sightings.empty() && surprise() > object_filter.usual_nis && acceleration_ < ceiling) {
+  while (!sightings.empty() && mean_nis() > object_filter.usual_nis && acceleration_ < ceiling) {
     acceleration_ = std::min(ceiling, object_filter.acceleration_growth * acceleration_);
-    observer_.observed(belief_, nullptr, sightings, power_density());
+    observer_.observed(motion_, nullptr, sightings, power_density());
   }
 }
 
 bool ObjectFilter::is_unexplained(std::span<const Sighting> sightings) const {
-  return sightings.size() >= 2 && surprise() > object_filter.bounce_nis;
+  return sightings.size() >= 2 && mean_nis() > object_filter.bounce_nis;
 }
 
 double ObjectFilter::kick_m_s() const {
-  return std::max(belief_.velocity().norm(), options_.start_speed_m_s);
+  return std::max(motion_.velocity().norm(), options_.start_speed_m_s);
 }
 
 void ObjectFilter::settle_acceleration(std::span<const Sighting> sightings) {
   if (sightings.empty()) return;
   // While the timing is uncertain it explains nearly all of the innovations, so that small ones do not show a calm
   // motion; and with too low an acceleration a motion would be explained by late cameras.
-  const double usual = (belief_.velocity().norm() > timing_tuning.at_rest_m_s ? 2 : 1) * options_.acceleration_m_s2;
-  const double least = are_times_open(sightings, belief_) ? usual : object_filter.least_acceleration_m_s2;
+  const double usual = (motion_.velocity().norm() > timing_tuning.at_rest_m_s ? 2 : 1) * options_.acceleration_m_s2;
+  const double least = are_times_open(sightings, motion_) ? usual : object_filter.least_acceleration_m_s2;
   acceleration_ = std::clamp(acceleration_ * std::exp(object_filter.acceleration_settling *
-                                                      (std::min(surprise(), object_filter.usual_nis) - 1)),
+                                                      (std::min(mean_nis(), object_filter.usual_nis) - 1)),
                              least, object_filter.highest_acceleration_factor * options_.acceleration_m_s2);
 }
 
 // Rows of two sets may overlap in time, but output stamps strictly increase. Without measurements the state is
 // predicted to the set's time.
-void ObjectFilter::predict_to_output(MotionState& belief, capture::Timestamp set_at, capture::Timestamp last_published,
+void ObjectFilter::predict_to_output(MotionState& motion, capture::Timestamp set_at, capture::Timestamp last_published,
                                      double power_density) const {
-  if (observer_.views().empty() || belief.at <= last_published)
-    belief.predict_to(std::max(set_at, last_published + capture::Duration(1)), power_density);
+  if (observer_.views().empty() || motion.at <= last_published)
+    motion.predict_to(std::max(set_at, last_published + capture::Duration(1)), power_density);
 }
 
 // Antithetic pairs, transformed so that their covariance is exactly the proposal's: in the Gaussian case the filter is
@@ -324,34 +324,34 @@ void ObjectFilter::estimate(MotionState&& proposal) {
   const particle_filter::WeightedMoments moments =
       particle_filter::weighted_moments(particles_.x.data(), particles_.y.data(), particles_.z.data(), weight_.data(),
                                         particles_.size(), proposal.position().cast<float>());
-  belief_ = std::move(proposal);
-  belief_.set_position(moments.mean,
+  motion_ = std::move(proposal);
+  motion_.set_position(moments.mean,
                        moments.covariance + object_filter.least_variance_m2 * Eigen::Matrix3d::Identity());
   map_ = Eigen::Vector3f(particles_.x[moments.best], particles_.y[moments.best], particles_.z[moments.best])
              .cast<double>();
 }
 
-double judged_sigma(const MotionState& belief, std::span<const Sighting> sightings) {
-  const double estimated_m = largest_sigma(belief.position_covariance_conditioned());
+double judged_sigma(const MotionState& motion, std::span<const Sighting> sightings) {
+  const double estimated_m = largest_sigma(motion.position_covariance_conditioned());
   if (sightings.size() < 2) return estimated_m;
-  const PositionInformation seen = information_of(sightings, belief.position());
+  const PositionInformation seen = information_of(sightings, motion.position());
   return std::min(estimated_m, largest_sigma(seen.information.inverse()));
 }
 
-bool is_localized(const ObjectTrackerOptions& options, const MotionState& belief) {
-  return largest_sigma(belief.position_covariance()) <= options.max_coast_sigma_m;
+bool is_localized(const ObjectTrackerOptions& options, const MotionState& motion) {
+  return largest_sigma(motion.position_covariance()) <= options.max_coast_sigma_m;
 }
 
-Judged judged(const ObjectTrackerOptions& options, const MotionState& belief, std::span<const Sighting> sightings,
+Judged judged(const ObjectTrackerOptions& options, const MotionState& motion, std::span<const Sighting> sightings,
               double inconsistency_m, double unseen_s, bool may_be_tracked) {
-  const double sigma_m = judged_sigma(belief, sightings);
+  const double sigma_m = judged_sigma(motion, sightings);
   if (may_be_tracked && !sightings.empty() && sigma_m <= options.max_tracking_sigma_m &&
       inconsistency_m <= options.max_coast_sigma_m)
-    return {inconsistency_m <= options.max_tracking_sigma_m && is_localized(options, belief) ? TrackState::tracking
+    return {inconsistency_m <= options.max_tracking_sigma_m && is_localized(options, motion) ? TrackState::tracking
                                                                                              : TrackState::coasting,
             true};
   // No view sees it, and its prediction has left the volume.
-  const bool is_gone = sightings.empty() && !inside(options.volume, belief.position(), 0);
+  const bool is_gone = sightings.empty() && !inside(options.volume, motion.position(), 0);
   const bool is_lost =
       is_gone || std::max(sigma_m, inconsistency_m) > options.max_coast_sigma_m || unseen_s > options.coast_s;
   return {is_lost ? TrackState::lost : TrackState::coasting, false};

@@ -23,8 +23,8 @@ class ObjectFilter {
   ObjectFilter(const calib::CameraRig& rig, double radius_m, const object_tracking::ObjectTrackerOptions& options,
                particle_filter::Rng rng);
 
-  const object_tracking::MotionState& belief() const { return belief_; }
-  object_tracking::MotionState& belief() { return belief_; }
+  const object_tracking::MotionState& motion() const { return motion_; }
+  object_tracking::MotionState& motion() { return motion_; }
   const PositionParticles& particles() const { return particles_; }
   double effective_sample_size() const { return effective_sample_size_; }
   const Eigen::Vector3d& map_position() const { return map_; }
@@ -47,7 +47,7 @@ class ObjectFilter {
   double acceleration() const { return acceleration_; }                            // m/s^2
   void set_acceleration(double m_s2) { acceleration_ = m_s2; }
   double power_density() const;                             // of it, m^2/s^3
-  double surprise() const { return observer_.mean_nis(); }  // of the last measurements
+  double mean_nis() const { return observer_.mean_nis(); }  // of the last measurements
   // The highest acceleration does not explain the last measurements: a bounce, a hit or a throw.
   bool is_unexplained(std::span<const object_tracking::Sighting> sightings) const;
   // 1 sigma per axis of the change of velocity then. At an unknown moment within dt it acts like white acceleration of
@@ -64,7 +64,7 @@ class ObjectFilter {
  private:
   void begin(const object_tracking::PositionCandidate& earlier, const object_tracking::PositionCandidate& found,
              capture::Timestamp set_at, double dt, bool is_in_step);
-  void predict_to_output(object_tracking::MotionState& belief, capture::Timestamp set_at,
+  void predict_to_output(object_tracking::MotionState& motion, capture::Timestamp set_at,
                          capture::Timestamp last_published, double power_density) const;
   void remove_inconsistent_view(std::vector<object_tracking::Sighting>& sightings);
   void draw_particles(const object_tracking::MotionState& proposal);
@@ -75,7 +75,7 @@ class ObjectFilter {
   object_tracking::ObjectTrackerOptions options_;
   particle_filter::Rng rng_;
 
-  object_tracking::MotionState belief_;  // after the last set
+  object_tracking::MotionState motion_;  // after the last set
   object_tracking::MotionState about_;   // while an object is initialised: the motion to linearise at
   double acceleration_ = 0;              // m/s^2, learnt
   object_tracking::MotionObserver observer_;
@@ -92,10 +92,10 @@ class ObjectFilter {
 // What decides about the state: 1 sigma of the position along its worst axis, metres; the smaller one of the
 // estimate's, conditioned on the nuisance states, and that of this set's measurements alone (of slow cameras the
 // prediction is wide).
-double judged_sigma(const object_tracking::MotionState& belief, std::span<const object_tracking::Sighting> sightings);
+double judged_sigma(const object_tracking::MotionState& motion, std::span<const object_tracking::Sighting> sightings);
 
 // The position is known well enough to publish, all uncertainty included, that of the timing as well.
-bool is_localized(const object_tracking::ObjectTrackerOptions& options, const object_tracking::MotionState& belief);
+bool is_localized(const object_tracking::ObjectTrackerOptions& options, const object_tracking::MotionState& motion);
 
 // The state of an object that was known before this set. It is seen if a view or more see it and together fix its
 // position; the timing's uncertainty counts only in is_localized(), inconsistent views count here. lost: end the track.
@@ -105,7 +105,7 @@ struct Judged {
 };
 // inconsistency_m: ViewConsistency::inflated_sigma(). unseen_s: since is_seen. may_be_tracked: false limits it to
 // coasting.
-Judged judged(const object_tracking::ObjectTrackerOptions& options, const object_tracking::MotionState& belief,
+Judged judged(const object_tracking::ObjectTrackerOptions& options, const object_tracking::MotionState& motion,
               std::span<const object_tracking::Sighting> sightings, double inconsistency_m, double unseen_s,
               bool may_be_tracked);
 

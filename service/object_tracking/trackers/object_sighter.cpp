@@ -43,14 +43,15 @@ bool is_wider_than_object(const color::ColorRegion& region, double radius_px) {
 
 Eigen::Matrix2d predicted_spread(const TargetView& view, const ExpectedView& expected, const ObjectFilter& filter,
                                  const ViewConsistency& agreement, double acceleration_m_s2) {
-  const MotionState& belief = filter.belief();
+  const MotionState& motion = filter.motion();
   const BallProjection& at = expected.at;
-  const double dt = capture::seconds(expected.row.at - belief.at);
+  const double dt = capture::seconds(expected.row.at - motion.at);
   const double reach_m = acceleration_m_s2 * dt * dt;
   const Eigen::Matrix3d spread =
-      belief.seen_covariance(expected.row, filter.power_density()) + reach_m * reach_m * Eigen::Matrix3d::Identity();
+      motion.seen_covariance(expected.row, filter.power_density()) + reach_m * reach_m * Eigen::Matrix3d::Identity();
   Eigen::Matrix2d out = at.jacobian * spread * at.jacobian.transpose();
-  agreement.inflate_prediction(static_cast<std::size_t>(view.index), *view.camera, belief.position_at(expected.row.at), at, out);
+  agreement.inflate_prediction(static_cast<std::size_t>(view.index), *view.camera, motion.position_at(expected.row.at),
+                               at, out);
   return out;
 }
 
@@ -90,10 +91,10 @@ std::span<const color::ColorRegion> ObjectSighter::regions_near(const TargetView
 // in which a moving object's region is the same to the last pixel is the one before. Twice in a row means that the
 // object is at rest, in pictures without noise.
 bool ObjectSighter::is_repeated(const TargetView& view, std::span<const color::ColorRegion> regions,
-                                const BallProjection& at, const MotionState& belief) {
+                                const BallProjection& at, const MotionState& motion) {
   LastRegion& last = last_[static_cast<std::size_t>(view.index)];
   const double moved_px =
-      (at.jacobian * belief.velocity()).norm() * capture::seconds(view.frame->captured_at - last.captured_at);
+      (at.jacobian * motion.velocity()).norm() * capture::seconds(view.frame->captured_at - last.captured_at);
   last.is_repeated = !last.is_repeated && moved_px > sighting_tuning.repeat_px &&
                      std::ranges::any_of(regions, [&](const color::ColorRegion& region) {
                        return region.area == last.region.area && region.centre == last.region.centre;
@@ -103,12 +104,12 @@ bool ObjectSighter::is_repeated(const TargetView& view, std::span<const color::C
 
 void ObjectSighter::sight(const std::vector<TargetView>& views, const ObjectFilter& filter,
                           const ViewConsistency& agreement, std::vector<Sighting>& out) {
-  const MotionState& belief = filter.belief();
+  const MotionState& motion = filter.motion();
   bool is_inconsistent = false;
   for (std::size_t c = 0; c < last_.size(); ++c)
     is_inconsistent = is_inconsistent || agreement.inflation_px2(c) > sighter.contradicting_px2;
   for (const TargetView& view : views) {
-    const auto expected = expected_in(view, belief, radius_m_);
+    const auto expected = expected_in(view, motion, radius_m_);
     if (!expected) continue;
     const BallProjection& at = expected->at;
     const Eigen::Matrix2d s = predicted_spread(view, *expected, filter, agreement, options_.acceleration_m_s2);
@@ -116,10 +117,10 @@ void ObjectSighter::sight(const std::vector<TargetView>& views, const ObjectFilt
     std::optional<Sighting> chosen;
     color::ColorRegion chosen_region;
     const std::span<const color::ColorRegion> regions = regions_near(view, at, s);
-    if (is_repeated(view, regions, at, belief)) continue;
+    if (is_repeated(view, regions, at, motion)) continue;
     for (const color::ColorRegion& region : regions) {
       const Sighting sighting =
-          sighting_of(view, region, at.radius_px, options_.pixel_noise_px, image_motion(view, at, belief));
+          sighting_of(view, region, at.radius_px, options_.pixel_noise_px, image_motion(view, at, motion));
       const Eigen::Matrix2d total =
           s + sighting.covariance + sighting.bias_sigma_px * sighting.bias_sigma_px * Eigen::Matrix2d::Identity();
       const Eigen::Vector2d d = sighting.px - at.px;
@@ -131,8 +132,8 @@ void ObjectSighter::sight(const std::vector<TargetView>& views, const ObjectFilt
     if (!chosen) continue;
     last_[static_cast<std::size_t>(view.index)] = {chosen_region, view.frame->captured_at};
     // Inconsistent views are not refined: outlines do not show which view is wrong.
-    if (!is_inconsistent) outlines_.sharpen(view, belief, *expected, s, *chosen);
-    chosen->row = row_of(view, chosen->px.y(), belief);
+    if (!is_inconsistent) outlines_.sharpen(view, motion, *expected, s, *chosen);
+    chosen->row = row_of(view, chosen->px.y(), motion);
     out.push_back(*chosen);
   }
   sort_by_time(out);
@@ -152,24 +153,24 @@ void ObjectSighter::sharpen(const std::vector<TargetView>& views, const MotionSt
 }
 
 bool ObjectSighter::sight_after_bounce(const std::vector<TargetView>& views, const TargetOptions& target,
-                                       const MotionState& belief, double power_density, std::size_t least,
+                                       const MotionState& motion, double power_density, std::size_t least,
                                        std::vector<Sighting>& out) {
   const double reach_density = at_once_share * power_density;
   double dt = 0;
   for (std::size_t i = 0; i < views.size(); ++i) {
     regions_[i].clear();
-    const auto expected = expected_in(views[i], belief, radius_m_);
+    const auto expected = expected_in(views[i], motion, radius_m_);
     if (!expected || last_[static_cast<std::size_t>(views[i].index)].is_repeated) continue;
-    dt = std::max(dt, capture::seconds(expected->row.at - belief.at));
+    dt = std::max(dt, capture::seconds(expected->row.at - motion.at));
     const BallProjection& at = expected->at;
-    const Eigen::Matrix3d spread = belief.seen_covariance(expected->row, reach_density);
+    const Eigen::Matrix3d spread = motion.seen_covariance(expected->row, reach_density);
     const auto near = regions_near(views[i], at, at.jacobian * spread * at.jacobian.transpose());
     regions_[i].assign(near.begin(), near.end());
   }
-  const Eigen::Vector3d expected = belief.position() + dt * belief.velocity();
+  const Eigen::Vector3d expected = motion.position() + dt * motion.velocity();
   const double reach_m = object_gates.prediction_sigmas * (std::sqrt(reach_density * dt * dt * dt / 3) +
-                                                           std::sqrt(largest_variance(belief.position_covariance())));
-  for (const PositionCandidate& c : cross_rays(views, std::span(regions_).first(views.size()), target, options_, belief,
+                                                           std::sqrt(largest_variance(motion.position_covariance())));
+  for (const PositionCandidate& c : cross_rays(views, std::span(regions_).first(views.size()), target, options_, motion,
                                                sighting_tuning.max_crossings)) {
     if ((c.position - expected).norm() > reach_m || c.sightings.size() <= least) continue;
     out = c.sightings;

@@ -48,15 +48,15 @@ class ObjectSighter {
   // acceleration of this power density takes it. Replaces `out` and returns true if more than `least` views see it in
   // one place.
   bool sight_after_bounce(const std::vector<object_tracking::TargetView>& views,
-                          const object_tracking::TargetOptions& target, const object_tracking::MotionState& belief,
+                          const object_tracking::TargetOptions& target, const object_tracking::MotionState& motion,
                           double power_density, std::size_t least, std::vector<object_tracking::Sighting>& out);
 
   // Refines measurements made without a prediction by their outlines. about: the state that they give.
   void sharpen(const std::vector<object_tracking::TargetView>& views, const object_tracking::MotionState& about,
                std::vector<object_tracking::Sighting>& sightings);
   // After a set in which the object is tracked: learns the background around it, for later outlines.
-  void learn_behind(const std::vector<object_tracking::TargetView>& views, const object_tracking::MotionState& belief) {
-    outlines_.learn(views, belief);
+  void learn_behind(const std::vector<object_tracking::TargetView>& views, const object_tracking::MotionState& motion) {
+    outlines_.learn(views, motion);
   }
   const object_tracking::OutlineSighter& outlines() const { return outlines_; }
 
@@ -70,7 +70,7 @@ class ObjectSighter {
                                                    const object_tracking::BallProjection& at,
                                                    const Eigen::Matrix2d& spread);
   bool is_repeated(const object_tracking::TargetView& view, std::span<const color::ColorRegion> regions,
-                   const object_tracking::BallProjection& at, const object_tracking::MotionState& belief);
+                   const object_tracking::BallProjection& at, const object_tracking::MotionState& motion);
 
   double radius_m_;
   object_tracking::ObjectTrackerOptions options_;

@@ -44,7 +44,7 @@ bool RegionTracker::is_followed() const {
 ObjectEstimate RegionTracker::update(const capture::FrameSet& set) {
   const std::vector<TargetView>& views = views_.look_at(set);
   seen_ = sightings_;  // of the last set
-  if (clutter_mask_.is_room_shared() && is_followed()) add_expected(views, filter_.belief(), target_.radius_m, seen_);
+  if (clutter_mask_.is_room_shared() && is_followed()) add_expected(views, filter_.motion(), target_.radius_m, seen_);
   clutter_mask_.look(views, seen_, set.at);
   for (std::size_t c = 0; c < views_.camera_count(); ++c) consistency_.set_shared(c, clutter_mask_.is_shared(c));
   search_.set_shared(clutter_mask_.is_room_shared(), clutter_mask_.is_starting(set.at));
@@ -54,11 +54,11 @@ ObjectEstimate RegionTracker::update(const capture::FrameSet& set) {
   seen_regions_.clear();
   sets_apart_ += is_apart(views) ? 1 : 0;
   if (set.at < last_at_) forget();  // the clock was set back: the state is of another time
-  filter_.belief().open_clocks(set);
+  filter_.motion().open_clocks(set);
   if (is_followed()) follow(set, views);
   if (state_ != TrackState::tracking) search(set, views);
   if (state_ == TrackState::tracking && !clutter_mask_.is_room_shared())
-    further_.look(views, sightings_, filter_.belief(), clutter_mask_, set.at);
+    further_.look(views, sightings_, filter_.motion(), clutter_mask_, set.at);
   else
     further_.note_untracked(set.at);
   last_at_ = set.at;
@@ -69,7 +69,7 @@ void RegionTracker::follow(const capture::FrameSet& set, const std::vector<Targe
   sighter_.sight(views, filter_, consistency_, sightings_);
   sighter_.sight(views_.unused(), filter_, consistency_, watched_);
   clutter_mask_.mark_clipped(sightings_);
-  consistency_.compare(views, set.at, filter_.belief(), sightings_, watched_, seen_regions_);
+  consistency_.compare(views, set.at, filter_.motion(), sightings_, watched_, seen_regions_);
   seen_ = sightings_;
   seen_.insert(seen_.end(), watched_.begin(), watched_.end());
   const double acceleration_before = filter_.acceleration();
@@ -83,18 +83,18 @@ void RegionTracker::follow(const capture::FrameSet& set, const std::vector<Targe
   filter_.update(sightings_, set.at, last_published_, power_density);
   judge(set);
   if (!is_followed()) return;
-  sighter_.learn_behind(views, filter_.belief());
-  sighter_.learn_behind(views_.unused(), filter_.belief());
+  sighter_.learn_behind(views, filter_.motion());
+  sighter_.learn_behind(views_.unused(), filter_.motion());
 }
 
 void RegionTracker::expected_outlines(std::size_t camera, std::vector<capture::ExpectedOutline>& out) const {
   if (!sighter_.outlines().is_enabled() || !is_followed()) return;
   const auto view = std::ranges::find(views_.used(), static_cast<int>(camera), &TargetView::index);
   if (view == views_.used().end()) return;
-  const auto expected = expected_in(*view, filter_.belief(), target_.radius_m);
+  const auto expected = expected_in(*view, filter_.motion(), target_.radius_m);
   if (!expected) return;
   const Eigen::Vector2f px = expected->at.px.cast<float>();
-  const Eigen::Vector2f velocity = (expected->at.jacobian * filter_.belief().velocity()).cast<float>();
+  const Eigen::Vector2f velocity = (expected->at.jacobian * filter_.motion().velocity()).cast<float>();
   out.push_back({.u = px.x(),
                  .v = px.y(),
                  .u_per_s = velocity.x(),
@@ -118,25 +118,25 @@ void RegionTracker::correct_times(std::span<const double> late_s) {
 double RegionTracker::learn_acceleration(const capture::FrameSet& set, const std::vector<TargetView>& views) {
   const double before = filter_.acceleration();
   filter_.raise_acceleration(sightings_);
-  const MotionState& belief = filter_.belief();
-  const double dt = capture::seconds(set.at - belief.at);
+  const MotionState& motion = filter_.motion();
+  const double dt = capture::seconds(set.at - motion.at);
   const bool is_unexplained = filter_.is_unexplained(sightings_);
   if (dt > 0 && views.size() >= 2 && (sightings_.size() < 2 || is_unexplained)) {
     const double kick = filter_.kick_m_s();
     const double q = kick * kick / dt;
-    const bool is_seen = sighter_.sight_after_bounce(views, target_, belief, q, sightings_.size(), sightings_);
+    const bool is_seen = sighter_.sight_after_bounce(views, target_, motion, q, sightings_.size(), sightings_);
     if (is_seen) {
       // Only these measurements fix the position now.
-      const PositionInformation seen = information_of(sightings_, belief.position());
+      const PositionInformation seen = information_of(sightings_, motion.position());
       const Eigen::Matrix3d covariance = seen.information.inverse();
       const Eigen::Vector3d position = covariance * seen.vector;
       if (position.allFinite()) {
-        MotionState about = belief;
-        about.begin(set.at, position, largest_variance(covariance), (position - belief.position()) / dt, kick * kick);
+        MotionState about = motion;
+        about.begin(set.at, position, largest_variance(covariance), (position - motion.position()) / dt, kick * kick);
         sighter_.sharpen(views, about, sightings_);
         sort_by_time(sightings_);
       }
-      consistency_.inflate(belief, sightings_);
+      consistency_.inflate(motion, sightings_);
       seen_ = sightings_;
     }
     if (is_seen || is_unexplained) {
@@ -157,16 +157,16 @@ void RegionTracker::forget() {
 void RegionTracker::update_existence(capture::Timestamp set_at, double power_density,
                                      const std::vector<TargetView>& views) {
   if (!clutter_mask_.is_room_shared()) return existence_.assume();
-  existence_.update(set_at, filter_.belief(), power_density, sightings_, views, target_.radius_m, clutter_,
+  existence_.update(set_at, filter_.motion(), power_density, sightings_, views, target_.radius_m, clutter_,
                     clutter_mask_);
 }
 
 void RegionTracker::judge(const capture::FrameSet& set) {
-  const MotionState& belief = filter_.belief();
-  const Judged now = judged(options_, belief, sightings_, consistency_.inflated_sigma(belief, sightings_),
+  const MotionState& motion = filter_.motion();
+  const Judged now = judged(options_, motion, sightings_, consistency_.inflated_sigma(motion, sightings_),
                             capture::seconds(set.at - last_tracking_),
                             // An object outside of the volume may come back, and is not published as tracking.
-                            inside(options_.volume, belief.position(), target_.radius_m));
+                            inside(options_.volume, motion.position(), target_.radius_m));
   if (now.state == TrackState::lost || existence_.is_refuted()) return forget();
   state_ = existence_.is_sure() ? now.state : TrackState::coasting;
   if (now.is_seen) last_tracking_ = set.at;
@@ -178,13 +178,13 @@ void RegionTracker::search(const capture::FrameSet& set, const std::vector<Targe
   for (std::size_t i = 0; i < views.size(); ++i)
     if (!seen_regions_.has(views[i].index)) seen_regions_.add_others(views[i], search_.regions()[i]);
   if (sightings_.empty()) {
-    consistency_.compare_moving(views, search_.regions(), search_.usual_radii_px(views), set.at, filter_.belief());
+    consistency_.compare_moving(views, search_.regions(), search_.usual_radii_px(views), set.at, filter_.motion());
   }
   const bool is_shared = clutter_mask_.is_room_shared();
   if (is_shared) clutter_.add(views, search_.regions());
   // Until the timing is estimated, cameras with equal stamps count as synchronised: with open timing nearly any two
   // rays of a room's regions would meet.
-  MotionState times = filter_.belief();
+  MotionState times = filter_.motion();
   if (is_shared && sets_apart_ == 0 && last_tracking_ == capture::Timestamp{}) times.expect_synchronised();
   auto find = search_.find(views, set.at, times, clutter_mask_);
   if (!find) {
@@ -193,10 +193,10 @@ void RegionTracker::search(const capture::FrameSet& set, const std::vector<Targe
   }
   // The detection is the track that is not confirmed yet.
   if (is_shared && state_ == TrackState::coasting && sightings_.size() >= 2 &&
-      (find->now.position - filter_.belief().position()).norm() < object_gates.same_object_radii * target_.radius_m)
+      (find->now.position - filter_.motion().position()).norm() < object_gates.same_object_radii * target_.radius_m)
     return;
   if (is_out_of_reach(*find, set.at)) return;
-  MotionState about = filter_.belief();
+  MotionState about = filter_.motion();
   const double variance_m2 = std::pow(largest_sigma(find->now.covariance), 2);
   about.begin(set.at, find->now.position, variance_m2, (find->now.position - find->earlier.position) / find->dt,
               2 * variance_m2 / (find->dt * find->dt));
@@ -207,12 +207,12 @@ void RegionTracker::search(const capture::FrameSet& set, const std::vector<Targe
   else
     existence_.assume();
   start_compared(*find, set.at);
-  const double doubted_m = consistency_.inflated_sigma(filter_.belief(), sightings_);
-  if (doubted_m <= options_.max_coast_sigma_m) {
-    const double sigma_m = std::max(judged_sigma(filter_.belief(), sightings_), doubted_m);
-    const bool is_tracking = existence_.is_sure() && is_localized(options_, filter_.belief()) &&
+  const double inconsistency_m = consistency_.inflated_sigma(filter_.motion(), sightings_);
+  if (inconsistency_m <= options_.max_coast_sigma_m) {
+    const double sigma_m = std::max(judged_sigma(filter_.motion(), sightings_), inconsistency_m);
+    const bool is_tracking = existence_.is_sure() && is_localized(options_, filter_.motion()) &&
                              sigma_m <= options_.max_tracking_sigma_m &&
-                             inside(options_.volume, filter_.belief().position(), target_.radius_m);
+                             inside(options_.volume, filter_.motion().position(), target_.radius_m);
     state_ = is_tracking ? TrackState::tracking : TrackState::coasting;
     last_tracking_ = set.at;
     search_.found();
@@ -228,11 +228,11 @@ void RegionTracker::search(const capture::FrameSet& set, const std::vector<Targe
 
 // A detection that a coasting track cannot have reached is clutter, unless it is found again and again.
 bool RegionTracker::is_out_of_reach(const ObjectSearch::Find& find, capture::Timestamp set_at) {
-  const MotionState& belief = filter_.belief();
-  const double sigma_m = std::hypot(largest_sigma(belief.position_covariance()), largest_sigma(find.now.covariance));
+  const MotionState& motion = filter_.motion();
+  const double sigma_m = std::hypot(largest_sigma(motion.position_covariance()), largest_sigma(find.now.covariance));
   const double reach_m =
       object_gates.prediction_sigmas * sigma_m + filter_.kick_m_s() * capture::seconds(set_at - last_tracking_);
-  const bool is_near = (find.now.position - belief.position()).norm() <= reach_m;
+  const bool is_near = (find.now.position - motion.position()).norm() <= reach_m;
   finds_out_of_reach_ = state_ != TrackState::coasting || is_near ? 0 : finds_out_of_reach_ + 1;
   return finds_out_of_reach_ > 0 && finds_out_of_reach_ < region_tracker.confirming_detections;
 }
@@ -242,7 +242,7 @@ bool RegionTracker::is_out_of_reach(const ObjectSearch::Find& find, capture::Tim
 void RegionTracker::start_compared(const ObjectSearch::Find& find, capture::Timestamp set_at) {
   const ObjectFilter before = filter_;
   start_at(find, set_at);
-  consistency_.compare_found(filter_.belief(), sightings_);
+  consistency_.compare_found(filter_.motion(), sightings_);
   if (std::ranges::none_of(sightings_, [](const Sighting& s) { return s.inflation_px2 > 0; })) return;
   filter_ = before;
   start_at(find, set_at);

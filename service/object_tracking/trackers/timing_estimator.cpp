@@ -12,9 +12,9 @@ constexpr std::size_t sets_of_a_start = 2;  // maths: fewer fix no position and 
 
 }  // namespace
 
-bool are_times_open(std::span<const Sighting> sightings, const MotionState& belief) {
+bool are_times_open(std::span<const Sighting> sightings, const MotionState& motion) {
   return std::ranges::any_of(sightings, [&](const Sighting& s) {
-    return belief.row_sigma_s(s.row.camera, s.row.below_middle) > timing_tuning.open_time_s;
+    return motion.row_sigma_s(s.row.camera, s.row.below_middle) > timing_tuning.open_time_s;
   });
 }
 
@@ -24,16 +24,16 @@ TimingEstimator::TimingEstimator(double radius_m, const ObjectTrackerOptions& op
       anywhere_m_((options.volume.max - options.volume.min).norm()),
       observer_(radius_m) {}
 
-void TimingEstimator::begin(const MotionState& belief) {
-  begun_ = belief;
+void TimingEstimator::begin(const MotionState& motion) {
+  begun_ = motion;
   seen_sets_.clear();
   is_forgetting_motion_ = false;
   moving_sets_ = 0;
 }
 
-void TimingEstimator::settle(const MotionState& belief) {
+void TimingEstimator::settle(const MotionState& motion) {
   for (SeenSet& seen : seen_sets_)
-    seen.estimated_at = belief.at, seen.position = belief.position(), seen.velocity = belief.velocity();
+    seen.estimated_at = motion.at, seen.position = motion.position(), seen.velocity = motion.velocity();
 }
 
 void TimingEstimator::forget_seen() {
@@ -41,7 +41,7 @@ void TimingEstimator::forget_seen() {
   is_forgetting_motion_ = true;
 }
 
-bool TimingEstimator::remember(const MotionState& belief, std::span<const Sighting> sightings, double power_density) {
+bool TimingEstimator::remember(const MotionState& motion, std::span<const Sighting> sightings, double power_density) {
   if (!is_learning_ || is_forgetting_motion_ || sightings.empty()) return false;
   if (seen_sets_.size() == timing_tuning.most_sets) {
     // Sets of an object at rest have no information on the timing. When one of a moving object would be dropped, all
@@ -52,9 +52,9 @@ bool TimingEstimator::remember(const MotionState& belief, std::span<const Sighti
     if (is_forgetting_motion_) return false;
   }
   seen_sets_.push_back(
-      {power_density, {sightings.begin(), sightings.end()}, belief.at, belief.position(), belief.velocity()});
-  moving_sets_ += belief.velocity().norm() > timing_tuning.at_rest_m_s ? 1 : 0;
-  if (moving_sets_ < timing_tuning.sets_until_again && !belief.needs_relinearisation()) return false;
+      {power_density, {sightings.begin(), sightings.end()}, motion.at, motion.position(), motion.velocity()});
+  moving_sets_ += motion.velocity().norm() > timing_tuning.at_rest_m_s ? 1 : 0;
+  if (moving_sets_ < timing_tuning.sets_until_again && !motion.needs_relinearisation()) return false;
   moving_sets_ = 0;
   return seen_sets_.size() > sets_of_a_start;
 }
@@ -75,11 +75,11 @@ std::vector<Eigen::Vector3d> TimingEstimator::smooth_velocities() const {
   return out;
 }
 
-void TimingEstimator::linearise_again(MotionState& belief, double power_density) {
-  MotionState about = belief;
+void TimingEstimator::linearise_again(MotionState& motion, double power_density) {
+  MotionState about = motion;
   std::vector<Sighting> sightings;
   for (int pass = 0; pass < timing_tuning.passes; ++pass) {
-    const MotionState known = belief;
+    const MotionState known = motion;
     MotionState again = *begun_;
     again.relinearise_times_at(known);
     again.adopt_clocks(known);
@@ -102,7 +102,7 @@ void TimingEstimator::linearise_again(MotionState& belief, double power_density)
       seen.estimated_at = again.at, seen.position = again.position(), seen.velocity = again.velocity();
     }
     again.predict_to(known.at, power_density);
-    belief = again;
+    motion = again;
   }
 }
 

@@ -26,21 +26,21 @@ struct TimingEstimatorTuning {
 inline constexpr TimingEstimatorTuning timing_tuning{};
 
 // The time of some of these rows is so uncertain that a moving object is not localised.
-bool are_times_open(std::span<const object_tracking::Sighting> sightings, const object_tracking::MotionState& belief);
+bool are_times_open(std::span<const object_tracking::Sighting> sightings, const object_tracking::MotionState& motion);
 
 // thread-compatible.
 class TimingEstimator {
  public:
   TimingEstimator(double radius_m, const object_tracking::ObjectTrackerOptions& options);
 
-  void begin(const object_tracking::MotionState& belief);   // a new object; belief: the timing without it
-  void settle(const object_tracking::MotionState& belief);  // sets all remembered states to this one
+  void begin(const object_tracking::MotionState& motion);   // a new object; motion: the timing without it
+  void settle(const object_tracking::MotionState& motion);  // sets all remembered states to this one
   // Keeps a set's measurements and the state after it. Returns whether to call linearise_again().
-  bool remember(const object_tracking::MotionState& belief, std::span<const object_tracking::Sighting> sightings,
+  bool remember(const object_tracking::MotionState& motion, std::span<const object_tracking::Sighting> sightings,
                 double power_density);
   // Filters all remembered sets again with the timing known now: an iterated extended Kalman filter (Bell and Cathey
   // 1993), each pass linearised where the one before ended.
-  void linearise_again(object_tracking::MotionState& belief, double power_density);
+  void linearise_again(object_tracking::MotionState& motion, double power_density);
   void forget_seen();  // a camera's pose changed: what was measured is of another rig
 
  private:
