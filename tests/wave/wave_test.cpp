@@ -290,9 +290,9 @@ TEST(Wave, ReportsTimingFaults) {
   for (const TimeFault& fault : {
            TimeFault{"nothing", late([](double) { return 0.0; }), ""},
            TimeFault{"late by much", late([](double) { return 0.12; }), ""},
-           TimeFault{"a step", late([](double t) { return t > 4 ? 0.015 : 0.0; }), "as if its stamps wandered"},
-           TimeFault{"a swing", late([](double t) { return 0.012 * std::sin(2 * t); }), "as if its stamps wandered"},
-           TimeFault{"another rate", late([](double t) { return 0.01 * t; }), "as if its stamps wandered"},
+           TimeFault{"a step", late([](double t) { return t > 4 ? 0.015 : 0.0; }), "as if its time stamps drift"},
+           TimeFault{"a swing", late([](double t) { return 0.012 * std::sin(2 * t); }), "as if its time stamps drift"},
+           TimeFault{"another rate", late([](double t) { return 0.01 * t; }), "as if its time stamps drift"},
            TimeFault{"repeated frames", repeat, "as if it repeated frames"},
        }) {
     SCOPED_TRACE(fault.what);
