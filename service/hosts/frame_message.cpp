@@ -2,22 +2,19 @@
 
 #include <utility>
 
+#include "capture/frames/image_copy.h"
+
 namespace huetrack::hosts {
 namespace {
 
 constexpr std::uint8_t is_jpeg = 0;
-constexpr int planes = 3, formats = 7;
+constexpr int formats = 7;
 
 std::uint8_t word_of(capture::PixelFormat format) {
   return static_cast<std::uint8_t>(static_cast<int>(format) + 1);
 }
 static_assert(static_cast<int>(capture::PixelFormat::yuyv) == 0 && static_cast<int>(capture::PixelFormat::bgr) == 5 &&
               static_cast<int>(capture::PixelFormat::grey) == 6);
-
-std::size_t plane_bytes(capture::PixelFormat format, int plane, int width, int height) {
-  return capture::plane_row_bytes(format, plane, width) *
-         static_cast<std::size_t>(capture::plane_rows(format, plane, height));
-}
 
 }  // namespace
 
@@ -37,13 +34,8 @@ void to_message(const capture::Frame& frame, msg::CameraFrame& out) {
     bytes.assign(frame.encoded->begin(), frame.encoded->end());
     return;
   }
-  for (int p = 0; p < planes; ++p) {
-    const std::size_t row_bytes = capture::plane_row_bytes(image.format, p, image.width);
-    const capture::Plane& plane = image.planes[static_cast<std::size_t>(p)];
-    for (int row = 0; row < capture::plane_rows(image.format, p, image.height); ++row)
-      bytes.insert(bytes.end(), plane.data + row * plane.stride,
-                   plane.data + row * plane.stride + static_cast<std::ptrdiff_t>(row_bytes));
-  }
+  bytes.resize(capture::packed_bytes(image));
+  capture::pack(image, bytes.data());
 }
 
 capture::Frame from_message(msg::CameraFrame&& message, capture::JpegDecoder& decoder) {
@@ -66,24 +58,15 @@ capture::Frame from_message(msg::CameraFrame&& message, capture::JpegDecoder& de
   if (width == 0 || height == 0 || (capture::needs_even_width(format) && width % 2 != 0) ||
       (capture::needs_even_height(format) && height % 2 != 0))
     return out;
-  std::size_t at = 0;
-  for (int p = 0; p < planes; ++p) at += plane_bytes(format, p, width, height);
-  if (at != bytes->size()) return out;
-  capture::Image& image = out.pixels;
-  image = {.format = format,
-           .range = message.is_full_range() ? capture::ColorRange::full : capture::ColorRange::limited,
-           .width = width,
-           .height = height,
-           .planes = {},
-           .owner = {}};
-  at = 0;
-  for (int p = 0; p < planes; ++p) {
-    const std::size_t row_bytes = capture::plane_row_bytes(format, p, width);
-    if (row_bytes == 0) break;
-    image.planes[static_cast<std::size_t>(p)] = {bytes->data() + at, static_cast<std::ptrdiff_t>(row_bytes)};
-    at += plane_bytes(format, p, width, height);
-  }
-  image.owner = std::move(bytes);
+  capture::Image image{.format = format,
+                       .range = message.is_full_range() ? capture::ColorRange::full : capture::ColorRange::limited,
+                       .width = width,
+                       .height = height,
+                       .planes = {},
+                       .owner = {}};
+  if (capture::packed_bytes(image) != bytes->size()) return out;
+  capture::set_packed(image, bytes->data(), bytes);
+  out.pixels = std::move(image);
   out.status = capture::FrameStatus::ok;
   return out;
 }

@@ -148,16 +148,11 @@ capture::PixelFormat planar(capture::PixelFormat format) {
 }
 
 bool is_packed(const capture::Image& image) {
-  const std::uint8_t* next = image.planes[0].data;
-  for (int i = 0; i < 3; ++i) {
-    const int rows = capture::plane_rows(image.format, i, image.height);
-    if (rows == 0) continue;
-    const auto& plane = image.planes[static_cast<std::size_t>(i)];
-    const auto bytes = static_cast<std::ptrdiff_t>(capture::plane_row_bytes(image.format, i, image.width));
-    if (plane.data != next || plane.stride != bytes) return false;
-    next += bytes * rows;
-  }
-  return true;
+  capture::Image packed = image;
+  capture::set_packed(packed, image.planes[0].data, nullptr);
+  return std::ranges::equal(image.planes, packed.planes, [](const auto& a, const auto& b) {
+    return b.data == nullptr || (a.data == b.data && a.stride == b.stride);
+  });
 }
 
 // yuyv and nv12 with each component in a plane of its own.
@@ -623,17 +618,7 @@ void PreRoll::push(const capture::Frame& frame) {
     static const auto known_from_encoded = std::make_shared<const capture::Matches>();
     if (frame.matches) held.frame.matches = known_from_encoded;
   } else if (frame.status == capture::FrameStatus::ok && has_pixels(frame.pixels)) {
-    const auto memory = std::make_shared_for_overwrite<std::uint8_t[]>(capture::packed_bytes(frame.pixels));
-    capture::pack(frame.pixels, memory.get());
-    const std::uint8_t* next = memory.get();
-    for (int i = 0; i < 3; ++i) {
-      auto& plane = image.planes[static_cast<std::size_t>(i)];
-      const int rows = capture::plane_rows(image.format, i, image.height);
-      if (rows == 0) continue;
-      plane = {next, static_cast<std::ptrdiff_t>(capture::plane_row_bytes(image.format, i, image.width))};
-      next += plane.stride * rows;
-    }
-    image.owner = memory;
+    image = capture::copy_of(frame.pixels);
   }
   bytes_ += held.bytes;
   newest_ = std::max(newest_.value_or(frame.captured_at), frame.captured_at);

@@ -22,10 +22,22 @@ void pack(const Image& image, std::uint8_t* to) {
   }
 }
 
+void set_packed(Image& image, const std::uint8_t* bytes, std::shared_ptr<const void> owner) {
+  image.planes = {};
+  for (int i = 0; i < 3 && plane_rows(image.format, i, image.height) > 0; ++i) {
+    const auto stride = static_cast<std::ptrdiff_t>(plane_row_bytes(image.format, i, image.width));
+    image.planes[static_cast<std::size_t>(i)] = {bytes, stride};
+    bytes += stride * plane_rows(image.format, i, image.height);
+  }
+  image.owner = std::move(owner);
+}
+
 Image copy_of(const Image& image) {
-  WritableImage copy = make_image(image.format, image.range, image.width, image.height);  // which is packed
-  pack(image, copy.data[0]);
-  return std::move(copy.image);
+  auto memory = std::make_shared_for_overwrite<std::uint8_t[]>(packed_bytes(image));
+  pack(image, memory.get());
+  Image copy = image;
+  set_packed(copy, memory.get(), memory);
+  return copy;
 }
 
 }  // namespace huetrack::capture

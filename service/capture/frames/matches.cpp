@@ -4,6 +4,7 @@
 #include <bit>
 #include <utility>
 
+#include "capture/frames/image_copy.h"
 #include "capture/frames/sample_code.h"
 
 namespace huetrack::capture {
@@ -210,26 +211,22 @@ bool read_patch(Bytes& rest, const Image& source, Matches::Patch& out) {
   out.at.u = rest.take<std::uint16_t>(), out.at.v = rest.take<std::uint16_t>();
   out.at.width = rest.take<std::uint16_t>(), out.at.height = rest.take<std::uint16_t>();
   if (!rest.is_sound() || !is_within(out.at, source.width, source.height)) return false;
-  const auto bytes_of = [&](int p) {
-    return plane_row_bytes(source.format, p, out.at.width) *
-           static_cast<std::size_t>(plane_rows(source.format, p, out.at.height));
-  };
-  const std::size_t all = bytes_of(0) + bytes_of(1) + bytes_of(2);
-  if (rest.left().size() < all / most_samples_per_byte) return false;  // before there is memory for them
-  const auto bytes = std::make_shared<std::vector<std::uint8_t>>(all);
   out.image = {.format = source.format,
                .range = source.range,
                .width = out.at.width,
                .height = out.at.height,
                .planes = {},
-               .owner = bytes};
-  std::size_t at = 0;
-  for (int p = 0; p < planes; ++p) {
-    if (bytes_of(p) == 0) break;
+               .owner = {}};
+  const std::size_t all = packed_bytes(out.image);
+  if (rest.left().size() < all / most_samples_per_byte) return false;  // before allocating
+  const auto bytes = std::make_shared<std::vector<std::uint8_t>>(all);
+  set_packed(out.image, bytes->data(), bytes);
+  std::span<std::uint8_t> to(*bytes);
+  for (int p = 0; !to.empty(); ++p) {
     const std::size_t row_bytes = plane_row_bytes(source.format, p, out.at.width);
-    if (!take_samples(rest.left(), row_bytes, std::span(*bytes).subspan(at, bytes_of(p)))) return false;
-    out.image.planes[static_cast<std::size_t>(p)] = {bytes->data() + at, static_cast<std::ptrdiff_t>(row_bytes)};
-    at += bytes_of(p);
+    const std::size_t count = row_bytes * static_cast<std::size_t>(plane_rows(source.format, p, out.at.height));
+    if (!take_samples(rest.left(), row_bytes, to.first(count))) return false;
+    to = to.subspan(count);
   }
   return true;
 }

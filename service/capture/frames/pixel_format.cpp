@@ -8,6 +8,8 @@
 #include <utility>
 #include <vector>
 
+#include "capture/frames/image_copy.h"
+
 namespace huetrack::capture {
 namespace {
 
@@ -99,23 +101,17 @@ WritableImage make_image(PixelFormat format, ColorRange range, int width, int he
       (needs_even_height(format) && height % 2 != 0))
     throw std::invalid_argument("no " + std::string(name(format)) + " image can be " + std::to_string(width) + "x" +
                                 std::to_string(height) + " pixels: the format needs even sizes");
-  std::array<std::size_t, 3> bytes{};
-  for (int i = 0; i < 3; ++i)
-    bytes[static_cast<std::size_t>(i)] =
-        plane_row_bytes(format, i, width) * static_cast<std::size_t>(plane_rows(format, i, height));
-  auto memory = std::make_shared<std::vector<std::uint8_t>>(bytes[0] + bytes[1] + bytes[2]);
-
   WritableImage result;
-  result.image.format = format;
-  result.image.range = format == PixelFormat::bgr ? ColorRange::full : range;
-  result.image.width = width;
-  result.image.height = height;
-  std::uint8_t* next = memory->data();
-  for (std::size_t i = 0; i < 3 && bytes[i] > 0; next += bytes[i], ++i) {
-    result.data[i] = next;
-    result.image.planes[i] = {next, static_cast<std::ptrdiff_t>(plane_row_bytes(format, static_cast<int>(i), width))};
-  }
-  result.image.owner = std::move(memory);
+  Image& image = result.image;
+  image.format = format;
+  image.range = format == PixelFormat::bgr ? ColorRange::full : range;
+  image.width = width;
+  image.height = height;
+  auto memory = std::make_shared<std::vector<std::uint8_t>>(packed_bytes(image));
+  std::uint8_t* const first = memory->data();
+  set_packed(image, first, std::move(memory));
+  for (std::size_t i = 0; i < 3 && image.planes[i].data != nullptr; ++i)
+    result.data[i] = first + (image.planes[i].data - first);
   return result;
 }
 
